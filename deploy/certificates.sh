@@ -1,16 +1,16 @@
 #!/usr/bin/env bash
-# Makes certificates for trying the service out and for its tests: a small authority of its own, and
-# what it has signed. An installation that has an authority uses that one in its place.
+# Makes certificates for tests and for trying the service out: a small authority, and certificates
+# that it signs. An installation that has an authority uses that one.
 #   certificates.sh FOLDER [--days N] [--name HOST]... [--owner USER]
-# Makes in FOLDER, each only where it is not there yet (so removing one and running this again
-# renews it; the servers read theirs again when they change):
+# Makes these files in FOLDER unless they exist. So removing one and running this again renews it;
+# the servers read theirs again when they change:
 #   ca.pem ca.key                          the authority
 #   server.pem server.key                  pepesegd: localhost, pepesegd, 127.0.0.1, ::1, each --name
-#   gateway.pem gateway.key                what the gateway shows to clients: likewise, and gateway
-#   gateway-client.pem gateway-client.key  what it shows to pepesegd: pepeseg-gateway
-#   operator.pem operator.key              who calls pepesegd past the gateway: pepeseg-operator
+#   gateway.pem gateway.key                the gateway, for clients: gateway, and the same names
+#   gateway-client.pem gateway-client.key  the gateway, for pepesegd: pepeseg-gateway
+#   operator.pem operator.key              who calls pepesegd without the gateway: pepeseg-operator
 #   jwt.pub jwt.key                        for tokens that token.sh signs, RSA
-# gateway.pem and gateway-client.pem hold their key too, as HAProxy reads them.
+# gateway.pem and gateway-client.pem also contain their key, as HAProxy reads them.
 set -euo pipefail
 
 usage() {
@@ -32,10 +32,10 @@ while (($# > 0)); do
   esac
   shift 2
 done
-[[ $days =~ ^[1-9][0-9]{0,4}$ ]] || { echo "--days: a number of days, not '$days'" >&2; exit 2; }
+[[ $days =~ ^[1-9][0-9]{0,4}$ ]] || { echo "--days: '$days' is not a number of days" >&2; exit 2; }
 for name in "${names[@]}"; do
-  # It goes into a list that has commas.
-  [[ $name =~ ^[A-Za-z0-9.:*_-]+$ ]] || { echo "--name: no host's name: '$name'" >&2; exit 2; }
+  # The name becomes part of a list with commas.
+  [[ $name =~ ^[A-Za-z0-9.:*_-]+$ ]] || { echo "--name: '$name' is not a host name" >&2; exit 2; }
 done
 command -v openssl >/dev/null || { echo "this needs openssl" >&2; exit 1; }
 umask 077
@@ -43,7 +43,7 @@ umask 077
 cd "$folder"
 
 made=()
-# Quiet but for what goes wrong: openssl draws its progress on standard error.
+# Runs openssl and prints its output only if it fails: openssl shows progress on standard error.
 run() {
   local output
   output=$(openssl "$@" 2>&1) || { printf '%s\n' "$output" >&2; exit 1; }
@@ -56,10 +56,10 @@ authority() {
     -addext basicConstraints=critical,CA:TRUE -addext keyUsage=critical,keyCertSign,cRLSign
   mv ca.key.new ca.key && mv ca.pem.new ca.pem
   made+=(ca.pem)
-  rm -f server.pem gateway.pem gateway-client.pem operator.pem  # of another authority
+  rm -f server.pem gateway.pem gateway-client.pem operator.pem  # signed by another authority
 }
 
-# "DNS:localhost,IP:127.0.0.1,..."
+# Prints names as "DNS:localhost,IP:127.0.0.1,...".
 alternative_names() {
   local list='' name
   for name in "$@"; do
@@ -89,7 +89,7 @@ signing_key() {
 }
 
 authority
-# Its own health check shows the server's certificate where clients need one.
+# The server's health check shows this certificate as a client's if clients need one.
 certificate server pepesegd serverAuth,clientAuth \
   "$(alternative_names "${names[@]}" 127.0.0.1 ::1)"
 certificate gateway gateway serverAuth "$(alternative_names gateway "${names[@]}" 127.0.0.1 ::1)"
@@ -103,5 +103,5 @@ fi
 if ((${#made[@]} > 0)); then
   echo "made in $PWD: ${made[*]}"
 else
-  echo "all there is in $PWD"
+  echo "nothing to make in $PWD: all files exist"
 fi

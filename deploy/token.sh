@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Signs a JSON Web Token (RS256), as an identity provider would: for tests and for trying out.
+# Signs a JSON Web Token (RS256) as an identity provider would, for tests and for trying out.
 #   token.sh KEY_FILE --project P [--scope "read write train"] [--subject NAME] [--seconds 3600]
 #            [--issuer pepeseg] [--audience pepeseg] [--not-before SECONDS_FROM_NOW]
-# Prints the token. Negative --seconds makes one that has expired.
+# Prints the token. With negative --seconds the token has expired.
 set -euo pipefail
 
 usage() {
@@ -24,7 +24,7 @@ done
 [[ -n ${claim[project]} ]] || usage
 [[ -r $key ]] || { echo "$key: cannot be read" >&2; exit 1; }
 for name in "${!claim[@]}"; do
-  # Written into JSON as it is.
+  # The value is written into JSON without escapes.
   [[ ${claim[$name]} =~ ^[A-Za-z0-9.,:/@_\ -]+$ ]] ||
     { echo "--$name: letters, digits and .,:/@_- only" >&2; exit 2; }
 done
@@ -32,7 +32,7 @@ for name in seconds not-before; do
   [[ ${claim[$name]} =~ ^-?[0-9]{1,9}$ ]] || { echo "--$name: a number of seconds" >&2; exit 2; }
 done
 
-# Base64 as tokens have it: of URLs, without padding.
+# Prints base64url without padding, the encoding of tokens.
 encode() {
   openssl base64 -A | tr '+/' '-_' | tr -d '='
 }

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The web app against PEPESEG_SERVER, or against a server of its own, whose data stays in
+# Runs the web app against PEPESEG_SERVER, or against a server that it starts, whose data stays in
 # BUILD_FOLDER/web-data.
 #   web.sh BUILD_FOLDER [OPTIONS OF THE BACK END...]
 set -euo pipefail
@@ -37,5 +37,5 @@ if [[ -z ${PEPESEG_SERVER-} ]]; then
   echo "pepesegd listens on $PEPESEG_SERVER; its data is in $build/web-data"
 fi
 node clients/web/dist/server/main.js "$@" &
-web=$!  # waited for, not run in front: bash would hold a signal back until it ends
+web=$!  # in the background, then waited for: bash handles signals only after a foreground program ends
 wait "$web"

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Starts a server of its own on a free loopback port, runs a command with PEPESEG_SERVER set to it,
-# stops the server. Its data is in OUT_FOLDER while it runs, its log stays there as server.log.
+# Starts a server on a free loopback port, runs a command with PEPESEG_SERVER set to it, and stops
+# the server. Its data is in OUT_FOLDER while it runs; its log stays there as server.log.
 #   with_server.sh BUILD_FOLDER OUT_FOLDER COMMAND [ARGUMENTS...]
-# PEPESEGD_FLAGS: further flags of the server, as --device=cuda.
+# PEPESEGD_FLAGS: further flags of the server, such as --device=cuda.
 set -euo pipefail
 build=${1:?usage: with_server.sh BUILD_FOLDER OUT_FOLDER COMMAND...}
 out=${2:?usage: with_server.sh BUILD_FOLDER OUT_FOLDER COMMAND...}
@@ -39,6 +39,6 @@ export PEPESEG_SERVER
 rm -f "$data.port"
 echo "pepesegd listens on $PEPESEG_SERVER; its log is $out/server.log" >&2
 "$@" &
-client=$!  # waited for, not run in front: bash would hold a signal back until it ends
+client=$!  # in the background, then waited for: bash handles signals only after a foreground program ends
 wait "$client"
 client=

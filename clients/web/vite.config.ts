@@ -6,7 +6,7 @@ export default defineConfig(({ isSsrBuild }) => ({
   esbuild: { jsx: 'automatic', jsxImportSource: 'preact' },
   worker: { format: 'es' },
   ssr: { noExternal: true },
-  // ws looks for native add-ons that are not there; a bundler's stand-in for them would be called.
+  // ws looks for native add-ons that do not exist; it would call a bundler's stand-in for them.
   define: isSsrBuild
     ? { 'process.env.WS_NO_BUFFER_UTIL': '"1"', 'process.env.WS_NO_UTF_8_VALIDATE': '"1"' }
     : {},

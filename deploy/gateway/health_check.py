@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
-"""Prints the bytes, in hex, that haproxy.cfg sends to ask a server by grpc.health.v1 whether a service
-serves, and those that it expects to find in the answer.
+"""Prints, in hex, the bytes of a grpc.health.v1 request that haproxy.cfg sends to a server, and the bytes
+that it expects in the response.
 
     health_check.py [SERVICE]      without a service: the server as a whole
 
-HAProxy's own checks of HTTP are of no use here: gRPC answers 200 whatever it has to say.
+HAProxy's own HTTP checks cannot be used: gRPC always responds with HTTP status 200.
 """
 import sys
 
 PREFACE = b'PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n'
 HEADERS, DATA, SETTINGS = 1, 0, 4
 END_STREAM, END_HEADERS = 1, 4
-# Of HPACK's static table: fields as they stand, and the names of others.
+# Entries of HPACK's static table: whole fields, and names of fields.
 METHOD_POST, SCHEME_HTTPS = b'\x83', b'\x87'
 AUTHORITY, PATH, CONTENT_TYPE = 1, 4, 31
 SERVING = b'\x08\x01'  # HealthCheckResponse{status: SERVING}
@@ -29,7 +29,7 @@ def text(value):
 
 
 def field(index, value):
-    """A literal that does not go into the table; an index of 15 or more takes a second byte."""
+    """Returns a literal field that is not added to the table. An index from 15 on takes two bytes."""
     name = bytes([index]) if index < 15 else bytes([15, index - 15])
     return name + text(value)
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Builds the image with buildah and from Debian's packages alone: no container engine has to run,
-# and nothing comes from a registry.
+# Builds the image with buildah and only Debian's packages: it needs no running container engine and
+# no registry.
 #   build.sh STORE [ARGUMENTS OF buildah bud...]
-# STORE: a folder, which keeps images and caches for the next time. The image is localhost/pepeseg,
-# in STORE's own storage (`podman --root STORE/storage ...`); STORE/pepeseg.tar if PEPESEG_SAVE=1,
-# for `docker load`. As root, for mmdebstrap and for buildah's chroot.
+# STORE: a folder that keeps images and caches for the next time. The image is localhost/pepeseg in
+# STORE's own storage (`podman --root STORE/storage ...`). PEPESEG_SAVE=1 also writes
+# STORE/pepeseg.tar for `docker load`. Run it as root, for mmdebstrap and for buildah's chroot.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 [[ $# -ge 1 ]] || { sed -n '4,7s/^# \{0,1\}//p' "$0" >&2; exit 2; }
@@ -14,7 +14,7 @@ shift
 . deploy/image/engine.sh
 mirror=${PEPESEG_DEBIAN_MIRROR:-http://deb.debian.org}
 
-# As debian:bookworm-slim: no manuals, no translations.
+# Like debian:bookworm-slim: without manuals and translations.
 make_base() {
   ! podman image exists localhost/pepeseg-base || return 0
   echo 'making the base image from Debian packages'
@@ -30,7 +30,7 @@ make_base() {
   rm "$store/base.tar"
 }
 
-# The cache of this machine's compilers serves here too.
+# Uses this machine's compiler cache, too.
 ccache=()
 if command -v ccache >/dev/null; then
   mkdir -p "${CCACHE_DIR:=$(ccache --get-config cache_dir)}"
@@ -39,13 +39,13 @@ fi
 version=$(sed -n 's/^project(pepeseg VERSION \([0-9.]*\).*/\1/p' CMakeLists.txt)
 revision=$(git rev-parse HEAD 2>/dev/null || echo unknown)
 make_base
-# Format docker: OCI's has no health check.
+# Format docker, because OCI's has no health check.
 buildah bud --isolation chroot --network host --layers --format docker \
   --build-arg BASE=localhost/pepeseg-base --build-arg "VERSION=$version" \
   --build-arg "REVISION=$revision" "${ccache[@]}" "$@" \
   -f deploy/image/Dockerfile -t localhost/pepeseg-unlabelled .
 
-# The list of packages is known once it is built; its digest tells two images apart.
+# The list of packages is known after the build; its digest distinguishes images.
 container=$(buildah from --pull-never localhost/pepeseg-unlabelled)
 trap 'buildah rm "$container" >/dev/null' EXIT
 root=$(buildah mount "$container")

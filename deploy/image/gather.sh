@@ -1,17 +1,17 @@
 #!/usr/bin/env bash
-# Gathers programs and the libraries that they load, so that an image holds these and not the whole
-# packages with their data and drivers (COLMAP's bring Mesa and LLVM, GDAL's the maps of the world).
+# Gathers programs and the libraries that they load, so that an image has these and not whole packages
+# with their data and drivers (COLMAP's bring Mesa and LLVM, GDAL's bring maps of the world).
 #   gather.sh BASE_PACKAGES ROOT PROGRAM...
-# BASE_PACKAGES: "name:architecture version" a line: what the image has anyway is left out. Writes
-# below ROOT also what tells whose files these are: usr/share/pepeseg/packages.txt, dpkg's entries
-# (var/lib/dpkg/status.d, read by vulnerability scanners) and the packages' copyright files.
+# BASE_PACKAGES: the base image's packages, one "name:architecture version" a line, which are left out.
+# Below ROOT it also writes which packages the files are from: usr/share/pepeseg/packages.txt, dpkg's
+# entries (var/lib/dpkg/status.d, read by vulnerability scanners) and the packages' copyright files.
 set -euo pipefail
 base=$1 root=$2
 shift 2
 mkdir -p "$root/usr/bin" "$root/usr/share/pepeseg" "$root/var/lib/dpkg/status.d"
 
-# "name:architecture" of the package that a file is from. Read once: dpkg-query -S reads all of it each
-# time. Files below /lib are in dpkg's books as such, or as below /usr/lib.
+# The package of each file, as "name:architecture". Read once, because dpkg-query -S reads everything
+# each time. dpkg lists files below /lib under that path or under /usr/lib.
 declare -A owner in_base
 while IFS=$'\t' read -r path package; do owner[$path]=$package; done < <(
   cd /var/lib/dpkg/info && grep -H -E '^(/usr)?/(lib|bin)' -- *.list | sed 's/\.list:/\t/' |
@@ -20,14 +20,14 @@ while read -r name version; do in_base["$name $version"]=1; done <"$base"
 declare -A full
 while read -r name binary version; do
   full[$name]="$name $version"
-  full[$binary]="$name $version"  # of one architecture the list is named without it
+  full[$binary]="$name $version"  # the list of a package for one architecture is named without it
 done < <(dpkg-query -W -f='${Package}:${Architecture} ${Package} ${Version}\n')
 
 declare -A packages
-# copy FILE AS: AS is what the loader looks for, FILE what stands behind it.
+# copy FILE AS: AS is the path that the loader looks for, FILE the file that it leads to.
 copy() {
   local package=${owner[$1]-${owner[${1#/usr}]-}}
-  [[ -n $package ]] || { echo "$1: of no package" >&2; exit 1; }
+  [[ -n $package ]] || { echo "$1 is not from a package" >&2; exit 1; }
   [[ ! -v in_base["${full[$package]}"] ]] || return 0
   packages[$package]=1
   install -D -m "$(stat -Lc %a "$1")" "$1" "$root$2"

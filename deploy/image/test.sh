@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # Builds the images and uses them as a user would: server and gateway with a read-only root, as
-# nobody, without capabilities; a scene is uploaded, trained, asked and exported through the gateway
-# with TLS and a token; a worker is killed; both stop within their grace.
+# nobody, without capabilities; a scene is uploaded, trained, segmented and exported through the
+# gateway with TLS and a token; a worker is killed; both stop within their grace periods.
 #   test.sh STORE      (see build.sh)
-# As root, on one machine, on loopback ports of its own. `make image-test` bounds its time.
+# Run it as root. It uses loopback ports of its own; `make image-test` limits its time.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 [[ $# == 1 ]] || { sed -n '5,6s/^# \{0,1\}//p' "$0" >&2; exit 2; }
@@ -53,8 +53,8 @@ sockets = [socket.socket() for _ in range(3)]
 for s in sockets: s.bind(("127.0.0.1", 0))
 print(*[s.getsockname()[1] for s in sockets])')
 
-# As the service is meant to run; the host's network and the limits are for machines where an
-# engine may make neither networks nor larger limits.
+# As the service is meant to run, except for the host's network and the limits: on some machines an
+# engine can make neither networks nor larger limits.
 hardened=(--network host --read-only --tmpfs /tmp:mode=1777 --cap-drop all
   --security-opt no-new-privileges --ulimit nofile=1024:1024 --ulimit nproc=1024:1024)
 step 'server and gateway start'
@@ -76,7 +76,7 @@ podman run --detach --name pepeseg-gateway "${hardened[@]}" --volume "$tls:/etc/
   --env PEPESEG_JWT_KEY=/etc/pepeseg/tls/jwt.pub --env PEPESEG_JWT_ISSUER=pepeseg \
   --env PEPESEG_JWT_AUDIENCE=pepeseg localhost/pepeseg-gateway >/dev/null
 
-# The client is the image's, too.
+# Runs the client of the image.
 token=/token
 pepeseg() {
   podman run --rm "${hardened[@]}" --volume "$tls:/etc/pepeseg/tls:ro" \
@@ -120,7 +120,7 @@ step 'who has no token, an old one or none of the project is refused'
 expect 0 pepeseg health
 token=/old-token
 expect 10 pepeseg scenes
-grep -q 'expired' "$work/output" || fail 'an old token is not told so'
+grep -q 'expired' "$work/output" || fail 'an expired token is not reported as expired'
 token=/token
 
 step 'upload, training; its worker is killed once'
@@ -142,12 +142,12 @@ fi
 inside sh -c "kill -KILL $worker"
 expect 0 pepeseg watch "$job"
 
-step 'questions, an export'
+step 'queries, an export'
 expect 0 pepeseg --json segment shelf --view frame-000000.jpg --point 320,280 --views all --out /out/masks
 grep -q '"masks":\[{' "$work/output" || fail 'no masks'
 [[ -s $work/out/masks/frame-000000_mask.png ]] || fail 'no mask is written'
 expect 0 pepeseg export shelf /out/shelf.ply
-[[ $(head -c 3 "$work/out/shelf.ply") == ply ]] || fail 'the export is no PLY'
+[[ $(head -c 3 "$work/out/shelf.ply") == ply ]] || fail 'the export is not a PLY'
 token=/other-token
 expect 10 pepeseg scenes shelf
 token=/token
@@ -157,8 +157,8 @@ expect 0 pepeseg upload bare /bare
 code=0
 pepeseg train bare --steps 50 --feature-steps 20 --image-scale 0.25 -o features.num_pixels=200 \
   >"$work/output" 2>&1 || code=$?
-# The shelf's photographs have too little in common for COLMAP, by chance more or less: for how many it
-# has found poses is what its last step says, so all of its steps have run.
+# The shelf's photographs have too little in common for COLMAP; how many get poses depends on chance.
+# COLMAP's last step reports the number, so a number shows that all steps have run.
 if ((code != 0)); then
   [[ $code == 7 ]] && grep -Eq '[1-9][0-9]* of 15 show one|poses were found for [1-9][0-9]* of 15' "$work/output" ||
     fail "photographs alone: exit code $code"

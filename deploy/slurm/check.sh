@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Whether a Slurm cluster is as `pepesegd --launcher slurm` needs it: run on the server's machine, as
-# the server's user. Submits one small job to each node of a partition and reads what it finds there.
+# Checks whether a Slurm cluster is ready for `pepesegd --launcher slurm`. Run it on the server's
+# machine, as the server's user. Submits one small job to each node of a partition and reads its report.
 #   check.sh DATA WORKER [PARTITION]
 # Prints what is wrong; exits with 0 if nothing is.
 set -euo pipefail
@@ -21,13 +21,13 @@ token=$data/.slurm-check-$$
 echo "$token" >"$token"
 trap 'rm -f "$token" "$token".*' EXIT
 
-# On a node: what is wrong there, a line each.
+# Runs on a node: prints what is wrong there, one line for each fault.
 look='
 [ "$(cat "$1" 2>/dev/null)" = "$1" ] || echo "does not see $1, which the server has written"
 echo "$(hostname)" >"$1.$2" 2>/dev/null || echo "cannot write the data directory"
-[ -x "$3" ] || echo "$3: no program"
+[ -x "$3" ] || echo "$3 is not a program"
 [ ! -x "$3" ] || ! ldd "$3" 2>/dev/null | grep "not found" || true
-[ "$(id -u)" = "$4" ] || echo "runs jobs as $(id -u), the server is $4"
+[ "$(id -u)" = "$4" ] || echo "runs jobs as user $(id -u), but the server is user $4"
 command -v colmap >/dev/null || echo "note: has no colmap: photographs without poses fail here"'
 for node in $nodes; do
   said=$(srun --quiet --immediate=60 ${partition:+"$partition"} --nodelist="$node" --nodes=1 --ntasks=1 \

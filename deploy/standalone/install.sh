@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Installs what `make build` has built, for systemd: programs, unit, user, folders. Run again, it
-# brings the new programs and leaves /etc/pepeseg as it is.
+# Installs what `make build` has built, for systemd: programs, unit, user, folders. Run it again to
+# update the programs; it does not change an existing /etc/pepeseg.
 #   install.sh BUILD_FOLDER [--gpu]
-# DESTDIR=FOLDER only copies, below FOLDER, for a package. The libraries are those of
+# With DESTDIR=FOLDER it only copies below FOLDER, for a package. The libraries are those of
 # deploy/packages/build.txt.
 set -euo pipefail
 usage() {
@@ -20,7 +20,7 @@ done
 [[ -n $to || $EUID == 0 ]] || { echo 'install.sh: as root, or with DESTDIR' >&2; exit 1; }
 
 install -d "$to"/usr/{bin,lib/systemd/system,lib/sysusers.d,lib/tmpfiles.d} "$to/etc/pepeseg"
-# Beside the old ones, which may be running, then in their place.
+# Copies next to the old programs, which may be running, then replaces them.
 for program in pepesegd pepeseg-worker pepeseg; do
   install -m 755 --strip "$build/bin/$program" "$to/usr/bin/.$program.new"
   mv "$to/usr/bin/.$program.new" "$to/usr/bin/$program"

@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# What each term of both stages is worth on a capture pack (the ablations of the paper), and
-# with a quarter of the views or 30 % fewer masks: one table, means over the seeds of stage two.
-#   ablation.sh BENCH PACK [FLAG]...       FLAGs go to every run: --device cuda, --seeds 3
+# Measures each term of both stages on a capture pack (the paper's ablations), and runs with a quarter
+# of the views or 30 % fewer masks. Prints one table of means over the seeds of stage two.
+#   ablation.sh BENCH PACK [FLAG]...       FLAGs go to every run, such as --device cuda --seeds 3
 set -euo pipefail
 bench=$1 pack=$2
 shift 2
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 
-# Means over the rows of each level.
+# Prints the means over the rows of each level.
 means() {
   awk -F'|' -v name="$1" '
     $5 + 0 > 0 {
@@ -28,7 +28,7 @@ means() {
     }'
 }
 
-# row NAME GEOMETRY FLAG...: the geometry is trained by the first row that names it.
+# row NAME GEOMETRY FLAG...: the first row that names a geometry trains it.
 row() {
   local name=$1 geometry=$2
   shift 2

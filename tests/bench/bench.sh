@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# `pepeseg bench` on a server of its own, then its table and plots.
+# Runs `pepeseg bench` on a server that it starts, then makes the table and the plots.
 #   bench.sh BUILD_FOLDER OUT_FOLDER DATASET_FOLDER [OPTIONS OF pepeseg bench...]
-# PEPESEGD_FLAGS: flags of the server, as --device=cuda. The plots need python3-matplotlib
+# PEPESEGD_FLAGS: flags of the server, such as --device=cuda. The plots need python3-matplotlib
 # (deploy/packages/bench.txt).
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
@@ -9,8 +9,8 @@ build=${1:?usage: bench.sh BUILD_FOLDER OUT_FOLDER DATASET_FOLDER [OPTIONS...]}
 out=${2:?usage: bench.sh BUILD_FOLDER OUT_FOLDER DATASET_FOLDER [OPTIONS...]}
 shift 2
 python=${PYTHON:-python3}
-tell() { (cd "$here" && "$python" -c "import measured; print(measured.$1())"); }
+fact() { (cd "$here" && "$python" -c "import measured; print(measured.$1())"); }
 "$here/../../deploy/with_server.sh" "$build" "$out" \
-  "$build/bin/pepeseg" bench --out "$out" --fact "machine=$(tell machine)" \
-  --fact "commit=$(tell commit)" --fact "settings=${*:2}" "$@"
+  "$build/bin/pepeseg" bench --out "$out" --fact "machine=$(fact machine)" \
+  --fact "commit=$(fact commit)" --fact "settings=${*:2}" "$@"
 "$python" "$here/report.py" --out "$out" --plots "$out/record.json"

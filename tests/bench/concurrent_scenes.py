@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Several scenes at a time: what trainings and first clicks take against how many there are.
+"""Measures trainings and first clicks of several scenes at a time against their number.
 
     deploy/with_server.sh build build/bench tests/bench/concurrent_scenes.py --programs build/bin \\
         --out FOLDER --scenes 1,2,4 DATASET_FOLDER [-- FLAG...]
 
-For each number uploads so many scenes of the dataset, starts all their trainings at once and waits
-for the last model; then asks each of them for the same click at once. FLAGs go to `pepeseg train`:
+For each number N uploads the dataset as N scenes, starts all trainings at once and waits for the last
+model; then requests the same click from all of them at once. FLAGs go to `pepeseg train`, such as
 --preset preview. Writes FOLDER/concurrent.json and FOLDER/concurrent.md with the exponents.
 """
 
@@ -21,7 +21,7 @@ import measured
 
 
 def pepeseg(programs, *words):
-    """Standard output; an error carries what was said."""
+    """Runs a command and returns its standard output. An error contains what the command printed."""
     done = subprocess.run([os.path.join(programs, "pepeseg"), *words], capture_output=True,
                           text=True, check=False)
     if done.returncode != 0:
@@ -34,7 +34,7 @@ def first_view(dataset):
 
 
 def timed(ask, scenes):
-    """Wall seconds until `ask` has answered for every scene, all asked at once."""
+    """Returns the wall seconds until `ask`, called for all scenes at once, has answered for each."""
     start = time.monotonic()
     with ThreadPoolExecutor(len(scenes)) as pool:
         list(pool.map(ask, scenes))

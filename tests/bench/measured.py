@@ -1,4 +1,4 @@
-"""What the scripts of this folder share: tables of the programs, spreads, fits, the machine."""
+"""Shared by the scripts of this folder: tables of the programs, spreads, fits, the machine."""
 
 import math
 import os
@@ -7,7 +7,7 @@ import subprocess
 
 
 def parse_rows(text):
-    """The rows of a bench program's Markdown table as dicts by heading; and its '# ...' lines."""
+    """Returns the rows of a bench program's Markdown table as dicts, and its '# ...' lines."""
     heading, rows, comments = None, [], []
     for line in text.splitlines():
         if line.startswith("#"):
@@ -31,7 +31,7 @@ def mean(values):
 
 
 def spread(values, decimals):
-    """'mean (least to most)'; of one value its text alone, of none '-'."""
+    """Returns 'mean (least to most)', only the value if there is one, or '-' if there is none."""
     if not values:
         return "-"
     text = f"{mean(values):.{decimals}f}"
@@ -41,7 +41,7 @@ def spread(values, decimals):
 
 
 def exponent(sizes, costs):
-    """b of the least-squares line log(cost) = a + b log(size)."""
+    """Returns b of the least-squares line log(cost) = a + b log(size)."""
     if len(sizes) < 2:
         raise ValueError("a slope needs two sizes")
     x = [math.log(size) for size in sizes]
@@ -54,7 +54,7 @@ def exponent(sizes, costs):
 
 
 def markdown(heading, rows):
-    """Lines of a Markdown table."""
+    """Returns the lines of a Markdown table."""
     lines = ["| " + " | ".join(heading) + " |", "|" + "---|" * len(heading)]
     return lines + ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows]
 
@@ -79,7 +79,7 @@ def _processor():
 
 
 def machine():
-    """In words: processor, cores, GPU, and what else runs on it now."""
+    """Describes the machine: processor, cores, GPU and load."""
     words = [_processor(), f"{os.cpu_count()} cores"]
     gpu = _first_line(["nvidia-smi", "--query-gpu=name", "--format=csv,noheader"])
     if gpu:
@@ -89,14 +89,14 @@ def machine():
 
 
 def device_of(flags):
-    """As a server names it: "cuda ..." or "cpu ..."."""
+    """Returns the device of the flags as a server names it: "cuda ..." or "cpu ..."."""
     words = [word.removeprefix("--device=") for word in flags if word.startswith("--device=")]
     words += [value for flag, value in zip(flags, flags[1:]) if flag == "--device"]
     return words[-1] if words else "cpu"
 
 
 def commit():
-    """Of the tree that this script stands in, '+' behind it when it has changes; '' outside git."""
+    """Returns the commit of this script's tree, followed by '+' if it has changes; '' outside git."""
     here = os.path.dirname(os.path.abspath(__file__))
     name = _first_line(["git", "-C", here, "rev-parse", "--short", "HEAD"])
     changed = _first_line(["git", "-C", here, "status", "--porcelain", "--untracked-files=no"])

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Error against time on a capture pack: the record of `pepeseg bench`, without a server.
+"""Measures error against time on a capture pack: the record of `pepeseg bench`, without a server.
 
     pack_curve.py --programs build/bin --out FOLDER PACK [-- FLAG...]
 
-For machines without what the service needs, as a bare one with a GPU. Trains the lengths and the
-presets by pepeseg_segment_bench (by pepeseg_curve_bench, stage one only, where the pack has no
-ground truth) and writes FOLDER/record.json after each. FLAGs go to every run: --device
+For machines that lack the service's libraries, such as a bare one with a GPU. Trains the lengths and
+the presets with pepeseg_segment_bench (with pepeseg_curve_bench, stage one only, if the pack has no
+ground truth) and writes FOLDER/record.json after each. FLAGs go to every run, such as --device
 cuda --seeds 3.
 """
 
@@ -26,7 +26,7 @@ def plans(arguments):
 
 
 def runs_of(name, rows, comments):
-    """Of the rows of either program, a run a seed."""
+    """Converts the rows of either program to runs, one for each seed."""
     runs = {}
     peak = [float(text.split()[2]) for text in comments if text.startswith("at most")]
     for row in rows:

@@ -1,8 +1,8 @@
 #!/usr/bin/python3
-"""A mask over RPC as a NumPy array, against the C++ client's time for the same question.
+"""Compares the Python client's time for a mask as a NumPy array with the C++ client's.
 
-Starts a server of the build, trains the shelf, and asks both clients in turns. Timed is the call
-and the decoding of its answer, within each process. Exit 1: the ratio is over the limit.
+Starts a server of the build, trains the shelf, and runs both clients alternately. Each process
+measures the call and the decoding of its response. Exits with 1 if the ratio exceeds the limit.
 
     tests/bench/python_mask_bench.py build/bin [--rounds 20] [--repeats 50] [--limit 1.5]
 """
@@ -35,7 +35,7 @@ def parse_arguments() -> argparse.Namespace:
 
 
 def time_python(client, view, repeats, **question):
-    """Milliseconds of each answer."""
+    """Returns the milliseconds of each response."""
     times = []
     for _ in range(repeats):
         start = time.perf_counter()
@@ -53,7 +53,7 @@ def time_cpp(program, address, request, repeats):
 
 
 def write_request(client, path, view, question):
-    """The same question as a message."""
+    """Returns the same request as a message."""
     from pepeseg import prompts
     from pepeseg.v1 import prompt_pb2, segmentation_service_pb2
 
@@ -76,8 +76,8 @@ def enlarged(camera, factor):
 
 
 def compare(arguments, client, address, view, question):
-    """Median milliseconds of the Python and the C++ client, asked in turns, and the median of the
-    rounds' ratios."""
+    """Returns the median milliseconds of the Python and the C++ client, run alternately, and the
+    median of the rounds' ratios."""
     program = arguments.programs / "pepeseg_mask_bench"
     with tempfile.TemporaryDirectory() as folder:
         request = Path(folder) / "request"

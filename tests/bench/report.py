@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Tables and plots of what `pepeseg bench` has recorded.
+"""Makes tables and plots from records of `pepeseg bench`.
 
     report.py --out FOLDER [--plots] RECORD.json...
 
@@ -14,13 +14,13 @@ import os
 import measured
 
 PRESETS = ("preview", "standard", "best")
-# What happens from the request to the first click, in its order.
+# The steps from the request to the first click, in their order.
 STAGES = ("upload", "queue", "prepare", "sfm", "priors", "reconstruct", "evaluate", "features",
           "index", "between", "first_click")
 
 
 def by_name(record):
-    """The runs of each name, in the order of the record."""
+    """Returns the runs of each name, in the order of the record."""
     names = dict.fromkeys(run["name"] for run in record["runs"])
     return {name: [run for run in record["runs"] if run["name"] == name] for name in names}
 
@@ -30,7 +30,7 @@ def series_name(record):
 
 
 def train_seconds(run, kind="seconds"):
-    """Of the two stages that learn."""
+    """Returns the seconds of the reconstruction and the feature training together."""
     return sum(run[kind].get(stage, 0) for stage in ("reconstruct", "features"))
 
 
@@ -72,7 +72,7 @@ CURVE_HEADING = ["scene, device", "training", "s", "core s", "steps", "PSNR", "S
 
 
 def share_rows(record):
-    """Of each preset that was clicked on: what part of the time goes where."""
+    """Returns the shares of the steps in the time, for each preset whose model was clicked on."""
     rows = []
     for name, runs in by_name(record).items():
         runs = [run for run in runs if "request_to_click" in run["seconds"]]
@@ -96,9 +96,9 @@ def tables(records):
     lines = ["# Error against time", ""]
     for record in records:
         lines.append(f"- {series_name(record)}: {record['device']}; "
-                     f"{record.get('machine', 'machine not told')}; "
-                     f"commit {record.get('commit', 'not told')}; "
-                     f"settings {record.get('settings', 'not told')}; "
+                     f"{record.get('machine', 'machine not recorded')}; "
+                     f"commit {record.get('commit', 'not recorded')}; "
+                     f"settings {record.get('settings', 'not recorded')}; "
                      f"{max(run['seed'] for run in record['runs'])} seeds")
     lines += ["", "Mean (least to most) over the seeds. s: wall time of both stages together; "
               "core s: of all cores together. PSNR, SSIM: held-out views. mIoU / mBIoU: one click, "

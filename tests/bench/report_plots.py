@@ -1,4 +1,4 @@
-"""Plots of report.py: error against time, spread shown, presets marked."""
+"""The plots of report.py: error against time, with spreads and marked presets."""
 
 import os
 
@@ -14,7 +14,7 @@ MARKERS = {"preview": "v", "standard": "s", "best": "*"}
 
 
 def points(record, score):
-    """(seconds, mean, least, most, name) of every name that has the score, by time."""
+    """Returns (seconds, mean, least, most, name) of each name that has the score, by time."""
     found = []
     for name, runs in report.by_name(record).items():
         values = [value for value in map(score, runs) if value is not None]
@@ -53,7 +53,7 @@ def save(figure, axes, ylabel, path):
 
 
 def draw(records, out):
-    # Text as text, and the same bytes from the same records.
+    # Text stays text, and the same records give the same bytes.
     plt.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "pepeseg", "font.size": 9})
     colors = plt.rcParams["axes.prop_cycle"].by_key()["color"]
     figure, axes = plt.subplots(figsize=(6.4, 4))

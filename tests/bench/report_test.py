@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Tests of the scripts that turn measurements into tables; without matplotlib."""
+"""Tests the scripts that make tables from measurements; needs no matplotlib."""
 
 import math
 import os

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Exponents of what a training takes: fits the rows of pepeseg_scaling_bench.
+"""Fits exponents of a training's cost to the rows of pepeseg_scaling_bench.
 
     scaling.py --programs build/bin --out FOLDER [-- FLAG...]
 
@@ -21,7 +21,8 @@ CUDA_COSTS = ["set-up s", "step ms", "preparation s", "feature step ms", "MB"]
 
 
 def fit(rows, dimension, cost):
-    """Exponents over all rows of the dimension and over its upper half; None where a cost is 0."""
+    """Returns the exponents over all rows of the dimension and over its upper half; None if a cost is
+    0."""
     of_it = [row for row in rows if row["dimension"] == dimension]
     sizes = [float(row[dimension]) for row in of_it]
     costs = [float(row[cost]) for row in of_it]
@@ -56,7 +57,7 @@ def table(record):
 
 
 def run_bench(programs, flags):
-    """Its output, which is shown as it comes."""
+    """Runs a command, prints its output as it comes, and returns it."""
     command = [os.path.join(programs, "pepeseg_scaling_bench"), *flags]
     lines = []
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as bench:

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Variants of a training on capture packs, each against the first: what it loses and what it saves.
+"""Compares variants of a training on capture packs with the first one: scores and time.
 
     variants.py robustness|skips --programs build/bin --out FOLDER PACK... [-- FLAG...]
 
-robustness: fewer views and masks, bent masks, turned views, depth upside down, as capture_faults.h
-does it. skips: each thing that a training leaves out where the scene does not need it, never left
-out, and all of them never. A pack with ground truth is trained and scored by
-pepeseg_segment_bench, one without by pepeseg_curve_bench (stage one only). FLAGs go to every run:
+robustness: fewer views and masks, bent masks, turned views, depth upside down (capture_faults.h).
+skips: each part that a training skips if the scene does not need it is never skipped, one at a time
+and all together. A pack with ground truth is trained and scored by pepeseg_segment_bench, a pack
+without by pepeseg_curve_bench (stage one only). FLAGs go to every run, such as
 --device cuda --seeds 3. Writes FOLDER/TABLE.json after every run and FOLDER/TABLE.md at the end.
 """
 
@@ -18,7 +18,7 @@ import sys
 
 import measured
 
-# Flags of both programs, of pepeseg_segment_bench alone, and whether stage one needs them.
+# Flags of both programs, flags of pepeseg_segment_bench only, and whether they affect stage one.
 STAGE_ONE, STAGE_TWO = "one", "two"
 VARIANTS = {
     "robustness": [
@@ -42,19 +42,19 @@ VARIANTS = {
                                  "--only-seen-gaussians", "0"]),
     ],
 }
-# That pepeseg_curve_bench does not have.
+# Flags that pepeseg_curve_bench does not have.
 FEATURE_FLAGS = {"--feature-loss-fall", "--only-seen-gaussians"}
 
 
 def has_truth(program, pack):
-    """Whether pepeseg_segment_bench takes the pack: it refuses one without ground truth."""
+    """Returns whether pepeseg_segment_bench takes the pack: it refuses packs without ground truth."""
     done = subprocess.run([program, pack, "--steps", "0"], capture_output=True, text=True,
                           check=False)
     return "no ground truth" not in done.stderr
 
 
 def without(flags, left_out):
-    """Flags of one value each, without some of them."""
+    """Returns flags, each with one value, without some of them."""
     pairs = zip(flags[::2], flags[1::2]) if len(flags) % 2 == 0 else [(flag,) for flag in flags]
     return [word for pair in pairs if pair[0] not in left_out for word in pair]
 
@@ -67,12 +67,12 @@ def run_bench(command):
 
 
 def last_of_each_seed(rows):
-    """A run of pepeseg_curve_bench ends with its last row."""
+    """Returns the last row of each run of pepeseg_curve_bench."""
     return list({row["seed"]: row for row in rows}.values())
 
 
 def read_rows(rows):
-    """Numbers of the rows of either program."""
+    """Returns the numbers in the rows of either program."""
     numbers = []
     for row in rows:
         read = {"seed": int(row["seed"]), "psnr": float(row["PSNR"]),
@@ -90,7 +90,7 @@ def read_rows(rows):
 
 
 def differences(rows, base, key):
-    """By seed and level, of what both have."""
+    """Returns the differences by seed and level, for those that both have."""
     before = {(row["seed"], row.get("level")): row[key] for row in base if key in row}
     return [row[key] - before[row["seed"], row.get("level")] for row in rows
             if key in row and (row["seed"], row.get("level")) in before]
@@ -101,7 +101,7 @@ def total_seconds(row, prefix=""):
 
 
 def tell(pack, variants, prefix):
-    """Table rows of a pack: each variant by level, with its difference to the first, by seed."""
+    """Returns a pack's table rows: each variant by level, with its difference to the first, by seed."""
     base = variants[0]["rows"]
     lines = []
     for variant in variants:
@@ -131,7 +131,7 @@ HEADING = ["scene", "variant", "level", "PSNR", "change", "mIoU", "change", "mBI
 
 
 def table(record):
-    # A GPU has one run at a time; cores are shared.
+    # A GPU runs one process at a time; cores are shared.
     prefix = "" if measured.device_of(record["flags"]) == "cuda" else "core_"
     lines = [f"`variants.py {record['table']}`: {record['machine']}; commit {record['commit']}; "
              f"flags `{' '.join(record['flags'])}`.", "",
@@ -183,8 +183,8 @@ def main():
     parser.add_argument("packs", nargs="+")
     parser.add_argument("--programs", default="build/bin")
     parser.add_argument("--out", required=True)
-    parser.add_argument("--mask-noise", default="3", help="pixels of the packs' photographs")
-    parser.add_argument("--pose-noise", default="0.5", help="likewise")
+    parser.add_argument("--mask-noise", default="3", help="pixels by which masks are bent")
+    parser.add_argument("--pose-noise", default="0.5", help="pixels by which views are turned")
     arguments = parser.parse_args(words[:split])
     arguments.flags = words[split + 1:]
     measure(arguments)

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The completions of `pepeseg completion bash`, asked for as an interactive bash does, and the syntax
-# of zsh's where zsh is there.
+# Tests the completions of `pepeseg completion bash` as an interactive bash calls them, and the syntax
+# of zsh's if zsh is installed.
 #   completion_test.sh PEPESEG
 set -euo pipefail
 pepeseg=$(realpath "$1")
@@ -14,13 +14,13 @@ source "$work/completion.bash"
 cd "$work"
 : >photo.jpg
 
-complete_line() {  # complete_line WORD...: what the last word may become, one a line
+complete_line() {  # complete_line WORD...: prints the completions of the last word, one a line
   COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)) COMPREPLY=()
   _pepeseg
   printf '%s\n' "${COMPREPLY[@]}"
 }
-# grep reads all of the lines: with -q it ends at the first match, and the pipe fails.
-expect() {  # expect WANTED WORD...: one of the completions of the words
+# Without -q grep reads all lines; with -q it would end at the first match and the pipe would fail.
+expect() {  # expect WANTED WORD...: WANTED must be a completion of the words
   complete_line "${@:2}" | grep -xF -- "$1" >/dev/null || fail "no $1 after: ${*:2}"
 }
 refuse() {
@@ -40,7 +40,7 @@ expect --server pepeseg segment shelf --ser
 expect depth pepeseg --server host:1 render shelf --content d
 expect zsh pepeseg completion ''
 expect photo.jpg pepeseg upload shelf ph
-# Every verb of --help is there.
+# Every verb of --help is a completion.
 for verb in $("$pepeseg" --help | sed -n '/^Subcommands:/,/^$/s/^  \([a-z-]\+\) .*/\1/p'); do
   expect "$verb" pepeseg ''
 done

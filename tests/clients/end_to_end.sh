@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# pepesegd, pepeseg-worker and pepeseg as a user runs them: upload, train (a few steps on a quarter
-# of the pixels), segment, render, export, and the exit codes on the way.
+# Runs pepesegd, pepeseg-worker and pepeseg as a user does: upload, train (a few steps on a quarter of
+# the pixels), segment, render, export, and checks the exit codes.
 #   end_to_end.sh FOLDER_OF_PROGRAMS DATASET
 set -euo pipefail
 programs=$1 dataset=$2
@@ -44,24 +44,24 @@ expect 0 pepeseg train shelf --steps 60 --feature-steps 30 --image-scale 0.25 \
   -o features.num_pixels=200
 grep -Eq '^frame-000008.jpg +[0-9.]+ +[0-9.]+$' "$work/output" || fail 'no scores of the views'
 grep -q '^trained on: poses given, masks given, depth given$' "$work/output" ||
-  fail 'train does not tell what on'
+  fail 'train does not print what it trained on'
 grep -Eq '^Next: .*pepeseg segment shelf --view frame-[0-9]+.jpg --point [0-9]+,[0-9]+ ' \
-  "$work/output" || fail 'train does not tell what is next'
-grep -Eq 'stage [2-5] of 5 ' "$work/errors" || fail 'train does not tell the place of the stage'
+  "$work/output" || fail 'train does not print the next command'
+grep -Eq 'stage [2-5] of 5 ' "$work/errors" || fail 'train does not print the number of the stage'
 expect 0 pepeseg jobs
 grep -Eq '^JOB +STATE +SCENE +AGE +TOOK +SIZE +RESULT$' "$work/output" || fail 'jobs has no header'
 grep -Eq '^jobs/j1 +succeeded +shelf +[0-9]+ (s|min) .* [kM]B +scenes/shelf/models/1$' \
-  "$work/output" || fail 'jobs does not tell the job'
+  "$work/output" || fail 'jobs does not list the job'
 expect 0 pepeseg scenes
 grep -Eq '^shelf +[0-9]+ (s|min) +1 +[0-9.]+ [kM]B +scenes/shelf/models/1 +trained$' \
-  "$work/output" || fail 'scenes does not tell the scene'
+  "$work/output" || fail 'scenes does not list the scene'
 expect 0 pepeseg models shelf
 grep -Eq '^1 +[0-9]+ (s|min) .* jobs/j1 +2 +poses given, ' "$work/output" || fail 'no table of models'
 expect 0 pepeseg --json jobs
 grep -q '"state":"JOB_STATE_SUCCEEDED"' "$work/output" || fail 'the job did not succeed'
 expect 0 pepeseg scenes shelf
 grep -q 'psnr' "$work/output" || fail 'the model has no PSNR'
-grep -q '  trained on: poses given' "$work/output" || fail 'the model does not tell what on'
+grep -q '  trained on: poses given' "$work/output" || fail 'the model lacks what it was trained on'
 expect 0 pepeseg segment shelf --view frame-000000.jpg --point 280,280 --threshold 0 \
   --views held-out --out "$work/masks"
 for stem in frame-000000 frame-000008; do
@@ -72,11 +72,11 @@ head -c 24 "$work/masks/frame-000000_mask.png" | tail -c 8 | od -An -tx1 | tr -d
   grep -q '00000280000001e0' || fail 'the mask is not of the size of the photograph, 640x480'
 expect 4 pepeseg segment shelf --view frame-000000.jpg --point 700,60
 grep -q 'point 700,60 is outside photograph "frame-000000.jpg" (640x480)' "$work/errors" ||
-  fail 'a point outside is not told with the frame and its size'
+  fail 'the message on a point outside lacks the frame or its size'
 expect 0 pepeseg segment shelf --view frame-000000.jpg --point 70,70 --threshold 0 --frame view
 expect 4 pepeseg segment shelf --view frame-000000.jpg --point 280,280 --frame view
 grep -q 'outside view "frame-000000.jpg" (160x120)' "$work/errors" ||
-  fail 'a point outside of the view is not told'
+  fail 'the message on a point outside the view lacks its size'
 
 expect 0 pepeseg label shelf cup --view frame-000000.jpg --point 280,280 --threshold 0 --text 'A cup'
 expect 0 pepeseg label shelf mug --view frame-000000.jpg --mask "$work/masks/frame-000000_mask.png"
@@ -95,7 +95,7 @@ grep -Eq '^scenes/shelf/selections/1  scenes/shelf/models/1  [1-9][0-9]* Gaussia
   fail 'nothing is selected'
 expect 0 pepeseg select shelf --view frame-000003.jpg --point 280,280 --threshold 0 --add-to 1 \
   --views 4 --keep-disconnected --out "$work"
-grep -q 'from scenes/shelf/selections/1' "$work/output" || fail 'the base is not told'
+grep -q 'from scenes/shelf/selections/1' "$work/output" || fail 'the base is not printed'
 expect 0 pepeseg combine shelf 2 subtract 1
 expect 0 pepeseg selections shelf 3 --undo
 grep -q '^scenes/shelf/selections/2 ' "$work/output" || fail 'undo does not answer the base'
@@ -113,7 +113,7 @@ expect 0 pepeseg decompose shelf --scales 0.1,0.9 --level 1 --out "$work/pieces"
 grep -q '^level 1  scale 0.9' "$work/output" || fail 'no levels'
 grep -Eq '^  1:1 +[0-9]+ Gaussians' "$work/output" || fail 'no segments'
 [[ $(head -c 3 "$work/pieces/level_1/segment_1.ply") == ply ]] || fail 'no PLY of a segment'
-# Bits a channel, and grey: behind the size in a PNG's head.
+# Bits per channel, and grey: the bytes after the size in a PNG's header.
 [[ $(od -An -tu1 -j24 -N2 "$work/pieces/frame-000003_ids.png" | tr -s ' ') == ' 16 0' ]] ||
   fail 'no ids of the segments'
 [[ -s $work/pieces/frame-000003_colors.png ]] || fail 'no picture of the segments'
@@ -132,7 +132,7 @@ grep -q "$work/folder: Is a directory" "$work/errors" || fail 'the system is not
 expect 3 pepeseg export shelf "$work/server.log/below/x.ply"
 expect 0 pepeseg export shelf "$work/made/for/it.ply"
 expect 0 pepeseg export shelf "$work/shelf.ply"
-[[ $(head -c 3 "$work/shelf.ply") == ply ]] || fail 'the export is no PLY'
+[[ $(head -c 3 "$work/shelf.ply") == ply ]] || fail 'the export is not a PLY'
 
 mkdir "$work/given"
 cp -r "$dataset"/{images,sparse,masks,ignore_mask.png} "$work/given"

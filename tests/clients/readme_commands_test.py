@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""The README's commands, word for word, against a real server on the scene that ships.
+"""Runs the documents' commands, word for word, against a real server on the example scene.
 
     readme_commands_test.py REPOSITORY FOLDER_OF_PROGRAMS [OPTION OF train...]
 
-Runs the indented blocks below "<!-- tests run this -->" lines of README.md in their order, in a
-folder that looks like the repository. Every command must exit with 0 and leave the files it
-promises; so must the commands that `upload` and `train` say to type next. Options given here are
-added to `train`. Two things are not as in the README, and neither is in a command: the server
-listens on a free port with its data in the test's folder, and its worker does fewer steps.
+Runs the indented blocks below "<!-- tests run this -->" lines of README.md and then of
+clients/cli/README.md in their order, in a folder that looks like the repository. Every command must
+exit with 0 and leave the files it promises; so must the commands that `upload` and `train` say to
+type next. Options given here are added to `train`. Two things differ from the documents, and neither
+is in a command: the server listens on a free port with its data in the test's folder, and its worker
+does fewer steps.
 """
 
 from __future__ import annotations
@@ -24,12 +25,13 @@ import tempfile
 import time
 
 MARKER = "<!-- tests run this -->"
+PAGES = ("README.md", "clients/cli/README.md")
 STEPS = {"reconstruct": 400, "features": 300}
 VIEWS = 15
 SIZE = (640, 480)  # of the photographs, and so of every mask
 
 WORKER = """#!{python}
-# The worker with fewer steps than the job's preset has.
+# Runs the worker with fewer steps than the job's preset has.
 import json, os, sys
 arguments = dict(word.split("=", 1) for word in sys.argv[1:] if "=" in word)
 spec_path = os.path.join(arguments["--job"], "spec-" + arguments["--fence"] + ".json")
@@ -43,7 +45,7 @@ os.execv({worker!r}, [{worker!r}] + sys.argv[1:])
 """
 
 SERVER = """#!{python}
-# The server as it was asked for, but for its port and its data.
+# Runs the server with the given arguments, except for its port and its data.
 import os, sys
 words = [w.replace("127.0.0.1:50051", "127.0.0.1:0").replace("/var/tmp/pepeseg", {data!r})
          for w in sys.argv[1:]]
@@ -60,7 +62,7 @@ def fail(text: str) -> None:
 
 
 def blocks(readme: str) -> list[list[str]]:
-    """The commands of each marked block."""
+    """Returns the commands of each marked block."""
     found: list[list[str]] = []
     lines = iter(readme.splitlines())
     for line in lines:
@@ -77,7 +79,7 @@ def blocks(readme: str) -> list[list[str]]:
 
 
 class Place:
-    """A folder in which the README's paths are there."""
+    """A folder in which the documents' paths exist."""
 
     def __init__(self, repository: Path, programs: Path, folder: Path) -> None:
         self.folder = folder
@@ -126,7 +128,7 @@ class Place:
         self.environment["PEPESEG_SERVER"] = f"127.0.0.1:{self.port.read_text().strip()}"
 
     def run(self, command: str) -> str:
-        """What it prints to standard output."""
+        """Runs the command. Returns its standard output; exits if it fails."""
         print(f"$ {command}", flush=True)
         ran = subprocess.run(
             ["bash", "-c", command],
@@ -154,7 +156,7 @@ class Place:
 
 
 def png_head(path: Path) -> tuple[int, int, int, int]:
-    """Width, height, bits and kind of colour (0: grey, 2: RGB)."""
+    """Returns width, height, bits and colour type (0: grey, 2: RGB)."""
     head = path.read_bytes()[:26]
     if head[:8] != b"\x89PNG\r\n\x1a\n":
         fail(f"{path} is not a PNG")
@@ -172,7 +174,7 @@ def expect_pngs(folder: Path, pattern: str, count: int, bits: int, colour: int) 
 
 
 def expect_ply(path: Path) -> int:
-    """Its number of Gaussians."""
+    """Returns the number of Gaussians of a PLY; exits if it is not one."""
     with open(path, "rb") as file:
         head = file.read(400)
     if not head.startswith(b"ply\n"):
@@ -181,7 +183,7 @@ def expect_ply(path: Path) -> int:
 
 
 def check_files(folder: Path) -> None:
-    """What the README says that its commands leave."""
+    """Checks the files that the documents promise."""
     expect_pngs(folder / "masks", "*_mask.png", VIEWS, 8, 0)
     expect_pngs(folder / "masks", "*_overlay.png", VIEWS, 8, 2)
     whole = expect_ply(folder / "shelf.ply")
@@ -224,10 +226,10 @@ def run_all(place: Place, commands: list[str], options: list[str]) -> None:
 
 def main() -> None:
     repository, programs = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
-    found = blocks((repository / "README.md").read_text())
+    found = [block for page in PAGES for block in blocks((repository / page).read_text())]
     commands = [command for block in found for command in block]
     if len(found) != 2 or len(found[0]) != 5 or len(found[1]) < 7:
-        fail(f"README.md has other marked blocks than expected: {json.dumps(found, indent=1)}")
+        fail(f"{PAGES} have other marked blocks than expected: {json.dumps(found, indent=1)}")
     with tempfile.TemporaryDirectory() as folder:
         place = Place(repository, programs, Path(folder))
         try:
@@ -235,7 +237,7 @@ def main() -> None:
             check_files(place.folder)
         finally:
             place.stop()
-    print("every command as the README says")
+    print("every command does what the documents say")
 
 
 if __name__ == "__main__":

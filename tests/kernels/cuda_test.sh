@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Runs the tests of CUDA in the programs below on this machine's GPU, then those of the kernels under
-# compute-sanitizer, and writes a summary that is committed with the code it was run on.
+# Runs the CUDA tests of the programs below on this machine's GPU, then those of the kernels under
+# compute-sanitizer, and writes a summary, which is committed with the tested code.
 #   cuda_test.sh BUILD SUMMARY [COMMIT]
 # BUILD has the programs in bin/; logs are written to BUILD/cuda-test. COMMIT defaults to that of
 # the checkout. Exits with 1 if a test failed or was skipped, or if a sanitizer found anything.

@@ -1,4 +1,4 @@
-// Numbers for people.
+// Formats numbers for people.
 const byteUnits = ['B', 'kB', 'MB', 'GB', 'TB'];
 
 export function bytesText(bytes: number | bigint): string {
@@ -26,7 +26,7 @@ interface Seconds {
   readonly nanos: number;
 }
 
-/** Of a Duration or a Timestamp. */
+/** Returns the seconds of a Duration or a Timestamp. */
 export function secondsOf(time: Seconds | undefined): number {
   return time ? Number(time.seconds) + time.nanos * 1e-9 : 0;
 }

@@ -1,4 +1,4 @@
-// Screens by path, so that a reload and the browser's back button mean what they say.
+// Chooses the screen by the path, so that a reload and the browser's back button work.
 import type { ComponentChildren, JSX } from 'preact';
 import { Store, useStore } from './store';
 

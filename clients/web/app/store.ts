@@ -1,4 +1,4 @@
-// A value that components follow.
+// A value that components subscribe to.
 import { useEffect, useState } from 'preact/hooks';
 
 export class Store<T> {
@@ -16,7 +16,7 @@ export class Store<T> {
     for (const follower of [...this.followers]) follower();
   }
 
-  /** Of an object: some fields anew. */
+  /** Replaces some fields of an object. */
   patch(change: Partial<T>): void {
     this.set({ ...this.value, ...change });
   }
@@ -30,7 +30,7 @@ export class Store<T> {
 export function useStore<T>(store: Store<T>): T {
   const [, again] = useState({});
   useEffect(() => {
-    // It may have changed between the first drawing and here.
+    // The value may have changed between the first rendering and here.
     again({});
     return store.follow(() => again({}));
   }, [store]);

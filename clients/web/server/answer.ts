@@ -1,4 +1,4 @@
-// Answers of the ways that are no RPCs.
+// Answers of the routes that are not RPCs.
 import type { IncomingMessage, ServerResponse } from 'node:http';
 import type { Readable } from 'node:stream';
 import { pipeline } from 'node:stream/promises';
@@ -19,11 +19,11 @@ const httpStatus: Partial<Record<Code, number>> = {
   [Code.DeadlineExceeded]: 504,
 };
 
-/** As JSON: the gRPC code's number, the message, and what of ErrorDetail says what to do. */
+/** Answers with JSON: the gRPC code's number, the message, and the useful part of ErrorDetail. */
 export function sendError(response: ServerResponse, error: unknown): void {
   const from = ConnectError.from(error);
   if (response.headersSent) {
-    response.destroy(); // the reader sees that the body is cut
+    response.destroy(); // the reader sees that the body is cut short
     return;
   }
   const detail = from.findDetails(ErrorDetailSchema)[0];
@@ -56,7 +56,7 @@ export function need(query: URLSearchParams, name: string): string {
   return value;
 }
 
-/** Aborts what is done for a request when its reader goes away. */
+/** Aborts the work for a request when its reader goes away. */
 export function abortedWith(response: ServerResponse): AbortSignal {
   const controller = new AbortController();
   if (response.destroyed) controller.abort();
@@ -64,12 +64,12 @@ export function abortedWith(response: ServerResponse): AbortSignal {
   return controller.signal;
 }
 
-/** Sends all of a file, and closes it whatever happens: the reader may leave in the middle. */
+/** Sends a whole file, and closes it in any case: the reader may leave before the end. */
 export async function sendAll(response: ServerResponse, file: Readable): Promise<void> {
   await pipeline(file, response).catch(() => response.destroy());
 }
 
-/** Waits until the reader has taken what was written; false: it has gone. */
+/** Waits until the reader has taken what was written. Returns false if it has gone. */
 export async function written(response: ServerResponse, data: Uint8Array): Promise<boolean> {
   if (response.destroyed) return false;
   if (response.write(data)) return true;

@@ -1,4 +1,4 @@
-// What all ways of the back end share.
+// What all routes of the back end share.
 import type { Channel } from './channel';
 
 export interface BackEnd {

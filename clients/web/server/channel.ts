@@ -1,4 +1,4 @@
-// The connection to pepesegd: one HTTP/2 session, opened anew when it was lost.
+// The connection to pepesegd: one HTTP/2 session, which is opened again when it is lost.
 import type { Client, Interceptor } from '@connectrpc/connect';
 import { Code, ConnectError, createClient } from '@connectrpc/connect';
 import { createGrpcTransport } from '@connectrpc/connect-node';
@@ -10,7 +10,7 @@ import { SceneService } from '../gen/pepeseg/v1/scene_service_pb';
 import { SegmentationService } from '../gen/pepeseg/v1/segmentation_service_pb';
 import type { Config } from './config';
 
-/** Of a call without a deadline. */
+/** Time limit of a call without a deadline. */
 const longestWaitMs = 120_000;
 
 export interface Channel {
@@ -20,7 +20,7 @@ export interface Channel {
   readonly segmentation: Client<typeof SegmentationService>;
 }
 
-/** The headers of a call about a resource: the gateway sends a scene's calls to one server. */
+/** Returns the headers of a call about a resource, by which the gateway routes a scene's calls. */
 export function routing(resource: string | undefined): Record<string, string> {
   const scene = /^scenes\/([^/]+)/.exec(resource ?? '')?.[1];
   return scene ? { 'x-scene': scene } : {};
@@ -33,18 +33,18 @@ function showKey(key: string): Interceptor {
   };
 }
 
-/** Milliseconds after which a call that the server has put off may be made again. */
+/** Returns the milliseconds after which a call that the server refused may be repeated. */
 export function retryMs(error: unknown): number | undefined {
   const from = ConnectError.from(error);
   const detail = from.findDetails(ErrorDetailSchema)[0];
-  // One that is stopping is not waited for: the app says so.
+  // A stopping server is not waited for: the app says so.
   if (from.code !== Code.Unavailable || !detail?.retryAfter || detail.reason === 'DRAINING') {
     return undefined;
   }
   return Number(detail.retryAfter.seconds) * 1000 + detail.retryAfter.nanos / 1e6;
 }
 
-/** Makes calls again that the server has put off, until their deadline or until nobody waits. */
+/** Repeats calls that the server refused, until their deadline or until nobody waits. */
 export const retryAsTold: Interceptor = (next) => async (request) => {
   for (let waited = 0; ;) {
     try {

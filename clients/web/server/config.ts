@@ -7,35 +7,35 @@ export interface Config {
   readonly listenPort: number;
   /** Base URL of pepesegd or of the gateway: http:// or https://. */
   readonly serverUrl: string;
-  /** Shown with every call; undefined: the server asks for none. */
+  /** The key of every call; undefined: the server needs none. */
   readonly key: string | undefined;
   readonly tls: { ca?: string; cert?: string; key?: string };
   /** Host names under which browsers may reach the app, without port. */
   readonly hosts: ReadonlySet<string>;
   /** Folder of the built app. */
   readonly appFolder: string;
-  /** Told the port once it listens; for tests. */
+  /** File that gets the port when the back end listens; for tests. */
   readonly portFile: string | undefined;
 }
 
-/** A wrong command line or environment: told without a stack. */
+/** A wrong command line or environment, which is printed without a stack. */
 export class ConfigError extends Error {}
 
 export const usage = `pepeseg's web app
   node dist/server/main.js [options]
   --listen HOST:PORT       127.0.0.1:8080; port 0 takes a free one
-  --server ADDRESS         of pepesegd or the gateway: host:port or https://host:port;
+  --server ADDRESS         pepesegd or the gateway: host:port or https://host:port;
                            PEPESEG_SERVER, else 127.0.0.1:50051
-  --key-file FILE          the API key or token in its first line; else PEPESEG_KEY
+  --key-file FILE          file with the API key or token in its first line; else PEPESEG_KEY
   --ca FILE                trusted certificates (PEM); implies TLS
   --certificate FILE --certificate-key FILE   shown to the server
-  --host NAME              another name under which browsers reach it; may be repeated
-  --behind-login           it listens beyond this machine: what stands in front asks who calls
-  --port-file FILE         the port is written there`;
+  --host NAME              another host name of the app in browsers; may be repeated
+  --behind-login           allow other machines: a proxy in front of it asks who calls
+  --port-file FILE         file to which the port is written`;
 
 const loopback = /^(localhost|127(\.\d{1,3}){3}|\[::1\]|::1)$/;
 
-/** "host:port" or "[::1]:port" in two. */
+/** Splits "host:port" or "[::1]:port". */
 export function splitAddress(address: string): { host: string; port: number } {
   const match = /^(.*):(\d{1,5})$/.exec(address);
   const port = Number(match?.[2]);
@@ -55,7 +55,7 @@ function findKey(file: string | undefined, env: NodeJS.ProcessEnv): string | und
   const text = file === undefined ? env.PEPESEG_KEY : readText(file).split('\n')[0];
   const key = text?.trim();
   if (!key && file === undefined) return undefined;
-  // What is no header value would fail each call with a fault that names nothing.
+  // A key that cannot be a header value would fail each call with an error that names nothing.
   if (!key || !/^(pk_[\x21-\x7e]+|[\w-]+\.[\w-]+\.[\w-]+)$/.test(key)) {
     throw new ConfigError(`${file ?? 'PEPESEG_KEY'}: holds no key (pk_...) and no token (JWT)`);
   }

@@ -1,4 +1,4 @@
-// CRC-32C (Castagnoli), which the contract's chunks carry.
+// CRC-32C (Castagnoli), the checksum of the contract's chunks.
 const table = new Uint32Array(256).map((_, byte) => {
   let crc = byte;
   for (let bit = 0; bit < 8; ++bit) crc = crc & 1 ? (crc >>> 1) ^ 0x82f63b78 : crc >>> 1;
@@ -7,7 +7,7 @@ const table = new Uint32Array(256).map((_, byte) => {
 
 export function crc32c(data: Uint8Array): number {
   let crc = 0xffffffff;
-  // Indexed: an iterator costs four times as much.
+  // Indexed, because an iterator takes four times as long.
   for (let i = 0; i < data.length; ++i) {
     crc = (table[(crc ^ (data[i] as number)) & 0xff] as number) ^ (crc >>> 8);
   }

@@ -1,11 +1,11 @@
-// Who may ask: pages that this back end served, and nobody else. It holds a key, so that another
-// site's page that could make a browser send requests here would act with it.
+// Allows only pages that this back end served. The back end holds a key: another site's page that made
+// a browser send requests here would act with it.
 import type { IncomingMessage } from 'node:http';
 
-/** Why a request is refused; undefined: it may pass. CORS is closed: no answer allows an origin. */
+/** Returns why a request is refused, or undefined. CORS is closed: no answer allows an origin. */
 export function refusal(request: IncomingMessage, hosts: ReadonlySet<string>): string | undefined {
   const host = request.headers.host ?? '';
-  // A name of somebody else's that points here (DNS rebinding) would make their page "same origin".
+  // A foreign host name that points here (DNS rebinding) would make its page "same origin".
   if (!hosts.has(host.replace(/:\d+$/, ''))) {
     return `unknown host ${JSON.stringify(host)}: name it with --host when the app is started`;
   }
@@ -24,6 +24,6 @@ function isOfHost(origin: string, host: string): boolean {
   try {
     return new URL(origin).host === host;
   } catch {
-    return false; // "null" of a sandboxed frame, or no URL at all
+    return false; // "null" from a sandboxed frame, or not a URL
   }
 }

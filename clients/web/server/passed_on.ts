@@ -2,17 +2,18 @@
 import { Code, ConnectError } from '@connectrpc/connect';
 import { startAdvice } from './start_advice';
 
-/** How HTTP/2's client tells that the other side has gone, in the middle of a call. */
+/** The HTTP/2 client's errors if the other side goes away during a call. */
 const lost = new Set([Code.Canceled, Code.Aborted]);
 const lostWords = /stream closed|socket|ECONN|missing (trailer|status)|premature/i;
 
 /**
- * Without the headers, which are about another connection. `signal`: of who asked. What was cut off
- * by nobody here was lost with the connection: that is no cancellation, and asking again may help.
+ * Returns the error without its headers, which are about another connection. `signal`: the caller's. A
+ * call that nobody here aborted was lost with the connection: that is not a cancellation, and a
+ * repetition may help.
  */
 export function passedOn(error: unknown, signal: AbortSignal): ConnectError {
   const from = ConnectError.from(error);
-  // The server's own errors have a detail, whatever their code.
+  // All errors of the server itself have a detail.
   const own = from.details.length > 0 || signal.aborted;
   const transport = from.code === Code.Internal || from.code === Code.Unknown;
   if (!own && (lost.has(from.code) || (transport && lostWords.test(from.rawMessage)))) {

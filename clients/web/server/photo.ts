@@ -20,7 +20,7 @@ const frames: Record<string, PixelFrame> = {
   view: PixelFrame.VIEW,
 };
 
-/** The request that a query means; INVALID_ARGUMENT where it means none. */
+/** Returns the request for a URL's query, or throws INVALID_ARGUMENT. */
 export function photographRequest(query: URLSearchParams): GetPhotographRequest {
   const side = query.get('max_side') ?? '0';
   const frame = frames[query.get('frame') ?? 'photograph'];
@@ -44,7 +44,7 @@ function begin(
   response.writeHead(200, {
     'content-type': contentType,
     'content-length': String(numBytes),
-    // A dataset and a model never change; what "live" names does.
+    // A dataset and a model never change; the model named "live" does.
     'cache-control': parent.endsWith('/live')
       ? 'no-store'
       : 'private, max-age=86400, immutable',

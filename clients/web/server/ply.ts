@@ -13,7 +13,7 @@ import { routing } from './channel';
 import { passedOn } from './passed_on';
 import { crc32c } from './crc32c';
 
-function question(query: URLSearchParams): ExportSelectionRequest {
+function exportRequest(query: URLSearchParams): ExportSelectionRequest {
   const request = create(ExportSelectionRequestSchema, { model: need(query, 'model') });
   const selection = query.get('selection');
   if (!selection) return request;
@@ -36,7 +36,7 @@ function begin(
     'content-length': String(header.numBytes),
     etag: `"${header.sha256}"`,
     'x-gaussians': String(header.numGaussians),
-    // A model and a selection never change; what "live" names does.
+    // A model and a selection never change; the model named "live" does.
     'cache-control': query.get('model')?.endsWith('/live')
       ? 'no-store'
       : 'private, max-age=86400, immutable',
@@ -52,7 +52,7 @@ export async function getPly(
   const query = queryOf(request);
   const signal = abortedWith(response);
   try {
-    const stream = channel.segmentation.exportSelection(question(query), {
+    const stream = channel.segmentation.exportSelection(exportRequest(query), {
       signal,
       headers: routing(need(query, 'model')),
     });

@@ -1,5 +1,5 @@
-// The RPCs that the app asks for, passed on to the server as they are. What is not listed here is
-// not reachable through the app: bytes have their own ways (upload.ts, ply.ts, picture.ts, photo.ts).
+// The RPCs that the app calls, forwarded to the server unchanged. Others cannot be reached through the
+// app; bytes have their own routes (upload.ts, ply.ts, picture.ts, photo.ts).
 import type { DescMessage, MessageShape } from '@bufbuild/protobuf';
 import type { ConnectRouter, HandlerContext } from '@connectrpc/connect';
 import { DatasetService } from '../gen/pepeseg/v1/dataset_service_pb';
@@ -10,12 +10,12 @@ import type { BackEnd } from './back_end';
 import { routing } from './channel';
 import { passedOn } from './passed_on';
 
-/** The first question to a model loads it. */
+/** The first query of a model loads it. */
 const defaultTimeoutMs = 120_000;
 
 type Message = MessageShape<DescMessage>;
 
-/** The fields by which a request names its scene, or what belongs to one. */
+/** The fields in which a request names its scene, or a resource of one. */
 export function resourceOf(request: Message): string | undefined {
   const fields = request as unknown as Record<string, unknown>;
   for (const field of ['scene', 'parent', 'model', 'name', 'first']) {

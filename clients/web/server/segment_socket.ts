@@ -1,5 +1,5 @@
-// WebSocket /api/segment-stream: SegmentStream for browsers, which have no streams both ways. A
-// message is a SegmentStreamRequest or a SegmentStreamResponse, in Protobuf's bytes.
+// WebSocket /api/segment-stream: SegmentStream for browsers, whose gRPC has no streams in both
+// directions. A message is a SegmentStreamRequest or a SegmentStreamResponse, as Protobuf bytes.
 import { fromBinary, toBinary } from '@bufbuild/protobuf';
 import type { WebSocket } from 'ws';
 import type { SegmentStreamRequest } from '../gen/pepeseg/v1/segmentation_service_pb';
@@ -13,7 +13,7 @@ import type { Channel } from './channel';
 import { routing } from './channel';
 import { passedOn } from './passed_on';
 
-/** The newest request that was not sent on yet: an older one is superseded here already. */
+/** The newest request that was not forwarded yet; it has replaced older ones. */
 export class Newest<T> implements AsyncIterable<T> {
   private waiting: T | undefined;
   private ended = false;
@@ -42,7 +42,7 @@ export class Newest<T> implements AsyncIterable<T> {
   }
 }
 
-/** WebSocket close codes of an application: 4000 and the gRPC code. */
+/** WebSocket close codes for applications: 4000 plus the gRPC code. */
 function closeWith(socket: WebSocket, { code, rawMessage }: ConnectError): void {
   socket.close(4000 + code, Buffer.from(rawMessage).subarray(0, 120).toString());
 }

@@ -1,4 +1,4 @@
-// How to get a server where none listens.
+// How to start a server if none listens.
 import { accessSync, constants } from 'node:fs';
 import { delimiter, dirname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
@@ -12,7 +12,7 @@ function isProgram(path: string): boolean {
   }
 }
 
-/** pepesegd of the build that this back end stands in, else of PATH; undefined: there is none. */
+/** Finds pepesegd in this checkout's build, else on PATH; undefined if there is none. */
 function findProgram(): string | undefined {
   const folders: string[] = [];
   for (let at = dirname(fileURLToPath(import.meta.url)); at !== dirname(at); at = dirname(at)) {
@@ -22,7 +22,7 @@ function findProgram(): string | undefined {
   return folders.map((folder) => join(folder, 'pepesegd')).find(isProgram);
 }
 
-/** "start one with `COMMAND`"; empty where the address is another machine's or no program is found. */
+/** Returns "start one with `COMMAND`"; empty for another machine, or if no program is found. */
 export function startAdvice(address: string): string {
   const isHere = /^(127\.[\d.]+|localhost|\[?::1\]?):\d+$|^unix:/.test(address);
   const program = isHere ? findProgram() : undefined;

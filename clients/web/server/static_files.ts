@@ -1,4 +1,4 @@
-// The built app from the disk. Any path that is no file is a screen: the app knows which.
+// Serves the built app from the disk. A path that is not a file is a screen, which the app chooses.
 import { createReadStream } from 'node:fs';
 import { stat } from 'node:fs/promises';
 import type { IncomingMessage, ServerResponse } from 'node:http';
@@ -14,7 +14,7 @@ const types: Record<string, string> = {
   '.png': 'image/png',
 };
 
-// Spark runs WebAssembly that it carries in a data URL, and sorts in workers that it makes of blobs.
+// Spark runs WebAssembly from a data URL, and sorts in workers that it makes from blobs.
 const contentSecurity = [
   "default-src 'self'",
   "script-src 'self' 'wasm-unsafe-eval'",
@@ -50,7 +50,7 @@ export async function sendFile(
   const sent = found ? file : join(folder, 'index.html');
   response.writeHead(200, {
     'content-type': types[extname(sent)] ?? 'application/octet-stream',
-    // Vite names what it builds by content.
+    // Vite names its output files by their content.
     'cache-control': inside.startsWith('assets/')
       ? 'public, max-age=31536000, immutable'
       : 'no-cache',

@@ -1,6 +1,6 @@
 // PUT /api/file?upload=scenes/S/uploads/N&path=images/0001.jpg&offset=0: the bytes of one file from
-// `offset` on. The browser asks GetUpload from which byte; what came before a cut is kept by the
-// server and sent from there on.
+// `offset` on. The browser gets the offset from GetUpload: the server keeps what it received before a
+// connection was lost.
 import type { IncomingMessage, ServerResponse } from 'node:http';
 import { create } from '@bufbuild/protobuf';
 import { Code, ConnectError } from '@connectrpc/connect';
@@ -13,14 +13,14 @@ import { crc32c } from './crc32c';
 import { passedOn } from './passed_on';
 
 const chunkBytes = 1 << 20;
-/** Of a refused body so much is read on, for the browser to see the answer. */
+/** Bytes of a refused body that are still read, so that the browser sees the answer. */
 const politeBytes = 8 << 20;
 
 function part(value: WriteFilesRequest['part']): WriteFilesRequest {
   return create(WriteFilesRequestSchema, { part: value });
 }
 
-/** In pieces of a MiB, whatever the pieces of the wire. */
+/** Yields pieces of 1 MiB, whatever the sizes on the wire. */
 export async function* pieces(body: AsyncIterable<Uint8Array>): AsyncGenerator<Uint8Array> {
   let waiting: Uint8Array[] = [];
   let size = 0;
@@ -54,7 +54,7 @@ async function* messages(request: IncomingMessage): AsyncGenerator<WriteFilesReq
   yield part({ case: 'end', value: {} as never });
 }
 
-/** Lets the browser finish sending, or cuts it off where that is much. */
+/** Lets the browser finish sending, or closes the connection if too much is left. */
 function drain(request: IncomingMessage): void {
   let left = politeBytes;
   request.on('data', (data: Buffer) => {
@@ -75,7 +75,7 @@ export async function putFile(
     const upload = need(query, 'upload');
     const offset = query.get('offset') ?? '0';
     if (!/^\d{1,15}$/.test(offset)) {
-      throw new ConnectError('offset is no number of bytes', Code.InvalidArgument);
+      throw new ConnectError('offset is not a number of bytes', Code.InvalidArgument);
     }
     await channel.datasets.writeFiles(messages(request), {
       signal,

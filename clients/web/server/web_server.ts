@@ -1,4 +1,4 @@
-// All of the back end behind one HTTP listener.
+// The whole back end behind one HTTP listener.
 import type { IncomingMessage, Server, ServerResponse } from 'node:http';
 import { createServer } from 'node:http';
 import { connectNodeAdapter } from '@connectrpc/connect-node';
@@ -23,7 +23,7 @@ const ways: Record<string, Way> = {
   'GET /api/photo': getPhoto,
 };
 
-/** As the server's own limit. */
+/** The same as the server's own limit. */
 const maxMessageBytes = 8 << 20;
 
 function common(response: ServerResponse): void {
@@ -58,7 +58,7 @@ export function createWebServer(config: Config, backEnd: BackEnd): Server {
     }
     response.writeHead(405).end();
   });
-  // A video of gigabytes takes as long as it takes; headers do not.
+  // A video of gigabytes may take any time, headers may not.
   server.requestTimeout = 0;
   server.headersTimeout = 20_000;
   addSockets(server, config, backEnd);

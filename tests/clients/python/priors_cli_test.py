@@ -1,4 +1,4 @@
-"""pepeseg_priors from its command line, with models that stand in for the real ones."""
+"""Tests the command line of pepeseg_priors, with fakes in place of the real models."""
 
 import contextlib
 import io
@@ -70,7 +70,7 @@ class CommandLineTest(unittest.TestCase):
             code = cli.main(arguments, loaders)
         return code, output.getvalue().splitlines(), errors.getvalue()
 
-    def test_makes_both_and_tells_its_progress(self):
+    def test_makes_both_and_prints_progress(self):
         code, lines, errors = self.run_main("--batch", "2")
         self.assertEqual((code, errors), (0, ""))
         self.assertEqual(lines, [f"progress {n} 6" for n in range(1, 7)])
@@ -88,7 +88,7 @@ class CommandLineTest(unittest.TestCase):
         self.assertFalse((self.out / "masks").exists())
         self.assertEqual(self.masks.photos, 0)
 
-    def test_goes_on_where_it_was_broken_off(self):
+    def test_resumes_an_interrupted_run(self):
         self.assertEqual(self.run_main()[0], 0)
         (self.out / "masks/000002.json").unlink()
         code, lines, _ = self.run_main()
@@ -102,7 +102,7 @@ class CommandLineTest(unittest.TestCase):
         self.assertEqual(self.run_main("--want", "depth")[0], 0)
         self.assertTrue((self.out / "depth/000001.npy").is_file())
 
-    def test_a_model_that_cannot_be_had_is_told(self):
+    def test_a_model_that_cannot_be_loaded_is_reported(self):
         def fail(*_):
             raise OSError("no such model: x/y")
 
@@ -114,7 +114,7 @@ class CommandLineTest(unittest.TestCase):
         self.assertEqual(code, cli.FAILED)
         self.assertIn("no such model: x/y", errors.getvalue())
 
-    def test_missing_modules_are_named_with_what_to_do(self):
+    def test_missing_modules_are_named_with_a_remedy(self):
         errors = io.StringIO()
         with mock.patch.object(cli, "missing_modules", return_value=["torch", "transformers"]):
             with contextlib.redirect_stderr(errors):
@@ -127,7 +127,7 @@ class CommandLineTest(unittest.TestCase):
             self.run_main("--want", "masks,colours")
         self.assertEqual(ended.exception.code, 2)
 
-    def test_an_empty_folder_is_told(self):
+    def test_an_empty_folder_is_reported(self):
         self.photos = self.out
         self.out.mkdir()
         code, _, errors = self.run_main()

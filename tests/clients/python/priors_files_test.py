@@ -1,4 +1,4 @@
-"""What pepeseg_priors reads and writes."""
+"""Tests the files that pepeseg_priors reads and writes."""
 
 import json
 import tempfile
@@ -18,7 +18,7 @@ def decode_rle(rle):
 
 
 class RleTest(unittest.TestCase):
-    def test_goes_down_the_columns_from_a_run_of_zeros(self):
+    def test_runs_go_down_the_columns_and_begin_with_zeros(self):
         pixels = np.array([[0, 1, 1], [0, 0, 1]], dtype=bool)
         self.assertEqual(files.encode_rle(pixels), {"size": [2, 3], "counts": [2, 1, 1, 2]})
         self.assertEqual(files.encode_rle(~pixels), {"size": [2, 3], "counts": [0, 2, 1, 1, 2]})
@@ -49,7 +49,7 @@ class WrittenTest(unittest.TestCase):
             if path.is_file()
         )
 
-    def test_masks_are_as_sams(self):
+    def test_masks_have_the_format_of_sam(self):
         pixels = np.zeros((4, 6), bool)
         pixels[1:3, 2:6] = True
         empty = files.Mask(np.zeros((4, 6), bool), 1.0)
@@ -93,7 +93,7 @@ class PhotosTest(unittest.TestCase):
         path.parent.mkdir(exist_ok=True)
         Image.new(mode, (4, 3), colour).save(path)
 
-    def test_come_by_name_with_their_folders(self):
+    def test_are_listed_by_name_with_their_folders(self):
         for name in ("b.png", "a.JPG", "cam0/a.webp"):
             self.save(name)
         (self.folder / "notes.txt").write_text("no photograph")
@@ -107,7 +107,7 @@ class PhotosTest(unittest.TestCase):
         self.assertEqual(red[0, 0].tolist(), [255, 0, 0])
         self.assertEqual(grey[2, 3].tolist(), [7, 7, 7])
 
-    def test_none_and_two_of_one_name_are_refused(self):
+    def test_no_photographs_and_equal_names_are_refused(self):
         with self.assertRaisesRegex(ValueError, "no photographs"):
             list_photos(self.folder)
         self.save("a.png")

@@ -1,5 +1,5 @@
-"""The real classes of transformers, tiny and with random weights: that what they are given and
-what they answer is as pepeseg_priors takes it. Skipped where torch or transformers is missing."""
+"""Tests pepeseg_priors with the real classes of transformers, tiny and with random weights: inputs and
+outputs must fit. Skipped if torch or transformers is missing."""
 
 import importlib.util
 import unittest
@@ -40,7 +40,7 @@ class TinyModelsTest(unittest.TestCase):
         )
         generator = t.pipeline(
             "mask-generation", model=t.SamModel(config).eval(), image_processor=processor,
-            # Random weights are sure of nothing: everything passes.
+            # Random weights give low scores: all thresholds let everything pass.
             pred_iou_thresh=-1e9, stability_score_thresh=-1.0,
         )
         masks = models.masks_of(generator)(noise(48, 64))

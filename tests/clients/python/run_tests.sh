@@ -1,6 +1,6 @@
 #!/bin/sh
-# run_tests.sh SOURCE_FOLDER: the tests of the Python clients, by the first python3 that has NumPy
-# and Pillow. 77, which CTest reports as skipped: there is none.
+# run_tests.sh SOURCE_FOLDER: runs the tests of pepeseg_priors with the first python3 that has NumPy
+# and Pillow. Exits with 77, which CTest reports as skipped, if there is none.
 set -eu
 for python in python3 /usr/bin/python3; do
   "$python" -c 'import numpy, PIL' 2>/dev/null || continue

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# A backup of a server that is at work, restored onto an empty machine: every scene answers as
-# before, byte for byte, and a training that ran goes on.
+# Backs up a busy server and restores it onto an empty machine: every scene answers as before, byte
+# for byte, and the interrupted training resumes.
 #   backup_test.sh FOLDER_OF_PROGRAMS SOURCE_ROOT sqlite|postgresql
-# Exits with 77 where a program that it needs is not installed.
+# Exits with 77 if a program that it needs is not installed.
 set -euo pipefail
 programs=$1 root=$2 kind=$3
 work=$(mktemp -d)
@@ -56,7 +56,7 @@ start() {  # start DATA [OPTIONS...]
   export PEPESEG_SERVER=127.0.0.1:$(cat "$work/port")
 }
 end() { kill -"$1" "$server"; wait "$server" || true; server=; }
-# All that a caller can see of the state, into files of a folder.
+# Writes all state that a caller can see into files of a folder.
 ask() {
   mkdir "$1"
   for scene in shelf Second_2.0; do
@@ -85,7 +85,7 @@ expect 0 pepeseg label shelf cup --view frame-000000.jpg --point 280,280 --thres
 expect 0 pepeseg select shelf --view frame-000000.jpg --point 280,280 --threshold 0
 ask "$work/before"
 
-# Meanwhile a training runs that has saved something, and scenes come and go.
+# Meanwhile a training runs that has saved a checkpoint, and scenes are made and deleted.
 expect 0 pepeseg upload third "$dataset"
 job=$(pepeseg train third --steps 30000 --image-scale 0.25 --detach)
 saved() { ls "$work/data/$job"/work/attempt-*/checkpoints/*.ckpt >/dev/null 2>&1; }
@@ -108,10 +108,10 @@ wait "$busy" 2>/dev/null || true
 busy=
 blob=$(cd "$work/backup/data" && find blobs -type f | head -n 1)
 [[ $(stat -c %h "$work/backup/data/$blob") -ge 2 ]] || fail 'a second backup copies everything again'
-end KILL  # the machine is lost, with all that is on it
+end KILL  # the machine is lost with all its data
 rm -rf "$work/data"
 
-# What is not as it should be is refused.
+# Wrong backups and targets are refused.
 expect 1 "$root/deploy/backup.sh" "$work/nothing" "$work/other"
 expect 1 "$root/deploy/restore.sh" "$work" "$work/other"
 mkdir "$work/full" && touch "$work/full/file"
@@ -123,15 +123,15 @@ ask "$work/after"
 diff -r "$work/before" "$work/after" >"$work/output" || fail 'answers differ from before'
 expect 0 pepeseg --json jobs
 grep -F "$job" "$work/output" >"$work/job" && mv "$work/job" "$work/output"
-grep -Eq 'JOB_STATE_(QUEUED|RUNNING)' "$work/output" || fail 'the training that ran is not there'
+grep -Eq 'JOB_STATE_(QUEUED|RUNNING)' "$work/output" || fail 'the interrupted training is missing'
 resumed() { grep -rqs 'resumes from' "$work/restored/$job" --include='*.log'; }
 for _ in {1..300}; do resumed && break; sleep 0.1; done
-resumed || fail 'the training that ran does not go on from its checkpoint'
+resumed || fail 'the interrupted training does not resume from its checkpoint'
 expect 0 pepeseg cancel "$job"
-# Numbers go on where the backup stood: what is new takes no place of what is there.
+# Numbers continue after those of the backup: new resources do not replace old ones.
 expect 0 pepeseg train Second_2.0 "${little[@]}"
 expect 0 pepeseg scenes Second_2.0
-grep -q 'models/2' "$work/output" || fail 'a new model does not stand beside the old one'
-if grep -q 'Nothing is collected' "$work/server.log"; then fail 'the collector knows not its own'; fi
+grep -q 'models/2' "$work/output" || fail 'a new model does not exist next to the old one'
+if grep -q 'Nothing is collected' "$work/server.log"; then fail 'the collector does not know its own directory'; fi
 end TERM
 echo "$kind: every scene answers as before"

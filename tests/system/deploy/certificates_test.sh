@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# What deploy/certificates.sh makes is what server, client and operator want of each other: TLS with
-# clients' certificates and keys, health, the admin listener; and renewed certificates are taken.
+# Tests that server, client and operator accept the certificates of deploy/certificates.sh: TLS with
+# clients' certificates and keys, health, the admin listener, and renewed certificates.
 #   certificates_test.sh FOLDER_OF_PROGRAMS SOURCE_ROOT
 set -euo pipefail
 programs=$1 root=$2
@@ -33,7 +33,7 @@ grep -q 'PRIVATE KEY' "$tls/gateway.pem" || fail 'gateway.pem has no key, as HAP
 expect 0 openssl x509 -noout -checkhost scenes.example -in "$tls/server.pem"
 grep -q 'does match' "$work/output" || fail 'the server certificate lacks the name that was given'
 
-# A token, checked by hand: the signature, and the claims as they stand in it.
+# Checks a token's signature and claims.
 expect 2 "$root/deploy/token.sh" "$tls/jwt.key"
 expect 2 "$root/deploy/token.sh" "$tls/jwt.key" --project 'a","scope":"operate'
 token=$("$root/deploy/token.sh" "$tls/jwt.key" --project lab --scope 'read train')
@@ -61,13 +61,13 @@ pepeseg() { "$programs/pepeseg" "$@"; }
 as_operator=(--ca "$tls/ca.pem" --certificate "$tls/operator.pem"
   --certificate-key "$tls/operator.key")
 
-expect 5 pepeseg health --ca "$tls/ca.pem"  # without a certificate of its own
+expect 5 pepeseg health --ca "$tls/ca.pem"  # without a client certificate
 expect 0 pepeseg health "${as_operator[@]}"
 grep -q 'the server serves' "$work/output" || fail 'health does not say so'
 expect 0 pepeseg --json health pepeseg.v1.JobService "${as_operator[@]}"
 expect 0 pepeseg health --alive "${as_operator[@]}"
 expect 3 pepeseg health pepeseg.v1.NoService "${as_operator[@]}"
-# As a container's health check: all from the environment, with the server's own certificate.
+# Runs the health check of a container: all settings from the environment, the server's certificate.
 expect 0 env PEPESEG_CA="$tls/ca.pem" PEPESEG_CERTIFICATE="$tls/server.pem" \
   PEPESEG_CERTIFICATE_KEY="$tls/server.key" "$programs/pepeseg" health
 expect 10 pepeseg scenes "${as_operator[@]}"
@@ -75,12 +75,12 @@ expect 10 pepeseg scenes "${as_operator[@]}"
   >"$work/key" 2>"$work/output"
 expect 0 pepeseg scenes "${as_operator[@]}" --key-file "$work/key"
 
-# The admin listener is spoken to likewise.
+# The admin listener uses the same certificates.
 admin=(--admin "unix:$work/admin" "${as_operator[@]}" --key-file "$work/key")
 expect 0 pepeseg top --once "${admin[@]}"
 expect 0 pepeseg drain "${admin[@]}"
 expect 5 pepeseg health "${as_operator[@]}"
-grep -q 'does not serve' "$work/output" || fail 'a drained server is not told'
+grep -q 'does not serve' "$work/output" || fail 'health does not report a drained server'
 expect 0 pepeseg drain --off "${admin[@]}"
 expect 0 pepeseg health "${as_operator[@]}"
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Dashboard and alerts name only metrics that a server exposes, and use most of what it does.
+"""Tests that dashboard and alerts name only metrics that a server exposes, and most of those.
 
     dashboard_test.py FOLDER_OF_PROGRAMS SOURCE_ROOT
 """
@@ -24,7 +24,7 @@ def expressions(panels):
 
 
 def exposed(text):
-    """Names of samples, with what a histogram's family adds to its own."""
+    """Returns the names of samples, including those that a histogram adds to its own name."""
     names = set()
     for name, kind in re.findall(r"^# TYPE (\S+) (\S+)$", text, re.MULTILINE):
         suffixes = ("_bucket", "_sum", "_count") if kind == "histogram" else ("",)
@@ -66,7 +66,7 @@ def main():
     assert len(shown) > 20 and len(alerts) > 5, (shown, alerts)
     unknown = sorted((shown | alerts) - names)
     assert not unknown, f"no server exposes {unknown}"
-    # Of a histogram one of its three is enough.
+    # One of a histogram's three names is enough.
     of_family = re.compile("_(bucket|sum|count)$")
     ours = {of_family.sub("", name) for name in names if NAME.fullmatch(name)}
     hidden = sorted(ours - {of_family.sub("", name) for name in shown})

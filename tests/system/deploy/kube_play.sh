@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# deploy/kubernetes as far as `podman play kube` goes: one server and one gateway with the manifests'
-# commands, security contexts, init container and PostgreSQL; a call through the gateway; an end by
-# SIGTERM. In a network of its own, since the manifests have fixed ports.
-#   kube_play.sh STORE      after deploy/image/test.sh, whose images it takes; as root
+# Tests deploy/kubernetes as far as `podman play kube` supports it: one server and one gateway with the
+# manifests' commands, security contexts, init container and PostgreSQL; a call through the gateway; a
+# stop by SIGTERM. In a network namespace of its own, because the manifests have fixed ports.
+#   kube_play.sh STORE      run it after deploy/image/test.sh, whose images it uses; as root
 set -euo pipefail
 [[ ${2:-} == inside ]] || exec unshare --net "$0" "${1:?usage: kube_play.sh STORE}" inside
 cd "$(dirname "$0")/../../.."
@@ -50,7 +50,7 @@ done
 
 kubectl kustomize deploy/kubernetes/base |
   python3 tests/system/deploy/kube_pods.py "$work/secrets" "$work/data" >"$work/pods.yaml"
-# The engine's own limits, where larger ones may not be set.
+# Uses the engine's limits if larger ones cannot be set.
 CONTAINERS_CONF=$work/containers.conf
 export CONTAINERS_CONF
 echo '[containers]

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Makes of deploy/kubernetes what `podman play kube` can run on one machine.
+"""Converts deploy/kubernetes to pods that `podman play kube` can run on one machine.
 
     kube_pods.py SECRETS_FOLDER DATA_FOLDER < MANIFESTS > PODS
 
-Podman knows pods, deployments and config maps; so of the StatefulSet one pod is taken, secrets and
-the claim become folders of this machine, services' names its loopback, and what only a cluster
+Podman supports pods, deployments and config maps. So the StatefulSet becomes one pod, secrets and the
+claim become folders of this machine, and services' names its loopback address. What only a cluster
 enforces (services, network policies, disruption budgets) is left out. Images, commands, variables,
-probes and security contexts stay as they are.
+probes and security contexts are not changed.
 """
 import sys
 
@@ -38,7 +38,7 @@ def container(spec):
         spec["env"] = [v for v in variables if v["name"] != "PEPESEG_SERVERS_DNS"]
         spec["env"] += [{"name": "PEPESEG_SERVER_1", "value": "127.0.0.1:50051"},
                         {"name": "PEPESEG_GATEWAY_CONNECTIONS", "value": "400"}]
-    # $(NAME) is the cluster's to expand.
+    # A cluster would expand $(NAME).
     values = {v["name"]: v["value"] for v in spec.get("env", [])}
     for i, argument in enumerate(spec.get("args", [])):
         for name, value in values.items():

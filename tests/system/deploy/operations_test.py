@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What deploy/OPERATIONS.md says fits what is there: each alert has its heading, each link its file.
+"""Tests deploy/OPERATIONS.md: each alert has a heading, each link a file, each flag exists.
 
     operations_test.py SOURCE_ROOT
 """
@@ -25,12 +25,12 @@ for page in pages:
     for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
         if not (page.parent / target).exists():
             failures.append(f"{page.relative_to(root)}: no {target}")
-# Flags that are told of here must be the programs'.
+# The programs must have the flags that these files name.
 flags = "".join(p.read_text() for p in [root / "server/flags.cc", root / "server/keys_command.cc"])
 for flag in set(re.findall(r"`pepesegd [^`]*?(--[a-z-]+)", text)) | set(
     re.findall(r"^ +- (--[a-z-]+)=?", (root / "deploy/compose.yaml").read_text(), re.M)
 ) | set(re.findall(r"^ +- (--[a-z-]+)=?", (root / "deploy/kubernetes/base/server.yaml").read_text(), re.M)):
-    # The other two are Prometheus's.
+    # The other two are flags of Prometheus.
     if f'"{flag}"' not in flags and not flag.startswith(("--config", "--storage")):
         failures.append(f"pepesegd has no {flag}")
 sys.exit("\n".join(failures) or 0)

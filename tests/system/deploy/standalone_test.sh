@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# The systemd unit: what systemd itself says of it, its exposure, and that the system calls of the
-# workers' sandbox are among those it lets through.
+# Tests the systemd unit: systemd verifies it, its exposure is low, and it allows the system calls of
+# the workers' sandbox.
 #   standalone_test.sh FOLDER_OF_PROGRAMS SOURCE_ROOT
-# Exits with 77 where systemd's programs are not installed.
+# Exits with 77 if systemd's programs are not installed.
 set -euo pipefail
 programs=$1 root=$2
 command -v systemd-analyze >/dev/null || { echo 'skipped: no systemd-analyze'; exit 77; }
@@ -21,7 +21,7 @@ echo 'PEPESEGD_OPTIONS=--mine' >"$work/root/etc/pepeseg/pepesegd.conf"
 DESTDIR=$work/root "$root/deploy/standalone/install.sh" "$work/build" >/dev/null
 grep -q -- --mine "$work/root/etc/pepeseg/pepesegd.conf" || fail 'install.sh overwrites the settings'
 
-# With the program where it is just now, so that its being there is looked at, too.
+# With the program's present path, so that its existence is checked, too.
 unit=$work/pepesegd.service
 sed "s|^ExecStart=/usr/bin/pepesegd|ExecStart=$work/root/usr/bin/pepesegd|" \
   "$root/deploy/standalone/pepesegd.service" >"$unit"
@@ -32,7 +32,7 @@ awk -v e="$exposure" 'BEGIN {exit !(e != "" && e <= 1.5)}' || fail "the exposure
 for call in seccomp landlock_create_ruleset landlock_add_rule landlock_restrict_self; do
   grep -q "^SystemCallFilter=.*\b$call\b" "$unit" || fail "the unit does not let $call through"
 done
-# The settings that the unit comes with are the program's.
+# The program accepts the settings that come with the unit.
 options=$(sed -n 's/^PEPESEGD_OPTIONS=//p' "$root/deploy/standalone/pepesegd.conf")
 "$programs/pepesegd" --data "$work/data" $options --help >/dev/null || fail "no such options: $options"
 echo "exposure $exposure"

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Writes what the fuzzers start from: corpus/TARGET/NAME, small and whole files of each format.
+"""Writes the fuzzers' seeds: corpus/TARGET/NAME, small and valid files of each format.
 
-Needs protoc. What a fuzzer has found is added by hand, and never overwritten by this.
+Needs protoc. Inputs that a fuzzer has found are added by hand; this script does not overwrite them.
 """
 
 import hashlib
@@ -61,7 +61,7 @@ def exif():
 
 
 def jpeg(width, height, with_exif=False):
-    """Grey, every block empty: one code of each Huffman table."""
+    """Returns a grey JPEG with empty blocks: one code of each Huffman table."""
     def segment(marker, body):
         return struct.pack(">BBH", 0xFF, marker, len(body) + 2) + body
     table = bytes([1] + [0] * 15 + [0])
@@ -188,7 +188,7 @@ def make_artifacts():
         head = json.dumps({"stage": stage, "identity": "00", "step": 3, "sections": listed}).encode()
         return (b"PEPECKPT" + struct.pack("<II", 1, len(head)) + head +
                 b"".join(b for _, _, b in sections))
-    # One Gaussian of degree 0: 14 planes.
+    # One Gaussian of SH degree 0: 14 planes.
     floats = struct.pack("<14f", *([0.5] * 14))
     put("checkpoint", "reconstruct", checkpoint("reconstruct", [
         ("counters", 3, bytes(56)), ("random", 1, b"1 2 3"), ("views_left", 1, bytes(8)),
@@ -270,7 +270,7 @@ def make_requests():
 
 
 def services():
-    """The methods that rpc_calls_fuzz.cc numbers, in its order."""
+    """Returns the methods that rpc_calls_fuzz.cc numbers, in its order."""
     left_out = {"DeleteScene", "DeleteModel"}
     methods = []
     for service in ("dataset", "job", "scene", "segmentation"):

@@ -1,14 +1,15 @@
 #!/usr/bin/env bash
-# run.sh BUILD SECONDS [TARGET...]: each fuzz target for so long, from its corpus. What is new goes to
-# BUILD/fuzz/TARGET and serves the next run; what went wrong, to BUILD/fuzz/found. Ends with a table.
+# run.sh BUILD SECONDS [TARGET...]: runs each fuzz target for SECONDS from its corpus. New inputs go to
+# BUILD/fuzz/TARGET, from which the next run starts; inputs that failed go to BUILD/fuzz/found. Prints a
+# table.
 set -uo pipefail
 build=$(realpath "$1")
 seconds=$2
 shift 2
 here=$(dirname "$(realpath "$0")")
 export TMPDIR=${TMPDIR:-/tmp}
-# Debian's gRPC, Protobuf and Abseil are not instrumented: a container that they grew would look
-# overflown to code that is.
+# Debian's gRPC, Protobuf and Abseil are not instrumented: instrumented code would report an overflow in
+# a container that they have grown.
 export ASAN_OPTIONS=detect_container_overflow=0:allocator_may_return_null=1
 export UBSAN_OPTIONS=print_stacktrace=1
 found=$build/fuzz/found

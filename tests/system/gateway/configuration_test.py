@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""deploy/gateway against the contract: configuration_test.py SOURCE_FOLDER
+"""Tests deploy/gateway against the contract: configuration_test.py SOURCE_FOLDER
 
-What names methods by hand must not fall behind them. Exits with 77 (skipped) without PyYAML.
+The configurations list methods by hand; the lists must match the contract. Exits with 77 (skipped)
+without PyYAML.
 """
 import pathlib
 import re
@@ -18,9 +19,9 @@ SOURCE = pathlib.Path(sys.argv[1])
 GATEWAY = SOURCE / 'deploy/gateway'
 HAPROXY = (GATEWAY / 'haproxy.cfg').read_text()
 ENVOY = yaml.safe_load((GATEWAY / 'envoy.yaml').read_text())
-# Of which the gateway has not kept what was said.
+# Streams whose messages the gateway does not keep.
 CONVERSATIONS = {'/pepeseg.v1.SegmentationService/SegmentStream'}
-# Unary, and may take an hour.
+# Unary calls that may take an hour.
 LONG = {'/pepeseg.v1.SegmentationService/Evaluate'}
 failures = []
 
@@ -31,7 +32,7 @@ def expect(condition, what):
 
 
 def read_methods():
-    """Path -> (streams, scope), of every service."""
+    """Returns path -> (streams, scope) for the methods of every service."""
     methods = {}
     for proto in sorted((SOURCE / 'proto/pepeseg/v1').glob('*.proto')):
         text = re.sub(r'//.*', '', proto.read_text())
@@ -45,7 +46,7 @@ def read_methods():
 
 
 def acl(name):
-    """The (criterion, patterns) of each line of an ACL of haproxy.cfg."""
+    """Returns (criterion, patterns) of each line of an ACL of haproxy.cfg."""
     return [(words[0], words[1:]) for words in
             (line.split() for line in re.findall(rf'^\s*acl {name} (.*)$', HAPROXY, re.M))]
 
@@ -66,7 +67,7 @@ def check_haproxy(methods):
             continue
         expect(matches(is_stream, path) == streams, f'{path}: is_stream')
         expect((path in with_timeout) == (streams or path in LONG), f'{path}: timeout')
-        # What changes something must not be done twice.
+        # Calls that change something must not be repeated.
         again = scope == 'READ' and path not in CONVERSATIONS
         expect(matches(is_read, path) == again, f'{path}: made again by the gateway')
     expect(not with_timeout - methods.keys(), f'no such method: {with_timeout - methods.keys()}')
@@ -83,7 +84,7 @@ def check_health():
 
 
 def check_readme():
-    """The table of variables is that of the files."""
+    """The README's table has the variables that the files use."""
     used = set(re.findall(r'PEPESEG_[A-Z0-9_]+', HAPROXY))
     table = '\n'.join(line for line in (GATEWAY / 'README.md').read_text().splitlines()
                       if line.startswith('| `'))

@@ -1,7 +1,7 @@
 """pepeseg: photographs of a scene to 3D Gaussians that one click segments.
 
-`Client` blocks, `aio.Client` awaits; both speak gRPC to a pepeseg server. Pixels are x to the right
-and y down with a pixel's centre at + 0.5, masks are bool [height, width], points [n, 2].
+`Client` blocks, `aio.Client` awaits; both call a pepeseg server by gRPC. Pixel coordinates are x to
+the right and y down, with a pixel's centre at + 0.5. Masks are bool [height, width], points [n, 2].
 """
 
 from pepeseg.cameras import Camera, View

@@ -10,15 +10,15 @@ from pepeseg import __version__, errors, importers, png, training
 from pepeseg.client import Client
 from pepeseg.dataset import Dataset, read_folder
 
-_EPILOG = """exit codes, as of the client `pepeseg`:
+_EPILOG = """exit codes, the same as those of the client `pepeseg`:
   0 done               1 unexpected fault       2 wrong command line
   3 not found          4 value or file refused  5 no server answers
   6 not now: it exists, a training is running, or there is no model yet
   7 the job failed     8 the job was cancelled  9 a limit of the server
  10 not permitted     11 corrupt bytes        130 interrupted; a job goes on
 
-`python -m pepeseg VERB --help` tells a verb's options. PEPESEG_SERVER, PEPESEG_KEY, PEPESEG_CA,
-PEPESEG_CERTIFICATE and PEPESEG_CERTIFICATE_KEY stand for options that are not given."""
+`python -m pepeseg VERB --help` lists a verb's options. PEPESEG_SERVER, PEPESEG_KEY, PEPESEG_CA,
+PEPESEG_CERTIFICATE and PEPESEG_CERTIFICATE_KEY are used for options that are not given."""
 
 _EXIT_CODES: tuple[tuple[type[Exception], int], ...] = (
     (errors.JobFailedError, 7),
@@ -42,7 +42,7 @@ _EXIT_CODES: tuple[tuple[type[Exception], int], ...] = (
 
 
 def _numbers(count: int, what: str) -> type:
-    """A type of argparse: numbers with commas between."""
+    """Returns a type for argparse: `count` numbers with commas between them."""
 
     class Numbers(list[float]):
         def __init__(self, text: str) -> None:
@@ -120,7 +120,8 @@ def _views(client: Client, arguments: argparse.Namespace) -> None:
 
 
 def _stem(view: str) -> str:
-    """A name comes from the server: it must not leave the folder it is written to."""
+    """Returns a file name for a view. The view's name comes from the server and must not lead out
+    of the output folder."""
     stem = str(Path(view).with_suffix("")).replace("/", "-")
     return stem if stem and not stem.startswith(".") else f"view{stem}"
 
@@ -178,18 +179,20 @@ def _export(client: Client, arguments: argparse.Namespace) -> None:
 
 def _add_prompt(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("-p", "--point", type=_POINT, action="append", metavar="X,Y", default=[])
-    verb.add_argument("--scale", type=float, help="0 a small part, 1 the largest; else chosen")
-    verb.add_argument("--threshold", type=float, help="cosine over which a pixel is in")
+    verb.add_argument(
+        "--scale", type=float, help="0: a small part, 1: the largest; by default chosen"
+    )
+    verb.add_argument("--threshold", type=float, help="cosine above which a pixel is in the mask")
 
 
 def _add_training(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--preset", choices=training.PRESETS, help="preview, standard or best")
-    verb.add_argument("--steps", type=int, help="of the reconstruction")
-    verb.add_argument("--feature-steps", type=int, help="of the feature training")
+    verb.add_argument("--steps", type=int, help="steps of the reconstruction")
+    verb.add_argument("--feature-steps", type=int, help="steps of the feature training")
     verb.add_argument("--image-scale", type=float, help="shrink the photographs by this, (0, 1]")
-    verb.add_argument("--dataset", help="number; the newest by default")
+    verb.add_argument("--dataset", help="number of the dataset; the newest by default")
     verb.add_argument("-o", "--option", action="append", metavar="NAME=VALUE", default=[])
-    verb.add_argument("--detach", action="store_true", help="print the job's name and leave")
+    verb.add_argument("--detach", action="store_true", help="print the job's name and exit")
 
 
 def _add_verbs(parser: argparse.ArgumentParser) -> None:
@@ -203,11 +206,11 @@ def _add_verbs(parser: argparse.ArgumentParser) -> None:
         return verb
 
     add("scenes", _scenes, "list the scenes", scene=False)
-    verb = add("upload", _upload, "bring photographs or a video, and what is known of them")
+    verb = add("upload", _upload, "upload photographs or a video, with poses, masks and depth")
     verb.add_argument("folder", metavar="FOLDER", type=Path)
     verb.add_argument("--layout", choices=("pepeseg", "nerfstudio", "colmap"), default="pepeseg")
     verb.add_argument("--depth-kind", choices=("depth", "disparity"), default="depth")
-    _add_training(add("train", _train, "make a model of a scene"))
+    _add_training(add("train", _train, "train a model of a scene"))
     for name, do, text in (
         ("watch", _watch, "follow a job to its end"),
         ("cancel", _cancel, "stop a job"),
@@ -215,26 +218,28 @@ def _add_verbs(parser: argparse.ArgumentParser) -> None:
         add(name, do, text, scene=False).add_argument("job", metavar="JOB")
     add("views", _views, "list the views of the model")
     verb = add("segment", _segment, "masks of what a click means, in any view")
-    verb.add_argument("--view", help="the view that is pointed at")
+    verb.add_argument("--view", help="the view of the points or the box")
     _add_prompt(verb)
     verb.add_argument("-n", "--negative", type=_POINT, action="append", metavar="X,Y", default=[])
     verb.add_argument("--box", type=_BOX, metavar="X,Y,WIDTH,HEIGHT")
-    verb.add_argument("--label", help="in place of a view and points")
-    verb.add_argument("--views", nargs="+", default=[], help="names, all or held-out")
+    verb.add_argument("--label", help="id of a label, in place of a view and points")
+    verb.add_argument(
+        "--views", nargs="+", default=[], help="views to segment: names, all or held-out"
+    )
     verb.add_argument("--out", type=Path, help="folder for STEM_mask.png")
     for name, do, text in (
         ("propose", _propose, "what a click may mean, smallest first; * marks the best"),
-        ("select", _select, "choose what a click means in 3D"),
+        ("select", _select, "select the Gaussians of what a click means"),
     ):
         verb = add(name, do, text)
         verb.add_argument("--view", required=True)
         _add_prompt(verb)
         if name == "select":
-            verb.add_argument("--export", type=Path, metavar="PLY", help="and write it here")
-    verb = add("export", _export, "fetch a model, or some of it, as a PLY")
+            verb.add_argument("--export", type=Path, metavar="PLY", help="also write it here")
+    verb = add("export", _export, "fetch a model, or a subset of it, as a PLY")
     verb.add_argument("file", metavar="FILE", type=Path)
-    verb.add_argument("--selection", type=int, help="number: only its Gaussians")
-    verb.add_argument("--without", action="store_true", help="all others in their place")
+    verb.add_argument("--selection", type=int, help="number of a selection: only its Gaussians")
+    verb.add_argument("--without", action="store_true", help="all other Gaussians in their place")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -247,19 +252,19 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=__version__)
     parser.add_argument("--server", metavar="[https://]HOST:PORT")
     parser.add_argument("--model", default="live", metavar="NUMBER")
-    parser.add_argument("--key-file", type=Path, metavar="FILE", help="with an API key or a JWT")
+    parser.add_argument("--key-file", type=Path, metavar="FILE", help="holds an API key or a JWT")
     parser.add_argument("--tls", action="store_true")
     parser.add_argument(
-        "--ca", type=Path, metavar="PEM", help="who signed the server's certificate"
+        "--ca", type=Path, metavar="PEM", help="authorities that may sign the server's certificate"
     )
-    parser.add_argument("--certificate", type=Path, metavar="PEM", help="this client's")
+    parser.add_argument("--certificate", type=Path, metavar="PEM", help="this client's certificate")
     parser.add_argument("--certificate-key", type=Path, metavar="PEM")
     _add_verbs(parser)
     return parser
 
 
 def main(argv: list[str] | None = None) -> int:
-    """The exit code."""
+    """Runs the command line and returns the exit code."""
     arguments = _parser().parse_args(argv)
     try:
         with Client(

@@ -1,4 +1,4 @@
-"""The client that awaits: the same operations as `pepeseg.Client`, for asyncio."""
+"""The asyncio client: the same operations as `pepeseg.Client`, awaited."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ T = TypeVar("T")
 
 
 class _Awaiting:
-    """Takes steps one after the other, awaiting each."""
+    """Runs the steps of an operation one after the other, awaiting each."""
 
     def __init__(
         self, channel: Any, metadata: tuple[tuple[str, str], ...], patience: float
@@ -50,7 +50,7 @@ class _Awaiting:
         self._patience = patience
 
     async def run(self, steps: Steps[T]) -> T:
-        """All of an operation."""
+        """Runs an operation to its end and returns its result."""
         try:
             step = next(steps)
             while True:
@@ -67,7 +67,7 @@ class _Awaiting:
             steps.close()
 
     async def stream(self, step: Receive) -> AsyncIterator[Any]:
-        """The messages of a call; it is cancelled when the iterator is closed."""
+        """Yields the messages of a call, which is cancelled when the iterator is closed."""
         call = self._services.method(step)(
             step.request, metadata=metadata_of(self._metadata, step.scene)
         )
@@ -106,7 +106,7 @@ class _Awaiting:
     async def _send(self, step: Send) -> Any:
         call = self._services.method(step)(metadata=metadata_of(self._metadata, step.scene))
         try:
-            # Files are read and checked off the event loop.
+            # Files are read and checked in a thread, not in the event loop.
             while (request := await asyncio.to_thread(_next, step.requests)) is not None:
                 await call.write(request)
             await call.done_writing()
@@ -118,21 +118,21 @@ class _Awaiting:
 
 
 def _next(requests: Iterator[Any]) -> Any:
-    """None: there are no more."""
+    """Returns the next request, or None after the last one."""
     return next(requests, None)
 
 
 async def _why(call: Any, error: Exception) -> Exception:
-    """Why a stream ended: a write after its end tells nothing itself."""
+    """Returns why a stream ended: the error of a write after its end does not say."""
     try:
         await call
-    except grpc.RpcError as told:
-        return errors.from_rpc(told)
+    except grpc.RpcError as cause:
+        return errors.from_rpc(cause)
     return error
 
 
 class Selection(subsets.SelectionInfo):
-    """Gaussians of a model, chosen. Attributes as in `subsets.SelectionInfo`."""
+    """Selected Gaussians of a model. Attributes as in `subsets.SelectionInfo`."""
 
     def __init__(self, client: Client, info: subsets.SelectionInfo) -> None:
         super().__init__(**dataclasses.asdict(info))
@@ -145,7 +145,10 @@ class Selection(subsets.SelectionInfo):
         return await self._client.export(path, self, without=without)
 
     async def combine(self, operation: str, other: Selection) -> Selection:
-        """With `other`: "union", "subtract" or "intersect"; this one is the base of the new one.
+        """Combines this selection, the base of the new one, with `other`.
+
+        Args:
+            operation: "union", "subtract" (this one without `other`) or "intersect".
 
         Raises:
             FailedPreconditionError: they are of different models.
@@ -153,22 +156,22 @@ class Selection(subsets.SelectionInfo):
         return await self._client.combine(self, operation, other)
 
     async def undo(self) -> Selection:
-        """The selection that this one was made from.
+        """Returns the selection that this one was made from.
 
         Raises:
-            FailedPreconditionError: it was made from none.
+            FailedPreconditionError: it was not made from another selection.
         """
         return await self._client.undo(self)
 
     async def delete(self) -> None:
-        """Deletes it on the server."""
+        """Deletes the selection on the server."""
         await self._client.delete_selection(self)
 
 
 def _selecting(
     operation: Callable[Concatenate[Place, P], Steps[subsets.SelectionInfo]]
 ) -> Callable[Concatenate[Client, P], Awaitable[Selection]]:
-    """As `awaited`, with the client to go on with."""
+    """Makes a method as `awaited` does, whose result is a Selection of this client."""
     ask = awaited(operation)
 
     async def method(self: Client, /, *args: P.args, **kwargs: P.kwargs) -> Selection:
@@ -180,12 +183,12 @@ def _selecting(
 
 
 class Client(SceneClient):
-    """A scene on a pepeseg server, by calls that are awaited. To be made where a loop runs.
+    """A scene on a pepeseg server, by calls that are awaited. Create it in a running event loop.
 
         async with pepeseg.aio.Client("shelf") as client:
             found = await client.segment("0001.jpg", points=[[320, 240]])
 
-    Errors and patience as of `pepeseg.Client`.
+    Errors and `patience` are those of `pepeseg.Client`.
     """
 
     def _open(self, connection: Connection, patience: float) -> None:
@@ -193,11 +196,11 @@ class Client(SceneClient):
         self._calls = _Awaiting(self._channel, connection.metadata, patience)
 
     async def run(self, steps: Steps[T]) -> T:
-        """Takes the steps of an operation."""
+        """Runs the steps of an operation."""
         return await self._calls.run(steps)
 
     async def close(self) -> None:
-        """Ends the connection, and with it calls under way and clients made by `of`."""
+        """Closes the connection. Calls in progress and clients made by `of` end with it."""
         await self._channel.close()
 
     async def __aenter__(self) -> Client:
@@ -245,14 +248,14 @@ class Client(SceneClient):
     delete_selection = awaited(of_selections.delete_selection)
 
     async def selections(self) -> list[Selection]:
-        """The selections of the scene, newest first."""
+        """Lists the selections of the scene, newest first."""
         found = await self.run(of_selections.list_selections(self.place))
         return [Selection(self, info) for info in found]
 
     async def watch(
         self, job: job_service_pb2.Job | str, after: int | None = None
     ) -> AsyncIterator[job_service_pb2.JobEvent]:
-        """A job's events as they come, to its end: see `pepeseg.Client.watch`."""
+        """Yields a job's events as they come, to its end: see `pepeseg.Client.watch`."""
         watch = of_jobs.Watch(job, after)
         while not watch.ended:
             try:

@@ -1,4 +1,4 @@
-"""What both clients have in common: a scene to ask about, and operations as methods."""
+"""What both clients share: the scene that they are for, and operations as methods."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Self = TypeVar("Self", bound="SceneClient")
 
 
 def _place_of(scene: str, model: str | int) -> Place:
-    """Of ids, numbers or whole names."""
+    """Returns the names for a scene's id or name and a model's number or name."""
     name = scene if scene.startswith("scenes/") else f"scenes/{scene}"
     return Place(name, str(model) if "/" in str(model) else f"{name}/models/{model}")
 
 
 class SceneClient(ABC):
-    """A connection and the scene that is asked about."""
+    """A connection, and the scene and model that calls are about."""
 
     def __init__(
         self,
@@ -43,18 +43,19 @@ class SceneClient(ABC):
         """Connects with the first call.
 
         Args:
-            scene: id of the scene: a-z, 0-9 and '-'.
-            model: number of the model that is asked; "live" is the newest.
+            scene: id of the scene: 1 to 63 of a-z, A-Z, 0-9, '_', '.' and '-', beginning with a
+                letter or a digit.
+            model: number of the model; "live" is the newest.
             server: "[https://]host:port" or "unix:path"; else PEPESEG_SERVER, else
                 127.0.0.1:50051.
             key: an API key ("pk_...") or a JWT; else the first line of `key_file`, else
                 PEPESEG_KEY.
-            ca: PEM file, who may have signed the server's certificate; else PEPESEG_CA, else who
-                the system trusts.
+            ca: PEM file of the authorities that may sign the server's certificate; else PEPESEG_CA,
+                else those that the system trusts.
             certificate, certificate_key: PEM files of this client; else PEPESEG_CERTIFICATE and
                 PEPESEG_CERTIFICATE_KEY.
-            tls: also meant by https://, `ca` and `certificate`.
-            patience: seconds for which a call is made again; 0: no second try.
+            tls: encrypt; also implied by https://, `ca` and `certificate`.
+            patience: seconds for which a refused call is repeated; 0: it is not repeated.
 
         Raises:
             InvalidArgumentError: a file cannot be read, or the key would go to another machine
@@ -70,11 +71,11 @@ class SceneClient(ABC):
 
     @property
     def place(self) -> Place:
-        """The names of the scene and the model that are asked about."""
+        """The names of the scene and the model that calls are about."""
         return self._place
 
     def of(self: Self, scene: str, model: str | int = "live") -> Self:
-        """A client of another scene or model, over the same connection."""
+        """Returns a client for another scene or model, over the same connection."""
         other = object.__new__(type(self))
         other.__dict__.update(self.__dict__)
         other._place = _place_of(scene, model)
@@ -82,7 +83,7 @@ class SceneClient(ABC):
 
 
 class Runs(Protocol):
-    """A client that blocks."""
+    """The blocking client, as operations need it."""
 
     @property
     def place(self) -> Place:
@@ -93,7 +94,7 @@ class Runs(Protocol):
 
 
 class RunsAsync(Protocol):
-    """A client that awaits."""
+    """The asyncio client, as operations need it."""
 
     @property
     def place(self) -> Place:
@@ -104,7 +105,7 @@ class RunsAsync(Protocol):
 
 
 def _told_as(method: Any, operation: Callable[..., Any]) -> None:
-    """Name, text and signature of an operation, whose first parameter is the client's own."""
+    """Gives `method` the operation's name, docstring and signature, with `self` for its place."""
     functools.update_wrapper(method, operation)
     del method.__wrapped__
     signature = inspect.signature(operation)
@@ -117,7 +118,7 @@ def _told_as(method: Any, operation: Callable[..., Any]) -> None:
 def blocking(
     operation: Callable[Concatenate[Place, P], Steps[T]]
 ) -> Callable[Concatenate[Runs, P], T]:
-    """A method of a client that blocks."""
+    """Makes an operation a method of the blocking client."""
 
     def method(self: Runs, /, *args: P.args, **kwargs: P.kwargs) -> T:
         return self.run(operation(self.place, *args, **kwargs))
@@ -129,7 +130,7 @@ def blocking(
 def awaited(
     operation: Callable[Concatenate[Place, P], Steps[T]]
 ) -> Callable[Concatenate[RunsAsync, P], Awaitable[T]]:
-    """A method of a client that awaits."""
+    """Makes an operation a method of the asyncio client."""
 
     async def method(self: RunsAsync, /, *args: P.args, **kwargs: P.kwargs) -> T:
         return await self.run(operation(self.place, *args, **kwargs))

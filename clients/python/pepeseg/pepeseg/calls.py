@@ -1,7 +1,8 @@
-"""What operations are made of: steps that a client takes, blocking or awaiting.
+"""The steps that operations consist of, and how the blocking client runs them.
 
-An operation is written once, as a generator that yields steps and is sent what they came to, or has
-the step's exception raised in it. `Client` and `aio.Client` take the steps.
+An operation is written once, as a generator that yields steps. The client runs a step and sends the
+result into the generator, or raises the step's exception in it. `Client` blocks for each step,
+`aio.Client` awaits it.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from pepeseg.v1 import (
 
 T = TypeVar("T")
 
-# The first question to a model loads it.
+# The first query of a model loads it.
 CALL_SECONDS = 120.0
 _FIRST_PAUSE = 0.25
 _LONGEST_PAUSE = 4.0
@@ -32,7 +33,7 @@ _LONGEST_PAUSE = 4.0
 
 @dataclass(frozen=True)
 class Place:
-    """What a client asks about."""
+    """The names of the scene and the model that a client's calls are about."""
 
     scene: str  # "scenes/shelf"
     model: str  # "scenes/shelf/models/live"
@@ -40,10 +41,10 @@ class Place:
 
 @dataclass(frozen=True)
 class Unary:
-    """A call with one request and one answer.
+    """A call with one request and one response.
 
-    `repeatable`: whether doing it twice is as doing it once; else it is only asked again where the
-    server said that it did nothing.
+    `repeatable`: the call may be repeated after a lost response, because doing it twice has the
+    effect of doing it once. Otherwise it is repeated only if the server said that it did nothing.
     """
 
     service: str
@@ -55,7 +56,7 @@ class Unary:
 
 @dataclass(frozen=True)
 class Send:
-    """A call that streams `requests` and has one answer. What `requests` raises ends the call."""
+    """A call that streams `requests` and has one response. An exception of `requests` ends it."""
 
     service: str
     method: str
@@ -65,7 +66,7 @@ class Send:
 
 @dataclass(frozen=True)
 class Receive:
-    """A call that streams answers, each given to `take`. What `take` raises ends the call."""
+    """A call that streams responses, each passed to `take`. An exception of `take` ends it."""
 
     service: str
     method: str
@@ -81,7 +82,7 @@ class Pause:
 
 @dataclass(frozen=True)
 class Work:
-    """Something that reads files for a while: off the event loop, where there is one."""
+    """Work that reads files for a while. The asyncio client runs it in a thread."""
 
     do: Callable[[], Any]
 
@@ -91,7 +92,7 @@ Steps = Generator[Step, Any, T]
 
 
 class Services:
-    """The stubs of a channel of either kind."""
+    """The stubs of a channel, blocking or asyncio."""
 
     def __init__(self, channel: Any) -> None:
         stubs: dict[str, Any] = {
@@ -107,14 +108,15 @@ class Services:
 
 
 class Patience:
-    """How long a refused or lost call is asked again: pauses that double, or as the server says."""
+    """Decides how long a refused or lost call is repeated, and after which pauses: doubling ones,
+    or the one that the server asks for."""
 
     def __init__(self, seconds: float) -> None:
         self._end = time.monotonic() + seconds
         self._pause = _FIRST_PAUSE
 
     def pause_after(self, error: errors.PepesegError, repeatable: bool) -> float:
-        """Seconds until the next try; raises `error` where there is to be none."""
+        """Returns the seconds until the next try, or raises `error` if there is none."""
         pause = error.retry_after
         if pause is None:
             if not (repeatable and isinstance(error, errors.UnavailableError)):
@@ -126,12 +128,12 @@ class Patience:
 
 
 def metadata_of(base: tuple[tuple[str, str], ...], scene: str) -> tuple[tuple[str, str], ...]:
-    """With the scene as routing key."""
+    """Returns `metadata` with the scene as the gateway's routing key."""
     return (*base, ("x-scene", scene.removeprefix("scenes/"))) if scene else base
 
 
 class LocalFailure:
-    """Runs through `requests` for gRPC and keeps what it raises, which gRPC would not tell."""
+    """Iterates over `requests` for gRPC and keeps their exception, which gRPC would hide."""
 
     def __init__(self, requests: Iterator[Any]) -> None:
         self._requests = requests
@@ -154,7 +156,7 @@ class LocalFailure:
 
 
 class Blocking:
-    """Takes steps one after the other, waiting for each."""
+    """Runs the steps of an operation one after the other, blocking for each."""
 
     def __init__(
         self, channel: grpc.Channel, metadata: tuple[tuple[str, str], ...], patience: float
@@ -164,7 +166,7 @@ class Blocking:
         self._patience = patience
 
     def run(self, steps: Steps[T]) -> T:
-        """All of an operation."""
+        """Runs an operation to its end and returns its result."""
         try:
             step = next(steps)
             while True:
@@ -181,7 +183,7 @@ class Blocking:
             steps.close()
 
     def stream(self, step: Receive) -> Iterator[Any]:
-        """The messages of a call; it is cancelled when the iterator is closed."""
+        """Yields the messages of a call, which is cancelled when the iterator is closed."""
         call = self._services.method(step)(
             step.request, metadata=metadata_of(self._metadata, step.scene)
         )
@@ -226,14 +228,14 @@ class Blocking:
 
 
 def new_request_id() -> str:
-    """Random, so that a call repeated after a lost answer is known for the same one."""
+    """Returns a random request_id, by which the server recognises a repeated call."""
     return secrets.token_hex(16)
 
 
 def all_pages(
     service: str, method: str, request: Any, items: str, scene: str = ""
 ) -> Steps[list[Any]]:
-    """The items of a list, page after page."""
+    """Returns the items of all pages of a list."""
     found: list[Any] = []
     request.page_size = 1000
     while True:

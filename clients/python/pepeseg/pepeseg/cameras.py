@@ -1,4 +1,4 @@
-"""Places that pictures are taken from: the views of a model, and any other camera."""
+"""Viewpoints: the views of a model, and any other camera."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Camera:
     """A pinhole camera anywhere in the scene.
 
     Attributes:
-        width, height: pixels, 16 megapixels together at most.
+        width, height: pixels, at most 16 megapixels in all.
         fx, fy, cx, cy: focal lengths and principal point, pixels; pixel centres are at + 0.5.
         cam_from_world: [4, 4], rigid. World axes and unit are those of the dataset's poses; camera
             axes: x right, y down, z forward.
@@ -37,14 +37,15 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A photograph's place, after undistortion.
+    """A photograph's view, after undistortion.
 
     Attributes:
-        name: of the photograph as it was uploaded, without its images/.
-        camera: its place; `camera.cam_from_world` is float64 [4, 4].
-        held_out: kept from training, for scoring.
+        name: path of the photograph as it was uploaded, without "images/".
+        camera: its camera; `camera.cam_from_world` is float64 [4, 4].
+        held_out: whether it was held out of training, for scoring.
         photograph_size: width and height of the photograph as it was uploaded, pixels.
-        psnr, ssim: of a held-out view when the model was made, dB and [-1, 1]; None: not scored.
+        psnr, ssim: scores of a held-out view when the model was made, dB and [-1, 1]; None: not
+            scored.
     """
 
     name: str
@@ -55,12 +56,12 @@ class View:
     photograph_size: tuple[int, int]
 
 
-# What a question may be asked about: a view's name, or a camera.
+# Where a prompt or a picture is: a view, its name, or a camera.
 Viewpoint = Union[str, View, Camera]
 
 
 def _to_quaternion(rotation: Matrix) -> list[float]:
-    """w, x, y, z of a rotation [3, 3]: the eigenvector of Bar-Itzhack's symmetric matrix."""
+    """Returns a rotation [3, 3] as w, x, y, z: an eigenvector of Bar-Itzhack's symmetric matrix."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
     symmetric = np.array(
         [
@@ -131,7 +132,7 @@ def _parse_view(view: Any) -> View:
         held_out=view.held_out,
         psnr=view.scores.psnr if scored else None,
         ssim=view.scores.ssim if scored else None,
-        # Servers that do not say have no other pixels than the view's.
+        # Servers that do not report it know only the view's pixels.
         photograph_size=(
             view.photograph_width or camera.width,
             view.photograph_height or camera.height,
@@ -140,7 +141,7 @@ def _parse_view(view: Any) -> View:
 
 
 def views(at: Place) -> Steps[list[View]]:
-    """The views that the model was trained and scored on, by name.
+    """Lists the views that the model was trained and scored on, by name.
 
     Raises:
         FailedPreconditionError: the scene has no model yet.

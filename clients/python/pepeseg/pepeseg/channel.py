@@ -1,4 +1,4 @@
-"""How a server is spoken to: its address, TLS, and the key that goes with every call."""
+"""The connection to a server: address, TLS, and the key that every call carries."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DEFAULT_SERVER = "127.0.0.1:50051"
 _HTTPS = "https://"
 _OPTIONS = [
     ("grpc.max_receive_message_length", 64 << 20),
-    # A server that comes back is found again within seconds, not within two minutes.
+    # Reconnects within seconds after a server comes back, not within two minutes.
     ("grpc.initial_reconnect_backoff_ms", 250),
     ("grpc.min_reconnect_backoff_ms", 1000),
     ("grpc.max_reconnect_backoff_ms", 2000),
@@ -25,17 +25,17 @@ _OPTIONS = [
 
 @dataclass(frozen=True)
 class Login:
-    """What is said of a connection. What is None is taken from the environment.
+    """How to connect. Fields that are None are taken from the environment.
 
     Attributes:
         server: "[https://]host:port" or "unix:path"; else PEPESEG_SERVER, else 127.0.0.1:50051.
         key: an API key ("pk_...") or a JWT; else the first line of `key_file`, else PEPESEG_KEY.
-        key_file: a file with it.
-        ca: PEM file, who may have signed the server's certificate; else PEPESEG_CA, else who the
-            system trusts.
+        key_file: a file whose first line is the key.
+        ca: PEM file of the authorities that may sign the server's certificate; else PEPESEG_CA,
+            else those that the system trusts.
         certificate, certificate_key: PEM files of this client; else PEPESEG_CERTIFICATE and
             PEPESEG_CERTIFICATE_KEY.
-        tls: also meant by https://, `ca` and `certificate`.
+        tls: encrypt; also implied by https://, `ca` and `certificate`.
     """
 
     server: str | None = None
@@ -49,18 +49,18 @@ class Login:
 
 @dataclass(frozen=True)
 class Connection:
-    """A login that was looked through: what a channel is made from."""
+    """A checked login, from which channels are made."""
 
     target: str
     credentials: grpc.ChannelCredentials | None
     metadata: tuple[tuple[str, str], ...]
 
     def open(self) -> grpc.Channel:
-        """A channel for blocking calls. It connects with the first call."""
+        """Returns a channel for blocking calls. It connects with the first call."""
         return self._open(grpc)
 
     def open_aio(self) -> Any:
-        """A grpc.aio.Channel, of the event loop that runs."""
+        """Returns a grpc.aio.Channel of the running event loop."""
         from grpc import aio
 
         return self._open(aio)
@@ -72,7 +72,7 @@ class Connection:
 
 
 def is_this_machine(target: str) -> bool:
-    """Whether "host:port" or "unix:path" cannot be another machine."""
+    """Returns whether "host:port" or "unix:path" is certainly this machine."""
     if target.startswith("unix:"):
         return True
     host = target.rpartition(":")[0]
@@ -87,7 +87,7 @@ def _read(path: str | os.PathLike[str]) -> bytes:
 
 
 def _find_key(login: Login) -> str:
-    """Empty: there is none."""
+    """Returns the key, empty if there is none."""
     text, source = os.environ.get("PEPESEG_KEY", ""), "PEPESEG_KEY"
     if login.key is not None:
         text, source = login.key, "key"
@@ -97,7 +97,7 @@ def _find_key(login: Login) -> str:
     key = text.strip()
     if not key and source == "PEPESEG_KEY":
         return ""
-    # What is not printable would end the call with a fault that names nothing.
+    # A key that cannot be a header value would fail each call with an error that names nothing.
     is_key = re.fullmatch(r"pk_[!-~]*", key, re.ASCII)
     is_token = re.fullmatch(r"[\w-]+(\.[\w-]+){2}", key, re.ASCII)
     if not is_key and not is_token:
@@ -123,10 +123,10 @@ def _tls_credentials(
 
 
 def look_through(login: Login) -> Connection:
-    """What a channel is made from.
+    """Checks a login, and fills it from the environment.
 
     Raises:
-        InvalidArgumentError: a file cannot be read, the key is none, or it would go to another
+        InvalidArgumentError: a file cannot be read, the key is malformed, or it would go to another
             machine unencrypted.
     """
     server = login.server or os.environ.get("PEPESEG_SERVER") or DEFAULT_SERVER

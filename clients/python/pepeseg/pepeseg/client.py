@@ -1,4 +1,4 @@
-"""The client that blocks."""
+"""The blocking client."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ T = TypeVar("T")
 
 
 class Selection(subsets.SelectionInfo):
-    """Gaussians of a model, chosen; `a | b`, `a - b` and `a & b` make new ones. Attributes as in
-    `subsets.SelectionInfo`."""
+    """Selected Gaussians of a model; `a | b`, `a - b` and `a & b` make new selections. Attributes
+    as in `subsets.SelectionInfo`."""
 
     def __init__(self, client: Client, info: subsets.SelectionInfo) -> None:
         super().__init__(**dataclasses.asdict(info))
@@ -38,7 +38,10 @@ class Selection(subsets.SelectionInfo):
         return self._client.export(path, self, without=without)
 
     def combine(self, operation: str, other: Selection) -> Selection:
-        """With `other`: "union", "subtract" or "intersect"; this one is the base of the new one.
+        """Combines this selection, the base of the new one, with `other`.
+
+        Args:
+            operation: "union", "subtract" (this one without `other`) or "intersect".
 
         Raises:
             FailedPreconditionError: they are of different models.
@@ -55,22 +58,22 @@ class Selection(subsets.SelectionInfo):
         return self.combine("intersect", other)
 
     def undo(self) -> Selection:
-        """The selection that this one was made from.
+        """Returns the selection that this one was made from.
 
         Raises:
-            FailedPreconditionError: it was made from none.
+            FailedPreconditionError: it was not made from another selection.
         """
         return self._client.undo(self)
 
     def delete(self) -> None:
-        """Deletes it on the server."""
+        """Deletes the selection on the server."""
         self._client.delete_selection(self)
 
 
 def _selecting(
     operation: Callable[Concatenate[Place, P], Steps[subsets.SelectionInfo]]
 ) -> Callable[Concatenate[Client, P], Selection]:
-    """As `blocking`, with the client to go on with."""
+    """Makes a method as `blocking` does, whose result is a Selection of this client."""
     ask = blocking(operation)
 
     def method(self: Client, /, *args: P.args, **kwargs: P.kwargs) -> Selection:
@@ -89,9 +92,9 @@ class Client(SceneClient):
             client.train(progress=True)
             mask = client.segment("0001.jpg", points=[[320, 240]]).mask
 
-    Every call raises a subclass of `PepesegError`. Calls that a busy or stopping server has turned
-    away (UNAVAILABLE) are made again, as it says or with growing pauses, for `patience` seconds;
-    uploads and watched jobs have more patience of their own.
+    A call that fails raises a subclass of `PepesegError`. Calls that a busy or stopping server
+    refuses (UNAVAILABLE) are repeated for `patience` seconds, after the pause that the server asks
+    for or after growing pauses; uploads and watched jobs are repeated for longer.
     """
 
     def _open(self, connection: Connection, patience: float) -> None:
@@ -99,11 +102,11 @@ class Client(SceneClient):
         self._calls = Blocking(self._channel, connection.metadata, patience)
 
     def run(self, steps: Steps[T]) -> T:
-        """Takes the steps of an operation."""
+        """Runs the steps of an operation."""
         return self._calls.run(steps)
 
     def close(self) -> None:
-        """Ends the connection, and with it calls under way and clients made by `of`."""
+        """Closes the connection. Calls in progress and clients made by `of` end with it."""
         self._channel.close()
 
     def __enter__(self) -> Client:
@@ -151,22 +154,22 @@ class Client(SceneClient):
     delete_selection = blocking(of_selections.delete_selection)
 
     def selections(self) -> list[Selection]:
-        """The selections of the scene, newest first."""
+        """Lists the selections of the scene, newest first."""
         found = self.run(of_selections.list_selections(self.place))
         return [Selection(self, info) for info in found]
 
     def watch(
         self, job: job_service_pb2.Job | str, after: int | None = None
     ) -> Iterator[job_service_pb2.JobEvent]:
-        """A job's events as they come, to its end; first a snapshot. Heartbeats are left out, and a
-        server that went away is asked again.
+        """Yields a job's events as they come, to its end, first a snapshot. Heartbeats are left
+        out, and a lost server is called again.
 
         Args:
             after: sequence of the last event that was seen, to resume a watch; 0: all events.
 
         Raises:
             NotFoundError: no such job.
-            OutOfRangeError: `after` is over the job's newest.
+            OutOfRangeError: `after` is beyond the job's newest event.
             UnavailableError: the server did not come back for half a minute.
         """
         watch = of_jobs.Watch(job, after)

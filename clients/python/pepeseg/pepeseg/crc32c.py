@@ -1,8 +1,8 @@
-"""CRC-32C (Castagnoli), which the contract wants of each chunk, by NumPy alone.
+"""CRC-32C (Castagnoli) with NumPy alone. The contract requires it of each chunk.
 
-The bytes are a polynomial over GF(2), a 32-bit word a coefficient group. The upper part of the
-words, times x to the power of its distance, is added to the lower one until one word is left: half
-as many words a round, all of a round at once.
+The bytes are a polynomial over GF(2), of which each 32-bit word holds 32 coefficients. Each round
+multiplies the upper half of the words by x to the power of its distance and adds it to the lower
+half, which halves the number of words, until one word is left. A round is a few NumPy operations.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 _Words = npt.NDArray[np.uint32]
 
-# Arrays of this size come from memory that the process has already; larger ones cost page faults.
+# Arrays of this size reuse memory that the process already has; larger ones cost page faults.
 _PIECE_BYTES = 1 << 17
 _POLYNOMIAL = 0x82F63B78  # reflected: bit 31 of a word is x^0
 
@@ -34,7 +34,7 @@ def _multiply(a: int, b: int) -> int:
 
 @lru_cache(maxsize=None)
 def _power(exponent_of_two: int) -> int:
-    """x^(32 * 2^exponent_of_two), reduced."""
+    """Returns x^(32 * 2^exponent_of_two), reduced by the polynomial."""
     if exponent_of_two == 0:
         word = 1 << 31
         for _ in range(32):
@@ -46,7 +46,7 @@ def _power(exponent_of_two: int) -> int:
 
 @lru_cache(maxsize=None)
 def _tables(exponent_of_two: int) -> _Words:
-    """[2, 65536]: each half of a word, times that power."""
+    """Returns [2, 65536]: each value of the lower and of the upper half-word, times that power."""
     factor = _power(exponent_of_two)
     tables = np.zeros((2, 1 << 16), np.uint32)
     for place in range(2):
@@ -58,7 +58,7 @@ def _tables(exponent_of_two: int) -> _Words:
 
 
 def _advance(register: int, data: npt.NDArray[np.uint8]) -> int:
-    # Zeros ahead change nothing; four behind are the factor x^32 of the definition.
+    # Leading zeros change nothing; four trailing ones are the factor x^32 of the definition.
     num_words = (len(data) + 7) // 4
     padded = np.zeros(4 * num_words, np.uint8)
     start = 4 * num_words - 4 - len(data)
@@ -72,13 +72,13 @@ def _advance(register: int, data: npt.NDArray[np.uint8]) -> int:
         tables = _tables(exponent)
         halves = upper.astype("<u4", copy=False).view("<u2").reshape(-1, 2)
         for place in range(2):
-            # "clip" only spares the check: every half is an index.
+            # "clip" only avoids the bounds check: every half-word is an index.
             words[distance - upper.size :] ^= np.take(tables[place], halves[:, place], mode="clip")
     return int(words[0])
 
 
 def crc32c(data: bytes | memoryview) -> int:
-    """CRC-32C of `data`."""
+    """Returns the CRC-32C of `data`."""
     register = 0xFFFFFFFF
     all_bytes = np.frombuffer(data, np.uint8)
     for start in range(0, len(all_bytes), _PIECE_BYTES):

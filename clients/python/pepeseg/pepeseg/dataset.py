@@ -1,13 +1,13 @@
-"""Which files of a folder are a dataset, and as what: the layout that `pepeseg upload` knows, too.
+"""Which files of a folder are part of a dataset, and what each is, as in `pepeseg upload`.
 
 images/...                          photographs (.jpg .jpeg .png .webp .heic .heif), also in subfolders
 videos/..., images/...              videos (.mp4 .m4v .mov .webm .mkv .avi)
 sparse/0/ or sparse/                COLMAP cameras, images (poses), points3D (points)
-transforms.json, poses_bounds.npy   poses of nerfstudio or instant-ngp, or of LLFF
+transforms.json, poses_bounds.npy   poses by nerfstudio or instant-ngp, or by LLFF
 masks/STEM.json|png                 SAM masks with COCO RLE, or a label image
-ignore_mask.png, ignore/STEM.png    pixels to leave out, of all views or of one
+ignore_mask.png, ignore/STEM.png    pixels to leave out, in all views or in one
 points.ply, sparse_pc.ply           points to start from in place of COLMAP's
-gaussians.ply                       3DGS's layout: taken in place of a reconstruction
+gaussians.ply                       3DGS's layout: replaces the reconstruction
 depth/STEM.png|npy|pfm              far is large (or `depth_kind`)
 disparity/STEM.png|npy|pfm          near is large
 """
@@ -29,7 +29,7 @@ _MAPS = (".png", ".npy", ".pfm")
 
 
 class FileKind(Enum):
-    """What a file of a dataset is, as the contract has it."""
+    """What a file of a dataset is, with the contract's values."""
 
     IMAGE = dataset_service_pb2.FILE_KIND_IMAGE
     POSES = dataset_service_pb2.FILE_KIND_POSES
@@ -44,11 +44,11 @@ class FileKind(Enum):
 
 @dataclass(frozen=True)
 class DatasetFile:
-    """A file to be uploaded.
+    """A file to upload.
 
     Attributes:
-        name: what it is called there, relative, with '/'.
-        path: where it stands here.
+        name: its name in the dataset, relative, with '/'.
+        path: where it is on this machine.
     """
 
     name: str
@@ -61,9 +61,9 @@ class Dataset:
     """What `upload` takes.
 
     Attributes:
-        files: by name.
-        left_out: files that are no part of a dataset, by name.
-        missing: photographs that the poses name and that are not there.
+        files: sorted by name.
+        left_out: names of files that are not part of a dataset, sorted.
+        missing: photographs that the poses name and that do not exist.
     """
 
     files: list[DatasetFile]
@@ -71,7 +71,7 @@ class Dataset:
     missing: list[str] = field(default_factory=list)
 
     def names(self, kind: FileKind) -> list[str]:
-        """Of the files of a kind."""
+        """Returns the names of the files of a kind."""
         return [file.name for file in self.files if file.kind == kind]
 
 
@@ -84,14 +84,14 @@ def is_video(name: str) -> bool:
 
 
 def colmap_kind(name: str) -> FileKind | None:
-    """Of a file of a COLMAP model, by its name alone."""
+    """Returns the kind of a file of a COLMAP model by its name, None if it is not part of one."""
     if re.fullmatch(r"(cameras|images)\.(bin|txt)", name):
         return FileKind.POSES
     return FileKind.POINTS if re.fullmatch(r"points3D\.(bin|txt)", name) else None
 
 
 def _kind_in_folder(folder: str, name: str, in_depth: FileKind) -> FileKind | None:
-    """`name`: below the folder."""
+    """Returns the kind of a file by its name below one of the layout's folders, or None."""
     lower = name.lower()
     if folder == "images" and is_photograph(name):
         return FileKind.IMAGE
@@ -119,7 +119,7 @@ _KINDS_BY_NAME = {
 
 
 def kind_of(name: str, in_depth: FileKind = FileKind.DEPTH) -> FileKind | None:
-    """Of a file by its name relative to the dataset's folder; None: no part of a dataset."""
+    """Returns a file's kind by its name relative to the dataset's folder, None for other files."""
     folder, slash, rest = name.partition("/")
     return _kind_in_folder(folder, rest, in_depth) if slash else _KINDS_BY_NAME.get(name)
 
@@ -129,7 +129,7 @@ def _fail(error: OSError) -> None:
 
 
 def list_files(root: Path) -> list[str]:
-    """Names of all files below a folder, relative, with '/'. Links to folders are not followed."""
+    """Lists all files below a folder, relative, with '/'. Links to folders are not followed."""
     names: list[str] = []
     for folder, _, files in os.walk(root, onerror=_fail):
         names.extend((Path(folder) / file).relative_to(root).as_posix() for file in files)
@@ -137,7 +137,7 @@ def list_files(root: Path) -> list[str]:
 
 
 def _take_loose(root: Path, left_out: list[str]) -> tuple[list[DatasetFile], list[str]]:
-    """The photographs and videos of the folder itself, which have no part in the layout."""
+    """Separates photographs and videos in the folder itself from the other left-out files."""
     files, rest = [], []
     for name in left_out:
         loose = "/" not in name and (root / name).is_file()
@@ -151,10 +151,10 @@ def _take_loose(root: Path, left_out: list[str]) -> tuple[list[DatasetFile], lis
 
 
 def read_folder(folder: str | os.PathLike[str], depth_kind: str = "depth") -> Dataset:
-    """A dataset's folder, or one video.
+    """Reads the folder of a dataset, or one video.
 
-    Photographs and videos that stand in the folder itself are taken as images/NAME and videos/NAME
-    where it has none below images/ and videos/.
+    Photographs and videos in the folder itself are taken as images/NAME and videos/NAME if there
+    are none below images/ and videos/.
 
     Args:
         depth_kind: what depth/ holds: "depth" (far is large, 0 unknown) or "disparity" (near is
@@ -162,7 +162,7 @@ def read_folder(folder: str | os.PathLike[str], depth_kind: str = "depth") -> Da
 
     Raises:
         NotFoundError: no such folder.
-        InvalidArgumentError: no photographs and no video in it.
+        InvalidArgumentError: it has neither photographs nor a video.
     """
     if depth_kind not in ("depth", "disparity"):
         raise refused(f'depth_kind "{depth_kind}": depth or disparity is wanted')

@@ -1,4 +1,4 @@
-"""What can go wrong, as exceptions: one for each gRPC code that the contract uses."""
+"""The exceptions: one for each gRPC code that the contract uses."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ _NOBODY_HERE = re.compile(r"ipv4:(127\.[0-9.]+:[0-9]+)|(unix:[^\s:]+)")
 
 
 class PepesegError(Exception):
-    """A call that failed. Subclasses tell the kind; the fields what the server says of it.
+    """A call that failed. The subclass gives the kind, the fields the server's details.
 
     Attributes:
         message: for people.
         code: the gRPC code.
-        reason: stable and for programs, as "BAD_FIELD" or "NO_MODEL"; empty where the answer did
+        reason: for programs and stable, such as "BAD_FIELD" or "NO_MODEL"; empty if the error did
             not come from the server.
         field, resource, limit, value: as in ErrorDetail of the contract; may be empty.
-        retry_after: seconds after which asking again makes sense; None: not by waiting.
+        retry_after: seconds after which a repetition makes sense; None: waiting does not help.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class PepesegError(Exception):
 
 
 class InvalidArgumentError(PepesegError, ValueError):
-    """A value or a file is refused: `field`, `value`, `limit`. Also what is refused unsent."""
+    """A value or a file is refused (`field`, `value`, `limit`), by the server or before sending."""
 
 
 class NotFoundError(PepesegError, LookupError):
@@ -62,7 +62,7 @@ class AlreadyExistsError(PepesegError):
 
 
 class FailedPreconditionError(PepesegError):
-    """Not in a state that allows it, as a scene without a model."""
+    """The state does not allow it, such as a scene without a model."""
 
 
 class AbortedError(PepesegError):
@@ -70,7 +70,7 @@ class AbortedError(PepesegError):
 
 
 class OutOfRangeError(PepesegError):
-    """An offset, or a number of an event, that does not exist."""
+    """An offset or an event's sequence that does not exist."""
 
 
 class DataLossError(PepesegError):
@@ -78,7 +78,7 @@ class DataLossError(PepesegError):
 
 
 class ResourceExhaustedError(PepesegError):
-    """A limit or quota of the server: `value` needed, `limit` had."""
+    """A limit or quota of the server is reached: `value` is needed, `limit` allowed."""
 
 
 class UnavailableError(PepesegError):
@@ -86,11 +86,11 @@ class UnavailableError(PepesegError):
 
 
 class UnauthenticatedError(PepesegError):
-    """No key, or none that opens anything."""
+    """No key, or one that is unknown, revoked or expired."""
 
 
 class PermissionDeniedError(PepesegError):
-    """The key lacks the scope (`limit`), or what is named is not its project's."""
+    """The key lacks the scope (`limit`), or the resource is not its project's."""
 
 
 class CancelledError(PepesegError):
@@ -98,7 +98,7 @@ class CancelledError(PepesegError):
 
 
 class DeadlineExceededError(PepesegError):
-    """The call, or a stage of a job, took longer than it may."""
+    """The call, or a stage of a job, exceeded its time limit."""
 
 
 class InternalError(PepesegError):
@@ -106,7 +106,7 @@ class InternalError(PepesegError):
 
 
 class UnimplementedError(PepesegError):
-    """The server does not know the call."""
+    """The server does not have the method."""
 
 
 class JobFailedError(PepesegError):
@@ -139,7 +139,7 @@ _CLASSES: dict[grpc.StatusCode, type[PepesegError]] = {
     grpc.StatusCode.UNIMPLEMENTED: UnimplementedError,
 }
 
-# What a proxy on the way means by an HTTP status.
+# HTTP statuses of proxies, as gRPC codes.
 _FROM_HTTP = {
     401: grpc.StatusCode.UNAUTHENTICATED,
     403: grpc.StatusCode.PERMISSION_DENIED,
@@ -166,8 +166,8 @@ def _read_detail(metadata: object) -> errors_pb2.ErrorDetail | None:
 
 
 def start_advice(message: str) -> str:
-    """How to get a server where gRPC found none on this machine; empty: it is elsewhere, or no
-    server program is found.
+    """Returns how to start a server if gRPC found none on this machine; empty if the address is
+    another machine's, or no server program is found.
     """
     place = _NOBODY_HERE.search(message)
     built = Path(__file__).parents[4] / "build" / "bin" / "pepesegd"
@@ -180,7 +180,7 @@ def start_advice(message: str) -> str:
 
 
 def from_rpc(error: grpc.RpcError) -> PepesegError:
-    """The exception for what gRPC raised, of a call of either kind."""
+    """Returns the exception for an error of gRPC, of a blocking or an asyncio call."""
     code: grpc.StatusCode = error.code()
     message: str = error.details() or code.name
     detail = _read_detail(error.trailing_metadata())
@@ -194,22 +194,22 @@ def from_rpc(error: grpc.RpcError) -> PepesegError:
 
 
 def refused(message: str) -> InvalidArgumentError:
-    """What is refused without asking the server."""
+    """Returns the error for an argument that is refused before sending."""
     return InvalidArgumentError(message, grpc.StatusCode.INVALID_ARGUMENT)
 
 
 def not_there(message: str) -> NotFoundError:
-    """Something that is looked for here and not found."""
+    """Returns the error for a local file or folder that does not exist."""
     return NotFoundError(message, grpc.StatusCode.NOT_FOUND)
 
 
 def damaged(message: str) -> DataLossError:
-    """Bytes from the server that are not what they say."""
+    """Returns the error for bytes from the server that are damaged."""
     return DataLossError(message, grpc.StatusCode.DATA_LOSS)
 
 
 def outcome(job: job_service_pb2.Job) -> JobFailedError | JobCancelledError | None:
-    """Why a job that has ended has no model; None: it has one."""
+    """Returns why a job that has ended has no model, None if it has one."""
     error: JobFailedError | JobCancelledError
     stage = f" in stage {job.stage}" if job.stage else ""
     if job.state == job_service_pb2.JOB_STATE_FAILED:

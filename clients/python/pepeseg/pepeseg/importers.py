@@ -1,8 +1,8 @@
-"""Folders of other programs as datasets: nerfstudio's (and instant-ngp's), and COLMAP's.
+"""Reads folders of other programs as datasets: nerfstudio's (and instant-ngp's), and COLMAP's.
 
     client.upload(importers.nerfstudio("garden"))
 
-Photographs that the poses name and that are not there are in `Dataset.missing`; `upload` warns of
+Photographs that the poses name and that do not exist are in `Dataset.missing`; `upload` warns of
 them.
 """
 
@@ -29,13 +29,14 @@ _SUFFIXES = ("", ".png", ".jpg", ".jpeg", ".webp", ".PNG", ".JPG", ".JPEG")
 
 
 def _plain(path: str) -> str:
-    r"""Below the folder, as the server reads it: "..\data\.\images\7" as "data/images/7"."""
+    r"""Returns a path below the folder as the server reads it: "..\data\.\images\7" is
+    "data/images/7"."""
     parts = path.replace("\\", "/").split("/")
     return "/".join(part for part in parts if part not in ("", ".", ".."))
 
 
 def _find(root: Path, path: str) -> Path | None:
-    """The file that a frame names: relative to the folder, with or without its suffix."""
+    """Returns the file that a frame names, relative to the folder, with or without its suffix."""
     for suffix in _SUFFIXES:
         found = root / (path.replace("\\", "/") + suffix)
         if found.is_file():
@@ -48,7 +49,7 @@ def _below(name: str, folder: str) -> str:
 
 
 def _read_frames(file: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """The document and its frames, each with a "file_path"."""
+    """Returns the document and its frames, each of which has a "file_path"."""
     try:
         document = json.loads(file.read_bytes())
     except ValueError as error:
@@ -63,7 +64,7 @@ def _read_frames(file: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
 
 
 class _Frames:
-    """Puts the files of a folder of nerfstudio together, frame by frame."""
+    """Collects the files of a nerfstudio folder, frame by frame."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -80,7 +81,7 @@ class _Frames:
         if photograph is None:
             self.missing.append(frame["file_path"])
             return
-        # The name has the suffix that the file has.
+        # The name gets the file's suffix.
         plain = PurePosixPath(_plain(frame["file_path"]))
         key = _below(plain.with_name(photograph.name).as_posix(), "images")
         self.put(f"images/{key}", FileKind.IMAGE, photograph)
@@ -91,7 +92,7 @@ class _Frames:
             self.put(name.as_posix(), FileKind.DEPTH, path)
 
     def take_rest(self) -> list[str]:
-        """What has a place in the layout beside the photographs; names of what has none."""
+        """Puts the other files that belong to the layout. Returns the names of the rest."""
         left_out = []
         for name in list_files(self.root):
             path = self.root / name
@@ -107,16 +108,16 @@ class _Frames:
 
 
 def nerfstudio(folder: str | os.PathLike[str]) -> Dataset:
-    """A folder with a transforms.json of nerfstudio or instant-ngp.
+    """Reads a folder with a transforms.json of nerfstudio or instant-ngp.
 
-    Taken are the photographs that its frames name (with or without a suffix), their depth maps
+    Takes the photographs that its frames name (with or without a suffix), their depth maps
     ("depth_file_path", far is large), the points ("ply_file_path"), and masks/, ignore_mask.png and
-    ignore/ where there are any. nerfstudio's own masks ("mask_path") mean the opposite of an ignore
-    mask: they are left out.
+    ignore/ if they exist. nerfstudio's own masks ("mask_path") mean the opposite of an ignore mask:
+    they are left out.
 
     Raises:
         NotFoundError: no such folder, no transforms.json in it, or none of its photographs.
-        InvalidArgumentError: it is no such file.
+        InvalidArgumentError: transforms.json is not such a file.
     """
     root = Path(folder)
     transforms = root / "transforms.json"
@@ -139,7 +140,7 @@ def nerfstudio(folder: str | os.PathLike[str]) -> Dataset:
 
 
 def _names_in_binary(data: bytes) -> list[str]:
-    """Of images.bin: a count, then records of an id, a pose, a camera, a name and 2D points."""
+    """Returns the names in images.bin: a count, then records of id, pose, camera, name, points."""
     names = []
     (count,) = struct.unpack_from("<Q", data)
     at = 8
@@ -155,7 +156,7 @@ def _names_in_binary(data: bytes) -> list[str]:
 
 
 def _names_in_text(data: bytes) -> list[str]:
-    """Of images.txt: two lines an image, the second of which may be empty."""
+    """Returns the names in images.txt: two lines an image, of which the second may be empty."""
     lines = [line for line in data.decode().splitlines() if not line.startswith("#")]
     return [line.split(maxsplit=9)[9].strip() for line in lines[0::2] if line.strip()]
 
@@ -188,14 +189,14 @@ def _photographs(names: list[str], images: Path) -> tuple[dict[str, DatasetFile]
 
 
 def colmap(folder: str | os.PathLike[str], images: str | os.PathLike[str] | None = None) -> Dataset:
-    """A COLMAP model (.bin or .txt, in the folder or its sparse/0, sparse or colmap/sparse/0) with
-    its photographs.
+    """Reads a COLMAP model (.bin or .txt, in the folder or its sparse/0, sparse or colmap/sparse/0)
+    with its photographs.
 
-    Taken are the photographs that have a pose, points3D, and masks/, ignore_mask.png, ignore/,
-    depth/ and disparity/ of the folder where there are any.
+    Takes the photographs that have a pose, points3D, and the folder's masks/, ignore_mask.png,
+    ignore/, depth/ and disparity/ if they exist.
 
     Args:
-        images: where the photographs are; None: the folder's images/, else the folder.
+        images: folder of the photographs; None: images/ in the folder, else the folder itself.
 
     Raises:
         NotFoundError: no such folder, no model in it, or none of its photographs.

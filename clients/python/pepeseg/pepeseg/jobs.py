@@ -1,4 +1,4 @@
-"""Jobs: how they get on, and how they end."""
+"""Jobs: watching, waiting for and cancelling them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def job_name(job: job_service_pb2.Job | str) -> str:
 
 
 class Watch:
-    """A watch of a job, over as many streams as it takes."""
+    """A watch of a job that continues over new streams after lost connections."""
 
     def __init__(self, job: job_service_pb2.Job | str, after: int | None = None) -> None:
         self._request = job_service_pb2.WatchJobRequest(name=job_name(job), after_sequence=after)
@@ -38,13 +38,13 @@ class Watch:
         self.ended = False
 
     def stream(self, take: OnEvent) -> Receive:
-        """The next stream: what comes after the last event seen."""
+        """Returns the next stream, which begins after the last event seen."""
         if self._sequence is not None:
             self._request.after_sequence = self._sequence
         return Receive("jobs", "WatchJob", self._request, "", take)
 
     def see(self, event: job_service_pb2.JobEvent) -> bool:
-        """Notes where the watch is; whether the event tells anything."""
+        """Records an event's sequence. Returns whether the caller should see it (no heartbeat)."""
         self._sequence = event.sequence
         kind = event.WhichOneof("event")
         if kind == "state_changed":
@@ -54,7 +54,7 @@ class Watch:
         return kind not in ("heartbeat", None)
 
     def pause_after(self, error: errors.PepesegError) -> float:
-        """Seconds until the next stream; raises `error` where there is to be none."""
+        """Returns the seconds until the next stream, or raises `error` if there is none."""
         lost = isinstance(error, (errors.UnavailableError, errors.DeadlineExceededError))
         if self._sequence != self._sequence_at_break:
             self._failures = 0
@@ -105,15 +105,15 @@ def wait(
     progress: bool = False,
     on_event: OnEvent | None = None,
 ) -> Steps[Model]:
-    """Follows a job to its end. A server that went away is asked again.
+    """Waits for the end of a job. A lost server is called again.
 
     Args:
-        job: as `start_training` answers it, or its name.
+        job: as `start_training` returns it, or its name.
         progress: whether a bar is shown on standard error.
-        on_event: is given each event of the contract, heartbeats left out.
+        on_event: called with each event of the contract except heartbeats.
 
     Raises:
-        JobFailedError, JobCancelledError: the job ended so.
+        JobFailedError, JobCancelledError: the job failed or was cancelled.
         NotFoundError: no such job.
         UnavailableError: the server did not come back for half a minute.
     """
@@ -156,7 +156,7 @@ def wait(
 
 
 def cancel(at: Place, job: job_service_pb2.Job | str) -> Steps[job_service_pb2.Job]:
-    """Tells a job to stop; it ends soon after. One that has ended stays as it is.
+    """Cancels a job, which ends soon after. A job that has ended stays as it is.
 
     Raises:
         NotFoundError: no such job.
@@ -167,6 +167,6 @@ def cancel(at: Place, job: job_service_pb2.Job | str) -> Steps[job_service_pb2.J
 
 
 def list_jobs(at: Place) -> Steps[list[job_service_pb2.Job]]:
-    """The scene's jobs, newest first."""
+    """Lists the scene's jobs, newest first."""
     request = job_service_pb2.ListJobsRequest(scene=at.scene)
     return (yield from all_pages("jobs", "ListJobs", request, "jobs", at.scene))

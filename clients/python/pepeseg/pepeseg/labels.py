@@ -1,4 +1,4 @@
-"""Names for what masks show, to be asked for in any view."""
+"""Labels: names for what masks show, which can be segmented in any view."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Label:
     """A name for what a mask shows.
 
     Attributes:
-        id: to be given to `segment(label=...)`.
-        text: what it says.
-        view: name of the view that its mask is of.
+        id: for `segment(label=...)`.
+        text: its text, for people.
+        view: name of its mask's view.
         area: pixels in the mask.
         mask: bool [height, width]; None in lists.
     """
@@ -65,16 +65,16 @@ def label(
     Args:
         id: 1 to 63 of a-z, A-Z, 0-9, '_', '.' and '-', beginning with a letter or a digit.
         view: name of a view of the newest model.
-        mask: [height, width] of the frame's size, not 0 inside; or one of
-        points, negative, box, scale, scale_units, threshold, frame: as in `Client.segment`, whose mask is
-            taken.
-        text: what it says, at most 256 bytes of UTF-8; empty: the id.
+        mask: [height, width] of the frame's size, not 0 inside; or, in its place,
+        points, negative, box, scale, scale_units, threshold, frame: as in `Client.segment`, which
+            makes the mask.
+        text: its text, at most 256 bytes of UTF-8; empty: the id.
 
     Raises:
         AlreadyExistsError: the scene has a label of this id.
         FailedPreconditionError: the scene has no model yet.
-        InvalidArgumentError: no such view; a mask that is empty or not of its size; as
-            `Client.segment`.
+        InvalidArgumentError: no such view, or a mask that is empty or not of the frame's size; and
+            the cases of `Client.segment`.
     """
     name = view.name if isinstance(view, View) else view
     if mask is None:
@@ -103,7 +103,7 @@ def label(
 
 
 def list_labels(at: Place) -> Steps[list[Label]]:
-    """The labels of the scene, by id, without their masks."""
+    """Lists the labels of the scene, by id, without their masks."""
     request = label_pb2.ListLabelsRequest(parent=at.scene)
     found = yield from all_pages("segmentation", "ListLabels", request, "labels", at.scene)
     return [_parse(message) for message in found]

@@ -1,4 +1,4 @@
-"""Photographs as they were uploaded, or as a model sees them."""
+"""Photographs as they were uploaded, or as a model was trained on them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Photograph:
     Attributes:
         data: its bytes.
         content_type: "image/jpeg", "image/png", "image/webp" or "image/heic".
-        width, height: pixels; 0: not known, as of an original.
+        width, height: pixels; 0: not known, as for an original.
     """
 
     data: bytes
@@ -32,7 +32,7 @@ class Photograph:
 
 
 class _Parts:
-    """Takes the parts of a photograph, checking each."""
+    """Collects the parts of a photograph, and checks each."""
 
     def __init__(self) -> None:
         self._data = bytearray()
@@ -67,15 +67,15 @@ def photograph(
     """Fetches the photograph of a view.
 
     Args:
-        view: the view's name: the file's path without "images/". Empty: the first by name.
+        view: the view's name, which is the file's path without "images/"; empty: the first by name.
         dataset: number of a dataset of the scene; None: the one that the model was trained on.
-        max_side: the longer side is shrunk to this, pixels; 0: not.
-        frame: "photograph": as it was taken, upright: the pixels of prompts and masks. "view":
-            undistorted and as large as the model was trained on it.
-        original: the file as it was uploaded, byte for byte.
+        max_side: maximum of the longer side, pixels; a larger photograph is shrunk. 0: no maximum.
+        frame: "photograph": as it was taken, upright, in the pixels of prompts and masks. "view":
+            undistorted, in the size that the model was trained on.
+        original: return the file as it was uploaded, byte for byte.
 
     Raises:
-        NotFoundError: no such photograph; a frame of a video is none.
+        NotFoundError: no such photograph; a frame of a video is not a photograph.
         InvalidArgumentError: the file does not decode, or a value is out of range.
         FailedPreconditionError: the scene has no model yet.
         DataLossError: the stored file is damaged; upload it again.

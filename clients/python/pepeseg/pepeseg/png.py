@@ -1,4 +1,4 @@
-"""PNG to NumPy and back, for what the service sends: grey of 8 or 16 bits, and RGB of 8."""
+"""PNG to NumPy and back, for the kinds that the service sends: grey of 8 or 16 bits, RGB of 8."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MAX_PIXELS = 1 << 28
 
 
 def _chunks(data: bytes) -> dict[bytes, bytes]:
-    """By type; those of one type one after the other."""
+    """Returns the chunks' data by type; chunks of one type are concatenated."""
     chunks: dict[bytes, bytes] = {}
     at = len(_MAGIC)
     while at + 12 <= len(data):
@@ -47,7 +47,8 @@ def _average(row: npt.NDArray[np.uint8], above: npt.NDArray[np.uint8], step: int
 
 
 def _undo_filters(rows: npt.NDArray[np.uint8], step: int) -> npt.NDArray[np.uint8]:
-    """[height, 1 + bytes a row] as [height, bytes a row]. `step`: bytes a pixel."""
+    """Undoes the filters of [height, 1 + bytes a scanline]: returns [height, bytes a scanline].
+    `step`: bytes a pixel."""
     kinds, pixels = rows[:, 0], np.ascontiguousarray(rows[:, 1:])
     above = np.zeros_like(pixels[0])
     for kind, row in zip(kinds.tolist(), pixels):
@@ -67,15 +68,15 @@ def _undo_filters(rows: npt.NDArray[np.uint8], step: int) -> npt.NDArray[np.uint
 
 
 def decode(data: bytes) -> npt.NDArray[Any]:
-    """uint8 or uint16 [height, width], or uint8 [height, width, 3].
+    """Returns uint8 or uint16 [height, width], or uint8 [height, width, 3].
 
     Raises:
-        DataLossError: it is no PNG, is cut short, or of another kind.
+        DataLossError: the bytes are not a PNG, are cut short, or are a PNG of another kind.
     """
     chunks = _chunks(data) if data.startswith(_MAGIC) else {}
     header = chunks.get(b"IHDR", b"")
     if len(header) != 13:
-        raise damaged("no PNG")
+        raise damaged("not a PNG")
     width, height, bits, color, _, _, interlaced = struct.unpack(">IIBBBBB", header)
     if (bits, color) not in ((8, 0), (16, 0), (8, 2)) or interlaced:
         raise damaged(f"PNG of {bits} bits and colour type {color}: grey or RGB is wanted")
@@ -102,7 +103,8 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 
 def encode(pixels: npt.NDArray[Any]) -> bytes:
-    """Of bool (0 and 255), uint8 or uint16 [height, width], or of uint8 [height, width, 3]."""
+    """Returns a PNG of bool (as 0 and 255), uint8 or uint16 [height, width], or of uint8
+    [height, width, 3]."""
     if pixels.dtype == np.bool_:
         pixels = pixels.astype(np.uint8) * 255
     bits = 16 if pixels.dtype == np.uint16 else 8
@@ -116,7 +118,7 @@ def encode(pixels: npt.NDArray[Any]) -> bytes:
 
 
 class Picture:
-    """Pixels that a notebook shows, of a type and shape that `encode` takes."""
+    """Pixels that a notebook can show, of a type and shape that `encode` takes."""
 
     def __init__(self, pixels: npt.NDArray[Any]) -> None:
         self._pixels = pixels

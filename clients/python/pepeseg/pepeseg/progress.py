@@ -1,4 +1,4 @@
-"""How far something is, on the terminal: by tqdm where it is installed, else as lines."""
+"""Progress on the terminal: bars by tqdm if it is installed, else lines."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _LINE_SECONDS = 5.0
 
 
 class Bar:
-    """A bar at a time; one of another title begins a new one. Everything goes to standard error."""
+    """Shows one bar at a time, on standard error. Another title begins a new bar."""
 
     def __init__(self, unit: str, scaled: bool = False) -> None:
         self._unit = unit
@@ -25,7 +25,7 @@ class Bar:
         self._tqdm = tqdm
 
     def show(self, title: str, done: int, total: int, note: str = "") -> None:
-        """`done` of `total`, and what else is to be told."""
+        """Shows `done` of `total`, and a note."""
         if self._tqdm is None:
             self._show_line(title, done, total, note)
             return
@@ -40,14 +40,14 @@ class Bar:
         self._bar.update(done - self._bar.n)
 
     def say(self, text: str) -> None:
-        """A line above the bar."""
+        """Prints a line above the bar."""
         if self._bar is not None:
             self._tqdm.write(text, file=sys.stderr)
         else:
             print(text, file=sys.stderr, flush=True)
 
     def close(self) -> None:
-        """Leaves the bar as it is."""
+        """Ends the bar, which stays on the terminal as it is."""
         if self._bar is not None:
             self._bar.close()
         self._bar, self._title = None, ""

@@ -1,4 +1,4 @@
-"""What is asked about: points, a box, a mask or a label, and how large a thing is meant."""
+"""Prompts (points, a box, a mask or a label), and the size of the thing that is meant."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from pepeseg.cameras import View, Viewpoint, to_viewpoint
 from pepeseg.errors import refused
 from pepeseg.v1 import prompt_pb2, segmentation_service_pb2
 
-# None: the prompt's view; "all", "held-out", or names of views.
+# The views that masks are wanted for. None: the prompt's view; "all", "held-out", or views' names.
 Targets = Union[None, str, View, Iterable[Union[str, View]]]
 
 
 def _to_points(points: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
-    """[n, 2]; one point may come as [2]."""
+    """Returns points as [n, 2]; a single point may be [2]."""
     array = np.asarray(points, np.float64)
     if array.size == 0:
         return np.zeros((0, 2))
@@ -54,17 +54,17 @@ def prompt(
     mask: npt.ArrayLike | None,
     label: str | None,
 ) -> prompt_pb2.Prompt:
-    """One of points, box, mask and label; refuses anything else."""
+    """Returns the prompt of exactly one of points, box, mask and label; refuses anything else."""
     given = [
         name
         for name, value in (("points", points), ("box", box), ("mask", mask), ("label", label))
         if value is not None
     ]
     if len(given) != 1:
-        told = " and ".join(given) or "none of them"
-        raise refused(f"one of points, box, mask and label is wanted, given is {told}")
+        found = " and ".join(given) or "none of them"
+        raise refused(f"exactly one of points, box, mask and label is wanted, not {found}")
     if negative is not None and points is None:
-        raise refused("negative points go with points")
+        raise refused("negative points need points")
     if (view is None) != (label is not None):
         raise refused("a label has its own view; points, a box and a mask need one")
     message = prompt_pb2.Prompt()
@@ -85,7 +85,7 @@ def granularity(
     scale: float | None, scale_units: float | None, threshold: float | None
 ) -> prompt_pb2.Granularity:
     if scale is not None and scale_units is not None:
-        raise refused("scale and scale_units say the same: give one of them")
+        raise refused("scale and scale_units exclude each other: give one of them")
     message = prompt_pb2.Granularity()
     if scale is not None:
         message.scale_quantile = scale

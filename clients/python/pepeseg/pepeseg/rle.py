@@ -1,4 +1,4 @@
-"""COCO's compressed run lengths, as masks come and go."""
+"""COCO's compressed run lengths, in which masks are sent and received."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from pepeseg.v1 import prompt_pb2
 BoolMask = npt.NDArray[np.bool_]
 
 _MAX_PIXELS = 1 << 30
-# Characters of a run length: five bits each, and no run is longer than 2^30 pixels.
+# Maximum number of characters of a run length: five bits each, and a run has at most 2^30 pixels.
 _MAX_DIGITS = 7
 
 
 def _parse_counts(text: str) -> npt.NDArray[np.int64]:
-    """The numbers of the string: each is five bits a character, lowest first; bit 5: more follow;
-    bit 4 of the last: negative."""
+    """Returns the numbers of the string. A number has five bits a character, lowest first; bit 5
+    says that more follow, bit 4 of the last character that the number is negative."""
     digits = np.frombuffer(text.encode("latin-1", errors="replace"), np.uint8).astype(np.int64) - 48
     if digits.size == 0:
         return np.zeros(0, np.int64)
     if digits.min() < 0 or digits.max() > 63 or digits[-1] & 32:
-        raise damaged("mask: the run lengths are cut short, or no run lengths")
+        raise damaged("mask: the run lengths are cut short, or are not run lengths")
     ends = np.flatnonzero((digits & 32) == 0)
     starts = np.append(0, ends[:-1] + 1)
     lengths = ends - starts + 1
@@ -36,7 +36,7 @@ def _parse_counts(text: str) -> npt.NDArray[np.int64]:
 
 
 def decode(rle: prompt_pb2.CocoRle) -> BoolMask:
-    """The mask, bool [height, width].
+    """Returns the mask, bool [height, width].
 
     Raises:
         DataLossError: the run lengths do not fill a mask of that size.
@@ -45,7 +45,7 @@ def decode(rle: prompt_pb2.CocoRle) -> BoolMask:
     if height < 0 or width < 0 or height * width > _MAX_PIXELS:
         raise damaged(f"mask of {width}x{height} pixels")
     counts = _parse_counts(rle.counts)
-    # From the fourth on, each tells its difference to the one before the last.
+    # From the fourth on, each number is the difference to the one two before it.
     np.cumsum(counts[1::2], out=counts[1::2])
     np.cumsum(counts[2::2], out=counts[2::2])
     if counts.size and counts.min() < 0 or counts.sum() != height * width:
@@ -54,14 +54,14 @@ def decode(rle: prompt_pb2.CocoRle) -> BoolMask:
 
 
 def _fill(borders: npt.NDArray[np.int64], height: int, width: int) -> BoolMask:
-    """The mask whose runs, down the columns, end at `borders`, the first being of zeros.
+    """Returns the mask whose runs, down the columns, end at `borders`; the first run is of zeros.
 
-    A pixel differs from the one above it where a border is; all rows follow by exclusive or, eight
-    pixels at once. That spares the transposition of what is filled column by column.
+    A pixel differs from the one above it where a border is. So scanlines follow from the first one
+    by exclusive or, eight pixels at once, and no array has to be filled by columns and transposed.
     """
     if height * width == 0:
         return np.zeros((height, width), np.bool_)
-    if (np.diff(borders) == 0).any():  # of runs of no length: two borders are none
+    if (np.diff(borders) == 0).any():  # runs of length 0: two equal borders cancel out
         places, times = np.unique(borders, return_counts=True)
         borders = places[times % 2 == 1]
     borders = borders[borders < height * width]
@@ -86,7 +86,7 @@ def _write_count(value: int) -> str:
 
 
 def encode(mask: npt.ArrayLike) -> prompt_pb2.CocoRle:
-    """Of a mask [height, width]: what is not 0 is inside.
+    """Returns the run lengths of a mask [height, width], of which pixels that are not 0 are inside.
 
     Raises:
         InvalidArgumentError: it has another number of dimensions, or no pixels.

@@ -11,10 +11,10 @@ from pepeseg.v1 import scene_service_pb2
 
 @dataclass(frozen=True)
 class Scene:
-    """What the server has of a scene.
+    """A scene on the server.
 
     Attributes:
-        id: what `Client` is given.
+        id: as `Client` takes it.
         display_name: for people.
         live_model: name of the newest model; empty: none yet.
         active_job: name of the queued or running job; empty: none.
@@ -28,17 +28,17 @@ class Scene:
 
 @dataclass(frozen=True)
 class Model:
-    """What a training made.
+    """A trained model.
 
     Attributes:
         name: "scenes/{scene}/models/{number}".
-        metrics: what the training measured: "psnr" (dB) and "ssim" over the held-out views,
+        metrics: measurements of the training: "psnr" (dB) and "ssim" over the held-out views,
             "seconds_reconstruct" and others.
         sources: where "poses", "masks" and "depth" came from: "given", "none", or what made them.
-        device: that trained it.
-        num_bytes: on disk.
+        device: the device that trained it.
+        num_bytes: its size on disk.
         dataset: name of the dataset that it was trained on; empty: not known.
-        advice: what may make its answers poor and what would better them, for people; `train` and
+        advice: what may make its masks poor and how to get better ones, for people; `train` and
             `wait` warn of it.
     """
 
@@ -68,7 +68,7 @@ def _parse_model(message: scene_service_pb2.Model) -> Model:
 
 
 def list_scenes(at: Place) -> Steps[list[Scene]]:
-    """All scenes of the key's project, by id."""
+    """Lists the scenes of the key's project, by id."""
     request = scene_service_pb2.ListScenesRequest()
     found = yield from all_pages("scenes", "ListScenes", request, "scenes")
     return [
@@ -83,7 +83,7 @@ def list_scenes(at: Place) -> Steps[list[Scene]]:
 
 
 def create_scene(at: Place, display_name: str = "") -> Steps[None]:
-    """Makes the scene where it is not there yet.
+    """Creates the scene unless it exists.
 
     Raises:
         InvalidArgumentError: the id is not 1 to 63 of a-z, A-Z, 0-9, '_', '.' and '-', beginning
@@ -105,21 +105,21 @@ def delete_scene(at: Place) -> Steps[None]:
 
     Raises:
         NotFoundError: no such scene.
-        FailedPreconditionError: a job of it is queued or running.
+        FailedPreconditionError: one of its jobs is queued or running.
     """
     request = scene_service_pb2.DeleteSceneRequest(name=at.scene)
     yield Unary("scenes", "DeleteScene", request, at.scene, repeatable=False)
 
 
 def get_model(at: Place, name: str) -> Steps[Model]:
-    """A model by its name."""
+    """Returns a model by its name."""
     request = scene_service_pb2.GetModelRequest(name=name)
     answer = yield Unary("scenes", "GetModel", request, at.scene)
     return _parse_model(answer)
 
 
 def model(at: Place) -> Steps[Model]:
-    """The model that this client asks.
+    """Returns the model of this client.
 
     Raises:
         NotFoundError: no such scene or model.
@@ -129,14 +129,14 @@ def model(at: Place) -> Steps[Model]:
 
 
 def list_models(at: Place) -> Steps[list[Model]]:
-    """The models of the scene, newest first."""
+    """Lists the models of the scene, newest first."""
     request = scene_service_pb2.ListModelsRequest(parent=at.scene)
     found = yield from all_pages("scenes", "ListModels", request, "models", at.scene)
     return [_parse_model(message) for message in found]
 
 
 def delete_model(at: Place) -> Steps[None]:
-    """Deletes the model that this client asks, with its selections; of "live" the newest one.
+    """Deletes the model of this client ("live": the newest one) with its selections.
 
     Raises:
         NotFoundError: no such model.

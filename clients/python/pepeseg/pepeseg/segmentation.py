@@ -1,4 +1,4 @@
-"""Masks of what a prompt means, and what a click may mean."""
+"""Segmentation: masks of what a prompt means, and proposals of what a click may mean."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from pepeseg.v1 import prompt_pb2, segmentation_service_pb2
 
 @dataclass(frozen=True, eq=False)
 class ViewMask:
-    """What is meant, in one view.
+    """The mask of what is meant, in one view.
 
     Attributes:
-        view: name of the view; empty: the camera that was asked about.
-        mask: bool [height, width], of the frame that was asked for.
+        view: name of the view; empty: the request's camera.
+        mask: bool [height, width], in the requested frame.
         score: mean similarity (cosine) inside the mask; 0 when it is empty.
-        box: x, y, width, height of the mask, pixels; zeros: it is empty.
+        box: x, y, width, height of the mask, pixels; all 0 when it is empty.
         area: pixels in the mask.
-        similarity: float32 [height, width], cosine, where it was asked for; else None.
+        similarity: float32 [height, width], cosine, if it was requested; else None.
     """
 
     view: str
@@ -39,7 +39,7 @@ class ViewMask:
 
 @dataclass(frozen=True)
 class Timing:
-    """Where the server's time went, seconds."""
+    """How long the server took, by step, seconds."""
 
     queue: float
     load: float
@@ -49,13 +49,14 @@ class Timing:
 
 @dataclass(frozen=True, eq=False)
 class Segmentation:
-    """Masks, and how large a thing they were found as.
+    """Masks, and the scale and threshold that were used.
 
     Attributes:
-        masks: one a view, in the order asked for; of groups in the order of `views()`.
-        scale: the quantile used, [0, 1]: 0 a small part, 1 the largest.
+        masks: one for each view, in the order of the request; for "all" and "held-out" in the order
+            of `views()`.
+        scale: the quantile used, [0, 1]: 0 is a small part, 1 the largest.
         scale_units: the same as a length in scene units.
-        threshold: cosine over which a pixel is in.
+        threshold: cosine above which a pixel is in the mask.
         model: name of the model that answered.
     """
 
@@ -68,21 +69,22 @@ class Segmentation:
 
     @property
     def mask(self) -> npt.NDArray[np.bool_]:
-        """Of the first view asked for: bool [height, width]."""
+        """The mask of the first requested view: bool [height, width]."""
         return self.masks[0].mask
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """Something that a click may mean. `scale` and `threshold` given to `segment` show it.
+    """Something that a click may mean. `segment` with `scale` and `threshold` returns its mask.
 
     Attributes:
-        support: share of all scales and thresholds that show this mask, (0, 1].
-        stability: how little the mask changes from one to the next, [0, 1]: mean IoU.
-        mask: bool [height, width], of the prompt's view.
+        support: share of all scales and thresholds that give this mask, (0, 1].
+        stability: mean IoU of the masks of neighbouring scales and thresholds, [0, 1].
+        mask: bool [height, width], in the prompt's view.
         score, box, area: as in ViewMask.
-        kind: "part", "object" or "group" by its place on the ladder; "": it is the only one.
-        best: whether it has the most support of all: what `segment` answers without a scale.
+        kind: "part", "object" or "group" by its position among the proposals; "" if it is the only
+            one.
+        best: whether it has the most support: `segment` without a scale returns it.
     """
 
     scale: float
@@ -163,33 +165,34 @@ def segment(
     similarity: bool = False,
     frame: str = "photograph",
 ) -> Steps[Segmentation]:
-    """Masks of what a prompt means.
+    """Returns masks of what a prompt means.
 
-    One of `points`, `box`, `mask` and `label` is given. What is not said of the size is chosen: for
-    points the granularity that most scales and thresholds show, else the one that fits best.
+    Exactly one of `points`, `box`, `mask` and `label` is given. A scale or threshold that is not
+    given is chosen: for points the granularity that most scales and thresholds show, else the one
+    that fits best.
 
     Args:
-        view: where the prompt is: a view's name or a Camera. None with a label, which has its own.
-        points: [n, 2], x and y in pixels of the frame, a pixel's centre at + 0.5; one may be [2].
+        view: the prompt's view: its name or a Camera. None with a label, which has its own.
+        points: [n, 2], x and y in pixels of the frame, a pixel's centre at + 0.5; or one point [2].
         negative: [n, 2], points of what is not meant.
-        box: x, y, width, height in pixels: what fills it.
+        box: x, y, width, height in pixels, around what is meant.
         mask: [height, width] of the frame's size, not 0 inside.
         label: id of a label of the scene.
-        scale: how large a thing: 0 a small part, 1 the largest.
+        scale: size of the thing: 0 is a small part, 1 the largest.
         scale_units: the same as a length in scene units.
-        threshold: cosine over which a pixel is in, [-1, 1].
-        targets: where masks are wanted: None for the prompt's view, "all", "held-out", or names.
-        similarity: whether the answer has similarity maps, too.
-        frame: whose pixels prompt and masks are in: "photograph", as it was uploaded, or "view", as
-            it was trained on (undistorted, cropped, shrunk). A Camera has its own.
+        threshold: cosine above which a pixel is in the mask, [-1, 1].
+        targets: the views to segment: None for the prompt's view, "all", "held-out", or names.
+        similarity: return similarity maps, too.
+        frame: the pixels of prompt and masks: "photograph", as it was uploaded, or "view", as it
+            was trained on (undistorted, cropped, shrunk). A Camera has its own.
 
     Raises:
-        InvalidArgumentError: a point outside the frame or on nothing, an unknown view, a value out
-            of range.
+        InvalidArgumentError: a point is outside the frame or on nothing, a view is unknown, or a
+            value is out of range.
         NotFoundError: no such scene, model or label.
         FailedPreconditionError: the scene has no model yet.
-        ResourceExhaustedError: the model does not fit into memory, or the answer is over 4 MiB: ask
-            for fewer views.
+        ResourceExhaustedError: the model does not fit into memory, or the response exceeds 4 MiB:
+            request fewer views.
     """
     request = segmentation_service_pb2.SegmentRequest(
         model=at.model,
@@ -232,20 +235,20 @@ def propose(
     max_proposals: int = 0,
     frame: str = "photograph",
 ) -> Steps[list[Proposal]]:
-    """What a click may mean, smallest first: a part, the object that has it, a group.
+    """Returns what a click may mean, smallest first: a part, the object that has it, a group.
 
-    Each mask holds at least 95 % of the one before it and has at least 1.5 times its area; scales do
-    not fall.
+    Each mask contains at least 95 % of the one before it and has at least 1.5 times its area; the
+    scales do not decrease.
 
     Args:
         view, points, negative, frame: as in `segment`.
-        max_proposals: at most so many, 1 to 16; 0: the server's default.
+        max_proposals: maximum number of proposals, 1 to 16; 0: the server's default.
 
     Returns:
-        Empty: nothing of 16 pixels or more is under the points.
+        The proposals; none if nothing of at least 16 pixels is under the points.
 
     Raises:
-        InvalidArgumentError, NotFoundError, FailedPreconditionError, ResourceExhaustedError: as
+        InvalidArgumentError, NotFoundError, FailedPreconditionError, ResourceExhaustedError: as in
             `segment`.
     """
     request = segmentation_service_pb2.ProposeScalesRequest(

@@ -1,4 +1,4 @@
-"""Gaussians chosen in 3D by what a prompt means in 2D, and sets of them."""
+"""Selections: Gaussians in 3D that a prompt in 2D means, and their unions and differences."""
 
 from __future__ import annotations
 
@@ -52,22 +52,22 @@ def select(
     operation: str = "union",
     frame: str = "photograph",
 ) -> Steps[SelectionInfo]:
-    """Gaussians of what a prompt means, by a vote of views, or of a segment of a decomposition.
+    """Selects the Gaussians that a prompt means, by a vote of views, or those of a segment.
 
     Args:
         view, points, negative, box, mask, label, scale, scale_units, threshold, frame: as in
             `Client.segment`.
-        segment: of `Client.decompose`, in place of a prompt.
-        num_views: that vote, 1 to 100; 0: the server chooses.
-        keep_disconnected: keeps what does not hang together with what the prompt shows.
+        segment: a segment of `Client.decompose`, in place of a prompt.
+        num_views: number of views that vote, 1 to 100; 0: the server chooses.
+        keep_disconnected: keep Gaussians that are not connected with what the prompt shows.
         base: a selection of the same model to combine the new one with.
         operation: "union", "subtract" (the base without the new one) or "intersect".
 
     Returns:
-        A selection; nothing found is an empty one.
+        The selection, which is empty if nothing was found.
 
     Raises:
-        InvalidArgumentError, NotFoundError, FailedPreconditionError, ResourceExhaustedError: as
+        InvalidArgumentError, NotFoundError, FailedPreconditionError, ResourceExhaustedError: as in
             `Client.segment`.
     """
     request = selection_pb2.SelectRequest(
@@ -97,7 +97,7 @@ def combine(
     operation: str,
     second: SelectionInfo | int | str,
 ) -> Steps[SelectionInfo]:
-    """A new selection out of two; `first` is its base.
+    """Makes a new selection of two; `first` is its base.
 
     Args:
         first, second: selections, their numbers or names.
@@ -118,11 +118,11 @@ def combine(
 
 
 def undo(at: Place, selection: SelectionInfo | int | str) -> Steps[SelectionInfo]:
-    """The selection that this one was made from; it stays until it is deleted.
+    """Returns the selection that this one was made from; this one stays until it is deleted.
 
     Raises:
         NotFoundError: no such selection.
-        FailedPreconditionError: it was made from none.
+        FailedPreconditionError: it was not made from another selection.
     """
     request = selection_pb2.UndoSelectionRequest(name=selection_name(at, selection))
     answer = yield Unary("segmentation", "UndoSelection", request, at.scene)
@@ -130,7 +130,7 @@ def undo(at: Place, selection: SelectionInfo | int | str) -> Steps[SelectionInfo
 
 
 def get_selection(at: Place, selection: int | str) -> Steps[SelectionInfo]:
-    """A selection by its number or name.
+    """Returns a selection by its number or name.
 
     Raises:
         NotFoundError: no such selection.
@@ -141,7 +141,7 @@ def get_selection(at: Place, selection: int | str) -> Steps[SelectionInfo]:
 
 
 def list_selections(at: Place) -> Steps[list[SelectionInfo]]:
-    """The selections of the scene, newest first."""
+    """Lists the selections of the scene, newest first."""
     request = selection_pb2.ListSelectionsRequest(parent=at.scene)
     found = yield from all_pages("segmentation", "ListSelections", request, "selections", at.scene)
     return [parse_selection(selection) for selection in found]

@@ -1,4 +1,4 @@
-"""Some of a model's Gaussians: segments and selections; pictures and PLYs of them."""
+"""Subsets of a model's Gaussians: segments and selections, and their pictures and PLYs."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Segment:
     Attributes:
         id: 1, 2, ... within its level, the one with the most Gaussians first.
         level: index of its scale, ascending.
-        parent: id of the segment of the next level that it lies in; 0 on the last level.
-        min, max: x, y, z of the Gaussians' means, scene units.
-        scales: of the decomposition, as they were asked for.
+        parent: id of the segment of the next level that contains it; 0 on the last level.
+        min, max: bounds of the Gaussians' means, x, y, z in scene units.
+        scales: the scales that the decomposition was requested with.
     """
 
     id: int
@@ -43,7 +43,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class Level:
-    """The segments of one scale. `num_unassigned`: Gaussians in none of them."""
+    """The segments of one scale. `num_unassigned`: number of Gaussians in none of them."""
 
     scale: float
     scale_units: float
@@ -53,7 +53,7 @@ class Level:
 
 @dataclass(frozen=True)
 class Decomposition:
-    """A model taken apart: each segment lies as a whole in one segment of the next level."""
+    """A decomposed model: each segment is completely in one segment of the next level."""
 
     levels: tuple[Level, ...]
     model: str
@@ -61,13 +61,13 @@ class Decomposition:
 
 @dataclass
 class SelectionInfo:
-    """Gaussians of a model, chosen. A selection never changes.
+    """Selected Gaussians of a model. A selection never changes.
 
     Attributes:
         name: "scenes/{scene}/selections/{number}".
-        model: name of the model that it is of.
-        min, max: x, y, z of the Gaussians' means, scene units; empty: nothing is selected.
-        base: name of the selection that it was made from, where undo goes; empty: none.
+        model: name of its model.
+        min, max: bounds of the Gaussians' means, x, y, z in scene units; empty: none is selected.
+        base: name of the selection that it was made from, which undo returns; empty: none.
     """
 
     name: str
@@ -80,7 +80,7 @@ class SelectionInfo:
 
 @dataclass(frozen=True)
 class Export:
-    """A PLY that was written."""
+    """A PLY that `export` has written."""
 
     path: Path
     num_gaussians: int
@@ -150,7 +150,7 @@ def _parse_level(index: int, message: Any, scales: tuple[float, ...]) -> Level:
 
 
 def decompose(at: Place, scales: Sequence[float] = ()) -> Steps[Decomposition]:
-    """Takes the model apart into segments at several scales.
+    """Decomposes the model into segments at several scales.
 
     Args:
         scales: quantiles, [0, 1], ascending, at most 8; empty: 0.01, 0.5 and 1, which are parts,
@@ -159,7 +159,7 @@ def decompose(at: Place, scales: Sequence[float] = ()) -> Steps[Decomposition]:
     Raises:
         InvalidArgumentError: scales out of range or not ascending.
         FailedPreconditionError: the scene has no model yet.
-        UnavailableError: too many decompositions wait.
+        UnavailableError: too many decompositions are waiting.
     """
     asked = tuple(float(scale) for scale in scales)
     request = decomposition_pb2.DecomposeRequest(model=at.model, scales=asked)
@@ -182,28 +182,28 @@ def render(
     frame: str = "photograph",
     max_side: int = 0,
 ) -> Steps[npt.NDArray[Any]]:
-    """A picture of the model, or of some of it.
+    """Renders the model, or a subset of it.
 
     Args:
         view: a view's name or a Camera.
         content: "color", "depth", "segments" or "features".
-        of: what is rendered: a selection, its number or name, or a segment; None: all.
-        without: all others in its place.
-        overlay: mask [height, width] of the frame's size or the picture's, tinted and outlined in
-            "color".
-        level, scales: of "segments": as in `decompose`.
-        feature_scale: of "features": a quantile, [0, 1].
+        of: what to render: a selection, its number or name, or a segment; None: all.
+        without: render all other Gaussians in its place.
+        overlay: mask [height, width] of the frame's size or the picture's, which "color" shows
+            tinted and outlined.
+        level, scales: for "segments", as in `decompose`.
+        feature_scale: for "features", a quantile, [0, 1].
         frame: as in `segment`.
-        max_side: the picture's longer side, pixels: a larger one is shrunk to it; 0: the frame's
-            size, or what 2 megapixels hold of it.
+        max_side: maximum of the picture's longer side, pixels; a larger picture is shrunk. 0: the
+            frame's size, but at most 2 megapixels.
 
     Returns:
         "color" and "features": uint8 [height, width, 3], RGB. "depth": float32 [height, width],
-        scene units along the optical axis, 0 where hardly anything is seen. "segments": uint16
-        [height, width], the id of the segment, 0 where none.
+        scene units along the optical axis, 0 where hardly anything is rendered. "segments": uint16
+        [height, width], the id of the segment, 0 where there is none.
 
     Raises:
-        InvalidArgumentError: an unknown view or content, a value out of range.
+        InvalidArgumentError: an unknown view or content, or a value out of range.
         NotFoundError: no such selection.
         FailedPreconditionError: the scene has no model yet.
     """
@@ -228,7 +228,7 @@ def render(
 
 
 class _PlyFile:
-    """Takes the parts of a PLY, checking each."""
+    """Writes the parts of a PLY to a file, and checks each."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -259,14 +259,14 @@ class _PlyFile:
 def export(
     at: Place, path: str | os.PathLike[str], of: Subset = None, *, without: bool = False
 ) -> Steps[Export]:
-    """Fetches the model, or some of it, as a PLY that splat viewers open.
+    """Fetches the model, or a subset of it, as a PLY for splat viewers.
 
-    The file stands at `path` only when it is whole and its checksum is right; the folders above it
-    are made.
+    The file appears at `path` when it is complete and its checksum is right; missing folders above
+    it are made.
 
     Args:
         of: a selection, its number or name, or a segment; None: all.
-        without: all others in its place: what is left when the thing is taken away.
+        without: export all other Gaussians in its place: what is left without the thing.
 
     Raises:
         NotFoundError: no such selection.

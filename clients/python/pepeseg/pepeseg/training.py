@@ -1,4 +1,4 @@
-"""Trainings: their options, what they take, and their start."""
+"""Trainings: options, estimate and start."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from pepeseg.jobs import OnEvent, wait
 from pepeseg.scenes import Model
 from pepeseg.v1 import dataset_service_pb2, job_service_pb2, training_options_pb2
 
-# By name, as {"reconstruct.num_steps": 3000}.
+# Options by name, such as {"reconstruct.num_steps": 3000}.
 Options = Mapping[str, Union[bool, int, float, str]]
-# As soon as there is something to click on; the defaults; however long it takes.
+# Something to click on as soon as possible; the defaults; the best model, however long it takes.
 PRESETS = ("preview", "standard", "best")
 
 
 def option_names() -> list[str]:
-    """Every option of a training, as "reconstruct.num_steps" or, of all stages, "preset"."""
+    """Returns the names of all options, such as "reconstruct.num_steps" and "preset"."""
     names = []
     for field in training_options_pb2.TrainingOptions.DESCRIPTOR.fields:
         if field.message_type is None:
@@ -34,7 +34,7 @@ def option_names() -> list[str]:
 
 
 def _enum_name(field: Any, value: str) -> str:
-    """An enum's value by its name, which may leave out what all of them begin with: "patch"."""
+    """Returns an enum's value by its name, with or without the prefix of all values: "patch"."""
     wanted = value.upper()
     for known in field.enum_type.values:
         if known.name == wanted or known.name.endswith("_" + wanted):
@@ -83,7 +83,7 @@ def _merge(
 
 
 def _dataset_name(at: Place, dataset: int | str | None) -> Steps[str]:
-    """Of a number or a name; None: the scene's newest."""
+    """Returns the name of a dataset by its number or name. None: the scene's newest."""
     if dataset is not None:
         text = str(dataset)
         return text if "/" in text else f"{at.scene}/datasets/{text}"
@@ -108,22 +108,22 @@ def start_training(
     options: Options | None = None,
     dataset: int | str | None = None,
 ) -> Steps[job_service_pb2.Job]:
-    """Queues a training and leaves it; `watch` or `wait` follow it.
+    """Queues a training and returns its job; `watch` or `wait` follow it.
 
     Args:
-        preset: "preview", "standard" or "best": where options that are not given come from. None:
-            "standard".
-        steps, feature_steps: of the reconstruction and of the feature training.
-        image_scale: shrinks the photographs, (0, 1].
-        options: any option by name, as {"reconstruct.sh_degree": 2}; `option_names()` has them all.
-            What is not given is the server's.
+        preset: "preview", "standard" or "best", from which options that are not given are taken.
+            None: "standard".
+        steps, feature_steps: number of steps of the reconstruction and of the feature training.
+        image_scale: factor by which the photographs are shrunk, (0, 1].
+        options: any option by name, such as {"reconstruct.sh_degree": 2}; `option_names()` lists
+            all.
         dataset: number or name; None: the newest.
 
     Raises:
         InvalidArgumentError: no such option, or a value out of range.
         FailedPreconditionError: the scene has no dataset.
-        AbortedError: a training of the scene is queued or running: `resource` is the job.
-        ResourceExhaustedError: the device's memory cannot hold it (`value` and `limit`, bytes).
+        AbortedError: a training of the scene is queued or running (`resource` is the job).
+        ResourceExhaustedError: it does not fit in the device's memory (`value` and `limit`, bytes).
     """
     message = _merge(preset, steps, feature_steps, image_scale, options)
     name = yield from _dataset_name(at, dataset)
@@ -146,19 +146,19 @@ def train(
     progress: bool = False,
     on_event: OnEvent | None = None,
 ) -> Steps[Model]:
-    """Makes a model of the scene; it answers questions from then on.
+    """Trains a model of the scene and waits for it.
 
     An interruption leaves the job running: `jobs` finds it, `wait` follows it, `cancel` ends it.
 
     Args:
         preset, steps, feature_steps, image_scale, options, dataset: as in `start_training`.
-        progress: whether a bar is shown on standard error (tqdm's, where it is installed).
-        on_event: is given each event of the contract, heartbeats left out.
+        progress: whether a bar is shown on standard error (by tqdm if it is installed).
+        on_event: called with each event of the contract except heartbeats.
 
     Raises:
-        InvalidArgumentError, FailedPreconditionError, AbortedError, ResourceExhaustedError: as
+        InvalidArgumentError, FailedPreconditionError, AbortedError, ResourceExhaustedError: as in
             `start_training`.
-        JobFailedError, JobCancelledError: the job ended so.
+        JobFailedError, JobCancelledError: the job failed or was cancelled.
     """
     job = yield from start_training(
         at,
@@ -182,9 +182,9 @@ def estimate(
     options: Options | None = None,
     dataset: int | str | None = None,
 ) -> Steps[job_service_pb2.EstimateTrainingResponse]:
-    """What a training would take: memory of each stage, and time where it is known.
+    """Estimates a training: memory of each stage, and time where it is known.
 
-    Args and Raises as in `start_training`.
+    Arguments and exceptions are those of `start_training`.
     """
     message = _merge(preset, steps, feature_steps, image_scale, options)
     name = yield from _dataset_name(at, dataset)

@@ -1,4 +1,4 @@
-"""Brings files to the server: what it lacks, from where it broke off, each chunk checked."""
+"""Uploads: sends the files that the server lacks, resumes after lost connections, checks chunks."""
 
 from __future__ import annotations
 
@@ -24,10 +24,11 @@ _LONGEST_PAUSE = 8.0
 _PATIENCE_SECONDS = 60.0
 _NAMES_TOLD = 10
 
-# False, True for a bar, or what is told the bytes the server has and those of all files.
+# True: a bar. A function is called with the bytes that the server has and those of all files.
 Progress = Union[bool, Callable[[int, int], None]]
 
-# What another try may mend: no connection, the file's earlier stream, another offset by then.
+# Errors after which a repetition may succeed: no connection, an earlier stream that still writes
+# the file, an offset that has changed.
 _MAY_PASS = (
     errors.UnavailableError,
     errors.CancelledError,
@@ -38,12 +39,12 @@ _MAY_PASS = (
 
 @dataclass(frozen=True)
 class SealedDataset:
-    """Files that a training can start from; it never changes.
+    """A dataset on the server, from which trainings start. It never changes.
 
     Attributes:
         name: "scenes/{scene}/datasets/{number}".
-        advice: what a training of it may lack and what to do about it, for people; `upload` warns
-            of it.
+        advice: what may make a training of it poor and what to do about it, for people; `upload`
+            warns of it.
     """
 
     name: str
@@ -69,7 +70,7 @@ def _declare(files: list[DatasetFile]) -> list[dataset_service_pb2.FileDeclarati
 
 
 def _request_id_of(declarations: list[dataset_service_pb2.FileDeclaration]) -> str:
-    """The same for the same files, so that an upload that was begun before is found again."""
+    """Returns an id that is the same for the same files, so that an earlier upload is resumed."""
     digest = hashlib.sha256()
     for file in declarations:
         digest.update(f"{file.path}\n{file.kind} {file.size} {file.sha256}\n".encode())
@@ -77,7 +78,7 @@ def _request_id_of(declarations: list[dataset_service_pb2.FileDeclaration]) -> s
 
 
 def _open_upload(at: Place, files: list[DatasetFile]) -> Steps[dataset_service_pb2.Upload]:
-    """One that goes on, or a new one where that was sealed."""
+    """Returns the unfinished upload of the same files, or a new one if that was sealed."""
     declarations = yield Work(lambda: _declare(files))
     request = dataset_service_pb2.CreateUploadRequest(
         parent=at.scene, files=declarations, request_id=_request_id_of(declarations)
@@ -91,7 +92,7 @@ def _open_upload(at: Place, files: list[DatasetFile]) -> Steps[dataset_service_p
 
 
 class _Rest:
-    """What is left of an upload, as requests."""
+    """The requests that send what the server lacks of an upload."""
 
     def __init__(
         self,
@@ -128,7 +129,7 @@ class _Rest:
 
 
 class _Pauses:
-    """Between tries, longer ones while nothing comes through."""
+    """The pauses between tries, which grow while the server receives nothing."""
 
     def __init__(self) -> None:
         self._most = -1
@@ -136,7 +137,7 @@ class _Pauses:
         self._since = time.monotonic()
 
     def next(self, num_there: int, error: Exception) -> Pause:
-        """Raises `error` when nothing has come through for a minute."""
+        """Returns the next pause, or raises `error` if nothing has been received for a minute."""
         if num_there > self._most:
             self._most, self._pause, self._since = num_there, _FIRST_PAUSE, time.monotonic()
         if time.monotonic() - self._since > _PATIENCE_SECONDS:
@@ -152,7 +153,8 @@ def _finish(
     files: list[DatasetFile],
     tell: Callable[[int, int], None],
 ) -> Steps[Any]:
-    """Sends what is missing and seals; after a break it asks what is there and goes on."""
+    """Sends what is missing and seals the upload. After a lost connection it gets from the server
+    what is there, and resumes."""
     pauses = _Pauses()
     seal = dataset_service_pb2.SealUploadRequest(name=upload.name)
     ask = dataset_service_pb2.GetUploadRequest(name=upload.name)
@@ -189,23 +191,25 @@ def upload(
     depth_kind: str = "depth",
     progress: Progress = False,
 ) -> Steps[SealedDataset]:
-    """Brings a scene's files; the scene is made when it is not there.
+    """Uploads a dataset, and creates the scene if it does not exist.
 
-    What the server has already is not sent. A lost connection is taken up where the server has the
-    bytes, until nothing has come through for a minute; the same call later goes on, too.
+    Files that the server has are not sent. After a lost connection the upload resumes at the last
+    byte that the server has, until the server has received nothing for a minute; calling again
+    resumes it, too.
 
     Args:
-        source: a folder in the layout of `pepeseg.dataset` or of photographs only, a video, or what
-            an importer made.
+        source: a folder in the layout of `pepeseg.dataset` or of photographs only, a video, or the
+            result of an importer.
         depth_kind: as in `dataset.read_folder`.
-        progress: True for a bar, or a function of the bytes that are there and of all.
+        progress: True for a bar, or a function that is called with the number of bytes that the
+            server has and the number of all.
 
     Raises:
         NotFoundError: no such folder.
-        InvalidArgumentError: no photographs in it; a name or size that the server refuses, named.
-        ResourceExhaustedError: the project's quota, or the server's disk.
-        DataLossError: a file was changed meanwhile, or damaged on the way.
-        UnavailableError: nothing has come through for a minute.
+        InvalidArgumentError: it has no photographs, or the server refuses a name or a size.
+        ResourceExhaustedError: the project's quota or the server's disk is full.
+        DataLossError: a file changed during the upload, or was damaged on the way.
+        UnavailableError: the server has received nothing for a minute.
         OSError: a file cannot be read.
     """
     dataset = source if isinstance(source, Dataset) else read_folder(source, depth_kind)

@@ -1,4 +1,4 @@
-"""The command line: by hand before an upload, or as pepesegd's --priors-command."""
+"""The command line, for use by hand before an upload or as pepesegd's --priors-command."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ SAM = "facebook/sam-vit-huge"
 DEPTH = "depth-anything/Depth-Anything-V2-Large-hf"
 WANTS = ("masks", "depth")
 
-# Exit codes, besides argparse's 2.
+# Exit codes, in addition to argparse's 2.
 FAILED = 1
 MISSING_MODULE = 3
 
 
 @dataclass(frozen=True)
 class Loaders:
-    """Where the models come from; tests put others in their place."""
+    """The functions that load the models; tests replace them."""
 
     masks: Callable[[str, str], MaskMaker]
     depth: Callable[[str, str], DepthMaker]
 
 
 class Progress:
-    """Lines "progress N M", which pepesegd reads."""
+    """Prints the lines "progress N M" that pepesegd reads."""
 
     def __init__(self, total: int) -> None:
         self._done = 0
@@ -54,7 +54,7 @@ def _wants(text: str) -> tuple[str, ...]:
 
 def _positive(text: str) -> int:
     if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 1")
     return int(text)
 
 
@@ -62,13 +62,14 @@ def parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="pepeseg_priors",
         description="Makes masks (SAM) and depth maps (Depth-Anything-V2) of photographs, in the "
-        "formats of a pepeseg upload. What is there already is not made again.",
+        "formats of a pepeseg upload. Existing files are not made again.",
     )
     parser.add_argument("--photos", type=Path, required=True, help="folder of photographs")
-    parser.add_argument("--out", type=Path, required=True, help="gets masks/ and disparity/")
+    parser.add_argument("--out", type=Path, required=True, help="folder for masks/ and disparity/")
     parser.add_argument("--want", type=_wants, default=WANTS, metavar="masks,depth")
-    parser.add_argument("--sam", default=SAM, metavar="MODEL", help="hub's name or folder (%(default)s)")
-    parser.add_argument("--depth", default=DEPTH, metavar="MODEL", help="likewise (%(default)s)")
+    model_help = "name on the Hugging Face hub, or folder (%(default)s)"
+    parser.add_argument("--sam", default=SAM, metavar="MODEL", help=model_help)
+    parser.add_argument("--depth", default=DEPTH, metavar="MODEL", help=model_help)
     parser.add_argument("--device", default="auto", help="auto, cpu, cuda or cuda:N")
     parser.add_argument(
         "--batch", type=_positive, default=4, help="photographs at once, for depth (%(default)s)"
@@ -106,7 +107,8 @@ def _make_depth(
 
 
 def run(options: argparse.Namespace, loaders: Loaders) -> None:
-    """ValueError, OSError, RuntimeError: what cannot be read, loaded or made."""
+    """Makes what `options` want and what does not exist yet. Raises ValueError, OSError or
+    RuntimeError if something cannot be read, loaded or made."""
     photos = list_photos(options.photos)
     progress = Progress(len(photos) * len(options.want))
     if "masks" in options.want:
@@ -129,7 +131,8 @@ def _models() -> Loaders:
 
 
 def main(arguments: Optional[Sequence[str]] = None, loaders: Optional[Loaders] = None) -> int:
-    """`loaders`: in place of the real models, which need torch and transformers."""
+    """Runs the command line and returns the exit code. `loaders` replace the real models, which
+    need torch and transformers."""
     options = parse(arguments)
     needed = ["numpy", "PIL"] + ([] if loaders else ["torch", "transformers"])
     missing = missing_modules(needed)
@@ -140,7 +143,7 @@ def main(arguments: Optional[Sequence[str]] = None, loaders: Optional[Loaders] =
     try:
         run(options, loaders or _models())
     except (ImportError, KeyError, OSError, RuntimeError, ValueError) as error:
-        # Of transformers, too: a model that cannot be had, or that this version does not know.
+        # transformers raises these, too: a model that cannot be fetched, or that it does not know.
         _tell(f"{type(error).__name__}: {error}")
         return FAILED
     return 0

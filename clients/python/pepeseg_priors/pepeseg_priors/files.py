@@ -1,6 +1,6 @@
-"""What is written: masks as SAM's automatic generator does, and depth maps as NPY.
+"""The output files: masks as SAM's automatic generator writes them, and depth maps as NPY.
 
-A file stands under its name only once it is whole, so that a run that was broken off can go on.
+A file gets its name when it is complete, so that an interrupted run can be resumed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import numpy as np
 
-# Longest side of a depth map: networks look at about 518 pixels, more would only fill the disk.
+# Longest side of a depth map, pixels. Networks see about 518 pixels; more would only fill the disk.
 MAX_DEPTH_SIDE = 1024
 
 
@@ -32,7 +32,7 @@ class DepthMap:
 
 
 def encode_rle(pixels: np.ndarray) -> dict[str, Any]:
-    """COCO's uncompressed run lengths: down the columns, beginning with a run of zeros."""
+    """Returns COCO's uncompressed run lengths: down the columns, beginning with a run of zeros."""
     import numpy as np
 
     height, width = pixels.shape
@@ -46,7 +46,7 @@ def encode_rle(pixels: np.ndarray) -> dict[str, Any]:
 
 
 def describe_mask(mask: Mask) -> dict[str, Any]:
-    """An element of SAM's list. `bbox`: x, y, width, height."""
+    """Returns an element of SAM's list. Its `bbox` is x, y, width, height."""
     import numpy as np
 
     rows = np.flatnonzero(mask.pixels.any(axis=1))
@@ -77,14 +77,14 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def write_masks(out: Path, stem: str, masks: list[Mask]) -> None:
-    """Masks without a pixel are left out."""
+    """Writes the masks of a photograph. Masks without a pixel are left out."""
     listed = [describe_mask(mask) for mask in masks if mask.pixels.any()]
     text = json.dumps(listed, separators=(",", ":"), allow_nan=False)
     _write(out / "masks" / f"{stem}.json", text.encode())
 
 
 def fit_depth(values: np.ndarray, width: int, height: int) -> np.ndarray:
-    """The map at the photograph's shape, its longest side at most MAX_DEPTH_SIDE."""
+    """Resizes a map to the photograph's shape, with a longest side of at most MAX_DEPTH_SIDE."""
     import numpy as np
     from PIL import Image
 
@@ -95,7 +95,7 @@ def fit_depth(values: np.ndarray, width: int, height: int) -> np.ndarray:
 
 
 def write_depth(out: Path, stem: str, depth: DepthMap, size: tuple[int, int]) -> None:
-    """`size`: width and height of the photograph."""
+    """Writes the depth or disparity of a photograph. `size`: the photograph's width and height."""
     import numpy as np
 
     if not np.isfinite(depth.values).all():

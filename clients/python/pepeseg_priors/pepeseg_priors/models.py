@@ -1,4 +1,4 @@
-"""The two models, each behind a function of photographs: all that knows torch and transformers.
+"""The two models, each as a function of photographs. Only this module uses torch and transformers.
 
 Photographs are [height, width, 3] RGB arrays of 8 bits.
 """
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     MaskMaker = Callable[[np.ndarray], list[Mask]]
     DepthMaker = Callable[[Sequence[np.ndarray]], list[DepthMap]]
 
-# Prompts of SAM's grid that are decoded at once.
+# Number of prompts of SAM's grid that are decoded at once.
 POINTS_PER_BATCH = 64
 
 
 def choose_device(device: str) -> str:
-    """A name that torch knows, of "auto" or of such a name."""
+    """Returns torch's name of a device; "auto" is CUDA if there is a device, else the CPU."""
     import torch
 
     if device != "auto":
@@ -29,7 +29,7 @@ def choose_device(device: str) -> str:
 
 
 def _array(tensor: Any) -> np.ndarray:
-    """Of a tensor on any device, or of what is an array already."""
+    """Returns a tensor on any device, or an array, as an array."""
     import numpy as np
 
     if hasattr(tensor, "detach"):
@@ -44,14 +44,15 @@ def _images(photos: Sequence[np.ndarray]) -> list[Any]:
 
 
 def load_masks(model: str, device: str) -> MaskMaker:
-    """SAM, or SAM 2 where this transformers has it: `model` is a name on the hub or a folder."""
+    """Loads SAM, or SAM 2 if the installed transformers has it. `model`: a hub name or a folder."""
     from transformers import pipeline
 
     return masks_of(pipeline("mask-generation", model=model, device=choose_device(device)))
 
 
 def masks_of(generator: Any) -> MaskMaker:
-    """`generator`: transformers' mask-generation pipeline, or what behaves like it."""
+    """Returns a function that makes masks with `generator`, a mask-generation pipeline of
+    transformers or an object like it."""
 
     def make(photo: np.ndarray) -> list[Mask]:
         result = generator(_images([photo])[0], points_per_batch=POINTS_PER_BATCH)
@@ -63,15 +64,16 @@ def masks_of(generator: Any) -> MaskMaker:
 
 
 def load_depth(model: str, device: str) -> DepthMaker:
-    """Depth-Anything-V2 or another model of the depth-estimation pipeline."""
+    """Loads Depth-Anything-V2 or another model for the depth-estimation pipeline."""
     from transformers import pipeline
 
     return depth_of(pipeline("depth-estimation", model=model, device=choose_device(device)))
 
 
 def depth_of(estimator: Any) -> DepthMaker:
-    """`estimator`: transformers' depth-estimation pipeline, or what behaves like it. Models for
-    metres give depth, all others are taken to give disparity, as Depth-Anything's are."""
+    """Returns a function that makes depth with `estimator`, a depth-estimation pipeline of
+    transformers or an object like it. Models for metres give depth; all others are assumed to give
+    disparity, as Depth-Anything's do."""
     config = getattr(getattr(estimator, "model", None), "config", None)
     far_is_large = getattr(config, "depth_estimation_type", "relative") == "metric"
 

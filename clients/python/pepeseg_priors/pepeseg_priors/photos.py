@@ -15,11 +15,12 @@ SUFFIXES = (".jpg", ".jpeg", ".png", ".webp")
 @dataclass(frozen=True)
 class Photo:
     path: Path
-    stem: str  # below the folder, with "/", without suffix: what its masks and depth are named by
+    stem: str  # path below the folder, with "/" and without suffix: names its masks and depth
 
 
 def list_photos(folder: Path) -> list[Photo]:
-    """By name. ValueError: none, or two that differ in nothing but the suffix."""
+    """Lists the photographs, by name. Raises ValueError if there are none, or if two differ in
+    their suffix only."""
     photos: dict[str, Photo] = {}
     for path in sorted(folder.rglob("*")):
         if path.suffix.lower() not in SUFFIXES or not path.is_file():
@@ -27,8 +28,8 @@ def list_photos(folder: Path) -> list[Photo]:
         stem = path.relative_to(folder).with_suffix("").as_posix()
         if stem in photos:
             raise ValueError(
-                f"{path} and {photos[stem].path} have one name but for the suffix: "
-                "masks could not be told apart"
+                f"{path} and {photos[stem].path} differ in their suffix only, so that their masks "
+                "would have the same name; rename one of them"
             )
         photos[stem] = Photo(path, stem)
     if not photos:
@@ -37,8 +38,8 @@ def list_photos(folder: Path) -> list[Photo]:
 
 
 def read_photo(photo: Photo) -> np.ndarray:
-    """[height, width, 3], RGB of 8 bits, as the file stores its rows: no turning by EXIF, as in
-    pepeseg's own import."""
+    """Returns [height, width, 3], RGB of 8 bits, as the file stores it, without turning it by EXIF,
+    as pepeseg's own import does."""
     import numpy as np
     from PIL import Image
 

@@ -1,4 +1,4 @@
-// The server's services, through the back end that served the app.
+// Clients of the server's services, through the back end that served the app.
 import { createClient } from '@connectrpc/connect';
 import { createConnectTransport } from '@connectrpc/connect-web';
 import { DatasetService } from '../../gen/pepeseg/v1/dataset_service_pb';
@@ -13,7 +13,7 @@ export const datasets = createClient(DatasetService, transport);
 export const jobs = createClient(JobService, transport);
 export const segmentation = createClient(SegmentationService, transport);
 
-/** A list of pages as a whole. */
+/** Returns the items of all pages of a list. */
 export async function allPages<T>(
   ask: (pageToken: string) => Promise<{ items: T[]; nextPageToken: string }>,
 ): Promise<T[]> {
@@ -27,17 +27,17 @@ export async function allPages<T>(
   return all;
 }
 
-/** "scenes/shelf/models/3" -> "shelf". */
+/** Returns the scene's id: "scenes/shelf/models/3" -> "shelf". */
 export function sceneIdOf(resource: string): string {
   return resource.split('/')[1] ?? '';
 }
 
-/** "jobs/17" -> "17", "scenes/x/labels/cup" -> "cup". */
+/** Returns the last part of a name: "jobs/17" -> "17", "scenes/x/labels/cup" -> "cup". */
 export function lastId(resource: string): string {
   return resource.slice(resource.lastIndexOf('/') + 1);
 }
 
-/** So that a call repeated after a lost answer is known for the same one. */
+/** Returns a random id, by which the server recognises a call repeated after a lost answer. */
 export function newRequestId(): string {
   const bytes = crypto.getRandomValues(new Uint8Array(16));
   return Array.from(bytes, (byte) => byte.toString(16).padStart(2, '0')).join('');
@@ -48,19 +48,19 @@ function query(values: Record<string, string | undefined>): string {
   return new URLSearchParams(given).toString();
 }
 
-/** A rendering. `maxSide`: its longer side, pixels; absent: not shrunk. */
+/** Returns the URL of a rendering. `maxSide`: maximum of its longer side, pixels; absent: none. */
 export function pictureUrl(model: string, view: string, maxSide?: number): string {
   return `/api/picture?${query({ model, view, max_side: maxSide?.toString() })}`;
 }
 
 export interface PhotoOptions {
-  /** As View.view; absent: the first photograph. */
+  /** Name as in View.view; absent: the first photograph. */
   name?: string;
-  /** Longer side, pixels; absent: not shrunk. */
+  /** Maximum of the longer side, pixels; absent: none. */
   maxSide?: number;
 }
 
-/** A photograph of a dataset, or of the dataset that a model was trained on. */
+/** Returns the URL of a photograph of a dataset, or of a model's dataset. */
 export function photoUrl(parent: string, { name, maxSide }: PhotoOptions = {}): string {
   return `/api/photo?${query({ parent, name, max_side: maxSide?.toString() })}`;
 }

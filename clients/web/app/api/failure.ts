@@ -1,43 +1,43 @@
-// Errors for people: what happened, and what to do.
+// Errors as people read them: what happened, and what to do.
 import { Code, ConnectError } from '@connectrpc/connect';
 import { ErrorDetailSchema } from '../../gen/pepeseg/v1/errors_pb';
 
 export interface Failure {
   readonly what: string;
-  /** Empty where the first sentence says it all. */
+  /** What to do; empty if the first sentence says it all. */
   readonly todo: string;
   readonly code: Code;
   readonly reason: string;
   readonly resource: string;
   readonly limit: string;
-  /** Nothing answers: asking again may help. */
+  /** Whether no server answers, so that repeating the call may help. */
   readonly away: boolean;
-  /** When asking again makes sense, as the server says. */
+  /** When a repetition makes sense, as the server says. */
   readonly retryMs: number | undefined;
 }
 
 const advice: Partial<Record<string, string>> = {
   NO_KEY: 'The app shows the server no key: start it with --key-file, or set PEPESEG_KEY.',
-  BAD_KEY: 'The app’s key opens nothing: ask who runs the server for another one.',
-  MISSING_SCOPE: 'The app’s key may not do this: it takes one with more scopes.',
+  BAD_KEY: 'The server does not accept the app’s key: ask who runs the server for another one.',
+  MISSING_SCOPE: 'The app’s key may not do this: a key with more scopes is needed.',
   NOT_YOURS: 'It does not exist, or belongs to another project.',
   DISK_FULL: 'The server’s disk is full: delete scenes that are not needed.',
   JOB_ACTIVE: 'Wait for the training that is running, or cancel it.',
   NO_MODEL: 'Train the scene first.',
-  DRAINING: 'The server is being restarted; this goes on by itself.',
+  DRAINING: 'The server is being restarted; the page continues by itself.',
 };
 
 const adviceByCode: Partial<Record<Code, string>> = {
   [Code.NotFound]: 'It may have been deleted: go back to the scenes.',
   [Code.ResourceExhausted]: 'Delete what is not needed, or ask who runs the server for more.',
-  [Code.Unavailable]: 'This is tried again by itself.',
+  [Code.Unavailable]: 'The page tries again by itself.',
   [Code.DeadlineExceeded]: 'The server took too long: try again.',
   [Code.DataLoss]: 'Bytes were damaged on the way or on the disk: try again.',
   [Code.Internal]: 'The server’s log says more. Try again.',
   [Code.Unimplemented]: 'The server is older than the app: update it.',
 };
 
-/** fetch tells a lost connection by a TypeError, whatever the browser's words. */
+/** fetch reports a lost connection as a TypeError, in every browser. */
 function isNetwork(error: ConnectError): boolean {
   return (
     error.cause instanceof TypeError ||
@@ -57,13 +57,13 @@ export function failureOf(cause: unknown): Failure {
   const detail = error.findDetails(ErrorDetailSchema)[0];
   const network = isNetwork(error);
   const away = network || error.code === Code.Unavailable;
-  // The back end says where it looked for the server, and how to start one.
+  // The back end says at which address it looked for the server, and how to start one.
   const said = error.rawMessage.startsWith('the server does not answer');
   const retry = detail?.retryAfter;
   const todo = (detail && advice[detail.reason]) ?? adviceByCode[error.code] ?? '';
   return {
     what: away && !detail && !said ? 'The server does not answer.' : sentence(error.rawMessage),
-    todo: network ? 'Is it running? This is tried again by itself.' : todo,
+    todo: network ? 'Is it running? The page tries again by itself.' : todo,
     code: error.code,
     reason: detail?.reason ?? '',
     resource: detail?.resource ?? '',

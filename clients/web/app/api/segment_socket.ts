@@ -1,5 +1,5 @@
-// SegmentStream over a WebSocket. Only the newest request matters: one that comes while the socket
-// is being opened takes the place of the one before, and after a cut the newest is asked again.
+// SegmentStream over a WebSocket. Only the newest request matters: while the socket is being opened
+// a request replaces the one before, and after a lost connection the newest is sent again.
 import { create, fromBinary, toBinary } from '@bufbuild/protobuf';
 import { Code, ConnectError } from '@connectrpc/connect';
 import type { SegmentRequest, SegmentResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
@@ -11,7 +11,7 @@ import type { Status } from '../../gen/pepeseg/v1/errors_pb';
 import { Backoff } from './server_link';
 
 export interface Answers {
-  /** Of the request with that sequence. */
+  /** Called with the response to the request with that sequence. */
   answered(sequence: bigint, answer: SegmentResponse): void;
   refused(sequence: bigint, error: unknown): void;
 }
@@ -70,7 +70,7 @@ export class SegmentSocket {
 
   private async lost(event: CloseEvent): Promise<void> {
     this.socket = undefined;
-    // Idle ones are opened again when there is something to ask.
+    // An idle socket is opened again for the next request.
     if (this.closed || this.answeredUpTo === this.sequence) return;
     const code = event.code > 4000 ? ((event.code - 4000) as Code) : Code.Unavailable;
     if (code !== Code.Unavailable && code !== Code.Canceled) {

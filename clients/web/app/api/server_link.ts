@@ -1,12 +1,12 @@
-// Whether the server answers. What is asked while it does not is asked again, less and less often,
-// until it does: the page goes on by itself.
+// Whether the server answers. Requests that fail because it does not are repeated with growing pauses
+// until it does, so that the page recovers by itself.
 import { Store } from '../store';
 import { failureOf, isCancelled } from './failure';
 
 export interface ServerLink {
   readonly away: boolean;
   readonly what: string;
-  /** Of Date.now(): when the next try is. */
+  /** Time of the next try, as of Date.now(). */
   readonly nextTry: number;
 }
 
@@ -16,7 +16,7 @@ const firstPauseMs = 500;
 const longestPauseMs = 8000;
 const impatient = new Set<() => void>();
 
-/** Ends the pauses: somebody does not want to wait. */
+/** Ends the pauses: the person does not want to wait. */
 export function tryNow(): void {
   for (const wake of [...impatient]) wake();
 }
@@ -51,7 +51,7 @@ export class Backoff {
   }
 
   async wait(what: string, retryMs: number | undefined, signal?: AbortSignal): Promise<void> {
-    // Not all pages at the same moment.
+    // A random part, so that not all pages try at the same moment.
     const milliseconds = Math.max(retryMs ?? 0, this.pauseMs * (0.8 + 0.4 * Math.random()));
     this.pauseMs = Math.min(2 * this.pauseMs, longestPauseMs);
     serverLink.set({ away: true, what, nextTry: Date.now() + milliseconds });
@@ -59,7 +59,7 @@ export class Backoff {
   }
 }
 
-/** Asks until the server answers; throws what it answers if that is an error. */
+/** Repeats a call until the server answers. Throws the answer if it is an error. */
 export async function steadily<T>(ask: () => Promise<T>, signal?: AbortSignal): Promise<T> {
   const backoff = new Backoff();
   for (;;) {

@@ -1,4 +1,4 @@
-// What a component asks the server for when it appears, or when what it asks about changes.
+// Fetches something from the server when a component appears or its arguments change.
 import { useCallback, useEffect, useState } from 'preact/hooks';
 import type { Failure } from './failure';
 import { failureOf, isCancelled } from './failure';
@@ -11,7 +11,7 @@ export interface Asked<T> {
 }
 
 export function useAsked<T>(
-  question: (signal: AbortSignal) => Promise<T>,
+  request: (signal: AbortSignal) => Promise<T>,
   about: unknown[],
 ): Asked<T> {
   const [value, setValue] = useState<T>();
@@ -21,7 +21,7 @@ export function useAsked<T>(
   useEffect(() => {
     const controller = new AbortController();
     const { signal } = controller;
-    steadily(() => question(signal), signal).then(
+    steadily(() => request(signal), signal).then(
       (answer) => {
         if (signal.aborted) return;
         setValue(answer);

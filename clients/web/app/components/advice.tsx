@@ -1,7 +1,7 @@
 import type { JSX } from 'preact';
 import { Icon } from './icons';
 
-/** What may make answers poor and what would better them; nothing where the server says nothing. */
+/** What may make masks poor and how to get better ones; nothing if the server has no advice. */
 export function Advice({ advice }: { advice: readonly string[] | undefined }): JSX.Element | null {
   if (!advice || advice.length === 0) return null;
   return (

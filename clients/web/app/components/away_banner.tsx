@@ -4,7 +4,7 @@ import { serverLink, tryNow } from '../api/server_link';
 import { useStore } from '../store';
 import { Icon } from './icons';
 
-/** Over all screens while the server does not answer. */
+/** A banner above all screens while the server does not answer. */
 export function AwayBanner(): JSX.Element | null {
   const { away, what, nextTry } = useStore(serverLink);
   const [, tick] = useState(0);
@@ -19,7 +19,7 @@ export function AwayBanner(): JSX.Element | null {
     <div class="away" role="status">
       <Icon name="warn" />
       <span>
-        {what} The page goes on by itself when it is back
+        {what} The page continues by itself when it is back
         <span aria-hidden="true">{seconds > 0 ? `; next try in ${seconds} s.` : '; trying …'}</span>
       </span>
       <button type="button" onClick={tryNow}>

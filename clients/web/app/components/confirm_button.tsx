@@ -2,7 +2,7 @@ import type { ComponentChildren, JSX } from 'preact';
 import { useEffect, useState } from 'preact/hooks';
 
 interface Props {
-  /** What the second press does, in words. */
+  /** Text that says what the second press does. */
   sure: string;
   class?: string;
   label?: string;
@@ -11,7 +11,7 @@ interface Props {
   children: ComponentChildren;
 }
 
-/** Asks once more in its own place: the second press within four seconds does it. */
+/** A button that asks for confirmation: only a second press within four seconds acts. */
 export function ConfirmButton({ sure, onConfirm, children, label, ...rest }: Props): JSX.Element {
   const [asking, setAsking] = useState(false);
   useEffect(() => {

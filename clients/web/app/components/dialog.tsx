@@ -8,7 +8,7 @@ interface Props {
   children: ComponentChildren;
 }
 
-/** Modal: the browser keeps the focus in it, and gives it back. */
+/** A modal dialog: the browser keeps the focus in it, and gives it back. */
 export function Dialog({ title, onClose, children }: Props): JSX.Element {
   const element = useRef<HTMLDialogElement>(null);
   useEffect(() => {

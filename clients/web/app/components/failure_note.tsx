@@ -8,7 +8,7 @@ interface Props {
   close?: (() => void) | undefined;
 }
 
-/** What went wrong and what to do; nothing where nothing did. */
+/** What went wrong and what to do; nothing without a failure. */
 export function FailureNote({ failure, again, close }: Props): JSX.Element | null {
   if (!failure) return null;
   return (

@@ -1,12 +1,12 @@
 import type { JSX } from 'preact';
 
 interface Props {
-  /** Where, as shares of the picture's width and height. */
+  /** Position, as shares of the picture's width and height. */
   x: number;
   y: number;
 }
 
-/** At a click that hit nothing. */
+/** A note at a click that hit nothing. */
 export function MissNote({ x, y }: Props): JSX.Element {
   const side = x > 0.5 ? 'left' : 'right';
   return (

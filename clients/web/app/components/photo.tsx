@@ -11,11 +11,11 @@ interface Props {
   scene: string;
   /** The dataset or model that has the photograph; absent: the scene's newest dataset. */
   parent?: string;
-  /** View of the model `parent` that is rendered where there is no photograph, as of a video. */
+  /** View of the model `parent` to render if there is no photograph, as for a video. */
   rendering?: string | undefined;
 }
 
-/** The scene's first photograph, or a sign that there is none to show. */
+/** The scene's first photograph, or a placeholder if there is none. */
 export function ScenePhoto({ scene, parent, rendering }: Props): JSX.Element {
   const [missing, setMissing] = useState<readonly string[]>([]);
   const newest = useAsked(

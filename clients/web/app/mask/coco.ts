@@ -2,9 +2,9 @@
 import type { Rle } from './rle';
 
 export interface ViewMasks {
-  /** Of the label: a folder's name, unlike what it is called. */
+  /** Id of the label, which is a folder's name, unlike its text. */
   readonly id: string;
-  /** What people call it. */
+  /** Text of the label, for people. */
   readonly category: string;
   readonly masks: readonly {
     view: string;

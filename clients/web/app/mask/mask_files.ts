@@ -1,5 +1,5 @@
-// Masks as files of a ZIP: a folder a label, by the label's id, and labels.json, which says what
-// each id is called. What people call things is text, never a path.
+// Masks as files of a ZIP: a folder for each label, named by its id, and labels.json, which has each
+// label's text. A text that people typed never becomes a path.
 import type { ViewMasks } from './coco';
 import type { Rle } from './rle';
 
@@ -8,14 +8,14 @@ export interface MaskFile {
   readonly rle: Rle;
 }
 
-/** Of a view: its name without the suffix, as the dataset has it ("cam0/0001"). */
+/** Name of the view without its suffix, as in the dataset ("cam0/0001"). */
 function stemOf(view: string): string {
   return view.replace(/\.\w+$/, '');
 }
 
 /**
- * Where each mask goes. Views that differ in their suffix only keep it, so that no file takes the
- * place of another.
+ * Returns the path of each mask. Views that differ only in their suffix keep it, so that no file
+ * replaces another.
  */
 export function maskFiles(segments: readonly ViewMasks[]): MaskFile[] {
   return segments.flatMap(({ id, masks }) => {
@@ -28,7 +28,7 @@ export function maskFiles(segments: readonly ViewMasks[]): MaskFile[] {
   });
 }
 
-/** labels.json: from the folder's name to what the label is called. */
+/** Returns labels.json: from the folder's name to the label's text. */
 export function labelsJson(segments: readonly ViewMasks[]): string {
   return JSON.stringify(
     Object.fromEntries(segments.map(({ id, category }) => [id, category])),

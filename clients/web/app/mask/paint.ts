@@ -1,4 +1,4 @@
-// A mask over its picture: tinted inside, outlined at its border.
+// Draws a mask over its picture: tinted inside, outlined at its border.
 import type { Rle } from './rle';
 import { decodeRle } from './rle';
 
@@ -7,7 +7,7 @@ type Color = readonly [red: number, green: number, blue: number, alpha: number];
 const tint: Color = [20, 184, 166, 105];
 const outline: Color = [255, 255, 255, 235];
 
-/** Border: the next pixel in any direction is not in the mask. The picture's edge is none. */
+/** Tints the mask, and outlines pixels with a neighbour outside it; the picture's edge is no border. */
 function fill(words: Uint32Array, pixels: Uint8Array, width: number, height: number): void {
   const inside = packed(tint);
   const border = packed(outline);
@@ -34,7 +34,7 @@ export interface Pixels {
   readonly pixels: Uint8Array;
 }
 
-/** The mask with its longer side shrunk to `maxSide` by taking the nearest pixels. */
+/** Shrinks the mask's longer side to `maxSide` by taking the nearest pixels. */
 export function shrunkMask(mask: Rle, maxSide: number): Pixels {
   const pixels = decodeRle(mask);
   const scale = maxSide / Math.max(mask.width, mask.height);
@@ -52,8 +52,8 @@ export function shrunkMask(mask: Rle, maxSide: number): Pixels {
 }
 
 /**
- * Makes the canvas as large as the mask, at most `maxSide`: masks are as large as photographs, which
- * screens are not. An empty mask clears it.
+ * Draws the mask on a canvas of the mask's size, but at most `maxSide`: masks are as large as
+ * photographs, which are larger than screens. An empty mask clears the canvas.
  */
 export function paintMask(
   canvas: HTMLCanvasElement,
@@ -75,7 +75,7 @@ export function paintMask(
   context.putImageData(image, 0, 0);
 }
 
-/** Black and white, as most tools read masks. */
+/** Returns a black and white picture, which most tools read as a mask. */
 export async function maskPng(mask: Rle): Promise<Blob> {
   const canvas = new OffscreenCanvas(mask.width, mask.height);
   const context = canvas.getContext('2d');

@@ -1,6 +1,6 @@
-// Run lengths as COCO has them (column-major, first the zeros), compressed to a string: five bits a
-// character from '0' on, the sixth says that more follow; from the third run on each is the
-// difference to the one before the last.
+// COCO's run lengths (column-major, first the zeros), compressed to a string: five bits a character
+// from '0' on, and a sixth that says that more follow. From the third run on each number is the
+// difference to the one two before it.
 export interface Rle {
   readonly height: number;
   readonly width: number;
@@ -25,7 +25,7 @@ export function runsOf(counts: string): number[] {
   return runs;
 }
 
-/** Row-major, a byte a pixel: 0 or 1. */
+/** Pixels in row-major order, one byte each: 0 or 1. */
 export function decodeRle({ height, width, counts }: Rle): Uint8Array {
   const pixels = new Uint8Array(width * height);
   let position = 0;
@@ -54,7 +54,7 @@ function fillColumns(
   }
 }
 
-/** Pixels of both over pixels of either. */
+/** Returns the IoU: pixels in both masks over pixels in either. */
 export function intersectionOverUnion(a: Uint8Array, b: Uint8Array): number {
   let both = 0;
   let either = 0;

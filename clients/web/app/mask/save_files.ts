@@ -1,4 +1,4 @@
-// What the browser saves.
+// Files that the browser saves.
 import { strToU8, zipSync } from 'fflate';
 import type { CocoView, ViewMasks } from './coco';
 import { cocoJson } from './coco';
@@ -23,7 +23,7 @@ export function saveCoco(
   saveBlob(new Blob([text], { type: 'application/json' }), `${scene}-coco.json`);
 }
 
-/** A PNG a view, in a folder a label, and labels.json. */
+/** Saves a ZIP with a folder for each label, a PNG for each view, and labels.json. */
 export async function saveMasks(scene: string, segments: readonly ViewMasks[]): Promise<void> {
   const files: Record<string, Uint8Array> = { 'labels.json': strToU8(labelsJson(segments)) };
   for (const { path, rle } of maskFiles(segments)) {

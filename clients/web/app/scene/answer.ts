@@ -1,4 +1,4 @@
-// What the server answered, as the screen shows it.
+// The server's answers, as the screen shows them.
 import type {
   ProposeScalesResponse,
   SegmentResponse,
@@ -7,7 +7,7 @@ import { ProposeScalesResponse_Kind } from '../../gen/pepeseg/v1/segmentation_se
 import type { Rle } from '../mask/rle';
 
 export interface Mask {
-  /** Empty: the picture of the 3D view. */
+  /** Name of the view; empty: the picture of the 3D view. */
   readonly view: string;
   readonly rle: Rle;
   readonly area: number;
@@ -17,7 +17,7 @@ export interface Mask {
 }
 
 export interface Answer {
-  /** By view. */
+  /** Masks by view. */
   readonly masks: ReadonlyMap<string, Mask>;
   readonly scale: number;
   readonly scaleUnits: number;
@@ -30,7 +30,7 @@ export interface Proposal {
   readonly scale: number;
   readonly threshold: number;
   readonly support: number;
-  /** What the server takes where nothing is chosen. */
+  /** Whether the server uses this proposal if nothing is chosen. */
   readonly best: boolean;
   readonly mask: Mask;
 }
@@ -68,8 +68,8 @@ const kindNames: Record<ProposeScalesResponse_Kind, string> = {
 };
 
 /**
- * The server's ladder as it is: smallest first, each named only where the server names it. What has
- * no name of its own, or one that another has, is told by its place ("2").
+ * Returns the server's proposals, smallest first, with the server's names. A proposal without a name,
+ * or with the name of another one, is named by its position ("2").
  */
 export function proposalsOf({ proposals, best }: ProposeScalesResponse): Proposal[] {
   const kinds = proposals.map(({ kind }) => kindNames[kind] ?? '');

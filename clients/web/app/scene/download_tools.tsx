@@ -1,4 +1,4 @@
-// What can be taken away: PLY, masks, COCO's JSON.
+// Downloads: PLY, masks, COCO JSON.
 import type { JSX } from 'preact';
 import { useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
@@ -26,7 +26,7 @@ interface Props {
   views: readonly View[];
 }
 
-/** Each label in every view; without labels, what is segmented now. */
+/** Returns each label's masks in every view; without labels, the current segmentation. */
 async function segmentsOf({ session, labels }: Props): Promise<ViewMasks[]> {
   const named = labels.list.get();
   if (named.length === 0) {

@@ -4,12 +4,12 @@ import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { paintMask } from '../mask/paint';
 import type { Mask } from './answer';
 
-/** Longer side of what is drawn on a thumbnail, pixels: twice its size on the screen. */
+/** Longer side of the mask on a thumbnail, pixels: twice its size on the screen. */
 export const thumbnailSide = 256;
 
 interface ThumbProps {
   view: View;
-  /** Of the photograph; it may be missing. */
+  /** URL of the photograph, which may be missing. */
   photo: string;
   rendering: string;
   mask: Mask | undefined;
@@ -58,7 +58,7 @@ interface Props {
   onPick: (view: View) => void;
 }
 
-/** All views of the scene, each with the mask over it. */
+/** All views of the scene, each with its mask. */
 export function Filmstrip(props: Props): JSX.Element {
   const { views, current, masks, photoOf, renderingOf, onPick } = props;
   return (

@@ -1,4 +1,4 @@
-// Names for segments, to be asked for in any view.
+// Labels: names for segments, which can be segmented in any view.
 import type { JSX } from 'preact';
 import { useState } from 'preact/hooks';
 import type { Label } from '../../gen/pepeseg/v1/label_pb';
@@ -23,7 +23,7 @@ export function labelName(label: Label): string {
 }
 
 export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
-  const { question, answer } = useStore(session.state);
+  const { prompt, answer } = useStore(session.state);
   const list = useStore(labels.list);
   const [text, setText] = useState('');
   const [failure, setFailure] = useState<Failure>();
@@ -79,7 +79,7 @@ export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
               <button
                 type="button"
                 class="chip"
-                aria-pressed={question?.kind === 'label' && question.label === label.name}
+                aria-pressed={prompt?.kind === 'label' && prompt.label === label.name}
                 onClick={() => session.askLabel(label.name)}
               >
                 {labelName(label)}

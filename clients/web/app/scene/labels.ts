@@ -8,7 +8,7 @@ import type { Answer, Mask } from './answer';
 
 const maxTries = 20;
 
-/** Names that look the same are the same. */
+/** Returns the form in which names are compared: names that look the same are equal. */
 function sameName(text: string): string {
   return text.normalize('NFKC').trim().replace(/\s+/g, ' ').toLowerCase();
 }
@@ -16,7 +16,7 @@ function sameName(text: string): string {
 export class SceneLabels {
   readonly list = new Store<readonly Label[]>([]);
 
-  /** `scene`: its name. */
+  /** The labels of a scene. `scene`: the scene's name. */
   constructor(private readonly scene: string) {}
 
   async load(signal?: AbortSignal): Promise<void> {
@@ -28,7 +28,7 @@ export class SceneLabels {
     this.list.set(all);
   }
 
-  /** The mask that a label is made of: of the view on the screen, or where most is seen. */
+  /** Returns the mask for a new label: that of the shown view, or else the largest one. */
   maskToName(answer: Answer | undefined, shownView: string): Mask | undefined {
     const shown = answer?.masks.get(shownView);
     if (shown && shown.area > 0) return shown;
@@ -36,7 +36,7 @@ export class SceneLabels {
     return seen.sort((a, b) => b.area - a.area)[0];
   }
 
-  /** The label that is called so, if there is one. */
+  /** Returns the label with this text, if there is one. */
   named(text: string): Label | undefined {
     const wanted = sameName(text);
     return this.list.get().find((label) => sameName(label.text || lastId(label.name)) === wanted);
@@ -55,7 +55,7 @@ export class SceneLabels {
         await steadily(() => segmentation.createLabel(request));
         break;
       } catch (error) {
-        // Another label has the id: names that differ may have the same letters.
+        // Another label has this id: different texts may give the same id.
         if (ConnectError.from(error).code !== Code.AlreadyExists || n === maxTries) throw error;
       }
     }

@@ -1,11 +1,11 @@
-// One view of the scene: its picture, the mask over it, and where to click.
+// One view of the scene: its picture, the mask over it, and the clicks on it.
 import type { JSX } from 'preact';
 import { useEffect, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { MissNote } from '../components/miss_note';
 import { paintMask } from '../mask/paint';
 import type { Mask } from './answer';
-import type { Box, Point, Question } from './prompt';
+import type { Box, Point, Prompt } from './prompt';
 import { sizeOf } from './prompt';
 
 export type Source = 'photo' | 'rendering';
@@ -13,18 +13,18 @@ export type Tool = 'include' | 'exclude' | 'box';
 
 interface Props {
   view: View;
-  /** Of the photograph; it may be missing. */
+  /** URL of the photograph, which may be missing. */
   photo: string;
   rendering: string;
   source: Source;
   onSource: (source: Source) => void;
   mask: Mask | undefined;
-  /** Of this view, if it is about it. */
-  question: Question | undefined;
-  /** Where a click hit nothing in this view. */
+  /** The prompt, if it is about this view. */
+  prompt: Prompt | undefined;
+  /** Position of a click that hit nothing in this view. */
   miss: Spot | undefined;
   tool: Tool;
-  /** How many answers were shown: for who measures. */
+  /** Number of answers shown, for measurements. */
   numAnswers: number;
   onPoint: (point: Point) => void;
   onBox: (box: Box) => void;
@@ -35,11 +35,11 @@ interface Spot {
   readonly y: number;
 }
 
-/** A press that moves less, in pixels of the screen, is a click. */
+/** A press that moves less than this, in screen pixels, is a click. */
 const clickSlack = 5;
-/** Width of the drawing over a view, so that marks do not shrink on large photographs. */
+/** Width of the drawing over a view in its own units, so that marks keep their size. */
 const drawingWidth = 640;
-/** Of the keyboard's cursor, in units of the drawing. */
+/** Step of the keyboard's cursor, in units of the drawing. */
 const keyStep = 8;
 
 const arrows: Record<string, readonly [number, number]> = {
@@ -55,20 +55,20 @@ function boxOf(a: Spot, b: Spot): Box {
 }
 
 interface MarksProps {
-  question: Question | undefined;
+  prompt: Prompt | undefined;
   drawn: Box | undefined;
   cursor: Spot | undefined;
-  /** Units of the drawing in a pixel of the photograph. */
+  /** Units of the drawing for each pixel of the photograph. */
   unit: number;
 }
 
-function Marks({ question, drawn, cursor: at, unit }: MarksProps): JSX.Element {
+function Marks({ prompt, drawn, cursor: at, unit }: MarksProps): JSX.Element {
   const scaled = ({ x, y }: Spot) => ({ x: x * unit, y: y * unit });
   const points =
-    question?.kind === 'points'
-      ? question.points.map((point) => ({ ...scaled(point), negative: point.negative }))
+    prompt?.kind === 'points'
+      ? prompt.points.map((point) => ({ ...scaled(point), negative: point.negative }))
       : [];
-  const meant = drawn ?? (question?.kind === 'box' ? question.box : undefined);
+  const meant = drawn ?? (prompt?.kind === 'box' ? prompt.box : undefined);
   const box = meant && {
     ...scaled(meant),
     width: meant.width * unit,
@@ -102,7 +102,7 @@ export function PhotoView(props: Props): JSX.Element {
     source,
     onSource,
     mask,
-    question,
+    prompt,
     miss,
     tool,
     numAnswers,
@@ -137,7 +137,7 @@ export function PhotoView(props: Props): JSX.Element {
   const press = (event: PointerEvent) => {
     if (event.button !== 0) return;
     pressed.current = { ...spotOf(event), screenX: event.clientX, screenY: event.clientY };
-    // A finger moves the page, unless it is to draw.
+    // A finger scrolls the page, unless it draws.
     if (event.pointerType !== 'touch' || tool === 'box') {
       (event.currentTarget as Element).setPointerCapture(event.pointerId);
     }
@@ -215,7 +215,7 @@ export function PhotoView(props: Props): JSX.Element {
           viewBox={`0 0 ${drawingWidth} ${height * unit}`}
           aria-hidden="true"
         >
-          <Marks question={question} drawn={drawn} cursor={cursor} unit={unit} />
+          <Marks prompt={prompt} drawn={drawn} cursor={cursor} unit={unit} />
         </svg>
         {miss && <MissNote x={miss.x / width} y={miss.y / height} />}
       </div>

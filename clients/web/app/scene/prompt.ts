@@ -1,4 +1,4 @@
-// What is asked: a place in a view, or in a picture of the 3D view, and what is meant there.
+// Prompts: a view, or a picture of the 3D view, and what is meant in it.
 import type { MessageInitShape } from '@bufbuild/protobuf';
 import { create } from '@bufbuild/protobuf';
 import type { GranularitySchema, PromptSchema } from '../../gen/pepeseg/v1/prompt_pb';
@@ -9,17 +9,17 @@ import {
   SegmentRequest_Targets_Group,
 } from '../../gen/pepeseg/v1/segmentation_service_pb';
 
-/** Size of the pixels that prompts and masks of a view are in: of its photograph. */
+/** Returns the size, in pixels, of the frame of a view's prompts and masks: its photograph's. */
 export function sizeOf(view: View): { readonly width: number; readonly height: number } {
   const { photographWidth, photographHeight, camera } = view;
-  // Of a model of an older server the photograph's size is not known: then they are the view's.
+  // Models of older servers do not have the photograph's size: then the frame is the view's.
   if (photographWidth > 0 && photographHeight > 0) {
     return { width: photographWidth, height: photographHeight };
   }
   return { width: camera?.width || 1, height: camera?.height || 1 };
 }
 
-/** A pinhole camera somewhere, as the contract says it. */
+/** A pinhole camera anywhere, as in the contract. */
 export interface FreeCamera {
   readonly width: number;
   readonly height: number;
@@ -27,7 +27,7 @@ export interface FreeCamera {
   readonly fy: number;
   readonly cx: number;
   readonly cy: number;
-  /** Of cam_from_world: w, x, y, z. */
+  /** Rotation of cam_from_world: w, x, y, z. */
   readonly rotation: readonly number[];
   readonly translation: readonly number[];
 }
@@ -47,13 +47,13 @@ export interface Box {
   readonly height: number;
 }
 
-export type Question =
+export type Prompt =
   | { readonly kind: 'points'; readonly place: Place; readonly points: readonly Point[] }
   | { readonly kind: 'box'; readonly place: Place; readonly box: Box }
   | { readonly kind: 'label'; readonly label: string };
 
-/** What is absent is the server's to choose. */
-export interface Grain {
+/** Scale and threshold; the server chooses those that are absent. */
+export interface Granularity {
   readonly scale?: number | undefined;
   readonly threshold?: number | undefined;
 }
@@ -64,8 +64,8 @@ export function samePlace(a: Place | undefined, b: Place | undefined): boolean {
   return 'camera' in b && a.camera === b.camera;
 }
 
-export function placeOf(question: Question | undefined): Place | undefined {
-  return question && question.kind !== 'label' ? question.place : undefined;
+export function placeOf(prompt: Prompt | undefined): Place | undefined {
+  return prompt && prompt.kind !== 'label' ? prompt.place : undefined;
 }
 
 function viewpointOf(place: Place): NonNullable<MessageInitShape<typeof PromptSchema>['view']> {
@@ -75,37 +75,37 @@ function viewpointOf(place: Place): NonNullable<MessageInitShape<typeof PromptSc
   return { place: { case: 'free', value: { camera, camFromWorld: transform } } };
 }
 
-export function promptOf(question: Question): MessageInitShape<typeof PromptSchema> {
-  if (question.kind === 'label') return { what: { case: 'label', value: question.label } };
-  const view = viewpointOf(question.place);
-  if (question.kind === 'box') return { view, what: { case: 'box', value: { ...question.box } } };
-  const points = question.points.map((point) => ({ ...point }));
+export function promptOf(prompt: Prompt): MessageInitShape<typeof PromptSchema> {
+  if (prompt.kind === 'label') return { what: { case: 'label', value: prompt.label } };
+  const view = viewpointOf(prompt.place);
+  if (prompt.kind === 'box') return { view, what: { case: 'box', value: { ...prompt.box } } };
+  const points = prompt.points.map((point) => ({ ...point }));
   return { view, what: { case: 'points', value: { points } } };
 }
 
 export function granularityOf({
   scale,
   threshold,
-}: Grain): MessageInitShape<typeof GranularitySchema> {
+}: Granularity): MessageInitShape<typeof GranularitySchema> {
   return {
     ...(scale !== undefined && { scale: { case: 'scaleQuantile', value: scale } as const }),
     ...(threshold !== undefined && { threshold }),
   };
 }
 
-/** `views`: absent, the question's own; "all", every view. */
+/** Makes a request. `views`: absent: the prompt's view; "all": every view. */
 export function segmentRequest(
   model: string,
-  question: Question,
-  grain: Grain,
+  prompt: Prompt,
+  granularity: Granularity,
   views?: readonly string[] | 'all',
 ): SegmentRequest {
   const targets =
     views === 'all' ? { group: SegmentRequest_Targets_Group.ALL } : { views: [...(views ?? [])] };
   return create(SegmentRequestSchema, {
     model,
-    prompt: promptOf(question),
-    granularity: granularityOf(grain),
+    prompt: promptOf(prompt),
+    granularity: granularityOf(granularity),
     ...(views && { targets }),
   });
 }

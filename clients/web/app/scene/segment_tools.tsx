@@ -1,4 +1,4 @@
-// What is meant: include, exclude, a box; the proposals; how large and how alike.
+// The tools of a prompt: include, exclude, box; proposals; scale and threshold.
 import type { JSX } from 'preact';
 import { Icon } from '../components/icons';
 import { countText } from '../format';
@@ -35,9 +35,9 @@ export function PromptTools({ tool, onTool }: ToolsProps): JSX.Element {
   );
 }
 
-/** What goes with the title: undo, clear. */
-export function QuestionButtons({ session }: { session: SceneSession }): JSX.Element {
-  const { question, canUndo } = useStore(session.state);
+/** Buttons next to the title: undo, clear. */
+export function PromptButtons({ session }: { session: SceneSession }): JSX.Element {
+  const { prompt, canUndo } = useStore(session.state);
   return (
     <>
       <button
@@ -53,7 +53,7 @@ export function QuestionButtons({ session }: { session: SceneSession }): JSX.Ele
         type="button"
         class="bare"
         aria-label="Clear"
-        disabled={!question}
+        disabled={!prompt}
         onClick={() => session.clear()}
       >
         <Icon name="close" />
@@ -63,8 +63,8 @@ export function QuestionButtons({ session }: { session: SceneSession }): JSX.Ele
 }
 
 function Chips({ session }: { session: SceneSession }): JSX.Element | null {
-  const { proposals, grain } = useStore(session.state);
-  const chosen = grain.scale !== undefined || grain.threshold !== undefined;
+  const { proposals, granularity } = useStore(session.state);
+  const chosen = granularity.scale !== undefined || granularity.threshold !== undefined;
   if (proposals.length === 0) return null;
   return (
     <div class="chips" role="group" aria-label="What the click may mean">
@@ -75,7 +75,7 @@ function Chips({ session }: { session: SceneSession }): JSX.Element | null {
           class="chip"
           aria-pressed={
             chosen
-              ? grain.scale === proposal.scale && grain.threshold === proposal.threshold
+              ? granularity.scale === proposal.scale && granularity.threshold === proposal.threshold
               : proposal.best
           }
           title={`${countText(proposal.mask.area)} pixels at scale ${proposal.scale.toFixed(2)}; key ${i + 1}`}
@@ -98,7 +98,7 @@ interface SliderProps {
   chosen: boolean;
   disabled: boolean;
   onInput: (value: number) => void;
-  /** It was let go. */
+  /** Called when the slider is released. */
   onChange: () => void;
 }
 
@@ -125,8 +125,8 @@ function Slider({ id, name, ends, chosen, value, onInput, ...input }: SliderProp
   );
 }
 
-export function GrainTools({ session }: { session: SceneSession }): JSX.Element {
-  const { question, grain, answer } = useStore(session.state);
+export function GranularityTools({ session }: { session: SceneSession }): JSX.Element {
+  const { prompt, granularity, answer } = useStore(session.state);
   return (
     <>
       <Chips session={session} />
@@ -136,9 +136,9 @@ export function GrainTools({ session }: { session: SceneSession }): JSX.Element 
         ends={['a small part', 'the largest']}
         min={0}
         max={1}
-        value={grain.scale ?? answer?.scale ?? 0.5}
-        chosen={grain.scale !== undefined}
-        disabled={!question}
+        value={granularity.scale ?? answer?.scale ?? 0.5}
+        chosen={granularity.scale !== undefined}
+        disabled={!prompt}
         onInput={(scale) => session.drag({ scale })}
         onChange={() => session.rest()}
       />
@@ -150,9 +150,9 @@ export function GrainTools({ session }: { session: SceneSession }): JSX.Element 
           ends={['more pixels', 'only alike ones']}
           min={-1}
           max={1}
-          value={grain.threshold ?? answer?.threshold ?? 0.5}
-          chosen={grain.threshold !== undefined}
-          disabled={!question}
+          value={granularity.threshold ?? answer?.threshold ?? 0.5}
+          chosen={granularity.threshold !== undefined}
+          disabled={!prompt}
           onInput={(threshold) => session.drag({ threshold })}
           onChange={() => session.rest()}
         />

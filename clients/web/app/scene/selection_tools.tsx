@@ -1,4 +1,4 @@
-// The selection in 3D: made of what is segmented, combined, hidden or shown alone.
+// The selection in 3D: made from the segmentation, combined, hidden or shown alone.
 import type { JSX } from 'preact';
 import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
@@ -26,19 +26,19 @@ const combinations = [
   ['intersect', 'Intersect'],
 ] as const;
 
-/** With what the question's own view was answered with, so that what is seen is what is taken. */
+/** Selects with the shown answer's scale and threshold, so that the selection is what is seen. */
 export function selectWith(
   session: SceneSession,
   selections: SceneSelections,
   how: keyof typeof operations,
 ): void {
-  const { question, grain, answer } = session.state.get();
-  if (!question || !answer) return;
+  const { prompt, granularity, answer } = session.state.get();
+  if (!prompt || !answer) return;
   const used = {
-    scale: grain.scale ?? answer.scale,
-    threshold: grain.threshold ?? answer.threshold,
+    scale: granularity.scale ?? answer.scale,
+    threshold: granularity.threshold ?? answer.threshold,
   };
-  void selections.select(question, used, operations[how]);
+  void selections.select(prompt, used, operations[how]);
 }
 
 export function SelectionTools({ session, selections }: Props): JSX.Element {
@@ -68,7 +68,7 @@ export function SelectionTools({ session, selections }: Props): JSX.Element {
           onClick={() => selectWith(session, selections, 'select')}
         >
           <Icon name="cube" />
-          {selection ? 'Select anew' : 'Select in 3D'}
+          {selection ? 'Select again' : 'Select in 3D'}
         </button>
         {selection &&
           combinations.map(([how, name]) => (
@@ -85,7 +85,7 @@ export function SelectionTools({ session, selections }: Props): JSX.Element {
       <p class="quiet" role="status">
         {busy && 'Looking at the views …'}
         {!busy && selection && `${countText(selection.numGaussians)} Gaussians selected.`}
-        {!busy && !selection && 'Gaussians of what is segmented, to show alone, hide or export.'}
+        {!busy && !selection && 'Selects the segment’s Gaussians, to show alone, hide or export.'}
       </p>
       <FailureNote failure={failure} close={() => selections.closeFailure()} />
       {selection && (

@@ -1,4 +1,4 @@
-// Gaussians in 3D, of what was segmented: chosen, added to, taken from, hidden or shown alone.
+// The selection of Gaussians in 3D: made, added to, subtracted from, hidden or shown alone.
 import type { Selection } from '../../gen/pepeseg/v1/selection_pb';
 import { SetOperation } from '../../gen/pepeseg/v1/selection_pb';
 import { newRequestId, segmentation } from '../api/clients';
@@ -6,7 +6,7 @@ import type { Failure } from '../api/failure';
 import { failureOf } from '../api/failure';
 import { steadily } from '../api/server_link';
 import { Store } from '../store';
-import type { Grain, Question } from './prompt';
+import type { Granularity, Prompt } from './prompt';
 import { granularityOf, promptOf } from './prompt';
 
 /** How the selection and the rest are drawn in 3D. */
@@ -36,13 +36,13 @@ export class SceneSelections {
 
   constructor(readonly model: string) {}
 
-  async select(question: Question, grain: Grain, operation: SetOperation): Promise<void> {
+  async select(prompt: Prompt, granularity: Granularity, operation: SetOperation): Promise<void> {
     const base = this.state.get().selection?.name;
     const combined = operation !== SetOperation.UNSPECIFIED && base !== undefined;
     const request = {
       model: this.model,
-      source: { case: 'prompt', value: promptOf(question) } as const,
-      granularity: granularityOf(grain),
+      source: { case: 'prompt', value: promptOf(prompt) } as const,
+      granularity: granularityOf(granularity),
       requestId: newRequestId(),
       ...(combined && { base, operation }),
     };

@@ -1,5 +1,5 @@
-// A scene that is being taken apart: the question on the screen, the server's answers to it, and
-// what was made of them. Knows nothing of the screen.
+// The state of segmenting a scene: the current prompt, the server's answers to it, and what was
+// made from them. It does not depend on the screen.
 import type { SegmentResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { segmentation } from '../api/clients';
 import type { Failure } from '../api/failure';
@@ -9,10 +9,10 @@ import { steadily } from '../api/server_link';
 import { Store } from '../store';
 import type { Answer, Proposal } from './answer';
 import { answerOf, proposalsOf } from './answer';
-import type { Box, Grain, Place, Point, Question } from './prompt';
+import type { Box, Granularity, Place, Point, Prompt } from './prompt';
 import { placeOf, promptOf, samePlace, segmentRequest } from './prompt';
 
-/** Where a click, or the middle of a box, hit nothing: pixels of its place. */
+/** A click, or the middle of a box, that hit nothing: pixels of its view. */
 export interface Miss {
   readonly place: Place;
   readonly x: number;
@@ -23,35 +23,35 @@ export function isMiss(failure: Failure): boolean {
   return failure.reason === 'NOTHING_THERE';
 }
 
-/** The place that a question without an answer was about. */
-export function missOf(question: Question): Miss | undefined {
-  if (question.kind === 'label') return undefined;
-  const { place } = question;
-  if (question.kind === 'box') {
-    const { x, y, width, height } = question.box;
+/** Returns the position of a prompt that got no answer. */
+export function missOf(prompt: Prompt): Miss | undefined {
+  if (prompt.kind === 'label') return undefined;
+  const { place } = prompt;
+  if (prompt.kind === 'box') {
+    const { x, y, width, height } = prompt.box;
     return { place, x: x + width / 2, y: y + height / 2 };
   }
-  const last = question.points.at(-1);
+  const last = prompt.points.at(-1);
   return last && { place, x: last.x, y: last.y };
 }
 
 export interface SessionState {
-  readonly question: Question | undefined;
-  readonly grain: Grain;
+  readonly prompt: Prompt | undefined;
+  readonly granularity: Granularity;
   readonly answer: Answer | undefined;
   readonly proposals: readonly Proposal[];
   readonly busy: boolean;
   readonly failure: Failure | undefined;
-  /** The newest question hit nothing: the one before is shown. */
+  /** Set if the newest prompt hit nothing; the answer before it is shown. */
   readonly miss: Miss | undefined;
-  /** Of the stream: how many were shown since the page was opened. */
+  /** Number of the stream's answers shown since the page was opened. */
   readonly numAnswers: number;
   readonly canUndo: boolean;
 }
 
 const nothing: SessionState = {
-  question: undefined,
-  grain: {},
+  prompt: undefined,
+  granularity: {},
   answer: undefined,
   proposals: [],
   busy: false,
@@ -61,43 +61,43 @@ const nothing: SessionState = {
   canUndo: false,
 };
 
-/** After so long without another request all views are asked for. */
+/** Milliseconds without another request after which all views are requested. */
 const settleMs = 180;
 const maxPoints = 64;
 
 export class SceneSession {
   readonly state = new Store<SessionState>(nothing);
-  private readonly past: Pick<SessionState, 'question' | 'grain'>[] = [];
+  private readonly past: Pick<SessionState, 'prompt' | 'granularity'>[] = [];
   private readonly socket = new SegmentSocket({
     answered: (sequence, answer) => this.take(sequence, answer),
     refused: (sequence, error) => this.refused(sequence, error),
   });
-  /** Answers to earlier requests are of a question that is no longer there. */
+  /** Answers to requests before this one belong to an earlier prompt. */
   private firstSequence = 0n;
   private newestSequence = 0n;
-  /** What was there before the newest question, until that is answered. */
-  private before: Pick<SessionState, 'question' | 'grain' | 'answer' | 'proposals'> | undefined;
+  /** The state before the newest prompt, until that is answered. */
+  private before: Pick<SessionState, 'prompt' | 'granularity' | 'answer' | 'proposals'> | undefined;
   private settling: ReturnType<typeof setTimeout> | undefined;
   private elsewhere = new AbortController();
   private shownView = '';
 
   constructor(readonly model: string) {}
 
-  /** The view on the screen: answered for along with the question's own. */
+  /** The shown view, which is requested together with the prompt's view. */
   show(view: string): void {
     this.shownView = view;
-    const { question, answer } = this.state.get();
-    if (question && !answer?.masks.has(view)) this.askOtherViews();
+    const { prompt, answer } = this.state.get();
+    if (prompt && !answer?.masks.has(view)) this.askOtherViews();
   }
 
   addPoint(place: Place, point: Point): void {
-    const { question } = this.state.get();
-    const goesOn = question?.kind === 'points' && samePlace(placeOf(question), place);
-    const points = goesOn ? [...question.points, point] : [point];
+    const { prompt } = this.state.get();
+    const goesOn = prompt?.kind === 'points' && samePlace(placeOf(prompt), place);
+    const points = goesOn ? [...prompt.points, point] : [point];
     if (points.every(({ negative }) => negative)) {
       this.fail('Nothing is included yet.', 'Click what is meant first, then what is not.');
     } else if (points.length > maxPoints) {
-      this.fail(`A question has at most ${maxPoints} points.`, 'Clear it and begin anew.');
+      this.fail(`A prompt has at most ${maxPoints} points.`, 'Clear it and start again.');
     } else {
       this.pose({ kind: 'points', place, points });
     }
@@ -112,30 +112,30 @@ export class SceneSession {
   }
 
   /**
-   * While a slider moves. The other one stays where the answer put it: what is dragged is then all
-   * that changes, and the server need not look for the best of both (40 ms in place of 3).
+   * Called while a slider moves. The other value stays that of the answer, so that only the dragged
+   * one changes and the server need not search for the best of both (3 ms instead of 40).
    */
-  drag(change: Grain): void {
-    const { question, grain, answer } = this.state.get();
-    if (!question) return;
+  drag(change: Granularity): void {
+    const { prompt, granularity, answer } = this.state.get();
+    if (!prompt) return;
     const held = {
-      scale: grain.scale ?? answer?.scale,
-      threshold: grain.threshold ?? answer?.threshold,
+      scale: granularity.scale ?? answer?.scale,
+      threshold: granularity.threshold ?? answer?.threshold,
     };
-    this.state.patch({ grain: { ...held, ...change } });
+    this.state.patch({ granularity: { ...held, ...change } });
     clearTimeout(this.settling);
     this.elsewhere.abort();
     this.send(false);
   }
 
-  /** The slider was let go: all views follow. */
+  /** The slider was released: all views follow. */
   rest(): void {
-    if (this.state.get().question) this.askOtherViews();
+    if (this.state.get().prompt) this.askOtherViews();
   }
 
   choose({ scale, threshold }: Proposal): void {
     this.remember();
-    this.state.patch({ grain: { scale, threshold } });
+    this.state.patch({ granularity: { scale, threshold } });
     this.send();
   }
 
@@ -144,13 +144,13 @@ export class SceneSession {
     if (!before) return;
     this.forgetAnswers();
     this.state.patch({ ...before, canUndo: this.past.length > 0 });
-    if (before.question) this.send();
+    if (before.prompt) this.send();
   }
 
   clear(): void {
-    if (this.state.get().question) this.remember();
+    if (this.state.get().prompt) this.remember();
     this.forgetAnswers();
-    this.state.patch({ question: undefined, grain: {} });
+    this.state.patch({ prompt: undefined, granularity: {} });
   }
 
   closeFailure(): void {
@@ -169,8 +169,8 @@ export class SceneSession {
   }
 
   private remember(): void {
-    const { question, grain } = this.state.get();
-    this.past.push({ question, grain });
+    const { prompt, granularity } = this.state.get();
+    this.past.push({ prompt, granularity });
     this.state.patch({ canUndo: true });
   }
 
@@ -188,30 +188,30 @@ export class SceneSession {
     });
   }
 
-  private pose(question: Question): void {
+  private pose(prompt: Prompt): void {
     this.remember();
-    const { question: asked, grain, answer, proposals } = this.state.get();
-    // Of two questions in a row without an answer the first has nothing to go back to.
+    const { prompt: asked, granularity, answer, proposals } = this.state.get();
+    // If two prompts in a row get no answer, there is no earlier state to return to.
     const before =
-      asked && !answer ? this.before : { question: asked, grain, answer, proposals };
+      asked && !answer ? this.before : { prompt: asked, granularity, answer, proposals };
     this.forgetAnswers();
     this.before = before;
-    // How large a thing is meant is chosen anew for another thing.
-    const old = this.state.get().question;
-    const same = old?.kind === 'points' && question.kind === 'points' && question.points.length > 1;
-    this.state.patch({ question, grain: same ? this.state.get().grain : {} });
+    // For another thing scale and threshold are chosen again.
+    const old = this.state.get().prompt;
+    const same = old?.kind === 'points' && prompt.kind === 'points' && prompt.points.length > 1;
+    this.state.patch({ prompt, granularity: same ? this.state.get().granularity : {} });
     this.send();
   }
 
   private send(andOtherViews = true): void {
-    const { question, grain } = this.state.get();
-    if (!question) return;
-    const place = placeOf(question);
+    const { prompt, granularity } = this.state.get();
+    if (!prompt) return;
+    const place = placeOf(prompt);
     const own = place && 'view' in place ? place.view : '';
     const views =
       place && 'camera' in place ? undefined : [...new Set([own, this.shownView])].filter(Boolean);
     this.state.patch({ busy: true });
-    this.newestSequence = this.socket.ask(segmentRequest(this.model, question, grain, views));
+    this.newestSequence = this.socket.ask(segmentRequest(this.model, prompt, granularity, views));
     if (andOtherViews) this.askOtherViews();
   }
 
@@ -220,7 +220,7 @@ export class SceneSession {
     this.before = undefined;
     const answer = answerOf(response);
     const { answer: before, numAnswers } = this.state.get();
-    // Those of other views follow when it stands still.
+    // Masks of other views follow when the slider stops.
     const masks = new Map([...(before?.masks ?? []), ...answer.masks]);
     this.state.patch({
       answer: { ...answer, masks },
@@ -233,19 +233,19 @@ export class SceneSession {
   private refused(sequence: bigint, error: unknown): void {
     if (sequence < this.firstSequence) return;
     const failure = failureOf(error);
-    const { question } = this.state.get();
-    const miss = question && isMiss(failure) ? missOf(question) : undefined;
+    const { prompt } = this.state.get();
+    const miss = prompt && isMiss(failure) ? missOf(prompt) : undefined;
     if (miss && this.before) this.goBack(miss);
     else this.state.patch({ busy: false, failure });
   }
 
-  /** The newest question is taken back: the answer before it stays. */
+  /** Takes back the newest prompt: the answer before it stays. */
   private goBack(miss: Miss): void {
     const before = this.before;
     this.past.pop();
     this.forgetAnswers();
     this.state.patch({ ...before, miss, canUndo: this.past.length > 0 });
-    if (before?.question) this.askOtherViews();
+    if (before?.prompt) this.askOtherViews();
   }
 
   private askOtherViews(): void {
@@ -254,28 +254,28 @@ export class SceneSession {
     this.settling = setTimeout(() => void this.settle(), settleMs);
   }
 
-  /** All views, at the granularity that the question's own view was answered with; proposals. */
+  /** Requests all views at the scale and threshold of the answer, and the proposals. */
   private async settle(): Promise<void> {
-    const { question, grain, proposals, busy } = this.state.get();
-    if (!question) return;
+    const { prompt, granularity, proposals, busy } = this.state.get();
+    if (!prompt) return;
     if (busy) return this.askOtherViews();
     this.elsewhere = new AbortController();
     const { signal } = this.elsewhere;
     const used = this.state.get().answer;
     const fixed = {
-      scale: grain.scale ?? used?.scale,
-      threshold: grain.threshold ?? used?.threshold,
+      scale: granularity.scale ?? used?.scale,
+      threshold: granularity.threshold ?? used?.threshold,
     };
     try {
-      if (question.kind === 'points' && proposals.length === 0) {
-        const request = { model: this.model, prompt: promptOf(question), maxProposals: 5 };
+      if (prompt.kind === 'points' && proposals.length === 0) {
+        const request = { model: this.model, prompt: promptOf(prompt), maxProposals: 5 };
         const answer = await steadily(
           () => segmentation.proposeScales(request, { signal }),
           signal,
         );
         if (!signal.aborted) this.state.patch({ proposals: proposalsOf(answer) });
       }
-      const request = segmentRequest(this.model, question, fixed, 'all');
+      const request = segmentRequest(this.model, prompt, fixed, 'all');
       const all = answerOf(await steadily(() => segmentation.segment(request, { signal }), signal));
       if (signal.aborted) return;
       const own = this.state.get().answer;

@@ -4,7 +4,7 @@ import { Dialog } from '../components/dialog';
 
 export type Shortcuts = Readonly<Record<string, () => void>>;
 
-/** Keys of the whole screen, while nobody types. */
+/** Shortcuts of the whole screen, except while somebody types. */
 export function useShortcuts(shortcuts: Shortcuts): void {
   useEffect(() => {
     const press = (event: KeyboardEvent) => {

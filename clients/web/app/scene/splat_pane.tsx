@@ -1,4 +1,4 @@
-// The 3D view of a scene: turned by dragging, segmented by a click.
+// The 3D view of a scene: dragging turns it, a click segments.
 import type { JSX } from 'preact';
 import { useEffect, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
@@ -8,18 +8,18 @@ import { paintMask } from '../mask/paint';
 import type { SplatPart, SplatViewer } from '../viewer/splat_viewer';
 import type { Mask } from './answer';
 import type { Tool } from './photo_view';
-import type { FreeCamera, Point, Question } from './prompt';
+import type { FreeCamera, Point, Prompt } from './prompt';
 import type { Showing } from './selections';
 import type { Miss } from './session';
 
 interface Props {
   model: string;
   views: readonly View[];
-  /** Where to look from, when it changes. */
+  /** Camera to look from; the view moves there when it changes. */
   view: View;
   mask: Mask | undefined;
-  question: Question | undefined;
-  /** Where a click hit nothing, here or in a view. */
+  prompt: Prompt | undefined;
+  /** Position of a click that hit nothing, here or in a view. */
   miss: Miss | undefined;
   tool: Tool;
   selection: string | undefined;
@@ -60,7 +60,7 @@ function useViewer({ model, views, view, selection, showing }: Props, onMoved: (
   moved.current = onMoved;
   useEffect(() => {
     let gone = false;
-    // three.js and Spark are most of the app's bytes: they come when they are needed.
+    // three.js and Spark are most of the app's bytes: they are loaded when they are needed.
     import('../viewer/splat_viewer').then(
       (module) => {
         if (gone || !canvas.current) return;
@@ -83,7 +83,7 @@ function useViewer({ model, views, view, selection, showing }: Props, onMoved: (
   }, [views]);
   useEffect(() => {
     if (!viewer.current) return;
-    // What was asked for before may still end, and after this.
+    // An earlier request may still end, and after this one.
     let outdated = false;
     setStatus('loading');
     viewer.current.load(partsOf(model, selection, showing)).then(
@@ -105,7 +105,7 @@ function useViewer({ model, views, view, selection, showing }: Props, onMoved: (
 }
 
 export function SplatPane(props: Props): JSX.Element {
-  const { mask, question, miss, tool, onPoint } = props;
+  const { mask, prompt, miss, tool, onPoint } = props;
   const overlay = useRef<HTMLCanvasElement>(null);
   const asked = useRef<FreeCamera | undefined>(undefined);
   const pressed = useRef<{ x: number; y: number } | undefined>(undefined);
@@ -114,20 +114,20 @@ export function SplatPane(props: Props): JSX.Element {
     asked.current = undefined;
     setStale(true);
   });
-  const points = question?.kind === 'points' && 'camera' in question.place ? question.points : [];
+  const points = prompt?.kind === 'points' && 'camera' in prompt.place ? prompt.points : [];
   const camera =
-    question && question.kind !== 'label' && 'camera' in question.place
-      ? question.place.camera
+    prompt && prompt.kind !== 'label' && 'camera' in prompt.place
+      ? prompt.place.camera
       : undefined;
   useEffect(() => {
     if (overlay.current) paintMask(overlay.current, stale ? undefined : mask?.rle);
   }, [mask, stale]);
 
-  /** At a share of the width and the height. */
+  /** Segments at a position, given as shares of width and height. */
   const ask = (x: number, y: number, negative: boolean) => {
     if (!viewer.current) return;
-    // The same camera while the picture stands: then a point is added to the others.
-    const at = (asked.current ??= viewer.current.question());
+    // While the picture stands still the camera is the same, so that points join one prompt.
+    const at = (asked.current ??= viewer.current.shownCamera());
     setStale(false);
     onPoint(at, { x: x * at.width, y: y * at.height, negative: negative || tool === 'exclude' });
   };

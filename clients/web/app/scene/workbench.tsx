@@ -1,4 +1,4 @@
-// Where a scene is taken apart: views, 3D view and tools side by side, or one at a time.
+// The screen for segmenting a scene: views, 3D view and tools side by side, or one at a time.
 import type { JSX } from 'preact';
 import { useEffect, useMemo, useState } from 'preact/hooks';
 import type { Scene, View } from '../../gen/pepeseg/v1/scene_service_pb';
@@ -17,7 +17,7 @@ import { SceneLabels } from './labels';
 import type { Source, Tool } from './photo_view';
 import { PhotoView } from './photo_view';
 import { placeOf, samePlace, sizeOf } from './prompt';
-import { GrainTools, PromptTools, QuestionButtons } from './segment_tools';
+import { GranularityTools, PromptTools, PromptButtons } from './segment_tools';
 import { SelectionTools, selectWith } from './selection_tools';
 import { SceneSelections } from './selections';
 import { SceneSession } from './session';
@@ -37,7 +37,7 @@ function useModel(scene: Scene) {
   useEffect(() => {
     const controller = new AbortController();
     const { signal } = controller;
-    // Without labels the rest works: what is wrong with the server is told by what is asked next.
+    // Everything else works without labels; a fault of the server shows at the next request.
     steadily(() => parts.labels.load(signal), signal).catch(() => undefined);
     return () => {
       controller.abort();
@@ -47,7 +47,7 @@ function useModel(scene: Scene) {
   return parts;
 }
 
-/** Longer side of the photograph that is shown, pixels: more than most screens have. */
+/** Maximum of the shown photograph's longer side, pixels: more than most screens have. */
 const photoSide = 2048;
 
 interface Props {
@@ -70,7 +70,7 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
   const renderingOf = (of: View) => pictureUrl(session.model, of.view);
   const thumbnailOf = (of: View) =>
     photoUrl(session.model, { name: of.view, maxSide: thumbnailSide });
-  const { question, answer, failure, miss, numAnswers, proposals, busy } = useStore(
+  const { prompt, answer, failure, miss, numAnswers, proposals, busy } = useStore(
     session.state,
   );
   const { selection, showing } = useStore(selections.state);
@@ -111,7 +111,7 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
 
   const { width, height } = sizeOf(view);
   const place = { view: shown };
-  const here = samePlace(placeOf(question), place) ? question : undefined;
+  const here = samePlace(placeOf(prompt), place) ? prompt : undefined;
   return (
     <div class="workbench" style={{ '--ratio': `${width / height}` }}>
       {narrow && (
@@ -132,7 +132,7 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
           source={source}
           onSource={setSource}
           mask={answer?.masks.get(shown)}
-          question={here}
+          prompt={here}
           miss={samePlace(miss?.place, place) ? miss : undefined}
           tool={tool}
           numAnswers={numAnswers}
@@ -146,7 +146,7 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
           views={views}
           view={view}
           mask={answer?.masks.get('')}
-          question={question}
+          prompt={prompt}
           miss={miss}
           tool={tool}
           selection={selection?.name}
@@ -168,7 +168,7 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
           <div class="row">
             <h2 id="segment-title">Segment</h2>
             <span class="spacer" />
-            <QuestionButtons session={session} />
+            <PromptButtons session={session} />
             <button
               type="button"
               class="bare"
@@ -180,12 +180,12 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
           </div>
           <PromptTools tool={tool} onTool={setTool} />
           <p class="quiet" role="status" aria-busy={busy}>
-            {question
+            {prompt
               ? describeAnswer(busy, answer?.masks.get(shown)?.area, answer?.masks)
               : 'Click a thing in the view or in 3D.'}
           </p>
           <FailureNote failure={failure} close={() => session.closeFailure()} />
-          <GrainTools session={session} />
+          <GranularityTools session={session} />
         </section>
         <SelectionTools session={session} selections={selections} />
         <LabelTools session={session} labels={labels} shownView={shown} />

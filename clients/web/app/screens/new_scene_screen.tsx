@@ -1,4 +1,4 @@
-// A new scene: a name, photographs, how much training.
+// A new scene: name, photographs, and the training's preset.
 import { toJsonString } from '@bufbuild/protobuf';
 import type { JSX } from 'preact';
 import { useRef, useState } from 'preact/hooks';
@@ -93,7 +93,7 @@ function Summary({ dataset }: { dataset: Dataset }): JSX.Element {
           </>
         )}
         {hasPictures && !has(FileKind.POSES) && (
-          <p>Without poses: the training begins by estimating from where each was taken.</p>
+          <p>Without poses: the training first estimates where each photograph was taken.</p>
         )}
         {dataset.leftOut.length > 0 && (
           <details>

@@ -1,4 +1,4 @@
-// A scene with a model: its views, its 3D view, and what is segmented in them.
+// A scene with a model: its views, its 3D view, and their segmentation.
 import type { JSX } from 'preact';
 import type { Scene, View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { allPages, scenes } from '../api/clients';

@@ -1,4 +1,4 @@
-// A scene that was not trained yet: what there is, and what to do with it.
+// A scene without a model: what it has, and what to do next.
 import type { JSX } from 'preact';
 import { useState } from 'preact/hooks';
 import type { Scene } from '../../gen/pepeseg/v1/scene_service_pb';

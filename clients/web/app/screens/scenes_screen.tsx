@@ -35,7 +35,7 @@ async function know(scene: Scene, signal: AbortSignal): Promise<Known> {
       ? scenes.listViews({ parent: scene.liveModel, pageSize: 1 }, { signal })
       : undefined,
     scene.activeJob ? jobs.getJob({ name: scene.activeJob }, { signal }) : undefined,
-    // Why there is no model, or which one did not follow.
+    // The last job, which says why there is no model or no newer one.
     scene.activeJob ? undefined : jobs.listJobs({ scene: scene.name, pageSize: 1 }, { signal }),
   ]);
   return { model, view: views?.views[0]?.view ?? '', job: job ?? last?.jobs[0] };
@@ -56,7 +56,7 @@ function stateOf(scene: Scene, job: Job | undefined): string {
   return scene.liveModel ? 'Ready' : 'No model yet';
 }
 
-/** Followed while a training runs. */
+/** Refreshed while a training runs. */
 const followMs = 3000;
 
 function SceneCard({ scene, onDelete }: { scene: Scene; onDelete: () => void }): JSX.Element {
@@ -121,7 +121,7 @@ function UploadCard({ task }: { task: UploadTask }): JSX.Element {
       <p>
         <span class="state busy">
           {state.phase === 'failed'
-            ? 'Upload does not go on'
+            ? 'Upload has stopped'
             : `Uploading – ${Math.round(100 * share)} %`}
         </span>
       </p>
@@ -177,7 +177,7 @@ export function ScenesScreen(): JSX.Element {
         {list.value?.length === 0 && sending.length === 0 && (
           <div class="empty">
             <Icon name="photo" />
-            <p>There are no scenes yet. Photographs of something from all around make one.</p>
+            <p>There are no scenes yet. Make one of photographs taken from all around a thing.</p>
             <Link to="/new" class="button primary">
               Make the first scene
             </Link>

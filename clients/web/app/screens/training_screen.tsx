@@ -145,7 +145,7 @@ function Curves({ training }: { training: Training }): JSX.Element {
   );
 }
 
-/** The first view as the new model shows it, and the model's advice; nothing while there is none. */
+/** The new model's rendering of the first view, and its advice; nothing while there is no model. */
 function useMade(model: string | undefined) {
   const { value } = useAsked(
     async (signal) => {

@@ -1,4 +1,4 @@
-// How far an upload is. It goes on while other screens are shown, and after a reload.
+// The progress of an upload. It continues while other screens are shown, and after a reload.
 import type { JSX } from 'preact';
 import { useEffect } from 'preact/hooks';
 import { ConfirmButton } from '../components/confirm_button';
@@ -16,7 +16,7 @@ const phases: Record<Phase, string> = {
   sending: 'Uploading',
   sealing: 'Checking that all has arrived',
   done: 'Uploaded',
-  failed: 'The upload does not go on',
+  failed: 'The upload has stopped',
   'given up': 'Given up',
 };
 

@@ -6,14 +6,14 @@ interface Props {
   title: string;
   unit?: string;
   samples: readonly Sample[];
-  /** Steps of the stage: the width. */
+  /** Number of steps of the stage, which is the width. */
   numSteps: number;
   digits?: number;
 }
 
 const width = 320;
 const height = 120;
-/** More points than pixels show nothing more. */
+/** Maximum number of points: more points than pixels would show nothing more. */
 const maxPoints = 400;
 
 function thinned(samples: readonly Sample[]): readonly Sample[] {

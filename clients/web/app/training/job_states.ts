@@ -13,18 +13,18 @@ export function hasEnded(state: JobState): boolean {
   return state === JobState.SUCCEEDED || state === JobState.FAILED || state === JobState.CANCELLED;
 }
 
-/** "failed in Poses": how a job ended, with its stage if it did not succeed. */
+/** Returns how a job ended, with its stage if it did not succeed: "failed in Poses". */
 export function outcomeOf({ state, stage }: { state: JobState; stage: string }): string {
   const broken = state === JobState.FAILED || state === JobState.CANCELLED;
   return broken && stage ? `${jobStates[state]} in ${stageName(stage)}` : jobStates[state];
 }
 
-/** A stage as people call it. */
+/** Returns a stage's name for people. */
 export function stageName(stage: string): string {
   return stages.find(([id]) => id === stage)?.[1] ?? stage;
 }
 
-/** Of a job, in the order in which they run, for people. */
+/** Stages of a job in their order, with their names for people. */
 export const stages: readonly (readonly [stage: string, name: string])[] = [
   ['prepare', 'Prepare'],
   ['sfm', 'Poses'],

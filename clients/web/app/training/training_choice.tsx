@@ -1,4 +1,4 @@
-// How much training: a quick look or the server's defaults, and the few numbers that matter.
+// The choice of a training: a quick look or the server's defaults, and the most important numbers.
 import type { MessageInitShape } from '@bufbuild/protobuf';
 import { clone, create } from '@bufbuild/protobuf';
 import type { JSX } from 'preact';
@@ -13,7 +13,7 @@ import {
 
 type Options = MessageInitShape<typeof TrainingOptionsSchema>;
 
-/** As `pepeseg demo` trains: about a minute and a half for fifteen small photographs on two cores. */
+/** The options of `pepeseg demo`: about 90 s for fifteen small photographs on two cores. */
 const quick: Options = {
   reconstruct: {
     numSteps: 2000,

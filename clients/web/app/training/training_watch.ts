@@ -1,6 +1,6 @@
-// A training as it is told by WatchJob: after a cut from the last event seen. Of what was before a
-// watch begins the server tells the newest progress only, so that what this page has seen is kept for
-// the page that follows a reload.
+// A training as WatchJob reports it, resumed after a lost connection from the last event seen. Of the
+// time before a watch begins, the server returns the newest progress only, so this page stores what it
+// has seen for the page after a reload.
 import { useEffect, useState } from 'preact/hooks';
 import type { Job, JobEvent, JobProgress } from '../../gen/pepeseg/v1/job_service_pb';
 import { jobs } from '../api/clients';
@@ -26,7 +26,7 @@ export interface Training {
   readonly progress: JobProgress | undefined;
   readonly stages: ReadonlyMap<string, StageRun>;
   readonly metrics: ReadonlyMap<string, number>;
-  /** Of "reconstruct" and of "features". */
+  /** Curves of the stages "reconstruct" and "features". */
   readonly loss: readonly Sample[];
   readonly psnr: readonly Sample[];
   readonly gaussians: readonly Sample[];
@@ -48,7 +48,7 @@ export const noTraining: Training = {
   sequence: 0n,
 };
 
-/** A step that comes again, after a restart from a checkpoint, takes the place of what followed. */
+/** Adds a point. A step that is repeated from a checkpoint replaces the points from there on. */
 function extended(
   samples: readonly Sample[],
   step: number,
@@ -75,7 +75,7 @@ function progressed(training: Training, progress: JobProgress): Training {
   };
 }
 
-/** What is known after an event. */
+/** Returns the state after an event. */
 export function after(training: Training, { sequence, event }: JobEvent): Training {
   const known = {
     ...training,
@@ -84,7 +84,7 @@ export function after(training: Training, { sequence, event }: JobEvent): Traini
   const { job } = training;
   switch (event.case) {
     case 'snapshot':
-      // It tells the state at the start of the watch, and the events that follow how it came there.
+      // The snapshot has the state at the start of the watch; the events that follow lead up to it.
       return { ...training, job: event.value };
     case 'stageStarted': {
       const run: StageRun = { state: 'running', seconds: undefined, skipped: '' };
@@ -129,7 +129,7 @@ function remember(job: string, { sequence, stages, metrics, notes, ...rest }: Tr
   try {
     sessionStorage.setItem(storeName(job), JSON.stringify(kept));
   } catch {
-    // No room: then a reload begins with what the server tells.
+    // No room: after a reload the page begins with what the server returns.
   }
 }
 
@@ -147,7 +147,7 @@ function recall(job: string): Training {
     const maps = { stages: new Map(stages), metrics: new Map(metrics) };
     return { ...noTraining, ...rest, ...maps, sequence: BigInt(sequence) };
   } catch {
-    return noTraining; // there is nothing kept
+    return noTraining; // nothing is stored
   }
 }
 
@@ -185,7 +185,7 @@ export function useTraining(name: string): { training: Training; failure: Failur
     const controller = new AbortController();
     let drawing = 0;
     watch(name, controller.signal, (next) => {
-      // An old training's events come by the thousand: the newest is drawn.
+      // An old training sends thousands of events at once: only the newest state is drawn.
       cancelAnimationFrame(drawing);
       drawing = requestAnimationFrame(() => setTraining(next));
     }).catch((error: unknown) => setFailure(failureOf(error)));

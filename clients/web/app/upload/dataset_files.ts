@@ -1,15 +1,15 @@
-// Which files of a drop are parts of a dataset, and as what: the layout that the command-line client
-// reads (README of the project).
+// Which dropped files are part of a dataset, and what each is: the layout of the command-line client
+// (clients/cli/README.md).
 import { FileKind } from '../../gen/pepeseg/v1/dataset_service_pb';
 
-/** A file with its path below what was dropped: "garden/images/0001.jpg". */
+/** A dropped file with its path, such as "garden/images/0001.jpg". */
 export interface DroppedFile {
   readonly path: string;
   readonly file: File;
 }
 
 export interface DatasetFile {
-  /** Below the scene's folder: "images/0001.jpg". */
+  /** Path below the scene's folder, such as "images/0001.jpg". */
   readonly path: string;
   readonly kind: FileKind;
   readonly file: File;
@@ -17,7 +17,7 @@ export interface DatasetFile {
 
 export interface Dataset {
   readonly files: DatasetFile[];
-  /** Paths of what is no part of a dataset. */
+  /** Paths of files that are not part of a dataset. */
   readonly leftOut: string[];
 }
 
@@ -49,13 +49,13 @@ export function kindOf(path: string): FileKind | undefined {
   return exact[path] ?? folders.find(([folder, name]) => folder.test(path) && name.test(path))?.[2];
 }
 
-/** The folder that all files lie in, with its slash: what was dropped is itself the scene's. */
+/** Returns the folder that contains all files, with a slash, if the scene's folder was dropped. */
 export function sharedFolder(paths: readonly string[]): string {
   const first = paths[0]?.split('/').slice(0, -1) ?? [];
   let shared = '';
   for (const part of first) {
     if (!paths.every((path) => path.startsWith(`${shared}${part}/`))) break;
-    // "images" and "videos" mean something themselves.
+    // "images" and "videos" are part of the layout.
     if (part === 'images' || part === 'videos') break;
     shared += `${part}/`;
   }
@@ -66,7 +66,7 @@ function hasPictures(files: readonly DatasetFile[]): boolean {
   return files.some(({ kind }) => kind === FileKind.IMAGE || kind === FileKind.VIDEO);
 }
 
-/** Photographs and videos that lie about, where no folder of the layout has any. */
+/** Takes photographs and videos outside the layout's folders, if those have none. */
 function takeLoose(files: DatasetFile[], rest: DroppedFile[]): DroppedFile[] {
   return rest.filter(({ path, file }) => {
     const isVideo = video.test(path);
@@ -106,7 +106,7 @@ const words: readonly [kind: FileKind, one: string, many: string][] = [
   [FileKind.GAUSSIANS, 'file of Gaussians', 'files of Gaussians'],
 ];
 
-/** "15 photographs, 3 files of poses". */
+/** Returns a summary such as "15 photographs, 3 files of poses". */
 export function describe(files: readonly { kind: FileKind }[]): string {
   return words
     .map(([kind, one, many]) => {
@@ -118,8 +118,8 @@ export function describe(files: readonly { kind: FileKind }[]): string {
 }
 
 /**
- * An id of a scene or a label made of what a person calls it: letters, digits, '_', '.' and '-',
- * beginning with a letter or a digit; a name that is one already stays as it is.
+ * Makes an id of a scene or a label from a person's text: letters, digits, '_', '.' and '-', beginning
+ * with a letter or a digit. A text that is a valid id is not changed.
  */
 export function sceneIdFrom(name: string): string {
   const plain = name

@@ -1,6 +1,6 @@
-import type { DigestAnswer, DigestQuestion } from './digest_worker';
+import type { DigestAnswer, DigestRequest } from './digest_worker';
 
-/** Asks a worker for digests, so that the page stays quick. */
+/** Computes digests in a web worker, so that the page stays responsive. */
 export class Digester {
   private readonly worker = new Worker(new URL('./digest_worker.ts', import.meta.url), {
     type: 'module',
@@ -19,7 +19,7 @@ export class Digester {
     const id = this.next++;
     const answer = await new Promise<DigestAnswer>((resolve) => {
       this.waiting.set(id, resolve);
-      this.worker.postMessage({ id, file } satisfies DigestQuestion);
+      this.worker.postMessage({ id, file } satisfies DigestRequest);
     });
     if (answer.error) throw new Error(answer.error);
     return answer.sha256;

@@ -1,9 +1,9 @@
-// SHA-256 of files, a piece at a time: a video need not fit in memory, and WebCrypto takes only
-// whole files, and those only from pages over HTTPS.
+// SHA-256 of files, piece by piece: a video need not fit in memory. WebCrypto takes whole files
+// only, and only on pages over HTTPS.
 import { sha256 } from '@noble/hashes/sha2';
 import { bytesToHex } from '@noble/hashes/utils';
 
-export interface DigestQuestion {
+export interface DigestRequest {
   readonly id: number;
   readonly file: Blob;
 }
@@ -11,7 +11,7 @@ export interface DigestQuestion {
 export interface DigestAnswer {
   readonly id: number;
   readonly sha256: string;
-  /** Not empty: the file cannot be read, and why. */
+  /** Why the file cannot be read; empty if it can. */
   readonly error: string;
 }
 
@@ -25,7 +25,7 @@ async function digest(file: Blob): Promise<string> {
   return bytesToHex(hash.digest());
 }
 
-self.onmessage = async ({ data }: MessageEvent<DigestQuestion>) => {
+self.onmessage = async ({ data }: MessageEvent<DigestRequest>) => {
   const answer = { id: data.id, sha256: '', error: '' };
   try {
     answer.sha256 = await digest(data.file);

@@ -1,11 +1,11 @@
-// Files of a drop, also those in folders, or of an <input>.
+// The files of a drop, including those in folders, or of an <input>.
 import type { DroppedFile } from './dataset_files';
 
 function fileOf(entry: FileSystemFileEntry): Promise<File> {
   return new Promise((resolve, reject) => entry.file(resolve, reject));
 }
 
-/** All entries: a reader gives them in batches of a hundred, an empty one at the end. */
+/** Reads all entries: a reader returns batches of a hundred, and an empty one at the end. */
 async function entriesOf(folder: FileSystemDirectoryEntry): Promise<FileSystemEntry[]> {
   const reader = folder.createReader();
   const all: FileSystemEntry[] = [];
@@ -28,7 +28,7 @@ async function walk(entry: FileSystemEntry, into: DroppedFile[]): Promise<void> 
 }
 
 export async function filesOfDrop(transfer: DataTransfer): Promise<DroppedFile[]> {
-  // To be taken at once: the list is empty after the event.
+  // Taken now, because the list is empty after the event.
   const entries = Array.from(transfer.items, (item) => item.webkitGetAsEntry());
   const files: DroppedFile[] = [];
   for (const entry of entries) if (entry) await walk(entry, files);

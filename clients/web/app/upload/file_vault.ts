@@ -1,12 +1,12 @@
-// What an upload needs to go on after a reload, in the browser's database: the files themselves, as
-// a page that is loaded again no longer has those that were dropped on it.
+// What an upload needs to resume after a reload, in the browser's database. It includes the files
+// themselves, because a reloaded page no longer has the files that were dropped on it.
 import type { FileKind } from '../../gen/pepeseg/v1/dataset_service_pb';
 
 export interface UploadFile {
   readonly path: string;
   readonly kind: FileKind;
   readonly size: number;
-  /** Empty: not computed yet. */
+  /** SHA-256; empty: not computed yet. */
   readonly sha256: string;
 }
 
@@ -74,7 +74,7 @@ export function allRecords(): Promise<UploadRecord[]> {
 
 export async function forget(id: string): Promise<void> {
   await within('readwrite', (uploads, files) => {
-    // Arrays sort behind strings: [id] to [id, []] has all paths of the upload.
+    // Arrays sort after strings: the range from [id] to [id, []] has all paths of the upload.
     files.delete(IDBKeyRange.bound([id], [id, []]));
     return uploads.delete(id);
   });

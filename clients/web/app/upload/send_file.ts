@@ -1,13 +1,13 @@
-// One file to the back end, from a byte on. XMLHttpRequest, as fetch does not tell how far it is.
+// Sends one file to the back end, from a byte on. XMLHttpRequest, because fetch reports no progress.
 import { Code, ConnectError } from '@connectrpc/connect';
 
 export interface Sending {
   upload: string;
   path: string;
   offset: number;
-  /** Of the whole file. */
+  /** The whole file. */
   file: Blob;
-  /** Bytes of the file that have left. */
+  /** Called with the number of the file's bytes that were sent. */
   progress: (bytes: number) => void;
   signal: AbortSignal;
 }

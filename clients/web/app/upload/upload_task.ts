@@ -1,5 +1,5 @@
-// An upload from a drop to the training that follows it. Each step can be taken again: after a
-// reload, a lost answer or a server that was away the task asks what the server has and goes on.
+// An upload, from the drop to the training after it. Each step can be repeated: after a reload, a lost
+// answer or a lost server the task gets from the server what it has, and resumes.
 import { Code, ConnectError } from '@connectrpc/connect';
 import { sha256 as digest } from '@noble/hashes/sha2';
 import { bytesToHex, utf8ToBytes } from '@noble/hashes/utils';
@@ -21,7 +21,7 @@ export type Phase = 'reading' | 'sending' | 'sealing' | 'done' | 'failed' | 'giv
 export interface UploadState {
   readonly record: UploadRecord;
   readonly phase: Phase;
-  /** Of the phase. */
+  /** Bytes that are done in this phase. */
   readonly doneBytes: number;
   readonly totalBytes: number;
   readonly bytesPerSecond: number;
@@ -32,7 +32,7 @@ export interface UploadState {
 
 const atOnce = 3;
 
-/** The same for the same files: dropped once more, they go on where their upload was. */
+/** Returns an id that is the same for the same files: dropped again, their upload resumes. */
 function requestIdOf(files: readonly UploadFile[]): string {
   const lines = files.map(({ path, kind, size, sha256 }) => `${path}\n${kind} ${size} ${sha256}\n`);
   return `files-${bytesToHex(digest(utf8ToBytes(lines.join(''))))}`;
@@ -43,7 +43,7 @@ export class UploadTask {
   private readonly abort = new AbortController();
   private readonly signal = this.abort.signal;
 
-  /** `files`: those of the drop, by path, while the page has them. */
+  /** `files`: the dropped files by path, while the page has them. */
   constructor(
     private record: UploadRecord,
     private readonly files = new Map<string, Blob>(),
@@ -107,7 +107,7 @@ export class UploadTask {
     try {
       await steadily(() => scenes.createScene(request, { signal: this.signal }), this.signal);
     } catch (error) {
-      // To a scene that is there another dataset is added.
+      // An existing scene gets another dataset.
       if (ConnectError.from(error).code !== Code.AlreadyExists) throw error;
     }
   }
@@ -135,7 +135,7 @@ export class UploadTask {
         return sealed.name;
       } catch (error) {
         const failure = failureOf(error);
-        // Another stream's end is not seen yet, or its bytes are: asked again, the server says.
+        // The server has not seen an earlier stream's end yet, or has more bytes: get its state again.
         const passes = failure.away || [Code.Aborted, Code.OutOfRange].includes(failure.code);
         if (this.signal.aborted || !passes) throw error;
         await backoff.wait(failure.what, failure.retryMs, this.signal);
@@ -190,7 +190,7 @@ export class UploadTask {
     await this.together(sendSome);
   }
 
-  /** The first failure ends the others, too. */
+  /** Runs `work` on several files at once; the first failure ends the others, too. */
   private async together(work: (signal: AbortSignal) => Promise<void>): Promise<void> {
     const round = new AbortController();
     const stop = () => round.abort();
@@ -203,7 +203,7 @@ export class UploadTask {
     }
   }
 
-  /** Id of the job; undefined: none was wanted. */
+  /** Returns the id of the job; undefined if none was wanted. */
   private async train(dataset: string): Promise<string | undefined> {
     const { training, sceneId, id } = this.record;
     if (training === undefined) return undefined;

@@ -1,4 +1,4 @@
-// The uploads of this page: those that it began, and those that an earlier page did not finish.
+// The uploads of this page: those that it began, and those that an earlier page left unfinished.
 import { newRequestId } from '../api/clients';
 import { Store } from '../store';
 import type { DatasetFile } from './dataset_files';
@@ -7,7 +7,7 @@ import { allRecords, putFile, putRecord } from './file_vault';
 import { UploadTask } from './upload_task';
 
 export const uploads = new Store<readonly UploadTask[]>([]);
-/** False until the browser's database was asked. */
+/** False until the browser's database was read. */
 export const uploadsKnown = new Store(false);
 
 export interface NewUpload {
@@ -18,7 +18,7 @@ export interface NewUpload {
   training: string | undefined;
 }
 
-/** One page of the browser at a time sends; where it closes, another goes on. */
+/** Lets one page of the browser send at a time; when it closes, another one resumes. */
 function start(task: UploadTask): void {
   uploads.set([...uploads.get(), task]);
   const { id } = task.state.get().record;
@@ -27,7 +27,7 @@ function start(task: UploadTask): void {
   else void task.run();
 }
 
-/** Copies the files to where a reload finds them; false: there is no room for that. */
+/** Copies the files for a page after a reload. Returns false if there is no room. */
 async function keep(record: UploadRecord, files: readonly DatasetFile[]): Promise<boolean> {
   try {
     for (const { path, file } of files) await putFile(record.id, path, file);

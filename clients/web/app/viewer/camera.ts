@@ -5,7 +5,7 @@ import type { PerspectiveCamera } from 'three';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import type { FreeCamera } from '../scene/prompt';
 
-/** Half a turn about x: between the two conventions, both ways. */
+/** Half a turn about x, which converts between the two conventions in both directions. */
 const flip = new Quaternion(1, 0, 0, 0);
 
 export interface Pose {
@@ -23,7 +23,7 @@ export function poseOf(view: View): Pose | undefined {
   return { position, rotation: worldFromCam.multiply(flip) };
 }
 
-/** Vertical, degrees. */
+/** Vertical field of view, degrees. */
 export function fieldOfView(view: View): number {
   const { height = 1, fy = 1 } = view.camera ?? {};
   return (2 * Math.atan(height / (2 * fy)) * 180) / Math.PI;
@@ -35,7 +35,7 @@ export function upOf(poses: readonly Pose[]): Vector3 {
   return up.lengthSq() > 1e-6 ? up.normalize() : new Vector3(0, 1, 0);
 }
 
-/** The point that the cameras look at: nearest to all their axes, in the least squares' sense. */
+/** Returns the point that the cameras look at: the least-squares nearest point to their axes. */
 export function focusOf(poses: readonly Pose[]): Vector3 | undefined {
   const sum = new Matrix4().set(0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1);
   const right = new Vector3();

@@ -12,8 +12,8 @@ export interface SplatPart {
   readonly tinted: boolean;
 }
 
-/** The server answers for the picture that is on the screen, up to this height. */
-const maxQuestionHeight = 720;
+/** Maximum height of the pictures that are segmented, pixels; smaller screens use their own. */
+const maxPictureHeight = 720;
 const tint = new Color(0.25, 1.35, 1.2);
 
 async function fetchPly(url: string, signal: AbortSignal): Promise<ArrayBuffer> {
@@ -35,8 +35,8 @@ export class SplatViewer {
   private drawing = 0;
 
   /**
-   * Turns about what the views look at, upright as they are; begins at the first of them. `moved`:
-   * the picture is another one. Throws where the browser has no WebGL 2.
+   * Turns about the point that the views look at, upright as they are; begins at the first view.
+   * `moved` is called when the picture changes. Throws if the browser has no WebGL 2.
    */
   constructor(
     private readonly canvas: HTMLCanvasElement,
@@ -57,7 +57,7 @@ export class SplatViewer {
     this.sizes.observe(canvas.parentElement ?? canvas);
   }
 
-  /** In place of what is drawn now, once all of it is there. */
+  /** Replaces what is drawn when all of the new model is loaded. */
   async load(parts: readonly SplatPart[]): Promise<void> {
     this.loading.abort();
     this.loading = new AbortController();
@@ -100,7 +100,7 @@ export class SplatViewer {
     this.changed();
   }
 
-  /** By angles, radians, about what is looked at; `closer` multiplies the distance. */
+  /** Turns by angles, radians, about the target; `closer` multiplies the distance. */
   turn(around: number, over: number, closer = 1): void {
     const arm = this.camera.position.clone().sub(this.controls.target);
     const right = new Vector3().crossVectors(this.camera.up, arm).normalize();
@@ -113,10 +113,10 @@ export class SplatViewer {
     this.changed();
   }
 
-  /** Of the picture on the screen, at the size at which questions are asked. */
-  question(): FreeCamera {
+  /** Returns the camera of the picture on the screen, at the size that prompts use. */
+  shownCamera(): FreeCamera {
     const { clientWidth, clientHeight } = this.canvas;
-    const scale = Math.min(1, maxQuestionHeight / clientHeight);
+    const scale = Math.min(1, maxPictureHeight / clientHeight);
     const [width, height] = [Math.round(clientWidth * scale), Math.round(clientHeight * scale)];
     return freeCameraOf(this.camera, Math.max(1, width), Math.max(1, height));
   }
@@ -154,7 +154,7 @@ export class SplatViewer {
     this.changed();
   }
 
-  /** Once for all that changes before the next picture; nothing is drawn while nothing changes. */
+  /** Requests one new picture for all changes before it; without changes nothing is drawn. */
   private draw(): void {
     if (this.drawing) return;
     this.drawing = requestAnimationFrame(() => {

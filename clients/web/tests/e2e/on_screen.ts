@@ -1,4 +1,4 @@
-// What is seen on a scene's screen, against the truth.
+// Reads what a scene's screen shows, and compares it with the truth.
 import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import AxeBuilder from '@axe-core/playwright';
@@ -18,7 +18,7 @@ async function noSeriousFindings(page: Page): Promise<void> {
   expect(serious.map(({ id, nodes }) => `${id}: ${places(nodes)}`)).toEqual([]);
 }
 
-/** On a wide screen, light and dark, and on a narrow one; axe-core finds nothing serious on any. */
+/** Takes pictures on a wide screen, light and dark, and a narrow one. axe-core must find nothing serious. */
 export async function picturesOf(page: Page, name: string): Promise<void> {
   await screenshot(page, `${name}-1440`);
   await noSeriousFindings(page);
@@ -34,14 +34,14 @@ export async function picturesOf(page: Page, name: string): Promise<void> {
 }
 
 export interface Truth {
-  /** A pixel well inside, as shares of width and height. */
+  /** A pixel well inside the thing, as shares of width and height. */
   readonly inside: readonly [number, number];
   /** Data URL of the label image. */
   readonly labels: string;
   readonly value: number;
 }
 
-/** Of a thing in a view of the shelf: `value` is its grey in the label image. */
+/** Returns the truth of a thing in a view of the shelf. `value`: its grey in the label image. */
 export async function truthOf(page: Page, view: string, value: number): Promise<Truth> {
   const file = join(shelf, 'labels', view.replace('.jpg', '.png'));
   const labels = `data:image/png;base64,${readFileSync(file).toString('base64')}`;
@@ -71,7 +71,7 @@ export async function truthOf(page: Page, view: string, value: number): Promise<
   return { inside, labels, value };
 }
 
-/** Of the mask that is drawn over the view, pixel by pixel, with the truth. */
+/** Returns the IoU of the drawn mask with the truth, pixel by pixel. */
 export function overlayIou(page: Page, { labels, value }: Truth): Promise<number> {
   return page.evaluate(
     async ([url, grey]) => {
@@ -100,7 +100,7 @@ export function overlayIou(page: Page, { labels, value }: Truth): Promise<number
   );
 }
 
-/** Until the view and the strip show photographs that came from the server. */
+/** Waits until the view and the strip show photographs from the server. */
 export async function photographsShown(page: Page, width: number): Promise<void> {
   const shown = page.locator('.picture img[src*="/api/photo"]');
   await expect
@@ -126,7 +126,7 @@ export async function clickView(
   if (shift) await page.keyboard.up('Shift');
 }
 
-/** From one corner to the other, in shares of the view's width and height. */
+/** Draws a box from one corner to the other, in shares of the view's width and height. */
 export async function dragBox(
   page: Page,
   from: readonly [number, number],
@@ -143,12 +143,12 @@ export async function dragBox(
   await page.mouse.up();
 }
 
-/** Answers that were drawn since the page was opened. */
+/** Returns the number of answers drawn since the page was opened. */
 export async function numAnswers(page: Page): Promise<number> {
   return Number(await page.locator('.picture').getAttribute('data-answers'));
 }
 
-/** Until the stream has answered more than `before` and the other views are there, too. */
+/** Waits for more than `before` answers of the stream and for the other views. */
 export async function settled(page: Page, before: number): Promise<void> {
   await page.waitForFunction(
     (count) => Number(document.querySelector<HTMLElement>('.picture')?.dataset.answers) > count,
@@ -157,14 +157,14 @@ export async function settled(page: Page, before: number): Promise<void> {
   );
 }
 
-/** Until the 3D view shows the selection so, and Spark has sorted. */
+/** Waits until the 3D view shows the selection in this way, and Spark has sorted. */
 export async function shownInSplats(page: Page, how: string): Promise<void> {
   const there = page.locator(`.splats[data-status=ready][data-shown=${how}]`);
   await expect(there).toBeVisible({ timeout: 60_000 });
   await page.waitForTimeout(2500);
 }
 
-/** While the scale is dragged to and fro for four seconds. */
+/** Measures the answers a second while the scale is dragged back and forth for four seconds. */
 export async function answersPerSecond(page: Page): Promise<number> {
   const edges = await page.getByLabel('Scale').boundingBox();
   if (!edges) throw new Error('no slider');

@@ -1,11 +1,11 @@
-// What the page saves, and a dataset made of it.
+// Files that the page saves, and a dataset made from them.
 import { cpSync, mkdtempSync, readFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import type { Locator, Page } from '@playwright/test';
 import { shelf } from './stack';
 
-/** Path of what a click on `link` saves. */
+/** Clicks on `link` and returns the path of the saved file. */
 export async function saved(page: Page, link: Locator): Promise<string> {
   const download = page.waitForEvent('download');
   await link.click();
@@ -27,7 +27,7 @@ export function readCoco(file: string): Coco {
   return JSON.parse(readFileSync(file, 'utf8')) as Coco;
 }
 
-/** A folder with the shelf's photographs, and Gaussians in place of a reconstruction. */
+/** Makes a folder with the shelf's photographs, and Gaussians in place of a reconstruction. */
 export function shelfWith(ply: string): string {
   const folder = mkdtempSync(join(tmpdir(), 'pepeseg-ply-'));
   for (const part of ['images', 'sparse', 'masks']) {

@@ -1,4 +1,4 @@
-// A scene from a drop of photographs to a PLY, in Chromium, against a server of its own.
+// A scene from dropped photographs to a PLY, in Chromium, against a server that the test starts.
 import { readFileSync, rmSync } from 'node:fs';
 import { join } from 'node:path';
 import type { BrowserContext, Page } from '@playwright/test';
@@ -58,13 +58,13 @@ test.afterEach(() => {
 
 const pictures = (name: string) => picturesOf(page, name);
 
-test('no scenes yet', async () => {
+test('an empty server says that there are no scenes', async () => {
   await page.goto(stack.url);
   await expect(page.getByText('There are no scenes yet')).toBeVisible();
   await pictures('scenes-empty');
 });
 
-test('an upload goes on after a reload', async () => {
+test('an upload resumes after a reload', async () => {
   await page.getByRole('link', { name: 'Make the first scene' }).click();
   await page.setInputFiles('#folder', shelf);
   await expect(page.getByText('15 photographs')).toBeVisible();
@@ -99,7 +99,7 @@ test('an upload goes on after a reload', async () => {
   expect(numSent).toBeLessThanOrEqual(49 + 3);
 });
 
-test('a training is followed over a reload and a restart of the server', async () => {
+test('a training is followed after a reload and a restart of the server', async () => {
   test.setTimeout(1_200_000);
   const psnr = page.locator('.curve', { hasText: 'PSNR' });
   const numSamples = async () => Number(await psnr.getAttribute('data-samples'));
@@ -130,9 +130,9 @@ test('a click segments the book, in all views', async () => {
   await clickView(page, truth.inside);
   await settled(page, before);
   await expect(page.locator('.chip').first()).toBeVisible();
-  // One of the ladder is what was answered.
+  // One of the proposals is the answer.
   await expect(page.locator('.chips .chip[aria-pressed=true]')).toHaveCount(1);
-  // What the click means is a part, the thing or more: a person picks it.
+  // The click may mean a part, the thing or more: the test picks, as a person would.
   const ious = [await overlayIou(page, truth)];
   for (const chip of await page.locator('.chips .chip').all()) {
     const then = await numAnswers(page);
@@ -153,7 +153,7 @@ test('a click segments the book, in all views', async () => {
       .click();
     await settled(page, then);
   }
-  // Of fifteen views all show the book.
+  // All fifteen views show the book.
   await expect(page.getByText('Seen in 15 views.')).toBeVisible({ timeout: 60_000 });
 });
 
@@ -162,7 +162,7 @@ test('a selection in 3D is tinted, shown alone and left out', async () => {
   await page.getByRole('button', { name: 'Select in 3D' }).click();
   await expect(page.getByText('Gaussians selected.')).toBeVisible({ timeout: 60_000 });
   await shownInSplats(page, 'tinted');
-  // Of the project's README.
+  // The picture of the project's README.
   await page.screenshot({ path: join(artefacts, 'scene.jpg'), type: 'jpeg', quality: 82 });
   await pictures('scene');
   for (const [name, how] of [
@@ -181,7 +181,7 @@ test('the slider answers while it is dragged', async () => {
   expect(rate).toBeGreaterThanOrEqual(Number(process.env.PEPESEG_MIN_ANSWERS ?? 15));
 });
 
-test('a segment is named, and asked for by its name', async () => {
+test('a segment is named, and found by its name', async () => {
   const truth = await truthOf(page, view, book);
   await page.getByRole('button', { name: 'Clear' }).click();
   const before = await numAnswers(page);
@@ -216,7 +216,7 @@ test('downloads: the PLY is loaded again, COCO lists the label', async () => {
   });
   expect(Object.keys(files)).toContain('Bunny-book/frame-000000.png');
 
-  // Loaded again: as the Gaussians of a scene of its own, which then needs no reconstruction.
+  // The saved PLY becomes the Gaussians of another scene, which then needs no reconstruction.
   const folder = shelfWith(ply);
   await page.goto(`${stack.url}/new`);
   await page.setInputFiles('#folder', folder);
@@ -260,7 +260,7 @@ test('a click in 3D segments what is seen there', async () => {
   const truth = await truthOf(page, view, book);
   const edges = await splats.boundingBox();
   if (!edges) throw new Error('no 3D view');
-  // The 3D view looks as the first view does, at the same shape.
+  // The 3D view has the first view's camera and shape.
   await page.mouse.click(
     edges.x + truth.inside[0] * edges.width,
     edges.y + truth.inside[1] * edges.height,
@@ -270,7 +270,7 @@ test('a click in 3D segments what is seen there', async () => {
   await expect(page.locator('.picture')).not.toHaveAttribute('data-area', '0', { timeout: 30_000 });
 });
 
-test('a click on nothing says so where it was, and the answer stays', async () => {
+test('a click on nothing says so at its position, and the answer stays', async () => {
   const area = async () => Number(await page.locator('.picture').getAttribute('data-area'));
   const before = await area();
   const canvas = page.locator('.splats-canvas');
@@ -286,11 +286,11 @@ test('a click on nothing says so where it was, and the answer stays', async () =
   await screenshot(page, 'scene-click-on-nothing');
 });
 
-test('a box, a point, what is not meant, undo', async () => {
+test('a box, a point, an excluded point and undo change the segment', async () => {
   const area = async () => Number(await page.locator('.picture').getAttribute('data-area'));
   await page.keyboard.press('Escape');
   await expect.poll(area).toBe(0);
-  // Around the box of tissues.
+  // A box around the tissue box.
   await dragBox(page, [0.54, 0.52], [0.77, 0.84]);
   const drawn = 0.23 * 0.32 * 640 * 480;
   await expect.poll(area, { timeout: 30_000 }).toBeGreaterThan(0.5 * drawn);
@@ -312,7 +312,7 @@ test('a box, a point, what is not meant, undo', async () => {
   await expect.poll(area, { timeout: 30_000 }).toBe(boxArea);
 });
 
-test('the page goes on when the server was killed and is started again', async () => {
+test('the page continues after the server is killed and started again', async () => {
   await stack.killServer();
   await clickView(page, [0.6, 0.55]);
   await expect(page.getByText('The server does not answer.')).toBeVisible({ timeout: 30_000 });
@@ -321,7 +321,7 @@ test('the page goes on when the server was killed and is started again', async (
   await expect(page.locator('.picture')).not.toHaveAttribute('data-area', '0', { timeout: 30_000 });
 });
 
-test('by keyboard alone', async () => {
+test('the keyboard alone segments', async () => {
   await page.goto(stack.url);
   await expect(page.getByText('Ready').first()).toBeVisible();
   await pictures('scenes');

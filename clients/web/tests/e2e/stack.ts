@@ -1,4 +1,4 @@
-// A pepesegd that asks for keys, with a data folder of its own, and the app's back end, which has one.
+// A pepesegd that requires keys, with its own data folder, and the app's back end with a key.
 import type { ChildProcess } from 'node:child_process';
 import { execFileSync, spawn } from 'node:child_process';
 import {
@@ -19,7 +19,7 @@ const web = resolve(dirname(fileURLToPath(import.meta.url)), '../..');
 const root = resolve(web, '../..');
 const bin = resolve(root, process.env.PEPESEG_BUILD ?? 'build', 'bin');
 
-/** Pictures of the screens, and logs. */
+/** Folder for pictures of the screens, and logs. */
 export const artefacts = resolve(root, process.env.PEPESEG_WEB_OUT ?? 'build/web-test');
 export const shelf = join(root, 'tests/data/apc_shelf');
 
@@ -70,12 +70,12 @@ export class Stack {
     writeFileSync(join(this.folder, 'key'), `${key}\n`, { mode: 0o600 });
   }
 
-  /** Also again, on the port that it had. */
+  /** Starts the server; a second time on the same port. */
   async startServer(): Promise<void> {
     const portFile = join(this.folder, 'server.port');
     rmSync(portFile, { force: true });
     const listen = ['--listen', `127.0.0.1:${this.serverPort}`, '--port-file', portFile];
-    // A job of a server that was killed is taken over after the lease.
+    // A job of a killed server is claimed again after the lease.
     const rest = ['--data', this.data, '--require-keys', '--lease-seconds', '5'];
     this.server = start(join(bin, 'pepesegd'), [...listen, ...rest], 'server.log');
     this.serverPort = await portIn(portFile, this.server);

@@ -21,7 +21,7 @@ function request(headers: Record<string, string>): IncomingMessage {
 
 const hosts = new Set(['localhost', '127.0.0.1', '[::1]']);
 
-test('pages of this back end may ask', () => {
+test('requests of this back end’s pages are allowed', () => {
   expect(refusal(request({ host: '127.0.0.1:8080' }), hosts)).toBeUndefined();
   expect(refusal(request({ host: '[::1]:8080' }), hosts)).toBeUndefined();
   const own = {
@@ -32,7 +32,7 @@ test('pages of this back end may ask', () => {
   expect(refusal(request(own), hosts)).toBeUndefined();
 });
 
-test('nobody else may', () => {
+test('all other requests are refused', () => {
   const host = 'localhost:8080';
   expect(refusal(request({ host, origin: 'https://evil.example' }), hosts)).toContain('origins');
   expect(refusal(request({ host, origin: 'http://localhost:9999' }), hosts)).toContain('origins');
@@ -43,7 +43,7 @@ test('nobody else may', () => {
   expect(refusal(request({}), hosts)).toContain('unknown host');
 });
 
-test('what it listens on and where the key goes', () => {
+test('options set the address, and the key is not sent unencrypted', () => {
   const read = (args: string[], env = {}) => readConfig(args, env, '/app');
   expect(read([]).serverUrl).toBe('http://127.0.0.1:50051');
   expect(read([], { PEPESEG_SERVER: 'https://gateway:8443' }).serverUrl).toBe(
@@ -82,7 +82,7 @@ test('a body in pieces of a MiB', async () => {
   expect(sum).toBe(700_000 + 6_000_000);
 });
 
-test('of requests that wait the newest is sent', async () => {
+test('only the newest of waiting requests is sent', async () => {
   const newest = new Newest<number>();
   newest.put(1);
   newest.put(2);
@@ -104,7 +104,7 @@ test('calls carry the scene for the gateway', () => {
   expect(routing(message({ name: 'jobs/j1' }))).toEqual({});
 });
 
-test('a connection that was lost is no cancellation', () => {
+test('a lost connection is not a cancellation', () => {
   const here = new AbortController();
   const cut = new ConnectError('http/2 stream closed with error code CANCEL (0x8)', Code.Canceled);
   expect(passedOn(cut, here.signal).code).toBe(Code.Unavailable);
@@ -116,7 +116,7 @@ test('a connection that was lost is no cancellation', () => {
   expect(passedOn(cut, here.signal).code).toBe(Code.Canceled);
 });
 
-test('where no server listens, the message names the address and a command that is there', () => {
+test('without a server the message names the address and an existing command', () => {
   const refused = new ConnectError('connect ECONNREFUSED 127.0.0.1:50077', Code.Unavailable);
   const told = passedOn(refused, new AbortController().signal);
   expect(told.code).toBe(Code.Unavailable);
@@ -127,7 +127,7 @@ test('where no server listens, the message names the address and a command that 
   expect(passedOn(far, new AbortController().signal).rawMessage).not.toContain('start one');
 });
 
-test('a photograph is passed on, and cut where a chunk is damaged', async () => {
+test('a photograph is forwarded, and cut short at a damaged chunk', async () => {
   const data = new Uint8Array(3000).fill(7);
   const asked: unknown[] = [];
   const answer = (crc: number) => ({
@@ -159,7 +159,7 @@ test('a photograph is passed on, and cut where a chunk is damaged', async () => 
   expect(await serve(1)).toBeUndefined();
 });
 
-test('of a photograph nothing else is asked', () => {
+test('other queries of photographs are refused', () => {
   const request = (query: string) => () => photographRequest(new URLSearchParams(query));
   expect(request('parent=scenes/a/datasets/1')()).toMatchObject({ photograph: '', maxSide: 0 });
   expect(request('parent=p&frame=view')().frame).toBe(PixelFrame.VIEW);

@@ -9,7 +9,7 @@ function putOff(reason: string, nanos = 10_000_000, code = Code.Unavailable): Co
   return new ConnectError('not now', code, undefined, [{ desc: ErrorDetailSchema, value }]);
 }
 
-/** Asks a server that answers with `errors` first. */
+/** Calls a server that first answers with `errors`. */
 async function ask(errors: ConnectError[], signal = new AbortController().signal) {
   let calls = 0;
   const next = async () => {
@@ -22,13 +22,13 @@ async function ask(errors: ConnectError[], signal = new AbortController().signal
   return { calls, answer };
 }
 
-test('a call that is put off is made again', async () => {
+test('a refused call is repeated', async () => {
   const { calls, answer } = await ask([putOff('NO_ROOM_NOW'), putOff('BUSY')]);
   expect(calls).toBe(3);
   expect(answer).toBe('answer');
 });
 
-test('where waiting is no help it is made once', async () => {
+test('a call is not repeated if waiting does not help', async () => {
   const useless = [
     putOff('DRAINING'),
     putOff('QUOTA', 1, Code.ResourceExhausted),
@@ -37,7 +37,7 @@ test('where waiting is no help it is made once', async () => {
   for (const error of useless) expect(await ask([error])).toEqual({ calls: 1, answer: error });
 });
 
-test('when nobody waits any longer it is not made again', async () => {
+test('a call is not repeated when nobody waits for it', async () => {
   const controller = new AbortController();
   setTimeout(() => controller.abort(), 20);
   const { calls, answer } = await ask([putOff('BUSY', 999_000_000)], controller.signal);

@@ -21,7 +21,7 @@ test('the layout of the command-line client', () => {
   expect(kindOf('labels/0001.png')).toBeUndefined();
 });
 
-test('a folder that was dropped is the scene', () => {
+test('a dropped folder is the scene', () => {
   const { files, leftOut } = readDataset(
     dropped('shelf/images/b.jpg', 'shelf/images/a.jpg', 'shelf/LICENSE'),
   );
@@ -46,13 +46,13 @@ test('the folder "images" by itself', () => {
   expect(files.map(({ path }) => path)).toEqual(['images/1.jpg', 'images/2.jpg']);
 });
 
-test('what it says of them', () => {
+test('the summary counts files by kind', () => {
   expect(
     describe([{ kind: FileKind.IMAGE }, { kind: FileKind.POSES }, { kind: FileKind.IMAGE }]),
   ).toBe('2 photographs, 1 file of poses');
 });
 
-test('ids of scenes are the names that folders have', () => {
+test('ids of scenes come from folder names', () => {
   for (const name of ['llff_horns', 'Fern-2', '42', 'v1.0']) expect(sceneIdFrom(name)).toBe(name);
   expect(sceneIdFrom('Küche & Regal (2)')).toBe('Kuche-Regal-2');
   expect(sceneIdFrom('../.hidden')).toBe('hidden');

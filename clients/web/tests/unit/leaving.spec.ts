@@ -1,4 +1,4 @@
-// Browsers that leave in the middle: nothing of theirs stays open in the back end.
+// Browsers that leave during a request: nothing of theirs stays open in the back end.
 import { mkdirSync, mkdtempSync, readdirSync, readlinkSync, rmSync, writeFileSync } from 'node:fs';
 import type { ClientRequest, Server } from 'node:http';
 import { get, request } from 'node:http';
@@ -12,11 +12,11 @@ import type { Config } from '../../server/config';
 import { crc32c } from '../../server/crc32c';
 import { createWebServer } from '../../server/web_server';
 
-/** More than sockets on the way hold. */
+/** More bytes than the sockets on the way buffer. */
 const manyBytes = 64 << 20;
 let folder: string;
 let server: Server;
-/** What the server that the back end speaks for sees. */
+/** What the server behind the back end sees. */
 let upstream: { calls: number; open: number; cancelled: number };
 
 function whenAborted(signal: AbortSignal): Promise<never> {
@@ -106,20 +106,20 @@ function url(path: string): string {
   return `http://127.0.0.1:${(server.address() as AddressInfo).port}${path}`;
 }
 
-/** Files of the test's folder that this process, in which the back end runs, has open. */
+/** Returns the files of the test's folder that this process, which runs the back end, has open. */
 function openFiles(): string[] {
   const names: string[] = [];
   for (const fd of readdirSync('/proc/self/fd')) {
     try {
       names.push(readlinkSync(`/proc/self/fd/${fd}`));
     } catch {
-      // The descriptor of this look itself.
+      // The descriptor of this readdir itself.
     }
   }
   return names.filter((name) => name.startsWith(folder));
 }
 
-/** Reads a little and leaves. */
+/** Reads a few bytes and leaves. */
 async function leaveDuring(path: string): Promise<void> {
   await new Promise<void>((resolve, reject) => {
     const asking = get(url(path), (response) => {
@@ -137,20 +137,20 @@ async function leaveDuring(path: string): Promise<void> {
   });
 }
 
-test('a photograph that is not read to its end is no longer fetched', async () => {
+test('fetching a photograph stops when its reader leaves', async () => {
   await leaveDuring('/api/photo?parent=scenes/shelf/models/1&name=1.jpg');
   await expect.poll(() => upstream.open).toBe(0);
   expect(upstream.cancelled).toBe(1);
 });
 
-test('a file of the app that is not read to its end is closed', async () => {
+test('a file of the app is closed when its reader leaves', async () => {
   mkdirSync(join(folder, 'app', 'assets'), { recursive: true });
   writeFileSync(join(folder, 'app', 'assets', 'a.js'), new Uint8Array(manyBytes));
   await leaveDuring('/assets/a.js');
   await expect.poll(openFiles).toEqual([]);
 });
 
-test('a PLY that is not read to its end is no longer exported', async () => {
+test('exporting a PLY stops when its reader leaves', async () => {
   const warnings: string[] = [];
   const warn = (warning: Error) => warnings.push(warning.name);
   process.on('warning', warn);
@@ -161,7 +161,7 @@ test('a PLY that is not read to its end is no longer exported', async () => {
   expect(warnings).toEqual([]);
 });
 
-test('a picture that nobody waits for is no longer made', async () => {
+test('rendering a picture stops when nobody waits for it', async () => {
   const asking = get(url('/api/picture?model=scenes/shelf/models/1&view=1.jpg'));
   asking.on('error', () => undefined);
   await expect.poll(() => upstream.calls).toBe(1);
@@ -169,7 +169,7 @@ test('a picture that nobody waits for is no longer made', async () => {
   await expect.poll(() => upstream.cancelled).toBe(1);
 });
 
-test('an upload that breaks off is cancelled', async () => {
+test('an interrupted upload is cancelled', async () => {
   const path = '/api/file?upload=scenes/shelf/uploads/1&path=images/1.jpg&offset=0';
   const sending: ClientRequest = request(url(path), {
     method: 'PUT',

@@ -9,7 +9,7 @@ const mask = (view: string) => ({
   score: 0.9,
 });
 
-test('labels of one name keep a folder each', () => {
+test('labels with the same text have a folder each', () => {
   const segments = [
     { id: 'cup', category: 'Cup', masks: [mask('a.jpg')] },
     { id: 'cup-2', category: 'Cup', masks: [mask('a.jpg')] },
@@ -18,13 +18,13 @@ test('labels of one name keep a folder each', () => {
   expect(JSON.parse(labelsJson(segments))).toEqual({ cup: 'Cup', 'cup-2': 'Cup' });
 });
 
-test('what a label is called is never a path', () => {
+test('the text of a label is never a path', () => {
   const evil = { id: 'scene', category: '../../etc/cron.d/x', masks: [mask('cam0/a.jpg')] };
   expect(maskFiles([evil]).map(({ path }) => path)).toEqual(['scene/cam0/a.png']);
   expect(JSON.parse(labelsJson([evil]))).toEqual({ scene: '../../etc/cron.d/x' });
 });
 
-test('views that differ in their suffix only keep a file each', () => {
+test('views that differ only in their suffix have a file each', () => {
   const segment = { id: 'cup', category: 'Cup', masks: [mask('a.jpg'), mask('a.png'), mask('b.jpg')] };
   expect(maskFiles([segment]).map(({ path }) => path)).toEqual([
     'cup/a.jpg.png',

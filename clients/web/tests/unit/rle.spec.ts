@@ -20,7 +20,7 @@ function encode(runs: number[]): string {
     .join('');
 }
 
-test('runs survive their encoding, also long ones and shrinking ones', () => {
+test('runs can be decoded after encoding, also long and shrinking ones', () => {
   for (const runs of [
     [5],
     [0, 9],
@@ -44,7 +44,7 @@ test('columns come first', () => {
   ]);
 });
 
-test('more pixels than there are do no harm, other characters are an error', () => {
+test('excess pixels are ignored, wrong characters are an error', () => {
   expect([...decodeRle({ width: 1, height: 2, counts: encode([0, 9]) })]).toEqual([1, 1]);
   expect(() => runsOf('1 3')).toThrow();
 });
@@ -54,7 +54,7 @@ test('intersection over union', () => {
   expect(intersectionOverUnion(new Uint8Array(3), new Uint8Array(3))).toBe(0);
 });
 
-test('a mask that is drawn is no larger than the screen', () => {
+test('a drawn mask is not larger than the screen', () => {
   const large = { width: 400, height: 200, counts: encode([200 * 200, 200 * 200]) };
   const { width, height, pixels } = shrunkMask(large, 40);
   expect([width, height]).toEqual([40, 20]);

@@ -23,7 +23,7 @@ function ladder(areas: bigint[], kinds: ProposeScalesResponse_Kind[], best: numb
   return proposalsOf(create(ProposeScalesResponseSchema, { proposals, best }));
 }
 
-test('proposals are the server’s ladder, with the names that it earned', () => {
+test('proposals are the server’s, with its names', () => {
   const { PART, OBJECT, GROUP, UNSPECIFIED } = ProposeScalesResponse_Kind;
   const shown = ladder([1n, 9n, 50n, 400n], [UNSPECIFIED, PART, OBJECT, GROUP], 2);
   expect(shown.map(({ name, best, mask: { area } }) => [name, best, area])).toEqual([
@@ -36,7 +36,7 @@ test('proposals are the server’s ladder, with the names that it earned', () =>
   expect(scales).toEqual([...scales].sort((a, b) => a - b));
 });
 
-test('two proposals of a kind are told apart by their place', () => {
+test('two proposals of a kind are named by their position', () => {
   const { PART, OBJECT } = ProposeScalesResponse_Kind;
   const names = ladder([1n, 9n, 50n], [PART, PART, OBJECT], 0).map(({ name }) => name);
   expect(names).toEqual(['Part 1', 'Part 2', 'Object']);
@@ -52,16 +52,16 @@ test('pixels are those of the photograph where its size is known', () => {
   });
 });
 
-test('what is not chosen is left to the server', () => {
-  const question = {
+test('the server chooses what is not given', () => {
+  const prompt = {
     kind: 'points',
     place: { view: 'a.jpg' },
     points: [{ x: 1, y: 2, negative: false }],
   } as const;
-  const open = segmentRequest('m', question, {});
+  const open = segmentRequest('m', prompt, {});
   expect(open.granularity?.scale.case).toBeUndefined();
   expect(open.granularity?.threshold).toBeUndefined();
-  const fixed = segmentRequest('m', question, { scale: 0, threshold: 0 }, 'all');
+  const fixed = segmentRequest('m', prompt, { scale: 0, threshold: 0 }, 'all');
   expect(fixed.granularity?.scale).toEqual({ case: 'scaleQuantile', value: 0 });
   expect(fixed.granularity?.threshold).toBe(0);
 });
@@ -95,7 +95,7 @@ test('COCO: ids from 1, no empty masks, sizes height first', () => {
 });
 
 test('events of a training make its curves; a step done again takes the place of what followed', async () => {
-  // Its module listens to the page's network.
+  // The module listens to the page's network events.
   Object.assign(globalThis, { window: new EventTarget() });
   const { after, noTraining } = await import('../../app/training/training_watch');
   const progress = (sequence: bigint, step: bigint, loss: number) =>

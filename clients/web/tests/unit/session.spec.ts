@@ -18,7 +18,7 @@ function refusal(reason: string): ConnectError {
   return new ConnectError('refused', Code.InvalidArgument, undefined, [detail]);
 }
 
-test('a click on nothing is told from other refusals', async () => {
+test('a click on nothing differs from other refusals', async () => {
   const { isMiss } = await import('../../app/scene/session');
   const { failureOf } = await import('../../app/api/failure');
   expect(isMiss(failureOf(refusal('NOTHING_THERE')))).toBe(true);
@@ -26,7 +26,7 @@ test('a click on nothing is told from other refusals', async () => {
   expect(isMiss(failureOf(new ConnectError('a bad scale', Code.InvalidArgument)))).toBe(false);
 });
 
-test('a click on nothing leaves the answer before it, and says where it was', async () => {
+test('a click on nothing keeps the answer before it, and marks its position', async () => {
   const { SceneSession } = await import('../../app/scene/session');
   const session = new SceneSession('scenes/shelf/models/1');
   // Without a network: the answers are given by hand.
@@ -56,11 +56,11 @@ test('a click on nothing leaves the answer before it, and says where it was', as
   inside.refused(sequence, refusal('NOTHING_THERE'));
   const after = session.state.get();
   expect(after.miss).toEqual({ place, x: 3, y: 2 });
-  expect(after.question).toEqual(before.question);
+  expect(after.prompt).toEqual(before.prompt);
   expect(after.answer).toBe(before.answer);
   expect([after.busy, after.failure, after.canUndo]).toEqual([false, undefined, true]);
   session.undo();
-  expect(session.state.get().question).toBeUndefined();
+  expect(session.state.get().prompt).toBeUndefined();
 });
 
 test('a first click on nothing leaves nothing', async () => {
@@ -75,8 +75,8 @@ test('a first click on nothing leaves nothing', async () => {
   inside.askOtherViews = () => undefined;
   session.addPoint({ view: 'a.jpg' }, { x: 3, y: 2, negative: false });
   inside.refused(1n, refusal('NOTHING_THERE'));
-  const { question, answer, busy, failure, canUndo, miss } = session.state.get();
-  expect([question, answer, busy, failure, canUndo]).toEqual([
+  const { prompt, answer, busy, failure, canUndo, miss } = session.state.get();
+  expect([prompt, answer, busy, failure, canUndo]).toEqual([
     undefined,
     undefined,
     false,
@@ -86,7 +86,7 @@ test('a first click on nothing leaves nothing', async () => {
   expect(miss).toMatchObject({ x: 3, y: 2 });
 });
 
-test('a training that ended badly names its stage', () => {
+test('a failed training names its stage', () => {
   expect(outcomeOf({ state: JobState.FAILED, stage: 'sfm' })).toBe('failed in Poses');
   expect(outcomeOf({ state: JobState.CANCELLED, stage: 'reconstruct' })).toBe(
     'cancelled in Reconstruct',

@@ -1,4 +1,4 @@
-"""The client for asyncio does what the blocking one does."""
+"""Tests that the asyncio client does the same as the blocking one."""
 
 import asyncio
 import inspect
@@ -24,7 +24,7 @@ def run(server, scene, use):
     return asyncio.run(body())
 
 
-def test_has_the_same_methods_with_the_same_arguments():
+def test_both_clients_have_the_same_methods_and_arguments():
     blocking = {n: m for n, m in vars(pepeseg.Client).items() if not n.startswith("_")}
     awaited = {n: m for n, m in vars(aio.Client).items() if not n.startswith("_")}
     assert blocking.keys() == awaited.keys()
@@ -34,7 +34,7 @@ def test_has_the_same_methods_with_the_same_arguments():
         assert method.__doc__, name
 
 
-def test_questions_are_answered_alike_and_at_once(server, trained, client):
+def test_concurrent_calls_return_the_same_as_blocking_ones(server, trained, client):
     async def use(asked):
         scales = [0.1, 0.3, 0.5, 0.7]
         return await asyncio.gather(
@@ -47,7 +47,7 @@ def test_questions_are_answered_alike_and_at_once(server, trained, client):
         assert np.array_equal(alike.mask, answer.mask)
 
 
-def test_a_selection_goes_on_with_its_client(server, trained, tmp_path):
+def test_a_selection_uses_its_client(server, trained, tmp_path):
     async def use(client):
         first = await client.select(VIEW, points=POINT, threshold=0)
         second = await first.combine("union", await client.select(VIEW, points=[280, 280]))
@@ -117,7 +117,7 @@ def test_a_cancelled_task_ends_its_call(server, trained):
     run(server, trained, use)
 
 
-def test_an_upload_goes_on_after_kill_9(tmp_path):
+def test_an_upload_resumes_after_kill_9(tmp_path):
     (tmp_path / "server").mkdir()
     (tmp_path / "large.jpg").write_bytes(os.urandom(8 * MIB))
     running = Pepesegd(tmp_path / "server")

@@ -1,4 +1,4 @@
-"""A server of the build, and on it the shelf with a model of few steps at a quarter of its size."""
+"""Fixtures: a server of the build, and the shelf with a model of few steps at a quarter of its size."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SMALL = {"steps": 300, "feature_steps": 150, "image_scale": 0.25}
 
 
 class Pepesegd:
-    """A server on a port of its own, with everything it keeps in a folder."""
+    """A server on its own port, with its data in a folder."""
 
     def __init__(self, folder: Path, *options: str) -> None:
         self.folder = folder
@@ -29,7 +29,7 @@ class Pepesegd:
         self.start()
 
     def start(self) -> None:
-        """Also again, on the port that it had."""
+        """Starts the server; a second time on the same port."""
         port_file = self.folder / "port"
         port_file.unlink(missing_ok=True)
         with open(self.folder / "log", "ab") as log:
@@ -78,7 +78,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pepesegd]:
 
 @pytest.fixture(scope="session")
 def trained(server: Pepesegd) -> str:
-    """The id of the scene."""
+    """Returns the id of the scene."""
     with pepeseg.Client("shelf", server=server.address) as client:
         client.upload(SHELF)
         client.train(**SMALL, options={"features.num_pixels": 400})

@@ -1,4 +1,4 @@
-"""How a server is spoken to: keys, TLS, patience."""
+"""Tests the connection: keys, TLS, patience."""
 
 import os
 import re
@@ -24,7 +24,7 @@ class TestLogin:
         assert is_this_machine(target)
 
     @pytest.mark.parametrize("target", ["10.0.0.1:1", "127.evil.org:1", "localhost.org:1", "a:1"])
-    def test_names_that_look_so_are_not(self, target):
+    def test_names_that_resemble_loopback_are_other_machines(self, target):
         assert not is_this_machine(target)
 
     def test_a_key_never_goes_to_another_machine_unencrypted(self):
@@ -35,7 +35,7 @@ class TestLogin:
             ("authorization", "Bearer pk_1"),
         )
 
-    def test_the_environment_stands_for_what_is_not_given(self, monkeypatch, tmp_path):
+    def test_the_environment_replaces_what_is_not_given(self, monkeypatch, tmp_path):
         monkeypatch.setenv("PEPESEG_SERVER", "localhost:7")
         monkeypatch.setenv("PEPESEG_KEY", "aa.bb.cc")
         found = look_through(Login())
@@ -47,7 +47,7 @@ class TestLogin:
             look_through(Login(key_file=tmp_path / "none"))
 
     @pytest.mark.parametrize("key", ["", "secret", "pk_a b", "a.b", "pk_\u00e9", "..", "a..b"])
-    def test_what_is_no_key_is_refused(self, key):
+    def test_malformed_keys_are_refused(self, key):
         with pytest.raises(pepeseg.InvalidArgumentError, match="holds no key"):
             look_through(Login(key=key))
 
@@ -122,7 +122,7 @@ class TestTls:
 
 
 class TestPatience:
-    def test_a_server_that_comes_back_is_waited_for(self, tmp_path):
+    def test_waits_for_a_server_that_comes_back(self, tmp_path):
         running = Pepesegd(tmp_path)
         try:
             with pepeseg.Client("mine", server=running.address, patience=60) as client:
@@ -133,7 +133,7 @@ class TestPatience:
         finally:
             running.stop()
 
-    def test_no_server_is_told_when_patience_ends(self):
+    def test_raises_unavailable_when_patience_ends(self):
         with pepeseg.Client("mine", server="127.0.0.1:1", patience=1) as client:
             start = time.monotonic()
             with pytest.raises(pepeseg.UnavailableError):
@@ -143,7 +143,7 @@ class TestPatience:
 
 class TestStartAdvice:
     @pytest.mark.parametrize("address", ["127.0.0.1:1", "unix:/tmp/no-such-pepesegd"])
-    def test_where_nothing_listens_here_the_command_works(self, address):
+    def test_the_suggested_command_starts_a_server(self, address):
         with pepeseg.Client("mine", server=address, patience=0) as client:
             with pytest.raises(pepeseg.UnavailableError) as error:
                 client.scenes()
@@ -152,7 +152,7 @@ class TestStartAdvice:
         assert os.access(found[1], os.X_OK)
         assert found[2] == address
 
-    def test_there_is_none_for_another_machine(self):
+    def test_suggests_nothing_for_another_machine(self):
         message = "failed to connect to all addresses; last error: ipv4:192.0.2.1:50051: refused"
         assert errors.start_advice(message) == ""
 
@@ -164,13 +164,13 @@ class Refusal(grpc.RpcError):
 
 
 class TestErrors:
-    def test_a_proxys_http_status_is_told_as_what_it_means(self):
+    def test_http_statuses_of_proxies_become_grpc_codes(self):
         for status, kind in ((401, pepeseg.UnauthenticatedError), (503, pepeseg.UnavailableError)):
             message = f"Received http2 header with status: {status}"
             error = from_rpc(Refusal(grpc.StatusCode.UNKNOWN, message))
             assert isinstance(error, kind) and str(status) in error.message
 
-    def test_damaged_details_are_passed_over(self):
+    def test_damaged_details_are_ignored(self):
         trailers = (("grpc-status-details-bin", b"\xff\xff\xff"),)
         error = from_rpc(Refusal(grpc.StatusCode.NOT_FOUND, "", trailers))
         assert isinstance(error, LookupError) and error.reason == ""

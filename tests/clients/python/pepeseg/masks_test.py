@@ -1,4 +1,4 @@
-"""Masks and pictures to NumPy and back."""
+"""Tests the conversion of masks and pictures to NumPy and back."""
 
 import io
 
@@ -17,7 +17,7 @@ def disc(height, width):
 
 
 class TestRle:
-    def test_as_pycocotools_writes_it(self):
+    def test_reads_and_writes_strings_of_pycocotools(self):
         # Down the columns: 6 zeros, 1 one, 40 zeros, 3 ones, 14 zeros; from the fourth on, each as
         # its difference to the one before the last: 3 - 1, 14 - 40.
         mask = np.zeros(64, bool)
@@ -45,7 +45,7 @@ class TestRle:
         nothing = rle.decode(prompt_pb2.CocoRle(height=0, width=0, counts=""))
         assert nothing.shape == (0, 0)
 
-    def test_integers_are_not_zero_inside(self):
+    def test_nonzero_integers_are_inside(self):
         assert rle.decode(rle.encode(np.array([[0, 255], [1, 0]]))).tolist() == [
             [False, True],
             [True, False],
@@ -54,20 +54,20 @@ class TestRle:
     @pytest.mark.parametrize(
         "counts", ["", "3", "5", "4o", "0P", "zzzzzzzz0", "\u20ac", "02N", "~"]
     )
-    def test_what_does_not_fill_the_mask_is_data_loss(self, counts):
+    def test_runs_that_do_not_fill_the_mask_are_data_loss(self, counts):
         with pytest.raises(pepeseg.DataLossError):
             rle.decode(prompt_pb2.CocoRle(height=2, width=2, counts=counts))
         with pytest.raises(pepeseg.DataLossError):
             rle.decode(prompt_pb2.CocoRle(height=-2, width=-2, counts="4"))
 
     @pytest.mark.parametrize("mask", [np.zeros(4), np.zeros((0, 3)), np.zeros((2, 2, 2))])
-    def test_what_is_no_mask_is_refused(self, mask):
+    def test_arrays_that_are_not_masks_are_refused(self, mask):
         with pytest.raises(pepeseg.InvalidArgumentError):
             rle.encode(mask)
 
 
 def spell(value):
-    """COCO's digits of a number, written down apart from the code under test."""
+    """Returns COCO's digits of a number, without the code under test."""
     text = ""
     more = True
     while more:
@@ -80,8 +80,8 @@ def spell(value):
 
 class TestPng:
     @pytest.mark.parametrize("mode", ["L", "RGB", "I;16"])
-    def test_as_another_program_writes_it(self, mode):
-        # Smooth and noisy parts, so that all five filters are chosen.
+    def test_reads_files_of_another_program(self, mode):
+        # Smooth and noisy parts, so that the encoder chooses all five filters.
         rows, columns = np.mgrid[:64, :80]
         noise = np.random.default_rng(3).integers(0, 9, (64, 80))
         values = (rows * 3 + columns * columns // 40 + noise) * (200 if mode == "I;16" else 1)
@@ -92,12 +92,12 @@ class TestPng:
         Image.fromarray(pixels).save(file, "PNG")
         assert np.array_equal(png.decode(file.getvalue()), pixels)
 
-    def test_every_filter(self):
+    def test_reads_every_filter(self):
         pixels = np.random.default_rng(5).integers(0, 256, (5, 7, 3), dtype=np.uint8)
         assert np.array_equal(png.decode(filtered(pixels)), pixels)
 
     @pytest.mark.parametrize("dtype", [np.bool_, np.uint8, np.uint16])
-    def test_another_program_reads_it(self, dtype):
+    def test_another_program_reads_our_files(self, dtype):
         pixels = np.random.default_rng(5).integers(0, 2, (5, 7)).astype(dtype)
         read = np.asarray(Image.open(io.BytesIO(png.encode(pixels))))
         assert np.array_equal(read, pixels * 255 if dtype == np.bool_ else pixels)
@@ -114,7 +114,7 @@ class TestPng:
 
 
 def filtered(pixels):
-    """A PNG whose rows have the filters 0 to 4, by the definitions of the format."""
+    """Returns a PNG whose scanlines have the filters 0 to 4, by the definitions of the format."""
     import struct
     import zlib
 

@@ -1,4 +1,4 @@
-"""The notebook runs from its first cell to its last."""
+"""Tests that the notebook runs from its first cell to its last."""
 
 import ast
 import io
@@ -12,7 +12,7 @@ NOTEBOOK = ROOT / "clients" / "python" / "notebooks" / "shelf.ipynb"
 
 
 def run_cell(source, names):
-    """As a notebook does: a last expression is what the cell shows."""
+    """Runs a cell as a notebook does: it shows the value of its last expression."""
     tree = ast.parse(source)
     last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
     exec(compile(tree, NOTEBOOK.name, "exec"), names)
@@ -21,7 +21,7 @@ def run_cell(source, names):
 
 def test_runs_end_to_end_on_the_shelf(server, monkeypatch, tmp_path):
     monkeypatch.setenv("PEPESEG_SERVER", server.address)
-    # What it writes goes beside it: here, to a folder from which the scene is found, too.
+    # It writes files in the current folder: here a folder from which it finds the scene, too.
     (tmp_path / "tests" / "data").mkdir(parents=True)
     (tmp_path / "tests" / "data" / "apc_shelf").symlink_to(ROOT / "tests/data/apc_shelf")
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""The package as it is shipped: stubs, wheel, command line."""
+"""Tests the package: stubs, wheel, command line."""
 
 import ast
 import filecmp
@@ -22,7 +22,7 @@ PACKAGE = ROOT / "clients" / "python" / "pepeseg"
 MODULES = sorted((PACKAGE / "pepeseg").glob("*.py"))
 
 
-def test_the_stubs_are_what_the_contract_gives(tmp_path):
+def test_the_stubs_match_the_contract(tmp_path):
     (tmp_path / "pepeseg").mkdir()
     subprocess.run([PACKAGE / "generate_stubs.sh", tmp_path], check=True)
     fresh = sorted(path.name for path in (tmp_path / "pepeseg/v1").iterdir())
@@ -34,12 +34,12 @@ def test_the_stubs_are_what_the_contract_gives(tmp_path):
     assert not different and not unread, "run clients/python/pepeseg/generate_stubs.sh"
 
 
-def test_the_version_is_the_projects():
+def test_the_version_is_that_of_the_project():
     cmake = (ROOT / "CMakeLists.txt").read_text()
     assert f"project(pepeseg VERSION {pepeseg.__version__} " in cmake
 
 
-def test_nothing_but_grpc_protobuf_and_numpy_is_needed():
+def test_needs_only_grpc_protobuf_and_numpy():
     allowed = {"grpc", "google", "numpy", "pepeseg", *sys.stdlib_module_names}
     found = set()
     for path in MODULES:
@@ -51,7 +51,7 @@ def test_nothing_but_grpc_protobuf_and_numpy_is_needed():
     assert found - allowed == {"tqdm"}  # used where it is there
 
 
-def test_progress_is_told_without_tqdm(monkeypatch, capsys):
+def test_progress_is_printed_without_tqdm(monkeypatch, capsys):
     from pepeseg.progress import Bar
 
     monkeypatch.setitem(sys.modules, "tqdm.auto", None)
@@ -64,7 +64,7 @@ def test_progress_is_told_without_tqdm(monkeypatch, capsys):
     ]
 
 
-def test_everything_public_says_what_it_does():
+def test_everything_public_has_a_docstring():
     for name in pepeseg.__all__:
         thing = getattr(pepeseg, name)
         assert inspect.getdoc(thing), name
@@ -73,7 +73,7 @@ def test_everything_public_says_what_it_does():
                 assert inspect.getdoc(value), f"{name}.{part}"
 
 
-def test_the_wheel_has_all_and_runs(tmp_path):
+def test_the_wheel_is_complete_and_runs(tmp_path):
     source = tmp_path / "source"
     shutil.copytree(PACKAGE, source, ignore=shutil.ignore_patterns("__pycache__", ".mypy_cache"))
     build = "import setuptools.build_meta as b, sys; b.build_wheel(sys.argv[1])"
@@ -102,7 +102,7 @@ class TestCommandLine:
     def run(self, server, *arguments):
         return main(["--server", server.address, *map(str, arguments)])
 
-    def test_a_click_to_masks_and_a_ply(self, server, trained, tmp_path, capsys):
+    def test_a_click_gives_masks_and_a_ply(self, server, trained, tmp_path, capsys):
         ask = ["segment", trained, "--view", "frame-000000.jpg", "-p", "110,70"]
         views = ["--views", "held-out", "--out", tmp_path]
         assert self.run(server, *ask, "--threshold", "0.3", *views) == 0
@@ -121,7 +121,7 @@ class TestCommandLine:
         assert self.run(server, "propose", *select[1:]) == 0
         assert self.run(server, "scenes") == 0
 
-    def test_exit_codes_are_those_of_the_other_client(self, server, trained, tmp_path, capsys):
+    def test_exit_codes_are_those_of_the_cpp_client(self, server, trained, tmp_path, capsys):
         assert self.run(server, "watch", "jobs/j999") == 3
         assert self.run(server, "upload", trained, tmp_path / "none") == 3
         assert self.run(server, "segment", trained, "--view", "x.jpg", "-p", "1,1") == 4

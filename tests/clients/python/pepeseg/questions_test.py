@@ -1,4 +1,4 @@
-"""Questions to a model, as NumPy arrays."""
+"""Tests queries of a model, with NumPy arrays."""
 
 import itertools
 
@@ -32,7 +32,7 @@ class TestSegment:
         assert 0 <= found.scale <= 1
         assert found.timing.compute > 0
 
-    def test_the_views_pixels_are_another_frame(self, client):
+    def test_the_pixels_of_the_view_are_another_frame(self, client):
         view = next(view for view in client.views() if view.name == VIEW)
         assert view.photograph_size == (640, 480)
         assert (view.camera.width, view.camera.height) == (160, 120)
@@ -47,7 +47,7 @@ class TestSegment:
         with pytest.raises(pepeseg.InvalidArgumentError, match="photograph, view"):
             client.segment(VIEW, points=POINT, frame="photo")
 
-    def test_targets_are_named_or_a_group(self, client):
+    def test_targets_are_names_or_a_group(self, client):
         held_out = [view.name for view in client.views() if view.held_out]
         assert len(held_out) >= 2
         in_group = client.segment(VIEW, points=POINT, threshold=0, targets="held-out")
@@ -56,20 +56,20 @@ class TestSegment:
         assert [mask.view for mask in named.masks] == held_out[::-1]
         assert len(client.segment(VIEW, points=POINT, targets="all").masks) == 15
 
-    def test_a_negative_point_is_left_out(self, client):
+    def test_a_negative_point_is_not_in_the_mask(self, client):
         every = client.segment(VIEW, points=POINT, scale=1, threshold=-1).mask
         assert every[280, 440] and every[280, 280]
         less = client.segment(VIEW, points=POINT, negative=[280, 280], scale=1, threshold=-1).mask
         assert less[280, 440] and not less[280, 280]
 
-    def test_a_mask_and_a_box_mean_what_they_show(self, client):
+    def test_a_mask_and_a_box_select_what_they_show(self, client):
         click = client.segment(VIEW, points=POINT, threshold=0.3, scale=0.3)
         by_mask = client.segment(VIEW, mask=click.mask)
         assert iou(by_mask.mask, click.mask) > 0.5
         by_box = client.segment(VIEW, box=click.masks[0].box)
         assert by_box.mask.any()
 
-    def test_a_similarity_map_tells_the_mask(self, client):
+    def test_a_similarity_map_above_the_threshold_is_the_mask(self, client):
         found = client.segment(
             VIEW, points=POINT_IN_VIEW, threshold=0.2, similarity=True, frame="view"
         )
@@ -80,7 +80,7 @@ class TestSegment:
         assert (similarity[found.mask] > 0.2 - step).all()
         assert found.masks[0].score == pytest.approx(similarity[found.mask].mean(), abs=1e-3)
 
-    def test_from_a_camera_as_from_its_view(self, client):
+    def test_a_camera_gives_the_same_as_its_view(self, client):
         view = next(view for view in client.views() if view.name == VIEW)
         assert np.allclose(view.camera.cam_from_world[3], [0, 0, 0, 1])
         asked = {"points": POINT_IN_VIEW, "scale": 0.3, "threshold": 0.3}
@@ -102,12 +102,12 @@ class TestSegment:
             {"points": POINT, "scale": 0.1, "scale_units": 2},
         ],
     )
-    def test_what_makes_no_sense_is_refused_unsent(self, client, prompt):
+    def test_wrong_arguments_are_refused_before_sending(self, client, prompt):
         with pytest.raises(pepeseg.InvalidArgumentError) as error:
             client.segment(VIEW, **prompt)
         assert error.value.reason == ""
 
-    def test_the_servers_refusal_names_field_and_limit(self, client):
+    def test_a_refusal_of_the_server_names_field_and_limit(self, client):
         with pytest.raises(ValueError) as error:
             client.segment(VIEW, points=POINT, threshold=7)
         assert isinstance(error.value, pepeseg.InvalidArgumentError)
@@ -117,7 +117,7 @@ class TestSegment:
 
 
 class TestPropose:
-    def test_each_proposal_is_shown_by_its_scale_and_threshold(self, client):
+    def test_segment_with_its_scale_and_threshold_returns_each_proposal(self, client):
         proposals = client.propose(VIEW, points=POINT, max_proposals=3)
         assert 1 <= len(proposals) <= 3
         assert [p.best for p in proposals].count(True) == 1
@@ -177,7 +177,7 @@ class TestDecompose:
 
 
 class TestLabel:
-    def test_a_label_is_asked_for_by_its_id(self, client):
+    def test_a_label_is_segmented_by_its_id(self, client):
         made = client.label("cup", VIEW, points=POINT, threshold=0.2, text="A cup")
         try:
             assert (made.id, made.text, made.view) == ("cup", "A cup", VIEW)

@@ -1,4 +1,4 @@
-"""Trainings and their jobs."""
+"""Tests trainings and their jobs."""
 
 import json
 import threading
@@ -19,7 +19,7 @@ class TestOptions:
         assert {"reconstruct.num_steps", "features.seed", "preset"} <= set(names)
         assert len(names) == len(set(names)) > 50
 
-    def test_values_of_every_type(self):
+    def test_takes_values_of_every_type(self):
         options = to_options(
             {
                 "reconstruct.num_steps": 7,
@@ -47,11 +47,11 @@ class TestOptions:
             ("reconstruct.num_steps", "many"),
         ],
     )
-    def test_what_is_none_is_refused_unsent(self, name, value):
+    def test_unknown_options_and_values_are_refused_before_sending(self, name, value):
         with pytest.raises(pepeseg.InvalidArgumentError, match=name):
             to_options({name: value})
 
-    def test_the_option_that_is_meant_is_proposed(self):
+    def test_a_similar_option_is_suggested(self):
         with pytest.raises(pepeseg.InvalidArgumentError, match="mean reconstruct.num_steps"):
             to_options({"reconstruct.num_step": 1})
 
@@ -64,7 +64,7 @@ class TestOptions:
 
 
 class TestTraining:
-    def test_the_model_tells_what_it_was_trained_on(self, client):
+    def test_the_model_names_what_it_was_trained_on(self, client):
         model = client.model()
         assert model.name == "scenes/shelf/models/1"
         assert model.sources == {"poses": "given", "masks": "given", "depth": "given"}
@@ -90,7 +90,7 @@ class TestTraining:
         assert [event.sequence for event in later[1:]] == numbers[-2:]
         assert client.wait(job) == client.model()
 
-    def test_what_a_training_takes_is_estimated(self, client):
+    def test_a_training_is_estimated(self, client):
         answer = client.estimate(**SMALL)
         assert answer.num_views == 15 and answer.need_bytes > 0
 

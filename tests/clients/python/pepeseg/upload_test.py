@@ -1,4 +1,4 @@
-"""Uploads: what is a dataset, what is sent, and what happens when the server goes away."""
+"""Tests uploads: which files are a dataset, what is sent, and resuming after the server is lost."""
 
 import os
 import struct
@@ -30,7 +30,7 @@ class TestCrc32c:
         assert crc32c(bytes(range(32))) == 0x46DD794E
         assert crc32c(b"") == 0
 
-    def test_every_length_as_bit_by_bit(self):
+    def test_every_length_matches_the_bitwise_definition(self):
         for length in [*range(70), 1023, 4096, 131_071, 131_072, 131_073]:
             data = os.urandom(length)
             register = 0xFFFFFFFF
@@ -75,7 +75,7 @@ class TestFolder:
         assert dataset.left_out == ["notes.txt"]
         assert [f.name for f in read_folder(tmp_path / "walk.mp4").files] == ["videos/walk.mp4"]
 
-    def test_nothing_to_take_is_refused(self, tmp_path):
+    def test_folders_without_photographs_are_refused(self, tmp_path):
         put(tmp_path, "notes.txt")
         with pytest.raises(pepeseg.InvalidArgumentError, match="no photographs"):
             read_folder(tmp_path)
@@ -89,7 +89,7 @@ def frames(*names):
 
 
 class TestNerfstudio:
-    def test_frames_points_and_what_stands_beside(self, tmp_path):
+    def test_takes_frames_points_and_files_next_to_them(self, tmp_path):
         put(tmp_path, "images/a.png", "images/b.png", "images/c.png", "train/r_0.png")
         put(tmp_path, "sparse_pc.ply", "masks/a.json", "images_2/a.png")
         (tmp_path / "transforms.json").write_text(
@@ -108,7 +108,7 @@ class TestNerfstudio:
         assert dataset.missing == ["images/gone.png"]
         assert dataset.left_out == ["images/c.png", "images_2/a.png"]
 
-    def test_depth_maps_go_by_their_photographs_names(self, tmp_path):
+    def test_depth_maps_are_named_after_their_photographs(self, tmp_path):
         put(tmp_path, "images/a.jpg", "d/7.png")
         (tmp_path / "transforms.json").write_text(
             '{"frames": [{"file_path": "images/a.jpg", "depth_file_path": "d/7.png"}]}'
@@ -122,7 +122,7 @@ class TestNerfstudio:
         with pytest.raises(pepeseg.InvalidArgumentError, match="transforms.json"):
             importers.nerfstudio(tmp_path)
 
-    def test_no_photograph_there_names_one(self, tmp_path):
+    def test_missing_photographs_are_refused_and_one_is_named(self, tmp_path):
         (tmp_path / "transforms.json").write_text(frames("images/gone.png"))
         with pytest.raises(pepeseg.NotFoundError, match="images/gone.png"):
             importers.nerfstudio(tmp_path)
@@ -139,7 +139,7 @@ def images_bin(*names):
 
 
 class TestColmap:
-    def test_the_photographs_that_have_a_pose(self, tmp_path):
+    def test_takes_photographs_with_a_pose(self, tmp_path):
         put(tmp_path, "images/a.jpg", "images/left/b.jpg", "images/c.jpg", "masks/a.json")
         put(tmp_path, "sparse/0/cameras.bin", "sparse/0/points3D.bin", "sparse/0/project.ini")
         (tmp_path / "sparse/0/images.bin").write_bytes(images_bin("a.jpg", "left/b.jpg", "d.jpg"))
@@ -151,7 +151,7 @@ class TestColmap:
         assert dataset.missing == ["d.jpg"]
         assert dataset.left_out == ["images/c.jpg", "sparse/0/project.ini"]
 
-    def test_as_text_with_photographs_elsewhere(self, tmp_path):
+    def test_reads_text_models_and_photographs_elsewhere(self, tmp_path):
         put(tmp_path, "model/cameras.txt", "photos/a b.jpg", "photos/c.jpg")
         (tmp_path / "model/images.txt").write_text(
             "# Image list\n1 1 0 0 0 0 0 0 1 a b.jpg\n\n2 1 0 0 0 0 0 0 1 c.jpg\n1 2 -1\n"
@@ -187,7 +187,7 @@ class TestUpload:
             assert told == []
             client.delete_scene()
 
-    def test_missing_photographs_are_warned_of(self, server, tmp_path):
+    def test_warns_of_missing_photographs(self, server, tmp_path):
         put(tmp_path, "images/a.png")
         (tmp_path / "transforms.json").write_text(frames("images/a.png", "images/gone.png"))
         with pepeseg.Client("gaps", server=server.address) as client:
@@ -195,7 +195,7 @@ class TestUpload:
                 client.upload(importers.nerfstudio(tmp_path))
             client.delete_scene()
 
-    def test_missing_masks_are_warned_of(self, server, tmp_path):
+    def test_warns_of_missing_masks(self, server, tmp_path):
         put(tmp_path, "images/a.png")
         with pepeseg.Client("maskless", server=server.address) as client:
             with pytest.warns(UserWarning, match="pepeseg-priors"):
@@ -203,7 +203,7 @@ class TestUpload:
             assert len(dataset.advice) == 1
             client.delete_scene()
 
-    def test_a_file_that_cannot_be_read_is_told_as_it_is(self, server, tmp_path):
+    def test_a_file_that_cannot_be_read_is_an_os_error(self, server, tmp_path):
         put(tmp_path, "images/a.jpg")
         dataset = read_folder(tmp_path)
         (tmp_path / "images/a.jpg").unlink()
@@ -211,14 +211,14 @@ class TestUpload:
             with pytest.raises(FileNotFoundError):
                 client.upload(dataset)
 
-    def test_nor_one_that_vanishes_while_it_is_sent(self, server, tmp_path):
+    def test_a_file_that_vanishes_while_it_is_sent_is_an_os_error(self, server, tmp_path):
         for name in "ab":
             (tmp_path / f"{name}.jpg").write_bytes(os.urandom(100))
         with pepeseg.Client("vanished", server=server.address) as client:
             with pytest.raises(FileNotFoundError):
                 client.upload(tmp_path, progress=lambda *_: (tmp_path / "b.jpg").unlink())
 
-    def test_bytes_changed_meanwhile_are_data_loss(self, server, tmp_path):
+    def test_bytes_that_change_during_an_upload_are_data_loss(self, server, tmp_path):
         put(tmp_path, "images/a.jpg")
         (tmp_path / "images/b.jpg").write_bytes(os.urandom(3 * MIB))
 
@@ -233,7 +233,7 @@ class TestUpload:
                 client.upload(tmp_path, progress=change)
             client.delete_scene()
 
-    def test_goes_on_at_the_last_committed_byte_after_kill_9(self, tmp_path):
+    def test_resumes_at_the_last_committed_byte_after_kill_9(self, tmp_path):
         (tmp_path / "server").mkdir()
         size = 64 * MIB
         (tmp_path / "photos").mkdir()
@@ -253,7 +253,7 @@ class TestUpload:
             assert sealed.num_bytes == size
         finally:
             running.stop()
-        # Told is what was read to be sent: after the break it falls back to what was committed.
+        # Progress counts bytes that were read to be sent; after the break it falls back to committed bytes.
         resumed = next(b for a, b in zip(told, told[1:]) if b < a)
         assert resumed == 33 * MIB
         assert told[-1] == size

@@ -3,7 +3,7 @@
 
     update_measured.py LOG...    short and full forms, CPU and CUDA; later logs win
 
-A row that no log measured in some form keeps the value that it has.
+A row keeps its value for each form that no log measured.
 """
 
 import pathlib
