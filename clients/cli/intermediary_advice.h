@@ -7,7 +7,7 @@
 namespace pepeseg::client::cli {
 
 // What to do about an error that has no ErrorDetail, as of what stands between this program and the
-// server (clients/cpp/intermediary.h); empty where nothing is known.
+// server (clients/cpp/answer_status.h); empty where nothing is known.
 std::string IntermediaryAdvice(const absl::Status& status);
 
 }  // namespace pepeseg::client::cli

@@ -14,7 +14,7 @@
 #include "absl/time/time.h"
 #include "clients/cli/admin_verb.h"
 #include "clients/cli/shell.h"
-#include "clients/cpp/ask.h"
+#include "clients/cpp/call.h"
 #include "clients/cpp/status_macros.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 

@@ -98,7 +98,7 @@ TEST(FromGrpc, PutsAProxysHttpInPlainWords) {
   const absl::Status http1 =
       FromGrpc({grpc::StatusCode::UNAVAILABLE, "Trying to connect an http1.x server"});
   EXPECT_EQ(ExitCodeOf(http1), 5);
-  EXPECT_THAT(std::string(http1.message()), HasSubstr("no pepeseg server"));
+  EXPECT_THAT(std::string(http1.message()), HasSubstr("not a pepeseg server"));
 }
 
 TEST(ExitCode, FollowsTheKindOfFailure) {

@@ -1,18 +1,17 @@
-// Calls that a server puts off.
-#include "clients/cpp/retry_budget.h"
+// Tests of calls that a server puts off.
+#include "clients/cpp/call.h"
 
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
 
-#include "clients/cpp/ask.h"
 #include "pepeseg/v1/scene_service.grpc.pb.h"
 
 namespace pepeseg::client {
 namespace {
 
-// Puts off the first `num_refused` calls.
+// A server that puts off the first `num_refused` calls.
 class BusyScenes final : public v1::SceneService::Service {
  public:
   BusyScenes() {
@@ -47,7 +46,7 @@ class BusyScenes final : public v1::SceneService::Service {
   std::unique_ptr<grpc::Server> server_;
 };
 
-TEST(Ask, MakesACallAgainThatTheServerPutsOff) {
+TEST(Ask, RepeatsCallsThatTheServerPutsOff) {
   BusyScenes scenes;
   scenes.detail.set_reason("NO_ROOM_NOW");
   scenes.detail.mutable_retry_after()->set_nanos(50'000'000);
@@ -59,7 +58,7 @@ TEST(Ask, MakesACallAgainThatTheServerPutsOff) {
   EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(100));
 }
 
-TEST(Ask, GivesUpWhereTheDeadlineWouldPass) {
+TEST(Ask, GivesUpIfTheWaitWouldPassTheDeadline) {
   BusyScenes scenes;
   scenes.num_refused = 1000;
   scenes.detail.mutable_retry_after()->set_seconds(30);
@@ -69,7 +68,7 @@ TEST(Ask, GivesUpWhereTheDeadlineWouldPass) {
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5));
 }
 
-TEST(Ask, AsksOnceWhereWaitingIsNoHelp) {
+TEST(Ask, CallsOnceIfWaitingDoesNotHelp) {
   for (const bool draining : {false, true}) {
     BusyScenes scenes;
     if (draining) scenes.detail.mutable_retry_after()->set_nanos(1);
