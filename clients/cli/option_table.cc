@@ -87,7 +87,8 @@ constexpr OptionRow kRows[] = {
     {"preset", "standard", ""},
 };
 
-// UNSPECIFIED is a value only where it is the default: the server decides.
+// Returns the values of an enum option. "unspecified" is one of them only if it is the default: the
+// server then decides.
 std::vector<std::string> ValuesOf(const OptionRow& row) {
   std::vector<std::string> values = ValueNames(row.name, v1::TrainingOptions());
   if (row.default_value != std::string("unspecified")) std::erase(values, "unspecified");

@@ -2,7 +2,12 @@
 
 #include <google/protobuf/util/json_util.h>
 
+#include <algorithm>
 #include <cstdio>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 
 namespace pepeseg::client::cli {
 
@@ -23,5 +28,13 @@ void Print(const std::string& line) {
 void PrintJson(const google::protobuf::Message& message) { Print(ToJson(message)); }
 
 void Note(const std::string& line) { std::fputs((line + "\n").c_str(), stderr); }
+
+std::string Quoted(const std::string& word) {
+  const bool plain = !word.empty() && std::all_of(word.begin(), word.end(), [](unsigned char c) {
+    return absl::ascii_isalnum(c) || std::string("_-./,:=@+%").find(c) != std::string::npos;
+  });
+  if (plain) return word;
+  return absl::StrCat("'", absl::StrReplaceAll(word, {{"'", "'\\''"}}), "'");
+}
 
 }  // namespace pepeseg::client::cli

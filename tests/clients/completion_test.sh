@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The completions of `pepeseg completion bash`, asked for as an interactive bash does, and the syntax
-# of zsh's where zsh is there.
+# Checks the completions of `pepeseg completion bash` as an interactive bash requests them, and the
+# syntax of the script for zsh if zsh is installed.
 #   completion_test.sh PEPESEG
 set -euo pipefail
 pepeseg=$(realpath "$1")
@@ -14,16 +14,16 @@ source "$work/completion.bash"
 cd "$work"
 : >photo.jpg
 
-complete_line() {  # complete_line WORD...: what the last word may become, one a line
+complete_line() {  # complete_line WORD...: prints the completions of the last word, one a line
   COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)) COMPREPLY=()
   _pepeseg
   printf '%s\n' "${COMPREPLY[@]}"
 }
-# grep reads all of the lines: with -q it ends at the first match, and the pipe fails.
-expect() {  # expect WANTED WORD...: one of the completions of the words
+# Without -q, grep reads all lines: with it, it would end at the first match and break the pipe.
+expect() {  # expect WANTED WORD...: checks that WANTED is a completion
   complete_line "${@:2}" | grep -xF -- "$1" >/dev/null || fail "no $1 after: ${*:2}"
 }
-refuse() {
+refuse() {  # refuse UNWANTED WORD...: checks that UNWANTED is not a completion
   ! complete_line "${@:2}" | grep -xF -- "$1" >/dev/null || fail "$1 after: ${*:2}"
 }
 
@@ -40,15 +40,15 @@ expect --server pepeseg segment shelf --ser
 expect depth pepeseg --server host:1 render shelf --content d
 expect zsh pepeseg completion ''
 expect photo.jpg pepeseg upload shelf ph
-# Every verb of --help is there.
+# Every verb of --help is completed.
 for verb in $("$pepeseg" --help | sed -n '/^Subcommands:/,/^$/s/^  \([a-z-]\+\) .*/\1/p'); do
   expect "$verb" pepeseg ''
 done
 
 "$pepeseg" completion zsh >"$work/_pepeseg"
-head -1 "$work/_pepeseg" | grep -qx '#compdef pepeseg' || fail 'no #compdef'
-if command -v zsh >/dev/null; then zsh -n "$work/_pepeseg" || fail 'zsh does not take it'; fi
+head -1 "$work/_pepeseg" | grep -qx '#compdef pepeseg' || fail 'the zsh script has no #compdef'
+if command -v zsh >/dev/null; then zsh -n "$work/_pepeseg" || fail 'zsh refuses the script'; fi
 code=0
 "$pepeseg" completion fish >/dev/null 2>&1 || code=$?
-((code == 2)) || fail "an unknown shell: exit code $code"
+((code == 2)) || fail "an unknown shell is not refused: exit code $code"
 echo 'every completion as expected'

@@ -1,9 +1,9 @@
-// The verb that brings a photograph back.
+// The verbs that fetch files of a scene: "export" (a model as a PLY) and "photograph".
 #include <memory>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/pixel_frame.h"
+#include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/file_bytes.h"
@@ -13,14 +13,37 @@
 namespace pepeseg::client::cli {
 namespace {
 
+struct ExportFlags {
+  std::string scene;
+  std::string file;  // to write
+  std::string model = "live";
+  SubsetFlags subset;
+};
+
+absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
+  v1::ExportSelectionRequest request;
+  request.set_model(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));
+  ASSIGN_OR_RETURN(*request.mutable_subset(), ParseSubset(flags.subset, flags.scene));
+  const Client client(shell.channel);
+  ASSIGN_OR_RETURN(const v1::ExportSelectionResponse::Header header,
+                   client.Export(request, flags.file));
+  if (shell.json) {
+    PrintJson(header);
+  } else {
+    Print(absl::StrFormat("%s: %d Gaussians, %.1f MB, of %s", flags.file, header.num_gaussians(),
+                          static_cast<double>(header.num_bytes()) * 1e-6, header.model()));
+  }
+  return absl::OkStatus();
+}
+
 struct PhotographFlags {
   std::string scene;
   std::string view;
-  std::string file;
+  std::string file;  // to write
   std::string model = "live";
   v1::PixelFrame frame = v1::PIXEL_FRAME_UNSPECIFIED;
-  int max_side = 0;
-  bool original = false;
+  int max_side = 0;       // pixels; 0: not shrunk
+  bool original = false;  // the uploaded file, without frame and max_side
 };
 
 absl::Status RunPhotograph(const Shell& shell, const PhotographFlags& flags) {
@@ -47,19 +70,31 @@ absl::Status RunPhotograph(const Shell& shell, const PhotographFlags& flags) {
 
 }  // namespace
 
+void AddExport(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<ExportFlags>();
+  CLI::App* verb =
+      app.add_subcommand("export", "Fetch a model, or a part of it, as a PLY for splat viewers");
+  verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
+  verb->add_option("FILE", flags->file, "File to write")->required();
+  verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
+  AddSubsetFlags(*verb, flags->subset);
+  verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunExport(shell, *flags); }; });
+}
+
 void AddPhotograph(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<PhotographFlags>();
   CLI::App* verb = app.add_subcommand("photograph", "Fetch the photograph of a view");
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
-  verb->add_option("VIEW", flags->view, "Name of the view, as `render` takes it")->required();
-  verb->add_option("OUT", flags->file, "Where to write it")->required();
+  verb->add_option("VIEW", flags->view, "Name of the view, as `pepeseg scenes SCENE` prints it")
+      ->required();
+  verb->add_option("OUT", flags->file, "File to write")->required();
   verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
   verb->add_option("--max-side", flags->max_side,
-                   "Shrink it to this longer side, pixels; 0: leave it as large as it is")
+                   "Longer side to which it is shrunk, pixels; 0: not shrunk")
       ->check(CLI::Range(0, 16384))
       ->capture_default_str();
   CLI::Option* frame = AddFrameFlag(*verb, flags->frame);
-  verb->add_flag("--original", flags->original, "The file as it was uploaded, byte for byte")
+  verb->add_flag("--original", flags->original, "Fetch the uploaded file, byte for byte")
       ->excludes(frame)
       ->excludes("--max-side");
   verb->callback(

@@ -9,12 +9,12 @@
 
 namespace pepeseg::client::cli {
 
-// Sees every event of a watched job, heartbeats left out.
+// Called once for each event of a watched job except heartbeats.
 using EventFn = absl::FunctionRef<void(const v1::JobEvent&)>;
 
-// Follows a job to its end, with progress on standard error; reconnects for half a minute when the
-// server goes away, and misses nothing. Returns the ended job; its own failure or cancellation is
-// an error with that exit code.
+// Follows a job to its end, with progress on standard error, and returns the job if it succeeded.
+// Resumes after a lost connection as Client::WatchJob does, without missing an event. A job that
+// failed or was cancelled is an error of JobFailed or JobCancelled.
 absl::StatusOr<v1::Job> WatchJob(const Client& client, const std::string& job, EventFn on_event);
 
 }  // namespace pepeseg::client::cli

@@ -1,4 +1,4 @@
-#include "clients/cli/evaluation.h"
+#include "clients/cli/evaluate.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -38,7 +38,7 @@ v1::EvaluateResponse TwoEntities() {
   return answer;
 }
 
-TEST(EvaluationTable, HasEntitiesMeansAndFixedScales) {
+TEST(EvaluationTable, ShowsEntitiesMeansAndFixedScales) {
   EXPECT_THAT(EvaluationTable(TwoEntities()),
               ElementsAre("entity             views    IoU   BIoU  scale  threshold  oracle",
                           "48 chenille stems      1  0.765  0.603   0.30       0.75   0.771",
@@ -49,7 +49,7 @@ TEST(EvaluationTable, HasEntitiesMeansAndFixedScales) {
                           "mean IoU                     0.251  0.260  0.350"));
 }
 
-TEST(EvaluationTable, NamesWhatIsLeftOut) {
+TEST(EvaluationTable, NamesEntitiesThatAreLeftOut) {
   v1::EvaluateResponse answer = TwoEntities();
   answer.add_left_out(7);
   answer.add_left_out(300);

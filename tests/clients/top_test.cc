@@ -1,4 +1,4 @@
-#include "clients/cli/top_screen.h"
+#include "clients/cli/top.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -12,7 +12,7 @@ using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-TEST(TopScreen, ShowsServerPoolsJobsAndModels) {
+TEST(TopLines, ShowServerPoolsJobsAndModels) {
   TopSnapshot snapshot;
   v1::ServerStatus& status = snapshot.status;
   status.set_version("1.2");
@@ -41,7 +41,7 @@ TEST(TopScreen, ShowsServerPoolsJobsAndModels) {
   const auto lines = TopLines(snapshot, absl::FromUnixSeconds(1065));
   EXPECT_EQ(lines[0], "pepesegd 1.2 on cpu, up 1:05");
   EXPECT_THAT(lines, Contains(HasSubstr("17 threads")));
-  EXPECT_THAT(lines, Contains(HasSubstr("12.5 questions/s, p50 0.0 ms, p99 42.0 ms")));
+  EXPECT_THAT(lines, Contains(HasSubstr("12.5 queries/s, p50 0.0 ms, p99 42.0 ms")));
   EXPECT_THAT(lines, Contains("query       1 of 2 busy, 3 of 100 queued"));
   EXPECT_THAT(lines, Contains("jobs: 1 running, 4 queued"));
   EXPECT_THAT(lines, Contains(HasSubstr("5/10")));

@@ -7,7 +7,8 @@
 
 namespace pepeseg::client::cli {
 
-// The lines of a table of the entities, their means, and the fixed scales:
+// Returns the lines of a table of the entities, their means, and the means at the fixed scales.
+// "views" counts the scored views, without the reference view that was clicked in:
 //   entity             views    IoU   BIoU  scale  threshold  oracle
 //   48 chenille stems      1  0.765  0.603   0.30       0.75   0.771
 //   144                    3  0.000  0.000      -          -   0.000  nothing under the click
@@ -16,7 +17,6 @@ namespace pepeseg::client::cli {
 //
 //   fixed scale, threshold 0.75   0.01    0.1      1
 //   mean IoU                     0.251  0.260  0.350
-// `views`: those scored, beside the reference.
 std::vector<std::string> EvaluationTable(const v1::EvaluateResponse& answer);
 
 }  // namespace pepeseg::client::cli

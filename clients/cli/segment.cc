@@ -1,16 +1,13 @@
-// The verb that asks for masks, and what verbs ask of a model.
-#include "clients/cli/questions.h"
-
-#include <algorithm>
+// The verb "segment": masks of what a prompt means, in any view.
 #include <filesystem>
 #include <memory>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/failure.h"
-#include "clients/cli/prompt.h"
+#include "clients/cli/picture.h"
+#include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
+#include "clients/cli/view_picture.h"
 #include "clients/cpp/mask.h"
 #include "clients/cpp/status_macros.h"
 
@@ -19,14 +16,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr Rgb kMaskColor{255, 120, 0};
-constexpr Rgb kPositive{60, 255, 60};
-constexpr Rgb kNegative{255, 40, 40};
-
 struct SegmentFlags {
   PromptFlags prompt;
   GranularityFlags granularity;
-  std::vector<std::string> targets;
+  std::vector<std::string> targets;  // names of views, "all" or "held-out"
   std::string out;
 };
 
@@ -54,7 +47,7 @@ absl::StatusOr<v1::SegmentRequest> BuildRequest(const SegmentFlags& flags) {
   return request;
 }
 
-// STEM_mask.png, and STEM_overlay.png over the rendering.
+// Writes STEM_mask.png, and STEM_overlay.png, the mask over a rendering of the view.
 absl::Status WriteMask(const Client& client, const SegmentFlags& flags,
                        const v1::SegmentRequest& request, const v1::SegmentResponse& answer,
                        const v1::SegmentResponse::ViewMask& view) {
@@ -96,46 +89,13 @@ absl::Status RunSegment(const Shell& shell, const SegmentFlags& flags) {
 
 }  // namespace
 
-absl::StatusOr<Picture> RenderView(const Client& client, const std::string& model,
-                                   const std::string& view, v1::PixelFrame frame) {
-  v1::RenderRequest request;
-  request.set_model(model);
-  request.mutable_viewpoint()->set_view(view);
-  request.set_frame(frame);
-  ASSIGN_OR_RETURN(const v1::RenderResponse answer, client.Render(request));
-  return DecodePicture(answer.png(), view);
-}
-
-absl::StatusOr<Picture> DrawnOver(const Client& client, const std::string& model,
-                                  const Overlay& overlay) {
-  const v1::CocoRle& rle = overlay.mask.rle();
-  ASSIGN_OR_RETURN(Mask mask, DecodeRle(rle));
-  ASSIGN_OR_RETURN(Picture picture, RenderView(client, model, overlay.mask.view(), overlay.frame));
-  const GreyPicture resized = Resized(GreyPicture{rle.width(), rle.height(), std::move(mask)},
-                                      picture.width, picture.height);
-  DrawMask(picture, resized.pixels, kMaskColor);
-  const double shrunk = static_cast<double>(picture.width) / rle.width();
-  for (const auto& point : overlay.points) {
-    DrawClick(picture, point.x() * shrunk, point.y() * shrunk,
-              point.negative() ? kNegative : kPositive);
-  }
-  return picture;
-}
-
-std::string Stem(const std::string& view) {
-  std::string stem = fs::path(view).replace_extension().generic_string();
-  std::replace(stem.begin(), stem.end(), '/', '-');
-  // A name comes from the server: it must not leave the folder it is written to.
-  return stem.empty() || stem.front() == '.' ? "view" + stem : stem;
-}
-
 void AddSegment(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<SegmentFlags>();
-  CLI::App* verb = app.add_subcommand("segment", "Masks of what a click means, in any view");
+  CLI::App* verb = app.add_subcommand("segment", "Segment what a click means, in any view");
   AddAnyPromptFlags(*verb, flags->prompt);
   AddGranularityFlags(*verb, flags->granularity);
   verb->add_option("--views", flags->targets,
-                   "Where masks are wanted: names, all or held-out; by default where the click is");
+                   "Views to segment: names, all or held-out; by default the view of the prompt");
   verb->add_option("--out", flags->out, "Folder for STEM_mask.png and STEM_overlay.png");
   verb->callback(
       [flags, &shell] { shell.verb = [&, flags] { return RunSegment(shell, *flags); }; });

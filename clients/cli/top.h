@@ -9,12 +9,14 @@
 
 namespace pepeseg::client::cli {
 
+// What `pepeseg top` shows at one time.
 struct TopSnapshot {
   v1::ServerStatus status;
   v1::ListResidentResponse resident;
 };
 
-// The screen of `pepeseg top`: the server, its pools, the jobs that run, the models in memory.
+// Returns the lines of the screen: the server, its thread pools, the running jobs, and the models
+// in memory.
 std::vector<std::string> TopLines(const TopSnapshot& snapshot, absl::Time now);
 
 }  // namespace pepeseg::client::cli
