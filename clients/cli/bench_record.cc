@@ -13,6 +13,7 @@ using Json = nlohmann::ordered_json;
 constexpr const char* kStages[] = {"prepare",  "sfm",      "priors", "reconstruct",
                                    "evaluate", "features", "index"};
 
+// Returns the mean scores of a granularity level.
 Json LevelJson(const v1::EvaluateResponse& scores) {
   return {{"entities", scores.entities_size()},
           {"miou", scores.chosen().iou()},
@@ -27,6 +28,7 @@ double MetricOf(const v1::Model& model, const std::string& name) {
   return found == model.metrics().end() ? 0 : found->second;
 }
 
+// Returns the entry of a run in record.json.
 Json RunJson(const BenchRun& run, double upload_seconds) {
   Json json = {{"name", run.name}, {"seed", run.seed}};
   Json seconds = {{"upload", upload_seconds}};

@@ -43,6 +43,7 @@ absl::StatusOr<std::string> LabelsPng(const fs::path& path, const PixelSize& pho
   const auto wide = DecodeGrey16(bytes, path.string());
   if (wide.ok() && PixelSize{wide->width, wide->height} == photograph) return bytes;
   ASSIGN_OR_RETURN(const GreyPicture labels, ReadLabels(path));
+  // Both sides must have the same scale, up to the rounding of one pixel.
   const double step = static_cast<double>(labels.width) / photograph.width;
   if (std::abs(labels.height / step - photograph.height) > 1) {
     return absl::InvalidArgumentError(

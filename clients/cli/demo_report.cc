@@ -28,6 +28,7 @@ constexpr std::array<Rgb, 4> kColors = {
     {{230, 60, 60}, {60, 200, 80}, {70, 130, 255}, {250, 200, 40}}};
 constexpr Rgb kWhite{255, 255, 255};
 
+// Returns the name of the processor from /proc/cpuinfo, or "unknown".
 std::string CpuModel() {
   std::ifstream file("/proc/cpuinfo");
   for (std::string line; std::getline(file, line);) {
@@ -50,6 +51,7 @@ Json Machine() {
           {"system", absl::StrCat(system.sysname, " ", system.release, " ", system.machine)}};
 }
 
+// Returns the entry of a product in report.json.
 Json ProductJson(const ProductScore& score) {
   Json views = Json::array();
   for (const ViewScore& view : score.views) {

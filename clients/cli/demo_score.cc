@@ -29,6 +29,7 @@ absl::StatusOr<DemoView> ReadView(const fs::path& data, const v1::View& view) {
   return result;
 }
 
+// Returns a request that scores the products by one click each, and at the fixed granularity.
 v1::EvaluateRequest ProductsRequest(const std::string& model, const std::vector<DemoView>& views,
                                     std::span<const Product> products,
                                     const FixedGranularity& fixed) {
@@ -80,6 +81,8 @@ size_t SizeOf(const std::vector<DemoView>& views, const std::string& name) {
   return found == views.end() ? 0 : found->labels.pixels.size();
 }
 
+// Returns the scores of one product, with its masks at the fixed granularity. `entity` has the
+// scores by the protocol; its first view is the clicked one.
 absl::StatusOr<ProductScore> ScoreProduct(const Client& client, const std::string& model,
                                           const std::vector<DemoView>& views,
                                           const v1::EvaluateResponse::Entity& entity,

@@ -20,6 +20,7 @@ struct ExportFlags {
   SubsetFlags subset;
 };
 
+// Writes the PLY and prints its size.
 absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
   v1::ExportSelectionRequest request;
   request.set_model(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));
@@ -46,6 +47,7 @@ struct PhotographFlags {
   bool original = false;  // the uploaded file, without frame and max_side
 };
 
+// Writes the image file and prints its size.
 absl::Status RunPhotograph(const Shell& shell, const PhotographFlags& flags) {
   v1::GetPhotographRequest request;
   request.set_parent(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));

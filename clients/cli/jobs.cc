@@ -21,6 +21,7 @@
 namespace pepeseg::client::cli {
 namespace {
 
+// Returns "reconstruct done in 12.3 s  METRIC VALUE", or "sfm         skipped: given".
 std::string StageEndedText(const v1::JobEvent::StageEnded& ended) {
   std::string text =
       ended.skipped().empty()
@@ -32,6 +33,7 @@ std::string StageEndedText(const v1::JobEvent::StageEnded& ended) {
   return text;
 }
 
+// Returns "reconstruct depth skipped: REASON, from step 1200 on; saves 300 steps, about 4.5 s".
 std::string TermSkippedText(const v1::JobEvent::TermSkipped& skipped) {
   std::string text =
       absl::StrFormat("%-11s %s skipped: %s", skipped.stage(), skipped.term(), skipped.reason());
@@ -148,7 +150,7 @@ std::map<std::string, int64_t> SizesOfModels(const Client& client,
   std::map<std::string, int64_t> sizes;
   for (const std::string& scene : scenes) {
     const auto models = client.ListModels(scene);
-    if (!models.ok()) continue;  // the scene was deleted meanwhile
+    if (!models.ok()) continue;  // the scene was deleted in between
     for (const v1::Model& model : models->models()) sizes[model.name()] = model.num_bytes();
   }
   return sizes;

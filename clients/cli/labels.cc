@@ -26,6 +26,7 @@ struct LabelsFlags {
   std::string remove;  // id of the label to delete; empty: list all
 };
 
+// Returns the name, view, area and text of a label.
 std::string LabelLine(const v1::Label& label) {
   return absl::StrFormat("%-36s %s  %d px  %s", label.name(), label.view(), label.area(),
                          label.text());
@@ -89,6 +90,7 @@ void AddLabel(CLI::App& app, Shell& shell) {
   verb->add_option("ID", flags->id, "Id of the label: letters, digits, '_', '.' and '-'")
       ->required();
   AddGranularityFlags(*verb, flags->granularity);
+  // Either --point or --mask is required: the callback checks that.
   CLI::Option* point = verb->get_option("--point")->required(false);
   CLI::Option* mask =
       verb->add_option("--mask", flags->mask,

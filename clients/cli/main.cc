@@ -33,6 +33,7 @@ void LeaveOnInterrupt(int /*signal*/) {
   _exit(pepeseg::client::cli::kInterrupted);
 }
 
+// Adds the verbs in the order in which --help lists them.
 void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::client::cli::AddScenes(app, shell);
   pepeseg::client::cli::AddModels(app, shell);
@@ -65,6 +66,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::client::cli::AddCompletion(app, shell);
 }
 
+// Adds the options for the connection, which all verbs share.
 void AddLogin(CLI::App& app, pepeseg::client::Login& login) {
   app.add_option("--key-file", login.key_file,
                  "File with the API key, or the token (JWT), that the server or its gateway "
@@ -94,13 +96,14 @@ absl::Status RunVerb(Shell& shell) {
   return shell.verb();
 }
 
+// Parses the command line, runs the verb, and returns the exit code.
 int Run(int argc, char** argv) {
   Shell shell;
   if (argc > 0 && argv[0] != nullptr) shell.program = argv[0];
   CLI::App app("Scenes from photographs, segments from clicks", "pepeseg");
   app.footer(kFooter);
   app.require_subcommand(1);
-  app.fallthrough();
+  app.fallthrough();  // options of the program may follow the verb
   app.add_option("--server", shell.server, "Address of the server, [https://]host:port")
       ->envname("PEPESEG_SERVER")
       ->capture_default_str();

@@ -20,6 +20,7 @@ struct ModelsFlags {
   bool remove = false;  // delete the model
 };
 
+// Returns "3" for "scenes/shelf/models/3".
 std::string NumberOf(const std::string& name) { return name.substr(name.rfind('/') + 1); }
 
 TableRow RowOf(const v1::Model& model, absl::Time now) {
@@ -34,6 +35,7 @@ TableRow RowOf(const v1::Model& model, absl::Time now) {
           SourcesText(model)};
 }
 
+// Prints a table of the models of a scene.
 absl::Status ListModels(const Shell& shell, const Client& client, const std::string& scene) {
   ASSIGN_OR_RETURN(const v1::ListModelsResponse all, client.ListModels(scene));
   if (shell.json) {
@@ -47,6 +49,7 @@ absl::Status ListModels(const Shell& shell, const Client& client, const std::str
   return absl::OkStatus();
 }
 
+// Prints a model with its sources, metrics and advice.
 absl::Status DescribeModel(const Shell& shell, const Client& client, const std::string& name) {
   ASSIGN_OR_RETURN(const v1::Model model, client.GetModel(name));
   if (shell.json) {

@@ -10,6 +10,7 @@
 namespace pepeseg::client::cli {
 namespace {
 
+// Ranges "0 to 1" are inclusive. option_table_test.cc compares every row with the server.
 constexpr OptionRow kRows[] = {
     {"import.image_scale", "1", "0 to 1"},
     {"import.held_out_every", "8", "0, or 2 or more"},

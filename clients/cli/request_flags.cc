@@ -75,6 +75,7 @@ absl::StatusOr<v1::PointsPrompt> ParsePoints(const PromptFlags& flags) {
 }  // namespace
 
 CLI::Option* AddFrameFlag(CLI::App& verb, v1::PixelFrame& frame) {
+  // The callback runs during parsing, when the locals of this function are gone.
   static const std::map<std::string, v1::PixelFrame> frames = {
       {"photograph", v1::PIXEL_FRAME_PHOTOGRAPH}, {"view", v1::PIXEL_FRAME_VIEW}};
   frame = v1::PIXEL_FRAME_PHOTOGRAPH;
@@ -99,7 +100,9 @@ void AddAnyPromptFlags(CLI::App& verb, PromptFlags& flags) {
   verb.add_option("SCENE", flags.scene, "Id of the scene")->required();
   CLI::Option* view =
       verb.add_option("--view", flags.view, "Name of the view that the prompt is in");
-  CLI::Option_group* what = verb.add_option_group("prompt", "The prompt: one of");
+  // The group holds the flags of which exactly one kind must be given; --negative only adds to
+  // --point.
+  CLI::Option_group* what = verb.add_option_group("prompt", "The prompt");
   CLI::Option* point = AddPoints(*what, flags)->needs(view);
   what->add_option("--box", flags.box, "A box around the object")
       ->type_name("X,Y,WIDTH,HEIGHT")

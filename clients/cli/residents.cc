@@ -26,15 +26,18 @@ struct ResidentFlags {
 
 using Stub = v1::AdminService::Stub;
 
+// Returns the resource name of the model that the flags name.
 std::string ModelOf(const ResidentFlags& flags) {
   return absl::StrCat(SceneName(flags.scene), "/models/", flags.model);
 }
 
+// Returns "host: 12.3 of 95.0 MiB reserved".
 std::string UseLine(const char* kind, const v1::MemoryUse& use) {
   return absl::StrFormat("%s: %.1f of %.1f MiB reserved", kind, Mib(use.reserved_bytes()),
                          Mib(use.limit_bytes()));
 }
 
+// Returns a line of `pepeseg resident`: the name, host + device memory, and use of a model.
 std::string ModelLine(const v1::ResidentModel& model) {
   return absl::StrFormat("%-40s %8.1f + %8.1f MiB  %d maps of %d rendered  %d in flight%s",
                          model.name(), Mib(model.host_bytes()), Mib(model.device_bytes()),
@@ -91,6 +94,7 @@ absl::Status RunPin(const Shell& shell, const ResidentFlags& flags, Stub& admin)
   return absl::OkStatus();
 }
 
+// Adds SCENE and --model.
 void AddModelOptions(CLI::App& verb, ResidentFlags& flags) {
   verb.add_option("SCENE", flags.scene, "Id of the scene")->required();
   verb.add_option("--model", flags.model, "Number of the model; by default the newest");

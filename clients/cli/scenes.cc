@@ -21,6 +21,7 @@ struct ScenesFlags {
   bool remove = false;  // delete the scene
 };
 
+// Returns "shelf" for "scenes/shelf".
 std::string IdOf(const std::string& name) { return name.substr(name.rfind('/') + 1); }
 
 // Returns the row of a scene; its size is that of all its models.
@@ -39,6 +40,7 @@ absl::StatusOr<TableRow> RowOf(const Client& client, const v1::Scene& scene) {
                   state};
 }
 
+// Prints a table of the scenes.
 absl::Status ListScenes(const Shell& shell, const Client& client) {
   ASSIGN_OR_RETURN(const auto all, client.ListScenes());
   if (shell.json) {

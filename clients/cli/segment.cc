@@ -23,6 +23,7 @@ struct SegmentFlags {
   std::string out;
 };
 
+// Sets the views to segment from the values of --views.
 void SetTargets(const std::vector<std::string>& names, v1::SegmentRequest& request) {
   using Targets = v1::SegmentRequest::Targets;
   for (const std::string& name : names) {
@@ -63,6 +64,7 @@ absl::Status WriteMask(const Client& client, const SegmentFlags& flags,
   return WritePng(stem.string() + "_overlay.png", overlay);
 }
 
+// Prints the granularity used, and a line for each mask.
 void PrintAnswer(const v1::SegmentResponse& answer) {
   Print(absl::StrFormat("%s  scale %.3f (%.4g scene units)  threshold %.3f", answer.model(),
                         answer.scale_quantile(), answer.scale_units(), answer.threshold()));

@@ -37,9 +37,10 @@ struct SelectionsFlags {
 struct CombineFlags {
   std::string scene;
   int first = 0, second = 0;
-  std::string operation;
+  std::string operation;  // a key of Operations()
 };
 
+// Returns the operations by their names on the command line.
 const std::map<std::string, v1::SetOperation>& Operations() {
   static const auto& operations =
       *new std::map<std::string, v1::SetOperation>{{"union", v1::SET_OPERATION_UNION},
@@ -52,6 +53,7 @@ std::string SelectionName(const std::string& scene, int number) {
   return absl::StrCat(SceneName(scene), "/selections/", number);
 }
 
+// Prints the name, model, size, extent and base of a selection.
 void PrintSelection(const Shell& shell, const v1::Selection& selection) {
   if (shell.json) return PrintJson(selection);
   std::string line = absl::StrFormat("%s  %s  %d Gaussians", selection.name(), selection.model(),

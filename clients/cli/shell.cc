@@ -13,6 +13,7 @@ namespace pepeseg::client::cli {
 
 std::string ToJson(const google::protobuf::Message& message) {
   google::protobuf::util::JsonPrintOptions options;
+  // Scripts see the names of the contract, and every field in every answer.
   options.preserve_proto_field_names = true;
   options.always_print_primitive_fields = true;
   std::string json;
@@ -22,6 +23,7 @@ std::string ToJson(const google::protobuf::Message& message) {
 
 void Print(const std::string& line) {
   std::fputs((line + "\n").c_str(), stdout);
+  // A script that reads a pipe gets each line at once.
   std::fflush(stdout);
 }
 
@@ -34,6 +36,7 @@ std::string Quoted(const std::string& word) {
     return absl::ascii_isalnum(c) || std::string("_-./,:=@+%").find(c) != std::string::npos;
   });
   if (plain) return word;
+  // Within single quotes only the quote itself is special: it is closed, escaped and opened again.
   return absl::StrCat("'", absl::StrReplaceAll(word, {{"'", "'\\''"}}), "'");
 }
 

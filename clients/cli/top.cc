@@ -79,6 +79,7 @@ struct TopFlags {
   bool once = false;
 };
 
+// Asks the server for its status and its models in memory.
 absl::StatusOr<TopSnapshot> TakeSnapshot(v1::AdminService::Stub& admin) {
   TopSnapshot snapshot;
   Call status("", kTopSeconds);
@@ -88,6 +89,8 @@ absl::StatusOr<TopSnapshot> TakeSnapshot(v1::AdminService::Stub& admin) {
   return snapshot;
 }
 
+// Prints the snapshot: as JSON on one line, or as a screen, which replaces the one before it on a
+// terminal.
 void Show(const Shell& shell, const TopSnapshot& snapshot) {
   if (shell.json) {
     Print(absl::StrCat("{\"status\":", ToJson(snapshot.status),
@@ -102,6 +105,7 @@ void Show(const Shell& shell, const TopSnapshot& snapshot) {
   Print(screen.substr(0, screen.size() - 1));
 }
 
+// Shows snapshots until it is interrupted or a call fails.
 absl::Status RunTop(const Shell& shell, const TopFlags& flags, v1::AdminService::Stub& admin) {
   while (true) {
     ASSIGN_OR_RETURN(const TopSnapshot snapshot, TakeSnapshot(admin));
@@ -116,6 +120,7 @@ struct DrainFlags {
   bool off = false;
 };
 
+// Drains the server, or with --off undoes that, and prints its new state.
 absl::Status RunDrain(const Shell& shell, const DrainFlags& flags, v1::AdminService::Stub& admin) {
   v1::DrainRequest request;
   request.set_draining(!flags.off);

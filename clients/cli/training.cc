@@ -20,10 +20,12 @@ namespace pepeseg::client::cli {
 namespace {
 
 struct TrainFlags : TrainingFlags {
-  bool detach = false;
-  bool list_options = false;
+  bool detach = false;        // do not wait for the end of the job
+  bool list_options = false;  // print the options and train nothing
 };
 
+// Queues a training and follows it to its end. Standard output gets the result only: the job's name
+// goes to standard error, unless it is the result (--detach).
 absl::Status RunTrain(const Shell& shell, const TrainFlags& flags) {
   if (flags.list_options) {
     for (const std::string& line : OptionTable()) Print(line);

@@ -21,6 +21,7 @@ namespace {
 
 constexpr size_t kMaxNames = 10;  // of files left out that are printed
 
+// Prints the first few files that are not part of the dataset, and how many more there are.
 void NoteLeftOut(const std::vector<std::string>& names) {
   for (size_t i = 0; i < std::min(names.size(), kMaxNames); ++i) {
     Note(absl::StrCat("left out, not part of a dataset: ", names[i]));
@@ -34,7 +35,7 @@ struct UploadFlags {
   std::string scene;
   std::string folder;
   std::string depth_kind = "depth";
-  bool dry_run = false;
+  bool dry_run = false;  // list the files, upload nothing
 };
 
 absl::Status RunUpload(const Shell& shell, const UploadFlags& flags) {
@@ -46,7 +47,8 @@ absl::Status RunUpload(const Shell& shell, const UploadFlags& flags) {
   }
   if (flags.dry_run) {
     for (const FolderFile& file : folder.files) {
-      Print(absl::StrFormat("%-22s %s", v1::FileKind_Name(file.kind).substr(10), file.name));
+      Print(absl::StrFormat(
+          "%-22s %s", v1::FileKind_Name(file.kind).substr(sizeof("FILE_KIND_") - 1), file.name));
     }
     return absl::OkStatus();
   }

@@ -36,6 +36,7 @@ absl::StatusOr<Picture> DrawnOver(const Client& client, const std::string& model
   const v1::CocoRle& rle = overlay.mask.rle();
   ASSIGN_OR_RETURN(Mask mask, DecodeRle(rle));
   ASSIGN_OR_RETURN(Picture picture, RenderView(client, model, overlay.mask.view(), overlay.frame));
+  // The server may have shrunk the rendering: bring the mask and the points to its size.
   const GreyPicture resized = Resized(GreyPicture{rle.width(), rle.height(), std::move(mask)},
                                       picture.width, picture.height);
   DrawMask(picture, resized.pixels, kMaskColor);

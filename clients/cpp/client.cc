@@ -22,6 +22,7 @@ constexpr int kMaxWatchRetries = 10;  // in a row without an event
 constexpr auto kRetryPause = std::chrono::seconds(3);
 constexpr double kEvaluateSeconds = 3600;  // a hundred entities take long on a CPU
 
+// Returns true for a final state.
 bool HasEnded(v1::JobState state) {
   return state == v1::JOB_STATE_SUCCEEDED || state == v1::JOB_STATE_FAILED ||
          state == v1::JOB_STATE_CANCELLED;
@@ -54,6 +55,7 @@ absl::Status WatchOnce(Jobs& jobs, const std::string& job, Watched& watched,
   return FromGrpc(stream->Finish());
 }
 
+// Returns true for an error of the connection, after which a watch is resumed.
 bool IsAway(const absl::Status& status) {
   return absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status);
 }
@@ -111,6 +113,7 @@ Client::Client(const std::shared_ptr<grpc::Channel>& channel)
 
 absl::Status Client::EnsureScene(const std::string& scene) const {
   v1::CreateSceneRequest request;
+  // The id, without "scenes/".
   request.set_scene_id(SceneName(scene).substr(std::string("scenes/").size()));
   request.set_request_id(NewRequestId());
   const absl::Status status = Ask(*scenes_, &Scenes::CreateScene, scene, request).status();
@@ -196,7 +199,7 @@ absl::StatusOr<v1::Job> Client::WatchJob(const std::string& job,
     const std::optional<int64_t> before = watched.sequence;
     const absl::Status status = WatchOnce(*jobs_, JobName(job), watched, on_event);
     if (watched.ended || status.ok()) break;
-    if (watched.sequence != before) failures = 0;
+    if (watched.sequence != before) failures = 0;  // the stream had brought something
     if (!IsAway(status) || !watched.sequence || ++failures > kMaxWatchRetries) return status;
     if (on_break) on_break();
     std::this_thread::sleep_for(kRetryPause);

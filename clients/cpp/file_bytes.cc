@@ -23,6 +23,7 @@ absl::Status Mark(absl::Status status) {
   return status;
 }
 
+// Returns the code for an errno; the client maps it to an exit code.
 absl::StatusCode CodeOf(int error_number) {
   switch (error_number) {
     case ENOENT:
@@ -69,7 +70,7 @@ absl::StatusOr<std::string> ReadFile(const std::filesystem::path& path) {
     size = read(descriptor, bytes.data() + before, kReadBytes);
     bytes.resize(before + (size > 0 ? static_cast<size_t>(size) : 0));
   } while (size > 0 || (size < 0 && errno == EINTR));
-  const int error_number = errno;
+  const int error_number = errno;  // close() may change it
   close(descriptor);
   if (size < 0) return LocalFileError("read", path, error_number);
   return bytes;
@@ -107,6 +108,7 @@ OutputFile::~OutputFile() {
 }
 
 absl::StatusOr<OutputFile> OutputFile::Create(const std::filesystem::path& path) {
+  // Renaming to a folder would fail only in Commit, after all bytes were written.
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) return LocalFileError("write", path, EISDIR);
   RETURN_IF_ERROR(MakeParentFolder(path));
@@ -133,6 +135,7 @@ absl::Status OutputFile::Append(absl::string_view bytes) {
 }
 
 absl::Status OutputFile::Commit() {
+  // A network file system may report a full disk only here.
   if (close(std::exchange(descriptor_, -1)) != 0) {
     const int error_number = errno;
     unlink(part_.c_str());
