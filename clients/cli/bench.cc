@@ -1,4 +1,5 @@
-// The verb that draws a dataset's curve: trainings of several lengths and seeds, scored.
+// The verb "bench": trains a dataset with several lengths, presets and seeds, and scores each
+// model.
 #include <filesystem>
 #include <memory>
 
@@ -9,15 +10,13 @@
 #include "absl/time/time.h"
 #include "clients/cli/bench_record.h"
 #include "clients/cli/bench_truth.h"
-#include "clients/cli/evaluation.h"
-#include "clients/cli/failure.h"
-#include "clients/cli/pixel_frame.h"
-#include "clients/cli/questions.h"
+#include "clients/cli/jobs.h"
+#include "clients/cli/progress_line.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/stopwatch.h"
+#include "clients/cli/text_table.h"
 #include "clients/cli/training.h"
 #include "clients/cli/upload.h"
-#include "clients/cli/watch.h"
+#include "clients/cli/view_picture.h"
 #include "clients/cpp/dataset_folder.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/resource_names.h"
@@ -29,24 +28,25 @@ namespace {
 namespace fs = std::filesystem;
 
 struct BenchFlags {
-  std::string folder;
-  std::string out;
-  std::string scene;
+  std::string folder;  // of the dataset
+  std::string out;     // folder for record.json
+  std::string scene;   // "": a new one
   std::vector<std::string> presets{"preview", "standard", "best"};
   std::vector<int> steps{500, 1000, 2000, 5000};
-  int num_seeds = 3;
+  int num_seeds = 3;  // each plan is trained with seeds 1 to this
   std::string image_scale;
   std::string depth_kind = "depth";
-  std::vector<std::string> settings;
-  std::vector<std::string> facts;  // NAME=VALUE
+  std::vector<std::string> settings;  // NAME=VALUE, of every training
+  std::vector<std::string> facts;     // NAME=VALUE, copied to the record
 };
 
-// A training without its seed.
+// A training, apart from its seed.
 struct Plan {
   std::string name;
   std::vector<std::string> settings;
 };
 
+// Returns a plan for each number of steps, then one for each preset.
 std::vector<Plan> PlansOf(const BenchFlags& flags) {
   std::vector<std::string> shared = flags.settings;
   if (!flags.image_scale.empty()) shared.push_back("import.image_scale=" + flags.image_scale);
@@ -63,11 +63,7 @@ std::vector<Plan> PlansOf(const BenchFlags& flags) {
   return plans;
 }
 
-absl::Time TimeOf(const google::protobuf::Timestamp& time) {
-  return absl::FromUnixSeconds(time.seconds()) + absl::Nanoseconds(time.nanos());
-}
-
-// Queued, watched to its end.
+// Trains `plan` with the seed of `run` and waits for the model.
 absl::Status Train(const Client& client, const std::string& dataset, const Plan& plan,
                    BenchRun& run) {
   std::vector<std::string> settings = plan.settings;
@@ -81,13 +77,13 @@ absl::Status Train(const Client& client, const std::string& dataset, const Plan&
                    }));
   run.seconds["request_to_model"] = watch.Seconds();
   run.seconds["queue"] =
-      absl::ToDoubleSeconds(TimeOf(run.job.start_time()) - TimeOf(run.job.create_time()));
+      absl::ToDoubleSeconds(ToTime(run.job.start_time()) - ToTime(run.job.create_time()));
   ASSIGN_OR_RETURN(run.model, client.GetModel(run.job.model()));
   return absl::OkStatus();
 }
 
-// One point in the middle of the first held-out view, granularity left to the server, twice. Where
-// there is nothing under it, nothing is measured.
+// Measures two clicks in the middle of the first held-out view, at the granularity that the server
+// chooses. The first one loads the model. Measures nothing if nothing is under the click.
 absl::Status Click(const Client& client, const std::vector<v1::View>& views, BenchRun& run) {
   v1::SegmentRequest request;
   request.set_model(run.model.name());
@@ -111,6 +107,7 @@ absl::Status Click(const Client& client, const std::vector<v1::View>& views, Ben
   return absl::OkStatus();
 }
 
+// Scores the model against the label images of each level.
 absl::Status Score(const Client& client, const fs::path& dataset,
                    const std::vector<TruthLevel>& truth, const std::vector<v1::View>& views,
                    BenchRun& run) {
@@ -123,6 +120,7 @@ absl::Status Score(const Client& client, const fs::path& dataset,
   return absl::OkStatus();
 }
 
+// Trains, measures and scores one model, and deletes it.
 absl::StatusOr<BenchRun> RunPlan(const Client& client, const BenchFlags& flags,
                                  const std::string& dataset, const Plan& plan, uint64_t seed) {
   BenchRun run;
@@ -131,7 +129,7 @@ absl::StatusOr<BenchRun> RunPlan(const Client& client, const BenchFlags& flags,
   RETURN_IF_ERROR(Train(client, dataset, plan, run));
   ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(run.model.name()));
   ASSIGN_OR_RETURN(const std::vector<TruthLevel> truth, FindTruth(flags.folder));
-  // Trained without masks it answers no questions.
+  // A model that was trained without masks cannot segment.
   const auto masks = run.model.sources().find("masks");
   if (masks != run.model.sources().end() && masks->second != "none") {
     RETURN_IF_ERROR(Click(client, views, run));
@@ -152,7 +150,8 @@ absl::Status RunBench(const Shell& shell, const BenchFlags& flags) {
     record.facts.insert(split);
   }
   const fs::path record_file = fs::path(flags.out) / "record.json";
-  RETURN_IF_ERROR(OutputFile::Create(record_file).status());  // before the trainings
+  // Fail before the trainings, not after them, if the record cannot be written.
+  RETURN_IF_ERROR(OutputFile::Create(record_file).status());
   const Stopwatch watch;
   ASSIGN_OR_RETURN(const DatasetFolder folder,
                    ReadDatasetFolder(flags.folder, DepthKind(flags.depth_kind)));
@@ -164,7 +163,7 @@ absl::Status RunBench(const Shell& shell, const BenchFlags& flags) {
       ASSIGN_OR_RETURN(BenchRun run, RunPlan(client, flags, dataset.name(), plan, seed));
       if (!shell.json) Print(RunLine(run));
       record.runs.push_back(std::move(run));
-      // After each run: what was measured stays when a later one fails.
+      // Write after each run, so that its measurements are kept if a later run fails.
       RETURN_IF_ERROR(WriteFile(record_file, ToJson(record).dump(1) + "\n"));
     }
   }
@@ -178,32 +177,35 @@ void AddBench(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<BenchFlags>();
   CLI::App* verb = app.add_subcommand(
       "bench",
-      "Error against time of a dataset: trainings of several lengths and seeds, scored on "
-      "the held-out views; the record as JSON");
+      "Measure error against time: train a dataset with several lengths and seeds, and score "
+      "each model on the held-out views");
   verb->add_option("FOLDER", flags->folder,
-                   "The dataset, as for upload, with label images for the scores of segments: "
+                   "The dataset, as for upload, with label images by which segments are scored: "
                    "gt/LEVEL/STEM.png with gt/labels.json, or labels/STEM.png")
       ->required();
   verb->add_option("--out", flags->out, "Folder for record.json")->default_val("build/bench");
-  verb->add_option("--scene", flags->scene, "Id of the scene; a fresh one by default");
-  verb->add_option("--presets", flags->presets, "Presets to train")
+  verb->add_option("--scene", flags->scene, "Id of the scene; by default a new one");
+  verb->add_option("--presets", flags->presets, "Presets to train, separated by commas; or none")
       ->delimiter(',')
       ->check(CLI::IsMember({"preview", "standard", "best", "none"}))
       ->capture_default_str();
   verb->add_option("--steps", flags->steps,
-                   "Lengths of both stages to train, else standard; 0: none")
+                   "Numbers of steps of both stages to train, separated by commas, with the other "
+                   "options of standard; 0: none")
       ->delimiter(',')
       ->capture_default_str();
-  verb->add_option("--seeds", flags->num_seeds, "Trainings of each, with seeds from 1")
+  verb->add_option("--seeds", flags->num_seeds,
+                   "Number of trainings of each kind, with seeds from 1")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();
-  verb->add_option("--image-scale", flags->image_scale, "Shrink the photographs by this, (0, 1]");
+  verb->add_option("--image-scale", flags->image_scale,
+                   "Factor by which the photographs are shrunk, (0, 1]");
   AddDepthKindFlag(*verb, flags->depth_kind);
-  verb->add_option("-o,--option", flags->settings, "NAME=VALUE, of every training")
+  verb->add_option("-o,--option", flags->settings, "Any option, for every training")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
   verb->add_option("--fact", flags->facts,
-                   "NAME=VALUE for the record, as machine=... or commit=...")
+                   "A fact for the record, such as machine=... or commit=...")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
   verb->callback([flags, &shell] {

@@ -9,10 +9,11 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// The stages of a job, in the order in which they run.
+// The stages of a job in the order in which they run.
 constexpr const char* kStages[] = {"prepare",  "sfm",      "priors", "reconstruct",
                                    "evaluate", "features", "index"};
 
+// Returns the mean scores of a granularity level.
 Json LevelJson(const v1::EvaluateResponse& scores) {
   return {{"entities", scores.entities_size()},
           {"miou", scores.chosen().iou()},
@@ -21,11 +22,13 @@ Json LevelJson(const v1::EvaluateResponse& scores) {
           {"oracle_mbiou", scores.oracle().boundary_iou()}};
 }
 
+// Returns a metric of the model; 0 if it was not measured.
 double MetricOf(const v1::Model& model, const std::string& name) {
   const auto found = model.metrics().find(name);
   return found == model.metrics().end() ? 0 : found->second;
 }
 
+// Returns the entry of a run in record.json.
 Json RunJson(const BenchRun& run, double upload_seconds) {
   Json json = {{"name", run.name}, {"seed", run.seed}};
   Json seconds = {{"upload", upload_seconds}};
@@ -41,7 +44,7 @@ Json RunJson(const BenchRun& run, double upload_seconds) {
     add(stage, MetricOf(run.model, "seconds_" + stage));
     core_seconds[stage] = MetricOf(run.model, "core_seconds_" + stage);
   }
-  // What lies between the stages: starting the worker, handing its result over.
+  // The rest is spent between the stages: starting the worker, storing its result.
   add("between", run.seconds.at("request_to_model") - (until_click - upload_seconds));
   if (const auto click = run.seconds.find("first_click"); click != run.seconds.end()) {
     add("first_click", click->second);

@@ -12,34 +12,34 @@
 
 namespace pepeseg::client::cli {
 
-// One training and what it came to.
+// One training with its measurements.
 struct BenchRun {
-  std::string name;  // of its settings: "standard", "1000 steps"
+  std::string name;  // of the plan: "standard", "1000 steps"
   uint64_t seed = 0;
   v1::Job job;
   v1::Model model;
-  // Wall time beside that of the stages, which stands in the model's metrics: "queue",
-  // "request_to_model", and, where there is something to click on, "first_click" (which loads the
-  // model) and "next_click".
+  // Wall times, seconds: "queue", "request_to_model", and "first_click" (which loads the model) and
+  // "next_click" if something is under the click. The times of the stages are in the model's
+  // metrics.
   std::map<std::string, double> seconds;
-  std::map<std::string, int64_t> steps;  // done, by stage
-  std::vector<std::pair<std::string, v1::EvaluateResponse>> levels;
+  std::map<std::string, int64_t> steps;                              // steps done, by stage
+  std::vector<std::pair<std::string, v1::EvaluateResponse>> levels;  // scores by TruthLevel::name
 };
 
-// What all runs share.
+// All runs, and what they have in common.
 struct BenchRecord {
   std::string dataset;                       // name of its folder
-  std::map<std::string, std::string> facts;  // told by the caller: "machine", "commit"
+  std::map<std::string, std::string> facts;  // given by the caller: "machine", "commit"
   double upload_seconds = 0;
   std::vector<BenchRun> runs;
 };
 
-// Every number of the record; the effective options stand once for each name. "seconds" of a run:
-// of "upload", "queue", the stages, what lies "between" them, and "first_click" add up to
-// "request_to_click".
+// Returns the text of record.json: every measurement, and the effective options once for each name
+// of a plan. In "seconds" of a run, "upload", "queue", the stages, "between" (the time between
+// stages) and "first_click" add up to "request_to_click".
 nlohmann::ordered_json ToJson(const BenchRecord& record);
 
-// For a person, while it runs.
+// Returns a line about a run for a person.
 std::string RunLine(const BenchRun& run);
 
 }  // namespace pepeseg::client::cli

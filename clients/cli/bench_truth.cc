@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
-#include "clients/cli/pixel_frame.h"
+#include "clients/cli/view_picture.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
 
@@ -18,7 +18,8 @@ bool Exists(const fs::path& path) {
   return fs::exists(path, error);
 }
 
-// Of 8 bits as it is; of 16 bits where all ids fit into 8.
+// Reads a label image of 8 bits, or one of 16 bits whose ids fit into 8. INVALID_ARGUMENT: they do
+// not.
 absl::StatusOr<GreyPicture> ReadLabels(const fs::path& path) {
   ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path));
   const auto wide = DecodeGrey16(bytes, path.string());
@@ -27,24 +28,28 @@ absl::StatusOr<GreyPicture> ReadLabels(const fs::path& path) {
   labels.pixels.reserve(wide->pixels.size());
   for (const uint16_t id : wide->pixels) {
     if (id > 255) {
-      return absl::InvalidArgumentError(absl::StrCat(path.string(), ": the id ", id,
-                                                     " is over 255; `pepeseg evaluate` takes it"));
+      return absl::InvalidArgumentError(
+          absl::StrCat(path.string(), ": the id ", id,
+                       " exceeds 255, the limit of `pepeseg bench`; use `pepeseg evaluate`"));
     }
     labels.pixels.push_back(static_cast<uint8_t>(id));
   }
   return labels;
 }
 
+// Returns a label image as a PNG of the photograph's size.
 absl::StatusOr<std::string> LabelsPng(const fs::path& path, const PixelSize& photograph) {
   ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path));
   const auto wide = DecodeGrey16(bytes, path.string());
   if (wide.ok() && PixelSize{wide->width, wide->height} == photograph) return bytes;
   ASSIGN_OR_RETURN(const GreyPicture labels, ReadLabels(path));
+  // Both sides must have the same scale, up to the rounding of one pixel.
   const double step = static_cast<double>(labels.width) / photograph.width;
   if (std::abs(labels.height / step - photograph.height) > 1) {
-    return absl::InvalidArgumentError(absl::StrCat(path.string(), ": ", labels.width, "x",
-                                                   labels.height, " labels, the photograph has ",
-                                                   photograph.width, "x", photograph.height));
+    return absl::InvalidArgumentError(
+        absl::StrCat(path.string(), ": ", labels.width, "x", labels.height,
+                     " pixels, which is not the shape of the photograph, ", photograph.width, "x",
+                     photograph.height));
   }
   return EncodePng(Resized(labels, photograph.width, photograph.height));
 }
@@ -62,7 +67,7 @@ absl::StatusOr<std::vector<TruthLevel>> FindTruth(const fs::path& dataset) {
   const auto json = nlohmann::ordered_json::parse(text, nullptr, /*allow_exceptions=*/false);
   if (!json.is_object()) {
     return absl::InvalidArgumentError(
-        absl::StrCat(list.string(), ": an object of levels is wanted"));
+        absl::StrCat(list.string(), ": expected a JSON object of levels"));
   }
   for (const auto& [name, entities] : json.items()) {
     TruthLevel level{name, dataset / "gt" / name, {}};

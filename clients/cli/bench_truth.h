@@ -12,21 +12,23 @@
 
 namespace pepeseg::client::cli {
 
-// What a dataset's folder knows of what is to be segmented: label images of one level.
+// The ground truth of one granularity level of a dataset: a label image for each view.
 struct TruthLevel {
   std::string name;
-  std::filesystem::path folder;         // of STEM.png
-  std::map<int, std::string> entities;  // names by id; those without a name are missing
+  std::filesystem::path folder;         // has STEM.png for views
+  std::map<int, std::string> entities;  // names by id; an id without a name is absent
 };
 
-// gt/LEVEL/ for each level of gt/labels.json ({"part": ["-", "lamp", ...], ...}: names by id), else
-// labels/ as the level "labels"; none where there is neither. INVALID_ARGUMENT: a list that is
-// none.
+// Returns the levels of a dataset's folder. gt/labels.json lists them with the names of entities by
+// id ({"part": ["-", "lamp", ...], ...}), and gt/LEVEL/ has their label images. Without that file,
+// labels/ is the only level, "labels"; without either there is none. INVALID_ARGUMENT:
+// gt/labels.json is not a JSON object.
 absl::StatusOr<std::vector<TruthLevel>> FindTruth(const std::filesystem::path& dataset);
 
-// The label images of the held-out views, in the pixels of the photographs, and the ignore mask of
-// the dataset. Images of another size are resampled (nearest) to it. INVALID_ARGUMENT: an image of
-// another shape than its photograph; ids over 255 in an image that is to be resampled.
+// Returns a request that scores `model` on the held-out views that have a label image, with the
+// dataset's ignore mask. Images of another size than the photograph are resampled to it (nearest
+// neighbour). INVALID_ARGUMENT: the shape of an image differs from that of its photograph, or an
+// image to be resampled has an id over 255.
 absl::StatusOr<v1::EvaluateRequest> EvaluateRequestOf(const std::filesystem::path& dataset,
                                                       const TruthLevel& level,
                                                       const std::string& model,

@@ -1,4 +1,5 @@
-// The verb that prints what a shell needs to complete command lines of this program.
+// The verb "completion": prints a script that completes command lines in bash or zsh. The script is
+// generated from the parser, so that it has every verb, option and value.
 #include <CLI/CLI.hpp>
 #include <memory>
 #include <string>
@@ -14,14 +15,17 @@
 namespace pepeseg::client::cli {
 namespace {
 
+// Returns "reconstruct.num_steps=", ...
 std::vector<std::string> TrainingOptionNames() {
   std::vector<std::string> names;
   for (const OptionRow& row : OptionRows()) names.push_back(std::string(row.name) + "=");
   return names;
 }
 
+// Returns true for -o,--option, whose values are NAME=VALUE.
 bool IsTrainingOption(const CLI::Option& option) { return option.check_lname("option"); }
 
+// Returns "-o", "--option".
 std::vector<std::string> NamesOf(const CLI::Option& option) {
   std::vector<std::string> names;
   for (const std::string& name : option.get_snames()) names.push_back("-" + name);
@@ -29,7 +33,8 @@ std::vector<std::string> NamesOf(const CLI::Option& option) {
   return names;
 }
 
-// Words that may stand where a verb's options do.
+// Returns the words that may follow a verb: its options, and the choices of its positional
+// arguments.
 std::vector<std::string> WordsOf(const CLI::App& verb) {
   std::vector<std::string> words = LongNamesOf(verb);
   for (const CLI::Option* option : OptionsOf(verb)) {
@@ -39,17 +44,17 @@ std::vector<std::string> WordsOf(const CLI::App& verb) {
   return words;
 }
 
-// The values that an option is completed with; none: any value, or no value at all.
+// Returns the values that an option is completed with; empty: it takes any value, or none.
 std::vector<std::string> ValuesOf(const CLI::Option& option) {
   return IsTrainingOption(option) ? TrainingOptionNames() : ChoicesOf(option);
 }
 
-// "(preview standard best)", or zsh's function for file names.
+// Returns "(preview standard best)", or zsh's function for file names if there are no values.
 std::string ZshAction(const std::vector<std::string>& values) {
   return values.empty() ? "_files" : absl::StrCat("(", absl::StrJoin(values, " "), ")");
 }
 
-// "    train:--preset) values='preview standard best' ;;"
+// Appends lines "    train:--preset) values='preview standard best' ;;".
 void AppendValueCases(const CLI::App& verb, const std::string& name, std::string& script) {
   for (const CLI::Option* option : OptionsOf(verb)) {
     const std::vector<std::string> values = ValuesOf(*option);
@@ -60,6 +65,8 @@ void AppendValueCases(const CLI::App& verb, const std::string& name, std::string
   }
 }
 
+// The function _pepeseg finds the verb among the words before the cursor, then completes the value
+// of the option before the cursor, or else a verb, an option or a file name.
 std::string BashScript(const CLI::App& app) {
   std::vector<std::string> names;
   std::string values, words;
@@ -105,13 +112,13 @@ complete -o filenames -F _pepeseg pepeseg
        {"@OWN@", own}});
 }
 
-// Escapes a description for single quotes within zsh's brackets.
+// Escapes a description for the brackets of a zsh spec within single quotes.
 std::string ZshText(const std::string& text) {
   return absl::StrReplaceAll(
       text, {{"'", "'\\''"}, {"[", "("}, {"]", ")"}, {":", ","}, {"\\", ""}, {"\n", " "}});
 }
 
-// "'--preset[Which options]:value:(preview standard best)'"
+// Appends lines "'*--preset[Which options]:value:(preview standard best)'".
 void AppendZshSpecs(const CLI::App& verb, const std::string& indent, std::string& script) {
   for (const CLI::Option* option : OptionsOf(verb)) {
     const std::string value = TakesValue(*option) ? ":value:" + ZshAction(ValuesOf(*option)) : "";

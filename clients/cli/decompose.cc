@@ -1,16 +1,18 @@
-// The verb that takes a model apart, and fetches the pieces.
+// The verb "decompose": splits a model into segments and fetches them.
+#include "clients/cli/decompose.h"
+
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <map>
 #include <memory>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/failure.h"
-#include "clients/cli/prompt.h"
-#include "clients/cli/questions.h"
-#include "clients/cli/segment_colors.h"
-#include "clients/cli/segment_tree.h"
+#include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/subset.h"
+#include "clients/cli/view_picture.h"
+#include "clients/cpp/client.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
 
@@ -20,23 +22,54 @@ namespace {
 namespace fs = std::filesystem;
 using Response = v1::DecomposeResponse;
 
+// Returns the length of the segment's bounding box along an axis, scene units.
+double Extent(const Response::Segment& segment, int axis) {
+  if (axis >= segment.min_size() || axis >= segment.max_size()) return 0;
+  return segment.max(axis) - segment.min(axis);
+}
+
+// Appends the segments of `level` whose parent is `parent`, each followed by its own children.
+void AddSegmentsOf(const Response& answer, int level, int parent, std::vector<std::string>& lines) {
+  const std::string indent(static_cast<size_t>(2 * (answer.levels_size() - level)), ' ');
+  for (const Response::Segment& segment : answer.levels(level).segments()) {
+    if (segment.parent() != parent) continue;
+    const std::string name = absl::StrCat(indent, level, ":", segment.id());
+    lines.push_back(absl::StrFormat("%-16s %9d Gaussians  %.3g x %.3g x %.3g scene units", name,
+                                    segment.num_gaussians(), Extent(segment, 0), Extent(segment, 1),
+                                    Extent(segment, 2)));
+    if (level > 0) AddSegmentsOf(answer, level - 1, segment.id(), lines);
+  }
+}
+
+// Converts from HSV; hue is in [0, 1), saturation and value in [0, 1]. Channel n of RGB is
+// value * (1 - saturation * clamp(min(k, 4 - k), 0, 1)) with k = (n + 6 hue) mod 6, n = 5, 3, 1.
+Rgb FromHsv(double hue, double saturation, double value) {
+  const auto channel = [&](double offset) {
+    const double at = std::fmod(offset + hue * 6, 6);
+    const double share = std::clamp(std::min(at, 4 - at), 0.0, 1.0);
+    return static_cast<uint8_t>(std::lround(255 * value * (1 - saturation * share)));
+  };
+  return {channel(5), channel(3), channel(1)};
+}
+
 struct DecomposeFlags {
   std::string scene;
   std::string model = "live";
   std::vector<double> scales;
   std::string out;
-  int level = -1;  // of what is written; -1: the middle one
+  int level = -1;  // level whose segments are written; -1: the middle one
 };
 
+// Returns the level to write. INVALID_ARGUMENT: there is no such level.
 absl::StatusOr<int> ChooseLevel(const DecomposeFlags& flags, const Response& answer) {
   if (flags.level < answer.levels_size()) {
     return flags.level < 0 ? answer.levels_size() / 2 : flags.level;
   }
-  return absl::InvalidArgumentError(
-      absl::StrCat("--level ", flags.level, ": there are ", answer.levels_size(), ", from 0"));
+  return absl::InvalidArgumentError(absl::StrCat("--level ", flags.level, ": must be below ",
+                                                 answer.levels_size(), ", the number of levels"));
 }
 
-// level_N/segment_ID.ply.
+// Writes level_N/segment_ID.ply for each segment of a level.
 absl::Status WriteSegments(const Client& client, const DecomposeFlags& flags,
                            const Response& answer, int level) {
   const fs::path folder = fs::path(flags.out) / absl::StrCat("level_", level);
@@ -53,7 +86,7 @@ absl::Status WriteSegments(const Client& client, const DecomposeFlags& flags,
   return absl::OkStatus();
 }
 
-// STEM_ids.png of each view, 16-bit grey, as the server has made it, and STEM_colors.png.
+// Writes, for each view, STEM_ids.png (16-bit grey, as the server renders it) and STEM_colors.png.
 absl::Status WriteViews(const Client& client, const DecomposeFlags& flags, const Response& answer,
                         int level) {
   v1::RenderRequest request;
@@ -97,18 +130,52 @@ absl::Status RunDecompose(const Shell& shell, const DecomposeFlags& flags) {
 
 }  // namespace
 
+std::vector<std::string> SegmentTree(const Response& answer) {
+  std::vector<std::string> lines = {answer.model()};
+  lines.reserve(static_cast<size_t>(answer.levels_size()) + 1);
+  for (int i = 0; i < answer.levels_size(); ++i) {
+    const Response::Level& level = answer.levels(i);
+    lines.push_back(absl::StrFormat(
+        "level %d  scale %.3g (%.4g scene units)  %d segments  %d Gaussians in none", i,
+        level.scale_quantile(), level.scale_units(), level.segments_size(),
+        level.num_unassigned()));
+  }
+  if (answer.levels_size() > 0) AddSegmentsOf(answer, answer.levels_size() - 1, 0, lines);
+  return lines;
+}
+
+Rgb ColorOfSegment(int id) {
+  if (id <= 0) return {};
+  // Steps by the golden ratio spread the hues of any number of ids evenly.
+  const double hue = std::fmod(0.618033988749895 * id, 1);
+  constexpr double kSaturations[] = {0.85, 0.55}, kValues[] = {1, 0.75, 0.9};
+  return FromHsv(hue, kSaturations[id % 2], kValues[id % 3]);
+}
+
+Picture ColorSegments(const Grey16Picture& ids) {
+  Picture picture = Picture::Filled(ids.width, ids.height, {});
+  std::map<uint16_t, Rgb> colors;
+  for (size_t i = 0; i < ids.pixels.size(); ++i) {
+    const auto found = colors.try_emplace(ids.pixels[i], ColorOfSegment(ids.pixels[i])).first;
+    picture.pixels[3 * i] = found->second.r;
+    picture.pixels[3 * i + 1] = found->second.g;
+    picture.pixels[3 * i + 2] = found->second.b;
+  }
+  return picture;
+}
+
 void AddDecompose(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<DecomposeFlags>();
-  CLI::App* verb =
-      app.add_subcommand("decompose", "Take a model apart into parts, objects and groups");
+  CLI::App* verb = app.add_subcommand("decompose", "Split a model into parts, objects and groups");
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
   AddScalesFlag(*verb, flags->scales);
   verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
   verb->add_option(
       "--out", flags->out,
-      "Folder for level_N/segment_ID.ply and, of each view, STEM_ids.png (16-bit grey: "
-      "the segment's id, 0 for none) and STEM_colors.png");
-  verb->add_option("--level", flags->level, "Which level is written; the middle one by default")
+      "Folder for level_N/segment_ID.ply and, for each view, STEM_ids.png (16-bit grey: the "
+      "segment's id, 0 for none) and STEM_colors.png");
+  verb->add_option("--level", flags->level,
+                   "Level to write, from 0, the finest; by default the middle one")
       ->check(CLI::NonNegativeNumber);
   verb->callback(
       [flags, &shell] { shell.verb = [&, flags] { return RunDecompose(shell, *flags); }; });

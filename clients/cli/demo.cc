@@ -1,4 +1,4 @@
-// The verb that goes all the way: photographs in, segments out, scored.
+// The verb "demo": uploads a scene, trains it, segments four products and scores them.
 #include <filesystem>
 #include <memory>
 
@@ -8,12 +8,11 @@
 #include "absl/time/time.h"
 #include "clients/cli/demo_report.h"
 #include "clients/cli/demo_score.h"
-#include "clients/cli/failure.h"
+#include "clients/cli/jobs.h"
+#include "clients/cli/progress_line.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/stopwatch.h"
 #include "clients/cli/training.h"
 #include "clients/cli/upload.h"
-#include "clients/cli/watch.h"
 #include "clients/cpp/dataset_folder.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/resource_names.h"
@@ -24,9 +23,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What two cores do in about two and a half minutes. The rest is the server's default.
+// Returns options with which two cores train in about two and a half minutes. All others are the
+// server's defaults.
 const std::vector<std::string>& DemoSettings() {
-  // Of stage one: tests/bench/results/scenes_cpu.md.
+  // Those of stage one are measured in tests/bench/results/scenes_cpu.md.
   static const std::vector<std::string> settings = {"reconstruct.num_steps=2000",
                                                     "reconstruct.coarse_until=0.5",
                                                     "reconstruct.sh_degree=1",
@@ -41,21 +41,22 @@ const std::vector<std::string>& DemoSettings() {
 }
 
 struct DemoFlags {
-  std::string data;
-  std::string out;
-  std::string scene;
-  bool photos_only = false;
+  std::string data;          // folder of the scene
+  std::string out;           // folder for the report
+  std::string scene;         // "": a new one
+  bool photos_only = false;  // upload no poses, masks and depth
   std::vector<std::string> settings;
-  FixedQuestion question{0.3, 0.75};
+  FixedGranularity fixed{0.3, 0.75};
 };
 
-// Leaves the photographs, and what must be left out of them.
+// Removes all files from the list but photographs and ignore masks.
 void KeepPhotographs(DatasetFolder& folder) {
   std::erase_if(folder.files, [](const FolderFile& file) {
     return file.kind != v1::FILE_KIND_IMAGE && file.kind != v1::FILE_KIND_IGNORE_MASK;
   });
 }
 
+// Uploads the scene and sets `dataset` to the name of the sealed dataset.
 absl::Status Upload(const Client& client, const DemoFlags& flags, const std::string& scene,
                     DemoResult& result, std::string& dataset) {
   const Stopwatch watch;
@@ -68,6 +69,7 @@ absl::Status Upload(const Client& client, const DemoFlags& flags, const std::str
   return absl::OkStatus();
 }
 
+// Trains `dataset` and waits for the model.
 absl::Status Train(const Client& client, const DemoFlags& flags, const std::string& scene,
                    const std::string& dataset, DemoResult& result) {
   const Stopwatch watch;
@@ -77,9 +79,7 @@ absl::Status Train(const Client& client, const DemoFlags& flags, const std::stri
   ASSIGN_OR_RETURN(result.job, WatchJob(client, job.name(), [&](const v1::JobEvent& event) {
                      if (event.event_case() != v1::JobEvent::kStageEnded) return;
                      const auto& ended = event.stage_ended();
-                     result.stage_seconds[ended.stage()] =
-                         static_cast<double>(ended.elapsed().seconds()) +
-                         static_cast<double>(ended.elapsed().nanos()) * 1e-9;
+                     result.stage_seconds[ended.stage()] = SecondsOf(ended.elapsed());
                    }));
   ASSIGN_OR_RETURN(result.model, client.GetModel(result.job.model()));
   result.stage_seconds["train"] = watch.Seconds();
@@ -91,9 +91,10 @@ absl::Status RunDemo(const Shell& shell, const DemoFlags& flags) {
   const std::string scene = SceneName(
       flags.scene.empty() ? absl::StrCat("demo-", absl::ToUnixMillis(absl::Now())) : flags.scene);
   DemoResult result;
-  result.question = flags.question;
+  result.fixed = flags.fixed;
   const fs::path report_file = fs::path(flags.out) / "report.json";
-  RETURN_IF_ERROR(OutputFile::Create(report_file).status());  // before the training
+  // Fail before the training, not after it, if the report cannot be written.
+  RETURN_IF_ERROR(OutputFile::Create(report_file).status());
   std::string dataset;
   RETURN_IF_ERROR(Upload(client, flags, scene, result, dataset));
   RETURN_IF_ERROR(Train(client, flags, scene, dataset, result));
@@ -101,8 +102,8 @@ absl::Status RunDemo(const Shell& shell, const DemoFlags& flags) {
   const Stopwatch watch;
   ASSIGN_OR_RETURN(const std::vector<v1::View> model_views, client.ListViews(result.model.name()));
   ASSIGN_OR_RETURN(const std::vector<DemoView> views, ReadHeldOut(flags.data, model_views));
-  ASSIGN_OR_RETURN(result.scores, ScoreProducts(client, result.model.name(), views, DemoProducts(),
-                                                flags.question));
+  ASSIGN_OR_RETURN(result.scores,
+                   ScoreProducts(client, result.model.name(), views, DemoProducts(), flags.fixed));
   result.stage_seconds["questions"] = watch.Seconds();
   const std::string report = ReportJson(result);
   RETURN_IF_ERROR(WriteFile(report_file, report));
@@ -116,22 +117,22 @@ absl::Status RunDemo(const Shell& shell, const DemoFlags& flags) {
 
 void AddDemo(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<DemoFlags>();
-  CLI::App* verb = app.add_subcommand(
-      "demo", "The scene that ships with pepeseg, from photographs to scored segments");
+  CLI::App* verb =
+      app.add_subcommand("demo", "Train, segment and score the scene that ships with pepeseg");
   verb->add_option("--data", flags->data, "Folder of the scene")
       ->default_val("tests/data/apc_shelf");
-  verb->add_option("--out", flags->out, "Folder for report.json and pictures")
+  verb->add_option("--out", flags->out, "Folder for report.json and the pictures")
       ->default_val("build/demo");
-  verb->add_option("--scene", flags->scene, "Id of the scene; a fresh one by default");
+  verb->add_option("--scene", flags->scene, "Id of the scene; by default a new one");
   verb->add_flag("--photos", flags->photos_only,
-                 "Upload the photographs alone: the server makes poses, masks and depth");
-  verb->add_option("-o,--option", flags->settings, "NAME=VALUE, over the demo's own settings")
+                 "Upload only the photographs: the server makes poses, masks and depth");
+  verb->add_option("-o,--option", flags->settings, "Any option; overrides those of the demo")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
-  verb->add_option("--scale", flags->question.scale, "Scale of the questions")
+  verb->add_option("--scale", flags->fixed.scale, "Scale of the segments, a quantile")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
-  verb->add_option("--threshold", flags->question.threshold, "Threshold of the questions")
+  verb->add_option("--threshold", flags->fixed.threshold, "Threshold of the segments, a cosine")
       ->check(CLI::Range(-1.0, 1.0))
       ->capture_default_str();
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunDemo(shell, *flags); }; });

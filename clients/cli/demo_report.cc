@@ -3,6 +3,7 @@
 #include <sys/utsname.h>
 #include <unistd.h>
 
+#include <array>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -10,15 +11,24 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/string_view.h"
+#include "absl/strings/str_replace.h"
 #include "absl/time/clock.h"
 #include "clients/cli/shell.h"
+#include "clients/cli/view_picture.h"
+#include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {
 namespace {
 
+namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
+// One colour for each product.
+constexpr std::array<Rgb, 4> kColors = {
+    {{230, 60, 60}, {60, 200, 80}, {70, 130, 255}, {250, 200, 40}}};
+constexpr Rgb kWhite{255, 255, 255};
+
+// Returns the name of the processor from /proc/cpuinfo, or "unknown".
 std::string CpuModel() {
   std::ifstream file("/proc/cpuinfo");
   for (std::string line; std::getline(file, line);) {
@@ -30,7 +40,7 @@ std::string CpuModel() {
   return "unknown";
 }
 
-// Of the client; the demo runs both on one machine.
+// Describes the machine of the client, on which the demo runs the server, too.
 Json Machine() {
   utsname system{};
   uname(&system);
@@ -41,6 +51,7 @@ Json Machine() {
           {"system", absl::StrCat(system.sysname, " ", system.release, " ", system.machine)}};
 }
 
+// Returns the entry of a product in report.json.
 Json ProductJson(const ProductScore& score) {
   Json views = Json::array();
   for (const ViewScore& view : score.views) {
@@ -61,9 +72,56 @@ Json ProductJson(const ProductScore& score) {
           {"oracle_iou_other_views", oracle.iou()}};
 }
 
+// Returns a metric of the model; 0 if it was not measured.
 double Metric(const v1::Model& model, const std::string& name) {
   const auto found = model.metrics().find(name);
   return found == model.metrics().end() ? 0 : found->second;
+}
+
+// Returns the score of a view; null if the view does not show the product.
+const ViewScore* Find(const ProductScore& score, const std::string& view) {
+  for (const ViewScore& candidate : score.views) {
+    if (candidate.view == view) return &candidate;
+  }
+  return nullptr;
+}
+
+// Writes PRODUCT-STEM.png.
+absl::Status WriteProduct(const fs::path& folder, const DemoView& view, const Picture& render,
+                          const ProductScore& score, Rgb color) {
+  const ViewScore* found = Find(score, view.name);
+  if (found == nullptr) return absl::OkStatus();
+  Picture photo = view.photo;
+  DrawOutline(photo, view.TruthOf(score.product.label), kWhite);
+  if (found->clicked) DrawClick(photo, score.scores.click_x(), score.scores.click_y(), color);
+  Picture overlay = view.photo;
+  DrawMask(overlay, found->mask, color);
+  const std::string name = absl::StrReplaceAll(score.product.name, {{"_", " "}});
+  const std::array<Panel, 3> panels = {
+      {{found->clicked ? "photo, the click, label in white" : "photo, label in white", photo},
+       {"rendering of a view not trained on", render},
+       {absl::StrFormat("%s: IoU %.2f", name, found->iou), overlay}}};
+  const std::string file = absl::StrCat(score.product.name, "-", Stem(view.name), ".png");
+  return WritePng(folder / file, SideBySide(panels));
+}
+
+// Writes overview-STEM.png.
+absl::Status WriteOverview(const fs::path& folder, const DemoView& view, const Picture& render,
+                           const DemoResult& result) {
+  Picture overlay = view.photo;
+  const std::vector<ProductScore>& products = result.scores.products;
+  for (size_t i = 0; i < products.size(); ++i) {
+    const ViewScore* found = Find(products[i], view.name);
+    if (found == nullptr) continue;
+    DrawMask(overlay, found->mask, kColors[i % kColors.size()]);
+    if (found->clicked) {
+      DrawClick(overlay, products[i].scores.click_x(), products[i].scores.click_y(), kWhite);
+    }
+  }
+  const std::array<Panel, 3> panels = {{{"photo", view.photo},
+                                        {"rendering of a view not trained on", render},
+                                        {"masks of one click each", overlay}}};
+  return WritePng(folder / absl::StrCat("overview-", Stem(view.name), ".png"), SideBySide(panels));
 }
 
 }  // namespace
@@ -86,7 +144,7 @@ std::string ReportJson(const DemoResult& result) {
   report["mean_iou_chosen_on_clicked_view"] = evaluation.chosen().iou();
   report["mean_boundary_iou_chosen_on_clicked_view"] = evaluation.chosen().boundary_iou();
   report["mean_iou_oracle"] = evaluation.oracle().iou();
-  report["question"] = {{"scale", result.question.scale}, {"threshold", result.question.threshold}};
+  report["question"] = {{"scale", result.fixed.scale}, {"threshold", result.fixed.threshold}};
   report["products"] = Json::array();
   for (const ProductScore& score : result.scores.products) {
     report["products"].push_back(ProductJson(score));
@@ -103,7 +161,7 @@ std::string ReportText(const DemoResult& result) {
       "\nheld-out views: PSNR %.2f dB, SSIM %.3f, %d Gaussians\n"
       "one click per product, scale %.2f, threshold %.2f:\n",
       Metric(result.model, "psnr"), Metric(result.model, "ssim"), result.model.num_gaussians(),
-      result.question.scale, result.question.threshold);
+      result.fixed.scale, result.fixed.threshold);
   for (const ProductScore& score : result.scores.products) {
     absl::StrAppendFormat(&text, "  %-28s IoU %.3f  (", score.product.name, score.mean_iou);
     for (const ViewScore& view : score.views) {
@@ -121,6 +179,20 @@ std::string ReportText(const DemoResult& result) {
     absl::StrAppendFormat(&text, "  %s %.1f", stage, seconds);
   }
   return text;
+}
+
+absl::Status WritePictures(const fs::path& folder, const Client& client,
+                           const std::vector<DemoView>& views, const DemoResult& result) {
+  for (const DemoView& view : views) {
+    ASSIGN_OR_RETURN(const Picture rendered, RenderView(client, result.model.name(), view.name));
+    const Picture render = Resized(rendered, view.photo.width, view.photo.height);
+    RETURN_IF_ERROR(WriteOverview(folder, view, render, result));
+    const std::vector<ProductScore>& products = result.scores.products;
+    for (size_t i = 0; i < products.size(); ++i) {
+      RETURN_IF_ERROR(WriteProduct(folder, view, render, products[i], kColors[i % kColors.size()]));
+    }
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace pepeseg::client::cli

@@ -12,23 +12,29 @@
 
 namespace pepeseg::client::cli {
 
+// All that `pepeseg demo` has measured.
 struct DemoResult {
   v1::Job job;
   v1::Model model;
-  std::map<std::string, double> stage_seconds;  // "upload", the job's stages, "train", "questions"
-  FixedQuestion question;
+  // Wall time, seconds: "upload", each stage of the job, "train" (the whole job) and "questions"
+  // (all queries).
+  std::map<std::string, double> stage_seconds;
+  FixedGranularity fixed;
   DemoScores scores;
 
-  double MeanIou() const;  // over products, at the fixed question, the clicked view too
+  // Returns the mean over the products of their mean IoU at the fixed granularity, clicked view
+  // included.
+  double MeanIou() const;
 };
 
-// As report.json has it.
+// Returns the text of report.json.
 std::string ReportJson(const DemoResult& result);
-// For a person.
+
+// Returns the report for a person.
 std::string ReportText(const DemoResult& result);
 
-// Per product and view: photo with label and click | rendering | mask over the photo; and one
-// sheet a view with all products.
+// Writes to `folder`, for each view, overview-STEM.png with all products, and PRODUCT-STEM.png for
+// each product that it shows: photograph with label and click, rendering, mask over the photograph.
 absl::Status WritePictures(const std::filesystem::path& folder, const Client& client,
                            const std::vector<DemoView>& views, const DemoResult& result);
 

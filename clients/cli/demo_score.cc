@@ -1,20 +1,38 @@
 #include "clients/cli/demo_score.h"
 
 #include <algorithm>
-#include <chrono>
+#include <array>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "clients/cli/evaluation.h"
-#include "clients/cli/questions.h"
+#include "clients/cli/progress_line.h"
+#include "clients/cli/view_picture.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {
 namespace {
 
-v1::EvaluateRequest EvaluateRequestOf(const std::string& model, const std::vector<DemoView>& views,
-                                      std::span<const Product> products,
-                                      const FixedQuestion& fixed) {
+namespace fs = std::filesystem;
+
+// Reads the photograph and the ground truth of a view.
+absl::StatusOr<DemoView> ReadView(const fs::path& data, const v1::View& view) {
+  const auto [width, height] = PhotographSize(view);
+  DemoView result;
+  result.name = view.view();
+  ASSIGN_OR_RETURN(const Picture photo, ReadPicture(data / "images" / view.view()));
+  result.photo = Resized(photo, width, height);
+  const fs::path label_file = fs::path(view.view()).replace_extension(".png");
+  ASSIGN_OR_RETURN(const GreyPicture labels, ReadGreyPicture(data / "labels" / label_file));
+  result.labels = Resized(labels, width, height);
+  ASSIGN_OR_RETURN(const GreyPicture ignore, ReadGreyPicture(data / "ignore_mask.png"));
+  result.ignore = Resized(ignore, width, height).pixels;
+  return result;
+}
+
+// Returns a request that scores the products by one click each, and at the fixed granularity.
+v1::EvaluateRequest ProductsRequest(const std::string& model, const std::vector<DemoView>& views,
+                                    std::span<const Product> products,
+                                    const FixedGranularity& fixed) {
   v1::EvaluateRequest request;
   request.set_model(model);
   for (const DemoView& view : views) {
@@ -31,10 +49,10 @@ v1::EvaluateRequest EvaluateRequestOf(const std::string& model, const std::vecto
   return request;
 }
 
-// The masks behind the scores at the fixed question, one a view of the entity.
-absl::StatusOr<std::vector<Mask>> AskMasks(const Client& client, const std::string& model,
-                                           const v1::EvaluateResponse::Entity& entity,
-                                           const FixedQuestion& fixed) {
+// Segments the entity at the fixed granularity, and returns the mask of each of its views.
+absl::StatusOr<std::vector<Mask>> SegmentViews(const Client& client, const std::string& model,
+                                               const v1::EvaluateResponse::Entity& entity,
+                                               const FixedGranularity& fixed) {
   v1::SegmentRequest request;
   request.set_model(model);
   request.mutable_prompt()->mutable_view()->set_view(entity.views(0).view());
@@ -46,7 +64,8 @@ absl::StatusOr<std::vector<Mask>> AskMasks(const Client& client, const std::stri
   for (const auto& view : entity.views()) request.mutable_targets()->add_views(view.view());
   request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
   ASSIGN_OR_RETURN(const v1::SegmentResponse answer, client.Segment(request));
-  if (answer.masks_size() != entity.views_size()) return absl::InternalError("a mask is missing");
+  if (answer.masks_size() != entity.views_size())
+    return absl::InternalError("the server's answer lacks a mask");
   std::vector<Mask> masks;
   for (const auto& view_mask : answer.masks()) {
     ASSIGN_OR_RETURN(Mask mask, DecodeRle(view_mask.rle()));
@@ -55,33 +74,35 @@ absl::StatusOr<std::vector<Mask>> AskMasks(const Client& client, const std::stri
   return masks;
 }
 
-// Pixels of a photograph.
+// Returns the number of pixels of a view.
 size_t SizeOf(const std::vector<DemoView>& views, const std::string& name) {
   const auto found = std::find_if(views.begin(), views.end(),
                                   [&](const DemoView& view) { return view.name == name; });
   return found == views.end() ? 0 : found->labels.pixels.size();
 }
 
+// Returns the scores of one product, with its masks at the fixed granularity. `entity` has the
+// scores by the protocol; its first view is the clicked one.
 absl::StatusOr<ProductScore> ScoreProduct(const Client& client, const std::string& model,
                                           const std::vector<DemoView>& views,
                                           const v1::EvaluateResponse::Entity& entity,
-                                          const FixedQuestion& fixed) {
+                                          const FixedGranularity& fixed) {
   ProductScore score;
   score.product = {entity.id(), entity.name()};
   score.scores = entity;
   std::vector<Mask> masks;
-  if (entity.missing()) {  // there is nothing to ask
+  if (entity.missing()) {  // nothing is under the click: the masks are empty
     for (const auto& view : entity.views()) masks.emplace_back(SizeOf(views, view.view()));
   } else {
-    const auto start = std::chrono::steady_clock::now();
-    ASSIGN_OR_RETURN(masks, AskMasks(client, model, entity, fixed));
-    score.query_seconds =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    const Stopwatch watch;
+    ASSIGN_OR_RETURN(masks, SegmentViews(client, model, entity, fixed));
+    score.query_seconds = watch.Seconds();
   }
   for (int v = 0; v < entity.views_size(); ++v) {
     const std::string& name = entity.views(v).view();
     if (masks[v].size() != SizeOf(views, name)) {
-      return absl::InternalError(absl::StrCat("the mask of ", name, " is not of its size"));
+      return absl::InternalError(absl::StrCat("the mask of ", name, " has ", masks[v].size(),
+                                              " pixels, not ", SizeOf(views, name)));
     }
     const double iou = entity.views(v).fixed_iou(0);
     score.mean_iou += iou / entity.views_size();
@@ -92,13 +113,42 @@ absl::StatusOr<ProductScore> ScoreProduct(const Client& client, const std::strin
 
 }  // namespace
 
+Mask DemoView::TruthOf(int label) const {
+  Mask mask;
+  mask.reserve(labels.pixels.size());
+  for (const uint8_t value : labels.pixels) mask.push_back(value == label ? 1 : 0);
+  return mask;
+}
+
+std::span<const Product> DemoProducts() {
+  static const std::array<Product, 4> products = {{{48, "creativity_chenille_stems"},
+                                                   {114, "i_am_a_bunny_book"},
+                                                   {132, "kleenex_tissue_box"},
+                                                   {144, "laugh_out_loud_joke_book"}}};
+  return products;
+}
+
+absl::StatusOr<std::vector<DemoView>> ReadHeldOut(const fs::path& data,
+                                                  const std::vector<v1::View>& views) {
+  std::vector<DemoView> held_out;
+  for (const v1::View& view : views) {
+    if (!view.held_out()) continue;
+    ASSIGN_OR_RETURN(DemoView read, ReadView(data, view));
+    held_out.push_back(std::move(read));
+  }
+  if (held_out.empty()) {
+    return absl::InvalidArgumentError("the model has no held-out view to score");
+  }
+  return held_out;
+}
+
 absl::StatusOr<DemoScores> ScoreProducts(const Client& client, const std::string& model,
                                          const std::vector<DemoView>& views,
                                          std::span<const Product> products,
-                                         const FixedQuestion& fixed) {
+                                         const FixedGranularity& fixed) {
   DemoScores scores;
   ASSIGN_OR_RETURN(scores.evaluation,
-                   client.Evaluate(EvaluateRequestOf(model, views, products, fixed)));
+                   client.Evaluate(ProductsRequest(model, views, products, fixed)));
   for (const Product& product : products) {
     const auto& entities = scores.evaluation.entities();
     const auto entity = std::find_if(entities.begin(), entities.end(), [&](const auto& candidate) {

@@ -1,20 +1,47 @@
 #pragma once
 
+#include <filesystem>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "clients/cli/demo_scene.h"
+#include "clients/cli/picture.h"
 #include "clients/cpp/client.h"
+#include "clients/cpp/mask.h"
 #include "pepeseg/v1/evaluation.pb.h"
+#include "pepeseg/v1/scene_service.pb.h"
 
+// The scene of `pepeseg demo`, and the scores of a model of it.
 namespace pepeseg::client::cli {
 
-// One scale and threshold for all products.
-struct FixedQuestion {
-  double scale = 0;      // quantile
-  double threshold = 0;  // cosine
+// A held-out view with its ground truth, all of it of the photograph's size.
+struct DemoView {
+  std::string name;
+  Picture photo;
+  GreyPicture labels;  // Product::label of each pixel; 0: none of the products
+  Mask ignore;         // pixels that are not 0 are not scored
+
+  // Returns the mask of a label.
+  Mask TruthOf(int label) const;
+};
+
+struct Product {
+  int label = 0;  // value in labels/*.png
+  std::string name;
+};
+// Returns the four products of the scene that ships with pepeseg.
+std::span<const Product> DemoProducts();
+
+// Reads the held-out views among `views` from images/, labels/ and ignore_mask.png of the folder
+// `data`. INVALID_ARGUMENT: no view is held out.
+absl::StatusOr<std::vector<DemoView>> ReadHeldOut(const std::filesystem::path& data,
+                                                  const std::vector<v1::View>& views);
+
+// The scale and threshold at which all products are segmented.
+struct FixedGranularity {
+  double scale = 0;      // quantile, [0, 1]
+  double threshold = 0;  // cosine, [-1, 1]
 };
 
 struct ViewScore {
@@ -24,13 +51,13 @@ struct ViewScore {
   Mask mask;
 };
 
-// A product by the one-click protocol, and what the fixed question answers.
+// Scores of a product: by the one-click protocol, and at the fixed granularity.
 struct ProductScore {
   Product product;
-  v1::EvaluateResponse::Entity scores;
-  std::vector<ViewScore> views;  // held out and showing the product; at the fixed question
+  v1::EvaluateResponse::Entity scores;  // by the protocol
+  std::vector<ViewScore> views;  // held-out views that show the product, at the fixed granularity
   double mean_iou = 0;           // of `views`
-  double query_seconds = 0;      // the fixed question, as the client sees it
+  double query_seconds = 0;      // wall time of the Segment call; 0: there was nothing to click on
 };
 
 struct DemoScores {
@@ -38,10 +65,10 @@ struct DemoScores {
   std::vector<ProductScore> products;
 };
 
-// A product that fewer than two held-out views show is an error: the scene has all.
+// Scores a model. INVALID_ARGUMENT: fewer than two of the held-out views show a product.
 absl::StatusOr<DemoScores> ScoreProducts(const Client& client, const std::string& model,
                                          const std::vector<DemoView>& views,
                                          std::span<const Product> products,
-                                         const FixedQuestion& fixed);
+                                         const FixedGranularity& fixed);
 
 }  // namespace pepeseg::client::cli

@@ -1,13 +1,18 @@
-// The verb that scores a model against label images.
+// The verb "evaluate": scores a model against label images.
+#include "clients/cli/evaluate.h"
+
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "clients/cli/evaluation.h"
-#include "clients/cli/pixel_frame.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
+#include "clients/cpp/client.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
@@ -17,17 +22,20 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr size_t kNameColumns = 40;  // longest name of an entity in the table
+
 struct EvaluateFlags {
   std::string scene;
-  std::string folder;
-  std::string ignore;
-  std::string names;
+  std::string folder;  // of label images
+  std::string ignore;  // a PNG; empty: none
+  std::string names;   // a JSON file; empty: none
   std::string model = "live";
   double threshold = -2;                              // below -1: the server's default
   v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH;  // of the label images and the ignore mask
 };
 
-// FOLDER/STEM.png of every held-out view that has one; the names of the others.
+// Adds FOLDER/STEM.png of every held-out view that has one, and returns the file names of the
+// others. NOT_FOUND: no held-out view has a label image.
 absl::StatusOr<std::vector<std::string>> AddLabels(const EvaluateFlags& flags,
                                                    const std::vector<v1::View>& views,
                                                    v1::EvaluateRequest& request) {
@@ -50,14 +58,15 @@ absl::StatusOr<std::vector<std::string>> AddLabels(const EvaluateFlags& flags,
     labels.set_ignore_png(ignore);
   }
   if (request.labels().empty()) {
-    const std::string wanted = without.empty() ? "no view is held out" : "no " + without.front();
-    return LocalFileMissing(absl::StrCat(
-        flags.folder, " has no label image of a held-out view: ", wanted, " or the like"));
+    const std::string reason =
+        without.empty() ? "the model has no held-out view" : "expected " + without.front();
+    return LocalFileMissing(
+        absl::StrCat(flags.folder, " has no label image of a held-out view: ", reason));
   }
   return without;
 }
 
-// ["none", "apple", ...] by id, or {"7": "apple", ...}.
+// Reads the names of entities: ["none", "apple", ...] by id, or {"7": "apple", ...}.
 absl::Status AddNames(const std::string& file, v1::EvaluateRequest& request) {
   ASSIGN_OR_RETURN(const std::string text, ReadFile(file));
   const auto json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
@@ -65,13 +74,14 @@ absl::Status AddNames(const std::string& file, v1::EvaluateRequest& request) {
   for (const auto& [key, name] : json.items()) {
     int id = index++;
     if (!name.is_string() || (json.is_object() && !absl::SimpleAtoi(key, &id))) {
-      return absl::InvalidArgumentError(absl::StrCat(file, ": names by id are wanted; at ", key));
+      return absl::InvalidArgumentError(
+          absl::StrCat(file, ": the entry at ", key, " is not the name of an id"));
     }
     (*request.mutable_entity_names())[id] = name.get<std::string>();
   }
   if (index > 0) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      absl::StrCat(file, ": neither a JSON array of names nor an object of them by id"));
+      absl::StrCat(file, ": expected a JSON array of names, or an object of names by id"));
 }
 
 absl::Status RunEvaluate(const Shell& shell, const EvaluateFlags& flags) {
@@ -87,7 +97,8 @@ absl::Status RunEvaluate(const Shell& shell, const EvaluateFlags& flags) {
   ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(request.model()));
   ASSIGN_OR_RETURN(const std::vector<std::string> without, AddLabels(flags, views, request));
   if (!without.empty()) {
-    Note(absl::StrCat(without.size(), " held-out views have no labels, as ", without.front()));
+    Note(absl::StrCat(without.size(), " held-out views have no label image, such as ",
+                      without.front()));
   }
   ASSIGN_OR_RETURN(const v1::EvaluateResponse answer, client.Evaluate(request));
   if (shell.json) {
@@ -99,20 +110,67 @@ absl::Status RunEvaluate(const Shell& shell, const EvaluateFlags& flags) {
   return absl::OkStatus();
 }
 
+// Returns "48 chenille stems".
+std::string NameOf(const v1::EvaluateResponse::Entity& entity) {
+  std::string name = absl::StrCat(entity.id());
+  if (!entity.name().empty()) absl::StrAppend(&name, " ", entity.name());
+  return name.substr(0, kNameColumns);
+}
+
+std::string EntityRow(const v1::EvaluateResponse::Entity& entity, int columns) {
+  std::string row =
+      absl::StrFormat("%-*s  %5d  %5.3f  %5.3f", columns, NameOf(entity), entity.views_size() - 1,
+                      entity.chosen().iou(), entity.chosen().boundary_iou());
+  if (entity.missing()) {
+    return absl::StrFormat("%s      -          -   %5.3f  nothing under the click", row,
+                           entity.oracle().iou());
+  }
+  return absl::StrFormat("%s  %5.2f  %9.2f   %5.3f", row, entity.chosen().scale_quantile(),
+                         entity.chosen().threshold(), entity.oracle().iou());
+}
+
 }  // namespace
+
+std::vector<std::string> EvaluationTable(const v1::EvaluateResponse& answer) {
+  const std::string last = absl::StrCat("mean of ", answer.entities_size());
+  size_t widest = last.size();
+  for (const auto& entity : answer.entities()) widest = std::max(widest, NameOf(entity).size());
+  const int columns = static_cast<int>(widest);
+  std::vector<std::string> rows = {
+      absl::StrFormat("%-*s  views    IoU   BIoU  scale  threshold  oracle", columns, "entity")};
+  for (const auto& entity : answer.entities()) rows.push_back(EntityRow(entity, columns));
+  rows.push_back(absl::StrFormat("%-*s         %5.3f  %5.3f                     %5.3f", columns,
+                                 last, answer.chosen().iou(), answer.chosen().boundary_iou(),
+                                 answer.oracle().iou()));
+  if (answer.left_out_size() > 0) {
+    rows.push_back(absl::StrCat("left out, in fewer than two held-out views: ",
+                                absl::StrJoin(answer.left_out(), ", ")));
+  }
+  std::string scales =
+      absl::StrFormat("fixed scale, threshold %.2f", answer.options().fixed_threshold());
+  std::string means = absl::StrFormat("%-*s", static_cast<int>(scales.size()), "mean IoU");
+  for (int k = 0; k < answer.fixed_iou_size(); ++k) {
+    absl::StrAppendFormat(&scales, "  %5g", answer.options().fixed_scales(k));
+    absl::StrAppendFormat(&means, "  %5.3f", answer.fixed_iou(k));
+  }
+  rows.insert(rows.end(), {"", scales, means});
+  return rows;
+}
 
 void AddEvaluate(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<EvaluateFlags>();
-  CLI::App* verb = app.add_subcommand("evaluate", "Score one click an entity against label images");
+  CLI::App* verb =
+      app.add_subcommand("evaluate", "Score a model by one click per entity, against label images");
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
-  verb->add_option("LABELS_FOLDER", flags->folder,
-                   "Label images named as the photographs, STEM.png: grey, 8 or 16 bits, an id a "
-                   "pixel, 0 for none; those of views that were trained on are not read")
+  verb->add_option(
+          "LABELS_FOLDER", flags->folder,
+          "Label images STEM.png, named as the photographs: grey, 8 or 16 bits, the entity's "
+          "id in each pixel, 0 for none; only those of held-out views are read")
       ->required();
   verb->add_option("--ignore", flags->ignore,
-                   "A PNG for all views: pixels that are not 0 are not scored");
+                   "A grey PNG for all views: pixels that are not 0 are not scored");
   verb->add_option("--names", flags->names, "JSON file with the entities' names by id");
-  verb->add_option("--threshold", flags->threshold, "Cosine of the fixed scales")
+  verb->add_option("--threshold", flags->threshold, "Threshold (cosine) at the fixed scales")
       ->check(CLI::Range(-1.0, 1.0));
   verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
   AddFrameFlag(*verb, flags->frame);

@@ -1,57 +1,127 @@
 #include "clients/cli/failure.h"
 
+#include <unistd.h>
+
 #include <algorithm>
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <system_error>
 
 #include "absl/strings/cord.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "absl/types/optional.h"
-#include "clients/cli/intermediary_advice.h"
-#include "clients/cli/start_advice.h"
+#include "clients/cli/shell.h"
 #include "clients/cpp/answer_status.h"
+#include "clients/cpp/channel.h"
 #include "clients/cpp/file_bytes.h"
 
 namespace pepeseg::client::cli {
 namespace {
 
+namespace fs = std::filesystem;
+
 constexpr char kExitCodeUrl[] = "pepeseg.cli/exit_code";
 
+// Returns an error that carries its exit code as a payload.
 absl::Status WithExitCode(const std::string& message, ExitCode code) {
   absl::Status status = absl::AbortedError(message);
   status.SetPayload(kExitCodeUrl, absl::Cord(std::to_string(code)));
   return status;
 }
 
+constexpr char kProgram[] = "pepesegd";
+
+// Returns true if `path` is a file that this user may execute.
+bool IsProgram(const fs::path& path) {
+  std::error_code error;
+  return fs::is_regular_file(path, error) && access(path.c_str(), X_OK) == 0;
+}
+
+bool IsInPath() {
+  const char* path = std::getenv("PATH");
+  if (path == nullptr) return false;
+  for (const auto folder : absl::StrSplit(path, ':', absl::SkipEmpty())) {
+    if (IsProgram(fs::path(std::string(folder)) / kProgram)) return true;
+  }
+  return false;
+}
+
+// Returns a sentence that says how to get a server at address `server`. It has a command if
+// `server` is this machine, without TLS, and a server program is found.
+std::string StartAdvice(const std::string& server) {
+  constexpr char kElsewhere[] = "Name another one with --server host:port.";
+  std::error_code error;
+  const fs::path self = fs::read_symlink("/proc/self/exe", error);
+  const std::string command =
+      !error && server.find(':') != std::string::npos && IsThisMachine(server)
+          ? StartCommand(server, self.parent_path())
+          : "";
+  if (command.empty()) return kElsewhere;
+  return absl::StrCat("Start one with `", command,
+                      "`, or name another one with --server host:port.");
+}
+
+// Returns the remedy for a refused key, by ErrorDetail.reason; "" for another reason.
 std::string PermissionAdvice(const std::string& reason) {
   if (reason == "NO_KEY") {
-    return "Give one with --key-file FILE or in PEPESEG_KEY; who runs the server makes it with "
+    return "Give one with --key-file FILE or in PEPESEG_KEY; the server's operator makes keys with "
            "`pepesegd keys create`.";
   }
-  if (reason == "BAD_KEY") return "Ask who runs the server for another one.";
+  if (reason == "BAD_KEY") return "Ask the server's operator for another one.";
   if (reason == "MISSING_SCOPE")
-    return "Ask who runs the server for a key, or a token, that has it.";
+    return "Ask the server's operator for a key, or a token, that has it.";
   if (reason == "NOT_YOURS") {
-    return "It does not exist, or is another project's: see what the key opens with `pepeseg "
-           "scenes`.";
+    return "It does not exist, or is another project's: `pepeseg scenes` lists the scenes of this "
+           "key.";
   }
   return "";
 }
 
-// Says when to try again, if the server's error does.
+// Returns when to try again; "" if the server's error does not say.
 std::string RetryAdvice(const v1::ErrorDetail& detail) {
   if (!detail.has_retry_after()) return "";
   const int64_t seconds = std::max<int64_t>(detail.retry_after().seconds(), 1);
-  return absl::StrCat("The server answers, but not this now: try again in ", seconds, " s.");
+  return absl::StrCat("The server is running but cannot serve this now: try again in ", seconds,
+                      " s.");
 }
 
-// What to do next, by kind of failure; empty where the message says it all.
+// Returns the remedy for an error without an ErrorDetail, which comes from the gateway or a proxy
+// in front of the server (see FromGrpc); "" if none is known.
+std::string GatewayAdvice(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kUnauthenticated:
+      return "The gateway in front of the server refused the call. Give a valid key or token with "
+             "--key-file FILE or in PEPESEG_KEY; the gateway's operator issues them.";
+    case absl::StatusCode::kPermissionDenied:
+      return "The gateway in front of the server refused the call. Ask its operator what your key "
+             "or token permits.";
+    case absl::StatusCode::kResourceExhausted:
+      return "This is a limit on the way to the server, such as a gateway's. If it limits calls, "
+             "wait "
+             "a few seconds; the gateway's operator can raise it.";
+    case absl::StatusCode::kUnavailable:
+    case absl::StatusCode::kDeadlineExceeded:
+      if (!absl::StrContains(status.message(), "gateway") &&
+          !absl::StrContains(status.message(), "a proxy on the way")) {
+        return "";
+      }
+      return "The gateway or proxy in front of the server is running, but the server does not "
+             "answer: try again in a moment, then ask its operator.";
+    default:
+      return "";
+  }
+}
+
+// Returns the remedy; "" if the message says enough.
 std::string Advice(const absl::Status& status, const std::string& server) {
   if (IsLocalFileError(status)) return "";
   const std::optional<v1::ErrorDetail> detail = DetailOf(status);
   const std::string resource = detail ? detail->resource() : "";
   if (!detail) {
-    std::string advice = IntermediaryAdvice(status);
+    std::string advice = GatewayAdvice(status);
     if (!advice.empty()) return advice;
   }
   switch (ExitCodeOf(status)) {
@@ -63,14 +133,14 @@ std::string Advice(const absl::Status& status, const std::string& server) {
         return absl::StrCat("Follow the job with `pepeseg watch ", resource, "`.");
       }
       return status.code() == absl::StatusCode::kFailedPrecondition && resource.empty()
-                 ? "A scene answers once it is trained: `pepeseg train SCENE`."
+                 ? "Train the scene first: `pepeseg train SCENE`."
                  : "";
     case kNotFound:
-      return "See what there is with `pepeseg scenes` and `pepeseg jobs`.";
+      return "`pepeseg scenes` and `pepeseg jobs` list what exists.";
     case kNotPermitted:
       return PermissionAdvice(detail ? detail->reason() : "");
     case kCorrupt:
-      return "Bytes were damaged on the way or on the disk: run the command again.";
+      return "Bytes were damaged in transit or on the disk: run the command again.";
     default:
       return "";
   }
@@ -142,6 +212,19 @@ std::string ExplainJson(const absl::Status& status) {
   }
   return nlohmann::ordered_json{{"error", error}}.dump(
       -1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+std::string StartCommand(const std::string& server, const fs::path& folder) {
+  std::string command;
+  if (IsProgram(folder / kProgram)) {
+    command = Quoted((folder / kProgram).string());
+  } else if (IsInPath()) {
+    command = kProgram;
+  } else {
+    return "";
+  }
+  if (server != Shell().server) absl::StrAppend(&command, " --listen ", Quoted(server));
+  return command;
 }
 
 }  // namespace pepeseg::client::cli

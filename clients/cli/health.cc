@@ -1,4 +1,4 @@
-// Whether a server serves, as gateways and orchestrators ask it: the standard grpc.health.v1.
+// The verb "health": asks the standard service grpc.health.v1, as gateways and orchestrators do.
 #include <google/protobuf/wrappers.pb.h>
 #include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/support/byte_buffer.h>
@@ -17,15 +17,17 @@
 namespace pepeseg::client::cli {
 namespace {
 
-constexpr double kAnswerSeconds = 5;
-constexpr int kServing = 1;  // of HealthCheckResponse.ServingStatus
+constexpr double kAnswerSeconds = 5;  // deadline of the call
+constexpr int kServing = 1;           // HealthCheckResponse.ServingStatus.SERVING
 
-// Debian has no stubs of the health service. On the wire HealthCheckRequest is a StringValue, and
-// HealthCheckResponse an Int32Value: one field each, number 1.
+// Returns the ServingStatus of a service, or of the whole server for "".
+//
+// Debian has no stubs of the health service, so the call is generic. On the wire HealthCheckRequest
+// is a StringValue and HealthCheckResponse an Int32Value: each has one field, number 1.
 absl::StatusOr<int> AskHealth(const Shell& shell, const std::string& service) {
-  google::protobuf::StringValue question;
-  question.set_value(service);
-  const grpc::Slice bytes(question.SerializeAsString());
+  google::protobuf::StringValue message;
+  message.set_value(service);
+  const grpc::Slice bytes(message.SerializeAsString());
   const grpc::ByteBuffer request(&bytes, 1);
   grpc::ByteBuffer response;
   Call call("", kAnswerSeconds);
@@ -38,11 +40,12 @@ absl::StatusOr<int> AskHealth(const Shell& shell, const std::string& service) {
   google::protobuf::Int32Value status;
   if (!response.DumpToSingleSlice(&answer).ok() ||
       !status.ParseFromArray(answer.begin(), static_cast<int>(answer.size()))) {
-    return absl::InternalError("the server's answer is none of grpc.health.v1");
+    return absl::InternalError("the server's answer is not one of grpc.health.v1");
   }
   return status.value();
 }
 
+// `alive`: any answer is a success, whatever its status.
 absl::Status RunHealth(const Shell& shell, const std::string& service, bool alive) {
   ASSIGN_OR_RETURN(const int status, AskHealth(shell, service));
   const std::string name = service.empty() ? "the server" : service;
@@ -54,8 +57,8 @@ absl::Status RunHealth(const Shell& shell, const std::string& service, bool aliv
   }
   if (status != kServing) {
     return absl::UnavailableError(absl::StrCat(name,
-                                               " does not serve: it is stopping, drained, or "
-                                               "what it needs does not work"));
+                                               " does not serve: it is shutting down or drained, "
+                                               "or something that it depends on has failed"));
   }
   Print(shell.json ? R"({"serving":true})" : absl::StrCat(name, " serves"));
   return absl::OkStatus();
@@ -65,12 +68,14 @@ absl::Status RunHealth(const Shell& shell, const std::string& service, bool aliv
 
 void AddHealth(CLI::App& app, Shell& shell) {
   const auto service = std::make_shared<std::string>();
-  CLI::App* verb = app.add_subcommand("health", "Tell whether the server serves; 5 if it does not");
+  CLI::App* verb =
+      app.add_subcommand("health", "Check that the server serves; exit code 5 if it does not");
   verb->add_option("SERVICE", *service,
-                   "One of its services, as pepeseg.v1.JobService; without it the whole");
+                   "A service, such as pepeseg.v1.JobService; by default the whole server");
   const auto alive = std::make_shared<bool>(false);
-  verb->add_flag("--alive", *alive,
-                 "Only whether it answers new connections, whatever it says: for what restarts it");
+  verb->add_flag(
+      "--alive", *alive,
+      "Check only that the server answers, whether it serves or not; for liveness probes");
   verb->callback([service, alive, &shell] {
     shell.verb = [service, alive, &shell] { return RunHealth(shell, *service, *alive); };
   });

@@ -1,12 +1,10 @@
-// Verbs about names for masks: label, labels.
+// The verbs "label" and "labels": names for the masks of views.
 #include <memory>
 #include <string>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/failure.h"
-#include "clients/cli/prompt.h"
-#include "clients/cli/questions.h"
+#include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/file_bytes.h"
@@ -20,20 +18,21 @@ struct LabelFlags {
   GranularityFlags granularity;
   std::string id;
   std::string text;
-  std::string mask;  // a file; empty: what the points mean
+  std::string mask;  // a PNG; empty: the mask is segmented from the points
 };
 
 struct LabelsFlags {
   std::string scene;
-  std::string remove;  // id of a label; empty: list them
+  std::string remove;  // id of the label to delete; empty: list all
 };
 
+// Returns the name, view, area and text of a label.
 std::string LabelLine(const v1::Label& label) {
   return absl::StrFormat("%-36s %s  %d px  %s", label.name(), label.view(), label.area(),
                          label.text());
 }
 
-// The mask in the file, or of what the points mean in their view.
+// Returns the mask in the file, or the one that the points mean in their view.
 absl::StatusOr<v1::MaskImage> FindMask(const Client& client, const LabelFlags& flags) {
   v1::MaskImage mask;
   if (!flags.mask.empty()) {
@@ -46,7 +45,7 @@ absl::StatusOr<v1::MaskImage> FindMask(const Client& client, const LabelFlags& f
   *request.mutable_granularity() = ToGranularity(flags.granularity);
   request.set_frame(flags.prompt.frame);
   ASSIGN_OR_RETURN(const v1::SegmentResponse answer, client.Segment(request));
-  if (answer.masks_size() != 1) return absl::InternalError("no mask was answered");
+  if (answer.masks_size() != 1) return absl::InternalError("the server's answer has no mask");
   *mask.mutable_rle() = answer.masks(0).rle();
   return mask;
 }
@@ -86,15 +85,18 @@ absl::Status RunLabels(const Shell& shell, const LabelsFlags& flags) {
 
 void AddLabel(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<LabelFlags>();
-  CLI::App* verb = app.add_subcommand("label", "Name what a mask of a view shows");
+  CLI::App* verb = app.add_subcommand("label", "Give a name to what a mask of a view shows");
   AddPromptFlags(*verb, flags->prompt);
-  verb->add_option("ID", flags->id, "Of the label: a-z, 0-9 and '-'")->required();
+  verb->add_option("ID", flags->id, "Id of the label: letters, digits, '_', '.' and '-'")
+      ->required();
   AddGranularityFlags(*verb, flags->granularity);
+  // Either --point or --mask is required: the callback checks that.
   CLI::Option* point = verb->get_option("--point")->required(false);
   CLI::Option* mask =
-      verb->add_option("--mask", flags->mask, "A grey PNG of the frame's size, 0 outside, instead")
+      verb->add_option("--mask", flags->mask,
+                       "Instead of points: a grey PNG of the frame's size, 0 outside the object")
           ->excludes(point);
-  verb->add_option("--text", flags->text, "What it says; the id by default");
+  verb->add_option("--text", flags->text, "Text of the label; by default the id");
   verb->callback([flags, &shell, point, mask] {
     if (point->empty() && mask->empty()) throw CLI::RequiredError("--point or --mask");
     shell.verb = [&, flags] { return RunLabel(shell, *flags); };
@@ -105,7 +107,7 @@ void AddLabels(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<LabelsFlags>();
   CLI::App* verb = app.add_subcommand("labels", "List a scene's labels, or delete one");
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
-  verb->add_option("--delete", flags->remove, "Delete the label of this id");
+  verb->add_option("--delete", flags->remove, "Delete the label with this id");
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunLabels(shell, *flags); }; });
 }
 

@@ -1,4 +1,4 @@
-// pepeseg: the command line of a pepeseg server.
+// pepeseg: the command-line client of a pepeseg server.
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -11,7 +11,7 @@
 
 #include "clients/cli/failure.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/suggestion.h"
+#include "clients/cli/verb_options.h"
 
 namespace {
 
@@ -22,17 +22,18 @@ constexpr char kFooter[] = R"(Exit codes:
   3 not found          4 value or file refused  5 no server answers
   6 not now: it exists, a training is running, or there is no model yet
   7 the job failed     8 the job was cancelled  9 a limit of the server
- 10 not permitted     11 corrupt bytes        130 interrupted; a job goes on
+ 10 not permitted     11 corrupt bytes        130 interrupted; a job continues
 
-`pepeseg VERB --help` tells a verb's options.)";
+`pepeseg VERB --help` lists the options of a verb.)";
 
-// Only calls that are safe in a signal handler.
+// Ends the program; it calls only what is safe in a signal handler.
 void LeaveOnInterrupt(int /*signal*/) {
-  constexpr std::string_view kLine = "\ninterrupted; a job that runs goes on: see `pepeseg jobs`\n";
+  constexpr std::string_view kLine = "\ninterrupted; a running job continues: see `pepeseg jobs`\n";
   [[maybe_unused]] const ssize_t written = write(STDERR_FILENO, kLine.data(), kLine.size());
   _exit(pepeseg::client::cli::kInterrupted);
 }
 
+// Adds the verbs in the order in which --help lists them.
 void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::client::cli::AddScenes(app, shell);
   pepeseg::client::cli::AddModels(app, shell);
@@ -65,26 +66,29 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::client::cli::AddCompletion(app, shell);
 }
 
+// Adds the options for the connection, which all verbs share.
 void AddLogin(CLI::App& app, pepeseg::client::Login& login) {
   app.add_option("--key-file", login.key_file,
-                 "File with the key, or the token (JWT), that the server or the gateway before it "
-                 "asks for; else it is taken from PEPESEG_KEY")
+                 "File with the API key, or the token (JWT), that the server or its gateway "
+                 "demands; by default the value of PEPESEG_KEY")
       ->type_name("FILE");
-  app.add_flag("--tls", login.tls, "Speak to the server encrypted, as with https://");
+  app.add_flag("--tls", login.tls, "Encrypt the connection, as with https://");
   app.add_option("--ca", login.ca,
-                 "PEM: who may have signed the server's certificate; without it who the system "
-                 "trusts")
+                 "PEM with the authorities trusted to sign the server's certificate; by default "
+                 "those of the system")
       ->envname("PEPESEG_CA")
       ->type_name("FILE");
-  app.add_option("--certificate", login.certificate, "PEM: this client's, if the server wants one")
+  app.add_option("--certificate", login.certificate,
+                 "PEM with the certificate of this client, if the server demands one")
       ->envname("PEPESEG_CERTIFICATE")
       ->type_name("FILE");
-  app.add_option("--certificate-key", login.certificate_key, "Its private key, PEM")
+  app.add_option("--certificate-key", login.certificate_key,
+                 "PEM with the private key of --certificate")
       ->envname("PEPESEG_CERTIFICATE_KEY")
       ->type_name("FILE");
 }
 
-// What the verb that was chosen comes to.
+// Opens the channel and runs the chosen verb.
 absl::Status RunVerb(Shell& shell) {
   auto channel = pepeseg::client::OpenChannel(shell.server, shell.login);
   if (!channel.ok()) return channel.status();
@@ -92,19 +96,20 @@ absl::Status RunVerb(Shell& shell) {
   return shell.verb();
 }
 
+// Parses the command line, runs the verb, and returns the exit code.
 int Run(int argc, char** argv) {
   Shell shell;
   if (argc > 0 && argv[0] != nullptr) shell.program = argv[0];
   CLI::App app("Scenes from photographs, segments from clicks", "pepeseg");
   app.footer(kFooter);
   app.require_subcommand(1);
-  app.fallthrough();
-  app.add_option("--server", shell.server, "Where the server listens, [https://]host:port")
+  app.fallthrough();  // options of the program may follow the verb
+  app.add_option("--server", shell.server, "Address of the server, [https://]host:port")
       ->envname("PEPESEG_SERVER")
       ->capture_default_str();
   AddLogin(app, shell.login);
-  app.add_flag("--json", shell.json, "Answer in JSON, one document a line, for scripts");
-  app.set_version_flag("--version", "pepeseg " PEPESEG_VERSION, "Print the version and leave");
+  app.add_flag("--json", shell.json, "Print JSON, one document a line, for scripts");
+  app.set_version_flag("--version", "pepeseg " PEPESEG_VERSION, "Print the version and exit");
   AddVerbs(app, shell);
   try {
     app.parse(argc, argv);
@@ -129,7 +134,7 @@ int main(int argc, char** argv) {
   std::signal(SIGINT, LeaveOnInterrupt);
   try {
     return Run(argc, argv);
-  } catch (const std::exception& error) {  // of the parser's set-up, or no memory
+  } catch (const std::exception& error) {  // thrown while the parser is set up, or out of memory
     std::fprintf(stderr, "pepeseg: %s\n", error.what());
     return pepeseg::client::cli::kUnexpected;
   }

@@ -1,11 +1,10 @@
-// The verb that lists a scene's models, or deletes one.
+// The verb "models": lists the models of a scene, describes or deletes one.
 #include <memory>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
-#include "clients/cli/failure.h"
-#include "clients/cli/model_sources.h"
+#include "clients/cli/model_summary.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/text_table.h"
 #include "clients/cpp/client.h"
@@ -17,10 +16,11 @@ namespace {
 
 struct ModelsFlags {
   std::string scene;
-  int number = 0;  // 0: list them
-  bool remove = false;
+  int number = 0;       // of a model; 0: list all
+  bool remove = false;  // delete the model
 };
 
+// Returns "3" for "scenes/shelf/models/3".
 std::string NumberOf(const std::string& name) { return name.substr(name.rfind('/') + 1); }
 
 TableRow RowOf(const v1::Model& model, absl::Time now) {
@@ -35,6 +35,7 @@ TableRow RowOf(const v1::Model& model, absl::Time now) {
           SourcesText(model)};
 }
 
+// Prints a table of the models of a scene.
 absl::Status ListModels(const Shell& shell, const Client& client, const std::string& scene) {
   ASSIGN_OR_RETURN(const v1::ListModelsResponse all, client.ListModels(scene));
   if (shell.json) {
@@ -48,6 +49,7 @@ absl::Status ListModels(const Shell& shell, const Client& client, const std::str
   return absl::OkStatus();
 }
 
+// Prints a model with its sources, metrics and advice.
 absl::Status DescribeModel(const Shell& shell, const Client& client, const std::string& name) {
   ASSIGN_OR_RETURN(const v1::Model model, client.GetModel(name));
   if (shell.json) {
@@ -80,9 +82,9 @@ void AddModels(CLI::App& app, Shell& shell) {
       app.add_subcommand("models", "List a scene's models, newest first; describe or delete one");
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
   CLI::Option* number =
-      verb->add_option("NUMBER", flags->number, "Of a model")->check(CLI::PositiveNumber);
+      verb->add_option("NUMBER", flags->number, "Number of a model")->check(CLI::PositiveNumber);
   verb->add_flag("--delete", flags->remove,
-                 "Delete it with its selections; the one before it is live then")
+                 "Delete the model with its selections; the model before it becomes the live one")
       ->needs(number);
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunModels(shell, *flags); }; });
 }

@@ -10,6 +10,7 @@
 namespace pepeseg::client::cli {
 namespace {
 
+// Ranges "0 to 1" are inclusive. option_table_test.cc compares every row with the server.
 constexpr OptionRow kRows[] = {
     {"import.image_scale", "1", "0 to 1"},
     {"import.held_out_every", "8", "0, or 2 or more"},
@@ -87,7 +88,8 @@ constexpr OptionRow kRows[] = {
     {"preset", "standard", ""},
 };
 
-// UNSPECIFIED is a value only where it is the default: the server decides.
+// Returns the values of an enum option. "unspecified" is one of them only if it is the default: the
+// server then decides.
 std::vector<std::string> ValuesOf(const OptionRow& row) {
   std::vector<std::string> values = ValueNames(row.name, v1::TrainingOptions());
   if (row.default_value != std::string("unspecified")) std::erase(values, "unspecified");

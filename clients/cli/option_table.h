@@ -6,17 +6,18 @@
 
 namespace pepeseg::client::cli {
 
-// An option of a training as people are shown it. The server decides: a test holds both together.
+// An option of a training as --list-options shows it, without asking a server. A test compares the
+// table with the defaults and ranges of the server.
 struct OptionRow {
   const char* name;           // "reconstruct.num_steps"
-  const char* default_value;  // of the preset standard
-  const char* range;          // "1 to 10000000"; empty: one of the names of its type
+  const char* default_value;  // in the preset "standard"
+  const char* range;          // "1 to 10000000"; "": the values of its enum type
 };
 
-// Every option of the contract.
+// Returns every option of the contract.
 std::span<const OptionRow> OptionRows();
 
-// The table for `--list-options`: name, default and range or values, a line each.
+// Returns the lines of the table for --list-options: name, default, and range or values.
 std::vector<std::string> OptionTable();
 
 }  // namespace pepeseg::client::cli

@@ -17,15 +17,20 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr int kBarCells = 12;
+// Shortest time between two lines.
 constexpr auto kTerminalPace = std::chrono::milliseconds(100);
 constexpr auto kPlainPace = std::chrono::seconds(10);
 
+// Returns to the start of the terminal's line and erases it.
+constexpr char kEraseLine[] = "\r\x1b[K";
+
+// Returns "[######......]".
 std::string Bar(double share) {
   const int filled = static_cast<int>(std::clamp(share, 0.0, 1.0) * kBarCells);
   return absl::StrCat("[", std::string(filled, '#'), std::string(kBarCells - filled, '.'), "]");
 }
 
-// 1234567 -> "1,234,567".
+// Returns "1,234,567" for 1234567.
 std::string Grouped(int64_t number) {
   std::string digits = std::to_string(number);
   for (int at = static_cast<int>(digits.size()) - 3; at > 0; at -= 3) digits.insert(at, ",");
@@ -36,16 +41,12 @@ double Share(int64_t done, int64_t all) {
   return all <= 0 ? 0.0 : static_cast<double>(done) / static_cast<double>(all);
 }
 
-double SecondsOf(const google::protobuf::Duration& duration) {
-  return static_cast<double>(duration.seconds()) + static_cast<double>(duration.nanos()) * 1e-9;
-}
-
 std::string StageOf(const v1::JobProgress& progress) {
   if (progress.num_stages() == 0) return "";
   return absl::StrCat("stage ", progress.stage_number(), " of ", progress.num_stages());
 }
 
-// Returns the time left of the job or, where only that is known, of its stage.
+// Returns the time left of the job, or of its stage if only that is known, and the stage's number.
 std::string TimeLeft(const v1::JobProgress& progress) {
   const std::string stage = StageOf(progress);
   if (progress.has_job_eta()) {
@@ -57,6 +58,7 @@ std::string TimeLeft(const v1::JobProgress& progress) {
                       stage.empty() ? "this stage" : stage);
 }
 
+// Returns "5 min left 3/5".
 std::string ShortTimeLeft(const v1::JobProgress& progress) {
   std::string text;
   if (progress.has_job_eta()) text = AboutText(SecondsOf(progress.job_eta())) + " left";
@@ -65,7 +67,7 @@ std::string ShortTimeLeft(const v1::JobProgress& progress) {
                       progress.num_stages());
 }
 
-// The rest, the most telling first.
+// Returns the other parts of a progress line, the most important first.
 std::vector<std::string> PartsOf(const v1::JobProgress& progress) {
   std::vector<std::string> parts;
   if (progress.activity().empty()) {
@@ -86,6 +88,10 @@ std::vector<std::string> PartsOf(const v1::JobProgress& progress) {
 
 }  // namespace
 
+double SecondsOf(const google::protobuf::Duration& duration) {
+  return static_cast<double>(duration.seconds()) + static_cast<double>(duration.nanos()) * 1e-9;
+}
+
 std::string ClockText(double seconds) {
   const int64_t whole = std::max<int64_t>(0, std::llround(seconds));
   const int64_t hours = whole / 3600;
@@ -94,7 +100,7 @@ std::string ClockText(double seconds) {
 }
 
 std::string AboutText(double seconds) {
-  constexpr int64_t kExact = 10;  // seconds; more are rounded to 5
+  constexpr int64_t kExact = 10;  // seconds; longer times are rounded to 5 seconds
   int64_t whole = std::max<int64_t>(0, std::llround(seconds));
   if (whole > kExact) whole = (whole + 2) / 5 * 5;
   if (whole < 60) return absl::StrCat(whole, " s");
@@ -141,12 +147,12 @@ void ProgressLine::Show(const std::string& text, bool is_last) {
     std::fputs((text + "\n").c_str(), stderr);
     return;
   }
-  std::fputs(("\r\x1b[K" + text + (is_last ? "\n" : "")).c_str(), stderr);
+  std::fputs((kEraseLine + text + (is_last ? "\n" : "")).c_str(), stderr);
   open_ = !is_last;
 }
 
 void ProgressLine::Say(const std::string& text) {
-  std::fputs(((open_ ? "\r\x1b[K" : "") + text + "\n").c_str(), stderr);
+  std::fputs(((open_ ? kEraseLine : "") + text + "\n").c_str(), stderr);
   open_ = false;
 }
 

@@ -1,14 +1,14 @@
-// The verb that asks what a click may mean.
+// The verb "propose": the objects that a click may mean.
 #include <filesystem>
 #include <memory>
 #include <string>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/failure.h"
-#include "clients/cli/prompt.h"
-#include "clients/cli/questions.h"
+#include "clients/cli/picture.h"
+#include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
+#include "clients/cli/view_picture.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {
@@ -19,9 +19,10 @@ namespace fs = std::filesystem;
 struct ProposeFlags {
   PromptFlags prompt;
   int max_proposals = 0;  // 0: the server's default
-  std::string out;
+  std::string out;        // folder for overlays; empty: none
 };
 
+// Returns "part", "object" or "group"; "" for another kind.
 std::string KindName(v1::ProposeScalesResponse::Kind kind) {
   switch (kind) {
     case v1::ProposeScalesResponse::KIND_PART:
@@ -35,6 +36,7 @@ std::string KindName(v1::ProposeScalesResponse::Kind kind) {
   }
 }
 
+// Prints the proposals from small to large; '*' marks the best.
 void PrintAnswer(const v1::ProposeScalesResponse& answer) {
   Print(answer.model());
   for (int i = 0; i < answer.proposals_size(); ++i) {
@@ -46,11 +48,11 @@ void PrintAnswer(const v1::ProposeScalesResponse& answer) {
                         proposal.scale_quantile(), proposal.scale_units(), proposal.threshold(),
                         proposal.mask().area(), proposal.support(), proposal.stability()));
   }
-  if (!answer.proposals().empty()) Print("* what segment answers without --scale");
+  if (!answer.proposals().empty()) Print("* the answer of `pepeseg segment` without --scale");
   if (answer.proposals().empty()) Print("  nothing stable is under the click");
 }
 
-// STEM_1.png, the smallest, and so on.
+// Writes STEM_1.png for the smallest proposal, STEM_2.png for the next, and so on.
 absl::Status WriteOverlays(const Client& client, const ProposeFlags& flags,
                            const v1::ProposeScalesRequest& request,
                            const v1::ProposeScalesResponse& answer) {
@@ -85,9 +87,10 @@ absl::Status RunPropose(const Shell& shell, const ProposeFlags& flags) {
 void AddPropose(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<ProposeFlags>();
   CLI::App* verb = app.add_subcommand(
-      "propose", "What a click may mean: the scales at which something stable is there");
+      "propose", "Propose what a click may mean: the scales at which its mask is stable");
   AddPromptFlags(*verb, flags->prompt);
-  verb->add_option("--max", flags->max_proposals, "How many at most")->check(CLI::Range(1, 16));
+  verb->add_option("--max", flags->max_proposals, "Maximum number of proposals")
+      ->check(CLI::Range(1, 16));
   verb->add_option("--out", flags->out, "Folder for STEM_1.png, STEM_2.png, ...");
   verb->callback(
       [flags, &shell] { shell.verb = [&, flags] { return RunPropose(shell, *flags); }; });

@@ -1,16 +1,14 @@
-// The verb that makes pictures of a model, or of some of it.
+// The verb "render": pictures of a model, or of a part of it.
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/failure.h"
-#include "clients/cli/pixel_frame.h"
-#include "clients/cli/prompt.h"
-#include "clients/cli/questions.h"
+#include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/subset.h"
+#include "clients/cli/view_picture.h"
+#include "clients/cpp/client.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
 
@@ -23,17 +21,17 @@ using Request = v1::RenderRequest;
 struct RenderFlags {
   std::string scene;
   std::string model = "live";
-  std::vector<std::string> views;
-  std::string out = ".";
+  std::vector<std::string> views;  // empty: all
+  std::string out = ".";           // folder
   std::string content = "color";
   SubsetFlags subset;
-  int level = 0;
-  double scale = 0.5;
+  int level = 0;       // of CONTENT_SEGMENTS; 0: the finest
+  double scale = 0.5;  // of CONTENT_FEATURES, a quantile
   v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH;
-  int max_side = 0;  // 0: the server's choice
+  int max_side = 0;  // pixels; 0: the server chooses
 };
 
-// By the names that the option takes.
+// Converts a value of --content.
 Request::Content ContentOf(const std::string& name) {
   if (name == "depth") return Request::CONTENT_DEPTH;
   if (name == "segments") return Request::CONTENT_SEGMENTS;
@@ -55,6 +53,7 @@ absl::StatusOr<Request> BuildRequest(const RenderFlags& flags) {
   return request;
 }
 
+// Prints the path of a picture, and the unit of a depth image.
 void PrintPicture(const Shell& shell, const Request& request, const v1::RenderResponse& answer,
                   const fs::path& path) {
   const bool is_depth = request.content() == Request::CONTENT_DEPTH;
@@ -91,24 +90,26 @@ absl::Status RunRender(const Shell& shell, const RenderFlags& flags) {
 
 void AddRender(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<RenderFlags>();
-  CLI::App* verb = app.add_subcommand("render", "Pictures of a model from its views");
+  CLI::App* verb = app.add_subcommand("render", "Render a model from its views");
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
-  verb->add_option("--views", flags->views, "Names of views; all by default");
+  verb->add_option("--views", flags->views, "Names of views; by default all");
   verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
   verb->add_option("--out", flags->out, "Folder for STEM.png")->capture_default_str();
-  verb->add_option("--content", flags->content,
-                   "features: as colours; depth and segments (their ids): 16-bit grey")
+  verb->add_option(
+          "--content", flags->content,
+          "What pixels show. features: as colours; depth and segments (their ids): 16-bit grey")
       ->check(CLI::IsMember({"color", "depth", "segments", "features"}))
       ->capture_default_str();
-  verb->add_option("--level", flags->level, "Of segments: 0 is the finest")
+  verb->add_option("--level", flags->level, "Level of segments; 0: the finest")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  verb->add_option("--scale", flags->scale, "Of features: 0 for small parts, 1 for the largest")
+  verb->add_option("--scale", flags->scale,
+                   "Scale of features: 0 for small parts, 1 for the largest")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
   AddFrameFlag(*verb, flags->frame);
   verb->add_option("--max-side", flags->max_side,
-                   "Longer side of the pictures, pixels; by default what 2 megapixels hold")
+                   "Longer side of the pictures, pixels; by default that of 2 megapixels")
       ->check(CLI::Range(1, 16384));
   AddSubsetFlags(*verb, flags->subset);
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunRender(shell, *flags); }; });

@@ -1,5 +1,4 @@
-// The verbs for who operates a server: which models are in memory. They speak to its admin
-// listener, not to --server.
+// The admin verbs about models in memory: "resident", "load", "unload" and "pin".
 #include <memory>
 #include <string>
 #include <utility>
@@ -7,8 +6,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/admin_verb.h"
-#include "clients/cli/byte_units.h"
 #include "clients/cli/shell.h"
+#include "clients/cli/text_table.h"
 #include "clients/cpp/answer_status.h"
 #include "clients/cpp/call.h"
 #include "clients/cpp/resource_names.h"
@@ -19,23 +18,26 @@ namespace pepeseg::client::cli {
 namespace {
 
 struct ResidentFlags {
-  std::string admin;
+  std::string admin;  // address of the admin listener
   std::string scene;
   std::string model = "live";
-  bool off = false;
+  bool off = false;  // unpin
 };
 
 using Stub = v1::AdminService::Stub;
 
+// Returns the resource name of the model that the flags name.
 std::string ModelOf(const ResidentFlags& flags) {
   return absl::StrCat(SceneName(flags.scene), "/models/", flags.model);
 }
 
+// Returns "host: 12.3 of 95.0 MiB reserved".
 std::string UseLine(const char* kind, const v1::MemoryUse& use) {
   return absl::StrFormat("%s: %.1f of %.1f MiB reserved", kind, Mib(use.reserved_bytes()),
                          Mib(use.limit_bytes()));
 }
 
+// Returns a line of `pepeseg resident`: the name, host + device memory, and use of a model.
 std::string ModelLine(const v1::ResidentModel& model) {
   return absl::StrFormat("%-40s %8.1f + %8.1f MiB  %d maps of %d rendered  %d in flight%s",
                          model.name(), Mib(model.host_bytes()), Mib(model.device_bytes()),
@@ -92,9 +94,10 @@ absl::Status RunPin(const Shell& shell, const ResidentFlags& flags, Stub& admin)
   return absl::OkStatus();
 }
 
+// Adds SCENE and --model.
 void AddModelOptions(CLI::App& verb, ResidentFlags& flags) {
-  verb.add_option("SCENE", flags.scene, "Whose model")->required();
-  verb.add_option("--model", flags.model, "Its number; without it the newest");
+  verb.add_option("SCENE", flags.scene, "Id of the scene")->required();
+  verb.add_option("--model", flags.model, "Number of the model; by default the newest");
 }
 
 }  // namespace
@@ -108,11 +111,11 @@ void AddResidents(CLI::App& app, Shell& shell) {
   };
   add({"resident", "List the models in the server's memory"}, std::make_shared<ResidentFlags>(),
       RunResident);
-  AddModelOptions(add({"load", "Load a model before the first question"}, load, RunLoad), *load);
-  AddModelOptions(add({"unload", "Give a model's memory back"}, unload, RunUnload), *unload);
-  CLI::App& pinning = add({"pin", "Keep a model in memory, whatever is asked for"}, pin, RunPin);
+  AddModelOptions(add({"load", "Load a model before its first query"}, load, RunLoad), *load);
+  AddModelOptions(add({"unload", "Free the memory of a model"}, unload, RunUnload), *unload);
+  CLI::App& pinning = add({"pin", "Keep a model in memory until it is unpinned"}, pin, RunPin);
   AddModelOptions(pinning, *pin);
-  pinning.add_flag("--off", pin->off, "Let it be evicted again");
+  pinning.add_flag("--off", pin->off, "Unpin it, so that it can be evicted again");
 }
 
 }  // namespace pepeseg::client::cli

@@ -1,4 +1,4 @@
-// The verb that lists scenes and their live models.
+// The verb "scenes": lists the scenes, describes or deletes one.
 #include <memory>
 #include <utility>
 #include <vector>
@@ -6,8 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
-#include "clients/cli/failure.h"
-#include "clients/cli/model_sources.h"
+#include "clients/cli/model_summary.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/text_table.h"
 #include "clients/cpp/client.h"
@@ -18,13 +17,14 @@ namespace pepeseg::client::cli {
 namespace {
 
 struct ScenesFlags {
-  std::string scene;
-  bool remove = false;
+  std::string scene;    // "": list all
+  bool remove = false;  // delete the scene
 };
 
+// Returns "shelf" for "scenes/shelf".
 std::string IdOf(const std::string& name) { return name.substr(name.rfind('/') + 1); }
 
-// SIZE: of all its models.
+// Returns the row of a scene; its size is that of all its models.
 absl::StatusOr<TableRow> RowOf(const Client& client, const v1::Scene& scene) {
   ASSIGN_OR_RETURN(const v1::ListModelsResponse models, client.ListModels(scene.name()));
   int64_t num_bytes = 0;
@@ -40,6 +40,7 @@ absl::StatusOr<TableRow> RowOf(const Client& client, const v1::Scene& scene) {
                   state};
 }
 
+// Prints a table of the scenes.
 absl::Status ListScenes(const Shell& shell, const Client& client) {
   ASSIGN_OR_RETURN(const auto all, client.ListScenes());
   if (shell.json) {
@@ -49,7 +50,7 @@ absl::Status ListScenes(const Shell& shell, const Client& client) {
   std::vector<TableRow> rows = {{"SCENE", "AGE", "MODELS", "SIZE", "LIVE MODEL", "STATE"}};
   for (const v1::Scene& scene : all.scenes()) {
     absl::StatusOr<TableRow> row = RowOf(client, scene);
-    if (absl::IsNotFound(row.status())) continue;  // deleted meanwhile
+    if (absl::IsNotFound(row.status())) continue;  // the scene was deleted in between
     RETURN_IF_ERROR(row.status());
     rows.push_back(*std::move(row));
   }
@@ -57,7 +58,7 @@ absl::Status ListScenes(const Shell& shell, const Client& client) {
   return absl::OkStatus();
 }
 
-// "scenes/shelf  scenes/shelf/models/2  training: jobs/j3".
+// Returns "scenes/shelf  scenes/shelf/models/2  training: jobs/j3".
 std::string SceneLine(const v1::Scene& scene) {
   std::string line = absl::StrCat(scene.name(), "  ");
   absl::StrAppend(&line, scene.live_model().empty() ? "no model yet" : scene.live_model());
@@ -65,7 +66,7 @@ std::string SceneLine(const v1::Scene& scene) {
   return line;
 }
 
-// The scene's live model with what was measured of it, and its views.
+// Prints the scene, its live model with metrics and advice, and the model's views.
 absl::Status DescribeScene(const Shell& shell, const Client& client, const std::string& name) {
   ASSIGN_OR_RETURN(const v1::Scene scene, client.GetScene(name));
   shell.json ? PrintJson(scene) : Print(SceneLine(scene));
@@ -104,8 +105,9 @@ absl::Status RunScenes(const Shell& shell, const ScenesFlags& flags) {
 void AddScenes(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<ScenesFlags>();
   CLI::App* verb = app.add_subcommand("scenes", "List scenes, or describe one");
-  CLI::Option* scene = verb->add_option("SCENE", flags->scene, "Its model, metrics and views");
-  verb->add_flag("--delete", flags->remove, "Delete the scene with all that belongs to it")
+  CLI::Option* scene = verb->add_option("SCENE", flags->scene,
+                                        "Id of a scene to describe: its model, metrics and views");
+  verb->add_flag("--delete", flags->remove, "Delete the scene with its datasets, jobs and models")
       ->needs(scene);
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunScenes(shell, *flags); }; });
 }

@@ -1,4 +1,4 @@
-// Verbs about Gaussians chosen: select, selections, combine.
+// The verbs "select", "selections" and "combine": sets of Gaussians in 3D.
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -6,11 +6,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/failure.h"
 #include "clients/cli/picture.h"
-#include "clients/cli/prompt.h"
-#include "clients/cli/questions.h"
+#include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
+#include "clients/cli/view_picture.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/status_macros.h"
 
@@ -22,25 +21,26 @@ namespace fs = std::filesystem;
 struct SelectFlags {
   PromptFlags prompt;
   GranularityFlags granularity;
-  int add_to = 0, subtract_from = 0, intersect = 0;  // numbers of selections; 0: none
-  int num_views = 0;                                 // 0: the server's choice
+  int add_to = 0, subtract_from = 0, intersect = 0;  // numbers of selections; 0: not given
+  int num_views = 0;                                 // that vote; 0: the server chooses
   bool keep_disconnected = false;
-  std::string out;
+  std::string out;  // folder for a picture; empty: none
 };
 
 struct SelectionsFlags {
   std::string scene;
-  int number = 0;  // 0: list them
-  bool undo = false;
-  bool remove = false;
+  int number = 0;       // of a selection; 0: list all
+  bool undo = false;    // describe its base
+  bool remove = false;  // delete it
 };
 
 struct CombineFlags {
   std::string scene;
   int first = 0, second = 0;
-  std::string operation;
+  std::string operation;  // a key of Operations()
 };
 
+// Returns the operations by their names on the command line.
 const std::map<std::string, v1::SetOperation>& Operations() {
   static const auto& operations =
       *new std::map<std::string, v1::SetOperation>{{"union", v1::SET_OPERATION_UNION},
@@ -53,6 +53,7 @@ std::string SelectionName(const std::string& scene, int number) {
   return absl::StrCat(SceneName(scene), "/selections/", number);
 }
 
+// Prints the name, model, size, extent and base of a selection.
 void PrintSelection(const Shell& shell, const v1::Selection& selection) {
   if (shell.json) return PrintJson(selection);
   std::string line = absl::StrFormat("%s  %s  %d Gaussians", selection.name(), selection.model(),
@@ -66,6 +67,7 @@ void PrintSelection(const Shell& shell, const v1::Selection& selection) {
   Print(line);
 }
 
+// Sets the selection to combine the new one with, and how.
 void SetBase(const SelectFlags& flags, v1::SelectRequest& request) {
   const auto set = [&](int number, v1::SetOperation operation) {
     if (number == 0) return;
@@ -77,7 +79,7 @@ void SetBase(const SelectFlags& flags, v1::SelectRequest& request) {
   set(flags.intersect, v1::SET_OPERATION_INTERSECT);
 }
 
-// STEM_selection.png: the selection alone, from the prompt's view.
+// Writes STEM_selection.png: the selection alone, rendered from the prompt's view.
 absl::Status WritePicture(const Client& client, const SelectFlags& flags,
                           const v1::Selection& selection) {
   v1::RenderRequest request;
@@ -95,7 +97,8 @@ absl::Status WritePicture(const Client& client, const SelectFlags& flags,
 
 absl::Status RunSelect(const Shell& shell, const SelectFlags& flags) {
   if (!flags.out.empty() && flags.prompt.view.empty()) {
-    return absl::InvalidArgumentError("--out pictures the prompt's view: a label has none");
+    return absl::InvalidArgumentError(
+        "--out renders the view of the prompt, and a label has no --view");
   }
   v1::SelectRequest request;
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
@@ -147,22 +150,25 @@ absl::Status RunCombine(const Shell& shell, const CombineFlags& flags) {
 
 void AddSelect(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<SelectFlags>();
-  CLI::App* verb = app.add_subcommand("select", "The Gaussians of what a click means, in 3D");
+  CLI::App* verb =
+      app.add_subcommand("select", "Select the Gaussians of what a click means, in 3D");
   AddAnyPromptFlags(*verb, flags->prompt);
   AddGranularityFlags(*verb, flags->granularity);
-  CLI::Option* add = verb->add_option("--add-to", flags->add_to, "Number of a selection: with it")
-                         ->check(CLI::PositiveNumber);
-  CLI::Option* subtract =
-      verb->add_option("--subtract-from", flags->subtract_from, "That selection without this")
-          ->check(CLI::PositiveNumber)
-          ->excludes(add);
-  verb->add_option("--intersect", flags->intersect, "What that selection has too")
+  CLI::Option* add =
+      verb->add_option("--add-to", flags->add_to, "Unite with the selection of this number")
+          ->check(CLI::PositiveNumber);
+  CLI::Option* subtract = verb->add_option("--subtract-from", flags->subtract_from,
+                                           "Subtract from the selection of this number")
+                              ->check(CLI::PositiveNumber)
+                              ->excludes(add);
+  verb->add_option("--intersect", flags->intersect, "Intersect with the selection of this number")
       ->check(CLI::PositiveNumber)
       ->excludes(add)
       ->excludes(subtract);
-  verb->add_option("--views", flags->num_views, "How many views vote")->check(CLI::Range(1, 100));
+  verb->add_option("--views", flags->num_views, "Number of views that vote")
+      ->check(CLI::Range(1, 100));
   verb->add_flag("--keep-disconnected", flags->keep_disconnected,
-                 "Also what does not hang together with what is clicked");
+                 "Keep Gaussians that are not connected to what is clicked");
   verb->add_option("--out", flags->out, "Folder for STEM_selection.png");
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunSelect(shell, *flags); }; });
 }
@@ -171,26 +177,28 @@ void AddSelections(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<SelectionsFlags>();
   CLI::App* verb = app.add_subcommand("selections", "List a scene's selections, or describe one");
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
-  CLI::Option* number =
-      verb->add_option("NUMBER", flags->number, "Of a selection")->check(CLI::PositiveNumber);
+  CLI::Option* number = verb->add_option("NUMBER", flags->number, "Number of a selection")
+                            ->check(CLI::PositiveNumber);
   CLI::Option* undo =
-      verb->add_flag("--undo", flags->undo, "Describe the one it was made from")->needs(number);
-  verb->add_flag("--delete", flags->remove, "Delete it")->needs(number)->excludes(undo);
+      verb->add_flag("--undo", flags->undo, "Describe the selection that it was made from")
+          ->needs(number);
+  verb->add_flag("--delete", flags->remove, "Delete the selection")->needs(number)->excludes(undo);
   verb->callback(
       [flags, &shell] { shell.verb = [&, flags] { return RunSelections(shell, *flags); }; });
 }
 
 void AddCombine(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<CombineFlags>();
-  CLI::App* verb = app.add_subcommand("combine", "A selection out of two of a model");
+  CLI::App* verb =
+      app.add_subcommand("combine", "Combine two selections of a model into a new one");
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
-  verb->add_option("FIRST", flags->first, "Number of a selection")
+  verb->add_option("FIRST", flags->first, "Number of the first selection")
       ->required()
       ->check(CLI::PositiveNumber);
   verb->add_option("OPERATION", flags->operation, "union, subtract or intersect")
       ->required()
       ->check(CLI::IsMember({"union", "subtract", "intersect"}));
-  verb->add_option("SECOND", flags->second, "Number of another")
+  verb->add_option("SECOND", flags->second, "Number of the second selection")
       ->required()
       ->check(CLI::PositiveNumber);
   verb->callback(

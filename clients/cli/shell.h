@@ -12,26 +12,32 @@
 
 namespace pepeseg::client::cli {
 
-// What the command line said: the options that every verb shares, and the verb that was chosen.
+// The parsed command line: the options that all verbs share, and the chosen verb.
 struct Shell {
-  std::string program = "pepeseg";  // as it was called
+  std::string program = "pepeseg";  // name or path that the program was called by
   std::string server = "127.0.0.1:50051";
   Login login;
-  std::shared_ptr<grpc::Channel> channel;  // to `server`; there when the verb runs
-  bool json = false;  // standard output is for a program: JSON only; progress keeps to stderr
-  std::function<absl::Status()> verb;
+  std::shared_ptr<grpc::Channel> channel;  // to `server`; set before `verb` is called
+  bool json = false;  // --json: standard output has JSON only, progress is on stderr
+  std::function<absl::Status()> verb;  // runs the chosen verb
 };
 
-// One line of JSON with the contract's own field names; empty fields are written too.
+// Returns a message as one line of JSON with the field names of the contract, empty fields
+// included.
 std::string ToJson(const google::protobuf::Message& message);
 
-// To standard output, with a line end.
+// Prints a line to standard output.
 void Print(const std::string& line);
+// Prints ToJson(message) to standard output.
 void PrintJson(const google::protobuf::Message& message);
-// To standard error, whatever --json says.
+// Prints a line to standard error, with and without --json.
 void Note(const std::string& line);
 
-// Every verb's file has one of these: adds the verb and its options; parsing sets shell.verb.
+// Returns `word` as a POSIX shell needs it, in single quotes unless it has plain characters only.
+std::string Quoted(const std::string& word);
+
+// Each adds a verb with its options to the parser. Parsing a command line with that verb sets
+// shell.verb. Both arguments must outlive the parser.
 void AddUpload(CLI::App& app, Shell& shell);
 void AddEstimate(CLI::App& app, Shell& shell);
 void AddTrain(CLI::App& app, Shell& shell);

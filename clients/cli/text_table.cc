@@ -9,7 +9,7 @@
 namespace pepeseg::client::cli {
 
 std::vector<std::string> TextTable(const std::vector<TableRow>& rows) {
-  std::vector<size_t> widths;
+  std::vector<size_t> widths;  // of the columns; rows may have different numbers of cells
   for (const TableRow& row : rows) {
     widths.resize(std::max(widths.size(), row.size()));
     for (size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], row[i].size());
@@ -21,6 +21,7 @@ std::vector<std::string> TextTable(const std::vector<TableRow>& rows) {
       absl::StrAppendFormat(&line, "%s%-*s", i == 0 ? "" : "  ", static_cast<int>(widths[i]),
                             row[i]);
     }
+    // The padding of the last column is not wanted.
     lines.emplace_back(absl::StripTrailingAsciiWhitespace(line));
   }
   return lines;
@@ -31,6 +32,7 @@ std::string SpanText(absl::Duration span) {
   constexpr int64_t kMinute = 60, kHour = 3600, kDay = 86400;
   if (seconds < kMinute) return absl::StrCat(seconds, " s");
   if (seconds < kHour) return absl::StrCat(seconds / kMinute, " min");
+  // Hours up to two days: "1 days" would be too coarse.
   if (seconds < 2 * kDay) return absl::StrCat(seconds / kHour, " h");
   return absl::StrCat(seconds / kDay, " days");
 }

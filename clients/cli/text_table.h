@@ -8,20 +8,23 @@
 
 #include "absl/time/time.h"
 
+// Tables, and times and sizes as their cells show them.
 namespace pepeseg::client::cli {
 
 using TableRow = std::vector<std::string>;
 
-// The rows as lines, the first as the header, each column as wide as its widest cell.
+// Returns the lines of a table whose first row is the header. Each column is as wide as its widest
+// cell.
 std::vector<std::string> TextTable(const std::vector<TableRow>& rows);
 
-// "40 s", "5 min", "3 h", "12 days": rounded down to the largest unit.
-std::string SpanText(absl::Duration span);
-// Since a time of the server's clock; negative differences of clocks are 0 s.
-std::string AgeText(const google::protobuf::Timestamp& time, absl::Time now);
-// "840 kB", "12.3 MB", "1.2 GB".
-std::string SizeText(int64_t bytes);
-
 absl::Time ToTime(const google::protobuf::Timestamp& time);
+// Returns "40 s", "5 min", "3 h" or "12 days": rounded down to the largest unit, at least 0 s.
+std::string SpanText(absl::Duration span);
+// Returns the SpanText since `time` of the server's clock; 0 s if that clock is ahead of ours.
+std::string AgeText(const google::protobuf::Timestamp& time, absl::Time now);
+// Returns "840 kB", "12.3 MB" or "1.2 GB".
+std::string SizeText(int64_t bytes);
+// Converts bytes to MiB.
+inline double Mib(int64_t num_bytes) { return static_cast<double>(num_bytes) / (1 << 20); }
 
 }  // namespace pepeseg::client::cli

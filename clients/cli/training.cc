@@ -1,22 +1,16 @@
-// Verbs on jobs: train, cancel, jobs.
+// The verbs "train" and "estimate".
 #include "clients/cli/training.h"
 
-#include <map>
 #include <memory>
-#include <set>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
-#include "absl/time/time.h"
-#include "clients/cli/failure.h"
+#include "absl/strings/str_format.h"
+#include "clients/cli/jobs.h"
+#include "clients/cli/model_summary.h"
 #include "clients/cli/option_table.h"
-#include "clients/cli/progress_line.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/text_table.h"
-#include "clients/cli/trained_model.h"
-#include "clients/cli/watch.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/option_setting.h"
 #include "clients/cpp/resource_names.h"
@@ -26,10 +20,12 @@ namespace pepeseg::client::cli {
 namespace {
 
 struct TrainFlags : TrainingFlags {
-  bool detach = false;
-  bool list_options = false;
+  bool detach = false;        // do not wait for the end of the job
+  bool list_options = false;  // print the options and train nothing
 };
 
+// Queues a training and follows it to its end. Standard output gets the result only: the job's name
+// goes to standard error, unless it is the result (--detach).
 absl::Status RunTrain(const Shell& shell, const TrainFlags& flags) {
   if (flags.list_options) {
     for (const std::string& line : OptionTable()) Print(line);
@@ -54,70 +50,34 @@ absl::Status RunTrain(const Shell& shell, const TrainFlags& flags) {
   return PrintTrained(shell, client, ended.model());
 }
 
-absl::Status RunCancel(const Shell& shell, const std::string& job) {
+// Prints the dataset, the memory of each stage, and whether the device has enough.
+void PrintEstimate(const v1::EstimateTrainingResponse& estimate) {
+  Print(absl::StrFormat("%d photographs of up to %.2f Mpx, %d points, %d files of masks",
+                        estimate.num_views(), static_cast<double>(estimate.max_pixels()) * 1e-6,
+                        estimate.num_points(), estimate.num_mask_files()));
+  for (const auto& stage : estimate.stages()) {
+    std::string line = absl::StrFormat("  %-12s device %8.0f MiB  host %8.0f MiB", stage.stage(),
+                                       Mib(stage.device_bytes()), Mib(stage.host_bytes()));
+    if (stage.has_duration()) absl::StrAppendFormat(&line, "  %d s", stage.duration().seconds());
+    Print(line);
+  }
+  const bool fits = estimate.need_bytes() <= estimate.have_bytes();
+  Print(absl::StrFormat("needs up to %.0f MiB of %s; %.0f MiB are available: %s",
+                        Mib(estimate.need_bytes()), estimate.device(), Mib(estimate.have_bytes()),
+                        fits ? "it fits" : "it does not fit"));
+}
+
+absl::Status RunEstimate(const Shell& shell, const TrainingFlags& flags) {
   const Client client(shell.channel);
-  ASSIGN_OR_RETURN(const v1::Job answer, client.CancelJob(job));
-  shell.json ? PrintJson(answer) : Print(absl::StrCat(answer.name(), ": told to stop"));
-  return absl::OkStatus();
-}
-
-std::string WordOf(v1::JobState state) {
-  constexpr size_t kPrefix = sizeof("JOB_STATE_") - 1;
-  return absl::AsciiStrToLower(v1::JobState_Name(state).substr(kPrefix));
-}
-
-// The model, how far it is, or where and why it ended.
-std::string OutcomeText(const v1::Job& job) {
-  if (!job.model().empty()) return job.model();
-  const v1::JobProgress& progress = job.progress();
-  if (job.state() == v1::JOB_STATE_RUNNING && job.has_progress()) {
-    constexpr size_t kColumns = 60;
-    return ProgressText(progress, kColumns);
+  v1::EstimateTrainingRequest request;
+  request.set_scene(SceneName(flags.scene));
+  ASSIGN_OR_RETURN(const std::string dataset, DatasetName(client, request.scene(), flags.dataset));
+  request.set_dataset(dataset);
+  for (const std::string& setting : Settings(flags)) {
+    RETURN_IF_ERROR(SetOption(setting, *request.mutable_options()));
   }
-  const std::string stage = job.stage().empty() ? "" : absl::StrCat("in ", job.stage());
-  if (job.state() != v1::JOB_STATE_FAILED) return stage;
-  return absl::StrCat(stage, stage.empty() ? "" : ": ", job.error().message());
-}
-
-TableRow RowOf(const v1::Job& job, const std::map<std::string, int64_t>& sizes, absl::Time now) {
-  const absl::Time end = job.has_end_time() ? ToTime(job.end_time()) : now;
-  const auto size = sizes.find(job.model());
-  return {job.name(),
-          WordOf(job.state()),
-          job.scene().substr(job.scene().find('/') + 1),
-          AgeText(job.create_time(), now),
-          job.has_start_time() ? SpanText(end - ToTime(job.start_time())) : "-",
-          size == sizes.end() ? "-" : SizeText(size->second),
-          OutcomeText(job)};
-}
-
-// Returns the bytes of the models that `jobs` have made, by name, without deleted models.
-std::map<std::string, int64_t> SizesOfModels(const Client& client,
-                                             const v1::ListJobsResponse& jobs) {
-  std::set<std::string> scenes;
-  for (const v1::Job& job : jobs.jobs()) {
-    if (!job.model().empty()) scenes.insert(job.scene());
-  }
-  std::map<std::string, int64_t> sizes;
-  for (const std::string& scene : scenes) {
-    const auto models = client.ListModels(scene);
-    if (!models.ok()) continue;  // the scene was deleted meanwhile
-    for (const v1::Model& model : models->models()) sizes[model.name()] = model.num_bytes();
-  }
-  return sizes;
-}
-
-absl::Status RunJobs(const Shell& shell, const std::string& scene) {
-  const Client client(shell.channel);
-  ASSIGN_OR_RETURN(const auto all, client.ListJobs(scene));
-  if (shell.json) {
-    PrintJson(all);
-    return absl::OkStatus();
-  }
-  const std::map<std::string, int64_t> sizes = SizesOfModels(client, all);
-  std::vector<TableRow> rows = {{"JOB", "STATE", "SCENE", "AGE", "TOOK", "SIZE", "RESULT"}};
-  for (const v1::Job& job : all.jobs()) rows.push_back(RowOf(job, sizes, absl::Now()));
-  for (const std::string& line : TextTable(rows)) Print(line);
+  ASSIGN_OR_RETURN(const v1::EstimateTrainingResponse estimate, client.EstimateTraining(request));
+  shell.json ? PrintJson(estimate) : PrintEstimate(estimate);
   return absl::OkStatus();
 }
 
@@ -157,40 +117,36 @@ void AddTrainingFlags(CLI::App& verb, TrainingFlags& flags) {
   verb.add_option("SCENE", flags.scene, "Id of the scene")->required();
   verb.add_option("--dataset", flags.dataset, "Number of the dataset; the newest by default");
   verb.add_option("--preset", flags.preset,
-                  "What options that are not given are taken from: preview, as soon as there is "
-                  "something to click on; standard, the defaults; best, however long it takes")
+                  "Values of the options that are not given: preview, a first model as soon as "
+                  "possible; standard, the defaults; best, the best model, however long it takes")
       ->check(CLI::IsMember({"preview", "standard", "best"}));
-  verb.add_option("--steps", flags.steps, "Steps of the reconstruction");
-  verb.add_option("--feature-steps", flags.feature_steps, "Steps of the feature training");
-  verb.add_option("--image-scale", flags.image_scale, "Shrink the photographs by this, (0, 1]");
+  verb.add_option("--steps", flags.steps, "Number of steps of the reconstruction");
+  verb.add_option("--feature-steps", flags.feature_steps,
+                  "Number of steps of the feature training");
+  verb.add_option("--image-scale", flags.image_scale,
+                  "Factor by which the photographs are shrunk, (0, 1]");
   verb.add_option("-o,--option", flags.settings,
-                  "NAME=VALUE, any option: `pepeseg train SCENE --list-options` shows them")
+                  "Any option; `pepeseg train SCENE --list-options` lists them")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
 }
 
 void AddTrain(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<TrainFlags>();
-  CLI::App* verb = app.add_subcommand("train", "Make a model of a scene");
+  CLI::App* verb = app.add_subcommand("train", "Train a model of a scene");
   AddTrainingFlags(*verb, *flags);
   verb->add_flag("--list-options", flags->list_options,
-                 "Only show the options with their defaults and ranges");
-  verb->add_flag("--detach", flags->detach, "Print the job's name and leave");
+                 "List all options with their defaults and ranges, and exit");
+  verb->add_flag("--detach", flags->detach, "Print the name of the job and exit");
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunTrain(shell, *flags); }; });
 }
 
-void AddCancel(CLI::App& app, Shell& shell) {
-  auto job = std::make_shared<std::string>();
-  CLI::App* verb = app.add_subcommand("cancel", "Stop a job");
-  verb->add_option("JOB", *job, "Name of the job")->required();
-  verb->callback([job, &shell] { shell.verb = [&, job] { return RunCancel(shell, *job); }; });
-}
-
-void AddJobs(CLI::App& app, Shell& shell) {
-  auto scene = std::make_shared<std::string>();
-  CLI::App* verb = app.add_subcommand("jobs", "List jobs, newest first");
-  verb->add_option("SCENE", *scene, "Only of this scene");
-  verb->callback([scene, &shell] { shell.verb = [&, scene] { return RunJobs(shell, *scene); }; });
+void AddEstimate(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<TrainingFlags>();
+  CLI::App* verb = app.add_subcommand("estimate", "Estimate the memory and time of a training");
+  AddTrainingFlags(*verb, *flags);
+  verb->callback(
+      [flags, &shell] { shell.verb = [&, flags] { return RunEstimate(shell, *flags); }; });
 }
 
 }  // namespace pepeseg::client::cli

@@ -10,26 +10,28 @@
 
 namespace pepeseg::client::cli {
 
-// What is to be trained, as verbs are told.
+// Flags of the verbs that train or estimate a training. "": not given.
 struct TrainingFlags {
   std::string scene;
-  std::string dataset;
-  std::vector<std::string> settings;
+  std::string dataset;                // number or name
+  std::vector<std::string> settings;  // NAME=VALUE, see SetOption
   std::string preset;
-  std::string steps;
-  std::string feature_steps;
-  std::string image_scale;
+  std::string steps;          // short for reconstruct.num_steps
+  std::string feature_steps;  // short for features.num_steps
+  std::string image_scale;    // short for import.image_scale
 };
 void AddTrainingFlags(CLI::App& verb, TrainingFlags& flags);
 
-// The short options are the long ones by another name.
+// Returns all options of the flags as NAME=VALUE, in the order in which they are to be set:
+// `settings` come last and win.
 std::vector<std::string> Settings(const TrainingFlags& flags);
 
-// "2" -> "scenes/shelf/datasets/2"; empty: the newest.
+// Returns the resource name of a dataset given by number or name ("2": "scenes/shelf/datasets/2"),
+// or of the newest one for "". FAILED_PRECONDITION: the scene has no dataset.
 absl::StatusOr<std::string> DatasetName(const Client& client, const std::string& scene,
                                         const std::string& dataset);
 
-// Queues a training. `settings` are NAME=VALUE, see SetOption.
+// Queues a training and returns its job. `settings` are NAME=VALUE, see SetOption.
 absl::StatusOr<v1::Job> StartTraining(const Client& client, const std::string& scene,
                                       const std::string& dataset,
                                       const std::vector<std::string>& settings);

@@ -1,3 +1,4 @@
+// The verb "upload".
 #include "clients/cli/upload.h"
 
 #include <algorithm>
@@ -8,8 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/failure.h"
-#include "clients/cli/next_command.h"
+#include "clients/cli/model_summary.h"
 #include "clients/cli/progress_line.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/text_table.h"
@@ -19,14 +19,15 @@
 namespace pepeseg::client::cli {
 namespace {
 
-constexpr size_t kNamesShown = 10;
+constexpr size_t kMaxNames = 10;  // of files left out that are printed
 
+// Prints the first few files that are not part of the dataset, and how many more there are.
 void NoteLeftOut(const std::vector<std::string>& names) {
-  for (size_t i = 0; i < std::min(names.size(), kNamesShown); ++i) {
-    Note(absl::StrCat("left out, no part of a dataset: ", names[i]));
+  for (size_t i = 0; i < std::min(names.size(), kMaxNames); ++i) {
+    Note(absl::StrCat("left out, not part of a dataset: ", names[i]));
   }
-  if (names.size() > kNamesShown) {
-    Note(absl::StrCat("... and ", names.size() - kNamesShown, " more"));
+  if (names.size() > kMaxNames) {
+    Note(absl::StrCat("... and ", names.size() - kMaxNames, " more"));
   }
 }
 
@@ -34,7 +35,7 @@ struct UploadFlags {
   std::string scene;
   std::string folder;
   std::string depth_kind = "depth";
-  bool dry_run = false;
+  bool dry_run = false;  // list the files, upload nothing
 };
 
 absl::Status RunUpload(const Shell& shell, const UploadFlags& flags) {
@@ -42,11 +43,12 @@ absl::Status RunUpload(const Shell& shell, const UploadFlags& flags) {
                    ReadDatasetFolder(flags.folder, DepthKind(flags.depth_kind)));
   NoteLeftOut(folder.left_out);
   if (!Has(folder, v1::FILE_KIND_POSES)) {
-    Note("no poses among them: the training will estimate them (its stage sfm)");
+    Note("the dataset has no poses: the training will estimate them (stage sfm)");
   }
   if (flags.dry_run) {
     for (const FolderFile& file : folder.files) {
-      Print(absl::StrFormat("%-22s %s", v1::FileKind_Name(file.kind).substr(10), file.name));
+      Print(absl::StrFormat(
+          "%-22s %s", v1::FileKind_Name(file.kind).substr(sizeof("FILE_KIND_") - 1), file.name));
     }
     return absl::OkStatus();
   }
@@ -80,8 +82,8 @@ absl::StatusOr<v1::Dataset> UploadFolder(const Client& client, const std::string
 
 void AddDepthKindFlag(CLI::App& verb, std::string& depth_kind) {
   verb.add_option("--depth-kind", depth_kind,
-                  "What depth/ holds: \"depth\" (far is large, 0 unknown) or \"disparity\" (near "
-                  "is large), as disparity/ always does")
+                  "Kind of the files in depth/: \"depth\" (far is large, 0 unknown) or "
+                  "\"disparity\" (near is large), which files in disparity/ always are")
       ->check(CLI::IsMember({"depth", "disparity"}))
       ->capture_default_str();
 }
@@ -92,17 +94,18 @@ v1::FileKind DepthKind(const std::string& depth_kind) {
 
 void AddUpload(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<UploadFlags>();
-  CLI::App* verb =
-      app.add_subcommand("upload", "Bring photographs or a video, and what is known of them");
-  verb->add_option("SCENE", flags->scene, "Id of the scene; made when it is not there")->required();
+  CLI::App* verb = app.add_subcommand(
+      "upload", "Upload photographs or a video, with poses, masks and depth if there are any");
+  verb->add_option("SCENE", flags->scene, "Id of the scene; created if it is new")->required();
   verb->add_option(
           "FOLDER", flags->folder,
-          "A folder of photographs, or a video; a folder with images/ (or videos/) and, if "
-          "there: sparse/0/ (COLMAP), masks/, ignore_mask.png, ignore/, depth/, "
-          "disparity/, points.ply, gaussians.ply (taken in place of stage one)")
+          "A folder of photographs, a video, or a folder with images/ or videos/ and any of "
+          "sparse/0/ (COLMAP), masks/, ignore_mask.png, ignore/, depth/, disparity/, points.ply, "
+          "gaussians.ply (used instead of stage one)")
       ->required();
   AddDepthKindFlag(*verb, flags->depth_kind);
-  verb->add_flag("--dry-run", flags->dry_run, "Only tell what would be brought, as what");
+  verb->add_flag("--dry-run", flags->dry_run,
+                 "List the files with their kinds, and upload nothing");
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunUpload(shell, *flags); }; });
 }
 

@@ -10,13 +10,12 @@
 
 namespace pepeseg::client::cli {
 
-// --depth-kind: "depth" or "disparity", and what that makes of the files in depth/.
+// Adds --depth-kind, "depth" or "disparity": the kind of the files in depth/.
 void AddDepthKindFlag(CLI::App& verb, std::string& depth_kind);
+// Converts a value of --depth-kind.
 v1::FileKind DepthKind(const std::string& depth_kind);
 
-// Declares the files, sends what the server does not have of them, seals. Shows its progress. Goes
-// on with an upload of the same files that was broken off. Errors: the server's, naming the file;
-// DATA_LOSS when a file changed under the upload.
+// Uploads the folder as Client::Upload does, with progress on standard error.
 absl::StatusOr<v1::Dataset> UploadFolder(const Client& client, const std::string& scene,
                                          const DatasetFolder& folder);
 

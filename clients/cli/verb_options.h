@@ -4,20 +4,25 @@
 #include <string>
 #include <vector>
 
-// The verbs and options of the command line's parser, for completions and suggestions.
+// The verbs and options that the parser of the command line knows, for completion and suggestions.
 namespace pepeseg::client::cli {
 
 std::vector<const CLI::App*> VerbsOf(const CLI::App& app);
 
-// The program's own options, or a verb's with those of its groups; --help is among them.
+// Returns the options of a verb with those of its option groups, or the program's own options.
+// --help is one of them.
 std::vector<const CLI::Option*> OptionsOf(const CLI::App& verb);
 
-// "--point"; positional arguments have none.
+// Returns the long names of all options: "--point". Positional arguments have none.
 std::vector<std::string> LongNamesOf(const CLI::App& verb);
 
 bool TakesValue(const CLI::Option& option);
 
-// The values that an option is limited to; empty: any.
+// Returns the values that an option is limited to; empty: it takes any value.
 std::vector<std::string> ChoicesOf(const CLI::Option& option);
+
+// Returns "Did you mean `train`?" if a refused command line has a word that is similar to a verb or
+// an option; otherwise "". After a known verb, only words that begin with "--" are examined.
+std::string SuggestionFor(const CLI::App& app, int argc, const char* const* argv);
 
 }  // namespace pepeseg::client::cli

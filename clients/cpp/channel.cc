@@ -17,10 +17,11 @@
 namespace pepeseg::client {
 namespace {
 
-constexpr int kMaxAnswerBytes = 64 << 20;
+constexpr int kMaxAnswerBytes = 64 << 20;  // gRPC's default is 4 MiB
 constexpr char kHttps[] = "https://";
 
-// What is not printable would end the call with a fault that names nothing.
+// Unprintable characters are refused here: gRPC would end the call with an error that does not name
+// the key.
 bool IsKey(const std::string& text) {
   return text.rfind("pk_", 0) == 0 && std::all_of(text.begin(), text.end(), absl::ascii_isgraph);
 }
@@ -34,7 +35,8 @@ bool IsJwt(const std::string& text) {
          std::all_of(text.begin(), text.end(), is_allowed);
 }
 
-// Empty: there is none.
+// Returns the key or token of `login` or of PEPESEG_KEY; "" if there is none. INVALID_ARGUMENT: the
+// text is neither.
 absl::StatusOr<std::string> FindKey(const Login& login) {
   std::string from = "PEPESEG_KEY";
   std::string text;
@@ -50,16 +52,15 @@ absl::StatusOr<std::string> FindKey(const Login& login) {
   if (!IsKey(key) && !IsJwt(key)) {
     return absl::InvalidArgumentError(
         absl::StrCat(from,
-                     ": holds no key, which is a line that begins with pk_, and no token "
-                     "(JWT), which is three parts with '.' between them"));
+                     ": holds neither an API key (a line that begins with pk_) nor a token (JWT: "
+                     "three parts separated by '.')"));
   }
   return key;
 }
 
 absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> TlsCredentials(const Login& login) {
   if (login.certificate.empty() != login.certificate_key.empty()) {
-    return absl::InvalidArgumentError(
-        "--certificate and --certificate-key are given together or not at all");
+    return absl::InvalidArgumentError("--certificate and --certificate-key must be given together");
   }
   grpc::SslCredentialsOptions options;
   if (!login.ca.empty()) {
@@ -78,7 +79,8 @@ using grpc::experimental::InterceptionHookPoints;
 using grpc::experimental::Interceptor;
 using grpc::experimental::InterceptorBatchMethods;
 
-// Shows the key. (gRPC's own call credentials do not go over a loopback without TLS.)
+// Adds the key to the metadata of each call. gRPC's own call credentials are not used: it refuses
+// to send them over a loopback connection without TLS.
 class KeyInterceptor final : public Interceptor {
  public:
   explicit KeyInterceptor(const std::string& header) : header_(header) {}
@@ -90,14 +92,14 @@ class KeyInterceptor final : public Interceptor {
   }
 
  private:
-  const std::string& header_;  // the factory's, which the channel keeps
+  const std::string& header_;  // of the factory, which the channel keeps alive
 };
 
 class KeyInterceptorFactory final : public ClientInterceptorFactoryInterface {
  public:
   explicit KeyInterceptorFactory(const std::string& key) : header_(absl::StrCat("Bearer ", key)) {}
   Interceptor* CreateClientInterceptor(ClientRpcInfo*) override {
-    return new KeyInterceptor(header_);  // gRPC's to delete
+    return new KeyInterceptor(header_);  // gRPC deletes it
   }
 
  private:
@@ -110,7 +112,7 @@ bool IsThisMachine(const std::string& server) {
   if (server.rfind("unix:", 0) == 0) return true;
   const std::string host = server.substr(0, server.rfind(':'));
   if (host == "localhost" || host == "[::1]") return true;
-  // All of 127.0.0.0/8, but no name that only begins so.
+  // All of 127.0.0.0/8, but not a name such as 127.0.0.1.example.org.
   return host.rfind("127.", 0) == 0 && host.find_first_not_of("0123456789.") == std::string::npos;
 }
 
@@ -124,8 +126,8 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> OpenChannel(const std::string& se
   if (!key.empty() && !tls && !IsThisMachine(target)) {
     return absl::InvalidArgumentError(absl::StrCat(
         "the key is not sent to ", target,
-        ": the connection is not encrypted, and whoever is on "
-        "the way could read and use it; speak to the server over TLS, with --tls or --ca FILE"));
+        ": the connection is not encrypted, so that others on the network could read and use it; "
+        "connect over TLS with --tls or --ca FILE"));
   }
   std::shared_ptr<grpc::ChannelCredentials> credentials = grpc::InsecureChannelCredentials();
   if (tls) {

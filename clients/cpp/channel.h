@@ -9,21 +9,25 @@
 
 namespace pepeseg::client {
 
-// What the command line says of how a server is spoken to. Each path may be empty.
+// How a client identifies itself and checks the server. Each path may be empty.
 struct Login {
-  std::string key_file;     // whose first line is a key or a JWT; else that of PEPESEG_KEY is shown
-  std::string ca;           // PEM: who may have signed the server's certificate; else the system's
-  std::string certificate;  // PEM, of the client
-  std::string certificate_key;  // its private key
-  bool tls = false;             // also meant by https://, `ca` and `certificate`
+  // File whose first line is an API key or a JWT. Empty: the environment variable PEPESEG_KEY, if
+  // it is set.
+  std::string key_file;
+  std::string ca;               // PEM: trusted authorities; empty: those that the system trusts
+  std::string certificate;      // PEM: certificate of this client, for mutual TLS
+  std::string certificate_key;  // PEM: private key of `certificate`; both or neither are given
+  bool tls = false;             // https://, `ca` and `certificate` imply it
 };
 
-// Connects with the first call, and again after a break. The key goes with every call.
-// INVALID_ARGUMENT: a file cannot be read, or the key would go to another machine unencrypted.
+// Returns a channel to `server`: "host:port", "https://host:port" or "unix:path". It connects with
+// the first call, reconnects after a break, and sends the key with every call. INVALID_ARGUMENT: a
+// key is malformed, a certificate lacks its private key, or the key would go to another machine
+// unencrypted. A file that cannot be read is an error of ReadFile.
 absl::StatusOr<std::shared_ptr<grpc::Channel>> OpenChannel(const std::string& server,
                                                            const Login& login);
 
-// Whether "host:port" or "unix:path" cannot be another machine.
+// Returns true if `server`, "host:port" or "unix:path", can only be this machine.
 bool IsThisMachine(const std::string& server);
 
 }  // namespace pepeseg::client

@@ -13,10 +13,11 @@
 namespace pepeseg::client {
 namespace {
 
-constexpr uint32_t kCastagnoli = 0x82f63b78;  // the polynomial, bit-reversed
-constexpr size_t kPiece = size_t{1} << 20;
+constexpr uint32_t kCastagnoli = 0x82f63b78;     // the polynomial, bit-reversed
+constexpr size_t kPieceBytes = size_t{1} << 20;  // of one read
 
-// table[k][b]: the checksum of byte b followed by k zero bytes, so that eight bytes go at once.
+// Returns the tables of slicing-by-8 (Kounavis and Berry 2008): table[k][b] is the checksum of byte
+// b followed by k zero bytes, so that one step takes eight bytes.
 std::array<std::array<uint32_t, 256>, 8> MakeCrcTable() {
   std::array<std::array<uint32_t, 256>, 8> table{};
   for (uint32_t byte = 0; byte < 256; ++byte) {
@@ -43,6 +44,7 @@ uint32_t Crc32c(std::string_view bytes) {
   for (; i + 8 <= bytes.size(); i += 8) {
     uint32_t next = 0;
     for (size_t k = 0; k < 8; ++k) {
+      // The checksum so far is added to the first four bytes.
       const uint8_t carried = k < 4 ? static_cast<uint8_t>(crc >> (8 * k)) : 0;
       next ^= table[7 - k][byte_at(i + k) ^ carried];
     }
@@ -74,7 +76,7 @@ absl::StatusOr<FileDigest> DigestFile(const std::filesystem::path& path) {
   if (!file) return LocalFileError("read", path, errno);
   FileDigest digest;
   Sha256 sha256;
-  std::vector<char> piece(kPiece);
+  std::vector<char> piece(kPieceBytes);
   while (file) {
     file.read(piece.data(), static_cast<std::streamsize>(piece.size()));
     sha256.Add({piece.data(), static_cast<size_t>(file.gcount())});

@@ -9,7 +9,7 @@
 
 namespace pepeseg::client {
 
-// CRC-32C (Castagnoli), as the contract wants it of each chunk.
+// Returns the CRC-32C (Castagnoli), which the contract demands for each chunk.
 uint32_t Crc32c(std::string_view bytes);
 
 struct FileDigest {
@@ -17,10 +17,11 @@ struct FileDigest {
   std::string sha256;  // 64 lower-case hex digits
 };
 
-// NOT_FOUND when the file cannot be opened, DATA_LOSS when it cannot be read to its end.
+// Reads a file and returns its size and digest. LocalFileError (file_bytes.h): the file cannot be
+// opened, or not be read to its end.
 absl::StatusOr<FileDigest> DigestFile(const std::filesystem::path& path);
 
-// Of bytes that come piece by piece.
+// SHA-256 of bytes that arrive in pieces.
 class Sha256 {
  public:
   Sha256();
@@ -29,11 +30,11 @@ class Sha256 {
   Sha256& operator=(const Sha256&) = delete;
 
   void Add(std::string_view bytes);
-  // Hex; call once, last.
+  // Returns 64 lower-case hex digits. Call it once, after the last Add.
   std::string Finish();
 
  private:
-  void* context_;  // EVP_MD_CTX, kept out of this header
+  void* context_;  // EVP_MD_CTX; void keeps OpenSSL out of this header
 };
 
 }  // namespace pepeseg::client

@@ -2,6 +2,7 @@
 
 #include <grpcpp/channel.h>
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -10,27 +11,40 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "clients/cpp/dataset_folder.h"
-#include "clients/cpp/upload_progress.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
 #include "pepeseg/v1/job_service.grpc.pb.h"
 #include "pepeseg/v1/scene_service.grpc.pb.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
 
-// A pepeseg server as C++ programs use it; `pepeseg`, the command line, is such a program.
+// The client library of C++ programs; `pepeseg`, the command line, is such a program.
 namespace pepeseg::client {
 
-// Over a channel of OpenChannel (clients/cpp/channel.h). Calls block; an object may be shared by
-// threads. Scenes and jobs are named "shelf" or "scenes/shelf", "j3" or "jobs/j3"; models
-// "scenes/shelf/models/live" (ModelName). Requests without a request_id are given one.
+// Callbacks of an upload, called on the thread that uploads. Either may be empty.
+struct UploadProgress {
+  // `num_there` of the `num_bytes` bytes of the dataset are on the server.
+  std::function<void(int64_t num_there, int64_t num_bytes)> bytes;
+  // A sentence for a person: the upload was interrupted and is repeated, or nothing is to be sent.
+  std::function<void(const std::string& what)> note;
+};
+
+// Calls the services of a pepeseg server. Methods block; an object may be shared by threads.
 //
-// Errors are the server's, with its ErrorDetail (DetailOf, clients/cpp/answer_status.h):
-// UNAVAILABLE when none answers, DEADLINE_EXCEEDED after two minutes (Evaluate: an hour).
+// A scene is named "shelf" or "scenes/shelf", a job "j3" or "jobs/j3", a model by its resource
+// name, such as "scenes/shelf/models/live" (see ModelName in clients/cpp/resource_names.h).
+// Requests without a request_id get a random one.
+//
+// Errors are those of the server, with its ErrorDetail (see DetailOf in
+// clients/cpp/answer_status.h). UNAVAILABLE: no server answers. DEADLINE_EXCEEDED: no answer within
+// two minutes (Evaluate: an hour).
 class Client {
  public:
+  // `channel` comes from OpenChannel (clients/cpp/channel.h).
   explicit Client(const std::shared_ptr<grpc::Channel>& channel);
 
-  // Scenes and models (client_scenes.cc).
-  absl::Status EnsureScene(const std::string& scene) const;  // makes it unless it is there
+  // Scenes and models.
+
+  // Creates the scene unless it exists.
+  absl::Status EnsureScene(const std::string& scene) const;
   absl::StatusOr<v1::Scene> GetScene(const std::string& scene) const;
   absl::StatusOr<v1::ListScenesResponse> ListScenes() const;
   absl::Status DeleteScene(const std::string& scene) const;
@@ -39,46 +53,53 @@ class Client {
   absl::Status DeleteModel(const std::string& model) const;
   absl::StatusOr<std::vector<v1::View>> ListViews(const std::string& model) const;
 
-  // Datasets (client_uploads.cc). Declares the files, sends what the server does not have of them,
-  // seals. Goes on with an upload of the same files that was broken off, and after a lost
-  // connection until nothing has come through for a minute. DATA_LOSS: a file changed meanwhile.
+  // Datasets (client_uploads.cc).
+
+  // Declares the files of `folder`, sends the bytes that the server lacks, and seals the dataset.
+  // Resumes an earlier upload of the same files if one was interrupted. After a lost connection it
+  // retries until no byte has arrived for a minute. DATA_LOSS: a file changed during the upload.
   absl::StatusOr<v1::Dataset> Upload(const std::string& scene, const DatasetFolder& folder,
                                      const UploadProgress& progress = {}) const;
-  // The newest sealed one; FAILED_PRECONDITION when there is none.
+  // Returns the newest sealed dataset of the scene; FAILED_PRECONDITION if it has none.
   absl::StatusOr<v1::Dataset> NewestDataset(const std::string& scene) const;
-  // A photograph of a dataset or a model. DATA_LOSS: its bytes fail their checksum.
   struct Photograph {
     v1::GetPhotographResponse::Header header;
-    std::string bytes;  // an image file of header.content_type()
+    std::string bytes;  // an image file of type header.content_type()
   };
+  // Returns a photograph of a dataset or a model. DATA_LOSS: its bytes fail their checksum, or some
+  // are missing.
   absl::StatusOr<Photograph> GetPhotograph(const v1::GetPhotographRequest& request) const;
 
-  // Jobs (client_jobs.cc).
+  // Jobs.
+
   absl::StatusOr<v1::Job> Train(v1::TrainSceneRequest request) const;
   absl::StatusOr<v1::EstimateTrainingResponse> EstimateTraining(
       const v1::EstimateTrainingRequest& request) const;
   absl::StatusOr<v1::Job> GetJob(const std::string& job) const;
   absl::StatusOr<v1::ListJobsResponse> ListJobs(const std::string& scene = "") const;
   absl::StatusOr<v1::Job> CancelJob(const std::string& job) const;
-  // Follows a job to its end and returns it as it ended: succeeded, failed or cancelled. Every
-  // event is seen once, heartbeats are left out. Asks again for half a minute when the server goes
-  // away; `on_break`, if any, is told so.
+  // Follows a job to its end and returns the ended job: succeeded, failed or cancelled. Calls
+  // `on_event` once for each event except heartbeats. If the connection breaks after the first
+  // event, calls `on_break`, if there is one, and retries every 3 seconds, for half a minute.
   absl::StatusOr<v1::Job> WatchJob(const std::string& job,
                                    absl::FunctionRef<void(const v1::JobEvent&)> on_event,
                                    const std::function<void()>& on_break = nullptr) const;
 
-  // Questions to a model (client_questions.cc).
+  // Queries of a model.
+
   absl::StatusOr<v1::SegmentResponse> Segment(const v1::SegmentRequest& request) const;
   absl::StatusOr<v1::ProposeScalesResponse> ProposeScales(
       const v1::ProposeScalesRequest& request) const;
   absl::StatusOr<v1::DecomposeResponse> Decompose(const v1::DecomposeRequest& request) const;
   absl::StatusOr<v1::EvaluateResponse> Evaluate(const v1::EvaluateRequest& request) const;
   absl::StatusOr<v1::RenderResponse> Render(const v1::RenderRequest& request) const;
-  // A model, or a subset of it, as a PLY: checked, and put in `file`'s place only when it is whole.
+  // Writes a model, or a subset of it, to `file` as a PLY. The file appears only once all of its
+  // bytes are there and match their SHA-256; otherwise: DATA_LOSS.
   absl::StatusOr<v1::ExportSelectionResponse::Header> Export(
       const v1::ExportSelectionRequest& request, const std::string& file) const;
 
-  // Labels and selections (client_selections.cc), by their names.
+  // Labels and selections; arguments and results have resource names.
+
   absl::StatusOr<v1::Label> CreateLabel(v1::CreateLabelRequest request) const;
   absl::StatusOr<v1::ListLabelsResponse> ListLabels(const std::string& scene) const;
   absl::Status DeleteLabel(const std::string& label) const;

@@ -21,7 +21,7 @@ bool EndsIn(absl::string_view name, std::initializer_list<absl::string_view> ext
                      [&](absl::string_view extension) { return absl::EndsWith(lower, extension); });
 }
 
-// Of sparse/0/NAME or sparse/NAME.
+// Returns the kind of sparse/0/NAME or sparse/NAME.
 std::optional<v1::FileKind> ColmapKind(absl::string_view name) {
   name.remove_prefix(absl::string_view("sparse/").size());
   if (absl::StartsWith(name, "0/")) name.remove_prefix(2);
@@ -46,7 +46,8 @@ bool HasPictures(const DatasetFolder& folder) {
   return Has(folder, v1::FILE_KIND_IMAGE) || Has(folder, v1::FILE_KIND_VIDEO);
 }
 
-// Takes the photographs and videos of the folder itself, which have no part in the layout.
+// Moves the photographs and videos in the folder itself from `left_out` to `files`, under the names
+// that the layout demands.
 void TakeLoosePictures(const fs::path& root, DatasetFolder& folder) {
   std::vector<std::string> left_out;
   for (const std::string& name : folder.left_out) {
@@ -80,7 +81,7 @@ std::optional<v1::FileKind> KindOf(absl::string_view name, v1::FileKind in_depth
   if (in("masks/") && EndsIn(name, {".json", ".png"})) return v1::FILE_KIND_MASK;
   if (name == "ignore_mask.png") return v1::FILE_KIND_IGNORE_MASK;
   if (in("ignore/") && EndsIn(name, {".png"})) return v1::FILE_KIND_IGNORE_MASK;
-  // The second is nerfstudio's.
+  // nerfstudio writes sparse_pc.ply.
   if (name == "points.ply" || name == "sparse_pc.ply") return v1::FILE_KIND_POINTS;
   if (name == "gaussians.ply") return v1::FILE_KIND_GAUSSIANS;
   const bool map = EndsIn(name, {".png", ".npy", ".pfm"});
@@ -101,7 +102,7 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::File
   DatasetFolder result;
   auto entry = fs::recursive_directory_iterator(folder, error);
   for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
-    std::error_code ignored;  // a dangling link is no regular file: left out
+    std::error_code ignored;  // a dangling link is not a regular file and is left out
     if (entry->is_directory(ignored)) continue;
     const std::string name = entry->path().lexically_relative(folder).generic_string();
     const std::optional<v1::FileKind> kind = KindOf(name, in_depth);
@@ -119,10 +120,10 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::File
             [](const FolderFile& a, const FolderFile& b) { return a.name < b.name; });
   std::sort(result.left_out.begin(), result.left_out.end());
   if (!HasPictures(result)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(folder.string(),
-                     ": no photographs (.jpg, .jpeg, .png, .webp or .heic in it or in its images/) and no "
-                     "video (.mp4, .m4v, .mov, .webm, .mkv or .avi)"));
+    return absl::InvalidArgumentError(absl::StrCat(
+        folder.string(),
+        ": no photographs (.jpg, .jpeg, .png, .webp, .heic or .heif) and no videos (.mp4, .m4v, "
+        ".mov, .webm, .mkv or .avi), in it or in its images/ and videos/"));
   }
   return result;
 }

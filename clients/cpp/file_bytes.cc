@@ -15,13 +15,15 @@ namespace pepeseg::client {
 namespace {
 
 constexpr char kLocalFileUrl[] = "pepeseg.client/local_file";
-constexpr size_t kPieceBytes = size_t{1} << 20;
+constexpr size_t kReadBytes = size_t{1} << 20;
 
+// Adds the payload by which IsLocalFileError knows the error.
 absl::Status Mark(absl::Status status) {
   status.SetPayload(kLocalFileUrl, absl::Cord());
   return status;
 }
 
+// Returns the code for an errno; the client maps it to an exit code.
 absl::StatusCode CodeOf(int error_number) {
   switch (error_number) {
     case ENOENT:
@@ -64,11 +66,11 @@ absl::StatusOr<std::string> ReadFile(const std::filesystem::path& path) {
   ssize_t size = 0;
   do {
     const size_t before = bytes.size();
-    bytes.resize(before + kPieceBytes);
-    size = read(descriptor, bytes.data() + before, kPieceBytes);
+    bytes.resize(before + kReadBytes);
+    size = read(descriptor, bytes.data() + before, kReadBytes);
     bytes.resize(before + (size > 0 ? static_cast<size_t>(size) : 0));
   } while (size > 0 || (size < 0 && errno == EINTR));
-  const int error_number = errno;
+  const int error_number = errno;  // close() may change it
   close(descriptor);
   if (size < 0) return LocalFileError("read", path, error_number);
   return bytes;
@@ -78,7 +80,7 @@ absl::Status MakeParentFolder(const std::filesystem::path& file) {
   if (!file.has_parent_path()) return absl::OkStatus();
   std::error_code error;
   std::filesystem::create_directories(file.parent_path(), error);
-  return error ? LocalFileError("make the folder", file.parent_path(), error.value())
+  return error ? LocalFileError("create the folder", file.parent_path(), error.value())
                : absl::OkStatus();
 }
 
@@ -89,29 +91,30 @@ absl::Status WriteFile(const std::filesystem::path& path, absl::string_view byte
 }
 
 OutputFile::OutputFile(std::filesystem::path path, int descriptor)
-    : path_(std::move(path)), beside_(path_), descriptor_(descriptor) {
-  beside_ += ".part";
+    : path_(std::move(path)), part_(path_), descriptor_(descriptor) {
+  part_ += ".part";
 }
 
 OutputFile::OutputFile(OutputFile&& other) noexcept
     : path_(std::move(other.path_)),
-      beside_(std::move(other.beside_)),
+      part_(std::move(other.part_)),
       descriptor_(std::exchange(other.descriptor_, -1)),
       num_bytes_(other.num_bytes_) {}
 
 OutputFile::~OutputFile() {
   if (descriptor_ < 0) return;
   close(descriptor_);
-  unlink(beside_.c_str());
+  unlink(part_.c_str());
 }
 
 absl::StatusOr<OutputFile> OutputFile::Create(const std::filesystem::path& path) {
+  // Renaming to a folder would fail only in Commit, after all bytes were written.
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) return LocalFileError("write", path, EISDIR);
   RETURN_IF_ERROR(MakeParentFolder(path));
   OutputFile file(path, -1);
-  constexpr int kMode = 0666;  // less the umask
-  file.descriptor_ = open(file.beside_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, kMode);
+  constexpr int kMode = 0666;  // the umask is subtracted
+  file.descriptor_ = open(file.part_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, kMode);
   if (file.descriptor_ < 0) return file.Fail(errno);
   return file;
 }
@@ -132,14 +135,15 @@ absl::Status OutputFile::Append(absl::string_view bytes) {
 }
 
 absl::Status OutputFile::Commit() {
+  // A network file system may report a full disk only here.
   if (close(std::exchange(descriptor_, -1)) != 0) {
     const int error_number = errno;
-    unlink(beside_.c_str());
+    unlink(part_.c_str());
     return Fail(error_number);
   }
-  if (rename(beside_.c_str(), path_.c_str()) == 0) return absl::OkStatus();
+  if (rename(part_.c_str(), path_.c_str()) == 0) return absl::OkStatus();
   const int error_number = errno;
-  unlink(beside_.c_str());
+  unlink(part_.c_str());
   return Fail(error_number);
 }
 

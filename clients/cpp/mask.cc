@@ -4,17 +4,22 @@
 #include "absl/strings/str_cat.h"
 
 namespace pepeseg::client {
+
+// The format is that of rleFrString in cocoapi's common/maskApi.c: each run is a number of five
+// bits a character, and from the fourth run on the difference to the run before the last.
 absl::StatusOr<Mask> DecodeRle(const v1::CocoRle& rle) {
   const int64_t height = rle.height();
   const int64_t num_pixels = height * rle.width();
   if (height < 0 || rle.width() < 0 || num_pixels > (int64_t{1} << 30)) {
-    return absl::DataLossError(absl::StrCat("mask of ", rle.width(), "x", height, " pixels"));
+    return absl::DataLossError(
+        absl::StrCat("mask: ", rle.width(), "x", height, " is not a size of at most 2^30 pixels"));
   }
   Mask mask(static_cast<size_t>(num_pixels), 0);
   std::vector<int64_t> runs;
   int64_t filled = 0;
   for (size_t i = 0; i < rle.counts().size();) {
-    // Five bits a character, lowest first; bit 5: more follow; bit 4 of the last: negative.
+    // Lowest bits first. Bit 5 of a character: more follow. Bit 4 of the last one: the number is
+    // negative.
     int64_t run = 0;
     int shift = 0;
     bool more = true;
@@ -27,8 +32,8 @@ absl::StatusOr<Mask> DecodeRle(const v1::CocoRle& rle) {
     }
     if (runs.size() > 2) run += runs[runs.size() - 2];
     if (more || run < 0 || run > num_pixels - filled) {
-      return absl::DataLossError(absl::StrCat("mask: run ", runs.size(), " is of ", run,
-                                              " pixels, ", num_pixels - filled, " are left"));
+      return absl::DataLossError(absl::StrCat("mask: run ", runs.size(), " has ", run,
+                                              " pixels, but ", num_pixels - filled, " are left"));
     }
     for (int64_t k = filled; runs.size() % 2 == 1 && k < filled + run; ++k) {
       mask[static_cast<size_t>((k % height) * rle.width() + k / height)] = 1;
@@ -38,7 +43,7 @@ absl::StatusOr<Mask> DecodeRle(const v1::CocoRle& rle) {
   }
   if (filled != num_pixels) {
     return absl::DataLossError(
-        absl::StrCat("mask: runs of ", filled, " pixels in all, not ", num_pixels));
+        absl::StrCat("mask: the runs have ", filled, " pixels, not ", num_pixels));
   }
   return mask;
 }

@@ -8,11 +8,11 @@
 
 namespace pepeseg::client {
 
-// [height, width], 0 or 1.
+// [height, width], row-major, 0 or 1.
 using Mask = std::vector<uint8_t>;
 
-// COCO's compressed run lengths, column-major. DATA_LOSS when the runs do not fill the mask
-// exactly.
+// Decodes COCO's compressed run lengths, which are column-major and begin with zeros. DATA_LOSS:
+// the runs do not fill the mask exactly, or it has more than 2^30 pixels.
 absl::StatusOr<Mask> DecodeRle(const v1::CocoRle& rle);
 
 }  // namespace pepeseg::client

@@ -11,10 +11,12 @@ namespace pepeseg::client {
 namespace {
 
 constexpr size_t kMostNames = 3;
-constexpr int kFar = 1000;
+constexpr int kFar = 1000;  // distance of a name that does not qualify
 
-// Insertions, deletions, replacements and swaps of neighbours that make `b` of `a`.
+// Returns the number of insertions, deletions, replacements and swaps of neighbouring characters
+// that turn `a` into `b`: the optimal string alignment distance.
 int EditDistance(absl::string_view a, absl::string_view b) {
+  // The last three lines of the table of distances between prefixes.
   std::vector<int> before(b.size() + 1), row(b.size() + 1), next(b.size() + 1);
   std::iota(row.begin(), row.end(), 0);
   for (size_t i = 1; i <= a.size(); ++i) {
@@ -37,13 +39,14 @@ absl::string_view LastPart(absl::string_view name) {
   return dot == absl::string_view::npos ? name : name.substr(dot + 1);
 }
 
-// kFar: not near at all.
+// Returns how far `name` is from `word`; kFar: too far.
 int Distance(absl::string_view word, absl::string_view name) {
   const int edits = EditDistance(word, name);
   if (edits <= std::max<int>(1, static_cast<int>(word.size()) / 3)) return edits;
   const absl::string_view part = LastPart(word);
   const bool dotted = absl::StrContains(name, ".");
-  if (dotted && part.size() > 2 && absl::StrContains(LastPart(name), part)) return edits + 100;
+  if (dotted && part.size() > 2 && absl::StrContains(LastPart(name), part))
+    return edits + 100;  // after all near names
   return kFar;
 }
 

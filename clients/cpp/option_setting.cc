@@ -17,6 +17,7 @@ using google::protobuf::Descriptor;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
+// Appends "PREFIXNAME (TYPE)" for each field, depth first.
 void AppendNames(const Descriptor& type, const std::string& prefix,
                  std::vector<std::string>& names) {
   for (int i = 0; i < type.field_count(); ++i) {
@@ -30,6 +31,7 @@ void AppendNames(const Descriptor& type, const std::string& prefix,
   }
 }
 
+// Parses `text` and passes the value to `set`; returns false if it is not a T.
 template <typename T, typename Parse, typename Set>
 bool ParseAndSet(absl::string_view text, Parse parse, Set set) {
   T value{};
@@ -38,7 +40,8 @@ bool ParseAndSet(absl::string_view text, Parse parse, Set set) {
   return true;
 }
 
-// An enum's value by its name, which may leave out what all of them begin with: "patch".
+// Sets an enum by the whole name of a value, or by the end of that name after a '_'. Returns false
+// if there is no such value.
 bool SetEnum(absl::string_view text, const FieldDescriptor& field, Message& message) {
   const std::string name = absl::AsciiStrToUpper(text);
   for (int i = 0; i < field.enum_type()->value_count(); ++i) {
@@ -50,7 +53,7 @@ bool SetEnum(absl::string_view text, const FieldDescriptor& field, Message& mess
   return false;
 }
 
-// False when the text is no value of the field's type.
+// Sets `field` from text; returns false if the text is not a value of its type.
 bool SetField(absl::string_view text, const FieldDescriptor& field, Message& message) {
   const auto& reflection = *message.GetReflection();
   const auto with = [&](auto setter) {
@@ -73,11 +76,12 @@ bool SetField(absl::string_view text, const FieldDescriptor& field, Message& mes
     case FieldDescriptor::CPPTYPE_ENUM:
       return SetEnum(text, field, message);
     default:
-      return false;  // the options of the contract have no other type
+      return false;  // no option of the contract has another type
   }
 }
 
-// The field of an option; null: there is none.
+// Returns the field that a name such as "reconstruct.num_steps" leads to; null if there is none or
+// it is a message.
 const FieldDescriptor* FindField(absl::string_view name, const Descriptor& type) {
   const Descriptor* within = &type;
   const FieldDescriptor* field = nullptr;
@@ -90,7 +94,7 @@ const FieldDescriptor* FindField(absl::string_view name, const Descriptor& type)
   return within == nullptr ? field : nullptr;
 }
 
-// Values of an enum without what all of them begin with, in lower case.
+// Returns the values of an enum in lower case, without the prefix that all of them share.
 std::vector<std::string> ShortNames(const google::protobuf::EnumDescriptor& type) {
   std::string prefix = type.value(0)->name();
   for (int i = 1; i < type.value_count(); ++i) {
@@ -104,11 +108,13 @@ std::vector<std::string> ShortNames(const google::protobuf::EnumDescriptor& type
   return names;
 }
 
-std::string Wanted(const FieldDescriptor& field) {
+// Returns "of type float", or "one of windows, patch".
+std::string Expected(const FieldDescriptor& field) {
   if (field.enum_type() == nullptr) return absl::StrCat("of type ", field.cpp_type_name());
   return absl::StrCat("one of ", absl::StrJoin(ShortNames(*field.enum_type()), ", "));
 }
 
+// Returns the names of all options, without their types.
 std::vector<std::string> PlainNames(const Descriptor& type, const std::string& prefix) {
   std::vector<std::string> names;
   AppendNames(type, prefix, names);
@@ -122,7 +128,7 @@ absl::Status SetOption(absl::string_view setting, Message& options) {
   const size_t equals = setting.find('=');
   if (equals == absl::string_view::npos) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "--option ", setting, ": NAME=VALUE is wanted, as reconstruct.num_steps=3000"));
+        "--option ", setting, ": expected NAME=VALUE, such as reconstruct.num_steps=3000"));
   }
   const absl::string_view name = setting.substr(0, equals);
   const absl::string_view value = setting.substr(equals + 1);
@@ -134,14 +140,15 @@ absl::Status SetOption(absl::string_view setting, Message& options) {
         message, message->GetDescriptor()->FindFieldByName(std::string(part)));
   }
   if (field == nullptr) {
+    const std::string similar =
+        DidYouMean(NearestNames(name, PlainNames(*options.GetDescriptor(), "")));
     return absl::InvalidArgumentError(
-        absl::StrCat("no option \"", name, "\"",
-                     DidYouMean(NearestNames(name, PlainNames(*options.GetDescriptor(), ""))),
-                     " `pepeseg train SCENE --list-options` lists all"));
+        absl::StrCat("unknown option \"", name, "\"", similar.empty() ? ";" : similar,
+                     " `pepeseg train SCENE --list-options` lists all options"));
   }
   if (!SetField(value, *field, *message)) {
     return absl::InvalidArgumentError(
-        absl::StrCat("--option ", name, ": \"", value, "\" is not ", Wanted(*field)));
+        absl::StrCat("--option ", name, ": \"", value, "\" is not ", Expected(*field)));
   }
   return absl::OkStatus();
 }

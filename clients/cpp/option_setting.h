@@ -10,15 +10,17 @@
 
 namespace pepeseg::client {
 
-// Sets a field of nested messages from text: "reconstruct.num_steps=3000". The contract is the only
-// list of options there is. INVALID_ARGUMENT names an unknown option, with those that may be meant,
-// or a value that is not of the field's type.
+// Sets a field of nested messages from text such as "reconstruct.num_steps=3000". The options are
+// the fields of `options`: there is no other list of them. A value of an enum may lack the prefix
+// that all of its values share ("patch"), in any case. INVALID_ARGUMENT: the option is unknown (the
+// message proposes similar names), or the value is not of the field's type.
 absl::Status SetOption(absl::string_view setting, google::protobuf::Message& options);
 
-// "features.learning_rate (float)", ...: every option of a message, in its order.
+// Returns every option of a message in the order of its fields: "features.learning_rate (float)".
 std::vector<std::string> OptionNames(const google::protobuf::Message& options);
 
-// The names that an option of an enum takes, as "windows", "patch"; empty for other options.
+// Returns the values that an option of an enum type takes, such as "windows" and "patch"; empty for
+// other options.
 std::vector<std::string> ValueNames(absl::string_view name,
                                     const google::protobuf::Message& options);
 

@@ -22,6 +22,7 @@ std::string ModelName(const std::string& scene, const std::string& model) {
 }
 
 std::string SceneOf(const std::string& resource) {
+  // The name may begin with "projects/lab/", so look for the '/' after the id of the scene.
   const std::string scenes = "scenes/";
   return resource.substr(0, resource.find('/', resource.find(scenes) + scenes.size()));
 }
@@ -29,6 +30,7 @@ std::string SceneOf(const std::string& resource) {
 std::string NewRequestId() {
   std::random_device random;
   std::string id;
+  // 4 words of 32 bits.
   for (int word = 0; word < 4; ++word) absl::StrAppendFormat(&id, "%08x", random());
   return id;
 }

@@ -4,18 +4,21 @@
 
 namespace pepeseg::client {
 
-// "shelf" or "scenes/shelf" -> "scenes/shelf". "projects/lab/scenes/shelf" stays as it is:
-// operators, and callers of servers without keys, name a project's scene so.
+// Returns the resource name of a scene: "scenes/shelf" for "shelf" and "scenes/shelf". A name such
+// as "projects/lab/scenes/shelf" is returned as it is: operators, and callers of servers without
+// keys, use it for the scene of a project.
 std::string SceneName(const std::string& scene);
-// "j1" or "jobs/j1" -> "jobs/j1".
+// Returns the resource name of a job: "jobs/j1" for "j1" and "jobs/j1".
 std::string JobName(const std::string& job);
-// Of a scene's id or name; `model` is a number, or "live" for the newest.
+// Returns the resource name of a model of a scene, which is given by id or name. `model` is a
+// number, or "live" for the newest model.
 std::string ModelName(const std::string& scene, const std::string& model = "live");
 
-// "scenes/shelf/models/3" -> "scenes/shelf".
+// Returns the scene that a resource belongs to: "scenes/shelf" for "scenes/shelf/models/3".
 std::string SceneOf(const std::string& resource);
 
-// Random, so that a call repeated after a lost answer is known for the same one.
+// Returns a random request_id of 32 hex digits, by which the server recognises a call that is
+// repeated after a lost answer.
 std::string NewRequestId();
 
 }  // namespace pepeseg::client

@@ -28,7 +28,7 @@ void WriteLabels(const fs::path& path, int width, int height, uint8_t id) {
   ASSERT_TRUE(WritePng(path, GreyPicture{width, height, pixels}).ok());
 }
 
-TEST(FindTruth, ReadsTheLevelsOfAListInItsOrder) {
+TEST(FindTruth, ReadsTheLevelsInTheOrderOfTheList) {
   const testing::TempFolder folder;
   fs::create_directories(folder.path() / "gt");
   std::ofstream(folder.path() / "gt/labels.json") << R"({"part": ["-", "leg"], "object": [null]})";
@@ -41,7 +41,7 @@ TEST(FindTruth, ReadsTheLevelsOfAListInItsOrder) {
   EXPECT_TRUE((*levels)[1].entities.empty());
 }
 
-TEST(FindTruth, TakesLabelsWhereThereIsNoListAndNothingWhereThereIsNeither) {
+TEST(FindTruth, FallsBackToTheFolderOfLabelsOrToNothing) {
   const testing::TempFolder folder;
   EXPECT_THAT(*FindTruth(folder.path()), ::testing::IsEmpty());
   fs::create_directories(folder.path() / "labels");
@@ -54,7 +54,7 @@ TEST(FindTruth, TakesLabelsWhereThereIsNoListAndNothingWhereThereIsNeither) {
   EXPECT_EQ(FindTruth(folder.path()).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
-TEST(EvaluateRequestOf, TakesLabelsToTheSizeOfTheViewsThatHaveThem) {
+TEST(EvaluateRequestOf, ResizesLabelsToTheirViews) {
   const testing::TempFolder folder;
   WriteLabels(folder.path() / "labels/a.png", 8, 6, 3);
   v1::View trained = HeldOut("c.jpg", 4, 3);
@@ -70,7 +70,7 @@ TEST(EvaluateRequestOf, TakesLabelsToTheSizeOfTheViewsThatHaveThem) {
   EXPECT_EQ(request->entity_names().at(3), "cup");
 }
 
-TEST(EvaluateRequestOf, SendsLabelsOfThePhotographAsTheyAre) {
+TEST(EvaluateRequestOf, KeepsLabelsOfThePhotographsSize) {
   const testing::TempFolder folder;
   WriteLabels(folder.path() / "labels/a.png", 8, 6, 3);
   v1::View view = HeldOut("a.jpg", 4, 3);
@@ -83,7 +83,7 @@ TEST(EvaluateRequestOf, SendsLabelsOfThePhotographAsTheyAre) {
   EXPECT_EQ(request->labels(0).png(), EncodePng({8, 6, std::vector<uint8_t>(48, 3)}));
 }
 
-TEST(EvaluateRequestOf, RefusesAnotherShape) {
+TEST(EvaluateRequestOf, RefusesLabelsOfAnotherShape) {
   const testing::TempFolder folder;
   WriteLabels(folder.path() / "labels/a.png", 8, 3, 3);
   const TruthLevel level{"labels", folder.path() / "labels", {}};
@@ -114,7 +114,7 @@ BenchRun MakeRun() {
   return run;
 }
 
-TEST(BenchRecord, TheTimesAddUpToTheFirstClick) {
+TEST(BenchRecord, HasTimesThatAddUpToTheFirstClick) {
   BenchRecord record;
   record.dataset = "desk";
   record.facts["commit"] = "abc";
@@ -134,7 +134,7 @@ TEST(BenchRecord, TheTimesAddUpToTheFirstClick) {
   EXPECT_EQ(run["levels"]["part"]["entities"], 1);
 }
 
-TEST(BenchRecord, WithoutAClickThereIsNoTimeToIt) {
+TEST(BenchRecord, HasNoTimeToAClickThatWasNotMade) {
   BenchRun run = MakeRun();
   run.seconds.erase("first_click");
   run.seconds.erase("next_click");

@@ -1,6 +1,11 @@
 #!/usr/bin/env bash
+<<<<<<< HEAD
 # Runs pepesegd, pepeseg-worker and pepeseg as a user does: upload, train (a few steps on a quarter of
 # the pixels), segment, render, export, and checks the exit codes.
+=======
+# Runs pepesegd, pepeseg-worker and pepeseg as a user does: upload, train (a few steps at a quarter of
+# the size), segment, render, export; and checks the exit codes of what fails.
+>>>>>>> wt_D
 #   end_to_end.sh FOLDER_OF_PROGRAMS DATASET
 set -euo pipefail
 programs=$1 dataset=$2
@@ -18,11 +23,11 @@ fail() { echo "FAILED: $*" >&2; cat "$work/server.log" >&2; exit 1; }
   >"$work/server.log" 2>&1 &
 server=$!
 for _ in {1..200}; do [[ -s $work/port ]] && break; sleep 0.1; done
-[[ -s $work/port ]] || fail 'the server does not serve'
+[[ -s $work/port ]] || fail 'the server does not start'
 PEPESEG_SERVER=127.0.0.1:$(cat "$work/port")
 export PEPESEG_SERVER
 pepeseg() { "$programs/pepeseg" "$@"; }
-expect() {  # expect EXIT_CODE COMMAND...
+expect() {  # expect EXIT_CODE COMMAND...: runs a command and checks its exit code
   local code=0
   "${@:2}" >"$work/output" 2>"$work/errors" || code=$?
   if [[ $code != "$1" ]]; then
@@ -37,31 +42,42 @@ expect 4 pepeseg watch nothing
 expect 4 pepeseg upload 'No Label' "$dataset"
 expect 0 pepeseg upload shelf "$dataset"
 expect 0 pepeseg upload shelf "$dataset"
-grep -q 'has every file' "$work/errors" || fail 'a second upload sends bytes again'
+grep -q 'has every file' "$work/errors" || fail 'a second upload sends the same bytes'
 expect 6 pepeseg segment shelf --view frame-000000.jpg --point 400,240
 expect 4 pepeseg train shelf --steps 0
 expect 0 pepeseg train shelf --steps 60 --feature-steps 30 --image-scale 0.25 \
   -o features.num_pixels=200
-grep -Eq '^frame-000008.jpg +[0-9.]+ +[0-9.]+$' "$work/output" || fail 'no scores of the views'
+grep -Eq '^frame-000008.jpg +[0-9.]+ +[0-9.]+$' "$work/output" || fail 'train prints no scores of the views'
 grep -q '^trained on: poses given, masks given, depth given$' "$work/output" ||
+<<<<<<< HEAD
   fail 'train does not print what it trained on'
 grep -Eq '^Next: .*pepeseg segment shelf --view frame-[0-9]+.jpg --point [0-9]+,[0-9]+ ' \
   "$work/output" || fail 'train does not print the next command'
 grep -Eq 'stage [2-5] of 5 ' "$work/errors" || fail 'train does not print the number of the stage'
+=======
+  fail 'train does not print the sources'
+grep -Eq '^Next: .*pepeseg segment shelf --view frame-[0-9]+.jpg --point [0-9]+,[0-9]+ ' \
+  "$work/output" || fail 'train does not print the next command'
+grep -Eq 'stage [2-5] of 5 ' "$work/errors" || fail 'train does not number the stages'
+>>>>>>> wt_D
 expect 0 pepeseg jobs
-grep -Eq '^JOB +STATE +SCENE +AGE +TOOK +SIZE +RESULT$' "$work/output" || fail 'jobs has no header'
+grep -Eq '^JOB +STATE +SCENE +AGE +TOOK +SIZE +RESULT$' "$work/output" || fail 'jobs prints no header'
 grep -Eq '^jobs/j1 +succeeded +shelf +[0-9]+ (s|min) .* [kM]B +scenes/shelf/models/1$' \
   "$work/output" || fail 'jobs does not list the job'
 expect 0 pepeseg scenes
 grep -Eq '^shelf +[0-9]+ (s|min) +1 +[0-9.]+ [kM]B +scenes/shelf/models/1 +trained$' \
   "$work/output" || fail 'scenes does not list the scene'
 expect 0 pepeseg models shelf
-grep -Eq '^1 +[0-9]+ (s|min) .* jobs/j1 +2 +poses given, ' "$work/output" || fail 'no table of models'
+grep -Eq '^1 +[0-9]+ (s|min) .* jobs/j1 +2 +poses given, ' "$work/output" || fail 'models does not list the model'
 expect 0 pepeseg --json jobs
 grep -q '"state":"JOB_STATE_SUCCEEDED"' "$work/output" || fail 'the job did not succeed'
 expect 0 pepeseg scenes shelf
 grep -q 'psnr' "$work/output" || fail 'the model has no PSNR'
+<<<<<<< HEAD
 grep -q '  trained on: poses given' "$work/output" || fail 'the model lacks what it was trained on'
+=======
+grep -q '  trained on: poses given' "$work/output" || fail 'scenes does not print the sources'
+>>>>>>> wt_D
 expect 0 pepeseg segment shelf --view frame-000000.jpg --point 280,280 --threshold 0 \
   --views held-out --out "$work/masks"
 for stem in frame-000000 frame-000008; do
@@ -69,14 +85,22 @@ for stem in frame-000000 frame-000008; do
     fail "no mask of $stem"
 done
 head -c 24 "$work/masks/frame-000000_mask.png" | tail -c 8 | od -An -tx1 | tr -d ' \n' |
-  grep -q '00000280000001e0' || fail 'the mask is not of the size of the photograph, 640x480'
+  grep -q '00000280000001e0' || fail 'the mask does not have the size of the photograph, 640x480'
 expect 4 pepeseg segment shelf --view frame-000000.jpg --point 700,60
 grep -q 'point 700,60 is outside photograph "frame-000000.jpg" (640x480)' "$work/errors" ||
+<<<<<<< HEAD
   fail 'the message on a point outside lacks the frame or its size'
 expect 0 pepeseg segment shelf --view frame-000000.jpg --point 70,70 --threshold 0 --frame view
 expect 4 pepeseg segment shelf --view frame-000000.jpg --point 280,280 --frame view
 grep -q 'outside view "frame-000000.jpg" (160x120)' "$work/errors" ||
   fail 'the message on a point outside the view lacks its size'
+=======
+  fail 'a refused point is not reported with the size of the photograph'
+expect 0 pepeseg segment shelf --view frame-000000.jpg --point 70,70 --threshold 0 --frame view
+expect 4 pepeseg segment shelf --view frame-000000.jpg --point 280,280 --frame view
+grep -q 'outside view "frame-000000.jpg" (160x120)' "$work/errors" ||
+  fail 'a refused point is not reported with the size of the view'
+>>>>>>> wt_D
 
 expect 0 pepeseg label shelf cup --view frame-000000.jpg --point 280,280 --threshold 0 --text 'A cup'
 expect 0 pepeseg label shelf mug --view frame-000000.jpg --mask "$work/masks/frame-000000_mask.png"
@@ -86,49 +110,60 @@ expect 4 pepeseg label shelf plate --view frame-000000.jpg --frame view \
 grep -q "'640x480'.*160x120" "$work/errors" || fail 'a mask of another size is not refused'
 expect 0 pepeseg labels shelf
 areas=$(awk '{print $3}' "$work/output" | uniq | wc -l)
-[[ $(wc -l <"$work/output") == 2 && $areas == 1 ]] || fail 'the click and its mask differ'
+[[ $(wc -l <"$work/output") == 2 && $areas == 1 ]] || fail 'the labels by a click and by its mask differ'
 expect 0 pepeseg labels shelf --delete mug
 expect 3 pepeseg labels shelf --delete mug
 
 expect 0 pepeseg select shelf --view frame-000000.jpg --point 280,280 --threshold 0
 grep -Eq '^scenes/shelf/selections/1  scenes/shelf/models/1  [1-9][0-9]* Gaussians' "$work/output" ||
-  fail 'nothing is selected'
+  fail 'select finds no Gaussians'
 expect 0 pepeseg select shelf --view frame-000003.jpg --point 280,280 --threshold 0 --add-to 1 \
   --views 4 --keep-disconnected --out "$work"
+<<<<<<< HEAD
 grep -q 'from scenes/shelf/selections/1' "$work/output" || fail 'the base is not printed'
+=======
+grep -q 'from scenes/shelf/selections/1' "$work/output" || fail 'select does not print the base'
+>>>>>>> wt_D
 expect 0 pepeseg combine shelf 2 subtract 1
 expect 0 pepeseg selections shelf 3 --undo
-grep -q '^scenes/shelf/selections/2 ' "$work/output" || fail 'undo does not answer the base'
+grep -q '^scenes/shelf/selections/2 ' "$work/output" || fail 'undo does not return the base'
 expect 6 pepeseg selections shelf 1 --undo
 expect 0 pepeseg selections shelf 1 --delete
 expect 3 pepeseg selections shelf 1
 expect 0 pepeseg --json selections shelf
-grep -q '"num_gaussians":' "$work/output" || fail 'no selections as JSON'
+grep -q '"num_gaussians":' "$work/output" || fail 'selections prints no JSON'
 
 expect 0 pepeseg render shelf --views frame-000003.jpg --out "$work"
-[[ -s $work/frame-000003.png ]] || fail 'no rendering'
+[[ -s $work/frame-000003.png ]] || fail 'render writes no picture'
 expect 0 pepeseg render shelf --views frame-000003.jpg --content depth --out "$work/depth"
-grep -q 'scene units a step' "$work/output" || fail 'the depth has no unit'
+grep -q 'scene units a step' "$work/output" || fail 'render prints no unit of depth'
 expect 0 pepeseg decompose shelf --scales 0.1,0.9 --level 1 --out "$work/pieces"
+<<<<<<< HEAD
 grep -q '^level 1  scale 0.9' "$work/output" || fail 'no levels'
 grep -Eq '^  1:1 +[0-9]+ Gaussians' "$work/output" || fail 'no segments'
 [[ $(head -c 3 "$work/pieces/level_1/segment_1.ply") == ply ]] || fail 'no PLY of a segment'
 # Bits per channel, and grey: the bytes after the size in a PNG's header.
+=======
+grep -q '^level 1  scale 0.9' "$work/output" || fail 'decompose prints no levels'
+grep -Eq '^  1:1 +[0-9]+ Gaussians' "$work/output" || fail 'decompose prints no segments'
+[[ $(head -c 3 "$work/pieces/level_1/segment_1.ply") == ply ]] || fail 'decompose writes no PLY of a segment'
+# The header of a PNG has bit depth (16) and colour type (0: grey) after the size.
+>>>>>>> wt_D
 [[ $(od -An -tu1 -j24 -N2 "$work/pieces/frame-000003_ids.png" | tr -s ' ') == ' 16 0' ]] ||
-  fail 'no ids of the segments'
-[[ -s $work/pieces/frame-000003_colors.png ]] || fail 'no picture of the segments'
+  fail 'decompose writes no ids'
+[[ -s $work/pieces/frame-000003_colors.png ]] || fail 'decompose writes no coloured segments'
 expect 0 pepeseg render shelf --views frame-000003.jpg --segment 0:1 --without --out "$work/rest"
 expect 0 pepeseg export shelf "$work/piece.ply" --segment 0:1
 expect 4 pepeseg export shelf "$work/none.ply" --segment 0:9999
-[[ ! -e $work/none.ply && ! -e $work/none.ply.part ]] || fail 'a refused export left a file'
+[[ ! -e $work/none.ply && ! -e $work/none.ply.part ]] || fail 'a refused export leaves a file'
 expect 0 pepeseg evaluate shelf "$dataset/labels" --ignore "$dataset/ignore_mask.png"
-grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail 'no scores at a quarter of the size'
+grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail 'evaluate prints no scores at a quarter of the size'
 expect 4 pepeseg evaluate shelf "$dataset/labels" --frame view
 grep -q '640x480.*has 160x120' "$work/errors" || fail 'labels of another size are not refused'
 expect 3 pepeseg evaluate shelf "$dataset/images"
 mkdir "$work/folder"
 expect 4 pepeseg export shelf "$work/folder"
-grep -q "$work/folder: Is a directory" "$work/errors" || fail 'the system is not quoted'
+grep -q "$work/folder: Is a directory" "$work/errors" || fail 'the error of the system is not reported'
 expect 3 pepeseg export shelf "$work/server.log/below/x.ply"
 expect 0 pepeseg export shelf "$work/made/for/it.ply"
 expect 0 pepeseg export shelf "$work/shelf.ply"
@@ -139,14 +174,14 @@ cp -r "$dataset"/{images,sparse,masks,ignore_mask.png} "$work/given"
 cp "$work/shelf.ply" "$work/given/gaussians.ply"
 expect 0 pepeseg upload given "$work/given"
 expect 0 pepeseg train given --feature-steps 30 -o features.num_pixels=200
-grep -q 'reconstruct skipped: given' "$work/errors" || fail 'given Gaussians are trained again'
+grep -q 'reconstruct skipped: given' "$work/errors" || fail 'given Gaussians are not used'
 echo '{"48": "chenille stems"}' >"$work/names.json"
 expect 0 pepeseg evaluate given "$dataset/labels" --ignore "$dataset/ignore_mask.png" \
   --names "$work/names.json"
-grep -Eq '^48 chenille stems +1 +[01]\.[0-9]{3} ' "$work/output" || fail 'no scores of an entity'
-grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail 'no mean score'
+grep -Eq '^48 chenille stems +1 +[01]\.[0-9]{3} ' "$work/output" || fail 'evaluate prints no scores of an entity'
+grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail 'evaluate prints no mean score'
 expect 0 pepeseg --json evaluate given "$dataset/labels"
-grep -q '"boundary_iou":' "$work/output" || fail 'no scores as JSON'
+grep -q '"boundary_iou":' "$work/output" || fail 'evaluate prints no JSON'
 
 expect 0 pepeseg bench "$dataset" --out "$work/bench" --presets none --steps 40 --seeds 1 \
   --image-scale 0.25 -o features.num_pixels=200
@@ -161,12 +196,12 @@ job=$(pepeseg train shelf --steps 30000 --detach)
 expect 6 pepeseg train shelf --detach
 expect 0 pepeseg cancel "$job"
 expect 8 pepeseg watch "$job"
-grep -Eq "$job was cancelled( in stage [a-z]+)?$" "$work/errors" || fail 'no word on its end'
+grep -Eq "$job was cancelled( in stage [a-z]+)?$" "$work/errors" || fail 'watch does not report the cancelled job'
 
 kill -TERM "$server"
 code=0
 wait "$server" || code=$?
 server=
-((code == 0)) || fail "the server left with $code"
+((code == 0)) || fail "the server ended with exit code $code"
 expect 5 pepeseg scenes
 echo 'every step as expected'

@@ -9,7 +9,6 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "clients/cli/start_advice.h"
 #include "clients/cpp/answer_status.h"
 #include "clients/cpp/file_bytes.h"
 #include "pepeseg/v1/errors.pb.h"
@@ -42,7 +41,7 @@ grpc::Status Refused(const std::string& reason) {
           "refused", status.SerializeAsString()};
 }
 
-TEST(Explain, TellsWhatToDoWhereAKeyDoesNotSuffice) {
+TEST(Explain, GivesTheRemedyForARefusedKey) {
   const auto explain = [](const char* reason) {
     return Explain(FromGrpc(Refused(reason)), "host:1");
   };
@@ -53,7 +52,7 @@ TEST(Explain, TellsWhatToDoWhereAKeyDoesNotSuffice) {
   EXPECT_EQ(ExitCodeOf(FromGrpc(Refused("NO_KEY"))), 10);
 }
 
-TEST(Explain, TellsAGatewaysRefusalFromTheServers) {
+TEST(Explain, DistinguishesGatewayFromServer) {
   const auto explain = [](grpc::StatusCode code, const char* message) {
     return Explain(FromGrpc({code, message}), "host:1");
   };
@@ -66,10 +65,10 @@ TEST(Explain, TellsAGatewaysRefusalFromTheServers) {
               AllOf(HasSubstr("try again"), Not(HasSubstr("pepesegd"))));
   EXPECT_THAT(explain(grpc::UNAVAILABLE, "failed to connect to all addresses"),
               AllOf(HasSubstr("host:1"), HasSubstr("--server"), Not(HasSubstr("pepesegd"))))
-      << "no command here starts a server there";
+      << "a command on this machine cannot start a server there";
 }
 
-TEST(FromGrpc, PutsAProxysHttpInPlainWords) {
+TEST(FromGrpc, ExplainsHttpAnswersOfProxies) {
   const auto answered = [](int http) {
     return FromGrpc(
         {grpc::StatusCode::UNKNOWN, "Received http2 header with status: " + std::to_string(http)});
@@ -98,10 +97,10 @@ TEST(FromGrpc, PutsAProxysHttpInPlainWords) {
   const absl::Status http1 =
       FromGrpc({grpc::StatusCode::UNAVAILABLE, "Trying to connect an http1.x server"});
   EXPECT_EQ(ExitCodeOf(http1), 5);
-  EXPECT_THAT(std::string(http1.message()), HasSubstr("no pepeseg server"));
+  EXPECT_THAT(std::string(http1.message()), HasSubstr("not a pepeseg server"));
 }
 
-TEST(ExitCode, FollowsTheKindOfFailure) {
+TEST(ExitCodeOf, DependsOnTheKindOfFailure) {
   EXPECT_EQ(ExitCodeOf(absl::OkStatus()), 0);
   EXPECT_EQ(ExitCodeOf(absl::InternalError("")), 1);
   EXPECT_EQ(ExitCodeOf(absl::NotFoundError("")), 3);
@@ -115,7 +114,7 @@ TEST(ExitCode, FollowsTheKindOfFailure) {
   EXPECT_EQ(ExitCodeOf(absl::DataLossError("")), 11);
 }
 
-TEST(Explain, BlamesNoServerForFilesOfThisMachine) {
+TEST(Explain, DoesNotBlameTheServerForLocalFiles) {
   const absl::Status missing = LocalFileError("read", "cup.png", ENOENT);
   EXPECT_EQ(ExitCodeOf(missing), 3);
   EXPECT_EQ(Explain(missing, "host:1"), "pepeseg: cannot read cup.png: No such file or directory");
@@ -127,7 +126,7 @@ TEST(Explain, BlamesNoServerForFilesOfThisMachine) {
   }
 }
 
-TEST(Explain, SaysWhatToDo) {
+TEST(Explain, GivesTheRemedy) {
   const std::string text = Explain(FromGrpc(WithDetail()), "host:1");
   EXPECT_THAT(text, HasSubstr("a training is running"));
   EXPECT_THAT(text, HasSubstr("one training a scene"));
@@ -135,7 +134,7 @@ TEST(Explain, SaysWhatToDo) {
   EXPECT_THAT(Explain(absl::UnavailableError("refused"), "host:1"), HasSubstr("host:1"));
 }
 
-TEST(Explain, DoesNotDoubtAServerThatAnswered) {
+TEST(Explain, DoesNotDoubtThatABusyServerIsRunning) {
   v1::ErrorDetail detail;
   detail.set_reason("BUSY");
   detail.mutable_retry_after()->set_seconds(3);
@@ -147,14 +146,14 @@ TEST(Explain, DoesNotDoubtAServerThatAnswered) {
               AllOf(HasSubstr("try again in 3 s"), Not(HasSubstr("listening"))));
 }
 
-TEST(StartCommand, NamesAProgramThatIsThere) {
+TEST(StartCommand, NamesAProgramThatExists) {
   const pepeseg::testing::TempFolder folder;
   const std::string program = (folder / "pepesegd").string();
   const std::string path = std::getenv("PATH");
   setenv("PATH", "/nowhere", 1);
   EXPECT_EQ(StartCommand("127.0.0.1:50051", folder.path()), "");
   std::ofstream(program) << "#!/bin/sh\n";
-  EXPECT_EQ(StartCommand("127.0.0.1:50051", folder.path()), "") << "no program yet";
+  EXPECT_EQ(StartCommand("127.0.0.1:50051", folder.path()), "") << "not executable yet";
   std::filesystem::permissions(program, std::filesystem::perms::owner_all);
   EXPECT_EQ(StartCommand("127.0.0.1:50051", folder.path()), program);
   EXPECT_EQ(StartCommand("localhost:6000", folder.path()), program + " --listen localhost:6000");
@@ -167,7 +166,7 @@ TEST(StartCommand, NamesAProgramThatIsThere) {
             "'" + (folder / "a b" / "pepesegd").string() + "'");
 }
 
-TEST(Explain, AdvisesToTrainOnlyWhereNothingElseIsInTheWay) {
+TEST(Explain, AdvisesTrainingOnlyIfNothingElseIsMissing) {
   EXPECT_THAT(Explain(absl::FailedPreconditionError("no model yet"), "host:1"),
               HasSubstr("pepeseg train"));
   v1::ErrorDetail detail;
@@ -181,7 +180,7 @@ TEST(Explain, AdvisesToTrainOnlyWhereNothingElseIsInTheWay) {
               AllOf(HasSubstr("not made from another"), Not(HasSubstr("pepeseg train"))));
 }
 
-TEST(ExplainJson, CarriesTheServersDetail) {
+TEST(ExplainJson, HasTheErrorDetailOfTheServer) {
   const auto json = nlohmann::json::parse(ExplainJson(FromGrpc(WithDetail())));
   EXPECT_EQ(json["error"]["code"], "ABORTED");
   EXPECT_EQ(json["error"]["exit_code"], 6);
@@ -189,7 +188,7 @@ TEST(ExplainJson, CarriesTheServersDetail) {
   EXPECT_EQ(json["error"]["resource"], "jobs/17");
 }
 
-TEST(ExplainJson, SurvivesBytesThatAreNoText) {
+TEST(ExplainJson, ReplacesBytesThatAreNotText) {
   const auto json = nlohmann::json::parse(ExplainJson(absl::InternalError("bad \xff byte")));
   EXPECT_EQ(json["error"]["exit_code"], 1);
 }

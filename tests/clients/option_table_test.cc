@@ -13,7 +13,7 @@
 #include "clients/cpp/option_setting.h"
 #include "server/api/convert.h"
 
-// What people are shown of the options is what the server takes.
+// Compares the table of options with what the server takes.
 namespace pepeseg::client::cli {
 namespace {
 
@@ -21,7 +21,7 @@ using ::testing::Contains;
 
 bool IsTaken(const std::string& name, const std::string& value) {
   v1::TrainingOptions options;
-  options.mutable_features()->set_num_drawn_neighbors(1);  // at most as many as there are
+  options.mutable_features()->set_num_drawn_neighbors(1);  // at most num_neighbors
   return SetOption(absl::StrCat(name, "=", value), options).ok() &&
          TrainingSettingsFromProto(options).ok();
 }
@@ -42,7 +42,7 @@ TEST(OptionRows, HaveTheServersDefaults) {
     v1::TrainingOptions changed = defaults;
     const absl::Status set = SetOption(absl::StrCat(row.name, "=", row.default_value), changed);
     ASSERT_TRUE(set.ok()) << set;
-    // Texts have six digits.
+    // The table shows six digits.
     std::string difference;
     google::protobuf::util::MessageDifferencer differencer;
     google::protobuf::util::DefaultFieldComparator comparator;
@@ -56,7 +56,7 @@ TEST(OptionRows, HaveTheServersDefaults) {
 
 TEST(OptionRows, HaveTheServersRanges) {
   for (const OptionRow& row : OptionRows()) {
-    // "0 to 10, or -1"; others are of words.
+    // Ranges are "0 to 1" or "0 to 10, or -1"; enums have none.
     const std::string range = std::string(row.range).substr(0, std::string(row.range).find(','));
     const std::vector<std::string> ends = absl::StrSplit(range, " to ");
     double low = 0, high = 0;
@@ -64,7 +64,7 @@ TEST(OptionRows, HaveTheServersRanges) {
       continue;
     }
     const bool open = std::string(row.name) == "import.image_scale";
-    // As a float, 1e-12 is a little less.
+    // Converted to float, 1e-12 is a little less than 1e-12 and out of range.
     const bool is_whole = low == std::floor(low);
     const std::string lowest = is_whole ? ends[0] : absl::StrCat(low * (1 + 1e-5));
     EXPECT_EQ(IsTaken(row.name, lowest), !open) << row.name;

@@ -1,4 +1,4 @@
-// The real program, where no server is needed.
+// Runs the real program without a server.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -22,7 +22,7 @@ struct Ran {
   std::string output;
 };
 
-// Through the shell; nothing listens on port 1.
+// Runs the program through the shell. Nothing listens on port 1, its default server.
 Ran RunPepeseg(const std::string& arguments) {
   const std::string command = "PEPESEG_SERVER=127.0.0.1:1 " PEPESEG_PROGRAM " " + arguments;
   FILE* pipe = popen(command.c_str(), "r");
@@ -36,7 +36,7 @@ Ran RunPepeseg(const std::string& arguments) {
   return ran;
 }
 
-TEST(Program, HelpListsVerbsAndExitCodes) {
+TEST(Program, ListsVerbsAndExitCodesInItsHelp) {
   const Ran ran = RunPepeseg("--help");
   EXPECT_EQ(ran.exit_code, 0);
   for (const char* verb : {"upload", "train", "watch", "cancel", "jobs", "scenes", "segment",
@@ -46,7 +46,7 @@ TEST(Program, HelpListsVerbsAndExitCodes) {
   }
 }
 
-TEST(Program, WrongCommandLinesAreUsage) {
+TEST(Program, RefusesWrongCommandLines) {
   for (const char* arguments : {"",
                                 "fly",
                                 "upload",
@@ -75,13 +75,13 @@ TEST(Program, WrongCommandLinesAreUsage) {
   }
 }
 
-TEST(Program, TellsItsVersion) {
+TEST(Program, PrintsItsVersion) {
   const Ran ran = RunPepeseg("--version");
   EXPECT_EQ(ran.exit_code, 0);
   EXPECT_THAT(ran.output, ::testing::MatchesRegex("pepeseg [0-9]+\\.[0-9]+.*\n"));
 }
 
-TEST(Program, ProposesTheVerbOrTheOptionThatIsMeant) {
+TEST(Program, ProposesSimilarVerbsAndOptions) {
   for (const auto& [arguments, meant] : {std::pair("tarin shelf", "`train`"),
                                          {"scene", "`scenes`"},
                                          {"train shelf --perset best", "`--preset`"},
@@ -102,7 +102,7 @@ TEST(Program, ListsOptionsWithoutAServer) {
               AllOf(HasSubstr("reconstruct.num_steps"), HasSubstr("10000"), HasSubstr("RANGE")));
 }
 
-TEST(Program, NoServerIsSaidInPlainWords) {
+TEST(Program, ProposesToStartAServerIfNoneAnswers) {
   const Ran ran = RunPepeseg("scenes 2>&1");
   EXPECT_EQ(ran.exit_code, 5);
   EXPECT_THAT(ran.output, HasSubstr("127.0.0.1:1"));
@@ -111,7 +111,7 @@ TEST(Program, NoServerIsSaidInPlainWords) {
   EXPECT_THAT(ran.output, HasSubstr("`" + server + " --listen 127.0.0.1:1`"));
 }
 
-TEST(Program, JsonErrorsParse) {
+TEST(Program, PrintsErrorsAsJson) {
   const Ran ran = RunPepeseg("--json scenes 2>/dev/null");
   EXPECT_EQ(ran.exit_code, 5);
   const auto json = nlohmann::json::parse(ran.output);
@@ -119,7 +119,7 @@ TEST(Program, JsonErrorsParse) {
   EXPECT_EQ(json["error"]["code"], "UNAVAILABLE");
 }
 
-TEST(Program, RefusesBadValuesBeforeItAsksAServer) {
+TEST(Program, RefusesBadValuesBeforeItCallsAServer) {
   EXPECT_EQ(RunPepeseg("upload shelf /nowhere 2>&1").exit_code, 3);
   EXPECT_EQ(RunPepeseg("upload shelf " PEPESEG_TEST_DATA "/apc_shelf/sparse 2>&1").exit_code, 4);
   EXPECT_EQ(RunPepeseg("segment shelf --view a --point 1x2 2>&1").exit_code, 4);
@@ -149,7 +149,7 @@ TEST(Program, NamesLocalFilesThatCannotBeRead) {
   EXPECT_THAT(ran.output, HasSubstr("Is a directory"));
 }
 
-TEST(Program, RefusesOutputsThatCannotBeWrittenBeforeItAsksAServer) {
+TEST(Program, RefusesUnwritableOutputsBeforeItCallsAServer) {
   for (const char* arguments :
        {"export shelf /dev/null/x.ply", "bench " PEPESEG_TEST_DATA "/apc_shelf --out /dev/null/x",
         "demo --data " PEPESEG_TEST_DATA "/apc_shelf --out /dev/null/x"}) {
@@ -160,14 +160,14 @@ TEST(Program, RefusesOutputsThatCannotBeWrittenBeforeItAsksAServer) {
   }
 }
 
-TEST(Program, DryRunListsFilesWithTheirKinds) {
+TEST(Program, ListsFilesWithTheirKindsInADryRun) {
   const Ran ran = RunPepeseg("upload shelf --dry-run " PEPESEG_TEST_DATA "/apc_shelf 2>/dev/null");
   EXPECT_EQ(ran.exit_code, 0);
   EXPECT_THAT(ran.output, HasSubstr("POSES                  sparse/0/cameras.bin"));
   EXPECT_THAT(ran.output, HasSubstr("IGNORE_MASK            ignore_mask.png"));
 }
 
-TEST(Program, DecompositionsAndSubsetsAreCheckedBeforeAServerIsAsked) {
+TEST(Program, ChecksDecompositionsAndSubsetsBeforeItCallsAServer) {
   EXPECT_THAT(RunPepeseg("--help").output, HasSubstr("decompose"));
   for (const char* arguments :
        {"decompose", "decompose shelf --scales 0.1,2", "decompose shelf --level -1",

@@ -26,13 +26,13 @@ v1::JobProgress Reconstructing() {
   return progress;
 }
 
-TEST(ProgressText, BeginsWithWhatIsLeftOfTheJob) {
+TEST(ProgressText, BeginsWithTheTimeLeftOfTheJob) {
   EXPECT_EQ(ProgressText(Reconstructing(), 200),
             "about 5 min left, stage 3 of 5  reconstruct 1200/2400  [######......]  loss 0.0612  "
             "21.31 dB  1,084,120 Gaussians");
 }
 
-TEST(ProgressText, NeverCutsOffWhatIsLeft) {
+TEST(ProgressText, NeverCutsOffTheTimeLeft) {
   for (size_t columns = 1; columns < 120; ++columns) {
     const std::string text = ProgressText(Reconstructing(), columns);
     EXPECT_LE(text.size(), std::max<size_t>(columns, 14));
@@ -44,7 +44,7 @@ TEST(ProgressText, NeverCutsOffWhatIsLeft) {
             "about 5 min left, stage 3 of 5  reconstruct 1200/2400");
 }
 
-TEST(ProgressText, SaysWhatTheStepsAre) {
+TEST(ProgressText, NamesTheUnitOfTheSteps) {
   v1::JobProgress progress;
   progress.set_stage("sfm");
   progress.set_activity("matching");
@@ -54,7 +54,7 @@ TEST(ProgressText, SaysWhatTheStepsAre) {
   EXPECT_THAT(ProgressText(progress, 200), HasSubstr("sfm: matching 19 of 60 pairs"));
 }
 
-TEST(ProgressText, TellsTheStagesTimeWhereTheJobsIsNotKnown) {
+TEST(ProgressText, FallsBackToTheTimeLeftOfTheStage) {
   v1::JobProgress progress = Reconstructing();
   progress.clear_job_eta();
   EXPECT_THAT(ProgressText(progress, 200), StartsWith("about 1 min left of stage 3 of 5  "));
@@ -73,7 +73,7 @@ TEST(ProgressText, LeavesOutWhatWasNotMeasured) {
   EXPECT_THAT(text, Not(HasSubstr("left")));
 }
 
-TEST(AboutText, RoundsAsPeopleSayIt) {
+TEST(AboutText, RoundsLongTimes) {
   EXPECT_EQ(AboutText(-3), "0 s");
   EXPECT_EQ(AboutText(7), "7 s");
   EXPECT_EQ(AboutText(42), "40 s");

@@ -1,4 +1,5 @@
-// click SERVER SCENE VIEW X Y: how large what is under the pixel is, in every view of the scene.
+// Segments the object under a pixel, and prints the area of its mask in every view of the scene.
+//   click SERVER SCENE VIEW X Y
 #include <cstdio>
 #include <cstdlib>
 #include <iostream>

@@ -39,7 +39,7 @@ TEST_F(ChannelTest, SendsNoKeyUnencryptedToAnotherMachine) {
     EXPECT_EQ(refused.status().code(), absl::StatusCode::kInvalidArgument) << beyond;
     EXPECT_NE(refused.status().message().find("not encrypted"), std::string::npos);
     EXPECT_EQ(refused.status().message().find("pk_secret"), std::string::npos);
-    EXPECT_TRUE(OpenChannel(beyond, {}).ok()) << "no key, nothing to hide";
+    EXPECT_TRUE(OpenChannel(beyond, {}).ok()) << "there is no key to hide";
     EXPECT_TRUE(OpenChannel(std::string("https://") + beyond, login).ok()) << beyond;
     Login encrypted = login;
     encrypted.tls = true;
@@ -47,7 +47,7 @@ TEST_F(ChannelTest, SendsNoKeyUnencryptedToAnotherMachine) {
   }
 }
 
-TEST_F(ChannelTest, TakesAKeyFromTheEnvironment) {
+TEST_F(ChannelTest, ReadsTheKeyFromTheEnvironment) {
   setenv("PEPESEG_KEY", "pk_secret", 1);
   EXPECT_FALSE(OpenChannel("example.org:1", {}).ok());
   setenv("PEPESEG_KEY", "", 1);
@@ -65,11 +65,11 @@ TEST_F(ChannelTest, TakesAKeyFromTheEnvironment) {
   }
   setenv("PEPESEG_KEY", "no key", 1);
   Login login;
-  login.key_file = file;  // counts before it
+  login.key_file = file;  // overrides PEPESEG_KEY
   EXPECT_TRUE(OpenChannel("127.0.0.1:1", login).ok());
 }
 
-// Notes what it is shown.
+// A server that records the authorization of each call.
 struct Listener final : v1::SceneService::Service {
   grpc::Status ListScenes(grpc::ServerContext* context, const v1::ListScenesRequest*,
                           v1::ListScenesResponse*) override {
@@ -80,7 +80,7 @@ struct Listener final : v1::SceneService::Service {
   std::vector<std::string> shown;
 };
 
-TEST_F(ChannelTest, ShowsTheKeyWithEveryCall) {
+TEST_F(ChannelTest, SendsTheKeyWithEveryCall) {
   Listener listener;
   grpc::ServerBuilder builder;
   int port = 0;
@@ -103,13 +103,13 @@ TEST_F(ChannelTest, ShowsTheKeyWithEveryCall) {
   EXPECT_EQ(listener.shown.size(), 2u);
 }
 
-TEST_F(ChannelTest, NamesTheFileThatIsWrong) {
+TEST_F(ChannelTest, NamesTheFileThatIsRefused) {
   Login login;
   login.key_file = file.string() + ".none";
   EXPECT_NE(OpenChannel("127.0.0.1:1", login).status().message().find(".none"), std::string::npos);
   std::ofstream(file) << "";
   login.key_file = file;
-  EXPECT_NE(OpenChannel("127.0.0.1:1", login).status().message().find("holds no key"),
+  EXPECT_NE(OpenChannel("127.0.0.1:1", login).status().message().find("neither an API key"),
             std::string::npos);
   Login half;
   half.certificate = file;

@@ -7,7 +7,7 @@
 namespace pepeseg::client {
 namespace {
 
-// RFC 3720, appendix B.4.
+// Test vectors of RFC 3720, appendix B.4.
 TEST(Crc32c, MatchesThePublishedVectors) {
   EXPECT_EQ(Crc32c(std::string(32, '\0')), 0x8a9136aaU);
   EXPECT_EQ(Crc32c(std::string(32, '\xff')), 0x62a8ab43U);
@@ -29,13 +29,13 @@ TEST(Sha256, MatchesThePublishedVectors) {
   EXPECT_EQ(pieces.Finish(), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
 }
 
-TEST(DigestFile, NamesAFileThatIsNotThere) {
+TEST(DigestFile, NamesAMissingFile) {
   const auto digest = DigestFile("/nowhere/photo.jpg");
   EXPECT_EQ(digest.status().code(), absl::StatusCode::kNotFound);
   EXPECT_NE(std::string(digest.status().message()).find("/nowhere/photo.jpg"), std::string::npos);
 }
 
-TEST(DigestFile, TellsSizeAndDigest) {
+TEST(DigestFile, ReturnsSizeAndDigest) {
   const auto digest = DigestFile(PEPESEG_TEST_DATA "/apc_shelf/ignore_mask.png");
   ASSERT_TRUE(digest.ok()) << digest.status();
   EXPECT_EQ(digest->size, 2257);

@@ -1,5 +1,5 @@
-// The client library against a server whose worker makes the model of model_worker.cc: a red square
-// at pixels about (30, 32) of view middle.jpg and a blue one about (66, 32).
+// Tests the client library against a server whose worker makes the model of model_worker.cc: a red
+// square around pixel (30, 32) of view middle.jpg, and a blue one around (66, 32).
 #include "clients/cpp/client.h"
 
 #include <gtest/gtest.h>
@@ -56,7 +56,7 @@ struct ClientTest : ::testing::Test {
   DatasetFolder folder;
 };
 
-TEST_F(ClientTest, GoesFromFilesToAMask) {
+TEST_F(ClientTest, TrainsAndSegments) {
   ASSERT_EQ(TrainShelf().state(), v1::JOB_STATE_SUCCEEDED);
   v1::SegmentRequest request;
   request.set_model(ModelName("shelf"));
@@ -72,17 +72,17 @@ TEST_F(ClientTest, GoesFromFilesToAMask) {
   EXPECT_EQ((*mask)[32 * width + 66], 0);  // blue
 }
 
-TEST_F(ClientTest, SendsTheSameFilesOnce) {
+TEST_F(ClientTest, SendsTheSameFilesOnlyOnce) {
   ASSERT_TRUE(client.EnsureScene("shelf").ok());
-  ASSERT_TRUE(client.EnsureScene("scenes/shelf").ok());  // it is there
-  std::vector<int64_t> told;
+  ASSERT_TRUE(client.EnsureScene("scenes/shelf").ok());  // it exists already
+  std::vector<int64_t> reported;
   std::vector<std::string> notes;
   UploadProgress progress;
-  progress.bytes = [&](int64_t num_there, int64_t /*num_bytes*/) { told.push_back(num_there); };
+  progress.bytes = [&](int64_t num_there, int64_t /*num_bytes*/) { reported.push_back(num_there); };
   progress.note = [&](const std::string& note) { notes.push_back(note); };
   const auto first = client.Upload("shelf", folder, progress);
   ASSERT_TRUE(first.ok()) << first.status();
-  EXPECT_EQ(told.back(), static_cast<int64_t>(fs::file_size(photos / "images/file")));
+  EXPECT_EQ(reported.back(), static_cast<int64_t>(fs::file_size(photos / "images/file")));
   EXPECT_TRUE(notes.empty());
   const auto second = client.Upload("shelf", folder, progress);
   ASSERT_TRUE(second.ok()) << second.status();
@@ -93,7 +93,7 @@ TEST_F(ClientTest, SendsTheSameFilesOnce) {
   EXPECT_EQ(newest->name(), second->name());
 }
 
-TEST_F(ClientTest, SelectsExportsAndTakesBack) {
+TEST_F(ClientTest, SelectsCombinesAndExports) {
   ASSERT_EQ(TrainShelf().state(), v1::JOB_STATE_SUCCEEDED);
   v1::SelectRequest request;
   request.set_model(ModelName("shelf"));
@@ -125,7 +125,7 @@ TEST_F(ClientTest, SelectsExportsAndTakesBack) {
   EXPECT_TRUE(absl::IsNotFound(client.GetSelection(red->name()).status()));
 }
 
-TEST_F(ClientTest, KeepsNothingOfAnExportThatFails) {
+TEST_F(ClientTest, LeavesNoFileOfAFailedExport) {
   ASSERT_TRUE(client.EnsureScene("shelf").ok());
   v1::ExportSelectionRequest wanted;
   wanted.set_model(ModelName("shelf"));
@@ -135,7 +135,7 @@ TEST_F(ClientTest, KeepsNothingOfAnExportThatFails) {
   EXPECT_FALSE(fs::exists(photos / "none.ply.part"));
 }
 
-TEST_F(ClientTest, TellsWhatTheServerSaysOfAnError) {
+TEST_F(ClientTest, ReturnsTheErrorDetailOfTheServer) {
   const auto scene = client.GetScene("nowhere");
   EXPECT_TRUE(absl::IsNotFound(scene.status())) << scene.status();
   const auto detail = DetailOf(scene.status());
@@ -145,8 +145,8 @@ TEST_F(ClientTest, TellsWhatTheServerSaysOfAnError) {
               absl::IsNotFound(client.NewestDataset("nowhere").status()));
 }
 
-// "hang" is what the worker of tests never is ready with.
-TEST_F(ClientTest, WatchesUntilAJobIsCancelled) {
+// The worker of tests never finishes a dataset with a file "hang".
+TEST_F(ClientTest, WatchesAJobUntilItIsCancelled) {
   folder.files[0].name = "hang";
   ASSERT_TRUE(client.EnsureScene("shelf").ok());
   const auto dataset = client.Upload("shelf", folder);

@@ -55,12 +55,12 @@ TEST(KindOf, FollowsTheLayoutOfADataset) {
   EXPECT_EQ(KindOf("gaussians.ply"), v1::FILE_KIND_GAUSSIANS);
 }
 
-TEST(KindOf, TakesDepthForDisparityWhereToldTo) {
+TEST(KindOf, TakesDepthForDisparityOnRequest) {
   EXPECT_EQ(KindOf("depth/a.pfm", v1::FILE_KIND_DISPARITY), v1::FILE_KIND_DISPARITY);
   EXPECT_EQ(KindOf("masks/a.png", v1::FILE_KIND_DISPARITY), v1::FILE_KIND_MASK);
 }
 
-TEST(KindOf, LeavesOutWhatIsNoPartOfADataset) {
+TEST(KindOf, LeavesOutOtherFiles) {
   for (const char* name :
        {"labels/a.png", "README.md", "images/a.gif", "sparse/1/cameras.bin", "sparse/0/project.ini",
         "masks/a.txt", "images.jpg", "depth/a.exr", "disparity/a.jpg"}) {
@@ -68,7 +68,7 @@ TEST(KindOf, LeavesOutWhatIsNoPartOfADataset) {
   }
 }
 
-TEST(ReadDatasetFolder, CountsTheShelf) {
+TEST(ReadDatasetFolder, FindsAllFilesOfTheShelf) {
   const auto folder = ReadDatasetFolder(PEPESEG_TEST_DATA "/apc_shelf");
   ASSERT_TRUE(folder.ok()) << folder.status();
   std::map<v1::FileKind, int> count;
@@ -82,7 +82,7 @@ TEST(ReadDatasetFolder, CountsTheShelf) {
   EXPECT_EQ(folder->left_out.size(), 5U);  // 2 labels, LICENSE, SOURCE.md, cam.info.txt
 }
 
-TEST_F(DatasetFolderTest, NamesAreRelativeAndSorted) {
+TEST_F(DatasetFolderTest, SortsRelativeNames) {
   Put("sparse/0/images.bin");
   Put("images/b.jpg");
   Put("images/a.jpg");
@@ -101,7 +101,7 @@ std::vector<std::string> NamesOf(const DatasetFolder& folder) {
   return names;
 }
 
-TEST_F(DatasetFolderTest, TakesPhotographsAndVideosOfTheFolderItself) {
+TEST_F(DatasetFolderTest, TakesPhotographsAndVideosInTheFolderItself) {
   Put("b.JPG");
   Put("walk.mov");
   Put("notes.txt");
@@ -112,7 +112,7 @@ TEST_F(DatasetFolderTest, TakesPhotographsAndVideosOfTheFolderItself) {
   EXPECT_EQ(folder->files[0].path, root_ / "b.JPG");
   EXPECT_EQ(folder->files[1].kind, v1::FILE_KIND_VIDEO);
   EXPECT_THAT(folder->left_out, ElementsAre("notes.txt", "old/c.jpg"));
-  // Beside images/ they are no part of the dataset.
+  // Next to images/ they are not part of the dataset.
   Put("images/a.jpg");
   const auto other = ReadDatasetFolder(root_);
   ASSERT_TRUE(other.ok()) << other.status();
@@ -128,7 +128,7 @@ TEST_F(DatasetFolderTest, TakesOneVideo) {
   EXPECT_EQ(ReadDatasetFolder(root_ / "walk.txt").status().code(), absl::StatusCode::kNotFound);
 }
 
-TEST_F(DatasetFolderTest, SaysWhatIsMissing) {
+TEST_F(DatasetFolderTest, NamesWhatIsMissing) {
   const auto empty = ReadDatasetFolder(root_);
   EXPECT_EQ(empty.status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(empty.status().message()), HasSubstr("no photographs"));

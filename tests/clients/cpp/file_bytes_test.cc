@@ -24,7 +24,7 @@ class FileBytes : public ::testing::Test {
   fs::path folder_;
 };
 
-TEST_F(FileBytes, MakesTheFoldersAboveAnOutput) {
+TEST_F(FileBytes, CreatesTheFoldersAboveAnOutput) {
   const fs::path path = folder_ / "a" / "b" / "x.ply";
   const std::string bytes(3'000'000, 'x');
   ASSERT_TRUE(WriteFile(path, bytes).ok());
@@ -34,7 +34,7 @@ TEST_F(FileBytes, MakesTheFoldersAboveAnOutput) {
   EXPECT_FALSE(fs::exists(folder_ / "a" / "b" / "x.ply.part"));
 }
 
-TEST_F(FileBytes, NamesTheFileAndWhatTheSystemSays) {
+TEST_F(FileBytes, NamesTheFileAndTheErrorOfTheSystem) {
   const absl::Status missing = ReadFile(folder_ / "none.png").status();
   EXPECT_TRUE(absl::IsNotFound(missing));
   EXPECT_TRUE(IsLocalFileError(missing));
@@ -55,7 +55,7 @@ TEST_F(FileBytes, NamesTheFileAndWhatTheSystemSays) {
   EXPECT_FALSE(IsLocalFileError(absl::NotFoundError("scenes/shelf does not exist")));
 }
 
-TEST_F(FileBytes, LeavesNothingOfAnOutputThatIsGivenUp) {
+TEST_F(FileBytes, RemovesAnOutputThatIsNotCommitted) {
   {
     auto file = OutputFile::Create(folder_ / "x.ply");
     ASSERT_TRUE(file.ok()) << file.status();
@@ -64,8 +64,8 @@ TEST_F(FileBytes, LeavesNothingOfAnOutputThatIsGivenUp) {
   EXPECT_TRUE(fs::is_empty(folder_));
 }
 
-TEST(OutputFile, SaysThatTheDiskIsFull) {
-  if (!fs::exists("/dev/full")) GTEST_SKIP() << "no /dev/full here";
+TEST(OutputFile, ReportsAFullDisk) {
+  if (!fs::exists("/dev/full")) GTEST_SKIP() << "this system has no /dev/full";
   const fs::path link = fs::path(::testing::TempDir()) / "full.ply.part";
   fs::remove(link);
   fs::create_symlink("/dev/full", link);

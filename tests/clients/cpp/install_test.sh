@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
-# The client library as a stranger uses it: installed, found, linked; the program then says in plain
-# words that no server answers.   install_test.sh BUILD EXAMPLE WORK
+# Installs the client library, builds the example against it, and runs it: it must report that no
+# server answers.
+#   install_test.sh BUILD EXAMPLE WORK
 set -euo pipefail
 build=$1 example=$2 work=$3
 rm -rf "$work"
 cmake --install "$build" --component client --prefix "$work/prefix" >"$work.log"
 [[ -f $work/prefix/include/pepeseg-client/clients/cpp/client.h ]]
-# Compiled as by a build type of their own, with warnings as they come.
+# The build type differs from that of the library, and warnings are not errors.
 cmake -S "$example" -B "$work/build" -DCMAKE_PREFIX_PATH="$work/prefix" -DCMAKE_BUILD_TYPE=Debug \
   >>"$work.log" || { cat "$work.log"; exit 1; }
 cmake --build "$work/build" >>"$work.log" || { cat "$work.log"; exit 1; }

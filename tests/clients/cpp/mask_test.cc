@@ -16,8 +16,8 @@ v1::CocoRle Rle(int height, int width, const std::string& counts) {
   return rle;
 }
 
-// Written from COCO's rule, the other way round: differences to the run before last from the
-// fourth run on, five bits a character, sign in the last one.
+// Encodes runs by COCO's rule: from the fourth run on the difference to the run before the last,
+// five bits a character, with the sign in the last character.
 std::string Encode(const std::vector<int64_t>& runs) {
   std::string text;
   for (size_t i = 0; i < runs.size(); ++i) {

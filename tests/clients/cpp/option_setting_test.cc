@@ -32,7 +32,7 @@ TEST(SetOption, SetsAFieldOfItsType) {
   EXPECT_FALSE(options.has_import());
 }
 
-TEST(SetOption, NamesWhatItDoesNotKnow) {
+TEST(SetOption, RefusesUnknownOptions) {
   v1::TrainingOptions options;
   for (const char* setting : {"reconstruct.nothing=1", "nothing=1", "reconstruct=1",
                               "reconstruct.num_steps.deep=1", "=1", ".=1"}) {
@@ -42,7 +42,7 @@ TEST(SetOption, NamesWhatItDoesNotKnow) {
   }
 }
 
-TEST(SetOption, ProposesTheOptionThatIsMeant) {
+TEST(SetOption, ProposesSimilarOptions) {
   v1::TrainingOptions options;
   const auto message = [&](const char* setting) {
     return std::string(SetOption(setting, options).message());
@@ -56,7 +56,7 @@ TEST(SetOption, ProposesTheOptionThatIsMeant) {
               HasSubstr("unspecified, windows, patch"));
 }
 
-TEST(NearestNames, AreFewAndTheBestFirst) {
+TEST(NearestNames, ReturnsFewWithTheBestFirst) {
   const std::vector<std::string> verbs = {"upload", "train", "watch", "scenes", "segment"};
   EXPECT_THAT(NearestNames("tarin", verbs), ElementsAre("train"));
   EXPECT_THAT(NearestNames("scene", verbs), ElementsAre("scenes"));
@@ -64,7 +64,7 @@ TEST(NearestNames, AreFewAndTheBestFirst) {
   EXPECT_THAT(NearestNames("", verbs), IsEmpty());
 }
 
-TEST(SetOption, RefusesWhatIsNoValue) {
+TEST(SetOption, RefusesMalformedValues) {
   v1::TrainingOptions options;
   for (const char* setting :
        {"reconstruct.num_steps=many", "reconstruct.num_steps=", "reconstruct.num_steps=99999999999",

@@ -10,12 +10,15 @@ from pepeseg.v1 import server_status_pb2 as pepeseg_dot_v1_dot_server__status__p
 
 
 class AdminServiceStub(object):
-    """Manages the models in memory, for operators. Served on a listener of its own only (--admin), never
-    with the other services. Models are named as in SceneService, "live" included. Where several
-    projects have a scene of this id, "scenes/{scene}/models/{number}" is the default project's, or
-    FAILED_PRECONDITION (AMBIGUOUS_SCENE) if that has none; "projects/{project}/scenes/{scene}/..."
-    says which one. NOT_FOUND and FAILED_PRECONDITION as in SceneService. Queries load models by
-    themselves: no call of this service is needed for them. Errors: see errors.proto.
+    """Manages models in memory, API keys and quotas, for operators. It is served on a listener of its
+    own (--admin), never with the other services.
+
+    Models are named as in SceneService, "live" included, with the same errors NOT_FOUND and
+    FAILED_PRECONDITION. If several projects have a scene with the id,
+    "scenes/{scene}/models/{number}" means the default project's, or is FAILED_PRECONDITION
+    (AMBIGUOUS_SCENE) if that project has none; "projects/{project}/scenes/{scene}/..." names the
+    project. Queries load models by themselves and need no call of this service. Errors: see
+    errors.proto.
     """
 
     def __init__(self, channel):
@@ -82,86 +85,96 @@ class AdminServiceStub(object):
 
 
 class AdminServiceServicer(object):
-    """Manages the models in memory, for operators. Served on a listener of its own only (--admin), never
-    with the other services. Models are named as in SceneService, "live" included. Where several
-    projects have a scene of this id, "scenes/{scene}/models/{number}" is the default project's, or
-    FAILED_PRECONDITION (AMBIGUOUS_SCENE) if that has none; "projects/{project}/scenes/{scene}/..."
-    says which one. NOT_FOUND and FAILED_PRECONDITION as in SceneService. Queries load models by
-    themselves: no call of this service is needed for them. Errors: see errors.proto.
+    """Manages models in memory, API keys and quotas, for operators. It is served on a listener of its
+    own (--admin), never with the other services.
+
+    Models are named as in SceneService, "live" included, with the same errors NOT_FOUND and
+    FAILED_PRECONDITION. If several projects have a scene with the id,
+    "scenes/{scene}/models/{number}" means the default project's, or is FAILED_PRECONDITION
+    (AMBIGUOUS_SCENE) if that project has none; "projects/{project}/scenes/{scene}/..." names the
+    project. Queries load models by themselves and need no call of this service. Errors: see
+    errors.proto.
     """
 
     def LoadModel(self, request, context):
-        """Answers when the model is in memory; at once where it is. RESOURCE_EXHAUSTED: it does not fit
-        beside those that are pinned or answer questions.
+        """Loads a model and returns once it is in memory; at once if it is there already.
+        RESOURCE_EXHAUSTED: it does not fit next to the models that are pinned or in use.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def UnloadModel(self, request, context):
-        """Gives its memory back; questions under way keep it until they are answered. NOT_FOUND: it is
-        not in memory. FAILED_PRECONDITION: it is pinned.
+        """Frees the memory of a model. Queries in progress keep it until they are answered. NOT_FOUND: it
+        is not in memory. FAILED_PRECONDITION: it is pinned.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def PinModel(self, request, context):
-        """Pinned, a model stays in memory until it is unpinned or deleted, or the server ends. Pinning
-        loads it, with the errors of LoadModel; unpinning one that is not in memory is NOT_FOUND.
+        """Pins or unpins a model. A pinned model stays in memory until it is unpinned or deleted, or the
+        server ends. Pinning loads it, with the errors of LoadModel. NOT_FOUND: a model to be unpinned
+        is not in memory.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def ListResident(self, request, context):
-        """All models in memory: as many as fit, so without pages.
+        """Lists all models in memory. The number of models that fit is small, so there are no pages.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def CreateKey(self, request, context):
-        """INVALID_ARGUMENT: a project that is no RFC 1034 label, no scope, a time that has passed.
+        """Creates a key, and its project if that is new. INVALID_ARGUMENT: the project is not an RFC 1034
+        label, no scope is given, or the key would have expired already.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def ListKeys(self, request, context):
-        """Missing associated documentation comment in .proto file."""
+        """Lists keys without their secrets.
+        """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def RevokeKey(self, request, context):
-        """From the answer on it opens nothing. Revoking twice changes nothing.
+        """Revokes a key: calls with it fail once this call has returned. Revoking it again changes
+        nothing.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def GetProjectUsage(self, request, context):
-        """Missing associated documentation comment in .proto file."""
+        """Returns the quota of a project and how much of it is used.
+        """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def SetQuota(self, request, context):
-        """Missing associated documentation comment in .proto file."""
+        """Replaces the quota of a project.
+        """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def GetStatus(self, request, context):
-        """Missing associated documentation comment in .proto file."""
+        """Returns what the server is doing now.
+        """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def Drain(self, request, context):
-        """Health says NOT_SERVING, new calls of the other services are UNAVAILABLE, no job is begun;
-        calls and jobs under way go on.
+        """Drains the server before it is stopped: its health is NOT_SERVING, new calls of the other
+        services are UNAVAILABLE, and no job is started. Calls and jobs in progress continue.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -233,12 +246,15 @@ def add_AdminServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class AdminService(object):
-    """Manages the models in memory, for operators. Served on a listener of its own only (--admin), never
-    with the other services. Models are named as in SceneService, "live" included. Where several
-    projects have a scene of this id, "scenes/{scene}/models/{number}" is the default project's, or
-    FAILED_PRECONDITION (AMBIGUOUS_SCENE) if that has none; "projects/{project}/scenes/{scene}/..."
-    says which one. NOT_FOUND and FAILED_PRECONDITION as in SceneService. Queries load models by
-    themselves: no call of this service is needed for them. Errors: see errors.proto.
+    """Manages models in memory, API keys and quotas, for operators. It is served on a listener of its
+    own (--admin), never with the other services.
+
+    Models are named as in SceneService, "live" included, with the same errors NOT_FOUND and
+    FAILED_PRECONDITION. If several projects have a scene with the id,
+    "scenes/{scene}/models/{number}" means the default project's, or is FAILED_PRECONDITION
+    (AMBIGUOUS_SCENE) if that project has none; "projects/{project}/scenes/{scene}/..." names the
+    project. Queries load models by themselves and need no call of this service. Errors: see
+    errors.proto.
     """
 
     @staticmethod

@@ -6,13 +6,15 @@ from pepeseg.v1 import dataset_service_pb2 as pepeseg_dot_v1_dot_dataset__servic
 
 
 class DatasetServiceStub(object):
-    """Files in. An upload lists its files with their sizes and digests; the server answers which of
-    them it does not have; WriteFiles brings those; SealUpload makes an immutable dataset of them.
-    The bytes are stored by digest, so that nothing is sent twice. Nothing is decoded here: that is
-    the first stage of a job.
+    """Uploads of datasets, and their photographs.
 
-    A cut stream loses nothing that was committed: GetUpload tells what is still missing, and of a
-    file that was on its way up to which byte the server has it.
+    CreateUpload declares the files with their sizes and digests; the response lists the files that
+    the server lacks. WriteFiles sends those. SealUpload turns the upload into an immutable dataset.
+    Bytes are stored by digest, so that the same bytes are never sent twice. Files are not decoded
+    here: that is the first stage of a job.
+
+    A broken stream loses nothing that was committed. GetUpload then lists the missing files, and for
+    a partly sent file the number of bytes that the server has.
     """
 
     def __init__(self, channel):
@@ -54,71 +56,82 @@ class DatasetServiceStub(object):
 
 
 class DatasetServiceServicer(object):
-    """Files in. An upload lists its files with their sizes and digests; the server answers which of
-    them it does not have; WriteFiles brings those; SealUpload makes an immutable dataset of them.
-    The bytes are stored by digest, so that nothing is sent twice. Nothing is decoded here: that is
-    the first stage of a job.
+    """Uploads of datasets, and their photographs.
 
-    A cut stream loses nothing that was committed: GetUpload tells what is still missing, and of a
-    file that was on its way up to which byte the server has it.
+    CreateUpload declares the files with their sizes and digests; the response lists the files that
+    the server lacks. WriteFiles sends those. SealUpload turns the upload into an immutable dataset.
+    Bytes are stored by digest, so that the same bytes are never sent twice. Files are not decoded
+    here: that is the first stage of a job.
+
+    A broken stream loses nothing that was committed. GetUpload then lists the missing files, and for
+    a partly sent file the number of bytes that the server has.
     """
 
     def CreateUpload(self, request, context):
-        """INVALID_ARGUMENT names the file ("files[3].path") and the limit: a path that is not relative,
-        has "..", ".", an empty part, a backslash or a control character, is over 512 bytes or is
-        listed twice; a size out of [1 B, 4 GiB]; a digest that is not 64 lower-case hex digits; none
-        or more than 20,000 files; more than 2 MiB of paths; more than 256 GiB in all.
+        """Declares the files of a dataset. INVALID_ARGUMENT, with the file ("files[3].path") and the
+        limit: a path is not relative, has "..", ".", an empty part, a backslash or a control
+        character, is over 512 bytes or is listed twice; a size is not in [1 B, 4 GiB]; a digest is not
+        64 lower-case hex digits; there are no files or more than 20,000; the paths take more than 2
+        MiB, or the files more than 256 GiB.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def GetUpload(self, request, context):
-        """Missing associated documentation comment in .proto file."""
+        """Returns an upload, with the files that the server lacks.
+        """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def WriteFiles(self, request_iterator, context):
-        """Any number of files, one after the other: header, chunks, end. Files that have ended, with the
-        size and SHA-256 that were declared, are committed in groups: after 128 files or 32 MiB, with
-        the first end that comes a second after the group's first file, and where the stream ends,
-        however it ends. A file counts, and survives a crash, once the response has come or GetUpload
-        does not list it as missing; after a crash a client sends the missing ones again. A file that
-        is cut off is kept up to its last committed byte, every 32 MiB and where the stream ends, for a header
-        with that offset; a whole one that fails its SHA-256 is not kept. Files may be sent on several
-        streams at once, each by one at a time (ABORTED). OUT_OF_RANGE: an offset that is not the
-        committed one, which is told (value: the offset, limit: the committed one). RESOURCE_EXHAUSTED:
-        the project's quota, or the disk. DATA_LOSS: a chunk fails its CRC, or a file its SHA-256;
-        INVALID_ARGUMENT: more or fewer bytes than declared, or messages out of order; NOT_FOUND: a
-        file that the upload does not list; FAILED_PRECONDITION: the upload is sealed. An error ends
-        the stream; the files ended before it stay. Of an upload that is deleted nothing is kept.
+        """Receives any number of files, one after the other: header, chunks, end.
+
+        Files that have ended, with the declared size and SHA-256, are committed in groups: after 128
+        files or 32 MiB, with the first end that comes a second or more after the group's first file,
+        and when the stream ends for whatever reason. A file is stored, and survives a crash, once the
+        response has come or GetUpload no longer lists it as missing; after a crash a client sends the
+        missing files again.
+
+        A file that is cut off is kept up to its last committed byte, which is set every 32 MiB and
+        when the stream ends; a header with that offset resumes it. A complete file that fails its
+        SHA-256 is not kept. Several streams may send files of one upload, each file on one stream at a
+        time (otherwise: ABORTED).
+
+        OUT_OF_RANGE: the offset is not the committed one (value: the offset, limit: the committed
+        offset). RESOURCE_EXHAUSTED: the project's quota or the disk is full. DATA_LOSS: a chunk fails
+        its CRC, or a file its SHA-256. INVALID_ARGUMENT: more or fewer bytes than declared, or
+        messages out of order. NOT_FOUND: the upload does not list the file. FAILED_PRECONDITION: the
+        upload is sealed. An error ends the stream; files that ended before it are kept. If the upload
+        is deleted meanwhile, nothing is kept.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def SealUpload(self, request, context):
-        """FAILED_PRECONDITION names the first missing file and how many there are. Sealing twice is no
-        error.
+        """Seals an upload and returns the dataset. FAILED_PRECONDITION: files are missing; the message
+        names the first one and their number. Sealing it again changes nothing.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def ListDatasets(self, request, context):
-        """Sealed datasets of a scene, by number.
+        """Lists the sealed datasets of a scene by number.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def GetPhotograph(self, request, context):
-        """A photograph of a sealed dataset: its bytes as they were uploaded, or decoded, warped and shrunk
-        as asked (by a sandboxed process, never by the server itself). Header, then chunks.
-        NOT_FOUND: the dataset has no such photograph (a frame of a video is none). INVALID_ARGUMENT: the
-        file cannot be decoded, PIXEL_FRAME_VIEW without a model that has the view, max_side out of
-        range. DATA_LOSS: the stored file is damaged and was set aside; upload it again.
+        """Returns a photograph of a sealed dataset, a header and then chunks: the uploaded bytes, or the
+        image decoded, warped and shrunk as requested. A sandboxed process decodes it, never the server
+        itself. NOT_FOUND: the dataset has no such photograph (frames of videos are not photographs).
+        INVALID_ARGUMENT: the file cannot be decoded, PIXEL_FRAME_VIEW is requested without a model
+        that has the view, or max_side is out of range. DATA_LOSS: the stored file is damaged and was
+        set aside; upload it again.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -165,13 +178,15 @@ def add_DatasetServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class DatasetService(object):
-    """Files in. An upload lists its files with their sizes and digests; the server answers which of
-    them it does not have; WriteFiles brings those; SealUpload makes an immutable dataset of them.
-    The bytes are stored by digest, so that nothing is sent twice. Nothing is decoded here: that is
-    the first stage of a job.
+    """Uploads of datasets, and their photographs.
 
-    A cut stream loses nothing that was committed: GetUpload tells what is still missing, and of a
-    file that was on its way up to which byte the server has it.
+    CreateUpload declares the files with their sizes and digests; the response lists the files that
+    the server lacks. WriteFiles sends those. SealUpload turns the upload into an immutable dataset.
+    Bytes are stored by digest, so that the same bytes are never sent twice. Files are not decoded
+    here: that is the first stage of a job.
+
+    A broken stream loses nothing that was committed. GetUpload then lists the missing files, and for
+    a partly sent file the number of bytes that the server has.
     """
 
     @staticmethod

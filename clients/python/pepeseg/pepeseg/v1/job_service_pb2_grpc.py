@@ -6,8 +6,8 @@ from pepeseg.v1 import job_service_pb2 as pepeseg_dot_v1_dot_job__service__pb2
 
 
 class JobServiceStub(object):
-    """Long work. A job runs in a process of its own, one after the other on a device; it outlives the
-    call that began it and a restart of the server.
+    """Trainings, which run as jobs. A job runs in its own process, one at a time on a device. It
+    outlives the call that started it and a restart of the server.
     """
 
     def __init__(self, channel):
@@ -49,57 +49,60 @@ class JobServiceStub(object):
 
 
 class JobServiceServicer(object):
-    """Long work. A job runs in a process of its own, one after the other on a device; it outlives the
-    call that began it and a restart of the server.
+    """Trainings, which run as jobs. A job runs in its own process, one at a time on a device. It
+    outlives the call that started it and a restart of the server.
     """
 
     def TrainScene(self, request, context):
-        """Queues a training of a scene from a sealed dataset; its result is a new model of the scene.
-        INVALID_ARGUMENT: an option out of range; FAILED_PRECONDITION: the dataset is not sealed, the
-        stored bytes of one of its files were damaged or lost (FILES_MISSING names it: an upload of the
-        same files heals the dataset), or masks or depth are to be made by a command that the server does
-        not have; ABORTED: the scene has a job queued or running, named in the detail;
-        RESOURCE_EXHAUSTED: the device's memory cannot hold it, need and have in the detail (value and
-        limit, bytes).
+        """Queues a training of a scene from a sealed dataset. Its result is a new model of the scene.
+        INVALID_ARGUMENT: an option is out of range. FAILED_PRECONDITION: the dataset is not sealed;
+        the stored bytes of one of its files were damaged or lost (reason FILES_MISSING names it;
+        uploading the same files again repairs the dataset); or masks or depth are to be made by a
+        command or a SAM that the server does not have. ABORTED: the scene has a queued or running job,
+        which the detail names. RESOURCE_EXHAUSTED: the training does not fit in the device's memory;
+        the detail has the bytes needed (value) and available (limit).
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def EstimateTraining(self, request, context):
-        """What a training would take, from the headers of the dataset's files and the options.
-        INVALID_ARGUMENT: an option out of range, or no photograph can be read; FAILED_PRECONDITION:
-        the dataset is not sealed, or stored bytes of it were lost, as in TrainScene.
+        """Estimates the memory and time of a training from the options and the headers of the dataset's
+        files. INVALID_ARGUMENT: an option is out of range, or no photograph can be read.
+        FAILED_PRECONDITION: the dataset is not sealed, or stored bytes of it were lost, as in
+        TrainScene.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def GetJob(self, request, context):
-        """Missing associated documentation comment in .proto file."""
+        """Returns a job with its newest progress.
+        """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def ListJobs(self, request, context):
-        """Newest first.
+        """Lists jobs, newest first.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def CancelJob(self, request, context):
-        """Answers at once; the job ends as CANCELLED soon after, or as it would have, if it was about to.
-        Cancelling a job that has ended changes nothing.
+        """Requests the cancellation of a job and returns at once. The job ends as CANCELLED soon after,
+        unless it ended otherwise before that. Cancelling an ended job changes nothing.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def WatchJob(self, request, context):
-        """First a snapshot, then increments; ends with OK after the event or snapshot that reports the
-        job's end. UNAVAILABLE when the server stops, or cannot write the job's start or end (reason
-        DISK_FULL where its disk is full): watch again after `retry_after`, from the last sequence.
+        """Streams a snapshot of a job and then its events. Ends with OK after the event or snapshot that
+        reports the job's end. UNAVAILABLE: the server shuts down, or cannot record the job's start or
+        end (reason DISK_FULL if its disk is full); watch again after `retry_after` from the last
+        sequence.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -146,8 +149,8 @@ def add_JobServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class JobService(object):
-    """Long work. A job runs in a process of its own, one after the other on a device; it outlives the
-    call that began it and a restart of the server.
+    """Trainings, which run as jobs. A job runs in its own process, one at a time on a device. It
+    outlives the call that started it and a restart of the server.
     """
 
     @staticmethod

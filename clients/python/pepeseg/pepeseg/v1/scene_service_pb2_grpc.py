@@ -7,8 +7,8 @@ from pepeseg.v1 import scene_service_pb2 as pepeseg_dot_v1_dot_scene__service__p
 
 
 class SceneServiceStub(object):
-    """Scenes and what was made of them. Errors: see errors.proto. Every name is checked first:
-    INVALID_ARGUMENT when it is malformed, NOT_FOUND when nothing has it.
+    """Scenes, their models and views. Errors: see errors.proto. Names are checked first.
+    INVALID_ARGUMENT: a name is malformed. NOT_FOUND: no resource has the name.
     """
 
     def __init__(self, channel):
@@ -60,60 +60,63 @@ class SceneServiceStub(object):
 
 
 class SceneServiceServicer(object):
-    """Scenes and what was made of them. Errors: see errors.proto. Every name is checked first:
-    INVALID_ARGUMENT when it is malformed, NOT_FOUND when nothing has it.
+    """Scenes, their models and views. Errors: see errors.proto. Names are checked first.
+    INVALID_ARGUMENT: a name is malformed. NOT_FOUND: no resource has the name.
     """
 
     def CreateScene(self, request, context):
-        """ALREADY_EXISTS when the id is taken by another request.
+        """Creates a scene. ALREADY_EXISTS: another request has created the id.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def GetScene(self, request, context):
-        """Missing associated documentation comment in .proto file."""
+        """Returns a scene.
+        """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def ListScenes(self, request, context):
-        """In the order of the ids.
+        """Lists the scenes by id.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def DeleteScene(self, request, context):
-        """With its datasets, jobs and models. FAILED_PRECONDITION while a job of it is queued or running.
+        """Deletes a scene with its datasets, jobs and models. FAILED_PRECONDITION: a job of it is queued
+        or running.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def ListViews(self, request, context):
-        """The views that a model was trained and scored on, in the order of their names.
+        """Lists the views that a model was trained and scored on, by name.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def GetModel(self, request, context):
-        """Missing associated documentation comment in .proto file."""
+        """Returns a model.
+        """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def ListModels(self, request, context):
-        """Newest first.
+        """Lists the models of a scene, newest first.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def DeleteModel(self, request, context):
-        """With its selections; the one before it, if there is one, is live then. Questions under way keep
-        it until they are answered.
+        """Deletes a model with its selections. The newest remaining model, if there is one, becomes the
+        live one. Queries in progress keep the model until they are answered.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -170,8 +173,8 @@ def add_SceneServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class SceneService(object):
-    """Scenes and what was made of them. Errors: see errors.proto. Every name is checked first:
-    INVALID_ARGUMENT when it is malformed, NOT_FOUND when nothing has it.
+    """Scenes, their models and views. Errors: see errors.proto. Names are checked first.
+    INVALID_ARGUMENT: a name is malformed. NOT_FOUND: no resource has the name.
     """
 
     @staticmethod

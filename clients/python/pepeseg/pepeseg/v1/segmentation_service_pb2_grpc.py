@@ -12,9 +12,10 @@ from pepeseg.v1 import selection_pb2 as pepeseg_dot_v1_dot_selection__pb2
 
 
 class SegmentationServiceStub(object):
-    """Questions to a model. `model` is a model's name or "scenes/{scene}/models/live", with the errors
-    named there; the first question loads it (RESOURCE_EXHAUSTED when it does not fit, with need and
-    have). An answer over 4 MiB is RESOURCE_EXHAUSTED: ask for fewer views. Deadlines are kept
+    """Queries of models, labels and selections. In requests `model` is the name of a model, or
+    "scenes/{scene}/models/live" with the errors described at Model.name. The first query of a model
+    loads it. RESOURCE_EXHAUSTED: the model does not fit in memory (value: bytes needed, limit: bytes
+    available), or the response would exceed 4 MiB (request fewer views). Deadlines are checked
     between views.
     """
 
@@ -107,125 +108,134 @@ class SegmentationServiceStub(object):
 
 
 class SegmentationServiceServicer(object):
-    """Questions to a model. `model` is a model's name or "scenes/{scene}/models/live", with the errors
-    named there; the first question loads it (RESOURCE_EXHAUSTED when it does not fit, with need and
-    have). An answer over 4 MiB is RESOURCE_EXHAUSTED: ask for fewer views. Deadlines are kept
+    """Queries of models, labels and selections. In requests `model` is the name of a model, or
+    "scenes/{scene}/models/live" with the errors described at Model.name. The first query of a model
+    loads it. RESOURCE_EXHAUSTED: the model does not fit in memory (value: bytes needed, limit: bytes
+    available), or the response would exceed 4 MiB (request fewer views). Deadlines are checked
     between views.
     """
 
     def Segment(self, request, context):
-        """Masks of what the prompt means in the target views. INVALID_ARGUMENT: a point outside its view
-        or not on anything, no positive point, an unknown view, a value that is not finite or out of
-        range.
+        """Segments what the prompt means in the target views. INVALID_ARGUMENT: a point is outside its
+        view or not on an object, no point is positive, a view is unknown, or a value is not finite or
+        out of range.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def SegmentStream(self, request_iterator, context):
-        """The same for who drags a point or a slider: a request that comes while another one is waiting or
-        being answered takes its place, and only the newest is answered. An answer that is ready is still
-        sent.
+        """Segments while a user drags a point or a slider. A request replaces those that are waiting or
+        in progress, so that only the newest one is answered; a response that is ready is still sent.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def ProposeScales(self, request, context):
-        """What a prompt may mean: the scales and thresholds at which something stable is under it, as a
-        part, the object, a group. Errors as Segment's.
+        """Proposes what a prompt may mean, such as a part, the object or a group: the scales and
+        thresholds at which the mask under the prompt is stable. Errors are those of Segment.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def Evaluate(self, request, context):
-        """Scores the model's answers to one click an entity against label images of held-out views, by
-        the protocol of evaluation.proto. One evaluation at a time: UNAVAILABLE when too many wait.
-        Deadlines are kept between looks at a view. INVALID_ARGUMENT: a view that is unknown, was
-        trained on or comes twice, a file that is not a grey PNG of the frame's size, no entity that
-        counts, options out of range.
+        """Scores the model by one click for each entity against label images of held-out views, by the
+        protocol of evaluation.proto. Evaluations run one at a time. UNAVAILABLE: too many are waiting.
+        INVALID_ARGUMENT: a view is unknown, was trained on or is given twice, a file is not a grey PNG
+        of the frame's size, no entity counts, or an option is out of range. Deadlines are checked
+        between views.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def Decompose(self, request, context):
-        """Takes the model apart into segments at several scales. One at a time: UNAVAILABLE when too many
-        wait.
+        """Decomposes the model into segments at several scales. Decompositions run one at a time.
+        UNAVAILABLE: too many are waiting.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def CreateLabel(self, request, context):
-        """FAILED_PRECONDITION: the scene has no model yet. ALREADY_EXISTS: the id is taken by another
-        request. INVALID_ARGUMENT: no view of the live model, a mask that is empty or not of its size.
+        """Creates a label from a mask of a view of the live model. FAILED_PRECONDITION: the scene has no
+        model yet. ALREADY_EXISTS: another request has created the id. INVALID_ARGUMENT: the live model
+        has no such view, or the mask is empty or of another size.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def ListLabels(self, request, context):
-        """Missing associated documentation comment in .proto file."""
+        """Lists the labels of a scene by id, without their masks.
+        """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def DeleteLabel(self, request, context):
-        """Missing associated documentation comment in .proto file."""
+        """Deletes a label.
+        """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def Select(self, request, context):
-        """Gaussians in 3D from what a prompt means in 2D. Errors as Segment's; nothing found is an empty
-        selection.
+        """Selects in 3D the Gaussians of what a prompt means in 2D, or those of a segment. Errors are
+        those of Segment. If nothing is found the selection is empty.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def CombineSelections(self, request, context):
-        """Missing associated documentation comment in .proto file."""
+        """Combines two selections of a model into a new one.
+        """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def UndoSelection(self, request, context):
-        """Missing associated documentation comment in .proto file."""
+        """Returns the selection that a selection was made from.
+        """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def GetSelection(self, request, context):
-        """Missing associated documentation comment in .proto file."""
+        """Returns a selection.
+        """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def ListSelections(self, request, context):
-        """Missing associated documentation comment in .proto file."""
+        """Lists the selections of a scene, newest first.
+        """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def DeleteSelection(self, request, context):
-        """Missing associated documentation comment in .proto file."""
+        """Deletes a selection.
+        """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def Render(self, request, context):
-        """A picture of the model, or of some of it, from a place.
+        """Renders the model, or a subset of it, from a viewpoint.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def ExportSelection(self, request, context):
-        """A PLY in the layout of 3D Gaussian splatting, which splat viewers open: header, then chunks.
-        DATA_LOSS in place of the last chunk: the stored file fails its checksum.
+        """Exports a model, or a subset of it, as a PLY in the layout of 3D Gaussian splatting, which
+        splat viewers open: a header, then chunks. DATA_LOSS, instead of the last chunk: the stored
+        file fails its checksum.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -322,9 +332,10 @@ def add_SegmentationServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class SegmentationService(object):
-    """Questions to a model. `model` is a model's name or "scenes/{scene}/models/live", with the errors
-    named there; the first question loads it (RESOURCE_EXHAUSTED when it does not fit, with need and
-    have). An answer over 4 MiB is RESOURCE_EXHAUSTED: ask for fewer views. Deadlines are kept
+    """Queries of models, labels and selections. In requests `model` is the name of a model, or
+    "scenes/{scene}/models/live" with the errors described at Model.name. The first query of a model
+    loads it. RESOURCE_EXHAUSTED: the model does not fit in memory (value: bytes needed, limit: bytes
+    available), or the response would exceed 4 MiB (request fewer views). Deadlines are checked
     between views.
     """
 

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "clients/cpp/resource_names.h"
+#include "pepeseg/v1/prompt.pb.h"
+#include "pepeseg/v1/render.pb.h"
+#include "pepeseg/v1/segmentation_service.pb.h"
+
+// Flags that several verbs share, and the parts of a request that they become. Each Add function
+// adds flags to a verb; parsing the command line fills the struct, which must outlive the parser.
+namespace pepeseg::client::cli {
+
+// Adds --frame photograph|view: the image whose pixels points, boxes, masks and pictures are in.
+// Sets `frame` to its default, photograph.
+CLI::Option* AddFrameFlag(CLI::App& verb, v1::PixelFrame& frame);
+
+// A prompt: what is pointed at, in which view of which model.
+struct PromptFlags {
+  std::string scene;
+  std::string model = "live";
+  std::string view;
+  std::vector<std::string> positive;                  // "X,Y" each
+  std::vector<std::string> negative;                  // "X,Y" each
+  std::string box, mask, label;                       // instead of points; see AddAnyPromptFlags
+  v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH;  // of points, box and mask, and of the answer
+};
+// Adds flags for a prompt of points.
+void AddPromptFlags(CLI::App& verb, PromptFlags& flags);
+// Adds flags for a prompt of points, a box, a mask or a label; the user must give exactly one.
+void AddAnyPromptFlags(CLI::App& verb, PromptFlags& flags);
+// Returns the prompt. INVALID_ARGUMENT: a point or a box is malformed. LocalFileError: the file of
+// the mask cannot be read.
+absl::StatusOr<v1::Prompt> ParsePrompt(const PromptFlags& flags);
+
+// How large a thing is meant, and how similar its pixels must be.
+struct GranularityFlags {
+  double scale = -1;      // quantile, [0, 1]; below 0: the server chooses
+  double units = 0;       // instead of `scale`: scene units; 0: not given
+  double threshold = -2;  // cosine, [-1, 1]; below -1: the server chooses
+};
+void AddGranularityFlags(CLI::App& verb, GranularityFlags& flags);
+v1::Granularity ToGranularity(const GranularityFlags& flags);
+
+// Adds --scales: the scales of a decomposition.
+void AddScalesFlag(CLI::App& verb, std::vector<double>& scales);
+
+// A subset of a model's Gaussians; by default all of them.
+struct SubsetFlags {
+  int selection = 0;           // number of a selection; 0: none
+  std::string segment;         // "LEVEL:ID"; empty: none
+  std::vector<double> scales;  // of the decomposition that has the segment; empty: the server's
+  bool without = false;        // all other Gaussians instead
+};
+void AddSubsetFlags(CLI::App& verb, SubsetFlags& flags);
+// Returns the subset of a model of `scene`. INVALID_ARGUMENT: the segment is not LEVEL:ID, or
+// --without is given without a selection or a segment.
+absl::StatusOr<v1::Subset> ParseSubset(const SubsetFlags& flags, const std::string& scene);
+
+}  // namespace pepeseg::client::cli

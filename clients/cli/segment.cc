@@ -1,0 +1,106 @@
+// The verb "segment": masks of what a prompt means, in any view.
+#include <filesystem>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "clients/cli/picture.h"
+#include "clients/cli/request_flags.h"
+#include "clients/cli/shell.h"
+#include "clients/cli/view_picture.h"
+#include "clients/cpp/mask.h"
+#include "clients/cpp/status_macros.h"
+
+namespace pepeseg::client::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct SegmentFlags {
+  PromptFlags prompt;
+  GranularityFlags granularity;
+  std::vector<std::string> targets;  // names of views, "all" or "held-out"
+  std::string out;
+};
+
+// Sets the views to segment from the values of --views.
+void SetTargets(const std::vector<std::string>& names, v1::SegmentRequest& request) {
+  using Targets = v1::SegmentRequest::Targets;
+  for (const std::string& name : names) {
+    if (name == "all") {
+      request.mutable_targets()->set_group(Targets::GROUP_ALL);
+    } else if (name == "held-out") {
+      request.mutable_targets()->set_group(Targets::GROUP_HELD_OUT);
+    } else {
+      request.mutable_targets()->add_views(name);
+    }
+  }
+}
+
+absl::StatusOr<v1::SegmentRequest> BuildRequest(const SegmentFlags& flags) {
+  v1::SegmentRequest request;
+  request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
+  ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
+  *request.mutable_granularity() = ToGranularity(flags.granularity);
+  SetTargets(flags.targets, request);
+  request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
+  request.set_frame(flags.prompt.frame);
+  return request;
+}
+
+// Writes STEM_mask.png, and STEM_overlay.png, the mask over a rendering of the view.
+absl::Status WriteMask(const Client& client, const SegmentFlags& flags,
+                       const v1::SegmentRequest& request, const v1::SegmentResponse& answer,
+                       const v1::SegmentResponse::ViewMask& view) {
+  ASSIGN_OR_RETURN(const Mask mask, DecodeRle(view.rle()));
+  const fs::path stem = fs::path(flags.out) / Stem(view.view());
+  GreyPicture grey{view.rle().width(), view.rle().height(), mask};
+  for (uint8_t& pixel : grey.pixels) pixel = pixel != 0 ? 255 : 0;
+  RETURN_IF_ERROR(WritePng(stem.string() + "_mask.png", grey));
+  Points points;
+  if (view.view() == request.prompt().view().view()) points = request.prompt().points().points();
+  ASSIGN_OR_RETURN(const Picture overlay,
+                   DrawnOver(client, answer.model(), {view, points, request.frame()}));
+  return WritePng(stem.string() + "_overlay.png", overlay);
+}
+
+// Prints the granularity used, and a line for each mask.
+void PrintAnswer(const v1::SegmentResponse& answer) {
+  Print(absl::StrFormat("%s  scale %.3f (%.4g scene units)  threshold %.3f", answer.model(),
+                        answer.scale_quantile(), answer.scale_units(), answer.threshold()));
+  for (const auto& mask : answer.masks()) {
+    Print(absl::StrFormat("  %-28s %8d px  score %.3f  box %d,%d %dx%d", mask.view(), mask.area(),
+                          mask.score(), mask.box().x(), mask.box().y(), mask.box().width(),
+                          mask.box().height()));
+  }
+}
+
+absl::Status RunSegment(const Shell& shell, const SegmentFlags& flags) {
+  ASSIGN_OR_RETURN(const v1::SegmentRequest request, BuildRequest(flags));
+  const Client client(shell.channel);
+  ASSIGN_OR_RETURN(const v1::SegmentResponse answer, client.Segment(request));
+  for (const auto& mask : answer.masks()) {
+    if (!flags.out.empty()) {
+      RETURN_IF_ERROR(WriteMask(client, flags, request, answer, mask));
+    }
+  }
+  shell.json ? PrintJson(answer) : PrintAnswer(answer);
+  if (!flags.out.empty()) Note(absl::StrCat("masks and overlays are in ", flags.out));
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void AddSegment(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<SegmentFlags>();
+  CLI::App* verb = app.add_subcommand("segment", "Segment what a click means, in any view");
+  AddAnyPromptFlags(*verb, flags->prompt);
+  AddGranularityFlags(*verb, flags->granularity);
+  verb->add_option("--views", flags->targets,
+                   "Views to segment: names, all or held-out; by default the view of the prompt");
+  verb->add_option("--out", flags->out, "Folder for STEM_mask.png and STEM_overlay.png");
+  verb->callback(
+      [flags, &shell] { shell.verb = [&, flags] { return RunSegment(shell, *flags); }; });
+}
+
+}  // namespace pepeseg::client::cli

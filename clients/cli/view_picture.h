@@ -1,0 +1,44 @@
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "clients/cli/picture.h"
+#include "clients/cpp/client.h"
+#include "pepeseg/v1/prompt.pb.h"
+#include "pepeseg/v1/scene_service.pb.h"
+#include "pepeseg/v1/segmentation_service.pb.h"
+
+// Pictures of the views of a model.
+namespace pepeseg::client::cli {
+
+struct PixelSize {
+  int width = 0, height = 0;
+
+  bool operator==(const PixelSize&) const = default;
+};
+// Returns the size of the uploaded photograph, or of the view if the server does not know that.
+PixelSize PhotographSize(const v1::View& view);
+
+// Renders a view of a model in colour, in the pixels of `frame`; smaller if the server limits the
+// size of its answer.
+absl::StatusOr<Picture> RenderView(const Client& client, const std::string& model,
+                                   const std::string& view,
+                                   v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH);
+
+using Points = google::protobuf::RepeatedPtrField<v1::PointsPrompt::Point>;
+// What is drawn over a view.
+struct Overlay {
+  const v1::SegmentResponse::ViewMask& mask;  // RLE; names the view
+  Points points;                              // pixels of `frame`
+  v1::PixelFrame frame;
+};
+// Renders the view of the overlay's mask and draws the overlay over it.
+absl::StatusOr<Picture> DrawnOver(const Client& client, const std::string& model,
+                                  const Overlay& overlay);
+
+// Returns a file name without extension for what belongs to a view: "frame-000000" for
+// "frame-000000.jpg"; '/' becomes '-'.
+std::string Stem(const std::string& view);
+
+}  // namespace pepeseg::client::cli

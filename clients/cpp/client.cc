@@ -1,0 +1,293 @@
+#include "clients/cpp/client.h"
+
+#include <chrono>
+#include <optional>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "clients/cpp/call.h"
+#include "clients/cpp/checksums.h"
+#include "clients/cpp/file_bytes.h"
+#include "clients/cpp/status_macros.h"
+
+namespace pepeseg::client {
+namespace {
+
+using Scenes = v1::SceneService::Stub;
+using Jobs = v1::JobService::Stub;
+using Segmentation = v1::SegmentationService::Stub;
+using Header = v1::ExportSelectionResponse::Header;
+
+constexpr int kMaxWatchRetries = 10;  // in a row without an event
+constexpr auto kRetryPause = std::chrono::seconds(3);
+constexpr double kEvaluateSeconds = 3600;  // a hundred entities take long on a CPU
+
+// Returns true for a final state.
+bool HasEnded(v1::JobState state) {
+  return state == v1::JOB_STATE_SUCCEEDED || state == v1::JOB_STATE_FAILED ||
+         state == v1::JOB_STATE_CANCELLED;
+}
+
+// How much of a job has been seen, over all streams.
+struct Watched {
+  std::optional<int64_t> sequence;  // of the last event; empty before the first
+  bool ended = false;               // the last state seen was a final one
+};
+
+// Reads one stream to its end. It resumes after the last event of `watched`, which it updates.
+absl::Status WatchOnce(Jobs& jobs, const std::string& job, Watched& watched,
+                       absl::FunctionRef<void(const v1::JobEvent&)> on_event) {
+  v1::WatchJobRequest request;
+  request.set_name(job);
+  if (watched.sequence) request.set_after_sequence(*watched.sequence);
+  Call call("", 0);
+  auto stream = jobs.WatchJob(call, request);
+  v1::JobEvent event;
+  while (stream->Read(&event)) {
+    watched.sequence = event.sequence();
+    if (event.event_case() == v1::JobEvent::kHeartbeat) continue;
+    watched.ended |= event.event_case() == v1::JobEvent::kStateChanged &&
+                     HasEnded(event.state_changed().state());
+    watched.ended |=
+        event.event_case() == v1::JobEvent::kSnapshot && HasEnded(event.snapshot().state());
+    on_event(event);
+  }
+  return FromGrpc(stream->Finish());
+}
+
+// Returns true for an error of the connection, after which a watch is resumed.
+bool IsAway(const absl::Status& status) {
+  return absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status);
+}
+
+// Appends the chunks of an export to `file` and returns its header, the first message of the
+// stream. DATA_LOSS: a chunk fails its CRC, or the whole its size or SHA-256.
+absl::StatusOr<Header> Receive(grpc::ClientReader<v1::ExportSelectionResponse>& stream,
+                               OutputFile& file) {
+  Header header;
+  Sha256 sha256;
+  int64_t size = 0;
+  v1::ExportSelectionResponse part;
+  while (stream.Read(&part)) {
+    if (part.has_header()) header = part.header();
+    if (!part.has_chunk()) continue;
+    const std::string& data = part.chunk().data();
+    if (Crc32c(data) != part.chunk().crc32c()) {
+      return absl::DataLossError(absl::StrCat("bytes ", size, " to ", size + data.size(),
+                                              " of the PLY fail their checksum"));
+    }
+    sha256.Add(data);
+    size += static_cast<int64_t>(data.size());
+    RETURN_IF_ERROR(file.Append(data));
+  }
+  RETURN_IF_ERROR(FromGrpc(stream.Finish()));
+  if (size != header.num_bytes() || sha256.Finish() != header.sha256()) {
+    return absl::DataLossError(
+        absl::StrCat("the PLY does not match its announced size and SHA-256: received ", size,
+                     " of ", header.num_bytes(), " bytes"));
+  }
+  return header;
+}
+
+// Exports to `file`. A stream that the server puts off has sent nothing, so that it can be repeated
+// into the same file; one that has sent bytes is not repeated.
+absl::StatusOr<Header> ReceiveAll(Segmentation& segmentation,
+                                  const v1::ExportSelectionRequest& request, OutputFile& file) {
+  const RetryBudget retries(kCallSeconds);
+  while (true) {
+    Call call(SceneOf(request.model()), 0);
+    absl::StatusOr<Header> header = Receive(*segmentation.ExportSelection(call, request), file);
+    if (header.ok()) return header;
+    call.Cancel();
+    if (file.num_bytes() > 0 || !retries.WaitAfter(header.status())) return header.status();
+  }
+}
+
+}  // namespace
+
+Client::Client(const std::shared_ptr<grpc::Channel>& channel)
+    : scenes_(v1::SceneService::NewStub(channel)),
+      datasets_(v1::DatasetService::NewStub(channel)),
+      jobs_(v1::JobService::NewStub(channel)),
+      segmentation_(v1::SegmentationService::NewStub(channel)) {}
+
+absl::Status Client::EnsureScene(const std::string& scene) const {
+  v1::CreateSceneRequest request;
+  // The id, without "scenes/".
+  request.set_scene_id(SceneName(scene).substr(std::string("scenes/").size()));
+  request.set_request_id(NewRequestId());
+  const absl::Status status = Ask(*scenes_, &Scenes::CreateScene, scene, request).status();
+  return absl::IsAlreadyExists(status) ? absl::OkStatus() : status;
+}
+
+absl::StatusOr<v1::Scene> Client::GetScene(const std::string& scene) const {
+  v1::GetSceneRequest request;
+  request.set_name(SceneName(scene));
+  return Ask(*scenes_, &Scenes::GetScene, scene, request);
+}
+
+absl::StatusOr<v1::ListScenesResponse> Client::ListScenes() const {
+  return AskAllPages(*scenes_, &Scenes::ListScenes, "", v1::ListScenesRequest());
+}
+
+absl::Status Client::DeleteScene(const std::string& scene) const {
+  v1::DeleteSceneRequest request;
+  request.set_name(SceneName(scene));
+  return Ask(*scenes_, &Scenes::DeleteScene, scene, request).status();
+}
+
+absl::StatusOr<v1::Model> Client::GetModel(const std::string& model) const {
+  v1::GetModelRequest request;
+  request.set_name(model);
+  return Ask(*scenes_, &Scenes::GetModel, SceneOf(model), request);
+}
+
+absl::StatusOr<v1::ListModelsResponse> Client::ListModels(const std::string& scene) const {
+  v1::ListModelsRequest request;
+  request.set_parent(SceneName(scene));
+  return AskAllPages(*scenes_, &Scenes::ListModels, scene, request);
+}
+
+absl::Status Client::DeleteModel(const std::string& model) const {
+  v1::DeleteModelRequest request;
+  request.set_name(model);
+  return Ask(*scenes_, &Scenes::DeleteModel, SceneOf(model), request).status();
+}
+
+absl::StatusOr<std::vector<v1::View>> Client::ListViews(const std::string& model) const {
+  v1::ListViewsRequest request;
+  request.set_parent(model);
+  ASSIGN_OR_RETURN(const v1::ListViewsResponse all,
+                   AskAllPages(*scenes_, &Scenes::ListViews, SceneOf(model), request));
+  return std::vector<v1::View>(all.views().begin(), all.views().end());
+}
+
+absl::StatusOr<v1::Job> Client::Train(v1::TrainSceneRequest request) const {
+  request.set_scene(SceneName(request.scene()));
+  if (request.request_id().empty()) request.set_request_id(NewRequestId());
+  return Ask(*jobs_, &Jobs::TrainScene, request.scene(), request);
+}
+
+absl::StatusOr<v1::EstimateTrainingResponse> Client::EstimateTraining(
+    const v1::EstimateTrainingRequest& request) const {
+  return Ask(*jobs_, &Jobs::EstimateTraining, request.scene(), request);
+}
+
+absl::StatusOr<v1::Job> Client::GetJob(const std::string& job) const {
+  v1::GetJobRequest request;
+  request.set_name(JobName(job));
+  return Ask(*jobs_, &Jobs::GetJob, "", request);
+}
+
+absl::StatusOr<v1::ListJobsResponse> Client::ListJobs(const std::string& scene) const {
+  v1::ListJobsRequest request;
+  if (!scene.empty()) request.set_scene(SceneName(scene));
+  return AskAllPages(*jobs_, &Jobs::ListJobs, scene, request);
+}
+
+absl::StatusOr<v1::Job> Client::CancelJob(const std::string& job) const {
+  v1::CancelJobRequest request;
+  request.set_name(JobName(job));
+  return Ask(*jobs_, &Jobs::CancelJob, "", request);
+}
+
+absl::StatusOr<v1::Job> Client::WatchJob(const std::string& job,
+                                         absl::FunctionRef<void(const v1::JobEvent&)> on_event,
+                                         const std::function<void()>& on_break) const {
+  Watched watched;
+  for (int failures = 0; !watched.ended;) {
+    const std::optional<int64_t> before = watched.sequence;
+    const absl::Status status = WatchOnce(*jobs_, JobName(job), watched, on_event);
+    if (watched.ended || status.ok()) break;
+    if (watched.sequence != before) failures = 0;  // the stream had brought something
+    if (!IsAway(status) || !watched.sequence || ++failures > kMaxWatchRetries) return status;
+    if (on_break) on_break();
+    std::this_thread::sleep_for(kRetryPause);
+  }
+  return GetJob(job);
+}
+
+absl::StatusOr<v1::SegmentResponse> Client::Segment(const v1::SegmentRequest& request) const {
+  return Ask(*segmentation_, &Segmentation::Segment, SceneOf(request.model()), request);
+}
+
+absl::StatusOr<v1::ProposeScalesResponse> Client::ProposeScales(
+    const v1::ProposeScalesRequest& request) const {
+  return Ask(*segmentation_, &Segmentation::ProposeScales, SceneOf(request.model()), request);
+}
+
+absl::StatusOr<v1::DecomposeResponse> Client::Decompose(const v1::DecomposeRequest& request) const {
+  return Ask(*segmentation_, &Segmentation::Decompose, SceneOf(request.model()), request);
+}
+
+absl::StatusOr<v1::EvaluateResponse> Client::Evaluate(const v1::EvaluateRequest& request) const {
+  return Ask(*segmentation_, &Segmentation::Evaluate, SceneOf(request.model()), request,
+             kEvaluateSeconds);
+}
+
+absl::StatusOr<v1::RenderResponse> Client::Render(const v1::RenderRequest& request) const {
+  return Ask(*segmentation_, &Segmentation::Render, SceneOf(request.model()), request);
+}
+
+absl::StatusOr<Header> Client::Export(const v1::ExportSelectionRequest& request,
+                                      const std::string& file) const {
+  ASSIGN_OR_RETURN(OutputFile output, OutputFile::Create(file));
+  ASSIGN_OR_RETURN(const Header header, ReceiveAll(*segmentation_, request, output));
+  RETURN_IF_ERROR(output.Commit());
+  return header;
+}
+
+absl::StatusOr<v1::Label> Client::CreateLabel(v1::CreateLabelRequest request) const {
+  request.set_parent(SceneName(request.parent()));
+  if (request.request_id().empty()) request.set_request_id(NewRequestId());
+  return Ask(*segmentation_, &Segmentation::CreateLabel, request.parent(), request);
+}
+
+absl::StatusOr<v1::ListLabelsResponse> Client::ListLabels(const std::string& scene) const {
+  v1::ListLabelsRequest request;
+  request.set_parent(SceneName(scene));
+  return AskAllPages(*segmentation_, &Segmentation::ListLabels, scene, request);
+}
+
+absl::Status Client::DeleteLabel(const std::string& label) const {
+  v1::DeleteLabelRequest request;
+  request.set_name(label);
+  return Ask(*segmentation_, &Segmentation::DeleteLabel, SceneOf(label), request).status();
+}
+
+absl::StatusOr<v1::Selection> Client::Select(v1::SelectRequest request) const {
+  if (request.request_id().empty()) request.set_request_id(NewRequestId());
+  return Ask(*segmentation_, &Segmentation::Select, SceneOf(request.model()), request);
+}
+
+absl::StatusOr<v1::Selection> Client::CombineSelections(
+    v1::CombineSelectionsRequest request) const {
+  if (request.request_id().empty()) request.set_request_id(NewRequestId());
+  return Ask(*segmentation_, &Segmentation::CombineSelections, SceneOf(request.first()), request);
+}
+
+absl::StatusOr<v1::Selection> Client::UndoSelection(const std::string& selection) const {
+  v1::UndoSelectionRequest request;
+  request.set_name(selection);
+  return Ask(*segmentation_, &Segmentation::UndoSelection, SceneOf(selection), request);
+}
+
+absl::StatusOr<v1::Selection> Client::GetSelection(const std::string& selection) const {
+  v1::GetSelectionRequest request;
+  request.set_name(selection);
+  return Ask(*segmentation_, &Segmentation::GetSelection, SceneOf(selection), request);
+}
+
+absl::StatusOr<v1::ListSelectionsResponse> Client::ListSelections(const std::string& scene) const {
+  v1::ListSelectionsRequest request;
+  request.set_parent(SceneName(scene));
+  return AskAllPages(*segmentation_, &Segmentation::ListSelections, scene, request);
+}
+
+absl::Status Client::DeleteSelection(const std::string& selection) const {
+  v1::DeleteSelectionRequest request;
+  request.set_name(selection);
+  return Ask(*segmentation_, &Segmentation::DeleteSelection, SceneOf(selection), request).status();
+}
+
+}  // namespace pepeseg::client
