@@ -1,11 +1,6 @@
 #!/usr/bin/env bash
-<<<<<<< HEAD
-# Tests the completions of `pepeseg completion bash` as an interactive bash calls them, and the syntax
-# of zsh's if zsh is installed.
-=======
 # Checks the completions of `pepeseg completion bash` as an interactive bash requests them, and the
 # syntax of the script for zsh if zsh is installed.
->>>>>>> wt_D
 #   completion_test.sh PEPESEG
 set -euo pipefail
 pepeseg=$(realpath "$1")
@@ -24,13 +19,8 @@ complete_line() {  # complete_line WORD...: prints the completions of the last w
   _pepeseg
   printf '%s\n' "${COMPREPLY[@]}"
 }
-<<<<<<< HEAD
-# Without -q grep reads all lines; with -q it would end at the first match and the pipe would fail.
-expect() {  # expect WANTED WORD...: WANTED must be a completion of the words
-=======
 # Without -q, grep reads all lines: with it, it would end at the first match and break the pipe.
 expect() {  # expect WANTED WORD...: checks that WANTED is a completion
->>>>>>> wt_D
   complete_line "${@:2}" | grep -xF -- "$1" >/dev/null || fail "no $1 after: ${*:2}"
 }
 refuse() {  # refuse UNWANTED WORD...: checks that UNWANTED is not a completion
@@ -50,11 +40,7 @@ expect --server pepeseg segment shelf --ser
 expect depth pepeseg --server host:1 render shelf --content d
 expect zsh pepeseg completion ''
 expect photo.jpg pepeseg upload shelf ph
-<<<<<<< HEAD
-# Every verb of --help is a completion.
-=======
 # Every verb of --help is completed.
->>>>>>> wt_D
 for verb in $("$pepeseg" --help | sed -n '/^Subcommands:/,/^$/s/^  \([a-z-]\+\) .*/\1/p'); do
   expect "$verb" pepeseg ''
 done
