@@ -12,7 +12,7 @@
 #include "core/base/status_macros.h"
 #include "server/access/api_key.h"
 #include "server/access/audit_log.h"
-#include "server/data/directory_lock.h"
+#include "server/data/locked_file.h"
 #include "server/store/layout.h"
 #include "server/store/store.h"
 

@@ -7,7 +7,7 @@
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
 #include "pepeseg/v1/job_service.grpc.pb.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
-#include "server/observe/health_probes.h"
+#include "server/observe/health_monitor.h"
 #include "server/server_metrics.h"
 
 namespace pepeseg {

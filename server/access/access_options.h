@@ -3,6 +3,9 @@
 #include <filesystem>
 #include <string>
 
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
 namespace pepeseg {
 
 // Who may reach a listener, and what it shows of itself.
@@ -20,5 +23,21 @@ struct AccessOptions {
   // calls by metadata (access.proto). Needs keys and a client CA. Empty: nobody may.
   std::string trusted_gateway;
 };
+
+// PEM texts that belong together.
+struct CertificateTexts {
+  std::string chain;
+  std::string key;
+  std::string client_ca;  // empty: clients need no certificate
+
+  bool operator==(const CertificateTexts&) const = default;
+};
+
+// Half a pair, or a client CA without one: FAILED_PRECONDITION names the flag that is missing.
+absl::Status CheckCertificateOptions(const AccessOptions& options);
+
+// The files of the options, whose certificate must be set. FAILED_PRECONDITION names the file: it
+// cannot be read, is no PEM of its kind, or is a key that is not the certificate's.
+absl::StatusOr<CertificateTexts> ReadCertificateFiles(const AccessOptions& options);
 
 }  // namespace pepeseg

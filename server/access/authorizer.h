@@ -10,9 +10,8 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/access/audit_log.h"
+#include "server/access/gateway_identity.h"
 #include "server/access/method_access.h"
-#include "server/access/refusal_log.h"
-#include "server/access/vouched_caller.h"
 #include "server/store/store.h"
 
 namespace grpc {

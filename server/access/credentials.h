@@ -4,16 +4,38 @@
 #include <grpcpp/security/tls_certificate_provider.h>
 
 #include <condition_variable>
+#include <ctime>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <thread>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/access/certificate_files.h"
-#include "server/access/memory_file.h"
+#include "server/access/access_options.h"
 
 namespace pepeseg {
+
+// A text that code of this process reads as a file while it never comes to a disk. A reader sees
+// one text or the other, never some of both; and each has a time of modification of its own, in
+// seconds, so that who looks at that before and after reading knows.
+class MemoryFile {
+ public:
+  MemoryFile() = default;
+  ~MemoryFile();
+  MemoryFile(const MemoryFile&) = delete;
+  MemoryFile& operator=(const MemoryFile&) = delete;
+
+  // INTERNAL: the system has no memory or no descriptor for it; the old text stays.
+  absl::Status Replace(const std::string& text);
+  // The same for all its texts; once there is one.
+  std::string path() const;
+
+ private:
+  int descriptor_ = -1;
+  time_t next_time_ = 1'000'000'000;  // any, but not 0
+};
 
 // What listeners encrypt with. The files are read again every second; what is whole and fits goes
 // to connections made from then on, anything else is told in the log and changes nothing. (gRPC's

@@ -10,7 +10,6 @@
 #include "core/base/status_macros.h"
 #include "pepeseg/v1/errors.pb.h"
 #include "server/access/method_access.h"
-#include "server/store/id_rules.h"
 #include "server/store/scene_key.h"
 
 namespace pepeseg {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <utility>
 
 #include "absl/status/statusor.h"
@@ -32,6 +33,23 @@ class LockedFile {
   explicit LockedFile(int descriptor) : descriptor_(descriptor) {}
   static absl::StatusOr<LockedFile> Open(const std::filesystem::path& path, int operation);
   int descriptor_ = -1;
+};
+
+// Holds a data directory for this process, or shares it with others that do, as long as it lives;
+// the system lets it go with the process, however that ends.
+class DirectoryLock {
+ public:
+  // Makes the directory, for its owner only. FAILED_PRECONDITION: another process holds it for
+  // itself, or at all when it is not to be `shared`.
+  static absl::StatusOr<std::unique_ptr<DirectoryLock>> Take(const std::filesystem::path& data,
+                                                             bool shared);
+  ~DirectoryLock();
+  DirectoryLock(const DirectoryLock&) = delete;
+  DirectoryLock& operator=(const DirectoryLock&) = delete;
+
+ private:
+  explicit DirectoryLock(int descriptor) : descriptor_(descriptor) {}
+  const int descriptor_;
 };
 
 }  // namespace pepeseg

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <condition_variable>
+#include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
@@ -11,6 +13,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "kernels/backend.h"
 
 namespace pepeseg {
 
@@ -72,5 +75,15 @@ class HealthMonitor {
   std::vector<std::unique_ptr<Watched>> probes_;
   std::vector<std::thread> threads_;
 };
+
+// Under so much, uploads and trainings have no place to write to.
+inline constexpr int64_t kMinDiskFreeBytes = int64_t{256} << 20;
+
+// Whether the folder takes a small file, to the disk, and its file system has over so much free:
+// else RESOURCE_EXHAUSTED, or the error of the file.
+absl::Status ProbeDisk(const std::filesystem::path& folder, int64_t min_free_bytes);
+
+// INTERNAL: the device has an error that stays.
+absl::Status ProbeDevice(const Backend& backend);
 
 }  // namespace pepeseg

@@ -9,7 +9,7 @@
 #include "server/api/error.h"
 #include "server/api/resource_name.h"
 #include "server/residency/model_bytes.h"
-#include "server/store/quota_error.h"
+#include "server/store/quota.h"
 #include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {

@@ -1,7 +1,7 @@
 #include "server/store/quota_sql.h"
 
 #include "core/base/status_macros.h"
-#include "server/store/quota_error.h"
+#include "server/store/quota.h"
 
 namespace pepeseg {
 namespace {

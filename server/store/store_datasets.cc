@@ -1,10 +1,8 @@
 #include <algorithm>
 #include <iterator>
-#include <limits>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/store/batch_statement.h"
 #include "server/store/database.h"
 #include "server/store/quota_sql.h"
 #include "server/store/store.h"
@@ -12,10 +10,6 @@
 
 namespace pepeseg {
 namespace {
-
-std::string DatasetName(const std::string& scene, int64_t number) {
-  return absl::StrCat("scenes/", scene, "/datasets/", number);
-}
 
 // Datasets of a scene for which `condition` on `key` holds, by number.
 std::vector<DatasetRow> SelectDatasets(soci::session& sql, const std::string& scene,
@@ -40,97 +34,6 @@ std::vector<DatasetRow> SelectDatasets(soci::session& sql, const std::string& sc
     rows.push_back(row);
   }
   return rows;
-}
-
-constexpr int64_t kAllFiles = std::numeric_limits<int64_t>::max();
-
-// Files of a dataset for which `condition` on `key` holds, by path.
-struct FileQuery {
-  std::string scene;
-  int64_t dataset = 0;
-  std::string condition = "path <>";
-  std::string key = {};
-  int64_t limit = kAllFiles;
-};
-
-std::vector<DatasetFileRow> SelectFiles(soci::session& sql, const FileQuery& query) {
-  DatasetFileRow row;
-  int stored = 0;
-  int header = 0;
-  soci::statement select =
-      (sql.prepare << "SELECT path, kind, size, sha256, stored, header, width, height, num_points"
-                      " FROM dataset_files WHERE scene = :scene AND dataset = :dataset AND "
-                   << query.condition << " :key ORDER BY path LIMIT :limit",
-       soci::into(row.path), soci::into(row.kind), soci::into(row.size), soci::into(row.sha256),
-       soci::into(stored), soci::into(header), soci::into(row.width), soci::into(row.height),
-       soci::into(row.num_points), soci::use(query.scene), soci::use(query.dataset),
-       soci::use(query.key), soci::use(query.limit));
-  select.execute();
-  std::vector<DatasetFileRow> rows;
-  while (select.fetch()) {
-    row.stored = stored != 0;
-    row.header = static_cast<HeaderState>(header);
-    rows.push_back(row);
-  }
-  return rows;
-}
-
-void InsertFiles(soci::session& sql, const DatasetRow& dataset,
-                 const std::vector<DatasetFileRow>& files) {
-  BatchStatement insert(
-      sql, {"INSERT INTO dataset_files (scene, dataset, path, kind, size, sha256, stored) VALUES ",
-            "(CAST(? AS VARCHAR(83)), CAST(? AS BIGINT), CAST(? AS TEXT), CAST(? AS INTEGER),"
-            " CAST(? AS BIGINT), CAST(? AS VARCHAR(64)), CAST(? AS INTEGER))",
-            ", ", ""});
-  for (const DatasetFileRow& file : files) {
-    insert.Add({dataset.scene, dataset.number, file.path, int64_t{file.kind}, file.size,
-                file.sha256, int64_t{file.stored ? 1 : 0}});
-  }
-  insert.Finish();
-}
-
-// They are on the disk.
-void InsertBlobs(soci::session& sql, const std::string& project,
-                 const std::vector<DatasetFileRow>& files) {
-  BatchStatement insert(sql, {"INSERT INTO blobs (project, sha256, size) VALUES ",
-                              "(CAST(? AS VARCHAR(63)), CAST(? AS VARCHAR(64)), CAST(? AS BIGINT))",
-                              ", ", " ON CONFLICT (project, sha256) DO NOTHING"});
-  for (const DatasetFileRow& file : files) insert.Add({project, file.sha256, file.size});
-  insert.Finish();
-}
-
-// Sets columns of files of a dataset by their path and digest, from values that `v` has. Returns
-// how many it has found.
-int64_t UpdateFiles(soci::session& sql, const std::string& columns, const DatasetRow& dataset,
-                    const std::vector<DatasetFileRow>& files) {
-  BatchStatement update(
-      sql, {"UPDATE dataset_files SET " + columns + " FROM (",
-            "SELECT CAST(? AS VARCHAR(83)) AS scene, CAST(? AS BIGINT) AS dataset,"
-            " CAST(? AS TEXT) AS path, CAST(? AS VARCHAR(64)) AS sha256,"
-            " CAST(? AS INTEGER) AS header, CAST(? AS INTEGER) AS width,"
-            " CAST(? AS INTEGER) AS height, CAST(? AS BIGINT) AS num_points",
-            " UNION ALL ",
-            ") AS v WHERE dataset_files.scene = v.scene AND dataset_files.dataset = v.dataset AND"
-            " dataset_files.path = v.path AND dataset_files.sha256 = v.sha256"});
-  for (const DatasetFileRow& file : files) {
-    update.Add({dataset.scene, dataset.number, file.path, file.sha256,
-                static_cast<int64_t>(file.header), int64_t{file.width}, int64_t{file.height},
-                file.num_points});
-  }
-  return update.Finish();
-}
-
-constexpr char kHeaderColumns[] =
-    "header = v.header, width = v.width, height = v.height, num_points = v.num_points";
-
-absl::Status MarkStored(soci::session& sql, const DatasetRow& dataset,
-                        const std::vector<DatasetFileRow>& files) {
-  const std::string columns = absl::StrCat("stored = 1, ", kHeaderColumns);
-  const int64_t num_found = UpdateFiles(sql, columns, dataset, files);
-  if (num_found == static_cast<int64_t>(files.size())) return absl::OkStatus();
-  return absl::NotFoundError(absl::StrCat(DatasetName(dataset.scene, dataset.number), " has ",
-                                          num_found, " of the ", files.size(),
-                                          " files that were written"));
 }
 
 bool SameFiles(std::vector<DatasetFileRow> a, std::vector<DatasetFileRow> b) {
@@ -257,103 +160,6 @@ absl::StatusOr<Page<DatasetRow>> Store::ListDatasets(const std::string& scene,
       });
 }
 
-absl::StatusOr<std::vector<DatasetFileRow>> Store::ListDatasetFiles(const std::string& scene,
-                                                                    int64_t number) {
-  using Files = std::vector<DatasetFileRow>;
-  return database_->Query<Files>([&](soci::session& sql) -> absl::StatusOr<Files> {
-    ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
-    FileQuery query;
-    query.scene = dataset.scene;
-    query.dataset = number;
-    return SelectFiles(sql, query);
-  });
-}
-
-absl::StatusOr<DatasetFileRow> Store::GetDatasetFile(const std::string& scene, int64_t number,
-                                                     const std::string& path) {
-  return database_->Query<DatasetFileRow>([&](soci::session& sql)
-                                              -> absl::StatusOr<DatasetFileRow> {
-    ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
-    std::vector<DatasetFileRow> rows = SelectFiles(sql, {dataset.scene, number, "path =", path, 1});
-    if (rows.empty()) {
-      return absl::NotFoundError(
-          absl::StrCat(DatasetName(scene, number), " has no file '", path, "'"));
-    }
-    return rows[0];
-  });
-}
-
-absl::StatusOr<bool> Store::HasFileOfKind(const std::string& scene, int64_t number, int kind) {
-  return database_->Read<bool>([&](soci::session& sql) -> absl::StatusOr<bool> {
-    int found = 0;
-    sql << "SELECT 1 FROM dataset_files WHERE scene = :scene AND dataset = :dataset"
-           " AND kind = :kind LIMIT 1",
-        soci::use(scene), soci::use(number), soci::use(kind), soci::into(found);
-    return sql.got_data();
-  });
-}
-
-absl::StatusOr<std::vector<DatasetFileRow>> Store::ListDatasetFilesFrom(const std::string& scene,
-                                                                        int64_t number,
-                                                                        const std::string& path,
-                                                                        int64_t limit) {
-  using Files = std::vector<DatasetFileRow>;
-  return database_->Read<Files>([&](soci::session& sql) -> absl::StatusOr<Files> {
-    return SelectFiles(sql, {scene, number, "path >=", path, limit});
-  });
-}
-
-absl::Status Store::MarkFilesStored(const UploadName& upload,
-                                    const std::vector<DatasetFileRow>& files) {
-  absl::Status refused;
-  RETURN_IF_ERROR(database_->Transact([&](soci::session& sql) -> absl::Status {
-    InsertBlobs(sql, upload.project, files);
-    const auto dataset = SelectDataset(sql, upload.scene, upload.number);
-    refused = dataset.status();
-    if (!refused.ok()) return absl::OkStatus();
-    if (dataset->state == DatasetState::kSealed) {
-      refused = absl::FailedPreconditionError(
-          absl::StrCat(DatasetName(upload.scene, upload.number), " is sealed"));
-      return absl::OkStatus();
-    }
-    refused = MarkStored(sql, *dataset, files);
-    return absl::OkStatus();
-  }));
-  return refused;
-}
-
-absl::Status Store::SetDigestsStored(const std::string& project,
-                                     const std::vector<std::string>& digests, bool stored) {
-  if (digests.empty()) return absl::OkStatus();
-  return database_->Transact([&](soci::session& sql) -> absl::Status {
-    const int value = stored ? 1 : 0;
-    for (const std::string& digest : digests) {
-      sql << "UPDATE dataset_files SET stored = :stored, header = 0 WHERE sha256 = :digest"
-             " AND scene IN (SELECT id FROM scenes WHERE project = :project)",
-          soci::use(value), soci::use(digest), soci::use(project);
-      sql << "DELETE FROM blobs WHERE project = :project AND sha256 = :digest", soci::use(project),
-          soci::use(digest);
-      if (!stored) continue;
-      sql << "INSERT INTO blobs (project, sha256, size) SELECT s.project, f.sha256, MAX(f.size)"
-             " FROM dataset_files f JOIN scenes s ON s.id = f.scene"
-             " WHERE s.project = :project AND f.sha256 = :digest GROUP BY s.project, f.sha256",
-          soci::use(project), soci::use(digest);
-    }
-    return absl::OkStatus();
-  });
-}
-
-absl::Status Store::SetFileHeaders(const std::string& scene, int64_t number,
-                                   const std::vector<DatasetFileRow>& files) {
-  return database_->Transact([&](soci::session& sql) -> absl::Status {
-    DatasetRow dataset;
-    dataset.scene = scene;
-    dataset.number = number;
-    UpdateFiles(sql, kHeaderColumns, dataset, files);
-    return absl::OkStatus();
-  });
-}
-
 absl::StatusOr<DatasetRow> Store::SealDataset(const std::string& scene, int64_t number,
                                               const std::vector<DatasetFileRow>& found) {
   return database_->Query<DatasetRow>([&](soci::session& sql) -> absl::StatusOr<DatasetRow> {
@@ -363,6 +169,40 @@ absl::StatusOr<DatasetRow> Store::SealDataset(const std::string& scene, int64_t 
       RETURN_IF_ERROR(MarkStored(sql, dataset, found));
     }
     return Seal(sql, dataset);
+  });
+}
+
+absl::StatusOr<std::vector<DatasetRow>> Store::ListOpenUploads(absl::Time created_before) {
+  using Rows = std::vector<DatasetRow>;
+  return database_->Query<Rows>([&](soci::session& sql) -> absl::StatusOr<Rows> {
+    const int64_t before = ToMicros(created_before);
+    DatasetRow row;
+    int64_t create_time = 0;
+    soci::statement select =
+        (sql.prepare << "SELECT scene, number, create_time, num_files, num_bytes FROM datasets"
+                        " WHERE state = 0 AND create_time < :before ORDER BY scene, number",
+         soci::into(row.scene), soci::into(row.number), soci::into(create_time),
+         soci::into(row.num_files), soci::into(row.num_bytes), soci::use(before));
+    select.execute();
+    Rows rows;
+    while (select.fetch()) {
+      row.create_time = FromMicros(create_time);
+      rows.push_back(row);
+    }
+    return rows;
+  });
+}
+
+absl::Status Store::DeleteUpload(const std::string& scene, int64_t number) {
+  return database_->Transact([&](soci::session& sql) -> absl::Status {
+    ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
+    if (dataset.state == DatasetState::kSealed) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("scenes/", scene, "/uploads/", number, " is sealed"));
+    }
+    sql << "DELETE FROM datasets WHERE scene = :scene AND number = :number",
+        soci::use(dataset.scene), soci::use(number);  // its files cascade
+    return absl::OkStatus();
   });
 }
 

@@ -1,7 +1,8 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/store/database.h"
-#include "server/store/id_rules.h"
+#include "server/store/quota_sql.h"
+#include "server/store/scene_key.h"
 #include "server/store/store.h"
 #include "server/store/store_sql.h"
 
@@ -135,6 +136,11 @@ absl::StatusOr<ProjectRow> Store::SetProjectQuota(const std::string& id, const Q
         soci::use(quota.resident_bytes), soci::use(id);
     return SelectProject(sql, id);
   });
+}
+
+absl::StatusOr<Quota> Store::GetUsage(const std::string& project) {
+  return database_->Query<Quota>(
+      [&](soci::session& sql) -> absl::StatusOr<Quota> { return SelectUsage(sql, project); });
 }
 
 }  // namespace pepeseg

@@ -1,7 +1,6 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/store/database.h"
-#include "server/store/id_rules.h"
 #include "server/store/scene_key.h"
 #include "server/store/store.h"
 #include "server/store/store_sql.h"

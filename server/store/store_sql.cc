@@ -7,7 +7,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/store/id_rules.h"
+#include "server/store/scene_key.h"
 
 namespace pepeseg {
 namespace {

@@ -10,7 +10,6 @@
 #include <thread>
 #include <vector>
 
-#include "server/access/refusal_log.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {

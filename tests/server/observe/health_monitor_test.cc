@@ -9,7 +9,6 @@
 
 #include "absl/time/clock.h"
 #include "kernels/buffer.h"
-#include "server/observe/health_probes.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {

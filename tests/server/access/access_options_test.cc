@@ -1,10 +1,10 @@
-#include "server/access/certificate_files.h"
+#include "server/access/access_options.h"
 
 #include <gtest/gtest.h>
 
 #include <fstream>
 
-#include "server/access/memory_file.h"
+#include "server/access/credentials.h"
 #include "tests/server/access/test_certificates.h"
 #include "tests/testing/temp_folder.h"
 

@@ -1,4 +1,4 @@
-#include "server/access/certificate_files.h"
+#include "server/access/access_options.h"
 
 #include <openssl/err.h>
 #include <openssl/pem.h>

@@ -1,4 +1,4 @@
-#include "server/access/vouched_caller.h"
+#include "server/access/gateway_identity.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/access/vouched_caller.h"
+#include "server/access/gateway_identity.h"
 
 #include <grpcpp/security/auth_context.h>
 #include <grpcpp/server_context.h>
@@ -11,7 +11,7 @@
 #include "absl/strings/string_view.h"
 #include "core/base/status_macros.h"
 #include "server/access/api_key.h"
-#include "server/store/id_rules.h"
+#include "server/store/scene_key.h"
 
 namespace pepeseg {
 namespace {
