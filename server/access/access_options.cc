@@ -28,7 +28,7 @@ using Certificate = std::unique_ptr<X509, Free>;
 using Key = std::unique_ptr<EVP_PKEY, Free>;
 
 absl::Status BadFile(const std::filesystem::path& path, const std::string& what) {
-  ERR_clear_error();  // what OpenSSL noted is of no use to whoever comes next
+  ERR_clear_error();  // OpenSSL's error queue is per thread: leave nothing for the next caller
   return absl::FailedPreconditionError(absl::StrCat(path.string(), ": ", what));
 }
 
@@ -36,7 +36,8 @@ absl::StatusOr<std::string> ReadText(const std::filesystem::path& path) {
   std::error_code error;
   const auto size = std::filesystem::file_size(path, error);
   if (error) return BadFile(path, absl::StrCat("cannot be read: ", error.message()));
-  if (size > kMaxFileBytes) return BadFile(path, "is over 1 MiB: no PEM file of certificates");
+  if (size > kMaxFileBytes)
+    return BadFile(path, "is larger than 1 MiB: not a PEM file of certificates");
   std::ifstream file(path, std::ios::binary);
   std::string text(size, '\0');
   if (!file.read(text.data(), static_cast<std::streamsize>(size))) {
@@ -49,7 +50,7 @@ Bio OpenText(const std::string& text) {
   return Bio(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())));
 }
 
-// Else OpenSSL would ask for a passphrase on the terminal.
+// Passphrase callback that has none. Without it OpenSSL would ask on the terminal.
 int NoPassphrase(char*, int, int, void*) { return -1; }
 
 Certificate FirstCertificate(const std::string& text) {
@@ -84,10 +85,11 @@ absl::Status CheckCertificateOptions(const AccessOptions& options) {
     return missing("--tls-client-ca", "--tls-certificate and --tls-key");
   }
   if (!options.trusted_gateway.empty() && options.tls_client_ca.empty()) {
-    return missing("--trusted-gateway", "--tls-client-ca, which says whose certificates are true");
+    return missing("--trusted-gateway", "--tls-client-ca, which verifies its certificate");
   }
   if (!options.trusted_gateway.empty() && !options.require_keys) {
-    return missing("--trusted-gateway", "--require-keys, so that everybody may do everything");
+    return missing("--trusted-gateway",
+                   "--require-keys, without which everybody may do everything");
   }
   return absl::OkStatus();
 }

@@ -20,7 +20,7 @@
 namespace pepeseg {
 namespace {
 
-// Names come from clients: a line stays short, whatever they send.
+// Limit for each resource name in a line, as names come from clients.
 constexpr size_t kMaxNameBytes = 256;
 
 std::string TextOf(absl::Time time) {
@@ -75,7 +75,8 @@ bool AuditLog::IsMoved() const {
 absl::Status AuditLog::RotateWhenFull() {
   struct stat now {};
   if (fstat(descriptor_, &now) != 0 || now.st_size < limits_.max_bytes) return absl::OkStatus();
-  // Of several processes one rotates; the others find it moved. The lock goes with the descriptor.
+  // The first of several processes rotates; the others then find the file moved. Closing the
+  // descriptor releases the lock.
   if (flock(descriptor_, LOCK_EX) != 0) return FileError(path_, "cannot lock", errno);
   if (!IsMoved()) {
     const auto numbered = [this](int i) {
@@ -96,7 +97,7 @@ absl::Status AuditLog::RotateWhenFull() {
 absl::Status AuditLog::Append(const std::string& line) {
   if (IsMoved()) RETURN_IF_ERROR(Reopen());
   RETURN_IF_ERROR(RotateWhenFull());
-  // In one write, so that lines of several processes do not mix.
+  // One write with O_APPEND, so that lines of several processes do not mix.
   const ssize_t written = write(descriptor_, line.data(), line.size());
   if (written != static_cast<ssize_t>(line.size())) {
     return FileError(path_, "cannot write", written < 0 ? errno : ENOSPC);

@@ -52,7 +52,7 @@ absl::Status NotTheGatewayError() {
       "its certificate (--trusted-gateway)");
 }
 
-absl::Status BadVouchingError(const std::string& what) {
+absl::Status BadIdentityError(const std::string& what) {
   return Refusal(absl::StatusCode::kUnauthenticated, "BAD_VOUCHING",
                  absl::StrCat("the gateway does not say rightly who calls: ", what));
 }
@@ -86,7 +86,7 @@ CallOrigin OriginOf(const grpc::ServerContextBase& context) {
   for (auto it = begin; it != end; ++it) {
     origin.authorization.emplace_back(it->second.data(), it->second.size());
   }
-  origin.vouching = VouchingOf(context);
+  origin.gateway = GatewayMetadataOf(context);
   const auto id = context.client_metadata().find("x-request-id");
   if (id != context.client_metadata().end()) {
     origin.request_id.assign(id->second.data(), id->second.size());
@@ -128,23 +128,23 @@ void Authorizer::CheckKey(const CallOrigin& origin, Verdict& verdict) {
   if (IsExpired(*key, absl::Now())) return verdict.Refuse(BadKeyError(), "EXPIRED_KEY");
 }
 
-void Authorizer::CheckVouching(const CallOrigin& origin, Verdict& verdict) const {
-  const std::vector<std::string>& names = origin.vouching.certificate_names;
+void Authorizer::CheckGateway(const CallOrigin& origin, Verdict& verdict) const {
+  const std::vector<std::string>& names = origin.gateway.certificate_names;
   if (!require_keys_ || trusted_gateway_.empty() ||
       std::find(names.begin(), names.end(), trusted_gateway_) == names.end()) {
     return verdict.Refuse(NotTheGatewayError(), "NOT_A_GATEWAY");
   }
   if (!origin.authorization.empty()) {
-    return verdict.Refuse(BadVouchingError("there is an authorization, too"), "BAD_VOUCHING");
+    return verdict.Refuse(BadIdentityError("there is an authorization, too"), "BAD_VOUCHING");
   }
-  const absl::StatusOr<VouchedCaller> vouched = ReadVouching(origin.vouching);
-  if (!vouched.ok()) {
-    return verdict.Refuse(BadVouchingError(std::string(vouched.status().message())),
+  const absl::StatusOr<GatewayIdentity> identity = ReadGatewayIdentity(origin.gateway);
+  if (!identity.ok()) {
+    return verdict.Refuse(BadIdentityError(std::string(identity.status().message())),
                           "BAD_VOUCHING");
   }
-  verdict.caller.project = vouched->project;
-  verdict.caller.scopes = vouched->scopes;
-  verdict.caller.subject = vouched->subject;
+  verdict.caller.project = identity->project;
+  verdict.caller.scopes = identity->scopes;
+  verdict.caller.subject = identity->subject;
 }
 
 absl::StatusOr<bool> Authorizer::IsOf(const std::string& project, const std::string& resource) {
@@ -179,12 +179,12 @@ void Authorizer::CheckResources(const MethodAccess& access,
 Authorizer::Verdict Authorizer::Decide(const CallOrigin& origin,
                                        const google::protobuf::Message& request) {
   Verdict verdict;
-  if (!require_keys_ && !origin.vouching.is_there) {
+  if (!require_keys_ && !origin.gateway.present) {
     verdict.caller.scopes = AllScopes();
     verdict.caller.sees_all_projects = true;
     return verdict;
   }
-  origin.vouching.is_there ? CheckVouching(origin, verdict) : CheckKey(origin, verdict);
+  origin.gateway.present ? CheckGateway(origin, verdict) : CheckKey(origin, verdict);
   if (!verdict.status.ok()) return verdict;
   verdict.is_known = true;
   const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());

@@ -24,7 +24,7 @@ namespace pepeseg {
 struct CallOrigin {
   std::string peer;
   std::vector<std::string> authorization;  // each "Bearer pk_..."
-  Vouching vouching = {};
+  GatewayMetadata gateway = {};
   std::string request_id = {};  // as the interceptor has set it
 };
 CallOrigin OriginOf(const grpc::ServerContextBase& context);
@@ -82,7 +82,7 @@ class Authorizer {
   // The key's row in `verdict`, or why it opens nothing.
   void CheckKey(const CallOrigin& origin, Verdict& verdict);
   // The same of a call with metadata by which a gateway vouches for its caller.
-  void CheckVouching(const CallOrigin& origin, Verdict& verdict) const;
+  void CheckGateway(const CallOrigin& origin, Verdict& verdict) const;
   void CheckResources(const MethodAccess& access, const google::protobuf::Message& request,
                       Verdict& verdict);
   // Whether the project has what is so named. INVALID_ARGUMENT: nothing can have the name.

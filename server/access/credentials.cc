@@ -21,7 +21,7 @@ namespace pepeseg {
 namespace {
 
 constexpr std::chrono::seconds kPause{1};
-constexpr unsigned int kProviderSeconds = 1;  // gRPC's least
+constexpr unsigned int kProviderSeconds = 1;  // the shortest interval that gRPC allows
 
 absl::Status SystemError(const char* what) {
   return absl::InternalError(absl::StrCat("file in memory: ", what, ": ", std::strerror(errno)));
@@ -44,7 +44,7 @@ absl::Status MemoryFile::Replace(const std::string& text) {
     status = SystemError("cannot write it");
   } else if (descriptor_ < 0) {
     descriptor_ = made;
-  } else if (dup3(made, descriptor_, O_CLOEXEC) < 0) {  // in one step
+  } else if (dup3(made, descriptor_, O_CLOEXEC) < 0) {  // atomic for readers of path()
     status = SystemError("cannot replace it");
   }
   if (made != descriptor_) close(made);
@@ -112,15 +112,15 @@ absl::Status ListenerCredentials::Publish(const CertificateTexts& texts) {
 }
 
 void ListenerCredentials::Watch() {
-  std::string told;  // so that a bad file is told once
+  std::string logged;  // the last error, so that a bad file is logged once
   std::unique_lock lock(mutex_);
   while (!stop_.wait_for(lock, kPause, [this] { return stopping_; })) {
     const absl::Status status = Load();
     std::string message(status.message());
-    if (!status.ok() && message != told) {
+    if (!status.ok() && message != logged) {
       spdlog::error("TLS: {}: the certificate that is in use stays", message);
     }
-    told = std::move(message);
+    logged = std::move(message);
   }
 }
 

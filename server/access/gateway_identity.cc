@@ -19,7 +19,8 @@ namespace {
 constexpr absl::string_view kHeaderPrefix = "x-pepeseg-";
 constexpr size_t kMaxSubjectBytes = 128;
 
-// Only certificates that the listener has verified become properties of the connection.
+// Returns the names in the client's certificate. gRPC sets these properties of the connection only
+// for certificates that the listener has verified.
 std::vector<std::string> CertificateNames(const grpc::ServerContextBase& context) {
   std::vector<std::string> names;
   const auto connection = context.auth_context();
@@ -32,42 +33,43 @@ std::vector<std::string> CertificateNames(const grpc::ServerContextBase& context
   return names;
 }
 
+// Returns the only value of a metadata name, or INVALID_ARGUMENT.
 absl::StatusOr<std::string> One(const char* name, const std::vector<std::string>& values) {
   if (values.size() == 1) return values[0];
   return absl::InvalidArgumentError(
-      absl::StrCat(kHeaderPrefix, name, " is there ", values.size(), " times, not once"));
+      absl::StrCat(kHeaderPrefix, name, " is given ", values.size(), " times, must be given once"));
 }
 
 }  // namespace
 
-Vouching VouchingOf(const grpc::ServerContextBase& context) {
-  Vouching vouching;
+GatewayMetadata GatewayMetadataOf(const grpc::ServerContextBase& context) {
+  GatewayMetadata gateway;
   for (const auto& [key, value] : context.client_metadata()) {
     const absl::string_view name(key.data(), key.size());
     if (!absl::StartsWith(name, kHeaderPrefix)) continue;
-    vouching.is_there = true;
+    gateway.present = true;
     const std::string text(value.data(), value.size());
-    if (name == "x-pepeseg-project") vouching.projects.push_back(text);
-    if (name == "x-pepeseg-scopes") vouching.scopes.push_back(text);
-    if (name == "x-pepeseg-subject") vouching.subjects.push_back(text);
+    if (name == "x-pepeseg-project") gateway.projects.push_back(text);
+    if (name == "x-pepeseg-scopes") gateway.scopes.push_back(text);
+    if (name == "x-pepeseg-subject") gateway.subjects.push_back(text);
   }
-  if (vouching.is_there) vouching.certificate_names = CertificateNames(context);
-  return vouching;
+  if (gateway.present) gateway.certificate_names = CertificateNames(context);
+  return gateway;
 }
 
-absl::StatusOr<VouchedCaller> ReadVouching(const Vouching& vouching) {
-  VouchedCaller caller;
-  ASSIGN_OR_RETURN(caller.project, One("project", vouching.projects));
+absl::StatusOr<GatewayIdentity> ReadGatewayIdentity(const GatewayMetadata& gateway) {
+  GatewayIdentity caller;
+  ASSIGN_OR_RETURN(caller.project, One("project", gateway.projects));
   if (!IsRfc1034Label(caller.project)) {
-    return absl::InvalidArgumentError("x-pepeseg-project is no name of a project");
+    return absl::InvalidArgumentError("x-pepeseg-project is not the name of a project");
   }
-  ASSIGN_OR_RETURN(const std::string scopes, One("scopes", vouching.scopes));
+  ASSIGN_OR_RETURN(const std::string scopes, One("scopes", gateway.scopes));
   ASSIGN_OR_RETURN(caller.scopes, ScopesFromText(scopes));
-  // Whoever operates the server has a key of the server's own.
+  // Operators use a key of the server.
   if ((caller.scopes & ScopeBit(v1::SCOPE_OPERATE)) != 0) {
-    return absl::InvalidArgumentError("x-pepeseg-scopes: no gateway gives the scope operate");
+    return absl::InvalidArgumentError("x-pepeseg-scopes: a gateway cannot grant the scope operate");
   }
-  ASSIGN_OR_RETURN(caller.subject, One("subject", vouching.subjects));
+  ASSIGN_OR_RETURN(caller.subject, One("subject", gateway.subjects));
   if (caller.subject.empty() || caller.subject.size() > kMaxSubjectBytes ||
       !std::all_of(caller.subject.begin(), caller.subject.end(), absl::ascii_isgraph)) {
     return absl::InvalidArgumentError("x-pepeseg-subject must be 1 to 128 printable characters");

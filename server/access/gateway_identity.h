@@ -11,26 +11,28 @@ class ServerContextBase;
 
 namespace pepeseg {
 
-// What the metadata "x-pepeseg-..." of a call say of who calls, and who has sent them.
-struct Vouching {
-  // Each value of "x-pepeseg-project", "-scopes" and "-subject".
+// The metadata "x-pepeseg-..." of a call, by which a gateway says who calls, and the names of
+// whoever sent them.
+struct GatewayMetadata {
+  // All values of "x-pepeseg-project", "-scopes" and "-subject".
   std::vector<std::string> projects, scopes, subjects;
-  // Some metadata begin so, these or others.
-  bool is_there = false;
-  // Names in the client's certificate that the connection was verified by. Not read for calls that
-  // have no such metadata.
+  // The call has metadata whose names begin with "x-pepeseg-": one of these three or another.
+  bool present = false;
+  // Names in the client certificate by which the connection was verified. Not read for calls
+  // without such metadata.
   std::vector<std::string> certificate_names;
 };
-Vouching VouchingOf(const grpc::ServerContextBase& context);
+GatewayMetadata GatewayMetadataOf(const grpc::ServerContextBase& context);
 
-// A caller whom a gateway has identified.
-struct VouchedCaller {
+// The identity of a caller, as a gateway has established it.
+struct GatewayIdentity {
   std::string project;  // RFC 1034 label
-  int scopes = 0;       // KeyRow::scopes; never SCOPE_OPERATE
+  int scopes = 0;       // as KeyRow::scopes; never SCOPE_OPERATE
   std::string subject;  // printable ASCII, not empty
 };
 
-// INVALID_ARGUMENT: one of the three is missing, is there twice or malformed; for the log.
-absl::StatusOr<VouchedCaller> ReadVouching(const Vouching& vouching);
+// Reads the identity in a call's metadata. Does not check who sent it. INVALID_ARGUMENT: one of the
+// three values is missing, repeated or malformed.
+absl::StatusOr<GatewayIdentity> ReadGatewayIdentity(const GatewayMetadata& gateway);
 
 }  // namespace pepeseg

@@ -16,21 +16,22 @@
 namespace pepeseg {
 namespace {
 
-Vouching Says(const std::string& project, const std::string& scopes, const std::string& subject) {
+GatewayMetadata Says(const std::string& project, const std::string& scopes,
+                     const std::string& subject) {
   return {{project}, {scopes}, {subject}, true, {}};
 }
 
-TEST(ReadVouching, TakesAProjectScopesAndASubject) {
-  const auto caller = ReadVouching(Says("lab", "read,train", "ann@example.org"));
+TEST(ReadGatewayIdentity, ReadsProjectScopesAndSubject) {
+  const auto caller = ReadGatewayIdentity(Says("lab", "read,train", "ann@example.org"));
   ASSERT_TRUE(caller.ok()) << caller.status();
   EXPECT_EQ(caller->project, "lab");
   EXPECT_EQ(caller->scopes, ScopeBit(v1::SCOPE_READ) | ScopeBit(v1::SCOPE_TRAIN));
   EXPECT_EQ(caller->subject, "ann@example.org");
 }
 
-TEST(ReadVouching, RefusesWhatIsMissingTwiceOrMalformed) {
-  const Vouching good = Says("lab", "read", "ann");
-  std::vector<Vouching> bad = {
+TEST(ReadGatewayIdentity, RefusesMissingRepeatedAndMalformedValues) {
+  const GatewayMetadata good = Says("lab", "read", "ann");
+  std::vector<GatewayMetadata> bad = {
       Says("", "read", "ann"),        Says("Lab", "read", "ann"),
       Says("lab/..", "read", "ann"),  Says("-lab", "read", "ann"),
       Says("lab", "", "ann"),         Says("lab", "read,", "ann"),
@@ -41,21 +42,21 @@ TEST(ReadVouching, RefusesWhatIsMissingTwiceOrMalformed) {
   };
   for (int i = 0; i < 3; ++i) {
     for (const bool twice : {false, true}) {
-      Vouching vouching = good;
-      auto& values = i == 0 ? vouching.projects : i == 1 ? vouching.scopes : vouching.subjects;
+      GatewayMetadata gateway = good;
+      auto& values = i == 0 ? gateway.projects : i == 1 ? gateway.scopes : gateway.subjects;
       twice ? values.push_back(values[0]) : values.clear();
-      bad.push_back(vouching);
+      bad.push_back(gateway);
     }
   }
-  for (const Vouching& vouching : bad) {
-    EXPECT_TRUE(absl::IsInvalidArgument(ReadVouching(vouching).status()))
-        << absl::StrCat(vouching.projects.size(), vouching.scopes.size(), vouching.subjects.size());
+  for (const GatewayMetadata& gateway : bad) {
+    EXPECT_TRUE(absl::IsInvalidArgument(ReadGatewayIdentity(gateway).status()))
+        << absl::StrCat(gateway.projects.size(), gateway.scopes.size(), gateway.subjects.size());
   }
 }
 
-class VouchedCallTest : public ::testing::Test {
+class GatewayCallTest : public ::testing::Test {
  protected:
-  VouchedCallTest() {
+  GatewayCallTest() {
     for (const auto& [id, project] : {std::pair("mine", "lab"), std::pair("theirs", "other")}) {
       SceneRow scene;
       scene.id = id;
@@ -63,12 +64,12 @@ class VouchedCallTest : public ::testing::Test {
       EXPECT_TRUE(store_->CreateScene(scene).ok());
     }
   }
-  // A call that came over a connection with this certificate.
-  static CallOrigin From(const std::vector<std::string>& certificate, Vouching vouching) {
-    vouching.certificate_names = certificate;
-    return {"test", {}, std::move(vouching)};
+  // Returns a call over a connection with this certificate.
+  static CallOrigin From(const std::vector<std::string>& certificate, GatewayMetadata gateway) {
+    gateway.certificate_names = certificate;
+    return {"test", {}, std::move(gateway)};
   }
-  // "" where the call is let through.
+  // Returns the reason of a refusal, "" for OK.
   static std::string ReasonOf(const absl::Status& status) {
     v1::ErrorDetail detail;
     const auto payload = status.GetPayload("type.googleapis.com/pepeseg.v1.ErrorDetail");
@@ -96,10 +97,10 @@ class VouchedCallTest : public ::testing::Test {
   std::unique_ptr<RefusalLog> refusals_ = *RefusalLog::Open(refused_path_, {});
   Authorizer authorizer_{store_.get(), audit_.get(), refusals_.get(),
                          /*require_keys=*/true, "gateway"};
-  const Vouching ann_ = Says("lab", "read", "ann");
+  const GatewayMetadata ann_ = Says("lab", "read", "ann");
 };
 
-TEST_F(VouchedCallTest, IsLetIntoItsProjectByItsScopes) {
+TEST_F(GatewayCallTest, IsAllowedInItsProjectByItsScopes) {
   const CallOrigin origin = From({"gateway"}, ann_);
   const auto caller = authorizer_.Authorize(origin, Get("scenes/mine"));
   ASSERT_TRUE(caller.ok()) << caller.status();
@@ -117,7 +118,7 @@ TEST_F(VouchedCallTest, IsLetIntoItsProjectByItsScopes) {
   EXPECT_TRUE(authorizer_.Authorize(by_alternative_name, Get("scenes/mine")).ok());
 }
 
-TEST_F(VouchedCallTest, CountsFromTheGatewayOnly) {
+TEST_F(GatewayCallTest, IsRefusedUnlessItComesFromTheTrustedGateway) {
   const std::vector<std::vector<std::string>> others = {
       {}, {""}, {"gateway2"}, {"a.gateway"}, {"Gateway"}, {"localhost", "127.0.0.1"}};
   for (const auto& certificate : others) {
@@ -127,7 +128,7 @@ TEST_F(VouchedCallTest, CountsFromTheGatewayOnly) {
     EXPECT_TRUE(LastLine().is_null());
     const nlohmann::json refusal = LastLineOf(refused_path_);
     EXPECT_EQ(refusal["reason"], "NOT_A_GATEWAY");
-    EXPECT_FALSE(refusal.contains("subject")) << "nobody has vouched for that";
+    EXPECT_FALSE(refusal.contains("subject")) << "the caller's identity was not verified";
     EXPECT_EQ(refusal["project"], "");
   }
   Authorizer trusts_nobody(store_.get(), audit_.get(), refusals_.get(),
@@ -142,7 +143,7 @@ TEST_F(VouchedCallTest, CountsFromTheGatewayOnly) {
             "NOT_A_GATEWAY");
 }
 
-TEST_F(VouchedCallTest, IsRefusedBesideAKeyOrIncomplete) {
+TEST_F(GatewayCallTest, IsRefusedWithAKeyOrWhenIncomplete) {
   NewKey key = *MakeKey();
   key.row.project = "lab";
   key.row.scopes = AllScopes();
@@ -150,12 +151,12 @@ TEST_F(VouchedCallTest, IsRefusedBesideAKeyOrIncomplete) {
   CallOrigin both = From({"gateway"}, ann_);
   both.authorization = {absl::StrCat("Bearer ", key.secret)};
   EXPECT_EQ(ReasonOf(authorizer_.Authorize(both, Get("scenes/mine")).status()), "BAD_VOUCHING");
-  Vouching other_metadata;
-  other_metadata.is_there = true;
+  GatewayMetadata other_metadata;
+  other_metadata.present = true;
   const auto refused = authorizer_.Authorize(From({"gateway"}, other_metadata), Get("scenes/mine"));
   EXPECT_TRUE(absl::IsUnauthenticated(refused.status())) << refused.status();
   EXPECT_EQ(ReasonOf(refused.status()), "BAD_VOUCHING");
-  both.vouching = {};  // the gateway passes a key on
+  both.gateway = {};  // the gateway forwards a client's key
   EXPECT_TRUE(authorizer_.Authorize(both, Get("scenes/mine")).ok());
 }
 
