@@ -19,7 +19,7 @@ namespace {
 
 constexpr absl::string_view kScheme = "Bearer ";
 
-// As the RPC edge packs an error's detail.
+// Attaches a detail in the form that server/api/error.h reads.
 absl::Status WithReason(absl::Status status, const v1::ErrorDetail& detail) {
   status.SetPayload(
       absl::StrCat("type.googleapis.com/", v1::ErrorDetail::descriptor()->full_name()),
@@ -35,26 +35,27 @@ absl::Status Refusal(absl::StatusCode code, const std::string& reason, const std
 
 absl::Status NoKeyError() {
   return Refusal(absl::StatusCode::kUnauthenticated, "NO_KEY",
-                 "this server asks for a key: metadata 'authorization: Bearer pk_...'");
+                 "this server requires a key: metadata 'authorization: Bearer pk_...'");
 }
 
-// The same for every such key: who has none must not learn which ones there were.
+// The message is the same for all invalid keys, so that nobody learns which ones existed.
 absl::Status BadKeyError() {
   return Refusal(absl::StatusCode::kUnauthenticated, "BAD_KEY",
-                 "the key opens nothing here: it is unknown, revoked or expired");
+                 "the key is unknown, revoked or expired");
 }
 
-// Also where nobody is asked for a key: what such a gateway keeps apart would silently be one.
+// Also returned on a server without keys: it would ignore the metadata, and callers whom the
+// gateway keeps apart would silently share everything.
 absl::Status NotTheGatewayError() {
   return Refusal(
       absl::StatusCode::kUnauthenticated, "NOT_A_GATEWAY",
-      "metadata x-pepeseg-... are taken from the gateway only that this server trusts, by "
-      "its certificate (--trusted-gateway)");
+      "metadata x-pepeseg-... is accepted only from the gateway whose certificate this server "
+      "trusts (--trusted-gateway)");
 }
 
 absl::Status BadIdentityError(const std::string& what) {
   return Refusal(absl::StatusCode::kUnauthenticated, "BAD_VOUCHING",
-                 absl::StrCat("the gateway does not say rightly who calls: ", what));
+                 absl::StrCat("the gateway's identity metadata is invalid: ", what));
 }
 
 absl::Status MissingScopeError(v1::Scope scope) {
@@ -66,8 +67,8 @@ absl::Status MissingScopeError(v1::Scope scope) {
                     detail);
 }
 
-// Without the name that was asked for: the answer is the same for what is another project's and for
-// what is not there.
+// The message does not contain the name, and is the same for a resource of another project and for
+// one that does not exist, so that nobody learns which names others use.
 absl::Status NotYoursError(const std::string& field) {
   v1::ErrorDetail detail;
   detail.set_reason("NOT_YOURS");
@@ -94,10 +95,10 @@ CallOrigin OriginOf(const grpc::ServerContextBase& context) {
   return origin;
 }
 
-// A decision, and what the audit log tells of it.
+// A decision, with what the log records of it.
 struct Authorizer::Verdict {
   absl::Status status;
-  std::string reason;  // of a refusal; may tell more than the caller gets to know
+  std::string reason;  // of a refusal, for the log only; may say more than `status` reveals
   Caller caller;
   bool is_known = false;  // the caller's key or gateway is valid
 
@@ -112,7 +113,7 @@ void Authorizer::CheckKey(const CallOrigin& origin, Verdict& verdict) {
   const std::string& header = origin.authorization[0];
   const bool is_bearer = absl::StartsWithIgnoreCase(header, kScheme);
   const std::string secret = is_bearer ? header.substr(kScheme.size()) : "";
-  // Of two it would be unclear which one counts.
+  // With two headers it would be unclear which one counts.
   if (origin.authorization.size() > 1 || !LooksLikeSecret(secret)) {
     return verdict.Refuse(BadKeyError(), "MALFORMED_KEY");
   }
@@ -135,7 +136,7 @@ void Authorizer::CheckGateway(const CallOrigin& origin, Verdict& verdict) const 
     return verdict.Refuse(NotTheGatewayError(), "NOT_A_GATEWAY");
   }
   if (!origin.authorization.empty()) {
-    return verdict.Refuse(BadIdentityError("there is an authorization, too"), "BAD_VOUCHING");
+    return verdict.Refuse(BadIdentityError("the call also has an authorization"), "BAD_VOUCHING");
   }
   const absl::StatusOr<GatewayIdentity> identity = ReadGatewayIdentity(origin.gateway);
   if (!identity.ok()) {
@@ -190,11 +191,11 @@ Authorizer::Verdict Authorizer::Decide(const CallOrigin& origin,
   const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
   if (access == nullptr) {
     verdict.Refuse(Refusal(absl::StatusCode::kPermissionDenied, "NO_SCOPE",
-                           "the method does not say who may call it: nobody may"),
+                           "the method declares no scope, so nobody may call it"),
                    "NO_SCOPE");
   } else if ((verdict.caller.scopes & ScopeBit(access->scope)) == 0) {
     verdict.Refuse(MissingScopeError(access->scope), "MISSING_SCOPE");
-  } else if (access->scope != v1::SCOPE_OPERATE) {  // an operator's calls are of all projects
+  } else if (access->scope != v1::SCOPE_OPERATE) {  // operators' calls are for all projects
     CheckResources(*access, request, verdict);
   }
   return verdict;
@@ -202,7 +203,8 @@ Authorizer::Verdict Authorizer::Decide(const CallOrigin& origin,
 
 namespace {
 
-// What calls are about that name nothing of a project's: a scene to be made, an operator's model.
+// Adds the names in a request that has no resources to check: a scene to be created, a model that
+// an operator loads.
 void AddOtherNames(const google::protobuf::Message& request, AuditEntry& entry) {
   for (const char* name : {"name", "scene_id", "project"}) {
     const auto* field = request.GetDescriptor()->FindFieldByName(name);
@@ -238,7 +240,7 @@ absl::StatusOr<Caller> Authorizer::Authorize(const CallOrigin& origin,
   if (verdict.status.ok()) return std::move(verdict.caller);
   AuditEntry entry =
       EntryOf(origin, verdict.caller, FindMethodAccess(*request.GetDescriptor()), request);
-  if (entry.key.empty() && entry.subject.empty()) entry.project.clear();  // nobody's
+  if (entry.key.empty() && entry.subject.empty()) entry.project.clear();  // not known
   entry.outcome = absl::StatusCodeToString(verdict.status.code());
   entry.reason = verdict.reason;
   verdict.is_known ? audit_->Write(entry) : refusals_->Write(entry);
@@ -267,7 +269,7 @@ absl::Status Authorizer::Run(const CallOrigin& origin, const google::protobuf::M
                              absl::FunctionRef<absl::Status(const Caller&)> call) {
   const absl::StatusOr<Caller> caller = Authorize(origin, request);
   if (!caller.ok()) return caller.status();
-  // gRPC's own object, and this call's: it is const for handlers only.
+  // The request belongs to this call, and gRPC made it non-const: it is const for handlers only.
   absl::Status status = ResolveSceneNames(
       *store_, *caller, const_cast<google::protobuf::Message&>(request));  // NOLINT
   if (status.ok()) status = call(*caller);

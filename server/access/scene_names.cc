@@ -15,11 +15,11 @@
 namespace pepeseg {
 namespace {
 
-// A name in parts: scenes/{scene}/..., after projects/{project}/ if that is said.
+// The parts of a name "scenes/{scene}/...", which "projects/{project}/" may precede.
 struct NamedScene {
-  std::string project;  // empty: not said
+  std::string project;  // empty: not given
   std::string id;
-  std::vector<std::string> rest;
+  std::vector<std::string> rest;  // after the scene
 };
 
 absl::Status WithField(absl::Status status, const std::string& reason, const std::string& field) {
@@ -32,8 +32,9 @@ absl::Status WithField(absl::Status status, const std::string& reason, const std
   return status;
 }
 
-// What is no name of a scene, as a job's or a bare label's, is the handler's to read: false. One
-// with a key in the place of its id must not get there.
+// Splits a name. Returns false if it does not begin with a scene, as the name of a job or a bare
+// label; such names are left to the handler. INVALID_ARGUMENT: it contains a scene's key instead of
+// an id, which clients must not use.
 absl::StatusOr<bool> Split(const std::string& name, const NamedResource& resource,
                            bool may_say_project, NamedScene& split) {
   std::vector<std::string> parts = absl::StrSplit(name, '/');
@@ -65,7 +66,7 @@ absl::StatusOr<std::string> OrNoKey(absl::StatusOr<std::string> key, const std::
   return key;
 }
 
-// For who sees all projects and does not say which.
+// Returns the key for a caller who sees all projects and does not name one.
 absl::StatusOr<std::string> OnlyKey(Store& store, const std::string& id, const std::string& field) {
   absl::StatusOr<std::string> of_default = store.FindScene(kDefaultProject, id);
   if (!absl::IsNotFound(of_default.status())) return of_default;
