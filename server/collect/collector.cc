@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The number in "j12"; 0: no job's folder.
+// Returns 12 for a folder "j12", and 0 for one that is not a job's.
 int64_t JobNumberOf(const fs::path& folder) {
   const std::string name = folder.filename().string();
   int64_t number = 0;
@@ -24,20 +24,22 @@ int64_t JobNumberOf(const fs::path& folder) {
   return absl::StrCat("j", number) == name ? number : 0;
 }
 
-// An empty database beside a full directory would make all of it look like nobody's.
+// Returns FAILED_PRECONDITION if the directory has a job that the database never had. Next to an
+// empty database, everything in a full directory would look unreferenced and would be removed.
 absl::Status CheckDatabase(const Collection& collection) {
   ASSIGN_OR_RETURN(const int64_t next, collection.store.NextJobNumber());
   for (const fs::path& folder : EntriesOf(JobsFolder(collection.options.data))) {
     if (JobNumberOf(folder) < next) continue;
     return absl::FailedPreconditionError(
         absl::StrCat(folder.string(),
-                     ": the database has never had this job: is it another data "
-                     "directory's? Nothing is collected"));
+                     ": the database has never had this job, so it may belong to another data "
+                     "directory. Nothing is collected"));
   }
   return absl::OkStatus();
 }
 
-// Of a job that has ended the model stays, as long as it has a row, and the logs.
+// Removes the working files of a job that has ended. Its logs stay, and its model as long as the
+// model has a record.
 absl::Status CollectAttempts(Collection& collection, const JobRow& job, const fs::path& folder) {
   std::string keep;
   if (job.model != 0) {
@@ -67,7 +69,9 @@ absl::Status CollectJobs(Collection& collection) {
   return absl::OkStatus();
 }
 
-// Files named by a number, in folders of a scene each, of which the row comes after the file.
+// Removes the files of `folder` without a record, as has_row(scene, number) returns it. The folder
+// has a folder for each scene, with files named by a number. A file is written before its record,
+// so only files of at least options.file_age are removed.
 template <typename HasRow>
 absl::Status CollectNumbered(Collection& collection, const fs::path& folder, HasRow has_row) {
   for (const fs::path& of_scene : EntriesOf(folder)) {
@@ -85,7 +89,7 @@ absl::Status CollectNumbered(Collection& collection, const fs::path& folder, Has
       }
     }
     std::error_code ignored;
-    fs::remove(of_scene, ignored);  // where it is empty
+    fs::remove(of_scene, ignored);  // fails unless it is empty
   }
   return absl::OkStatus();
 }
@@ -95,7 +99,7 @@ absl::Status CollectAll(Collection& collection) {
   const fs::path& data = collection.options.data;
   RETURN_IF_ERROR(CheckDatabase(collection));
   RETURN_IF_ERROR(CollectUploads(collection));
-  RETURN_IF_ERROR(CollectBeginnings(collection));
+  RETURN_IF_ERROR(CollectPartial(collection));
   RETURN_IF_ERROR(CollectBlobs(collection));
   CollectDamaged(collection);
   RETURN_IF_ERROR(CollectJobs(collection));

@@ -18,6 +18,7 @@ namespace {
 
 constexpr mode_t kFileMode = 0644;
 
+// Returns whether the open file is the one that has this path now.
 bool HasThisName(int descriptor, const std::filesystem::path& path) {
   struct stat opened {};
   struct stat named {};
@@ -25,7 +26,7 @@ bool HasThisName(int descriptor, const std::filesystem::path& path) {
          opened.st_ino == named.st_ino && opened.st_dev == named.st_dev;
 }
 
-// The data directory holds photographs and the digests of keys: one that is made here is 0700.
+// Creates the data directory with mode 0700: it holds photographs and the digests of keys.
 absl::Status MakeFolder(const std::filesystem::path& data) {
   const std::filesystem::path folder = data.has_filename() ? data : data.parent_path();
   std::error_code error;
@@ -46,7 +47,8 @@ absl::StatusOr<LockedFile> LockedFile::Open(const std::filesystem::path& path, i
   LockedFile file(descriptor);
   while (flock(descriptor, operation) != 0) {
     if (errno == EINTR) continue;
-    if (errno == EWOULDBLOCK) return absl::AbortedError(path.string() + ": another has it");
+    if (errno == EWOULDBLOCK)
+      return absl::AbortedError(path.string() + ": is locked by another process or stream");
     return FileError(path, "cannot lock", errno);
   }
   return file;
@@ -58,7 +60,7 @@ absl::StatusOr<LockedFile> LockedFile::TryAlone(const std::filesystem::path& pat
     ASSIGN_OR_RETURN(LockedFile file, Open(path, LOCK_EX | LOCK_NB));
     if (HasThisName(file.descriptor(), path)) return file;
   }
-  return absl::AbortedError(path.string() + ": others take it away");
+  return absl::AbortedError(path.string() + ": others keep removing it");
 }
 
 absl::StatusOr<LockedFile> LockedFile::WaitAlone(const std::filesystem::path& path) {
