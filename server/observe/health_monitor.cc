@@ -19,7 +19,7 @@ namespace pepeseg {
 struct HealthMonitor::Watched {
   Probe probe;
   absl::Status status;                                // of the last run
-  absl::Time running_since = absl::InfiniteFuture();  // while one is under way
+  absl::Time running_since = absl::InfiniteFuture();  // InfiniteFuture: not running
   bool works = true;                                  // as judged last, for the log
 };
 
@@ -97,7 +97,8 @@ void HealthMonitor::RunProbe(Watched& watched) {
   } while (WaitLocked(lock, pace_.interval));
 }
 
-// For probes that hang: the others judge when they have ended.
+// Wakes up at least every fifth of the timeout. A blocking probe calls JudgeLocked itself when it
+// has ended; this thread notices when it does not end.
 void HealthMonitor::Judge() {
   std::unique_lock lock(mutex_);
   while (WaitLocked(lock, std::min(pace_.interval, pace_.patience / 5))) {
@@ -137,7 +138,7 @@ void HealthMonitor::JudgeLocked() {
 }
 
 absl::Status ProbeDisk(const std::filesystem::path& folder, int64_t min_free_bytes) {
-  // Servers that share the folder must not meet.
+  // Servers that share the folder must not use the same file.
   const std::filesystem::path file = folder / absl::StrCat(".health-", getpid());
   RETURN_IF_ERROR(WriteFileAtomically(file, "written by the health probe\n"));
   std::error_code error;
@@ -146,7 +147,7 @@ absl::Status ProbeDisk(const std::filesystem::path& folder, int64_t min_free_byt
     return absl::InternalError(absl::StrCat(file.string(), ": cannot remove: ", error.message()));
   }
   const int64_t free = DiskFreeBytes(folder);
-  if (free < 0) return absl::InternalError(folder.string() + ": cannot tell how much is free");
+  if (free < 0) return absl::InternalError(folder.string() + ": cannot read its free space");
   if (free > min_free_bytes) return absl::OkStatus();
   return absl::ResourceExhaustedError(absl::StrCat(folder.string(), ": ", free,
                                                    " bytes are free, must be over ", min_free_bytes,
@@ -154,7 +155,7 @@ absl::Status ProbeDisk(const std::filesystem::path& folder, int64_t min_free_byt
 }
 
 absl::Status ProbeDevice(const Backend& backend) {
-  // One that is not fatal is taken by the question that caused it.
+  // An error that is not fatal is cleared by the query that caused it: wait for that.
   constexpr absl::Duration kPause = absl::Milliseconds(100);
   std::string error = backend.error();
   for (int i = 0; i < 3 && !error.empty(); ++i) {

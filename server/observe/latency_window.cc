@@ -16,7 +16,7 @@ int BucketOf(absl::Duration took, int num_buckets) {
   return std::clamp(bucket, 0, num_buckets - 1);
 }
 
-// The geometric middle of a bucket.
+// Returns the geometric mean of a bucket's ends.
 absl::Duration ValueOf(int bucket) {
   return absl::Seconds(kFirstSeconds * std::exp2((bucket - 0.5) / kStepsPerOctave));
 }
@@ -35,7 +35,8 @@ void LatencyWindow::Record(absl::Duration took, absl::Time now) {
   } while (!count.compare_exchange_weak(seen, next, std::memory_order_relaxed));
 }
 
-// The seconds that are over: the one under way would make the rate look low.
+// Adds the counts of the last whole seconds. The current second is left out: it is incomplete and
+// would make the rate look low.
 void LatencyWindow::AddTo(absl::Time now, Counts& counts) const {
   const uint32_t second = SecondOf(now);
   for (const Slot& slot : slots_) {
