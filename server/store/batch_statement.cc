@@ -7,7 +7,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kMaxRecords = 64;  // SQLite takes 500 of UNION ALL
+constexpr int kMaxRecords = 64;  // SQLite accepts 500 parts of a UNION ALL
 
 }  // namespace
 

@@ -26,7 +26,7 @@ absl::Status QuotaError(const std::string& name, int64_t need, int64_t limit) {
   detail.set_limit(absl::StrCat(limit));
   absl::Status status = absl::ResourceExhaustedError(
       absl::StrCat("the project's quota of ", name, " is ", limit, ", this would make it ", need,
-                   ": delete what is not needed, or ask who runs the server for more"));
+                   "; delete what is not needed, or ask the server's operator for a higher quota"));
   status.SetPayload(absl::StrCat("type.googleapis.com/", detail.GetTypeName()),
                     absl::Cord(detail.SerializeAsString()));
   return status;
