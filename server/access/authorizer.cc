@@ -118,7 +118,7 @@ void Authorizer::CheckKey(const CallOrigin& origin, Verdict& verdict) {
     return verdict.Refuse(BadKeyError(), "MALFORMED_KEY");
   }
   const std::string digest = DigestOfSecret(secret);
-  const absl::StatusOr<KeyRow> key = store_->FindKeyByDigest(digest);
+  const absl::StatusOr<KeyRow> key = store_->keys().FindKeyByDigest(digest);
   if (absl::IsNotFound(key.status())) return verdict.Refuse(BadKeyError(), "UNKNOWN_KEY");
   if (!key.ok()) return verdict.Refuse(key.status(), "");
   if (!SameDigest(key->sha256, digest)) return verdict.Refuse(BadKeyError(), "UNKNOWN_KEY");
@@ -152,9 +152,9 @@ absl::StatusOr<bool> Authorizer::IsOf(const std::string& project, const std::str
   const std::vector<std::string> parts = absl::StrSplit(resource, '/');
   absl::Status found = absl::InvalidArgumentError("not the name of a scene, its parts or a job");
   if (parts.size() >= 2 && parts[0] == "scenes") {
-    found = store_->FindScene(project, parts[1]).status();
+    found = store_->scenes().FindScene(project, parts[1]).status();
   } else if (parts.size() >= 2 && parts[0] == "jobs") {
-    const absl::StatusOr<std::string> of = store_->ProjectOfJob(parts[1]);
+    const absl::StatusOr<std::string> of = store_->jobs().ProjectOfJob(parts[1]);
     if (of.ok()) return *of == project;
     found = of.status();
   }

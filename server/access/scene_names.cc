@@ -68,9 +68,9 @@ absl::StatusOr<std::string> OrNoKey(absl::StatusOr<std::string> key, const std::
 
 // Returns the key for a caller who sees all projects and does not name one.
 absl::StatusOr<std::string> OnlyKey(Store& store, const std::string& id, const std::string& field) {
-  absl::StatusOr<std::string> of_default = store.FindScene(kDefaultProject, id);
+  absl::StatusOr<std::string> of_default = store.scenes().FindScene(kDefaultProject, id);
   if (!absl::IsNotFound(of_default.status())) return of_default;
-  ASSIGN_OR_RETURN(const std::vector<SceneRow> scenes, store.FindScenes(id));
+  ASSIGN_OR_RETURN(const std::vector<SceneRow> scenes, store.scenes().FindScenes(id));
   if (scenes.empty()) return NoSceneKey(id);
   if (scenes.size() == 1) return scenes[0].key;
   std::vector<std::string> projects;
@@ -93,7 +93,7 @@ absl::StatusOr<std::string> Resolve(Store& store, const Caller& caller,
     ASSIGN_OR_RETURN(key, OnlyKey(store, name.id, resource.field));
   } else {
     const std::string& project = name.project.empty() ? caller.project : name.project;
-    ASSIGN_OR_RETURN(key, OrNoKey(store.FindScene(project, name.id), name.id));
+    ASSIGN_OR_RETURN(key, OrNoKey(store.scenes().FindScene(project, name.id), name.id));
   }
   return Join(key, name.rest);
 }

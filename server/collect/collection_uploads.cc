@@ -43,7 +43,8 @@ absl::StatusOr<absl::Duration> SinceLastWrite(const Collection& collection, cons
   for (const fs::path& file : EntriesOf(PartialFolderOf(data, name))) {
     since = std::min(since, AgeOf(file));
   }
-  ASSIGN_OR_RETURN(const auto files, collection.store.ListDatasetFiles(row.scene, row.number));
+  ASSIGN_OR_RETURN(const auto files,
+                   collection.store.files().ListDatasetFiles(row.scene, row.number));
   for (const DatasetFileRow& file : files) {
     const fs::path blob = BlobPath(data, {name.project, file.sha256});
     std::error_code error;
@@ -84,14 +85,14 @@ bool IsBeingWritten(const fs::path& folder) {
 
 // Deletes an upload if it is old enough and nothing of it is being written.
 absl::Status CollectUpload(Collection& collection, const DatasetRow& row) {
-  const auto project = collection.store.ProjectOfScene(row.scene);
+  const auto project = collection.store.scenes().ProjectOfScene(row.scene);
   if (absl::IsNotFound(project.status())) return absl::OkStatus();  // deleted meanwhile
   RETURN_IF_ERROR(project.status());
   const UploadName name{*project, row.scene, row.number};
   ASSIGN_OR_RETURN(const absl::Duration since, SinceLastWrite(collection, row, name));
   const fs::path folder = PartialFolderOf(collection.options.data, name);
   if (since < collection.options.upload_age || IsBeingWritten(folder)) return absl::OkStatus();
-  const absl::Status deleted = collection.store.DeleteUpload(row.scene, row.number);
+  const absl::Status deleted = collection.store.datasets().DeleteUpload(row.scene, row.number);
   // It was sealed, or deleted with its scene, meanwhile.
   if (absl::IsFailedPrecondition(deleted) || absl::IsNotFound(deleted)) return absl::OkStatus();
   RETURN_IF_ERROR(deleted);
@@ -102,10 +103,10 @@ absl::Status CollectUpload(Collection& collection, const DatasetRow& row) {
 
 // Returns whether the upload is open and of the project that its folder names.
 absl::StatusOr<bool> IsOpen(Collection& collection, const UploadName& upload) {
-  const auto row = collection.store.GetDataset(upload.scene, upload.number);
+  const auto row = collection.store.datasets().GetDataset(upload.scene, upload.number);
   if (absl::IsNotFound(row.status())) return false;
   RETURN_IF_ERROR(row.status());
-  const auto project = collection.store.ProjectOfScene(upload.scene);
+  const auto project = collection.store.scenes().ProjectOfScene(upload.scene);
   if (absl::IsNotFound(project.status())) return false;
   RETURN_IF_ERROR(project.status());
   return row->state == DatasetState::kOpen && *project == upload.project;
@@ -134,10 +135,12 @@ absl::StatusOr<std::vector<fs::path>> UnnamedBlobs(const Collection& collection,
                                                    const std::string& project) {
   const fs::path& data = collection.options.data;
   std::vector<fs::path> blobs = OldBlobs(collection, BlobFolderOf(data, project));
-  ASSIGN_OR_RETURN(const std::set<std::string> counted, collection.store.ListBlobs(project));
+  ASSIGN_OR_RETURN(const std::set<std::string> counted,
+                   collection.store.files().ListBlobs(project));
   for (const std::string& digest : counted) blobs.push_back(BlobPath(data, {project, digest}));
   if (blobs.empty()) return blobs;
-  ASSIGN_OR_RETURN(const std::set<std::string> digests, collection.store.ListDigests(project));
+  ASSIGN_OR_RETURN(const std::set<std::string> digests,
+                   collection.store.files().ListDigests(project));
   EraseNamed(digests, blobs);
   return blobs;
 }
@@ -156,14 +159,14 @@ absl::Status CollectBlobsOf(Collection& collection, const std::string& project) 
     std::error_code error;
     if (!fs::exists(blob, error) && !error) gone.push_back(blob.filename().string());
   }
-  return collection.store.ForgetBlobs(project, gone);
+  return collection.store.files().ForgetBlobs(project, gone);
 }
 
 }  // namespace
 
 absl::Status CollectUploads(Collection& collection) {
   const absl::Time before = absl::Now() - collection.options.upload_age;
-  ASSIGN_OR_RETURN(const auto uploads, collection.store.ListOpenUploads(before));
+  ASSIGN_OR_RETURN(const auto uploads, collection.store.datasets().ListOpenUploads(before));
   for (const DatasetRow& row : uploads) RETURN_IF_ERROR(CollectUpload(collection, row));
   return absl::OkStatus();
 }
@@ -191,7 +194,8 @@ void CollectDamaged(Collection& collection) {
 }
 
 absl::Status CollectBlobs(Collection& collection) {
-  ASSIGN_OR_RETURN(const std::vector<std::string> counted, collection.store.ListBlobProjects());
+  ASSIGN_OR_RETURN(const std::vector<std::string> counted,
+                   collection.store.files().ListBlobProjects());
   std::set<std::string> projects(counted.begin(), counted.end());
   for (const fs::path& folder : EntriesOf(BlobFolder(collection.options.data))) {
     projects.insert(folder.filename().string());

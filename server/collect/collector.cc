@@ -27,7 +27,7 @@ int64_t JobNumberOf(const fs::path& folder) {
 // Returns FAILED_PRECONDITION if the directory has a job that the database never had. Next to an
 // empty database, everything in a full directory would look unreferenced and would be removed.
 absl::Status CheckDatabase(const Collection& collection) {
-  ASSIGN_OR_RETURN(const int64_t next, collection.store.NextJobNumber());
+  ASSIGN_OR_RETURN(const int64_t next, collection.store.jobs().NextJobNumber());
   for (const fs::path& folder : EntriesOf(JobsFolder(collection.options.data))) {
     if (JobNumberOf(folder) < next) continue;
     return absl::FailedPreconditionError(
@@ -43,7 +43,7 @@ absl::Status CheckDatabase(const Collection& collection) {
 absl::Status CollectAttempts(Collection& collection, const JobRow& job, const fs::path& folder) {
   std::string keep;
   if (job.model != 0) {
-    const absl::StatusOr<ModelRow> model = collection.store.GetModel(job.scene, job.model);
+    const absl::StatusOr<ModelRow> model = collection.store.models().GetModel(job.scene, job.model);
     if (!model.ok() && !absl::IsNotFound(model.status())) return model.status();
     if (model.ok()) keep = fs::path(model->folder).filename().string();
   }
@@ -58,7 +58,7 @@ absl::Status CollectAttempts(Collection& collection, const JobRow& job, const fs
 absl::Status CollectJobs(Collection& collection) {
   for (const fs::path& folder : EntriesOf(JobsFolder(collection.options.data))) {
     if (JobNumberOf(folder) == 0) continue;
-    const absl::StatusOr<JobRow> job = collection.store.GetJob(folder.filename().string());
+    const absl::StatusOr<JobRow> job = collection.store.jobs().GetJob(folder.filename().string());
     if (absl::IsNotFound(job.status())) {
       collection.RemoveAll(folder);
       continue;
@@ -105,11 +105,11 @@ absl::Status CollectAll(Collection& collection) {
   RETURN_IF_ERROR(CollectJobs(collection));
   RETURN_IF_ERROR(CollectNumbered(collection, SelectionsFolder(data),
                                   [&](const std::string& scene, int64_t number) {
-                                    return store.GetSelection(scene, number).status();
+                                    return store.selections().GetSelection(scene, number).status();
                                   }));
   RETURN_IF_ERROR(CollectNumbered(collection, DatasetsFolder(data),
                                   [&](const std::string& scene, int64_t number) {
-                                    return store.GetDataset(scene, number).status();
+                                    return store.datasets().GetDataset(scene, number).status();
                                   }));
   CollectTemporaries(collection);
   return absl::OkStatus();

@@ -49,10 +49,11 @@ class Collector {
  public:
   // `store` must outlive the collector.
   Collector(Store& store, CollectorOptions options);
-  ~Collector();  // Stop()
+  ~Collector();  // calls Stop()
 
   // Starts a thread that runs now and then again after each interval.
   void Start();
+  // Waits for a run in progress.
   void Stop();
 
   // Runs once, in the caller's thread. ABORTED: another server is collecting in this directory.

@@ -61,7 +61,8 @@ int BlobChecker::CheckAll(const Task& task) const {
       spdlog::error("project {}: '{}': {}", task.project, file.path, whole.ToString());
     }
   }
-  const absl::Status marked = store_.SetDigestsStored(task.project, damaged, /*stored=*/false);
+  const absl::Status marked =
+      store_.files().SetDigestsStored(task.project, damaged, /*stored=*/false);
   if (!marked.ok()) spdlog::error("project {}: {}", task.project, marked.ToString());
   return static_cast<int>(damaged.size());
 }

@@ -25,7 +25,7 @@ void Supervisor::Loop::Claim() {
   if (!claim_pause_.Over()) return;
   if (unsure_ && MayStart()) StartHeld();
   while (!unsure_ && MayStart()) {
-    const absl::StatusOr<std::optional<JobRow>> job = store_.ClaimJob(options_.device_name);
+    const absl::StatusOr<std::optional<JobRow>> job = store_.queue().ClaimJob(options_.device_name);
     if (!job.ok()) {
       spdlog::error("claiming a job: {}", job.status().ToString());
       PauseClaims("", job.status());
@@ -41,7 +41,7 @@ void Supervisor::Loop::Claim() {
 // Starts the jobs that this server holds by the database but does not run: the answer to its claim
 // was lost, or the database was unreachable when they were to start.
 void Supervisor::Loop::StartHeld() {
-  const absl::StatusOr<std::vector<JobRow>> held = store_.ListHeldJobs();
+  const absl::StatusOr<std::vector<JobRow>> held = store_.queue().ListHeldJobs();
   if (!held.ok()) {
     spdlog::error("asking for the jobs of this server: {}", held.status().ToString());
     PauseClaims("", held.status());
@@ -90,7 +90,8 @@ void Supervisor::Loop::StartJob(const JobRow& job) {
 
 void Supervisor::Loop::EndUnstarted(const JobRow& job, const absl::Status& error) {
   spdlog::error("jobs/{}: did not start: {}", job.id, error.ToString());
-  const absl::StatusOr<JobRow> ended = store_.EndJob(job.id, job.fence, ClientStatus(error));
+  const absl::StatusOr<JobRow> ended =
+      store_.queue().EndJob(job.id, job.fence, ClientStatus(error));
   if (!ended.ok()) {
     // It is tried again, unless the end was written and only the answer was lost.
     PauseClaims(job.id, ended.status());
@@ -108,7 +109,7 @@ void Supervisor::Loop::KeepLeases() {
   next_look_ = now + kLookAtOthers;
   const bool renew = now >= next_renewal_;
   const absl::StatusOr<std::vector<JobRow>> held =
-      renew ? store_.RenewLeases() : store_.ListHeldJobs();
+      renew ? store_.queue().RenewLeases() : store_.queue().ListHeldJobs();
   if (!held.ok()) {
     // The workers end by themselves when their leases are not renewed in time.
     if (lease_log_.Over()) {

@@ -33,10 +33,10 @@ JobFolder Supervisor::Loop::FolderOf(const std::string& job) const {
 }
 
 absl::Status Supervisor::Loop::Recover() {
-  ASSIGN_OR_RETURN(const std::vector<JobRow> jobs, store_.ListRunningJobs());
+  ASSIGN_OR_RETURN(const std::vector<JobRow> jobs, store_.queue().ListRunningJobs());
   for (const JobRow& job : jobs) {
     if (store_.shared() && !IsKnownGone(job.lease_owner)) continue;
-    ASSIGN_OR_RETURN(JobRow mine, store_.TakeOverJob(job.id, job.lease_owner));
+    ASSIGN_OR_RETURN(JobRow mine, store_.queue().TakeOverJob(job.id, job.lease_owner));
     RETURN_IF_ERROR(RecoverJob(std::move(mine)));
   }
   return absl::OkStatus();
@@ -56,12 +56,13 @@ absl::Status Supervisor::Loop::RecoverJob(JobRow job) {
   const int64_t fence = job.fence;
   const EndedAttempt ended{AttemptEnd::kServerEnded, FolderOf(job.id).HasSaved(fence), {}};
   if (ended.progress || job.server_ends + 1 < options_.max_server_ends) {
-    ASSIGN_OR_RETURN(job, store_.RequeueJob(job.id, fence, ended));
+    ASSIGN_OR_RETURN(job, store_.queue().RequeueJob(job.id, fence, ended));
   } else {
-    ASSIGN_OR_RETURN(job, store_.EndJob(job.id, fence,
-                                        absl::AbortedError(absl::StrCat(
-                                            "the server ended during each of ", job.server_ends + 1,
-                                            " attempts in a row that made no progress"))));
+    ASSIGN_OR_RETURN(
+        job, store_.queue().EndJob(job.id, fence,
+                                   absl::AbortedError(absl::StrCat(
+                                       "the server ended during each of ", job.server_ends + 1,
+                                       " attempts in a row that made no progress"))));
   }
   spdlog::warn("jobs/{}: attempt {} was broken off by the end of its server", job.id, fence);
   // The server starts all the same: the store has the new state.
@@ -185,7 +186,7 @@ void Supervisor::Loop::ApplyCancels() {
 
 // Appends the event of a job that was cancelled in the queue, if its log does not have it yet.
 void Supervisor::Loop::TellCancelled(const std::string& job) {
-  const absl::StatusOr<JobRow> row = store_.GetJob(job);
+  const absl::StatusOr<JobRow> row = store_.jobs().GetJob(job);
   if (!row.ok() || row->state != JobState::kCancelled) return;
   v1::JobState newest = v1::JOB_STATE_UNSPECIFIED;
   EventLogReader log(FolderOf(job).events());

@@ -68,7 +68,8 @@ class HealthMonitor {
   // Computes which services can serve, and publishes and logs the changes.
   void JudgeLocked();
   bool Works(const Watched& watched, absl::Time now) const;
-  bool WaitLocked(std::unique_lock<std::mutex>& lock, absl::Duration time);  // false: stop
+  // Waits, and returns false if the monitor stops.
+  bool WaitLocked(std::unique_lock<std::mutex>& lock, absl::Duration time);
 
   const Pace pace_;
   mutable std::mutex mutex_;  // guards all below

@@ -51,7 +51,7 @@ void SetUp(soci::session& sql) {
   }
   std::string mode;
   sql << "PRAGMA journal_mode = WAL", soci::into(mode);
-  // A change that a client was told of must survive a power cut.
+  // A change that was confirmed to a client must survive a power cut.
   sql << "PRAGMA synchronous = FULL";
   sql << "PRAGMA foreign_keys = ON";
 }
@@ -90,7 +90,7 @@ class Transaction {
     try {
       sql_ << "ROLLBACK";
     } catch (const std::exception&) {
-      // The connection is gone, and the transaction with it.
+      // The connection is lost, which also rolls back.
     }
   }
   Transaction(const Transaction&) = delete;

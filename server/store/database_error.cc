@@ -64,7 +64,7 @@ bool IsCollision(const soci::soci_error& error) {
 }
 
 int SystemErrorOf(soci::session& sql) {
-  // A session whose connection is lost has no backend to ask.
+  // A session without a connection has no backend.
   if (!sql.is_connected() || sql.get_backend_name() != "sqlite3") return 0;
   using sqlite_api::sqlite3_file;
   auto* connection = static_cast<soci::sqlite3_session_backend*>(sql.get_backend())->conn_;

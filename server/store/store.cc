@@ -6,7 +6,18 @@
 namespace pepeseg {
 
 Store::Store(std::unique_ptr<Database> database, Holder holder)
-    : database_(std::move(database)), holder_(std::move(holder)) {}
+    : database_(std::move(database)),
+      holder_(std::move(holder)),
+      scenes_(*database_),
+      datasets_(*database_, default_quota_),
+      files_(*database_),
+      jobs_(*database_, default_quota_),
+      queue_(*database_, holder_, default_quota_),
+      models_(*database_),
+      labels_(*database_),
+      selections_(*database_, default_quota_),
+      keys_(*database_),
+      quotas_(*database_) {}
 Store::~Store() = default;
 
 absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& url, Holder holder) {

@@ -20,7 +20,8 @@ constexpr int kMaxPageSize = 1000;
 absl::StatusOr<std::string> OfProject(const std::string& project) {
   if (project.empty()) return std::string();
   if (!IsRfc1034Label(project)) {
-    return absl::InvalidArgumentError(absl::StrCat("project '", project, "' is no label"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("project '", project, "' is not an RFC 1034 label"));
   }
   return absl::StrCat("project = '", project, "' AND ");
 }

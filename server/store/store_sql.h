@@ -20,6 +20,9 @@ namespace pepeseg {
 // not an RFC 1034 label; a label contains nothing to escape.
 absl::StatusOr<std::string> OfProject(const std::string& project);
 
+// Creates the project's record if there is none. INVALID_ARGUMENT: the id is not an RFC 1034 label.
+absl::Status EnsureProject(soci::session& sql, const std::string& id);
+
 // Returns NOT_FOUND "scenes/KEY does not exist" unless the scene exists.
 absl::Status CheckScene(soci::session& sql, const std::string& scene);
 // Return a record, or NOT_FOUND.

@@ -34,7 +34,7 @@ struct CertificateFiles : ::testing::Test {
   AccessOptions options;
 };
 
-TEST_F(CertificateFiles, AreReadWhenTheyFit) {
+TEST_F(CertificateFiles, AreReadIfTheyBelongTogether) {
   auto texts = ReadCertificateFiles(options);
   ASSERT_TRUE(texts.ok()) << texts.status();
   EXPECT_EQ(texts->key, issued.key);
@@ -68,7 +68,7 @@ TEST_F(CertificateFiles, AreRefusedByName) {
   ExpectRefused("key.pem", "cannot be read");
 }
 
-TEST_F(CertificateFiles, AreRefusedByHalves) {
+TEST_F(CertificateFiles, AreRefusedIfIncomplete) {
   options.tls_key.clear();
   EXPECT_NE(CheckCertificateOptions(options).message().find("without --tls-key"),
             std::string::npos);
@@ -82,7 +82,7 @@ TEST_F(CertificateFiles, AreRefusedByHalves) {
   EXPECT_TRUE(absl::IsFailedPrecondition(CheckCertificateOptions(options)));
 }
 
-TEST_F(CertificateFiles, LetNoGatewayBeTrustedWithoutAClientCaAndKeys) {
+TEST_F(CertificateFiles, AllowATrustedGatewayOnlyWithAClientCaAndKeys) {
   options.trusted_gateway = "gateway";
   options.require_keys = true;
   EXPECT_NE(CheckCertificateOptions(options).message().find("without --tls-client-ca"),
@@ -94,7 +94,7 @@ TEST_F(CertificateFiles, LetNoGatewayBeTrustedWithoutAClientCaAndKeys) {
             std::string::npos);
 }
 
-TEST(MemoryFile, IsReadByItsPathAndSwappedWhole) {
+TEST(MemoryFile, IsReadByItsPathAndReplacedAtomically) {
   const auto read = [](const std::string& path) {
     std::ifstream file(path);
     return std::string((std::istreambuf_iterator<char>(file)), {});

@@ -61,7 +61,7 @@ class GatewayCallTest : public ::testing::Test {
       SceneRow scene;
       scene.id = id;
       scene.project = project;
-      EXPECT_TRUE(store_->CreateScene(scene).ok());
+      EXPECT_TRUE(store_->scenes().CreateScene(scene).ok());
     }
   }
   // Returns a call over a connection with this certificate.
@@ -147,7 +147,7 @@ TEST_F(GatewayCallTest, IsRefusedWithAKeyOrWhenIncomplete) {
   NewKey key = *MakeKey();
   key.row.project = "lab";
   key.row.scopes = AllScopes();
-  ASSERT_TRUE(store_->CreateKey(key.row).ok());
+  ASSERT_TRUE(store_->keys().CreateKey(key.row).ok());
   CallOrigin both = From({"gateway"}, ann_);
   both.authorization = {absl::StrCat("Bearer ", key.secret)};
   EXPECT_EQ(ReasonOf(authorizer_.Authorize(both, Get("scenes/mine")).status()), "BAD_VOUCHING");

@@ -1,10 +1,11 @@
+#include "server/store/selection_store.h"
+
 #include <limits>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/store/database.h"
 #include "server/store/quota_sql.h"
-#include "server/store/store.h"
 #include "server/store/store_sql.h"
 
 namespace pepeseg {
@@ -16,7 +17,7 @@ std::string SelectionName(const std::string& scene, int64_t number) {
   return absl::StrCat("scenes/", scene, "/selections/", number);
 }
 
-// Selections of a scene whose number stands to `key` as `condition` says, newest first.
+// Returns selections of a scene for which "number `condition` `key`" holds, newest first.
 std::vector<SelectionRow> SelectSelections(soci::session& sql, const std::string& scene,
                                            const std::string& condition, const PageStart& start,
                                            int64_t key) {
@@ -53,7 +54,8 @@ absl::StatusOr<SelectionRow> SelectSelection(soci::session& sql, const std::stri
   return rows[0];
 }
 
-// What an earlier call with this request_id made.
+// Returns the selection that an earlier call with this request_id made, or nullopt. ALREADY_EXISTS:
+// the earlier request had another digest.
 absl::StatusOr<std::optional<SelectionRow>> FindEarlier(soci::session& sql,
                                                         const std::string& scene,
                                                         const std::string& request_id,
@@ -98,38 +100,39 @@ absl::StatusOr<SelectionRow> InsertSelection(soci::session& sql, const Selection
 
 }  // namespace
 
-absl::StatusOr<int64_t> Store::TakeSelectionNumber(const std::string& scene) {
-  return database_->Query<int64_t>([&](soci::session& sql) -> absl::StatusOr<int64_t> {
+absl::StatusOr<int64_t> SelectionStore::TakeSelectionNumber(const std::string& scene) {
+  return database_.Query<int64_t>([&](soci::session& sql) -> absl::StatusOr<int64_t> {
     RETURN_IF_ERROR(CheckScene(sql, scene));
     return TakeNumber(sql, scene, "next_selection");
   });
 }
 
-absl::StatusOr<std::optional<SelectionRow>> Store::FindSelectionOfRequest(
+absl::StatusOr<std::optional<SelectionRow>> SelectionStore::FindSelectionOfRequest(
     const std::string& scene, const std::string& request_id, const std::string& request_digest) {
   using Found = std::optional<SelectionRow>;
-  return database_->Query<Found>([&](soci::session& sql) -> absl::StatusOr<Found> {
+  return database_.Query<Found>([&](soci::session& sql) -> absl::StatusOr<Found> {
     RETURN_IF_ERROR(CheckScene(sql, scene));
     return FindEarlier(sql, scene, request_id, request_digest);
   });
 }
 
-absl::StatusOr<SelectionRow> Store::CreateSelection(const SelectionRow& selection) {
-  return database_->Query<SelectionRow>(
-      [&](soci::session& sql) { return InsertSelection(sql, selection, default_quota_); });
+absl::StatusOr<SelectionRow> SelectionStore::CreateSelection(const SelectionRow& selection) {
+  return database_.Query<SelectionRow>(
+      [&](soci::session& sql) { return InsertSelection(sql, selection, defaults_); });
 }
 
-absl::StatusOr<SelectionRow> Store::GetSelection(const std::string& scene, int64_t number) {
-  return database_->Query<SelectionRow>(
+absl::StatusOr<SelectionRow> SelectionStore::GetSelection(const std::string& scene,
+                                                          int64_t number) {
+  return database_.Query<SelectionRow>(
       [&](soci::session& sql) { return SelectSelection(sql, scene, number); });
 }
 
-absl::StatusOr<Page<SelectionRow>> Store::ListSelections(const std::string& scene,
-                                                         const PageRequest& page) {
+absl::StatusOr<Page<SelectionRow>> SelectionStore::ListSelections(const std::string& scene,
+                                                                  const PageRequest& page) {
   const std::string list = absl::StrCat("selections/", scene);
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
   ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewestSelection));
-  return database_->Query<Page<SelectionRow>>(
+  return database_.Query<Page<SelectionRow>>(
       [&](soci::session& sql) -> absl::StatusOr<Page<SelectionRow>> {
         RETURN_IF_ERROR(CheckScene(sql, scene));
         Page<SelectionRow> answer;
@@ -142,8 +145,8 @@ absl::StatusOr<Page<SelectionRow>> Store::ListSelections(const std::string& scen
       });
 }
 
-absl::Status Store::DeleteSelection(const std::string& scene, int64_t number) {
-  return database_->Transact([&](soci::session& sql) -> absl::Status {
+absl::Status SelectionStore::DeleteSelection(const std::string& scene, int64_t number) {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
     ASSIGN_OR_RETURN(const SelectionRow row, SelectSelection(sql, scene, number));
     sql << "DELETE FROM selections WHERE scene = :scene AND number = :number", soci::use(row.scene),
         soci::use(row.number);

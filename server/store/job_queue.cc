@@ -1,21 +1,21 @@
-// The queue's side of the store: claims, and writes of an attempt under its fence.
+#include "server/store/job_queue.h"
+
 #include <limits>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/store/database.h"
-#include "server/store/store.h"
 #include "server/store/store_sql.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr int64_t kNever = std::numeric_limits<int64_t>::max();
-constexpr int64_t kAll = int64_t{1} << 40;
+constexpr int64_t kAll = int64_t{1} << 40;  // limit of a SELECT that returns everything
 
-// An attempt that lost its claim must change nothing.
+// Returns the job of an attempt, or ABORTED if the attempt has lost its claim.
 absl::StatusOr<JobRow> SelectAttempt(soci::session& sql, const std::string& id, int64_t fence,
-                                     const Store::Holder& holder) {
+                                     const JobQueue::Holder& holder) {
   ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
   if (job.state == JobState::kRunning && job.fence == fence && job.lease_owner == holder.name) {
     return job;
@@ -24,7 +24,7 @@ absl::StatusOr<JobRow> SelectAttempt(soci::session& sql, const std::string& id, 
       absl::StrCat("jobs/", id, " is no longer run as attempt ", fence, " by this server"));
 }
 
-// Writes what the queue may change of a job.
+// Writes the columns of a job that the queue may change.
 void UpdateJob(soci::session& sql, const JobRow& job) {
   const int state = static_cast<int>(job.state);
   const int cancel_requested = job.cancel_requested ? 1 : 0;
@@ -51,13 +51,14 @@ void MarkCancelled(JobRow& job) {
   job.end_time = absl::Now();
 }
 
-// What a holder knows of a job goes with its claim.
+// Clears what belongs to the holder of a job.
 void EndClaim(JobRow& job) {
   job.lease_owner.clear();
   job.lease_end = absl::InfinitePast();
   job.launch.clear();
 }
 
+// Starts the next attempt of a job.
 void BeginClaim(JobRow& job, const std::string& device) {
   job.state = JobState::kRunning;
   job.stage.clear();
@@ -77,13 +78,17 @@ void CountAttempt(const EndedAttempt& attempt, JobRow& job) {
   }
 }
 
-int64_t LeaseEnd(soci::session& sql, const Store::Holder& holder) {
+int64_t LeaseEnd(soci::session& sql, const JobQueue::Holder& holder) {
   if (holder.lease == absl::InfiniteDuration()) return kNever;
   return DatabaseMicros(sql) + absl::ToInt64Microseconds(holder.lease);
 }
 
-// The oldest that may be claimed; number 0: there is none. PostgreSQL: without waiting for those
-// that others are claiming just now. A RUNNING one counts already among those of its project.
+// Returns the number of the oldest job that may be claimed, or 0. PostgreSQL skips jobs that other
+// servers are claiming at the moment, instead of waiting for them.
+//
+// The quota of running jobs applies to QUEUED jobs only: a RUNNING job whose lease has expired
+// counts in its project already. The subquery selects the projects that run as many jobs as they
+// may: `most` for those without a value of their own.
 int64_t SelectClaimable(soci::session& sql, const Quota& defaults) {
   const std::string unlocked =
       sql.get_backend_name() == "postgresql" ? " FOR UPDATE SKIP LOCKED" : "";
@@ -106,7 +111,7 @@ std::vector<JobRow> SelectRunning(soci::session& sql) {
                     kAll);
 }
 
-std::vector<JobRow> SelectHeld(soci::session& sql, const Store::Holder& holder) {
+std::vector<JobRow> SelectHeld(soci::session& sql, const JobQueue::Holder& holder) {
   std::vector<JobRow> jobs = SelectRunning(sql);
   std::erase_if(jobs, [&](const JobRow& job) { return job.lease_owner != holder.name; });
   return jobs;
@@ -114,12 +119,13 @@ std::vector<JobRow> SelectHeld(soci::session& sql, const Store::Holder& holder) 
 
 }  // namespace
 
-absl::StatusOr<std::optional<JobRow>> Store::ClaimJob(const std::string& device) {
+absl::StatusOr<std::optional<JobRow>> JobQueue::ClaimJob(const std::string& device) {
   using Claimed = std::optional<JobRow>;
-  return database_->Query<Claimed>([&](soci::session& sql) -> absl::StatusOr<Claimed> {
-    const int64_t number = SelectClaimable(sql, default_quota_);
+  return database_.Query<Claimed>([&](soci::session& sql) -> absl::StatusOr<Claimed> {
+    const int64_t number = SelectClaimable(sql, defaults_);
     if (number == 0) return Claimed();
     ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, absl::StrCat("j", number)));
+    // A launcher still runs the others: their attempt continues under a new holder.
     if (job.launch.empty()) BeginClaim(job, device);
     job.lease_owner = holder_.name;
     job.lease_end = FromMicros(LeaseEnd(sql, holder_));
@@ -128,9 +134,9 @@ absl::StatusOr<std::optional<JobRow>> Store::ClaimJob(const std::string& device)
   });
 }
 
-absl::StatusOr<std::vector<JobRow>> Store::RenewLeases() {
+absl::StatusOr<std::vector<JobRow>> JobQueue::RenewLeases() {
   using Jobs = std::vector<JobRow>;
-  return database_->Query<Jobs>([this](soci::session& sql) -> absl::StatusOr<Jobs> {
+  return database_.Query<Jobs>([this](soci::session& sql) -> absl::StatusOr<Jobs> {
     const int64_t lease_end = LeaseEnd(sql, holder_);
     sql << "UPDATE jobs SET lease_end = :lease WHERE state = 1 AND lease_owner = :owner",
         soci::use(lease_end), soci::use(holder_.name);
@@ -138,23 +144,23 @@ absl::StatusOr<std::vector<JobRow>> Store::RenewLeases() {
   });
 }
 
-absl::StatusOr<std::vector<JobRow>> Store::ListHeldJobs() {
+absl::StatusOr<std::vector<JobRow>> JobQueue::ListHeldJobs() {
   using Jobs = std::vector<JobRow>;
-  return database_->Query<Jobs>(
+  return database_.Query<Jobs>(
       [this](soci::session& sql) -> absl::StatusOr<Jobs> { return SelectHeld(sql, holder_); });
 }
 
-absl::StatusOr<std::vector<JobRow>> Store::ListRunningJobs() {
+absl::StatusOr<std::vector<JobRow>> JobQueue::ListRunningJobs() {
   using Jobs = std::vector<JobRow>;
-  return database_->Query<Jobs>(
+  return database_.Query<Jobs>(
       [](soci::session& sql) -> absl::StatusOr<Jobs> { return SelectRunning(sql); });
 }
 
-absl::StatusOr<JobRow> Store::TakeOverJob(const std::string& id, const std::string& gone) {
-  return database_->Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
+absl::StatusOr<JobRow> JobQueue::TakeOverJob(const std::string& id, const std::string& gone) {
+  return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
     ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
     if (job.state != JobState::kRunning || job.lease_owner != gone) {
-      return absl::AbortedError(absl::StrCat("jobs/", id, " is not held by ", gone, " any more"));
+      return absl::AbortedError(absl::StrCat("jobs/", id, " is no longer held by ", gone));
     }
     job.lease_owner = holder_.name;
     job.lease_end = FromMicros(LeaseEnd(sql, holder_));
@@ -163,8 +169,9 @@ absl::StatusOr<JobRow> Store::TakeOverJob(const std::string& id, const std::stri
   });
 }
 
-absl::Status Store::SetJobLaunch(const std::string& id, int64_t fence, const std::string& launch) {
-  return database_->Transact([&](soci::session& sql) -> absl::Status {
+absl::Status JobQueue::SetJobLaunch(const std::string& id, int64_t fence,
+                                    const std::string& launch) {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
     ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
     job.launch = launch;
     UpdateJob(sql, job);
@@ -172,11 +179,11 @@ absl::Status Store::SetJobLaunch(const std::string& id, int64_t fence, const std
   });
 }
 
-absl::StatusOr<int64_t> Store::TakeNextFence(const std::string& id, const std::string& launch) {
-  return database_->Query<int64_t>([&](soci::session& sql) -> absl::StatusOr<int64_t> {
+absl::StatusOr<int64_t> JobQueue::TakeNextFence(const std::string& id, const std::string& launch) {
+  return database_.Query<int64_t>([&](soci::session& sql) -> absl::StatusOr<int64_t> {
     ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
     if (job.state != JobState::kRunning || job.launch != launch) {
-      return absl::AbortedError(absl::StrCat("jobs/", id, " is not run by ", launch, " any more"));
+      return absl::AbortedError(absl::StrCat("jobs/", id, " is no longer run by ", launch));
     }
     job.fence += 1;
     job.stage.clear();
@@ -185,8 +192,8 @@ absl::StatusOr<int64_t> Store::TakeNextFence(const std::string& id, const std::s
   });
 }
 
-absl::Status Store::SetJobStage(const std::string& id, int64_t fence, const std::string& stage) {
-  return database_->Transact([&](soci::session& sql) -> absl::Status {
+absl::Status JobQueue::SetJobStage(const std::string& id, int64_t fence, const std::string& stage) {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
     ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
     job.stage = stage;
     UpdateJob(sql, job);
@@ -194,8 +201,8 @@ absl::Status Store::SetJobStage(const std::string& id, int64_t fence, const std:
   });
 }
 
-absl::StatusOr<JobRow> Store::RequestCancel(const std::string& id) {
-  return database_->Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
+absl::StatusOr<JobRow> JobQueue::RequestCancel(const std::string& id) {
+  return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
     ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
     if (IsTerminal(job.state)) return job;
     job.cancel_requested = true;
@@ -205,13 +212,13 @@ absl::StatusOr<JobRow> Store::RequestCancel(const std::string& id) {
   });
 }
 
-absl::StatusOr<JobRow> Store::RequeueJob(const std::string& id, int64_t fence,
-                                         const EndedAttempt& attempt) {
-  return database_->Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
+absl::StatusOr<JobRow> JobQueue::RequeueJob(const std::string& id, int64_t fence,
+                                            const EndedAttempt& attempt) {
+  return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
     ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
     EndClaim(job);
     if (job.cancel_requested) {
-      MarkCancelled(job);  // in the stage of the attempt
+      MarkCancelled(job);  // keeps the stage of the attempt
     } else {
       job.state = JobState::kQueued;
       job.stage.clear();
@@ -226,9 +233,9 @@ absl::StatusOr<JobRow> Store::RequeueJob(const std::string& id, int64_t fence,
   });
 }
 
-absl::StatusOr<JobRow> Store::EndJob(const std::string& id, int64_t fence,
-                                     const absl::Status& error) {
-  return database_->Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
+absl::StatusOr<JobRow> JobQueue::EndJob(const std::string& id, int64_t fence,
+                                        const absl::Status& error) {
+  return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
     ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
     job.state = JobState::kFailed;
     job.error_code = static_cast<int>(error.code());
@@ -241,9 +248,9 @@ absl::StatusOr<JobRow> Store::EndJob(const std::string& id, int64_t fence,
   });
 }
 
-absl::StatusOr<ModelRow> Store::CommitModel(const std::string& id, int64_t fence,
-                                            const ModelRow& model) {
-  return database_->Query<ModelRow>([&](soci::session& sql) -> absl::StatusOr<ModelRow> {
+absl::StatusOr<ModelRow> JobQueue::CommitModel(const std::string& id, int64_t fence,
+                                               const ModelRow& model) {
+  return database_.Query<ModelRow>([&](soci::session& sql) -> absl::StatusOr<ModelRow> {
     ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
     ModelRow row = model;
     row.scene = job.scene;

@@ -26,16 +26,16 @@ class StoreQueueTest : public ::testing::Test {
     return *std::move(store);
   }
 
-  // A queued job of a scene of its own.
+  // Creates a queued job of a new scene and returns its id.
   std::string Queue(Store& store) {
     const std::string scene = absl::StrCat("s", ++num_scenes_);
-    EXPECT_OK(store.CreateScene({scene, "", "", {}}));
-    EXPECT_OK(store.CreateDataset(scene, "", {{"a.jpg", 1, 3, "00", true}}));
-    EXPECT_OK(store.SealDataset(scene, 1));
+    EXPECT_OK(store.scenes().CreateScene({scene, "", "", {}}));
+    EXPECT_OK(store.datasets().CreateDataset(scene, "", {{"a.jpg", 1, 3, "00", true}}));
+    EXPECT_OK(store.datasets().SealDataset(scene, 1));
     JobRow job;
     job.scene = scene;
     job.dataset = 1;
-    const auto made = store.CreateJob(job);
+    const auto made = store.jobs().CreateJob(job);
     EXPECT_OK(made);
     return made->id;
   }
@@ -45,89 +45,89 @@ class StoreQueueTest : public ::testing::Test {
   int num_scenes_ = 0;
 };
 
-TEST_F(StoreQueueTest, LeaseThatIsProlongedIsNotClaimed) {
+TEST_F(StoreQueueTest, DoesNotClaimAJobWhoseLeaseIsRenewed) {
   const auto a = Open("a", absl::Milliseconds(300));
   const auto b = Open("b", absl::Seconds(60));
   const std::string job = Queue(*a);
-  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, a->ClaimJob("cpu"));
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, a->queue().ClaimJob("cpu"));
   ASSERT_TRUE(claimed.has_value());
   EXPECT_EQ(claimed->fence, 1);
   for (int i = 0; i < 6; ++i) {
     absl::SleepFor(absl::Milliseconds(100));
-    ASSERT_OK_AND_ASSIGN(const std::vector<JobRow> held, a->RenewLeases());
+    ASSERT_OK_AND_ASSIGN(const std::vector<JobRow> held, a->queue().RenewLeases());
     ASSERT_EQ(held.size(), 1u);
     EXPECT_EQ(held[0].id, job);
-    EXPECT_FALSE((*b->ClaimJob("cpu")).has_value());
+    EXPECT_FALSE((*b->queue().ClaimJob("cpu")).has_value());
   }
 }
 
-TEST_F(StoreQueueTest, WhoLostItsLeaseWritesNothing) {
+TEST_F(StoreQueueTest, RefusesWritesAfterTheLeaseIsLost) {
   const auto a = Open("a", absl::Milliseconds(50));
   const auto b = Open("b", absl::Seconds(60));
   const std::string job = Queue(*a);
-  ASSERT_TRUE((*a->ClaimJob("cpu")).has_value());
+  ASSERT_TRUE((*a->queue().ClaimJob("cpu")).has_value());
   absl::SleepFor(absl::Milliseconds(80));
-  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, b->ClaimJob("cuda 0"));
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, b->queue().ClaimJob("cuda 0"));
   ASSERT_TRUE(claimed.has_value());
   EXPECT_EQ(claimed->id, job);
   EXPECT_EQ(claimed->fence, 2);
-  EXPECT_TRUE(absl::IsAborted(a->SetJobStage(job, 1, "features")));
-  EXPECT_TRUE(absl::IsAborted(a->CommitModel(job, 1, {}).status()));
-  EXPECT_TRUE(absl::IsAborted(a->EndJob(job, 1, absl::InternalError("x")).status()));
-  EXPECT_TRUE(absl::IsAborted(a->RequeueJob(job, 1, {}).status()));
-  // Not with the other's fence either.
-  EXPECT_TRUE(absl::IsAborted(a->CommitModel(job, 2, {}).status()));
-  ASSERT_OK_AND_ASSIGN(const std::vector<JobRow> held, a->RenewLeases());
+  EXPECT_TRUE(absl::IsAborted(a->queue().SetJobStage(job, 1, "features")));
+  EXPECT_TRUE(absl::IsAborted(a->queue().CommitModel(job, 1, {}).status()));
+  EXPECT_TRUE(absl::IsAborted(a->queue().EndJob(job, 1, absl::InternalError("x")).status()));
+  EXPECT_TRUE(absl::IsAborted(a->queue().RequeueJob(job, 1, {}).status()));
+  // The fence of the other attempt does not help.
+  EXPECT_TRUE(absl::IsAborted(a->queue().CommitModel(job, 2, {}).status()));
+  ASSERT_OK_AND_ASSIGN(const std::vector<JobRow> held, a->queue().RenewLeases());
   EXPECT_TRUE(held.empty());
-  ASSERT_OK_AND_ASSIGN(const JobRow row, b->GetJob(job));
+  ASSERT_OK_AND_ASSIGN(const JobRow row, b->jobs().GetJob(job));
   EXPECT_EQ(row.state, JobState::kRunning);
   EXPECT_EQ(row.stage, "");
   EXPECT_EQ(row.lease_owner, "b");
-  EXPECT_OK(b->CommitModel(job, 2, {}));
+  EXPECT_OK(b->queue().CommitModel(job, 2, {}));
 }
 
-TEST_F(StoreQueueTest, LaunchedJobChangesItsHolderOnly) {
+TEST_F(StoreQueueTest, ChangesOnlyTheHolderOfALaunchedJob) {
   const auto a = Open("a", absl::Milliseconds(50));
   const auto b = Open("b", absl::Seconds(60));
   const std::string job = Queue(*a);
-  ASSERT_TRUE((*a->ClaimJob("cpu")).has_value());
-  ASSERT_OK(a->SetJobLaunch(job, 1, "slurm:17"));
+  ASSERT_TRUE((*a->queue().ClaimJob("cpu")).has_value());
+  ASSERT_OK(a->queue().SetJobLaunch(job, 1, "slurm:17"));
   absl::SleepFor(absl::Milliseconds(80));
-  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, b->ClaimJob("cpu"));
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, b->queue().ClaimJob("cpu"));
   ASSERT_TRUE(claimed.has_value());
   EXPECT_EQ(claimed->fence, 1);
   EXPECT_EQ(claimed->launch, "slurm:17");
-  EXPECT_TRUE(absl::IsAborted(a->CommitModel(job, 1, {}).status()));
-  EXPECT_OK(b->CommitModel(job, 1, {}));
+  EXPECT_TRUE(absl::IsAborted(a->queue().CommitModel(job, 1, {}).status()));
+  EXPECT_OK(b->queue().CommitModel(job, 1, {}));
 }
 
-TEST_F(StoreQueueTest, RestartedWorkerTakesTheNextFenceOfItsLaunchOnly) {
+TEST_F(StoreQueueTest, GivesARestartedWorkerTheNextFenceOfItsLaunchOnly) {
   const auto a = Open("a", absl::Seconds(60));
   const std::string job = Queue(*a);
-  ASSERT_TRUE((*a->ClaimJob("cpu")).has_value());
-  ASSERT_OK(a->SetJobLaunch(job, 1, "slurm:17"));
+  ASSERT_TRUE((*a->queue().ClaimJob("cpu")).has_value());
+  ASSERT_OK(a->queue().SetJobLaunch(job, 1, "slurm:17"));
   const auto worker = Open("worker", absl::Seconds(60));
-  EXPECT_TRUE(absl::IsAborted(worker->TakeNextFence(job, "slurm:16").status()));
-  ASSERT_OK_AND_ASSIGN(const int64_t fence, worker->TakeNextFence(job, "slurm:17"));
+  EXPECT_TRUE(absl::IsAborted(worker->queue().TakeNextFence(job, "slurm:16").status()));
+  ASSERT_OK_AND_ASSIGN(const int64_t fence, worker->queue().TakeNextFence(job, "slurm:17"));
   EXPECT_EQ(fence, 2);
-  EXPECT_TRUE(absl::IsAborted(a->CommitModel(job, 1, {}).status()));
-  EXPECT_OK(a->CommitModel(job, 2, {}));
-  EXPECT_TRUE(absl::IsAborted(worker->TakeNextFence(job, "slurm:17").status()));
+  EXPECT_TRUE(absl::IsAborted(a->queue().CommitModel(job, 1, {}).status()));
+  EXPECT_OK(a->queue().CommitModel(job, 2, {}));
+  EXPECT_TRUE(absl::IsAborted(worker->queue().TakeNextFence(job, "slurm:17").status()));
 }
 
-TEST_F(StoreQueueTest, OnlyAJobOfWhoIsGoneIsTakenOver) {
+TEST_F(StoreQueueTest, TakesOverJobsOfTheGivenHolderOnly) {
   const auto a = Open("a", absl::Seconds(60));
   const auto b = Open("b", absl::Seconds(60));
   const std::string job = Queue(*a);
-  ASSERT_TRUE((*a->ClaimJob("cpu")).has_value());
-  EXPECT_TRUE(absl::IsAborted(b->TakeOverJob(job, "c").status()));
-  ASSERT_OK(b->TakeOverJob(job, "a"));
-  EXPECT_TRUE(absl::IsAborted(a->RequeueJob(job, 1, {}).status()));
-  ASSERT_OK_AND_ASSIGN(const JobRow row, b->RequeueJob(job, 1, {}));
+  ASSERT_TRUE((*a->queue().ClaimJob("cpu")).has_value());
+  EXPECT_TRUE(absl::IsAborted(b->queue().TakeOverJob(job, "c").status()));
+  ASSERT_OK(b->queue().TakeOverJob(job, "a"));
+  EXPECT_TRUE(absl::IsAborted(a->queue().RequeueJob(job, 1, {}).status()));
+  ASSERT_OK_AND_ASSIGN(const JobRow row, b->queue().RequeueJob(job, 1, {}));
   EXPECT_EQ(row.lease_owner, "");
 }
 
-TEST_F(StoreQueueTest, CountsCrashesAndServerEndsApartUntilThereIsProgress) {
+TEST_F(StoreQueueTest, CountsCrashesAndServerEndsSeparatelyUntilThereIsProgress) {
   const auto a = Open("a", absl::Seconds(60));
   const std::string job = Queue(*a);
   struct Case {
@@ -141,34 +141,35 @@ TEST_F(StoreQueueTest, CountsCrashesAndServerEndsApartUntilThereIsProgress) {
       {{AttemptEnd::kServerEnded, true, {}}, 0, 0}};
   int64_t fence = 0;
   for (const Case& each : cases) {
-    ASSERT_TRUE((*a->ClaimJob("cpu")).has_value());
-    ASSERT_OK_AND_ASSIGN(const JobRow row, a->RequeueJob(job, ++fence, each.attempt));
+    ASSERT_TRUE((*a->queue().ClaimJob("cpu")).has_value());
+    ASSERT_OK_AND_ASSIGN(const JobRow row, a->queue().RequeueJob(job, ++fence, each.attempt));
     EXPECT_EQ(row.crashes, each.crashes) << "fence " << fence;
     EXPECT_EQ(row.server_ends, each.server_ends) << "fence " << fence;
-    ASSERT_OK_AND_ASSIGN(const JobRow read, a->GetJob(job));
+    ASSERT_OK_AND_ASSIGN(const JobRow read, a->jobs().GetJob(job));
     EXPECT_EQ(read.crashes, each.crashes);
     EXPECT_EQ(read.server_ends, each.server_ends);
   }
 }
 
-TEST_F(StoreQueueTest, PausedJobIsClaimedAfterItsPauseAndHoldsUpNoOther) {
+TEST_F(StoreQueueTest, ClaimsAPausedJobAfterItsPauseAndOthersBefore) {
   const auto a = Open("a", absl::Seconds(60));
   const std::string job = Queue(*a), other = Queue(*a);
-  ASSERT_EQ((*a->ClaimJob("cpu"))->id, job);
-  ASSERT_OK_AND_ASSIGN(const JobRow row,
-                       a->RequeueJob(job, 1, {AttemptEnd::kCrashed, false, absl::Seconds(1)}));
+  ASSERT_EQ((*a->queue().ClaimJob("cpu"))->id, job);
+  ASSERT_OK_AND_ASSIGN(
+      const JobRow row,
+      a->queue().RequeueJob(job, 1, {AttemptEnd::kCrashed, false, absl::Seconds(1)}));
   EXPECT_EQ(row.state, JobState::kQueued);
-  EXPECT_EQ((*a->ClaimJob("cpu"))->id, other);
-  EXPECT_FALSE((*a->ClaimJob("cpu")).has_value());
+  EXPECT_EQ((*a->queue().ClaimJob("cpu"))->id, other);
+  EXPECT_FALSE((*a->queue().ClaimJob("cpu")).has_value());
   absl::SleepFor(row.not_before - absl::Now() + absl::Milliseconds(20));
-  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, a->ClaimJob("cpu"));
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, a->queue().ClaimJob("cpu"));
   ASSERT_TRUE(claimed.has_value());
   EXPECT_EQ(claimed->fence, 2);
   EXPECT_EQ(claimed->not_before, absl::InfinitePast());
 }
 
-// Each job to one, whoever asks how often.
-TEST_F(StoreQueueTest, ManyClaimersTakeEachJobOnce) {
+// Several threads claim at the same time until nothing is left; no job is claimed twice.
+TEST_F(StoreQueueTest, GivesEachJobToOneOfManyClaimers) {
   constexpr int kNumJobs = 40;
   constexpr int kNumServers = 4;
   const auto first = Open("first", absl::Seconds(60));
@@ -182,8 +183,8 @@ TEST_F(StoreQueueTest, ManyClaimersTakeEachJobOnce) {
   for (int i = 0; i < kNumServers; ++i) {
     servers.emplace_back([&, i] {
       while (true) {
-        const auto job = stores[i]->ClaimJob("cpu");
-        if (absl::IsUnavailable(job.status())) continue;  // too many at a time: ask again
+        const auto job = stores[i]->queue().ClaimJob("cpu");
+        if (absl::IsUnavailable(job.status())) continue;  // too many collisions: try again
         ASSERT_OK(job);
         if (!job->has_value()) return;
         taken[i].push_back((*job)->id);
@@ -197,17 +198,17 @@ TEST_F(StoreQueueTest, ManyClaimersTakeEachJobOnce) {
   EXPECT_EQ(std::set<std::string>(all.begin(), all.end()).size(), all.size());
 }
 
-// Numbers name resources: none twice, from whichever server they come.
-TEST_F(StoreQueueTest, NumbersAreGivenOnceToWhoAsksAtTheSameTime) {
+// Numbers name resources, so two servers must not use one twice.
+TEST_F(StoreQueueTest, GivesEachNumberOnceToConcurrentCallers) {
   const auto a = Open("a", absl::Seconds(60));
   const auto b = Open("b", absl::Seconds(60));
-  ASSERT_OK(a->CreateScene({"s", "", "", {}}));
+  ASSERT_OK(a->scenes().CreateScene({"s", "", "", {}}));
   std::vector<int64_t> numbers[2];
   std::thread threads[2];
   for (int i = 0; i < 2; ++i) {
     threads[i] = std::thread([&, i] {
       for (int k = 0; k < 50; ++k) {
-        const auto number = (i == 0 ? a : b)->TakeSelectionNumber("s");
+        const auto number = (i == 0 ? a : b)->selections().TakeSelectionNumber("s");
         ASSERT_OK(number);
         numbers[i].push_back(*number);
       }
@@ -219,22 +220,22 @@ TEST_F(StoreQueueTest, NumbersAreGivenOnceToWhoAsksAtTheSameTime) {
   EXPECT_EQ(all.size(), 100u);
 }
 
-TEST(Store, PostgresqlThatComesBackIsAskedAgain) {
+TEST(Store, ReconnectsWhenPostgresqlComesBack) {
   testing::PostgresqlServer server;
   auto store = Store::Open(server.NewDatabase(), {"a", absl::Seconds(60)});
   ASSERT_OK(store);
-  ASSERT_OK((*store)->CreateScene({"s", "", "", {}}));
+  ASSERT_OK((*store)->scenes().CreateScene({"s", "", "", {}}));
   server.Crash();
-  absl::Status away;  // the connection's process may answer once more before it ends
+  absl::Status away;  // the backend of the connection may answer once more before it ends
   for (int i = 0; i < 100 && away.ok(); ++i) {
-    away = (*store)->GetScene("s").status();
+    away = (*store)->scenes().GetScene("s").status();
     absl::SleepFor(absl::Milliseconds(20));
   }
   EXPECT_TRUE(absl::IsUnavailable(away)) << away;
   EXPECT_THAT(std::string(away.message()), HasSubstr("database"));
   server.Restart();
-  EXPECT_OK((*store)->GetScene("s"));  // what was answered is there
-  EXPECT_OK((*store)->CreateScene({"t", "", "", {}}));
+  EXPECT_OK((*store)->scenes().GetScene("s"));  // what was committed is there
+  EXPECT_OK((*store)->scenes().CreateScene({"t", "", "", {}}));
 }
 
 }  // namespace

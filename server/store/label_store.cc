@@ -1,21 +1,23 @@
+#include "server/store/label_store.h"
+
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "core/base/status_macros.h"
 #include "server/store/database.h"
 #include "server/store/scene_key.h"
-#include "server/store/store.h"
 #include "server/store/store_sql.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kMaxLabelsNamed = 20;  // in an error
+constexpr int64_t kMaxLabelsNamed = 20;  // in an error message
 
 std::string LabelName(const std::string& scene, const std::string& id) {
   return absl::StrCat("scenes/", scene, "/labels/", id);
 }
 
-// Labels of a scene for which `condition` on `key` holds, by id.
+// Returns labels of a scene for which `condition`, followed by the start's key, holds, ordered by
+// id.
 std::vector<LabelRow> SelectLabels(soci::session& sql, const std::string& scene,
                                    const std::string& condition, const PageStart& start) {
   LabelRow row;
@@ -90,37 +92,35 @@ absl::StatusOr<LabelRow> InsertLabel(soci::session& sql, const LabelRow& label) 
 
 }  // namespace
 
-absl::StatusOr<LabelRow> Store::CreateLabel(const LabelRow& label) {
+absl::StatusOr<LabelRow> LabelStore::CreateLabel(const LabelRow& label) {
   if (!IsResourceId(label.id)) {
     return absl::InvalidArgumentError(absl::StrCat("label id '", label.id, "': ", kResourceIdRule));
   }
-  return database_->Query<LabelRow>([&](soci::session& sql) { return InsertLabel(sql, label); });
+  return database_.Query<LabelRow>([&](soci::session& sql) { return InsertLabel(sql, label); });
 }
 
-absl::StatusOr<LabelRow> Store::GetLabel(const std::string& scene, const std::string& id) {
-  return database_->Query<LabelRow>(
-      [&](soci::session& sql) { return SelectLabel(sql, scene, id); });
+absl::StatusOr<LabelRow> LabelStore::GetLabel(const std::string& scene, const std::string& id) {
+  return database_.Query<LabelRow>([&](soci::session& sql) { return SelectLabel(sql, scene, id); });
 }
 
-absl::StatusOr<Page<LabelRow>> Store::ListLabels(const std::string& scene,
-                                                 const PageRequest& page) {
+absl::StatusOr<Page<LabelRow>> LabelStore::ListLabels(const std::string& scene,
+                                                      const PageRequest& page) {
   const std::string list = absl::StrCat("labels/", scene);
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
-  return database_->Query<Page<LabelRow>>(
-      [&](soci::session& sql) -> absl::StatusOr<Page<LabelRow>> {
-        RETURN_IF_ERROR(CheckScene(sql, scene));
-        Page<LabelRow> answer;
-        answer.rows = SelectLabels(sql, scene, "id >", {start.limit + 1, start.key});
-        if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
-          answer.rows.pop_back();
-          answer.next_page_token = NextToken(list, answer.rows.back().id);
-        }
-        return answer;
-      });
+  return database_.Query<Page<LabelRow>>([&](soci::session& sql) -> absl::StatusOr<Page<LabelRow>> {
+    RETURN_IF_ERROR(CheckScene(sql, scene));
+    Page<LabelRow> answer;
+    answer.rows = SelectLabels(sql, scene, "id >", {start.limit + 1, start.key});
+    if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
+      answer.rows.pop_back();
+      answer.next_page_token = NextToken(list, answer.rows.back().id);
+    }
+    return answer;
+  });
 }
 
-absl::Status Store::DeleteLabel(const std::string& scene, const std::string& id) {
-  return database_->Transact([&](soci::session& sql) -> absl::Status {
+absl::Status LabelStore::DeleteLabel(const std::string& scene, const std::string& id) {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
     ASSIGN_OR_RETURN(const LabelRow label, SelectLabel(sql, scene, id));
     sql << "DELETE FROM labels WHERE scene = :scene AND id = :id", soci::use(label.scene),
         soci::use(label.id);

@@ -1,14 +1,15 @@
+#include "server/store/scene_store.h"
+
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/store/database.h"
 #include "server/store/scene_key.h"
-#include "server/store/store.h"
 #include "server/store/store_sql.h"
 
 namespace pepeseg {
 namespace {
 
-// Scenes for which `where` holds, which ends before a text to compare with.
+// Which scenes to select: those for which `where`, followed by `key`, holds.
 struct SceneQuery {
   std::string where;
   std::string key;
@@ -35,6 +36,7 @@ std::vector<SceneRow> SelectScenes(soci::session& sql, const SceneQuery& query) 
   return rows;
 }
 
+// Returns a key for a new scene: its id, or "NUMBER@ID" if another scene has that key.
 std::string TakeSceneKey(soci::session& sql, const SceneRow& scene) {
   if (SelectScenes(sql, {"id =", scene.id}).empty()) return scene.id;
   int64_t next = 0;
@@ -82,17 +84,19 @@ absl::Status CheckSceneId(const std::string& id) {
 
 }  // namespace
 
-absl::StatusOr<SceneRow> Store::CreateScene(const SceneRow& scene) {
+absl::StatusOr<SceneRow> SceneStore::CreateScene(const SceneRow& scene) {
   RETURN_IF_ERROR(CheckSceneId(scene.id));
   if (!IsRfc1034Label(scene.project)) {
-    return absl::InvalidArgumentError(absl::StrCat("project '", scene.project, "' is no label"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("project '", scene.project, "' is not an RFC 1034 label"));
   }
-  return database_->Query<SceneRow>([&](soci::session& sql) { return InsertScene(sql, scene); });
+  return database_.Query<SceneRow>([&](soci::session& sql) { return InsertScene(sql, scene); });
 }
 
-absl::StatusOr<std::string> Store::FindScene(const std::string& project, const std::string& id) {
+absl::StatusOr<std::string> SceneStore::FindScene(const std::string& project,
+                                                  const std::string& id) {
   RETURN_IF_ERROR(CheckSceneId(id));
-  return database_->Read<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
+  return database_.Read<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
     std::string key;
     sql << "SELECT id FROM scenes WHERE project = :project AND name = :name", soci::use(project),
         soci::use(id), soci::into(key);
@@ -101,30 +105,30 @@ absl::StatusOr<std::string> Store::FindScene(const std::string& project, const s
   });
 }
 
-absl::StatusOr<std::vector<SceneRow>> Store::FindScenes(const std::string& id) {
+absl::StatusOr<std::vector<SceneRow>> SceneStore::FindScenes(const std::string& id) {
   constexpr int64_t kMost = 10;
   RETURN_IF_ERROR(CheckSceneId(id));
-  return database_->Read<std::vector<SceneRow>>([&](soci::session& sql) {
+  return database_.Read<std::vector<SceneRow>>([&](soci::session& sql) {
     return SelectScenes(sql, {"name =", id, kMost, "project"});
   });
 }
 
-absl::StatusOr<SceneRow> Store::GetScene(const std::string& key) {
-  return database_->Query<SceneRow>([&](soci::session& sql) -> absl::StatusOr<SceneRow> {
+absl::StatusOr<SceneRow> SceneStore::GetScene(const std::string& key) {
+  return database_.Query<SceneRow>([&](soci::session& sql) -> absl::StatusOr<SceneRow> {
     RETURN_IF_ERROR(CheckScene(sql, key));
     return SelectScenes(sql, {"id =", key}).at(0);
   });
 }
 
-absl::StatusOr<Page<SceneRow>> Store::ListScenes(const PageRequest& page,
-                                                 const std::string& project) {
+absl::StatusOr<Page<SceneRow>> SceneStore::ListScenes(const PageRequest& page,
+                                                      const std::string& project) {
   const std::string list = absl::StrCat("scenes/", project);
   ASSIGN_OR_RETURN(const std::string of_project, OfProject(project));
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
-  return database_->Query<Page<SceneRow>>([&](soci::session& sql)
-                                              -> absl::StatusOr<Page<SceneRow>> {
+  return database_.Query<Page<SceneRow>>([&](soci::session& sql) -> absl::StatusOr<Page<SceneRow>> {
     Page<SceneRow> answer;
-    // Scenes of several projects may have one name: their keys tell them apart.
+    // Scenes of several projects may have the same id. Order by id and key then, so that a page
+    // token identifies one scene.
     const bool of_all = project.empty();
     const std::string order = of_all ? "name || ' ' || id" : "name";
     answer.rows = SelectScenes(sql, {of_project + order + " >", start.key, start.limit + 1, order});
@@ -138,22 +142,23 @@ absl::StatusOr<Page<SceneRow>> Store::ListScenes(const PageRequest& page,
   });
 }
 
-absl::Status Store::DeleteScene(const std::string& key) {
-  return database_->Transact([&](soci::session& sql) -> absl::Status {
+absl::Status SceneStore::DeleteScene(const std::string& key) {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
     RETURN_IF_ERROR(CheckScene(sql, key));
     const JobRow active = SelectActiveJob(sql, key);
     if (!active.id.empty()) {
       return absl::FailedPreconditionError(absl::StrCat(
           "scenes/", SceneIdOf(key), " has an active job: cancel jobs/", active.id, " first"));
     }
-    sql << "DELETE FROM scenes WHERE id = :id", soci::use(key);  // the rest cascades
+    sql << "DELETE FROM scenes WHERE id = :id",
+        soci::use(key);  // records that refer to it are deleted by cascade
     return absl::OkStatus();
   });
 }
 
-absl::StatusOr<std::string> Store::ProjectOfScene(const std::string& key) {
+absl::StatusOr<std::string> SceneStore::ProjectOfScene(const std::string& key) {
   RETURN_IF_ERROR(CheckSceneId(SceneIdOf(key)));
-  return database_->Read<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
+  return database_.Read<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
     std::string project;
     sql << "SELECT project FROM scenes WHERE id = :id", soci::use(key), soci::into(project);
     if (!sql.got_data()) return NoScene(SceneIdOf(key));

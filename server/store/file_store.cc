@@ -1,16 +1,17 @@
-// Files of datasets, and the blobs that hold their bytes.
+#include "server/store/file_store.h"
+
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/store/batch_statement.h"
 #include "server/store/database.h"
-#include "server/store/store.h"
 #include "server/store/store_sql.h"
 
 namespace pepeseg {
 namespace {
 
-// Sets columns of files of a dataset by their path and digest, from values that `v` has. Returns
-// how many it has found.
+// Sets columns of those files of a dataset that have the same path and digest as in `files`.
+// `columns`: assignments from the values `v`, as "header = v.header". Returns the number of files
+// found.
 int64_t UpdateFiles(soci::session& sql, const std::string& columns, const DatasetRow& dataset,
                     const std::vector<DatasetFileRow>& files) {
   BatchStatement update(
@@ -84,6 +85,7 @@ void InsertBlobs(soci::session& sql, const std::string& project,
   insert.Finish();
 }
 
+// The digest is part of the match, so a file with another digest counts as not found.
 absl::Status MarkStored(soci::session& sql, const DatasetRow& dataset,
                         const std::vector<DatasetFileRow>& files) {
   const std::string columns = absl::StrCat("stored = 1, ", kHeaderColumns);
@@ -94,10 +96,10 @@ absl::Status MarkStored(soci::session& sql, const DatasetRow& dataset,
                                           " files that were written"));
 }
 
-absl::StatusOr<std::vector<DatasetFileRow>> Store::ListDatasetFiles(const std::string& scene,
-                                                                    int64_t number) {
+absl::StatusOr<std::vector<DatasetFileRow>> FileStore::ListDatasetFiles(const std::string& scene,
+                                                                        int64_t number) {
   using Files = std::vector<DatasetFileRow>;
-  return database_->Query<Files>([&](soci::session& sql) -> absl::StatusOr<Files> {
+  return database_.Query<Files>([&](soci::session& sql) -> absl::StatusOr<Files> {
     ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
     FileQuery query;
     query.scene = dataset.scene;
@@ -106,10 +108,9 @@ absl::StatusOr<std::vector<DatasetFileRow>> Store::ListDatasetFiles(const std::s
   });
 }
 
-absl::StatusOr<DatasetFileRow> Store::GetDatasetFile(const std::string& scene, int64_t number,
-                                                     const std::string& path) {
-  return database_->Query<DatasetFileRow>([&](soci::session& sql)
-                                              -> absl::StatusOr<DatasetFileRow> {
+absl::StatusOr<DatasetFileRow> FileStore::GetDatasetFile(const std::string& scene, int64_t number,
+                                                         const std::string& path) {
+  return database_.Query<DatasetFileRow>([&](soci::session& sql) -> absl::StatusOr<DatasetFileRow> {
     ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
     std::vector<DatasetFileRow> rows = SelectFiles(sql, {dataset.scene, number, "path =", path, 1});
     if (rows.empty()) {
@@ -120,8 +121,8 @@ absl::StatusOr<DatasetFileRow> Store::GetDatasetFile(const std::string& scene, i
   });
 }
 
-absl::StatusOr<bool> Store::HasFileOfKind(const std::string& scene, int64_t number, int kind) {
-  return database_->Read<bool>([&](soci::session& sql) -> absl::StatusOr<bool> {
+absl::StatusOr<bool> FileStore::HasFileOfKind(const std::string& scene, int64_t number, int kind) {
+  return database_.Read<bool>([&](soci::session& sql) -> absl::StatusOr<bool> {
     int found = 0;
     sql << "SELECT 1 FROM dataset_files WHERE scene = :scene AND dataset = :dataset"
            " AND kind = :kind LIMIT 1",
@@ -130,20 +131,20 @@ absl::StatusOr<bool> Store::HasFileOfKind(const std::string& scene, int64_t numb
   });
 }
 
-absl::StatusOr<std::vector<DatasetFileRow>> Store::ListDatasetFilesFrom(const std::string& scene,
-                                                                        int64_t number,
-                                                                        const std::string& path,
-                                                                        int64_t limit) {
+absl::StatusOr<std::vector<DatasetFileRow>> FileStore::ListDatasetFilesFrom(
+    const std::string& scene, int64_t number, const std::string& path, int64_t limit) {
   using Files = std::vector<DatasetFileRow>;
-  return database_->Read<Files>([&](soci::session& sql) -> absl::StatusOr<Files> {
+  return database_.Read<Files>([&](soci::session& sql) -> absl::StatusOr<Files> {
     return SelectFiles(sql, {scene, number, "path >=", path, limit});
   });
 }
 
-absl::Status Store::MarkFilesStored(const UploadName& upload,
-                                    const std::vector<DatasetFileRow>& files) {
+absl::Status FileStore::MarkFilesStored(const UploadName& upload,
+                                        const std::vector<DatasetFileRow>& files) {
+  // The transaction commits even if the files are refused: the blobs are on the disk and must
+  // count. So the refusal is returned separately.
   absl::Status refused;
-  RETURN_IF_ERROR(database_->Transact([&](soci::session& sql) -> absl::Status {
+  RETURN_IF_ERROR(database_.Transact([&](soci::session& sql) -> absl::Status {
     InsertBlobs(sql, upload.project, files);
     const auto dataset = SelectDataset(sql, upload.scene, upload.number);
     refused = dataset.status();
@@ -159,10 +160,10 @@ absl::Status Store::MarkFilesStored(const UploadName& upload,
   return refused;
 }
 
-absl::Status Store::SetDigestsStored(const std::string& project,
-                                     const std::vector<std::string>& digests, bool stored) {
+absl::Status FileStore::SetDigestsStored(const std::string& project,
+                                         const std::vector<std::string>& digests, bool stored) {
   if (digests.empty()) return absl::OkStatus();
-  return database_->Transact([&](soci::session& sql) -> absl::Status {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
     const int value = stored ? 1 : 0;
     for (const std::string& digest : digests) {
       sql << "UPDATE dataset_files SET stored = :stored, header = 0 WHERE sha256 = :digest"
@@ -180,9 +181,9 @@ absl::Status Store::SetDigestsStored(const std::string& project,
   });
 }
 
-absl::Status Store::SetFileHeaders(const std::string& scene, int64_t number,
-                                   const std::vector<DatasetFileRow>& files) {
-  return database_->Transact([&](soci::session& sql) -> absl::Status {
+absl::Status FileStore::SetFileHeaders(const std::string& scene, int64_t number,
+                                       const std::vector<DatasetFileRow>& files) {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
     DatasetRow dataset;
     dataset.scene = scene;
     dataset.number = number;
@@ -191,9 +192,9 @@ absl::Status Store::SetFileHeaders(const std::string& scene, int64_t number,
   });
 }
 
-absl::StatusOr<std::set<std::string>> Store::ListDigests(const std::string& project) {
+absl::StatusOr<std::set<std::string>> FileStore::ListDigests(const std::string& project) {
   using Digests = std::set<std::string>;
-  return database_->Query<Digests>([&](soci::session& sql) -> absl::StatusOr<Digests> {
+  return database_.Query<Digests>([&](soci::session& sql) -> absl::StatusOr<Digests> {
     std::string digest;
     soci::statement select =
         (sql.prepare << "SELECT DISTINCT f.sha256 FROM dataset_files f"
@@ -206,9 +207,9 @@ absl::StatusOr<std::set<std::string>> Store::ListDigests(const std::string& proj
   });
 }
 
-absl::StatusOr<std::set<std::string>> Store::ListBlobs(const std::string& project) {
+absl::StatusOr<std::set<std::string>> FileStore::ListBlobs(const std::string& project) {
   using Digests = std::set<std::string>;
-  return database_->Query<Digests>([&](soci::session& sql) -> absl::StatusOr<Digests> {
+  return database_.Query<Digests>([&](soci::session& sql) -> absl::StatusOr<Digests> {
     std::string digest;
     soci::statement select = (sql.prepare << "SELECT sha256 FROM blobs WHERE project = :project",
                               soci::into(digest), soci::use(project));
@@ -219,9 +220,9 @@ absl::StatusOr<std::set<std::string>> Store::ListBlobs(const std::string& projec
   });
 }
 
-absl::StatusOr<std::vector<std::string>> Store::ListBlobProjects() {
+absl::StatusOr<std::vector<std::string>> FileStore::ListBlobProjects() {
   using Projects = std::vector<std::string>;
-  return database_->Query<Projects>([&](soci::session& sql) -> absl::StatusOr<Projects> {
+  return database_.Query<Projects>([&](soci::session& sql) -> absl::StatusOr<Projects> {
     std::string project;
     soci::statement select =
         (sql.prepare << "SELECT DISTINCT project FROM blobs ORDER BY project", soci::into(project));
@@ -232,9 +233,9 @@ absl::StatusOr<std::vector<std::string>> Store::ListBlobProjects() {
   });
 }
 
-absl::Status Store::ForgetBlobs(const std::string& project,
-                                const std::vector<std::string>& digests) {
-  return database_->Transact([&](soci::session& sql) -> absl::Status {
+absl::Status FileStore::ForgetBlobs(const std::string& project,
+                                    const std::vector<std::string>& digests) {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
     BatchStatement remove(sql,
                           {"DELETE FROM blobs WHERE ", "(project = ? AND sha256 = ?)", " OR ", ""});
     for (const std::string& digest : digests) remove.Add({project, digest});

@@ -1,3 +1,5 @@
+#include "server/store/job_store.h"
+
 #include <limits>
 
 #include "absl/strings/escaping.h"
@@ -6,7 +8,6 @@
 #include "core/base/status_macros.h"
 #include "server/store/database.h"
 #include "server/store/quota_sql.h"
-#include "server/store/store.h"
 #include "server/store/store_sql.h"
 
 namespace pepeseg {
@@ -14,21 +15,22 @@ namespace {
 
 constexpr int64_t kNewest = std::numeric_limits<int64_t>::max();
 
-// The number in "j12"; 0: it is no job's id.
+// Returns 12 for "j12", and 0 for a text that is not the id of a job.
 int64_t JobNumber(const std::string& id) {
   int64_t number = 0;
   if (!id.starts_with('j') || !absl::SimpleAtoi(id.substr(1), &number)) return 0;
   return absl::StrCat("j", number) == id ? number : 0;
 }
 
-// A column of serialised messages: base64, since SQL text cannot hold a zero byte.
+// Reads a column with a serialised message. It is base64, since SQL text cannot hold a zero byte.
 std::string FromColumn(const std::string& text) {
   std::string bytes;
   absl::Base64Unescape(text, &bytes);
   return bytes;
 }
 
-// What an earlier call with this request_id made; an empty id: there was none.
+// Returns the job that an earlier call with this request_id made; its id is empty if there was
+// none. ALREADY_EXISTS: it has another dataset or other options.
 absl::StatusOr<JobRow> FindEarlier(soci::session& sql, const JobRow& wanted) {
   if (wanted.request_id.empty()) return JobRow();
   int64_t number = 0;
@@ -44,6 +46,7 @@ absl::StatusOr<JobRow> FindEarlier(soci::session& sql, const JobRow& wanted) {
   return earlier;
 }
 
+// Returns OK if the dataset is sealed and the scene has no active job.
 absl::Status CheckStartable(soci::session& sql, const JobRow& job) {
   ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, job.scene, job.dataset));
   if (dataset.state != DatasetState::kSealed) {
@@ -75,10 +78,11 @@ absl::StatusOr<JobRow> InsertJob(soci::session& sql, const JobRow& job) {
   return SelectJob(sql, absl::StrCat("j", number));
 }
 
-// The part of a list query that JobFilter decides; placeholders would need a variable number.
-absl::StatusOr<std::string> WhereOf(const Store::JobFilter& filter) {
+// Returns the part of WHERE that a filter decides. It is part of the text because the number of
+// placeholders would vary.
+absl::StatusOr<std::string> WhereOf(const JobStore::JobFilter& filter) {
   std::string where;
-  // A scene that exists is a label: nothing in it to escape.
+  // Needs no escaping: ListJobs runs the query only if a scene has this key.
   if (!filter.scene.empty()) absl::StrAppend(&where, "scene = '", filter.scene, "' AND ");
   if (filter.state) absl::StrAppend(&where, "state = ", static_cast<int>(*filter.state), " AND ");
   if (filter.project.empty()) return where;
@@ -151,31 +155,31 @@ JobRow SelectActiveJob(soci::session& sql, const std::string& scene) {
   return SelectJobs(sql, "number = :number", number, 1).at(0);
 }
 
-absl::StatusOr<JobRow> Store::CreateJob(const JobRow& job) {
-  return database_->Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
+absl::StatusOr<JobRow> JobStore::CreateJob(const JobRow& job) {
+  return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
     RETURN_IF_ERROR(CheckScene(sql, job.scene));
     ASSIGN_OR_RETURN(JobRow earlier, FindEarlier(sql, job));
     if (!earlier.id.empty()) return earlier;
     RETURN_IF_ERROR(CheckStartable(sql, job));
     ASSIGN_OR_RETURN(JobRow made, InsertJob(sql, job));
-    // After it, so that it counts too: when that is too much, it is undone.
-    RETURN_IF_ERROR(CheckQueueQuota(sql, job.scene, default_quota_));
+    // Checked after the insertion, so that the job counts. An error rolls it back.
+    RETURN_IF_ERROR(CheckQueueQuota(sql, job.scene, defaults_));
     return made;
   });
 }
 
-absl::StatusOr<JobRow> Store::GetJob(const std::string& id) {
-  return database_->Query<JobRow>([&](soci::session& sql) { return SelectJob(sql, id); });
+absl::StatusOr<JobRow> JobStore::GetJob(const std::string& id) {
+  return database_.Query<JobRow>([&](soci::session& sql) { return SelectJob(sql, id); });
 }
 
-absl::StatusOr<Page<JobRow>> Store::ListJobs(const JobFilter& filter, const PageRequest& page) {
+absl::StatusOr<Page<JobRow>> JobStore::ListJobs(const JobFilter& filter, const PageRequest& page) {
   const std::string list =
       absl::StrCat("jobs/", filter.scene, "/", filter.state ? static_cast<int>(*filter.state) : -1,
                    "/", filter.project);
   ASSIGN_OR_RETURN(const std::string where, WhereOf(filter));
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
   ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewest));
-  return database_->Query<Page<JobRow>>([&](soci::session& sql) -> absl::StatusOr<Page<JobRow>> {
+  return database_.Query<Page<JobRow>>([&](soci::session& sql) -> absl::StatusOr<Page<JobRow>> {
     if (!filter.scene.empty()) RETURN_IF_ERROR(CheckScene(sql, filter.scene));
     Page<JobRow> answer;
     answer.rows =
@@ -188,27 +192,28 @@ absl::StatusOr<Page<JobRow>> Store::ListJobs(const JobFilter& filter, const Page
   });
 }
 
-absl::StatusOr<std::optional<JobRow>> Store::FindActiveJob(const std::string& scene) {
+absl::StatusOr<std::optional<JobRow>> JobStore::FindActiveJob(const std::string& scene) {
   using Found = std::optional<JobRow>;
-  return database_->Query<Found>([&](soci::session& sql) -> absl::StatusOr<Found> {
+  return database_.Query<Found>([&](soci::session& sql) -> absl::StatusOr<Found> {
     RETURN_IF_ERROR(CheckScene(sql, scene));
     JobRow active = SelectActiveJob(sql, scene);
     return active.id.empty() ? Found() : Found(std::move(active));
   });
 }
 
-absl::StatusOr<int64_t> Store::NextJobNumber() {
-  return database_->Query<int64_t>([](soci::session& sql) -> absl::StatusOr<int64_t> {
+absl::StatusOr<int64_t> JobStore::NextJobNumber() {
+  return database_.Query<int64_t>([](soci::session& sql) -> absl::StatusOr<int64_t> {
     int64_t next = 0;
     sql << "SELECT next_job FROM job_numbers", soci::into(next);
     return next;
   });
 }
 
-absl::StatusOr<std::string> Store::ProjectOfJob(const std::string& id) {
+absl::StatusOr<std::string> JobStore::ProjectOfJob(const std::string& id) {
   const int64_t number = JobNumber(id);
-  if (number <= 0) return absl::InvalidArgumentError(absl::StrCat("'", id, "' is no job's id"));
-  return database_->Read<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
+  if (number <= 0)
+    return absl::InvalidArgumentError(absl::StrCat("'", id, "' is not the id of a job"));
+  return database_.Read<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
     std::string project;
     sql << "SELECT scenes.project FROM jobs JOIN scenes ON scenes.id = jobs.scene"
            " WHERE jobs.number = :number",

@@ -1,9 +1,10 @@
+#include "server/store/model_store.h"
+
 #include <limits>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/store/database.h"
-#include "server/store/store.h"
 #include "server/store/store_sql.h"
 
 namespace pepeseg {
@@ -11,12 +12,13 @@ namespace {
 
 constexpr int64_t kNewestModel = std::numeric_limits<int64_t>::max();
 
-// A model's job is "j" and the number of a record that lives as long as the scene.
+// SQL for the dataset of a model's job, or 0. models.job is "j" and the number of the job, whose
+// record exists as long as the scene.
 constexpr char kDatasetOfJob[] =
     "COALESCE((SELECT dataset FROM jobs WHERE jobs.number = CAST(SUBSTR(models.job, 2) AS BIGINT)),"
     " 0)";
 
-// Models of a scene whose number stands to `key` as `condition` says, newest first.
+// Returns models of a scene for which "number `condition` `key`" holds, newest first.
 std::vector<ModelRow> SelectModels(soci::session& sql, const std::string& scene,
                                    const std::string& condition, const PageStart& start,
                                    int64_t key) {
@@ -60,43 +62,42 @@ absl::StatusOr<ModelRow> SelectModel(soci::session& sql, const std::string& scen
   return rows[0];
 }
 
-absl::StatusOr<ModelRow> Store::GetModel(const std::string& scene, int64_t number) {
-  return database_->Read<ModelRow>(
+absl::StatusOr<ModelRow> ModelStore::GetModel(const std::string& scene, int64_t number) {
+  return database_.Read<ModelRow>(
       [&](soci::session& sql) { return SelectModel(sql, scene, number); });
 }
 
-absl::StatusOr<ModelRow> Store::GetLiveModel(const std::string& scene) {
-  return database_->Read<ModelRow>([&](soci::session& sql) -> absl::StatusOr<ModelRow> {
+absl::StatusOr<ModelRow> ModelStore::GetLiveModel(const std::string& scene) {
+  return database_.Read<ModelRow>([&](soci::session& sql) -> absl::StatusOr<ModelRow> {
     std::vector<ModelRow> rows = SelectModels(sql, scene, "<", {1, ""}, kNewestModel);
-    if (!rows.empty()) return rows[0];  // every question comes by here
+    if (!rows.empty()) return rows[0];  // one SELECT: every query looks up its model here
     RETURN_IF_ERROR(CheckScene(sql, scene));
     return NoModelError(sql, scene);
   });
 }
 
-absl::StatusOr<Page<ModelRow>> Store::ListModels(const std::string& scene,
-                                                 const PageRequest& page) {
+absl::StatusOr<Page<ModelRow>> ModelStore::ListModels(const std::string& scene,
+                                                      const PageRequest& page) {
   const std::string list = absl::StrCat("models/", scene);
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
   ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewestModel));
-  return database_->Query<Page<ModelRow>>(
-      [&](soci::session& sql) -> absl::StatusOr<Page<ModelRow>> {
-        RETURN_IF_ERROR(CheckScene(sql, scene));
-        Page<ModelRow> answer;
-        answer.rows = SelectModels(sql, scene, "<", {start.limit + 1, ""}, key);
-        if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
-          answer.rows.pop_back();
-          answer.next_page_token = NextToken(list, absl::StrCat(answer.rows.back().number));
-        }
-        return answer;
-      });
+  return database_.Query<Page<ModelRow>>([&](soci::session& sql) -> absl::StatusOr<Page<ModelRow>> {
+    RETURN_IF_ERROR(CheckScene(sql, scene));
+    Page<ModelRow> answer;
+    answer.rows = SelectModels(sql, scene, "<", {start.limit + 1, ""}, key);
+    if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
+      answer.rows.pop_back();
+      answer.next_page_token = NextToken(list, absl::StrCat(answer.rows.back().number));
+    }
+    return answer;
+  });
 }
 
-absl::Status Store::DeleteModel(const std::string& scene, int64_t number) {
-  return database_->Transact([&](soci::session& sql) -> absl::Status {
+absl::Status ModelStore::DeleteModel(const std::string& scene, int64_t number) {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
     ASSIGN_OR_RETURN(const ModelRow model, SelectModel(sql, scene, number));
     sql << "DELETE FROM models WHERE scene = :scene AND number = :number", soci::use(model.scene),
-        soci::use(number);  // its selections cascade
+        soci::use(number);  // its selections are deleted by cascade
     return absl::OkStatus();
   });
 }

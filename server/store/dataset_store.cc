@@ -1,3 +1,5 @@
+#include "server/store/dataset_store.h"
+
 #include <algorithm>
 #include <iterator>
 
@@ -5,13 +7,12 @@
 #include "core/base/status_macros.h"
 #include "server/store/database.h"
 #include "server/store/quota_sql.h"
-#include "server/store/store.h"
 #include "server/store/store_sql.h"
 
 namespace pepeseg {
 namespace {
 
-// Datasets of a scene for which `condition` on `key` holds, by number.
+// Returns datasets of a scene for which "number `condition` `key`" holds, ordered by number.
 std::vector<DatasetRow> SelectDatasets(soci::session& sql, const std::string& scene,
                                        const std::string& condition, int64_t key, int64_t limit) {
   DatasetRow row;
@@ -36,6 +37,7 @@ std::vector<DatasetRow> SelectDatasets(soci::session& sql, const std::string& sc
   return rows;
 }
 
+// Returns whether two lists declare the same files, in any order.
 bool SameFiles(std::vector<DatasetFileRow> a, std::vector<DatasetFileRow> b) {
   const auto by_path = [](const DatasetFileRow& x, const DatasetFileRow& y) {
     return x.path < y.path;
@@ -48,7 +50,8 @@ bool SameFiles(std::vector<DatasetFileRow> a, std::vector<DatasetFileRow> b) {
       });
 }
 
-// What an earlier call with this request_id made; number 0: there was none.
+// Returns the dataset that an earlier call with this request_id made; its number is 0 if there was
+// none. ALREADY_EXISTS: it has other files.
 absl::StatusOr<DatasetRow> FindEarlier(soci::session& sql, const DatasetRow& wanted,
                                        const std::vector<DatasetFileRow>& files) {
   if (wanted.request_id.empty()) return DatasetRow();
@@ -83,6 +86,7 @@ DatasetRow InsertDataset(soci::session& sql, DatasetRow row,
   return row;
 }
 
+// Seals a dataset unless a file is missing.
 absl::StatusOr<DatasetRow> Seal(soci::session& sql, const DatasetRow& dataset) {
   if (dataset.state == DatasetState::kSealed) return dataset;
   FileQuery query;
@@ -113,14 +117,14 @@ absl::StatusOr<DatasetRow> SelectDataset(soci::session& sql, const std::string& 
   return rows[0];
 }
 
-absl::StatusOr<DatasetRow> Store::CreateDataset(const std::string& scene,
-                                                const std::string& request_id,
-                                                const std::vector<DatasetFileRow>& files,
-                                                const std::function<absl::Status()>& admit) {
+absl::StatusOr<DatasetRow> DatasetStore::CreateDataset(const std::string& scene,
+                                                       const std::string& request_id,
+                                                       const std::vector<DatasetFileRow>& files,
+                                                       const std::function<absl::Status()>& admit) {
   DatasetRow row;
   row.scene = scene;
   row.request_id = request_id;
-  return database_->Query<DatasetRow>([&](soci::session& sql) -> absl::StatusOr<DatasetRow> {
+  return database_.Query<DatasetRow>([&](soci::session& sql) -> absl::StatusOr<DatasetRow> {
     RETURN_IF_ERROR(CheckScene(sql, scene));
     ASSIGN_OR_RETURN(const DatasetRow earlier, FindEarlier(sql, row, files));
     if (earlier.number != 0) return earlier;
@@ -130,23 +134,23 @@ absl::StatusOr<DatasetRow> Store::CreateDataset(const std::string& scene,
     std::copy_if(files.begin(), files.end(), std::back_inserter(stored),
                  [](const DatasetFileRow& file) { return file.stored; });
     InsertBlobs(sql, SelectProjectOf(sql, scene), stored);
-    // After it, so that it counts too: when that is too much, all of it is undone.
-    RETURN_IF_ERROR(CheckUploadQuotas(sql, scene, default_quota_));
+    // Checked after the insertion, so that the dataset counts. An error rolls all of it back.
+    RETURN_IF_ERROR(CheckUploadQuotas(sql, scene, defaults_));
     return made;
   });
 }
 
-absl::StatusOr<DatasetRow> Store::GetDataset(const std::string& scene, int64_t number) {
-  return database_->Query<DatasetRow>(
+absl::StatusOr<DatasetRow> DatasetStore::GetDataset(const std::string& scene, int64_t number) {
+  return database_.Query<DatasetRow>(
       [&](soci::session& sql) { return SelectDataset(sql, scene, number); });
 }
 
-absl::StatusOr<Page<DatasetRow>> Store::ListDatasets(const std::string& scene,
-                                                     const PageRequest& page) {
+absl::StatusOr<Page<DatasetRow>> DatasetStore::ListDatasets(const std::string& scene,
+                                                            const PageRequest& page) {
   const std::string list = absl::StrCat("datasets/", scene);
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
   ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, 0));
-  return database_->Query<Page<DatasetRow>>(
+  return database_.Query<Page<DatasetRow>>(
       [&](soci::session& sql) -> absl::StatusOr<Page<DatasetRow>> {
         RETURN_IF_ERROR(CheckScene(sql, scene));
         Page<DatasetRow> answer;
@@ -160,9 +164,9 @@ absl::StatusOr<Page<DatasetRow>> Store::ListDatasets(const std::string& scene,
       });
 }
 
-absl::StatusOr<DatasetRow> Store::SealDataset(const std::string& scene, int64_t number,
-                                              const std::vector<DatasetFileRow>& found) {
-  return database_->Query<DatasetRow>([&](soci::session& sql) -> absl::StatusOr<DatasetRow> {
+absl::StatusOr<DatasetRow> DatasetStore::SealDataset(const std::string& scene, int64_t number,
+                                                     const std::vector<DatasetFileRow>& found) {
+  return database_.Query<DatasetRow>([&](soci::session& sql) -> absl::StatusOr<DatasetRow> {
     ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
     if (dataset.state == DatasetState::kOpen) {
       InsertBlobs(sql, SelectProjectOf(sql, scene), found);
@@ -172,9 +176,9 @@ absl::StatusOr<DatasetRow> Store::SealDataset(const std::string& scene, int64_t 
   });
 }
 
-absl::StatusOr<std::vector<DatasetRow>> Store::ListOpenUploads(absl::Time created_before) {
+absl::StatusOr<std::vector<DatasetRow>> DatasetStore::ListOpenUploads(absl::Time created_before) {
   using Rows = std::vector<DatasetRow>;
-  return database_->Query<Rows>([&](soci::session& sql) -> absl::StatusOr<Rows> {
+  return database_.Query<Rows>([&](soci::session& sql) -> absl::StatusOr<Rows> {
     const int64_t before = ToMicros(created_before);
     DatasetRow row;
     int64_t create_time = 0;
@@ -193,15 +197,15 @@ absl::StatusOr<std::vector<DatasetRow>> Store::ListOpenUploads(absl::Time create
   });
 }
 
-absl::Status Store::DeleteUpload(const std::string& scene, int64_t number) {
-  return database_->Transact([&](soci::session& sql) -> absl::Status {
+absl::Status DatasetStore::DeleteUpload(const std::string& scene, int64_t number) {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
     ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
     if (dataset.state == DatasetState::kSealed) {
       return absl::FailedPreconditionError(
           absl::StrCat("scenes/", scene, "/uploads/", number, " is sealed"));
     }
     sql << "DELETE FROM datasets WHERE scene = :scene AND number = :number",
-        soci::use(dataset.scene), soci::use(number);  // its files cascade
+        soci::use(dataset.scene), soci::use(number);  // its files are deleted by cascade
     return absl::OkStatus();
   });
 }
