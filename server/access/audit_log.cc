@@ -132,6 +132,7 @@ absl::StatusOr<std::unique_ptr<RefusalLog>> RefusalLog::Open(const std::filesyst
 
 RefusalLog::~RefusalLog() { SummarizeLocked(); }
 
+// The bucket fills with lines_per_second up to burst. A clock that steps back adds nothing.
 bool RefusalLog::TakeTokenLocked(absl::Time now) {
   const double earned = absl::ToDoubleSeconds(now - filled_) * limits_.lines_per_second;
   tokens_ = std::clamp(tokens_ + std::max(earned, 0.0), 0.0, limits_.burst);

@@ -108,6 +108,7 @@ struct Authorizer::Verdict {
   }
 };
 
+// The log gets the precise reason; the caller gets the same error for all keys that are not valid.
 void Authorizer::CheckKey(const CallOrigin& origin, Verdict& verdict) {
   if (origin.authorization.empty()) return verdict.Refuse(NoKeyError(), "NO_KEY");
   const std::string& header = origin.authorization[0];
@@ -177,6 +178,8 @@ void Authorizer::CheckResources(const MethodAccess& access,
   }
 }
 
+// Checks in this order: identity, scope, resources. An unknown caller learns nothing about methods
+// or resources, and a caller without the scope learns nothing about resources.
 Authorizer::Verdict Authorizer::Decide(const CallOrigin& origin,
                                        const google::protobuf::Message& request) {
   Verdict verdict;

@@ -33,6 +33,8 @@ MemoryFile::~MemoryFile() {
   if (descriptor_ >= 0) close(descriptor_);
 }
 
+// Writes the text to a new memory file, and then makes the old descriptor refer to it. Readers open
+// /proc/self/fd/N, so those who have opened it before keep the old text.
 absl::Status MemoryFile::Replace(const std::string& text) {
   const int made = memfd_create("pepeseg-tls", MFD_CLOEXEC);
   if (made < 0) return SystemError("cannot make it");

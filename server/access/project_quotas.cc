@@ -50,6 +50,8 @@ absl::Status TooFastError(double per_second, double missing) {
 
 }  // namespace
 
+// The mutex is not held while the store is asked. Several threads may then read the same quota;
+// that is harmless.
 absl::StatusOr<Quota> ProjectQuotas::Get(const std::string& project) {
   const absl::Time now = absl::Now();
   {
@@ -77,6 +79,8 @@ absl::Status ProjectQuotas::Admit(const std::string& project,
   return AdmitQuery(project, static_cast<double>(quota.queries_per_second));
 }
 
+// Refuses a flood of queries cheaply: it costs a hash and two map lookups. A credential that was
+// revoked less than kMaxStale ago may still be admitted here, but is then refused by Authorize.
 std::optional<absl::Status> ProjectQuotas::AdmitAtOnce(const std::string& credential,
                                                        const google::protobuf::Message& request) {
   if (!IsQuery(request)) return std::nullopt;

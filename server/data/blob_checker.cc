@@ -45,6 +45,8 @@ void BlobChecker::Run() {
   }
 }
 
+// Marks all damaged blobs of a task in one transaction, after they were set aside. If the server is
+// killed in between, the blob is found missing when its files are used next.
 int BlobChecker::CheckAll(const Task& task) const {
   std::set<std::string> checked;
   std::vector<std::string> damaged;

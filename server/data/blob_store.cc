@@ -196,6 +196,8 @@ std::map<std::string, int64_t> BlobStore::ListPartial(const UploadName& upload) 
   return partial;
 }
 
+// Looks for the blob twice: before taking the lock of the partial file, which would create it, and
+// again once it is locked, since another writer may have published the blob in between.
 absl::StatusOr<std::shared_ptr<BlobWriter>> BlobStore::Begin(const UploadName& upload,
                                                              const std::string& sha256,
                                                              int64_t size) {

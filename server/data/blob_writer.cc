@@ -71,6 +71,8 @@ absl::Status BlobWriter::Start(int64_t offset) {
   return absl::OkStatus();
 }
 
+// Reads what an earlier writer committed: SHA-256 cannot be resumed from a digest, and its state is
+// not stored.
 absl::Status BlobWriter::Rehash() {
   std::vector<char> block(kReadBytes);
   const int64_t end = std::min(written_, hashed_ + kRehashBytes);
@@ -113,6 +115,8 @@ absl::Status BlobWriter::Sync() {
   return FileError(target_.partial, "cannot sync", errno);
 }
 
+// The length is written after the bytes are synced, so that it never counts bytes that a power cut
+// may lose.
 absl::Status BlobWriter::Record() {
   RETURN_IF_ERROR(Sync());
   RETURN_IF_ERROR(WriteFileAtomically(LengthPath(target_.partial), absl::StrCat(written_, "\n")));

@@ -54,6 +54,8 @@ absl::StatusOr<LockedFile> LockedFile::Open(const std::filesystem::path& path, i
   return file;
 }
 
+// The file may be renamed or removed between open and flock, by a holder that publishes or collects
+// it. The lock is then on a file without this name: try again with the current one.
 absl::StatusOr<LockedFile> LockedFile::TryAlone(const std::filesystem::path& path) {
   constexpr int kTries = 10;
   for (int i = 0; i < kTries; ++i) {

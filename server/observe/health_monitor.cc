@@ -113,6 +113,9 @@ bool HealthMonitor::Works(const Watched& watched, absl::Time now) const {
   return watched.status.ok() && now - watched.running_since <= pace_.patience;
 }
 
+// A service serves unless the server drains or one of its probes fails. The service "" stands for
+// the whole server in grpc.health.v1; probes name it where they concern it. The caller must hold
+// mutex_, under which `publish_` is called, so that changes are published in order.
 void HealthMonitor::JudgeLocked() {
   if (stopping_ || !publish_) return;
   const absl::Time now = absl::Now();

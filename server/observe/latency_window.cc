@@ -25,6 +25,9 @@ uint32_t SecondOf(absl::Time now) { return static_cast<uint32_t>(absl::ToUnixSec
 
 }  // namespace
 
+// Adds one to the counter of a bucket, or restarts it at one if its slot still holds an older
+// second: a compare-and-swap of second and count together, without a lock. Relaxed order suffices,
+// since no other data depends on the counters.
 void LatencyWindow::Record(absl::Duration took, absl::Time now) {
   const uint32_t second = SecondOf(now);
   std::atomic<uint64_t>& count = slots_[second % kSlots][BucketOf(took, kBuckets)];

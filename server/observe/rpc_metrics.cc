@@ -77,6 +77,8 @@ void RpcMetrics::Answer(Method& method, int grpc_code, absl::Duration took) {
   method.seconds->Observe(absl::ToDoubleSeconds(took));
 }
 
+// Caches the counter of each method and code in an atomic pointer: Add takes the family's lock and
+// hashes the labels. Release and acquire order make the counter visible with its pointer.
 prometheus::Counter& RpcMetrics::CounterOf(Method& method, int grpc_code) {
   constexpr int kUnknown = 2;
   const int code = grpc_code < 0 || grpc_code >= kNumCodes ? kUnknown : grpc_code;

@@ -176,6 +176,7 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Open(const std::string& url)
       "; restore it from a backup, or rescue what is left with the database's own tools"));
 }
 
+// Opens the connections one by one. They are never closed: RunOnce reconnects one that was lost.
 absl::Status Database::Connect(size_t num_connections) {
   return Guard([&]() -> absl::Status {
     for (size_t i = 0; i < num_connections; ++i) {
@@ -187,6 +188,8 @@ absl::Status Database::Connect(size_t num_connections) {
   });
 }
 
+// Runs a body on one connection, which this thread has alone meanwhile. Waits up to 30 s for a free
+// connection. Throws nothing.
 Database::Run Database::RunOnce(const std::function<absl::Status(soci::session&)>& body,
                                 bool in_transaction) {
   Run run;
@@ -226,6 +229,9 @@ absl::Status Database::Transact(const std::function<absl::Status(soci::session&)
   return Repeat(body, /*in_transaction=*/true);
 }
 
+// Serializable transactions of PostgreSQL may fail at any statement, or at the commit, because of
+// another one; SQLite reports a busy file if another process writes. Both are run again from the
+// start after a random pause, which grows so that many colliding servers spread out.
 absl::Status Database::Repeat(const std::function<absl::Status(soci::session&)>& body,
                               bool in_transaction) {
   bool reconnected = false;
@@ -239,6 +245,8 @@ absl::Status Database::Repeat(const std::function<absl::Status(soci::session&)>&
   }
 }
 
+// Runs all missing steps of the schema in one transaction, so that an upgrade that fails leaves the
+// old version.
 absl::Status Database::Upgrade() {
   return Transact([this](soci::session& sql) {
     // One server upgrades at a time; SQLite has only one server anyway.

@@ -24,7 +24,9 @@ absl::StatusOr<JobRow> SelectAttempt(soci::session& sql, const std::string& id, 
       absl::StrCat("jobs/", id, " is no longer run as attempt ", fence, " by this server"));
 }
 
-// Writes the columns of a job that the queue may change.
+// Writes the columns of a job that the queue may change. All functions below read the job, change
+// it in memory and write it back, in one serializable transaction: two servers that change the same
+// job collide, and one of them runs again and sees the other's change.
 void UpdateJob(soci::session& sql, const JobRow& job) {
   const int state = static_cast<int>(job.state);
   const int cancel_requested = job.cancel_requested ? 1 : 0;
@@ -68,6 +70,7 @@ void BeginClaim(JobRow& job, const std::string& device) {
   job.start_time = absl::Now();
 }
 
+// Updates the counters by which the supervisor decides that a job has failed too often.
 void CountAttempt(const EndedAttempt& attempt, JobRow& job) {
   if (attempt.progress) {
     job.crashes = job.server_ends = 0;
@@ -78,6 +81,7 @@ void CountAttempt(const EndedAttempt& attempt, JobRow& job) {
   }
 }
 
+// Leases are measured by the database's clock: the clocks of the servers may differ.
 int64_t LeaseEnd(soci::session& sql, const JobQueue::Holder& holder) {
   if (holder.lease == absl::InfiniteDuration()) return kNever;
   return DatabaseMicros(sql) + absl::ToInt64Microseconds(holder.lease);
