@@ -12,7 +12,7 @@
 #include "core/base/status_macros.h"
 #include "server/access/api_key.h"
 #include "server/access/audit_log.h"
-#include "server/data/directory_lock.h"
+#include "server/data/locked_file.h"
 #include "server/store/layout.h"
 #include "server/store/store.h"
 
@@ -73,7 +73,7 @@ absl::Status Create(const ServerOptions& server, const NewKeyFlags& flags) {
     key.row.expire_time = absl::Now() + absl::Hours(24 * flags.expires_days);
   }
   ASSIGN_OR_RETURN(const OpenDatabase database, Open(server));
-  ASSIGN_OR_RETURN(const KeyRow made, database.store->CreateKey(key.row));
+  ASSIGN_OR_RETURN(const KeyRow made, database.store->keys().CreateKey(key.row));
   database.audit->Write(EntryOf("create", made));
   absl::FPrintF(stderr, "keys/%s of project %s may %s. Its secret is not shown again:\n", made.id,
                 made.project, ScopesToText(made.scopes));
@@ -95,7 +95,7 @@ absl::Status List(const ServerOptions& server) {
   ASSIGN_OR_RETURN(const OpenDatabase database, Open(server));
   PageRequest page{1000, ""};
   do {
-    ASSIGN_OR_RETURN(const Page<KeyRow> keys, database.store->ListKeys("", page));
+    ASSIGN_OR_RETURN(const Page<KeyRow> keys, database.store->keys().ListKeys("", page));
     for (const KeyRow& key : keys.rows) {
       absl::PrintF("keys/%s  %-16s  %-24s  %-22s  \"%s\"\n", key.id, key.project,
                    ScopesToText(key.scopes), StateOf(key), key.display_name);
@@ -108,7 +108,7 @@ absl::Status List(const ServerOptions& server) {
 absl::Status Revoke(const ServerOptions& server, const std::string& name) {
   ASSIGN_OR_RETURN(const OpenDatabase database, Open(server));
   ASSIGN_OR_RETURN(const KeyRow key,
-                   database.store->RevokeKey(std::string(absl::StripPrefix(name, "keys/"))));
+                   database.store->keys().RevokeKey(std::string(absl::StripPrefix(name, "keys/"))));
   database.audit->Write(EntryOf("revoke", key));
   absl::PrintF("keys/%s of project %s is revoked\n", key.id, key.project);
   return absl::OkStatus();

@@ -10,7 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/access/certificate_files.h"
+#include "server/access/access_options.h"
 
 namespace pepeseg {
 namespace {

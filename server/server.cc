@@ -20,7 +20,7 @@
 #include "server/api/error.h"
 #include "server/collect/collector.h"
 #include "server/data/blob_checker.h"
-#include "server/data/directory_lock.h"
+#include "server/data/locked_file.h"
 #include "server/observe/self_probe.h"
 #include "server/rpc/call_interceptor.h"
 #include "server/rpc/connection_acceptor.h"

@@ -19,7 +19,7 @@
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
 #include "server/jobs/holder_name.h"
 #include "server/listen_rules.h"
-#include "server/observe/health_probes.h"
+#include "server/observe/health_monitor.h"
 #include "server/server_metrics.h"
 #include "server/store/layout.h"
 

@@ -21,9 +21,10 @@ namespace {
 constexpr absl::string_view kPrefix = "pk_";
 constexpr size_t kSecretBytes = 32;
 constexpr size_t kIdBytes = 8;
-// Of base64 without padding.
+// "pk_" and the secret in base64 without padding.
 constexpr size_t kSecretLength = 3 + (kSecretBytes * 4 + 2) / 3;
 
+// By v1::Scope.
 constexpr absl::string_view kScopeWords[] = {"", "read", "write", "train", "operate"};
 
 }  // namespace
@@ -60,8 +61,8 @@ absl::StatusOr<int> ScopesFromText(const std::string& text) {
       if (word == kScopeWords[scope]) bit = ScopeBit(static_cast<v1::Scope>(scope));
     }
     if (bit == 0) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("scope '", word, "': allowed are read, write, train and operate, with ','"));
+      return absl::InvalidArgumentError(absl::StrCat(
+          "scope '", word, "': must be read, write, train or operate; separate several by ','"));
     }
     scopes |= bit;
   }

@@ -9,19 +9,20 @@
 
 namespace pepeseg {
 
-// A key as it is made. The secret is told to who asked for it and then forgotten.
+// A new key. The secret is returned to whoever asked for the key, and is stored nowhere.
 struct NewKey {
   KeyRow row;          // id and sha256 only
   std::string secret;  // "pk_" and 256 random bits, as web-safe base64
 };
 
-// INTERNAL: the system has no random bits.
+// Makes a key from the system's random bits. INTERNAL: the system has none.
 absl::StatusOr<NewKey> MakeKey();
 
-// Whether it could be one that MakeKey has made.
+// Returns whether `secret` has the form of MakeKey's secrets.
 bool LooksLikeSecret(const std::string& secret);
-std::string DigestOfSecret(const std::string& secret);  // 64 lower-case hex digits
-// In a time that does not tell where they differ.
+// Returns the SHA-256 of a secret, 64 lower-case hex digits.
+std::string DigestOfSecret(const std::string& secret);
+// Compares in constant time, which does not reveal where the two differ.
 bool SameDigest(const std::string& a, const std::string& b);
 
 inline bool IsExpired(const KeyRow& key, absl::Time now) {
@@ -29,13 +30,14 @@ inline bool IsExpired(const KeyRow& key, absl::Time now) {
 }
 inline bool IsRevoked(const KeyRow& key) { return key.revoke_time != absl::InfinitePast(); }
 
-// KeyRow::scopes.
+// Bits of KeyRow::scopes.
 inline int ScopeBit(v1::Scope scope) { return 1 << static_cast<int>(scope); }
 inline int AllScopes() {
   return ScopeBit(v1::SCOPE_READ) | ScopeBit(v1::SCOPE_WRITE) | ScopeBit(v1::SCOPE_TRAIN) |
          ScopeBit(v1::SCOPE_OPERATE);
 }
-// "read,write,train,operate" or some of them. INVALID_ARGUMENT: none, or a word that is no scope.
+// Reads a list such as "read,write,train,operate". INVALID_ARGUMENT: it is empty, or a word is not
+// a scope.
 absl::StatusOr<int> ScopesFromText(const std::string& text);
 std::string ScopesToText(int scopes);
 

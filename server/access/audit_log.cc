@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <nlohmann/json.hpp>
 #include <system_error>
@@ -19,7 +20,7 @@
 namespace pepeseg {
 namespace {
 
-// Names come from clients: a line stays short, whatever they send.
+// Limit for each resource name in a line, as names come from clients.
 constexpr size_t kMaxNameBytes = 256;
 
 std::string TextOf(absl::Time time) {
@@ -74,7 +75,8 @@ bool AuditLog::IsMoved() const {
 absl::Status AuditLog::RotateWhenFull() {
   struct stat now {};
   if (fstat(descriptor_, &now) != 0 || now.st_size < limits_.max_bytes) return absl::OkStatus();
-  // Of several processes one rotates; the others find it moved. The lock goes with the descriptor.
+  // The first of several processes rotates; the others then find the file moved. Closing the
+  // descriptor releases the lock.
   if (flock(descriptor_, LOCK_EX) != 0) return FileError(path_, "cannot lock", errno);
   if (!IsMoved()) {
     const auto numbered = [this](int i) {
@@ -95,7 +97,7 @@ absl::Status AuditLog::RotateWhenFull() {
 absl::Status AuditLog::Append(const std::string& line) {
   if (IsMoved()) RETURN_IF_ERROR(Reopen());
   RETURN_IF_ERROR(RotateWhenFull());
-  // In one write, so that lines of several processes do not mix.
+  // One write with O_APPEND, so that lines of several processes do not mix.
   const ssize_t written = write(descriptor_, line.data(), line.size());
   if (written != static_cast<ssize_t>(line.size())) {
     return FileError(path_, "cannot write", written < 0 ? errno : ENOSPC);
@@ -120,6 +122,38 @@ void AuditLog::WriteLine(const std::string& line) {
     spdlog::error("audit log: {}: calls are not recorded", std::string(status.message()));
   }
   failing_ = !status.ok();
+}
+
+absl::StatusOr<std::unique_ptr<RefusalLog>> RefusalLog::Open(const std::filesystem::path& path,
+                                                             const Limits& limits) {
+  ASSIGN_OR_RETURN(std::unique_ptr<AuditLog> file, AuditLog::Open(path, limits.file));
+  return std::unique_ptr<RefusalLog>(new RefusalLog(std::move(file), limits));
+}
+
+RefusalLog::~RefusalLog() { SummarizeLocked(); }
+
+// The bucket fills with lines_per_second up to burst. A clock that steps back adds nothing.
+bool RefusalLog::TakeTokenLocked(absl::Time now) {
+  const double earned = absl::ToDoubleSeconds(now - filled_) * limits_.lines_per_second;
+  tokens_ = std::clamp(tokens_ + std::max(earned, 0.0), 0.0, limits_.burst);
+  filled_ = now;
+  if (tokens_ < 1) return false;
+  --tokens_;
+  return true;
+}
+
+void RefusalLog::SummarizeLocked() {
+  if (num_left_out_ == 0) return;
+  file_->WriteLeftOut(num_left_out_, left_out_since_);
+  num_left_out_ = 0;
+}
+
+void RefusalLog::Write(const AuditEntry& entry, absl::Time now) {
+  const std::lock_guard lock(mutex_);
+  const bool write = TakeTokenLocked(now);
+  if (!write && ++num_left_out_ == 1) left_out_since_ = now;
+  if (num_left_out_ > 0 && now - left_out_since_ >= limits_.summary_interval) SummarizeLocked();
+  if (write) file_->Write(entry);
 }
 
 }  // namespace pepeseg

@@ -5,33 +5,36 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/time/clock.h"
 #include "absl/time/time.h"
 
 namespace pepeseg {
 
-// What somebody did, or was not let do.
+// A call that was made or refused.
 struct AuditEntry {
-  std::string key;      // id; empty: none that is known
-  std::string project;  // of the key
-  std::string peer;     // gRPC's name of where the call came from
+  std::string key;      // id; empty: no valid key
+  std::string project;  // of the key or the gateway identity
+  std::string peer;     // gRPC's name for the other end of the connection
   std::string method;   // "pepeseg.v1.SceneService.GetScene"
   std::vector<std::string> resources;
-  std::string outcome;       // a gRPC code's name
-  std::string reason;        // of a refusal: "EXPIRED_KEY"; may be empty
-  std::string subject = {};  // whom a gateway vouches for; empty: none does
+  std::string outcome;       // name of a gRPC status code
+  std::string reason;        // of a refusal, as "EXPIRED_KEY"; may be empty
+  std::string subject = {};  // of the gateway identity; empty: none
 };
 
-// A file of one JSON object a line, for its owner's eyes only (0600). At `max_bytes` it becomes
-// PATH.1, that PATH.2 and so on, `kept` of them. Several processes may write to one. Thread safe; a
-// line that cannot be written is told in the server's log, and the call goes on.
+// A file with one JSON object per line, readable by its owner only (0600). When it reaches
+// `max_bytes` it becomes PATH.1, PATH.1 becomes PATH.2 and so on, up to PATH.`kept`. Several
+// processes may write to one file. Thread safe. A line that cannot be written is reported in the
+// server's log and does not fail the call.
 class AuditLog {
  public:
   struct Limits {
-    int64_t max_bytes = int64_t{64} << 20;
-    int kept = 8;
+    int64_t max_bytes = int64_t{64} << 20;  // size at which the file is rotated
+    int kept = 8;                           // number of older files
   };
 
   static absl::StatusOr<std::unique_ptr<AuditLog>> Open(const std::filesystem::path& path,
@@ -41,7 +44,7 @@ class AuditLog {
   AuditLog& operator=(const AuditLog&) = delete;
 
   void Write(const AuditEntry& entry);
-  // A line for `count` entries that were left out, the first of them at `since`.
+  // Writes a line for `count` entries that were left out, the first of them at `since`.
   void WriteLeftOut(int64_t count, absl::Time since);
 
  private:
@@ -50,7 +53,7 @@ class AuditLog {
       : path_(std::move(path)), limits_(limits) {}
   absl::Status Append(const std::string& line);
   absl::Status Reopen();
-  // Whether another process has rotated the file away under us.
+  // Returns whether the open file no longer has the path, because another process rotated it.
   bool IsMoved() const;
   absl::Status RotateWhenFull();
 
@@ -58,7 +61,45 @@ class AuditLog {
   const Limits limits_;
   std::mutex mutex_;
   int descriptor_ = -1;
-  bool failing_ = false;  // so that a full disk is told once, not with every call
+  bool failing_ = false;  // the last write failed; a full disk is logged once, not for every call
+};
+
+// Refusals of callers without a valid key, in a file of their own: anybody who can reach the server
+// can cause any number of them, and must not be able to rotate the audit log away. Same format as
+// AuditLog. Lines beyond a rate are left out and counted in lines of the form {"time", "left_out":
+// number, "since": time of the first}. Thread safe.
+class RefusalLog {
+ public:
+  struct Limits {
+    double lines_per_second = 10;
+    double burst = 100;                                   // lines that may be written at once
+    absl::Duration summary_interval = absl::Seconds(10);  // between lines with a count
+    AuditLog::Limits file = {int64_t{16} << 20, 3};
+  };
+  static absl::StatusOr<std::unique_ptr<RefusalLog>> Open(const std::filesystem::path& path,
+                                                          const Limits& limits);
+  // Writes the count of the lines left out since the last summary.
+  ~RefusalLog();
+  RefusalLog(const RefusalLog&) = delete;
+  RefusalLog& operator=(const RefusalLog&) = delete;
+
+  void Write(const AuditEntry& entry, absl::Time now = absl::Now());
+
+ private:
+  RefusalLog(std::unique_ptr<AuditLog> file, const Limits& limits)
+      : limits_(limits), file_(std::move(file)), tokens_(limits.burst) {}
+  // Token bucket: returns whether a line may be written now.
+  bool TakeTokenLocked(absl::Time now);
+  // Writes the count of the lines left out, if there are any.
+  void SummarizeLocked();
+
+  const Limits limits_;
+  const std::unique_ptr<AuditLog> file_;
+  std::mutex mutex_;  // guards all below
+  double tokens_;     // lines that may be written at `filled_`
+  absl::Time filled_ = absl::InfinitePast();
+  int64_t num_left_out_ = 0;
+  absl::Time left_out_since_;
 };
 
 }  // namespace pepeseg

@@ -19,7 +19,7 @@ namespace {
 
 constexpr absl::string_view kScheme = "Bearer ";
 
-// As the RPC edge packs an error's detail.
+// Attaches a detail in the form that server/api/error.h reads.
 absl::Status WithReason(absl::Status status, const v1::ErrorDetail& detail) {
   status.SetPayload(
       absl::StrCat("type.googleapis.com/", v1::ErrorDetail::descriptor()->full_name()),
@@ -35,26 +35,27 @@ absl::Status Refusal(absl::StatusCode code, const std::string& reason, const std
 
 absl::Status NoKeyError() {
   return Refusal(absl::StatusCode::kUnauthenticated, "NO_KEY",
-                 "this server asks for a key: metadata 'authorization: Bearer pk_...'");
+                 "this server requires a key: metadata 'authorization: Bearer pk_...'");
 }
 
-// The same for every such key: who has none must not learn which ones there were.
+// The message is the same for all invalid keys, so that nobody learns which ones existed.
 absl::Status BadKeyError() {
   return Refusal(absl::StatusCode::kUnauthenticated, "BAD_KEY",
-                 "the key opens nothing here: it is unknown, revoked or expired");
+                 "the key is unknown, revoked or expired");
 }
 
-// Also where nobody is asked for a key: what such a gateway keeps apart would silently be one.
+// Also returned on a server without keys: it would ignore the metadata, and callers whom the
+// gateway keeps apart would silently share everything.
 absl::Status NotTheGatewayError() {
   return Refusal(
       absl::StatusCode::kUnauthenticated, "NOT_A_GATEWAY",
-      "metadata x-pepeseg-... are taken from the gateway only that this server trusts, by "
-      "its certificate (--trusted-gateway)");
+      "metadata x-pepeseg-... is accepted only from the gateway whose certificate this server "
+      "trusts (--trusted-gateway)");
 }
 
-absl::Status BadVouchingError(const std::string& what) {
+absl::Status BadIdentityError(const std::string& what) {
   return Refusal(absl::StatusCode::kUnauthenticated, "BAD_VOUCHING",
-                 absl::StrCat("the gateway does not say rightly who calls: ", what));
+                 absl::StrCat("the gateway's identity metadata is invalid: ", what));
 }
 
 absl::Status MissingScopeError(v1::Scope scope) {
@@ -66,8 +67,8 @@ absl::Status MissingScopeError(v1::Scope scope) {
                     detail);
 }
 
-// Without the name that was asked for: the answer is the same for what is another project's and for
-// what is not there.
+// The message does not contain the name, and is the same for a resource of another project and for
+// one that does not exist, so that nobody learns which names others use.
 absl::Status NotYoursError(const std::string& field) {
   v1::ErrorDetail detail;
   detail.set_reason("NOT_YOURS");
@@ -86,7 +87,7 @@ CallOrigin OriginOf(const grpc::ServerContextBase& context) {
   for (auto it = begin; it != end; ++it) {
     origin.authorization.emplace_back(it->second.data(), it->second.size());
   }
-  origin.vouching = VouchingOf(context);
+  origin.gateway = GatewayMetadataOf(context);
   const auto id = context.client_metadata().find("x-request-id");
   if (id != context.client_metadata().end()) {
     origin.request_id.assign(id->second.data(), id->second.size());
@@ -94,10 +95,10 @@ CallOrigin OriginOf(const grpc::ServerContextBase& context) {
   return origin;
 }
 
-// A decision, and what the audit log tells of it.
+// A decision, with what the log records of it.
 struct Authorizer::Verdict {
   absl::Status status;
-  std::string reason;  // of a refusal; may tell more than the caller gets to know
+  std::string reason;  // of a refusal, for the log only; may say more than `status` reveals
   Caller caller;
   bool is_known = false;  // the caller's key or gateway is valid
 
@@ -107,17 +108,18 @@ struct Authorizer::Verdict {
   }
 };
 
+// The log gets the precise reason; the caller gets the same error for all keys that are not valid.
 void Authorizer::CheckKey(const CallOrigin& origin, Verdict& verdict) {
   if (origin.authorization.empty()) return verdict.Refuse(NoKeyError(), "NO_KEY");
   const std::string& header = origin.authorization[0];
   const bool is_bearer = absl::StartsWithIgnoreCase(header, kScheme);
   const std::string secret = is_bearer ? header.substr(kScheme.size()) : "";
-  // Of two it would be unclear which one counts.
+  // With two headers it would be unclear which one counts.
   if (origin.authorization.size() > 1 || !LooksLikeSecret(secret)) {
     return verdict.Refuse(BadKeyError(), "MALFORMED_KEY");
   }
   const std::string digest = DigestOfSecret(secret);
-  const absl::StatusOr<KeyRow> key = store_->FindKeyByDigest(digest);
+  const absl::StatusOr<KeyRow> key = store_->keys().FindKeyByDigest(digest);
   if (absl::IsNotFound(key.status())) return verdict.Refuse(BadKeyError(), "UNKNOWN_KEY");
   if (!key.ok()) return verdict.Refuse(key.status(), "");
   if (!SameDigest(key->sha256, digest)) return verdict.Refuse(BadKeyError(), "UNKNOWN_KEY");
@@ -128,32 +130,32 @@ void Authorizer::CheckKey(const CallOrigin& origin, Verdict& verdict) {
   if (IsExpired(*key, absl::Now())) return verdict.Refuse(BadKeyError(), "EXPIRED_KEY");
 }
 
-void Authorizer::CheckVouching(const CallOrigin& origin, Verdict& verdict) const {
-  const std::vector<std::string>& names = origin.vouching.certificate_names;
+void Authorizer::CheckGateway(const CallOrigin& origin, Verdict& verdict) const {
+  const std::vector<std::string>& names = origin.gateway.certificate_names;
   if (!require_keys_ || trusted_gateway_.empty() ||
       std::find(names.begin(), names.end(), trusted_gateway_) == names.end()) {
     return verdict.Refuse(NotTheGatewayError(), "NOT_A_GATEWAY");
   }
   if (!origin.authorization.empty()) {
-    return verdict.Refuse(BadVouchingError("there is an authorization, too"), "BAD_VOUCHING");
+    return verdict.Refuse(BadIdentityError("the call also has an authorization"), "BAD_VOUCHING");
   }
-  const absl::StatusOr<VouchedCaller> vouched = ReadVouching(origin.vouching);
-  if (!vouched.ok()) {
-    return verdict.Refuse(BadVouchingError(std::string(vouched.status().message())),
+  const absl::StatusOr<GatewayIdentity> identity = ReadGatewayIdentity(origin.gateway);
+  if (!identity.ok()) {
+    return verdict.Refuse(BadIdentityError(std::string(identity.status().message())),
                           "BAD_VOUCHING");
   }
-  verdict.caller.project = vouched->project;
-  verdict.caller.scopes = vouched->scopes;
-  verdict.caller.subject = vouched->subject;
+  verdict.caller.project = identity->project;
+  verdict.caller.scopes = identity->scopes;
+  verdict.caller.subject = identity->subject;
 }
 
 absl::StatusOr<bool> Authorizer::IsOf(const std::string& project, const std::string& resource) {
   const std::vector<std::string> parts = absl::StrSplit(resource, '/');
   absl::Status found = absl::InvalidArgumentError("not the name of a scene, its parts or a job");
   if (parts.size() >= 2 && parts[0] == "scenes") {
-    found = store_->FindScene(project, parts[1]).status();
+    found = store_->scenes().FindScene(project, parts[1]).status();
   } else if (parts.size() >= 2 && parts[0] == "jobs") {
-    const absl::StatusOr<std::string> of = store_->ProjectOfJob(parts[1]);
+    const absl::StatusOr<std::string> of = store_->jobs().ProjectOfJob(parts[1]);
     if (of.ok()) return *of == project;
     found = of.status();
   }
@@ -176,25 +178,27 @@ void Authorizer::CheckResources(const MethodAccess& access,
   }
 }
 
+// Checks in this order: identity, scope, resources. An unknown caller learns nothing about methods
+// or resources, and a caller without the scope learns nothing about resources.
 Authorizer::Verdict Authorizer::Decide(const CallOrigin& origin,
                                        const google::protobuf::Message& request) {
   Verdict verdict;
-  if (!require_keys_ && !origin.vouching.is_there) {
+  if (!require_keys_ && !origin.gateway.present) {
     verdict.caller.scopes = AllScopes();
     verdict.caller.sees_all_projects = true;
     return verdict;
   }
-  origin.vouching.is_there ? CheckVouching(origin, verdict) : CheckKey(origin, verdict);
+  origin.gateway.present ? CheckGateway(origin, verdict) : CheckKey(origin, verdict);
   if (!verdict.status.ok()) return verdict;
   verdict.is_known = true;
   const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
   if (access == nullptr) {
     verdict.Refuse(Refusal(absl::StatusCode::kPermissionDenied, "NO_SCOPE",
-                           "the method does not say who may call it: nobody may"),
+                           "the method declares no scope, so nobody may call it"),
                    "NO_SCOPE");
   } else if ((verdict.caller.scopes & ScopeBit(access->scope)) == 0) {
     verdict.Refuse(MissingScopeError(access->scope), "MISSING_SCOPE");
-  } else if (access->scope != v1::SCOPE_OPERATE) {  // an operator's calls are of all projects
+  } else if (access->scope != v1::SCOPE_OPERATE) {  // operators' calls are for all projects
     CheckResources(*access, request, verdict);
   }
   return verdict;
@@ -202,7 +206,8 @@ Authorizer::Verdict Authorizer::Decide(const CallOrigin& origin,
 
 namespace {
 
-// What calls are about that name nothing of a project's: a scene to be made, an operator's model.
+// Adds the names in a request that has no resources to check: a scene to be created, a model that
+// an operator loads.
 void AddOtherNames(const google::protobuf::Message& request, AuditEntry& entry) {
   for (const char* name : {"name", "scene_id", "project"}) {
     const auto* field = request.GetDescriptor()->FindFieldByName(name);
@@ -238,7 +243,7 @@ absl::StatusOr<Caller> Authorizer::Authorize(const CallOrigin& origin,
   if (verdict.status.ok()) return std::move(verdict.caller);
   AuditEntry entry =
       EntryOf(origin, verdict.caller, FindMethodAccess(*request.GetDescriptor()), request);
-  if (entry.key.empty() && entry.subject.empty()) entry.project.clear();  // nobody's
+  if (entry.key.empty() && entry.subject.empty()) entry.project.clear();  // not known
   entry.outcome = absl::StatusCodeToString(verdict.status.code());
   entry.reason = verdict.reason;
   verdict.is_known ? audit_->Write(entry) : refusals_->Write(entry);
@@ -267,7 +272,7 @@ absl::Status Authorizer::Run(const CallOrigin& origin, const google::protobuf::M
                              absl::FunctionRef<absl::Status(const Caller&)> call) {
   const absl::StatusOr<Caller> caller = Authorize(origin, request);
   if (!caller.ok()) return caller.status();
-  // gRPC's own object, and this call's: it is const for handlers only.
+  // The request belongs to this call, and gRPC made it non-const: it is const for handlers only.
   absl::Status status = ResolveSceneNames(
       *store_, *caller, const_cast<google::protobuf::Message&>(request));  // NOLINT
   if (status.ok()) status = call(*caller);

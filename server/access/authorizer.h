@@ -10,9 +10,8 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/access/audit_log.h"
+#include "server/access/gateway_identity.h"
 #include "server/access/method_access.h"
-#include "server/access/refusal_log.h"
-#include "server/access/vouched_caller.h"
 #include "server/store/store.h"
 
 namespace grpc {
@@ -21,35 +20,35 @@ class ServerContextBase;
 
 namespace pepeseg {
 
-// Where a call comes from, and what it shows.
+// Where a call comes from, and its credentials.
 struct CallOrigin {
-  std::string peer;
-  std::vector<std::string> authorization;  // each "Bearer pk_..."
-  Vouching vouching = {};
+  std::string peer;                        // gRPC's name for the other end of the connection
+  std::vector<std::string> authorization;  // all values of that metadata: "Bearer pk_..."
+  GatewayMetadata gateway = {};
   std::string request_id = {};  // as the interceptor has set it
 };
 CallOrigin OriginOf(const grpc::ServerContextBase& context);
 
-// Who calls.
+// An authorised caller.
 struct Caller {
   std::string project = kDefaultProject;
-  std::string key;                 // id; empty: it has none
-  int scopes = 0;                  // KeyRow::scopes
-  std::string subject;             // whom a gateway vouches for; empty: none does
-  bool sees_all_projects = false;  // the server asks nobody who they are
+  std::string key;                 // id; empty: no key
+  int scopes = 0;                  // as KeyRow::scopes
+  std::string subject;             // of the gateway identity; empty: none
+  bool sees_all_projects = false;  // the server requires no keys
 
-  // Whose scenes and jobs lists show; empty: those of all projects.
+  // Returns the project whose scenes and jobs lists show; empty: all projects.
   std::string visible_project() const { return sees_all_projects ? "" : project; }
 };
 
-// Decides over every call before anything else looks at it, as access.proto says, and writes the
-// audit log. Keeps nothing between calls: a revoked key or a deleted scene is gone for the next
-// one. Blocks on the store. Thread safe.
+// Decides whether a call is allowed, by the rules of access.proto, before anything else looks at
+// it, and writes the audit log. Caches nothing between calls: a revoked key or a deleted scene is
+// gone for the next call. Blocks on the store. Thread safe.
 class Authorizer {
  public:
-  // `require_keys` false: everybody may do everything. `trusted_gateway`: the name in the
-  // certificate of who may vouch for callers; empty: nobody may. `refusals` gets what callers
-  // without a valid key are refused, `audit` all else.
+  // `require_keys`: if false, everybody may do everything. `trusted_gateway`: name in the client
+  // certificate of the gateway that may say who calls; empty: none may. `refusals` records calls
+  // that are refused for want of a valid key or gateway identity, `audit` all others.
   Authorizer(Store* store, AuditLog* audit, RefusalLog* refusals, bool require_keys,
              std::string trusted_gateway = "")
       : store_(store),
@@ -58,35 +57,37 @@ class Authorizer {
         require_keys_(require_keys),
         trusted_gateway_(std::move(trusted_gateway)) {}
 
-  // UNAUTHENTICATED or PERMISSION_DENIED, both with an ErrorDetail and in one of the logs; the
-  // store's own error when it cannot be asked. Of a request without resources, as a default
-  // instance, key and scope are checked: what can be known when a stream begins.
+  // Returns who calls, or UNAUTHENTICATED or PERMISSION_DENIED, both with an ErrorDetail and
+  // recorded in one of the logs, or the store's error if it cannot be asked. A request that names
+  // no resource, such as a default instance, has only key and scope checked; this is all that is
+  // known when a stream begins.
   absl::StatusOr<Caller> Authorize(const CallOrigin& origin,
                                    const google::protobuf::Message& request);
 
-  // Writes down how an authorised call ended, if it changes something.
+  // Records in the audit log how an authorised call ended, unless its method only reads.
   void Record(const CallOrigin& origin, const Caller& caller,
               const google::protobuf::Message& request, const absl::Status& outcome);
 
-  // Authorize, then ResolveSceneNames: for a message of a stream.
+  // Calls Authorize, then ResolveSceneNames, for a message of a stream.
   absl::StatusOr<Caller> AuthorizeAndResolve(const CallOrigin& origin,
                                              google::protobuf::Message& request);
 
-  // All of a call: authorises it, resolves the names in its request (which must be no constant),
-  // does it, records it.
+  // Runs a whole call: authorises it, resolves the scene names in its request, calls `call`, and
+  // records the outcome. Changes `request`, which must not be a const object.
   absl::Status Run(const CallOrigin& origin, const google::protobuf::Message& request,
                    absl::FunctionRef<absl::Status(const Caller&)> call);
 
  private:
   struct Verdict;
   Verdict Decide(const CallOrigin& origin, const google::protobuf::Message& request);
-  // The key's row in `verdict`, or why it opens nothing.
+  // Looks up the call's key and sets the caller in `verdict`, or refuses.
   void CheckKey(const CallOrigin& origin, Verdict& verdict);
-  // The same of a call with metadata by which a gateway vouches for its caller.
-  void CheckVouching(const CallOrigin& origin, Verdict& verdict) const;
+  // Sets the caller from the metadata of a trusted gateway, or refuses.
+  void CheckGateway(const CallOrigin& origin, Verdict& verdict) const;
+  // Refuses unless all resources that the request names are of the caller's project.
   void CheckResources(const MethodAccess& access, const google::protobuf::Message& request,
                       Verdict& verdict);
-  // Whether the project has what is so named. INVALID_ARGUMENT: nothing can have the name.
+  // Returns whether the resource is of the project. INVALID_ARGUMENT: the name is malformed.
   absl::StatusOr<bool> IsOf(const std::string& project, const std::string& resource);
 
   Store* const store_;

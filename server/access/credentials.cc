@@ -1,21 +1,60 @@
 #include "server/access/credentials.h"
 
+#include <fcntl.h>
 #include <grpcpp/security/tls_credentials_options.h>
 #include <spdlog/spdlog.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
+#include <array>
+#include <cerrno>
 #include <chrono>
+#include <cstring>
 #include <string>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr std::chrono::seconds kPause{1};
-constexpr unsigned int kProviderSeconds = 1;  // gRPC's least
+constexpr unsigned int kProviderSeconds = 1;  // the shortest interval that gRPC allows
+
+absl::Status SystemError(const char* what) {
+  return absl::InternalError(absl::StrCat("file in memory: ", what, ": ", std::strerror(errno)));
+}
 
 }  // namespace
+
+MemoryFile::~MemoryFile() {
+  if (descriptor_ >= 0) close(descriptor_);
+}
+
+// Writes the text to a new memory file, and then makes the old descriptor refer to it. Readers open
+// /proc/self/fd/N, so those who have opened it before keep the old text.
+absl::Status MemoryFile::Replace(const std::string& text) {
+  const int made = memfd_create("pepeseg-tls", MFD_CLOEXEC);
+  if (made < 0) return SystemError("cannot make it");
+  const timespec time = {next_time_, 0};
+  const std::array<timespec, 2> times = {time, time};
+  absl::Status status;
+  if (write(made, text.data(), text.size()) != static_cast<ssize_t>(text.size()) ||
+      futimens(made, times.data()) != 0) {
+    status = SystemError("cannot write it");
+  } else if (descriptor_ < 0) {
+    descriptor_ = made;
+  } else if (dup3(made, descriptor_, O_CLOEXEC) < 0) {  // atomic for readers of path()
+    status = SystemError("cannot replace it");
+  }
+  if (made != descriptor_) close(made);
+  if (status.ok()) ++next_time_;
+  return status;
+}
+
+std::string MemoryFile::path() const { return absl::StrCat("/proc/self/fd/", descriptor_); }
 
 absl::StatusOr<std::unique_ptr<ListenerCredentials>> ListenerCredentials::Open(
     const AccessOptions& options) {
@@ -75,15 +114,15 @@ absl::Status ListenerCredentials::Publish(const CertificateTexts& texts) {
 }
 
 void ListenerCredentials::Watch() {
-  std::string told;  // so that a bad file is told once
+  std::string logged;  // the last error, so that a bad file is logged once
   std::unique_lock lock(mutex_);
   while (!stop_.wait_for(lock, kPause, [this] { return stopping_; })) {
     const absl::Status status = Load();
     std::string message(status.message());
-    if (!status.ok() && message != told) {
+    if (!status.ok() && message != logged) {
       spdlog::error("TLS: {}: the certificate that is in use stays", message);
     }
-    told = std::move(message);
+    logged = std::move(message);
   }
 }
 

@@ -4,43 +4,71 @@
 #include <grpcpp/security/tls_certificate_provider.h>
 
 #include <condition_variable>
+#include <ctime>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <thread>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/access/certificate_files.h"
-#include "server/access/memory_file.h"
+#include "server/access/access_options.h"
 
 namespace pepeseg {
 
-// What listeners encrypt with. The files are read again every second; what is whole and fits goes
-// to connections made from then on, anything else is told in the log and changes nothing. (gRPC's
-// own watch takes whatever stands in the files, and a key beside another's certificate breaks it:
-// so it watches copies in memory, which are swapped both in one step.)
+// A text that other code of this process can read as a file, though it is never on a disk. Replace
+// is atomic: a reader that opens the file sees the old text or the new one. Each text has its own
+// modification time, in seconds, so that a reader who compares it before and after reading notices
+// a change.
+class MemoryFile {
+ public:
+  MemoryFile() = default;
+  ~MemoryFile();
+  MemoryFile(const MemoryFile&) = delete;
+  MemoryFile& operator=(const MemoryFile&) = delete;
+
+  // INTERNAL: the system has no memory or no descriptor left; the old text stays.
+  absl::Status Replace(const std::string& text);
+  // Returns the path, which stays the same for all texts. Valid after the first Replace.
+  std::string path() const;
+
+ private:
+  int descriptor_ = -1;
+  time_t next_time_ = 1'000'000'000;  // modification time of the next text; any start but 0
+};
+
+// TLS credentials of the listeners. A thread reads the files again every second. A certificate and
+// key that belong together are used for connections made from then on; anything else is logged and
+// changes nothing.
+//
+// gRPC's own file watcher would load whatever the files contain, and a key that does not fit the
+// certificate breaks it. So it watches copies in memory, where chain and key are one file and are
+// replaced in one step.
 class ListenerCredentials {
  public:
-  // FAILED_PRECONDITION: as ReadCertificateFiles. Without a certificate: no encryption.
+  // Returns the errors of ReadCertificateFiles. Without a certificate: no encryption.
   static absl::StatusOr<std::unique_ptr<ListenerCredentials>> Open(const AccessOptions& options);
   ~ListenerCredentials();
   ListenerCredentials(const ListenerCredentials&) = delete;
   ListenerCredentials& operator=(const ListenerCredentials&) = delete;
 
-  // For one listener.
+  // Returns credentials for one listener.
   std::shared_ptr<grpc::ServerCredentials> Make() const;
-  // Those in use; none: no encryption.
+  // Returns the texts in use, or nullopt without encryption.
   std::optional<CertificateTexts> texts() const;
 
  private:
   explicit ListenerCredentials(AccessOptions options) : options_(std::move(options)) {}
+  // Reads the files, and publishes them if they have changed.
   absl::Status Load();
+  // Replaces the copies in memory.
   absl::Status Publish(const CertificateTexts& texts);
   void Watch();
 
   const AccessOptions options_;
   CertificateTexts texts_;  // those in use
-  MemoryFile pair_;         // chain and key in one, so that they are swapped in one step
+  MemoryFile pair_;         // key and chain in one file, so that one step replaces both
   MemoryFile client_ca_;
   std::shared_ptr<grpc::experimental::FileWatcherCertificateProvider> provider_;
   mutable std::mutex mutex_;  // guards texts_ and stopping_

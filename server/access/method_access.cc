@@ -18,7 +18,8 @@ using google::protobuf::Descriptor;
 using google::protobuf::FieldDescriptor;
 using Table = std::map<const Descriptor*, MethodAccess>;
 
-// None: a part of the path is no field, or not one that a path may go through.
+// Returns the fields of a path such as "prompt.label", or nullopt if a part is not a field, is
+// repeated, or the last is not a string.
 std::optional<FieldPath> Resolve(const Descriptor& request, const std::string& name) {
   FieldPath path{name, {}};
   const Descriptor* message = &request;
@@ -36,7 +37,7 @@ std::optional<FieldPath> Resolve(const Descriptor& request, const std::string& n
 void AddMethod(const google::protobuf::MethodDescriptor& method, Table& table) {
   const v1::Access& option = method.options().GetExtension(v1::access);
   MethodAccess access{method.full_name(), option.scope(), {}};
-  if (access.scope == v1::SCOPE_UNSPECIFIED) return;
+  if (access.scope == v1::SCOPE_UNSPECIFIED) return;  // not in the table: nobody may call it
   for (const std::string& name : option.resources()) {
     auto path = Resolve(*method.input_type(), name);
     if (!path) return;
@@ -45,6 +46,7 @@ void AddMethod(const google::protobuf::MethodDescriptor& method, Table& table) {
   table.emplace(method.input_type(), std::move(access));
 }
 
+// Reads the option of every method in the files of the contract that define services.
 Table MakeTable() {
   Table table;
   for (const google::protobuf::FileDescriptor* file :
@@ -59,7 +61,7 @@ Table MakeTable() {
   return table;
 }
 
-// Empty where the path breaks off.
+// Returns a field's value, "" if a message on the path is absent.
 std::string ReadPath(const FieldPath& path, const google::protobuf::Message& request) {
   const google::protobuf::Message* message = &request;
   for (const FieldDescriptor* field : path.fields) {

@@ -7,10 +7,11 @@
 
 #include "pepeseg/v1/access.pb.h"
 
-// What the contract's option `access` says of each method.
+// The contract's option `access` (access.proto) of each method: the scope that a call needs, and
+// the fields of its request that name resources.
 namespace pepeseg {
 
-// A field of a message in a message ...: "prompt.label".
+// A string field, possibly in nested messages: "prompt.label".
 struct FieldPath {
   std::string name;
   std::vector<const google::protobuf::FieldDescriptor*> fields;  // the last one is a string
@@ -22,21 +23,22 @@ struct MethodAccess {
   std::vector<FieldPath> resources;
 };
 
-// A resource that a request names, and by which of its fields.
+// A resource that a request names.
 struct NamedResource {
-  std::string field;
+  std::string field;  // FieldPath::name
   std::string name;
 };
 
-// Of the method whose request this is: every method has a request type of its own. Null: of none,
-// or of one whose option does not say its scope or names a field that is none.
+// Returns the option of the method with this request type; every method has its own. Returns null
+// if no method has it, or if the option lacks a scope or names a field that does not exist.
 const MethodAccess* FindMethodAccess(const google::protobuf::Descriptor& request);
 
-// In the order of the option; fields that are absent or empty name nothing.
+// Returns the resources that a request names, in the order of the option. Fields that are absent or
+// empty are left out.
 std::vector<NamedResource> ResourcesOf(const MethodAccess& access,
                                        const google::protobuf::Message& request);
 
-// Changes the one that `field` names, which ResourcesOf has given.
+// Sets the name in the field `field`, which must be one that ResourcesOf returned.
 void SetResource(const MethodAccess& access, const std::string& field, const std::string& name,
                  google::protobuf::Message& request);
 

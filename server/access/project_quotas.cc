@@ -16,16 +16,20 @@
 namespace pepeseg {
 namespace {
 
+// Age at which Get reads a quota again.
 constexpr absl::Duration kMaxAge = absl::Seconds(1);
-// Longer than kMaxAge: who asks all the time is known all the time.
+// Age up to which AdmitAtOnce trusts what it knows. Longer than kMaxAge, so that a client that
+// sends queries all the time never becomes unknown in between.
 constexpr absl::Duration kMaxStale = absl::Seconds(2);
-constexpr size_t kMaxOpened = 10'000;
-constexpr char kQuestions[] = "pepeseg.v1.SegmentationService.";
+constexpr size_t kMaxOpened = 10'000;  // credentials that are remembered
+constexpr char kQueryService[] = "pepeseg.v1.SegmentationService.";
 
-bool IsQuestion(const google::protobuf::Message& request) {
+bool IsQuery(const google::protobuf::Message& request) {
   const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
-  return access != nullptr && absl::StartsWith(access->method, kQuestions);
+  return access != nullptr && absl::StartsWith(access->method, kQueryService);
 }
+
+// `missing`: part of a token that is missing until the next query is admitted.
 
 absl::Status TooFastError(double per_second, double missing) {
   const auto milliseconds = static_cast<int64_t>(std::ceil(1000 * missing / per_second));
@@ -38,7 +42,7 @@ absl::Status TooFastError(double per_second, double missing) {
   detail.mutable_retry_after()->set_seconds(milliseconds / 1000);
   detail.mutable_retry_after()->set_nanos(static_cast<int>(milliseconds % 1000) * 1'000'000);
   absl::Status status = absl::UnavailableError(absl::StrCat(
-      "the project's quota is ", limit, " questions a second: ask again in ", milliseconds, " ms"));
+      "the project's quota is ", limit, " queries per second; retry in ", milliseconds, " ms"));
   status.SetPayload(absl::StrCat("type.googleapis.com/", detail.GetTypeName()),
                     absl::Cord(detail.SerializeAsString()));
   return status;
@@ -46,6 +50,8 @@ absl::Status TooFastError(double per_second, double missing) {
 
 }  // namespace
 
+// The mutex is not held while the store is asked. Several threads may then read the same quota;
+// that is harmless.
 absl::StatusOr<Quota> ProjectQuotas::Get(const std::string& project) {
   const absl::Time now = absl::Now();
   {
@@ -53,7 +59,7 @@ absl::StatusOr<Quota> ProjectQuotas::Get(const std::string& project) {
     const auto known = projects_.find(project);
     if (known != projects_.end() && now - known->second.read < kMaxAge) return known->second.quota;
   }
-  ASSIGN_OR_RETURN(const ProjectRow row, store_->GetProject(project));
+  ASSIGN_OR_RETURN(const ProjectRow row, store_->quotas().GetProject(project));
   const std::lock_guard lock(mutex_);
   Project& known = projects_[project];
   known.quota = InForce(row.quota, store_->default_quota());
@@ -68,14 +74,16 @@ void ProjectQuotas::Forget(const std::string& project) {
 
 absl::Status ProjectQuotas::Admit(const std::string& project,
                                   const google::protobuf::Message& request) {
-  if (!IsQuestion(request)) return absl::OkStatus();
+  if (!IsQuery(request)) return absl::OkStatus();
   ASSIGN_OR_RETURN(const Quota quota, Get(project));
   return AdmitQuery(project, static_cast<double>(quota.queries_per_second));
 }
 
+// Refuses a flood of queries cheaply: it costs a hash and two map lookups. A credential that was
+// revoked less than kMaxStale ago may still be admitted here, but is then refused by Authorize.
 std::optional<absl::Status> ProjectQuotas::AdmitAtOnce(const std::string& credential,
                                                        const google::protobuf::Message& request) {
-  if (!IsQuestion(request)) return std::nullopt;
+  if (!IsQuery(request)) return std::nullopt;
   const std::string digest = Sha256Hex(credential);
   const absl::Time now = absl::Now();
   const std::lock_guard lock(mutex_);
@@ -88,9 +96,9 @@ std::optional<absl::Status> ProjectQuotas::AdmitAtOnce(const std::string& creden
 
 void ProjectQuotas::Know(const std::string& credential, const std::string& project,
                          const google::protobuf::Message& request) {
-  if (!IsQuestion(request)) return;
+  if (!IsQuery(request)) return;
   std::string digest = Sha256Hex(credential);
-  Get(project).status().IgnoreError();  // keeps it fresh: Admit tells of errors
+  Get(project).status().IgnoreError();  // refreshes the cache; Admit reports errors
   const absl::Time now = absl::Now();
   const std::lock_guard lock(mutex_);
   if (opened_.size() >= kMaxOpened) opened_.clear();
@@ -104,7 +112,7 @@ absl::Status ProjectQuotas::AdmitQuery(const std::string& project, double per_se
 
 absl::Status ProjectQuotas::TakeToken(Project& known, double per_second, absl::Time now) {
   if (per_second > 0) {
-    const double passed = absl::ToDoubleSeconds(now - known.filled);  // infinite at first
+    const double passed = absl::ToDoubleSeconds(now - known.filled);  // infinite the first time
     known.tokens = std::clamp(known.tokens + std::max(0.0, passed) * per_second, 0.0, per_second);
     known.filled = now;
     if (known.tokens < 1) return TooFastError(per_second, 1 - known.tokens);
@@ -115,7 +123,7 @@ absl::Status ProjectQuotas::TakeToken(Project& known, double per_second, absl::T
   return absl::OkStatus();
 }
 
-// Seconds in which nothing was asked count as none.
+// Seconds without a query become 0.
 void ProjectQuotas::TurnRing(Project& project, absl::Time now) {
   const int64_t second = absl::ToUnixSeconds(now);
   const int64_t first = std::max(project.newest_second + 1, second - kSeconds + 1);

@@ -16,55 +16,59 @@
 
 namespace pepeseg {
 
-// What holds for each project, kept for a second so that a question need not ask the store, and how
-// fast the projects ask questions of this server. Thread safe; blocks on the store once a second
-// for a project.
+// The quotas in force for each project, cached for a second so that not every query asks the store,
+// and the rate of each project's queries to this server. A query is a call of SegmentationService.
+// Thread safe. Blocks on the store about once a second for each project.
 class ProjectQuotas {
  public:
   explicit ProjectQuotas(Store* store) : store_(store) {}
 
+  // Returns the limits in force: the project's own, else the server's.
   absl::StatusOr<Quota> Get(const std::string& project);
-  // It was changed.
+  // Drops the cached quota of a project, because it has changed.
   void Forget(const std::string& project);
 
-  // Whether a call with this request may go on. Of SegmentationService a project has so many a
-  // second as its quota says, and can save up one second's: UNAVAILABLE with retry_after.
+  // Returns whether a call with this request may proceed, and counts it. A project may send
+  // `queries_per_second` queries a second, with bursts of up to one second's worth. UNAVAILABLE
+  // with retry_after: it sends more. Other calls are always admitted.
   absl::Status Admit(const std::string& project, const google::protobuf::Message& request);
-  // What Admit would say, in place of it, where that can be told without asking the store: of a
-  // credential that `Know` has told of, by a quota read not long ago. None: ask Admit.
+  // Decides like Admit, but before the call is authorised and without asking the store: for a
+  // credential that `Know` has recorded and a quota that was read at most two seconds ago. Returns
+  // nullopt if that is not known or the call is not a query: then call Admit after authorisation.
   std::optional<absl::Status> AdmitAtOnce(const std::string& credential,
                                           const google::protobuf::Message& request);
-  // The credential has opened the project just now, for this request; of other than questions
-  // nothing is kept.
+  // Records that the credential has just been authorised for the project. Does nothing unless
+  // `request` is a query.
   void Know(const std::string& credential, const std::string& project,
             const google::protobuf::Message& request);
-  // Admitted ones a second, over the last ten.
+  // Returns the admitted queries per second, averaged over the last ten seconds and rounded up.
   int64_t QueryRate(const std::string& project);
 
  private:
   static constexpr int kSeconds = 10;
   struct Project {
     Quota quota;
-    absl::Time read = absl::InfinitePast();
-    // Calls that could be admitted at `filled`.
-    double tokens = 0;
+    absl::Time read = absl::InfinitePast();  // when `quota` was read from the store
+    double tokens = 0;                       // queries that could be admitted at `filled`
     absl::Time filled = absl::InfinitePast();
-    std::array<int64_t, kSeconds> admitted{};  // by second, of a ring
-    int64_t newest_second = 0;                 // since 1970
+    std::array<int64_t, kSeconds> admitted{};  // queries, in a ring by second
+    int64_t newest_second = 0;                 // of the ring, since 1970
   };
+  // The project of a credential.
   struct Opened {
     std::string project;
-    absl::Time known;
+    absl::Time known;  // when it was authorised last
   };
   absl::Status AdmitQuery(const std::string& project, double per_second);
-  // With the mutex held.
+  // Token bucket. The caller must hold mutex_.
   static absl::Status TakeToken(Project& known, double per_second, absl::Time now);
+  // Advances the ring to `now`. The caller must hold mutex_.
   static void TurnRing(Project& project, absl::Time now);
 
   Store* const store_;
-  std::mutex mutex_;
+  std::mutex mutex_;  // guards both maps
   std::map<std::string, Project> projects_;
-  std::map<std::string, Opened> opened_;  // by the credential's digest
+  std::map<std::string, Opened> opened_;  // by the credential's SHA-256
 };
 
 }  // namespace pepeseg

@@ -10,17 +10,16 @@
 #include "core/base/status_macros.h"
 #include "pepeseg/v1/errors.pb.h"
 #include "server/access/method_access.h"
-#include "server/store/id_rules.h"
 #include "server/store/scene_key.h"
 
 namespace pepeseg {
 namespace {
 
-// A name in parts: scenes/{scene}/..., after projects/{project}/ if that is said.
+// The parts of a name "scenes/{scene}/...", which "projects/{project}/" may precede.
 struct NamedScene {
-  std::string project;  // empty: not said
+  std::string project;  // empty: not given
   std::string id;
-  std::vector<std::string> rest;
+  std::vector<std::string> rest;  // after the scene
 };
 
 absl::Status WithField(absl::Status status, const std::string& reason, const std::string& field) {
@@ -33,8 +32,9 @@ absl::Status WithField(absl::Status status, const std::string& reason, const std
   return status;
 }
 
-// What is no name of a scene, as a job's or a bare label's, is the handler's to read: false. One
-// with a key in the place of its id must not get there.
+// Splits a name. Returns false if it does not begin with a scene, as the name of a job or a bare
+// label; such names are left to the handler. INVALID_ARGUMENT: it contains a scene's key instead of
+// an id, which clients must not use.
 absl::StatusOr<bool> Split(const std::string& name, const NamedResource& resource,
                            bool may_say_project, NamedScene& split) {
   std::vector<std::string> parts = absl::StrSplit(name, '/');
@@ -66,11 +66,11 @@ absl::StatusOr<std::string> OrNoKey(absl::StatusOr<std::string> key, const std::
   return key;
 }
 
-// For who sees all projects and does not say which.
+// Returns the key for a caller who sees all projects and does not name one.
 absl::StatusOr<std::string> OnlyKey(Store& store, const std::string& id, const std::string& field) {
-  absl::StatusOr<std::string> of_default = store.FindScene(kDefaultProject, id);
+  absl::StatusOr<std::string> of_default = store.scenes().FindScene(kDefaultProject, id);
   if (!absl::IsNotFound(of_default.status())) return of_default;
-  ASSIGN_OR_RETURN(const std::vector<SceneRow> scenes, store.FindScenes(id));
+  ASSIGN_OR_RETURN(const std::vector<SceneRow> scenes, store.scenes().FindScenes(id));
   if (scenes.empty()) return NoSceneKey(id);
   if (scenes.size() == 1) return scenes[0].key;
   std::vector<std::string> projects;
@@ -93,7 +93,7 @@ absl::StatusOr<std::string> Resolve(Store& store, const Caller& caller,
     ASSIGN_OR_RETURN(key, OnlyKey(store, name.id, resource.field));
   } else {
     const std::string& project = name.project.empty() ? caller.project : name.project;
-    ASSIGN_OR_RETURN(key, OrNoKey(store.FindScene(project, name.id), name.id));
+    ASSIGN_OR_RETURN(key, OrNoKey(store.scenes().FindScene(project, name.id), name.id));
   }
   return Join(key, name.rest);
 }

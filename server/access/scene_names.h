@@ -8,16 +8,18 @@
 
 namespace pepeseg {
 
-// Puts the scenes' keys in the place of their ids in all names of resources that `request` names by
-// its method's option `access`, once it is authorised: handlers and the store know scenes by their
-// keys only (server/store/scene_key.h). An id that the caller's project does not have becomes a key
-// that no scene has. A caller who sees all projects may say which one is meant,
-// "projects/{project}/scenes/{scene}..."; else the default project's scene is, or the only one of
-// the id. FAILED_PRECONDITION: there are several. INVALID_ARGUMENT: the name is none.
+// Replaces scene ids by scene keys in all resource names of an authorised request: handlers and the
+// store know scenes by their keys only (server/store/scene_key.h). Which fields name resources is
+// said by the method's option `access`. An id that the caller's project does not have becomes a key
+// that no scene has.
+//
+// A caller who sees all projects may name one, "projects/{project}/scenes/{scene}...". Otherwise
+// the scene of the default project is meant, else the only scene with this id.
+// FAILED_PRECONDITION: several projects have such a scene. INVALID_ARGUMENT: the name is malformed.
 absl::Status ResolveSceneNames(Store& store, const Caller& caller,
                                google::protobuf::Message& request);
 
-// The same of one name, of a call that is of all projects: an operator's.
+// Resolves one name of an operator's call, which sees all projects. `field`: for errors.
 absl::StatusOr<std::string> ResolveOperatorsName(Store& store, const std::string& name,
                                                  const std::string& field);
 

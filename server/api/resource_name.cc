@@ -10,7 +10,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "server/api/error.h"
-#include "server/store/id_rules.h"
 #include "server/store/scene_key.h"
 
 namespace pepeseg {

@@ -59,7 +59,7 @@ Collected MeasureFolder(const fs::path& folder) {
 
 void CollectTemporaries(Collection& collection) {
   const CollectorOptions& options = collection.options;
-  // Files get the time of a clock that goes a little behind.
+  // The kernel stamps files with a clock that lags behind by up to one tick.
   constexpr absl::Duration kCoarse = absl::Milliseconds(20);
   const absl::Time now = absl::Now();
   const absl::Duration since_start = now - collection.collector_made + kCoarse;

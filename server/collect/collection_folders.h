@@ -8,26 +8,27 @@
 
 namespace pepeseg {
 
-// One run of the collector, and what it removes.
+// One run of the collector, and what it has removed so far.
 struct Collection {
   Store& store;
   const CollectorOptions& options;
   absl::Time collector_made;
   Collected collected;
 
-  // Both count what has gone; that something stays is no error.
+  // Remove a file, or a folder with all that is in it, and count what was removed. Failing to
+  // remove something is not an error: the next run tries again.
   void Remove(const std::filesystem::path& file);
   void RemoveAll(const std::filesystem::path& folder);
 };
 
-// What is in a folder; nothing where there is none.
+// Returns the entries of a folder; none if it does not exist.
 std::vector<std::filesystem::path> EntriesOf(const std::filesystem::path& folder);
-// Since its last write; zero for what is not there.
+// Returns the time since the last write, or zero if the file does not exist.
 absl::Duration AgeOf(const std::filesystem::path& path);
-// Its files and their bytes.
+// Returns the number of files in a folder, at any depth, and their total size.
 Collected MeasureFolder(const std::filesystem::path& folder);
 
-// Of files that a crash left half written, anywhere in the data directory.
+// Removes temporary files that a crash left, anywhere in the data directory.
 void CollectTemporaries(Collection& collection);
 
 }  // namespace pepeseg

@@ -19,7 +19,8 @@ constexpr size_t kDigestLength = 64;
 
 bool IsDigest(const fs::path& file) { return file.filename().string().size() == kDigestLength; }
 
-// Of the folder of an upload's beginnings, "SCENE-N"; number 0: it is none.
+// Returns the upload whose partial files are in a folder "SCENE-N"; its number is 0 if the folder
+// has no such name.
 UploadName UploadOf(const fs::path& folder) {
   const std::string name = folder.filename().string();
   const size_t hyphen = name.rfind('-');
@@ -34,6 +35,7 @@ UploadName UploadOf(const fs::path& folder) {
   return upload;
 }
 
+// Returns the time since the upload was created, or since bytes of one of its files came last.
 absl::StatusOr<absl::Duration> SinceLastWrite(const Collection& collection, const DatasetRow& row,
                                               const UploadName& name) {
   const fs::path& data = collection.options.data;
@@ -41,7 +43,8 @@ absl::StatusOr<absl::Duration> SinceLastWrite(const Collection& collection, cons
   for (const fs::path& file : EntriesOf(PartialFolderOf(data, name))) {
     since = std::min(since, AgeOf(file));
   }
-  ASSIGN_OR_RETURN(const auto files, collection.store.ListDatasetFiles(row.scene, row.number));
+  ASSIGN_OR_RETURN(const auto files,
+                   collection.store.files().ListDatasetFiles(row.scene, row.number));
   for (const DatasetFileRow& file : files) {
     const fs::path blob = BlobPath(data, {name.project, file.sha256});
     std::error_code error;
@@ -50,8 +53,9 @@ absl::StatusOr<absl::Duration> SinceLastWrite(const Collection& collection, cons
   return since;
 }
 
-// Removes the beginnings that nobody writes; false: somebody writes one.
-bool RemoveBeginnings(Collection& collection, const fs::path& folder) {
+// Removes an upload's partial files, except those that are being written. Returns whether all are
+// gone.
+bool RemovePartialFiles(Collection& collection, const fs::path& folder) {
   bool all = true;
   for (const fs::path& file : EntriesOf(folder)) {
     if (!IsDigest(file)) continue;
@@ -65,7 +69,7 @@ bool RemoveBeginnings(Collection& collection, const fs::path& folder) {
   }
   if (!all) return false;
   for (const fs::path& file : EntriesOf(folder)) {
-    if (!IsDigest(file)) collection.Remove(file);  // of one whose whole has come
+    if (!IsDigest(file)) collection.Remove(file);  // the length of a file that was completed
   }
   std::error_code ignored;
   fs::remove(folder, ignored);
@@ -79,34 +83,36 @@ bool IsBeingWritten(const fs::path& folder) {
   });
 }
 
+// Deletes an upload if it is old enough and nothing of it is being written.
 absl::Status CollectUpload(Collection& collection, const DatasetRow& row) {
-  const auto project = collection.store.ProjectOfScene(row.scene);
+  const auto project = collection.store.scenes().ProjectOfScene(row.scene);
   if (absl::IsNotFound(project.status())) return absl::OkStatus();  // deleted meanwhile
   RETURN_IF_ERROR(project.status());
   const UploadName name{*project, row.scene, row.number};
   ASSIGN_OR_RETURN(const absl::Duration since, SinceLastWrite(collection, row, name));
   const fs::path folder = PartialFolderOf(collection.options.data, name);
   if (since < collection.options.upload_age || IsBeingWritten(folder)) return absl::OkStatus();
-  const absl::Status deleted = collection.store.DeleteUpload(row.scene, row.number);
-  // Sealed, or deleted with its scene, meanwhile.
+  const absl::Status deleted = collection.store.datasets().DeleteUpload(row.scene, row.number);
+  // It was sealed, or deleted with its scene, meanwhile.
   if (absl::IsFailedPrecondition(deleted) || absl::IsNotFound(deleted)) return absl::OkStatus();
   RETURN_IF_ERROR(deleted);
   ++collection.collected.num_uploads;
-  RemoveBeginnings(collection, folder);
+  RemovePartialFiles(collection, folder);
   return absl::OkStatus();
 }
 
-// Whether the upload is open, and the project's.
+// Returns whether the upload is open and of the project that its folder names.
 absl::StatusOr<bool> IsOpen(Collection& collection, const UploadName& upload) {
-  const auto row = collection.store.GetDataset(upload.scene, upload.number);
+  const auto row = collection.store.datasets().GetDataset(upload.scene, upload.number);
   if (absl::IsNotFound(row.status())) return false;
   RETURN_IF_ERROR(row.status());
-  const auto project = collection.store.ProjectOfScene(upload.scene);
+  const auto project = collection.store.scenes().ProjectOfScene(upload.scene);
   if (absl::IsNotFound(project.status())) return false;
   RETURN_IF_ERROR(project.status());
   return row->state == DatasetState::kOpen && *project == upload.project;
 }
 
+// Returns the blobs on the disk that are at least options.file_age old.
 std::vector<fs::path> OldBlobs(const Collection& collection, const fs::path& project) {
   std::vector<fs::path> old;
   for (const fs::path& folder : EntriesOf(project)) {
@@ -122,16 +128,19 @@ void EraseNamed(const std::set<std::string>& digests, std::vector<fs::path>& blo
                 [&](const fs::path& blob) { return digests.contains(blob.filename().string()); });
 }
 
-// Blobs of a project that no dataset or upload names: those that the store counts, whatever their
-// age, since what named them was deleted; of others those that are old.
+// Returns the blobs of a project that no dataset or upload names. Blobs that the store counts are
+// included whatever their age, since what named them was deleted. Others only if they are old,
+// since an upload may be about to name them.
 absl::StatusOr<std::vector<fs::path>> UnnamedBlobs(const Collection& collection,
                                                    const std::string& project) {
   const fs::path& data = collection.options.data;
   std::vector<fs::path> blobs = OldBlobs(collection, BlobFolderOf(data, project));
-  ASSIGN_OR_RETURN(const std::set<std::string> counted, collection.store.ListBlobs(project));
+  ASSIGN_OR_RETURN(const std::set<std::string> counted,
+                   collection.store.files().ListBlobs(project));
   for (const std::string& digest : counted) blobs.push_back(BlobPath(data, {project, digest}));
   if (blobs.empty()) return blobs;
-  ASSIGN_OR_RETURN(const std::set<std::string> digests, collection.store.ListDigests(project));
+  ASSIGN_OR_RETURN(const std::set<std::string> digests,
+                   collection.store.files().ListDigests(project));
   EraseNamed(digests, blobs);
   return blobs;
 }
@@ -139,7 +148,8 @@ absl::StatusOr<std::vector<fs::path>> UnnamedBlobs(const Collection& collection,
 absl::Status CollectBlobsOf(Collection& collection, const std::string& project) {
   ASSIGN_OR_RETURN(std::vector<fs::path> blobs, UnnamedBlobs(collection, project));
   if (blobs.empty()) return absl::OkStatus();
-  // An upload may just have named one that was nobody's: no other can until they are gone.
+  // Uploads hold the shared lock while they look for blobs (BlobStore::Hold). With the exclusive
+  // lock, look again: what is unnamed now stays so until it is removed.
   ASSIGN_OR_RETURN(const LockedFile alone,
                    LockedFile::WaitAlone(BlobLockPath(collection.options.data, project)));
   ASSIGN_OR_RETURN(blobs, UnnamedBlobs(collection, project));
@@ -149,25 +159,25 @@ absl::Status CollectBlobsOf(Collection& collection, const std::string& project) 
     std::error_code error;
     if (!fs::exists(blob, error) && !error) gone.push_back(blob.filename().string());
   }
-  return collection.store.ForgetBlobs(project, gone);
+  return collection.store.files().ForgetBlobs(project, gone);
 }
 
 }  // namespace
 
 absl::Status CollectUploads(Collection& collection) {
   const absl::Time before = absl::Now() - collection.options.upload_age;
-  ASSIGN_OR_RETURN(const auto uploads, collection.store.ListOpenUploads(before));
+  ASSIGN_OR_RETURN(const auto uploads, collection.store.datasets().ListOpenUploads(before));
   for (const DatasetRow& row : uploads) RETURN_IF_ERROR(CollectUpload(collection, row));
   return absl::OkStatus();
 }
 
-absl::Status CollectBeginnings(Collection& collection) {
+absl::Status CollectPartial(Collection& collection) {
   for (const fs::path& project : EntriesOf(PartialFolder(collection.options.data))) {
     for (const fs::path& folder : EntriesOf(project)) {
       const UploadName upload = UploadOf(folder);
       if (upload.number == 0) continue;
       ASSIGN_OR_RETURN(const bool open, IsOpen(collection, upload));
-      if (!open) RemoveBeginnings(collection, folder);
+      if (!open) RemovePartialFiles(collection, folder);
     }
   }
   return absl::OkStatus();
@@ -179,12 +189,13 @@ void CollectDamaged(Collection& collection) {
       if (AgeOf(blob) >= collection.options.file_age) collection.Remove(blob);
     }
     std::error_code ignored;
-    fs::remove(project, ignored);  // where it is empty
+    fs::remove(project, ignored);  // fails unless it is empty
   }
 }
 
 absl::Status CollectBlobs(Collection& collection) {
-  ASSIGN_OR_RETURN(const std::vector<std::string> counted, collection.store.ListBlobProjects());
+  ASSIGN_OR_RETURN(const std::vector<std::string> counted,
+                   collection.store.files().ListBlobProjects());
   std::set<std::string> projects(counted.begin(), counted.end());
   for (const fs::path& folder : EntriesOf(BlobFolder(collection.options.data))) {
     projects.insert(folder.filename().string());

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The number in "j12"; 0: no job's folder.
+// Returns 12 for a folder "j12", and 0 for one that is not a job's.
 int64_t JobNumberOf(const fs::path& folder) {
   const std::string name = folder.filename().string();
   int64_t number = 0;
@@ -24,24 +24,26 @@ int64_t JobNumberOf(const fs::path& folder) {
   return absl::StrCat("j", number) == name ? number : 0;
 }
 
-// An empty database beside a full directory would make all of it look like nobody's.
+// Returns FAILED_PRECONDITION if the directory has a job that the database never had. Next to an
+// empty database, everything in a full directory would look unreferenced and would be removed.
 absl::Status CheckDatabase(const Collection& collection) {
-  ASSIGN_OR_RETURN(const int64_t next, collection.store.NextJobNumber());
+  ASSIGN_OR_RETURN(const int64_t next, collection.store.jobs().NextJobNumber());
   for (const fs::path& folder : EntriesOf(JobsFolder(collection.options.data))) {
     if (JobNumberOf(folder) < next) continue;
     return absl::FailedPreconditionError(
         absl::StrCat(folder.string(),
-                     ": the database has never had this job: is it another data "
-                     "directory's? Nothing is collected"));
+                     ": the database has never had this job, so it may belong to another data "
+                     "directory. Nothing is collected"));
   }
   return absl::OkStatus();
 }
 
-// Of a job that has ended the model stays, as long as it has a row, and the logs.
+// Removes the working files of a job that has ended. Its logs stay, and its model as long as the
+// model has a record.
 absl::Status CollectAttempts(Collection& collection, const JobRow& job, const fs::path& folder) {
   std::string keep;
   if (job.model != 0) {
-    const absl::StatusOr<ModelRow> model = collection.store.GetModel(job.scene, job.model);
+    const absl::StatusOr<ModelRow> model = collection.store.models().GetModel(job.scene, job.model);
     if (!model.ok() && !absl::IsNotFound(model.status())) return model.status();
     if (model.ok()) keep = fs::path(model->folder).filename().string();
   }
@@ -56,7 +58,7 @@ absl::Status CollectAttempts(Collection& collection, const JobRow& job, const fs
 absl::Status CollectJobs(Collection& collection) {
   for (const fs::path& folder : EntriesOf(JobsFolder(collection.options.data))) {
     if (JobNumberOf(folder) == 0) continue;
-    const absl::StatusOr<JobRow> job = collection.store.GetJob(folder.filename().string());
+    const absl::StatusOr<JobRow> job = collection.store.jobs().GetJob(folder.filename().string());
     if (absl::IsNotFound(job.status())) {
       collection.RemoveAll(folder);
       continue;
@@ -67,7 +69,9 @@ absl::Status CollectJobs(Collection& collection) {
   return absl::OkStatus();
 }
 
-// Files named by a number, in folders of a scene each, of which the row comes after the file.
+// Removes the files of `folder` without a record, as has_row(scene, number) returns it. The folder
+// has a folder for each scene, with files named by a number. A file is written before its record,
+// so only files of at least options.file_age are removed.
 template <typename HasRow>
 absl::Status CollectNumbered(Collection& collection, const fs::path& folder, HasRow has_row) {
   for (const fs::path& of_scene : EntriesOf(folder)) {
@@ -85,7 +89,7 @@ absl::Status CollectNumbered(Collection& collection, const fs::path& folder, Has
       }
     }
     std::error_code ignored;
-    fs::remove(of_scene, ignored);  // where it is empty
+    fs::remove(of_scene, ignored);  // fails unless it is empty
   }
   return absl::OkStatus();
 }
@@ -95,17 +99,17 @@ absl::Status CollectAll(Collection& collection) {
   const fs::path& data = collection.options.data;
   RETURN_IF_ERROR(CheckDatabase(collection));
   RETURN_IF_ERROR(CollectUploads(collection));
-  RETURN_IF_ERROR(CollectBeginnings(collection));
+  RETURN_IF_ERROR(CollectPartial(collection));
   RETURN_IF_ERROR(CollectBlobs(collection));
   CollectDamaged(collection);
   RETURN_IF_ERROR(CollectJobs(collection));
   RETURN_IF_ERROR(CollectNumbered(collection, SelectionsFolder(data),
                                   [&](const std::string& scene, int64_t number) {
-                                    return store.GetSelection(scene, number).status();
+                                    return store.selections().GetSelection(scene, number).status();
                                   }));
   RETURN_IF_ERROR(CollectNumbered(collection, DatasetsFolder(data),
                                   [&](const std::string& scene, int64_t number) {
-                                    return store.GetDataset(scene, number).status();
+                                    return store.datasets().GetDataset(scene, number).status();
                                   }));
   CollectTemporaries(collection);
   return absl::OkStatus();

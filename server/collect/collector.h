@@ -17,41 +17,48 @@ namespace pepeseg {
 struct CollectorOptions {
   std::filesystem::path data;  // laid out as server/store/layout.h says
   absl::Duration interval = absl::Hours(1);
-  // What has no row may be about to get one, or be on its way, for so long. Blobs that the store
-  // counts had one.
+  // Minimum age of a file without a record: a younger one may be about to get its record. Does not
+  // apply to blobs that the store counts, which had one.
   absl::Duration file_age = absl::Hours(24);
-  // No other server uses the directory: temporary files of before the collector was made are
-  // nobody's, but for those of jobs, which may run on a cluster.
+  // No other server uses the directory. Then temporary files from before the collector was made
+  // are removed at once, except those of jobs, which may run on a cluster.
   bool alone = false;
-  // Of an open upload without a write.
+  // Time without a write after which an open upload is deleted.
   absl::Duration upload_age = absl::Hours(7 * 24);
 };
 
-// What one run has freed.
+// What one run has removed.
 struct Collected {
   int64_t num_files = 0;
   int64_t num_bytes = 0;
   int64_t num_uploads = 0;
 };
 
-// Removes what no row of the store refers to: blobs that no dataset or upload names or that are
-// damaged, beginnings of files of uploads that are sealed or gone, uploads that nobody goes on
-// with, with their rows, folders of jobs that are gone and attempts whose model is, files of
-// selections and datasets without a row, and unfinished temporary files. Never removes what is
-// referred to, also while other servers take uploads. What cannot be removed costs space until the
-// next run.
+// Removes from the data directory what no record of the store refers to:
+//
+//   - blobs that no dataset or upload names, and damaged blobs that were set aside,
+//   - uploads without a write for a long time, with their records,
+//   - partial files of uploads that are sealed or gone,
+//   - folders of deleted jobs, and working files of ended ones,
+//   - files of selections and datasets without a record,
+//   - temporary files that a crash left.
+//
+// Never removes anything that is referred to, even while other servers accept uploads. What cannot
+// be removed takes up space until the next run.
 class Collector {
  public:
-  // `store` must outlive it.
+  // `store` must outlive the collector.
   Collector(Store& store, CollectorOptions options);
-  ~Collector();  // Stop()
+  ~Collector();  // calls Stop()
 
-  // Runs now and then at the interval, in a thread of its own.
+  // Starts a thread that runs now and then again after each interval.
   void Start();
+  // Waits for a run in progress.
   void Stop();
 
-  // Once. ABORTED: another server on the directory does it just now. FAILED_PRECONDITION: the
-  // directory has jobs that the store has never had, so it is another database's.
+  // Runs once, in the caller's thread. ABORTED: another server is collecting in this directory.
+  // FAILED_PRECONDITION: the directory has jobs that the store never had, so it belongs to another
+  // database.
   absl::StatusOr<Collected> Run();
 
  private:
@@ -60,7 +67,7 @@ class Collector {
   Store& store_;
   const CollectorOptions options_;
   const absl::Time made_ = absl::Now();
-  std::mutex mutex_;
+  std::mutex mutex_;  // guards stopping_
   std::condition_variable wake_;
   bool stopping_ = false;
   std::thread thread_;

@@ -45,6 +45,8 @@ void BlobChecker::Run() {
   }
 }
 
+// Marks all damaged blobs of a task in one transaction, after they were set aside. If the server is
+// killed in between, the blob is found missing when its files are used next.
 int BlobChecker::CheckAll(const Task& task) const {
   std::set<std::string> checked;
   std::vector<std::string> damaged;
@@ -61,7 +63,8 @@ int BlobChecker::CheckAll(const Task& task) const {
       spdlog::error("project {}: '{}': {}", task.project, file.path, whole.ToString());
     }
   }
-  const absl::Status marked = store_.SetDigestsStored(task.project, damaged, /*stored=*/false);
+  const absl::Status marked =
+      store_.files().SetDigestsStored(task.project, damaged, /*stored=*/false);
   if (!marked.ok()) spdlog::error("project {}: {}", task.project, marked.ToString());
   return static_cast<int>(damaged.size());
 }

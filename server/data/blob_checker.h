@@ -14,20 +14,21 @@
 
 namespace pepeseg {
 
-// Reads stored blobs again that a worker has found damaged, one after the other in a thread of its
-// own, so that neither an RPC nor the supervisor waits for the disk. A damaged one is set aside
-// (BlobStore::Verify), and the files that name it count as not stored.
+// Reads blobs again that a worker has found damaged, one after the other in a thread of its own, so
+// that neither an RPC nor the supervisor waits for the disk. A damaged blob is set aside
+// (BlobStore::Verify), and the files that name it are marked as not stored.
 //
-// Thread safe. What is still to be checked when it is destroyed stays as it is.
+// Thread safe. Blobs that are not checked when the object is destroyed stay as they are.
 class BlobChecker {
  public:
-  // Both must outlive it.
+  // `blobs` and `store` must outlive the checker.
   BlobChecker(const BlobStore& blobs, Store& store);
   ~BlobChecker();
   BlobChecker(const BlobChecker&) = delete;
   BlobChecker& operator=(const BlobChecker&) = delete;
 
-  // How many distinct blobs of these files of a project are damaged or gone. Does not block.
+  // Queues these files of a project. The future gets the number of their distinct blobs that are
+  // damaged or missing; 0 if the checker was stopped before. Does not block.
   std::shared_future<int> Check(const std::string& project, std::vector<DatasetFileRow> files);
 
  private:

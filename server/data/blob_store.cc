@@ -26,8 +26,8 @@ namespace fs = std::filesystem;
 constexpr size_t kDigestLength = 64;
 constexpr char kLengthSuffix[] = ".length";
 
-// Makes the folder and those above it that are not there, so that a power cut leaves them. Others
-// may do so, or remove empty ones, at the same time.
+// Creates a folder and its missing parents durably. Other processes may create the same folders, or
+// remove empty ones, at the same time.
 absl::Status MakeFolders(const fs::path& folder) {
   std::error_code error;
   if (fs::is_directory(folder, error)) return absl::OkStatus();
@@ -37,7 +37,7 @@ absl::Status MakeFolders(const fs::path& folder) {
   return SyncFolder(folder.parent_path());
 }
 
-// Makes the folders for a project's blobs, all 256 with one sync.
+// Creates the 256 folders for a project's blobs with one sync.
 absl::Status MakeBlobFolders(const fs::path& data, const std::string& project) {
   const fs::path folder = BlobFolderOf(data, project);
   RETURN_IF_ERROR(MakeFolders(folder));
@@ -50,14 +50,16 @@ absl::Status MakeBlobFolders(const fs::path& data, const std::string& project) {
   return SyncFolder(folder);
 }
 
-// Of two hex digits, as the folders of blobs are named in a project's, and were in the store's.
+// Returns whether a name is two hex digits: the name of a folder of blobs, in a project's folder
+// or, before there were projects, in blobs/ itself.
 bool IsPrefix(const std::string& name) {
   return name.size() == 2 && std::all_of(name.begin(), name.end(), [](char c) {
            return absl::ascii_isdigit(c) || (c >= 'a' && c <= 'f');
          });
 }
 
-// Blobs right in a folder: in that of a project there is none, whatever the project's name.
+// Returns the blobs directly in a folder. A project's folder has none, even if the project's name
+// looks like a folder of blobs.
 std::vector<fs::path> BlobsIn(const fs::path& folder) {
   std::vector<fs::path> blobs;
   std::error_code error;
@@ -70,6 +72,7 @@ std::vector<fs::path> BlobsIn(const fs::path& folder) {
   return blobs;
 }
 
+// Moves the blobs directly in a folder of blobs/ to the default project.
 absl::Status MoveToDefaultProject(const fs::path& data, const fs::path& folder) {
   const std::vector<fs::path> blobs = BlobsIn(folder);
   if (blobs.empty()) return absl::OkStatus();
@@ -78,15 +81,16 @@ absl::Status MoveToDefaultProject(const fs::path& data, const fs::path& folder) 
   std::error_code error;
   for (const fs::path& blob : blobs) {
     fs::rename(blob, target / blob.filename(), error);
-    // Another server on the directory does the same.
+    // Another server on the directory may be moving the same blobs.
     const bool gone = error == std::errc::no_such_file_or_directory;
     if (error && !gone) return FileError(blob, "cannot move to its project", error.value());
   }
   RETURN_IF_ERROR(SyncFolder(target));
-  fs::remove(folder, error);  // unless there is more in it
+  fs::remove(folder, error);  // fails unless it is empty
   return absl::OkStatus();
 }
 
+// An open blob; the descriptor is negative if it could not be opened.
 class OpenBlob {
  public:
   explicit OpenBlob(const fs::path& path)
@@ -116,6 +120,7 @@ absl::StatusOr<std::string> HashBlob(const fs::path& path, int descriptor,
   }
 }
 
+// Returns whether the open file is the one that has this path now.
 bool IsOpenFile(const fs::path& path, int descriptor) {
   struct stat opened {};
   struct stat named {};
@@ -157,7 +162,8 @@ absl::Status BlobStore::Verify(const BlobName& blob, const std::atomic<bool>& ca
   return absl::DataLossError(absl::StrCat("has the SHA-256 ", found));
 }
 
-// `descriptor`: what was found damaged. Whoever has brought the blob again meanwhile keeps it.
+// Moves a blob to damaged/. `descriptor`: the file that was found damaged. Does nothing if another
+// upload has replaced the blob meanwhile.
 absl::Status BlobStore::SetAside(const BlobName& blob, int descriptor) const {
   const fs::path path = Path(blob), aside = DamagedPath(data_, blob);
   RETURN_IF_ERROR(MakeFolders(aside.parent_path()));
@@ -166,8 +172,8 @@ absl::Status BlobStore::SetAside(const BlobName& blob, int descriptor) const {
   if (!IsOpenFile(path, descriptor)) return absl::OkStatus();
   std::error_code error;
   fs::rename(path, aside, error);
-  if (error) return FileError(path, "cannot move to the damaged ones", error.value());
-  futimens(descriptor, nullptr);  // its age counts from here: see Collector
+  if (error) return FileError(path, "cannot move to the damaged blobs", error.value());
+  futimens(descriptor, nullptr);  // now, since the collector removes it by its age
   RETURN_IF_ERROR(SyncFolder(aside.parent_path()));
   return SyncFolder(path.parent_path());
 }
@@ -190,6 +196,8 @@ std::map<std::string, int64_t> BlobStore::ListPartial(const UploadName& upload) 
   return partial;
 }
 
+// Looks for the blob twice: before taking the lock of the partial file, which would create it, and
+// again once it is locked, since another writer may have published the blob in between.
 absl::StatusOr<std::shared_ptr<BlobWriter>> BlobStore::Begin(const UploadName& upload,
                                                              const std::string& sha256,
                                                              int64_t size) {
@@ -202,12 +210,12 @@ absl::StatusOr<std::shared_ptr<BlobWriter>> BlobStore::Begin(const UploadName& u
     RETURN_IF_ERROR(MakeBlobFolders(data_, upload.project));
   }
   absl::StatusOr<LockedFile> file = LockedFile::TryAlone(folder / sha256);
-  if (absl::IsNotFound(file.status())) {  // the folder was empty, and collected
+  if (absl::IsNotFound(file.status())) {  // the collector has removed the empty folder
     RETURN_IF_ERROR(MakeFolders(folder));
     file = LockedFile::TryAlone(folder / sha256);
   }
   RETURN_IF_ERROR(file.status());
-  if (Has(blob, size)) {  // the one before has just ended it
+  if (Has(blob, size)) {  // the previous writer has just published it
     std::error_code ignored;
     fs::remove(folder / sha256, ignored);
     return nullptr;
@@ -230,13 +238,13 @@ void BlobStore::RemovePartial(const UploadName& upload) const {
     fs::remove(LengthPath(file), ignored);
     fs::remove(file, ignored);
   }
-  fs::remove(folder, ignored);  // unless there is more in it
+  fs::remove(folder, ignored);  // fails unless it is empty
 }
 
 absl::StatusOr<int64_t> BlobStore::FreeBytes() const {
   std::error_code error;
   const fs::space_info space = fs::space(data_, error);
-  if (error) return FileError(data_, "cannot tell its free space", error.value());
+  if (error) return FileError(data_, "cannot read its free space", error.value());
   return static_cast<int64_t>(space.available);
 }
 

@@ -15,40 +15,43 @@
 
 namespace pepeseg {
 
-// The bytes of uploaded files, by project and digest: a blob is there as a whole or not at all,
-// also after a power cut, and never changes. Of one on its way the beginning is kept, for the
-// upload that brings it. Several servers may be on the directory. Thread safe. Calls block.
+// The bytes of uploaded files, by project and digest. A blob is stored as a whole or not at all,
+// even after a power cut, and never changes. While a blob is being uploaded, its first bytes are
+// kept in a partial file of the upload, which can be resumed. Several servers may use the
+// directory. Thread safe. Calls block on the disk.
 class BlobStore {
  public:
-  // Makes the folders. Blobs of before there were projects become the default project's; when that
-  // is cut off, the next start goes on with it.
+  // Creates the folders. Moves blobs from before there were projects to the default project; if
+  // that is interrupted, the next start resumes it.
   static absl::StatusOr<std::unique_ptr<BlobStore>> Open(const std::filesystem::path& data);
 
+  // Returns whether the blob is stored, with this size.
   bool Has(const BlobName& blob, int64_t size) const;
   std::filesystem::path Path(const BlobName& blob) const { return BlobPath(data_, blob); }
 
-  // Reads the blob again, at the disk's speed, and compares its SHA-256 with its name. DATA_LOSS:
-  // it is damaged, and was moved to damaged/, or is not there; Has() is false from then on, and the
-  // next upload that names it brings it again. CANCELLED: `cancel` was set meanwhile.
+  // Reads the whole blob and compares its SHA-256 with its name. DATA_LOSS: it is damaged and was
+  // moved to damaged/, or it is not stored; from then on Has() is false, and the next upload that
+  // names it stores it again. CANCELLED: `cancel` was set meanwhile.
   absl::Status Verify(const BlobName& blob, const std::atomic<bool>& cancel) const;
 
-  // While it lives, no blob of the project is removed: from before an upload names a digest until
-  // its client was told that the blob is there.
+  // Returns a shared lock. While it is held no blob of the project is removed. An upload holds it
+  // from before its files are recorded until its client knows which blobs are stored.
   absl::StatusOr<LockedFile> Hold(const std::string& project) const;
 
-  // Committed bytes of the upload's files that are on their way, by digest; more than 0.
+  // Returns the committed bytes of the upload's partial files by digest, if more than 0.
   std::map<std::string, int64_t> ListPartial(const UploadName& upload) const;
 
-  // Removes the partial files of an upload that is sealed or gone, but for those that a stream has
-  // open. What cannot be removed is left to the collector.
+  // Removes the partial files of an upload that is sealed or gone, except those that a stream is
+  // writing. What cannot be removed is left to the collector.
   void RemovePartial(const UploadName& upload) const;
 
-  // Of a file of an upload, which declared its digest and size; to be started at an offset first.
-  // Null: the blob is there. ABORTED: another stream, or another server, writes it.
+  // Returns a writer for a file of an upload, by its declared digest and size; call
+  // BlobWriter::Start first. Returns null if the blob is stored already. ABORTED: another stream or
+  // server is writing the file.
   absl::StatusOr<std::shared_ptr<BlobWriter>> Begin(const UploadName& upload,
                                                     const std::string& sha256, int64_t size);
 
-  // That can be written now, bytes.
+  // Returns the free space of the file system, bytes.
   absl::StatusOr<int64_t> FreeBytes() const;
 
  private:

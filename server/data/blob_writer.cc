@@ -20,13 +20,14 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int64_t kCommitBytes = int64_t{32} << 20;
-// Of one turn, so that a pool's thread is not taken for as long as 4 GiB take.
+// Bytes hashed per task, so that a 4 GiB file does not monopolise a pool thread.
 constexpr int64_t kRehashBytes = int64_t{64} << 20;
 constexpr size_t kReadBytes = size_t{1} << 20;
 
 }  // namespace
 
-// A length beyond the file's end is of one that was begun anew, or was lost with its disk's cache.
+// A length beyond the file's end is not valid: the file was begun again from scratch, or its bytes
+// were lost with the disk's cache.
 int64_t CommittedBytes(const fs::path& partial) {
   int64_t length = 0;
   std::ifstream(LengthPath(partial)) >> length;
@@ -40,7 +41,8 @@ BlobWriter::BlobWriter(LockedFile file, Target target)
       target_(std::move(target)),
       committed_(CommittedBytes(target_.partial)) {}
 
-// The error that ended it, if there was one, is told already; what cannot be kept is sent again.
+// Commits what is written. Errors are ignored: the one that ended the upload was reported already,
+// and a client sends again what could not be committed.
 BlobWriter::~BlobWriter() {
   if (ended_) return;
   if (written_ > committed_) Record().IgnoreError();
@@ -52,7 +54,7 @@ absl::Status BlobWriter::Start(int64_t offset) {
     return absl::OutOfRangeError(
         absl::StrCat("the offset is ", offset, ", committed are ", committed_, " bytes"));
   }
-  // The old length must not be taken for that of the new bytes.
+  // Remove the old length first, durably: it must not be taken for that of the new bytes.
   std::error_code error;
   if (offset == 0 && fs::remove(LengthPath(target_.partial), error)) {
     RETURN_IF_ERROR(SyncFolder(target_.partial.parent_path()));
@@ -69,6 +71,8 @@ absl::Status BlobWriter::Start(int64_t offset) {
   return absl::OkStatus();
 }
 
+// Reads what an earlier writer committed: SHA-256 cannot be resumed from a digest, and its state is
+// not stored.
 absl::Status BlobWriter::Rehash() {
   std::vector<char> block(kReadBytes);
   const int64_t end = std::min(written_, hashed_ + kRehashBytes);
@@ -98,18 +102,21 @@ absl::Status BlobWriter::Append(std::string_view bytes) {
   digest_.Add(bytes);
   written_ += count;
   hashed_ = written_;
-  // The last piece is committed with the whole.
+  // The last part is committed with the whole file.
   const bool due = written_ - committed_ >= kCommitBytes && written_ < target_.size;
   return due ? Record() : absl::OkStatus();
 }
 
 absl::Status BlobWriter::Sync() {
   if (fsync(file_.descriptor()) == 0) return absl::OkStatus();
-  // A second try could succeed without the bytes: the system tells of them once.
+  // Do not try again: Linux reports a failed write once, so a second fsync could succeed although
+  // the bytes are lost.
   written_ = committed_;
   return FileError(target_.partial, "cannot sync", errno);
 }
 
+// The length is written after the bytes are synced, so that it never counts bytes that a power cut
+// may lose.
 absl::Status BlobWriter::Record() {
   RETURN_IF_ERROR(Sync());
   RETURN_IF_ERROR(WriteFileAtomically(LengthPath(target_.partial), absl::StrCat(written_, "\n")));
@@ -142,7 +149,7 @@ absl::Status BlobWriter::Publish() {
   fs::rename(target_.partial, target_.blob, error);
   if (error) return FileError(target_.blob, "cannot rename to", error.value());
   ended_ = true;
-  fs::remove(LengthPath(target_.partial), error);  // alone it says nothing
+  fs::remove(LengthPath(target_.partial), error);  // without the partial file it has no meaning
   return absl::OkStatus();
 }
 

@@ -12,41 +12,45 @@
 
 namespace pepeseg {
 
-// The one writer of a blob's beginning. What it has committed is on the disk, and known to be
-// right by whoever goes on after it; it commits every 32 MiB and where it is destroyed. Whole, its
-// bytes are checked (Finish), synced and published under the blob's name, on their own (Commit) or
-// with other files' (WriteGroup). For one thread at a time; calls block.
+// The only writer of a partial file, which becomes a blob when it is complete.
+//
+// Committed bytes are on the disk, and a later writer can resume after them. The writer commits
+// every 32 MiB and when it is destroyed. A complete file is checked (Finish), synced, and published
+// under the blob's name, either alone (Commit) or together with other files
+// (server/services/write_group.h). Not thread safe. Calls block on the disk.
 class BlobWriter {
  public:
   struct Target {
-    std::filesystem::path partial;  // the beginning
-    std::filesystem::path blob;     // the whole, in a folder that is there
+    std::filesystem::path partial;  // the partial file
+    std::filesystem::path blob;     // the complete file, in a folder that exists
     std::string sha256;
-    int64_t size = 0;  // declared
+    int64_t size = 0;  // declared, bytes
   };
-  // With what an earlier writer has committed; only Start comes next.
+  // Begins with the bytes that an earlier writer has committed. Call Start next.
   BlobWriter(LockedFile file, Target target);
   ~BlobWriter();
   BlobWriter(const BlobWriter&) = delete;
   BlobWriter& operator=(const BlobWriter&) = delete;
 
   int64_t committed() const { return committed_; }
-  // 0: anew. OUT_OF_RANGE: neither that nor what is committed, of which everything is hashed again:
-  // Rehash, in turns, until it is ready.
+  // Starts writing at `offset`: 0 to begin from scratch, or committed() to resume. OUT_OF_RANGE: it
+  // is neither. When resuming, the committed bytes must be hashed again: call Rehash until ready().
   absl::Status Start(int64_t offset);
   bool ready() const { return hashed_ == written_; }
+  // Hashes up to 64 MiB more of the committed bytes.
   absl::Status Rehash();
 
-  // INVALID_ARGUMENT when it is more than was declared; RESOURCE_EXHAUSTED: the disk is full.
+  // INVALID_ARGUMENT: more bytes than declared. RESOURCE_EXHAUSTED: the disk is full.
   absl::Status Append(std::string_view bytes);
-  // Checks the whole; only Sync, Publish and Commit may come after. INVALID_ARGUMENT when it is
-  // less than declared; DATA_LOSS when the digest is another: then nothing of it is kept.
+  // Checks size and digest. Afterwards only Sync, Publish and Commit may be called.
+  // INVALID_ARGUMENT: fewer bytes than declared. DATA_LOSS: another digest; then the partial file
+  // is removed.
   absl::Status Finish();
-  // Makes what is written durable. After an error nothing of what was not committed is kept.
+  // Makes the written bytes durable. After an error those that were not committed are lost.
   absl::Status Sync();
-  // Gives the finished and synced file the blob's name, which is durable once the folder is synced.
+  // Gives the finished and synced file the blob's name, which is durable once its folder is synced.
   absl::Status Publish();
-  // Finish, Sync, Publish, and a sync of the folder.
+  // Calls Finish, Sync and Publish, and syncs the folder.
   absl::Status Commit();
 
   int descriptor() const { return file_.descriptor(); }
@@ -54,18 +58,19 @@ class BlobWriter {
   const std::filesystem::path& blob() const { return target_.blob; }
 
  private:
+  // Removes the partial file.
   absl::Status Discard();
-  // What is written is committed.
+  // Commits what is written: syncs it and records its length.
   absl::Status Record();
 
   LockedFile file_;
   const Target target_;
   Sha256 digest_;
-  bool ended_ = false;  // nothing is left to be kept
-  int64_t committed_ = 0, written_ = 0, hashed_ = 0;
+  bool ended_ = false;                                // the partial file is published or removed
+  int64_t committed_ = 0, written_ = 0, hashed_ = 0;  // bytes from the start of the file
 };
 
-// Bytes of a beginning that are committed; 0: none.
+// Returns the number of committed bytes of a partial file; 0 if there is none.
 int64_t CommittedBytes(const std::filesystem::path& partial);
 
 }  // namespace pepeseg

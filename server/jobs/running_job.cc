@@ -56,7 +56,7 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
   ASSIGN_OR_RETURN(running->worker_, context.launcher.Launch(running->Command()));
   if (const std::string launch = running->worker_->launch(); !launch.empty()) {
     running->job_.launch = launch;
-    RETURN_IF_ERROR(context.store.SetJobLaunch(job.id, job.fence, launch));
+    RETURN_IF_ERROR(context.store.queue().SetJobLaunch(job.id, job.fence, launch));
   }
   running->follows_live_ = true;
   spdlog::info("jobs/{}: attempt {} is launched", job.id, job.fence);
@@ -96,8 +96,8 @@ absl::Status RunningJob::WriteSpec() const {
     return absl::DataLossError("the job's stored options are not training options");
   }
   ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
-                   context_.store.ListDatasetFiles(job_.scene, job_.dataset));
-  ASSIGN_OR_RETURN(const std::string project, context_.store.ProjectOfScene(job_.scene));
+                   context_.store.files().ListDatasetFiles(job_.scene, job_.dataset));
+  ASSIGN_OR_RETURN(const std::string project, context_.store.scenes().ProjectOfScene(job_.scene));
   for (const DatasetFileRow& file : files) {
     spec.files.push_back(
         {file.path, file.kind, context_.options.file_path(project, file).string(), file.sha256});
@@ -129,7 +129,7 @@ bool RunningJob::FollowLog() {
     if (follows_live_ && context_.options.on_event) context_.options.on_event(job_.id, event);
   }
   if (stage_ == job_.stage || worker_ == nullptr) return true;
-  const absl::Status recorded = context_.store.SetJobStage(job_.id, job_.fence, stage_);
+  const absl::Status recorded = context_.store.queue().SetJobStage(job_.id, job_.fence, stage_);
   if (recorded.ok()) job_.stage = stage_;
   return true;
 }
@@ -209,8 +209,8 @@ absl::Status RunningJob::StartCheck() {
   }
   if (!context_.options.check_files) return absl::OkStatus();
   ASSIGN_OR_RETURN(std::vector<DatasetFileRow> files,
-                   context_.store.ListDatasetFiles(job_.scene, job_.dataset));
-  ASSIGN_OR_RETURN(const std::string project, context_.store.ProjectOfScene(job_.scene));
+                   context_.store.files().ListDatasetFiles(job_.scene, job_.dataset));
+  ASSIGN_OR_RETURN(const std::string project, context_.store.scenes().ProjectOfScene(job_.scene));
   const std::set<std::string> named(result->damaged.begin(), result->damaged.end());
   std::erase_if(files, [&](const DatasetFileRow& file) { return !named.contains(file.sha256); });
   num_damaged_ = context_.options.check_files(project, std::move(files));
@@ -289,7 +289,7 @@ absl::Status RunningJob::CommitModel(const JobResult& result) {
   model.sources = SourcesToJson(result.sources);
   model.num_gaussians = result.num_gaussians;
   model.num_bytes = result.num_bytes;
-  ASSIGN_OR_RETURN(model, context_.store.CommitModel(job_.id, job_.fence, model));
+  ASSIGN_OR_RETURN(model, context_.store.queue().CommitModel(job_.id, job_.fence, model));
   spdlog::info("jobs/{}: made scenes/{}/models/{}", job_.id, job_.scene, model.number);
   return absl::OkStatus();
 }
@@ -299,11 +299,11 @@ absl::Status RunningJob::WriteOutcome(const absl::Status& outcome, const JobResu
   Store& store = context_.store;
   if (outcome.ok()) {
     RETURN_IF_ERROR(CommitModel(result));
-    ASSIGN_OR_RETURN(job_, store.GetJob(job_.id));
+    ASSIGN_OR_RETURN(job_, store.jobs().GetJob(job_.id));
   } else if (MayTryAgain() || (requeue && absl::IsCancelled(outcome))) {
-    ASSIGN_OR_RETURN(job_, store.RequeueJob(job_.id, job_.fence, DescribeAttempt()));
+    ASSIGN_OR_RETURN(job_, store.queue().RequeueJob(job_.id, job_.fence, DescribeAttempt()));
   } else {
-    ASSIGN_OR_RETURN(job_, store.EndJob(job_.id, job_.fence, ClientStatus(outcome)));
+    ASSIGN_OR_RETURN(job_, store.queue().EndJob(job_.id, job_.fence, ClientStatus(outcome)));
   }
   return absl::OkStatus();
 }
@@ -323,7 +323,7 @@ absl::Status RunningJob::Finish(bool requeue) {
     if (!absl::IsAborted(written)) return written;
     // ABORTED also comes when the outcome was written before, and only the database's answer was
     // lost: then the job has this fence and is no longer RUNNING.
-    ASSIGN_OR_RETURN(const JobRow row, context_.store.GetJob(job_.id));
+    ASSIGN_OR_RETURN(const JobRow row, context_.store.jobs().GetJob(job_.id));
     if (row.fence != job_.fence || row.state == JobState::kRunning) return written;
     job_ = row;
   }

@@ -43,13 +43,13 @@ absl::StatusOr<std::unique_ptr<Supervisor>> Supervisor::Start(Store& store,
 }
 
 absl::StatusOr<JobRow> Supervisor::Submit(const JobRow& job) {
-  ASSIGN_OR_RETURN(JobRow made, loop_->store().CreateJob(job));
+  ASSIGN_OR_RETURN(JobRow made, loop_->store().jobs().CreateJob(job));
   loop_->Wake();
   return made;
 }
 
 absl::StatusOr<JobRow> Supervisor::Cancel(const std::string& job) {
-  ASSIGN_OR_RETURN(JobRow row, loop_->store().RequestCancel(job));
+  ASSIGN_OR_RETURN(JobRow row, loop_->store().queue().RequestCancel(job));
   if (row.cancel_requested) loop_->RequestCancel(row.id);
   return row;
 }

@@ -68,7 +68,7 @@ class Supervisor {
   static absl::StatusOr<std::unique_ptr<Supervisor>> Start(Store& store, SupervisorOptions options);
   ~Supervisor();  // like Stop() with a deadline that has passed
 
-  // Creates a job as Store::CreateJob does. It starts as soon as a slot is free.
+  // Creates a job as JobStore::CreateJob does. It starts as soon as a slot is free.
   absl::StatusOr<JobRow> Submit(const JobRow& job);
   // Cancels a queued job at once. A running job's worker is asked to stop: the record returned is
   // still RUNNING.

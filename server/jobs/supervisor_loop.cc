@@ -33,10 +33,10 @@ JobFolder Supervisor::Loop::FolderOf(const std::string& job) const {
 }
 
 absl::Status Supervisor::Loop::Recover() {
-  ASSIGN_OR_RETURN(const std::vector<JobRow> jobs, store_.ListRunningJobs());
+  ASSIGN_OR_RETURN(const std::vector<JobRow> jobs, store_.queue().ListRunningJobs());
   for (const JobRow& job : jobs) {
     if (store_.shared() && !IsKnownGone(job.lease_owner)) continue;
-    ASSIGN_OR_RETURN(JobRow mine, store_.TakeOverJob(job.id, job.lease_owner));
+    ASSIGN_OR_RETURN(JobRow mine, store_.queue().TakeOverJob(job.id, job.lease_owner));
     RETURN_IF_ERROR(RecoverJob(std::move(mine)));
   }
   return absl::OkStatus();
@@ -56,12 +56,13 @@ absl::Status Supervisor::Loop::RecoverJob(JobRow job) {
   const int64_t fence = job.fence;
   const EndedAttempt ended{AttemptEnd::kServerEnded, FolderOf(job.id).HasSaved(fence), {}};
   if (ended.progress || job.server_ends + 1 < options_.max_server_ends) {
-    ASSIGN_OR_RETURN(job, store_.RequeueJob(job.id, fence, ended));
+    ASSIGN_OR_RETURN(job, store_.queue().RequeueJob(job.id, fence, ended));
   } else {
-    ASSIGN_OR_RETURN(job, store_.EndJob(job.id, fence,
-                                        absl::AbortedError(absl::StrCat(
-                                            "the server ended during each of ", job.server_ends + 1,
-                                            " attempts in a row that made no progress"))));
+    ASSIGN_OR_RETURN(
+        job, store_.queue().EndJob(job.id, fence,
+                                   absl::AbortedError(absl::StrCat(
+                                       "the server ended during each of ", job.server_ends + 1,
+                                       " attempts in a row that made no progress"))));
   }
   spdlog::warn("jobs/{}: attempt {} was broken off by the end of its server", job.id, fence);
   // An error does not keep the server from starting, since the store has the new state.
@@ -155,7 +156,7 @@ void Supervisor::Loop::ApplyCancels() {
 
 // Appends the event of a job that was cancelled in the queue, if its log does not have it yet.
 void Supervisor::Loop::ReportCancelled(const std::string& job) {
-  const absl::StatusOr<JobRow> row = store_.GetJob(job);
+  const absl::StatusOr<JobRow> row = store_.jobs().GetJob(job);
   if (!row.ok() || row->state != JobState::kCancelled) return;
   const absl::StatusOr<v1::JobState> logged = ReadNewestState(FolderOf(job));
   if (!logged.ok()) spdlog::error("jobs/{}: {}", job, logged.status().ToString());
@@ -213,7 +214,7 @@ void Supervisor::Loop::Claim() {
   if (!claim_pause_.Over()) return;
   if (unsure_ && MayStart()) StartHeld();
   while (!unsure_ && MayStart()) {
-    const absl::StatusOr<std::optional<JobRow>> job = store_.ClaimJob(options_.device_name);
+    const absl::StatusOr<std::optional<JobRow>> job = store_.queue().ClaimJob(options_.device_name);
     if (!job.ok()) {
       spdlog::error("claiming a job: {}", job.status().ToString());
       PauseClaims("", job.status());
@@ -229,7 +230,7 @@ void Supervisor::Loop::Claim() {
 // Starts the jobs that this server holds by the database but does not run: the answer to its claim
 // was lost, or the database was unreachable when they were to start.
 void Supervisor::Loop::StartHeld() {
-  const absl::StatusOr<std::vector<JobRow>> held = store_.ListHeldJobs();
+  const absl::StatusOr<std::vector<JobRow>> held = store_.queue().ListHeldJobs();
   if (!held.ok()) {
     spdlog::error("asking for the jobs of this server: {}", held.status().ToString());
     PauseClaims("", held.status());
@@ -269,7 +270,8 @@ void Supervisor::Loop::StartJob(const JobRow& job) {
 // Writes the end of a job that cannot be started.
 void Supervisor::Loop::EndUnstarted(const JobRow& job, const absl::Status& error) {
   spdlog::error("jobs/{}: did not start: {}", job.id, error.ToString());
-  const absl::StatusOr<JobRow> ended = store_.EndJob(job.id, job.fence, ClientStatus(error));
+  const absl::StatusOr<JobRow> ended =
+      store_.queue().EndJob(job.id, job.fence, ClientStatus(error));
   if (!ended.ok()) {
     // It is tried again, unless the end was written and only the answer was lost.
     PauseClaims(job.id, ended.status());
@@ -287,7 +289,7 @@ void Supervisor::Loop::KeepLeases() {
   next_look_ = now + kLookAtOthers;
   const bool renew = now >= next_renewal_;
   const absl::StatusOr<std::vector<JobRow>> held =
-      renew ? store_.RenewLeases() : store_.ListHeldJobs();
+      renew ? store_.queue().RenewLeases() : store_.queue().ListHeldJobs();
   if (!held.ok()) {
     // The workers end by themselves when their leases are not renewed in time.
     if (lease_log_.Over()) {

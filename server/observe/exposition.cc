@@ -12,7 +12,7 @@
 namespace pepeseg {
 namespace {
 
-// The HTTP server takes addresses only.
+// Replaces localhost by its address: the HTTP server accepts no names.
 std::string AddressOf(const std::string& listen) {
   constexpr char kLocal[] = "localhost:";
   if (!absl::StartsWith(listen, kLocal)) return listen;
@@ -30,8 +30,8 @@ absl::StatusOr<std::unique_ptr<Exposition>> Exposition::Start(const std::string&
     return absl::InvalidArgumentError(
         absl::StrCat("metrics on ", listen, ": must be HOST:PORT, as 127.0.0.1:9464"));
   }
-  // Scrapes are answered one after the other. A client that does not read is dropped soon, else it
-  // would keep Prometheus out.
+  // One thread answers scrapes one after the other, so a client that does not read is dropped soon:
+  // it would keep Prometheus out.
   const std::vector<std::string> options = {"listening_ports",    AddressOf(listen),
                                             "num_threads",        "1",
                                             "request_timeout_ms", "5000",

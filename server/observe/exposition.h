@@ -12,15 +12,16 @@ class Exposer;
 
 namespace pepeseg {
 
-// Answers GET /metrics over plain HTTP, for Prometheus. What it tells of is read when it is asked.
+// Answers GET /metrics over plain HTTP, for Prometheus. Values are read at each scrape.
 class Exposition {
  public:
-  // `listen`: HOST:PORT, port 0: a free one. INVALID_ARGUMENT: it is none; UNAVAILABLE: taken.
+  // `listen`: HOST:PORT; port 0 takes a free one. INVALID_ARGUMENT: it is not HOST:PORT.
+  // UNAVAILABLE: cannot listen there.
   static absl::StatusOr<std::unique_ptr<Exposition>> Start(const std::string& listen);
-  // No question is under way any more when it returns.
+  // Blocks until scrapes in progress have finished.
   ~Exposition();
 
-  // Until the object or the exposition is gone.
+  // Adds an object to scrapes, until it or the exposition is destroyed.
   void Add(const std::shared_ptr<prometheus::Collectable>& collectable);
   int port() const;
 

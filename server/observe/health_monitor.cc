@@ -1,18 +1,25 @@
 #include "server/observe/health_monitor.h"
 
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <string>
+#include <system_error>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "core/base/atomic_file.h"
+#include "core/base/status_macros.h"
+#include "server/observe/process_use.h"
 
 namespace pepeseg {
 
 struct HealthMonitor::Watched {
   Probe probe;
   absl::Status status;                                // of the last run
-  absl::Time running_since = absl::InfiniteFuture();  // while one is under way
+  absl::Time running_since = absl::InfiniteFuture();  // InfiniteFuture: not running
   bool works = true;                                  // as judged last, for the log
 };
 
@@ -90,7 +97,8 @@ void HealthMonitor::RunProbe(Watched& watched) {
   } while (WaitLocked(lock, pace_.interval));
 }
 
-// For probes that hang: the others judge when they have ended.
+// Wakes up at least every fifth of the timeout. A blocking probe calls JudgeLocked itself when it
+// has ended; this thread notices when it does not end.
 void HealthMonitor::Judge() {
   std::unique_lock lock(mutex_);
   while (WaitLocked(lock, std::min(pace_.interval, pace_.patience / 5))) {
@@ -105,6 +113,9 @@ bool HealthMonitor::Works(const Watched& watched, absl::Time now) const {
   return watched.status.ok() && now - watched.running_since <= pace_.patience;
 }
 
+// A service serves unless the server drains or one of its probes fails. The service "" stands for
+// the whole server in grpc.health.v1; probes name it where they concern it. The caller must hold
+// mutex_, under which `publish_` is called, so that changes are published in order.
 void HealthMonitor::JudgeLocked() {
   if (stopping_ || !publish_) return;
   const absl::Time now = absl::Now();
@@ -127,6 +138,34 @@ void HealthMonitor::JudgeLocked() {
     if (serving_[service] != serves) publish_(service, serves);
   }
   serving_ = serving;
+}
+
+absl::Status ProbeDisk(const std::filesystem::path& folder, int64_t min_free_bytes) {
+  // Servers that share the folder must not use the same file.
+  const std::filesystem::path file = folder / absl::StrCat(".health-", getpid());
+  RETURN_IF_ERROR(WriteFileAtomically(file, "written by the health probe\n"));
+  std::error_code error;
+  std::filesystem::remove(file, error);
+  if (error) {
+    return absl::InternalError(absl::StrCat(file.string(), ": cannot remove: ", error.message()));
+  }
+  const int64_t free = DiskFreeBytes(folder);
+  if (free < 0) return absl::InternalError(folder.string() + ": cannot read its free space");
+  if (free > min_free_bytes) return absl::OkStatus();
+  return absl::ResourceExhaustedError(absl::StrCat(folder.string(), ": ", free,
+                                                   " bytes are free, must be over ", min_free_bytes,
+                                                   ": uploads and trainings need room"));
+}
+
+absl::Status ProbeDevice(const Backend& backend) {
+  // An error that is not fatal is cleared by the query that caused it: wait for that.
+  constexpr absl::Duration kPause = absl::Milliseconds(100);
+  std::string error = backend.error();
+  for (int i = 0; i < 3 && !error.empty(); ++i) {
+    absl::SleepFor(kPause);
+    error = backend.error();
+  }
+  return error.empty() ? absl::OkStatus() : absl::InternalError(error);
 }
 
 }  // namespace pepeseg

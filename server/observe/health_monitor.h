@@ -1,6 +1,8 @@
 #pragma once
 
 #include <condition_variable>
+#include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
@@ -11,56 +13,63 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "kernels/backend.h"
 
 namespace pepeseg {
 
-// Finds out, again and again, whether what the services stand on works, and publishes of each
-// service whether it serves. Each probe that may hang has a thread of its own, so that the
-// monitor's sees that it does. Thread safe.
+// Probes the disk, the database and the device periodically, and publishes whether each service can
+// serve. Each probe that may hang has a thread of its own, so that the monitor's thread notices
+// when it hangs. Thread safe.
 class HealthMonitor {
  public:
   struct Probe {
     std::string name;  // for the log
-    // May block; must end in the end.
+    // May block, but must return at some time.
     std::function<absl::Status()> check;
-    std::vector<std::string> services;  // that do not serve while it fails
+    std::vector<std::string> services;  // those that cannot serve while the probe fails
     bool blocks = true;                 // false: it cannot hang, and needs no thread of its own
   };
   struct Pace {
-    absl::Duration interval = absl::Seconds(2);  // between the end of a probe and the next
-    absl::Duration patience = absl::Seconds(5);  // a probe that takes longer has failed
+    absl::Duration interval = absl::Seconds(2);  // from the end of a probe to the next
+    absl::Duration patience = absl::Seconds(5);  // timeout: a probe that takes longer has failed
   };
-  // Called when it has changed, never twice at once.
+  // Called when a service's state changes, with the monitor's mutex held: it must not call the
+  // monitor.
   using Publish = std::function<void(const std::string& service, bool serving)>;
 
   HealthMonitor(std::vector<std::string> services, std::vector<Probe> probes)
       : HealthMonitor(std::move(services), std::move(probes), Pace()) {}
   HealthMonitor(std::vector<std::string> services, std::vector<Probe> probes, const Pace& pace);
-  // As Stop().
+  // Calls Stop().
   ~HealthMonitor();
   HealthMonitor(const HealthMonitor&) = delete;
   HealthMonitor& operator=(const HealthMonitor&) = delete;
 
-  // Publishes all services as serving, unless it drains, and begins to probe.
+  // Publishes all services as serving, unless the server drains, and starts the probes.
   void Start(Publish publish);
-  // Nothing is published any more. Waits for probes under way. Once is enough.
+  // Stops publishing, and waits for probes in progress. Further calls do nothing.
   void Stop();
 
-  // While it drains, no service serves. Published before it returns.
+  // While the server drains, no service serves. Publishes the change before it returns.
   void SetDraining(bool draining);
   bool draining() const;
-  // As published last; all false before Start().
+  // Returns what was published last; all false before Start().
   std::map<std::string, bool> serving() const;
 
  private:
-  struct Watched;  // a probe and what it said
+  struct Watched;  // a probe and its last result
 
+  // Body of the thread of a probe that may hang.
   void RunProbe(Watched& watched);
+  // Runs a probe once. Releases the lock while it runs.
   void ProbeLocked(Watched& watched, std::unique_lock<std::mutex>& lock);
+  // Body of the monitor's thread: runs the probes that cannot hang, and notices those that do.
   void Judge();
+  // Computes which services can serve, and publishes and logs the changes.
   void JudgeLocked();
   bool Works(const Watched& watched, absl::Time now) const;
-  bool WaitLocked(std::unique_lock<std::mutex>& lock, absl::Duration time);  // false: stop
+  // Waits, and returns false if the monitor stops.
+  bool WaitLocked(std::unique_lock<std::mutex>& lock, absl::Duration time);
 
   const Pace pace_;
   mutable std::mutex mutex_;  // guards all below
@@ -72,5 +81,15 @@ class HealthMonitor {
   std::vector<std::unique_ptr<Watched>> probes_;
   std::vector<std::thread> threads_;
 };
+
+// Free disk space below which uploads and trainings cannot work, bytes.
+inline constexpr int64_t kMinDiskFreeBytes = int64_t{256} << 20;
+
+// Writes a small file to the folder, durably, and removes it again. Returns the error of doing so,
+// or RESOURCE_EXHAUSTED unless more than `min_free_bytes` of the file system are free.
+absl::Status ProbeDisk(const std::filesystem::path& folder, int64_t min_free_bytes);
+
+// Returns INTERNAL if the device has an error that persists. Takes up to 300 ms then.
+absl::Status ProbeDevice(const Backend& backend);
 
 }  // namespace pepeseg

@@ -12,7 +12,7 @@ constexpr char kStageName[] = "pepeseg_job_stage_duration_seconds";
 constexpr char kStageHelp[] = "What the stages of jobs took.";
 const prometheus::Histogram::BucketBoundaries kStageBounds = {1,   5,    15,   60,   300,
                                                               900, 1800, 3600, 7200, 21600};
-// Those there are: a label must not take whatever a worker wrote.
+// Allowed values of the label `stage`, so that a worker cannot create arbitrary series.
 constexpr std::array kStages = {"prepare",  "sfm",      "priors", "reconstruct",
                                 "evaluate", "features", "index"};
 

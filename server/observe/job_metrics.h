@@ -14,16 +14,17 @@
 
 namespace pepeseg {
 
-// How the jobs that run here get on, from their events. A job's series are there while it runs, so
-// that there are never many. Thread safe.
+// Metrics of the jobs that run on this server, from their events. A job's series exist only while
+// it runs, so that their number stays small. Thread safe.
 class JobMetrics final : public prometheus::Collectable {
  public:
   JobMetrics();
 
-  // An event that a job's worker, or the supervisor, has just written.
+  // Records an event that a job's worker, or the supervisor, has just written.
   void Observe(const std::string& job, const v1::JobEvent& event);
 
-  // Whether a job still runs here: one that another server has taken over ends without an event.
+  // Sets how to find out whether a job still runs here: a job that another server has taken over
+  // ends here without an event. Call it before the first scrape.
   void SetRunning(std::function<bool(const std::string& job)> is_running) {
     is_running_ = std::move(is_running);
   }
@@ -32,9 +33,9 @@ class JobMetrics final : public prometheus::Collectable {
 
  private:
   prometheus::Family<prometheus::Histogram> stage_seconds_;
-  std::function<bool(const std::string&)> is_running_;  // empty: all do
-  mutable std::mutex mutex_;
-  mutable std::map<std::string, v1::JobProgress> progress_;  // the newest, by job
+  std::function<bool(const std::string&)> is_running_;       // empty: all jobs run here
+  mutable std::mutex mutex_;                                 // guards progress_
+  mutable std::map<std::string, v1::JobProgress> progress_;  // the newest of each job
 };
 
 }  // namespace pepeseg

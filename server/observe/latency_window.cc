@@ -16,7 +16,7 @@ int BucketOf(absl::Duration took, int num_buckets) {
   return std::clamp(bucket, 0, num_buckets - 1);
 }
 
-// The geometric middle of a bucket.
+// Returns the geometric mean of a bucket's ends.
 absl::Duration ValueOf(int bucket) {
   return absl::Seconds(kFirstSeconds * std::exp2((bucket - 0.5) / kStepsPerOctave));
 }
@@ -25,6 +25,9 @@ uint32_t SecondOf(absl::Time now) { return static_cast<uint32_t>(absl::ToUnixSec
 
 }  // namespace
 
+// Adds one to the counter of a bucket, or restarts it at one if its slot still holds an older
+// second: a compare-and-swap of second and count together, without a lock. Relaxed order suffices,
+// since no other data depends on the counters.
 void LatencyWindow::Record(absl::Duration took, absl::Time now) {
   const uint32_t second = SecondOf(now);
   std::atomic<uint64_t>& count = slots_[second % kSlots][BucketOf(took, kBuckets)];
@@ -35,7 +38,8 @@ void LatencyWindow::Record(absl::Duration took, absl::Time now) {
   } while (!count.compare_exchange_weak(seen, next, std::memory_order_relaxed));
 }
 
-// The seconds that are over: the one under way would make the rate look low.
+// Adds the counts of the last whole seconds. The current second is left out: it is incomplete and
+// would make the rate look low.
 void LatencyWindow::AddTo(absl::Time now, Counts& counts) const {
   const uint32_t second = SecondOf(now);
   for (const Slot& slot : slots_) {

@@ -8,13 +8,12 @@
 
 namespace pepeseg {
 
-// How long what was done in the last ten seconds took. Thread safe; those who record wait for
-// nobody.
+// Latency quantiles over a sliding window of ten seconds. Thread safe; Record() never blocks.
 class LatencyWindow {
  public:
   struct Quantiles {
     double per_second = 0;
-    // To within 10 %; zero where nothing was done.
+    // Accurate to within 10 %; zero if nothing was recorded.
     absl::Duration p50, p99;
   };
 
@@ -22,16 +21,16 @@ class LatencyWindow {
 
  private:
   static constexpr int kSeconds = 10;
-  // Whole seconds, and the one that is under way.
+  // The last ten whole seconds, and the current one.
   static constexpr int kSlots = kSeconds + 1;
-  // Upper ends in steps of 2^(1/4), from 64 us to over 10 minutes.
+  // Upper ends grow by 2^(1/4), from 64 us to over 10 minutes.
   static constexpr int kBuckets = 96;
-  // The second in the upper half, the count in the lower one: so a slot of an old second need not
-  // be emptied before it is used again.
+  // Each counter holds its second in the upper 32 bits and the count in the lower 32, so that a
+  // slot need not be cleared before a later second uses it again.
   using Slot = std::array<std::atomic<uint64_t>, kBuckets>;
 
  public:
-  // Of several windows together.
+  // Returns the quantiles of several windows together.
   template <typename... Windows>
   static Quantiles Summarize(absl::Time now, const Windows&... windows) {
     Counts counts{};

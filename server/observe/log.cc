@@ -16,7 +16,7 @@ namespace {
 
 thread_local const LogFields* fields_of_thread = nullptr;
 
-// The id in "jobs/ID: what happened".
+// Returns the id in "jobs/ID: what happened", or "".
 std::string_view JobOf(std::string_view message) {
   constexpr std::string_view kPrefix = "jobs/";
   if (!message.starts_with(kPrefix)) return {};
@@ -38,7 +38,7 @@ class JsonFormatter final : public spdlog::formatter {
         {"level", std::string(level.data(), level.size())},
         {"message", message}};
     AddFields(message, json);
-    // Bytes that are no UTF-8 would be no JSON.
+    // Replaces bytes that are not UTF-8, which JSON cannot hold.
     const std::string text =
         json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
     out.append(text.data(), text.data() + text.size());
@@ -67,7 +67,7 @@ class JsonFormatter final : public spdlog::formatter {
   const LogFields process_;
 };
 
-// A person sees of the fields what is the same in all lines.
+// Returns spdlog's pattern for text. It shows only the fields that are the same in all lines.
 std::string TextPattern(const LogFields& process) {
   std::string who;
   if (!process.job.empty()) absl::StrAppend(&who, " [jobs/", process.job, "]");

@@ -7,11 +7,11 @@
 
 namespace pepeseg {
 
-// What a line is about, beside its message; empty: nothing of the kind.
+// Fields of a log line in addition to its message. Empty fields are not written.
 struct LogFields {
   std::string request_id;
   std::string trace_id;
-  std::string job;  // its id, "j12"
+  std::string job;  // id, as "j12"
   std::string method;
   std::string code;
   std::optional<absl::Duration> duration;
@@ -19,17 +19,17 @@ struct LogFields {
 
 enum class LogFormat { kText, kJson };
 
-// Of "text" or "json"; none: it is neither.
+// Returns the format called "text" or "json", or nullopt for another name.
 std::optional<LogFormat> LogFormatOf(const std::string& name);
 
-// All lines of the process go to standard error from now on, each a text for a person or an object
-// of JSON: "time" (RFC 3339, UTC), "level", "message", and the fields that are there ("duration" in
-// seconds). `process`: fields of every line that has none of its own. A message that begins with
-// "jobs/ID: " has the field "job" without being told.
+// Makes spdlog write all lines of the process to standard error, each as text or as a JSON object
+// with "time" (RFC 3339, UTC), "level", "message" and the fields that are set ("duration" in
+// seconds). `process`: fields for lines that do not set their own. A message that begins with
+// "jobs/ID: " gets the field "job" from it.
 void ConfigureLog(LogFormat format, const LogFields& process = {});
 
-// The lines that this thread writes while it lives have these fields, which must outlive it. Scopes
-// nest: the inner one counts.
+// Adds fields to the lines that this thread writes while the scope lives. The fields must outlive
+// it. Scopes nest; only the innermost one counts.
 class LogScope {
  public:
   explicit LogScope(const LogFields& fields);

@@ -22,7 +22,7 @@ const prometheus::Histogram::BucketBoundaries kBounds = {
 struct RpcMetrics::Method {
   std::string name;
   prometheus::Histogram* seconds = nullptr;
-  // Made with the first call that ends so.
+  // Null until the first call that ends with the code.
   std::array<std::atomic<prometheus::Counter*>, kNumCodes> calls{};
 };
 
@@ -77,12 +77,14 @@ void RpcMetrics::Answer(Method& method, int grpc_code, absl::Duration took) {
   method.seconds->Observe(absl::ToDoubleSeconds(took));
 }
 
+// Caches the counter of each method and code in an atomic pointer: Add takes the family's lock and
+// hashes the labels. Release and acquire order make the counter visible with its pointer.
 prometheus::Counter& RpcMetrics::CounterOf(Method& method, int grpc_code) {
   constexpr int kUnknown = 2;
   const int code = grpc_code < 0 || grpc_code >= kNumCodes ? kUnknown : grpc_code;
   prometheus::Counter* counter = method.calls[code].load(std::memory_order_acquire);
   if (counter != nullptr) return *counter;
-  // The same one for all who come here at once.
+  // Add returns the same counter to all threads that get here at the same time.
   counter = &calls_.Add({{"method", method.name}, {"code", CodeName(code)}});
   method.calls[code].store(counter, std::memory_order_release);
   return *counter;

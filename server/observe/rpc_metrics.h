@@ -17,25 +17,29 @@
 
 namespace pepeseg {
 
-// Calls by method and code. Only methods that a descriptor knows have a label of their own, so that
-// no client can make more series than there are methods. Thread safe.
+// Metrics of calls by method and code. Only methods of the contract have a label of their own;
+// others share one, so that clients cannot create series. Thread safe.
 class RpcMetrics final : public prometheus::Collectable {
  public:
   struct Method;
 
-  // Of these services, as "pepeseg.v1.SceneService"; linked into the program.
+  // `services`: full names, as "pepeseg.v1.SceneService"; their descriptors must be linked into the
+  // program.
   explicit RpcMetrics(std::span<const std::string> services);
   ~RpcMetrics() override;
 
-  // Of a path as "/pepeseg.v1.SceneService/GetScene"; that of all others where it is unknown.
+  // Returns the method of a path such as "/pepeseg.v1.SceneService/GetScene", or the one that all
+  // unknown paths share.
   Method& Find(std::string_view path);
   static const std::string& NameOf(const Method& method);  // "SceneService/GetScene"
 
-  // A call has come; its status is sent; it is gone, whether or not one was.
+  // Record that a call has arrived, that its status was sent, and that it has ended, with or
+  // without a status.
   void Begin(const Method& method);
   void Answer(Method& method, int grpc_code, absl::Duration took);
   void End(const Method& method);
-  // Of methods that have a name here: those of others, as health's, may last for ever.
+  // Returns the calls in flight of known methods. Calls of others, such as health watches, may last
+  // for ever.
   int64_t num_named_in_flight() const { return num_named_in_flight_; }
 
   std::vector<prometheus::MetricFamily> Collect() const override;
@@ -52,7 +56,7 @@ class RpcMetrics final : public prometheus::Collectable {
   std::unique_ptr<Method> other_;
 };
 
-// "NOT_FOUND", or "CODE_42".
+// Returns the name of a gRPC status code, as "NOT_FOUND"; "CODE_42" for an unknown one.
 std::string CodeName(int grpc_code);
 
 }  // namespace pepeseg

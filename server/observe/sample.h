@@ -10,19 +10,19 @@ namespace pepeseg {
 
 using MetricLabels = std::vector<prometheus::ClientMetric::Label>;
 
-// Families of values that are read when somebody scrapes, one after the other.
+// Builds metric families whose values are read at each scrape, one family after the other.
 class Samples {
  public:
   explicit Samples(std::vector<prometheus::MetricFamily>& families) : families_(families) {}
 
-  // Begins a family. `name` and `help` as Prometheus recommends them; a counter ends in "_total".
+  // Begin a family. Names follow Prometheus's conventions; a counter's ends in "_total".
   void Gauge(const char* name, const char* help) {
     Begin(name, help, prometheus::MetricType::Gauge);
   }
   void Counter(const char* name, const char* help) {
     Begin(name, help, prometheus::MetricType::Counter);
   }
-  // A sample of the family begun last.
+  // Adds a sample to the family that was begun last.
   void Add(double value, MetricLabels labels = {}) {
     prometheus::ClientMetric metric;
     metric.label = std::move(labels);

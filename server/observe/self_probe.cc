@@ -25,7 +25,7 @@ SelfProbe::~SelfProbe() {
 }
 
 void SelfProbe::Run() {
-  // OpenSSL writes to sockets whose other side may be gone.
+  // OpenSSL may write to a socket whose other end is closed; that must not raise SIGPIPE.
   sigset_t pipe;
   sigemptyset(&pipe);
   sigaddset(&pipe, SIGPIPE);

@@ -10,15 +10,16 @@
 
 namespace pepeseg {
 
-// Asks again and again whether the server can be reached, and reports once when it cannot.
+// Checks periodically whether the server can be reached, and reports once when it cannot.
 class SelfProbe {
  public:
   struct Pace {
     absl::Duration interval = absl::Seconds(5);  // from the end of a try to the next
     int max_failures = 3;                        // tries in a row that must fail
   };
-  // `ask` may block, and must end. `on_unreachable` gets the last error, on the probe's thread: it
-  // must not destroy the probe. Nothing is asked after it.
+  // `ask` returns OK if the server was reached; it may block, but must return. `on_unreachable`
+  // gets the last error, on the probe's thread: it must not destroy the probe. The probe ends with
+  // this call.
   SelfProbe(std::function<absl::Status()> ask, const Pace& pace,
             std::function<void(const absl::Status&)> on_unreachable);
   // Waits for a try in progress.

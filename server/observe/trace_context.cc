@@ -15,7 +15,7 @@ constexpr size_t kTraceStart = 3, kTraceDigits = 32;
 constexpr size_t kParentStart = 36, kParentDigits = 16;
 constexpr size_t kFlagsStart = 53, kHeaderBytes = 55;
 
-// Ids need not be secret, only different.
+// Ids need not be unpredictable, only different.
 uint64_t RandomWord() {
   thread_local std::mt19937_64 engine = [] {
     std::random_device device;

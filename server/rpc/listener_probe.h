@@ -5,7 +5,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
-#include "server/access/certificate_files.h"
+#include "server/access/access_options.h"
 
 namespace pepeseg {
 

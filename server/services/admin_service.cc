@@ -56,7 +56,7 @@ absl::Status TellApart(Store& store, const std::vector<std::string>& scenes,
   for (int i = 0; i < response->models_size(); ++i) {
     v1::ResidentModel& model = *response->mutable_models(i);
     if (num_of_name.at(model.name()) == 1) continue;
-    const absl::StatusOr<std::string> project = store.ProjectOfScene(scenes[i]);
+    const absl::StatusOr<std::string> project = store.scenes().ProjectOfScene(scenes[i]);
     if (absl::IsNotFound(project.status())) continue;  // deleted just now
     RETURN_IF_ERROR(project.status());
     model.set_name(absl::StrCat("projects/", *project, "/", model.name()));

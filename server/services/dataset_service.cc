@@ -96,8 +96,9 @@ absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* up
   upload->set_num_bytes(row.num_bytes);
   upload->set_sealed(row.state == DatasetState::kSealed);
   if (upload->sealed()) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const auto files, context_.store->ListDatasetFiles(row.scene, row.number));
-  ASSIGN_OR_RETURN(const std::string project, context_.store->ProjectOfScene(row.scene));
+  ASSIGN_OR_RETURN(const auto files,
+                   context_.store->files().ListDatasetFiles(row.scene, row.number));
+  ASSIGN_OR_RETURN(const std::string project, context_.store->scenes().ProjectOfScene(row.scene));
   const auto partial = context_.blobs->ListPartial({project, row.scene, row.number});
   for (const DatasetFileRow& file : files) {
     if (context_.blobs->Has({project, file.sha256}, file.size)) continue;
@@ -113,8 +114,8 @@ absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* up
 
 absl::Status DatasetServiceRpc::FillDataset(const DatasetRow& row, v1::Dataset* dataset) const {
   *dataset = ToProto(row);
-  ASSIGN_OR_RETURN(const bool has_masks,
-                   context_.store->HasFileOfKind(row.scene, row.number, v1::FILE_KIND_MASK));
+  ASSIGN_OR_RETURN(const bool has_masks, context_.store->files().HasFileOfKind(
+                                             row.scene, row.number, v1::FILE_KIND_MASK));
   const bool has_mask_maker = context_.has_priors_command || context_.has_sam;
   for (std::string& advice : AdviceOnDataset(has_masks, has_mask_maker)) {
     dataset->add_advice(std::move(advice));
@@ -127,13 +128,14 @@ absl::Status DatasetServiceRpc::Create(const v1::CreateUploadRequest& request,
   ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
   RETURN_IF_ERROR(CheckRequestId(request.request_id()));
   ASSIGN_OR_RETURN(auto files, CheckUploadFiles(request));
-  const auto project = context_.store->ProjectOfScene(scene);
+  const auto project = context_.store->scenes().ProjectOfScene(scene);
   if (!project.ok()) return WithResource(project.status(), "", request.parent());
   // A blob of nobody's that this upload names, and so need not be sent, must not go meanwhile.
   ASSIGN_OR_RETURN(const LockedFile hold, context_.blobs->Hold(*project));
   FindStored(*context_.blobs, *project, files);
   ASSIGN_OR_RETURN(const auto admit, CheckRoom(context_, files));
-  const auto row = context_.store->CreateDataset(scene, request.request_id(), files, admit);
+  const auto row =
+      context_.store->datasets().CreateDataset(scene, request.request_id(), files, admit);
   if (!row.ok()) return WithResource(row.status(), "", request.parent());
   return FillUpload(*row, response);
 }
@@ -151,7 +153,7 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::GetUpload(grpc::CallbackServerConte
                                                        v1::Upload* response) {
   return RunOnUploadPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     ASSIGN_OR_RETURN(const SceneChild upload, ParseChildName(request->name(), "uploads", "name"));
-    const auto row = context_.store->GetDataset(upload.scene, upload.number);
+    const auto row = context_.store->datasets().GetDataset(upload.scene, upload.number);
     if (!row.ok()) return WithResource(row.status(), "NO_SUCH_UPLOAD", request->name());
     return FillUpload(*row, response);
   });
@@ -168,15 +170,15 @@ absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
                                      v1::Dataset* response) const {
   ASSIGN_OR_RETURN(const SceneChild upload, ParseChildName(request.name(), "uploads", "name"));
   Store& store = *context_.store;
-  ASSIGN_OR_RETURN(DatasetRow row, store.GetDataset(upload.scene, upload.number));
+  ASSIGN_OR_RETURN(DatasetRow row, store.datasets().GetDataset(upload.scene, upload.number));
   if (row.state == DatasetState::kOpen) {
-    ASSIGN_OR_RETURN(auto files, store.ListDatasetFiles(upload.scene, upload.number));
-    ASSIGN_OR_RETURN(const std::string project, store.ProjectOfScene(upload.scene));
+    ASSIGN_OR_RETURN(auto files, store.files().ListDatasetFiles(upload.scene, upload.number));
+    ASSIGN_OR_RETURN(const std::string project, store.scenes().ProjectOfScene(upload.scene));
     std::vector<DatasetFileRow> found;
     const absl::Status complete = FindFiles(*context_.blobs, project, files, found);
     if (!complete.ok()) return WithResource(complete, "FILES_MISSING", request.name());
     RETURN_IF_ERROR(WriteDatasetManifest(context_, row, files));
-    const auto sealed = store.SealDataset(upload.scene, upload.number, found);
+    const auto sealed = store.datasets().SealDataset(upload.scene, upload.number, found);
     if (!sealed.ok()) return WithResource(sealed.status(), "FILES_MISSING", request.name());
     // Beginnings of files whose whole has come by another upload.
     context_.blobs->RemovePartial({project, upload.scene, upload.number});
@@ -200,7 +202,8 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::ListDatasets(grpc::CallbackServerCo
     ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
     ASSIGN_OR_RETURN(const PageRequest page,
                      PageFromProto(request->page_size(), request->page_token()));
-    ASSIGN_OR_RETURN(const Page<DatasetRow> datasets, context_.store->ListDatasets(scene, page));
+    ASSIGN_OR_RETURN(const Page<DatasetRow> datasets,
+                     context_.store->datasets().ListDatasets(scene, page));
     for (const DatasetRow& row : datasets.rows) {
       if (row.state != DatasetState::kSealed) continue;
       RETURN_IF_ERROR(FillDataset(row, response->add_datasets()));

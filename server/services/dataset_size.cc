@@ -56,7 +56,7 @@ absl::Status ReadMissingHeaders(Store& store, const Blobs& blobs, const WantedTr
   if (status.ok()) status = ReadSome(blobs, points, wanted, read);
   // The next call need not read them again, also where this one is cancelled.
   if (!read.empty()) {
-    status.Update(store.SetFileHeaders(training.scene, training.dataset, read));
+    status.Update(store.files().SetFileHeaders(training.scene, training.dataset, read));
   }
   return status;
 }
@@ -111,8 +111,9 @@ absl::Status MeasurePhotos(const Blobs& blobs, const std::vector<DatasetFileRow>
 absl::StatusOr<DatasetSize> MeasureDataset(const ServiceContext& context,
                                            const WantedTraining& training, CheckWanted wanted) {
   ASSIGN_OR_RETURN(std::vector<DatasetFileRow> files,
-                   context.store->ListDatasetFiles(training.scene, training.dataset));
-  ASSIGN_OR_RETURN(const std::string project, context.store->ProjectOfScene(training.scene));
+                   context.store->files().ListDatasetFiles(training.scene, training.dataset));
+  ASSIGN_OR_RETURN(const std::string project,
+                   context.store->scenes().ProjectOfScene(training.scene));
   const Blobs blobs{*context.blobs, project};
   RETURN_IF_ERROR(ReadMissingHeaders(*context.store, blobs, training, wanted, files));
   const ImportOptions& import = training.settings.import;

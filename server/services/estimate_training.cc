@@ -37,10 +37,11 @@ struct Measured {
 absl::StatusOr<std::optional<Measured>> FindMeasured(const ServiceContext& context,
                                                      const WantedTraining& training) {
   const std::string import = ToProto(training.settings).import().SerializeAsString();
-  ASSIGN_OR_RETURN(const Page<ModelRow> models, context.store->ListModels(training.scene, {}));
+  ASSIGN_OR_RETURN(const Page<ModelRow> models,
+                   context.store->models().ListModels(training.scene, {}));
   for (const ModelRow& model : models.rows) {
     if (model.device != context.backend->name()) continue;
-    const auto job = context.store->GetJob(model.job);
+    const auto job = context.store->jobs().GetJob(model.job);
     if (!job.ok() || job->dataset != training.dataset) continue;
     Measured measured;
     measured.metrics = ParseMetrics(model.metrics);

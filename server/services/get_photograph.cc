@@ -62,7 +62,7 @@ absl::StatusOr<Parent> FindParent(const ServiceContext& context, const std::stri
 absl::StatusOr<std::vector<DatasetFileRow>> ListFiles(const ServiceContext& context,
                                                       const SceneChild& dataset,
                                                       const std::string& parent) {
-  const auto row = context.store->GetDataset(dataset.scene, dataset.number);
+  const auto row = context.store->datasets().GetDataset(dataset.scene, dataset.number);
   if (absl::IsNotFound(row.status())) {
     return WithResource(row.status(), "NO_SUCH_DATASET", parent);
   }
@@ -71,7 +71,7 @@ absl::StatusOr<std::vector<DatasetFileRow>> ListFiles(const ServiceContext& cont
     return WithResource(absl::NotFoundError(absl::StrCat(parent, " is not sealed")),
                         "NO_SUCH_DATASET", parent);
   }
-  return context.store->ListDatasetFiles(dataset.scene, dataset.number);
+  return context.store->files().ListDatasetFiles(dataset.scene, dataset.number);
 }
 
 // Whether `photograph` has the name of a frame of the video: "walk_000123.jpg" of
@@ -187,7 +187,7 @@ absl::Status GetPhotographStream::Open() {
   RETURN_IF_ERROR(CheckPhotographRequest(request_));
   ASSIGN_OR_RETURN(const Parent parent, FindParent(context_, request_.parent()));
   ASSIGN_OR_RETURN(const auto files, ListFiles(context_, parent.dataset, request_.parent()));
-  ASSIGN_OR_RETURN(project_, context_.store->ProjectOfScene(parent.dataset.scene));
+  ASSIGN_OR_RETURN(project_, context_.store->scenes().ProjectOfScene(parent.dataset.scene));
   ASSIGN_OR_RETURN(row_, FindPhotograph(files, request_));
   const DatasetFileRow& file = row_;
   if (!context_.blobs->Has({project_, file.sha256}, file.size)) {

@@ -81,7 +81,7 @@ absl::StatusOr<std::optional<JobState>> StateFromProto(v1::JobState state) {
 
 absl::Status JobServiceRpc::CheckSealed(const std::string& scene, int64_t dataset) const {
   const std::string name = ChildName(scene, "datasets", dataset);
-  const auto row = context_.store->GetDataset(scene, dataset);
+  const auto row = context_.store->datasets().GetDataset(scene, dataset);
   if (!row.ok()) return WithResource(row.status(), "NO_SUCH_DATASET", name);
   if (row->state == DatasetState::kSealed) return absl::OkStatus();
   return WithResource(absl::FailedPreconditionError(absl::StrCat(name, " is not sealed")),
@@ -109,7 +109,7 @@ absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, const Un
   }
   const auto job = context_.supervisor->Submit(wanted);
   if (absl::IsAborted(job.status())) {
-    const auto active = context_.store->FindActiveJob(wanted.scene);
+    const auto active = context_.store->jobs().FindActiveJob(wanted.scene);
     const bool found = active.ok() && active->has_value();
     return WithResource(job.status(), "JOB_ACTIVE", found ? JobName((*active)->id) : "");
   }
@@ -142,7 +142,7 @@ grpc::ServerUnaryReactor* JobServiceRpc::ListJobs(grpc::CallbackServerContext* c
                                                   const v1::ListJobsRequest* request,
                                                   v1::ListJobsResponse* response) {
   return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
-    Store::JobFilter filter;
+    JobStore::JobFilter filter;
     filter.project = unary.caller.visible_project();
     if (!request->scene().empty()) {
       ASSIGN_OR_RETURN(filter.scene, ParseSceneName(request->scene(), "scene"));
@@ -150,7 +150,7 @@ grpc::ServerUnaryReactor* JobServiceRpc::ListJobs(grpc::CallbackServerContext* c
     ASSIGN_OR_RETURN(filter.state, StateFromProto(request->state()));
     ASSIGN_OR_RETURN(const PageRequest page,
                      PageFromProto(request->page_size(), request->page_token()));
-    ASSIGN_OR_RETURN(const Page<JobRow> jobs, context_.store->ListJobs(filter, page));
+    ASSIGN_OR_RETURN(const Page<JobRow> jobs, context_.store->jobs().ListJobs(filter, page));
     for (const JobRow& row : jobs.rows) {
       v1::Job* job = response->add_jobs();
       *job = ToProto(row);

@@ -85,7 +85,7 @@ absl::Status AnswerCreateKey(Store& store, const v1::CreateKeyRequest& request,
   key.row.display_name = request.display_name();
   key.row.scopes = scopes;
   key.row.expire_time = expire_time;
-  ASSIGN_OR_RETURN(const KeyRow made, store.CreateKey(key.row));
+  ASSIGN_OR_RETURN(const KeyRow made, store.keys().CreateKey(key.row));
   *response->mutable_key() = KeyToProto(made);
   response->set_secret(key.secret);
   return absl::OkStatus();
@@ -96,7 +96,7 @@ absl::Status AnswerListKeys(Store& store, const v1::ListKeysRequest& request,
   if (!request.project().empty()) RETURN_IF_ERROR(CheckProject(request.project(), "project"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
-  ASSIGN_OR_RETURN(const Page<KeyRow> keys, store.ListKeys(request.project(), page));
+  ASSIGN_OR_RETURN(const Page<KeyRow> keys, store.keys().ListKeys(request.project(), page));
   for (const KeyRow& row : keys.rows) *response->add_keys() = KeyToProto(row);
   response->set_next_page_token(keys.next_page_token);
   return absl::OkStatus();
@@ -105,7 +105,7 @@ absl::Status AnswerListKeys(Store& store, const v1::ListKeysRequest& request,
 absl::Status AnswerRevokeKey(Store& store, const v1::RevokeKeyRequest& request,
                              v1::ApiKey* response) {
   ASSIGN_OR_RETURN(const std::string id, ParseKeyName(request.name()));
-  const auto key = store.RevokeKey(id);
+  const auto key = store.keys().RevokeKey(id);
   if (!key.ok()) return WithResource(key.status(), "NO_SUCH_KEY", request.name());
   *response = KeyToProto(*key);
   return absl::OkStatus();

@@ -97,7 +97,7 @@ absl::Status AnswerCreateLabel(const ServiceContext& context, const v1::CreateLa
                                v1::Label* response) {
   ASSIGN_OR_RETURN(const GivenLabel given, ReadLabel(context, request));
   const LabelRow& label = given.row;
-  const auto made = context.store->CreateLabel(label);
+  const auto made = context.store->labels().CreateLabel(label);
   if (absl::IsAlreadyExists(made.status())) {
     return WithResource(made.status(), "LABEL_EXISTS", LabelName(label.scene, label.id));
   }
@@ -114,7 +114,7 @@ absl::Status AnswerListLabels(const ServiceContext& context, const v1::ListLabel
   ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
-  ASSIGN_OR_RETURN(const Page<LabelRow> labels, context.store->ListLabels(scene, page));
+  ASSIGN_OR_RETURN(const Page<LabelRow> labels, context.store->labels().ListLabels(scene, page));
   for (const LabelRow& row : labels.rows) *response->add_labels() = WithoutMask(row);
   response->set_next_page_token(labels.next_page_token);
   return absl::OkStatus();
@@ -123,7 +123,7 @@ absl::Status AnswerListLabels(const ServiceContext& context, const v1::ListLabel
 absl::Status AnswerDeleteLabel(const ServiceContext& context,
                                const v1::DeleteLabelRequest& request) {
   ASSIGN_OR_RETURN(const SceneLabel label, ParseLabelName(request.name(), "name"));
-  absl::Status deleted = context.store->DeleteLabel(label.scene, label.id);
+  absl::Status deleted = context.store->labels().DeleteLabel(label.scene, label.id);
   if (absl::IsNotFound(deleted)) return WithResource(deleted, "NO_SUCH_LABEL", request.name());
   return deleted;
 }

@@ -9,7 +9,7 @@
 #include "server/api/error.h"
 #include "server/api/resource_name.h"
 #include "server/residency/model_bytes.h"
-#include "server/store/quota_error.h"
+#include "server/store/quota.h"
 #include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {
@@ -39,7 +39,7 @@ absl::Status WithBytes(const absl::Status& status, const MemoryBytes& need,
 // The project's that the scene belongs to.
 absl::StatusOr<ModelCache::Share> ShareOf(const ServiceContext& context, const std::string& scene) {
   ModelCache::Share share;
-  ASSIGN_OR_RETURN(share.owner, context.store->ProjectOfScene(scene));
+  ASSIGN_OR_RETURN(share.owner, context.store->scenes().ProjectOfScene(scene));
   ASSIGN_OR_RETURN(const Quota quota, context.quotas->Get(share.owner));
   share.limit = quota.resident_bytes;
   share.error = [limit = share.limit](int64_t need) {
@@ -49,9 +49,9 @@ absl::StatusOr<ModelCache::Share> ShareOf(const ServiceContext& context, const s
 }
 
 absl::StatusOr<ModelRow> FindLiveModel(const ServiceContext& context, const std::string& scene) {
-  auto model = context.store->GetLiveModel(scene);
+  auto model = context.store->models().GetLiveModel(scene);
   if (absl::IsFailedPrecondition(model.status())) {
-    const auto job = context.store->FindActiveJob(scene);
+    const auto job = context.store->jobs().FindActiveJob(scene);
     const bool active = job.ok() && job->has_value();
     return WithResource(model.status(), "NO_MODEL", active ? JobName((*job)->id) : "");
   }
@@ -64,7 +64,7 @@ absl::StatusOr<ModelRow> FindModel(const ServiceContext& context, const std::str
                                    const std::string& field) {
   ASSIGN_OR_RETURN(const SceneChild model, ParseModelName(name, field));
   if (model.number == kLiveModel) return FindLiveModel(context, model.scene);
-  auto row = context.store->GetModel(model.scene, model.number);
+  auto row = context.store->models().GetModel(model.scene, model.number);
   if (absl::IsNotFound(row.status())) return WithResource(row.status(), "NO_SUCH_MODEL", name);
   return row;
 }

@@ -35,7 +35,7 @@ absl::StatusOr<Quota> QuotaFromProto(const v1::Quota& proto) {
 absl::Status FillUsage(const ServiceContext& context, const std::string& project,
                        v1::ProjectUsage* response) {
   ASSIGN_OR_RETURN(const Quota quota, context.quotas->Get(project));
-  ASSIGN_OR_RETURN(Quota used, context.store->GetUsage(project));
+  ASSIGN_OR_RETURN(Quota used, context.store->quotas().GetUsage(project));
   used.queries_per_second = context.quotas->QueryRate(project);
   used.resident_bytes = context.models->BytesOf(project);
   response->set_project(project);
@@ -57,7 +57,7 @@ absl::Status AnswerSetQuota(const ServiceContext& context, const v1::SetQuotaReq
                             v1::ProjectUsage* response) {
   RETURN_IF_ERROR(CheckProject(request.project(), "project"));
   ASSIGN_OR_RETURN(const Quota quota, QuotaFromProto(request.quota()));
-  RETURN_IF_ERROR(context.store->SetProjectQuota(request.project(), quota).status());
+  RETURN_IF_ERROR(context.store->quotas().SetProjectQuota(request.project(), quota).status());
   context.quotas->Forget(request.project());
   return FillUsage(context, request.project(), response);
 }

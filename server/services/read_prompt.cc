@@ -32,7 +32,7 @@ absl::StatusOr<Prompt> ReadLabel(const ServiceContext& context, const ResidentMo
                                  const std::string& label, const std::string& field) {
   const SceneChild& of = model.row;
   ASSIGN_OR_RETURN(const std::string id, LabelId(label, of.scene, field));
-  const auto row = context.store->GetLabel(of.scene, id);
+  const auto row = context.store->labels().GetLabel(of.scene, id);
   if (!row.ok()) return WithResource(row.status(), "NO_SUCH_LABEL", LabelName(of.scene, id));
   const std::vector<ModelView>& views = model.segmenter->model().views;
   const auto view = std::find_if(views.begin(), views.end(),

@@ -38,17 +38,18 @@ absl::StatusOr<SceneRemains> FindRemains(const ServiceContext& context, const st
   SceneRemains remains;
   PageRequest page{1000, ""};
   do {
-    ASSIGN_OR_RETURN(const auto jobs, context.store->ListJobs({scene, std::nullopt}, page));
+    ASSIGN_OR_RETURN(const auto jobs, context.store->jobs().ListJobs({scene, std::nullopt}, page));
     for (const JobRow& job : jobs.rows) remains.jobs.push_back(job.id);
     page.page_token = jobs.next_page_token;
   } while (!page.page_token.empty());
   do {
-    ASSIGN_OR_RETURN(const auto models, context.store->ListModels(scene, page));
+    ASSIGN_OR_RETURN(const auto models, context.store->models().ListModels(scene, page));
     for (const ModelRow& model : models.rows) remains.resident_keys.push_back(ResidentKey(model));
     page.page_token = models.next_page_token;
   } while (!page.page_token.empty());
-  ASSIGN_OR_RETURN(const std::string project, context.store->ProjectOfScene(scene));
-  ASSIGN_OR_RETURN(const auto uploads, context.store->ListOpenUploads(absl::InfiniteFuture()));
+  ASSIGN_OR_RETURN(const std::string project, context.store->scenes().ProjectOfScene(scene));
+  ASSIGN_OR_RETURN(const auto uploads,
+                   context.store->datasets().ListOpenUploads(absl::InfiniteFuture()));
   for (const DatasetRow& upload : uploads) {
     if (upload.scene == scene) remains.uploads.push_back({project, scene, upload.number});
   }
@@ -57,9 +58,9 @@ absl::StatusOr<SceneRemains> FindRemains(const ServiceContext& context, const st
 
 absl::Status DeleteWithRemains(const ServiceContext& context, const std::string& scene) {
   ASSIGN_OR_RETURN(const SceneRemains remains, FindRemains(context, scene));
-  const absl::Status deleted = context.store->DeleteScene(scene);
+  const absl::Status deleted = context.store->scenes().DeleteScene(scene);
   if (absl::IsFailedPrecondition(deleted)) {
-    const auto job = context.store->FindActiveJob(scene);
+    const auto job = context.store->jobs().FindActiveJob(scene);
     const bool active = job.ok() && job->has_value();
     return WithResource(deleted, "JOB_ACTIVE", active ? JobName((*job)->id) : "");
   }
@@ -82,7 +83,7 @@ absl::StatusOr<std::vector<std::string>> FindSelectionFiles(Store& store, const 
   std::vector<std::string> files;
   PageRequest page{1000, ""};
   do {
-    ASSIGN_OR_RETURN(const auto selections, store.ListSelections(model.scene, page));
+    ASSIGN_OR_RETURN(const auto selections, store.selections().ListSelections(model.scene, page));
     for (const SelectionRow& selection : selections.rows) {
       if (selection.model == model.number) files.push_back(selection.file);
     }
@@ -94,7 +95,7 @@ absl::StatusOr<std::vector<std::string>> FindSelectionFiles(Store& store, const 
 absl::Status DeleteModelWithFiles(const ServiceContext& context, const std::string& name) {
   ASSIGN_OR_RETURN(const ModelRow row, FindModel(context, name, "name"));
   ASSIGN_OR_RETURN(const auto selections, FindSelectionFiles(*context.store, row));
-  RETURN_IF_ERROR(context.store->DeleteModel(row.scene, row.number));
+  RETURN_IF_ERROR(context.store->models().DeleteModel(row.scene, row.number));
   context.models->Drop(ResidentKey(row));  // questions under way hold it
   // The model is gone already: its folder would be collected.
   RemoveBeneath(context.data_folder, row.folder).IgnoreError();
@@ -109,7 +110,7 @@ absl::Status DeleteModelWithFiles(const ServiceContext& context, const std::stri
 // the name alone would mean another one.
 absl::StatusOr<std::string> PrefixOf(Store& store, const SceneRow& row, const Caller& caller) {
   if (!caller.sees_all_projects || row.project == kDefaultProject) return std::string();
-  ASSIGN_OR_RETURN(const std::vector<SceneRow> scenes, store.FindScenes(row.id));
+  ASSIGN_OR_RETURN(const std::vector<SceneRow> scenes, store.scenes().FindScenes(row.id));
   return scenes.size() < 2 ? std::string() : absl::StrCat("projects/", row.project, "/");
 }
 
@@ -144,13 +145,13 @@ absl::Status SceneServiceRpc::FillScene(const SceneRow& row, const Caller& calle
   scene->set_name(prefix + SceneName(row.key));
   scene->set_display_name(row.display_name);
   *scene->mutable_create_time() = ToProto(row.create_time);
-  const auto model = context_.store->GetLiveModel(row.key);
+  const auto model = context_.store->models().GetLiveModel(row.key);
   if (model.ok()) {
     scene->set_live_model(prefix + ChildName(row.key, "models", model->number));
   } else if (!absl::IsFailedPrecondition(model.status())) {
     return model.status();
   }
-  ASSIGN_OR_RETURN(const auto job, context_.store->FindActiveJob(row.key));
+  ASSIGN_OR_RETURN(const auto job, context_.store->jobs().FindActiveJob(row.key));
   if (job.has_value()) scene->set_active_job(JobName(job->id));
   return absl::OkStatus();
 }
@@ -165,7 +166,7 @@ grpc::ServerUnaryReactor* SceneServiceRpc::CreateScene(grpc::CallbackServerConte
     row.display_name = request->scene().display_name();
     row.request_id = request->request_id();
     row.project = unary.caller.project;
-    const auto scene = context_.store->CreateScene(row);
+    const auto scene = context_.store->scenes().CreateScene(row);
     if (absl::IsAlreadyExists(scene.status())) {
       return WithResource(scene.status(), "SCENE_EXISTS", SceneName(row.id));
     }
@@ -180,7 +181,7 @@ grpc::ServerUnaryReactor* SceneServiceRpc::GetScene(grpc::CallbackServerContext*
   return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
     const auto scene = ParseSceneName(request->name(), "name");
     RETURN_IF_ERROR(scene.status());
-    const auto row = context_.store->GetScene(*scene);
+    const auto row = context_.store->scenes().GetScene(*scene);
     if (!row.ok()) return WithResource(row.status(), "NO_SUCH_SCENE", request->name());
     return FillScene(*row, unary.caller, response);
   });
@@ -193,7 +194,7 @@ grpc::ServerUnaryReactor* SceneServiceRpc::ListScenes(grpc::CallbackServerContex
     ASSIGN_OR_RETURN(const PageRequest page,
                      PageFromProto(request->page_size(), request->page_token()));
     ASSIGN_OR_RETURN(const Page<SceneRow> scenes,
-                     context_.store->ListScenes(page, unary.caller.visible_project()));
+                     context_.store->scenes().ListScenes(page, unary.caller.visible_project()));
     for (const SceneRow& row : scenes.rows) {
       RETURN_IF_ERROR(FillScene(row, unary.caller, response->add_scenes()));
     }
@@ -249,7 +250,7 @@ grpc::ServerUnaryReactor* SceneServiceRpc::ListModels(grpc::CallbackServerContex
     ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
     ASSIGN_OR_RETURN(const PageRequest page,
                      PageFromProto(request->page_size(), request->page_token()));
-    ASSIGN_OR_RETURN(const Page<ModelRow> models, context_.store->ListModels(scene, page));
+    ASSIGN_OR_RETURN(const Page<ModelRow> models, context_.store->models().ListModels(scene, page));
     for (const ModelRow& row : models.rows) *response->add_models() = ToProto(row);
     response->set_next_page_token(models.next_page_token);
     return absl::OkStatus();

@@ -165,7 +165,8 @@ absl::Status AnswerListSelections(const ServiceContext& context,
   ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
-  ASSIGN_OR_RETURN(const Page<SelectionRow> rows, context.store->ListSelections(scene, page));
+  ASSIGN_OR_RETURN(const Page<SelectionRow> rows,
+                   context.store->selections().ListSelections(scene, page));
   for (const SelectionRow& row : rows.rows) *response->add_selections() = ToProto(row);
   response->set_next_page_token(rows.next_page_token);
   return absl::OkStatus();
@@ -174,7 +175,7 @@ absl::Status AnswerListSelections(const ServiceContext& context,
 absl::Status AnswerDeleteSelection(const ServiceContext& context,
                                    const v1::DeleteSelectionRequest& request) {
   ASSIGN_OR_RETURN(const SelectionRow row, FindSelectionRow(context, request.name(), "name"));
-  RETURN_IF_ERROR(context.store->DeleteSelection(row.scene, row.number));
+  RETURN_IF_ERROR(context.store->selections().DeleteSelection(row.scene, row.number));
   // The selection is gone already: a file that cannot be removed only costs space.
   std::error_code ignored;
   std::filesystem::remove(context.data_folder / row.file, ignored);

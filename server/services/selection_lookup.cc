@@ -11,7 +11,7 @@ namespace pepeseg {
 absl::StatusOr<SelectionRow> FindSelectionRow(const ServiceContext& context,
                                               const std::string& name, const std::string& field) {
   ASSIGN_OR_RETURN(const SceneChild selection, ParseChildName(name, "selections", field));
-  auto row = context.store->GetSelection(selection.scene, selection.number);
+  auto row = context.store->selections().GetSelection(selection.scene, selection.number);
   if (absl::IsNotFound(row.status())) return WithResource(row.status(), "NO_SUCH_SELECTION", name);
   return row;
 }

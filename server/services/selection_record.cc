@@ -64,8 +64,8 @@ void SetRequest(v1::CombineSelectionsRequest request, SelectionRow* row) { SetFr
 
 absl::StatusOr<std::optional<SelectionRow>> FindEarlier(const ServiceContext& context,
                                                         const SelectionRow& row) {
-  auto earlier =
-      context.store->FindSelectionOfRequest(row.scene, row.request_id, row.request_digest);
+  auto earlier = context.store->selections().FindSelectionOfRequest(row.scene, row.request_id,
+                                                                    row.request_digest);
   if (!earlier.ok()) return WithRequest(earlier.status(), row);
   return earlier;
 }
@@ -81,12 +81,12 @@ absl::StatusOr<SelectionRow> RecordSelection(const ServiceContext& context,
     row.min[axis] = bounds.min[axis];
     row.max[axis] = bounds.max[axis];
   }
-  ASSIGN_OR_RETURN(row.number, context.store->TakeSelectionNumber(row.scene));
+  ASSIGN_OR_RETURN(row.number, context.store->selections().TakeSelectionNumber(row.scene));
   row.file = (SelectionFolder(row.scene) / std::to_string(row.number)).string();
   const std::filesystem::path path = context.data_folder / row.file;
   RETURN_IF_ERROR(WriteMembers(path, set));
   ASSIGN_OR_RETURN(row.num_bytes, FileSize(path, row.file));
-  auto made = context.store->CreateSelection(row);
+  auto made = context.store->selections().CreateSelection(row);
   // Where nobody knows whether the row was committed, the collector finds out: a commit whose sync
   // failed for lack of space may be there after a restart. A quota's refusal is not private.
   const bool full_disk = absl::IsResourceExhausted(made.status()) && IsPrivate(made.status());

@@ -31,7 +31,7 @@ void FillProcess(const ServiceContext& context, v1::ServerStatus* response) {
 }
 
 absl::Status FillJobs(const ServiceContext& context, v1::ServerStatus* response) {
-  ASSIGN_OR_RETURN(const std::vector<JobRow> running, context.store->ListRunningJobs());
+  ASSIGN_OR_RETURN(const std::vector<JobRow> running, context.store->queue().ListRunningJobs());
   for (size_t i = 0; i < std::min(running.size(), kMaxJobs); ++i) {
     v1::Job& job = *response->add_running_jobs();
     job = ToProto(running[i]);

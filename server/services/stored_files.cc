@@ -12,8 +12,9 @@ namespace pepeseg {
 absl::Status CheckFilesStored(const ServiceContext& context, const std::string& scene,
                               int64_t dataset) {
   Store& store = *context.store;
-  ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files, store.ListDatasetFiles(scene, dataset));
-  ASSIGN_OR_RETURN(const std::string project, store.ProjectOfScene(scene));
+  ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
+                   store.files().ListDatasetFiles(scene, dataset));
+  ASSIGN_OR_RETURN(const std::string project, store.scenes().ProjectOfScene(scene));
   std::vector<std::string> healed, gone;
   const DatasetFileRow* first = nullptr;
   int num_missing = 0;
@@ -24,8 +25,8 @@ absl::Status CheckFilesStored(const ServiceContext& context, const std::string& 
     if (file.stored) gone.push_back(file.sha256);
     if (++num_missing == 1) first = &file;
   }
-  RETURN_IF_ERROR(store.SetDigestsStored(project, healed, /*stored=*/true));
-  RETURN_IF_ERROR(store.SetDigestsStored(project, gone, /*stored=*/false));
+  RETURN_IF_ERROR(store.files().SetDigestsStored(project, healed, /*stored=*/true));
+  RETURN_IF_ERROR(store.files().SetDigestsStored(project, gone, /*stored=*/false));
   if (num_missing == 0) return absl::OkStatus();
   return WithResource(
       absl::FailedPreconditionError(absl::StrCat(

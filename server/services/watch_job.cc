@@ -42,7 +42,7 @@ absl::Status HeldUpError(const std::string& job, const absl::Status& obstacle) {
 absl::StatusOr<JobSnapshot> ReadJob(const ServiceContext& context, const std::string& id) {
   // Events first: a row that is newer than the sequence only means that an event repeats it.
   const auto newest = context.supervisor->FindNewest(id);
-  const auto row = context.store->GetJob(id);
+  const auto row = context.store->jobs().GetJob(id);
   if (absl::IsNotFound(row.status())) {
     return WithResource(row.status(), "NO_SUCH_JOB", JobName(id));
   }

@@ -38,7 +38,8 @@ absl::Status Close(const ServiceContext& context, const UploadName& upload, Writ
   absl::Status status = group.Commit(*context.store);
   if (writer == nullptr) return status;
   writer.reset();
-  if (absl::IsNotFound(context.store->GetDataset(upload.scene, upload.number).status())) {
+  if (absl::IsNotFound(
+          context.store->datasets().GetDataset(upload.scene, upload.number).status())) {
     context.blobs->RemovePartial(upload);
   }
   return status;
@@ -159,7 +160,7 @@ absl::Status WriteFilesStream::FindFile(const v1::WriteFilesRequest::Header& hea
   const auto found = listed_.find(path);
   if (found == listed_.end()) {
     // NOT_FOUND that names the upload and the file.
-    return context_.store->GetDatasetFile(upload.scene, upload.number, path).status();
+    return context_.store->files().GetDatasetFile(upload.scene, upload.number, path).status();
   }
   file_ = found->second;
   return absl::OkStatus();
@@ -170,14 +171,14 @@ absl::Status WriteFilesStream::ListFrom(const std::string& path, const std::stri
   constexpr int64_t kListed = 256;
   Store& store = *context_.store;
   listed_.clear();
-  ASSIGN_OR_RETURN(const DatasetRow row, store.GetDataset(upload.scene, upload.number));
+  ASSIGN_OR_RETURN(const DatasetRow row, store.datasets().GetDataset(upload.scene, upload.number));
   if (row.state == DatasetState::kSealed) {
     return WithResource(absl::FailedPreconditionError(absl::StrCat(name, " is sealed")), "SEALED",
                         name);
   }
-  ASSIGN_OR_RETURN(const std::string project, store.ProjectOfScene(upload.scene));
+  ASSIGN_OR_RETURN(const std::string project, store.scenes().ProjectOfScene(upload.scene));
   ASSIGN_OR_RETURN(auto files,
-                   store.ListDatasetFilesFrom(upload.scene, upload.number, path, kListed));
+                   store.files().ListDatasetFilesFrom(upload.scene, upload.number, path, kListed));
   for (DatasetFileRow& file : files) listed_.emplace(file.path, std::move(file));
   upload_ = {project, upload.scene, upload.number};
   return absl::OkStatus();
@@ -220,7 +221,7 @@ absl::Status WriteFilesStream::TakeChunk(const v1::WriteFilesRequest::Chunk& chu
   if (writer_ == nullptr) return absl::OkStatus();
   unchecked_bytes_ += static_cast<int64_t>(chunk.data().size());
   if (unchecked_bytes_ >= kCheckedBytes) {
-    RETURN_IF_ERROR(context_.store->GetDataset(upload_.scene, upload_.number).status());
+    RETURN_IF_ERROR(context_.store->datasets().GetDataset(upload_.scene, upload_.number).status());
     unchecked_bytes_ = 0;
   }
   return writer_->Append(chunk.data());

@@ -129,7 +129,7 @@ absl::Status WriteGroup::Commit(Store& store) {
   std::vector<DatasetFileRow> rows;
   rows.reserve(files.size());
   for (File& file : files) rows.push_back(std::move(file.row));
-  return store.MarkFilesStored(upload_, rows);
+  return store.files().MarkFilesStored(upload_, rows);
 }
 
 }  // namespace pepeseg

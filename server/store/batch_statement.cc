@@ -7,7 +7,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kMaxRecords = 64;  // SQLite takes 500 of UNION ALL
+constexpr int kMaxRecords = 64;  // SQLite accepts 500 parts of a UNION ALL
 
 }  // namespace
 
@@ -21,6 +21,8 @@ int64_t BatchStatement::Finish() {
   return num_changed_;
 }
 
+// Builds the text for each run, since the last one has fewer records. SOCI binds values by address:
+// they stay in values_ until the statement has run.
 void BatchStatement::Run() {
   std::string query = text_.before;
   int num_values = 0;

@@ -9,20 +9,21 @@
 
 namespace pepeseg {
 
-// Runs one SQL statement for many records: a round trip to the database for each 64 of them. For
-// use inside one transaction; throws what SOCI throws.
+// Runs one SQL statement for many records, with one round trip to the database for every 64 of
+// them. For use inside one transaction; throws what SOCI throws.
 class BatchStatement {
  public:
   using Value = std::variant<int64_t, std::string>;
   // The statement is `before`, then `record` for each record, joined by `between`, then `after`.
-  // Each '?' in `record` stands for the next value of Add.
+  // Each '?' in `record` is replaced by the next value of Add.
   struct Text {
     std::string before, record, between, after;
   };
 
   BatchStatement(soci::session& sql, Text text) : sql_(sql), text_(std::move(text)) {}
+  // Adds a record's values, and runs the statement when 64 records are collected.
   void Add(std::vector<Value> record);
-  // Runs what was added. Returns how many records of the database all runs have changed.
+  // Runs what remains. Returns the number of records that all runs have changed.
   int64_t Finish();
 
  private:

@@ -22,12 +22,13 @@
 namespace pepeseg {
 namespace {
 
-// Of calls that wait on PostgreSQL at the same time.
+// PostgreSQL connections, and so the calls that can use the database at the same time.
 constexpr size_t kNumConnections = 8;
-// Transactions that collide wait up to 2, 4, 8 ... 32 ms in between, and give up in the end.
+// Time after which colliding transactions are not run again. They wait up to 2, 4, 8 ... 32 ms
+// between runs.
 constexpr absl::Duration kMaxCollisions = absl::Seconds(10);
 
-// Every SOCI call of this program runs below here, or in RunOnce.
+// Turns exceptions into a status. All SOCI calls of this program run below Guard or RunOnce.
 absl::Status Guard(const std::function<absl::Status()>& body) {
   try {
     return body();
@@ -38,10 +39,11 @@ absl::Status Guard(const std::function<absl::Status()>& body) {
   }
 }
 
+// Sets the options of a new connection.
 void SetUp(soci::session& sql) {
   if (sql.get_backend_name() == "postgresql") {
     sql << "SET default_transaction_isolation = 'serializable'";
-    // A call that hangs must not hold its thread, or a row, for ever.
+    // A call that hangs must not block its thread, or lock records, for ever.
     sql << "SET statement_timeout = '20s'";
     sql << "SET idle_in_transaction_session_timeout = '60s'";
     sql << "SET client_min_messages = 'warning'";
@@ -49,15 +51,16 @@ void SetUp(soci::session& sql) {
   }
   std::string mode;
   sql << "PRAGMA journal_mode = WAL", soci::into(mode);
-  // A state change that was answered must survive a power cut.
+  // A change that was confirmed to a client must survive a power cut.
   sql << "PRAGMA synchronous = FULL";
   sql << "PRAGMA foreign_keys = ON";
 }
 
-// Before anything in it is believed: pages and keys fit each other and, where that does not hold a
-// start up for long, so do indexes and rows. What a value holds, SQLite cannot tell.
+// Returns DATA_LOSS if SQLite's checks find damage, before anything is read from the file: its
+// pages and foreign keys must be consistent and, if the file is small enough for that to be fast,
+// its indexes and records. A bit flip inside a stored value is not detected.
 absl::Status CheckSqliteFile(soci::session& sql) {
-  constexpr int kMostPages = 2048;  // of 4 KiB: a third of a second
+  constexpr int kMostPages = 2048;  // of 4 KiB: the full check takes a third of a second
   constexpr int kMostFaults = 3;
   int num_pages = 0;
   sql << "PRAGMA page_count", soci::into(num_pages);
@@ -71,11 +74,12 @@ absl::Status CheckSqliteFile(soci::session& sql) {
   sql << "SELECT \"table\" FROM pragma_foreign_key_check LIMIT 1", soci::into(table);
   if (!sql.got_data()) return absl::OkStatus();
   return absl::DataLossError(
-      absl::StrCat("damaged: a row of ", table, " belongs to one that is not there"));
+      absl::StrCat("damaged: a record of ", table, " refers to a record that does not exist"));
 }
 
-// SQLite: with the right to write from the start. One that asks for it later is refused when
-// another process has written meanwhile.
+// A transaction that rolls back unless committed. In SQLite it takes the write lock at once
+// (IMMEDIATE): one that asks for the lock later is refused if another process has written
+// meanwhile.
 class Transaction {
  public:
   explicit Transaction(soci::session& sql) : sql_(sql) {
@@ -86,7 +90,7 @@ class Transaction {
     try {
       sql_ << "ROLLBACK";
     } catch (const std::exception&) {
-      // The connection is gone, and the transaction with it.
+      // The connection is lost, which also rolls back.
     }
   }
   Transaction(const Transaction&) = delete;
@@ -102,8 +106,8 @@ class Transaction {
   bool ended_ = false;
 };
 
-// One of the pool's, for a while. Not soci::session(pool): that one is left with a dangling pointer
-// when a reconnection fails.
+// Leases a connection of the pool. soci::session(pool) cannot be used: it is left with a dangling
+// pointer when a reconnection fails.
 class Connection {
  public:
   explicit Connection(soci::connection_pool& pool)
@@ -124,6 +128,7 @@ class Connection {
   const bool leased_;
 };
 
+// Returns a random pause before the next run of a transaction that has collided `run` times.
 absl::Duration Backoff(int run) {
   thread_local std::minstd_rand random{std::random_device{}()};
   const int longest = 1 << std::min(run, 5);
@@ -157,7 +162,7 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Open(const std::string& url)
     database.reset(new Database(soci::postgresql, is_uri ? url : url.substr(kPostgresql.size()),
                                 num_connections));
   } else {
-    // Not told: it may hold a password.
+    // The message does not contain the URL, which may hold a password.
     return absl::InvalidArgumentError(
         "database: expected sqlite:PATH without quotes, or postgresql:CONNINFO");
   }
@@ -168,9 +173,10 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Open(const std::string& url)
   const std::string name = database->shared() ? "the PostgreSQL database" : url;
   return absl::DataLossError(absl::StrCat(
       name, ": ", opened.message(),
-      ": put a backup in its place, or have a tool of the database's own rescue what is left"));
+      "; restore it from a backup, or rescue what is left with the database's own tools"));
 }
 
+// Opens the connections one by one. They are never closed: RunOnce reconnects one that was lost.
 absl::Status Database::Connect(size_t num_connections) {
   return Guard([&]() -> absl::Status {
     for (size_t i = 0; i < num_connections; ++i) {
@@ -182,6 +188,8 @@ absl::Status Database::Connect(size_t num_connections) {
   });
 }
 
+// Runs a body on one connection, which this thread has alone meanwhile. Waits up to 30 s for a free
+// connection. Throws nothing.
 Database::Run Database::RunOnce(const std::function<absl::Status(soci::session&)>& body,
                                 bool in_transaction) {
   Run run;
@@ -206,7 +214,7 @@ Database::Run Database::RunOnce(const std::function<absl::Status(soci::session&)
   } catch (const soci::soci_error& error) {
     run.status = DatabaseError(error, SystemErrorOf(sql));
     if (IsCollision(error)) run.fate = Fate::kCollided;
-    // What broke during the commit may have happened: not to be done twice.
+    // A commit whose connection broke may have succeeded, so it must not run again.
     if (!committing && !sql.is_connected()) run.fate = Fate::kConnectionLost;
     if (!sql.is_connected()) {
       run.status = PrivateError(absl::StatusCode::kUnavailable, run.status.message());
@@ -221,6 +229,9 @@ absl::Status Database::Transact(const std::function<absl::Status(soci::session&)
   return Repeat(body, /*in_transaction=*/true);
 }
 
+// Serializable transactions of PostgreSQL may fail at any statement, or at the commit, because of
+// another one; SQLite reports a busy file if another process writes. Both are run again from the
+// start after a random pause, which grows so that many colliding servers spread out.
 absl::Status Database::Repeat(const std::function<absl::Status(soci::session&)>& body,
                               bool in_transaction) {
   bool reconnected = false;
@@ -234,12 +245,15 @@ absl::Status Database::Repeat(const std::function<absl::Status(soci::session&)>&
   }
 }
 
+// Runs all missing steps of the schema in one transaction, so that an upgrade that fails leaves the
+// old version.
 absl::Status Database::Upgrade() {
   return Transact([this](soci::session& sql) {
-    // One server at a time; SQLite has one user anyway.
+    // One server upgrades at a time; SQLite has only one server anyway.
     constexpr int64_t kUpgradeLock = 0x706570657365;
     if (shared()) {
-      sql << "SET TRANSACTION ISOLATION LEVEL READ COMMITTED";  // see what the one before has done
+      // Serializable would take its snapshot before the lock, and not see another server's upgrade.
+      sql << "SET TRANSACTION ISOLATION LEVEL READ COMMITTED";
       sql << "SELECT pg_advisory_xact_lock(:key)", soci::use(kUpgradeLock);
     }
     sql << "CREATE TABLE IF NOT EXISTS schema_version (version INTEGER NOT NULL)";
@@ -248,7 +262,7 @@ absl::Status Database::Upgrade() {
     if (version > kSchemaVersion) {
       return absl::FailedPreconditionError(
           absl::StrCat("the database has schema version ", version, ", this program knows up to ",
-                       kSchemaVersion, ": it was written by a newer one"));
+                       kSchemaVersion, ": a newer program has written it"));
     }
     for (int next = version + 1; next <= kSchemaVersion; ++next) {
       for (const char* statement : SchemaStep(next)) sql << statement;

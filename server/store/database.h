@@ -11,25 +11,29 @@
 
 namespace pepeseg {
 
-// The one place where SOCI's sessions and exceptions are handled. Thread safe: a caller takes a
-// connection of the pool for the length of its transaction (SQLite: there is one, so that writers
-// queue here and never meet "database is locked").
+// A SQLite or PostgreSQL database. The only class that opens SOCI's sessions and catches its
+// exceptions. Thread safe: a caller takes a connection from the pool for the length of its
+// transaction. SQLite has one connection, so that writers queue here and never get "database is
+// locked".
 class Database {
  public:
-  // "sqlite:PATH", or "postgresql:" and what libpq takes: "host=db dbname=pepeseg", or the rest of
-  // a "postgresql://" URI. Brings the schema up to this program's version. UNAVAILABLE: no
-  // connection. DATA_LOSS: SQLite's file is damaged, as far as its own checks see.
+  // `url`: "sqlite:PATH", or "postgresql:" followed by libpq's "host=db dbname=pepeseg" or by the
+  // rest of a "postgresql://" URI. Upgrades the schema to this program's version. UNAVAILABLE: no
+  // connection. DATA_LOSS: SQLite's own checks find the file damaged. FAILED_PRECONDITION: a newer
+  // program has written the database.
   static absl::StatusOr<std::unique_ptr<Database>> Open(const std::string& url);
 
-  // Runs `body` in a transaction that is as if no other ran beside it: commits when it answers OK,
-  // rolls back otherwise. Where PostgreSQL finds that two got in each other's way, or a connection
-  // is gone, it runs again: so `body` changes nothing but the database and its answer. A broken
-  // constraint is ABORTED; DATA_LOSS: the database's files are damaged; UNAVAILABLE: it cannot be
-  // reached, or too many others change the same; when a connection broke during the commit, nobody
-  // knows whether it happened. Any other error is INTERNAL.
+  // Runs `body` in a serializable transaction; commits if it returns OK, else rolls back. Runs it
+  // again, for up to ten seconds, if transactions collide, and once if the connection is lost
+  // before the commit. So `body` must change nothing but the database and its result.
+  //
+  // Returns the error of `body`, or ABORTED: a broken constraint; DATA_LOSS: the database's files
+  // are damaged; RESOURCE_EXHAUSTED: its disk is full; UNAVAILABLE: it cannot be reached, or
+  // collisions did not end; if the connection broke during the commit, the transaction may have
+  // been committed. Any other error is INTERNAL.
   absl::Status Transact(const std::function<absl::Status(soci::session&)>& body);
 
-  // Likewise, for a body that answers a value.
+  // Does the same for a body that returns a value.
   template <typename T>
   absl::StatusOr<T> Query(const std::function<absl::StatusOr<T>(soci::session&)>& body) {
     absl::StatusOr<T> answer = absl::InternalError("the transaction did not run");
@@ -41,8 +45,9 @@ class Database {
     return answer;
   }
 
-  // For a body that is one SELECT in the usual case, and may be several of different moments: runs
-  // it without a transaction's own round trips to the database.
+  // Runs a read-only body without a transaction, which saves the round trips of BEGIN and COMMIT.
+  // For a body that is usually one SELECT; several see the database at different moments. Errors as
+  // for Transact.
   template <typename T>
   absl::StatusOr<T> Read(const std::function<absl::StatusOr<T>(soci::session&)>& body) {
     absl::StatusOr<T> answer = absl::InternalError("the query did not run");
@@ -56,11 +61,11 @@ class Database {
     return answer;
   }
 
-  // Other processes may use it at the same time.
+  // Returns whether other servers may use the database at the same time.
   bool shared() const { return backend_ == &soci::postgresql; }
 
  private:
-  // What became of one run of a body.
+  // How one run of a body ended.
   enum class Fate { kDone, kCollided, kConnectionLost };
   struct Run {
     Fate fate = Fate::kDone;
@@ -79,7 +84,7 @@ class Database {
   soci::connection_pool pool_;
 };
 
-// Microseconds since 1970 by the clock of the database, which is one for all servers on it.
+// Returns microseconds since 1970 by the clock that all servers of this database share.
 int64_t DatabaseMicros(soci::session& sql);
 
 }  // namespace pepeseg

@@ -30,7 +30,7 @@ bool IsFullDisk(const soci::soci_error& error, int system_error) {
          (code == SQLITE_IOERR && (system_error == ENOSPC || system_error == EDQUOT));
 }
 
-// What the database finds broken in its own files.
+// SQLite: "malformed" or "not a database". PostgreSQL: data_corrupted or index_corrupted.
 bool IsDamage(const soci::soci_error& error) {
   const auto* sqlite = dynamic_cast<const soci::sqlite3_soci_error*>(&error);
   const int code = sqlite == nullptr ? SQLITE_OK : sqlite->result() & 0xff;
@@ -38,7 +38,8 @@ bool IsDamage(const soci::soci_error& error) {
   return code == SQLITE_CORRUPT || code == SQLITE_NOTADB || state == "XX001" || state == "XX002";
 }
 
-// Class 08; an administrator or a crash ended the connection, or the server is starting.
+// PostgreSQL: class 08, or the connection was ended by an administrator or a crash, or the server
+// is starting.
 bool IsLostConnection(const soci::soci_error& error) {
   const std::string state = SqlState(error);
   return error.get_error_category() == soci::soci_error::connection_error ||
@@ -63,12 +64,12 @@ bool IsCollision(const soci::soci_error& error) {
 }
 
 int SystemErrorOf(soci::session& sql) {
-  // A session whose connection is lost has no backend to ask.
+  // A session without a connection has no backend.
   if (!sql.is_connected() || sql.get_backend_name() != "sqlite3") return 0;
   using sqlite_api::sqlite3_file;
   auto* connection = static_cast<soci::sqlite3_session_backend*>(sql.get_backend())->conn_;
   if (connection == nullptr) return 0;
-  // The errors of a sync during a commit: sqlite3_system_errno does not have them.
+  // sqlite3_system_errno does not have the errors of a sync during a commit; the files do.
   for (const int which : {SQLITE_FCNTL_FILE_POINTER, SQLITE_FCNTL_JOURNAL_POINTER}) {
     sqlite3_file* file = nullptr;
     int error = 0;

@@ -3,21 +3,21 @@
 #include "absl/status/status.h"
 #include "server/store/soci.h"
 
-// What SOCI's exceptions mean, for SQLite and PostgreSQL alike.
+// The meaning of SOCI's exceptions, for SQLite and PostgreSQL.
 namespace pepeseg {
 
-// Two transactions, of which only one can stand. A key that is taken may be one that the other made
-// meanwhile: run again, this one sees it.
+// Returns whether two transactions got in each other's way, so that this one should run again. In
+// PostgreSQL this includes a key that is taken: another transaction may have taken it meanwhile,
+// and the next run sees that.
 bool IsCollision(const soci::soci_error& error);
 
-// Returns the error of the operating system behind the newest input or output error of SQLite, as
-// errno has it; 0 where there was none, and with PostgreSQL.
+// Returns the errno behind the newest I/O error of SQLite; 0 if there was none, and for PostgreSQL.
 int SystemErrorOf(soci::session& sql);
 
-// ABORTED: a broken constraint; RESOURCE_EXHAUSTED: a full disk; DATA_LOSS: damaged files;
-// UNAVAILABLE: a lost connection or a collision; else INTERNAL. All are PrivateError.
-// `system_error`: SystemErrorOf the session, as SQLite reports a full disk that only a sync finds
-// as an input or output error.
+// Returns the status for an exception, as a PrivateError. ABORTED: a broken constraint;
+// RESOURCE_EXHAUSTED: a full disk; DATA_LOSS: damaged files; UNAVAILABLE: a lost connection or a
+// collision; else INTERNAL. `system_error`: SystemErrorOf the session; it is needed because SQLite
+// reports a full disk that only a sync finds as an I/O error.
 absl::Status DatabaseError(const soci::soci_error& error, int system_error = 0);
 
 }  // namespace pepeseg

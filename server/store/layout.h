@@ -5,24 +5,25 @@
 #include <string>
 #include <string_view>
 
-// Where things stand in the server's data directory. Only ids of our own making, numbers, digests
-// and ids that follow a strict rule become parts of a path: never a name that a client chose
-// freely. SCENE is SceneFolderName of a scene's id.
+// The layout of the server's data directory. Only ids that the server made, numbers, digests and
+// ids that follow a strict rule become parts of a path, never a name that a client chose freely.
+// SCENE is the SceneFolderName of a scene's key.
 //
 //   lock                      held by the one server that uses the directory
-//   pepeseg.db                the store
+//   pepeseg.db                the SQLite database
 //   audit.log                 who did what (server/access/audit_log.h)
-//   refused.log               calls without a valid key (server/access/refusal_log.h)
-//   collector.lock            held by the one server that collects what nothing refers to
-//   locks/PROJECT             shared by who counts on a blob that is there, held by who removes one
+//   refused.log               calls without a valid key (server/access/audit_log.h)
+//   collector.lock            held by the one server that collects garbage
+//   locks/PROJECT             lock: shared while a client relies on stored blobs, exclusive while
+//                             blobs are removed
 //   blobs/PROJECT/ab/abcd...  bytes of uploaded files, by SHA-256
 //   damaged/PROJECT/abcd...   blobs whose bytes had another digest when they were read again
-//   partial/PROJECT/SCENE-N/  beginnings of the files of an upload, by SHA-256, and DIGEST.length:
-//                             how many of their bytes are committed
-//   scratch/                  pictures on their way to a client; no file in it has a name for long
+//   partial/PROJECT/SCENE-N/  partial uploads of files by SHA-256; next to each, DIGEST.length: the
+//                             number of its bytes that are committed
+//   scratch/                  decoded images on their way to a client; unlinked once opened
 //   datasets/SCENE/N.json     manifest of a sealed dataset
 //   selections/SCENE/N        members of a selection (core/model_files/selection_file.h)
-//   jobs/JOB/...              of server/jobs
+//   jobs/JOB/...              job folders (server/worker_protocol/job_folder.h)
 namespace pepeseg {
 
 inline std::filesystem::path LockPath(const std::filesystem::path& data) { return data / "lock"; }
@@ -53,10 +54,10 @@ inline std::filesystem::path BlobLockPath(const std::filesystem::path& data,
   return data / "locks" / std::string(project);
 }
 
-// A file's bytes, as a project has them.
+// Identifies the bytes of a file in a project.
 struct BlobName {
   std::string project;
-  std::string sha256;  // 64 lower-case hex digits, checked by who makes it
+  std::string sha256;  // 64 lower-case hex digits; the caller has checked that
 };
 
 inline std::filesystem::path BlobPath(const std::filesystem::path& data, const BlobName& blob) {
@@ -75,10 +76,9 @@ inline std::filesystem::path PartialFolder(const std::filesystem::path& data) {
   return data / "partial";
 }
 
-// The id of a scene as a folder's name, which differs from all others also where a file system does
-// not tell upper from lower case: in lower case, with '_' before what was a capital, "__" for '_'
-// and
-// "_-" for '.'. Ids of lower-case letters, digits and '-' stay as they are.
+// Returns a folder name for a scene's key. Names of different keys also differ in file systems that
+// ignore case: a capital becomes '_' and its lower-case letter, '_' becomes "__", '.' becomes "_-".
+// Keys of lower-case letters, digits, '-' and '@' stay as they are.
 inline std::string SceneFolderName(std::string_view scene) {
   std::string name;
   for (const char c : scene) {
@@ -93,7 +93,7 @@ inline std::string SceneFolderName(std::string_view scene) {
   return name;
 }
 
-// The scene whose SceneFolderName it is; empty: it is none's.
+// Returns the key whose SceneFolderName is `name`, or "" if there is none.
 inline std::string SceneOfFolderName(std::string_view name) {
   std::string scene;
   for (size_t i = 0; i < name.size(); ++i) {
@@ -110,6 +110,7 @@ inline std::string SceneOfFolderName(std::string_view name) {
   return SceneFolderName(scene) == name ? scene : "";
 }
 
+// Identifies an upload: a dataset that is still open.
 struct UploadName {
   std::string project;
   std::string scene;
@@ -122,7 +123,7 @@ inline std::filesystem::path PartialFolderOf(const std::filesystem::path& data,
          (SceneFolderName(upload.scene) + "-" + std::to_string(upload.number));
 }
 
-// Of the beginning of a file: how many bytes of it are committed.
+// Returns the file next to a partial upload that says how many of its bytes are committed.
 inline std::filesystem::path LengthPath(const std::filesystem::path& partial) {
   return partial.string() + ".length";
 }
@@ -150,7 +151,7 @@ inline std::filesystem::path DatasetManifestPath(const std::filesystem::path& da
   return data / "datasets" / SceneFolderName(scene) / (std::to_string(number) + ".json");
 }
 
-// Below the data directory.
+// Returns a path relative to the data directory.
 inline std::filesystem::path SelectionFolder(std::string_view scene) {
   return std::filesystem::path("selections") / SceneFolderName(scene);
 }

@@ -1,31 +1,28 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
+
+#include "absl/status/status.h"
 
 namespace pepeseg {
 
-// What a project may take, as pepeseg.v1.Quota tells it. In a server's options 0 is no limit, of a
-// project the server's value.
+// Limits of a project, or its usage; the fields are those of pepeseg.v1.Quota. As a limit, 0 means
+// the server's default in a project's record, and no limit in the server's options.
 struct Quota {
-  int64_t stored_bytes = 0;
+  int64_t stored_bytes = 0;  // files, models and selections on the disk, and open uploads
   int64_t open_uploads = 0;
   int64_t queued_jobs = 0;
   int64_t running_jobs = 0;
   int64_t queries_per_second = 0;
-  int64_t resident_bytes = 0;
+  int64_t resident_bytes = 0;  // models in memory
 };
 
-// What holds for a project: its own value of each, else the server's.
-inline Quota InForce(const Quota& own, const Quota& server) {
-  const auto pick = [](int64_t of_project, int64_t of_server) {
-    return of_project > 0 ? of_project : of_server;
-  };
-  return {pick(own.stored_bytes, server.stored_bytes),
-          pick(own.open_uploads, server.open_uploads),
-          pick(own.queued_jobs, server.queued_jobs),
-          pick(own.running_jobs, server.running_jobs),
-          pick(own.queries_per_second, server.queries_per_second),
-          pick(own.resident_bytes, server.resident_bytes)};
-}
+// Returns the limits in force for a project: its own values where they are set, else the server's.
+Quota InForce(const Quota& own, const Quota& server);
+
+// Returns RESOURCE_EXHAUSTED: the call would raise the project's use of the quota field `name` to
+// `need`, above `limit`. Carries an ErrorDetail with reason QUOTA.
+absl::Status QuotaError(const std::string& name, int64_t need, int64_t limit);
 
 }  // namespace pepeseg

@@ -1,12 +1,12 @@
 #include "server/store/quota_sql.h"
 
 #include "core/base/status_macros.h"
-#include "server/store/quota_error.h"
+#include "server/store/quota.h"
 
 namespace pepeseg {
 namespace {
 
-// The project's own where it has any.
+// Returns the limits of a project: its own values where they are set, else the defaults.
 Quota SelectInForce(soci::session& sql, const std::string& project, const Quota& defaults) {
   Quota own;
   sql << "SELECT stored_bytes, open_uploads, queued_jobs, running_jobs FROM projects"
@@ -16,7 +16,8 @@ Quota SelectInForce(soci::session& sql, const std::string& project, const Quota&
   return InForce(own, defaults);
 }
 
-// The sum of a column, bytes, over the records of a project.
+// Returns the sum of a column of bytes. `column_from_where`: the query after "SUM(", with one
+// placeholder for the project.
 int64_t SumBytes(soci::session& sql, const std::string& column_from_where,
                  const std::string& project) {
   int64_t bytes = 0;
@@ -24,12 +25,12 @@ int64_t SumBytes(soci::session& sql, const std::string& column_from_where,
   return bytes;
 }
 
-// What a project has on the disk, and what its open uploads may put there.
+// Returns the bytes that a project has on the disk, and those that its open uploads may add.
 //
-// A file of an open upload counts with its declared size until the project has its bytes, in each
-// upload on its own: each keeps its own partial file, of any bytes, until the digest is checked at
-// the end. So a digest counts once only where the digest was checked. Files of one digest but
-// another size count apart, since a declared size is checked at the end, too.
+// A file of an open upload counts with its declared size until the project has its bytes. Uploads
+// of one digest count separately: each has its own partial file, whose bytes are not checked until
+// it is complete, so a digest may be made up. For the same reason files with one digest but
+// different declared sizes count separately. Stored blobs count once per digest.
 int64_t SumStoredBytes(soci::session& sql, const std::string& project) {
   return SumBytes(sql, "size), 0) AS BIGINT) FROM blobs WHERE project = :project", project) +
          SumBytes(sql,
@@ -103,7 +104,7 @@ absl::Status CheckQueueQuota(soci::session& sql, const std::string& scene, const
   const std::string project = SelectProjectOf(sql, scene);
   const Quota quota = SelectInForce(sql, project, defaults);
   if (quota.stored_bytes > 0) {
-    // How large the model will be is not known: at least one byte.
+    // The size of the model is not known yet: reserve one byte.
     RETURN_IF_ERROR(CheckOne("stored_bytes", SumStoredBytes(sql, project) + 1, quota.stored_bytes));
   }
   if (quota.queued_jobs == 0) return absl::OkStatus();

@@ -3,14 +3,14 @@
 #include <algorithm>
 
 #include "absl/strings/ascii.h"
-#include "server/store/id_rules.h"
 
 namespace pepeseg {
 namespace {
 
+constexpr size_t kMaxIdBytes = 63;
 constexpr char kEndOfNumber = '@';
 
-// Bytes of "NUMBER@" at the start of `text`; 0: there is none.
+// Returns the length of "NUMBER@" at the start of `text`, or 0 if there is none.
 size_t PrefixLength(std::string_view text) {
   const auto end = std::find_if_not(text.begin(), text.end(), absl::ascii_isdigit);
   if (end == text.begin() || end == text.end() || *end != kEndOfNumber) return 0;
@@ -18,6 +18,23 @@ size_t PrefixLength(std::string_view text) {
 }
 
 }  // namespace
+
+bool IsRfc1034Label(std::string_view id) {
+  if (id.empty() || id.size() > kMaxIdBytes || !absl::ascii_islower(id.front()) ||
+      id.back() == '-') {
+    return false;
+  }
+  return std::all_of(id.begin(), id.end(), [](unsigned char c) {
+    return absl::ascii_islower(c) || absl::ascii_isdigit(c) || c == '-';
+  });
+}
+
+bool IsResourceId(std::string_view id) {
+  if (id.empty() || id.size() > kMaxIdBytes || !absl::ascii_isalnum(id.front())) return false;
+  return std::all_of(id.begin(), id.end(), [](unsigned char c) {
+    return absl::ascii_isalnum(c) || c == '_' || c == '.' || c == '-';
+  });
+}
 
 std::string MakeSceneKey(int64_t number, std::string_view id) {
   return std::to_string(number) + kEndOfNumber + std::string(id);

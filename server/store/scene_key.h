@@ -4,19 +4,35 @@
 #include <string>
 #include <string_view>
 
-// What a scene is called inside of the server. Ids are unique within a project only, so tables,
-// folders and, once a call is authorised, names of resources have a key in the place of the id: the
-// id itself where no scene has that key, as all have from before ids were the project's own; else
-// "NUMBER@ID", the number unique in the database. No id has an '@'.
+// Ids that clients choose, and the keys of scenes inside the server.
+//
+// Scene ids are unique within a project only. Tables, folders and, once a call is authorised,
+// resource names therefore hold a scene's key in place of its id. The key is the id itself if no
+// other scene has that key (always so for scenes from before ids were per project), else
+// "NUMBER@ID", where the number is unique in the database. No id contains '@'.
 namespace pepeseg {
 
+// Returns whether `id` may be a project's id: 1 to 63 lower-case letters, digits and '-', starting
+// with a letter and not ending with '-'.
+bool IsRfc1034Label(std::string_view id);
+
+// Returns whether `id` may be the id of a scene or label: 1 to 63 ASCII letters, digits, '_', '.'
+// and '-', starting with a letter or a digit. So an id is never "." or "..", and never looks like a
+// command-line option.
+bool IsResourceId(std::string_view id);
+// The rule of IsResourceId, for error messages.
+inline constexpr char kResourceIdRule[] =
+    "must be 1 to 63 of a-z, A-Z, 0-9, '_', '.' and '-', beginning with a letter or a digit";
+
+// Returns "NUMBER@ID".
 std::string MakeSceneKey(int64_t number, std::string_view id);
+// Returns whether `text` is a resource id, with or without "NUMBER@" before it.
 bool IsSceneKey(std::string_view text);
-// The id in a key.
+// Returns the id in a key.
 std::string SceneIdOf(std::string_view key);
-// A key of this id that no scene has.
+// Returns a key with this id that no scene has.
 std::string NoSceneKey(std::string_view id);
-// `text` with ids in the place of the keys in names of resources ("scenes/KEY..."): for clients.
+// Returns `text` with the keys in resource names ("scenes/KEY...") replaced by ids, for clients.
 std::string WithSceneIds(std::string_view text);
 
 }  // namespace pepeseg

@@ -5,8 +5,8 @@
 namespace pepeseg {
 namespace {
 
-// next_dataset, next_model, next_job, next_selection: numbers name resources, so they are never
-// given twice, not even after a deletion.
+// next_dataset, next_model, next_job, next_selection: the next number of a resource. A number is
+// part of a resource's name, so it is never used twice, not even after a deletion.
 constexpr const char* kScenes =
     "CREATE TABLE scenes ("
     " id VARCHAR(63) PRIMARY KEY,"
@@ -64,7 +64,7 @@ constexpr const char* kJobs =
     " end_time BIGINT NOT NULL)";
 constexpr const char* kJobRequests =
     "CREATE UNIQUE INDEX job_requests ON jobs (scene, request_id) WHERE request_id <> ''";
-// One active training per scene: 0 is QUEUED, 1 RUNNING.
+// Allows one active job per scene. State 0 is QUEUED, 1 is RUNNING.
 constexpr const char* kActiveJobs =
     "CREATE UNIQUE INDEX active_jobs ON jobs (scene) WHERE state IN (0, 1)";
 constexpr const char* kJobQueue = "CREATE INDEX job_queue ON jobs (state, number)";
@@ -106,8 +106,8 @@ constexpr const char* kLabelRequests =
 
 constexpr const char* kNextSelection =
     "ALTER TABLE scenes ADD COLUMN next_selection BIGINT NOT NULL DEFAULT 1";
-// base: number of another selection of the scene, which may be deleted since; 0: none. The bounds
-// are 0 where nothing is selected.
+// base: number of another selection of the scene, which may have been deleted; 0: none. The bounds
+// are 0 if nothing is selected.
 constexpr const char* kSelections =
     "CREATE TABLE selections ("
     " scene VARCHAR(63) NOT NULL,"
@@ -131,23 +131,23 @@ constexpr const char* kSelections =
 constexpr const char* kSelectionRequests =
     "CREATE UNIQUE INDEX selection_requests ON selections (scene, request_id)"
     " WHERE request_id <> ''";
-// Without it a model's deletion looks at every selection.
+// Without this index the deletion of a model would scan all selections.
 constexpr const char* kSelectionModels =
     "CREATE INDEX selection_models ON selections (scene, model)";
 
 constexpr const char* kModelSources =
     "ALTER TABLE models ADD COLUMN sources TEXT NOT NULL DEFAULT ''";
 
-// Scenes belong to a project. What stood before there were any is of "default".
+// Scenes belong to a project; older ones to "default".
 constexpr const char* kSceneProjects =
     "ALTER TABLE scenes ADD COLUMN project VARCHAR(63) NOT NULL DEFAULT 'default'";
 constexpr const char* kScenesByProject = "CREATE INDEX scenes_by_project ON scenes (project, id)";
-// A request_id is the project's own.
+// A request_id is unique within a project.
 constexpr const char* kDropSceneRequests = "DROP INDEX scene_requests";
 constexpr const char* kProjectSceneRequests =
     "CREATE UNIQUE INDEX scene_requests ON scenes (project, request_id) WHERE request_id <> ''";
 
-// Quotas: 0 is the server's default.
+// Quotas of 0 mean the server's default.
 constexpr const char* kProjects =
     "CREATE TABLE projects ("
     " id VARCHAR(63) PRIMARY KEY,"
@@ -159,7 +159,7 @@ constexpr const char* kProjects =
     " resident_bytes BIGINT NOT NULL,"
     " create_time BIGINT NOT NULL)";
 
-// scopes: bit N is pepeseg.v1.Scope N. sha256: of the secret, lower-case hex.
+// scopes: bit N is pepeseg.v1.Scope N. sha256: digest of the secret, lower-case hex.
 constexpr const char* kKeys =
     "CREATE TABLE api_keys ("
     " id VARCHAR(16) PRIMARY KEY,"
@@ -172,8 +172,8 @@ constexpr const char* kKeys =
     " revoke_time BIGINT NOT NULL)";
 constexpr const char* kKeysByProject = "CREATE INDEX keys_by_project ON api_keys (project, id)";
 
-// Of a RUNNING job: which server runs it, until when it may be taken for gone, and what the
-// launcher calls it.
+// For a RUNNING job: the server that holds it, the time from which another server may claim it, and
+// the launcher's name for it.
 constexpr const char* kJobLeaseOwner =
     "ALTER TABLE jobs ADD COLUMN lease_owner TEXT NOT NULL DEFAULT ''";
 constexpr const char* kJobLeaseEnd =
@@ -181,15 +181,15 @@ constexpr const char* kJobLeaseEnd =
 constexpr const char* kJobTraces =
     "ALTER TABLE jobs ADD COLUMN traceparent VARCHAR(55) NOT NULL DEFAULT ''";
 constexpr const char* kJobLaunch = "ALTER TABLE jobs ADD COLUMN launch TEXT NOT NULL DEFAULT ''";
-// Attempts in a row that left nothing to go on from.
+// Attempts in a row without progress.
 constexpr const char* kJobFruitless =
     "ALTER TABLE jobs ADD COLUMN fruitless INTEGER NOT NULL DEFAULT 0";
-// What it is estimated to need of a host, bytes, and of time, seconds; 0: not known.
+// Estimated host memory, bytes, and time, seconds. 0: not known.
 constexpr const char* kJobHostBytes =
     "ALTER TABLE jobs ADD COLUMN host_bytes BIGINT NOT NULL DEFAULT 0";
 constexpr const char* kJobSeconds = "ALTER TABLE jobs ADD COLUMN seconds BIGINT NOT NULL DEFAULT 0";
 
-// What a stored file's header says (DatasetFileRow). header: 0 unread, 1 read, 2 refused.
+// Facts from a stored file's header (DatasetFileRow). header: 0 unread, 1 read, 2 refused.
 constexpr const char* kFileHeaders =
     "ALTER TABLE dataset_files ADD COLUMN header INTEGER NOT NULL DEFAULT 0";
 constexpr const char* kFileWidths =
@@ -198,8 +198,8 @@ constexpr const char* kFileHeights =
     "ALTER TABLE dataset_files ADD COLUMN height INTEGER NOT NULL DEFAULT 0";
 constexpr const char* kFilePoints =
     "ALTER TABLE dataset_files ADD COLUMN num_points BIGINT NOT NULL DEFAULT 0";
-// The blobs on the disk, also those that no file names any more, until the collector has removed
-// them: what stored_bytes counts.
+// The blobs on the disk that stored_bytes counts. They include blobs that no file names, until the
+// collector has removed them.
 constexpr const char* kBlobs =
     "CREATE TABLE blobs ("
     " project VARCHAR(63) NOT NULL,"
@@ -216,17 +216,18 @@ constexpr const char* kSelectionBytes =
 constexpr const char* kBytesOfSelections =
     "UPDATE selections SET num_bytes = 88 + (model_gaussians + 7) / 8";
 
-// Attempts in a row without progress count apart: those whose worker crashed, and those whose
-// server ended. What `fruitless` has counted so far was either.
+// Attempts in a row without progress are counted separately: those whose worker crashed, and those
+// whose server ended. The former column counted both, so its counts are reset.
 constexpr const char* kJobCrashes = "ALTER TABLE jobs RENAME COLUMN fruitless TO crashes";
 constexpr const char* kForgiveCrashes = "UPDATE jobs SET crashes = 0";
 constexpr const char* kJobServerEnds =
     "ALTER TABLE jobs ADD COLUMN server_ends INTEGER NOT NULL DEFAULT 0";
-// A queued job is claimed no sooner.
+// Earliest time at which a queued job is claimed.
 constexpr const char* kJobNotBefore =
     "ALTER TABLE jobs ADD COLUMN not_before BIGINT NOT NULL DEFAULT 0";
-// Ids of scenes are unique within a project. scenes.id becomes the key of server/store/scene_key.h,
-// which all other tables refer to; scenes.name is the id that clients use. Old keys are the ids.
+// Scene ids become unique within a project only. scenes.id holds the key (server/store/scene_key.h)
+// that all other tables refer to; scenes.name is the id that clients use. The key of an old scene
+// is its id.
 constexpr const char* kSceneNames =
     "ALTER TABLE scenes ADD COLUMN name VARCHAR(63) NOT NULL DEFAULT ''";
 constexpr const char* kOldSceneNames = "UPDATE scenes SET name = id";

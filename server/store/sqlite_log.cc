@@ -18,7 +18,7 @@ namespace {
 // The format: https://www.sqlite.org/fileformat2.html, "The Write-Ahead Log".
 constexpr size_t kHeaderBytes = 32;
 constexpr size_t kFrameHeaderBytes = 24;
-constexpr uint32_t kMagic = 0x377f0682;  // its lowest bit: checksums are of big-endian words
+constexpr uint32_t kMagic = 0x377f0682;  // with the lowest bit set: checksums of big-endian words
 
 uint32_t BigEndian(std::string_view bytes, size_t at) {
   const auto byte = [&](size_t i) { return static_cast<uint32_t>(static_cast<uint8_t>(bytes[i])); };
@@ -29,7 +29,7 @@ uint32_t LittleEndian(std::string_view bytes, size_t at) {
   return __builtin_bswap32(BigEndian(bytes, at));
 }
 
-// Of all that was added, two words of four bytes at a time.
+// The running checksum of the bytes added so far. It processes two 4-byte words at a time.
 class LogChecksum {
  public:
   explicit LogChecksum(bool big_endian) : word_(big_endian ? &BigEndian : &LittleEndian) {}
@@ -40,7 +40,7 @@ class LogChecksum {
       second_ += word_(bytes, i + 4) + first_;
     }
   }
-  // Whether it stands at `at`.
+  // Returns whether the checksum is stored at `at`.
   bool IsAt(std::string_view bytes, size_t at) const {
     return BigEndian(bytes, at) == first_ && BigEndian(bytes, at + 4) == second_;
   }
@@ -50,10 +50,10 @@ class LogChecksum {
   uint32_t first_ = 0, second_ = 0;
 };
 
-// Where the log breaks off, and how many commits of its own come from there on.
+// Where the log's checksums stop being valid.
 struct Break {
-  size_t at = 0;
-  int num_commits = 0;
+  size_t at = 0;        // byte of the first invalid frame, or the log's size
+  int num_commits = 0;  // commit frames of this log from there on
 };
 
 Break FindBreak(std::string_view log, size_t page_bytes) {
@@ -63,7 +63,8 @@ Break FindBreak(std::string_view log, size_t page_bytes) {
   checksum.Add(log.substr(0, kFrameHeaderBytes));
   bool good = (BigEndian(log, 0) & ~uint32_t{1}) == kMagic && BigEndian(log, 8) == page_bytes &&
               checksum.IsAt(log, kFrameHeaderBytes);
-  // What an earlier turn of the log left has other salts. A damaged header may not know its own.
+  // SQLite overwrites the log from its start and changes the salts each time, so frames left from
+  // before have other salts. If the header is damaged, take the salts of the first frame.
   const std::string_view salts = log.substr(good ? 16 : kHeaderBytes + 8, 8);
   Break found{good ? log.size() : 0, 0};
   for (size_t at = kHeaderBytes; at + frame_bytes <= log.size(); at += frame_bytes) {
@@ -80,7 +81,8 @@ Break FindBreak(std::string_view log, size_t page_bytes) {
   return found;
 }
 
-// Of an empty file, which has all that there is in its log: what SQLite takes by default.
+// Returns the database's page size. An empty file, whose pages are all still in the log, has
+// SQLite's default.
 size_t PageBytesOf(const std::filesystem::path& database) {
   constexpr size_t kDefault = 4096, kAt = 16;
   std::array<char, kAt + 2> start{};
@@ -92,6 +94,9 @@ size_t PageBytesOf(const std::filesystem::path& database) {
 
 }  // namespace
 
+// A torn write at a power cut damages at most the frames of the last commit, so a single commit
+// after the break proves nothing. With two, the first had been synced before the second began, and
+// the damage is of another kind.
 absl::Status CheckSqliteLog(const std::filesystem::path& database) {
   constexpr int kLooks = 3;
   const std::string path = absl::StrCat(database.string(), "-wal");
@@ -102,15 +107,16 @@ absl::Status CheckSqliteLog(const std::filesystem::path& database) {
     RETURN_IF_ERROR(log.status());
     const Break seen = FindBreak(*log, PageBytesOf(database));
     if (seen.num_commits < 2) return absl::OkStatus();
-    // One who writes just now may look like it, but not twice at the same place.
+    // A process that is writing the log may make it look broken, but not at the same byte again.
     if (look > 0 && seen.at != found.at) return absl::OkStatus();
     found = seen;
     if (look + 1 < kLooks) absl::SleepFor(absl::Milliseconds(20));
   }
   return absl::DataLossError(
       absl::StrCat(path, " is damaged at byte ", found.at,
-                   ", and what was committed after it would be lost; 'truncate --size=", found.at,
-                   " ", path, "' gives that up, and keeps what was committed before"));
+                   ", and the commits after it would be lost; to keep only those before it, run"
+                   " 'truncate --size=",
+                   found.at, " ", path, "'"));
 }
 
 }  // namespace pepeseg

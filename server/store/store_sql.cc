@@ -7,7 +7,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/store/id_rules.h"
+#include "server/store/scene_key.h"
 
 namespace pepeseg {
 namespace {
@@ -20,7 +20,8 @@ constexpr int kMaxPageSize = 1000;
 absl::StatusOr<std::string> OfProject(const std::string& project) {
   if (project.empty()) return std::string();
   if (!IsRfc1034Label(project)) {
-    return absl::InvalidArgumentError(absl::StrCat("project '", project, "' is no label"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("project '", project, "' is not an RFC 1034 label"));
   }
   return absl::StrCat("project = '", project, "' AND ");
 }

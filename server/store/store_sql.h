@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -10,43 +11,73 @@
 #include "server/store/rows.h"
 #include "server/store/soci.h"
 
-// What the store's parts share: columns to rows, checks inside a transaction, and pages.
+// SQL that several parts of the store use: reading records, checks inside a transaction, pages.
+// All functions that take a session throw what SOCI throws; Database catches it.
 namespace pepeseg {
 
-// "project = 'PROJECT' AND ", or "" for all projects: a part of a list's query, of which
-// placeholders would need a variable number. INVALID_ARGUMENT: no RFC 1034 label, which has nothing
-// to escape.
+// Returns "project = 'PROJECT' AND ", or "" if `project` is empty, for a list's WHERE clause. It is
+// part of the text because the number of placeholders would vary. INVALID_ARGUMENT: the project is
+// not an RFC 1034 label; a label contains nothing to escape.
 absl::StatusOr<std::string> OfProject(const std::string& project);
 
-// NOT_FOUND "scenes/ID does not exist".
+// Creates the project's record if there is none. INVALID_ARGUMENT: the id is not an RFC 1034 label.
+absl::Status EnsureProject(soci::session& sql, const std::string& id);
+
+// Returns NOT_FOUND "scenes/KEY does not exist" unless the scene exists.
 absl::Status CheckScene(soci::session& sql, const std::string& scene);
+// Return a record, or NOT_FOUND.
 absl::StatusOr<DatasetRow> SelectDataset(soci::session& sql, const std::string& scene,
                                          int64_t number);
 absl::StatusOr<ModelRow> SelectModel(soci::session& sql, const std::string& scene, int64_t number);
 absl::StatusOr<JobRow> SelectJob(soci::session& sql, const std::string& id);
-// Rows whose `where` (with one placeholder) holds, at most `limit`, in `order`.
+// Returns up to `limit` jobs. `where_order`: the query after WHERE, with one placeholder for `key`.
 std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_order, int64_t key,
                                int64_t limit);
-// The scene's QUEUED or RUNNING job; its id is empty when there is none.
+// Returns the scene's QUEUED or RUNNING job; its id is empty if there is none.
 JobRow SelectActiveJob(soci::session& sql, const std::string& scene);
 
-// Takes the next number out of a counter column of a scene.
+// Returns "scenes/SCENE/datasets/NUMBER".
+std::string DatasetName(const std::string& scene, int64_t number);
+// Which files of a dataset to select: those for which `condition`, followed by `key`, holds.
+struct FileQuery {
+  std::string scene;
+  int64_t dataset = 0;
+  std::string condition = "path <>";  // by default all files, since no path is empty
+  std::string key = {};
+  int64_t limit = std::numeric_limits<int64_t>::max();
+};
+// Returns files ordered by path.
+std::vector<DatasetFileRow> SelectFiles(soci::session& sql, const FileQuery& query);
+void InsertFiles(soci::session& sql, const DatasetRow& dataset,
+                 const std::vector<DatasetFileRow>& files);
+// Records that the files' bytes are on the disk as blobs of the project.
+void InsertBlobs(soci::session& sql, const std::string& project,
+                 const std::vector<DatasetFileRow>& files);
+// Marks files of a dataset as stored and sets what their headers say. NOT_FOUND: the dataset lacks
+// one of them.
+absl::Status MarkStored(soci::session& sql, const DatasetRow& dataset,
+                        const std::vector<DatasetFileRow>& files);
+
+// Increments a counter column of a scene and returns its old value.
 int64_t TakeNumber(soci::session& sql, const std::string& scene, const std::string& column);
 
-// Microseconds since 1970; 0 and InfinitePast stand for "not yet", the largest number and
-// InfiniteFuture for "never".
+// Convert between absl::Time and a column of microseconds since 1970. 0 and InfinitePast mean "not
+// yet"; the largest number and InfiniteFuture mean "never".
 int64_t ToMicros(absl::Time time);
 absl::Time FromMicros(int64_t micros);
 
-// A page token holds the list it belongs to and the key of the last row of the page before, so that
-// one list's token is refused by another.
+// Where a page begins. A page token holds the name of its list and the key of the last record of
+// the page before, so that another list refuses it.
 struct PageStart {
-  int64_t limit = 0;
-  std::string key;  // empty: from the start
+  int64_t limit = 0;  // records per page
+  std::string key;    // empty: from the start
 };
+// Reads a page request for the list named `list`. INVALID_ARGUMENT: a negative page_size, or a
+// page_token of another list.
 absl::StatusOr<PageStart> StartPage(const std::string& list, const PageRequest& page);
-// The number in a start's key, or `first` when there is none.
+// Returns the number in a start's key, or `first` if the key is empty.
 absl::StatusOr<int64_t> NumberKey(const PageStart& start, int64_t first);
+// Returns the token for the page after a record with this key.
 std::string NextToken(const std::string& list, const std::string& key);
 
 }  // namespace pepeseg

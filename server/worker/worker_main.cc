@@ -149,7 +149,8 @@ absl::Status TakeFenceAfterRestart(const std::string& database, const JobFolder&
   if (number == nullptr) return absl::OkStatus();
   if (restarts == nullptr || std::strcmp(restarts, "0") == 0) return absl::OkStatus();
   ASSIGN_OR_RETURN(const std::unique_ptr<Store> store, Store::Open(database));
-  ASSIGN_OR_RETURN(spec.fence, store->TakeNextFence(spec.job, absl::StrCat("slurm:", number)));
+  ASSIGN_OR_RETURN(spec.fence,
+                   store->queue().TakeNextFence(spec.job, absl::StrCat("slurm:", number)));
   spdlog::info("restarted by Slurm: attempt {}", spec.fence);
   return folder.WriteSpec(spec);
 }

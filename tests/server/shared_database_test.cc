@@ -59,7 +59,7 @@ class SharedDatabaseTest : public ::testing::Test {
   int64_t FenceOf(const std::string& job) {
     const auto store = Store::Open(url_);
     EXPECT_OK(store);
-    return (*store)->GetJob(job.substr(5)).value_or(JobRow()).fence;
+    return (*store)->jobs().GetJob(job.substr(5)).value_or(JobRow()).fence;
   }
 
   testing::PostgresqlServer database_;

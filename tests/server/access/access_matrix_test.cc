@@ -1,5 +1,5 @@
-// Every method of every service, asked with every kind of key: what it must answer follows from the
-// option `access` alone.
+// Calls every method of every service with every kind of key. What each must answer follows from
+// the option `access` alone.
 #include <google/protobuf/dynamic_message.h>
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using google::protobuf::MethodDescriptor;
 
-// A name of the kind that the field holds.
+// Returns a resource name of the kind that the field holds.
 std::string NameFor(const MethodDescriptor& method, const std::string& path,
                     const std::string& scene) {
   const std::string of_scene = absl::StrCat("scenes/", scene);
@@ -67,7 +67,8 @@ void SetPath(Message& request, const std::string& path, const std::string& value
 struct AccessMatrix : KeyedServer {
   using Request = std::unique_ptr<Message>;
 
-  // The request with all its resources of `scene`, but that at `odd` of `odd_scene`.
+  // Returns a request whose resources are all of `scene`, except the one at `odd`, which is of
+  // `odd_scene`.
   Request MakeRequest(const MethodDescriptor& method, const std::string& scene, int odd = -1,
                       const std::string& odd_scene = "") {
     Request request(google::protobuf::MessageFactory::generated_factory()
@@ -89,7 +90,7 @@ struct AccessMatrix : KeyedServer {
                       const std::string& secret) {
     return Ask(method.full_name(), request, secret);
   }
-  // All methods; those last that take away what others are asked about.
+  // Returns all methods; those that delete resources come last.
   static std::vector<const MethodDescriptor*> Ordered() {
     auto methods = testing::AllMethods();
     std::stable_sort(methods.begin(), methods.end(), [](const auto* a, const auto* b) {
@@ -100,7 +101,7 @@ struct AccessMatrix : KeyedServer {
     });
     return methods;
   }
-  // A method that no service overrides yet: gRPC answers, the same to everybody.
+  // A method that no service implements: gRPC gives everybody the same answer.
   bool IsServed(const MethodDescriptor& method) {
     return AskFor(method, *MakeRequest(method, "shelf"), nobody).error_code() !=
            grpc::StatusCode::UNIMPLEMENTED;
@@ -153,9 +154,9 @@ TEST_F(AccessMatrix, EveryMethodAnswersEveryKeyAsItsOptionSays) {
   EXPECT_LE(num_not_served, 5);
 }
 
-TEST_F(AccessMatrix, EveryNamedResourceIsCheckedAndNotToldFromNone) {
+TEST_F(AccessMatrix, ChecksEveryNamedResourceWithoutRevealingWhetherItExists) {
   int num_fields = 0;
-  // To the stranger the scene "shelf" is another project's; its own is "annex".
+  // For the stranger the scene "shelf" is of another project; its own is "annex".
   v1::CreateSceneRequest create;
   create.set_scene_id("annex");
   ASSERT_TRUE(Ask("pepeseg.v1.SceneService.CreateScene", create, stranger).ok());
@@ -175,13 +176,13 @@ TEST_F(AccessMatrix, EveryNamedResourceIsCheckedAndNotToldFromNone) {
     }
   }
   EXPECT_GE(num_fields, 35);
-  // None of that has touched the scene.
+  // None of these calls has changed the scene.
   v1::GetSceneRequest get;
   get.set_name("scenes/shelf");
   EXPECT_TRUE(Ask("pepeseg.v1.SceneService.GetScene", get, full).ok());
 }
 
-// As `status` would be were the scene called "free".
+// Returns `status` as it would be if the scene were called "free".
 std::string Renamed(const grpc::Status& status, const std::string& scene) {
   if (status.ok()) return "OK";
   return absl::StrReplaceAll(absl::StrCat(status.error_code(), " ", status.error_message(), " ",
@@ -189,9 +190,9 @@ std::string Renamed(const grpc::Status& status, const std::string& scene) {
                              {{"scenes/" + scene, "scenes/free"}});
 }
 
-// To the stranger an id that another project has is as free as any: its own scene of that name is
-// empty, whatever the other has.
-TEST_F(AccessMatrix, AnotherProjectsIdAnswersAsAFreeOne) {
+// For the stranger an id that another project uses is free: its own scene with that id is empty,
+// whatever the other's contains.
+TEST_F(AccessMatrix, AnswersTheSameForAFreeIdAndOneOfAnotherProject) {
   for (const char* id : {"shelf", "free"}) {
     v1::CreateSceneRequest create;
     create.set_scene_id(id);
@@ -213,7 +214,7 @@ TEST_F(AccessMatrix, AnotherProjectsIdAnswersAsAFreeOne) {
     EXPECT_EQ(taken.error_message().find('@'), std::string::npos) << taken.error_message();
   }
   EXPECT_GE(num_methods, 20);
-  // The stranger's scene is deleted by the last of them, the other's is whole.
+  // The last of these calls deletes the stranger's scene; the other project's is unchanged.
   v1::GetModelRequest get;
   get.set_name("scenes/shelf/models/1");
   EXPECT_TRUE(Ask("pepeseg.v1.SceneService.GetModel", get, full).ok());
@@ -223,7 +224,7 @@ TEST_F(AccessMatrix, AnotherProjectsIdAnswersAsAFreeOne) {
                grpc::StatusCode::PERMISSION_DENIED, "NOT_YOURS");
 }
 
-TEST_F(AccessMatrix, KeysOfScenesAreNoNames) {
+TEST_F(AccessMatrix, RefusesKeysOfScenesAsNames) {
   v1::CreateSceneRequest create;
   create.set_scene_id("shelf");
   ASSERT_TRUE(Ask("pepeseg.v1.SceneService.CreateScene", create, stranger).ok());
@@ -238,7 +239,7 @@ TEST_F(AccessMatrix, KeysOfScenesAreNoNames) {
   }
 }
 
-TEST_F(AccessMatrix, MalformedNamesAreToldAfterKeyAndScope) {
+TEST_F(AccessMatrix, ReportsMalformedNamesAfterKeyAndScope) {
   for (const MethodDescriptor* method : Ordered()) {
     SCOPED_TRACE(method->full_name());
     const v1::Access& option = method->options().GetExtension(v1::access);
@@ -246,7 +247,8 @@ TEST_F(AccessMatrix, MalformedNamesAreToldAfterKeyAndScope) {
     const auto request = MakeRequest(*method, "shelf");
     SetPath(*request, option.resources(0), "NONSENSE");
     ExpectReason(AskFor(*method, *request, nobody), grpc::StatusCode::UNAUTHENTICATED, "NO_KEY");
-    if (method->client_streaming() && method->server_streaming()) continue;  // told in a message
+    if (method->client_streaming() && method->server_streaming())
+      continue;  // the error comes as a message
     EXPECT_EQ(AskFor(*method, *request, full).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   }
 }

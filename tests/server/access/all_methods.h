@@ -8,7 +8,7 @@
 
 namespace pepeseg::testing {
 
-// Of all services of the package that the program knows, however they came into it.
+// Returns the methods of all services of the package whose descriptors are linked into the program.
 inline std::vector<const google::protobuf::MethodDescriptor*> AllMethods() {
   std::vector<std::string> files;
   google::protobuf::DescriptorPool::internal_generated_database()->FindAllFileNames(&files);

@@ -9,7 +9,7 @@
 namespace pepeseg {
 namespace {
 
-TEST(ApiKey, HasASecretThatOnlyItsDigestTells) {
+TEST(ApiKey, StoresOnlyTheDigestOfItsSecret) {
   std::set<std::string> secrets, ids;
   for (int i = 0; i < 1000; ++i) {
     const auto key = MakeKey();

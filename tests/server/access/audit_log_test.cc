@@ -10,7 +10,6 @@
 #include <thread>
 #include <vector>
 
-#include "server/access/refusal_log.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -27,7 +26,7 @@ AuditEntry EntryOf(const std::string& method) {
   return {"0123456789abcdef", "lab", "ipv4:127.0.0.1:9", method, {"scenes/a"}, "OK", ""};
 }
 
-TEST(AuditLog, WritesAnObjectALineForItsOwnerOnly) {
+TEST(AuditLog, WritesOneObjectPerLineForItsOwnerOnly) {
   const testing::TempFolder folder;
   const auto path = folder / "audit.log";
   {
@@ -57,7 +56,7 @@ TEST(AuditLog, WritesAnObjectALineForItsOwnerOnly) {
   EXPECT_EQ(status.st_mode & 0777, 0600u);
 }
 
-TEST(RefusalLog, LeavesOutWhatComesTooFastAndCountsIt) {
+TEST(RefusalLog, LeavesOutAndCountsLinesBeyondTheRate) {
   const testing::TempFolder folder;
   const auto path = folder / "refused.log";
   const absl::Time start = absl::FromUnixSeconds(1'800'000'000);
@@ -67,7 +66,7 @@ TEST(RefusalLog, LeavesOutWhatComesTooFastAndCountsIt) {
                                              /*summary_interval=*/absl::Seconds(10),
                                              {}});
     ASSERT_TRUE(log.ok()) << log.status();
-    // 25 a second for 20 s: the burst and 2 a second are written.
+    // 25 lines a second for 20 s: the burst and 2 lines a second are written.
     for (int i = 0; i < 500; ++i) {
       (*log)->Write(EntryOf("Method"), start + i * absl::Milliseconds(40));
     }
@@ -85,7 +84,7 @@ TEST(RefusalLog, LeavesOutWhatComesTooFastAndCountsIt) {
   EXPECT_LE(num_summaries, 4);
 }
 
-TEST(AuditLog, RotatesBySizeAndKeepsSome) {
+TEST(AuditLog, RotatesBySizeAndKeepsTheNewest) {
   const testing::TempFolder folder;
   const auto path = folder / "audit.log";
   const auto log = AuditLog::Open(path, {1000, 2});
@@ -101,7 +100,7 @@ TEST(AuditLog, RotatesBySizeAndKeepsSome) {
   EXPECT_FALSE(std::filesystem::exists(folder / "audit.log.3"));
 }
 
-TEST(AuditLog, LosesNoLineWhenTwoWriteAndRotate) {
+TEST(AuditLog, LosesNoLineWhenTwoProcessesWriteAndRotate) {
   const testing::TempFolder folder;
   const auto path = folder / "audit.log";
   const auto write = [&] {
@@ -118,7 +117,7 @@ TEST(AuditLog, LosesNoLineWhenTwoWriteAndRotate) {
   EXPECT_EQ(lines, 1000u);
 }
 
-TEST(AuditLog, GoesOnWhereItsFileWasTakenAway) {
+TEST(AuditLog, ReopensItsFileAfterItWasRemoved) {
   const testing::TempFolder folder;
   const auto path = folder / "audit.log";
   const auto log = AuditLog::Open(path, {});

@@ -47,16 +47,16 @@ class AuthorizerTest : public ::testing::Test {
     SceneRow scene;
     scene.id = id;
     scene.project = project;
-    EXPECT_TRUE(store_->CreateScene(scene).ok());
+    EXPECT_TRUE(store_->scenes().CreateScene(scene).ok());
   }
   CallOrigin With(const std::string& header) { return {"test", {header}}; }
-  // A new key of "lab".
+  // Creates a key of the project "lab".
   CallOrigin Key(int scopes, absl::Time expire_time = absl::InfinitePast()) {
     NewKey key = *MakeKey();
     key.row.project = "lab";
     key.row.scopes = scopes;
     key.row.expire_time = expire_time;
-    EXPECT_TRUE(store_->CreateKey(key.row).ok());
+    EXPECT_TRUE(store_->keys().CreateKey(key.row).ok());
     key_ = key;
     return With(absl::StrCat("Bearer ", key.secret));
   }
@@ -80,7 +80,7 @@ class AuthorizerTest : public ::testing::Test {
   NewKey key_;
 };
 
-TEST_F(AuthorizerTest, LetsAKeyIntoItsProject) {
+TEST_F(AuthorizerTest, AllowsAKeyItsProject) {
   const CallOrigin origin = Key(kEverythingOfAProject);
   const auto caller = authorizer_.Authorize(origin, Get("scenes/mine"));
   ASSERT_TRUE(caller.ok()) << caller.status();
@@ -92,7 +92,7 @@ TEST_F(AuthorizerTest, LetsAKeyIntoItsProject) {
   EXPECT_TRUE(authorizer_.Authorize(lower, Get("scenes/mine")).ok());
 }
 
-TEST_F(AuthorizerTest, AnswersTheSameToEveryKeyThatOpensNothing) {
+TEST_F(AuthorizerTest, GivesTheSameAnswerToEveryInvalidKey) {
   const auto no_key = authorizer_.Authorize({"test", {}}, Get("scenes/mine")).status();
   EXPECT_TRUE(absl::IsUnauthenticated(no_key)) << no_key;
   EXPECT_EQ(DetailOf(no_key).reason(), "NO_KEY");
@@ -112,13 +112,13 @@ TEST_F(AuthorizerTest, AnswersTheSameToEveryKeyThatOpensNothing) {
 
   const CallOrigin revoked = Key(AllScopes());
   ASSERT_TRUE(authorizer_.Authorize(revoked, Get("scenes/mine")).ok());
-  ASSERT_TRUE(store_->RevokeKey(key_.row.id).ok());
+  ASSERT_TRUE(store_->keys().RevokeKey(key_.row.id).ok());
   EXPECT_EQ(authorizer_.Authorize(revoked, Get("scenes/mine")).status(), unknown.status());
   EXPECT_EQ(LastRefusal()["reason"], "REVOKED_KEY");
-  EXPECT_TRUE(LastLine().is_null());  // nothing of these is in the audit log
+  EXPECT_TRUE(LastLine().is_null());  // the audit log has none of them
 }
 
-// Whoever can reach the server can cause refusals without end.
+// Anybody who can reach the server can cause any number of refusals.
 TEST_F(AuthorizerTest, KeepsRefusalsOfUnknownCallersOutOfTheAuditLog) {
   v1::DeleteSceneRequest remove;
   remove.set_name("scenes/mine");
@@ -131,12 +131,12 @@ TEST_F(AuthorizerTest, KeepsRefusalsOfUnknownCallersOutOfTheAuditLog) {
   }
   EXPECT_EQ(std::filesystem::file_size(path_), size);
   EXPECT_LT(std::filesystem::file_size(refused_path_), 1000u * 200);
-  // Who has a valid key and goes too far is in the audit log.
+  // Refusals of callers with a valid key are in the audit log.
   EXPECT_FALSE(authorizer_.Authorize(Key(AllScopes()), Get("scenes/theirs")).ok());
   EXPECT_EQ(LastLine()["reason"], "NOT_YOURS");
 }
 
-TEST_F(AuthorizerTest, RefusesHeadersThatAreNoKey) {
+TEST_F(AuthorizerTest, RefusesMalformedHeaders) {
   const CallOrigin good = Key(AllScopes());
   for (const std::string& header :
        {std::string(), std::string("Bearer"), std::string("Bearer "), key_.secret,
@@ -151,7 +151,7 @@ TEST_F(AuthorizerTest, RefusesHeadersThatAreNoKey) {
   EXPECT_TRUE(absl::IsUnauthenticated(authorizer_.Authorize(twice, Get("scenes/mine")).status()));
 }
 
-TEST_F(AuthorizerTest, TellsAMissingScopeBeforeAnythingOfTheRequest) {
+TEST_F(AuthorizerTest, ReportsAMissingScopeBeforeLookingAtTheRequest) {
   const CallOrigin reader = Key(ScopeBit(v1::SCOPE_READ));
   v1::DeleteSceneRequest remove;
   for (const char* name : {"scenes/mine", "scenes/theirs", "scenes/nowhere", "NONSENSE", ""}) {
@@ -161,7 +161,7 @@ TEST_F(AuthorizerTest, TellsAMissingScopeBeforeAnythingOfTheRequest) {
     EXPECT_EQ(DetailOf(refused.status()).reason(), "MISSING_SCOPE");
     EXPECT_EQ(DetailOf(refused.status()).limit(), "SCOPE_WRITE");
   }
-  // None implies another.
+  // No scope implies another.
   const CallOrigin operates = Key(ScopeBit(v1::SCOPE_OPERATE));
   EXPECT_FALSE(authorizer_.Authorize(operates, Get("scenes/mine")).ok());
   EXPECT_TRUE(authorizer_.Authorize(operates, v1::ListKeysRequest()).ok());
@@ -170,7 +170,7 @@ TEST_F(AuthorizerTest, TellsAMissingScopeBeforeAnythingOfTheRequest) {
   EXPECT_TRUE(authorizer_.Authorize(operates, load).ok());
 }
 
-TEST_F(AuthorizerTest, DoesNotTellOthersScenesFromNone) {
+TEST_F(AuthorizerTest, AnswersTheSameForScenesOfOthersAndMissingOnes) {
   const CallOrigin origin = Key(kEverythingOfAProject);
   const auto others = authorizer_.Authorize(origin, Get("scenes/theirs")).status();
   const auto none = authorizer_.Authorize(origin, Get("scenes/nowhere")).status();
@@ -184,22 +184,22 @@ TEST_F(AuthorizerTest, DoesNotTellOthersScenesFromNone) {
   v1::GetJobRequest job;
   job.set_name("jobs/j12");
   EXPECT_TRUE(absl::IsPermissionDenied(authorizer_.Authorize(origin, job).status()));
-  // What nothing can be called is told by who reads the request.
+  // Malformed names are left to the handler.
   for (const char* name : {"", "scenes/", "scenes/_under", "mine", "scenes", "jobs/x", "jobs/j0"}) {
     EXPECT_TRUE(authorizer_.Authorize(origin, Get(name)).ok()) << name;
   }
 }
 
-TEST_F(AuthorizerTest, SeesASceneThatWasMadeAgainElsewhere) {
+TEST_F(AuthorizerTest, NoticesASceneThatAnotherProjectCreatedAgain) {
   const CallOrigin origin = Key(kEverythingOfAProject);
   ASSERT_TRUE(authorizer_.Authorize(origin, Get("scenes/mine")).ok());
-  ASSERT_TRUE(store_->DeleteScene("mine").ok());
+  ASSERT_TRUE(store_->scenes().DeleteScene("mine").ok());
   EXPECT_FALSE(authorizer_.Authorize(origin, Get("scenes/mine")).ok());
   CreateScene("mine", "other");
   EXPECT_FALSE(authorizer_.Authorize(origin, Get("scenes/mine")).ok());
 }
 
-TEST_F(AuthorizerTest, LetsEverybodyDoEverythingWithoutKeys) {
+TEST_F(AuthorizerTest, AllowsEverythingWithoutKeys) {
   Authorizer open(store_.get(), audit_.get(), refusals_.get(), /*require_keys=*/false);
   for (const char* name : {"scenes/mine", "scenes/theirs", "scenes/nowhere"}) {
     const auto caller = open.Authorize({"test", {}}, Get(name));
@@ -210,11 +210,11 @@ TEST_F(AuthorizerTest, LetsEverybodyDoEverythingWithoutKeys) {
   }
 }
 
-TEST_F(AuthorizerTest, RecordsWhatChangesSomething) {
+TEST_F(AuthorizerTest, RecordsCallsThatChangeSomething) {
   const CallOrigin origin = Key(AllScopes());
   const auto done = [](const Caller&) { return absl::OkStatus(); };
   ASSERT_TRUE(authorizer_.Run(origin, Get("scenes/mine"), done).ok());
-  EXPECT_TRUE(LastLine().is_null());  // a question
+  EXPECT_TRUE(LastLine().is_null());  // a call that only reads
   v1::DeleteSceneRequest remove;
   remove.set_name("scenes/mine");
   ASSERT_TRUE(authorizer_.Run(origin, remove, done).ok());
@@ -238,7 +238,7 @@ TEST_F(AuthorizerTest, RecordsWhatChangesSomething) {
   EXPECT_EQ(all.find(key_.row.sha256), std::string::npos);
 }
 
-TEST_F(AuthorizerTest, RunsNothingThatIsRefused) {
+TEST_F(AuthorizerTest, DoesNotRunRefusedCalls) {
   bool ran = false;
   const auto note = [&](const Caller&) {
     ran = true;

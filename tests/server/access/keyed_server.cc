@@ -13,7 +13,7 @@
 namespace pepeseg {
 namespace {
 
-// One operation after the other on a stream.
+// Runs one operation after the other on a stream.
 class Steps {
  public:
   void* tag() { return this; }

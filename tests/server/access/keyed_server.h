@@ -11,17 +11,17 @@
 
 namespace pepeseg {
 
-// A server that asks for keys. Of project "default" are a scene "shelf" with the model of
-// model_worker.cc, a label "red" and a selection, of "other" nothing yet.
+// A server that requires keys. The project "default" has a scene "shelf" with the model of
+// model_worker.cc, a label "red" and a selection; the project "other" is empty.
 struct KeyedServer : ::testing::Test {
   KeyedServer();
 
-  // A secret with these scopes.
+  // Creates a key with these scopes and returns its secret.
   std::string MakeKey(const std::string& project, const std::vector<v1::Scope>& scopes);
-  // A context with the key ("": none).
+  // Returns a context with the key; "": without one.
   static std::unique_ptr<grpc::ClientContext> With(const std::string& secret);
-  // From outside, whatever the method is: sends `messages`, reads what comes, answers the end.
-  // `method`: "pepeseg.v1.SceneService.GetScene".
+  // Calls any method by its full name, as "pepeseg.v1.SceneService.GetScene": sends `messages`,
+  // reads all responses, and returns the status.
   grpc::Status Ask(const std::string& method,
                    const std::vector<const google::protobuf::Message*>& messages,
                    const std::string& secret);
@@ -33,7 +33,7 @@ struct KeyedServer : ::testing::Test {
   std::string ReadRefusals() const;
 
   RunningServer running;
-  std::string job;                                       // that made the model
+  std::string job;                                       // the job that made the model
   std::string nobody, stranger, reader, full, operates;  // secrets
 };
 

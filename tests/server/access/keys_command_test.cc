@@ -1,4 +1,4 @@
-// `pepesegd keys`, beside a server that runs and without one.
+// `pepesegd keys`, with and without a running server.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
@@ -15,7 +15,7 @@ namespace {
 
 struct Outcome {
   int code = -1;
-  std::string text;  // of standard output
+  std::string text;  // standard output
 };
 
 Outcome RunKeys(const std::filesystem::path& data, const std::string& arguments) {
@@ -34,7 +34,7 @@ grpc::Status ListScenes(RunningServer& running, const std::string& secret) {
   return running.scenes->ListScenes(KeyedServer::With(secret).get(), {}, &response);
 }
 
-TEST(KeysCommand, MakesTheFirstKeyBeforeTheServerStarts) {
+TEST(KeysCommand, CreatesTheFirstKeyBeforeTheServerStarts) {
   const testing::TempFolder folder;
   const Outcome made =
       RunKeys(folder / "data", "create --project lab --scopes read,write --name \"My laptop\"");
@@ -62,7 +62,7 @@ TEST(KeysCommand, MakesTheFirstKeyBeforeTheServerStarts) {
             grpc::UNAUTHENTICATED);
 }
 
-TEST(KeysCommand, MakesAndRevokesKeysOfAServerThatRuns) {
+TEST(KeysCommand, CreatesAndRevokesKeysOfARunningServer) {
   ServerOptions options;
   options.access.require_keys = true;
   RunningServer running(PEPESEG_FAKE_WORKER, options);
@@ -79,7 +79,7 @@ TEST(KeysCommand, MakesAndRevokesKeysOfAServerThatRuns) {
   EXPECT_NE(RunKeys(data, "list").text.find("revoked"), std::string::npos);
 }
 
-TEST(KeysCommand, RefusesWhatMakesNoKey) {
+TEST(KeysCommand, RefusesInvalidArguments) {
   const testing::TempFolder folder;
   for (const char* bad :
        {"create --project lab --scopes all", "create --project Lab --scopes read",

@@ -1,4 +1,4 @@
-// Keys and projects, as who has a key sees them.
+// Keys and projects as clients see them.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -55,7 +55,7 @@ struct Keys : KeyedServer {
   }
 };
 
-TEST_F(Keys, OperatorsSayWhichProjectsSceneTheyMean) {
+TEST_F(Keys, LetOperatorsNameTheProjectOfAScene) {
   const std::string third = MakeKey("third", {v1::SCOPE_READ, v1::SCOPE_WRITE});
   ASSERT_TRUE(CreateScene("annex", stranger).ok());
   ASSERT_TRUE(CreateScene("annex", third).ok());
@@ -78,18 +78,18 @@ TEST_F(Keys, OperatorsSayWhichProjectsSceneTheyMean) {
   EXPECT_EQ(load("scenes/1@annex").error_code(), grpc::INVALID_ARGUMENT);
 }
 
-TEST_F(Keys, SeeTheirProjectsScenesAndJobsOnly) {
+TEST_F(Keys, SeeOnlyScenesAndJobsOfTheirProject) {
   ASSERT_TRUE(CreateScene("annex", stranger).ok());
   EXPECT_EQ(ListScenes(full), std::vector<std::string>{"scenes/shelf"});
   EXPECT_EQ(ListScenes(stranger), std::vector<std::string>{"scenes/annex"});
   EXPECT_EQ(CountJobs(full), 1);
   EXPECT_EQ(CountJobs(stranger), 0);
-  // A request_id is the project's own, and so is a scene's id.
+  // Request ids and scene ids are unique within a project only.
   ASSERT_TRUE(CreateScene("one", full, "request").ok());
   EXPECT_TRUE(CreateScene("two", stranger, "request").ok());
   EXPECT_TRUE(CreateScene("shelf", stranger).ok());
   EXPECT_EQ(CreateScene("shelf", stranger).error_code(), grpc::ALREADY_EXISTS);
-  // Without keys all of them are seen, as ever.
+  // A server without keys shows all of them.
   running.options.access.require_keys = false;
   running.Restart();
   EXPECT_EQ(ListScenes(nobody),
@@ -101,7 +101,7 @@ TEST_F(Keys, SeeTheirProjectsScenesAndJobsOnly) {
   EXPECT_EQ(GetScene("nowhere", nobody).error_code(), grpc::NOT_FOUND);
 }
 
-TEST_F(Keys, OpenNothingOnceRevoked) {
+TEST_F(Keys, AreRefusedOnceRevoked) {
   ASSERT_TRUE(GetScene("shelf", reader).ok());
   const v1::ListKeysResponse list = ListKeys({});
   for (const v1::ApiKey& key : list.keys()) {
@@ -126,7 +126,7 @@ TEST_F(Keys, OpenNothingOnceRevoked) {
             grpc::INVALID_ARGUMENT);
 }
 
-TEST_F(Keys, SeeThatASceneWasMadeAgainByAnotherProject) {
+TEST_F(Keys, NoticeASceneThatAnotherProjectCreatedAgain) {
   ASSERT_TRUE(CreateScene("moved", full).ok());
   ASSERT_TRUE(GetScene("moved", full).ok());
   ASSERT_TRUE(DeleteScene("moved", full).ok());
@@ -135,7 +135,7 @@ TEST_F(Keys, SeeThatASceneWasMadeAgainByAnotherProject) {
   EXPECT_TRUE(GetScene("moved", stranger).ok());
 }
 
-TEST_F(Keys, ExpireAtTheirTime) {
+TEST_F(Keys, AreRefusedOnceExpired) {
   v1::CreateKeyRequest request;
   request.set_project("default");
   request.add_scopes(v1::SCOPE_READ);
@@ -168,7 +168,7 @@ TEST_F(Keys, AreListedWithoutTheirSecrets) {
   }
 }
 
-TEST_F(Keys, AreRefusedWithTheirField) {
+TEST_F(Keys, AreRefusedByFieldIfInvalid) {
   const auto field_of = [this](const v1::CreateKeyRequest& request) {
     v1::CreateKeyResponse response;
     const grpc::Status status = CreateKey(request, &response);
@@ -208,7 +208,7 @@ TEST_F(Keys, AreCheckedAtEachUploadOfAStream) {
   const grpc::Status changed = Ask("pepeseg.v1.DatasetService.WriteFiles", messages, stranger);
   EXPECT_EQ(changed.error_code(), grpc::PERMISSION_DENIED) << changed.error_message();
   EXPECT_EQ(DetailOf(changed).field(), "header.upload");
-  // What came before it is kept.
+  // Files that came before are kept.
   v1::GetUploadRequest get;
   get.set_name(own.name());
   v1::Upload upload;
@@ -218,7 +218,7 @@ TEST_F(Keys, AreCheckedAtEachUploadOfAStream) {
             grpc::UNAUTHENTICATED);
 }
 
-TEST_F(Keys, AreCheckedAtEachQuestionOfAStream) {
+TEST_F(Keys, AreCheckedAtEachQueryOfAStream) {
   const auto context = With(full);
   const auto stream = running.segmentation->SegmentStream(context.get());
   v1::SegmentStreamRequest request;

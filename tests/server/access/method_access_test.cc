@@ -32,7 +32,7 @@ TEST(MethodAccess, CoversEveryMethodOfThePackage) {
   }
 }
 
-TEST(MethodAccess, OnlyOperatorsMayCallTheAdminService) {
+TEST(MethodAccess, AllowsTheAdminServiceToOperatorsOnly) {
   for (const MethodDescriptor* method : testing::AllMethods()) {
     const bool is_admin = method->service()->name() == "AdminService";
     const v1::Scope scope = FindMethodAccess(*method->input_type())->scope;
@@ -40,7 +40,7 @@ TEST(MethodAccess, OnlyOperatorsMayCallTheAdminService) {
   }
 }
 
-TEST(MethodAccess, EveryResourceIsAString) {
+TEST(MethodAccess, DeclaresStringsOnlyAsResources) {
   for (const MethodDescriptor* method : testing::AllMethods()) {
     for (const FieldPath& path : FindMethodAccess(*method->input_type())->resources) {
       ASSERT_FALSE(path.fields.empty());
@@ -50,7 +50,7 @@ TEST(MethodAccess, EveryResourceIsAString) {
   }
 }
 
-// Paths of the fields that, by their name, name a resource.
+// Returns the paths of the fields whose names say that they hold a resource name.
 void FindNames(const Descriptor& message, const std::string& prefix,
                std::vector<std::string>& paths) {
   static const std::set<std::string> kNames = {
@@ -67,15 +67,15 @@ void FindNames(const Descriptor& message, const std::string& prefix,
   }
 }
 
-TEST(MethodAccess, ForgetsNoFieldThatNamesAResource) {
-  // Output only: nobody reads them in a request.
+TEST(MethodAccess, DeclaresEveryFieldThatNamesAResource) {
+  // Output only: no handler reads them in a request.
   const std::set<std::string> not_read = {
       "CreateSceneRequest.scene.name", "CreateSceneRequest.scene.live_model",
       "CreateSceneRequest.scene.active_job", "CreateLabelRequest.label.name"};
   int found = 0;
   for (const MethodDescriptor* method : testing::AllMethods()) {
     const MethodAccess& access = *FindMethodAccess(*method->input_type());
-    if (access.scope == v1::SCOPE_OPERATE) continue;  // of all projects
+    if (access.scope == v1::SCOPE_OPERATE) continue;  // such calls are for all projects
     std::vector<std::string> paths;
     FindNames(*method->input_type(), "", paths);
     for (const std::string& path : paths) {
@@ -104,7 +104,7 @@ TEST(MethodAccess, ReadsTheNamesThatAreThere) {
   EXPECT_EQ(ResourcesOf(access, request)[1].name, "scenes/b/labels/cup");
 }
 
-TEST(MethodAccess, KnowsNoRequestThatIsNoMethods) {
+TEST(MethodAccess, ReturnsNullForRequestsOfNoMethod) {
   EXPECT_EQ(FindMethodAccess(*v1::Prompt::descriptor()), nullptr);
 }
 

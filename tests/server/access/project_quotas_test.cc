@@ -18,28 +18,28 @@ struct ProjectQuotasTest : ::testing::Test {
 
   const testing::TempFolder folder;
   std::unique_ptr<Store> store;
-  const v1::SegmentRequest question;
+  const v1::SegmentRequest query;
 };
 
-TEST_F(ProjectQuotasTest, OwnValuesGoBeforeTheServers) {
+TEST_F(ProjectQuotasTest, PrefersAProjectsOwnValues) {
   store->SetDefaultQuota({1, 2, 3, 4, 5, 6});
-  ASSERT_OK(store->SetProjectQuota("lab", {10, 0, 30, 0, 50, 0}));
+  ASSERT_OK(store->quotas().SetProjectQuota("lab", {10, 0, 30, 0, 50, 0}));
   ProjectQuotas quotas(store.get());
   ASSERT_OK_AND_ASSIGN(const Quota quota, quotas.Get("lab"));
   EXPECT_EQ(quota.stored_bytes, 10);
   EXPECT_EQ(quota.open_uploads, 2);
   EXPECT_EQ(quota.queries_per_second, 50);
   EXPECT_EQ(quota.resident_bytes, 6);
-  ASSERT_OK(store->SetProjectQuota("lab", {}));
+  ASSERT_OK(store->quotas().SetProjectQuota("lab", {}));
   quotas.Forget("lab");
   EXPECT_EQ(quotas.Get("lab")->stored_bytes, 1);
 }
 
-TEST_F(ProjectQuotasTest, QuestionsBeyondTheRateAreToldWhenToComeBack) {
-  ASSERT_OK(store->SetProjectQuota("lab", {0, 0, 0, 0, 4, 0}));
+TEST_F(ProjectQuotasTest, RefusesQueriesBeyondTheRateWithARetryTime) {
+  ASSERT_OK(store->quotas().SetProjectQuota("lab", {0, 0, 0, 0, 4, 0}));
   ProjectQuotas quotas(store.get());
-  for (int i = 0; i < 4; ++i) EXPECT_OK(quotas.Admit("lab", question)) << i;
-  const absl::Status refused = quotas.Admit("lab", question);
+  for (int i = 0; i < 4; ++i) EXPECT_OK(quotas.Admit("lab", query)) << i;
+  const absl::Status refused = quotas.Admit("lab", query);
   EXPECT_EQ(refused.code(), absl::StatusCode::kUnavailable);
   v1::ErrorDetail detail;
   const auto payload = refused.GetPayload("type.googleapis.com/pepeseg.v1.ErrorDetail");
@@ -50,43 +50,43 @@ TEST_F(ProjectQuotasTest, QuestionsBeyondTheRateAreToldWhenToComeBack) {
   EXPECT_EQ(detail.limit(), "4");
   EXPECT_GT(detail.retry_after().nanos(), 0);
   EXPECT_LE(detail.retry_after().nanos(), 251'000'000);
-  EXPECT_OK(quotas.Admit("lab", v1::GetSceneRequest())) << "no question";
-  EXPECT_OK(quotas.Admit("other", question)) << "has its own rate";
+  EXPECT_OK(quotas.Admit("lab", v1::GetSceneRequest())) << "not a query";
+  EXPECT_OK(quotas.Admit("other", query)) << "has its own rate";
   absl::SleepFor(absl::Milliseconds(260));
-  EXPECT_OK(quotas.Admit("lab", question));
+  EXPECT_OK(quotas.Admit("lab", query));
   EXPECT_EQ(quotas.QueryRate("lab"), 1);  // 5 in ten seconds, rounded up
 }
 
-TEST_F(ProjectQuotasTest, WhoIsKnownIsAdmittedOrRefusedWithoutTheStore) {
-  ASSERT_OK(store->SetProjectQuota("lab", {0, 0, 0, 0, 2, 0}));
+TEST_F(ProjectQuotasTest, DecidesForKnownCredentialsWithoutTheStore) {
+  ASSERT_OK(store->quotas().SetProjectQuota("lab", {0, 0, 0, 0, 2, 0}));
   ProjectQuotas quotas(store.get());
-  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", question).has_value()) << "nobody told of it";
+  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", query).has_value()) << "not known yet";
   quotas.Know("Bearer a", "lab", v1::GetSceneRequest());
-  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", question).has_value()) << "it asked nothing";
-  quotas.Know("Bearer a", "lab", question);
-  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer b", question).has_value());
-  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", v1::GetSceneRequest()).has_value()) << "no question";
-  // From the same bucket as Admit's.
-  EXPECT_OK(quotas.AdmitAtOnce("Bearer a", question).value());
-  EXPECT_OK(quotas.Admit("lab", question));
-  EXPECT_TRUE(absl::IsUnavailable(quotas.AdmitAtOnce("Bearer a", question).value()));
-  // A quota that was changed is read before it is used.
+  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", query).has_value()) << "known for other calls only";
+  quotas.Know("Bearer a", "lab", query);
+  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer b", query).has_value());
+  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", v1::GetSceneRequest()).has_value()) << "not a query";
+  // Takes from the same token bucket as Admit.
+  EXPECT_OK(quotas.AdmitAtOnce("Bearer a", query).value());
+  EXPECT_OK(quotas.Admit("lab", query));
+  EXPECT_TRUE(absl::IsUnavailable(quotas.AdmitAtOnce("Bearer a", query).value()));
+  // After a change the quota is read again before it is used.
   quotas.Forget("lab");
-  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", question).has_value());
-  quotas.Know("Bearer a", "lab", question);
-  EXPECT_TRUE(quotas.AdmitAtOnce("Bearer a", question).has_value());
+  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", query).has_value());
+  quotas.Know("Bearer a", "lab", query);
+  EXPECT_TRUE(quotas.AdmitAtOnce("Bearer a", query).has_value());
   absl::SleepFor(absl::Milliseconds(2100));
-  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", question).has_value()) << "known too long ago";
+  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", query).has_value()) << "known too long ago";
 }
 
-TEST_F(ProjectQuotasTest, ARefusalCostsMicroseconds) {
-  ASSERT_OK(store->SetProjectQuota("lab", {0, 0, 0, 0, 1, 0}));
+TEST_F(ProjectQuotasTest, RefusesInMicroseconds) {
+  ASSERT_OK(store->quotas().SetProjectQuota("lab", {0, 0, 0, 0, 1, 0}));
   ProjectQuotas quotas(store.get());
-  ASSERT_OK(quotas.Admit("lab", question));
+  ASSERT_OK(quotas.Admit("lab", query));
   constexpr int kTimes = 2000;
   int num_refused = 0;
   const absl::Time start = absl::Now();
-  for (int i = 0; i < kTimes; ++i) num_refused += quotas.Admit("lab", question).ok() ? 0 : 1;
+  for (int i = 0; i < kTimes; ++i) num_refused += quotas.Admit("lab", query).ok() ? 0 : 1;
   const absl::Duration each = (absl::Now() - start) / kTimes;
   EXPECT_GE(num_refused, kTimes - 3);
   EXPECT_LT(each, absl::Microseconds(100)) << each;

@@ -8,19 +8,19 @@
 
 namespace pepeseg::testing {
 
-// PEM texts.
+// A certificate and its key, in PEM.
 struct IssuedCertificate {
   std::string certificate;
   std::string key;
 };
 
-// Signs certificates that are made for one run of a test: elliptic keys, valid for an hour.
+// A certificate authority for one run of a test: elliptic keys, valid for an hour.
 class TestAuthority {
  public:
   explicit TestAuthority(const std::string& name);
 
   const std::string& certificate() const { return own_.certificate; }
-  // For "localhost", 127.0.0.1 and ::1, as a server's or a client's.
+  // Issues a certificate for "localhost", 127.0.0.1 and ::1, for a server or a client.
   IssuedCertificate Issue(const std::string& name);
 
  private:

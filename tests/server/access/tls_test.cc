@@ -43,7 +43,7 @@ struct Tls : ::testing::Test {
                                                             const IssuedCertificate& own = {}) {
     return grpc::SslCredentials({authority.certificate(), own.key, own.certificate});
   }
-  // A connection of its own: channels to one address would share theirs.
+  // Opens a connection of its own: channels to one address would share one.
   static std::shared_ptr<grpc::Channel> Connect(
       int port, const std::shared_ptr<grpc::ChannelCredentials>& credentials) {
     grpc::ChannelArguments arguments;
@@ -59,7 +59,7 @@ struct Tls : ::testing::Test {
     v1::ListScenesResponse response;
     return v1::SceneService::NewStub(channel)->ListScenes(&context, {}, &response).error_code();
   }
-  // Seconds until a new connection that trusts `authority` only is served; 30 at most.
+  // Returns the seconds until a new connection that trusts only `authority` is served, at most 30.
   double AwaitServedTo(const TestAuthority& authority) const {
     const absl::Time start = absl::Now();
     while (absl::Now() - start < absl::Seconds(30) && List(Trusting(authority)) != grpc::OK) {
@@ -75,7 +75,7 @@ struct Tls : ::testing::Test {
   std::unique_ptr<RunningServer> running;
 };
 
-TEST_F(Tls, ServesThoseWhoTrustItsChain) {
+TEST_F(Tls, ServesClientsThatTrustItsChain) {
   Start();
   EXPECT_EQ(List(Trusting(authority)), grpc::OK);
   EXPECT_EQ(List(Trusting(other)), grpc::UNAVAILABLE);
@@ -91,7 +91,7 @@ TEST_F(Tls, ServesThoseWhoTrustItsChain) {
   EXPECT_EQ(ask_admin(grpc::InsecureChannelCredentials()), grpc::UNAVAILABLE);
 }
 
-TEST_F(Tls, DemandsAClientsCertificateWhereItIsToldWhoSignsThem) {
+TEST_F(Tls, RequiresClientCertificatesWithAClientCa) {
   DemandClientCertificates();
   Start();
   EXPECT_EQ(List(Trusting(authority, clients.Issue("client"))), grpc::OK);
@@ -100,7 +100,7 @@ TEST_F(Tls, DemandsAClientsCertificateWhereItIsToldWhoSignsThem) {
   EXPECT_EQ(List(Trusting(authority, issued)), grpc::UNAVAILABLE);
 }
 
-// A server that probes itself each 50 ms has had some tries, and was reached by all.
+// Runs a server that probes itself every 50 ms, and expects that all probes reach it.
 void ExpectReachable(ServerOptions options) {
   options.self_probe = absl::Milliseconds(50);
   std::atomic<bool> unreachable = false;
@@ -115,14 +115,16 @@ TEST_F(Tls, SelfProbeReachesTheListener) {
   ExpectReachable(options);
 }
 
-TEST_F(Tls, SelfProbeReachesAListenerThatDemandsCertificates) {
+TEST_F(Tls, SelfProbeReachesAListenerThatRequiresCertificates) {
   DemandClientCertificates();
-  ExpectReachable(options);  // that did not sign the server's: it hangs up
+  // The client CA did not sign the server's certificate, with which the probe calls: the server
+  // hangs up, which shows that it can be reached.
+  ExpectReachable(options);
   std::ofstream(options.access.tls_client_ca, std::ios::trunc) << authority.certificate();
   ExpectReachable(options);
 }
 
-TEST_F(Tls, ProbeFailsWhereNobodyAnswers) {
+TEST_F(Tls, ProbeFailsIfNothingAnswers) {
   auto mute = ListeningSockets::Open("127.0.0.1:0");
   ASSERT_TRUE(mute.ok()) << mute.status();
   ListenerProbeOptions probe;
@@ -135,7 +137,7 @@ TEST_F(Tls, ProbeFailsWhereNobodyAnswers) {
   }
 }
 
-TEST_F(Tls, BelievesOnlyTheGatewaysCertificateWhoCalls) {
+TEST_F(Tls, AcceptsIdentitiesFromTheGatewaysCertificateOnly) {
   DemandClientCertificates();
   options.access.require_keys = true;
   options.access.trusted_gateway = "gateway";
@@ -162,16 +164,16 @@ TEST_F(Tls, BelievesOnlyTheGatewaysCertificateWhoCalls) {
     EXPECT_EQ(refused.error_code(), grpc::UNAUTHENTICATED) << name;
     EXPECT_EQ(DetailOf(refused).reason(), "NOT_A_GATEWAY");
   }
-  // The gateway's connection alone opens nothing.
+  // The gateway's certificate alone is not enough.
   EXPECT_EQ(List(Trusting(authority, clients.Issue("gateway"))), grpc::UNAUTHENTICATED);
   EXPECT_EQ(create(other.Issue("gateway"), "b", "read,write").error_code(), grpc::UNAVAILABLE);
 }
 
-TEST_F(Tls, TakesAReplacedCertificateWhileItServes) {
+TEST_F(Tls, LoadsAReplacedCertificateWhileItServes) {
   Start();
   const auto old_channel = Connect(running->server->port(), Trusting(authority));
   ASSERT_EQ(ListOver(old_channel), grpc::OK);
-  // A call that goes on while the certificate changes.
+  // A call that continues while the certificate changes.
   running->CreateScene("a");
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
@@ -183,7 +185,7 @@ TEST_F(Tls, TakesAReplacedCertificateWhileItServes) {
   ASSERT_TRUE(old_call->Write(parts[0]));
 
   const IssuedCertificate renewed = other.Issue("server");
-  WriteKey(renewed);  // half of the pair: does not fit, and must change nothing
+  WriteKey(renewed);  // does not belong to the old certificate, so nothing may change
   absl::SleepFor(absl::Seconds(3));
   EXPECT_EQ(List(Trusting(authority)), grpc::OK);
   EXPECT_EQ(List(Trusting(other)), grpc::UNAVAILABLE);
@@ -198,12 +200,12 @@ TEST_F(Tls, TakesAReplacedCertificateWhileItServes) {
   EXPECT_EQ(written.num_files(), 1);
 }
 
-TEST_F(Tls, OutlivesManyReplacementsUnderLoad) {
+TEST_F(Tls, SurvivesManyReplacementsUnderLoad) {
   Start();
   for (int round = 0; round < 5; ++round) {
     TestAuthority& next = round % 2 == 0 ? other : authority;
     const IssuedCertificate renewed = next.Issue("server");
-    // Garbage, an empty file and none, as who writes carelessly leaves them for a moment.
+    // Garbage, an empty file and no file, as a careless writer leaves them for a moment.
     std::ofstream(folder / "key.pem", std::ios::trunc) << renewed.key.substr(0, 40);
     std::ofstream(folder / "chain.pem", std::ios::trunc);
     for (int i = 0; i < 20; ++i) List(Trusting(authority));
@@ -215,7 +217,7 @@ TEST_F(Tls, OutlivesManyReplacementsUnderLoad) {
   }
 }
 
-TEST_F(Tls, RefusesToStartWithFilesThatDoNotFit) {
+TEST_F(Tls, RefusesToStartWithFilesThatDoNotBelongTogether) {
   WriteKey(authority.Issue("another"));
   options.data = folder / "data";
   options.worker = PEPESEG_FAKE_WORKER;
@@ -225,7 +227,7 @@ TEST_F(Tls, RefusesToStartWithFilesThatDoNotFit) {
   EXPECT_NE(refused.status().message().find("key.pem"), std::string::npos) << refused.status();
 }
 
-TEST(ListenRules, LetNobodyInUnawares) {
+TEST(ListenRules, RefuseUnprotectedListeners) {
   const auto is_ok = [](const std::string& listen, bool tls, bool keys, bool insecure) {
     for (const bool is_admin : {false, true}) {
       ServerOptions options;

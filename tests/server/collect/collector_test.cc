@@ -31,10 +31,12 @@ struct CollectorTest : ::testing::Test {
     MakeScene("a");
   }
 
-  void MakeScene(const std::string& id) { ASSERT_OK(store->CreateScene({id, "", "", {}})); }
-  // Of so long ago.
+  void MakeScene(const std::string& id) {
+    ASSERT_OK(store->scenes().CreateScene({id, "", "", {}}));
+  }
+  // Writes a file whose modification time is `age` ago.
   fs::path Write(const fs::path& path, absl::Duration age, const std::string& bytes = "bytes") {
-    std::error_code taken;  // a collector that runs beside this may take it away in between
+    std::error_code taken;  // a collector on another thread may remove it in between
     fs::create_directories(path.parent_path(), taken);
     std::ofstream(path) << bytes;
     fs::last_write_time(path, fs::file_time_type::clock::now() - absl::ToChronoSeconds(age), taken);
@@ -44,22 +46,23 @@ struct CollectorTest : ::testing::Test {
     return Write(BlobPath(data, {project, Digest(number)}), age);
   }
   void Upload(const std::string& scene, int number, bool seal = false) {
-    const auto made = store->CreateDataset(scene, "", {{"f", 1, 5, Digest(number), true}});
+    const auto made =
+        store->datasets().CreateDataset(scene, "", {{"f", 1, 5, Digest(number), true}});
     ASSERT_OK(made);
     if (!seal) return;
-    ASSERT_OK(store->SealDataset(scene, made->number));
+    ASSERT_OK(store->datasets().SealDataset(scene, made->number));
   }
-  // "j1" with a model.
+  // Creates the job "j1" with a model.
   void MakeModel() {
     Upload("a", 7, true);
     JobRow job;
     job.scene = "a";
     job.dataset = 1;
-    ASSERT_OK(store->CreateJob(job));
-    ASSERT_TRUE(store->ClaimJob("cpu")->has_value());
+    ASSERT_OK(store->jobs().CreateJob(job));
+    ASSERT_TRUE(store->queue().ClaimJob("cpu")->has_value());
     ModelRow model;
     model.folder = "jobs/j1/attempt-1";
-    ASSERT_OK(store->CommitModel("j1", 1, model));
+    ASSERT_OK(store->queue().CommitModel("j1", 1, model));
   }
   Collected Run() {
     const auto run = Collector(*store, options).Run();
@@ -73,7 +76,7 @@ struct CollectorTest : ::testing::Test {
   CollectorOptions options;
 };
 
-TEST_F(CollectorTest, DamagedBlobsGoADayAfterTheyWereSetAside) {
+TEST_F(CollectorTest, RemovesDamagedBlobsADayAfterTheyWereSetAside) {
   Upload("a", 1, true);
   const fs::path young = Write(DamagedPath(data, {"default", Digest(1)}), absl::Hours(23));
   const fs::path old = Write(DamagedPath(data, {"default", Digest(2)}), absl::Hours(25));
@@ -82,7 +85,7 @@ TEST_F(CollectorTest, DamagedBlobsGoADayAfterTheyWereSetAside) {
   EXPECT_FALSE(fs::exists(old));
 }
 
-TEST_F(CollectorTest, BlobsThatNothingNamesGoAfterADay) {
+TEST_F(CollectorTest, RemovesUnnamedBlobsAfterADay) {
   Upload("a", 1, true);
   Upload("a", 2);
   const fs::path sealed = WriteBlob(1, absl::Hours(100)), open = WriteBlob(2, absl::Hours(100));
@@ -97,27 +100,27 @@ TEST_F(CollectorTest, BlobsThatNothingNamesGoAfterADay) {
   EXPECT_EQ(Run().num_files, 0);
 }
 
-// What was deleted is known to be nobody's: its bytes count in the quota until they are gone.
-TEST_F(CollectorTest, DeletedBlobsGoAtOnceAndCountNoLonger) {
+// Blobs that were in the store need no minimum age, and count in the quota until they are removed.
+TEST_F(CollectorTest, RemovesDeletedBlobsAtOnceAndStopsCountingThem) {
   MakeScene("b");
   Upload("a", 1, true);
   Upload("b", 2, true);
   const fs::path deleted = WriteBlob(1, absl::ZeroDuration());
   const fs::path kept = WriteBlob(2, absl::ZeroDuration());
-  ASSERT_OK(store->DeleteScene("a"));
-  EXPECT_EQ(store->GetUsage("default")->stored_bytes, 10);
+  ASSERT_OK(store->scenes().DeleteScene("a"));
+  EXPECT_EQ(store->quotas().GetUsage("default")->stored_bytes, 10);
   EXPECT_EQ(Run().num_files, 1);
   EXPECT_FALSE(fs::exists(deleted));
   EXPECT_TRUE(fs::exists(kept));
-  EXPECT_EQ(store->GetUsage("default")->stored_bytes, 5);
-  // A crash between the removal and the record of it.
-  ASSERT_OK(store->DeleteScene("b"));
+  EXPECT_EQ(store->quotas().GetUsage("default")->stored_bytes, 5);
+  // As after a crash between the removal of a blob and that of its record.
+  ASSERT_OK(store->scenes().DeleteScene("b"));
   fs::remove_all(BlobFolder(data));
   Run();
-  EXPECT_EQ(store->GetUsage("default")->stored_bytes, 0);
+  EXPECT_EQ(store->quotas().GetUsage("default")->stored_bytes, 0);
 }
 
-TEST_F(CollectorTest, BeginningsGoWithTheirUpload) {
+TEST_F(CollectorTest, RemovesPartialFilesOfUploadsThatAreGone) {
   Upload("a", 1, true);
   Upload("a", 2);
   const fs::path sealed = Write(PartialFolderOf(data, {"default", "a", 1}) / Digest(1), {});
@@ -138,12 +141,12 @@ TEST_F(CollectorTest, BeginningsGoWithTheirUpload) {
   EXPECT_FALSE(fs::exists(busy));
 }
 
-TEST_F(CollectorTest, UploadsThatNobodyGoesOnWithAreGivenUp) {
+TEST_F(CollectorTest, DeletesUploadsWithoutARecentWrite) {
   for (int i = 1; i <= 4; ++i) Upload("a", i, i == 4);
   options.upload_age = absl::Milliseconds(1);
   absl::SleepFor(absl::Milliseconds(50));
-  // The first has stood still, of the second the file is written just now, of the third it came
-  // just now, the fourth is sealed.
+  // The first upload has had no recent write. A file of the second is being written, a file of the
+  // third was stored just now, and the fourth is sealed.
   Write(PartialFolderOf(data, {"default", "a", 1}) / Digest(1), absl::Hours(1));
   const fs::path busy =
       Write(PartialFolderOf(data, {"default", "a", 2}) / Digest(2), absl::Hours(1));
@@ -151,13 +154,13 @@ TEST_F(CollectorTest, UploadsThatNobodyGoesOnWithAreGivenUp) {
   const auto writer = LockedFile::TryAlone(busy);
   ASSERT_OK(writer);
   EXPECT_EQ(Run().num_uploads, 1);
-  EXPECT_TRUE(absl::IsNotFound(store->GetDataset("a", 1).status()));
+  EXPECT_TRUE(absl::IsNotFound(store->datasets().GetDataset("a", 1).status()));
   EXPECT_FALSE(fs::exists(PartialFolderOf(data, {"default", "a", 1})));
-  for (int i = 2; i <= 4; ++i) EXPECT_OK(store->GetDataset("a", i)) << i;
+  for (int i = 2; i <= 4; ++i) EXPECT_OK(store->datasets().GetDataset("a", i)) << i;
   EXPECT_TRUE(fs::exists(busy));
 }
 
-TEST_F(CollectorTest, JobsKeepTheirModelAndLogs) {
+TEST_F(CollectorTest, KeepsModelsAndLogsOfJobs) {
   MakeModel();
   const fs::path model = Write(data / "jobs/j1/attempt-1/gaussians.ply", {});
   const fs::path attempt = Write(data / "jobs/j1/attempt-2/gaussians.ply", {});
@@ -165,34 +168,34 @@ TEST_F(CollectorTest, JobsKeepTheirModelAndLogs) {
   EXPECT_EQ(Run().num_files, 1);
   EXPECT_TRUE(fs::exists(model) && fs::exists(log));
   EXPECT_FALSE(fs::exists(attempt));
-  ASSERT_OK(store->DeleteModel("a", 1));
+  ASSERT_OK(store->models().DeleteModel("a", 1));
   Run();
   EXPECT_FALSE(fs::exists(model));
   EXPECT_TRUE(fs::exists(log));
-  ASSERT_OK(store->DeleteScene("a"));
+  ASSERT_OK(store->scenes().DeleteScene("a"));
   Run();
   EXPECT_FALSE(fs::exists(data / "jobs/j1"));
 }
 
-TEST_F(CollectorTest, RunningJobsAreLeftAlone) {
+TEST_F(CollectorTest, LeavesRunningJobsAlone) {
   Upload("a", 7, true);
   JobRow job;
   job.scene = "a";
   job.dataset = 1;
-  ASSERT_OK(store->CreateJob(job));
-  ASSERT_TRUE(store->ClaimJob("cpu")->has_value());
+  ASSERT_OK(store->jobs().CreateJob(job));
+  ASSERT_TRUE(store->queue().ClaimJob("cpu")->has_value());
   const fs::path attempt = Write(data / "jobs/j1/attempt-1/checkpoints/a.ckpt", absl::Hours(99));
   Run();
   EXPECT_TRUE(fs::exists(attempt));
 }
 
-TEST_F(CollectorTest, FilesWithoutARowGo) {
+TEST_F(CollectorTest, RemovesFilesWithoutARecord) {
   MakeModel();
   SelectionRow selection;
   selection.scene = "a";
-  ASSERT_OK_AND_ASSIGN(selection.number, store->TakeSelectionNumber("a"));
+  ASSERT_OK_AND_ASSIGN(selection.number, store->selections().TakeSelectionNumber("a"));
   selection.model = 1;
-  ASSERT_OK(store->CreateSelection(selection));
+  ASSERT_OK(store->selections().CreateSelection(selection));
   const absl::Duration old = absl::Hours(25);
   const fs::path kept = Write(data / "selections/a/1", old);
   const fs::path coming = Write(data / "selections/a/2", absl::Hours(1));
@@ -207,7 +210,7 @@ TEST_F(CollectorTest, FilesWithoutARowGo) {
   EXPECT_FALSE(fs::exists(lost) || fs::exists(stray) || fs::exists(half));
 }
 
-TEST_F(CollectorTest, TemporariesOfADeadServerGoWhereThereIsNoOther) {
+TEST_F(CollectorTest, RemovesTemporariesOfADeadServerIfThereIsNoOther) {
   const fs::path dead = Write(data / "datasets/a/1.json.tmp-abcdef", absl::Minutes(1));
   const fs::path of_job = Write(data / "jobs/j0/spec-1.json.tmp-abcdef", absl::Minutes(1));
   Run();
@@ -220,21 +223,22 @@ TEST_F(CollectorTest, TemporariesOfADeadServerGoWhereThereIsNoOther) {
   EXPECT_TRUE(fs::exists(of_job) && fs::exists(writing));
 }
 
-TEST_F(CollectorTest, OneServerAtATime) {
+TEST_F(CollectorTest, RunsOnOneServerAtATime) {
   const auto other = LockedFile::TryAlone(CollectorLockPath(data));
   ASSERT_OK(other);
   EXPECT_TRUE(absl::IsAborted(Collector(*store, options).Run().status()));
 }
 
-TEST_F(CollectorTest, AnotherDatabasesDirectoryIsLeftAlone) {
+TEST_F(CollectorTest, LeavesTheDirectoryOfAnotherDatabaseAlone) {
   const fs::path model = Write(data / "jobs/j1/attempt-1/gaussians.ply", absl::Hours(99));
   const fs::path blob = WriteBlob(4, absl::Hours(99));
   EXPECT_TRUE(absl::IsFailedPrecondition(Collector(*store, options).Run().status()));
   EXPECT_TRUE(fs::exists(model) && fs::exists(blob));
 }
 
-// What CreateUpload does: hold, name, look; then nothing may take away what was there.
-TEST_F(CollectorTest, BlobsThatUploadsCountOnStay) {
+// Does what CreateUpload does: takes the lock, records the files, looks for blobs. From then on no
+// blob that it found may be removed.
+TEST_F(CollectorTest, KeepsBlobsThatUploadsRelyOn) {
   constexpr int kBlobs = 150;
   options.file_age = absl::ZeroDuration();
   std::atomic<bool> done = false;

@@ -49,7 +49,7 @@ struct BlobStoreTest : ::testing::Test {
   std::unique_ptr<BlobStore> store;
 };
 
-TEST_F(BlobStoreTest, KeepsABlobAsAWhole) {
+TEST_F(BlobStoreTest, StoresAWholeBlob) {
   EXPECT_FALSE(store->Has(abc, 3));
   const auto writer = Begin(kAbc, 3);
   ASSERT_OK(writer->Append("ab"));
@@ -64,7 +64,7 @@ TEST_F(BlobStoreTest, KeepsABlobAsAWhole) {
   EXPECT_EQ(*store->Begin(upload, kAbc, 3), nullptr) << "it is there";
 }
 
-TEST_F(BlobStoreTest, SetsADamagedBlobAsideUntilItIsBroughtAgain) {
+TEST_F(BlobStoreTest, SetsADamagedBlobAsideUntilItIsUploadedAgain) {
   const std::atomic<bool> cancel = false;
   const auto bring = [&] {
     const auto writer = Begin(kAbc, 3);
@@ -87,7 +87,7 @@ TEST_F(BlobStoreTest, SetsADamagedBlobAsideUntilItIsBroughtAgain) {
   EXPECT_TRUE(absl::IsCancelled(store->Verify(abc, cancelled)));
 }
 
-TEST_F(BlobStoreTest, WrongBytesLeaveNothing) {
+TEST_F(BlobStoreTest, RemovesBytesWithAnotherDigest) {
   {
     const auto writer = Begin(kAbc, 3);
     ASSERT_OK(writer->Append("abd"));
@@ -99,7 +99,7 @@ TEST_F(BlobStoreTest, WrongBytesLeaveNothing) {
   EXPECT_EQ(CountFiles(data.path()), 0);
 }
 
-TEST_F(BlobStoreTest, GoesOnWhereAWriterEnded) {
+TEST_F(BlobStoreTest, ResumesWhereAWriterEnded) {
   {
     const auto writer = Begin(kAbc, 3);
     ASSERT_OK(writer->Append("ab"));
@@ -108,7 +108,7 @@ TEST_F(BlobStoreTest, GoesOnWhereAWriterEnded) {
   ASSERT_EQ(store->ListPartial(upload).size(), 1u);
   EXPECT_EQ(store->ListPartial(upload).at(kAbc), 2);
   EXPECT_TRUE(store->ListPartial({"lab", "shelf", 2}).empty());
-  store = *BlobStore::Open(data.path());  // what others write stays
+  store = *BlobStore::Open(data.path());  // files that others write stay
   const auto writer = Begin(kAbc, 3, 2);
   ASSERT_OK(writer->Append("c"));
   ASSERT_OK(writer->Commit());
@@ -116,7 +116,7 @@ TEST_F(BlobStoreTest, GoesOnWhereAWriterEnded) {
   EXPECT_EQ(CountFiles(data.path()), 1);
 }
 
-TEST_F(BlobStoreTest, OtherOffsetsAreRefused) {
+TEST_F(BlobStoreTest, RefusesOtherOffsets) {
   ASSERT_OK(Begin(kAbc, 3)->Append("ab"));
   for (const int64_t offset : {1, 3, -1}) {
     const auto writer = *store->Begin(upload, kAbc, 3);
@@ -130,7 +130,7 @@ TEST_F(BlobStoreTest, OtherOffsetsAreRefused) {
   EXPECT_OK(anew->Commit());
 }
 
-TEST_F(BlobStoreTest, OneWriterAtATimeAlsoOfAnotherServer) {
+TEST_F(BlobStoreTest, AllowsOneWriterAtATimeAcrossServers) {
   const auto other = *BlobStore::Open(data.path());
   auto writer = Begin(kAbc, 3);
   EXPECT_TRUE(absl::IsAborted(store->Begin(upload, kAbc, 3).status()));
@@ -156,8 +156,8 @@ TEST_F(BlobStoreTest, CommitsEvery32MiB) {
   EXPECT_EQ(CountFiles(data.path()), 1);
 }
 
-// After a power cut what was written past the last commit may hold anything, or not be there.
-TEST_F(BlobStoreTest, OnlyCommittedBytesAreCounted) {
+// After a power cut the bytes past the last commit may be missing, or hold anything.
+TEST_F(BlobStoreTest, CountsOnlyCommittedBytes) {
   ASSERT_OK(Begin(kAbc, 3)->Append("ab"));
   const fs::path partial = PartialFolderOf(data.path(), upload) / kAbc;
   std::ofstream(partial, std::ios::app) << "garbage";
@@ -171,7 +171,7 @@ TEST_F(BlobStoreTest, OnlyCommittedBytesAreCounted) {
   EXPECT_TRUE(store->ListPartial(upload).empty());
 }
 
-TEST(BlobStore, MovesWhatStoodBeforeProjects) {
+TEST(BlobStore, MovesBlobsFromBeforeProjects) {
   const testing::TempFolder data;
   const fs::path old = BlobFolder(data.path()) / "ba" / kAbc;
   fs::create_directories(old.parent_path());
@@ -179,7 +179,7 @@ TEST(BlobStore, MovesWhatStoodBeforeProjects) {
   ASSERT_OK_AND_ASSIGN(auto store, BlobStore::Open(data.path()));
   EXPECT_TRUE(store->Has({"default", kAbc}, 3));
   EXPECT_FALSE(fs::exists(old.parent_path()));
-  // Of a move that was cut off a part has gone; and a project may have such a name.
+  // An earlier move was interrupted half-way, and a project has a name like a folder of blobs.
   fs::create_directories(old.parent_path());
   std::ofstream(old) << "abc";
   const fs::path own = BlobPath(data.path(), {"ba", kAbc});

@@ -1,5 +1,5 @@
-// A stored file whose bytes change on the disk: found by a worker, set aside by the server, healed
-// by the next upload.
+// Stored files whose bytes change on the disk: a worker finds them, the server sets them aside, and
+// the next upload stores them again.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -12,7 +12,7 @@ namespace pepeseg {
 namespace {
 
 struct DamagedBlobsTest : ::testing::Test {
-  // The fake worker takes the first file's name as what to do.
+  // The fake worker acts by the name of the first file.
   DamagedBlobsTest() : running(PEPESEG_FAKE_WORKER) { running.CreateScene("shelf"); }
 
   BlobName NameOf(const TestFile& file) const { return {"default", Sha256Hex(file.bytes)}; }
@@ -34,7 +34,7 @@ struct DamagedBlobsTest : ::testing::Test {
     grpc::ClientContext context;
     return running.jobs->TrainScene(&context, Request(dataset), &job);
   }
-  // Of a job that has ended.
+  // Trains, and returns the job once it has ended.
   v1::Job TrainToTheEnd(const std::string& dataset) {
     const grpc::Status status = Train(dataset);
     EXPECT_TRUE(status.ok()) << status.error_message();
@@ -56,7 +56,7 @@ TEST_F(DamagedBlobsTest, AreSetAsideAndHealedByAnUploadOfTheSameFiles) {
   EXPECT_EQ(failed.state(), v1::JOB_STATE_FAILED);
   EXPECT_EQ(failed.error().code(), grpc::DATA_LOSS);
   EXPECT_EQ(failed.error().message(), "x/b: its stored bytes are damaged");
-  // Before anybody can see that the job has failed.
+  // The blob is set aside before clients can see that the job has failed.
   EXPECT_FALSE(std::filesystem::exists(BlobOf(files[1])));
   EXPECT_TRUE(std::filesystem::exists(DamagedPath(running.options.data, NameOf(files[1]))));
   EXPECT_TRUE(std::filesystem::exists(BlobOf(files[0])));
@@ -75,7 +75,7 @@ TEST_F(DamagedBlobsTest, AreSetAsideAndHealedByAnUploadOfTheSameFiles) {
   EXPECT_EQ(TrainToTheEnd(dataset).state(), v1::JOB_STATE_SUCCEEDED) << "the old dataset";
 }
 
-TEST_F(DamagedBlobsTest, AreSoForEveryDatasetAndOpenUploadThatNamesThem) {
+TEST_F(DamagedBlobsTest, AreMissingForEveryDatasetAndOpenUploadThatNamesThem) {
   const std::string dataset = running.UploadAndSeal("shelf", files);
   const v1::Upload open = running.CreateUpload("shelf", files);
   EXPECT_EQ(open.missing_files_size(), 0);
@@ -90,7 +90,7 @@ TEST_F(DamagedBlobsTest, AreSoForEveryDatasetAndOpenUploadThatNamesThem) {
             grpc::FAILED_PRECONDITION);
 }
 
-TEST_F(DamagedBlobsTest, AreNotTakenFromAWorkersWord) {
+TEST_F(DamagedBlobsTest, AreVerifiedByTheServerItself) {
   std::vector<TestFile> good = files;
   good[0].path = "claim damage";
   const std::string dataset = running.UploadAndSeal("shelf", good);
@@ -105,8 +105,8 @@ TEST_F(DamagedBlobsTest, AreNotTakenFromAWorkersWord) {
   EXPECT_TRUE(Train(dataset).ok());
 }
 
-// As after an operator has removed it, or a disk was lost.
-TEST_F(DamagedBlobsTest, ThatAreGoneRefuseTheTrainingAtOnce) {
+// As after an operator has removed a blob, or a disk was lost.
+TEST_F(DamagedBlobsTest, FailTheTrainingAtOnceWhenTheyAreMissing) {
   const std::string dataset = running.UploadAndSeal("shelf", files);
   std::filesystem::remove(BlobOf(files[0]));
   EXPECT_EQ(Train(dataset).error_code(), grpc::FAILED_PRECONDITION);

@@ -45,9 +45,9 @@ class SupervisorTest : public ::testing::Test {
   // Submits a job of a new scene, whose worker does what `act` says. Returns its id.
   std::string Submit(const std::string& act) {
     const std::string scene = absl::StrCat("s", ++num_scenes_);
-    EXPECT_TRUE(store_->CreateScene({scene, "", "", {}}).ok());
-    EXPECT_TRUE(store_->CreateDataset(scene, "", {{act, 1, 3, "00", true}}).ok());
-    EXPECT_TRUE(store_->SealDataset(scene, 1).ok());
+    EXPECT_TRUE(store_->scenes().CreateScene({scene, "", "", {}}).ok());
+    EXPECT_TRUE(store_->datasets().CreateDataset(scene, "", {{act, 1, 3, "00", true}}).ok());
+    EXPECT_TRUE(store_->datasets().SealDataset(scene, 1).ok());
     JobRow job;
     job.scene = scene;
     job.dataset = 1;
@@ -58,12 +58,12 @@ class SupervisorTest : public ::testing::Test {
 
   JobRow WaitFor(const std::string& job, const std::function<bool(const JobRow&)>& reached) {
     for (int i = 0; i < 2000; ++i) {
-      const auto row = store_->GetJob(job);
+      const auto row = store_->jobs().GetJob(job);
       if (row.ok() && reached(*row)) return *row;
       absl::SleepFor(absl::Milliseconds(10));
     }
     ADD_FAILURE() << "jobs/" << job << " did not get there within 20 s";
-    return store_->GetJob(job).value_or(JobRow());
+    return store_->jobs().GetJob(job).value_or(JobRow());
   }
 
   JobRow WaitForEnd(const std::string& job) {

@@ -19,7 +19,7 @@ TEST_F(SupervisorTest, CommitsTheModelOfAJobThatSucceeds) {
   const std::string job = Submit("succeed");
   const JobRow end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kSucceeded);
-  const auto model = store_->GetLiveModel(end.scene);
+  const auto model = store_->models().GetLiveModel(end.scene);
   ASSERT_TRUE(model.ok()) << model.status();
   EXPECT_EQ(model->number, end.model);
   EXPECT_EQ(model->folder, "jobs/" + job + "/attempt-1");
@@ -69,7 +69,7 @@ TEST_F(TakenOverWorker, CannotSubmitAModelWithALink) {
   const JobRow end = WaitForEnd(Submit("model with a link"));
   EXPECT_EQ(end.state, JobState::kFailed);
   EXPECT_THAT(end.error_message, HasSubstr("not taken"));
-  EXPECT_FALSE(store_->GetLiveModel(end.scene).ok());
+  EXPECT_FALSE(store_->models().GetLiveModel(end.scene).ok());
   ExpectVictimKept();
 }
 
@@ -161,7 +161,7 @@ TEST_F(SupervisorTest, CancelsAQueuedJobAtOnce) {
   const auto events = EventsOf(queued);
   ASSERT_EQ(events.size(), 1u);
   EXPECT_EQ(events[0].state_changed().state(), v1::JOB_STATE_CANCELLED);
-  EXPECT_EQ(store_->GetJob(running)->state, JobState::kRunning);
+  EXPECT_EQ(store_->jobs().GetJob(running)->state, JobState::kRunning);
 }
 
 TEST_F(SupervisorTest, CancelsARunningJobWithinASecond) {
@@ -188,8 +188,8 @@ TEST_F(SupervisorTest, RequeuesRunningJobsOnStop) {
   const std::string waiting = Submit("succeed");
   WaitForStage(job);
   supervisor_->Stop(absl::Now() + absl::Seconds(5));
-  EXPECT_EQ(store_->GetJob(job)->state, JobState::kQueued);
-  EXPECT_EQ(store_->GetJob(waiting)->state, JobState::kQueued);
+  EXPECT_EQ(store_->jobs().GetJob(job)->state, JobState::kQueued);
+  EXPECT_EQ(store_->jobs().GetJob(waiting)->state, JobState::kQueued);
   Restart();
   const JobRow end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kSucceeded);
@@ -201,14 +201,14 @@ TEST_F(SupervisorTest, ClaimsNoJobsAfterAStop) {
   supervisor_->StopClaiming();
   const std::string job = Submit("succeed");
   absl::SleepFor(absl::Milliseconds(200));
-  EXPECT_EQ(store_->GetJob(job)->state, JobState::kQueued);
+  EXPECT_EQ(store_->jobs().GetJob(job)->state, JobState::kQueued);
 }
 
 // A server that is killed leaves its job RUNNING in the store.
 TEST_F(SupervisorTest, RunsTheJobOfAKilledServerAgain) {
   supervisor_->StopClaiming();
   const std::string job = Submit("succeed");
-  ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
+  ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
   Restart();
   const JobRow end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kSucceeded);
@@ -219,9 +219,9 @@ TEST_F(SupervisorTest, FailsAJobDuringWhichServersKeepEnding) {
   options_.max_server_ends = 2;
   supervisor_->StopClaiming();
   const std::string job = Submit("succeed");
-  ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
-  ASSERT_TRUE(store_->RequeueJob(job, 1, {AttemptEnd::kServerEnded, false, {}}).ok());
-  ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
+  ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
+  ASSERT_TRUE(store_->queue().RequeueJob(job, 1, {AttemptEnd::kServerEnded, false, {}}).ok());
+  ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
   Restart();  // ends the second of two attempts
   const JobRow end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kFailed);
@@ -233,10 +233,10 @@ TEST_F(SupervisorTest, DoesNotCountEndsOfTheServerAsCrashes) {
   supervisor_->StopClaiming();
   const std::string job = Submit("crash at 4");
   for (int i = 0; i < 3; ++i) {
-    ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
-    ASSERT_TRUE(
-        store_->RequeueJob(job, i + 1, {AttemptEnd::kServerEnded, false, absl::ZeroDuration()})
-            .ok());
+    ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
+    ASSERT_TRUE(store_->queue()
+                    .RequeueJob(job, i + 1, {AttemptEnd::kServerEnded, false, absl::ZeroDuration()})
+                    .ok());
   }
   Restart();
   const JobRow end = WaitForEnd(job);
@@ -251,7 +251,7 @@ TEST_F(SupervisorTest, PausesLongerAfterEachCrashWithoutDelayingOtherJobs) {
   const absl::Time start = absl::Now();
   const std::string crash = Submit("crash");
   WaitFor(crash, [](const JobRow& row) { return row.crashes == 2; });
-  const JobRow paused = *store_->GetJob(crash);
+  const JobRow paused = *store_->jobs().GetJob(crash);
   EXPECT_EQ(paused.state, JobState::kQueued);
   EXPECT_EQ(paused.fence, 2);
   EXPECT_GE(paused.not_before - start, absl::Milliseconds(1200));

@@ -71,7 +71,7 @@ TEST_F(UnwrittenStates, ReportsAnEndAndWritesItLater) {
   EXPECT_LT(absl::Now() - start, absl::Seconds(5));
   EXPECT_GE(num_calls, 1);
   EXPECT_TRUE(supervisor_->FindObstacle("j99", /*queued=*/true).ok()) << "of this job only";
-  EXPECT_EQ(store_->GetJob(job)->state, JobState::kRunning);
+  EXPECT_EQ(store_->jobs().GetJob(job)->state, JobState::kRunning);
   absl::SleepFor(start + absl::Seconds(5) - absl::Now());
   Change("ALTER TABLE no_models RENAME TO models");
   EXPECT_EQ(WaitForEnd(job).state, JobState::kSucceeded);
@@ -87,7 +87,7 @@ TEST_F(UnwrittenStates, ReportsAFailedClaimAndRepeatsIt) {
   const std::string job = Submit("succeed");
   EXPECT_FALSE(WaitForObstacle(job, /*queued=*/true).ok());
   EXPECT_TRUE(supervisor_->FindObstacle(job, /*queued=*/false).ok()) << "runs at another server";
-  EXPECT_EQ(store_->GetJob(job)->state, JobState::kQueued);
+  EXPECT_EQ(store_->jobs().GetJob(job)->state, JobState::kQueued);
   Change("DROP TRIGGER full");
   EXPECT_EQ(WaitForEnd(job).state, JobState::kSucceeded);
   EXPECT_TRUE(supervisor_->FindObstacle(job, /*queued=*/true).ok());
@@ -107,9 +107,9 @@ TEST_F(UnwrittenStates, LosesNoModelWithoutDescriptors) {
   const absl::Status obstacle = WaitForObstacle(job, /*queued=*/false);
   ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &all), 0);
   EXPECT_TRUE(absl::IsUnavailable(obstacle)) << obstacle;
-  EXPECT_EQ(store_->GetJob(job)->state, JobState::kRunning);
+  EXPECT_EQ(store_->jobs().GetJob(job)->state, JobState::kRunning);
   EXPECT_EQ(WaitForEnd(job).state, JobState::kSucceeded);
-  EXPECT_EQ(store_->GetJob(job)->fence, 1);
+  EXPECT_EQ(store_->jobs().GetJob(job)->fence, 1);
   EXPECT_LE(CountLines("writing its end"), 3);
 }
 

@@ -9,7 +9,6 @@
 
 #include "absl/time/clock.h"
 #include "kernels/buffer.h"
-#include "server/observe/health_probes.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -17,7 +16,7 @@ namespace {
 
 constexpr HealthMonitor::Pace kQuick = {absl::Milliseconds(5), absl::Milliseconds(100)};
 
-// What has been published, and waiting for it.
+// Records what is published, and waits for it.
 class Published {
  public:
   HealthMonitor::Publish Callback() {
@@ -45,7 +44,7 @@ class Published {
   std::map<std::string, bool> serving_;
 };
 
-TEST(HealthMonitor, AProbeThatCannotHangIsRunWithoutAThread) {
+TEST(HealthMonitor, RunsAProbeThatCannotHangWithoutAThread) {
   Published published;
   std::atomic<bool> works = true;
   HealthMonitor::Probe probe;
@@ -61,7 +60,7 @@ TEST(HealthMonitor, AProbeThatCannotHangIsRunWithoutAThread) {
   EXPECT_TRUE(published.Await("a", true));
 }
 
-TEST(HealthMonitor, AProbeThatFailsTakesItsServicesOnlyAndGivesThemBack) {
+TEST(HealthMonitor, StopsOnlyTheServicesOfAFailingProbeAndRestoresThem) {
   Published published;
   std::atomic<bool> works = true;
   HealthMonitor monitor(
@@ -77,7 +76,7 @@ TEST(HealthMonitor, AProbeThatFailsTakesItsServicesOnlyAndGivesThemBack) {
   EXPECT_TRUE(published.Await("a", true));
 }
 
-TEST(HealthMonitor, AProbeThatHangsHasFailedAndDoesNotHoldTheOthers) {
+TEST(HealthMonitor, FailsAProbeThatHangsWithoutDelayingTheOthers) {
   Published published;
   std::promise<void> go_on;
   const std::shared_future<void> gate = go_on.get_future().share();
@@ -101,14 +100,14 @@ TEST(HealthMonitor, AProbeThatHangsHasFailedAndDoesNotHoldTheOthers) {
   EXPECT_TRUE(published.Await("a", true));
 }
 
-TEST(HealthMonitor, DrainingIsPublishedAtOnceAndTakenBack) {
+TEST(HealthMonitor, PublishesDrainingAndItsEndAtOnce) {
   Published published;
   HealthMonitor monitor({"a", ""}, {{"fine", [] { return absl::OkStatus(); }, {"a"}}}, kQuick);
   monitor.Start(published.Callback());
   monitor.SetDraining(true);
   EXPECT_TRUE(published.Is("a", false));
   EXPECT_TRUE(published.Is("", false));
-  absl::SleepFor(absl::Milliseconds(30));  // some probes that are fine
+  absl::SleepFor(absl::Milliseconds(30));  // several probes succeed meanwhile
   EXPECT_TRUE(published.Is("a", false));
   monitor.SetDraining(false);
   EXPECT_TRUE(published.Is("a", true));
@@ -126,7 +125,7 @@ TEST(ProbeDisk, FailsWithoutRoomOrFolderAndLeavesNothing) {
 TEST(ProbeDevice, FailsWhileTheBackendHasAnError) {
   const auto backend = MakeCpuBackend(1);
   EXPECT_TRUE(ProbeDevice(*backend).ok());
-#ifndef __SANITIZE_ADDRESS__  // which ends the program instead
+#ifndef __SANITIZE_ADDRESS__  // which would end the program instead
   const Buffer<float> too_large(*backend, int64_t{1} << 50);
   const absl::Status broken = ProbeDevice(*backend);
   EXPECT_TRUE(absl::IsInternal(broken)) << broken;

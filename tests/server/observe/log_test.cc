@@ -12,7 +12,7 @@
 namespace pepeseg {
 namespace {
 
-// What `write` sends to standard error.
+// Returns what `write` writes to standard error.
 template <typename Write>
 std::string LinesOf(Write write) {
   ::testing::internal::CaptureStderr();
@@ -23,7 +23,7 @@ std::string LinesOf(Write write) {
   return lines;
 }
 
-TEST(Log, JsonIsOneObjectALineWhateverTheMessageHolds) {
+TEST(Log, WritesOneJsonObjectPerLineForAnyMessage) {
   const std::string lines = LinesOf([] {
     ConfigureLog(LogFormat::kJson);
     spdlog::warn("a \"quote\"\nand a line, {}", "\xff not UTF-8");
@@ -41,7 +41,7 @@ TEST(Log, JsonIsOneObjectALineWhateverTheMessageHolds) {
   EXPECT_FALSE(json.contains("request_id"));
 }
 
-TEST(Log, FieldsAreThoseOfTheInnermostScopeThenOfTheProcess) {
+TEST(Log, TakesFieldsFromTheInnermostScopeThenTheProcess) {
   const std::string lines = LinesOf([] {
     LogFields process;
     process.job = "j3";
@@ -71,7 +71,7 @@ TEST(Log, FieldsAreThoseOfTheInnermostScopeThenOfTheProcess) {
   EXPECT_FALSE(out.contains("duration"));
 }
 
-TEST(Log, TextTellsTheJobAndItsTrace) {
+TEST(Log, ShowsTheJobAndItsTraceInText) {
   const std::string lines = LinesOf([] {
     LogFields process;
     process.job = "j3";
@@ -84,7 +84,7 @@ TEST(Log, TextTellsTheJobAndItsTrace) {
       << lines;
 }
 
-TEST(LogFormatOf, KnowsTwoNames) {
+TEST(LogFormatOf, AcceptsTwoNames) {
   EXPECT_EQ(LogFormatOf("text"), LogFormat::kText);
   EXPECT_EQ(LogFormatOf("json"), LogFormat::kJson);
   EXPECT_EQ(LogFormatOf("xml"), std::nullopt);
@@ -111,7 +111,7 @@ TEST(Traceparent, IsParsedStrictly) {
   }
 }
 
-TEST(Traceparent, ChildrenKeepTheTrace) {
+TEST(Traceparent, KeepsTheTraceInChildren) {
   const TraceContext parent = *ParseTraceparent(kGood);
   const TraceContext child = ChildOf(parent);
   EXPECT_EQ(child.trace_id, parent.trace_id);

@@ -10,13 +10,13 @@
 namespace pepeseg {
 namespace {
 
-TEST(LatencyWindow, TellsTheLastTenSecondsToWithinTenPercent) {
+TEST(LatencyWindow, ReportsTheLastTenSecondsWithinTenPercent) {
   LatencyWindow window;
   const absl::Time now = absl::FromUnixSeconds(1'000'000);
   for (int i = 0; i < 980; ++i) window.Record(absl::Milliseconds(20), now - absl::Seconds(1));
   for (int i = 0; i < 20; ++i) window.Record(absl::Seconds(3), now - absl::Seconds(10));
   window.Record(absl::Seconds(100), now - absl::Seconds(11));  // too long ago
-  window.Record(absl::Seconds(100), now);                      // not over yet
+  window.Record(absl::Seconds(100), now);                      // in the current second
   const auto told = LatencyWindow::Summarize(now, window);
   EXPECT_DOUBLE_EQ(told.per_second, 100);
   EXPECT_NEAR(absl::ToDoubleMilliseconds(told.p50), 20, 2);
@@ -24,10 +24,10 @@ TEST(LatencyWindow, TellsTheLastTenSecondsToWithinTenPercent) {
   EXPECT_EQ(LatencyWindow::Summarize(now + absl::Minutes(1), window).per_second, 0);
 }
 
-TEST(LatencyWindow, LosesNothingToOtherThreads) {
+TEST(LatencyWindow, CountsRecordsOfAllThreads) {
   LatencyWindow window, other;
   const absl::Time now = absl::FromUnixSeconds(1'000'000);
-  window.Record(absl::Milliseconds(1), now - absl::Seconds(12));  // left in the slot
+  window.Record(absl::Milliseconds(1), now - absl::Seconds(12));  // an old count in the same slot
   std::vector<std::thread> threads;
   threads.reserve(4);
   for (int t = 0; t < 4; ++t) {
@@ -40,7 +40,7 @@ TEST(LatencyWindow, LosesNothingToOtherThreads) {
   EXPECT_DOUBLE_EQ(LatencyWindow::Summarize(now, window, other).per_second, 4000.1);
 }
 
-// Samples of a family that have the label.
+// Returns the samples of a family that have the label.
 int CountSamples(const JobMetrics& metrics, const std::string& family, const std::string& label) {
   int count = 0;
   for (const prometheus::MetricFamily& found : metrics.Collect()) {
@@ -52,7 +52,7 @@ int CountSamples(const JobMetrics& metrics, const std::string& family, const std
   return count;
 }
 
-TEST(JobMetrics, AJobsSeriesGoWithIt) {
+TEST(JobMetrics, RemovesTheSeriesOfAJobThatHasEnded) {
   JobMetrics metrics;
   v1::JobEvent event;
   event.mutable_progress()->set_stage("reconstruct");
@@ -69,7 +69,7 @@ TEST(JobMetrics, AJobsSeriesGoWithIt) {
   EXPECT_EQ(CountSamples(metrics, "pepeseg_job_psnr_decibels", "j2"), 1);
 }
 
-TEST(JobMetrics, StagesThatRanAreTimedUnderTheirOwnNames) {
+TEST(JobMetrics, RecordsDurationsOfStagesByName) {
   JobMetrics metrics;
   v1::JobEvent event;
   event.mutable_stage_ended()->set_stage("reconstruct");

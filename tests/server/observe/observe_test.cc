@@ -1,4 +1,4 @@
-// A server as it is watched: metrics, request ids, traces, status, draining, health.
+// Observing a server: metrics, request ids, traces, status, draining, health.
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
@@ -58,7 +58,7 @@ struct ObserveTest : ::testing::Test {
     const std::string metrics = HttpGet(running.server->metrics_port(), "/metrics");
     return metrics.find("\n" + line) != std::string::npos;
   }
-  // A client has its answer a moment before the server is done with the call.
+  // A client gets its response a moment before the call has ended on the server.
   bool ExposesSoon(const std::string& line) {
     for (int i = 0; i < 500 && !Exposes(line); ++i) absl::SleepFor(absl::Milliseconds(10));
     return Exposes(line);
@@ -90,7 +90,7 @@ TEST_F(ObserveTest, MetricsCountCallsByKnownMethodsOnly) {
   EXPECT_TRUE(Exposes("pepeseg_jobs{state=\"running\"} 0"));
   EXPECT_TRUE(Exposes("pepeseg_pool_busy_threads{pool=\"query\"} 0"));
   EXPECT_TRUE(Exposes("pepeseg_process_threads "));
-  // A method that a client made up.
+  // A method that does not exist.
   const auto elsewhere = v1::AdminService::NewStub(running.channel);
   grpc::ClientContext context;
   v1::ServerStatus status;
@@ -98,7 +98,7 @@ TEST_F(ObserveTest, MetricsCountCallsByKnownMethodsOnly) {
   EXPECT_EQ(HttpGet(running.server->metrics_port(), "/metrics").find("made"), std::string::npos);
 }
 
-TEST_F(ObserveTest, MetricsTellOfModelsInMemoryAndTheirMaps) {
+TEST_F(ObserveTest, MetricsReportModelsInMemoryAndTheirMaps) {
   running.CreateScene("shelf");
   ASSERT_EQ(running.Await(running.Train("shelf", "file").name()).state(), v1::JOB_STATE_SUCCEEDED);
   EXPECT_TRUE(Exposes("pepeseg_models 1"));
@@ -118,12 +118,12 @@ TEST_F(ObserveTest, MetricsTellOfModelsInMemoryAndTheirMaps) {
   EXPECT_TRUE(Exposes("pepeseg_feature_map_renders_total 1"));
   EXPECT_FALSE(Exposes("pepeseg_feature_map_hits_total 0"));
   EXPECT_TRUE(Exposes("pepeseg_jobs{state=\"succeeded\"} 1"));
-  absl::SleepFor(absl::Seconds(1.1));  // only whole seconds count
+  absl::SleepFor(absl::Seconds(1.1));  // the window has whole seconds only
   EXPECT_NEAR(Status().queries_per_second(), 0.2, 1e-9);
   EXPECT_GT(Status().query_p99().nanos(), 0);
 }
 
-TEST_F(ObserveTest, ACallWhoseDeadlinePassesInTheQueueIsNotComputed) {
+TEST_F(ObserveTest, SkipsACallWhoseDeadlinePassesInTheQueue) {
   running.CreateScene("shelf");
   ASSERT_EQ(running.Await(running.Train("shelf", "file").name()).state(), v1::JOB_STATE_SUCCEEDED);
   v1::ProposeScalesRequest slow;
@@ -170,7 +170,7 @@ TEST_F(ObserveTest, MetricsBeyondThisMachineNeedInsecure) {
   EXPECT_TRUE(absl::IsInvalidArgument(Server::Start(options).status()));
 }
 
-TEST_F(ObserveTest, RequestIdsComeBackOrAreMade) {
+TEST_F(ObserveTest, ReturnsOrMakesRequestIds) {
   EXPECT_EQ(EchoOf("order-66"), "order-66");
   const std::string made = EchoOf("");
   EXPECT_TRUE(IsRequestId(made)) << made;
@@ -179,7 +179,7 @@ TEST_F(ObserveTest, RequestIdsComeBackOrAreMade) {
   EXPECT_NE(EchoOf(std::string(65, 'x')), std::string(65, 'x'));
 }
 
-TEST_F(ObserveTest, AJobKeepsTheTraceOfTheCallThatMadeIt) {
+TEST_F(ObserveTest, JobKeepsTheTraceOfTheCallThatMadeIt) {
   constexpr char kTrace[] = "4bf92f3577b34da6a3ce929d0e0e4736";
   running.CreateScene("shelf");
   const std::string dataset = running.UploadAndSeal("shelf", {{"file", "bytes"}});
@@ -200,7 +200,7 @@ TEST_F(ObserveTest, AJobKeepsTheTraceOfTheCallThatMadeIt) {
   EXPECT_NE(trace->parent_id, "00f067aa0ba902b7");
 }
 
-TEST_F(ObserveTest, StatusTellsWhatTheServerDoes) {
+TEST_F(ObserveTest, StatusReportsWhatTheServerDoes) {
   running.CreateScene("shelf");
   const v1::Job job = running.Train("shelf", "hang");
   grpc::ClientContext context;
@@ -225,7 +225,7 @@ TEST_F(ObserveTest, StatusTellsWhatTheServerDoes) {
   context.TryCancel();
 }
 
-TEST_F(ObserveTest, DrainingTakesNothingNewAndIsTakenBack) {
+TEST_F(ObserveTest, DrainingRefusesNewWorkUntilItIsRevoked) {
   running.CreateScene("shelf");
   const v1::Job job = running.Train("shelf", "hang");
   grpc::ClientContext old_context;
@@ -246,8 +246,8 @@ TEST_F(ObserveTest, DrainingTakesNothingNewAndIsTakenBack) {
   const auto late = running.jobs->WatchJob(&new_context, watch);
   EXPECT_FALSE(late->Read(&event));
   EXPECT_EQ(late->Finish().error_code(), grpc::UNAVAILABLE);
-  // The old one goes on. The client hears of the end of the other before the server is done with
-  // it.
+  // The old stream continues. The client learns of the other's end before it has ended on the
+  // server.
   for (int i = 0; i < 500 && Status().num_streams() != 1; ++i) {
     absl::SleepFor(absl::Milliseconds(10));
   }
@@ -259,7 +259,7 @@ TEST_F(ObserveTest, DrainingTakesNothingNewAndIsTakenBack) {
   old_context.TryCancel();
 }
 
-TEST_F(ObserveTest, ADataDirectoryThatIsGoneEndsUploadsNotQuestions) {
+TEST_F(ObserveTest, MissingDataDirectoryStopsUploadsButNotQueries) {
   const auto socket = ConnectTo(running.server->port());
   const auto await = [&](const char* service, int health) {
     const absl::Time deadline = absl::Now() + absl::Seconds(10);
@@ -280,7 +280,7 @@ TEST_F(ObserveTest, ADataDirectoryThatIsGoneEndsUploadsNotQuestions) {
   EXPECT_TRUE(await("pepeseg.v1.DatasetService", kServing));
 }
 
-TEST_F(ObserveTest, WhileItWaitsForTheGatewayAStoppingServerStillAnswers) {
+TEST_F(ObserveTest, StoppingServerStillAnswersWhileItWaitsForTheGateway) {
   running.options.drain = absl::Seconds(1);
   running.Restart();
   running.CreateScene("shelf");

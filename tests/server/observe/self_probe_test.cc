@@ -33,7 +33,7 @@ TEST(SelfProbe, ReportsOnceAfterThreeFailuresInARow) {
   EXPECT_EQ(num_reports, 1);
 }
 
-TEST(SelfProbe, SaysNothingWhileTheServerAnswers) {
+TEST(SelfProbe, ReportsNothingWhileTheServerAnswers) {
   std::atomic<int> num_tries = 0, num_reports = 0;
   {
     const SelfProbe probe(

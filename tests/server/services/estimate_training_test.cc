@@ -253,7 +253,7 @@ TEST(MeasureDataset, StopsWhereNobodyWaits) {
   const testing::TempFolder folder;
   const auto store = *Store::Open(testing::NewTestDatabase(folder.path()));
   const auto blobs = *BlobStore::Open(folder / "data");
-  ASSERT_OK(store->CreateScene({"a", "", "", {}}));
+  ASSERT_OK(store->scenes().CreateScene({"a", "", "", {}}));
   std::vector<DatasetFileRow> files;
   for (int i = 0; i < 3; ++i) {
     const std::string bytes = testing::BlackPng(40 + i, 30, 8);
@@ -263,7 +263,7 @@ TEST(MeasureDataset, StopsWhereNobodyWaits) {
     std::filesystem::create_directories(path.parent_path());
     std::ofstream(path, std::ios::binary) << bytes;
   }
-  ASSERT_OK(store->CreateDataset("a", "", files));
+  ASSERT_OK(store->datasets().CreateDataset("a", "", files));
   ServiceContext context{};
   context.store = store.get();
   context.blobs = blobs.get();
@@ -273,7 +273,7 @@ TEST(MeasureDataset, StopsWhereNobodyWaits) {
   };
   EXPECT_TRUE(absl::IsCancelled(MeasureDataset(context, {"a", 1, {}}, wanted).status()));
   EXPECT_EQ(num_asked, 3);
-  ASSERT_OK_AND_ASSIGN(files, store->ListDatasetFiles("a", 1));
+  ASSERT_OK_AND_ASSIGN(files, store->files().ListDatasetFiles("a", 1));
   EXPECT_EQ(files[0].width, 40);
   EXPECT_EQ(files[1].header, HeaderState::kRead);
   EXPECT_EQ(files[2].header, HeaderState::kUnread);

@@ -13,7 +13,7 @@
 namespace pepeseg::testing {
 namespace {
 
-constexpr int kLookMilliseconds = 50;  // how often a thread asks whether it shall end
+constexpr int kLookMilliseconds = 50;  // interval at which threads check whether to stop
 constexpr size_t kLengthBytes = 4;
 
 sockaddr_un AddressOf(const std::filesystem::path& path) {
@@ -33,15 +33,16 @@ bool SendAll(int to, const std::string& bytes) {
   return true;
 }
 
-// What is there; empty: the other side is gone.
+// Returns the bytes that have arrived; none: the connection is closed.
 std::string Receive(int from) {
   std::array<char, 1 << 16> block{};
   const ssize_t got = recv(from, block.data(), block.size(), 0);
   return {block.data(), got > 0 ? static_cast<size_t>(got) : 0};
 }
 
-// Bytes of the message at the start of `pending`; 0: it is not whole. All but a connection's first
-// have a byte for their type before their length.
+// Returns the size of the message at the start of `pending`, or 0 if it is not complete. In
+// PostgreSQL's protocol every message but the first of a connection begins with a byte for its
+// type, before its length.
 size_t MessageBytes(const std::string& pending, bool started) {
   const size_t type = started ? 1 : 0;
   if (pending.size() < type + kLengthBytes) return 0;
@@ -51,7 +52,8 @@ size_t MessageBytes(const std::string& pending, bool started) {
   return pending.size() < size ? 0 : size;
 }
 
-// A simple query (Q: its text), or one to be parsed (P: a name, then its text).
+// Returns whether a message is a COMMIT: a simple query (Q, then its text) or one to be parsed (P,
+// then a name and the text).
 bool IsCommit(const std::string& message) {
   if (message.size() <= 1 + kLengthBytes) return false;
   std::string text = message.substr(1 + kLengthBytes);
@@ -59,7 +61,8 @@ bool IsCommit(const std::string& message) {
   return (message[0] == 'Q' || message[0] == 'P') && text.starts_with("COMMIT");
 }
 
-// Waits for the server to say that it has done what it was sent; nobody hears it.
+// Reads from the server until it reports that it is ready for the next query. The client does not
+// get these bytes.
 void AwaitReady(int server) {
   std::string pending;
   while (true) {
@@ -116,8 +119,8 @@ void CommitCutter::Accept() {
 }
 
 void CommitCutter::Serve(Pair pair) {
-  std::string pending;   // of the client, no whole message yet
-  bool started = false;  // its first message is through
+  std::string pending;   // bytes of the client that are not a whole message yet
+  bool started = false;  // the client's start-up message was forwarded
   for (bool open = true; open && !stopping_;) {
     std::array<pollfd, 2> wait = {pollfd{pair.client, POLLIN, 0}, pollfd{pair.server, POLLIN, 0}};
     if (poll(wait.data(), wait.size(), kLookMilliseconds) <= 0) continue;
@@ -144,7 +147,7 @@ bool CommitCutter::Forward(const Pair& pair, std::string& pending, bool& started
     if (hit && cut_ == Cut::kBefore) return false;
     if (!SendAll(pair.server, message)) return false;
     if (hit) {
-      // The rest of its messages, where the query was parsed first.
+      // If the query was sent as Parse, the messages that execute it follow.
       if (!SendAll(pair.server, pending)) return false;
       AwaitReady(pair.server);
       return false;

@@ -12,25 +12,25 @@
 
 namespace pepeseg::testing {
 
-// Stands between clients and a PostgreSQL server, on a socket of its own, and cuts a connection at
-// a COMMIT: before the server gets it, or after the server has done it and before the client hears
-// of it. Ends with the object. Thread safe.
+// A proxy between clients and a PostgreSQL server, on a socket of its own. It cuts a connection at
+// a COMMIT: before the server receives it, or after the server has committed and before the client
+// gets the answer. Thread safe.
 class CommitCutter {
  public:
   enum class Cut { kBefore, kAfter };
 
-  // `socket`: of the server.
+  // `socket`: the server's.
   explicit CommitCutter(std::filesystem::path socket);
   ~CommitCutter();
   CommitCutter(const CommitCutter&) = delete;
   CommitCutter& operator=(const CommitCutter&) = delete;
 
-  // libpq's "host".
+  // Returns the value of libpq's "host" for clients.
   std::string host() const { return folder_.path(); }
 
-  // Cuts at the COMMIT that is the `number`th from now on, from 1. 0: at none.
+  // Cuts at the `number`th COMMIT from now on, counted from 1. 0: never.
   void Arm(int64_t number, Cut cut);
-  // COMMITs since then.
+  // Returns the number of COMMITs since Arm.
   int64_t num_commits() const { return num_commits_; }
   bool has_cut() const { return has_cut_; }
 
@@ -40,7 +40,7 @@ class CommitCutter {
   };
   void Accept();
   void Serve(Pair pair);
-  // What a client sent, as whole messages. False: the connection is to end.
+  // Forwards the whole messages that a client has sent. Returns false if the connection must end.
   bool Forward(const Pair& pair, std::string& pending, bool& started);
 
   const TempFolder folder_;

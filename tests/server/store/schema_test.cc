@@ -10,7 +10,7 @@
 namespace pepeseg {
 namespace {
 
-// A database as the first release left it, with a finished job and its model.
+// Writes a database with the schema of the first release, a finished job and its model.
 void WriteFirstVersion(const std::string& path) {
   soci::session sql(soci::sqlite3, absl::StrCat("dbname=\"", path, "\""));
   sql << "CREATE TABLE schema_version (version INTEGER NOT NULL)";
@@ -25,49 +25,49 @@ void WriteFirstVersion(const std::string& path) {
   sql << "INSERT INTO dataset_files VALUES ('a', 1, 'images/2.jpg', 1, 20, 'aa', 1)";
 }
 
-TEST(Schema, FirstVersionIsBroughtUpToDateWithItsRows) {
+TEST(Schema, UpgradesTheFirstVersionWithItsRecords) {
   const testing::TempFolder folder;
   const std::string path = (folder.path() / "store.db").string();
   WriteFirstVersion(path);
   const auto store = Store::Open("sqlite:" + path);
   ASSERT_TRUE(store.ok()) << store.status();
-  const auto job = (*store)->GetJob("j1");
+  const auto job = (*store)->jobs().GetJob("j1");
   ASSERT_TRUE(job.ok()) << job.status();
   EXPECT_EQ(job->state, JobState::kSucceeded);
-  EXPECT_EQ(job->device, "");  // nobody noted it then
-  const auto model = (*store)->GetLiveModel("a");
+  EXPECT_EQ(job->device, "");  // not recorded then
+  const auto model = (*store)->models().GetLiveModel("a");
   ASSERT_TRUE(model.ok()) << model.status();
   EXPECT_EQ(model->num_gaussians, 7);
   EXPECT_EQ(model->device, "");
   EXPECT_EQ(model->sources, "");
-  const auto file = (*store)->GetDatasetFile("a", 1, "images/1.jpg");
+  const auto file = (*store)->files().GetDatasetFile("a", 1, "images/1.jpg");
   ASSERT_TRUE(file.ok()) << file.status();
   EXPECT_EQ(file->header, HeaderState::kUnread);
-  EXPECT_EQ((*store)->GetUsage("default")->stored_bytes, 20 + 8) << "a blob and a model";
+  EXPECT_EQ((*store)->quotas().GetUsage("default")->stored_bytes, 20 + 8) << "a blob and a model";
   JobRow next;
   next.scene = "a";
   next.dataset = 1;
-  ASSERT_TRUE((*store)->CreateJob(next).ok());
-  EXPECT_EQ((**(*store)->ClaimJob("cuda 0 (X)")).device, "cuda 0 (X)");
+  ASSERT_TRUE((*store)->jobs().CreateJob(next).ok());
+  EXPECT_EQ((**(*store)->queue().ClaimJob("cuda 0 (X)")).device, "cuda 0 (X)");
 }
 
-TEST(Schema, OldScenesKeepTheirIdsAsKeysAndOtherProjectsMayUseTheIds) {
+TEST(Schema, KeepsIdsOfOldScenesAsKeysAndFreesThemForOtherProjects) {
   const testing::TempFolder folder;
   const std::string path = (folder.path() / "store.db").string();
   WriteFirstVersion(path);
   const auto store = Store::Open("sqlite:" + path);
   ASSERT_TRUE(store.ok()) << store.status();
-  EXPECT_EQ(*(*store)->FindScene("default", "a"), "a");
-  EXPECT_EQ((*store)->GetScene("a")->display_name, "A");
-  EXPECT_TRUE(absl::IsAlreadyExists((*store)->CreateScene({"a", "", "", {}}).status()));
-  const auto theirs = (*store)->CreateScene({"a", "", "", {}, "lab"});
+  EXPECT_EQ(*(*store)->scenes().FindScene("default", "a"), "a");
+  EXPECT_EQ((*store)->scenes().GetScene("a")->display_name, "A");
+  EXPECT_TRUE(absl::IsAlreadyExists((*store)->scenes().CreateScene({"a", "", "", {}}).status()));
+  const auto theirs = (*store)->scenes().CreateScene({"a", "", "", {}, "lab"});
   ASSERT_TRUE(theirs.ok()) << theirs.status();
   EXPECT_NE(theirs->key, "a");
-  EXPECT_TRUE((*store)->GetLiveModel("a").ok());
-  EXPECT_FALSE((*store)->GetLiveModel(theirs->key).ok());
+  EXPECT_TRUE((*store)->models().GetLiveModel("a").ok());
+  EXPECT_FALSE((*store)->models().GetLiveModel(theirs->key).ok());
 }
 
-TEST(Schema, ScenesAndModelsOfOldVersionsTakeLabelsAndSelections) {
+TEST(Schema, AddsLabelsAndSelectionsToOldScenesAndModels) {
   const testing::TempFolder folder;
   const std::string path = (folder.path() / "store.db").string();
   WriteFirstVersion(path);
@@ -76,15 +76,15 @@ TEST(Schema, ScenesAndModelsOfOldVersionsTakeLabelsAndSelections) {
   LabelRow label;
   label.scene = "a";
   label.id = "cup";
-  EXPECT_TRUE((*store)->CreateLabel(label).ok());
-  const auto number = (*store)->TakeSelectionNumber("a");
+  EXPECT_TRUE((*store)->labels().CreateLabel(label).ok());
+  const auto number = (*store)->selections().TakeSelectionNumber("a");
   ASSERT_TRUE(number.ok()) << number.status();
   EXPECT_EQ(*number, 1);
   SelectionRow selection;
   selection.scene = "a";
   selection.number = *number;
   selection.model = 1;
-  EXPECT_TRUE((*store)->CreateSelection(selection).ok());
+  EXPECT_TRUE((*store)->selections().CreateSelection(selection).ok());
 }
 
 }  // namespace

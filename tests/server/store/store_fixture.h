@@ -11,7 +11,7 @@
 
 namespace pepeseg {
 
-// An empty store, which can be closed and opened again.
+// An empty store that a test can close and open again.
 class StoreTest : public ::testing::Test {
  protected:
   StoreTest() : url_(testing::NewTestDatabase(folder_.path())) { Reopen(); }
@@ -24,15 +24,16 @@ class StoreTest : public ::testing::Test {
   }
 
   void MakeScene(const std::string& id) {
-    const auto scene = store_->CreateScene({id, "Name of " + id, "", {}});
+    const auto scene = store_->scenes().CreateScene({id, "Name of " + id, "", {}});
     ASSERT_TRUE(scene.ok()) << scene.status();
   }
 
-  // A scene with dataset 1, sealed.
+  // Creates a scene with the sealed dataset 1.
   void MakeTrainable(const std::string& id) {
     MakeScene(id);
-    ASSERT_TRUE(store_->CreateDataset(id, "", {{"images/a.jpg", 1, 3, "00", true}}).ok());
-    ASSERT_TRUE(store_->SealDataset(id, 1).ok());
+    ASSERT_TRUE(
+        store_->datasets().CreateDataset(id, "", {{"images/a.jpg", 1, 3, "00", true}}).ok());
+    ASSERT_TRUE(store_->datasets().SealDataset(id, 1).ok());
   }
 
   absl::StatusOr<JobRow> Train(const std::string& scene, const std::string& request_id = "") {
@@ -42,7 +43,7 @@ class StoreTest : public ::testing::Test {
     job.options = std::string("\0opt\xff", 5);
     job.effective_options = "effective";
     job.request_id = request_id;
-    return store_->CreateJob(job);
+    return store_->jobs().CreateJob(job);
   }
 
   testing::TempFolder folder_;

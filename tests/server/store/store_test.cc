@@ -12,43 +12,43 @@ namespace pepeseg {
 namespace {
 
 TEST_F(StoreTest, KeepsScenesAfterReopening) {
-  const auto made = store_->CreateScene({"kitchen", "The kitchen", "r1", {}});
+  const auto made = store_->scenes().CreateScene({"kitchen", "The kitchen", "r1", {}});
   ASSERT_TRUE(made.ok()) << made.status();
   Reopen();
-  const auto found = store_->GetScene("kitchen");
+  const auto found = store_->scenes().GetScene("kitchen");
   ASSERT_TRUE(found.ok()) << found.status();
   EXPECT_EQ(found->display_name, "The kitchen");
   EXPECT_EQ(found->create_time, made->create_time);
   EXPECT_NEAR(absl::ToDoubleSeconds(absl::Now() - found->create_time), 0, 60);
 }
 
-TEST_F(StoreTest, RefusesIdsThatAreNoNames) {
+TEST_F(StoreTest, RefusesInvalidIds) {
   const std::vector<std::string> bad = {"",     ".",   "..",  ".a",  "-a", "_a",
                                         "../x", "a/b", "a'b", "a b", "ä",  std::string(64, 'a')};
   for (const std::string& id : bad) {
-    const auto status = store_->CreateScene({id, "", "", {}}).status();
+    const auto status = store_->scenes().CreateScene({id, "", "", {}}).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << id;
   }
-  EXPECT_TRUE(store_->CreateScene({std::string(63, 'a'), "", "", {}}).ok());
+  EXPECT_TRUE(store_->scenes().CreateScene({std::string(63, 'a'), "", "", {}}).ok());
 }
 
-TEST_F(StoreTest, SameRequestMakesOneScene) {
-  ASSERT_TRUE(store_->CreateScene({"a", "x", "r1", {}}).ok());
-  EXPECT_TRUE(store_->CreateScene({"a", "x", "r1", {}}).ok());
-  EXPECT_EQ(store_->CreateScene({"b", "x", "r1", {}}).status().code(),
+TEST_F(StoreTest, CreatesOneSceneForARepeatedRequest) {
+  ASSERT_TRUE(store_->scenes().CreateScene({"a", "x", "r1", {}}).ok());
+  EXPECT_TRUE(store_->scenes().CreateScene({"a", "x", "r1", {}}).ok());
+  EXPECT_EQ(store_->scenes().CreateScene({"b", "x", "r1", {}}).status().code(),
             absl::StatusCode::kAlreadyExists);
-  EXPECT_EQ(store_->CreateScene({"a", "x", "r2", {}}).status().code(),
+  EXPECT_EQ(store_->scenes().CreateScene({"a", "x", "r2", {}}).status().code(),
             absl::StatusCode::kAlreadyExists);
-  EXPECT_EQ(store_->ListScenes({})->rows.size(), 1u);
+  EXPECT_EQ(store_->scenes().ListScenes({})->rows.size(), 1u);
 }
 
-TEST_F(StoreTest, PagesThroughScenesOnceEach) {
+TEST_F(StoreTest, ListsEachSceneOnceInPages) {
   for (int i = 0; i < 7; ++i) MakeScene(absl::StrCat("s", i));
   std::vector<std::string> seen;
   PageRequest page;
   page.page_size = 3;
   do {
-    const auto got = store_->ListScenes(page);
+    const auto got = store_->scenes().ListScenes(page);
     ASSERT_TRUE(got.ok()) << got.status();
     EXPECT_LE(got->rows.size(), 3u);
     for (const SceneRow& row : got->rows) seen.push_back(row.id);
@@ -61,27 +61,30 @@ TEST_F(StoreTest, RefusesTokensOfOtherLists) {
   for (int i = 0; i < 3; ++i) MakeTrainable(absl::StrCat("s", i));
   ASSERT_TRUE(Train("s0").ok());
   ASSERT_TRUE(Train("s1").ok());
-  const std::string token = store_->ListScenes({1, ""})->next_page_token;
+  const std::string token = store_->scenes().ListScenes({1, ""})->next_page_token;
   ASSERT_FALSE(token.empty());
-  EXPECT_EQ(store_->ListJobs({}, {1, token}).status().code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(store_->ListScenes({1, "?"}).status().code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(store_->ListScenes({-1, ""}).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(store_->jobs().ListJobs({}, {1, token}).status().code(),
+            absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(store_->scenes().ListScenes({1, "?"}).status().code(),
+            absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(store_->scenes().ListScenes({-1, ""}).status().code(),
+            absl::StatusCode::kInvalidArgument);
 }
 
 TEST_F(StoreTest, DeletesOnlyIdleScenes) {
   MakeTrainable("a");
   ASSERT_TRUE(Train("a").ok());
-  EXPECT_EQ(store_->DeleteScene("a").code(), absl::StatusCode::kFailedPrecondition);
-  ASSERT_TRUE(store_->RequestCancel("j1").ok());
-  ASSERT_TRUE(store_->DeleteScene("a").ok());
-  EXPECT_EQ(store_->GetScene("a").status().code(), absl::StatusCode::kNotFound);
-  EXPECT_EQ(store_->GetJob("j1").status().code(), absl::StatusCode::kNotFound);
-  EXPECT_EQ(store_->GetDataset("a", 1).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(store_->scenes().DeleteScene("a").code(), absl::StatusCode::kFailedPrecondition);
+  ASSERT_TRUE(store_->queue().RequestCancel("j1").ok());
+  ASSERT_TRUE(store_->scenes().DeleteScene("a").ok());
+  EXPECT_EQ(store_->scenes().GetScene("a").status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(store_->jobs().GetJob("j1").status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(store_->datasets().GetDataset("a", 1).status().code(), absl::StatusCode::kNotFound);
   MakeTrainable("a");
   EXPECT_EQ(Train("a")->id, "j2");
 }
 
-TEST(Store, RefusesOtherDatabases) {
+TEST(Store, RefusesUnknownDatabaseUrls) {
   EXPECT_EQ(Store::Open("mysql:x").status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(Store::Open("sqlite:/nowhere/at/all.db").status().code(), absl::StatusCode::kInternal);
 }

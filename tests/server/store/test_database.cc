@@ -17,7 +17,7 @@
 namespace pepeseg::testing {
 namespace {
 
-// PostgreSQL does not run as root.
+// PostgreSQL refuses to run as root.
 const passwd* OtherUser() { return geteuid() == 0 ? getpwnam("postgres") : nullptr; }
 
 std::string FindPrograms() {
@@ -77,8 +77,8 @@ std::string PostgresqlServer::Connection(const std::string& host) const {
 
 std::filesystem::path PostgresqlServer::socket() const { return folder_ / ".s.PGSQL.5432"; }
 
-// Without fsync, as it is the process that dies here and not the machine: its recovery would begin
-// with one for each of a thousand files, on a slow disk for longer than a test waits.
+// Turns fsync off: these tests kill the process, not the machine. Recovery would otherwise begin
+// with an fsync of a thousand files, which on a slow disk takes longer than a test waits.
 void PostgresqlServer::Start() {
   pid_ = Launch({programs_ + "/postgres", "-D", folder_ / "data", "-k", folder_.path(), "-c",
                  "listen_addresses=", "-c", "max_connections=200", "-c", "fsync=off"},

@@ -9,8 +9,8 @@
 
 namespace pepeseg::testing {
 
-// A PostgreSQL server of its own: on a socket in a folder of its own, without TCP, killed with the
-// object.
+// A PostgreSQL server for tests, on a socket in its own folder, without TCP. Killed by the
+// destructor.
 class PostgresqlServer {
  public:
   PostgresqlServer();
@@ -18,14 +18,15 @@ class PostgresqlServer {
   PostgresqlServer(const PostgresqlServer&) = delete;
   PostgresqlServer& operator=(const PostgresqlServer&) = delete;
 
-  // Store::Open's, of a namespace in it that nothing else uses; by another socket's folder, if that
-  // is not empty.
+  // Returns a URL for Store::Open with a schema of its own. `host`: folder of another socket to
+  // connect by; empty: the server's.
   std::string NewDatabase(const std::string& host = "");
-  // Where it listens.
+  // Returns the socket's path.
   std::filesystem::path socket() const;
 
-  // kill -9 of all its processes, and a start that recovers.
+  // Kills all processes of the server with SIGKILL.
   void Crash();
+  // Starts the server again, which recovers.
   void Restart();
 
  private:
@@ -39,8 +40,8 @@ class PostgresqlServer {
   int num_databases_ = 0;
 };
 
-// An empty database for one test: SQLite below `folder`, or, where the environment has
-// PEPESEG_TEST_DATABASE=postgresql, in the one PostgreSQL server of this process.
+// Returns the URL of an empty database: SQLite below `folder`, or, if the environment has
+// PEPESEG_TEST_DATABASE=postgresql, a new one in this process's PostgreSQL server.
 std::string NewTestDatabase(const std::filesystem::path& folder);
 bool TestsRunOnPostgresql();
 

@@ -13,25 +13,25 @@
 
 namespace pepeseg::testing {
 
-// A store with the scenes "a" and "b", of which "a" has two models.
+// A store with the scenes "a", which has two models, and "b".
 class TrainedStoreTest : public ::testing::Test {
  protected:
   void SetUp() override {
     Reopen();
-    ASSERT_OK(store_->CreateScene({"b", "", "", {}}));
+    ASSERT_OK(store_->scenes().CreateScene({"b", "", "", {}}));
     MakeTrained("a");
   }
   void MakeTrained(const std::string& scene) {
-    ASSERT_OK(store_->CreateScene({scene, "", "", {}}));
-    ASSERT_OK(store_->CreateDataset(scene, "", {{"images/a.jpg", 1, 3, "00", true}}));
-    ASSERT_OK(store_->SealDataset(scene, 1));
+    ASSERT_OK(store_->scenes().CreateScene({scene, "", "", {}}));
+    ASSERT_OK(store_->datasets().CreateDataset(scene, "", {{"images/a.jpg", 1, 3, "00", true}}));
+    ASSERT_OK(store_->datasets().SealDataset(scene, 1));
     for (int i = 0; i < 2; ++i) {
       JobRow job;
       job.scene = scene;
       job.dataset = 1;
-      ASSERT_OK_AND_ASSIGN(job, store_->CreateJob(job));
-      ASSERT_OK(store_->ClaimJob("cpu"));
-      ASSERT_OK(store_->CommitModel(job.id, 1, {}));
+      ASSERT_OK_AND_ASSIGN(job, store_->jobs().CreateJob(job));
+      ASSERT_OK(store_->queue().ClaimJob("cpu"));
+      ASSERT_OK(store_->queue().CommitModel(job.id, 1, {}));
     }
   }
   void Reopen() {

@@ -45,8 +45,8 @@ SmallModel::SmallModel() : backend_(MakeCpuBackend(1)) {
   store_ = *std::move(store);
   SceneRow scene;
   scene.id = "shelf";
-  Expect(store_->CreateScene(scene).ok(), "a scene");
-  Expect(store_->CreateLabel(RedLabel()).ok(), "a label");
+  Expect(store_->scenes().CreateScene(scene).ok(), "a scene");
+  Expect(store_->labels().CreateLabel(RedLabel()).ok(), "a label");
   context_.data_folder = folder_.path();
   context_.store = store_.get();
   context_.backend = backend_.get();

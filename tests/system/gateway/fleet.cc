@@ -195,7 +195,7 @@ std::string Fleet::MakeKey(const std::string& project, const std::vector<v1::Sco
   const auto store = Store::Open(Database());
   EXPECT_TRUE(store.ok()) << store.status();
   if (store.ok()) {
-    EXPECT_TRUE((*store)->CreateKey(key->row).ok());
+    EXPECT_TRUE((*store)->keys().CreateKey(key->row).ok());
   }
   return key->secret;
 }

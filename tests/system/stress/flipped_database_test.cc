@@ -29,66 +29,66 @@ const PageRequest kAll{1000, ""};
 
 // Makes a scene with a model, a label and a selection.
 void Fill(Store& store, const std::string& scene) {
-  ASSERT_OK(store.CreateScene({scene, "the scene " + scene, "make " + scene, {}}));
+  ASSERT_OK(store.scenes().CreateScene({scene, "the scene " + scene, "make " + scene, {}}));
   std::vector<DatasetFileRow> files;
   for (int i = 0; i < 10; ++i) {
     const std::string path = absl::StrCat("images/", i, ".jpg");
     files.push_back({path, 1, 1000 + i, Sha256Hex(scene + path), true});
   }
-  ASSERT_OK(store.CreateDataset(scene, "upload", files));
-  ASSERT_OK(store.SealDataset(scene, 1));
+  ASSERT_OK(store.datasets().CreateDataset(scene, "upload", files));
+  ASSERT_OK(store.datasets().SealDataset(scene, 1));
   JobRow job;
   job.scene = scene;
   job.dataset = 1;
   job.effective_options = std::string(300, 'o');
-  ASSERT_OK_AND_ASSIGN(job, store.CreateJob(job));
-  ASSERT_OK(store.ClaimJob("cpu"));
+  ASSERT_OK_AND_ASSIGN(job, store.jobs().CreateJob(job));
+  ASSERT_OK(store.queue().ClaimJob("cpu"));
   ModelRow model;
   model.folder = absl::StrCat("jobs/", job.id, "/attempt-1");
   model.metrics = R"({"psnr": 30.5})";
   model.num_gaussians = 20000;
-  ASSERT_OK(store.CommitModel(job.id, 1, model));
-  ASSERT_OK(
-      store.CreateLabel({scene, "cup", "the cup", "a.jpg", 96, 64, "0123456789", 10, "l", {}}));
-  ASSERT_OK_AND_ASSIGN(const int64_t number, store.TakeSelectionNumber(scene));
+  ASSERT_OK(store.queue().CommitModel(job.id, 1, model));
+  ASSERT_OK(store.labels().CreateLabel(
+      {scene, "cup", "the cup", "a.jpg", 96, 64, "0123456789", 10, "l", {}}));
+  ASSERT_OK_AND_ASSIGN(const int64_t number, store.selections().TakeSelectionNumber(scene));
   SelectionRow selection;
   selection.scene = scene;
   selection.number = number;
   selection.model = 1;
   selection.model_gaussians = 20000;
   selection.file = absl::StrCat("selections/", scene, "/", number);
-  ASSERT_OK(store.CreateSelection(selection));
+  ASSERT_OK(store.selections().CreateSelection(selection));
   KeyRow key;
   key.id = Sha256Hex(scene).substr(0, 16);
   key.project = "lab";
   key.sha256 = Sha256Hex("key of " + scene);
   key.scopes = 14;
-  ASSERT_OK(store.CreateKey(key));
+  ASSERT_OK(store.keys().CreateKey(key));
 }
 
 absl::Status TellScene(Store& store, const std::string& scene, std::string& all) {
-  ASSIGN_OR_RETURN(const auto datasets, store.ListDatasets(scene, kAll));
+  ASSIGN_OR_RETURN(const auto datasets, store.datasets().ListDatasets(scene, kAll));
   for (const DatasetRow& row : datasets.rows) {
     absl::StrAppend(&all, row.scene, row.number, row.request_id, row.num_files, row.num_bytes,
                     absl::FormatTime(row.seal_time));
-    ASSIGN_OR_RETURN(const auto files, store.ListDatasetFiles(scene, row.number));
+    ASSIGN_OR_RETURN(const auto files, store.files().ListDatasetFiles(scene, row.number));
     for (const DatasetFileRow& file : files) {
       absl::StrAppend(&all, file.path, file.kind, file.size, file.sha256, file.stored);
     }
   }
-  ASSIGN_OR_RETURN(const auto models, store.ListModels(scene, kAll));
+  ASSIGN_OR_RETURN(const auto models, store.models().ListModels(scene, kAll));
   for (const ModelRow& row : models.rows) {
     absl::StrAppend(&all, row.scene, row.number, row.job, row.device, row.folder, row.metrics,
                     row.sources, row.num_gaussians, row.num_bytes,
                     absl::FormatTime(row.create_time));
   }
-  ASSIGN_OR_RETURN(const ModelRow live, store.GetLiveModel(scene));
-  ASSIGN_OR_RETURN(const auto labels, store.ListLabels(scene, kAll));
+  ASSIGN_OR_RETURN(const ModelRow live, store.models().GetLiveModel(scene));
+  ASSIGN_OR_RETURN(const auto labels, store.labels().ListLabels(scene, kAll));
   for (const LabelRow& row : labels.rows) {
     absl::StrAppend(&all, live.number, row.id, row.text, row.view, row.width, row.height,
                     row.counts, row.area, row.request_id, absl::FormatTime(row.create_time));
   }
-  ASSIGN_OR_RETURN(const auto selections, store.ListSelections(scene, kAll));
+  ASSIGN_OR_RETURN(const auto selections, store.selections().ListSelections(scene, kAll));
   for (const SelectionRow& row : selections.rows) {
     absl::StrAppend(&all, row.number, row.model, row.model_gaussians, row.num_gaussians, row.base,
                     row.file, row.request_id, row.request_digest,
@@ -101,14 +101,14 @@ absl::Status TellScene(Store& store, const std::string& scene, std::string& all)
 absl::StatusOr<std::string> TellAll(const std::string& url) {
   ASSIGN_OR_RETURN(const auto store, Store::Open(url));
   std::string all;
-  ASSIGN_OR_RETURN(const auto scenes, store->ListScenes(kAll));
+  ASSIGN_OR_RETURN(const auto scenes, store->scenes().ListScenes(kAll));
   for (const SceneRow& row : scenes.rows) {
     absl::StrAppend(&all, row.id, row.display_name, row.request_id, row.project,
                     absl::FormatTime(row.create_time));
-    RETURN_IF_ERROR(store->GetScene(row.id).status());
+    RETURN_IF_ERROR(store->scenes().GetScene(row.id).status());
     RETURN_IF_ERROR(TellScene(*store, row.id, all));
   }
-  ASSIGN_OR_RETURN(const auto jobs, store->ListJobs({}, kAll));
+  ASSIGN_OR_RETURN(const auto jobs, store->jobs().ListJobs({}, kAll));
   for (const JobRow& row : jobs.rows) {
     absl::StrAppend(&all, row.id, row.scene, row.dataset, static_cast<int>(row.state), row.stage,
                     row.device, row.options, row.effective_options, row.request_id, row.fence,
@@ -116,13 +116,13 @@ absl::StatusOr<std::string> TellAll(const std::string& url) {
                     row.model, absl::FormatTime(row.create_time), absl::FormatTime(row.start_time),
                     absl::FormatTime(row.end_time));
   }
-  ASSIGN_OR_RETURN(const auto keys, store->ListKeys("", kAll));
+  ASSIGN_OR_RETURN(const auto keys, store->keys().ListKeys("", kAll));
   for (const KeyRow& row : keys.rows) {
     absl::StrAppend(&all, row.id, row.project, row.sha256, row.scopes,
                     absl::FormatTime(row.revoke_time), absl::FormatTime(row.expire_time));
-    RETURN_IF_ERROR(store->FindKeyByDigest(row.sha256).status());
+    RETURN_IF_ERROR(store->keys().FindKeyByDigest(row.sha256).status());
   }
-  ASSIGN_OR_RETURN(const Quota usage, store->GetUsage(kDefaultProject));
+  ASSIGN_OR_RETURN(const Quota usage, store->quotas().GetUsage(kDefaultProject));
   absl::StrAppend(&all, usage.stored_bytes, usage.open_uploads);
   return all;
 }

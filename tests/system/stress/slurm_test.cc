@@ -72,7 +72,7 @@ class SlurmTest : public ::testing::Test {
   JobRow RowOf(const std::string& job) {
     const auto store = Store::Open(url_);
     EXPECT_OK(store);
-    return (*store)->GetJob(job.substr(5)).value_or(JobRow());
+    return (*store)->jobs().GetJob(job.substr(5)).value_or(JobRow());
   }
 
   const testing::TempFolder folder_;

@@ -1,0 +1,213 @@
+#include "server/store/dataset_store.h"
+
+#include <algorithm>
+#include <iterator>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "server/store/database.h"
+#include "server/store/quota_sql.h"
+#include "server/store/store_sql.h"
+
+namespace pepeseg {
+namespace {
+
+// Returns datasets of a scene for which "number `condition` `key`" holds, ordered by number.
+std::vector<DatasetRow> SelectDatasets(soci::session& sql, const std::string& scene,
+                                       const std::string& condition, int64_t key, int64_t limit) {
+  DatasetRow row;
+  int state = 0;
+  int64_t create_time = 0;
+  int64_t seal_time = 0;
+  soci::statement select =
+      (sql.prepare << "SELECT scene, number, state, request_id, create_time, seal_time, num_files,"
+                      " num_bytes FROM datasets WHERE scene = :scene AND number "
+                   << condition << " :key ORDER BY number LIMIT :limit",
+       soci::into(row.scene), soci::into(row.number), soci::into(state), soci::into(row.request_id),
+       soci::into(create_time), soci::into(seal_time), soci::into(row.num_files),
+       soci::into(row.num_bytes), soci::use(scene), soci::use(key), soci::use(limit));
+  select.execute();
+  std::vector<DatasetRow> rows;
+  while (select.fetch()) {
+    row.state = static_cast<DatasetState>(state);
+    row.create_time = FromMicros(create_time);
+    row.seal_time = FromMicros(seal_time);
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+// Returns whether two lists declare the same files, in any order.
+bool SameFiles(std::vector<DatasetFileRow> a, std::vector<DatasetFileRow> b) {
+  const auto by_path = [](const DatasetFileRow& x, const DatasetFileRow& y) {
+    return x.path < y.path;
+  };
+  std::sort(a.begin(), a.end(), by_path);
+  std::sort(b.begin(), b.end(), by_path);
+  return std::equal(
+      a.begin(), a.end(), b.begin(), b.end(), [](const DatasetFileRow& x, const DatasetFileRow& y) {
+        return x.path == y.path && x.kind == y.kind && x.size == y.size && x.sha256 == y.sha256;
+      });
+}
+
+// Returns the dataset that an earlier call with this request_id made; its number is 0 if there was
+// none. ALREADY_EXISTS: it has other files.
+absl::StatusOr<DatasetRow> FindEarlier(soci::session& sql, const DatasetRow& wanted,
+                                       const std::vector<DatasetFileRow>& files) {
+  if (wanted.request_id.empty()) return DatasetRow();
+  int64_t number = 0;
+  sql << "SELECT number FROM datasets WHERE scene = :scene AND request_id = :request",
+      soci::use(wanted.scene), soci::use(wanted.request_id), soci::into(number);
+  if (!sql.got_data()) return DatasetRow();
+  FileQuery query;
+  query.scene = wanted.scene;
+  query.dataset = number;
+  if (!SameFiles(SelectFiles(sql, query), files)) {
+    return absl::AlreadyExistsError(
+        absl::StrCat("request_id '", wanted.request_id, "' was used to create ",
+                     DatasetName(wanted.scene, number), " of other files"));
+  }
+  return SelectDataset(sql, wanted.scene, number);
+}
+
+DatasetRow InsertDataset(soci::session& sql, DatasetRow row,
+                         const std::vector<DatasetFileRow>& files) {
+  row.number = TakeNumber(sql, row.scene, "next_dataset");
+  row.num_files = static_cast<int64_t>(files.size());
+  for (const DatasetFileRow& file : files) row.num_bytes += file.size;
+  const int64_t now = absl::ToUnixMicros(absl::Now());
+  row.create_time = FromMicros(now);
+  row.seal_time = FromMicros(0);
+  sql << "INSERT INTO datasets (scene, number, state, request_id, create_time, seal_time,"
+         " num_files, num_bytes) VALUES (:scene, :number, 0, :request, :time, 0, :files, :bytes)",
+      soci::use(row.scene), soci::use(row.number), soci::use(row.request_id), soci::use(now),
+      soci::use(row.num_files), soci::use(row.num_bytes);
+  InsertFiles(sql, row, files);
+  return row;
+}
+
+// Seals a dataset unless a file is missing.
+absl::StatusOr<DatasetRow> Seal(soci::session& sql, const DatasetRow& dataset) {
+  if (dataset.state == DatasetState::kSealed) return dataset;
+  FileQuery query;
+  query.scene = dataset.scene;
+  query.dataset = dataset.number;
+  query.condition = "stored = 0 AND path <>";
+  const std::vector<DatasetFileRow> missing = SelectFiles(sql, query);
+  if (!missing.empty()) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        DatasetName(dataset.scene, dataset.number), ": ", missing.size(), " of ", dataset.num_files,
+        " files are not uploaded, the first is '", missing[0].path, "'"));
+  }
+  const int64_t now = absl::ToUnixMicros(absl::Now());
+  sql << "UPDATE datasets SET state = 1, seal_time = :now WHERE scene = :scene AND number = :n",
+      soci::use(now), soci::use(dataset.scene), soci::use(dataset.number);
+  return SelectDataset(sql, dataset.scene, dataset.number);
+}
+
+}  // namespace
+
+absl::StatusOr<DatasetRow> SelectDataset(soci::session& sql, const std::string& scene,
+                                         int64_t number) {
+  RETURN_IF_ERROR(CheckScene(sql, scene));
+  std::vector<DatasetRow> rows = SelectDatasets(sql, scene, "=", number, 1);
+  if (rows.empty()) {
+    return absl::NotFoundError(absl::StrCat(DatasetName(scene, number), " does not exist"));
+  }
+  return rows[0];
+}
+
+absl::StatusOr<DatasetRow> DatasetStore::CreateDataset(const std::string& scene,
+                                                       const std::string& request_id,
+                                                       const std::vector<DatasetFileRow>& files,
+                                                       const std::function<absl::Status()>& admit) {
+  DatasetRow row;
+  row.scene = scene;
+  row.request_id = request_id;
+  return database_.Query<DatasetRow>([&](soci::session& sql) -> absl::StatusOr<DatasetRow> {
+    RETURN_IF_ERROR(CheckScene(sql, scene));
+    ASSIGN_OR_RETURN(const DatasetRow earlier, FindEarlier(sql, row, files));
+    if (earlier.number != 0) return earlier;
+    if (admit) RETURN_IF_ERROR(admit());
+    const DatasetRow made = InsertDataset(sql, row, files);
+    std::vector<DatasetFileRow> stored;
+    std::copy_if(files.begin(), files.end(), std::back_inserter(stored),
+                 [](const DatasetFileRow& file) { return file.stored; });
+    InsertBlobs(sql, SelectProjectOf(sql, scene), stored);
+    // Checked after the insertion, so that the dataset counts. An error rolls all of it back.
+    RETURN_IF_ERROR(CheckUploadQuotas(sql, scene, defaults_));
+    return made;
+  });
+}
+
+absl::StatusOr<DatasetRow> DatasetStore::GetDataset(const std::string& scene, int64_t number) {
+  return database_.Query<DatasetRow>(
+      [&](soci::session& sql) { return SelectDataset(sql, scene, number); });
+}
+
+absl::StatusOr<Page<DatasetRow>> DatasetStore::ListDatasets(const std::string& scene,
+                                                            const PageRequest& page) {
+  const std::string list = absl::StrCat("datasets/", scene);
+  ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
+  ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, 0));
+  return database_.Query<Page<DatasetRow>>(
+      [&](soci::session& sql) -> absl::StatusOr<Page<DatasetRow>> {
+        RETURN_IF_ERROR(CheckScene(sql, scene));
+        Page<DatasetRow> answer;
+        answer.rows =
+            SelectDatasets(sql, scene, "> 0 AND state = 1 AND number >", key, start.limit + 1);
+        if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
+          answer.rows.pop_back();
+          answer.next_page_token = NextToken(list, absl::StrCat(answer.rows.back().number));
+        }
+        return answer;
+      });
+}
+
+absl::StatusOr<DatasetRow> DatasetStore::SealDataset(const std::string& scene, int64_t number,
+                                                     const std::vector<DatasetFileRow>& found) {
+  return database_.Query<DatasetRow>([&](soci::session& sql) -> absl::StatusOr<DatasetRow> {
+    ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
+    if (dataset.state == DatasetState::kOpen) {
+      InsertBlobs(sql, SelectProjectOf(sql, scene), found);
+      RETURN_IF_ERROR(MarkStored(sql, dataset, found));
+    }
+    return Seal(sql, dataset);
+  });
+}
+
+absl::StatusOr<std::vector<DatasetRow>> DatasetStore::ListOpenUploads(absl::Time created_before) {
+  using Rows = std::vector<DatasetRow>;
+  return database_.Query<Rows>([&](soci::session& sql) -> absl::StatusOr<Rows> {
+    const int64_t before = ToMicros(created_before);
+    DatasetRow row;
+    int64_t create_time = 0;
+    soci::statement select =
+        (sql.prepare << "SELECT scene, number, create_time, num_files, num_bytes FROM datasets"
+                        " WHERE state = 0 AND create_time < :before ORDER BY scene, number",
+         soci::into(row.scene), soci::into(row.number), soci::into(create_time),
+         soci::into(row.num_files), soci::into(row.num_bytes), soci::use(before));
+    select.execute();
+    Rows rows;
+    while (select.fetch()) {
+      row.create_time = FromMicros(create_time);
+      rows.push_back(row);
+    }
+    return rows;
+  });
+}
+
+absl::Status DatasetStore::DeleteUpload(const std::string& scene, int64_t number) {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
+    ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
+    if (dataset.state == DatasetState::kSealed) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("scenes/", scene, "/uploads/", number, " is sealed"));
+    }
+    sql << "DELETE FROM datasets WHERE scene = :scene AND number = :number",
+        soci::use(dataset.scene), soci::use(number);  // its files are deleted by cascade
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,283 @@
+#include "server/store/job_queue.h"
+
+#include <limits>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "server/store/database.h"
+#include "server/store/store_sql.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kNever = std::numeric_limits<int64_t>::max();
+constexpr int64_t kAll = int64_t{1} << 40;  // limit of a SELECT that returns everything
+
+// Returns the job of an attempt, or ABORTED if the attempt has lost its claim.
+absl::StatusOr<JobRow> SelectAttempt(soci::session& sql, const std::string& id, int64_t fence,
+                                     const JobQueue::Holder& holder) {
+  ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
+  if (job.state == JobState::kRunning && job.fence == fence && job.lease_owner == holder.name) {
+    return job;
+  }
+  return absl::AbortedError(
+      absl::StrCat("jobs/", id, " is no longer run as attempt ", fence, " by this server"));
+}
+
+// Writes the columns of a job that the queue may change. All functions below read the job, change
+// it in memory and write it back, in one serializable transaction: two servers that change the same
+// job collide, and one of them runs again and sees the other's change.
+void UpdateJob(soci::session& sql, const JobRow& job) {
+  const int state = static_cast<int>(job.state);
+  const int cancel_requested = job.cancel_requested ? 1 : 0;
+  const int64_t lease_end = ToMicros(job.lease_end);
+  const int64_t not_before = ToMicros(job.not_before);
+  const int64_t start_time = ToMicros(job.start_time);
+  const int64_t end_time = ToMicros(job.end_time);
+  sql << "UPDATE jobs SET state = :state, stage = :stage, device = :device, fence = :fence,"
+         " lease_owner = :owner, lease_end = :lease, launch = :launch, crashes = :crashes,"
+         " server_ends = :server_ends, not_before = :not_before, cancel_requested = :c,"
+         " error_code = :code, error_message = :message, model = :model, start_time = :start,"
+         " end_time = :end WHERE number = :number",
+      soci::use(state), soci::use(job.stage), soci::use(job.device), soci::use(job.fence),
+      soci::use(job.lease_owner), soci::use(lease_end), soci::use(job.launch),
+      soci::use(job.crashes), soci::use(job.server_ends), soci::use(not_before),
+      soci::use(cancel_requested), soci::use(job.error_code), soci::use(job.error_message),
+      soci::use(job.model), soci::use(start_time), soci::use(end_time), soci::use(job.number);
+}
+
+void MarkCancelled(JobRow& job) {
+  job.state = JobState::kCancelled;
+  job.error_code = static_cast<int>(absl::StatusCode::kCancelled);
+  job.error_message = "cancelled on request";
+  job.end_time = absl::Now();
+}
+
+// Clears what belongs to the holder of a job.
+void EndClaim(JobRow& job) {
+  job.lease_owner.clear();
+  job.lease_end = absl::InfinitePast();
+  job.launch.clear();
+}
+
+// Starts the next attempt of a job.
+void BeginClaim(JobRow& job, const std::string& device) {
+  job.state = JobState::kRunning;
+  job.stage.clear();
+  job.device = device;
+  job.fence += 1;
+  job.not_before = absl::InfinitePast();
+  job.start_time = absl::Now();
+}
+
+// Updates the counters by which the supervisor decides that a job has failed too often.
+void CountAttempt(const EndedAttempt& attempt, JobRow& job) {
+  if (attempt.progress) {
+    job.crashes = job.server_ends = 0;
+  } else if (attempt.end == AttemptEnd::kCrashed) {
+    job.crashes += 1;
+  } else if (attempt.end == AttemptEnd::kServerEnded) {
+    job.server_ends += 1;
+  }
+}
+
+// Leases are measured by the database's clock: the clocks of the servers may differ.
+int64_t LeaseEnd(soci::session& sql, const JobQueue::Holder& holder) {
+  if (holder.lease == absl::InfiniteDuration()) return kNever;
+  return DatabaseMicros(sql) + absl::ToInt64Microseconds(holder.lease);
+}
+
+// Returns the number of the oldest job that may be claimed, or 0. PostgreSQL skips jobs that other
+// servers are claiming at the moment, instead of waiting for them.
+//
+// The quota of running jobs applies to QUEUED jobs only: a RUNNING job whose lease has expired
+// counts in its project already. The subquery selects the projects that run as many jobs as they
+// may: `most` for those without a value of their own.
+int64_t SelectClaimable(soci::session& sql, const Quota& defaults) {
+  const std::string unlocked =
+      sql.get_backend_name() == "postgresql" ? " FOR UPDATE SKIP LOCKED" : "";
+  const int64_t now = DatabaseMicros(sql);
+  const int64_t most = defaults.running_jobs > 0 ? defaults.running_jobs : kNever;
+  int64_t number = 0;
+  sql << "SELECT number FROM jobs WHERE (state = 1 AND lease_end < :now) OR (state = 0 AND"
+         " not_before <= :queued_until AND scene NOT IN (SELECT id FROM scenes WHERE project IN ("
+         "SELECT s.project FROM jobs r JOIN scenes s ON s.id = r.scene"
+         " LEFT JOIN projects p ON p.id = s.project WHERE r.state = 1 GROUP BY s.project"
+         " HAVING COUNT(*) >= COALESCE(NULLIF(MAX(p.running_jobs), 0), :most))))"
+         " ORDER BY number LIMIT 1"
+      << unlocked,
+      soci::use(now), soci::use(now), soci::use(most), soci::into(number);
+  return sql.got_data() ? number : 0;
+}
+
+std::vector<JobRow> SelectRunning(soci::session& sql) {
+  return SelectJobs(sql, "state = :running ORDER BY number", static_cast<int>(JobState::kRunning),
+                    kAll);
+}
+
+std::vector<JobRow> SelectHeld(soci::session& sql, const JobQueue::Holder& holder) {
+  std::vector<JobRow> jobs = SelectRunning(sql);
+  std::erase_if(jobs, [&](const JobRow& job) { return job.lease_owner != holder.name; });
+  return jobs;
+}
+
+}  // namespace
+
+absl::StatusOr<std::optional<JobRow>> JobQueue::ClaimJob(const std::string& device) {
+  using Claimed = std::optional<JobRow>;
+  return database_.Query<Claimed>([&](soci::session& sql) -> absl::StatusOr<Claimed> {
+    const int64_t number = SelectClaimable(sql, defaults_);
+    if (number == 0) return Claimed();
+    ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, absl::StrCat("j", number)));
+    // A launcher still runs the others: their attempt continues under a new holder.
+    if (job.launch.empty()) BeginClaim(job, device);
+    job.lease_owner = holder_.name;
+    job.lease_end = FromMicros(LeaseEnd(sql, holder_));
+    UpdateJob(sql, job);
+    return Claimed(std::move(job));
+  });
+}
+
+absl::StatusOr<std::vector<JobRow>> JobQueue::RenewLeases() {
+  using Jobs = std::vector<JobRow>;
+  return database_.Query<Jobs>([this](soci::session& sql) -> absl::StatusOr<Jobs> {
+    const int64_t lease_end = LeaseEnd(sql, holder_);
+    sql << "UPDATE jobs SET lease_end = :lease WHERE state = 1 AND lease_owner = :owner",
+        soci::use(lease_end), soci::use(holder_.name);
+    return SelectHeld(sql, holder_);
+  });
+}
+
+absl::StatusOr<std::vector<JobRow>> JobQueue::ListHeldJobs() {
+  using Jobs = std::vector<JobRow>;
+  return database_.Query<Jobs>(
+      [this](soci::session& sql) -> absl::StatusOr<Jobs> { return SelectHeld(sql, holder_); });
+}
+
+absl::StatusOr<std::vector<JobRow>> JobQueue::ListRunningJobs() {
+  using Jobs = std::vector<JobRow>;
+  return database_.Query<Jobs>(
+      [](soci::session& sql) -> absl::StatusOr<Jobs> { return SelectRunning(sql); });
+}
+
+absl::StatusOr<JobRow> JobQueue::TakeOverJob(const std::string& id, const std::string& gone) {
+  return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
+    ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
+    if (job.state != JobState::kRunning || job.lease_owner != gone) {
+      return absl::AbortedError(absl::StrCat("jobs/", id, " is no longer held by ", gone));
+    }
+    job.lease_owner = holder_.name;
+    job.lease_end = FromMicros(LeaseEnd(sql, holder_));
+    UpdateJob(sql, job);
+    return job;
+  });
+}
+
+absl::Status JobQueue::SetJobLaunch(const std::string& id, int64_t fence,
+                                    const std::string& launch) {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
+    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
+    job.launch = launch;
+    UpdateJob(sql, job);
+    return absl::OkStatus();
+  });
+}
+
+absl::StatusOr<int64_t> JobQueue::TakeNextFence(const std::string& id, const std::string& launch) {
+  return database_.Query<int64_t>([&](soci::session& sql) -> absl::StatusOr<int64_t> {
+    ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
+    if (job.state != JobState::kRunning || job.launch != launch) {
+      return absl::AbortedError(absl::StrCat("jobs/", id, " is no longer run by ", launch));
+    }
+    job.fence += 1;
+    job.stage.clear();
+    UpdateJob(sql, job);
+    return job.fence;
+  });
+}
+
+absl::Status JobQueue::SetJobStage(const std::string& id, int64_t fence, const std::string& stage) {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
+    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
+    job.stage = stage;
+    UpdateJob(sql, job);
+    return absl::OkStatus();
+  });
+}
+
+absl::StatusOr<JobRow> JobQueue::RequestCancel(const std::string& id) {
+  return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
+    ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
+    if (IsTerminal(job.state)) return job;
+    job.cancel_requested = true;
+    if (job.state == JobState::kQueued) MarkCancelled(job);
+    UpdateJob(sql, job);
+    return job;
+  });
+}
+
+absl::StatusOr<JobRow> JobQueue::RequeueJob(const std::string& id, int64_t fence,
+                                            const EndedAttempt& attempt) {
+  return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
+    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
+    EndClaim(job);
+    if (job.cancel_requested) {
+      MarkCancelled(job);  // keeps the stage of the attempt
+    } else {
+      job.state = JobState::kQueued;
+      job.stage.clear();
+      job.start_time = absl::InfinitePast();
+      CountAttempt(attempt, job);
+      if (attempt.pause > absl::ZeroDuration()) {
+        job.not_before = FromMicros(DatabaseMicros(sql) + absl::ToInt64Microseconds(attempt.pause));
+      }
+    }
+    UpdateJob(sql, job);
+    return job;
+  });
+}
+
+absl::StatusOr<JobRow> JobQueue::EndJob(const std::string& id, int64_t fence,
+                                        const absl::Status& error) {
+  return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
+    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
+    job.state = JobState::kFailed;
+    job.error_code = static_cast<int>(error.code());
+    job.error_message = std::string(error.message());
+    job.end_time = absl::Now();
+    EndClaim(job);
+    if (absl::IsCancelled(error)) MarkCancelled(job);
+    UpdateJob(sql, job);
+    return job;
+  });
+}
+
+absl::StatusOr<ModelRow> JobQueue::CommitModel(const std::string& id, int64_t fence,
+                                               const ModelRow& model) {
+  return database_.Query<ModelRow>([&](soci::session& sql) -> absl::StatusOr<ModelRow> {
+    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
+    ModelRow row = model;
+    row.scene = job.scene;
+    row.job = job.id;
+    row.dataset = job.dataset;
+    row.device = job.device;
+    row.number = TakeNumber(sql, job.scene, "next_model");
+    row.create_time = absl::Now();
+    const int64_t now = ToMicros(row.create_time);
+    sql << "INSERT INTO models (scene, number, job, device, folder, metrics, sources, "
+           "num_gaussians,"
+           " num_bytes, create_time) VALUES (:scene, :number, :job, :device, :folder, :metrics, "
+           ":sources, :count, :bytes, :now)",
+        soci::use(row.scene), soci::use(row.number), soci::use(row.job), soci::use(row.device),
+        soci::use(row.folder), soci::use(row.metrics), soci::use(row.sources),
+        soci::use(row.num_gaussians), soci::use(row.num_bytes), soci::use(now);
+    job.state = JobState::kSucceeded;
+    job.model = row.number;
+    job.end_time = row.create_time;
+    EndClaim(job);
+    UpdateJob(sql, job);
+    return row;
+  });
+}
+
+}  // namespace pepeseg

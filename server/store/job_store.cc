@@ -1,0 +1,226 @@
+#include "server/store/job_store.h"
+
+#include <limits>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "server/store/database.h"
+#include "server/store/quota_sql.h"
+#include "server/store/store_sql.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kNewest = std::numeric_limits<int64_t>::max();
+
+// Returns 12 for "j12", and 0 for a text that is not the id of a job.
+int64_t JobNumber(const std::string& id) {
+  int64_t number = 0;
+  if (!id.starts_with('j') || !absl::SimpleAtoi(id.substr(1), &number)) return 0;
+  return absl::StrCat("j", number) == id ? number : 0;
+}
+
+// Reads a column with a serialised message. It is base64, since SQL text cannot hold a zero byte.
+std::string FromColumn(const std::string& text) {
+  std::string bytes;
+  absl::Base64Unescape(text, &bytes);
+  return bytes;
+}
+
+// Returns the job that an earlier call with this request_id made; its id is empty if there was
+// none. ALREADY_EXISTS: it has another dataset or other options.
+absl::StatusOr<JobRow> FindEarlier(soci::session& sql, const JobRow& wanted) {
+  if (wanted.request_id.empty()) return JobRow();
+  int64_t number = 0;
+  sql << "SELECT number FROM jobs WHERE scene = :scene AND request_id = :request",
+      soci::use(wanted.scene), soci::use(wanted.request_id), soci::into(number);
+  if (!sql.got_data()) return JobRow();
+  ASSIGN_OR_RETURN(JobRow earlier, SelectJob(sql, absl::StrCat("j", number)));
+  if (earlier.dataset != wanted.dataset || earlier.options != wanted.options) {
+    return absl::AlreadyExistsError(absl::StrCat("request_id '", wanted.request_id,
+                                                 "' was used to create jobs/", earlier.id,
+                                                 " with other settings"));
+  }
+  return earlier;
+}
+
+// Returns OK if the dataset is sealed and the scene has no active job.
+absl::Status CheckStartable(soci::session& sql, const JobRow& job) {
+  ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, job.scene, job.dataset));
+  if (dataset.state != DatasetState::kSealed) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("scenes/", job.scene, "/datasets/", job.dataset, " is not sealed"));
+  }
+  const JobRow active = SelectActiveJob(sql, job.scene);
+  if (active.id.empty()) return absl::OkStatus();
+  return absl::AbortedError(
+      absl::StrCat("scenes/", job.scene, " is already being trained by jobs/", active.id));
+}
+
+absl::StatusOr<JobRow> InsertJob(soci::session& sql, const JobRow& job) {
+  int64_t number = 0;
+  sql << "UPDATE job_numbers SET next_job = next_job + 1";
+  sql << "SELECT next_job - 1 FROM job_numbers", soci::into(number);
+  const std::string options = absl::Base64Escape(job.options);
+  const std::string effective = absl::Base64Escape(job.effective_options);
+  const int64_t now = absl::ToUnixMicros(absl::Now());
+  sql << "INSERT INTO jobs (number, scene, dataset, state, stage, options, effective_options,"
+         " request_id, fence, host_bytes, seconds, cancel_requested, error_code, error_message,"
+         " model, create_time, start_time, end_time, traceparent) VALUES (:number, :scene, "
+         ":dataset,"
+         " 0, '', :options, :effective, :request, 0, :bytes, :seconds, 0, 0, '', 0, :now, 0, 0,"
+         " :traceparent)",
+      soci::use(number), soci::use(job.scene), soci::use(job.dataset), soci::use(options),
+      soci::use(effective), soci::use(job.request_id), soci::use(job.host_bytes),
+      soci::use(job.seconds), soci::use(now), soci::use(job.traceparent);
+  return SelectJob(sql, absl::StrCat("j", number));
+}
+
+// Returns the part of WHERE that a filter decides. It is part of the text because the number of
+// placeholders would vary.
+absl::StatusOr<std::string> WhereOf(const JobStore::JobFilter& filter) {
+  std::string where;
+  // Needs no escaping: ListJobs runs the query only if a scene has this key.
+  if (!filter.scene.empty()) absl::StrAppend(&where, "scene = '", filter.scene, "' AND ");
+  if (filter.state) absl::StrAppend(&where, "state = ", static_cast<int>(*filter.state), " AND ");
+  if (filter.project.empty()) return where;
+  ASSIGN_OR_RETURN(const std::string of_project, OfProject(filter.project));
+  absl::StrAppend(&where, "scene IN (SELECT id FROM scenes WHERE ", of_project, "1 = 1) AND ");
+  return where;
+}
+
+}  // namespace
+
+std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_order, int64_t key,
+                               int64_t limit) {
+  JobRow row;
+  int state = 0;
+  int cancel_requested = 0;
+  int64_t lease_end = 0;
+  int64_t not_before = 0;
+  int64_t create_time = 0;
+  int64_t start_time = 0;
+  int64_t end_time = 0;
+  std::string options;
+  std::string effective;
+  soci::statement select =
+      (sql.prepare
+           << "SELECT number, scene, dataset, state, stage, device, options, effective_options,"
+              " request_id, fence, lease_owner, lease_end, launch, crashes, server_ends, "
+              "not_before,"
+              " host_bytes, seconds,"
+              " cancel_requested, error_code, error_message, model, create_time, start_time, "
+              "end_time, traceparent FROM jobs WHERE "
+           << where_order << " LIMIT :limit",
+       soci::into(row.number), soci::into(row.scene), soci::into(row.dataset), soci::into(state),
+       soci::into(row.stage), soci::into(row.device), soci::into(options), soci::into(effective),
+       soci::into(row.request_id), soci::into(row.fence), soci::into(row.lease_owner),
+       soci::into(lease_end), soci::into(row.launch), soci::into(row.crashes),
+       soci::into(row.server_ends), soci::into(not_before), soci::into(row.host_bytes),
+       soci::into(row.seconds), soci::into(cancel_requested), soci::into(row.error_code),
+       soci::into(row.error_message), soci::into(row.model), soci::into(create_time),
+       soci::into(start_time), soci::into(end_time), soci::into(row.traceparent), soci::use(key),
+       soci::use(limit));
+  select.execute();
+  std::vector<JobRow> rows;
+  while (select.fetch()) {
+    row.id = absl::StrCat("j", row.number);
+    row.state = static_cast<JobState>(state);
+    row.cancel_requested = cancel_requested != 0;
+    row.options = FromColumn(options);
+    row.effective_options = FromColumn(effective);
+    row.lease_end = FromMicros(lease_end);
+    row.not_before = FromMicros(not_before);
+    row.create_time = FromMicros(create_time);
+    row.start_time = FromMicros(start_time);
+    row.end_time = FromMicros(end_time);
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+absl::StatusOr<JobRow> SelectJob(soci::session& sql, const std::string& id) {
+  std::vector<JobRow> rows = SelectJobs(sql, "number = :number", JobNumber(id), 1);
+  if (rows.empty()) return absl::NotFoundError(absl::StrCat("jobs/", id, " does not exist"));
+  return rows[0];
+}
+
+JobRow SelectActiveJob(soci::session& sql, const std::string& scene) {
+  int64_t number = 0;
+  sql << "SELECT number FROM jobs WHERE scene = :scene AND state IN (0, 1)", soci::use(scene),
+      soci::into(number);
+  if (!sql.got_data()) return JobRow();
+  return SelectJobs(sql, "number = :number", number, 1).at(0);
+}
+
+absl::StatusOr<JobRow> JobStore::CreateJob(const JobRow& job) {
+  return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
+    RETURN_IF_ERROR(CheckScene(sql, job.scene));
+    ASSIGN_OR_RETURN(JobRow earlier, FindEarlier(sql, job));
+    if (!earlier.id.empty()) return earlier;
+    RETURN_IF_ERROR(CheckStartable(sql, job));
+    ASSIGN_OR_RETURN(JobRow made, InsertJob(sql, job));
+    // Checked after the insertion, so that the job counts. An error rolls it back.
+    RETURN_IF_ERROR(CheckQueueQuota(sql, job.scene, defaults_));
+    return made;
+  });
+}
+
+absl::StatusOr<JobRow> JobStore::GetJob(const std::string& id) {
+  return database_.Query<JobRow>([&](soci::session& sql) { return SelectJob(sql, id); });
+}
+
+absl::StatusOr<Page<JobRow>> JobStore::ListJobs(const JobFilter& filter, const PageRequest& page) {
+  const std::string list =
+      absl::StrCat("jobs/", filter.scene, "/", filter.state ? static_cast<int>(*filter.state) : -1,
+                   "/", filter.project);
+  ASSIGN_OR_RETURN(const std::string where, WhereOf(filter));
+  ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
+  ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewest));
+  return database_.Query<Page<JobRow>>([&](soci::session& sql) -> absl::StatusOr<Page<JobRow>> {
+    if (!filter.scene.empty()) RETURN_IF_ERROR(CheckScene(sql, filter.scene));
+    Page<JobRow> answer;
+    answer.rows =
+        SelectJobs(sql, where + "number < :key ORDER BY number DESC", key, start.limit + 1);
+    if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
+      answer.rows.pop_back();
+      answer.next_page_token = NextToken(list, absl::StrCat(answer.rows.back().number));
+    }
+    return answer;
+  });
+}
+
+absl::StatusOr<std::optional<JobRow>> JobStore::FindActiveJob(const std::string& scene) {
+  using Found = std::optional<JobRow>;
+  return database_.Query<Found>([&](soci::session& sql) -> absl::StatusOr<Found> {
+    RETURN_IF_ERROR(CheckScene(sql, scene));
+    JobRow active = SelectActiveJob(sql, scene);
+    return active.id.empty() ? Found() : Found(std::move(active));
+  });
+}
+
+absl::StatusOr<int64_t> JobStore::NextJobNumber() {
+  return database_.Query<int64_t>([](soci::session& sql) -> absl::StatusOr<int64_t> {
+    int64_t next = 0;
+    sql << "SELECT next_job FROM job_numbers", soci::into(next);
+    return next;
+  });
+}
+
+absl::StatusOr<std::string> JobStore::ProjectOfJob(const std::string& id) {
+  const int64_t number = JobNumber(id);
+  if (number <= 0)
+    return absl::InvalidArgumentError(absl::StrCat("'", id, "' is not the id of a job"));
+  return database_.Read<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
+    std::string project;
+    sql << "SELECT scenes.project FROM jobs JOIN scenes ON scenes.id = jobs.scene"
+           " WHERE jobs.number = :number",
+        soci::use(number), soci::into(project);
+    if (!sql.got_data()) return absl::NotFoundError(absl::StrCat("jobs/", id, " does not exist"));
+    return project;
+  });
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,92 @@
+#include "server/store/key_store.h"
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "server/store/database.h"
+#include "server/store/store_sql.h"
+
+namespace pepeseg {
+namespace {
+
+// Returns up to `limit` keys for which `where`, followed by `key`, holds, ordered by id.
+std::vector<KeyRow> SelectKeys(soci::session& sql, const std::string& where, const std::string& key,
+                               int64_t limit) {
+  KeyRow row;
+  int64_t create_time = 0;
+  int64_t expire_time = 0;
+  int64_t revoke_time = 0;
+  soci::statement select =
+      (sql.prepare << "SELECT id, project, display_name, sha256, scopes, create_time, expire_time,"
+                      " revoke_time FROM api_keys WHERE "
+                   << where << " :key ORDER BY id LIMIT :limit",
+       soci::into(row.id), soci::into(row.project), soci::into(row.display_name),
+       soci::into(row.sha256), soci::into(row.scopes), soci::into(create_time),
+       soci::into(expire_time), soci::into(revoke_time), soci::use(key), soci::use(limit));
+  select.execute();
+  std::vector<KeyRow> rows;
+  while (select.fetch()) {
+    row.create_time = FromMicros(create_time);
+    row.expire_time = FromMicros(expire_time);
+    row.revoke_time = FromMicros(revoke_time);
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+absl::Status InsertKey(soci::session& sql, const KeyRow& key, int64_t now) {
+  const int64_t expire_time = ToMicros(key.expire_time);
+  sql << "INSERT INTO api_keys (id, project, display_name, sha256, scopes, create_time,"
+         " expire_time, revoke_time) VALUES (:id, :project, :name, :sha256, :scopes, :now, :expire,"
+         " 0)",
+      soci::use(key.id), soci::use(key.project), soci::use(key.display_name), soci::use(key.sha256),
+      soci::use(key.scopes), soci::use(now), soci::use(expire_time);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<KeyRow> KeyStore::CreateKey(const KeyRow& key) {
+  return database_.Query<KeyRow>([&](soci::session& sql) -> absl::StatusOr<KeyRow> {
+    RETURN_IF_ERROR(EnsureProject(sql, key.project));
+    const int64_t now = absl::ToUnixMicros(absl::Now());
+    RETURN_IF_ERROR(InsertKey(sql, key, now));
+    return SelectKeys(sql, "id =", key.id, 1).at(0);
+  });
+}
+
+absl::StatusOr<KeyRow> KeyStore::FindKeyByDigest(const std::string& sha256) {
+  return database_.Read<KeyRow>([&](soci::session& sql) -> absl::StatusOr<KeyRow> {
+    std::vector<KeyRow> rows = SelectKeys(sql, "sha256 =", sha256, 1);
+    if (rows.empty()) return absl::NotFoundError("no key has this secret");
+    return rows[0];
+  });
+}
+
+absl::StatusOr<Page<KeyRow>> KeyStore::ListKeys(const std::string& project,
+                                                const PageRequest& page) {
+  const std::string list = absl::StrCat("keys/", project);
+  ASSIGN_OR_RETURN(const std::string of_project, OfProject(project));
+  ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
+  return database_.Query<Page<KeyRow>>([&](soci::session& sql) -> absl::StatusOr<Page<KeyRow>> {
+    Page<KeyRow> answer;
+    answer.rows = SelectKeys(sql, of_project + "id >", start.key, start.limit + 1);
+    if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
+      answer.rows.pop_back();
+      answer.next_page_token = NextToken(list, answer.rows.back().id);
+    }
+    return answer;
+  });
+}
+
+absl::StatusOr<KeyRow> KeyStore::RevokeKey(const std::string& id) {
+  return database_.Query<KeyRow>([&](soci::session& sql) -> absl::StatusOr<KeyRow> {
+    const int64_t now = absl::ToUnixMicros(absl::Now());
+    sql << "UPDATE api_keys SET revoke_time = :now WHERE id = :id AND revoke_time = 0",
+        soci::use(now), soci::use(id);
+    std::vector<KeyRow> rows = SelectKeys(sql, "id =", id, 1);
+    if (rows.empty()) return absl::NotFoundError(absl::StrCat("keys/", id, " does not exist"));
+    return rows[0];
+  });
+}
+
+}  // namespace pepeseg

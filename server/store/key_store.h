@@ -1,0 +1,33 @@
+#pragma once
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/store/rows.h"
+
+namespace pepeseg {
+
+class Database;
+
+// API keys. See Store for what holds for all calls.
+class KeyStore {
+ public:
+  explicit KeyStore(Database& database) : database_(database) {}
+
+  // Creates a key from all fields but create_time and revoke_time, and its project if there is
+  // none. ABORTED: the id or the digest is taken. INVALID_ARGUMENT: the project is not an RFC 1034
+  // label.
+  absl::StatusOr<KeyRow> CreateKey(const KeyRow& key);
+  // Returns expired and revoked keys, too.
+  absl::StatusOr<KeyRow> FindKeyByDigest(const std::string& sha256);
+  // Lists keys by id, expired and revoked ones included. `project`: empty for all projects.
+  absl::StatusOr<Page<KeyRow>> ListKeys(const std::string& project, const PageRequest& page);
+  // Revokes a key. The time of the first revocation stays.
+  absl::StatusOr<KeyRow> RevokeKey(const std::string& id);
+
+ private:
+  Database& database_;
+};
+
+}  // namespace pepeseg

@@ -1,0 +1,131 @@
+#include "server/store/label_store.h"
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "core/base/status_macros.h"
+#include "server/store/database.h"
+#include "server/store/scene_key.h"
+#include "server/store/store_sql.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kMaxLabelsNamed = 20;  // in an error message
+
+std::string LabelName(const std::string& scene, const std::string& id) {
+  return absl::StrCat("scenes/", scene, "/labels/", id);
+}
+
+// Returns labels of a scene for which `condition`, followed by the start's key, holds, ordered by
+// id.
+std::vector<LabelRow> SelectLabels(soci::session& sql, const std::string& scene,
+                                   const std::string& condition, const PageStart& start) {
+  LabelRow row;
+  int64_t create_time = 0;
+  soci::statement select =
+      (sql.prepare << "SELECT scene, id, text, view, width, height, counts, area, request_id,"
+                      " create_time FROM labels WHERE scene = :scene AND "
+                   << condition << " :key ORDER BY id LIMIT :limit",
+       soci::into(row.scene), soci::into(row.id), soci::into(row.text), soci::into(row.view),
+       soci::into(row.width), soci::into(row.height), soci::into(row.counts), soci::into(row.area),
+       soci::into(row.request_id), soci::into(create_time), soci::use(scene), soci::use(start.key),
+       soci::use(start.limit));
+  select.execute();
+  std::vector<LabelRow> rows;
+  while (select.fetch()) {
+    row.create_time = FromMicros(create_time);
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+absl::Status NoLabelError(soci::session& sql, const std::string& scene, const std::string& id) {
+  std::vector<std::string> ids;
+  for (const LabelRow& label : SelectLabels(sql, scene, "id >", {kMaxLabelsNamed, ""})) {
+    ids.push_back(label.id);
+  }
+  return absl::NotFoundError(
+      absl::StrCat(LabelName(scene, id), " does not exist; ",
+                   ids.empty() ? "the scene has no labels" : "the scene has ",
+                   absl::StrJoin(ids, ", "), ids.size() == kMaxLabelsNamed ? " and others" : ""));
+}
+
+absl::StatusOr<LabelRow> SelectLabel(soci::session& sql, const std::string& scene,
+                                     const std::string& id) {
+  RETURN_IF_ERROR(CheckScene(sql, scene));
+  const std::vector<LabelRow> rows = SelectLabels(sql, scene, "id =", {1, id});
+  if (rows.empty()) return NoLabelError(sql, scene, id);
+  return rows[0];
+}
+
+bool SameLabel(const LabelRow& a, const LabelRow& b) {
+  return a.id == b.id && a.text == b.text && a.view == b.view && a.width == b.width &&
+         a.height == b.height && a.counts == b.counts;
+}
+
+absl::StatusOr<LabelRow> InsertLabel(soci::session& sql, const LabelRow& label) {
+  RETURN_IF_ERROR(CheckScene(sql, label.scene));
+  if (!label.request_id.empty()) {
+    const auto earlier = SelectLabels(sql, label.scene, "request_id =", {1, label.request_id});
+    if (!earlier.empty() && SameLabel(earlier[0], label)) return earlier[0];
+    if (!earlier.empty()) {
+      return absl::AlreadyExistsError(
+          absl::StrCat("request_id '", label.request_id, "' was used to create ",
+                       LabelName(label.scene, earlier[0].id), ", of another view, mask or text"));
+    }
+  }
+  if (!SelectLabels(sql, label.scene, "id =", {1, label.id}).empty()) {
+    return absl::AlreadyExistsError(
+        absl::StrCat(LabelName(label.scene, label.id), " exists already"));
+  }
+  LabelRow row = label;
+  const int64_t now = absl::ToUnixMicros(absl::Now());
+  row.create_time = FromMicros(now);
+  sql << "INSERT INTO labels (scene, id, text, view, width, height, counts, area, request_id,"
+         " create_time) VALUES (:scene, :id, :text, :view, :width, :height, :counts, :area,"
+         " :request, :now)",
+      soci::use(row.scene), soci::use(row.id), soci::use(row.text), soci::use(row.view),
+      soci::use(row.width), soci::use(row.height), soci::use(row.counts), soci::use(row.area),
+      soci::use(row.request_id), soci::use(now);
+  return row;
+}
+
+}  // namespace
+
+absl::StatusOr<LabelRow> LabelStore::CreateLabel(const LabelRow& label) {
+  if (!IsResourceId(label.id)) {
+    return absl::InvalidArgumentError(absl::StrCat("label id '", label.id, "': ", kResourceIdRule));
+  }
+  return database_.Query<LabelRow>([&](soci::session& sql) { return InsertLabel(sql, label); });
+}
+
+absl::StatusOr<LabelRow> LabelStore::GetLabel(const std::string& scene, const std::string& id) {
+  return database_.Query<LabelRow>([&](soci::session& sql) { return SelectLabel(sql, scene, id); });
+}
+
+absl::StatusOr<Page<LabelRow>> LabelStore::ListLabels(const std::string& scene,
+                                                      const PageRequest& page) {
+  const std::string list = absl::StrCat("labels/", scene);
+  ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
+  return database_.Query<Page<LabelRow>>([&](soci::session& sql) -> absl::StatusOr<Page<LabelRow>> {
+    RETURN_IF_ERROR(CheckScene(sql, scene));
+    Page<LabelRow> answer;
+    answer.rows = SelectLabels(sql, scene, "id >", {start.limit + 1, start.key});
+    if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
+      answer.rows.pop_back();
+      answer.next_page_token = NextToken(list, answer.rows.back().id);
+    }
+    return answer;
+  });
+}
+
+absl::Status LabelStore::DeleteLabel(const std::string& scene, const std::string& id) {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
+    ASSIGN_OR_RETURN(const LabelRow label, SelectLabel(sql, scene, id));
+    sql << "DELETE FROM labels WHERE scene = :scene AND id = :id", soci::use(label.scene),
+        soci::use(label.id);
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/store/rows.h"
+
+namespace pepeseg {
+
+class Database;
+
+// Labels of a scene. See Store for what holds for all calls.
+class LabelStore {
+ public:
+  explicit LabelStore(Database& database) : database_(database) {}
+
+  // Creates a label from all fields but create_time; checks the id only. INVALID_ARGUMENT: the id
+  // is not IsResourceId. ALREADY_EXISTS: a label of another request has the id.
+  absl::StatusOr<LabelRow> CreateLabel(const LabelRow& label);
+  // NOT_FOUND also names up to 20 labels of the scene.
+  absl::StatusOr<LabelRow> GetLabel(const std::string& scene, const std::string& id);
+  // Lists labels by id.
+  absl::StatusOr<Page<LabelRow>> ListLabels(const std::string& scene, const PageRequest& page);
+  absl::Status DeleteLabel(const std::string& scene, const std::string& id);
+
+ private:
+  Database& database_;
+};
+
+}  // namespace pepeseg

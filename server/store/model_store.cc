@@ -1,0 +1,105 @@
+#include "server/store/model_store.h"
+
+#include <limits>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "server/store/database.h"
+#include "server/store/store_sql.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kNewestModel = std::numeric_limits<int64_t>::max();
+
+// SQL for the dataset of a model's job, or 0. models.job is "j" and the number of the job, whose
+// record exists as long as the scene.
+constexpr char kDatasetOfJob[] =
+    "COALESCE((SELECT dataset FROM jobs WHERE jobs.number = CAST(SUBSTR(models.job, 2) AS BIGINT)),"
+    " 0)";
+
+// Returns models of a scene for which "number `condition` `key`" holds, newest first.
+std::vector<ModelRow> SelectModels(soci::session& sql, const std::string& scene,
+                                   const std::string& condition, const PageStart& start,
+                                   int64_t key) {
+  ModelRow row;
+  int64_t create_time = 0;
+  soci::statement select =
+      (sql.prepare << "SELECT scene, number, job, " << kDatasetOfJob
+                   << ", device, folder, metrics, sources, num_gaussians,"
+                      " num_bytes, create_time FROM models WHERE scene = :scene AND number "
+                   << condition << " :key ORDER BY number DESC LIMIT :limit",
+       soci::into(row.scene), soci::into(row.number), soci::into(row.job), soci::into(row.dataset),
+       soci::into(row.device), soci::into(row.folder), soci::into(row.metrics),
+       soci::into(row.sources), soci::into(row.num_gaussians), soci::into(row.num_bytes),
+       soci::into(create_time), soci::use(scene), soci::use(key), soci::use(start.limit));
+  select.execute();
+  std::vector<ModelRow> rows;
+  while (select.fetch()) {
+    row.create_time = FromMicros(create_time);
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+absl::Status NoModelError(soci::session& sql, const std::string& scene) {
+  const JobRow active = SelectActiveJob(sql, scene);
+  return absl::FailedPreconditionError(
+      absl::StrCat("scenes/", scene, " has no model yet",
+                   active.id.empty() ? ": train it first"
+                                     : absl::StrCat(": jobs/", active.id, " is making one")));
+}
+
+}  // namespace
+
+absl::StatusOr<ModelRow> SelectModel(soci::session& sql, const std::string& scene, int64_t number) {
+  std::vector<ModelRow> rows = SelectModels(sql, scene, "=", {1, ""}, number);
+  if (rows.empty()) {
+    RETURN_IF_ERROR(CheckScene(sql, scene));
+    return absl::NotFoundError(
+        absl::StrCat("scenes/", scene, "/models/", number, " does not exist"));
+  }
+  return rows[0];
+}
+
+absl::StatusOr<ModelRow> ModelStore::GetModel(const std::string& scene, int64_t number) {
+  return database_.Read<ModelRow>(
+      [&](soci::session& sql) { return SelectModel(sql, scene, number); });
+}
+
+absl::StatusOr<ModelRow> ModelStore::GetLiveModel(const std::string& scene) {
+  return database_.Read<ModelRow>([&](soci::session& sql) -> absl::StatusOr<ModelRow> {
+    std::vector<ModelRow> rows = SelectModels(sql, scene, "<", {1, ""}, kNewestModel);
+    if (!rows.empty()) return rows[0];  // one SELECT: every query looks up its model here
+    RETURN_IF_ERROR(CheckScene(sql, scene));
+    return NoModelError(sql, scene);
+  });
+}
+
+absl::StatusOr<Page<ModelRow>> ModelStore::ListModels(const std::string& scene,
+                                                      const PageRequest& page) {
+  const std::string list = absl::StrCat("models/", scene);
+  ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
+  ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewestModel));
+  return database_.Query<Page<ModelRow>>([&](soci::session& sql) -> absl::StatusOr<Page<ModelRow>> {
+    RETURN_IF_ERROR(CheckScene(sql, scene));
+    Page<ModelRow> answer;
+    answer.rows = SelectModels(sql, scene, "<", {start.limit + 1, ""}, key);
+    if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
+      answer.rows.pop_back();
+      answer.next_page_token = NextToken(list, absl::StrCat(answer.rows.back().number));
+    }
+    return answer;
+  });
+}
+
+absl::Status ModelStore::DeleteModel(const std::string& scene, int64_t number) {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
+    ASSIGN_OR_RETURN(const ModelRow model, SelectModel(sql, scene, number));
+    sql << "DELETE FROM models WHERE scene = :scene AND number = :number", soci::use(model.scene),
+        soci::use(number);  // its selections are deleted by cascade
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/store/rows.h"
+
+namespace pepeseg {
+
+class Database;
+
+// Models. JobQueue::CommitModel makes them. See Store for what holds for all calls.
+class ModelStore {
+ public:
+  explicit ModelStore(Database& database) : database_(database) {}
+
+  absl::StatusOr<ModelRow> GetModel(const std::string& scene, int64_t number);
+  // Returns the scene's newest model. FAILED_PRECONDITION: there is none; names the active job.
+  absl::StatusOr<ModelRow> GetLiveModel(const std::string& scene);
+  // Lists models, newest first.
+  absl::StatusOr<Page<ModelRow>> ListModels(const std::string& scene, const PageRequest& page);
+  // Deletes a model with its selections.
+  absl::Status DeleteModel(const std::string& scene, int64_t number);
+
+ private:
+  Database& database_;
+};
+
+}  // namespace pepeseg

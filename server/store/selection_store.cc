@@ -1,0 +1,157 @@
+#include "server/store/selection_store.h"
+
+#include <limits>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "server/store/database.h"
+#include "server/store/quota_sql.h"
+#include "server/store/store_sql.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kNewestSelection = std::numeric_limits<int64_t>::max();
+
+std::string SelectionName(const std::string& scene, int64_t number) {
+  return absl::StrCat("scenes/", scene, "/selections/", number);
+}
+
+// Returns selections of a scene for which "number `condition` `key`" holds, newest first.
+std::vector<SelectionRow> SelectSelections(soci::session& sql, const std::string& scene,
+                                           const std::string& condition, const PageStart& start,
+                                           int64_t key) {
+  SelectionRow row;
+  int64_t create_time = 0;
+  soci::statement select =
+      (sql.prepare
+           << "SELECT scene, number, model, model_gaussians, num_gaussians, min_x, min_y,"
+              " min_z, max_x, max_y, max_z, base, file, num_bytes, request_id,"
+              " request_digest, create_time FROM selections WHERE scene = :scene AND number "
+           << condition << " :key ORDER BY number DESC LIMIT :limit",
+       soci::into(row.scene), soci::into(row.number), soci::into(row.model),
+       soci::into(row.model_gaussians), soci::into(row.num_gaussians), soci::into(row.min[0]),
+       soci::into(row.min[1]), soci::into(row.min[2]), soci::into(row.max[0]),
+       soci::into(row.max[1]), soci::into(row.max[2]), soci::into(row.base), soci::into(row.file),
+       soci::into(row.num_bytes), soci::into(row.request_id), soci::into(row.request_digest),
+       soci::into(create_time), soci::use(scene), soci::use(key), soci::use(start.limit));
+  select.execute();
+  std::vector<SelectionRow> rows;
+  while (select.fetch()) {
+    row.create_time = FromMicros(create_time);
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+absl::StatusOr<SelectionRow> SelectSelection(soci::session& sql, const std::string& scene,
+                                             int64_t number) {
+  RETURN_IF_ERROR(CheckScene(sql, scene));
+  const std::vector<SelectionRow> rows = SelectSelections(sql, scene, "=", {1, ""}, number);
+  if (rows.empty()) {
+    return absl::NotFoundError(absl::StrCat(SelectionName(scene, number), " does not exist"));
+  }
+  return rows[0];
+}
+
+// Returns the selection that an earlier call with this request_id made, or nullopt. ALREADY_EXISTS:
+// the earlier request had another digest.
+absl::StatusOr<std::optional<SelectionRow>> FindEarlier(soci::session& sql,
+                                                        const std::string& scene,
+                                                        const std::string& request_id,
+                                                        const std::string& request_digest) {
+  if (request_id.empty()) return std::nullopt;
+  int64_t number = 0;
+  sql << "SELECT number FROM selections WHERE scene = :scene AND request_id = :request",
+      soci::use(scene), soci::use(request_id), soci::into(number);
+  if (!sql.got_data()) return std::nullopt;
+  ASSIGN_OR_RETURN(SelectionRow earlier, SelectSelection(sql, scene, number));
+  if (earlier.request_digest == request_digest) return earlier;
+  return absl::AlreadyExistsError(absl::StrCat("request_id '", request_id, "' was used to create ",
+                                               SelectionName(scene, number),
+                                               " by asking for something else"));
+}
+
+absl::StatusOr<SelectionRow> InsertSelection(soci::session& sql, const SelectionRow& selection,
+                                             const Quota& defaults) {
+  RETURN_IF_ERROR(SelectModel(sql, selection.scene, selection.model).status());
+  ASSIGN_OR_RETURN(const auto earlier, FindEarlier(sql, selection.scene, selection.request_id,
+                                                   selection.request_digest));
+  if (earlier.has_value()) return *earlier;
+  if (selection.base != 0) {
+    RETURN_IF_ERROR(SelectSelection(sql, selection.scene, selection.base).status());
+  }
+  SelectionRow row = selection;
+  const int64_t now = absl::ToUnixMicros(absl::Now());
+  row.create_time = FromMicros(now);
+  sql << "INSERT INTO selections (scene, number, model, model_gaussians, num_gaussians, min_x,"
+         " min_y, min_z, max_x, max_y, max_z, base, file, num_bytes, request_id,"
+         " request_digest, create_time)"
+         " VALUES (:scene, :number, :model, :all, :num, :min_x, :min_y, :min_z, :max_x, :max_y,"
+         " :max_z, :base, :file, :bytes, :request, :digest, :now)",
+      soci::use(row.scene), soci::use(row.number), soci::use(row.model),
+      soci::use(row.model_gaussians), soci::use(row.num_gaussians), soci::use(row.min[0]),
+      soci::use(row.min[1]), soci::use(row.min[2]), soci::use(row.max[0]), soci::use(row.max[1]),
+      soci::use(row.max[2]), soci::use(row.base), soci::use(row.file), soci::use(row.num_bytes),
+      soci::use(row.request_id), soci::use(row.request_digest), soci::use(now);
+  RETURN_IF_ERROR(CheckSelectionQuota(sql, row.scene, defaults));
+  return row;
+}
+
+}  // namespace
+
+absl::StatusOr<int64_t> SelectionStore::TakeSelectionNumber(const std::string& scene) {
+  return database_.Query<int64_t>([&](soci::session& sql) -> absl::StatusOr<int64_t> {
+    RETURN_IF_ERROR(CheckScene(sql, scene));
+    return TakeNumber(sql, scene, "next_selection");
+  });
+}
+
+absl::StatusOr<std::optional<SelectionRow>> SelectionStore::FindSelectionOfRequest(
+    const std::string& scene, const std::string& request_id, const std::string& request_digest) {
+  using Found = std::optional<SelectionRow>;
+  return database_.Query<Found>([&](soci::session& sql) -> absl::StatusOr<Found> {
+    RETURN_IF_ERROR(CheckScene(sql, scene));
+    return FindEarlier(sql, scene, request_id, request_digest);
+  });
+}
+
+absl::StatusOr<SelectionRow> SelectionStore::CreateSelection(const SelectionRow& selection) {
+  return database_.Query<SelectionRow>(
+      [&](soci::session& sql) { return InsertSelection(sql, selection, defaults_); });
+}
+
+absl::StatusOr<SelectionRow> SelectionStore::GetSelection(const std::string& scene,
+                                                          int64_t number) {
+  return database_.Query<SelectionRow>(
+      [&](soci::session& sql) { return SelectSelection(sql, scene, number); });
+}
+
+absl::StatusOr<Page<SelectionRow>> SelectionStore::ListSelections(const std::string& scene,
+                                                                  const PageRequest& page) {
+  const std::string list = absl::StrCat("selections/", scene);
+  ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
+  ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewestSelection));
+  return database_.Query<Page<SelectionRow>>(
+      [&](soci::session& sql) -> absl::StatusOr<Page<SelectionRow>> {
+        RETURN_IF_ERROR(CheckScene(sql, scene));
+        Page<SelectionRow> answer;
+        answer.rows = SelectSelections(sql, scene, "<", {start.limit + 1, ""}, key);
+        if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
+          answer.rows.pop_back();
+          answer.next_page_token = NextToken(list, absl::StrCat(answer.rows.back().number));
+        }
+        return answer;
+      });
+}
+
+absl::Status SelectionStore::DeleteSelection(const std::string& scene, int64_t number) {
+  return database_.Transact([&](soci::session& sql) -> absl::Status {
+    ASSIGN_OR_RETURN(const SelectionRow row, SelectSelection(sql, scene, number));
+    sql << "DELETE FROM selections WHERE scene = :scene AND number = :number", soci::use(row.scene),
+        soci::use(row.number);
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace pepeseg

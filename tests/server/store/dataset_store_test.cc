@@ -1,0 +1,145 @@
+#include <gmock/gmock.h>
+
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "tests/server/store/store_fixture.h"
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+using ::testing::HasSubstr;
+
+TEST_F(StoreTest, SealsOnlyCompleteDatasets) {
+  MakeScene("a");
+  const auto made = store_->datasets().CreateDataset(
+      "a", "r", {{"images/1.jpg", 1, 10, "aa", true}, {"images/2.jpg", 1, 20, "bb", false}});
+  ASSERT_TRUE(made.ok()) << made.status();
+  EXPECT_EQ(made->number, 1);
+  EXPECT_EQ(made->num_files, 2);
+  EXPECT_EQ(made->num_bytes, 30);
+  const auto early = store_->datasets().SealDataset("a", 1).status();
+  EXPECT_EQ(early.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(early.message()), HasSubstr("images/2.jpg"));
+  const UploadName upload{kDefaultProject, "a", 1};
+  EXPECT_EQ(store_->files().MarkFilesStored(upload, {{"images/3.jpg", 1, 20, "bb"}}).code(),
+            absl::StatusCode::kNotFound);
+  EXPECT_EQ(store_->files().MarkFilesStored(upload, {{"images/2.jpg", 1, 20, "cc"}}).code(),
+            absl::StatusCode::kNotFound)
+      << "of another upload of this name, which was deleted since";
+  DatasetFileRow second{"images/2.jpg", 1, 20, "bb"};
+  second.header = HeaderState::kRead;
+  second.width = 640;
+  second.height = 480;
+  ASSERT_TRUE(store_->files().MarkFilesStored(upload, {second}).ok());
+  const auto stored = store_->files().GetDatasetFile("a", 1, "images/2.jpg");
+  EXPECT_TRUE(stored->stored);
+  EXPECT_EQ(stored->header, HeaderState::kRead);
+  EXPECT_EQ(stored->width, 640);
+  EXPECT_EQ(stored->height, 480);
+  const auto sealed = store_->datasets().SealDataset("a", 1);
+  ASSERT_TRUE(sealed.ok()) << sealed.status();
+  EXPECT_EQ(sealed->state, DatasetState::kSealed);
+  EXPECT_TRUE(store_->datasets().SealDataset("a", 1).ok());
+  EXPECT_EQ(store_->files().MarkFilesStored(upload, {second}).code(),
+            absl::StatusCode::kFailedPrecondition);
+}
+
+// Passes more files than one SQL statement takes to every call that has a list of files.
+TEST_F(StoreTest, StoresThousandsOfFiles) {
+  constexpr int kFiles = 1000;
+  MakeScene("a");
+  std::vector<DatasetFileRow> files;
+  files.reserve(kFiles);
+  for (int i = 0; i < kFiles; ++i) {
+    files.push_back({absl::StrCat("images/", 1000 + i, ".jpg"), 1, 10 + i, absl::StrCat("d", i)});
+  }
+  ASSERT_OK(store_->datasets().CreateDataset("a", "", files));
+  ASSERT_OK_AND_ASSIGN(auto listed,
+                       store_->files().ListDatasetFilesFrom("a", 1, "images/1500.jpg", 100));
+  ASSERT_EQ(listed.size(), 100u);
+  EXPECT_EQ(listed[0].path, "images/1500.jpg");
+  EXPECT_EQ(listed[99].path, "images/1599.jpg");
+  ASSERT_OK(store_->files().MarkFilesStored({kDefaultProject, "a", 1}, listed));
+  EXPECT_EQ(store_->files().ListBlobs(kDefaultProject)->size(), 100u);
+  EXPECT_THAT(std::string(store_->datasets().SealDataset("a", 1).status().message()),
+              HasSubstr("900 of 1000 files are not uploaded"));
+  ASSERT_OK(store_->datasets().SealDataset("a", 1, files));
+  for (DatasetFileRow& file : files) {
+    file.header = HeaderState::kRead;
+    file.num_points = 2 * file.size;
+  }
+  ASSERT_OK(store_->files().SetFileHeaders("a", 1, files));
+  ASSERT_OK_AND_ASSIGN(listed, store_->files().ListDatasetFiles("a", 1));
+  ASSERT_EQ(listed.size(), size_t{kFiles});
+  for (const DatasetFileRow& file : listed) {
+    EXPECT_TRUE(file.stored);
+    EXPECT_EQ(file.num_points, 2 * file.size) << file.path;
+  }
+  ASSERT_OK(store_->files().ForgetBlobs(kDefaultProject, {"d0", "d999", "other"}));
+  EXPECT_EQ(store_->files().ListBlobs(kDefaultProject)->size(), 998u);
+}
+
+TEST_F(StoreTest, CreatesOneDatasetForARepeatedRequest) {
+  MakeScene("a");
+  const std::vector<DatasetFileRow> files = {{"x", 1, 10, "aa", false}, {"y", 1, 10, "ab", false}};
+  EXPECT_EQ(store_->datasets().CreateDataset("a", "r", files)->number, 1);
+  EXPECT_EQ(store_->datasets().CreateDataset("a", "r", {files[1], files[0]})->number, 1);
+  EXPECT_EQ(store_->datasets().CreateDataset("a", "r", {files[0]}).status().code(),
+            absl::StatusCode::kAlreadyExists);
+  EXPECT_EQ(store_->datasets().CreateDataset("a", "", files)->number, 2);
+  EXPECT_EQ(store_->datasets().CreateDataset("b", "", files).status().code(),
+            absl::StatusCode::kNotFound);
+}
+
+TEST_F(StoreTest, ListsSealedDatasetsByNumber) {
+  MakeScene("a");
+  for (int i = 0; i < 4; ++i) {
+    ASSERT_TRUE(store_->datasets().CreateDataset("a", "", {{"x", 1, 10, "aa", true}}).ok());
+  }
+  for (const int64_t number : {4, 1, 2})
+    ASSERT_TRUE(store_->datasets().SealDataset("a", number).ok());
+  const auto page = store_->datasets().ListDatasets("a", {2, ""});
+  ASSERT_EQ(page->rows.size(), 2u);
+  EXPECT_EQ(page->rows[1].number, 2);
+  const auto rest = store_->datasets().ListDatasets("a", {2, page->next_page_token});
+  ASSERT_EQ(rest->rows.size(), 1u);
+  EXPECT_EQ(rest->rows[0].number, 4);
+  EXPECT_EQ(rest->next_page_token, "");
+}
+
+TEST_F(StoreTest, MarksADigestInAllDatasetsOfItsProject) {
+  ASSERT_TRUE(store_->scenes().CreateScene({"ours", "", "", {}}).ok());
+  ASSERT_TRUE(store_->scenes().CreateScene({"theirs", "", "", {}, "other"}).ok());
+  for (const char* scene : {"ours", "theirs"}) {
+    ASSERT_TRUE(store_->datasets()
+                    .CreateDataset(scene, "", {{"a", 1, 3, "00", true}, {"b", 1, 3, "11", true}})
+                    .ok());
+    ASSERT_TRUE(store_->datasets().SealDataset(scene, 1).ok());
+  }
+  const auto is_stored = [&](const std::string& scene, const std::string& path) {
+    return store_->files().GetDatasetFile(scene, 1, path)->stored;
+  };
+  ASSERT_TRUE(store_->files().SetDigestsStored(kDefaultProject, {"00", "22"}, false).ok());
+  EXPECT_FALSE(is_stored("ours", "a"));
+  EXPECT_TRUE(is_stored("ours", "b"));
+  EXPECT_TRUE(is_stored("theirs", "a"));
+  ASSERT_TRUE(store_->files().SetDigestsStored(kDefaultProject, {"00"}, true).ok());
+  EXPECT_TRUE(is_stored("ours", "a"));
+}
+
+TEST_F(StoreTest, FindsFilesOfAKind) {
+  ASSERT_TRUE(store_->scenes().CreateScene({"a", "", "", {}}).ok());
+  constexpr int kImage = 1, kMask = 3;
+  const std::string digest(64, 'a');
+  ASSERT_TRUE(
+      store_->datasets().CreateDataset("a", "", {{"images/1.jpg", kImage, 5, digest}}).ok());
+  EXPECT_TRUE(*store_->files().HasFileOfKind("a", 1, kImage));
+  EXPECT_FALSE(*store_->files().HasFileOfKind("a", 1, kMask));
+  EXPECT_FALSE(*store_->files().HasFileOfKind("a", 2, kImage));
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,242 @@
+// Claims and leases of several servers on one database.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+#include <thread>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "server/store/store.h"
+#include "tests/server/store/test_database.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+using ::testing::HasSubstr;
+
+class StoreQueueTest : public ::testing::Test {
+ protected:
+  std::unique_ptr<Store> Open(const std::string& name, absl::Duration lease) {
+    auto store = Store::Open(url_, {name, lease});
+    EXPECT_OK(store);
+    return *std::move(store);
+  }
+
+  // Creates a queued job of a new scene and returns its id.
+  std::string Queue(Store& store) {
+    const std::string scene = absl::StrCat("s", ++num_scenes_);
+    EXPECT_OK(store.scenes().CreateScene({scene, "", "", {}}));
+    EXPECT_OK(store.datasets().CreateDataset(scene, "", {{"a.jpg", 1, 3, "00", true}}));
+    EXPECT_OK(store.datasets().SealDataset(scene, 1));
+    JobRow job;
+    job.scene = scene;
+    job.dataset = 1;
+    const auto made = store.jobs().CreateJob(job);
+    EXPECT_OK(made);
+    return made->id;
+  }
+
+  const testing::TempFolder folder_;
+  const std::string url_ = testing::NewTestDatabase(folder_.path());
+  int num_scenes_ = 0;
+};
+
+TEST_F(StoreQueueTest, DoesNotClaimAJobWhoseLeaseIsRenewed) {
+  const auto a = Open("a", absl::Milliseconds(300));
+  const auto b = Open("b", absl::Seconds(60));
+  const std::string job = Queue(*a);
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, a->queue().ClaimJob("cpu"));
+  ASSERT_TRUE(claimed.has_value());
+  EXPECT_EQ(claimed->fence, 1);
+  for (int i = 0; i < 6; ++i) {
+    absl::SleepFor(absl::Milliseconds(100));
+    ASSERT_OK_AND_ASSIGN(const std::vector<JobRow> held, a->queue().RenewLeases());
+    ASSERT_EQ(held.size(), 1u);
+    EXPECT_EQ(held[0].id, job);
+    EXPECT_FALSE((*b->queue().ClaimJob("cpu")).has_value());
+  }
+}
+
+TEST_F(StoreQueueTest, RefusesWritesAfterTheLeaseIsLost) {
+  const auto a = Open("a", absl::Milliseconds(50));
+  const auto b = Open("b", absl::Seconds(60));
+  const std::string job = Queue(*a);
+  ASSERT_TRUE((*a->queue().ClaimJob("cpu")).has_value());
+  absl::SleepFor(absl::Milliseconds(80));
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, b->queue().ClaimJob("cuda 0"));
+  ASSERT_TRUE(claimed.has_value());
+  EXPECT_EQ(claimed->id, job);
+  EXPECT_EQ(claimed->fence, 2);
+  EXPECT_TRUE(absl::IsAborted(a->queue().SetJobStage(job, 1, "features")));
+  EXPECT_TRUE(absl::IsAborted(a->queue().CommitModel(job, 1, {}).status()));
+  EXPECT_TRUE(absl::IsAborted(a->queue().EndJob(job, 1, absl::InternalError("x")).status()));
+  EXPECT_TRUE(absl::IsAborted(a->queue().RequeueJob(job, 1, {}).status()));
+  // The fence of the other attempt does not help.
+  EXPECT_TRUE(absl::IsAborted(a->queue().CommitModel(job, 2, {}).status()));
+  ASSERT_OK_AND_ASSIGN(const std::vector<JobRow> held, a->queue().RenewLeases());
+  EXPECT_TRUE(held.empty());
+  ASSERT_OK_AND_ASSIGN(const JobRow row, b->jobs().GetJob(job));
+  EXPECT_EQ(row.state, JobState::kRunning);
+  EXPECT_EQ(row.stage, "");
+  EXPECT_EQ(row.lease_owner, "b");
+  EXPECT_OK(b->queue().CommitModel(job, 2, {}));
+}
+
+TEST_F(StoreQueueTest, ChangesOnlyTheHolderOfALaunchedJob) {
+  const auto a = Open("a", absl::Milliseconds(50));
+  const auto b = Open("b", absl::Seconds(60));
+  const std::string job = Queue(*a);
+  ASSERT_TRUE((*a->queue().ClaimJob("cpu")).has_value());
+  ASSERT_OK(a->queue().SetJobLaunch(job, 1, "slurm:17"));
+  absl::SleepFor(absl::Milliseconds(80));
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, b->queue().ClaimJob("cpu"));
+  ASSERT_TRUE(claimed.has_value());
+  EXPECT_EQ(claimed->fence, 1);
+  EXPECT_EQ(claimed->launch, "slurm:17");
+  EXPECT_TRUE(absl::IsAborted(a->queue().CommitModel(job, 1, {}).status()));
+  EXPECT_OK(b->queue().CommitModel(job, 1, {}));
+}
+
+TEST_F(StoreQueueTest, GivesARestartedWorkerTheNextFenceOfItsLaunchOnly) {
+  const auto a = Open("a", absl::Seconds(60));
+  const std::string job = Queue(*a);
+  ASSERT_TRUE((*a->queue().ClaimJob("cpu")).has_value());
+  ASSERT_OK(a->queue().SetJobLaunch(job, 1, "slurm:17"));
+  const auto worker = Open("worker", absl::Seconds(60));
+  EXPECT_TRUE(absl::IsAborted(worker->queue().TakeNextFence(job, "slurm:16").status()));
+  ASSERT_OK_AND_ASSIGN(const int64_t fence, worker->queue().TakeNextFence(job, "slurm:17"));
+  EXPECT_EQ(fence, 2);
+  EXPECT_TRUE(absl::IsAborted(a->queue().CommitModel(job, 1, {}).status()));
+  EXPECT_OK(a->queue().CommitModel(job, 2, {}));
+  EXPECT_TRUE(absl::IsAborted(worker->queue().TakeNextFence(job, "slurm:17").status()));
+}
+
+TEST_F(StoreQueueTest, TakesOverJobsOfTheGivenHolderOnly) {
+  const auto a = Open("a", absl::Seconds(60));
+  const auto b = Open("b", absl::Seconds(60));
+  const std::string job = Queue(*a);
+  ASSERT_TRUE((*a->queue().ClaimJob("cpu")).has_value());
+  EXPECT_TRUE(absl::IsAborted(b->queue().TakeOverJob(job, "c").status()));
+  ASSERT_OK(b->queue().TakeOverJob(job, "a"));
+  EXPECT_TRUE(absl::IsAborted(a->queue().RequeueJob(job, 1, {}).status()));
+  ASSERT_OK_AND_ASSIGN(const JobRow row, b->queue().RequeueJob(job, 1, {}));
+  EXPECT_EQ(row.lease_owner, "");
+}
+
+TEST_F(StoreQueueTest, CountsCrashesAndServerEndsSeparatelyUntilThereIsProgress) {
+  const auto a = Open("a", absl::Seconds(60));
+  const std::string job = Queue(*a);
+  struct Case {
+    EndedAttempt attempt;
+    int crashes, server_ends;
+  };
+  const std::vector<Case> cases = {
+      {{AttemptEnd::kServerEnded, false, {}}, 0, 1}, {{AttemptEnd::kCrashed, false, {}}, 1, 1},
+      {{AttemptEnd::kServerEnded, false, {}}, 1, 2}, {{AttemptEnd::kStopped, false, {}}, 1, 2},
+      {{AttemptEnd::kCrashed, false, {}}, 2, 2},     {{AttemptEnd::kCrashed, true, {}}, 0, 0},
+      {{AttemptEnd::kServerEnded, true, {}}, 0, 0}};
+  int64_t fence = 0;
+  for (const Case& each : cases) {
+    ASSERT_TRUE((*a->queue().ClaimJob("cpu")).has_value());
+    ASSERT_OK_AND_ASSIGN(const JobRow row, a->queue().RequeueJob(job, ++fence, each.attempt));
+    EXPECT_EQ(row.crashes, each.crashes) << "fence " << fence;
+    EXPECT_EQ(row.server_ends, each.server_ends) << "fence " << fence;
+    ASSERT_OK_AND_ASSIGN(const JobRow read, a->jobs().GetJob(job));
+    EXPECT_EQ(read.crashes, each.crashes);
+    EXPECT_EQ(read.server_ends, each.server_ends);
+  }
+}
+
+TEST_F(StoreQueueTest, ClaimsAPausedJobAfterItsPauseAndOthersBefore) {
+  const auto a = Open("a", absl::Seconds(60));
+  const std::string job = Queue(*a), other = Queue(*a);
+  ASSERT_EQ((*a->queue().ClaimJob("cpu"))->id, job);
+  ASSERT_OK_AND_ASSIGN(
+      const JobRow row,
+      a->queue().RequeueJob(job, 1, {AttemptEnd::kCrashed, false, absl::Seconds(1)}));
+  EXPECT_EQ(row.state, JobState::kQueued);
+  EXPECT_EQ((*a->queue().ClaimJob("cpu"))->id, other);
+  EXPECT_FALSE((*a->queue().ClaimJob("cpu")).has_value());
+  absl::SleepFor(row.not_before - absl::Now() + absl::Milliseconds(20));
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, a->queue().ClaimJob("cpu"));
+  ASSERT_TRUE(claimed.has_value());
+  EXPECT_EQ(claimed->fence, 2);
+  EXPECT_EQ(claimed->not_before, absl::InfinitePast());
+}
+
+// Several threads claim at the same time until nothing is left; no job is claimed twice.
+TEST_F(StoreQueueTest, GivesEachJobToOneOfManyClaimers) {
+  constexpr int kNumJobs = 40;
+  constexpr int kNumServers = 4;
+  const auto first = Open("first", absl::Seconds(60));
+  for (int i = 0; i < kNumJobs; ++i) Queue(*first);
+  std::vector<std::vector<std::string>> taken(kNumServers);
+  std::vector<std::unique_ptr<Store>> stores;
+  std::vector<std::thread> servers;
+  for (int i = 0; i < kNumServers; ++i) {
+    stores.push_back(Open(absl::StrCat("server", i), absl::Seconds(60)));
+  }
+  for (int i = 0; i < kNumServers; ++i) {
+    servers.emplace_back([&, i] {
+      while (true) {
+        const auto job = stores[i]->queue().ClaimJob("cpu");
+        if (absl::IsUnavailable(job.status())) continue;  // too many collisions: try again
+        ASSERT_OK(job);
+        if (!job->has_value()) return;
+        taken[i].push_back((*job)->id);
+      }
+    });
+  }
+  for (std::thread& server : servers) server.join();
+  std::multiset<std::string> all;
+  for (const auto& jobs : taken) all.insert(jobs.begin(), jobs.end());
+  EXPECT_EQ(all.size(), static_cast<size_t>(kNumJobs));
+  EXPECT_EQ(std::set<std::string>(all.begin(), all.end()).size(), all.size());
+}
+
+// Numbers name resources, so two servers must not use one twice.
+TEST_F(StoreQueueTest, GivesEachNumberOnceToConcurrentCallers) {
+  const auto a = Open("a", absl::Seconds(60));
+  const auto b = Open("b", absl::Seconds(60));
+  ASSERT_OK(a->scenes().CreateScene({"s", "", "", {}}));
+  std::vector<int64_t> numbers[2];
+  std::thread threads[2];
+  for (int i = 0; i < 2; ++i) {
+    threads[i] = std::thread([&, i] {
+      for (int k = 0; k < 50; ++k) {
+        const auto number = (i == 0 ? a : b)->selections().TakeSelectionNumber("s");
+        ASSERT_OK(number);
+        numbers[i].push_back(*number);
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  std::set<int64_t> all(numbers[0].begin(), numbers[0].end());
+  all.insert(numbers[1].begin(), numbers[1].end());
+  EXPECT_EQ(all.size(), 100u);
+}
+
+TEST(Store, ReconnectsWhenPostgresqlComesBack) {
+  testing::PostgresqlServer server;
+  auto store = Store::Open(server.NewDatabase(), {"a", absl::Seconds(60)});
+  ASSERT_OK(store);
+  ASSERT_OK((*store)->scenes().CreateScene({"s", "", "", {}}));
+  server.Crash();
+  absl::Status away;  // the backend of the connection may answer once more before it ends
+  for (int i = 0; i < 100 && away.ok(); ++i) {
+    away = (*store)->scenes().GetScene("s").status();
+    absl::SleepFor(absl::Milliseconds(20));
+  }
+  EXPECT_TRUE(absl::IsUnavailable(away)) << away;
+  EXPECT_THAT(std::string(away.message()), HasSubstr("database"));
+  server.Restart();
+  EXPECT_OK((*store)->scenes().GetScene("s"));  // what was committed is there
+  EXPECT_OK((*store)->scenes().CreateScene({"t", "", "", {}}));
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,191 @@
+// Keys and projects.
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "server/store/scene_key.h"
+#include "server/store/store.h"
+#include "tests/server/store/test_database.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+struct StoreKeys : ::testing::Test {
+  StoreKeys() {
+    auto opened = Store::Open(testing::NewTestDatabase(folder.path()));
+    EXPECT_TRUE(opened.ok()) << opened.status();
+    store = *std::move(opened);
+  }
+  absl::StatusOr<KeyRow> MakeKey(const std::string& id, const std::string& project) {
+    KeyRow key;
+    key.id = id;
+    key.project = project;
+    key.display_name = "Key's name";
+    key.sha256 = absl::StrCat("digest of ", id);
+    key.scopes = 6;
+    return store->keys().CreateKey(key);
+  }
+  void CreateScene(const std::string& id, const std::string& project,
+                   const std::string& request_id = "") {
+    SceneRow scene;
+    scene.id = id;
+    scene.project = project;
+    scene.request_id = request_id;
+    const auto made = store->scenes().CreateScene(scene);
+    ASSERT_TRUE(made.ok()) << made.status();
+    EXPECT_EQ(made->project, project);
+  }
+
+  testing::TempFolder folder;
+  std::unique_ptr<Store> store;
+};
+
+TEST_F(StoreKeys, FindsAKeyByItsDigest) {
+  const auto made = MakeKey("a", "lab");
+  ASSERT_TRUE(made.ok()) << made.status();
+  const auto found = store->keys().FindKeyByDigest("digest of a");
+  ASSERT_TRUE(found.ok()) << found.status();
+  EXPECT_EQ(found->id, "a");
+  EXPECT_EQ(found->project, "lab");
+  EXPECT_EQ(found->display_name, "Key's name");
+  EXPECT_EQ(found->scopes, 6);
+  EXPECT_EQ(found->create_time, made->create_time);
+  EXPECT_EQ(found->expire_time, absl::InfinitePast());
+  EXPECT_EQ(found->revoke_time, absl::InfinitePast());
+  EXPECT_TRUE(absl::IsNotFound(store->keys().FindKeyByDigest("digest of b").status()));
+  EXPECT_FALSE(MakeKey("a", "lab").ok());
+  EXPECT_TRUE(absl::IsInvalidArgument(MakeKey("b", "No label").status()));
+  EXPECT_TRUE(absl::IsNotFound(store->keys().FindKeyByDigest("digest of b").status()));
+}
+
+TEST_F(StoreKeys, KeepsTheFirstRevocation) {
+  ASSERT_TRUE(MakeKey("a", "lab").ok());
+  const auto revoked = store->keys().RevokeKey("a");
+  ASSERT_TRUE(revoked.ok()) << revoked.status();
+  EXPECT_GT(revoked->revoke_time, absl::Now() - absl::Minutes(1));
+  EXPECT_EQ(store->keys().RevokeKey("a")->revoke_time, revoked->revoke_time);
+  EXPECT_EQ(store->keys().FindKeyByDigest("digest of a")->revoke_time, revoked->revoke_time);
+  EXPECT_TRUE(absl::IsNotFound(store->keys().RevokeKey("b").status()));
+}
+
+TEST_F(StoreKeys, ListsKeysByProjectInPages) {
+  for (const char* id : {"b", "d", "a", "c"}) {
+    ASSERT_TRUE(MakeKey(id, *id == 'c' ? "other" : "lab").ok());
+  }
+  const auto first = store->keys().ListKeys("lab", {2, ""});
+  ASSERT_TRUE(first.ok()) << first.status();
+  ASSERT_EQ(first->rows.size(), 2u);
+  EXPECT_EQ(first->rows[0].id, "a");
+  const auto second = store->keys().ListKeys("lab", {2, first->next_page_token});
+  ASSERT_EQ(second->rows.size(), 1u);
+  EXPECT_EQ(second->rows[0].id, "d");
+  EXPECT_EQ(store->keys().ListKeys("", {})->rows.size(), 4u);
+  EXPECT_EQ(store->keys().ListKeys("none", {})->rows.size(), 0u);
+  EXPECT_FALSE(
+      store->keys().ListKeys("", {2, first->next_page_token}).ok());  // token of another list
+  EXPECT_FALSE(store->keys().ListKeys("x' OR '1' = '1", {}).ok());
+}
+
+TEST_F(StoreKeys, FindsTheProjectOfScenesAndJobs) {
+  CreateScene("a", "lab", "request");
+  CreateScene("b", "other", "request");  // the request_id is its own
+  EXPECT_EQ(*store->scenes().ProjectOfScene("a"), "lab");
+  EXPECT_EQ(*store->scenes().ProjectOfScene("b"), "other");
+  EXPECT_TRUE(absl::IsNotFound(store->scenes().ProjectOfScene("c").status()));
+  EXPECT_TRUE(absl::IsInvalidArgument(store->scenes().ProjectOfScene("../a").status()));
+  ASSERT_EQ(store->scenes().ListScenes({}, "lab")->rows.size(), 1u);
+  EXPECT_EQ(store->scenes().ListScenes({}, "lab")->rows[0].id, "a");
+  EXPECT_EQ(store->scenes().ListScenes({})->rows.size(), 2u);
+  for (const char* scene : {"a", "b"}) {
+    ASSERT_TRUE(store->datasets().CreateDataset(scene, "", {{"x.jpg", 1, 3, "00", true}}).ok());
+    ASSERT_TRUE(store->datasets().SealDataset(scene, 1).ok());
+    JobRow job;
+    job.scene = scene;
+    job.dataset = 1;
+    ASSERT_TRUE(store->jobs().CreateJob(job).ok());
+  }
+  EXPECT_EQ(*store->jobs().ProjectOfJob("j1"), "lab");
+  EXPECT_EQ(*store->jobs().ProjectOfJob("j2"), "other");
+  EXPECT_TRUE(absl::IsNotFound(store->jobs().ProjectOfJob("j3").status()));
+  for (const char* bad : {"", "j", "1", "j0", "j-1", "j01", "j1x"}) {
+    EXPECT_TRUE(absl::IsInvalidArgument(store->jobs().ProjectOfJob(bad).status())) << bad;
+  }
+  JobStore::JobFilter filter;
+  filter.project = "other";
+  ASSERT_EQ(store->jobs().ListJobs(filter, {})->rows.size(), 1u);
+  EXPECT_EQ(store->jobs().ListJobs(filter, {})->rows[0].id, "j2");
+  filter.scene = "a";
+  EXPECT_EQ(store->jobs().ListJobs(filter, {})->rows.size(), 0u);
+  EXPECT_EQ(store->jobs().ListJobs({}, {})->rows.size(), 2u);
+}
+
+TEST_F(StoreKeys, AllowsTheSameSceneIdInSeveralProjects) {
+  CreateScene("a", "lab");
+  CreateScene("a", "other");
+  CreateScene("b", "other");
+  const std::string key = *store->scenes().FindScene("other", "a");
+  EXPECT_EQ(*store->scenes().FindScene("lab", "a"), "a") << "as before ids were the project's own";
+  EXPECT_NE(key, "a");
+  EXPECT_EQ(SceneIdOf(key), "a");
+  EXPECT_EQ(store->scenes().GetScene(key)->id, "a");
+  EXPECT_EQ(*store->scenes().ProjectOfScene(key), "other");
+  EXPECT_EQ(*store->scenes().ProjectOfScene("a"), "lab");
+  EXPECT_TRUE(absl::IsNotFound(store->scenes().FindScene("lab", "b").status()));
+  EXPECT_TRUE(absl::IsNotFound(store->scenes().FindScene("default", "a").status()));
+  EXPECT_EQ(store->scenes().CreateScene({"a", "", "", {}, "other"}).status().message(),
+            "scenes/a exists already");
+  EXPECT_EQ(store->scenes().FindScenes("a")->size(), 2u);
+  // Records of one scene do not belong to the other.
+  ASSERT_TRUE(store->datasets().CreateDataset(key, "", {{"x.jpg", 1, 3, "00", true}}).ok());
+  EXPECT_TRUE(absl::IsNotFound(store->datasets().GetDataset("a", 1).status()));
+  ASSERT_TRUE(store->scenes().DeleteScene("a").ok());
+  EXPECT_TRUE(store->datasets().GetDataset(key, 1).ok());
+  CreateScene("a", "lab");
+  EXPECT_TRUE(store->scenes().GetScene(*store->scenes().FindScene("lab", "a")).ok());
+}
+
+TEST_F(StoreKeys, ListsScenesWithTheSameIdInPages) {
+  for (const char* project : {"lab", "other", "third"}) CreateScene("a", project);
+  CreateScene("A", "lab");
+  CreateScene("a-b", "lab");
+  std::set<std::string> keys;
+  PageRequest page{1, ""};
+  do {
+    const auto scenes = store->scenes().ListScenes(page);
+    ASSERT_TRUE(scenes.ok()) << scenes.status();
+    ASSERT_EQ(scenes->rows.size(), 1u);
+    EXPECT_TRUE(keys.insert(scenes->rows[0].key).second);
+    page.page_token = scenes->next_page_token;
+  } while (!page.page_token.empty() && keys.size() < 10);
+  EXPECT_EQ(keys.size(), 5u);
+}
+
+TEST(SceneKey, ContainsTheId) {
+  const std::string key = MakeSceneKey(17, "Fern-2");
+  EXPECT_EQ(key, "17@Fern-2");
+  EXPECT_EQ(SceneIdOf(key), "Fern-2");
+  EXPECT_EQ(SceneIdOf("17"), "17");
+  EXPECT_TRUE(IsSceneKey(key) && IsSceneKey("Fern-2") && IsSceneKey("17"));
+  for (const char* bad : {"", "@a", "x@a", "17@", "17@@a", "17@../a", "-1@a"}) {
+    EXPECT_FALSE(IsSceneKey(bad)) << bad;
+  }
+  EXPECT_EQ(WithSceneIds("scenes/17@a/models/1 is of scenes/18@b, not of scenes/c: 3@4"),
+            "scenes/a/models/1 is of scenes/b, not of scenes/c: 3@4");
+}
+
+TEST_F(StoreKeys, StoresQuotasOfProjects) {
+  EXPECT_EQ(store->quotas().GetProject("lab")->quota.stored_bytes, 0);
+  ASSERT_TRUE(store->quotas().SetProjectQuota("lab", {1, 2, 3, 4, 5, int64_t{6} << 40}).ok());
+  ASSERT_TRUE(MakeKey("a", "lab").ok());  // does not change the quota
+  const auto project = store->quotas().GetProject("lab");
+  EXPECT_EQ(project->quota.stored_bytes, 1);
+  EXPECT_EQ(project->quota.queries_per_second, 5);
+  EXPECT_EQ(project->quota.resident_bytes, int64_t{6} << 40);
+  EXPECT_TRUE(absl::IsInvalidArgument(store->quotas().SetProjectQuota("No", {}).status()));
+}
+
+}  // namespace
+}  // namespace pepeseg

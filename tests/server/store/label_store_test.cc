@@ -1,0 +1,98 @@
+#include "tests/server/store/trained_store.h"
+
+namespace pepeseg {
+namespace {
+
+using absl::StatusCode::kAlreadyExists;
+using absl::StatusCode::kInvalidArgument;
+using absl::StatusCode::kNotFound;
+
+class StoreLabelsTest : public testing::TrainedStoreTest {};
+
+LabelRow Cup(const std::string& id = "cup", const std::string& request_id = "") {
+  return {"a", id, "A c\xc3\xbcp", "left/0.jpg", 96, 64, "0`0:o1", 17, request_id, {}};
+}
+
+TEST_F(StoreLabelsTest, KeepsEveryColumnAfterReopening) {
+  ASSERT_OK_AND_ASSIGN(const LabelRow made, store_->labels().CreateLabel(Cup("cup", "r1")));
+  EXPECT_NEAR(absl::ToDoubleSeconds(absl::Now() - made.create_time), 0, 60);
+  Reopen();
+  ASSERT_OK_AND_ASSIGN(const LabelRow found, store_->labels().GetLabel("a", "cup"));
+  EXPECT_EQ(found.scene, "a");
+  EXPECT_EQ(found.id, "cup");
+  EXPECT_EQ(found.text, "A c\xc3\xbcp");
+  EXPECT_EQ(found.view, "left/0.jpg");
+  EXPECT_EQ(found.width, 96);
+  EXPECT_EQ(found.height, 64);
+  EXPECT_EQ(found.counts, "0`0:o1");
+  EXPECT_EQ(found.area, 17);
+  EXPECT_EQ(found.request_id, "r1");
+  EXPECT_EQ(found.create_time, made.create_time);
+}
+
+TEST_F(StoreLabelsTest, RefusesInvalidIdsAndUnknownScenes) {
+  for (const char* id : {"", "-a", "_a", ".", "..", "../x", "a/b"}) {
+    EXPECT_STATUS(store_->labels().CreateLabel(Cup(id)), kInvalidArgument, "label id");
+  }
+  LabelRow label = Cup();
+  label.scene = "none";
+  EXPECT_STATUS(store_->labels().CreateLabel(label), kNotFound, "scenes/none");
+}
+
+TEST_F(StoreLabelsTest, ReturnsTheSameLabelToARetryAndRefusesAnotherRequest) {
+  ASSERT_OK(store_->labels().CreateLabel(Cup("cup", "r1")));
+  EXPECT_OK(store_->labels().CreateLabel(Cup("cup", "r1")));
+  EXPECT_STATUS(store_->labels().CreateLabel(Cup("cup", "r2")), kAlreadyExists,
+                "scenes/a/labels/cup");
+  EXPECT_STATUS(store_->labels().CreateLabel(Cup()), kAlreadyExists, "scenes/a/labels/cup");
+  EXPECT_STATUS(store_->labels().CreateLabel(Cup("mug", "r1")), kAlreadyExists, "'r1'");
+  LabelRow other = Cup("cup", "r1");
+  other.counts = "1";
+  EXPECT_STATUS(store_->labels().CreateLabel(other), kAlreadyExists, "'r1'");
+  LabelRow elsewhere = Cup("cup", "r1");
+  elsewhere.scene = "b";
+  EXPECT_OK(store_->labels().CreateLabel(elsewhere));
+}
+
+TEST_F(StoreLabelsTest, ListsByIdInPages) {
+  for (const char* id : {"e", "b", "d", "a", "c"}) ASSERT_OK(store_->labels().CreateLabel(Cup(id)));
+  std::string ids;
+  PageRequest page = {2, ""};
+  int num_pages = 0;
+  do {
+    ASSERT_OK_AND_ASSIGN(const auto labels, store_->labels().ListLabels("a", page));
+    for (const LabelRow& label : labels.rows) ids += label.id;
+    page.page_token = labels.next_page_token;
+    ++num_pages;
+  } while (!page.page_token.empty());
+  EXPECT_EQ(ids, "abcde");
+  EXPECT_EQ(num_pages, 3);
+  ASSERT_OK_AND_ASSIGN(const auto none, store_->labels().ListLabels("b", {}));
+  EXPECT_TRUE(none.rows.empty());
+  ASSERT_OK_AND_ASSIGN(const auto first, store_->labels().ListLabels("a", {1, ""}));
+  EXPECT_STATUS(store_->labels().ListLabels("b", {1, first.next_page_token}), kInvalidArgument,
+                "page_token");
+}
+
+TEST_F(StoreLabelsTest, NamesExistingLabelsWhenOneIsMissing) {
+  EXPECT_STATUS(store_->labels().GetLabel("a", "cup"), kNotFound, "the scene has no labels");
+  ASSERT_OK(store_->labels().CreateLabel(Cup("mug")));
+  ASSERT_OK(store_->labels().CreateLabel(Cup("plate")));
+  EXPECT_STATUS(store_->labels().GetLabel("a", "cup"), kNotFound,
+                "scenes/a/labels/cup does not exist; the scene has mug, plate");
+  EXPECT_STATUS(store_->labels().GetLabel("none", "cup"), kNotFound, "scenes/none does not exist");
+}
+
+TEST_F(StoreLabelsTest, DeletesLabelsSinglyOrWithTheirScene) {
+  ASSERT_OK(store_->labels().CreateLabel(Cup("cup")));
+  ASSERT_OK(store_->labels().CreateLabel(Cup("mug")));
+  ASSERT_OK(store_->labels().DeleteLabel("a", "cup"));
+  EXPECT_STATUS(store_->labels().DeleteLabel("a", "cup"), kNotFound, "scenes/a/labels/cup");
+  EXPECT_OK(store_->labels().GetLabel("a", "mug"));
+  ASSERT_OK(store_->scenes().DeleteScene("a"));
+  ASSERT_OK(store_->scenes().CreateScene({"a", "", "", {}}));
+  EXPECT_STATUS(store_->labels().GetLabel("a", "mug"), kNotFound, "no labels");
+}
+
+}  // namespace
+}  // namespace pepeseg
