@@ -168,8 +168,8 @@ def segment(
     """Returns masks of what a prompt means.
 
     Exactly one of `points`, `box`, `mask` and `label` is given. A scale or threshold that is not
-    given is chosen: for points the granularity that most scales and thresholds show, else the one
-    that fits best.
+    given is chosen: for the first point the granularity that most scales and thresholds show, which
+    each further point corrects; for a box or a mask the one that fits best.
 
     Args:
         view: the prompt's view: its name or a Camera. None with a label, which has its own.
