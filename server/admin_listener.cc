@@ -8,7 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/rpc/call_interceptor.h"
-#include "server/rpc/listener_limits.h"
+#include "server/rpc/connection_acceptor.h"
 
 namespace pepeseg {
 namespace {
@@ -19,27 +19,20 @@ constexpr size_t kMaxQueuedAdminCalls = 100;
 // Maximum size of a message. Requests are small, but lists of models or jobs may be long.
 constexpr int kMaxAdminRequestBytes = 4 << 20;
 
-// Returns a copy of the context whose calls run on `pool`.
-ServiceContext OnPool(ServiceContext context, WorkerPool* pool) {
-  context.pool = pool;
-  return context;
-}
-
 }  // namespace
 
-AdminListener::AdminListener(const ServiceContext& context, Operations& operations)
+AdminListener::AdminListener(Operations& operations)
     : pool_(std::make_unique<WorkerPool>(kNumThreads, kMaxQueuedAdminCalls)),
-      service_(OnPool(context, pool_.get()), operations) {}
+      service_(operations, *pool_) {}
 
 absl::StatusOr<std::unique_ptr<AdminListener>> AdminListener::Start(const Listener& where,
-                                                                    const ServiceContext& context,
                                                                     Operations& operations,
                                                                     RpcMetrics& metrics) {
-  std::unique_ptr<AdminListener> listener(new AdminListener(context, operations));
+  std::unique_ptr<AdminListener> listener(new AdminListener(operations));
   grpc::ServerBuilder builder;
   SetLimits(builder, {kMaxAdminRequestBytes, absl::Hours(1)});
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
-  interceptors.push_back(MakeCallInterceptors(metrics, context.data_folder));
+  interceptors.push_back(MakeCallInterceptors(metrics, operations.models().data_folder()));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
   std::unique_ptr<Acceptor> acceptor;
   if (absl::StartsWith(where.address, kUnix)) {

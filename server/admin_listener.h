@@ -17,7 +17,7 @@ namespace pepeseg {
 
 // Serves AdminService on its own address, so that a network may reach the other services and not
 // this one. It has its own threads, so that operators get answers when the other pools are full.
-// The context's objects, operations and metrics must outlive it.
+// Operations and metrics must outlive it.
 class AdminListener {
  public:
   struct Listener {
@@ -27,7 +27,6 @@ class AdminListener {
   // Starts to listen and serve. UNAVAILABLE: the address is in use. FAILED_PRECONDITION: as
   // LocalSocket::Listen.
   static absl::StatusOr<std::unique_ptr<AdminListener>> Start(const Listener& where,
-                                                              const ServiceContext& context,
                                                               Operations& operations,
                                                               RpcMetrics& metrics);
 
@@ -40,7 +39,7 @@ class AdminListener {
 
  private:
   using Acceptor = grpc::experimental::ExternalConnectionAcceptor;
-  AdminListener(const ServiceContext& context, Operations& operations);
+  explicit AdminListener(Operations& operations);
   // Hands the connections of socket_ to gRPC.
   void ServeSocket(std::unique_ptr<Acceptor> acceptor);
 

@@ -24,7 +24,6 @@
 #include "server/observe/self_probe.h"
 #include "server/rpc/call_interceptor.h"
 #include "server/rpc/connection_acceptor.h"
-#include "server/rpc/listener_limits.h"
 #include "server/rpc/listener_probe.h"
 #include "server/server_metrics.h"
 #include "server/server_parts.h"
@@ -69,19 +68,19 @@ struct Server::Parts {
   std::unique_ptr<BlobChecker> checker;
   std::unique_ptr<Collector> collector;
   Device device;              // computes queries; a worker opens its own by the same id
-  int64_t device_memory = 0;  // see ServiceContext
-  MapCounts map_counts;
-  std::unique_ptr<ModelCache> models;
+  int64_t device_memory = 0;  // that a training may take, bytes
+  std::unique_ptr<ModelLoader> models;
   ServerMetrics metrics;
   std::filesystem::path sam;  // folder of SAM's files; empty: none
   std::unique_ptr<Supervisor> supervisor;
   std::unique_ptr<StreamRegistry> streams;
-  WorkerPool pool{kNumIoThreads, kMaxQueuedCalls};
-  WorkerPool upload_pool{kNumUploadThreads, kMaxQueuedUploads};
-  WorkerPool query_pool{kNumQueryThreads, kMaxQueuedQueries};
-  WorkerPool evaluation_pool{kNumEvaluationThreads, kMaxQueuedEvaluations};
+  WorkerPools pools{{kNumIoThreads, kMaxQueuedCalls},
+                    {kNumUploadThreads, kMaxQueuedUploads},
+                    {kNumQueryThreads, kMaxQueuedQueries},
+                    {kNumEvaluationThreads, kMaxQueuedEvaluations}};
   PhotographProcess photographs;
   WorkerPool photograph_pool{kNumPhotographProcesses, kMaxQueuedPhotographs};
+  std::unique_ptr<CallRunner> runner;
   std::unique_ptr<HealthMonitor> health;
   std::unique_ptr<Operations> operations;
   std::unique_ptr<SceneServiceRpc> scenes;
@@ -108,7 +107,6 @@ struct Server::Parts {
   // Opens the listener of clients. From then on calls are answered.
   absl::Status Listen(const ServerOptions& options);
   void StartSelfProbe(const ServerOptions& options);
-  ServiceContext Context(const ServerOptions& options);
 };
 
 absl::Status Server::Parts::OpenAccess(const ServerOptions& options) {
@@ -144,7 +142,9 @@ absl::Status Server::Parts::OpenCompute(const ServerOptions& options) {
   ASSIGN_OR_RETURN(device, OpenDevice(options.device, options.num_threads));
   device_memory = TrainingMemory(options, *device.backend);
   LogDevice(device, device_memory);
-  models = MakeModelCache(options, *device.backend);
+  models = std::make_unique<ModelLoader>(
+      ModelLoader::Options{options.data, *store, *quotas, *device.backend},
+      MakeModelCache(options, *device.backend));
   return absl::OkStatus();
 }
 
@@ -170,42 +170,30 @@ absl::Status Server::Parts::StartJobs(const ServerOptions& options) {
   return absl::OkStatus();
 }
 
-ServiceContext Server::Parts::Context(const ServerOptions& options) {
-  return {options.data,
-          store.get(),
-          supervisor.get(),
-          blobs.get(),
-          device.backend.get(),
-          models.get(),
-          &pool,
-          &upload_pool,
-          &query_pool,
-          &evaluation_pool,
-          streams.get(),
-          authorizer.get(),
-          quotas.get(),
-          device_memory,
-          !options.workers.priors_command.empty(),
-          !sam.empty(),
-          options.num_threads > 0 ? options.num_threads : NumCores(),
-          &map_counts};
-}
-
 absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
   photographs.worker = options.worker;
   photographs.sandbox = options.workers.sandbox;
   photographs.scratch = ScratchFolder(options.data);
-  const ServiceContext context = Context(options);
-  health = MakeHealthMonitor(context);
-  operations = std::make_unique<Operations>(context, *health);
-  scenes = std::make_unique<SceneServiceRpc>(context);
+  runner = std::make_unique<CallRunner>(*authorizer, *quotas, *streams, pools);
+  health = MakeHealthMonitor(*store, *device.backend, options.data);
+  operations =
+      std::make_unique<Operations>(Operations::Parts{*runner, *models, *supervisor, *health});
+  EstimateTools tools;
+  tools.has_priors_command = !options.workers.priors_command.empty();
+  tools.has_sam = !sam.empty();
+  tools.num_threads = options.num_threads > 0 ? options.num_threads : NumCores();
+  scenes = std::make_unique<SceneServiceRpc>(*runner, *models, *blobs);
   datasets = std::make_unique<DatasetServiceRpc>(
-      context, PhotographDecoders{&photograph_pool, &photographs, checker.get()});
-  jobs = std::make_unique<JobServiceRpc>(context);
-  segmentation = std::make_unique<SegmentationServiceRpc>(context);
+      *runner, *models, *blobs,
+      DatasetServiceRpc::Options{tools.has_priors_command || tools.has_sam,
+                                 {&photograph_pool, &photographs, checker.get()}});
+  jobs = std::make_unique<JobServiceRpc>(
+      *runner,
+      JobServiceRpc::Options{*store, *blobs, *supervisor, {*device.backend, device_memory, tools}});
+  segmentation = std::make_unique<SegmentationServiceRpc>(*runner, *models);
   if (!options.admin.empty()) {
-    ASSIGN_OR_RETURN(admin, AdminListener::Start({options.admin, credentials->Make()}, context,
-                                                 *operations, metrics.rpc()));
+    ASSIGN_OR_RETURN(admin, AdminListener::Start({options.admin, credentials->Make()}, *operations,
+                                                 metrics.rpc()));
   }
   return options.metrics.empty() ? absl::OkStatus() : metrics.Expose(options.metrics, *operations);
 }
@@ -309,10 +297,7 @@ void Server::Shutdown(absl::Time deadline) {
   parts_->metrics.Stop();
   parts_->health->Stop();
   // No call is left, so no task in the pools has anything to answer.
-  parts_->pool.Stop();
-  parts_->upload_pool.Stop();
-  parts_->query_pool.Stop();
-  parts_->evaluation_pool.Stop();
+  parts_->pools.Stop();
   parts_->photograph_pool.Stop();
   parts_->collector->Stop();
   parts_->server.reset();

@@ -15,6 +15,7 @@
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
 #include "server/observe/process_use.h"
 #include "server/observe/sample.h"
+#include "server/rpc/stream_registry.h"
 
 namespace pepeseg {
 namespace {
@@ -61,9 +62,10 @@ std::vector<prometheus::MetricFamily> ServerGauges::Collect() const {
 }
 
 void ServerGauges::AddServer(Samples& samples) const {
-  const ServiceContext& context = operations_.context();
+  const StreamRegistry& streams = operations_.runner().streams();
   samples.Gauge("pepeseg_build_info", "Version and device of the server; always 1.");
-  samples.Add(1, {{"version", Operations::version()}, {"device", context.backend->name()}});
+  samples.Add(
+      1, {{"version", Operations::version()}, {"device", operations_.models().backend().name()}});
   samples.Gauge("pepeseg_draining", "1 while the server refuses new work.");
   samples.Add(operations_.health().draining() ? 1 : 0);
   samples.Gauge("pepeseg_service_healthy", "1 while health reports SERVING.");
@@ -71,22 +73,22 @@ void ServerGauges::AddServer(Samples& samples) const {
     samples.Add(serving ? 1 : 0, {{"service", service.empty() ? "server" : service}});
   }
   samples.Gauge("pepeseg_streams_open", "Streaming calls in progress.");
-  samples.Add(Value(context.streams->size()));
+  samples.Add(Value(streams.size()));
   samples.Gauge("pepeseg_streams_limit", "Maximum number of open streams.");
-  samples.Add(Value(context.streams->limits().max_streams));
+  samples.Add(Value(streams.limits().max_streams));
   samples.Counter("pepeseg_streams_refused_total", "Streams refused: too many, or draining.");
-  samples.Add(Value(context.streams->num_refused()));
+  samples.Add(Value(streams.num_refused()));
   samples.Gauge("pepeseg_disk_free_bytes", "Free bytes of the data directory's file system.");
-  samples.Add(Value(DiskFreeBytes(context.data_folder)));
+  samples.Add(Value(DiskFreeBytes(operations_.models().data_folder())));
 }
 
 void ServerGauges::AddPools(Samples& samples) const {
-  const ServiceContext& context = operations_.context();
+  const WorkerPools& all = operations_.runner().pools();
   const std::array<std::pair<const char*, WorkerPool::Use>, 4> pools = {
-      {{"io", context.pool->use()},
-       {"upload", context.upload_pool->use()},
-       {"query", context.query_pool->use()},
-       {"evaluation", context.evaluation_pool->use()}}};
+      {{"io", all.io.use()},
+       {"upload", all.upload.use()},
+       {"query", all.query.use()},
+       {"evaluation", all.evaluation.use()}}};
   const auto add = [&](auto value) {
     for (const auto& [name, use] : pools) samples.Add(Value(value(use)), {{"pool", name}});
   };
@@ -106,7 +108,7 @@ void ServerGauges::AddPools(Samples& samples) const {
 
 void ServerGauges::AddRows(Samples& samples) const {
   // If the database does not answer, the families stay empty.
-  const auto counts = operations_.context().store->CountAll();
+  const auto counts = operations_.models().store().CountAll();
   samples.Gauge("pepeseg_jobs", "Jobs in the database, of all servers on it.");
   if (counts.ok()) {
     constexpr std::array kStates = {
@@ -125,8 +127,8 @@ void ServerGauges::AddRows(Samples& samples) const {
 }
 
 void ServerGauges::AddModels(Samples& samples) const {
-  const ServiceContext& context = operations_.context();
-  const ModelCache& models = *context.models;
+  const ModelLoader& loader = operations_.models();
+  const ModelCache& models = loader.cache();
   int64_t num_models = 0;
   models.Visit([&](const ModelCache::Info&, const Segmenter&) { ++num_models; });
   const MemoryBytes used = models.bytes_in_use(), limit = models.budget().usable();
@@ -142,16 +144,16 @@ void ServerGauges::AddModels(Samples& samples) const {
   if (two) samples.Add(Value(limit.device), {{"memory", "device"}});
   samples.Gauge("pepeseg_device_used_bytes",
                 "Device memory allocated by models and queries, bytes.");
-  samples.Add(Value(context.backend->bytes_in_use()));
+  samples.Add(Value(loader.backend().bytes_in_use()));
   const ModelCache::Counts counts = models.counts();
   samples.Counter("pepeseg_model_loads_total", "Models loaded into memory.");
   samples.Add(Value(counts.num_loads));
   samples.Counter("pepeseg_model_evictions_total", "Models evicted to make room.");
   samples.Add(Value(counts.num_evictions));
   samples.Counter("pepeseg_feature_map_hits_total", "Feature maps of views found in the cache.");
-  samples.Add(Value(context.map_counts->num_hits.load()));
+  samples.Add(Value(loader.map_counts().num_hits.load()));
   samples.Counter("pepeseg_feature_map_renders_total", "Feature maps that had to be rendered.");
-  samples.Add(Value(context.map_counts->num_renders.load()));
+  samples.Add(Value(loader.map_counts().num_renders.load()));
 }
 
 void ServerGauges::AddProcess(Samples& samples) const {
@@ -187,8 +189,8 @@ ServerMetrics::ServerMetrics()
 absl::Status ServerMetrics::Expose(const std::string& listen, const Operations& operations) {
   ASSIGN_OR_RETURN(exposition_, Exposition::Start(listen));
   gauges_ = std::make_shared<ServerGauges>(operations);
-  jobs_->SetRunning([supervisor = operations.context().supervisor](const std::string& job) {
-    return supervisor->FindRunning(job).has_value();
+  jobs_->SetRunning([&supervisor = operations.supervisor()](const std::string& job) {
+    return supervisor.FindRunning(job).has_value();
   });
   exposition_->Add(rpc_);
   exposition_->Add(jobs_);

@@ -137,17 +137,18 @@ std::unique_ptr<ModelCache> MakeModelCache(const ServerOptions& options, Backend
                                       [&backend] { backend.ReleaseFreed(); });
 }
 
-std::unique_ptr<HealthMonitor> MakeHealthMonitor(const ServiceContext& context) {
+std::unique_ptr<HealthMonitor> MakeHealthMonitor(Store& store, Backend& backend,
+                                                 const std::filesystem::path& data_folder) {
   std::vector<std::string> services = ServiceNames();
   services.emplace_back("");
   std::vector<HealthMonitor::Probe> probes;
-  probes.push_back({"database", [store = context.store] { return store->Ping(); }, services});
+  probes.push_back({"database", [&store] { return store.Ping(); }, services});
   probes.push_back(
       {"data directory",
-       [folder = context.data_folder] { return ProbeDisk(folder, kMinDiskFreeBytes); },
+       [folder = data_folder] { return ProbeDisk(folder, kMinDiskFreeBytes); },
        {v1::DatasetService::service_full_name(), v1::JobService::service_full_name()}});
   probes.push_back({"device",
-                    [backend = context.backend] { return ProbeDevice(*backend); },
+                    [&backend] { return ProbeDevice(backend); },
                     {v1::SegmentationService::service_full_name(), ""},
                     /*blocks=*/false});
   return std::make_unique<HealthMonitor>(std::move(services), std::move(probes));

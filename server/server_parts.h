@@ -9,8 +9,8 @@
 #include "absl/status/statusor.h"
 #include "server/jobs/supervisor.h"
 #include "server/observe/health_monitor.h"
-#include "server/rpc/service_context.h"
 #include "server/server.h"
+#include "server/services/model_loader.h"
 #include "server/store/store.h"
 #include "server/worker_protocol/device.h"
 
@@ -34,7 +34,8 @@ std::unique_ptr<ModelCache> MakeModelCache(const ServerOptions& options, Backend
 // Makes the health of a server: all services need the database; DatasetService and JobService also
 // need free disk space; SegmentationService also needs the device. The server as a whole, "", needs
 // the database and the device, so that a full disk does not stop queries.
-std::unique_ptr<HealthMonitor> MakeHealthMonitor(const ServiceContext& context);
+std::unique_ptr<HealthMonitor> MakeHealthMonitor(Store& store, Backend& backend,
+                                                 const std::filesystem::path& data_folder);
 
 // Returns the host memory, in bytes, that a worker on this machine may take: `host_bytes`, the
 // memory of the machine or control group, less `model_bytes`, the server's budget for models, and

@@ -31,7 +31,7 @@ bool IsPartOfName(char c) {
   return absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '.' || c == '-';
 }
 
-// Without the folder at the start of paths.
+// Removes the folder from the start of paths. Returns whether it was there.
 bool MakeRelative(const std::string& folder, std::string& text) {
   bool changed = false;
   for (size_t at = text.find(folder); at != std::string::npos; at = text.find(folder, at)) {
@@ -65,8 +65,7 @@ void Generalise(const ClientErrorRules& rules, v1::Status& status) {
   }
   status.set_message(text);
   v1::ErrorDetail detail = TakeDetail(status);
-  // What was said beside it may be about something else: that a job is not there, where only the
-  // database was away.
+  // The reason may be wrong: NO_SUCH_JOB, for example, although only the database was away.
   if (detail.reason() != kDiskFull) detail.set_reason(absl::StatusCodeToString(code));
   detail.clear_value();
   detail.clear_limit();
@@ -100,7 +99,7 @@ bool HidePrivateText(const ClientErrorRules& rules, grpc::Status& status) {
   if (status.ok()) return false;
   v1::Status proto;
   if (!proto.ParseFromString(status.error_details()) || proto.details_size() == 0) {
-    proto.Clear();  // gRPC's own
+    proto.Clear();  // an error that gRPC itself made
     proto.set_code(status.error_code());
     proto.set_message(status.error_message());
   }

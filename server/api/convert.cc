@@ -100,6 +100,22 @@ absl::StatusOr<FileKind> FileKindFromProto(v1::FileKind kind) {
   }
 }
 
+google::protobuf::Timestamp ToProto(absl::Time time) {
+  google::protobuf::Timestamp proto;
+  const int64_t nanos = absl::ToUnixNanos(time);
+  proto.set_seconds(nanos / 1'000'000'000);
+  proto.set_nanos(static_cast<int32_t>(nanos % 1'000'000'000));
+  return proto;
+}
+
+google::protobuf::Duration ToProto(absl::Duration duration) {
+  google::protobuf::Duration proto;
+  const int64_t nanos = absl::ToInt64Nanoseconds(duration);
+  proto.set_seconds(nanos / 1'000'000'000);
+  proto.set_nanos(static_cast<int32_t>(nanos % 1'000'000'000));
+  return proto;
+}
+
 v1::View ToProto(const ModelView& view) {
   v1::View proto;
   proto.set_view(view.name);
@@ -160,22 +176,6 @@ absl::StatusOr<std::vector<PointPrompt>> PointsFromProto(const v1::PointsPrompt&
     return absl::InvalidArgumentError("points.points: no positive point among them");
   }
   return points;
-}
-
-v1::SegmentResponse::SimilarityMap SimilarityToProto(int width, int height,
-                                                     std::span<const float> similarity) {
-  v1::SegmentResponse::SimilarityMap proto;
-  proto.set_width(width);
-  proto.set_height(height);
-  std::string& bytes = *proto.mutable_values();
-  bytes.reserve(similarity.size() * 2);
-  for (float cosine : similarity) {
-    const auto value =
-        static_cast<uint16_t>(std::lround(std::clamp(cosine, -1.0f, 1.0f) * 32767.0f));
-    bytes.push_back(static_cast<char>(value & 0xff));
-    bytes.push_back(static_cast<char>(value >> 8));
-  }
-  return proto;
 }
 
 }  // namespace pepeseg

@@ -1,46 +1,48 @@
 #pragma once
 
-#include <span>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "core/dataset/import.h"
 #include "core/query/segmenter.h"
 #include "core/scene/model.h"
 #include "core/train/training_settings.h"
+#include "google/protobuf/duration.pb.h"
+#include "google/protobuf/timestamp.pb.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
 #include "pepeseg/v1/training_options.pb.h"
 
-// The only code that sees both the contract and core.
+// Conversions between messages of the contract and types of core that server and worker both need.
 namespace pepeseg {
 
-// Applies the preset, if one is given, then lays the fields that are present over `settings`;
-// checks nothing.
+// Applies the preset, if one is given, then copies each field that is present to `settings`. Checks
+// nothing.
 void Overlay(const v1::TrainingOptions& proto, TrainingSettings* settings);
-// The defaults, overlaid and validated: INVALID_ARGUMENT names the field and its range.
+// Returns the defaults, overlaid with `proto`. INVALID_ARGUMENT names the field and its range.
 absl::StatusOr<TrainingSettings> TrainingSettingsFromProto(const v1::TrainingOptions& proto);
-// Every field present.
+// Returns a message in which every field is present.
 v1::TrainingOptions ToProto(const TrainingSettings& settings);
 
-// INVALID_ARGUMENT for UNSPECIFIED and for numbers that are none.
+// Returns INVALID_ARGUMENT for UNSPECIFIED and for numbers that are not values of the enum.
 absl::StatusOr<FileKind> FileKindFromProto(v1::FileKind kind);
 
+google::protobuf::Timestamp ToProto(absl::Time time);
+google::protobuf::Duration ToProto(absl::Duration duration);
 v1::View ToProto(const ModelView& view);
 v1::ImageScores ToProto(const ImageScores& scores);
-// INVALID_ARGUMENT names the field, below `field`, that is not finite or out of range.
+
+// Reads a camera that is not one of the model's. INVALID_ARGUMENT names the field, below `field`,
+// that is not finite or out of range.
 absl::StatusOr<ModelView> FreeViewFromProto(const v1::Viewpoint::FreeCamera& proto,
                                             const std::string& field);
 
-// One positive point at least, every one of them finite; that they are inside the view is the
-// segmenter's to check.
+// Reads 1 to 64 finite points, of which at least one is positive. Whether they are inside the image
+// is checked by the caller.
 absl::StatusOr<std::vector<PointPrompt>> PointsFromProto(const v1::PointsPrompt& proto);
-
-// cosine * 32767 as little-endian int16.
-v1::SegmentResponse::SimilarityMap SimilarityToProto(int width, int height,
-                                                     std::span<const float> similarity);
 
 }  // namespace pepeseg

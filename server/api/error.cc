@@ -15,7 +15,7 @@ namespace {
 
 constexpr char kDetailUrl[] = "type.googleapis.com/pepeseg.v1.ErrorDetail";
 constexpr char kPrivateMark[] = "pepeseg.server/private";  // never sent
-// grpc-message is percent-encoded (up to three times as long), the details are base64.
+// The trailer grpc-message is percent-encoded, up to three times as long; the details are base64.
 constexpr size_t kMaxStatusMessageBytes = 640;
 constexpr size_t kMaxValueBytes = 256;
 

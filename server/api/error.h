@@ -11,36 +11,38 @@
 
 namespace pepeseg {
 
-// `status` with the detail that its client shall get; no more than one, the first stays.
+// Returns `status` with a detail for its client. A status has at most one: the first one stays.
 absl::Status WithDetail(absl::Status status, const v1::ErrorDetail& detail);
 
-// INVALID_ARGUMENT "FIELD: VALUE: WHAT", with the parts in the detail.
+// Returns INVALID_ARGUMENT "FIELD: 'VALUE': WHAT", with the parts in the detail.
 absl::Status BadField(const std::string& field, const std::string& value, const std::string& what);
 
-// The same, about a resource in the way or missing, by its name.
+// Returns `status` with a detail that names the resource that is missing or in the way.
 absl::Status WithResource(const absl::Status& status, const std::string& reason,
                           const std::string& resource);
 
-// UNAVAILABLE, to be asked again in a second.
+// Return UNAVAILABLE with a time to retry: 1 s when the queue is full, 2 s when the server drains.
 absl::Status BusyError();
 absl::Status DrainingError();
-// RESOURCE_EXHAUSTED, to be asked again in 5 s: `whose` ("the server") streams are all open.
+// Returns RESOURCE_EXHAUSTED, to be retried in 5 s: `whose`, such as "the server", has `limit`
+// streams open.
 absl::Status TooManyStreamsError(const std::string& whose, size_t limit);
-// DEADLINE_EXCEEDED: the client of a stream has neither sent nor taken a message for `limit`.
+// Returns DEADLINE_EXCEEDED: the client of a stream has neither sent nor taken a message for
+// `limit`.
 absl::Status TooSlowError(absl::Duration limit);
 
-// The same code, the message cut so that all of it stays under 4 KB in the trailers, and the detail
-// that WithDetail left, or one that holds the code's name only.
-// A PrivateError has a second detail, for HidePrivateText, which all pass before they leave.
+// Return a status for the wire: the same code, the message cut so that the trailers stay under 4
+// KB, and the detail of WithDetail, or else one with the name of the code. A PrivateError gets a
+// second detail as a mark for HidePrivateText, which all errors pass before they are sent.
 v1::Status ToProto(const absl::Status& status);
 grpc::Status ToGrpc(const absl::Status& status);
 bool IsMarkedPrivate(const v1::Status& status);
 
-// Reason of RESOURCE_EXHAUSTED where the disk is full.
+// Reason of a RESOURCE_EXHAUSTED that says that the disk is full.
 inline constexpr char kDiskFull[] = "DISK_FULL";
 
-// `text` without bytes that are not UTF-8 and not longer than `max_bytes`: gRPC and protobuf refuse
-// others.
+// Returns `text` with "?" for bytes that are not UTF-8, which gRPC and protobuf refuse, cut at
+// `max_bytes`.
 std::string Utf8Prefix(std::string_view text, size_t max_bytes);
 
 }  // namespace pepeseg

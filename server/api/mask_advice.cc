@@ -6,7 +6,7 @@
 namespace pepeseg {
 namespace {
 
-// What works today: deploy/sam.sh, and clients/python/pepeseg_priors/README.md.
+// Keep in step with deploy/sam.sh and clients/python/pepeseg_priors/README.md.
 constexpr char kRemedy[] =
     "For better masks, have the server's operator install SAM (make sam, or deploy/sam.sh) and "
     "start it again, or run pepeseg-priors (SAM, in clients/python/pepeseg_priors) on the "

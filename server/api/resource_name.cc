@@ -22,7 +22,8 @@ bool AllDigits(std::string_view text) {
   return !text.empty() && std::all_of(text.begin(), text.end(), absl::ascii_isdigit);
 }
 
-// From 1, as we print them: no sign, no leading zero. 0: it is none.
+// Returns the number from 1 that `text` prints without sign and leading zero, or 0 if it is not
+// one.
 int64_t ParseNumber(std::string_view text) {
   int64_t number = 0;
   if (!AllDigits(text) || text[0] == '0') return 0;

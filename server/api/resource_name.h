@@ -5,10 +5,11 @@
 
 #include "absl/status/statusor.h"
 
-// Resource names. Requests have scenes' keys in the place of their ids when they get to a handler
-// (see server/access/scene_names.h), so parsing answers keys, and `scene` is one in all that is
-// here; names that are made here are for clients and have ids. Parsing answers INVALID_ARGUMENT,
-// naming `field`, for anything that is not exactly of the form.
+// Parses and makes resource names. When a request reaches its handler, its scenes' ids have been
+// replaced by keys (server/access/scene_names.h): the parsers return keys, and `scene` is a key
+// everywhere in this file. Names that are made are for clients and have ids, except for
+// KeyedChildName. The parsers return INVALID_ARGUMENT, which names `field`, for anything that is
+// not exactly of the form.
 namespace pepeseg {
 
 inline constexpr int64_t kLiveModel = 0;
@@ -25,28 +26,28 @@ struct SceneLabel {
   std::string id;
 };
 
-// INVALID_ARGUMENT unless the id of a scene or a label is IsResourceId.
+// Returns INVALID_ARGUMENT unless the id of a scene or label is valid (IsResourceId).
 absl::Status CheckId(const std::string& id, const std::string& field);
-// INVALID_ARGUMENT unless it is an RFC 1034 label.
+// Returns INVALID_ARGUMENT unless the id of a project is an RFC 1034 label.
 absl::Status CheckProject(const std::string& id, const std::string& field);
-// INVALID_ARGUMENT beyond 256 bytes.
+// Returns INVALID_ARGUMENT for a name of more than 256 bytes.
 absl::Status CheckDisplayName(const std::string& name, const std::string& field);
 
-// "scenes/{scene}": the scene's id.
+// Parses "scenes/{scene}"; returns the scene.
 absl::StatusOr<std::string> ParseSceneName(const std::string& name, const std::string& field);
-// "scenes/{scene}/COLLECTION/{number}", the number from 1.
+// Parses "scenes/{scene}/COLLECTION/{number}" with a number from 1.
 absl::StatusOr<SceneChild> ParseChildName(const std::string& name, const std::string& collection,
                                           const std::string& field);
-// As above for "models", where "live" is kLiveModel.
+// Parses "scenes/{scene}/models/{number}", where the number may be "live": kLiveModel.
 absl::StatusOr<SceneChild> ParseModelName(const std::string& name, const std::string& field);
-// "scenes/{scene}/labels/{label}".
+// Parses "scenes/{scene}/labels/{label}".
 absl::StatusOr<SceneLabel> ParseLabelName(const std::string& name, const std::string& field);
-// "jobs/{job}": the job's id, "j" and digits.
+// Parses "jobs/{job}"; returns the id, which is "j" and digits.
 absl::StatusOr<std::string> ParseJobName(const std::string& name, const std::string& field);
 
 std::string SceneName(const std::string& scene);
 std::string ChildName(const std::string& scene, const std::string& collection, int64_t number);
-// As ChildName, with the scene's key: to be parsed here again.
+// Returns the name with the scene's key instead of its id, for ParseChildName.
 std::string KeyedChildName(const std::string& scene, const std::string& collection, int64_t number);
 std::string LabelName(const std::string& scene, const std::string& id);
 std::string JobName(const std::string& job);

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/api/mask_advice.h"
 #include "server/api/resource_name.h"
@@ -28,22 +29,6 @@ std::map<std::string, std::string> SourcesOf(const ModelRow& row) {
 }
 
 }  // namespace
-
-google::protobuf::Timestamp ToProto(absl::Time time) {
-  google::protobuf::Timestamp proto;
-  const int64_t nanos = absl::ToUnixNanos(time);
-  proto.set_seconds(nanos / 1'000'000'000);
-  proto.set_nanos(static_cast<int32_t>(nanos % 1'000'000'000));
-  return proto;
-}
-
-google::protobuf::Duration ToProto(absl::Duration duration) {
-  google::protobuf::Duration proto;
-  const int64_t nanos = absl::ToInt64Nanoseconds(duration);
-  proto.set_seconds(nanos / 1'000'000'000);
-  proto.set_nanos(static_cast<int32_t>(nanos % 1'000'000'000));
-  return proto;
-}
 
 v1::Model ToProto(const ModelRow& row) {
   v1::Model proto;
@@ -99,6 +84,20 @@ v1::Job ToProto(const JobRow& row) {
   if (row.start_time != absl::InfinitePast()) *proto.mutable_start_time() = ToProto(row.start_time);
   if (row.end_time != absl::InfinitePast()) *proto.mutable_end_time() = ToProto(row.end_time);
   proto.set_cancel_requested(row.cancel_requested && !IsTerminal(row.state));
+  return proto;
+}
+
+v1::Selection ToProto(const SelectionRow& row) {
+  v1::Selection proto;
+  proto.set_name(ChildName(row.scene, "selections", row.number));
+  proto.set_model(ChildName(row.scene, "models", row.model));
+  proto.set_num_gaussians(row.num_gaussians);
+  if (row.num_gaussians > 0) {
+    proto.mutable_min()->Assign(row.min.begin(), row.min.end());
+    proto.mutable_max()->Assign(row.max.begin(), row.max.end());
+  }
+  if (row.base != 0) proto.set_base(ChildName(row.scene, "selections", row.base));
+  *proto.mutable_create_time() = ToProto(row.create_time);
   return proto;
 }
 

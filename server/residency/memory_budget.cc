@@ -6,7 +6,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kMarginOf = 20;  // one of so many bytes stays free
+constexpr int64_t kMarginOf = 20;  // one of 20 bytes stays free
 
 absl::Status CheckKind(const char* kind, int64_t need, int64_t used, int64_t usable) {
   if (used + need <= usable) return absl::OkStatus();
@@ -34,6 +34,25 @@ absl::Status MemoryBudget::Check(const MemoryBytes& used, const MemoryBytes& nee
   const MemoryBytes counted = Counted(need);
   RETURN_IF_ERROR(CheckKind("host", counted.host, used.host, usable_.host));
   return CheckKind("device", counted.device, used.device, usable_.device);
+}
+
+void MemoryLedger::Take(const MemoryBytes& bytes, const std::string& owner) {
+  const MemoryBytes counted = budget_.Counted(bytes);
+  used_ += counted;
+  used_by_[owner] += counted;
+}
+
+void MemoryLedger::GiveBack(const MemoryBytes& bytes, const std::string& owner) {
+  const MemoryBytes counted = budget_.Counted(bytes);
+  used_ -= counted;
+  MemoryBytes& theirs = used_by_[owner];
+  theirs -= counted;
+  if (theirs.host == 0 && theirs.device == 0) used_by_.erase(owner);
+}
+
+MemoryBytes MemoryLedger::UsedBy(const std::string& owner) const {
+  const auto theirs = used_by_.find(owner);
+  return theirs == used_by_.end() ? MemoryBytes() : theirs->second;
 }
 
 }  // namespace pepeseg

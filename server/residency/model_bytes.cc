@@ -13,8 +13,8 @@ namespace pepeseg {
 namespace {
 
 constexpr auto kFloat = static_cast<int64_t>(sizeof(float));
-// Of the outputs that a segmenter keeps for the next question: colours, alpha and depth, a mask
-// and its similarities.
+// Bytes a pixel of the outputs that a segmenter keeps for the next query: colours, alpha and depth,
+// a mask and its similarities.
 constexpr int64_t kPixelBytes = 3 * kFloat + 2 * kFloat + 1 + kFloat;
 constexpr int64_t kFixedHostBytes = 1 << 20;  // views, facts, scale quantiles
 
@@ -24,7 +24,8 @@ MemoryBytes BytesOfModel(const Backend& backend, const ModelShape& shape) {
   const int64_t parameters = (NumPlanes(shape.sh_degree) + kFeatureSize + 1) * kFloat;
   constexpr int64_t kDecomposed =
       Decompositions::kMostKept * int64_t{kDefaultDecompositionScales.size()} * kFloat;
-  // While it is read, the features also as they stand in the file; it is not taken apart before.
+  // While a model is read, its features are in memory twice: also in the half floats of the file.
+  // It is decomposed only later, so that the larger of the two counts.
   constexpr int64_t kRead = kFeatureSize * static_cast<int64_t>(sizeof(Half));
   const int64_t max_pixels = MostPixels(shape.max_view_pixels);
   ScratchSize scratch = TypicalScratch(shape.num_gaussians, max_pixels);

@@ -6,10 +6,10 @@
 
 namespace pepeseg {
 
-// What a Segmenter of such a model takes at most, once on the host and once on the backend: its
+// Returns an upper bound of what a Segmenter of such a model takes on the host and on the backend:
 // Gaussians and features, the decompositions and feature maps that it may keep, and the scratch of
-// a render of MostPixels as Backend::ScratchBytes tells it. What a question takes on top, as for
-// the rows of pixels or for a larger view, goes with it.
+// a render of MostPixels pixels (Backend::ScratchBytes). What a single query takes in addition,
+// such as blend rows or a larger view, is not counted: it is freed with the query.
 MemoryBytes BytesOfModel(const Backend& backend, const ModelShape& shape);
 
 }  // namespace pepeseg

@@ -21,22 +21,24 @@
 
 namespace pepeseg {
 
-// Values that are costly to load and big to keep, by key, under a byte budget: loaded on demand,
-// one load at a time for a key however many ask, the least recently used one evicted that is not
-// pinned and that nobody holds. A handle keeps its value alive, and its bytes counted, also when
-// the key was dropped meanwhile. Thread safe; Acquire blocks while a value is loaded.
+// A cache of values that are slow to load and large, by key, within a byte budget. Values are
+// loaded on demand; callers who ask for one key at the same time share one load. To make room, the
+// least recently used value is evicted that is neither pinned nor held by a handle. A handle keeps
+// its value alive, and its bytes counted, even after the key was dropped. Thread safe: one mutex
+// guards all state and is not held during a load. Acquire blocks while a value is loaded.
 template <typename Value>
 class ResidentCache {
  public:
   using Handle = std::shared_ptr<const Value>;
   using Share = MemoryShare;
-  // Where a value comes from. The calls are made without a lock, only when it is not resident.
+  // Where a value comes from. Its functions are called without a lock, and only if the value is not
+  // resident.
   struct Source {
     std::string name;  // for Visit
-    // What the value will take at most: reserved before the load.
+    // Returns the most that the value will take, which is reserved before the load.
     std::function<absl::StatusOr<MemoryBytes>()> need;
     std::function<absl::StatusOr<std::unique_ptr<Value>>()> load;
-    std::function<absl::StatusOr<Share>()> share = {};  // without it: nobody's
+    std::function<absl::StatusOr<Share>()> share = {};  // empty: the value has no owner
   };
   struct Info {
     const std::string& name;
@@ -47,43 +49,45 @@ class ResidentCache {
   };
   using Counts = ResidencyState::Counts;
 
-  // `release_freed`: called when a value has gone, before its bytes count as free.
+  // `release_freed` is called after a value was destroyed, before its bytes count as free.
   explicit ResidentCache(const MemoryBudget& budget, std::function<void()> release_freed = {})
       : state_(std::make_shared<ResidencyState>(budget, std::move(release_freed))) {}
 
-  // An owner over its share evicts its own first. UNAVAILABLE, with need and have, while values
-  // that are in use leave too little room; RESOURCE_EXHAUSTED, or the share's error, when the value
-  // would not fit without them either: then only unpinning can help. In both cases nothing was
-  // evicted. An error of the source is reported to all who waited for it, and the next one who asks
-  // tries again.
+  // Returns the value of a key, loaded if it is not resident. If the owner exceeds its share, only
+  // values of this owner are evicted. Errors, after which nothing was evicted:
+  //   UNAVAILABLE, with the bytes needed and available: values in use leave too little room for
+  //   now. RESOURCE_EXHAUSTED, or the share's error: the value would not fit even without the
+  //   values in use; only unpinning can help.
+  // An error of the source is returned to all callers who waited for this load; the next call tries
+  // again.
   absl::StatusOr<Handle> Acquire(const std::string& key, const Source& source);
-  // Takes `need` for something beside the values, as Acquire takes it for one: evicts what it must,
-  // with the same errors.
+  // Reserves `need` for something that is not a value, in the way in which Acquire reserves memory
+  // for a value, with the same errors.
   absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeMemory(const MemoryBytes& need,
                                                              const Share& share) {
     RETURN_IF_ERROR(Reserve(need, share));
     return std::make_unique<ReservedMemory>(state_, need, share.owner);
   }
-  // For a value that is no more: the next Acquire loads anew, also where it was pinned.
+  // Removes a value whose source is gone, even if it is pinned. The next Acquire loads it again.
   void Drop(const std::string& key);
-  // The same, but FAILED_PRECONDITION while it is pinned. NOT_FOUND: it is not resident.
+  // Removes a value. FAILED_PRECONDITION: it is pinned. NOT_FOUND: it is not resident.
   absl::Status Unload(const std::string& key);
-  // Pinned, it is never evicted. NOT_FOUND: it is not resident.
+  // Pins or unpins a value; a pinned value is never evicted. NOT_FOUND: it is not resident.
   absl::Status SetPinned(const std::string& key, bool pinned);
-  // Calls `visit` with each value that is resident, by key. It must not use the cache.
+  // Calls `visit` with each resident value, in the order of keys. `visit` must not use the cache.
   void Visit(absl::FunctionRef<void(const Info&, const Value&)> visit) const;
 
-  // Of values alive and loads under way: those of the device with the host's, where the budget has
-  // one memory.
+  // Returns the bytes of values that are alive or being loaded. If the budget has one memory, those
+  // of the device are part of `host`.
   MemoryBytes bytes_in_use() const;
-  // Of an owner, as they count against its share.
+  // Returns the bytes of an owner's values as they count against its share.
   int64_t BytesOf(const std::string& owner) const;
   Counts counts() const;
   const MemoryBudget& budget() const { return state_->ledger.budget(); }
 
  private:
   using Resident = ResidentValue<Value>;
-  // One for each key that is loaded or being loaded.
+  // The state of a key that is loaded or being loaded.
   struct Entry {
     std::string name;
     std::shared_ptr<Resident> resident;  // null while it is being loaded
@@ -98,13 +102,14 @@ class ResidentCache {
   static bool IsEvictable(const Entry& entry) {
     return !entry.loading && !entry.pinned && entry.resident.use_count() == 1;
   }
-  // What an owner's values take with `need` more; if so asked, once those that can be are evicted.
+  // Returns what the values of share.owner take together with `need`; with `without_evictable`,
+  // after the eviction of all that can be evicted.
   int64_t TakenWith(const MemoryBytes& need, const Share& share, bool without_evictable) const;
-  // Of the owner's values, or of all: what only an operator lets go.
+  // Returns the bytes of pinned values, which only an operator can free. nullptr: of any owner.
   MemoryBytes PinnedBytes(const std::string* owner) const;
-  // Nobody's in particular: of any owner.
+  // Returns the least recently used entry that can be evicted. nullptr: of any owner.
   typename Entries::iterator Oldest(const std::string* owner);
-  // What must go for `need`, where it can; its end: nothing must.
+  // Returns the entry to evict next so that `need` fits, or entries_.end() if it fits already.
   absl::StatusOr<typename Entries::iterator> NextToGo(const MemoryBytes& need, const Share& share);
   absl::Status ShareError(const MemoryBytes& need, const Share& share, int64_t least) const;
   static absl::Status InUse(const absl::Status& full) {
@@ -124,10 +129,9 @@ class ResidentCache {
   std::condition_variable loaded_, left_;
   // Guarded by state_->mutex.
   Entries entries_;
-  int num_leaving_ = 0;  // values that are evicted just now
+  int num_leaving_ = 0;  // values whose eviction is in progress
 };
 
-// The least recently used entry that can be evicted.
 template <typename Value>
 typename ResidentCache<Value>::Entries::iterator ResidentCache<Value>::Oldest(
     const std::string* owner) {
@@ -164,7 +168,7 @@ MemoryBytes ResidentCache<Value>::PinnedBytes(const std::string* owner) const {
   return pinned;
 }
 
-// `least`: what the owner's values would take after all evictions that are possible now.
+// `least`: what the owner's values would take after all evictions that are possible now, bytes.
 template <typename Value>
 absl::Status ResidentCache<Value>::ShareError(const MemoryBytes& need, const Share& share,
                                               int64_t least) const {
@@ -180,7 +184,7 @@ absl::StatusOr<typename ResidentCache<Value>::Entries::iterator> ResidentCache<V
   const bool in_share = share.limit == 0 || TakenWith(need, share, false) <= share.limit;
   const bool fits = budget().Fits(state_->ledger.used(), need);
   if (in_share && fits) return entries_.end();
-  // Both are looked at before anything goes.
+  // Share and budget are both checked before anything is evicted.
   if (!in_share) {
     const int64_t least = TakenWith(need, share, true);
     if (least > share.limit) return ShareError(need, share, least);
@@ -202,7 +206,7 @@ absl::Status ResidentCache<Value>::Reserve(const MemoryBytes& need, const Share&
   std::unique_lock lock(state_->mutex);
   while (true) {
     const auto next = NextToGo(need, share);
-    if (!next.ok() && num_leaving_ > 0) {  // their bytes come free
+    if (!next.ok() && num_leaving_ > 0) {  // evictions in progress will free more
       left_.wait(lock);
       continue;
     }
@@ -212,7 +216,7 @@ absl::Status ResidentCache<Value>::Reserve(const MemoryBytes& need, const Share&
     entries_.erase(*next);
     ++state_->counts.num_evictions;
     ++num_leaving_;
-    lock.unlock();  // its destructor gives the bytes back
+    lock.unlock();  // the value's destructor locks the mutex to give its bytes back
     evicted.reset();
     lock.lock();
     --num_leaving_;
@@ -244,7 +248,7 @@ absl::StatusOr<typename ResidentCache<Value>::Handle> ResidentCache<Value>::Acqu
     const std::shared_ptr<Entry> other = found->second;
     loaded_.wait(lock, [&] { return !other->loading; });
     if (!other->error.ok()) return other->error;
-    if (other->resident == nullptr) continue;  // evicted again before this thread woke
+    if (other->resident == nullptr) continue;  // evicted again before this thread woke up
     return Use(*other);
   }
   const auto entry = std::make_shared<Entry>();
@@ -261,7 +265,7 @@ absl::StatusOr<typename ResidentCache<Value>::Handle> ResidentCache<Value>::Acqu
     entry->resident = *std::move(resident);
     return Use(*entry);
   }
-  // Unless it was dropped, and asked for again, meanwhile.
+  // The key may have been dropped and requested again in the meantime: then the entry is another.
   if (const auto mine = entries_.find(key); mine != entries_.end() && mine->second == entry) {
     entries_.erase(mine);
   }
@@ -270,7 +274,7 @@ absl::StatusOr<typename ResidentCache<Value>::Handle> ResidentCache<Value>::Acqu
 
 template <typename Value>
 void ResidentCache<Value>::Drop(const std::string& key) {
-  std::shared_ptr<Entry> dropped;  // outlives the lock: its destructor takes it
+  std::shared_ptr<Entry> dropped;  // destroyed after the lock, which its destructor takes
   const std::lock_guard lock(state_->mutex);
   const auto found = entries_.find(key);
   if (found == entries_.end()) return;

@@ -7,11 +7,11 @@
 #include <string>
 #include <utility>
 
-#include "server/residency/memory_ledger.h"
+#include "server/residency/memory_budget.h"
 
 namespace pepeseg {
 
-// What a cache and its values share: the last of them that goes takes it along.
+// What a cache and its values share. It lives as long as the last of them.
 struct ResidencyState {
   struct Counts {
     int64_t num_loads = 0, num_evictions = 0;
@@ -19,17 +19,17 @@ struct ResidencyState {
   ResidencyState(const MemoryBudget& budget, std::function<void()> release)
       : release_freed(std::move(release)), ledger(budget) {}
 
-  const std::function<void()> release_freed;  // called when a value has gone
+  const std::function<void()> release_freed;  // called after a value was destroyed
   std::mutex mutex;                           // guards all below
   MemoryLedger ledger;
   int64_t clock = 0;
   Counts counts;
 };
 
-// A value and its bytes: given back when the last handle and the cache have let it go.
+// A value and its bytes, which are given back when neither a handle nor the cache holds it.
 template <typename Value>
 struct ResidentValue {
-  // The bytes are taken already.
+  // The bytes must be taken already.
   ResidentValue(std::shared_ptr<ResidencyState> of, const MemoryBytes& num_bytes, std::string whose)
       : state(std::move(of)), bytes(num_bytes), owner(std::move(whose)) {}
   ResidentValue(const ResidentValue&) = delete;
@@ -47,11 +47,11 @@ struct ResidentValue {
   std::unique_ptr<Value> value;
 };
 
-// Memory taken of a cache's budget for something that is not one of its values; given back with the
-// object.
+// Memory taken of a cache's budget for something that is not one of its values. The destructor
+// gives it back.
 class ReservedMemory {
  public:
-  // The bytes are taken already.
+  // The bytes must be taken already.
   ReservedMemory(std::shared_ptr<ResidencyState> of, const MemoryBytes& bytes, std::string owner)
       : state_(std::move(of)), bytes_(bytes), owner_(std::move(owner)) {}
   ReservedMemory(const ReservedMemory&) = delete;

@@ -21,7 +21,7 @@ using grpc::experimental::InterceptionHookPoints;
 using grpc::experimental::InterceptorBatchMethods;
 using grpc::experimental::ServerRpcInfo;
 
-// A unary call that took longer is worth a line that operators see.
+// A unary call that took longer is logged at a level that operators see.
 constexpr absl::Duration kSlow = absl::Seconds(10);
 
 class CallInterceptor final : public grpc::experimental::Interceptor {
@@ -35,7 +35,7 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
     metrics_.Begin(method_);
   }
   ~CallInterceptor() override {
-    // gRPC itself has dropped it: what its client saw was no status of ours.
+    // gRPC has dropped the call: its client has not seen a status of ours.
     if (!answered_) Answered(grpc::Status(grpc::StatusCode::CANCELLED, "dropped"));
     metrics_.End(method_);
   }
@@ -63,7 +63,7 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
  private:
   using Metadata = std::multimap<grpc::string_ref, grpc::string_ref>;
 
-  // Replaces what is malformed by ids of this object's, which lives as long as the call.
+  // Replaces malformed metadata by ids that this object holds, which lives as long as the call.
   void Identify(Metadata* metadata) {
     if (metadata == nullptr) return;
     request_id_ = TextOf(*metadata, kRequestIdKey);
@@ -76,7 +76,7 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
     Put(*metadata, kTraceparentKey, traceparent_);
   }
 
-  // Empty: there is none, or more than one.
+  // Returns the value of the key, or "" if there is none or more than one.
   static std::string TextOf(const Metadata& metadata, const char* key) {
     const auto found = metadata.find(key);
     if (found == metadata.end() || metadata.count(key) != 1) return "";
@@ -88,7 +88,7 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
     metadata.emplace(key, value);
   }
 
-  // `hidden`: the client gets another text, so that only the line has this one.
+  // `hidden`: the client gets a general text, so that only the log has this one.
   void Answered(const grpc::Status& status, bool hidden = false) {
     if (answered_) return;
     answered_ = true;
@@ -104,7 +104,7 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
                 absl::Utf8SafeCEscape(status.error_message()));
   }
 
-  // A stream lasts as long as it is wanted: that is not slow.
+  // A stream lasts for as long as its client wants it, so only unary calls can be slow.
   spdlog::level::level_enum LevelOf(int code, absl::Duration took, bool hidden) const {
     const bool fault = code == grpc::StatusCode::INTERNAL || code == grpc::StatusCode::UNKNOWN ||
                        code == grpc::StatusCode::DATA_LOSS;

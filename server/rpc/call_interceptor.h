@@ -8,14 +8,15 @@
 
 namespace pepeseg {
 
-// Metadata of every call, its client's own where it is well-formed, else made here. The request id
-// is sent back with the initial metadata.
+// Metadata that each call has: the client's own if it is well-formed, else the interceptor makes
+// it. The request id is sent back with the initial metadata.
 inline constexpr char kRequestIdKey[] = "x-request-id";
 inline constexpr char kTraceparentKey[] = "traceparent";
 
-// Sees every call of a listener, its in-process channel's too: gives it a request id and a trace,
-// counts it in `metrics` and writes a line when it has ended. So no handler has to. What of an
-// error is for the log only goes into that line and not to the client: see HidePrivateText.
+// Makes interceptors that see each call of a listener, also those of its in-process channel: they
+// give the call a request id and a trace, count it in `metrics` and log a line when it ends. Text
+// of an error that is for the log only goes into this line and is removed from the answer
+// (HidePrivateText).
 std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface> MakeCallInterceptors(
     RpcMetrics& metrics, std::filesystem::path data_folder);
 

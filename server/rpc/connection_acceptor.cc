@@ -1,5 +1,6 @@
 #include "server/rpc/connection_acceptor.h"
 
+#include <grpcpp/resource_quota.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <spdlog/spdlog.h>
@@ -22,7 +23,23 @@
 namespace pepeseg {
 namespace {
 
-// Before the next try where accept() fails for another reason than that nobody waits.
+constexpr int kMaxMetadataBytes = 16 << 10;
+constexpr int kMaxStreamsPerConnection = 256;
+// Limit for requests that are being received, over all connections. Near it gRPC first slows the
+// connections down, then ends some.
+constexpr size_t kMaxIncomingBytes = size_t{512} << 20;
+// Limit on threads that gRPC starts for calls; the callback API starts none.
+constexpr int kMaxCallThreads = 32;
+constexpr int kKeepaliveMs = 30'000;
+constexpr int kKeepaliveTimeoutMs = 10'000;
+constexpr int kMinPingIntervalMs = 10'000;
+constexpr int kMaxPingStrikes = 2;
+constexpr int kMaxIdleMs = 900'000;
+// Limit on the TLS handshake and the client's HTTP/2 settings, so that a silent connection does not
+// hold a descriptor for longer.
+constexpr int kHandshakeMs = 10'000;
+
+// Pause after an accept() that failed although a connection waits.
 constexpr int kAcceptPauseMs = 100;
 constexpr absl::Duration kRefusalLogInterval = absl::Minutes(1);
 
@@ -134,6 +151,30 @@ void ConnectionAcceptor::Refuse(int connection) {
       num_refused - std::exchange(num_logged_, num_refused), limit - ReservedDescriptors(limit),
       limit);
   last_log_ = now;
+}
+
+void SetLimits(grpc::ServerBuilder& builder, const ListenerLimits& limits) {
+  const auto max_age_ms = static_cast<int>(absl::ToInt64Milliseconds(limits.max_age));
+  builder.SetMaxReceiveMessageSize(limits.max_message_bytes);
+  builder.SetMaxSendMessageSize(limits.max_message_bytes);
+  grpc::ResourceQuota quota("pepeseg");
+  quota.Resize(kMaxIncomingBytes).SetMaxThreads(kMaxCallThreads);
+  builder.SetResourceQuota(quota);
+  builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreamsPerConnection);
+  // Detects watchers whose machine is gone, and lets clients detect that the server is gone.
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  // gRPC closes the connections of clients that ping more often.
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS,
+                             kMinPingIntervalMs);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PING_STRIKES, kMaxPingStrikes);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_MS, max_age_ms);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_GRACE_MS, max_age_ms);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, kMaxIdleMs);
+  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeMs);
 }
 
 }  // namespace pepeseg

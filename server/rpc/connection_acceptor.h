@@ -25,12 +25,12 @@ class ConnectionAcceptor {
   static absl::StatusOr<std::unique_ptr<ConnectionAcceptor>> Listen(
       const std::string& address, std::shared_ptr<grpc::ServerCredentials> credentials,
       grpc::ServerBuilder& builder);
-  // As Stop().
+  // Calls Stop().
   ~ConnectionAcceptor() { Stop(); }
   ConnectionAcceptor(const ConnectionAcceptor&) = delete;
   ConnectionAcceptor& operator=(const ConnectionAcceptor&) = delete;
 
-  // Once the server has started.
+  // Starts to accept. Call once, after the server has started.
   void Start();
   // Closes the listening sockets; connections that were accepted stay. Call before the server's
   // Shutdown.
@@ -64,8 +64,19 @@ class ConnectionAcceptor {
   std::thread thread_;
 };
 
-// Descriptors that connections may not use, of a limit on open descriptors: a quarter, at most
-// 8,192.
+// Returns how many descriptors connections may not use, of a limit on open descriptors: a quarter,
+// at most 8,192.
 int64_t ReservedDescriptors(int64_t limit);
+
+struct ListenerLimits {
+  int max_message_bytes = 8 << 20;  // of requests and of answers
+  // Maximum age of a connection, so that clients find new servers behind a gateway. gRPC varies it
+  // by 10 %, so that clients that connected together do not reconnect together. Calls under way
+  // then get the same time again to end by themselves.
+  absl::Duration max_age = absl::Hours(1);
+};
+
+// Sets what clients may take of a server: memory, connections, streams, metadata, pings.
+void SetLimits(grpc::ServerBuilder& builder, const ListenerLimits& limits);
 
 }  // namespace pepeseg

@@ -42,7 +42,7 @@ struct FreeTls {
 template <typename T>
 using TlsPtr = std::unique_ptr<T, FreeTls>;
 
-// A new connection to `address`, closed with the object.
+// A new connection to `address`. The destructor closes it.
 class ProbeConnection {
  public:
   ProbeConnection() = default;
@@ -56,8 +56,8 @@ class ProbeConnection {
   absl::Status Connect(const ListenerProbeOptions& options);
   absl::Status StartTls(const CertificateTexts& certificate);
   bool has_tls() const { return tls_ != nullptr; }
-  // The server asks clients for a certificate, has shown its own, and did not merely stop
-  // answering.
+  // Returns whether the server has shown its certificate, asks clients for one, and has closed the
+  // connection instead of not answering.
   bool WasRefused() const { return asks_certificate_ && saw_certificate_ && hung_up_; }
   absl::Status Write(absl::string_view bytes);
   absl::Status Read(char* bytes, size_t size);  // all of `size`
@@ -74,7 +74,7 @@ class ProbeConnection {
   bool hung_up_ = false;
 };
 
-// Where to connect: the listening socket's own address, loopback where that is a wildcard.
+// Returns the address to connect to: that of the listening socket, or loopback for a wildcard.
 void MakeReachable(sockaddr_storage& address) {
   if (address.ss_family == AF_INET) {
     auto& in = reinterpret_cast<sockaddr_in&>(address);
@@ -148,7 +148,7 @@ absl::Status ProbeConnection::TlsFailed(absl::string_view step, int result) {
   const int error = SSL_get_error(tls_.get(), result);
   hung_up_ = error == SSL_ERROR_ZERO_RETURN || error == SSL_ERROR_SSL ||
              (error == SSL_ERROR_SYSCALL && !timed_out);
-  ERR_clear_error();  // gRPC's own calls of OpenSSL on other threads have queues of their own
+  ERR_clear_error();  // the error queue belongs to this thread
   return absl::UnavailableError(absl::StrCat(step, ": ", hung_up_ ? "hung up" : "no answer"));
 }
 
@@ -176,7 +176,7 @@ absl::Status ProbeConnection::Read(char* bytes, size_t size) {
   return absl::OkStatus();
 }
 
-// Of HTTP/2.
+// Types of HTTP/2 frames.
 enum FrameKind : uint8_t { kData = 0, kHeaders = 1, kReset = 3, kSettings = 4, kGoAway = 7 };
 
 void AppendFrame(std::string& to, FrameKind kind, char flags, char stream,
@@ -187,12 +187,13 @@ void AppendFrame(std::string& to, FrameKind kind, char flags, char stream,
   absl::StrAppend(&to, payload);
 }
 
-// HPACK: a header of the static table by `index`, with a value of at most 126 bytes.
+// Appends an HPACK header: the name is at `index` of the static table, the value has at most 126
+// bytes.
 void AppendHeader(std::string& to, absl::string_view index, absl::string_view value) {
   absl::StrAppend(&to, index, std::string(1, static_cast<char>(value.size())), value);
 }
 
-// grpc.health.v1.Health/Check for the server as a whole: an empty message.
+// Returns a request for grpc.health.v1.Health/Check of the whole server, whose message is empty.
 std::string HealthCall(bool has_tls) {
   constexpr char kEndStream = 1, kEndHeaders = 4, kStream = 1;
   std::string headers = "\x83";          // :method POST

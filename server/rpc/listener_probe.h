@@ -9,21 +9,22 @@
 
 namespace pepeseg {
 
-// What is asked and how.
+// Which listener is asked, and how.
 struct ListenerProbeOptions {
   int listening = -1;  // a listening socket of this process
-  // The listener's certificate, which is shown where the listener asks for one; none: no TLS.
+  // Returns the listener's certificate, which the probe shows if the listener asks for one.
+  // nullopt: no TLS.
   std::function<std::optional<CertificateTexts>()> certificate;
-  // Called with the local port of the new connection before it is made; 0: a Unix socket.
+  // Called with the local port of the connection before it is opened; 0 for a Unix socket.
   std::function<void(int port)> on_port = [](int) {};
   absl::Duration timeout = absl::Seconds(10);  // of each step: connect, handshake, each read
 };
 
-// Opens a new connection to a listener of this process and asks grpc.health.v1 over it, by plain
-// sockets: what gRPC keeps for its own clients could hide a listener that is dead. OK: the server
-// answers, whichever status it gives its services. Also OK: a listener with a client CA that did
-// not sign the server's certificate has shown its own certificate and hung up. Else UNAVAILABLE
-// with the step that failed. Blocks.
+// Opens a new connection to a listener of this process and asks grpc.health.v1 over it. Uses plain
+// sockets, since connections that a gRPC client keeps could hide a dead listener. Returns OK if the
+// server answers, with any health status, or if a listener with a client CA that did not sign the
+// server's certificate has shown its own certificate and closed the connection. Else returns
+// UNAVAILABLE with the step that failed. Blocks.
 absl::Status ProbeListener(const ListenerProbeOptions& options);
 
 }  // namespace pepeseg

@@ -23,7 +23,7 @@ namespace {
 
 // The kernel lowers it to net.core.somaxconn.
 constexpr int kMaxWaitingConnections = 4096;
-// Unacknowledged data ends a connection after this, as gRPC's own listener sets it.
+// Time after which unacknowledged data ends a connection; the same as in gRPC's own listener.
 constexpr unsigned int kUserTimeoutMs = 10'000;
 
 struct FreeAddresses {
@@ -35,7 +35,7 @@ void SetOption(int socket, int level, int name, int value) {
   setsockopt(socket, level, name, &value, sizeof(value));
 }
 
-// A socket bound to the address and listening, or -1 with errno.
+// Returns a socket that listens on the address, or -1 with errno.
 int BindAndListen(const sockaddr* address, socklen_t size) {
   const int made = socket(address->sa_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
   if (made < 0) return -1;

@@ -8,14 +8,14 @@
 
 namespace pepeseg {
 
-// Non-blocking sockets that listen on one address: several where its host name has several
-// addresses. Closed with the object, which also removes the file of a Unix socket.
+// Non-blocking sockets that listen on one address, one for each IP address of its host name. The
+// destructor closes them and removes the file of a Unix socket.
 class ListeningSockets {
  public:
-  // `address`: HOST:PORT, [IPV6]:PORT or unix:PATH. Port 0: a free one, the same for all addresses
-  // of the host. The wildcard 0.0.0.0 or [::] listens on IPv4 and IPv6. A Unix socket that an
-  // earlier server left is replaced. INVALID_ARGUMENT: the address is malformed; UNAVAILABLE: it
-  // cannot be had.
+  // Opens sockets for `address`: HOST:PORT, [IPV6]:PORT or unix:PATH. Port 0 chooses a free port,
+  // the same for all addresses of the host. 0.0.0.0 and [::] listen on both IPv4 and IPv6. Replaces
+  // a Unix socket that an earlier server has left. INVALID_ARGUMENT: the address is malformed.
+  // UNAVAILABLE: another program has the address, or this machine does not.
   static absl::StatusOr<ListeningSockets> Open(const std::string& address);
   ~ListeningSockets() { Close(); }
   ListeningSockets(ListeningSockets&& other) noexcept { *this = std::move(other); }

@@ -50,7 +50,7 @@ absl::Status MakeFolder(const std::filesystem::path& path) {
                    ": put the socket in a folder of this user's, as /run/pepeseg"));
 }
 
-// Removes a socket at which nobody listens.
+// Removes a socket at which no process listens.
 absl::Status RemoveDead(const std::filesystem::path& path, const sockaddr_un& address) {
   struct stat what {};
   if (lstat(path.c_str(), &what) != 0) return absl::OkStatus();
@@ -88,7 +88,7 @@ absl::StatusOr<std::unique_ptr<LocalSocket>> LocalSocket::Listen(
   Descriptor listener(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   Descriptor stop(eventfd(0, EFD_CLOEXEC));
   if (listener.get() < 0 || stop.get() < 0) return SystemError(path, "make");
-  // Before it has a name: bind() gives the file the socket's mode.
+  // Set before bind(), which gives the file the mode of the socket.
   if (fchmod(listener.get(), kMode) != 0) return SystemError(path, "protect");
   if (bind(listener.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0 ||
       listen(listener.get(), kBacklog) != 0) {
@@ -112,7 +112,7 @@ void LocalSocket::AcceptUntilStopped(const std::function<void(int connection)>& 
     } else if (connection >= 0) {
       close(connection);
     } else if (errno != EAGAIN && errno != EINTR && errno != ECONNABORTED) {
-      // No descriptor is free: there may be one soon.
+      // No descriptor is free; one may become free soon.
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
     }
   }

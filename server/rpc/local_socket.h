@@ -10,24 +10,22 @@
 
 namespace pepeseg {
 
-// A listening Unix socket for this user alone: its file has mode 0600 from its first moment, and
-// the kernel is asked who connects (SO_PEERCRED): others than this user and root are turned away,
-// should the file's mode have been changed. It is no way for a worker: its sandbox lets it connect
-// to nothing.
+// A Unix socket that only this user and root can connect to. Its file has mode 0600 from the start.
+// In case somebody changes the mode, the peer's user is checked, too (SO_PEERCRED). A worker cannot
+// use it: the sandbox does not let it connect.
 class LocalSocket {
  public:
-  // Makes the folder of `path`, of mode 0700, where there is none. FAILED_PRECONDITION: others may
-  // write to the folder of `path` (as to /tmp), and so put a socket
-  // of theirs in its place. UNAVAILABLE: somebody listens there. A socket left by a process that is
-  // gone is replaced.
+  // Listens at `path`. Creates its folder with mode 0700 if there is none, and replaces the socket
+  // of a process that is gone. FAILED_PRECONDITION: others may write to the folder, such as /tmp,
+  // and could put a socket of theirs there. UNAVAILABLE: another process listens there.
   static absl::StatusOr<std::unique_ptr<LocalSocket>> Listen(const std::filesystem::path& path);
-  ~LocalSocket();  // Stop()
+  ~LocalSocket();  // calls Stop()
   LocalSocket(const LocalSocket&) = delete;
   LocalSocket& operator=(const LocalSocket&) = delete;
 
-  // From now on calls `take`, from a thread of its own, with each connection: it closes it. Once.
+  // Starts a thread that calls `take` with each connection, which `take` must close. Call once.
   void Serve(std::function<void(int connection)> take);
-  // Takes no more connections, and removes the file.
+  // Stops to accept connections and removes the file.
   void Stop();
 
  private:
@@ -36,7 +34,7 @@ class LocalSocket {
 
   const std::filesystem::path path_;
   Descriptor listener_;
-  const Descriptor stop_;  // readable: time to stop
+  const Descriptor stop_;  // becomes readable when the thread must stop
   std::thread thread_;
 };
 

@@ -33,7 +33,7 @@ void Stream::Tick() {
     if (state_ == State::kIo && !ending_ && absl::Now() - io_since_ > io_limit()) {
       const absl::Status status = TooSlowError(io_limit());
       if (may_finish_during_io()) return FinishLocked(status);
-      ending_ = true;  // by IoDone
+      ending_ = true;  // IoDone finishes the call
       end_status_ = status;
       return CancelCall();
     }
@@ -55,7 +55,7 @@ void Stream::End(const absl::Status& status) {
 
 bool Stream::cancelled() const {
   const std::lock_guard lock(mutex_);
-  // A stream that is ended waits for no answer either: what computes one must not delay the end.
+  // Also true for a stream that is being ended, so that computing an answer does not delay the end.
   return cancelled_ || ending_ || state_ == State::kFinished;
 }
 
@@ -75,7 +75,7 @@ void Stream::IoDone(bool ok) {
 void Stream::Cancelled() {
   const std::lock_guard lock(mutex_);
   cancelled_ = true;
-  // While working or writing, the end of that finishes the call.
+  // While it works or writes, Run or IoDone finishes the call.
   if (state_ == State::kIdle || (state_ == State::kIo && may_finish_during_io())) {
     FinishLocked(absl::CancelledError("the client is gone"));
   }
@@ -87,7 +87,7 @@ void Stream::Done() {
   std::shared_ptr<Stream> self;
   const std::lock_guard lock(mutex_);
   self.swap(self_);
-  // The mutex is unlocked before `self`, declared first, lets the stream go.
+  // `lock` is destroyed before `self`, which may destroy the stream and its mutex.
 }
 
 void Stream::Run() {

@@ -15,34 +15,36 @@ namespace pepeseg {
 class StreamRegistry;
 struct StreamOwner;
 
-// One streaming call: what all of them share. A stream is in one state at a time, under one mutex:
+// The part of a streaming call that does not depend on its messages. A stream is in one state at a
+// time, which its mutex guards:
 //
 //   kWorking  its Work() is queued or running on the pool; there is never more than one
-//   kIo       one message is being read or written: the bound of its queue is one
+//   kIo       one message is being read or written; there is never more than one
 //   kIdle     waiting for Wake()
 //   kFinished Finish was called, which happens exactly once, also on cancel
 //
-// A slow reader so costs one message: Work() is not called again before it was written. The stream
-// owns itself until gRPC is done with it; tasks and wakers that come late hold their own reference.
+// A slow reader costs the memory of one message: Work() is not called again before the message was
+// written. The stream owns itself until gRPC is done with it (OnDone); tasks and wakers that come
+// later hold their own reference.
 class Stream : public std::enable_shared_from_this<Stream> {
  public:
   virtual ~Stream() = default;
   Stream(const Stream&) = delete;
   Stream& operator=(const Stream&) = delete;
 
-  // Once, right after construction: keeps the stream alive, registers it and has Work() called,
-  // which finds out whether the caller may call before anything is read.
+  // Keeps the stream alive, registers it and queues Work(), which authorises the caller before
+  // anything is read. Call once, right after construction.
   void Begin();
-  // Any thread, never blocks: Work() runs once more after this.
+  // Makes Work() run again after this call. Any thread; never blocks.
   void Wake();
-  // As Wake(), but ends the stream if a read or write takes longer than io_limit().
+  // Ends the stream if a read or write takes longer than io_limit(); else calls Wake().
   void Tick();
   // Ends the stream with `status` as soon as neither Work() nor a write is in flight.
   void End(const absl::Status& status);
 
  protected:
   enum class Next { kIo, kIdle, kEnd };
-  // What to do after a Work(); `status` counts with kEnd.
+  // What to do after Work(). `status` is the status of the call if `next` is kEnd.
   struct Step {
     Next next = Next::kIdle;
     absl::Status status;
@@ -50,30 +52,30 @@ class Stream : public std::enable_shared_from_this<Stream> {
 
   Stream(StreamRegistry* registry, WorkerPool* pool) : registry_(registry), pool_(pool) {}
 
-  // On a pool thread; may block. `io_ok`: the last message went through; false after a read: the
-  // client has sent all it will.
+  // Does the next piece of work, on a pool thread; may block. `io_ok`: the last message was read or
+  // written. False after a read: the client has sent all its messages.
   virtual Step Work(bool io_ok) = 0;
-  // StartRead or StartWrite.
+  // Calls StartRead or StartWrite of the reactor.
   virtual void StartIo() = 0;
-  // Finish of the reactor.
+  // Calls Finish of the reactor.
   virtual void FinishCall(const grpc::Status& status) = 0;
-  // A reaction, when gRPC is done with the call and before the stream's own reference is let go:
-  // for what must not be destroyed by whoever holds the last one.
+  // Called in a reaction when gRPC is done with the call, before the stream drops its reference to
+  // itself. Releases what must not be destroyed on the thread that drops the last reference.
   virtual void OnClosed() {}
-  // Whether Finish may be called with the message still on its way: true of reads.
+  // Returns whether Finish may be called while a message is in progress: true for reads.
   virtual bool may_finish_during_io() const = 0;
-  // How long the read or write that is in progress may take; looked at every tick.
+  // Returns how long the read or write in progress may take. Checked at every tick.
   virtual absl::Duration io_limit() const { return absl::InfiniteDuration(); }
-  // Cancels the call, so that a write in progress ends: its client gets CANCELLED.
+  // Cancels the call, so that a write in progress ends; the client gets CANCELLED.
   virtual void CancelCall() {}
 
-  // The caller of this stream is known: Work() calls it once, and ends with the error that it
-  // returns (StreamRegistry::Admit).
+  // Counts the stream for its owner (StreamRegistry::Admit). Work() calls it once, when the caller
+  // is known, and ends the stream with the error that it returns.
   absl::Status Admit(const StreamOwner& owner);
 
   bool cancelled() const;
 
-  // Reactions.
+  // Reactions of gRPC, which must not block.
   void IoDone(bool ok);
   void Cancelled();
   void Done();  // may destroy the stream
@@ -92,7 +94,7 @@ class Stream : public std::enable_shared_from_this<Stream> {
   State state_ = State::kIdle;
   bool io_ok_ = true;
   absl::Time io_since_ = absl::InfiniteFuture();  // in state kIo
-  bool wake_ = false;                             // Wake() came while not idle
+  bool wake_ = false;                             // Wake() was called while not idle
   bool ending_ = false;                           // end_status_ is to be sent
   bool cancelled_ = false;  // by the client, its deadline or a lost connection
   absl::Status end_status_;
@@ -103,7 +105,7 @@ template <typename Response>
 class WriteStream : public grpc::ServerWriteReactor<Response>, public Stream {
  protected:
   using Stream::Stream;
-  Response message_;  // filled by Work() before it answers kIo
+  Response message_;  // filled by Work() before it returns kIo
 
  private:
   void StartIo() final { this->StartWrite(&message_); }
@@ -118,7 +120,7 @@ template <typename Request>
 class ReadStream : public grpc::ServerReadReactor<Request>, public Stream {
  protected:
   using Stream::Stream;
-  Request message_;  // what was read; Work() answers kIo for the next one
+  Request message_;  // the message that was read; Work() returns kIo to read the next one
 
  private:
   void StartIo() final { this->StartRead(&message_); }
@@ -129,13 +131,13 @@ class ReadStream : public grpc::ServerReadReactor<Request>, public Stream {
   void OnDone() final { Done(); }
 };
 
-// Reads and writes at once, for requests of which only the newest counts: one that comes while
-// another waits takes its place. Work() takes what there is and answers kIo when `message_` is an
-// answer, else kIdle; it is called again when a request has come.
+// A stream that reads and writes at the same time, of whose requests only the newest counts: a
+// request replaces one that still waits. Work() takes the newest request and returns kIo if
+// `message_` is an answer, else kIdle; it is called again when a request comes.
 template <typename Request, typename Response>
 class NewestStream : public grpc::ServerBidiReactor<Request, Response>, public Stream {
  public:
-  // Once, in place of Begin.
+  // Begins the stream and starts to read. Call once, instead of Begin.
   void BeginReading() {
     Begin();
     const std::lock_guard lock(read_mutex_);
@@ -144,7 +146,7 @@ class NewestStream : public grpc::ServerBidiReactor<Request, Response>, public S
 
  protected:
   using Stream::Stream;
-  // None: wait, or end, when the client has sent all it will.
+  // Returns the newest request, or nullopt if none waits: see all_read().
   std::optional<Request> TakeNewest() {
     const std::lock_guard lock(read_mutex_);
     return std::exchange(newest_, std::nullopt);
@@ -157,7 +159,7 @@ class NewestStream : public grpc::ServerBidiReactor<Request, Response>, public S
     const std::lock_guard lock(read_mutex_);
     return all_read_ && !newest_;
   }
-  Response message_;  // filled by Work() before it answers kIo
+  Response message_;  // filled by Work() before it returns kIo
 
  private:
   void StartIo() final { this->StartWrite(&message_); }
@@ -183,7 +185,7 @@ class NewestStream : public grpc::ServerBidiReactor<Request, Response>, public S
   mutable std::mutex read_mutex_;  // taken after the stream's own
   Request incoming_;
   std::optional<Request> newest_;
-  bool all_read_ = false;  // no further request will come
+  bool all_read_ = false;  // the client has sent its last request
   bool finished_ = false;
 };
 

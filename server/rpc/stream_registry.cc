@@ -16,7 +16,7 @@
 namespace pepeseg {
 namespace {
 
-// Of callers that are not known yet: a look at their key ends that.
+// Maximum number of streams whose callers are not known yet. It takes only a look at their keys.
 constexpr size_t kMaxUnknown = 4096;
 constexpr absl::Duration kStreamWarningInterval = absl::Minutes(1);
 
@@ -37,7 +37,7 @@ void GiveBack(std::map<std::string, size_t>& counts, const std::string& name) {
 StreamOwner OwnerOf(const Caller& caller, const CallOrigin& origin) {
   StreamOwner owner;
   if (!caller.sees_all_projects) owner.project = caller.project;
-  // All of a gateway's callers come from its address.
+  // All callers of a gateway come from its address, so the subject counts.
   if (!caller.subject.empty()) {
     owner.peer = absl::StrCat(caller.project, "/", caller.subject);
   } else if (absl::StartsWith(origin.peer, "ipv")) {  // "ipv4:127.0.0.1:50051"
@@ -158,7 +158,8 @@ size_t StreamRegistry::size() const {
   return streams_.size();
 }
 
-// A part of them at a time: all at once would keep questions waiting.
+// Wakes a sixteenth of the streams at a time, so that queries need not wait for all of them to
+// work.
 void StreamRegistry::Tick() {
   constexpr uintptr_t kParts = 16;
   constexpr uintptr_t kSpread = 64;  // bytes, less than any stream takes

@@ -18,48 +18,49 @@ struct Caller;
 struct CallOrigin;
 class Stream;
 
-// What streams may take. Each costs memory, and a look at its job every tick.
+// Limits on streams. Each stream costs memory and some work at every tick.
 struct StreamLimits {
   size_t max_streams = 4096;
-  // Of one project of a server with keys, and of one peer: its address, or the subject that a
-  // gateway names. So none can take what others need.
+  // Maximum number of one project, on a server with keys, and of one peer, which is an address or
+  // the subject that a gateway names. They keep one client from taking the streams of all others.
   size_t max_per_project = 1024;
   size_t max_per_peer = 1024;
-  // From a stream's begin until its client has sent the first message.
+  // Time from the begin of a stream to the first message of its client.
   absl::Duration first_message = absl::Seconds(10);
-  // For the reader of an export to take a message.
+  // Time that the reader of an export may take for a message.
   absl::Duration stuck_export = absl::Seconds(60);
 };
 
-// Whose a stream is; an empty name has no bound.
+// Whose a stream is. An empty name has no limit.
 struct StreamOwner {
   std::string project;
   std::string peer;
 };
-// In-process and Unix sockets are no peers: who can use them is on this machine.
+// Returns the owner of a call's stream. In-process channels and Unix sockets have no peer, since
+// their clients are on this machine.
 StreamOwner OwnerOf(const Caller& caller, const CallOrigin& origin);
 
-// The streams that are open: ends all of them when the server stops, and wakes each now and then
-// so that it can send a heartbeat. One thread for all of them instead of an alarm for each. Thread
-// safe.
+// The streams that are open. Counts them against their limits, ends all of them when the server
+// stops, and wakes each at every tick, so that it can send a heartbeat: one thread for all streams
+// instead of an alarm for each. Thread safe.
 class StreamRegistry {
  public:
-  // `tick`: between two looks at a stream.
+  // `tick`: time between two wake-ups of a stream.
   StreamRegistry(absl::Duration tick, const StreamLimits& limits);
   ~StreamRegistry();
   StreamRegistry(const StreamRegistry&) = delete;
   StreamRegistry& operator=(const StreamRegistry&) = delete;
 
-  // A stream whose caller is not known yet, which its first Work() finds out. Ends it at once when
-  // EndAll was called (with its status), while the server drains (UNAVAILABLE), and when 4,096 more
-  // than those admitted are in that state (RESOURCE_EXHAUSTED).
+  // Adds a stream whose caller is not known yet. Ends it at once if EndAll was called (with the
+  // status of that call), if the server drains (UNAVAILABLE), or if 4,096 streams wait to be
+  // admitted (RESOURCE_EXHAUSTED).
   void Add(const std::shared_ptr<Stream>& stream);
-  // Its caller is known and may call: from now on it counts. RESOURCE_EXHAUSTED: there are too many
-  // in all, of its project or of its peer; end it with that. Once for a stream.
+  // Counts a stream whose caller was authorised. Call once for a stream. RESOURCE_EXHAUSTED: there
+  // are too many streams in all, of its project or of its peer; the caller ends the stream with it.
   absl::Status Admit(Stream* stream, const StreamOwner& owner);
   void Remove(Stream* stream);
   void EndAll(const absl::Status& status);
-  // New ones are refused; those that are open go on.
+  // While it drains, new streams are refused; open ones continue.
   void SetDraining(bool draining);
   size_t size() const;
   int64_t num_refused() const;
@@ -67,7 +68,7 @@ class StreamRegistry {
 
  private:
   struct Entry {
-    // Weak: a stream removes itself, and may be on its way out while it is looked at.
+    // Weak: the stream may be in its destructor, about to remove itself.
     std::weak_ptr<Stream> stream;
     bool admitted = false;
     StreamOwner owner = {};

@@ -61,7 +61,7 @@ void WorkerPool::Run() {
       ++num_busy_;
     }
     task();
-    task = nullptr;  // what it held may take a while to go
+    task = nullptr;  // while the thread counts as busy: what it holds may take long to destroy
     const std::lock_guard lock(mutex_);
     --num_busy_;
   }

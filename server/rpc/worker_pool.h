@@ -13,25 +13,26 @@
 
 namespace pepeseg {
 
-// Threads for everything that blocks: a reaction of gRPC's callback API must never do so (two that
-// did would freeze a server of two cores, its health service included). Thread safe.
+// Threads for everything that blocks. A reaction of gRPC's callback API must never block: two that
+// do would freeze a server on two cores, including its health service. Thread safe.
 class WorkerPool {
  public:
   WorkerPool(int num_threads, size_t max_queued);
-  // As Stop().
+  // Calls Stop().
   ~WorkerPool();
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
-  // false, and `task` is not run: the queue is full, or the pool has stopped.
+  // Queues `task`. Returns false, and does not run it, if the queue is full or the pool has
+  // stopped.
   bool Submit(std::function<void()> task);
-  // Like Submit, but takes the task however long the queue is, for work of a bounded number of
-  // streams; false only after Stop().
+  // Queues `task` however long the queue is, for work of streams, whose number is bounded. Returns
+  // false only after Stop().
   bool SubmitAlways(std::function<void()> task);
-  // Runs what is queued, then joins. Not from a task.
+  // Runs what is queued, then joins the threads. Must not be called from a task.
   void Stop();
 
-  // While it drains, calls should be refused; what is queued runs.
+  // While the pool drains, callers should refuse new calls. What is queued still runs.
   void SetDraining(bool draining) { draining_ = draining; }
   bool draining() const { return draining_; }
 
@@ -41,7 +42,7 @@ class WorkerPool {
     int64_t num_refused = 0;  // by Submit, since the start
   };
   Use use() const;
-  // Of calls, from a thread's taking them to the answer; whoever answers them records it.
+  // Times of calls, from the start on a thread to the answer, recorded by those who answer.
   LatencyWindow& latencies() { return latencies_; }
   const LatencyWindow& latencies() const { return latencies_; }
 
@@ -60,6 +61,22 @@ class WorkerPool {
   std::deque<std::function<void()>> queue_;
   bool stopping_ = false;
   std::vector<std::thread> threads_;
+};
+
+// The pools of a server's calls. Each kind of work has its own threads, so that it waits only for
+// work of its kind.
+struct WorkerPools {
+  WorkerPool io;          // short calls that wait for the disk or the database
+  WorkerPool upload;      // calls that do so for long, such as for each of thousands of files
+  WorkerPool query;       // calls that compute
+  WorkerPool evaluation;  // calls that compute for long
+
+  void SetDraining(bool draining) {
+    for (WorkerPool* pool : {&io, &upload, &query, &evaluation}) pool->SetDraining(draining);
+  }
+  void Stop() {
+    for (WorkerPool* pool : {&io, &upload, &query, &evaluation}) pool->Stop();
+  }
 };
 
 }  // namespace pepeseg

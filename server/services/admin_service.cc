@@ -8,14 +8,9 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/access/scene_names.h"
+#include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/api/resource_name.h"
-#include "server/api/rows_to_proto.h"
-#include "server/rpc/unary.h"
-#include "server/services/key_answers.h"
-#include "server/services/model_lookup.h"
-#include "server/services/quota_answers.h"
-#include "server/services/status_answer.h"
 #include "server/store/scene_key.h"
 
 namespace pepeseg {
@@ -43,12 +38,7 @@ void FillDescription(const ModelCache& models, const SceneChild& model,
   });
 }
 
-absl::StatusOr<ModelRow> FindNamed(const ServiceContext& context, const std::string& name) {
-  ASSIGN_OR_RETURN(const std::string keyed, ResolveOperatorsName(*context.store, name, "name"));
-  return FindModel(context, keyed, "name");
-}
-
-// Says of which projects the models are that have a name in common.
+// Puts the project before the names of models that have the same name.
 absl::Status TellApart(Store& store, const std::vector<std::string>& scenes,
                        v1::ListResidentResponse* response) {
   std::map<std::string, int> num_of_name;
@@ -64,43 +54,6 @@ absl::Status TellApart(Store& store, const std::vector<std::string>& scenes,
   return absl::OkStatus();
 }
 
-absl::Status Load(const ServiceContext& context, const v1::LoadModelRequest& request,
-                  v1::ResidentModel* response) {
-  // Held until it is told of, else it could be evicted before that.
-  ASSIGN_OR_RETURN(const std::string name,
-                   ResolveOperatorsName(*context.store, request.name(), "name"));
-  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, name, "name"));
-  FillDescription(*context.models, model.row, response);
-  response->set_queries_in_flight(response->queries_in_flight() - 1);  // this call is no question
-  return absl::OkStatus();
-}
-
-absl::Status Pin(const ServiceContext& context, const v1::PinModelRequest& request,
-                 v1::ResidentModel* response) {
-  ASSIGN_OR_RETURN(const ModelRow row, FindNamed(context, request.name()));
-  const std::string name = KeyedChildName(row.scene, "models", row.number);
-  {
-    ModelCache::Handle held;  // so that it is not evicted before it is pinned
-    if (request.pinned()) {
-      ASSIGN_OR_RETURN(ResidentModel loaded, LoadModel(context, name, "name"));
-      held = std::move(loaded.segmenter);
-    }
-    const absl::Status status = context.models->SetPinned(ResidentKey(row), request.pinned());
-    if (!status.ok()) return WithResource(status, "NOT_RESIDENT", name);
-  }
-  FillDescription(*context.models, {row.scene, row.number}, response);
-  return absl::OkStatus();
-}
-
-absl::Status Unload(const ServiceContext& context, const v1::UnloadModelRequest& request) {
-  ASSIGN_OR_RETURN(const ModelRow row, FindNamed(context, request.name()));
-  const std::string name = ChildName(row.scene, "models", row.number);
-  const absl::Status status = context.models->Unload(ResidentKey(row));
-  if (status.ok()) return absl::OkStatus();
-  const absl::Status named(status.code(), absl::StrCat(name, ": ", status.message()));
-  return WithResource(named, absl::IsNotFound(status) ? "NOT_RESIDENT" : "PINNED", name);
-}
-
 void SetUse(int64_t reserved, int64_t limit, v1::MemoryUse* use) {
   use->set_reserved_bytes(reserved);
   use->set_limit_bytes(limit);
@@ -108,106 +61,151 @@ void SetUse(int64_t reserved, int64_t limit, v1::MemoryUse* use) {
 
 }  // namespace
 
+absl::StatusOr<ModelRow> AdminServiceRpc::FindNamed(const std::string& name) const {
+  ASSIGN_OR_RETURN(const std::string keyed, ResolveOperatorsName(models_.store(), name, "name"));
+  return models_.Find(keyed, "name");
+}
+
+absl::Status AdminServiceRpc::Load(const v1::LoadModelRequest& request,
+                                   v1::ResidentModel* response) {
+  // Held until the answer is filled in, so that it is not evicted before.
+  ASSIGN_OR_RETURN(const std::string name,
+                   ResolveOperatorsName(models_.store(), request.name(), "name"));
+  ASSIGN_OR_RETURN(const ResidentModel model, models_.Load(name, "name"));
+  FillDescription(models_.cache(), model.row, response);
+  response->set_queries_in_flight(response->queries_in_flight() - 1);  // this call is not a query
+  return absl::OkStatus();
+}
+
+absl::Status AdminServiceRpc::Pin(const v1::PinModelRequest& request, v1::ResidentModel* response) {
+  ASSIGN_OR_RETURN(const ModelRow row, FindNamed(request.name()));
+  const std::string name = KeyedChildName(row.scene, "models", row.number);
+  {
+    ModelCache::Handle held;  // the model is not evicted before it is pinned
+    if (request.pinned()) {
+      ASSIGN_OR_RETURN(ResidentModel loaded, models_.Load(name, "name"));
+      held = std::move(loaded.segmenter);
+    }
+    const absl::Status status = models_.cache().SetPinned(ResidentKey(row), request.pinned());
+    if (!status.ok()) return WithResource(status, "NOT_RESIDENT", name);
+  }
+  FillDescription(models_.cache(), {row.scene, row.number}, response);
+  return absl::OkStatus();
+}
+
+absl::Status AdminServiceRpc::Unload(const v1::UnloadModelRequest& request) {
+  ASSIGN_OR_RETURN(const ModelRow row, FindNamed(request.name()));
+  const std::string name = ChildName(row.scene, "models", row.number);
+  const absl::Status status = models_.cache().Unload(ResidentKey(row));
+  if (status.ok()) return absl::OkStatus();
+  const absl::Status named(status.code(), absl::StrCat(name, ": ", status.message()));
+  return WithResource(named, absl::IsNotFound(status) ? "NOT_RESIDENT" : "PINNED", name);
+}
+
+absl::Status AdminServiceRpc::List(v1::ListResidentResponse* response) const {
+  const ModelCache& models = models_.cache();
+  std::vector<std::string> scenes;
+  models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
+    *response->add_models() = Describe(info, segmenter);
+    const absl::StatusOr<SceneChild> row = ParseModelName(info.name, "name");
+    scenes.push_back(row.ok() ? row->scene : "");
+  });
+  RETURN_IF_ERROR(TellApart(models_.store(), scenes, response));
+  const MemoryBytes used = models.bytes_in_use(), limit = models.budget().usable();
+  SetUse(used.host, limit.host, response->mutable_host());
+  if (!models.budget().one_memory()) {
+    SetUse(used.device, limit.device, response->mutable_device());
+  }
+  response->set_device_bytes_in_use(static_cast<int64_t>(models_.backend().bytes_in_use()));
+  response->set_num_loads(models.counts().num_loads);
+  response->set_num_evictions(models.counts().num_evictions);
+  return absl::OkStatus();
+}
+
 grpc::ServerUnaryReactor* AdminServiceRpc::LoadModel(grpc::CallbackServerContext* call,
                                                      const v1::LoadModelRequest* request,
                                                      v1::ResidentModel* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    return Load(context_, *request, response);
+  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
+    return Load(*request, response);
   });
 }
 
 grpc::ServerUnaryReactor* AdminServiceRpc::UnloadModel(grpc::CallbackServerContext* call,
                                                        const v1::UnloadModelRequest* request,
                                                        google::protobuf::Empty* /*response*/) {
-  return RunOnPool({call, request}, context_,
-                   [this, request](const UnaryCall&) { return Unload(context_, *request); });
+  return runner_.Run(pool_, {call, request},
+                     [this, request](const UnaryCall&) { return Unload(*request); });
 }
 
 grpc::ServerUnaryReactor* AdminServiceRpc::PinModel(grpc::CallbackServerContext* call,
                                                     const v1::PinModelRequest* request,
                                                     v1::ResidentModel* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    return Pin(context_, *request, response);
+  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
+    return Pin(*request, response);
   });
 }
 
 grpc::ServerUnaryReactor* AdminServiceRpc::ListResident(grpc::CallbackServerContext* call,
                                                         const v1::ListResidentRequest* request,
                                                         v1::ListResidentResponse* response) {
-  return RunOnPool({call, request}, context_, [this, response](const UnaryCall&) {
-    const ModelCache& models = *context_.models;
-    std::vector<std::string> scenes;
-    models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
-      *response->add_models() = Describe(info, segmenter);
-      const absl::StatusOr<SceneChild> row = ParseModelName(info.name, "name");
-      scenes.push_back(row.ok() ? row->scene : "");
-    });
-    RETURN_IF_ERROR(TellApart(*context_.store, scenes, response));
-    const MemoryBytes used = models.bytes_in_use(), limit = models.budget().usable();
-    SetUse(used.host, limit.host, response->mutable_host());
-    if (!models.budget().one_memory()) {
-      SetUse(used.device, limit.device, response->mutable_device());
-    }
-    response->set_device_bytes_in_use(static_cast<int64_t>(context_.backend->bytes_in_use()));
-    response->set_num_loads(models.counts().num_loads);
-    response->set_num_evictions(models.counts().num_evictions);
-    return absl::OkStatus();
-  });
+  return runner_.Run(pool_, {call, request},
+                     [this, response](const UnaryCall&) { return List(response); });
 }
 
 grpc::ServerUnaryReactor* AdminServiceRpc::CreateKey(grpc::CallbackServerContext* call,
                                                      const v1::CreateKeyRequest* request,
                                                      v1::CreateKeyResponse* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    return AnswerCreateKey(*context_.store, *request, response);
+  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
+    return projects_.CreateKey(*request, response);
   });
 }
 
 grpc::ServerUnaryReactor* AdminServiceRpc::ListKeys(grpc::CallbackServerContext* call,
                                                     const v1::ListKeysRequest* request,
                                                     v1::ListKeysResponse* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    return AnswerListKeys(*context_.store, *request, response);
+  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
+    return projects_.ListKeys(*request, response);
   });
 }
 
 grpc::ServerUnaryReactor* AdminServiceRpc::RevokeKey(grpc::CallbackServerContext* call,
                                                      const v1::RevokeKeyRequest* request,
                                                      v1::ApiKey* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    return AnswerRevokeKey(*context_.store, *request, response);
+  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
+    return projects_.RevokeKey(*request, response);
   });
 }
 
 grpc::ServerUnaryReactor* AdminServiceRpc::GetProjectUsage(
     grpc::CallbackServerContext* call, const v1::GetProjectUsageRequest* request,
     v1::ProjectUsage* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    return AnswerGetProjectUsage(context_, *request, response);
+  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
+    return projects_.GetProjectUsage(*request, response);
   });
 }
 
 grpc::ServerUnaryReactor* AdminServiceRpc::SetQuota(grpc::CallbackServerContext* call,
                                                     const v1::SetQuotaRequest* request,
                                                     v1::ProjectUsage* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    return AnswerSetQuota(context_, *request, response);
+  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
+    return projects_.SetQuota(*request, response);
   });
 }
 
 grpc::ServerUnaryReactor* AdminServiceRpc::GetStatus(grpc::CallbackServerContext* call,
                                                      const v1::GetStatusRequest* request,
                                                      v1::ServerStatus* response) {
-  return RunOnPool({call, request}, context_, [this, response](const UnaryCall&) {
-    return AnswerStatus(operations_, response);
+  return runner_.Run(pool_, {call, request}, [this, response](const UnaryCall&) {
+    return operations_.FillStatus(response);
   });
 }
 
 grpc::ServerUnaryReactor* AdminServiceRpc::Drain(grpc::CallbackServerContext* call,
                                                  const v1::DrainRequest* request,
                                                  v1::ServerStatus* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    return AnswerDrain(operations_, *request, response);
+  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
+    operations_.SetDraining(request->draining());
+    return operations_.FillStatus(response);
   });
 }
 

@@ -1,16 +1,26 @@
 #pragma once
 
+#include <string>
+
 #include "pepeseg/v1/admin_service.grpc.pb.h"
-#include "server/rpc/service_context.h"
+#include "server/rpc/call_runner.h"
+#include "server/services/model_loader.h"
 #include "server/services/operations.h"
+#include "server/services/project_answers.h"
 
 namespace pepeseg {
 
+// Answers the calls of operators: models in memory, keys and quotas of projects, the server's
+// state.
 class AdminServiceRpc final : public v1::AdminService::CallbackService {
  public:
-  // `context.pool`: for the calls of this service. `operations` outlives it.
-  AdminServiceRpc(const ServiceContext& context, Operations& operations)
-      : context_(context), operations_(operations) {}
+  // `pool` runs the calls of this service. Both must outlive it.
+  AdminServiceRpc(Operations& operations, WorkerPool& pool)
+      : operations_(operations),
+        pool_(pool),
+        runner_(operations.runner()),
+        models_(operations.models()),
+        projects_(runner_.quotas(), models_) {}
 
   grpc::ServerUnaryReactor* LoadModel(grpc::CallbackServerContext* call,
                                       const v1::LoadModelRequest* request,
@@ -47,8 +57,18 @@ class AdminServiceRpc final : public v1::AdminService::CallbackService {
                                   v1::ServerStatus* response) override;
 
  private:
-  const ServiceContext context_;
+  absl::Status Load(const v1::LoadModelRequest& request, v1::ResidentModel* response);
+  absl::Status Pin(const v1::PinModelRequest& request, v1::ResidentModel* response);
+  absl::Status Unload(const v1::UnloadModelRequest& request);
+  absl::Status List(v1::ListResidentResponse* response) const;
+  // Returns the record of a model by the name that an operator uses (ResolveOperatorsName).
+  absl::StatusOr<ModelRow> FindNamed(const std::string& name) const;
+
   Operations& operations_;
+  WorkerPool& pool_;
+  const CallRunner& runner_;
+  ModelLoader& models_;
+  const ProjectAnswers projects_;
 };
 
 }  // namespace pepeseg

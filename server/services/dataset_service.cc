@@ -8,10 +8,11 @@
 #include "core/base/atomic_file.h"
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
+#include "server/api/convert.h"
+#include "server/api/error.h"
 #include "server/api/mask_advice.h"
 #include "server/api/resource_name.h"
 #include "server/api/rows_to_proto.h"
-#include "server/rpc/unary.h"
 #include "server/services/upload_rules.h"
 #include "server/services/write_files.h"
 #include "server/store/layout.h"
@@ -19,8 +20,8 @@
 namespace pepeseg {
 namespace {
 
-// So that the data directory can be read without the store.
-absl::Status WriteDatasetManifest(const ServiceContext& context, const DatasetRow& row,
+// Writes what a dataset consists of, so that the data directory can be read without the database.
+absl::Status WriteDatasetManifest(const std::filesystem::path& data_folder, const DatasetRow& row,
                                   const std::vector<DatasetFileRow>& files) {
   nlohmann::json manifest = {{"version", 1},
                              {"dataset", ChildName(row.scene, "datasets", row.number)},
@@ -31,21 +32,22 @@ absl::Status WriteDatasetManifest(const ServiceContext& context, const DatasetRo
                                  {"size", file.size},
                                  {"sha256", file.sha256}});
   }
-  const auto path = DatasetManifestPath(context.data_folder, row.scene, row.number);
+  const auto path = DatasetManifestPath(data_folder, row.scene, row.number);
   std::error_code error;
   std::filesystem::create_directories(path.parent_path(), error);
   if (error) return FileError(path.parent_path(), "cannot make the folder", error.value());
   return WriteFileAtomically(path, manifest.dump(1));
 }
 
-// Notes which files' bytes the project has.
+// Sets `stored` of the files whose bytes the project has.
 void FindStored(const BlobStore& blobs, const std::string& project,
                 std::vector<DatasetFileRow>& files) {
   for (DatasetFileRow& file : files) file.stored = blobs.Has({project, file.sha256}, file.size);
 }
 
-// FAILED_PRECONDITION unless the project has the bytes of all files. `found`: those that were not
-// noted as stored; their bytes may have come under another path, or for another dataset.
+// Returns FAILED_PRECONDITION unless the project has the bytes of all files. Adds to `found` the
+// files whose records do not say so yet: the bytes may have been uploaded under another path, or
+// for another dataset.
 absl::Status FindFiles(const BlobStore& blobs, const std::string& project,
                        const std::vector<DatasetFileRow>& files,
                        std::vector<DatasetFileRow>& found) {
@@ -64,9 +66,9 @@ absl::Status FindFiles(const BlobStore& blobs, const std::string& project,
                                                     first->path, "'"));
 }
 
-// What the file system must take in for a new upload, and whether it can. Others may fill it
-// meanwhile: then the upload waits for space where it is.
-absl::StatusOr<std::function<absl::Status()>> CheckRoom(const ServiceContext& context,
+// Returns a check, for Store::CreateDataset, whether the disk has room for the files that are not
+// stored. Others may fill the disk later: then writing the files fails, and can be resumed.
+absl::StatusOr<std::function<absl::Status()>> CheckRoom(const BlobStore& blobs,
                                                         const std::vector<DatasetFileRow>& files) {
   std::map<std::string, int64_t> missing;
   for (const DatasetFileRow& file : files) {
@@ -74,7 +76,7 @@ absl::StatusOr<std::function<absl::Status()>> CheckRoom(const ServiceContext& co
   }
   int64_t need = 0;
   for (const auto& [digest, size] : missing) need += size;
-  ASSIGN_OR_RETURN(const int64_t have, context.blobs->FreeBytes());
+  ASSIGN_OR_RETURN(const int64_t have, blobs.FreeBytes());
   return [need, have] {
     if (need <= have) return absl::OkStatus();
     v1::ErrorDetail detail;
@@ -96,28 +98,26 @@ absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* up
   upload->set_num_bytes(row.num_bytes);
   upload->set_sealed(row.state == DatasetState::kSealed);
   if (upload->sealed()) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const auto files,
-                   context_.store->files().ListDatasetFiles(row.scene, row.number));
-  ASSIGN_OR_RETURN(const std::string project, context_.store->scenes().ProjectOfScene(row.scene));
-  const auto partial = context_.blobs->ListPartial({project, row.scene, row.number});
+  ASSIGN_OR_RETURN(const auto files, store_.files().ListDatasetFiles(row.scene, row.number));
+  ASSIGN_OR_RETURN(const std::string project, store_.scenes().ProjectOfScene(row.scene));
+  const auto partial = blobs_.ListPartial({project, row.scene, row.number});
   for (const DatasetFileRow& file : files) {
-    if (context_.blobs->Has({project, file.sha256}, file.size)) continue;
+    if (blobs_.Has({project, file.sha256}, file.size)) continue;
     upload->add_missing_files(file.path);
     const auto found = partial.find(file.sha256);
     if (found == partial.end()) continue;
-    auto& beginning = *upload->add_partial_files();
-    beginning.set_path(file.path);
-    beginning.set_committed_bytes(found->second);
+    auto& partial_file = *upload->add_partial_files();
+    partial_file.set_path(file.path);
+    partial_file.set_committed_bytes(found->second);
   }
   return absl::OkStatus();
 }
 
 absl::Status DatasetServiceRpc::FillDataset(const DatasetRow& row, v1::Dataset* dataset) const {
   *dataset = ToProto(row);
-  ASSIGN_OR_RETURN(const bool has_masks, context_.store->files().HasFileOfKind(
-                                             row.scene, row.number, v1::FILE_KIND_MASK));
-  const bool has_mask_maker = context_.has_priors_command || context_.has_sam;
-  for (std::string& advice : AdviceOnDataset(has_masks, has_mask_maker)) {
+  ASSIGN_OR_RETURN(const bool has_masks,
+                   store_.files().HasFileOfKind(row.scene, row.number, v1::FILE_KIND_MASK));
+  for (std::string& advice : AdviceOnDataset(has_masks, options_.has_mask_maker)) {
     dataset->add_advice(std::move(advice));
   }
   return absl::OkStatus();
@@ -128,14 +128,14 @@ absl::Status DatasetServiceRpc::Create(const v1::CreateUploadRequest& request,
   ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
   RETURN_IF_ERROR(CheckRequestId(request.request_id()));
   ASSIGN_OR_RETURN(auto files, CheckUploadFiles(request));
-  const auto project = context_.store->scenes().ProjectOfScene(scene);
+  const auto project = store_.scenes().ProjectOfScene(scene);
   if (!project.ok()) return WithResource(project.status(), "", request.parent());
-  // A blob of nobody's that this upload names, and so need not be sent, must not go meanwhile.
-  ASSIGN_OR_RETURN(const LockedFile hold, context_.blobs->Hold(*project));
-  FindStored(*context_.blobs, *project, files);
-  ASSIGN_OR_RETURN(const auto admit, CheckRoom(context_, files));
-  const auto row =
-      context_.store->datasets().CreateDataset(scene, request.request_id(), files, admit);
+  // A stored blob that this upload names need not be sent. The lock keeps the collector from
+  // removing it, if nothing else refers to it, before the record is there.
+  ASSIGN_OR_RETURN(const LockedFile hold, blobs_.Hold(*project));
+  FindStored(blobs_, *project, files);
+  ASSIGN_OR_RETURN(const auto admit, CheckRoom(blobs_, files));
+  const auto row = store_.datasets().CreateDataset(scene, request.request_id(), files, admit);
   if (!row.ok()) return WithResource(row.status(), "", request.parent());
   return FillUpload(*row, response);
 }
@@ -143,25 +143,29 @@ absl::Status DatasetServiceRpc::Create(const v1::CreateUploadRequest& request,
 grpc::ServerUnaryReactor* DatasetServiceRpc::CreateUpload(grpc::CallbackServerContext* call,
                                                           const v1::CreateUploadRequest* request,
                                                           v1::Upload* response) {
-  return RunOnUploadPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    return Create(*request, response);
-  });
+  return runner_.Run(
+      runner_.pools().upload, {call, request},
+      [this, request, response](const UnaryCall&) { return Create(*request, response); });
 }
 
 grpc::ServerUnaryReactor* DatasetServiceRpc::GetUpload(grpc::CallbackServerContext* call,
                                                        const v1::GetUploadRequest* request,
                                                        v1::Upload* response) {
-  return RunOnUploadPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    ASSIGN_OR_RETURN(const SceneChild upload, ParseChildName(request->name(), "uploads", "name"));
-    const auto row = context_.store->datasets().GetDataset(upload.scene, upload.number);
-    if (!row.ok()) return WithResource(row.status(), "NO_SUCH_UPLOAD", request->name());
-    return FillUpload(*row, response);
-  });
+  return runner_.Run(runner_.pools().upload, {call, request},
+                     [this, request, response](const UnaryCall&) {
+                       ASSIGN_OR_RETURN(const SceneChild upload,
+                                        ParseChildName(request->name(), "uploads", "name"));
+                       const auto row = store_.datasets().GetDataset(upload.scene, upload.number);
+                       if (!row.ok())
+                         return WithResource(row.status(), "NO_SUCH_UPLOAD", request->name());
+                       return FillUpload(*row, response);
+                     });
 }
 
 grpc::ServerReadReactor<v1::WriteFilesRequest>* DatasetServiceRpc::WriteFiles(
     grpc::CallbackServerContext* call, v1::WriteFilesResponse* response) {
-  const auto stream = std::make_shared<WriteFilesStream>(context_, OriginOf(*call), response);
+  const auto stream = std::make_shared<WriteFilesStream>(
+      WriteFilesStream::Parts{runner_, store_, blobs_}, OriginOf(*call), response);
   stream->Begin();
   return stream.get();  // owns itself until OnDone
 }
@@ -169,19 +173,19 @@ grpc::ServerReadReactor<v1::WriteFilesRequest>* DatasetServiceRpc::WriteFiles(
 absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
                                      v1::Dataset* response) const {
   ASSIGN_OR_RETURN(const SceneChild upload, ParseChildName(request.name(), "uploads", "name"));
-  Store& store = *context_.store;
+  Store& store = store_;
   ASSIGN_OR_RETURN(DatasetRow row, store.datasets().GetDataset(upload.scene, upload.number));
   if (row.state == DatasetState::kOpen) {
     ASSIGN_OR_RETURN(auto files, store.files().ListDatasetFiles(upload.scene, upload.number));
     ASSIGN_OR_RETURN(const std::string project, store.scenes().ProjectOfScene(upload.scene));
     std::vector<DatasetFileRow> found;
-    const absl::Status complete = FindFiles(*context_.blobs, project, files, found);
+    const absl::Status complete = FindFiles(blobs_, project, files, found);
     if (!complete.ok()) return WithResource(complete, "FILES_MISSING", request.name());
-    RETURN_IF_ERROR(WriteDatasetManifest(context_, row, files));
+    RETURN_IF_ERROR(WriteDatasetManifest(models_.data_folder(), row, files));
     const auto sealed = store.datasets().SealDataset(upload.scene, upload.number, found);
     if (!sealed.ok()) return WithResource(sealed.status(), "FILES_MISSING", request.name());
-    // Beginnings of files whose whole has come by another upload.
-    context_.blobs->RemovePartial({project, upload.scene, upload.number});
+    // Partial files whose bytes another upload has brought.
+    blobs_.RemovePartial({project, upload.scene, upload.number});
     row = *sealed;
   }
   return FillDataset(row, response);
@@ -190,32 +194,34 @@ absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
 grpc::ServerUnaryReactor* DatasetServiceRpc::SealUpload(grpc::CallbackServerContext* call,
                                                         const v1::SealUploadRequest* request,
                                                         v1::Dataset* response) {
-  return RunOnUploadPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    return Seal(*request, response);
-  });
+  return runner_.Run(
+      runner_.pools().upload, {call, request},
+      [this, request, response](const UnaryCall&) { return Seal(*request, response); });
 }
 
 grpc::ServerUnaryReactor* DatasetServiceRpc::ListDatasets(grpc::CallbackServerContext* call,
                                                           const v1::ListDatasetsRequest* request,
                                                           v1::ListDatasetsResponse* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
-    ASSIGN_OR_RETURN(const PageRequest page,
-                     PageFromProto(request->page_size(), request->page_token()));
-    ASSIGN_OR_RETURN(const Page<DatasetRow> datasets,
-                     context_.store->datasets().ListDatasets(scene, page));
-    for (const DatasetRow& row : datasets.rows) {
-      if (row.state != DatasetState::kSealed) continue;
-      RETURN_IF_ERROR(FillDataset(row, response->add_datasets()));
-    }
-    response->set_next_page_token(datasets.next_page_token);
-    return absl::OkStatus();
-  });
+  return runner_.Run(
+      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall&) {
+        ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
+        ASSIGN_OR_RETURN(const PageRequest page,
+                         PageFromProto(request->page_size(), request->page_token()));
+        ASSIGN_OR_RETURN(const Page<DatasetRow> datasets,
+                         store_.datasets().ListDatasets(scene, page));
+        for (const DatasetRow& row : datasets.rows) {
+          if (row.state != DatasetState::kSealed) continue;
+          RETURN_IF_ERROR(FillDataset(row, response->add_datasets()));
+        }
+        response->set_next_page_token(datasets.next_page_token);
+        return absl::OkStatus();
+      });
 }
 
 grpc::ServerWriteReactor<v1::GetPhotographResponse>* DatasetServiceRpc::GetPhotograph(
     grpc::CallbackServerContext* call, const v1::GetPhotographRequest* request) {
-  const auto stream = std::make_shared<GetPhotographStream>(context_, decoders_, call, *request);
+  const auto stream = std::make_shared<GetPhotographStream>(
+      GetPhotographStream::Parts{runner_, models_, blobs_, options_.decoders}, call, *request);
   stream->Begin();
   return stream.get();  // owns itself until OnDone
 }

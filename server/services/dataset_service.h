@@ -1,15 +1,27 @@
 #pragma once
 
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
-#include "server/rpc/service_context.h"
+#include "server/data/blob_store.h"
+#include "server/rpc/call_runner.h"
 #include "server/services/get_photograph.h"
 
 namespace pepeseg {
 
+// Answers calls about uploads, datasets and their photographs.
 class DatasetServiceRpc final : public v1::DatasetService::CallbackService {
  public:
-  DatasetServiceRpc(const ServiceContext& context, const PhotographDecoders& decoders)
-      : context_(context), decoders_(decoders) {}
+  struct Options {
+    bool has_mask_maker = false;  // the server has SAM or a priors command
+    PhotographDecoders decoders;
+  };
+  // All must outlive it. The blobs' records are in the store of `models`.
+  DatasetServiceRpc(const CallRunner& runner, const ModelLoader& models, BlobStore& blobs,
+                    const Options& options)
+      : runner_(runner),
+        models_(models),
+        store_(models.store()),
+        blobs_(blobs),
+        options_(options) {}
 
   grpc::ServerUnaryReactor* CreateUpload(grpc::CallbackServerContext* call,
                                          const v1::CreateUploadRequest* request,
@@ -30,13 +42,16 @@ class DatasetServiceRpc final : public v1::DatasetService::CallbackService {
 
  private:
   absl::Status Create(const v1::CreateUploadRequest& request, v1::Upload* response) const;
-  // As ToProto, with its advice.
+  // Fills in what ToProto does, and advice on masks.
   absl::Status FillDataset(const DatasetRow& row, v1::Dataset* dataset) const;
   absl::Status FillUpload(const DatasetRow& row, v1::Upload* upload) const;
   absl::Status Seal(const v1::SealUploadRequest& request, v1::Dataset* response) const;
 
-  const ServiceContext context_;
-  const PhotographDecoders decoders_;
+  const CallRunner& runner_;
+  const ModelLoader& models_;
+  Store& store_;
+  BlobStore& blobs_;
+  const Options options_;
 };
 
 }  // namespace pepeseg

@@ -1,35 +1,72 @@
 #pragma once
 
+#include <cstdint>
+#include <string>
+
+#include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/train/estimate.h"
+#include "core/train/training_settings.h"
+#include "kernels/backend.h"
 #include "pepeseg/v1/job_service.pb.h"
-#include "server/api/convert.h"
-#include "server/rpc/service_context.h"
-#include "server/services/dataset_size.h"
+#include "server/data/blob_store.h"
+#include "server/store/store.h"
 
 namespace pepeseg {
 
 // A training as it would be queued.
 struct WantedTraining {
-  std::string scene;
-  int64_t dataset = 0;  // number
+  std::string scene;    // its key
+  int64_t dataset = 0;  // number of the dataset in the scene
   TrainingSettings settings;
 };
 
-// Estimates by what MeasureDataset finds, with its errors.
-absl::StatusOr<v1::EstimateTrainingResponse> EstimateTraining(const ServiceContext& context,
-                                                              const WantedTraining& training,
-                                                              CheckWanted wanted);
+// Returns OK while the caller waits for the answer; else CANCELLED or DEADLINE_EXCEEDED.
+using CheckWanted = absl::FunctionRef<absl::Status()>;
 
-// What a worker is to be given, with a reserve; 0: nothing is known.
+// Measures a dataset by the headers of its files, which the store keeps. A video counts as the
+// frames that are taken from it, at a usual size. Reads the headers that the store does not have
+// yet, of at most 48 photographs and 48 point files (ReadFileHeader bounds each), and calls
+// `wanted` before each; further photographs are assumed to have the average size. INVALID_ARGUMENT
+// names a photograph whose header was refused.
+absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blobs,
+                                           const WantedTraining& training, CheckWanted wanted);
+
+// What a worker needs, with a reserve.
 struct WorkerShare {
-  int64_t host_bytes = 0;
-  int64_t seconds = 0;
+  int64_t host_bytes = 0;  // 0: unknown
+  int64_t seconds = 0;     // 0: unknown
 };
 
-// RESOURCE_EXHAUSTED with need and have when the training does not fit; the error of `wanted`.
-// Answers also where nothing can be estimated: the job then says what is wrong with which file.
-absl::StatusOr<WorkerShare> CheckFits(const ServiceContext& context, const WantedTraining& training,
-                                      CheckWanted wanted);
+// Estimates what trainings take. Thread safe; all calls block on the store and the disk.
+class TrainingEstimator {
+ public:
+  // Where trainings run.
+  struct Machine {
+    Backend& backend;
+    int64_t device_memory;  // bytes of the device's memory that a training may take
+    EstimateTools tools;
+  };
+  // All must outlive it.
+  TrainingEstimator(Store& store, const BlobStore& blobs, const Machine& machine)
+      : store_(store), blobs_(blobs), machine_(machine) {}
+
+  // Returns what the training takes by MeasureDataset, with its errors.
+  absl::StatusOr<v1::EstimateTrainingResponse> Estimate(const WantedTraining& training,
+                                                        CheckWanted wanted) const;
+
+  // Returns what the worker of a training needs. RESOURCE_EXHAUSTED with the bytes needed and
+  // available: the training does not fit. Also returns the error of `wanted`, but no other: if
+  // nothing can be estimated the share is unknown, and the job will report what is wrong.
+  absl::StatusOr<WorkerShare> CheckFits(const WantedTraining& training, CheckWanted wanted) const;
+
+  const EstimateTools& tools() const { return machine_.tools; }
+
+ private:
+  Store& store_;
+  const BlobStore& blobs_;
+  const Machine machine_;
+};
 
 }  // namespace pepeseg

@@ -12,8 +12,6 @@
 #include "core/model_files/manifest.h"
 #include "server/api/error.h"
 #include "server/api/resource_name.h"
-#include "server/services/model_lookup.h"
-#include "server/services/subset_lookup.h"
 #include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {
@@ -21,9 +19,9 @@ namespace {
 
 constexpr int64_t kChunkBytes = int64_t{1} << 20;
 constexpr char kPlyName[] = "gaussians.ply";
-// The message that is filled, and gRPC's copy of it on its way.
+// The message that is being filled, and gRPC's copy of the one that is being sent.
 constexpr int64_t kMessageBytes = 2 * kChunkBytes;
-// Of a task, so that a large subset does not monopolise a thread of the pool.
+// Blocks that a task digests, so that a large subset does not monopolise a thread of the pool.
 constexpr int64_t kBlocksPerTask = 16;
 
 }  // namespace
@@ -31,23 +29,23 @@ constexpr int64_t kBlocksPerTask = 16;
 absl::Status ExportSelectionStream::Open() {
   opened_ = true;
   ASSIGN_OR_RETURN(const Caller caller,
-                   context_.authorizer->AuthorizeAndResolve(origin_, request_));
+                   parts_.runner.authorizer().AuthorizeAndResolve(origin_, request_));
   RETURN_IF_ERROR(Admit(OwnerOf(caller, origin_)));
-  RETURN_IF_ERROR(context_.quotas->Admit(caller.project, request_));
+  RETURN_IF_ERROR(parts_.runner.quotas().Admit(caller.project, request_));
   ASSIGN_OR_RETURN(const bool is_subset, OpenSubset());
   return is_subset ? absl::OkStatus() : OpenModel();
 }
 
 absl::Status ExportSelectionStream::TakeMemory(const std::string& scene, int64_t bytes) {
-  ASSIGN_OR_RETURN(memory_, TakeAnswerMemory(context_, scene, bytes + kMessageBytes));
+  ASSIGN_OR_RETURN(memory_, parts_.models.TakeAnswerMemory(scene, bytes + kMessageBytes));
   return absl::OkStatus();
 }
 
 absl::StatusOr<bool> ExportSelectionStream::OpenSubset() {
   if (!request_.has_subset()) return false;
-  ASSIGN_OR_RETURN(ResidentModel model, LoadModel(context_, request_.model(), "model"));
+  ASSIGN_OR_RETURN(ResidentModel model, parts_.models.Load(request_.model(), "model"));
   ASSIGN_OR_RETURN(const std::optional<GaussianSet> subset,
-                   FindSubset(context_, model, request_.subset(), "subset"));
+                   parts_.selections.FindSubset(model, request_.subset(), "subset"));
   if (!subset) return false;
   ASSIGN_OR_RETURN(const SceneChild name, ParseModelName(model.name, "model"));
   const int64_t count = subset->count();
@@ -68,7 +66,7 @@ Stream::Step ExportSelectionStream::DigestSome() {
   const int64_t end = std::min(num_digested_ + kBlocksPerTask, subset_->num_blocks());
   for (; num_digested_ < end; ++num_digested_) digest_.Add(subset_->Encode(num_digested_));
   if (end < subset_->num_blocks()) {
-    Wake();  // once more, after what waits for the pool
+    Wake();  // again, after what waits for the pool
     return {Next::kIdle, absl::OkStatus()};
   }
   v1::ExportSelectionResponse::Header& header = *message_.mutable_header();
@@ -80,10 +78,10 @@ Stream::Step ExportSelectionStream::DigestSome() {
 }
 
 absl::Status ExportSelectionStream::OpenModel() {
-  ASSIGN_OR_RETURN(const ModelRow model, FindModel(context_, request_.model(), "model"));
-  RETURN_IF_ERROR(CheckModelFolder(context_.data_folder, model.folder));
+  ASSIGN_OR_RETURN(const ModelRow model, parts_.models.Find(request_.model(), "model"));
+  RETURN_IF_ERROR(CheckModelFolder(parts_.models.data_folder(), model.folder));
   RETURN_IF_ERROR(TakeMemory(model.scene, 0));
-  const std::filesystem::path folder = context_.data_folder / model.folder;
+  const std::filesystem::path folder = parts_.models.data_folder() / model.folder;
   ASSIGN_OR_RETURN(const Manifest manifest, ReadManifest(folder));
   const auto entry =
       std::find_if(manifest.files.begin(), manifest.files.end(),

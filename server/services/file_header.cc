@@ -24,7 +24,7 @@ absl::Status Unreadable(const DatasetFileRow& file) {
   return absl::InternalError(absl::StrCat(file.path, ": cannot be read"));
 }
 
-// The first bytes of a file, fewer where it is shorter.
+// Returns the first `num_bytes` bytes of a file, or the whole file if it is shorter.
 absl::StatusOr<std::string> ReadFront(const fs::path& blob, const DatasetFileRow& row,
                                       int64_t num_bytes) {
   std::ifstream file(blob, std::ios::binary);
@@ -34,7 +34,8 @@ absl::StatusOr<std::string> ReadFront(const fs::path& blob, const DatasetFileRow
   return front;
 }
 
-// COLMAP's count of points, at most what the file can hold.
+// Reads the number of points from the start of COLMAP's points3D.bin. The number is not trusted
+// beyond what a file of this size can hold.
 absl::Status CountBinaryPoints(const fs::path& blob, DatasetFileRow& file) {
   constexpr int64_t kLeastRecord = 43;
   ASSIGN_OR_RETURN(const std::string front, ReadFront(blob, file, 8));
@@ -48,7 +49,7 @@ absl::Status CountBinaryPoints(const fs::path& blob, DatasetFileRow& file) {
   return absl::OkStatus();
 }
 
-// The number in COLMAP's comment "# Number of points: 1234, mean track length: 5"; -1: none.
+// Returns the number in COLMAP's comment "# Number of points: 1234, mean track length: 5", or -1.
 int64_t NumberInComment(absl::string_view front) {
   constexpr absl::string_view kWords = "# Number of points:";
   const size_t at = front.find(kWords);
@@ -59,11 +60,11 @@ int64_t NumberInComment(absl::string_view front) {
   return absl::SimpleAtoi(rest, &number) ? number : -1;
 }
 
-// What the comment of COLMAP's text form says; else the lines in front are counted, and as many
-// supposed in the rest.
+// Reads the number of points of COLMAP's points3D.txt from its comment. Without a comment, counts
+// the lines in the first 64 KiB and assumes that the rest of the file has as many a byte.
 absl::Status CountTextPoints(const fs::path& blob, DatasetFileRow& file) {
   constexpr int64_t kFrontBytes = 64 << 10;
-  constexpr int64_t kLeastLine = 16;  // eight numbers
+  constexpr int64_t kLeastLine = 16;  // bytes of eight numbers of one digit
   ASSIGN_OR_RETURN(const std::string front, ReadFront(blob, file, kFrontBytes));
   const int64_t said = NumberInComment(front);
   if (said >= 0) {

@@ -15,21 +15,22 @@
 #include "core/model_files/model_facts.h"
 #include "server/api/error.h"
 #include "server/api/resource_name.h"
-#include "server/services/model_lookup.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr int64_t kPhotographChunkBytes = int64_t{1} << 20;
-constexpr int kMaxSide = 16384;
+constexpr int kMaxPhotographSide = 16384;
 constexpr int64_t kMaxModelFactsBytes = int64_t{256} << 20;
-// For a photograph to be read again, before the stream leaves its thread to others.
+// How long a thread waits for a damaged file to be checked. Longer checks are awaited by later
+// ticks.
 constexpr std::chrono::milliseconds kShortCheck{100};
 
 absl::Status CheckPhotographRequest(const v1::GetPhotographRequest& request) {
   const int side = request.max_side();
-  if (side < 0 || side > kMaxSide) {
-    return BadField("max_side", absl::StrCat(side), absl::StrCat("must be in [0, ", kMaxSide, "]"));
+  if (side < 0 || side > kMaxPhotographSide) {
+    return BadField("max_side", absl::StrCat(side),
+                    absl::StrCat("must be in [0, ", kMaxPhotographSide, "]"));
   }
   if (request.original() && side != 0) {
     return BadField("max_side", absl::StrCat(side), "an original is not shrunk: leave it out");
@@ -44,25 +45,24 @@ absl::Status CheckPhotographRequest(const v1::GetPhotographRequest& request) {
   return absl::OkStatus();
 }
 
-// A dataset, and the folder of the model that it was named by; empty: it was not.
+// A dataset, and the folder of the model if the request names a model; else empty.
 struct Parent {
   SceneChild dataset;
   std::filesystem::path model;
 };
 
-absl::StatusOr<Parent> FindParent(const ServiceContext& context, const std::string& name) {
+absl::StatusOr<Parent> FindParent(const ModelLoader& models, const std::string& name) {
   if (!absl::StrContains(name, "/models/")) {
     ASSIGN_OR_RETURN(const SceneChild dataset, ParseChildName(name, "datasets", "parent"));
     return Parent{dataset, {}};
   }
-  ASSIGN_OR_RETURN(const ModelRow model, FindModel(context, name, "parent"));
-  return Parent{{model.scene, model.dataset}, context.data_folder / model.folder};
+  ASSIGN_OR_RETURN(const ModelRow model, models.Find(name, "parent"));
+  return Parent{{model.scene, model.dataset}, models.data_folder() / model.folder};
 }
 
-absl::StatusOr<std::vector<DatasetFileRow>> ListFiles(const ServiceContext& context,
-                                                      const SceneChild& dataset,
+absl::StatusOr<std::vector<DatasetFileRow>> ListFiles(Store& store, const SceneChild& dataset,
                                                       const std::string& parent) {
-  const auto row = context.store->datasets().GetDataset(dataset.scene, dataset.number);
+  const auto row = store.datasets().GetDataset(dataset.scene, dataset.number);
   if (absl::IsNotFound(row.status())) {
     return WithResource(row.status(), "NO_SUCH_DATASET", parent);
   }
@@ -71,10 +71,10 @@ absl::StatusOr<std::vector<DatasetFileRow>> ListFiles(const ServiceContext& cont
     return WithResource(absl::NotFoundError(absl::StrCat(parent, " is not sealed")),
                         "NO_SUCH_DATASET", parent);
   }
-  return context.store->files().ListDatasetFiles(dataset.scene, dataset.number);
+  return store.files().ListDatasetFiles(dataset.scene, dataset.number);
 }
 
-// Whether `photograph` has the name of a frame of the video: "walk_000123.jpg" of
+// Returns whether `photograph` is named as a frame of the video: "walk_000123.jpg" is one of
 // "videos/walk.mp4".
 bool IsFrameOf(const DatasetFileRow& video, const std::string& photograph) {
   const absl::string_view name = WithoutFolder(WithoutFolder(video.path, "videos"), "images");
@@ -103,7 +103,7 @@ absl::StatusOr<DatasetFileRow> FindPhotograph(const std::vector<DatasetFileRow>&
       "NO_SUCH_PHOTOGRAPH", request.parent());
 }
 
-// The model's view of the photograph, as a PhotographTask has it.
+// Returns the model's view of the photograph in the form that PhotographTask::view has.
 absl::StatusOr<std::string> FindView(const Parent& parent,
                                      const v1::GetPhotographRequest& request) {
   if (parent.model.empty()) {
@@ -129,7 +129,7 @@ absl::StatusOr<std::string> FindView(const Parent& parent,
   return BadField("photograph", request.photograph(), "the model has no such view");
 }
 
-// By the first bytes of a file.
+// Returns the content type of a file by its first bytes.
 std::string ContentType(absl::string_view start) {
   if (absl::StartsWith(start, "\xff\xd8\xff")) return "image/jpeg";
   if (absl::StartsWith(start, "\x89PNG")) return "image/png";
@@ -166,10 +166,10 @@ absl::Status GetPhotographStream::OpenOriginal(const DatasetFileRow& file,
 absl::Status GetPhotographStream::StartMaking(const PhotographTask& task,
                                               const std::filesystem::path& blob) {
   phase_ = Phase::kMaking;
-  const bool taken = decoders_.pool->Submit(
+  const bool taken = parts_.decoders.pool->Submit(
       [self = std::static_pointer_cast<GetPhotographStream>(shared_from_this()), task, blob] {
         absl::StatusOr<PhotographPicture> made = MakePicture(
-            *self->decoders_.process, task, blob, [&self] { return !self->cancelled(); });
+            *self->parts_.decoders.process, task, blob, [&self] { return !self->cancelled(); });
         {
           const std::lock_guard lock(self->made_mutex_);
           self->made_ = std::move(made);
@@ -181,20 +181,21 @@ absl::Status GetPhotographStream::StartMaking(const PhotographTask& task,
 
 absl::Status GetPhotographStream::Open() {
   ASSIGN_OR_RETURN(const Caller caller,
-                   context_.authorizer->AuthorizeAndResolve(origin_, request_));
+                   parts_.runner.authorizer().AuthorizeAndResolve(origin_, request_));
   RETURN_IF_ERROR(Admit(OwnerOf(caller, origin_)));
-  RETURN_IF_ERROR(context_.quotas->Admit(caller.project, request_));
+  RETURN_IF_ERROR(parts_.runner.quotas().Admit(caller.project, request_));
   RETURN_IF_ERROR(CheckPhotographRequest(request_));
-  ASSIGN_OR_RETURN(const Parent parent, FindParent(context_, request_.parent()));
-  ASSIGN_OR_RETURN(const auto files, ListFiles(context_, parent.dataset, request_.parent()));
-  ASSIGN_OR_RETURN(project_, context_.store->scenes().ProjectOfScene(parent.dataset.scene));
+  ASSIGN_OR_RETURN(const Parent parent, FindParent(parts_.models, request_.parent()));
+  ASSIGN_OR_RETURN(const auto files,
+                   ListFiles(parts_.models.store(), parent.dataset, request_.parent()));
+  ASSIGN_OR_RETURN(project_, parts_.models.store().scenes().ProjectOfScene(parent.dataset.scene));
   ASSIGN_OR_RETURN(row_, FindPhotograph(files, request_));
   const DatasetFileRow& file = row_;
-  if (!context_.blobs->Has({project_, file.sha256}, file.size)) {
+  if (!parts_.blobs.Has({project_, file.sha256}, file.size)) {
     return absl::DataLossError(
         absl::StrCat(file.path, ": the stored file is missing or has another size"));
   }
-  const std::filesystem::path blob = context_.blobs->Path({project_, file.sha256});
+  const std::filesystem::path blob = parts_.blobs.Path({project_, file.sha256});
   if (request_.original()) return OpenOriginal(file, blob);
   PhotographTask task;
   task.name = file.path;
@@ -242,13 +243,13 @@ absl::Status GetPhotographStream::FillChunk() {
   return absl::OkStatus();
 }
 
-// The decoder is not believed: the file is read again before it is set aside.
+// The decoder may be at fault, or a client's file: the digest decides whether the file is damaged.
 Stream::Step GetPhotographStream::Fail(absl::Status status) {
   const bool may_be_damaged = absl::IsDataLoss(status) && !row_.path.empty();
   if (!may_be_damaged) return {Next::kEnd, std::move(status)};
   phase_ = Phase::kChecking;
   failure_ = std::move(status);
-  if (!check_.valid()) check_ = decoders_.checker->Check(project_, {row_});
+  if (!check_.valid()) check_ = parts_.decoders.checker->Check(project_, {row_});
   if (check_.wait_for(kShortCheck) != std::future_status::ready) {
     return {Next::kIdle, absl::OkStatus()};  // until the next tick
   }

@@ -12,31 +12,39 @@
 #include "grpcpp/server_context.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 #include "server/data/blob_checker.h"
+#include "server/data/blob_store.h"
 #include "server/jobs/photograph_process.h"
-#include "server/rpc/service_context.h"
+#include "server/rpc/call_runner.h"
 #include "server/rpc/stream.h"
+#include "server/rpc/stream_registry.h"
+#include "server/services/model_loader.h"
 
 namespace pepeseg {
 
-// What decodes photographs: a pool whose threads wait for processes, one each, and how those are
-// run. `checker` sets stored files aside that are found damaged.
+// What decodes photographs.
 struct PhotographDecoders {
-  WorkerPool* pool;
-  const PhotographProcess* process;
-  BlobChecker* checker;
+  WorkerPool* pool;                  // each thread waits for one process
+  const PhotographProcess* process;  // how a process is started
+  BlobChecker* checker;              // sets stored files aside that are damaged
 };
 
-// A GetPhotograph call: a blob as it is, or a picture that a process of its own makes of it, a
-// chunk at a time. The pool for what waits on the disk sends; the decoders' own waits for the
-// processes. A stored file that fails is read again and set aside if it is damaged, before the call
-// ends with DATA_LOSS: an upload that follows asks for it.
+// A GetPhotograph call. Sends a stored file as it is, or a picture that a decoder process makes of
+// it, in chunks. The `io` pool sends; the decoders' pool waits for the process. If the process
+// fails, or the file does not have its digest, the stored file is read again and, if it is damaged,
+// set aside, before the call ends with DATA_LOSS: then the next upload asks for it again.
 class GetPhotographStream final : public WriteStream<v1::GetPhotographResponse> {
  public:
-  GetPhotographStream(const ServiceContext& context, const PhotographDecoders& decoders,
-                      grpc::CallbackServerContext* call, const v1::GetPhotographRequest& request)
-      : WriteStream(context.streams, context.pool),
-        context_(context),
-        decoders_(decoders),
+  // What the stream works on; it must outlive the stream.
+  struct Parts {
+    const CallRunner& runner;
+    const ModelLoader& models;
+    const BlobStore& blobs;
+    PhotographDecoders decoders;
+  };
+  GetPhotographStream(const Parts& parts, grpc::CallbackServerContext* call,
+                      const v1::GetPhotographRequest& request)
+      : WriteStream(&parts.runner.streams(), &parts.runner.pools().io),
+        parts_(parts),
         call_(call),
         origin_(OriginOf(*call)),
         request_(request) {}
@@ -45,33 +53,33 @@ class GetPhotographStream final : public WriteStream<v1::GetPhotographResponse> 
   enum class Phase { kNew, kMaking, kSending, kChecking };
 
   Step Work(bool io_ok) override;
-  // A reader that takes nothing for so long loses the stream, and with it the file on the disk.
-  absl::Duration io_limit() const override { return context_.streams->limits().stuck_export; }
+  // A reader that takes nothing for this time loses the stream, which frees the file on the disk.
+  absl::Duration io_limit() const override { return parts_.runner.streams().limits().stuck_export; }
   void CancelCall() override { call_->TryCancel(); }
   absl::Status Open();
   absl::Status OpenOriginal(const DatasetFileRow& file, const std::filesystem::path& blob);
   absl::Status StartMaking(const PhotographTask& task, const std::filesystem::path& blob);
-  // False: the picture is not there yet.
+  // Returns false while the picture is not there yet.
   absl::StatusOr<bool> TakePicture();
   absl::Status FillChunk();
+  // Ends the call with `status`, after the stored file was checked if it may be damaged.
   Step Fail(absl::Status status);
 
-  const ServiceContext context_;
-  const PhotographDecoders decoders_;
+  const Parts parts_;
   grpc::CallbackServerContext* const call_;
   const CallOrigin origin_;
-  v1::GetPhotographRequest request_;  // with keys, once it is authorised
+  v1::GetPhotographRequest request_;  // has scene keys instead of ids once it is authorised
   Phase phase_ = Phase::kNew;
   std::mutex made_mutex_;
   std::optional<absl::StatusOr<PhotographPicture>> made_;  // guarded by made_mutex_
-  std::optional<OpenFile> file_;                           // what is sent
-  int64_t offset_ = 0;                                     // of the next byte to send
+  std::optional<OpenFile> file_;                           // the file that is being sent
+  int64_t offset_ = 0;                                     // the next byte to send
   int64_t num_bytes_left_ = 0;
   std::string project_;
-  DatasetFileRow row_;  // of the photograph; its path is empty until it is found
-  std::string sha256_;  // of an original
+  DatasetFileRow row_;  // the photograph's record; the path is empty until it is found
+  std::string sha256_;  // the digest of an original; empty for a picture
   Sha256 digest_;
-  absl::Status failure_;           // of the call, while its file is checked
+  absl::Status failure_;           // the error of the call, while its file is checked
   std::shared_future<int> check_;  // number of damaged files
 };
 

@@ -1,19 +1,23 @@
 #include "server/services/job_service.h"
 
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/api/convert.h"
+#include "server/api/error.h"
 #include "server/api/resource_name.h"
 #include "server/api/rows_to_proto.h"
-#include "server/rpc/unary.h"
-#include "server/services/estimate_training.h"
-#include "server/services/stored_files.h"
 #include "server/services/watch_job.h"
 
 namespace pepeseg {
 namespace {
 
-// Of a request to train, or to estimate one: scene, dataset and options.
+// Reads scene, dataset and options of a request to train, or to estimate a training.
 template <class Request>
 absl::StatusOr<WantedTraining> WantedFromRequest(const Request& request) {
   WantedTraining wanted;
@@ -28,7 +32,7 @@ absl::StatusOr<WantedTraining> WantedFromRequest(const Request& request) {
   return wanted;
 }
 
-// A row to be queued: everything of the request that can be wrong, but for what changes under it.
+// Returns the record of a job to be queued. Checks what depends on the request alone.
 absl::StatusOr<JobRow> JobFromRequest(const v1::TrainSceneRequest& request,
                                       const WantedTraining& wanted) {
   RETURN_IF_ERROR(CheckRequestId(request.request_id()));
@@ -41,7 +45,7 @@ absl::StatusOr<JobRow> JobFromRequest(const v1::TrainSceneRequest& request,
   return job;
 }
 
-// What only a program can do that the server was not given.
+// Returns FAILED_PRECONDITION if the options ask for a program that the server does not have.
 absl::Status CheckPriors(const PriorOptions& priors, bool has_command, bool has_sam) {
   if (AsksForSam(priors.masks) && !has_sam) {
     return absl::FailedPreconditionError(
@@ -81,11 +85,43 @@ absl::StatusOr<std::optional<JobState>> StateFromProto(v1::JobState state) {
 
 absl::Status JobServiceRpc::CheckSealed(const std::string& scene, int64_t dataset) const {
   const std::string name = ChildName(scene, "datasets", dataset);
-  const auto row = context_.store->datasets().GetDataset(scene, dataset);
+  const auto row = store_.datasets().GetDataset(scene, dataset);
   if (!row.ok()) return WithResource(row.status(), "NO_SUCH_DATASET", name);
   if (row->state == DatasetState::kSealed) return absl::OkStatus();
   return WithResource(absl::FailedPreconditionError(absl::StrCat(name, " is not sealed")),
                       "NOT_SEALED", name);
+}
+
+absl::Status JobServiceRpc::CheckRunnable(const WantedTraining& training) const {
+  const EstimateTools& tools = estimator_.tools();
+  RETURN_IF_ERROR(CheckPriors(training.settings.priors, tools.has_priors_command, tools.has_sam));
+  RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
+  return CheckFilesStored(training.scene, training.dataset);
+}
+
+absl::Status JobServiceRpc::CheckFilesStored(const std::string& scene, int64_t dataset) const {
+  ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
+                   store_.files().ListDatasetFiles(scene, dataset));
+  ASSIGN_OR_RETURN(const std::string project, store_.scenes().ProjectOfScene(scene));
+  std::vector<std::string> healed, gone;
+  const DatasetFileRow* first = nullptr;
+  int num_missing = 0;
+  for (const DatasetFileRow& file : files) {
+    const bool there = blobs_.Has({project, file.sha256}, file.size);
+    if (there && !file.stored) healed.push_back(file.sha256);
+    if (there) continue;
+    if (file.stored) gone.push_back(file.sha256);
+    if (++num_missing == 1) first = &file;
+  }
+  RETURN_IF_ERROR(store_.files().SetDigestsStored(project, healed, /*stored=*/true));
+  RETURN_IF_ERROR(store_.files().SetDigestsStored(project, gone, /*stored=*/false));
+  if (num_missing == 0) return absl::OkStatus();
+  return WithResource(
+      absl::FailedPreconditionError(absl::StrCat(
+          ChildName(scene, "datasets", dataset), ": the stored bytes of ", num_missing, " of ",
+          files.size(), " files are damaged or gone, the first is '", first->path,
+          "'; upload the same files again, then train this dataset or the new one")),
+      "FILES_MISSING", first->path);
 }
 
 absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, const UnaryRequest& call,
@@ -93,12 +129,9 @@ absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, const Un
   ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(request));
   ASSIGN_OR_RETURN(JobRow wanted, JobFromRequest(request, training));
   wanted.traceparent = TraceparentOf(*call.context);
-  RETURN_IF_ERROR(
-      CheckPriors(training.settings.priors, context_.has_priors_command, context_.has_sam));
-  RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
-  RETURN_IF_ERROR(CheckFilesStored(context_, training.scene, training.dataset));
+  RETURN_IF_ERROR(CheckRunnable(training));
   ASSIGN_OR_RETURN(const WorkerShare share,
-                   CheckFits(context_, training, [&call] { return call.CheckWanted(); }));
+                   estimator_.CheckFits(training, [&call] { return call.CheckWanted(); }));
   wanted.host_bytes = share.host_bytes;
   wanted.seconds = share.seconds;
   if (request.validate_only()) {
@@ -107,9 +140,9 @@ absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, const Un
     response->clear_create_time();
     return absl::OkStatus();
   }
-  const auto job = context_.supervisor->Submit(wanted);
+  const auto job = supervisor_.Submit(wanted);
   if (absl::IsAborted(job.status())) {
-    const auto active = context_.store->jobs().FindActiveJob(wanted.scene);
+    const auto active = store_.jobs().FindActiveJob(wanted.scene);
     const bool found = active.ok() && active->has_value();
     return WithResource(job.status(), "JOB_ACTIVE", found ? JobName((*active)->id) : "");
   }
@@ -121,63 +154,69 @@ absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, const Un
 grpc::ServerUnaryReactor* JobServiceRpc::TrainScene(grpc::CallbackServerContext* call,
                                                     const v1::TrainSceneRequest* request,
                                                     v1::Job* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
-    return Train(*request, unary, response);
-  });
+  return runner_.Run(runner_.pools().io, {call, request},
+                     [this, request, response](const UnaryCall& unary) {
+                       return Train(*request, unary, response);
+                     });
 }
 
 grpc::ServerUnaryReactor* JobServiceRpc::GetJob(grpc::CallbackServerContext* call,
                                                 const v1::GetJobRequest* request,
                                                 v1::Job* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name(), "name"));
-    auto snapshot = ReadJob(context_, id);
-    RETURN_IF_ERROR(snapshot.status());
-    *response = std::move(snapshot->job);
-    return absl::OkStatus();
-  });
+  return runner_.Run(
+      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall&) {
+        ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name(), "name"));
+        auto snapshot = ReadJob(store_, supervisor_, id);
+        RETURN_IF_ERROR(snapshot.status());
+        *response = std::move(snapshot->job);
+        return absl::OkStatus();
+      });
 }
 
 grpc::ServerUnaryReactor* JobServiceRpc::ListJobs(grpc::CallbackServerContext* call,
                                                   const v1::ListJobsRequest* request,
                                                   v1::ListJobsResponse* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
-    JobStore::JobFilter filter;
-    filter.project = unary.caller.visible_project();
-    if (!request->scene().empty()) {
-      ASSIGN_OR_RETURN(filter.scene, ParseSceneName(request->scene(), "scene"));
-    }
-    ASSIGN_OR_RETURN(filter.state, StateFromProto(request->state()));
-    ASSIGN_OR_RETURN(const PageRequest page,
-                     PageFromProto(request->page_size(), request->page_token()));
-    ASSIGN_OR_RETURN(const Page<JobRow> jobs, context_.store->jobs().ListJobs(filter, page));
-    for (const JobRow& row : jobs.rows) {
-      v1::Job* job = response->add_jobs();
-      *job = ToProto(row);
-      if (row.state != JobState::kRunning) continue;
-      const auto newest = context_.supervisor->FindNewest(row.id);
-      if (newest.ok() && newest->progress.has_value()) *job->mutable_progress() = *newest->progress;
-    }
-    response->set_next_page_token(jobs.next_page_token);
-    return absl::OkStatus();
-  });
+  return runner_.Run(
+      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall& unary) {
+        JobStore::JobFilter filter;
+        filter.project = unary.caller.visible_project();
+        if (!request->scene().empty()) {
+          ASSIGN_OR_RETURN(filter.scene, ParseSceneName(request->scene(), "scene"));
+        }
+        ASSIGN_OR_RETURN(filter.state, StateFromProto(request->state()));
+        ASSIGN_OR_RETURN(const PageRequest page,
+                         PageFromProto(request->page_size(), request->page_token()));
+        ASSIGN_OR_RETURN(const Page<JobRow> jobs, store_.jobs().ListJobs(filter, page));
+        for (const JobRow& row : jobs.rows) {
+          v1::Job* job = response->add_jobs();
+          *job = ToProto(row);
+          if (row.state != JobState::kRunning) continue;
+          const auto newest = supervisor_.FindNewest(row.id);
+          if (newest.ok() && newest->progress.has_value())
+            *job->mutable_progress() = *newest->progress;
+        }
+        response->set_next_page_token(jobs.next_page_token);
+        return absl::OkStatus();
+      });
 }
 
 grpc::ServerUnaryReactor* JobServiceRpc::CancelJob(grpc::CallbackServerContext* call,
                                                    const v1::CancelJobRequest* request,
                                                    v1::Job* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name(), "name"));
-    const auto row = context_.supervisor->Cancel(id);
-    if (!row.ok()) return WithResource(row.status(), "NO_SUCH_JOB", request->name());
-    *response = ToProto(*row);
-    return absl::OkStatus();
-  });
+  return runner_.Run(
+      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall&) {
+        ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name(), "name"));
+        const auto row = supervisor_.Cancel(id);
+        if (!row.ok()) return WithResource(row.status(), "NO_SUCH_JOB", request->name());
+        *response = ToProto(*row);
+        return absl::OkStatus();
+      });
 }
 
 grpc::ServerWriteReactor<v1::JobEvent>* JobServiceRpc::WatchJob(
     grpc::CallbackServerContext* call, const v1::WatchJobRequest* request) {
-  const auto stream = std::make_shared<WatchJobStream>(context_, OriginOf(*call), *request);
+  const auto stream = std::make_shared<WatchJobStream>(
+      WatchJobStream::Parts{runner_, store_, supervisor_}, OriginOf(*call), *request);
   stream->Begin();
   return stream.get();  // owns itself until OnDone
 }
@@ -185,18 +224,15 @@ grpc::ServerWriteReactor<v1::JobEvent>* JobServiceRpc::WatchJob(
 grpc::ServerUnaryReactor* JobServiceRpc::EstimateTraining(
     grpc::CallbackServerContext* call, const v1::EstimateTrainingRequest* request,
     v1::EstimateTrainingResponse* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
-    ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(*request));
-    RETURN_IF_ERROR(
-        CheckPriors(training.settings.priors, context_.has_priors_command, context_.has_sam));
-    RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
-    RETURN_IF_ERROR(CheckFilesStored(context_, training.scene, training.dataset));
-    auto estimate =
-        pepeseg::EstimateTraining(context_, training, [&unary] { return unary.CheckWanted(); });
-    RETURN_IF_ERROR(estimate.status());
-    *response = *std::move(estimate);
-    return absl::OkStatus();
-  });
+  return runner_.Run(
+      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall& unary) {
+        ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(*request));
+        RETURN_IF_ERROR(CheckRunnable(training));
+        auto estimate = estimator_.Estimate(training, [&unary] { return unary.CheckWanted(); });
+        RETURN_IF_ERROR(estimate.status());
+        *response = *std::move(estimate);
+        return absl::OkStatus();
+      });
 }
 
 }  // namespace pepeseg

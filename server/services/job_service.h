@@ -1,15 +1,30 @@
 #pragma once
 
 #include "pepeseg/v1/job_service.grpc.pb.h"
-#include "server/rpc/service_context.h"
+#include "server/data/blob_store.h"
+#include "server/jobs/supervisor.h"
+#include "server/rpc/call_runner.h"
+#include "server/services/estimate_training.h"
+#include "server/store/store.h"
 
 namespace pepeseg {
 
-struct UnaryRequest;
-
+// Answers calls about trainings.
 class JobServiceRpc final : public v1::JobService::CallbackService {
  public:
-  explicit JobServiceRpc(const ServiceContext& context) : context_(context) {}
+  // All must outlive it.
+  struct Options {
+    Store& store;
+    const BlobStore& blobs;
+    Supervisor& supervisor;
+    TrainingEstimator::Machine machine;
+  };
+  JobServiceRpc(const CallRunner& runner, const Options& options)
+      : runner_(runner),
+        store_(options.store),
+        blobs_(options.blobs),
+        supervisor_(options.supervisor),
+        estimator_(options.store, options.blobs, options.machine) {}
 
   grpc::ServerUnaryReactor* TrainScene(grpc::CallbackServerContext* call,
                                        const v1::TrainSceneRequest* request,
@@ -29,12 +44,23 @@ class JobServiceRpc final : public v1::JobService::CallbackService {
                                              v1::EstimateTrainingResponse* response) override;
 
  private:
+  // Returns FAILED_PRECONDITION or NOT_FOUND unless the training can be queued: the server has the
+  // programs that it asks for, and the dataset is sealed and its files are there.
+  absl::Status CheckRunnable(const WantedTraining& training) const;
   absl::Status CheckSealed(const std::string& scene, int64_t dataset) const;
-  // `traceparent`: of the call.
+  // Checks whether all files of a sealed dataset are there: a damaged blob may have been set aside
+  // since. FAILED_PRECONDITION names the first file that is missing, and says how many are. Also
+  // updates the store, so that files that any upload of the project has brought again count. Looks
+  // at sizes only; a training reads all bytes.
+  absl::Status CheckFilesStored(const std::string& scene, int64_t dataset) const;
   absl::Status Train(const v1::TrainSceneRequest& request, const UnaryRequest& call,
                      v1::Job* response) const;
 
-  const ServiceContext context_;
+  const CallRunner& runner_;
+  Store& store_;
+  const BlobStore& blobs_;
+  Supervisor& supervisor_;
+  const TrainingEstimator estimator_;
 };
 
 }  // namespace pepeseg

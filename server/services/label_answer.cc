@@ -7,13 +7,12 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/formats/rle.h"
+#include "server/api/convert.h"
 #include "server/api/error.h"
-#include "server/api/pixel_frame.h"
-#include "server/api/read_mask.h"
+#include "server/api/request_image.h"
 #include "server/api/resource_name.h"
 #include "server/api/rows_to_proto.h"
-#include "server/services/model_lookup.h"
-#include "server/services/read_prompt.h"
+#include "server/api/segment_request.h"
 
 namespace pepeseg {
 namespace {
@@ -30,20 +29,12 @@ v1::Label WithoutMask(const LabelRow& row) {
   return proto;
 }
 
-// In the pixels of the view.
+// Returns the mask of a label as it is stored, in the pixels of the view.
 v1::CocoRle StoredRle(const LabelRow& row) {
   v1::CocoRle rle;
   rle.set_width(row.width);
   rle.set_height(row.height);
   rle.set_counts(row.counts);
-  return rle;
-}
-
-v1::CocoRle Rle(const BinaryMask& mask, int width, int height) {
-  v1::CocoRle rle;
-  rle.set_width(width);
-  rle.set_height(height);
-  rle.set_counts(EncodeCocoRle(mask, width, height));
   return rle;
 }
 
@@ -57,15 +48,14 @@ absl::Status CheckCreate(const v1::CreateLabelRequest& request) {
   return CheckRequestId(request.request_id());
 }
 
-// A label as it was given, and as it is kept: with its mask in the view.
+// A label as the client gave it and as it is stored.
 struct GivenLabel {
-  LabelRow row;
+  LabelRow row;      // with the mask in the view
   v1::CocoRle mask;  // in the frame of the request
 };
 
-// Its view and mask are checked against the live model.
-absl::StatusOr<GivenLabel> ReadLabel(const ServiceContext& context,
-                                     const v1::CreateLabelRequest& request) {
+// Reads a label; its view and mask are checked against the live model.
+absl::StatusOr<GivenLabel> ReadLabel(ModelLoader& models, const v1::CreateLabelRequest& request) {
   GivenLabel given;
   LabelRow& row = given.row;
   ASSIGN_OR_RETURN(row.scene, ParseSceneName(request.parent(), "parent"));
@@ -73,12 +63,12 @@ absl::StatusOr<GivenLabel> ReadLabel(const ServiceContext& context,
   RETURN_IF_ERROR(CheckFrame(request.frame()));
   const v1::Label& label = request.label();
   ASSIGN_OR_RETURN(const ResidentModel model,
-                   LoadModel(context, request.parent() + "/models/live", "parent"));
+                   models.Load(request.parent() + "/models/live", "parent"));
   ASSIGN_OR_RETURN(const ModelView view,
                    FindView(label.view(), model.segmenter->model(), "label.view"));
   const ImageOfView image = ImageOf(view, request.frame());
   ASSIGN_OR_RETURN(BinaryMask mask, ReadMask(label.mask(), image, "label.mask"));
-  given.mask = Rle(mask, image.frame.width(), image.frame.height());
+  given.mask = RleToProto(mask, image.frame.width(), image.frame.height());
   row.area = std::count(mask.pixels.begin(), mask.pixels.end(), 1);
   ASSIGN_OR_RETURN(mask, TakeToView(std::move(mask), image, "label.mask"));
   row.id = request.label_id();
@@ -93,37 +83,36 @@ absl::StatusOr<GivenLabel> ReadLabel(const ServiceContext& context,
 
 }  // namespace
 
-absl::Status AnswerCreateLabel(const ServiceContext& context, const v1::CreateLabelRequest& request,
+absl::Status AnswerCreateLabel(ModelLoader& models, const v1::CreateLabelRequest& request,
                                v1::Label* response) {
-  ASSIGN_OR_RETURN(const GivenLabel given, ReadLabel(context, request));
+  ASSIGN_OR_RETURN(const GivenLabel given, ReadLabel(models, request));
   const LabelRow& label = given.row;
-  const auto made = context.store->labels().CreateLabel(label);
+  const auto made = models.store().labels().CreateLabel(label);
   if (absl::IsAlreadyExists(made.status())) {
     return WithResource(made.status(), "LABEL_EXISTS", LabelName(label.scene, label.id));
   }
   RETURN_IF_ERROR(made.status());
   *response = WithoutMask(*made);
-  // A retry brings the mask that the first request brought, and gets it again.
+  // A retry with the same mask gets it in the frame of the request, as the first request did.
   v1::CocoRle& mask = *response->mutable_mask()->mutable_rle();
   mask = made->counts == label.counts ? given.mask : StoredRle(*made);
   return absl::OkStatus();
 }
 
-absl::Status AnswerListLabels(const ServiceContext& context, const v1::ListLabelsRequest& request,
+absl::Status AnswerListLabels(Store& store, const v1::ListLabelsRequest& request,
                               v1::ListLabelsResponse* response) {
   ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
-  ASSIGN_OR_RETURN(const Page<LabelRow> labels, context.store->labels().ListLabels(scene, page));
+  ASSIGN_OR_RETURN(const Page<LabelRow> labels, store.labels().ListLabels(scene, page));
   for (const LabelRow& row : labels.rows) *response->add_labels() = WithoutMask(row);
   response->set_next_page_token(labels.next_page_token);
   return absl::OkStatus();
 }
 
-absl::Status AnswerDeleteLabel(const ServiceContext& context,
-                               const v1::DeleteLabelRequest& request) {
+absl::Status AnswerDeleteLabel(Store& store, const v1::DeleteLabelRequest& request) {
   ASSIGN_OR_RETURN(const SceneLabel label, ParseLabelName(request.name(), "name"));
-  absl::Status deleted = context.store->labels().DeleteLabel(label.scene, label.id);
+  absl::Status deleted = store.labels().DeleteLabel(label.scene, label.id);
   if (absl::IsNotFound(deleted)) return WithResource(deleted, "NO_SUCH_LABEL", request.name());
   return deleted;
 }

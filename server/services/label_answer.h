@@ -2,17 +2,17 @@
 
 #include "absl/status/status.h"
 #include "pepeseg/v1/label.pb.h"
-#include "server/rpc/service_context.h"
+#include "server/services/model_loader.h"
+#include "server/store/store.h"
 
-// Answers to calls about labels, with the errors of the contract. All of them block.
+// Answers SegmentationService's calls about labels. All of them block on the store.
 namespace pepeseg {
 
-// Loads the live model where it is not in memory: for the pool of what computes.
-absl::Status AnswerCreateLabel(const ServiceContext& context, const v1::CreateLabelRequest& request,
+// Also loads the live model if it is not in memory, so it belongs on the query pool.
+absl::Status AnswerCreateLabel(ModelLoader& models, const v1::CreateLabelRequest& request,
                                v1::Label* response);
-absl::Status AnswerListLabels(const ServiceContext& context, const v1::ListLabelsRequest& request,
+absl::Status AnswerListLabels(Store& store, const v1::ListLabelsRequest& request,
                               v1::ListLabelsResponse* response);
-absl::Status AnswerDeleteLabel(const ServiceContext& context,
-                               const v1::DeleteLabelRequest& request);
+absl::Status AnswerDeleteLabel(Store& store, const v1::DeleteLabelRequest& request);
 
 }  // namespace pepeseg

@@ -2,27 +2,88 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
+#include <vector>
+
 #include "absl/time/clock.h"
+#include "core/base/status_macros.h"
+#include "server/api/convert.h"
+#include "server/api/rows_to_proto.h"
+#include "server/observe/process_use.h"
+#include "server/rpc/stream_registry.h"
 
 namespace pepeseg {
+namespace {
 
-Operations::Operations(const ServiceContext& context, HealthMonitor& health)
-    : context_(context), health_(health), start_time_(absl::Now()) {}
+constexpr size_t kMaxJobs = 1000;  // in a status
 
-void Operations::SetDraining(bool draining) {
-  const std::lock_guard lock(mutex_);
-  if (health_.draining() != draining) {
-    spdlog::info(draining ? "draining: nothing new is taken" : "no longer draining");
-  }
-  health_.SetDraining(draining);
-  for (WorkerPool* pool :
-       {context_.pool, context_.upload_pool, context_.query_pool, context_.evaluation_pool}) {
-    pool->SetDraining(draining);
-  }
-  context_.streams->SetDraining(draining);
-  draining ? context_.supervisor->StopClaiming() : context_.supervisor->ResumeClaiming();
+void FillPool(const char* name, const WorkerPool& pool, v1::ServerStatus* response) {
+  const WorkerPool::Use use = pool.use();
+  v1::ServerStatus::Pool& to = *response->add_pools();
+  to.set_name(name);
+  to.set_num_threads(use.num_threads);
+  to.set_num_busy(use.num_busy);
+  to.set_num_queued(static_cast<int32_t>(use.num_queued));
+  to.set_max_queued(static_cast<int32_t>(use.max_queued));
 }
 
+}  // namespace
+
+Operations::Operations(const Parts& parts) : parts_(parts), start_time_(absl::Now()) {}
+
 std::string Operations::version() { return PEPESEG_VERSION; }
+
+void Operations::SetDraining(bool draining) {
+  const std::lock_guard lock(draining_mutex_);
+  if (parts_.health.draining() != draining) {
+    spdlog::info(draining ? "draining: nothing new is taken" : "no longer draining");
+  }
+  parts_.health.SetDraining(draining);
+  parts_.runner.pools().SetDraining(draining);
+  parts_.runner.streams().SetDraining(draining);
+  draining ? parts_.supervisor.StopClaiming() : parts_.supervisor.ResumeClaiming();
+}
+
+void Operations::FillProcess(v1::ServerStatus* response) const {
+  const ProcessUse use = MeasureProcess();
+  response->set_resident_bytes(use.resident_bytes);
+  response->set_num_descriptors(use.num_descriptors);
+  response->set_num_threads(use.num_threads);
+  response->set_disk_free_bytes(DiskFreeBytes(parts_.models.data_folder()));
+}
+
+absl::Status Operations::FillJobs(v1::ServerStatus* response) const {
+  Store& store = parts_.models.store();
+  ASSIGN_OR_RETURN(const std::vector<JobRow> running, store.queue().ListRunningJobs());
+  for (size_t i = 0; i < std::min(running.size(), kMaxJobs); ++i) {
+    v1::Job& job = *response->add_running_jobs();
+    job = ToProto(running[i]);
+    const auto newest = parts_.supervisor.FindRunning(running[i].id);
+    if (newest && newest->progress) *job.mutable_progress() = *newest->progress;
+  }
+  ASSIGN_OR_RETURN(Store::Counts counts, store.CountAll());
+  response->set_num_queued_jobs(counts.jobs[JobState::kQueued]);
+  return absl::OkStatus();
+}
+
+absl::Status Operations::FillStatus(v1::ServerStatus* response) const {
+  const WorkerPools& pools = parts_.runner.pools();
+  response->set_version(version());
+  response->set_device(parts_.models.backend().name());
+  *response->mutable_start_time() = ToProto(start_time_);
+  response->set_draining(parts_.health.draining());
+  FillProcess(response);
+  FillPool("io", pools.io, response);
+  FillPool("query", pools.query, response);
+  FillPool("evaluation", pools.evaluation, response);
+  FillPool("upload", pools.upload, response);
+  response->set_num_streams(static_cast<int32_t>(parts_.runner.streams().size()));
+  const LatencyWindow::Quantiles queries =
+      LatencyWindow::Summarize(absl::Now(), pools.query.latencies(), pools.evaluation.latencies());
+  response->set_queries_per_second(queries.per_second);
+  *response->mutable_query_p50() = ToProto(queries.p50);
+  *response->mutable_query_p99() = ToProto(queries.p99);
+  return FillJobs(response);
+}
 
 }  // namespace pepeseg

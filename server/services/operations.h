@@ -3,33 +3,49 @@
 #include <mutex>
 #include <string>
 
+#include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "pepeseg/v1/server_status.pb.h"
+#include "server/jobs/supervisor.h"
 #include "server/observe/health_monitor.h"
-#include "server/rpc/service_context.h"
+#include "server/rpc/call_runner.h"
+#include "server/services/model_loader.h"
 
 namespace pepeseg {
 
-// A server as who operates it sees it: what it is, and whether it drains. Thread safe.
+// A server as its operator sees it: what it is, what it does, and whether it drains. Thread safe.
 class Operations {
  public:
-  // Both outlive it, and so does what `context` points to; its pools are those of the services that
-  // drain.
-  Operations(const ServiceContext& context, HealthMonitor& health);
+  // What is shown and drained; all must outlive the object.
+  struct Parts {
+    const CallRunner& runner;  // of the services that drain
+    ModelLoader& models;
+    Supervisor& supervisor;
+    HealthMonitor& health;
+  };
+  explicit Operations(const Parts& parts);
 
-  // Draining: health says NOT_SERVING, calls and streams that come are refused, no job is begun;
-  // what is under way goes on.
+  // Begins or ends draining. While it drains, health reports NOT_SERVING, new calls and streams are
+  // refused and no job is started; calls and jobs under way continue.
   void SetDraining(bool draining);
 
-  const ServiceContext& context() const { return context_; }
-  const HealthMonitor& health() const { return health_; }
+  // Describes what the server is and does now. Blocks on the store.
+  absl::Status FillStatus(v1::ServerStatus* response) const;
+
+  const CallRunner& runner() const { return parts_.runner; }
+  ModelLoader& models() const { return parts_.models; }
+  Supervisor& supervisor() const { return parts_.supervisor; }
+  const HealthMonitor& health() const { return parts_.health; }
   absl::Time start_time() const { return start_time_; }
   static std::string version();
 
  private:
-  const ServiceContext context_;
-  HealthMonitor& health_;
+  void FillProcess(v1::ServerStatus* response) const;
+  absl::Status FillJobs(v1::ServerStatus* response) const;
+
+  const Parts parts_;
   const absl::Time start_time_;
-  std::mutex mutex_;  // one who sets it after the other
+  std::mutex draining_mutex_;  // serialises SetDraining
 };
 
 }  // namespace pepeseg

@@ -1,7 +1,9 @@
 #include "server/services/render_answer.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
+#include <cstddef>
 #include <optional>
 #include <span>
 #include <string>
@@ -14,35 +16,31 @@
 #include "core/formats/encode_png.h"
 #include "core/query/photograph_images.h"
 #include "core/query/view_places.h"
+#include "server/api/convert.h"
+#include "server/api/decomposition.h"
 #include "server/api/error.h"
-#include "server/api/pixel_frame.h"
-#include "server/api/read_mask.h"
-#include "server/api/rows_to_proto.h"
-#include "server/services/answer_size.h"
-#include "server/services/model_lookup.h"
-#include "server/services/overlay.h"
-#include "server/services/read_prompt.h"
-#include "server/services/segment_lookup.h"
-#include "server/services/stopwatch.h"
-#include "server/services/subset_lookup.h"
+#include "server/api/request_image.h"
+#include "server/api/segment_request.h"
+#include "server/services/segment_answer.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr double kDeepest = 65'535;  // of 16 bits
+constexpr double kDeepest = 65'535;  // the largest value of 16 bits
 constexpr int kMaxSide = 16'384;
-// Of an answer whose request says nothing of its size: what a renderer keeps memory for.
+// Size of an answer whose request does not say one, which a renderer keeps memory for.
 constexpr int64_t kDefaultPixels = int64_t{1920} * 1080;
 
-// A request in the model's terms; what of it is used depends on its content.
-struct Question {
+// A request in the model's terms. Which fields are used depends on the content that is asked for.
+struct RenderQuery {
   ModelView view;
-  ImageOfView image = ImageOf({}, v1::PIXEL_FRAME_VIEW);  // that is answered, at its full size
-  int max_side = 0;
+  ImageOfView image = ImageOf({}, v1::PIXEL_FRAME_VIEW);  // the image to answer, at its full size
+  int max_side = 0;                                       // pixels; 0: not given
   std::optional<GaussianSet> subset;
   std::optional<BinaryMask> overlay;
   ImageSize overlay_size;
-  std::optional<std::vector<int32_t>> overlay_members;  // a Gaussian each: 1 in the overlay
+  std::optional<std::vector<int32_t>>
+      overlay_members;  // for each Gaussian 1 in the overlay, else 0
   std::vector<double> scales;
   int level = 0;
   double feature_scale = 0;
@@ -50,11 +48,11 @@ struct Question {
   const GaussianSet* shown() const { return subset ? &*subset : nullptr; }
 };
 
-// What is rendered for an answer, and how the answer is made of it.
+// What is rendered, and how it becomes the answer.
 struct Canvas {
-  int width = 0, height = 0;         // of the answer
-  ModelView view;                    // that is rendered
-  std::optional<ViewPlaces> places;  // of the answer's pixels in it; none: the same pixels
+  int width = 0, height = 0;         // size of the answer, pixels
+  ModelView view;                    // the view to render
+  std::optional<ViewPlaces> places;  // where the answer's pixels are in it; none: the same pixels
 };
 
 struct Picture {
@@ -66,7 +64,7 @@ int Shrunk(int side, double share) {
   return std::max(1, static_cast<int>(std::lround(side * share)));
 }
 
-// The same view at another size.
+// Returns the same view at another size in pixels.
 ModelView AtSize(const ModelView& view, int width, int height) {
   ModelView resized = view;
   const double sx = static_cast<double>(width) / view.camera.width;
@@ -76,43 +74,43 @@ ModelView AtSize(const ModelView& view, int width, int height) {
   return resized;
 }
 
-// How much smaller than the full size the answer is asked for, (0, 1].
-double ShareAskedFor(const Question& question) {
-  const PhotographFrame& frame = question.image.frame;
-  if (question.max_side > 0) {
-    return std::min(
-        1.0, static_cast<double>(question.max_side) / std::max(frame.width(), frame.height()));
+// Returns the size of the answer that is asked for, as a share of the full size in (0, 1].
+double ShareAskedFor(const RenderQuery& query) {
+  const PhotographFrame& frame = query.image.frame;
+  if (query.max_side > 0) {
+    return std::min(1.0,
+                    static_cast<double>(query.max_side) / std::max(frame.width(), frame.height()));
   }
-  if (question.view.name.empty()) return 1;  // a free camera has the size that it says
+  if (query.view.name.empty()) return 1;  // a free camera has the size that it says
   const double num_pixels = static_cast<double>(frame.width()) * frame.height();
   return std::min(1.0, std::sqrt(static_cast<double>(kDefaultPixels) / num_pixels));
 }
 
-// A pinhole at the answer's resolution, warped by the lens where there is one. Features are not
-// rendered larger than they were trained: clicks have their maps at that size.
-Canvas MakeCanvas(const Question& question, double share, v1::RenderRequest::Content content) {
-  const PhotographFrame& frame = question.image.frame;
-  Canvas canvas{Shrunk(frame.width(), share), Shrunk(frame.height(), share), question.view, {}};
-  const Camera& camera = question.view.camera;
+// Returns a pinhole view at the answer's resolution, to be warped by the lens if there is one.
+// Features are not rendered larger than they were trained, so that they look as clicks see them.
+Canvas MakeCanvas(const RenderQuery& query, double share, v1::RenderRequest::Content content) {
+  const PhotographFrame& frame = query.image.frame;
+  Canvas canvas{Shrunk(frame.width(), share), Shrunk(frame.height(), share), query.view, {}};
+  const Camera& camera = query.view.camera;
   if (frame.is_view() && canvas.width == camera.width && canvas.height == camera.height) {
     return canvas;
   }
   const bool enlarged = canvas.width > camera.width || canvas.height > camera.height;
   const bool as_trained = content == v1::RenderRequest::CONTENT_FEATURES && enlarged;
   if (frame.is_shrunk() && !as_trained) {
-    canvas.view = AtSize(question.view, canvas.width, canvas.height);
+    canvas.view = AtSize(query.view, canvas.width, canvas.height);
     return canvas;
   }
   if (!as_trained) {
-    const Photograph& photograph = *question.view.photograph;
+    const Photograph& photograph = *query.view.photograph;
     canvas.view =
-        AtSize(question.view, Shrunk(photograph.width, share), Shrunk(photograph.height, share));
+        AtSize(query.view, Shrunk(photograph.width, share), Shrunk(photograph.height, share));
   }
   canvas.places.emplace(PhotographFrame(canvas.view), canvas.width, canvas.height);
   return canvas;
 }
 
-// What does not need the model.
+// Checks the fields that can be checked without the model.
 absl::Status CheckRequest(const v1::RenderRequest& request) {
   if (!v1::RenderRequest::Content_IsValid(request.content())) {
     return BadField("content", absl::StrCat(static_cast<int>(request.content())), "no content");
@@ -130,58 +128,84 @@ absl::Status CheckRequest(const v1::RenderRequest& request) {
   return CheckFrame(request.frame());
 }
 
-// The members of an overlay's subset.
-absl::StatusOr<std::vector<int32_t>> ReadMembers(const ServiceContext& context,
+// Returns for each Gaussian 1 if it is in the overlay's subset, else 0.
+absl::StatusOr<std::vector<int32_t>> ReadMembers(const Selections& selections,
                                                  const ResidentModel& model,
                                                  const v1::Subset& subset) {
   ASSIGN_OR_RETURN(const std::optional<GaussianSet> members,
-                   FindSubset(context, model, subset, "overlay_subset"));
+                   selections.FindSubset(model, subset, "overlay_subset"));
   if (!members) return BadField("overlay_subset", "", "neither a selection nor a segment");
   return std::vector<int32_t>(members->member.begin(), members->member.end());
 }
 
-// A mask of the size of the frame or of the answer.
-absl::Status ReadOverlay(const v1::MaskImage& mask, Question& question) {
-  const Canvas canvas =
-      MakeCanvas(question, ShareAskedFor(question), v1::RenderRequest::CONTENT_COLOR);
-  question.overlay_size = SizeOf(mask);
-  ImageOfView expected = question.image;
-  if (question.overlay_size == ImageSize{canvas.width, canvas.height}) {
-    ModelView answer = question.view;
+// Reads the overlay mask, which has the size of the frame or of the answer.
+absl::Status ReadOverlay(const v1::MaskImage& mask, RenderQuery& query) {
+  const Canvas canvas = MakeCanvas(query, ShareAskedFor(query), v1::RenderRequest::CONTENT_COLOR);
+  query.overlay_size = SizeOf(mask);
+  ImageOfView expected = query.image;
+  if (query.overlay_size == ImageSize{canvas.width, canvas.height}) {
+    ModelView answer = query.view;
     answer.photograph.reset();
     expected.frame = PhotographFrame(AtSize(answer, canvas.width, canvas.height));
   }
-  ASSIGN_OR_RETURN(question.overlay, ReadMask(mask, expected, "overlay_mask"));
+  ASSIGN_OR_RETURN(query.overlay, ReadMask(mask, expected, "overlay_mask"));
   return absl::OkStatus();
 }
 
-absl::StatusOr<Question> ReadQuestion(const ServiceContext& context, const ResidentModel& model,
+absl::StatusOr<RenderQuery> ReadQuery(const Selections& selections, const ResidentModel& model,
                                       const v1::RenderRequest& request) {
   RETURN_IF_ERROR(CheckRequest(request));
-  Question question;
-  ASSIGN_OR_RETURN(question.view,
+  RenderQuery query;
+  ASSIGN_OR_RETURN(query.view,
                    FindViewpoint(request.viewpoint(), model.segmenter->model(), "viewpoint"));
-  question.image = ImageOf(question.view, request.frame());
-  question.max_side = request.max_side();
+  query.image = ImageOf(query.view, request.frame());
+  query.max_side = request.max_side();
   if (request.content() == v1::RenderRequest::CONTENT_SEGMENTS) {
-    ASSIGN_OR_RETURN(question.scales,
+    ASSIGN_OR_RETURN(query.scales,
                      ReadScales(request.decomposition_scales(), "decomposition_scales"));
-    RETURN_IF_ERROR(CheckLevelField(request.level(), question.scales.size(), "level"));
-    question.level = request.level();
+    RETURN_IF_ERROR(CheckLevelField(request.level(), query.scales.size(), "level"));
+    query.level = request.level();
   }
-  question.feature_scale = request.feature_scale();
+  query.feature_scale = request.feature_scale();
   if (request.content() == v1::RenderRequest::CONTENT_FEATURES &&
-      !(question.feature_scale >= 0 && question.feature_scale <= 1)) {
-    return BadField("feature_scale", absl::StrCat(question.feature_scale), "not in [0, 1]");
+      !(query.feature_scale >= 0 && query.feature_scale <= 1)) {
+    return BadField("feature_scale", absl::StrCat(query.feature_scale), "not in [0, 1]");
   }
-  ASSIGN_OR_RETURN(question.subset, FindSubset(context, model, request.subset(), "subset"));
+  ASSIGN_OR_RETURN(query.subset, selections.FindSubset(model, request.subset(), "subset"));
   if (request.has_overlay_mask()) {
-    RETURN_IF_ERROR(ReadOverlay(request.overlay_mask(), question));
+    RETURN_IF_ERROR(ReadOverlay(request.overlay_mask(), query));
   } else if (request.has_overlay_subset()) {
-    ASSIGN_OR_RETURN(question.overlay_members,
-                     ReadMembers(context, model, request.overlay_subset()));
+    ASSIGN_OR_RETURN(query.overlay_members,
+                     ReadMembers(selections, model, request.overlay_subset()));
   }
-  return question;
+  return query;
+}
+
+constexpr uint8_t kOverlayColor[3] = {255, 120, 0};
+constexpr double kOverlayTint = 0.45;
+
+bool IsBorder(const BinaryMask& mask, const Image& image, int x, int y) {
+  const auto is_out = [&](int at_x, int at_y) {
+    return at_x < 0 || at_x >= image.width || at_y < 0 || at_y >= image.height ||
+           mask.pixels[static_cast<size_t>(at_y) * image.width + at_x] == 0;
+  };
+  return is_out(x - 1, y) || is_out(x + 1, y) || is_out(x, y - 1) || is_out(x, y + 1);
+}
+
+// Tints an RGB image where the mask, which has the size of the image, is set, and draws its border.
+void DrawOverlay(const BinaryMask& mask, Image& image) {
+  assert(image.channels == 3 && mask.pixels.size() * 3 == image.pixels.size());
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) {
+      const size_t pixel = static_cast<size_t>(y) * image.width + x;
+      if (mask.pixels[pixel] == 0) continue;
+      const double share = IsBorder(mask, image, x, y) ? 1 : kOverlayTint;
+      for (int k = 0; k < 3; ++k) {
+        uint8_t& value = image.pixels[3 * pixel + k];
+        value = static_cast<uint8_t>(std::lround((1 - share) * value + share * kOverlayColor[k]));
+      }
+    }
+  }
 }
 
 Image Warped(Image image, const Canvas& canvas) {
@@ -193,35 +217,34 @@ std::vector<T> Warped(std::vector<T> values, const Canvas& canvas) {
   return canvas.places ? NearestInPhotograph(std::span<const T>(values), *canvas.places) : values;
 }
 
-// Of a subset it is where most of what is shown belongs to it.
+// Returns the overlay of the request at the size of the answer, or nullopt if there is none. The
+// overlay of a subset covers the pixels to which the subset contributes most.
 absl::StatusOr<std::optional<BinaryMask>> FindOverlay(const Segmenter& segmenter,
-                                                      const Question& question,
+                                                      const RenderQuery& query,
                                                       const Canvas& canvas) {
-  if (question.overlay) {
-    return Resized(*question.overlay, question.overlay_size, {canvas.width, canvas.height});
+  if (query.overlay) {
+    return Resized(*query.overlay, query.overlay_size, {canvas.width, canvas.height});
   }
-  if (!question.overlay_members) return std::nullopt;
+  if (!query.overlay_members) return std::nullopt;
   ASSIGN_OR_RETURN(const std::vector<int32_t> ids,
-                   segmenter.RenderIds(canvas.view, *question.overlay_members, question.shown()));
+                   segmenter.RenderIds(canvas.view, *query.overlay_members, query.shown()));
   const std::vector<int32_t> image = Warped(ids, canvas);
   return BinaryMask{{image.begin(), image.end()}};
 }
 
-absl::StatusOr<Picture> RenderColor(const Segmenter& segmenter, const Question& question,
+absl::StatusOr<Picture> RenderColor(const Segmenter& segmenter, const RenderQuery& query,
                                     const Canvas& canvas) {
-  ASSIGN_OR_RETURN(Image rendered, segmenter.RenderColor(canvas.view, question.shown()));
+  ASSIGN_OR_RETURN(Image rendered, segmenter.RenderColor(canvas.view, query.shown()));
   Image image = Warped(std::move(rendered), canvas);
-  ASSIGN_OR_RETURN(const std::optional<BinaryMask> overlay,
-                   FindOverlay(segmenter, question, canvas));
+  ASSIGN_OR_RETURN(const std::optional<BinaryMask> overlay, FindOverlay(segmenter, query, canvas));
   if (overlay) DrawOverlay(*overlay, image);
   return Picture{std::move(image)};
 }
 
-// In steps that make the deepest pixel the largest number.
-absl::StatusOr<Picture> RenderDepth(const Segmenter& segmenter, const Question& question,
+// Renders depth in units that make the deepest pixel 65535.
+absl::StatusOr<Picture> RenderDepth(const Segmenter& segmenter, const RenderQuery& query,
                                     const Canvas& canvas) {
-  ASSIGN_OR_RETURN(std::vector<float> rendered,
-                   segmenter.RenderDepth(canvas.view, question.shown()));
+  ASSIGN_OR_RETURN(std::vector<float> rendered, segmenter.RenderDepth(canvas.view, query.shown()));
   const std::vector<float> depth = Warped(std::move(rendered), canvas);
   const double deepest = depth.empty() ? 0 : *std::max_element(depth.begin(), depth.end());
   const double unit = (deepest > 0 ? deepest : 1) / kDeepest;
@@ -237,56 +260,57 @@ absl::StatusOr<Picture> RenderDepth(const Segmenter& segmenter, const Question& 
   return picture;
 }
 
-absl::StatusOr<Picture> RenderSegments(const Segmenter& segmenter, const Question& question,
+absl::StatusOr<Picture> RenderSegments(const Segmenter& segmenter, const RenderQuery& query,
                                        const Canvas& canvas) {
   Grey16Image image = {canvas.width, canvas.height, {}};
   const auto render = [&](const Decomposition& whole) -> absl::Status {
     ASSIGN_OR_RETURN(
         std::vector<int32_t> rendered,
-        segmenter.RenderIds(canvas.view, whole.levels[question.level].ids, question.shown()));
+        segmenter.RenderIds(canvas.view, whole.levels[query.level].ids, query.shown()));
     const std::vector<int32_t> ids = Warped(std::move(rendered), canvas);
     image.pixels.assign(ids.begin(), ids.end());
     return absl::OkStatus();
   };
-  RETURN_IF_ERROR(segmenter.WithDecomposition(question.scales, render));
+  RETURN_IF_ERROR(segmenter.WithDecomposition(query.scales, render));
   return Picture{std::move(image)};
 }
 
-absl::StatusOr<Picture> RenderFeatures(const Segmenter& segmenter, const Question& question,
+absl::StatusOr<Picture> RenderFeatures(const Segmenter& segmenter, const RenderQuery& query,
                                        const Canvas& canvas) {
   ASSIGN_OR_RETURN(Image image,
-                   segmenter.RenderFeatures(canvas.view, question.feature_scale, question.shown()));
+                   segmenter.RenderFeatures(canvas.view, query.feature_scale, query.shown()));
   return Picture{Warped(std::move(image), canvas)};
 }
 
-absl::StatusOr<Picture> Render(const Segmenter& segmenter, const Question& question,
-                               const Canvas& canvas, v1::RenderRequest::Content content) {
+absl::StatusOr<Picture> RenderContent(const Segmenter& segmenter, const RenderQuery& query,
+                                      const Canvas& canvas, v1::RenderRequest::Content content) {
   switch (content) {
     case v1::RenderRequest::CONTENT_DEPTH:
-      return RenderDepth(segmenter, question, canvas);
+      return RenderDepth(segmenter, query, canvas);
     case v1::RenderRequest::CONTENT_SEGMENTS:
-      return RenderSegments(segmenter, question, canvas);
+      return RenderSegments(segmenter, query, canvas);
     case v1::RenderRequest::CONTENT_FEATURES:
-      return RenderFeatures(segmenter, question, canvas);
+      return RenderFeatures(segmenter, query, canvas);
     default:
-      return RenderColor(segmenter, question, canvas);
+      return RenderColor(segmenter, query, canvas);
   }
 }
 
-// Renders the answer, and where the request says nothing of its size, smaller until it fits into a
-// message. What it took is added to `compute` and `encode`.
+// Renders the answer into `response`, with the times of computing and encoding. If the request does
+// not say a size, renders it smaller until it fits into a message.
 absl::Status RenderToFit(const UnaryCall& call, const Segmenter& segmenter,
-                         const Question& question, v1::RenderRequest::Content content,
+                         const RenderQuery& query, v1::RenderRequest::Content content,
                          v1::RenderResponse* response) {
   constexpr size_t kRest = 1024;  // bytes of the answer that are not the image
-  constexpr double kSpare = 0.8;  // smaller images have more detail in each of their pixels
+  // A smaller image has more detail in each pixel, so it shrinks less than its number of pixels.
+  constexpr double kSpare = 0.8;
   Stopwatch stopwatch;
   absl::Duration compute, encode;
-  double share = ShareAskedFor(question);
+  double share = ShareAskedFor(query);
   for (;;) {
     RETURN_IF_ERROR(call.CheckWanted());
-    const Canvas canvas = MakeCanvas(question, share, content);
-    ASSIGN_OR_RETURN(const Picture picture, Render(segmenter, question, canvas, content));
+    const Canvas canvas = MakeCanvas(query, share, content);
+    ASSIGN_OR_RETURN(const Picture picture, RenderContent(segmenter, query, canvas, content));
     compute += stopwatch.Lap();
     ASSIGN_OR_RETURN(
         *response->mutable_png(),
@@ -295,7 +319,7 @@ absl::Status RenderToFit(const UnaryCall& call, const Segmenter& segmenter,
     response->set_width(canvas.width);
     response->set_height(canvas.height);
     response->set_depth_unit(picture.depth_unit);
-    const bool may_shrink = question.max_side == 0 && !question.view.name.empty();
+    const bool may_shrink = query.max_side == 0 && !query.view.name.empty();
     if (!may_shrink || response->ByteSizeLong() + kRest <= kAnswerBytes) break;
     const auto excess =
         static_cast<double>(kAnswerBytes) / static_cast<double>(response->png().size());
@@ -308,18 +332,18 @@ absl::Status RenderToFit(const UnaryCall& call, const Segmenter& segmenter,
 
 }  // namespace
 
-absl::Status AnswerRender(const UnaryCall& call, const ServiceContext& context,
-                          const v1::RenderRequest& request, v1::RenderResponse* response) {
+absl::Status RenderAnswers::Render(const UnaryCall& call, const v1::RenderRequest& request,
+                                   v1::RenderResponse* response) const {
   Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.model(), "model"));
+  ASSIGN_OR_RETURN(const ResidentModel model, models_.Load(request.model(), "model"));
   if (request.content() == v1::RenderRequest::CONTENT_SEGMENTS ||
       request.content() == v1::RenderRequest::CONTENT_FEATURES) {
     RETURN_IF_ERROR(CheckFeatures(model));
   }
   *response->mutable_timing()->mutable_queue() = ToProto(call.queued);
   *response->mutable_timing()->mutable_load() = ToProto(stopwatch.Lap());
-  ASSIGN_OR_RETURN(const Question question, ReadQuestion(context, model, request));
-  RETURN_IF_ERROR(RenderToFit(call, *model.segmenter, question, request.content(), response));
+  ASSIGN_OR_RETURN(const RenderQuery query, ReadQuery(selections_, model, request));
+  RETURN_IF_ERROR(RenderToFit(call, *model.segmenter, query, request.content(), response));
   response->set_model(model.name);
   return CheckAnswerSize(response->ByteSizeLong());
 }

@@ -2,14 +2,26 @@
 
 #include "absl/status/status.h"
 #include "pepeseg/v1/render.pb.h"
-#include "server/rpc/service_context.h"
-#include "server/rpc/unary.h"
+#include "server/rpc/call_runner.h"
+#include "server/services/model_loader.h"
+#include "server/services/selections.h"
 
 namespace pepeseg {
 
-// Answers a Render call. Blocks for as long as the model takes to load and, where a segment is
-// named or asked for, to be taken apart.
-absl::Status AnswerRender(const UnaryCall& call, const ServiceContext& context,
-                          const v1::RenderRequest& request, v1::RenderResponse* response);
+// Answers Render calls. Both must outlive it.
+class RenderAnswers {
+ public:
+  RenderAnswers(ModelLoader& models, const Selections& selections)
+      : models_(models), selections_(selections) {}
+
+  // Blocks for as long as the model takes to load and, if the request names or asks for segments,
+  // to be decomposed.
+  absl::Status Render(const UnaryCall& call, const v1::RenderRequest& request,
+                      v1::RenderResponse* response) const;
+
+ private:
+  ModelLoader& models_;
+  const Selections& selections_;
+};
 
 }  // namespace pepeseg

@@ -2,17 +2,19 @@
 
 #include <algorithm>
 #include <charconv>
+#include <optional>
+#include <string>
 #include <system_error>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/beneath_folder.h"
 #include "core/base/status_macros.h"
 #include "core/scene/camera.h"
 #include "server/api/convert.h"
+#include "server/api/error.h"
 #include "server/api/resource_name.h"
 #include "server/api/rows_to_proto.h"
-#include "server/rpc/unary.h"
-#include "server/services/model_lookup.h"
 #include "server/store/layout.h"
 
 namespace pepeseg {
@@ -26,59 +28,36 @@ absl::Status CheckCreate(const v1::CreateSceneRequest& request) {
   return CheckRequestId(request.request_id());
 }
 
-// What the store does not know of: the folders of a scene's jobs and of its uploads' partial files,
-// and its models in memory.
+// What is left of a scene after its records were deleted: folders of its jobs, partial uploads, and
+// models in memory.
 struct SceneRemains {
   std::vector<std::string> jobs;
   std::vector<UploadName> uploads;
   std::vector<std::string> resident_keys;
 };
 
-absl::StatusOr<SceneRemains> FindRemains(const ServiceContext& context, const std::string& scene) {
+absl::StatusOr<SceneRemains> FindRemains(Store& store, const std::string& scene) {
   SceneRemains remains;
   PageRequest page{1000, ""};
   do {
-    ASSIGN_OR_RETURN(const auto jobs, context.store->jobs().ListJobs({scene, std::nullopt}, page));
+    ASSIGN_OR_RETURN(const auto jobs, store.jobs().ListJobs({scene, std::nullopt}, page));
     for (const JobRow& job : jobs.rows) remains.jobs.push_back(job.id);
     page.page_token = jobs.next_page_token;
   } while (!page.page_token.empty());
   do {
-    ASSIGN_OR_RETURN(const auto models, context.store->models().ListModels(scene, page));
+    ASSIGN_OR_RETURN(const auto models, store.models().ListModels(scene, page));
     for (const ModelRow& model : models.rows) remains.resident_keys.push_back(ResidentKey(model));
     page.page_token = models.next_page_token;
   } while (!page.page_token.empty());
-  ASSIGN_OR_RETURN(const std::string project, context.store->scenes().ProjectOfScene(scene));
-  ASSIGN_OR_RETURN(const auto uploads,
-                   context.store->datasets().ListOpenUploads(absl::InfiniteFuture()));
+  ASSIGN_OR_RETURN(const std::string project, store.scenes().ProjectOfScene(scene));
+  ASSIGN_OR_RETURN(const auto uploads, store.datasets().ListOpenUploads(absl::InfiniteFuture()));
   for (const DatasetRow& upload : uploads) {
     if (upload.scene == scene) remains.uploads.push_back({project, scene, upload.number});
   }
   return remains;
 }
 
-absl::Status DeleteWithRemains(const ServiceContext& context, const std::string& scene) {
-  ASSIGN_OR_RETURN(const SceneRemains remains, FindRemains(context, scene));
-  const absl::Status deleted = context.store->scenes().DeleteScene(scene);
-  if (absl::IsFailedPrecondition(deleted)) {
-    const auto job = context.store->jobs().FindActiveJob(scene);
-    const bool active = job.ok() && job->has_value();
-    return WithResource(deleted, "JOB_ACTIVE", active ? JobName((*job)->id) : "");
-  }
-  RETURN_IF_ERROR(deleted);
-  for (const std::string& key : remains.resident_keys) context.models->Drop(key);
-  for (const UploadName& upload : remains.uploads) context.blobs->RemovePartial(upload);
-  // The scene is gone already: a folder that cannot be removed only costs space.
-  std::error_code ignored;
-  for (const std::string& job : remains.jobs) {
-    RemoveBeneath(context.data_folder, std::filesystem::path("jobs") / job).IgnoreError();
-  }
-  std::filesystem::remove_all(DatasetsFolder(context.data_folder) / SceneFolderName(scene),
-                              ignored);
-  std::filesystem::remove_all(context.data_folder / SelectionFolder(scene), ignored);
-  return absl::OkStatus();
-}
-
-// Files of a model's selections, below the data directory.
+// Returns the files of a model's selections, relative to the data directory.
 absl::StatusOr<std::vector<std::string>> FindSelectionFiles(Store& store, const ModelRow& model) {
   std::vector<std::string> files;
   PageRequest page{1000, ""};
@@ -92,29 +71,15 @@ absl::StatusOr<std::vector<std::string>> FindSelectionFiles(Store& store, const 
   return files;
 }
 
-absl::Status DeleteModelWithFiles(const ServiceContext& context, const std::string& name) {
-  ASSIGN_OR_RETURN(const ModelRow row, FindModel(context, name, "name"));
-  ASSIGN_OR_RETURN(const auto selections, FindSelectionFiles(*context.store, row));
-  RETURN_IF_ERROR(context.store->models().DeleteModel(row.scene, row.number));
-  context.models->Drop(ResidentKey(row));  // questions under way hold it
-  // The model is gone already: its folder would be collected.
-  RemoveBeneath(context.data_folder, row.folder).IgnoreError();
-  std::error_code ignored;
-  for (const std::string& file : selections) {
-    std::filesystem::remove(context.data_folder / file, ignored);
-  }
-  return absl::OkStatus();
-}
-
-// What comes before the names of a scene: "projects/{project}/" for who sees all projects, where
-// the name alone would mean another one.
+// Returns what must precede the name of a scene to make it unique: "projects/{project}/" for a
+// caller who sees all projects, if another project has a scene of this id; else nothing.
 absl::StatusOr<std::string> PrefixOf(Store& store, const SceneRow& row, const Caller& caller) {
   if (!caller.sees_all_projects || row.project == kDefaultProject) return std::string();
   ASSIGN_OR_RETURN(const std::vector<SceneRow> scenes, store.scenes().FindScenes(row.id));
   return scenes.size() < 2 ? std::string() : absl::StrCat("projects/", row.project, "/");
 }
 
-// A page token is the index of the page's first view.
+// Fills a page of the model's views. A page token is the index of the page's first view.
 absl::Status FillViews(const Model& model, const PageRequest& page,
                        v1::ListViewsResponse* response) {
   const std::vector<ModelView>& views = model.views;
@@ -141,120 +106,163 @@ absl::Status FillViews(const Model& model, const PageRequest& page,
 
 absl::Status SceneServiceRpc::FillScene(const SceneRow& row, const Caller& caller,
                                         v1::Scene* scene) const {
-  ASSIGN_OR_RETURN(const std::string prefix, PrefixOf(*context_.store, row, caller));
+  ASSIGN_OR_RETURN(const std::string prefix, PrefixOf(store_, row, caller));
   scene->set_name(prefix + SceneName(row.key));
   scene->set_display_name(row.display_name);
   *scene->mutable_create_time() = ToProto(row.create_time);
-  const auto model = context_.store->models().GetLiveModel(row.key);
+  const auto model = store_.models().GetLiveModel(row.key);
   if (model.ok()) {
     scene->set_live_model(prefix + ChildName(row.key, "models", model->number));
   } else if (!absl::IsFailedPrecondition(model.status())) {
     return model.status();
   }
-  ASSIGN_OR_RETURN(const auto job, context_.store->jobs().FindActiveJob(row.key));
+  ASSIGN_OR_RETURN(const auto job, store_.jobs().FindActiveJob(row.key));
   if (job.has_value()) scene->set_active_job(JobName(job->id));
+  return absl::OkStatus();
+}
+
+absl::Status SceneServiceRpc::DeleteWithRemains(const std::string& scene) {
+  ASSIGN_OR_RETURN(const SceneRemains remains, FindRemains(store_, scene));
+  const absl::Status deleted = store_.scenes().DeleteScene(scene);
+  if (absl::IsFailedPrecondition(deleted)) {
+    const auto job = store_.jobs().FindActiveJob(scene);
+    const bool active = job.ok() && job->has_value();
+    return WithResource(deleted, "JOB_ACTIVE", active ? JobName((*job)->id) : "");
+  }
+  RETURN_IF_ERROR(deleted);
+  for (const std::string& key : remains.resident_keys) models_.cache().Drop(key);
+  for (const UploadName& upload : remains.uploads) blobs_.RemovePartial(upload);
+  // The scene is gone already: a folder that cannot be removed only costs space.
+  std::error_code ignored;
+  for (const std::string& job : remains.jobs) {
+    RemoveBeneath(models_.data_folder(), std::filesystem::path("jobs") / job).IgnoreError();
+  }
+  std::filesystem::remove_all(DatasetsFolder(models_.data_folder()) / SceneFolderName(scene),
+                              ignored);
+  std::filesystem::remove_all(models_.data_folder() / SelectionFolder(scene), ignored);
+  return absl::OkStatus();
+}
+
+absl::Status SceneServiceRpc::DeleteModelWithFiles(const std::string& name) {
+  ASSIGN_OR_RETURN(const ModelRow row, models_.Find(name, "name"));
+  ASSIGN_OR_RETURN(const auto selections, FindSelectionFiles(store_, row));
+  RETURN_IF_ERROR(store_.models().DeleteModel(row.scene, row.number));
+  models_.cache().Drop(ResidentKey(row));  // queries under way still hold it
+  // The model is gone already. Files that cannot be removed are removed by the collector.
+  RemoveBeneath(models_.data_folder(), row.folder).IgnoreError();
+  std::error_code ignored;
+  for (const std::string& file : selections) {
+    std::filesystem::remove(models_.data_folder() / file, ignored);
+  }
   return absl::OkStatus();
 }
 
 grpc::ServerUnaryReactor* SceneServiceRpc::CreateScene(grpc::CallbackServerContext* call,
                                                        const v1::CreateSceneRequest* request,
                                                        v1::Scene* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
-    RETURN_IF_ERROR(CheckCreate(*request));
-    SceneRow row;
-    row.id = request->scene_id();
-    row.display_name = request->scene().display_name();
-    row.request_id = request->request_id();
-    row.project = unary.caller.project;
-    const auto scene = context_.store->scenes().CreateScene(row);
-    if (absl::IsAlreadyExists(scene.status())) {
-      return WithResource(scene.status(), "SCENE_EXISTS", SceneName(row.id));
-    }
-    RETURN_IF_ERROR(scene.status());
-    return FillScene(*scene, unary.caller, response);
-  });
+  return runner_.Run(runner_.pools().io, {call, request},
+                     [this, request, response](const UnaryCall& unary) {
+                       RETURN_IF_ERROR(CheckCreate(*request));
+                       SceneRow row;
+                       row.id = request->scene_id();
+                       row.display_name = request->scene().display_name();
+                       row.request_id = request->request_id();
+                       row.project = unary.caller.project;
+                       const auto scene = store_.scenes().CreateScene(row);
+                       if (absl::IsAlreadyExists(scene.status())) {
+                         return WithResource(scene.status(), "SCENE_EXISTS", SceneName(row.id));
+                       }
+                       RETURN_IF_ERROR(scene.status());
+                       return FillScene(*scene, unary.caller, response);
+                     });
 }
 
 grpc::ServerUnaryReactor* SceneServiceRpc::GetScene(grpc::CallbackServerContext* call,
                                                     const v1::GetSceneRequest* request,
                                                     v1::Scene* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
-    const auto scene = ParseSceneName(request->name(), "name");
-    RETURN_IF_ERROR(scene.status());
-    const auto row = context_.store->scenes().GetScene(*scene);
-    if (!row.ok()) return WithResource(row.status(), "NO_SUCH_SCENE", request->name());
-    return FillScene(*row, unary.caller, response);
-  });
+  return runner_.Run(runner_.pools().io, {call, request},
+                     [this, request, response](const UnaryCall& unary) {
+                       const auto scene = ParseSceneName(request->name(), "name");
+                       RETURN_IF_ERROR(scene.status());
+                       const auto row = store_.scenes().GetScene(*scene);
+                       if (!row.ok())
+                         return WithResource(row.status(), "NO_SUCH_SCENE", request->name());
+                       return FillScene(*row, unary.caller, response);
+                     });
 }
 
 grpc::ServerUnaryReactor* SceneServiceRpc::ListScenes(grpc::CallbackServerContext* call,
                                                       const v1::ListScenesRequest* request,
                                                       v1::ListScenesResponse* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
-    ASSIGN_OR_RETURN(const PageRequest page,
-                     PageFromProto(request->page_size(), request->page_token()));
-    ASSIGN_OR_RETURN(const Page<SceneRow> scenes,
-                     context_.store->scenes().ListScenes(page, unary.caller.visible_project()));
-    for (const SceneRow& row : scenes.rows) {
-      RETURN_IF_ERROR(FillScene(row, unary.caller, response->add_scenes()));
-    }
-    response->set_next_page_token(scenes.next_page_token);
-    return absl::OkStatus();
-  });
+  return runner_.Run(
+      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall& unary) {
+        ASSIGN_OR_RETURN(const PageRequest page,
+                         PageFromProto(request->page_size(), request->page_token()));
+        ASSIGN_OR_RETURN(const Page<SceneRow> scenes,
+                         store_.scenes().ListScenes(page, unary.caller.visible_project()));
+        for (const SceneRow& row : scenes.rows) {
+          RETURN_IF_ERROR(FillScene(row, unary.caller, response->add_scenes()));
+        }
+        response->set_next_page_token(scenes.next_page_token);
+        return absl::OkStatus();
+      });
 }
 
 grpc::ServerUnaryReactor* SceneServiceRpc::DeleteScene(grpc::CallbackServerContext* call,
                                                        const v1::DeleteSceneRequest* request,
                                                        google::protobuf::Empty*) {
-  return RunOnPool({call, request}, context_, [this, request](const UnaryCall&) {
+  return runner_.Run(runner_.pools().io, {call, request}, [this, request](const UnaryCall&) {
     const auto scene = ParseSceneName(request->name(), "name");
     RETURN_IF_ERROR(scene.status());
-    return DeleteWithRemains(context_, *scene);
+    return DeleteWithRemains(*scene);
   });
 }
 
 grpc::ServerUnaryReactor* SceneServiceRpc::ListViews(grpc::CallbackServerContext* call,
                                                      const v1::ListViewsRequest* request,
                                                      v1::ListViewsResponse* response) {
-  return RunOnQueryPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    ASSIGN_OR_RETURN(const PageRequest page,
-                     PageFromProto(request->page_size(), request->page_token()));
-    ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context_, request->parent(), "parent"));
-    return FillViews(model.segmenter->model(), page, response);
-  });
+  return runner_.Run(
+      runner_.pools().query, {call, request}, [this, request, response](const UnaryCall&) {
+        ASSIGN_OR_RETURN(const PageRequest page,
+                         PageFromProto(request->page_size(), request->page_token()));
+        ASSIGN_OR_RETURN(const ResidentModel model, models_.Load(request->parent(), "parent"));
+        return FillViews(model.segmenter->model(), page, response);
+      });
 }
 
 grpc::ServerUnaryReactor* SceneServiceRpc::GetModel(grpc::CallbackServerContext* call,
                                                     const v1::GetModelRequest* request,
                                                     v1::Model* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    const auto row = FindModel(context_, request->name(), "name");
-    RETURN_IF_ERROR(row.status());
-    *response = ToProto(*row);
-    return absl::OkStatus();
-  });
+  return runner_.Run(runner_.pools().io, {call, request},
+                     [this, request, response](const UnaryCall&) {
+                       const auto row = models_.Find(request->name(), "name");
+                       RETURN_IF_ERROR(row.status());
+                       *response = ToProto(*row);
+                       return absl::OkStatus();
+                     });
 }
 
 grpc::ServerUnaryReactor* SceneServiceRpc::DeleteModel(grpc::CallbackServerContext* call,
                                                        const v1::DeleteModelRequest* request,
                                                        google::protobuf::Empty*) {
-  return RunOnPool({call, request}, context_, [this, request](const UnaryCall&) {
-    return DeleteModelWithFiles(context_, request->name());
+  return runner_.Run(runner_.pools().io, {call, request}, [this, request](const UnaryCall&) {
+    return DeleteModelWithFiles(request->name());
   });
 }
 
 grpc::ServerUnaryReactor* SceneServiceRpc::ListModels(grpc::CallbackServerContext* call,
                                                       const v1::ListModelsRequest* request,
                                                       v1::ListModelsResponse* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
-    ASSIGN_OR_RETURN(const PageRequest page,
-                     PageFromProto(request->page_size(), request->page_token()));
-    ASSIGN_OR_RETURN(const Page<ModelRow> models, context_.store->models().ListModels(scene, page));
-    for (const ModelRow& row : models.rows) *response->add_models() = ToProto(row);
-    response->set_next_page_token(models.next_page_token);
-    return absl::OkStatus();
-  });
+  return runner_.Run(
+      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall&) {
+        ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
+        ASSIGN_OR_RETURN(const PageRequest page,
+                         PageFromProto(request->page_size(), request->page_token()));
+        ASSIGN_OR_RETURN(const Page<ModelRow> models, store_.models().ListModels(scene, page));
+        for (const ModelRow& row : models.rows) *response->add_models() = ToProto(row);
+        response->set_next_page_token(models.next_page_token);
+        return absl::OkStatus();
+      });
 }
 
 }  // namespace pepeseg

@@ -1,13 +1,18 @@
 #pragma once
 
 #include "pepeseg/v1/scene_service.grpc.pb.h"
-#include "server/rpc/service_context.h"
+#include "server/data/blob_store.h"
+#include "server/rpc/call_runner.h"
+#include "server/services/model_loader.h"
 
 namespace pepeseg {
 
+// Answers calls about scenes and their models.
 class SceneServiceRpc final : public v1::SceneService::CallbackService {
  public:
-  explicit SceneServiceRpc(const ServiceContext& context) : context_(context) {}
+  // All must outlive it.
+  SceneServiceRpc(const CallRunner& runner, ModelLoader& models, BlobStore& blobs)
+      : runner_(runner), models_(models), store_(models.store()), blobs_(blobs) {}
 
   grpc::ServerUnaryReactor* CreateScene(grpc::CallbackServerContext* call,
                                         const v1::CreateSceneRequest* request,
@@ -36,8 +41,14 @@ class SceneServiceRpc final : public v1::SceneService::CallbackService {
 
  private:
   absl::Status FillScene(const SceneRow& row, const Caller& caller, v1::Scene* scene) const;
+  // Deletes a scene or a model, and its files and models in memory.
+  absl::Status DeleteWithRemains(const std::string& scene);
+  absl::Status DeleteModelWithFiles(const std::string& name);
 
-  const ServiceContext context_;
+  const CallRunner& runner_;
+  ModelLoader& models_;
+  Store& store_;
+  BlobStore& blobs_;
 };
 
 }  // namespace pepeseg

@@ -1,54 +1,57 @@
 #include "server/services/segment_answer.h"
 
+#include <spdlog/spdlog.h>
+
+#include <optional>
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/prompt/propose_scales.h"
 #include "core/prompt/resolve_prompt.h"
-#include "server/api/encode_mask.h"
-#include "server/api/pixel_frame.h"
-#include "server/api/rows_to_proto.h"
-#include "server/services/answer_size.h"
-#include "server/services/model_lookup.h"
-#include "server/services/segment_question.h"
-#include "server/services/stopwatch.h"
+#include "server/api/client_error.h"
+#include "server/api/convert.h"
+#include "server/api/error.h"
+#include "server/api/request_image.h"
+#include "server/api/segment_request.h"
 
 namespace pepeseg {
-namespace {
 
-v1::ProposeScalesResponse::Kind ProtoKind(ProposalKind kind) {
-  switch (kind) {
-    case ProposalKind::kUnnamed:
-      break;
-    case ProposalKind::kPart:
-      return v1::ProposeScalesResponse::KIND_PART;
-    case ProposalKind::kObject:
-      return v1::ProposeScalesResponse::KIND_OBJECT;
-    case ProposalKind::kGroup:
-      return v1::ProposeScalesResponse::KIND_GROUP;
-  }
-  return v1::ProposeScalesResponse::KIND_UNSPECIFIED;
+absl::Duration Stopwatch::Lap() {
+  const absl::Time now = absl::Now();
+  const absl::Duration lap = now - start_;
+  start_ = now;
+  return lap;
 }
 
-}  // namespace
+absl::Status CheckAnswerSize(size_t num_bytes) {
+  if (num_bytes <= kAnswerBytes) return absl::OkStatus();
+  v1::ErrorDetail detail;
+  detail.set_reason("ANSWER_TOO_LARGE");
+  detail.set_value(absl::StrCat(num_bytes, " bytes"));
+  detail.set_limit(absl::StrCat(kAnswerBytes, " bytes"));
+  return WithDetail(absl::ResourceExhaustedError(absl::StrCat(
+                        "the answer has over ", kAnswerBytes, " bytes: ask for fewer views, for ",
+                        "frame PIXEL_FRAME_VIEW, or for a smaller max_side")),
+                    detail);
+}
 
-// One view after the other, so that a client that is gone costs no more than one of them.
-absl::Status AnswerSegment(const QueryCall& call, const ServiceContext& context,
-                           const v1::SegmentRequest& request, v1::SegmentResponse* response) {
+absl::Status SegmentAnswers::Segment(const QueryCall& call, const v1::SegmentRequest& request,
+                                     v1::SegmentResponse* response) const {
   Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(const ResidentModel model,
-                   LoadModelWithFeatures(context, request.model(), "model"));
+  ASSIGN_OR_RETURN(const ResidentModel model, models_.LoadWithFeatures(request.model(), "model"));
   *response->mutable_timing()->mutable_queue() = ToProto(call.queued);
   *response->mutable_timing()->mutable_load() = ToProto(stopwatch.Lap());
-  ASSIGN_OR_RETURN(const SegmentQuestion question, ReadQuestion(context, model, request));
+  const SegmentRequestReader reader(model.segmenter->model(), model.row, models_.store());
+  ASSIGN_OR_RETURN(const SegmentQuery asked, reader.Read(request));
   ASSIGN_OR_RETURN(const Query query,
-                   ResolvePrompt(*model.segmenter, question.prompt, question.granularity));
+                   ResolvePrompt(*model.segmenter, asked.prompt, asked.granularity));
   absl::Duration compute;
   absl::Duration encode;
   size_t num_bytes = 0;
   AnswerFrame frame(request.frame());
-  for (const ModelView& target : question.targets) {
+  for (const ModelView& target : asked.targets) {
     if (call.given_up()) return absl::CancelledError("nobody waits for the answer any more");
     ASSIGN_OR_RETURN(auto results,
                      model.segmenter->Segment(query, {&target, 1}, request.want_similarity()));
@@ -69,38 +72,82 @@ absl::Status AnswerSegment(const QueryCall& call, const ServiceContext& context,
   return absl::OkStatus();
 }
 
-absl::Status AnswerProposeScales(const UnaryCall& call, const ServiceContext& context,
-                                 const v1::ProposeScalesRequest& request,
-                                 v1::ProposeScalesResponse* response) {
+absl::Status SegmentAnswers::ProposeScales(const UnaryCall& call,
+                                           const v1::ProposeScalesRequest& request,
+                                           v1::ProposeScalesResponse* response) const {
   Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(const ResidentModel model,
-                   LoadModelWithFeatures(context, request.model(), "model"));
+  ASSIGN_OR_RETURN(const ResidentModel model, models_.LoadWithFeatures(request.model(), "model"));
   v1::QueryTiming& timing = *response->mutable_timing();
   *timing.mutable_queue() = ToProto(call.queued);
   *timing.mutable_load() = ToProto(stopwatch.Lap());
   RETURN_IF_ERROR(call.CheckWanted());  // a load takes long
-  ASSIGN_OR_RETURN(const ProposalQuestion question, ReadQuestion(context, model, request));
+  const SegmentRequestReader reader(model.segmenter->model(), model.row, models_.store());
+  ASSIGN_OR_RETURN(const ProposalQuery query, reader.Read(request));
   ASSIGN_OR_RETURN(
       const ScaleProposals proposals,
-      ProposeScales(*model.segmenter, question.view, question.points, question.max_proposals));
+      pepeseg::ProposeScales(*model.segmenter, query.view, query.points, query.max_proposals));
   *timing.mutable_compute() = ToProto(stopwatch.Lap());
   AnswerFrame frame(request.frame());
   for (const ScaleProposal& proposal : proposals.ladder) {
     v1::ProposeScalesResponse::Proposal& out = *response->add_proposals();
-    out.set_scale_quantile(proposal.result.scale);
-    out.set_threshold(proposal.result.threshold);
-    out.set_scale_units(proposal.result.scale_units);
-    out.set_support(proposal.support);
-    out.set_stability(proposal.stability);
-    out.set_kind(ProtoKind(proposal.kind));
+    out = ProposalToProto(proposal);
     ASSIGN_OR_RETURN(*out.mutable_mask(),
-                     EncodeMask(question.view.name, frame.Take(question.view, proposal.result),
+                     EncodeMask(query.view.name, frame.Take(query.view, proposal.result),
                                 request.mask_encoding()));
   }
   *timing.mutable_encode() = ToProto(stopwatch.Lap());
   response->set_best(proposals.best);
   response->set_model(model.name);
   return CheckAnswerSize(response->ByteSizeLong());
+}
+
+absl::Status SegmentStreamCall::Authorize(v1::SegmentStreamRequest& request) {
+  const auto caller = runner_.authorizer().AuthorizeAndResolve(origin_, request);
+  if (!caller.ok()) return caller.status();
+  project_ = caller->project;
+  absl::Status status;
+  if (!admitted_) status = Admit(OwnerOf(*caller, origin_));
+  admitted_ = status.ok();
+  return status;
+}
+
+bool SegmentStreamCall::Answer(const v1::SegmentStreamRequest& request) {
+  const QueryCall call = {absl::ZeroDuration(), [this] { return cancelled() || superseded(); }};
+  message_.Clear();
+  message_.set_sequence(request.sequence());
+  const absl::Time start = absl::Now();
+  absl::Status status = runner_.quotas().Admit(project_, request);
+  if (status.ok()) {
+    status = SegmentAnswers(models_).Segment(call, request.segment(), message_.mutable_segment());
+  }
+  if (absl::IsCancelled(status)) return false;
+  const absl::Time end = absl::Now();
+  runner_.pools().query.latencies().Record(end - start, end);
+  if (status.ok()) return true;
+  *message_.mutable_error() = ToProto(status);
+  const ClientErrorRules rules = {models_.data_folder(), origin_.request_id};
+  if (HidePrivateText(rules, *message_.mutable_error())) {
+    spdlog::warn("SegmentStream: {}, request {}", status.ToString(), origin_.request_id);
+  }
+  return true;
+}
+
+Stream::Step SegmentStreamCall::Work(bool) {
+  std::optional<v1::SegmentStreamRequest> request = TakeNewest();
+  if (request || !admitted_) {
+    v1::SegmentStreamRequest none;
+    absl::Status status = Authorize(request ? *request : none);
+    if (!status.ok()) return {Next::kEnd, std::move(status)};
+  }
+  asked_ = asked_ || request.has_value();
+  const absl::Duration first_message = runner_.streams().limits().first_message;
+  if (!asked_ && absl::Now() - begin_ > first_message) {
+    return {Next::kEnd, TooSlowError(first_message)};
+  }
+  if (!request) return {all_read() ? Next::kEnd : Next::kIdle, absl::OkStatus()};
+  if (Answer(*request)) return {Next::kIo, absl::OkStatus()};
+  Wake();  // for the newer request
+  return {Next::kIdle, absl::OkStatus()};
 }
 
 }  // namespace pepeseg

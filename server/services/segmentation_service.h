@@ -1,13 +1,24 @@
 #pragma once
 
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
-#include "server/rpc/service_context.h"
+#include "server/rpc/call_runner.h"
+#include "server/services/export_selection.h"
+#include "server/services/model_loader.h"
+#include "server/services/render_answer.h"
+#include "server/services/segment_answer.h"
+#include "server/services/selection_answer.h"
+#include "server/services/selections.h"
 
 namespace pepeseg {
 
+// Answers queries of models in memory. Each call is answered on a thread of the pool for its kind
+// of work: `io` where only the store is read, `evaluation` where computing takes minutes, else
+// `query`.
 class SegmentationServiceRpc final : public v1::SegmentationService::CallbackService {
  public:
-  explicit SegmentationServiceRpc(const ServiceContext& context) : context_(context) {}
+  // Both must outlive it.
+  SegmentationServiceRpc(const CallRunner& runner, ModelLoader& models)
+      : runner_(runner), models_(models), selections_(models.store(), models.data_folder()) {}
 
   grpc::ServerUnaryReactor* Segment(grpc::CallbackServerContext* call,
                                     const v1::SegmentRequest* request,
@@ -57,7 +68,17 @@ class SegmentationServiceRpc final : public v1::SegmentationService::CallbackSer
       grpc::CallbackServerContext* call, const v1::ExportSelectionRequest* request) override;
 
  private:
-  const ServiceContext context_;
+  absl::Status AnswerEvaluate(const UnaryCall& call, const v1::EvaluateRequest& request,
+                              v1::EvaluateResponse* response) const;
+  absl::Status AnswerDecompose(const UnaryCall& call, const v1::DecomposeRequest& request,
+                               v1::DecomposeResponse* response) const;
+
+  const CallRunner& runner_;
+  ModelLoader& models_;
+  Selections selections_;
+  const SegmentAnswers segment_answers_{models_};
+  const RenderAnswers render_answers_{models_, selections_};
+  const SelectionAnswers selection_answers_{models_, selections_};
 };
 
 }  // namespace pepeseg

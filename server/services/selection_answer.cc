@@ -1,21 +1,19 @@
 #include "server/services/selection_answer.h"
 
+#include <optional>
 #include <string>
-#include <system_error>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/digest.h"
 #include "core/base/status_macros.h"
 #include "core/prompt/resolve_prompt.h"
 #include "core/select/gaussian_sets.h"
 #include "core/select/select_gaussians.h"
+#include "server/api/convert.h"
+#include "server/api/decomposition.h"
 #include "server/api/error.h"
-#include "server/api/resource_name.h"
 #include "server/api/rows_to_proto.h"
-#include "server/services/model_lookup.h"
-#include "server/services/read_prompt.h"
-#include "server/services/segment_lookup.h"
-#include "server/services/selection_lookup.h"
-#include "server/services/selection_record.h"
+#include "server/api/segment_request.h"
 
 namespace pepeseg {
 namespace {
@@ -54,26 +52,36 @@ absl::Status CheckSelect(const v1::SelectRequest& request) {
   return CheckRequestId(request.request_id());
 }
 
-absl::StatusOr<GaussianSet> SelectPrompted(const UnaryCall& call, const ServiceContext& context,
-                                           const ResidentModel& model,
-                                           const v1::SelectRequest& request) {
-  const Model& of = model.segmenter->model();
+// Sets request_id, and the digest by which a repeated request is recognised: of all other fields,
+// and of the type, since requests of two types may have the same bytes.
+template <typename Request>
+void SetRequest(Request request, SelectionRow* row) {
+  row->request_id = request.request_id();
+  request.clear_request_id();
+  row->request_digest = Sha256Hex(request.GetTypeName() + "\n" + request.SerializeAsString());
+}
+
+}  // namespace
+
+absl::StatusOr<GaussianSet> SelectionAnswers::SelectPrompted(
+    const UnaryCall& call, const ResidentModel& model, const v1::SelectRequest& request) const {
+  const SegmentRequestReader reader(model.segmenter->model(), model.row, models_.store());
   SelectTask task;
-  ASSIGN_OR_RETURN(task.prompt, ReadPrompt(context, model, request.prompt(), request.frame()));
+  ASSIGN_OR_RETURN(task.prompt, reader.ReadPrompt(request.prompt(), request.frame()));
   ASSIGN_OR_RETURN(const Granularity granularity,
-                   ReadGranularity(request.granularity(), of, "granularity"));
+                   reader.ReadGranularity(request.granularity(), "granularity"));
   ASSIGN_OR_RETURN(task.query, ResolvePrompt(*model.segmenter, task.prompt, granularity));
   if (request.num_views() != 0) task.num_views = request.num_views();
   task.keep_disconnected = request.keep_disconnected();
   return SelectGaussians(*model.segmenter, task, [&] { return call.CheckWanted(); });
 }
 
-absl::StatusOr<GaussianSet> SelectSource(const UnaryCall& call, const ServiceContext& context,
-                                         const ResidentModel& model,
-                                         const v1::SelectRequest& request) {
+absl::StatusOr<GaussianSet> SelectionAnswers::SelectSource(const UnaryCall& call,
+                                                           const ResidentModel& model,
+                                                           const v1::SelectRequest& request) const {
   switch (request.source_case()) {
     case v1::SelectRequest::kPrompt:
-      return SelectPrompted(call, context, model, request);
+      return SelectPrompted(call, model, request);
     case v1::SelectRequest::kSegment:
       return FindSegment(*model.segmenter, request.segment(), "segment");
     default:
@@ -81,39 +89,35 @@ absl::StatusOr<GaussianSet> SelectSource(const UnaryCall& call, const ServiceCon
   }
 }
 
-}  // namespace
-
-absl::Status AnswerSelect(const UnaryCall& call, const ServiceContext& context,
-                          const v1::SelectRequest& request, v1::Selection* response) {
+absl::Status SelectionAnswers::Select(const UnaryCall& call, const v1::SelectRequest& request,
+                                      v1::Selection* response) const {
   ASSIGN_OR_RETURN(const SceneChild named, ParseModelName(request.model(), "model"));
   RETURN_IF_ERROR(CheckSelect(request));
   SelectionRow row;
   row.scene = named.scene;
   SetRequest(request, &row);
-  ASSIGN_OR_RETURN(const auto earlier, FindEarlier(context, row));
+  ASSIGN_OR_RETURN(const auto earlier, selections_.FindEarlier(row));
   if (earlier.has_value()) {
     *response = ToProto(*earlier);
     return absl::OkStatus();
   }
-  ASSIGN_OR_RETURN(const ResidentModel model,
-                   LoadModelWithFeatures(context, request.model(), "model"));
+  ASSIGN_OR_RETURN(const ResidentModel model, models_.LoadWithFeatures(request.model(), "model"));
   RETURN_IF_ERROR(call.CheckWanted());
   GaussianSet base;
   if (!request.base().empty()) {
-    ASSIGN_OR_RETURN(base, FindSelection(context, request.base(), model.row, "base"));
+    ASSIGN_OR_RETURN(base, selections_.Find(request.base(), model.row, "base"));
     ASSIGN_OR_RETURN(const SceneChild of, ParseChildName(request.base(), "selections", "base"));
     row.base = of.number;
   }
-  ASSIGN_OR_RETURN(const GaussianSet added, SelectSource(call, context, model, request));
+  ASSIGN_OR_RETURN(const GaussianSet added, SelectSource(call, model, request));
   ASSIGN_OR_RETURN(const GaussianSet set, Apply(request.operation(), base, added));
-  ASSIGN_OR_RETURN(row, RecordSelection(context, model, set, row));
+  ASSIGN_OR_RETURN(row, selections_.Record(model, set, row));
   *response = ToProto(row);
   return absl::OkStatus();
 }
 
-absl::Status AnswerCombineSelections(const ServiceContext& context,
-                                     const v1::CombineSelectionsRequest& request,
-                                     v1::Selection* response) {
+absl::Status SelectionAnswers::Combine(const v1::CombineSelectionsRequest& request,
+                                       v1::Selection* response) const {
   RETURN_IF_ERROR(CheckOperation(request.operation(), false));
   RETURN_IF_ERROR(CheckRequestId(request.request_id()));
   ASSIGN_OR_RETURN(const SceneChild first, ParseChildName(request.first(), "selections", "first"));
@@ -121,65 +125,59 @@ absl::Status AnswerCombineSelections(const ServiceContext& context,
   row.scene = first.scene;
   row.base = first.number;
   SetRequest(request, &row);
-  ASSIGN_OR_RETURN(const auto earlier, FindEarlier(context, row));
+  ASSIGN_OR_RETURN(const auto earlier, selections_.FindEarlier(row));
   if (earlier.has_value()) {
     *response = ToProto(*earlier);
     return absl::OkStatus();
   }
-  ASSIGN_OR_RETURN(const SelectionRow base, FindSelectionRow(context, request.first(), "first"));
+  ASSIGN_OR_RETURN(const SelectionRow base, selections_.FindRow(request.first(), "first"));
   const SceneChild of = {base.scene, base.model};
-  ASSIGN_OR_RETURN(const GaussianSet a, FindSelection(context, request.first(), of, "first"));
-  ASSIGN_OR_RETURN(const GaussianSet b, FindSelection(context, request.second(), of, "second"));
+  ASSIGN_OR_RETURN(const GaussianSet a, selections_.Find(request.first(), of, "first"));
+  ASSIGN_OR_RETURN(const GaussianSet b, selections_.Find(request.second(), of, "second"));
   ASSIGN_OR_RETURN(const GaussianSet set, Apply(request.operation(), a, b));
   ASSIGN_OR_RETURN(const ResidentModel model,
-                   LoadModel(context, KeyedChildName(of.scene, "models", of.number), "first"));
-  ASSIGN_OR_RETURN(row, RecordSelection(context, model, set, row));
+                   models_.Load(KeyedChildName(of.scene, "models", of.number), "first"));
+  ASSIGN_OR_RETURN(row, selections_.Record(model, set, row));
   *response = ToProto(row);
   return absl::OkStatus();
 }
 
-absl::Status AnswerUndoSelection(const ServiceContext& context,
-                                 const v1::UndoSelectionRequest& request, v1::Selection* response) {
-  ASSIGN_OR_RETURN(const SelectionRow row, FindSelectionRow(context, request.name(), "name"));
+absl::Status SelectionAnswers::Undo(const v1::UndoSelectionRequest& request,
+                                    v1::Selection* response) const {
+  ASSIGN_OR_RETURN(const SelectionRow row, selections_.FindRow(request.name(), "name"));
   if (row.base == 0) {
     return WithResource(absl::FailedPreconditionError(
                             absl::StrCat(request.name(), " was not made from another selection")),
                         "NO_BASE", request.name());
   }
   const std::string base_name = KeyedChildName(row.scene, "selections", row.base);
-  ASSIGN_OR_RETURN(const SelectionRow base, FindSelectionRow(context, base_name, "name"));
+  ASSIGN_OR_RETURN(const SelectionRow base, selections_.FindRow(base_name, "name"));
   *response = ToProto(base);
   return absl::OkStatus();
 }
 
-absl::Status AnswerGetSelection(const ServiceContext& context,
-                                const v1::GetSelectionRequest& request, v1::Selection* response) {
-  ASSIGN_OR_RETURN(const SelectionRow row, FindSelectionRow(context, request.name(), "name"));
+absl::Status SelectionAnswers::Get(const v1::GetSelectionRequest& request,
+                                   v1::Selection* response) const {
+  ASSIGN_OR_RETURN(const SelectionRow row, selections_.FindRow(request.name(), "name"));
   *response = ToProto(row);
   return absl::OkStatus();
 }
 
-absl::Status AnswerListSelections(const ServiceContext& context,
-                                  const v1::ListSelectionsRequest& request,
-                                  v1::ListSelectionsResponse* response) {
+absl::Status SelectionAnswers::List(const v1::ListSelectionsRequest& request,
+                                    v1::ListSelectionsResponse* response) const {
   ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
   ASSIGN_OR_RETURN(const Page<SelectionRow> rows,
-                   context.store->selections().ListSelections(scene, page));
+                   models_.store().selections().ListSelections(scene, page));
   for (const SelectionRow& row : rows.rows) *response->add_selections() = ToProto(row);
   response->set_next_page_token(rows.next_page_token);
   return absl::OkStatus();
 }
 
-absl::Status AnswerDeleteSelection(const ServiceContext& context,
-                                   const v1::DeleteSelectionRequest& request) {
-  ASSIGN_OR_RETURN(const SelectionRow row, FindSelectionRow(context, request.name(), "name"));
-  RETURN_IF_ERROR(context.store->selections().DeleteSelection(row.scene, row.number));
-  // The selection is gone already: a file that cannot be removed only costs space.
-  std::error_code ignored;
-  std::filesystem::remove(context.data_folder / row.file, ignored);
-  return absl::OkStatus();
+absl::Status SelectionAnswers::Delete(const v1::DeleteSelectionRequest& request) const {
+  ASSIGN_OR_RETURN(const SelectionRow row, selections_.FindRow(request.name(), "name"));
+  return selections_.Delete(row);
 }
 
 }  // namespace pepeseg

@@ -2,26 +2,38 @@
 
 #include "absl/status/status.h"
 #include "pepeseg/v1/selection.pb.h"
-#include "server/rpc/service_context.h"
-#include "server/rpc/unary.h"
+#include "server/rpc/call_runner.h"
+#include "server/services/model_loader.h"
+#include "server/services/selections.h"
 
-// Answers to calls about selections, with the errors of the contract. All of them block; the first
-// two compute.
 namespace pepeseg {
 
-absl::Status AnswerSelect(const UnaryCall& call, const ServiceContext& context,
-                          const v1::SelectRequest& request, v1::Selection* response);
-absl::Status AnswerCombineSelections(const ServiceContext& context,
-                                     const v1::CombineSelectionsRequest& request,
-                                     v1::Selection* response);
-absl::Status AnswerUndoSelection(const ServiceContext& context,
-                                 const v1::UndoSelectionRequest& request, v1::Selection* response);
-absl::Status AnswerGetSelection(const ServiceContext& context,
-                                const v1::GetSelectionRequest& request, v1::Selection* response);
-absl::Status AnswerListSelections(const ServiceContext& context,
-                                  const v1::ListSelectionsRequest& request,
-                                  v1::ListSelectionsResponse* response);
-absl::Status AnswerDeleteSelection(const ServiceContext& context,
-                                   const v1::DeleteSelectionRequest& request);
+// Answers SegmentationService's calls about selections. All of them block; Select and Combine also
+// load a model and compute, so they belong on the query pool.
+class SelectionAnswers {
+ public:
+  // Both must outlive it.
+  SelectionAnswers(ModelLoader& models, Selections& selections)
+      : models_(models), selections_(selections) {}
+
+  absl::Status Select(const UnaryCall& call, const v1::SelectRequest& request,
+                      v1::Selection* response) const;
+  absl::Status Combine(const v1::CombineSelectionsRequest& request, v1::Selection* response) const;
+  absl::Status Undo(const v1::UndoSelectionRequest& request, v1::Selection* response) const;
+  absl::Status Get(const v1::GetSelectionRequest& request, v1::Selection* response) const;
+  absl::Status List(const v1::ListSelectionsRequest& request,
+                    v1::ListSelectionsResponse* response) const;
+  absl::Status Delete(const v1::DeleteSelectionRequest& request) const;
+
+ private:
+  // Return the Gaussians that a request selects, by a prompt or as a segment.
+  absl::StatusOr<GaussianSet> SelectPrompted(const UnaryCall& call, const ResidentModel& model,
+                                             const v1::SelectRequest& request) const;
+  absl::StatusOr<GaussianSet> SelectSource(const UnaryCall& call, const ResidentModel& model,
+                                           const v1::SelectRequest& request) const;
+
+  ModelLoader& models_;
+  Selections& selections_;
+};
 
 }  // namespace pepeseg

@@ -10,12 +10,13 @@
 
 namespace pepeseg {
 
-// What a client may call a file: relative, '/' between non-empty parts that are neither "." nor
-// "..", UTF-8 without control characters or '\', at most 512 bytes. INVALID_ARGUMENT names `field`.
+// Returns INVALID_ARGUMENT, which names `field`, unless a client may give a file this path:
+// relative, with '/' between parts that are neither empty nor "." nor "..", UTF-8 without control
+// characters and '\', of at most 512 bytes.
 absl::Status CheckUploadPath(const std::string& path, const std::string& field);
 
-// The files of a CreateUpload, checked against the limits that dataset_service.proto states; none
-// is `stored` yet.
+// Returns the records of the files of a CreateUpload, none of them `stored`. INVALID_ARGUMENT: they
+// exceed the limits in dataset_service.proto.
 absl::StatusOr<std::vector<DatasetFileRow>> CheckUploadFiles(
     const v1::CreateUploadRequest& request);
 

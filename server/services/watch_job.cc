@@ -5,9 +5,11 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
+#include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/api/resource_name.h"
 #include "server/api/rows_to_proto.h"
+#include "server/rpc/stream_registry.h"
 
 namespace pepeseg {
 namespace {
@@ -19,7 +21,7 @@ bool IsTerminal(v1::JobState state) {
   return state != v1::JOB_STATE_QUEUED && state != v1::JOB_STATE_RUNNING;
 }
 
-// What a client gets to know of why a job stands still; the log has the rest.
+// Returns what a client may know about why a job is held up; the log has the details.
 absl::Status HeldUpError(const std::string& job, const absl::Status& obstacle) {
   const bool full = absl::IsResourceExhausted(obstacle);
   const bool away = absl::IsUnavailable(obstacle);
@@ -39,10 +41,11 @@ absl::Status HeldUpError(const std::string& job, const absl::Status& obstacle) {
 
 }  // namespace
 
-absl::StatusOr<JobSnapshot> ReadJob(const ServiceContext& context, const std::string& id) {
-  // Events first: a row that is newer than the sequence only means that an event repeats it.
-  const auto newest = context.supervisor->FindNewest(id);
-  const auto row = context.store->jobs().GetJob(id);
+absl::StatusOr<JobSnapshot> ReadJob(Store& store, const Supervisor& supervisor,
+                                    const std::string& id) {
+  // Events before the record: if the record is newer, an event only repeats what it says.
+  const auto newest = supervisor.FindNewest(id);
+  const auto row = store.jobs().GetJob(id);
   if (absl::IsNotFound(row.status())) {
     return WithResource(row.status(), "NO_SUCH_JOB", JobName(id));
   }
@@ -54,14 +57,14 @@ absl::StatusOr<JobSnapshot> ReadJob(const ServiceContext& context, const std::st
 }
 
 absl::Status WatchJobStream::Start() {
-  ASSIGN_OR_RETURN(const Caller caller, context_.authorizer->Authorize(origin_, request_));
+  ASSIGN_OR_RETURN(const Caller caller, parts_.runner.authorizer().Authorize(origin_, request_));
   RETURN_IF_ERROR(Admit(OwnerOf(caller, origin_)));
   ASSIGN_OR_RETURN(id_, ParseJobName(request_.name(), "name"));
-  // Before the snapshot, so that nothing falls between.
-  watch_ = context_.supervisor->AddWatch(id_, [weak = weak_from_this()] {
+  // Before the snapshot, so that no event is missed in between.
+  watch_ = parts_.supervisor.AddWatch(id_, [weak = weak_from_this()] {
     if (const auto stream = weak.lock()) stream->Wake();
   });
-  ASSIGN_OR_RETURN(JobSnapshot snapshot, ReadJob(context_, id_));
+  ASSIGN_OR_RETURN(JobSnapshot snapshot, ReadJob(parts_.store, parts_.supervisor, id_));
   sequence_ = snapshot.sequence;
   if (request_.has_after_sequence()) {
     const int64_t after = request_.after_sequence();
@@ -82,7 +85,7 @@ absl::Status WatchJobStream::Start() {
     }
     sequence_ = after;
   }
-  reader_.emplace(context_.supervisor->ReadEvents(id_, sequence_));
+  reader_.emplace(parts_.supervisor.ReadEvents(id_, sequence_));
   SeeState(snapshot.job.state());
   v1::JobEvent event;
   event.set_sequence(sequence_);
@@ -93,7 +96,7 @@ absl::Status WatchJobStream::Start() {
 }
 
 absl::StatusOr<int64_t> WatchJobStream::FindNewestInLog(int64_t seen) const {
-  EventLogReader reader = context_.supervisor->ReadEvents(id_, seen);
+  EventLogReader reader = parts_.supervisor.ReadEvents(id_, seen);
   while (true) {
     ASSIGN_OR_RETURN(const std::vector<v1::JobEvent> events, reader.Read());
     if (events.empty()) return seen;
@@ -141,12 +144,13 @@ Stream::Step WatchJobStream::Send(v1::JobEvent event) {
 }
 
 Stream::Step WatchJobStream::SendHeartbeatWhenDue() {
-  const absl::Status obstacle = context_.supervisor->FindObstacle(id_, queued_);
+  const absl::Status obstacle = parts_.supervisor.FindObstacle(id_, queued_);
   if (obstacle.ok() && absl::Now() - last_send_ < kHeartbeat) {
     return {Next::kIdle, absl::OkStatus()};
   }
-  // An end whose event a crash has lost, or cannot be written, must not keep its watchers for ever.
-  auto snapshot = ReadJob(context_, id_);
+  // If a crash has lost the last event, or it cannot be written, the record says that the job
+  // ended.
+  auto snapshot = ReadJob(parts_.store, parts_.supervisor, id_);
   if (!snapshot.ok()) return {Next::kEnd, snapshot.status()};
   v1::JobEvent event;
   event.set_sequence(sequence_);

@@ -1,35 +1,45 @@
 #pragma once
 
+#include <cstdint>
 #include <deque>
 #include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 
+#include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "pepeseg/v1/job_service.pb.h"
-#include "server/rpc/service_context.h"
+#include "server/jobs/supervisor.h"
+#include "server/rpc/call_runner.h"
 #include "server/rpc/stream.h"
+#include "server/store/store.h"
 
 namespace pepeseg {
 
-// A job as GetJob answers it, with its newest progress, and the sequence of its newest event.
-// Blocks on the store and the event log.
 struct JobSnapshot {
-  v1::Job job;
-  int64_t sequence = 0;
+  v1::Job job;           // with its newest progress
+  int64_t sequence = 0;  // of its newest event
 };
-absl::StatusOr<JobSnapshot> ReadJob(const ServiceContext& context, const std::string& id);
+// Reads a job as GetJob answers it. Blocks on the store and the event log. NOT_FOUND.
+absl::StatusOr<JobSnapshot> ReadJob(Store& store, const Supervisor& supervisor,
+                                    const std::string& id);
 
-// A WatchJob call: a snapshot, then what the job's event log gets. Whatever came while a message
-// was on its way to a slow reader is read at once, and only its newest progress sent. Ends with
-// UNAVAILABLE when the job stands still because the server cannot write its start or end.
+// A WatchJob call: sends a snapshot, then the events of the job's log as they come. Events that
+// came while a slow reader took a message are read together, and only the newest progress of them
+// is sent. Ends with UNAVAILABLE if the job is held up because the server cannot write its start or
+// end.
 class WatchJobStream final : public WriteStream<v1::JobEvent> {
  public:
-  WatchJobStream(const ServiceContext& context, CallOrigin origin,
-                 const v1::WatchJobRequest& request)
-      : WriteStream(context.streams, context.pool),
-        context_(context),
+  // What the stream works on; it must outlive the stream.
+  struct Parts {
+    const CallRunner& runner;
+    Store& store;
+    Supervisor& supervisor;
+  };
+  WatchJobStream(const Parts& parts, CallOrigin origin, const v1::WatchJobRequest& request)
+      : WriteStream(&parts.runner.streams(), &parts.runner.pools().io),
+        parts_(parts),
         origin_(std::move(origin)),
         request_(request) {}
 
@@ -37,16 +47,19 @@ class WatchJobStream final : public WriteStream<v1::JobEvent> {
   Step Work(bool io_ok) override;
   void OnClosed() override { watch_.reset(); }
 
+  // Authorises the call and prepares the snapshot.
   absl::Status Start();
-  // Returns the sequence of the newest event in the log, of which the supervisor has seen those up
-  // to `seen`: a watcher of an end may ask again before the supervisor has read it.
+  // Returns the sequence of the newest event in the log. `seen`: the newest event that the
+  // supervisor has read, which can be older: a client that has seen the last event may call again
+  // at once.
   absl::StatusOr<int64_t> FindNewestInLog(int64_t seen) const;
+  // Reads the events that are new in the log into `pending_`.
   absl::Status ReadMore();
   Step Send(v1::JobEvent event);
   Step SendHeartbeatWhenDue();
   void SeeState(v1::JobState state);
 
-  const ServiceContext context_;
+  const Parts parts_;
   const CallOrigin origin_;
   const v1::WatchJobRequest request_;
   std::string id_;
@@ -54,7 +67,7 @@ class WatchJobStream final : public WriteStream<v1::JobEvent> {
   std::optional<EventLogReader> reader_;
   std::deque<v1::JobEvent> pending_;
   int64_t sequence_ = 0;  // of the last event sent
-  // The job, as far as the client was told.
+  // State of the job as last sent to the client.
   bool queued_ = false, ended_ = false;
   absl::Time last_send_;
 };

@@ -12,8 +12,8 @@ namespace pepeseg {
 namespace {
 
 constexpr size_t kMaxChunkBytes = size_t{4} << 20;
-// Bytes of a file that may come before the stream finds out that its upload was deleted. They count
-// in no quota.
+// Bytes that may be received before the stream looks whether its upload was deleted. Until then
+// they count against no quota.
 constexpr int64_t kCheckedBytes = int64_t{32} << 20;
 
 absl::Status OutOfOrder(const std::string& what) {
@@ -32,15 +32,15 @@ absl::Status BusyFile(const std::string& path) {
                     detail);
 }
 
-// Commits what has ended, and keeps what came of the file on its way unless the upload is gone.
-absl::Status Close(const ServiceContext& context, const UploadName& upload, WriteGroup group,
+// Commits the complete files. Keeps the part of the file that was being received, unless the upload
+// was deleted.
+absl::Status Close(const WriteFilesStream::Parts& parts, const UploadName& upload, WriteGroup group,
                    std::shared_ptr<BlobWriter> writer) {
-  absl::Status status = group.Commit(*context.store);
+  absl::Status status = group.Commit(parts.store);
   if (writer == nullptr) return status;
   writer.reset();
-  if (absl::IsNotFound(
-          context.store->datasets().GetDataset(upload.scene, upload.number).status())) {
-    context.blobs->RemovePartial(upload);
+  if (absl::IsNotFound(parts.store.datasets().GetDataset(upload.scene, upload.number).status())) {
+    parts.blobs.RemovePartial(upload);
   }
   return status;
 }
@@ -72,26 +72,26 @@ Stream::Step WriteFilesStream::Rehash() {
   absl::Status status = OfFile(file_.path, writer_->Rehash());
   if (!status.ok()) return End(std::move(status));
   if (writer_->ready()) return {Next::kIo, absl::OkStatus()};
-  Wake();  // once more, after what waits for the pool
+  Wake();  // again, after what waits for the pool
   return {Next::kIdle, absl::OkStatus()};
 }
 
 void WriteFilesStream::OnClosed() {
   if (writer_ == nullptr && group_.empty()) return;
-  // After the pool has stopped, no reaction is left to be held up.
-  context_.upload_pool->SubmitAlways([context = context_, upload = upload_,
-                                      group = std::move(group_),
-                                      writer = std::move(writer_)]() mutable {
-    Close(context, upload, std::move(group), std::move(writer)).IgnoreError();
+  // After the pool has stopped it drops the task, whose destructors then block here: nothing waits.
+  parts_.runner.pools().upload.SubmitAlways([parts = parts_, upload = upload_,
+                                             group = std::move(group_),
+                                             writer = std::move(writer_)]() mutable {
+    Close(parts, upload, std::move(group), std::move(writer)).IgnoreError();
   });
 }
 
 absl::Duration WriteFilesStream::io_limit() const {
-  return got_message_ ? absl::InfiniteDuration() : context_.streams->limits().first_message;
+  return got_message_ ? absl::InfiniteDuration() : parts_.runner.streams().limits().first_message;
 }
 
 absl::Status WriteFilesStream::BeginCall() {
-  ASSIGN_OR_RETURN(const Caller caller, context_.authorizer->Authorize(
+  ASSIGN_OR_RETURN(const Caller caller, parts_.runner.authorizer().Authorize(
                                             origin_, v1::WriteFilesRequest::default_instance()));
   caller_ = caller;
   return Admit(OwnerOf(caller, origin_));
@@ -99,20 +99,21 @@ absl::Status WriteFilesStream::BeginCall() {
 
 absl::Status WriteFilesStream::Authorize(v1::WriteFilesRequest& part) {
   if (!part.has_header()) return absl::OkStatus();
-  ASSIGN_OR_RETURN(caller_, context_.authorizer->AuthorizeAndResolve(origin_, part));
-  // A line for each upload, not for each of its files; at once, since a stream may be cut off.
+  ASSIGN_OR_RETURN(caller_, parts_.runner.authorizer().AuthorizeAndResolve(origin_, part));
+  // One line in the audit log for each upload, not for each file; now, since a stream may be cut
+  // off.
   if (named_.header().upload() != part.header().upload()) {
-    context_.authorizer->Record(origin_, *caller_, part, absl::OkStatus());
+    parts_.runner.authorizer().Record(origin_, *caller_, part, absl::OkStatus());
   }
   named_ = part;
   return absl::OkStatus();
 }
 
 Stream::Step WriteFilesStream::End(absl::Status status) {
-  // Keeps what came here, not in a reaction. Of two errors the first one is the cause.
-  status.Update(Close(context_, upload_, std::exchange(group_, {}), std::exchange(writer_, {})));
+  // Closes here, since OnClosed must not block. Of two errors the first one is the cause.
+  status.Update(Close(parts_, upload_, std::exchange(group_, {}), std::exchange(writer_, {})));
   if (!status.ok() && named_.has_header()) {
-    context_.authorizer->Record(origin_, *caller_, named_, status);
+    parts_.runner.authorizer().Record(origin_, *caller_, named_, status);
   }
   return {Next::kEnd, std::move(status)};
 }
@@ -132,11 +133,11 @@ absl::Status WriteFilesStream::BeginFile(const v1::WriteFilesRequest::Header& he
   ASSIGN_OR_RETURN(const SceneChild upload,
                    ParseChildName(header.upload(), "uploads", "header.upload"));
   RETURN_IF_ERROR(FindFile(header, upload));
-  // The bytes that an ended file of the group has are as good as stored.
+  // A file with the same bytes may be complete and wait in the group: then they need not be sent.
   if (group_.Holds(file_.sha256, file_.size)) {
     writer_ = nullptr;
   } else {
-    auto writer = context_.blobs->Begin(upload_, file_.sha256, file_.size);
+    auto writer = parts_.blobs.Begin(upload_, file_.sha256, file_.size);
     if (absl::IsAborted(writer.status())) return BusyFile(file_.path);
     RETURN_IF_ERROR(OfFile(file_.path, writer.status()));
     writer_ = *std::move(writer);
@@ -148,19 +149,19 @@ absl::Status WriteFilesStream::BeginFile(const v1::WriteFilesRequest::Header& he
   return absl::OkStatus();
 }
 
-// Clients send files in the order of GetUpload, by path: a query for each hundred.
+// Clients send files in the order of GetUpload, by path, so that one read of the store serves many.
 absl::Status WriteFilesStream::FindFile(const v1::WriteFilesRequest::Header& header,
                                         const SceneChild& upload) {
   const std::string path(Utf8Prefix(header.path(), 512));
   const bool same = upload_.scene == upload.scene && upload_.number == upload.number;
-  if (!same) RETURN_IF_ERROR(group_.Commit(*context_.store));  // it is the other upload's
+  if (!same) RETURN_IF_ERROR(group_.Commit(parts_.store));  // the files are of the other upload
   if (!same || !listed_.contains(path)) {
     RETURN_IF_ERROR(ListFrom(path, header.upload(), upload));
   }
   const auto found = listed_.find(path);
   if (found == listed_.end()) {
-    // NOT_FOUND that names the upload and the file.
-    return context_.store->files().GetDatasetFile(upload.scene, upload.number, path).status();
+    // Returns NOT_FOUND with the names of the upload and the file.
+    return parts_.store.files().GetDatasetFile(upload.scene, upload.number, path).status();
   }
   file_ = found->second;
   return absl::OkStatus();
@@ -169,7 +170,7 @@ absl::Status WriteFilesStream::FindFile(const v1::WriteFilesRequest::Header& hea
 absl::Status WriteFilesStream::ListFrom(const std::string& path, const std::string& name,
                                         const SceneChild& upload) {
   constexpr int64_t kListed = 256;
-  Store& store = *context_.store;
+  Store& store = parts_.store;
   listed_.clear();
   ASSIGN_OR_RETURN(const DatasetRow row, store.datasets().GetDataset(upload.scene, upload.number));
   if (row.state == DatasetState::kSealed) {
@@ -184,7 +185,8 @@ absl::Status WriteFilesStream::ListFrom(const std::string& path, const std::stri
   return absl::OkStatus();
 }
 
-// Of a file that is stored already the bytes do not matter, but for their number.
+// Checks the offset at which the client starts. The bytes of a file that is stored already are not
+// looked at, so it may start anywhere.
 absl::Status WriteFilesStream::StartAt(const v1::WriteFilesRequest::Header& header) {
   const bool stored = writer_ == nullptr;
   if (stored && header.offset() >= 0 && header.offset() <= file_.size) return absl::OkStatus();
@@ -221,7 +223,7 @@ absl::Status WriteFilesStream::TakeChunk(const v1::WriteFilesRequest::Chunk& chu
   if (writer_ == nullptr) return absl::OkStatus();
   unchecked_bytes_ += static_cast<int64_t>(chunk.data().size());
   if (unchecked_bytes_ >= kCheckedBytes) {
-    RETURN_IF_ERROR(context_.store->datasets().GetDataset(upload_.scene, upload_.number).status());
+    RETURN_IF_ERROR(parts_.store.datasets().GetDataset(upload_.scene, upload_.number).status());
     unchecked_bytes_ = 0;
   }
   return writer_->Append(chunk.data());
@@ -233,7 +235,7 @@ absl::Status WriteFilesStream::EndFile() {
   in_file_ = false;
   response_->set_num_files(response_->num_files() + 1);
   response_->set_num_bytes(response_->num_bytes() + sent_bytes_);
-  return group_.due() ? group_.Commit(*context_.store) : absl::OkStatus();
+  return group_.due() ? group_.Commit(parts_.store) : absl::OkStatus();
 }
 
 }  // namespace pepeseg

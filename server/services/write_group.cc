@@ -26,11 +26,12 @@ namespace fs = std::filesystem;
 constexpr size_t kMaxGroupFiles = 128;  // each keeps a descriptor open
 constexpr int64_t kMaxBytes = int64_t{32} << 20;
 constexpr absl::Duration kMaxAge = absl::Seconds(1);
-// From this many files on one sync of the file system takes less time than one of each file. It
-// also waits for what others have written there, so that fewer files do not ask for it.
+// From this number of files on, one sync of the file system takes less time than a sync of each
+// file. It also waits for bytes that other programs have written, so it is not used for fewer
+// files.
 constexpr size_t kManyFiles = 16;
 
-// Since Linux 5.8 syncfs reports that bytes were lost.
+// Returns whether syncfs reports that bytes were lost: since Linux 5.8 it does.
 bool KernelReportsErrors() {
   utsname name{};
   int major = 0;
@@ -39,8 +40,8 @@ bool KernelReportsErrors() {
   return major > 5 || (major == 5 && minor >= 8);
 }
 
-// Whether syncfs does for all files what fsync does for one: on local file systems that are known
-// to. Those in user space and on networks may not.
+// Returns whether syncfs does for all files what fsync does for one. Local file systems that are
+// known to do so are listed; those in user space and on networks may not.
 bool SyncsAsAWhole(int descriptor) {
   static const bool reports = KernelReportsErrors();
   constexpr int64_t kXfs = 0x58465342;
@@ -51,7 +52,7 @@ bool SyncsAsAWhole(int descriptor) {
          type == TMPFS_MAGIC;
 }
 
-// The folders' new names.
+// Syncs the folders of the blobs, which makes their names durable.
 absl::Status SyncFolders(const std::vector<WriteGroup::File>& files) {
   std::set<fs::path> folders;
   for (const auto& file : files) {
@@ -106,14 +107,15 @@ absl::Status WriteGroup::Publish(std::vector<File>& files) {
     if (file.writer != nullptr) written.push_back(file.writer->descriptor());
   }
   const bool as_a_whole = written.size() >= kManyFiles && SyncsAsAWhole(written[0]);
-  // The first file was opened before any of the bytes were written, so that this sync reports the
-  // loss of any. Each file is then asked for itself: the others' bytes are there.
+  // The first file was opened before any of the bytes were written, so this sync reports the loss
+  // of any of them. If it fails, each file is synced by itself to find the one that is damaged.
   if (!as_a_whole || syncfs(written[0]) != 0) RETURN_IF_ERROR(Sync(files));
   for (const File& file : files) {
     if (file.writer != nullptr) RETURN_IF_ERROR(OfFile(file.row.path, file.writer->Publish()));
   }
   if (!as_a_whole || syncfs(written[0]) != 0) RETURN_IF_ERROR(SyncFolders(files));
-  // Read while it is in the system's memory. What cannot be read now is when a training needs it.
+  // Read now, while the bytes are in the page cache. A header that cannot be read is read again
+  // when a training needs it.
   for (File& file : files) {
     if (file.writer != nullptr) ReadFileHeader(file.writer->blob(), file.row).IgnoreError();
   }

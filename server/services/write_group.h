@@ -13,31 +13,30 @@
 
 namespace pepeseg {
 
-// Files of one upload that have come as a whole and are committed together: one sync of their
-// bytes, their new names, one sync of the folders, and one transaction. On a disk that takes 5 ms
-// for a sync, that is 15 ms for 128 files instead of for each.
+// Complete files of one upload that are committed together: one sync of their bytes, renames to
+// their final names, one sync of the folders, and one transaction. On a disk that takes 5 ms for a
+// sync, 128 files take 15 ms in a group instead of 15 ms each.
 //
-// A file counts once Commit has returned OK for it. Nothing of a group counts before, but a crash
-// in between leaves each file as a whole blob, as a partial file, or not at all. For one thread at
-// a time; Commit blocks.
+// A file is stored once Commit has returned OK. A crash before that leaves each file of the group
+// as a complete blob, as a partial file, or not at all. Not thread safe; Commit blocks.
 class WriteGroup {
  public:
   struct File {
     DatasetFileRow row;
-    std::shared_ptr<BlobWriter> writer;  // finished; null: the blob is there
+    std::shared_ptr<BlobWriter> writer;  // finished; null: the blob is stored already
   };
 
-  // To be committed before it takes more: 128 files, 32 MiB, or a second old.
+  // Returns whether the group must be committed: it has 128 files or 32 MiB, or is a second old.
   bool due() const;
   bool empty() const { return files_.empty(); }
-  // Files to be added must be of this upload.
+  // Returns the upload that all files of the group belong to.
   const UploadName& upload() const { return upload_; }
-  // Whether one of its files has these bytes.
+  // Returns whether a file of the group has these bytes.
   bool Holds(const std::string& sha256, int64_t size) const;
 
   void Add(const UploadName& upload, File file);
-  // Commits what was added, and starts anew. The error names the file at which it met it; which
-  // files count then is what GetUpload says.
+  // Commits the files and empties the group. An error names the file that failed; some files may
+  // have been stored all the same: GetUpload knows which.
   absl::Status Commit(Store& store);
 
  private:
@@ -50,7 +49,7 @@ class WriteGroup {
   absl::Time since_ = absl::InfiniteFuture();
 };
 
-// The client's name of the file in front of what went wrong with it, and as the error's resource.
+// Puts the client's name of a file before the message of an error, and into its detail.
 absl::Status OfFile(const std::string& path, const absl::Status& status);
 
 }  // namespace pepeseg

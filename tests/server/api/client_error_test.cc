@@ -30,7 +30,7 @@ grpc::Status Sent(const absl::Status& status, bool changed = true) {
   return sent;
 }
 
-TEST(HidePrivateText, NamesTheRequestInPlaceOfAFault) {
+TEST(HidePrivateText, NamesTheRequestInsteadOfAFault) {
   const grpc::Status sent = Sent(absl::InternalError("no such table: scenes"));
   EXPECT_EQ(sent.error_code(), grpc::INTERNAL);
   EXPECT_THAT(sent.error_message(), HasSubstr("request-7"));
@@ -79,7 +79,7 @@ TEST(HidePrivateText, MakesPathsRelativeToTheDataDirectory) {
   EXPECT_EQ(text("/srv/pepeseg/: not readable"), "the data directory/: not readable");
 }
 
-TEST(HidePrivateText, LeavesWhatIsForClients) {
+TEST(HidePrivateText, KeepsTextForClients) {
   const absl::Status bad = BadField("files[0].path", "images/srv/pepeseg/x", "is too long");
   EXPECT_EQ(Sent(bad, /*changed=*/false).error_message(), bad.message());
   EXPECT_EQ(SentDetail(Sent(bad, false)).value(), "images/srv/pepeseg/x");

@@ -6,13 +6,15 @@
 #include <limits>
 #include <set>
 
+#include "server/api/request_image.h"
+
 namespace pepeseg {
 namespace {
 
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-// Another value than the defaults' for every number of the message and of those below it.
+// Sets each number of the message, and of messages in it, to a value that is not the default.
 void SetEveryField(Message* message, int* next) {
   const auto* reflection = message->GetReflection();
   for (int i = 0; i < message->GetDescriptor()->field_count(); ++i) {
@@ -60,7 +62,7 @@ void CheckEveryFieldPresent(const Message& message) {
   }
 }
 
-TEST(TrainingOptions, EveryFieldGoesThroughTheSettingsAndBack) {
+TEST(TrainingOptions, ConvertsEveryFieldToSettingsAndBack) {
   v1::TrainingOptions wanted;
   int next = 100'001;  // no default's value
   SetEveryField(&wanted, &next);
@@ -70,7 +72,7 @@ TEST(TrainingOptions, EveryFieldGoesThroughTheSettingsAndBack) {
   EXPECT_EQ(ToProto(settings).DebugString(), wanted.DebugString());
 }
 
-TEST(TrainingOptions, AbsentFieldsKeepTheDefaults) {
+TEST(TrainingOptions, KeepsDefaultsOfAbsentFields) {
   TrainingSettings settings;
   Overlay(v1::TrainingOptions(), &settings);
   const v1::TrainingOptions effective = ToProto(settings);
@@ -80,7 +82,7 @@ TEST(TrainingOptions, AbsentFieldsKeepTheDefaults) {
   EXPECT_EQ(effective.import().held_out_every(), ImportOptions().held_out_every);
 }
 
-TEST(TrainingOptions, APresetFillsWhatIsAbsent) {
+TEST(TrainingOptions, FillsAbsentFieldsFromThePreset) {
   v1::TrainingOptions options;
   options.set_preset(v1::TRAINING_PRESET_PREVIEW);
   options.mutable_features()->set_num_steps(77);
@@ -90,7 +92,7 @@ TEST(TrainingOptions, APresetFillsWhatIsAbsent) {
   EXPECT_EQ(preview->features.num_steps, 77);
   EXPECT_EQ(preview->features.num_pixels, FeatureOptions().num_pixels);
   EXPECT_EQ(ToProto(*preview).preset(), v1::TRAINING_PRESET_PREVIEW);
-  // What is effective says the same once more.
+  // Effective options convert to themselves.
   const auto again = TrainingSettingsFromProto(ToProto(*preview));
   ASSERT_TRUE(again.ok()) << again.status();
   EXPECT_EQ(ToProto(*again).DebugString(), ToProto(*preview).DebugString());
@@ -101,7 +103,7 @@ TEST(TrainingOptions, APresetFillsWhatIsAbsent) {
   EXPECT_GT(best->reconstruct.num_steps, ReconstructOptions().num_steps);
 }
 
-TEST(TrainingOptions, StandardIsTheDefaults) {
+TEST(TrainingOptions, EqualsTheDefaultsForStandard) {
   v1::TrainingOptions options;
   options.set_preset(v1::TRAINING_PRESET_STANDARD);
   const auto standard = TrainingSettingsFromProto(options);
@@ -111,7 +113,7 @@ TEST(TrainingOptions, StandardIsTheDefaults) {
   EXPECT_EQ(ToProto(*standard).DebugString(), ToProto(*absent).DebugString());
 }
 
-TEST(TrainingOptions, RefusesAPresetThatIsNone) {
+TEST(TrainingOptions, RefusesAnInvalidPreset) {
   v1::TrainingOptions options;
   for (const int number : {0, 4}) {
     options.set_preset(static_cast<v1::TrainingPreset>(number));
@@ -121,7 +123,7 @@ TEST(TrainingOptions, RefusesAPresetThatIsNone) {
   }
 }
 
-TEST(TrainingOptions, OutOfRangeNamesTheField) {
+TEST(TrainingOptions, NamesTheFieldThatIsOutOfRange) {
   v1::TrainingOptions options;
   options.mutable_import()->set_image_scale(1.5);
   const auto settings = TrainingSettingsFromProto(options);
@@ -130,7 +132,7 @@ TEST(TrainingOptions, OutOfRangeNamesTheField) {
       << settings.status();
 }
 
-TEST(TrainingOptions, RefusesAMakerOfPriorsThatIsNone) {
+TEST(TrainingOptions, RefusesAnInvalidMakerOfPriors) {
   v1::TrainingOptions options;
   options.mutable_priors()->set_depth(v1::PRIOR_MAKER_COMMAND);
   const auto good = TrainingSettingsFromProto(options);
@@ -176,7 +178,7 @@ TEST(FreeCamera, IsReadFieldByField) {
   EXPECT_EQ(view->camera.cx, 32);
   EXPECT_EQ(view->cam_from_world.rotation.y(), 0.8);
   EXPECT_EQ(view->cam_from_world.translation.z(), 3.0);
-  // And back.
+  // Back to the contract.
   const v1::View proto = ToProto(*view);
   EXPECT_EQ(proto.camera().DebugString(), GoodCamera().camera().DebugString());
   EXPECT_EQ(proto.cam_from_world().DebugString(), GoodCamera().cam_from_world().DebugString());
@@ -188,7 +190,7 @@ void ExpectRefused(const v1::Viewpoint::FreeCamera& camera, const std::string& f
   EXPECT_NE(view.status().message().find(field), std::string::npos) << view.status();
 }
 
-TEST(FreeCamera, RefusesWhatIsNoCamera) {
+TEST(FreeCamera, RefusesInvalidCameras) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   auto camera = GoodCamera();
@@ -250,7 +252,7 @@ TEST(SimilarityMap, IsLittleEndianInt16) {
   EXPECT_NEAR(value(3), 16384, 1);
 }
 
-TEST(FileKinds, AllAreDistinctAndOthersRefused) {
+TEST(FileKinds, AreDistinctAndOthersRefused) {
   std::set<FileKind> kinds;
   for (int kind = 1; kind < v1::FileKind_ARRAYSIZE; ++kind) {
     const auto read = FileKindFromProto(static_cast<v1::FileKind>(kind));

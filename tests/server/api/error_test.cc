@@ -20,7 +20,7 @@ v1::ErrorDetail DetailOf(const grpc::Status& status) {
   return detail;
 }
 
-TEST(ToGrpc, OkHasNothing) {
+TEST(ToGrpc, ReturnsOkForOk) {
   EXPECT_TRUE(ToGrpc(absl::OkStatus()).ok());
   EXPECT_TRUE(ToGrpc(absl::OkStatus()).error_details().empty());
 }
@@ -32,13 +32,13 @@ TEST(ToGrpc, KeepsCodeAndMessage) {
   EXPECT_EQ(DetailOf(status).reason(), "DATA_LOSS");
 }
 
-TEST(ToGrpc, HasAReasonForPromptsWhereNothingIs) {
+TEST(ToGrpc, AddsAReasonForPromptsOnNothing) {
   const grpc::Status status = ToGrpc(NothingThereError("point 0: nothing is there"));
   EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
   EXPECT_EQ(DetailOf(status).reason(), "NOTHING_THERE");
 }
 
-TEST(ToGrpc, CarriesTheFirstDetail) {
+TEST(ToGrpc, KeepsTheFirstDetail) {
   const absl::Status bad = BadField("files[3].path", "../x", "has the part '..'");
   EXPECT_EQ(bad.message(), "files[3].path: '../x': has the part '..'");
   const v1::ErrorDetail detail = DetailOf(ToGrpc(WithResource(bad, "OTHER", "jobs/j1")));
@@ -48,13 +48,13 @@ TEST(ToGrpc, CarriesTheFirstDetail) {
   EXPECT_EQ(detail.resource(), "");
 }
 
-TEST(ToGrpc, TellsWhenToAskAgain) {
+TEST(ToGrpc, SaysWhenToRetry) {
   const v1::ErrorDetail detail = DetailOf(ToGrpc(DrainingError()));
   EXPECT_EQ(detail.reason(), "DRAINING");
   EXPECT_GT(detail.retry_after().seconds(), 0);
 }
 
-// Percent-encoding makes three bytes of one, base64 four of three.
+// Percent-encoding makes one byte three, base64 makes three bytes four.
 size_t BytesInTrailers(const grpc::Status& status) {
   return 3 * status.error_message().size() + (status.error_details().size() + 2) / 3 * 4;
 }
@@ -66,7 +66,7 @@ TEST(ToGrpc, StaysUnder4Kilobytes) {
   EXPECT_LT(BytesInTrailers(ToGrpc(BadField(umlauts, umlauts, umlauts))), 4096u);
 }
 
-TEST(Utf8Prefix, ReplacesWhatIsNoUtf8AndCutsBetweenCharacters) {
+TEST(Utf8Prefix, ReplacesInvalidUtf8AndCutsBetweenCharacters) {
   EXPECT_EQ(Utf8Prefix("plain", 100), "plain");
   EXPECT_EQ(Utf8Prefix("plain", 3), "pla");
   EXPECT_EQ(Utf8Prefix("\xc3\xa4\xc3\xa4", 3), "\xc3\xa4");

@@ -40,11 +40,11 @@ double Iou(const Pixels& a, const Pixels& b) {
   return either == 0 ? 1 : both / either;
 }
 
-// `model`: the file of the dataset, see model_worker.cc.
+// `model`: name of the dataset's file, see model_worker.cc.
 struct PixelFrameTest : ::testing::Test {
   PixelFrameTest() : running(PEPESEG_MODEL_WORKER) { running.CreateScene("shelf"); }
 
-  // It is the live one afterwards.
+  // Trains a model, which is then the live one.
   void Train(const std::string& model) {
     const v1::Job job = running.Await(running.Train("shelf", model).name());
     EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.DebugString();
@@ -64,7 +64,7 @@ struct PixelFrameTest : ::testing::Test {
     answer.Clear();
     return running.segmentation->Segment(&context, request, &answer);
   }
-  // The one mask of the answer.
+  // Returns the answer's only mask.
   v1::SegmentResponse::ViewMask Mask(const v1::SegmentRequest& request) {
     const grpc::Status status = Ask(request);
     EXPECT_TRUE(status.ok()) << status.error_message();
@@ -172,7 +172,7 @@ TEST_F(PixelFrameTest, RefusesAPointThatTheViewDoesNotShow) {
       << status.error_message();
 }
 
-TEST_F(PixelFrameTest, TakesBoxesAndMasksOfThePhotograph) {
+TEST_F(PixelFrameTest, AcceptsBoxesAndMasksOfThePhotograph) {
   Train("lens.model");
   const Pixels click = PixelsOf(Mask(At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH)).rle());
   const auto& found = answer.masks(0);
@@ -184,7 +184,7 @@ TEST_F(PixelFrameTest, TakesBoxesAndMasksOfThePhotograph) {
   EXPECT_GT(Iou(PixelsOf(Mask(request).rle()), click), 0.95);
   *request.mutable_prompt()->mutable_mask()->mutable_rle() = rle;
   EXPECT_GT(Iou(PixelsOf(Mask(request).rle()), click), 0.95);
-  // A mask of the view's size is refused with both sizes and what to do.
+  // A mask of the view's size is refused with both sizes and a remedy.
   request.mutable_prompt()->mutable_mask()->mutable_rle()->set_width(96);
   request.mutable_prompt()->mutable_mask()->mutable_rle()->set_height(64);
   const grpc::Status status = Ask(request);
@@ -230,7 +230,7 @@ TEST_F(PixelFrameTest, SelectsTheSameInBothFrames) {
   EXPECT_GT(in_photograph, 8000);
 }
 
-TEST_F(PixelFrameTest, AnswersALabelAsItWasGiven) {
+TEST_F(PixelFrameTest, ReturnsALabelAsItWasGiven) {
   Train("lens.model");
   const v1::SegmentResponse::ViewMask mask = Mask(At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH));
   v1::CreateLabelRequest request;
@@ -359,13 +359,13 @@ TEST_F(PixelFrameTest, EvaluatesLabelsOfThePhotographs) {
     ASSERT_EQ(scores.entities_size(), 1);
     EXPECT_EQ(scores.entities(0).id(), 7);
     EXPECT_GT(scores.chosen().iou(), 0.95);
-    // The click is in the photograph's pixels: it asks for the same again.
+    // The click is in the photograph's pixels, so it can be used in a request.
     const double x = scores.entities(0).click_x(), y = scores.entities(0).click_y();
     v1::SegmentRequest again = At(x, y, v1::PIXEL_FRAME_PHOTOGRAPH);
     again.mutable_prompt()->mutable_view()->set_view(scores.entities(0).views(0).view());
     const Pixels mask = PixelsOf(Mask(again).rle());
     EXPECT_EQ(mask[static_cast<size_t>(y) * kPhotographWidth + static_cast<size_t>(x)], 1);
-    // Labels of the view's size are of the other frame.
+    // Labels of the view's size belong to the other frame.
     Image small{96, 64, 1, Pixels(96 * 64, 7)};
     request.mutable_labels(0)->set_png(*EncodePng(small));
     grpc::ClientContext other;

@@ -11,14 +11,14 @@
 namespace pepeseg {
 namespace {
 
-TEST(CheckId, TakesTheNamesThatPeopleHave) {
+TEST(CheckId, AcceptsCommonNames) {
   for (const char* id : {"a", "apc-shelf2", "llff_horns", "Fern-2", "1a", "v1.0", "a-", "x.."}) {
     EXPECT_TRUE(CheckId(id, "scene_id").ok()) << id;
   }
   EXPECT_TRUE(CheckId(std::string(63, 'x'), "scene_id").ok());
 }
 
-TEST(CheckId, RefusesWhatIsNoPlainFileName) {
+TEST(CheckId, RefusesNamesThatAreNotPlainFileNames) {
   for (const char* bad :
        {"", ".", "..", ".a", "-a", "_a", "a/b", "a b", "a\nb", "a%b", "a'b", "a\\b", "ä", "@1"}) {
     const absl::Status refused = CheckId(bad, "scene_id");
@@ -29,7 +29,7 @@ TEST(CheckId, RefusesWhatIsNoPlainFileName) {
   EXPECT_FALSE(CheckId(std::string("a\0b", 3), "scene_id").ok());
 }
 
-TEST(CheckProject, TakesRfc1034LabelsOnly) {
+TEST(CheckProject, AcceptsRfc1034LabelsOnly) {
   EXPECT_TRUE(CheckProject("lab-2", "project").ok());
   for (const char* bad : {"", "Lab", "a_b", "a.b", "2a", "a-"}) {
     EXPECT_TRUE(absl::IsInvalidArgument(CheckProject(bad, "project"))) << bad;
@@ -68,7 +68,7 @@ TEST(ResourceNames, ParseWhatTheyPrint) {
   EXPECT_EQ(ParseModelName("scenes/shelf/models/live", "model")->number, kLiveModel);
 }
 
-TEST(ResourceNames, RefuseAllElse) {
+TEST(ResourceNames, RefuseEverythingElse) {
   for (const char* bad : {"", "shelf", "scenes/", "scenes/a/", "scenes/../x", "scenes/.a", "/a"}) {
     const auto name = ParseSceneName(bad, "scene");
     EXPECT_TRUE(absl::IsInvalidArgument(name.status())) << bad;

@@ -20,7 +20,7 @@ struct Thing {
 
 using Cache = ResidentCache<Thing>;
 
-// So many bytes of one memory, of which 5 % stay free.
+// Returns a budget of one memory whose limit is `usable` bytes after the 5 % that stay free.
 MemoryBudget HostBudget(int64_t usable) { return {{usable * 20 / 19, 0}, true}; }
 
 Cache::Source Load(int value, int64_t num_bytes, std::atomic<int>* count = nullptr) {
@@ -46,7 +46,7 @@ TEST(ResidentCache, LoadsOnceAndKeeps) {
   EXPECT_EQ(cache.bytes_in_use().host, 10);
 }
 
-TEST(ResidentCache, OneLoadHoweverManyAsk) {
+TEST(ResidentCache, SharesOneLoadAmongCallers) {
   Cache cache(HostBudget(100));
   std::atomic<int> loads = 0;
   std::atomic<int> right = 0;
@@ -99,7 +99,7 @@ TEST(ResidentCache, NeverEvictsWhatIsHeld) {
   EXPECT_TRUE(cache.Acquire("c", Load(3, 10)).ok());
 }
 
-TEST(ResidentCache, SaysWhetherWaitingCanHelp) {
+TEST(ResidentCache, ReportsWhetherWaitingCanHelp) {
   Cache cache(HostBudget(30));
   auto held = cache.Acquire("a", Load(1, 20));
   ASSERT_TRUE(held.ok());
@@ -109,7 +109,7 @@ TEST(ResidentCache, SaysWhetherWaitingCanHelp) {
   EXPECT_TRUE(cache.Acquire("b", Load(2, 30)).ok());
 }
 
-TEST(ResidentCache, HandlesOutliveADropAndKeepTheirBytes) {
+TEST(ResidentCache, KeepsDroppedValuesForTheirHandles) {
   Cache cache(HostBudget(30));
   std::atomic<int> loads = 0;
   {
@@ -126,7 +126,7 @@ TEST(ResidentCache, HandlesOutliveADropAndKeepTheirBytes) {
   EXPECT_EQ(loads, 2);
 }
 
-TEST(ResidentCache, HandlesOutliveTheCache) {
+TEST(ResidentCache, LetsHandlesOutliveTheCache) {
   Cache::Handle handle;
   {
     Cache cache(HostBudget(30));
@@ -137,7 +137,7 @@ TEST(ResidentCache, HandlesOutliveTheCache) {
   EXPECT_EQ(Thing::alive, 0);
 }
 
-TEST(ResidentCache, AFailedLoadIsToldAndTriedAgain) {
+TEST(ResidentCache, ReportsAFailedLoadAndTriesAgain) {
   Cache cache(HostBudget(30));
   Cache::Source fail = Load(1, 20);
   fail.load = []() -> absl::StatusOr<std::unique_ptr<Thing>> {
@@ -151,8 +151,8 @@ TEST(ResidentCache, AFailedLoadIsToldAndTriedAgain) {
   EXPECT_EQ(cache.counts().num_loads, 1);
 }
 
-// Nothing is thrown out for what does not fit anyway.
-TEST(ResidentCache, WhatIsTooLargeEvictsNothing) {
+// Nothing is evicted for a value that would not fit anyway.
+TEST(ResidentCache, EvictsNothingForAValueThatIsTooLarge) {
   Cache cache(HostBudget(30));
   ASSERT_TRUE(cache.Acquire("a", Load(1, 10)).ok());
   ASSERT_TRUE(cache.Acquire("b", Load(2, 10)).ok());
@@ -164,7 +164,7 @@ TEST(ResidentCache, WhatIsTooLargeEvictsNothing) {
   EXPECT_EQ(cache.counts().num_evictions, 2);
 }
 
-TEST(ResidentCache, HostAndDeviceHaveBudgetsOfTheirOwn) {
+TEST(ResidentCache, HasBudgetsForHostAndDevice) {
   const auto thing = [](const MemoryBytes& need) {
     Cache::Source source = Load(1, 0);
     source.need = [need] { return need; };
@@ -188,7 +188,7 @@ TEST(ResidentCache, HostAndDeviceHaveBudgetsOfTheirOwn) {
       << of_host;
 }
 
-TEST(ResidentCache, OneMemoryIsSharedByBoth) {
+TEST(ResidentCache, SharesOneMemory) {
   Cache cache(MemoryBudget({100, 7}, /*one_memory=*/true));
   Cache::Source source = Load(1, 0);
   source.need = [] { return MemoryBytes{45, 50}; };
@@ -198,7 +198,7 @@ TEST(ResidentCache, OneMemoryIsSharedByBoth) {
   EXPECT_TRUE(absl::IsResourceExhausted(cache.Acquire("b", source).status()));
 }
 
-TEST(ResidentCache, WhatIsPinnedStays) {
+TEST(ResidentCache, KeepsPinnedValues) {
   Cache cache(HostBudget(20));
   EXPECT_TRUE(absl::IsNotFound(cache.SetPinned("a", true)));
   ASSERT_TRUE(cache.Acquire("a", Load(1, 10)).ok());
@@ -237,7 +237,7 @@ TEST(ResidentCache, ReleasesMemoryBeforeItCountsAsFree) {
   EXPECT_EQ(num_released, 2);
 }
 
-TEST(ResidentCache, TellsWhatIsResident) {
+TEST(ResidentCache, ListsResidentValues) {
   Cache cache(HostBudget(30));
   const absl::Time before = absl::Now();
   const auto held = cache.Acquire("a", Load(1, 10));
@@ -253,7 +253,7 @@ TEST(ResidentCache, TellsWhatIsResident) {
   EXPECT_EQ(lines, (std::vector<std::string>{"thing 1 1 10 0 1", "thing 2 2 5 1 0"}));
 }
 
-TEST(ResidentCache, ManyThreadsUnderATightBudget) {
+TEST(ResidentCache, ServesManyThreadsUnderATightBudget) {
   std::atomic<int> wrong = 0;
   {
     Cache cache(HostBudget(35));
@@ -287,7 +287,7 @@ Cache::Source LoadFor(const std::string& owner, int64_t limit, int64_t num_bytes
   return source;
 }
 
-TEST(ResidentCache, AnOwnerOverItsShareEvictsItsOwn) {
+TEST(ResidentCache, EvictsValuesOfAnOwnerOverItsShare) {
   Cache cache(HostBudget(100));
   ASSERT_TRUE(cache.Acquire("other", LoadFor("b", 50, 10)).ok());  // the oldest of all
   ASSERT_TRUE(cache.Acquire("one", LoadFor("a", 30, 20)).ok());
@@ -296,7 +296,7 @@ TEST(ResidentCache, AnOwnerOverItsShareEvictsItsOwn) {
   ASSERT_TRUE(held.ok());
   EXPECT_EQ(cache.BytesOf("a"), 20) << "the first one has gone";
   EXPECT_EQ(cache.BytesOf("b"), 10);
-  // Nothing of its own can go, though there is room for all.
+  // The owner has nothing to evict, although the budget has room.
   const auto refused = cache.Acquire("three", LoadFor("a", 30, 20));
   EXPECT_TRUE(absl::IsUnavailable(refused.status())) << refused.status();
   EXPECT_NE(refused.status().message().find("share: 40"), std::string::npos);
@@ -306,7 +306,7 @@ TEST(ResidentCache, AnOwnerOverItsShareEvictsItsOwn) {
   EXPECT_EQ(cache.BytesOf("c"), 0);
 }
 
-TEST(ResidentCache, WhatIsTooMuchForAShareEvictsNothing) {
+TEST(ResidentCache, EvictsNothingForAValueOverItsShare) {
   Cache cache(HostBudget(100));
   ASSERT_TRUE(cache.Acquire("one", LoadFor("a", 30, 20)).ok());
   EXPECT_EQ(cache.Acquire("two", LoadFor("a", 30, 31)).status(),

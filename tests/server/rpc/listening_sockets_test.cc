@@ -63,7 +63,7 @@ TEST(ListeningSockets, RefuseMalformedAddresses) {
         << address;
   }
   EXPECT_FALSE(ListeningSockets::Open("unix:" + std::string(200, 'x')).ok());
-  // Of TEST-NET-1, which no machine has.
+  // An address of TEST-NET-1, which no machine has.
   EXPECT_EQ(ListeningSockets::Open("192.0.2.1:0").status().code(), absl::StatusCode::kUnavailable);
 }
 
@@ -73,7 +73,7 @@ TEST(ListeningSockets, ReplaceAnEarlierUnixSocketAndRemoveTheirOwn) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   strncpy(address.sun_path, path.c_str(), sizeof(address.sun_path) - 1);
-  // As a server that was killed leaves it: bound, and nobody listens.
+  // A socket as a killed server leaves it: bound, but no process listens.
   const int left = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
   ASSERT_EQ(bind(left, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
   close(left);

@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 
 class LocalSocketTest : public ::testing::Test {
  protected:
-  // What a client reads: the byte that each connection is given; "": it was turned away.
+  // Returns what a client reads: the byte that each connection gets, or "" if it was refused.
   std::string Call() const {
     const int end = socket(AF_UNIX, SOCK_STREAM, 0);
     sockaddr_un address{};
@@ -43,7 +43,7 @@ class LocalSocketTest : public ::testing::Test {
   const fs::path path_ = folder_ / "admin";
 };
 
-TEST_F(LocalSocketTest, IsOfItsUserAlone) {
+TEST_F(LocalSocketTest, AcceptsOnlyItsUser) {
   ASSERT_OK_AND_ASSIGN(const auto listener, LocalSocket::Listen(path_));
   struct stat what {};
   ASSERT_EQ(stat(path_.c_str(), &what), 0);
@@ -54,7 +54,7 @@ TEST_F(LocalSocketTest, IsOfItsUserAlone) {
   EXPECT_FALSE(fs::exists(path_));
 }
 
-TEST_F(LocalSocketTest, TurnsOtherUsersAwayWhateverTheFilesMode) {
+TEST_F(LocalSocketTest, RefusesOtherUsersWhateverTheMode) {
   if (geteuid() != 0) GTEST_SKIP() << "needs root, to be another user";
   ASSERT_OK_AND_ASSIGN(const auto listener, LocalSocket::Listen(path_));
   listener->Serve(Greet);
@@ -68,14 +68,14 @@ TEST_F(LocalSocketTest, TurnsOtherUsersAwayWhateverTheFilesMode) {
   EXPECT_EQ(Call(), "x");
 }
 
-TEST_F(LocalSocketTest, RefusesAFolderThatEverybodyWrites) {
+TEST_F(LocalSocketTest, RefusesAFolderThatOthersMayWrite) {
   fs::permissions(folder_.path(), fs::perms::all);
   const absl::Status refused = LocalSocket::Listen(path_).status();
   EXPECT_TRUE(absl::IsFailedPrecondition(refused)) << refused;
   EXPECT_THAT(std::string(refused.message()), ::testing::HasSubstr("everybody may write"));
 }
 
-TEST_F(LocalSocketTest, MakesItsFolder) {
+TEST_F(LocalSocketTest, CreatesItsFolder) {
   EXPECT_OK(LocalSocket::Listen(folder_ / "made/admin").status());
   struct stat what {};
   ASSERT_EQ(stat((folder_ / "made").c_str(), &what), 0);

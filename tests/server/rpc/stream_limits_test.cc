@@ -1,4 +1,4 @@
-// Streams of clients that show no key, say nothing, or take nothing.
+// Streams of clients that have no key, send nothing, or read nothing.
 #include <gtest/gtest.h>
 
 #include <memory>
@@ -19,7 +19,7 @@ struct StreamLimitsTest : KeyedServer {
     running.options.streams.stuck_export = absl::Seconds(1);
     running.Restart();
   }
-  // Of an upload that has begun and sends nothing.
+  // A stream of an upload that has begun and sends nothing.
   struct Silent {
     std::unique_ptr<grpc::ClientContext> context;
     v1::WriteFilesResponse response;
@@ -33,7 +33,7 @@ struct StreamLimitsTest : KeyedServer {
   }
 };
 
-TEST_F(StreamLimitsTest, CallersWithoutAKeyAreRefusedBeforeTheySendAnything) {
+TEST_F(StreamLimitsTest, RefusesCallersWithoutAKeyBeforeTheySendAnything) {
   std::vector<std::unique_ptr<Silent>> uploads;
   for (size_t i = 0; i < 5 * kFewStreams; ++i) {
     uploads.push_back(BeginUpload(i % 2 == 0 ? nobody : "pk_wrong"));
@@ -53,14 +53,14 @@ TEST_F(StreamLimitsTest, CallersWithoutAKeyAreRefusedBeforeTheySendAnything) {
   EXPECT_TRUE(watcher->Finish().ok());
 }
 
-TEST_F(StreamLimitsTest, AKeyWithoutTheScopeIsRefusedAtOnce) {
+TEST_F(StreamLimitsTest, RefusesAKeyWithoutTheScopeAtOnce) {
   const auto upload = BeginUpload(reader);
   const grpc::Status status = upload->stream->Finish();
   EXPECT_EQ(status.error_code(), grpc::PERMISSION_DENIED);
   EXPECT_EQ(DetailOf(status).reason(), "MISSING_SCOPE");
 }
 
-TEST_F(StreamLimitsTest, StreamsWhoseFirstMessageDoesNotComeEnd) {
+TEST_F(StreamLimitsTest, EndsStreamsWithoutAFirstMessage) {
   const absl::Time start = absl::Now();
   const auto upload = BeginUpload(full);
   const auto context = With(full);
@@ -75,7 +75,7 @@ TEST_F(StreamLimitsTest, StreamsWhoseFirstMessageDoesNotComeEnd) {
   EXPECT_LT(absl::Now() - start, absl::Seconds(30));
 }
 
-TEST_F(StreamLimitsTest, AnExportThatNobodyReadsEnds) {
+TEST_F(StreamLimitsTest, EndsAnExportThatIsNotRead) {
   v1::ExportSelectionRequest request;
   request.set_model("scenes/shelf/models/1");
   for (const bool is_subset : {false, true}) {
@@ -89,7 +89,7 @@ TEST_F(StreamLimitsTest, AnExportThatNobodyReadsEnds) {
   }
 }
 
-TEST_F(StreamLimitsTest, StreamsThatHaveBegunMayPause) {
+TEST_F(StreamLimitsTest, LetsStreamsPauseAfterTheFirstMessage) {
   const auto context = With(full);
   const auto questions = running.segmentation->SegmentStream(context.get());
   v1::SegmentStreamRequest request;

@@ -16,7 +16,7 @@
 namespace pepeseg {
 namespace {
 
-// A stream of no call, that waits until it is ended.
+// A stream without a call, which waits until it is ended.
 class IdleStream final : public Stream {
  public:
   IdleStream(StreamRegistry* registry, WorkerPool* pool) : Stream(registry, pool) {}
@@ -48,7 +48,7 @@ struct StreamRegistryTest : ::testing::Test {
   std::vector<std::shared_ptr<IdleStream>> streams;
 };
 
-TEST_F(StreamRegistryTest, BoundsProjectsAndPeersBesidesAll) {
+TEST_F(StreamRegistryTest, LimitsProjectsPeersAndAll) {
   EXPECT_TRUE(OpenFor({"lab", "ipv4:10.0.0.1"}).ok());
   EXPECT_TRUE(OpenFor({"lab", "ipv4:10.0.0.1"}).ok());
   const absl::Status third_of_peer = OpenFor({"lab", "ipv4:10.0.0.1"});
@@ -59,13 +59,13 @@ TEST_F(StreamRegistryTest, BoundsProjectsAndPeersBesidesAll) {
   const absl::Status fourth_of_project = OpenFor({"lab", "ipv4:10.0.0.3"});
   EXPECT_TRUE(absl::IsResourceExhausted(fourth_of_project));
   EXPECT_TRUE(absl::StartsWith(fourth_of_project.message(), "the project has 3 streams"));
-  // Another project is not hindered, until all places are taken.
+  // Another project may open streams until the limit for all is reached.
   for (int i = 0; i < 3; ++i) EXPECT_TRUE(OpenFor({"other", ""}).ok());
   EXPECT_TRUE(absl::StartsWith(OpenFor({"", ""}).message(), "the server has 6 streams"));
   EXPECT_EQ(registry.num_refused(), 3);
 }
 
-TEST_F(StreamRegistryTest, TakesOthersWhenStreamsHaveEnded) {
+TEST_F(StreamRegistryTest, AdmitsOthersWhenStreamsHaveEnded) {
   for (int i = 0; i < 100; ++i) {
     ASSERT_TRUE(OpenFor({"lab", "ipv4:10.0.0.1"}).ok()) << i;
     registry.Remove(streams.back().get());
@@ -91,7 +91,7 @@ TEST_F(StreamRegistryTest, WarnsOnceWhenFourFifthsAreTaken) {
   EXPECT_FALSE(absl::StrContains(text, "has 6 open")) << "a line a minute: " << text;
 }
 
-// Streams of callers who are not known yet take no place of those who are.
+// Streams of unknown callers do not count against the limits of known ones.
 TEST_F(StreamRegistryTest, CountsStreamsOnceTheirCallerIsKnown) {
   std::vector<std::shared_ptr<IdleStream>> unknown;
   for (int i = 0; i < 4096; ++i) unknown.push_back(Open());

@@ -1,4 +1,4 @@
-// Models in memory, as who operates the server sees them.
+// Models in memory, as an operator sees them.
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
@@ -14,16 +14,16 @@
 namespace pepeseg {
 namespace {
 
-// Of model_worker.cc.
+// The model that model_worker.cc makes.
 constexpr ModelShape kShape = {20'000, 0, int64_t{96} * 64};
 
-// On the CPU, where the host's memory is the device's.
+// Returns the bytes of one model on the CPU, where host and device have one memory.
 int64_t BytesOfOne() {
   const MemoryBytes bytes = BytesOfModel(*MakeCpuBackend(1), kShape);
   return bytes.host + bytes.device;
 }
 
-// A budget for two models and no three.
+// A budget for two models but not for three.
 ServerOptions RoomForTwo() {
   ServerOptions options;
   options.admin = "127.0.0.1:0";
@@ -122,7 +122,7 @@ TEST_F(AdminTest, LoadsAndUnloads) {
   EXPECT_EQ(Load("nonsense").error_code(), grpc::INVALID_ARGUMENT);
 }
 
-TEST_F(AdminTest, TellsWhatQuestionsLeft) {
+TEST_F(AdminTest, ReportsMapsThatQueriesLeave) {
   ASSERT_TRUE(Ask("a").ok());
   v1::ListResidentResponse list = List();
   ASSERT_EQ(list.models_size(), 1);
@@ -134,7 +134,7 @@ TEST_F(AdminTest, TellsWhatQuestionsLeft) {
   EXPECT_EQ(list.num_loads(), 1);
 }
 
-TEST_F(AdminTest, TheLeastRecentlyUsedMakesRoomUnlessItIsPinned) {
+TEST_F(AdminTest, EvictsTheLeastRecentlyUsedUnlessPinned) {
   ASSERT_TRUE(Pin(NameOf("a"), true).ok());
   EXPECT_TRUE(model.pinned());
   ASSERT_TRUE(Ask("b").ok());
@@ -188,7 +188,7 @@ struct UnreadExports : AdminTest {
     EXPECT_NE(DetailOf(status).value(), "");
     EXPECT_NE(DetailOf(status).limit(), "");
   }
-  // As a client that is put off does: the exports end a little after their readers.
+  // Retries, as a client does: the exports end a little after their readers.
   template <typename Call>
   static grpc::Status Retry(Call call) {
     grpc::Status status = call();
@@ -203,7 +203,7 @@ struct UnreadExports : AdminTest {
   std::vector<std::unique_ptr<grpc::ClientReader<v1::ExportSelectionResponse>>> readers;
 };
 
-TEST_F(UnreadExports, PutOffAColdModelUntilTheyAreRead) {
+TEST_F(UnreadExports, DelayAColdModelUntilTheyAreRead) {
   for (const char* scene : {"a", "b"}) {
     const grpc::Status begun = Begin(scene);
     ASSERT_TRUE(begun.ok()) << begun.error_message();
@@ -224,7 +224,7 @@ TEST_F(UnreadExports, PutOffAColdModelUntilTheyAreRead) {
   EXPECT_TRUE(asked.ok()) << asked.error_message();
 }
 
-TEST_F(UnreadExports, PutOffAnotherForWhichTheyLeaveNoMemory) {
+TEST_F(UnreadExports, DelayAnotherExportThatDoesNotFit) {
   grpc::Status status;
   while (readers.size() < 1000 && (status = Begin("a")).ok()) {
   }
@@ -235,7 +235,7 @@ TEST_F(UnreadExports, PutOffAnotherForWhichTheyLeaveNoMemory) {
   EXPECT_TRUE(status.ok()) << status.error_message();
 }
 
-TEST_F(AdminTest, WhatIsPinnedIsNotUnloadedButGoesWithItsScene) {
+TEST_F(AdminTest, KeepsPinnedModelsUntilTheirSceneIsDeleted) {
   ASSERT_TRUE(Pin("scenes/a/models/live", true).ok());
   const grpc::Status refused = Unload(NameOf("a"));
   EXPECT_EQ(refused.error_code(), grpc::FAILED_PRECONDITION);

@@ -44,7 +44,8 @@ struct DatasetServiceTest : ::testing::Test {
     request.set_name(name);
     return running.datasets->SealUpload(&context, request, &dataset);
   }
-  // That a stream of these parts fails so, leaves nothing behind, and a right one works after it.
+  // Expects that a stream of these parts fails, keeps nothing, and that a correct one works after
+  // it.
   void ExpectWriteFails(const std::vector<v1::WriteFilesRequest>& parts, grpc::StatusCode code,
                         const std::string& words) {
     const grpc::Status status = running.Write(parts);
@@ -95,7 +96,7 @@ TEST_F(DatasetServiceTest, TakesFilesAndSeals) {
   EXPECT_EQ(manifest["files"][2]["kind"], "FILE_KIND_POSES");
 }
 
-TEST_F(DatasetServiceTest, AdvisesMasksWhereADatasetHasNone) {
+TEST_F(DatasetServiceTest, AdvisesMasksIfADatasetHasNone) {
   const auto advice = [this](const std::vector<TestFile>& files) {
     running.UploadAndSeal("shelf", files);
     grpc::ClientContext context;
@@ -119,7 +120,7 @@ TEST_F(DatasetServiceTest, AdvisesMasksWhereADatasetHasNone) {
   EXPECT_TRUE(advice({photograph}).empty()) << "the server makes masks by its command";
 }
 
-TEST_F(DatasetServiceTest, ScenesWhoseIdsDifferInCaseShareNoFolder) {
+TEST_F(DatasetServiceTest, SeparatesFoldersOfScenesThatDifferInCase) {
   const std::vector<TestFile> files = {{"images/1.jpg", "one"}};
   for (const char* scene : {"fern_2", "Fern_2", "FERN.2"}) {
     running.CreateScene(scene);
@@ -134,7 +135,7 @@ TEST_F(DatasetServiceTest, ScenesWhoseIdsDifferInCaseShareNoFolder) {
   EXPECT_EQ(folders.size(), 3u);
 }
 
-TEST_F(DatasetServiceTest, AStreamThatIsCutCanBeRepeated) {
+TEST_F(DatasetServiceTest, TakesAFileAgainAfterAStreamWasCut) {
   const TestFile one{"images/1.jpg", ManyBytes(100'000, 1)};
   const TestFile two{"images/2.jpg", ManyBytes(3'000'000, 2)};
   ASSERT_TRUE(Create({Declare(one), Declare(two)}).ok());
@@ -145,12 +146,12 @@ TEST_F(DatasetServiceTest, AStreamThatIsCutCanBeRepeated) {
     for (const auto& part : FileParts(upload.name(), one)) ASSERT_TRUE(stream->Write(part));
     ASSERT_TRUE(stream->Write(HeaderPart(upload.name(), two.path)));
     ASSERT_TRUE(stream->Write(ChunkPart(two.bytes.substr(0, 1'000'000))));
-    // Until the server is in the middle of the second file.
+    // Waits until the server is in the middle of the second file.
     while (running.CountPartialFiles() < 2) absl::SleepFor(absl::Milliseconds(5));
     context.TryCancel();
     EXPECT_EQ(stream->Finish().error_code(), grpc::CANCELLED);
   }
-  // The file that had ended is committed where the stream ends.
+  // The complete file is committed when the stream ends.
   const absl::Time deadline = absl::Now() + absl::Seconds(20);
   while (running.CountBlobFiles() == 0 && absl::Now() < deadline) {
     absl::SleepFor(absl::Milliseconds(5));
@@ -159,7 +160,7 @@ TEST_F(DatasetServiceTest, AStreamThatIsCutCanBeRepeated) {
   const v1::Upload after = running.GetUpload(upload.name());
   ASSERT_EQ(after.missing_files_size(), 1);
   EXPECT_EQ(after.missing_files(0), two.path);
-  // From its begin, though some of it is there; as soon as the first stream has let it go.
+  // Sent from its start, although a part is there; works once the first stream has released it.
   grpc::Status status = running.Write(FileParts(upload.name(), two));
   while (status.error_code() == grpc::ABORTED) {
     absl::SleepFor(absl::Milliseconds(5));
@@ -170,7 +171,7 @@ TEST_F(DatasetServiceTest, AStreamThatIsCutCanBeRepeated) {
   EXPECT_TRUE(Seal(upload.name()).ok());
 }
 
-TEST_F(DatasetServiceTest, WrongBytesAreRefusedAndLeaveNothing) {
+TEST_F(DatasetServiceTest, RefusesWrongBytesAndKeepsNothing) {
   const TestFile good{"images/1.jpg", "0123456789"};
   ASSERT_TRUE(Create({Declare(good)}).ok());
   const std::string name = upload.name();
@@ -190,7 +191,7 @@ TEST_F(DatasetServiceTest, WrongBytesAreRefusedAndLeaveNothing) {
   EXPECT_TRUE(running.Write(FileParts(name, good)).ok());
 }
 
-TEST_F(DatasetServiceTest, MessagesOutOfOrderAreRefused) {
+TEST_F(DatasetServiceTest, RefusesMessagesOutOfOrder) {
   const TestFile good{"images/1.jpg", "0123456789"};
   ASSERT_TRUE(Create({Declare(good)}).ok());
   const std::string name = upload.name();
@@ -209,7 +210,7 @@ TEST_F(DatasetServiceTest, MessagesOutOfOrderAreRefused) {
                    "header.upload");
 }
 
-TEST_F(DatasetServiceTest, BadDeclarationsAreRefused) {
+TEST_F(DatasetServiceTest, RefusesBadDeclarations) {
   TestFile file{"../../x", "bytes"};
   grpc::Status status = Create({Declare({"ok", "a"}), Declare(file)});
   EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
@@ -223,14 +224,14 @@ TEST_F(DatasetServiceTest, BadDeclarationsAreRefused) {
   declaration.set_sha256("beef");
   EXPECT_EQ(DetailOf(Create({declaration})).field(), "files[0].sha256");
   EXPECT_EQ(DetailOf(Create({})).field(), "files");
-  // Nothing was made of these.
+  // These have created nothing.
   grpc::ClientContext context;
   v1::GetUploadRequest request;
   request.set_name("scenes/shelf/uploads/1");
   EXPECT_EQ(running.datasets->GetUpload(&context, request, &upload).error_code(), grpc::NOT_FOUND);
 }
 
-TEST_F(DatasetServiceTest, SealingNeedsEveryFile) {
+TEST_F(DatasetServiceTest, SealsOnlyCompleteUploads) {
   const TestFile one{"images/1.jpg", "one"};
   const TestFile two{"images/2.jpg", "two"};
   ASSERT_TRUE(Create({Declare(one), Declare(two)}).ok());
@@ -245,7 +246,7 @@ TEST_F(DatasetServiceTest, SealingNeedsEveryFile) {
   EXPECT_EQ(late.error_code(), grpc::FAILED_PRECONDITION) << late.error_message();
 }
 
-TEST_F(DatasetServiceTest, TheSameBytesAreNotSentTwice) {
+TEST_F(DatasetServiceTest, DoesNotAskForStoredBytesAgain) {
   const TestFile one{"images/1.jpg", "the same"};
   const TestFile two{"copies/1.jpg", "the same"};
   ASSERT_TRUE(Create({Declare(one), Declare(two)}).ok());
@@ -259,7 +260,7 @@ TEST_F(DatasetServiceTest, TheSameBytesAreNotSentTwice) {
   EXPECT_EQ(running.CountBlobFiles(), 1);
 }
 
-TEST_F(DatasetServiceTest, TakesOneDigestTwiceInAGroup) {
+TEST_F(DatasetServiceTest, AcceptsTheSameDigestTwiceInAGroup) {
   const std::vector<TestFile> files = {
       {"a.jpg", "the same"}, {"b.jpg", "other"}, {"c.jpg", "the same"}};
   ASSERT_TRUE(Create({Declare(files[0]), Declare(files[1]), Declare(files[2])}).ok());
@@ -275,7 +276,7 @@ TEST_F(DatasetServiceTest, TakesOneDigestTwiceInAGroup) {
   EXPECT_TRUE(Seal(upload.name()).ok());
 }
 
-// Files that ended before an error count, whatever the error.
+// Files that were complete before an error are stored, whatever the error.
 TEST_F(DatasetServiceTest, KeepsTheGroupBeforeAnError) {
   std::vector<v1::FileDeclaration> declarations;
   std::vector<v1::WriteFilesRequest> parts;
@@ -293,7 +294,7 @@ TEST_F(DatasetServiceTest, KeepsTheGroupBeforeAnError) {
   EXPECT_EQ(running.GetUpload(upload.name()).missing_files(0), absl::StrCat("images/", 139));
 }
 
-TEST_F(DatasetServiceTest, AStreamOfADeletedUploadLeavesNothing) {
+TEST_F(DatasetServiceTest, KeepsNothingOfADeletedUpload) {
   const TestFile file{"images/1.jpg", ManyBytes(3'000'000, 2)};
   ASSERT_TRUE(Create({Declare(file)}).ok());
   grpc::ClientContext context, deletion;
@@ -311,7 +312,7 @@ TEST_F(DatasetServiceTest, AStreamOfADeletedUploadLeavesNothing) {
   EXPECT_EQ(running.CountPartialFiles(), 0);
 }
 
-TEST_F(DatasetServiceTest, DeletedScenesLeaveNoPartialFiles) {
+TEST_F(DatasetServiceTest, RemovesPartialFilesOfDeletedScenes) {
   const TestFile file{"images/1.jpg", ManyBytes(3'000'000, 2)};
   ASSERT_TRUE(Create({Declare(file)}).ok());
   EXPECT_FALSE(running.Write({HeaderPart(upload.name(), file.path), ChunkPart("beginning")}).ok());
@@ -324,7 +325,7 @@ TEST_F(DatasetServiceTest, DeletedScenesLeaveNoPartialFiles) {
   EXPECT_EQ(running.CountPartialFiles(), 0);
 }
 
-TEST_F(DatasetServiceTest, ARetriedCreateAnswersTheSameUpload) {
+TEST_F(DatasetServiceTest, ReturnsTheSameUploadToARetry) {
   const TestFile one{"images/1.jpg", "one"};
   ASSERT_TRUE(Create({Declare(one)}, "r1").ok());
   ASSERT_TRUE(Create({Declare(one)}, "r1").ok());
@@ -333,7 +334,7 @@ TEST_F(DatasetServiceTest, ARetriedCreateAnswersTheSameUpload) {
   EXPECT_EQ(other.error_code(), grpc::ALREADY_EXISTS);
 }
 
-TEST_F(DatasetServiceTest, ManyStreamsAtOnce) {
+TEST_F(DatasetServiceTest, TakesManyStreamsAtOnce) {
   std::vector<TestFile> files;
   std::vector<v1::FileDeclaration> declarations;
   for (int i = 0; i < 24; ++i) {
@@ -352,7 +353,7 @@ TEST_F(DatasetServiceTest, ManyStreamsAtOnce) {
           status = running.Write(FileParts(upload.name(), files[i], 64'000));
         }
         written += status.ok() ? 1 : 0;
-        // The same file on another stream meanwhile is refused there, and no harm here.
+        // A stream that sends a file which another stream writes is refused, without harm.
         running.Write(FileParts(upload.name(), files[(i + 1) % 24], 64'000));
       }
     });
@@ -363,7 +364,7 @@ TEST_F(DatasetServiceTest, ManyStreamsAtOnce) {
   EXPECT_EQ(running.CountBlobFiles(), 24);
 }
 
-TEST_F(DatasetServiceTest, ListsSealedOnes) {
+TEST_F(DatasetServiceTest, ListsSealedDatasets) {
   running.UploadAndSeal("shelf", {{"images/1.jpg", "one"}});
   running.CreateUpload("shelf", {{"images/2.jpg", "two"}});
   running.UploadAndSeal("shelf", {{"images/3.jpg", "three"}});

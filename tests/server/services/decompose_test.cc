@@ -22,7 +22,7 @@ struct DecomposeTest : ShelfModel {
   v1::DecomposeResponse answer;
 };
 
-TEST_F(DecomposeTest, EachSquareIsASegmentOfEveryLevel) {
+TEST_F(DecomposeTest, FindsEachSquareAtEveryLevel) {
   const grpc::Status status = Decompose({});
   ASSERT_TRUE(status.ok()) << status.error_message();
   EXPECT_EQ(answer.model(), "scenes/shelf/models/1");
@@ -50,14 +50,14 @@ TEST_F(DecomposeTest, EachSquareIsASegmentOfEveryLevel) {
   EXPECT_NEAR(red.max(2), 2, 1e-5);
 }
 
-TEST_F(DecomposeTest, TakesTheScalesAskedFor) {
+TEST_F(DecomposeTest, UsesTheRequestedScales) {
   ASSERT_TRUE(Decompose({0.3}).ok());
   ASSERT_EQ(answer.levels_size(), 1);
   EXPECT_EQ(answer.levels(0).scale_quantile(), 0.3);
   EXPECT_EQ(answer.levels(0).segments(0).parent(), 0);
 }
 
-TEST_F(DecomposeTest, TheSameQuestionHasTheSameAnswerHoweverManyAsk) {
+TEST_F(DecomposeTest, AnswersConcurrentRequestsAlike) {
   ASSERT_TRUE(Decompose({}).ok());
   const v1::DecomposeResponse want = answer;
   std::vector<int> same(4);
@@ -91,7 +91,7 @@ TEST_F(DecomposeTest, RefusesScalesThatAreNone) {
   EXPECT_EQ(answer.levels_size(), 8);
 }
 
-TEST_F(DecomposeTest, NamesAModelThatIsNone) {
+TEST_F(DecomposeTest, NamesAModelThatDoesNotExist) {
   grpc::ClientContext context;
   v1::DecomposeRequest request;
   request.set_model("scenes/shelf/models/7");

@@ -20,7 +20,7 @@ struct DeleteModelTest : ShelfModel {
   }
 };
 
-TEST_F(DeleteModelTest, GoesWithItsFilesAndFromMemory) {
+TEST_F(DeleteModelTest, RemovesFilesAndMemory) {
   ASSERT_TRUE(ListViews().ok()) << "it is in memory now";
   const auto folder = running.options.data / "jobs/j1/attempt-1";
   ASSERT_TRUE(std::filesystem::exists(folder));
@@ -32,7 +32,7 @@ TEST_F(DeleteModelTest, GoesWithItsFilesAndFromMemory) {
   EXPECT_EQ(Delete("models/1").error_code(), grpc::INVALID_ARGUMENT);
 }
 
-TEST_F(DeleteModelTest, TheOneBeforeItIsLiveThen) {
+TEST_F(DeleteModelTest, MakesTheModelBeforeItLive) {
   const v1::Job second = running.Await(running.Train("shelf", "file").name());
   ASSERT_EQ(second.model(), "scenes/shelf/models/2");
   ASSERT_TRUE(Delete(kModel).ok());

@@ -8,7 +8,6 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/digest.h"
 #include "core/priors/sam/sam_segmenter.h"
-#include "server/services/dataset_size.h"
 #include "server/store/layout.h"
 #include "tests/server/running_server.h"
 #include "tests/server/store/test_database.h"
@@ -19,7 +18,7 @@
 namespace pepeseg {
 namespace {
 
-// Nothing is decoded: black pictures will do.
+// Black pictures suffice, since nothing is decoded.
 std::vector<TestFile> Photos() {
   std::vector<TestFile> files;
   files.reserve(5);
@@ -60,7 +59,7 @@ struct EstimateTrainingTest : ::testing::Test {
   v1::EstimateTrainingResponse estimate;
 };
 
-TEST_F(EstimateTrainingTest, TellsWhatTheHeadersAndOptionsSay) {
+TEST_F(EstimateTrainingTest, ReportsWhatTheHeadersAndOptionsSay) {
   const std::string dataset = running.UploadAndSeal("shelf", Photos());
   v1::TrainingOptions options;
   options.mutable_reconstruct()->set_max_gaussians(10'000);
@@ -75,7 +74,7 @@ TEST_F(EstimateTrainingTest, TellsWhatTheHeadersAndOptionsSay) {
   EXPECT_EQ(estimate.stages(0).stage(), "prepare");
   EXPECT_EQ(estimate.stages(1).stage(), "reconstruct");
   EXPECT_EQ(estimate.stages(2).stage(), "features");  // of masks that are made
-  // Parameters and two moments of 59 floats, at least.
+  // At least parameters and two moments, of 59 floats each.
   EXPECT_GT(estimate.stages(1).device_bytes(), 10'000 * 3 * 59 * 4);
   int64_t most = 0;
   for (const auto& stage : estimate.stages()) {
@@ -86,7 +85,7 @@ TEST_F(EstimateTrainingTest, TellsWhatTheHeadersAndOptionsSay) {
   for (const auto& stage : estimate.stages()) EXPECT_FALSE(stage.has_duration());
 }
 
-TEST_F(EstimateTrainingTest, SmallerPhotographsAndFewerGaussiansTakeLess) {
+TEST_F(EstimateTrainingTest, EstimatesLessForSmallerPhotographsAndFewerGaussians) {
   const std::string dataset = running.UploadAndSeal("shelf", Photos());
   v1::TrainingOptions options;
   ASSERT_TRUE(Estimate(dataset, options).ok());
@@ -119,7 +118,7 @@ TEST_F(EstimateTrainingTest, CountsTheTimeAndMemoryOfSam) {
   EXPECT_EQ(estimate.stages_size(), 3);
 }
 
-// They run at the same time, in two processes.
+// SAM and COLMAP run at the same time, in two processes.
 TEST_F(EstimateTrainingTest, AddsTheMemoryOfSamToThatOfColmap) {
   std::vector<TestFile> files = Photos();
   files.pop_back();
@@ -135,7 +134,7 @@ TEST_F(EstimateTrainingTest, AddsTheMemoryOfSamToThatOfColmap) {
   EXPECT_EQ(estimate.stages(1).host_bytes(), without_sam + SamHostBytes(2));
 }
 
-TEST_F(EstimateTrainingTest, MasksBringTheFeaturesStage) {
+TEST_F(EstimateTrainingTest, AddsTheFeaturesStageForMasks) {
   std::vector<TestFile> files = Photos();
   files.push_back({"masks/0.png", testing::BlackPng(400, 300, 8), v1::FILE_KIND_MASK});
   ASSERT_TRUE(Estimate(running.UploadAndSeal("shelf", files)).ok());
@@ -145,7 +144,7 @@ TEST_F(EstimateTrainingTest, MasksBringTheFeaturesStage) {
   EXPECT_GT(estimate.stages(2).device_bytes(), 0);
 }
 
-TEST_F(EstimateTrainingTest, WhatDoesNotFitIsRefusedBeforeItIsQueued) {
+TEST_F(EstimateTrainingTest, RefusesTrainingsThatDoNotFitBeforeTheyAreQueued) {
   const std::string dataset = running.UploadAndSeal("shelf", Photos());
   v1::TrainingOptions options;
   options.mutable_reconstruct()->set_max_gaussians(100'000'000);
@@ -166,7 +165,7 @@ TEST_F(EstimateTrainingTest, WhatDoesNotFitIsRefusedBeforeItIsQueued) {
   EXPECT_EQ(jobs.jobs_size(), 0);
 }
 
-TEST_F(EstimateTrainingTest, PhotographThatIsNoneIsNamedAndLeftToTheJob) {
+TEST_F(EstimateTrainingTest, NamesAFileThatIsNotAPhotographAndLeavesItToTheJob) {
   const std::string dataset = running.UploadAndSeal("shelf", {{"fine", "bytes"}});
   const grpc::Status status = Estimate(dataset);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
@@ -174,7 +173,7 @@ TEST_F(EstimateTrainingTest, PhotographThatIsNoneIsNamedAndLeftToTheJob) {
   EXPECT_TRUE(Train(dataset, {}, /*validate_only=*/true).ok());
 }
 
-// Photographs of which a mebibyte must not be read to know their size.
+// Photographs with so much metadata that their size is not in the first MiB.
 std::vector<TestFile> LargePhotos() {
   std::vector<TestFile> files = Photos();
   std::string jpeg = "\xFF\xD8";
@@ -184,7 +183,7 @@ std::vector<TestFile> LargePhotos() {
   return files;
 }
 
-// Replaces the bytes of every stored file by as many zeros, so that no header can be read again.
+// Replaces the bytes of each stored file by zeros, so that no header can be read again.
 void BlankBlobs(const RunningServer& running) {
   int num_blobs = 0;
   for (const auto& entry :
@@ -200,7 +199,7 @@ void BlankBlobs(const RunningServer& running) {
   ASSERT_GT(num_blobs, 0);
 }
 
-TEST_F(EstimateTrainingTest, KnowsTheSizesSinceTheFilesWereStored) {
+TEST_F(EstimateTrainingTest, UsesHeadersReadWhenTheFilesWereStored) {
   const std::string dataset = running.UploadAndSeal("shelf", LargePhotos());
   BlankBlobs(running);
   const grpc::Status status = Estimate(dataset);
@@ -210,7 +209,7 @@ TEST_F(EstimateTrainingTest, KnowsTheSizesSinceTheFilesWereStored) {
   EXPECT_EQ(estimate.num_points(), 3);
 }
 
-TEST_F(EstimateTrainingTest, ReadsHeadersOnceThatWereNotKept) {
+TEST_F(EstimateTrainingTest, ReadsMissingHeadersOnce) {
   const std::string dataset = running.UploadAndSeal("shelf", LargePhotos());
   // Another upload of the same files, of which nothing is written.
   const v1::Upload again = running.CreateUpload("shelf", LargePhotos());
@@ -228,7 +227,7 @@ TEST_F(EstimateTrainingTest, ReadsHeadersOnceThatWereNotKept) {
   }
 }
 
-TEST_F(EstimateTrainingTest, CountsColmapsPointsByTheFrontOfTheFile) {
+TEST_F(EstimateTrainingTest, CountsColmapPointsByTheStartOfTheFile) {
   std::string lines;
   for (int i = 0; i < 20'000; ++i) absl::StrAppend(&lines, "7 1.0 2.0 3.0 100 100 100 0.5 1 2\n");
   struct Case {
@@ -248,8 +247,8 @@ TEST_F(EstimateTrainingTest, CountsColmapsPointsByTheFrontOfTheFile) {
   }
 }
 
-// Of a call that is cancelled what was read is kept, so that the next one gets further.
-TEST(MeasureDataset, StopsWhereNobodyWaits) {
+// A cancelled call keeps the headers that it has read, so that the next call gets further.
+TEST(MeasureDataset, StopsWhenTheCallerIsGone) {
   const testing::TempFolder folder;
   const auto store = *Store::Open(testing::NewTestDatabase(folder.path()));
   const auto blobs = *BlobStore::Open(folder / "data");
@@ -264,21 +263,18 @@ TEST(MeasureDataset, StopsWhereNobodyWaits) {
     std::ofstream(path, std::ios::binary) << bytes;
   }
   ASSERT_OK(store->datasets().CreateDataset("a", "", files));
-  ServiceContext context{};
-  context.store = store.get();
-  context.blobs = blobs.get();
   int num_asked = 0;
   const auto wanted = [&num_asked] {
     return ++num_asked > 2 ? absl::CancelledError("the client is gone") : absl::OkStatus();
   };
-  EXPECT_TRUE(absl::IsCancelled(MeasureDataset(context, {"a", 1, {}}, wanted).status()));
+  EXPECT_TRUE(absl::IsCancelled(MeasureDataset(*store, *blobs, {"a", 1, {}}, wanted).status()));
   EXPECT_EQ(num_asked, 3);
   ASSERT_OK_AND_ASSIGN(files, store->files().ListDatasetFiles("a", 1));
   EXPECT_EQ(files[0].width, 40);
   EXPECT_EQ(files[1].header, HeaderState::kRead);
   EXPECT_EQ(files[2].header, HeaderState::kUnread);
-  ASSERT_OK_AND_ASSIGN(const DatasetSize size,
-                       MeasureDataset(context, {"a", 1, {}}, [] { return absl::OkStatus(); }));
+  ASSERT_OK_AND_ASSIGN(const DatasetSize size, MeasureDataset(*store, *blobs, {"a", 1, {}},
+                                                              [] { return absl::OkStatus(); }));
   EXPECT_EQ(size.max_source_pixels, 42 * 30);
 }
 

@@ -7,7 +7,7 @@
 #include "core/evaluate/one_click.h"
 #include "core/formats/encode_png.h"
 #include "core/formats/rle.h"
-#include "server/services/evaluate_answer.h"
+#include "server/api/evaluation.h"
 #include "tests/server/shelf_model.h"
 #include "tests/testing/png_bytes.h"
 
@@ -95,7 +95,7 @@ struct EvaluateTest : ::testing::Test {
   v1::EvaluateResponse answer;
 };
 
-TEST_F(EvaluateTest, ScoresEveryEntityOnTheViewsBesideItsReference) {
+TEST_F(EvaluateTest, ScoresEveryEntityOnTheViewsOtherThanItsReference) {
   const auto red = static_cast<double>(std::count(right.ids.begin(), right.ids.end(), kRed));
   right.FillRows(0, 2, kRed);  // 192 pixels where nothing is
   const grpc::Status status = Evaluate(Request());
@@ -150,7 +150,7 @@ TEST_F(EvaluateTest, TakesOptionsAndIgnoreMasks) {
   EXPECT_EQ(answer.left_out(0), 5);
 }
 
-TEST_F(EvaluateTest, AClickOnNothingScoresZero) {
+TEST_F(EvaluateTest, ScoresAClickOnNothingAsZero) {
   left.FillRows(58, 64, 9);
   right.FillRows(58, 64, 9);
   const grpc::Status status = Evaluate(Request());
@@ -179,7 +179,7 @@ TEST_F(EvaluateTest, RefusesViewsThatCannotBeScored) {
   ExpectRefused(Request(), "", "no entity shows at least 100 pixels in at least 2 of the 2");
 }
 
-TEST_F(EvaluateTest, RefusesFilesThatAreNoLabels) {
+TEST_F(EvaluateTest, RefusesFilesThatAreNotLabels) {
   const auto expect_refused = [&](const std::string& png, const std::string& words) {
     auto request = Request();
     request.mutable_labels(0)->set_png(png);
@@ -218,7 +218,7 @@ TEST_F(EvaluateTest, RefusesOptionsOutOfRange) {
   EXPECT_EQ(Evaluate(request).error_code(), grpc::NOT_FOUND);
 }
 
-TEST_F(EvaluateTest, EndsWithItsDeadlineAndHoldsNoQuestionUp) {
+TEST_F(EvaluateTest, EndsAtItsDeadlineAndBlocksNoQuery) {
   auto request = Request();
   for (int i = 0; i < 100; ++i) {  // as long as an evaluation can be made here
     request.mutable_options()->add_scales(0.01 * i);

@@ -27,7 +27,7 @@ struct ExportTest : ShelfModel {
     }
     return stream->Finish();
   }
-  // What a reader of splats makes of it.
+  // Reads it as a viewer of splats does.
   Gaussians Read() const {
     const auto path = running.folder / "export.ply";
     std::ofstream(path, std::ios::binary) << ply;
@@ -41,7 +41,7 @@ struct ExportTest : ShelfModel {
   std::string ply;
 };
 
-TEST_F(ExportTest, ASegmentIsAPlyOfItsGaussians) {
+TEST_F(ExportTest, ExportsASegmentAsAPly) {
   SetSegment(1, 2, *request.mutable_subset());
   const grpc::Status status = Export();
   ASSERT_TRUE(status.ok()) << status.error_message();
@@ -54,7 +54,7 @@ TEST_F(ExportTest, ASegmentIsAPlyOfItsGaussians) {
   for (const float x : blue.Plane(kMeanPlane)) ASSERT_GT(x, 0) << "the blue square is on the right";
 }
 
-TEST_F(ExportTest, TheComplementIsTheRestAndBothAreAll) {
+TEST_F(ExportTest, ExportsTheComplementAsTheRest) {
   ASSERT_TRUE(Export().ok());
   const Gaussians all = Read();
   EXPECT_EQ(all.count, 20'000);
@@ -68,7 +68,7 @@ TEST_F(ExportTest, TheComplementIsTheRestAndBothAreAll) {
   }
 }
 
-TEST_F(ExportTest, ASelectionIsTakenOutAndLeftOut) {
+TEST_F(ExportTest, ExportsASelectionAndItsComplement) {
   v1::SelectRequest select;
   select.set_model(kModel);
   select.mutable_prompt()->mutable_view()->set_view("middle.jpg");
@@ -90,7 +90,7 @@ TEST_F(ExportTest, ASelectionIsTakenOutAndLeftOut) {
   EXPECT_EQ(Read().count, 20'000 - red.count);
 }
 
-TEST_F(ExportTest, AnEmptySubsetIsTheStoredFile) {
+TEST_F(ExportTest, ExportsTheStoredFileForAnEmptySubset) {
   ASSERT_TRUE(Export().ok());
   const std::string whole = ply;
   request.mutable_subset();
@@ -98,7 +98,7 @@ TEST_F(ExportTest, AnEmptySubsetIsTheStoredFile) {
   EXPECT_EQ(ply, whole);
 }
 
-TEST_F(ExportTest, RefusesSubsetsThatAreNone) {
+TEST_F(ExportTest, RefusesInvalidSubsets) {
   SetSegment(1, 3, *request.mutable_subset());
   ExpectRefused(Export(), "subset.segment.id", "'3': no segment");
   SetSegment(-1, 1, *request.mutable_subset());
@@ -111,7 +111,7 @@ TEST_F(ExportTest, RefusesSubsetsThatAreNone) {
   EXPECT_TRUE(ply.empty());
 }
 
-TEST_F(ExportTest, ACancelledSubsetCostsNothing) {
+TEST_F(ExportTest, FreesMemoryOfACancelledSubset) {
   SetSegment(0, 1, *request.mutable_subset());
   for (int i = 0; i < 5; ++i) {
     grpc::ClientContext context;

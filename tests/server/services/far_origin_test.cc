@@ -6,8 +6,8 @@
 #include "core/formats/gaussian_ply.h"
 #include "tests/server/running_server.h"
 
-// A model whose coordinates are counted from a place far from zero: callers see the world of the
-// dataset, as they do of any other.
+// A model whose origin is far from zero in its dataset's world: callers see coordinates of the
+// dataset, as for any other model.
 
 namespace pepeseg {
 namespace {
@@ -62,7 +62,7 @@ struct FarOriginTest : ::testing::Test {
   RunningServer running;
 };
 
-TEST_F(FarOriginTest, ViewsAreListedInTheWorldAndFreeCamerasAreTakenFromIt) {
+TEST_F(FarOriginTest, ListsViewsAndReadsFreeCamerasInTheWorld) {
   const v1::View listed = ListedView("middle.jpg");
   for (int k = 0; k < 3; ++k) {  // its camera looks along the axes, from the origin
     EXPECT_NEAR(listed.cam_from_world().translation(k), -kOrigin[k], 1e-6);
@@ -76,7 +76,7 @@ TEST_F(FarOriginTest, ViewsAreListedInTheWorldAndFreeCamerasAreTakenFromIt) {
   EXPECT_EQ(Render(free), want);
 }
 
-TEST_F(FarOriginTest, ExportsAreInTheWorld) {
+TEST_F(FarOriginTest, ExportsInTheWorld) {
   for (const bool only_blue : {false, true}) {
     const std::string ply = Export(only_blue);
     const auto path = running.folder / "export.ply";

@@ -37,7 +37,7 @@ std::string Jpeg(const Image& image) {
   return jpeg.ok() ? *jpeg : "";
 }
 
-// With an EXIF segment that says so: one directory, of one entry.
+// Adds an EXIF segment with this orientation: one directory with one entry.
 std::string Turned(std::string jpeg, char orientation) {
   using std::string_literals::operator""s;
   const std::string exif = "\xff\xe1\0\x22"s + "Exif\0\0"s + "MM\0\x2a\0\0\0\x08"s + "\0\x01"s +
@@ -45,7 +45,7 @@ std::string Turned(std::string jpeg, char orientation) {
   return jpeg.insert(2, exif);
 }
 
-// What a call answered.
+// The answer of a call.
 struct SentPhotograph {
   grpc::Status status;
   v1::GetPhotographResponse::Header header;
@@ -148,13 +148,13 @@ TEST_F(GetPhotographTest, TurnsUprightAsExifSays) {
   EXPECT_GT(image.pixels[3 * (5 * 36 + 18)], 200) << "what was stored to the left is on top";
 }
 
-TEST_F(GetPhotographTest, TakesTheFirstByNameWithoutOne) {
+TEST_F(GetPhotographTest, ReturnsTheFirstByNameWithoutAName) {
   const SentPhotograph photograph = Get("");
   ASSERT_TRUE(photograph.status.ok()) << photograph.status.error_message();
   EXPECT_EQ(photograph.header.width(), 60) << "b.jpg, not cam0/turned.jpg";
 }
 
-TEST_F(GetPhotographTest, NamesWhatIsNotThere) {
+TEST_F(GetPhotographTest, NamesMissingPhotographs) {
   for (const char* name : {"none.jpg", "images/b.jpg", "../images/b.jpg", "a.png"}) {
     const SentPhotograph photograph = Get(name);
     EXPECT_EQ(photograph.status.error_code(), grpc::NOT_FOUND) << name;
@@ -170,7 +170,7 @@ TEST_F(GetPhotographTest, NamesWhatIsNotThere) {
   EXPECT_EQ(Get("b.jpg").status.error_code(), grpc::NOT_FOUND) << "not sealed";
 }
 
-TEST_F(GetPhotographTest, RefusesWhatDoesNotGoTogether) {
+TEST_F(GetPhotographTest, RefusesContradictoryFields) {
   request.set_max_side(-1);
   ExpectRefused("max_side", "[0, 16384]");
   request.set_max_side(16385);
@@ -190,7 +190,7 @@ TEST_F(GetPhotographTest, RefusesFilesThatDoNotDecode) {
       << photograph.status.error_message();
 }
 
-TEST_F(GetPhotographTest, TellsDamagedFilesFromBadOnes) {
+TEST_F(GetPhotographTest, DistinguishesDamagedFilesFromBadOnes) {
   std::string damaged = upright;
   damaged[damaged.size() / 2] ^= 1;
   for (const bool original : {false, true}) {
@@ -227,8 +227,8 @@ TEST_F(GetPhotographTest, SetsADamagedFileAsideForTheNextUpload) {
   }
 }
 
-// Its sandbox keeps it from the store; its word moves nothing.
-TEST(GetPhotographOfALyingDecoder, LeavesAWholeFileWhereItIs) {
+// The decoder cannot reach the store from its sandbox, and the server does not trust its report.
+TEST(GetPhotographOfALyingDecoder, KeepsAFileThatIsNotDamaged) {
   const testing::TempFolder folder;
   PhotographHeader header;
   header.code = absl::StatusCode::kDataLoss;
@@ -290,7 +290,7 @@ TEST_F(PhotographOfModel, IsWarpedAsTheViewWasTrainedOn) {
   EXPECT_LT(image.pixels[3 * (32 * kWidth + 90)], 60) << "blue to the right";
 }
 
-TEST_F(PhotographOfModel, HasNoViewThatTheModelHasNot) {
+TEST_F(PhotographOfModel, RefusesViewsThatTheModelDoesNotHave) {
   request.set_frame(v1::PIXEL_FRAME_VIEW);
   request.set_parent("scenes/shelf/datasets/2");
   EXPECT_EQ(Get(running, request).status.error_code(), grpc::INVALID_ARGUMENT) << "no model";
@@ -301,7 +301,7 @@ TEST_F(PhotographOfModel, HasNoViewThatTheModelHasNot) {
   EXPECT_EQ(DetailOf(status).field(), "photograph") << status.error_message();
 }
 
-// A worker that writes its number, keeps a file while it runs, and takes as long as it is told.
+// A worker that writes its process id, keeps a file while it runs, and takes a given time.
 struct SlowWorker : ::testing::Test {
   SlowWorker() {
     std::filesystem::create_directories(folder / "running");
@@ -316,7 +316,7 @@ struct SlowWorker : ::testing::Test {
     request.set_parent(running->UploadAndSeal("shelf", {{"images/a.jpg", "bytes"}}));
   }
   void Take(const std::string& seconds) const { std::ofstream(folder / "seconds") << seconds; }
-  // Of processes that have begun and not ended by themselves.
+  // Ids of processes that have started and not ended by themselves.
   std::set<pid_t> Begun() const {
     std::set<pid_t> begun;
     for (const auto& entry : std::filesystem::directory_iterator(folder / "running")) {

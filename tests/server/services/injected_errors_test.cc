@@ -1,4 +1,4 @@
-// Errors of the database and of files, as clients and the log see them.
+// What clients and the log see of errors of the database and of files.
 #include <gmock/gmock.h>
 #include <spdlog/sinks/ostream_sink.h>
 #include <spdlog/spdlog.h>
@@ -52,7 +52,7 @@ struct InjectedErrorsTest : ShelfModel {
   std::shared_ptr<spdlog::logger> outer;
 };
 
-TEST_F(InjectedErrorsTest, TextsOfTheDatabaseStayInTheLog) {
+TEST_F(InjectedErrorsTest, KeepsTextsOfTheDatabaseInTheLog) {
   Spoil("ALTER TABLE labels RENAME TO no_labels");
   v1::ListLabelsRequest request;
   request.set_parent("scenes/shelf");
@@ -61,7 +61,7 @@ TEST_F(InjectedErrorsTest, TextsOfTheDatabaseStayInTheLog) {
   EXPECT_THAT(Log(), AllOf(HasSubstr("no such table: labels"), HasSubstr(kRequest)));
 }
 
-TEST_F(InjectedErrorsTest, PathsOfTheServerStayInTheLog) {
+TEST_F(InjectedErrorsTest, KeepsPathsOfTheServerInTheLog) {
   const TestFile file = {"images/1.jpg", "one"};
   const v1::Upload upload = running.CreateUpload("shelf", {file});
   ASSERT_TRUE(running.Write(FileParts(upload.name(), file)).ok());
@@ -75,7 +75,7 @@ TEST_F(InjectedErrorsTest, PathsOfTheServerStayInTheLog) {
   EXPECT_THAT(Log(), AllOf(HasSubstr(folder.string()), HasSubstr(kRequest)));
 }
 
-TEST_F(InjectedErrorsTest, ADamagedModelIsNamedByARelativePath) {
+TEST_F(InjectedErrorsTest, NamesADamagedModelByARelativePath) {
   const char* file = "jobs/j1/attempt-1/gaussians.ply";
   std::ofstream(running.options.data / file, std::ios::app) << "more than there was";
   v1::ListViewsRequest request;
@@ -88,7 +88,7 @@ TEST_F(InjectedErrorsTest, ADamagedModelIsNamedByARelativePath) {
   EXPECT_THAT(Log(), HasSubstr((running.options.data / file).string()));
 }
 
-TEST_F(InjectedErrorsTest, AWatchEndsWhenTheEndOfItsJobCannotBeWritten) {
+TEST_F(InjectedErrorsTest, EndsAWatchWhoseJobsEndCannotBeWritten) {
   running.CreateScene("other");
   Spoil("ALTER TABLE models RENAME TO no_models");
   const v1::Job job = running.Train("other", "file");
@@ -109,7 +109,7 @@ TEST_F(InjectedErrorsTest, AWatchEndsWhenTheEndOfItsJobCannotBeWritten) {
   EXPECT_EQ(running.Await(job.name()).state(), v1::JOB_STATE_SUCCEEDED);
 }
 
-TEST_F(InjectedErrorsTest, AnswersOfAStreamAreNoExceptions) {
+TEST_F(InjectedErrorsTest, AppliesToAnswersOfAStream) {
   Spoil("ALTER TABLE models RENAME TO no_models");
   const auto stream = running.segmentation->SegmentStream(&context);
   v1::SegmentStreamRequest request;

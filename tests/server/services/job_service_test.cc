@@ -64,7 +64,7 @@ struct JobServiceTest : ::testing::Test {
   v1::Job job;
 };
 
-TEST_F(JobServiceTest, TrainsAndTellsItAll) {
+TEST_F(JobServiceTest, TrainsAndReportsEverything) {
   auto request = Request("fine");
   request.mutable_options()->mutable_reconstruct()->set_num_steps(77);
   ASSERT_TRUE(Train(request).ok());
@@ -93,7 +93,7 @@ TEST_F(JobServiceTest, TrainsAndTellsItAll) {
   EXPECT_FALSE(after.has_error());
 }
 
-TEST_F(JobServiceTest, GivesTheWorkerTheMemoryThatTheServerLeaves) {
+TEST_F(JobServiceTest, GivesTheWorkerTheRemainingMemory) {
   running.options.model_bytes = int64_t{512} << 20;
   running.Restart();
   ASSERT_TRUE(Train(Request("fine")).ok());
@@ -104,7 +104,7 @@ TEST_F(JobServiceTest, GivesTheWorkerTheMemoryThatTheServerLeaves) {
   EXPECT_LT(spec->memory_limit, HostMemory().total_bytes);
 }
 
-TEST_F(JobServiceTest, AWatchResumesWhereItWas) {
+TEST_F(JobServiceTest, ResumesAWatch) {
   ASSERT_TRUE(Train(Request("fine")).ok());
   running.Await(job.name());
   const Watched all = Watch(job.name(), 0);
@@ -133,7 +133,7 @@ TEST_F(JobServiceTest, AWatchResumesWhereItWas) {
   EXPECT_EQ(Watch("jobs/../x").status.error_code(), grpc::INVALID_ARGUMENT);
 }
 
-TEST_F(JobServiceTest, AFailureSaysWhy) {
+TEST_F(JobServiceTest, ReportsWhyAJobFailed) {
   ASSERT_TRUE(Train(Request("fail")).ok());
   const Watched watched = Watch(job.name(), 0);
   ASSERT_TRUE(watched.status.ok());
@@ -141,14 +141,14 @@ TEST_F(JobServiceTest, AFailureSaysWhy) {
   EXPECT_EQ(failed.state(), v1::JOB_STATE_FAILED);
   EXPECT_EQ(failed.error().code(), grpc::INVALID_ARGUMENT);
   EXPECT_NE(failed.error().message().find("images/bad.jpg"), std::string::npos);
-  // A crash of the worker is the job's end, not the server's, and the next job runs.
+  // A crash of the worker ends the job, not the server, and the next job runs.
   ASSERT_TRUE(Train(Request("crash")).ok());
   EXPECT_EQ(running.Await(job.name()).state(), v1::JOB_STATE_FAILED);
   ASSERT_TRUE(Train(Request("fine")).ok());
   EXPECT_EQ(running.Await(job.name()).state(), v1::JOB_STATE_SUCCEEDED);
 }
 
-TEST_F(JobServiceTest, RefusesWhatCannotBeTrained) {
+TEST_F(JobServiceTest, RefusesInvalidTrainings) {
   const auto good = Request("fine");
   auto request = good;
   request.set_dataset("scenes/shelf/datasets/9");
@@ -197,7 +197,7 @@ TEST_F(JobServiceTest, RefusesSamThatItDoesNotHave) {
   EXPECT_TRUE(Train(request).ok());
 }
 
-TEST_F(JobServiceTest, ValidateOnlyQueuesNothing) {
+TEST_F(JobServiceTest, QueuesNothingForValidateOnly) {
   auto request = Request("fine");
   request.set_validate_only(true);
   request.mutable_options()->mutable_features()->set_num_steps(5);
@@ -210,7 +210,7 @@ TEST_F(JobServiceTest, ValidateOnlyQueuesNothing) {
   EXPECT_EQ(list.jobs_size(), 0);
 }
 
-TEST_F(JobServiceTest, OneTrainingOfASceneAtATime) {
+TEST_F(JobServiceTest, RunsOneTrainingOfASceneAtATime) {
   auto request = Request("hang");
   request.set_request_id("r1");
   ASSERT_TRUE(Train(request).ok());
@@ -246,7 +246,7 @@ TEST_F(JobServiceTest, ListsByStateAndPage) {
   EXPECT_EQ(names, (std::vector<std::string>{"jobs/j3", "jobs/j1"}));
 }
 
-TEST_F(JobServiceTest, WatchersThatGoAwayCostNothing) {
+TEST_F(JobServiceTest, FreesWatchersThatDisconnect) {
   ASSERT_TRUE(Train(Request("hang")).ok());
   const std::string name = job.name();
   AwaitStage(name);
@@ -267,7 +267,7 @@ TEST_F(JobServiceTest, WatchersThatGoAwayCostNothing) {
     });
   }
   for (std::thread& thread : threads) thread.join();
-  // One that stays sees the end.
+  // A watcher that stays sees the end.
   std::thread canceller([&] {
     absl::SleepFor(absl::Milliseconds(200));
     v1::Job unused;
@@ -283,7 +283,7 @@ TEST_F(JobServiceTest, WatchersThatGoAwayCostNothing) {
   EXPECT_EQ(watched.events.back().state_changed().state(), v1::JOB_STATE_CANCELLED);
 }
 
-TEST_F(JobServiceTest, AWatchIsUnderADeadlineLikeAnyCall) {
+TEST_F(JobServiceTest, EndsAWatchAtItsDeadline) {
   ASSERT_TRUE(Train(Request("hang")).ok());
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::milliseconds(500));

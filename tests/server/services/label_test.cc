@@ -73,7 +73,7 @@ struct LabelTest : ::testing::Test {
   v1::ListLabelsResponse list;
 };
 
-TEST_F(LabelTest, IsAnsweredWithItsMask) {
+TEST_F(LabelTest, ReturnsALabelWithItsMask) {
   const grpc::Status status = Create(Request("red"));
   ASSERT_TRUE(status.ok()) << status.error_message();
   EXPECT_EQ(label.name(), "scenes/shelf/labels/red");
@@ -84,7 +84,7 @@ TEST_F(LabelTest, IsAnsweredWithItsMask) {
   EXPECT_EQ(label.mask().rle().DebugString(), Request("red").label().mask().rle().DebugString());
 }
 
-TEST_F(LabelTest, OfAPngIsThatOfItsRle) {
+TEST_F(LabelTest, StoresAPngAsTheSameRle) {
   std::vector<uint8_t> pixels = Rectangle().pixels;
   for (uint8_t& pixel : pixels) pixel = pixel != 0 ? 7 : 0;  // any grey but black
   auto request = Request("red");
@@ -95,7 +95,7 @@ TEST_F(LabelTest, OfAPngIsThatOfItsRle) {
   EXPECT_EQ(label.text(), "red");
 }
 
-TEST_F(LabelTest, ListsAreWithoutMasksPageByPage) {
+TEST_F(LabelTest, ListsLabelsWithoutMasksByPage) {
   for (const char* id : {"c", "a", "b"}) ASSERT_TRUE(Create(Request(id)).ok());
   ASSERT_TRUE(List("scenes/shelf", 2, "").ok());
   ASSERT_EQ(list.labels_size(), 2);
@@ -111,7 +111,7 @@ TEST_F(LabelTest, ListsAreWithoutMasksPageByPage) {
   EXPECT_EQ(List("scenes/none", 0, "").error_code(), grpc::NOT_FOUND);
 }
 
-TEST_F(LabelTest, IsDeletedOnce) {
+TEST_F(LabelTest, DeletesALabelOnce) {
   ASSERT_TRUE(Create(Request("red")).ok());
   ASSERT_TRUE(Delete("scenes/shelf/labels/red").ok());
   const grpc::Status gone = Delete("scenes/shelf/labels/red");
@@ -120,7 +120,7 @@ TEST_F(LabelTest, IsDeletedOnce) {
   EXPECT_EQ(DetailOf(Delete("scenes/shelf/labels/_red")).field(), "name");
 }
 
-TEST_F(LabelTest, ATakenIdIsRefusedButARetryIsNot) {
+TEST_F(LabelTest, RefusesATakenIdButAcceptsARetry) {
   auto request = Request("red");
   request.set_request_id("r1");
   ASSERT_TRUE(Create(request).ok());
@@ -131,7 +131,7 @@ TEST_F(LabelTest, ATakenIdIsRefusedButARetryIsNot) {
   EXPECT_EQ(DetailOf(taken).resource(), "scenes/shelf/labels/red");
 }
 
-TEST_F(LabelTest, RefusesMasksThatAreNoneOfTheView) {
+TEST_F(LabelTest, RefusesMasksThatDoNotFitTheView) {
   auto request = Request("red");
   v1::MaskImage& mask = *request.mutable_label()->mutable_mask();
   mask.mutable_rle()->set_width(kWidth - 1);

@@ -1,4 +1,4 @@
-// A model that was trained without masks: it is shown, and says why nothing in it is found.
+// A model that was trained without masks: it can be rendered, and segmenting it explains why not.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -48,7 +48,7 @@ TEST_F(ModelWithoutFeatures, HasViewsAndPictures) {
   EXPECT_TRUE(Render(v1::RenderRequest::CONTENT_DEPTH).ok());
 }
 
-TEST_F(ModelWithoutFeatures, SaysWhyThereAreNoSegments) {
+TEST_F(ModelWithoutFeatures, ExplainsWhyThereAreNoSegments) {
   ExpectNoFeatures(Render(v1::RenderRequest::CONTENT_SEGMENTS));
   ExpectNoFeatures(Render(v1::RenderRequest::CONTENT_FEATURES));
   grpc::ClientContext context;

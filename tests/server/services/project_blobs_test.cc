@@ -36,7 +36,7 @@ struct ProjectBlobsTest : KeyedServer {
   }
 };
 
-TEST_F(ProjectBlobsTest, WhatAnotherProjectHasIsNeitherToldNorUsable) {
+TEST_F(ProjectBlobsTest, HidesBlobsOfOtherProjects) {
   const std::string theirs = MakeKey("other", {v1::SCOPE_READ, v1::SCOPE_WRITE, v1::SCOPE_TRAIN});
   {
     auto context = With(theirs);
@@ -52,7 +52,7 @@ TEST_F(ProjectBlobsTest, WhatAnotherProjectHasIsNeitherToldNorUsable) {
 
   const v1::Upload upload = Upload("theirs", theirs, secret_photo);
   ASSERT_EQ(upload.missing_files_size(), 1);
-  // Who knows the digest only, and not the bytes, gets nothing by it.
+  // A project that knows only the digest, and not the bytes, cannot use them.
   EXPECT_EQ(Seal(upload, theirs).error_code(), grpc::FAILED_PRECONDITION);
   TestFile wrong = secret_photo;
   wrong.bytes[0] = 'A';

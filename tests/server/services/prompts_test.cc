@@ -17,7 +17,7 @@ struct PromptsTest : ShelfModel {
     answer.Clear();
     return running.segmentation->Segment(&context, request, &answer);
   }
-  // What a click shows.
+  // The mask that a click selects.
   v1::CocoRle MaskAt(double x) {
     v1::SegmentRequest click = request;
     click.clear_targets();
@@ -41,7 +41,7 @@ struct PromptsTest : ShelfModel {
     v1::Label label;
     return running.segmentation->CreateLabel(&context, create, &label);
   }
-  // Of the one mask of the answer: in the left or the right half.
+  // Pixels of the answer's mask in the left or the right half.
   void ExpectOnlyTheLeft() {
     ASSERT_EQ(answer.masks_size(), 1);
     EXPECT_GT(answer.masks(0).area(), 700);
@@ -52,7 +52,7 @@ struct PromptsTest : ShelfModel {
   v1::SegmentResponse answer;
 };
 
-TEST_F(PromptsTest, ABoxIsWhatFillsIt) {
+TEST_F(PromptsTest, FindsWhatFillsABox) {
   v1::BoxPrompt& box = *request.mutable_prompt()->mutable_box();
   box.set_x(14), box.set_y(16), box.set_width(32), box.set_height(32);
   const grpc::Status status = Segment();
@@ -60,7 +60,7 @@ TEST_F(PromptsTest, ABoxIsWhatFillsIt) {
   ExpectOnlyTheLeft();
 }
 
-TEST_F(PromptsTest, AMaskIsFoundInAnotherView) {
+TEST_F(PromptsTest, FindsAMaskInAnotherView) {
   *request.mutable_prompt()->mutable_mask()->mutable_rle() = MaskAt(30);
   request.mutable_targets()->add_views("right.jpg");
   ASSERT_TRUE(Segment().ok());
@@ -68,7 +68,7 @@ TEST_F(PromptsTest, AMaskIsFoundInAnotherView) {
   ExpectOnlyTheLeft();
 }
 
-TEST_F(PromptsTest, ALabelIsFoundByItsIdAndByItsName) {
+TEST_F(PromptsTest, FindsALabelByItsIdAndByItsName) {
   ASSERT_TRUE(GiveLabel("red", 30).ok());
   request.mutable_prompt()->clear_view();
   for (const std::string label : {"red", "scenes/shelf/labels/red"}) {
@@ -83,7 +83,7 @@ TEST_F(PromptsTest, ALabelIsFoundByItsIdAndByItsName) {
   EXPECT_EQ(answer.masks_size(), 3);
 }
 
-TEST_F(PromptsTest, AnUnknownLabelNamesThoseThereAre) {
+TEST_F(PromptsTest, ListsTheLabelsIfALabelIsUnknown) {
   ASSERT_TRUE(GiveLabel("red", 30).ok());
   request.mutable_prompt()->clear_view();
   request.mutable_prompt()->set_label("green");
@@ -97,7 +97,7 @@ TEST_F(PromptsTest, AnUnknownLabelNamesThoseThereAre) {
   ExpectRefused(Segment(), "prompt.view", "its own view");
 }
 
-TEST_F(PromptsTest, WhatIsAbsentIsChosen) {
+TEST_F(PromptsTest, ChoosesScaleAndThresholdThatAreAbsent) {
   auto* point = request.mutable_prompt()->mutable_points()->add_points();
   point->set_x(30);
   point->set_y(32);
@@ -112,7 +112,7 @@ TEST_F(PromptsTest, WhatIsAbsentIsChosen) {
   EXPECT_EQ(answer.threshold(), threshold);
 }
 
-TEST_F(PromptsTest, BadOnesAreRefusedWithWordsThatHelp) {
+TEST_F(PromptsTest, RefusesBadPromptsWithARemedy) {
   ExpectRefused(Segment(), "prompt", "no points, box, mask or label");
   v1::Prompt& prompt = *request.mutable_prompt();
   prompt.mutable_box()->set_x(500);

@@ -33,7 +33,7 @@ struct ProposeScalesRpcTest : ::testing::Test {
   v1::ProposeScalesResponse answer;
 };
 
-TEST_F(ProposeScalesRpcTest, AProposalIsWhatSegmentShowsAtItsScaleAndThreshold) {
+TEST_F(ProposeScalesRpcTest, MatchesSegmentAtItsScaleAndThreshold) {
   const grpc::Status status = Propose();
   ASSERT_TRUE(status.ok()) << status.error_message();
   ASSERT_GE(answer.proposals_size(), 1);
@@ -54,7 +54,7 @@ TEST_F(ProposeScalesRpcTest, AProposalIsWhatSegmentShowsAtItsScaleAndThreshold) 
   EXPECT_EQ(segment.masks(0).rle().counts(), best.mask().rle().counts());
 }
 
-TEST_F(ProposeScalesRpcTest, SegmentWithoutAGranularityAnswersTheBestProposal) {
+TEST_F(ProposeScalesRpcTest, MatchesSegmentWithoutAGranularity) {
   ASSERT_TRUE(Propose().ok());
   ASSERT_GE(answer.proposals_size(), 1);
   v1::SegmentRequest plain;
@@ -69,7 +69,7 @@ TEST_F(ProposeScalesRpcTest, SegmentWithoutAGranularityAnswersTheBestProposal) {
   EXPECT_EQ(segment.masks(0).rle().counts(), best.mask().rle().counts());
 }
 
-TEST_F(ProposeScalesRpcTest, ProposalsGrowWithTheirScale) {
+TEST_F(ProposeScalesRpcTest, GrowsWithTheScale) {
   ASSERT_TRUE(Propose().ok());
   for (int i = 1; i < answer.proposals_size(); ++i) {
     const auto &small = answer.proposals(i - 1), &large = answer.proposals(i);
@@ -80,7 +80,7 @@ TEST_F(ProposeScalesRpcTest, ProposalsGrowWithTheirScale) {
   }
 }
 
-TEST_F(ProposeScalesRpcTest, AnswersAsPngAndAtMostAsManyAsAskedFor) {
+TEST_F(ProposeScalesRpcTest, ReturnsPngsUpToTheRequestedNumber) {
   request.set_mask_encoding(v1::MASK_ENCODING_PNG);
   request.set_max_proposals(1);
   ASSERT_TRUE(Propose().ok());
@@ -88,7 +88,7 @@ TEST_F(ProposeScalesRpcTest, AnswersAsPngAndAtMostAsManyAsAskedFor) {
   EXPECT_FALSE(answer.proposals(0).mask().png().empty());
 }
 
-TEST_F(ProposeScalesRpcTest, BadRequestsAreRefused) {
+TEST_F(ProposeScalesRpcTest, RefusesBadRequests) {
   request.set_max_proposals(17);
   ExpectRefused(grpc::INVALID_ARGUMENT, "max_proposals");
   request.set_max_proposals(-1);

@@ -1,4 +1,4 @@
-// Quotas, as who calls and who operates the server sees them.
+// Quotas, as callers and operators see them.
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_cat.h"
@@ -68,7 +68,7 @@ struct QuotaTest : ::testing::Test {
   v1::ProjectUsage usage;
 };
 
-TEST_F(QuotaTest, BytesAndOpenUploads) {
+TEST_F(QuotaTest, LimitsBytesAndOpenUploads) {
   v1::Quota quota;
   quota.set_stored_bytes(10);
   ASSERT_TRUE(Set(quota).ok());
@@ -83,8 +83,8 @@ TEST_F(QuotaTest, BytesAndOpenUploads) {
   ExpectQuota(Create("a", {{"1", "tenletters"}}), "open_uploads");
 }
 
-// Partial files of a digest that nothing has, and what is deleted before the collector has passed.
-TEST_F(QuotaTest, StoredBytesCannotBePassedByWhatIsNoDataset) {
+// Partial files whose digest no dataset has, and deleted files that the collector has not removed.
+TEST_F(QuotaTest, CountsStoredBytesThatAreNotInADataset) {
   v1::Quota quota;
   quota.set_stored_bytes(20);
   ASSERT_TRUE(Set(quota).ok());
@@ -95,7 +95,7 @@ TEST_F(QuotaTest, StoredBytesCannotBePassedByWhatIsNoDataset) {
   ExpectQuota(Create("b", {file}), "stored_bytes");
 }
 
-TEST_F(QuotaTest, ModelsAndSelectionsAreStoredBytes) {
+TEST_F(QuotaTest, CountsModelsAndSelectionsAsStoredBytes) {
   ASSERT_EQ(running.Await(running.Train("a", "file").name()).state(), v1::JOB_STATE_SUCCEEDED);
   grpc::ClientContext context, deletion;
   v1::GetModelRequest request;
@@ -116,7 +116,7 @@ TEST_F(QuotaTest, ModelsAndSelectionsAreStoredBytes) {
   EXPECT_TRUE(Train("a", "scenes/a/datasets/1").ok());
 }
 
-TEST_F(QuotaTest, QueuedJobs) {
+TEST_F(QuotaTest, LimitsQueuedJobs) {
   const std::string a = running.UploadAndSeal("a", {{"hang", "bytes"}});
   const std::string b = running.UploadAndSeal("b", {{"hang", "bytes"}});
   running.CreateScene("c");
@@ -131,7 +131,7 @@ TEST_F(QuotaTest, QueuedJobs) {
   ExpectQuota(Train("c", c), "queued_jobs");
 }
 
-TEST_F(QuotaTest, Questions) {
+TEST_F(QuotaTest, LimitsQueries) {
   v1::Quota quota;
   quota.set_queries_per_second(2);
   ASSERT_TRUE(Set(quota).ok());
@@ -153,7 +153,7 @@ TEST_F(QuotaTest, Questions) {
   for (int i = 0; i < 8; ++i) EXPECT_TRUE(ListLabels().ok());
 }
 
-TEST_F(QuotaTest, QuestionsOfAStream) {
+TEST_F(QuotaTest, LimitsQueriesOfAStream) {
   v1::Quota quota;
   quota.set_queries_per_second(1);
   ASSERT_TRUE(Set(quota).ok());
@@ -171,7 +171,7 @@ TEST_F(QuotaTest, QuestionsOfAStream) {
   EXPECT_TRUE(stream->Finish().ok()) << "the stream goes on";
 }
 
-TEST_F(QuotaTest, ModelsInMemory) {
+TEST_F(QuotaTest, LimitsModelsInMemory) {
   for (const char* scene : {"a", "b"}) {
     ASSERT_EQ(running.Await(running.Train(scene, "file").name()).state(), v1::JOB_STATE_SUCCEEDED);
   }
@@ -189,7 +189,7 @@ TEST_F(QuotaTest, ModelsInMemory) {
   ExpectQuota(ListViews("a"), "resident_bytes");
 }
 
-TEST_F(QuotaTest, TheServersValuesHoldWhereAProjectHasNone) {
+TEST_F(QuotaTest, UsesTheServersValuesForProjectsWithoutQuota) {
   running.options.quota.open_uploads = 1;
   running.Restart();
   ASSERT_TRUE(Create("a", {{"1", "x"}}).ok());
@@ -202,7 +202,7 @@ TEST_F(QuotaTest, TheServersValuesHoldWhereAProjectHasNone) {
   EXPECT_TRUE(Create("a", {{"1", "x"}}).ok());
 }
 
-TEST_F(QuotaTest, BadOnesAreRefused) {
+TEST_F(QuotaTest, RefusesBadQuotas) {
   v1::Quota quota;
   quota.set_running_jobs(-1);
   grpc::Status status = Set(quota);

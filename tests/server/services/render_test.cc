@@ -26,7 +26,7 @@ struct RenderTest : ShelfModel {
     answer.Clear();
     return running.segmentation->Render(&context, request, &answer);
   }
-  // [height, width] of a 16-bit answer.
+  // Returns the pixels of a 16-bit answer, [height, width].
   std::vector<float> Grey() {
     const grpc::Status status = Render();
     EXPECT_TRUE(status.ok()) << status.error_message();
@@ -65,7 +65,7 @@ bool IsBlue(const uint8_t* rgb) { return rgb[2] > 200 && rgb[0] < 60; }
 bool IsBlack(const uint8_t* rgb) { return rgb[0] + rgb[1] + rgb[2] < 30; }
 const uint8_t* At(const Image& image, int pixel) { return &image.pixels[3 * pixel]; }
 
-TEST_F(RenderTest, DepthIsInTheAnswersUnits) {
+TEST_F(RenderTest, ReturnsDepthInTheAnswersUnits) {
   request.set_content(Request::CONTENT_DEPTH);
   const std::vector<float> depth = Grey();
   EXPECT_GT(answer.depth_unit(), 0);
@@ -78,7 +78,7 @@ TEST_F(RenderTest, DepthIsInTheAnswersUnits) {
   EXPECT_EQ(red_only[kInBlue], 0);
 }
 
-TEST_F(RenderTest, SegmentsKeepTheirIdsInAllViews) {
+TEST_F(RenderTest, KeepsIdsOfSegmentsInAllViews) {
   request.set_content(Request::CONTENT_SEGMENTS);
   request.set_level(1);
   for (const auto& [view, shift] : {std::pair("middle.jpg", 0), std::pair("right.jpg", -3)}) {
@@ -92,7 +92,7 @@ TEST_F(RenderTest, SegmentsKeepTheirIdsInAllViews) {
   EXPECT_EQ(answer.height(), kHeight);
 }
 
-TEST_F(RenderTest, FeaturesHaveTheirColourInAllViews) {
+TEST_F(RenderTest, KeepsColoursOfFeaturesInAllViews) {
   request.set_content(Request::CONTENT_FEATURES);
   request.set_feature_scale(0.5);
   const Image middle = Colors();
@@ -106,7 +106,7 @@ TEST_F(RenderTest, FeaturesHaveTheirColourInAllViews) {
   }
 }
 
-TEST_F(RenderTest, ASegmentAloneAndAllWithoutIt) {
+TEST_F(RenderTest, RendersASegmentAloneAndAllWithoutIt) {
   SetSegment(2, 1, *request.mutable_subset());
   const Image alone = Colors();
   EXPECT_TRUE(IsRed(At(alone, kInRed)));
@@ -120,7 +120,7 @@ TEST_F(RenderTest, ASegmentAloneAndAllWithoutIt) {
   EXPECT_TRUE(IsRed(At(all, kInRed)) && IsBlue(At(all, kInBlue)));
 }
 
-TEST_F(RenderTest, AnOverlayTintsItsPixelsAndDrawsTheirBorder) {
+TEST_F(RenderTest, TintsAnOverlayAndDrawsItsBorder) {
   const Image plain = Colors();
   BinaryMask mask = {std::vector<uint8_t>(kWidth * kHeight)};
   for (int y = 10; y < 20; ++y) {
@@ -143,7 +143,7 @@ TEST_F(RenderTest, AnOverlayTintsItsPixelsAndDrawsTheirBorder) {
   EXPECT_EQ(Colors().pixels, with_mask.pixels) << "a PNG says the same as runs";
 }
 
-TEST_F(RenderTest, AnOverlayOfASegmentLiesWhereItIsSeen) {
+TEST_F(RenderTest, DrawsAnOverlayOfASegmentWhereItIsSeen) {
   const Image plain = Colors();
   SetSegment(0, 2, *request.mutable_overlay_subset());
   const Image image = Colors();
@@ -154,7 +154,7 @@ TEST_F(RenderTest, AnOverlayOfASegmentLiesWhereItIsSeen) {
   EXPECT_TRUE(IsBlack(At(Colors(), kInBlue))) << "what is not rendered has no overlay";
 }
 
-TEST_F(RenderTest, RefusesContentsThatAreNone) {
+TEST_F(RenderTest, RefusesInvalidContents) {
   request.set_content(static_cast<Request::Content>(9));
   ExpectRenderRefused("content", "'9': no content");
   request.set_content(Request::CONTENT_SEGMENTS);
@@ -175,7 +175,7 @@ TEST_F(RenderTest, RefusesContentsThatAreNone) {
   ExpectRenderRefused("overlay", "only CONTENT_COLOR has an overlay");
 }
 
-TEST_F(RenderTest, RefusesSubsetsThatAreNone) {
+TEST_F(RenderTest, RefusesInvalidSubsets) {
   SetSegment(0, 3, *request.mutable_subset());
   ExpectRenderRefused("subset.segment.id", "level 0 has 2");
   SetSegment(0, 0, *request.mutable_subset());

@@ -59,7 +59,7 @@ TEST_F(SceneServiceTest, CreatesGetsAndDeletes) {
   EXPECT_EQ(Delete("scenes/shelf").error_code(), grpc::NOT_FOUND);
 }
 
-TEST_F(SceneServiceTest, ATakenIdIsRefusedButARetryIsNot) {
+TEST_F(SceneServiceTest, RefusesATakenIdButAcceptsARetry) {
   ASSERT_TRUE(Create("shelf", "one", "r1").ok());
   EXPECT_TRUE(Create("shelf", "one", "r1").ok());
   const grpc::Status taken = Create("shelf", "two", "r2");
@@ -67,7 +67,7 @@ TEST_F(SceneServiceTest, ATakenIdIsRefusedButARetryIsNot) {
   EXPECT_EQ(DetailOf(taken).resource(), "scenes/shelf");
 }
 
-TEST_F(SceneServiceTest, TakesTheNamesThatPeopleHaveAndTellsCasesApart) {
+TEST_F(SceneServiceTest, AcceptsCommonNamesAndDistinguishesCase) {
   for (const char* id : {"llff_horns", "Fern-2", "fern-2", "360.v2", "1a"}) {
     ASSERT_TRUE(Create(id, "", "").ok()) << id;
     ASSERT_TRUE(Get(std::string("scenes/") + id).ok()) << id;
@@ -108,7 +108,7 @@ TEST_F(SceneServiceTest, ListsPageByPage) {
   EXPECT_EQ(List(2, "no such token \xc3\xa4").error_code(), grpc::INVALID_ARGUMENT);
 }
 
-TEST_F(SceneServiceTest, KnowsItsJobAndIsNotDeletedUnderIt) {
+TEST_F(SceneServiceTest, RefusesToDeleteASceneWithAnActiveJob) {
   running.CreateScene("shelf");
   const v1::Job job = running.Train("shelf", "hang");
   ASSERT_TRUE(Get("scenes/shelf").ok());

@@ -45,7 +45,7 @@ TEST_F(SegmentStreamTest, AnswersWhileThePointIsDragged) {
   EXPECT_TRUE(stream->Finish().ok());
 }
 
-TEST_F(SegmentStreamTest, ARequestThatIsRefusedDoesNotEndTheStream) {
+TEST_F(SegmentStreamTest, ContinuesAfterARefusedRequest) {
   const auto stream = Open();
   v1::SegmentStreamResponse answer;
   ASSERT_TRUE(stream->Write(Click(1, 200)));
@@ -61,7 +61,7 @@ TEST_F(SegmentStreamTest, ARequestThatIsRefusedDoesNotEndTheStream) {
   EXPECT_TRUE(stream->Finish().ok());
 }
 
-TEST_F(SegmentStreamTest, OnlyTheNewestOfThoseThatWaitIsAnswered) {
+TEST_F(SegmentStreamTest, AnswersOnlyTheNewestWaitingRequest) {
   // Keep the threads of the queries busy while the requests come.
   std::vector<std::thread> others;
   for (int i = 0; i < 4; ++i) {
@@ -101,7 +101,7 @@ TEST_F(SegmentStreamTest, OnlyTheNewestOfThoseThatWaitIsAnswered) {
   EXPECT_TRUE(std::is_sorted(answered.begin(), answered.end()));
 }
 
-TEST_F(SegmentStreamTest, AClientThatIsGoneEndsIt) {
+TEST_F(SegmentStreamTest, EndsWhenTheClientIsGone) {
   {
     const auto stream = Open();
     ASSERT_TRUE(stream->Write(Click(1, 30)));

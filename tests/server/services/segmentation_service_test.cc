@@ -62,7 +62,7 @@ std::vector<uint32_t> PixelsOf(const v1::CocoRle& rle) {
   return pixels.ok() ? *pixels : std::vector<uint32_t>();
 }
 
-TEST_F(SegmentationServiceTest, AClickFindsItsSquareInOtherViews) {
+TEST_F(SegmentationServiceTest, FindsAClickedSquareInOtherViews) {
   auto request = Click("middle.jpg", 30, 32);  // the red one, left of the middle
   request.mutable_granularity()->set_scale_quantile(0.5);
   request.mutable_granularity()->set_threshold(0.75);
@@ -97,7 +97,7 @@ TEST_F(SegmentationServiceTest, AClickFindsItsSquareInOtherViews) {
   }
 }
 
-TEST_F(SegmentationServiceTest, AnswersPngAndSimilarityOnRequest) {
+TEST_F(SegmentationServiceTest, ReturnsPngAndSimilarityOnRequest) {
   auto request = Click("middle.jpg", 30, 32);
   request.set_mask_encoding(v1::MASK_ENCODING_PNG);
   request.set_want_similarity(true);
@@ -112,7 +112,7 @@ TEST_F(SegmentationServiceTest, AnswersPngAndSimilarityOnRequest) {
   EXPECT_TRUE(answer.timing().has_compute());
 }
 
-TEST_F(SegmentationServiceTest, TakesAFreeCameraAndUnits) {
+TEST_F(SegmentationServiceTest, AcceptsAFreeCameraAndUnits) {
   auto request = Click("middle.jpg", 66, 32);
   request.mutable_prompt()->clear_view();
   v1::Viewpoint::FreeCamera& free = *request.mutable_prompt()->mutable_view()->mutable_free();
@@ -140,7 +140,7 @@ TEST_F(SegmentationServiceTest, TakesAFreeCameraAndUnits) {
   ExpectRefused(request, "prompt.view.free.cam_from_world.translation[2]");
 }
 
-TEST_F(SegmentationServiceTest, RefusesWhatIsNoQuestion) {
+TEST_F(SegmentationServiceTest, RefusesInvalidRequests) {
   ExpectRefused(Click("middle.jpg", 96, 32), "96");
   ExpectRefused(Click("middle.jpg", 30, -1), "-1");
   ExpectRefused(Click("middle.jpg", kNan, 32), "points.points[0]");
@@ -169,10 +169,10 @@ TEST_F(SegmentationServiceTest, RefusesWhatIsNoQuestion) {
   request.mutable_targets()->add_views("nowhere.jpg");
   ExpectRefused(request, "targets.views[1]: 'nowhere.jpg'");
   request.mutable_targets()->set_group(v1::SegmentRequest::Targets::GROUP_ALL);
-  ExpectRefused(request, "views beside a group");
+  ExpectRefused(request, "views next to a group");
 }
 
-TEST_F(SegmentationServiceTest, AnAnswerThatIsTooLargeIsRefused) {
+TEST_F(SegmentationServiceTest, RefusesAnAnswerThatIsTooLarge) {
   auto request = Click("middle.jpg", 30, 32);
   request.set_want_similarity(true);
   for (int i = 0; i < 400; ++i) request.mutable_targets()->add_views("middle.jpg");
@@ -181,7 +181,7 @@ TEST_F(SegmentationServiceTest, AnAnswerThatIsTooLargeIsRefused) {
   EXPECT_EQ(DetailOf(status).reason(), "ANSWER_TOO_LARGE");
 }
 
-TEST_F(SegmentationServiceTest, RendersWhatIsThere) {
+TEST_F(SegmentationServiceTest, RendersViews) {
   v1::RenderRequest request;
   request.set_model("scenes/shelf/models/1");
   request.mutable_viewpoint()->set_view("middle.jpg");
@@ -255,7 +255,7 @@ TEST_F(SegmentationServiceTest, ExportsThePlyInCheckedChunks) {
   EXPECT_EQ(ply.substr(0, 3), "ply");
 }
 
-TEST_F(SegmentationServiceTest, ADamagedModelIsDataLossAndTheServerGoesOn) {
+TEST_F(SegmentationServiceTest, ReportsADamagedModelAndContinues) {
   const auto ply = running.options.data / "jobs/j1/attempt-1/gaussians.ply";
   ASSERT_TRUE(std::filesystem::exists(ply));
   {
@@ -275,7 +275,7 @@ TEST_F(SegmentationServiceTest, ADamagedModelIsDataLossAndTheServerGoesOn) {
   EXPECT_TRUE(running.GetUpload("scenes/shelf/uploads/1").sealed());
 }
 
-TEST_F(SegmentationServiceTest, ACancelledExportCostsNothing) {
+TEST_F(SegmentationServiceTest, FreesACancelledExport) {
   for (int i = 0; i < 10; ++i) {
     grpc::ClientContext context;
     v1::ExportSelectionRequest request;
@@ -291,7 +291,7 @@ TEST_F(SegmentationServiceTest, ACancelledExportCostsNothing) {
   EXPECT_TRUE(Segment(Click("middle.jpg", 30, 32)).ok());
 }
 
-TEST(ModelNames, TellMissingFromNotYet) {
+TEST(ModelNames, DistinguishMissingFromNotYet) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   running.CreateScene("shelf");
   const v1::Job job = running.Train("shelf", "hang");

@@ -125,7 +125,7 @@ TEST_F(SelectionTest, HoldsTheGaussiansOfWhatIsClicked) {
   EXPECT_EQ(made.DebugString(), answer);
 }
 
-TEST_F(SelectionTest, OfNothingIsEmpty) {
+TEST_F(SelectionTest, IsEmptyForNothing) {
   auto request = Red();
   request.mutable_granularity()->set_threshold(1);
   MustSelect(request);
@@ -134,7 +134,7 @@ TEST_F(SelectionTest, OfNothingIsEmpty) {
   EXPECT_TRUE(made.max().empty());
 }
 
-TEST_F(SelectionTest, AreAddedToTakenFromAndIntersected) {
+TEST_F(SelectionTest, UnitesSubtractsAndIntersects) {
   MustSelect(Red());
   const int64_t num_red = made.num_gaussians();
   auto request = Blue();
@@ -159,7 +159,7 @@ TEST_F(SelectionTest, AreAddedToTakenFromAndIntersected) {
   EXPECT_EQ(made.base(), Name(3));
 }
 
-TEST_F(SelectionTest, UndoGoesToTheBase) {
+TEST_F(SelectionTest, UndoesToTheBase) {
   MustSelect(Red());
   auto request = Blue();
   request.set_base(Name(1));
@@ -206,7 +206,7 @@ TEST_F(SelectionTest, ListsNewestFirstPageByPage) {
   EXPECT_EQ(List("scenes/none", 0, "").error_code(), grpc::NOT_FOUND);
 }
 
-TEST_F(SelectionTest, FilesGoWithTheSelectionAndTheScene) {
+TEST_F(SelectionTest, RemovesFilesWithTheSelectionAndTheScene) {
   MustSelect(Red());
   MustSelect(Blue());
   EXPECT_TRUE(std::filesystem::exists(File(1)));
@@ -223,7 +223,7 @@ TEST_F(SelectionTest, FilesGoWithTheSelectionAndTheScene) {
   EXPECT_FALSE(std::filesystem::exists(File(2).parent_path()));
 }
 
-TEST_F(SelectionTest, ADamagedFileIsDataLoss) {
+TEST_F(SelectionTest, ReportsADamagedFile) {
   MustSelect(Red());
   {
     std::fstream file(File(1), std::ios::in | std::ios::out | std::ios::binary);
@@ -237,7 +237,7 @@ TEST_F(SelectionTest, ADamagedFileIsDataLoss) {
   EXPECT_TRUE(Get(Name(1)).ok()) << "its row is whole";
 }
 
-TEST_F(SelectionTest, OfDifferentModelsAreNotCombined) {
+TEST_F(SelectionTest, RefusesToCombineDifferentModels) {
   MustSelect(Red());
   Train();
   MustSelect(Red());
@@ -251,7 +251,7 @@ TEST_F(SelectionTest, OfDifferentModelsAreNotCombined) {
   EXPECT_TRUE(Select(request).ok());
 }
 
-TEST_F(SelectionTest, RefusesWhatIsNoQuestion) {
+TEST_F(SelectionTest, RefusesInvalidRequests) {
   auto request = Red();
   request.set_num_views(101);
   ExpectBadField(request, "num_views");
@@ -284,7 +284,7 @@ TEST_F(SelectionTest, RefusesWhatIsNoQuestion) {
   EXPECT_EQ(list.selections_size(), 0);
 }
 
-TEST_F(SelectionTest, RefusesNamesAndOperationsThatAreNone) {
+TEST_F(SelectionTest, RefusesInvalidNamesAndOperations) {
   MustSelect(Red());
   EXPECT_EQ(DetailOf(Combine("x", Name(1), v1::SET_OPERATION_UNION)).field(), "first");
   EXPECT_EQ(DetailOf(Combine(Name(1), "x", v1::SET_OPERATION_UNION)).field(), "second");

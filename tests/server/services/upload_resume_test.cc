@@ -1,4 +1,4 @@
-// Uploads that are broken off, and go on.
+// Uploads that are interrupted and resumed.
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_cat.h"
@@ -18,7 +18,8 @@ struct UploadResumeTest : ::testing::Test {
     upload = running.CreateUpload("shelf", {file}).name();
   }
 
-  // The file's parts from `offset` on, up to `end` and, if that is all of it, its end.
+  // Returns the messages for the bytes from `offset` to `end`, with the end of the file if it is
+  // there.
   std::vector<v1::WriteFilesRequest> Parts(int64_t offset, size_t end = std::string::npos) const {
     std::vector<v1::WriteFilesRequest> parts = {HeaderPart(upload, file.path, offset)};
     end = std::min(end, file.bytes.size());
@@ -28,7 +29,7 @@ struct UploadResumeTest : ::testing::Test {
     if (end == file.bytes.size()) parts.push_back(EndPart());
     return parts;
   }
-  // Broken off by a stream that ends in the middle of the file.
+  // Sends a part of the file on a stream that ends in the middle of it.
   void WriteUpTo(size_t end) {
     EXPECT_EQ(running.Write(Parts(0, end)).error_code(), grpc::INVALID_ARGUMENT);
   }
@@ -43,7 +44,7 @@ struct UploadResumeTest : ::testing::Test {
   std::string upload;
 };
 
-TEST_F(UploadResumeTest, GoesOnWhereTheStreamEnded) {
+TEST_F(UploadResumeTest, ResumesWhereTheStreamEnded) {
   EXPECT_EQ(Committed(), 0);
   WriteUpTo(3'000'000);
   ASSERT_EQ(Committed(), 3'000'000);
@@ -58,7 +59,7 @@ TEST_F(UploadResumeTest, GoesOnWhereTheStreamEnded) {
   EXPECT_EQ(running.CountPartialFiles(), 0);
 }
 
-TEST_F(UploadResumeTest, ACallThatIsCutOffIsKeptUpToItsEnd) {
+TEST_F(UploadResumeTest, KeepsWhatCameBeforeACallWasCutOff) {
   {
     grpc::ClientContext context;
     v1::WriteFilesResponse response;
@@ -82,7 +83,7 @@ TEST_F(UploadResumeTest, ACallThatIsCutOffIsKeptUpToItsEnd) {
   EXPECT_TRUE(status.ok()) << status.error_message();
 }
 
-TEST_F(UploadResumeTest, AnotherOffsetIsToldTheCommittedOne) {
+TEST_F(UploadResumeTest, ReportsTheCommittedOffset) {
   WriteUpTo(3'000'000);
   for (const int64_t offset : {2'999'999, 4'000'000, -1}) {
     const grpc::Status status =
@@ -96,7 +97,7 @@ TEST_F(UploadResumeTest, AnotherOffsetIsToldTheCommittedOne) {
   EXPECT_EQ(Committed(), 3'000'000);
 }
 
-TEST_F(UploadResumeTest, OneWriterAtATime) {
+TEST_F(UploadResumeTest, AllowsOneWriterAtATime) {
   grpc::ClientContext context;
   v1::WriteFilesResponse response;
   const auto stream = running.datasets->WriteFiles(&context, &response);
@@ -113,8 +114,8 @@ TEST_F(UploadResumeTest, OneWriterAtATime) {
   EXPECT_TRUE(first.ok()) << first.error_message();
 }
 
-// A beginning that is not what was declared is found out at the end, and then thrown away.
-TEST_F(UploadResumeTest, AWrongBeginningIsNotKept) {
+// Partial bytes that do not match the declared digest are detected at the end and removed.
+TEST_F(UploadResumeTest, DropsAWrongPartialUpload) {
   auto parts = Parts(0, 2'000'000);
   parts[1] = ChunkPart(std::string(1 << 20, 'x'));
   EXPECT_FALSE(running.Write(parts).ok());
@@ -124,7 +125,7 @@ TEST_F(UploadResumeTest, AWrongBeginningIsNotKept) {
   EXPECT_TRUE(running.Write(Parts(0)).ok());
 }
 
-TEST_F(UploadResumeTest, WhatCannotFitIsRefusedBeforeItIsSent) {
+TEST_F(UploadResumeTest, RefusesFilesThatDoNotFitBeforeTheyAreSent) {
   const auto space = std::filesystem::space(running.options.data);
   constexpr int64_t kMostInAll = int64_t{256} << 30;
   if (static_cast<int64_t>(space.available) >= kMostInAll) GTEST_SKIP() << "the disk is too large";

@@ -5,7 +5,7 @@
 namespace pepeseg {
 namespace {
 
-TEST(UploadPath, TakesWhatUsersHave) {
+TEST(UploadPath, AcceptsCommonPaths) {
   for (const char* good : {"a", "images/0001.jpg", "sparse/0/cameras.bin", "a b/ü.png", "..a/b..",
                            ".hidden", "a/...", "-rf"}) {
     EXPECT_TRUE(CheckUploadPath(good, "path").ok()) << good;
@@ -13,7 +13,7 @@ TEST(UploadPath, TakesWhatUsersHave) {
   EXPECT_TRUE(CheckUploadPath(std::string(512, 'a'), "path").ok());
 }
 
-TEST(UploadPath, RefusesWhatIsNoNameInside) {
+TEST(UploadPath, RefusesPathsThatEscapeTheFolder) {
   const std::string nul("a\0b", 3);
   for (const std::string& bad :
        {std::string(), std::string("../../x"), std::string("a/../b"), std::string("a/.."),
@@ -44,7 +44,7 @@ void ExpectRefused(const v1::CreateUploadRequest& request, const std::string& wo
   EXPECT_NE(files.status().message().find(words), std::string::npos) << files.status();
 }
 
-TEST(UploadFiles, AreTakenAsDeclared) {
+TEST(UploadFiles, ReturnDeclaredFiles) {
   const auto files = CheckUploadFiles(GoodRequest());
   ASSERT_TRUE(files.ok()) << files.status();
   ASSERT_EQ(files->size(), 2u);
@@ -54,7 +54,7 @@ TEST(UploadFiles, AreTakenAsDeclared) {
   EXPECT_FALSE((*files)[1].stored);
 }
 
-TEST(UploadFiles, RefusalsNameFileAndLimit) {
+TEST(UploadFiles, NameFileAndLimitInRefusals) {
   ExpectRefused(v1::CreateUploadRequest(), "files: '0'");
   auto request = GoodRequest();
   request.mutable_files(1)->set_path("images/1.jpg");
@@ -79,7 +79,7 @@ TEST(UploadFiles, RefusalsNameFileAndLimit) {
   ExpectRefused(request, "files[0].sha256");
 }
 
-TEST(UploadFiles, AreBoundedInNumberAndPathBytes) {
+TEST(UploadFiles, RefuseTooManyFilesAndPathBytes) {
   v1::CreateUploadRequest request;
   for (int i = 0; i < 20'001; ++i) {
     *request.add_files() = GoodRequest().files(0);

@@ -1,20 +1,20 @@
 #include "core/prompt/resolve_prompt.h"
-#include "server/services/segment_question.h"
+#include "server/api/segment_request.h"
 #include "tests/system/fuzz/fuzz_message.h"
 #include "tests/system/fuzz/small_model.h"
 
-// A question that is taken is answered, or refused by the model with a reason.
+// A request that is accepted is answered, or refused by the model with a reason.
 PEPESEG_FUZZ_MESSAGE(segment_request, pepeseg::v1::SegmentRequest) {
   static pepeseg::fuzz::SmallModel small;
-  const auto question = pepeseg::ReadQuestion(small.context(), small.resident(), message);
-  if (!question.ok()) return;
+  const auto asked = small.reader().Read(message);
+  if (!asked.ok()) return;
   // Free cameras of any size are for the answer's limits to refuse.
-  if (question->prompt.view.camera.width > 64 || question->prompt.view.camera.height > 64) return;
-  const pepeseg::Segmenter& segmenter = *small.resident().segmenter;
-  const auto query = pepeseg::ResolvePrompt(segmenter, question->prompt, question->granularity);
+  if (asked->prompt.view.camera.width > 64 || asked->prompt.view.camera.height > 64) return;
+  const pepeseg::Segmenter& segmenter = small.segmenter();
+  const auto query = pepeseg::ResolvePrompt(segmenter, asked->prompt, asked->granularity);
   if (!query.ok()) return;
-  if (question->targets.size() > 2) return;
-  const auto results = segmenter.Segment(*query, question->targets, true);
+  if (asked->targets.size() > 2) return;
+  const auto results = segmenter.Segment(*query, asked->targets, true);
   if (!results.ok()) return;
-  pepeseg::fuzz::Expect(results->size() == question->targets.size(), "a mask for each view");
+  pepeseg::fuzz::Expect(results->size() == asked->targets.size(), "a mask for each view");
 }

@@ -39,7 +39,7 @@ LabelRow RedLabel() {
 SmallModel::SmallModel() : backend_(MakeCpuBackend(1)) {
   auto segmenter = Segmenter::Create(*backend_, ThreeViews());
   Expect(segmenter.ok(), "a segmenter");
-  resident_ = {"scenes/shelf/models/1", *std::move(segmenter), {"shelf", 1}};
+  segmenter_ = *std::move(segmenter);
   auto store = Store::Open("sqlite:" + (folder_ / "store.db").string());
   Expect(store.ok(), "a store");
   store_ = *std::move(store);
@@ -47,9 +47,6 @@ SmallModel::SmallModel() : backend_(MakeCpuBackend(1)) {
   scene.id = "shelf";
   Expect(store_->scenes().CreateScene(scene).ok(), "a scene");
   Expect(store_->labels().CreateLabel(RedLabel()).ok(), "a label");
-  context_.data_folder = folder_.path();
-  context_.store = store_.get();
-  context_.backend = backend_.get();
 }
 
 }  // namespace pepeseg::fuzz

@@ -2,28 +2,28 @@
 
 #include <memory>
 
+#include "core/query/segmenter.h"
 #include "kernels/backend.h"
-#include "server/services/model_lookup.h"
+#include "server/api/segment_request.h"
 #include "server/store/store.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg::fuzz {
 
-// A model of two blobs in three small views, one of them held out, and what a request about it
-// needs: the name "scenes/shelf/models/1", and a label "red" of view "front".
+// A model of two blobs in three small views, one of them held out, with what a request needs to ask
+// about it: "scenes/shelf/models/1" with a label "red" of view "front".
 class SmallModel {
  public:
   SmallModel();
 
-  const ServiceContext& context() const { return context_; }
-  const ResidentModel& resident() const { return resident_; }
+  const Segmenter& segmenter() const { return *segmenter_; }
+  SegmentRequestReader reader() const { return {segmenter_->model(), {"shelf", 1}, *store_}; }
 
  private:
   testing::TempFolder folder_;
   std::unique_ptr<Backend> backend_;
   std::unique_ptr<Store> store_;
-  ServiceContext context_{};
-  ResidentModel resident_;
+  std::unique_ptr<Segmenter> segmenter_;
 };
 
 }  // namespace pepeseg::fuzz

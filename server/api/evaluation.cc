@@ -1,4 +1,4 @@
-#include "server/services/evaluate_answer.h"
+#include "server/api/evaluation.h"
 
 #include <algorithm>
 #include <set>
@@ -8,15 +8,14 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/api/error.h"
-#include "server/api/pixel_frame.h"
-#include "server/api/read_mask.h"
+#include "server/api/request_image.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr int kMaxLabels = 1000;
-constexpr int64_t kMaxLabelPixels =
-    64'000'000;  // of all views together: 2 bytes each, 3 if ignored
+// Of all views together. A pixel takes 2 bytes, or 3 if there is an image of ignored pixels.
+constexpr int64_t kMaxLabelPixels = 64'000'000;
 
 absl::StatusOr<ModelView> FindHeldOut(const std::string& name, const Model& model,
                                       const std::string& field) {
@@ -27,7 +26,7 @@ absl::StatusOr<ModelView> FindHeldOut(const std::string& name, const Model& mode
   return *found;
 }
 
-// `image`: of the view that the labels are of.
+// Decodes the label image and the image of ignored pixels of one view.
 absl::Status ReadImages(const v1::EvaluateRequest::ViewLabels& labels, const ImageOfView& image,
                         const std::string& field, LabeledView& labeled) {
   ASSIGN_OR_RETURN(FloatImage ids, DecodeGreyOf(image, labels.png(), field + ".png"));
@@ -65,7 +64,7 @@ v1::EvaluateResponse::Choice ChoiceToProto(const OneClickChoice& choice) {
   return proto;
 }
 
-// The click is in the first of its views.
+// Returns the click of an entity, which is in the first of its views, in the pixels of `frame`.
 Eigen::Vector2d ClickOf(const EntityScore& score, v1::PixelFrame frame, const Model& model) {
   const Eigen::Vector2d click(score.click.x, score.click.y);
   const auto view =

@@ -6,19 +6,21 @@
 #include "core/evaluate/one_click.h"
 #include "pepeseg/v1/evaluation.pb.h"
 
+// Conversions of Evaluate requests and answers.
 namespace pepeseg {
 
-// The labels of an Evaluate request, decoded and taken to the views as the import takes masks.
+// Decodes the labels of a request and takes them to the views, in the way the import takes masks.
 // INVALID_ARGUMENT names the field.
 absl::StatusOr<std::vector<LabeledView>> ReadLabels(const v1::EvaluateRequest& request,
                                                     const Model& model);
 
-// The defaults, overlaid with what is there, and checked.
+// Returns the defaults, overlaid with the fields that are present. INVALID_ARGUMENT names the
+// field.
 absl::StatusOr<OneClickOptions> OneClickOptionsFromProto(const v1::EvaluationOptions& proto);
 v1::EvaluationOptions ToProto(const OneClickOptions& options);
 
-// Entities with their clicks in the frame of the request, what is left out, and means. Names that
-// the request has for other ids are not used.
+// Fills in entities with their clicks in the frame of the request, the ids that were left out, and
+// means. Names in the request for ids that no label has are ignored.
 void FillAnswer(const OneClickScores& scores, const v1::EvaluateRequest& request,
                 const Model& model, v1::EvaluateResponse* response);
 

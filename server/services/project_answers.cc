@@ -1,5 +1,6 @@
-#include "server/services/key_answers.h"
+#include "server/services/project_answers.h"
 
+#include <google/protobuf/descriptor.h>
 #include <google/protobuf/util/time_util.h>
 
 #include <algorithm>
@@ -11,6 +12,7 @@
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
 #include "server/access/api_key.h"
+#include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/api/resource_name.h"
 #include "server/api/rows_to_proto.h"
@@ -72,10 +74,30 @@ absl::StatusOr<std::string> ParseKeyName(const std::string& name) {
   return BadField("name", name, "not of the form keys/{16 hex digits}");
 }
 
+void QuotaToProto(const Quota& quota, v1::Quota* proto) {
+  proto->set_stored_bytes(quota.stored_bytes);
+  proto->set_open_uploads(quota.open_uploads);
+  proto->set_queued_jobs(quota.queued_jobs);
+  proto->set_running_jobs(quota.running_jobs);
+  proto->set_queries_per_second(quota.queries_per_second);
+  proto->set_resident_bytes(quota.resident_bytes);
+}
+
+absl::StatusOr<Quota> QuotaFromProto(const v1::Quota& proto) {
+  const google::protobuf::Descriptor& type = *v1::Quota::descriptor();
+  for (int i = 0; i < type.field_count(); ++i) {
+    const int64_t value = proto.GetReflection()->GetInt64(proto, type.field(i));
+    if (value >= 0) continue;
+    return BadField("quota." + type.field(i)->name(), absl::StrCat(value), "negative");
+  }
+  return Quota{proto.stored_bytes(), proto.open_uploads(),       proto.queued_jobs(),
+               proto.running_jobs(), proto.queries_per_second(), proto.resident_bytes()};
+}
+
 }  // namespace
 
-absl::Status AnswerCreateKey(Store& store, const v1::CreateKeyRequest& request,
-                             v1::CreateKeyResponse* response) {
+absl::Status ProjectAnswers::CreateKey(const v1::CreateKeyRequest& request,
+                                       v1::CreateKeyResponse* response) const {
   RETURN_IF_ERROR(CheckProject(request.project(), "project"));
   RETURN_IF_ERROR(CheckDisplayName(request.display_name(), "display_name"));
   ASSIGN_OR_RETURN(const int scopes, ScopesFromProto(request));
@@ -85,30 +107,57 @@ absl::Status AnswerCreateKey(Store& store, const v1::CreateKeyRequest& request,
   key.row.display_name = request.display_name();
   key.row.scopes = scopes;
   key.row.expire_time = expire_time;
-  ASSIGN_OR_RETURN(const KeyRow made, store.keys().CreateKey(key.row));
+  ASSIGN_OR_RETURN(const KeyRow made, store_.keys().CreateKey(key.row));
   *response->mutable_key() = KeyToProto(made);
   response->set_secret(key.secret);
   return absl::OkStatus();
 }
 
-absl::Status AnswerListKeys(Store& store, const v1::ListKeysRequest& request,
-                            v1::ListKeysResponse* response) {
+absl::Status ProjectAnswers::ListKeys(const v1::ListKeysRequest& request,
+                                      v1::ListKeysResponse* response) const {
   if (!request.project().empty()) RETURN_IF_ERROR(CheckProject(request.project(), "project"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
-  ASSIGN_OR_RETURN(const Page<KeyRow> keys, store.keys().ListKeys(request.project(), page));
+  ASSIGN_OR_RETURN(const Page<KeyRow> keys, store_.keys().ListKeys(request.project(), page));
   for (const KeyRow& row : keys.rows) *response->add_keys() = KeyToProto(row);
   response->set_next_page_token(keys.next_page_token);
   return absl::OkStatus();
 }
 
-absl::Status AnswerRevokeKey(Store& store, const v1::RevokeKeyRequest& request,
-                             v1::ApiKey* response) {
+absl::Status ProjectAnswers::RevokeKey(const v1::RevokeKeyRequest& request,
+                                       v1::ApiKey* response) const {
   ASSIGN_OR_RETURN(const std::string id, ParseKeyName(request.name()));
-  const auto key = store.keys().RevokeKey(id);
+  const auto key = store_.keys().RevokeKey(id);
   if (!key.ok()) return WithResource(key.status(), "NO_SUCH_KEY", request.name());
   *response = KeyToProto(*key);
   return absl::OkStatus();
+}
+
+absl::Status ProjectAnswers::FillUsage(const std::string& project,
+                                       v1::ProjectUsage* response) const {
+  ASSIGN_OR_RETURN(const Quota quota, quotas_.Get(project));
+  ASSIGN_OR_RETURN(Quota used, store_.quotas().GetUsage(project));
+  used.queries_per_second = quotas_.QueryRate(project);
+  used.resident_bytes = models_.cache().BytesOf(project);
+  response->set_project(project);
+  QuotaToProto(quota, response->mutable_quota());
+  QuotaToProto(used, response->mutable_used());
+  return absl::OkStatus();
+}
+
+absl::Status ProjectAnswers::GetProjectUsage(const v1::GetProjectUsageRequest& request,
+                                             v1::ProjectUsage* response) const {
+  RETURN_IF_ERROR(CheckProject(request.project(), "project"));
+  return FillUsage(request.project(), response);
+}
+
+absl::Status ProjectAnswers::SetQuota(const v1::SetQuotaRequest& request,
+                                      v1::ProjectUsage* response) const {
+  RETURN_IF_ERROR(CheckProject(request.project(), "project"));
+  ASSIGN_OR_RETURN(const Quota quota, QuotaFromProto(request.quota()));
+  RETURN_IF_ERROR(store_.quotas().SetProjectQuota(request.project(), quota).status());
+  quotas_.Forget(request.project());
+  return FillUsage(request.project(), response);
 }
 
 }  // namespace pepeseg

@@ -1,4 +1,4 @@
-#include "server/services/model_lookup.h"
+#include "server/services/model_loader.h"
 
 #include <utility>
 
@@ -7,7 +7,6 @@
 #include "core/base/status_macros.h"
 #include "core/model_files/model_file.h"
 #include "server/api/error.h"
-#include "server/api/resource_name.h"
 #include "server/residency/model_bytes.h"
 #include "server/store/quota.h"
 #include "server/worker_protocol/job_folder.h"
@@ -15,10 +14,10 @@
 namespace pepeseg {
 namespace {
 
-// Until queries under way end, which mostly take less.
+// Time after which a client should retry: most queries under way have ended by then.
 constexpr int kRetrySeconds = 1;
 
-// Need and have in the detail too.
+// Adds the bytes needed and available to the detail of `status`.
 absl::Status WithBytes(const absl::Status& status, const MemoryBytes& need,
                        const MemoryBudget& budget) {
   const auto words = [&](const MemoryBytes& bytes) {
@@ -30,17 +29,18 @@ absl::Status WithBytes(const absl::Status& status, const MemoryBytes& need,
   const bool for_now = absl::IsUnavailable(status);
   detail.set_reason(for_now ? "NO_ROOM_NOW" : "DOES_NOT_FIT");
   if (for_now) detail.mutable_retry_after()->set_seconds(kRetrySeconds);
-  // This call's own; one that waited for another's load has none.
+  // 0: the call has waited for the load of another call, which has computed the need.
   if (need.host > 0) detail.set_value(words(budget.Counted(need)));
   detail.set_limit(words(budget.usable()));
   return WithDetail(status, detail);
 }
 
-// The project's that the scene belongs to.
-absl::StatusOr<ModelCache::Share> ShareOf(const ServiceContext& context, const std::string& scene) {
+}  // namespace
+
+absl::StatusOr<ModelCache::Share> ModelLoader::ShareOf(const std::string& scene) const {
   ModelCache::Share share;
-  ASSIGN_OR_RETURN(share.owner, context.store->scenes().ProjectOfScene(scene));
-  ASSIGN_OR_RETURN(const Quota quota, context.quotas->Get(share.owner));
+  ASSIGN_OR_RETURN(share.owner, options_.store.scenes().ProjectOfScene(scene));
+  ASSIGN_OR_RETURN(const Quota quota, options_.quotas.Get(share.owner));
   share.limit = quota.resident_bytes;
   share.error = [limit = share.limit](int64_t need) {
     return QuotaError("resident_bytes", need, limit);
@@ -48,65 +48,71 @@ absl::StatusOr<ModelCache::Share> ShareOf(const ServiceContext& context, const s
   return share;
 }
 
-absl::StatusOr<ModelRow> FindLiveModel(const ServiceContext& context, const std::string& scene) {
-  auto model = context.store->models().GetLiveModel(scene);
+absl::StatusOr<ModelRow> ModelLoader::FindLive(const std::string& scene) const {
+  auto model = options_.store.models().GetLiveModel(scene);
   if (absl::IsFailedPrecondition(model.status())) {
-    const auto job = context.store->jobs().FindActiveJob(scene);
+    const auto job = options_.store.jobs().FindActiveJob(scene);
     const bool active = job.ok() && job->has_value();
     return WithResource(model.status(), "NO_MODEL", active ? JobName((*job)->id) : "");
   }
   return model;
 }
 
-}  // namespace
-
-absl::StatusOr<ModelRow> FindModel(const ServiceContext& context, const std::string& name,
-                                   const std::string& field) {
+absl::StatusOr<ModelRow> ModelLoader::Find(const std::string& name,
+                                           const std::string& field) const {
   ASSIGN_OR_RETURN(const SceneChild model, ParseModelName(name, field));
-  if (model.number == kLiveModel) return FindLiveModel(context, model.scene);
-  auto row = context.store->models().GetModel(model.scene, model.number);
+  if (model.number == kLiveModel) return FindLive(model.scene);
+  auto row = options_.store.models().GetModel(model.scene, model.number);
   if (absl::IsNotFound(row.status())) return WithResource(row.status(), "NO_SUCH_MODEL", name);
   return row;
 }
 
-absl::StatusOr<ResidentModel> LoadModel(const ServiceContext& context, const std::string& name,
-                                        const std::string& field) {
-  ASSIGN_OR_RETURN(const ModelRow row, FindModel(context, name, field));
+absl::StatusOr<ResidentModel> ModelLoader::Load(const std::string& name, const std::string& field) {
+  ASSIGN_OR_RETURN(const ModelRow row, Find(name, field));
   MemoryBytes need;
-  const std::filesystem::path folder = context.data_folder / row.folder;
+  const std::filesystem::path folder = options_.data_folder / row.folder;
   ModelCache::Source source;
   source.name = KeyedChildName(row.scene, "models", row.number);
   source.need = [&]() -> absl::StatusOr<MemoryBytes> {
-    RETURN_IF_ERROR(CheckModelFolder(context.data_folder, row.folder));
+    RETURN_IF_ERROR(CheckModelFolder(options_.data_folder, row.folder));
     ASSIGN_OR_RETURN(const ModelShape shape, ReadModelShape(folder));
-    need = BytesOfModel(*context.backend, shape);
+    need = BytesOfModel(options_.backend, shape);
     return need;
   };
   source.load = [&]() -> absl::StatusOr<std::unique_ptr<Segmenter>> {
     ASSIGN_OR_RETURN(Model model, ReadModel(folder));
-    return Segmenter::Create(*context.backend, std::move(model), context.map_counts);
+    return Segmenter::Create(options_.backend, std::move(model), &map_counts_);
   };
-  source.share = [&] { return ShareOf(context, row.scene); };
-  auto segmenter = context.models->Acquire(ResidentKey(row), source);
-  // A source's own UNAVAILABLE, of the database, says nothing of memory.
+  source.share = [&] { return ShareOf(row.scene); };
+  auto segmenter = cache_->Acquire(ResidentKey(row), source);
+  // An UNAVAILABLE of the database is private and says nothing about memory.
   const bool no_room = absl::IsResourceExhausted(segmenter.status()) ||
                        (absl::IsUnavailable(segmenter.status()) && !IsPrivate(segmenter.status()));
   if (no_room) {
-    // A quota's error has its own need and limit.
-    return WithBytes(WithPrefix(source.name + ": ", segmenter.status()), need,
-                     context.models->budget());
+    // The error of a quota has a detail of its own, which WithBytes keeps.
+    return WithBytes(WithPrefix(source.name + ": ", segmenter.status()), need, cache_->budget());
   }
   RETURN_IF_ERROR(segmenter.status());
   return ResidentModel{
       ChildName(row.scene, "models", row.number), *std::move(segmenter), {row.scene, row.number}};
 }
 
-absl::StatusOr<ResidentModel> LoadModelWithFeatures(const ServiceContext& context,
-                                                    const std::string& name,
-                                                    const std::string& field) {
-  ASSIGN_OR_RETURN(ResidentModel model, LoadModel(context, name, field));
+absl::StatusOr<ResidentModel> ModelLoader::LoadWithFeatures(const std::string& name,
+                                                            const std::string& field) {
+  ASSIGN_OR_RETURN(ResidentModel model, Load(name, field));
   RETURN_IF_ERROR(CheckFeatures(model));
   return model;
+}
+
+absl::StatusOr<std::unique_ptr<ReservedMemory>> ModelLoader::TakeAnswerMemory(
+    const std::string& scene, int64_t bytes) {
+  ASSIGN_OR_RETURN(const ModelCache::Share share, ShareOf(scene));
+  const MemoryBytes need = {bytes, 0};
+  auto taken = cache_->TakeMemory(need, share);
+  if (!absl::IsResourceExhausted(taken.status()) && !absl::IsUnavailable(taken.status())) {
+    return taken;
+  }
+  return WithBytes(taken.status(), need, cache_->budget());
 }
 
 absl::Status CheckFeatures(const ResidentModel& model) {
@@ -116,18 +122,6 @@ absl::Status CheckFeatures(const ResidentModel& model) {
           model.name,
           " was trained without masks: it is rendered and exported, but has no segments")),
       "NO_FEATURES", model.name);
-}
-
-absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeAnswerMemory(const ServiceContext& context,
-                                                                 const std::string& scene,
-                                                                 int64_t bytes) {
-  ASSIGN_OR_RETURN(const ModelCache::Share share, ShareOf(context, scene));
-  const MemoryBytes need = {bytes, 0};
-  auto taken = context.models->TakeMemory(need, share);
-  if (!absl::IsResourceExhausted(taken.status()) && !absl::IsUnavailable(taken.status())) {
-    return taken;
-  }
-  return WithBytes(taken.status(), need, context.models->budget());
 }
 
 std::string ResidentKey(const ModelRow& model) { return model.folder; }

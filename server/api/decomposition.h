@@ -11,18 +11,21 @@
 #include "google/protobuf/repeated_field.h"
 #include "pepeseg/v1/decomposition.pb.h"
 
-// Parts of a request that name a decomposition or some of it. INVALID_ARGUMENT names the field, at
-// or below `field`.
+// Reads the parts of a request that name a decomposition, a level or a segment of it, and writes
+// levels into answers. Readers return INVALID_ARGUMENT that names the field, at or below `field`.
 namespace pepeseg {
 
-// The scales of a decomposition, the default ones for none.
+// Returns the scales of a decomposition, or the default scales if there are none.
 absl::StatusOr<std::vector<double>> ReadScales(
     const google::protobuf::RepeatedField<double>& scales, const std::string& field);
-// That there is such a level of so many.
+// Returns INVALID_ARGUMENT unless 0 <= level < num_levels.
 absl::Status CheckLevelField(int32_t level, size_t num_levels, const std::string& field);
 
-// The Gaussians of a segment. Takes the model apart when it has not been at these scales.
+// Returns the Gaussians of a segment. Decomposes the model at the segment's scales if that has not
+// been done, which takes long.
 absl::StatusOr<GaussianSet> FindSegment(const Segmenter& segmenter, const v1::SegmentRef& segment,
                                         const std::string& field);
+
+v1::DecomposeResponse::Level LevelToProto(const Decomposition::Level& level, const Model& model);
 
 }  // namespace pepeseg

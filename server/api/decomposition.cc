@@ -1,4 +1,6 @@
-#include "server/services/segment_lookup.h"
+#include "server/api/decomposition.h"
+
+#include <algorithm>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
@@ -53,6 +55,22 @@ absl::StatusOr<GaussianSet> FindSegment(const Segmenter& segmenter, const v1::Se
   };
   RETURN_IF_ERROR(segmenter.WithDecomposition(scales, find));
   return found;
+}
+
+v1::DecomposeResponse::Level LevelToProto(const Decomposition::Level& level, const Model& model) {
+  v1::DecomposeResponse::Level proto;
+  proto.set_scale_quantile(level.scale);
+  proto.set_scale_units(ScaleOfQuantile(model.field, level.scale));
+  proto.set_num_unassigned(std::count(level.ids.begin(), level.ids.end(), 0));
+  for (const Decomposition::Segment& segment : level.segments) {
+    v1::DecomposeResponse::Segment& to = *proto.add_segments();
+    to.set_id(proto.segments_size());
+    to.set_parent(segment.parent);
+    to.set_num_gaussians(segment.num_gaussians);
+    to.mutable_min()->Add(segment.min.begin(), segment.min.end());
+    to.mutable_max()->Add(segment.max.begin(), segment.max.end());
+  }
+  return proto;
 }
 
 }  // namespace pepeseg

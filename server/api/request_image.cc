@@ -1,16 +1,18 @@
-#include "server/api/read_mask.h"
+#include "server/api/request_image.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
-#include <span>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/formats/decode_image.h"
+#include "core/formats/encode_png.h"
 #include "core/formats/image_header.h"
 #include "core/formats/rle.h"
+#include "core/query/photograph_images.h"
 #include "server/api/error.h"
 
 namespace pepeseg {
@@ -28,7 +30,7 @@ absl::Status CheckSize(const ImageSize& size, const ImageOfView& image, const st
   return BadField(field, absl::StrCat(size.width, "x", size.height), what);
 }
 
-// Header and length.
+// Returns the header of a PNG. Refuses other formats and images that are cut off.
 absl::StatusOr<ImageHeader> ReadPngHeader(const std::string& png, const std::string& name,
                                           const std::string& field) {
   const std::span bytes(reinterpret_cast<const uint8_t*>(png.data()), png.size());
@@ -66,6 +68,30 @@ absl::StatusOr<BinaryMask> MaskFromPng(const std::string& png, const ImageOfView
 }
 
 }  // namespace
+
+absl::Status CheckFrame(v1::PixelFrame frame) {
+  if (v1::PixelFrame_IsValid(frame)) return absl::OkStatus();
+  return BadField("frame", absl::StrCat(static_cast<int>(frame)), "not a frame of pixels");
+}
+
+std::string ImageOfView::Size() const { return absl::StrCat(frame.width(), "x", frame.height()); }
+
+ImageOfView ImageOf(const ModelView& view, v1::PixelFrame frame) {
+  if (view.name.empty()) return {PhotographFrame(view), "the free camera"};
+  if (frame != v1::PIXEL_FRAME_VIEW) {
+    return {PhotographFrame(view), absl::StrCat("photograph \"", view.name, "\"")};
+  }
+  ModelView alone = view;
+  alone.photograph.reset();
+  return {PhotographFrame(alone), absl::StrCat("view \"", view.name, "\"")};
+}
+
+SegmentResult AnswerFrame::Take(const ModelView& view, SegmentResult result) {
+  const PhotographFrame frame = ImageOf(view, frame_).frame;
+  if (frame.is_view()) return result;
+  if (!places_ || places_->frame() != frame) places_.emplace(frame, frame.width(), frame.height());
+  return InPhotograph(result, *places_);
+}
 
 ImageSize SizeOf(const v1::MaskImage& image) {
   if (image.has_rle()) return {image.rle().width(), image.rle().height()};
@@ -119,6 +145,54 @@ BinaryMask Resized(const BinaryMask& mask, const ImageSize& from, const ImageSiz
     }
   }
   return resized;
+}
+
+v1::CocoRle RleToProto(const BinaryMask& mask, int width, int height) {
+  v1::CocoRle rle;
+  rle.set_width(width);
+  rle.set_height(height);
+  rle.set_counts(EncodeCocoRle(mask, width, height));
+  return rle;
+}
+
+v1::SegmentResponse::SimilarityMap SimilarityToProto(int width, int height,
+                                                     std::span<const float> similarity) {
+  v1::SegmentResponse::SimilarityMap proto;
+  proto.set_width(width);
+  proto.set_height(height);
+  std::string& bytes = *proto.mutable_values();
+  bytes.reserve(similarity.size() * 2);
+  for (float cosine : similarity) {
+    const auto value =
+        static_cast<uint16_t>(std::lround(std::clamp(cosine, -1.0f, 1.0f) * 32767.0f));
+    bytes.push_back(static_cast<char>(value & 0xff));
+    bytes.push_back(static_cast<char>(value >> 8));
+  }
+  return proto;
+}
+
+absl::StatusOr<v1::SegmentResponse::ViewMask> EncodeMask(const std::string& view,
+                                                         const SegmentResult& result,
+                                                         v1::MaskEncoding encoding) {
+  v1::SegmentResponse::ViewMask mask;
+  mask.set_view(view);
+  if (encoding == v1::MASK_ENCODING_PNG) {
+    Image image{result.width, result.height, 1, result.mask.pixels};
+    for (uint8_t& pixel : image.pixels) pixel = pixel != 0 ? 255 : 0;
+    ASSIGN_OR_RETURN(*mask.mutable_png(), EncodePng(image));
+  } else {
+    *mask.mutable_rle() = RleToProto(result.mask, result.width, result.height);
+  }
+  mask.set_score(result.score);
+  mask.mutable_box()->set_x(result.box[0]);
+  mask.mutable_box()->set_y(result.box[1]);
+  mask.mutable_box()->set_width(result.box[2]);
+  mask.mutable_box()->set_height(result.box[3]);
+  mask.set_area(result.area);
+  if (!result.similarity.empty()) {
+    *mask.mutable_similarity() = SimilarityToProto(result.width, result.height, result.similarity);
+  }
+  return mask;
 }
 
 }  // namespace pepeseg

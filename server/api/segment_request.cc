@@ -1,0 +1,288 @@
+#include "server/api/segment_request.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/formats/rle.h"
+#include "core/scene/camera.h"
+#include "server/api/convert.h"
+#include "server/api/error.h"
+#include "server/api/request_image.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kMaxTargets = 1000;
+
+absl::Status CheckEncoding(v1::MaskEncoding encoding) {
+  if (v1::MaskEncoding_IsValid(encoding)) return absl::OkStatus();
+  return BadField("mask_encoding", absl::StrCat(static_cast<int>(encoding)), "no encoding");
+}
+
+// Returns the id of a label, which is given by its id or by its whole name.
+absl::StatusOr<std::string> LabelId(const std::string& label, const std::string& scene,
+                                    const std::string& field) {
+  if (label.find('/') == std::string::npos) return label;
+  ASSIGN_OR_RETURN(SceneLabel named, ParseLabelName(label, field));
+  if (named.scene != scene) return BadField(field, label, "a label of another scene");
+  return std::move(named.id);
+}
+
+// Makes INVALID_ARGUMENT such as "point 700,500 is outside photograph "a.jpg" (640x480)".
+absl::Status BadPlace(const std::string& field, const std::string& value, const std::string& what,
+                      const char* reason = "BAD_FIELD") {
+  v1::ErrorDetail detail;
+  detail.set_reason(reason);
+  detail.set_field(field);
+  detail.set_value(value);
+  detail.set_limit(what);
+  return WithDetail(absl::InvalidArgumentError(absl::StrCat(value, " ", what)), detail);
+}
+
+absl::Status NotShown(const std::string& field, const std::string& value,
+                      const ImageOfView& image) {
+  return BadPlace(
+      field, value,
+      absl::StrCat("is in a part of ", image.name, " (", image.Size(),
+                   ") that the model was not trained on: its lens was undistorted and the ",
+                   "border cut off"),
+      "NOTHING_THERE");
+}
+
+absl::StatusOr<std::vector<PointPrompt>> ReadPoints(const v1::PointsPrompt& prompt,
+                                                    const ImageOfView& image) {
+  ASSIGN_OR_RETURN(std::vector<PointPrompt> points, PointsFromProto(prompt));
+  for (size_t i = 0; i < points.size(); ++i) {
+    PointPrompt& point = points[i];
+    const std::string field = absl::StrCat("prompt.points.points[", i, "]");
+    const std::string value = absl::StrCat("point ", point.x, ",", point.y);
+    if (point.x < 0 || point.x >= image.frame.width() || point.y < 0 ||
+        point.y >= image.frame.height()) {
+      return BadPlace(field, value,
+                      absl::StrCat("is outside ", image.name, " (", image.Size(), ")"));
+    }
+    if (image.frame.is_view()) continue;
+    const auto in_view = image.frame.ToView(Eigen::Vector2d(point.x, point.y));
+    if (!in_view) return NotShown(field, value, image);
+    point.x = in_view->x();
+    point.y = in_view->y();
+  }
+  return points;
+}
+
+absl::StatusOr<BoxPrompt> ReadBox(const v1::BoxPrompt& prompt, const ImageOfView& image) {
+  const BoxPrompt box{prompt.x(), prompt.y(), prompt.width(), prompt.height()};
+  const std::string value =
+      absl::StrCat("box ", box.x, ",", box.y, " ", box.width, "x", box.height);
+  const bool finite = std::isfinite(box.x) && std::isfinite(box.y) && std::isfinite(box.width) &&
+                      std::isfinite(box.height);
+  if (!finite || box.width <= 0 || box.height <= 0) {
+    return BadPlace("prompt.box", value, "is not finite, or is empty");
+  }
+  if (box.x >= image.frame.width() || box.y >= image.frame.height() || box.x + box.width <= 0 ||
+      box.y + box.height <= 0) {
+    return BadPlace("prompt.box", value,
+                    absl::StrCat("is outside ", image.name, " (", image.Size(), ")"));
+  }
+  if (image.frame.is_view()) return box;
+  const std::optional<BoxPrompt> in_view = image.frame.ToView(box);
+  if (!in_view) return NotShown("prompt.box", value, image);
+  return *in_view;
+}
+
+v1::ProposeScalesResponse::Kind ProtoKind(ProposalKind kind) {
+  switch (kind) {
+    case ProposalKind::kUnnamed:
+      break;
+    case ProposalKind::kPart:
+      return v1::ProposeScalesResponse::KIND_PART;
+    case ProposalKind::kObject:
+      return v1::ProposeScalesResponse::KIND_OBJECT;
+    case ProposalKind::kGroup:
+      return v1::ProposeScalesResponse::KIND_GROUP;
+  }
+  return v1::ProposeScalesResponse::KIND_UNSPECIFIED;
+}
+
+}  // namespace
+
+v1::ProposeScalesResponse::Proposal ProposalToProto(const ScaleProposal& proposal) {
+  v1::ProposeScalesResponse::Proposal proto;
+  proto.set_scale_quantile(proposal.result.scale);
+  proto.set_threshold(proposal.result.threshold);
+  proto.set_scale_units(proposal.result.scale_units);
+  proto.set_support(proposal.support);
+  proto.set_stability(proposal.stability);
+  proto.set_kind(ProtoKind(proposal.kind));
+  return proto;
+}
+
+absl::StatusOr<ModelView> FindView(const std::string& name, const Model& model,
+                                   const std::string& field) {
+  const auto found = std::find_if(model.views.begin(), model.views.end(),
+                                  [&](const ModelView& view) { return view.name == name; });
+  if (found == model.views.end()) return BadField(field, name, "no view of the model");
+  return *found;
+}
+
+absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Model& model,
+                                        const std::string& field) {
+  switch (viewpoint.place_case()) {
+    case v1::Viewpoint::kView:
+      return FindView(viewpoint.view(), model, field + ".view");
+    case v1::Viewpoint::kFree: {
+      ASSIGN_OR_RETURN(ModelView view, FreeViewFromProto(viewpoint.free(), field + ".free"));
+      view.cam_from_world = RelativeTo(model.origin, view.cam_from_world);
+      return view;
+    }
+    default:
+      return BadField(field, "", "neither a view nor a free camera");
+  }
+}
+
+absl::StatusOr<Prompt> SegmentRequestReader::ReadLabel(const std::string& label,
+                                                       const std::string& field) const {
+  const std::string& scene = number_.scene;
+  ASSIGN_OR_RETURN(const std::string id, LabelId(label, scene, field));
+  const auto row = store_.labels().GetLabel(scene, id);
+  if (!row.ok()) return WithResource(row.status(), "NO_SUCH_LABEL", LabelName(scene, id));
+  const std::vector<ModelView>& views = model_.views;
+  const auto view = std::find_if(views.begin(), views.end(),
+                                 [&](const ModelView& v) { return v.name == row->view; });
+  if (view == views.end()) {
+    return WithResource(absl::FailedPreconditionError(absl::StrCat(
+                            "label ", id, " is of view ", row->view, ", which ",
+                            ChildName(scene, "models", number_.number),
+                            " does not have: give the label again in one of its views")),
+                        "NO_SUCH_VIEW", LabelName(scene, id));
+  }
+  ASSIGN_OR_RETURN(const std::vector<int64_t> counts, ParseCocoCounts(row->counts));
+  ASSIGN_OR_RETURN(const std::vector<uint32_t> inside,
+                   PixelsOfRuns(counts, row->width, row->height));
+  BinaryMask mask = {std::vector<uint8_t>(static_cast<size_t>(row->width) * row->height)};
+  for (const uint32_t pixel : inside) mask.pixels[pixel] = 1;
+  return Prompt{
+      *view, Resized(mask, {row->width, row->height}, {view->camera.width, view->camera.height})};
+}
+
+absl::StatusOr<Prompt> SegmentRequestReader::ReadPrompt(const v1::Prompt& prompt,
+                                                        v1::PixelFrame frame) const {
+  const std::string field = "prompt";
+  RETURN_IF_ERROR(CheckFrame(frame));
+  if (prompt.what_case() == v1::Prompt::kLabel) {
+    if (prompt.has_view()) return BadField(field + ".view", "", "a label has its own view");
+    return ReadLabel(prompt.label(), field + ".label");
+  }
+  Prompt read;
+  ASSIGN_OR_RETURN(read.view, FindViewpoint(prompt.view(), model_, field + ".view"));
+  const ImageOfView image = ImageOf(read.view, frame);
+  switch (prompt.what_case()) {
+    case v1::Prompt::kPoints: {
+      ASSIGN_OR_RETURN(read.what, ReadPoints(prompt.points(), image));
+      return read;
+    }
+    case v1::Prompt::kBox: {
+      ASSIGN_OR_RETURN(read.what, ReadBox(prompt.box(), image));
+      return read;
+    }
+    case v1::Prompt::kMask: {
+      ASSIGN_OR_RETURN(BinaryMask mask, ReadMask(prompt.mask(), image, field + ".mask"));
+      ASSIGN_OR_RETURN(read.what, TakeToView(std::move(mask), image, field + ".mask"));
+      return read;
+    }
+    default:
+      return BadField(field, "", "no points, box, mask or label");
+  }
+}
+
+absl::StatusOr<Granularity> SegmentRequestReader::ReadGranularity(
+    const v1::Granularity& granularity, const std::string& field) const {
+  Granularity read;
+  if (granularity.scale_case() == v1::Granularity::kScaleQuantile) {
+    read.scale = granularity.scale_quantile();
+    if (!(*read.scale >= 0 && *read.scale <= 1)) {
+      return BadField(field + ".scale_quantile", absl::StrCat(*read.scale), "not in [0, 1]");
+    }
+  } else if (granularity.scale_case() == v1::Granularity::kScaleUnits) {
+    const double units = granularity.scale_units();
+    if (!std::isfinite(units) || units <= 0) {
+      return BadField(field + ".scale_units", absl::StrCat(units), "not finite and > 0");
+    }
+    read.scale = QuantileOfScale(model_.field, units);
+  }
+  if (granularity.has_threshold()) {
+    read.threshold = granularity.threshold();
+    if (!(*read.threshold >= -1 && *read.threshold <= 1)) {
+      return BadField(field + ".threshold", absl::StrCat(*read.threshold), "not in [-1, 1]");
+    }
+  }
+  return read;
+}
+
+absl::StatusOr<std::vector<ModelView>> SegmentRequestReader::FindTargets(
+    const v1::SegmentRequest& request, const ModelView& prompt_view) const {
+  const v1::SegmentRequest::Targets& targets = request.targets();
+  const bool grouped = targets.group() != v1::SegmentRequest::Targets::GROUP_UNSPECIFIED;
+  if (grouped && !targets.views().empty()) {
+    return BadField("targets", absl::StrCat(targets.views_size()), "views next to a group");
+  }
+  if (targets.views_size() > kMaxTargets) {
+    return BadField("targets.views", absl::StrCat(targets.views_size()),
+                    absl::StrCat("views; allowed are ", kMaxTargets));
+  }
+  std::vector<ModelView> views;
+  switch (targets.group()) {
+    case v1::SegmentRequest::Targets::GROUP_UNSPECIFIED:
+      break;
+    case v1::SegmentRequest::Targets::GROUP_ALL:
+      return model_.views;
+    case v1::SegmentRequest::Targets::GROUP_HELD_OUT:
+      std::copy_if(model_.views.begin(), model_.views.end(), std::back_inserter(views),
+                   [](const ModelView& view) { return view.held_out; });
+      if (views.empty()) {
+        return BadField("targets.group", "GROUP_HELD_OUT", "the model has no held-out view");
+      }
+      return views;
+    default:
+      return BadField("targets.group", absl::StrCat(static_cast<int>(targets.group())),
+                      "no group of views");
+  }
+  for (const std::string& name : targets.views()) {
+    ASSIGN_OR_RETURN(ModelView view,
+                     FindView(name, model_, absl::StrCat("targets.views[", views.size(), "]")));
+    views.push_back(std::move(view));
+  }
+  if (views.empty()) views.push_back(prompt_view);
+  return views;
+}
+
+absl::StatusOr<SegmentQuery> SegmentRequestReader::Read(const v1::SegmentRequest& request) const {
+  RETURN_IF_ERROR(CheckEncoding(request.mask_encoding()));
+  SegmentQuery query;
+  ASSIGN_OR_RETURN(query.prompt, ReadPrompt(request.prompt(), request.frame()));
+  ASSIGN_OR_RETURN(query.granularity, ReadGranularity(request.granularity(), "granularity"));
+  ASSIGN_OR_RETURN(query.targets, FindTargets(request, query.prompt.view));
+  return query;
+}
+
+absl::StatusOr<ProposalQuery> SegmentRequestReader::Read(
+    const v1::ProposeScalesRequest& request) const {
+  RETURN_IF_ERROR(CheckEncoding(request.mask_encoding()));
+  ASSIGN_OR_RETURN(Prompt prompt, ReadPrompt(request.prompt(), request.frame()));
+  const auto* points = std::get_if<std::vector<PointPrompt>>(&prompt.what);
+  if (points == nullptr) return BadField("prompt", "", "only points have proposals");
+  const int wanted = request.max_proposals();
+  constexpr int kMostProposals = 16;
+  if (wanted < 0 || wanted > kMostProposals) {
+    return BadField("max_proposals", absl::StrCat(wanted),
+                    absl::StrCat("not in [0, ", kMostProposals, "]"));
+  }
+  return ProposalQuery{std::move(prompt.view), *points, wanted == 0 ? kDefaultProposals : wanted};
+}
+
+}  // namespace pepeseg

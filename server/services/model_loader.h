@@ -1,0 +1,83 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/query/segmenter.h"
+#include "kernels/backend.h"
+#include "server/access/project_quotas.h"
+#include "server/api/resource_name.h"
+#include "server/residency/resident_cache.h"
+#include "server/store/store.h"
+
+namespace pepeseg {
+
+using ModelCache = ResidentCache<Segmenter>;
+
+// A model in memory; it stays there for as long as `segmenter` is held.
+struct ResidentModel {
+  std::string name;  // for clients
+  ModelCache::Handle segmenter;
+  SceneChild row;
+};
+
+// Returns FAILED_PRECONDITION for a model that was trained without masks, so has no features.
+absl::Status CheckFeatures(const ResidentModel& model);
+
+// Returns the key of a model in the cache.
+std::string ResidentKey(const ModelRow& model);
+
+// Finds the models that requests name, and loads them into memory. Names are checked: errors name
+// `field`. Thread safe; all calls block on the store.
+class ModelLoader {
+ public:
+  // What it refers to must outlive the loader.
+  struct Options {
+    std::filesystem::path data_folder;
+    Store& store;
+    ProjectQuotas& quotas;
+    Backend& backend;
+  };
+  ModelLoader(const Options& options, std::unique_ptr<ModelCache> cache)
+      : options_(options), cache_(std::move(cache)) {}
+
+  // Returns the record of a model, where the name ".../models/live" means the newest one.
+  // FAILED_PRECONDITION: the scene has no model yet; the detail names the scene's active job.
+  absl::StatusOr<ModelRow> Find(const std::string& name, const std::string& field) const;
+
+  // Returns a model in memory, and loads it if necessary, which takes long. UNAVAILABLE with the
+  // bytes needed and available, and a time to retry: models in use leave no room for now.
+  // RESOURCE_EXHAUSTED: the model cannot fit.
+  absl::StatusOr<ResidentModel> Load(const std::string& name, const std::string& field);
+  // Loads a model for a query of its features. In addition to the errors of Load,
+  // FAILED_PRECONDITION: see CheckFeatures.
+  absl::StatusOr<ResidentModel> LoadWithFeatures(const std::string& name, const std::string& field);
+
+  // Reserves `bytes` of host memory for an answer about a model of the scene, out of the budget and
+  // the project's share of its models. RESOURCE_EXHAUSTED or UNAVAILABLE: there is no room.
+  absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeAnswerMemory(const std::string& scene,
+                                                                   int64_t bytes);
+
+  Store& store() const { return options_.store; }
+  ModelCache& cache() const { return *cache_; }
+  Backend& backend() const { return options_.backend; }
+  const std::filesystem::path& data_folder() const { return options_.data_folder; }
+  // How often feature maps were rendered and found, over all models.
+  const MapCounts& map_counts() const { return map_counts_; }
+
+ private:
+  absl::StatusOr<ModelRow> FindLive(const std::string& scene) const;
+  // Returns the share of the cache of the project that the scene belongs to.
+  absl::StatusOr<ModelCache::Share> ShareOf(const std::string& scene) const;
+
+  const Options options_;
+  MapCounts map_counts_;  // outlives the models in the cache
+  const std::unique_ptr<ModelCache> cache_;
+};
+
+}  // namespace pepeseg

@@ -1,0 +1,133 @@
+#include "server/services/selections.h"
+
+#include <filesystem>
+#include <string>
+#include <system_error>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/file_bytes.h"
+#include "core/base/private_error.h"
+#include "core/base/status_macros.h"
+#include "core/model_files/selection_file.h"
+#include "core/select/gaussian_sets.h"
+#include "server/api/decomposition.h"
+#include "server/api/error.h"
+#include "server/store/layout.h"
+
+namespace pepeseg {
+namespace {
+
+absl::Status WriteMembers(const std::filesystem::path& path, const GaussianSet& set) {
+  std::error_code error;
+  std::filesystem::create_directories(path.parent_path(), error);
+  if (error) {
+    return absl::InternalError(
+        absl::StrCat("cannot make ", path.parent_path().string(), ": ", error.message()));
+  }
+  return WriteSelectionFile(path, set);
+}
+
+absl::Status WithRequest(const absl::Status& status, const SelectionRow& row) {
+  if (!absl::IsAlreadyExists(status)) return status;
+  return WithResource(status, "REQUEST_ID_USED", SceneName(row.scene));
+}
+
+}  // namespace
+
+absl::StatusOr<SelectionRow> Selections::FindRow(const std::string& name,
+                                                 const std::string& field) const {
+  ASSIGN_OR_RETURN(const SceneChild selection, ParseChildName(name, "selections", field));
+  auto row = store_.selections().GetSelection(selection.scene, selection.number);
+  if (absl::IsNotFound(row.status())) return WithResource(row.status(), "NO_SUCH_SELECTION", name);
+  return row;
+}
+
+absl::StatusOr<GaussianSet> Selections::Find(const std::string& name, const SceneChild& model,
+                                             const std::string& field) const {
+  ASSIGN_OR_RETURN(const SelectionRow row, FindRow(name, field));
+  if (row.scene != model.scene || row.model != model.number) {
+    const std::string its_model = ChildName(row.scene, "models", row.model);
+    return WithResource(absl::FailedPreconditionError(
+                            absl::StrCat(field, ": ", name, " is of ", its_model, ", not of ",
+                                         ChildName(model.scene, "models", model.number))),
+                        "OTHER_MODEL", its_model);
+  }
+  auto set = ReadSelectionFile(data_folder_ / row.file, name);
+  if (set.ok() && static_cast<int64_t>(set->member.size()) != row.model_gaussians) {
+    set = absl::DataLossError(absl::StrCat(name, ": has ", set->member.size(), " bits for ",
+                                           row.model_gaussians, " Gaussians"));
+  }
+  if (!set.ok()) return WithResource(set.status(), "CORRUPT_SELECTION", name);
+  return set;
+}
+
+absl::StatusOr<std::optional<GaussianSet>> Selections::FindSubset(const ResidentModel& model,
+                                                                  const v1::Subset& subset,
+                                                                  const std::string& field) const {
+  GaussianSet found;
+  switch (subset.of_case()) {
+    case v1::Subset::kSelection: {
+      ASSIGN_OR_RETURN(found, Find(subset.selection(), model.row, field + ".selection"));
+      break;
+    }
+    case v1::Subset::kSegment: {
+      RETURN_IF_ERROR(CheckFeatures(model));
+      ASSIGN_OR_RETURN(found, FindSegment(*model.segmenter, subset.segment(), field + ".segment"));
+      break;
+    }
+    default:
+      if (!subset.complement()) return std::nullopt;
+      return BadField(field + ".complement", "true", "of neither a selection nor a segment");
+  }
+  if (subset.complement()) {
+    for (uint8_t& member : found.member) member = member != 0 ? 0 : 1;
+  }
+  return found;
+}
+
+absl::StatusOr<std::optional<SelectionRow>> Selections::FindEarlier(const SelectionRow& row) const {
+  auto earlier =
+      store_.selections().FindSelectionOfRequest(row.scene, row.request_id, row.request_digest);
+  if (!earlier.ok()) return WithRequest(earlier.status(), row);
+  return earlier;
+}
+
+absl::StatusOr<SelectionRow> Selections::Record(const ResidentModel& model, const GaussianSet& set,
+                                                SelectionRow row) {
+  row.model = model.row.number;
+  row.model_gaussians = static_cast<int64_t>(set.member.size());
+  row.num_gaussians = set.count();
+  const SetBounds bounds = BoundsOf(model.segmenter->model().gaussians, set);
+  for (int axis = 0; axis < 3 && !bounds.empty(); ++axis) {
+    row.min[axis] = bounds.min[axis];
+    row.max[axis] = bounds.max[axis];
+  }
+  ASSIGN_OR_RETURN(row.number, store_.selections().TakeSelectionNumber(row.scene));
+  row.file = (SelectionFolder(row.scene) / std::to_string(row.number)).string();
+  const std::filesystem::path path = data_folder_ / row.file;
+  RETURN_IF_ERROR(WriteMembers(path, set));
+  ASSIGN_OR_RETURN(row.num_bytes, FileSize(path, row.file));
+  auto made = store_.selections().CreateSelection(row);
+  // The file is removed unless the record has been committed. If that is unknown, the file stays
+  // and the collector decides later: a commit whose sync failed for lack of space may be there
+  // after a restart. The refusal of a quota is RESOURCE_EXHAUSTED, too, but is not private.
+  const bool full_disk = absl::IsResourceExhausted(made.status()) && IsPrivate(made.status());
+  const bool unknown =
+      full_disk || absl::IsUnavailable(made.status()) || absl::IsInternal(made.status());
+  if (!unknown && (!made.ok() || made->number != row.number)) {
+    std::error_code ignored;
+    std::filesystem::remove(path, ignored);
+  }
+  if (!made.ok()) return WithRequest(made.status(), row);
+  return made;
+}
+
+absl::Status Selections::Delete(const SelectionRow& row) {
+  RETURN_IF_ERROR(store_.selections().DeleteSelection(row.scene, row.number));
+  // The selection is gone already: a file that cannot be removed only costs space.
+  std::error_code ignored;
+  std::filesystem::remove(data_folder_ / row.file, ignored);
+  return absl::OkStatus();
+}
+
+}  // namespace pepeseg

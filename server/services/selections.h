@@ -1,0 +1,60 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/scene/gaussians.h"
+#include "pepeseg/v1/render.pb.h"
+#include "pepeseg/v1/selection.pb.h"
+#include "server/api/resource_name.h"
+#include "server/services/model_loader.h"
+#include "server/store/store.h"
+
+namespace pepeseg {
+
+// The selections of all scenes: each is a record in the store and a file with its Gaussians. Thread
+// safe; all calls block. The store must outlive it.
+class Selections {
+ public:
+  Selections(Store& store, std::filesystem::path data_folder)
+      : store_(store), data_folder_(std::move(data_folder)) {}
+
+  // Returns the record of a selection that a request names. INVALID_ARGUMENT names `field` if it is
+  // not such a name; NOT_FOUND.
+  absl::StatusOr<SelectionRow> FindRow(const std::string& name, const std::string& field) const;
+
+  // Returns the Gaussians of a selection of `model`. In addition to the errors of FindRow:
+  // FAILED_PRECONDITION: the selection is of another model. DATA_LOSS: the file is damaged.
+  absl::StatusOr<GaussianSet> Find(const std::string& name, const SceneChild& model,
+                                   const std::string& field) const;
+
+  // Returns the Gaussians of a loaded model that `subset` names, or nullopt if it means all of
+  // them. Errors are those of Find and FindSegment, below `field`; INVALID_ARGUMENT also for the
+  // complement of nothing.
+  absl::StatusOr<std::optional<GaussianSet>> FindSubset(const ResidentModel& model,
+                                                        const v1::Subset& subset,
+                                                        const std::string& field) const;
+
+  // Returns the selection that an earlier request with the request_id of `row` has made in its
+  // scene. ALREADY_EXISTS: that request was another one.
+  absl::StatusOr<std::optional<SelectionRow>> FindEarlier(const SelectionRow& row) const;
+
+  // Writes the file, then the record, of a set of Gaussians of the model, and returns the record.
+  // Reads scene, base, request_id and request_digest of `row`. A crash in between leaves a file
+  // that the collector removes.
+  absl::StatusOr<SelectionRow> Record(const ResidentModel& model, const GaussianSet& set,
+                                      SelectionRow row);
+
+  // Deletes the record, then the file.
+  absl::Status Delete(const SelectionRow& row);
+
+ private:
+  Store& store_;
+  const std::filesystem::path data_folder_;
+};
+
+}  // namespace pepeseg
