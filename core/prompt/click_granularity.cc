@@ -18,6 +18,9 @@ namespace {
 constexpr int64_t kMinArea = 16;          // pixels of the small view
 constexpr size_t kMostPlateaus = 12;      // compared for a further point, those with most support
 constexpr double kSupportExponent = 0.5;  // of support against plausibility
+// Points that are answered one after the other, which bounds the time; those before the last ones
+// are answered together.
+constexpr size_t kMostCorrections = 8;
 
 // The squared distance of a pixel to the nearest one that is not in the mask, as none beyond the
 // image is.
@@ -45,17 +48,26 @@ class ClickFollower {
                 const GranularityGrid& grid)
       : segmenter_(segmenter), clicks_(clicks), grid_(grid), small_(SmallViewOf(clicks.view)) {}
 
-  absl::Status Add(size_t point) {
-    clicks_made_.push_back({PixelOf(clicks_.points[point]), clicks_.points[point].positive});
-    const auto from = clicks_.query.features.begin() + static_cast<int64_t>(point) * kFeatureSize;
-    query_.features.insert(query_.features.end(), from, from + kFeatureSize);
-    query_.positive.push_back(clicks_.query.positive[point]);
-    ASSIGN_OR_RETURN(LevelCounts counts,
-                     segmenter_.CountLevels(query_, grid_.scales, grid_.thresholds, small_.view));
-    masks_.emplace(std::move(counts));
-    plateaus_ = masks_->FindPlateaus(kMinArea, std::numeric_limits<int>::max());
-    chosen_ = 0;
-    if (clicks_.points.size() == 1 || plateaus_.empty()) return absl::OkStatus();
+  // Answers the first points together: with the mask that has the most support.
+  absl::Status Start(std::span<const size_t> points) {
+    for (const size_t point : points) AddPoint(point);
+    RETURN_IF_ERROR(Compare());
+    if (points.size() == clicks_.points.size() || plateaus_.empty()) return absl::OkStatus();
+    ASSIGN_OR_RETURN(answer_, MaskOf(plateaus_[0]));
+    return absl::OkStatus();
+  }
+
+  // Answers one more point.
+  absl::Status Correct(size_t point) {
+    AddPoint(point);
+    if (!answer_.empty() && NumAnswered(answer_) == static_cast<int64_t>(clicks_made_.size())) {
+      ASSIGN_OR_RETURN(std::vector<uint8_t> same, MaskOf(plateaus_[chosen_]));
+      const bool kept = ClickPlausibility(clicks_made_.back(), answer_, same,
+                                          small_.view.camera.width) > MaskGrid::kSameMask;
+      if (kept) answer_ = std::move(same);
+      if (kept) return absl::OkStatus();
+    }
+    RETURN_IF_ERROR(Compare());
     return Choose();
   }
 
@@ -90,20 +102,35 @@ class ClickFollower {
     });
   }
 
-  // Chooses among the plateaus: first that as many points as possible are answered, then
-  // plausibility and support.
+  void AddPoint(size_t point) {
+    clicks_made_.push_back({PixelOf(clicks_.points[point]), clicks_.points[point].positive});
+    const auto from = clicks_.query.features.begin() + static_cast<int64_t>(point) * kFeatureSize;
+    query_.features.insert(query_.features.end(), from, from + kFeatureSize);
+    query_.positive.push_back(clicks_.query.positive[point]);
+  }
+
+  // Finds the masks of all points so far.
+  absl::Status Compare() {
+    ASSIGN_OR_RETURN(LevelCounts counts,
+                     segmenter_.CountLevels(query_, grid_.scales, grid_.thresholds, small_.view));
+    masks_.emplace(std::move(counts));
+    plateaus_ = masks_->FindPlateaus(kMinArea, std::numeric_limits<int>::max());
+    chosen_ = 0;
+    return absl::OkStatus();
+  }
+
+  // Chooses the mask that answers the most points; among equals by plausibility and support.
   absl::Status Choose() {
-    const bool is_first = answer_.empty();
-    const size_t num_compared = is_first ? 1 : std::min(plateaus_.size(), kMostPlateaus);
     std::pair<int64_t, double> best = {-1, 0};
     std::vector<uint8_t> chosen;
-    for (size_t i = 0; i < num_compared; ++i) {
+    for (size_t i = 0; i < std::min(plateaus_.size(), kMostPlateaus); ++i) {
       ASSIGN_OR_RETURN(std::vector<uint8_t> mask, MaskOf(plateaus_[i]));
-      double score = std::pow(plateaus_[i].support, kSupportExponent);
-      if (!is_first) {
-        score *= ClickPlausibility(clicks_made_.back(), answer_, mask, small_.view.camera.width);
-      }
-      const std::pair<int64_t, double> rank = {NumAnswered(mask), score};
+      const double plausibility =
+          answer_.empty()
+              ? 1
+              : ClickPlausibility(clicks_made_.back(), answer_, mask, small_.view.camera.width);
+      const std::pair<int64_t, double> rank = {
+          NumAnswered(mask), plausibility * std::pow(plateaus_[i].support, kSupportExponent)};
       if (rank <= best) continue;
       best = rank;
       chosen_ = i;
@@ -123,7 +150,7 @@ class ClickFollower {
   std::optional<MaskGrid> masks_;
   std::vector<MaskGrid::Plateau> plateaus_;
   size_t chosen_ = 0;            // plateau
-  std::vector<uint8_t> answer_;  // its mask; empty for a single point
+  std::vector<uint8_t> answer_;  // its mask; empty if no further point follows or nothing is shown
 };
 
 }  // namespace
@@ -145,8 +172,11 @@ absl::StatusOr<GranularityLadder> FindGranularities(const Segmenter& segmenter,
   const auto first =
       std::find_if(order.begin(), order.end(), [&](size_t i) { return clicks.points[i].positive; });
   std::rotate(order.begin(), first, first + 1);
+  const std::span<const size_t> all = order;
+  const size_t num_corrections = std::min(all.size() - 1, kMostCorrections);
   ClickFollower follower(segmenter, clicks, grid);
-  for (const size_t point : order) RETURN_IF_ERROR(follower.Add(point));
+  RETURN_IF_ERROR(follower.Start(all.first(all.size() - num_corrections)));
+  for (const size_t point : all.last(num_corrections)) RETURN_IF_ERROR(follower.Correct(point));
   return follower.FindRungs(max_count);
 }
 

@@ -26,12 +26,12 @@ struct GranularityLadder {
   int best = 0;
 };
 
-// Points of a view, and the features under them. Once the first positive point is answered, the
-// others are corrections, in their order.
+// Points of a view, and the features under them. The first positive point is answered first; the
+// others correct the answer, in their order.
 struct ClickedFeatures {
   ModelView view;
   std::vector<PointPrompt> points;
-  Query query;  // features and signs of the points; scale and threshold do not count
+  Query query;  // features and signs of the points; its scale and threshold are not used
 };
 // INVALID_ARGUMENT: Segmenter::PointFeatures.
 absl::StatusOr<ClickedFeatures> FindClickedFeatures(const Segmenter& segmenter,
@@ -39,24 +39,28 @@ absl::StatusOr<ClickedFeatures> FindClickedFeatures(const Segmenter& segmenter,
                                                     std::span<const PointPrompt> points);
 
 // Returns what the points may mean, at most `max_count` rungs. For one point the best rung is the
-// mask with the most support. With each further point all masks are compared again, and the best
-// one is that which the point asks for, see ClickPlausibility. Without rungs: no mask has 16 pixels
-// of the small view at any scale.
+// mask with the most support. A further point that the mask so far does not answer compares the
+// masks of all points so far again: the best rung is then the one that ClickPlausibility and
+// support favour. Of more than 9 points, all but the last 8 are answered together. Returns no rung
+// if no mask has 16 pixels of the small view at any scale. Errors are those of
+// Segmenter::CountLevels.
 absl::StatusOr<GranularityLadder> FindGranularities(const Segmenter& segmenter,
                                                     const ClickedFeatures& clicks,
                                                     const GranularityGrid& grid, int max_count);
 
-// Returns how plausible it is, [0, 1], that somebody who sees the mask `before` and clicks on
-// `pixel` wants the mask `after`, both [height, width] of 0 and 1. A person clicks into the middle
-// of what is wrong and means to keep the rest. So this is the depth of the pixel in what changes
-// (added by a positive click, removed by a negative one), relative to the deepest pixel there,
-// times the share of the smaller mask that the larger one holds. Where `before` has the click's
-// answer already, it is the IoU of the two masks. 0 if `after` is empty or the pixel does not
-// change.
 struct Click {
   PixelIndex pixel;
   bool positive = true;
 };
+// Returns how plausible it is, in [0, 1], that a person who sees the mask `before` and clicks on a
+// pixel wants the mask `after`; masks are [height, width] of 0 and 1. A person clicks into the
+// middle of what is wrong and means to keep the rest. The value is the product of
+// - the depth of the pixel in what changes (added by a positive click, removed by a negative one),
+//   divided by the greatest depth there,
+// - the share of `before` that a positive click keeps, or the share of `after` that was in `before`
+//   for a negative click.
+// If `before` answers the click already, it is the IoU of the two masks. It is 0 if `after` is
+// empty or does not answer the click.
 double ClickPlausibility(const Click& click, std::span<const uint8_t> before,
                          std::span<const uint8_t> after, int width);
 

@@ -113,6 +113,19 @@ TEST_F(ClickGranularityTest, AnswersAllPoints) {
   EXPECT_EQ(Shown({right, not_left}), std::pair(false, true));
 }
 
+TEST_F(ClickGranularityTest, KeepsTheMaskThatAnswersThePointAlready) {
+  const PointPrompt left = {kLeftX, kY, true}, next_to_it = {kLeftX + 1, kY, true};
+  EXPECT_EQ(Shown({left, next_to_it}), Shown({left}));
+}
+
+TEST_F(ClickGranularityTest, AnswersMorePointsThanItCorrectsOneByOne) {
+  std::vector<PointPrompt> points(30, {kLeftX, kY, true});
+  points.push_back({kRightX, kY, false});
+  EXPECT_EQ(Shown(points), std::pair(true, false));
+  std::rotate(points.begin(), points.end() - 1, points.end());
+  EXPECT_EQ(Shown(points), std::pair(true, false));
+}
+
 TEST_F(ClickGranularityTest, TakesTheFirstPositivePointFirst) {
   const PointPrompt right = {kRightX, kY, true}, not_left = {kLeftX, kY, false};
   EXPECT_EQ(Shown({not_left, right}), std::pair(false, true));
