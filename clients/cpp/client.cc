@@ -4,6 +4,7 @@
 #include <optional>
 #include <thread>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "clients/cpp/call.h"
 #include "clients/cpp/checksums.h"
@@ -112,6 +113,8 @@ Client::Client(const std::shared_ptr<grpc::Channel>& channel)
       segmentation_(v1::SegmentationService::NewStub(channel)) {}
 
 absl::Status Client::EnsureScene(const std::string& scene) const {
+  // A scene can be created by its id only, in the caller's project.
+  if (absl::StartsWith(scene, "projects/")) return GetScene(scene).status();
   v1::CreateSceneRequest request;
   // The id, without "scenes/".
   request.set_scene_id(SceneName(scene).substr(std::string("scenes/").size()));

@@ -43,7 +43,8 @@ class Client {
 
   // Scenes and models.
 
-  // Creates the scene unless it exists.
+  // Creates the scene unless it exists. A name with its project, "projects/P/scenes/S", is only looked
+  // up: NOT_FOUND if there is no such scene.
   absl::Status EnsureScene(const std::string& scene) const;
   absl::StatusOr<v1::Scene> GetScene(const std::string& scene) const;
   absl::StatusOr<v1::ListScenesResponse> ListScenes() const;

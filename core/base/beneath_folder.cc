@@ -155,8 +155,14 @@ class Removal {
     if (opened >= 0 && fstat(opened, &what) == 0 && (what.st_mode & S_IRWXU) == S_IRWXU) {
       return opened;
     }
-    // Not reached for a link: unlinkat() in Remove has removed it as a file.
-    fchmodat(folder, name.c_str(), S_IRWXU, 0);
+    // Whoever owns the folder may swap it for a link meanwhile. So the mode is set by descriptor;
+    // fchmodat() would follow the link.
+    if (opened >= 0) {
+      fchmod(opened, S_IRWXU);
+    } else if (const Descriptor path(openat(folder, name.c_str(), flags | O_PATH));
+               path.get() >= 0) {
+      chmod(absl::StrCat("/proc/self/fd/", path.get()).c_str(), S_IRWXU);
+    }
     if (opened < 0) opened = openat(folder, name.c_str(), flags);
     return opened;
   }

@@ -68,7 +68,8 @@ struct DatasetFileRow {
   int64_t size = 0;
   std::string sha256;   // 64 hex digits, lower case
   bool stored = false;  // the project has the bytes
-  // Facts from the header, valid if it is kRead; see ReadHeader in server/services/file_header.h.
+  // Facts from the header, valid if it is kRead; see ReadFileHeader in
+  // server/services/file_header.h.
   HeaderState header = HeaderState::kUnread;
   int width = 0, height = 0;  // of a photograph as stored, before EXIF turns it, pixels
   int64_t num_points = 0;     // points or Gaussians in the file; estimated for COLMAP's text format

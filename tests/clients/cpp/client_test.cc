@@ -72,6 +72,13 @@ TEST_F(ClientTest, TrainsAndSegments) {
   EXPECT_EQ((*mask)[32 * width + 66], 0);  // blue
 }
 
+TEST_F(ClientTest, OnlyLooksUpASceneThatIsNamedWithItsProject) {
+  const std::string name = "projects/default/scenes/shelf";
+  EXPECT_TRUE(absl::IsNotFound(client.EnsureScene(name)));
+  ASSERT_TRUE(client.EnsureScene("shelf").ok());
+  EXPECT_TRUE(client.EnsureScene(name).ok());
+}
+
 TEST_F(ClientTest, SendsTheSameFilesOnlyOnce) {
   ASSERT_TRUE(client.EnsureScene("shelf").ok());
   ASSERT_TRUE(client.EnsureScene("scenes/shelf").ok());  // it exists already
