@@ -32,6 +32,7 @@ absl::Status ExportSelectionStream::Open() {
                    parts_.runner.authorizer().AuthorizeAndResolve(origin_, request_));
   RETURN_IF_ERROR(Admit(OwnerOf(caller, origin_)));
   RETURN_IF_ERROR(parts_.runner.quotas().Admit(caller.project, request_));
+  // Quotas and memory are taken before anything is sent, so that a refusal is the call's status.
   ASSIGN_OR_RETURN(const bool is_subset, OpenSubset());
   return is_subset ? absl::OkStatus() : OpenModel();
 }
@@ -51,6 +52,7 @@ absl::StatusOr<bool> ExportSelectionStream::OpenSubset() {
   const int64_t count = subset->count();
   RETURN_IF_ERROR(TakeMemory(name.scene, count * static_cast<int64_t>(sizeof(uint32_t))));
   std::vector<uint32_t> indices;
+  // The size is exact, so the vector takes what was reserved in the budget.
   indices.reserve(static_cast<size_t>(count));
   for (size_t i = 0; i < subset->member.size(); ++i) {
     if (subset->member[i] != 0) indices.push_back(static_cast<uint32_t>(i));
@@ -89,6 +91,8 @@ absl::Status ExportSelectionStream::OpenModel() {
   if (entry == manifest.files.end()) {
     return absl::DataLossError(absl::StrCat(kPlyName, ": not in the model's manifest"));
   }
+  // The digest in the header is the manifest's, and FillBytes compares the bytes with it at the
+  // end. A file that cannot be opened fails at the first read.
   sha256_ = entry->sha256;
   num_bytes_left_ = entry->size;
   file_.open(folder / kPlyName, std::ios::binary);

@@ -24,6 +24,7 @@ absl::Status SegmentationServiceRpc::AnswerEvaluate(const UnaryCall& call,
       const OneClickScores scores,
       EvaluateOneClick(*model.segmenter, views, options, [&] { return call.CheckWanted(); }));
   *response->mutable_compute() = ToProto(stopwatch.Lap());
+  // The time that is reported is that of the scores alone: decoding the labels is not part of it.
   FillAnswer(scores, request, model.segmenter->model(), response);
   *response->mutable_options() = ToProto(options);
   response->set_model(model.name);
@@ -58,6 +59,8 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::Segment(grpc::CallbackServerCo
                                                           const v1::SegmentRequest* request,
                                                           v1::SegmentResponse* response) {
   return runner_.Run(
+      // Calls that compute run on `query`, those that compute for long on `evaluation`, and those
+      // that only read the store on `io`, so that none of them waits for a slower kind.
       runner_.pools().query, {call, request}, [this, request, response](const UnaryCall& unary) {
         const QueryCall query = {unary.queued, [&unary] { return unary.cancelled(); }};
         return segment_answers_.Segment(query, *request, response);

@@ -58,6 +58,8 @@ template <typename Request>
 void SetRequest(Request request, SelectionRow* row) {
   row->request_id = request.request_id();
   request.clear_request_id();
+  // The bytes of a serialised message are the same within one version of the program, which
+  // suffices for retries.
   row->request_digest = Sha256Hex(request.GetTypeName() + "\n" + request.SerializeAsString());
 }
 
@@ -131,10 +133,12 @@ absl::Status SelectionAnswers::Combine(const v1::CombineSelectionsRequest& reque
     return absl::OkStatus();
   }
   ASSIGN_OR_RETURN(const SelectionRow base, selections_.FindRow(request.first(), "first"));
+  // Both sets must be of the model of `first`; Find refuses `second` otherwise.
   const SceneChild of = {base.scene, base.model};
   ASSIGN_OR_RETURN(const GaussianSet a, selections_.Find(request.first(), of, "first"));
   ASSIGN_OR_RETURN(const GaussianSet b, selections_.Find(request.second(), of, "second"));
   ASSIGN_OR_RETURN(const GaussianSet set, Apply(request.operation(), a, b));
+  // The model is loaded only for the bounds of the result, so a model without features does.
   ASSIGN_OR_RETURN(const ResidentModel model,
                    models_.Load(KeyedChildName(of.scene, "models", of.number), "first"));
   ASSIGN_OR_RETURN(row, selections_.Record(model, set, row));
