@@ -31,6 +31,8 @@ constexpr absl::string_view kScopeWords[] = {"", "read", "write", "train", "oper
 
 absl::StatusOr<NewKey> MakeKey() {
   std::array<char, kSecretBytes + kIdBytes> bytes;
+  // The secret and the id are independent, so the id, which logs show, says nothing about the
+  // secret.
   if (getentropy(bytes.data(), bytes.size()) != 0) {
     return absl::InternalError("the system gives no random bits for a key");
   }
@@ -47,9 +49,11 @@ bool LooksLikeSecret(const std::string& secret) {
   return secret.size() == kSecretLength && absl::StartsWith(secret, kPrefix);
 }
 
+// A plain SHA-256 suffices: 32 random bytes cannot be guessed, unlike a password.
 std::string DigestOfSecret(const std::string& secret) { return Sha256Hex(secret); }
 
 bool SameDigest(const std::string& a, const std::string& b) {
+  // Takes the same time wherever the digests differ, so that the time reveals nothing.
   return a.size() == b.size() && CRYPTO_memcmp(a.data(), b.data(), a.size()) == 0;
 }
 

@@ -30,7 +30,6 @@ bool IsQuery(const google::protobuf::Message& request) {
 }
 
 // `missing`: part of a token that is missing until the next query is admitted.
-
 absl::Status TooFastError(double per_second, double missing) {
   const auto milliseconds = static_cast<int64_t>(std::ceil(1000 * missing / per_second));
   const auto limit = static_cast<int64_t>(per_second);
@@ -84,6 +83,7 @@ absl::Status ProjectQuotas::Admit(const std::string& project,
 std::optional<absl::Status> ProjectQuotas::AdmitAtOnce(const std::string& credential,
                                                        const google::protobuf::Message& request) {
   if (!IsQuery(request)) return std::nullopt;
+  // Credentials are remembered by their digests, so that the memory holds no secrets.
   const std::string digest = Sha256Hex(credential);
   const absl::Time now = absl::Now();
   const std::lock_guard lock(mutex_);
@@ -101,6 +101,7 @@ void ProjectQuotas::Know(const std::string& credential, const std::string& proje
   Get(project).status().IgnoreError();  // refreshes the cache; Admit reports errors
   const absl::Time now = absl::Now();
   const std::lock_guard lock(mutex_);
+  // Simple and rare: those that are forgotten cost one look into the store each.
   if (opened_.size() >= kMaxOpened) opened_.clear();
   opened_[std::move(digest)] = {project, now};
 }
@@ -111,6 +112,7 @@ absl::Status ProjectQuotas::AdmitQuery(const std::string& project, double per_se
 }
 
 absl::Status ProjectQuotas::TakeToken(Project& known, double per_second, absl::Time now) {
+  // A token bucket that holds the queries of one second. 0: unlimited, but counted.
   if (per_second > 0) {
     const double passed = absl::ToDoubleSeconds(now - known.filled);  // infinite the first time
     known.tokens = std::clamp(known.tokens + std::max(0.0, passed) * per_second, 0.0, per_second);
