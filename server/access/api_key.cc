@@ -41,6 +41,7 @@ absl::StatusOr<NewKey> MakeKey() {
   key.secret = absl::StrCat(kPrefix, absl::WebSafeBase64Escape(random.substr(0, kSecretBytes)));
   key.row.id = absl::BytesToHexString(random.substr(kSecretBytes));
   key.row.sha256 = DigestOfSecret(key.secret);
+  // Unlike memset, it is not optimised away.
   OPENSSL_cleanse(bytes.data(), bytes.size());
   return key;
 }

@@ -88,6 +88,8 @@ absl::Status AuditLog::RotateWhenFull() {
       return path += absl::StrCat(".", i);
     };
     std::error_code ignored;  // there may be no such file yet
+    // From the oldest on, so that no file is overwritten before it has moved; the last one is
+    // dropped.
     for (int i = limits_.kept - 1; i >= 1; --i) {
       std::filesystem::rename(numbered(i), numbered(i + 1), ignored);
     }

@@ -112,6 +112,7 @@ struct Authorizer::Verdict {
 void Authorizer::CheckKey(const CallOrigin& origin, Verdict& verdict) {
   if (origin.authorization.empty()) return verdict.Refuse(NoKeyError(), "NO_KEY");
   const std::string& header = origin.authorization[0];
+  // Schemes are case-insensitive (RFC 9110).
   const bool is_bearer = absl::StartsWithIgnoreCase(header, kScheme);
   const std::string secret = is_bearer ? header.substr(kScheme.size()) : "";
   // With two headers it would be unclear which one counts.
@@ -134,6 +135,8 @@ void Authorizer::CheckKey(const CallOrigin& origin, Verdict& verdict) {
 
 void Authorizer::CheckGateway(const CallOrigin& origin, Verdict& verdict) const {
   const std::vector<std::string>& names = origin.gateway.certificate_names;
+  // The certificate was verified by the listener against its client CA; here only its name is
+  // compared.
   if (!require_keys_ || trusted_gateway_.empty() ||
       std::find(names.begin(), names.end(), trusted_gateway_) == names.end()) {
     return verdict.Refuse(NotTheGatewayError(), "NOT_A_GATEWAY");

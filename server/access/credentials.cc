@@ -121,6 +121,7 @@ void ListenerCredentials::Watch() {
   std::string logged;  // the last error, so that a bad file is logged once
   std::unique_lock lock(mutex_);
   while (!stop_.wait_for(lock, kPause, [this] { return stopping_; })) {
+    // Under the mutex, which guards texts_; readers wait for the files at most once a second.
     const absl::Status status = Load();
     std::string message(status.message());
     if (!status.ok() && message != logged) {

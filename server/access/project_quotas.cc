@@ -31,6 +31,8 @@ bool IsQuery(const google::protobuf::Message& request) {
 
 // `missing`: part of a token that is missing until the next query is admitted.
 absl::Status TooFastError(double per_second, double missing) {
+  // The time until the missing part of a token has been filled. Rounded up, so that a client that
+  // waits for it is admitted.
   const auto milliseconds = static_cast<int64_t>(std::ceil(1000 * missing / per_second));
   const auto limit = static_cast<int64_t>(per_second);
   v1::ErrorDetail detail;
@@ -140,6 +142,7 @@ int64_t ProjectQuotas::QueryRate(const std::string& project) {
   TurnRing(known->second, absl::Now());
   const auto& admitted = known->second.admitted;
   const int64_t sum = std::accumulate(admitted.begin(), admitted.end(), int64_t{0});
+  // Rounded up, so that a single query is not reported as 0 per second.
   return (sum + kSeconds - 1) / kSeconds;
 }
 

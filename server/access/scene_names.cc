@@ -38,6 +38,7 @@ absl::Status WithField(absl::Status status, const std::string& reason, const std
 absl::StatusOr<bool> Split(const std::string& name, const NamedResource& resource,
                            bool may_say_project, NamedScene& split) {
   std::vector<std::string> parts = absl::StrSplit(name, '/');
+  // Only callers who see all projects may name one; the others have that of their key.
   if (may_say_project && parts.size() >= 4 && parts[0] == "projects") {
     split.project = parts[1];
     parts.erase(parts.begin(), parts.begin() + 2);

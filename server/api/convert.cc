@@ -44,6 +44,8 @@ absl::Status CheckCamera(const v1::PinholeCamera& camera, const std::string& fie
   return absl::OkStatus();
 }
 
+// Returns INVALID_ARGUMENT unless there are `size` finite values. NaN would pass comparisons of
+// ranges further on.
 absl::Status CheckVector(const google::protobuf::RepeatedField<double>& values, int size,
                          const std::string& field) {
   if (values.size() != size) {

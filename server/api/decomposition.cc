@@ -66,6 +66,7 @@ v1::DecomposeResponse::Level LevelToProto(const Decomposition::Level& level, con
   proto.set_num_unassigned(std::count(level.ids.begin(), level.ids.end(), 0));
   for (const Decomposition::Segment& segment : level.segments) {
     v1::DecomposeResponse::Segment& to = *proto.add_segments();
+    // Ids count from 1; 0 stands for Gaussians without a segment.
     to.set_id(proto.segments_size());
     to.set_parent(segment.parent);
     to.set_num_gaussians(segment.num_gaussians);

@@ -76,6 +76,7 @@ Eigen::Vector2d ClickOf(const EntityScore& score, v1::PixelFrame frame, const Mo
       std::find_if(model.views.begin(), model.views.end(), [&](const ModelView& candidate) {
         return !score.views.empty() && candidate.name == score.views.front().view;
       });
+  // Without a view there is no frame to convert the click to.
   return view == model.views.end() ? click : ImageOf(*view, frame).frame.FromView(click);
 }
 

@@ -28,6 +28,7 @@ absl::Status CheckEncoding(v1::MaskEncoding encoding) {
 // Returns the id of a label, which is given by its id or by its whole name.
 absl::StatusOr<std::string> LabelId(const std::string& label, const std::string& scene,
                                     const std::string& field) {
+  // An id has no slash, and is looked up as it is: one that cannot exist is NOT_FOUND.
   if (label.find('/') == std::string::npos) return label;
   ASSIGN_OR_RETURN(SceneLabel named, ParseLabelName(label, field));
   if (named.scene != scene) return BadField(field, label, "a label of another scene");
@@ -236,6 +237,7 @@ absl::StatusOr<std::vector<ModelView>> SegmentRequestReader::FindTargets(
     const v1::SegmentRequest& request, const ModelView& prompt_view) const {
   const v1::SegmentRequest::Targets& targets = request.targets();
   const bool grouped = targets.group() != v1::SegmentRequest::Targets::GROUP_UNSPECIFIED;
+  // Refused rather than merged, since a client that sends both has made an error.
   if (grouped && !targets.views().empty()) {
     return BadField("targets", absl::StrCat(targets.views_size()), "views next to a group");
   }
@@ -284,6 +286,7 @@ absl::StatusOr<ProposalQuery> SegmentRequestReader::Read(
   RETURN_IF_ERROR(CheckEncoding(request.mask_encoding()));
   ASSIGN_OR_RETURN(Prompt prompt, ReadPrompt(request.prompt(), request.frame()));
   const auto* points = std::get_if<std::vector<PointPrompt>>(&prompt.what);
+  // A box, mask or label already says how large the object is.
   if (points == nullptr) return BadField("prompt", "", "only points have proposals");
   const int wanted = request.max_proposals();
   // Each proposal has a mask in the answer.

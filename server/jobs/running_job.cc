@@ -260,7 +260,8 @@ absl::Status RunningJob::ReadOutcome(JobResult* result, absl::Status* outcome) {
     *outcome = TakeModel(*result);
     return IsShortage(*outcome) ? *outcome : absl::OkStatus();
   }
-  // A stopped worker that left no result was killed after its grace.
+  // A stopped worker leaves no result if it was killed after its grace, or if its stage had nothing
+  // to save.
   if (terminated_) {
     *outcome = absl::CancelledError("the worker was stopped");
     return absl::OkStatus();
