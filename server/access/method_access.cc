@@ -26,6 +26,7 @@ std::optional<FieldPath> Resolve(const Descriptor& request, const std::string& n
   for (const auto& part : absl::StrSplit(name, '.')) {
     const FieldDescriptor* field =
         message == nullptr ? nullptr : message->FindFieldByName(std::string(part));
+    // A repeated field would need a check of each element, which ReadPath does not do.
     if (field == nullptr || field->is_repeated()) return std::nullopt;
     path.fields.push_back(field);
     message = field->message_type();  // null for a field that is no message

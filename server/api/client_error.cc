@@ -52,6 +52,8 @@ bool MakeRelative(const std::string& folder, std::string& text) {
   return changed;
 }
 
+// Removes all details and returns the first, which is the client's; a second one is the mark of a
+// private error.
 v1::ErrorDetail TakeDetail(v1::Status& status) {
   v1::ErrorDetail detail;
   if (status.details_size() > 0) status.details(0).UnpackTo(&detail);
@@ -86,6 +88,7 @@ void Generalise(const ClientErrorRules& rules, v1::Status& status) {
 
 bool HidePrivateText(const ClientErrorRules& rules, v1::Status& status) {
   const auto code = static_cast<StatusCode>(status.code());
+  // INTERNAL and UNKNOWN are always general: their texts come from libraries and exceptions.
   if (code == StatusCode::kInternal || code == StatusCode::kUnknown || IsMarkedPrivate(status)) {
     Generalise(rules, status);
     return true;

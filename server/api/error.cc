@@ -27,6 +27,8 @@ v1::ErrorDetail DetailOf(const absl::Status& status) {
     detail.ParseFromString(std::string(*payload));
   }
   if (detail.reason().empty()) {
+    // Every status has a reason, so that clients need not handle its absence: by default the name
+    // of the code.
     detail.set_reason(IsNothingThere(status) ? "NOTHING_THERE"
                                              : absl::StatusCodeToString(status.code()));
   }

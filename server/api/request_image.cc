@@ -37,6 +37,7 @@ absl::StatusOr<ImageHeader> ReadPngHeader(const std::string& png, const std::str
                                           const std::string& field) {
   const std::span bytes(reinterpret_cast<const uint8_t*>(png.data()), png.size());
   const auto header = ReadImageHeader(name, bytes);
+  // Masks are PNG or RLE only: JPEG would blur their borders.
   if (header.ok() && header->format == ImageFormat::kPng) return header;
   return BadField(field, name, "not a whole PNG");
 }
@@ -93,6 +94,7 @@ ImageOfView ImageOf(const ModelView& view, v1::PixelFrame frame) {
 SegmentResult AnswerFrame::Take(const ModelView& view, SegmentResult result) {
   const PhotographFrame frame = ImageOf(view, frame_).frame;
   if (frame.is_view()) return result;
+  // The mapping costs a search for each pixel, so it is kept while the frame stays the same.
   if (!places_ || places_->frame() != frame) places_.emplace(frame, frame.width(), frame.height());
   return InPhotograph(result, *places_);
 }

@@ -99,6 +99,7 @@ v1::Selection ToProto(const SelectionRow& row) {
   proto.set_name(ChildName(row.scene, "selections", row.number));
   proto.set_model(ChildName(row.scene, "models", row.model));
   proto.set_num_gaussians(row.num_gaussians);
+  // An empty selection has no bounds; the record has zeros.
   if (row.num_gaussians > 0) {
     proto.mutable_min()->Assign(row.min.begin(), row.min.end());
     proto.mutable_max()->Assign(row.max.begin(), row.max.end());

@@ -43,7 +43,7 @@ std::string StartTime(int64_t pid) {
 
 std::string HolderName() {
   const int64_t pid = getpid();
-  // The start time tells the process from a later one with the same id.
+  // The start time distinguishes the process from a later one with the same id.
   return absl::StrCat(ProcessSpace(), "/", pid, "/", StartTime(pid));
 }
 

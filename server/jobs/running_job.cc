@@ -174,7 +174,7 @@ void RunningJob::Terminate(absl::Duration grace) {
 
 void RunningJob::Abandon() {
   spdlog::warn("jobs/{}: attempt {} is no longer this server's", job_.id, job_.fence);
-  // A worker on a cluster goes on: the new holder follows it.
+  // A worker on a cluster continues: the new holder follows it.
   if (worker_->launch().empty()) worker_->Kill();
 }
 

@@ -216,6 +216,7 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::ListDatasets(grpc::CallbackServerCo
         ASSIGN_OR_RETURN(const Page<DatasetRow> datasets,
                          store_.datasets().ListDatasets(scene, page));
         for (const DatasetRow& row : datasets.rows) {
+          // The store lists sealed datasets only; this keeps the answer right if that changes.
           if (row.state != DatasetState::kSealed) continue;
           RETURN_IF_ERROR(FillDataset(row, response->add_datasets()));
         }

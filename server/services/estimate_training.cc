@@ -146,6 +146,7 @@ absl::StatusOr<std::optional<Measured>> FindMeasured(Store& store, const std::st
   // The import options decide the size of the images, and so the time of every stage. The steps of
   // the other stages may differ: SetDurations scales by them.
   const std::string import = ToProto(training.settings).import().SerializeAsString();
+  // The first page: the newest 50 models. An older measurement is not worth more reads.
   ASSIGN_OR_RETURN(const Page<ModelRow> models, store.models().ListModels(training.scene, {}));
   for (const ModelRow& model : models.rows) {
     if (model.device != device) continue;
@@ -170,6 +171,8 @@ void SetDuration(const std::optional<Measured>& measured, double share, Stage& s
   *stage.mutable_duration() = ToProto(absl::Seconds(seconds->second * share));
 }
 
+// Returns by how much longer the wanted steps take. A measured 0, from a damaged record, counts as
+// 1.
 double StepShare(int wanted, int measured) {
   return static_cast<double>(wanted) / std::max(1, measured);
 }
@@ -239,6 +242,8 @@ absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_s
   // The import holds out views 0, `every`, 2 * `every` ...: rounded up.
   const int64_t held_out = every > 0 ? (counts.num_views + every - 1) / every : 0;
   counts.num_training_views = std::max<int64_t>(1, counts.num_views - held_out);
+  // Names are not matched here, so a view may have several files or none; the number of views
+  // bounds the count.
   counts.num_masked_views = std::min(counts.num_views, CountKind(files, v1::FILE_KIND_MASK));
   // One ignore mask may apply to all views.
   if (CountKind(files, v1::FILE_KIND_IGNORE_MASK) > 0) counts.num_ignore_views = counts.num_views;

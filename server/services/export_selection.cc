@@ -66,6 +66,8 @@ absl::StatusOr<bool> ExportSelectionStream::OpenSubset() {
 
 Stream::Step ExportSelectionStream::DigestSome() {
   const int64_t end = std::min(num_digested_ + kBlocksPerTask, subset_->num_blocks());
+  // The header has the digest of bytes that come after it, so all blocks are encoded before the
+  // first is sent, and again to be sent. Storing them would take as much memory as the file.
   for (; num_digested_ < end; ++num_digested_) digest_.Add(subset_->Encode(num_digested_));
   if (end < subset_->num_blocks()) {
     Wake();  // again, after what waits for the pool
@@ -114,6 +116,7 @@ absl::Status ExportSelectionStream::FillBytes(std::string& bytes) {
   if (!file_.read(bytes.data(), size)) {
     return absl::DataLossError(absl::StrCat(kPlyName, ": cannot be read to its end"));
   }
+  // A subset's bytes are not checked again: they come from memory, not from the disk.
   digest_.Add(bytes);
   if (size == num_bytes_left_ && digest_.Hex() != sha256_) {
     return absl::DataLossError(absl::StrCat(kPlyName, ": fails its checksum"));

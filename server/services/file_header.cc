@@ -45,6 +45,7 @@ absl::Status CountBinaryPoints(const fs::path& blob, DatasetFileRow& file) {
   for (size_t i = 0; i < front.size(); ++i) {
     count |= uint64_t{static_cast<uint8_t>(front[i])} << (8 * i);
   }
+  // The count is a little-endian uint64 at the start of the file.
   const bool whole = front.size() == sizeof(count);
   const auto most = static_cast<uint64_t>(file.size / kLeastRecord);
   file.num_points = whole ? static_cast<int64_t>(std::min(count, most)) : 0;
@@ -117,6 +118,7 @@ bool IsTextPoints(const DatasetFileRow& file) { return absl::EndsWith(file.path,
 }  // namespace
 
 bool HasHeader(const DatasetFileRow& file) {
+  // Of the poses, only COLMAP's points say how many points there are.
   return file.kind == v1::FILE_KIND_IMAGE || file.kind == v1::FILE_KIND_POINTS ||
          file.kind == v1::FILE_KIND_GAUSSIANS ||
          (file.kind == v1::FILE_KIND_POSES && (IsBinaryPoints(file) || IsTextPoints(file)));

@@ -53,6 +53,7 @@ struct Parent {
 };
 
 absl::StatusOr<Parent> FindParent(const ModelLoader& models, const std::string& name) {
+  // A model stands for the dataset that it was trained on.
   if (!absl::StrContains(name, "/models/")) {
     ASSIGN_OR_RETURN(const SceneChild dataset, ParseChildName(name, "datasets", "parent"));
     return Parent{dataset, {}};
@@ -93,6 +94,7 @@ absl::StatusOr<DatasetFileRow> FindPhotograph(const std::vector<DatasetFileRow>&
     }
     if (file.kind != v1::FILE_KIND_IMAGE) continue;
     const std::string key = PhotoKey(file.path);
+    // Without a name, the first photograph in the order of names.
     const bool matches = request.photograph().empty()
                              ? found == nullptr || key < PhotoKey(found->path)
                              : key == request.photograph();
@@ -272,12 +274,14 @@ Stream::Step GetPhotographStream::Work(bool) {
   absl::Status status;
   if (phase_ == Phase::kNew) {
     status = Open();
+    // The decoder's task wakes the stream.
     if (status.ok() && phase_ == Phase::kMaking) return {Next::kIdle, absl::OkStatus()};
   } else if (phase_ == Phase::kMaking) {
     const absl::StatusOr<bool> taken = TakePicture();
     if (taken.ok() && !*taken) return {Next::kIdle, absl::OkStatus()};
     status = taken.status();
   } else if (phase_ == Phase::kChecking) {
+    // Fail continues to wait for the check that it began.
     status = failure_;
   } else if (num_bytes_left_ == 0) {
     return {Next::kEnd, absl::OkStatus()};

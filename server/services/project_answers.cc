@@ -57,6 +57,7 @@ absl::StatusOr<int> ScopesFromProto(const v1::CreateKeyRequest& request) {
 }
 
 absl::StatusOr<absl::Time> ExpiryFromProto(const v1::CreateKeyRequest& request) {
+  // The store's value for a key that does not expire.
   if (!request.has_expire_time()) return absl::InfinitePast();
   using google::protobuf::util::TimeUtil;
   const auto& asked = request.expire_time();

@@ -136,6 +136,7 @@ absl::StatusOr<std::vector<int32_t>> ReadMembers(const Selections& selections,
                                                  const v1::Subset& subset) {
   ASSIGN_OR_RETURN(const std::optional<GaussianSet> members,
                    selections.FindSubset(model, subset, "overlay_subset"));
+  // Here "all of the model" would tint the whole picture, so it is refused.
   if (!members) return BadField("overlay_subset", "", "neither a selection nor a segment");
   return std::vector<int32_t>(members->member.begin(), members->member.end());
 }
@@ -144,6 +145,8 @@ absl::StatusOr<std::vector<int32_t>> ReadMembers(const Selections& selections,
 absl::Status ReadOverlay(const v1::MaskImage& mask, RenderQuery& query) {
   const Canvas canvas = MakeCanvas(query, ShareAskedFor(query), v1::RenderRequest::CONTENT_COLOR);
   query.overlay_size = SizeOf(mask);
+  // A client may draw on the picture that it got, which has the answer's size, or on the photograph
+  // itself.
   ImageOfView expected = query.image;
   if (query.overlay_size == ImageSize{canvas.width, canvas.height}) {
     ModelView answer = query.view;
@@ -314,6 +317,7 @@ absl::Status RenderToFit(const UnaryCall& call, const Segmenter& segmenter,
   absl::Duration compute, encode;
   double share = ShareAskedFor(query);
   for (;;) {
+    // Before each render: every size that did not fit has cost one.
     RETURN_IF_ERROR(call.CheckWanted());
     const Canvas canvas = MakeCanvas(query, share, content);
     ASSIGN_OR_RETURN(const Picture picture, RenderContent(segmenter, query, canvas, content));

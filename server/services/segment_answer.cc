@@ -146,6 +146,8 @@ Stream::Step SegmentStreamCall::Work(bool) {
     absl::Status status = Authorize(request ? *request : none);
     if (!status.ok()) return {Next::kEnd, std::move(status)};
   }
+  // The limit is for the first request only: a client may think between clicks for as long as it
+  // likes.
   asked_ = asked_ || request.has_value();
   const absl::Duration first_message = runner_.streams().limits().first_message;
   if (!asked_ && absl::Now() - begin_ > first_message) {

@@ -14,6 +14,7 @@ namespace pepeseg {
 absl::Status SegmentationServiceRpc::AnswerEvaluate(const UnaryCall& call,
                                                     const v1::EvaluateRequest& request,
                                                     v1::EvaluateResponse* response) const {
+  // Options before the model, so that a wrong request does not load one.
   ASSIGN_OR_RETURN(const OneClickOptions options, OneClickOptionsFromProto(request.options()));
   ASSIGN_OR_RETURN(const ResidentModel model, models_.LoadWithFeatures(request.model(), "model"));
   RETURN_IF_ERROR(call.CheckWanted());

@@ -18,6 +18,7 @@
 namespace pepeseg {
 namespace {
 
+// Each voting view is rendered and segmented, so their number bounds the time of a call.
 constexpr int kMaxVotingViews = 100;
 
 absl::StatusOr<GaussianSet> Apply(v1::SetOperation operation, const GaussianSet& base,
@@ -93,6 +94,8 @@ absl::StatusOr<GaussianSet> SelectionAnswers::SelectSource(const UnaryCall& call
 
 absl::Status SelectionAnswers::Select(const UnaryCall& call, const v1::SelectRequest& request,
                                       v1::Selection* response) const {
+  // A repeated request is answered from its record before the model is loaded, even if "live" means
+  // a newer model by now.
   ASSIGN_OR_RETURN(const SceneChild named, ParseModelName(request.model(), "model"));
   RETURN_IF_ERROR(CheckSelect(request));
   SelectionRow row;
@@ -155,6 +158,7 @@ absl::Status SelectionAnswers::Undo(const v1::UndoSelectionRequest& request,
                         "NO_BASE", request.name());
   }
   const std::string base_name = KeyedChildName(row.scene, "selections", row.base);
+  // NOT_FOUND if the base was deleted: selections refer to their base by number only.
   ASSIGN_OR_RETURN(const SelectionRow base, selections_.FindRow(base_name, "name"));
   *response = ToProto(base);
   return absl::OkStatus();

@@ -62,6 +62,7 @@ absl::Status WatchJobStream::Start() {
   ASSIGN_OR_RETURN(id_, ParseJobName(request_.name(), "name"));
   // Before the snapshot, so that no event is missed in between.
   watch_ = parts_.supervisor.AddWatch(id_, [weak = weak_from_this()] {
+    // Weak, since the stream owns the watch: each would keep the other alive.
     if (const auto stream = weak.lock()) stream->Wake();
   });
   ASSIGN_OR_RETURN(JobSnapshot snapshot, ReadJob(parts_.store, parts_.supervisor, id_));
@@ -133,6 +134,7 @@ Stream::Step WatchJobStream::Work(bool) {
     pending_.pop_front();
     return Send(std::move(event));
   }
+  // The state that was sent last is final, and no event is pending after it.
   if (ended_) return {Next::kEnd, absl::OkStatus()};
   return SendHeartbeatWhenDue();
 }

@@ -50,6 +50,7 @@ absl::Status Close(const WriteFilesStream::Parts& parts, const UploadName& uploa
 }  // namespace
 
 Stream::Step WriteFilesStream::Work(bool io_ok) {
+  // The first task of the stream: no message has been read yet.
   if (!caller_.has_value()) {
     absl::Status status = BeginCall();
     if (!status.ok()) return {Next::kEnd, std::move(status)};
@@ -152,6 +153,7 @@ absl::Status WriteFilesStream::BeginFile(const v1::WriteFilesRequest::Header& he
   RETURN_IF_ERROR(StartAt(header));
   file_bytes_ = header.offset();
   sent_bytes_ = 0;
+  // Last, so that no chunk is taken for a header that was refused.
   in_file_ = true;
   return absl::OkStatus();
 }
@@ -231,6 +233,7 @@ absl::Status WriteFilesStream::TakeChunk(const v1::WriteFilesRequest::Chunk& chu
                                             absl::Hex(crc, absl::kZeroPad8), ", sent was ",
                                             absl::Hex(chunk.crc32c(), absl::kZeroPad8)));
   }
+  // A stored file's chunks are counted and checked like others, so that a client's error shows.
   file_bytes_ += static_cast<int64_t>(chunk.data().size());
   sent_bytes_ += static_cast<int64_t>(chunk.data().size());
   if (writer_ == nullptr) return absl::OkStatus();

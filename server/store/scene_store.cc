@@ -151,7 +151,7 @@ absl::StatusOr<Page<SceneRow>> SceneStore::ListScenes(const PageRequest& page,
 absl::Status SceneStore::DeleteScene(const std::string& key) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
     RETURN_IF_ERROR(CheckScene(sql, key));
-    // A worker would go on writing into the folder of a job that has no record.
+    // A worker would continue to write into the folder of a job that has no record.
     const JobRow active = SelectActiveJob(sql, key);
     if (!active.id.empty()) {
       return absl::FailedPreconditionError(absl::StrCat(
