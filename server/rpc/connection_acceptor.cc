@@ -23,7 +23,8 @@
 namespace pepeseg {
 namespace {
 
-// Maximum size of a call's metadata, and of the calls of one connection at the same time.
+// Maximum size of a call's metadata, bytes, and maximum number of calls of one connection at the
+// same time.
 constexpr int kMaxMetadataBytes = 16 << 10;
 constexpr int kMaxStreamsPerConnection = 256;
 // Limit for requests that are being received, over all connections. Near it gRPC first slows the

@@ -40,7 +40,7 @@ int BindAndListen(const sockaddr* address, socklen_t size) {
   const int made = socket(address->sa_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
   if (made < 0) return -1;
   if (address->sa_family != AF_UNIX) {
-    // So that a server that restarts can listen although connections of the last one linger.
+    // Lets a server that restarts listen although connections of the last one linger.
     SetOption(made, SOL_SOCKET, SO_REUSEADDR, 1);
     SetOption(made, IPPROTO_TCP, TCP_NODELAY, 1);
     SetOption(made, IPPROTO_TCP, TCP_USER_TIMEOUT, kUserTimeoutMs);
@@ -105,7 +105,8 @@ absl::Status ListeningSockets::OpenUnix(const std::string& path) {
   }
   path.copy(address.sun_path, path.size());
   struct stat there {};
-  // Removes the socket that a killed server has left. Only a socket is removed, never another file.
+  // Replaces a socket, such as one that a killed server has left, but no other file. Does not check
+  // whether a server still listens at it.
   if (lstat(path.c_str(), &there) == 0 && S_ISSOCK(there.st_mode)) unlink(path.c_str());
   const int made = BindAndListen(reinterpret_cast<sockaddr*>(&address), sizeof(address));
   if (made < 0) return absl::UnavailableError(strerror(errno));

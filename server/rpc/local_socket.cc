@@ -123,7 +123,6 @@ void LocalSocket::AcceptUntilStopped(const std::function<void(int connection)>& 
 }
 
 void LocalSocket::Stop() {
-  // Stopped already.
   if (listener_.get() < 0) return;
   const uint64_t one = 1;
   while (write(stop_.get(), &one, sizeof(one)) < 0 && errno == EINTR) {

@@ -43,8 +43,8 @@ void WorkerPool::Stop() {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
-    // So that a second Stop(), from the destructor, joins nothing. The mutex is free while the
-    // threads are joined, since their tasks may submit others.
+    // A second Stop(), from the destructor, then joins nothing. The mutex is free while the threads
+    // are joined, since their tasks may submit others.
     threads.swap(threads_);
   }
   wake_.notify_all();

@@ -197,7 +197,7 @@ absl::Status GetPhotographStream::Open() {
   ASSIGN_OR_RETURN(project_, parts_.models.store().scenes().ProjectOfScene(parent.dataset.scene));
   ASSIGN_OR_RETURN(row_, FindPhotograph(files, request_));
   const DatasetFileRow& file = row_;
-  // Looks at the size only.
+  // Compares the size only; the digest is checked while the file is read.
   if (!parts_.blobs.Has({project_, file.sha256}, file.size)) {
     return absl::DataLossError(
         absl::StrCat(file.path, ": the stored file is missing or has another size"));
