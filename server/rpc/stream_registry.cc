@@ -152,8 +152,8 @@ void StreamRegistry::EndAll(const absl::Status& status) {
   {
     const std::lock_guard lock(mutex_);
     end_status_ = status;
-    // Locked here and used below, outside the mutex: a stream must not be destroyed under it, since
-    // its destructor may call Remove.
+    // Collected here and ended below, without the mutex: End finishes the call, and gRPC's reaction
+    // calls Remove.
     for (const auto& [address, entry] : streams_) streams.push_back(entry.stream.lock());
   }
   for (const auto& stream : streams) {
