@@ -36,6 +36,7 @@ absl::StatusOr<std::string> ReadText(const std::filesystem::path& path) {
   std::error_code error;
   const auto size = std::filesystem::file_size(path, error);
   if (error) return BadFile(path, absl::StrCat("cannot be read: ", error.message()));
+  // A path that was given by mistake must not fill the memory.
   if (size > kMaxFileBytes)
     return BadFile(path, "is larger than 1 MiB: not a PEM file of certificates");
   std::ifstream file(path, std::ios::binary);
@@ -53,6 +54,7 @@ Bio OpenText(const std::string& text) {
 // Passphrase callback that has none. Without it OpenSSL would ask on the terminal.
 int NoPassphrase(char*, int, int, void*) { return -1; }
 
+// The server's own certificate is the first of its chain.
 Certificate FirstCertificate(const std::string& text) {
   return Certificate(PEM_read_bio_X509(OpenText(text).get(), nullptr, NoPassphrase, nullptr));
 }
@@ -98,6 +100,8 @@ absl::StatusOr<CertificateTexts> ReadCertificateFiles(const AccessOptions& optio
   RETURN_IF_ERROR(CheckCertificateOptions(options));
   CertificateTexts texts;
   ASSIGN_OR_RETURN(texts.chain, ReadText(options.tls_certificate));
+  // The two files may be replaced one after the other: CheckPair refuses a key of another
+  // certificate, and the old pair stays in use until both fit.
   ASSIGN_OR_RETURN(texts.key, ReadText(options.tls_key));
   RETURN_IF_ERROR(CheckPair(texts, options));
   if (options.tls_client_ca.empty()) return texts;

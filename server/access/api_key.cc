@@ -31,6 +31,8 @@ constexpr absl::string_view kScopeWords[] = {"", "read", "write", "train", "oper
 
 absl::StatusOr<NewKey> MakeKey() {
   std::array<char, kSecretBytes + kIdBytes> bytes;
+  // The secret and the id are independent, so the id, which logs show, says nothing about the
+  // secret.
   if (getentropy(bytes.data(), bytes.size()) != 0) {
     return absl::InternalError("the system gives no random bits for a key");
   }
@@ -39,6 +41,7 @@ absl::StatusOr<NewKey> MakeKey() {
   key.secret = absl::StrCat(kPrefix, absl::WebSafeBase64Escape(random.substr(0, kSecretBytes)));
   key.row.id = absl::BytesToHexString(random.substr(kSecretBytes));
   key.row.sha256 = DigestOfSecret(key.secret);
+  // Unlike memset, it is not optimised away.
   OPENSSL_cleanse(bytes.data(), bytes.size());
   return key;
 }
@@ -47,9 +50,11 @@ bool LooksLikeSecret(const std::string& secret) {
   return secret.size() == kSecretLength && absl::StartsWith(secret, kPrefix);
 }
 
+// A plain SHA-256 suffices: 32 random bytes cannot be guessed, unlike a password.
 std::string DigestOfSecret(const std::string& secret) { return Sha256Hex(secret); }
 
 bool SameDigest(const std::string& a, const std::string& b) {
+  // Takes the same time wherever the digests differ, so that the time reveals nothing.
   return a.size() == b.size() && CRYPTO_memcmp(a.data(), b.data(), a.size()) == 0;
 }
 

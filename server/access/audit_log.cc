@@ -41,6 +41,7 @@ std::string LineOf(const AuditEntry& entry) {
   }
   line["outcome"] = entry.outcome;
   if (!entry.reason.empty()) line["reason"] = entry.reason;
+  // ASCII only, with other characters escaped: a client's name cannot break a line or forge one.
   return line.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
@@ -59,12 +60,15 @@ AuditLog::~AuditLog() {
 
 absl::Status AuditLog::Reopen() {
   const int opened = open(path_.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0600);
+  // The old descriptor stays, so that lines are not lost while a new file cannot be made.
   if (opened < 0) return FileError(path_, "cannot open", errno);
   if (descriptor_ >= 0) close(descriptor_);
   descriptor_ = opened;
   return absl::OkStatus();
 }
 
+// Returns whether the path is no longer that of the open file: another process has rotated it, or
+// logrotate.
 bool AuditLog::IsMoved() const {
   struct stat ours {};
   struct stat there {};
@@ -84,6 +88,8 @@ absl::Status AuditLog::RotateWhenFull() {
       return path += absl::StrCat(".", i);
     };
     std::error_code ignored;  // there may be no such file yet
+    // From the oldest on, so that no file is overwritten before it has moved; the last one is
+    // dropped.
     for (int i = limits_.kept - 1; i >= 1; --i) {
       std::filesystem::rename(numbered(i), numbered(i + 1), ignored);
     }
@@ -118,6 +124,7 @@ void AuditLog::WriteLeftOut(int64_t count, absl::Time since) {
 void AuditLog::WriteLine(const std::string& line) {
   const std::lock_guard lock(mutex_);
   const absl::Status status = Append(line);
+  // Logged once for each series of failures. A full disk does not stop the service.
   if (!status.ok() && !failing_) {
     spdlog::error("audit log: {}: calls are not recorded", std::string(status.message()));
   }

@@ -112,6 +112,7 @@ struct Authorizer::Verdict {
 void Authorizer::CheckKey(const CallOrigin& origin, Verdict& verdict) {
   if (origin.authorization.empty()) return verdict.Refuse(NoKeyError(), "NO_KEY");
   const std::string& header = origin.authorization[0];
+  // Schemes are case-insensitive (RFC 9110).
   const bool is_bearer = absl::StartsWithIgnoreCase(header, kScheme);
   const std::string secret = is_bearer ? header.substr(kScheme.size()) : "";
   // With two headers it would be unclear which one counts.
@@ -121,8 +122,10 @@ void Authorizer::CheckKey(const CallOrigin& origin, Verdict& verdict) {
   const std::string digest = DigestOfSecret(secret);
   const absl::StatusOr<KeyRow> key = store_->keys().FindKeyByDigest(digest);
   if (absl::IsNotFound(key.status())) return verdict.Refuse(BadKeyError(), "UNKNOWN_KEY");
+  // The database cannot be asked: an error of its own, since the key may be valid.
   if (!key.ok()) return verdict.Refuse(key.status(), "");
   if (!SameDigest(key->sha256, digest)) return verdict.Refuse(BadKeyError(), "UNKNOWN_KEY");
+  // Set before the key is found revoked or expired, so that the audit log names it.
   verdict.caller.project = key->project;
   verdict.caller.key = key->id;
   verdict.caller.scopes = key->scopes;
@@ -132,10 +135,13 @@ void Authorizer::CheckKey(const CallOrigin& origin, Verdict& verdict) {
 
 void Authorizer::CheckGateway(const CallOrigin& origin, Verdict& verdict) const {
   const std::vector<std::string>& names = origin.gateway.certificate_names;
+  // The certificate was verified by the listener against its client CA; here only its name is
+  // compared.
   if (!require_keys_ || trusted_gateway_.empty() ||
       std::find(names.begin(), names.end(), trusted_gateway_) == names.end()) {
     return verdict.Refuse(NotTheGatewayError(), "NOT_A_GATEWAY");
   }
+  // With a key and an identity it would be unclear who calls.
   if (!origin.authorization.empty()) {
     return verdict.Refuse(BadIdentityError("the call also has an authorization"), "BAD_VOUCHING");
   }
@@ -156,6 +162,7 @@ absl::StatusOr<bool> Authorizer::IsOf(const std::string& project, const std::str
     found = store_->scenes().FindScene(project, parts[1]).status();
   } else if (parts.size() >= 2 && parts[0] == "jobs") {
     const absl::StatusOr<std::string> of = store_->jobs().ProjectOfJob(parts[1]);
+    // Job ids are unique over all projects, so the job's scene decides.
     if (of.ok()) return *of == project;
     found = of.status();
   }
@@ -246,6 +253,8 @@ absl::StatusOr<Caller> Authorizer::Authorize(const CallOrigin& origin,
   if (entry.key.empty() && entry.subject.empty()) entry.project.clear();  // not known
   entry.outcome = absl::StatusCodeToString(verdict.status.code());
   entry.reason = verdict.reason;
+  // Unknown callers get a log of their own with a limited rate: they must not be able to rotate the
+  // audit log of known ones away.
   verdict.is_known ? audit_->Write(entry) : refusals_->Write(entry);
   return verdict.status;
 }
@@ -253,6 +262,7 @@ absl::StatusOr<Caller> Authorizer::Authorize(const CallOrigin& origin,
 void Authorizer::Record(const CallOrigin& origin, const Caller& caller,
                         const google::protobuf::Message& request, const absl::Status& outcome) {
   const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
+  // Reads change nothing and are too many to record.
   if (access != nullptr && access->scope == v1::SCOPE_READ) return;
   AuditEntry entry = EntryOf(origin, caller, access, request);
   entry.outcome = absl::StatusCodeToString(outcome.code());
@@ -276,6 +286,7 @@ absl::Status Authorizer::Run(const CallOrigin& origin, const google::protobuf::M
   absl::Status status = ResolveSceneNames(
       *store_, *caller, const_cast<google::protobuf::Message&>(request));  // NOLINT
   if (status.ok()) status = call(*caller);
+  // After the call, with its outcome. The request has scene keys by now; EntryOf writes ids.
   Record(origin, *caller, request, status);
   return status;
 }

@@ -38,6 +38,8 @@ MemoryFile::~MemoryFile() {
 absl::Status MemoryFile::Replace(const std::string& text) {
   const int made = memfd_create("pepeseg-tls", MFD_CLOEXEC);
   if (made < 0) return SystemError("cannot make it");
+  // The provider looks at the time of modification: a new text needs a later one, even within the
+  // same second.
   const timespec time = {next_time_, 0};
   const std::array<timespec, 2> times = {time, time};
   absl::Status status;
@@ -49,6 +51,7 @@ absl::Status MemoryFile::Replace(const std::string& text) {
   } else if (dup3(made, descriptor_, O_CLOEXEC) < 0) {  // atomic for readers of path()
     status = SystemError("cannot replace it");
   }
+  // After dup3 the old number refers to the new file.
   if (made != descriptor_) close(made);
   if (status.ok()) ++next_time_;
   return status;
@@ -107,6 +110,7 @@ absl::Status ListenerCredentials::Load() {
 
 absl::Status ListenerCredentials::Publish(const CertificateTexts& texts) {
   if (texts.chain != texts_.chain || texts.key != texts_.key) {
+    // Key and chain are in one file, so that the provider never reads halves of two pairs.
     RETURN_IF_ERROR(pair_.Replace(texts.key + "\n" + texts.chain));
   }
   if (texts.client_ca.empty() || texts.client_ca == texts_.client_ca) return absl::OkStatus();
@@ -117,6 +121,7 @@ void ListenerCredentials::Watch() {
   std::string logged;  // the last error, so that a bad file is logged once
   std::unique_lock lock(mutex_);
   while (!stop_.wait_for(lock, kPause, [this] { return stopping_; })) {
+    // Under the mutex, which guards texts_; readers wait for the files at most once a second.
     const absl::Status status = Load();
     std::string message(status.message());
     if (!status.ok() && message != logged) {

@@ -47,6 +47,8 @@ GatewayMetadata GatewayMetadataOf(const grpc::ServerContextBase& context) {
   for (const auto& [key, value] : context.client_metadata()) {
     const absl::string_view name(key.data(), key.size());
     if (!absl::StartsWith(name, kHeaderPrefix)) continue;
+    // Any such header counts, also an unknown one: the call then claims to come from a gateway, and
+    // is refused unless it does.
     gateway.present = true;
     const std::string text(value.data(), value.size());
     if (name == "x-pepeseg-project") gateway.projects.push_back(text);

@@ -26,6 +26,7 @@ std::optional<FieldPath> Resolve(const Descriptor& request, const std::string& n
   for (const auto& part : absl::StrSplit(name, '.')) {
     const FieldDescriptor* field =
         message == nullptr ? nullptr : message->FindFieldByName(std::string(part));
+    // A repeated field would need a check of each element, which ReadPath does not do.
     if (field == nullptr || field->is_repeated()) return std::nullopt;
     path.fields.push_back(field);
     message = field->message_type();  // null for a field that is no message
@@ -40,9 +41,12 @@ void AddMethod(const google::protobuf::MethodDescriptor& method, Table& table) {
   if (access.scope == v1::SCOPE_UNSPECIFIED) return;  // not in the table: nobody may call it
   for (const std::string& name : option.resources()) {
     auto path = Resolve(*method.input_type(), name);
+    // A wrong path in the contract: the method gets no entry, so nobody may call it, rather than
+    // anybody without a check.
     if (!path) return;
     access.resources.push_back(*std::move(path));
   }
+  // The type of the request identifies the method: no two methods have the same one.
   table.emplace(method.input_type(), std::move(access));
 }
 

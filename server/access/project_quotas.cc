@@ -30,8 +30,9 @@ bool IsQuery(const google::protobuf::Message& request) {
 }
 
 // `missing`: part of a token that is missing until the next query is admitted.
-
 absl::Status TooFastError(double per_second, double missing) {
+  // The time until the missing part of a token has been filled. Rounded up, so that a client that
+  // waits for it is admitted.
   const auto milliseconds = static_cast<int64_t>(std::ceil(1000 * missing / per_second));
   const auto limit = static_cast<int64_t>(per_second);
   v1::ErrorDetail detail;
@@ -84,6 +85,7 @@ absl::Status ProjectQuotas::Admit(const std::string& project,
 std::optional<absl::Status> ProjectQuotas::AdmitAtOnce(const std::string& credential,
                                                        const google::protobuf::Message& request) {
   if (!IsQuery(request)) return std::nullopt;
+  // Credentials are remembered by their digests, so that the memory holds no secrets.
   const std::string digest = Sha256Hex(credential);
   const absl::Time now = absl::Now();
   const std::lock_guard lock(mutex_);
@@ -101,6 +103,7 @@ void ProjectQuotas::Know(const std::string& credential, const std::string& proje
   Get(project).status().IgnoreError();  // refreshes the cache; Admit reports errors
   const absl::Time now = absl::Now();
   const std::lock_guard lock(mutex_);
+  // Simple and rare: those that are forgotten cost one look into the store each.
   if (opened_.size() >= kMaxOpened) opened_.clear();
   opened_[std::move(digest)] = {project, now};
 }
@@ -111,6 +114,7 @@ absl::Status ProjectQuotas::AdmitQuery(const std::string& project, double per_se
 }
 
 absl::Status ProjectQuotas::TakeToken(Project& known, double per_second, absl::Time now) {
+  // A token bucket that holds the queries of one second. 0: unlimited, but counted.
   if (per_second > 0) {
     const double passed = absl::ToDoubleSeconds(now - known.filled);  // infinite the first time
     known.tokens = std::clamp(known.tokens + std::max(0.0, passed) * per_second, 0.0, per_second);
@@ -138,6 +142,7 @@ int64_t ProjectQuotas::QueryRate(const std::string& project) {
   TurnRing(known->second, absl::Now());
   const auto& admitted = known->second.admitted;
   const int64_t sum = std::accumulate(admitted.begin(), admitted.end(), int64_t{0});
+  // Rounded up, so that a single query is not reported as 0 per second.
   return (sum + kSeconds - 1) / kSeconds;
 }
 

@@ -38,6 +38,7 @@ absl::Status WithField(absl::Status status, const std::string& reason, const std
 absl::StatusOr<bool> Split(const std::string& name, const NamedResource& resource,
                            bool may_say_project, NamedScene& split) {
   std::vector<std::string> parts = absl::StrSplit(name, '/');
+  // Only callers who see all projects may name one; the others have that of their key.
   if (may_say_project && parts.size() >= 4 && parts[0] == "projects") {
     split.project = parts[1];
     parts.erase(parts.begin(), parts.begin() + 2);
@@ -62,12 +63,15 @@ std::string Join(const std::string& key, const std::vector<std::string>& rest) {
 }
 
 absl::StatusOr<std::string> OrNoKey(absl::StatusOr<std::string> key, const std::string& id) {
+  // A key that no scene has, so that the handler reports NOT_FOUND in its own words and with its
+  // own detail.
   if (absl::IsNotFound(key.status())) return NoSceneKey(id);
   return key;
 }
 
 // Returns the key for a caller who sees all projects and does not name one.
 absl::StatusOr<std::string> OnlyKey(Store& store, const std::string& id, const std::string& field) {
+  // The default project first, so that names from before there were projects keep their meaning.
   absl::StatusOr<std::string> of_default = store.scenes().FindScene(kDefaultProject, id);
   if (!absl::IsNotFound(of_default.status())) return of_default;
   ASSIGN_OR_RETURN(const std::vector<SceneRow> scenes, store.scenes().FindScenes(id));
@@ -106,6 +110,8 @@ absl::Status ResolveSceneNames(Store& store, const Caller& caller,
   if (access == nullptr) return absl::OkStatus();
   for (const NamedResource& resource : ResourcesOf(*access, request)) {
     ASSIGN_OR_RETURN(const std::string name, Resolve(store, caller, resource));
+    // Handlers see keys from here on. A request must be resolved once only: a key is refused as a
+    // name.
     if (name != resource.name) SetResource(*access, resource.field, name, request);
   }
   return absl::OkStatus();

@@ -10,6 +10,8 @@ namespace {
 
 using absl::StatusCode;
 
+// Returns what a client may know about an error whose text is for the log: what it can do next, and
+// nothing about files, SQL or other projects.
 const char* GeneralText(StatusCode code) {
   switch (code) {
     case StatusCode::kUnavailable:
@@ -27,6 +29,7 @@ const char* GeneralText(StatusCode code) {
   }
 }
 
+// Returns whether a file's name would continue with `c`: "/data" must not be found in "/data2".
 bool IsPartOfName(char c) {
   return absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '.' || c == '-';
 }
@@ -36,6 +39,7 @@ bool MakeRelative(const std::string& folder, std::string& text) {
   bool changed = false;
   for (size_t at = text.find(folder); at != std::string::npos; at = text.find(folder, at)) {
     const size_t end = at + folder.size();
+    // The folder counts only where a path begins and where its own last name ends.
     const bool starts = at == 0 || !(IsPartOfName(text[at - 1]) || text[at - 1] == '/');
     if (!starts || (end < text.size() && IsPartOfName(text[end]))) {
       at = end;
@@ -48,6 +52,8 @@ bool MakeRelative(const std::string& folder, std::string& text) {
   return changed;
 }
 
+// Removes all details and returns the first, which is the client's; a second one is the mark of a
+// private error.
 v1::ErrorDetail TakeDetail(v1::Status& status) {
   v1::ErrorDetail detail;
   if (status.details_size() > 0) status.details(0).UnpackTo(&detail);
@@ -57,6 +63,7 @@ v1::ErrorDetail TakeDetail(v1::Status& status) {
 
 void Generalise(const ClientErrorRules& rules, v1::Status& status) {
   auto code = static_cast<StatusCode>(status.code());
+  // gRPC answers UNKNOWN when a handler has thrown; clients need not tell the two apart.
   if (code == StatusCode::kUnknown) code = StatusCode::kInternal;
   status.set_code(static_cast<int>(code));
   std::string text = GeneralText(code);
@@ -67,6 +74,8 @@ void Generalise(const ClientErrorRules& rules, v1::Status& status) {
   v1::ErrorDetail detail = TakeDetail(status);
   // The reason may be wrong: NO_SUCH_JOB, for example, although only the database was away.
   if (detail.reason() != kDiskFull) detail.set_reason(absl::StatusCodeToString(code));
+  // Value and limit may be numbers of the server, such as the disk's free bytes. Field and resource
+  // came from the request.
   detail.clear_value();
   detail.clear_limit();
   if (code == StatusCode::kUnavailable && !detail.has_retry_after()) {
@@ -79,11 +88,14 @@ void Generalise(const ClientErrorRules& rules, v1::Status& status) {
 
 bool HidePrivateText(const ClientErrorRules& rules, v1::Status& status) {
   const auto code = static_cast<StatusCode>(status.code());
+  // INTERNAL and UNKNOWN are always general: their texts come from libraries and exceptions.
   if (code == StatusCode::kInternal || code == StatusCode::kUnknown || IsMarkedPrivate(status)) {
     Generalise(rules, status);
     return true;
   }
   const std::string folder = rules.data_folder.string();
+  // "/" would be found in every path. A status without details was made by gRPC and has no text of
+  // ours.
   if (folder.size() < 2 || status.details_size() == 0) return false;
   v1::ErrorDetail detail = TakeDetail(status);
   bool changed = MakeRelative(folder, *status.mutable_message());
@@ -98,6 +110,7 @@ bool HidePrivateText(const ClientErrorRules& rules, v1::Status& status) {
 bool HidePrivateText(const ClientErrorRules& rules, grpc::Status& status) {
   if (status.ok()) return false;
   v1::Status proto;
+  // ToGrpc puts the whole status into error_details, with its details.
   if (!proto.ParseFromString(status.error_details()) || proto.details_size() == 0) {
     proto.Clear();  // an error that gRPC itself made
     proto.set_code(status.error_code());

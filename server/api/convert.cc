@@ -11,9 +11,13 @@
 namespace pepeseg {
 namespace {
 
+// Limits of a free camera: they bound the memory of a render, as those of files bound views.
 constexpr int kMaxExtent = 16384;
 constexpr int64_t kMaxPixels = 16'000'000;
+// Maximum number of points of a prompt: each takes a part of the time of a query.
 constexpr int kMaxPoints = 64;
+// Clients send quaternions in decimal or single precision, so a small error of the norm is accepted
+// and corrected.
 constexpr double kMaxNormError = 1e-3;
 
 absl::Status CheckCamera(const v1::PinholeCamera& camera, const std::string& field) {
@@ -40,6 +44,8 @@ absl::Status CheckCamera(const v1::PinholeCamera& camera, const std::string& fie
   return absl::OkStatus();
 }
 
+// Returns INVALID_ARGUMENT unless there are `size` finite values. NaN would pass comparisons of
+// ranges further on.
 absl::Status CheckVector(const google::protobuf::RepeatedField<double>& values, int size,
                          const std::string& field) {
   if (values.size() != size) {
@@ -62,6 +68,7 @@ absl::StatusOr<Pose> PoseFromProto(const v1::RigidTransform& proto, const std::s
       CheckVector(proto.translation(), 3, absl::StrCat(field, ".cam_from_world.translation")));
   const auto& q = proto.rotation();
   const auto& t = proto.translation();
+  // Both the message and Eigen's constructor have w first.
   Pose pose{Eigen::Quaterniond(q[0], q[1], q[2], q[3]), Eigen::Vector3d(t[0], t[1], t[2])};
   const double norm = pose.rotation.norm();
   if (std::abs(norm - 1) > kMaxNormError) {
@@ -132,6 +139,7 @@ v1::View ToProto(const ModelView& view) {
   for (double value : view.cam_from_world.translation) pose.add_translation(value);
   proto.set_held_out(view.held_out);
   const auto& photograph = view.photograph;
+  // A model of an older version has no photographs: its views are then the only frame.
   proto.set_photograph_width(photograph ? photograph->UprightWidth() : view.camera.width);
   proto.set_photograph_height(photograph ? photograph->UprightHeight() : view.camera.height);
   if (view.scores) *proto.mutable_scores() = ToProto(*view.scores);
@@ -173,6 +181,7 @@ absl::StatusOr<std::vector<PointPrompt>> PointsFromProto(const v1::PointsPrompt&
     any_positive |= !point.negative();
   }
   if (!any_positive) {
+    // Negative points only take away from what positive ones select.
     return absl::InvalidArgumentError("points.points: no positive point among them");
   }
   return points;

@@ -126,6 +126,7 @@ absl::Status Below(const std::string& message, const absl::Status& status) {
 
 void Overlay(const v1::TrainingOptions& proto, TrainingSettings* settings) {
   if (proto.has_preset()) settings->preset = static_cast<Preset>(proto.preset());
+  // The preset comes first, so that options that are given override it.
   Apply(settings->preset, settings->reconstruct, settings->features);
   OverlayImport(proto.import(), &settings->import);
   OverlayPriors(proto.priors(), &settings->priors);

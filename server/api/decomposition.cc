@@ -23,6 +23,7 @@ absl::StatusOr<std::vector<double>> ReadScales(
     if (!(scales[i] >= 0 && scales[i] <= 1)) {  // true for NaN
       return BadField(of_scale, absl::StrCat(scales[i]), "not in [0, 1]");
     }
+    // Levels are built from fine to coarse, each on the one before.
     if (i > 0 && scales[i] <= scales[i - 1]) {
       return BadField(of_scale, absl::StrCat(scales[i]),
                       absl::StrCat("not over the scale before, ", scales[i - 1]));
@@ -43,6 +44,7 @@ absl::StatusOr<GaussianSet> FindSegment(const Segmenter& segmenter, const v1::Se
                    ReadScales(segment.scales(), field + ".scales"));
   RETURN_IF_ERROR(CheckLevelField(segment.level(), scales.size(), field + ".level"));
   GaussianSet found;
+  // The members are copied out, since the decomposition lives only for this call.
   const auto find = [&](const Decomposition& whole) -> absl::Status {
     const size_t num_segments = whole.levels[segment.level()].segments.size();
     if (segment.id() < 1 || static_cast<size_t>(segment.id()) > num_segments) {
@@ -64,6 +66,7 @@ v1::DecomposeResponse::Level LevelToProto(const Decomposition::Level& level, con
   proto.set_num_unassigned(std::count(level.ids.begin(), level.ids.end(), 0));
   for (const Decomposition::Segment& segment : level.segments) {
     v1::DecomposeResponse::Segment& to = *proto.add_segments();
+    // Ids count from 1; 0 stands for Gaussians without a segment.
     to.set_id(proto.segments_size());
     to.set_parent(segment.parent);
     to.set_num_gaussians(segment.num_gaussians);

@@ -13,10 +13,12 @@
 namespace pepeseg {
 namespace {
 
+// Payload of a status under which its ErrorDetail travels inside the server.
 constexpr char kDetailUrl[] = "type.googleapis.com/pepeseg.v1.ErrorDetail";
 constexpr char kPrivateMark[] = "pepeseg.server/private";  // never sent
 // The trailer grpc-message is percent-encoded, up to three times as long; the details are base64.
 constexpr size_t kMaxStatusMessageBytes = 640;
+// Limit on each text of a detail.
 constexpr size_t kMaxValueBytes = 256;
 
 v1::ErrorDetail DetailOf(const absl::Status& status) {
@@ -25,6 +27,8 @@ v1::ErrorDetail DetailOf(const absl::Status& status) {
     detail.ParseFromString(std::string(*payload));
   }
   if (detail.reason().empty()) {
+    // Every status has a reason, so that clients need not handle its absence: by default the name
+    // of the code.
     detail.set_reason(IsNothingThere(status) ? "NOTHING_THERE"
                                              : absl::StatusCodeToString(status.code()));
   }
@@ -40,6 +44,8 @@ v1::ErrorDetail DetailOf(const absl::Status& status) {
 std::string Utf8Prefix(std::string_view text, size_t max_bytes) {
   std::string prefix;
   while (!text.empty()) {
+    // 0 for bytes that do not begin a valid character: one of them becomes "?". A character is
+    // never cut in two.
     const size_t length = Utf8CharacterLength(text);
     const std::string_view character = length == 0 ? "?" : text.substr(0, length);
     if (prefix.size() + character.size() > max_bytes) break;
@@ -50,6 +56,7 @@ std::string Utf8Prefix(std::string_view text, size_t max_bytes) {
 }
 
 absl::Status WithDetail(absl::Status status, const v1::ErrorDetail& detail) {
+  // The innermost caller knows most, so its detail stays when outer ones add theirs.
   if (!status.ok() && !status.GetPayload(kDetailUrl).has_value()) {
     status.SetPayload(kDetailUrl, absl::Cord(detail.SerializeAsString()));
   }
@@ -117,6 +124,8 @@ v1::Status ToProto(const absl::Status& status) {
   proto.set_message(
       Utf8Prefix(WithSceneIds(std::string(status.message())), kMaxStatusMessageBytes));
   proto.add_details()->PackFrom(DetailOf(status));
+  // The mark is the only trace of privacy that survives the conversion. HidePrivateText replaces
+  // the details of every marked status, so it never reaches a client.
   if (IsPrivate(status)) proto.add_details()->set_type_url(kPrivateMark);
   return proto;
 }

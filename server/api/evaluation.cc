@@ -13,6 +13,7 @@
 namespace pepeseg {
 namespace {
 
+// Maximum number of label images in a request.
 constexpr int kMaxLabels = 1000;
 // Of all views together. A pixel takes 2 bytes, or 3 if there is an image of ignored pixels.
 constexpr int64_t kMaxLabelPixels = 64'000'000;
@@ -22,6 +23,7 @@ absl::StatusOr<ModelView> FindHeldOut(const std::string& name, const Model& mode
   const auto found = std::find_if(model.views.begin(), model.views.end(),
                                   [&](const ModelView& view) { return view.name == name; });
   if (found == model.views.end()) return BadField(field, name, "no view of the model");
+  // A score on a training view would say nothing about the model.
   if (!found->held_out) return BadField(field, name, "not held out: the model was trained on it");
   return *found;
 }
@@ -30,6 +32,8 @@ absl::StatusOr<ModelView> FindHeldOut(const std::string& name, const Model& mode
 absl::Status ReadImages(const v1::EvaluateRequest::ViewLabels& labels, const ImageOfView& image,
                         const std::string& field, LabeledView& labeled) {
   ASSIGN_OR_RETURN(FloatImage ids, DecodeGreyOf(image, labels.png(), field + ".png"));
+  // Label ids are compared as whole numbers, so the frame takes them by the nearest pixel, without
+  // blending two ids.
   const std::vector<float> in_view = image.frame.TakeToView(std::move(ids.values));
   labeled.labels.assign(in_view.begin(), in_view.end());
   if (labels.ignore_png().empty()) return absl::OkStatus();
@@ -51,6 +55,7 @@ absl::StatusOr<LabeledView> ReadView(const v1::EvaluateRequest& request, int ind
   return labeled;
 }
 
+// A repeated field has no presence: an empty one keeps the default.
 void Overlay(const google::protobuf::RepeatedField<double>& values, std::vector<double>* option) {
   if (!values.empty()) option->assign(values.begin(), values.end());
 }
@@ -71,6 +76,7 @@ Eigen::Vector2d ClickOf(const EntityScore& score, v1::PixelFrame frame, const Mo
       std::find_if(model.views.begin(), model.views.end(), [&](const ModelView& candidate) {
         return !score.views.empty() && candidate.name == score.views.front().view;
       });
+  // Without a view there is no frame to convert the click to.
   return view == model.views.end() ? click : ImageOf(*view, frame).frame.FromView(click);
 }
 
@@ -105,6 +111,7 @@ absl::StatusOr<std::vector<LabeledView>> ReadLabels(const v1::EvaluateRequest& r
   for (int i = 0; i < request.labels_size(); ++i) {
     const v1::EvaluateRequest::ViewLabels& labels = request.labels(i);
     const std::string field = absl::StrCat("labels[", i, "]");
+    // Two images of one view would count its pixels twice.
     if (!names.insert(labels.view()).second) {
       return BadField(field + ".view", labels.view(), "has labels already");
     }
@@ -128,6 +135,7 @@ absl::StatusOr<OneClickOptions> OneClickOptionsFromProto(const v1::EvaluationOpt
   if (proto.has_min_pixels()) options.min_pixels = proto.min_pixels();
   const absl::Status status = Validate(options);
   if (status.ok()) return options;
+  // Validate's messages begin with the field's name, which is the same in the request.
   return absl::InvalidArgumentError(absl::StrCat("options.", std::string(status.message())));
 }
 

@@ -18,6 +18,7 @@ constexpr char kRemedy[] =
 std::vector<std::string> AdviceOnModel(const std::map<std::string, std::string>& sources) {
   const auto masks = sources.find("masks");
   if (masks == sources.end()) return {};
+  // The source's name of the built-in method, as models store it.
   if (masks->second == "embedded") {
     return {absl::StrCat(
         "The masks were made by the server's built-in method, which knows no objects: segments "
@@ -33,6 +34,7 @@ std::vector<std::string> AdviceOnModel(const std::map<std::string, std::string>&
 
 std::vector<std::string> AdviceOnMaskQuality(const std::map<std::string, std::string>& sources,
                                              double mask_quality) {
+  // One piece of advice with the remedy is enough.
   if (mask_quality >= kGoodMaskQuality || !AdviceOnModel(sources).empty()) return {};
   return {absl::StrFormat(
       "The masks of different views disagree: their mask quality is %.2f, and under %.1f segments "

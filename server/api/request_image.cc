@@ -18,12 +18,14 @@
 namespace pepeseg {
 namespace {
 
+// Maximum size of a mask in a request, before it is decoded.
 constexpr size_t kMaxPngBytes = size_t{4} << 20;
 
 absl::Status CheckSize(const ImageSize& size, const ImageOfView& image, const std::string& field) {
   const PhotographFrame& frame = image.frame;
   if (size == ImageSize{frame.width(), frame.height()}) return absl::OkStatus();
   std::string what = absl::StrCat("pixels; ", image.name, " has ", image.Size());
+  // The usual mistake: a mask of the view where one of the photograph is expected.
   if (size == ImageSize{frame.camera().width, frame.camera().height}) {
     absl::StrAppend(&what, "; for pixels of the view ask with frame PIXEL_FRAME_VIEW");
   }
@@ -35,12 +37,14 @@ absl::StatusOr<ImageHeader> ReadPngHeader(const std::string& png, const std::str
                                           const std::string& field) {
   const std::span bytes(reinterpret_cast<const uint8_t*>(png.data()), png.size());
   const auto header = ReadImageHeader(name, bytes);
+  // Masks are PNG or RLE only: JPEG would blur their borders.
   if (header.ok() && header->format == ImageFormat::kPng) return header;
   return BadField(field, name, "not a whole PNG");
 }
 
 absl::StatusOr<BinaryMask> MaskFromRle(const v1::CocoRle& rle, const ImageOfView& image,
                                        const std::string& field) {
+  // First, since the size decides how much memory the pixels take. The runs are text of any length.
   RETURN_IF_ERROR(CheckSize({rle.width(), rle.height()}, image, field));
   const auto refused = [&](const absl::Status& status) {
     return BadField(field + ".counts", rle.counts(), std::string(status.message()));
@@ -81,6 +85,7 @@ ImageOfView ImageOf(const ModelView& view, v1::PixelFrame frame) {
   if (frame != v1::PIXEL_FRAME_VIEW) {
     return {PhotographFrame(view), absl::StrCat("photograph \"", view.name, "\"")};
   }
+  // Without its photograph a view is its own frame, so that no pixel is warped.
   ModelView alone = view;
   alone.photograph.reset();
   return {PhotographFrame(alone), absl::StrCat("view \"", view.name, "\"")};
@@ -89,6 +94,7 @@ ImageOfView ImageOf(const ModelView& view, v1::PixelFrame frame) {
 SegmentResult AnswerFrame::Take(const ModelView& view, SegmentResult result) {
   const PhotographFrame frame = ImageOf(view, frame_).frame;
   if (frame.is_view()) return result;
+  // The mapping costs a search for each pixel, so it is kept while the frame stays the same.
   if (!places_ || places_->frame() != frame) places_.emplace(frame, frame.width(), frame.height());
   return InPhotograph(result, *places_);
 }
@@ -102,6 +108,8 @@ ImageSize SizeOf(const v1::MaskImage& image) {
 absl::StatusOr<FloatImage> DecodeGreyOf(const ImageOfView& image, const std::string& png,
                                         const std::string& field) {
   ASSIGN_OR_RETURN(const ImageHeader header, ReadPngHeader(png, image.name, field));
+  // A small PNG can declare billions of pixels: nothing is decoded before its size is that of a
+  // known image.
   RETURN_IF_ERROR(CheckSize({header.width, header.height}, image, field));
   const std::span bytes(reinterpret_cast<const uint8_t*>(png.data()), png.size());
   auto decoded = DecodeGrey(bytes, image.name);
@@ -118,6 +126,7 @@ absl::StatusOr<BinaryMask> ReadMask(const v1::MaskImage& mask, const ImageOfView
     read = MaskFromPng(mask.png(), image, field + ".png");
   }
   RETURN_IF_ERROR(read.status());
+  // An empty mask selects nothing, and its mean feature would be undefined.
   if (std::count(read->pixels.begin(), read->pixels.end(), 1) == 0) {
     return BadField(field, "", "no pixel is in the mask");
   }
@@ -138,6 +147,7 @@ BinaryMask Resized(const BinaryMask& mask, const ImageSize& from, const ImageSiz
   BinaryMask resized;
   resized.pixels.reserve(static_cast<size_t>(to.width * to.height));
   for (int64_t y = 0; y < to.height; ++y) {
+    // The source pixel under the centre of the target pixel: (y + 1/2) * from / to, rounded down.
     const int64_t row = (2 * y + 1) * from.height / (2 * to.height);
     for (int64_t x = 0; x < to.width; ++x) {
       const int64_t column = (2 * x + 1) * from.width / (2 * to.width);
@@ -178,6 +188,7 @@ absl::StatusOr<v1::SegmentResponse::ViewMask> EncodeMask(const std::string& view
   mask.set_view(view);
   if (encoding == v1::MASK_ENCODING_PNG) {
     Image image{result.width, result.height, 1, result.mask.pixels};
+    // White on black, so that people can look at the mask.
     for (uint8_t& pixel : image.pixels) pixel = pixel != 0 ? 255 : 0;
     ASSIGN_OR_RETURN(*mask.mutable_png(), EncodePng(image));
   } else {

@@ -26,12 +26,16 @@ bool AllDigits(std::string_view text) {
 // one.
 int64_t ParseNumber(std::string_view text) {
   int64_t number = 0;
+  // "01" and "+1" are refused, so that each resource has one name, by which quotas, logs and caches
+  // know it.
   if (!AllDigits(text) || text[0] == '0') return 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  // Too many digits for an int64 are an error of from_chars.
   return error == std::errc() && end == text.data() + text.size() ? number : 0;
 }
 
 std::vector<std::string> Parts(const std::string& name) {
+  // No name of the right form is as long, and the parts of a longer text need not be made.
   if (name.size() > kMaxNameBytes) return {};
   return absl::StrSplit(name, '/');
 }
@@ -93,6 +97,8 @@ absl::StatusOr<SceneLabel> ParseLabelName(const std::string& name, const std::st
 
 absl::StatusOr<std::string> ParseJobName(const std::string& name, const std::string& field) {
   const auto parts = Parts(name);
+  // Job ids name folders under jobs/, so this check also keeps "..", "/" and empty names out of
+  // paths.
   if (parts.size() != 2 || parts[0] != "jobs" || parts[1].substr(0, 1) != "j" ||
       ParseNumber(parts[1].substr(1)) == 0) {
     return BadField(field, name, "not of the form jobs/j{number}");

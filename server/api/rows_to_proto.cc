@@ -39,6 +39,7 @@ v1::Model ToProto(const ModelRow& row) {
   *proto.mutable_create_time() = ToProto(row.create_time);
   proto.set_num_gaussians(row.num_gaussians);
   proto.set_num_bytes(row.num_bytes);
+  // A model whose metrics are damaged is still listed, without them.
   const auto metrics = nlohmann::json::parse(row.metrics, nullptr, /*allow_exceptions=*/false);
   if (metrics.is_object()) {
     for (const auto& [name, value] : metrics.items()) {
@@ -68,21 +69,27 @@ v1::Dataset ToProto(const DatasetRow& row) {
 
 v1::Job ToProto(const JobRow& row) {
   v1::Job proto;
+  // A job without an id exists only in the answer to validate_only.
   if (!row.id.empty()) proto.set_name(JobName(row.id));
   proto.set_scene(SceneName(row.scene));
   proto.set_dataset(ChildName(row.scene, "datasets", row.dataset));
   proto.set_state(ToProto(row.state));
   proto.set_stage(row.stage);
   proto.set_device(row.device);
+  // Fields of a newer version are kept as unknown fields; bytes that do not parse leave the options
+  // empty.
   proto.mutable_effective_options()->ParseFromString(row.effective_options);
   if (row.state == JobState::kFailed) {
     *proto.mutable_error() =
+        // The text was made for clients when it was stored (ClientStatus), so nothing of it is
+        // hidden here.
         ToProto(absl::Status(static_cast<absl::StatusCode>(row.error_code), row.error_message));
   }
   if (row.model != 0) proto.set_model(ChildName(row.scene, "models", row.model));
   *proto.mutable_create_time() = ToProto(row.create_time);
   if (row.start_time != absl::InfinitePast()) *proto.mutable_start_time() = ToProto(row.start_time);
   if (row.end_time != absl::InfinitePast()) *proto.mutable_end_time() = ToProto(row.end_time);
+  // The store keeps the request after the job's end; it says nothing then.
   proto.set_cancel_requested(row.cancel_requested && !IsTerminal(row.state));
   return proto;
 }
@@ -92,6 +99,7 @@ v1::Selection ToProto(const SelectionRow& row) {
   proto.set_name(ChildName(row.scene, "selections", row.number));
   proto.set_model(ChildName(row.scene, "models", row.model));
   proto.set_num_gaussians(row.num_gaussians);
+  // An empty selection has no bounds; the record has zeros.
   if (row.num_gaussians > 0) {
     proto.mutable_min()->Assign(row.min.begin(), row.min.end());
     proto.mutable_max()->Assign(row.max.begin(), row.max.end());

@@ -17,6 +17,7 @@
 namespace pepeseg {
 namespace {
 
+// Maximum number of views that a request may list.
 constexpr int kMaxTargets = 1000;
 
 absl::Status CheckEncoding(v1::MaskEncoding encoding) {
@@ -27,6 +28,7 @@ absl::Status CheckEncoding(v1::MaskEncoding encoding) {
 // Returns the id of a label, which is given by its id or by its whole name.
 absl::StatusOr<std::string> LabelId(const std::string& label, const std::string& scene,
                                     const std::string& field) {
+  // An id has no slash, and is looked up as it is: one that cannot exist is NOT_FOUND.
   if (label.find('/') == std::string::npos) return label;
   ASSIGN_OR_RETURN(SceneLabel named, ParseLabelName(label, field));
   if (named.scene != scene) return BadField(field, label, "a label of another scene");
@@ -44,6 +46,8 @@ absl::Status BadPlace(const std::string& field, const std::string& value, const 
   return WithDetail(absl::InvalidArgumentError(absl::StrCat(value, " ", what)), detail);
 }
 
+// Makes the error of a prompt inside the photograph but outside the undistorted view. Clients may
+// catch it by its reason: the click was valid, but the model cannot know what is there.
 absl::Status NotShown(const std::string& field, const std::string& value,
                       const ImageOfView& image) {
   return BadPlace(
@@ -66,6 +70,7 @@ absl::StatusOr<std::vector<PointPrompt>> ReadPoints(const v1::PointsPrompt& prom
       return BadPlace(field, value,
                       absl::StrCat("is outside ", image.name, " (", image.Size(), ")"));
     }
+    // The frame is the view: its pixels are those of the prompt.
     if (image.frame.is_view()) continue;
     const auto in_view = image.frame.ToView(Eigen::Vector2d(point.x, point.y));
     if (!in_view) return NotShown(field, value, image);
@@ -84,6 +89,7 @@ absl::StatusOr<BoxPrompt> ReadBox(const v1::BoxPrompt& prompt, const ImageOfView
   if (!finite || box.width <= 0 || box.height <= 0) {
     return BadPlace("prompt.box", value, "is not finite, or is empty");
   }
+  // A box may reach over the border, as one that is drawn by hand does, but not lie outside.
   if (box.x >= image.frame.width() || box.y >= image.frame.height() || box.x + box.width <= 0 ||
       box.y + box.height <= 0) {
     return BadPlace("prompt.box", value,
@@ -137,6 +143,7 @@ absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Mo
       return FindView(viewpoint.view(), model, field + ".view");
     case v1::Viewpoint::kFree: {
       ASSIGN_OR_RETURN(ModelView view, FreeViewFromProto(viewpoint.free(), field + ".free"));
+      // Clients give world coordinates; the model's are relative to its origin.
       view.cam_from_world = RelativeTo(model.origin, view.cam_from_world);
       return view;
     }
@@ -167,6 +174,7 @@ absl::StatusOr<Prompt> SegmentRequestReader::ReadLabel(const std::string& label,
   BinaryMask mask = {std::vector<uint8_t>(static_cast<size_t>(row->width) * row->height)};
   for (const uint32_t pixel : inside) mask.pixels[pixel] = 1;
   return Prompt{
+      // A model that was trained later may have its views at another size.
       *view, Resized(mask, {row->width, row->height}, {view->camera.width, view->camera.height})};
 }
 
@@ -213,6 +221,7 @@ absl::StatusOr<Granularity> SegmentRequestReader::ReadGranularity(
     if (!std::isfinite(units) || units <= 0) {
       return BadField(field + ".scale_units", absl::StrCat(units), "not finite and > 0");
     }
+    // Inside, a scale is a quantile of the model's own scales; lengths are converted here.
     read.scale = QuantileOfScale(model_.field, units);
   }
   if (granularity.has_threshold()) {
@@ -228,6 +237,7 @@ absl::StatusOr<std::vector<ModelView>> SegmentRequestReader::FindTargets(
     const v1::SegmentRequest& request, const ModelView& prompt_view) const {
   const v1::SegmentRequest::Targets& targets = request.targets();
   const bool grouped = targets.group() != v1::SegmentRequest::Targets::GROUP_UNSPECIFIED;
+  // Refused rather than merged, since a client that sends both has made an error.
   if (grouped && !targets.views().empty()) {
     return BadField("targets", absl::StrCat(targets.views_size()), "views next to a group");
   }
@@ -257,6 +267,7 @@ absl::StatusOr<std::vector<ModelView>> SegmentRequestReader::FindTargets(
                      FindView(name, model_, absl::StrCat("targets.views[", views.size(), "]")));
     views.push_back(std::move(view));
   }
+  // Without targets, the view of the prompt is segmented.
   if (views.empty()) views.push_back(prompt_view);
   return views;
 }
@@ -275,8 +286,10 @@ absl::StatusOr<ProposalQuery> SegmentRequestReader::Read(
   RETURN_IF_ERROR(CheckEncoding(request.mask_encoding()));
   ASSIGN_OR_RETURN(Prompt prompt, ReadPrompt(request.prompt(), request.frame()));
   const auto* points = std::get_if<std::vector<PointPrompt>>(&prompt.what);
+  // A box, mask or label already says how large the object is.
   if (points == nullptr) return BadField("prompt", "", "only points have proposals");
   const int wanted = request.max_proposals();
+  // Each proposal has a mask in the answer.
   constexpr int kMostProposals = 16;
   if (wanted < 0 || wanted > kMostProposals) {
     return BadField("max_proposals", absl::StrCat(wanted),

@@ -22,6 +22,7 @@ void Collection::Remove(const fs::path& file) {
 
 void Collection::RemoveAll(const fs::path& folder) {
   const Collected all = MeasureFolder(folder);
+  // Follows no symbolic links: workers can write to these folders.
   if (!RemoveBeneath(folder.parent_path(), folder.filename()).ok()) return;
   collected.num_files += all.num_files;
   collected.num_bytes += all.num_bytes;
@@ -40,6 +41,7 @@ std::vector<fs::path> EntriesOf(const fs::path& folder) {
 absl::Duration AgeOf(const fs::path& path) {
   std::error_code error;
   const fs::file_time_type written = fs::last_write_time(path, error);
+  // A file whose age is unknown counts as new, and stays.
   if (error) return absl::ZeroDuration();
   return absl::FromChrono(fs::file_time_type::clock::now() - written);
 }
@@ -63,6 +65,8 @@ void CollectTemporaries(Collection& collection) {
   constexpr absl::Duration kCoarse = absl::Milliseconds(20);
   const absl::Time now = absl::Now();
   const absl::Duration since_start = now - collection.collector_made + kCoarse;
+  // A server that is alone on the directory knows that temporary files from before its start have
+  // no writer. Those under jobs/ may be of workers that outlived a server.
   const absl::Duration alone =
       options.alone ? std::min(since_start, options.file_age) : options.file_age;
   const absl::StatusOr<BeneathFolder> data = BeneathFolder::Open(options.data);
@@ -72,6 +76,7 @@ void CollectTemporaries(Collection& collection) {
   for (const BeneathFolder::Entry& entry : *entries) {
     const absl::Duration age = entry.name == jobs ? options.file_age : alone;
     const auto visit = [&](const BeneathFolder& where, const std::string& name) {
+      // The form of names that WriteFileAtomically gives to files before it renames them.
       if (!absl::StrContains(name, ".tmp-")) return;
       const auto facts = where.Look(name);
       if (!facts || now - facts->modified < age || !where.RemoveAll(name).ok()) return;

@@ -46,6 +46,8 @@ absl::StatusOr<absl::Duration> SinceLastWrite(const Collection& collection, cons
   ASSIGN_OR_RETURN(const auto files,
                    collection.store.files().ListDatasetFiles(row.scene, row.number));
   for (const DatasetFileRow& file : files) {
+    // A complete file has left the upload's folder; its blob has the time of its last write.
+    // Another upload may have brought it, which only makes this one look younger.
     const fs::path blob = BlobPath(data, {name.project, file.sha256});
     std::error_code error;
     if (fs::exists(blob, error)) since = std::min(since, AgeOf(blob));
@@ -60,6 +62,8 @@ bool RemovePartialFiles(Collection& collection, const fs::path& folder) {
   for (const fs::path& file : EntriesOf(folder)) {
     if (!IsDigest(file)) continue;
     const absl::StatusOr<LockedFile> locked = LockedFile::TryAlone(file);
+    // Removed under the lock, so that no stream opens the file in between and writes to a file
+    // without a name.
     if (locked.ok()) {
       collection.Remove(LengthPath(file));
       collection.Remove(file);
@@ -92,6 +96,7 @@ absl::Status CollectUpload(Collection& collection, const DatasetRow& row) {
   ASSIGN_OR_RETURN(const absl::Duration since, SinceLastWrite(collection, row, name));
   const fs::path folder = PartialFolderOf(collection.options.data, name);
   if (since < collection.options.upload_age || IsBeingWritten(folder)) return absl::OkStatus();
+  // The record first: a stream that starts now finds no upload.
   const absl::Status deleted = collection.store.datasets().DeleteUpload(row.scene, row.number);
   // It was sealed, or deleted with its scene, meanwhile.
   if (absl::IsFailedPrecondition(deleted) || absl::IsNotFound(deleted)) return absl::OkStatus();
@@ -157,6 +162,8 @@ absl::Status CollectBlobsOf(Collection& collection, const std::string& project) 
   for (const fs::path& blob : blobs) {
     collection.Remove(blob);
     std::error_code error;
+    // Only blobs that are gone leave the quota. One that could not be removed is tried again next
+    // time.
     if (!fs::exists(blob, error) && !error) gone.push_back(blob.filename().string());
   }
   return collection.store.files().ForgetBlobs(project, gone);
@@ -177,6 +184,7 @@ absl::Status CollectPartial(Collection& collection) {
       const UploadName upload = UploadOf(folder);
       if (upload.number == 0) continue;
       ASSIGN_OR_RETURN(const bool open, IsOpen(collection, upload));
+      // Sealed, deleted, or of a scene that another project has created again.
       if (!open) RemovePartialFiles(collection, folder);
     }
   }

@@ -64,6 +64,7 @@ absl::Status CollectJobs(Collection& collection) {
       continue;
     }
     RETURN_IF_ERROR(job.status());
+    // An active job's working files belong to its attempts, of which a later one may resume.
     if (IsTerminal(job->state)) RETURN_IF_ERROR(CollectAttempts(collection, *job, folder));
   }
   return absl::OkStatus();
@@ -98,6 +99,7 @@ absl::Status CollectAll(Collection& collection) {
   Store& store = collection.store;
   const fs::path& data = collection.options.data;
   RETURN_IF_ERROR(CheckDatabase(collection));
+  // Records of old uploads first, then the files that have lost their record by that.
   RETURN_IF_ERROR(CollectUploads(collection));
   RETURN_IF_ERROR(CollectPartial(collection));
   RETURN_IF_ERROR(CollectBlobs(collection));
@@ -136,6 +138,7 @@ void Collector::Stop() {
 }
 
 absl::StatusOr<Collected> Collector::Run() {
+  // ABORTED: another server on the data directory collects just now.
   ASSIGN_OR_RETURN(const LockedFile alone, LockedFile::TryAlone(CollectorLockPath(options_.data)));
   Collection collection{store_, options_, made_, {}};
   RETURN_IF_ERROR(CollectAll(collection));

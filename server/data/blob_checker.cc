@@ -17,6 +17,7 @@ BlobChecker::~BlobChecker() {
   }
   wake_.notify_all();
   thread_.join();
+  // Those who wait for a check get an answer: "not known to be damaged".
   for (Task& task : tasks_) task.num_damaged.set_value(0);
 }
 

@@ -41,6 +41,7 @@ absl::Status MakeFolders(const fs::path& folder) {
 absl::Status MakeBlobFolders(const fs::path& data, const std::string& project) {
   const fs::path folder = BlobFolderOf(data, project);
   RETURN_IF_ERROR(MakeFolders(folder));
+  // All at once: making each folder when it is first needed would cost a sync each time.
   for (int prefix = 0; prefix < 256; ++prefix) {
     const fs::path path = folder / absl::StrCat(absl::Hex(prefix, absl::kZeroPad2));
     std::error_code error;
@@ -148,6 +149,8 @@ absl::StatusOr<std::unique_ptr<BlobStore>> BlobStore::Open(const fs::path& data)
 bool BlobStore::Has(const BlobName& blob, int64_t size) const {
   std::error_code error;
   const auto found = fs::file_size(Path(blob), error);
+  // A blob has its name only after its digest was verified, so the size suffices here; Verify reads
+  // the bytes.
   return !error && static_cast<int64_t>(found) == size;
 }
 
@@ -157,6 +160,7 @@ absl::Status BlobStore::Verify(const BlobName& blob, const std::atomic<bool>& ca
   if (file.descriptor() < 0 && errno == ENOENT) return absl::DataLossError("is not stored");
   if (file.descriptor() < 0) return FileError(path, "cannot open", errno);
   ASSIGN_OR_RETURN(const std::string found, HashBlob(path, file.descriptor(), cancel));
+  // Read without the lock, which an upload would wait for; SetAside takes it and looks again.
   if (found == blob.sha256) return absl::OkStatus();
   RETURN_IF_ERROR(SetAside(blob, file.descriptor()));
   return absl::DataLossError(absl::StrCat("has the SHA-256 ", found));
@@ -188,6 +192,7 @@ std::map<std::string, int64_t> BlobStore::ListPartial(const UploadName& upload) 
   for (fs::directory_iterator entry(PartialFolderOf(data_, upload), error), end;
        !error && entry != end; entry.increment(error)) {
     fs::path path = entry->path();
+    // The length file says how many bytes are durable. A partial file without one starts from 0.
     if (path.extension() != kLengthSuffix) continue;
     path.replace_extension();
     const int64_t committed = CommittedBytes(path);
@@ -234,6 +239,7 @@ void BlobStore::RemovePartial(const UploadName& upload) const {
   }
   for (const fs::path& file : files) {
     const absl::StatusOr<LockedFile> locked = LockedFile::TryAlone(file);
+    // A stream is writing it. It finds the upload deleted and removes the file when it closes.
     if (!locked.ok()) continue;
     fs::remove(LengthPath(file), ignored);
     fs::remove(file, ignored);

@@ -19,6 +19,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Bytes after which the partial file is synced and its length recorded: what a power cut can cost a
+// client.
 constexpr int64_t kCommitBytes = int64_t{32} << 20;
 // Bytes hashed per task, so that a 4 GiB file does not monopolise a pool thread.
 constexpr int64_t kRehashBytes = int64_t{64} << 20;
@@ -60,6 +62,7 @@ absl::Status BlobWriter::Start(int64_t offset) {
     RETURN_IF_ERROR(SyncFolder(target_.partial.parent_path()));
   }
   if (error) return FileError(LengthPath(target_.partial), "cannot remove", error.value());
+  // Bytes beyond the recorded length may never have reached the disk.
   if (ftruncate(file_.descriptor(), offset) != 0) {
     return FileError(target_.partial, "cannot shorten", errno);
   }
@@ -89,6 +92,7 @@ absl::Status BlobWriter::Rehash() {
 
 absl::Status BlobWriter::Append(std::string_view bytes) {
   const auto count = static_cast<int64_t>(bytes.size());
+  // Quotas count the declared size, so no more is ever written.
   if (written_ + count > target_.size) {
     return absl::InvalidArgumentError(absl::StrCat("more bytes than the ", target_.size,
                                                    " declared: at least ", written_ + count));
@@ -138,6 +142,7 @@ absl::Status BlobWriter::Finish() {
         absl::StrCat("ended after ", written_, " of the ", target_.size, " bytes declared"));
   }
   const std::string found = digest_.Hex();
+  // Otherwise the bytes are of no use to anyone: the next upload of the file starts from 0.
   if (found == target_.sha256) return absl::OkStatus();
   Discard().IgnoreError();
   return absl::DataLossError(
@@ -146,6 +151,7 @@ absl::Status BlobWriter::Finish() {
 
 absl::Status BlobWriter::Publish() {
   std::error_code error;
+  // Atomic: readers find the whole blob or none. The name is durable once its folder is synced.
   fs::rename(target_.partial, target_.blob, error);
   if (error) return FileError(target_.blob, "cannot rename to", error.value());
   ended_ = true;

@@ -32,6 +32,7 @@ absl::Status MakeFolder(const std::filesystem::path& data) {
   std::error_code error;
   std::filesystem::create_directories(folder.parent_path(), error);
   if (error) return FileError(data, "cannot make the folder", error.value());
+  // An existing folder keeps the mode that its owner gave it.
   if (mkdir(folder.c_str(), 0700) == 0) return absl::OkStatus();
   const int made = errno;
   if (made != EEXIST) return FileError(data, "cannot make the folder", made);
@@ -45,6 +46,8 @@ absl::StatusOr<LockedFile> LockedFile::Open(const std::filesystem::path& path, i
   const int descriptor = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, kFileMode);
   if (descriptor < 0) return FileError(path, "cannot open", errno);
   LockedFile file(descriptor);
+  // flock belongs to the open file, so it also keeps two streams of one process apart, and ends
+  // with the process however that ends.
   while (flock(descriptor, operation) != 0) {
     if (errno == EINTR) continue;
     if (errno == EWOULDBLOCK)

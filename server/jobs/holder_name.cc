@@ -43,11 +43,14 @@ std::string StartTime(int64_t pid) {
 
 std::string HolderName() {
   const int64_t pid = getpid();
+  // The start time distinguishes the process from a later one with the same id.
   return absl::StrCat(ProcessSpace(), "/", pid, "/", StartTime(pid));
 }
 
 bool IsKnownGone(const std::string& holder) {
   const std::string space = ProcessSpace();
+  // A process of another machine, or of another container, cannot be seen from here. After a reboot
+  // the boot id differs: then the lease must expire.
   if (space.empty() || !holder.starts_with(space + "/")) return false;
   const std::vector<std::string> parts = absl::StrSplit(holder.substr(space.size() + 1), '/');
   int64_t pid = 0;

@@ -21,6 +21,8 @@ v1::JobState ToProto(JobState state) {
 static_assert(v1::JOB_STATE_QUEUED == static_cast<int>(JobState::kQueued) + 1);
 static_assert(v1::JOB_STATE_CANCELLED == static_cast<int>(JobState::kCancelled) + 1);
 
+// The log of each attempt has a part that the server writes before the worker, one of the worker,
+// and one of the server after it, so that no file has two writers.
 absl::Status AppendEvent(const JobFolder& folder, const JobRow& job, EventPart part,
                          v1::JobEvent event) {
   RETURN_IF_ERROR(folder.Make());
@@ -36,6 +38,7 @@ absl::StatusOr<v1::JobState> ReadNewestState(const JobFolder& folder) {
   EventLogReader log(folder.events());
   while (true) {
     const absl::StatusOr<std::vector<v1::JobEvent>> events = log.Read();
+    // A damaged log must not keep the server from starting; the store has the state.
     if (absl::IsDataLoss(events.status())) {
       spdlog::error("jobs/{}: {}", folder.path().filename().string(), events.status().ToString());
       return newest;

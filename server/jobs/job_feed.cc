@@ -18,6 +18,7 @@ class JobFeed::HeldWatch : public Supervisor::Watch {
   HeldWatch& operator=(const HeldWatch&) = delete;
 
  private:
+  // Shared, so that a stream that outlives the feed can still remove its watch.
   std::shared_ptr<Watches> watches_;
   std::list<WatchEntry>::iterator entry_;
 };
@@ -49,6 +50,7 @@ void JobFeed::ClearObstacle(const std::string& job) {
 absl::Status JobFeed::FindObstacle(const std::string& job, bool queued) const {
   const std::lock_guard lock(mutex_);
   auto found = obstacles_.find(job);
+  // The obstacle without a job holds up all queued jobs: no job can be claimed.
   if (found == obstacles_.end() && queued) found = obstacles_.find("");
   return found == obstacles_.end() ? absl::OkStatus() : found->second;
 }
@@ -78,6 +80,8 @@ std::unique_ptr<Supervisor::Watch> JobFeed::AddWatch(const std::string& job,
 void JobFeed::Notify(const std::string& job) const {
   const std::lock_guard lock(watches_->mutex);
   for (const WatchEntry& entry : watches_->list) {
+    // Under the mutex, so that a watch that is being destroyed is not called: `changed` must be
+    // short and must not add or remove watches.
     if (job.empty() || entry.job == job) entry.changed();
   }
 }

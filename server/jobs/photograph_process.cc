@@ -44,6 +44,7 @@ absl::Status Wait(WorkerProcess& worker, const PhotographProcess& process,
     }
     absl::SleepFor(kPoll);
   }
+  // A decoder that crashed, or exceeded its CPU time, is the photograph's fault.
   if (end->kind == WorkerEnd::Kind::kKilled) {
     return Undecodable(task, absl::StrCat("the decoder ", end->description));
   }
@@ -54,6 +55,8 @@ absl::Status Wait(WorkerProcess& worker, const PhotographProcess& process,
 // Parses the answer, and returns its picture or its error.
 absl::StatusOr<PhotographPicture> ReadAnswer(OpenFile file) {
   std::string head(kPhotographHeaderBytes, '\0');
+  // The answer comes from a process that has decoded a stranger's file: ParsePhotographHeader
+  // checks each number against the size of the file.
   if (!file.ReadAt(0, head)) return absl::InternalError("the decoder wrote no answer");
   ASSIGN_OR_RETURN(const PhotographHeader header, ParsePhotographHeader(head, file.size()));
   if (header.code == absl::StatusCode::kOk) {
@@ -84,6 +87,7 @@ absl::StatusOr<OpenFile> OpenFile::Unnamed(const std::filesystem::path& folder) 
   const int descriptor = mkostemp(path.data(), O_CLOEXEC);
   if (descriptor < 0) return FileError(folder, "cannot make a file", errno);
   OpenFile file(descriptor);
+  // Without a name, the file goes with its last descriptor, also when the server is killed.
   if (unlink(path.c_str()) != 0) return FileError(path, "cannot remove", errno);
   return file;
 }

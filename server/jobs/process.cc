@@ -50,6 +50,7 @@ void Isolate(SpawnSettings& settings, const std::filesystem::path& log,
                                    O_WRONLY | O_CREAT | O_APPEND, 0644);
   posix_spawn_file_actions_adddup2(&settings.files,
                                    files.output >= 0 ? files.output : STDERR_FILENO, STDOUT_FILENO);
+  // The server's sockets, locks and database must not be open in a process that decodes uploads.
   posix_spawn_file_actions_addclosefrom_np(&settings.files, STDERR_FILENO + 1);
   sigset_t none;
   sigemptyset(&none);
@@ -57,6 +58,8 @@ void Isolate(SpawnSettings& settings, const std::filesystem::path& log,
   sigset_t all;
   sigfillset(&all);
   posix_spawnattr_setsigdefault(&settings.attributes, &all);
+  // A group of its own, so that Ctrl-C at a terminal reaches the server only, which then stops its
+  // workers in order.
   posix_spawnattr_setpgroup(&settings.attributes, 0);
   posix_spawnattr_setflags(&settings.attributes,
                            POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
@@ -105,6 +108,7 @@ absl::StatusOr<std::unique_ptr<WorkerProcess>> WorkerProcess::Launch(const Worke
 }
 
 WorkerProcess::~WorkerProcess() {
+  // A worker must not outlive its handle, and must be reaped.
   if (Poll()) return;
   Signal(SIGKILL);
   int status = 0;

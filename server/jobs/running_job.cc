@@ -52,8 +52,12 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
   running->stage_.clear();
   running->progress_.reset();
   Touch(folder.lease(job.fence));
+  // The time for the first heartbeat starts now. The lease file is there before the worker looks at
+  // it.
   running->heartbeat_.Expect();
   ASSIGN_OR_RETURN(running->worker_, context.launcher.Launch(running->Command()));
+  // From here on another server can follow the worker. A server that is killed between the launch
+  // and this record leaves a cluster job that nobody follows.
   if (const std::string launch = running->worker_->launch(); !launch.empty()) {
     running->job_.launch = launch;
     RETURN_IF_ERROR(context.store.queue().SetJobLaunch(job.id, job.fence, launch));
@@ -67,6 +71,7 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Adopt(const Context& con
                                                               const JobRow& job) {
   const JobFolder folder(context.options.data_folder / "jobs" / job.id);
   auto running = std::unique_ptr<RunningJob>(new RunningJob(context, job, folder));
+  // The folder, the spec and the RUNNING event are those of the holder before.
   ASSIGN_OR_RETURN(running->worker_, context.launcher.Attach(job.launch));
   running->FollowLog();
   running->follows_live_ = true;
@@ -126,8 +131,11 @@ bool RunningJob::FollowLog() {
     sequence_ = event.sequence();
     if (event.has_progress()) progress_ = event.progress();
     if (event.has_stage_started()) stage_ = event.stage_started().stage();
+    // Events that were in the log when this server began to follow are not reported: metrics would
+    // count them twice.
     if (follows_live_ && context_.options.on_event) context_.options.on_event(job_.id, event);
   }
+  // The store has the stage for listings only, so an error is ignored: the next event tries again.
   if (stage_ == job_.stage || worker_ == nullptr) return true;
   const absl::Status recorded = context_.store.queue().SetJobStage(job_.id, job_.fence, stage_);
   if (recorded.ok()) job_.stage = stage_;
@@ -137,6 +145,7 @@ bool RunningJob::FollowLog() {
 void RunningJob::Held(const JobRow& row) {
   if (row.fence != job_.fence) {
     spdlog::info("jobs/{}: {} was started again, as attempt {}", job_.id, job_.launch, row.fence);
+    // Slurm has restarted the worker, which took the fence itself (JobQueue::TakeNextFence).
     heartbeat_ = HeartbeatWatch(folder_.heartbeat(row.fence));
   }
   job_ = row;
@@ -156,6 +165,8 @@ void RunningJob::KillIfTimedOut() {
 void RunningJob::Terminate(absl::Duration grace) {
   const absl::Time now = absl::Now();
   kill_at_ = std::min(kill_at_, now + grace);
+  // The worker saves a checkpoint, if its stage has any, and ends. Later calls only bring its kill
+  // nearer.
   if (!terminated_) worker_->Stop();
   terminated_ = true;
   if (now >= kill_at_) worker_->Kill();
@@ -163,6 +174,7 @@ void RunningJob::Terminate(absl::Duration grace) {
 
 void RunningJob::Abandon() {
   spdlog::warn("jobs/{}: attempt {} is no longer this server's", job_.id, job_.fence);
+  // A worker on a cluster continues: the new holder follows it.
   if (worker_->launch().empty()) worker_->Kill();
 }
 
@@ -183,12 +195,15 @@ std::string RunningJob::DescribeCrash(const WorkerEnd& end) const {
     absl::StrAppend(
         &text, "; the server did not kill it: an operator did, or the kernel for lack of memory");
   }
+  // The log may have paths and bytes of strangers: ClientText makes it fit for clients.
   const std::string tail = ReadFileTail(folder_.worker_log(), kLogTail);
   if (!tail.empty()) absl::StrAppend(&text, "; its log ends with: ", tail);
   return ClientText(text);
 }
 
 bool RunningJob::Ended() {
+  // The end of a job waits for the check of its damaged files, which takes as long as reading them.
+  // The loop does not: it asks again.
   if (!worker_->Poll().has_value()) return false;
   if (!check_started_) {
     check_started_ = true;
@@ -218,6 +233,7 @@ absl::Status RunningJob::StartCheck() {
 }
 
 absl::Status RunningJob::OutcomeOfCheck(const JobResult& result) const {
+  // No check, or at least one file is damaged indeed.
   if (!num_damaged_.valid() || num_damaged_.get() > 0) return result.status;
   return absl::InternalError(
       "the worker read other bytes than were uploaded, but the stored files are whole: train "
@@ -232,6 +248,7 @@ absl::Status RunningJob::ReadOutcome(JobResult* result, absl::Status* outcome) {
                           (end.kind == WorkerEnd::Kind::kExited &&
                            end.exit_code != static_cast<int>(WorkerExit::kBadSpec));
   const absl::StatusOr<JobResult> read = folder_.ReadResult(job_.fence);
+  // The result may be there, but this server cannot read it now.
   if (IsShortage(read.status())) return read.status();
   if (has_result && read.ok() &&
       (end.kind == WorkerEnd::Kind::kUnknown || read->status.ok() == (end.exit_code == 0))) {
@@ -243,6 +260,8 @@ absl::Status RunningJob::ReadOutcome(JobResult* result, absl::Status* outcome) {
     *outcome = TakeModel(*result);
     return IsShortage(*outcome) ? *outcome : absl::OkStatus();
   }
+  // A stopped worker leaves no result if it was killed after its grace, or if its stage had nothing
+  // to save.
   if (terminated_) {
     *outcome = absl::CancelledError("the worker was stopped");
     return absl::OkStatus();
@@ -257,6 +276,8 @@ absl::Status RunningJob::ReadOutcome(JobResult* result, absl::Status* outcome) {
 }
 
 absl::Status RunningJob::TakeModel(JobResult& result) const {
+  // Moves the model out of the folder that the worker may write to. The server measures it itself:
+  // quotas do not trust the worker's number.
   ASSIGN_OR_RETURN(result.num_bytes, folder_.TakeModel(job_.fence));
   return absl::OkStatus();
 }
@@ -277,6 +298,7 @@ EndedAttempt RunningJob::DescribeAttempt() const {
   if (!crashed_ || lease_lost_) return attempt;
   attempt.end = AttemptEnd::kCrashed;
   const std::vector<absl::Duration>& pauses = context_.options.launch.crash_pauses;
+  // The pause grows with each crash in a row; the last one repeats.
   const auto before = static_cast<size_t>(attempt.progress ? 0 : job_.crashes);
   attempt.pause = pauses[std::min(before, pauses.size() - 1)];
   return attempt;
@@ -300,6 +322,8 @@ absl::Status RunningJob::WriteOutcome(const absl::Status& outcome, const JobResu
   if (outcome.ok()) {
     RETURN_IF_ERROR(CommitModel(result));
     ASSIGN_OR_RETURN(job_, store.jobs().GetJob(job_.id));
+    // A worker that was stopped because the server stops goes back into the queue. RequeueJob ends
+    // the job instead if its cancellation was requested.
   } else if (MayTryAgain() || (requeue && absl::IsCancelled(outcome))) {
     ASSIGN_OR_RETURN(job_, store.queue().RequeueJob(job_.id, job_.fence, DescribeAttempt()));
   } else {
@@ -330,6 +354,8 @@ absl::Status RunningJob::Finish(bool requeue) {
   if (job_.state != JobState::kSucceeded) {
     spdlog::warn("jobs/{}: attempt {} ended: {}", job_.id, job_.fence, outcome.ToString());
   }
+  // After the outcome is in the store: until then a retry needs the checkpoints. The collector
+  // removes what a kill leaves.
   if (IsTerminal(job_.state)) RemoveLeftovers();
   if (job_.state == JobState::kQueued && crashed_) {
     std::string warning(ClientStatus(outcome).message());

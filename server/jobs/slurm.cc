@@ -112,6 +112,7 @@ class SlurmQueue {
     const std::lock_guard lock(mutex_);
     const auto found = entries_.find(number);
     if (found == entries_.end()) return std::nullopt;
+    // Slurm forgets jobs some minutes after their end. Whether this one succeeded is in its result.
     if (found->second.missed >= kMaxMissed) {
       return WorkerEnd{WorkerEnd::Kind::kUnknown, 1, 0, "is no longer known to Slurm"};
     }
@@ -127,6 +128,7 @@ class SlurmQueue {
       const auto lines = RunSlurm("squeue", {"--noheader", "--states=all", "--format=%i %T"});
       if (!lines.ok()) spdlog::error("{}", lines.status().ToString());
       lock.lock();
+      // A failed squeue says nothing about the jobs: none of them is counted as missed.
       if (lines.ok()) Take(*lines);
     }
   }
@@ -167,10 +169,13 @@ class SlurmWorker final : public LaunchedWorker {
   std::string launch() const override { return absl::StrCat(kLaunchPrefix, number_); }
   std::optional<WorkerEnd> Poll() override { return queue_->FindEnd(number_); }
   void Stop() override {
+    // The loop calls this at every round until the worker has ended; one signal is enough.
     if (stopped_) return;
     stopped_ = true;
     // A job that still waits has no process to signal, and nothing to save: it is removed.
     Cancel({"--state=PENDING"});
+    // To the script's process only, which has become the worker by exec: its children must not die
+    // before it.
     Cancel({"--signal=TERM", "--batch"});
   }
   void Kill() override {
@@ -264,6 +269,8 @@ class SlurmLauncher final : public Launcher {
   }
 
   std::vector<std::string> Flags(const WorkerCommand& command) const {
+    // --requeue: Slurm starts the job again after a node has failed; the worker then takes a new
+    // fence. --open-mode=append keeps the log of the run before.
     std::vector<std::string> flags = {"--parsable", "--requeue", "--open-mode=append",
                                       // SIGTERM a minute before a time limit or preemption.
                                       "--signal=B:TERM@60", "--input=none",
@@ -274,6 +281,7 @@ class SlurmLauncher final : public Launcher {
     const WorkerNeeds& needs = command.needs;
     if (needs.num_threads > 0) flags.push_back(absl::StrCat("--cpus-per-task=", needs.num_threads));
     if (needs.memory_bytes > 0) {
+      // Rounded up, as the time below: Slurm ends a job that exceeds either.
       flags.push_back(absl::StrCat("--mem=", (needs.memory_bytes >> 20) + 1, "M"));
     }
     if (needs.seconds > 0) flags.push_back(absl::StrCat("--time=", (needs.seconds + 59) / 60));

@@ -37,6 +37,8 @@ absl::StatusOr<std::unique_ptr<Supervisor>> Supervisor::Start(Store& store,
   }
   ReportSandbox(options);
   auto loop = std::make_unique<Loop>(store, std::move(options));
+  // Before the thread starts, so that no job is claimed while this server's old ones are taken
+  // over.
   RETURN_IF_ERROR(loop->Recover());
   loop->StartThread();
   return std::unique_ptr<Supervisor>(new Supervisor(std::move(loop)));
@@ -50,6 +52,8 @@ absl::StatusOr<JobRow> Supervisor::Submit(const JobRow& job) {
 
 absl::StatusOr<JobRow> Supervisor::Cancel(const std::string& job) {
   ASSIGN_OR_RETURN(JobRow row, loop_->store().queue().RequestCancel(job));
+  // The database has the request first: if this server is killed now, the next holder of the job
+  // sees it. Another server's job is stopped by its holder (Loop::KeepLeases).
   if (row.cancel_requested) loop_->RequestCancel(row.id);
   return row;
 }

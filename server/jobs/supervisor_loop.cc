@@ -35,6 +35,8 @@ JobFolder Supervisor::Loop::FolderOf(const std::string& job) const {
 absl::Status Supervisor::Loop::Recover() {
   ASSIGN_OR_RETURN(const std::vector<JobRow> jobs, store_.queue().ListRunningJobs());
   for (const JobRow& job : jobs) {
+    // Alone on its database, a server is the holder of all jobs. On a shared one it takes over at
+    // once only from a process of this machine that is gone; the leases of others expire.
     if (store_.shared() && !IsKnownGone(job.lease_owner)) continue;
     ASSIGN_OR_RETURN(JobRow mine, store_.queue().TakeOverJob(job.id, job.lease_owner));
     RETURN_IF_ERROR(RecoverJob(std::move(mine)));
@@ -55,6 +57,7 @@ absl::Status Supervisor::Loop::RecoverJob(JobRow job) {
   }
   const int64_t fence = job.fence;
   const EndedAttempt ended{AttemptEnd::kServerEnded, FolderOf(job.id).HasSaved(fence), {}};
+  // A job that brings its server down each time must not do so for ever.
   if (ended.progress || job.server_ends + 1 < options_.max_server_ends) {
     ASSIGN_OR_RETURN(job, store_.queue().RequeueJob(job.id, fence, ended));
   } else {
@@ -109,6 +112,9 @@ void Supervisor::Loop::StopThread(absl::Time deadline) {
   if (thread_.joinable()) thread_.join();
 }
 
+// The loop's thread. `running_` and the pauses belong to it alone; mutex_ guards what other threads
+// set: cancels_, claiming_, stopping_, woken_. Leases come before ends, so that an end is not
+// written for a job that was lost.
 void Supervisor::Loop::Run() {
   do {
     FollowJobs();
@@ -160,6 +166,7 @@ void Supervisor::Loop::ReportCancelled(const std::string& job) {
   if (!row.ok() || row->state != JobState::kCancelled) return;
   const absl::StatusOr<v1::JobState> logged = ReadNewestState(FolderOf(job));
   if (!logged.ok()) spdlog::error("jobs/{}: {}", job, logged.status().ToString());
+  // The event is there already if this server has been asked twice.
   if (!logged.ok() || *logged == v1::JOB_STATE_CANCELLED) return;
   const absl::Status written = AppendState(FolderOf(job), *row);
   if (!written.ok()) spdlog::error("jobs/{}: {}", job, written.ToString());
@@ -185,6 +192,8 @@ void Supervisor::Loop::FinishJobs(bool requeue) {
       continue;
     }
     pauses_end_ = std::max(pauses_end_, (*running)->job().not_before);
+    // Watchers are notified after the job has left `running_` and the feed, so that they read its
+    // final state from the store.
     running_.erase(running);
     feed_.Forget(job);
     {
@@ -212,6 +221,7 @@ void Supervisor::Loop::PauseClaims(const std::string& job, const absl::Status& e
 // Claims queued jobs and starts them while slots are free.
 void Supervisor::Loop::Claim() {
   if (!claim_pause_.Over()) return;
+  // Before the next claim: after an error this server does not know which jobs it holds.
   if (unsure_ && MayStart()) StartHeld();
   while (!unsure_ && MayStart()) {
     const absl::StatusOr<std::optional<JobRow>> job = store_.queue().ClaimJob(options_.device_name);
@@ -257,6 +267,7 @@ void Supervisor::Loop::StartJob(const JobRow& job) {
     feed_.ClearObstacle("");
     feed_.ClearObstacle(job.id);
     running_.push_back(std::move(started).value());
+    // StartHeld tries again: the job stays RUNNING and held by this server.
   } else if (absl::IsUnavailable(started.status())) {
     // The job has not failed.
     spdlog::error("jobs/{}: does not start yet: {}", job.id, started.status().ToString());
@@ -277,6 +288,7 @@ void Supervisor::Loop::EndUnstarted(const JobRow& job, const absl::Status& error
     PauseClaims(job.id, ended.status());
     return;
   }
+  // The store has the end; WatchJob reports it from there if the event is missing.
   AppendState(FolderOf(job.id), *ended).IgnoreError();
   feed_.ClearObstacle(job.id);
 }
@@ -287,6 +299,7 @@ void Supervisor::Loop::KeepLeases() {
   const absl::Time now = absl::Now();
   if (!store_.shared() || running_.empty() || now < next_look_) return;
   next_look_ = now + kLookAtOthers;
+  // Leases are renewed four times in their length; in between the jobs are only looked at.
   const bool renew = now >= next_renewal_;
   const absl::StatusOr<std::vector<JobRow>> held =
       renew ? store_.queue().RenewLeases() : store_.queue().ListHeldJobs();
@@ -315,6 +328,7 @@ void Supervisor::Loop::LoseJobs(const std::vector<JobRow>& held) {
   std::erase_if(running_, [&](const std::unique_ptr<RunningJob>& running) {
     const JobRow& job = running->job();
     const bool mine = std::any_of(held.begin(), held.end(), [&](const JobRow& row) {
+      // A cluster may have restarted the worker under a new fence; the job is still this server's.
       return row.id == job.id && (row.fence == job.fence || !job.launch.empty());
     });
     if (mine) return false;
@@ -350,6 +364,7 @@ void Supervisor::Loop::EndAll() {
       deadline = stop_deadline_;
     }
     FollowJobs();
+    // The grace shrinks at each round, so a worker that does not stop is killed at the deadline.
     for (const auto& running : running_) running->Terminate(deadline - absl::Now());
     FinishJobs(/*requeue=*/true);
     std::this_thread::sleep_for(std::chrono::milliseconds(20));

@@ -9,6 +9,7 @@ namespace {
 constexpr int64_t kMarginOf = 20;  // one of 20 bytes stays free
 
 absl::Status CheckKind(const char* kind, int64_t need, int64_t used, int64_t usable) {
+  // `used` may leave out what can be evicted, hence "could be freed".
   if (used + need <= usable) return absl::OkStatus();
   return absl::ResourceExhaustedError(absl::StrCat("needs ", need, " bytes of ", kind, " memory, ",
                                                    usable - used, " of ", usable,
@@ -47,6 +48,7 @@ void MemoryLedger::GiveBack(const MemoryBytes& bytes, const std::string& owner) 
   used_ -= counted;
   MemoryBytes& theirs = used_by_[owner];
   theirs -= counted;
+  // Projects come and go, so owners of nothing are not kept.
   if (theirs.host == 0 && theirs.device == 0) used_by_.erase(owner);
 }
 

@@ -29,6 +29,7 @@ MemoryBytes BytesOfModel(const Backend& backend, const ModelShape& shape) {
   constexpr int64_t kRead = kFeatureSize * static_cast<int64_t>(sizeof(Half));
   const int64_t max_pixels = MostPixels(shape.max_view_pixels);
   ScratchSize scratch = TypicalScratch(shape.num_gaussians, max_pixels);
+  // Queries only render; the gradients' memory is for training.
   scratch.for_backward = false;
   MemoryBytes bytes;
   bytes.host = shape.num_gaussians * (parameters + std::max(kDecomposed, kRead)) + kFixedHostBytes;

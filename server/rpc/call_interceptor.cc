@@ -51,6 +51,7 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
       }
     }
     if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_STATUS)) {
+      // The log gets the status as the handler made it, the client the one without private text.
       const grpc::Status status = methods->GetSendStatus();
       grpc::Status sent = status;
       const bool hidden = HidePrivateText({data_folder_, request_id_}, sent);
@@ -67,8 +68,11 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
   void Identify(Metadata* metadata) {
     if (metadata == nullptr) return;
     request_id_ = TextOf(*metadata, kRequestIdKey);
+    // A client's id goes into the log and into answers, so it must have the form of one.
     if (!IsRequestId(request_id_)) request_id_ = NewRequestId();
     const auto trace = ParseTraceparent(TextOf(*metadata, kTraceparentKey));
+    // The call is a span of the client's trace, or begins a trace. Handlers and jobs find both
+    // values in the metadata, which this replaces.
     const TraceContext own = trace ? ChildOf(*trace) : NewTrace();
     trace_id_ = own.trace_id;
     traceparent_ = own.ToString();
@@ -83,6 +87,7 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
     return {found->second.data(), found->second.size()};
   }
 
+  // The map has references: `value` must live as long as the call.
   static void Put(Metadata& metadata, const char* key, const std::string& value) {
     metadata.erase(key);
     metadata.emplace(key, value);
@@ -108,6 +113,7 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
   spdlog::level::level_enum LevelOf(int code, absl::Duration took, bool hidden) const {
     const bool fault = code == grpc::StatusCode::INTERNAL || code == grpc::StatusCode::UNKNOWN ||
                        code == grpc::StatusCode::DATA_LOSS;
+    // Only the log has the cause of such an error, so it is written at a level that operators see.
     if (hidden) return fault ? spdlog::level::err : spdlog::level::warn;
     return fault || (unary_ && took > kSlow) ? spdlog::level::info : spdlog::level::debug;
   }

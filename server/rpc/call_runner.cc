@@ -25,6 +25,7 @@ LogFields FieldsOf(const grpc::CallbackServerContext& context) {
   return fields;
 }
 
+// See CallRunner::Pending::credential.
 std::optional<std::string> CredentialOf(const grpc::CallbackServerContext& context) {
   if (context.client_metadata().contains("x-pepeseg-project")) return std::nullopt;
   return MetadataOf(context, "authorization");
@@ -53,6 +54,8 @@ bool CallRunner::AdmitAtOnce(const WorkerPool& pool, Pending& call) const {
   }
   call.credential = CredentialOf(*call.request.context);
   if (!call.credential) return true;
+  // On gRPC's thread, so it must not block: only quotas in memory are asked. A flood of one project
+  // is refused here without taking places in the pool's queue.
   const std::optional<absl::Status> known =
       quotas_.AdmitAtOnce(*call.credential, *call.request.message);
   call.admitted = known.has_value();
@@ -65,11 +68,13 @@ void CallRunner::Answer(WorkerPool& pool, const Pending& call,
                         absl::FunctionRef<absl::Status(const Caller&)> handler) const {
   const UnaryRequest& request = call.request;
   const auto answer = [&](const Caller& caller) -> absl::Status {
+    // Only now is the credential known to be valid.
     if (call.credential) quotas_.Know(*call.credential, caller.project, *request.message);
     absl::Status status;
     if (!call.admitted) status = quotas_.Admit(caller.project, *request.message);
     return status.ok() ? handler(caller) : status;
   };
+  // The call may have waited in the queue for longer than its client.
   absl::Status status = request.CheckWanted();
   if (status.ok()) {
     const LogFields fields = FieldsOf(*request.context);
@@ -78,6 +83,8 @@ void CallRunner::Answer(WorkerPool& pool, const Pending& call,
     status = authorizer_.Run(OriginOf(*request.context), *request.message, answer);
     const absl::Time end = absl::Now();
     pool.latencies().Record(end - start, end);
+    // A handler that stopped for a deadline may say CANCELLED, but the client should read
+    // DEADLINE_EXCEEDED.
     if (absl::IsCancelled(status) && request.past_deadline()) status = request.CheckWanted();
   }
   call.reactor->Finish(ToGrpc(status));

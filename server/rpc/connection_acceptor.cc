@@ -23,6 +23,8 @@
 namespace pepeseg {
 namespace {
 
+// Maximum size of a call's metadata, bytes, and maximum number of calls of one connection at the
+// same time.
 constexpr int kMaxMetadataBytes = 16 << 10;
 constexpr int kMaxStreamsPerConnection = 256;
 // Limit for requests that are being received, over all connections. Near it gRPC first slows the
@@ -30,10 +32,13 @@ constexpr int kMaxStreamsPerConnection = 256;
 constexpr size_t kMaxIncomingBytes = size_t{512} << 20;
 // Limit on threads that gRPC starts for calls; the callback API starts none.
 constexpr int kMaxCallThreads = 32;
+// The server pings after this time without a message, and ends a connection that does not answer a
+// ping within kKeepaliveTimeoutMs. Clients may ping as often as kMinPingIntervalMs.
 constexpr int kKeepaliveMs = 30'000;
 constexpr int kKeepaliveTimeoutMs = 10'000;
 constexpr int kMinPingIntervalMs = 10'000;
 constexpr int kMaxPingStrikes = 2;
+// A connection without calls for this time is closed.
 constexpr int kMaxIdleMs = 900'000;
 // Limit on the TLS handshake and the client's HTTP/2 settings, so that a silent connection does not
 // hold a descriptor for longer.
@@ -76,6 +81,7 @@ absl::StatusOr<std::unique_ptr<ConnectionAcceptor>> ConnectionAcceptor::Listen(
   }
   std::unique_ptr<ConnectionAcceptor> acceptor(
       new ConnectionAcceptor(std::move(sockets), stop_event));
+  // gRPC takes the descriptors of accepted connections, and does the TLS handshake itself.
   acceptor->grpc_ = builder.experimental().AddExternalConnectionAcceptor(
       grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD,
       std::move(credentials));
@@ -87,6 +93,8 @@ void ConnectionAcceptor::Start() {
 }
 
 void ConnectionAcceptor::Stop() {
+  // The thread is joined before the sockets are closed: their numbers could be reused for other
+  // files while it still polls them.
   if (stopping_.exchange(true)) return;
   eventfd_write(stop_event_, 1);
   if (thread_.joinable()) thread_.join();
@@ -95,6 +103,7 @@ void ConnectionAcceptor::Stop() {
 }
 
 void ConnectionAcceptor::Run() {
+  // The event is never read, so once Stop() has written it, every poll() returns at once.
   std::vector<pollfd> waiting = {{stop_event_, POLLIN, 0}};
   for (const int listening : sockets_.descriptors()) waiting.push_back({listening, POLLIN, 0});
   while (!stopping_) {
@@ -124,11 +133,14 @@ void ConnectionAcceptor::AcceptFrom(int listening) {
       return;
     }
     const int port = PeerPort(peer);
+    // The probe must get through even then: otherwise a full server would look like a dead
+    // listener.
     if (connection >= first_reserved && (port == 0 || port != probe_port_)) {
       Refuse(connection);
       continue;
     }
     GrpcAcceptor::NewConnectionParameters accepted;
+    // gRPC owns the descriptor from here on, also on an error.
     accepted.listener_fd = listening;
     accepted.fd = connection;
     grpc_->HandleNewConnection(&accepted);

@@ -27,6 +27,7 @@ constexpr int kMaxFrames = 64;  // before the answer: settings, window updates, 
 constexpr size_t kFrameHeaderBytes = 9;
 
 absl::Status Failed(absl::string_view step) {
+  // EAGAIN and EINPROGRESS mean that the socket's timeout has passed.
   const int error = errno;
   return absl::UnavailableError(absl::StrCat(
       step, ": ", error == EAGAIN || error == EINPROGRESS ? "no answer" : strerror(error)));
@@ -47,6 +48,7 @@ class ProbeConnection {
  public:
   ProbeConnection() = default;
   ~ProbeConnection() {
+    // Before the descriptor is closed, which OpenSSL has but does not own.
     tls_.reset();
     if (socket_ >= 0) close(socket_);
   }
@@ -109,6 +111,7 @@ absl::Status ProbeConnection::Connect(const ListenerProbeOptions& options) {
   socket_ = socket(address.ss_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
   if (socket_ < 0) return Failed("socket");
   const timeval timeout = absl::ToTimeval(options.timeout);
+  // The timeouts also bound connect(), so that no step blocks for ever.
   setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof(timeout));
   setsockopt(socket_, SOL_SOCKET, SO_SNDTIMEO, &timeout, sizeof(timeout));
   ASSIGN_OR_RETURN(const int port, BindLocally(socket_, address.ss_family));
@@ -129,6 +132,8 @@ absl::Status ProbeConnection::StartTls(const CertificateTexts& certificate) {
   tls_context_.reset(SSL_CTX_new(TLS_client_method()));
   const auto leaf = ReadOne<X509>(certificate.chain, PEM_read_bio_X509);
   const auto key = ReadOne<EVP_PKEY>(certificate.key, PEM_read_bio_PrivateKey);
+  // A listener that verifies clients may not accept the server's own certificate; WasRefused()
+  // knows that case. The listener's certificate is not verified: only an answer is wanted.
   if (tls_context_ != nullptr && leaf != nullptr && key != nullptr) {
     SSL_CTX_use_certificate(tls_context_.get(), leaf.get());
     SSL_CTX_use_PrivateKey(tls_context_.get(), key.get());
@@ -144,6 +149,7 @@ absl::Status ProbeConnection::StartTls(const CertificateTexts& certificate) {
 }
 
 absl::Status ProbeConnection::TlsFailed(absl::string_view step, int result) {
+  // Read errno before any call of OpenSSL, which may change it.
   const bool timed_out = errno == EAGAIN;
   const int error = SSL_get_error(tls_.get(), result);
   hung_up_ = error == SSL_ERROR_ZERO_RETURN || error == SSL_ERROR_SSL ||
@@ -196,6 +202,8 @@ void AppendHeader(std::string& to, absl::string_view index, absl::string_view va
 // Returns a request for grpc.health.v1.Health/Check of the whole server, whose message is empty.
 std::string HealthCall(bool has_tls) {
   constexpr char kEndStream = 1, kEndHeaders = 4, kStream = 1;
+  // The headers by HPACK (RFC 7541) without Huffman codes or a dynamic table, so that each call has
+  // the same bytes. 0x80 + index: a whole entry of the static table.
   std::string headers = "\x83";          // :method POST
   headers += has_tls ? "\x87" : "\x86";  // :scheme
   AppendHeader(headers, "\x04", "/grpc.health.v1.Health/Check");
@@ -213,10 +221,12 @@ absl::Status AwaitAnswer(ProbeConnection& connection) {
   for (int i = 0; i < kMaxFrames; ++i) {
     unsigned char header[kFrameHeaderBytes];
     RETURN_IF_ERROR(connection.Read(reinterpret_cast<char*>(header), sizeof(header)));
+    // Headers are an answer, whatever status they hold: the listener and gRPC's threads are alive.
     if (header[3] == kHeaders) return absl::OkStatus();
     if (header[3] == kReset || header[3] == kGoAway) {
       return absl::UnavailableError("the server ended the call without an answer");
     }
+    // The first three bytes of a frame are the length of its payload, which is skipped.
     std::string payload(static_cast<size_t>(header[0] << 16 | header[1] << 8 | header[2]), '\0');
     RETURN_IF_ERROR(connection.Read(payload.data(), payload.size()));
   }

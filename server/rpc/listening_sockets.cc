@@ -40,12 +40,14 @@ int BindAndListen(const sockaddr* address, socklen_t size) {
   const int made = socket(address->sa_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
   if (made < 0) return -1;
   if (address->sa_family != AF_UNIX) {
+    // Lets a server that restarts listen although connections of the last one linger.
     SetOption(made, SOL_SOCKET, SO_REUSEADDR, 1);
     SetOption(made, IPPROTO_TCP, TCP_NODELAY, 1);
     SetOption(made, IPPROTO_TCP, TCP_USER_TIMEOUT, kUserTimeoutMs);
   }
   if (address->sa_family == AF_INET6) SetOption(made, IPPROTO_IPV6, IPV6_V6ONLY, 0);
   if (bind(made, address, size) == 0 && listen(made, kMaxWaitingConnections) == 0) return made;
+  // close() may change errno, which the caller reports.
   const int error = errno;
   close(made);
   errno = error;
@@ -103,6 +105,8 @@ absl::Status ListeningSockets::OpenUnix(const std::string& path) {
   }
   path.copy(address.sun_path, path.size());
   struct stat there {};
+  // Replaces a socket, such as one that a killed server has left, but no other file. Does not check
+  // whether a server still listens at it.
   if (lstat(path.c_str(), &there) == 0 && S_ISSOCK(there.st_mode)) unlink(path.c_str());
   const int made = BindAndListen(reinterpret_cast<sockaddr*>(&address), sizeof(address));
   if (made < 0) return absl::UnavailableError(strerror(errno));
@@ -115,6 +119,7 @@ absl::Status ListeningSockets::OpenInternet(const std::string& host) {
   ASSIGN_OR_RETURN(const Addresses addresses, Resolve(host));
   int error = EADDRNOTAVAIL;
   for (addrinfo* next = addresses.get(); next != nullptr; next = next->ai_next) {
+    // Port 0 lets the kernel choose at the first address; the others then get the same port.
     SetPort(next->ai_addr, port_);
     const int made = BindAndListen(next->ai_addr, next->ai_addrlen);
     if (made < 0) {
@@ -143,6 +148,7 @@ absl::Status ListeningSockets::OpenHost(const std::string& host, const std::stri
 absl::StatusOr<ListeningSockets> ListeningSockets::Open(const std::string& address) {
   ListeningSockets sockets;
   absl::Status status;
+  // The last colon, since an IPv6 address has more of them: "[::1]:8080".
   const size_t colon = address.rfind(':');
   if (absl::StartsWith(address, "unix:")) {
     const bool is_url = absl::StartsWith(address, "unix:///");

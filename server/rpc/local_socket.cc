@@ -44,6 +44,8 @@ absl::Status MakeFolder(const std::filesystem::path& path) {
   struct stat what {};
   if (mkdir(folder.c_str(), S_IRWXU) != 0 && errno != EEXIST) return SystemError(folder, "make");
   if (stat(folder.c_str(), &what) != 0) return SystemError(folder, "look at");
+  // Who may write to the folder could replace the socket by one of their own. mkdir above made it
+  // 0700 if there was none.
   if ((what.st_mode & S_IWOTH) == 0) return absl::OkStatus();
   return absl::FailedPreconditionError(
       absl::StrCat(path.string(), ": everybody may write to ", folder.string(),
@@ -55,6 +57,7 @@ absl::Status RemoveDead(const std::filesystem::path& path, const sockaddr_un& ad
   struct stat what {};
   if (lstat(path.c_str(), &what) != 0) return absl::OkStatus();
   const Descriptor caller(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  // A socket at which nobody listens refuses the connection: its process was killed.
   const bool answers =
       connect(caller.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0;
   if (answers || !S_ISSOCK(what.st_mode)) {
@@ -106,6 +109,7 @@ void LocalSocket::AcceptUntilStopped(const std::function<void(int connection)>& 
   while (true) {
     if (poll(ends, 2, -1) < 0 && errno != EINTR) return;
     if (ends[1].revents != 0) return;
+    // Nonblocking, since a client may have gone between poll() and here.
     const int connection = accept4(listener_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
     if (connection >= 0 && IsOfThisUserOrRoot(connection)) {
       take(connection);

@@ -11,6 +11,7 @@ namespace pepeseg {
 void Stream::Begin() {
   {
     const std::lock_guard lock(mutex_);
+    // The stream owns itself until Done(), since gRPC holds only a raw pointer to its reactor.
     self_ = shared_from_this();
   }
   registry_->Add(self_);  // may call End
@@ -18,6 +19,8 @@ void Stream::Begin() {
   if (state_ == State::kIdle) SubmitLocked();
 }
 
+// Queues Work() if nothing is under way; otherwise remembers the wake-up, and Run() works again
+// before it becomes idle. Thus Work() never runs twice at the same time, and no wake-up is lost.
 void Stream::Wake() {
   const std::lock_guard lock(mutex_);
   if (state_ == State::kIdle) {
@@ -32,6 +35,8 @@ void Stream::Tick() {
     const std::lock_guard lock(mutex_);
     if (state_ == State::kIo && !ending_ && absl::Now() - io_since_ > io_limit()) {
       const absl::Status status = TooSlowError(io_limit());
+      // A write in progress must end before Finish, so it is cancelled, and its reaction finishes
+      // the call.
       if (may_finish_during_io()) return FinishLocked(status);
       ending_ = true;  // IoDone finishes the call
       end_status_ = status;
@@ -45,6 +50,7 @@ absl::Status Stream::Admit(const StreamOwner& owner) { return registry_->Admit(t
 
 void Stream::End(const absl::Status& status) {
   const std::lock_guard lock(mutex_);
+  // The first reason to end counts.
   if (state_ == State::kFinished || ending_) return;
   ending_ = true;
   end_status_ = status;
@@ -61,6 +67,7 @@ bool Stream::cancelled() const {
 
 void Stream::IoDone(bool ok) {
   const std::lock_guard lock(mutex_);
+  // The call was finished while a read was in progress.
   if (state_ != State::kIo) return;
   io_ok_ = ok;
   if (ending_) {
@@ -95,8 +102,10 @@ void Stream::Run() {
   {
     const std::lock_guard lock(mutex_);
     io_ok = io_ok_;
+    // Wake-ups up to here are answered by this run; a later one sets it again.
     wake_ = false;
   }
+  // Without the mutex: Work may block, and Wake, End and Cancelled must not wait for it.
   const Step step = Work(io_ok);
   const std::lock_guard lock(mutex_);
   if (step.next == Next::kEnd) {
@@ -122,6 +131,7 @@ void Stream::StartIoLocked() {
 
 void Stream::SubmitLocked() {
   state_ = State::kWorking;
+  // The task holds the stream, so that Done() cannot destroy it while it waits in the queue.
   if (!pool_->SubmitAlways([self = shared_from_this()] { self->Run(); })) {
     FinishLocked(DrainingError());
   }

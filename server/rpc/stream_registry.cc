@@ -63,9 +63,12 @@ void StreamRegistry::Add(const std::shared_ptr<Stream>& stream) {
   {
     const std::lock_guard lock(mutex_);
     status = MayWaitLocked();
+    // Refused streams are added too, so that their Remove has an entry.
     streams_[stream.get()].stream = stream;
     if (!status.ok()) ++num_refused_;
   }
+  // Without the mutex: End finishes the call, and gRPC's reaction calls Remove. The refused stream
+  // is in the list until then.
   if (!status.ok()) stream->End(status);
 }
 
@@ -81,6 +84,7 @@ absl::Status StreamRegistry::MayOpenLocked(const StreamOwner& owner) const {
   if (num_admitted_ >= limits_.max_streams) {
     return TooManyStreamsError("the server", limits_.max_streams);
   }
+  // An empty name has no entry, and thus no limit.
   RETURN_IF_ERROR(CheckBound(by_project_, owner.project, limits_.max_per_project, "the project"));
   return CheckBound(by_peer_, owner.peer, limits_.max_per_peer, "this client");
 }
@@ -88,6 +92,7 @@ absl::Status StreamRegistry::MayOpenLocked(const StreamOwner& owner) const {
 absl::Status StreamRegistry::Admit(Stream* stream, const StreamOwner& owner) {
   const std::lock_guard lock(mutex_);
   const auto found = streams_.find(stream);
+  // Either would be an error of the stream: it would be counted twice, or never given back.
   if (found == streams_.end() || found->second.admitted) {
     return absl::InternalError("the stream is not waiting to be admitted");
   }
@@ -112,6 +117,7 @@ void StreamRegistry::CountLocked(const StreamOwner& owner) {
 }
 
 void StreamRegistry::WarnLocked(const std::string& whose, size_t count, size_t limit) {
+  // Warns from four fifths of the limit on, at most once a minute.
   if (count * 5 < limit * 4) return;
   const absl::Time now = absl::Now();
   if (now - last_warning_ < kStreamWarningInterval) return;
@@ -146,6 +152,8 @@ void StreamRegistry::EndAll(const absl::Status& status) {
   {
     const std::lock_guard lock(mutex_);
     end_status_ = status;
+    // Collected here and ended below, without the mutex: End finishes the call, and gRPC's reaction
+    // calls Remove.
     for (const auto& [address, entry] : streams_) streams.push_back(entry.stream.lock());
   }
   for (const auto& stream : streams) {

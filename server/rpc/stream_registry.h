@@ -68,7 +68,7 @@ class StreamRegistry {
 
  private:
   struct Entry {
-    // Weak: the stream may be in its destructor, about to remove itself.
+    // Weak: the list does not keep a stream alive, which owns itself until Stream::Done().
     std::weak_ptr<Stream> stream;
     bool admitted = false;
     StreamOwner owner = {};

@@ -43,6 +43,8 @@ void WorkerPool::Stop() {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
+    // A second Stop(), from the destructor, then joins nothing. The mutex is free while the threads
+    // are joined, since their tasks may submit others.
     threads.swap(threads_);
   }
   wake_.notify_all();
@@ -55,6 +57,7 @@ void WorkerPool::Run() {
     {
       std::unique_lock lock(mutex_);
       wake_.wait(lock, [this] { return stopping_ || !queue_.empty(); });
+      // Only when stopping: the queue is emptied before the threads end.
       if (queue_.empty()) return;
       task = std::move(queue_.front());
       queue_.pop_front();

@@ -34,6 +34,7 @@ void FillDescription(const ModelCache& models, const SceneChild& model,
   response->set_name(ChildName(model.scene, "models", model.number));
   const std::string name = KeyedChildName(model.scene, "models", model.number);
   models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
+    // Not found: the model was evicted just now, and the answer has its name only.
     if (info.name == name) *response = Describe(info, segmenter);
   });
 }
@@ -98,6 +99,7 @@ absl::Status AdminServiceRpc::Unload(const v1::UnloadModelRequest& request) {
   const std::string name = ChildName(row.scene, "models", row.number);
   const absl::Status status = models_.cache().Unload(ResidentKey(row));
   if (status.ok()) return absl::OkStatus();
+  // NOT_FOUND: not in memory. Any other error: the model is pinned.
   const absl::Status named(status.code(), absl::StrCat(name, ": ", status.message()));
   return WithResource(named, absl::IsNotFound(status) ? "NOT_RESIDENT" : "PINNED", name);
 }
@@ -107,6 +109,7 @@ absl::Status AdminServiceRpc::List(v1::ListResidentResponse* response) const {
   std::vector<std::string> scenes;
   models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
     *response->add_models() = Describe(info, segmenter);
+    // The cache's names have scene keys, from which TellApart finds the project.
     const absl::StatusOr<SceneChild> row = ParseModelName(info.name, "name");
     scenes.push_back(row.ok() ? row->scene : "");
   });

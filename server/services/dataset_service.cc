@@ -75,6 +75,7 @@ absl::StatusOr<std::function<absl::Status()>> CheckRoom(const BlobStore& blobs,
     if (!file.stored) missing[file.sha256] = file.size;
   }
   int64_t need = 0;
+  // By digest: files with the same bytes are stored once.
   for (const auto& [digest, size] : missing) need += size;
   ASSIGN_OR_RETURN(const int64_t have, blobs.FreeBytes());
   return [need, have] {
@@ -102,6 +103,8 @@ absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* up
   ASSIGN_OR_RETURN(const std::string project, store_.scenes().ProjectOfScene(row.scene));
   const auto partial = blobs_.ListPartial({project, row.scene, row.number});
   for (const DatasetFileRow& file : files) {
+    // The disk is asked, not the record: the bytes may have come with another upload, and a client
+    // must not send them twice.
     if (blobs_.Has({project, file.sha256}, file.size)) continue;
     upload->add_missing_files(file.path);
     const auto found = partial.find(file.sha256);
@@ -175,12 +178,15 @@ absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
   ASSIGN_OR_RETURN(const SceneChild upload, ParseChildName(request.name(), "uploads", "name"));
   Store& store = store_;
   ASSIGN_OR_RETURN(DatasetRow row, store.datasets().GetDataset(upload.scene, upload.number));
+  // Sealing a sealed upload returns it, so that a client may retry.
   if (row.state == DatasetState::kOpen) {
     ASSIGN_OR_RETURN(auto files, store.files().ListDatasetFiles(upload.scene, upload.number));
     ASSIGN_OR_RETURN(const std::string project, store.scenes().ProjectOfScene(upload.scene));
     std::vector<DatasetFileRow> found;
     const absl::Status complete = FindFiles(blobs_, project, files, found);
     if (!complete.ok()) return WithResource(complete, "FILES_MISSING", request.name());
+    // Before the record: a crash in between leaves a manifest that the next SealUpload writes
+    // again, and no sealed dataset is without one.
     RETURN_IF_ERROR(WriteDatasetManifest(models_.data_folder(), row, files));
     const auto sealed = store.datasets().SealDataset(upload.scene, upload.number, found);
     if (!sealed.ok()) return WithResource(sealed.status(), "FILES_MISSING", request.name());
@@ -210,6 +216,7 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::ListDatasets(grpc::CallbackServerCo
         ASSIGN_OR_RETURN(const Page<DatasetRow> datasets,
                          store_.datasets().ListDatasets(scene, page));
         for (const DatasetRow& row : datasets.rows) {
+          // The store lists sealed datasets only; this keeps the answer right if that changes.
           if (row.state != DatasetState::kSealed) continue;
           RETURN_IF_ERROR(FillDataset(row, response->add_datasets()));
         }

@@ -37,6 +37,7 @@ struct ProjectBlobs {
 // Reads up to kMostHeaders of the files' headers, evenly spread, and adds those files to `read`.
 absl::Status ReadSome(const ProjectBlobs& blobs, const std::vector<DatasetFileRow*>& files,
                       CheckWanted wanted, std::vector<DatasetFileRow>& read) {
+  // Evenly spread over the list: photographs of one camera or one session lie next to each other.
   const size_t num_read = std::min(files.size(), kMostHeaders);
   for (size_t i = 0; i < num_read; ++i) {
     RETURN_IF_ERROR(wanted());
@@ -60,7 +61,8 @@ absl::Status ReadMissingHeaders(Store& store, const ProjectBlobs& blobs,
   std::vector<DatasetFileRow> read;
   absl::Status status = ReadSome(blobs, photos, wanted, read);
   if (status.ok()) status = ReadSome(blobs, points, wanted, read);
-  // Also when the call is cancelled, so that the next call does not read them again.
+  // Stored even if a later header failed or the call was cancelled, so that the next call does not
+  // read them again.
   if (!read.empty()) {
     status.Update(store.files().SetFileHeaders(training.scene, training.dataset, read));
   }
@@ -72,11 +74,15 @@ int64_t CountKind(const std::vector<DatasetFileRow>& files, v1::FileKind kind) {
                        [kind](const DatasetFileRow& file) { return file.kind == kind; });
 }
 
+// What the training options say about photographs: how they are shrunk, and how many frames the
+// videos give.
 struct PhotoRules {
   double image_scale;
   int64_t num_video_frames;  // of all videos together
 };
 
+// Sums the pixels of all views. Photographs whose header was not read count with the mean of the
+// others; a refused one is an error that names it.
 absl::Status MeasurePhotos(const ProjectBlobs& blobs, const std::vector<DatasetFileRow>& files,
                            const PhotoRules& rules, DatasetSize& size) {
   std::vector<const DatasetFileRow*> photos;
@@ -99,6 +105,7 @@ absl::Status MeasurePhotos(const ProjectBlobs& blobs, const std::vector<DatasetF
   if (rules.num_video_frames > 0) {
     size.max_source_pixels = std::max(size.max_source_pixels, kVideoFramePixels);
   }
+  // `image_scale` shrinks both sides, so the pixels shrink by its square.
   const auto scaled = [&rules](double pixels) {
     return static_cast<int64_t>(std::ceil(pixels * rules.image_scale * rules.image_scale));
   };
@@ -115,6 +122,8 @@ absl::Status MeasurePhotos(const ProjectBlobs& blobs, const std::vector<DatasetF
 using Stage = v1::EstimateTrainingResponse::Stage;
 using Metrics = std::map<std::string, double>;
 
+// Returns the numbers among a model's metrics. Text that is not JSON has none: an estimate without
+// durations is better than no estimate.
 Metrics ParseMetrics(const std::string& text) {
   Metrics metrics;
   const auto json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
@@ -134,7 +143,10 @@ struct Measured {
 // Returns the newest such training of the dataset on this device with the same import options.
 absl::StatusOr<std::optional<Measured>> FindMeasured(Store& store, const std::string& device,
                                                      const WantedTraining& training) {
+  // The import options decide the size of the images, and so the time of every stage. The steps of
+  // the other stages may differ: SetDurations scales by them.
   const std::string import = ToProto(training.settings).import().SerializeAsString();
+  // The first page: the newest 50 models. An older measurement is not worth more reads.
   ASSIGN_OR_RETURN(const Page<ModelRow> models, store.models().ListModels(training.scene, {}));
   for (const ModelRow& model : models.rows) {
     if (model.device != device) continue;
@@ -143,6 +155,7 @@ absl::StatusOr<std::optional<Measured>> FindMeasured(Store& store, const std::st
     Measured measured;
     measured.metrics = ParseMetrics(model.metrics);
     const bool parsed = measured.options.ParseFromString(job->effective_options);
+    // A resumed attempt has measured only the steps after its checkpoint.
     const bool whole = !measured.metrics.contains("resumed_from_step");
     if (parsed && whole && measured.options.import().SerializeAsString() == import) return measured;
   }
@@ -158,6 +171,8 @@ void SetDuration(const std::optional<Measured>& measured, double share, Stage& s
   *stage.mutable_duration() = ToProto(absl::Seconds(seconds->second * share));
 }
 
+// Returns by how much longer the wanted steps take. A measured 0, from a damaged record, counts as
+// 1.
 double StepShare(int wanted, int measured) {
   return static_cast<double>(wanted) / std::max(1, measured);
 }
@@ -198,6 +213,8 @@ WorkerShare ShareOf(const v1::EstimateTrainingResponse& estimate) {
   for (const Stage& stage : estimate.stages()) {
     const int64_t bytes = stage.host_bytes() + stage.device_bytes();
     share.host_bytes = std::max(share.host_bytes, bytes + bytes / 4 + kProgramBytes);
+    // One unknown stage makes the sum meaningless as a limit. "prepare" is short enough to be
+    // covered by kStartSeconds.
     timed &= stage.has_duration() || stage.stage() == "prepare";
     share.seconds += 3 * stage.duration().seconds();
   }
@@ -222,8 +239,11 @@ absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_s
   size.has_poses = CountKind(files, v1::FILE_KIND_POSES) > 0;
   TrainingSize& counts = size.training;
   const int64_t every = import.held_out_every;
+  // The import holds out views 0, `every`, 2 * `every` ...: rounded up.
   const int64_t held_out = every > 0 ? (counts.num_views + every - 1) / every : 0;
   counts.num_training_views = std::max<int64_t>(1, counts.num_views - held_out);
+  // Names are not matched here, so a view may have several files or none; the number of views
+  // bounds the count.
   counts.num_masked_views = std::min(counts.num_views, CountKind(files, v1::FILE_KIND_MASK));
   // One ignore mask may apply to all views.
   if (CountKind(files, v1::FILE_KIND_IGNORE_MASK) > 0) counts.num_ignore_views = counts.num_views;
@@ -235,6 +255,7 @@ absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_s
         file.kind == v1::FILE_KIND_GAUSSIANS ? size.num_given_gaussians : counts.num_points;
     most = std::max(most, file.num_points);
   }
+  // Without poses, the stage "sfm" finds the points.
   if (!size.has_poses) counts.num_points = kPointsOfPhoto * counts.num_views;
   return size;
 }
@@ -252,6 +273,8 @@ absl::StatusOr<v1::EstimateTrainingResponse> TrainingEstimator::Estimate(
   response.set_device(backend.name());
   const bool one_memory = backend.memory().is_host;
   for (const Stage& stage : response.stages()) {
+    // Stages run one after the other, so the largest counts. On a device that is the host both
+    // kinds come out of the same memory.
     const int64_t need = stage.device_bytes() + (one_memory ? stage.host_bytes() : 0);
     response.set_need_bytes(std::max(response.need_bytes(), need));
   }
@@ -264,6 +287,7 @@ absl::StatusOr<v1::EstimateTrainingResponse> TrainingEstimator::Estimate(
 
 absl::StatusOr<WorkerShare> TrainingEstimator::CheckFits(const WantedTraining& training,
                                                          CheckWanted wanted) const {
+  // A caller who is gone gets its own error, which Estimate may have returned as one of many.
   const auto estimate = Estimate(training, wanted);
   RETURN_IF_ERROR(wanted());
   if (!estimate.ok()) return WorkerShare();

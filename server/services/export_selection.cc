@@ -32,6 +32,7 @@ absl::Status ExportSelectionStream::Open() {
                    parts_.runner.authorizer().AuthorizeAndResolve(origin_, request_));
   RETURN_IF_ERROR(Admit(OwnerOf(caller, origin_)));
   RETURN_IF_ERROR(parts_.runner.quotas().Admit(caller.project, request_));
+  // Quotas and memory are taken before anything is sent, so that a refusal is the call's status.
   ASSIGN_OR_RETURN(const bool is_subset, OpenSubset());
   return is_subset ? absl::OkStatus() : OpenModel();
 }
@@ -51,6 +52,7 @@ absl::StatusOr<bool> ExportSelectionStream::OpenSubset() {
   const int64_t count = subset->count();
   RETURN_IF_ERROR(TakeMemory(name.scene, count * static_cast<int64_t>(sizeof(uint32_t))));
   std::vector<uint32_t> indices;
+  // The size is exact, so the vector takes what was reserved in the budget.
   indices.reserve(static_cast<size_t>(count));
   for (size_t i = 0; i < subset->member.size(); ++i) {
     if (subset->member[i] != 0) indices.push_back(static_cast<uint32_t>(i));
@@ -64,6 +66,8 @@ absl::StatusOr<bool> ExportSelectionStream::OpenSubset() {
 
 Stream::Step ExportSelectionStream::DigestSome() {
   const int64_t end = std::min(num_digested_ + kBlocksPerTask, subset_->num_blocks());
+  // The header has the digest of bytes that come after it, so all blocks are encoded before the
+  // first is sent, and again to be sent. Storing them would take as much memory as the file.
   for (; num_digested_ < end; ++num_digested_) digest_.Add(subset_->Encode(num_digested_));
   if (end < subset_->num_blocks()) {
     Wake();  // again, after what waits for the pool
@@ -89,6 +93,8 @@ absl::Status ExportSelectionStream::OpenModel() {
   if (entry == manifest.files.end()) {
     return absl::DataLossError(absl::StrCat(kPlyName, ": not in the model's manifest"));
   }
+  // The digest in the header is the manifest's, and FillBytes compares the bytes with it at the
+  // end. A file that cannot be opened fails at the first read.
   sha256_ = entry->sha256;
   num_bytes_left_ = entry->size;
   file_.open(folder / kPlyName, std::ios::binary);
@@ -110,6 +116,7 @@ absl::Status ExportSelectionStream::FillBytes(std::string& bytes) {
   if (!file_.read(bytes.data(), size)) {
     return absl::DataLossError(absl::StrCat(kPlyName, ": cannot be read to its end"));
   }
+  // A subset's bytes are not checked again: they come from memory, not from the disk.
   digest_.Add(bytes);
   if (size == num_bytes_left_ && digest_.Hex() != sha256_) {
     return absl::DataLossError(absl::StrCat(kPlyName, ": fails its checksum"));

@@ -18,6 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// A PLY file with more points than this is refused by its header.
 constexpr int64_t kMaxPoints = 50'000'000;
 
 absl::Status Unreadable(const DatasetFileRow& file) {
@@ -37,12 +38,14 @@ absl::StatusOr<std::string> ReadFront(const fs::path& blob, const DatasetFileRow
 // Reads the number of points from the start of COLMAP's points3D.bin. The number is not trusted
 // beyond what a file of this size can hold.
 absl::Status CountBinaryPoints(const fs::path& blob, DatasetFileRow& file) {
+  // Bytes of a point without a track: id, position, colour, error and the length of the track.
   constexpr int64_t kLeastRecord = 43;
   ASSIGN_OR_RETURN(const std::string front, ReadFront(blob, file, 8));
   uint64_t count = 0;
   for (size_t i = 0; i < front.size(); ++i) {
     count |= uint64_t{static_cast<uint8_t>(front[i])} << (8 * i);
   }
+  // The count is a little-endian uint64 at the start of the file.
   const bool whole = front.size() == sizeof(count);
   const auto most = static_cast<uint64_t>(file.size / kLeastRecord);
   file.num_points = whole ? static_cast<int64_t>(std::min(count, most)) : 0;
@@ -66,6 +69,7 @@ absl::Status CountTextPoints(const fs::path& blob, DatasetFileRow& file) {
   constexpr int64_t kFrontBytes = 64 << 10;
   constexpr int64_t kLeastLine = 16;  // bytes of eight numbers of one digit
   ASSIGN_OR_RETURN(const std::string front, ReadFront(blob, file, kFrontBytes));
+  // Not trusted beyond what the size of the file allows, like the number of the binary form.
   const int64_t said = NumberInComment(front);
   if (said >= 0) {
     file.num_points = std::min(said, file.size / kLeastLine);
@@ -82,6 +86,8 @@ absl::Status CountTextPoints(const fs::path& blob, DatasetFileRow& file) {
 
 absl::Status CountPly(const fs::path& blob, DatasetFileRow& file) {
   const auto ply = OpenPly(blob, file.path, kMaxPoints);
+  // Only a file whose contents are at fault is refused for good; an error of the disk is returned,
+  // so that the header is read again.
   if (absl::IsInvalidArgument(ply.status())) {
     file.header = HeaderState::kRefused;
     return absl::OkStatus();
@@ -112,6 +118,7 @@ bool IsTextPoints(const DatasetFileRow& file) { return absl::EndsWith(file.path,
 }  // namespace
 
 bool HasHeader(const DatasetFileRow& file) {
+  // Of the poses, only COLMAP's points say how many points there are.
   return file.kind == v1::FILE_KIND_IMAGE || file.kind == v1::FILE_KIND_POINTS ||
          file.kind == v1::FILE_KIND_GAUSSIANS ||
          (file.kind == v1::FILE_KIND_POSES && (IsBinaryPoints(file) || IsTextPoints(file)));
@@ -119,6 +126,7 @@ bool HasHeader(const DatasetFileRow& file) {
 
 absl::Status ReadFileHeader(const fs::path& blob, DatasetFileRow& file) {
   if (!HasHeader(file)) return absl::OkStatus();
+  // A copy, so that an error leaves `file` as unread.
   DatasetFileRow read = file;
   read.header = HeaderState::kRead;
   if (file.kind == v1::FILE_KIND_IMAGE) {

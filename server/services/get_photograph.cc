@@ -21,6 +21,7 @@ namespace {
 
 constexpr int64_t kPhotographChunkBytes = int64_t{1} << 20;
 constexpr int kMaxPhotographSide = 16384;
+// Limit on the size of model.json, so that a damaged one does not fill the memory.
 constexpr int64_t kMaxModelFactsBytes = int64_t{256} << 20;
 // How long a thread waits for a damaged file to be checked. Longer checks are awaited by later
 // ticks.
@@ -52,6 +53,7 @@ struct Parent {
 };
 
 absl::StatusOr<Parent> FindParent(const ModelLoader& models, const std::string& name) {
+  // A model stands for the dataset that it was trained on.
   if (!absl::StrContains(name, "/models/")) {
     ASSIGN_OR_RETURN(const SceneChild dataset, ParseChildName(name, "datasets", "parent"));
     return Parent{dataset, {}};
@@ -92,6 +94,7 @@ absl::StatusOr<DatasetFileRow> FindPhotograph(const std::vector<DatasetFileRow>&
     }
     if (file.kind != v1::FILE_KIND_IMAGE) continue;
     const std::string key = PhotoKey(file.path);
+    // Without a name, the first photograph in the order of names.
     const bool matches = request.photograph().empty()
                              ? found == nullptr || key < PhotoKey(found->path)
                              : key == request.photograph();
@@ -122,6 +125,7 @@ absl::StatusOr<std::string> FindView(const Parent& parent,
                               "was trained by an older server; train the scene again")),
                           "NO_LENS", request.parent());
     }
+    // The decoder process gets this view only: its task must not grow with the number of views.
     Model one;
     one.views = {view};
     return FormatModelFacts(one);
@@ -166,6 +170,8 @@ absl::Status GetPhotographStream::OpenOriginal(const DatasetFileRow& file,
 absl::Status GetPhotographStream::StartMaking(const PhotographTask& task,
                                               const std::filesystem::path& blob) {
   phase_ = Phase::kMaking;
+  // The task holds the stream, which therefore outlives it. It hands its result over under
+  // made_mutex_, since a tick may run Work() at the same time.
   const bool taken = parts_.decoders.pool->Submit(
       [self = std::static_pointer_cast<GetPhotographStream>(shared_from_this()), task, blob] {
         absl::StatusOr<PhotographPicture> made = MakePicture(
@@ -191,6 +197,7 @@ absl::Status GetPhotographStream::Open() {
   ASSIGN_OR_RETURN(project_, parts_.models.store().scenes().ProjectOfScene(parent.dataset.scene));
   ASSIGN_OR_RETURN(row_, FindPhotograph(files, request_));
   const DatasetFileRow& file = row_;
+  // Compares the size only; the digest is checked while the file is read.
   if (!parts_.blobs.Has({project_, file.sha256}, file.size)) {
     return absl::DataLossError(
         absl::StrCat(file.path, ": the stored file is missing or has another size"));
@@ -210,6 +217,7 @@ absl::Status GetPhotographStream::Open() {
 
 absl::StatusOr<bool> GetPhotographStream::TakePicture() {
   const std::lock_guard lock(made_mutex_);
+  // A tick, or a wake-up for another reason.
   if (!made_) return false;
   RETURN_IF_ERROR(made_->status());
   PhotographPicture& picture = **made_;
@@ -235,6 +243,8 @@ absl::Status GetPhotographStream::FillChunk() {
   chunk.set_crc32c(Crc32c(chunk.data()));
   offset_ += size;
   num_bytes_left_ -= size;
+  // A picture has no digest. The file of an original is checked while it is sent, so the client
+  // learns of damage at the end, as DATA_LOSS.
   if (sha256_.empty()) return absl::OkStatus();
   digest_.Add(chunk.data());
   if (num_bytes_left_ == 0 && digest_.Hex() != sha256_) {
@@ -249,10 +259,13 @@ Stream::Step GetPhotographStream::Fail(absl::Status status) {
   if (!may_be_damaged) return {Next::kEnd, std::move(status)};
   phase_ = Phase::kChecking;
   failure_ = std::move(status);
+  // Later calls of Fail come from ticks and find the check under way.
   if (!check_.valid()) check_ = parts_.decoders.checker->Check(project_, {row_});
   if (check_.wait_for(kShortCheck) != std::future_status::ready) {
     return {Next::kIdle, absl::OkStatus()};  // until the next tick
   }
+  // The stored file has its digest, so the file that was uploaded cannot be decoded, or the decoder
+  // failed: uploading it again would not help.
   if (check_.get() == 0) return {Next::kEnd, failure_};
   return {Next::kEnd, absl::DataLossError(absl::StrCat(failure_.message(), "; upload it again"))};
 }
@@ -261,12 +274,14 @@ Stream::Step GetPhotographStream::Work(bool) {
   absl::Status status;
   if (phase_ == Phase::kNew) {
     status = Open();
+    // The decoder's task wakes the stream.
     if (status.ok() && phase_ == Phase::kMaking) return {Next::kIdle, absl::OkStatus()};
   } else if (phase_ == Phase::kMaking) {
     const absl::StatusOr<bool> taken = TakePicture();
     if (taken.ok() && !*taken) return {Next::kIdle, absl::OkStatus()};
     status = taken.status();
   } else if (phase_ == Phase::kChecking) {
+    // Fail continues to wait for the check that it began.
     status = failure_;
   } else if (num_bytes_left_ == 0) {
     return {Next::kEnd, absl::OkStatus()};

@@ -39,6 +39,8 @@ absl::StatusOr<JobRow> JobFromRequest(const v1::TrainSceneRequest& request,
   JobRow job;
   job.scene = wanted.scene;
   job.dataset = wanted.dataset;
+  // Both forms are kept: `options`, as the client sent them, recognise a repeated request even
+  // after a default has changed; `effective_options` are those the worker runs with.
   job.options = request.options().SerializeAsString();
   job.effective_options = ToProto(wanted.settings).SerializeAsString();
   job.request_id = request.request_id();
@@ -107,6 +109,8 @@ absl::Status JobServiceRpc::CheckFilesStored(const std::string& scene, int64_t d
   const DatasetFileRow* first = nullptr;
   int num_missing = 0;
   for (const DatasetFileRow& file : files) {
+    // The disk decides, and the records follow: bytes that another upload has brought again heal
+    // the file, and bytes that the blob checker has set aside are marked as gone.
     const bool there = blobs_.Has({project, file.sha256}, file.size);
     if (there && !file.stored) healed.push_back(file.sha256);
     if (there) continue;
@@ -134,13 +138,18 @@ absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, const Un
                    estimator_.CheckFits(training, [&call] { return call.CheckWanted(); }));
   wanted.host_bytes = share.host_bytes;
   wanted.seconds = share.seconds;
+  // Everything but the queue has been checked. The answer describes a job that does not exist, so
+  // it has neither a state nor a time.
   if (request.validate_only()) {
     *response = ToProto(wanted);
     response->set_state(v1::JOB_STATE_UNSPECIFIED);
     response->clear_create_time();
     return absl::OkStatus();
   }
+  // The store's transaction checks what the checks above cannot hold fast: the dataset is sealed,
+  // the scene has no active job, and the quota has room.
   const auto job = supervisor_.Submit(wanted);
+  // The active job may have ended since; then the error names none, and a retry succeeds.
   if (absl::IsAborted(job.status())) {
     const auto active = store_.jobs().FindActiveJob(wanted.scene);
     const bool found = active.ok() && active->has_value();
@@ -190,6 +199,8 @@ grpc::ServerUnaryReactor* JobServiceRpc::ListJobs(grpc::CallbackServerContext* c
         for (const JobRow& row : jobs.rows) {
           v1::Job* job = response->add_jobs();
           *job = ToProto(row);
+          // The store has no progress: it comes from the job's event log. A log that cannot be read
+          // must not fail the list.
           if (row.state != JobState::kRunning) continue;
           const auto newest = supervisor_.FindNewest(row.id);
           if (newest.ok() && newest->progress.has_value())

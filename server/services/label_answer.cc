@@ -69,7 +69,11 @@ absl::StatusOr<GivenLabel> ReadLabel(ModelLoader& models, const v1::CreateLabelR
   const ImageOfView image = ImageOf(view, request.frame());
   ASSIGN_OR_RETURN(BinaryMask mask, ReadMask(label.mask(), image, "label.mask"));
   given.mask = RleToProto(mask, image.frame.width(), image.frame.height());
+  // Counted before the mask is taken to the view, so the area is in the pixels of the client's
+  // frame.
   row.area = std::count(mask.pixels.begin(), mask.pixels.end(), 1);
+  // Stored in the pixels of the view, which prompts use; the frame of later requests may be another
+  // one.
   ASSIGN_OR_RETURN(mask, TakeToView(std::move(mask), image, "label.mask"));
   row.id = request.label_id();
   row.text = label.text().empty() ? row.id : label.text();

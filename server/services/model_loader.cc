@@ -52,6 +52,7 @@ absl::StatusOr<ModelRow> ModelLoader::FindLive(const std::string& scene) const {
   auto model = options_.store.models().GetLiveModel(scene);
   if (absl::IsFailedPrecondition(model.status())) {
     const auto job = options_.store.jobs().FindActiveJob(scene);
+    // The job is advice only: if it cannot be read, the error is the same without its name.
     const bool active = job.ok() && job->has_value();
     return WithResource(model.status(), "NO_MODEL", active ? JobName((*job)->id) : "");
   }
@@ -61,6 +62,7 @@ absl::StatusOr<ModelRow> ModelLoader::FindLive(const std::string& scene) const {
 absl::StatusOr<ModelRow> ModelLoader::Find(const std::string& name,
                                            const std::string& field) const {
   ASSIGN_OR_RETURN(const SceneChild model, ParseModelName(name, field));
+  // "live" is resolved at each call, so that a new model is used by the next request.
   if (model.number == kLiveModel) return FindLive(model.scene);
   auto row = options_.store.models().GetModel(model.scene, model.number);
   if (absl::IsNotFound(row.status())) return WithResource(row.status(), "NO_SUCH_MODEL", name);
@@ -74,6 +76,8 @@ absl::StatusOr<ResidentModel> ModelLoader::Load(const std::string& name, const s
   ModelCache::Source source;
   source.name = KeyedChildName(row.scene, "models", row.number);
   source.need = [&]() -> absl::StatusOr<MemoryBytes> {
+    // The folder's name comes from the database, so it is checked to lie in the data folder before
+    // it is opened.
     RETURN_IF_ERROR(CheckModelFolder(options_.data_folder, row.folder));
     ASSIGN_OR_RETURN(const ModelShape shape, ReadModelShape(folder));
     need = BytesOfModel(options_.backend, shape);
@@ -83,6 +87,8 @@ absl::StatusOr<ResidentModel> ModelLoader::Load(const std::string& name, const s
     ASSIGN_OR_RETURN(Model model, ReadModel(folder));
     return Segmenter::Create(options_.backend, std::move(model), &map_counts_);
   };
+  // The callbacks run before Acquire returns, and only if the model is not in memory: a hit costs
+  // no read of the disk or of the quota.
   source.share = [&] { return ShareOf(row.scene); };
   auto segmenter = cache_->Acquire(ResidentKey(row), source);
   // An UNAVAILABLE of the database is private and says nothing about memory.
@@ -124,6 +130,8 @@ absl::Status CheckFeatures(const ResidentModel& model) {
       "NO_FEATURES", model.name);
 }
 
+// The folder is that of the job's attempt, which is unique. The name is not: a scene that is
+// deleted and created again counts its models from 1 again.
 std::string ResidentKey(const ModelRow& model) { return model.folder; }
 
 }  // namespace pepeseg

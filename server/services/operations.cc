@@ -38,6 +38,7 @@ void Operations::SetDraining(bool draining) {
   if (parts_.health.draining() != draining) {
     spdlog::info(draining ? "draining: nothing new is taken" : "no longer draining");
   }
+  // Health first, so that no call is refused while health still reports SERVING.
   parts_.health.SetDraining(draining);
   parts_.runner.pools().SetDraining(draining);
   parts_.runner.streams().SetDraining(draining);
@@ -58,6 +59,7 @@ absl::Status Operations::FillJobs(v1::ServerStatus* response) const {
   for (size_t i = 0; i < std::min(running.size(), kMaxJobs); ++i) {
     v1::Job& job = *response->add_running_jobs();
     job = ToProto(running[i]);
+    // Jobs of other servers that share the database have no progress here.
     const auto newest = parts_.supervisor.FindRunning(running[i].id);
     if (newest && newest->progress) *job.mutable_progress() = *newest->progress;
   }

@@ -21,6 +21,7 @@ namespace pepeseg {
 namespace {
 
 constexpr std::string_view kCollection = "keys/";
+// Hex digits of a key's id; the secret is not part of it.
 constexpr size_t kIdLength = 16;
 
 v1::ApiKey KeyToProto(const KeyRow& row) {
@@ -56,6 +57,7 @@ absl::StatusOr<int> ScopesFromProto(const v1::CreateKeyRequest& request) {
 }
 
 absl::StatusOr<absl::Time> ExpiryFromProto(const v1::CreateKeyRequest& request) {
+  // The store's value for a key that does not expire.
   if (!request.has_expire_time()) return absl::InfinitePast();
   using google::protobuf::util::TimeUtil;
   const auto& asked = request.expire_time();
@@ -84,6 +86,7 @@ void QuotaToProto(const Quota& quota, v1::Quota* proto) {
 }
 
 absl::StatusOr<Quota> QuotaFromProto(const v1::Quota& proto) {
+  // Checks all fields by reflection, so that a new one is not forgotten. All of them are int64.
   const google::protobuf::Descriptor& type = *v1::Quota::descriptor();
   for (int i = 0; i < type.field_count(); ++i) {
     const int64_t value = proto.GetReflection()->GetInt64(proto, type.field(i));
@@ -109,6 +112,7 @@ absl::Status ProjectAnswers::CreateKey(const v1::CreateKeyRequest& request,
   key.row.expire_time = expire_time;
   ASSIGN_OR_RETURN(const KeyRow made, store_.keys().CreateKey(key.row));
   *response->mutable_key() = KeyToProto(made);
+  // The only time that the secret is sent: the store has its digest.
   response->set_secret(key.secret);
   return absl::OkStatus();
 }
@@ -137,6 +141,8 @@ absl::Status ProjectAnswers::FillUsage(const std::string& project,
                                        v1::ProjectUsage* response) const {
   ASSIGN_OR_RETURN(const Quota quota, quotas_.Get(project));
   ASSIGN_OR_RETURN(Quota used, store_.quotas().GetUsage(project));
+  // Queries and memory are counted by this server, not by the store, so they are this server's
+  // share only.
   used.queries_per_second = quotas_.QueryRate(project);
   used.resident_bytes = models_.cache().BytesOf(project);
   response->set_project(project);
@@ -156,6 +162,7 @@ absl::Status ProjectAnswers::SetQuota(const v1::SetQuotaRequest& request,
   RETURN_IF_ERROR(CheckProject(request.project(), "project"));
   ASSIGN_OR_RETURN(const Quota quota, QuotaFromProto(request.quota()));
   RETURN_IF_ERROR(store_.quotas().SetProjectQuota(request.project(), quota).status());
+  // This server applies the new quota at once; others do when their copy expires.
   quotas_.Forget(request.project());
   return FillUsage(request.project(), response);
 }

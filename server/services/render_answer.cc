@@ -55,6 +55,8 @@ struct Canvas {
   std::optional<ViewPlaces> places;  // where the answer's pixels are in it; none: the same pixels
 };
 
+// An image to encode. `depth_unit`: what a step of a depth image is in units of the scene; 0 for
+// the other contents.
 struct Picture {
   std::variant<Image, Grey16Image> pixels;
   double depth_unit = 0;
@@ -134,6 +136,7 @@ absl::StatusOr<std::vector<int32_t>> ReadMembers(const Selections& selections,
                                                  const v1::Subset& subset) {
   ASSIGN_OR_RETURN(const std::optional<GaussianSet> members,
                    selections.FindSubset(model, subset, "overlay_subset"));
+  // Here "all of the model" would tint the whole picture, so it is refused.
   if (!members) return BadField("overlay_subset", "", "neither a selection nor a segment");
   return std::vector<int32_t>(members->member.begin(), members->member.end());
 }
@@ -142,6 +145,8 @@ absl::StatusOr<std::vector<int32_t>> ReadMembers(const Selections& selections,
 absl::Status ReadOverlay(const v1::MaskImage& mask, RenderQuery& query) {
   const Canvas canvas = MakeCanvas(query, ShareAskedFor(query), v1::RenderRequest::CONTENT_COLOR);
   query.overlay_size = SizeOf(mask);
+  // A client may draw on the picture that it got, which has the answer's size, or on the photograph
+  // itself.
   ImageOfView expected = query.image;
   if (query.overlay_size == ImageSize{canvas.width, canvas.height}) {
     ModelView answer = query.view;
@@ -199,6 +204,7 @@ void DrawOverlay(const BinaryMask& mask, Image& image) {
     for (int x = 0; x < image.width; ++x) {
       const size_t pixel = static_cast<size_t>(y) * image.width + x;
       if (mask.pixels[pixel] == 0) continue;
+      // A pixel at the edge of the image counts as border too.
       const double share = IsBorder(mask, image, x, y) ? 1 : kOverlayTint;
       for (int k = 0; k < 3; ++k) {
         uint8_t& value = image.pixels[3 * pixel + k];
@@ -247,10 +253,12 @@ absl::StatusOr<Picture> RenderDepth(const Segmenter& segmenter, const RenderQuer
   ASSIGN_OR_RETURN(std::vector<float> rendered, segmenter.RenderDepth(canvas.view, query.shown()));
   const std::vector<float> depth = Warped(std::move(rendered), canvas);
   const double deepest = depth.empty() ? 0 : *std::max_element(depth.begin(), depth.end());
+  // An image without depth gets a unit over 0, since clients divide by it.
   const double unit = (deepest > 0 ? deepest : 1) / kDeepest;
   Grey16Image image = {canvas.width, canvas.height, {}};
   image.pixels.reserve(depth.size());
   for (const float value : depth) {
+    // 0 means that nothing is there, so the smallest depth becomes 1.
     const double steps = std::clamp(double{value} / unit, value > 0 ? 1.0 : 0.0, kDeepest);
     image.pixels.push_back(static_cast<uint16_t>(std::lround(steps)));
   }
@@ -268,6 +276,7 @@ absl::StatusOr<Picture> RenderSegments(const Segmenter& segmenter, const RenderQ
         std::vector<int32_t> rendered,
         segmenter.RenderIds(canvas.view, whole.levels[query.level].ids, query.shown()));
     const std::vector<int32_t> ids = Warped(std::move(rendered), canvas);
+    // The ids are copied, since the decomposition may be dropped when the callback returns.
     image.pixels.assign(ids.begin(), ids.end());
     return absl::OkStatus();
   };
@@ -308,6 +317,7 @@ absl::Status RenderToFit(const UnaryCall& call, const Segmenter& segmenter,
   absl::Duration compute, encode;
   double share = ShareAskedFor(query);
   for (;;) {
+    // Before each render: every size that did not fit has cost one.
     RETURN_IF_ERROR(call.CheckWanted());
     const Canvas canvas = MakeCanvas(query, share, content);
     ASSIGN_OR_RETURN(const Picture picture, RenderContent(segmenter, query, canvas, content));
@@ -319,6 +329,8 @@ absl::Status RenderToFit(const UnaryCall& call, const Segmenter& segmenter,
     response->set_width(canvas.width);
     response->set_height(canvas.height);
     response->set_depth_unit(picture.depth_unit);
+    // A size that the client gave is kept, and CheckAnswerSize then refuses an image that is too
+    // large.
     const bool may_shrink = query.max_side == 0 && !query.view.name.empty();
     if (!may_shrink || response->ByteSizeLong() + kRest <= kAnswerBytes) break;
     const auto excess =

@@ -36,6 +36,8 @@ struct SceneRemains {
   std::vector<std::string> resident_keys;
 };
 
+// Must run before the records are deleted. What appears in between, such as a job that ends, is
+// left to the collector.
 absl::StatusOr<SceneRemains> FindRemains(Store& store, const std::string& scene) {
   SceneRemains remains;
   PageRequest page{1000, ""};
@@ -72,7 +74,8 @@ absl::StatusOr<std::vector<std::string>> FindSelectionFiles(Store& store, const 
 }
 
 // Returns what must precede the name of a scene to make it unique: "projects/{project}/" for a
-// caller who sees all projects, if another project has a scene of this id; else nothing.
+// caller who sees all projects, if another project has a scene of this id; else nothing. Names
+// without a project mean the default project, so its scenes need no prefix.
 absl::StatusOr<std::string> PrefixOf(Store& store, const SceneRow& row, const Caller& caller) {
   if (!caller.sees_all_projects || row.project == kDefaultProject) return std::string();
   ASSIGN_OR_RETURN(const std::vector<SceneRow> scenes, store.scenes().FindScenes(row.id));
@@ -91,10 +94,13 @@ absl::Status FillViews(const Model& model, const PageRequest& page,
       return BadField("page_token", token, "not one of this list");
     }
   }
+  // The token is checked to be at most the number of views, so `first + size` does not overflow.
   const size_t size = page.page_size == 0 ? kDefaultPageSize : page.page_size;
   const size_t last = std::min(views.size(), first + size);
   for (size_t i = first; i < last; ++i) {
     ModelView view = views[i];
+    // A model's views are relative to its origin, for the precision of floats; clients get world
+    // coordinates.
     view.cam_from_world = InWorld(model.origin, view.cam_from_world);
     *response->add_views() = ToProto(view);
   }
@@ -113,6 +119,7 @@ absl::Status SceneServiceRpc::FillScene(const SceneRow& row, const Caller& calle
   const auto model = store_.models().GetLiveModel(row.key);
   if (model.ok()) {
     scene->set_live_model(prefix + ChildName(row.key, "models", model->number));
+    // FAILED_PRECONDITION means that the scene has no model yet.
   } else if (!absl::IsFailedPrecondition(model.status())) {
     return model.status();
   }
@@ -122,6 +129,8 @@ absl::Status SceneServiceRpc::FillScene(const SceneRow& row, const Caller& calle
 }
 
 absl::Status SceneServiceRpc::DeleteWithRemains(const std::string& scene) {
+  // The records go first: if the server is killed afterwards, files without a record are left,
+  // which the collector removes. The other order would leave records without files.
   ASSIGN_OR_RETURN(const SceneRemains remains, FindRemains(store_, scene));
   const absl::Status deleted = store_.scenes().DeleteScene(scene);
   if (absl::IsFailedPrecondition(deleted)) {
@@ -145,6 +154,7 @@ absl::Status SceneServiceRpc::DeleteWithRemains(const std::string& scene) {
 
 absl::Status SceneServiceRpc::DeleteModelWithFiles(const std::string& name) {
   ASSIGN_OR_RETURN(const ModelRow row, models_.Find(name, "name"));
+  // Before the deletion, whose cascade removes the records of the selections.
   ASSIGN_OR_RETURN(const auto selections, FindSelectionFiles(store_, row));
   RETURN_IF_ERROR(store_.models().DeleteModel(row.scene, row.number));
   models_.cache().Drop(ResidentKey(row));  // queries under way still hold it

@@ -53,6 +53,8 @@ absl::Status SegmentAnswers::Segment(const QueryCall& call, const v1::SegmentReq
   AnswerFrame frame(request.frame());
   for (const ModelView& target : asked.targets) {
     if (call.given_up()) return absl::CancelledError("nobody waits for the answer any more");
+    // One view at a time, although Segment takes many: a client that is gone costs at most one
+    // view, and the size is checked before the next one is computed.
     ASSIGN_OR_RETURN(auto results,
                      model.segmenter->Segment(query, {&target, 1}, request.want_similarity()));
     const SegmentResult result = frame.Take(target, std::move(results.front()));
@@ -106,6 +108,7 @@ absl::Status SegmentStreamCall::Authorize(v1::SegmentStreamRequest& request) {
   if (!caller.ok()) return caller.status();
   project_ = caller->project;
   absl::Status status;
+  // The stream is counted once, for the first caller; later requests are authorised only.
   if (!admitted_) status = Admit(OwnerOf(*caller, origin_));
   admitted_ = status.ok();
   return status;
@@ -116,16 +119,20 @@ bool SegmentStreamCall::Answer(const v1::SegmentStreamRequest& request) {
   message_.Clear();
   message_.set_sequence(request.sequence());
   const absl::Time start = absl::Now();
+  // Each request of a stream counts as a query. A refusal is an answer, so that the stream survives
+  // it.
   absl::Status status = runner_.quotas().Admit(project_, request);
   if (status.ok()) {
     status = SegmentAnswers(models_).Segment(call, request.segment(), message_.mutable_segment());
   }
+  // A newer request came, or the stream ends: there is nothing to send.
   if (absl::IsCancelled(status)) return false;
   const absl::Time end = absl::Now();
   runner_.pools().query.latencies().Record(end - start, end);
   if (status.ok()) return true;
   *message_.mutable_error() = ToProto(status);
   const ClientErrorRules rules = {models_.data_folder(), origin_.request_id};
+  // The interceptor sees only the status of the stream, not the errors in its messages.
   if (HidePrivateText(rules, *message_.mutable_error())) {
     spdlog::warn("SegmentStream: {}, request {}", status.ToString(), origin_.request_id);
   }
@@ -139,6 +146,8 @@ Stream::Step SegmentStreamCall::Work(bool) {
     absl::Status status = Authorize(request ? *request : none);
     if (!status.ok()) return {Next::kEnd, std::move(status)};
   }
+  // The limit is for the first request only: a client may think between clicks for as long as it
+  // likes.
   asked_ = asked_ || request.has_value();
   const absl::Duration first_message = runner_.streams().limits().first_message;
   if (!asked_ && absl::Now() - begin_ > first_message) {

@@ -14,6 +14,7 @@ namespace pepeseg {
 absl::Status SegmentationServiceRpc::AnswerEvaluate(const UnaryCall& call,
                                                     const v1::EvaluateRequest& request,
                                                     v1::EvaluateResponse* response) const {
+  // Options before the model, so that a wrong request does not load one.
   ASSIGN_OR_RETURN(const OneClickOptions options, OneClickOptionsFromProto(request.options()));
   ASSIGN_OR_RETURN(const ResidentModel model, models_.LoadWithFeatures(request.model(), "model"));
   RETURN_IF_ERROR(call.CheckWanted());
@@ -24,6 +25,7 @@ absl::Status SegmentationServiceRpc::AnswerEvaluate(const UnaryCall& call,
       const OneClickScores scores,
       EvaluateOneClick(*model.segmenter, views, options, [&] { return call.CheckWanted(); }));
   *response->mutable_compute() = ToProto(stopwatch.Lap());
+  // The time that is reported is that of the scores alone: decoding the labels is not part of it.
   FillAnswer(scores, request, model.segmenter->model(), response);
   *response->mutable_options() = ToProto(options);
   response->set_model(model.name);
@@ -58,6 +60,8 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::Segment(grpc::CallbackServerCo
                                                           const v1::SegmentRequest* request,
                                                           v1::SegmentResponse* response) {
   return runner_.Run(
+      // Calls that compute run on `query`, those that compute for long on `evaluation`, and those
+      // that only read the store on `io`, so that none of them waits for a slower kind.
       runner_.pools().query, {call, request}, [this, request, response](const UnaryCall& unary) {
         const QueryCall query = {unary.queued, [&unary] { return unary.cancelled(); }};
         return segment_answers_.Segment(query, *request, response);

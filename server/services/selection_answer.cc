@@ -18,6 +18,7 @@
 namespace pepeseg {
 namespace {
 
+// Each voting view is rendered and segmented, so their number bounds the time of a call.
 constexpr int kMaxVotingViews = 100;
 
 absl::StatusOr<GaussianSet> Apply(v1::SetOperation operation, const GaussianSet& base,
@@ -58,6 +59,8 @@ template <typename Request>
 void SetRequest(Request request, SelectionRow* row) {
   row->request_id = request.request_id();
   request.clear_request_id();
+  // The bytes of a serialised message are the same within one version of the program, which
+  // suffices for retries.
   row->request_digest = Sha256Hex(request.GetTypeName() + "\n" + request.SerializeAsString());
 }
 
@@ -91,6 +94,8 @@ absl::StatusOr<GaussianSet> SelectionAnswers::SelectSource(const UnaryCall& call
 
 absl::Status SelectionAnswers::Select(const UnaryCall& call, const v1::SelectRequest& request,
                                       v1::Selection* response) const {
+  // A repeated request is answered from its record before the model is loaded, even if "live" means
+  // a newer model by now.
   ASSIGN_OR_RETURN(const SceneChild named, ParseModelName(request.model(), "model"));
   RETURN_IF_ERROR(CheckSelect(request));
   SelectionRow row;
@@ -131,10 +136,12 @@ absl::Status SelectionAnswers::Combine(const v1::CombineSelectionsRequest& reque
     return absl::OkStatus();
   }
   ASSIGN_OR_RETURN(const SelectionRow base, selections_.FindRow(request.first(), "first"));
+  // Both sets must be of the model of `first`; Find refuses `second` otherwise.
   const SceneChild of = {base.scene, base.model};
   ASSIGN_OR_RETURN(const GaussianSet a, selections_.Find(request.first(), of, "first"));
   ASSIGN_OR_RETURN(const GaussianSet b, selections_.Find(request.second(), of, "second"));
   ASSIGN_OR_RETURN(const GaussianSet set, Apply(request.operation(), a, b));
+  // The model is loaded only for the bounds of the result, so a model without features does.
   ASSIGN_OR_RETURN(const ResidentModel model,
                    models_.Load(KeyedChildName(of.scene, "models", of.number), "first"));
   ASSIGN_OR_RETURN(row, selections_.Record(model, set, row));
@@ -151,6 +158,7 @@ absl::Status SelectionAnswers::Undo(const v1::UndoSelectionRequest& request,
                         "NO_BASE", request.name());
   }
   const std::string base_name = KeyedChildName(row.scene, "selections", row.base);
+  // NOT_FOUND if the base was deleted: selections refer to their base by number only.
   ASSIGN_OR_RETURN(const SelectionRow base, selections_.FindRow(base_name, "name"));
   *response = ToProto(base);
   return absl::OkStatus();

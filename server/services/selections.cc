@@ -27,6 +27,8 @@ absl::Status WriteMembers(const std::filesystem::path& path, const GaussianSet& 
   return WriteSelectionFile(path, set);
 }
 
+// Adds the detail that a request_id was used before to ALREADY_EXISTS, the store's only error of
+// that code here.
 absl::Status WithRequest(const absl::Status& status, const SelectionRow& row) {
   if (!absl::IsAlreadyExists(status)) return status;
   return WithResource(status, "REQUEST_ID_USED", SceneName(row.scene));
@@ -52,6 +54,8 @@ absl::StatusOr<GaussianSet> Selections::Find(const std::string& name, const Scen
                                          ChildName(model.scene, "models", model.number))),
                         "OTHER_MODEL", its_model);
   }
+  // The record and the file are checked against each other: a file that was restored from another
+  // backup could have the bits of another model.
   auto set = ReadSelectionFile(data_folder_ / row.file, name);
   if (set.ok() && static_cast<int64_t>(set->member.size()) != row.model_gaussians) {
     set = absl::DataLossError(absl::StrCat(name, ": has ", set->member.size(), " bits for ",
@@ -102,12 +106,16 @@ absl::StatusOr<SelectionRow> Selections::Record(const ResidentModel& model, cons
     row.min[axis] = bounds.min[axis];
     row.max[axis] = bounds.max[axis];
   }
+  // The number is taken in a transaction of its own, so that the file has a name that no other call
+  // uses. A number whose selection is never recorded is not used again.
   ASSIGN_OR_RETURN(row.number, store_.selections().TakeSelectionNumber(row.scene));
   row.file = (SelectionFolder(row.scene) / std::to_string(row.number)).string();
   const std::filesystem::path path = data_folder_ / row.file;
   RETURN_IF_ERROR(WriteMembers(path, set));
   ASSIGN_OR_RETURN(row.num_bytes, FileSize(path, row.file));
   auto made = store_.selections().CreateSelection(row);
+  // A retry that lost against its first request gets that request's record, with another number:
+  // then this file has no record either.
   // The file is removed unless the record has been committed. If that is unknown, the file stays
   // and the collector decides later: a commit whose sync failed for lack of space may be there
   // after a restart. The refusal of a quota is RESOURCE_EXHAUSTED, too, but is not private.

@@ -14,6 +14,8 @@
 namespace pepeseg {
 namespace {
 
+// Limits of one CreateUpload. They bound what a request, its records and its partial files take;
+// dataset_service.proto states them.
 constexpr size_t kMaxPathBytes = 512;
 constexpr int kMaxFiles = 20'000;
 constexpr size_t kMaxPathBytesInAll = size_t{2} << 20;
@@ -81,6 +83,8 @@ absl::StatusOr<std::vector<DatasetFileRow>> CheckUploadFiles(
   for (const v1::FileDeclaration& file : request.files()) {
     const std::string field = absl::StrCat("files[", files.size(), "]");
     ASSIGN_OR_RETURN(DatasetFileRow row, CheckFile(file, field));
+    // Paths are compared by bytes. The files are stored by digest, so names that differ only in
+    // case do not collide on the disk.
     if (!paths.insert(row.path).second) return BadField(field + ".path", row.path, "listed twice");
     path_bytes += row.path.size();
     num_bytes += row.size;

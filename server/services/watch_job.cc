@@ -62,6 +62,7 @@ absl::Status WatchJobStream::Start() {
   ASSIGN_OR_RETURN(id_, ParseJobName(request_.name(), "name"));
   // Before the snapshot, so that no event is missed in between.
   watch_ = parts_.supervisor.AddWatch(id_, [weak = weak_from_this()] {
+    // Weak, since the stream owns the watch: each would keep the other alive.
     if (const auto stream = weak.lock()) stream->Wake();
   });
   ASSIGN_OR_RETURN(JobSnapshot snapshot, ReadJob(parts_.store, parts_.supervisor, id_));
@@ -70,6 +71,8 @@ absl::Status WatchJobStream::Start() {
     const int64_t after = request_.after_sequence();
     if (after < 0) return BadField("after_sequence", absl::StrCat(after), "is negative");
     if (after > snapshot.sequence) {
+      // The client may have seen an event, from this or another server, that this server's
+      // supervisor has not read yet.
       ASSIGN_OR_RETURN(snapshot.sequence, FindNewestInLog(snapshot.sequence));
     }
     if (after > snapshot.sequence) {
@@ -83,6 +86,8 @@ absl::Status WatchJobStream::Start() {
               "after_sequence: ", after, ", the newest event of the job is ", snapshot.sequence)),
           detail);
     }
+    // The snapshot is sent with the sequence that the client knows, so that a client that
+    // reconnects before the next event asks from there again.
     sequence_ = after;
   }
   reader_.emplace(parts_.supervisor.ReadEvents(id_, sequence_));
@@ -107,6 +112,7 @@ absl::StatusOr<int64_t> WatchJobStream::FindNewestInLog(int64_t seen) const {
 absl::Status WatchJobStream::ReadMore() {
   ASSIGN_OR_RETURN(std::vector<v1::JobEvent> events, reader_->Read());
   for (v1::JobEvent& event : events) {
+    // Only neighbours are merged, so that events of other kinds keep their place.
     if (event.has_progress() && !pending_.empty() && pending_.back().has_progress()) {
       pending_.pop_back();
     }
@@ -118,6 +124,8 @@ absl::Status WatchJobStream::ReadMore() {
 Stream::Step WatchJobStream::Work(bool) {
   if (!reader_.has_value()) {
     if (absl::Status status = Start(); !status.ok()) return {Next::kEnd, std::move(status)};
+    // New events are read only when they can replace a pending progress or nothing is pending. Thus
+    // a slow reader has at most one unsent progress behind the other events.
   } else if (pending_.empty() || pending_.back().has_progress()) {
     if (absl::Status status = ReadMore(); !status.ok()) return {Next::kEnd, std::move(status)};
   }
@@ -126,6 +134,7 @@ Stream::Step WatchJobStream::Work(bool) {
     pending_.pop_front();
     return Send(std::move(event));
   }
+  // The state that was sent last is final, and no event is pending after it.
   if (ended_) return {Next::kEnd, absl::OkStatus()};
   return SendHeartbeatWhenDue();
 }
@@ -155,6 +164,7 @@ Stream::Step WatchJobStream::SendHeartbeatWhenDue() {
   v1::JobEvent event;
   event.set_sequence(sequence_);
   *event.mutable_time() = ToProto(absl::Now());
+  // If the log has events after `sequence_`, the end will be read from there.
   if (IsTerminal(snapshot->job.state()) && snapshot->sequence == sequence_) {
     ended_ = true;
     *event.mutable_snapshot() = std::move(snapshot->job);

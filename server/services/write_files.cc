@@ -38,6 +38,8 @@ absl::Status Close(const WriteFilesStream::Parts& parts, const UploadName& uploa
                    std::shared_ptr<BlobWriter> writer) {
   absl::Status status = group.Commit(parts.store);
   if (writer == nullptr) return status;
+  // The writer's destructor syncs the bytes and records their number, so that the next stream
+  // resumes after them.
   writer.reset();
   if (absl::IsNotFound(parts.store.datasets().GetDataset(upload.scene, upload.number).status())) {
     parts.blobs.RemovePartial(upload);
@@ -48,6 +50,7 @@ absl::Status Close(const WriteFilesStream::Parts& parts, const UploadName& uploa
 }  // namespace
 
 Stream::Step WriteFilesStream::Work(bool io_ok) {
+  // The first task of the stream: no message has been read yet.
   if (!caller_.has_value()) {
     absl::Status status = BeginCall();
     if (!status.ok()) return {Next::kEnd, std::move(status)};
@@ -55,6 +58,7 @@ Stream::Step WriteFilesStream::Work(bool io_ok) {
   }
   got_message_ = true;
   if (writer_ != nullptr && !writer_->ready()) return Rehash();
+  // After the client's last message, `message_` still holds that one.
   if (!io_ok) message_.Clear();
   absl::Status status = Authorize(message_);
   if (!status.ok()) return End(std::move(status));
@@ -78,7 +82,8 @@ Stream::Step WriteFilesStream::Rehash() {
 
 void WriteFilesStream::OnClosed() {
   if (writer_ == nullptr && group_.empty()) return;
-  // After the pool has stopped it drops the task, whose destructors then block here: nothing waits.
+  // A pool that has stopped drops the task, whose destructors then block on this thread: the server
+  // is ending, so nothing else waits for it.
   parts_.runner.pools().upload.SubmitAlways([parts = parts_, upload = upload_,
                                              group = std::move(group_),
                                              writer = std::move(writer_)]() mutable {
@@ -99,6 +104,8 @@ absl::Status WriteFilesStream::BeginCall() {
 
 absl::Status WriteFilesStream::Authorize(v1::WriteFilesRequest& part) {
   if (!part.has_header()) return absl::OkStatus();
+  // Every header is authorised, so that a key that is revoked ends the upload at the next file, and
+  // an upload of another project is refused.
   ASSIGN_OR_RETURN(caller_, parts_.runner.authorizer().AuthorizeAndResolve(origin_, part));
   // One line in the audit log for each upload, not for each file; now, since a stream may be cut
   // off.
@@ -111,6 +118,7 @@ absl::Status WriteFilesStream::Authorize(v1::WriteFilesRequest& part) {
 
 Stream::Step WriteFilesStream::End(absl::Status status) {
   // Closes here, since OnClosed must not block. Of two errors the first one is the cause.
+  // OnClosed finds nothing left to do after this.
   status.Update(Close(parts_, upload_, std::exchange(group_, {}), std::exchange(writer_, {})));
   if (!status.ok() && named_.has_header()) {
     parts_.runner.authorizer().Record(origin_, *caller_, named_, status);
@@ -145,6 +153,7 @@ absl::Status WriteFilesStream::BeginFile(const v1::WriteFilesRequest::Header& he
   RETURN_IF_ERROR(StartAt(header));
   file_bytes_ = header.offset();
   sent_bytes_ = 0;
+  // Last, so that no chunk is taken for a header that was refused.
   in_file_ = true;
   return absl::OkStatus();
 }
@@ -154,6 +163,7 @@ absl::Status WriteFilesStream::FindFile(const v1::WriteFilesRequest::Header& hea
                                         const SceneChild& upload) {
   const std::string path(Utf8Prefix(header.path(), 512));
   const bool same = upload_.scene == upload.scene && upload_.number == upload.number;
+  // A group has one upload, since one transaction marks its files.
   if (!same) RETURN_IF_ERROR(group_.Commit(parts_.store));  // the files are of the other upload
   if (!same || !listed_.contains(path)) {
     RETURN_IF_ERROR(ListFrom(path, header.upload(), upload));
@@ -169,6 +179,7 @@ absl::Status WriteFilesStream::FindFile(const v1::WriteFilesRequest::Header& hea
 
 absl::Status WriteFilesStream::ListFrom(const std::string& path, const std::string& name,
                                         const SceneChild& upload) {
+  // The number of records read at once: two groups.
   constexpr int64_t kListed = 256;
   Store& store = parts_.store;
   listed_.clear();
@@ -188,6 +199,8 @@ absl::Status WriteFilesStream::ListFrom(const std::string& path, const std::stri
 // Checks the offset at which the client starts. The bytes of a file that is stored already are not
 // looked at, so it may start anywhere.
 absl::Status WriteFilesStream::StartAt(const v1::WriteFilesRequest::Header& header) {
+  // A stored file may be sent again, for example by a client whose first answer was lost: its bytes
+  // are received and dropped.
   const bool stored = writer_ == nullptr;
   if (stored && header.offset() >= 0 && header.offset() <= file_.size) return absl::OkStatus();
   const int64_t committed = stored ? file_.size : writer_->committed();
@@ -212,17 +225,21 @@ absl::Status WriteFilesStream::TakeChunk(const v1::WriteFilesRequest::Chunk& chu
     return absl::InvalidArgumentError(absl::StrCat("a chunk of ", chunk.data().size(),
                                                    " bytes, allowed are 1..", kMaxChunkBytes));
   }
+  // Detects damage on the way before the bytes reach the file. The SHA-256 at the end would detect
+  // it too, but only after the whole file has been sent.
   const uint32_t crc = Crc32c(chunk.data());
   if (crc != chunk.crc32c()) {
     return absl::DataLossError(absl::StrCat("the chunk at byte ", file_bytes_, " has the CRC-32C ",
                                             absl::Hex(crc, absl::kZeroPad8), ", sent was ",
                                             absl::Hex(chunk.crc32c(), absl::kZeroPad8)));
   }
+  // A stored file's chunks are counted and checked like others, so that a client's error shows.
   file_bytes_ += static_cast<int64_t>(chunk.data().size());
   sent_bytes_ += static_cast<int64_t>(chunk.data().size());
   if (writer_ == nullptr) return absl::OkStatus();
   unchecked_bytes_ += static_cast<int64_t>(chunk.data().size());
   if (unchecked_bytes_ >= kCheckedBytes) {
+    // NOT_FOUND ends the stream: the collector or a client has deleted the upload.
     RETURN_IF_ERROR(parts_.store.datasets().GetDataset(upload_.scene, upload_.number).status());
     unchecked_bytes_ = 0;
   }
@@ -231,6 +248,7 @@ absl::Status WriteFilesStream::TakeChunk(const v1::WriteFilesRequest::Chunk& chu
 
 absl::Status WriteFilesStream::EndFile() {
   if (writer_ != nullptr) RETURN_IF_ERROR(OfFile(file_.path, writer_->Finish()));
+  // The writer keeps its descriptor and its lock until the group is committed.
   group_.Add(upload_, {file_, std::exchange(writer_, nullptr)});
   in_file_ = false;
   response_->set_num_files(response_->num_files() + 1);

@@ -109,6 +109,7 @@ absl::Status WriteGroup::Publish(std::vector<File>& files) {
   const bool as_a_whole = written.size() >= kManyFiles && SyncsAsAWhole(written[0]);
   // The first file was opened before any of the bytes were written, so this sync reports the loss
   // of any of them. If it fails, each file is synced by itself to find the one that is damaged.
+  // First the bytes, then the names: after a crash a name must not lead to bytes that are missing.
   if (!as_a_whole || syncfs(written[0]) != 0) RETURN_IF_ERROR(Sync(files));
   for (const File& file : files) {
     if (file.writer != nullptr) RETURN_IF_ERROR(OfFile(file.row.path, file.writer->Publish()));
@@ -124,6 +125,8 @@ absl::Status WriteGroup::Publish(std::vector<File>& files) {
 
 absl::Status WriteGroup::Commit(Store& store) {
   if (files_.empty()) return absl::OkStatus();
+  // The group is emptied even if the commit fails: the stream ends then, and the client resumes by
+  // GetUpload.
   std::vector<File> files = std::exchange(files_, {});
   num_bytes_ = 0;
   since_ = absl::InfiniteFuture();
@@ -131,6 +134,8 @@ absl::Status WriteGroup::Commit(Store& store) {
   std::vector<DatasetFileRow> rows;
   rows.reserve(files.size());
   for (File& file : files) rows.push_back(std::move(file.row));
+  // Last, so that the database never says that a file is stored whose bytes could be lost. A crash
+  // before this leaves blobs without a record, which the next CreateUpload or SealUpload finds.
   return store.files().MarkFilesStored(upload_, rows);
 }
 

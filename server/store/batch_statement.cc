@@ -28,6 +28,7 @@ void BatchStatement::Run() {
   int num_values = 0;
   for (int i = 0; i < num_records_; ++i) {
     if (i > 0) query += text_.between;
+    // The text is the program's own, so a '?' is always a placeholder.
     for (const char c : text_.record) {
       if (c == '?') {
         absl::StrAppend(&query, ":v", num_values++);

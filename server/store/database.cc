@@ -50,9 +50,11 @@ void SetUp(soci::session& sql) {
     return;
   }
   std::string mode;
+  // With a write-ahead log readers do not wait for the writer.
   sql << "PRAGMA journal_mode = WAL", soci::into(mode);
   // A change that was confirmed to a client must survive a power cut.
   sql << "PRAGMA synchronous = FULL";
+  // Off by default in SQLite, and a setting of the connection: the cascades of deletions need it.
   sql << "PRAGMA foreign_keys = ON";
 }
 
@@ -61,6 +63,7 @@ void SetUp(soci::session& sql) {
 // its indexes and records. A bit flip inside a stored value is not detected.
 absl::Status CheckSqliteFile(soci::session& sql) {
   constexpr int kMostPages = 2048;  // of 4 KiB: the full check takes a third of a second
+  // Also in the pragma's text below.
   constexpr int kMostFaults = 3;
   int num_pages = 0;
   sql << "PRAGMA page_count", soci::into(num_pages);
@@ -152,12 +155,16 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Open(const std::string& url)
   size_t num_connections = 1;
   if (url.starts_with(kSqlite) && url.size() > kSqlite.size() &&
       url.find('"') == std::string::npos) {
+    // Before SQLite opens the file: it would cut a damaged log off silently, and its commits would
+    // be lost.
     RETURN_IF_ERROR(CheckSqliteLog(url.substr(kSqlite.size())));
     database.reset(new Database(
         soci::sqlite3, absl::StrCat("dbname=\"", url.substr(kSqlite.size()), "\" timeout=10"), 1));
   } else if (url.starts_with(kPostgresql) && url.size() > kPostgresql.size()) {
     const bool is_uri = url.starts_with("postgresql://");
     num_connections = kNumConnections;
+    // A call must not wait for minutes for a host that does not answer. The operator's own value
+    // counts.
     setenv("PGCONNECT_TIMEOUT", "5", /*overwrite=*/0);
     database.reset(new Database(soci::postgresql, is_uri ? url : url.substr(kPostgresql.size()),
                                 num_connections));
@@ -202,13 +209,16 @@ Database::Run Database::RunOnce(const std::function<absl::Status(soci::session&)
   soci::session& sql = connection.sql();
   try {
     if (!sql.is_connected()) {
+      // The connection was lost by an earlier call. Its settings are gone with it.
       sql.reconnect();
       SetUp(sql);
     }
     std::optional<Transaction> transaction;  // rolls back unless committed
     if (in_transaction) transaction.emplace(sql);
     run.status = body(sql);
+    // An error of the body rolls back.
     if (!run.status.ok() || !in_transaction) return run;
+    // From here on a failure leaves open whether the transaction took place.
     committing = true;
     transaction->Commit();
   } catch (const soci::soci_error& error) {
@@ -238,6 +248,8 @@ absl::Status Database::Repeat(const std::function<absl::Status(soci::session&)>&
   const absl::Time deadline = absl::Now() + kMaxCollisions;
   for (int count = 1;; ++count) {
     Run run = RunOnce(body, in_transaction);
+    // A lost connection is tried again once: a server that has restarted is found at the second
+    // attempt, and one that is gone must not delay the call.
     const bool again = run.fate == Fate::kCollided ||
                        (run.fate == Fate::kConnectionLost && !std::exchange(reconnected, true));
     if (!again || absl::Now() > deadline) return run.status;

@@ -24,6 +24,7 @@ bool IsBrokenConstraint(const soci::soci_error& error) {
 
 bool IsFullDisk(const soci::soci_error& error, int system_error) {
   const auto* sqlite = dynamic_cast<const soci::sqlite3_soci_error*>(&error);
+  // PostgreSQL: disk_full.
   if (sqlite == nullptr) return SqlState(error) == "53100";
   const int code = sqlite->result() & 0xff;
   return code == SQLITE_FULL ||
@@ -47,6 +48,8 @@ bool IsLostConnection(const soci::soci_error& error) {
 }
 
 absl::StatusCode CodeOf(const soci::soci_error& error, int system_error) {
+  // A constraint that holds is checked before each insertion, so a broken one means that another
+  // call came first: a retry sees its record.
   if (IsBrokenConstraint(error)) return absl::StatusCode::kAborted;
   if (IsFullDisk(error, system_error)) return absl::StatusCode::kResourceExhausted;
   if (IsDamage(error)) return absl::StatusCode::kDataLoss;
@@ -60,6 +63,9 @@ bool IsCollision(const soci::soci_error& error) {
   const auto* sqlite = dynamic_cast<const soci::sqlite3_soci_error*>(&error);
   if (sqlite != nullptr) return (sqlite->result() & 0xff) == SQLITE_BUSY;
   const std::string state = SqlState(error);
+  // PostgreSQL: serialization_failure, deadlock_detected and unique_violation. The last is a
+  // collision, too: when the transaction runs again, it finds the record that the other one has
+  // inserted.
   return state == "40001" || state == "40P01" || state == "23505";
 }
 
@@ -86,6 +92,7 @@ absl::Status DatabaseError(const soci::soci_error& error, int system_error) {
   if (system_error != 0) {
     absl::StrAppend(&message, " (", std::generic_category().message(system_error), ")");
   }
+  // Private: the text may have SQL, values and paths, which are for the log only.
   return PrivateError(CodeOf(error, system_error), message);
 }
 

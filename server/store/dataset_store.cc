@@ -92,6 +92,7 @@ absl::StatusOr<DatasetRow> Seal(soci::session& sql, const DatasetRow& dataset) {
   FileQuery query;
   query.scene = dataset.scene;
   query.dataset = dataset.number;
+  // The key is empty here, so "path <> ''" holds for every file.
   query.condition = "stored = 0 AND path <>";
   const std::vector<DatasetFileRow> missing = SelectFiles(sql, query);
   if (!missing.empty()) {
@@ -128,11 +129,15 @@ absl::StatusOr<DatasetRow> DatasetStore::CreateDataset(const std::string& scene,
     RETURN_IF_ERROR(CheckScene(sql, scene));
     ASSIGN_OR_RETURN(const DatasetRow earlier, FindEarlier(sql, row, files));
     if (earlier.number != 0) return earlier;
+    // Only for a new dataset: a retry of a call that succeeded must not fail because the disk has
+    // filled up.
     if (admit) RETURN_IF_ERROR(admit());
     const DatasetRow made = InsertDataset(sql, row, files);
     std::vector<DatasetFileRow> stored;
     std::copy_if(files.begin(), files.end(), std::back_inserter(stored),
                  [](const DatasetFileRow& file) { return file.stored; });
+    // Files whose bytes are there already count as stored from now on. The blob may have no record,
+    // for example if the server was killed after publishing it.
     InsertBlobs(sql, SelectProjectOf(sql, scene), stored);
     // Checked after the insertion, so that the dataset counts. An error rolls all of it back.
     RETURN_IF_ERROR(CheckUploadQuotas(sql, scene, defaults_));
@@ -155,6 +160,7 @@ absl::StatusOr<Page<DatasetRow>> DatasetStore::ListDatasets(const std::string& s
         RETURN_IF_ERROR(CheckScene(sql, scene));
         Page<DatasetRow> answer;
         answer.rows =
+            // Only sealed datasets: an open one is an upload.
             SelectDatasets(sql, scene, "> 0 AND state = 1 AND number >", key, start.limit + 1);
         if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
           answer.rows.pop_back();
@@ -200,6 +206,7 @@ absl::StatusOr<std::vector<DatasetRow>> DatasetStore::ListOpenUploads(absl::Time
 absl::Status DatasetStore::DeleteUpload(const std::string& scene, int64_t number) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
     ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
+    // An upload may be sealed between the collector's look at its age and this transaction.
     if (dataset.state == DatasetState::kSealed) {
       return absl::FailedPreconditionError(
           absl::StrCat("scenes/", scene, "/uploads/", number, " is sealed"));

@@ -14,6 +14,8 @@ namespace {
 // found.
 int64_t UpdateFiles(soci::session& sql, const std::string& columns, const DatasetRow& dataset,
                     const std::vector<DatasetFileRow>& files) {
+  // The casts give PostgreSQL the types of the placeholders, which it cannot infer in a SELECT
+  // without a table.
   BatchStatement update(
       sql, {"UPDATE dataset_files SET " + columns + " FROM (",
             "SELECT CAST(? AS VARCHAR(83)) AS scene, CAST(? AS BIGINT) AS dataset,"
@@ -78,6 +80,7 @@ void InsertFiles(soci::session& sql, const DatasetRow& dataset,
 
 void InsertBlobs(soci::session& sql, const std::string& project,
                  const std::vector<DatasetFileRow>& files) {
+  // A digest counts once per project, however many files have it.
   BatchStatement insert(sql, {"INSERT INTO blobs (project, sha256, size) VALUES ",
                               "(CAST(? AS VARCHAR(63)), CAST(? AS VARCHAR(64)), CAST(? AS BIGINT))",
                               ", ", " ON CONFLICT (project, sha256) DO NOTHING"});
@@ -146,6 +149,8 @@ absl::Status FileStore::MarkFilesStored(const UploadName& upload,
   absl::Status refused;
   RETURN_IF_ERROR(database_.Transact([&](soci::session& sql) -> absl::Status {
     InsertBlobs(sql, upload.project, files);
+    // NOT_FOUND: the upload was deleted while its files were written. The blobs then count until
+    // the collector removes them.
     const auto dataset = SelectDataset(sql, upload.scene, upload.number);
     refused = dataset.status();
     if (!refused.ok()) return absl::OkStatus();
@@ -166,9 +171,12 @@ absl::Status FileStore::SetDigestsStored(const std::string& project,
   return database_.Transact([&](soci::session& sql) -> absl::Status {
     const int value = stored ? 1 : 0;
     for (const std::string& digest : digests) {
+      // The header is unknown again: what was read of damaged bytes, or of none, does not count for
+      // new ones.
       sql << "UPDATE dataset_files SET stored = :stored, header = 0 WHERE sha256 = :digest"
              " AND scene IN (SELECT id FROM scenes WHERE project = :project)",
           soci::use(value), soci::use(digest), soci::use(project);
+      // Deleted and inserted, so that the size is that of the declarations.
       sql << "DELETE FROM blobs WHERE project = :project AND sha256 = :digest", soci::use(project),
           soci::use(digest);
       if (!stored) continue;

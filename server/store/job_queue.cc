@@ -17,6 +17,8 @@ constexpr int64_t kAll = int64_t{1} << 40;  // limit of a SELECT that returns ev
 absl::StatusOr<JobRow> SelectAttempt(soci::session& sql, const std::string& id, int64_t fence,
                                      const JobQueue::Holder& holder) {
   ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
+  // All three are needed: the fence is that of a later attempt if the job was claimed again, and
+  // the owner is another server if the attempt itself was taken over.
   if (job.state == JobState::kRunning && job.fence == fence && job.lease_owner == holder.name) {
     return job;
   }
@@ -61,6 +63,8 @@ void EndClaim(JobRow& job) {
 }
 
 // Starts the next attempt of a job.
+// The fence numbers the attempts of a job: files and events of each attempt carry it, so that a
+// worker of an earlier one that still runs cannot be taken for this one.
 void BeginClaim(JobRow& job, const std::string& device) {
   job.state = JobState::kRunning;
   job.stage.clear();
@@ -71,6 +75,8 @@ void BeginClaim(JobRow& job, const std::string& device) {
 }
 
 // Updates the counters by which the supervisor decides that a job has failed too often.
+// Progress resets both counters: a long job may be interrupted any number of times as long as each
+// attempt gets further.
 void CountAttempt(const EndedAttempt& attempt, JobRow& job) {
   if (attempt.progress) {
     job.crashes = job.server_ends = 0;
@@ -94,6 +100,7 @@ int64_t LeaseEnd(soci::session& sql, const JobQueue::Holder& holder) {
 // counts in its project already. The subquery selects the projects that run as many jobs as they
 // may: `most` for those without a value of their own.
 int64_t SelectClaimable(soci::session& sql, const Quota& defaults) {
+  // SQLite has no row locks; its transactions are IMMEDIATE, so that claims follow one another.
   const std::string unlocked =
       sql.get_backend_name() == "postgresql" ? " FOR UPDATE SKIP LOCKED" : "";
   const int64_t now = DatabaseMicros(sql);
@@ -130,6 +137,8 @@ absl::StatusOr<std::optional<JobRow>> JobQueue::ClaimJob(const std::string& devi
     if (number == 0) return Claimed();
     ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, absl::StrCat("j", number)));
     // A launcher still runs the others: their attempt continues under a new holder.
+    // A RUNNING job is claimed only after its lease has expired, when the worker of its old holder
+    // has ended by itself (heartbeat.h).
     if (job.launch.empty()) BeginClaim(job, device);
     job.lease_owner = holder_.name;
     job.lease_end = FromMicros(LeaseEnd(sql, holder_));
@@ -142,6 +151,9 @@ absl::StatusOr<std::vector<JobRow>> JobQueue::RenewLeases() {
   using Jobs = std::vector<JobRow>;
   return database_.Query<Jobs>([this](soci::session& sql) -> absl::StatusOr<Jobs> {
     const int64_t lease_end = LeaseEnd(sql, holder_);
+    // Renews by owner, without a condition on the time: a lease that has expired but that nobody
+    // has claimed is still this server's. What another server has claimed is missing from the
+    // answer.
     sql << "UPDATE jobs SET lease_end = :lease WHERE state = 1 AND lease_owner = :owner",
         soci::use(lease_end), soci::use(holder_.name);
     return SelectHeld(sql, holder_);
@@ -163,6 +175,8 @@ absl::StatusOr<std::vector<JobRow>> JobQueue::ListRunningJobs() {
 absl::StatusOr<JobRow> JobQueue::TakeOverJob(const std::string& id, const std::string& gone) {
   return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
     ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
+    // Two servers may both find that the holder is gone: the second one finds the first one's name
+    // here.
     if (job.state != JobState::kRunning || job.lease_owner != gone) {
       return absl::AbortedError(absl::StrCat("jobs/", id, " is no longer held by ", gone));
     }
@@ -186,6 +200,8 @@ absl::Status JobQueue::SetJobLaunch(const std::string& id, int64_t fence,
 absl::StatusOr<int64_t> JobQueue::TakeNextFence(const std::string& id, const std::string& launch) {
   return database_.Query<int64_t>([&](soci::session& sql) -> absl::StatusOr<int64_t> {
     ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
+    // Asked by the worker itself, which does not know the holder. The launcher's name identifies
+    // it: a job that was claimed again has another launch.
     if (job.state != JobState::kRunning || job.launch != launch) {
       return absl::AbortedError(absl::StrCat("jobs/", id, " is no longer run by ", launch));
     }
@@ -210,6 +226,8 @@ absl::StatusOr<JobRow> JobQueue::RequestCancel(const std::string& id) {
     ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
     if (IsTerminal(job.state)) return job;
     job.cancel_requested = true;
+    // A RUNNING job stays so until its holder has stopped the worker and writes the end (EndJob or
+    // RequeueJob).
     if (job.state == JobState::kQueued) MarkCancelled(job);
     UpdateJob(sql, job);
     return job;
@@ -221,6 +239,7 @@ absl::StatusOr<JobRow> JobQueue::RequeueJob(const std::string& id, int64_t fence
   return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
     ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
     EndClaim(job);
+    // A request that came while the attempt ended counts: the job must not start again.
     if (job.cancel_requested) {
       MarkCancelled(job);  // keeps the stage of the attempt
     } else {
@@ -261,6 +280,8 @@ absl::StatusOr<ModelRow> JobQueue::CommitModel(const std::string& id, int64_t fe
     row.job = job.id;
     row.dataset = job.dataset;
     row.device = job.device;
+    // The model's record and the end of its job are one transaction: a kill leaves either a RUNNING
+    // job without a model, which is tried again, or both.
     row.number = TakeNumber(sql, job.scene, "next_model");
     row.create_time = absl::Now();
     const int64_t now = ToMicros(row.create_time);

@@ -38,6 +38,7 @@ absl::StatusOr<JobRow> FindEarlier(soci::session& sql, const JobRow& wanted) {
       soci::use(wanted.scene), soci::use(wanted.request_id), soci::into(number);
   if (!sql.got_data()) return JobRow();
   ASSIGN_OR_RETURN(JobRow earlier, SelectJob(sql, absl::StrCat("j", number)));
+  // The options as the client sent them: effective ones would differ after a default has changed.
   if (earlier.dataset != wanted.dataset || earlier.options != wanted.options) {
     return absl::AlreadyExistsError(absl::StrCat("request_id '", wanted.request_id,
                                                  "' was used to create jobs/", earlier.id,
@@ -55,14 +56,19 @@ absl::Status CheckStartable(soci::session& sql, const JobRow& job) {
   }
   const JobRow active = SelectActiveJob(sql, job.scene);
   if (active.id.empty()) return absl::OkStatus();
+  // The index active_jobs enforces the same against a job that another server inserts at this
+  // moment.
   return absl::AbortedError(
       absl::StrCat("scenes/", job.scene, " is already being trained by jobs/", active.id));
 }
 
 absl::StatusOr<JobRow> InsertJob(soci::session& sql, const JobRow& job) {
   int64_t number = 0;
+  // The counter is not MAX(number) + 1: numbers name folders, and must not come back after a
+  // deletion.
   sql << "UPDATE job_numbers SET next_job = next_job + 1";
   sql << "SELECT next_job - 1 FROM job_numbers", soci::into(number);
+  // See FromColumn.
   const std::string options = absl::Base64Escape(job.options);
   const std::string effective = absl::Base64Escape(job.effective_options);
   const int64_t now = absl::ToUnixMicros(absl::Now());
@@ -149,6 +155,7 @@ absl::StatusOr<JobRow> SelectJob(soci::session& sql, const std::string& id) {
 
 JobRow SelectActiveJob(soci::session& sql, const std::string& scene) {
   int64_t number = 0;
+  // At most one, by the index active_jobs. 0 is QUEUED, 1 is RUNNING.
   sql << "SELECT number FROM jobs WHERE scene = :scene AND state IN (0, 1)", soci::use(scene),
       soci::into(number);
   if (!sql.got_data()) return JobRow();
@@ -158,6 +165,8 @@ JobRow SelectActiveJob(soci::session& sql, const std::string& scene) {
 absl::StatusOr<JobRow> JobStore::CreateJob(const JobRow& job) {
   return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
     RETURN_IF_ERROR(CheckScene(sql, job.scene));
+    // First, so that a retry gets its job even if the scene has an active job by now, which is that
+    // job.
     ASSIGN_OR_RETURN(JobRow earlier, FindEarlier(sql, job));
     if (!earlier.id.empty()) return earlier;
     RETURN_IF_ERROR(CheckStartable(sql, job));
@@ -174,6 +183,7 @@ absl::StatusOr<JobRow> JobStore::GetJob(const std::string& id) {
 
 absl::StatusOr<Page<JobRow>> JobStore::ListJobs(const JobFilter& filter, const PageRequest& page) {
   const std::string list =
+      // The token is bound to the filter: a page of another list would skip or repeat jobs.
       absl::StrCat("jobs/", filter.scene, "/", filter.state ? static_cast<int>(*filter.state) : -1,
                    "/", filter.project);
   ASSIGN_OR_RETURN(const std::string where, WhereOf(filter));

@@ -47,6 +47,7 @@ absl::Status InsertKey(soci::session& sql, const KeyRow& key, int64_t now) {
 
 absl::StatusOr<KeyRow> KeyStore::CreateKey(const KeyRow& key) {
   return database_.Query<KeyRow>([&](soci::session& sql) -> absl::StatusOr<KeyRow> {
+    // A project exists from its first key or quota on.
     RETURN_IF_ERROR(EnsureProject(sql, key.project));
     const int64_t now = absl::ToUnixMicros(absl::Now());
     RETURN_IF_ERROR(InsertKey(sql, key, now));
@@ -81,6 +82,7 @@ absl::StatusOr<Page<KeyRow>> KeyStore::ListKeys(const std::string& project,
 absl::StatusOr<KeyRow> KeyStore::RevokeKey(const std::string& id) {
   return database_.Query<KeyRow>([&](soci::session& sql) -> absl::StatusOr<KeyRow> {
     const int64_t now = absl::ToUnixMicros(absl::Now());
+    // Revoking twice keeps the first time.
     sql << "UPDATE api_keys SET revoke_time = :now WHERE id = :id AND revoke_time = 0",
         soci::use(now), soci::use(id);
     std::vector<KeyRow> rows = SelectKeys(sql, "id =", id, 1);

@@ -41,6 +41,7 @@ std::vector<LabelRow> SelectLabels(soci::session& sql, const std::string& scene,
 
 absl::Status NoLabelError(soci::session& sql, const std::string& scene, const std::string& id) {
   std::vector<std::string> ids;
+  // A mistyped label is the usual error, so the message lists those that exist.
   for (const LabelRow& label : SelectLabels(sql, scene, "id >", {kMaxLabelsNamed, ""})) {
     ids.push_back(label.id);
   }
@@ -58,6 +59,8 @@ absl::StatusOr<LabelRow> SelectLabel(soci::session& sql, const std::string& scen
   return rows[0];
 }
 
+// The area is left out: it is in the pixels of the request's frame, which may differ between a
+// request and its retry.
 bool SameLabel(const LabelRow& a, const LabelRow& b) {
   return a.id == b.id && a.text == b.text && a.view == b.view && a.width == b.width &&
          a.height == b.height && a.counts == b.counts;

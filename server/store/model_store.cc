@@ -43,6 +43,7 @@ std::vector<ModelRow> SelectModels(soci::session& sql, const std::string& scene,
 }
 
 absl::Status NoModelError(soci::session& sql, const std::string& scene) {
+  // The message says which job will make a model, since that is what the client wants to know next.
   const JobRow active = SelectActiveJob(sql, scene);
   return absl::FailedPreconditionError(
       absl::StrCat("scenes/", scene, " has no model yet",
@@ -84,6 +85,8 @@ absl::StatusOr<Page<ModelRow>> ModelStore::ListModels(const std::string& scene,
   return database_.Query<Page<ModelRow>>([&](soci::session& sql) -> absl::StatusOr<Page<ModelRow>> {
     RETURN_IF_ERROR(CheckScene(sql, scene));
     Page<ModelRow> answer;
+    // One more than the page has: if it is there, the page has a successor, and the token names the
+    // last model shown. So a page costs no COUNT.
     answer.rows = SelectModels(sql, scene, "<", {start.limit + 1, ""}, key);
     if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
       answer.rows.pop_back();
@@ -95,6 +98,7 @@ absl::StatusOr<Page<ModelRow>> ModelStore::ListModels(const std::string& scene,
 
 absl::Status ModelStore::DeleteModel(const std::string& scene, int64_t number) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
+    // In the same transaction as the deletion, so that of two deletions one is NOT_FOUND.
     ASSIGN_OR_RETURN(const ModelRow model, SelectModel(sql, scene, number));
     sql << "DELETE FROM models WHERE scene = :scene AND number = :number", soci::use(model.scene),
         soci::use(number);  // its selections are deleted by cascade

@@ -24,6 +24,8 @@ absl::Status QuotaError(const std::string& name, int64_t need, int64_t limit) {
   detail.set_field(name);
   detail.set_value(absl::StrCat(need));
   detail.set_limit(absl::StrCat(limit));
+  // Not private, unlike the database's RESOURCE_EXHAUSTED for a full disk: callers tell the two
+  // apart by that.
   absl::Status status = absl::ResourceExhaustedError(
       absl::StrCat("the project's quota of ", name, " is ", limit, ", this would make it ", need,
                    "; delete what is not needed, or ask the server's operator for a higher quota"));

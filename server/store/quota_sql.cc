@@ -8,6 +8,7 @@ namespace {
 
 // Returns the limits of a project: its own values where they are set, else the defaults.
 Quota SelectInForce(soci::session& sql, const std::string& project, const Quota& defaults) {
+  // Stays 0, which means the server's default, if the project has no record.
   Quota own;
   sql << "SELECT stored_bytes, open_uploads, queued_jobs, running_jobs FROM projects"
          " WHERE id = :id",
@@ -32,6 +33,8 @@ int64_t SumBytes(soci::session& sql, const std::string& column_from_where,
 // it is complete, so a digest may be made up. For the same reason files with one digest but
 // different declared sizes count separately. Stored blobs count once per digest.
 int64_t SumStoredBytes(soci::session& sql, const std::string& project) {
+  // PostgreSQL's SUM of BIGINT is NUMERIC, hence the CAST; COALESCE is for a project without
+  // records.
   return SumBytes(sql, "size), 0) AS BIGINT) FROM blobs WHERE project = :project", project) +
          SumBytes(sql,
                   "size), 0) AS BIGINT) FROM (SELECT f.size AS size FROM dataset_files f"

@@ -8,6 +8,7 @@ namespace pepeseg {
 namespace {
 
 constexpr size_t kMaxIdBytes = 63;
+// No id contains it (IsResourceId), so a key is never taken for an id.
 constexpr char kEndOfNumber = '@';
 
 // Returns the length of "NUMBER@" at the start of `text`, or 0 if there is none.
@@ -44,6 +45,7 @@ bool IsSceneKey(std::string_view text) { return IsResourceId(text.substr(PrefixL
 
 std::string SceneIdOf(std::string_view key) { return std::string(key.substr(PrefixLength(key))); }
 
+// The numbers of scenes begin at 1.
 std::string NoSceneKey(std::string_view id) { return MakeSceneKey(0, id); }
 
 std::string WithSceneIds(std::string_view text) {
@@ -54,6 +56,7 @@ std::string WithSceneIds(std::string_view text) {
     if (at == std::string_view::npos) break;
     ids.append(text.substr(0, at + kScenes.size()));
     text.remove_prefix(at + kScenes.size());
+    // PrefixLength is 0 for an id, which stays.
     text.remove_prefix(PrefixLength(text));
   }
   return ids.append(text);

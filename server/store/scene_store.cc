@@ -38,8 +38,11 @@ std::vector<SceneRow> SelectScenes(soci::session& sql, const SceneQuery& query) 
 
 // Returns a key for a new scene: its id, or "NUMBER@ID" if another scene has that key.
 std::string TakeSceneKey(soci::session& sql, const SceneRow& scene) {
+  // A scene of another project may have the plain id as its key.
   if (SelectScenes(sql, {"id =", scene.id}).empty()) return scene.id;
   int64_t next = 0;
+  // The update first, so that it locks the record: two servers that both read the number first
+  // would take the same one.
   sql << "UPDATE scene_numbers SET next_scene = next_scene + 1";
   sql << "SELECT next_scene FROM scene_numbers", soci::into(next);
   return MakeSceneKey(next - 1, scene.id);
@@ -48,6 +51,8 @@ std::string TakeSceneKey(soci::session& sql, const SceneRow& scene) {
 absl::StatusOr<SceneRow> InsertScene(soci::session& sql, const SceneRow& scene) {
   ASSIGN_OR_RETURN(const std::string of_project, OfProject(scene.project));
   if (!scene.request_id.empty()) {
+    // A repeated request is found before the check for an existing scene, which is the one that it
+    // made.
     const auto earlier = SelectScenes(sql, {of_project + "request_id =", scene.request_id});
     if (!earlier.empty() && earlier[0].id == scene.id &&
         earlier[0].display_name == scene.display_name) {
@@ -106,6 +111,7 @@ absl::StatusOr<std::string> SceneStore::FindScene(const std::string& project,
 }
 
 absl::StatusOr<std::vector<SceneRow>> SceneStore::FindScenes(const std::string& id) {
+  // Enough for a message that lists the projects to choose from.
   constexpr int64_t kMost = 10;
   RETURN_IF_ERROR(CheckSceneId(id));
   return database_.Read<std::vector<SceneRow>>([&](soci::session& sql) {
@@ -145,6 +151,7 @@ absl::StatusOr<Page<SceneRow>> SceneStore::ListScenes(const PageRequest& page,
 absl::Status SceneStore::DeleteScene(const std::string& key) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
     RETURN_IF_ERROR(CheckScene(sql, key));
+    // A worker would continue to write into the folder of a job that has no record.
     const JobRow active = SelectActiveJob(sql, key);
     if (!active.id.empty()) {
       return absl::FailedPreconditionError(absl::StrCat(

@@ -15,6 +15,8 @@ constexpr const char* kScenes =
     " create_time BIGINT NOT NULL,"
     " next_dataset BIGINT NOT NULL,"
     " next_model BIGINT NOT NULL)";
+// A repeated request_id fails on these indexes if two servers handle it at the same time; "" means
+// that the client gave none.
 constexpr const char* kSceneRequests =
     "CREATE UNIQUE INDEX scene_requests ON scenes (request_id) WHERE request_id <> ''";
 
@@ -213,6 +215,8 @@ constexpr const char* kBlobsOfFiles =
 // Size of the selection's file.
 constexpr const char* kSelectionBytes =
     "ALTER TABLE selections ADD COLUMN num_bytes BIGINT NOT NULL DEFAULT 0";
+// The size of an older file follows from its format: 88 bytes of header and checksum, and a bit for
+// each Gaussian of the model.
 constexpr const char* kBytesOfSelections =
     "UPDATE selections SET num_bytes = 88 + (model_gaussians + 7) / 8";
 
@@ -249,12 +253,15 @@ constexpr const char* kLongSelectionKey =
 
 }  // namespace
 
+// SQLite does not enforce the length of VARCHAR, and cannot change a column's type.
 std::vector<const char*> PostgresqlSchemaStep(int to) {
   if (to != 8) return {};
   return {kLongSceneKey, kLongDatasetKey, kLongFileKey,     kLongJobKey,
           kLongModelKey, kLongLabelKey,   kLongSelectionKey};
 }
 
+// A step that was released is never changed: databases in the field have run it. New columns have
+// defaults, since old records get them.
 std::vector<const char*> SchemaStep(int to) {
   assert(to >= 1 && to <= kSchemaVersion);
   if (to == 2) return {kJobDevices, kModelDevices};

@@ -74,6 +74,7 @@ absl::StatusOr<std::optional<SelectionRow>> FindEarlier(soci::session& sql,
 
 absl::StatusOr<SelectionRow> InsertSelection(soci::session& sql, const SelectionRow& selection,
                                              const Quota& defaults) {
+  // The model or the base may have been deleted while the selection was computed.
   RETURN_IF_ERROR(SelectModel(sql, selection.scene, selection.model).status());
   ASSIGN_OR_RETURN(const auto earlier, FindEarlier(sql, selection.scene, selection.request_id,
                                                    selection.request_digest));
@@ -94,6 +95,7 @@ absl::StatusOr<SelectionRow> InsertSelection(soci::session& sql, const Selection
       soci::use(row.min[1]), soci::use(row.min[2]), soci::use(row.max[0]), soci::use(row.max[1]),
       soci::use(row.max[2]), soci::use(row.base), soci::use(row.file), soci::use(row.num_bytes),
       soci::use(row.request_id), soci::use(row.request_digest), soci::use(now);
+  // After the insertion, so that the selection counts. An error rolls it back.
   RETURN_IF_ERROR(CheckSelectionQuota(sql, row.scene, defaults));
   return row;
 }

@@ -58,6 +58,7 @@ struct Break {
 
 Break FindBreak(std::string_view log, size_t page_bytes) {
   const size_t frame_bytes = kFrameHeaderBytes + page_bytes;
+  // Without a whole frame nothing was committed.
   if (log.size() < kHeaderBytes + frame_bytes) return {};
   LogChecksum checksum((BigEndian(log, 0) & 1) != 0);
   checksum.Add(log.substr(0, kFrameHeaderBytes));
@@ -71,11 +72,14 @@ Break FindBreak(std::string_view log, size_t page_bytes) {
     const std::string_view frame = log.substr(at, frame_bytes);
     const bool own = frame.substr(8, 8) == salts;
     if (good) {
+      // A frame's checksum covers its page number, its size field and its page, and continues that
+      // of the frame before, so a break makes all later frames invalid.
       checksum.Add(frame.substr(0, 8));
       checksum.Add(frame.substr(kFrameHeaderBytes));
       good = own && checksum.IsAt(frame, 16);
       if (!good) found.at = at;
     }
+    // The size field is not 0 in the last frame of a commit only.
     if (!good && own && BigEndian(frame, 4) != 0) ++found.num_commits;
   }
   return found;

@@ -31,6 +31,7 @@ absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& url) {
 
 bool Store::shared() const { return database_->shared(); }
 
+// A transaction, so that SQLite takes the write lock: a database that can only be read fails.
 absl::Status Store::Ping() {
   return database_->Transact([](soci::session& sql) {
     int version = 0;

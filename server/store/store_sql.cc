@@ -23,6 +23,7 @@ absl::StatusOr<std::string> OfProject(const std::string& project) {
     return absl::InvalidArgumentError(
         absl::StrCat("project '", project, "' is not an RFC 1034 label"));
   }
+  // Part of the SQL text without escaping, which is safe only because of the check above.
   return absl::StrCat("project = '", project, "' AND ");
 }
 
@@ -35,6 +36,7 @@ absl::Status CheckScene(soci::session& sql, const std::string& scene) {
 
 int64_t TakeNumber(soci::session& sql, const std::string& scene, const std::string& column) {
   int64_t next = 0;
+  // Update first, then read: the update locks the scene's record until the end of the transaction.
   sql << "UPDATE scenes SET " << column << " = " << column << " + 1 WHERE id = :id",
       soci::use(scene);
   sql << "SELECT " << column << " FROM scenes WHERE id = :id", soci::use(scene), soci::into(next);
@@ -59,6 +61,8 @@ absl::StatusOr<PageStart> StartPage(const std::string& list, const PageRequest& 
   PageStart start;
   start.limit = page.page_size == 0 ? kDefaultPageSize : std::min(page.page_size, kMaxPageSize);
   if (page.page_token.empty()) return start;
+  // A token is the list's name and the key of the last record of its page. The name makes tokens of
+  // other lists invalid.
   const std::string prefix = absl::StrCat(list, "\n");
   std::string token;
   if (absl::WebSafeBase64Unescape(page.page_token, &token) && token.starts_with(prefix) &&

@@ -61,6 +61,7 @@ void JobEta::EndStage(double now) {
   if (current_ >= 0 && measured_ && stages_[current_].seconds) {
     const double seconds = now - stage_start_;
     const double expected = *stages_[current_].seconds * (done_ + left_);
+    // Host and device are measured separately: a slow disk says nothing about the GPU.
     if (seconds >= kFirstSeconds && expected >= kFirstSeconds) {
       Pace& pace = ended_[stages_[current_].on_device ? 1 : 0];
       pace.seconds += seconds;
@@ -130,6 +131,7 @@ std::optional<double> JobEta::RawSecondsLeft() const {
     return std::nullopt;
   }
   for (size_t i = current_ + 1; i < stages_.size(); ++i) {
+    // One unknown stage makes the end of the job unknown.
     if (!stages_[i].seconds) return std::nullopt;
     seconds += *stages_[i].seconds * SpeedOf(stages_[i].on_device);
   }

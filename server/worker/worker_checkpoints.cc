@@ -45,6 +45,7 @@ int64_t WorkerCheckpoints::StepOf(const std::string& name) const {
   if (!absl::SimpleAtoi(name.substr(first, name.size() - first - sizeof(kSuffix) + 1), &step)) {
     return -1;
   }
+  // The number must be written exactly as FileName writes it.
   return name == FileName(step) ? step : -1;
 }
 
@@ -63,6 +64,7 @@ std::vector<WorkerCheckpoints::Candidate> WorkerCheckpoints::Find(int64_t fence)
 
 std::vector<WorkerCheckpoints::Candidate> WorkerCheckpoints::FindAll() const {
   std::vector<Candidate> all;
+  // Of equal steps, the newest attempt's comes first: the sort below is stable.
   for (int64_t fence = spec_.fence; fence > 0; --fence) {
     const std::vector<Candidate> found = Find(fence);
     all.insert(all.end(), found.begin(), found.end());
@@ -117,6 +119,7 @@ void WorkerCheckpoints::Save(int64_t step, WriteState write) {
   const absl::Status written = Write(step, write);
   last_save_ = Clock::now();
   last_cost_ = last_save_ - start;
+  // Set on an error, too: a full disk must not be tried again at every step.
   last_step_ = step;
   if (!written.ok()) {
     // The training continues without it: the next attempt resumes from an older one.
@@ -125,6 +128,7 @@ void WorkerCheckpoints::Save(int64_t step, WriteState write) {
   }
   const std::vector<Candidate> found = Find(spec_.fence);
   std::error_code ignored;
+  // Only this attempt's: those of earlier attempts may still be read, and go with the job's end.
   for (size_t i = kGenerations; i < found.size(); ++i) {
     std::filesystem::remove(found[i].path, ignored);
   }

@@ -32,6 +32,7 @@ std::optional<int> CudaDevice(const std::string& device) {
 TrainingFolders FoldersOf(const JobFolder& folder, int64_t fence) {
   TrainingFolders folders;
   folders.run = folder.attempt(fence);
+  // Attempts that left nothing have no folder; the stages skip those.
   while (--fence > 0) folders.earlier.push_back(folder.attempt(fence));
   folders.priors = folder.priors();
   folders.sfm_log = folder.sfm_log();
@@ -110,6 +111,7 @@ JobResult RunWorkerJob(const WorkerJob& job) {
   absl::StatusOr<JobResult> result = TrainJob(job, *settings, observer);
   if (result.ok()) return *std::move(result);
   JobResult failure = Failure(result.status());
+  // The server checks these files itself before it sets any aside.
   failure.damaged = observer.damaged_files();
   return failure;
 }

@@ -47,6 +47,7 @@ StopSwitch stop_switch;
 void OnTerminate(int) {
   // A job that does not look at the switch has nothing to save: files without a manifest do not
   // count.
+  // Only async-signal-safe calls are allowed here: _exit, and stores to the switch.
   if (!stop_switch.polled) _exit(static_cast<int>(WorkerExit::kCancelled));
   stop_switch.stop = true;
 }
@@ -122,6 +123,8 @@ WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const EventLog& 
   result.status = log.status();
   if (log.ok()) result = RunWithinMemory({folder, spec, **log, stop_switch});
   if (!result.status.ok()) spdlog::error("{}", result.status.ToString());
+  // The result is the last file that the worker writes: if it is there, everything that it names is
+  // too.
   const absl::Status written = folder.WriteResult(spec.fence, result);
   if (written.ok()) return ExitOf(result.status);
   spdlog::error("{}", written.ToString());
@@ -144,6 +147,8 @@ void ConfigureLogOf(const JobSpec& spec) {
 // that fence. The worker before it may still write under the old one.
 absl::Status TakeFenceAfterRestart(const std::string& database, const JobFolder& folder,
                                    JobSpec& spec) {
+  // Both are set by Slurm in the job's environment. Without a restart the fence of the command line
+  // is this worker's.
   const char* restarts = std::getenv("SLURM_RESTART_COUNT");
   const char* number = std::getenv("SLURM_JOB_ID");
   if (number == nullptr) return absl::OkStatus();
@@ -167,6 +172,7 @@ absl::Status ExecWithoutDatabase(const Arguments& arguments, char** argv) {
   RETURN_IF_ERROR(TakeFenceAfterRestart(database, folder, spec));
   std::vector<std::string> words, variables = JobEnvironment(spec.worker.pass_environment);
   for (char** word = argv; *word != nullptr; ++word) {
+    // The fence may be a new one.
     if (!std::string(*word).starts_with("--fence=")) words.emplace_back(*word);
   }
   words.push_back(absl::StrCat("--fence=", spec.fence));
@@ -177,6 +183,7 @@ absl::Status ExecWithoutDatabase(const Arguments& arguments, char** argv) {
 // Makes an empty folder and sets TMPDIR to it. /tmp would have files of other processes.
 absl::Status MakeTemporaryFolder(const std::filesystem::path& folder) {
   std::error_code error;
+  // An earlier attempt of the job may have left files.
   std::filesystem::remove_all(folder, error);
   if (!error) std::filesystem::create_directories(folder, error);
   if (!error) std::filesystem::permissions(folder, std::filesystem::perms::owner_all, error);

@@ -40,6 +40,7 @@ absl::Status InputOutputError(absl::string_view what) {
 absl::StatusOr<std::string> ReadPhotographInput(const std::string& name) {
   struct stat facts {};
   if (fstat(STDIN_FILENO, &facts) != 0) return InputOutputError("fstat");
+  // The size is checked before memory is taken for the bytes.
   if (!S_ISREG(facts.st_mode) || facts.st_size > kMaxImageFileBytes) {
     return absl::InvalidArgumentError(absl::StrCat(name, ": ", facts.st_size,
                                                    " bytes exceed the limit of ",
@@ -131,6 +132,7 @@ absl::Status WriteAnswer(const PhotographTask& task) {
     RETURN_IF_ERROR(WritePhotographOutput(FormatPhotographHeader(picture->header)));
     return WritePhotographOutput(picture->bytes);
   }
+  // The server limits what it reads of a message.
   const absl::string_view message =
       picture.status().message().substr(0, kMaxPhotographMessageBytes);
   const PhotographHeader header{picture.status().code(), 0, 0,
@@ -145,6 +147,7 @@ WorkerExit RunPhotographTask(const std::string& text, bool sandbox) {
   const absl::StatusOr<PhotographTask> task = ParsePhotographTask(text);
   if (!task.ok() || !LimitPhotograph().ok()) return WorkerExit::kBadSpec;
   YieldToServer();
+  // No paths at all: input and output are open already. Nothing of the image has been read so far.
   if (sandbox && !EnterSandbox({}).ok()) return WorkerExit::kBadSpec;
   return WriteAnswer(*task).ok() ? WorkerExit::kSucceeded : WorkerExit::kFailed;
 }

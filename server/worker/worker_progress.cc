@@ -94,6 +94,7 @@ absl::Status WorkerProgress::Step(const StepReport& report) {
   const Clock::time_point now = Clock::now();
   const bool first_or_last = report.step == first_step_ + 1 || report.step == report.num_steps ||
                              report.activity != activity_;
+  // Bounds the size of the event log: most steps only add to the mean PSNR of the next event.
   if (!first_or_last && now - last_event_ < interval_) return absl::OkStatus();
   v1::JobEvent event;
   *event.mutable_progress() = Describe(report);
@@ -141,6 +142,7 @@ void WorkerProgress::DescribeTimes(const StepReport& report, v1::JobProgress& pr
   progress.set_stage_number(eta_.stage_number());
   if (eta_.stage_number() > 0) progress.set_num_stages(eta_.num_stages());
   const double since_last = Seconds(Clock::now() - last_event_);
+  // Steps of another activity are counted from 0 again.
   const int64_t before = report.activity == activity_ ? last_step_ : 0;
   if (since_last > 0 && report.step > before) {
     progress.set_steps_per_second(static_cast<double>(report.step - before) / since_last);

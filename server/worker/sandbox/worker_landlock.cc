@@ -124,6 +124,8 @@ class FileRules {
     struct stat what {};
     if (fstat(file, &what) != 0) return SystemError(path.string());
     landlock_path_beneath_attr rule{};
+    // The kernel refuses a rule with accesses that the ruleset does not handle, or that a file
+    // cannot have.
     rule.allowed_access = access & handled_ & (S_ISDIR(what.st_mode) ? ~uint64_t{0} : kForFiles);
     rule.parent_fd = file;
     if (syscall(SYS_landlock_add_rule, ruleset_, LANDLOCK_RULE_PATH_BENEATH, &rule, 0) == 0) {
@@ -180,6 +182,7 @@ std::vector<fs::path> LibraryFolders() {
 
 // Returns the folders of CUDA's driver, which loads more libraries from there.
 std::vector<fs::path> CudaFolders() {
+  // Loaded here, before the rules are in force, so that its path is known. The handle is kept.
   dlopen("libcuda.so.1", RTLD_LAZY | RTLD_GLOBAL);
   std::vector<fs::path> folders;
   for (const fs::path& library : LoadedLibraries()) {

@@ -54,6 +54,7 @@ absl::Status LimitResources(int64_t memory_limit, int num_threads) {
 }
 
 absl::Status LimitPhotograph() {
+  // Limits of a decoder: an image takes far less, unless its file was made to take more.
   constexpr rlim_t kMemory = rlim_t{2} << 30, kSeconds = 60, kFileBytes = rlim_t{128} << 20;
   if (!kSanitized) RETURN_IF_ERROR(Limit(RLIMIT_DATA, kMemory));
   RETURN_IF_ERROR(Limit(RLIMIT_CPU, kSeconds));
@@ -80,6 +81,7 @@ absl::Status EndWithParent(pid_t parent) {
 void YieldToServer() {
   constexpr int kNicer = 5;
   setpriority(PRIO_PROCESS, 0, kNicer);
+  // If memory runs out, the kernel should kill a worker, whose job resumes, rather than the server.
   std::ofstream("/proc/self/oom_score_adj") << 500;
 }
 

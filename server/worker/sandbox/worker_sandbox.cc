@@ -205,12 +205,15 @@ absl::Status EnterSandbox(const SandboxNeeds& needs) {
     return absl::InternalError(
         absl::StrCat("sandbox: no_new_privs: ", std::generic_category().message(errno)));
   }
+  // On a kernel without Landlock the filter of system calls is still entered; the log says what is
+  // missing. The flag above is required for both by a process without privileges.
   const absl::Status files = LimitFiles(needs);
   if (absl::IsFailedPrecondition(files)) {
     spdlog::warn("sandbox: {}", std::string(files.message()));
   } else {
     RETURN_IF_ERROR(files);
   }
+  // First, since the second filter does not allow seccomp itself.
   RETURN_IF_ERROR(HideClone3());
   return LimitSystemCalls(needs);
 }
