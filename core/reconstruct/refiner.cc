@@ -64,6 +64,7 @@ Refiner::Refiner(Backend& backend, const Capture& capture, const ReconstructOpti
   };
   first_ = step_of(options.refine_from);
   while (first_ < options.num_steps && schedule.ShrinkAt(first_) != 1) ++first_;
+  // Each Gaussian is refined once only, so that further visits of a view find little to do.
   const int longest = kMostVisits * CountTrainingViews(capture);
   end_ = std::min(first_ + std::min(longest, step_of(options.refine_length)), options.num_steps);
 }
@@ -79,6 +80,8 @@ absl::Status Refiner::Apply(const Target& target, GaussianState& state) {
     return absl::ResourceExhaustedError(
         absl::StrCat("refinement: out of memory for ", state.count(), " Gaussians"));
   }
+  // The flags are opened before this check, so that new Gaussians get theirs also in views without
+  // masks.
   if (!masks_->HasMasks(target.view)) return absl::OkStatus();
   Render(target, state);
   const RefineGaussiansArgs args = MakeArgs(target, state);
@@ -126,6 +129,7 @@ RefineGaussiansArgs Refiner::MakeArgs(const Target& target, GaussianState& state
   const int64_t room =
       split ? std::clamp<int64_t>(options_.max_gaussians - state.count(), 0, most) : 0;
   working_->outside_source.Reserve(backend_, room);
+  // A mean and three log-scales for each part.
   working_->outside_shape.Reserve(backend_, 6 * room);
   working_->counts.Reserve(backend_, kNumRefineCounts);
   return {.view = target.pinhole,

@@ -24,6 +24,7 @@ void DepthAgreement::Add(double explained) {
 bool DepthAgreement::Failed() {
   const bool failed = state_.num > 0 && static_cast<double>(state_.num_agreeing) <
                                             min_share_ * static_cast<double>(state_.num);
+  // Two windows in a row must fail: one may hold too few views to judge by.
   const bool twice = failed && state_.failed_before != 0;
   state_ = {0, 0, failed ? 1 : 0};
   return twice;
@@ -51,6 +52,7 @@ SceneNeeds::Decision SceneNeeds::Decide(int step) {
   const double before = static_cast<double>(step + 1 - window_) / options_.num_steps;
   Decision decision;
   decision.leave_out_depth = depth_.Failed();
+  // True in the one window in which the schedule passes kPruneShFrom.
   decision.prune_sh_degree =
       options_.min_band_gain > 0 && before < kPruneShFrom && share >= kPruneShFrom;
   decision.close = loss_.StoppedFalling() && Grown(step) && share < 1 - options_.closing_share;
