@@ -73,7 +73,7 @@ std::vector<float> BoundaryStrength(const PhotoChannels& channels) {
   std::vector<cv::Mat> sums;
   sums.reserve(kNumDirections);
   for (int d = 0; d < kNumDirections; ++d) sums.push_back(cv::Mat::zeros(height, width, CV_32F));
-  // Chi-squared distance of the two half discs' histograms, 0.5 sum (a - b)^2 / (a + b), summed
+  // Chi-squared distance of the histograms on both sides, 0.5 sum (a - b)^2 / (a + b), summed
   // over channels and sizes for each direction; the largest direction counts.
   for (const PhotoChannels::Group& group : channels.groups) {
     for (const cv::Mat& bin : group.bins) {

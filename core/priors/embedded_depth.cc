@@ -27,7 +27,7 @@ std::vector<Seen> Project(const View& view, std::span<const ScenePoint> points, 
   const Camera& camera = view.camera;
   for (const ScenePoint& point : points) {
     const Eigen::Vector3d in_cam = view.cam_from_world * point.position.cast<double>();
-    // Written so that NaN is dropped, too; likewise below.
+    // Written so that NaN is dropped, here and below.
     if (!(in_cam.z() > 0)) continue;
     const double u = (camera.fx * in_cam.x() / in_cam.z() + camera.cx) / camera.width * width;
     const double v = (camera.fy * in_cam.y() / in_cam.z() + camera.cy) / camera.height * height;

@@ -163,7 +163,6 @@ absl::StatusOr<StepReport> Reconstructor::Step() {
 
   const bool densify = densifier_.Due(position_);
   const bool reset = densifier_.OpacityResetDue(position_);
-  // Not in a step with density control, which has rearranged the Gaussians of the view's render.
   const bool refine = !densify && refiner_.Due(position_);
   const bool review = needs_.EndsWindow(position_);
   // What follows changes the Gaussians or reads the losses: all steps must have been done, those

@@ -64,7 +64,6 @@ Refiner::Refiner(Backend& backend, const Capture& capture, const ReconstructOpti
   };
   first_ = step_of(options.refine_from);
   while (first_ < options.num_steps && schedule.ShrinkAt(first_) != 1) ++first_;
-  // Each Gaussian is refined once only, so that further visits of a view find little to do.
   const int longest = kMostVisits * CountTrainingViews(capture);
   end_ = std::min(first_ + std::min(longest, step_of(options.refine_length)), options.num_steps);
 }
@@ -80,8 +79,6 @@ absl::Status Refiner::Apply(const Target& target, GaussianState& state) {
     return absl::ResourceExhaustedError(
         absl::StrCat("refinement: out of memory for ", state.count(), " Gaussians"));
   }
-  // The flags are opened before this check, so that new Gaussians get theirs also in views without
-  // masks.
   if (!masks_->HasMasks(target.view)) return absl::OkStatus();
   Render(target, state);
   const RefineGaussiansArgs args = MakeArgs(target, state);

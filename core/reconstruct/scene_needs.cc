@@ -24,7 +24,6 @@ void DepthAgreement::Add(double explained) {
 bool DepthAgreement::Failed() {
   const bool failed = state_.num > 0 && static_cast<double>(state_.num_agreeing) <
                                             min_share_ * static_cast<double>(state_.num);
-  // Two windows in a row must fail: one may hold too few views to judge by.
   const bool twice = failed && state_.failed_before != 0;
   state_ = {0, 0, failed ? 1 : 0};
   return twice;

@@ -39,6 +39,7 @@ Features SampleUnits(const FeatureField& field, const float* psi) {
 Axes PrincipalAxes(const Features& units) {
   const Eigen::RowVectorXd mean = units.colwise().mean();
   const Features centered = units.rowwise() - mean;
+  // Eigenvalues ascend, so the last columns are the axes of the largest variance.
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(centered.transpose() * centered);
   Axes axes;
   for (int k = 0; k < 3; ++k) {
@@ -86,6 +87,7 @@ Image PaintFeatures(const FeaturePalette& palette, std::span<const Half> map,
       feature[c] = FloatFromHalf(map[i * kFeatureSize + c]);
       squares += feature[c] * feature[c];
     }
+    // Black: hardly any feature was blended there, so it has no direction.
     if (squares < kMinPixelNorm * kMinPixelNorm) continue;
     GatedUnit(palette.psi.data(), feature, kFeatureSize, unit);
     for (int k = 0; k < 3; ++k) {

@@ -41,6 +41,7 @@ std::vector<float> FrozenScene::Depth(const View& view) {
   alpha_.Download(std::span<float>(alpha));
   depth_.Download(std::span<float>(depth));
   for (size_t i = 0; i < depth.size(); ++i) {
+    // z in the camera's frame, scene units; 0: unknown.
     depth[i] = alpha[i] > kMinDepthAlpha ? depth[i] / alpha[i] : 0.0f;
   }
   return depth;

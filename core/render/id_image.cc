@@ -46,6 +46,7 @@ absl::StatusOr<std::vector<int32_t>> RenderIds(const ModelView& view, std::span<
   const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
   std::vector<int32_t> image(static_cast<size_t>(num_pixels));
   Votes votes;
+  // Bands bound the memory of the blend rows, not that of the image.
   for (int64_t first = 0; first < num_pixels; first += kBandPixels) {
     std::vector<int32_t> pixels(static_cast<size_t>(std::min(kBandPixels, num_pixels - first)));
     std::iota(pixels.begin(), pixels.end(), static_cast<int32_t>(first));

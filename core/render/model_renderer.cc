@@ -34,6 +34,8 @@ ModelRenderer::ModelRenderer(Backend& backend, const Model& model)
       most_pixels_(MostPixels(LargestView(model.views))) {}
 
 void ModelRenderer::ReleaseOversized() {
+  // Buffers never shrink by themselves: one request for a large image would hold its memory for
+  // good.
   if (scratch_.pixel_last_entry.capacity() <= WithReserve(most_pixels_)) return;
   for (Buffer<float>* buffer : {&color_, &alpha_, &depth_}) *buffer = {};
   scratch_ = {};
@@ -47,6 +49,7 @@ void ModelRenderer::HideAllBut(const GaussianSet& subset) {
   for (size_t i = 0; i < shown.size(); ++i) {
     shown[i] = subset.member[i] != 0 ? logits[i] : kHiddenLogit;
   }
+  // The planes lie one after the other, so the opacities are one range.
   planes_.Upload(shown, kOpacityPlane * model_.gaussians.count);
 }
 
