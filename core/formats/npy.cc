@@ -25,6 +25,7 @@ std::optional<absl::string_view> TakeHeader(absl::string_view bytes, ByteReader&
   reader.Skip(kMagic.size());
   const auto major = reader.Take<uint8_t>();
   reader.Skip(1);
+  // Versions 2 and 3 have a length of 32 bits.
   const uint32_t length = major == 1 ? reader.Take<uint16_t>() : reader.Take<uint32_t>();
   const size_t start = reader.offset();
   if (major < 1 || major > 3 || !reader.Skip(length)) return std::nullopt;

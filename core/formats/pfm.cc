@@ -46,6 +46,7 @@ absl::StatusOr<Header> TakeHeader(absl::string_view name, absl::string_view& byt
       !absl::SimpleAtod(TakeWord(bytes), &scale) || !std::isfinite(scale) || scale == 0) {
     return Refused(name, "the PFM header is malformed or cut short");
   }
+  // The sign of the scale is the byte order; its size is only a hint of units and not applied.
   header.big_endian = scale > 0;
   return header;
 }

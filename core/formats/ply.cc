@@ -108,6 +108,7 @@ class HeaderParser {
     if (words.empty() || words[0] == "comment" || words[0] == "obj_info") return "";
     if (words[0] == "format") return TakeFormat(words);
     if (words[0] == "element") return TakeElement(words);
+    // Elements after the vertices, such as faces, are not read.
     if (words[0] == "property") return in_vertices_ ? TakeProperty(words) : "";
     return absl::StrCat("the header has the line \"", words[0].substr(0, 40), " ...\"");
   }
@@ -202,6 +203,7 @@ absl::Status ReadTextColumns(const PlyVertices& vertices, std::span<const PlyCol
     for (const PlyColumn& column : columns) {
       double number = 0;
       if (!absl::SimpleAtod(words[column.property], &number)) return no_vertex();
+      // Subtracted in double: far from zero, a float has no digits left for the difference.
       float& value = column.values[row] = static_cast<float>(number - column.origin);
       const PlyProperty& property = vertices.properties[column.property];
       if (!std::isfinite(value)) return NotFinite(vertices, row, property);
@@ -285,6 +287,7 @@ absl::StatusOr<std::vector<ScenePoint>> ReadPlyPoints(const std::filesystem::pat
   std::vector<std::vector<float>> values(6);
   std::vector<PlyColumn> columns;
   for (int i = 0; i < 6; ++i) {
+    // Colours are optional: points without them are grey.
     values[i].assign(static_cast<size_t>(vertices.count), kGrey);
     const int property = vertices.Find(kNames[i]);
     if (property >= 0) {
