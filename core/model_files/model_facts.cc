@@ -45,6 +45,8 @@ json FormatView(const ModelView& view) {
                  {"height", view.camera.height},
                  {"focal", {view.camera.fx, view.camera.fy}},
                  {"principal_point", {view.camera.cx, view.camera.cy}},
+                 // World to camera, w first; the translation is in scene units, relative to the
+                 // model's origin.
                  {"rotation", {q.w(), q.x(), q.y(), q.z()}},
                  {"translation", {t.x(), t.y(), t.z()}},
                  {"held_out", view.held_out}};
@@ -188,6 +190,7 @@ std::string FormatModelFacts(const Model& model) {
   for (const ModelView& view : model.views) views.push_back(FormatView(view));
   json metrics = json::object();
   for (const auto& [key, value] : model.metrics) {
+    // JSON has no NaN and no infinity: they would be written as null and refused when read.
     if (std::isfinite(value)) metrics[key] = value;
   }
   json document = {{"version", kVersion},

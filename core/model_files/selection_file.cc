@@ -60,6 +60,8 @@ absl::StatusOr<GaussianSet> ParseBody(absl::string_view body, const std::string&
 }  // namespace
 
 absl::Status WriteSelectionFile(const std::filesystem::path& path, const GaussianSet& set) {
+  // Magic, version, reserved, count, a bit for each Gaussian (lowest first), SHA-256 in
+  // hexadecimal.
   std::string bytes(kMagic);
   Append(kVersion, bytes);
   Append(uint32_t{0}, bytes);
