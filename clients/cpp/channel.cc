@@ -43,11 +43,13 @@ absl::StatusOr<std::string> FindKey(const Login& login) {
   if (!login.key_file.empty()) {
     from = login.key_file;
     ASSIGN_OR_RETURN(text, ReadFile(login.key_file));
+    // Only the first line counts.
     text = text.substr(0, text.find('\n'));
   } else if (const char* value = std::getenv("PEPESEG_KEY")) {
     text = value;
   }
   const std::string key(absl::StripAsciiWhitespace(text));
+  // An empty variable means no key; an empty file is an error below.
   if (key.empty() && login.key_file.empty()) return key;
   if (!IsKey(key) && !IsJwt(key)) {
     return absl::InvalidArgumentError(
@@ -123,6 +125,7 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> OpenChannel(const std::string& se
   const bool tls = login.tls || is_https || !login.ca.empty() || !login.certificate.empty() ||
                    !login.certificate_key.empty();
   ASSIGN_OR_RETURN(const std::string key, FindKey(login));
+  // The key is as good as a password: it never leaves this machine unencrypted.
   if (!key.empty() && !tls && !IsThisMachine(target)) {
     return absl::InvalidArgumentError(absl::StrCat(
         "the key is not sent to ", target,

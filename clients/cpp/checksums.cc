@@ -38,6 +38,7 @@ std::array<std::array<uint32_t, 256>, 8> MakeCrcTable() {
 
 uint32_t Crc32c(std::string_view bytes) {
   static const auto table = MakeCrcTable();
+  // CRC-32C as in RFC 3720: begins with all bits set and is inverted at the end.
   uint32_t crc = ~uint32_t{0};
   size_t i = 0;
   const auto byte_at = [&](size_t k) { return static_cast<uint8_t>(bytes[k]); };

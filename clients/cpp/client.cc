@@ -45,6 +45,7 @@ absl::Status WatchOnce(Jobs& jobs, const std::string& job, Watched& watched,
   auto stream = jobs.WatchJob(call, request);
   v1::JobEvent event;
   while (stream->Read(&event)) {
+    // A heartbeat has the number of the newest event before it, so it counts, too.
     watched.sequence = event.sequence();
     if (event.event_case() == v1::JobEvent::kHeartbeat) continue;
     watched.ended |= event.event_case() == v1::JobEvent::kStateChanged &&
@@ -203,6 +204,7 @@ absl::StatusOr<v1::Job> Client::WatchJob(const std::string& job,
     const absl::Status status = WatchOnce(*jobs_, JobName(job), watched, on_event);
     if (watched.ended || status.ok()) break;
     if (watched.sequence != before) failures = 0;  // the stream had brought something
+    // Before the first event an error is returned at once.
     if (!IsAway(status) || !watched.sequence || ++failures > kMaxWatchRetries) return status;
     if (on_break) on_break();
     std::this_thread::sleep_for(kRetryPause);

@@ -115,6 +115,7 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::File
   if (error) {
     return LocalFileError("list", folder, error.value());
   }
+  // A plain folder of photographs works, too, but only if nothing is laid out.
   if (!HasPictures(result)) TakeLoosePictures(folder, result);
   std::sort(result.files.begin(), result.files.end(),
             [](const FolderFile& a, const FolderFile& b) { return a.name < b.name; });

@@ -91,6 +91,7 @@ absl::Status WriteFile(const std::filesystem::path& path, absl::string_view byte
 }
 
 OutputFile::OutputFile(std::filesystem::path path, int descriptor)
+    // Bytes go to FILE.part, which Commit renames, so that a failed call leaves no half of a file.
     : path_(std::move(path)), part_(path_), descriptor_(descriptor) {
   part_ += ".part";
 }

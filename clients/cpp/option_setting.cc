@@ -96,6 +96,7 @@ const FieldDescriptor* FindField(absl::string_view name, const Descriptor& type)
 
 // Returns the values of an enum in lower case, without the prefix that all of them share.
 std::vector<std::string> ShortNames(const google::protobuf::EnumDescriptor& type) {
+  // Names of enum values share their type's name as a prefix, by the style of protobuf.
   std::string prefix = type.value(0)->name();
   for (int i = 1; i < type.value_count(); ++i) {
     while (!absl::StartsWith(type.value(i)->name(), prefix)) prefix.pop_back();
