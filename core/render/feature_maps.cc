@@ -47,6 +47,7 @@ absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
   }
   const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
   const int64_t num_bytes = MapBytes(num_pixels);
+  // Checked before any map is dropped: a view that can never fit must not empty the cache.
   if (num_bytes > max_bytes_) {
     return absl::ResourceExhaustedError(
         absl::StrCat("the feature map of ", view.camera.width, "x", view.camera.height,

@@ -63,11 +63,13 @@ float ValueAt(std::vector<float>& values, double share) {
 FeaturePalette MakeFeaturePalette(const FeatureField& field, double scale) {
   FeaturePalette palette;
   if (field.empty()) return palette;
+  // The colours are of gated features, psi(s) * f, so they show what is alike at this scale.
   GateAt(field.gate.data(), kFeatureSize, static_cast<float>(scale), palette.psi.data());
   const Features units = SampleUnits(field, palette.psi.data());
   const Axes axes = PrincipalAxes(units);
   for (int k = 0; k < 3; ++k) {
     for (int c = 0; c < kFeatureSize; ++c) palette.axis[k][c] = static_cast<float>(axes(c, k));
+    // The mean is subtracted neither here nor in PaintFeatures: low and high contain it.
     const Eigen::VectorXf along = (units * axes.col(k)).cast<float>();
     std::vector<float> values(along.begin(), along.end());
     palette.low[k] = ValueAt(values, kClippedShare);

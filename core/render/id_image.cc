@@ -26,6 +26,7 @@ class Votes {
     float total = 0;
     for (const Sum& sum : sums_) {
       total += sum.weight;
+      // Ties go to the smaller id, so that the image does not depend on the order of the entries.
       if (sum.weight > best.weight || (sum.weight == best.weight && sum.id < best.id)) best = sum;
     }
     return total < kMinAlpha ? 0 : best.id;

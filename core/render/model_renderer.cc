@@ -76,6 +76,7 @@ absl::Status ModelRenderer::Render(const ModelView& view, const Pass& pass) {
     alpha_.Reserve(backend_, num_pixels);
     depth_.Reserve(backend_, num_pixels);
   }
+  // An allocation that fails leaves an empty buffer.
   const bool has_depth_room = !pass.with_depth || (!alpha_.empty() && !depth_.empty());
   if (color_.empty() || planes_.empty() || !has_depth_room) {
     return absl::ResourceExhaustedError(absl::StrCat("no memory to render ", view.camera.width, "x",
