@@ -104,6 +104,7 @@ absl::StatusOr<std::vector<char>> ReadBytes(const std::filesystem::path& path) {
 
 // Checks magic number and digest. Nothing else in the file may be used before.
 absl::Status CheckWhole(std::string_view bytes) {
+  // Also keeps the substr calls in Parse within the file.
   if (bytes.size() < kPrefixBytes + kDigestBytes) {
     return absl::DataLossError(absl::StrCat("has ", bytes.size(), " bytes: truncated"));
   }

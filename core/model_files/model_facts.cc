@@ -88,6 +88,7 @@ bool TakeNumbers(const json& object, const char* key, Values& values) {
 
 bool ParseScores(const json& value, ImageScores& scores) {
   if (!value.is_object()) return false;
+  // "lpips" may be missing: not every server has its weights.
   const auto number = [&value](const char* key) -> std::optional<double> {
     const auto found = value.find(key);
     if (found == value.end() || !found->is_number()) return std::nullopt;
@@ -217,6 +218,7 @@ absl::Status ParseModelFacts(absl::string_view text, Model& model) {
   const auto radius = document.find("scene_radius");
   if (radius == document.end() || !radius->is_number()) return Malformed("\"scene_radius\"");
   model.scene_radius = radius->get<double>();
+  // The near plane is a share of the radius and must be over 0.
   if (!(model.scene_radius > 0)) return Malformed("\"scene_radius\"");
   double origin[3] = {};
   if (document.contains("origin") && !TakeNumbers(document, "origin", origin)) {

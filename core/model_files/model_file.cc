@@ -61,6 +61,7 @@ absl::Status WriteModel(const std::filesystem::path& folder, const Model& model)
   RETURN_IF_ERROR(WriteGaussianPly(folder / kGaussiansName, model.gaussians, model.origin));
   if (!model.field.empty()) {
     RETURN_IF_ERROR(WriteFeatureFile(folder / kFeaturesName, model.field));
+    // After the Gaussians: the list says in which order the files are written.
     names.insert(names.begin() + 1, kFeaturesName);
   }
   RETURN_IF_ERROR(WriteFileAtomically(folder / kFactsName, FormatModelFacts(model)));
