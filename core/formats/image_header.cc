@@ -159,6 +159,8 @@ absl::StatusOr<Size> WebpHeaderSize(Bytes bytes) {
     return Size{(packed & 0x3FFF) + 1, (packed >> 14 & 0x3FFF) + 1};
   }
   if (HasTag(bytes, 12, "VP8 ")) {
+    // After the frame tag and start code: 14 bits of size each, the upper two bits are a scaling
+    // hint.
     return Size{LittleEndian(bytes, 26, 2) & 0x3FFF, LittleEndian(bytes, 28, 2) & 0x3FFF};
   }
   return Malformed("WebP", "its first chunk is not a picture");
@@ -246,6 +248,7 @@ class HeaderReader {
     while (size_ < piece_.size()) {
       const ssize_t got = pread(descriptor_, piece_.data() + size_, piece_.size() - size_,
                                 static_cast<off_t>(at + size_));
+      // Interrupted by a signal before anything was read.
       if (got < 0 && errno == EINTR) continue;
       if (got < 0) status_ = absl::InternalError("cannot be read");
       if (got <= 0) return;

@@ -54,6 +54,7 @@ std::optional<PlyType> TypeByName(absl::string_view name) {
 }
 
 int SizeOf(PlyType type) {
+  // In the order of PlyType.
   constexpr std::array<int, 8> kSizes = {1, 1, 2, 2, 4, 4, 4, 8};
   return kSizes[static_cast<size_t>(type)];
 }
@@ -130,6 +131,7 @@ class HeaderParser {
   }
 
   std::string TakeElement(const Words& words) {
+    // Vertices must come first: their offset in the file is then that of the header's end.
     in_vertices_ = num_elements_++ == 0;
     if (!in_vertices_) return "";
     if (words.size() != 3 || words[1] != "vertex") return "its first element is not the vertices";
@@ -144,6 +146,7 @@ class HeaderParser {
         words.size() == 3 ? TypeByName(words[1]) : std::optional<PlyType>();
     if (!type) return "a property of its vertices is not a single number of a known type";
     if (vertices_.properties.size() >= kMaxProperties) return "has over 512 properties";
+    // Columns are found by name, so names must be unique.
     if (vertices_.Find(words[2]) >= 0) return absl::StrCat("has two properties ", words[2]);
     vertices_.properties.push_back({std::string(words[2]), *type, vertices_.stride});
     vertices_.stride += SizeOf(*type);
