@@ -97,6 +97,7 @@ absl::StatusOr<PromptAnswers> PhotographSegmenter::Run(std::span<const Segmenter
 
 bool PhotographSegmenter::HasGoodArea(const GridMask& mask) const {
   const double share = static_cast<double>(mask.area()) / static_cast<double>(num_cells());
+  // Shares of the grid, which covers the whole photograph.
   return mask.area() > 0 && share >= options_.min_area && share <= options_.max_area;
 }
 
@@ -184,6 +185,7 @@ void PhotographSegmenter::KeepFillers() {
     const bool held = std::any_of(kept_.begin(), kept_.end(), [&](const Candidate& other) {
       return other.mask.Holds(candidate.cell);
     });
+    // A filler only covers what no better mask does: its own prompt's point must be free.
     if (!held && !IsKept(candidate.mask)) kept_.push_back(std::move(candidate));
   }
   candidates_.clear();
@@ -269,6 +271,8 @@ absl::StatusOr<AutomaticMasks> SegmentPhotograph(PromptedSegmenter& segmenter, c
                                                  const MaskSet& embedded,
                                                  const AutomaticMaskOptions& options,
                                                  absl::FunctionRef<absl::Status()> progress) {
+  // METHOD.md section 6: regions of the built-in method first, then a grid of points; sure masks,
+  // fillers, remainders.
   RETURN_IF_ERROR(progress());
   RETURN_IF_ERROR(segmenter.SetPhotograph(view.photo));
   PhotographSegmenter run(segmenter, view, options, progress);

@@ -62,6 +62,7 @@ std::vector<cv::Point> DeepestCells(const cv::Mat& mask, int count) {
     cv::minMaxLoc(depth, nullptr, &deepest, nullptr, &at);
     if (deepest <= 0) break;
     cells.emplace_back(at.x - 1, at.y - 1);
+    // Without the disc the next maximum would be a neighbour of this one.
     cv::circle(depth, at, cvCeil(deepest), cv::Scalar(0), cv::FILLED);
   }
   return cells;

@@ -153,6 +153,8 @@ class Graph {
   void Rewire(const std::map<std::string, std::string>& rewired) {
     for (Node& node : nodes_) {
       for (std::string_view& input : node.inputs) {
+        // Only inputs are renamed: nodes whose outputs nobody reads any longer are dropped by
+        // KeepNeeded.
         const auto found = rewired.find(std::string(input));
         if (found != rewired.end()) input = found->second;
       }

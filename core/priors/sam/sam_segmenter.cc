@@ -60,6 +60,7 @@ std::vector<float> EncoderInput(const Image& photo) {
   cv::Mat to;
   const cv::Size size(std::max(1, cvRound(photo.width * scale)),
                       std::max(1, cvRound(photo.height * scale)));
+  // Area for shrinking; it would repeat pixels when enlarging.
   cv::resize(from, to, size, 0, 0, scale < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
   std::vector<float> planes(size_t{3} * kFrame * kFrame, 0);
   for (int y = 0; y < to.rows; ++y) {
