@@ -26,6 +26,7 @@ struct SampledPixels {
 
 // Returns the mask's bounding box with a margin, because Gaussians at its border reach beyond it.
 PixelBox BoxAround(const SegmentResult& result) {
+  // box is {left, top, width, height} of the mask, pixels.
   const int margin = std::max(kMinMargin, std::max(result.box[2], result.box[3]) / 8);
   return {std::max(0, result.box[0] - margin), std::max(0, result.box[1] - margin),
           std::min(result.width, result.box[0] + result.box[2] + margin),
