@@ -31,6 +31,7 @@ void RemoveIntermediates(const TrainingFolders& folders) {
     std::filesystem::remove_all(run, ignored);
   }
   std::filesystem::remove_all(folders.priors, ignored);
+  // Of this run only the intermediate folders go: the model lies next to them.
   for (const char* name : {kHeicFolder, kFramesFolder, kPosesFolder, kReconstructFolder}) {
     std::filesystem::remove_all(folders.run / name, ignored);
   }
