@@ -31,6 +31,7 @@ std::optional<std::chrono::nanoseconds> RetryAfter(const absl::Status& status) {
 
 Call::Call(const std::string& scene, double seconds) {
   const std::string name = SceneName(scene);
+  // The id alone, by which proxies can route calls of one scene to one server.
   if (!scene.empty()) context_.AddMetadata("x-scene", name.substr(name.rfind('/') + 1));
   if (seconds > 0) {
     context_.set_deadline(std::chrono::system_clock::now() +

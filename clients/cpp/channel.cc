@@ -30,6 +30,7 @@ bool IsJwt(const std::string& text) {
   const auto is_allowed = [](char c) {
     return absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_' || c == '.';
   };
+  // Header, claims and signature in base64url, each of which must not be empty.
   return std::count(text.begin(), text.end(), '.') == 2 && text.front() != '.' &&
          text.back() != '.' && text.find("..") == std::string::npos &&
          std::all_of(text.begin(), text.end(), is_allowed);

@@ -81,8 +81,10 @@ absl::StatusOr<FileDigest> DigestFile(const std::filesystem::path& path) {
   while (file) {
     file.read(piece.data(), static_cast<std::streamsize>(piece.size()));
     sha256.Add({piece.data(), static_cast<size_t>(file.gcount())});
+    // The size is counted, not asked for: it belongs to the bytes that were hashed.
     digest.size += file.gcount();
   }
+  // The loop also ends on a read error, which must not give the digest of half a file.
   if (!file.eof()) return LocalFileError("read", path, errno);
   digest.sha256 = sha256.Finish();
   return digest;

@@ -41,6 +41,7 @@ absl::Status WatchOnce(Jobs& jobs, const std::string& job, Watched& watched,
   v1::WatchJobRequest request;
   request.set_name(job);
   if (watched.sequence) request.set_after_sequence(*watched.sequence);
+  // No deadline: a job may run for hours. The scene of a job is not in its name.
   Call call("", 0);
   auto stream = jobs.WatchJob(call, request);
   v1::JobEvent event;
@@ -97,6 +98,7 @@ absl::StatusOr<Header> ReceiveAll(Segmentation& segmentation,
                                   const v1::ExportSelectionRequest& request, OutputFile& file) {
   const RetryBudget retries(kCallSeconds);
   while (true) {
+    // No deadline: a large export takes as long as it takes.
     Call call(SceneOf(request.model()), 0);
     absl::StatusOr<Header> header = Receive(*segmentation.ExportSelection(call, request), file);
     if (header.ok()) return header;
@@ -119,6 +121,7 @@ absl::Status Client::EnsureScene(const std::string& scene) const {
   v1::CreateSceneRequest request;
   // The id, without "scenes/".
   request.set_scene_id(SceneName(scene).substr(std::string("scenes/").size()));
+  // An id makes a repeated request harmless: the server answers it as it did the first time.
   request.set_request_id(NewRequestId());
   const absl::Status status = Ask(*scenes_, &Scenes::CreateScene, scene, request).status();
   return absl::IsAlreadyExists(status) ? absl::OkStatus() : status;

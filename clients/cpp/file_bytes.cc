@@ -66,6 +66,7 @@ absl::StatusOr<std::string> ReadFile(const std::filesystem::path& path) {
   ssize_t size = 0;
   do {
     const size_t before = bytes.size();
+    // Read to the end instead of by the size: a pipe has none.
     bytes.resize(before + kReadBytes);
     size = read(descriptor, bytes.data() + before, kReadBytes);
     bytes.resize(before + (size > 0 ? static_cast<size_t>(size) : 0));
@@ -103,6 +104,7 @@ OutputFile::OutputFile(OutputFile&& other) noexcept
       num_bytes_(other.num_bytes_) {}
 
 OutputFile::~OutputFile() {
+  // Committed, moved from, or never opened: there is nothing to remove.
   if (descriptor_ < 0) return;
   close(descriptor_);
   unlink(part_.c_str());
