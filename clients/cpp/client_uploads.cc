@@ -93,6 +93,7 @@ absl::StatusOr<bool> SendFile(FileStream& stream, const std::string& upload, con
     v1::WriteFilesRequest::Chunk* chunk = request.mutable_chunk();
     chunk->set_data(piece.data(), size);
     chunk->set_crc32c(Crc32c(chunk->data()));
+    // A chunk that may be the last leaves together with the end.
     const bool last = size < piece.size();
     if (!stream->Write(request, last ? buffered : grpc::WriteOptions())) return false;
     sent(static_cast<int64_t>(size));

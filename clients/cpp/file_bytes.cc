@@ -129,6 +129,7 @@ absl::Status OutputFile::Fail(int error_number) const {
 absl::Status OutputFile::Append(absl::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t size = write(descriptor_, bytes.data(), bytes.size());
+    // Interrupted by a signal before anything was written.
     if (size < 0 && errno == EINTR) continue;
     if (size < 0) return Fail(errno);
     num_bytes_ += size;

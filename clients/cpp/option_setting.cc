@@ -137,6 +137,7 @@ absl::Status SetOption(absl::string_view setting, Message& options) {
   const FieldDescriptor* field = FindField(name, *options.GetDescriptor());
   for (const absl::string_view part : absl::StrSplit(name, '.')) {
     if (field == nullptr || field->containing_type() == message->GetDescriptor()) break;
+    // Creates the messages on the way to the field, which makes them present in the request.
     message = message->GetReflection()->MutableMessage(
         message, message->GetDescriptor()->FindFieldByName(std::string(part)));
   }

@@ -93,7 +93,7 @@ CountedView Count(const Capture& capture, int number, const Reprojection& reproj
 
 MaskAgreement Agreement(const CountedView& counted, int mask) {
   // The mean over the near views of the best IoU, weighted by the cells that each sees. It is 0
-  // where no view sees enough of the mask: num_seen tells.
+  // where no view sees enough of the mask: num_seen is then 0.
   MaskAgreement agreement;
   double sum = 0, weight = 0;
   for (const Overlaps& overlap : counted.overlaps) {

@@ -49,8 +49,7 @@ int64_t TrainingPixels(const TrainingSize& size) {
 int64_t GaussiansInRefinement(const TrainingSize& size, const ReconstructOptions& options) {
   const int64_t first = FirstGaussians(size, options), most = MostGaussians(size, options);
   if (options.pixels_per_gaussian <= 0) return most;
-  // The window starts at full size only, see Refiner, and its start may so be moved to
-  // coarse_until.
+  // Refiner moves a start before coarse_until to coarse_until, the first step at full size.
   const double end = std::max(options.refine_from, options.coarse_until) + options.refine_length;
   const double span = options.densify_until - options.densify_from;
   const double passed = span > 0 ? std::clamp((end - options.densify_from) / span, 0.0, 1.0) : 1.0;

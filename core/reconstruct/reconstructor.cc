@@ -209,10 +209,10 @@ void Reconstructor::QueueOps(const StepInput& input, int64_t entry_capacity) {
                    .active_sh_degree = sh_degree,
                    .scratch = &scratch_,
                    .color = color,
+                   // Empty where the step has no depth term.
                    .alpha = depth.alpha,
                    .depth = depth.depth,
                    .inverse_depth = depth.inverse_depth,
-                   // Alpha and depth have no buffer where the step has no depth term.
                    .entry_room = entry_capacity});
   backend_.ImageLoss({.width = view.pinhole.width,
                       .height = view.pinhole.height,

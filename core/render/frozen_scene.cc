@@ -31,6 +31,7 @@ void FrozenScene::Render(const View& view) {
                    .color = color_.span(),
                    .alpha = alpha_.span(),
                    .depth = depth_.span(),
+                   // Degree 0 of the harmonics (the default): the colours are not used.
                    .for_backward = false});
 }
 

@@ -60,6 +60,8 @@ void ModelRenderer::ShowAll() {
 // Restores the opacities before a render, not after one, because a backend that ran out of memory
 // in a render copies nothing. After an error the opacities are not known and count as hidden.
 void ModelRenderer::Show(const GaussianSet* subset) {
+  // One set of planes serves all requests of the model, so each render sets the opacities that it
+  // needs.
   if (subset != nullptr) {
     HideAllBut(*subset);
   } else if (some_hidden_) {
