@@ -76,6 +76,8 @@ absl::Status FromProxy(const absl::Status& status) {
 absl::Status FromGrpc(const grpc::Status& status) {
   if (status.ok()) return absl::OkStatus();
   absl::Status result(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
+  // The server's own errors carry an ErrorDetail. A status without one comes from gRPC or from a
+  // proxy.
   v1::Status details;
   v1::ErrorDetail detail;
   if (details.ParseFromString(status.error_details()) && details.details_size() > 0 &&

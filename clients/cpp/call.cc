@@ -19,9 +19,11 @@ std::chrono::nanoseconds FromSeconds(double seconds) {
 std::optional<std::chrono::nanoseconds> RetryAfter(const absl::Status& status) {
   const std::optional<v1::ErrorDetail> detail = DetailOf(status);
   if (!absl::IsUnavailable(status) || !detail || !detail->has_retry_after()) return std::nullopt;
+  // A server that shuts down takes no further calls.
   if (detail->reason() == "DRAINING") return std::nullopt;
   const std::chrono::nanoseconds wait = std::chrono::seconds(detail->retry_after().seconds()) +
                                         std::chrono::nanoseconds(detail->retry_after().nanos());
+  // A wait of 0 would repeat the call in a busy loop.
   return std::max<std::chrono::nanoseconds>(wait, std::chrono::milliseconds(1));
 }
 
@@ -29,6 +31,7 @@ std::optional<std::chrono::nanoseconds> RetryAfter(const absl::Status& status) {
 
 Call::Call(const std::string& scene, double seconds) {
   const std::string name = SceneName(scene);
+  // The id alone, by which proxies can route calls of one scene to one server.
   if (!scene.empty()) context_.AddMetadata("x-scene", name.substr(name.rfind('/') + 1));
   if (seconds > 0) {
     context_.set_deadline(std::chrono::system_clock::now() +
@@ -42,6 +45,7 @@ RetryBudget::RetryBudget(double seconds)
 
 double RetryBudget::seconds_left() const {
   if (!has_deadline_) return 0;
+  // Never 0, which stands for no deadline.
   return std::max(1e-3, std::chrono::duration<double>(end_ - Clock::now()).count());
 }
 

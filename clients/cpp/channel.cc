@@ -30,6 +30,7 @@ bool IsJwt(const std::string& text) {
   const auto is_allowed = [](char c) {
     return absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_' || c == '.';
   };
+  // Header, claims and signature in base64url, each of which must not be empty.
   return std::count(text.begin(), text.end(), '.') == 2 && text.front() != '.' &&
          text.back() != '.' && text.find("..") == std::string::npos &&
          std::all_of(text.begin(), text.end(), is_allowed);
@@ -43,11 +44,13 @@ absl::StatusOr<std::string> FindKey(const Login& login) {
   if (!login.key_file.empty()) {
     from = login.key_file;
     ASSIGN_OR_RETURN(text, ReadFile(login.key_file));
+    // Only the first line counts.
     text = text.substr(0, text.find('\n'));
   } else if (const char* value = std::getenv("PEPESEG_KEY")) {
     text = value;
   }
   const std::string key(absl::StripAsciiWhitespace(text));
+  // An empty variable means no key; an empty file is an error below.
   if (key.empty() && login.key_file.empty()) return key;
   if (!IsKey(key) && !IsJwt(key)) {
     return absl::InvalidArgumentError(
@@ -123,6 +126,7 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> OpenChannel(const std::string& se
   const bool tls = login.tls || is_https || !login.ca.empty() || !login.certificate.empty() ||
                    !login.certificate_key.empty();
   ASSIGN_OR_RETURN(const std::string key, FindKey(login));
+  // The key is as good as a password: it never leaves this machine unencrypted.
   if (!key.empty() && !tls && !IsThisMachine(target)) {
     return absl::InvalidArgumentError(absl::StrCat(
         "the key is not sent to ", target,

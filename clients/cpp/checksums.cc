@@ -38,6 +38,7 @@ std::array<std::array<uint32_t, 256>, 8> MakeCrcTable() {
 
 uint32_t Crc32c(std::string_view bytes) {
   static const auto table = MakeCrcTable();
+  // CRC-32C as in RFC 3720: begins with all bits set and is inverted at the end.
   uint32_t crc = ~uint32_t{0};
   size_t i = 0;
   const auto byte_at = [&](size_t k) { return static_cast<uint8_t>(bytes[k]); };
@@ -80,8 +81,10 @@ absl::StatusOr<FileDigest> DigestFile(const std::filesystem::path& path) {
   while (file) {
     file.read(piece.data(), static_cast<std::streamsize>(piece.size()));
     sha256.Add({piece.data(), static_cast<size_t>(file.gcount())});
+    // The size is counted, not asked for: it belongs to the bytes that were hashed.
     digest.size += file.gcount();
   }
+  // The loop also ends on a read error, which must not give the digest of half a file.
   if (!file.eof()) return LocalFileError("read", path, errno);
   digest.sha256 = sha256.Finish();
   return digest;

@@ -41,10 +41,12 @@ absl::Status WatchOnce(Jobs& jobs, const std::string& job, Watched& watched,
   v1::WatchJobRequest request;
   request.set_name(job);
   if (watched.sequence) request.set_after_sequence(*watched.sequence);
+  // No deadline: a job may run for hours. The scene of a job is not in its name.
   Call call("", 0);
   auto stream = jobs.WatchJob(call, request);
   v1::JobEvent event;
   while (stream->Read(&event)) {
+    // A heartbeat has the number of the newest event before it, so it counts, too.
     watched.sequence = event.sequence();
     if (event.event_case() == v1::JobEvent::kHeartbeat) continue;
     watched.ended |= event.event_case() == v1::JobEvent::kStateChanged &&
@@ -96,6 +98,7 @@ absl::StatusOr<Header> ReceiveAll(Segmentation& segmentation,
                                   const v1::ExportSelectionRequest& request, OutputFile& file) {
   const RetryBudget retries(kCallSeconds);
   while (true) {
+    // No deadline: a large export takes as long as it takes.
     Call call(SceneOf(request.model()), 0);
     absl::StatusOr<Header> header = Receive(*segmentation.ExportSelection(call, request), file);
     if (header.ok()) return header;
@@ -118,6 +121,7 @@ absl::Status Client::EnsureScene(const std::string& scene) const {
   v1::CreateSceneRequest request;
   // The id, without "scenes/".
   request.set_scene_id(SceneName(scene).substr(std::string("scenes/").size()));
+  // An id makes a repeated request harmless: the server answers it as it did the first time.
   request.set_request_id(NewRequestId());
   const absl::Status status = Ask(*scenes_, &Scenes::CreateScene, scene, request).status();
   return absl::IsAlreadyExists(status) ? absl::OkStatus() : status;
@@ -203,6 +207,7 @@ absl::StatusOr<v1::Job> Client::WatchJob(const std::string& job,
     const absl::Status status = WatchOnce(*jobs_, JobName(job), watched, on_event);
     if (watched.ended || status.ok()) break;
     if (watched.sequence != before) failures = 0;  // the stream had brought something
+    // Before the first event an error is returned at once.
     if (!IsAway(status) || !watched.sequence || ++failures > kMaxWatchRetries) return status;
     if (on_break) on_break();
     std::this_thread::sleep_for(kRetryPause);

@@ -64,6 +64,7 @@ absl::StatusOr<Work> PlanWork(const v1::Upload& upload, const DatasetFolder& fol
     std::error_code error;
     const auto size = static_cast<int64_t>(std::filesystem::file_size(files[name]->path, error));
     if (error) return LocalFileError("read", files[name]->path, error.value());
+    // A missing file without a partial copy starts at 0, which operator[] inserts.
     work.rests.push_back({files[name], committed[name]});
     work.num_there -= size - committed[name];
   }
@@ -92,10 +93,12 @@ absl::StatusOr<bool> SendFile(FileStream& stream, const std::string& upload, con
     v1::WriteFilesRequest::Chunk* chunk = request.mutable_chunk();
     chunk->set_data(piece.data(), size);
     chunk->set_crc32c(Crc32c(chunk->data()));
+    // A chunk that may be the last leaves together with the end.
     const bool last = size < piece.size();
     if (!stream->Write(request, last ? buffered : grpc::WriteOptions())) return false;
     sent(static_cast<int64_t>(size));
   }
+  // The server compares size and SHA-256 with the declaration when the end arrives.
   request.mutable_end();
   return stream->Write(request);
 }
@@ -197,6 +200,7 @@ absl::StatusOr<v1::Dataset> FinishUpload(Datasets& datasets, v1::Upload upload,
     Report(progress, absl::StrCat("interrupted: ", dataset.status().message(), "; trying again"));
     absl::StatusOr<v1::Upload> now = absl::UnavailableError("");
     while (!now.ok() && MayPass(now.status())) {
+      // The error of the upload is returned, not that of GetUpload: it says why the stream broke.
       if (!patience.Pause(work.num_there)) return dataset.status();
       now = GetUpload(datasets, work.upload);
     }
@@ -237,6 +241,7 @@ absl::StatusOr<v1::Upload> Open(Datasets& datasets, v1::CreateUploadRequest requ
   request.set_request_id(RequestIdOf(request));
   ASSIGN_OR_RETURN(v1::Upload upload,
                    Ask(datasets, &Datasets::CreateUpload, request.parent(), request));
+  // A sealed upload is finished: uploading the same folder again makes a new dataset.
   if (!upload.sealed()) return upload;
   request.set_request_id(NewRequestId());
   return Ask(datasets, &Datasets::CreateUpload, request.parent(), request);

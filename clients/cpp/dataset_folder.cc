@@ -23,6 +23,7 @@ bool EndsIn(absl::string_view name, std::initializer_list<absl::string_view> ext
 
 // Returns the kind of sparse/0/NAME or sparse/NAME.
 std::optional<v1::FileKind> ColmapKind(absl::string_view name) {
+  // COLMAP writes sparse/0/; some tools leave out the 0.
   name.remove_prefix(absl::string_view("sparse/").size());
   if (absl::StartsWith(name, "0/")) name.remove_prefix(2);
   for (const absl::string_view extension : {".bin", ".txt"}) {
@@ -92,6 +93,7 @@ std::optional<v1::FileKind> KindOf(absl::string_view name, v1::FileKind in_depth
 
 absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::FileKind in_depth) {
   std::error_code error;
+  // A single video instead of a folder.
   if (IsVideo(folder.filename().string()) && fs::is_regular_file(folder, error)) {
     const std::string name = "videos/" + folder.filename().string();
     return DatasetFolder{{{name, v1::FILE_KIND_VIDEO, folder}}, {}};
@@ -115,6 +117,7 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::File
   if (error) {
     return LocalFileError("list", folder, error.value());
   }
+  // A plain folder of photographs works, too, but only if nothing is laid out.
   if (!HasPictures(result)) TakeLoosePictures(folder, result);
   std::sort(result.files.begin(), result.files.end(),
             [](const FolderFile& a, const FolderFile& b) { return a.name < b.name; });

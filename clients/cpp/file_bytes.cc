@@ -66,6 +66,7 @@ absl::StatusOr<std::string> ReadFile(const std::filesystem::path& path) {
   ssize_t size = 0;
   do {
     const size_t before = bytes.size();
+    // Read to the end instead of by the size: a pipe has none.
     bytes.resize(before + kReadBytes);
     size = read(descriptor, bytes.data() + before, kReadBytes);
     bytes.resize(before + (size > 0 ? static_cast<size_t>(size) : 0));
@@ -91,6 +92,7 @@ absl::Status WriteFile(const std::filesystem::path& path, absl::string_view byte
 }
 
 OutputFile::OutputFile(std::filesystem::path path, int descriptor)
+    // Bytes go to FILE.part, which Commit renames, so that a failed call leaves no half of a file.
     : path_(std::move(path)), part_(path_), descriptor_(descriptor) {
   part_ += ".part";
 }
@@ -102,6 +104,7 @@ OutputFile::OutputFile(OutputFile&& other) noexcept
       num_bytes_(other.num_bytes_) {}
 
 OutputFile::~OutputFile() {
+  // Committed, moved from, or never opened: there is nothing to remove.
   if (descriptor_ < 0) return;
   close(descriptor_);
   unlink(part_.c_str());
@@ -126,6 +129,7 @@ absl::Status OutputFile::Fail(int error_number) const {
 absl::Status OutputFile::Append(absl::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t size = write(descriptor_, bytes.data(), bytes.size());
+    // Interrupted by a signal before anything was written.
     if (size < 0 && errno == EINTR) continue;
     if (size < 0) return Fail(errno);
     num_bytes_ += size;

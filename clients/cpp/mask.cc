@@ -30,6 +30,7 @@ absl::StatusOr<Mask> DecodeRle(const v1::CocoRle& rle) {
       shift += 5;
       if (!more && (symbol & 16) != 0) run |= -(int64_t{1} << shift);
     }
+    // Runs go down the columns and alternate, beginning with pixels outside the mask.
     if (runs.size() > 2) run += runs[runs.size() - 2];
     if (more || run < 0 || run > num_pixels - filled) {
       return absl::DataLossError(absl::StrCat("mask: run ", runs.size(), " has ", run,

@@ -42,6 +42,7 @@ absl::string_view LastPart(absl::string_view name) {
 // Returns how far `name` is from `word`; kFar: too far.
 int Distance(absl::string_view word, absl::string_view name) {
   const int edits = EditDistance(word, name);
+  // One typing error for each three characters.
   if (edits <= std::max<int>(1, static_cast<int>(word.size()) / 3)) return edits;
   const absl::string_view part = LastPart(word);
   const bool dotted = absl::StrContains(name, ".");

@@ -96,6 +96,7 @@ const FieldDescriptor* FindField(absl::string_view name, const Descriptor& type)
 
 // Returns the values of an enum in lower case, without the prefix that all of them share.
 std::vector<std::string> ShortNames(const google::protobuf::EnumDescriptor& type) {
+  // Names of enum values share their type's name as a prefix, by the style of protobuf.
   std::string prefix = type.value(0)->name();
   for (int i = 1; i < type.value_count(); ++i) {
     while (!absl::StartsWith(type.value(i)->name(), prefix)) prefix.pop_back();
@@ -136,6 +137,7 @@ absl::Status SetOption(absl::string_view setting, Message& options) {
   const FieldDescriptor* field = FindField(name, *options.GetDescriptor());
   for (const absl::string_view part : absl::StrSplit(name, '.')) {
     if (field == nullptr || field->containing_type() == message->GetDescriptor()) break;
+    // Creates the messages on the way to the field, which makes them present in the request.
     message = message->GetReflection()->MutableMessage(
         message, message->GetDescriptor()->FindFieldByName(std::string(part)));
   }

@@ -9,6 +9,7 @@
 namespace pepeseg::client {
 
 std::string SceneName(const std::string& scene) {
+  // A scene may be given by its id alone.
   const bool is_name = absl::StartsWith(scene, "scenes/") || absl::StartsWith(scene, "projects/");
   return is_name ? scene : absl::StrCat("scenes/", scene);
 }

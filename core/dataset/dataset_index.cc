@@ -62,6 +62,7 @@ void ChooseModel(const std::map<std::string, ColmapModel>& models, DatasetIndex&
   for (const auto& [folder, model] : models) {
     const DatasetFile* cameras = model.Find("cameras");
     const DatasetFile* images = model.Find("images");
+    // The map is sorted by folder, so that the choice does not depend on the order of the upload.
     if (cameras == nullptr || images == nullptr || num_models++ > 0) continue;
     index.cameras = cameras;
     index.images = images;
@@ -75,6 +76,7 @@ void ChooseModel(const std::map<std::string, ColmapModel>& models, DatasetIndex&
 
 // Chooses the file of poses to use, and warns of the others.
 void ChoosePoses(DatasetIndex& index) {
+  // In the order of preference.
   const std::pair<PoseFormat, const DatasetFile*> formats[] = {
       {PoseFormat::kColmap, index.images},
       {PoseFormat::kTransformsJson, index.transforms},

@@ -31,6 +31,7 @@ absl::StatusOr<FloatImage> Decode(const std::filesystem::path& path, const std::
 // Compares the aspect ratios. Sensors and networks often give maps of another resolution than the
 // photograph, but a map of another aspect ratio shows another part of the scene.
 absl::Status CheckShape(const FloatImage& map, const std::string& name, const PhotoSize& photo) {
+  // Decoders refuse empty maps, so no height is 0.
   const double shape = static_cast<double>(map.width) / map.height;
   const double photo_shape = static_cast<double>(photo.width) / photo.height;
   if (std::abs(shape - photo_shape) <= kMaxShapeError * photo_shape) return absl::OkStatus();

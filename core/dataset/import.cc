@@ -89,6 +89,7 @@ absl::Status CheckCompanions(const std::vector<std::string>& keys,
   std::map<std::string, std::string> by_stem;
   for (const std::string& key : keys) {
     const std::string stem(WithoutSuffix(key));
+    // Two photographs with one stem are valid as long as no companion could belong to both.
     const auto [other, added] = by_stem.try_emplace(stem, key);
     const auto companion = companions.find(stem);
     if (added || companion == companions.end()) continue;
@@ -158,6 +159,7 @@ class PriorReader {
     prior.kind =
         file.kind == FileKind::kDisparity ? DepthPrior::Kind::kDisparity : DepthPrior::Kind::kDepth;
     ASSIGN_OR_RETURN(const FloatImage map, ReadDepthMap(file.path, file.name, prior.kind, photo));
+    // After ReadDepthMap unknown depth is NaN, before and after the warp.
     std::vector<float> depth = warp.Depth(map);
     // Pixels that are not trained on must not influence the percentiles of NormalizeDepth.
     for (size_t i = 0; i < view.ignore.size(); ++i) {
@@ -329,6 +331,7 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   ViewReader reader(index, poses, options.image_scale);
   for (const Match& match : matches) {
     ASSIGN_OR_RETURN(View view, reader.Read(match));
+    // METHOD.md section 0: every n-th view by name, counted among the views that have a pose.
     view.held_out = options.held_out_every > 0 &&
                     capture.views.size() % static_cast<size_t>(options.held_out_every) == 0;
     capture.views.push_back(std::move(view));

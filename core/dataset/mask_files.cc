@@ -34,6 +34,7 @@ absl::StatusOr<MaskSet> ReadLabelMasks(const std::filesystem::path& path, const 
                                        const PhotoSize& photo) {
   ASSIGN_OR_RETURN(const LabelImage image, DecodeLabels(path, name));
   RETURN_IF_ERROR(CheckMaskSize(name, image.width, image.height, photo));
+  // A map: the masks are numbered in the order of the labels, which is the same in each run.
   std::map<uint32_t, std::vector<uint32_t>> pixels_of_label;
   for (size_t i = 0; i < image.labels.size(); ++i) {
     if (image.labels[i] == 0) continue;

@@ -95,6 +95,7 @@ absl::StatusOr<uint32_t> AddLens(const Lens& lens, PhotoPoses& poses) {
   const auto same = std::find_if(poses.lenses.rbegin(), poses.lenses.rend(),
                                  [&](const auto& known) { return SameLens(known.second, lens); });
   if (same != poses.lenses.rend()) return same->first;
+  // These formats have no camera ids: lenses are numbered from 0.
   const auto id = static_cast<uint32_t>(poses.lenses.size());
   poses.lenses[id] = lens;
   return id;

@@ -39,6 +39,8 @@ absl::StatusOr<Lens> LensOf(double height, double width, double focal) {
 // down, forward).
 absl::Status AddRow(const Matrix35& row, const std::string& photo, PhotoPoses& poses) {
   Eigen::Matrix3d world_from_cam;
+  // LLFF's 3x5 matrix: three axes, the centre, and (height, width, focal length). The last two of
+  // the 17 numbers are depth bounds, which are not used.
   world_from_cam << row.col(1), row.col(0), -row.col(2);
   PhotoPose pose;
   pose.name = photo;

@@ -258,6 +258,7 @@ absl::Status SamReader::AddMask(const std::string& where) {
   const absl::StatusOr<std::vector<uint32_t>> pixels =
       PixelsOfRuns(mask_.compressed.empty() ? mask_.runs : *unpacked, photo_.width, photo_.height);
   if (!pixels.ok()) return Refused(where, pixels.status().message());
+  // The builder drops empty masks and duplicates.
   builder_.Add(*pixels);
   // Each new overlap makes a mask cell with a bitset of all masks, so hostile masks could need far
   // more memory than their file.

@@ -40,6 +40,8 @@ class PhotoNames {
   // folders one by one.
   std::string Find(const std::string& path) const {
     for (size_t start = 0; start != std::string::npos;) {
+      // The full name first, then the name without suffix: frames often lack ".png", or name
+      // another format.
       std::string rest = path.substr(start);
       if (photos_.contains(rest)) return rest;
       for (const std::string& stem : {rest, std::string(WithoutSuffix(rest))}) {
@@ -157,6 +159,7 @@ absl::StatusOr<std::optional<double>> FocalOf(const Fields& fields, const char* 
                                               const char* angle_key, int extent) {
   ASSIGN_OR_RETURN(const std::optional<double> focal, fields.Number(focal_key));
   ASSIGN_OR_RETURN(const std::optional<double> angle, fields.Number(angle_key));
+  // The focal length wins where the file has both.
   if (focal || !angle) return focal;
   if (!(*angle > 0 && *angle < M_PI)) {
     return absl::InvalidArgumentError(

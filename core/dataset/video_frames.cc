@@ -125,6 +125,7 @@ class Reader {
   absl::Status OpenDecoder(const std::string& path) {
     if (!video_.open(path, cv::CAP_FFMPEG))
       return Refused(task_.name, "is not a video that FFmpeg can read");
+    // Phones store upright videos sideways, with a rotation in the header: frames come out upright.
     video_.set(cv::CAP_PROP_ORIENTATION_AUTO, 1);
     const double width = video_.get(cv::CAP_PROP_FRAME_WIDTH);
     const double height = video_.get(cv::CAP_PROP_FRAME_HEIGHT);
@@ -171,6 +172,7 @@ absl::StatusOr<int64_t> FindCandidates(const VideoTask& task, VideoProgressFn pr
   Reader reader(task);
   RETURN_IF_ERROR(reader.Open());
   const int64_t wanted = kCandidates * task.max_frames;
+  // If the file declares no number, every frame is measured: slower, but right.
   const int64_t stride = std::max<int64_t>(1, reader.num_declared() / wanted);
   for (int64_t frame = 0;; ++frame) {
     ASSIGN_OR_RETURN(const bool more, reader.Skip());
@@ -193,6 +195,7 @@ std::vector<int64_t> Choose(const std::vector<Candidate>& candidates, int64_t nu
   std::vector<std::optional<Candidate>> best(static_cast<size_t>(max_frames));
   for (const Candidate& candidate : candidates) {
     auto& window = best[static_cast<size_t>(candidate.frame * max_frames / num_frames)];
+    // The first of equally sharp frames stays.
     if (!window || candidate.sharpness > window->sharpness) window = candidate;
   }
   std::vector<int64_t> chosen;

@@ -17,6 +17,7 @@ using Eigen::Vector2d;
 // Returns true if the lens maps a neighbourhood of the ray without folding it, that is, if the
 // Jacobian of the distortion (by central differences) has a positive determinant.
 bool KeepsOrientation(const Lens& lens, const Vector2d& ray) {
+  // Relative for far rays, where 1e-6 would drown in rounding.
   const double step = 1e-6 * std::max(1.0, ray.norm());
   const Vector2d dx = lens.Distort(ray + Vector2d(step, 0)) - lens.Distort(ray - Vector2d(step, 0));
   const Vector2d dy = lens.Distort(ray + Vector2d(0, step)) - lens.Distort(ray - Vector2d(0, step));
@@ -88,6 +89,8 @@ float Sample(const FloatImage& map, double x, double y) {
   };
   // The nearest value decides whether the result is known.
   if (std::isnan(at(nearest_x, nearest_y))) return at(nearest_x, nearest_y);
+  // Bilinear: pixel centres lie at + 0.5, and the four taps around (x, y) are weighted by their
+  // distance.
   const double left = std::floor(x - 0.5), top = std::floor(y - 0.5);
   double sum = 0, weights = 0;
   for (int i = 0; i < 4; ++i) {
@@ -101,6 +104,7 @@ float Sample(const FloatImage& map, double x, double y) {
     sum += weight * value;
     weights += weight;
   }
+  // Not 0 / 0: the nearest value is known, is one of the four, and has the largest weight.
   return static_cast<float>(sum / weights);
 }
 
@@ -173,6 +177,8 @@ absl::StatusOr<ViewWarp> ViewWarp::Create(const Lens& lens, double image_scale) 
   const double sy = static_cast<double>(camera.height) / part.height;
   camera.fx = lens.fx * sx;
   camera.fy = lens.fy * sy;
+  // The principal point is measured from the image's corner, so cropping and scaling need no half
+  // pixel.
   camera.cx = (lens.cx - part.left) * sx;
   camera.cy = (lens.cy - part.top) * sy;
   return warp;

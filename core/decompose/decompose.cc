@@ -43,6 +43,8 @@ absl::StatusOr<std::vector<float>> VisibleWeights(const Model& model, RowsOfPixe
   std::vector<float> weights(count);
   const int64_t num_shown = std::min(num_views, kMaxViews);
   for (int64_t k = 0; k < num_shown; ++k) {
+    // Sums of floats in the order of views and rows, which is fixed: the segments do not depend on
+    // threads.
     const ModelView& view = model.views[k * num_views / num_shown];
     ASSIGN_OR_RETURN(const PixelRows shown, rows(view, GridPixels(view.camera, kMaxGridPixels)));
     for (size_t e = 0; e < shown.gaussian.size(); ++e) {
@@ -101,6 +103,8 @@ absl::StatusOr<std::vector<int32_t>> FindPieces(Backend& backend, const Model& m
                                                 std::span<const float> visible) {
   const std::vector<float> units =
       GatedUnits(model.field.features, model.field.gate, static_cast<float>(scale));
+  // HDBSCAN finds the pieces in a sample of the visible Gaussians; then each Gaussian, sampled or
+  // not, goes to the piece with the nearest mean.
   const std::vector<uint8_t> seen = SeenEnough(visible);
   const std::vector<float> points = PointsToCluster(units, seen);
   ASSIGN_OR_RETURN(const Clusters clusters, InTurn(backend, [&] {
@@ -121,6 +125,7 @@ absl::StatusOr<std::vector<int32_t>> FindPieces(Backend& backend, const Model& m
 std::vector<int32_t> JoinAt(double scale, const FeatureField& field,
                             std::span<const int32_t> pieces, std::span<const float> visible) {
   const int32_t last = pieces.empty() ? kNoPiece : *std::max_element(pieces.begin(), pieces.end());
+  // Sums instead of means: the cosine does not need the length, and joined pieces are added.
   std::vector<float> sums(static_cast<size_t>(last + 1) * kFeatureSize);
   const std::vector<float> units =
       GatedUnits(field.features, field.gate, static_cast<float>(scale));
@@ -145,6 +150,8 @@ absl::StatusOr<Decomposition> Decompose(Backend& backend, const Model& model,
                    FindPieces(backend, model, std::min(scales.front(), kFinestScale), visible));
   Decomposition decomposition;
   for (const double scale : scales) {
+    // Each granularity level joins segments of the one before, so that segments nest (METHOD.md
+    // section 4, "Decomposition").
     pieces = JoinAt(scale, model.field, pieces, visible);
     Decomposition::Level level = LevelOfPieces(scale, pieces, model.gaussians);
     if (!decomposition.levels.empty()) SetParents(decomposition.levels.back(), level);

@@ -74,12 +74,15 @@ Decomposition::Level LevelOfPieces(double scale, std::span<const int32_t> pieces
   const std::vector<int64_t> counts = CountPieces(pieces);
   std::vector<int32_t> order(counts.size());
   std::iota(order.begin(), order.end(), 0);
+  // Ids count from 1, the largest segment first; segments of equal size keep the order of their
+  // pieces.
   std::stable_sort(order.begin(), order.end(),
                    [&](int32_t a, int32_t b) { return counts[a] > counts[b]; });
   constexpr float kInf = std::numeric_limits<float>::infinity();
   std::vector<int32_t> id_of_piece(counts.size());
   Decomposition::Level level{scale, std::vector<int32_t>(pieces.size()), {}};
   for (const int32_t piece : order) {
+    // Empty pieces come last in this order.
     if (counts[piece] == 0) break;
     level.segments.push_back({0, counts[piece], {kInf, kInf, kInf}, {-kInf, -kInf, -kInf}});
     id_of_piece[piece] = static_cast<int32_t>(level.segments.size());
@@ -94,6 +97,7 @@ Decomposition::Level LevelOfPieces(double scale, std::span<const int32_t> pieces
 
 void SetParents(Decomposition::Level& fine, const Decomposition::Level& coarse) {
   for (size_t i = 0; i < fine.ids.size(); ++i) {
+    // Segments nest: all Gaussians of one have the same parent, so the last one may decide.
     if (fine.ids[i] != 0) fine.segments[fine.ids[i] - 1].parent = coarse.ids[i];
   }
 }

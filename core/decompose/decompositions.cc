@@ -32,6 +32,7 @@ absl::StatusOr<Decompositions::Entries::iterator> Decompositions::Get(
   lock.unlock();
   absl::StatusOr<Decomposition> decomposition = make();
   lock.lock();
+  // Also after an error: those who wait then make the decomposition themselves.
   made_.notify_all();
   if (!decomposition.ok()) {
     entries_.erase(entry);
@@ -46,6 +47,7 @@ void Decompositions::DropOldest() {
   auto num_left = static_cast<int>(entries_.size());
   for (auto entry = entries_.end(); entry != entries_.begin() && num_left > kMostKept;) {
     --entry;
+    // Entries in use stay, so that more than kMostKept may be kept for a while.
     if (!entry->ready || entry->num_users > 0) continue;
     entry = entries_.erase(entry);
     --num_left;

@@ -31,6 +31,8 @@ class Joiner {
 
   // Joins the closest two pieces. Returns false if no two have a cosine over `join_cosine`.
   bool JoinClosest(double join_cosine) {
+    // Agglomerative clustering by the cosine of the means. The first of equal cosines is joined, so
+    // that the result is fixed.
     size_t a = 0;
     for (size_t i = 1; i < count_; ++i) {
       if (NearestCosine(i) > NearestCosine(a)) a = i;
@@ -59,6 +61,7 @@ class Joiner {
       aa += x * x;
       bb += y * y;
     }
+    // A piece whose features cancel out has no direction and is never joined.
     return aa > 0 && bb > 0 ? static_cast<float>(ab / std::sqrt(aa * bb)) : kApart;
   }
   void SetCosine(size_t a, size_t b, float cosine) {
@@ -83,6 +86,8 @@ class Joiner {
       if (i != a && joined_to_[i] == i) SetCosine(a, i, Cosine(a, i));
     }
     for (size_t i = 0; i < count_; ++i) {
+      // A piece whose nearest was one of the two may now be nearer to any other; for the rest only
+      // `a` can have come nearer.
       if (i == a || nearest_[i] == a || nearest_[i] == b) {
         FindNearest(i);
       } else if (cosine_[i * count_ + a] > NearestCosine(i)) {

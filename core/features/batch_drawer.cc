@@ -16,6 +16,8 @@ namespace {
 // Returns a word in which `count` of the lowest `size` bits are set, each choice equally likely.
 // count <= size <= 32.
 uint32_t DrawBits(int size, int count, std::mt19937_64& random) {
+  // Selection sampling (Knuth, volume 2, algorithm S): a bit is taken with the probability wanted /
+  // left.
   uint32_t bits = 0;
   for (int left = size; left > 0; --left) {
     if (DrawIndex(static_cast<size_t>(left), random) >= static_cast<size_t>(count)) continue;
@@ -27,6 +29,8 @@ uint32_t DrawBits(int size, int count, std::mt19937_64& random) {
 
 // Returns 1 / mean area of the masks with a scale over each mask cell; 0 for cells without one.
 std::vector<float> PatchWeights(const MaskSet& masks, std::span<const float> mask_scales) {
+  // 1 / A(p) of METHOD.md section 3 ("Contrastive loss"): w_pq is the product of those of p and q,
+  // scaled in the batch.
   std::vector<float> weights;
   for (int patch = 0; patch < masks.num_patches(); ++patch) {
     double area = 0;
@@ -71,6 +75,7 @@ std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
     std::erase_if(drawable.sorted_scales, [](float scale) { return scale <= kNoScale; });
     std::sort(drawable.sorted_scales.begin(), drawable.sorted_scales.end());
     drawable.patch_weight = PatchWeights(*masks[i], mask_scales[i]);
+    // In reading order: PixelsByMask needs ascending pixels, and draws index this list.
     for (size_t pixel = 0; pixel < masks[i]->pixel_patch.size(); ++pixel) {
       if (drawable.patch_weight[masks[i]->pixel_patch[pixel]] <= 0) continue;
       if (!view.ignore.empty() && view.ignore[pixel] != 0) continue;
@@ -92,6 +97,8 @@ BatchDrawer::Draft BatchDrawer::Next() {
     views_left_.resize(views_.size());
     std::iota(views_left_.begin(), views_left_.end(), 0);
   }
+  // One draw of a Fisher-Yates shuffle a step instead of a whole shuffle a round: views_left_ and
+  // the engine are all that a checkpoint must hold.
   std::swap(views_left_[DrawIndex(views_left_.size(), random_)], views_left_.back());
   const int next = views_left_.back();
   views_left_.pop_back();
@@ -100,6 +107,8 @@ BatchDrawer::Draft BatchDrawer::Next() {
 
 PixelBatch BatchDrawer::Draw(const Draft& draft) const {
   const DrawableView& view = views_[draft.view];
+  // The order of the draws below decides every batch of a seed: a reordered call changes all
+  // results and what a resumed training continues with.
   Random random(draft.seed);
   PixelBatch batch;
   batch.view = view.view;
@@ -134,6 +143,8 @@ std::vector<float> BatchDrawer::DrawScales(const DrawableView& view, int step,
   }
   if (options_.num_scales >= 2) {
     const float second = sorted.size() < 2 ? 0 : sorted[sorted.size() - 2];
+    // scale_quantiles.back() is the largest scale of all views, or its 99th percentile with
+    // ScaleMapping::kEven.
     const float largest = all ? 2 * field_.scale_quantiles.back() : sorted.back();
     scales.push_back(DrawBetween(second, largest, random));
   }
@@ -144,6 +155,7 @@ std::vector<float> BatchDrawer::DrawScales(const DrawableView& view, int step,
 std::vector<uint32_t> BatchDrawer::DrawPixels(const DrawableView& view, PixelBatch& batch,
                                               Random& random) const {
   const MaskSet& masks = *view.masks;
+  // Labels depend on the mask cell alone, so they are made once a cell and not once a pixel.
   std::unordered_map<uint32_t, int32_t> number;  // mask cell of the view -> of the batch
   std::vector<uint32_t> patches;
   const long num_by_mask = std::lround(options_.mask_share * options_.num_pixels);
@@ -210,6 +222,7 @@ DrawerState BatchDrawer::Save() const {
 }
 
 absl::Status BatchDrawer::Restore(const DrawerState& state, int step) {
+  // Next() indexes views_ with these numbers unchecked.
   for (const int32_t view : state.views_left) {
     if (view >= 0 && view < static_cast<int32_t>(views_.size())) continue;
     return absl::DataLossError(

@@ -37,6 +37,7 @@ class Votes {
 
   // Returns whether one mask holds enough of the cluster's labelled pixels.
   bool Agree(int cluster) const {
+    // A cluster without a labelled pixel agrees: 0 >= 0.
     const auto first = held_.begin() + static_cast<int64_t>(cluster) * num_masks_;
     const int most = *std::max_element(first, first + num_masks_);
     return most >= kMinAgreement * labelled_[cluster];
@@ -73,6 +74,8 @@ Clusters KeepAgreeing(const Clusters& clusters, const MaskSet& masks,
 }
 
 void CentroidBank::Merge(std::span<const float> means) {
+  // New centroids of this call are not compared with its other means. Means have length 1, so that
+  // Dot is the cosine.
   const size_t num_known = centroids_.size();  // floats; the centroids before this call
   for (size_t i = 0; i < means.size(); i += kFeatureSize) {
     const float* mean = means.data() + i;
@@ -89,6 +92,7 @@ void CentroidBank::Merge(std::span<const float> means) {
       continue;
     }
     for (int k = 0; k < kFeatureSize; ++k) nearest[k] += kMovedShare * (mean[k] - nearest[k]);
+    // Back to length 1, which the next comparisons and the loss rely on.
     const auto inv_length = static_cast<float>(1 / std::sqrt(Dot(nearest, nearest)));
     for (int k = 0; k < kFeatureSize; ++k) nearest[k] *= inv_length;
   }

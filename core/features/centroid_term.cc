@@ -55,6 +55,7 @@ CentroidTerm::CentroidTerm(Backend& backend, const Capture& capture, FrozenScene
 }
 
 bool CentroidTerm::Due(int step) const {
+  // first_step_ is a share of the planned steps: the caller counts skipped steps as done.
   return !levels_.empty() && step >= first_step_ && (step - first_step_) % every_ == 0;
 }
 
@@ -90,6 +91,8 @@ std::vector<float> CentroidTerm::PixelFeatures(const View& view, std::span<const
 }
 
 absl::Status CentroidTerm::Refresh(DeviceSpan<const float> features, std::span<const float> gate) {
+  // METHOD.md section 3, "Centroids": the clusters of one random view a refresh update the bank of
+  // each scale. The draws come from an engine of their own, which a checkpoint holds.
   const DrawableView& view = views_[DrawIndex(views_.size(), random_)];
   const std::vector<int32_t> pixels = DrawPixels(view);
   const std::vector<float> of_pixels = PixelFeatures(capture_.views[view.view], pixels, features);
@@ -154,8 +157,10 @@ std::vector<double> CentroidTerm::ReadLosses(int num_steps) const {
   if (!active()) return losses;
   std::vector<double> sums(losses.size() * levels_.size() * kNumCentroidSums);
   sums_.Download(std::span<double>(sums));
+  // The slots are [steps, levels]. A step before the first centroids has left its slot at 0.
   for (size_t i = 0; i < losses.size() * levels_.size(); ++i) {
     const Level& level = levels_[i % levels_.size()];
+    // Mean of 1 - C over the pixels near a centroid, times the weight of the level.
     const double* of_step = sums.data() + i * kNumCentroidSums;
     if (level.centroids.empty() || of_step[kNumNearCentroids] == 0) continue;
     losses[i / levels_.size()] +=

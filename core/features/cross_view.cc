@@ -31,6 +31,8 @@ CrossView::CrossView(const Reprojection& reprojection, const std::vector<Drawabl
       ForEachMaskIn(PatchBits(masks, patch), [&](int mask) {
         if (drawn.mask_scales[mask] > kNoScale) of_patch.push_back({mask, drawn.mask_scales[mask]});
       });
+      // Ascending scales for FinestFrom. Stable: of masks with equal scales the first counts as the
+      // finest, as in ScaleLabels.
       std::stable_sort(of_patch.begin(), of_patch.end(),
                        [](const MaskAt& a, const MaskAt& b) { return a.scale < b.scale; });
     }
@@ -74,12 +76,15 @@ uint32_t CrossView::Agreements(std::span<const MaskAt> a, std::span<const MaskAt
 CrossView::Verdict CrossView::Judge(int view, const Sight& a, const Sight& b,
                                     std::span<const float> scales) const {
   Verdict verdict;
+  // Bit k of all bitsets stands for scales[k]; kMaxScales is 16.
   const uint32_t all = (1u << scales.size()) - 1u;
   const std::span<const int> near = reprojection_.near(view);
   for (size_t i = 0; i < near.size(); ++i) {
     if (a[i] == kUnknown || b[i] == kUnknown) continue;
     const std::vector<MaskAt>&of_a = seen_[near[i]].patch_masks[a[i]],
           &of_b = seen_[near[i]].patch_masks[b[i]];
+    // Where neither pixel is under a mask the view has no opinion. Where only one is, it says apart
+    // at each scale. Views may contradict each other: then both bits are set.
     if (of_a.empty() && of_b.empty()) continue;
     const uint32_t agrees = Agreements(of_a, of_b, scales);
     verdict.together |= agrees;

@@ -36,6 +36,7 @@ absl::Status CheckNumbers(const char* name, const std::vector<float>& values, in
 
 // Returns DATA_LOSS unless `values` are finite and a whole number of centroids.
 absl::Status CheckCentroids(const char* name, const std::vector<float>& values) {
+  // Rounds down to whole centroids, so that CheckSize refuses a remainder.
   const auto size = static_cast<int64_t>(values.size());
   return CheckNumbers(name, values, size / kFeatureSize * kFeatureSize);
 }

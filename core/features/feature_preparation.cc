@@ -77,6 +77,8 @@ std::vector<const MaskSet*> ReconcileMasks(const Capture& capture, const Feature
                                            std::vector<std::vector<float>>& mask_scales,
                                            PreparedFeatures& prepared) {
   const Reprojection& reprojection = *prepared.reprojection;
+  // METHOD.md section 2, "Masks that disagree". Agreement is always that of the views' own masks,
+  // before any is dropped or added.
   const MaskAgreements agreements = MeasureMaskAgreement(capture, reprojection);
   prepared.mask_quality = MaskQuality(capture, agreements);
   for (const int view : reprojection.views()) {
@@ -93,6 +95,7 @@ std::vector<const MaskSet*> ReconcileMasks(const Capture& capture, const Feature
   for (const int view : reprojection.views()) {
     const std::vector<float>& added = completed[view].added_scales;
     if (added.empty()) continue;
+    // CompletedMasks lists the own masks first, so that their numbers and scales stay valid.
     mask_scales[view].insert(mask_scales[view].end(), added.begin(), added.end());
     prepared.completed_masks[view] = std::move(completed[view].masks);
     masks[view] = &prepared.completed_masks[view];
@@ -116,9 +119,9 @@ void AddUncovered(const Capture& capture, std::span<const MaskSet* const> masks,
 }
 
 // Removes the unlabelled pixels near an edge of their view's depth prior, where the prior is not
-// reliable, and all pixels of views without one; all of all views unless `wanted`. Returns the
-// edges [height, width], by view of the capture; empty for views without a depth prior or that are
-// not drawn.
+// reliable, and all unlabelled pixels of views without a prior. Unless `wanted`, removes those of
+// all views. Returns the edges [height, width], by view of the capture; empty for views without a
+// depth prior or that are not drawn.
 std::vector<std::vector<uint8_t>> KeepAwayFromEdges(const Capture& capture, bool wanted,
                                                     std::vector<DrawableView>& views) {
   std::vector<std::vector<uint8_t>> edges(capture.views.size());
@@ -167,6 +170,9 @@ absl::StatusOr<PreparedFeatures> PrepareFeatures(const Capture& capture, const G
   auto features = std::async(std::launch::async, [&] {
     return FeatureTrainer::InitialFeatures(gaussians.count, options);
   });
+  // The order matters: scales and the kept depths come from the renders, agreement needs the kept
+  // depths, the views need the final masks and scales, and the cues need the views' unlabelled
+  // pixels.
   const bool wants_perception = WantsPerception(capture, options);
   PreparedFeatures prepared;
   prepared.reprojection = std::make_unique<Reprojection>(capture, TrainedViews(capture));

@@ -14,6 +14,7 @@ namespace {
 constexpr int kFeatureStep = 100;  // first id for Backend::Sequence; stage one has smaller ones
 
 // Returns the largest number of steps that are queued before the host waits for their losses.
+// At most kMaxUnreadFeatureSteps, with a queue depth of 8 on CUDA and 0 on the CPU.
 int StepsUnread(const Backend& backend) { return std::max(1, 4 * backend.queue_depth()); }
 
 // Sets the confidence of Gaussians without a feature to 1. No mask ever reached them, and that they
@@ -81,6 +82,8 @@ absl::Status FeatureStage::Begin(PreparedFeatures prepared, const FeatureCheckpo
   cues_ = std::move(prepared.cues);
   neighbors_ = Buffer<int32_t>(backend_, std::span<const int32_t>(prepared.neighbors));
   graph_ = {neighbors_.span(), options_.num_neighbors};
+  // Members that follow refer to those before: the drawer to field_, the centroids to the drawer's
+  // views, the trainer to the graph and the centroids.
   drawer_.emplace(field_, std::move(prepared.views), options_);
   window_ = Convergence::Window(static_cast<int>(drawer_->views().size()));
   centroids_.emplace(backend_, capture_, scene_, drawer_->views(), options_);
@@ -101,6 +104,7 @@ absl::Status FeatureStage::Begin(PreparedFeatures prepared, const FeatureCheckpo
 absl::Status FeatureStage::Restore(const FeatureCheckpoint& checkpoint) {
   step_ = static_cast<int>(checkpoint.counters.step);
   steps_of_chunk_ = static_cast<int>(checkpoint.counters.steps_of_chunk);
+  // The drawer continues from the start of the chunk, everything else from the last step done.
   RETURN_IF_ERROR(drawer_->Restore(checkpoint.drawer, step_ - steps_of_chunk_));
   RETURN_IF_ERROR(centroids_->Restore(checkpoint.centroids));
   trainer_->Restore(checkpoint.rows, step_);
@@ -127,6 +131,7 @@ absl::StatusOr<std::vector<StepReport>> FeatureStage::Advance() {
   const int end = step_ + StepsAhead();
   for (; step_ < end; ++step_, ++steps_of_chunk_) {
     if (chunk_.Exhausted()) RETURN_IF_ERROR(BeginChunk());
+    // Skipped steps count as done, so that the last share of the schedule has the centroid loss.
     if (centroids_->Due(step_ + num_left_out_)) RETURN_IF_ERROR(trainer_->RefreshCentroids());
     const RowChunk::Step step = chunk_.Next();
     // A step runs the same ops as the last one of its kind, whose graph a backend may reuse.
@@ -163,6 +168,7 @@ absl::StatusOr<std::vector<StepReport>> FeatureStage::Reports(
     std::span<const double> losses) const {
   std::vector<StepReport> reports;
   for (size_t i = 0; i < losses.size(); ++i) {
+    // step_ has counted all steps of this call: the last loss belongs to step_, counted from 1.
     const int64_t step = step_ - static_cast<int64_t>(losses.size() - 1 - i);
     if (!backend_.error().empty() || !std::isfinite(losses[i])) {
       return absl::InternalError(

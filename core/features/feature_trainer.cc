@@ -16,6 +16,9 @@ constexpr uint64_t kStream = 0x9e3779b97f4a7c15u;
 // the steps that it missed.
 std::vector<float> Corrections(const FeatureRates& rates, const FeatureOptions& options,
                                const LeftOutSteps& left_out) {
+  // Adam's bias correction sqrt(1 - beta2^t) / (1 - beta1^t), times (final rate / first
+  // rate)^share: the learning rate falls exponentially. Entries of steps already done keep their
+  // values when steps are left out.
   std::vector<float> terms(options.num_steps + 1);
   const double fall = double{options.learning_rate_final} / double{options.learning_rate};
   double power1 = 1, power2 = 1;
@@ -167,6 +170,7 @@ std::vector<double> FeatureTrainer::ReadLosses() {
   std::vector<double> losses;
   for (int i = 0; i < num_unread_; ++i) {
     const double* of_step = sums.data() + i * kNumPairLossSums;
+    // L_m of METHOD.md section 3 and the norms: each a mean over its own pairs or pixels.
     const auto mean = [&](PairLossSum sum, PairLossSum count) {
       return of_step[count] == 0 ? 0.0 : of_step[sum] / of_step[count];
     };
@@ -209,6 +213,7 @@ FeatureRowsState FeatureTrainer::Save() const {
 }
 
 void FeatureTrainer::Restore(const FeatureRowsState& rows, int step) {
+  // The corrections are not saved: they follow from the options and LeaveOut.
   step_ = step;
   features_.Upload(rows.features);
   moment1_.Upload(rows.moment1);
@@ -241,6 +246,8 @@ void FeatureTrainer::Export(FeatureField& field) {
     if (std::any_of(seen.begin(), seen.end(), [](float m) { return m > 0; })) continue;
     std::fill_n(field.features.begin() + i * kFeatureSize, kFeatureSize, 0.0f);
   }
+  // The model holds smoothed features, over all num_neighbors neighbours: METHOD.md section 3,
+  // "Smoothing".
   const Buffer<float> seen(backend_, std::span<const float>(field.features));
   SmoothAll(seen.span());
   smoothed_.Download(std::span<float>(field.features));

@@ -63,6 +63,8 @@ struct CountedView {
 };
 
 CountedView Count(const Capture& capture, int number, const Reprojection& reprojection) {
+  // A cell is a pixel of the grid on which Reprojection keeps depths, so that each has an exact
+  // depth. About 65,536 cells a view bound the time.
   const View& view = capture.views[number];
   const MaskSet& masks = view.masks;
   const std::span<const int> near = reprojection.near(number);
@@ -90,6 +92,8 @@ CountedView Count(const Capture& capture, int number, const Reprojection& reproj
 }
 
 MaskAgreement Agreement(const CountedView& counted, int mask) {
+  // The mean over the near views of the best IoU, weighted by the cells that each sees. It is 0
+  // where no view sees enough of the mask: num_seen is then 0.
   MaskAgreement agreement;
   double sum = 0, weight = 0;
   for (const Overlaps& overlap : counted.overlaps) {
@@ -130,6 +134,8 @@ std::optional<double> MaskQuality(const Capture& capture, const MaskAgreements& 
     for (size_t mask = 0; mask < agreements[view].size(); ++mask) {
       const MaskAgreement& agreement = agreements[view][mask];
       if (agreement.num_seen == 0) continue;
+      // METHOD.md section 2: weighted by the root of the area. Masks that no view could judge do
+      // not count.
       const double side = std::sqrt(static_cast<double>(capture.views[view].masks.mask_area[mask]));
       sum += side * double{agreement.iou};
       weight += side;

@@ -78,6 +78,8 @@ void MaskCandidates::ListAt(const Capture& capture, std::span<const int> near, c
   }
 }
 
+// A candidate is lacking if no own mask has an IoU of kSameMask with it. The IoU counts the cells
+// that the candidate's near view sees: elsewhere the candidate cannot be known.
 void MaskCandidates::FindLacking(const Capture& capture, int view, std::span<const int> near,
                                  std::span<const Cell> cells) {
   const MaskSet& masks = capture.views[view].masks;
@@ -115,6 +117,7 @@ void MaskCandidates::FindLacking(const Capture& capture, int view, std::span<con
 
 void MaskCandidates::CountShared(const Capture& capture, std::span<const int> near,
                                  std::span<const Cell> cells) {
+  // Counts [candidate, other] pairs, for lacking candidates only: no other row is read.
   const size_t count = candidates_.size();
   shared_.assign(count * count, 0);
   if (std::ranges::none_of(candidates_, &MaskCandidate::lacking)) return;
@@ -129,7 +132,7 @@ void MaskCandidates::CountShared(const Capture& capture, std::span<const int> ne
   }
 }
 
-// Over the cells that the near views of both see.
+// Computes the IoU over the cells that both near views see.
 float MaskCandidates::Iou(int lacking, int other) const {
   const MaskCandidate &a = candidates_[lacking], &b = candidates_[other];
   const int shared = shared_[static_cast<size_t>(lacking) * candidates_.size() + other];
@@ -151,6 +154,7 @@ double MaskCandidates::Support(int lacking) const {
 std::vector<int> MaskCandidates::GroupOf(int seed) const {
   const MaskCandidate& of_seed = candidates_[seed];
   std::vector<int> best(num_near_, -1);
+  // Starting at kSameMask makes a view without a mask of this surface have no best.
   std::vector<float> best_iou(num_near_, kSameMask);
   for (size_t other = 0; other < candidates_.size(); ++other) {
     const int near = candidates_[other].near;
@@ -161,6 +165,7 @@ std::vector<int> MaskCandidates::GroupOf(int seed) const {
     best_iou[near] = iou;
   }
   std::vector<int> group = {seed};
+  // This view sees the surface and lacks the mask, so it counts against the group.
   int num_seeing = 2;  // the seed's view and this view
   for (size_t i = 0; i < num_near_; ++i) {
     if (static_cast<int>(i) == of_seed.near) continue;
@@ -179,6 +184,8 @@ std::vector<std::vector<int>> MaskCandidates::Groups() const {
   std::vector<std::pair<double, int>> order;
   for (size_t c = 0; c < candidates_.size(); ++c) {
     const auto candidate = static_cast<int>(c);
+    // Negated: the largest support first, ties by number, so that the result is the same in each
+    // run.
     if (candidates_[c].lacking) order.emplace_back(-Support(candidate), candidate);
   }
   std::ranges::sort(order);

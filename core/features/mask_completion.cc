@@ -37,6 +37,7 @@ struct Voter {
 };
 
 // Returns whether more than half of the voters that know a pixel have it under their mask.
+// A pixel that no voter knows is out: 0 > 0 is false.
 bool IsIn(std::span<const Voter> voters, const Reprojection::Sight& sight) {
   int num_known = 0, num_in = 0;
   for (const Voter& voter : voters) {
@@ -95,6 +96,8 @@ Ballot MakeBallot(const Capture& capture, int number, const Reprojection& reproj
       scales.push_back(mask_scales[near[at.near]][at.mask]);
     }
     ballot.groups.push_back(std::move(voters));
+    // The voters' masks show the same surface, so their scales estimate that of the added mask,
+    // which need not be measured in this view.
     ballot.scales.push_back(Median(std::move(scales)));
   }
   return ballot;
@@ -110,6 +113,7 @@ CompletedMasks Complete(const Capture& capture, int number, const Reprojection& 
   if (ballot.groups.empty() || !AllHavePixels(own)) return {};
   constexpr double kKeepDuplicates = 1;  // IoU above which masks are dropped: none is
   MaskSetBuilder builder(view.masks.width, view.masks.height, kKeepDuplicates);
+  // Own masks come first and keep their numbers, to which agreements and scales refer.
   for (const std::vector<uint32_t>& pixels : own) builder.Add(pixels);
   const auto added = Vote(view, number, reprojection, ballot.groups);
   CompletedMasks completed;

@@ -14,6 +14,7 @@ constexpr double kMaxCellsOfView = 16'384;  // pixels that are looked at in a vi
 constexpr double kMaxCoverage = 0.1;        // of a background pixel, see Coverage
 constexpr double kMinAlpha = 0.5;           // of a pixel whose coverage is known
 
+// Cell 0 of a MaskSet is covered by no mask.
 bool IsCovered(const MaskSet& masks, int32_t pixel) { return masks.pixel_patch[pixel] != 0; }
 
 // Measures which share of each Gaussian lies under masks, over all views: the blending weights in
@@ -41,6 +42,7 @@ class Coverage {
     for (int32_t e = rows.first[row]; e < rows.first[row + 1]; ++e) {
       const int32_t gaussian = rows.gaussian[e];
       alpha += double{rows.weight[e]};
+      // A Gaussian that the sampled pixels of no view show counts as uncovered.
       if (seen_[gaussian] > 0) {
         sum += double{rows.weight[e]} * double{covered_[gaussian]} / double{seen_[gaussian]};
       }

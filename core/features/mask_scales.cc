@@ -19,6 +19,8 @@ struct Moments {
 
   double Scale() const {
     if (count < kMinPixels) return kNoScale;
+    // GARField, equation 2: twice the root of the summed variances. E[x^2] - E[x]^2 in double;
+    // rounding can leave it just below 0.
     const Eigen::Vector3d mean = sum / static_cast<double>(count);
     const Eigen::Vector3d variance = squares / static_cast<double>(count) - mean.cwiseProduct(mean);
     return 2 * std::sqrt(std::max(0.0, variance.sum()));
@@ -65,6 +67,7 @@ bool SortPositive(std::vector<float>& scales) {
 
 // Returns the quantile at `share` in [0, 1]. `sorted` must not be empty.
 float Quantile(const std::vector<float>& sorted, double share) {
+  // Interpolates linearly between the two nearest order statistics.
   const double position = share * static_cast<double>(sorted.size() - 1);
   const auto low = static_cast<size_t>(position);
   const size_t high = std::min(low + 1, sorted.size() - 1);
@@ -83,6 +86,8 @@ std::vector<float> MaskScales(const View& view, std::span<const float> depth) {
       const size_t pixel = static_cast<size_t>(y) * camera.width + x;
       if (depth[pixel] <= 0 || (!view.ignore.empty() && view.ignore[pixel] != 0)) continue;
       const double z = depth[pixel];
+      // In the camera's frame, scene units. `depth` is z, not the distance along the ray; pixel
+      // centres lie at + 0.5.
       const Eigen::Vector3d point((x + 0.5 - camera.cx) / camera.fx * z,
                                   (y + 0.5 - camera.cy) / camera.fy * z, z);
       filter.ForEachMask(x, y, [&](int mask) {
@@ -123,6 +128,7 @@ std::vector<float> EvenScales(std::vector<float> scales) {
 
 void ScaleLabels(std::span<const uint64_t> patch_bits, std::span<const float> mask_scales,
                  float scale, std::span<uint64_t> out) {
+  // METHOD.md section 3, "Labels": all masks with s_M < s, and the finest of the others.
   std::fill(out.begin(), out.end(), uint64_t{0});
   int finest = -1;  // of the masks that are not smaller; the first of equal ones
   const auto keep = [&](int mask) { out[mask / 64] |= uint64_t{1} << (mask % 64); };

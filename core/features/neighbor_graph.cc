@@ -37,10 +37,12 @@ void FindNeighbors(const KdTree& tree, const MeanCloud& cloud, int32_t i,
   float squared[kMaxNeighbors];
   const float mean[3] = {cloud.kdtree_get_pt(i, 0), cloud.kdtree_get_pt(i, 1),
                          cloud.kdtree_get_pt(i, 2)};
+  // With fewer Gaussians than neighbours, the rest of the list repeats the Gaussian itself.
   std::fill(neighbors.begin(), neighbors.end(), i);
   const size_t found = tree.knnSearch(mean, neighbors.size(), neighbors.data(), squared);
   const auto end = neighbors.begin() + static_cast<int64_t>(found);
   const auto self = std::find(neighbors.begin(), end, i);
+  // Moves i, or the last one found, to the front; the others keep their order by distance.
   std::rotate(neighbors.begin(), self == end ? end - 1 : self, self == end ? end : self + 1);
   neighbors[0] = i;
 }

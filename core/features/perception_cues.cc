@@ -30,6 +30,7 @@ struct Offset {
 };
 // Returns the samples from the centre outwards: steps of the golden angle, evenly growing radii.
 std::array<Offset, kNumSamples> Spiral() {
+  // pi (3 - sqrt 5): no two samples lie in the same direction, whatever their number.
   constexpr double kGoldenAngle = 2.399963229728653;
   std::array<Offset, kNumSamples> spiral;
   for (int i = 0; i < kNumSamples; ++i) {
@@ -177,11 +178,14 @@ PerceptionCues::Usual PerceptionCues::UsualAbout(const PixelBatch& batch, int32_
   const float max_radius = *std::max_element(radii.begin(), radii.end());
   std::array<Spread, kNumSamples + 1> depth, color;  // [i]: of the first i samples
   for (int i = 0; i < kNumSamples; ++i) {
+    // Running statistics: one pass serves all radii, because a smaller radius uses a prefix of the
+    // samples.
     depth[i + 1] = depth[i];
     color[i + 1] = color[i];
     const int x = pixel % width + static_cast<int>(std::lround(max_radius * kSpiral[i].x));
     const int y = pixel / width + static_cast<int>(std::lround(max_radius * kSpiral[i].y));
     const bool gradients = threshold_ == PerceptionThreshold::kGradients;
+    // The last column and scanline are left out for both kinds: kGradients reads one pixel further.
     if (x < 0 || y < 0 || x + 1 >= width || y + 1 >= height) continue;
     const int64_t at = int64_t{y} * width + x;
     const int64_t beside = gradients ? at + (i % 2 == 0 ? 1 : width) : pixel;
@@ -220,6 +224,7 @@ class PerceptionCues::Judge {
     const Usual &of_p = UsualAbout(p), &of_q = UsualAbout(q);
     uint32_t similar = 0, dissimilar = 0;
     for (size_t k = 0; k < radii_.size(); ++k) {
+      // The pair is listed for the largest radius: at a scale with a smaller one it has no cue.
       if (distance > radii_[k]) continue;
       const bool deep = depth >= std::max(of_p.depth[k], of_q.depth[k]);
       const bool colorful = color >= std::max(of_p.color[k], of_q.color[k]);
@@ -229,6 +234,7 @@ class PerceptionCues::Judge {
     if (cues_.ask_other_views_ && (similar | dissimilar) != 0) {
       const CrossView::Verdict verdict =
           cues_.cross_view_.Judge(batch_.view, SightOf(p), SightOf(q), batch_.scene_scales);
+      // METHOD.md section 3, "Perception loss": the masks of near views overrule the cue.
       similar &= ~verdict.apart;
       dissimilar &= ~verdict.together;
     }
@@ -265,6 +271,8 @@ void PerceptionCues::List(PixelBatch& batch) const {
 
 PairLists PerceptionCues::ListsOf(std::span<const Pair> pairs, size_t num_pixels,
                                   size_t num_scales) {
+  // Lists in the manner of a sparse matrix: the partners of pixel i lie in [first[i], first[i +
+  // 1]). Each pair is listed from both ends, so that each pixel sums its own gradient.
   PairLists lists;
   lists.first.assign(num_pixels + 1, 0);
   for (const Pair& pair : pairs) {
@@ -283,6 +291,8 @@ PairLists PerceptionCues::ListsOf(std::span<const Pair> pairs, size_t num_pixels
   }
   lists.share.assign(2 * num_scales, 0);
   for (size_t i = 0; i < lists.share.size(); ++i) {
+    // share: 1 / (pairs at this scale * scales), for similar pairs at each scale, then for
+    // dissimilar ones. It makes the loss a mean over pairs, then over scales.
     const size_t bit = i < num_scales ? i : kDissimilarShift + i - num_scales;
     const auto count = std::count_if(
         pairs.begin(), pairs.end(), [&](const Pair& pair) { return (pair.cues >> bit & 1u) != 0; });

@@ -23,6 +23,7 @@ PixelsByMask::PixelsByMask(const MaskSet& masks, std::span<const float> mask_sca
 }
 
 void PixelsByMask::Append(int64_t first, int64_t count, std::vector<Run>& runs) {
+  // A run holds no length: it is the difference of its end and that of the run before.
   const int64_t before = runs.empty() ? 0 : runs.back().end;
   const int64_t before_last = runs.size() < 2 ? 0 : runs[runs.size() - 2].end;
   if (!runs.empty() && runs.back().first + (before - before_last) == first) {

@@ -27,6 +27,7 @@ void Reprojection::KeepDepth(int number, std::span<const float> depth) {
   Seen& seen = seen_[number];
   const int width = capture_.views[number].camera.width;
   const int height = capture_.views[number].camera.height;
+  // Rounded up, so that the grid never exceeds kMaxGridPixels by more than its last row and column.
   seen.stride = std::max(
       1, static_cast<int>(std::ceil(std::sqrt(double{1} * width * height / kMaxGridPixels))));
   seen.depth.clear();
@@ -73,6 +74,7 @@ int32_t Reprojection::PixelAt(int number, const Eigen::Vector3d& in_cam) const {
   const double v = camera.fy * in_cam.y() / in_cam.z() + camera.cy;
   // Written so that NaN is outside.
   if (!(u >= 0 && v >= 0 && u < camera.width && v < camera.height)) return kUnknown;
+  // Pixel x covers [x, x + 1): truncation finds it, because centres lie at + 0.5.
   const int x = static_cast<int>(u), y = static_cast<int>(v);
   // A point in front of or behind the surface there is hidden, or the depths disagree.
   const double depth = DepthAt(seen_[number], camera, x, y);
@@ -90,6 +92,7 @@ Reprojection::Sight Reprojection::Look(int number, int32_t pixel) const {
   const int x = pixel % camera.width, y = pixel / camera.width;
   const double depth = DepthAt(seen, camera, x, y);
   if (depth <= 0) return sight;
+  // Depth is z in the camera's frame, scene units.
   const Eigen::Vector3d in_cam = depth * Eigen::Vector3d((x + 0.5 - camera.cx) / camera.fx,
                                                          (y + 0.5 - camera.cy) / camera.fy, 1);
   for (size_t i = 0; i < seen.near.size(); ++i) {

@@ -29,6 +29,8 @@ DeviceSpan<const T> SpanFrom(const Buffer<T>& buffer, int64_t first, size_t coun
 // weights.
 ColumnSpan Columns(const Buffer<int32_t>& gaussian, const Buffer<int32_t>& first,
                    const Buffer<int32_t>& pixel, std::pair<int32_t, int32_t> range) {
+  // The values of `first` index the whole of `pixel`, so that the subspan needs no copy: a column
+  // ends where the next begins, also the last one of a batch.
   const int64_t count = range.second - range.first;
   return {gaussian.span().Subspan(range.first, count),
           first.span().Subspan(range.first, count + 1),
@@ -62,6 +64,8 @@ absl::Status RowChunk::Refill(std::vector<PixelBatch> batches, const Capture& ca
     view.first_row.push_back(static_cast<int32_t>(pixels.size()));
     view.rows = scene.Capture(capture.views[number], pixels);
     ListColumns(scene.backend(), graph, scene.num_gaussians(), drawn, view);
+    // A backend that is out of memory leaves buffers empty: checked once a view, before a step
+    // reads them.
     if (const std::string error = scene.backend().error(); !error.empty()) {
       return absl::ResourceExhaustedError(
           absl::StrCat("features: the blend rows of ", pixels.size(), " pixels of view ",

@@ -21,6 +21,7 @@ absl::Status CheckRange(const char* name, T value, T low, T high) {
 
 absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckRange("num_steps", options.num_steps, 1, 10'000'000));
+  // 2: a pair takes two pixels.
   RETURN_IF_ERROR(CheckRange("num_pixels", options.num_pixels, 2, 16'384));
   RETURN_IF_ERROR(CheckRange("mask_share", options.mask_share, 0.0, 1.0));
   RETURN_IF_ERROR(CheckRange("num_background_pixels", options.num_background_pixels, 0, 16'384));
@@ -41,6 +42,7 @@ absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckRange("num_neighbors", options.num_neighbors, 1, kMaxNeighbors));
   RETURN_IF_ERROR(
       CheckRange("num_drawn_neighbors", options.num_drawn_neighbors, 1, options.num_neighbors));
+  // Over 0, because the schedule is a power of learning_rate_final / learning_rate.
   RETURN_IF_ERROR(CheckRange("learning_rate", options.learning_rate, 1e-8f, 1.0f));
   RETURN_IF_ERROR(CheckRange("min_loss_fall", options.min_loss_fall, 0.0, 1.0));
   RETURN_IF_ERROR(CheckRange("sure_views", options.sure_views, 0, 64));

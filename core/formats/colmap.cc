@@ -44,6 +44,7 @@ absl::StatusOr<Pose> CheckedPose(const ColmapPose& pose, const std::string& wher
   if (!AllFinite(pose.rotation, 4) || !AllFinite(pose.translation, 3)) {
     return Refused(where, "the pose is not finite");
   }
+  // COLMAP stores w first, as Eigen's constructor takes it. The pose maps world to camera.
   const Eigen::Quaterniond rotation(pose.rotation[0], pose.rotation[1], pose.rotation[2],
                                     pose.rotation[3]);
   const double norm = rotation.norm();
@@ -84,6 +85,7 @@ absl::Status AddPoint(const Eigen::Vector3d& xyz, const Eigen::Vector3d& origin,
   constexpr double kMostDistance = 1e12;
   ScenePoint point;
   for (int i = 0; i < 3; ++i) {
+    // Written so that NaN is refused.
     if (!(std::abs(xyz[i]) <= kMostDistance)) {
       return absl::InvalidArgumentError("the position is not finite, or beyond 1e12");
     }

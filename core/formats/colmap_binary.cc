@@ -59,6 +59,7 @@ int ToSide(uint64_t side) {
 
 absl::StatusOr<ColmapCameras> ParseCamerasBinary(absl::string_view bytes, const std::string& name) {
   ByteReader reader(bytes);
+  // 48: id, model, width, height (4 + 4 + 8 + 8) and the three doubles of the smallest model.
   ASSIGN_OR_RETURN(const uint64_t count, TakeCount(reader, name, {"cameras", 48, kMaxViews}));
   ColmapCameras cameras;
   for (uint64_t i = 0; i < count; ++i) {
@@ -87,6 +88,7 @@ absl::StatusOr<std::vector<ColmapImage>> ParseImagesBinary(absl::string_view byt
                                                            const std::string& name) {
   constexpr uint64_t kPointBytes = 24;  // x, y, point id
   ByteReader reader(bytes);
+  // 73: two ids, seven doubles, the NUL of an empty name, and the count of points.
   ASSIGN_OR_RETURN(const uint64_t count, TakeCount(reader, name, {"images", 73, kMaxViews}));
   std::vector<ColmapImage> images;
   for (uint64_t i = 0; i < count; ++i) {
@@ -117,6 +119,7 @@ absl::StatusOr<std::vector<ScenePoint>> ParsePointsBinary(absl::string_view byte
   constexpr uint64_t kMaxTrack =
       uint64_t{1} << 40;  // more than any file holds; the product in bytes does not overflow
   ByteReader reader(bytes);
+  // 51: id, three doubles, three bytes of colour, the error, and the length of the track.
   ASSIGN_OR_RETURN(const uint64_t count, TakeCount(reader, name, {"points", 51, kMaxPoints}));
   std::vector<ScenePoint> points;
   points.reserve(count);

@@ -55,6 +55,7 @@ class Fields {
   absl::string_view rest() const { return rest_; }
 
   absl::string_view Word() {
+    // The rest of the line is kept as it is: a name may contain blanks.
     const size_t end = rest_.find_first_of(" \t");
     const absl::string_view word = rest_.substr(0, end);
     rest_.remove_prefix(word.size());
@@ -70,6 +71,7 @@ class Fields {
   }
   double Number() {
     double value = 0;
+    // "nan" and "inf" are numbers here: poses, lenses and points are checked where they are added.
     ok_ = absl::SimpleAtod(Word(), &value) && ok_;
     return value;
   }

@@ -54,6 +54,7 @@ absl::StatusOr<Decoded> Decode(const std::filesystem::path& path, absl::string_v
 // Returns a grey value, or a colour as 24 bits.
 template <class T>
 uint32_t LabelOf(const T* channels, int num_channels) {
+  // Grey, with or without alpha.
   if (num_channels < 3) return channels[0];
   // Of 16-bit colours only the upper bytes count: PNG palettes, which label files use, have 8 bits.
   constexpr int kDrop = sizeof(T) * 8 - 8;
@@ -96,6 +97,8 @@ absl::StatusOr<Image> DecodePhoto(const std::filesystem::path& path, absl::strin
 
 absl::StatusOr<Image> DecodePhoto(std::span<const uint8_t> bytes, absl::string_view name,
                                   std::vector<uint8_t>* transparent) {
+  // IMREAD_UNCHANGED keeps alpha, and does not rotate by EXIF: the camera's parameters belong to
+  // the stored pixels.
   ASSIGN_OR_RETURN(Decoded decoded, Decode(bytes, name, cv::IMREAD_UNCHANGED));
   const bool has_alpha = decoded.pixels.type() == CV_8UC4;
   // Other types are decoded again, because only imdecode() converts them all to 8-bit BGR.

@@ -13,6 +13,7 @@ namespace {
 // Checks size and channels: 1, or 3 to `most_channels`.
 absl::Status Validate(const Image& image, int most_channels) {
   const size_t size = static_cast<size_t>(image.width) * image.height * image.channels;
+  // JPEG has no alpha: EncodeJpeg allows three channels only.
   const bool has_colors = image.channels >= 3 && image.channels <= most_channels;
   if (image.width > 0 && image.height > 0 && (image.channels == 1 || has_colors) &&
       image.pixels.size() == size) {
@@ -68,6 +69,7 @@ absl::StatusOr<std::string> EncodePng(const Grey16Image& image) {
                                                    " pixels"));
   }
   try {
+    // OpenCV writes the 16 bits in PNG's byte order, big-endian.
     const cv::Mat pixels(image.height, image.width, CV_16UC1,
                          const_cast<uint16_t*>(image.pixels.data()));
     return Encode(pixels, ".png", {});

@@ -49,6 +49,7 @@ class Tiff {
 
 // Sets the fields of `camera` from the entries of one directory.
 void ReadDirectory(const Tiff& tiff, uint32_t offset, ExifCamera& camera) {
+  // At most 65,535 entries, read past the end as zeros: a hostile count costs little.
   const uint32_t count = tiff.Number(offset, 2);
   for (uint32_t i = 0; i < count; ++i) {
     const uint32_t entry = offset + 2 + i * kEntryBytes;
@@ -108,6 +109,8 @@ std::span<const uint8_t> FindTiff(std::span<const uint8_t> bytes) {
   constexpr uint8_t kApp1 = 0xe1, kStartOfScan = 0xda;
   constexpr uint8_t kMark[] = {'E', 'x', 'i', 'f', 0, 0};
   if (bytes.size() < 4 || bytes[0] != 0xff || bytes[1] != 0xd8) return {};
+  // Segments of 0xff, a marker, and a big-endian length that includes itself. EXIF precedes the
+  // scan.
   for (size_t at = 2; at + 4 <= bytes.size() && bytes[at] == 0xff;) {
     const uint8_t marker = bytes[at + 1];
     const size_t length = size_t{bytes[at + 2]} << 8 | bytes[at + 3];

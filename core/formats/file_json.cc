@@ -57,6 +57,7 @@ absl::StatusOr<json> ParseFileJson(absl::string_view text) {
         absl::StrCat("is nested deeper than ", kMaxJsonDepth, " levels"));
   }
   if (!parsed) return absl::InvalidArgumentError("is not JSON, or cut short");
+  // Cannot fail: the first pass has parsed the same text.
   return json::parse(text.begin(), text.end(), nullptr, /*allow_exceptions=*/false);
 }
 

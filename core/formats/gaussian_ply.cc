@@ -71,6 +71,7 @@ std::string HeaderOf(const std::vector<Field>& fields, int64_t count,
 // Returns the SH degree that the number of f_rest properties implies.
 absl::StatusOr<int> ShDegreeOf(const PlyVertices& vertices) {
   int num_rest = 0;
+  // Without the base colour: 3 channels times (degree + 1)^2 - 1 coefficients.
   while (vertices.Find(absl::StrCat("f_rest_", num_rest)) >= 0) ++num_rest;
   for (int degree = 0; degree <= kMaxShDegree; ++degree) {
     if (num_rest == 3 * (NumShCoefficients(degree) - 1)) return degree;
@@ -114,6 +115,7 @@ std::string EncodeRows(const Gaussians& gaussians, const Eigen::Vector3d& origin
       const bool is_double = IsDouble(field, origin);
       for (int64_t row = 0; row < count; ++row) {
         const float value = plane[index_of(first + row)];
+        // Planes 0 to 2 are the mean, which the file has in world coordinates.
         const double in_world = field.plane < 3 ? value + origin[field.plane] : 0;
         std::memcpy(to + row * stride, is_double ? static_cast<const void*>(&in_world) : &value,
                     size);

@@ -82,6 +82,7 @@ absl::StatusOr<HeicPhoto> DecodeHeic(std::span<const uint8_t> bytes, absl::strin
   // Limits libheif itself as well: the decoded size may differ from the header's.
   const HeicContext context(heif_context_alloc());
   heif_context_set_maximum_image_size_limit(context.get(), kMaxHeicSide);
+  // The caller decides how many photographs are decoded at once.
   heif_context_set_max_decoding_threads(context.get(), 1);
   RETURN_IF_ERROR(CheckHeif(heif_context_read_from_memory_without_copy(context.get(), bytes.data(),
                                                                        bytes.size(), nullptr),

@@ -65,6 +65,7 @@ std::optional<Box> TakeBox(HeicBytes& bytes) {
   const size_t head = bytes.size() - reader.rest().size();
   if (reader.overrun() || length < head) return std::nullopt;
   box.is_whole = length <= bytes.size();
+  // A length beyond the end is clamped: the caller may have only the front of a file.
   const size_t size = std::min<uint64_t>(length, bytes.size());
   box.body = bytes.subspan(head, size - head);
   bytes = bytes.subspan(size);
@@ -96,6 +97,8 @@ std::vector<size_t> PropertiesOf(HeicBytes ipma, uint64_t item) {
   BoxReader reader(ipma);
   const uint64_t version = VersionOf(ipma);
   const uint64_t flags = reader.Number(4) & 0xffffff;
+  // ISO/IEC 23008-12: flag 1 makes the indices 15 bits instead of 7; the bit above marks essential
+  // properties.
   const size_t index_bytes = (flags & 1) != 0 ? 2 : 1;
   const uint64_t essential = uint64_t{1} << (8 * index_bytes - 1);
   std::vector<size_t> found;
@@ -123,6 +126,7 @@ void Apply(const Box& property, HeicSize& size) {
     const uint64_t width = reader.Number(4), width_parts = reader.Number(4);
     const uint64_t height = reader.Number(4), height_parts = reader.Number(4);
     if (width_parts == 0 || height_parts == 0) return;
+    // Rounded to the nearest pixel; a crop never enlarges.
     size.width = std::min(size.width, (width + width_parts / 2) / width_parts);
     size.height = std::min(size.height, (height + height_parts / 2) / height_parts);
   }

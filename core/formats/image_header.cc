@@ -106,6 +106,7 @@ absl::StatusOr<Size> JpegSize(Bytes bytes) {
     if (at + length > bytes.size()) break;
     if (IsFrameHeader(marker) && size.width == 0) {
       if (length < 8) return Malformed("JPEG", "short frame header");
+      // After the length: precision (1 byte), height, width.
       size = {BigEndian(bytes, at + 5, 2), BigEndian(bytes, at + 3, 2)};
       if (size.width == 0 || size.height == 0) return Malformed("JPEG", "the size is 0");
     }
@@ -153,10 +154,13 @@ absl::StatusOr<Size> WebpHeaderSize(Bytes bytes) {
     return Size{LittleEndian(bytes, 24, 3) + 1, LittleEndian(bytes, 27, 3) + 1};
   }
   if (HasTag(bytes, 12, "VP8L")) {
+    // After the signature byte 0x2f: two sizes of 14 bits.
     const uint32_t packed = LittleEndian(bytes, 21, 4);
     return Size{(packed & 0x3FFF) + 1, (packed >> 14 & 0x3FFF) + 1};
   }
   if (HasTag(bytes, 12, "VP8 ")) {
+    // After the frame tag and start code: 14 bits of size each, the upper two bits are a scaling
+    // hint.
     return Size{LittleEndian(bytes, 26, 2) & 0x3FFF, LittleEndian(bytes, 28, 2) & 0x3FFF};
   }
   return Malformed("WebP", "its first chunk is not a picture");
@@ -220,6 +224,7 @@ class HeaderReader {
   // Returns `count` bytes from offset `at` on; fewer at the end of the file, none after an error.
   // `count` is at most kHeaderReadBytes. The bytes are valid until the next call.
   Bytes At(uint64_t at, size_t count) {
+    // Reads again only if the request is not within the piece at hand.
     if (at < start_ || at + count > start_ + size_) Fill(at);
     if (at < start_ || at >= start_ + size_) return {};
     const size_t first = at - start_;
@@ -243,6 +248,7 @@ class HeaderReader {
     while (size_ < piece_.size()) {
       const ssize_t got = pread(descriptor_, piece_.data() + size_, piece_.size() - size_,
                                 static_cast<off_t>(at + size_));
+      // Interrupted by a signal before anything was read.
       if (got < 0 && errno == EINTR) continue;
       if (got < 0) status_ = absl::InternalError("cannot be read");
       if (got <= 0) return;

@@ -25,6 +25,7 @@ std::optional<absl::string_view> TakeHeader(absl::string_view bytes, ByteReader&
   reader.Skip(kMagic.size());
   const auto major = reader.Take<uint8_t>();
   reader.Skip(1);
+  // Versions 2 and 3 have a length of 32 bits.
   const uint32_t length = major == 1 ? reader.Take<uint16_t>() : reader.Take<uint32_t>();
   const size_t start = reader.offset();
   if (major < 1 || major > 3 || !reader.Skip(length)) return std::nullopt;
@@ -34,6 +35,7 @@ std::optional<absl::string_view> TakeHeader(absl::string_view bytes, ByteReader&
 // Returns the text after 'key': in the header, up to the next comma outside of brackets or to the
 // closing brace.
 std::optional<absl::string_view> ValueOf(absl::string_view header, absl::string_view key) {
+  // NumPy writes {'descr': '<f4', 'fortran_order': False, 'shape': (480, 640), }.
   const std::string quoted = absl::StrCat("'", key, "':");
   const size_t found = header.find(quoted);
   if (found == absl::string_view::npos) return std::nullopt;
@@ -127,6 +129,7 @@ absl::StatusOr<Shape> ParseArray(absl::string_view name, absl::string_view bytes
   if (!type || !order || !sizes) return Refused(name, "the NPY header is malformed");
   const std::optional<Shape> shape = ParseShape(*sizes);
   if (!shape) return Refused(name, "the array must have the shape (height, width)");
+  // C order: scanline after scanline, as FloatImage has it.
   if (*order != "False") return Refused(name, "the array must be in C order");
   RETURN_IF_ERROR(CheckShape(name, *shape));
   const std::optional<bool> whole = TakeArray(*type, *shape, reader, values);

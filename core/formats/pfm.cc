@@ -36,6 +36,7 @@ struct Header {
 
 // Removes the header from the front of `bytes`.
 absl::StatusOr<Header> TakeHeader(absl::string_view name, absl::string_view& bytes) {
+  // "Pf", width, height and scale, each followed by one white space; then floats of 32 bits.
   const absl::string_view magic = TakeWord(bytes);
   if (magic == "PF") return Refused(name, "a PFM of three channels; depth has one (\"Pf\")");
   if (magic != "Pf") return Refused(name, "not a PFM file");
@@ -46,6 +47,7 @@ absl::StatusOr<Header> TakeHeader(absl::string_view name, absl::string_view& byt
       !absl::SimpleAtod(TakeWord(bytes), &scale) || !std::isfinite(scale) || scale == 0) {
     return Refused(name, "the PFM header is malformed or cut short");
   }
+  // The sign of the scale is the byte order; its size is only a hint of units and not applied.
   header.big_endian = scale > 0;
   return header;
 }

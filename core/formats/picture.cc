@@ -46,6 +46,7 @@ Image Upright(Image image, int orientation) {
 }
 
 Image ShrunkTo(Image image, int max_side) {
+  // 0 or less: no limit.
   const int side = std::max(image.width, image.height);
   if (max_side <= 0 || side <= max_side) return image;
   const double scale = static_cast<double>(max_side) / side;

@@ -54,6 +54,7 @@ std::optional<PlyType> TypeByName(absl::string_view name) {
 }
 
 int SizeOf(PlyType type) {
+  // In the order of PlyType.
   constexpr std::array<int, 8> kSizes = {1, 1, 2, 2, 4, 4, 4, 8};
   return kSizes[static_cast<size_t>(type)];
 }
@@ -108,6 +109,7 @@ class HeaderParser {
     if (words.empty() || words[0] == "comment" || words[0] == "obj_info") return "";
     if (words[0] == "format") return TakeFormat(words);
     if (words[0] == "element") return TakeElement(words);
+    // Elements after the vertices, such as faces, are not read.
     if (words[0] == "property") return in_vertices_ ? TakeProperty(words) : "";
     return absl::StrCat("the header has the line \"", words[0].substr(0, 40), " ...\"");
   }
@@ -129,6 +131,7 @@ class HeaderParser {
   }
 
   std::string TakeElement(const Words& words) {
+    // Vertices must come first: their offset in the file is then that of the header's end.
     in_vertices_ = num_elements_++ == 0;
     if (!in_vertices_) return "";
     if (words.size() != 3 || words[1] != "vertex") return "its first element is not the vertices";
@@ -143,6 +146,7 @@ class HeaderParser {
         words.size() == 3 ? TypeByName(words[1]) : std::optional<PlyType>();
     if (!type) return "a property of its vertices is not a single number of a known type";
     if (vertices_.properties.size() >= kMaxProperties) return "has over 512 properties";
+    // Columns are found by name, so names must be unique.
     if (vertices_.Find(words[2]) >= 0) return absl::StrCat("has two properties ", words[2]);
     vertices_.properties.push_back({std::string(words[2]), *type, vertices_.stride});
     vertices_.stride += SizeOf(*type);
@@ -202,6 +206,7 @@ absl::Status ReadTextColumns(const PlyVertices& vertices, std::span<const PlyCol
     for (const PlyColumn& column : columns) {
       double number = 0;
       if (!absl::SimpleAtod(words[column.property], &number)) return no_vertex();
+      // Subtracted in double: far from zero, a float has no digits left for the difference.
       float& value = column.values[row] = static_cast<float>(number - column.origin);
       const PlyProperty& property = vertices.properties[column.property];
       if (!std::isfinite(value)) return NotFinite(vertices, row, property);
@@ -285,6 +290,7 @@ absl::StatusOr<std::vector<ScenePoint>> ReadPlyPoints(const std::filesystem::pat
   std::vector<std::vector<float>> values(6);
   std::vector<PlyColumn> columns;
   for (int i = 0; i < 6; ++i) {
+    // Colours are optional: points without them are grey.
     values[i].assign(static_cast<size_t>(vertices.count), kGrey);
     const int property = vertices.Find(kNames[i]);
     if (property >= 0) {

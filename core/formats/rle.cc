@@ -114,6 +114,7 @@ std::string EncodeCocoRle(const BinaryMask& mask, int width, int height) {
   const std::vector<int64_t> counts = CountsOf(mask, width, height);
   std::string text;
   for (size_t i = 0; i < counts.size(); ++i) {
+    // COCO's format: from the fourth count on, the difference to the count two before is stored.
     AppendNumber(i > 2 ? counts[i] - counts[i - 2] : counts[i], text);
   }
   return text;
@@ -155,6 +156,7 @@ absl::StatusOr<std::vector<uint32_t>> PixelsOfRuns(std::span<const int64_t> coun
                                                      " leaves the ", width, "x", height, " image"));
     }
     total += counts[i];
+    // Counts alternate, beginning with pixels that are not in the mask.
     if (i % 2 == 1) area += counts[i];
   }
   if (total != num_pixels) {

@@ -22,6 +22,8 @@ static_assert(std::endian::native == std::endian::little);
 
 constexpr std::string_view kMagic = "PEPECKPT";
 constexpr uint32_t kFormat = 1;
+// The file: magic, format, length of the header, header (JSON), sections, SHA-256 in hexadecimal of
+// all before it.
 constexpr size_t kPrefixBytes = kMagic.size() + 2 * sizeof(uint32_t);
 constexpr size_t kDigestBytes = 64;
 constexpr uint32_t kMaxHeaderBytes = 1 << 20;  // names and sizes of a few dozen sections
@@ -74,6 +76,8 @@ absl::Status ParseHeader(std::string_view text, std::string_view body, Checkpoin
     for (const json& entry : document.at("sections")) {
       const size_t first = reader.offset();
       const auto size = entry.at("size").get<uint64_t>();
+      // Sections lie one after the other in the order of the header; the reader only finds their
+      // ends.
       if (!reader.Skip(size)) return absl::DataLossError("its sections are longer than the file");
       checkpoint.sections.push_back({entry.at("name").get<std::string>(),
                                      entry.at("version").get<int>(), body.substr(first, size)});
@@ -100,6 +104,7 @@ absl::StatusOr<std::vector<char>> ReadBytes(const std::filesystem::path& path) {
 
 // Checks magic number and digest. Nothing else in the file may be used before.
 absl::Status CheckWhole(std::string_view bytes) {
+  // Also keeps the substr calls in Parse within the file.
   if (bytes.size() < kPrefixBytes + kDigestBytes) {
     return absl::DataLossError(absl::StrCat("has ", bytes.size(), " bytes: truncated"));
   }

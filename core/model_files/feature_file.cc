@@ -76,6 +76,7 @@ absl::Status WriteFeatureFile(const std::filesystem::path& path, const FeatureFi
                                       field.confidence.empty() ? 0u : 1u};
   std::vector<uint16_t> halves;
   halves.reserve(field.features.size() + field.confidence.size());
+  // Features have length 1 or 0, far within the range of half precision.
   for (const float value : field.features) halves.push_back(HalfFromFloat(value));
   for (const float value : field.confidence) halves.push_back(HalfFromFloat(value));
   ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));

@@ -35,6 +35,7 @@ bool ParseEntry(const json& value, ManifestEntry& entry) {
   const auto size = value.find("size");
   const auto sha256 = value.find("sha256");
   if (name == value.end() || size == value.end() || sha256 == value.end()) return false;
+  // An unsigned number beyond int64 becomes negative, which the check at the end refuses.
   if (!name->is_string() || !size->is_number_unsigned() || !sha256->is_string()) return false;
   entry = {name->get<std::string>(), size->get<int64_t>(), sha256->get<std::string>()};
   return IsPlainName(entry.name) && entry.size >= 0 && entry.sha256.size() == kHexDigits;

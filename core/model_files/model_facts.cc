@@ -45,6 +45,8 @@ json FormatView(const ModelView& view) {
                  {"height", view.camera.height},
                  {"focal", {view.camera.fx, view.camera.fy}},
                  {"principal_point", {view.camera.cx, view.camera.cy}},
+                 // World to camera, w first; the translation is in scene units, relative to the
+                 // model's origin.
                  {"rotation", {q.w(), q.x(), q.y(), q.z()}},
                  {"translation", {t.x(), t.y(), t.z()}},
                  {"held_out", view.held_out}};
@@ -86,6 +88,7 @@ bool TakeNumbers(const json& object, const char* key, Values& values) {
 
 bool ParseScores(const json& value, ImageScores& scores) {
   if (!value.is_object()) return false;
+  // "lpips" may be missing: not every server has its weights.
   const auto number = [&value](const char* key) -> std::optional<double> {
     const auto found = value.find(key);
     if (found == value.end() || !found->is_number()) return std::nullopt;
@@ -188,6 +191,7 @@ std::string FormatModelFacts(const Model& model) {
   for (const ModelView& view : model.views) views.push_back(FormatView(view));
   json metrics = json::object();
   for (const auto& [key, value] : model.metrics) {
+    // JSON has no NaN and no infinity: they would be written as null and refused when read.
     if (std::isfinite(value)) metrics[key] = value;
   }
   json document = {{"version", kVersion},
@@ -214,6 +218,7 @@ absl::Status ParseModelFacts(absl::string_view text, Model& model) {
   const auto radius = document.find("scene_radius");
   if (radius == document.end() || !radius->is_number()) return Malformed("\"scene_radius\"");
   model.scene_radius = radius->get<double>();
+  // The near plane is a share of the radius and must be over 0.
   if (!(model.scene_radius > 0)) return Malformed("\"scene_radius\"");
   double origin[3] = {};
   if (document.contains("origin") && !TakeNumbers(document, "origin", origin)) {

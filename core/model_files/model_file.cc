@@ -61,9 +61,11 @@ absl::Status WriteModel(const std::filesystem::path& folder, const Model& model)
   RETURN_IF_ERROR(WriteGaussianPly(folder / kGaussiansName, model.gaussians, model.origin));
   if (!model.field.empty()) {
     RETURN_IF_ERROR(WriteFeatureFile(folder / kFeaturesName, model.field));
+    // After the Gaussians: the list says in which order the files are written.
     names.insert(names.begin() + 1, kFeaturesName);
   }
   RETURN_IF_ERROR(WriteFileAtomically(folder / kFactsName, FormatModelFacts(model)));
+  // The manifest comes last: a model without one was not written to its end.
   ASSIGN_OR_RETURN(const Manifest manifest, BuildManifest(folder, names));
   return WriteManifest(folder, manifest);
 }
@@ -71,6 +73,7 @@ absl::Status WriteModel(const std::filesystem::path& folder, const Model& model)
 absl::StatusOr<ModelShape> ReadModelShape(const std::filesystem::path& folder) {
   Model facts;
   ModelShape shape;
+  // Digests are not compared here: only headers are read, of files that may be gigabytes.
   const auto read = [&]() -> absl::Status {
     ASSIGN_OR_RETURN(const std::string text,
                      ReadFile(folder / kFactsName, kFactsName, kMaxFactsBytes));

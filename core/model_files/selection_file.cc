@@ -60,6 +60,8 @@ absl::StatusOr<GaussianSet> ParseBody(absl::string_view body, const std::string&
 }  // namespace
 
 absl::Status WriteSelectionFile(const std::filesystem::path& path, const GaussianSet& set) {
+  // Magic, version, reserved, count, a bit for each Gaussian (lowest first), SHA-256 in
+  // hexadecimal.
   std::string bytes(kMagic);
   Append(kVersion, bytes);
   Append(uint32_t{0}, bytes);
@@ -76,6 +78,7 @@ absl::Status WriteSelectionFile(const std::filesystem::path& path, const Gaussia
 absl::StatusOr<GaussianSet> ReadSelectionFile(const std::filesystem::path& path,
                                               const std::string& name) {
   const auto bytes = ReadFile(path, name, kMaxFileBytes);
+  // A selection that the database lists must be there: a missing file is damage, too.
   if (!bytes.ok()) return absl::DataLossError(bytes.status().message());
   if (bytes->size() < kMagic.size() + kDigestBytes || !bytes->starts_with(kMagic)) {
     return DataLoss(name, "is not a selection");

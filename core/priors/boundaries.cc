@@ -73,6 +73,8 @@ std::vector<float> BoundaryStrength(const PhotoChannels& channels) {
   std::vector<cv::Mat> sums;
   sums.reserve(kNumDirections);
   for (int d = 0; d < kNumDirections; ++d) sums.push_back(cv::Mat::zeros(height, width, CV_32F));
+  // Chi-squared distance of the histograms on both sides, 0.5 sum (a - b)^2 / (a + b), summed
+  // over channels and sizes for each direction; the largest direction counts.
   for (const PhotoChannels::Group& group : channels.groups) {
     for (const cv::Mat& bin : group.bins) {
       for (const Neighbourhood& about : kNeighbourhoods) {
@@ -90,6 +92,7 @@ std::vector<float> DepthStrength(const std::vector<float>& depth, int width, int
   constexpr int kOffset = 2;
   constexpr float kFullJump = 0.1f;  // a step of 0.05; see Jump
   std::vector<float> strength(depth.size());
+  // The rim of kOffset pixels keeps a strength of 0: it has no neighbours on one side.
   for (int y = kOffset; y + kOffset < height; ++y) {
     for (int x = kOffset; x + kOffset < width; ++x) {
       const int64_t pixel = int64_t{y} * width + x;
@@ -116,6 +119,7 @@ std::vector<uint8_t> DepthEdges(const View& view) {
       view.depth.values.begin(), view.depth.values.end(), levels.begin<uint8_t>(), [](float value) {
         return std::isnan(value) ? uint8_t{0} : static_cast<uint8_t>(std::lround(255 * value));
       });
+  // Sobel of 3x3, L2 norm of the gradient.
   cv::Canny(levels, edges, kWeakEdge, kStrongEdge, 3, true);
   cv::dilate(edges, dilated, cv::Mat::ones(kDilation, kDilation, CV_8U));
   std::vector<uint8_t> out(view.depth.values.size());

@@ -27,6 +27,7 @@ std::vector<Seen> Project(const View& view, std::span<const ScenePoint> points, 
   const Camera& camera = view.camera;
   for (const ScenePoint& point : points) {
     const Eigen::Vector3d in_cam = view.cam_from_world * point.position.cast<double>();
+    // Written so that NaN is dropped, here and below.
     if (!(in_cam.z() > 0)) continue;
     const double u = (camera.fx * in_cam.x() / in_cam.z() + camera.cx) / camera.width * width;
     const double v = (camera.fy * in_cam.y() / in_cam.z() + camera.cy) / camera.height * height;
@@ -45,6 +46,7 @@ void RemoveHidden(int width, int height, std::vector<Seen>& seen) {
   constexpr int kRadius = 6;
   constexpr double kMuchNearer = 1.1;
   constexpr int kSeveral = 3;
+  // Judged by a copy, so that the result does not depend on the order of the pixels.
   const std::vector<Seen> all = seen;
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
@@ -93,6 +95,8 @@ class Spreader {
       values[i] = seen[i].inverse_depth;
       ones[i] = 1;
     }
+    // Symmetric and positive definite: SimplicialLDLT reads the lower half only, which Join fills
+    // in. At most two neighbours and the diagonal a pixel; triplets at one place are summed.
     std::vector<Eigen::Triplet<double>> entries;
     entries.reserve(seen.size() * 5);
     for (int y = 0; y < height_; ++y) {
@@ -151,6 +155,7 @@ std::vector<float> EmbeddedDepth(const View& view, std::span<const ScenePoint> p
       const double support = spread.support[at], inverse = spread.inverse_depth[at];
       const bool ignored = !view.ignore.empty() && view.ignore[pixel] != 0;
       if (!ignored && support >= kMinSupport && inverse > 0) {
+        // Normalises by the support and inverts: z in the camera's frame, scene units.
         depth[pixel] = static_cast<float>(support / inverse);
       }
     }

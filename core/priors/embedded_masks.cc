@@ -26,6 +26,7 @@ SmallView Shrunk(const View& view, int max_extent) {
     const cv::Mat depth(view.photo.height, view.photo.width, CV_32F,
                         const_cast<float*>(view.depth.values.data()));
     cv::Mat to;
+    // Nearest: a mean across a border would make a depth that nothing has, and NaN would spread.
     cv::resize(depth, to, {small.photo.width, small.photo.height}, 0, 0, cv::INTER_NEAREST);
     small.depth.assign(to.begin<float>(), to.end<float>());
   }
@@ -38,6 +39,7 @@ std::vector<std::vector<uint32_t>> LeafPixels(const RegionTree& tree, const Smal
   std::vector<std::vector<uint32_t>> pixels(tree.num_leaves);
   const int width = view.photo.width, height = view.photo.height;
   for (int y = 0; y < height; ++y) {
+    // Pixel of the small photograph above and to the left, in whole numbers.
     const int64_t row = int64_t{y} * small.photo.height / height * small.photo.width;
     for (int x = 0; x < width; ++x) {
       const size_t pixel = static_cast<size_t>(y) * width + x;
@@ -119,6 +121,7 @@ std::vector<ChosenRegion> ChooseRegions(const RegionTree& tree,
     const double share = static_cast<double>(tree.nodes[i].area) / num_pixels;
     if (share < options.min_area || share > options.max_area) continue;
     if (tree.nodes[i].weak > options.max_open_border) continue;
+    // Negated: the best first, ties by index.
     found.emplace_back(-Quality(tree, i), i);
   }
   std::sort(found.begin(), found.end());

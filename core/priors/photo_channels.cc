@@ -31,6 +31,7 @@ std::vector<cv::Mat> SoftBins(const cv::Mat& values, float low, float high) {
   for (int y = 0; y < values.rows; ++y) {
     const float* row = values.ptr<float>(y);
     for (int x = 0; x < values.cols; ++x) {
+      // Under kColorBins - 1, so that bin + 1 exists.
       const float at = std::clamp((row[x] - low) / per_bin, 0.0f, kColorBins - 1.001f);
       const int bin = static_cast<int>(at);
       const float share = at - static_cast<float>(bin);
@@ -46,6 +47,7 @@ std::vector<cv::Mat> SoftBins(const cv::Mat& values, float low, float high) {
 // nearest directions, in bins 1 to kNumGradientDirections.
 std::vector<cv::Mat> TextureBins(const cv::Mat& lightness) {
   cv::Mat dx, dy;
+  // 1 / 8 makes Sobel's sum the change a pixel.
   cv::Sobel(lightness, dx, CV_32F, 1, 0, 3, 1.0 / 8);
   cv::Sobel(lightness, dy, CV_32F, 0, 1, 3, 1.0 / 8);
   std::vector<cv::Mat> bins = Planes(1 + kNumGradientDirections, lightness.size());
@@ -88,6 +90,7 @@ PhotoChannels ChannelsOf(const Image& photo) {
   const cv::Mat rgb(photo.height, photo.width, CV_8UC3, const_cast<uint8_t*>(photo.pixels.data()));
   cv::Mat color, lab[3];
   rgb.convertTo(color, CV_32F, 1.0 / 255);
+  // From floats in [0, 1] OpenCV gives L in [0, 100], and a and b in about [-127, 127].
   cv::cvtColor(color, color, cv::COLOR_RGB2Lab);
   cv::GaussianBlur(color, color, {}, 0.8);
   cv::split(color, lab);

@@ -14,6 +14,7 @@ bool AsksForSam(PriorMaker maker) {
 // The makers are ordered so that those of depth come first: SAM makes masks only.
 absl::Status Validate(const PriorOptions& options) {
   for (const auto& [name, maker] : {std::pair{"masks", options.masks}, {"depth", options.depth}}) {
+    // kAuto is the lowest value, kCommand the last that depth may have.
     const bool masks = name == std::string_view("masks");
     const PriorMaker last = masks ? PriorMaker::kSamAndEmbedded : PriorMaker::kCommand;
     if (maker >= PriorMaker::kAuto && maker <= last) continue;

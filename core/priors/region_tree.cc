@@ -30,6 +30,7 @@ class Basins {
   // Writes the basin of each pixel to `of_pixel`, numbered from 0 in reading order, and returns the
   // number of basins.
   int Number(std::vector<int32_t>& of_pixel) {
+    // Reading order decides the numbers, and through ties between offers the tree.
     std::vector<int32_t> number(to_.size(), -1);
     of_pixel.resize(to_.size());
     int num = 0;
@@ -90,6 +91,7 @@ class Merger {
   Merger(const PixelFeatures& pixels, RegionTree& tree) : pixels_(pixels), tree_(tree) {
     num_bins_ = pixels.bins.size();
     tree_.nodes.resize(tree.num_leaves);
+    // A binary tree of n leaves has 2 n - 1 nodes.
     histograms_.resize(static_cast<size_t>(2 * tree.num_leaves) * num_bins_);
     borders_.resize(tree.num_leaves);
     for (size_t i = 0; i < tree.pixel_leaf.size(); ++i) {
@@ -157,6 +159,7 @@ class Merger {
   //   (kBorderShare strength + (1 - kBorderShare) distance) min(1, share / kSmallRegion)^0.4,
   // share: the smaller region's share of the image.
   void Offer(int32_t a, int32_t b, const Border& border) {
+    // A pair's border has at least one pair of pixels.
     const double mean = border.strength / static_cast<double>(border.length);
     const double smaller = static_cast<double>(std::min(tree_.nodes[a].area, tree_.nodes[b].area));
     const double share = smaller / static_cast<double>(pixels_.strength.size());
@@ -182,6 +185,7 @@ class Merger {
     for (const int32_t child : node.children) {
       tree_.nodes[child].parent = made;
       node.area += tree_.nodes[child].area;
+      // Heights never fall towards the root, also where a small region's offer was made cheaper.
       node.height = std::max(node.height, tree_.nodes[child].height);
       for (size_t k = 0; k < num_bins_; ++k) {
         histograms_[made * num_bins_ + k] += histograms_[child * num_bins_ + k];

@@ -34,6 +34,8 @@ int64_t Densifier::BudgetAt(int step) const {
       std::min(static_cast<double>(options_.max_gaussians),
                static_cast<double>(scene_.num_training_pixels) / options_.pixels_per_gaussian);
   const auto first = static_cast<double>(scene_.num_initial);
+  // METHOD.md section 1, "Density": linear from the number at the start to `most` between
+  // densify_from and densify_until.
   const double share = static_cast<double>(step + 1) / options_.num_steps;
   const double span = options_.densify_until - options_.densify_from;
   const double passed =
@@ -57,6 +59,8 @@ absl::Status Densifier::Apply(int step, GaussianState& state, std::mt19937_64& r
        .clone_size = static_cast<float>(options_.densify_size * scene_.radius),
        .min_opacity = options_.prune_opacity,
        .max_count = BudgetAt(step),
+       // One draw from the training's engine a round: the backend derives all its random numbers
+       // from it, so that a resumed training splits the same Gaussians.
        .seed = static_cast<uint32_t>(random()),
        .source = &source,
        .is_new = &is_new,
@@ -75,6 +79,8 @@ absl::Status Densifier::Apply(int step, GaussianState& state, std::mt19937_64& r
         absl::StrCat("out of memory for ", counts.num_rows, " Gaussians"));
   }
   state.SetMeansAndLogScales(mean_log_scale.span());
+  // In place of the opacity resets of 3DGS, which OpacityResetDue leaves out where there is a
+  // budget.
   if (budgeted()) state.FadeOpacity(options_.opacity_decay);
   return absl::OkStatus();
 }

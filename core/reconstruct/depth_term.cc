@@ -31,6 +31,7 @@ ReconstructOptions WithDepthWeight(ReconstructOptions options, const Capture& ca
 DepthTerm::DepthTerm(Backend& backend, const ReconstructOptions& options, int64_t max_pixels)
     : backend_(backend),
       options_(options),
+      // Rendered alpha and depth, and their two gradients: see ImagesFor.
       images_(backend, options.depth_weight > 0 ? 4 * max_pixels : 0) {}
 
 void DepthTerm::LeaveOut() {
@@ -52,6 +53,7 @@ DepthPlan DepthTerm::PlanFor(const TrainingView& view, float weight,
 // Returns a random rectangle of about the size of a mask. Width and height are drawn independently,
 // log-uniform in [1/16, 1/3] of the view's width and limited by the view.
 PixelBox DepthTerm::DrawPatch(const PinholeView& view, std::mt19937_64& random) const {
+  // Four draws in a fixed order: width, height, x, y.
   std::uniform_real_distribution<double> uniform(0, 1);
   const auto side = [&](int most) {
     const double share = kSmallestPatch * std::pow(kLargestPatch / kSmallestPatch, uniform(random));

@@ -30,6 +30,7 @@ int64_t ViewBytes(const TrainingSize& size, const ReconstructOptions& options) {
   const int64_t num_views = std::max<int64_t>(1, size.num_views);
   const int64_t num_pixels = size.num_pixels / num_views * size.num_training_views;
   const int64_t ignore = size.num_ignore_views > 0 ? 1 : 0;
+  // RGB of 8 bits, and a byte of the ignore mask where any view has one.
   const int64_t bytes = num_pixels * (3 + ignore);
   const int64_t depth =
       size.num_pixels / num_views * size.num_depth_views * static_cast<int64_t>(sizeof(float));
@@ -48,6 +49,7 @@ int64_t TrainingPixels(const TrainingSize& size) {
 int64_t GaussiansInRefinement(const TrainingSize& size, const ReconstructOptions& options) {
   const int64_t first = FirstGaussians(size, options), most = MostGaussians(size, options);
   if (options.pixels_per_gaussian <= 0) return most;
+  // Refiner moves a start before coarse_until to coarse_until, the first step at full size.
   const double end = std::max(options.refine_from, options.coarse_until) + options.refine_length;
   const double span = options.densify_until - options.densify_from;
   const double passed = span > 0 ? std::clamp((end - options.densify_from) / span, 0.0, 1.0) : 1.0;
@@ -121,6 +123,7 @@ MemoryNeed EstimateReconstruct(const Backend& backend, const TrainingSize& size,
   const bool twice = ControlsDensity(options);
   MemoryNeed need;
   need.device_bytes = ViewBytes(size, options) +
+                      // The rendered colours and their gradients.
                       2 * 3 * size.max_pixels * static_cast<int64_t>(sizeof(float)) +
                       (twice ? 2 * state + kPlanRow * most * 5 / 4 : state) +
                       backend.ScratchBytes(TypicalScratch(most, size.max_pixels)) +

@@ -184,6 +184,7 @@ bool GaussianState::Grow(int64_t stride) {
     if (next.refinable.empty()) return false;
   }
   const auto copy = [&]<class T>(Buffer<T>& from, Buffer<T>& to, int num_planes) {
+    // `refinable` has no buffer outside refinement.
     for (int64_t k = 0; k < num_planes && !from.empty(); ++k) {
       backend_.Copy(to.span().data + k * stride, from.span().data + k * rows_.stride,
                     static_cast<size_t>(count_) * sizeof(T));
@@ -217,6 +218,7 @@ bool GaussianState::Append(DeviceSpan<const int32_t> source,
                          .from = from,
                          .to = {from.data + first, num_new, from.stride, sh_degree_}});
   };
+  // The new Gaussians copy all parameters of their sources; moments and counts start at zero.
   gather(rows_.parameters, {});
   gather(rows_.moment1, all.span());
   gather(rows_.moment2, all.span());
@@ -255,6 +257,7 @@ void GaussianState::LimitOpacity(float opacity) {
   const float limit = std::log(opacity / (1 - opacity));
   ChangeOpacityLogits([limit](float logit) { return std::min(logit, limit); });
   const std::vector<float> zeros(static_cast<size_t>(count_), 0.0f);
+  // As in 3DGS, Adam starts again for the opacities: old moments would push them straight back.
   rows_.moment1.Upload(zeros, kOpacityPlane * rows_.stride);
   rows_.moment2.Upload(zeros, kOpacityPlane * rows_.stride);
 }

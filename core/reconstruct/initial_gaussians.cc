@@ -55,6 +55,7 @@ double Uniform(std::mt19937_64& random) {
 ScenePoint RandomPoint(const View& view, double scene_radius, std::mt19937_64& random) {
   const Camera& camera = view.camera;
   const double x = Uniform(random) * camera.width, y = Uniform(random) * camera.height;
+  // z in the camera's frame. The order of the draws is fixed: x, y, depth.
   const double depth = scene_radius * 0.5 * std::pow(20.0, Uniform(random));
   const Eigen::Vector3d in_cam((x - camera.cx) / camera.fx * depth,
                                (y - camera.cy) / camera.fy * depth, depth);
@@ -98,6 +99,7 @@ std::vector<ScenePoint> StartingPoints(const Capture& capture, const Reconstruct
   std::vector<ScenePoint> points;
   if (!capture.points.empty()) {
     const auto most = static_cast<size_t>(options.max_gaussians);
+    // Every n-th point instead of a draw: the result does not depend on the seed.
     const size_t stride = (capture.points.size() + most - 1) / most;
     for (size_t i = 0; i < capture.points.size(); i += stride) points.push_back(capture.points[i]);
     return points;
@@ -123,6 +125,7 @@ Gaussians InitialGaussians(const std::vector<ScenePoint>& points, int sh_degree,
   Gaussians out = Gaussians::Zero(static_cast<int64_t>(points.size()), sh_degree);
   for (int64_t i = 0; i < out.count; ++i) {
     const float size = distances[i] > 0 ? distances[i] : lone;
+    // A sphere as large as the mean distance to the 3 nearest points, as in 3DGS.
     const float log_scale = std::clamp(std::log(size), bounds.min, bounds.max);
     for (int axis = 0; axis < 3; ++axis) {
       out.Plane(kMeanPlane + axis)[i] = points[i].position[axis];

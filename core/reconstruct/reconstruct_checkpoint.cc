@@ -73,6 +73,7 @@ absl::Status Validate(const ReconstructCheckpoint& checkpoint) {
   if (checkpoint.counters.step < 0) {
     return absl::DataLossError(absl::StrCat("step ", checkpoint.counters.step, " is negative"));
   }
+  // The position runs ahead of the step when part of the schedule was skipped, never behind it.
   if (checkpoint.counters.position < checkpoint.counters.step) {
     return absl::DataLossError(absl::StrCat("step ", checkpoint.counters.step,
                                             " exceeds its schedule position, ",

@@ -84,11 +84,13 @@ absl::Status Reconstructor::CheckMatches(const ReconstructCheckpoint& checkpoint
                                             " exceeds the num_steps of the options, ",
                                             options_.num_steps));
   }
+  // Smaller is valid: degrees may have been pruned.
   if (checkpoint.gaussians.shape.sh_degree > options_.sh_degree) {
     return absl::DataLossError(absl::StrCat("SH degree ", checkpoint.gaussians.shape.sh_degree,
                                             " exceeds the sh_degree of the options, ",
                                             options_.sh_degree));
   }
+  // views_left indexes the training views unchecked; each is in a round once.
   std::vector<bool> seen(static_cast<size_t>(views_.size()), false);
   for (const int32_t view : checkpoint.views_left) {
     if (view < 0 || view >= views_.size() || seen[view]) {
@@ -102,6 +104,7 @@ absl::Status Reconstructor::CheckMatches(const ReconstructCheckpoint& checkpoint
 }
 
 absl::Status Reconstructor::Restore(const ReconstructCheckpoint& checkpoint) {
+  // Create has drawn from random_ for the starting points; the saved state replaces what it left.
   std::istringstream random(checkpoint.random);
   random >> random_;
   if (random.fail()) return absl::DataLossError("the random engine's state cannot be parsed");
@@ -122,6 +125,8 @@ absl::Status Reconstructor::Restore(const ReconstructCheckpoint& checkpoint) {
 
 absl::StatusOr<ReconstructCheckpoint> Reconstructor::Save() {
   while (!results_.empty()) DrainOldest();
+  // Queued steps are done first: the rows, the counters and the losses must belong to the same
+  // step.
   ReconstructCheckpoint checkpoint;
   checkpoint.counters = {step_,
                          num_culled_degenerate_,
@@ -151,6 +156,8 @@ absl::StatusOr<StepReport> Reconstructor::Step() {
   StepInput input = {sampler_.Next(random_), schedule_.ShrinkAt(position_), state_.count(), {}};
   input.depth = depth_term_.PlanFor(views_.At(input.view, input.shrink),
                                     schedule_.DepthWeightAt(position_), random_);
+  // The draws of a step are in a fixed order: the view, the depth patch, then the seed of density
+  // control.
   TrainOn(input, entry_capacities_.For(input));
   while (results_.full()) DrainOldest();
 
@@ -202,6 +209,7 @@ void Reconstructor::QueueOps(const StepInput& input, int64_t entry_capacity) {
                    .active_sh_degree = sh_degree,
                    .scratch = &scratch_,
                    .color = color,
+                   // Empty where the step has no depth term.
                    .alpha = depth.alpha,
                    .depth = depth.depth,
                    .inverse_depth = depth.inverse_depth,
@@ -334,6 +342,8 @@ absl::StatusOr<StepReport> Reconstructor::Report() const {
   const auto& sums = newest_->loss_sums;
   const double num = std::max(1.0, sums[kSumPixelChannels]);
   report.loss = LossOf(*newest_);
+  // 1e-10 caps the PSNR at 100 dB. The sums are those of the newest step read, which on a device
+  // may be some steps old.
   const double mse = std::max(1e-10, sums[kSumSquared] / num);
   report.psnr = -10 * std::log10(mse);
   if (newest_->input.depth.weight > 0) {

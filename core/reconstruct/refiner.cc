@@ -126,6 +126,7 @@ RefineGaussiansArgs Refiner::MakeArgs(const Target& target, GaussianState& state
   const int64_t room =
       split ? std::clamp<int64_t>(options_.max_gaussians - state.count(), 0, most) : 0;
   working_->outside_source.Reserve(backend_, room);
+  // A mean and three log-scales for each part.
   working_->outside_shape.Reserve(backend_, 6 * room);
   working_->counts.Reserve(backend_, kNumRefineCounts);
   return {.view = target.pinhole,

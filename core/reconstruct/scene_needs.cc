@@ -51,6 +51,7 @@ SceneNeeds::Decision SceneNeeds::Decide(int step) {
   const double before = static_cast<double>(step + 1 - window_) / options_.num_steps;
   Decision decision;
   decision.leave_out_depth = depth_.Failed();
+  // True in the one window in which the schedule passes kPruneShFrom.
   decision.prune_sh_degree =
       options_.min_band_gain > 0 && before < kPruneShFrom && share >= kPruneShFrom;
   decision.close = loss_.StoppedFalling() && Grown(step) && share < 1 - options_.closing_share;

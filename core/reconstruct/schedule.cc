@@ -45,6 +45,7 @@ LearningRates Schedule::RatesAt(int step) const {
   rates.rotation = options_.rotation_learning_rate;
   rates.opacity = options_.opacity_learning_rate;
   rates.sh_dc = options_.sh_learning_rate;
+  // As in 3DGS: higher degrees learn a twentieth as fast as the base colour.
   rates.sh_rest = options_.sh_learning_rate / 20;
   return rates;
 }
@@ -59,6 +60,8 @@ int Schedule::ShDegreeAt(int step) const {
 float Schedule::DepthWeightAt(int step) const {
   constexpr double kSteepness = 12;
   constexpr double kNegligible = 1e-4;
+  // lambda_d(t) of METHOD.md section 1. At the middle of the schedule the weight has fallen by
+  // half.
   const auto falling = [](double share) { return 1 / (1 + std::exp(kSteepness * (share - 0.5))); };
   const double left = (falling(ShareAt(step)) - falling(1)) / (falling(0) - falling(1));
   const double start = options_.depth_weight;

@@ -24,6 +24,7 @@ class DegreeMeter {
 
   // Returns the mean squared error over the chosen views, rendered with degrees up to `sh_degree`.
   double MeanSquaredError(const GaussianPlanes& gaussians, int sh_degree) {
+    // Evenly spread views, always the same: errors of two degrees must be of the same pixels.
     const int every = (views_.size() + kMostViews - 1) / kMostViews;
     double squared = 0, num = 0;
     for (int view = 0; view < views_.size(); view += every) {

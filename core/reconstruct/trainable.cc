@@ -68,10 +68,12 @@ double ViewingSpread(const Capture& capture) {
   if (directions.empty()) return 0;
   constexpr double kCancelled = 1e-6;  // share of the length that equal directions would have
   const auto num = static_cast<double>(directions.size());
+  // Views in opposite directions, as on a full circle, have no mean direction.
   if (sum.norm() < kCancelled * num) return 180;
   const Eigen::Vector3d mean = sum.normalized();
   double squares = 0;
   for (const Eigen::Vector3d& direction : directions) {
+    // Rounding can leave the product just outside [-1, 1], where acos is NaN.
     const double angle = std::acos(std::clamp(direction.dot(mean), -1.0, 1.0));
     squares += angle * angle / num;
   }

@@ -75,6 +75,7 @@ PriorBounds InlierBounds(std::span<const float> prior) {
   constexpr double kShare = 0.01;  // of the known values, at either end
   std::vector<float> known;
   std::ranges::copy_if(prior, std::back_inserter(known), [](float v) { return !std::isnan(v); });
+  // The nearest rank, without interpolation.
   const auto percentile = [&](double share) {
     const auto at = std::lround(share * static_cast<double>(known.size() - 1));
     std::nth_element(known.begin(), known.begin() + at, known.end());
@@ -139,6 +140,7 @@ TrainingViews::TrainingViews(Backend& backend, const Capture& capture,
     const bool with_prior = options.with_depth && HasGeometryPrior(view);
     auto& sizes = views_.emplace_back();
     for (int size = 0; size < (options.coarse ? kNumSizes : 1); ++size) {
+      // Index k has 1 / 2^k of the size, see Schedule::ShrinkAt.
       sizes[size] = Upload(backend, view, 1 << size);
       if (with_prior) UploadPrior(backend, view, 1 << size, sizes[size]);
       const PinholeView& pinhole = sizes[size].pinhole;
@@ -156,6 +158,8 @@ int ViewSampler::Next(std::mt19937_64& random) {
   if (left_.empty()) {
     left_.resize(count_);
     std::iota(left_.begin(), left_.end(), 0);
+    // The order depends on the standard library, so a checkpoint continues exactly only in a build
+    // with the same one.
     std::shuffle(left_.begin(), left_.end(), random);
   }
   const int next = left_.back();

@@ -13,6 +13,7 @@ namespace {
 // Returns the bytes of camera and pose. PinholeView has no padding.
 std::string KeyOf(const ModelView& view) {
   const PinholeView v = ToPinholeView(view.camera, view.cam_from_world);
+  // Exact bytes: views that differ in the last bit of a pose have maps of their own.
   return {reinterpret_cast<const char*>(&v), sizeof(v)};
 }
 
@@ -23,6 +24,8 @@ constexpr int64_t MapBytes(int64_t num_pixels) {
 }  // namespace
 
 int64_t MapReserve(int64_t max_view_pixels) {
+  // Room for four maps of the largest view as long as they take no more than 512 MiB, and at least
+  // for one of the largest size that is rendered.
   constexpr int64_t kMostBytes = int64_t{512} << 20;
   return std::max(MapBytes(MostPixels(max_view_pixels)),
                   std::min(4 * MapBytes(max_view_pixels), kMostBytes));
@@ -44,6 +47,7 @@ absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
   }
   const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
   const int64_t num_bytes = MapBytes(num_pixels);
+  // Checked before any map is dropped: a view that can never fit must not empty the cache.
   if (num_bytes > max_bytes_) {
     return absl::ResourceExhaustedError(
         absl::StrCat("the feature map of ", view.camera.width, "x", view.camera.height,

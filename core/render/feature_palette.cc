@@ -39,6 +39,7 @@ Features SampleUnits(const FeatureField& field, const float* psi) {
 Axes PrincipalAxes(const Features& units) {
   const Eigen::RowVectorXd mean = units.colwise().mean();
   const Features centered = units.rowwise() - mean;
+  // Eigenvalues ascend, so the last columns are the axes of the largest variance.
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(centered.transpose() * centered);
   Axes axes;
   for (int k = 0; k < 3; ++k) {
@@ -62,11 +63,13 @@ float ValueAt(std::vector<float>& values, double share) {
 FeaturePalette MakeFeaturePalette(const FeatureField& field, double scale) {
   FeaturePalette palette;
   if (field.empty()) return palette;
+  // The colours are of gated features, psi(s) * f, so they show what is alike at this scale.
   GateAt(field.gate.data(), kFeatureSize, static_cast<float>(scale), palette.psi.data());
   const Features units = SampleUnits(field, palette.psi.data());
   const Axes axes = PrincipalAxes(units);
   for (int k = 0; k < 3; ++k) {
     for (int c = 0; c < kFeatureSize; ++c) palette.axis[k][c] = static_cast<float>(axes(c, k));
+    // The mean is subtracted neither here nor in PaintFeatures: low and high contain it.
     const Eigen::VectorXf along = (units * axes.col(k)).cast<float>();
     std::vector<float> values(along.begin(), along.end());
     palette.low[k] = ValueAt(values, kClippedShare);
@@ -86,6 +89,7 @@ Image PaintFeatures(const FeaturePalette& palette, std::span<const Half> map,
       feature[c] = FloatFromHalf(map[i * kFeatureSize + c]);
       squares += feature[c] * feature[c];
     }
+    // Black: hardly any feature was blended there, so it has no direction.
     if (squares < kMinPixelNorm * kMinPixelNorm) continue;
     GatedUnit(palette.psi.data(), feature, kFeatureSize, unit);
     for (int k = 0; k < 3; ++k) {

@@ -31,6 +31,7 @@ void FrozenScene::Render(const View& view) {
                    .color = color_.span(),
                    .alpha = alpha_.span(),
                    .depth = depth_.span(),
+                   // Degree 0 of the harmonics (the default): the colours are not used.
                    .for_backward = false});
 }
 
@@ -41,6 +42,7 @@ std::vector<float> FrozenScene::Depth(const View& view) {
   alpha_.Download(std::span<float>(alpha));
   depth_.Download(std::span<float>(depth));
   for (size_t i = 0; i < depth.size(); ++i) {
+    // z in the camera's frame, scene units; 0: unknown.
     depth[i] = alpha[i] > kMinDepthAlpha ? depth[i] / alpha[i] : 0.0f;
   }
   return depth;

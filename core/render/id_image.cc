@@ -26,6 +26,7 @@ class Votes {
     float total = 0;
     for (const Sum& sum : sums_) {
       total += sum.weight;
+      // Ties go to the smaller id, so that the image does not depend on the order of the entries.
       if (sum.weight > best.weight || (sum.weight == best.weight && sum.id < best.id)) best = sum;
     }
     return total < kMinAlpha ? 0 : best.id;
@@ -46,6 +47,7 @@ absl::StatusOr<std::vector<int32_t>> RenderIds(const ModelView& view, std::span<
   const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
   std::vector<int32_t> image(static_cast<size_t>(num_pixels));
   Votes votes;
+  // Bands bound the memory of the blend rows, not that of the image.
   for (int64_t first = 0; first < num_pixels; first += kBandPixels) {
     std::vector<int32_t> pixels(static_cast<size_t>(std::min(kBandPixels, num_pixels - first)));
     std::iota(pixels.begin(), pixels.end(), static_cast<int32_t>(first));

@@ -34,6 +34,8 @@ ModelRenderer::ModelRenderer(Backend& backend, const Model& model)
       most_pixels_(MostPixels(LargestView(model.views))) {}
 
 void ModelRenderer::ReleaseOversized() {
+  // Buffers never shrink by themselves: one request for a large image would hold its memory for
+  // good.
   if (scratch_.pixel_last_entry.capacity() <= WithReserve(most_pixels_)) return;
   for (Buffer<float>* buffer : {&color_, &alpha_, &depth_}) *buffer = {};
   scratch_ = {};
@@ -47,6 +49,7 @@ void ModelRenderer::HideAllBut(const GaussianSet& subset) {
   for (size_t i = 0; i < shown.size(); ++i) {
     shown[i] = subset.member[i] != 0 ? logits[i] : kHiddenLogit;
   }
+  // The planes lie one after the other, so the opacities are one range.
   planes_.Upload(shown, kOpacityPlane * model_.gaussians.count);
 }
 
@@ -57,6 +60,8 @@ void ModelRenderer::ShowAll() {
 // Restores the opacities before a render, not after one, because a backend that ran out of memory
 // in a render copies nothing. After an error the opacities are not known and count as hidden.
 void ModelRenderer::Show(const GaussianSet* subset) {
+  // One set of planes serves all requests of the model, so each render sets the opacities that it
+  // needs.
   if (subset != nullptr) {
     HideAllBut(*subset);
   } else if (some_hidden_) {
@@ -73,6 +78,7 @@ absl::Status ModelRenderer::Render(const ModelView& view, const Pass& pass) {
     alpha_.Reserve(backend_, num_pixels);
     depth_.Reserve(backend_, num_pixels);
   }
+  // An allocation that fails leaves an empty buffer.
   const bool has_depth_room = !pass.with_depth || (!alpha_.empty() && !depth_.empty());
   if (color_.empty() || planes_.empty() || !has_depth_room) {
     return absl::ResourceExhaustedError(absl::StrCat("no memory to render ", view.camera.width, "x",

@@ -47,6 +47,7 @@ float DeviationAlong(const Gaussians& gaussians, int32_t gaussian,
   const Eigen::Quaternionf rotation(gaussians.Plane(kRotationPlane)[gaussian], imaginary.x(),
                                     imaginary.y(), imaginary.z());
   const Eigen::Vector3f scale = ThreePlanes(gaussians, kLogScalePlane, gaussian).array().exp();
+  // Sigma = R S S^T R^T, so that sqrt(d^T Sigma d) = |S R^T d|.
   return scale.cwiseProduct(rotation.normalized().conjugate() * direction).norm();
 }
 
@@ -69,12 +70,15 @@ std::vector<int32_t> ConnectedParts(const Gaussians& gaussians, std::span<const 
   const MeanTree tree(gaussians, selected);
   DisjointParts parts(selected.size());
   for (size_t i = 0; i < selected.size(); ++i) {
+    // One more than the neighbours: the Gaussian finds itself.
     for (const int32_t near : tree.Nearest(selected[i], kNumNeighbors + 1)) {
       if (Touch(gaussians, selected[i], selected[near])) parts.Join(static_cast<int32_t>(i), near);
     }
   }
   int32_t num_parts = 0;
   for (size_t i = 0; i < selected.size(); ++i) {
+    // The representative is the lowest position of its part, so it has a number before its members
+    // ask for it.
     const int32_t lead = parts.Find(static_cast<int32_t>(i));
     part[i] = lead == static_cast<int32_t>(i) ? num_parts++ : part[lead];
   }

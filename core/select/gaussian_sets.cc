@@ -42,6 +42,7 @@ absl::StatusOr<GaussianSet> Intersect(const GaussianSet& a, const GaussianSet& b
 SetBounds BoundsOf(const Gaussians& gaussians, const GaussianSet& set) {
   assert(static_cast<int64_t>(set.member.size()) == gaussians.count);
   SetBounds bounds;
+  // Bounds are of the means alone, in scene units, without the extent of the Gaussians.
   if (set.count() == 0) return bounds;
   bounds.min.setConstant(std::numeric_limits<double>::infinity());
   bounds.max = -bounds.min;

@@ -26,6 +26,7 @@ struct SampledPixels {
 
 // Returns the mask's bounding box with a margin, because Gaussians at its border reach beyond it.
 PixelBox BoxAround(const SegmentResult& result) {
+  // box is {left, top, width, height} of the mask, pixels.
   const int margin = std::max(kMinMargin, std::max(result.box[2], result.box[3]) / 8);
   return {std::max(0, result.box[0] - margin), std::max(0, result.box[1] - margin),
           std::min(result.width, result.box[0] + result.box[2] + margin),
@@ -41,6 +42,8 @@ int StrideFor(int width, int height, double max_pixels) {
 SampledPixels ChoosePixels(const SegmentResult& result) {
   const PixelBox box = BoxAround(result);
   SampledPixels chosen;
+  // Two grids: a fine one around the mask, where Gaussians are decided, and a coarse one elsewhere.
+  // The area that a pixel stands for makes their weights comparable.
   const int near = StrideFor(box.right - box.left, box.bottom - box.top, kMaxNearPixels);
   for (int y = box.top + near / 2; y < box.bottom; y += near) {
     for (int x = box.left + near / 2; x < box.right; x += near) {
@@ -60,6 +63,7 @@ SampledPixels ChoosePixels(const SegmentResult& result) {
 
 // Returns whether a point of the world projects into the image of a view.
 bool LooksAt(const ModelView& view, const Eigen::Vector3d& point) {
+  // NaN, from a centre of no votes, fails the comparisons at the end.
   const Eigen::Vector3d in_cam = view.cam_from_world * point;
   if (in_cam.z() <= 0) return false;
   const double x = view.camera.fx * in_cam.x() / in_cam.z() + view.camera.cx;
@@ -95,6 +99,7 @@ absl::Status GaussianVotes::Add(const Segmenter& segmenter, const ModelView& vie
   for (size_t i = 0; i < chosen.pixels.size(); ++i) {
     const bool inside = result.mask.pixels[chosen.pixels[i]] != 0;
     for (int32_t e = rows.first[i]; e < rows.first[i + 1]; ++e) {
+      // A Gaussian's vote: METHOD.md section 4, "Selection in 3D".
       const double weight = double{rows.weight[e]} * chosen.area[i];
       seen_[rows.gaussian[e]] += weight;
       if (inside) inside_[rows.gaussian[e]] += weight;

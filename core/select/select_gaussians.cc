@@ -84,6 +84,7 @@ GaussianSet KeepParts(const Gaussians& gaussians, const std::vector<int32_t>& me
     ++part.size;
     part.shown = part.shown || shown[members[i]] >= kShownWeight;
   }
+  // The prompted pixels may show only Gaussians that the other views voted out.
   if (std::none_of(parts.begin(), parts.end(), [](const Part& part) { return part.shown; })) {
     MarkLargest(parts);
   }
@@ -106,6 +107,7 @@ void AddUnseen(const Gaussians& gaussians, const GaussianVotes& votes, GaussianS
   for (int32_t i = 0; i < gaussians.count; ++i) {
     const Eigen::Vector3d mean(gaussians.Plane(kMeanPlane)[i], gaussians.Plane(kMeanPlane + 1)[i],
                                gaussians.Plane(kMeanPlane + 2)[i]);
+    // Only Gaussians within the bounds of the set can be inside what it shows.
     if ((mean.array() < bounds.min.array()).any() || (mean.array() > bounds.max.array()).any()) {
       continue;
     }
@@ -143,6 +145,7 @@ std::vector<int32_t> PromptedPixels(const Prompt& prompt, size_t max_count) {
   std::vector<int32_t> thinned;
   thinned.reserve(max_count);
   for (size_t i = 0; i < max_count; ++i) {
+    // The middle of each of max_count equal parts: spread evenly, without a draw.
     thinned.push_back(pixels[(2 * i + 1) * pixels.size() / (2 * max_count)]);
   }
   return thinned;
@@ -159,6 +162,7 @@ absl::StatusOr<GaussianSet> SelectGaussians(const Segmenter& segmenter, const Se
   RETURN_IF_ERROR(before_view());
   ASSIGN_OR_RETURN(const SegmentResult prompted,
                    AddVotes(segmenter, task.query, task.prompt.view, votes));
+  // An empty mask in the prompted view: there is no centre by which to choose other views.
   if (prompted.box[2] == 0) {
     return GaussianSet{std::vector<uint8_t>(static_cast<size_t>(gaussians.count))};
   }

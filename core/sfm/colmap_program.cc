@@ -47,6 +47,7 @@ absl::StatusOr<ColmapProgram> ColmapProgram::Open(const std::string& name,
   absl::StatusOr<std::filesystem::path> path = FindProgram(name);
   if (!path.ok()) return NotThere(name, path.status().message());
   ColmapProgram program(*std::move(path), log);
+  // "colmap help" is the shortest command that prints the version.
   const absl::Status asked = program.Run({"help", {}, ""}, absl::Now() + kVersionLimit,
                                          [&](std::span<const std::string> lines) {
                                            for (const std::string& line : lines) {

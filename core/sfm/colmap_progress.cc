@@ -15,6 +15,7 @@ namespace {
 // ']'.
 std::vector<int64_t> NumbersBefore(absl::string_view text, char end) {
   std::vector<int64_t> numbers;
+  // A number that does not fit into 64 bits is left out: the output of a program is not trusted.
   for (size_t at = 0; at < text.size() && text[at] != end;) {
     size_t length = 0;
     while (at + length < text.size() &&
@@ -85,6 +86,7 @@ void ColmapProgress::Finish() { Reach(kMapping, 1, 1); }
 void ColmapProgress::ReadMatching(absl::string_view counts) {
   const std::vector<int64_t> numbers = NumbersBefore(counts, ']');
   if (numbers.size() == 2) Reach(kMatching, numbers[0], numbers[1]);
+  // by_blocks_ changes the unit, so a stray line of a later part must not set it.
   if (numbers.size() != 4 || part_ > kMatching) return;
   by_blocks_ = true;
   Reach(kMatching, (numbers[0] - 1) * numbers[3] + numbers[2], numbers[1] * numbers[3]);

@@ -56,6 +56,7 @@ struct Removal {
 // Returns the number of threads that extract features.
 int NumExtracting(int num_threads) {
   const int num_cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  // 0 threads: one for each core.
   return std::min(num_threads > 0 ? num_threads : num_cores, kMostExtracting);
 }
 
@@ -222,6 +223,7 @@ SfmEvidence PoseEstimation::Evidence() const {
     index[safe_names_[i]] = i;
   }
   evidence.num_connected = progress_.num_connected();
+  // Models hold COLMAP's names, the verdict speaks of photographs by index.
   for (const SfmModel& model : models_) {
     std::vector<size_t>& members = evidence.models.emplace_back();
     for (const std::string& name : model.names) {
@@ -256,6 +258,8 @@ absl::StatusOr<EstimatedPoses> EstimatePoses(std::span<const SfmPhotograph> phot
   RETURN_IF_ERROR(CheckEnough(photographs));
   PoseEstimation estimation(photographs, places, options, progress);
   RETURN_IF_ERROR(estimation.OpenProgram());
+  // From here on the working folder is removed on every way out: it holds copies of the
+  // photographs.
   const Removal removal{places.work};
   RETURN_IF_ERROR(MakeEmptyFolder(places.work));
   RETURN_IF_ERROR(estimation.LayOutPhotographs());
@@ -267,11 +271,13 @@ absl::StatusOr<EstimatedPoses> EstimatePoses(std::span<const SfmPhotograph> phot
 }
 
 int64_t SfmHostBytes(int64_t max_pixels, int num_threads) {
+  // COLMAP shrinks larger photographs before it extracts, see kFeatureSide.
   const int64_t pixels = std::min(max_pixels, int64_t{kFeatureSide} * kFeatureSide);
   return pixels * kFeatureBytes * NumExtracting(num_threads);
 }
 
 absl::StatusOr<EstimatedPoses> ReadEstimatedPoses(const std::filesystem::path& result) {
+  // The digests are compared: a result that was cut short or damaged is not used.
   ASSIGN_OR_RETURN(const Manifest manifest, ReadManifest(result));
   RETURN_IF_ERROR(VerifyManifest(result, manifest));
   ASSIGN_OR_RETURN(const SfmModel model, ReadSfmModel(result));

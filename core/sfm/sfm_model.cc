@@ -101,6 +101,8 @@ absl::StatusOr<std::vector<SfmModel>> ReadSfmModels(const std::filesystem::path&
         absl::StrCat("cannot list ", folder.string(), ": ", error.message()));
   }
   std::sort(models.begin(), models.end(), [](const SfmModel& a, const SfmModel& b) {
+    // The largest model first; ties by the error, then by the folder, because the order of a
+    // directory differs between file systems.
     if (a.names.size() != b.names.size()) return a.names.size() > b.names.size();
     if (a.reprojection_error != b.reprojection_error) {
       return a.reprojection_error < b.reprojection_error;
@@ -124,6 +126,7 @@ absl::Status CopyRenamed(const SfmModel& model, const std::map<std::string, std:
   size_t copied = 0;
   for (const NameSpan& span : spans) {
     const auto name = names.find(bytes.substr(span.begin, span.size));
+    // COLMAP knows only the names that LayOut gave it.
     if (name == names.end()) return Malformed(path);
     renamed.append(bytes, copied, span.begin - copied);
     renamed.append(name->second);

@@ -43,6 +43,7 @@ int64_t NumSfmPairs(int64_t num_photographs, bool sequential, const SfmOptions& 
   if (!sequential) return all;
   // The next `sequential_overlap` photographs and, beyond them, those at distances that are powers
   // of two (COLMAP's quadratic_overlap).
+  // An upper bound: the last photographs have fewer successors. Limited to all pairs below.
   int64_t pairs = n * options.sequential_overlap;
   for (int64_t distance = 1; distance < n; distance *= 2) {
     if (distance > options.sequential_overlap) pairs += n - distance;

@@ -99,6 +99,8 @@ absl::StatusOr<std::vector<SfmPhotograph>> ReadSfmPhotographs(std::span<const Da
     if (own != index.ignore.end()) photograph.ignore.push_back(*own->second);
     photographs.push_back(std::move(photograph));
   }
+  // By number where there is one, because sequential matching relies on the order in which they
+  // were taken.
   std::sort(photographs.begin(), photographs.end(), GoesBefore);
   return photographs;
 }
@@ -135,6 +137,7 @@ std::vector<std::string> SafeNames(std::span<const SfmPhotograph> photographs) {
     const ExifCamera& exif = photograph.camera;
     const Key key(photograph.header.width, photograph.header.height, exif.maker, exif.model,
                   exif.focal_length, exif.focal_length_35_mm);
+    // A folder for each camera: COLMAP is run with single_camera_per_folder.
     const size_t camera = cameras.try_emplace(key, cameras.size() + 1).first->second;
     names.push_back(absl::StrFormat("c%d/%06d%s", camera, names.size() + 1,
                                     SuffixOf(photograph.header.format)));
@@ -157,6 +160,7 @@ absl::StatusOr<bool> LayOut(std::span<const SfmPhotograph> photographs,
           absl::StrCat("cannot make ", copy.string(), ": ", error.message()));
     }
     if (photographs[i].ignore.empty()) continue;
+    // COLMAP finds a mask by the photograph's whole name with ".png" appended.
     RETURN_IF_ERROR(WriteMask(photographs[i], masks / (names[i] + ".png")));
     any_mask = true;
   }

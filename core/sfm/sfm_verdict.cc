@@ -74,11 +74,13 @@ std::vector<size_t> Unregistered(const SfmEvidence& evidence) {
 // few features, no baseline between photographs that match, too little overlap.
 std::string Advice(const SfmEvidence& evidence, size_t needed) {
   const std::vector<size_t> few = WithFewFeatures(evidence);
+  // Few features explain the failure if they account for half of what is missing.
   if (!few.empty() && 2 * few.size() >= Unregistered(evidence).size()) {
     return absl::StrCat(
         few.size(), " of the photographs show too little: blurred, dark, or bare surfaces (",
         Names(evidence, few), "); take sharp ones in good light, of things with texture");
   }
+  // -1: COLMAP did not report the number, see SfmEvidence.
   const bool few_connected =
       evidence.num_connected >= 0 && static_cast<size_t>(evidence.num_connected) < needed;
   if (evidence.models.empty() && !few_connected) {
@@ -95,6 +97,7 @@ absl::Status JudgeFeatures(const SfmEvidence& evidence, const SfmOptions& option
   const std::vector<size_t> few = WithFewFeatures(evidence);
   const size_t num_photographs = evidence.names.size();
   const size_t needed = NumNeeded(evidence, options);
+  // Judged before matching, which would take long and cannot succeed.
   if (num_photographs - few.size() >= needed) return absl::OkStatus();
   return absl::FailedPreconditionError(absl::StrCat(
       few.size(), " of ", num_photographs, " photographs show fewer than ", kFewFeatures,

@@ -32,6 +32,7 @@ void ExpectPriors(const PriorOptions& priors, bool has_command, TrainingSize& si
 StageNeed NeedOfFeatures(const Backend& backend, const DatasetSize& dataset,
                          const TrainingSettings& settings) {
   const TrainingSize& size = dataset.training;
+  // The SH degree of given Gaussians is not known before they are read: the largest is assumed.
   const bool given = dataset.num_given_gaussians > 0;
   const int64_t num_gaussians =
       given ? dataset.num_given_gaussians : MostGaussians(size, settings.reconstruct);
@@ -53,6 +54,7 @@ std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize datase
   const int64_t sam_bytes = by_sam ? SamHostBytes(tools.num_threads) : 0;
   ExpectPriors(settings.priors, tools.has_priors_command, size);
   std::vector<StageNeed> needs;
+  // One need for each stage; stages that run one after the other do not add up.
   needs.push_back({.stage = "prepare",
                    .host_bytes = CaptureBytes(size) + kDecodingBytes * dataset.max_source_pixels});
   if (!dataset.has_poses) {

@@ -30,6 +30,7 @@ absl::StatusOr<std::vector<ViewScores>> HeldOutScorer::Score(
 }
 
 std::map<std::string, double> RecordScores(std::span<const ViewScores> scores, Model& model) {
+  // No held-out views: the model then has no scores, instead of means of nothing.
   if (scores.empty()) return {};
   std::map<std::string, const ImageScores*> by_view;
   for (const ViewScores& view : scores) by_view[view.view] = &view.scores;

@@ -22,6 +22,8 @@ namespace fs = std::filesystem;
 
 // Returns the warp that shrinks a photograph as the import does, but keeps its lens.
 absl::StatusOr<ViewWarp> Shrinking(int width, int height, double image_scale) {
+  // A pinhole without distortion: masks are made before the lens is known and warped to the view
+  // later, see MaskWarp.
   return ViewWarp::Create({.width = width, .height = height}, image_scale);
 }
 
@@ -67,6 +69,7 @@ absl::StatusOr<MaskSet> PhotographMasks::Read(size_t number, int width, int heig
 absl::Status PhotographMasks::Make(size_t number, const DatasetFile& photograph,
                                    PromptedSegmenter& segmenter) const {
   absl::StatusOr<Image> photo = DecodePhoto(photograph.path, photograph.name);
+  // Not an error here: the import decodes the same file and reports it by name.
   if (!photo.ok()) return absl::OkStatus();
   ASSIGN_OR_RETURN(const ViewWarp shrink, Shrinking(photo->width, photo->height, image_scale_));
   View view;

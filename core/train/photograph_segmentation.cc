@@ -54,6 +54,8 @@ PhotographSegmentation::PhotographSegmentation(const TrainingInputs& inputs,
     const size_t task = tasks_.size();
     by_key_[key] = task;
     tasks_.push_back({*file});
+    // The import's rule, applied to all photographs. COLMAP may leave some out, so WaitFor queues
+    // again what the real views need.
     const bool held_out =
         import.held_out_every > 0 && task % static_cast<size_t>(import.held_out_every) == 0;
     if (poses_are_wanted && !held_out) queue_.push_back(task);
@@ -129,6 +131,7 @@ std::optional<size_t> PhotographSegmentation::Next(Priority priority) {
     return model_ != nullptr && !queue_.empty() &&
            num_running_ < SamPhotographsAtOnce(num_threads_);
   };
+  // The token also ends the wait: Stop does not notify changed_.
   changed_.wait(lock, stop_.get_token(), [&] { return ends() || may_begin(); });
   if (stop_.stop_requested() || ends()) return std::nullopt;
   const size_t task = queue_.front();

@@ -18,6 +18,7 @@ absl::StatusOr<EstimatedPoses> FindOrEstimate(const TrainingInputs& inputs,
                                               const std::vector<SfmPhotograph>& photographs,
                                               StageLog& stages) {
   const TrainingFolders& folders = inputs.folders;
+  // An unreadable or damaged folder is the same as none: the next one is tried.
   for (const std::filesystem::path& run : folders.earlier) {
     absl::StatusOr<EstimatedPoses> earlier = ReadEstimatedPoses(run / kPosesFolder);
     if (!earlier.ok()) continue;
@@ -54,6 +55,7 @@ absl::StatusOr<PosesMade> AppendPoses(const TrainingInputs& inputs, const SfmOpt
   const Polling polling(stages.observer());
   ASSIGN_OR_RETURN(const EstimatedPoses poses,
                    FindOrEstimate(inputs, options, photographs, stages));
+  // From here on they are files of the dataset like uploaded ones.
   files.push_back({FileKind::kPoses, "sparse/0/cameras.bin", poses.cameras});
   files.push_back({FileKind::kPoses, "sparse/0/images.bin", poses.images});
   files.push_back({FileKind::kPoints, "sparse/0/points3D.bin", poses.points});

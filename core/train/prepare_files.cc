@@ -123,6 +123,7 @@ std::string FramePrefix(size_t video) { return absl::StrCat("v", video); }
 
 // Returns "images/walk_000123.jpg" for a frame of videos/walk.mp4 or images/walk.mp4.
 std::string PhotographName(const DatasetFile& video, absl::string_view frame_file) {
+  // frame_file is "v0_000123.jpg": its number with the suffix is kept.
   const absl::string_view number = frame_file.substr(frame_file.find('_'));
   const absl::string_view name = WithoutFolder(WithoutFolder(video.name, "videos"), "images");
   return absl::StrCat("images/", WithoutSuffix(name), number);
@@ -185,6 +186,7 @@ absl::Status VerifyFiles(const TrainingInputs& inputs, TrainingObserver& observe
   for (size_t i = 0; i < inputs.files.size(); ++i) {
     const std::string& name = inputs.files[i].name;
     const absl::StatusOr<std::string>& found = by_path.at(inputs.files[i].path)->found;
+    // A disk that fails to read is not the owner's to repair by an upload.
     if (!found.ok() && !absl::IsNotFound(found.status())) {
       return absl::InternalError(absl::StrCat(name, ": cannot be read"));
     }
@@ -192,6 +194,7 @@ absl::Status VerifyFiles(const TrainingInputs& inputs, TrainingObserver& observe
     if (++num_files == 1) {
       first = absl::StrCat(name, ": its stored bytes are ", found.ok() ? "damaged" : "gone");
     }
+    // Files with the same bytes share one stored file: each digest is reported once.
     if (digests.insert(inputs.sha256[i]).second) observer.ReportDamagedFile(inputs.sha256[i]);
   }
   if (num_files == 0) return absl::OkStatus();
@@ -206,6 +209,8 @@ absl::Status ConvertHeicPhotographs(const TrainingFolders& folders, StageLog& st
   for (size_t i = 0; i < files.size(); ++i) {
     if (files[i].kind == FileKind::kImage && BeginsAsHeic(files[i].path)) heic.push_back(i);
   }
+  // Indices among the files name the JPEGs, and the files of a training never change: an earlier
+  // run's folder fits.
   if (heic.empty()) return absl::OkStatus();
   std::optional<std::filesystem::path> folder = FindWhole(folders, kHeicFolder);
   if (!folder) {

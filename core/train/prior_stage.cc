@@ -55,6 +55,7 @@ absl::Status PriorStage::Run(TrainingScene& scene) {
   scene.sources["masks"] = has_masks ? "given" : "none";
   scene.sources["depth"] = has_depth ? "given" : "none";
   if (has_masks && has_depth) return stages_.Skip("priors", "given");
+  // Uploaded priors always win: only what the dataset lacks is made.
   const PriorWants asked = {!has_masks && settings_.priors.masks != PriorMaker::kNone,
                             !has_depth && settings_.priors.depth != PriorMaker::kNone};
   if (!asked.any()) return stages_.Skip("priors", "left out");

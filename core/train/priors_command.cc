@@ -157,10 +157,12 @@ absl::Status CommandRun::RunProgram(StageLog& stages) {
                     [&](std::span<const std::string> lines) { return Watch(lines, stages); });
   }();
   if (absl::IsCancelled(end.status())) return end.status();
+  // Also after a failure. A cancelled run has returned above and keeps them.
   fs::remove_all(folder_ / "photos", ignored);
   std::string why;
   if (!end.ok()) why = std::string(end.status().message());
   if (end.ok() && (end->signal != 0 || end->exit_code != 0)) why = Describe(*end);
+  // An exit code of 0 alone proves nothing.
   if (end.ok() && why.empty() && Made().empty()) why = "wrote no " + Wants();
   if (why.empty()) return absl::OkStatus();
   const std::string tail = ReadFileTail(log(), kOutputTail);
@@ -173,6 +175,7 @@ absl::Status CommandRun::Run(StageLog& stages) {
   if (const auto kept = Kept(stages)) return *kept;
   RETURN_IF_ERROR(MakeFolder(folder_));
   absl::Status status = RunProgram(stages);
+  // No outcome: the next attempt runs the program again. A failure is kept and not tried again.
   if (absl::IsCancelled(status)) return status;
   RETURN_IF_ERROR(
       WriteFileAtomically(outcome(), status.ok() ? kSucceeded : std::string(status.message())));

@@ -25,6 +25,7 @@ absl::StatusOr<std::unique_ptr<FeatureStage>> StartFeatures(StageCheckpoints* ch
                                                             const Gaussians& gaussians,
                                                             const FeatureOptions& options) {
   std::unique_ptr<FeatureStage> stage;
+  // As above: an error makes the next checkpoint be offered.
   const auto use = [&](const Checkpoint& file) -> absl::Status {
     ASSIGN_OR_RETURN(const FeatureCheckpoint state, FeatureCheckpointOf(file.sections));
     ASSIGN_OR_RETURN(stage, FeatureStage::Resume(backend, capture, gaussians, options, state));

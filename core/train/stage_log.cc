@@ -20,6 +20,7 @@ double CoreSeconds() {
     return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
   };
   double sum = 0;
+  // Children count once they have been waited for: COLMAP and the priors command.
   for (const auto who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
     rusage usage{};
     getrusage(who, &usage);
@@ -85,6 +86,7 @@ absl::Status StageLog::StepIfNew(const StepReport& report) {
 }
 
 absl::Status StageLog::ReportSkipped(std::span<const SkippedTerm> skipped) {
+  // The lists of a stage only grow, so that those already reported are at their front.
   while (num_skipped_ < skipped.size()) {
     RETURN_IF_ERROR(observer_.SkipPart(skipped[num_skipped_++]));
   }

@@ -138,6 +138,8 @@ TrainingFacts FactsOf(const TrainingInputs& inputs, const TrainingSettings& sett
     facts.num_photographs += file.kind == FileKind::kImage ? 1 : 0;
     num_videos += file.kind == FileKind::kVideo ? 1 : 0;
   }
+  // Without photographs among the files there are only frames. Their number is not known yet: the
+  // most that each video may give is assumed.
   facts.is_video = facts.num_photographs == 0;
   facts.num_photographs += num_videos * settings.sfm.max_video_frames;
   const double scale = settings.import.image_scale;

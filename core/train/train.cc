@@ -161,6 +161,7 @@ absl::Status Training::MakePriors() {
 absl::Status Training::ReconstructScene() {
   RETURN_IF_ERROR(stages_.Start("reconstruct"));
   DescribeModel();
+  // Given Gaussians are not trained, whatever the settings say.
   for (const DatasetFile& file : inputs_.files) {
     if (file.kind == FileKind::kGaussians) return TakeGivenGaussians(file);
   }
@@ -271,7 +272,9 @@ absl::StatusOr<TrainedModel> Training::Index() && {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   model_.metrics["peak_device_bytes"] = static_cast<double>(backend_.peak_bytes_in_use());
+  // Linux counts ru_maxrss in KiB.
   model_.metrics["peak_memory_bytes"] = static_cast<double>(usage.ru_maxrss) * 1024;
+  // Written before anything is removed: a crash in between leaves too much, never too little.
   RETURN_IF_ERROR(WriteModelTo(inputs_.folders.run));
   RemoveIntermediates(inputs_.folders);
   if (StageCheckpoints* checkpoints = observer_.checkpoints("features")) checkpoints->Remove();

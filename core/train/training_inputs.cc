@@ -17,6 +17,7 @@ std::vector<std::filesystem::path> TrainingFolders::all() const {
 // The manifest is written last, so that a folder without one, or with a file that differs from it,
 // was left by an interrupted run.
 std::optional<std::filesystem::path> FindWhole(const TrainingFolders& folders, const char* name) {
+  // The manifest's digests are compared with the files, so that a damaged folder is made again.
   for (const std::filesystem::path& run : folders.all()) {
     const absl::StatusOr<Manifest> manifest = ReadManifest(run / name);
     if (manifest.ok() && VerifyManifest(run / name, *manifest).ok()) return run / name;
@@ -30,6 +31,7 @@ void RemoveIntermediates(const TrainingFolders& folders) {
     std::filesystem::remove_all(run, ignored);
   }
   std::filesystem::remove_all(folders.priors, ignored);
+  // Of this run only the intermediate folders go: the model lies next to them.
   for (const char* name : {kHeicFolder, kFramesFolder, kPosesFolder, kReconstructFolder}) {
     std::filesystem::remove_all(folders.run / name, ignored);
   }

@@ -12,6 +12,7 @@ absl::Status Validate(Preset preset) {
 }
 
 void Apply(Preset preset, ReconstructOptions& reconstruct, FeatureOptions& features) {
+  // kStandard leaves the defaults of the options.
   if (preset == Preset::kPreview) {
     reconstruct.num_steps = 2000;
     reconstruct.coarse_until = 0.5;

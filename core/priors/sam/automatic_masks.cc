@@ -76,6 +76,8 @@ size_t PhotographSegmenter::CellOf(const PromptPoint& point) const {
   const auto cell = [&](float at, int count) {
     return std::clamp(static_cast<int>(at * grid_.cells_per_pixel), 0, count - 1);
   };
+  // Points are in pixels of the photograph, the first pixel's centre at 0.5; cells follow in
+  // reading order.
   return static_cast<size_t>(cell(point.y, grid_.height)) * grid_.width +
          cell(point.x, grid_.width);
 }
@@ -95,6 +97,7 @@ absl::StatusOr<PromptAnswers> PhotographSegmenter::Run(std::span<const Segmenter
 
 bool PhotographSegmenter::HasGoodArea(const GridMask& mask) const {
   const double share = static_cast<double>(mask.area()) / static_cast<double>(num_cells());
+  // Shares of the grid, which covers the whole photograph.
   return mask.area() > 0 && share >= options_.min_area && share <= options_.max_area;
 }
 
@@ -109,6 +112,7 @@ Candidate PhotographSegmenter::Read(const PromptAnswers& answers, size_t prompt,
   Candidate candidate;
   candidate.mask = GridMask(logits, 0);
   candidate.iou = answers.Iou(prompt, mask);
+  // Stability as in SAM: the area at the threshold +offset over that at -offset.
   const GridMask wide(logits, -offset);
   if (wide.area() > 0) {
     candidate.stability =
@@ -127,6 +131,7 @@ absl::Status PhotographSegmenter::AskBatch(std::span<const SegmenterPrompt> prom
       if (candidate.stability < options_.min_filler_stability) continue;
       if (!HasGoodArea(candidate.mask)) continue;
       candidate.cell = CellOf(prompts[prompt][0]);
+      // A byte a cell: the candidates of a photograph are kept in memory together.
       candidate.quarter_logits = QuarterLogits(answers.Logits(prompt, mask));
       const bool small = static_cast<double>(candidate.mask.area()) <
                          options_.settled_area * static_cast<double>(num_cells());
@@ -159,6 +164,8 @@ bool PhotographSegmenter::IsKept(const GridMask& mask) const {
 }
 
 void PhotographSegmenter::KeepSure() {
+  // Stable, so that answers with equal IoUs keep the order of the prompts and the result is the
+  // same in each run.
   std::stable_sort(candidates_.begin(), candidates_.end(),
                    [](const Candidate& a, const Candidate& b) { return a.iou > b.iou; });
   std::vector<Candidate> rest;
@@ -178,6 +185,7 @@ void PhotographSegmenter::KeepFillers() {
     const bool held = std::any_of(kept_.begin(), kept_.end(), [&](const Candidate& other) {
       return other.mask.Holds(candidate.cell);
     });
+    // A filler only covers what no better mask does: its own prompt's point must be free.
     if (!held && !IsKept(candidate.mask)) kept_.push_back(std::move(candidate));
   }
   candidates_.clear();
@@ -198,6 +206,7 @@ std::vector<PhotographSegmenter::Remainder> PhotographSegmenter::FindRemainders(
       Remainder remainder = {outer.mask.Without(inner.mask), {}};
       const double share =
           static_cast<double>(remainder.rest.area()) / static_cast<double>(outer.mask.area());
+      // The IoU of the rest with the outer mask is `share`, because the rest lies in it.
       if (share < kMinShare || share > options_.duplicate_iou) continue;
       if (!HasGoodArea(remainder.rest) || IsKept(remainder.rest)) continue;
       const auto cells = DeepestCells(remainder.rest.Image(grid_.width, grid_.height), 2);
@@ -231,6 +240,7 @@ void PhotographSegmenter::TakeRemainders(const PromptAnswers& answers,
 }
 
 absl::Status PhotographSegmenter::AskForRemainders() {
+  // No answer can exceed an IoU of 1.
   if (options_.min_remainder_iou >= 1) return absl::OkStatus();
   const std::vector<Remainder> remainders = FindRemainders();
   const std::span<const Remainder> all = remainders;
@@ -261,6 +271,8 @@ absl::StatusOr<AutomaticMasks> SegmentPhotograph(PromptedSegmenter& segmenter, c
                                                  const MaskSet& embedded,
                                                  const AutomaticMaskOptions& options,
                                                  absl::FunctionRef<absl::Status()> progress) {
+  // METHOD.md section 6: regions of the built-in method first, then a grid of points; sure masks,
+  // fillers, remainders.
   RETURN_IF_ERROR(progress());
   RETURN_IF_ERROR(segmenter.SetPhotograph(view.photo));
   PhotographSegmenter run(segmenter, view, options, progress);
@@ -277,6 +289,7 @@ absl::StatusOr<AutomaticMasks> SegmentPhotograph(PromptedSegmenter& segmenter, c
 MaskSet JoinMasks(const MaskSet& first, const MaskSet& second, std::span<const uint8_t> ignore,
                   double duplicate_iou) {
   MaskSetBuilder builder(first.width, first.height, duplicate_iou);
+  // Of duplicates the mask that was added first stays: those of `first` win.
   for (const MaskSet* set : {&first, &second}) {
     for (int k = 0; k < set->num_masks; ++k) {
       const BinaryMask mask = set->Extract(k);

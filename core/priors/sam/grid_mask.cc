@@ -62,12 +62,15 @@ std::vector<cv::Point> DeepestCells(const cv::Mat& mask, int count) {
     cv::minMaxLoc(depth, nullptr, &deepest, nullptr, &at);
     if (deepest <= 0) break;
     cells.emplace_back(at.x - 1, at.y - 1);
+    // Without the disc the next maximum would be a neighbour of this one.
     cv::circle(depth, at, cvCeil(deepest), cv::Scalar(0), cv::FILLED);
   }
   return cells;
 }
 
 std::vector<int8_t> QuarterLogits(std::span<const float> logits) {
+  // Quarters of a logit within +-31.75. Only the sign and the values near 0, which place the
+  // border, are needed.
   std::vector<int8_t> quarters;
   quarters.reserve(logits.size());
   for (const float logit : logits) {
@@ -88,6 +91,7 @@ std::vector<uint32_t> PixelsOfLogits(std::span<const int8_t> logits, const Promp
   const double scale = grid.cells_per_pixel, shift = 0.5 * scale - 0.5;
   const cv::Matx23d cell_from_pixel(scale, 0, shift, 0, scale, shift);
   cv::Mat warped;
+  // The logits are enlarged, not the mask: the border lies where the interpolated logit passes 0.
   cv::warpAffine(cells, warped, cell_from_pixel, {view.photo.width, view.photo.height},
                  cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
   const cv::Mat inside = warped > 0;

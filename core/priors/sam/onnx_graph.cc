@@ -39,6 +39,7 @@ class FieldReader {
     if (rest_.empty() || !ok_) return std::nullopt;
     const std::string_view start = rest_;
     Field field;
+    // Tag: field number << 3 | wire type. Groups (3 and 4) are obsolete and not in ONNX.
     const uint64_t tag = Varint();
     field.number = tag >> 3;
     switch (tag & 7) {
@@ -65,6 +66,7 @@ class FieldReader {
  private:
   uint64_t Varint() {
     uint64_t value = 0;
+    // At most 10 bytes: a longer number is refused instead of shifted out of range.
     for (int shift = 0; shift < 64; shift += 7) {
       if (rest_.empty()) break;
       const auto byte = static_cast<uint8_t>(rest_.front());
@@ -76,6 +78,7 @@ class FieldReader {
     return 0;
   }
   std::string_view Take(uint64_t size) {
+    // A length that exceeds the message is that of a damaged or hostile file.
     if (size > rest_.size()) {
       ok_ = false;
       return {};
@@ -111,6 +114,7 @@ std::string ValueInfo(const OnnxValue& value) {
   std::string shape, tensor, type, info;
   for (const int64_t size : value.shape) {
     std::string dimension;
+    // A dimension without a value is free.
     if (size >= 0) AppendNumber(1, static_cast<uint64_t>(size), dimension);
     AppendBytes(1, dimension, shape);
   }
@@ -149,6 +153,8 @@ class Graph {
   void Rewire(const std::map<std::string, std::string>& rewired) {
     for (Node& node : nodes_) {
       for (std::string_view& input : node.inputs) {
+        // Only inputs are renamed: nodes whose outputs nobody reads any longer are dropped by
+        // KeepNeeded.
         const auto found = rewired.find(std::string(input));
         if (found != rewired.end()) input = found->second;
       }
@@ -165,6 +171,7 @@ class Graph {
     for (auto node = nodes_.rbegin(); node != nodes_.rend(); ++node) {
       const auto makes = [&](std::string_view output) { return needed.contains(output); };
       if (std::none_of(node->outputs.begin(), node->outputs.end(), makes)) continue;
+      // What a node makes is no longer needed by the nodes before it.
       for (const std::string_view output : node->outputs) needed.erase(output);
       needed.insert(node->inputs.begin(), node->inputs.end());
       kept.push_back(std::move(*node));

@@ -111,6 +111,7 @@ struct OnnxRuntime::Calls {
   template <typename... Arguments>
   absl::Status Call(Position position, Arguments... arguments) const {
     const Failure failure =
+        // The C call converts nothing: an argument of another width would be read wrongly.
         reinterpret_cast<Failure (*)(Arguments...)>(table[position])(arguments...);
     if (failure == nullptr) return absl::OkStatus();
     const std::string message =
@@ -238,6 +239,7 @@ absl::StatusOr<std::vector<OnnxTensor>> OnnxSession::Run(
   std::vector<Object> values, made(outputs.size(), nullptr);
   for (const OnnxInput& input : inputs) {
     Owned& value = owned.emplace_back(calls.table, kReleaseValue);
+    // The tensor borrows the values; kRun only reads them.
     RETURN_IF_ERROR(calls.Call(kCreateTensorWithData, calls.memory.get(),
                                static_cast<void*>(const_cast<float*>(input.values.data())),
                                input.values.size_bytes(), input.shape.data(), input.shape.size(),

@@ -12,6 +12,8 @@ namespace pepeseg {
 
 PromptAnswers AnswerGrid(int photo_width, int photo_height) {
   PromptAnswers grid;
+  // SAM answers with a square of kExtent cells a side, which the longer side of the photograph
+  // fills.
   grid.cells_per_pixel = double{PromptAnswers::kExtent} / std::max(photo_width, photo_height);
   const auto cells = [&](int pixels) {
     return std::max(1, static_cast<int>(std::lround(pixels * grid.cells_per_pixel)));
@@ -29,6 +31,7 @@ std::vector<PromptPoint> GridPoints(const Image& photo, int points_per_side) {
   while (count > 0 && std::gcd(stride, count) != 1) ++stride;
   std::vector<PromptPoint> points;
   for (int i = 0; i < count; ++i) {
+    // 64 bits: i * stride grows with the square of the number of points.
     const int at = static_cast<int>(int64_t{i} * stride % count);
     const auto place = [&](int index, int size) {
       return static_cast<float>((index + 0.5) * size / points_per_side);

@@ -36,6 +36,7 @@ absl::Status CheckSamFiles(const std::filesystem::path& folder) {
   std::map<std::string, std::string> digests;
   for (const absl::string_view line : absl::StrSplit(*text, '\n', absl::SkipEmpty())) {
     const std::pair<std::string, std::string> words =
+        // The format of sha256sum: the digest, two spaces, the name.
         absl::StrSplit(line, absl::MaxSplits("  ", 1));
     digests[words.second] = words.first;
   }

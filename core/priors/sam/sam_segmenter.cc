@@ -52,6 +52,7 @@ OnnxGraphEdit DecoderEdit() {
 // fills the frame, normalised with the mean and standard deviation of SAM's training, with zeros to
 // the right or below.
 std::vector<float> EncoderInput(const Image& photo) {
+  // RGB, of 255. Padding is 0 after normalising.
   constexpr std::array<float, 3> kMean = {123.675F, 116.28F, 103.53F};
   constexpr std::array<float, 3> kDeviation = {58.395F, 57.12F, 57.375F};
   const double scale = double{kFrame} / std::max(photo.width, photo.height);
@@ -59,6 +60,7 @@ std::vector<float> EncoderInput(const Image& photo) {
   cv::Mat to;
   const cv::Size size(std::max(1, cvRound(photo.width * scale)),
                       std::max(1, cvRound(photo.height * scale)));
+  // Area for shrinking; it would repeat pixels when enlarging.
   cv::resize(from, to, size, 0, 0, scale < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
   std::vector<float> planes(size_t{3} * kFrame * kFrame, 0);
   for (int y = 0; y < to.rows; ++y) {
@@ -108,6 +110,8 @@ class SamSegmenter : public PromptedSegmenter {
 
   absl::StatusOr<PromptAnswers> Segment(std::span<const SegmenterPrompt> prompts) override {
     const auto num_prompts = static_cast<int64_t>(prompts.size());
+    // One tensor holds all prompts, so each of a call must have as many points as the first, and
+    // one for padding.
     const auto num_points = static_cast<int64_t>(prompts[0].size()) + 1;
     std::vector<float> points, labels;
     for (const SegmenterPrompt& prompt : prompts) AppendPrompt(prompt, points, labels);
