@@ -89,13 +89,14 @@ double LoadAs(PlyType type, const char* from) {
   return 0;
 }
 
-// Returns the header at the front of `bytes`, up to and including "end_header\n", or an empty text
-// if it has no end.
+// Returns the header at the front of `bytes`, up to and including the end of the line "end_header",
+// or an empty text if it has no end. Lines end with "\n" or, as on Windows, with "\r\n".
 absl::string_view HeaderOf(absl::string_view bytes) {
-  constexpr absl::string_view kEnd = "\nend_header\n";
-  const size_t end = bytes.find(kEnd);
-  if (end == absl::string_view::npos) return {};
-  return bytes.substr(0, end + kEnd.size());
+  for (const absl::string_view end : {"\nend_header\n", "\nend_header\r\n"}) {
+    const size_t at = bytes.find(end);
+    if (at != absl::string_view::npos) return bytes.substr(0, at + end.size());
+  }
+  return {};
 }
 
 using Words = std::vector<absl::string_view>;

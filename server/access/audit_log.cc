@@ -95,7 +95,11 @@ absl::Status AuditLog::RotateWhenFull() {
     }
     std::error_code error;
     std::filesystem::rename(path_, numbered(1), error);
-    if (error) return FileError(path_, "cannot rotate", error.value());
+    if (error) {
+      // The descriptor stays open: other processes that write to the file must not wait for it.
+      flock(descriptor_, LOCK_UN);
+      return FileError(path_, "cannot rotate", error.value());
+    }
   }
   return Reopen();
 }

@@ -60,7 +60,12 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
   // and this record leaves a cluster job that nobody follows.
   if (const std::string launch = running->worker_->launch(); !launch.empty()) {
     running->job_.launch = launch;
-    RETURN_IF_ERROR(context.store.queue().SetJobLaunch(job.id, job.fence, launch));
+    const absl::Status recorded = context.store.queue().SetJobLaunch(job.id, job.fence, launch);
+    if (!recorded.ok()) {
+      // Nobody could follow it, and the next attempt to start would launch a second one.
+      running->worker_->Kill();
+      return recorded;
+    }
   }
   running->follows_live_ = true;
   spdlog::info("jobs/{}: attempt {} is launched", job.id, job.fence);

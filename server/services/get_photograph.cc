@@ -106,9 +106,9 @@ absl::StatusOr<DatasetFileRow> FindPhotograph(const std::vector<DatasetFileRow>&
       "NO_SUCH_PHOTOGRAPH", request.parent());
 }
 
-// Returns the model's view of the photograph in the form that PhotographTask::view has.
-absl::StatusOr<std::string> FindView(const Parent& parent,
-                                     const v1::GetPhotographRequest& request) {
+// Returns the model's view of a photograph in the form that PhotographTask::view has.
+absl::StatusOr<std::string> FindView(const Parent& parent, const v1::GetPhotographRequest& request,
+                                     const std::string& photograph) {
   if (parent.model.empty()) {
     return BadField("frame", v1::PixelFrame_Name(request.frame()),
                     "a dataset has no views: name a model as the parent");
@@ -118,7 +118,7 @@ absl::StatusOr<std::string> FindView(const Parent& parent,
   Model model;
   RETURN_IF_ERROR(ParseModelFacts(text, model));
   for (const ModelView& view : model.views) {
-    if (view.name != request.photograph()) continue;
+    if (view.name != photograph) continue;
     if (!view.photograph) {
       return WithResource(absl::FailedPreconditionError(absl::StrCat(
                               request.parent(), " does not know the lenses of its photographs: it ",
@@ -130,7 +130,7 @@ absl::StatusOr<std::string> FindView(const Parent& parent,
     one.views = {view};
     return FormatModelFacts(one);
   }
-  return BadField("photograph", request.photograph(), "the model has no such view");
+  return BadField("photograph", photograph, "the model has no such view");
 }
 
 // Returns the content type of a file by its first bytes.
@@ -210,7 +210,7 @@ absl::Status GetPhotographStream::Open() {
   task.max_side = request_.max_side();
   task.upright = request_.frame() != v1::PIXEL_FRAME_VIEW;
   if (!task.upright) {
-    ASSIGN_OR_RETURN(task.view, FindView(parent, request_));
+    ASSIGN_OR_RETURN(task.view, FindView(parent, request_, PhotoKey(file.path)));
   }
   return StartMaking(task, blob);
 }

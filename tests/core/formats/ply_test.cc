@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "absl/strings/str_replace.h"
 #include "core/base/atomic_file.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
@@ -33,6 +34,18 @@ TEST(PlyPoints, AreReadWithTheirColours) {
   EXPECT_EQ(points[1].rgb[0], 255);
   EXPECT_EQ(points[1].rgb[1], 16);
   EXPECT_EQ(points[1].rgb[2], 0);
+}
+
+TEST(PlyPoints, AreReadBehindAHeaderWithLineEndsOfWindows) {
+  const testing::TempFolder folder;
+  std::string bytes = PointsFile("");
+  const size_t data = bytes.size() - 24;
+  const std::string header =
+      absl::StrReplaceAll(absl::string_view(bytes).substr(0, data), {{"\n", "\r\n"}});
+  ASSERT_OK(WriteFileAtomically(folder / "p.ply", header + bytes.substr(data)));
+  ASSERT_OK_AND_ASSIGN(const auto points, ReadPlyPoints(folder / "p.ply", "p.ply"));
+  ASSERT_EQ(points.size(), 2u);
+  EXPECT_EQ(points[1].position, Eigen::Vector3f(2.5f, 2, -3));
 }
 
 TEST(PlyPoints, AreReadFromText) {

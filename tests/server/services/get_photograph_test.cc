@@ -290,6 +290,14 @@ TEST_F(PhotographOfModel, IsWarpedAsTheViewWasTrainedOn) {
   EXPECT_LT(image.pixels[3 * (32 * kWidth + 90)], 60) << "blue to the right";
 }
 
+TEST_F(PhotographOfModel, IsWarpedAlsoIfNoPhotographIsNamed) {
+  request.set_frame(v1::PIXEL_FRAME_VIEW);
+  request.clear_photograph();
+  const SentPhotograph photograph = Get(running, request);
+  ASSERT_TRUE(photograph.status.ok()) << photograph.status.error_message();
+  EXPECT_EQ(photograph.header.width(), kWidth);
+}
+
 TEST_F(PhotographOfModel, RefusesViewsThatTheModelDoesNotHave) {
   request.set_frame(v1::PIXEL_FRAME_VIEW);
   request.set_parent("scenes/shelf/datasets/2");
