@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/base/status_macros.h"
-#include "core/evaluate/adjusted_rand.h"
+#include "core/evaluate/segmentation_metrics.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/labeled_views.h"
 

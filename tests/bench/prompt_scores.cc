@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "core/base/status_macros.h"
-#include "core/evaluate/metrics.h"
 #include "core/evaluate/scored_entities.h"
+#include "core/evaluate/segmentation_metrics.h"
 #include "core/prompt/resolve_prompt.h"
 #include "core/select/select_gaussians.h"
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "core/evaluate/metrics.h"
+#include "core/evaluate/segmentation_metrics.h"
 #include "core/prompt/resolve_prompt.h"
 #include "core/query/segmenter.h"
 #include "tests/core/query/trained_scene.h"
