@@ -10,7 +10,7 @@
 #include "core/evaluate/segmentation_metrics.h"
 #include "core/prompt/resolve_prompt.h"
 #include "core/query/check_prompt.h"
-#include "core/query/deepest_pixel.h"
+#include "core/query/mask_geometry.h"
 
 namespace pepeseg {
 namespace {

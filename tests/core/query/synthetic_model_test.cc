@@ -11,9 +11,9 @@
 namespace pepeseg {
 namespace {
 
-// Stage two and queries together: a click on an object in a view that was never trained on finds
-// that object there.
-TEST(TrainedFeatures, AClickSegmentsItsObjectInAHeldOutView) {
+// Tests stage two together with queries: a click on an object in a held-out view finds that object
+// there.
+TEST(TrainedFeatures, SegmentTheClickedObjectInAHeldOutView) {
   const testing::SyntheticScene scene = testing::FullyMaskedScene();
   ASSERT_OK_AND_ASSIGN(Model model, testing::TrainModel(scene));
   const auto backend = MakeCpuBackend(2);
