@@ -6,18 +6,18 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/evaluate/metrics.h"
 #include "core/evaluate/scored_entities.h"
+#include "core/evaluate/segmentation_metrics.h"
 #include "core/prompt/resolve_prompt.h"
 #include "core/query/check_prompt.h"
-#include "core/query/deepest_pixel.h"
+#include "core/query/mask_geometry.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr int kMostClicks = 256;  // points of a prompt
+constexpr int kMostClicks = 256;  // limit of points in a prompt, see CheckPoints
 
-// A person who wants one entity and clicks until it is there.
+// Simulates a person who clicks on one entity until the mask is right.
 class Clicker {
  public:
   Clicker(const Segmenter& segmenter, const ShownEntity& entity)
@@ -28,7 +28,7 @@ class Clicker {
         answer_(truth_.size()),
         clicked_(truth_.size()) {}
 
-  // The next click; none where the answer is right.
+  // Returns the next click, or nothing if no wrong pixel is left to click.
   std::optional<PointPrompt> Next() const {
     if (points_.empty() && num_refused_ == 0) return FirstClick(entity_);
     std::vector<uint8_t> missed(truth_.size()), spilled(truth_.size());
@@ -46,6 +46,8 @@ class Clicker {
     return PointPrompt{at.x + 0.5, at.y + 0.5, positive};
   }
 
+  // Makes the click and scores the mask of all clicks so far. A click on nothing is left out of the
+  // prompt, so that the mask stays as it was.
   absl::StatusOr<ClickAnswer> Make(const PointPrompt& click) {
     ClickAnswer answer = {.click = click};
     clicked_[static_cast<size_t>(click.y) * reference_.view.camera.width +
@@ -72,20 +74,20 @@ class Clicker {
   const ShownEntity& entity_;
   const LabeledView& reference_;
   const std::vector<uint8_t> truth_;
-  std::vector<uint8_t> answer_, clicked_;  // of the reference
-  std::vector<PointPrompt> points_;        // clicks on something
+  std::vector<uint8_t> answer_, clicked_;  // [height, width] of the reference
+  std::vector<PointPrompt> points_;        // clicks that are part of the prompt
   int num_refused_ = 0;
-  double iou_ = 0;  // of the last answer, over the scored views
+  double iou_ = 0;  // of the last mask, mean over the scored views
 };
 
 absl::StatusOr<EntityClicks> Score(const Segmenter& segmenter, const ShownEntity& entity,
                                    const ClickOptions& options,
-                                   absl::FunctionRef<absl::Status()> go_on) {
+                                   absl::FunctionRef<absl::Status()> check_cancelled) {
   EntityClicks score = {.id = entity.id, .num_clicks = options.max_clicks, .answers = {}};
   Clicker clicker(segmenter, entity);
   for (int made = 1; made <= options.max_clicks; ++made) {
     if (score.reached && made > kNumEarlyClicks) break;
-    RETURN_IF_ERROR(go_on());
+    RETURN_IF_ERROR(check_cancelled());
     const std::optional<PointPrompt> click = clicker.Next();
     if (!click) break;
     ASSIGN_OR_RETURN(const ClickAnswer answer, clicker.Make(*click));
@@ -121,13 +123,13 @@ absl::Status Validate(const ClickOptions& options) {
 absl::StatusOr<ClickScores> EvaluateClicks(const Segmenter& segmenter,
                                            std::span<const LabeledView> views,
                                            const ClickOptions& options,
-                                           absl::FunctionRef<absl::Status()> go_on) {
+                                           absl::FunctionRef<absl::Status()> check_cancelled) {
   RETURN_IF_ERROR(Validate(options));
   ASSIGN_OR_RETURN(const ScoredEntities found, FindScoredEntities(views, options.min_pixels));
   const auto count = static_cast<double>(found.entities.size());
   ClickScores scores;
   for (const ShownEntity& entity : found.entities) {
-    ASSIGN_OR_RETURN(EntityClicks score, Score(segmenter, entity, options, go_on));
+    ASSIGN_OR_RETURN(EntityClicks score, Score(segmenter, entity, options, check_cancelled));
     scores.num_clicks += score.num_clicks / count;
     scores.reached += (score.reached ? 1 : 0) / count;
     for (size_t k = 0; k < score.iou_after.size(); ++k) {

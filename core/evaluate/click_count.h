@@ -13,20 +13,21 @@
 
 namespace pepeseg {
 
-// The interactive protocol, number of clicks (NoC) until an IoU: Sofiiuk, Petrov and Konushin,
-// "Reviving iterative training with mask guidance for interactive segmentation" (2022), section 4.
-// NoC@90 is `min_iou` 0.9.
+// Options of the interactive protocol, which counts the clicks (NoC) that an IoU takes: Sofiiuk,
+// Petrov and Konushin, "Reviving iterative training with mask guidance for interactive
+// segmentation" (2022), section 4. `min_iou` 0.9 gives NoC@90.
 struct ClickOptions {
-  double min_iou = 0.9;      // on the clicked view, (0, 1]: an entity with it is reached
-  int max_clicks = 20;       // 3..256; an entity that is never reached counts as this many
+  double min_iou = 0.9;      // IoU on the clicked view that counts as reached, (0, 1]
+  int max_clicks = 20;       // 3 to 256; also the count of an entity that is never reached
   int64_t min_pixels = 100;  // see FindScoredEntities, at least 1
 };
+// Returns INVALID_ARGUMENT, which names the option, its value and its limits.
 absl::Status Validate(const ClickOptions& options);
 
-// A click and the answer to it and all clicks before it.
+// A click, and the scores of the mask that it and all clicks before it give.
 struct ClickAnswer {
-  PointPrompt click;         // on the reference
-  bool on_nothing = false;   // nothing with a feature is rendered there: the click was left out
+  PointPrompt click;         // pixels of the reference view
+  bool on_nothing = false;   // no feature is rendered there: the prompt leaves the click out
   double reference_iou = 0;  // on the clicked view
   double iou = 0;            // mean over the scored views
 };
@@ -36,8 +37,8 @@ inline constexpr int kNumEarlyClicks = 3;
 struct EntityClicks {
   int id = 0;
   bool reached = false;
-  int num_clicks = 0;                // until min_iou; max_clicks if it was never reached
-  std::vector<ClickAnswer> answers;  // to each click that was made
+  int num_clicks = 0;                // clicks until min_iou; max_clicks if it was never reached
+  std::vector<ClickAnswer> answers;  // one for each click, in order
   // Mean IoU over the scored views after 1, 2 and 3 clicks.
   std::array<double, kNumEarlyClicks> iou_after = {};
 };
@@ -50,17 +51,17 @@ struct ClickScores {
   std::array<double, kNumEarlyClicks> iou_after = {};
 };
 
-// Asks for each entity with clicks on its reference and no scale and no threshold, as a person
-// would: ResolvePrompt, which the server's Segment calls, answers them. The first click is
-// FirstClick. The next one is the deepest pixel of the largest wrong region, positive in missed
-// pixels, negative in spilled ones; as in the authors' code, the largest region is the one that
-// reaches deepest, and no pixel is clicked twice. Clicks end at min_iou or max_clicks, but not
-// before the third while a wrong pixel is left. Entities and references are those of
-// FindScoredEntities. `go_on` is called before each click; its error ends the evaluation.
-// INVALID_ARGUMENT: Validate, FindScoredEntities.
+// Simulates a person who clicks on each entity's reference view and gives no scale and no
+// threshold: ResolvePrompt, which also serves the server's Segment, chooses both. The first click
+// is FirstClick. Each further click is on the deepest pixel of the largest wrong region: positive
+// in missed pixels, negative in pixels outside the entity. As in the authors' code, the largest
+// region is the one that reaches deepest, and no pixel is clicked twice. Clicks end at min_iou or
+// max_clicks, but not before the third while a wrong pixel is left. Entities and references are
+// those of FindScoredEntities. Calls `check_cancelled` before each click and returns its error.
+// Returns INVALID_ARGUMENT for the reasons of Validate and FindScoredEntities.
 absl::StatusOr<ClickScores> EvaluateClicks(const Segmenter& segmenter,
                                            std::span<const LabeledView> views,
                                            const ClickOptions& options,
-                                           absl::FunctionRef<absl::Status()> go_on);
+                                           absl::FunctionRef<absl::Status()> check_cancelled);
 
 }  // namespace pepeseg

@@ -10,29 +10,32 @@
 
 namespace pepeseg {
 
-// A view with its ground truth. An entity is what is to be segmented: a part, an object, a group.
+// A view with its ground truth. An entity is what is to be segmented: a part, an object or a group.
 struct LabeledView {
   ModelView view;
-  std::vector<uint16_t> labels;  // [height, width], the entity's id; 0: none
-  std::vector<uint8_t> ignore;   // [height, width], non-zero: not scored; or empty
+  std::vector<uint16_t> labels;  // [height, width] entity ids; 0: no entity
+  std::vector<uint8_t> ignore;   // [height, width], non-zero: not scored; empty: all are scored
 
+  // Returns whether a pixel, y * width + x, is scored.
   bool Counts(size_t pixel) const { return ignore.empty() || ignore[pixel] == 0; }
-  // 0 or 1 a pixel, without ignored ones.
+  // Returns the mask of an entity, [height, width] of 0 and 1; ignored pixels are 0.
   std::vector<uint8_t> MaskOf(uint16_t entity) const;
 };
 
-// INVALID_ARGUMENT names the view whose labels or ignore mask do not have its size, or that comes
-// twice.
+// Returns INVALID_ARGUMENT, which names the view, if labels or ignore mask do not have the size of
+// their view, or if two views have the same name.
 absl::Status CheckLabeledViews(std::span<const LabeledView> views);
 
-// An entity and the views that show it, by their names.
+// An entity and the views that show it, sorted by name.
 struct ShownEntity {
   uint16_t id = 0;
   std::vector<const LabeledView*> views;
-  std::vector<int64_t> num_pixels;  // of each, without ignored ones
+  std::vector<int64_t> num_pixels;  // pixels of the entity in each view, without ignored ones
 };
 
-// Every entity of the views, by id, with those views that show at least `min_pixels` of it.
+// Returns every entity of the views, sorted by id, with those views that show at least `min_pixels`
+// of it. An entity that no view shows well enough is returned without views. The result points into
+// `views`.
 std::vector<ShownEntity> FindEntities(std::span<const LabeledView> views, int64_t min_pixels);
 
 }  // namespace pepeseg

@@ -16,7 +16,8 @@ namespace {
 
 constexpr int64_t kMaxWeightsBytes = int64_t{1} << 30;
 
-// The planes [1, 3, height, width] in [-1, 1] of interleaved values; `scale` brings them to [0, 1].
+// Returns interleaved values as planes [1, 3, height, width] in [-1, 1]. Multiplying by `scale`
+// brings the values to [0, 1].
 template <class T>
 cv::Mat Blob(int width, int height, std::span<const T> pixels, float scale) {
   const int sizes[] = {1, 3, height, width};
@@ -29,7 +30,7 @@ cv::Mat Blob(int width, int height, std::span<const T> pixels, float scale) {
   return blob;
 }
 
-// OpenCV's messages carry a line end and the place in its sources in front of the reason.
+// Returns the reason alone: OpenCV's full message has a line break and a source location before it.
 std::string ReasonOf(const cv::Exception& error) {
   return error.err.empty() ? error.what() : error.err;
 }

@@ -9,23 +9,26 @@
 
 namespace pepeseg {
 
-// LPIPS (Zhang et al. 2018) by a network that its user brings, as an ONNX file. Its inputs are two
-// images [1, 3, height, width] in [-1, 1] of any size, named "photo" and "rendering"; its outputs
-// are maps, whose means are summed here, in double: OpenCV's are floats, and 0.4 % off at 640x480.
-// README.md has the recipe: of LPIPS exported as it stands, Debian's OpenCV 4.6 computes something
-// else without an error (it multiplies where a constant vector divides, and averages over the size
-// of the export). The inputs' names tell the two apart. Not thread safe.
+// LPIPS (Zhang et al. 2018), computed by a network that the user supplies as an ONNX file. The
+// network's inputs are two images [1, 3, height, width] in [-1, 1] of any size, named "photo" and
+// "rendering"; its outputs are distance maps. The distance is the sum of their means, computed here
+// in double: OpenCV's float means are 0.4 % off at 640x480. README.md says how to export such a
+// network. A plain export of LPIPS is refused by the names of its inputs, because Debian's
+// OpenCV 4.6 computes wrong values for it without an error: it multiplies where a constant vector
+// divides, and averages over the image size at export. Not thread safe.
 class Lpips {
  public:
-  // INVALID_ARGUMENT names the file: no such network, or, on two small images, no distance that is
-  // finite, 0 of equal images and above of different ones. NOT_FOUND: no such file.
+  // Reads the network and tries it on small images. Returns NOT_FOUND if there is no such file, and
+  // INVALID_ARGUMENT, which names the file, if it is not such a network or if its distance is not
+  // finite, not 0 for equal images or not positive for different ones.
   static absl::StatusOr<Lpips> Open(const std::filesystem::path& weights);
   Lpips(Lpips&& other) noexcept;
   Lpips& operator=(Lpips&& other) noexcept;
   ~Lpips();
 
-  // Of an RGB photograph and a rendering of its size, [height, width, 3] in [0, 1]. INTERNAL: the
-  // network cannot take images of this size, or not in the memory there is.
+  // Returns the distance between an RGB photograph and a rendering of its size, [height, width, 3]
+  // in [0, 1], or INTERNAL if the network fails on images of this size, for example for lack of
+  // memory.
   absl::StatusOr<double> Distance(const Image& photo, std::span<const float> rendering);
 
  private:

@@ -1,7 +1,6 @@
 #include "core/evaluate/metrics.h"
 
 #include <algorithm>
-#include <cassert>
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
@@ -11,8 +10,8 @@
 namespace pepeseg {
 namespace {
 
-constexpr float kNearPlane = 0.01f;  // of the scene radius, as in training
-constexpr double kMinMse = 1e-10;    // so that equal images score 100 dB
+constexpr float kNearPlane = 0.01f;  // fraction of the scene radius, as in training
+constexpr double kMinMse = 1e-10;    // caps the PSNR of equal images at 100 dB
 
 absl::Status CheckView(const View& view) {
   const size_t num_pixels = static_cast<size_t>(view.camera.width) * view.camera.height;
@@ -27,7 +26,8 @@ absl::Status CheckView(const View& view) {
   return absl::OkStatus();
 }
 
-// The planes of a rendering as the photograph's interleaved pixels; ignored ones are its own.
+// Downloads a rendering's planes [3, height, width] as interleaved pixels in [0, 1]. Ignored pixels
+// get the photograph's values, so that they contribute no perceptual distance.
 std::vector<float> Interleaved(const Buffer<float>& color, const View& view) {
   const size_t num_pixels = view.photo.pixels.size() / 3;
   std::vector<float> planes(3 * num_pixels), pixels(3 * num_pixels);
@@ -40,6 +40,8 @@ std::vector<float> Interleaved(const Buffer<float>& color, const View& view) {
   return pixels;
 }
 
+// Renders and scores one view after another; scene and scratch buffers stay on the device in
+// between.
 class ViewScorer {
  public:
   ViewScorer(Backend& backend, const Gaussians& gaussians, double scene_radius)
@@ -122,19 +124,6 @@ ImageScores Mean(std::span<const ViewScores> scores) {
   mean.ssim /= count;
   if (num_lpips > 0) mean.lpips = lpips / num_lpips;
   return mean;
-}
-
-double Iou(std::span<const uint8_t> prediction, std::span<const uint8_t> truth,
-           std::span<const uint8_t> ignore) {
-  assert(prediction.size() == truth.size());
-  assert(ignore.empty() || ignore.size() == truth.size());
-  int64_t both = 0, either = 0;
-  for (size_t i = 0; i < truth.size(); ++i) {
-    if (!ignore.empty() && ignore[i] != 0) continue;
-    both += prediction[i] != 0 && truth[i] != 0;
-    either += prediction[i] != 0 || truth[i] != 0;
-  }
-  return either == 0 ? 1.0 : static_cast<double>(both) / static_cast<double>(either);
 }
 
 }  // namespace pepeseg

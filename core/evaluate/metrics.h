@@ -20,21 +20,20 @@ struct ViewScores {
   ImageScores scores;
 };
 
-// Of a photograph and a rendering [height, width, 3] in [0, 1]; nothing: it cannot be measured.
+// Returns the perceptual distance between a photograph and its rendering, [height, width, 3] in
+// [0, 1], or nothing if it cannot be measured.
 using PerceptualDistance =
     std::function<std::optional<double>(const Image& photo, std::span<const float> rendering)>;
 
-// Renders every held-out view and scores it against its photograph, in the capture's order.
-// `lpips`, where there is one, sees the photograph's own pixels in place of ignored ones.
+// Renders every held-out view and returns its PSNR, SSIM and, if `lpips` is set, LPIPS against the
+// photograph, in the capture's order. Ignored pixels are not scored; `lpips` gets the photograph's
+// values there. FAILED_PRECONDITION names a view whose photograph or ignore mask does not have the
+// camera's size, or whose ignore mask covers every pixel. INTERNAL: the device failed.
 absl::StatusOr<std::vector<ViewScores>> ScoreHeldOut(Backend& backend, const Capture& capture,
                                                      const Gaussians& gaussians,
                                                      const PerceptualDistance& lpips = nullptr);
-// Its LPIPS is over the views that have one.
+// Returns the mean of each score, all 0 for no views. The mean LPIPS covers the views that have
+// one.
 ImageScores Mean(std::span<const ViewScores> scores);
-
-// |P and G| / |P or G|; both empty: 1. Masks of equal size; pixels with a non-zero `ignore` are
-// left out (empty: none).
-double Iou(std::span<const uint8_t> prediction, std::span<const uint8_t> truth,
-           std::span<const uint8_t> ignore = {});
 
 }  // namespace pepeseg

@@ -6,15 +6,14 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/evaluate/boundary_iou.h"
-#include "core/evaluate/threshold_iou.h"
+#include "core/evaluate/segmentation_metrics.h"
 #include "kernels/ops/render.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr size_t kMaxGrid = 100;
-constexpr int64_t kMaxSimilarities = int64_t{16} << 20;  // values of one question: 64 MB
+constexpr int64_t kMaxSimilarities = int64_t{16} << 20;  // values of one query: 64 MiB
 
 absl::Status CheckAscending(const std::string& name, const std::vector<double>& values,
                             double low) {
@@ -42,26 +41,29 @@ size_t IndexOf(const std::vector<double>& values, double value) {
   return std::lower_bound(values.begin(), values.end(), value) - values.begin();
 }
 
-// An entity on its way: what it means, and its IoU wherever it was asked.
+// An entity during the evaluation: its feature, and its IoU at every scale and threshold.
 struct Asked {
   const ShownEntity* entity;
-  std::vector<float> feature;                          // [32]; empty: there is nothing to ask for
+  std::vector<float> feature;                          // [32]; empty: no feature under the click
   std::vector<std::vector<std::vector<double>>> ious;  // [view of the entity][scale][threshold]
 };
 
-// The place of a view among an entity's; its views' number when it is none of them.
+// Returns the index of a view among the entity's views, or their number if it is not one of them.
 size_t PlaceOf(const ShownEntity& entity, const LabeledView& view) {
   return std::find(entity.views.begin(), entity.views.end(), &view) - entity.views.begin();
 }
 
+// Evaluates view by view rather than entity by entity, so that each feature map is rendered once
+// and serves all entities that its view shows: first the IoU of every entity, view, scale and
+// threshold (Tabulate), then the choice (Choose), then the boundary IoU of the chosen pairs only.
 class Evaluation {
  public:
   Evaluation(const Segmenter& segmenter, std::span<const LabeledView> views,
-             const OneClickOptions& options, absl::FunctionRef<absl::Status()> go_on)
+             const OneClickOptions& options, absl::FunctionRef<absl::Status()> check_cancelled)
       : segmenter_(segmenter),
         views_(views),
         options_(options),
-        go_on_(go_on),
+        check_cancelled_(check_cancelled),
         scales_(Merged(options.scales, options.fixed_scales)),
         thresholds_(Merged(options.thresholds, {options.fixed_threshold})) {}
 
@@ -88,22 +90,24 @@ class Evaluation {
                                     const OneClickChoice& choice);
   void TakeMeans();
 
-  // Mean over views [first, last) of the entity.
+  // Returns the mean IoU over views [first, last) of the entity.
   static double MeanIou(const Asked& asked, size_t first, size_t last, size_t scale,
                         size_t threshold) {
     double sum = 0;
     for (size_t v = first; v < last; ++v) sum += asked.ious[v][scale][threshold];
     return sum / static_cast<double>(last - first);
   }
+  // Returns the pair of the grid with the best mean IoU over views [first, last) of the entity.
   OneClickChoice Best(const Asked& asked, size_t first, size_t last) const;
 
   const Segmenter& segmenter_;
   const std::span<const LabeledView> views_;
   const OneClickOptions& options_;
-  const absl::FunctionRef<absl::Status()> go_on_;
-  const std::vector<double> scales_, thresholds_;  // all that are asked
+  const absl::FunctionRef<absl::Status()> check_cancelled_;
+  const std::vector<double> scales_,
+      thresholds_;  // the union of those to choose from and the fixed ones, ascending
   std::vector<ShownEntity> shown_;
-  std::vector<Asked> asked_;  // as scores_.entities
+  std::vector<Asked> asked_;  // parallel to scores_.entities
   OneClickScores scores_;
 };
 
@@ -122,9 +126,9 @@ absl::Status Evaluation::Find() {
   return absl::OkStatus();
 }
 
-// A prompt that is refused is a missing prediction, not an error.
+// A click that is refused is a missing prediction, not an error.
 absl::Status Evaluation::Click(size_t index) {
-  RETURN_IF_ERROR(go_on_());
+  RETURN_IF_ERROR(check_cancelled_());
   Asked& asked = asked_[index];
   EntityScore& score = scores_.entities[index];
   const LabeledView& reference = *asked.entity->views[0];
@@ -138,7 +142,8 @@ absl::Status Evaluation::Click(size_t index) {
   return absl::OkStatus();
 }
 
-// All entities of a view in as few passes over its map as memory allows.
+// Scores all entities of a view at one scale, in as few passes over its feature map as
+// kMaxSimilarities allows.
 absl::Status Evaluation::Tabulate(const LabeledView& view, size_t scale) {
   std::vector<Asked*> here;
   for (Asked& asked : asked_) {
@@ -156,7 +161,7 @@ absl::Status Evaluation::Tabulate(const LabeledView& view, size_t scale) {
 
 absl::Status Evaluation::TabulateSome(const LabeledView& view, size_t scale,
                                       std::span<Asked* const> some) {
-  RETURN_IF_ERROR(go_on_());
+  RETURN_IF_ERROR(check_cancelled_());
   std::vector<float> features;
   for (const Asked* asked : some) {
     features.insert(features.end(), asked->feature.begin(), asked->feature.end());
@@ -208,7 +213,7 @@ void Evaluation::Choose(size_t index) {
 
 absl::StatusOr<double> Evaluation::BoundaryAt(const Asked& asked, const LabeledView& view,
                                               const OneClickChoice& choice) {
-  RETURN_IF_ERROR(go_on_());
+  RETURN_IF_ERROR(check_cancelled_());
   ASSIGN_OR_RETURN(const std::vector<float> similarity,
                    segmenter_.Similarity(asked.feature, choice.scale, view.view));
   std::vector<uint8_t> prediction(similarity.size()), truth(similarity.size());
@@ -270,9 +275,9 @@ absl::Status Validate(const OneClickOptions& options) {
 absl::StatusOr<OneClickScores> EvaluateOneClick(const Segmenter& segmenter,
                                                 std::span<const LabeledView> views,
                                                 const OneClickOptions& options,
-                                                absl::FunctionRef<absl::Status()> go_on) {
+                                                absl::FunctionRef<absl::Status()> check_cancelled) {
   RETURN_IF_ERROR(Validate(options));
-  return Evaluation(segmenter, views, options, go_on).Run();
+  return Evaluation(segmenter, views, options, check_cancelled).Run();
 }
 
 }  // namespace pepeseg

@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "core/base/status_macros.h"
-#include "core/evaluate/metrics.h"
 #include "core/evaluate/scored_entities.h"
+#include "core/evaluate/segmentation_metrics.h"
 #include "core/prompt/propose_scales.h"
 #include "core/prompt/resolve_prompt.h"
 #include "core/query/check_prompt.h"
@@ -12,9 +12,10 @@
 namespace pepeseg {
 namespace {
 
-constexpr size_t kNumLookedAt = 3;  // proposals
+constexpr size_t kNumLookedAt = 3;  // proposals that the person compares
 
-// Best on the reference; the earlier one of equals. 0 where none fits at all.
+// Returns the scored IoU of the proposal that is best on the reference, the earlier one among
+// equals, or 0 if none overlaps the entity there.
 double BestOf(std::span<const ProposalScore> proposals) {
   ProposalScore best;
   for (const ProposalScore& proposal : proposals) {
@@ -50,15 +51,14 @@ absl::StatusOr<EntityProposals> Score(const Segmenter& segmenter, const ShownEnt
 
 }  // namespace
 
-absl::StatusOr<ProposalScores> EvaluateProposals(const Segmenter& segmenter,
-                                                 std::span<const LabeledView> views,
-                                                 int64_t min_pixels,
-                                                 absl::FunctionRef<absl::Status()> go_on) {
+absl::StatusOr<ProposalScores> EvaluateProposals(
+    const Segmenter& segmenter, std::span<const LabeledView> views, int64_t min_pixels,
+    absl::FunctionRef<absl::Status()> check_cancelled) {
   ASSIGN_OR_RETURN(const ScoredEntities found, FindScoredEntities(views, min_pixels));
   const auto count = static_cast<double>(found.entities.size());
   ProposalScores scores;
   for (const ShownEntity& entity : found.entities) {
-    RETURN_IF_ERROR(go_on());
+    RETURN_IF_ERROR(check_cancelled());
     ASSIGN_OR_RETURN(EntityProposals score, Score(segmenter, entity));
     scores.first_iou += score.first_iou / count;
     scores.best_of_three_iou += score.best_of_three_iou / count;

@@ -11,7 +11,7 @@
 
 namespace pepeseg {
 
-// A proposal for an entity's click and its IoU.
+// A proposal for the click on an entity, and its IoU.
 struct ProposalScore {
   double scale = 0;          // quantile, [0, 1]
   double threshold = 0;      // cosine
@@ -22,10 +22,10 @@ struct ProposalScore {
 
 struct EntityProposals {
   int id = 0;
-  PointPrompt click;                     // on the reference
-  std::vector<ProposalScore> proposals;  // most support first; empty: nothing is under the click
-  // IoU, mean over the scored views; 0 without proposals. Of the first proposal; of the one with
-  // the best IoU on the reference among the first three; among all.
+  PointPrompt click;                     // pixels of the reference view
+  std::vector<ProposalScore> proposals;  // most support first; empty: no feature under the click
+  // IoU, mean over the scored views, of the first proposal, and of the proposal with the best IoU
+  // on the reference among the first three and among all. 0 without proposals.
   double first_iou = 0, best_of_three_iou = 0, best_iou = 0;
 };
 
@@ -35,13 +35,14 @@ struct ProposalScores {
   double first_iou = 0, best_of_three_iou = 0, best_iou = 0;
 };
 
-// The best-of-three protocol: a person clicks once, looks at the masks of ProposeScales and takes
-// the one that fits, as SAM's three masks for a click are scored (Kirillov et al. 2023, section
-// 7.1). Entities, references and clicks are those of FindScoredEntities and FirstClick. `go_on` is
-// called before each entity; its error ends the evaluation. INVALID_ARGUMENT: FindScoredEntities.
+// Runs the best-of-three protocol: a person clicks once, looks at the masks of ProposeScales and
+// takes the best one. SAM's three masks for a click are scored in this way (Kirillov et al. 2023,
+// section 7.1). Entities, references and clicks are those of FindScoredEntities and FirstClick.
+// Calls `check_cancelled` before each entity and returns its error. Returns INVALID_ARGUMENT for
+// the reasons of FindScoredEntities.
 absl::StatusOr<ProposalScores> EvaluateProposals(const Segmenter& segmenter,
                                                  std::span<const LabeledView> views,
                                                  int64_t min_pixels,
-                                                 absl::FunctionRef<absl::Status()> go_on);
+                                                 absl::FunctionRef<absl::Status()> check_cancelled);
 
 }  // namespace pepeseg

@@ -4,8 +4,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/evaluate/metrics.h"
-#include "core/query/deepest_pixel.h"
+#include "core/evaluate/segmentation_metrics.h"
+#include "core/query/mask_geometry.h"
 
 namespace pepeseg {
 

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/prompt/choose_granularity.h"
-#include "core/query/deepest_pixel.h"
+#include "core/prompt/granularity_grid.h"
+#include "core/query/mask_geometry.h"
 #include "core/query/prompt.h"
 #include "core/query/segmenter.h"
 

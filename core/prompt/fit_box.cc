@@ -4,10 +4,8 @@
 #include <vector>
 
 #include "core/base/status_macros.h"
-#include "core/prompt/choose_granularity.h"
-#include "core/prompt/feature_clusters.h"
 #include "core/prompt/fit_prompt.h"
-#include "core/prompt/levels.h"
+#include "core/prompt/granularity_grid.h"
 #include "core/query/check_prompt.h"
 #include "core/render/feature_norm.h"
 #include "kernels/ops/render.h"
@@ -15,22 +13,25 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kSampleSide = 13;       // samples along a side of the box
-constexpr double kMiddle = 0.9;       // of the box, where they lie
-constexpr double kSameCosine = 0.95;  // of features that need not both be asked
+constexpr int kSampleSide = 13;       // samples along each side of the box
+constexpr double kMiddle = 0.9;       // share of each side of the box that the samples span
+constexpr double kSameCosine = 0.95;  // cosine over which two features count as the same
 constexpr size_t kMaxCandidates = 12;
-constexpr double kMargin = 0.5;  // of the box, on each side: farther strays do not widen a mask
-constexpr double kMostlyInside = 0.8;       // of a candidate's pixels
-constexpr double kTogetherHandicap = 0.15;  // of several candidates against one
-constexpr double kFillPower = 0.2;  // how much it counts that a mask leaves little of the box open
-constexpr double kTrimmed = 0.005;  // of a mask's pixels, at each end: strays do not widen its box
+constexpr double kMargin =
+    0.5;  // share of the box added on each side; strays farther out do not widen a mask
+constexpr double kMostlyInside = 0.8;       // minimum share of a candidate's pixels in the box
+constexpr double kTogetherHandicap = 0.15;  // score that several candidates lose against one
+constexpr double kFillPower = 0.2;          // exponent of the share of the box that the mask fills
+constexpr double kTrimmed =
+    0.005;  // share of pixels trimmed at each end, so that strays do not widen a mask's box
 
-// Edges in pixels, clipped to the image.
+// The edges of a box, pixels.
 struct Edges {
   double x0 = 0, y0 = 0, x1 = 0, y1 = 0;
   double Area() const { return std::max(0.0, x1 - x0) * std::max(0.0, y1 - y0); }
 };
 
+// Returns the edges of a box in the small view, clipped to the image.
 Edges EdgesIn(const BoxPrompt& box, const SmallView& small) {
   const Camera& camera = small.view.camera;
   const double f = small.factor;
@@ -46,7 +47,7 @@ double IouOf(const Edges& a, const Edges& b) {
   return common == 0 ? 0 : common / (a.Area() + b.Area() - common);
 }
 
-// A grid about the middle of the box.
+// Returns the pixels, y * width + x, of a grid of samples around the centre of the box.
 std::vector<int32_t> SamplesIn(const Edges& box, const Camera& camera) {
   std::vector<int32_t> pixels;
   pixels.reserve(kSampleSide * kSampleSide);
@@ -70,7 +71,9 @@ double CosineOf(const float* a, const float* b) {
   return ab / std::sqrt(std::max(1e-12, aa * bb));
 }
 
-// Those that are not nearly the same as one that is more often there; none that is hardly there.
+// Returns the distinct features, the most frequent first, at most kMaxCandidates. Features within
+// kSameCosine of an earlier one join its group; pixels on which hardly anything was rendered are
+// left out.
 std::vector<float> Candidates(std::span<const float> features) {
   struct Group {
     size_t first;
@@ -96,7 +99,8 @@ std::vector<float> Candidates(std::span<const float> features) {
   return kept;
 }
 
-// Where kTrimmed of `counts` ends, from either side.
+// Returns the range [first, last) of `counts` that remains when kTrimmed of `total` is cut off at
+// each end.
 std::pair<int, int> Extent(std::span<const int64_t> counts, int64_t total) {
   const auto left_out = static_cast<int64_t>(kTrimmed * static_cast<double>(total));
   int first = 0;
@@ -108,7 +112,8 @@ std::pair<int, int> Extent(std::span<const int64_t> counts, int64_t total) {
   return {first, last};
 }
 
-// The masks of the candidates at one scale, by threshold.
+// The masks of all candidates at one scale and every threshold. A candidate's mask at level t is
+// the set of pixels over at least t thresholds.
 class MasksInBox {
  public:
   MasksInBox(const Camera& camera, const Edges& box, std::span<const float> thresholds)
@@ -120,6 +125,7 @@ class MasksInBox {
     y1_ = std::min(camera.height, static_cast<int>(std::ceil(box.y1 + margin_y)));
   }
 
+  // Adds a candidate by its similarity to each pixel of the small view.
   void Add(std::span<const float> similarity) {
     std::vector<uint8_t>& levels = levels_.emplace_back(LevelsOf(similarity, thresholds_));
     std::vector<int64_t>& all = all_.emplace_back(thresholds_.size() + 1);
@@ -136,9 +142,9 @@ class MasksInBox {
     }
   }
 
-  // How well the candidates' masks, together, fill the box where they are over the threshold of
-  // this level: the IoU of the box and their own, which strays far from it do not widen, times the
-  // share of them that is inside.
+  // Returns how well the union of the candidates' masks at this level fills the box: the IoU of the
+  // box and the union's own bounding box (without strays), times the share of the masks inside the
+  // box, times the share of the box that is filled to the power of kFillPower.
   double Score(std::span<const size_t> candidates, size_t level) const {
     int64_t all = 0, inside = 0;
     for (const size_t c : candidates) all += all_[c][level], inside += inside_[c][level];
@@ -163,7 +169,7 @@ class MasksInBox {
            std::pow(filled, kFillPower);
   }
 
-  // Those that lie mostly inside.
+  // Returns the candidates whose masks at this level lie mostly inside the box.
   std::vector<size_t> Inside(size_t level) const {
     std::vector<size_t> kept;
     for (size_t c = 0; c < all_.size(); ++c) {
@@ -178,10 +184,10 @@ class MasksInBox {
   const Camera camera_;
   const Edges box_;
   const std::span<const float> thresholds_;
-  int x0_, y0_, x1_, y1_;                     // the box and kMargin about it
+  int x0_, y0_, x1_, y1_;  // the box with kMargin around it, clipped to the image
   std::vector<std::vector<uint8_t>> levels_;  // [candidates][pixels]
-  std::vector<std::vector<int64_t>> all_;     // [candidates][levels] pixels at this level or over
-  std::vector<std::vector<int64_t>> inside_;  // of them, in the box
+  std::vector<std::vector<int64_t>> all_;     // [candidates][levels] pixels at or over the level
+  std::vector<std::vector<int64_t>> inside_;  // those of all_ that are in the box
 };
 
 struct Choice {
@@ -190,7 +196,8 @@ struct Choice {
   double scale = 0, threshold = 0;
 };
 
-// One candidate where it fills the box, all that lie mostly inside where only they do together.
+// Considers each candidate alone, and all candidates that lie mostly inside together, at every
+// threshold; keeps the best in `choice`. Several candidates must win by kTogetherHandicap.
 void LookAt(const MasksInBox& masks, double scale, std::span<const float> thresholds,
             Choice& choice) {
   for (size_t t = thresholds.size(); t > 0; --t) {

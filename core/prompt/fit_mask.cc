@@ -1,14 +1,14 @@
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <limits>
+#include <numeric>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/prompt/choose_granularity.h"
-#include "core/prompt/feature_clusters.h"
 #include "core/prompt/fit_prompt.h"
-#include "core/prompt/levels.h"
+#include "core/prompt/granularity_grid.h"
 #include "core/query/check_prompt.h"
 #include "core/render/feature_norm.h"
 #include "kernels/ops/render.h"
@@ -16,12 +16,107 @@
 namespace pepeseg {
 namespace {
 
-constexpr size_t kMaxMaskSamples = 512;  // pixels under the mask whose features are looked at
+constexpr size_t kMaxMaskSamples = 512;  // maximum number of pixels under the mask to sample
 constexpr int kMaxClusters = 4;
-constexpr double kClusterCost = 0.02;  // IoU that each further cluster must bring: few carry over
-constexpr double kMinShare = 0.1;      // of the samples, for a cluster to count
+constexpr double kClusterCost = 0.02;  // minimum IoU gain per further cluster: few clusters carry
+                                       // over to other views better
+constexpr int kNumRounds = 5;          // of Lloyd's algorithm
+constexpr double kMinShare = 0.1;      // minimum share of the samples in a cluster
 
-// What the small view shows of the mask: its pixels' centres.
+// Returns the inner product of two features.
+float Dot(const float* a, const float* b) {
+  return std::inner_product(a, a + kFeatureSize, b, 0.0f);
+}
+
+// Scales a feature to length 1; leaves 0 as it is.
+void Normalise(float* row) {
+  const float norm = std::sqrt(Dot(row, row));
+  if (norm <= 0) return;
+  for (int k = 0; k < kFeatureSize; ++k) row[k] /= norm;
+}
+
+struct Nearest {
+  size_t center = 0;
+  float cosine = -2;
+};
+// Returns the centre with the largest cosine to a unit feature.
+Nearest NearestOf(const float* unit, std::span<const float> centers) {
+  Nearest best;
+  for (size_t c = 0; c * kFeatureSize < centers.size(); ++c) {
+    const float cosine = Dot(unit, &centers[c * kFeatureSize]);
+    if (cosine > best.cosine) best = {c, cosine};
+  }
+  return best;
+}
+
+std::vector<float> MeanOf(std::span<const float> units) {
+  std::vector<float> mean(kFeatureSize);
+  for (size_t i = 0; i < units.size(); ++i) mean[i % kFeatureSize] += units[i];
+  Normalise(mean.data());
+  return mean;
+}
+
+// Returns the mean of the features, and `count` - 1 times the feature farthest from all centres so
+// far.
+std::vector<float> FirstCenters(std::span<const float> units, int count) {
+  std::vector<float> centers = MeanOf(units);
+  for (int c = 1; c < count; ++c) {
+    size_t farthest = 0;
+    float least = 2;
+    for (size_t i = 0; i < units.size(); i += kFeatureSize) {
+      const float cosine = NearestOf(&units[i], centers).cosine;
+      if (cosine < least) least = cosine, farthest = i;
+    }
+    const auto first = units.begin() + static_cast<int64_t>(farthest);
+    centers.insert(centers.end(), first, first + kFeatureSize);
+  }
+  return centers;
+}
+
+// Moves each centre to the mean of the features nearest to it. Returns their number for each
+// centre.
+std::vector<int> MoveCenters(std::span<const float> units, std::vector<float>& centers) {
+  std::vector<float> sums(centers.size());
+  std::vector<int> sizes(centers.size() / kFeatureSize);
+  for (size_t i = 0; i < units.size(); i += kFeatureSize) {
+    const size_t c = NearestOf(&units[i], centers).center;
+    for (int k = 0; k < kFeatureSize; ++k) sums[c * kFeatureSize + k] += units[i + k];
+    ++sizes[c];
+  }
+  for (size_t c = 0; c < sizes.size(); ++c) {
+    if (sizes[c] == 0) continue;
+    Normalise(&sums[c * kFeatureSize]);
+    std::copy_n(&sums[c * kFeatureSize], kFeatureSize, &centers[c * kFeatureSize]);
+  }
+  return sizes;
+}
+
+// Returns the mean directions of at most `count` clusters of features [n, 32], none of which is 0:
+// [clusters, 32] of length 1, the largest cluster first. Starts from the mean and the farthest
+// features, then runs kNumRounds of Lloyd's algorithm on unit vectors. Clusters with less than
+// `min_share` of the features are dropped.
+std::vector<float> ClusterDirections(std::span<const float> features, int count, double min_share) {
+  std::vector<float> units(features.begin(), features.end());
+  for (size_t i = 0; i < units.size(); i += kFeatureSize) Normalise(&units[i]);
+  std::vector<float> centers = FirstCenters(units, count);
+  std::vector<int> sizes;
+  for (int round = 0; round < kNumRounds; ++round) sizes = MoveCenters(units, centers);
+  std::vector<size_t> order(sizes.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](size_t a, size_t b) { return sizes[a] > sizes[b]; });
+  const size_t num_features = units.size() / kFeatureSize;
+  const double least = min_share * static_cast<double>(num_features);
+  std::vector<float> kept;
+  for (const size_t c : order) {
+    if (sizes[c] < least || sizes[c] == 0) continue;
+    const auto first = centers.begin() + static_cast<int64_t>(c) * kFeatureSize;
+    kept.insert(kept.end(), first, first + kFeatureSize);
+  }
+  return kept;
+}
+
+// Returns the mask in the small view, sampled at the centres of its pixels.
 std::vector<uint8_t> Shrunk(const BinaryMask& mask, int width, const SmallView& small) {
   const Camera& camera = small.view.camera;
   std::vector<uint8_t> shrunk;
@@ -36,7 +131,7 @@ std::vector<uint8_t> Shrunk(const BinaryMask& mask, int width, const SmallView& 
   return shrunk;
 }
 
-// Evenly drawn from the pixels that are set.
+// Returns at most kMaxMaskSamples of the mask's pixels, evenly spread in reading order.
 std::vector<int32_t> SamplesOf(std::span<const uint8_t> mask) {
   std::vector<int32_t> inside;
   for (size_t i = 0; i < mask.size(); ++i) {
@@ -50,7 +145,7 @@ std::vector<int32_t> SamplesOf(std::span<const uint8_t> mask) {
   return samples;
 }
 
-// Without those on which hardly anything was rendered.
+// Returns the features without those of pixels on which hardly anything was rendered.
 std::vector<float> LongFeatures(std::span<const float> features) {
   std::vector<float> kept;
   for (size_t i = 0; i < features.size(); i += kFeatureSize) {
@@ -61,11 +156,12 @@ std::vector<float> LongFeatures(std::span<const float> features) {
   return kept;
 }
 
-// The threshold at which what is over it is most like the mask; of equal ones the lowest.
+// A threshold, and the IoU of the mask and the pixels over it.
 struct Fit {
   double iou = -1;
   float threshold = 0;
 };
+// Returns the threshold with the best IoU, the lowest one among equals.
 Fit BestThreshold(std::span<const float> similarity, std::span<const uint8_t> mask,
                   std::span<const float> thresholds) {
   std::vector<int64_t> all(thresholds.size() + 1), inside(thresholds.size() + 1);
@@ -85,7 +181,9 @@ Fit BestThreshold(std::span<const float> similarity, std::span<const uint8_t> ma
   return best;
 }
 
-// Looks for the best fit of features as 1 to kMaxClusters clusters at a scale.
+// Searches for the set of clusters, scale and threshold whose mask fits best. The features under
+// the mask are clustered into 1 to kMaxClusters clusters; each clustering is tried whole, and by
+// its largest cluster alone.
 class MaskFitter {
  public:
   MaskFitter(const Segmenter& segmenter, const SmallView& small, std::vector<uint8_t> mask,
@@ -94,7 +192,7 @@ class MaskFitter {
     for (int count = 1; count <= kMaxClusters; ++count) {
       std::vector<float> set = ClusterDirections(features, count, kMinShare);
       if (set.empty()) continue;
-      // The largest alone: what the mask took in by mistake is in the others.
+      // The largest cluster alone: the others may hold what the mask covers by mistake.
       if (count > 1) sets_.emplace_back(set.begin(), set.begin() + kFeatureSize);
       const bool known = count > 1 && set.size() == num_values_of_last_;
       num_values_of_last_ = set.size();
@@ -102,6 +200,7 @@ class MaskFitter {
     }
   }
 
+  // Tries every set of clusters at this scale and keeps the best fit so far.
   absl::Status LookAt(double scale, std::span<const float> thresholds) {
     for (const std::vector<float>& set : sets_) {
       ASSIGN_OR_RETURN(std::vector<float> similarities, segmenter_.Similarity(set, scale, view_));

@@ -7,23 +7,26 @@
 namespace pepeseg {
 namespace {
 
-// IoU with the most stable cell. The best mask stays as it is: it is what a click answers.
+// Minimum IoU of a rung's mask with the most stable cell of its plateau. The best rung keeps its
+// mask exactly, because that mask answers the click.
 constexpr double kSameAsBest = 0.9999, kSameAsOther = 0.9;
 
-// A cell that may stand for a plateau.
+// A cell that may represent a plateau on the ladder.
 struct Candidate {
   MaskGrid::Cell cell;
   size_t plateau = 0;
   int64_t area = 0;
-  double value = 0;  // what it adds to a ladder
+  double value = 0;  // support of the plateau times the IoU with its most stable cell
 };
 
-// The best sum of values of a ladder that ends at a candidate, and the candidate next to it.
+// The best sum of values of a partial ladder that ends at a candidate, and the index of the
+// candidate next to it; -1: none.
 struct Reach {
   double value = 0;
   int next = -1;
 };
 
+// Returns whether `large` may stand on a ladder above `small`.
 bool Holds(const MaskGrid& masks, const Candidate& large, const Candidate& small) {
   return small.cell.scale <= large.cell.scale &&
          static_cast<double>(large.area) >= Ladder::kMinGrowth * static_cast<double>(small.area) &&
@@ -31,7 +34,7 @@ bool Holds(const MaskGrid& masks, const Candidate& large, const Candidate& small
              Ladder::kMinHeld * static_cast<double>(small.area);
 }
 
-// Smallest first.
+// Returns all cells that may represent one of the plateaus, the smallest mask first.
 std::vector<Candidate> FindCandidates(const MaskGrid& masks,
                                       std::span<const MaskGrid::Plateau> plateaus, size_t best) {
   const double one_cell = 1.0 / (masks.num_scales() * masks.num_thresholds());
@@ -54,7 +57,8 @@ std::vector<Candidate> FindCandidates(const MaskGrid& masks,
   return found;
 }
 
-// Of ladders that reach down from each candidate, or up: `masks` nest either way.
+// Returns, for each candidate, the best partial ladder of smaller candidates (`down`) or of larger
+// ones, by dynamic programming over the candidates in order of area.
 std::vector<Reach> FindReaches(const MaskGrid& masks, std::span<const Candidate> candidates,
                                bool down) {
   const auto num = static_cast<int>(candidates.size());

@@ -12,7 +12,8 @@
 namespace pepeseg {
 namespace {
 
-// In the view itself, which has more pixels than the one that the ladder was found in.
+// Returns whether `large` may stand above `small`, by their masks in the view itself. The ladder
+// was found in a smaller view, in which masks may nest that do not nest here.
 bool Holds(const SegmentResult& large, const SegmentResult& small) {
   int64_t common = 0;
   for (size_t p = 0; p < small.mask.pixels.size(); ++p) {
@@ -22,7 +23,7 @@ bool Holds(const SegmentResult& large, const SegmentResult& small) {
          static_cast<double>(common) >= Ladder::kMinHeld * static_cast<double>(small.area);
 }
 
-// Removes what does not nest with its neighbour on the side of the best one.
+// Removes proposals that do not nest with their neighbour on the side of the best one.
 void KeepNested(ScaleProposals& proposals) {
   std::vector<ScaleProposal>& ladder = proposals.ladder;
   for (int i = proposals.best - 1; i >= 0; --i) {

@@ -8,41 +8,41 @@
 
 namespace pepeseg {
 
-// What a proposal is by its place on the ladder.
+// The role of a proposal by its position on the ladder.
 enum class ProposalKind {
-  kUnnamed,  // it is the only one
-  kPart,     // lies in the object
+  kUnnamed,  // the only proposal
+  kPart,     // lies inside the object
   kObject,
-  kGroup,  // holds the object
+  kGroup,  // contains the object
 };
 
-// One thing that a prompt may mean.
+// One of the things that a prompt may mean.
 struct ScaleProposal {
-  SegmentResult result;  // in the prompt's view, with the scale and threshold that show it
-  double stability = 0;  // in [0, 1]: how little the mask changes beside them
-  double support = 0;    // in (0, 1]: the share of all scales and thresholds that show this mask
+  SegmentResult result;  // the mask in the prompt's view, with its scale and threshold
+  double stability = 0;  // [0, 1], see MaskGrid::Stability
+  double support = 0;    // (0, 1], share of all scales and thresholds that show this mask
   ProposalKind kind = ProposalKind::kUnnamed;
 };
 
-// Smallest first: each mask has at least 1.5 times the area of the one before and holds at least
-// 95 % of its pixels; scales do not fall.
+// Proposals, smallest first: each mask has at least 1.5 times the area of the one before and
+// contains at least 95 % of its pixels; scales do not decrease.
 struct ScaleProposals {
   std::vector<ScaleProposal> ladder;
-  int best = 0;  // index of the one with the most support: what ResolvePrompt chooses
+  int best = 0;  // index of the proposal that ResolvePrompt chooses
 };
 
 inline constexpr int kDefaultProposals = 5;
 
-// The granularities at which there is something stable under a prompt, at most `max_count`; none
-// where no mask of 16 pixels appears at any scale. No view is rendered that has been.
-// INVALID_ARGUMENT as Segmenter::PointFeatures; max_count under 1.
+// Returns at most `max_count` granularities at which the points show something stable, or none if
+// no mask of 16 pixels appears at any scale. Renders no view whose feature map is cached. Returns
+// INVALID_ARGUMENT for the reasons of Segmenter::PointFeatures, and if max_count < 1.
 absl::StatusOr<ScaleProposals> ProposeScales(const Segmenter& segmenter, const ModelView& view,
                                              std::span<const PointPrompt> points,
                                              int max_count = kDefaultProposals);
 
-// Names `count` proposals of which `best` has the most support: of two, the best is the object if
-// it is the larger one, else the object with a group around it; of more, the object is the best one
-// unless that is the smallest or the largest, and then its neighbour.
+// Returns the roles of `count` proposals of which the one at index `best` is chosen. A single
+// proposal is unnamed. Of two, the best one is the object, and the other its part or its group. Of
+// more, the best one is the object unless it is the smallest or the largest; then its neighbour is.
 std::vector<ProposalKind> KindsOfLadder(int count, int best);
 
 }  // namespace pepeseg

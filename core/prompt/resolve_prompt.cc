@@ -18,7 +18,8 @@ absl::StatusOr<Query> ResolvePoints(const Segmenter& segmenter, const ModelView&
   if (granularity.scale && granularity.threshold) return query;
   ASSIGN_OR_RETURN(const GranularityLadder ladder,
                    FindGranularities(segmenter, clicks, GridOf(granularity), 1));
-  if (ladder.rungs.empty()) return query;  // some pixels at most, at any scale: as good as any
+  if (ladder.rungs.empty())
+    return query;  // masks of under 16 pixels at any scale: keep the defaults
   const StableGranularity& best = ladder.rungs[ladder.best];
   query.scale = best.scale;
   query.threshold = granularity.threshold.value_or(best.threshold);

@@ -6,10 +6,11 @@
 
 namespace pepeseg {
 
-// What a prompt asks for, in features, with a scale and a threshold chosen where `granularity` has
-// none (METHOD.md section 4): for points the proposal with the most support, for a box and a mask
-// those that fit it best in its view. INVALID_ARGUMENT: see Prompt and Granularity; nothing with a
-// feature is rendered under the prompt.
+// Returns the query that a prompt stands for. Chooses scale and threshold where `granularity` has
+// none (METHOD.md section 4): for points as FindGranularities does, for a box and a mask by the
+// best fit in the prompt's view. Returns INVALID_ARGUMENT if the prompt or the granularity is out
+// of the limits of Prompt and Granularity, and NothingThereError if no feature is rendered under
+// the prompt.
 absl::StatusOr<Query> ResolvePrompt(const Segmenter& segmenter, const Prompt& prompt,
                                     const Granularity& granularity);
 

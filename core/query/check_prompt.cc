@@ -15,12 +15,13 @@ namespace {
 constexpr int kMaxSide = 16'384;
 constexpr int64_t kMaxPixels = 64'000'000;
 constexpr double kMinQuaternionNorm = 1e-6;
-constexpr char kNothingThere[] = "pepeseg.core/nothing-there";  // payload of a status
+constexpr char kNothingThere[] = "pepeseg.core/nothing-there";  // type URL of the payload
 
 std::string NameOf(const ModelView& view) {
   return view.name.empty() ? "the free camera" : absl::StrCat("view ", view.name);
 }
 
+// Returns INVALID_ARGUMENT unless low <= value <= high.
 absl::Status CheckBetween(const std::string& what, double value, double low, double high) {
   if (value >= low && value <= high) return absl::OkStatus();  // false for NaN
   return absl::InvalidArgumentError(

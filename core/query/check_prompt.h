@@ -8,7 +8,8 @@
 
 namespace pepeseg {
 
-// INVALID_ARGUMENT with the field, its value and its limits.
+// Each returns INVALID_ARGUMENT, which names the field, its value and its limits, unless the
+// argument is valid.
 absl::Status CheckView(const ModelView& view);
 absl::Status CheckScale(double scale);
 absl::Status CheckThreshold(double threshold);
@@ -17,8 +18,9 @@ absl::Status CheckBox(const ModelView& view, const BoxPrompt& box);
 absl::Status CheckMask(const ModelView& view, const BinaryMask& mask);
 absl::Status CheckQuery(const Query& query);
 
-// INVALID_ARGUMENT: the prompt is valid, but the model shows no Gaussian with a feature there, as
-// where the background is or where no mask was. IsNothingThere tells it from other refusals.
+// Returns INVALID_ARGUMENT for a valid prompt where the model shows no Gaussian with a feature, as
+// in the background or where no mask covered anything in training. IsNothingThere distinguishes it
+// from other errors by a payload of the status.
 absl::Status NothingThereError(absl::string_view message);
 bool IsNothingThere(const absl::Status& status);
 

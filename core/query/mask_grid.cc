@@ -7,7 +7,7 @@
 namespace pepeseg {
 namespace {
 
-// Of [side, side] counts, to how many there are at or over both indices.
+// Turns [side, side] counts into cumulative ones: how many are at or over both indices.
 void SumFromTop(int32_t* counts, int side) {
   for (int i = side - 1; i >= 0; --i) {
     for (int j = side - 1; j >= 0; --j) {

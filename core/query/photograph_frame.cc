@@ -11,12 +11,13 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr double kRounding = 1e-6;  // pixels: what rounding may move a place by
+constexpr double kRounding = 1e-6;  // pixels, tolerance of positions
 
-// The pinhole pixel that `lens` puts at `place`, by Newton's method from `start`.
+// Returns the pinhole pixel that `lens` projects to `place`, by Newton's method from `start`, or
+// nothing if the iteration leaves the region where the lens is invertible.
 std::optional<Vector2d> InvertLens(const Lens& lens, const Vector2d& place, const Vector2d& start) {
   constexpr int kMaxIterations = 40;
-  constexpr double kStep = 1e-3;  // pixels, of the difference quotients
+  constexpr double kStep = 1e-3;  // pixels, step of the difference quotients
   constexpr double kSingular = 1e-9;
   const auto project = [&lens](const Vector2d& pixel) {
     return lens.Project(lens.PinholeRay(pixel));
@@ -31,7 +32,7 @@ std::optional<Vector2d> InvertLens(const Lens& lens, const Vector2d& place, cons
     Eigen::Matrix2d jacobian;
     jacobian.col(0) = (project(pixel + Vector2d(kStep, 0)) - at) / kStep;
     jacobian.col(1) = (project(pixel + Vector2d(0, kStep)) - at) / kStep;
-    // Folded over: beyond the field of view that the lens was fitted on.
+    // The distortion folds over: outside the field of view for which the lens was calibrated.
     if (!(jacobian.determinant() > kSingular)) return std::nullopt;
     Vector2d move = jacobian.inverse() * error;
     if (move.norm() > longest_move) move *= longest_move / move.norm();
@@ -40,7 +41,7 @@ std::optional<Vector2d> InvertLens(const Lens& lens, const Vector2d& place, cons
   return std::nullopt;
 }
 
-// The smallest box around places that are added one by one.
+// The bounding box of positions that are added one by one.
 class Bounds {
  public:
   void Add(const Vector2d& place) {
@@ -57,7 +58,7 @@ class Bounds {
   Vector2d high_ = -low_;
 };
 
-// Calls `use` with places along the four sides of a rectangle, its corners among them.
+// Calls `use` with positions along the four sides of a rectangle, including its corners.
 template <class Use>
 void WalkAround(const Vector2d& low, const Vector2d& high, Use use) {
   constexpr int kNumSteps = 64;
@@ -113,7 +114,7 @@ std::optional<Vector2d> PhotographFrame::Invert(const Vector2d& place, const Vec
   std::optional<Vector2d> pixel;
   if (near != nullptr) pixel = InvertLens(photograph_->lens, stored, PinholePixel(*near));
   if (!pixel) {
-    // From within the view, where the lens does not fold.
+    // Start inside the view, where the distortion does not fold.
     const Vector2d low(photograph_->left, photograph_->top);
     const Vector2d high = low + Vector2d(photograph_->width, photograph_->height);
     pixel = InvertLens(photograph_->lens, stored, stored.cwiseMax(low).cwiseMin(high));
@@ -130,8 +131,8 @@ std::optional<Vector2d> PhotographFrame::ToView(const Vector2d& place) const {
   return found->cwiseMax(Vector2d::Zero()).cwiseMin(last);
 }
 
-// What the view shows of the box is bounded by sides of the box inside of the view and by sides of
-// the view inside of the box.
+// The visible part of the box is bounded by sides of the box inside the view and sides of the view
+// inside the box.
 std::optional<BoxPrompt> PhotographFrame::ToView(const BoxPrompt& box) const {
   const Vector2d low = Vector2d(box.x, box.y).cwiseMax(0);
   const Vector2d high =
@@ -148,8 +149,8 @@ std::optional<BoxPrompt> PhotographFrame::ToView(const BoxPrompt& box) const {
   return bounds.box();
 }
 
-// Which pixel of the photograph a pixel of the part that the view shows is of, in the import's
-// arithmetic, down to its rounding to float.
+// Returns the pixel of the photograph at a pixel of the part that the view shows. Repeats the
+// import's arithmetic, including its rounding to float, so that masks match exactly.
 int32_t PhotographFrame::PixelAt(int part_x, int part_y) const {
   const Lens& lens = photograph_->lens;
   const Vector2d pixel(photograph_->left + part_x + 0.5, photograph_->top + part_y + 0.5);
@@ -180,7 +181,7 @@ std::vector<int32_t> PhotographFrame::PixelsOfView() const {
 std::vector<uint8_t> PhotographFrame::TakeIgnoreToView(const std::vector<uint8_t>& ignore) const {
   if (is_view_) return ignore;
   std::vector<uint8_t> taken(static_cast<size_t>(camera_.width) * camera_.height, 0);
-  // First and last pixel of the view that pixel `at` of `from` overlaps, of `to`.
+  // First and last of `to` pixels that pixel `at` of `from` overlaps, along one axis.
   const auto first = [](int64_t at, int from, int to) { return at * to / from; };
   const auto last = [](int64_t at, int from, int to) { return ((at + 1) * to - 1) / from; };
   const int part_width = photograph_->width, part_height = photograph_->height;

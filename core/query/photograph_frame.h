@@ -12,11 +12,12 @@
 
 namespace pepeseg {
 
-// The pixels of an uploaded photograph, upright, and of the view that was made of it.
+// Maps between the pixels of an uploaded photograph, upright, and of the view made from it.
 //
-// From the view to the photograph it follows the formulas of the import (ViewWarp): the part of the
-// pinhole's frame that the view shows, then the lens, then EXIF's turn. The way back inverts the
-// lens by Newton's method. Of a view without a photograph both are the same pixels.
+// View to photograph uses the formulas of the import (ViewWarp): the part of the pinhole frame that
+// the view shows, then the lens, then the EXIF orientation. Photograph to view inverts the lens by
+// Newton's method. For a view without a photograph both have the same pixels. Positions count
+// pixels, with pixel centres at + 0.5.
 class PhotographFrame {
  public:
   explicit PhotographFrame(const ModelView& view);
@@ -25,30 +26,33 @@ class PhotographFrame {
   int width() const { return width_; }
   int height() const { return height_; }
   const Camera& camera() const { return camera_; }
-  // Whether a pixel of the photograph is the same pixel of the view, so that nothing is to be done.
+  // Returns whether photograph and view have the same pixels, so that no mapping is needed.
   bool is_view() const { return is_view_; }
-  // Whether the lens bends nothing: the view is the photograph, turned and shrunk.
+  // Returns whether the lens has no distortion: the view is the photograph, rotated and scaled.
   bool is_straight() const { return !photograph_ || photograph_->lens.IsPinhole(); }
-  // Whether the view is the photograph, shrunk at most.
+  // Returns whether the view is the photograph, possibly shrunk but not rotated.
   bool is_shrunk() const {
     return is_straight() && (!photograph_ || photograph_->orientation == 1);
   }
 
-  // Where a place of the view is in the photograph. Both count pixels, with centres at + 0.5.
+  // Returns the position in the photograph of a position in the view.
   Eigen::Vector2d FromView(const Eigen::Vector2d& place) const;
-  // The inverse; also some way outside of the view, for interpolation. None: the lens has no ray
-  // there. `near`: a place of the view to start the search from.
+  // Returns the inverse of FromView, which may lie outside the view, or nothing if the search finds
+  // no ray of the lens there. `near`, if not null, is a position in the view from which the search
+  // starts.
   std::optional<Eigen::Vector2d> Invert(const Eigen::Vector2d& place,
                                         const Eigen::Vector2d* near = nullptr) const;
-  // None: the view does not show that place of the photograph.
+  // Returns the position in the view, or nothing if the view does not show it.
   std::optional<Eigen::Vector2d> ToView(const Eigen::Vector2d& place) const;
-  // The smallest box of the view around what it shows of a box of the photograph; none: nothing.
+  // Returns the smallest box in the view around the visible part of a box of the photograph, or
+  // nothing if no part is visible.
   std::optional<BoxPrompt> ToView(const BoxPrompt& box) const;
 
-  // Which pixel of the photograph, y * width() + x, each pixel of the view shows, [height, width]:
-  // the nearest, as the import takes masks to views.
+  // Returns the photograph's nearest pixel, y * width() + x, for each pixel of the view:
+  // [height, width]. The import resamples masks in the same way.
   std::vector<int32_t> PixelsOfView() const;
-  // Of [height(), width()] values of the photograph those of the pixels that the view shows.
+  // Resamples values [height(), width()] of the photograph to the pixels of the view by
+  // PixelsOfView.
   template <class T>
   std::vector<T> TakeToView(std::vector<T> values) const {
     if (is_view_) return values;
@@ -56,10 +60,11 @@ class PhotographFrame {
     for (const int32_t pixel : PixelsOfView()) taken.push_back(values[pixel]);
     return taken;
   }
-  // A pixel of the view is ignored where any of it is, as the import takes ignore masks to views.
+  // Resamples an ignore mask: a pixel of the view is ignored if any part of it is, as in the
+  // import.
   std::vector<uint8_t> TakeIgnoreToView(const std::vector<uint8_t>& ignore) const;
 
-  // Of frames with equal photographs and cameras one can be used for the other.
+  // Equal frames have equal photographs and cameras, and map equally.
   bool operator==(const PhotographFrame&) const = default;
 
  private:

@@ -4,14 +4,15 @@
 #include <array>
 #include <cmath>
 
-#include "core/query/mask_box.h"
+#include "core/query/mask_geometry.h"
 
 namespace pepeseg {
 namespace {
 
 using Eigen::Vector2f;
 
-// Calls `use` with the index of each pixel that the view shows and with its place there.
+// Calls `use` with the index of each pixel of the photograph that the view shows, and its position
+// in the view.
 template <class Use>
 void ForEachShown(const ViewPlaces& places, Use use) {
   std::vector<Vector2f> row(places.width());
@@ -32,7 +33,9 @@ size_t PixelOfView(const Camera& camera, const Vector2f& place) {
   return static_cast<size_t>(place.y()) * camera.width + static_cast<size_t>(place.x());
 }
 
-// [height * width] how many of the nine pixels around each are in; the border counts itself again.
+// Returns how many of the nine pixels around each pixel are inside the mask: [height, width].
+// Pixels beyond the border repeat the border. Lets MaskInPhotograph skip the spline where all nine
+// agree.
 std::vector<uint8_t> CountAround(const BinaryMask& mask, const Camera& camera) {
   const int width = camera.width, height = camera.height;
   std::vector<uint8_t> along(mask.pixels.size()), counts(mask.pixels.size());
@@ -54,12 +57,14 @@ std::vector<uint8_t> CountAround(const BinaryMask& mask, const Camera& camera) {
   return counts;
 }
 
-// Weights of the pixel before, at and after a place, `offset` from the middle one's centre.
+// Returns the weights of the quadratic B-spline for the pixels before, at and after a position that
+// is `offset` from the centre of the middle pixel.
 std::array<float, 3> SplineWeights(float offset) {
   const float before = 0.5f - offset, after = 0.5f + offset;
   return {0.5f * before * before, 0.75f - offset * offset, 0.5f * after * after};
 }
 
+// Returns whether the smoothed mask exceeds 0.5 at a position in the view.
 bool IsInSmoothed(const BinaryMask& mask, const Camera& camera, const Vector2f& place) {
   const auto column = static_cast<int>(place.x()), row = static_cast<int>(place.y());
   const std::array<float, 3> across = SplineWeights(place.x() - static_cast<float>(column) - 0.5f);
@@ -75,7 +80,7 @@ bool IsInSmoothed(const BinaryMask& mask, const Camera& camera, const Vector2f& 
   return sum > 0.5f;
 }
 
-// The four pixels around a place, as indices, and their weights.
+// The four pixels around a position, as indices, and their bilinear weights.
 struct Taps {
   std::array<size_t, 4> pixels;
   std::array<float, 4> weights;

@@ -9,21 +9,22 @@
 #include "core/scene/capture.h"
 #include "core/scene/mask_set.h"
 
-// Images of a view in the pixels of its photograph: [places.height(), places.width()]. What the
-// view does not show is 0.
+// Resample images of a view to the pixels of its photograph, [places.height(), places.width()].
+// Pixels that the view does not show are 0.
 namespace pepeseg {
 
-// A pixel is in where the mask, smoothed over three pixels of the view (a quadratic B-spline, which
-// keeps straight edges in place), is over a half: an enlarged mask has no steps of the view's
-// pixels.
+// Returns the mask in the photograph. A pixel is inside if the mask, smoothed over three pixels of
+// the view by a quadratic B-spline (which keeps straight edges in place), exceeds 0.5 there. An
+// enlarged mask thus does not show the steps of the view's pixels.
 BinaryMask MaskInPhotograph(const BinaryMask& mask, const ViewPlaces& places);
-// Mask, size, area, box, and the similarity where there is one; the rest stays.
+// Returns the result with mask, size, area, box and similarity (if there is one) in the photograph.
+// The score is 0 if the mask becomes empty; the other fields stay.
 SegmentResult InPhotograph(const SegmentResult& result, const ViewPlaces& places);
 
-// Bilinear.
+// Resample bilinearly.
 std::vector<float> ValuesInPhotograph(std::span<const float> values, const ViewPlaces& places);
 Image ColorsInPhotograph(const Image& image, const ViewPlaces& places);
-// Nearest.
+// Resample to the nearest value.
 std::vector<float> NearestInPhotograph(std::span<const float> values, const ViewPlaces& places);
 std::vector<int32_t> NearestInPhotograph(std::span<const int32_t> ids, const ViewPlaces& places);
 

@@ -15,27 +15,27 @@ struct PointPrompt {
   bool positive = true;
 };
 
-// The thing that fills the box: what is mostly inside it.
+// Stands for the thing that fills the box.
 struct BoxPrompt {
   double x = 0, y = 0, width = 0, height = 0;  // pixels of the prompt's view
 };
 
-// What somebody points at.
+// Points, a box or a mask in a view, which stand for a thing to segment.
 struct Prompt {
   ModelView view;
-  // At least one positive point; a box that overlaps the view; a mask of the view's size with at
-  // least one pixel.
+  // Limits: at least one positive point, at most 256 points; a box that overlaps the view; a mask
+  // of the view's size with at least one pixel.
   std::variant<std::vector<PointPrompt>, BoxPrompt, BinaryMask> what;
 };
 
-// How large a thing is meant, and how alike its pixels are; what is absent is chosen.
+// The size of the thing that is meant, and how similar its pixels are. Absent values are chosen.
 struct Granularity {
   std::optional<double> scale = {};      // quantile, [0, 1]
   std::optional<double> threshold = {};  // cosine, [-1, 1]
 };
 
-// What is looked for in any view: a pixel is in when its best similarity to a positive feature is
-// over the threshold and over its best similarity to a negative one.
+// A query that gives a mask in any view. A pixel is inside if its best similarity to a positive
+// feature exceeds the threshold and its best similarity to a negative feature.
 struct Query {
   std::vector<float> features;    // [num, 32] as rendered, not gated
   std::vector<uint8_t> positive;  // [num] 0 or 1, at least one of them 1

@@ -7,11 +7,14 @@
 #include "core/query/check_prompt.h"
 #include "core/query/segmenter_state.h"
 #include "core/render/feature_norm.h"
+#include "core/render/feature_palette.h"
+#include "core/render/id_image.h"
 
 namespace pepeseg {
 namespace {
 
-// Features have norm 1, so a pixel's is at most its accumulated alpha.
+// Minimum norm of a clicked pixel's feature. A Gaussian's feature has norm 1, so the norm at a
+// pixel is at most its accumulated alpha.
 constexpr double kMinClickedNorm = 0.05;
 
 absl::Status CheckModel(const Model& model) {
@@ -27,6 +30,13 @@ absl::Status CheckModel(const Model& model) {
   return absl::InvalidArgumentError(absl::StrCat("the model has ", model.field.features.size(),
                                                  " feature values, must be ", num_features,
                                                  " for its ", model.gaussians.count, " Gaussians"));
+}
+
+absl::Status CheckSubset(const GaussianSet* subset, const Model& model) {
+  const auto count = static_cast<size_t>(model.gaussians.count);
+  if (subset == nullptr || subset->member.size() == count) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("the subset is of ", subset->member.size(),
+                                                 " Gaussians, the model has ", count));
 }
 
 }  // namespace
@@ -48,7 +58,7 @@ Segmenter::~Segmenter() = default;
 
 const Model& Segmenter::model() const { return state_->model; }
 
-// Which a field that was trained always has.
+// A trained field always has scale quantiles.
 bool Segmenter::has_features() const { return !state_->model.field.scale_quantiles.empty(); }
 
 int64_t Segmenter::num_renders() const { return state_->maps.num_renders(); }
@@ -59,7 +69,7 @@ absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Query& query
                                                               bool want_similarity) const {
   RETURN_IF_ERROR(CheckQuery(query));
   for (const ModelView& target : targets) RETURN_IF_ERROR(CheckView(target));
-  return state_->Turn([&]() -> absl::StatusOr<std::vector<SegmentResult>> {
+  return state_->WithDevice([&]() -> absl::StatusOr<std::vector<SegmentResult>> {
     const Buffer<float> queries = state_->PositiveFirst(query);
     std::vector<SegmentResult> results;
     results.reserve(targets.size());
@@ -85,7 +95,8 @@ absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(
   ASSIGN_OR_RETURN(std::vector<float> features, PixelFeatures(view, pixels));
   for (size_t i = 0; i < points.size(); ++i) {
     if (FeatureNorm(&features[i * kFeatureSize]) >= kMinClickedNorm) continue;
-    // Without its place: a request may count other pixels than those of the view.
+    // The message omits the position: the request may count the photograph's pixels instead of the
+    // view's.
     return NothingThereError(absl::StrCat(
         "point ", i, ": nothing with a feature is rendered there; click where the model shows an ",
         "object that a mask covered in training"));
@@ -96,7 +107,7 @@ absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(
 absl::StatusOr<std::vector<float>> Segmenter::PixelFeatures(const ModelView& view,
                                                             std::span<const int32_t> pixels) const {
   RETURN_IF_ERROR(CheckView(view));
-  return state_->Turn([&] { return state_->FeaturesAt(view, pixels); });
+  return state_->WithDevice([&] { return state_->FeaturesAt(view, pixels); });
 }
 
 absl::StatusOr<std::vector<float>> Segmenter::Similarity(std::span<const float> features,
@@ -108,7 +119,7 @@ absl::StatusOr<std::vector<float>> Segmenter::Similarity(std::span<const float> 
   }
   RETURN_IF_ERROR(CheckScale(scale));
   RETURN_IF_ERROR(CheckView(target));
-  return state_->Turn([&]() -> absl::StatusOr<std::vector<float>> {
+  return state_->WithDevice([&]() -> absl::StatusOr<std::vector<float>> {
     const Buffer<float> queries(state_->backend, features);
     ASSIGN_OR_RETURN(const Buffer<float> similarity, state_->SimilarityTo(queries, scale, target));
     std::vector<float> values(similarity.size());
@@ -130,7 +141,61 @@ absl::StatusOr<LevelCounts> Segmenter::CountLevels(const Query& query,
                                                    " thresholds to compare, allowed are 1..",
                                                    kMaxLevelScales, " and 1..", kMaxThresholds));
   }
-  return state_->Turn([&] { return state_->CountLevels(query, scales, thresholds, target); });
+  return state_->WithDevice([&] { return state_->CountLevels(query, scales, thresholds, target); });
+}
+
+absl::StatusOr<Image> Segmenter::RenderColor(const ModelView& view,
+                                             const GaussianSet* subset) const {
+  RETURN_IF_ERROR(CheckView(view));
+  RETURN_IF_ERROR(CheckSubset(subset, model()));
+  return state_->WithDevice([&] { return state_->renderer.Color(view, subset); });
+}
+
+absl::StatusOr<PixelRows> Segmenter::Rows(const ModelView& view,
+                                          std::span<const int32_t> pixels) const {
+  RETURN_IF_ERROR(CheckView(view));
+  return state_->WithDevice([&] { return state_->renderer.Rows(view, pixels); });
+}
+
+absl::StatusOr<std::vector<float>> Segmenter::RenderDepth(const ModelView& view,
+                                                          const GaussianSet* subset) const {
+  RETURN_IF_ERROR(CheckView(view));
+  RETURN_IF_ERROR(CheckSubset(subset, model()));
+  return state_->WithDevice([&] { return state_->renderer.Depth(view, subset); });
+}
+
+absl::StatusOr<Image> Segmenter::RenderFeatures(const ModelView& view, double scale,
+                                                const GaussianSet* subset) const {
+  RETURN_IF_ERROR(CheckView(view));
+  RETURN_IF_ERROR(CheckScale(scale));
+  RETURN_IF_ERROR(CheckSubset(subset, model()));
+  ASSIGN_OR_RETURN(const std::vector<Half> map,
+                   state_->WithDevice([&] { return state_->DownloadFeatures(view, subset); }));
+  return PaintFeatures(MakeFeaturePalette(model().field, scale), map, view.camera);
+}
+
+absl::StatusOr<std::vector<int32_t>> Segmenter::RenderIds(const ModelView& view,
+                                                          std::span<const int32_t> ids,
+                                                          const GaussianSet* subset) const {
+  RETURN_IF_ERROR(CheckView(view));
+  RETURN_IF_ERROR(CheckSubset(subset, model()));
+  if (static_cast<int64_t>(ids.size()) != model().gaussians.count) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(ids.size(), " ids, the model has ", model().gaussians.count, " Gaussians"));
+  }
+  return pepeseg::RenderIds(view, ids, [&](const ModelView& of, std::span<const int32_t> pixels) {
+    return state_->WithDevice([&] { return state_->renderer.Rows(of, pixels, subset); });
+  });
+}
+
+absl::Status Segmenter::WithDecomposition(
+    std::span<const double> scales,
+    absl::FunctionRef<absl::Status(const Decomposition&)> use) const {
+  const auto rows = [this](const ModelView& view, std::span<const int32_t> pixels) {
+    return Rows(view, pixels);
+  };
+  return state_->decompositions.With(
+      scales, [&] { return Decompose(state_->backend, model(), scales, rows); }, use);
 }
 
 }  // namespace pepeseg

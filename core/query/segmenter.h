@@ -19,86 +19,92 @@
 namespace pepeseg {
 
 struct SegmentResult {
-  BinaryMask mask;  // of the target view
+  BinaryMask mask;  // [height, width] of the target view
   int width = 0, height = 0;
   int64_t area = 0;               // pixels in the mask
   double score = 0;               // mean similarity inside the mask, cosine
   double scale = 0;               // quantile scale used, [0, 1]
-  double scale_units = 0;         // the same in scene units
+  double scale_units = 0;         // the same scale in scene units
   double threshold = 0;           // cosine used
-  int box[4] = {};                // x, y, width, height of the mask; zeros when it is empty
-  std::vector<float> similarity;  // [height, width], on request
+  int box[4] = {};                // x, y, width, height of the mask, pixels; zeros if it is empty
+  std::vector<float> similarity;  // [height, width] cosines; empty unless requested
 };
 
-// Queries on a resident model: keeps the model in backend memory and a cache of view feature maps.
-// Thread safe. The backend must outlive it; all segmenters of one take turns, so that an error of
-// it is the query's that caused it. Any call: RESOURCE_EXHAUSTED when the device has not the memory
-// for it, which leaves the others unharmed; INTERNAL when the device can be used no more.
+// Answers queries on a resident model. Keeps the model in device memory and caches feature maps of
+// views. Thread safe. The backend must outlive the segmenter. All segmenters of a backend share its
+// device lock, so that an error of the device belongs to the query that caused it. Any call may
+// return RESOURCE_EXHAUSTED if the device lacks the memory for it, after which other calls still
+// work, or INTERNAL if the device is no longer usable.
 class Segmenter {
  public:
-  // INVALID_ARGUMENT: not one feature a Gaussian, but for a model without a field (trained without
-  // masks), in which nothing is found. `counts`: null, or where its maps are counted.
+  // Loads a model onto the device. A model without a field (trained without masks) is accepted, but
+  // nothing is found in it. Adds the segmenter's feature maps to `counts` if it is not null.
+  // Returns INVALID_ARGUMENT if the model has no Gaussian, or not one feature for each Gaussian.
   static absl::StatusOr<std::unique_ptr<Segmenter>> Create(Backend& backend, Model model,
                                                            MapCounts* counts = nullptr);
   ~Segmenter();
 
   const Model& model() const;
+  // Returns whether the model has a trained feature field.
   bool has_features() const;
-  // Feature maps rendered so far (none by a new scale or threshold), and kept now. They wait for no
-  // query.
+  // Return how many feature maps were rendered so far, and how many are cached now. A new scale or
+  // threshold renders none. Never block on a query.
   int64_t num_renders() const;
   int64_t num_maps() const;
 
-  // Colour of a view, RGB; of some Gaussians only, where a subset is given.
+  // Returns the RGB colour of a view. A `subset` renders only its Gaussians, as if there were no
+  // others; INVALID_ARGUMENT if it is for another number of Gaussians.
   absl::StatusOr<Image> RenderColor(const ModelView& view,
                                     const GaussianSet* subset = nullptr) const;
-  // What is blended into pixels, y * width + x, of a view.
+  // Returns the blend rows of pixels, y * width + x, of a view: which Gaussians contribute and how
+  // much.
   absl::StatusOr<PixelRows> Rows(const ModelView& view, std::span<const int32_t> pixels) const;
 
-  // One result per target view, in order. INVALID_ARGUMENT: a scale or threshold out of range, no
-  // positive feature.
+  // Returns one result per target view, in order, with the similarity if `want_similarity`. Returns
+  // INVALID_ARGUMENT if the scale or threshold is out of range or no feature is positive.
   absl::StatusOr<std::vector<SegmentResult>> Segment(const Query& query,
                                                      std::span<const ModelView> targets,
                                                      bool want_similarity = false) const;
 
-  // What points of a view mean, before a scale is chosen: [points, 32] features as rendered.
-  // INVALID_ARGUMENT: a point outside its view, no positive point, a point on which nothing was
-  // rendered.
+  // Returns the features at points of a view as rendered, not gated by a scale: [points, 32].
+  // Returns INVALID_ARGUMENT if a point is outside the view or no point is positive, and
+  // NothingThereError if no feature is rendered at a point.
   absl::StatusOr<std::vector<float>> PointFeatures(const ModelView& view,
                                                    std::span<const PointPrompt> points) const;
-  // Likewise of any pixels, y * width + x, also where nothing was rendered: [pixels, 32].
+  // Returns the features at any pixels, y * width + x, as rendered: [pixels, 32]. Where nothing is
+  // rendered the feature is about 0.
   absl::StatusOr<std::vector<float>> PixelFeatures(const ModelView& view,
                                                    std::span<const int32_t> pixels) const;
-  // Similarity, cosine, of each pixel of the target to each of such features at a quantile scale:
-  // [features, height, width]. INVALID_ARGUMENT: a scale out of range, no features.
+  // Returns the similarity (cosine) of each pixel of the target to each feature [features, 32] at a
+  // quantile scale: [features, height, width]. Returns INVALID_ARGUMENT if the scale is out of
+  // range or there are no features.
   absl::StatusOr<std::vector<float>> Similarity(std::span<const float> features, double scale,
                                                 const ModelView& target) const;
 
-  // How the masks of a query in the target at other quantile scales and thresholds, both ascending,
-  // overlap; those of the query do not count. INVALID_ARGUMENT: as Segment; none, or more than
-  // kMaxLevelScales and kMaxThresholds.
+  // Returns how the masks of a query's features in the target overlap at all pairs of the given
+  // quantile scales and thresholds, both ascending. The query's own scale and threshold are not
+  // used. Returns INVALID_ARGUMENT for the reasons of Segment, and unless there are 1 to
+  // kMaxLevelScales scales and 1 to kMaxThresholds thresholds.
   absl::StatusOr<LevelCounts> CountLevels(const Query& query, std::span<const double> scales,
                                           std::span<const float> thresholds,
                                           const ModelView& target) const;
 
-  // The following show some Gaussians only, as if there were no others, where a subset is given, as
-  // RenderColor does. INVALID_ARGUMENT: it is of another number of Gaussians.
-  //
-  // See ModelRenderer::Depth.
+  // Returns the depth of a view, see ModelRenderer::Depth. `subset`: as in RenderColor, also below.
   absl::StatusOr<std::vector<float>> RenderDepth(const ModelView& view,
                                                  const GaussianSet* subset = nullptr) const;
-  // A view's features at a quantile scale as colours, see FeaturePalette. INVALID_ARGUMENT: a scale
-  // out of range.
+  // Returns a view's features at a quantile scale as colours, see FeaturePalette. Returns
+  // INVALID_ARGUMENT if the scale is out of range.
   absl::StatusOr<Image> RenderFeatures(const ModelView& view, double scale,
                                        const GaussianSet* subset = nullptr) const;
-  // See RenderIds.
+  // Returns the image of per-Gaussian `ids`, see pepeseg::RenderIds. Returns INVALID_ARGUMENT
+  // unless there is one id for each Gaussian.
   absl::StatusOr<std::vector<int32_t>> RenderIds(const ModelView& view,
                                                  std::span<const int32_t> ids,
                                                  const GaussianSet* subset = nullptr) const;
 
-  // Calls `use` with the model taken apart at these scales, see Decompose, and answers what it
-  // does. The last few are kept; one is made once, however many ask, and other questions are
-  // answered meanwhile.
+  // Calls `use` with the decomposition of the model at these scales, see Decompose, and returns its
+  // status. The most recent decompositions are cached. Concurrent callers with the same scales
+  // share one computation; other queries are answered meanwhile.
   absl::Status WithDecomposition(std::span<const double> scales,
                                  absl::FunctionRef<absl::Status(const Decomposition&)> use) const;
 

@@ -4,7 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/query/mask_box.h"
+#include "core/query/mask_geometry.h"
 #include "core/render/feature_norm.h"
 #include "kernels/cpu/half.h"
 #include "kernels/math/gate.h"
@@ -28,7 +28,7 @@ absl::StatusOr<std::vector<float>> Segmenter::State::FeaturesAt(const ModelView&
     backend.CopyToHost(feature, map.data + int64_t{pixel} * kFeatureSize, sizeof(feature));
     for (const Half half : feature) features.push_back(FloatFromHalf(half));
   }
-  // A device that failed leaves zeros, which would read as nothing there.
+  // A failed device leaves zeros, which would be taken for a pixel without a feature.
   RETURN_IF_ERROR(TakeStatus(backend));
   return features;
 }

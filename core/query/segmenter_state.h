@@ -12,11 +12,12 @@
 #include "core/render/feature_maps.h"
 #include "kernels/scratch_bytes.h"
 
-// The inside of Segmenter, for its own files only.
+// Implementation of Segmenter, for its own .cc files only: the operations on the device.
 
 namespace pepeseg {
 
-// All but the model and the decompositions is used in a turn of the backend.
+// Everything except `model` and `decompositions` may be used only inside WithDevice, which holds
+// the device lock. The other member functions assume that the caller holds it.
 struct Segmenter::State {
   State(Backend& b, Model m, MapCounts* counts)
       : backend(b),
@@ -25,9 +26,11 @@ struct Segmenter::State {
         maps(renderer, MapReserve(LargestView(model.views)), counts),
         sums(b, kNumSegmentSums) {}
 
-  // InTurn, and what a view larger than memory is set aside for took is given back.
+  // Runs `work` under the device lock and returns its result. Afterwards frees scratch memory that
+  // a view larger than every view of the model took, so that one large free camera does not keep
+  // it.
   template <typename Work>
-  auto Turn(Work work) {
+  auto WithDevice(Work work) {
     return InTurn(backend, [&] {
       auto answer = work();
       renderer.ReleaseOversized();
@@ -39,21 +42,27 @@ struct Segmenter::State {
     });
   }
 
-  // [pixels, 32] as rendered, not gated.
+  // Returns the features at pixels, y * width + x, as rendered and not gated: [pixels, 32].
   absl::StatusOr<std::vector<float>> FeaturesAt(const ModelView& view,
                                                 std::span<const int32_t> pixels);
-  Buffer<float> GatesAt(std::span<const double> scales) const;  // psi(scale): [scales, 32]
-  // [queries, height, width] of `queries` [queries, 32], on the backend.
+  // Returns the gates psi(scale): [scales, 32].
+  Buffer<float> GatesAt(std::span<const double> scales) const;
+  // Returns the similarity of each pixel to `queries` [queries, 32], on the device:
+  // [queries, height, width].
   absl::StatusOr<Buffer<float>> SimilarityTo(const Buffer<float>& queries, double scale,
                                              const ModelView& target);
+  // Returns the mask of a query in one view. `queries` are its features in the order of
+  // PositiveFirst.
   absl::StatusOr<SegmentResult> SegmentView(const Query& query, const Buffer<float>& queries,
                                             const ModelView& target, bool want_similarity);
   absl::StatusOr<LevelCounts> CountLevels(const Query& query, std::span<const double> scales,
                                           std::span<const float> thresholds,
                                           const ModelView& target);
-  // Features of a query as ops take them, the positive ones first: [features, 32].
+  // Returns the features of a query in the order that ops take, positive ones first: [features,
+  // 32].
   Buffer<float> PositiveFirst(const Query& query) const;
-  // [height * width, 32]; only maps of all Gaussians are kept.
+  // Returns the feature map of a view on the host, [height * width, 32]. Maps of a subset are
+  // rendered each time and not cached.
   absl::StatusOr<std::vector<Half>> DownloadFeatures(const ModelView& view,
                                                      const GaussianSet* subset);
 
@@ -61,6 +70,7 @@ struct Segmenter::State {
   const Model model;
   ModelRenderer renderer;
   FeatureMaps maps;
+  // Scratch of SegmentView, kept from call to call.
   Buffer<uint8_t> mask;
   Buffer<float> similarity;
   Buffer<int64_t> sums;

@@ -12,11 +12,11 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector2f;
 
-// Pixels of the photograph between two nodes. What a straight line between them misses grows with
-// the square of it, and with the curvature of the lens, which is the angle of view's, per focal
-// length.
+// Returns the distance between two nodes, pixels of the photograph. The error of linear
+// interpolation grows with the square of the distance and with the curvature of the lens mapping,
+// which is inversely proportional to the focal length in pixels.
 double GridStep(const PhotographFrame& frame) {
-  constexpr double kOfFocal = 0.13;  // 8 pixels at a focal length of 500
+  constexpr double kOfFocal = 0.13;  // gives 8 pixels at a focal length of 500
   const Camera& camera = frame.camera();
   const double enlarged = static_cast<double>(std::max(frame.width(), frame.height())) /
                           std::max(camera.width, camera.height);
@@ -44,7 +44,7 @@ void ViewPlaces::MakeGrid() {
   step_ = std::max(1, static_cast<int>(grid_step * share));
   columns_ = (width_ + step_ - 1) / step_ + 1;
   const int rows = (height_ + step_ - 1) / step_ + 1;
-  // Nodes that far outside of the view are still next to a pixel that it shows.
+  // A node at most this far outside the view may still be next to a visible pixel.
   const double margin = 3 * grid_step;
   const Camera& camera = frame_.camera();
   nodes_.reserve(static_cast<size_t>(columns_) * rows);
@@ -66,7 +66,8 @@ Vector2f ViewPlaces::Exact(int x, int y) const {
   return place ? place->cast<float>() : Nowhere();
 }
 
-// Pixels of a row that are in one column of the grid's cells.
+// Writes the pixels of scanline y in one column of grid cells: bilinear if all four nodes are
+// known, exact if some are, none otherwise.
 void ViewPlaces::CellRow(int column, int y, std::span<Vector2f> places) const {
   const int row = y / step_, first = column * step_;
   const int end = std::min(first + step_, width_);
@@ -89,7 +90,7 @@ void ViewPlaces::CellRow(int column, int y, std::span<Vector2f> places) const {
   }
 }
 
-// Without a lens the places of a row are on a line, at equal distances.
+// Without distortion the positions of a scanline lie on a line at equal distances.
 void ViewPlaces::StraightRow(int y, std::span<Vector2f> places) const {
   const std::optional<Vector2d> first = frame_.Invert(InPhotograph(0.5, y + 0.5));
   const std::optional<Vector2d> second = frame_.Invert(InPhotograph(1.5, y + 0.5));

@@ -8,22 +8,22 @@
 
 namespace pepeseg {
 
-// Where in a view the pixels of its photograph are, for images to be taken from the view to the
+// The positions in a view of the pixels of its photograph, for resampling images of the view to the
 // photograph at any size.
 //
-// Through a lens that distorts, the inverse is computed exactly on a grid of some pixels of the
-// photograph and interpolated in between (the error is under 0.1 pixels for the lenses of the
-// tests); next to the border of what the view shows it is computed exactly for each pixel.
+// For a lens with distortion, the inverse is computed exactly on a coarse grid of pixels of the
+// photograph and interpolated in between; the error is under 0.1 pixels for the lenses of the
+// tests. Next to the border of the visible part it is computed exactly for each pixel.
 class ViewPlaces {
  public:
-  // Of the photograph at width x height pixels.
+  // The photograph is resampled to width x height pixels.
   ViewPlaces(const PhotographFrame& frame, int width, int height);
 
   const PhotographFrame& frame() const { return frame_; }
   int width() const { return width_; }
   int height() const { return height_; }
-  // The places in the view, pixels, of the centres of `places.size()` = width() pixels of a row;
-  // NaN where the view does not show them.
+  // Writes the positions in the view, pixels, of the pixel centres of scanline y. NaN: the view
+  // does not show the pixel. places.size() must be width().
   void Row(int y, std::span<Eigen::Vector2f> places) const;
 
  private:
@@ -35,8 +35,8 @@ class ViewPlaces {
 
   PhotographFrame frame_;
   int width_, height_;
-  int step_ = 1, columns_ = 0;          // of the grid, pixels and nodes
-  std::vector<Eigen::Vector2f> nodes_;  // [rows, columns_]; empty: the lens bends nothing
+  int step_ = 1, columns_ = 0;          // pixels between nodes; nodes per grid row
+  std::vector<Eigen::Vector2f> nodes_;  // [rows, columns_]; empty: no distortion
 };
 
 }  // namespace pepeseg

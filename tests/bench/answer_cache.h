@@ -9,13 +9,13 @@
 
 namespace pepeseg {
 
-// Runs each prompt about a photograph once, however often it is asked, and measures the processor
-// time that it takes.
+// Caches the answers of a prompted segmenter: runs each prompt on a photograph once, and measures
+// the processor time that it takes.
 class AnswerCache : public PromptedSegmenter {
  public:
   explicit AnswerCache(std::unique_ptr<PromptedSegmenter> segmenter);
 
-  // The same photograph as before keeps the answers.
+  // Keeps the cached answers if `photo` is the same photograph as before.
   absl::Status SetPhotograph(const Image& photo) override;
   absl::StatusOr<PromptAnswers> Segment(std::span<const SegmenterPrompt> prompts) override;
 
@@ -25,7 +25,7 @@ class AnswerCache : public PromptedSegmenter {
  private:
   using Key = std::vector<float>;
   struct Answer {
-    std::vector<int8_t> tenths;  // of logits
+    std::vector<int8_t> tenths;  // logits, in tenths
     std::vector<float> ious;
   };
 

@@ -12,8 +12,9 @@
 
 namespace pepeseg {
 
-// "cpu" (num_threads 0: all) or a CUDA device, which fills `times` where that is not null. Null,
-// and why on standard error, without such a device.
+// Returns the CPU backend for "cpu" (num_threads 0: all cores), otherwise the CUDA backend, which
+// fills `times` if that is not null. Without a CUDA device prints the reason to standard error and
+// returns null.
 inline std::unique_ptr<Backend> MakeBenchBackend(const std::string& device, int num_threads,
                                                  std::vector<KernelTime>* times) {
   if (device == "cpu") return MakeCpuBackend(num_threads);
@@ -23,12 +24,13 @@ inline std::unique_ptr<Backend> MakeBenchBackend(const std::string& device, int 
   return backend;
 }
 
-// Seconds from some beginning.
+// Returns the wall clock, seconds from an arbitrary start.
 inline double Now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-// Likewise, of all cores together: what a machine that does other things, too, leaves as it is.
+// Returns the processor time of this process, seconds summed over all cores. Other programs on the
+// machine hardly affect it.
 inline double CoreNow() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);

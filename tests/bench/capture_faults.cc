@@ -13,7 +13,7 @@ using Random = std::mt19937_64;
 
 double Uniform(Random& random) { return static_cast<double>(random() >> 11) * 0x1p-53; }
 
-// Distances by which the pixels of a mask are moved: normal at the nodes of a lattice, linear
+// Displacements of the pixels of a mask: normally distributed at the nodes of a lattice, linear
 // between them.
 class BendingField {
  public:
@@ -33,7 +33,7 @@ class BendingField {
   }
 
  private:
-  static constexpr int kSpacing = 12;  // pixels: several times the noise that is asked for
+  static constexpr int kSpacing = 12;  // pixels, several times the usual noise
   static size_t Size(int columns, int height) {
     return static_cast<size_t>(columns) * static_cast<size_t>(height / kSpacing + 2);
   }
@@ -68,8 +68,8 @@ MaskSet Spoilt(const CaptureFaults& faults, const MaskSet& masks, Random& random
   return BuildMaskSet(masks.width, masks.height, kept);
 }
 
-// Each turn alone moves the pixels by `deviation`: those about x and y at the centre of the image,
-// that about z at its corner.
+// Rotates a view at random. Each rotation alone moves pixels by `deviation`: rotations about x and
+// y at the centre of the image, the rotation about z at its corner.
 void Turn(double deviation, Random& random, View& view) {
   const Camera& camera = view.camera;
   std::normal_distribution<double> pixels(0, deviation);
@@ -77,7 +77,7 @@ void Turn(double deviation, Random& random, View& view) {
   const Eigen::Vector3d angles(pixels(random) / camera.fy, pixels(random) / camera.fx,
                                pixels(random) / corner);
   const Eigen::Quaterniond turn(Eigen::AngleAxisd(angles.norm(), angles.stableNormalized()));
-  // About the camera's own centre.
+  // Rotate about the camera's own centre.
   view.cam_from_world.rotation = (turn * view.cam_from_world.rotation).normalized();
   view.cam_from_world.translation = turn * view.cam_from_world.translation;
 }
@@ -94,7 +94,7 @@ void SpoilView(const CaptureFaults& faults, size_t number, View& view) {
   if (faults.without_depth) view.depth = {};
 }
 
-// Of training views by number: the first one, and so on evenly.
+// Keeps training views by number: the first one, and others evenly spread.
 bool Kept(int number, double share) {
   return number == 0 || std::floor(number * share) > std::floor((number - 1) * share);
 }
@@ -103,12 +103,15 @@ bool Kept(int number, double share) {
 
 void AddFaultFlags(CLI::App& app, CaptureFaults& faults) {
   const CLI::Range share(0.0, 1.0);
-  app.add_option("--keep-views", faults.keep_views, "share of the training views")->check(share);
-  app.add_option("--keep-masks", faults.keep_masks, "share of the masks")->check(share);
-  app.add_option("--mask-noise", faults.mask_noise, "pixels by which masks are bent");
-  app.add_option("--pose-noise", faults.pose_noise, "pixels by which training views are turned");
-  app.add_flag("--invert-depth", faults.invert_depth, "depth priors upside down");
-  app.add_flag("--no-depth", faults.without_depth, "no depth priors");
+  app.add_option("--keep-views", faults.keep_views, "share of the training views to keep")
+      ->check(share);
+  app.add_option("--keep-masks", faults.keep_masks, "share of the masks to keep")->check(share);
+  app.add_option("--mask-noise", faults.mask_noise,
+                 "standard deviation of the displacement of mask borders, pixels");
+  app.add_option("--pose-noise", faults.pose_noise,
+                 "standard deviation of the rotation of training views, pixels");
+  app.add_flag("--invert-depth", faults.invert_depth, "invert the depth priors");
+  app.add_flag("--no-depth", faults.without_depth, "remove the depth priors");
 }
 
 void Spoil(const CaptureFaults& faults, CapturePack& pack) {

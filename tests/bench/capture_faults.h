@@ -7,19 +7,21 @@
 
 namespace pepeseg {
 
-// What is wrong with a capture, for tables of robustness. All of it is done to views that are
-// trained on; those that are scored stay as they are.
+// Faults to put into a capture, for tables of robustness. They affect training views only; held-out
+// views stay as they are.
 struct CaptureFaults {
-  double keep_views = 1;  // share of the training views, evenly
-  double keep_masks = 1;  // share of the masks, drawn for each view alone
-  double mask_noise = 0;  // pixels: masks are bent by a smooth random field of this deviation
-  double pose_noise = 0;  // pixels: the deviation by which views are turned, about each axis
+  double keep_views = 1;  // share of the training views to keep, evenly spread
+  double keep_masks = 1;  // share of the masks to keep, drawn for each view
+  double mask_noise =
+      0;  // standard deviation, pixels, of a smooth random field that bends the masks
+  double pose_noise = 0;  // standard deviation, pixels, of the rotation of views about each axis
   bool invert_depth = false;
   bool without_depth = false;
 };
 void AddFaultFlags(CLI::App& app, CaptureFaults& faults);
 
-// The same faults for the same capture, whatever else is asked for.
+// Applies the faults. Each kind of fault is the same for the same capture, whatever other faults
+// are requested.
 void Spoil(const CaptureFaults& faults, CapturePack& pack);
 
 }  // namespace pepeseg

@@ -82,7 +82,7 @@ TEST(Spoil, TurnsTheTrainingViewsByAboutTheNoiseAskedFor) {
     const View &was = before.capture.views[v], &is = after.capture.views[v];
     const Eigen::Vector3d center = was.cam_from_world.Inverse().translation;
     EXPECT_LT((is.cam_from_world.Inverse().translation - center).norm(), 1e-9) << "it has moved";
-    // Where what was at the centre of the image is seen now.
+    // The new position of what was at the centre of the image.
     const Eigen::Vector3d ahead = was.cam_from_world.Inverse() * Eigen::Vector3d(0, 0, 1);
     const Eigen::Vector3d seen = is.cam_from_world * ahead;
     const double x = was.camera.fx * seen.x() / seen.z(), y = was.camera.fy * seen.y() / seen.z();

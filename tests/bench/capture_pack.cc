@@ -13,7 +13,7 @@ namespace {
 
 constexpr uint64_t kMagic = 0x32706163'65706570;  // "pepecap2"
 
-// One walk over the fields serves both ways.
+// A single walk over the fields serves reading and writing.
 class PackFile {
  public:
   PackFile(const std::string& path, bool writing)

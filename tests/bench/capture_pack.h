@@ -10,15 +10,16 @@
 
 namespace pepeseg {
 
-// One level of ground truth of a capture: its parts, say, or its objects.
+// One level of ground truth of a capture, for example its parts or its objects.
 struct TruthLevel {
   std::string name;
-  std::vector<std::string> entities;          // names by id; empty: they have none
-  std::vector<std::vector<uint16_t>> labels;  // by view, [height, width]; empty: the view has none
+  std::vector<std::string> entities;  // names by id; empty: the entities have no names
+  std::vector<std::vector<uint16_t>>
+      labels;  // by view, [height, width]; empty: the view has no labels
 };
 
-// What benches need of a scene on machines without image codecs, as one gzip file. Not a format to
-// keep: it is read by the build that wrote it.
+// A scene as one gzip file, for benches on machines without image codecs. Not a stable format: only
+// the build that wrote a file can read it.
 struct CapturePack {
   Capture capture;
   std::vector<TruthLevel> truth;

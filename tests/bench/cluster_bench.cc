@@ -1,5 +1,5 @@
-// Time of HDBSCAN on unit vectors of 30 clusters and noise: the tree on the device, by kernel on
-// CUDA, and the clusters on the host. Usage:
+// Measures HDBSCAN on unit vectors of 30 clusters and noise: the tree on the device (by kernel on
+// CUDA) and the clusters on the host. Usage:
 //   pepeseg_cluster_bench [--device cpu|cuda] [--points n]
 
 #include <algorithm>
@@ -55,7 +55,8 @@ struct Times {
   Clusters clusters;
 };
 
-// The medians over repeats; the points are on the device, the edges come to the host.
+// Measures medians over repeats. The points are on the device already; copying the edges to the
+// host counts.
 Times Measure(Backend& backend, int count) {
   const std::vector<float> points = UnitVectors(count);
   const Buffer<float> uploaded(backend, std::span<const float>(points));
@@ -71,7 +72,7 @@ Times Measure(Backend& backend, int count) {
     edges.Download(std::span<TreeEdge>(host_edges));
     const double tree = NowMs();
     clusters = ClustersOf(host_edges, kOptions.min_cluster_size);
-    if (repeat == 0) continue;  // memory is made, code is loaded
+    if (repeat == 0) continue;  // warm-up: allocates memory, loads code
     tree_ms.push_back(tree - start);
     host_ms.push_back(NowMs() - tree);
   }

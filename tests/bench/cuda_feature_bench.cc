@@ -1,4 +1,5 @@
-// One step of stage two on a CUDA device, on made-up rows: time of the step, and by kernel. Usage:
+// Measures one step of stage two on a CUDA device with synthetic blend rows: total and by kernel.
+// Usage:
 //   pepeseg_cuda_feature_bench [pixels] [scales] [gaussians] [entries a row] [steps]
 
 #include <algorithm>
@@ -34,8 +35,8 @@ Buffer<T> Upload(Backend& backend, const std::vector<T>& values) {
   return Buffer<T>(backend, std::span<const T>(values));
 }
 
-// Pixels of objects made of parts; their rows hold any Gaussians. Rows of one object hold the same
-// ones more often, so that there is something to learn.
+// Pixels of objects made of parts, with random blend rows. Rows of one object share Gaussians more
+// often than others, so that there is something to learn.
 struct Batch {
   Batch(Backend& backend, const BenchSize& size, uint64_t seed);
 
@@ -180,7 +181,7 @@ class Training {
   Buffer<double> sums_;
 };
 
-// Median over repeats of the time of a step, steps queued one behind the other.
+// Returns the time of a step, median over repeats, with steps queued one after another.
 double StepUs(Backend& backend, Training& training, int num_steps, bool transpose) {
   std::vector<double> repeats;
   for (int repeat = 0; repeat < 7; ++repeat) {

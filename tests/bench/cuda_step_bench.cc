@@ -1,5 +1,5 @@
-// One step of stage one on a CUDA device, SH of degree 3, no depth: time of the step, and by kernel
-// beside the least that the bytes and the operations take. Usage:
+// Measures one step of stage one on a CUDA device, SH of degree 3, no depth: total, and by kernel
+// next to the lower bound from bytes and operations. Usage:
 //   pepeseg_cuda_step_bench [gaussians] [width] [height] [steps]
 
 #include <algorithm>
@@ -23,7 +23,7 @@ double NowMs() {
       .count();
 }
 
-// Median over repeats of the time of a step, steps queued one behind the other.
+// Returns the time of a step, median over repeats, with steps queued one after another.
 double StepMs(Backend& backend, RoomTraining& training, int num_steps) {
   std::vector<double> repeats;
   for (int repeat = 0; repeat < 7; ++repeat) {
@@ -57,7 +57,7 @@ Workload Measure(RoomTraining& training, int64_t count, int width, int height) {
   return out;
 }
 
-// Bytes that a kernel cannot do without, each input read once and each output written once.
+// Returns the bytes that a kernel must move: each input read once, each output written once.
 double LeastMegabytes(const std::string& kernel, const Workload& w) {
   const double mega = 1e-6;
   if (kernel == "project") {
@@ -118,10 +118,11 @@ int Main(std::span<char*> argv) {
     for (const int64_t entry_room : {int64_t{0}, ample}) {
       training.set_entry_room(entry_room);
       std::printf("step: %.3f ms (%s)\n", StepMs(*backend, training, num_steps),
-                  entry_room > 0 ? "a quarter more room than needed" : "making room");
+                  entry_room > 0 ? "a quarter more entry capacity than needed"
+                                 : "growing the entry capacity");
     }
     training.Step(0);
-    std::printf("L1 %.4f -> %.4f, %lld void renders, %.0f MB in use\n", first_loss, loss(),
+    std::printf("L1 %.4f -> %.4f, %lld overflowed renders, %.0f MB in use\n", first_loss, loss(),
                 static_cast<long long>(training.Counters()[kNumVoidRenders]),
                 1e-6 * static_cast<double>(backend->bytes_in_use()));
     if (!backend->error().empty()) std::printf("ERROR %s\n", backend->error().c_str());

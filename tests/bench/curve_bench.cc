@@ -1,5 +1,5 @@
-// Error against time of stage one: trains on a capture pack and scores the held-out views at set
-// shares of the run, with the clock stopped. One table row a score.
+// Measures error against time of stage one: trains on a capture pack and scores the held-out views
+// at fixed shares of the run, with the clock stopped. One table row per score.
 
 #include <cstdio>
 #include <iostream>
@@ -27,10 +27,10 @@ struct BenchOptions {
   CaptureFaults faults;
   bool kernels = false;
   ReconstructOptions reconstruct;
-  FeatureOptions features;  // of presets alone
+  FeatureOptions features;  // set by presets only
 };
 
-// Means, and the PSNR of each view.
+// Mean scores, and the PSNR of each view.
 absl::StatusOr<std::string> Score(Backend& backend, const Capture& capture,
                                   const Gaussians& gaussians) {
   ASSIGN_OR_RETURN(const auto scores, ScoreHeldOut(backend, capture, gaussians));
@@ -90,7 +90,7 @@ absl::Status Run(const BenchOptions& options) {
   if (backend == nullptr) return absl::UnavailableError("no such device");
   std::printf(
       "| run | seed | step | stage one s | Gaussians | PSNR | SSIM | PSNR by view | loss | "
-      "void renders | MB | stage one core s "
+      "overflowed renders | MB | stage one core s "
       "|\n|---|---|---|---|---|---|---|---|---|---|---|---|\n");
   for (int k = 0; k < options.num_seeds; ++k) {
     RETURN_IF_ERROR(Train(*backend, capture, options, options.reconstruct.seed + k));

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/base/status_macros.h"
-#include "core/evaluate/adjusted_rand.h"
+#include "core/evaluate/segmentation_metrics.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/labeled_views.h"
 
@@ -17,7 +17,7 @@ namespace {
 
 constexpr int64_t kMinPixels = 100;
 
-// Of an entity and the segment that fits it best, mean over the entities.
+// Returns the IoU of an entity and its best segment, mean over the entities.
 double MeanBestIou(std::span<const int32_t> truth, std::span<const int32_t> shown,
                    const std::set<int32_t>& entities) {
   std::map<int32_t, int64_t> of_truth, of_shown;
@@ -40,7 +40,7 @@ double MeanBestIou(std::span<const int32_t> truth, std::span<const int32_t> show
   return sum / static_cast<double>(std::max<size_t>(1, entities.size()));
 }
 
-// The id that most of an entity's pixels have; of equally many the smallest.
+// Returns the id that most of an entity's pixels have, the smallest one among equals.
 int32_t MajorityId(const LabeledView& view, uint16_t entity, std::span<const int32_t> ids) {
   std::map<int32_t, int64_t> counts;
   for (size_t i = 0; i < ids.size(); ++i) {

@@ -10,15 +10,16 @@
 
 namespace pepeseg {
 
-// How a level of the decomposition at the default scales agrees with ground truth, over the
-// labelled pixels of all views together: a segment that is two in two views counts against it.
+// Agreement of a level of the decomposition at the default scales with ground truth, over the
+// labelled pixels of all views together: an entity that is a different segment in each view lowers
+// the scores.
 struct DecompositionScores {
   double adjusted_rand = 0;
-  double unassigned_share = 0;  // of the labelled pixels
-  // Of the entities that at least two views show on 100 pixels or more: the share of which each
-  // view shows the same segment on most of its pixels.
+  double unassigned_share = 0;  // share of the labelled pixels
+  // Share of entities that are mostly the same segment in each of their views. Counts entities that
+  // at least two views show on 100 pixels or more.
   double kept_share = 0;
-  // Of the same: mean IoU, over labelled pixels, with the segment that fits best. Small entities
+  // Mean IoU of the same entities, over labelled pixels, with their best segment. Small entities
   // count as much as large ones.
   double best_iou = 0;
   int num_entities = 0;
@@ -27,8 +28,8 @@ struct DecompositionScores {
 absl::StatusOr<DecompositionScores> ScoreDecomposition(const Segmenter& segmenter, int level,
                                                        std::span<const LabeledView> views);
 
-// Of each level, as comments of a table. The levels of the truth are matched to the default scales
-// in their order.
+// Prints the scores of each level as comments of a table. Levels of the truth are matched to the
+// default scales in order.
 absl::Status PrintDecomposition(const Segmenter& segmenter, const CapturePack& pack);
 
 }  // namespace pepeseg

@@ -1,7 +1,8 @@
-// Developer program: stage two on a dataset folder with label images, scored by one click per
-// label. Stage one's result is read from --gaussians, a PLY, or made and written there. The click
-// is the pixel deepest inside the label in the first held-out view; the score is the mean IoU over
-// all held-out views, under each asked scale and threshold. Prints one line of JSON.
+// Developer program: runs stage two on a dataset folder with label images and scores it by one
+// click per label. Reads the result of stage one from --gaussians, a PLY, or trains it and writes
+// it there. The click is the pixel deepest inside the label in the first held-out view; the score
+// is the mean IoU over all held-out views at each given scale and threshold. Prints one line of
+// JSON.
 #include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
@@ -15,7 +16,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/dataset/import.h"
-#include "core/evaluate/metrics.h"
+#include "core/evaluate/segmentation_metrics.h"
 #include "core/features/train_features.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"
@@ -33,9 +34,9 @@ struct BenchOptions {
   FeatureOptions features;
   std::string device = "cpu";  // or cuda
   int num_threads = 0;
-  std::vector<int> smooth = {0};         // neighbours; 0: features as trained
+  std::vector<int> smooth = {0};         // neighbours to average; 0: features as trained
   std::string pictures;                  // folder; empty: none
-  double scale = 0.3, threshold = 0.75;  // of the pictures
+  double scale = 0.3, threshold = 0.75;  // used for the images
 };
 
 double CoreSeconds() {
@@ -91,7 +92,7 @@ absl::StatusOr<std::vector<ScoredView>> LoadScoredViews(const std::string& folde
   return views;
 }
 
-// By peeling: the pixel that the most erosions leave (4-neighbours).
+// Returns the pixel that survives the most erosions (4-neighbours).
 PointPrompt DeepestPixel(std::vector<uint8_t> mask, int width, int height) {
   size_t last = 0;
   while (true) {
@@ -112,7 +113,7 @@ PointPrompt DeepestPixel(std::vector<uint8_t> mask, int width, int height) {
   return {static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5, true};
 }
 
-// Mean IoU of a label over the views it shows in with at least 100 pixels.
+// Returns the mean IoU of a label over the views that show at least 100 pixels of it.
 absl::StatusOr<double> ScoreLabel(const Segmenter& segmenter, const std::vector<ScoredView>& views,
                                   uint32_t label, double scale, double threshold) {
   constexpr int64_t kMinPixels = 100;
@@ -158,7 +159,7 @@ absl::StatusOr<nlohmann::json> Score(const Segmenter& segmenter,
   return out;
 }
 
-// Photograph | render | similarity, for each label and held-out view.
+// Writes photograph | render | similarity for each label and held-out view.
 absl::Status WritePictures(const Segmenter& segmenter, const std::vector<ScoredView>& views,
                            const BenchOptions& options) {
   std::map<uint32_t, Query> queries;

@@ -12,7 +12,8 @@ namespace pepeseg {
 namespace {
 
 constexpr double kMaxPoints = 16'384;
-constexpr float kMinNorm = 0.5f;  // of a pixel's features: else little is there
+constexpr float kMinNorm =
+    0.5f;  // minimum norm of a pixel's feature; below it, little is rendered there
 
 std::vector<int32_t> Grid(const Camera& camera, int stride) {
   std::vector<int32_t> pixels;
@@ -22,7 +23,7 @@ std::vector<int32_t> Grid(const Camera& camera, int stride) {
   return pixels;
 }
 
-// [n, 32] of the pixels on which there is something.
+// Returns the features [n, 32] of the pixels on which something is rendered.
 std::vector<float> Features(Backend& backend, FrozenScene& scene, const View& view,
                             std::span<const int32_t> pixels, const Buffer<float>& features) {
   const CapturedRows rows = scene.Capture(view, pixels);

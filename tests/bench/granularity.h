@@ -9,16 +9,16 @@
 
 namespace pepeseg {
 
-// What a view falls into at one scale.
+// The clusters of a view at one scale.
 struct ClusterSizes {
   double scale = 0;         // quantile
   double num_clusters = 0;  // mean over the held-out views
-  double mean_pixels = 0;   // of a cluster, of the pixels of the grid, as pixels of the view
-  double noise_share = 0;   // pixels in no cluster
+  double mean_pixels = 0;   // mean size of a cluster, pixels of the view
+  double noise_share = 0;   // share of pixels in no cluster
 };
 
-// HDBSCAN (min_cluster_size 20, min_samples 5) of the gated features of a grid of at most 16,384
-// pixels of each held-out view.
+// Clusters the gated features of each held-out view, on a grid of at most 16,384 pixels, with
+// HDBSCAN (min_cluster_size 20, min_samples 5).
 absl::StatusOr<std::vector<ClusterSizes>> MeasureGranularity(Backend& backend,
                                                              const Capture& capture,
                                                              const Model& model,

@@ -8,7 +8,7 @@
 
 namespace pepeseg {
 
-// The held-out views of a capture that a level of ground truth labels.
+// Returns the held-out views of a capture that a level of ground truth labels.
 std::vector<LabeledView> LabeledViews(const Capture& capture, const TruthLevel& level);
 
 }  // namespace pepeseg

@@ -1,5 +1,6 @@
-// What a question costs the C++ client, from the call to the mask's pixels; of the Python client's
-// the same is in python_mask_bench.py, which runs this. Prints the milliseconds of each answer.
+// Measures a segmentation request of the C++ client, from the call to the mask's pixels, and prints
+// the milliseconds of each response. python_mask_bench.py measures the Python client and runs this
+// program.
 //   pepeseg_mask_bench SERVER FILE REPEATS     FILE: a serialised SegmentRequest
 #include <chrono>
 #include <cstdio>
@@ -15,7 +16,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// Milliseconds; below 0: it failed, and standard error says why.
+// Returns milliseconds, or < 0 after a failure, which it prints to standard error.
 double AskOnce(const Client& client, const v1::SegmentRequest& request) {
   const Clock::time_point start = Clock::now();
   const auto answer = client.Segment(request);

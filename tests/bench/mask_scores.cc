@@ -6,9 +6,10 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kMinPixels = 100;  // of an entity in a view, as in the one-click protocol
+constexpr int64_t kMinPixels =
+    100;  // minimum size of an entity in a view, as in the one-click protocol
 
-// By entity: the best IoU and the pixels.
+// Returns, by entity, the best IoU and the number of pixels.
 std::map<uint16_t, std::pair<double, int64_t>> BestIous(const MaskSet& masks,
                                                         const std::vector<uint16_t>& labels) {
   std::map<uint16_t, std::pair<double, int64_t>> best;

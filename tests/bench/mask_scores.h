@@ -10,15 +10,15 @@
 
 namespace pepeseg {
 
-// How well masks show the entities that ground truth names: in each view, the best IoU of an entity
-// of at least 100 pixels with one mask.
+// How well masks match the entities of ground truth: for each entity of at least 100 pixels in a
+// view, the best IoU with one mask.
 class MaskScores {
  public:
-  // The masks of the view that `index` says. Levels without labels of it are left out.
+  // Adds the masks of view `index`. Levels that do not label the view are left out.
   void Add(const MaskSet& masks, const std::vector<TruthLevel>& truth, size_t index);
 
   double masks_per_view() const;
-  // By level: the sum of the best IoUs, and their number.
+  // By name of the level: the sum of the best IoUs, and their number.
   const std::map<std::string, std::pair<double, int>>& of_level() const { return of_level_; }
 
  private:

@@ -1,5 +1,5 @@
 // Developer program: imports a dataset folder, or makes the crowded development scene, and writes
-// it as a capture pack with the ground truth that it has.
+// it with its ground truth as a capture pack.
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <string>
@@ -15,7 +15,7 @@
 namespace pepeseg {
 namespace {
 
-// The levels `part` and `object`.
+// Returns the levels `part` and `object`.
 absl::Status PackCrowdedScene(const std::string& path) {
   testing::CrowdedScene scene = testing::MakeCrowdedScene();
   CapturePack pack;
@@ -27,9 +27,9 @@ absl::Status PackCrowdedScene(const std::string& path) {
 
 struct PackOptions {
   ImportOptions import;
-  bool disparity = false;      // what depth/ holds
-  EmbeddedPriors embedded;     // in place of those of the dataset
-  bool join_embedded = false;  // embedded masks next to those of the dataset
+  bool disparity = false;      // depth/ holds disparity
+  EmbeddedPriors embedded;     // replace those of the dataset
+  bool join_embedded = false;  // add embedded masks to those of the dataset
 };
 
 absl::Status Embed(const EmbeddedPriors& what, Capture& capture) {
@@ -40,7 +40,8 @@ absl::Status Embed(const EmbeddedPriors& what, Capture& capture) {
   return EmbedPriors(what, 0, capture, [](int, int) { return absl::OkStatus(); });
 }
 
-// Adds the embedded masks that are no duplicates of the dataset's, as training on SAM's masks does.
+// Adds the embedded masks that do not duplicate a mask of the dataset, as training on SAM's masks
+// does.
 absl::Status JoinEmbedded(Capture& capture) {
   constexpr double kDuplicateIou = 0.8;
   std::vector<MaskSet> given;
@@ -87,9 +88,12 @@ int main(int argc, char** argv) {
   app.add_option("pack", pack)->excludes(crowded);
   app.add_flag("--disparity", options.disparity, "depth/ holds disparity");
   app.add_option("--image-scale", options.import.image_scale);
-  app.add_flag("--embedded-masks", options.embedded.masks, "in place of those of the dataset");
-  app.add_flag("--join-embedded-masks", options.join_embedded, "next to those of the dataset");
-  app.add_flag("--embedded-depth", options.embedded.depth, "in place of that of the dataset");
+  app.add_flag("--embedded-masks", options.embedded.masks,
+               "make embedded masks instead of using those of the dataset");
+  app.add_flag("--join-embedded-masks", options.join_embedded,
+               "add embedded masks to those of the dataset");
+  app.add_flag("--embedded-depth", options.embedded.depth,
+               "make embedded depth instead of using that of the dataset");
   CLI11_PARSE(app, argc, argv);
   if (crowded_pack.empty() && pack.empty()) {
     std::cerr << "FOLDER PACK or --crowded PACK\n";

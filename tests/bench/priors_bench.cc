@@ -1,6 +1,6 @@
-// How good priors are, embedded ones and SAM's, before anything is trained: of each entity that a
-// capture's ground truth names, in each labelled view, the best IoU with one mask; the rank
-// correlation of the depth with the capture's own; and the time that making them takes.
+// Measures the quality of priors, embedded ones and SAM's, without training: the best IoU of each
+// ground-truth entity with one mask, in each labelled view; the rank correlation of the depth with
+// the capture's own; and the time to make them.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
@@ -25,8 +25,8 @@
 namespace pepeseg {
 namespace {
 
-// Whether a mask crosses no entity: each it has of the one, or the other has of it, nearly all or
-// nearly nothing.
+// Returns whether a mask crosses no entity: for each entity, the mask holds nearly all or nearly
+// nothing of it, or lies nearly completely inside it.
 bool IsWhole(const BinaryMask& mask, int64_t area, const std::vector<uint16_t>& labels) {
   std::map<uint16_t, std::pair<int64_t, int64_t>> of_label;  // inside, all
   for (size_t i = 0; i < labels.size(); ++i) {
@@ -42,7 +42,8 @@ bool IsWhole(const BinaryMask& mask, int64_t area, const std::vector<uint16_t>& 
   return true;
 }
 
-// Of the pixels that both know, Spearman's rank correlation of z, either as z or as disparity.
+// Returns Spearman's rank correlation of z, given as z or as disparity, over the pixels that both
+// have.
 double RankCorrelation(const std::vector<float>& depth, const DepthPrior& given) {
   std::vector<uint32_t> pixels;
   for (uint32_t i = 0; i < depth.size(); ++i) {
@@ -81,7 +82,7 @@ double Seconds(std::chrono::steady_clock::time_point since) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
 }
 
-// One way of asking SAM, in a comparison.
+// One way of prompting SAM, in a comparison.
 struct SamVariant {
   const char* name;
   AutomaticMaskOptions options;
@@ -122,13 +123,13 @@ struct BenchOptions {
   std::string pack;
   int every = 1;  // only every n-th view
   bool given_masks = false;
-  std::string depth = "given";  // that masks are made with: "given", "none", "embedded"
+  std::string depth = "given";  // depth for making masks: "given", "none" or "embedded"
   EmbeddedMaskOptions masks;
-  std::string sam;      // folder of deploy/sam.sh; empty: masks are not made by SAM
+  std::string sam;      // folder of deploy/sam.sh; empty: embedded masks instead of SAM
   int num_threads = 1;  // of SAM
 };
 
-// What the views looked at give, summed up.
+// Sums over the views so far.
 class PriorsBench {
  public:
   PriorsBench(const BenchOptions& options, CapturePack pack)
@@ -148,7 +149,7 @@ class PriorsBench {
   }
 
  private:
-  // Compares embedded depth with the capture's own, and leaves the view with what is asked for.
+  // Compares embedded depth with the capture's own, and gives the view the depth of --depth.
   void AddDepth(View& view) {
     const auto start = std::chrono::steady_clock::now();
     const std::vector<float> depth = EmbeddedDepth(view, pack_.capture.points);
@@ -198,8 +199,8 @@ class PriorsBench {
   int num_views_ = 0, num_depths_ = 0;
 };
 
-// Compares ways of asking SAM. Each prompt is run once and its answer used by all variants; what a
-// variant costs is the embedding and its number of prompts at their mean processor time.
+// Compares ways of prompting SAM. Each prompt runs once and all variants use its answer. The cost
+// of a variant is that of the embedding plus its number of prompts times their mean processor time.
 class SamBench {
  public:
   SamBench(const BenchOptions& options, CapturePack pack,
@@ -299,12 +300,13 @@ int main(int argc, char** argv) {
   pepeseg::BenchOptions options;
   app.add_option("pack", options.pack)->required();
   app.add_option("--every", options.every, "only every n-th view")->check(CLI::PositiveNumber);
-  app.add_option("--masks", options.masks.max_masks, "of a view, at most");
-  app.add_option("--depth", options.depth, "that masks are made with")
+  app.add_option("--masks", options.masks.max_masks, "maximum number of masks of a view");
+  app.add_option("--depth", options.depth, "depth for making masks")
       ->check(CLI::IsMember({"given", "none", "embedded"}));
-  app.add_flag("--given-masks", options.given_masks, "the capture's own, for comparison");
-  app.add_option("--sam", options.sam, "folder of deploy/sam.sh: compare ways of asking SAM");
-  app.add_option("--threads", options.num_threads, "of SAM");
+  app.add_flag("--given-masks", options.given_masks,
+               "score the capture's own masks, for comparison");
+  app.add_option("--sam", options.sam, "folder of deploy/sam.sh: compare ways of prompting SAM");
+  app.add_option("--threads", options.num_threads, "threads of SAM");
   CLI11_PARSE(app, argc, argv);
   return pepeseg::RunBench(options);
 }

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "core/base/status_macros.h"
-#include "core/evaluate/metrics.h"
 #include "core/evaluate/scored_entities.h"
+#include "core/evaluate/segmentation_metrics.h"
 #include "core/prompt/resolve_prompt.h"
 #include "core/select/select_gaussians.h"
 
@@ -68,7 +68,7 @@ class EntityScorer {
     return {double(x0), double(y0), double(x1 - x0), double(y1 - y0)};
   }
 
-  // Mean over the scored views.
+  // Returns the mean over the scored views.
   absl::StatusOr<double> Score(const Query& query) const {
     double sum = 0;
     for (size_t i = 1; i < entity_.views.size(); ++i) {
@@ -80,7 +80,8 @@ class EntityScorer {
     return sum / static_cast<double>(entity_.views.size() - 1);
   }
 
-  // The best over the levels of what lies under the click there, in the entity's scored views.
+  // Returns the best IoU over the levels, with the entity under the click there, in the scored
+  // views.
   absl::StatusOr<double> ScoreAsAnyThing(const Query& query) const {
     double best = 0;
     for (const std::vector<LabeledView>& level : levels_) {
@@ -118,7 +119,7 @@ class EntityScorer {
 
   const Segmenter& segmenter_;
   const std::span<const std::vector<LabeledView>> levels_;
-  const std::span<const LabeledView> views_;  // of the entity's level
+  const std::span<const LabeledView> views_;  // labels of the entity's level
   const EntityScore& entity_;
 };
 

@@ -10,21 +10,21 @@
 
 namespace pepeseg {
 
-// What a person who gives no scale and no threshold gets: IoU over an entity's scored views, mean
-// over entities. No answer scores 0.
+// Scores of prompts without scale and threshold: IoU over an entity's scored views, mean over the
+// entities. A prompt without an answer scores 0.
 struct PromptScores {
-  // The first proposal against whichever of the truth's levels it suits: is it a thing at all?
+  // IoU of the first proposal with the best entity at any level of the truth: does it show a thing?
   double first_thing_iou = 0;
-  // The mask of the reference view, as a label has it, and the box around it.
+  // Prompts by the labelled mask in the reference view, and by the box around it.
   double mask_iou = 0, box_iou = 0;
-  // The selection in 3D that the mask makes, rendered back: against the truth, and against the
-  // masks of the same query.
+  // The 3D selection by the mask, rendered back: IoU with the truth, and with the masks of the same
+  // query.
   double selection_iou = 0, selection_against_masks = 0;
-  // What choosing a click's scale and threshold takes, on a view whose feature maps are there.
+  // Time to choose scale and threshold of a click on a view whose feature maps are cached, ms.
   double choosing_ms = 0;
 };
-// levels: the labels of every level of the truth, of the same views; `level`: the entities', of
-// which `proposals` are.
+// Scores the entities of one level of the truth. `levels` has the labels of every level for the
+// same views; `entities` and `proposals` belong to `level`.
 absl::StatusOr<PromptScores> ScorePrompts(const Segmenter& segmenter,
                                           std::span<const std::vector<LabeledView>> levels,
                                           size_t level, std::span<const EntityScore> entities,

@@ -1,4 +1,4 @@
-// Latency of questions to a running server, as a client on the same host sees it. Usage:
+// Measures the latency of requests to a running server from a client on the same host. Usage:
 //   pepeseg_query_bench --server 127.0.0.1:PORT SCENE [--pixels 1000000] [--clients 64]
 #include <grpcpp/grpcpp.h>
 
@@ -88,7 +88,7 @@ class Bench {
 
   void Run() {
     std::printf("%d x %d pixels\n\n", view_.camera().width(), view_.camera().height());
-    std::printf("| question | answers | p50 ms | p90 ms | p99 ms | server's compute, last, ms |\n");
+    std::printf("| request | answers | p50 ms | p90 ms | p99 ms | server's compute, last, ms |\n");
     std::printf("|---|---|---|---|---|---|\n");
     Repeat("cached view, the same", [&](int) { return Click(0.3, 0.75, 0); });
     Repeat("cached view, another scale", [&](int i) { return Click(0.01 + 0.01 * i, 0.75, 0); });
@@ -116,7 +116,7 @@ class Bench {
  private:
   std::string model() const { return "scenes/" + options_.scene + "/models/live"; }
 
-  // moved: of the camera, so that the server has not seen the view yet.
+  // moved: displacement of the camera, which gives a view that the server has not rendered yet.
   v1::SegmentRequest Click(double scale, double threshold, int moved) const {
     v1::SegmentRequest request;
     request.set_model(model());
@@ -173,7 +173,7 @@ class Bench {
     PrintRow("cached view, by SegmentStream", std::move(ms), ComputeMs(answer.segment().timing()));
   }
 
-  // Every client asks on, on a connection of its own.
+  // Every client sends requests continuously on a connection of its own.
   void AskTogether() {
     std::vector<std::vector<double>> ms(options_.num_clients);
     std::atomic<int> num_failed = 0;
@@ -189,7 +189,7 @@ class Bench {
         for (int i = 0; NowMs() < end; ++i) {
           const v1::SegmentRequest request = Click(0.01 * (i % 100), 0.75, 0);
           grpc::ClientContext context;
-          context.set_wait_for_ready(true);  // 64 connections at once take their time
+          context.set_wait_for_ready(true);  // 64 connections at once take a while
           v1::SegmentResponse response;
           const double asked = NowMs();
           const grpc::Status status = stub->Segment(&context, request, &response);
@@ -225,13 +225,13 @@ class Bench {
 // NOLINTNEXTLINE(bugprone-exception-escape): CLI11 throws only what CLI11_PARSE catches.
 int main(int argc, char** argv) {
   pepeseg::BenchOptions options;
-  CLI::App app("Latency of questions to a running server");
+  CLI::App app("Latency of requests to a running server");
   app.add_option("scene", options.scene, "Id of the scene")->required();
   app.add_option("--server", options.server);
-  app.add_option("--pixels", options.num_pixels, "of the view that is asked");
+  app.add_option("--pixels", options.num_pixels, "size of the requested view, pixels");
   app.add_option("--repeats", options.repeats);
   app.add_option("--clients", options.num_clients);
-  app.add_option("--seconds", options.seconds, "for which all clients ask");
+  app.add_option("--seconds", options.seconds, "duration of the test with all clients, seconds");
   CLI11_PARSE(app, argc, argv);
   pepeseg::Bench bench(options);
   if (!bench.Prepare()) return EXIT_FAILURE;

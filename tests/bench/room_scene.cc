@@ -14,7 +14,7 @@ constexpr float kHalfRoom = 2.5f, kHalfHeight = 1.3f;  // metres; y is down
 
 struct SurfacePoint {
   Vector at, normal;
-  float surface_area;  // of everything, for the distance between neighbours
+  float surface_area;  // total, which gives the distance between neighbours
 };
 
 class Room {
@@ -92,7 +92,7 @@ RoomScene MakeRoomScene(int64_t count, uint64_t seed) {
     set(kLogScalePlane, i, std::log(spacing * std::exp(0.5f * room.Normal())));
     set(kLogScalePlane + 1, i, std::log(spacing * std::exp(0.5f * room.Normal())));
     set(kLogScalePlane + 2, i, std::log(0.15f * spacing));
-    // The shortest turn from z to the normal, then any turn in the surface.
+    // The shortest rotation from z to the normal, then a random rotation in the surface.
     const Vector& n = point.normal;
     const float w = std::max(1 + n[2], 1e-3f), turn = room.Uniform(0, std::numbers::pi_v<float>);
     const float c = std::cos(turn), s = std::sin(turn);
@@ -100,7 +100,7 @@ RoomScene MakeRoomScene(int64_t count, uint64_t seed) {
     set(kRotationPlane + 1, i, -n[1] * c + n[0] * s);
     set(kRotationPlane + 2, i, n[0] * c + n[1] * s);
     set(kRotationPlane + 3, i, w * s);
-    // A third faint, the rest opaque: as in trained scenes.
+    // A third faint, the rest opaque, as in trained scenes.
     set(kOpacityPlane, i,
         room.Uniform(0, 1) < 0.35f ? room.Uniform(-4, -0.5f) : room.Uniform(0, 4));
     for (int k = 0; k < 48; ++k) set(kShPlane + k, i, room.Normal() * (k < 3 ? 0.6f : 0.06f));
@@ -118,7 +118,7 @@ PinholeView RoomView(int index, int count, int width, int height) {
   view.fx = view.fy = 0.75f * static_cast<float>(width);
   view.cx = 0.5f * static_cast<float>(width);
   view.cy = 0.5f * static_cast<float>(height);
-  // The camera stands at (-2 s, -0.3, -2 c) and looks at the middle, a little downwards.
+  // The camera is at (-2 s, -0.3, -2 c) and looks at the middle, a little downwards.
   const float tilt = 0.25f, ct = std::cos(tilt), st = std::sin(tilt);
   const float rotation[3][3] = {{c, 0, -s}, {-st * s, ct, -st * c}, {ct * s, st, ct * c}};
   const float center[3] = {-2 * s, -0.3f, -2 * c};

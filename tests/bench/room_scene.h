@@ -7,15 +7,15 @@
 
 namespace pepeseg {
 
-// A stand-in for a trained scene: flat Gaussians on the walls and on the boxes and balls of a room,
-// about as large as the distance to their neighbours, most of them opaque.
+// A synthetic substitute for a trained scene: flat Gaussians on the walls, boxes and balls of a
+// room, about as large as the distance to their neighbours, most of them opaque.
 struct RoomScene {
   int64_t count = 0;
   std::vector<float> planes;  // [NumPlanes(3), count]
 };
 RoomScene MakeRoomScene(int64_t count, uint64_t seed);
 
-// Inside the room, view `index` of `count` on a circle, looking across the middle.
+// Returns view `index` of `count` inside the room, on a circle, looking across the centre.
 PinholeView RoomView(int index, int count, int width, int height);
 
 }  // namespace pepeseg

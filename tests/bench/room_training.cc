@@ -24,7 +24,7 @@ RoomTraining::RoomTraining(Backend& backend, int64_t count, int width, int heigh
   gaussians_.Upload(MakeRoomScene(count, 1).planes);
 }
 
-// What another room looks like.
+// Renders another room as the photographs.
 void RoomTraining::TakePhotographs() {
   gaussians_.Upload(MakeRoomScene(count_, 2).planes);
   std::vector<float> color(color_.size());

@@ -7,8 +7,8 @@
 
 namespace pepeseg {
 
-// A room in training on one backend, against photographs of another room: steps of stage one with
-// no depth, SH of degree 3.
+// A room that is trained on one backend towards photographs of another room: steps of stage one
+// without depth, SH of degree 3.
 class RoomTraining {
  public:
   static constexpr int kNumViews = 8;
@@ -21,7 +21,7 @@ class RoomTraining {
   void RenderBackward(int view);
   void Update(int view);
 
-  // On the CUDA backend: see RenderArgs.
+  // Tile-entry capacity, CUDA backend only, see RenderArgs.
   void set_entry_room(int64_t entry_room) { entry_room_ = entry_room; }
   std::vector<int64_t> Counters() const;
   std::vector<double> Sums() const;  // of the last ImageLoss

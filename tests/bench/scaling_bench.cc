@@ -1,7 +1,7 @@
-// What a training takes against what it is given: views, pixels, Gaussians and masks, each from
-// small to as large as the limits allow, the others as they stand. Both stages do a few steps on a
-// ray-traced scene without density control, so that there are as many Gaussians as points. One
-// table row a size; scaling.py fits the exponents.
+// Measures time and memory of a training against the number of views, pixels, Gaussians and masks.
+// Each grows from small to as large as the limits allow while the others stay fixed. Both stages
+// run a few steps on a ray-traced scene without density control, so that there are as many
+// Gaussians as points. One table row per size; scaling.py fits the exponents.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -21,27 +21,27 @@ namespace {
 
 struct Size {
   int views = 12;
-  int width = 160;  // by 3/4 of it
+  int width = 160;  // pixels; the height is 3/4 of it
   int gaussians = 10'000;
-  int cuts = 1;  // of each mask, along both axes: up to so many squared for each
+  int cuts = 1;  // pieces of each mask along both axes: up to cuts * cuts pieces per mask
 };
 
 struct BenchOptions {
   std::string device = "cpu";
-  std::string dimension;  // empty: each of them
+  std::string dimension;  // empty: all of them
   int num_threads = 0;
   int num_steps = 60;
-  double max_seconds = 60;  // of one size: a ladder ends behind the first that takes longer
-  double max_bytes = 8e9;   // of the device, likewise
+  double max_seconds = 60;  // a dimension ends after the first size that takes longer
+  double max_bytes = 8e9;   // a dimension ends when the next size may need more device memory
   Size size;
 };
 
-// By the clock, and of all cores together.
+// Wall time, and processor time summed over all cores.
 struct Seconds {
   double wall = 0, core = 0;
 };
 
-// Since it was made.
+// Measures the time since its construction.
 class Stopwatch {
  public:
   Seconds Elapsed() const { return {Now() - wall_, CoreNow() - core_}; }
@@ -52,12 +52,12 @@ class Stopwatch {
 
 struct Measured {
   double masks_a_view = 0;
-  Seconds setup, steps;                // of stage one
-  Seconds preparation, feature_steps;  // of stage two
+  Seconds setup, steps;                // stage one
+  Seconds preparation, feature_steps;  // stage two
   int64_t bytes = 0;
 };
 
-// The masks of a view, cut along a grid.
+// Returns the masks of a view, cut along a grid.
 MaskSet Cut(const MaskSet& masks, int cuts) {
   std::vector<BinaryMask> pieces;
   for (int mask = 0; mask < masks.num_masks; ++mask) {
@@ -105,7 +105,8 @@ FeatureOptions StageTwo(int num_steps) {
   FeatureOptions stage;
   stage.num_steps = num_steps;
   stage.steps_per_chunk = num_steps;
-  stage.centroid_weight_upper = 0;  // a clustering in hundreds of steps: not in these few
+  stage.centroid_weight_upper =
+      0;  // clustering runs every few hundred steps, too rarely for these few
   stage.min_loss_fall = 0;
   return stage;
 }
@@ -138,7 +139,7 @@ absl::Status MeasureStageTwo(Backend& backend, const Capture& capture, const Gau
   return absl::OkStatus();
 }
 
-// On a backend of its own, whose peak is this size's.
+// Measures one size on a new backend, whose peak memory belongs to this size alone.
 absl::StatusOr<Measured> Measure(const BenchOptions& options, const Size& size) {
   const auto backend = MakeBenchBackend(options.device, options.num_threads, nullptr);
   if (backend == nullptr) return absl::UnavailableError("no such device");
@@ -155,7 +156,8 @@ absl::StatusOr<Measured> Measure(const BenchOptions& options, const Size& size) 
   return measured;
 }
 
-// What the limit is of: on the CPU core time, which other programs on the machine leave as it is.
+// Returns the time to compare with the limit: processor time on the CPU, which other programs on
+// the machine hardly affect, and wall time otherwise.
 double SecondsOf(const Measured& measured, const BenchOptions& options) {
   double sum = 0;
   for (const Seconds& part :
@@ -178,7 +180,7 @@ void PrintRow(const std::string& dimension, const Size& size, const Measured& me
   std::fflush(stdout);
 }
 
-// The next larger one; about twice as much, but for masks.
+// Grows to the next size, about twice as large except for masks.
 void Grow(const std::string& dimension, Size& size) {
   if (dimension == "views") size.views *= 2;
   if (dimension == "pixels")
@@ -195,14 +197,14 @@ absl::Status Climb(const BenchOptions& options, const std::string& dimension) {
   if (dimension == "gaussians") size.gaussians /= 8;
   for (int step = 0;; ++step) {
     const auto measured = Measure(options, size);
-    if (!measured.ok() && step > 0) {  // it does not fit any more
+    if (!measured.ok() && step > 0) {  // this size no longer fits
       std::printf("# %s: %s\n", dimension.c_str(), measured.status().ToString().c_str());
       break;
     }
     RETURN_IF_ERROR(measured.status());
     PrintRow(dimension, size, *measured, options.num_steps);
     if (SecondsOf(*measured, options) > options.max_seconds) break;
-    // What would need twice as much is not tried.
+    // Skip a size that is expected to need twice the memory.
     if (2 * static_cast<double>(measured->bytes) > options.max_bytes) break;
     if (dimension == "masks" && size.cuts >= kMostCuts) break;
     Grow(dimension, size);
@@ -230,15 +232,17 @@ int main(int argc, char** argv) {
   CLI::App app("Time and memory of a training against views, pixels, Gaussians and masks");
   pepeseg::BenchOptions options;
   app.add_option("--device", options.device, "cpu or cuda");
-  app.add_option("--threads", options.num_threads, "of the CPU; 0: all");
+  app.add_option("--threads", options.num_threads, "threads of the CPU; 0: all cores");
   app.add_option("--dimension", options.dimension, "views, pixels, gaussians or masks alone");
-  app.add_option("--steps", options.num_steps, "of each stage")->check(CLI::Range(2, 1'000'000));
-  app.add_option("--seconds", options.max_seconds,
-                 "of one size, at which a ladder ends; on the CPU of all cores together");
-  app.add_option("--bytes", options.max_bytes, "of the device, likewise");
-  app.add_option("--views", options.size.views, "of what the ladders begin from");
-  app.add_option("--width", options.size.width, "likewise");
-  app.add_option("--gaussians", options.size.gaussians, "likewise");
+  app.add_option("--steps", options.num_steps, "steps of each stage")
+      ->check(CLI::Range(2, 1'000'000));
+  app.add_option(
+      "--seconds", options.max_seconds,
+      "time of one size after which a dimension ends; processor time of all cores on the CPU");
+  app.add_option("--bytes", options.max_bytes, "device memory at which a dimension ends");
+  app.add_option("--views", options.size.views, "views of the base size");
+  app.add_option("--width", options.size.width, "width of the base size, pixels");
+  app.add_option("--gaussians", options.size.gaussians, "Gaussians of the base size");
   CLI11_PARSE(app, argc, argv);
   const absl::Status status = pepeseg::Run(options);
   if (!status.ok()) std::cerr << status << "\n";

@@ -1,5 +1,5 @@
 // Developer program: imports a dataset folder, runs stage one and scores it on the held-out views.
-// Prints one line of JSON; --renders writes photograph | render of each held-out view.
+// Prints one line of JSON; --renders writes photograph | render for each held-out view.
 #include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
@@ -24,7 +24,7 @@ namespace {
 
 struct BenchOptions {
   std::string folder;
-  bool disparity = false;  // what depth/ holds
+  bool disparity = false;  // depth/ holds disparity
   ImportOptions import;
   ReconstructOptions reconstruct;
   int num_threads = 0;
@@ -33,7 +33,7 @@ struct BenchOptions {
   bool verbose = false;
 };
 
-// Wall and core (user + system) seconds since it was made.
+// Measures wall and core (user + system) seconds since its construction.
 class Stopwatch {
  public:
   nlohmann::json Seconds() const { return {{"wall", Wall() - wall_}, {"core", Core() - core_}}; }
@@ -88,7 +88,8 @@ Image RenderView(Backend& backend, const Gaussians& gaussians, const View& view,
   return image;
 }
 
-// PSNR after the best gain and offset of each channel of the render: what exposure costs.
+// Returns the PSNR after fitting gain and offset of each channel of the render. The difference from
+// the plain PSNR is the cost of exposure differences.
 double PsnrOfBestExposure(const View& view, const Image& render) {
   double squared_error = 0, num = 0;
   for (int channel = 0; channel < 3; ++channel) {
@@ -157,7 +158,7 @@ absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
   out["warnings"] = capture.warnings;
   const Stopwatch reconstruct;
   StepReport last;
-  double depth_loss = std::nan("");  // of the newest step that had one
+  double depth_loss = std::nan("");  // of the latest step with a depth loss
   ASSIGN_OR_RETURN(const Gaussians gaussians,
                    Reconstruct(*backend, capture, options.reconstruct, [&](const StepReport& r) {
                      last = r;

@@ -1,5 +1,5 @@
-// Segmentation by the one-click protocol: trains both stages on a capture pack and scores every
-// level of its ground truth on the held-out views. One table row a seed and level.
+// Measures segmentation by the one-click protocol: trains both stages on a capture pack and scores
+// every level of its ground truth on the held-out views. One table row per seed and level.
 
 #include <cstdio>
 #include <filesystem>
@@ -99,7 +99,7 @@ absl::StatusOr<FeatureField> GetField(Backend& backend, const Capture& capture,
   return field;
 }
 
-// As comments.
+// Prints as comments.
 absl::Status PrintGranularity(Backend& backend, const Capture& capture, const Model& model,
                               const std::vector<double>& scales) {
   ASSIGN_OR_RETURN(const auto measured, MeasureGranularity(backend, capture, model, scales));
@@ -110,7 +110,7 @@ absl::Status PrintGranularity(Backend& backend, const Capture& capture, const Mo
   return absl::OkStatus();
 }
 
-// As a comment.
+// Prints as a comment.
 absl::Status PrintPrompts(const Segmenter& segmenter, const CapturePack& pack,
                           const SegmentRow& row, int64_t min_pixels) {
   std::vector<std::vector<LabeledView>> levels;
@@ -130,7 +130,7 @@ absl::Status PrintPrompts(const Segmenter& segmenter, const CapturePack& pack,
   return absl::OkStatus();
 }
 
-// Stage two and its scores.
+// Trains stage two and scores it.
 absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptions& options,
                      const Geometry& geometry, int run) {
   FeatureOptions stage = options.features;
@@ -183,7 +183,8 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
   return absl::OkStatus();
 }
 
-// The labels of the first held-out views are taken away: their entities are clicked on in the next.
+// Removes the labels of the first held-out views; their entities are then clicked on in the next
+// view.
 void LeaveUnscored(int num_views, CapturePack& pack) {
   const std::vector<View>& views = pack.capture.views;
   for (size_t v = 0; v < views.size() && num_views > 0; ++v) {
@@ -238,27 +239,28 @@ int main(int argc, char** argv) {
   app.add_option("--field", options.field,
                  "file with stage two's result: read if it is there, else written after stage two");
   app.add_option("--device", options.device, "cpu or cuda");
-  app.add_option("--threads", options.num_threads, "of the CPU; 0: all");
+  app.add_option("--threads", options.num_threads, "threads of the CPU; 0: all cores");
   app.add_option("--name", options.name, "first column");
   app.add_option("--seeds", options.num_seeds, "runs, each with the next seed in both stages");
   app.add_option("--fixed-threshold", options.protocol.fixed_threshold);
   pepeseg::AddFaultFlags(app, options.faults);
-  app.add_option("--unscored", options.num_unscored,
-                 "so many held-out views, from the first, are neither clicked on nor scored");
+  app.add_option(
+      "--unscored", options.num_unscored,
+      "number of held-out views, from the first, that are neither clicked on nor scored");
   app.add_flag("--granularity", options.granularity,
-               "clusters by scale on the held-out views, too");
+               "also measure clusters by scale on the held-out views");
   app.add_flag("--prompts", options.prompts,
-               "what is got without a scale, by a mask, a box and in 3D, too");
-  app.add_flag(
-      "--clicks", options.clicks,
-      "clicks until IoU 0.9, and IoU after 1, 2 and 3 clicks, too; with --entities by entity");
+               "also score prompts without a scale: mask, box and 3D selection");
+  app.add_flag("--clicks", options.clicks,
+               "also measure clicks until IoU 0.9, and IoU after 1, 2 and 3 clicks; by entity with "
+               "--entities");
   app.add_option("--max-clicks", options.click_protocol.max_clicks);
   app.add_flag("--decompose", options.decompose,
                "how the levels of a decomposition agree with the truth's, too");
-  app.add_flag("--rows-only", options.rows_only, "no heading of the table");
-  app.add_option("--dump", options.dump, "folder for a picture of every mask");
+  app.add_flag("--rows-only", options.rows_only, "omit the heading of the table");
+  app.add_option("--dump", options.dump, "folder for an image of every mask");
   app.add_flag("--kernels", options.kernels, "device time by kernel; slows the run");
-  app.add_flag("--entities", options.entities, "a line for each entity, too");
+  app.add_flag("--entities", options.entities, "also print a line for each entity");
   CLI11_PARSE(app, argc, argv);
   const absl::Status status = pepeseg::Run(options);
   if (!status.ok()) std::cerr << status << "\n";

@@ -15,7 +15,7 @@
 
 namespace pepeseg {
 
-// What stage one leaves; seconds below 0: it was read.
+// Result of stage one. seconds < 0: read from a file instead of trained.
 struct Geometry {
   Gaussians gaussians;
   double seconds = -1, core_seconds = 0;
@@ -30,19 +30,21 @@ struct SegmentRow {
   const Geometry* geometry;
   double feature_seconds, feature_core_seconds, evaluate_seconds;
   int64_t num_feature_steps;
-  size_t bytes;  // of the device, at most so far
+  size_t bytes;  // peak device memory so far
   OneClickScores scores;
 };
 
 void PrintHeader(const OneClickOptions& protocol);
-// `name`: the first column.
+// Prints a row of the table; `name` is the first column.
 void PrintRow(const std::string& name, const SegmentRow& row);
-// A line for each entity: as comments, so that the table's rows can be cut out.
+// Prints a line for each entity, as comments, so that scripts can extract the rows of the table.
 void PrintEntities(const SegmentRow& row);
-// A comment with the means, and with `by_entity` one for each entity with its answers.
+// Prints the means as a comment, and with `by_entity` another comment for each entity and its
+// answers.
 void PrintClicks(const SegmentRow& row, const ClickOptions& options, const ClickScores& scores,
                  bool by_entity);
-// A PPM an entity and view: white where it is right, red where it says too much, blue too little.
+// Writes a PPM for each entity and view: white where the mask is right, red where it covers too
+// much, blue where too little.
 absl::Status DumpMasks(const Segmenter& segmenter, const std::vector<LabeledView>& views,
                        const SegmentRow& row, const std::string& folder);
 

@@ -7,7 +7,7 @@
 
 namespace pepeseg {
 
-// --preset NAME: sets both stages before the other flags are looked at, wherever it stands.
+// Adds --preset NAME, which sets both stages before the other flags are applied, at any position.
 inline void AddPresetFlag(CLI::App& app, ReconstructOptions& stage_one, FeatureOptions& stage_two) {
   app.add_option_function<std::string>(
          "--preset",
@@ -22,7 +22,7 @@ inline void AddPresetFlag(CLI::App& app, ReconstructOptions& stage_one, FeatureO
       ->trigger_on_parse();
 }
 
-// The options of stage one as flags of a bench.
+// Adds the options of stage one as flags.
 inline void AddStageOneFlags(CLI::App& app, ReconstructOptions& stage) {
   app.option_defaults()->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
   app.add_option("--steps", stage.num_steps);

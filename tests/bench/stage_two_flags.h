@@ -6,7 +6,7 @@
 
 namespace pepeseg {
 
-// The options of stage two as flags of a bench, beside those of stage one.
+// Adds the options of stage two as flags, next to those of stage one.
 inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
   app.option_defaults()->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
   app.add_option("--feature-steps", stage.num_steps);
@@ -25,7 +25,7 @@ inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
   app.add_option("--perception-weight", stage.perception_weight);
   app.add_option("--perception-pixels", stage.num_perception_pixels);
   app.add_flag("!--no-cross-view", stage.perception_cross_view,
-               "what the perception loss sees is not checked against other views' masks");
+               "do not check the perception loss against the masks of other views");
   app.add_option("--min-mask-agreement", stage.min_mask_agreement);
   app.add_option("--complete-masks", stage.complete_masks);
   app.add_option("--fine-first", stage.fine_first);

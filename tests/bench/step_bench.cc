@@ -1,5 +1,5 @@
-// One step of stage one at 800x600 with 100,000 Gaussians of SH degree 3: core-ms (user and system
-// time of the process, over all threads) by op. Usage:
+// Measures one step of stage one at 800x600 with 100,000 Gaussians of SH degree 3: core-ms (user
+// and system time of the process, over all threads) by op. Usage:
 //   pepeseg_step_bench [gaussians] [width] [height] [threads] [steps]
 
 #include <sys/resource.h>
@@ -27,7 +27,7 @@ double CoreMs() {
   return ms(usage.ru_utime) + ms(usage.ru_stime);
 }
 
-// A scene in training, against photographs of another one.
+// A scene that is trained towards photographs of another one.
 class StepBench {
  public:
   StepBench(Backend& backend, const RoomScene& scene, int width, int height)
@@ -46,7 +46,7 @@ class StepBench {
         color_grad_(backend, color_.size()),
         sums_(backend, kNumImageLossSums) {}
 
-  // Photographs: what the scene looks like now.
+  // Render the photographs from the scene as it is now.
   void TakePhotographs() {
     std::vector<float> color(color_.size());
     const int64_t num_pixels = int64_t{width_} * height_;
@@ -94,7 +94,7 @@ class StepBench {
     lap(kUpdate);
   }
 
-  double EntriesPerPixel() const {  // of the tiles: candidates that a pixel looks at
+  double EntriesPerPixel() const {  // candidates in the tile of a pixel
     int64_t counters[kNumRenderCounters];
     scratch_.counters.Download(counters);
     return 256.0 * static_cast<double>(counters[kNumTileEntries]) / width_ / height_;

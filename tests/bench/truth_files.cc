@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Nearest, to the size of the view.
+// Resamples labels to the size of the view, nearest neighbour.
 absl::StatusOr<std::vector<uint16_t>> ReadLabels(const fs::path& path, const Camera& camera) {
   ASSIGN_OR_RETURN(const FloatImage image, DecodeGrey(path, path.string()));
   const double step = static_cast<double>(image.width) / camera.width;

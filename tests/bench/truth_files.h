@@ -9,10 +9,10 @@
 
 namespace pepeseg {
 
-// The ground truth of a dataset folder: the levels that gt/labels.json names, with label images in
-// gt/LEVEL/STEM.png, or one level of labels/STEM.png; none where there is neither. Labels follow
-// photographs that were shrunk, but not those whose lens was undone: INVALID_ARGUMENT names the
-// file.
+// Reads the ground truth of a dataset folder: the levels named in gt/labels.json with label images
+// gt/LEVEL/STEM.png, or one level labels/STEM.png. Returns no level if there is neither. Labels are
+// resampled for photographs that were shrunk. Returns INVALID_ARGUMENT, which names the file, for
+// photographs that were undistorted.
 absl::StatusOr<std::vector<TruthLevel>> ReadTruth(const std::filesystem::path& folder,
                                                   const Capture& capture);
 

@@ -15,7 +15,7 @@ constexpr uint16_t kThing = 3;
 
 absl::Status GoOn() { return absl::OkStatus(); }
 
-// The left blob, or both, of the two as one entity in three views.
+// One entity in three views: the left blob, or both blobs.
 class ClickCountTest : public ::testing::Test {
  protected:
   void MakeModel(float gate_bias, bool both) {
@@ -39,9 +39,10 @@ class ClickCountTest : public ::testing::Test {
   std::vector<LabeledView> views_;
 };
 
-constexpr float kApart = 10, kTogether = 2;  // at most scales
+constexpr float kApart = 10,
+                kTogether = 2;  // gate biases: the blobs are apart or together at most scales
 
-TEST_F(ClickCountTest, IsOneWhereTheFirstAnswerIsRight) {
+TEST_F(ClickCountTest, CountsOneClickIfTheFirstAnswerIsRight) {
   MakeModel(kApart, /*both=*/false);
   ASSERT_OK_AND_ASSIGN(const ClickScores scores, EvaluateClicks(*segmenter_, views_, {}, GoOn));
   ASSERT_EQ(scores.entities.size(), 1u);
@@ -59,7 +60,7 @@ TEST_F(ClickCountTest, IsOneWhereTheFirstAnswerIsRight) {
   EXPECT_EQ(scores.reached, 1);
 }
 
-TEST_F(ClickCountTest, ASpilledBlobTakesANegativeClick) {
+TEST_F(ClickCountTest, ClicksNegativelyOnASpilledBlob) {
   MakeModel(kTogether, /*both=*/false);
   ASSERT_OK_AND_ASSIGN(const ClickScores scores, EvaluateClicks(*segmenter_, views_, {}, GoOn));
   const EntityClicks& score = scores.entities[0];
@@ -76,7 +77,7 @@ TEST_F(ClickCountTest, ASpilledBlobTakesANegativeClick) {
   EXPECT_EQ(score.iou_after[1], score.answers[1].iou);
 }
 
-TEST_F(ClickCountTest, AMissedBlobTakesAPositiveClick) {
+TEST_F(ClickCountTest, ClicksPositivelyOnAMissedBlob) {
   MakeModel(kApart, /*both=*/true);
   ASSERT_OK_AND_ASSIGN(const ClickScores scores, EvaluateClicks(*segmenter_, views_, {}, GoOn));
   const EntityClicks& score = scores.entities[0];
@@ -89,7 +90,7 @@ TEST_F(ClickCountTest, AMissedBlobTakesAPositiveClick) {
 }
 
 // The lower 30 rows belong to the entity, but nothing is rendered there.
-TEST_F(ClickCountTest, WhatIsNeverReachedCountsAsTheMost) {
+TEST_F(ClickCountTest, CountsMaxClicksForAnEntityNeverReached) {
   MakeModel(kApart, /*both=*/false);
   for (LabeledView& view : views_) {
     std::fill(view.labels.end() - ptrdiff_t{30} * kSize, view.labels.end(), kThing);
@@ -115,7 +116,7 @@ TEST_F(ClickCountTest, WhatIsNeverReachedCountsAsTheMost) {
   EXPECT_EQ(three.entities[0].answers.size(), 3u);
 }
 
-TEST_F(ClickCountTest, IgnoredPixelsAreNeitherClickedNorScored) {
+TEST_F(ClickCountTest, NeitherClicksNorScoresIgnoredPixels) {
   MakeModel(kTogether, /*both=*/false);
   for (LabeledView& view : views_) {
     view.ignore.assign(view.labels.size(), 0);
@@ -126,7 +127,7 @@ TEST_F(ClickCountTest, IgnoredPixelsAreNeitherClickedNorScored) {
   EXPECT_GT(scores.iou_after[0], 0.95);
 }
 
-TEST_F(ClickCountTest, EndsWithTheErrorOfItsCaller) {
+TEST_F(ClickCountTest, ReturnsTheErrorOfCheckCancelled) {
   MakeModel(kTogether, /*both=*/false);
   for (const int allowed : {0, 1}) {
     int asked = 0;

@@ -2,13 +2,13 @@
 
 #include <gtest/gtest.h>
 
-#include "core/evaluate/threshold_iou.h"
+#include "core/evaluate/segmentation_metrics.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
 
-// 4x2 pixels.
+// Returns a view of 4x2 pixels with these labels.
 LabeledView Labeled(const std::string& name, std::vector<uint16_t> labels) {
   LabeledView labeled;
   labeled.view.name = name;
@@ -54,7 +54,8 @@ TEST(IouByThreshold, MatchesHandCountedMasks) {
   const LabeledView view = Labeled("a", {5, 5, 5, 5, 0, 0, 9, 9});
   const std::vector<float> similarity = {0.9f, 0.8f, 0.6f, 0.1f, 0.85f, -1, 0.6f, 0.2f};
   const std::vector<double> thresholds = {-2, 0.5, 0.7, 0.82, 0.95};
-  // All 8; then 3 of 4 and 2 beside; 2 and 1; 1 and 1; none.
+  // Pixels over each threshold, inside and outside the entity: 4 and 4, 3 and 2, 2 and 1, 1 and 1,
+  // none.
   EXPECT_EQ(IouByThreshold(similarity, view, 5, thresholds),
             (std::vector<double>{4.0 / 8, 3.0 / 6, 2.0 / 5, 1.0 / 5, 0}));
 }

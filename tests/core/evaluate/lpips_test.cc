@@ -16,7 +16,7 @@ constexpr char kTiny[] = PEPESEG_TEST_DATA "/lpips/tiny.onnx";
 
 using Features = std::array<double, 2>;
 
-// The network of tests/data/lpips/tiny.txtpb, of one image in [0, 1].
+// Computes what the network of tests/data/lpips/tiny.txtpb computes for one image in [0, 1].
 struct TinyFeatures {
   int width, height;
   std::vector<Features> fine, coarse;
@@ -73,7 +73,7 @@ double Reference(const Image& photo, std::span<const float> rendering) {
   return MeanError(a.fine, b.fine, {0.5, 0.25}) + MeanError(a.coarse, b.coarse, {0.125, 1});
 }
 
-TEST(Lpips, IsWhatTheNetworkSaysAtEverySize) {
+TEST(Lpips, MatchesTheNetworkAtEverySize) {
   ASSERT_OK_AND_ASSIGN(Lpips lpips, Lpips::Open(kTiny));
   for (const auto& [width, height] :
        {std::pair{64, 64}, {48, 32}, {640, 480}, {31, 75}, {64, 64}}) {
@@ -86,7 +86,7 @@ TEST(Lpips, IsWhatTheNetworkSaysAtEverySize) {
   }
 }
 
-TEST(Lpips, OfEqualImagesIsZero) {
+TEST(Lpips, IsZeroForEqualImages) {
   ASSERT_OK_AND_ASSIGN(Lpips lpips, Lpips::Open(kTiny));
   const Image photo = testing::Picture(40, 30);
   std::vector<float> rendering;
@@ -95,7 +95,7 @@ TEST(Lpips, OfEqualImagesIsZero) {
   EXPECT_NEAR(distance, 0, 1e-9);
 }
 
-TEST(Lpips, RefusesFilesThatAreNoSuchNetwork) {
+TEST(Lpips, RefusesFilesThatAreNotSuchANetwork) {
   using absl::StatusCode::kInvalidArgument;
   const testing::TempFolder folder;
   const auto open = [&](const std::string& bytes) {
@@ -107,7 +107,7 @@ TEST(Lpips, RefusesFilesThatAreNoSuchNetwork) {
   std::string bytes = testing::ReadBytes(kTiny);
   EXPECT_OK(open(bytes));
   EXPECT_STATUS(open(bytes.substr(0, bytes.size() / 2)), kInvalidArgument, "weights.onnx: ");
-  // As torch names the inputs of LPIPS that is exported as it stands.
+  // The input names of a plain LPIPS export from torch.
   for (size_t at = 0; (at = bytes.find("photo", at)) != std::string::npos; ++at) {
     bytes.replace(at, 5, "input");
   }

@@ -43,7 +43,7 @@ TEST(ScoreHeldOut, MatchesHandComputedPsnrOfAFlatImage) {
   EXPECT_NEAR(scores[1].scores.ssim, 1, 1e-6);
 }
 
-TEST(ScoreHeldOut, ShowsTheDistanceTheRenderingWithIgnoredPixelsAsInThePhotograph) {
+TEST(ScoreHeldOut, GivesTheDistanceThePhotographsIgnoredPixels) {
   Capture capture = TwoHeldOutViews(51, 102);
   capture.views[0].ignore.assign(20 * 16, 0);
   capture.views[0].ignore[7] = 1;
@@ -68,8 +68,8 @@ TEST(ScoreHeldOut, ShowsTheDistanceTheRenderingWithIgnoredPixelsAsInThePhotograp
 
 TEST(ScoreHeldOut, MatchesHandComputedSsimOfOnePixel) {
   Capture capture = TwoHeldOutViews(51, 51);
-  // One pixel counts; ignored ones show the photograph in both images. So its window, which lies
-  // inside the image, holds y = 0.2 throughout and x = 0.2 but for a 0 at the centre.
+  // One pixel counts. Ignored pixels show the photograph in both images, so the window around it
+  // holds y = 0.2 throughout, and x = 0.2 except for a 0 at its centre.
   View& view = capture.views[0];
   view.ignore.assign(20 * 16, 1);
   view.ignore[8 * 20 + 10] = 0;
@@ -115,20 +115,6 @@ TEST(Mean, AveragesEachScore) {
   EXPECT_DOUBLE_EQ(Mean(scores).psnr, 25);
   EXPECT_DOUBLE_EQ(Mean(scores).ssim, 0.7);
   EXPECT_DOUBLE_EQ(Mean({}).psnr, 0);
-}
-
-TEST(Iou, MatchesHandComputedShares) {
-  const std::vector<uint8_t> a = {1, 1, 0, 0, 255}, b = {1, 0, 1, 0, 1}, none(5, 0);
-  EXPECT_DOUBLE_EQ(Iou(a, b), 0.5);  // 2 of 4
-  EXPECT_DOUBLE_EQ(Iou(a, a), 1.0);
-  EXPECT_DOUBLE_EQ(Iou(a, none), 0.0);
-  EXPECT_DOUBLE_EQ(Iou(none, none), 1.0);
-}
-
-TEST(Iou, LeavesOutIgnoredPixels) {
-  const std::vector<uint8_t> a = {1, 1, 0, 0}, b = {1, 0, 1, 0}, ignore = {0, 9, 0, 0};
-  EXPECT_DOUBLE_EQ(Iou(a, b, ignore), 0.5);
-  EXPECT_DOUBLE_EQ(Iou(a, b, std::vector<uint8_t>(4, 1)), 1.0);
 }
 
 }  // namespace

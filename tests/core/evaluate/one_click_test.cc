@@ -5,8 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/evaluate/boundary_iou.h"
-#include "core/evaluate/metrics.h"
+#include "core/evaluate/segmentation_metrics.h"
 #include "tests/core/evaluate/two_blobs.h"
 #include "tests/testing/status_testing.h"
 
@@ -84,7 +83,7 @@ TEST_F(OneClickTest, ScoresTheOtherViewsAtWhatTheReferenceChose) {
   EXPECT_NEAR(score.chosen.boundary_iou, boundary, 1e-12);
 }
 
-TEST_F(OneClickTest, TheReferenceAloneChoosesAndTheOracleSeesTheScoredViews) {
+TEST_F(OneClickTest, ChoosesOnTheReferenceAloneAndTheOracleOnTheScoredViews) {
   const double left = Paint(views_[0], Blob(0, true), kLeft);
   const double left_b = Paint(views_[1], Blob(1, true), kLeft);
   const double right_b = Paint(views_[1], Blob(1, false), kLeft);
@@ -107,7 +106,7 @@ TEST_F(OneClickTest, TheReferenceAloneChoosesAndTheOracleSeesTheScoredViews) {
   }
 }
 
-TEST_F(OneClickTest, AMissingPredictionScoresZeroAndCounts) {
+TEST_F(OneClickTest, ScoresZeroForAMissingPrediction) {
   for (LabeledView& view : views_) PaintRows(view, 2, kRight);
   for (int v = 0; v < 3; ++v) Paint(views_[v], Blob(v, true), kLeft);
   ASSERT_OK_AND_ASSIGN(const OneClickScores scores, Evaluate());
@@ -126,9 +125,9 @@ TEST_F(OneClickTest, AMissingPredictionScoresZeroAndCounts) {
   EXPECT_DOUBLE_EQ(scores.fixed_iou[0], 0.5);
 }
 
-TEST_F(OneClickTest, TheReferenceIsTheFirstByNameThatShowsEnough) {
+TEST_F(OneClickTest, TakesTheFirstViewByNameWithEnoughPixelsAsReference) {
   for (int v = 0; v < 3; ++v) Paint(views_[v], Blob(v, true), kLeft);
-  // Of "a" 99 pixels remain.
+  // View "a" keeps 99 pixels.
   int remain = 99;
   for (uint16_t& label : views_[0].labels) {
     if (label == kLeft && remain-- <= 0) label = 0;
@@ -145,7 +144,7 @@ TEST_F(OneClickTest, TheReferenceIsTheFirstByNameThatShowsEnough) {
   EXPECT_EQ(scores.entities[0].views[0].view, "a");
 }
 
-TEST_F(OneClickTest, AnEntityOfOneViewIsLeftOut) {
+TEST_F(OneClickTest, LeavesOutAnEntityOfOneView) {
   for (int v = 0; v < 3; ++v) Paint(views_[v], Blob(v, true), kLeft);
   Paint(views_[1], Blob(1, false), kRight);
   ASSERT_OK_AND_ASSIGN(const OneClickScores scores, Evaluate());
@@ -156,7 +155,7 @@ TEST_F(OneClickTest, AnEntityOfOneViewIsLeftOut) {
                 "no entity shows at least 100 pixels in at least 2 of the 3 labelled views");
 }
 
-TEST_F(OneClickTest, FixedScalesAndThresholdNeedNotBeOfTheGrid) {
+TEST_F(OneClickTest, TakesFixedScalesAndThresholdOutsideTheGrid) {
   for (int v = 0; v < 3; ++v) {
     Paint(views_[v], Blob(v, true), kLeft);
     Paint(views_[v], Blob(v, false), kLeft);
@@ -174,7 +173,7 @@ TEST_F(OneClickTest, FixedScalesAndThresholdNeedNotBeOfTheGrid) {
   EXPECT_NEAR(scores.fixed_iou[0], 0.5, 0.02);
 }
 
-TEST_F(OneClickTest, IgnoredPixelsAreNeitherClickedNorScored) {
+TEST_F(OneClickTest, NeitherClicksNorScoresIgnoredPixels) {
   options_.min_pixels = 40;  // half of a blob is ignored
   for (int v = 0; v < 3; ++v) Paint(views_[v], Blob(v, true), kLeft);
   PaintRows(views_[1], 1, kLeft);
@@ -190,9 +189,9 @@ TEST_F(OneClickTest, IgnoredPixelsAreNeitherClickedNorScored) {
   EXPECT_GT(scores.entities[0].click.x, 33);
 }
 
-TEST_F(OneClickTest, EndsWithTheErrorItIsTold) {
+TEST_F(OneClickTest, ReturnsTheErrorOfCheckCancelled) {
   for (int v = 0; v < 3; ++v) Paint(views_[v], Blob(v, true), kLeft);
-  for (const int allowed : {0, 1, 20, 36}) {  // before the click, a table, a boundary
+  for (const int allowed : {0, 1, 20, 36}) {  // fails before the click, a table, a boundary
     int asked = 0;
     const auto scores = EvaluateOneClick(*segmenter_, views_, options_, [&] {
       return asked++ < allowed ? absl::OkStatus() : absl::CancelledError("enough");
@@ -202,7 +201,7 @@ TEST_F(OneClickTest, EndsWithTheErrorItIsTold) {
   }
 }
 
-TEST_F(OneClickTest, RefusesOptionsThatAreNone) {
+TEST_F(OneClickTest, RefusesInvalidOptions) {
   const auto expect_refused = [](const OneClickOptions& options, const std::string& message) {
     EXPECT_STATUS(Validate(options), absl::StatusCode::kInvalidArgument, message);
   };

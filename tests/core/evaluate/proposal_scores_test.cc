@@ -15,7 +15,7 @@ constexpr uint16_t kThing = 3;
 
 absl::Status GoOn() { return absl::OkStatus(); }
 
-// The left blob, or both, of the two as one entity in three views.
+// One entity in three views: the left blob, or both blobs.
 class ProposalScoresTest : public ::testing::Test {
  protected:
   void MakeModel(float gate_bias, bool both) {
@@ -39,7 +39,7 @@ class ProposalScoresTest : public ::testing::Test {
   std::vector<LabeledView> views_;
 };
 
-TEST_F(ProposalScoresTest, TheReferenceChoosesAmongTheFirstThree) {
+TEST_F(ProposalScoresTest, ChoosesAmongTheFirstThreeOnTheReference) {
   MakeModel(/*gate_bias=*/2, /*both=*/false);  // together at most scales
   ASSERT_OK_AND_ASSIGN(const ProposalScores scores,
                        EvaluateProposals(*segmenter_, views_, 100, GoOn));
@@ -59,8 +59,8 @@ TEST_F(ProposalScoresTest, TheReferenceChoosesAmongTheFirstThree) {
   EXPECT_DOUBLE_EQ(scores.best_of_three_iou, 1);
 }
 
-// The scored views alone show both blobs: the proposal is not chosen on them.
-TEST_F(ProposalScoresTest, TheScoredViewsDoNotChoose) {
+// Only the scored views label both blobs; the proposal must not be chosen on them.
+TEST_F(ProposalScoresTest, DoesNotChooseOnTheScoredViews) {
   MakeModel(/*gate_bias=*/2, /*both=*/true);
   const std::vector<uint8_t> left = testing::MaskOfBlob(*segmenter_, 0, true);
   for (size_t i = 0; i < left.size(); ++i) views_[0].labels[i] = left[i] != 0 ? kThing : 0;
@@ -70,7 +70,7 @@ TEST_F(ProposalScoresTest, TheScoredViewsDoNotChoose) {
   EXPECT_NEAR(scores.best_of_three_iou, 0.5, 0.02);
 }
 
-TEST_F(ProposalScoresTest, AClickOnNothingScoresZeroAndCounts) {
+TEST_F(ProposalScoresTest, ScoresZeroForAClickOnNothing) {
   MakeModel(/*gate_bias=*/10, /*both=*/false);
   for (LabeledView& view : views_) {
     std::fill(view.labels.end() - ptrdiff_t{2} * kSize, view.labels.end(), 8);
@@ -84,7 +84,7 @@ TEST_F(ProposalScoresTest, AClickOnNothingScoresZeroAndCounts) {
   EXPECT_DOUBLE_EQ(scores.best_of_three_iou, 0.5);
 }
 
-TEST_F(ProposalScoresTest, EndsWithTheErrorOfItsCaller) {
+TEST_F(ProposalScoresTest, ReturnsTheErrorOfCheckCancelled) {
   MakeModel(/*gate_bias=*/10, /*both=*/false);
   EXPECT_STATUS(
       EvaluateProposals(*segmenter_, views_, 100, [] { return absl::CancelledError("enough"); }),

@@ -16,7 +16,8 @@ constexpr int kSide = 40;
 using Map = std::vector<float>;
 const Map kNothing(kSide* kSide, -1.0f);
 
-// Squares about the corner with these sides, each with its similarity, smallest first.
+// Returns similarities of nested squares at the corner, given as (side, similarity), smallest
+// first.
 struct Square {
   int side;
   float similarity;
@@ -33,7 +34,7 @@ Map Squares(const std::vector<Square>& squares) {
 
 constexpr int kAll = std::numeric_limits<int>::max();
 
-// Through the plateau with the most support.
+// Returns the ladder through the plateau with the most support.
 Ladder LadderOf(const MaskGrid& grid, int64_t min_area, int max_count) {
   return FindLadder(grid, grid.FindPlateaus(min_area, kAll), 0, max_count);
 }
@@ -57,7 +58,7 @@ TEST(Ladder, ListsPartObjectAndGroupSmallestFirst) {
 }
 
 // The part is most stable at large scales, the object is shown at all of them.
-TEST(Ladder, NamesTheCellsAtWhichScalesDoNotFall) {
+TEST(Ladder, ChoosesCellsWhoseScalesDoNotDecrease) {
   testing::Scales scales;
   for (int k = 0; k < 3; ++k) scales.Add(Squares({{8, 0.85f}, {16, 0.75f}}), kNothing);
   for (int k = 0; k < 7; ++k) scales.Add(Squares({{8, 0.95f}, {16, 0.65f}}), kNothing);
@@ -70,7 +71,7 @@ TEST(Ladder, NamesTheCellsAtWhichScalesDoNotFall) {
   EXPECT_GT(ladder.rungs[0].cell.threshold, ladder.rungs[1].cell.threshold);
 }
 
-TEST(Ladder, GoesThroughTheNamedPlateau) {
+TEST(Ladder, ContainsTheRequiredPlateau) {
   testing::Scales scales;
   Map beside = kNothing;
   for (int y = 20; y < 40; ++y) std::fill_n(beside.begin() + y * kSide + 20, 20, 0.95f);
@@ -84,7 +85,7 @@ TEST(Ladder, GoesThroughTheNamedPlateau) {
   EXPECT_EQ(ladder.best, 0);
 }
 
-TEST(Ladder, LeavesOutAPartThatIsOnlyThereAtLargerScales) {
+TEST(Ladder, LeavesOutAPartShownOnlyAtLargerScales) {
   testing::Scales scales;
   for (int k = 0; k < 6; ++k) scales.Add(Squares({{16, 0.95f}}), kNothing);
   for (int k = 0; k < 4; ++k) scales.Add(Squares({{8, 0.95f}}), kNothing);
@@ -94,7 +95,7 @@ TEST(Ladder, LeavesOutAPartThatIsOnlyThereAtLargerScales) {
   EXPECT_EQ(ladder.best, 0);
 }
 
-TEST(Ladder, LeavesOutWhatGrowsTooLittleOrLiesBeside) {
+TEST(Ladder, LeavesOutMasksThatGrowTooLittleOrDoNotNest) {
   testing::Scales scales;
   Map beside = kNothing;
   for (int y = 20; y < 40; ++y) std::fill_n(beside.begin() + y * kSide + 20, 20, 0.95f);
@@ -120,7 +121,7 @@ TEST(Ladder, KeepsTheBestAndThoseWithTheMostSupport) {
   EXPECT_EQ(one.best, 0);
 }
 
-// Whatever the maps are.
+// Holds for random similarity maps.
 TEST(Ladder, EachRungHoldsTheOneBefore) {
   std::mt19937 random(11);
   for (int round = 0; round < 200; ++round) {

@@ -47,7 +47,7 @@ TEST_F(ProposeScalesTest, FindsTheBlobAndThenBothBlobs) {
   }
 }
 
-TEST_F(ProposeScalesTest, ANegativePointLeavesTheOther) {
+TEST_F(ProposeScalesTest, LeavesOutWhatANegativePointHits) {
   points_.push_back({kRightX, kY, false});
   ASSERT_OK_AND_ASSIGN(const ScaleProposals proposals, Propose());
   ASSERT_FALSE(proposals.ladder.empty());
@@ -55,7 +55,7 @@ TEST_F(ProposeScalesTest, ANegativePointLeavesTheOther) {
     EXPECT_FALSE(Shows(proposal.result, kRightX));
 }
 
-TEST_F(ProposeScalesTest, AtMostAsManyAsAskedFor) {
+TEST_F(ProposeScalesTest, ReturnsAtMostMaxCount) {
   ASSERT_OK_AND_ASSIGN(const ScaleProposals all, Propose());
   ASSERT_OK_AND_ASSIGN(const ScaleProposals one, Propose(1));
   ASSERT_EQ(one.ladder.size(), 1u);
@@ -64,7 +64,7 @@ TEST_F(ProposeScalesTest, AtMostAsManyAsAskedFor) {
   EXPECT_STATUS(Propose(0), absl::StatusCode::kInvalidArgument, "0 proposals");
 }
 
-TEST_F(ProposeScalesTest, BadPromptsAreRefused) {
+TEST_F(ProposeScalesTest, RefusesInvalidPrompts) {
   points_ = {{-1, 3, true}};
   EXPECT_STATUS(Propose(), absl::StatusCode::kInvalidArgument, "point 0 is at (-1, 3)");
   points_ = {};
@@ -73,7 +73,7 @@ TEST_F(ProposeScalesTest, BadPromptsAreRefused) {
   EXPECT_STATUS(Propose(), absl::StatusCode::kInvalidArgument, "nothing with a feature");
 }
 
-TEST(KindsOfLadder, NamesOnlyWhatOthersHoldOrLieIn) {
+TEST(KindsOfLadder, NamesOnlyProposalsThatNest) {
   constexpr auto kPart = ProposalKind::kPart, kObject = ProposalKind::kObject,
                  kGroup = ProposalKind::kGroup;
   using Kinds = std::vector<ProposalKind>;

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "core/base/status_macros.h"
-#include "core/evaluate/metrics.h"
+#include "core/evaluate/segmentation_metrics.h"
 #include "core/prompt/click_granularity.h"
 #include "tests/testing/front_blobs.h"
 #include "tests/testing/status_testing.h"
@@ -32,7 +32,7 @@ class ResolvePromptTest : public ::testing::Test {
     ASSIGN_OR_RETURN(const auto results, segmenter_->Segment(query, {&view_, 1}));
     return results[0].mask.pixels;
   }
-  // What a click shows at a scale.
+  // Returns the mask of a click at a scale.
   std::vector<uint8_t> Clicked(double scale) const {
     const auto mask = Mask(kLeftPoint, {scale, 0.75});
     EXPECT_OK(mask);
@@ -47,7 +47,7 @@ class ResolvePromptTest : public ::testing::Test {
   ModelView view_;
 };
 
-TEST_F(ResolvePromptTest, PointsTakeWhatIsGivenAsItIs) {
+TEST_F(ResolvePromptTest, KeepsTheGivenGranularityOfPoints) {
   ASSERT_OK_AND_ASSIGN(const Query query,
                        ResolvePrompt(*segmenter_, {view_, kLeftPoint}, {0.37, 0.61}));
   EXPECT_EQ(query.scale, 0.37);
@@ -55,7 +55,7 @@ TEST_F(ResolvePromptTest, PointsTakeWhatIsGivenAsItIs) {
   EXPECT_EQ(query.positive, std::vector<uint8_t>{1});
 }
 
-TEST_F(ResolvePromptTest, PointsWithoutAGranularityTakeTheBestProposal) {
+TEST_F(ResolvePromptTest, TakesTheBestProposalForPointsWithoutAGranularity) {
   ASSERT_OK_AND_ASSIGN(const ClickedFeatures clicks,
                        FindClickedFeatures(*segmenter_, view_, kLeftPoint));
   ASSERT_OK_AND_ASSIGN(const Query query, ResolvePrompt(*segmenter_, {view_, kLeftPoint}, {}));
@@ -68,7 +68,7 @@ TEST_F(ResolvePromptTest, PointsWithoutAGranularityTakeTheBestProposal) {
   }
 }
 
-TEST_F(ResolvePromptTest, PointsChooseTheThresholdOfAScaleAndTheScaleOfAThreshold) {
+TEST_F(ResolvePromptTest, ChoosesTheThresholdOfAScaleAndTheScaleOfAThreshold) {
   ASSERT_OK_AND_ASSIGN(const auto small, Mask(kLeftPoint, {.scale = 0.0}));
   EXPECT_TRUE(Shows(small, kLeftX) && !Shows(small, kRightX));
   ASSERT_OK_AND_ASSIGN(const auto large, Mask(kLeftPoint, {.scale = 1.0}));
@@ -78,7 +78,7 @@ TEST_F(ResolvePromptTest, PointsChooseTheThresholdOfAScaleAndTheScaleOfAThreshol
   EXPECT_EQ(query.threshold, 0.9);
 }
 
-TEST_F(ResolvePromptTest, AMaskFindsItselfAtTheScaleThatFits) {
+TEST_F(ResolvePromptTest, FindsAMaskAtTheScaleThatFits) {
   for (const double scale : {0.0, 1.0}) {
     const std::vector<uint8_t> want = Clicked(scale);
     ASSERT_OK_AND_ASSIGN(const auto got, Mask(BinaryMask{want}));
@@ -86,34 +86,34 @@ TEST_F(ResolvePromptTest, AMaskFindsItselfAtTheScaleThatFits) {
   }
 }
 
-TEST_F(ResolvePromptTest, AMaskOfTwoThingsIsFoundAlsoWhereTheyAreTwo) {
+TEST_F(ResolvePromptTest, FindsAMaskOfTwoThingsAtScalesThatSeparateThem) {
   const std::vector<uint8_t> both = Clicked(1.0);
   ASSERT_OK_AND_ASSIGN(const Query query,
                        ResolvePrompt(*segmenter_, {view_, BinaryMask{both}}, {0.0, 0.9}));
-  EXPECT_EQ(query.positive.size(), 2u);  // their mean is like neither of them
+  EXPECT_EQ(query.positive.size(), 2u);  // their mean resembles neither of them
   ASSERT_OK_AND_ASSIGN(const auto got, Mask(BinaryMask{both}, {0.0, 0.9}));
   EXPECT_GT(Iou(got, both), 0.9);
 }
 
-TEST_F(ResolvePromptTest, ABoxTakesWhatFillsIt) {
+TEST_F(ResolvePromptTest, FindsWhatFillsABox) {
   const BoxPrompt left = {10, 16, 13, 16}, all = {9, 15, 30, 18};
   ASSERT_OK_AND_ASSIGN(const auto one, Mask(left));
   EXPECT_TRUE(Shows(one, kLeftX) && !Shows(one, kRightX));
   ASSERT_OK_AND_ASSIGN(const auto both, Mask(all));
   EXPECT_TRUE(Shows(both, kLeftX) && Shows(both, kRightX));
-  // Beyond the image's edge it is cut.
+  // A box is clipped at the edge of the image.
   ASSERT_OK_AND_ASSIGN(const auto cut, Mask(BoxPrompt{-100, -100, 123, 132}));
   EXPECT_TRUE(Shows(cut, kLeftX) && !Shows(cut, kRightX));
 }
 
-TEST_F(ResolvePromptTest, NoViewIsRenderedTwice) {
+TEST_F(ResolvePromptTest, RendersNoViewTwice) {
   EXPECT_OK(Mask(kLeftPoint));
   EXPECT_OK(Mask(BinaryMask{Clicked(0)}));
   EXPECT_OK(Mask(BoxPrompt{10, 16, 13, 16}));
   EXPECT_EQ(segmenter_->num_renders(), 1);
 }
 
-TEST_F(ResolvePromptTest, RefusesBoxesAndMasksThatAreNone) {
+TEST_F(ResolvePromptTest, RefusesInvalidBoxesAndMasks) {
   EXPECT_STATUS(Mask(BoxPrompt{NAN, 1, 5, 5}), kInvalidArgument, "the box is at (nan, 1)");
   EXPECT_STATUS(Mask(BoxPrompt{1, 1, 0, 5}), kInvalidArgument, "not empty");
   EXPECT_STATUS(Mask(BoxPrompt{48, 1, 5, 5}), kInvalidArgument, "overlap view front");

@@ -16,8 +16,8 @@ using testing::Scales;
 using Map = std::vector<float>;
 const std::vector<float> kThresholds = testing::ScaleThresholds();
 
-// A part inside an object inside a group: squares about the corner, less similar outwards. At small
-// scales only the part is similar, at large ones all are.
+// A part inside an object inside a group: nested squares at the corner, less similar outwards. At
+// small scales only the part is similar, at large scales all are.
 Map Similarity(double scale) {
   Map map;
   for (int y = 0; y < kSide; ++y) {
@@ -51,7 +51,7 @@ TEST(MaskGrid, FindsPartObjectAndGroup) {
   for (const MaskGrid::Plateau& plateau : plateaus) EXPECT_EQ(plateau.stability, 1);
 }
 
-TEST(MaskGrid, AMaskThatChangesWithEveryStepHasLittleSupport) {
+TEST(MaskGrid, GivesLittleSupportToAMaskThatChangesWithEveryStep) {
   Scales scales;
   std::mt19937 random(2);
   for (int k = 0; k < 6; ++k) {
@@ -69,7 +69,7 @@ TEST(MaskGrid, AMaskThatChangesWithEveryStepHasLittleSupport) {
   EXPECT_LT(plateaus[1].support, 0.1);
 }
 
-TEST(MaskGrid, IouIsThatOfTheMasks) {
+TEST(MaskGrid, IouMatchesTheMasks) {
   std::mt19937 random(5);
   std::vector<Map> maps;
   maps.reserve(3);
@@ -101,7 +101,7 @@ TEST(MaskGrid, IouIsThatOfTheMasks) {
   }
 }
 
-TEST(MaskGrid, WithoutAMaskThereIsNoPlateau) {
+TEST(MaskGrid, HasNoPlateauWithoutAMask) {
   Scales scales;
   scales.Add(kNothing, kNothing);
   scales.Add(Map(kSide * kSide, 0.3f), kNothing);

@@ -56,7 +56,7 @@ TEST(PhotographFrame, ScalesWhereTheLensIsStraight) {
   EXPECT_FALSE(frame.ToView(Vector2d(160.5, 3)).has_value());
 }
 
-TEST(PhotographFrame, GoesThereAndBackThroughEveryLens) {
+TEST(PhotographFrame, MapsThereAndBackThroughEveryLens) {
   for (const LensCase& c : DistortingLenses()) {
     for (const int orientation : {1, 6}) {
       SCOPED_TRACE(std::string(NameOf(c.model)));
@@ -93,7 +93,7 @@ TEST(PhotographFrame, ShowsTheSamePixelsAsTheImport) {
   for (const Lens& lens : lenses) {
     for (const double image_scale : {1.0, 0.5, 0.37}) {
       SCOPED_TRACE(std::string(NameOf(lens.model)));
-      // Each mask is a bit of the pixel's index: together they name the pixel.
+      // Each mask encodes one bit of the pixel's index; together they identify the pixel.
       constexpr int kBits = 15;
       std::vector<BinaryMask> bits(kBits);
       for (int i = 0; i < lens.width * lens.height; ++i) {
@@ -164,7 +164,7 @@ TEST(PhotographFrame, TakesABoxToWhatTheViewShowsOfIt) {
   }
 }
 
-// The grid against Newton's method for each pixel.
+// Compares the grid with Newton's method for each pixel.
 TEST(ViewPlaces, AreWithinATenthOfAPixelOfTheInverse) {
   for (const LensCase& c : DistortingLenses()) {
     for (const int orientation : {1, 8}) {
@@ -182,7 +182,7 @@ TEST(ViewPlaces, AreWithinATenthOfAPixelOfTheInverse) {
           if (shown && exact) {
             EXPECT_LT((row[x].cast<double>() - *exact).norm(), 0.1) << x << " " << y;
           }
-          // Where they disagree is within that of the border.
+          // Visibility may differ only within a tenth of a pixel of the border.
           if (shown != exact.has_value()) {
             const Camera& camera = frame.camera();
             const Vector2d at = exact ? *exact : row[x].cast<double>();

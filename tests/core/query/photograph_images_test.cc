@@ -66,7 +66,7 @@ TEST(MaskInPhotograph, IsTheMaskWhereThePhotographIsOnlyTurned) {
   const BinaryMask mask = Draw(40, 30, [](double x, double y) { return x < 12 && y < 2 * x; });
   BinaryMask turned = mask;
   std::reverse(turned.pixels.begin(), turned.pixels.end());
-  // But for pixels that stick out.
+  // Single pixels that stick out are smoothed away.
   EXPECT_GT(Iou(MaskInPhotograph(mask, PlacesOf(view)), turned), 0.97);
 }
 
@@ -87,7 +87,7 @@ TEST(MaskInPhotograph, EnlargedHasSmootherEdgesThanThePixelsOfTheView) {
   }
 }
 
-TEST(MaskInPhotograph, IsThereAndBackThroughEveryLens) {
+TEST(MaskInPhotograph, SurvivesThereAndBackThroughEveryLens) {
   for (const LensCase& c : DistortingLenses()) {
     for (const int orientation : {1, 6}) {
       SCOPED_TRACE(std::string(NameOf(c.model)));
@@ -103,7 +103,7 @@ TEST(MaskInPhotograph, IsThereAndBackThroughEveryLens) {
   }
 }
 
-TEST(MaskInPhotograph, HasNothingOutsideOfTheView) {
+TEST(MaskInPhotograph, IsEmptyOutsideTheView) {
   const ModelView view = ViewOf(DistortingLenses()[0].MakeLens(), 1);
   const BinaryMask all = {
       std::vector<uint8_t>(static_cast<size_t>(view.camera.width) * view.camera.height, 1)};
@@ -148,7 +148,7 @@ TEST(ColorsInPhotograph, AreThePhotographThatWasUndistorted) {
     ASSERT_EQ(back.pixels.size(), photo.pixels.size());
     int num_shown = 0;
     for (size_t i = 0; i < photo.pixels.size(); ++i) {
-      if (back.pixels[i] == 0) continue;  // the photograph is nowhere under 7
+      if (back.pixels[i] == 0) continue;  // 0: not shown; the photograph has no value under 7
       ++num_shown;
       EXPECT_NEAR(back.pixels[i], photo.pixels[i], 6) << i;
     }

@@ -1,5 +1,5 @@
-// Every allocation of the questions that a segmenter answers fails once: the question ends, and the
-// next ones, of this model and of others on the same backend, are answered as ever.
+// Makes every allocation of a query fail once. That query must return an error, and later queries
+// on this model and on others of the same backend must give the same results as before.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -20,7 +20,7 @@ int allocations_left = kUnlimited;
 
 }  // namespace
 
-// In place of the C library's, for this program only: it is what the CPU backend allocates with.
+// Replaces the C library's function in this program: the CPU backend allocates with it.
 extern "C" void* aligned_alloc(size_t alignment, size_t size) {
   if (allocations_left == 0) return nullptr;
   if (allocations_left > 0) --allocations_left;
@@ -53,13 +53,13 @@ absl::StatusOr<Answers> AskMask(const Segmenter& segmenter) {
   return answers;
 }
 
-// Whatever of a segmenter computes on the backend.
+// Calls everything in a segmenter that computes on the backend.
 absl::StatusOr<Answers> AskEverything(const Segmenter& segmenter) {
   const ModelView& view = segmenter.model().views[0];
   const GaussianSet left = {{1, 0}};
   const std::vector<int32_t> ids = {1, 2};
   const std::vector<double> scales = {0.5};
-  // A subset first: what it hides must show again, also where memory ran out in between.
+  // A subset first: Gaussians that it hides must show again even if memory ran out in between.
   ASSIGN_OR_RETURN(const Image left_only, segmenter.RenderColor(view, &left));
   ASSIGN_OR_RETURN(Answers answers, AskMask(segmenter));
   ASSIGN_OR_RETURN(const Image color, segmenter.RenderColor(view));
@@ -80,7 +80,8 @@ absl::StatusOr<std::unique_ptr<Segmenter>> MakeSegmenter(Backend& backend) {
   return Segmenter::Create(backend, testing::PairOfBlobs(kSize));
 }
 
-// Calls `ask` with ever more allocations until they are enough; `check` after each that was not.
+// Calls `ask` with 0, 1, 2 ... allocations allowed until they suffice, and `check` after each
+// failure.
 template <typename Ask, typename Check>
 void FailEachAllocation(int at_least, Ask ask, Check check) {
   for (int allowed = 0;; ++allowed) {
@@ -100,7 +101,7 @@ void FailEachAllocation(int at_least, Ask ask, Check check) {
   }
 }
 
-TEST(SegmenterMemory, AQuestionWithoutMemoryFailsAloneAndTheNextIsAnswered) {
+TEST(SegmenterMemory, FailsOnlyTheQueryThatLacksMemory) {
   const auto backend = MakeCpuBackend(2);
   ASSERT_OK_AND_ASSIGN(const auto neighbour, MakeSegmenter(*backend));
   ASSERT_OK_AND_ASSIGN(const Answers want, AskEverything(*neighbour));
@@ -131,7 +132,7 @@ TEST(SegmenterMemory, AQuestionWithoutMemoryFailsAloneAndTheNextIsAnswered) {
   EXPECT_GE(num_failed, 30);
 }
 
-TEST(SegmenterMemory, AModelThatFindsNoRoomIsNotMade) {
+TEST(SegmenterMemory, RefusesAModelThatDoesNotFit) {
   const auto backend = MakeCpuBackend(1);
   ASSERT_OK_AND_ASSIGN(const auto neighbour, MakeSegmenter(*backend));
   ASSERT_OK_AND_ASSIGN(const Answers want, AskMask(*neighbour));

@@ -52,7 +52,7 @@ class SegmenterTest : public ::testing::Test {
   double scale_ = 0.5, threshold_ = 0.75;
 };
 
-TEST_F(SegmenterTest, AClickFindsItsBlobAndNotTheOther) {
+TEST_F(SegmenterTest, FindsTheClickedBlobOnly) {
   ASSERT_OK_AND_ASSIGN(const auto results, Ask(true));
   ASSERT_EQ(results.size(), 1u);
   const SegmentResult& result = results[0];
@@ -67,7 +67,7 @@ TEST_F(SegmenterTest, AClickFindsItsBlobAndNotTheOther) {
   EXPECT_LT(result.similarity[24 * kSize + 30], 0.5);
 }
 
-// A veil before both blobs, of neither's feature: what is clicked on through it is the blob.
+// A thin veil in front of both blobs has a feature of its own; a click through it finds the blob.
 TEST_F(SegmenterTest, AClickGoesThroughWhatHardlyAnyViewShows) {
   const auto click = [&](std::vector<float> confidence) -> absl::StatusOr<std::vector<float>> {
     Capture capture;
@@ -93,7 +93,7 @@ TEST_F(SegmenterTest, AClickGoesThroughWhatHardlyAnyViewShows) {
                 "2 confidences for its 3 Gaussians");
 }
 
-TEST_F(SegmenterTest, TheBoxHoldsTheMask) {
+TEST_F(SegmenterTest, BoxContainsTheMask) {
   ASSERT_OK_AND_ASSIGN(const auto results, Ask());
   int min_x = kSize, max_x = -1, min_y = kSize, max_y = -1;
   for (int i = 0; i < kSize * kSize; ++i) {
@@ -129,7 +129,7 @@ TEST_F(SegmenterTest, FreeCamerasAreTargetsAndPromptViews) {
   ASSERT_EQ(results.size(), 2u);
   EXPECT_EQ(results[1].width, 64);
   EXPECT_EQ(results[1].height, 40);
-  // The left blob, where that camera sees it.
+  // The left blob, as that camera sees it.
   const int x = static_cast<int>(50 * (-0.5 + 0.1) / 3.2 + 30);
   EXPECT_EQ(results[1].mask.pixels[20 * 64 + x], 1);
 
@@ -173,7 +173,7 @@ TEST_F(SegmenterTest, QueriesFromSeveralThreadsAgree) {
   EXPECT_EQ(wrong, std::vector<int>(4));
 }
 
-TEST_F(SegmenterTest, TheHalvesOfAQuestionGiveItsSimilarity) {
+TEST_F(SegmenterTest, SimilarityToThePointFeaturesIsThatOfTheQuery) {
   const ModelView& view = view_;
   const std::vector<PointPrompt> points = {{kRightX, kY, true}, {kLeftX, kY, true}};
   ASSERT_OK_AND_ASSIGN(const auto features, segmenter_->PointFeatures(view, points));
@@ -214,7 +214,7 @@ TEST_F(SegmenterTest, RefusesPromptsItCannotAnswer) {
   ExpectInvalid("threshold is -1.5, must be in [-1, 1]");
 }
 
-TEST_F(SegmenterTest, RefusesCamerasThatAreNone) {
+TEST_F(SegmenterTest, RefusesInvalidCameras) {
   const ModelView good = view_;
   const auto expect_refused = [&](const ModelView& view, const std::string& message) {
     EXPECT_STATUS(Ask({&view, 1}), absl::StatusCode::kInvalidArgument, message);

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "core/evaluate/metrics.h"
+#include "core/evaluate/segmentation_metrics.h"
 #include "core/prompt/resolve_prompt.h"
 #include "core/query/segmenter.h"
 #include "tests/core/query/trained_scene.h"
@@ -11,9 +11,9 @@
 namespace pepeseg {
 namespace {
 
-// Stage two and queries together: a click on an object in a view that was never trained on finds
-// that object there.
-TEST(TrainedFeatures, AClickSegmentsItsObjectInAHeldOutView) {
+// Tests stage two together with queries: a click on an object in a held-out view finds that object
+// there.
+TEST(TrainedFeatures, SegmentTheClickedObjectInAHeldOutView) {
   const testing::SyntheticScene scene = testing::FullyMaskedScene();
   ASSERT_OK_AND_ASSIGN(Model model, testing::TrainModel(scene));
   const auto backend = MakeCpuBackend(2);

@@ -48,7 +48,9 @@ PointPrompt DeepestPoint(const std::vector<uint8_t>& labels, int label, int widt
   int best_depth = 0;
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      int depth = is_inside(x, y) ? 1 : 0;  // of the largest diamond around it that is inside
+      int depth = is_inside(x, y)
+                      ? 1
+                      : 0;  // radius of the largest diamond around the pixel that lies inside
       for (bool whole = depth > 0; whole; depth += whole ? 1 : 0) {
         for (int k = 0; k <= depth && whole; ++k) {
           whole = is_inside(x + k, y + depth - k) && is_inside(x - k, y + depth - k) &&

@@ -10,16 +10,16 @@
 
 namespace pepeseg::testing {
 
-// The synthetic scene with 20,000 points, and in each view a mask for the table with its backdrop
-// too, as an automatic mask generator gives one. Without it nothing would teach what lies beside an
-// object.
+// Returns the synthetic scene with 20,000 points, and in each view also a mask of the table with
+// its backdrop, as an automatic mask generator makes one. Without that mask, no loss would separate
+// an object from its surroundings.
 SyntheticScene FullyMaskedScene();
 
-// Both stages in a few seconds, with the capture's views. The same model on every call.
+// Trains both stages in a few seconds on the capture's views. Returns the same model on every call.
 absl::StatusOr<Model> TrainModel(const SyntheticScene& scene);
 
-// The one-click protocol's prompt: the pixel deepest inside an object, by its distance to the
-// nearest pixel (or border) that is not the object's.
+// Returns the prompt of the one-click protocol: the pixel deepest inside an object, by its distance
+// to the nearest pixel (or image border) outside the object.
 PointPrompt DeepestPoint(const std::vector<uint8_t>& labels, int label, int width);
 
 }  // namespace pepeseg::testing

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "core/evaluate/metrics.h"
+#include "core/evaluate/segmentation_metrics.h"
 #include "core/prompt/resolve_prompt.h"
 #include "tests/core/query/trained_scene.h"
 #include "tests/testing/front_blobs.h"

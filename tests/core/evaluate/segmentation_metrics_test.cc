@@ -1,4 +1,4 @@
-#include "core/evaluate/boundary_iou.h"
+#include "core/evaluate/segmentation_metrics.h"
 
 #include <gtest/gtest.h>
 
@@ -7,6 +7,20 @@
 
 namespace pepeseg {
 namespace {
+
+TEST(Iou, MatchesHandComputedShares) {
+  const std::vector<uint8_t> a = {1, 1, 0, 0, 255}, b = {1, 0, 1, 0, 1}, none(5, 0);
+  EXPECT_DOUBLE_EQ(Iou(a, b), 0.5);  // 2 of 4
+  EXPECT_DOUBLE_EQ(Iou(a, a), 1.0);
+  EXPECT_DOUBLE_EQ(Iou(a, none), 0.0);
+  EXPECT_DOUBLE_EQ(Iou(none, none), 1.0);
+}
+
+TEST(Iou, LeavesOutIgnoredPixels) {
+  const std::vector<uint8_t> a = {1, 1, 0, 0}, b = {1, 0, 1, 0}, ignore = {0, 9, 0, 0};
+  EXPECT_DOUBLE_EQ(Iou(a, b, ignore), 0.5);
+  EXPECT_DOUBLE_EQ(Iou(a, b, std::vector<uint8_t>(4, 1)), 1.0);
+}
 
 TEST(BoundaryWidth, IsAFiftiethOfTheDiagonal) {
   EXPECT_EQ(BoundaryWidth(480, 360), 12);  // 0.02 * 600
@@ -17,7 +31,7 @@ TEST(BoundaryWidth, IsAFiftiethOfTheDiagonal) {
   EXPECT_EQ(BoundaryWidth(8, 6), 1);     // 0.2, at least 1
 }
 
-// As it is defined: pad by one pixel of 0, erode by 3x3 as often as asked, subtract.
+// Follows the definition: pads by one pixel of 0, erodes by 3x3 `distance` times, subtracts.
 std::vector<uint8_t> NaiveBoundary(const std::vector<uint8_t>& mask, int width, int height,
                                    int distance) {
   const int padded_width = width + 2, padded_height = height + 2;
@@ -46,7 +60,7 @@ std::vector<uint8_t> NaiveBoundary(const std::vector<uint8_t>& mask, int width, 
   return boundary;
 }
 
-TEST(MaskBoundary, IsThatOfRepeatedErosions) {
+TEST(MaskBoundary, MatchesRepeatedErosions) {
   std::mt19937 random(1);
   for (const auto& [width, height] : {std::pair(37, 29), {5, 40}, {40, 5}, {1, 1}, {64, 64}}) {
     for (const unsigned sparsity : {2U, 30U, 400U, 1U << 30}) {
@@ -88,6 +102,37 @@ TEST(BoundaryIou, LeavesOutIgnoredPixels) {
     for (const int x : {5, 6, 14, 15}) ignore[y * 40 + x] = 1;
   }
   EXPECT_DOUBLE_EQ(BoundaryIou(Square(5, 5, 10), Square(6, 5, 10), 40, 40, ignore), 1);
+}
+
+double Ari(const std::vector<int32_t>& a, const std::vector<int32_t>& b) {
+  EXPECT_EQ(AdjustedRand(a, b), AdjustedRand(b, a));
+  return AdjustedRand(a, b);
+}
+
+TEST(AdjustedRand, MatchesValuesByHand) {
+  // Of 15 pairs, 2 are together in both partitions, 6 in `a`, 3 in `b`: (2 - 1.2) / (4.5 - 1.2).
+  EXPECT_NEAR(Ari({1, 1, 1, 2, 2, 2}, {1, 1, 2, 2, 3, 3}), 0.8 / 3.3, 1e-12);
+  // Of 6 pairs, 0 are together in both, 2 in `a`, 2 in `b`: (0 - 2/3) / (2 - 2/3).
+  EXPECT_NEAR(Ari({1, 1, 2, 2}, {1, 2, 1, 2}), -0.5, 1e-12);
+  // A partition with a single part agrees with any other one only by chance.
+  EXPECT_NEAR(Ari({1, 1, 1, 1}, {1, 1, 2, 2}), 0, 1e-12);
+}
+
+TEST(AdjustedRand, DependsOnThePartitionNotOnTheIds) {
+  EXPECT_EQ(Ari({0, 0, 7, 7, 3}, {-5, -5, 2, 2, 0}), 1);
+  EXPECT_EQ(Ari({4, 4, 4}, {9, 9, 9}), 1);
+  EXPECT_EQ(Ari({1, 2, 3}, {3, 1, 2}), 1);
+  EXPECT_EQ(Ari({}, {}), 1);
+}
+
+TEST(AdjustedRand, IsAboutZeroForIndependentIds) {
+  std::mt19937 random(3);
+  std::vector<int32_t> a, b;
+  for (int i = 0; i < 20'000; ++i) {
+    a.push_back(static_cast<int32_t>(random() % 5));
+    b.push_back(static_cast<int32_t>(random() % 7));
+  }
+  EXPECT_NEAR(Ari(a, b), 0, 0.005);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "core/query/deepest_pixel.h"
+#include "core/query/mask_geometry.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,8 @@
 namespace pepeseg {
 namespace {
 
-// Against every pixel, and those around the image.
+// Returns the deepest pixel by comparing every pixel with all others and with those around the
+// image.
 PixelIndex NaiveDeepest(const std::vector<uint8_t>& mask, int width, int height) {
   PixelIndex deepest;
   int most = 0;
@@ -31,7 +32,7 @@ PixelIndex NaiveDeepest(const std::vector<uint8_t>& mask, int width, int height)
   return deepest;
 }
 
-TEST(DeepestPixel, IsThatOfEveryPairOfPixels) {
+TEST(DeepestPixel, MatchesBruteForce) {
   std::mt19937 random(3);
   for (const auto& [width, height] : {std::pair(31, 23), {3, 50}, {50, 3}, {1, 1}}) {
     for (const unsigned sparsity : {2U, 12U, 60U, 1U << 30}) {
@@ -46,7 +47,7 @@ TEST(DeepestPixel, IsThatOfEveryPairOfPixels) {
   }
 }
 
-TEST(DeepestPixel, OfEquallyDeepOnesIsTheFirstByRowThenColumn) {
+TEST(DeepestPixel, TakesTheFirstInReadingOrderAmongEquals) {
   constexpr int kWidth = 20, kHeight = 12;
   std::vector<uint8_t> mask(kWidth * kHeight);
   const auto fill = [&](int left, int top, int width, int height) {
@@ -55,15 +56,15 @@ TEST(DeepestPixel, OfEquallyDeepOnesIsTheFirstByRowThenColumn) {
     }
   };
   fill(12, 2, 3, 3);  // deepest at (13, 3)
-  fill(2, 6, 3, 3);   // as deep, further to the left and below
+  fill(2, 6, 3, 3);   // equally deep, further left and lower
   PixelIndex deepest = DeepestPixel(mask, kWidth, kHeight);
   EXPECT_EQ(deepest.x, 13);
   EXPECT_EQ(deepest.y, 3);
-  fill(5, 2, 5, 3);  // as deep from (6, 3) to (8, 3)
+  fill(5, 2, 5, 3);  // equally deep from (6, 3) to (8, 3)
   deepest = DeepestPixel(mask, kWidth, kHeight);
   EXPECT_EQ(deepest.x, 6);
   EXPECT_EQ(deepest.y, 3);
-  // Beyond the image is outside: a whole image is deepest in its middle.
+  // Everything beyond the image is outside: a full mask is deepest in its middle.
   deepest = DeepestPixel(std::vector<uint8_t>(7 * 7, 1), 7, 7);
   EXPECT_EQ(deepest.x, 3);
   EXPECT_EQ(deepest.y, 3);

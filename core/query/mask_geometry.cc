@@ -1,7 +1,8 @@
-#include "core/query/deepest_pixel.h"
+#include "core/query/mask_geometry.h"
 
 #include <algorithm>
 #include <cassert>
+#include <iterator>
 #include <limits>
 #include <vector>
 
@@ -12,6 +13,7 @@ struct MaskExtent {
   int left = std::numeric_limits<int>::max(), top = left, right = -1, bottom = -1;  // inclusive
 };
 
+// Returns the bounding box of the pixels that are not 0; right < 0: there are none.
 MaskExtent BoundsOf(std::span<const uint8_t> mask, int width, int height) {
   MaskExtent bounds;
   for (int y = 0; y < height; ++y) {
@@ -24,8 +26,10 @@ MaskExtent BoundsOf(std::span<const uint8_t> mask, int width, int height) {
   return bounds;
 }
 
-// The second phase of Meijster, Roerdink and Hesselink (2000), in integers: from the distances
-// along the columns to the squared distances in the plane, one row at a time.
+// Second phase of the exact Euclidean distance transform of Meijster, Roerdink and Hesselink
+// (2000), in integers: turns distances along the columns into squared distances in the plane, one
+// scanline at a time. The squared distance at x is the lower envelope of the parabolas (x - site)^2
+// + column[site]^2.
 class RowDistances {
  public:
   explicit RowDistances(int size) : site_(size), start_(size), squared_(size) {}
@@ -44,7 +48,7 @@ class RowDistances {
         site_[0] = u;
         continue;
       }
-      // The first place that is nearer to u than to the site before it.
+      // The first x at which the parabola of u is lower than that of the site before it.
       const int64_t i = site_[last];
       const int64_t start = 1 + (squared(0, u) - squared(0, i)) / (2 * (u - i));
       if (start >= size) continue;
@@ -64,13 +68,33 @@ class RowDistances {
 
 }  // namespace
 
+void FindBox(std::span<const uint8_t> mask, int width, int (&box)[4]) {
+  const int height = static_cast<int>(mask.size()) / width;
+  int min_x = width, max_x = -1, min_y = height, max_y = -1;
+  for (int y = 0; y < height; ++y) {
+    const std::span<const uint8_t> row = mask.subspan(static_cast<size_t>(y) * width, width);
+    const auto first = std::find(row.begin(), row.end(), uint8_t{1});
+    if (first == row.end()) continue;
+    const auto last = std::find(row.rbegin(), row.rend(), uint8_t{1});
+    min_x = std::min(min_x, static_cast<int>(first - row.begin()));
+    max_x = std::max(max_x, width - 1 - static_cast<int>(last - row.rbegin()));
+    min_y = std::min(min_y, y);
+    max_y = y;
+  }
+  std::fill(std::begin(box), std::end(box), 0);
+  if (max_y < 0) return;
+  const int found[] = {min_x, min_y, max_x - min_x + 1, max_y - min_y + 1};
+  std::copy(std::begin(found), std::end(found), box);
+}
+
 DeepPixel FindDeepest(std::span<const uint8_t> mask, int width, int height) {
   assert(mask.size() == static_cast<size_t>(width) * height);
   const MaskExtent bounds = BoundsOf(mask, width, height);
   if (bounds.right < 0) return {};
-  // What is around the bounding box is not in the mask: one pixel of it on each side will do.
+  // Pixels around the bounding box are outside the mask, so a border of one pixel suffices.
   const int columns = bounds.right - bounds.left + 3, rows = bounds.bottom - bounds.top + 3;
-  std::vector<int> distance(static_cast<size_t>(columns) * rows);  // to the outside in the column
+  std::vector<int> distance(static_cast<size_t>(columns) *
+                            rows);  // to the nearest outside pixel in the column
   const auto row_of = [&](int y) { return &distance[static_cast<size_t>(y) * columns]; };
   for (int y = 1; y + 1 < rows; ++y) {
     const uint8_t* in = &mask[static_cast<size_t>(bounds.top + y - 1) * width + bounds.left];

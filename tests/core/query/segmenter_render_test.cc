@@ -14,7 +14,7 @@ constexpr int kSize = 48;
 constexpr int kLeft = 24 * kSize + 17, kRight = 24 * kSize + 30;  // pixels in the blobs
 
 // A red blob on the left and a blue one on the right, 3 units away, with orthogonal features.
-class SegmenterPictures : public ::testing::Test {
+class SegmenterRender : public ::testing::Test {
  protected:
   void SetUp() override {
     Model model = testing::FrontBlobs(kSize);
@@ -32,7 +32,7 @@ class SegmenterPictures : public ::testing::Test {
   const std::vector<int32_t> ids_ = {7, 9};
 };
 
-TEST_F(SegmenterPictures, ASubsetIsRenderedAsIfItWereAlone) {
+TEST_F(SegmenterRender, RendersASubsetAsIfItWereAlone) {
   ASSERT_OK_AND_ASSIGN(const Image all, segmenter_->RenderColor(view_));
   ASSERT_OK_AND_ASSIGN(const Image left, segmenter_->RenderColor(view_, &left_only_));
   EXPECT_GT(At(left, kLeft)[0], 200);
@@ -43,7 +43,7 @@ TEST_F(SegmenterPictures, ASubsetIsRenderedAsIfItWereAlone) {
   EXPECT_EQ(empty.pixels, std::vector<uint8_t>(empty.pixels.size()));
 }
 
-TEST_F(SegmenterPictures, ASubsetLeavesTheModelAsItWas) {
+TEST_F(SegmenterRender, ASubsetLeavesTheModelAsItWas) {
   ASSERT_OK_AND_ASSIGN(const Image before, segmenter_->RenderColor(view_));
   const std::vector<int32_t> pixels = {kLeft, kRight};
   ASSERT_OK(segmenter_->RenderColor(view_, &left_only_));
@@ -53,7 +53,7 @@ TEST_F(SegmenterPictures, ASubsetLeavesTheModelAsItWas) {
   EXPECT_EQ(after.pixels, before.pixels);
 }
 
-TEST_F(SegmenterPictures, DepthIsAlongTheAxisAndZeroWhereNothingIs) {
+TEST_F(SegmenterRender, DepthIsAlongTheAxisAndZeroWhereNothingIs) {
   ASSERT_OK_AND_ASSIGN(const std::vector<float> depth, segmenter_->RenderDepth(view_));
   ASSERT_EQ(depth.size(), size_t{kSize} * kSize);
   EXPECT_NEAR(depth[kLeft], 3, 1e-3);
@@ -62,7 +62,7 @@ TEST_F(SegmenterPictures, DepthIsAlongTheAxisAndZeroWhereNothingIs) {
   ASSERT_OK_AND_ASSIGN(const std::vector<float> left, segmenter_->RenderDepth(view_, &left_only_));
   EXPECT_NEAR(left[kLeft], 3, 1e-3);
   EXPECT_EQ(left[kRight], 0);
-  // A smaller picture after a larger one, and colour after depth, write no more than they have.
+  // A smaller image after a larger one, and colour after depth, write no more than their own size.
   ModelView small = view_;
   small.camera = {16, 16, 13, 13, 8, 8};
   ASSERT_OK_AND_ASSIGN(const std::vector<float> of_small, segmenter_->RenderDepth(small));
@@ -70,7 +70,7 @@ TEST_F(SegmenterPictures, DepthIsAlongTheAxisAndZeroWhereNothingIs) {
   EXPECT_OK(segmenter_->RenderColor(view_));
 }
 
-TEST_F(SegmenterPictures, FeaturesHaveOneColourInAllViews) {
+TEST_F(SegmenterRender, FeaturesHaveOneColourInAllViews) {
   ASSERT_OK_AND_ASSIGN(const Image front, segmenter_->RenderFeatures(view_, 0.5));
   EXPECT_EQ(At(front, 0)[0], 0) << "black where nothing is";
   EXPECT_GT(std::abs(At(front, kLeft)[0] - At(front, kRight)[0]), 200) << "the first component";
@@ -84,7 +84,7 @@ TEST_F(SegmenterPictures, FeaturesHaveOneColourInAllViews) {
                 "scale is nan");
 }
 
-TEST_F(SegmenterPictures, IdsAndFeaturesOfASubsetAreOfItAlone) {
+TEST_F(SegmenterRender, IdsAndFeaturesOfASubsetAreOfItAlone) {
   ASSERT_OK_AND_ASSIGN(const auto all, segmenter_->RenderIds(view_, ids_));
   EXPECT_EQ(all[kLeft], 7);
   EXPECT_EQ(all[kRight], 9);
@@ -100,7 +100,7 @@ TEST_F(SegmenterPictures, IdsAndFeaturesOfASubsetAreOfItAlone) {
   }
 }
 
-TEST_F(SegmenterPictures, RefuseWhatTheyCannotShow) {
+TEST_F(SegmenterRender, RefusesInvalidViewsScalesAndSubsets) {
   const GaussianSet other = {{1, 0, 1}};
   constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
   EXPECT_STATUS(segmenter_->RenderColor(view_, &other), kInvalid,
@@ -119,7 +119,7 @@ TEST_F(SegmenterPictures, RefuseWhatTheyCannotShow) {
   EXPECT_STATUS(segmenter_->RenderIds(bad, ids_), kInvalid, "size is 0x48");
 }
 
-TEST_F(SegmenterPictures, SubsetsFromSeveralThreadsDoNotMix) {
+TEST_F(SegmenterRender, SubsetsFromSeveralThreadsDoNotMix) {
   ASSERT_OK_AND_ASSIGN(const Image all, segmenter_->RenderColor(view_));
   ASSERT_OK_AND_ASSIGN(const Image left, segmenter_->RenderColor(view_, &left_only_));
   std::vector<int> wrong(4);

@@ -1,4 +1,4 @@
-#include "core/prompt/choose_granularity.h"
+#include "core/prompt/granularity_grid.h"
 
 #include <algorithm>
 #include <cmath>
@@ -39,6 +39,15 @@ SmallView SmallViewOf(const ModelView& view) {
   camera.height = std::max(1, camera.height / small.factor);
   for (double* value : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *value /= small.factor;
   return small;
+}
+
+std::vector<uint8_t> LevelsOf(std::span<const float> similarity,
+                              std::span<const float> thresholds) {
+  std::vector<uint8_t> levels(similarity.size());
+  for (const float threshold : thresholds) {  // one pass each, which the compiler vectorises
+    for (size_t i = 0; i < levels.size(); ++i) levels[i] += similarity[i] > threshold ? 1 : 0;
+  }
+  return levels;
 }
 
 }  // namespace pepeseg

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+// Bounding box and deepest pixel of a mask [height, width] of 0 and 1.
+
+namespace pepeseg {
+
+// Writes x, y, width and height of the smallest box around the pixels of a mask that are 1, or
+// zeros if there are none. The mask has `width` columns.
+void FindBox(std::span<const uint8_t> mask, int width, int (&box)[4]);
+
+struct PixelIndex {
+  int x = 0, y = 0;
+};
+
+struct DeepPixel {
+  PixelIndex pixel;
+  int64_t squared_depth = 0;  // squared distance to the nearest pixel outside the mask, pixels^2
+};
+
+// Returns the pixel of a mask with the largest Euclidean distance to the nearest pixel outside it,
+// the first one in reading order among equals. Everything beyond the image is outside. Exact, in
+// time linear in the area of the mask's bounding box. Depth 0: the mask is empty.
+DeepPixel FindDeepest(std::span<const uint8_t> mask, int width, int height);
+// Returns only the pixel of FindDeepest. The mask must not be empty.
+PixelIndex DeepestPixel(std::span<const uint8_t> mask, int width, int height);
+
+}  // namespace pepeseg
