@@ -60,7 +60,7 @@ struct DecomposeFlags {
   int level = -1;  // level whose segments are written; -1: the middle one
 };
 
-// Returns the level to write. INVALID_ARGUMENT: there is no such level.
+// Returns the level to write, or INVALID_ARGUMENT if the decomposition has no such level.
 absl::StatusOr<int> ChooseLevel(const DecomposeFlags& flags, const Response& answer) {
   if (flags.level < answer.levels_size()) {
     return flags.level < 0 ? answer.levels_size() / 2 : flags.level;

@@ -19,7 +19,7 @@ namespace pepeseg::client::cli {
 std::vector<std::string> SegmentTree(const v1::DecomposeResponse& answer);
 
 // Returns the colour of a segment, the same wherever the id is shown; neighbouring ids have
-// distinct hues. 0, which is no segment, is black.
+// distinct hues. 0 stands for no segment and is black.
 Rgb ColorOfSegment(int id);
 
 // Colours an image of segment ids.

@@ -9,7 +9,7 @@
 #include "clients/cpp/client.h"
 #include "pepeseg/v1/scene_service.pb.h"
 
-// What verbs print about a model, and the command that they propose next.
+// The description of a model that verbs print, and the command that they propose next.
 namespace pepeseg::client::cli {
 
 // Returns "poses given, masks embedded, depth none"; "" if the server does not report the sources.

@@ -27,7 +27,7 @@ absl::StatusOr<Picture> RenderView(const Client& client, const std::string& mode
                                    v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH);
 
 using Points = google::protobuf::RepeatedPtrField<v1::PointsPrompt::Point>;
-// What is drawn over a view.
+// The overlay that is drawn on a view.
 struct Overlay {
   const v1::SegmentResponse::ViewMask& mask;  // RLE; names the view
   Points points;                              // pixels of `frame`

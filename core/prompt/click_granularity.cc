@@ -22,8 +22,8 @@ constexpr double kSupportExponent = 0.5;  // of support against plausibility
 // are answered together.
 constexpr size_t kMostCorrections = 8;
 
-// The squared distance of a pixel to the nearest one that is not in the mask, as none beyond the
-// image is.
+// Returns the squared distance of a pixel to the nearest pixel outside the mask. Everything beyond
+// the image is outside.
 int64_t SquaredDepth(std::span<const uint8_t> mask, int width, const PixelIndex& at) {
   const int height = static_cast<int>(mask.size()) / width;
   const int64_t border = std::min({at.x + 1, width - at.x, at.y + 1, height - at.y});
