@@ -6,6 +6,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <initializer_list>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -28,9 +29,13 @@
 #include "server/server_metrics.h"
 #include "server/server_parts.h"
 #include "server/services/dataset_service.h"
+#include "server/services/evaluation_service.h"
 #include "server/services/job_service.h"
+#include "server/services/label_service.h"
+#include "server/services/render_service.h"
 #include "server/services/scene_service.h"
 #include "server/services/segmentation_service.h"
+#include "server/services/selection_service.h"
 #include "server/store/layout.h"
 #include "server/worker_protocol/device.h"
 
@@ -87,6 +92,11 @@ struct Server::Parts {
   std::unique_ptr<DatasetServiceRpc> datasets;
   std::unique_ptr<JobServiceRpc> jobs;
   std::unique_ptr<SegmentationServiceRpc> segmentation;
+  std::unique_ptr<LabelServiceRpc> labels;
+  std::unique_ptr<Selections> selected;
+  std::unique_ptr<SelectionServiceRpc> selections;
+  std::unique_ptr<RenderServiceRpc> renders;
+  std::unique_ptr<EvaluationServiceRpc> evaluations;
   std::unique_ptr<AdminListener> admin;
   std::unique_ptr<ConnectionAcceptor> acceptor;
   std::unique_ptr<grpc::Server> server;
@@ -104,6 +114,7 @@ struct Server::Parts {
   absl::Status StartJobs(const ServerOptions& options);
   // Makes the services, and opens the listeners of operators: admin calls and metrics.
   absl::Status MakeServices(const ServerOptions& options);
+  void MakeQueryServices();
   // Opens the listener of clients. From then on calls are answered.
   absl::Status Listen(const ServerOptions& options);
   void StartSelfProbe(const ServerOptions& options);
@@ -190,12 +201,21 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
   jobs = std::make_unique<JobServiceRpc>(
       *runner,
       JobServiceRpc::Options{*store, *blobs, *supervisor, {*device.backend, device_memory, tools}});
-  segmentation = std::make_unique<SegmentationServiceRpc>(*runner, *models);
+  MakeQueryServices();
   if (!options.admin.empty()) {
     ASSIGN_OR_RETURN(admin, AdminListener::Start({options.admin, credentials->Make()}, *operations,
                                                  metrics.rpc()));
   }
   return options.metrics.empty() ? absl::OkStatus() : metrics.Expose(options.metrics, *operations);
+}
+
+void Server::Parts::MakeQueryServices() {
+  segmentation = std::make_unique<SegmentationServiceRpc>(*runner, *models);
+  labels = std::make_unique<LabelServiceRpc>(*runner, *models);
+  selected = std::make_unique<Selections>(*store, models->data_folder());
+  selections = std::make_unique<SelectionServiceRpc>(*runner, *models, *selected);
+  renders = std::make_unique<RenderServiceRpc>(*runner, *models, *selected);
+  evaluations = std::make_unique<EvaluationServiceRpc>(*runner, *models);
 }
 
 absl::Status Server::Parts::Listen(const ServerOptions& options) {
@@ -209,10 +229,10 @@ absl::Status Server::Parts::Listen(const ServerOptions& options) {
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
   ASSIGN_OR_RETURN(acceptor,
                    ConnectionAcceptor::Listen(options.listen, credentials->Make(), builder));
-  builder.RegisterService(scenes.get());
-  builder.RegisterService(datasets.get());
-  builder.RegisterService(jobs.get());
-  builder.RegisterService(segmentation.get());
+  const std::initializer_list<grpc::Service*> services = {
+      scenes.get(), datasets.get(),   jobs.get(),    segmentation.get(),
+      labels.get(), selections.get(), renders.get(), evaluations.get()};
+  for (grpc::Service* service : services) builder.RegisterService(service);
   server = builder.BuildAndStart();
   if (server == nullptr) {
     return absl::UnavailableError(absl::StrCat("cannot serve on ", options.listen));

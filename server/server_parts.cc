@@ -15,8 +15,12 @@
 #include "core/priors/sam/sam_files.h"
 #include "kernels/host_memory.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
+#include "pepeseg/v1/evaluation_service.grpc.pb.h"
 #include "pepeseg/v1/job_service.grpc.pb.h"
+#include "pepeseg/v1/label_service.grpc.pb.h"
+#include "pepeseg/v1/render_service.grpc.pb.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
+#include "pepeseg/v1/selection_service.grpc.pb.h"
 #include "server/jobs/holder_name.h"
 #include "server/listen_rules.h"
 #include "server/observe/health_monitor.h"
@@ -147,10 +151,13 @@ std::unique_ptr<HealthMonitor> MakeHealthMonitor(Store& store, Backend& backend,
       {"data directory",
        [folder = data_folder] { return ProbeDisk(folder, kMinDiskFreeBytes); },
        {v1::DatasetService::service_full_name(), v1::JobService::service_full_name()}});
-  probes.push_back({"device",
-                    [&backend] { return ProbeDevice(backend); },
-                    {v1::SegmentationService::service_full_name(), ""},
-                    /*blocks=*/false});
+  probes.push_back(
+      {"device",
+       [&backend] { return ProbeDevice(backend); },
+       {v1::SegmentationService::service_full_name(), v1::LabelService::service_full_name(),
+        v1::SelectionService::service_full_name(), v1::RenderService::service_full_name(),
+        v1::EvaluationService::service_full_name(), ""},
+       /*blocks=*/false});
   return std::make_unique<HealthMonitor>(std::move(services), std::move(probes));
 }
 

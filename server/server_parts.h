@@ -32,8 +32,8 @@ void LogDevice(const Device& device, int64_t device_memory);
 // Makes an empty cache of models with the budgets of the options. `backend` must outlive it.
 std::unique_ptr<ModelCache> MakeModelCache(const ServerOptions& options, Backend& backend);
 // Makes the health of a server: all services need the database; DatasetService and JobService also
-// need free disk space; SegmentationService also needs the device. The server as a whole, "", needs
-// the database and the device, so that a full disk does not stop queries.
+// need free disk space; the services of queries also need the device. The server as a whole, "",
+// needs the database and the device, so that a full disk does not stop queries.
 std::unique_ptr<HealthMonitor> MakeHealthMonitor(Store& store, Backend& backend,
                                                  const std::filesystem::path& data_folder);
 

@@ -10,6 +10,7 @@
 #include "absl/time/time.h"
 #include "clients/cli/bench_record.h"
 #include "clients/cli/bench_truth.h"
+#include "clients/cli/enum_words.h"
 #include "clients/cli/jobs.h"
 #include "clients/cli/progress_line.h"
 #include "clients/cli/shell.h"
@@ -73,7 +74,7 @@ absl::Status Train(const Client& client, const std::string& dataset, const Plan&
   ASSIGN_OR_RETURN(const v1::Job job, StartTraining(client, SceneOf(dataset), dataset, settings));
   ASSIGN_OR_RETURN(run.job, WatchJob(client, job.name(), [&](const v1::JobEvent& event) {
                      if (!event.has_progress()) return;
-                     run.steps[event.progress().stage()] = event.progress().step();
+                     run.steps[WordOf(event.progress().stage())] = event.progress().step();
                    }));
   run.seconds["request_to_model"] = watch.Seconds();
   run.seconds["queue"] =
@@ -85,7 +86,7 @@ absl::Status Train(const Client& client, const std::string& dataset, const Plan&
 // Measures two clicks in the middle of the first held-out view, at the granularity that the server
 // chooses. The first one loads the model. Measures nothing if nothing is under the click.
 absl::Status Click(const Client& client, const std::vector<v1::View>& views, BenchRun& run) {
-  v1::SegmentRequest request;
+  v1::SegmentViewsRequest request;
   request.set_model(run.model.name());
   for (const v1::View& view : views) {
     if (!view.held_out()) continue;
@@ -112,9 +113,9 @@ absl::Status Score(const Client& client, const fs::path& dataset,
                    const std::vector<TruthLevel>& truth, const std::vector<v1::View>& views,
                    BenchRun& run) {
   for (const TruthLevel& level : truth) {
-    ASSIGN_OR_RETURN(const v1::EvaluateRequest request,
+    ASSIGN_OR_RETURN(const v1::EvaluateModelRequest request,
                      EvaluateRequestOf(dataset, level, run.model.name(), views));
-    ASSIGN_OR_RETURN(v1::EvaluateResponse scores, client.Evaluate(request));
+    ASSIGN_OR_RETURN(v1::EvaluateModelResponse scores, client.Evaluate(request));
     run.levels.emplace_back(level.name, std::move(scores));
   }
   return absl::OkStatus();
@@ -130,8 +131,8 @@ absl::StatusOr<BenchRun> RunPlan(const Client& client, const BenchFlags& flags,
   ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(run.model.name()));
   ASSIGN_OR_RETURN(const std::vector<TruthLevel> truth, FindTruth(flags.folder));
   // A model that was trained without masks cannot segment.
-  const auto masks = run.model.sources().find("masks");
-  if (masks != run.model.sources().end() && masks->second != "none") {
+  const std::string& masks = run.model.sources().masks();
+  if (!masks.empty() && masks != "none") {
     RETURN_IF_ERROR(Click(client, views, run));
     RETURN_IF_ERROR(Score(client, flags.folder, truth, views, run));
   }

@@ -14,7 +14,7 @@ constexpr const char* kStages[] = {"prepare",  "sfm",      "priors", "reconstruc
                                    "evaluate", "features", "index"};
 
 // Returns the mean scores of a granularity level.
-Json LevelJson(const v1::EvaluateResponse& scores) {
+Json LevelJson(const v1::EvaluateModelResponse& scores) {
   return {{"entities", scores.entities_size()},
           {"miou", scores.chosen().iou()},
           {"mbiou", scores.chosen().boundary_iou()},

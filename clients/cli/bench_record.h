@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "pepeseg/v1/evaluation.pb.h"
+#include "pepeseg/v1/evaluation_service.pb.h"
 #include "pepeseg/v1/job_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 
@@ -22,8 +22,9 @@ struct BenchRun {
   // "next_click" if something is under the click. The times of the stages are in the model's
   // metrics.
   std::map<std::string, double> seconds;
-  std::map<std::string, int64_t> steps;                              // steps done, by stage
-  std::vector<std::pair<std::string, v1::EvaluateResponse>> levels;  // scores by TruthLevel::name
+  std::map<std::string, int64_t> steps;  // steps done, by stage
+  std::vector<std::pair<std::string, v1::EvaluateModelResponse>>
+      levels;  // scores by TruthLevel::name
 };
 
 // All runs, and what they have in common.

@@ -81,11 +81,11 @@ absl::StatusOr<std::vector<TruthLevel>> FindTruth(const fs::path& dataset) {
   return levels;
 }
 
-absl::StatusOr<v1::EvaluateRequest> EvaluateRequestOf(const fs::path& dataset,
-                                                      const TruthLevel& level,
-                                                      const std::string& model,
-                                                      const std::vector<v1::View>& views) {
-  v1::EvaluateRequest request;
+absl::StatusOr<v1::EvaluateModelRequest> EvaluateRequestOf(const fs::path& dataset,
+                                                           const TruthLevel& level,
+                                                           const std::string& model,
+                                                           const std::vector<v1::View>& views) {
+  v1::EvaluateModelRequest request;
   request.set_model(model);
   request.set_frame(v1::PIXEL_FRAME_PHOTOGRAPH);
   for (const auto& [id, name] : level.entities) (*request.mutable_entity_names())[id] = name;

@@ -7,7 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "clients/cli/picture.h"
-#include "pepeseg/v1/evaluation.pb.h"
+#include "pepeseg/v1/evaluation_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 
 namespace pepeseg::client::cli {
@@ -29,9 +29,9 @@ absl::StatusOr<std::vector<TruthLevel>> FindTruth(const std::filesystem::path& d
 // dataset's ignore mask. Images of another size than the photograph are resampled to it (nearest
 // neighbour). INVALID_ARGUMENT: the shape of an image differs from that of its photograph, or an
 // image to be resampled has an id over 255.
-absl::StatusOr<v1::EvaluateRequest> EvaluateRequestOf(const std::filesystem::path& dataset,
-                                                      const TruthLevel& level,
-                                                      const std::string& model,
-                                                      const std::vector<v1::View>& views);
+absl::StatusOr<v1::EvaluateModelRequest> EvaluateRequestOf(const std::filesystem::path& dataset,
+                                                           const TruthLevel& level,
+                                                           const std::string& model,
+                                                           const std::vector<v1::View>& views);
 
 }  // namespace pepeseg::client::cli

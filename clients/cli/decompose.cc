@@ -20,13 +20,7 @@ namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using Response = v1::DecomposeResponse;
-
-// Returns the length of the segment's bounding box along an axis, scene units.
-double Extent(const Response::Segment& segment, int axis) {
-  if (axis >= segment.min_size() || axis >= segment.max_size()) return 0;
-  return segment.max(axis) - segment.min(axis);
-}
+using Response = v1::DecomposeModelResponse;
 
 // Appends the segments of `level` whose parent is `parent`, each followed by its own children.
 void AddSegmentsOf(const Response& answer, int level, int parent, std::vector<std::string>& lines) {
@@ -34,9 +28,10 @@ void AddSegmentsOf(const Response& answer, int level, int parent, std::vector<st
   for (const Response::Segment& segment : answer.levels(level).segments()) {
     if (segment.parent() != parent) continue;
     const std::string name = absl::StrCat(indent, level, ":", segment.id());
+    const v1::Vector3 &min = segment.box().min(), &max = segment.box().max();
     lines.push_back(absl::StrFormat("%-16s %9d Gaussians  %.3g x %.3g x %.3g scene units", name,
-                                    segment.num_gaussians(), Extent(segment, 0), Extent(segment, 1),
-                                    Extent(segment, 2)));
+                                    segment.num_gaussians(), max.x() - min.x(), max.y() - min.y(),
+                                    max.z() - min.z()));
     if (level > 0) AddSegmentsOf(answer, level - 1, segment.id(), lines);
   }
 }
@@ -73,7 +68,7 @@ absl::StatusOr<int> ChooseLevel(const DecomposeFlags& flags, const Response& ans
 absl::Status WriteSegments(const Client& client, const DecomposeFlags& flags,
                            const Response& answer, int level) {
   const fs::path folder = fs::path(flags.out) / absl::StrCat("level_", level);
-  v1::ExportSelectionRequest request;
+  v1::ExportGaussiansRequest request;
   request.set_model(answer.model());
   v1::SegmentRef& segment = *request.mutable_subset()->mutable_segment();
   for (const auto& of_level : answer.levels()) segment.add_scales(of_level.scale_quantile());
@@ -89,9 +84,9 @@ absl::Status WriteSegments(const Client& client, const DecomposeFlags& flags,
 // Writes, for each view, STEM_ids.png (16-bit grey, as the server renders it) and STEM_colors.png.
 absl::Status WriteViews(const Client& client, const DecomposeFlags& flags, const Response& answer,
                         int level) {
-  v1::RenderRequest request;
+  v1::RenderViewRequest request;
   request.set_model(answer.model());
-  request.set_content(v1::RenderRequest::CONTENT_SEGMENTS);
+  request.set_content(v1::RenderViewRequest::CONTENT_SEGMENTS);
   for (const auto& of_level : answer.levels()) {
     request.add_decomposition_scales(of_level.scale_quantile());
   }
@@ -99,7 +94,7 @@ absl::Status WriteViews(const Client& client, const DecomposeFlags& flags, const
   ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(answer.model()));
   for (const v1::View& view : views) {
     request.mutable_viewpoint()->set_view(view.view());
-    ASSIGN_OR_RETURN(const v1::RenderResponse picture, client.Render(request));
+    ASSIGN_OR_RETURN(const v1::RenderViewResponse picture, client.Render(request));
     ASSIGN_OR_RETURN(const Grey16Picture ids, DecodeGrey16(picture.png(), view.view()));
     const std::string stem = (fs::path(flags.out) / Stem(view.view())).string();
     RETURN_IF_ERROR(WriteFile(stem + "_ids.png", picture.png()));
@@ -110,7 +105,7 @@ absl::Status WriteViews(const Client& client, const DecomposeFlags& flags, const
 
 absl::Status RunDecompose(const Shell& shell, const DecomposeFlags& flags) {
   const Client client(shell.channel);
-  v1::DecomposeRequest request;
+  v1::DecomposeModelRequest request;
   request.set_model(ModelName(flags.scene, flags.model));
   request.mutable_scales()->Add(flags.scales.begin(), flags.scales.end());
   ASSIGN_OR_RETURN(const Response answer, client.Decompose(request));

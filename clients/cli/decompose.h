@@ -16,7 +16,7 @@ namespace pepeseg::client::cli {
 //   level 1  scale 0.5 (1.2 scene units)  1 segments  0 Gaussians in none
 //     1:1                   20 Gaussians  1 x 2 x 0.5 scene units
 //       0:1                 11 Gaussians  1 x 1 x 0.5 scene units
-std::vector<std::string> SegmentTree(const v1::DecomposeResponse& answer);
+std::vector<std::string> SegmentTree(const v1::DecomposeModelResponse& answer);
 
 // Returns the colour of a segment, the same wherever the id is shown; neighbouring ids have
 // distinct hues. 0 stands for no segment and is black.

@@ -8,6 +8,7 @@
 #include "absl/time/time.h"
 #include "clients/cli/demo_report.h"
 #include "clients/cli/demo_score.h"
+#include "clients/cli/enum_words.h"
 #include "clients/cli/jobs.h"
 #include "clients/cli/progress_line.h"
 #include "clients/cli/shell.h"
@@ -79,7 +80,7 @@ absl::Status Train(const Client& client, const DemoFlags& flags, const std::stri
   ASSIGN_OR_RETURN(result.job, WatchJob(client, job.name(), [&](const v1::JobEvent& event) {
                      if (event.event_case() != v1::JobEvent::kStageEnded) return;
                      const auto& ended = event.stage_ended();
-                     result.stage_seconds[ended.stage()] = SecondsOf(ended.elapsed());
+                     result.stage_seconds[WordOf(ended.stage())] = SecondsOf(ended.elapsed());
                    }));
   ASSIGN_OR_RETURN(result.model, client.GetModel(result.job.model()));
   result.stage_seconds["train"] = watch.Seconds();

@@ -140,7 +140,7 @@ std::string ReportJson(const DemoResult& result) {
   report["psnr"] = Metric(result.model, "psnr");
   report["ssim"] = Metric(result.model, "ssim");
   report["mean_iou"] = result.MeanIou();
-  const v1::EvaluateResponse& evaluation = result.scores.evaluation;
+  const v1::EvaluateModelResponse& evaluation = result.scores.evaluation;
   report["mean_iou_chosen_on_clicked_view"] = evaluation.chosen().iou();
   report["mean_boundary_iou_chosen_on_clicked_view"] = evaluation.chosen().boundary_iou();
   report["mean_iou_oracle"] = evaluation.oracle().iou();

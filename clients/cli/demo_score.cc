@@ -30,10 +30,11 @@ absl::StatusOr<DemoView> ReadView(const fs::path& data, const v1::View& view) {
 }
 
 // Returns a request that scores the products by one click each, and at the fixed granularity.
-v1::EvaluateRequest ProductsRequest(const std::string& model, const std::vector<DemoView>& views,
-                                    std::span<const Product> products,
-                                    const FixedGranularity& fixed) {
-  v1::EvaluateRequest request;
+v1::EvaluateModelRequest ProductsRequest(const std::string& model,
+                                         const std::vector<DemoView>& views,
+                                         std::span<const Product> products,
+                                         const FixedGranularity& fixed) {
+  v1::EvaluateModelRequest request;
   request.set_model(model);
   for (const DemoView& view : views) {
     auto& labels = *request.add_labels();
@@ -51,9 +52,9 @@ v1::EvaluateRequest ProductsRequest(const std::string& model, const std::vector<
 
 // Segments the entity at the fixed granularity, and returns the mask of each of its views.
 absl::StatusOr<std::vector<Mask>> SegmentViews(const Client& client, const std::string& model,
-                                               const v1::EvaluateResponse::Entity& entity,
+                                               const v1::EvaluateModelResponse::Entity& entity,
                                                const FixedGranularity& fixed) {
-  v1::SegmentRequest request;
+  v1::SegmentViewsRequest request;
   request.set_model(model);
   request.mutable_prompt()->mutable_view()->set_view(entity.views(0).view());
   auto* point = request.mutable_prompt()->mutable_points()->add_points();
@@ -63,7 +64,7 @@ absl::StatusOr<std::vector<Mask>> SegmentViews(const Client& client, const std::
   request.mutable_granularity()->set_threshold(fixed.threshold);
   for (const auto& view : entity.views()) request.mutable_targets()->add_views(view.view());
   request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
-  ASSIGN_OR_RETURN(const v1::SegmentResponse answer, client.Segment(request));
+  ASSIGN_OR_RETURN(const v1::SegmentViewsResponse answer, client.Segment(request));
   if (answer.masks_size() != entity.views_size())
     return absl::InternalError("the server's answer lacks a mask");
   std::vector<Mask> masks;
@@ -85,7 +86,7 @@ size_t SizeOf(const std::vector<DemoView>& views, const std::string& name) {
 // scores by the protocol; its first view is the clicked one.
 absl::StatusOr<ProductScore> ScoreProduct(const Client& client, const std::string& model,
                                           const std::vector<DemoView>& views,
-                                          const v1::EvaluateResponse::Entity& entity,
+                                          const v1::EvaluateModelResponse::Entity& entity,
                                           const FixedGranularity& fixed) {
   ProductScore score;
   score.product = {entity.id(), entity.name()};

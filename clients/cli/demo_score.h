@@ -9,7 +9,7 @@
 #include "clients/cli/picture.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/mask.h"
-#include "pepeseg/v1/evaluation.pb.h"
+#include "pepeseg/v1/evaluation_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 
 // The scene of `pepeseg demo`, and the scores of a model of it.
@@ -54,14 +54,14 @@ struct ViewScore {
 // Scores of a product: by the one-click protocol, and at the fixed granularity.
 struct ProductScore {
   Product product;
-  v1::EvaluateResponse::Entity scores;  // by the protocol
+  v1::EvaluateModelResponse::Entity scores;  // by the protocol
   std::vector<ViewScore> views;  // held-out views that show the product, at the fixed granularity
   double mean_iou = 0;           // of `views`
   double query_seconds = 0;      // wall time of the Segment call; 0: there was nothing to click on
 };
 
 struct DemoScores {
-  v1::EvaluateResponse evaluation;
+  v1::EvaluateModelResponse evaluation;
   std::vector<ProductScore> products;
 };
 

@@ -38,7 +38,7 @@ struct EvaluateFlags {
 // others. NOT_FOUND: no held-out view has a label image.
 absl::StatusOr<std::vector<std::string>> AddLabels(const EvaluateFlags& flags,
                                                    const std::vector<v1::View>& views,
-                                                   v1::EvaluateRequest& request) {
+                                                   v1::EvaluateModelRequest& request) {
   std::string ignore;
   if (!flags.ignore.empty()) {
     ASSIGN_OR_RETURN(ignore, ReadFile(flags.ignore));
@@ -67,7 +67,7 @@ absl::StatusOr<std::vector<std::string>> AddLabels(const EvaluateFlags& flags,
 }
 
 // Reads the names of entities: ["none", "apple", ...] by id, or {"7": "apple", ...}.
-absl::Status AddNames(const std::string& file, v1::EvaluateRequest& request) {
+absl::Status AddNames(const std::string& file, v1::EvaluateModelRequest& request) {
   ASSIGN_OR_RETURN(const std::string text, ReadFile(file));
   const auto json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
   int index = 0;
@@ -89,7 +89,7 @@ absl::Status RunEvaluate(const Shell& shell, const EvaluateFlags& flags) {
     return LocalFileMissing(absl::StrCat("no such folder: ", flags.folder));
   }
   const Client client(shell.channel);
-  v1::EvaluateRequest request;
+  v1::EvaluateModelRequest request;
   request.set_model(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));
   if (!flags.names.empty()) RETURN_IF_ERROR(AddNames(flags.names, request));
   request.set_frame(flags.frame);
@@ -100,7 +100,7 @@ absl::Status RunEvaluate(const Shell& shell, const EvaluateFlags& flags) {
     Note(absl::StrCat(without.size(), " held-out views have no label image, such as ",
                       without.front()));
   }
-  ASSIGN_OR_RETURN(const v1::EvaluateResponse answer, client.Evaluate(request));
+  ASSIGN_OR_RETURN(const v1::EvaluateModelResponse answer, client.Evaluate(request));
   if (shell.json) {
     PrintJson(answer);
     return absl::OkStatus();
@@ -111,13 +111,13 @@ absl::Status RunEvaluate(const Shell& shell, const EvaluateFlags& flags) {
 }
 
 // Returns "48 chenille stems".
-std::string NameOf(const v1::EvaluateResponse::Entity& entity) {
+std::string NameOf(const v1::EvaluateModelResponse::Entity& entity) {
   std::string name = absl::StrCat(entity.id());
   if (!entity.name().empty()) absl::StrAppend(&name, " ", entity.name());
   return name.substr(0, kNameColumns);
 }
 
-std::string EntityRow(const v1::EvaluateResponse::Entity& entity, int columns) {
+std::string EntityRow(const v1::EvaluateModelResponse::Entity& entity, int columns) {
   std::string row =
       absl::StrFormat("%-*s  %5d  %5.3f  %5.3f", columns, NameOf(entity), entity.views_size() - 1,
                       entity.chosen().iou(), entity.chosen().boundary_iou());
@@ -131,7 +131,7 @@ std::string EntityRow(const v1::EvaluateResponse::Entity& entity, int columns) {
 
 }  // namespace
 
-std::vector<std::string> EvaluationTable(const v1::EvaluateResponse& answer) {
+std::vector<std::string> EvaluationTable(const v1::EvaluateModelResponse& answer) {
   const std::string last = absl::StrCat("mean of ", answer.entities_size());
   size_t widest = last.size();
   for (const auto& entity : answer.entities()) widest = std::max(widest, NameOf(entity).size());

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "pepeseg/v1/evaluation.pb.h"
+#include "pepeseg/v1/evaluation_service.pb.h"
 
 namespace pepeseg::client::cli {
 
@@ -17,6 +17,6 @@ namespace pepeseg::client::cli {
 //
 //   fixed scale, threshold 0.75   0.01    0.1      1
 //   mean IoU                     0.251  0.260  0.350
-std::vector<std::string> EvaluationTable(const v1::EvaluateResponse& answer);
+std::vector<std::string> EvaluationTable(const v1::EvaluateModelResponse& answer);
 
 }  // namespace pepeseg::client::cli

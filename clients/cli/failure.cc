@@ -64,7 +64,7 @@ std::string StartAdvice(const std::string& server) {
                       "`, or name another one with --server host:port.");
 }
 
-// Returns the remedy for a refused key, by ErrorDetail.reason; "" for another reason.
+// Returns the remedy for a refused key, by ErrorDetail::reason; "" for another reason.
 std::string PermissionAdvice(const std::string& reason) {
   if (reason == "NO_KEY") {
     return "Give one with --key-file FILE or in PEPESEG_KEY; the server's operator makes keys with "
@@ -81,9 +81,9 @@ std::string PermissionAdvice(const std::string& reason) {
 }
 
 // Returns when to try again; "" if the server's error does not say.
-std::string RetryAdvice(const v1::ErrorDetail& detail) {
-  if (!detail.has_retry_after()) return "";
-  const int64_t seconds = std::max<int64_t>(detail.retry_after().seconds(), 1);
+std::string RetryAdvice(const ErrorDetail& detail) {
+  if (!detail.retry_after) return "";
+  const int64_t seconds = std::max<int64_t>(absl::ToInt64Seconds(*detail.retry_after), 1);
   return absl::StrCat("The server is running but cannot serve this now: try again in ", seconds,
                       " s.");
 }
@@ -118,8 +118,8 @@ std::string GatewayAdvice(const absl::Status& status) {
 // Returns the remedy; "" if the message says enough.
 std::string Advice(const absl::Status& status, const std::string& server) {
   if (IsLocalFileError(status)) return "";
-  const std::optional<v1::ErrorDetail> detail = DetailOf(status);
-  const std::string resource = detail ? detail->resource() : "";
+  const std::optional<ErrorDetail> detail = DetailOf(status);
+  const std::string resource = detail ? detail->resource : "";
   if (!detail) {
     std::string advice = GatewayAdvice(status);
     if (!advice.empty()) return advice;
@@ -138,7 +138,7 @@ std::string Advice(const absl::Status& status, const std::string& server) {
     case kNotFound:
       return "`pepeseg scenes` and `pepeseg jobs` list what exists.";
     case kNotPermitted:
-      return PermissionAdvice(detail ? detail->reason() : "");
+      return PermissionAdvice(detail ? detail->reason : "");
     case kCorrupt:
       return "Bytes were damaged in transit or on the disk: run the command again.";
     default:
@@ -189,9 +189,9 @@ ExitCode ExitCodeOf(const absl::Status& status) {
 std::string Explain(const absl::Status& status, const std::string& server) {
   std::string text = absl::StrCat("pepeseg: ", status.message());
   if (status.message().empty()) absl::StrAppend(&text, absl::StatusCodeToString(status.code()));
-  if (const std::optional<v1::ErrorDetail> detail = DetailOf(status)) {
-    if (!detail->limit().empty() && text.find(detail->limit()) == std::string::npos) {
-      absl::StrAppend(&text, " (limit: ", detail->limit(), ")");
+  if (const std::optional<ErrorDetail> detail = DetailOf(status)) {
+    if (!detail->limit.empty() && text.find(detail->limit) == std::string::npos) {
+      absl::StrAppend(&text, " (limit: ", detail->limit, ")");
     }
   }
   const std::string advice = Advice(status, server);
@@ -203,12 +203,12 @@ std::string ExplainJson(const absl::Status& status) {
   error["code"] = absl::StatusCodeToString(status.code());
   error["exit_code"] = static_cast<int>(ExitCodeOf(status));
   error["message"] = std::string(status.message());
-  if (const std::optional<v1::ErrorDetail> detail = DetailOf(status)) {
-    error["reason"] = detail->reason();
-    if (!detail->field().empty()) error["field"] = detail->field();
-    if (!detail->resource().empty()) error["resource"] = detail->resource();
-    if (!detail->limit().empty()) error["limit"] = detail->limit();
-    if (!detail->value().empty()) error["value"] = detail->value();
+  if (const std::optional<ErrorDetail> detail = DetailOf(status)) {
+    error["reason"] = detail->reason;
+    if (!detail->field.empty()) error["field"] = detail->field;
+    if (!detail->resource.empty()) error["resource"] = detail->resource;
+    if (!detail->limit.empty()) error["limit"] = detail->limit;
+    if (!detail->value.empty()) error["value"] = detail->value;
   }
   return nlohmann::ordered_json{{"error", error}}.dump(
       -1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);

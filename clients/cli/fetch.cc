@@ -22,11 +22,11 @@ struct ExportFlags {
 
 // Writes the PLY and prints its size.
 absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
-  v1::ExportSelectionRequest request;
+  v1::ExportGaussiansRequest request;
   request.set_model(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));
   ASSIGN_OR_RETURN(*request.mutable_subset(), ParseSubset(flags.subset, flags.scene));
   const Client client(shell.channel);
-  ASSIGN_OR_RETURN(const v1::ExportSelectionResponse::Header header,
+  ASSIGN_OR_RETURN(const v1::ExportGaussiansResponse::Header header,
                    client.Export(request, flags.file));
   if (shell.json) {
     PrintJson(header);

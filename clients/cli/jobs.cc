@@ -5,11 +5,11 @@
 #include <memory>
 #include <set>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "clients/cli/enum_words.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/model_summary.h"
 #include "clients/cli/progress_line.h"
@@ -23,10 +23,11 @@ namespace {
 
 // Returns "reconstruct done in 12.3 s  METRIC VALUE", or "sfm         skipped: given".
 std::string StageEndedText(const v1::JobEvent::StageEnded& ended) {
+  const std::string stage = WordOf(ended.stage());
   std::string text =
       ended.skipped().empty()
-          ? absl::StrFormat("%-11s done in %.1f s", ended.stage(), SecondsOf(ended.elapsed()))
-          : absl::StrFormat("%-11s skipped: %s", ended.stage(), ended.skipped());
+          ? absl::StrFormat("%-11s done in %.1f s", stage, SecondsOf(ended.elapsed()))
+          : absl::StrFormat("%-11s skipped: %s", stage, ended.skipped());
   for (const auto& [name, value] : ended.metrics()) {
     absl::StrAppendFormat(&text, "  %s %.4g", name, value);
   }
@@ -35,8 +36,8 @@ std::string StageEndedText(const v1::JobEvent::StageEnded& ended) {
 
 // Returns "reconstruct depth skipped: REASON, from step 1200 on; saves 300 steps, about 4.5 s".
 std::string TermSkippedText(const v1::JobEvent::TermSkipped& skipped) {
-  std::string text =
-      absl::StrFormat("%-11s %s skipped: %s", skipped.stage(), skipped.term(), skipped.reason());
+  std::string text = absl::StrFormat("%-11s %s skipped: %s", WordOf(skipped.stage()),
+                                     WordOf(skipped.term()), skipped.reason());
   if (skipped.step() > 0) absl::StrAppendFormat(&text, ", from step %d on", skipped.step());
   if (skipped.saved_steps() > 0) {
     absl::StrAppendFormat(&text, "; saves %d steps, about %.1f s", skipped.saved_steps(),
@@ -75,7 +76,8 @@ void ShowEvent(const v1::JobEvent& event, ProgressLine& line) {
 
 // Returns an error unless the job succeeded.
 absl::Status Outcome(const v1::Job& job) {
-  const std::string stage = job.stage().empty() ? "" : absl::StrCat(" in stage ", job.stage());
+  const std::string word = WordOf(job.stage());
+  const std::string stage = word.empty() ? "" : absl::StrCat(" in stage ", word);
   if (job.state() == v1::JOB_STATE_FAILED) {
     return JobFailed(absl::StrCat(job.name(), " failed", stage, ": ", job.error().message()));
   }
@@ -107,12 +109,6 @@ absl::Status RunCancel(const Shell& shell, const std::string& job) {
   return absl::OkStatus();
 }
 
-// Returns "succeeded" for JOB_STATE_SUCCEEDED.
-std::string WordOf(v1::JobState state) {
-  constexpr size_t kPrefix = sizeof("JOB_STATE_") - 1;
-  return absl::AsciiStrToLower(v1::JobState_Name(state).substr(kPrefix));
-}
-
 // Returns the model of a job that succeeded, the progress of a running one, or the stage and the
 // reason of another end.
 std::string OutcomeText(const v1::Job& job) {
@@ -122,7 +118,8 @@ std::string OutcomeText(const v1::Job& job) {
     constexpr size_t kColumns = 60;
     return ProgressText(progress, kColumns);
   }
-  const std::string stage = job.stage().empty() ? "" : absl::StrCat("in ", job.stage());
+  const std::string word = WordOf(job.stage());
+  const std::string stage = word.empty() ? "" : absl::StrCat("in ", word);
   if (job.state() != v1::JOB_STATE_FAILED) return stage;
   return absl::StrCat(stage, stage.empty() ? "" : ": ", job.error().message());
 }

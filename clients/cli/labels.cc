@@ -1,4 +1,5 @@
 // The verbs "label" and "labels": names for the masks of views.
+#include <filesystem>
 #include <memory>
 #include <string>
 
@@ -6,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
+#include "clients/cli/view_picture.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
@@ -23,7 +25,11 @@ struct LabelFlags {
 
 struct LabelsFlags {
   std::string scene;
-  std::string remove;  // id of the label to delete; empty: list all
+  std::string id;      // of the label to describe; empty: list all
+  std::string out;     // folder for its mask; empty: do not write it
+  std::string remove;  // id of the label to delete; empty: none
+  // Of the mask.
+  v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH;
 };
 
 // Returns the name, view, area and text of a label.
@@ -39,12 +45,12 @@ absl::StatusOr<v1::MaskImage> FindMask(const Client& client, const LabelFlags& f
     ASSIGN_OR_RETURN(*mask.mutable_png(), ReadFile(flags.mask));
     return mask;
   }
-  v1::SegmentRequest request;
+  v1::SegmentViewsRequest request;
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
   ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
   *request.mutable_granularity() = ToGranularity(flags.granularity);
   request.set_frame(flags.prompt.frame);
-  ASSIGN_OR_RETURN(const v1::SegmentResponse answer, client.Segment(request));
+  ASSIGN_OR_RETURN(const v1::SegmentViewsResponse answer, client.Segment(request));
   if (answer.masks_size() != 1) return absl::InternalError("the server's answer has no mask");
   *mask.mutable_rle() = answer.masks(0).rle();
   return mask;
@@ -74,11 +80,26 @@ absl::Status ListLabels(const Shell& shell, const Client& client, const std::str
   return absl::OkStatus();
 }
 
+// Prints a label, and writes ID_mask.png.
+absl::Status DescribeLabel(const Shell& shell, const Client& client, const LabelsFlags& flags) {
+  const std::string name = absl::StrCat(SceneName(flags.scene), "/labels/", flags.id);
+  ASSIGN_OR_RETURN(const v1::Label label, client.GetLabel(name, flags.frame));
+  shell.json ? PrintJson(label) : Print(LabelLine(label));
+  if (flags.out.empty()) return absl::OkStatus();
+  const auto path = std::filesystem::path(flags.out) / (flags.id + "_mask.png");
+  RETURN_IF_ERROR(WriteMask(path, label.mask().rle()));
+  Note(absl::StrCat("the mask is in ", path.string()));
+  return absl::OkStatus();
+}
+
 absl::Status RunLabels(const Shell& shell, const LabelsFlags& flags) {
   const Client client(shell.channel);
   const std::string scene = SceneName(flags.scene);
-  if (flags.remove.empty()) return ListLabels(shell, client, scene);
-  return client.DeleteLabel(absl::StrCat(scene, "/labels/", flags.remove));
+  if (!flags.remove.empty()) {
+    return client.DeleteLabel(absl::StrCat(scene, "/labels/", flags.remove));
+  }
+  if (!flags.id.empty()) return DescribeLabel(shell, client, flags);
+  return ListLabels(shell, client, scene);
 }
 
 }  // namespace
@@ -105,9 +126,12 @@ void AddLabel(CLI::App& app, Shell& shell) {
 
 void AddLabels(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<LabelsFlags>();
-  CLI::App* verb = app.add_subcommand("labels", "List a scene's labels, or delete one");
+  CLI::App* verb = app.add_subcommand("labels", "List a scene's labels; describe or delete one");
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
-  verb->add_option("--delete", flags->remove, "Delete the label with this id");
+  CLI::Option* id = verb->add_option("ID", flags->id, "Id of a label");
+  verb->add_option("--out", flags->out, "Folder for ID_mask.png, the mask of the label")->needs(id);
+  AddFrameFlag(*verb, flags->frame);
+  verb->add_option("--delete", flags->remove, "Delete the label with this id")->excludes(id);
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunLabels(shell, *flags); }; });
 }
 

@@ -36,6 +36,7 @@ void LeaveOnInterrupt(int /*signal*/) {
 // Adds the verbs in the order in which --help lists them.
 void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::client::cli::AddScenes(app, shell);
+  pepeseg::client::cli::AddDatasets(app, shell);
   pepeseg::client::cli::AddModels(app, shell);
   pepeseg::client::cli::AddUpload(app, shell);
   pepeseg::client::cli::AddEstimate(app, shell);

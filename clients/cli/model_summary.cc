@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <map>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -65,19 +64,14 @@ const v1::View& MiddleView(const std::vector<v1::View>& views) {
 }  // namespace
 
 std::string SourcesText(const v1::Model& model) {
-  // The known sources in the order of the stages, then those of a newer server.
-  std::map<std::string, std::string> rest(model.sources().begin(), model.sources().end());
   std::string text;
-  const auto append = [&text](const std::string& what, const std::string& source) {
+  const auto append = [&text](const char* what, const std::string& source) {
+    if (source.empty()) return;
     absl::StrAppend(&text, text.empty() ? "" : ", ", what, " ", source);
   };
-  for (const char* what : {"poses", "masks", "depth"}) {
-    const auto found = rest.find(what);
-    if (found == rest.end()) continue;
-    append(what, found->second);
-    rest.erase(found);
-  }
-  for (const auto& [what, source] : rest) append(what, source);
+  append("poses", model.sources().poses());
+  append("masks", model.sources().masks());
+  append("depth", model.sources().depth());
   return text;
 }
 
@@ -129,9 +123,7 @@ std::string CommandText(const Shell& shell, const std::vector<std::string>& word
 std::string FirstCommand(const Shell& shell, const v1::Model& model,
                          const std::vector<v1::View>& views) {
   const std::string scene = SceneOf(model.name()).substr(std::string("scenes/").size());
-  const auto masks = model.sources().find("masks");
-  const bool segments = masks == model.sources().end() || masks->second != "none";
-  if (!segments || views.empty()) {
+  if (model.sources().masks() == "none" || views.empty()) {
     return CommandText(shell, {"export", scene, absl::StrCat(scene, ".ply")});
   }
   const v1::View& view = MiddleView(views);
@@ -143,7 +135,9 @@ std::string FirstCommand(const Shell& shell, const v1::Model& model,
 
 absl::Status PrintTrained(const Shell& shell, const Client& client, const std::string& model) {
   ASSIGN_OR_RETURN(const v1::Model answer, client.GetModel(model));
-  if (answer.sources_size() > 0) Print("trained on: " + SourcesText(answer));
+  if (const std::string sources = SourcesText(answer); !sources.empty()) {
+    Print("trained on: " + sources);
+  }
   if (const std::string quality = MaskQualityText(answer); !quality.empty()) Print(quality);
   PrintAdvice(answer);
   ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(model));

@@ -58,7 +58,9 @@ absl::Status DescribeModel(const Shell& shell, const Client& client, const std::
   }
   Print(absl::StrFormat("%s  %d Gaussians, %s", model.name(), model.num_gaussians(),
                         SizeText(model.num_bytes())));
-  if (model.sources_size() > 0) Print("  trained on: " + SourcesText(model));
+  if (const std::string sources = SourcesText(model); !sources.empty()) {
+    Print("  trained on: " + sources);
+  }
   for (const auto& [metric, value] : model.metrics()) {
     Print(absl::StrFormat("  %s %.4g", metric, value));
   }

@@ -37,7 +37,7 @@ struct GreyPicture {
   std::vector<uint8_t> pixels;
 };
 
-// A grey image, [height, width], 16 bits: ids, or depth in steps of RenderResponse.depth_unit.
+// A grey image, [height, width], 16 bits: ids, or depth in steps of RenderViewResponse.depth_unit.
 struct Grey16Picture {
   int width = 0;
   int height = 0;

@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cli/enum_words.h"
 
 namespace pepeseg::client::cli {
 namespace {
@@ -69,13 +70,13 @@ std::string ShortTimeLeft(const v1::JobProgress& progress) {
 
 // Returns the other parts of a progress line, the most important first.
 std::vector<std::string> PartsOf(const v1::JobProgress& progress) {
+  const std::string stage = WordOf(progress.stage());
   std::vector<std::string> parts;
   if (progress.activity().empty()) {
-    parts.push_back(
-        absl::StrCat(progress.stage(), " ", progress.step(), "/", progress.num_steps()));
+    parts.push_back(absl::StrCat(stage, " ", progress.step(), "/", progress.num_steps()));
   } else {
-    parts.push_back(absl::StrCat(progress.stage(), ": ", progress.activity(), " ", progress.step(),
-                                 " of ", progress.num_steps(), " ", progress.unit()));
+    parts.push_back(absl::StrCat(stage, ": ", progress.activity(), " ", progress.step(), " of ",
+                                 progress.num_steps(), " ", progress.unit()));
   }
   parts.push_back(Bar(Share(progress.step(), progress.num_steps())));
   if (progress.has_loss()) parts.push_back(absl::StrFormat("loss %.4f", progress.loss()));

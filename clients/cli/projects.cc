@@ -16,6 +16,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "clients/cli/admin_verb.h"
+#include "clients/cli/enum_words.h"
 #include "clients/cli/shell.h"
 #include "clients/cpp/call.h"
 #include "clients/cpp/status_macros.h"
@@ -30,7 +31,7 @@ struct KeyFlags {
   std::vector<std::string> scopes;
   std::string name;      // display name
   int expires_days = 0;  // 0: the key never expires
-  std::string key;       // to be revoked
+  std::string key;       // to be described or revoked; empty: list all
 };
 
 using Stub = v1::AdminService::Stub;
@@ -39,8 +40,7 @@ using Stub = v1::AdminService::Stub;
 std::string KeyLine(const v1::ApiKey& key) {
   std::vector<std::string> scopes;
   for (const int scope : key.scopes()) {
-    // "SCOPE_READ" becomes "read".
-    scopes.push_back(absl::AsciiStrToLower(v1::Scope_Name(scope).substr(6)));
+    scopes.push_back(WordOf(static_cast<v1::Scope>(scope)));
   }
   const int64_t now = absl::ToUnixSeconds(absl::Now());
   const bool expired = key.has_expire_time() && key.expire_time().seconds() <= now;
@@ -74,7 +74,21 @@ absl::Status RunCreate(const Shell& shell, const KeyFlags& flags, Stub& admin) {
   return absl::OkStatus();
 }
 
+// Returns "keys/ID" for an id or a name.
+std::string KeyName(const std::string& key) {
+  return absl::StartsWith(key, "keys/") ? key : absl::StrCat("keys/", key);
+}
+
+absl::Status DescribeKey(const Shell& shell, const KeyFlags& flags, Stub& admin) {
+  v1::GetKeyRequest request;
+  request.set_name(KeyName(flags.key));
+  ASSIGN_OR_RETURN(const v1::ApiKey key, Ask(admin, &Stub::GetKey, "", request));
+  shell.json ? PrintJson(key) : Print(KeyLine(key));
+  return absl::OkStatus();
+}
+
 absl::Status RunList(const Shell& shell, const KeyFlags& flags, Stub& admin) {
+  if (!flags.key.empty()) return DescribeKey(shell, flags, admin);
   v1::ListKeysRequest request;
   request.set_project(flags.project);
   ASSIGN_OR_RETURN(const v1::ListKeysResponse all,
@@ -85,8 +99,7 @@ absl::Status RunList(const Shell& shell, const KeyFlags& flags, Stub& admin) {
 
 absl::Status RunRevoke(const Shell& shell, const KeyFlags& flags, Stub& admin) {
   v1::RevokeKeyRequest request;
-  request.set_name(absl::StartsWith(flags.key, "keys/") ? flags.key
-                                                        : absl::StrCat("keys/", flags.key));
+  request.set_name(KeyName(flags.key));
   v1::ApiKey answer;
   Call call("", kCallSeconds);
   RETURN_IF_ERROR(FromGrpc(admin.RevokeKey(call, request, &answer)));
@@ -147,12 +160,12 @@ absl::Status RunQuota(const Shell& shell, const QuotaFlags& flags, Stub& admin) 
     request.set_project(flags.project);
     RETURN_IF_ERROR(FromGrpc(admin.GetProjectUsage(call, request, &usage)));
   } else {
-    v1::SetQuotaRequest request;
+    v1::UpdateQuotaRequest request;
     request.set_project(flags.project);
     for (const std::string& setting : flags.settings) {
       RETURN_IF_ERROR(ApplySetting(setting, *request.mutable_quota()));
     }
-    RETURN_IF_ERROR(FromGrpc(admin.SetQuota(call, request, &usage)));
+    RETURN_IF_ERROR(FromGrpc(admin.UpdateQuota(call, request, &usage)));
   }
   shell.json ? PrintJson(usage) : PrintUsage(usage);
   return absl::OkStatus();
@@ -182,9 +195,11 @@ void AddKeys(CLI::App& app, Shell& shell) {
       .add_option("--expires-days", made->expires_days,
                   "Days until the key expires; by default it does not expire")
       ->check(CLI::Range(1, kMaxDays));
-  AddAdminVerb<KeyFlags>(app, shell, {"key-list", "List API keys, without their secrets"},
-                         {listed, RunList})
-      .add_option("--project", listed->project, "Only the keys of this project");
+  CLI::App& list = AddAdminVerb<KeyFlags>(
+      app, shell, {"key-list", "List API keys, or describe one, without their secrets"},
+      {listed, RunList});
+  CLI::Option* key = list.add_option("KEY", listed->key, "Name of a key");
+  list.add_option("--project", listed->project, "Only the keys of this project")->excludes(key);
   AddAdminVerb<KeyFlags>(app, shell, {"key-revoke", "Revoke an API key, at once"},
                          {revoked, RunRevoke})
       .add_option("KEY", revoked->key, "Name of the key, as key-list prints it")

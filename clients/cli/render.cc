@@ -16,7 +16,7 @@ namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using Request = v1::RenderRequest;
+using Request = v1::RenderViewRequest;
 
 struct RenderFlags {
   std::string scene;
@@ -54,7 +54,7 @@ absl::StatusOr<Request> BuildRequest(const RenderFlags& flags) {
 }
 
 // Prints the path of a picture, and the unit of a depth image.
-void PrintPicture(const Shell& shell, const Request& request, const v1::RenderResponse& answer,
+void PrintPicture(const Shell& shell, const Request& request, const v1::RenderViewResponse& answer,
                   const fs::path& path) {
   const bool is_depth = request.content() == Request::CONTENT_DEPTH;
   if (shell.json) {
@@ -78,7 +78,7 @@ absl::Status RunRender(const Shell& shell, const RenderFlags& flags) {
   }
   for (const std::string& view : names) {
     request.mutable_viewpoint()->set_view(view);
-    ASSIGN_OR_RETURN(const v1::RenderResponse answer, client.Render(request));
+    ASSIGN_OR_RETURN(const v1::RenderViewResponse answer, client.Render(request));
     const fs::path path = fs::path(flags.out) / (Stem(view) + ".png");
     RETURN_IF_ERROR(WriteFile(path, answer.png()));
     PrintPicture(shell, request, answer, path);

@@ -7,7 +7,7 @@
 #include "absl/status/statusor.h"
 #include "clients/cpp/resource_names.h"
 #include "pepeseg/v1/prompt.pb.h"
-#include "pepeseg/v1/render.pb.h"
+#include "pepeseg/v1/render_service.pb.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
 
 // Flags that several verbs share, and the parts of a request that they become. Each Add function

@@ -46,9 +46,9 @@ std::string ModelLine(const v1::ResidentModel& model) {
 }
 
 absl::Status RunResident(const Shell& shell, const ResidentFlags& /*flags*/, Stub& admin) {
-  v1::ListResidentResponse answer;
+  v1::ListResidentModelsResponse answer;
   Call call("", kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(admin.ListResident(call, {}, &answer)));
+  RETURN_IF_ERROR(FromGrpc(admin.ListResidentModels(call, {}, &answer)));
   if (shell.json) {
     PrintJson(answer);
     return absl::OkStatus();
@@ -84,12 +84,14 @@ absl::Status RunUnload(const Shell& /*shell*/, const ResidentFlags& flags, Stub&
 }
 
 absl::Status RunPin(const Shell& shell, const ResidentFlags& flags, Stub& admin) {
-  v1::PinModelRequest request;
-  request.set_name(ModelOf(flags));
-  request.set_pinned(!flags.off);
+  v1::PinModelRequest pin;
+  v1::UnpinModelRequest unpin;
+  pin.set_name(ModelOf(flags));
+  unpin.set_name(pin.name());
   v1::ResidentModel answer;
   Call call(flags.scene, kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(admin.PinModel(call, request, &answer)));
+  RETURN_IF_ERROR(FromGrpc(flags.off ? admin.UnpinModel(call, unpin, &answer)
+                                     : admin.PinModel(call, pin, &answer)));
   PrintModel(shell, answer);
   return absl::OkStatus();
 }

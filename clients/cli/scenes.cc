@@ -80,7 +80,9 @@ absl::Status DescribeScene(const Shell& shell, const Client& client, const std::
   }
   Print(absl::StrFormat("  %d Gaussians, %.1f MB", model.num_gaussians(),
                         static_cast<double>(model.num_bytes()) * 1e-6));
-  if (model.sources_size() > 0) Print("  trained on: " + SourcesText(model));
+  if (const std::string sources = SourcesText(model); !sources.empty()) {
+    Print("  trained on: " + sources);
+  }
   for (const auto& [metric, value] : model.metrics()) {
     Print(absl::StrFormat("  %s %.4g", metric, value));
   }

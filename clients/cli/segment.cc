@@ -4,11 +4,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/picture.h"
 #include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/view_picture.h"
-#include "clients/cpp/mask.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {
@@ -24,8 +22,8 @@ struct SegmentFlags {
 };
 
 // Sets the views to segment from the values of --views.
-void SetTargets(const std::vector<std::string>& names, v1::SegmentRequest& request) {
-  using Targets = v1::SegmentRequest::Targets;
+void SetTargets(const std::vector<std::string>& names, v1::SegmentViewsRequest& request) {
+  using Targets = v1::SegmentViewsRequest::Targets;
   for (const std::string& name : names) {
     if (name == "all") {
       request.mutable_targets()->set_group(Targets::GROUP_ALL);
@@ -37,8 +35,8 @@ void SetTargets(const std::vector<std::string>& names, v1::SegmentRequest& reque
   }
 }
 
-absl::StatusOr<v1::SegmentRequest> BuildRequest(const SegmentFlags& flags) {
-  v1::SegmentRequest request;
+absl::StatusOr<v1::SegmentViewsRequest> BuildRequest(const SegmentFlags& flags) {
+  v1::SegmentViewsRequest request;
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
   ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
   *request.mutable_granularity() = ToGranularity(flags.granularity);
@@ -49,14 +47,12 @@ absl::StatusOr<v1::SegmentRequest> BuildRequest(const SegmentFlags& flags) {
 }
 
 // Writes STEM_mask.png, and STEM_overlay.png, the mask over a rendering of the view.
-absl::Status WriteMask(const Client& client, const SegmentFlags& flags,
-                       const v1::SegmentRequest& request, const v1::SegmentResponse& answer,
-                       const v1::SegmentResponse::ViewMask& view) {
-  ASSIGN_OR_RETURN(const Mask mask, DecodeRle(view.rle()));
+absl::Status WriteMaskAndOverlay(const Client& client, const SegmentFlags& flags,
+                                 const v1::SegmentViewsRequest& request,
+                                 const v1::SegmentViewsResponse& answer,
+                                 const v1::SegmentViewsResponse::ViewMask& view) {
   const fs::path stem = fs::path(flags.out) / Stem(view.view());
-  GreyPicture grey{view.rle().width(), view.rle().height(), mask};
-  for (uint8_t& pixel : grey.pixels) pixel = pixel != 0 ? 255 : 0;
-  RETURN_IF_ERROR(WritePng(stem.string() + "_mask.png", grey));
+  RETURN_IF_ERROR(WriteMask(stem.string() + "_mask.png", view.rle()));
   Points points;
   if (view.view() == request.prompt().view().view()) points = request.prompt().points().points();
   ASSIGN_OR_RETURN(const Picture overlay,
@@ -65,7 +61,7 @@ absl::Status WriteMask(const Client& client, const SegmentFlags& flags,
 }
 
 // Prints the granularity used, and a line for each mask.
-void PrintAnswer(const v1::SegmentResponse& answer) {
+void PrintAnswer(const v1::SegmentViewsResponse& answer) {
   Print(absl::StrFormat("%s  scale %.3f (%.4g scene units)  threshold %.3f", answer.model(),
                         answer.scale_quantile(), answer.scale_units(), answer.threshold()));
   for (const auto& mask : answer.masks()) {
@@ -76,12 +72,12 @@ void PrintAnswer(const v1::SegmentResponse& answer) {
 }
 
 absl::Status RunSegment(const Shell& shell, const SegmentFlags& flags) {
-  ASSIGN_OR_RETURN(const v1::SegmentRequest request, BuildRequest(flags));
+  ASSIGN_OR_RETURN(const v1::SegmentViewsRequest request, BuildRequest(flags));
   const Client client(shell.channel);
-  ASSIGN_OR_RETURN(const v1::SegmentResponse answer, client.Segment(request));
+  ASSIGN_OR_RETURN(const v1::SegmentViewsResponse answer, client.Segment(request));
   for (const auto& mask : answer.masks()) {
     if (!flags.out.empty()) {
-      RETURN_IF_ERROR(WriteMask(client, flags, request, answer, mask));
+      RETURN_IF_ERROR(WriteMaskAndOverlay(client, flags, request, answer, mask));
     }
   }
   shell.json ? PrintJson(answer) : PrintAnswer(answer);

@@ -58,17 +58,17 @@ void PrintSelection(const Shell& shell, const v1::Selection& selection) {
   if (shell.json) return PrintJson(selection);
   std::string line = absl::StrFormat("%s  %s  %d Gaussians", selection.name(), selection.model(),
                                      selection.num_gaussians());
-  if (selection.min_size() == 3 && selection.max_size() == 3) {
-    absl::StrAppendFormat(&line, "  %.4g x %.4g x %.4g scene units",
-                          selection.max(0) - selection.min(0), selection.max(1) - selection.min(1),
-                          selection.max(2) - selection.min(2));
+  if (selection.has_box()) {
+    const v1::Vector3 &min = selection.box().min(), &max = selection.box().max();
+    absl::StrAppendFormat(&line, "  %.4g x %.4g x %.4g scene units", max.x() - min.x(),
+                          max.y() - min.y(), max.z() - min.z());
   }
   if (!selection.base().empty()) absl::StrAppend(&line, "  from ", selection.base());
   Print(line);
 }
 
 // Sets the selection to combine the new one with, and how.
-void SetBase(const SelectFlags& flags, v1::SelectRequest& request) {
+void SetBase(const SelectFlags& flags, v1::CreateSelectionRequest& request) {
   const auto set = [&](int number, v1::SetOperation operation) {
     if (number == 0) return;
     request.set_base(SelectionName(flags.prompt.scene, number));
@@ -82,12 +82,12 @@ void SetBase(const SelectFlags& flags, v1::SelectRequest& request) {
 // Writes STEM_selection.png: the selection alone, rendered from the prompt's view.
 absl::Status WritePicture(const Client& client, const SelectFlags& flags,
                           const v1::Selection& selection) {
-  v1::RenderRequest request;
+  v1::RenderViewRequest request;
   request.set_model(selection.model());
   request.mutable_viewpoint()->set_view(flags.prompt.view);
   request.mutable_subset()->set_selection(selection.name());
   request.set_frame(flags.prompt.frame);
-  ASSIGN_OR_RETURN(const v1::RenderResponse answer, client.Render(request));
+  ASSIGN_OR_RETURN(const v1::RenderViewResponse answer, client.Render(request));
   ASSIGN_OR_RETURN(const Picture picture, DecodePicture(answer.png(), flags.prompt.view));
   const fs::path path = fs::path(flags.out) / (Stem(flags.prompt.view) + "_selection.png");
   RETURN_IF_ERROR(WritePng(path, picture));
@@ -100,7 +100,7 @@ absl::Status RunSelect(const Shell& shell, const SelectFlags& flags) {
     return absl::InvalidArgumentError(
         "--out renders the view of the prompt, and a label has no --view");
   }
-  v1::SelectRequest request;
+  v1::CreateSelectionRequest request;
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
   ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
   *request.mutable_granularity() = ToGranularity(flags.granularity);

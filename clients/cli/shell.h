@@ -45,6 +45,7 @@ void AddWatch(CLI::App& app, Shell& shell);
 void AddCancel(CLI::App& app, Shell& shell);
 void AddJobs(CLI::App& app, Shell& shell);
 void AddScenes(CLI::App& app, Shell& shell);
+void AddDatasets(CLI::App& app, Shell& shell);
 void AddModels(CLI::App& app, Shell& shell);
 void AddSegment(CLI::App& app, Shell& shell);
 void AddPropose(CLI::App& app, Shell& shell);

@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "clients/cli/admin_verb.h"
+#include "clients/cli/enum_words.h"
 #include "clients/cli/progress_line.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/text_table.h"
@@ -50,14 +51,15 @@ std::string QueryLine(const v1::ServerStatus& status) {
 }
 
 std::string PoolLine(const v1::ServerStatus::Pool& pool) {
-  return absl::StrFormat("%-10s  %d of %d busy, %d of %d queued", pool.name(), pool.num_busy(),
-                         pool.num_threads(), pool.num_queued(), pool.max_queued());
+  return absl::StrFormat("%-10s  %d of %d busy, %d of %d queued", WordOf(pool.work()),
+                         pool.num_busy(), pool.num_threads(), pool.num_queued(), pool.max_queued());
 }
 
 std::string RunningLine(const v1::Job& job) {
-  const std::string what = job.has_progress()    ? ProgressText(job.progress(), kColumns)
-                           : job.stage().empty() ? "starting"
-                                                 : job.stage();
+  const std::string stage = WordOf(job.stage());
+  const std::string what = job.has_progress() ? ProgressText(job.progress(), kColumns)
+                           : stage.empty()    ? "starting"
+                                              : stage;
   return absl::StrFormat("%-10s  %-24s  %s", job.name(), job.scene(), what);
 }
 
@@ -83,9 +85,9 @@ struct TopFlags {
 absl::StatusOr<TopSnapshot> TakeSnapshot(v1::AdminService::Stub& admin) {
   TopSnapshot snapshot;
   Call status("", kTopSeconds);
-  RETURN_IF_ERROR(FromGrpc(admin.GetStatus(status, {}, &snapshot.status)));
+  RETURN_IF_ERROR(FromGrpc(admin.GetServerStatus(status, {}, &snapshot.status)));
   Call resident("", kTopSeconds);
-  RETURN_IF_ERROR(FromGrpc(admin.ListResident(resident, {}, &snapshot.resident)));
+  RETURN_IF_ERROR(FromGrpc(admin.ListResidentModels(resident, {}, &snapshot.resident)));
   return snapshot;
 }
 
@@ -120,13 +122,12 @@ struct DrainFlags {
   bool off = false;
 };
 
-// Drains the server, or with --off undoes that, and prints its new state.
+// Drains the server, or with --off ends the drain, and prints its new state.
 absl::Status RunDrain(const Shell& shell, const DrainFlags& flags, v1::AdminService::Stub& admin) {
-  v1::DrainRequest request;
-  request.set_draining(!flags.off);
   TopSnapshot snapshot;
   Call call("", kTopSeconds);
-  RETURN_IF_ERROR(FromGrpc(admin.Drain(call, request, &snapshot.status)));
+  RETURN_IF_ERROR(FromGrpc(flags.off ? admin.ResumeServer(call, {}, &snapshot.status)
+                                     : admin.DrainServer(call, {}, &snapshot.status)));
   shell.json ? PrintJson(snapshot.status) : Print(TopLines(snapshot, absl::Now()).front());
   return absl::OkStatus();
 }
@@ -135,7 +136,7 @@ absl::Status RunDrain(const Shell& shell, const DrainFlags& flags, v1::AdminServ
 
 std::vector<std::string> TopLines(const TopSnapshot& snapshot, absl::Time now) {
   const v1::ServerStatus& status = snapshot.status;
-  const v1::ListResidentResponse& resident = snapshot.resident;
+  const v1::ListResidentModelsResponse& resident = snapshot.resident;
   std::vector<std::string> lines = {ServerLine(status, now), ProcessLine(status), QueryLine(status),
                                     ""};
   for (const v1::ServerStatus::Pool& pool : status.pools()) lines.push_back(PoolLine(pool));

@@ -12,7 +12,7 @@ namespace pepeseg::client::cli {
 // What `pepeseg top` shows at one time.
 struct TopSnapshot {
   v1::ServerStatus status;
-  v1::ListResidentResponse resident;
+  v1::ListResidentModelsResponse resident;
 };
 
 // Returns the lines of the screen: the server, its thread pools, the running jobs, and the models

@@ -6,6 +6,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cli/enum_words.h"
 #include "clients/cli/jobs.h"
 #include "clients/cli/model_summary.h"
 #include "clients/cli/option_table.h"
@@ -56,8 +57,9 @@ void PrintEstimate(const v1::EstimateTrainingResponse& estimate) {
                         estimate.num_views(), static_cast<double>(estimate.max_pixels()) * 1e-6,
                         estimate.num_points(), estimate.num_mask_files()));
   for (const auto& stage : estimate.stages()) {
-    std::string line = absl::StrFormat("  %-12s device %8.0f MiB  host %8.0f MiB", stage.stage(),
-                                       Mib(stage.device_bytes()), Mib(stage.host_bytes()));
+    std::string line =
+        absl::StrFormat("  %-12s device %8.0f MiB  host %8.0f MiB", WordOf(stage.stage()),
+                        Mib(stage.device_bytes()), Mib(stage.host_bytes()));
     if (stage.has_duration()) absl::StrAppendFormat(&line, "  %d s", stage.duration().seconds());
     Print(line);
   }

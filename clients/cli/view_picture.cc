@@ -23,11 +23,11 @@ PixelSize PhotographSize(const v1::View& view) {
 
 absl::StatusOr<Picture> RenderView(const Client& client, const std::string& model,
                                    const std::string& view, v1::PixelFrame frame) {
-  v1::RenderRequest request;
+  v1::RenderViewRequest request;
   request.set_model(model);
   request.mutable_viewpoint()->set_view(view);
   request.set_frame(frame);
-  ASSIGN_OR_RETURN(const v1::RenderResponse answer, client.Render(request));
+  ASSIGN_OR_RETURN(const v1::RenderViewResponse answer, client.Render(request));
   return DecodePicture(answer.png(), view);
 }
 
@@ -46,6 +46,13 @@ absl::StatusOr<Picture> DrawnOver(const Client& client, const std::string& model
               point.negative() ? kNegative : kPositive);
   }
   return picture;
+}
+
+absl::Status WriteMask(const std::filesystem::path& path, const v1::CocoRle& rle) {
+  ASSIGN_OR_RETURN(Mask mask, DecodeRle(rle));
+  GreyPicture grey{rle.width(), rle.height(), std::move(mask)};
+  for (uint8_t& pixel : grey.pixels) pixel = pixel != 0 ? 255 : 0;
+  return WritePng(path, grey);
 }
 
 std::string Stem(const std::string& view) {

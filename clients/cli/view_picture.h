@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -29,13 +30,16 @@ absl::StatusOr<Picture> RenderView(const Client& client, const std::string& mode
 using Points = google::protobuf::RepeatedPtrField<v1::PointsPrompt::Point>;
 // The overlay that is drawn on a view.
 struct Overlay {
-  const v1::SegmentResponse::ViewMask& mask;  // RLE; names the view
-  Points points;                              // pixels of `frame`
+  const v1::SegmentViewsResponse::ViewMask& mask;  // RLE; names the view
+  Points points;                                   // pixels of `frame`
   v1::PixelFrame frame;
 };
 // Renders the view of the overlay's mask and draws the overlay over it.
 absl::StatusOr<Picture> DrawnOver(const Client& client, const std::string& model,
                                   const Overlay& overlay);
+
+// Writes a mask as an 8-bit grey PNG, 0 and 255. DATA_LOSS: the run lengths are malformed.
+absl::Status WriteMask(const std::filesystem::path& path, const v1::CocoRle& rle);
 
 // Returns a file name without extension for what belongs to a view: "frame-000000" for
 // "frame-000000.jpg"; '/' becomes '-'.

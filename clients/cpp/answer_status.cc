@@ -7,11 +7,18 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/types/optional.h"
+#include "pepeseg/v1/errors.pb.h"
 
 namespace pepeseg::client {
 namespace {
 
-constexpr char kDetailUrl[] = "type.googleapis.com/pepeseg.v1.ErrorDetail";
+// Details have the names of google.rpc, so that other tools decode them, and our messages of the
+// same fields.
+constexpr char kErrorInfo[] = "type.googleapis.com/google.rpc.ErrorInfo";
+constexpr char kBadRequest[] = "type.googleapis.com/google.rpc.BadRequest";
+constexpr char kResourceInfo[] = "type.googleapis.com/google.rpc.ResourceInfo";
+constexpr char kRetryInfo[] = "type.googleapis.com/google.rpc.RetryInfo";
+constexpr char kDomain[] = "pepeseg";  // of our server's ErrorInfo
 
 // gRPC's message for an answer whose HTTP status is not 200.
 constexpr char kHttpStatus[] = "Received http2 header with status: ";
@@ -71,27 +78,63 @@ absl::Status FromProxy(const absl::Status& status) {
   return status;
 }
 
+// Returns the payload with this URL; empty if there is none or it does not parse.
+template <typename Message>
+std::optional<Message> PayloadOf(const absl::Status& status, const char* url) {
+  const absl::optional<absl::Cord> payload = status.GetPayload(url);
+  Message message;
+  if (!payload || !message.ParseFromString(std::string(*payload))) return std::nullopt;
+  return message;
+}
+
+// Returns the ErrorInfo of our server; empty if the status is not from it.
+std::optional<v1::ErrorInfo> InfoOf(const absl::Status& status) {
+  std::optional<v1::ErrorInfo> info = PayloadOf<v1::ErrorInfo>(status, kErrorInfo);
+  if (info && info->domain() != kDomain) info.reset();
+  return info;
+}
+
+// Returns the value of `key`; "" if there is none.
+std::string MetadataOf(const v1::ErrorInfo& info, const std::string& key) {
+  const auto found = info.metadata().find(key);
+  return found == info.metadata().end() ? "" : found->second;
+}
+
 }  // namespace
 
 absl::Status FromGrpc(const grpc::Status& status) {
   if (status.ok()) return absl::OkStatus();
   absl::Status result(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
-  // The server's own errors carry an ErrorDetail. A status without one comes from gRPC or from a
-  // proxy.
-  v1::Status details;
-  v1::ErrorDetail detail;
-  if (details.ParseFromString(status.error_details()) && details.details_size() > 0 &&
-      details.details(0).UnpackTo(&detail)) {
-    result.SetPayload(kDetailUrl, absl::Cord(detail.SerializeAsString()));
-    return result;
+  v1::Status trailer;
+  if (trailer.ParseFromString(status.error_details())) {
+    for (const auto& detail : trailer.details()) {
+      result.SetPayload(detail.type_url(), absl::Cord(detail.value()));
+    }
   }
-  return FromProxy(result);
+  // The server's own errors have its ErrorInfo. A status without one comes from gRPC or from a
+  // proxy.
+  return InfoOf(result) ? result : FromProxy(result);
 }
 
-std::optional<v1::ErrorDetail> DetailOf(const absl::Status& status) {
-  const absl::optional<absl::Cord> payload = status.GetPayload(kDetailUrl);
-  v1::ErrorDetail detail;
-  if (!payload || !detail.ParseFromString(std::string(*payload))) return std::nullopt;
+std::optional<ErrorDetail> DetailOf(const absl::Status& status) {
+  const std::optional<v1::ErrorInfo> info = InfoOf(status);
+  if (!info) return std::nullopt;
+  ErrorDetail detail;
+  detail.reason = info->reason();
+  detail.limit = MetadataOf(*info, "limit");
+  detail.value = MetadataOf(*info, "value");
+  const auto request = PayloadOf<v1::BadRequest>(status, kBadRequest);
+  if (request && request->field_violations_size() > 0) {
+    detail.field = request->field_violations(0).field();
+  }
+  if (const auto resource = PayloadOf<v1::ResourceInfo>(status, kResourceInfo)) {
+    detail.resource = resource->resource_name();
+  }
+  const auto retry = PayloadOf<v1::RetryInfo>(status, kRetryInfo);
+  if (retry && retry->has_retry_delay()) {
+    detail.retry_after = absl::Seconds(retry->retry_delay().seconds()) +
+                         absl::Nanoseconds(retry->retry_delay().nanos());
+  }
   return detail;
 }
 

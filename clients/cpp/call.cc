@@ -17,12 +17,11 @@ std::chrono::nanoseconds FromSeconds(double seconds) {
 
 // Returns the time to wait before the call is repeated; nothing if it must not be.
 std::optional<std::chrono::nanoseconds> RetryAfter(const absl::Status& status) {
-  const std::optional<v1::ErrorDetail> detail = DetailOf(status);
-  if (!absl::IsUnavailable(status) || !detail || !detail->has_retry_after()) return std::nullopt;
+  const std::optional<ErrorDetail> detail = DetailOf(status);
+  if (!absl::IsUnavailable(status) || !detail || !detail->retry_after) return std::nullopt;
   // A server that shuts down takes no further calls.
-  if (detail->reason() == "DRAINING") return std::nullopt;
-  const std::chrono::nanoseconds wait = std::chrono::seconds(detail->retry_after().seconds()) +
-                                        std::chrono::nanoseconds(detail->retry_after().nanos());
+  if (detail->reason == "DRAINING") return std::nullopt;
+  const std::chrono::nanoseconds wait = absl::ToChronoNanoseconds(*detail->retry_after);
   // A wait of 0 would repeat the call in a busy loop.
   return std::max<std::chrono::nanoseconds>(wait, std::chrono::milliseconds(1));
 }

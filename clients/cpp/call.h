@@ -34,7 +34,7 @@ class Call {
 // Decides whether a failed call is repeated, and for how long in all.
 //
 // Repeated are calls that the server has put off: it answered UNAVAILABLE with
-// ErrorDetail.retry_after and has done nothing yet, because too many calls are waiting, no memory
+// ErrorDetail::retry_after and has done nothing yet, because too many calls are waiting, no memory
 // for a model is free, or its database is away. A server that is shutting down (DRAINING) is not
 // waited for.
 class RetryBudget {

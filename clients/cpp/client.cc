@@ -17,7 +17,11 @@ namespace {
 using Scenes = v1::SceneService::Stub;
 using Jobs = v1::JobService::Stub;
 using Segmentation = v1::SegmentationService::Stub;
-using Header = v1::ExportSelectionResponse::Header;
+using Labels = v1::LabelService::Stub;
+using Selections = v1::SelectionService::Stub;
+using Rendering = v1::RenderService::Stub;
+using Evaluation = v1::EvaluationService::Stub;
+using Header = v1::ExportGaussiansResponse::Header;
 
 constexpr int kMaxWatchRetries = 10;  // in a row without an event
 constexpr auto kRetryPause = std::chrono::seconds(3);
@@ -65,12 +69,12 @@ bool IsAway(const absl::Status& status) {
 
 // Appends the chunks of an export to `file` and returns its header, the first message of the
 // stream. DATA_LOSS: a chunk fails its CRC, or the whole its size or SHA-256.
-absl::StatusOr<Header> Receive(grpc::ClientReader<v1::ExportSelectionResponse>& stream,
+absl::StatusOr<Header> Receive(grpc::ClientReader<v1::ExportGaussiansResponse>& stream,
                                OutputFile& file) {
   Header header;
   Sha256 sha256;
   int64_t size = 0;
-  v1::ExportSelectionResponse part;
+  v1::ExportGaussiansResponse part;
   while (stream.Read(&part)) {
     if (part.has_header()) header = part.header();
     if (!part.has_chunk()) continue;
@@ -94,13 +98,13 @@ absl::StatusOr<Header> Receive(grpc::ClientReader<v1::ExportSelectionResponse>& 
 
 // Exports to `file`. A stream that the server puts off has sent nothing, so that it can be repeated
 // into the same file; one that has sent bytes is not repeated.
-absl::StatusOr<Header> ReceiveAll(Segmentation& segmentation,
-                                  const v1::ExportSelectionRequest& request, OutputFile& file) {
+absl::StatusOr<Header> ReceiveAll(Rendering& rendering, const v1::ExportGaussiansRequest& request,
+                                  OutputFile& file) {
   const RetryBudget retries(kCallSeconds);
   while (true) {
     // No deadline: a large export takes as long as it takes.
     Call call(SceneOf(request.model()), 0);
-    absl::StatusOr<Header> header = Receive(*segmentation.ExportSelection(call, request), file);
+    absl::StatusOr<Header> header = Receive(*rendering.ExportGaussians(call, request), file);
     if (header.ok()) return header;
     call.Cancel();
     if (file.num_bytes() > 0 || !retries.WaitAfter(header.status())) return header.status();
@@ -113,7 +117,11 @@ Client::Client(const std::shared_ptr<grpc::Channel>& channel)
     : scenes_(v1::SceneService::NewStub(channel)),
       datasets_(v1::DatasetService::NewStub(channel)),
       jobs_(v1::JobService::NewStub(channel)),
-      segmentation_(v1::SegmentationService::NewStub(channel)) {}
+      segmentation_(v1::SegmentationService::NewStub(channel)),
+      labels_(v1::LabelService::NewStub(channel)),
+      selections_(v1::SelectionService::NewStub(channel)),
+      rendering_(v1::RenderService::NewStub(channel)),
+      evaluation_(v1::EvaluationService::NewStub(channel)) {}
 
 absl::Status Client::EnsureScene(const std::string& scene) const {
   // A scene can be created by its id only, in the caller's project.
@@ -215,8 +223,9 @@ absl::StatusOr<v1::Job> Client::WatchJob(const std::string& job,
   return GetJob(job);
 }
 
-absl::StatusOr<v1::SegmentResponse> Client::Segment(const v1::SegmentRequest& request) const {
-  return Ask(*segmentation_, &Segmentation::Segment, SceneOf(request.model()), request);
+absl::StatusOr<v1::SegmentViewsResponse> Client::Segment(
+    const v1::SegmentViewsRequest& request) const {
+  return Ask(*segmentation_, &Segmentation::SegmentViews, SceneOf(request.model()), request);
 }
 
 absl::StatusOr<v1::ProposeScalesResponse> Client::ProposeScales(
@@ -224,23 +233,25 @@ absl::StatusOr<v1::ProposeScalesResponse> Client::ProposeScales(
   return Ask(*segmentation_, &Segmentation::ProposeScales, SceneOf(request.model()), request);
 }
 
-absl::StatusOr<v1::DecomposeResponse> Client::Decompose(const v1::DecomposeRequest& request) const {
-  return Ask(*segmentation_, &Segmentation::Decompose, SceneOf(request.model()), request);
+absl::StatusOr<v1::DecomposeModelResponse> Client::Decompose(
+    const v1::DecomposeModelRequest& request) const {
+  return Ask(*segmentation_, &Segmentation::DecomposeModel, SceneOf(request.model()), request);
 }
 
-absl::StatusOr<v1::EvaluateResponse> Client::Evaluate(const v1::EvaluateRequest& request) const {
-  return Ask(*segmentation_, &Segmentation::Evaluate, SceneOf(request.model()), request,
+absl::StatusOr<v1::EvaluateModelResponse> Client::Evaluate(
+    const v1::EvaluateModelRequest& request) const {
+  return Ask(*evaluation_, &Evaluation::EvaluateModel, SceneOf(request.model()), request,
              kEvaluateSeconds);
 }
 
-absl::StatusOr<v1::RenderResponse> Client::Render(const v1::RenderRequest& request) const {
-  return Ask(*segmentation_, &Segmentation::Render, SceneOf(request.model()), request);
+absl::StatusOr<v1::RenderViewResponse> Client::Render(const v1::RenderViewRequest& request) const {
+  return Ask(*rendering_, &Rendering::RenderView, SceneOf(request.model()), request);
 }
 
-absl::StatusOr<Header> Client::Export(const v1::ExportSelectionRequest& request,
+absl::StatusOr<Header> Client::Export(const v1::ExportGaussiansRequest& request,
                                       const std::string& file) const {
   ASSIGN_OR_RETURN(OutputFile output, OutputFile::Create(file));
-  ASSIGN_OR_RETURN(const Header header, ReceiveAll(*segmentation_, request, output));
+  ASSIGN_OR_RETURN(const Header header, ReceiveAll(*rendering_, request, output));
   RETURN_IF_ERROR(output.Commit());
   return header;
 }
@@ -248,54 +259,61 @@ absl::StatusOr<Header> Client::Export(const v1::ExportSelectionRequest& request,
 absl::StatusOr<v1::Label> Client::CreateLabel(v1::CreateLabelRequest request) const {
   request.set_parent(SceneName(request.parent()));
   if (request.request_id().empty()) request.set_request_id(NewRequestId());
-  return Ask(*segmentation_, &Segmentation::CreateLabel, request.parent(), request);
+  return Ask(*labels_, &Labels::CreateLabel, request.parent(), request);
+}
+
+absl::StatusOr<v1::Label> Client::GetLabel(const std::string& label, v1::PixelFrame frame) const {
+  v1::GetLabelRequest request;
+  request.set_name(label);
+  request.set_frame(frame);
+  return Ask(*labels_, &Labels::GetLabel, SceneOf(label), request);
 }
 
 absl::StatusOr<v1::ListLabelsResponse> Client::ListLabels(const std::string& scene) const {
   v1::ListLabelsRequest request;
   request.set_parent(SceneName(scene));
-  return AskAllPages(*segmentation_, &Segmentation::ListLabels, scene, request);
+  return AskAllPages(*labels_, &Labels::ListLabels, scene, request);
 }
 
 absl::Status Client::DeleteLabel(const std::string& label) const {
   v1::DeleteLabelRequest request;
   request.set_name(label);
-  return Ask(*segmentation_, &Segmentation::DeleteLabel, SceneOf(label), request).status();
+  return Ask(*labels_, &Labels::DeleteLabel, SceneOf(label), request).status();
 }
 
-absl::StatusOr<v1::Selection> Client::Select(v1::SelectRequest request) const {
+absl::StatusOr<v1::Selection> Client::Select(v1::CreateSelectionRequest request) const {
   if (request.request_id().empty()) request.set_request_id(NewRequestId());
-  return Ask(*segmentation_, &Segmentation::Select, SceneOf(request.model()), request);
+  return Ask(*selections_, &Selections::CreateSelection, SceneOf(request.model()), request);
 }
 
 absl::StatusOr<v1::Selection> Client::CombineSelections(
     v1::CombineSelectionsRequest request) const {
   if (request.request_id().empty()) request.set_request_id(NewRequestId());
-  return Ask(*segmentation_, &Segmentation::CombineSelections, SceneOf(request.first()), request);
+  return Ask(*selections_, &Selections::CombineSelections, SceneOf(request.first()), request);
 }
 
 absl::StatusOr<v1::Selection> Client::UndoSelection(const std::string& selection) const {
   v1::UndoSelectionRequest request;
   request.set_name(selection);
-  return Ask(*segmentation_, &Segmentation::UndoSelection, SceneOf(selection), request);
+  return Ask(*selections_, &Selections::UndoSelection, SceneOf(selection), request);
 }
 
 absl::StatusOr<v1::Selection> Client::GetSelection(const std::string& selection) const {
   v1::GetSelectionRequest request;
   request.set_name(selection);
-  return Ask(*segmentation_, &Segmentation::GetSelection, SceneOf(selection), request);
+  return Ask(*selections_, &Selections::GetSelection, SceneOf(selection), request);
 }
 
 absl::StatusOr<v1::ListSelectionsResponse> Client::ListSelections(const std::string& scene) const {
   v1::ListSelectionsRequest request;
   request.set_parent(SceneName(scene));
-  return AskAllPages(*segmentation_, &Segmentation::ListSelections, scene, request);
+  return AskAllPages(*selections_, &Selections::ListSelections, scene, request);
 }
 
 absl::Status Client::DeleteSelection(const std::string& selection) const {
   v1::DeleteSelectionRequest request;
   request.set_name(selection);
-  return Ask(*segmentation_, &Segmentation::DeleteSelection, SceneOf(selection), request).status();
+  return Ask(*selections_, &Selections::DeleteSelection, SceneOf(selection), request).status();
 }
 
 }  // namespace pepeseg::client

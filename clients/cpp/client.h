@@ -12,9 +12,13 @@
 #include "absl/status/statusor.h"
 #include "clients/cpp/dataset_folder.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
+#include "pepeseg/v1/evaluation_service.grpc.pb.h"
 #include "pepeseg/v1/job_service.grpc.pb.h"
+#include "pepeseg/v1/label_service.grpc.pb.h"
+#include "pepeseg/v1/render_service.grpc.pb.h"
 #include "pepeseg/v1/scene_service.grpc.pb.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
+#include "pepeseg/v1/selection_service.grpc.pb.h"
 
 // The client library of C++ programs; `pepeseg`, the command line, is such a program.
 namespace pepeseg::client {
@@ -33,9 +37,9 @@ struct UploadProgress {
 // name, such as "scenes/shelf/models/live" (see ModelName in clients/cpp/resource_names.h).
 // Requests without a request_id get a random one.
 //
-// Errors are those of the server, with its ErrorDetail (see DetailOf in
-// clients/cpp/answer_status.h). UNAVAILABLE: no server answers. DEADLINE_EXCEEDED: no answer within
-// two minutes (Evaluate: an hour).
+// Errors are those of the server, with its details (see DetailOf in clients/cpp/answer_status.h).
+// UNAVAILABLE: no server answers. DEADLINE_EXCEEDED: no answer within two minutes (Evaluate: an
+// hour).
 class Client {
  public:
   // `channel` comes from OpenChannel (clients/cpp/channel.h).
@@ -43,8 +47,8 @@ class Client {
 
   // Scenes and models.
 
-  // Creates the scene unless it exists. A name with its project, "projects/P/scenes/S", is only looked
-  // up: NOT_FOUND if there is no such scene.
+  // Creates the scene unless it exists. A name with its project, "projects/P/scenes/S", is only
+  // looked up: NOT_FOUND if there is no such scene.
   absl::Status EnsureScene(const std::string& scene) const;
   absl::StatusOr<v1::Scene> GetScene(const std::string& scene) const;
   absl::StatusOr<v1::ListScenesResponse> ListScenes() const;
@@ -61,6 +65,10 @@ class Client {
   // retries until no byte has arrived for a minute. DATA_LOSS: a file changed during the upload.
   absl::StatusOr<v1::Dataset> Upload(const std::string& scene, const DatasetFolder& folder,
                                      const UploadProgress& progress = {}) const;
+  // Deletes an upload that is not sealed, with the bytes that were sent of it.
+  absl::Status DeleteUpload(const std::string& upload) const;
+  absl::StatusOr<v1::Dataset> GetDataset(const std::string& dataset) const;
+  absl::StatusOr<v1::ListDatasetsResponse> ListDatasets(const std::string& scene) const;
   // Returns the newest sealed dataset of the scene; FAILED_PRECONDITION if it has none.
   absl::StatusOr<v1::Dataset> NewestDataset(const std::string& scene) const;
   struct Photograph {
@@ -88,23 +96,26 @@ class Client {
 
   // Queries of a model.
 
-  absl::StatusOr<v1::SegmentResponse> Segment(const v1::SegmentRequest& request) const;
+  absl::StatusOr<v1::SegmentViewsResponse> Segment(const v1::SegmentViewsRequest& request) const;
   absl::StatusOr<v1::ProposeScalesResponse> ProposeScales(
       const v1::ProposeScalesRequest& request) const;
-  absl::StatusOr<v1::DecomposeResponse> Decompose(const v1::DecomposeRequest& request) const;
-  absl::StatusOr<v1::EvaluateResponse> Evaluate(const v1::EvaluateRequest& request) const;
-  absl::StatusOr<v1::RenderResponse> Render(const v1::RenderRequest& request) const;
+  absl::StatusOr<v1::DecomposeModelResponse> Decompose(
+      const v1::DecomposeModelRequest& request) const;
+  absl::StatusOr<v1::EvaluateModelResponse> Evaluate(const v1::EvaluateModelRequest& request) const;
+  absl::StatusOr<v1::RenderViewResponse> Render(const v1::RenderViewRequest& request) const;
   // Writes a model, or a subset of it, to `file` as a PLY. The file appears only once all of its
   // bytes are there and match their SHA-256; otherwise: DATA_LOSS.
-  absl::StatusOr<v1::ExportSelectionResponse::Header> Export(
-      const v1::ExportSelectionRequest& request, const std::string& file) const;
+  absl::StatusOr<v1::ExportGaussiansResponse::Header> Export(
+      const v1::ExportGaussiansRequest& request, const std::string& file) const;
 
   // Labels and selections; arguments and results have resource names.
 
   absl::StatusOr<v1::Label> CreateLabel(v1::CreateLabelRequest request) const;
+  // Returns a label with its mask, in the pixels of `frame`.
+  absl::StatusOr<v1::Label> GetLabel(const std::string& label, v1::PixelFrame frame) const;
   absl::StatusOr<v1::ListLabelsResponse> ListLabels(const std::string& scene) const;
   absl::Status DeleteLabel(const std::string& label) const;
-  absl::StatusOr<v1::Selection> Select(v1::SelectRequest request) const;
+  absl::StatusOr<v1::Selection> Select(v1::CreateSelectionRequest request) const;
   absl::StatusOr<v1::Selection> CombineSelections(v1::CombineSelectionsRequest request) const;
   absl::StatusOr<v1::Selection> UndoSelection(const std::string& selection) const;
   absl::StatusOr<v1::Selection> GetSelection(const std::string& selection) const;
@@ -116,6 +127,10 @@ class Client {
   std::unique_ptr<v1::DatasetService::Stub> datasets_;
   std::unique_ptr<v1::JobService::Stub> jobs_;
   std::unique_ptr<v1::SegmentationService::Stub> segmentation_;
+  std::unique_ptr<v1::LabelService::Stub> labels_;
+  std::unique_ptr<v1::SelectionService::Stub> selections_;
+  std::unique_ptr<v1::RenderService::Stub> rendering_;
+  std::unique_ptr<v1::EvaluationService::Stub> evaluation_;
 };
 
 }  // namespace pepeseg::client

@@ -256,14 +256,29 @@ absl::StatusOr<v1::Dataset> Client::Upload(const std::string& scene, const Datas
   return FinishUpload(*datasets_, std::move(upload), folder, progress);
 }
 
-absl::StatusOr<v1::Dataset> Client::NewestDataset(const std::string& scene) const {
+absl::Status Client::DeleteUpload(const std::string& upload) const {
+  v1::DeleteUploadRequest request;
+  request.set_name(upload);
+  return Ask(*datasets_, &Datasets::DeleteUpload, SceneOf(upload), request).status();
+}
+
+absl::StatusOr<v1::Dataset> Client::GetDataset(const std::string& dataset) const {
+  v1::GetDatasetRequest request;
+  request.set_name(dataset);
+  return Ask(*datasets_, &Datasets::GetDataset, SceneOf(dataset), request);
+}
+
+absl::StatusOr<v1::ListDatasetsResponse> Client::ListDatasets(const std::string& scene) const {
   v1::ListDatasetsRequest request;
   request.set_parent(SceneName(scene));
-  ASSIGN_OR_RETURN(const v1::ListDatasetsResponse all,
-                   AskAllPages(*datasets_, &Datasets::ListDatasets, scene, request));
+  return AskAllPages(*datasets_, &Datasets::ListDatasets, scene, request);
+}
+
+absl::StatusOr<v1::Dataset> Client::NewestDataset(const std::string& scene) const {
+  ASSIGN_OR_RETURN(const v1::ListDatasetsResponse all, ListDatasets(scene));
   if (all.datasets_size() > 0) return all.datasets(all.datasets_size() - 1);
   return absl::FailedPreconditionError(
-      absl::StrCat(request.parent(), " has no dataset yet; upload one"));
+      absl::StrCat(SceneName(scene), " has no dataset yet; upload one"));
 }
 
 absl::StatusOr<Client::Photograph> Client::GetPhotograph(

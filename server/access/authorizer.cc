@@ -4,14 +4,13 @@
 
 #include <algorithm>
 
-#include "absl/strings/cord.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/time/clock.h"
-#include "pepeseg/v1/errors.pb.h"
 #include "server/access/api_key.h"
 #include "server/access/scene_names.h"
+#include "server/store/error_detail.h"
 #include "server/store/scene_key.h"
 
 namespace pepeseg {
@@ -19,18 +18,8 @@ namespace {
 
 constexpr absl::string_view kScheme = "Bearer ";
 
-// Attaches a detail in the form that server/api/error.h reads.
-absl::Status WithReason(absl::Status status, const v1::ErrorDetail& detail) {
-  status.SetPayload(
-      absl::StrCat("type.googleapis.com/", v1::ErrorDetail::descriptor()->full_name()),
-      absl::Cord(detail.SerializeAsString()));
-  return status;
-}
-
 absl::Status Refusal(absl::StatusCode code, const std::string& reason, const std::string& message) {
-  v1::ErrorDetail detail;
-  detail.set_reason(reason);
-  return WithReason(absl::Status(code, message), detail);
+  return WithDetail(absl::Status(code, message), {.reason = reason});
 }
 
 absl::Status NoKeyError() {
@@ -59,23 +48,17 @@ absl::Status BadIdentityError(const std::string& what) {
 }
 
 absl::Status MissingScopeError(v1::Scope scope) {
-  v1::ErrorDetail detail;
-  detail.set_reason("MISSING_SCOPE");
-  detail.set_limit(v1::Scope_Name(scope));
-  return WithReason(absl::PermissionDeniedError(absl::StrCat(
+  return WithDetail(absl::PermissionDeniedError(absl::StrCat(
                         "the key lacks ", v1::Scope_Name(scope), ", which this call needs")),
-                    detail);
+                    {.reason = "MISSING_SCOPE", .limit = v1::Scope_Name(scope)});
 }
 
 // The message does not contain the name, and is the same for a resource of another project and for
 // one that does not exist, so that nobody learns which names others use.
 absl::Status NotYoursError(const std::string& field) {
-  v1::ErrorDetail detail;
-  detail.set_reason("NOT_YOURS");
-  detail.set_field(field);
-  return WithReason(absl::PermissionDeniedError(
+  return WithDetail(absl::PermissionDeniedError(
                         absl::StrCat(field, ": nothing of the key's project has this name")),
-                    detail);
+                    {.reason = "NOT_YOURS", .field = field});
 }
 
 }  // namespace

@@ -1,17 +1,17 @@
 #include "server/access/project_quotas.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
-#include "absl/strings/cord.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/digest.h"
 #include "core/base/status_macros.h"
-#include "pepeseg/v1/errors.pb.h"
 #include "server/access/method_access.h"
+#include "server/store/error_detail.h"
 
 namespace pepeseg {
 namespace {
@@ -22,11 +22,17 @@ constexpr absl::Duration kMaxAge = absl::Seconds(1);
 // sends queries all the time never becomes unknown in between.
 constexpr absl::Duration kMaxStale = absl::Seconds(2);
 constexpr size_t kMaxOpened = 10'000;  // credentials that are remembered
-constexpr char kQueryService[] = "pepeseg.v1.SegmentationService.";
+// The services whose calls are queries (see pepeseg.v1.Quota).
+constexpr std::array kQueryServices = {
+    "pepeseg.v1.SegmentationService.", "pepeseg.v1.LabelService.", "pepeseg.v1.SelectionService.",
+    "pepeseg.v1.RenderService.", "pepeseg.v1.EvaluationService."};
 
 bool IsQuery(const google::protobuf::Message& request) {
   const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
-  return access != nullptr && absl::StartsWith(access->method, kQueryService);
+  return access != nullptr &&
+         std::any_of(kQueryServices.begin(), kQueryServices.end(), [&](const char* service) {
+           return absl::StartsWith(access->method, service);
+         });
 }
 
 // `missing`: part of a token that is missing until the next query is admitted.
@@ -35,18 +41,14 @@ absl::Status TooFastError(double per_second, double missing) {
   // waits for it is admitted.
   const auto milliseconds = static_cast<int64_t>(std::ceil(1000 * missing / per_second));
   const auto limit = static_cast<int64_t>(per_second);
-  v1::ErrorDetail detail;
-  detail.set_reason("QUOTA");
-  detail.set_field("queries_per_second");
-  detail.set_value(absl::StrCat(limit + 1));
-  detail.set_limit(absl::StrCat(limit));
-  detail.mutable_retry_after()->set_seconds(milliseconds / 1000);
-  detail.mutable_retry_after()->set_nanos(static_cast<int>(milliseconds % 1000) * 1'000'000);
-  absl::Status status = absl::UnavailableError(absl::StrCat(
-      "the project's quota is ", limit, " queries per second; retry in ", milliseconds, " ms"));
-  status.SetPayload(absl::StrCat("type.googleapis.com/", detail.GetTypeName()),
-                    absl::Cord(detail.SerializeAsString()));
-  return status;
+  return WithDetail(
+      absl::UnavailableError(absl::StrCat("the project's quota is ", limit,
+                                          " queries per second; retry in ", milliseconds, " ms")),
+      {.reason = "QUOTA",
+       .field = "queries_per_second",
+       .limit = absl::StrCat(limit),
+       .value = absl::StrCat(limit + 1),
+       .retry_after = absl::Milliseconds(milliseconds)});
 }
 
 }  // namespace

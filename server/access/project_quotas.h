@@ -17,7 +17,8 @@
 namespace pepeseg {
 
 // The quotas in force for each project, cached for a second so that not every query asks the store,
-// and the rate of each project's queries to this server. A query is a call of SegmentationService.
+// and the rate of each project's queries to this server. Quota.queries_per_second says which calls
+// are queries.
 // Thread safe. Blocks on the store about once a second for each project.
 class ProjectQuotas {
  public:

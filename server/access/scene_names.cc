@@ -1,15 +1,15 @@
 #include "server/access/scene_names.h"
 
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "core/base/status_macros.h"
-#include "pepeseg/v1/errors.pb.h"
 #include "server/access/method_access.h"
+#include "server/store/error_detail.h"
 #include "server/store/scene_key.h"
 
 namespace pepeseg {
@@ -23,13 +23,7 @@ struct NamedScene {
 };
 
 absl::Status WithField(absl::Status status, const std::string& reason, const std::string& field) {
-  v1::ErrorDetail detail;
-  detail.set_reason(reason);
-  detail.set_field(field);
-  status.SetPayload(
-      absl::StrCat("type.googleapis.com/", v1::ErrorDetail::descriptor()->full_name()),
-      absl::Cord(detail.SerializeAsString()));
-  return status;
+  return WithDetail(std::move(status), {.reason = reason, .field = field});
 }
 
 // Splits a name. Returns false if it does not begin with a scene, as the name of a job or a bare

@@ -52,15 +52,6 @@ bool MakeRelative(const std::string& folder, std::string& text) {
   return changed;
 }
 
-// Removes all details and returns the first, which is the client's; a second one is the mark of a
-// private error.
-v1::ErrorDetail TakeDetail(v1::Status& status) {
-  v1::ErrorDetail detail;
-  if (status.details_size() > 0) status.details(0).UnpackTo(&detail);
-  status.clear_details();
-  return detail;
-}
-
 void Generalise(const ClientErrorRules& rules, v1::Status& status) {
   auto code = static_cast<StatusCode>(status.code());
   // gRPC answers UNKNOWN when a handler has thrown; clients need not tell the two apart.
@@ -71,17 +62,17 @@ void Generalise(const ClientErrorRules& rules, v1::Status& status) {
     absl::StrAppend(&text, "; its log has the cause under request ", rules.request_id);
   }
   status.set_message(text);
-  v1::ErrorDetail detail = TakeDetail(status);
+  ErrorDetail detail = UnpackDetail(status.details());
   // The reason may be wrong: NO_SUCH_JOB, for example, although only the database was away.
-  if (detail.reason() != kDiskFull) detail.set_reason(absl::StatusCodeToString(code));
+  if (detail.reason != kDiskFull) detail.reason = absl::StatusCodeToString(code);
   // Value and limit may be numbers of the server, such as the disk's free bytes. Field and resource
   // came from the request.
-  detail.clear_value();
-  detail.clear_limit();
-  if (code == StatusCode::kUnavailable && !detail.has_retry_after()) {
-    detail.mutable_retry_after()->set_seconds(1);
+  detail.value.clear();
+  detail.limit.clear();
+  if (code == StatusCode::kUnavailable && !detail.retry_after) {
+    detail.retry_after = absl::Seconds(1);
   }
-  status.add_details()->PackFrom(detail);
+  SetDetail(detail, status);
 }
 
 }  // namespace
@@ -97,13 +88,13 @@ bool HidePrivateText(const ClientErrorRules& rules, v1::Status& status) {
   // "/" would be found in every path. A status without details was made by gRPC and has no text of
   // ours.
   if (folder.size() < 2 || status.details_size() == 0) return false;
-  v1::ErrorDetail detail = TakeDetail(status);
+  ErrorDetail detail = UnpackDetail(status.details());
   bool changed = MakeRelative(folder, *status.mutable_message());
-  for (std::string* text :
-       {detail.mutable_resource(), detail.mutable_limit(), detail.mutable_value()}) {
+  for (std::string* text : {&detail.resource, &detail.limit, &detail.value}) {
     changed = MakeRelative(folder, *text) || changed;
   }
-  status.add_details()->PackFrom(detail);
+  // The description of a field is made from the message again.
+  SetDetail(detail, status);
   return changed;
 }
 

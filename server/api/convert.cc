@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "server/store/error_detail.h"
 
 namespace pepeseg {
 namespace {
@@ -20,62 +23,65 @@ constexpr int kMaxPoints = 64;
 // and corrected.
 constexpr double kMaxNormError = 1e-3;
 
+absl::Status BadGeometry(const std::string& field, const std::string& what) {
+  return WithDetail(absl::InvalidArgumentError(absl::StrCat(field, ": ", what)),
+                    {.reason = "BAD_FIELD", .field = field});
+}
+
 absl::Status CheckCamera(const v1::PinholeCamera& camera, const std::string& field) {
   const int64_t width = camera.width();
   const int64_t height = camera.height();
   if (width < 1 || height < 1 || width > kMaxExtent || height > kMaxExtent ||
       width * height > kMaxPixels) {
-    return absl::InvalidArgumentError(absl::StrCat(field, ".camera: ", width, " x ", height,
-                                                   " pixels, allowed are 1..", kMaxExtent,
-                                                   " each and ", kMaxPixels, " in all"));
+    return BadGeometry(field, absl::StrCat(width, " x ", height, " pixels, allowed are 1..",
+                                           kMaxExtent, " each and ", kMaxPixels, " in all"));
   }
   for (const auto& [name, focal] : {std::pair{"fx", camera.fx()}, {"fy", camera.fy()}}) {
     if (!std::isfinite(focal) || focal <= 0) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(field, ".camera.", name, ": ", focal, " is not finite and > 0"));
+      return BadGeometry(absl::StrCat(field, ".", name),
+                         absl::StrCat(focal, " is not finite and > 0"));
     }
   }
   for (const auto& [name, centre] : {std::pair{"cx", camera.cx()}, {"cy", camera.cy()}}) {
     if (!std::isfinite(centre)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(field, ".camera.", name, ": ", centre, " is not finite"));
+      return BadGeometry(absl::StrCat(field, ".", name), absl::StrCat(centre, " is not finite"));
     }
   }
   return absl::OkStatus();
 }
 
-// Returns INVALID_ARGUMENT unless there are `size` finite values. NaN would pass comparisons of
-// ranges further on.
-absl::Status CheckVector(const google::protobuf::RepeatedField<double>& values, int size,
+// Returns INVALID_ARGUMENT unless all values are finite. NaN would pass comparisons of ranges
+// further on.
+absl::Status CheckFinite(std::initializer_list<std::pair<const char*, double>> values,
                          const std::string& field) {
-  if (values.size() != size) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(field, ": ", values.size(), " values instead of ", size));
-  }
-  for (int i = 0; i < size; ++i) {
-    if (!std::isfinite(values[i])) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(field, "[", i, "]: ", values[i], " is not finite"));
-    }
+  for (const auto& [name, value] : values) {
+    if (std::isfinite(value)) continue;
+    return BadGeometry(absl::StrCat(field, ".", name), absl::StrCat(value, " is not finite"));
   }
   return absl::OkStatus();
+}
+
+absl::StatusOr<Eigen::Quaterniond> RotationFromProto(const v1::Quaternion& q,
+                                                     const std::string& field) {
+  RETURN_IF_ERROR(CheckFinite({{"w", q.w()}, {"x", q.x()}, {"y", q.y()}, {"z", q.z()}}, field));
+  const Eigen::Quaterniond rotation(q.w(), q.x(), q.y(), q.z());
+  const double norm = rotation.norm();
+  if (std::abs(norm - 1) > kMaxNormError) {
+    return BadGeometry(field, absl::StrCat("norm ", norm, " instead of 1 within ", kMaxNormError));
+  }
+  return rotation.normalized();
 }
 
 absl::StatusOr<Pose> PoseFromProto(const v1::RigidTransform& proto, const std::string& field) {
-  const std::string rotation_field = absl::StrCat(field, ".cam_from_world.rotation");
-  RETURN_IF_ERROR(CheckVector(proto.rotation(), 4, rotation_field));
-  RETURN_IF_ERROR(
-      CheckVector(proto.translation(), 3, absl::StrCat(field, ".cam_from_world.translation")));
-  const auto& q = proto.rotation();
-  const auto& t = proto.translation();
-  // Both the message and Eigen's constructor have w first.
-  Pose pose{Eigen::Quaterniond(q[0], q[1], q[2], q[3]), Eigen::Vector3d(t[0], t[1], t[2])};
-  const double norm = pose.rotation.norm();
-  if (std::abs(norm - 1) > kMaxNormError) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(rotation_field, ": norm ", norm, " instead of 1 within ", kMaxNormError));
-  }
-  pose.rotation.normalize();
+  const std::string rotation_field = absl::StrCat(field, ".rotation");
+  const std::string translation_field = absl::StrCat(field, ".translation");
+  if (!proto.has_rotation()) return BadGeometry(rotation_field, "is required");
+  if (!proto.has_translation()) return BadGeometry(translation_field, "is required");
+  Pose pose;
+  ASSIGN_OR_RETURN(pose.rotation, RotationFromProto(proto.rotation(), rotation_field));
+  const v1::Vector3& t = proto.translation();
+  RETURN_IF_ERROR(CheckFinite({{"x", t.x()}, {"y", t.y()}, {"z", t.z()}}, translation_field));
+  pose.translation = Eigen::Vector3d(t.x(), t.y(), t.z());
   return pose;
 }
 
@@ -123,6 +129,14 @@ google::protobuf::Duration ToProto(absl::Duration duration) {
   return proto;
 }
 
+v1::Vector3 VectorToProto(const std::array<double, 3>& vector) {
+  v1::Vector3 proto;
+  proto.set_x(vector[0]);
+  proto.set_y(vector[1]);
+  proto.set_z(vector[2]);
+  return proto;
+}
+
 v1::View ToProto(const ModelView& view) {
   v1::View proto;
   proto.set_view(view.name);
@@ -135,8 +149,13 @@ v1::View ToProto(const ModelView& view) {
   camera.set_cy(view.camera.cy);
   v1::RigidTransform& pose = *proto.mutable_cam_from_world();
   const Eigen::Quaterniond& q = view.cam_from_world.rotation;
-  for (double value : {q.w(), q.x(), q.y(), q.z()}) pose.add_rotation(value);
-  for (double value : view.cam_from_world.translation) pose.add_translation(value);
+  v1::Quaternion& rotation = *pose.mutable_rotation();
+  rotation.set_w(q.w());
+  rotation.set_x(q.x());
+  rotation.set_y(q.y());
+  rotation.set_z(q.z());
+  const Eigen::Vector3d& t = view.cam_from_world.translation;
+  *pose.mutable_translation() = VectorToProto({t.x(), t.y(), t.z()});
   proto.set_held_out(view.held_out);
   const auto& photograph = view.photograph;
   // A model of an older version has no photographs: its views are then the only frame.
@@ -156,9 +175,10 @@ v1::ImageScores ToProto(const ImageScores& scores) {
 
 absl::StatusOr<ModelView> FreeViewFromProto(const v1::Viewpoint::FreeCamera& proto,
                                             const std::string& field) {
-  RETURN_IF_ERROR(CheckCamera(proto.camera(), field));
+  RETURN_IF_ERROR(CheckCamera(proto.camera(), field + ".camera"));
   ModelView view;
-  ASSIGN_OR_RETURN(view.cam_from_world, PoseFromProto(proto.cam_from_world(), field));
+  ASSIGN_OR_RETURN(view.cam_from_world,
+                   PoseFromProto(proto.cam_from_world(), field + ".cam_from_world"));
   const v1::PinholeCamera& camera = proto.camera();
   view.camera = {camera.width(), camera.height(), camera.fx(),
                  camera.fy(),    camera.cx(),     camera.cy()};

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,7 @@
 #include "google/protobuf/duration.pb.h"
 #include "google/protobuf/timestamp.pb.h"
 #include "pepeseg/v1/dataset_service.pb.h"
+#include "pepeseg/v1/geometry.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
 #include "pepeseg/v1/training_options.pb.h"
@@ -33,6 +35,7 @@ absl::StatusOr<FileKind> FileKindFromProto(v1::FileKind kind);
 
 google::protobuf::Timestamp ToProto(absl::Time time);
 google::protobuf::Duration ToProto(absl::Duration duration);
+v1::Vector3 VectorToProto(const std::array<double, 3>& vector);
 v1::View ToProto(const ModelView& view);
 v1::ImageScores ToProto(const ImageScores& scores);
 

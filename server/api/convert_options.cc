@@ -1,4 +1,5 @@
 #include <string>
+#include <type_traits>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
@@ -81,12 +82,21 @@
 // clang-format on
 
 // The casts are for enums, which have the same numbers in the message and in the struct.
-#define PEPESEG_OVERLAY(name) \
-  if (proto.has_##name()) options->name = static_cast<decltype(options->name)>(proto.name());
+#define PEPESEG_OVERLAY(name)                    \
+  if (IsGiven(proto.has_##name(), proto.name())) \
+    options->name = static_cast<decltype(options->name)>(proto.name());
 #define PEPESEG_SET(name) proto->set_##name(static_cast<decltype(proto->name())>(options.name));
 
 namespace pepeseg {
 namespace {
+
+// UNSPECIFIED, the zero of an enum, means the default, as if the field were absent. The zero of a
+// number is a value.
+template <typename Value>
+bool IsGiven(bool present, Value value) {
+  if constexpr (std::is_enum_v<Value>) return present && static_cast<int>(value) != 0;
+  return present;
+}
 
 void OverlayImport(const v1::ImportOptions& proto, ImportOptions* options) {
   PEPESEG_IMPORT_FIELDS(PEPESEG_OVERLAY)
@@ -125,7 +135,9 @@ absl::Status Below(const std::string& message, const absl::Status& status) {
 }  // namespace
 
 void Overlay(const v1::TrainingOptions& proto, TrainingSettings* settings) {
-  if (proto.has_preset()) settings->preset = static_cast<Preset>(proto.preset());
+  if (IsGiven(proto.has_preset(), proto.preset())) {
+    settings->preset = static_cast<Preset>(proto.preset());
+  }
   // The preset comes first, so that options that are given override it.
   Apply(settings->preset, settings->reconstruct, settings->features);
   OverlayImport(proto.import(), &settings->import);

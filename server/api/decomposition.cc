@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "server/api/convert.h"
 #include "server/api/error.h"
 
 namespace pepeseg {
@@ -59,19 +60,22 @@ absl::StatusOr<GaussianSet> FindSegment(const Segmenter& segmenter, const v1::Se
   return found;
 }
 
-v1::DecomposeResponse::Level LevelToProto(const Decomposition::Level& level, const Model& model) {
-  v1::DecomposeResponse::Level proto;
+v1::DecomposeModelResponse::Level LevelToProto(const Decomposition::Level& level,
+                                               const Model& model) {
+  v1::DecomposeModelResponse::Level proto;
   proto.set_scale_quantile(level.scale);
   proto.set_scale_units(ScaleOfQuantile(model.field, level.scale));
   proto.set_num_unassigned(std::count(level.ids.begin(), level.ids.end(), 0));
   for (const Decomposition::Segment& segment : level.segments) {
-    v1::DecomposeResponse::Segment& to = *proto.add_segments();
+    v1::DecomposeModelResponse::Segment& to = *proto.add_segments();
     // Ids count from 1; 0 stands for Gaussians without a segment.
     to.set_id(proto.segments_size());
     to.set_parent(segment.parent);
     to.set_num_gaussians(segment.num_gaussians);
-    to.mutable_min()->Add(segment.min.begin(), segment.min.end());
-    to.mutable_max()->Add(segment.max.begin(), segment.max.end());
+    const auto& min = segment.min;
+    const auto& max = segment.max;
+    *to.mutable_box()->mutable_min() = VectorToProto({min[0], min[1], min[2]});
+    *to.mutable_box()->mutable_max() = VectorToProto({max[0], max[1], max[2]});
   }
   return proto;
 }

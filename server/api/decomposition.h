@@ -26,6 +26,7 @@ absl::Status CheckLevelField(int32_t level, size_t num_levels, const std::string
 absl::StatusOr<GaussianSet> FindSegment(const Segmenter& segmenter, const v1::SegmentRef& segment,
                                         const std::string& field);
 
-v1::DecomposeResponse::Level LevelToProto(const Decomposition::Level& level, const Model& model);
+v1::DecomposeModelResponse::Level LevelToProto(const Decomposition::Level& level,
+                                               const Model& model);
 
 }  // namespace pepeseg

@@ -2,38 +2,36 @@
 
 #include <algorithm>
 #include <string>
+#include <utility>
 
-#include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/private_error.h"
 #include "core/query/check_prompt.h"
+#include "server/api/convert.h"
 #include "server/store/scene_key.h"
 #include "server/worker_protocol/client_text.h"
 
 namespace pepeseg {
 namespace {
 
-// Payload of a status under which its ErrorDetail travels inside the server.
-constexpr char kDetailUrl[] = "type.googleapis.com/pepeseg.v1.ErrorDetail";
 constexpr char kPrivateMark[] = "pepeseg.server/private";  // never sent
 // The trailer grpc-message is percent-encoded, up to three times as long; the details are base64.
-constexpr size_t kMaxStatusMessageBytes = 640;
-// Limit on each text of a detail.
+// They take 4/3 of the message, four texts, a description, and about 350 bytes of names.
+constexpr size_t kMaxStatusMessageBytes = 480;
+// Limits on each text of a detail, and on the description of a field.
 constexpr size_t kMaxValueBytes = 256;
+constexpr size_t kMaxDescriptionBytes = 100;
 
-v1::ErrorDetail DetailOf(const absl::Status& status) {
-  v1::ErrorDetail detail;
-  if (const auto payload = status.GetPayload(kDetailUrl)) {
-    detail.ParseFromString(std::string(*payload));
-  }
-  if (detail.reason().empty()) {
+// Returns the detail of a status with a reason, in texts for clients.
+ErrorDetail ClientDetail(const absl::Status& status) {
+  ErrorDetail detail = DetailOf(status);
+  if (detail.reason.empty()) {
     // Every status has a reason, so that clients need not handle its absence: by default the name
     // of the code.
-    detail.set_reason(IsNothingThere(status) ? "NOTHING_THERE"
-                                             : absl::StatusCodeToString(status.code()));
+    detail.reason =
+        IsNothingThere(status) ? "NOTHING_THERE" : absl::StatusCodeToString(status.code());
   }
-  for (std::string* text : {detail.mutable_field(), detail.mutable_resource(),
-                            detail.mutable_limit(), detail.mutable_value()}) {
+  for (std::string* text : {&detail.field, &detail.resource, &detail.limit, &detail.value}) {
     *text = Utf8Prefix(WithSceneIds(*text), kMaxValueBytes);
   }
   return detail;
@@ -55,66 +53,53 @@ std::string Utf8Prefix(std::string_view text, size_t max_bytes) {
   return prefix;
 }
 
-absl::Status WithDetail(absl::Status status, const v1::ErrorDetail& detail) {
-  // The innermost caller knows most, so its detail stays when outer ones add theirs.
-  if (!status.ok() && !status.GetPayload(kDetailUrl).has_value()) {
-    status.SetPayload(kDetailUrl, absl::Cord(detail.SerializeAsString()));
-  }
-  return status;
-}
-
 absl::Status BadField(const std::string& field, const std::string& value, const std::string& what) {
-  v1::ErrorDetail detail;
-  detail.set_reason("BAD_FIELD");
-  detail.set_field(Utf8Prefix(field, kMaxValueBytes));
-  detail.set_value(Utf8Prefix(value, kMaxValueBytes));
-  detail.set_limit(Utf8Prefix(what, kMaxValueBytes));
+  const ErrorDetail detail = {.reason = "BAD_FIELD",
+                              .field = Utf8Prefix(field, kMaxValueBytes),
+                              .limit = Utf8Prefix(what, kMaxValueBytes),
+                              .value = Utf8Prefix(value, kMaxValueBytes)};
   return WithDetail(
-      absl::InvalidArgumentError(absl::StrCat(field, ": '", detail.value(), "': ", what)), detail);
+      absl::InvalidArgumentError(absl::StrCat(field, ": '", detail.value, "': ", what)), detail);
 }
 
 absl::Status WithResource(const absl::Status& status, const std::string& reason,
                           const std::string& resource) {
-  v1::ErrorDetail detail;
-  detail.set_reason(reason);
-  detail.set_resource(Utf8Prefix(resource, kMaxValueBytes));
-  return WithDetail(status, detail);
+  return WithDetail(status, {.reason = reason, .resource = Utf8Prefix(resource, kMaxValueBytes)});
 }
 
 absl::Status BusyError() {
-  v1::ErrorDetail detail;
-  detail.set_reason("BUSY");
-  detail.mutable_retry_after()->set_seconds(1);
-  return WithDetail(absl::UnavailableError("too many calls are waiting"), detail);
+  return WithDetail(absl::UnavailableError("too many calls are waiting"),
+                    {.reason = "BUSY", .retry_after = absl::Seconds(1)});
 }
 
 absl::Status TooManyStreamsError(const std::string& whose, size_t limit) {
-  v1::ErrorDetail detail;
-  detail.set_reason("TOO_MANY_STREAMS");
-  detail.set_limit(absl::StrCat(limit));
-  detail.mutable_retry_after()->set_seconds(5);
   return WithDetail(
       absl::ResourceExhaustedError(absl::StrCat(
           whose, " has ", limit, " streams open, which is the limit; end some or try again later")),
-      detail);
+      {.reason = "TOO_MANY_STREAMS",
+       .limit = absl::StrCat(limit),
+       .retry_after = absl::Seconds(5)});
 }
 
 absl::Status TooSlowError(absl::Duration limit) {
-  v1::ErrorDetail detail;
-  detail.set_reason("TOO_SLOW");
-  detail.set_limit(absl::FormatDuration(limit));
-  return WithDetail(absl::DeadlineExceededError(
-                        absl::StrCat("the client of the stream has neither sent nor taken a "
-                                     "message for ",
-                                     detail.limit())),
-                    detail);
+  const std::string time = absl::FormatDuration(limit);
+  return WithDetail(
+      absl::DeadlineExceededError(
+          absl::StrCat("the client of the stream has neither sent nor taken a message for ", time)),
+      {.reason = "TOO_SLOW", .limit = time});
 }
 
 absl::Status DrainingError() {
-  v1::ErrorDetail detail;
-  detail.set_reason("DRAINING");
-  detail.mutable_retry_after()->set_seconds(2);
-  return WithDetail(absl::UnavailableError("the server is stopping"), detail);
+  return WithDetail(absl::UnavailableError("the server is stopping"),
+                    {.reason = "DRAINING", .retry_after = absl::Seconds(2)});
+}
+
+void SetDetail(const ErrorDetail& detail, v1::Status& status) {
+  status.clear_details();
+  for (google::protobuf::Any& packed :
+       PackDetail(detail, Utf8Prefix(status.message(), kMaxDescriptionBytes))) {
+    *status.add_details() = std::move(packed);
+  }
 }
 
 v1::Status ToProto(const absl::Status& status) {
@@ -123,7 +108,7 @@ v1::Status ToProto(const absl::Status& status) {
   proto.set_code(static_cast<int>(status.code()));
   proto.set_message(
       Utf8Prefix(WithSceneIds(std::string(status.message())), kMaxStatusMessageBytes));
-  proto.add_details()->PackFrom(DetailOf(status));
+  SetDetail(ClientDetail(status), proto);
   // The mark is the only trace of privacy that survives the conversion. HidePrivateText replaces
   // the details of every marked status, so it never reaches a client.
   if (IsPrivate(status)) proto.add_details()->set_type_url(kPrivateMark);
@@ -131,7 +116,22 @@ v1::Status ToProto(const absl::Status& status) {
 }
 
 bool IsMarkedPrivate(const v1::Status& status) {
-  return status.details_size() > 1 && status.details(1).type_url() == kPrivateMark;
+  return std::any_of(status.details().begin(), status.details().end(),
+                     [](const auto& detail) { return detail.type_url() == kPrivateMark; });
+}
+
+v1::Error FlatError(const v1::Status& status) {
+  const ErrorDetail detail = UnpackDetail(status.details());
+  v1::Error error;
+  error.set_code(status.code());
+  error.set_message(status.message());
+  error.set_reason(detail.reason);
+  error.set_field(detail.field);
+  error.set_resource(detail.resource);
+  error.set_limit(detail.limit);
+  error.set_value(detail.value);
+  if (detail.retry_after) *error.mutable_retry_after() = ToProto(*detail.retry_after);
+  return error;
 }
 
 grpc::Status ToGrpc(const absl::Status& status) {

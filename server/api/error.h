@@ -8,11 +8,11 @@
 #include "absl/time/time.h"
 #include "grpcpp/support/status.h"
 #include "pepeseg/v1/errors.pb.h"
+#include "server/store/error_detail.h"
 
 namespace pepeseg {
 
-// Returns `status` with a detail for its client. A status has at most one: the first one stays.
-absl::Status WithDetail(absl::Status status, const v1::ErrorDetail& detail);
+// An absl::Status has at most one detail for its client (see WithDetail): the first one stays.
 
 // Returns INVALID_ARGUMENT "FIELD: 'VALUE': WHAT", with the parts in the detail.
 absl::Status BadField(const std::string& field, const std::string& value, const std::string& what);
@@ -32,11 +32,17 @@ absl::Status TooManyStreamsError(const std::string& whose, size_t limit);
 absl::Status TooSlowError(absl::Duration limit);
 
 // Return a status for the wire: the same code, the message cut so that the trailers stay under 4
-// KB, and the detail of WithDetail, or else one with the name of the code. A PrivateError gets a
-// second detail as a mark for HidePrivateText, which all errors pass before they are sent.
+// KB, and the detail of WithDetail, with the name of the code as its reason if it has none. A
+// PrivateError gets a further detail as a mark for HidePrivateText, which all errors pass before
+// they are sent.
 v1::Status ToProto(const absl::Status& status);
 grpc::Status ToGrpc(const absl::Status& status);
 bool IsMarkedPrivate(const v1::Status& status);
+// Replaces the details, and so a mark, by `detail`; call it after the message is set.
+void SetDetail(const ErrorDetail& detail, v1::Status& status);
+
+// Returns the same error as fields, for messages.
+v1::Error FlatError(const v1::Status& status);
 
 // Reason of a RESOURCE_EXHAUSTED that says that the disk is full.
 inline constexpr char kDiskFull[] = "DISK_FULL";

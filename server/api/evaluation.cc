@@ -29,8 +29,8 @@ absl::StatusOr<ModelView> FindHeldOut(const std::string& name, const Model& mode
 }
 
 // Decodes the label image and the image of ignored pixels of one view.
-absl::Status ReadImages(const v1::EvaluateRequest::ViewLabels& labels, const ImageOfView& image,
-                        const std::string& field, LabeledView& labeled) {
+absl::Status ReadImages(const v1::EvaluateModelRequest::ViewLabels& labels,
+                        const ImageOfView& image, const std::string& field, LabeledView& labeled) {
   ASSIGN_OR_RETURN(FloatImage ids, DecodeGreyOf(image, labels.png(), field + ".png"));
   // Label ids are compared as whole numbers, so the frame takes them by the nearest pixel, without
   // blending two ids.
@@ -46,9 +46,9 @@ absl::Status ReadImages(const v1::EvaluateRequest::ViewLabels& labels, const Ima
   return absl::OkStatus();
 }
 
-absl::StatusOr<LabeledView> ReadView(const v1::EvaluateRequest& request, int index,
+absl::StatusOr<LabeledView> ReadView(const v1::EvaluateModelRequest& request, int index,
                                      const Model& model, const std::string& field) {
-  const v1::EvaluateRequest::ViewLabels& labels = request.labels(index);
+  const v1::EvaluateModelRequest::ViewLabels& labels = request.labels(index);
   LabeledView labeled;
   ASSIGN_OR_RETURN(labeled.view, FindHeldOut(labels.view(), model, field + ".view"));
   RETURN_IF_ERROR(ReadImages(labels, ImageOf(labeled.view, request.frame()), field, labeled));
@@ -60,8 +60,8 @@ void Overlay(const google::protobuf::RepeatedField<double>& values, std::vector<
   if (!values.empty()) option->assign(values.begin(), values.end());
 }
 
-v1::EvaluateResponse::Choice ChoiceToProto(const OneClickChoice& choice) {
-  v1::EvaluateResponse::Choice proto;
+v1::EvaluateModelResponse::Choice ChoiceToProto(const OneClickChoice& choice) {
+  v1::EvaluateModelResponse::Choice proto;
   proto.set_scale_quantile(choice.scale);
   proto.set_threshold(choice.threshold);
   proto.set_iou(choice.iou);
@@ -80,14 +80,14 @@ Eigen::Vector2d ClickOf(const EntityScore& score, v1::PixelFrame frame, const Mo
   return view == model.views.end() ? click : ImageOf(*view, frame).frame.FromView(click);
 }
 
-void FillEntity(const EntityScore& score, v1::EvaluateResponse::Entity* entity) {
+void FillEntity(const EntityScore& score, v1::EvaluateModelResponse::Entity* entity) {
   entity->set_id(score.id);
   entity->set_missing(score.missing);
   *entity->mutable_chosen() = ChoiceToProto(score.chosen);
   *entity->mutable_oracle() = ChoiceToProto(score.oracle);
   entity->mutable_fixed_iou()->Assign(score.fixed_iou.begin(), score.fixed_iou.end());
   for (const EntityViewScore& view : score.views) {
-    v1::EvaluateResponse::ViewScore& proto = *entity->add_views();
+    v1::EvaluateModelResponse::ViewScore& proto = *entity->add_views();
     proto.set_view(view.view);
     proto.set_num_pixels(view.num_pixels);
     proto.set_iou(view.iou);
@@ -98,7 +98,7 @@ void FillEntity(const EntityScore& score, v1::EvaluateResponse::Entity* entity) 
 
 }  // namespace
 
-absl::StatusOr<std::vector<LabeledView>> ReadLabels(const v1::EvaluateRequest& request,
+absl::StatusOr<std::vector<LabeledView>> ReadLabels(const v1::EvaluateModelRequest& request,
                                                     const Model& model) {
   if (request.labels_size() < static_cast<int>(kMinViews) || request.labels_size() > kMaxLabels) {
     return BadField("labels", absl::StrCat(request.labels_size()),
@@ -109,7 +109,7 @@ absl::StatusOr<std::vector<LabeledView>> ReadLabels(const v1::EvaluateRequest& r
   int64_t num_pixels = 0;
   RETURN_IF_ERROR(CheckFrame(request.frame()));
   for (int i = 0; i < request.labels_size(); ++i) {
-    const v1::EvaluateRequest::ViewLabels& labels = request.labels(i);
+    const v1::EvaluateModelRequest::ViewLabels& labels = request.labels(i);
     const std::string field = absl::StrCat("labels[", i, "]");
     // Two images of one view would count its pixels twice.
     if (!names.insert(labels.view()).second) {
@@ -149,10 +149,10 @@ v1::EvaluationOptions ToProto(const OneClickOptions& options) {
   return proto;
 }
 
-void FillAnswer(const OneClickScores& scores, const v1::EvaluateRequest& request,
-                const Model& model, v1::EvaluateResponse* response) {
+void FillAnswer(const OneClickScores& scores, const v1::EvaluateModelRequest& request,
+                const Model& model, v1::EvaluateModelResponse* response) {
   for (const EntityScore& score : scores.entities) {
-    v1::EvaluateResponse::Entity* entity = response->add_entities();
+    v1::EvaluateModelResponse::Entity* entity = response->add_entities();
     FillEntity(score, entity);
     const Eigen::Vector2d click = ClickOf(score, request.frame(), model);
     entity->set_click_x(click.x());

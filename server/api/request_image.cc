@@ -165,9 +165,9 @@ v1::CocoRle RleToProto(const BinaryMask& mask, int width, int height) {
   return rle;
 }
 
-v1::SegmentResponse::SimilarityMap SimilarityToProto(int width, int height,
-                                                     std::span<const float> similarity) {
-  v1::SegmentResponse::SimilarityMap proto;
+v1::SegmentViewsResponse::SimilarityMap SimilarityToProto(int width, int height,
+                                                          std::span<const float> similarity) {
+  v1::SegmentViewsResponse::SimilarityMap proto;
   proto.set_width(width);
   proto.set_height(height);
   std::string& bytes = *proto.mutable_values();
@@ -181,10 +181,10 @@ v1::SegmentResponse::SimilarityMap SimilarityToProto(int width, int height,
   return proto;
 }
 
-absl::StatusOr<v1::SegmentResponse::ViewMask> EncodeMask(const std::string& view,
-                                                         const SegmentResult& result,
-                                                         v1::MaskEncoding encoding) {
-  v1::SegmentResponse::ViewMask mask;
+absl::StatusOr<v1::SegmentViewsResponse::ViewMask> EncodeMask(const std::string& view,
+                                                              const SegmentResult& result,
+                                                              v1::MaskEncoding encoding) {
+  v1::SegmentViewsResponse::ViewMask mask;
   mask.set_view(view);
   if (encoding == v1::MASK_ENCODING_PNG) {
     Image image{result.width, result.height, 1, result.mask.pixels};

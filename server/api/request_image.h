@@ -71,11 +71,11 @@ BinaryMask Resized(const BinaryMask& mask, const ImageSize& from, const ImageSiz
 
 v1::CocoRle RleToProto(const BinaryMask& mask, int width, int height);
 // Encodes cosines as int16, cosine * 32767, little-endian.
-v1::SegmentResponse::SimilarityMap SimilarityToProto(int width, int height,
-                                                     std::span<const float> similarity);
+v1::SegmentViewsResponse::SimilarityMap SimilarityToProto(int width, int height,
+                                                          std::span<const float> similarity);
 // Encodes the result of one view.
-absl::StatusOr<v1::SegmentResponse::ViewMask> EncodeMask(const std::string& view,
-                                                         const SegmentResult& result,
-                                                         v1::MaskEncoding encoding);
+absl::StatusOr<v1::SegmentViewsResponse::ViewMask> EncodeMask(const std::string& view,
+                                                              const SegmentResult& result,
+                                                              v1::MaskEncoding encoding);
 
 }  // namespace pepeseg

@@ -11,6 +11,7 @@
 #include "server/api/error.h"
 #include "server/api/mask_advice.h"
 #include "server/api/resource_name.h"
+#include "server/worker_protocol/job_stage.h"
 
 namespace pepeseg {
 namespace {
@@ -26,6 +27,16 @@ std::map<std::string, std::string> SourcesOf(const ModelRow& row) {
     if (source.is_string()) sources[what] = source.get<std::string>();
   }
   return sources;
+}
+
+void FillSources(const std::map<std::string, std::string>& sources, v1::InputSources& proto) {
+  const auto source_of = [&](const char* what) {
+    const auto found = sources.find(what);
+    return found == sources.end() ? std::string() : found->second;
+  };
+  proto.set_poses(source_of("poses"));
+  proto.set_masks(source_of("masks"));
+  proto.set_depth(source_of("depth"));
 }
 
 }  // namespace
@@ -47,7 +58,7 @@ v1::Model ToProto(const ModelRow& row) {
     }
   }
   const std::map<std::string, std::string> sources = SourcesOf(row);
-  proto.mutable_sources()->insert(sources.begin(), sources.end());
+  FillSources(sources, *proto.mutable_sources());
   for (std::string& advice : AdviceOnModel(sources)) proto.add_advice(std::move(advice));
   if (const auto quality = proto.metrics().find("mask_quality"); quality != proto.metrics().end()) {
     for (std::string& advice : AdviceOnMaskQuality(sources, quality->second)) {
@@ -74,16 +85,16 @@ v1::Job ToProto(const JobRow& row) {
   proto.set_scene(SceneName(row.scene));
   proto.set_dataset(ChildName(row.scene, "datasets", row.dataset));
   proto.set_state(ToProto(row.state));
-  proto.set_stage(row.stage);
+  proto.set_stage(StageOfName(row.stage));
   proto.set_device(row.device);
   // Fields of a newer version are kept as unknown fields; bytes that do not parse leave the options
   // empty.
   proto.mutable_effective_options()->ParseFromString(row.effective_options);
   if (row.state == JobState::kFailed) {
-    *proto.mutable_error() =
-        // The text was made for clients when it was stored (ClientStatus), so nothing of it is
-        // hidden here.
-        ToProto(absl::Status(static_cast<absl::StatusCode>(row.error_code), row.error_message));
+    // The text was made for clients when it was stored (ClientStatus), so nothing of it is hidden
+    // here.
+    *proto.mutable_error() = FlatError(
+        ToProto(absl::Status(static_cast<absl::StatusCode>(row.error_code), row.error_message)));
   }
   if (row.model != 0) proto.set_model(ChildName(row.scene, "models", row.model));
   *proto.mutable_create_time() = ToProto(row.create_time);
@@ -99,10 +110,10 @@ v1::Selection ToProto(const SelectionRow& row) {
   proto.set_name(ChildName(row.scene, "selections", row.number));
   proto.set_model(ChildName(row.scene, "models", row.model));
   proto.set_num_gaussians(row.num_gaussians);
-  // An empty selection has no bounds; the record has zeros.
+  // An empty selection has no box; the record has zeros.
   if (row.num_gaussians > 0) {
-    proto.mutable_min()->Assign(row.min.begin(), row.min.end());
-    proto.mutable_max()->Assign(row.max.begin(), row.max.end());
+    *proto.mutable_box()->mutable_min() = VectorToProto(row.min);
+    *proto.mutable_box()->mutable_max() = VectorToProto(row.max);
   }
   if (row.base != 0) proto.set_base(ChildName(row.scene, "selections", row.base));
   *proto.mutable_create_time() = ToProto(row.create_time);

@@ -4,7 +4,7 @@
 #include "pepeseg/v1/dataset_service.pb.h"
 #include "pepeseg/v1/job_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
-#include "pepeseg/v1/selection.pb.h"
+#include "pepeseg/v1/selection_service.pb.h"
 #include "server/store/rows.h"
 
 // Converts records of the store to resources of the contract.

@@ -38,12 +38,8 @@ absl::StatusOr<std::string> LabelId(const std::string& label, const std::string&
 // Makes INVALID_ARGUMENT such as "point 700,500 is outside photograph "a.jpg" (640x480)".
 absl::Status BadPlace(const std::string& field, const std::string& value, const std::string& what,
                       const char* reason = "BAD_FIELD") {
-  v1::ErrorDetail detail;
-  detail.set_reason(reason);
-  detail.set_field(field);
-  detail.set_value(value);
-  detail.set_limit(what);
-  return WithDetail(absl::InvalidArgumentError(absl::StrCat(value, " ", what)), detail);
+  return WithDetail(absl::InvalidArgumentError(absl::StrCat(value, " ", what)),
+                    {.reason = reason, .field = field, .limit = what, .value = value});
 }
 
 // Makes the error of a prompt inside the photograph but outside the undistorted view. Clients may
@@ -152,30 +148,35 @@ absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Mo
   }
 }
 
+absl::StatusOr<Prompt> PromptOfLabel(const LabelRow& label, const Model& model,
+                                     const SceneChild& number) {
+  const auto view = std::find_if(model.views.begin(), model.views.end(),
+                                 [&](const ModelView& v) { return v.name == label.view; });
+  if (view == model.views.end()) {
+    return WithResource(absl::FailedPreconditionError(absl::StrCat(
+                            "label ", label.id, " is of view ", label.view, ", which ",
+                            ChildName(number.scene, "models", number.number),
+                            " does not have: give the label again in one of its views")),
+                        "NO_SUCH_VIEW", LabelName(label.scene, label.id));
+  }
+  ASSIGN_OR_RETURN(const std::vector<int64_t> counts, ParseCocoCounts(label.counts));
+  ASSIGN_OR_RETURN(const std::vector<uint32_t> inside,
+                   PixelsOfRuns(counts, label.width, label.height));
+  BinaryMask mask = {std::vector<uint8_t>(static_cast<size_t>(label.width) * label.height)};
+  for (const uint32_t pixel : inside) mask.pixels[pixel] = 1;
+  return Prompt{
+      *view,
+      // A model that was trained later may have its views at another size.
+      Resized(mask, {label.width, label.height}, {view->camera.width, view->camera.height})};
+}
+
 absl::StatusOr<Prompt> SegmentRequestReader::ReadLabel(const std::string& label,
                                                        const std::string& field) const {
   const std::string& scene = number_.scene;
   ASSIGN_OR_RETURN(const std::string id, LabelId(label, scene, field));
   const auto row = store_.labels().GetLabel(scene, id);
   if (!row.ok()) return WithResource(row.status(), "NO_SUCH_LABEL", LabelName(scene, id));
-  const std::vector<ModelView>& views = model_.views;
-  const auto view = std::find_if(views.begin(), views.end(),
-                                 [&](const ModelView& v) { return v.name == row->view; });
-  if (view == views.end()) {
-    return WithResource(absl::FailedPreconditionError(absl::StrCat(
-                            "label ", id, " is of view ", row->view, ", which ",
-                            ChildName(scene, "models", number_.number),
-                            " does not have: give the label again in one of its views")),
-                        "NO_SUCH_VIEW", LabelName(scene, id));
-  }
-  ASSIGN_OR_RETURN(const std::vector<int64_t> counts, ParseCocoCounts(row->counts));
-  ASSIGN_OR_RETURN(const std::vector<uint32_t> inside,
-                   PixelsOfRuns(counts, row->width, row->height));
-  BinaryMask mask = {std::vector<uint8_t>(static_cast<size_t>(row->width) * row->height)};
-  for (const uint32_t pixel : inside) mask.pixels[pixel] = 1;
-  return Prompt{
-      // A model that was trained later may have its views at another size.
-      *view, Resized(mask, {row->width, row->height}, {view->camera.width, view->camera.height})};
+  return PromptOfLabel(*row, model_, number_);
 }
 
 absl::StatusOr<Prompt> SegmentRequestReader::ReadPrompt(const v1::Prompt& prompt,
@@ -234,9 +235,9 @@ absl::StatusOr<Granularity> SegmentRequestReader::ReadGranularity(
 }
 
 absl::StatusOr<std::vector<ModelView>> SegmentRequestReader::FindTargets(
-    const v1::SegmentRequest& request, const ModelView& prompt_view) const {
-  const v1::SegmentRequest::Targets& targets = request.targets();
-  const bool grouped = targets.group() != v1::SegmentRequest::Targets::GROUP_UNSPECIFIED;
+    const v1::SegmentViewsRequest& request, const ModelView& prompt_view) const {
+  const v1::SegmentViewsRequest::Targets& targets = request.targets();
+  const bool grouped = targets.group() != v1::SegmentViewsRequest::Targets::GROUP_UNSPECIFIED;
   // Refused rather than merged, since a client that sends both has made an error.
   if (grouped && !targets.views().empty()) {
     return BadField("targets", absl::StrCat(targets.views_size()), "views next to a group");
@@ -247,11 +248,11 @@ absl::StatusOr<std::vector<ModelView>> SegmentRequestReader::FindTargets(
   }
   std::vector<ModelView> views;
   switch (targets.group()) {
-    case v1::SegmentRequest::Targets::GROUP_UNSPECIFIED:
+    case v1::SegmentViewsRequest::Targets::GROUP_UNSPECIFIED:
       break;
-    case v1::SegmentRequest::Targets::GROUP_ALL:
+    case v1::SegmentViewsRequest::Targets::GROUP_ALL:
       return model_.views;
-    case v1::SegmentRequest::Targets::GROUP_HELD_OUT:
+    case v1::SegmentViewsRequest::Targets::GROUP_HELD_OUT:
       std::copy_if(model_.views.begin(), model_.views.end(), std::back_inserter(views),
                    [](const ModelView& view) { return view.held_out; });
       if (views.empty()) {
@@ -272,7 +273,8 @@ absl::StatusOr<std::vector<ModelView>> SegmentRequestReader::FindTargets(
   return views;
 }
 
-absl::StatusOr<SegmentQuery> SegmentRequestReader::Read(const v1::SegmentRequest& request) const {
+absl::StatusOr<SegmentQuery> SegmentRequestReader::Read(
+    const v1::SegmentViewsRequest& request) const {
   RETURN_IF_ERROR(CheckEncoding(request.mask_encoding()));
   SegmentQuery query;
   ASSIGN_OR_RETURN(query.prompt, ReadPrompt(request.prompt(), request.frame()));

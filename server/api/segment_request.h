@@ -22,7 +22,12 @@ absl::StatusOr<ModelView> FindView(const std::string& name, const Model& model,
 absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Model& model,
                                         const std::string& field);
 
-// A SegmentRequest.
+// Returns a label as a prompt in its view, whose mask has the view's size. FAILED_PRECONDITION: the
+// model, which `number` names, does not have the view.
+absl::StatusOr<Prompt> PromptOfLabel(const LabelRow& label, const Model& model,
+                                     const SceneChild& number);
+
+// A SegmentViewsRequest.
 struct SegmentQuery {
   Prompt prompt;
   Granularity granularity;
@@ -47,7 +52,7 @@ class SegmentRequestReader {
   SegmentRequestReader(const Model& model, const SceneChild& number, Store& store)
       : model_(model), number_(number), store_(store) {}
 
-  absl::StatusOr<SegmentQuery> Read(const v1::SegmentRequest& request) const;
+  absl::StatusOr<SegmentQuery> Read(const v1::SegmentViewsRequest& request) const;
   absl::StatusOr<ProposalQuery> Read(const v1::ProposeScalesRequest& request) const;
 
   // Reads a prompt in the pixels of `frame` as one in the pixels of its view. A label is read as
@@ -60,7 +65,7 @@ class SegmentRequestReader {
 
  private:
   absl::StatusOr<Prompt> ReadLabel(const std::string& label, const std::string& field) const;
-  absl::StatusOr<std::vector<ModelView>> FindTargets(const v1::SegmentRequest& request,
+  absl::StatusOr<std::vector<ModelView>> FindTargets(const v1::SegmentViewsRequest& request,
                                                      const ModelView& prompt_view) const;
 
   const Model& model_;

@@ -186,6 +186,16 @@ absl::StatusOr<LockedFile> BlobStore::Hold(const std::string& project) const {
   return LockedFile::WaitShared(BlobLockPath(data_, project));
 }
 
+absl::StatusOr<LockedFile> BlobStore::HoldAlone(const std::string& project) const {
+  return LockedFile::WaitAlone(BlobLockPath(data_, project));
+}
+
+bool BlobStore::Remove(const BlobName& blob) const {
+  std::error_code error;
+  fs::remove(Path(blob), error);
+  return !error;  // none if there is no such file
+}
+
 std::map<std::string, int64_t> BlobStore::ListPartial(const UploadName& upload) const {
   std::map<std::string, int64_t> partial;
   std::error_code error;

@@ -38,6 +38,12 @@ class BlobStore {
   // from before its files are recorded until its client knows which blobs are stored.
   absl::StatusOr<LockedFile> Hold(const std::string& project) const;
 
+  // Waits for the exclusive lock: until nobody holds the shared one. While it is held, blobs that
+  // no record names may be removed.
+  absl::StatusOr<LockedFile> HoldAlone(const std::string& project) const;
+  // Removes a blob. Returns whether it is gone. Call it under HoldAlone.
+  bool Remove(const BlobName& blob) const;
+
   // Returns the committed bytes of the upload's partial files by digest, if more than 0.
   std::map<std::string, int64_t> ListPartial(const UploadName& upload) const;
 

@@ -64,6 +64,8 @@ absl::Status AppendState(const JobFolder& folder, const JobRow& job) {
   if (job.state == JobState::kFailed) {
     change.mutable_error()->set_code(job.error_code);
     change.mutable_error()->set_message(job.error_message);
+    change.mutable_error()->set_reason(
+        absl::StatusCodeToString(static_cast<absl::StatusCode>(job.error_code)));
   }
   if (job.model != 0) {
     change.set_model(absl::StrCat("scenes/", SceneIdOf(job.scene), "/models/", job.model));

@@ -14,6 +14,7 @@
 #include "server/jobs/job_events.h"
 #include "server/jobs/process.h"
 #include "server/worker_protocol/client_text.h"
+#include "server/worker_protocol/job_stage.h"
 
 namespace pepeseg {
 namespace {
@@ -135,7 +136,7 @@ bool RunningJob::FollowLog() {
   for (const v1::JobEvent& event : *events) {
     sequence_ = event.sequence();
     if (event.has_progress()) progress_ = event.progress();
-    if (event.has_stage_started()) stage_ = event.stage_started().stage();
+    if (event.has_stage_started()) stage_ = NameOfStage(event.stage_started().stage());
     // Events that were in the log when this server began to follow are not reported: metrics would
     // count them twice.
     if (follows_live_ && context_.options.on_event) context_.options.on_event(job_.id, event);
@@ -190,7 +191,7 @@ std::string RunningJob::DescribeCrash(const WorkerEnd& end) const {
   } else {
     absl::StrAppend(&text, " in stage '", stage_, "'");
   }
-  if (progress_ && progress_->stage() == stage_) {
+  if (progress_ && NameOfStage(progress_->stage()) == stage_) {
     absl::StrAppend(&text, " at step ", progress_->step(), " of ", progress_->num_steps());
   }
   if (timed_out_) {

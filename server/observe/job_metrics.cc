@@ -1,9 +1,7 @@
 #include "server/observe/job_metrics.h"
 
-#include <algorithm>
-#include <array>
-
 #include "server/observe/sample.h"
+#include "server/worker_protocol/job_stage.h"
 
 namespace pepeseg {
 namespace {
@@ -12,12 +10,11 @@ constexpr char kStageName[] = "pepeseg_job_stage_duration_seconds";
 constexpr char kStageHelp[] = "What the stages of jobs took.";
 const prometheus::Histogram::BucketBoundaries kStageBounds = {1,   5,    15,   60,   300,
                                                               900, 1800, 3600, 7200, 21600};
-// Allowed values of the label `stage`, so that a worker cannot create arbitrary series.
-constexpr std::array kStages = {"prepare",  "sfm",      "priors", "reconstruct",
-                                "evaluate", "features", "index"};
-
-std::string KnownStage(const std::string& stage) {
-  return std::find(kStages.begin(), kStages.end(), stage) == kStages.end() ? "other" : stage;
+// Returns the label `stage`; one for all unknown numbers, so that a worker cannot create arbitrary
+// series.
+std::string StageLabel(v1::JobStage stage) {
+  const std::string name = NameOfStage(stage);
+  return name.empty() ? "other" : name;
 }
 
 }  // namespace
@@ -27,7 +24,7 @@ JobMetrics::JobMetrics() : stage_seconds_(kStageName, kStageHelp, {}) {}
 void JobMetrics::Observe(const std::string& job, const v1::JobEvent& event) {
   if (event.has_stage_ended() && event.stage_ended().skipped().empty()) {
     const auto& elapsed = event.stage_ended().elapsed();
-    stage_seconds_.Add({{"stage", KnownStage(event.stage_ended().stage())}}, kStageBounds)
+    stage_seconds_.Add({{"stage", StageLabel(event.stage_ended().stage())}}, kStageBounds)
         .Observe(static_cast<double>(elapsed.seconds()) + elapsed.nanos() * 1e-9);
   }
   const std::lock_guard lock(mutex_);
@@ -54,7 +51,7 @@ std::vector<prometheus::MetricFamily> JobMetrics::Collect() const {
     samples.Gauge(name, help);
     for (const auto& [job, progress] : running) {
       samples.Add(static_cast<double>(value(progress)),
-                  {{"job", job}, {"stage", KnownStage(progress.stage())}});
+                  {{"job", job}, {"stage", StageLabel(progress.stage())}});
     }
   };
   using Progress = v1::JobProgress;

@@ -41,7 +41,7 @@ void FillDescription(const ModelCache& models, const SceneChild& model,
 
 // Puts the project before the names of models that have the same name.
 absl::Status TellApart(Store& store, const std::vector<std::string>& scenes,
-                       v1::ListResidentResponse* response) {
+                       v1::ListResidentModelsResponse* response) {
   std::map<std::string, int> num_of_name;
   for (const v1::ResidentModel& model : response->models()) ++num_of_name[model.name()];
   for (int i = 0; i < response->models_size(); ++i) {
@@ -81,14 +81,24 @@ absl::Status AdminServiceRpc::Load(const v1::LoadModelRequest& request,
 absl::Status AdminServiceRpc::Pin(const v1::PinModelRequest& request, v1::ResidentModel* response) {
   ASSIGN_OR_RETURN(const ModelRow row, FindNamed(request.name()));
   const std::string name = KeyedChildName(row.scene, "models", row.number);
-  {
-    ModelCache::Handle held;  // the model is not evicted before it is pinned
-    if (request.pinned()) {
-      ASSIGN_OR_RETURN(ResidentModel loaded, models_.Load(name, "name"));
-      held = std::move(loaded.segmenter);
-    }
-    const absl::Status status = models_.cache().SetPinned(ResidentKey(row), request.pinned());
-    if (!status.ok()) return WithResource(status, "NOT_RESIDENT", name);
+  // Held, so that the model is not evicted before it is pinned.
+  ASSIGN_OR_RETURN(const ResidentModel held, models_.Load(name, "name"));
+  RETURN_IF_ERROR(SetPinned(row, true, response));
+  response->set_queries_in_flight(response->queries_in_flight() - 1);  // this call is not a query
+  return absl::OkStatus();
+}
+
+absl::Status AdminServiceRpc::Unpin(const v1::UnpinModelRequest& request,
+                                    v1::ResidentModel* response) {
+  ASSIGN_OR_RETURN(const ModelRow row, FindNamed(request.name()));
+  return SetPinned(row, false, response);
+}
+
+absl::Status AdminServiceRpc::SetPinned(const ModelRow& row, bool pinned,
+                                        v1::ResidentModel* response) {
+  const absl::Status status = models_.cache().SetPinned(ResidentKey(row), pinned);
+  if (!status.ok()) {
+    return WithResource(status, "NOT_RESIDENT", KeyedChildName(row.scene, "models", row.number));
   }
   FillDescription(models_.cache(), {row.scene, row.number}, response);
   return absl::OkStatus();
@@ -104,7 +114,12 @@ absl::Status AdminServiceRpc::Unload(const v1::UnloadModelRequest& request) {
   return WithResource(named, absl::IsNotFound(status) ? "NOT_RESIDENT" : "PINNED", name);
 }
 
-absl::Status AdminServiceRpc::List(v1::ListResidentResponse* response) const {
+absl::Status AdminServiceRpc::SetDraining(bool draining, v1::ServerStatus* response) {
+  operations_.SetDraining(draining);
+  return operations_.FillStatus(response);
+}
+
+absl::Status AdminServiceRpc::List(v1::ListResidentModelsResponse* response) const {
   const ModelCache& models = models_.cache();
   std::vector<std::string> scenes;
   models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
@@ -148,9 +163,17 @@ grpc::ServerUnaryReactor* AdminServiceRpc::PinModel(grpc::CallbackServerContext*
   });
 }
 
-grpc::ServerUnaryReactor* AdminServiceRpc::ListResident(grpc::CallbackServerContext* call,
-                                                        const v1::ListResidentRequest* request,
-                                                        v1::ListResidentResponse* response) {
+grpc::ServerUnaryReactor* AdminServiceRpc::UnpinModel(grpc::CallbackServerContext* call,
+                                                      const v1::UnpinModelRequest* request,
+                                                      v1::ResidentModel* response) {
+  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
+    return Unpin(*request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::ListResidentModels(
+    grpc::CallbackServerContext* call, const v1::ListResidentModelsRequest* request,
+    v1::ListResidentModelsResponse* response) {
   return runner_.Run(pool_, {call, request},
                      [this, response](const UnaryCall&) { return List(response); });
 }
@@ -160,6 +183,14 @@ grpc::ServerUnaryReactor* AdminServiceRpc::CreateKey(grpc::CallbackServerContext
                                                      v1::CreateKeyResponse* response) {
   return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
     return projects_.CreateKey(*request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::GetKey(grpc::CallbackServerContext* call,
+                                                  const v1::GetKeyRequest* request,
+                                                  v1::ApiKey* response) {
+  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
+    return projects_.GetKey(*request, response);
   });
 }
 
@@ -187,29 +218,34 @@ grpc::ServerUnaryReactor* AdminServiceRpc::GetProjectUsage(
   });
 }
 
-grpc::ServerUnaryReactor* AdminServiceRpc::SetQuota(grpc::CallbackServerContext* call,
-                                                    const v1::SetQuotaRequest* request,
-                                                    v1::ProjectUsage* response) {
+grpc::ServerUnaryReactor* AdminServiceRpc::UpdateQuota(grpc::CallbackServerContext* call,
+                                                       const v1::UpdateQuotaRequest* request,
+                                                       v1::ProjectUsage* response) {
   return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
-    return projects_.SetQuota(*request, response);
+    return projects_.UpdateQuota(*request, response);
   });
 }
 
-grpc::ServerUnaryReactor* AdminServiceRpc::GetStatus(grpc::CallbackServerContext* call,
-                                                     const v1::GetStatusRequest* request,
-                                                     v1::ServerStatus* response) {
+grpc::ServerUnaryReactor* AdminServiceRpc::GetServerStatus(
+    grpc::CallbackServerContext* call, const v1::GetServerStatusRequest* request,
+    v1::ServerStatus* response) {
   return runner_.Run(pool_, {call, request}, [this, response](const UnaryCall&) {
     return operations_.FillStatus(response);
   });
 }
 
-grpc::ServerUnaryReactor* AdminServiceRpc::Drain(grpc::CallbackServerContext* call,
-                                                 const v1::DrainRequest* request,
-                                                 v1::ServerStatus* response) {
-  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
-    operations_.SetDraining(request->draining());
-    return operations_.FillStatus(response);
-  });
+grpc::ServerUnaryReactor* AdminServiceRpc::DrainServer(grpc::CallbackServerContext* call,
+                                                       const v1::DrainServerRequest* request,
+                                                       v1::ServerStatus* response) {
+  return runner_.Run(pool_, {call, request},
+                     [this, response](const UnaryCall&) { return SetDraining(true, response); });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::ResumeServer(grpc::CallbackServerContext* call,
+                                                        const v1::ResumeServerRequest* request,
+                                                        v1::ServerStatus* response) {
+  return runner_.Run(pool_, {call, request},
+                     [this, response](const UnaryCall&) { return SetDraining(false, response); });
 }
 
 }  // namespace pepeseg

@@ -31,12 +31,17 @@ class AdminServiceRpc final : public v1::AdminService::CallbackService {
   grpc::ServerUnaryReactor* PinModel(grpc::CallbackServerContext* call,
                                      const v1::PinModelRequest* request,
                                      v1::ResidentModel* response) override;
-  grpc::ServerUnaryReactor* ListResident(grpc::CallbackServerContext* call,
-                                         const v1::ListResidentRequest* request,
-                                         v1::ListResidentResponse* response) override;
+  grpc::ServerUnaryReactor* UnpinModel(grpc::CallbackServerContext* call,
+                                       const v1::UnpinModelRequest* request,
+                                       v1::ResidentModel* response) override;
+  grpc::ServerUnaryReactor* ListResidentModels(grpc::CallbackServerContext* call,
+                                               const v1::ListResidentModelsRequest* request,
+                                               v1::ListResidentModelsResponse* response) override;
   grpc::ServerUnaryReactor* CreateKey(grpc::CallbackServerContext* call,
                                       const v1::CreateKeyRequest* request,
                                       v1::CreateKeyResponse* response) override;
+  grpc::ServerUnaryReactor* GetKey(grpc::CallbackServerContext* call,
+                                   const v1::GetKeyRequest* request, v1::ApiKey* response) override;
   grpc::ServerUnaryReactor* ListKeys(grpc::CallbackServerContext* call,
                                      const v1::ListKeysRequest* request,
                                      v1::ListKeysResponse* response) override;
@@ -46,21 +51,28 @@ class AdminServiceRpc final : public v1::AdminService::CallbackService {
   grpc::ServerUnaryReactor* GetProjectUsage(grpc::CallbackServerContext* call,
                                             const v1::GetProjectUsageRequest* request,
                                             v1::ProjectUsage* response) override;
-  grpc::ServerUnaryReactor* SetQuota(grpc::CallbackServerContext* call,
-                                     const v1::SetQuotaRequest* request,
-                                     v1::ProjectUsage* response) override;
-  grpc::ServerUnaryReactor* GetStatus(grpc::CallbackServerContext* call,
-                                      const v1::GetStatusRequest* request,
-                                      v1::ServerStatus* response) override;
-  grpc::ServerUnaryReactor* Drain(grpc::CallbackServerContext* call,
-                                  const v1::DrainRequest* request,
-                                  v1::ServerStatus* response) override;
+  grpc::ServerUnaryReactor* UpdateQuota(grpc::CallbackServerContext* call,
+                                        const v1::UpdateQuotaRequest* request,
+                                        v1::ProjectUsage* response) override;
+  grpc::ServerUnaryReactor* GetServerStatus(grpc::CallbackServerContext* call,
+                                            const v1::GetServerStatusRequest* request,
+                                            v1::ServerStatus* response) override;
+  grpc::ServerUnaryReactor* DrainServer(grpc::CallbackServerContext* call,
+                                        const v1::DrainServerRequest* request,
+                                        v1::ServerStatus* response) override;
+  grpc::ServerUnaryReactor* ResumeServer(grpc::CallbackServerContext* call,
+                                         const v1::ResumeServerRequest* request,
+                                         v1::ServerStatus* response) override;
 
  private:
   absl::Status Load(const v1::LoadModelRequest& request, v1::ResidentModel* response);
   absl::Status Pin(const v1::PinModelRequest& request, v1::ResidentModel* response);
+  absl::Status Unpin(const v1::UnpinModelRequest& request, v1::ResidentModel* response);
+  // Pins or unpins a model that is in memory, and describes it. NOT_FOUND: it is not.
+  absl::Status SetPinned(const ModelRow& row, bool pinned, v1::ResidentModel* response);
   absl::Status Unload(const v1::UnloadModelRequest& request);
-  absl::Status List(v1::ListResidentResponse* response) const;
+  absl::Status SetDraining(bool draining, v1::ServerStatus* response);
+  absl::Status List(v1::ListResidentModelsResponse* response) const;
   // Returns the record of a model by the name that an operator uses (ResolveOperatorsName).
   absl::StatusOr<ModelRow> FindNamed(const std::string& name) const;
 

@@ -13,6 +13,7 @@
 #include "server/api/mask_advice.h"
 #include "server/api/resource_name.h"
 #include "server/api/rows_to_proto.h"
+#include "server/services/delete_upload.h"
 #include "server/services/upload_rules.h"
 #include "server/services/write_files.h"
 #include "server/store/layout.h"
@@ -80,13 +81,10 @@ absl::StatusOr<std::function<absl::Status()>> CheckRoom(const BlobStore& blobs,
   ASSIGN_OR_RETURN(const int64_t have, blobs.FreeBytes());
   return [need, have] {
     if (need <= have) return absl::OkStatus();
-    v1::ErrorDetail detail;
-    detail.set_reason("DISK_FULL");
-    detail.set_value(absl::StrCat(need));
-    detail.set_limit(absl::StrCat(have));
-    return WithDetail(absl::ResourceExhaustedError(absl::StrCat(
-                          "the upload needs ", need, " bytes, the server's disk has ", have)),
-                      detail);
+    return WithDetail(
+        absl::ResourceExhaustedError(
+            absl::StrCat("the upload needs ", need, " bytes, the server's disk has ", have)),
+        {.reason = kDiskFull, .limit = absl::StrCat(have), .value = absl::StrCat(need)});
   };
 }
 
@@ -165,6 +163,23 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::GetUpload(grpc::CallbackServerConte
                      });
 }
 
+absl::Status DatasetServiceRpc::Delete(const v1::DeleteUploadRequest& request) const {
+  ASSIGN_OR_RETURN(const SceneChild upload, ParseChildName(request.name(), "uploads", "name"));
+  const auto project = store_.scenes().ProjectOfScene(upload.scene);
+  if (!project.ok()) return WithResource(project.status(), "NO_SUCH_UPLOAD", request.name());
+  const absl::Status deleted =
+      pepeseg::DeleteUpload(store_, blobs_, {*project, upload.scene, upload.number});
+  return WithResource(deleted, absl::IsNotFound(deleted) ? "NO_SUCH_UPLOAD" : "SEALED",
+                      request.name());
+}
+
+grpc::ServerUnaryReactor* DatasetServiceRpc::DeleteUpload(grpc::CallbackServerContext* call,
+                                                          const v1::DeleteUploadRequest* request,
+                                                          google::protobuf::Empty*) {
+  return runner_.Run(runner_.pools().upload, {call, request},
+                     [this, request](const UnaryCall&) { return Delete(*request); });
+}
+
 grpc::ServerReadReactor<v1::WriteFilesRequest>* DatasetServiceRpc::WriteFiles(
     grpc::CallbackServerContext* call, v1::WriteFilesResponse* response) {
   const auto stream = std::make_shared<WriteFilesStream>(
@@ -203,6 +218,26 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::SealUpload(grpc::CallbackServerCont
   return runner_.Run(
       runner_.pools().upload, {call, request},
       [this, request, response](const UnaryCall&) { return Seal(*request, response); });
+}
+
+absl::Status DatasetServiceRpc::Get(const v1::GetDatasetRequest& request,
+                                    v1::Dataset* response) const {
+  ASSIGN_OR_RETURN(const SceneChild dataset, ParseChildName(request.name(), "datasets", "name"));
+  auto row = store_.datasets().GetDataset(dataset.scene, dataset.number);
+  // An upload that is not sealed has the number of the dataset that it may become.
+  if (row.ok() && row->state != DatasetState::kSealed) {
+    row = absl::NotFoundError(absl::StrCat(request.name(), " is not sealed yet"));
+  }
+  if (!row.ok()) return WithResource(row.status(), "NO_SUCH_DATASET", request.name());
+  return FillDataset(*row, response);
+}
+
+grpc::ServerUnaryReactor* DatasetServiceRpc::GetDataset(grpc::CallbackServerContext* call,
+                                                        const v1::GetDatasetRequest* request,
+                                                        v1::Dataset* response) {
+  return runner_.Run(
+      runner_.pools().io, {call, request},
+      [this, request, response](const UnaryCall&) { return Get(*request, response); });
 }
 
 grpc::ServerUnaryReactor* DatasetServiceRpc::ListDatasets(grpc::CallbackServerContext* call,

@@ -29,10 +29,16 @@ class DatasetServiceRpc final : public v1::DatasetService::CallbackService {
   grpc::ServerUnaryReactor* GetUpload(grpc::CallbackServerContext* call,
                                       const v1::GetUploadRequest* request,
                                       v1::Upload* response) override;
+  grpc::ServerUnaryReactor* DeleteUpload(grpc::CallbackServerContext* call,
+                                         const v1::DeleteUploadRequest* request,
+                                         google::protobuf::Empty* response) override;
   grpc::ServerReadReactor<v1::WriteFilesRequest>* WriteFiles(
       grpc::CallbackServerContext* call, v1::WriteFilesResponse* response) override;
   grpc::ServerUnaryReactor* SealUpload(grpc::CallbackServerContext* call,
                                        const v1::SealUploadRequest* request,
+                                       v1::Dataset* response) override;
+  grpc::ServerUnaryReactor* GetDataset(grpc::CallbackServerContext* call,
+                                       const v1::GetDatasetRequest* request,
                                        v1::Dataset* response) override;
   grpc::ServerUnaryReactor* ListDatasets(grpc::CallbackServerContext* call,
                                          const v1::ListDatasetsRequest* request,
@@ -45,6 +51,8 @@ class DatasetServiceRpc final : public v1::DatasetService::CallbackService {
   // Fills in what ToProto does, and advice on masks.
   absl::Status FillDataset(const DatasetRow& row, v1::Dataset* dataset) const;
   absl::Status FillUpload(const DatasetRow& row, v1::Upload* upload) const;
+  absl::Status Delete(const v1::DeleteUploadRequest& request) const;
+  absl::Status Get(const v1::GetDatasetRequest& request, v1::Dataset* response) const;
   absl::Status Seal(const v1::SealUploadRequest& request, v1::Dataset* response) const;
 
   const CallRunner& runner_;

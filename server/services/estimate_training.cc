@@ -14,6 +14,7 @@
 #include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/services/file_header.h"
+#include "server/worker_protocol/job_stage.h"
 
 namespace pepeseg {
 namespace {
@@ -166,7 +167,7 @@ absl::StatusOr<std::optional<Measured>> FindMeasured(Store& store, const std::st
 // measured.
 void SetDuration(const std::optional<Measured>& measured, double share, Stage& stage) {
   if (!measured) return;
-  const auto seconds = measured->metrics.find("seconds_" + stage.stage());
+  const auto seconds = measured->metrics.find("seconds_" + NameOfStage(stage.stage()));
   if (seconds == measured->metrics.end() || !std::isfinite(seconds->second * share)) return;
   *stage.mutable_duration() = ToProto(absl::Seconds(seconds->second * share));
 }
@@ -180,7 +181,7 @@ double StepShare(int wanted, int measured) {
 void AddStages(const std::vector<StageNeed>& needs, v1::EstimateTrainingResponse& response) {
   for (const StageNeed& need : needs) {
     Stage& stage = *response.add_stages();
-    stage.set_stage(need.stage);
+    stage.set_stage(StageOfName(need.stage));
     stage.set_host_bytes(need.host_bytes);
     stage.set_device_bytes(need.device_bytes);
     if (need.seconds) *stage.mutable_duration() = ToProto(absl::Seconds(*need.seconds));
@@ -192,10 +193,10 @@ void SetDurations(const std::optional<Measured>& measured, const TrainingSetting
   if (!measured) return;
   for (Stage& stage : *response.mutable_stages()) {
     double share = 1;
-    if (stage.stage() == "reconstruct") {
+    if (stage.stage() == v1::JOB_STAGE_RECONSTRUCT) {
       share =
           StepShare(settings.reconstruct.num_steps, measured->options.reconstruct().num_steps());
-    } else if (stage.stage() == "features") {
+    } else if (stage.stage() == v1::JOB_STAGE_FEATURES) {
       share = StepShare(settings.features.num_steps, measured->options.features().num_steps());
     }
     SetDuration(measured, share, stage);
@@ -213,9 +214,9 @@ WorkerShare ShareOf(const v1::EstimateTrainingResponse& estimate) {
   for (const Stage& stage : estimate.stages()) {
     const int64_t bytes = stage.host_bytes() + stage.device_bytes();
     share.host_bytes = std::max(share.host_bytes, bytes + bytes / 4 + kProgramBytes);
-    // One unknown stage makes the sum meaningless as a limit. "prepare" is short enough to be
+    // One unknown stage makes the sum meaningless as a limit. PREPARE is short enough to be
     // covered by kStartSeconds.
-    timed &= stage.has_duration() || stage.stage() == "prepare";
+    timed &= stage.has_duration() || stage.stage() == v1::JOB_STAGE_PREPARE;
     share.seconds += 3 * stage.duration().seconds();
   }
   share.seconds = timed ? share.seconds + kStartSeconds : 0;
@@ -292,15 +293,13 @@ absl::StatusOr<WorkerShare> TrainingEstimator::CheckFits(const WantedTraining& t
   RETURN_IF_ERROR(wanted());
   if (!estimate.ok()) return WorkerShare();
   if (estimate->need_bytes() <= estimate->have_bytes()) return ShareOf(*estimate);
-  v1::ErrorDetail detail;
-  detail.set_reason("DOES_NOT_FIT");
-  detail.set_value(absl::StrCat(estimate->need_bytes(), " bytes"));
-  detail.set_limit(absl::StrCat(estimate->have_bytes(), " bytes"));
   return WithDetail(absl::ResourceExhaustedError(absl::StrCat(
                         "the training needs up to ", estimate->need_bytes() >> 20, " MiB of ",
                         estimate->device(), ", ", estimate->have_bytes() >> 20,
                         " MiB are there: fewer max_gaussians or a smaller image_scale take less")),
-                    detail);
+                    {.reason = "DOES_NOT_FIT",
+                     .limit = absl::StrCat(estimate->have_bytes(), " bytes"),
+                     .value = absl::StrCat(estimate->need_bytes(), " bytes")});
 }
 
 }  // namespace pepeseg

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <string>
 #include <utility>
+#include <variant>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
@@ -100,6 +101,28 @@ absl::Status AnswerCreateLabel(ModelLoader& models, const v1::CreateLabelRequest
   // A retry with the same mask gets it in the frame of the request, as the first request did.
   v1::CocoRle& mask = *response->mutable_mask()->mutable_rle();
   mask = made->counts == label.counts ? given.mask : StoredRle(*made);
+  return absl::OkStatus();
+}
+
+absl::Status AnswerGetLabel(ModelLoader& models, const v1::GetLabelRequest& request,
+                            v1::Label* response) {
+  ASSIGN_OR_RETURN(const SceneLabel label, ParseLabelName(request.name(), "name"));
+  RETURN_IF_ERROR(CheckFrame(request.frame()));
+  const auto row = models.store().labels().GetLabel(label.scene, label.id);
+  if (absl::IsNotFound(row.status())) {
+    return WithResource(row.status(), "NO_SUCH_LABEL", request.name());
+  }
+  RETURN_IF_ERROR(row.status());
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   models.Load(absl::StrCat("scenes/", label.scene, "/models/live"), "name"));
+  ASSIGN_OR_RETURN(Prompt prompt, PromptOfLabel(*row, model.segmenter->model(), model.row));
+  SegmentResult stored;
+  stored.mask = std::move(std::get<BinaryMask>(prompt.what));
+  stored.width = prompt.view.camera.width;
+  stored.height = prompt.view.camera.height;
+  const SegmentResult taken = AnswerFrame(request.frame()).Take(prompt.view, std::move(stored));
+  *response = WithoutMask(*row);
+  *response->mutable_mask()->mutable_rle() = RleToProto(taken.mask, taken.width, taken.height);
   return absl::OkStatus();
 }
 

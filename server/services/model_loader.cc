@@ -15,7 +15,7 @@ namespace pepeseg {
 namespace {
 
 // Time after which a client should retry: most queries under way have ended by then.
-constexpr int kRetrySeconds = 1;
+constexpr absl::Duration kRetryAfter = absl::Seconds(1);
 
 // Adds the bytes needed and available to the detail of `status`.
 absl::Status WithBytes(const absl::Status& status, const MemoryBytes& need,
@@ -25,13 +25,13 @@ absl::Status WithBytes(const absl::Status& status, const MemoryBytes& need,
         bytes.host, " bytes on the host",
         budget.one_memory() ? "" : absl::StrCat(", ", bytes.device, " on the device"));
   };
-  v1::ErrorDetail detail;
+  ErrorDetail detail;
   const bool for_now = absl::IsUnavailable(status);
-  detail.set_reason(for_now ? "NO_ROOM_NOW" : "DOES_NOT_FIT");
-  if (for_now) detail.mutable_retry_after()->set_seconds(kRetrySeconds);
+  detail.reason = for_now ? "NO_ROOM_NOW" : "DOES_NOT_FIT";
+  if (for_now) detail.retry_after = kRetryAfter;
   // 0: the call has waited for the load of another call, which has computed the need.
-  if (need.host > 0) detail.set_value(words(budget.Counted(need)));
-  detail.set_limit(words(budget.usable()));
+  if (need.host > 0) detail.value = words(budget.Counted(need));
+  detail.limit = words(budget.usable());
   return WithDetail(status, detail);
 }
 

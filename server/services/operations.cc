@@ -17,10 +17,10 @@ namespace {
 
 constexpr size_t kMaxJobs = 1000;  // in a status
 
-void FillPool(const char* name, const WorkerPool& pool, v1::ServerStatus* response) {
+void FillPool(v1::ServerStatus::Work work, const WorkerPool& pool, v1::ServerStatus* response) {
   const WorkerPool::Use use = pool.use();
   v1::ServerStatus::Pool& to = *response->add_pools();
-  to.set_name(name);
+  to.set_work(work);
   to.set_num_threads(use.num_threads);
   to.set_num_busy(use.num_busy);
   to.set_num_queued(static_cast<int32_t>(use.num_queued));
@@ -75,10 +75,10 @@ absl::Status Operations::FillStatus(v1::ServerStatus* response) const {
   *response->mutable_start_time() = ToProto(start_time_);
   response->set_draining(parts_.health.draining());
   FillProcess(response);
-  FillPool("io", pools.io, response);
-  FillPool("query", pools.query, response);
-  FillPool("evaluation", pools.evaluation, response);
-  FillPool("upload", pools.upload, response);
+  FillPool(v1::ServerStatus::WORK_IO, pools.io, response);
+  FillPool(v1::ServerStatus::WORK_QUERY, pools.query, response);
+  FillPool(v1::ServerStatus::WORK_EVALUATION, pools.evaluation, response);
+  FillPool(v1::ServerStatus::WORK_UPLOAD, pools.upload, response);
   response->set_num_streams(static_cast<int32_t>(parts_.runner.streams().size()));
   const LatencyWindow::Quantiles queries =
       LatencyWindow::Summarize(absl::Now(), pools.query.latencies(), pools.evaluation.latencies());

@@ -117,6 +117,14 @@ absl::Status ProjectAnswers::CreateKey(const v1::CreateKeyRequest& request,
   return absl::OkStatus();
 }
 
+absl::Status ProjectAnswers::GetKey(const v1::GetKeyRequest& request, v1::ApiKey* response) const {
+  ASSIGN_OR_RETURN(const std::string id, ParseKeyName(request.name()));
+  const auto key = store_.keys().GetKey(id);
+  if (!key.ok()) return WithResource(key.status(), "NO_SUCH_KEY", request.name());
+  *response = KeyToProto(*key);
+  return absl::OkStatus();
+}
+
 absl::Status ProjectAnswers::ListKeys(const v1::ListKeysRequest& request,
                                       v1::ListKeysResponse* response) const {
   if (!request.project().empty()) RETURN_IF_ERROR(CheckProject(request.project(), "project"));
@@ -157,8 +165,8 @@ absl::Status ProjectAnswers::GetProjectUsage(const v1::GetProjectUsageRequest& r
   return FillUsage(request.project(), response);
 }
 
-absl::Status ProjectAnswers::SetQuota(const v1::SetQuotaRequest& request,
-                                      v1::ProjectUsage* response) const {
+absl::Status ProjectAnswers::UpdateQuota(const v1::UpdateQuotaRequest& request,
+                                         v1::ProjectUsage* response) const {
   RETURN_IF_ERROR(CheckProject(request.project(), "project"));
   ASSIGN_OR_RETURN(const Quota quota, QuotaFromProto(request.quota()));
   RETURN_IF_ERROR(store_.quotas().SetProjectQuota(request.project(), quota).status());

@@ -20,11 +20,12 @@ class ProjectAnswers {
 
   absl::Status CreateKey(const v1::CreateKeyRequest& request,
                          v1::CreateKeyResponse* response) const;
+  absl::Status GetKey(const v1::GetKeyRequest& request, v1::ApiKey* response) const;
   absl::Status ListKeys(const v1::ListKeysRequest& request, v1::ListKeysResponse* response) const;
   absl::Status RevokeKey(const v1::RevokeKeyRequest& request, v1::ApiKey* response) const;
   absl::Status GetProjectUsage(const v1::GetProjectUsageRequest& request,
                                v1::ProjectUsage* response) const;
-  absl::Status SetQuota(const v1::SetQuotaRequest& request, v1::ProjectUsage* response) const;
+  absl::Status UpdateQuota(const v1::UpdateQuotaRequest& request, v1::ProjectUsage* response) const;
 
  private:
   absl::Status FillUsage(const std::string& project, v1::ProjectUsage* response) const;

@@ -90,7 +90,7 @@ double ShareAskedFor(const RenderQuery& query) {
 
 // Returns a pinhole view at the answer's resolution, to be warped by the lens if there is one.
 // Features are not rendered larger than they were trained, so that they look as clicks see them.
-Canvas MakeCanvas(const RenderQuery& query, double share, v1::RenderRequest::Content content) {
+Canvas MakeCanvas(const RenderQuery& query, double share, v1::RenderViewRequest::Content content) {
   const PhotographFrame& frame = query.image.frame;
   Canvas canvas{Shrunk(frame.width(), share), Shrunk(frame.height(), share), query.view, {}};
   const Camera& camera = query.view.camera;
@@ -98,7 +98,7 @@ Canvas MakeCanvas(const RenderQuery& query, double share, v1::RenderRequest::Con
     return canvas;
   }
   const bool enlarged = canvas.width > camera.width || canvas.height > camera.height;
-  const bool as_trained = content == v1::RenderRequest::CONTENT_FEATURES && enlarged;
+  const bool as_trained = content == v1::RenderViewRequest::CONTENT_FEATURES && enlarged;
   if (frame.is_shrunk() && !as_trained) {
     canvas.view = AtSize(query.view, canvas.width, canvas.height);
     return canvas;
@@ -113,14 +113,14 @@ Canvas MakeCanvas(const RenderQuery& query, double share, v1::RenderRequest::Con
 }
 
 // Checks the fields that can be checked without the model.
-absl::Status CheckRequest(const v1::RenderRequest& request) {
-  if (!v1::RenderRequest::Content_IsValid(request.content())) {
+absl::Status CheckRequest(const v1::RenderViewRequest& request) {
+  if (!v1::RenderViewRequest::Content_IsValid(request.content())) {
     return BadField("content", absl::StrCat(static_cast<int>(request.content())), "no content");
   }
-  const bool is_color = request.content() == v1::RenderRequest::CONTENT_UNSPECIFIED ||
-                        request.content() == v1::RenderRequest::CONTENT_COLOR;
-  if (request.overlay_case() != v1::RenderRequest::OVERLAY_NOT_SET && !is_color) {
-    return BadField("overlay", v1::RenderRequest::Content_Name(request.content()),
+  const bool is_color = request.content() == v1::RenderViewRequest::CONTENT_UNSPECIFIED ||
+                        request.content() == v1::RenderViewRequest::CONTENT_COLOR;
+  if (request.overlay_case() != v1::RenderViewRequest::OVERLAY_NOT_SET && !is_color) {
+    return BadField("overlay", v1::RenderViewRequest::Content_Name(request.content()),
                     "only CONTENT_COLOR has an overlay");
   }
   if (request.max_side() < 0 || request.max_side() > kMaxSide) {
@@ -143,7 +143,8 @@ absl::StatusOr<std::vector<int32_t>> ReadMembers(const Selections& selections,
 
 // Reads the overlay mask, which has the size of the frame or of the answer.
 absl::Status ReadOverlay(const v1::MaskImage& mask, RenderQuery& query) {
-  const Canvas canvas = MakeCanvas(query, ShareAskedFor(query), v1::RenderRequest::CONTENT_COLOR);
+  const Canvas canvas =
+      MakeCanvas(query, ShareAskedFor(query), v1::RenderViewRequest::CONTENT_COLOR);
   query.overlay_size = SizeOf(mask);
   // A client may draw on the picture that it got, which has the answer's size, or on the photograph
   // itself.
@@ -158,21 +159,21 @@ absl::Status ReadOverlay(const v1::MaskImage& mask, RenderQuery& query) {
 }
 
 absl::StatusOr<RenderQuery> ReadQuery(const Selections& selections, const ResidentModel& model,
-                                      const v1::RenderRequest& request) {
+                                      const v1::RenderViewRequest& request) {
   RETURN_IF_ERROR(CheckRequest(request));
   RenderQuery query;
   ASSIGN_OR_RETURN(query.view,
                    FindViewpoint(request.viewpoint(), model.segmenter->model(), "viewpoint"));
   query.image = ImageOf(query.view, request.frame());
   query.max_side = request.max_side();
-  if (request.content() == v1::RenderRequest::CONTENT_SEGMENTS) {
+  if (request.content() == v1::RenderViewRequest::CONTENT_SEGMENTS) {
     ASSIGN_OR_RETURN(query.scales,
                      ReadScales(request.decomposition_scales(), "decomposition_scales"));
     RETURN_IF_ERROR(CheckLevelField(request.level(), query.scales.size(), "level"));
     query.level = request.level();
   }
   query.feature_scale = request.feature_scale();
-  if (request.content() == v1::RenderRequest::CONTENT_FEATURES &&
+  if (request.content() == v1::RenderViewRequest::CONTENT_FEATURES &&
       !(query.feature_scale >= 0 && query.feature_scale <= 1)) {
     return BadField("feature_scale", absl::StrCat(query.feature_scale), "not in [0, 1]");
   }
@@ -292,13 +293,14 @@ absl::StatusOr<Picture> RenderFeatures(const Segmenter& segmenter, const RenderQ
 }
 
 absl::StatusOr<Picture> RenderContent(const Segmenter& segmenter, const RenderQuery& query,
-                                      const Canvas& canvas, v1::RenderRequest::Content content) {
+                                      const Canvas& canvas,
+                                      v1::RenderViewRequest::Content content) {
   switch (content) {
-    case v1::RenderRequest::CONTENT_DEPTH:
+    case v1::RenderViewRequest::CONTENT_DEPTH:
       return RenderDepth(segmenter, query, canvas);
-    case v1::RenderRequest::CONTENT_SEGMENTS:
+    case v1::RenderViewRequest::CONTENT_SEGMENTS:
       return RenderSegments(segmenter, query, canvas);
-    case v1::RenderRequest::CONTENT_FEATURES:
+    case v1::RenderViewRequest::CONTENT_FEATURES:
       return RenderFeatures(segmenter, query, canvas);
     default:
       return RenderColor(segmenter, query, canvas);
@@ -308,8 +310,8 @@ absl::StatusOr<Picture> RenderContent(const Segmenter& segmenter, const RenderQu
 // Renders the answer into `response`, with the times of computing and encoding. If the request does
 // not say a size, renders it smaller until it fits into a message.
 absl::Status RenderToFit(const UnaryCall& call, const Segmenter& segmenter,
-                         const RenderQuery& query, v1::RenderRequest::Content content,
-                         v1::RenderResponse* response) {
+                         const RenderQuery& query, v1::RenderViewRequest::Content content,
+                         v1::RenderViewResponse* response) {
   constexpr size_t kRest = 1024;  // bytes of the answer that are not the image
   // A smaller image has more detail in each pixel, so it shrinks less than its number of pixels.
   constexpr double kSpare = 0.8;
@@ -344,12 +346,12 @@ absl::Status RenderToFit(const UnaryCall& call, const Segmenter& segmenter,
 
 }  // namespace
 
-absl::Status RenderAnswers::Render(const UnaryCall& call, const v1::RenderRequest& request,
-                                   v1::RenderResponse* response) const {
+absl::Status RenderAnswers::Render(const UnaryCall& call, const v1::RenderViewRequest& request,
+                                   v1::RenderViewResponse* response) const {
   Stopwatch stopwatch;
   ASSIGN_OR_RETURN(const ResidentModel model, models_.Load(request.model(), "model"));
-  if (request.content() == v1::RenderRequest::CONTENT_SEGMENTS ||
-      request.content() == v1::RenderRequest::CONTENT_FEATURES) {
+  if (request.content() == v1::RenderViewRequest::CONTENT_SEGMENTS ||
+      request.content() == v1::RenderViewRequest::CONTENT_FEATURES) {
     RETURN_IF_ERROR(CheckFeatures(model));
   }
   *response->mutable_timing()->mutable_queue() = ToProto(call.queued);

@@ -1,14 +1,14 @@
 #pragma once
 
 #include "absl/status/status.h"
-#include "pepeseg/v1/render.pb.h"
+#include "pepeseg/v1/render_service.pb.h"
 #include "server/rpc/call_runner.h"
 #include "server/services/model_loader.h"
 #include "server/services/selections.h"
 
 namespace pepeseg {
 
-// Answers Render calls. Both must outlive it.
+// Answers RenderView calls. Both must outlive it.
 class RenderAnswers {
  public:
   RenderAnswers(ModelLoader& models, const Selections& selections)
@@ -16,8 +16,8 @@ class RenderAnswers {
 
   // Blocks for as long as the model takes to load and, if the request names or asks for segments,
   // to be decomposed.
-  absl::Status Render(const UnaryCall& call, const v1::RenderRequest& request,
-                      v1::RenderResponse* response) const;
+  absl::Status Render(const UnaryCall& call, const v1::RenderViewRequest& request,
+                      v1::RenderViewResponse* response) const;
 
  private:
   ModelLoader& models_;

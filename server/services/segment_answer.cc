@@ -27,18 +27,16 @@ absl::Duration Stopwatch::Lap() {
 
 absl::Status CheckAnswerSize(size_t num_bytes) {
   if (num_bytes <= kAnswerBytes) return absl::OkStatus();
-  v1::ErrorDetail detail;
-  detail.set_reason("ANSWER_TOO_LARGE");
-  detail.set_value(absl::StrCat(num_bytes, " bytes"));
-  detail.set_limit(absl::StrCat(kAnswerBytes, " bytes"));
   return WithDetail(absl::ResourceExhaustedError(absl::StrCat(
                         "the answer has over ", kAnswerBytes, " bytes: ask for fewer views, for ",
                         "frame PIXEL_FRAME_VIEW, or for a smaller max_side")),
-                    detail);
+                    {.reason = "ANSWER_TOO_LARGE",
+                     .limit = absl::StrCat(kAnswerBytes, " bytes"),
+                     .value = absl::StrCat(num_bytes, " bytes")});
 }
 
-absl::Status SegmentAnswers::Segment(const QueryCall& call, const v1::SegmentRequest& request,
-                                     v1::SegmentResponse* response) const {
+absl::Status SegmentAnswers::Segment(const QueryCall& call, const v1::SegmentViewsRequest& request,
+                                     v1::SegmentViewsResponse* response) const {
   Stopwatch stopwatch;
   ASSIGN_OR_RETURN(const ResidentModel model, models_.LoadWithFeatures(request.model(), "model"));
   *response->mutable_timing()->mutable_queue() = ToProto(call.queued);
@@ -103,7 +101,7 @@ absl::Status SegmentAnswers::ProposeScales(const UnaryCall& call,
   return CheckAnswerSize(response->ByteSizeLong());
 }
 
-absl::Status SegmentStreamCall::Authorize(v1::SegmentStreamRequest& request) {
+absl::Status StreamSegmentsCall::Authorize(v1::StreamSegmentsRequest& request) {
   const auto caller = runner_.authorizer().AuthorizeAndResolve(origin_, request);
   if (!caller.ok()) return caller.status();
   project_ = caller->project;
@@ -114,7 +112,7 @@ absl::Status SegmentStreamCall::Authorize(v1::SegmentStreamRequest& request) {
   return status;
 }
 
-bool SegmentStreamCall::Answer(const v1::SegmentStreamRequest& request) {
+bool StreamSegmentsCall::Answer(const v1::StreamSegmentsRequest& request) {
   const QueryCall call = {absl::ZeroDuration(), [this] { return cancelled() || superseded(); }};
   message_.Clear();
   message_.set_sequence(request.sequence());
@@ -130,19 +128,20 @@ bool SegmentStreamCall::Answer(const v1::SegmentStreamRequest& request) {
   const absl::Time end = absl::Now();
   runner_.pools().query.latencies().Record(end - start, end);
   if (status.ok()) return true;
-  *message_.mutable_error() = ToProto(status);
+  v1::Status error = ToProto(status);
   const ClientErrorRules rules = {models_.data_folder(), origin_.request_id};
   // The interceptor sees only the status of the stream, not the errors in its messages.
-  if (HidePrivateText(rules, *message_.mutable_error())) {
-    spdlog::warn("SegmentStream: {}, request {}", status.ToString(), origin_.request_id);
+  if (HidePrivateText(rules, error)) {
+    spdlog::warn("StreamSegments: {}, request {}", status.ToString(), origin_.request_id);
   }
+  *message_.mutable_error() = FlatError(error);
   return true;
 }
 
-Stream::Step SegmentStreamCall::Work(bool) {
-  std::optional<v1::SegmentStreamRequest> request = TakeNewest();
+Stream::Step StreamSegmentsCall::Work(bool) {
+  std::optional<v1::StreamSegmentsRequest> request = TakeNewest();
   if (request || !admitted_) {
-    v1::SegmentStreamRequest none;
+    v1::StreamSegmentsRequest none;
     absl::Status status = Authorize(request ? *request : none);
     if (!status.ok()) return {Next::kEnd, std::move(status)};
   }

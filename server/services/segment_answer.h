@@ -46,8 +46,8 @@ class SegmentAnswers {
 
   // Segments one view after the other, and looks before each whether the client still waits.
   // CANCELLED: it does not.
-  absl::Status Segment(const QueryCall& call, const v1::SegmentRequest& request,
-                       v1::SegmentResponse* response) const;
+  absl::Status Segment(const QueryCall& call, const v1::SegmentViewsRequest& request,
+                       v1::SegmentViewsResponse* response) const;
   absl::Status ProposeScales(const UnaryCall& call, const v1::ProposeScalesRequest& request,
                              v1::ProposeScalesResponse* response) const;
 
@@ -55,15 +55,15 @@ class SegmentAnswers {
   ModelLoader& models_;
 };
 
-// A SegmentStream call: one answer at a time, to the newest request. A newer request ends the work
+// A StreamSegments call: one answer at a time, to the newest request. A newer request ends the work
 // on the answer between two views; an error is sent as an answer and the stream continues. Key and
 // scope are checked when the call begins, and each request is authorised for itself; one that is
 // refused ends the stream. The stream also ends if the first request does not come within
 // StreamLimits::first_message.
-class SegmentStreamCall final
-    : public NewestStream<v1::SegmentStreamRequest, v1::SegmentStreamResponse> {
+class StreamSegmentsCall final
+    : public NewestStream<v1::StreamSegmentsRequest, v1::StreamSegmentsResponse> {
  public:
-  SegmentStreamCall(const CallRunner& runner, ModelLoader& models, CallOrigin origin)
+  StreamSegmentsCall(const CallRunner& runner, ModelLoader& models, CallOrigin origin)
       : NewestStream(&runner.streams(), &runner.pools().query),
         runner_(runner),
         models_(models),
@@ -72,9 +72,9 @@ class SegmentStreamCall final
  private:
   Step Work(bool io_ok) override;
   // Authorises a request, or the call itself while there is no request.
-  absl::Status Authorize(v1::SegmentStreamRequest& request);
+  absl::Status Authorize(v1::StreamSegmentsRequest& request);
   // Fills `message_` with the answer or the error. Returns false if the request was given up.
-  bool Answer(const v1::SegmentStreamRequest& request);
+  bool Answer(const v1::StreamSegmentsRequest& request);
 
   const CallRunner& runner_;
   ModelLoader& models_;

@@ -21,6 +21,11 @@ namespace {
 // Each voting view is rendered and segmented, so their number bounds the time of a call.
 constexpr int kMaxVotingViews = 100;
 
+v1::SetOperation OrDefault(v1::SetOperation operation, v1::SetOperation by_default) {
+  return operation == v1::SET_OPERATION_UNSPECIFIED ? by_default : operation;
+}
+
+// Returns `added` for REPLACE.
 absl::StatusOr<GaussianSet> Apply(v1::SetOperation operation, const GaussianSet& base,
                                   const GaussianSet& added) {
   switch (operation) {
@@ -35,19 +40,19 @@ absl::StatusOr<GaussianSet> Apply(v1::SetOperation operation, const GaussianSet&
   }
 }
 
-absl::Status CheckOperation(v1::SetOperation operation, bool may_be_none) {
-  const bool none = operation == v1::SET_OPERATION_UNSPECIFIED;
-  if (v1::SetOperation_IsValid(operation) && (!none || may_be_none)) return absl::OkStatus();
+absl::Status CheckOperation(v1::SetOperation operation) {
+  if (v1::SetOperation_IsValid(operation)) return absl::OkStatus();
   return BadField("operation", absl::StrCat(static_cast<int>(operation)), "no operation on sets");
 }
 
-absl::Status CheckSelect(const v1::SelectRequest& request) {
+absl::Status CheckCreate(const v1::CreateSelectionRequest& request) {
   if (request.num_views() < 0 || request.num_views() > kMaxVotingViews) {
     return BadField("num_views", absl::StrCat(request.num_views()),
                     absl::StrCat("not in [0, ", kMaxVotingViews, "]"));
   }
-  RETURN_IF_ERROR(CheckOperation(request.operation(), true));
-  if (request.operation() != v1::SET_OPERATION_UNSPECIFIED && request.base().empty()) {
+  RETURN_IF_ERROR(CheckOperation(request.operation()));
+  if (OrDefault(request.operation(), v1::SET_OPERATION_REPLACE) != v1::SET_OPERATION_REPLACE &&
+      request.base().empty()) {
     return BadField("base", "", "an operation needs a base");
   }
   return CheckRequestId(request.request_id());
@@ -67,7 +72,8 @@ void SetRequest(Request request, SelectionRow* row) {
 }  // namespace
 
 absl::StatusOr<GaussianSet> SelectionAnswers::SelectPrompted(
-    const UnaryCall& call, const ResidentModel& model, const v1::SelectRequest& request) const {
+    const UnaryCall& call, const ResidentModel& model,
+    const v1::CreateSelectionRequest& request) const {
   const SegmentRequestReader reader(model.segmenter->model(), model.row, models_.store());
   SelectTask task;
   ASSIGN_OR_RETURN(task.prompt, reader.ReadPrompt(request.prompt(), request.frame()));
@@ -79,25 +85,26 @@ absl::StatusOr<GaussianSet> SelectionAnswers::SelectPrompted(
   return SelectGaussians(*model.segmenter, task, [&] { return call.CheckWanted(); });
 }
 
-absl::StatusOr<GaussianSet> SelectionAnswers::SelectSource(const UnaryCall& call,
-                                                           const ResidentModel& model,
-                                                           const v1::SelectRequest& request) const {
+absl::StatusOr<GaussianSet> SelectionAnswers::SelectSource(
+    const UnaryCall& call, const ResidentModel& model,
+    const v1::CreateSelectionRequest& request) const {
   switch (request.source_case()) {
-    case v1::SelectRequest::kPrompt:
+    case v1::CreateSelectionRequest::kPrompt:
       return SelectPrompted(call, model, request);
-    case v1::SelectRequest::kSegment:
+    case v1::CreateSelectionRequest::kSegment:
       return FindSegment(*model.segmenter, request.segment(), "segment");
     default:
       return BadField("prompt", "", "neither a prompt nor a segment");
   }
 }
 
-absl::Status SelectionAnswers::Select(const UnaryCall& call, const v1::SelectRequest& request,
+absl::Status SelectionAnswers::Create(const UnaryCall& call,
+                                      const v1::CreateSelectionRequest& request,
                                       v1::Selection* response) const {
   // A repeated request is answered from its record before the model is loaded, even if "live" means
   // a newer model by now.
   ASSIGN_OR_RETURN(const SceneChild named, ParseModelName(request.model(), "model"));
-  RETURN_IF_ERROR(CheckSelect(request));
+  RETURN_IF_ERROR(CheckCreate(request));
   SelectionRow row;
   row.scene = named.scene;
   SetRequest(request, &row);
@@ -115,7 +122,8 @@ absl::Status SelectionAnswers::Select(const UnaryCall& call, const v1::SelectReq
     row.base = of.number;
   }
   ASSIGN_OR_RETURN(const GaussianSet added, SelectSource(call, model, request));
-  ASSIGN_OR_RETURN(const GaussianSet set, Apply(request.operation(), base, added));
+  ASSIGN_OR_RETURN(const GaussianSet set,
+                   Apply(OrDefault(request.operation(), v1::SET_OPERATION_REPLACE), base, added));
   ASSIGN_OR_RETURN(row, selections_.Record(model, set, row));
   *response = ToProto(row);
   return absl::OkStatus();
@@ -123,7 +131,7 @@ absl::Status SelectionAnswers::Select(const UnaryCall& call, const v1::SelectReq
 
 absl::Status SelectionAnswers::Combine(const v1::CombineSelectionsRequest& request,
                                        v1::Selection* response) const {
-  RETURN_IF_ERROR(CheckOperation(request.operation(), false));
+  RETURN_IF_ERROR(CheckOperation(request.operation()));
   RETURN_IF_ERROR(CheckRequestId(request.request_id()));
   ASSIGN_OR_RETURN(const SceneChild first, ParseChildName(request.first(), "selections", "first"));
   SelectionRow row;
@@ -140,7 +148,8 @@ absl::Status SelectionAnswers::Combine(const v1::CombineSelectionsRequest& reque
   const SceneChild of = {base.scene, base.model};
   ASSIGN_OR_RETURN(const GaussianSet a, selections_.Find(request.first(), of, "first"));
   ASSIGN_OR_RETURN(const GaussianSet b, selections_.Find(request.second(), of, "second"));
-  ASSIGN_OR_RETURN(const GaussianSet set, Apply(request.operation(), a, b));
+  ASSIGN_OR_RETURN(const GaussianSet set,
+                   Apply(OrDefault(request.operation(), v1::SET_OPERATION_UNION), a, b));
   // The model is loaded only for the bounds of the result, so a model without features does.
   ASSIGN_OR_RETURN(const ResidentModel model,
                    models_.Load(KeyedChildName(of.scene, "models", of.number), "first"));

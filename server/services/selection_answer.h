@@ -1,14 +1,14 @@
 #pragma once
 
 #include "absl/status/status.h"
-#include "pepeseg/v1/selection.pb.h"
+#include "pepeseg/v1/selection_service.pb.h"
 #include "server/rpc/call_runner.h"
 #include "server/services/model_loader.h"
 #include "server/services/selections.h"
 
 namespace pepeseg {
 
-// Answers SegmentationService's calls about selections. All of them block; Select and Combine also
+// Answers SelectionService's calls. All of them block; Create and Combine also
 // load a model and compute, so they belong on the query pool.
 class SelectionAnswers {
  public:
@@ -16,7 +16,7 @@ class SelectionAnswers {
   SelectionAnswers(ModelLoader& models, Selections& selections)
       : models_(models), selections_(selections) {}
 
-  absl::Status Select(const UnaryCall& call, const v1::SelectRequest& request,
+  absl::Status Create(const UnaryCall& call, const v1::CreateSelectionRequest& request,
                       v1::Selection* response) const;
   absl::Status Combine(const v1::CombineSelectionsRequest& request, v1::Selection* response) const;
   absl::Status Undo(const v1::UndoSelectionRequest& request, v1::Selection* response) const;
@@ -28,9 +28,9 @@ class SelectionAnswers {
  private:
   // Return the Gaussians that a request selects, by a prompt or as a segment.
   absl::StatusOr<GaussianSet> SelectPrompted(const UnaryCall& call, const ResidentModel& model,
-                                             const v1::SelectRequest& request) const;
+                                             const v1::CreateSelectionRequest& request) const;
   absl::StatusOr<GaussianSet> SelectSource(const UnaryCall& call, const ResidentModel& model,
-                                           const v1::SelectRequest& request) const;
+                                           const v1::CreateSelectionRequest& request) const;
 
   ModelLoader& models_;
   Selections& selections_;

@@ -25,16 +25,15 @@ bool IsTerminal(v1::JobState state) {
 absl::Status HeldUpError(const std::string& job, const absl::Status& obstacle) {
   const bool full = absl::IsResourceExhausted(obstacle);
   const bool away = absl::IsUnavailable(obstacle);
-  v1::ErrorDetail detail;
-  detail.set_reason(full ? kDiskFull : "JOB_HELD_UP");
-  detail.set_resource(JobName(job));
-  detail.mutable_retry_after()->set_seconds(absl::ToInt64Seconds(kRetryAfter));
+  const ErrorDetail detail = {.reason = full ? kDiskFull : "JOB_HELD_UP",
+                              .resource = JobName(job),
+                              .retry_after = kRetryAfter};
   const char* cause = full   ? "the server's disk is full"
                       : away ? "the server cannot reach its database or open its files now"
                              : "the server cannot write to its database or its files now";
   return WithDetail(
       absl::UnavailableError(absl::StrCat(
-          detail.resource(), ": ", cause,
+          detail.resource, ": ", cause,
           ", so that the state of the job cannot be written; it is tried again until it can")),
       detail);
 }
@@ -76,15 +75,13 @@ absl::Status WatchJobStream::Start() {
       ASSIGN_OR_RETURN(snapshot.sequence, FindNewestInLog(snapshot.sequence));
     }
     if (after > snapshot.sequence) {
-      v1::ErrorDetail detail;
-      detail.set_reason("NO_SUCH_EVENT");
-      detail.set_field("after_sequence");
-      detail.set_value(absl::StrCat(after));
-      detail.set_limit(absl::StrCat(snapshot.sequence));
       return WithDetail(
           absl::OutOfRangeError(absl::StrCat(
               "after_sequence: ", after, ", the newest event of the job is ", snapshot.sequence)),
-          detail);
+          {.reason = "NO_SUCH_EVENT",
+           .field = "after_sequence",
+           .limit = absl::StrCat(snapshot.sequence),
+           .value = absl::StrCat(after)});
     }
     // The snapshot is sent with the sequence that the client knows, so that a client that
     // reconnects before the next event asks from there again.

@@ -17,27 +17,20 @@ constexpr size_t kMaxChunkBytes = size_t{4} << 20;
 constexpr int64_t kCheckedBytes = int64_t{32} << 20;
 
 absl::Status OutOfOrder(const std::string& what) {
-  v1::ErrorDetail detail;
-  detail.set_reason("OUT_OF_ORDER");
-  detail.set_field("part");
-  return WithDetail(absl::InvalidArgumentError(what), detail);
+  return WithDetail(absl::InvalidArgumentError(what), {.reason = "OUT_OF_ORDER", .field = "part"});
 }
 
 absl::Status BusyFile(const std::string& path) {
-  v1::ErrorDetail detail;
-  detail.set_reason("FILE_BUSY");
-  detail.set_resource(path);
-  detail.mutable_retry_after()->set_seconds(1);
   return WithDetail(absl::AbortedError(absl::StrCat(path, ": another stream writes it just now")),
-                    detail);
+                    {.reason = "FILE_BUSY", .resource = path, .retry_after = absl::Seconds(1)});
 }
 
 // Commits the complete files. Keeps the part of the file that was being received, unless the upload
 // was deleted.
 absl::Status Close(const WriteFilesStream::Parts& parts, const UploadName& upload, WriteGroup group,
                    std::shared_ptr<BlobWriter> writer) {
-  absl::Status status = group.Commit(parts.store);
-  if (writer == nullptr) return status;
+  absl::Status status = group.Commit(parts.store, parts.blobs);
+  if (writer == nullptr && !absl::IsNotFound(status)) return status;
   // The writer's destructor syncs the bytes and records their number, so that the next stream
   // resumes after them.
   writer.reset();
@@ -164,7 +157,9 @@ absl::Status WriteFilesStream::FindFile(const v1::WriteFilesRequest::Header& hea
   const std::string path(Utf8Prefix(header.path(), 512));
   const bool same = upload_.scene == upload.scene && upload_.number == upload.number;
   // A group has one upload, since one transaction marks its files.
-  if (!same) RETURN_IF_ERROR(group_.Commit(parts_.store));  // the files are of the other upload
+  if (!same)
+    RETURN_IF_ERROR(
+        group_.Commit(parts_.store, parts_.blobs));  // the files are of the other upload
   if (!same || !listed_.contains(path)) {
     RETURN_IF_ERROR(ListFrom(path, header.upload(), upload));
   }
@@ -210,14 +205,12 @@ absl::Status WriteFilesStream::StartAt(const v1::WriteFilesRequest::Header& head
                             : writer_->Start(header.offset());
   if (status.ok()) return status;
   if (!absl::IsOutOfRange(status)) return OfFile(file_.path, status);
-  v1::ErrorDetail detail;
-  detail.set_reason("WRONG_OFFSET");
-  detail.set_field("header.offset");
-  detail.set_resource(file_.path);
-  detail.set_value(absl::StrCat(header.offset()));
-  detail.set_limit(absl::StrCat(committed));
   return WithDetail(absl::OutOfRangeError(absl::StrCat(file_.path, ": ", status.message())),
-                    detail);
+                    {.reason = "WRONG_OFFSET",
+                     .field = "header.offset",
+                     .resource = file_.path,
+                     .limit = absl::StrCat(committed),
+                     .value = absl::StrCat(header.offset())});
 }
 
 absl::Status WriteFilesStream::TakeChunk(const v1::WriteFilesRequest::Chunk& chunk) {
@@ -253,7 +246,7 @@ absl::Status WriteFilesStream::EndFile() {
   in_file_ = false;
   response_->set_num_files(response_->num_files() + 1);
   response_->set_num_bytes(response_->num_bytes() + sent_bytes_);
-  return group_.due() ? group_.Commit(parts_.store) : absl::OkStatus();
+  return group_.due() ? group_.Commit(parts_.store, parts_.blobs) : absl::OkStatus();
 }
 
 }  // namespace pepeseg

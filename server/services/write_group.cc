@@ -16,6 +16,7 @@
 #include "core/base/private_error.h"
 #include "core/base/status_macros.h"
 #include "server/api/error.h"
+#include "server/services/delete_upload.h"
 #include "server/services/file_header.h"
 
 namespace pepeseg {
@@ -66,12 +67,10 @@ absl::Status SyncFolders(const std::vector<WriteGroup::File>& files) {
 
 absl::Status OfFile(const std::string& path, const absl::Status& status) {
   if (status.ok()) return status;
-  v1::ErrorDetail detail;
-  detail.set_reason(absl::IsDataLoss(status)            ? "BYTES_MISMATCH"
-                    : absl::IsResourceExhausted(status) ? kDiskFull
-                                                        : "BAD_FILE");
-  detail.set_resource(path);
-  return WithDetail(WithPrefix(path + ": ", status), detail);
+  const char* reason = absl::IsDataLoss(status)            ? "BYTES_MISMATCH"
+                       : absl::IsResourceExhausted(status) ? kDiskFull
+                                                           : "BAD_FILE";
+  return WithDetail(WithPrefix(path + ": ", status), {.reason = reason, .resource = path});
 }
 
 bool WriteGroup::due() const {
@@ -123,7 +122,7 @@ absl::Status WriteGroup::Publish(std::vector<File>& files) {
   return absl::OkStatus();
 }
 
-absl::Status WriteGroup::Commit(Store& store) {
+absl::Status WriteGroup::Commit(Store& store, BlobStore& blobs) {
   if (files_.empty()) return absl::OkStatus();
   // The group is emptied even if the commit fails: the stream ends then, and the client resumes by
   // GetUpload.
@@ -136,7 +135,13 @@ absl::Status WriteGroup::Commit(Store& store) {
   for (File& file : files) rows.push_back(std::move(file.row));
   // Last, so that the database never says that a file is stored whose bytes could be lost. A crash
   // before this leaves blobs without a record, which the next CreateUpload or SealUpload finds.
-  return store.files().MarkFilesStored(upload_, rows);
+  const absl::Status marked = store.files().MarkFilesStored(upload_, rows);
+  if (!absl::IsNotFound(marked)) return marked;
+  std::vector<std::string> digests;
+  for (const DatasetFileRow& row : rows) digests.push_back(row.sha256);
+  // What cannot be removed now is left to the collector.
+  RemoveUnnamedBlobs(store, blobs, upload_.project, digests).IgnoreError();
+  return marked;
 }
 
 }  // namespace pepeseg

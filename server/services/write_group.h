@@ -8,6 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "server/data/blob_store.h"
 #include "server/data/blob_writer.h"
 #include "server/store/store.h"
 
@@ -36,8 +37,9 @@ class WriteGroup {
 
   void Add(const UploadName& upload, File file);
   // Commits the files and empties the group. An error names the file that failed; some files may
-  // have been stored all the same: GetUpload knows which.
-  absl::Status Commit(Store& store);
+  // have been stored all the same: GetUpload knows which. NOT_FOUND: the upload was deleted, and
+  // nothing is kept.
+  absl::Status Commit(Store& store, BlobStore& blobs);
 
  private:
   static absl::Status Sync(const std::vector<File>& files);

@@ -33,6 +33,12 @@ std::vector<KeyRow> SelectKeys(soci::session& sql, const std::string& where, con
   return rows;
 }
 
+absl::StatusOr<KeyRow> SelectKey(soci::session& sql, const std::string& id) {
+  std::vector<KeyRow> rows = SelectKeys(sql, "id =", id, 1);
+  if (rows.empty()) return absl::NotFoundError(absl::StrCat("keys/", id, " does not exist"));
+  return rows[0];
+}
+
 absl::Status InsertKey(soci::session& sql, const KeyRow& key, int64_t now) {
   const int64_t expire_time = ToMicros(key.expire_time);
   sql << "INSERT INTO api_keys (id, project, display_name, sha256, scopes, create_time,"
@@ -53,6 +59,10 @@ absl::StatusOr<KeyRow> KeyStore::CreateKey(const KeyRow& key) {
     RETURN_IF_ERROR(InsertKey(sql, key, now));
     return SelectKeys(sql, "id =", key.id, 1).at(0);
   });
+}
+
+absl::StatusOr<KeyRow> KeyStore::GetKey(const std::string& id) {
+  return database_.Query<KeyRow>([&](soci::session& sql) { return SelectKey(sql, id); });
 }
 
 absl::StatusOr<KeyRow> KeyStore::FindKeyByDigest(const std::string& sha256) {
@@ -85,9 +95,7 @@ absl::StatusOr<KeyRow> KeyStore::RevokeKey(const std::string& id) {
     // Revoking twice keeps the first time.
     sql << "UPDATE api_keys SET revoke_time = :now WHERE id = :id AND revoke_time = 0",
         soci::use(now), soci::use(id);
-    std::vector<KeyRow> rows = SelectKeys(sql, "id =", id, 1);
-    if (rows.empty()) return absl::NotFoundError(absl::StrCat("keys/", id, " does not exist"));
-    return rows[0];
+    return SelectKey(sql, id);
   });
 }
 

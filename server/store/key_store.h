@@ -19,7 +19,8 @@ class KeyStore {
   // none. ABORTED: the id or the digest is taken. INVALID_ARGUMENT: the project is not an RFC 1034
   // label.
   absl::StatusOr<KeyRow> CreateKey(const KeyRow& key);
-  // Returns expired and revoked keys, too.
+  // Both return expired and revoked keys, too.
+  absl::StatusOr<KeyRow> GetKey(const std::string& id);
   absl::StatusOr<KeyRow> FindKeyByDigest(const std::string& sha256);
   // Lists keys by id, expired and revoked ones included. `project`: empty for all projects.
   absl::StatusOr<Page<KeyRow>> ListKeys(const std::string& project, const PageRequest& page);

@@ -1,8 +1,7 @@
 #include "server/store/quota.h"
 
-#include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
-#include "pepeseg/v1/errors.pb.h"
+#include "server/store/error_detail.h"
 
 namespace pepeseg {
 
@@ -19,19 +18,17 @@ Quota InForce(const Quota& own, const Quota& server) {
 }
 
 absl::Status QuotaError(const std::string& name, int64_t need, int64_t limit) {
-  v1::ErrorDetail detail;
-  detail.set_reason("QUOTA");
-  detail.set_field(name);
-  detail.set_value(absl::StrCat(need));
-  detail.set_limit(absl::StrCat(limit));
   // Not private, unlike the database's RESOURCE_EXHAUSTED for a full disk: callers tell the two
   // apart by that.
-  absl::Status status = absl::ResourceExhaustedError(
-      absl::StrCat("the project's quota of ", name, " is ", limit, ", this would make it ", need,
-                   "; delete what is not needed, or ask the server's operator for a higher quota"));
-  status.SetPayload(absl::StrCat("type.googleapis.com/", detail.GetTypeName()),
-                    absl::Cord(detail.SerializeAsString()));
-  return status;
+  return WithDetail(
+      absl::ResourceExhaustedError(absl::StrCat(
+          "the project's quota of ", name, " is ", limit, ", this would make it ", need,
+          "; delete what is not needed, or ask the server's operator for a higher "
+          "quota")),
+      {.reason = "QUOTA",
+       .field = name,
+       .limit = absl::StrCat(limit),
+       .value = absl::StrCat(need)});
 }
 
 }  // namespace pepeseg

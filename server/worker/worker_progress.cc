@@ -7,6 +7,8 @@
 #include <cstdio>
 #include <fstream>
 
+#include "server/worker_protocol/job_stage.h"
+
 namespace pepeseg {
 namespace {
 
@@ -29,6 +31,18 @@ int64_t ResidentBytes() {
   return file ? num_resident * sysconf(_SC_PAGESIZE) : 0;
 }
 
+v1::JobProgress::Diagnostics DiagnosticsOf(const StepReport& report) {
+  v1::JobProgress::Diagnostics diagnostics;
+  diagnostics.set_num_culled_degenerate(report.num_culled_degenerate);
+  diagnostics.set_num_skipped_gradients(report.num_skipped_gradients);
+  diagnostics.set_num_void_renders(report.num_void_renders);
+  diagnostics.set_num_refined(report.num_refined);
+  diagnostics.set_num_refine_split(report.num_refine_split);
+  if (std::isfinite(report.depth_loss)) diagnostics.set_depth_loss(report.depth_loss);
+  diagnostics.set_num_skipped_depths(report.num_skipped_depths);
+  return diagnostics;
+}
+
 }  // namespace
 
 double WorkerProgress::seconds_in_stage() const { return Seconds(Clock::now() - stage_start_); }
@@ -46,7 +60,7 @@ absl::Status WorkerProgress::StartStage(const std::string& stage) {
   psnr_sum_ = 0;
   num_psnr_ = 0;
   v1::JobEvent event;
-  event.mutable_stage_started()->set_stage(stage);
+  event.mutable_stage_started()->set_stage(StageOfName(stage));
   return log_.Append(std::move(event));
 }
 
@@ -54,7 +68,7 @@ void WorkerProgress::ResumeAt(int64_t step) { first_step_ = last_step_ = step; }
 
 absl::Status WorkerProgress::EndStage(const std::map<std::string, double>& metrics,
                                       v1::JobEvent::StageEnded end) {
-  end.set_stage(stage_);
+  end.set_stage(StageOfName(stage_));
   eta_.EndStage(Now());
   *end.mutable_elapsed() = ToProto(seconds_in_stage());
   for (const auto& [name, value] : metrics) (*end.mutable_metrics())[name] = value;
@@ -67,8 +81,8 @@ absl::Status WorkerProgress::EndStage(const std::map<std::string, double>& metri
 absl::Status WorkerProgress::SkipPart(const SkippedTerm& skipped) {
   v1::JobEvent event;
   v1::JobEvent::TermSkipped& part = *event.mutable_term_skipped();
-  part.set_stage(stage_);
-  part.set_term(skipped.term);
+  part.set_stage(StageOfName(stage_));
+  part.set_term(TermOfName(skipped.term));
   part.set_reason(skipped.reason);
   part.set_step(skipped.step);
   const int64_t num_done = skipped.step - first_step_;
@@ -108,19 +122,13 @@ absl::Status WorkerProgress::Step(const StepReport& report) {
 
 v1::JobProgress WorkerProgress::Describe(const StepReport& report) {
   v1::JobProgress progress;
-  progress.set_stage(stage_);
+  progress.set_stage(StageOfName(stage_));
   progress.set_step(report.step);
   progress.set_num_steps(report.num_steps);
   if (std::isfinite(report.loss)) progress.set_loss(report.loss);
   if (num_psnr_ > 0) progress.set_psnr(psnr_sum_ / static_cast<double>(num_psnr_));
   progress.set_num_gaussians(report.num_gaussians);
-  progress.set_num_culled_degenerate(report.num_culled_degenerate);
-  progress.set_num_skipped_gradients(report.num_skipped_gradients);
-  progress.set_num_void_renders(report.num_void_renders);
-  progress.set_num_refined(report.num_refined);
-  progress.set_num_refine_split(report.num_refine_split);
-  if (std::isfinite(report.depth_loss)) progress.set_depth_loss(report.depth_loss);
-  progress.set_num_skipped_depths(report.num_skipped_depths);
+  *progress.mutable_diagnostics() = DiagnosticsOf(report);
   progress.set_activity(std::string(report.activity));
   progress.set_unit(std::string(report.unit));
   DescribeTimes(report, progress);

@@ -1,7 +1,7 @@
 // Measures a segmentation request of the C++ client, from the call to the mask's pixels, and prints
 // the milliseconds of each response. python_mask_bench.py measures the Python client and runs this
 // program.
-//   pepeseg_mask_bench SERVER FILE REPEATS     FILE: a serialised SegmentRequest
+//   pepeseg_mask_bench SERVER FILE REPEATS     FILE: a serialised SegmentViewsRequest
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -17,7 +17,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 // Returns milliseconds, or < 0 after a failure, which it prints to standard error.
-double AskOnce(const Client& client, const v1::SegmentRequest& request) {
+double AskOnce(const Client& client, const v1::SegmentViewsRequest& request) {
   const Clock::time_point start = Clock::now();
   const auto answer = client.Segment(request);
   if (!answer.ok() || answer->masks().empty()) {
@@ -33,7 +33,7 @@ double AskOnce(const Client& client, const v1::SegmentRequest& request) {
 }
 
 int Run(const char* server, const char* file, int repeats) {
-  v1::SegmentRequest request;
+  v1::SegmentViewsRequest request;
   std::ifstream stream(file, std::ios::binary);
   const auto channel = OpenChannel(server, {});
   if (!request.ParseFromIstream(&stream) || !channel.ok()) return EXIT_FAILURE;

@@ -57,7 +57,7 @@ def write_request(client, path, view, question):
     from pepeseg import prompts
     from pepeseg.v1 import prompt_pb2, segmentation_service_pb2
 
-    request = segmentation_service_pb2.SegmentRequest(
+    request = segmentation_service_pb2.SegmentViewsRequest(
         model=client.place.model,
         prompt=prompts.prompt(view, question["points"], None, None, None, None),
         granularity=prompts.granularity(question["scale"], None, question["threshold"]),

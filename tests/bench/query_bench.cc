@@ -94,7 +94,7 @@ class Bench {
     Repeat("cached view, another scale", [&](int i) { return Click(0.01 + 0.01 * i, 0.75, 0); });
     Repeat("cached view, another threshold", [&](int i) { return Click(0.3, 0.5 + 0.005 * i, 0); });
     Repeat("cached view, five points", [&](int i) {
-      v1::SegmentRequest request = Click(0.3, 0.5 + 0.005 * i, 0);
+      v1::SegmentViewsRequest request = Click(0.3, 0.5 + 0.005 * i, 0);
       for (int k = 1; k < 5; ++k) {
         auto* point = request.mutable_prompt()->mutable_points()->add_points();
         *point = request.prompt().points().points(0);
@@ -105,7 +105,7 @@ class Bench {
     });
     Repeat("a new view each", [&](int i) { return Click(0.3, 0.75, 1 + i); });
     Repeat("cached view, scale and threshold chosen", [&](int) {
-      v1::SegmentRequest request = Click(0.3, 0.75, 0);
+      v1::SegmentViewsRequest request = Click(0.3, 0.75, 0);
       request.clear_granularity();
       return request;
     });
@@ -117,14 +117,14 @@ class Bench {
   std::string model() const { return "scenes/" + options_.scene + "/models/live"; }
 
   // moved: displacement of the camera, which gives a view that the server has not rendered yet.
-  v1::SegmentRequest Click(double scale, double threshold, int moved) const {
-    v1::SegmentRequest request;
+  v1::SegmentViewsRequest Click(double scale, double threshold, int moved) const {
+    v1::SegmentViewsRequest request;
     request.set_model(model());
     v1::Viewpoint::FreeCamera& free = *request.mutable_prompt()->mutable_view()->mutable_free();
     *free.mutable_camera() = view_.camera();
     *free.mutable_cam_from_world() = view_.cam_from_world();
-    free.mutable_cam_from_world()->set_translation(
-        0, view_.cam_from_world().translation(0) + 1e-4 * moved);
+    v1::Vector3& translation = *free.mutable_cam_from_world()->mutable_translation();
+    translation.set_x(translation.x() + 1e-4 * moved);
     auto* point = request.mutable_prompt()->mutable_points()->add_points();
     point->set_x(click_x_);
     point->set_y(click_y_);
@@ -133,10 +133,10 @@ class Bench {
     return request;
   }
 
-  std::optional<v1::SegmentResponse> Ask(const v1::SegmentRequest& request) {
+  std::optional<v1::SegmentViewsResponse> Ask(const v1::SegmentViewsRequest& request) {
     grpc::ClientContext context;
-    v1::SegmentResponse response;
-    if (!segmentation_->Segment(&context, request, &response).ok()) return std::nullopt;
+    v1::SegmentViewsResponse response;
+    if (!segmentation_->SegmentViews(&context, request, &response).ok()) return std::nullopt;
     return response;
   }
 
@@ -145,7 +145,7 @@ class Bench {
     std::vector<double> ms;
     double server_ms = 0;
     for (int i = 0; i < options_.repeats; ++i) {
-      const v1::SegmentRequest request = make(i);
+      const v1::SegmentViewsRequest request = make(i);
       const double start = NowMs();
       const auto answer = Ask(request);
       if (!answer) continue;
@@ -157,11 +157,11 @@ class Bench {
 
   void Drag() {
     grpc::ClientContext context;
-    const auto stream = segmentation_->SegmentStream(&context);
+    const auto stream = segmentation_->StreamSegments(&context);
     std::vector<double> ms;
-    v1::SegmentStreamResponse answer;
+    v1::StreamSegmentsResponse answer;
     for (int i = 0; i < options_.repeats; ++i) {
-      v1::SegmentStreamRequest request;
+      v1::StreamSegmentsRequest request;
       request.set_sequence(i + 1);
       *request.mutable_segment() = Click(0.3, 0.75, 0);
       const double start = NowMs();
@@ -170,7 +170,7 @@ class Bench {
     }
     stream->WritesDone();
     stream->Finish();
-    PrintRow("cached view, by SegmentStream", std::move(ms), ComputeMs(answer.segment().timing()));
+    PrintRow("cached view, by StreamSegments", std::move(ms), ComputeMs(answer.segment().timing()));
   }
 
   // Every client sends requests continuously on a connection of its own.
@@ -187,12 +187,12 @@ class Bench {
         const auto stub = v1::SegmentationService::NewStub(
             grpc::CreateCustomChannel(options_.server, grpc::InsecureChannelCredentials(), own));
         for (int i = 0; NowMs() < end; ++i) {
-          const v1::SegmentRequest request = Click(0.01 * (i % 100), 0.75, 0);
+          const v1::SegmentViewsRequest request = Click(0.01 * (i % 100), 0.75, 0);
           grpc::ClientContext context;
           context.set_wait_for_ready(true);  // 64 connections at once take a while
-          v1::SegmentResponse response;
+          v1::SegmentViewsResponse response;
           const double asked = NowMs();
-          const grpc::Status status = stub->Segment(&context, request, &response);
+          const grpc::Status status = stub->SegmentViews(&context, request, &response);
           if (status.ok()) {
             ms[c].push_back(NowMs() - asked);
           } else if (num_failed++ == 0) {

@@ -107,7 +107,7 @@ BenchRun MakeRun() {
   metrics["seconds_features"] = 5;
   run.seconds = {{"queue", 0.5}, {"request_to_model", 17}, {"first_click", 2}, {"next_click", 0.1}};
   run.steps = {{"reconstruct", 900}};
-  v1::EvaluateResponse scores;
+  v1::EvaluateModelResponse scores;
   scores.mutable_chosen()->set_iou(0.75);
   scores.add_entities();
   run.levels.emplace_back("part", scores);

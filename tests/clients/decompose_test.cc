@@ -29,15 +29,16 @@ TEST(ColorOfSegment, DiffersBetweenSegments) {
 }
 
 TEST(SegmentTree, PutsSegmentsBelowTheirParents) {
-  v1::DecomposeResponse answer;
+  v1::DecomposeModelResponse answer;
   answer.set_model("scenes/shelf/models/1");
-  const auto add = [](v1::DecomposeResponse::Level& level, int parent, int size) {
+  const auto add = [](v1::DecomposeModelResponse::Level& level, int parent, int size) {
     auto& segment = *level.add_segments();
     segment.set_id(level.segments_size());
     segment.set_parent(parent);
     segment.set_num_gaussians(size);
-    for (const double value : {0.0, 0.0, 0.0}) segment.add_min(value);
-    for (const double value : {1.0, 2.0, 0.5}) segment.add_max(value);
+    segment.mutable_box()->mutable_min()->set_x(-1);
+    segment.mutable_box()->mutable_max()->set_y(2);
+    segment.mutable_box()->mutable_max()->set_z(0.5);
   };
   auto& fine = *answer.add_levels();
   add(fine, 2, 9);

@@ -38,6 +38,12 @@ expect 4 pepeseg upload 'No Label' "$dataset"
 expect 0 pepeseg upload shelf "$dataset"
 expect 0 pepeseg upload shelf "$dataset"
 grep -q 'has every file' "$work/errors" || fail 'a second upload sends the same bytes'
+expect 0 pepeseg datasets shelf
+grep -Eq '^DATASET +AGE +FILES +SIZE +ADVICE$' "$work/output" || fail 'datasets prints no header'
+expect 0 pepeseg datasets shelf 2
+grep -Eq '^scenes/shelf/datasets/2: [0-9]+ files, ' "$work/output" || fail 'datasets describes none'
+expect 3 pepeseg datasets shelf 3
+expect 6 pepeseg datasets shelf --delete-upload 2
 expect 6 pepeseg segment shelf --view frame-000000.jpg --point 400,240
 expect 4 pepeseg train shelf --steps 0
 expect 0 pepeseg train shelf --steps 60 --feature-steps 30 --image-scale 0.25 \
@@ -87,6 +93,11 @@ grep -q "'640x480'.*160x120" "$work/errors" || fail 'a mask of another size is n
 expect 0 pepeseg labels shelf
 areas=$(awk '{print $3}' "$work/output" | uniq | wc -l)
 [[ $(wc -l <"$work/output") == 2 && $areas == 1 ]] || fail 'the labels by a click and by its mask differ'
+expect 0 pepeseg labels shelf mug --out "$work"
+grep -q '^scenes/shelf/labels/mug ' "$work/output" || fail 'labels does not describe a label'
+head -c 24 "$work/mug_mask.png" | tail -c 8 | od -An -tx1 | tr -d ' \n' |
+  grep -q '00000280000001e0' || fail 'the mask of a label does not have the size of the photograph'
+expect 3 pepeseg labels shelf plate --out "$work"
 expect 0 pepeseg labels shelf --delete mug
 expect 3 pepeseg labels shelf --delete mug
 

@@ -9,15 +9,15 @@ namespace {
 using ::testing::ElementsAre;
 
 void SetChoice(double scale, double threshold, double iou, double boundary_iou,
-               v1::EvaluateResponse::Choice* choice) {
+               v1::EvaluateModelResponse::Choice* choice) {
   choice->set_scale_quantile(scale);
   choice->set_threshold(threshold);
   choice->set_iou(iou);
   choice->set_boundary_iou(boundary_iou);
 }
 
-v1::EvaluateResponse TwoEntities() {
-  v1::EvaluateResponse answer;
+v1::EvaluateModelResponse TwoEntities() {
+  v1::EvaluateModelResponse answer;
   auto* entity = answer.add_entities();
   entity->set_id(48);
   entity->set_name("chenille stems");
@@ -50,7 +50,7 @@ TEST(EvaluationTable, ShowsEntitiesMeansAndFixedScales) {
 }
 
 TEST(EvaluationTable, NamesEntitiesThatAreLeftOut) {
-  v1::EvaluateResponse answer = TwoEntities();
+  v1::EvaluateModelResponse answer = TwoEntities();
   answer.add_left_out(7);
   answer.add_left_out(300);
   EXPECT_THAT(EvaluationTable(answer),

@@ -9,9 +9,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "clients/cpp/answer_status.h"
 #include "clients/cpp/file_bytes.h"
-#include "pepeseg/v1/errors.pb.h"
+#include "tests/clients/cpp/server_error.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg::client::cli {
@@ -22,23 +21,18 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 
 grpc::Status WithDetail() {
-  v1::ErrorDetail detail;
-  detail.set_reason("JOB_ACTIVE");
-  detail.set_resource("jobs/17");
-  detail.set_limit("one training a scene");
-  v1::Status status;
-  status.add_details()->PackFrom(detail);
-  return {grpc::StatusCode::ABORTED, "a training is running", status.SerializeAsString()};
+  ErrorDetail detail;
+  detail.reason = "JOB_ACTIVE";
+  detail.resource = "jobs/17";
+  detail.limit = "one training a scene";
+  return ServerError(grpc::ABORTED, "a training is running", detail);
 }
 
 grpc::Status Refused(const std::string& reason) {
-  v1::ErrorDetail detail;
-  detail.set_reason(reason);
-  v1::Status status;
-  status.add_details()->PackFrom(detail);
   const bool is_key = reason.find("KEY") != std::string::npos;
-  return {is_key ? grpc::StatusCode::UNAUTHENTICATED : grpc::StatusCode::PERMISSION_DENIED,
-          "refused", status.SerializeAsString()};
+  ErrorDetail detail;
+  detail.reason = reason;
+  return ServerError(is_key ? grpc::UNAUTHENTICATED : grpc::PERMISSION_DENIED, "refused", detail);
 }
 
 TEST(Explain, GivesTheRemedyForARefusedKey) {
@@ -135,13 +129,10 @@ TEST(Explain, GivesTheRemedy) {
 }
 
 TEST(Explain, DoesNotDoubtThatABusyServerIsRunning) {
-  v1::ErrorDetail detail;
-  detail.set_reason("BUSY");
-  detail.mutable_retry_after()->set_seconds(3);
-  v1::Status status;
-  status.add_details()->PackFrom(detail);
-  const grpc::Status busy(grpc::UNAVAILABLE, "too many calls are waiting",
-                          status.SerializeAsString());
+  ErrorDetail detail;
+  detail.reason = "BUSY";
+  detail.retry_after = absl::Seconds(3);
+  const grpc::Status busy = ServerError(grpc::UNAVAILABLE, "too many calls are waiting", detail);
   EXPECT_THAT(Explain(FromGrpc(busy), "127.0.0.1:1"),
               AllOf(HasSubstr("try again in 3 s"), Not(HasSubstr("listening"))));
 }
@@ -169,18 +160,16 @@ TEST(StartCommand, NamesAProgramThatExists) {
 TEST(Explain, AdvisesTrainingOnlyIfNothingElseIsMissing) {
   EXPECT_THAT(Explain(absl::FailedPreconditionError("no model yet"), "host:1"),
               HasSubstr("pepeseg train"));
-  v1::ErrorDetail detail;
-  detail.set_reason("NO_BASE");
-  detail.set_resource("scenes/shelf/selections/1");
-  v1::Status status;
-  status.add_details()->PackFrom(detail);
-  const grpc::Status refused(grpc::StatusCode::FAILED_PRECONDITION, "not made from another",
-                             status.SerializeAsString());
+  ErrorDetail detail;
+  detail.reason = "NO_BASE";
+  detail.resource = "scenes/shelf/selections/1";
+  const grpc::Status refused =
+      ServerError(grpc::FAILED_PRECONDITION, "not made from another", detail);
   EXPECT_THAT(Explain(FromGrpc(refused), "host:1"),
               AllOf(HasSubstr("not made from another"), Not(HasSubstr("pepeseg train"))));
 }
 
-TEST(ExplainJson, HasTheErrorDetailOfTheServer) {
+TEST(ExplainJson, HasTheErrorDetailsOfTheServer) {
   const auto json = nlohmann::json::parse(ExplainJson(FromGrpc(WithDetail())));
   EXPECT_EQ(json["error"]["code"], "ABORTED");
   EXPECT_EQ(json["error"]["exit_code"], 6);

@@ -14,11 +14,10 @@ using ::testing::IsEmpty;
 TEST(SourcesText, FollowsTheOrderOfTheStages) {
   v1::Model model;
   EXPECT_EQ(SourcesText(model), "");
-  (*model.mutable_sources())["depth"] = "none";
-  (*model.mutable_sources())["masks"] = "command sam";
-  (*model.mutable_sources())["colours"] = "new";
-  (*model.mutable_sources())["poses"] = "COLMAP 3.8";
-  EXPECT_EQ(SourcesText(model), "poses COLMAP 3.8, masks command sam, depth none, colours new");
+  model.mutable_sources()->set_depth("none");
+  model.mutable_sources()->set_masks("command sam");
+  model.mutable_sources()->set_poses("COLMAP 3.8");
+  EXPECT_EQ(SourcesText(model), "poses COLMAP 3.8, masks command sam, depth none");
 }
 
 TEST(MaskQualityText, ExplainsTheNumber) {
@@ -92,7 +91,7 @@ TEST(FirstCommand, ClicksInTheMiddleOfAViewTrainedOn) {
   views[1].set_photograph_height(480);
   EXPECT_THAT(FirstCommand(shell, model, views), ::testing::HasSubstr("--point 320,240 "))
       << "pixels are those of the photograph";
-  (*model.mutable_sources())["masks"] = "none";
+  model.mutable_sources()->set_masks("none");
   EXPECT_EQ(FirstCommand(shell, model, views), "pepeseg export shelf shelf.ply");
 }
 

@@ -13,7 +13,7 @@ using ::testing::StartsWith;
 
 v1::JobProgress Reconstructing() {
   v1::JobProgress progress;
-  progress.set_stage("reconstruct");
+  progress.set_stage(v1::JOB_STAGE_RECONSTRUCT);
   progress.set_step(1200);
   progress.set_num_steps(2400);
   progress.set_loss(0.0612);
@@ -46,7 +46,7 @@ TEST(ProgressText, NeverCutsOffTheTimeLeft) {
 
 TEST(ProgressText, NamesTheUnitOfTheSteps) {
   v1::JobProgress progress;
-  progress.set_stage("sfm");
+  progress.set_stage(v1::JOB_STAGE_SFM);
   progress.set_activity("matching");
   progress.set_unit("pairs");
   progress.set_step(19);
@@ -66,7 +66,7 @@ TEST(ProgressText, FallsBackToTheTimeLeftOfTheStage) {
 
 TEST(ProgressText, LeavesOutWhatWasNotMeasured) {
   v1::JobProgress progress;
-  progress.set_stage("prepare");
+  progress.set_stage(v1::JOB_STAGE_PREPARE);
   const std::string text = ProgressText(progress, 200);
   EXPECT_THAT(text, HasSubstr("0/0"));
   EXPECT_THAT(text, Not(HasSubstr("loss")));

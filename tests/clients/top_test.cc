@@ -22,7 +22,7 @@ TEST(TopLines, ShowServerPoolsJobsAndModels) {
   status.set_queries_per_second(12.5);
   status.mutable_query_p99()->set_nanos(42'000'000);
   auto& pool = *status.add_pools();
-  pool.set_name("query");
+  pool.set_work(v1::ServerStatus::WORK_QUERY);
   pool.set_num_threads(2);
   pool.set_num_busy(1);
   pool.set_num_queued(3);
@@ -31,7 +31,7 @@ TEST(TopLines, ShowServerPoolsJobsAndModels) {
   v1::Job& job = *status.add_running_jobs();
   job.set_name("jobs/j7");
   job.set_scene("scenes/shelf");
-  job.mutable_progress()->set_stage("reconstruct");
+  job.mutable_progress()->set_stage(v1::JOB_STAGE_RECONSTRUCT);
   job.mutable_progress()->set_step(5);
   job.mutable_progress()->set_num_steps(10);
   job.mutable_progress()->mutable_eta()->set_seconds(65);

@@ -74,25 +74,26 @@ class EndToEndTest : public ::testing::Test {
 };
 
 void ExpectWholeStory(const std::vector<v1::JobEvent>& events) {
-  std::set<std::string> stages;
+  std::vector<v1::JobStage> stages;
   int64_t sequence = 0;
   for (size_t i = 1; i < events.size(); ++i) {  // the first is the snapshot
     EXPECT_GT(events[i].sequence(), sequence);
     sequence = events[i].sequence();
-    if (events[i].has_stage_ended()) stages.insert(events[i].stage_ended().stage());
+    if (events[i].has_stage_ended()) stages.push_back(events[i].stage_ended().stage());
   }
   EXPECT_TRUE(events.front().has_snapshot());
   EXPECT_EQ(events.back().state_changed().state(), v1::JOB_STATE_SUCCEEDED);
-  EXPECT_THAT(stages, ::testing::ElementsAre("evaluate", "features", "index", "prepare", "priors",
-                                             "reconstruct", "sfm"));
+  EXPECT_THAT(stages,
+              ::testing::ElementsAre(v1::JOB_STAGE_PREPARE, v1::JOB_STAGE_SFM, v1::JOB_STAGE_PRIORS,
+                                     v1::JOB_STAGE_RECONSTRUCT, v1::JOB_STAGE_EVALUATE,
+                                     v1::JOB_STAGE_FEATURES, v1::JOB_STAGE_INDEX));
 }
 
-const v1::JobEvent::StageEnded& EndOf(const std::string& stage,
-                                      const std::vector<v1::JobEvent>& events) {
+const v1::JobEvent::StageEnded& EndOf(v1::JobStage stage, const std::vector<v1::JobEvent>& events) {
   for (const v1::JobEvent& event : events) {
     if (event.stage_ended().stage() == stage) return event.stage_ended();
   }
-  ADD_FAILURE() << "no end of stage " << stage;
+  ADD_FAILURE() << "no end of stage " << v1::JobStage_Name(stage);
   return v1::JobEvent::StageEnded::default_instance();
 }
 
@@ -125,7 +126,7 @@ TEST_F(EndToEndTest, SegmentsAModelTrainedFromPhotographs) {
   EXPECT_GT(model.metrics().at("psnr"), 10);
   ASSERT_OK_AND_ASSIGN(const auto views, client_->ListViews(model.name()));
   ASSERT_EQ(views.size(), 15u);
-  ExpectScores(EndOf("evaluate", events), views);
+  ExpectScores(EndOf(v1::JOB_STAGE_EVALUATE, events), views);
   const v1::View& view = views[0];
   EXPECT_TRUE(view.held_out());
   ASSERT_OK_AND_ASSIGN(const auto picture, client_->Render(model.name(), view.view()));
@@ -134,13 +135,13 @@ TEST_F(EndToEndTest, SegmentsAModelTrainedFromPhotographs) {
   EXPECT_EQ(picture.width(), view.photograph_width());
   EXPECT_EQ(picture.png().substr(1, 3), "PNG");
 
-  v1::SegmentRequest request;
+  v1::SegmentViewsRequest request;
   request.set_model("scenes/shelf/models/live");
   request.mutable_prompt()->mutable_view()->set_view(view.view());
   v1::PointsPrompt::Point& point = *request.mutable_prompt()->mutable_points()->add_points();
   point.set_x(view.photograph_width() * 0.5);
   point.set_y(view.photograph_height() * 0.5);
-  request.mutable_targets()->set_group(v1::SegmentRequest::Targets::GROUP_HELD_OUT);
+  request.mutable_targets()->set_group(v1::SegmentViewsRequest::Targets::GROUP_HELD_OUT);
   ASSERT_OK_AND_ASSIGN(const auto answer, client_->Segment(request));
   ASSERT_EQ(answer.masks_size(), 2);
   EXPECT_EQ(answer.masks(0).view(), view.view());
@@ -166,13 +167,13 @@ TEST_F(EndToEndTest, UsesUploadedGaussiansInsteadOfStageOne) {
   const std::string second = Train("given", dataset, QuickOptions());
   ASSERT_OK_AND_ASSIGN(const auto given_events, client_->Watch(second));
   ExpectWholeStory(given_events);
-  EXPECT_EQ(EndOf("reconstruct", events).skipped(), "");
-  EXPECT_EQ(EndOf("reconstruct", given_events).skipped(), "given");
+  EXPECT_EQ(EndOf(v1::JOB_STAGE_RECONSTRUCT, events).skipped(), "");
+  EXPECT_EQ(EndOf(v1::JOB_STAGE_RECONSTRUCT, given_events).skipped(), "given");
   for (const v1::JobEvent& event : given_events) {
-    EXPECT_NE(event.progress().stage(), "reconstruct");
+    EXPECT_NE(event.progress().stage(), v1::JOB_STAGE_RECONSTRUCT);
   }
-  EXPECT_EQ(EndOf("evaluate", events).metrics().at("psnr"),
-            EndOf("evaluate", given_events).metrics().at("psnr"));
+  EXPECT_EQ(EndOf(v1::JOB_STAGE_EVALUATE, events).metrics().at("psnr"),
+            EndOf(v1::JOB_STAGE_EVALUATE, given_events).metrics().at("psnr"));
   ASSERT_OK_AND_ASSIGN(const std::string again, client_->Export("scenes/given/models/1"));
   EXPECT_TRUE(again == ply);
 }
@@ -184,7 +185,7 @@ TEST_F(EndToEndTest, MeasuresLpipsIfThereAreWeights) {
   options.mutable_features()->set_num_steps(10);
   const std::string job = Train("shelf", UploadShelf("shelf"), options);
   ASSERT_OK_AND_ASSIGN(const auto events, client_->Watch(job));
-  const v1::JobEvent::StageEnded& evaluate = EndOf("evaluate", events);
+  const v1::JobEvent::StageEnded& evaluate = EndOf(v1::JOB_STAGE_EVALUATE, events);
   ASSERT_EQ(evaluate.views_size(), 2);
   const double first = evaluate.views(0).scores().lpips();
   const double second = evaluate.views(1).scores().lpips();

@@ -7,6 +7,7 @@
 #include "absl/time/clock.h"
 #include "core/base/crc32c.h"
 #include "core/base/digest.h"
+#include "server/api/error.h"
 #include "server/store/layout.h"
 
 namespace pepeseg {
@@ -35,13 +36,15 @@ v1::FileDeclaration Declare(const TestFile& file) {
   return declaration;
 }
 
-v1::ErrorDetail DetailOf(const grpc::Status& status) {
+v1::Error DetailOf(const grpc::Status& status) {
   v1::Status proto;
-  v1::ErrorDetail detail;
   EXPECT_TRUE(proto.ParseFromString(status.error_details()));
-  EXPECT_EQ(proto.details_size(), 1) << status.error_message();
-  if (proto.details_size() == 1) proto.details(0).UnpackTo(&detail);
-  return detail;
+  EXPECT_GE(proto.details_size(), 1) << status.error_message();
+  for (const auto& detail : proto.details()) {
+    EXPECT_TRUE(detail.type_url().starts_with("type.googleapis.com/google.rpc."))
+        << detail.type_url();
+  }
+  return FlatError(proto);
 }
 
 v1::WriteFilesRequest HeaderPart(const std::string& upload, const std::string& path,
@@ -97,6 +100,10 @@ void RunningServer::Restart() {
   datasets = v1::DatasetService::NewStub(channel);
   jobs = v1::JobService::NewStub(channel);
   segmentation = v1::SegmentationService::NewStub(channel);
+  labels = v1::LabelService::NewStub(channel);
+  selections = v1::SelectionService::NewStub(channel);
+  renders = v1::RenderService::NewStub(channel);
+  evaluations = v1::EvaluationService::NewStub(channel);
   const auto admin_channel = server->InProcessAdminChannel();
   if (admin_channel != nullptr) admin = v1::AdminService::NewStub(admin_channel);
 }

@@ -8,9 +8,13 @@
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
 #include "pepeseg/v1/errors.pb.h"
+#include "pepeseg/v1/evaluation_service.grpc.pb.h"
 #include "pepeseg/v1/job_service.grpc.pb.h"
+#include "pepeseg/v1/label_service.grpc.pb.h"
+#include "pepeseg/v1/render_service.grpc.pb.h"
 #include "pepeseg/v1/scene_service.grpc.pb.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
+#include "pepeseg/v1/selection_service.grpc.pb.h"
 #include "server/server.h"
 #include "tests/testing/temp_folder.h"
 
@@ -23,7 +27,9 @@ struct TestFile {
 };
 
 v1::FileDeclaration Declare(const TestFile& file);
-v1::ErrorDetail DetailOf(const grpc::Status& status);
+// Returns the error of a call with its details as fields. Fails the test if there is another
+// detail, such as the mark of a private error.
+v1::Error DetailOf(const grpc::Status& status);
 // Parts of a WriteFiles stream.
 v1::WriteFilesRequest HeaderPart(const std::string& upload, const std::string& path,
                                  int64_t offset = 0);
@@ -71,6 +77,10 @@ struct RunningServer {
   std::unique_ptr<v1::DatasetService::Stub> datasets;
   std::unique_ptr<v1::JobService::Stub> jobs;
   std::unique_ptr<v1::SegmentationService::Stub> segmentation;
+  std::unique_ptr<v1::LabelService::Stub> labels;
+  std::unique_ptr<v1::SelectionService::Stub> selections;
+  std::unique_ptr<v1::RenderService::Stub> renders;
+  std::unique_ptr<v1::EvaluationService::Stub> evaluations;
   std::unique_ptr<v1::AdminService::Stub> admin;  // null unless options.admin is set
 };
 

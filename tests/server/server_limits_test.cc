@@ -13,13 +13,17 @@
 namespace pepeseg {
 namespace {
 
+const std::vector<std::string> kServices = {
+    "pepeseg.v1.SceneService",        "pepeseg.v1.DatasetService",   "pepeseg.v1.JobService",
+    "pepeseg.v1.SegmentationService", "pepeseg.v1.LabelService",     "pepeseg.v1.SelectionService",
+    "pepeseg.v1.RenderService",       "pepeseg.v1.EvaluationService"};
+
 TEST(ServerHealth, IsReportedForEachService) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   const auto channel = ConnectTo(running.server->port());
   EXPECT_EQ(CheckHealth(channel, ""), 1);
-  for (const char* service :
-       {"SceneService", "DatasetService", "JobService", "SegmentationService"}) {
-    EXPECT_EQ(CheckHealth(channel, std::string("pepeseg.v1.") + service), 1) << service;
+  for (const std::string& service : kServices) {
+    EXPECT_EQ(CheckHealth(channel, service), 1) << service;
   }
   EXPECT_EQ(CheckHealth(channel, "pepeseg.v1.NoSuchService"), -1);
 }
@@ -59,8 +63,8 @@ TEST(ServerHealth, FollowsTheDatabase) {
     while (CheckHealth(channel, "") != want && absl::Now() < deadline) {
       absl::SleepFor(absl::Milliseconds(50));
     }
-    for (const char* service : {"", "pepeseg.v1.SceneService", "pepeseg.v1.DatasetService",
-                                "pepeseg.v1.JobService", "pepeseg.v1.SegmentationService"}) {
+    EXPECT_EQ(CheckHealth(channel, ""), want);
+    for (const std::string& service : kServices) {
       EXPECT_EQ(CheckHealth(channel, service), want) << service;
     }
   };

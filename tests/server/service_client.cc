@@ -77,7 +77,8 @@ ServiceClient::ServiceClient(const std::shared_ptr<grpc::Channel>& channel)
     : scenes_(v1::SceneService::NewStub(channel)),
       datasets_(v1::DatasetService::NewStub(channel)),
       jobs_(v1::JobService::NewStub(channel)),
-      segmentation_(v1::SegmentationService::NewStub(channel)) {}
+      segmentation_(v1::SegmentationService::NewStub(channel)),
+      renders_(v1::RenderService::NewStub(channel)) {}
 
 absl::Status ServiceClient::CreateScene(const std::string& id) {
   v1::CreateSceneRequest request;
@@ -239,26 +240,27 @@ absl::StatusOr<std::vector<v1::View>> ServiceClient::ListViews(const std::string
   return std::vector<v1::View>(response.views().begin(), response.views().end());
 }
 
-absl::StatusOr<v1::SegmentResponse> ServiceClient::Segment(const v1::SegmentRequest& request) {
-  return Ask(*segmentation_, &v1::SegmentationService::Stub::Segment, request);
+absl::StatusOr<v1::SegmentViewsResponse> ServiceClient::Segment(
+    const v1::SegmentViewsRequest& request) {
+  return Ask(*segmentation_, &v1::SegmentationService::Stub::SegmentViews, request);
 }
 
-absl::StatusOr<v1::RenderResponse> ServiceClient::Render(const std::string& model,
-                                                         const std::string& view) {
-  v1::RenderRequest request;
+absl::StatusOr<v1::RenderViewResponse> ServiceClient::Render(const std::string& model,
+                                                             const std::string& view) {
+  v1::RenderViewRequest request;
   request.set_model(model);
   request.mutable_viewpoint()->set_view(view);
-  return Ask(*segmentation_, &v1::SegmentationService::Stub::Render, request);
+  return Ask(*renders_, &v1::RenderService::Stub::RenderView, request);
 }
 
 absl::StatusOr<std::string> ServiceClient::Export(const std::string& model) {
   Call call;
-  v1::ExportSelectionRequest request;
+  v1::ExportGaussiansRequest request;
   request.set_model(model);
-  const auto stream = segmentation_->ExportSelection(&call.context, request);
-  v1::ExportSelectionResponse::Header header;
+  const auto stream = renders_->ExportGaussians(&call.context, request);
+  v1::ExportGaussiansResponse::Header header;
   std::string ply;
-  v1::ExportSelectionResponse part;
+  v1::ExportGaussiansResponse part;
   while (stream->Read(&part)) {
     if (part.has_header()) header = part.header();
     if (part.has_chunk()) ply += part.chunk().data();

@@ -12,6 +12,7 @@
 #include "absl/status/statusor.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
 #include "pepeseg/v1/job_service.grpc.pb.h"
+#include "pepeseg/v1/render_service.grpc.pb.h"
 #include "pepeseg/v1/scene_service.grpc.pb.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
 
@@ -65,9 +66,9 @@ class ServiceClient {
                                                         const std::string& dataset,
                                                         const v1::TrainingOptions& options);
   absl::StatusOr<std::vector<v1::View>> ListViews(const std::string& model);
-  absl::StatusOr<v1::SegmentResponse> Segment(const v1::SegmentRequest& request);
-  absl::StatusOr<v1::RenderResponse> Render(const std::string& model, const std::string& view);
-  // Exports a selection, checks the digest, and returns the PLY.
+  absl::StatusOr<v1::SegmentViewsResponse> Segment(const v1::SegmentViewsRequest& request);
+  absl::StatusOr<v1::RenderViewResponse> Render(const std::string& model, const std::string& view);
+  // Exports a model, checks the digest, and returns the PLY.
   absl::StatusOr<std::string> Export(const std::string& model);
 
  private:
@@ -75,6 +76,7 @@ class ServiceClient {
   std::unique_ptr<v1::DatasetService::Stub> datasets_;
   std::unique_ptr<v1::JobService::Stub> jobs_;
   std::unique_ptr<v1::SegmentationService::Stub> segmentation_;
+  std::unique_ptr<v1::RenderService::Stub> renders_;
 };
 
 }  // namespace pepeseg::testing

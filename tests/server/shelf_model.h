@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "pepeseg/v1/render.pb.h"
+#include "pepeseg/v1/render_service.pb.h"
 #include "tests/server/running_server.h"
 
 namespace pepeseg {

@@ -21,13 +21,13 @@ int main(int argc, char** argv) {
     std::cerr << channel.status() << "\n";
     return 1;
   }
-  v1::SegmentRequest request;
+  v1::SegmentViewsRequest request;
   request.set_model(pepeseg::client::ModelName(argv[2]));
   request.mutable_prompt()->mutable_view()->set_view(argv[3]);
   auto* point = request.mutable_prompt()->mutable_points()->add_points();
   point->set_x(std::atof(argv[4]));
   point->set_y(std::atof(argv[5]));
-  request.mutable_targets()->set_group(v1::SegmentRequest::Targets::GROUP_ALL);
+  request.mutable_targets()->set_group(v1::SegmentViewsRequest::Targets::GROUP_ALL);
   const auto answer = Client(*channel).Segment(request);
   if (!answer.ok()) {
     std::cerr << answer.status() << "\n";

@@ -3,7 +3,7 @@ import type { IncomingMessage, ServerResponse } from 'node:http';
 import type { Readable } from 'node:stream';
 import { pipeline } from 'node:stream/promises';
 import { Code, ConnectError } from '@connectrpc/connect';
-import { ErrorDetailSchema } from '../gen/pepeseg/v1/errors_pb';
+import { detailOf } from '../contract/error_detail';
 
 const httpStatus: Partial<Record<Code, number>> = {
   [Code.InvalidArgument]: 400,
@@ -19,14 +19,14 @@ const httpStatus: Partial<Record<Code, number>> = {
   [Code.DeadlineExceeded]: 504,
 };
 
-/** Answers with JSON: the gRPC code's number, the message, and the useful part of ErrorDetail. */
+/** Answers with JSON: the gRPC code's number, the message, and the useful part of the details. */
 export function sendError(response: ServerResponse, error: unknown): void {
   const from = ConnectError.from(error);
   if (response.headersSent) {
     response.destroy(); // the reader sees that the body is cut short
     return;
   }
-  const detail = from.findDetails(ErrorDetailSchema)[0];
+  const detail = detailOf(from);
   const body = {
     code: from.code,
     message: from.rawMessage,

@@ -3,11 +3,14 @@ import type { Client, Interceptor } from '@connectrpc/connect';
 import { Code, ConnectError, createClient } from '@connectrpc/connect';
 import { createGrpcTransport } from '@connectrpc/connect-node';
 import { setTimeout } from 'node:timers/promises';
+import { detailOf } from '../contract/error_detail';
 import { DatasetService } from '../gen/pepeseg/v1/dataset_service_pb';
-import { ErrorDetailSchema } from '../gen/pepeseg/v1/errors_pb';
 import { JobService } from '../gen/pepeseg/v1/job_service_pb';
+import { LabelService } from '../gen/pepeseg/v1/label_service_pb';
+import { RenderService } from '../gen/pepeseg/v1/render_service_pb';
 import { SceneService } from '../gen/pepeseg/v1/scene_service_pb';
 import { SegmentationService } from '../gen/pepeseg/v1/segmentation_service_pb';
+import { SelectionService } from '../gen/pepeseg/v1/selection_service_pb';
 import type { Config } from './config';
 
 /** Time limit of a call without a deadline. */
@@ -18,6 +21,9 @@ export interface Channel {
   readonly datasets: Client<typeof DatasetService>;
   readonly jobs: Client<typeof JobService>;
   readonly segmentation: Client<typeof SegmentationService>;
+  readonly labels: Client<typeof LabelService>;
+  readonly selections: Client<typeof SelectionService>;
+  readonly rendering: Client<typeof RenderService>;
 }
 
 /** Returns the headers of a call about a resource, by which the gateway routes a scene's calls. */
@@ -36,12 +42,10 @@ function showKey(key: string): Interceptor {
 /** Returns the milliseconds after which a call that the server refused may be repeated. */
 export function retryMs(error: unknown): number | undefined {
   const from = ConnectError.from(error);
-  const detail = from.findDetails(ErrorDetailSchema)[0];
+  const detail = detailOf(from);
   // A stopping server is not waited for: the app says so.
-  if (from.code !== Code.Unavailable || !detail?.retryAfter || detail.reason === 'DRAINING') {
-    return undefined;
-  }
-  return Number(detail.retryAfter.seconds) * 1000 + detail.retryAfter.nanos / 1e6;
+  if (from.code !== Code.Unavailable || detail?.reason === 'DRAINING') return undefined;
+  return detail?.retryMs;
 }
 
 /** Repeats calls that the server refused, until their deadline or until nobody waits. */
@@ -70,5 +74,8 @@ export function openChannel(config: Config): Channel {
     datasets: createClient(DatasetService, transport),
     jobs: createClient(JobService, transport),
     segmentation: createClient(SegmentationService, transport),
+    labels: createClient(LabelService, transport),
+    selections: createClient(SelectionService, transport),
+    rendering: createClient(RenderService, transport),
   };
 }

@@ -3,15 +3,15 @@
 import type { IncomingMessage, ServerResponse } from 'node:http';
 import { create } from '@bufbuild/protobuf';
 import { Code, ConnectError } from '@connectrpc/connect';
-import { RenderRequest_Content, RenderRequestSchema } from '../gen/pepeseg/v1/render_pb';
+import { RenderViewRequest_Content, RenderViewRequestSchema } from '../gen/pepeseg/v1/render_service_pb';
 import { abortedWith, need, queryOf, sendError } from './answer';
 import type { BackEnd } from './back_end';
 import { routing } from './channel';
 import { passedOn } from './passed_on';
 
-const contents: Record<string, RenderRequest_Content> = {
-  color: RenderRequest_Content.COLOR,
-  features: RenderRequest_Content.FEATURES,
+const contents: Record<string, RenderViewRequest_Content> = {
+  color: RenderViewRequest_Content.COLOR,
+  features: RenderViewRequest_Content.FEATURES,
 };
 
 export async function getPicture(
@@ -29,8 +29,8 @@ export async function getPicture(
       throw new ConnectError('max_side is not a number of pixels', Code.InvalidArgument);
     }
     if (content === undefined) throw new ConnectError('content is unknown', Code.InvalidArgument);
-    const rendered = await channel.segmentation.render(
-      create(RenderRequestSchema, {
+    const rendered = await channel.rendering.renderView(
+      create(RenderViewRequestSchema, {
         model,
         content,
         maxSide: Number(side),

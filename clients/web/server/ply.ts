@@ -1,20 +1,20 @@
-// GET /api/ply?model=M[&selection=S][&complement=1][&download=NAME]: ExportSelection as a file.
+// GET /api/ply?model=M[&selection=S][&complement=1][&download=NAME]: ExportGaussians as a file.
 import type { IncomingMessage, ServerResponse } from 'node:http';
 import { create } from '@bufbuild/protobuf';
 import { Code, ConnectError } from '@connectrpc/connect';
 import type {
-  ExportSelectionRequest,
-  ExportSelectionResponse_Header,
-} from '../gen/pepeseg/v1/render_pb';
-import { ExportSelectionRequestSchema } from '../gen/pepeseg/v1/render_pb';
+  ExportGaussiansRequest,
+  ExportGaussiansResponse_Header,
+} from '../gen/pepeseg/v1/render_service_pb';
+import { ExportGaussiansRequestSchema } from '../gen/pepeseg/v1/render_service_pb';
 import { abortedWith, need, queryOf, sendError, written } from './answer';
 import type { BackEnd } from './back_end';
 import { routing } from './channel';
 import { passedOn } from './passed_on';
 import { crc32c } from './crc32c';
 
-function exportRequest(query: URLSearchParams): ExportSelectionRequest {
-  const request = create(ExportSelectionRequestSchema, { model: need(query, 'model') });
+function exportRequest(query: URLSearchParams): ExportGaussiansRequest {
+  const request = create(ExportGaussiansRequestSchema, { model: need(query, 'model') });
   const selection = query.get('selection');
   if (!selection) return request;
   request.subset = {
@@ -27,7 +27,7 @@ function exportRequest(query: URLSearchParams): ExportSelectionRequest {
 
 function begin(
   response: ServerResponse,
-  header: ExportSelectionResponse_Header,
+  header: ExportGaussiansResponse_Header,
   query: URLSearchParams,
 ): void {
   const name = query.get('download')?.replace(/[^\w.-]/g, '_');
@@ -52,7 +52,7 @@ export async function getPly(
   const query = queryOf(request);
   const signal = abortedWith(response);
   try {
-    const stream = channel.segmentation.exportSelection(exportRequest(query), {
+    const stream = channel.rendering.exportGaussians(exportRequest(query), {
       signal,
       headers: routing(need(query, 'model')),
     });

@@ -4,8 +4,10 @@ import type { DescMessage, MessageShape } from '@bufbuild/protobuf';
 import type { ConnectRouter, HandlerContext } from '@connectrpc/connect';
 import { DatasetService } from '../gen/pepeseg/v1/dataset_service_pb';
 import { JobService } from '../gen/pepeseg/v1/job_service_pb';
+import { LabelService } from '../gen/pepeseg/v1/label_service_pb';
 import { SceneService } from '../gen/pepeseg/v1/scene_service_pb';
 import { SegmentationService } from '../gen/pepeseg/v1/segmentation_service_pb';
+import { SelectionService } from '../gen/pepeseg/v1/selection_service_pb';
 import type { BackEnd } from './back_end';
 import { routing } from './channel';
 import { passedOn } from './passed_on';
@@ -54,20 +56,15 @@ function passStream(call: StreamCall) {
 }
 
 export function addRoutes(router: ConnectRouter, { channel }: BackEnd): void {
-  const { scenes, datasets, jobs, segmentation } = channel;
-  const own = new Set([
-    'writeFiles',
-    'readFile',
-    'segmentStream',
-    'exportSelection',
-    'evaluate',
-    'getPhotograph',
-  ]);
+  const { scenes, datasets, jobs, segmentation, labels, selections } = channel;
+  const own = new Set(['writeFiles', 'streamSegments', 'getPhotograph']);
   const pairs = [
     [SceneService, scenes],
     [DatasetService, datasets],
     [JobService, jobs],
     [SegmentationService, segmentation],
+    [LabelService, labels],
+    [SelectionService, selections],
   ] as const;
   for (const [service, client] of pairs) {
     const calls = client as unknown as Record<string, UnaryCall & StreamCall>;

@@ -1,11 +1,11 @@
-// WebSocket /api/segment-stream: SegmentStream for browsers, whose gRPC has no streams in both
-// directions. A message is a SegmentStreamRequest or a SegmentStreamResponse, as Protobuf bytes.
+// WebSocket /api/segment-stream: StreamSegments for browsers, whose gRPC has no streams in both
+// directions. A message is a StreamSegmentsRequest or a StreamSegmentsResponse, as Protobuf bytes.
 import { fromBinary, toBinary } from '@bufbuild/protobuf';
 import type { WebSocket } from 'ws';
-import type { SegmentStreamRequest } from '../gen/pepeseg/v1/segmentation_service_pb';
+import type { StreamSegmentsRequest } from '../gen/pepeseg/v1/segmentation_service_pb';
 import {
-  SegmentStreamRequestSchema,
-  SegmentStreamResponseSchema,
+  StreamSegmentsRequestSchema,
+  StreamSegmentsResponseSchema,
 } from '../gen/pepeseg/v1/segmentation_service_pb';
 import type { ConnectError } from '@connectrpc/connect';
 import { Code } from '@connectrpc/connect';
@@ -48,15 +48,15 @@ function closeWith(socket: WebSocket, { code, rawMessage }: ConnectError): void 
 }
 
 export function serveSegmentStream(channel: Channel, socket: WebSocket): void {
-  const requests = new Newest<SegmentStreamRequest>();
+  const requests = new Newest<StreamSegmentsRequest>();
   const gone = new AbortController();
   let started = false;
 
   const start = async (model: string) => {
     try {
       const options = { signal: gone.signal, headers: routing(model) };
-      for await (const answer of channel.segmentation.segmentStream(requests, options)) {
-        socket.send(toBinary(SegmentStreamResponseSchema, answer));
+      for await (const answer of channel.segmentation.streamSegments(requests, options)) {
+        socket.send(toBinary(StreamSegmentsResponseSchema, answer));
       }
       // The server ends a stream only when it stops.
       socket.close(4000 + Code.Unavailable);
@@ -68,7 +68,7 @@ export function serveSegmentStream(channel: Channel, socket: WebSocket): void {
   socket.on('message', (data: Buffer, isBinary: boolean) => {
     if (!isBinary) return socket.close(1003);
     try {
-      const request = fromBinary(SegmentStreamRequestSchema, data);
+      const request = fromBinary(StreamSegmentsRequestSchema, data);
       requests.put(request);
       if (!started) void start(request.segment?.model ?? '');
       started = true;

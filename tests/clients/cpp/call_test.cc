@@ -7,6 +7,7 @@
 #include <chrono>
 
 #include "pepeseg/v1/scene_service.grpc.pb.h"
+#include "tests/clients/cpp/server_error.h"
 
 namespace pepeseg::client {
 namespace {
@@ -26,9 +27,7 @@ class BusyScenes final : public v1::SceneService::Service {
                         v1::Scene* scene) override {
     scene->set_name(request->name());
     if (++num_calls > num_refused) return grpc::Status::OK;
-    v1::Status status;
-    status.add_details()->PackFrom(detail);
-    return {code, "not now", status.SerializeAsString()};
+    return ServerError(code, "not now", detail);
   }
 
   absl::StatusOr<v1::Scene> Get(double seconds) {
@@ -38,7 +37,7 @@ class BusyScenes final : public v1::SceneService::Service {
   }
 
   grpc::StatusCode code = grpc::UNAVAILABLE;
-  v1::ErrorDetail detail;
+  ErrorDetail detail;
   int num_refused = 2, num_calls = 0;
   std::unique_ptr<v1::SceneService::Stub> stub;
 
@@ -48,8 +47,8 @@ class BusyScenes final : public v1::SceneService::Service {
 
 TEST(Ask, RepeatsCallsThatTheServerPutsOff) {
   BusyScenes scenes;
-  scenes.detail.set_reason("NO_ROOM_NOW");
-  scenes.detail.mutable_retry_after()->set_nanos(50'000'000);
+  scenes.detail.reason = "NO_ROOM_NOW";
+  scenes.detail.retry_after = absl::Milliseconds(50);
   const auto start = std::chrono::steady_clock::now();
   const auto scene = scenes.Get(20);
   ASSERT_TRUE(scene.ok()) << scene.status();
@@ -61,7 +60,7 @@ TEST(Ask, RepeatsCallsThatTheServerPutsOff) {
 TEST(Ask, GivesUpIfTheWaitWouldPassTheDeadline) {
   BusyScenes scenes;
   scenes.num_refused = 1000;
-  scenes.detail.mutable_retry_after()->set_seconds(30);
+  scenes.detail.retry_after = absl::Seconds(30);
   const auto start = std::chrono::steady_clock::now();
   EXPECT_TRUE(absl::IsUnavailable(scenes.Get(5).status()));
   EXPECT_EQ(scenes.num_calls, 1);
@@ -71,14 +70,14 @@ TEST(Ask, GivesUpIfTheWaitWouldPassTheDeadline) {
 TEST(Ask, CallsOnceIfWaitingDoesNotHelp) {
   for (const bool draining : {false, true}) {
     BusyScenes scenes;
-    if (draining) scenes.detail.mutable_retry_after()->set_nanos(1);
-    scenes.detail.set_reason(draining ? "DRAINING" : "UNAVAILABLE");
+    if (draining) scenes.detail.retry_after = absl::Nanoseconds(1);
+    scenes.detail.reason = draining ? "DRAINING" : "UNAVAILABLE";
     EXPECT_TRUE(absl::IsUnavailable(scenes.Get(5).status()));
     EXPECT_EQ(scenes.num_calls, 1);
   }
   BusyScenes scenes;
   scenes.code = grpc::RESOURCE_EXHAUSTED;
-  scenes.detail.mutable_retry_after()->set_nanos(1);
+  scenes.detail.retry_after = absl::Nanoseconds(1);
   EXPECT_TRUE(absl::IsResourceExhausted(scenes.Get(5).status()));
   EXPECT_EQ(scenes.num_calls, 1);
 }

@@ -58,7 +58,7 @@ struct ClientTest : ::testing::Test {
 
 TEST_F(ClientTest, TrainsAndSegments) {
   ASSERT_EQ(TrainShelf().state(), v1::JOB_STATE_SUCCEEDED);
-  v1::SegmentRequest request;
+  v1::SegmentViewsRequest request;
   request.set_model(ModelName("shelf"));
   *request.mutable_prompt() = ClickAt(30, 32);
   request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
@@ -100,9 +100,41 @@ TEST_F(ClientTest, SendsTheSameFilesOnlyOnce) {
   EXPECT_EQ(newest->name(), second->name());
 }
 
+TEST_F(ClientTest, DeletesUploadsThatAreNotSealed) {
+  ASSERT_TRUE(client.EnsureScene("shelf").ok());
+  const v1::Upload open = running.CreateUpload("shelf", {{"images/other.jpg", "bytes"}});
+  EXPECT_TRUE(client.DeleteUpload(open.name()).ok());
+  EXPECT_TRUE(absl::IsNotFound(client.DeleteUpload(open.name())));
+  const auto dataset = client.Upload("shelf", folder);
+  ASSERT_TRUE(dataset.ok()) << dataset.status();
+  EXPECT_EQ(client.GetDataset(dataset->name())->num_files(), 1);
+  EXPECT_EQ(client.ListDatasets("shelf")->datasets_size(), 1);
+  EXPECT_TRUE(absl::IsFailedPrecondition(client.DeleteUpload("scenes/shelf/uploads/2")));
+}
+
+TEST_F(ClientTest, ReturnsTheMaskOfALabel) {
+  ASSERT_EQ(TrainShelf().state(), v1::JOB_STATE_SUCCEEDED);
+  v1::SegmentViewsRequest question;
+  question.set_model(ModelName("shelf"));
+  *question.mutable_prompt() = ClickAt(30, 32);
+  const auto answer = client.Segment(question);
+  ASSERT_TRUE(answer.ok()) << answer.status();
+  v1::CreateLabelRequest request;
+  request.set_parent("shelf");
+  request.set_label_id("red");
+  request.mutable_label()->set_view("middle.jpg");
+  *request.mutable_label()->mutable_mask()->mutable_rle() = answer->masks(0).rle();
+  ASSERT_TRUE(client.CreateLabel(request).ok());
+  const auto label = client.GetLabel("scenes/shelf/labels/red", v1::PIXEL_FRAME_PHOTOGRAPH);
+  ASSERT_TRUE(label.ok()) << label.status();
+  EXPECT_EQ(label->mask().rle().counts(), answer->masks(0).rle().counts());
+  EXPECT_TRUE(absl::IsNotFound(
+      client.GetLabel("scenes/shelf/labels/blue", v1::PIXEL_FRAME_PHOTOGRAPH).status()));
+}
+
 TEST_F(ClientTest, SelectsCombinesAndExports) {
   ASSERT_EQ(TrainShelf().state(), v1::JOB_STATE_SUCCEEDED);
-  v1::SelectRequest request;
+  v1::CreateSelectionRequest request;
   request.set_model(ModelName("shelf"));
   *request.mutable_prompt() = ClickAt(30, 32);
   const auto red = client.Select(request);
@@ -120,7 +152,7 @@ TEST_F(ClientTest, SelectsCombinesAndExports) {
   EXPECT_EQ(client.UndoSelection(combined->name())->name(), red->name());
   EXPECT_EQ(client.ListSelections("shelf")->selections_size(), 3);
 
-  v1::ExportSelectionRequest wanted;
+  v1::ExportGaussiansRequest wanted;
   wanted.set_model(ModelName("shelf"));
   wanted.mutable_subset()->set_selection(red->name());
   const std::string ply = photos / "red.ply";
@@ -134,7 +166,7 @@ TEST_F(ClientTest, SelectsCombinesAndExports) {
 
 TEST_F(ClientTest, LeavesNoFileOfAFailedExport) {
   ASSERT_TRUE(client.EnsureScene("shelf").ok());
-  v1::ExportSelectionRequest wanted;
+  v1::ExportGaussiansRequest wanted;
   wanted.set_model(ModelName("shelf"));
   const auto header = client.Export(wanted, photos / "none.ply");
   EXPECT_FALSE(header.ok());
@@ -142,12 +174,12 @@ TEST_F(ClientTest, LeavesNoFileOfAFailedExport) {
   EXPECT_FALSE(fs::exists(photos / "none.ply.part"));
 }
 
-TEST_F(ClientTest, ReturnsTheErrorDetailOfTheServer) {
+TEST_F(ClientTest, ReturnsTheErrorDetailsOfTheServer) {
   const auto scene = client.GetScene("nowhere");
   EXPECT_TRUE(absl::IsNotFound(scene.status())) << scene.status();
   const auto detail = DetailOf(scene.status());
   ASSERT_TRUE(detail.has_value());
-  EXPECT_EQ(detail->resource(), "scenes/nowhere");
+  EXPECT_EQ(detail->resource, "scenes/nowhere");
   EXPECT_TRUE(absl::IsFailedPrecondition(client.NewestDataset("nowhere").status()) ||
               absl::IsNotFound(client.NewestDataset("nowhere").status()));
 }

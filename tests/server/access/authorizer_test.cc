@@ -5,28 +5,19 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "pepeseg/v1/admin_service.pb.h"
-#include "pepeseg/v1/errors.pb.h"
 #include "pepeseg/v1/job_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 #include "server/access/api_key.h"
+#include "server/store/error_detail.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr int kEverythingOfAProject = 0b1110;  // read, write, train
-
-v1::ErrorDetail DetailOf(const absl::Status& status) {
-  v1::ErrorDetail detail;
-  const auto payload = status.GetPayload("type.googleapis.com/pepeseg.v1.ErrorDetail");
-  EXPECT_TRUE(payload.has_value()) << status;
-  if (payload.has_value()) detail.ParseFromString(std::string(*payload));
-  return detail;
-}
 
 v1::GetSceneRequest Get(const std::string& name) {
   v1::GetSceneRequest request;
@@ -95,13 +86,13 @@ TEST_F(AuthorizerTest, AllowsAKeyItsProject) {
 TEST_F(AuthorizerTest, GivesTheSameAnswerToEveryInvalidKey) {
   const auto no_key = authorizer_.Authorize({"test", {}}, Get("scenes/mine")).status();
   EXPECT_TRUE(absl::IsUnauthenticated(no_key)) << no_key;
-  EXPECT_EQ(DetailOf(no_key).reason(), "NO_KEY");
+  EXPECT_EQ(DetailOf(no_key).reason, "NO_KEY");
   EXPECT_EQ(LastRefusal()["reason"], "NO_KEY");
 
   const auto unknown =
       authorizer_.Authorize(With(absl::StrCat("Bearer ", MakeKey()->secret)), Get("scenes/mine"));
   EXPECT_TRUE(absl::IsUnauthenticated(unknown.status())) << unknown.status();
-  EXPECT_EQ(DetailOf(unknown.status()).reason(), "BAD_KEY");
+  EXPECT_EQ(DetailOf(unknown.status()).reason, "BAD_KEY");
   EXPECT_EQ(LastRefusal()["reason"], "UNKNOWN_KEY");
   EXPECT_EQ(LastRefusal()["project"], "");
 
@@ -158,8 +149,8 @@ TEST_F(AuthorizerTest, ReportsAMissingScopeBeforeLookingAtTheRequest) {
     remove.set_name(name);
     const auto refused = authorizer_.Authorize(reader, remove);
     EXPECT_TRUE(absl::IsPermissionDenied(refused.status())) << name;
-    EXPECT_EQ(DetailOf(refused.status()).reason(), "MISSING_SCOPE");
-    EXPECT_EQ(DetailOf(refused.status()).limit(), "SCOPE_WRITE");
+    EXPECT_EQ(DetailOf(refused.status()).reason, "MISSING_SCOPE");
+    EXPECT_EQ(DetailOf(refused.status()).limit, "SCOPE_WRITE");
   }
   // No scope implies another.
   const CallOrigin operates = Key(ScopeBit(v1::SCOPE_OPERATE));
@@ -175,7 +166,7 @@ TEST_F(AuthorizerTest, AnswersTheSameForScenesOfOthersAndMissingOnes) {
   const auto others = authorizer_.Authorize(origin, Get("scenes/theirs")).status();
   const auto none = authorizer_.Authorize(origin, Get("scenes/nowhere")).status();
   EXPECT_TRUE(absl::IsPermissionDenied(others)) << others;
-  EXPECT_EQ(DetailOf(others).reason(), "NOT_YOURS");
+  EXPECT_EQ(DetailOf(others).reason, "NOT_YOURS");
   EXPECT_EQ(others, none);
   v1::TrainSceneRequest train;
   train.set_scene("scenes/mine");
@@ -230,8 +221,8 @@ TEST_F(AuthorizerTest, RecordsCallsThatChangeSomething) {
   EXPECT_TRUE(absl::IsAlreadyExists(authorizer_.Run(origin, create, fails)));
   EXPECT_EQ(LastLine()["outcome"], "ALREADY_EXISTS");
   EXPECT_EQ(LastLine()["resources"], nlohmann::json({"new"}));
-  ASSERT_TRUE(authorizer_.Run(origin, v1::ListResidentRequest(), done).ok());
-  EXPECT_EQ(LastLine()["method"], "pepeseg.v1.AdminService.ListResident");
+  ASSERT_TRUE(authorizer_.Run(origin, v1::ListResidentModelsRequest(), done).ok());
+  EXPECT_EQ(LastLine()["method"], "pepeseg.v1.AdminService.ListResidentModels");
   std::ifstream file(path_);
   const std::string all((std::istreambuf_iterator<char>(file)), {});
   EXPECT_EQ(all.find(key_.secret), std::string::npos);

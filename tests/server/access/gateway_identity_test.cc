@@ -5,12 +5,11 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
-#include "pepeseg/v1/errors.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 #include "server/access/api_key.h"
 #include "server/access/authorizer.h"
+#include "server/store/error_detail.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -70,12 +69,7 @@ class GatewayCallTest : public ::testing::Test {
     return {"test", {}, std::move(gateway)};
   }
   // Returns the reason of a refusal, "" for OK.
-  static std::string ReasonOf(const absl::Status& status) {
-    v1::ErrorDetail detail;
-    const auto payload = status.GetPayload("type.googleapis.com/pepeseg.v1.ErrorDetail");
-    if (payload.has_value()) detail.ParseFromString(std::string(*payload));
-    return detail.reason();
-  }
+  static std::string ReasonOf(const absl::Status& status) { return DetailOf(status).reason; }
   static v1::GetSceneRequest Get(const std::string& name) {
     v1::GetSceneRequest request;
     request.set_name(name);

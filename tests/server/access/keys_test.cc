@@ -126,6 +126,34 @@ TEST_F(Keys, AreRefusedOnceRevoked) {
             grpc::INVALID_ARGUMENT);
 }
 
+TEST_F(Keys, AreReturnedByNameWithoutTheirSecret) {
+  v1::CreateKeyRequest create;
+  create.set_project("lab");
+  create.set_display_name("a camera");
+  create.add_scopes(v1::SCOPE_WRITE);
+  v1::CreateKeyResponse made;
+  ASSERT_TRUE(CreateKey(create, &made).ok());
+  const auto get = [&](const std::string& name, v1::ApiKey& key) {
+    v1::GetKeyRequest request;
+    request.set_name(name);
+    return running.admin->GetKey(With(operates).get(), request, &key);
+  };
+  v1::ApiKey key;
+  ASSERT_TRUE(get(made.key().name(), key).ok());
+  EXPECT_EQ(key.DebugString(), made.key().DebugString());
+  EXPECT_EQ(key.DebugString().find(made.secret()), std::string::npos);
+  v1::RevokeKeyRequest revoke;
+  revoke.set_name(made.key().name());
+  v1::ApiKey revoked;
+  ASSERT_TRUE(running.admin->RevokeKey(With(operates).get(), revoke, &revoked).ok());
+  ASSERT_TRUE(get(made.key().name(), key).ok()) << "revoked keys, too";
+  EXPECT_EQ(key.DebugString(), revoked.DebugString());
+  const grpc::Status none = get("keys/0000000000000000", key);
+  EXPECT_EQ(none.error_code(), grpc::NOT_FOUND);
+  EXPECT_EQ(DetailOf(none).reason(), "NO_SUCH_KEY");
+  EXPECT_EQ(DetailOf(get("keys/x", key)).field(), "name");
+}
+
 TEST_F(Keys, NoticeASceneThatAnotherProjectCreatedAgain) {
   ASSERT_TRUE(CreateScene("moved", full).ok());
   ASSERT_TRUE(GetScene("moved", full).ok());
@@ -220,17 +248,17 @@ TEST_F(Keys, AreCheckedAtEachUploadOfAStream) {
 
 TEST_F(Keys, AreCheckedAtEachQueryOfAStream) {
   const auto context = With(full);
-  const auto stream = running.segmentation->SegmentStream(context.get());
-  v1::SegmentStreamRequest request;
+  const auto stream = running.segmentation->StreamSegments(context.get());
+  v1::StreamSegmentsRequest request;
   request.set_sequence(1);
-  v1::SegmentRequest& segment = *request.mutable_segment();
+  v1::SegmentViewsRequest& segment = *request.mutable_segment();
   segment.set_model("scenes/shelf/models/live");
   segment.mutable_prompt()->mutable_view()->set_view("middle.jpg");
   auto& point = *segment.mutable_prompt()->mutable_points()->add_points();
   point.set_x(30);
   point.set_y(32);
   ASSERT_TRUE(stream->Write(request));
-  v1::SegmentStreamResponse response;
+  v1::StreamSegmentsResponse response;
   ASSERT_TRUE(stream->Read(&response));
   EXPECT_EQ(response.segment().model(), "scenes/shelf/models/1");
   ASSERT_TRUE(CreateScene("annex", stranger).ok());
@@ -238,7 +266,7 @@ TEST_F(Keys, AreCheckedAtEachQueryOfAStream) {
   ASSERT_TRUE(stream->Write(request));
   EXPECT_FALSE(stream->Read(&response));
   EXPECT_EQ(stream->Finish().error_code(), grpc::PERMISSION_DENIED);
-  EXPECT_EQ(Ask("pepeseg.v1.SegmentationService.SegmentStream", {}, nobody).error_code(),
+  EXPECT_EQ(Ask("pepeseg.v1.SegmentationService.StreamSegments", {}, nobody).error_code(),
             grpc::UNAUTHENTICATED);
 }
 

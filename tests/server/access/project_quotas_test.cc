@@ -4,9 +4,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "pepeseg/v1/errors.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
+#include "server/store/error_detail.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -18,7 +18,7 @@ struct ProjectQuotasTest : ::testing::Test {
 
   const testing::TempFolder folder;
   std::unique_ptr<Store> store;
-  const v1::SegmentRequest query;
+  const v1::SegmentViewsRequest query;
 };
 
 TEST_F(ProjectQuotasTest, PrefersAProjectsOwnValues) {
@@ -41,15 +41,13 @@ TEST_F(ProjectQuotasTest, RefusesQueriesBeyondTheRateWithARetryTime) {
   for (int i = 0; i < 4; ++i) EXPECT_OK(quotas.Admit("lab", query)) << i;
   const absl::Status refused = quotas.Admit("lab", query);
   EXPECT_EQ(refused.code(), absl::StatusCode::kUnavailable);
-  v1::ErrorDetail detail;
-  const auto payload = refused.GetPayload("type.googleapis.com/pepeseg.v1.ErrorDetail");
-  ASSERT_TRUE(payload.has_value());
-  ASSERT_TRUE(detail.ParseFromString(std::string(*payload)));
-  EXPECT_EQ(detail.reason(), "QUOTA");
-  EXPECT_EQ(detail.field(), "queries_per_second");
-  EXPECT_EQ(detail.limit(), "4");
-  EXPECT_GT(detail.retry_after().nanos(), 0);
-  EXPECT_LE(detail.retry_after().nanos(), 251'000'000);
+  const ErrorDetail detail = DetailOf(refused);
+  EXPECT_EQ(detail.reason, "QUOTA");
+  EXPECT_EQ(detail.field, "queries_per_second");
+  EXPECT_EQ(detail.limit, "4");
+  ASSERT_TRUE(detail.retry_after.has_value());
+  EXPECT_GT(*detail.retry_after, absl::ZeroDuration());
+  EXPECT_LE(*detail.retry_after, absl::Milliseconds(251));
   EXPECT_OK(quotas.Admit("lab", v1::GetSceneRequest())) << "not a query";
   EXPECT_OK(quotas.Admit("other", query)) << "has its own rate";
   absl::SleepFor(absl::Milliseconds(260));

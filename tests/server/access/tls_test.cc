@@ -82,9 +82,11 @@ TEST_F(Tls, ServesClientsThatTrustItsChain) {
   EXPECT_EQ(List(grpc::InsecureChannelCredentials()), grpc::UNAVAILABLE);
   const auto ask_admin = [&](const std::shared_ptr<grpc::ChannelCredentials>& credentials) {
     grpc::ClientContext context;
-    v1::ListResidentResponse response;
+    v1::ListResidentModelsResponse response;
     const auto channel = Connect(running->server->admin_port(), credentials);
-    return v1::AdminService::NewStub(channel)->ListResident(&context, {}, &response).error_code();
+    return v1::AdminService::NewStub(channel)
+        ->ListResidentModels(&context, {}, &response)
+        .error_code();
   };
   EXPECT_EQ(ask_admin(Trusting(authority)), grpc::OK);
   EXPECT_EQ(ask_admin(Trusting(other)), grpc::UNAVAILABLE);

@@ -14,14 +14,12 @@ using ::testing::Not;
 
 const ClientErrorRules kRules = {"/srv/pepeseg", "request-7"};
 
-v1::ErrorDetail SentDetail(const grpc::Status& status) {
+v1::Error SentDetail(const grpc::Status& status) {
   v1::Status proto;
-  v1::ErrorDetail detail;
   EXPECT_TRUE(proto.ParseFromString(status.error_details()));
-  EXPECT_EQ(proto.details_size(), 1) << "no mark leaves the server";
+  EXPECT_FALSE(IsMarkedPrivate(proto)) << "no mark leaves the server";
   EXPECT_EQ(proto.message(), status.error_message());
-  EXPECT_TRUE(proto.details(0).UnpackTo(&detail));
-  return detail;
+  return FlatError(proto);
 }
 
 grpc::Status Sent(const absl::Status& status, bool changed = true) {
@@ -56,9 +54,7 @@ TEST(HidePrivateText, KeepsTheCodeOfPrivateErrors) {
 }
 
 TEST(HidePrivateText, SaysThatTheDiskIsFull) {
-  v1::ErrorDetail detail;
-  detail.set_reason(kDiskFull);
-  detail.set_resource("images/1.jpg");
+  const ErrorDetail detail = {.reason = kDiskFull, .resource = "images/1.jpg"};
   const absl::Status full =
       PrivateError(absl::StatusCode::kResourceExhausted, "/srv/pepeseg/partial: no space left");
   const grpc::Status sent = Sent(WithDetail(WithPrefix("images/1.jpg: ", full), detail));
@@ -77,6 +73,20 @@ TEST(HidePrivateText, MakesPathsRelativeToTheDataDirectory) {
   EXPECT_EQ(text("'/srv/pepeseg/a' and (/srv/pepeseg/b)"), "'a' and (b)");
   EXPECT_EQ(text("/srv/pepeseg: not readable"), "the data directory: not readable");
   EXPECT_EQ(text("/srv/pepeseg/: not readable"), "the data directory/: not readable");
+}
+
+TEST(HidePrivateText, HidesNothingLessInTheDetails) {
+  // What is private must not stay in a value, or in the description of a field.
+  const absl::Status error = PrivateError(absl::StatusCode::kUnavailable, "db.lab.example is away");
+  grpc::Status sent = Sent(WithDetail(
+      error,
+      {.reason = "X", .field = "name", .limit = "db.lab.example", .value = "db.lab.example"}));
+  EXPECT_THAT(sent.error_details(), Not(HasSubstr("db.lab.example")));
+  EXPECT_EQ(SentDetail(sent).field(), "name") << "it came from the request";
+  sent = Sent(WithDetail(absl::InvalidArgumentError("/srv/pepeseg/jobs/j1: is bad"),
+                         {.reason = "X", .field = "name", .resource = "/srv/pepeseg/jobs/j1"}));
+  EXPECT_THAT(sent.error_details(), Not(HasSubstr("/srv/pepeseg")));
+  EXPECT_EQ(SentDetail(sent).resource(), "jobs/j1");
 }
 
 TEST(HidePrivateText, KeepsTextForClients) {

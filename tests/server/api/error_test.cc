@@ -1,23 +1,90 @@
 #include "server/api/error.h"
 
+#include <gmock/gmock.h>
+#include <google/protobuf/descriptor.pb.h>
+#include <google/protobuf/dynamic_message.h>
+#include <google/protobuf/text_format.h>
 #include <gtest/gtest.h>
+
+#include <memory>
+#include <vector>
 
 #include "core/query/check_prompt.h"
 
 namespace pepeseg {
 namespace {
 
-v1::ErrorDetail DetailOf(const grpc::Status& status) {
+using ::testing::ElementsAre;
+
+v1::Error DetailOf(const grpc::Status& status) {
   v1::Status proto;
   EXPECT_TRUE(proto.ParseFromString(status.error_details()));
   EXPECT_EQ(proto.code(), status.error_code());
   EXPECT_EQ(proto.message(), status.error_message());
-  v1::ErrorDetail detail;
-  EXPECT_EQ(proto.details_size(), 1);
-  if (proto.details_size() == 1) {
-    EXPECT_TRUE(proto.details(0).UnpackTo(&detail));
+  return FlatError(proto);
+}
+
+// Status and details of the package google.rpc, as Google publishes them.
+constexpr char kGoogleRpc[] = R"(
+  name: "google/rpc/published.proto" package: "google.rpc" syntax: "proto3"
+  dependency: "google/protobuf/any.proto" dependency: "google/protobuf/duration.proto"
+  message_type { name: "Status"
+    field { name: "code" number: 1 type: TYPE_INT32 label: LABEL_OPTIONAL }
+    field { name: "message" number: 2 type: TYPE_STRING label: LABEL_OPTIONAL }
+    field { name: "details" number: 3 type: TYPE_MESSAGE label: LABEL_REPEATED
+            type_name: ".google.protobuf.Any" } }
+  message_type { name: "ErrorInfo"
+    field { name: "reason" number: 1 type: TYPE_STRING label: LABEL_OPTIONAL }
+    field { name: "domain" number: 2 type: TYPE_STRING label: LABEL_OPTIONAL }
+    field { name: "metadata" number: 3 type: TYPE_MESSAGE label: LABEL_REPEATED
+            type_name: ".google.rpc.ErrorInfo.MetadataEntry" }
+    nested_type { name: "MetadataEntry"
+      field { name: "key" number: 1 type: TYPE_STRING label: LABEL_OPTIONAL }
+      field { name: "value" number: 2 type: TYPE_STRING label: LABEL_OPTIONAL }
+      options { map_entry: true } } }
+  message_type { name: "BadRequest"
+    field { name: "field_violations" number: 1 type: TYPE_MESSAGE label: LABEL_REPEATED
+            type_name: ".google.rpc.BadRequest.FieldViolation" }
+    nested_type { name: "FieldViolation"
+      field { name: "field" number: 1 type: TYPE_STRING label: LABEL_OPTIONAL }
+      field { name: "description" number: 2 type: TYPE_STRING label: LABEL_OPTIONAL } } }
+  message_type { name: "ResourceInfo"
+    field { name: "resource_type" number: 1 type: TYPE_STRING label: LABEL_OPTIONAL }
+    field { name: "resource_name" number: 2 type: TYPE_STRING label: LABEL_OPTIONAL }
+    field { name: "owner" number: 3 type: TYPE_STRING label: LABEL_OPTIONAL }
+    field { name: "description" number: 4 type: TYPE_STRING label: LABEL_OPTIONAL } }
+  message_type { name: "RetryInfo"
+    field { name: "retry_delay" number: 1 type: TYPE_MESSAGE label: LABEL_OPTIONAL
+            type_name: ".google.protobuf.Duration" } }
+)";
+
+// Decodes a status as a tool does that knows the types of google.rpc and none of ours. Returns the
+// details as text, one a line.
+std::vector<std::string> DecodeAsGoogleRpc(const grpc::Status& status) {
+  using google::protobuf::Descriptor;
+  google::protobuf::DescriptorPool pool(google::protobuf::DescriptorPool::generated_pool());
+  google::protobuf::FileDescriptorProto published;
+  EXPECT_TRUE(google::protobuf::TextFormat::ParseFromString(kGoogleRpc, &published));
+  EXPECT_NE(pool.BuildFile(published), nullptr);
+  google::protobuf::DynamicMessageFactory factory(&pool);
+  const auto decode = [&](const std::string& type, const std::string& bytes) {
+    const Descriptor* descriptor = pool.FindMessageTypeByName(type);
+    if (descriptor == nullptr) return "unknown type " + type;
+    const std::unique_ptr<google::protobuf::Message> message(
+        factory.GetPrototype(descriptor)->New());
+    EXPECT_TRUE(message->ParseFromString(bytes)) << type;
+    EXPECT_TRUE(message->GetReflection()->GetUnknownFields(*message).empty()) << type;
+    return descriptor->name() + " { " + message->ShortDebugString() + " }";
+  };
+  v1::Status envelope;
+  EXPECT_TRUE(envelope.ParseFromString(status.error_details()));
+  EXPECT_NE(decode("google.rpc.Status", status.error_details()), "");
+  std::vector<std::string> decoded;
+  for (const auto& detail : envelope.details()) {
+    const std::string& url = detail.type_url();
+    decoded.push_back(decode(url.substr(url.rfind('/') + 1), detail.value()));
   }
-  return detail;
+  return decoded;
 }
 
 TEST(ToGrpc, ReturnsOkForOk) {
@@ -30,6 +97,8 @@ TEST(ToGrpc, KeepsCodeAndMessage) {
   EXPECT_EQ(status.error_code(), grpc::DATA_LOSS);
   EXPECT_EQ(status.error_message(), "gaussians.ply: 3 bytes are missing");
   EXPECT_EQ(DetailOf(status).reason(), "DATA_LOSS");
+  EXPECT_THAT(DecodeAsGoogleRpc(status),
+              ElementsAre("ErrorInfo { reason: \"DATA_LOSS\" domain: \"pepeseg\" }"));
 }
 
 TEST(ToGrpc, AddsAReasonForPromptsOnNothing) {
@@ -41,15 +110,46 @@ TEST(ToGrpc, AddsAReasonForPromptsOnNothing) {
 TEST(ToGrpc, KeepsTheFirstDetail) {
   const absl::Status bad = BadField("files[3].path", "../x", "has the part '..'");
   EXPECT_EQ(bad.message(), "files[3].path: '../x': has the part '..'");
-  const v1::ErrorDetail detail = DetailOf(ToGrpc(WithResource(bad, "OTHER", "jobs/j1")));
+  const v1::Error detail = DetailOf(ToGrpc(WithResource(bad, "OTHER", "jobs/j1")));
   EXPECT_EQ(detail.reason(), "BAD_FIELD");
   EXPECT_EQ(detail.field(), "files[3].path");
   EXPECT_EQ(detail.value(), "../x");
   EXPECT_EQ(detail.resource(), "");
 }
 
+TEST(ToGrpc, SendsDetailsOfGoogleRpc) {
+  const absl::Status error = WithDetail(absl::AbortedError("scenes/cup: jobs/j7 is running"),
+                                        {.reason = "JOB_ACTIVE",
+                                         .field = "scene",
+                                         .resource = "jobs/j7",
+                                         .limit = "1 job",
+                                         .retry_after = absl::Milliseconds(1500)});
+  EXPECT_THAT(
+      DecodeAsGoogleRpc(ToGrpc(error)),
+      ElementsAre("ErrorInfo { reason: \"JOB_ACTIVE\" domain: \"pepeseg\" metadata { key: "
+                  "\"limit\" value: \"1 job\" } }",
+                  "BadRequest { field_violations { field: \"scene\" description: \"scenes/cup: "
+                  "jobs/j7 is running\" } }",
+                  "ResourceInfo { resource_type: \"pepeseg.v1.Job\" resource_name: \"jobs/j7\" }",
+                  "RetryInfo { retry_delay { seconds: 1 nanos: 500000000 } }"));
+}
+
+TEST(FlatError, HasTheSameInFields) {
+  const absl::Status bad = BadField("files[3].path", "../x", "has the part '..'");
+  const v1::Error error = FlatError(ToProto(bad));
+  EXPECT_EQ(error.code(), grpc::INVALID_ARGUMENT);
+  EXPECT_EQ(error.message(), bad.message());
+  EXPECT_EQ(error.reason(), "BAD_FIELD");
+  EXPECT_EQ(error.field(), "files[3].path");
+  EXPECT_EQ(error.value(), "../x");
+  EXPECT_EQ(error.limit(), "has the part '..'");
+  EXPECT_EQ(error.resource(), "");
+  EXPECT_FALSE(error.has_retry_after());
+  EXPECT_EQ(FlatError(ToProto(BusyError())).retry_after().seconds(), 1);
+}
+
 TEST(ToGrpc, SaysWhenToRetry) {
-  const v1::ErrorDetail detail = DetailOf(ToGrpc(DrainingError()));
+  const v1::Error detail = DetailOf(ToGrpc(DrainingError()));
   EXPECT_EQ(detail.reason(), "DRAINING");
   EXPECT_GT(detail.retry_after().seconds(), 0);
 }
@@ -64,6 +164,13 @@ TEST(ToGrpc, StaysUnder4Kilobytes) {
   while (umlauts.size() < 100'000) umlauts += "\xc3\xa4";
   EXPECT_LT(BytesInTrailers(ToGrpc(absl::InternalError(umlauts))), 4096u);
   EXPECT_LT(BytesInTrailers(ToGrpc(BadField(umlauts, umlauts, umlauts))), 4096u);
+  const ErrorDetail everything = {.reason = "UNAUTHENTICATED_AND_MUCH_MORE",
+                                  .field = umlauts,
+                                  .resource = umlauts,
+                                  .limit = umlauts,
+                                  .value = umlauts,
+                                  .retry_after = absl::Milliseconds(123'456'789)};
+  EXPECT_LT(BytesInTrailers(ToGrpc(WithDetail(absl::InternalError(umlauts), everything))), 4096u);
 }
 
 TEST(Utf8Prefix, ReplacesInvalidUtf8AndCutsBetweenCharacters) {

@@ -49,8 +49,8 @@ struct PixelFrameTest : ::testing::Test {
     const v1::Job job = running.Await(running.Train("shelf", model).name());
     EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.DebugString();
   }
-  static v1::SegmentRequest At(double x, double y, v1::PixelFrame frame) {
-    v1::SegmentRequest request;
+  static v1::SegmentViewsRequest At(double x, double y, v1::PixelFrame frame) {
+    v1::SegmentViewsRequest request;
     request.set_model(kModel);
     request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
     auto* point = request.mutable_prompt()->mutable_points()->add_points();
@@ -59,34 +59,34 @@ struct PixelFrameTest : ::testing::Test {
     request.set_frame(frame);
     return request;
   }
-  grpc::Status Ask(const v1::SegmentRequest& request) {
+  grpc::Status Ask(const v1::SegmentViewsRequest& request) {
     grpc::ClientContext context;
     answer.Clear();
-    return running.segmentation->Segment(&context, request, &answer);
+    return running.segmentation->SegmentViews(&context, request, &answer);
   }
   // Returns the answer's only mask.
-  v1::SegmentResponse::ViewMask Mask(const v1::SegmentRequest& request) {
+  v1::SegmentViewsResponse::ViewMask Mask(const v1::SegmentViewsRequest& request) {
     const grpc::Status status = Ask(request);
     EXPECT_TRUE(status.ok()) << status.error_message();
     EXPECT_EQ(answer.masks_size(), 1);
-    return answer.masks_size() == 1 ? answer.masks(0) : v1::SegmentResponse::ViewMask();
+    return answer.masks_size() == 1 ? answer.masks(0) : v1::SegmentViewsResponse::ViewMask();
   }
-  v1::RenderResponse Render(const v1::RenderRequest& request) {
+  v1::RenderViewResponse Render(const v1::RenderViewRequest& request) {
     grpc::ClientContext context;
-    v1::RenderResponse response;
-    const grpc::Status status = running.segmentation->Render(&context, request, &response);
+    v1::RenderViewResponse response;
+    const grpc::Status status = running.renders->RenderView(&context, request, &response);
     EXPECT_TRUE(status.ok()) << status.error_message();
     return response;
   }
-  Image Colors(const v1::RenderRequest& request) {
+  Image Colors(const v1::RenderViewRequest& request) {
     const auto path = running.folder / "picture.png";
     std::ofstream(path, std::ios::binary) << Render(request).png();
     const auto image = DecodePhoto(path, "picture.png");
     EXPECT_TRUE(image.ok()) << image.status();
     return image.ok() ? *image : Image();
   }
-  static v1::RenderRequest Picture(v1::PixelFrame frame) {
-    v1::RenderRequest request;
+  static v1::RenderViewRequest Picture(v1::PixelFrame frame) {
+    v1::RenderViewRequest request;
     request.set_model(kModel);
     request.mutable_viewpoint()->set_view("middle.jpg");
     request.set_frame(frame);
@@ -94,7 +94,7 @@ struct PixelFrameTest : ::testing::Test {
   }
 
   RunningServer running;
-  v1::SegmentResponse answer;
+  v1::SegmentViewsResponse answer;
 };
 
 TEST_F(PixelFrameTest, ListsTheSizeOfThePhotograph) {
@@ -137,7 +137,7 @@ TEST_F(PixelFrameTest, TurnsAPhotographUpright) {
   EXPECT_EQ(mask.rle().width(), kPhotographHeight);
   EXPECT_EQ(mask.rle().height(), kPhotographWidth);
   EXPECT_LT(mask.box().y() + mask.box().height(), 96);
-  const v1::RenderResponse picture = Render(Picture(v1::PIXEL_FRAME_PHOTOGRAPH));
+  const v1::RenderViewResponse picture = Render(Picture(v1::PIXEL_FRAME_PHOTOGRAPH));
   EXPECT_EQ(picture.width(), kPhotographHeight);
   EXPECT_EQ(picture.height(), kPhotographWidth);
 }
@@ -158,7 +158,7 @@ TEST_F(PixelFrameTest, NamesFrameAndSizeOfAPointOutside) {
   EXPECT_EQ(DetailOf(status).field(), "prompt.points.points[0]");
   status = Ask(At(100, 32, v1::PIXEL_FRAME_VIEW));
   EXPECT_EQ(status.error_message(), "point 100,32 is outside view \"middle.jpg\" (96x64)");
-  v1::SegmentRequest request = At(1, 1, v1::PIXEL_FRAME_VIEW);
+  v1::SegmentViewsRequest request = At(1, 1, v1::PIXEL_FRAME_VIEW);
   request.set_frame(static_cast<v1::PixelFrame>(7));
   EXPECT_EQ(DetailOf(Ask(request)).field(), "frame");
 }
@@ -176,7 +176,7 @@ TEST_F(PixelFrameTest, AcceptsBoxesAndMasksOfThePhotograph) {
   Train("lens.model");
   const Pixels click = PixelsOf(Mask(At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH)).rle());
   const auto& found = answer.masks(0);
-  v1::SegmentRequest request = At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH);
+  v1::SegmentViewsRequest request = At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH);
   v1::BoxPrompt& box = *request.mutable_prompt()->mutable_box();
   box.set_x(found.box().x() - 2), box.set_y(found.box().y() - 2);
   box.set_width(found.box().width() + 4), box.set_height(found.box().height() + 4);
@@ -196,7 +196,7 @@ TEST_F(PixelFrameTest, AcceptsBoxesAndMasksOfThePhotograph) {
 
 TEST_F(PixelFrameTest, AnswersSimilarityAndProposalsInTheFrame) {
   Train("half.model");
-  v1::SegmentRequest request = At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH);
+  v1::SegmentViewsRequest request = At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH);
   request.set_want_similarity(true);
   const auto mask = Mask(request);
   EXPECT_EQ(mask.similarity().width(), kPhotographWidth);
@@ -214,14 +214,14 @@ TEST_F(PixelFrameTest, AnswersSimilarityAndProposalsInTheFrame) {
 
 TEST_F(PixelFrameTest, SelectsTheSameInBothFrames) {
   Train("half.model");
-  const auto select = [&](const v1::SegmentRequest& like) {
-    v1::SelectRequest request;
+  const auto select = [&](const v1::SegmentViewsRequest& like) {
+    v1::CreateSelectionRequest request;
     request.set_model(kModel);
     *request.mutable_prompt() = like.prompt();
     request.set_frame(like.frame());
     grpc::ClientContext context;
     v1::Selection selection;
-    const grpc::Status status = running.segmentation->Select(&context, request, &selection);
+    const grpc::Status status = running.selections->CreateSelection(&context, request, &selection);
     EXPECT_TRUE(status.ok()) << status.error_message();
     return selection.num_gaussians();
   };
@@ -232,7 +232,7 @@ TEST_F(PixelFrameTest, SelectsTheSameInBothFrames) {
 
 TEST_F(PixelFrameTest, ReturnsALabelAsItWasGiven) {
   Train("lens.model");
-  const v1::SegmentResponse::ViewMask mask = Mask(At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH));
+  const v1::SegmentViewsResponse::ViewMask mask = Mask(At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH));
   v1::CreateLabelRequest request;
   request.set_parent("scenes/shelf");
   request.set_label_id("red");
@@ -242,12 +242,28 @@ TEST_F(PixelFrameTest, ReturnsALabelAsItWasGiven) {
   for (int i = 0; i < 2; ++i) {  // and a retry
     grpc::ClientContext context;
     v1::Label label;
-    const grpc::Status status = running.segmentation->CreateLabel(&context, request, &label);
+    const grpc::Status status = running.labels->CreateLabel(&context, request, &label);
     ASSERT_TRUE(status.ok()) << status.error_message();
     EXPECT_EQ(label.mask().rle().SerializeAsString(), mask.rle().SerializeAsString());
     EXPECT_EQ(label.area(), mask.area());
   }
-  v1::SegmentRequest by_label;
+  const auto get = [&](v1::PixelFrame frame) {
+    grpc::ClientContext context;
+    v1::GetLabelRequest named;
+    named.set_name("scenes/shelf/labels/red");
+    named.set_frame(frame);
+    v1::Label label;
+    const grpc::Status status = running.labels->GetLabel(&context, named, &label);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_EQ(label.area(), mask.area()) << "as it was given";
+    return label.mask().rle();
+  };
+  EXPECT_GT(Iou(PixelsOf(get(v1::PIXEL_FRAME_PHOTOGRAPH)), PixelsOf(mask.rle())), 0.95);
+  EXPECT_EQ(get(v1::PIXEL_FRAME_UNSPECIFIED).width(), kPhotographWidth);
+  const v1::CocoRle in_view = get(v1::PIXEL_FRAME_VIEW);
+  EXPECT_EQ(in_view.width(), 96);
+  EXPECT_GT(Iou(PixelsOf(in_view), PixelsOf(Mask(At(30, 32, v1::PIXEL_FRAME_VIEW)).rle())), 0.9);
+  v1::SegmentViewsRequest by_label;
   by_label.set_model(kModel);
   by_label.mutable_prompt()->set_label("red");
   EXPECT_GT(Iou(PixelsOf(Mask(by_label).rle()), PixelsOf(mask.rle())), 0.95);
@@ -264,7 +280,7 @@ TEST_F(PixelFrameTest, ReturnsALabelAsItWasGiven) {
                     kPhotographWidth, kPhotographHeight));
   grpc::ClientContext context;
   v1::Label label;
-  const grpc::Status status = running.segmentation->CreateLabel(&context, request, &label);
+  const grpc::Status status = running.labels->CreateLabel(&context, request, &label);
   EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
   EXPECT_NE(status.error_message().find("no pixel of the mask"), std::string::npos);
 }
@@ -281,18 +297,18 @@ TEST_F(PixelFrameTest, RendersWhereTheMasksAre) {
     for (size_t i = 0; i < mask.size(); ++i) red.push_back(image.pixels[3 * i] > 128 ? 1 : 0);
     EXPECT_GT(Iou(mask, red), 0.9);
     EXPECT_EQ(Colors(Picture(v1::PIXEL_FRAME_VIEW)).width, 96);
-    v1::RenderRequest small = Picture(v1::PIXEL_FRAME_PHOTOGRAPH);
+    v1::RenderViewRequest small = Picture(v1::PIXEL_FRAME_PHOTOGRAPH);
     small.set_max_side(48);
     EXPECT_EQ(Colors(small).width, 48);
     EXPECT_EQ(Colors(small).height, 32);
     small.set_max_side(4000);  // nothing is enlarged
     EXPECT_EQ(Colors(small).width, kPhotographWidth);
     for (const auto content :
-         {v1::RenderRequest::CONTENT_DEPTH, v1::RenderRequest::CONTENT_SEGMENTS,
-          v1::RenderRequest::CONTENT_FEATURES}) {
-      v1::RenderRequest request = Picture(v1::PIXEL_FRAME_PHOTOGRAPH);
+         {v1::RenderViewRequest::CONTENT_DEPTH, v1::RenderViewRequest::CONTENT_SEGMENTS,
+          v1::RenderViewRequest::CONTENT_FEATURES}) {
+      v1::RenderViewRequest request = Picture(v1::PIXEL_FRAME_PHOTOGRAPH);
       request.set_content(content);
-      const v1::RenderResponse picture = Render(request);
+      const v1::RenderViewResponse picture = Render(request);
       EXPECT_EQ(picture.width(), kPhotographWidth) << content;
       EXPECT_EQ(picture.height(), kPhotographHeight) << content;
     }
@@ -302,7 +318,7 @@ TEST_F(PixelFrameTest, RendersWhereTheMasksAre) {
 TEST_F(PixelFrameTest, DrawsOverlaysOfTheFramesSizeOrOfTheAnswers) {
   Train("lens.model");
   const v1::CocoRle mask = Mask(At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH)).rle();
-  v1::RenderRequest request = Picture(v1::PIXEL_FRAME_PHOTOGRAPH);
+  v1::RenderViewRequest request = Picture(v1::PIXEL_FRAME_PHOTOGRAPH);
   request.set_max_side(96);
   *request.mutable_overlay_mask()->mutable_rle() = mask;
   const Image of_frame = Colors(request);
@@ -319,8 +335,8 @@ TEST_F(PixelFrameTest, DrawsOverlaysOfTheFramesSizeOrOfTheAnswers) {
   EXPECT_EQ(Colors(request).pixels, of_frame.pixels);
   small.set_width(95);
   grpc::ClientContext context;
-  v1::RenderResponse response;
-  EXPECT_EQ(running.segmentation->Render(&context, request, &response).error_code(),
+  v1::RenderViewResponse response;
+  EXPECT_EQ(running.renders->RenderView(&context, request, &response).error_code(),
             grpc::INVALID_ARGUMENT);
   // A subset is drawn where it is seen.
   request.mutable_overlay_subset()->mutable_segment()->set_id(1);
@@ -338,10 +354,10 @@ TEST_F(PixelFrameTest, EvaluatesLabelsOfThePhotographs) {
   for (const char* model : {"half.model", "lens.model"}) {
     SCOPED_TRACE(model);
     Train(model);
-    v1::EvaluateRequest request;
+    v1::EvaluateModelRequest request;
     request.set_model(kModel);
     for (const char* view : {"left/0.jpg", "right.jpg"}) {
-      v1::SegmentRequest ask = At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH);
+      v1::SegmentViewsRequest ask = At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH);
       ask.mutable_prompt()->mutable_view()->set_view(view);
       Image labels{kPhotographWidth, kPhotographHeight, 1, PixelsOf(Mask(ask).rle())};
       for (uint8_t& pixel : labels.pixels) pixel = pixel != 0 ? 7 : 0;
@@ -353,15 +369,15 @@ TEST_F(PixelFrameTest, EvaluatesLabelsOfThePhotographs) {
       request.mutable_labels(request.labels_size() - 1)->set_ignore_png(*EncodePng(ignore));
     }
     grpc::ClientContext context;
-    v1::EvaluateResponse scores;
-    const grpc::Status status = running.segmentation->Evaluate(&context, request, &scores);
+    v1::EvaluateModelResponse scores;
+    const grpc::Status status = running.evaluations->EvaluateModel(&context, request, &scores);
     ASSERT_TRUE(status.ok()) << status.error_message();
     ASSERT_EQ(scores.entities_size(), 1);
     EXPECT_EQ(scores.entities(0).id(), 7);
     EXPECT_GT(scores.chosen().iou(), 0.95);
     // The click is in the photograph's pixels, so it can be used in a request.
     const double x = scores.entities(0).click_x(), y = scores.entities(0).click_y();
-    v1::SegmentRequest again = At(x, y, v1::PIXEL_FRAME_PHOTOGRAPH);
+    v1::SegmentViewsRequest again = At(x, y, v1::PIXEL_FRAME_PHOTOGRAPH);
     again.mutable_prompt()->mutable_view()->set_view(scores.entities(0).views(0).view());
     const Pixels mask = PixelsOf(Mask(again).rle());
     EXPECT_EQ(mask[static_cast<size_t>(y) * kPhotographWidth + static_cast<size_t>(x)], 1);
@@ -369,7 +385,7 @@ TEST_F(PixelFrameTest, EvaluatesLabelsOfThePhotographs) {
     Image small{96, 64, 1, Pixels(96 * 64, 7)};
     request.mutable_labels(0)->set_png(*EncodePng(small));
     grpc::ClientContext other;
-    const grpc::Status refused = running.segmentation->Evaluate(&other, request, &scores);
+    const grpc::Status refused = running.evaluations->EvaluateModel(&other, request, &scores);
     EXPECT_EQ(refused.error_code(), grpc::INVALID_ARGUMENT);
     EXPECT_NE(
         refused.error_message().find("'96x64': pixels; photograph \"left/0.jpg\" has 192x128"),

@@ -133,10 +133,10 @@ int Run(const std::string& path) {
                                   [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });
   std::fprintf(stderr, "the fake worker writes to its log\n");
   v1::JobEvent event;
-  event.mutable_stage_started()->set_stage("reconstruct");
+  event.mutable_stage_started()->set_stage(v1::JOB_STAGE_RECONSTRUCT);
   if (!(*log)->Append(event).ok()) return 97;
   for (int step = 1; step <= 3; ++step) {
-    event.mutable_progress()->set_stage("reconstruct");
+    event.mutable_progress()->set_stage(v1::JOB_STAGE_RECONSTRUCT);
     event.mutable_progress()->set_step(step);
     event.mutable_progress()->set_num_steps(10);
     if (!(*log)->Append(event).ok()) return 97;

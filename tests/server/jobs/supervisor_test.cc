@@ -37,7 +37,7 @@ TEST_F(SupervisorTest, LogsAllEventsOfAJob) {
     EXPECT_EQ(events[i].sequence(), static_cast<int64_t>(i) + 1);
   }
   EXPECT_EQ(events[0].state_changed().state(), v1::JOB_STATE_RUNNING);
-  EXPECT_EQ(events[1].stage_started().stage(), "reconstruct");
+  EXPECT_EQ(events[1].stage_started().stage(), v1::JOB_STAGE_RECONSTRUCT);
   EXPECT_EQ(events[4].progress().step(), 3);
   EXPECT_EQ(events[5].state_changed().model(), "scenes/s1/models/1");
   const auto newest = supervisor_->FindNewest(job);
@@ -104,7 +104,9 @@ TEST_F(SupervisorTest, FailsWithTheWorkersReason) {
   EXPECT_EQ(end.error_message, "images/bad.jpg: it is not a photograph");
   const auto events = EventsOf(end.id);
   ASSERT_FALSE(events.empty());
-  EXPECT_EQ(events.back().state_changed().error().message(), end.error_message);
+  const v1::Error& error = events.back().state_changed().error();
+  EXPECT_EQ(error.message(), end.error_message);
+  EXPECT_EQ(error.reason(), absl::StatusCodeToString(static_cast<absl::StatusCode>(error.code())));
 }
 
 TEST_F(SupervisorTest, FailsACrashedJobAndRunsTheNext) {

@@ -42,16 +42,20 @@ struct ObserveTest : ::testing::Test {
   v1::ServerStatus Status() {
     grpc::ClientContext context;
     v1::ServerStatus status;
-    const grpc::Status answer = running.admin->GetStatus(&context, {}, &status);
+    const grpc::Status answer = running.admin->GetServerStatus(&context, {}, &status);
     EXPECT_TRUE(answer.ok()) << answer.error_message();
     return status;
   }
-  v1::ServerStatus Drain(bool draining) {
+  v1::ServerStatus Drain() {
     grpc::ClientContext context;
-    v1::DrainRequest request;
-    request.set_draining(draining);
     v1::ServerStatus status;
-    EXPECT_TRUE(running.admin->Drain(&context, request, &status).ok());
+    EXPECT_TRUE(running.admin->DrainServer(&context, {}, &status).ok());
+    return status;
+  }
+  v1::ServerStatus Resume() {
+    grpc::ClientContext context;
+    v1::ServerStatus status;
+    EXPECT_TRUE(running.admin->ResumeServer(&context, {}, &status).ok());
     return status;
   }
   bool Exposes(const std::string& line) {
@@ -94,7 +98,7 @@ TEST_F(ObserveTest, MetricsCountCallsByKnownMethodsOnly) {
   const auto elsewhere = v1::AdminService::NewStub(running.channel);
   grpc::ClientContext context;
   v1::ServerStatus status;
-  EXPECT_EQ(elsewhere->GetStatus(&context, {}, &status).error_code(), grpc::UNIMPLEMENTED);
+  EXPECT_EQ(elsewhere->GetServerStatus(&context, {}, &status).error_code(), grpc::UNIMPLEMENTED);
   EXPECT_EQ(HttpGet(running.server->metrics_port(), "/metrics").find("made"), std::string::npos);
 }
 
@@ -104,14 +108,14 @@ TEST_F(ObserveTest, MetricsReportModelsInMemoryAndTheirMaps) {
   EXPECT_TRUE(Exposes("pepeseg_models 1"));
   for (int i = 0; i < 2; ++i) {
     grpc::ClientContext context;
-    v1::SegmentRequest request;
+    v1::SegmentViewsRequest request;
     request.set_model("scenes/shelf/models/live");
     request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
     auto& point = *request.mutable_prompt()->mutable_points()->add_points();
     point.set_x(30);
     point.set_y(32);
-    v1::SegmentResponse response;
-    ASSERT_TRUE(running.segmentation->Segment(&context, request, &response).ok());
+    v1::SegmentViewsResponse response;
+    ASSERT_TRUE(running.segmentation->SegmentViews(&context, request, &response).ok());
   }
   EXPECT_TRUE(Exposes("pepeseg_resident_models 1"));
   EXPECT_TRUE(Exposes("pepeseg_model_loads_total 1"));
@@ -144,18 +148,17 @@ TEST_F(ObserveTest, SkipsACallWhoseDeadlinePassesInTheQueue) {
   }
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::milliseconds(5));
-  v1::RenderRequest request;
+  v1::RenderViewRequest request;
   request.set_model(slow.model());
   request.mutable_viewpoint()->set_view("middle.jpg");
-  v1::RenderResponse response;
-  EXPECT_EQ(running.segmentation->Render(&context, request, &response).error_code(),
+  v1::RenderViewResponse response;
+  EXPECT_EQ(running.renders->RenderView(&context, request, &response).error_code(),
             grpc::DEADLINE_EXCEEDED);
   for (auto& call : before) EXPECT_TRUE(call.get().ok());
   const std::string metrics = HttpGet(running.server->metrics_port(), "/metrics");
-  EXPECT_EQ(metrics.find("method=\"SegmentationService/Render\",code=\"OK\""), std::string::npos);
-  EXPECT_EQ(metrics.find("code=\"OK\",method=\"SegmentationService/Render\""), std::string::npos);
-  EXPECT_TRUE(
-      Exposes("pepeseg_rpc_duration_seconds_count{method=\"SegmentationService/Render\"} 1"));
+  EXPECT_EQ(metrics.find("method=\"RenderService/RenderView\",code=\"OK\""), std::string::npos);
+  EXPECT_EQ(metrics.find("code=\"OK\",method=\"RenderService/RenderView\""), std::string::npos);
+  EXPECT_TRUE(Exposes("pepeseg_rpc_duration_seconds_count{method=\"RenderService/RenderView\"} 1"));
 }
 
 TEST_F(ObserveTest, MetricsBeyondThisMachineNeedInsecure) {
@@ -214,7 +217,7 @@ TEST_F(ObserveTest, StatusReportsWhatTheServerDoes) {
   EXPECT_EQ(status.running_jobs(0).name(), job.name());
   EXPECT_EQ(status.num_streams(), 1);
   EXPECT_EQ(status.pools_size(), 4);
-  EXPECT_EQ(status.pools(1).name(), "query");
+  EXPECT_EQ(status.pools(1).work(), v1::ServerStatus::WORK_QUERY);
   EXPECT_EQ(status.pools(1).num_threads(), 2);
   EXPECT_GT(status.resident_bytes(), 1 << 20);
   EXPECT_GT(status.num_threads(), 10);
@@ -225,7 +228,7 @@ TEST_F(ObserveTest, StatusReportsWhatTheServerDoes) {
   context.TryCancel();
 }
 
-TEST_F(ObserveTest, DrainingRefusesNewWorkUntilItIsRevoked) {
+TEST_F(ObserveTest, DrainingRefusesNewWorkUntilTheServerResumes) {
   running.CreateScene("shelf");
   const v1::Job job = running.Train("shelf", "hang");
   grpc::ClientContext old_context;
@@ -235,9 +238,9 @@ TEST_F(ObserveTest, DrainingRefusesNewWorkUntilItIsRevoked) {
   v1::JobEvent event;
   ASSERT_TRUE(watcher->Read(&event));
   const auto socket = ConnectTo(running.server->port());
-  EXPECT_TRUE(Drain(true).draining());
+  EXPECT_TRUE(Drain().draining());
   EXPECT_EQ(CheckHealth(socket, ""), kNotServing);
-  EXPECT_EQ(CheckHealth(socket, "pepeseg.v1.SegmentationService"), kNotServing);
+  EXPECT_EQ(CheckHealth(socket, "pepeseg.v1.RenderService"), kNotServing);
   const grpc::Status refused = GetScene("scenes/shelf");
   EXPECT_EQ(refused.error_code(), grpc::UNAVAILABLE);
   EXPECT_EQ(DetailOf(refused).reason(), "DRAINING");
@@ -253,7 +256,7 @@ TEST_F(ObserveTest, DrainingRefusesNewWorkUntilItIsRevoked) {
   }
   EXPECT_EQ(Status().num_streams(), 1);
   EXPECT_TRUE(Exposes("pepeseg_draining 1"));
-  EXPECT_FALSE(Drain(false).draining());
+  EXPECT_FALSE(Resume().draining());
   EXPECT_TRUE(GetScene("scenes/shelf").ok());
   EXPECT_EQ(CheckHealth(socket, ""), kServing);
   old_context.TryCancel();

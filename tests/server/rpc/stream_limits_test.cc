@@ -64,8 +64,8 @@ TEST_F(StreamLimitsTest, EndsStreamsWithoutAFirstMessage) {
   const absl::Time start = absl::Now();
   const auto upload = BeginUpload(full);
   const auto context = With(full);
-  const auto questions = running.segmentation->SegmentStream(context.get());
-  v1::SegmentStreamResponse answer;
+  const auto questions = running.segmentation->StreamSegments(context.get());
+  v1::StreamSegmentsResponse answer;
   EXPECT_FALSE(questions->Read(&answer));
   for (const grpc::Status& status : {upload->stream->Finish(), questions->Finish()}) {
     EXPECT_EQ(status.error_code(), grpc::DEADLINE_EXCEEDED) << status.error_message();
@@ -76,14 +76,14 @@ TEST_F(StreamLimitsTest, EndsStreamsWithoutAFirstMessage) {
 }
 
 TEST_F(StreamLimitsTest, EndsAnExportThatIsNotRead) {
-  v1::ExportSelectionRequest request;
+  v1::ExportGaussiansRequest request;
   request.set_model("scenes/shelf/models/1");
   for (const bool is_subset : {false, true}) {
     if (is_subset) request.mutable_subset()->mutable_segment()->set_level(1);
     if (is_subset) request.mutable_subset()->mutable_segment()->set_id(2);
     const auto context = With(full);
     const absl::Time start = absl::Now();
-    const auto stream = running.segmentation->ExportSelection(context.get(), request);
+    const auto stream = running.renders->ExportGaussians(context.get(), request);
     EXPECT_EQ(stream->Finish().error_code(), grpc::CANCELLED);
     EXPECT_LT(absl::Now() - start, absl::Seconds(30)) << "until the client's own deadline";
   }
@@ -91,10 +91,10 @@ TEST_F(StreamLimitsTest, EndsAnExportThatIsNotRead) {
 
 TEST_F(StreamLimitsTest, LetsStreamsPauseAfterTheFirstMessage) {
   const auto context = With(full);
-  const auto questions = running.segmentation->SegmentStream(context.get());
-  v1::SegmentStreamRequest request;
+  const auto questions = running.segmentation->StreamSegments(context.get());
+  v1::StreamSegmentsRequest request;
   request.mutable_segment()->set_model("scenes/shelf/models/1");
-  v1::SegmentStreamResponse answer;
+  v1::StreamSegmentsResponse answer;
   for (int i = 1; i <= 2; ++i) {
     request.set_sequence(i);
     ASSERT_TRUE(questions->Write(request));

@@ -56,22 +56,27 @@ class AdminTest : public ::testing::Test {
     google::protobuf::Empty empty;
     return running.admin->UnloadModel(&context, request, &empty);
   }
-  grpc::Status Pin(const std::string& name, bool pinned) {
+  grpc::Status Pin(const std::string& name) {
     grpc::ClientContext context;
     v1::PinModelRequest request;
     request.set_name(name);
-    request.set_pinned(pinned);
     return running.admin->PinModel(&context, request, &model);
   }
-  v1::ListResidentResponse List() {
+  grpc::Status Unpin(const std::string& name) {
     grpc::ClientContext context;
-    v1::ListResidentResponse response;
-    const grpc::Status status = running.admin->ListResident(&context, {}, &response);
+    v1::UnpinModelRequest request;
+    request.set_name(name);
+    return running.admin->UnpinModel(&context, request, &model);
+  }
+  v1::ListResidentModelsResponse List() {
+    grpc::ClientContext context;
+    v1::ListResidentModelsResponse response;
+    const grpc::Status status = running.admin->ListResidentModels(&context, {}, &response);
     EXPECT_TRUE(status.ok()) << status.error_message();
     return response;
   }
   std::vector<std::string> ListNames() {
-    const v1::ListResidentResponse list = List();
+    const v1::ListResidentModelsResponse list = List();
     std::vector<std::string> names;
     names.reserve(list.models_size());
     for (const v1::ResidentModel& resident : list.models()) names.push_back(resident.name());
@@ -80,7 +85,7 @@ class AdminTest : public ::testing::Test {
   }
   grpc::Status Ask(const std::string& scene) {
     grpc::ClientContext context;
-    v1::SegmentRequest request;
+    v1::SegmentViewsRequest request;
     request.set_model(absl::StrCat("scenes/", scene, "/models/live"));
     request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
     auto& point = *request.mutable_prompt()->mutable_points()->add_points();
@@ -88,8 +93,8 @@ class AdminTest : public ::testing::Test {
     point.set_y(32);
     request.mutable_granularity()->set_scale_quantile(0.5);
     request.mutable_granularity()->set_threshold(0.75);
-    v1::SegmentResponse response;
-    return running.segmentation->Segment(&context, request, &response);
+    v1::SegmentViewsResponse response;
+    return running.segmentation->SegmentViews(&context, request, &response);
   }
 
   RunningServer running{PEPESEG_MODEL_WORKER, RoomForTwo()};
@@ -104,7 +109,7 @@ TEST_F(AdminTest, LoadsAndUnloads) {
   EXPECT_FALSE(model.pinned());
   EXPECT_EQ(model.queries_in_flight(), 0);
   EXPECT_TRUE(model.has_last_use_time());
-  const v1::ListResidentResponse list = List();
+  const v1::ListResidentModelsResponse list = List();
   ASSERT_EQ(list.models_size(), 1);
   EXPECT_EQ(list.models(0).DebugString(), model.DebugString());
   EXPECT_EQ(list.host().reserved_bytes(), BytesOfOne());
@@ -124,7 +129,7 @@ TEST_F(AdminTest, LoadsAndUnloads) {
 
 TEST_F(AdminTest, ReportsMapsThatQueriesLeave) {
   ASSERT_TRUE(Ask("a").ok());
-  v1::ListResidentResponse list = List();
+  v1::ListResidentModelsResponse list = List();
   ASSERT_EQ(list.models_size(), 1);
   EXPECT_EQ(list.models(0).cached_maps(), 1);
   EXPECT_EQ(list.models(0).num_renders(), 1);
@@ -135,13 +140,13 @@ TEST_F(AdminTest, ReportsMapsThatQueriesLeave) {
 }
 
 TEST_F(AdminTest, EvictsTheLeastRecentlyUsedUnlessPinned) {
-  ASSERT_TRUE(Pin(NameOf("a"), true).ok());
+  ASSERT_TRUE(Pin(NameOf("a")).ok());
   EXPECT_TRUE(model.pinned());
   ASSERT_TRUE(Ask("b").ok());
   ASSERT_TRUE(Ask("c").ok());
   EXPECT_EQ(ListNames(), (std::vector<std::string>{NameOf("a"), NameOf("c")}));
   EXPECT_EQ(List().num_evictions(), 1);
-  ASSERT_TRUE(Pin(NameOf("c"), true).ok());
+  ASSERT_TRUE(Pin(NameOf("c")).ok());
   const grpc::Status full = Ask("b");
   EXPECT_EQ(full.error_code(), grpc::RESOURCE_EXHAUSTED);
   EXPECT_EQ(DetailOf(full).reason(), "DOES_NOT_FIT");
@@ -151,7 +156,7 @@ TEST_F(AdminTest, EvictsTheLeastRecentlyUsedUnlessPinned) {
       << DetailOf(full).value();
   EXPECT_NE(full.error_message().find("scenes/b/models/1: needs"), std::string::npos)
       << full.error_message();
-  ASSERT_TRUE(Pin(NameOf("a"), false).ok());
+  ASSERT_TRUE(Unpin(NameOf("a")).ok());
   EXPECT_TRUE(Ask("b").ok());
   EXPECT_EQ(ListNames(), (std::vector<std::string>{NameOf("b"), NameOf("c")}));
 }
@@ -159,20 +164,20 @@ TEST_F(AdminTest, EvictsTheLeastRecentlyUsedUnlessPinned) {
 // Exports of a segment, whose readers take no more than the header.
 struct UnreadExports : AdminTest {
   grpc::Status Begin(const std::string& scene) {
-    v1::ExportSelectionRequest request;
+    v1::ExportGaussiansRequest request;
     request.set_model(NameOf(scene));
     request.mutable_subset()->mutable_segment()->set_level(1);
     request.mutable_subset()->mutable_segment()->set_id(2);
     contexts.push_back(std::make_unique<grpc::ClientContext>());
-    readers.push_back(running.segmentation->ExportSelection(contexts.back().get(), request));
-    v1::ExportSelectionResponse part;
+    readers.push_back(running.renders->ExportGaussians(contexts.back().get(), request));
+    v1::ExportGaussiansResponse part;
     if (readers.back()->Read(&part)) return grpc::Status::OK;
     const grpc::Status status = readers.back()->Finish();
     readers.pop_back();
     return status;
   }
   void ReadToTheEnd() {
-    v1::ExportSelectionResponse part;
+    v1::ExportGaussiansResponse part;
     for (const auto& reader : readers) {
       while (reader->Read(&part)) {
       }
@@ -200,7 +205,7 @@ struct UnreadExports : AdminTest {
   }
 
   std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
-  std::vector<std::unique_ptr<grpc::ClientReader<v1::ExportSelectionResponse>>> readers;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::ExportGaussiansResponse>>> readers;
 };
 
 TEST_F(UnreadExports, DelayAColdModelUntilTheyAreRead) {
@@ -208,7 +213,7 @@ TEST_F(UnreadExports, DelayAColdModelUntilTheyAreRead) {
     const grpc::Status begun = Begin(scene);
     ASSERT_TRUE(begun.ok()) << begun.error_message();
   }
-  const v1::ListResidentResponse list = List();
+  const v1::ListResidentModelsResponse list = List();
   ASSERT_EQ(list.models_size(), 2);
   for (const v1::ResidentModel& resident : list.models()) {
     ASSERT_EQ(resident.queries_in_flight(), 1) << resident.name();
@@ -236,12 +241,12 @@ TEST_F(UnreadExports, DelayAnotherExportThatDoesNotFit) {
 }
 
 TEST_F(AdminTest, KeepsPinnedModelsUntilTheirSceneIsDeleted) {
-  ASSERT_TRUE(Pin("scenes/a/models/live", true).ok());
+  ASSERT_TRUE(Pin("scenes/a/models/live").ok());
   const grpc::Status refused = Unload(NameOf("a"));
   EXPECT_EQ(refused.error_code(), grpc::FAILED_PRECONDITION);
   EXPECT_EQ(DetailOf(refused).reason(), "PINNED");
   EXPECT_TRUE(Ask("a").ok());
-  EXPECT_EQ(Pin(NameOf("b"), false).error_code(), grpc::NOT_FOUND);
+  EXPECT_EQ(Unpin(NameOf("b")).error_code(), grpc::NOT_FOUND) << "not in memory";
   grpc::ClientContext context;
   v1::DeleteSceneRequest request;
   request.set_name("scenes/a");
@@ -250,17 +255,34 @@ TEST_F(AdminTest, KeepsPinnedModelsUntilTheirSceneIsDeleted) {
   EXPECT_EQ(List().models_size(), 0);
 }
 
+TEST_F(AdminTest, UnpinsAModelSoThatItMayBeUnloaded) {
+  ASSERT_TRUE(Pin("scenes/a/models/live").ok());
+  EXPECT_TRUE(model.pinned());
+  EXPECT_EQ(model.queries_in_flight(), 0);
+  ASSERT_TRUE(Unpin(NameOf("a")).ok());
+  EXPECT_EQ(model.name(), NameOf("a"));
+  EXPECT_FALSE(model.pinned());
+  EXPECT_TRUE(Unpin(NameOf("a")).ok()) << "again";
+  EXPECT_TRUE(Unload(NameOf("a")).ok());
+  const grpc::Status gone = Unpin(NameOf("a"));
+  EXPECT_EQ(gone.error_code(), grpc::NOT_FOUND);
+  EXPECT_EQ(DetailOf(gone).reason(), "NOT_RESIDENT");
+  EXPECT_EQ(DetailOf(gone).resource(), NameOf("a"));
+}
+
 TEST_F(AdminTest, IsServedOnItsOwnListenerOnly) {
   const auto elsewhere = v1::AdminService::NewStub(running.channel);
   grpc::ClientContext to_services;
-  v1::ListResidentResponse response;
-  EXPECT_EQ(elsewhere->ListResident(&to_services, {}, &response).error_code(), grpc::UNIMPLEMENTED);
+  v1::ListResidentModelsResponse response;
+  EXPECT_EQ(elsewhere->ListResidentModels(&to_services, {}, &response).error_code(),
+            grpc::UNIMPLEMENTED);
   EXPECT_NE(running.server->admin_port(), 0);
   EXPECT_NE(running.server->admin_port(), running.server->port());
   const auto socket = grpc::CreateChannel(absl::StrCat("127.0.0.1:", running.server->admin_port()),
                                           grpc::InsecureChannelCredentials());
   grpc::ClientContext over_socket;
-  EXPECT_TRUE(v1::AdminService::NewStub(socket)->ListResident(&over_socket, {}, &response).ok());
+  EXPECT_TRUE(
+      v1::AdminService::NewStub(socket)->ListResidentModels(&over_socket, {}, &response).ok());
   grpc::ClientContext to_admin;
   v1::ListScenesResponse scenes;
   EXPECT_EQ(v1::SceneService::NewStub(socket)->ListScenes(&to_admin, {}, &scenes).error_code(),
@@ -271,7 +293,8 @@ TEST_F(AdminTest, IsServedOnItsOwnListenerOnly) {
   const auto unix_socket =
       grpc::CreateChannel(running.options.admin, grpc::InsecureChannelCredentials());
   grpc::ClientContext over_unix;
-  EXPECT_TRUE(v1::AdminService::NewStub(unix_socket)->ListResident(&over_unix, {}, &response).ok());
+  EXPECT_TRUE(
+      v1::AdminService::NewStub(unix_socket)->ListResidentModels(&over_unix, {}, &response).ok());
 
   running.options.admin.clear();
   running.admin.reset();

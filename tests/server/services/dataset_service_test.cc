@@ -378,5 +378,28 @@ TEST_F(DatasetServiceTest, ListsSealedDatasets) {
   EXPECT_EQ(response.datasets(1).name(), "scenes/shelf/datasets/3");
 }
 
+TEST_F(DatasetServiceTest, GetsASealedDataset) {
+  const std::string name = running.UploadAndSeal("shelf", {{"images/1.jpg", "one"}});
+  running.CreateUpload("shelf", {{"images/2.jpg", "two"}});
+  const auto get = [&](const std::string& wanted) {
+    grpc::ClientContext context;
+    v1::GetDatasetRequest request;
+    request.set_name(wanted);
+    return running.datasets->GetDataset(&context, request, &dataset);
+  };
+  ASSERT_TRUE(get(name).ok());
+  EXPECT_EQ(dataset.name(), name);
+  EXPECT_EQ(dataset.num_files(), 1);
+  EXPECT_TRUE(dataset.has_seal_time());
+  EXPECT_EQ(dataset.advice_size(), 1) << "it has no masks";
+  for (const char* none : {"scenes/shelf/datasets/2", "scenes/shelf/datasets/9"}) {
+    const grpc::Status status = get(none);
+    EXPECT_EQ(status.error_code(), grpc::NOT_FOUND) << "not sealed, or not there";
+    EXPECT_EQ(DetailOf(status).reason(), "NO_SUCH_DATASET");
+    EXPECT_EQ(DetailOf(status).resource(), none);
+  }
+  EXPECT_EQ(DetailOf(get("scenes/shelf/uploads/1")).field(), "name");
+}
+
 }  // namespace
 }  // namespace pepeseg

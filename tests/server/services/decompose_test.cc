@@ -12,14 +12,14 @@ namespace {
 struct DecomposeTest : ShelfModel {
   grpc::Status Decompose(const std::vector<double>& scales) {
     grpc::ClientContext context;
-    v1::DecomposeRequest request;
+    v1::DecomposeModelRequest request;
     request.set_model(kModel);
     request.mutable_scales()->Add(scales.begin(), scales.end());
     answer.Clear();
-    return running.segmentation->Decompose(&context, request, &answer);
+    return running.segmentation->DecomposeModel(&context, request, &answer);
   }
 
-  v1::DecomposeResponse answer;
+  v1::DecomposeModelResponse answer;
 };
 
 TEST_F(DecomposeTest, FindsEachSquareAtEveryLevel) {
@@ -42,12 +42,10 @@ TEST_F(DecomposeTest, FindsEachSquareAtEveryLevel) {
     }
   }
   const auto& red = answer.levels(0).segments(0);
-  ASSERT_EQ(red.min_size(), 3);
-  ASSERT_EQ(red.max_size(), 3);
-  EXPECT_NEAR(red.min(0), -1.1, 1e-5);
-  EXPECT_NEAR(red.max(0), -0.11, 1e-5);
-  EXPECT_NEAR(red.min(1), -0.5, 1e-5);
-  EXPECT_NEAR(red.max(2), 2, 1e-5);
+  EXPECT_NEAR(red.box().min().x(), -1.1, 1e-5);
+  EXPECT_NEAR(red.box().max().x(), -0.11, 1e-5);
+  EXPECT_NEAR(red.box().min().y(), -0.5, 1e-5);
+  EXPECT_NEAR(red.box().max().z(), 2, 1e-5);
 }
 
 TEST_F(DecomposeTest, UsesTheRequestedScales) {
@@ -59,17 +57,17 @@ TEST_F(DecomposeTest, UsesTheRequestedScales) {
 
 TEST_F(DecomposeTest, AnswersConcurrentRequestsAlike) {
   ASSERT_TRUE(Decompose({}).ok());
-  const v1::DecomposeResponse want = answer;
+  const v1::DecomposeModelResponse want = answer;
   std::vector<int> same(4);
   std::vector<std::thread> threads;
   threads.reserve(same.size());
   for (size_t t = 0; t < same.size(); ++t) {
     threads.emplace_back([&, t] {
       grpc::ClientContext context;
-      v1::DecomposeRequest request;
-      v1::DecomposeResponse got;
+      v1::DecomposeModelRequest request;
+      v1::DecomposeModelResponse got;
       request.set_model(kModel);
-      if (!running.segmentation->Decompose(&context, request, &got).ok()) return;
+      if (!running.segmentation->DecomposeModel(&context, request, &got).ok()) return;
       *got.mutable_timing() = want.timing();
       same[t] = got.SerializeAsString() == want.SerializeAsString() ? 1 : 0;
     });
@@ -93,9 +91,9 @@ TEST_F(DecomposeTest, RefusesScalesThatAreNone) {
 
 TEST_F(DecomposeTest, NamesAModelThatDoesNotExist) {
   grpc::ClientContext context;
-  v1::DecomposeRequest request;
+  v1::DecomposeModelRequest request;
   request.set_model("scenes/shelf/models/7");
-  EXPECT_EQ(running.segmentation->Decompose(&context, request, &answer).error_code(),
+  EXPECT_EQ(running.segmentation->DecomposeModel(&context, request, &answer).error_code(),
             grpc::NOT_FOUND);
 }
 

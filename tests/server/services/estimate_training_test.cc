@@ -71,9 +71,9 @@ TEST_F(EstimateTrainingTest, ReportsWhatTheHeadersAndOptionsSay) {
   EXPECT_EQ(estimate.num_mask_files(), 0);
   EXPECT_EQ(estimate.device().find("cpu (1 thread, "), 0u);
   ASSERT_EQ(estimate.stages_size(), 3);
-  EXPECT_EQ(estimate.stages(0).stage(), "prepare");
-  EXPECT_EQ(estimate.stages(1).stage(), "reconstruct");
-  EXPECT_EQ(estimate.stages(2).stage(), "features");  // of masks that are made
+  EXPECT_EQ(estimate.stages(0).stage(), v1::JOB_STAGE_PREPARE);
+  EXPECT_EQ(estimate.stages(1).stage(), v1::JOB_STAGE_RECONSTRUCT);
+  EXPECT_EQ(estimate.stages(2).stage(), v1::JOB_STAGE_FEATURES);  // of masks that are made
   // At least parameters and two moments, of 59 floats each.
   EXPECT_GT(estimate.stages(1).device_bytes(), 10'000 * 3 * 59 * 4);
   int64_t most = 0;
@@ -108,7 +108,7 @@ TEST_F(EstimateTrainingTest, CountsTheTimeAndMemoryOfSam) {
   running.Restart();
   ASSERT_TRUE(Estimate(dataset).ok());
   ASSERT_EQ(estimate.stages_size(), 4);
-  EXPECT_EQ(estimate.stages(1).stage(), "priors");
+  EXPECT_EQ(estimate.stages(1).stage(), v1::JOB_STAGE_PRIORS);
   EXPECT_GT(estimate.stages(1).host_bytes(), int64_t{523} << 20);
   EXPECT_GE(estimate.need_bytes(), estimate.stages(1).host_bytes());
   EXPECT_EQ(estimate.stages(1).duration().seconds(), static_cast<int64_t>(4 * kSamCoreSeconds / 2));
@@ -124,7 +124,7 @@ TEST_F(EstimateTrainingTest, AddsTheMemoryOfSamToThatOfColmap) {
   files.pop_back();
   const std::string dataset = running.UploadAndSeal("shelf", files);
   ASSERT_TRUE(Estimate(dataset).ok());
-  ASSERT_EQ(estimate.stages(1).stage(), "sfm");
+  ASSERT_EQ(estimate.stages(1).stage(), v1::JOB_STAGE_SFM);
   const int64_t without_sam = estimate.stages(1).host_bytes();
   testing::MakeFakeSam(running.folder / "sam");
   running.options.workers.sam = running.folder / "sam";
@@ -140,7 +140,7 @@ TEST_F(EstimateTrainingTest, AddsTheFeaturesStageForMasks) {
   ASSERT_TRUE(Estimate(running.UploadAndSeal("shelf", files)).ok());
   EXPECT_EQ(estimate.num_mask_files(), 1);
   ASSERT_EQ(estimate.stages_size(), 3);
-  EXPECT_EQ(estimate.stages(2).stage(), "features");
+  EXPECT_EQ(estimate.stages(2).stage(), v1::JOB_STAGE_FEATURES);
   EXPECT_GT(estimate.stages(2).device_bytes(), 0);
 }
 
@@ -154,7 +154,7 @@ TEST_F(EstimateTrainingTest, RefusesTrainingsThatDoNotFitBeforeTheyAreQueued) {
   for (const bool validate_only : {true, false}) {
     const grpc::Status refused = Train(dataset, options, validate_only);
     EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
-    const v1::ErrorDetail detail = DetailOf(refused);
+    const v1::Error detail = DetailOf(refused);
     EXPECT_EQ(detail.reason(), "DOES_NOT_FIT");
     EXPECT_EQ(detail.value(), absl::StrCat(estimate.need_bytes(), " bytes"));
     EXPECT_EQ(detail.limit(), absl::StrCat(estimate.have_bytes(), " bytes"));

@@ -48,14 +48,14 @@ struct EvaluateTest : ::testing::Test {
 
   // The pixels of a square in a view.
   std::vector<uint32_t> Square(const std::string& view, double x) {
-    v1::SegmentRequest request;
+    v1::SegmentViewsRequest request;
     request.set_model("scenes/shelf/models/live");
     request.mutable_prompt()->mutable_view()->set_view(view);
     request.mutable_prompt()->mutable_points()->add_points()->set_x(x);
     request.mutable_prompt()->mutable_points()->mutable_points(0)->set_y(32);
     grpc::ClientContext context;
-    v1::SegmentResponse segments;
-    EXPECT_TRUE(running.segmentation->Segment(&context, request, &segments).ok());
+    v1::SegmentViewsResponse segments;
+    EXPECT_TRUE(running.segmentation->SegmentViews(&context, request, &segments).ok());
     const auto counts = ParseCocoCounts(segments.masks(0).rle().counts());
     return *PixelsOfRuns(*counts, kWidth, kHeight);
   }
@@ -65,8 +65,8 @@ struct EvaluateTest : ::testing::Test {
     for (const uint32_t pixel : Square(view, 66)) labels.ids[pixel] = kBlue;
     return labels;
   }
-  v1::EvaluateRequest Request() const {
-    v1::EvaluateRequest request;
+  v1::EvaluateModelRequest Request() const {
+    v1::EvaluateModelRequest request;
     request.set_model("scenes/shelf/models/live");
     for (const auto& [view, labels] : {std::pair(kRightView, &right), {kLeftView, &left}}) {
       request.add_labels()->set_view(view);
@@ -76,12 +76,12 @@ struct EvaluateTest : ::testing::Test {
     (*request.mutable_entity_names())[9] = "of nothing";
     return request;
   }
-  grpc::Status Evaluate(const v1::EvaluateRequest& request) {
+  grpc::Status Evaluate(const v1::EvaluateModelRequest& request) {
     grpc::ClientContext context;
     answer.Clear();
-    return running.segmentation->Evaluate(&context, request, &answer);
+    return running.evaluations->EvaluateModel(&context, request, &answer);
   }
-  void ExpectRefused(const v1::EvaluateRequest& request, const std::string& field,
+  void ExpectRefused(const v1::EvaluateModelRequest& request, const std::string& field,
                      const std::string& words) {
     const grpc::Status status = Evaluate(request);
     EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT) << words;
@@ -92,7 +92,7 @@ struct EvaluateTest : ::testing::Test {
 
   RunningServer running;
   Labels left, right;
-  v1::EvaluateResponse answer;
+  v1::EvaluateModelResponse answer;
 };
 
 TEST_F(EvaluateTest, ScoresEveryEntityOnTheViewsOtherThanItsReference) {
@@ -231,8 +231,8 @@ TEST_F(EvaluateTest, EndsAtItsDeadlineAndBlocksNoQuery) {
     threads.emplace_back([&] {
       grpc::ClientContext context;
       context.set_deadline(std::chrono::system_clock::now() + std::chrono::milliseconds(1));
-      v1::EvaluateResponse response;
-      code = running.segmentation->Evaluate(&context, request, &response).error_code();
+      v1::EvaluateModelResponse response;
+      code = running.evaluations->EvaluateModel(&context, request, &response).error_code();
     });
   }
   EXPECT_FALSE(Square(kLeftView, 30).empty());

@@ -14,8 +14,8 @@ struct ExportTest : ShelfModel {
   ExportTest() { request.set_model(kModel); }
   grpc::Status Export() {
     grpc::ClientContext context;
-    const auto stream = running.segmentation->ExportSelection(&context, request);
-    v1::ExportSelectionResponse part;
+    const auto stream = running.renders->ExportGaussians(&context, request);
+    v1::ExportGaussiansResponse part;
     header.Clear();
     ply.clear();
     while (stream->Read(&part)) {
@@ -36,8 +36,8 @@ struct ExportTest : ShelfModel {
     return gaussians.ok() ? *gaussians : Gaussians();
   }
 
-  v1::ExportSelectionRequest request;
-  v1::ExportSelectionResponse::Header header;
+  v1::ExportGaussiansRequest request;
+  v1::ExportGaussiansResponse::Header header;
   std::string ply;
 };
 
@@ -69,7 +69,7 @@ TEST_F(ExportTest, ExportsTheComplementAsTheRest) {
 }
 
 TEST_F(ExportTest, ExportsASelectionAndItsComplement) {
-  v1::SelectRequest select;
+  v1::CreateSelectionRequest select;
   select.set_model(kModel);
   select.mutable_prompt()->mutable_view()->set_view("middle.jpg");
   auto* point = select.mutable_prompt()->mutable_points()->add_points();
@@ -77,7 +77,7 @@ TEST_F(ExportTest, ExportsASelectionAndItsComplement) {
   point->set_y(32);
   grpc::ClientContext context;
   v1::Selection selection;
-  const grpc::Status status = running.segmentation->Select(&context, select, &selection);
+  const grpc::Status status = running.selections->CreateSelection(&context, select, &selection);
   ASSERT_TRUE(status.ok()) << status.error_message();
   request.mutable_subset()->set_selection(selection.name());
   ASSERT_TRUE(Export().ok());
@@ -115,8 +115,8 @@ TEST_F(ExportTest, FreesMemoryOfACancelledSubset) {
   SetSegment(0, 1, *request.mutable_subset());
   for (int i = 0; i < 5; ++i) {
     grpc::ClientContext context;
-    const auto stream = running.segmentation->ExportSelection(&context, request);
-    v1::ExportSelectionResponse part;
+    const auto stream = running.renders->ExportGaussians(&context, request);
+    v1::ExportGaussiansResponse part;
     EXPECT_TRUE(stream->Read(&part));
     context.TryCancel();
     while (stream->Read(&part)) {

@@ -36,25 +36,25 @@ struct FarOriginTest : ::testing::Test {
   }
   std::string Render(const v1::Viewpoint& viewpoint) {
     grpc::ClientContext context;
-    v1::RenderRequest request;
+    v1::RenderViewRequest request;
     request.set_model(kModel);
     *request.mutable_viewpoint() = viewpoint;
-    v1::RenderResponse response;
-    const grpc::Status status = running.segmentation->Render(&context, request, &response);
+    v1::RenderViewResponse response;
+    const grpc::Status status = running.renders->RenderView(&context, request, &response);
     EXPECT_TRUE(status.ok()) << status.error_message();
     return response.png();
   }
   std::string Export(bool only_blue) {
     grpc::ClientContext context;
-    v1::ExportSelectionRequest request;
+    v1::ExportGaussiansRequest request;
     request.set_model(kModel);
     if (only_blue) {
       request.mutable_subset()->mutable_segment()->set_level(1);
       request.mutable_subset()->mutable_segment()->set_id(2);
     }
-    const auto stream = running.segmentation->ExportSelection(&context, request);
+    const auto stream = running.renders->ExportGaussians(&context, request);
     std::string ply;
-    for (v1::ExportSelectionResponse part; stream->Read(&part);) ply += part.chunk().data();
+    for (v1::ExportGaussiansResponse part; stream->Read(&part);) ply += part.chunk().data();
     EXPECT_TRUE(stream->Finish().ok());
     return ply;
   }
@@ -64,9 +64,11 @@ struct FarOriginTest : ::testing::Test {
 
 TEST_F(FarOriginTest, ListsViewsAndReadsFreeCamerasInTheWorld) {
   const v1::View listed = ListedView("middle.jpg");
-  for (int k = 0; k < 3; ++k) {  // its camera looks along the axes, from the origin
-    EXPECT_NEAR(listed.cam_from_world().translation(k), -kOrigin[k], 1e-6);
-  }
+  // Its camera looks along the axes, from the origin.
+  const v1::Vector3& translation = listed.cam_from_world().translation();
+  EXPECT_NEAR(translation.x(), -kOrigin[0], 1e-6);
+  EXPECT_NEAR(translation.y(), -kOrigin[1], 1e-6);
+  EXPECT_NEAR(translation.z(), -kOrigin[2], 1e-6);
   v1::Viewpoint named, free;
   named.set_view("middle.jpg");
   *free.mutable_free()->mutable_camera() = listed.camera();

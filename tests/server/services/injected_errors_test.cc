@@ -57,7 +57,7 @@ TEST_F(InjectedErrorsTest, KeepsTextsOfTheDatabaseInTheLog) {
   v1::ListLabelsRequest request;
   request.set_parent("scenes/shelf");
   v1::ListLabelsResponse response;
-  ExpectGeneral(running.segmentation->ListLabels(&context, request, &response), grpc::INTERNAL);
+  ExpectGeneral(running.labels->ListLabels(&context, request, &response), grpc::INTERNAL);
   EXPECT_THAT(Log(), AllOf(HasSubstr("no such table: labels"), HasSubstr(kRequest)));
 }
 
@@ -111,13 +111,14 @@ TEST_F(InjectedErrorsTest, EndsAWatchWhoseJobsEndCannotBeWritten) {
 
 TEST_F(InjectedErrorsTest, AppliesToAnswersOfAStream) {
   Spoil("ALTER TABLE models RENAME TO no_models");
-  const auto stream = running.segmentation->SegmentStream(&context);
-  v1::SegmentStreamRequest request;
+  const auto stream = running.segmentation->StreamSegments(&context);
+  v1::StreamSegmentsRequest request;
   request.mutable_segment()->set_model(kModel);
   ASSERT_TRUE(stream->Write(request));
-  v1::SegmentStreamResponse answer;
+  v1::StreamSegmentsResponse answer;
   ASSERT_TRUE(stream->Read(&answer));
   EXPECT_EQ(answer.error().code(), grpc::INTERNAL);
+  EXPECT_EQ(answer.error().reason(), "INTERNAL");
   EXPECT_THAT(answer.error().message(), AllOf(HasSubstr(kRequest), Not(HasSubstr("models"))));
   stream->WritesDone();
   EXPECT_TRUE(stream->Finish().ok());

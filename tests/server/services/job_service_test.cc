@@ -140,6 +140,7 @@ TEST_F(JobServiceTest, ReportsWhyAJobFailed) {
   const v1::Job failed = running.Await(job.name());
   EXPECT_EQ(failed.state(), v1::JOB_STATE_FAILED);
   EXPECT_EQ(failed.error().code(), grpc::INVALID_ARGUMENT);
+  EXPECT_EQ(failed.error().reason(), "INVALID_ARGUMENT");
   EXPECT_NE(failed.error().message().find("images/bad.jpg"), std::string::npos);
   // A crash of the worker ends the job, not the server, and the next job runs.
   ASSERT_TRUE(Train(Request("crash")).ok());

@@ -44,7 +44,15 @@ struct LabelTest : ::testing::Test {
   grpc::Status Create(const v1::CreateLabelRequest& request) {
     grpc::ClientContext context;
     label.Clear();
-    return running.segmentation->CreateLabel(&context, request, &label);
+    return running.labels->CreateLabel(&context, request, &label);
+  }
+  grpc::Status Get(const std::string& name, v1::PixelFrame frame = v1::PIXEL_FRAME_UNSPECIFIED) {
+    grpc::ClientContext context;
+    v1::GetLabelRequest request;
+    request.set_name(name);
+    request.set_frame(frame);
+    label.Clear();
+    return running.labels->GetLabel(&context, request, &label);
   }
   grpc::Status List(const std::string& parent, int page_size, const std::string& token) {
     grpc::ClientContext context;
@@ -53,14 +61,14 @@ struct LabelTest : ::testing::Test {
     request.set_page_size(page_size);
     request.set_page_token(token);
     list.Clear();
-    return running.segmentation->ListLabels(&context, request, &list);
+    return running.labels->ListLabels(&context, request, &list);
   }
   grpc::Status Delete(const std::string& name) {
     grpc::ClientContext context;
     v1::DeleteLabelRequest request;
     request.set_name(name);
     google::protobuf::Empty empty;
-    return running.segmentation->DeleteLabel(&context, request, &empty);
+    return running.labels->DeleteLabel(&context, request, &empty);
   }
   void ExpectBadField(const v1::CreateLabelRequest& request, const std::string& field) {
     const grpc::Status status = Create(request);
@@ -82,6 +90,23 @@ TEST_F(LabelTest, ReturnsALabelWithItsMask) {
   EXPECT_EQ(label.area(), 400);
   EXPECT_TRUE(label.has_create_time());
   EXPECT_EQ(label.mask().rle().DebugString(), Request("red").label().mask().rle().DebugString());
+}
+
+TEST_F(LabelTest, GetsALabelWithItsMask) {
+  ASSERT_TRUE(Create(Request("red")).ok());
+  const v1::Label created = label;
+  ASSERT_TRUE(Get("scenes/shelf/labels/red").ok());
+  EXPECT_EQ(label.DebugString(), created.DebugString());
+  ASSERT_TRUE(Get("scenes/shelf/labels/red", v1::PIXEL_FRAME_VIEW).ok());
+  EXPECT_EQ(label.DebugString(), created.DebugString());
+  const grpc::Status none = Get("scenes/shelf/labels/blue");
+  EXPECT_EQ(none.error_code(), grpc::NOT_FOUND);
+  EXPECT_EQ(DetailOf(none).reason(), "NO_SUCH_LABEL");
+  EXPECT_EQ(DetailOf(none).resource(), "scenes/shelf/labels/blue");
+  EXPECT_EQ(Get("scenes/none/labels/red").error_code(), grpc::NOT_FOUND);
+  EXPECT_EQ(DetailOf(Get("red")).field(), "name");
+  const auto unknown = static_cast<v1::PixelFrame>(7);
+  EXPECT_EQ(DetailOf(Get("scenes/shelf/labels/red", unknown)).field(), "frame");
 }
 
 TEST_F(LabelTest, StoresAPngAsTheSameRle) {

@@ -21,14 +21,14 @@ struct ModelWithoutFeatures : ::testing::Test {
     EXPECT_EQ(DetailOf(status).reason(), "NO_FEATURES");
     EXPECT_EQ(DetailOf(status).resource(), "scenes/bare/models/1");
   }
-  grpc::Status Render(v1::RenderRequest::Content content) {
+  grpc::Status Render(v1::RenderViewRequest::Content content) {
     grpc::ClientContext context;
-    v1::RenderRequest request;
+    v1::RenderViewRequest request;
     request.set_model(kBare);
     request.set_content(content);
     request.mutable_viewpoint()->set_view("middle.jpg");
-    v1::RenderResponse response;
-    const grpc::Status status = running.segmentation->Render(&context, request, &response);
+    v1::RenderViewResponse response;
+    const grpc::Status status = running.renders->RenderView(&context, request, &response);
     EXPECT_EQ(status.ok(), !response.png().empty());
     return status;
   }
@@ -44,25 +44,25 @@ TEST_F(ModelWithoutFeatures, HasViewsAndPictures) {
   const grpc::Status status = running.scenes->ListViews(&context, request, &views);
   ASSERT_TRUE(status.ok()) << status.error_message();
   EXPECT_EQ(views.views_size(), 3);
-  EXPECT_TRUE(Render(v1::RenderRequest::CONTENT_COLOR).ok());
-  EXPECT_TRUE(Render(v1::RenderRequest::CONTENT_DEPTH).ok());
+  EXPECT_TRUE(Render(v1::RenderViewRequest::CONTENT_COLOR).ok());
+  EXPECT_TRUE(Render(v1::RenderViewRequest::CONTENT_DEPTH).ok());
 }
 
 TEST_F(ModelWithoutFeatures, ExplainsWhyThereAreNoSegments) {
-  ExpectNoFeatures(Render(v1::RenderRequest::CONTENT_SEGMENTS));
-  ExpectNoFeatures(Render(v1::RenderRequest::CONTENT_FEATURES));
+  ExpectNoFeatures(Render(v1::RenderViewRequest::CONTENT_SEGMENTS));
+  ExpectNoFeatures(Render(v1::RenderViewRequest::CONTENT_FEATURES));
   grpc::ClientContext context;
-  v1::SegmentRequest click;
+  v1::SegmentViewsRequest click;
   click.set_model(kBare);
   click.mutable_prompt()->mutable_view()->set_view("middle.jpg");
   click.mutable_prompt()->mutable_points()->add_points()->set_x(30);
-  v1::SegmentResponse answer;
-  ExpectNoFeatures(running.segmentation->Segment(&context, click, &answer));
+  v1::SegmentViewsResponse answer;
+  ExpectNoFeatures(running.segmentation->SegmentViews(&context, click, &answer));
   grpc::ClientContext other;
-  v1::DecomposeRequest whole;
+  v1::DecomposeModelRequest whole;
   whole.set_model(kBare);
-  v1::DecomposeResponse parts;
-  ExpectNoFeatures(running.segmentation->Decompose(&other, whole, &parts));
+  v1::DecomposeModelResponse parts;
+  ExpectNoFeatures(running.segmentation->DecomposeModel(&other, whole, &parts));
 }
 
 }  // namespace

@@ -15,19 +15,19 @@ struct PromptsTest : ShelfModel {
   grpc::Status Segment() {
     grpc::ClientContext context;
     answer.Clear();
-    return running.segmentation->Segment(&context, request, &answer);
+    return running.segmentation->SegmentViews(&context, request, &answer);
   }
   // The mask that a click selects.
   v1::CocoRle MaskAt(double x) {
-    v1::SegmentRequest click = request;
+    v1::SegmentViewsRequest click = request;
     click.clear_targets();
     click.mutable_prompt()->mutable_view()->set_view("middle.jpg");
     auto* point = click.mutable_prompt()->mutable_points()->add_points();
     point->set_x(x);
     point->set_y(32);
     grpc::ClientContext context;
-    v1::SegmentResponse response;
-    const grpc::Status status = running.segmentation->Segment(&context, click, &response);
+    v1::SegmentViewsResponse response;
+    const grpc::Status status = running.segmentation->SegmentViews(&context, click, &response);
     EXPECT_TRUE(status.ok()) << status.error_message();
     return response.masks_size() == 1 ? response.masks(0).rle() : v1::CocoRle();
   }
@@ -39,7 +39,7 @@ struct PromptsTest : ShelfModel {
     *create.mutable_label()->mutable_mask()->mutable_rle() = MaskAt(x);
     grpc::ClientContext context;
     v1::Label label;
-    return running.segmentation->CreateLabel(&context, create, &label);
+    return running.labels->CreateLabel(&context, create, &label);
   }
   // Pixels of the answer's mask in the left or the right half.
   void ExpectOnlyTheLeft() {
@@ -48,8 +48,8 @@ struct PromptsTest : ShelfModel {
     EXPECT_LT(answer.masks(0).box().x() + answer.masks(0).box().width(), 52);
   }
 
-  v1::SegmentRequest request;
-  v1::SegmentResponse answer;
+  v1::SegmentViewsRequest request;
+  v1::SegmentViewsResponse answer;
 };
 
 TEST_F(PromptsTest, FindsWhatFillsABox) {
@@ -78,7 +78,7 @@ TEST_F(PromptsTest, FindsALabelByItsIdAndByItsName) {
     EXPECT_EQ(answer.masks(0).view(), "middle.jpg");  // its own, where no targets are named
     ExpectOnlyTheLeft();
   }
-  request.mutable_targets()->set_group(v1::SegmentRequest::Targets::GROUP_ALL);
+  request.mutable_targets()->set_group(v1::SegmentViewsRequest::Targets::GROUP_ALL);
   ASSERT_TRUE(Segment().ok());
   EXPECT_EQ(answer.masks_size(), 3);
 }

@@ -43,26 +43,26 @@ TEST_F(ProposeScalesRpcTest, MatchesSegmentAtItsScaleAndThreshold) {
   EXPECT_GT(best.stability(), 0.9);
   EXPECT_GT(best.scale_units(), 0);
   EXPECT_EQ(best.mask().view(), "middle.jpg");
-  v1::SegmentRequest same;
+  v1::SegmentViewsRequest same;
   same.set_model(request.model());
   *same.mutable_prompt() = request.prompt();
   same.mutable_granularity()->set_scale_quantile(best.scale_quantile());
   same.mutable_granularity()->set_threshold(best.threshold());
-  v1::SegmentResponse segment;
+  v1::SegmentViewsResponse segment;
   grpc::ClientContext context;
-  ASSERT_TRUE(running.segmentation->Segment(&context, same, &segment).ok());
+  ASSERT_TRUE(running.segmentation->SegmentViews(&context, same, &segment).ok());
   EXPECT_EQ(segment.masks(0).rle().counts(), best.mask().rle().counts());
 }
 
 TEST_F(ProposeScalesRpcTest, MatchesSegmentWithoutAGranularity) {
   ASSERT_TRUE(Propose().ok());
   ASSERT_GE(answer.proposals_size(), 1);
-  v1::SegmentRequest plain;
+  v1::SegmentViewsRequest plain;
   plain.set_model(request.model());
   *plain.mutable_prompt() = request.prompt();
-  v1::SegmentResponse segment;
+  v1::SegmentViewsResponse segment;
   grpc::ClientContext context;
-  ASSERT_TRUE(running.segmentation->Segment(&context, plain, &segment).ok());
+  ASSERT_TRUE(running.segmentation->SegmentViews(&context, plain, &segment).ok());
   const auto& best = answer.proposals(answer.best());
   EXPECT_EQ(segment.scale_quantile(), best.scale_quantile());
   EXPECT_EQ(segment.threshold(), best.threshold());

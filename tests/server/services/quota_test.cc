@@ -1,6 +1,8 @@
 // Quotas, as callers and operators see them.
 #include <gtest/gtest.h>
 
+#include <functional>
+
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "tests/server/running_server.h"
@@ -15,10 +17,10 @@ struct QuotaTest : ::testing::Test {
 
   grpc::Status Set(const v1::Quota& quota, const std::string& project = "default") {
     grpc::ClientContext context;
-    v1::SetQuotaRequest request;
+    v1::UpdateQuotaRequest request;
     request.set_project(project);
     *request.mutable_quota() = quota;
-    return running.admin->SetQuota(&context, request, &usage);
+    return running.admin->UpdateQuota(&context, request, &usage);
   }
   v1::Quota Used() {
     grpc::ClientContext context;
@@ -55,7 +57,7 @@ struct QuotaTest : ::testing::Test {
     v1::ListLabelsRequest request;
     request.set_parent("scenes/a");
     v1::ListLabelsResponse response;
-    return running.segmentation->ListLabels(&context, request, &response);
+    return running.labels->ListLabels(&context, request, &response);
   }
   static void ExpectQuota(const grpc::Status& status, const std::string& name) {
     EXPECT_EQ(status.error_code(), grpc::RESOURCE_EXHAUSTED) << status.error_message();
@@ -159,16 +161,45 @@ TEST_F(QuotaTest, LimitsQueriesOfAStream) {
   ASSERT_TRUE(Set(quota).ok());
   ASSERT_TRUE(ListLabels().ok());
   grpc::ClientContext context;
-  const auto stream = running.segmentation->SegmentStream(&context);
-  v1::SegmentStreamRequest request;
+  const auto stream = running.segmentation->StreamSegments(&context);
+  v1::StreamSegmentsRequest request;
   request.set_sequence(7);
   request.mutable_segment()->set_model("scenes/a/models/live");
   ASSERT_TRUE(stream->Write(request));
-  v1::SegmentStreamResponse response;
+  v1::StreamSegmentsResponse response;
   ASSERT_TRUE(stream->Read(&response));
   EXPECT_EQ(response.error().code(), grpc::UNAVAILABLE) << response.error().message();
+  EXPECT_EQ(response.error().reason(), "QUOTA");
+  EXPECT_EQ(response.error().limit(), "1");
+  EXPECT_TRUE(response.error().has_retry_after());
   stream->WritesDone();
   EXPECT_TRUE(stream->Finish().ok()) << "the stream goes on";
+}
+
+// Every call of the services of queries counts, before its request is looked at.
+TEST_F(QuotaTest, CountsCallsOfAllServicesOfQueries) {
+  using Call = std::function<grpc::Status(grpc::ClientContext*)>;
+  v1::SegmentViewsResponse segments;
+  v1::Label label;
+  v1::Selection selection;
+  v1::RenderViewResponse picture;
+  v1::EvaluateModelResponse scores;
+  const std::vector<Call> calls = {
+      [&](auto* context) { return running.segmentation->SegmentViews(context, {}, &segments); },
+      [&](auto* context) { return running.labels->GetLabel(context, {}, &label); },
+      [&](auto* context) { return running.selections->GetSelection(context, {}, &selection); },
+      [&](auto* context) { return running.renders->RenderView(context, {}, &picture); },
+      [&](auto* context) { return running.evaluations->EvaluateModel(context, {}, &scores); }};
+  v1::Quota quota;
+  quota.set_queries_per_second(1);
+  ASSERT_TRUE(Set(quota).ok());
+  ASSERT_TRUE(ListLabels().ok());
+  for (const Call& call : calls) {
+    grpc::ClientContext context;
+    const grpc::Status refused = call(&context);
+    EXPECT_EQ(refused.error_code(), grpc::UNAVAILABLE) << refused.error_message();
+    EXPECT_EQ(DetailOf(refused).field(), "queries_per_second");
+  }
 }
 
 TEST_F(QuotaTest, LimitsModelsInMemory) {

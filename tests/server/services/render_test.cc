@@ -12,7 +12,7 @@
 namespace pepeseg {
 namespace {
 
-using Request = v1::RenderRequest;
+using Request = v1::RenderViewRequest;
 
 constexpr int kInRed = 32 * kWidth + 30, kInBlue = 32 * kWidth + 66, kNothing = 2 * kWidth + 2;
 
@@ -24,7 +24,7 @@ struct RenderTest : ShelfModel {
   grpc::Status Render() {
     grpc::ClientContext context;
     answer.Clear();
-    return running.segmentation->Render(&context, request, &answer);
+    return running.renders->RenderView(&context, request, &answer);
   }
   // Returns the pixels of a 16-bit answer, [height, width].
   std::vector<float> Grey() {
@@ -57,7 +57,7 @@ struct RenderTest : ShelfModel {
   }
 
   Request request;
-  v1::RenderResponse answer;
+  v1::RenderViewResponse answer;
 };
 
 bool IsRed(const uint8_t* rgb) { return rgb[0] > 200 && rgb[2] < 60; }

@@ -153,10 +153,9 @@ TEST_F(SceneServiceTest, ListsTheModelsOfItsJobs) {
   v1::Model model;
   ASSERT_TRUE(running.scenes->GetModel(&live_context, live, &model).ok());
   EXPECT_EQ(model.name(), second.model());
-  ASSERT_EQ(model.sources_size(), 3);
-  EXPECT_EQ(model.sources().at("poses"), "given");
-  EXPECT_EQ(model.sources().at("masks"), "command \"x\"");
-  EXPECT_EQ(model.sources().at("depth"), "none");
+  EXPECT_EQ(model.sources().poses(), "given");
+  EXPECT_EQ(model.sources().masks(), "command \"x\"");
+  EXPECT_EQ(model.sources().depth(), "none");
 }
 
 }  // namespace

@@ -8,10 +8,10 @@ namespace pepeseg {
 namespace {
 
 struct SegmentStreamTest : ShelfModel {
-  using Stream = grpc::ClientReaderWriter<v1::SegmentStreamRequest, v1::SegmentStreamResponse>;
+  using Stream = grpc::ClientReaderWriter<v1::StreamSegmentsRequest, v1::StreamSegmentsResponse>;
 
-  static v1::SegmentStreamRequest Click(int64_t sequence, double x) {
-    v1::SegmentStreamRequest request;
+  static v1::StreamSegmentsRequest Click(int64_t sequence, double x) {
+    v1::StreamSegmentsRequest request;
     request.set_sequence(sequence);
     request.mutable_segment()->set_model(kModel);
     v1::Prompt& prompt = *request.mutable_segment()->mutable_prompt();
@@ -24,14 +24,14 @@ struct SegmentStreamTest : ShelfModel {
     granularity.set_threshold(0.75);
     return request;
   }
-  std::unique_ptr<Stream> Open() { return running.segmentation->SegmentStream(&context); }
+  std::unique_ptr<Stream> Open() { return running.segmentation->StreamSegments(&context); }
 
   grpc::ClientContext context;
 };
 
 TEST_F(SegmentStreamTest, AnswersWhileThePointIsDragged) {
   const auto stream = Open();
-  v1::SegmentStreamResponse answer;
+  v1::StreamSegmentsResponse answer;
   for (const auto& [sequence, x, left] :
        {std::tuple(1, 30.0, true), {2, 31.0, true}, {5, 66.0, false}}) {
     ASSERT_TRUE(stream->Write(Click(sequence, x)));
@@ -47,13 +47,16 @@ TEST_F(SegmentStreamTest, AnswersWhileThePointIsDragged) {
 
 TEST_F(SegmentStreamTest, ContinuesAfterARefusedRequest) {
   const auto stream = Open();
-  v1::SegmentStreamResponse answer;
+  v1::StreamSegmentsResponse answer;
   ASSERT_TRUE(stream->Write(Click(1, 200)));
   ASSERT_TRUE(stream->Read(&answer));
   EXPECT_EQ(answer.sequence(), 1);
   ASSERT_TRUE(answer.has_error());
   EXPECT_EQ(answer.error().code(), grpc::INVALID_ARGUMENT);
   EXPECT_NE(answer.error().message().find("point 200,32 is outside"), std::string::npos);
+  EXPECT_EQ(answer.error().reason(), "BAD_FIELD");
+  EXPECT_EQ(answer.error().field(), "prompt.points.points[0]");
+  EXPECT_EQ(answer.error().value(), "point 200,32");
   ASSERT_TRUE(stream->Write(Click(2, 30)));
   ASSERT_TRUE(stream->Read(&answer));
   EXPECT_TRUE(answer.has_segment());
@@ -72,10 +75,9 @@ TEST_F(SegmentStreamTest, AnswersOnlyTheNewestWaitingRequest) {
       v1::PinholeCamera& camera = *prompt.mutable_view()->mutable_free()->mutable_camera();
       camera.set_width(960), camera.set_height(640);
       camera.set_fx(600), camera.set_fy(600), camera.set_cx(480), camera.set_cy(320);
-      for (const double q : {1.0, 0.0, 0.0, 0.0})
-        prompt.mutable_view()->mutable_free()->mutable_cam_from_world()->add_rotation(q);
-      for (int k = 0; k < 3; ++k)
-        prompt.mutable_view()->mutable_free()->mutable_cam_from_world()->add_translation(0);
+      v1::RigidTransform& pose = *prompt.mutable_view()->mutable_free()->mutable_cam_from_world();
+      pose.mutable_rotation()->set_w(1);
+      pose.mutable_translation();
       prompt.mutable_points()->add_points()->set_x(300);
       prompt.mutable_points()->mutable_points(0)->set_y(320);
       grpc::ClientContext other;
@@ -89,7 +91,7 @@ TEST_F(SegmentStreamTest, AnswersOnlyTheNewestWaitingRequest) {
   for (int i = 1; i <= kNumRequests; ++i) ASSERT_TRUE(stream->Write(Click(i, 30)));
   stream->WritesDone();
   std::vector<int64_t> answered;
-  for (v1::SegmentStreamResponse answer; stream->Read(&answer);) {
+  for (v1::StreamSegmentsResponse answer; stream->Read(&answer);) {
     EXPECT_TRUE(answer.has_segment()) << answer.DebugString();
     answered.push_back(answer.sequence());
   }

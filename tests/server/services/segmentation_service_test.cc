@@ -23,8 +23,8 @@ struct SegmentationServiceTest : ::testing::Test {
     EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.DebugString();
   }
 
-  static v1::SegmentRequest Click(const std::string& view, double x, double y) {
-    v1::SegmentRequest request;
+  static v1::SegmentViewsRequest Click(const std::string& view, double x, double y) {
+    v1::SegmentViewsRequest request;
     request.set_model("scenes/shelf/models/live");
     request.mutable_prompt()->mutable_view()->set_view(view);
     auto* point = request.mutable_prompt()->mutable_points()->add_points();
@@ -32,24 +32,24 @@ struct SegmentationServiceTest : ::testing::Test {
     point->set_y(y);
     return request;
   }
-  grpc::Status Segment(const v1::SegmentRequest& request) {
+  grpc::Status Segment(const v1::SegmentViewsRequest& request) {
     grpc::ClientContext context;
     answer.Clear();
-    return running.segmentation->Segment(&context, request, &answer);
+    return running.segmentation->SegmentViews(&context, request, &answer);
   }
-  void ExpectRefused(const v1::SegmentRequest& request, const std::string& words) {
+  void ExpectRefused(const v1::SegmentViewsRequest& request, const std::string& words) {
     const grpc::Status status = Segment(request);
     EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT) << words;
     EXPECT_NE(status.error_message().find(words), std::string::npos) << status.error_message();
   }
-  grpc::Status Render(const v1::RenderRequest& request) {
+  grpc::Status Render(const v1::RenderViewRequest& request) {
     grpc::ClientContext context;
-    return running.segmentation->Render(&context, request, &picture);
+    return running.renders->RenderView(&context, request, &picture);
   }
 
   RunningServer running;
-  v1::SegmentResponse answer;
-  v1::RenderResponse picture;
+  v1::SegmentViewsResponse answer;
+  v1::RenderViewResponse picture;
 };
 
 // Row-major indices of the pixels of a mask.
@@ -66,7 +66,7 @@ TEST_F(SegmentationServiceTest, FindsAClickedSquareInOtherViews) {
   auto request = Click("middle.jpg", 30, 32);  // the red one, left of the middle
   request.mutable_granularity()->set_scale_quantile(0.5);
   request.mutable_granularity()->set_threshold(0.75);
-  request.mutable_targets()->set_group(v1::SegmentRequest::Targets::GROUP_HELD_OUT);
+  request.mutable_targets()->set_group(v1::SegmentViewsRequest::Targets::GROUP_HELD_OUT);
   const grpc::Status status = Segment(request);
   ASSERT_TRUE(status.ok()) << status.error_message();
   ASSERT_EQ(answer.masks_size(), 2);
@@ -122,8 +122,8 @@ TEST_F(SegmentationServiceTest, AcceptsAFreeCameraAndUnits) {
   free.mutable_camera()->set_fy(60);
   free.mutable_camera()->set_cx(48);
   free.mutable_camera()->set_cy(32);
-  for (double value : {1, 0, 0, 0}) free.mutable_cam_from_world()->add_rotation(value);
-  for (double value : {0, 0, 0}) free.mutable_cam_from_world()->add_translation(value);
+  free.mutable_cam_from_world()->mutable_rotation()->set_w(1);
+  free.mutable_cam_from_world()->mutable_translation();
   request.mutable_granularity()->set_scale_units(0.25);
   request.mutable_granularity()->set_threshold(0.6);
   const grpc::Status status = Segment(request);
@@ -136,8 +136,10 @@ TEST_F(SegmentationServiceTest, AcceptsAFreeCameraAndUnits) {
   free.mutable_camera()->set_fx(kNan);
   ExpectRefused(request, "prompt.view.free.camera.fx");
   free.mutable_camera()->set_fx(60);
-  free.mutable_cam_from_world()->set_translation(2, kNan);
-  ExpectRefused(request, "prompt.view.free.cam_from_world.translation[2]");
+  free.mutable_cam_from_world()->mutable_translation()->set_z(kNan);
+  ExpectRefused(request, "prompt.view.free.cam_from_world.translation.z");
+  free.mutable_cam_from_world()->clear_rotation();
+  EXPECT_EQ(DetailOf(Segment(request)).field(), "prompt.view.free.cam_from_world.rotation");
 }
 
 TEST_F(SegmentationServiceTest, RefusesInvalidRequests) {
@@ -168,7 +170,7 @@ TEST_F(SegmentationServiceTest, RefusesInvalidRequests) {
   request.mutable_targets()->add_views("middle.jpg");
   request.mutable_targets()->add_views("nowhere.jpg");
   ExpectRefused(request, "targets.views[1]: 'nowhere.jpg'");
-  request.mutable_targets()->set_group(v1::SegmentRequest::Targets::GROUP_ALL);
+  request.mutable_targets()->set_group(v1::SegmentViewsRequest::Targets::GROUP_ALL);
   ExpectRefused(request, "views next to a group");
 }
 
@@ -182,7 +184,7 @@ TEST_F(SegmentationServiceTest, RefusesAnAnswerThatIsTooLarge) {
 }
 
 TEST_F(SegmentationServiceTest, RendersViews) {
-  v1::RenderRequest request;
+  v1::RenderViewRequest request;
   request.set_model("scenes/shelf/models/1");
   request.mutable_viewpoint()->set_view("middle.jpg");
   const grpc::Status status = Render(request);
@@ -230,10 +232,10 @@ TEST_F(SegmentationServiceTest, ListsTheViews) {
 
 TEST_F(SegmentationServiceTest, ExportsThePlyInCheckedChunks) {
   grpc::ClientContext context;
-  v1::ExportSelectionRequest request;
+  v1::ExportGaussiansRequest request;
   request.set_model("scenes/shelf/models/live");
-  const auto stream = running.segmentation->ExportSelection(&context, request);
-  v1::ExportSelectionResponse part;
+  const auto stream = running.renders->ExportGaussians(&context, request);
+  v1::ExportGaussiansResponse part;
   ASSERT_TRUE(stream->Read(&part));
   ASSERT_TRUE(part.has_header());
   const auto header = part.header();
@@ -265,10 +267,10 @@ TEST_F(SegmentationServiceTest, ReportsADamagedModelAndContinues) {
   }
   EXPECT_EQ(Segment(Click("middle.jpg", 30, 32)).error_code(), grpc::DATA_LOSS);
   grpc::ClientContext context;
-  v1::ExportSelectionRequest request;
+  v1::ExportGaussiansRequest request;
   request.set_model("scenes/shelf/models/live");
-  const auto stream = running.segmentation->ExportSelection(&context, request);
-  v1::ExportSelectionResponse part;
+  const auto stream = running.renders->ExportGaussians(&context, request);
+  v1::ExportGaussiansResponse part;
   while (stream->Read(&part)) {
   }
   EXPECT_EQ(stream->Finish().error_code(), grpc::DATA_LOSS);
@@ -278,10 +280,10 @@ TEST_F(SegmentationServiceTest, ReportsADamagedModelAndContinues) {
 TEST_F(SegmentationServiceTest, FreesACancelledExport) {
   for (int i = 0; i < 10; ++i) {
     grpc::ClientContext context;
-    v1::ExportSelectionRequest request;
+    v1::ExportGaussiansRequest request;
     request.set_model("scenes/shelf/models/live");
-    const auto stream = running.segmentation->ExportSelection(&context, request);
-    v1::ExportSelectionResponse part;
+    const auto stream = running.renders->ExportGaussians(&context, request);
+    v1::ExportGaussiansResponse part;
     EXPECT_TRUE(stream->Read(&part));
     context.TryCancel();
     while (stream->Read(&part)) {
@@ -295,12 +297,12 @@ TEST(ModelNames, DistinguishMissingFromNotYet) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   running.CreateScene("shelf");
   const v1::Job job = running.Train("shelf", "hang");
-  v1::RenderRequest request;
-  v1::RenderResponse response;
+  v1::RenderViewRequest request;
+  v1::RenderViewResponse response;
   const auto render = [&](const std::string& model) {
     grpc::ClientContext context;
     request.set_model(model);
-    return running.segmentation->Render(&context, request, &response);
+    return running.renders->RenderView(&context, request, &response);
   };
   const grpc::Status not_yet = render("scenes/shelf/models/live");
   EXPECT_EQ(not_yet.error_code(), grpc::FAILED_PRECONDITION);

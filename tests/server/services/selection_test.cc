@@ -22,8 +22,8 @@ struct SelectionTest : ::testing::Test {
     EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.DebugString();
   }
 
-  static v1::SelectRequest Click(double x) {
-    v1::SelectRequest request;
+  static v1::CreateSelectionRequest Click(double x) {
+    v1::CreateSelectionRequest request;
     request.set_model("scenes/shelf/models/live");
     request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
     auto* point = request.mutable_prompt()->mutable_points()->add_points();
@@ -31,18 +31,18 @@ struct SelectionTest : ::testing::Test {
     point->set_y(32);
     return request;
   }
-  static v1::SelectRequest Red() { return Click(30); }
-  static v1::SelectRequest Blue() { return Click(66); }
+  static v1::CreateSelectionRequest Red() { return Click(30); }
+  static v1::CreateSelectionRequest Blue() { return Click(66); }
   static std::string Name(int number) {
     return "scenes/shelf/selections/" + std::to_string(number);
   }
 
-  grpc::Status Select(const v1::SelectRequest& request) {
+  grpc::Status Select(const v1::CreateSelectionRequest& request) {
     grpc::ClientContext context;
     made.Clear();
-    return running.segmentation->Select(&context, request, &made);
+    return running.selections->CreateSelection(&context, request, &made);
   }
-  void MustSelect(const v1::SelectRequest& request) {
+  void MustSelect(const v1::CreateSelectionRequest& request) {
     const grpc::Status status = Select(request);
     ASSERT_TRUE(status.ok()) << status.error_message();
   }
@@ -55,21 +55,21 @@ struct SelectionTest : ::testing::Test {
     request.set_operation(operation);
     request.set_request_id(request_id);
     made.Clear();
-    return running.segmentation->CombineSelections(&context, request, &made);
+    return running.selections->CombineSelections(&context, request, &made);
   }
   grpc::Status Undo(const std::string& name) {
     grpc::ClientContext context;
     v1::UndoSelectionRequest request;
     request.set_name(name);
     made.Clear();
-    return running.segmentation->UndoSelection(&context, request, &made);
+    return running.selections->UndoSelection(&context, request, &made);
   }
   grpc::Status Get(const std::string& name) {
     grpc::ClientContext context;
     v1::GetSelectionRequest request;
     request.set_name(name);
     made.Clear();
-    return running.segmentation->GetSelection(&context, request, &made);
+    return running.selections->GetSelection(&context, request, &made);
   }
   grpc::Status List(const std::string& parent, int page_size, const std::string& token) {
     grpc::ClientContext context;
@@ -78,16 +78,16 @@ struct SelectionTest : ::testing::Test {
     request.set_page_size(page_size);
     request.set_page_token(token);
     list.Clear();
-    return running.segmentation->ListSelections(&context, request, &list);
+    return running.selections->ListSelections(&context, request, &list);
   }
   grpc::Status Delete(const std::string& name) {
     grpc::ClientContext context;
     v1::DeleteSelectionRequest request;
     request.set_name(name);
     google::protobuf::Empty empty;
-    return running.segmentation->DeleteSelection(&context, request, &empty);
+    return running.selections->DeleteSelection(&context, request, &empty);
   }
-  void ExpectBadField(const v1::SelectRequest& request, const std::string& field) {
+  void ExpectBadField(const v1::CreateSelectionRequest& request, const std::string& field) {
     const grpc::Status status = Select(request);
     EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT) << field;
     EXPECT_EQ(DetailOf(status).field(), field) << status.error_message();
@@ -111,13 +111,12 @@ TEST_F(SelectionTest, HoldsTheGaussiansOfWhatIsClicked) {
   EXPECT_EQ(made.name(), Name(1));
   EXPECT_EQ(made.model(), "scenes/shelf/models/1");
   EXPECT_NEAR(static_cast<double>(made.num_gaussians()), kOfASquare, 0.01 * kOfASquare);
-  ASSERT_EQ(made.min_size(), 3);
-  ASSERT_EQ(made.max_size(), 3);
-  EXPECT_NEAR(made.min(0), -1.1, 0.02);
-  EXPECT_NEAR(made.max(0), -0.1, 0.02);
-  EXPECT_NEAR(made.min(1), -0.5, 0.02);
-  EXPECT_NEAR(made.max(1), 0.5, 0.02);
-  EXPECT_EQ(made.min(2), 2);
+  ASSERT_TRUE(made.has_box());
+  EXPECT_NEAR(made.box().min().x(), -1.1, 0.02);
+  EXPECT_NEAR(made.box().max().x(), -0.1, 0.02);
+  EXPECT_NEAR(made.box().min().y(), -0.5, 0.02);
+  EXPECT_NEAR(made.box().max().y(), 0.5, 0.02);
+  EXPECT_EQ(made.box().min().z(), 2);
   EXPECT_EQ(made.base(), "");
   EXPECT_TRUE(made.has_create_time());
   const std::string answer = made.DebugString();
@@ -130,8 +129,7 @@ TEST_F(SelectionTest, IsEmptyForNothing) {
   request.mutable_granularity()->set_threshold(1);
   MustSelect(request);
   EXPECT_EQ(made.num_gaussians(), 0);
-  EXPECT_TRUE(made.min().empty());
-  EXPECT_TRUE(made.max().empty());
+  EXPECT_FALSE(made.has_box());
 }
 
 TEST_F(SelectionTest, UnitesSubtractsAndIntersects) {
@@ -143,11 +141,11 @@ TEST_F(SelectionTest, UnitesSubtractsAndIntersects) {
   MustSelect(request);
   EXPECT_EQ(made.base(), Name(1));
   EXPECT_NEAR(static_cast<double>(made.num_gaussians()), 2 * kOfASquare, 0.02 * kOfASquare);
-  EXPECT_NEAR(made.max(0), 1.1, 0.02);
+  EXPECT_NEAR(made.box().max().x(), 1.1, 0.02);
   ASSERT_TRUE(Combine(Name(2), Name(1), v1::SET_OPERATION_SUBTRACT).ok());
   EXPECT_EQ(made.name(), Name(3));
   EXPECT_EQ(made.base(), Name(2));
-  EXPECT_NEAR(made.min(0), 0.1, 0.02);
+  EXPECT_NEAR(made.box().min().x(), 0.1, 0.02);
   ASSERT_TRUE(Combine(Name(2), Name(1), v1::SET_OPERATION_INTERSECT).ok());
   EXPECT_EQ(made.num_gaussians(), num_red);
   ASSERT_TRUE(Combine(Name(3), Name(1), v1::SET_OPERATION_INTERSECT).ok());
@@ -157,6 +155,28 @@ TEST_F(SelectionTest, UnitesSubtractsAndIntersects) {
   MustSelect(request);
   EXPECT_EQ(made.num_gaussians(), num_red) << "in place of its base";
   EXPECT_EQ(made.base(), Name(3));
+}
+
+TEST_F(SelectionTest, ReplacesIfToldOrIfCreatedWithoutAnOperation) {
+  MustSelect(Red());
+  const int64_t num_red = made.num_gaussians();
+  auto request = Blue();
+  request.set_operation(v1::SET_OPERATION_REPLACE);
+  MustSelect(request);
+  EXPECT_EQ(made.base(), "") << "needs no base";
+  const int64_t num_blue = made.num_gaussians();
+  request = Blue();
+  request.set_base(Name(1));
+  request.set_operation(v1::SET_OPERATION_REPLACE);
+  MustSelect(request);
+  EXPECT_EQ(made.base(), Name(1));
+  EXPECT_EQ(made.num_gaussians(), num_blue);
+  EXPECT_GT(made.box().min().x(), 0) << "of the blue one alone";
+  ASSERT_TRUE(Combine(Name(1), Name(2), v1::SET_OPERATION_REPLACE).ok());
+  EXPECT_EQ(made.base(), Name(1));
+  EXPECT_EQ(made.num_gaussians(), num_blue);
+  ASSERT_TRUE(Combine(Name(1), Name(2), v1::SET_OPERATION_UNSPECIFIED).ok());
+  EXPECT_EQ(made.num_gaussians(), num_red + num_blue) << "a union";
 }
 
 TEST_F(SelectionTest, UndoesToTheBase) {
@@ -262,6 +282,8 @@ TEST_F(SelectionTest, RefusesInvalidRequests) {
   ExpectBadField(request, "base");
   request.set_operation(static_cast<v1::SetOperation>(17));
   ExpectBadField(request, "operation");
+  EXPECT_EQ(DetailOf(Combine(Name(1), Name(1), static_cast<v1::SetOperation>(17))).field(),
+            "operation");
   request = Red();
   request.set_base("scenes/shelf/selections/last");
   ExpectBadField(request, "base");
@@ -288,8 +310,6 @@ TEST_F(SelectionTest, RefusesInvalidNamesAndOperations) {
   MustSelect(Red());
   EXPECT_EQ(DetailOf(Combine("x", Name(1), v1::SET_OPERATION_UNION)).field(), "first");
   EXPECT_EQ(DetailOf(Combine(Name(1), "x", v1::SET_OPERATION_UNION)).field(), "second");
-  EXPECT_EQ(DetailOf(Combine(Name(1), Name(1), v1::SET_OPERATION_UNSPECIFIED)).field(),
-            "operation");
   EXPECT_EQ(
       DetailOf(Combine(Name(1), Name(1), v1::SET_OPERATION_UNION, std::string(129, 'x'))).field(),
       "request_id");

@@ -8,7 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
-#include "pepeseg/v1/errors.pb.h"
+#include "server/store/error_detail.h"
 #include "server/store/store.h"
 #include "tests/server/store/test_database.h"
 #include "tests/testing/status_testing.h"
@@ -48,14 +48,8 @@ struct StoreQuotas : ::testing::Test {
   static void ExpectQuota(const absl::Status& status, const std::string& name,
                           const std::string& need, const std::string& limit) {
     EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted) << status;
-    v1::ErrorDetail detail;
-    const auto payload = status.GetPayload("type.googleapis.com/pepeseg.v1.ErrorDetail");
-    ASSERT_TRUE(payload.has_value()) << status;
-    ASSERT_TRUE(detail.ParseFromString(std::string(*payload)));
-    EXPECT_EQ(detail.reason(), "QUOTA");
-    EXPECT_EQ(detail.field(), name);
-    EXPECT_EQ(detail.value(), need);
-    EXPECT_EQ(detail.limit(), limit);
+    const ErrorDetail wanted = {.reason = "QUOTA", .field = name, .limit = limit, .value = need};
+    EXPECT_EQ(DetailOf(status), wanted) << status;
   }
 
   const testing::TempFolder folder;

@@ -71,7 +71,8 @@ class WorkerCheckpointTest : public WorkerTest {
   int64_t FirstStepOf(int64_t fence) {
     int64_t prepares = 0;
     for (const v1::JobEvent& event : Events()) {
-      if (event.has_stage_started() && event.stage_started().stage() == "prepare") ++prepares;
+      if (event.has_stage_started() && event.stage_started().stage() == v1::JOB_STAGE_PREPARE)
+        ++prepares;
       if (prepares == fence && event.has_progress()) return event.progress().step() - 1;
     }
     return -1;

@@ -103,8 +103,8 @@ TEST_F(WorkerPriorsTest, MakesEmbeddedPriorsWithoutACommand) {
   EXPECT_FALSE(model->field.features.empty());
   bool told = false;
   for (const v1::JobEvent& event : Events()) {
-    told |= event.progress().stage() == "priors" && event.progress().step() == 13;
-    if (event.term_skipped().term() == "depth") {
+    told |= event.progress().stage() == v1::JOB_STAGE_PRIORS && event.progress().step() == 13;
+    if (event.term_skipped().term() == v1::JobEvent::TermSkipped::TERM_DEPTH) {
       EXPECT_EQ(event.term_skipped().reason(),
                 "the depth priors were made from the points that training starts from");
     }
@@ -146,7 +146,7 @@ TEST_F(WorkerPriorsTest, RunsACommandForMasksAndDepth) {
   EXPECT_FALSE(model->field.features.empty());
   std::vector<int64_t> steps;
   for (const v1::JobEvent& event : Events()) {
-    if (event.has_progress() && event.progress().stage() == "priors") {
+    if (event.has_progress() && event.progress().stage() == v1::JOB_STAGE_PRIORS) {
       steps.push_back(event.progress().step());
     }
   }
@@ -244,7 +244,7 @@ TEST_F(WorkerPriorsTest, ReusesPriorsOfAnEarlierAttempt) {
   const auto reconstructs = [this] {
     const auto events = Events();
     return std::any_of(events.begin(), events.end(), [](const v1::JobEvent& event) {
-      return event.progress().stage() == "reconstruct";
+      return event.progress().stage() == v1::JOB_STAGE_RECONSTRUCT;
     });
   };
   for (int i = 0; i < 3000 && !reconstructs(); ++i) absl::SleepFor(absl::Milliseconds(10));

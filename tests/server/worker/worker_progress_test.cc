@@ -60,7 +60,7 @@ TEST_F(WorkerProgressTest, ReportsTheCounters) {
   ASSERT_TRUE(progress.Step(report).ok());
   const auto events = EventLogReader(path_).Read();
   ASSERT_TRUE(events.ok() && !events->empty());
-  const v1::JobProgress& told = events->back().progress();
+  const v1::JobProgress::Diagnostics& told = events->back().progress().diagnostics();
   EXPECT_EQ(told.num_culled_degenerate(), 3);
   EXPECT_EQ(told.num_skipped_gradients(), 4);
   EXPECT_EQ(told.depth_loss(), 0.25);
@@ -130,8 +130,8 @@ TEST_F(WorkerProgressTest, ReportsASkippedPartAndItsStage) {
   const auto events = reader.Read();
   ASSERT_EQ(events->size(), 2u);
   const v1::JobEvent::TermSkipped& skipped = events->back().term_skipped();
-  EXPECT_EQ(skipped.stage(), "features");
-  EXPECT_EQ(skipped.term(), "perception");
+  EXPECT_EQ(skipped.stage(), v1::JOB_STAGE_FEATURES);
+  EXPECT_EQ(skipped.term(), v1::JobEvent::TermSkipped::TERM_PERCEPTION);
   EXPECT_EQ(skipped.reason(), "no training view has a depth prior");
 }
 
@@ -176,7 +176,7 @@ TEST_F(WorkerProgressTest, AlwaysReportsTheFirstAndTheLastStep) {
   ASSERT_EQ(told.size(), 2u);
   EXPECT_EQ(told[0].step(), 1);
   EXPECT_EQ(told[1].step(), 10);
-  EXPECT_EQ(told[1].stage(), "reconstruct");
+  EXPECT_EQ(told[1].stage(), v1::JOB_STAGE_RECONSTRUCT);
   EXPECT_EQ(told[1].eta().seconds(), 0);
   EXPECT_GT(told[1].memory_bytes(), 0);
 }

@@ -23,7 +23,7 @@ bool IsThere(pid_t pid) {
   return stat.good() && state != "Z";
 }
 
-bool HasBegun(const std::vector<v1::JobEvent>& events, const std::string& stage) {
+bool HasBegun(const std::vector<v1::JobEvent>& events, v1::JobStage stage) {
   return std::any_of(events.begin(), events.end(), [&](const v1::JobEvent& event) {
     return event.has_stage_started() && event.stage_started().stage() == stage;
   });
@@ -43,7 +43,7 @@ TEST_F(WorkerSfmTest, MakesAModelOfPhotographsAlone) {
   std::map<std::string, std::string> last;  // by activity
   for (const v1::JobEvent& event : Events()) {
     const v1::JobProgress& progress = event.progress();
-    if (progress.stage() != "sfm") continue;
+    if (progress.stage() != v1::JOB_STAGE_SFM) continue;
     EXPECT_EQ(progress.stage_number(), 2);
     EXPECT_EQ(progress.num_stages(), 7);
     last[progress.activity()] =
@@ -61,7 +61,7 @@ TEST_F(WorkerSfmTest, UsesPosesOfAnEarlierAttempt) {
   // The state that an attempt leaves which was stopped during the next stage.
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto first = Launch(getpid());
-  for (int i = 0; i < 12000 && !HasBegun(Events(), "reconstruct"); ++i) {
+  for (int i = 0; i < 12000 && !HasBegun(Events(), v1::JOB_STAGE_RECONSTRUCT); ++i) {
     absl::SleepFor(absl::Milliseconds(10));
   }
   first->Signal(SIGTERM);

@@ -40,10 +40,10 @@ TEST_F(WorkerTest, MakesAModelOfPhotographs) {
 
 TEST_F(WorkerTest, ReportsEveryStage) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
-  std::vector<std::string> stages;
-  std::map<std::string, int64_t> last_steps;
+  std::vector<v1::JobStage> stages;
+  std::map<v1::JobStage, int64_t> last_steps;
   double psnr = 0;
-  std::string stage_of_quality;
+  v1::JobStage stage_of_quality = v1::JOB_STAGE_UNSPECIFIED;
   for (const v1::JobEvent& event : Events()) {
     if (event.has_stage_started()) stages.push_back(event.stage_started().stage());
     if (event.has_progress()) last_steps[event.progress().stage()] = event.progress().step();
@@ -54,12 +54,14 @@ TEST_F(WorkerTest, ReportsEveryStage) {
       stage_of_quality = event.stage_ended().stage();
     }
   }
-  EXPECT_THAT(stages, ::testing::ElementsAre("prepare", "sfm", "priors", "reconstruct", "evaluate",
-                                             "features", "index"));
-  EXPECT_EQ(last_steps["reconstruct"], 60);
-  EXPECT_EQ(last_steps["features"], 20);
+  EXPECT_THAT(stages,
+              ::testing::ElementsAre(v1::JOB_STAGE_PREPARE, v1::JOB_STAGE_SFM, v1::JOB_STAGE_PRIORS,
+                                     v1::JOB_STAGE_RECONSTRUCT, v1::JOB_STAGE_EVALUATE,
+                                     v1::JOB_STAGE_FEATURES, v1::JOB_STAGE_INDEX));
+  EXPECT_EQ(last_steps[v1::JOB_STAGE_RECONSTRUCT], 60);
+  EXPECT_EQ(last_steps[v1::JOB_STAGE_FEATURES], 20);
   EXPECT_GT(psnr, 5);
-  EXPECT_EQ(stage_of_quality, "features");
+  EXPECT_EQ(stage_of_quality, v1::JOB_STAGE_FEATURES);
 }
 
 TEST_F(WorkerTest, StopsAtTheNextStepOnSigterm) {

@@ -68,6 +68,25 @@ TEST(Crc32c, MatchesThePublishedCheckValues) {
   EXPECT_EQ(Crc32c(std::string("6789"), Crc32c("12345")), 0xe3069283u);
 }
 
+// Stages were texts before they were an enum: such an event is read without its stage.
+TEST_F(EventLogTest, ReadsEventsFromBeforeStagesWereAnEnum) {
+  v1::JobEvent old;
+  v1::JobProgress& progress = *old.mutable_progress();
+  progress.set_step(7);
+  auto& fields = *progress.GetReflection()->MutableUnknownFields(&progress);
+  fields.AddLengthDelimited(1, "reconstruct");
+  fields.AddVarint(7, 3);  // num_culled_degenerate
+  auto writer = EventLogWriter::Open(path_);
+  ASSERT_TRUE(writer.ok()) << writer.status();
+  ASSERT_TRUE((*writer)->Append(old).ok());
+  EventLogReader reader(path_);
+  const auto events = reader.Read();
+  ASSERT_TRUE(events.ok()) << events.status();
+  ASSERT_EQ(events->size(), 1u);
+  EXPECT_EQ(events->front().progress().step(), 7);
+  EXPECT_EQ(events->front().progress().stage(), v1::JOB_STAGE_UNSPECIFIED);
+}
+
 TEST_F(EventLogTest, NumbersEventsAcrossWriters) {
   Append({"a", "b"});
   Append({"c"});

@@ -217,7 +217,7 @@ def make_jobs():
     put("job_files", "result", json.dumps(
         {"code": 0, "message": "", "metrics": {"psnr": 20.5}, "num_gaussians": 3, "num_bytes": 4,
          "sources": {"poses": "given"}}))
-    put("event_log", "started", message("JobEvent", 'sequence: 1 stage_started { stage: "sfm" }'))
+    put("event_log", "started", message("JobEvent", 'sequence: 1 stage_started { stage: JOB_STAGE_SFM }'))
     put("event_log", "first", message("JobEvent", "sequence: 7"))
     names = ["images/a.jpg", "scenes/shelf", "scenes/shelf/models/live", "scenes/shelf/datasets/12",
              "scenes/shelf/labels/red", "jobs/j12", "read,train", "../../etc/passwd",
@@ -230,8 +230,7 @@ def make_jobs():
 MODEL = 'model: "scenes/shelf/models/live" '
 POINT = 'prompt { view { view: "middle.jpg" } points { points { x: 12 y: 16 } } } '
 FREE = ("free { camera { width: 32 height: 32 fx: 40 fy: 40 cx: 16 cy: 16 } cam_from_world { "
-        "rotation: 1 rotation: 0 rotation: 0 rotation: 0 translation: 0 translation: 0 "
-        "translation: 0 } } ")
+        "rotation { w: 1 } translation { z: 0.5 } } } ")
 
 
 def make_requests():
@@ -254,26 +253,27 @@ def make_requests():
         "png": 'prompt { view { view: "front" } mask { png: "%s" } } ' % png_text,
     }
     for name, prompt in prompts.items():
-        put("segment_request", name, message("SegmentRequest", MODEL + prompt +
+        put("segment_request", name, message("SegmentViewsRequest", MODEL + prompt +
             "granularity { scale_quantile: 0.3 threshold: 0.5 }"))
-    put("segment_request", "all_views", message("SegmentRequest", MODEL + POINT +
+    put("segment_request", "all_views", message("SegmentViewsRequest", MODEL + POINT +
         "granularity { scale_units: 1.5 } targets { group: GROUP_HELD_OUT } want_similarity: true"))
-    put("segment_request", "free", message("SegmentRequest", MODEL +
+    put("segment_request", "free", message("SegmentViewsRequest", MODEL +
         "prompt { view { " + FREE + "} points { points { x: 12 y: 16 } } }"))
     put("propose_request", "points", message("ProposeScalesRequest", MODEL + POINT +
                                              "max_proposals: 3"))
     labels = 'labels { view: "%s" png: "%s" } '
     evaluate = (MODEL + labels % ("middle.jpg", png_text) + labels % ("left/0.jpg", png_text) +
                 "options { scales: 0.1 scales: 0.5 thresholds: 0.5 }")
-    put("evaluate_request", "two", message("EvaluateRequest", evaluate))
+    put("evaluate_request", "two", message("EvaluateModelRequest", evaluate))
     return evaluate
 
 
 def services():
     """Returns the methods that rpc_calls_fuzz.cc numbers, in its order."""
     left_out = {"DeleteScene", "DeleteModel"}
+    names = ("dataset", "evaluation", "job", "label", "render", "scene", "segmentation", "selection")
     methods = []
-    for service in ("dataset", "job", "scene", "segmentation"):
+    for service in names:
         for line in (PROTO / "pepeseg/v1" / (service + "_service.proto")).read_text().splitlines():
             words = line.replace("(", " ").replace(")", " ").replace("stream ", "").split()
             if words[:1] == ["rpc"] and words[1] not in left_out:
@@ -289,22 +289,23 @@ def make_calls(evaluate):
                         % ("ab" * 32),
         "TrainScene": 'scene: "scenes/shelf" dataset: "scenes/shelf/datasets/1" validate_only: true',
         "EstimateTraining": 'scene: "scenes/shelf" dataset: "scenes/shelf/datasets/1"',
+        "GetDataset": 'name: "scenes/shelf/datasets/1"', "GetLabel": 'name: "scenes/shelf/labels/red"',
         "GetJob": 'name: "jobs/j1"', "CancelJob": 'name: "jobs/j1"', "WatchJob": 'name: "jobs/j1"',
-        "Segment": MODEL + POINT, "ProposeScales": MODEL + POINT, "Evaluate": evaluate,
-        "SegmentStream": "sequence: 1 segment { " + MODEL + POINT + "}",
-        "Decompose": MODEL, "Select": MODEL + POINT,
+        "SegmentViews": MODEL + POINT, "ProposeScales": MODEL + POINT, "EvaluateModel": evaluate,
+        "StreamSegments": "sequence: 1 segment { " + MODEL + POINT + "}",
+        "DecomposeModel": MODEL, "CreateSelection": MODEL + POINT,
         "CreateLabel": scene + 'label_id: "red" label { text: "red" view: "middle.jpg" mask { rle { '
                        'height: 64 width: 96 counts: "00P6" } } }',
         "CombineSelections": 'first: "scenes/shelf/selections/1" second: '
                              '"scenes/shelf/selections/2" operation: SET_OPERATION_UNION',
-        "Render": MODEL + 'viewpoint { view: "middle.jpg" } content: CONTENT_DEPTH',
-        "ExportSelection": MODEL + "subset { segment { level: 1 id: 1 } }",
+        "RenderView": MODEL + 'viewpoint { view: "middle.jpg" } content: CONTENT_DEPTH',
+        "ExportGaussians": MODEL + "subset { segment { level: 1 id: 1 } }",
         "ListJobs": "page_size: 3", "GetModel": 'name: "scenes/shelf/models/live"', "ListScenes": "page_size: 3",
         "ListViews": 'parent: "scenes/shelf/models/live"',
     }
     for index, (method, kind) in enumerate(services()):
         text = texts.get(method, scene if method.startswith("List") else "")
-        if method in ("GetUpload", "SealUpload"):
+        if method in ("GetUpload", "SealUpload", "DeleteUpload"):
             text = 'name: "scenes/shelf/uploads/1"'
         try:
             body = message(kind, text)

@@ -6,6 +6,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <memory>
 #include <optional>
@@ -27,6 +28,11 @@ using google::protobuf::MethodDescriptor;
 
 constexpr std::chrono::seconds kDeadline{2};
 
+// The order decides which method a first byte stands for; the corpus is made in the same order.
+constexpr std::array kServices = {"DatasetService",      "EvaluationService", "JobService",
+                                  "LabelService",        "RenderService",     "SceneService",
+                                  "SegmentationService", "SelectionService"};
+
 // Methods that would remove what the other calls need.
 const std::set<std::string>& LeftOut() {
   static const std::set<std::string> names = {"DeleteScene", "DeleteModel"};
@@ -35,7 +41,7 @@ const std::set<std::string>& LeftOut() {
 
 std::vector<const MethodDescriptor*> FindMethods() {
   std::vector<const MethodDescriptor*> methods;
-  for (const char* name : {"DatasetService", "JobService", "SceneService", "SegmentationService"}) {
+  for (const char* name : kServices) {
     const auto* service = google::protobuf::DescriptorPool::generated_pool()->FindServiceByName(
         absl::StrCat("pepeseg.v1.", name));
     Expect(service != nullptr, "the services of the contract");

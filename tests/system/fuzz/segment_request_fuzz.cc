@@ -4,7 +4,7 @@
 #include "tests/system/fuzz/small_model.h"
 
 // A request that is accepted is answered, or refused by the model with a reason.
-PEPESEG_FUZZ_MESSAGE(segment_request, pepeseg::v1::SegmentRequest) {
+PEPESEG_FUZZ_MESSAGE(segment_request, pepeseg::v1::SegmentViewsRequest) {
   static pepeseg::fuzz::SmallModel small;
   const auto asked = small.reader().Read(message);
   if (!asked.ok()) return;

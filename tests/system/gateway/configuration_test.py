@@ -20,9 +20,9 @@ GATEWAY = SOURCE / 'deploy/gateway'
 HAPROXY = (GATEWAY / 'haproxy.cfg').read_text()
 ENVOY = yaml.safe_load((GATEWAY / 'envoy.yaml').read_text())
 # Streams whose messages the gateway does not keep.
-CONVERSATIONS = {'/pepeseg.v1.SegmentationService/SegmentStream'}
+CONVERSATIONS = {'/pepeseg.v1.SegmentationService/StreamSegments'}
 # Unary calls that may take an hour.
-LONG = {'/pepeseg.v1.SegmentationService/Evaluate'}
+LONG = {'/pepeseg.v1.EvaluationService/EvaluateModel'}
 failures = []
 
 

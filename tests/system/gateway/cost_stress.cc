@@ -113,12 +113,12 @@ TEST_F(OneServer, AnswersThroughTheGatewayHardlySlower) {
   ASSERT_OK_AND_ASSIGN(const v1::Job job, client.Train("s0", dataset, {}));
   ASSERT_OK(client.WaitForJob(job.name()));
   const auto ask = [](v1::SegmentationService::Stub& stub) {
-    const v1::SegmentRequest request = SteadyLoad::Question("s0");
+    const v1::SegmentViewsRequest request = SteadyLoad::Question("s0");
     grpc::ClientContext context;
     context.AddMetadata("x-scene", "s0");
-    v1::SegmentResponse response;
+    v1::SegmentViewsResponse response;
     const absl::Time start = absl::Now();
-    const grpc::Status status = stub.Segment(&context, request, &response);
+    const grpc::Status status = stub.SegmentViews(&context, request, &response);
     EXPECT_TRUE(status.ok()) << status.error_message();
     return absl::Now() - start;
   };

@@ -63,9 +63,9 @@ struct LoadedFleet : ::testing::Test {
     for (int i = 0; i < kNumScenes; ++i) {
       grpc::ClientContext context;
       context.AddMetadata("x-scene", SteadyLoad::SceneId(i));
-      v1::SegmentResponse response;
+      v1::SegmentViewsResponse response;
       const grpc::Status status =
-          stub->Segment(&context, SteadyLoad::Question(SteadyLoad::SceneId(i)), &response);
+          stub->SegmentViews(&context, SteadyLoad::Question(SteadyLoad::SceneId(i)), &response);
       ASSERT_TRUE(status.ok()) << status.error_message();
     }
   }

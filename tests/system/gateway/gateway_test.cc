@@ -10,6 +10,7 @@
 #include "absl/strings/str_split.h"
 #include "absl/time/clock.h"
 #include "pepeseg/v1/errors.pb.h"
+#include "server/store/error_detail.h"
 #include "tests/system/gateway/gateway_fixture.h"
 
 namespace pepeseg::testing {
@@ -22,11 +23,8 @@ using ::testing::StartsWith;
 
 std::string ReasonOf(const grpc::Status& status) {
   v1::Status details;
-  v1::ErrorDetail detail;
-  if (details.ParseFromString(status.error_details()) && details.details_size() == 1) {
-    details.details(0).UnpackTo(&detail);
-  }
-  return detail.reason();
+  return details.ParseFromString(status.error_details()) ? UnpackDetail(details.details()).reason
+                                                         : "";
 }
 
 // Calls any method, without a message.
@@ -210,9 +208,10 @@ TEST_F(GatewayTest, LimitsHeaders) {
 
 TEST_F(GatewayTest, HidesAdminServiceAndReflection) {
   const auto channel = fleet().Connect(fleet().MakeKey("lab", {v1::SCOPE_OPERATE}));
-  for (const char* path : {"/pepeseg.v1.AdminService/GetStatus", "/pepeseg.v1.AdminService/Drain",
-                           "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
-                           "/grpc.health.v1.Health/Watch", "/", "/pepeseg.v1.Nothing/X"}) {
+  for (const char* path :
+       {"/pepeseg.v1.AdminService/GetServerStatus", "/pepeseg.v1.AdminService/DrainServer",
+        "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
+        "/grpc.health.v1.Health/Watch", "/", "/pepeseg.v1.Nothing/X"}) {
     EXPECT_THAT(TextOf(Ask(channel, path)), StartsWith("UNIMPLEMENTED: the gateway knows no"))
         << path;
   }

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "pepeseg/v1/errors.pb.h"
+#include "server/store/error_detail.h"
 #include "tests/system/stress/load_calls.h"
 
 namespace pepeseg::testing {
@@ -19,12 +20,9 @@ namespace {
 // second if the server was lost.
 std::chrono::milliseconds PauseAfter(const grpc::Status& status) {
   v1::Status details;
-  v1::ErrorDetail detail;
-  if (details.ParseFromString(status.error_details()) && details.details_size() == 1 &&
-      details.details(0).UnpackTo(&detail) && detail.has_retry_after()) {
-    return std::chrono::milliseconds(detail.retry_after().seconds() * 1000 +
-                                     detail.retry_after().nanos() / 1'000'000);
-  }
+  details.ParseFromString(status.error_details());
+  const std::optional<absl::Duration> retry_after = UnpackDetail(details.details()).retry_after;
+  if (retry_after) return absl::ToChronoMilliseconds(*retry_after);
   return std::chrono::milliseconds(250);
 }
 
@@ -32,17 +30,17 @@ std::chrono::milliseconds PauseAfter(const grpc::Status& status) {
 
 struct SteadyLoad::Call {
   v1::SegmentationService::Stub* stub;
-  v1::SegmentRequest request;
+  v1::SegmentViewsRequest request;
   std::string scene;
   bool is_second = false;
   absl::Time start = absl::Now();
   grpc::Alarm pause;  // pause before the second call
   std::unique_ptr<grpc::ClientContext> context;
-  v1::SegmentResponse response;
+  v1::SegmentViewsResponse response;
 };
 
-v1::SegmentRequest SteadyLoad::Question(const std::string& scene) {
-  v1::SegmentRequest request = ::pepeseg::Question();
+v1::SegmentViewsRequest SteadyLoad::Question(const std::string& scene) {
+  v1::SegmentViewsRequest request = ::pepeseg::Question();
   request.set_model(absl::StrCat("scenes/", scene, "/models/live"));
   return request;
 }
@@ -77,7 +75,7 @@ void SteadyLoad::Start(std::shared_ptr<Call> call) {
   call->context->AddMetadata("x-scene", call->scene);
   call->context->set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
   Call& started = *call;
-  started.stub->async()->Segment(
+  started.stub->async()->SegmentViews(
       started.context.get(), &started.request, &started.response,
       [this, call = std::move(call)](const grpc::Status& status) { Answered(call, status); });
 }

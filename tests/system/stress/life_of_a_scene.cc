@@ -54,8 +54,8 @@ bool WriteFile(grpc::ClientWriter<v1::WriteFilesRequest>& stream, const std::str
   return open && stream.Write(part);
 }
 
-v1::SegmentRequest Question(const std::string& model) {
-  v1::SegmentRequest request;
+v1::SegmentViewsRequest Question(const std::string& model) {
+  v1::SegmentViewsRequest request;
   request.set_model(model);
   request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
   auto& point = *request.mutable_prompt()->mutable_points()->add_points();
@@ -73,7 +73,9 @@ struct LifeOfAScene::Stubs {
       : scenes(v1::SceneService::NewStub(channel)),
         datasets(v1::DatasetService::NewStub(channel)),
         jobs(v1::JobService::NewStub(channel)),
-        segmentation(v1::SegmentationService::NewStub(channel)) {}
+        segmentation(v1::SegmentationService::NewStub(channel)),
+        labels(v1::LabelService::NewStub(channel)),
+        selections(v1::SelectionService::NewStub(channel)) {}
 
   template <typename Stub, typename Request, typename Response>
   static absl::Status Call(Stub& stub,
@@ -89,6 +91,8 @@ struct LifeOfAScene::Stubs {
   std::unique_ptr<v1::DatasetService::Stub> datasets;
   std::unique_ptr<v1::JobService::Stub> jobs;
   std::unique_ptr<v1::SegmentationService::Stub> segmentation;
+  std::unique_ptr<v1::LabelService::Stub> labels;
+  std::unique_ptr<v1::SelectionService::Stub> selections;
 };
 
 absl::Status LifeOfAScene::Wrong(const std::string& what) {
@@ -206,8 +210,8 @@ absl::Status LifeOfAScene::Train(Stubs& stubs) {
 }
 
 absl::Status LifeOfAScene::Ask(Stubs& stubs) {
-  v1::SegmentResponse response;
-  RETURN_IF_ERROR(Stubs::Call(*stubs.segmentation, &v1::SegmentationService::Stub::Segment,
+  v1::SegmentViewsResponse response;
+  RETURN_IF_ERROR(Stubs::Call(*stubs.segmentation, &v1::SegmentationService::Stub::SegmentViews,
                               Question(absl::StrCat(scene_, "/models/live")), &response));
   RETURN_IF_ERROR(Remember(model_, response.model(), "live model"));
   if (response.masks_size() != 1) return Wrong("no mask");
@@ -215,7 +219,8 @@ absl::Status LifeOfAScene::Ask(Stubs& stubs) {
 }
 
 absl::Status LifeOfAScene::Keep(Stubs& stubs) {
-  using Service = v1::SegmentationService::Stub;
+  using Labels = v1::LabelService::Stub;
+  using Selections = v1::SelectionService::Stub;
   if (!label_deleted_) {
     v1::CreateLabelRequest request;
     request.set_parent(scene_);
@@ -225,17 +230,17 @@ absl::Status LifeOfAScene::Keep(Stubs& stubs) {
     request.mutable_label()->set_view("middle.jpg");
     request.mutable_label()->mutable_mask()->mutable_rle()->ParseFromString(mask_);
     v1::Label label;
-    RETURN_IF_ERROR(Stubs::Call(*stubs.segmentation, &Service::CreateLabel, request, &label));
+    RETURN_IF_ERROR(Stubs::Call(*stubs.labels, &Labels::CreateLabel, request, &label));
     RETURN_IF_ERROR(Remember(label_, label.name(), "label"));
   }
-  v1::SelectRequest select;
-  const v1::SegmentRequest question = Question(model_);
+  v1::CreateSelectionRequest select;
+  const v1::SegmentViewsRequest question = Question(model_);
   select.set_model(model_);
   *select.mutable_prompt() = question.prompt();
   *select.mutable_granularity() = question.granularity();
   select.set_request_id("select");
   v1::Selection selection;
-  RETURN_IF_ERROR(Stubs::Call(*stubs.segmentation, &Service::Select, select, &selection));
+  RETURN_IF_ERROR(Stubs::Call(*stubs.selections, &Selections::CreateSelection, select, &selection));
   RETURN_IF_ERROR(Remember(selection_, selection.name(), "selection"));
   v1::CombineSelectionsRequest combine;
   combine.set_first(selection_);
@@ -243,13 +248,12 @@ absl::Status LifeOfAScene::Keep(Stubs& stubs) {
   combine.set_operation(v1::SET_OPERATION_UNION);
   combine.set_request_id("combine");
   RETURN_IF_ERROR(
-      Stubs::Call(*stubs.segmentation, &Service::CombineSelections, combine, &selection));
+      Stubs::Call(*stubs.selections, &Selections::CombineSelections, combine, &selection));
   RETURN_IF_ERROR(Remember(second_, selection.name(), "combined selection"));
   v1::DeleteLabelRequest remove;
   remove.set_name(label_);
   google::protobuf::Empty nothing;
-  const absl::Status removed =
-      Stubs::Call(*stubs.segmentation, &Service::DeleteLabel, remove, &nothing);
+  const absl::Status removed = Stubs::Call(*stubs.labels, &Labels::DeleteLabel, remove, &nothing);
   // NOT_FOUND: an earlier deletion, whose answer was lost, has happened.
   if (!removed.ok() && !absl::IsNotFound(removed)) return removed;
   label_deleted_ = true;
@@ -276,7 +280,7 @@ absl::Status LifeOfAScene::Check(const std::shared_ptr<grpc::Channel>& channel) 
     v1::GetSelectionRequest request;
     request.set_name(selection_);
     v1::Selection selection;
-    RETURN_IF_ERROR(Stubs::Call(*stubs.segmentation, &v1::SegmentationService::Stub::GetSelection,
+    RETURN_IF_ERROR(Stubs::Call(*stubs.selections, &v1::SelectionService::Stub::GetSelection,
                                 request, &selection));
   }
   return mask_.empty() ? absl::OkStatus() : Ask(stubs);

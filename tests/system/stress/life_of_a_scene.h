@@ -9,8 +9,10 @@
 #include "absl/status/status.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
 #include "pepeseg/v1/job_service.grpc.pb.h"
+#include "pepeseg/v1/label_service.grpc.pb.h"
 #include "pepeseg/v1/scene_service.grpc.pb.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
+#include "pepeseg/v1/selection_service.grpc.pb.h"
 
 namespace pepeseg {
 

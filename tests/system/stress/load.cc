@@ -41,7 +41,7 @@ LoadedServer::LoadedServer(const std::string& worker) : running(worker, Observed
 v1::ServerStatus LoadedServer::Status() {
   grpc::ClientContext context;
   v1::ServerStatus status;
-  const grpc::Status answer = running.admin->GetStatus(&context, {}, &status);
+  const grpc::Status answer = running.admin->GetServerStatus(&context, {}, &status);
   EXPECT_TRUE(answer.ok()) << answer.error_message();
   return status;
 }
@@ -69,11 +69,11 @@ double LoadedServer::Metric(const std::string& name) {
 WatchersReport RunWatchers(LoadedServer& server, int num_watchers, absl::Duration duration) {
   const int port = server.running.server->port();
   const auto asking = v1::SegmentationService::NewStub(ConnectTo(port));
-  const v1::SegmentRequest question = Question();
+  const v1::SegmentViewsRequest question = Question();
   const auto ask = [&](Calls& calls, const std::function<void(const grpc::Status&)>& next) {
-    calls.Begin<v1::SegmentResponse>(
+    calls.Begin<v1::SegmentViewsResponse>(
         [&](auto* context, auto* response, auto done) {
-          asking->async()->Segment(context, &question, response, std::move(done));
+          asking->async()->SegmentViews(context, &question, response, std::move(done));
         },
         next);
   };

@@ -20,8 +20,8 @@ namespace pepeseg {
 
 inline constexpr char kModel[] = "scenes/shelf/models/live";
 
-inline v1::SegmentRequest Question() {
-  v1::SegmentRequest request;
+inline v1::SegmentViewsRequest Question() {
+  v1::SegmentViewsRequest request;
   request.set_model(kModel);
   request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
   auto& point = *request.mutable_prompt()->mutable_points()->add_points();

@@ -66,20 +66,20 @@ std::shared_ptr<grpc::Channel> ConnectNarrowly(int port) {
 
 UnreadReport RunUnread(LoadedServer& server, int num_streams) {
   const auto channel = ConnectNarrowly(server.running.server->port());
-  const auto asking = v1::SegmentationService::NewStub(channel);
+  const auto asking = v1::RenderService::NewStub(channel);
   const auto jobs = v1::JobService::NewStub(channel);
   UnreadReport report;
   report.rss_before = MeasureProcess().resident_bytes;
-  v1::ExportSelectionRequest request;
+  v1::ExportGaussiansRequest request;
   request.set_model(kModel);
   v1::WatchJobRequest watch;
   watch.set_name(server.idle_job);
   std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
-  std::vector<std::unique_ptr<grpc::ClientReader<v1::ExportSelectionResponse>>> exports;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::ExportGaussiansResponse>>> exports;
   std::vector<std::unique_ptr<grpc::ClientReader<v1::JobEvent>>> watchers;
   for (int i = 0; i < num_streams / 2; ++i) {
     contexts.push_back(std::make_unique<grpc::ClientContext>());
-    exports.push_back(asking->ExportSelection(contexts.back().get(), request));
+    exports.push_back(asking->ExportGaussians(contexts.back().get(), request));
     contexts.push_back(std::make_unique<grpc::ClientContext>());
     watchers.push_back(jobs->WatchJob(contexts.back().get(), watch));
   }
@@ -97,12 +97,13 @@ namespace {
 
 // Exports the red square, which is half of the model.
 v1::Selection SelectHalf(LoadedServer& server, const std::string& model) {
-  v1::SelectRequest request;
+  v1::CreateSelectionRequest request;
   request.set_model(model);
   *request.mutable_prompt() = Question().prompt();
   v1::Selection selection;
   grpc::ClientContext context;
-  const grpc::Status status = server.running.segmentation->Select(&context, request, &selection);
+  const grpc::Status status =
+      server.running.selections->CreateSelection(&context, request, &selection);
   EXPECT_TRUE(status.ok()) << status.error_message();
   return selection;
 }
@@ -122,22 +123,21 @@ UnreadExportsReport RunUnreadExports(LoadedServer& server, int num_streams) {
   EXPECT_TRUE(server.running.jobs->CancelJob(&cancelling, cancel, &cancelled).ok());
   server.running.CreateScene("large");
   server.running.Await(server.running.Train("large", "large.model").name());
-  v1::ExportSelectionRequest request;
+  v1::ExportGaussiansRequest request;
   request.set_model("scenes/large/models/1");
   request.mutable_subset()->set_selection(SelectHalf(server, request.model()).name());
-  const auto asking =
-      v1::SegmentationService::NewStub(ConnectNarrowly(server.running.server->port()));
+  const auto asking = v1::RenderService::NewStub(ConnectNarrowly(server.running.server->port()));
   UnreadExportsReport report;
   report.rss_before = MeasureProcess().resident_bytes;
   report.reserved_before = ReservedBytes(server);
   std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
-  std::vector<std::unique_ptr<grpc::ClientReader<v1::ExportSelectionResponse>>> exports;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::ExportGaussiansResponse>>> exports;
   for (int i = 0; i < num_streams; ++i) {
     contexts.push_back(std::make_unique<grpc::ClientContext>());
-    exports.push_back(asking->ExportSelection(contexts.back().get(), request));
+    exports.push_back(asking->ExportGaussians(contexts.back().get(), request));
   }
   for (const auto& reader : exports) {
-    v1::ExportSelectionResponse part;
+    v1::ExportGaussiansResponse part;
     EXPECT_TRUE(reader->Read(&part));
     report.export_bytes = part.header().num_bytes();
   }
@@ -169,7 +169,7 @@ grpc::Status AskAsTold(v1::JobService::Stub& jobs, const std::string& name) {
     v1::Job job;
     const grpc::Status status = jobs.GetJob(&context, request, &job);
     if (status.ok() || absl::Now() > deadline) return status;
-    const v1::ErrorDetail detail = DetailOf(status);
+    const v1::Error detail = DetailOf(status);
     if (detail.reason() != "BUSY") return status;
     absl::SleepFor(absl::Seconds(detail.retry_after().seconds()));
   }

@@ -32,8 +32,8 @@ int64_t Rss() {
 
 std::string ModelName(int model) { return absl::StrCat("scenes/m", model, "/models/1"); }
 
-v1::SegmentRequest QuestionOf(int model, int question) {
-  v1::SegmentRequest request;
+v1::SegmentViewsRequest QuestionOf(int model, int question) {
+  v1::SegmentViewsRequest request;
   request.set_model(ModelName(model));
   request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
   auto& point = *request.mutable_prompt()->mutable_points()->add_points();
@@ -42,7 +42,7 @@ v1::SegmentRequest QuestionOf(int model, int question) {
   request.mutable_granularity()->set_scale_quantile(0.5);
   request.mutable_granularity()->set_threshold(question < 2 ? 0.75 : 0.5);
   if (question >= 4) {
-    request.mutable_targets()->set_group(v1::SegmentRequest::Targets::GROUP_HELD_OUT);
+    request.mutable_targets()->set_group(v1::SegmentViewsRequest::Targets::GROUP_HELD_OUT);
   }
   return request;
 }
@@ -63,7 +63,7 @@ class ResidencyStress {
     AskForLong();
     UnloadAll();
     report_.rss_after = Rss();
-    const v1::ListResidentResponse last = List();
+    const v1::ListResidentModelsResponse last = List();
     report_.left_reserved = last.host().reserved_bytes();
     report_.left_in_use = last.device_bytes_in_use();
     report_.num_loads = last.num_loads();
@@ -93,7 +93,7 @@ class ResidencyStress {
   void SampleUntil(absl::Time end);
   void UnloadAll();
   std::vector<std::string> Ask(int model, int question);
-  v1::ListResidentResponse List();
+  v1::ListResidentModelsResponse List();
   void CountError(const grpc::Status& status);
 
   const ResidencyStressSettings settings_;
@@ -126,12 +126,12 @@ void ResidencyStress::RecordAnswers() {
 
 std::vector<std::string> ResidencyStress::Ask(int model, int question) {
   grpc::ClientContext context;
-  v1::SegmentResponse response;
+  v1::SegmentViewsResponse response;
   const grpc::Status status =
-      running_.segmentation->Segment(&context, QuestionOf(model, question), &response);
+      running_.segmentation->SegmentViews(&context, QuestionOf(model, question), &response);
   std::vector<std::string> masks;
   masks.reserve(response.masks_size());
-  for (const v1::SegmentResponse::ViewMask& mask : response.masks())
+  for (const v1::SegmentViewsResponse::ViewMask& mask : response.masks())
     masks.push_back(mask.rle().counts());
   if (!status.ok()) CountError(status);
   return masks;
@@ -145,22 +145,22 @@ void ResidencyStress::CountError(const grpc::Status& status) {
   }
 }
 
-v1::ListResidentResponse ResidencyStress::List() {
+v1::ListResidentModelsResponse ResidencyStress::List() {
   grpc::ClientContext context;
-  v1::ListResidentResponse response;
-  const grpc::Status status = running_.admin->ListResident(&context, {}, &response);
+  v1::ListResidentModelsResponse response;
+  const grpc::Status status = running_.admin->ListResidentModels(&context, {}, &response);
   if (!status.ok()) CountError(status);
   return response;
 }
 
 void ResidencyStress::UnloadAll() {
-  const v1::ListResidentResponse list = List();
+  const v1::ListResidentModelsResponse list = List();
   for (const v1::ResidentModel& model : list.models()) {
     grpc::ClientContext unpinning, unloading;
-    v1::PinModelRequest unpin;
+    v1::UnpinModelRequest unpin;
     unpin.set_name(model.name());
     v1::ResidentModel unpinned;
-    running_.admin->PinModel(&unpinning, unpin, &unpinned);
+    running_.admin->UnpinModel(&unpinning, unpin, &unpinned);
     v1::UnloadModelRequest unload;
     unload.set_name(model.name());
     google::protobuf::Empty empty;
@@ -216,7 +216,6 @@ void ResidencyStress::Operate(absl::Time end) {
     grpc::ClientContext pinning, unloading, unpinning;
     v1::PinModelRequest pin;
     pin.set_name(name);
-    pin.set_pinned(true);
     v1::ResidentModel resident;
     running_.admin->PinModel(&pinning, pin, &resident);
     v1::UnloadModelRequest unload;
@@ -224,15 +223,16 @@ void ResidencyStress::Operate(absl::Time end) {
     google::protobuf::Empty empty;
     running_.admin->UnloadModel(&unloading, unload, &empty);
     absl::SleepFor(absl::Milliseconds(100));
-    pin.set_pinned(false);
-    running_.admin->PinModel(&unpinning, pin, &resident);
+    v1::UnpinModelRequest unpin;
+    unpin.set_name(name);
+    running_.admin->UnpinModel(&unpinning, unpin, &resident);
   }
 }
 
 void ResidencyStress::SampleUntil(absl::Time end) {
   while (absl::Now() < end) {
     absl::SleepFor(absl::Milliseconds(2));  // leaves the CPU to the queries
-    const v1::ListResidentResponse now = List();
+    const v1::ListResidentModelsResponse now = List();
     const int64_t rss = Rss();
     const std::lock_guard lock(mutex_);
     ++report_.num_samples;

@@ -87,7 +87,7 @@ TEST_F(SlurmTest, ResumesTheJobOfAKilledNodeOnAnother) {
   const std::string job = Train(client, 2500);
   const auto past = [](int64_t step) {
     return [step](const v1::Job& found) {
-      return found.stage() == "reconstruct" && found.progress().step() > step;
+      return found.stage() == v1::JOB_STAGE_RECONSTRUCT && found.progress().step() > step;
     };
   };
   WaitFor(client, job, past(1200));  // step 1,000 writes a checkpoint

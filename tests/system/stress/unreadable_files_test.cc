@@ -88,14 +88,14 @@ class UnreadableFiles : public ::testing::Test {
   }
 
   absl::StatusOr<std::string> ExportSelected(const std::shared_ptr<grpc::Channel>& channel) const {
-    const auto stub = v1::SegmentationService::NewStub(channel);
+    const auto stub = v1::RenderService::NewStub(channel);
     grpc::ClientContext context;
-    v1::ExportSelectionRequest request;
+    v1::ExportGaussiansRequest request;
     request.set_model(life_.model());
     request.mutable_subset()->set_selection(life_.selection());
-    const auto stream = stub->ExportSelection(&context, request);
+    const auto stream = stub->ExportGaussians(&context, request);
     std::string ply;
-    for (v1::ExportSelectionResponse part; stream->Read(&part);) ply += part.chunk().data();
+    for (v1::ExportGaussiansResponse part; stream->Read(&part);) ply += part.chunk().data();
     const grpc::Status status = stream->Finish();
     if (status.ok()) return Sha256Hex(ply);
     return absl::Status(static_cast<absl::StatusCode>(status.error_code()), status.error_message());

@@ -7,6 +7,7 @@ the right and y down, with a pixel's centre at + 0.5. Masks are bool [height, wi
 from pepeseg.cameras import Camera, View
 from pepeseg.client import Client, Selection
 from pepeseg.dataset import Dataset, DatasetFile, FileKind, read_folder
+from pepeseg.enum_words import stage_name, term_name
 from pepeseg.errors import (
     AbortedError,
     AlreadyExistsError,
@@ -79,4 +80,6 @@ __all__ = [
     "ViewMask",
     "option_names",
     "read_folder",
+    "stage_name",
+    "term_name",
 ]

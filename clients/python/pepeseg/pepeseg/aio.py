@@ -223,6 +223,9 @@ class Client(SceneClient):
     views = awaited(cameras.views)
 
     upload = awaited(of_uploads.upload)
+    datasets = awaited(of_uploads.list_datasets)
+    dataset = awaited(of_uploads.get_dataset)
+    delete_upload = awaited(of_uploads.delete_upload)
     photograph = awaited(of_photographs.photograph)
     train = awaited(training.train)
     start_training = awaited(training.start_training)
@@ -238,6 +241,7 @@ class Client(SceneClient):
     export = awaited(subsets.export)
 
     label = awaited(of_labels.label)
+    get_label = awaited(of_labels.get_label)
     labels = awaited(of_labels.list_labels)
     delete_label = awaited(of_labels.delete_label)
 

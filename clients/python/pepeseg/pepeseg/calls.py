@@ -19,8 +19,11 @@ from pepeseg import errors
 from pepeseg.v1 import (
     dataset_service_pb2_grpc,
     job_service_pb2_grpc,
+    label_service_pb2_grpc,
+    render_service_pb2_grpc,
     scene_service_pb2_grpc,
     segmentation_service_pb2_grpc,
+    selection_service_pb2_grpc,
 )
 
 T = TypeVar("T")
@@ -100,6 +103,9 @@ class Services:
             "datasets": dataset_service_pb2_grpc.DatasetServiceStub,
             "jobs": job_service_pb2_grpc.JobServiceStub,
             "segmentation": segmentation_service_pb2_grpc.SegmentationServiceStub,
+            "labels": label_service_pb2_grpc.LabelServiceStub,
+            "selections": selection_service_pb2_grpc.SelectionServiceStub,
+            "rendering": render_service_pb2_grpc.RenderServiceStub,
         }
         self._stubs = {name: stub(channel) for name, stub in stubs.items()}
 

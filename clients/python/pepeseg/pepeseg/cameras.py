@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from pepeseg.calls import Place, Steps, all_pages
 from pepeseg.errors import refused
-from pepeseg.v1 import prompt_pb2, scene_service_pb2
+from pepeseg.v1 import geometry_pb2, prompt_pb2, scene_service_pb2
 
 Matrix = npt.NDArray[np.float64]
 
@@ -60,8 +60,8 @@ class View:
 Viewpoint = Union[str, View, Camera]
 
 
-def _to_quaternion(rotation: Matrix) -> list[float]:
-    """Returns a rotation [3, 3] as w, x, y, z: an eigenvector of Bar-Itzhack's symmetric matrix."""
+def _to_quaternion(rotation: Matrix) -> geometry_pb2.Quaternion:
+    """Converts a rotation [3, 3]: an eigenvector of Bar-Itzhack's symmetric matrix."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
     symmetric = np.array(
         [
@@ -71,19 +71,21 @@ def _to_quaternion(rotation: Matrix) -> list[float]:
             [yx - xy, xz + zx, yz + zy, zz - xx - yy],
         ]
     )
-    quaternion: list[float] = np.linalg.eigh(symmetric)[1][:, 3].tolist()
-    return quaternion
+    w, x, y, z = np.linalg.eigh(symmetric)[1][:, 3]
+    return geometry_pb2.Quaternion(w=w, x=x, y=y, z=z)
 
 
-def _to_matrix(transform: scene_service_pb2.RigidTransform) -> Matrix:
-    w, x, y, z = np.array(transform.rotation) / np.linalg.norm(transform.rotation)
+def _to_matrix(transform: geometry_pb2.RigidTransform) -> Matrix:
+    rotation, translation = transform.rotation, transform.translation
+    quaternion = np.array([rotation.w, rotation.x, rotation.y, rotation.z])
+    w, x, y, z = quaternion / np.linalg.norm(quaternion)
     matrix = np.eye(4)
     matrix[:3, :3] = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
-    matrix[:3, 3] = transform.translation
+    matrix[:3, 3] = translation.x, translation.y, translation.z
     return matrix
 
 
@@ -94,8 +96,9 @@ def _free_camera(camera: Camera) -> prompt_pb2.Viewpoint.FreeCamera:
     rotation = matrix[:3, :3]
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
         raise refused("cam_from_world: its upper left [3, 3] is no rotation")
+    x, y, z = matrix[:3, 3]
     return prompt_pb2.Viewpoint.FreeCamera(
-        camera=scene_service_pb2.PinholeCamera(
+        camera=geometry_pb2.PinholeCamera(
             width=camera.width,
             height=camera.height,
             fx=camera.fx,
@@ -103,8 +106,8 @@ def _free_camera(camera: Camera) -> prompt_pb2.Viewpoint.FreeCamera:
             cx=camera.cx,
             cy=camera.cy,
         ),
-        cam_from_world=scene_service_pb2.RigidTransform(
-            rotation=_to_quaternion(rotation), translation=matrix[:3, 3].tolist()
+        cam_from_world=geometry_pb2.RigidTransform(
+            rotation=_to_quaternion(rotation), translation=geometry_pb2.Vector3(x=x, y=y, z=z)
         ),
     )
 

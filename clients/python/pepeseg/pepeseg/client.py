@@ -129,6 +129,9 @@ class Client(SceneClient):
     views = blocking(cameras.views)
 
     upload = blocking(of_uploads.upload)
+    datasets = blocking(of_uploads.list_datasets)
+    dataset = blocking(of_uploads.get_dataset)
+    delete_upload = blocking(of_uploads.delete_upload)
     photograph = blocking(of_photographs.photograph)
     train = blocking(training.train)
     start_training = blocking(training.start_training)
@@ -144,6 +147,7 @@ class Client(SceneClient):
     export = blocking(subsets.export)
 
     label = blocking(of_labels.label)
+    get_label = blocking(of_labels.get_label)
     labels = blocking(of_labels.list_labels)
     delete_label = blocking(of_labels.delete_label)
 

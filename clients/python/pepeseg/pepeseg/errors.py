@@ -2,20 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 import os
 from pathlib import Path
 import re
 import shlex
 import shutil
+from typing import Any
 
 from google.protobuf import message as protobuf
 import grpc
 
+from pepeseg.enum_words import stage_name
 from pepeseg.v1 import errors_pb2, job_service_pb2
 
 _HTTP_STATUS = "Received http2 header with status: "
+# Details have the names of google.rpc, so that other tools decode them.
+_DETAIL = "type.googleapis.com/google.rpc."
+_DOMAIN = "pepeseg"  # of our server's ErrorInfo
 # How gRPC names an address of this machine to which it could not connect.
 _NOBODY_HERE = re.compile(r"ipv4:(127\.[0-9.]+:[0-9]+)|(unix:[^\s:]+)")
+
+
+@dataclass(frozen=True)
+class Detail:
+    """What the server says about an error, next to code and message. `retry_after`: seconds."""
+
+    reason: str = ""
+    field: str = ""
+    resource: str = ""
+    limit: str = ""
+    value: str = ""
+    retry_after: float | None = None
 
 
 class PepesegError(Exception):
@@ -26,7 +44,9 @@ class PepesegError(Exception):
         code: the gRPC code.
         reason: for programs and stable, such as "BAD_FIELD" or "NO_MODEL"; empty if the error did
             not come from the server.
-        field, resource, limit, value: as in ErrorDetail of the contract; may be empty.
+        field: path of the request's field; may be empty.
+        resource: name of the resource that is missing or prevents the call; may be empty.
+        limit, value: the exceeded limit, and the value that exceeds it; may be empty.
         retry_after: seconds after which a repetition makes sense; None: waiting does not help.
     """
 
@@ -34,19 +54,18 @@ class PepesegError(Exception):
         self,
         message: str,
         code: grpc.StatusCode = grpc.StatusCode.UNKNOWN,
-        detail: errors_pb2.ErrorDetail | None = None,
+        detail: Detail | None = None,
     ) -> None:
         super().__init__(message)
         self.message = message
         self.code = code
-        self.reason: str = detail.reason if detail else ""
-        self.field: str = detail.field if detail else ""
-        self.resource: str = detail.resource if detail else ""
-        self.limit: str = detail.limit if detail else ""
-        self.value: str = detail.value if detail else ""
-        self.retry_after: float | None = None
-        if detail is not None and detail.HasField("retry_after"):
-            self.retry_after = detail.retry_after.seconds + detail.retry_after.nanos * 1e-9
+        known = detail or Detail()
+        self.reason = known.reason
+        self.field = known.field
+        self.resource = known.resource
+        self.limit = known.limit
+        self.value = known.value
+        self.retry_after = known.retry_after
 
 
 class InvalidArgumentError(PepesegError, ValueError):
@@ -150,18 +169,43 @@ _FROM_HTTP = {
 }
 
 
-def _read_detail(metadata: object) -> errors_pb2.ErrorDetail | None:
+def _seconds(message: Any, field: str) -> float | None:
+    """Returns a duration of `message` in seconds; None: it is absent."""
+    if not message.HasField(field):
+        return None
+    duration = getattr(message, field)
+    seconds: float = duration.seconds + duration.nanos * 1e-9
+    return seconds
+
+
+def _parse_trailer(trailer: bytes) -> Detail | None:
+    """Returns the details of a Status; None: they are not our server's."""
+    packed = {any.type_url: any.value for any in errors_pb2.Status.FromString(trailer).details}
+
+    def unpack(kind: Any) -> Any:
+        return kind.FromString(packed.get(_DETAIL + kind.DESCRIPTOR.name, b""))
+
+    info = unpack(errors_pb2.ErrorInfo)
+    if info.domain != _DOMAIN:
+        return None
+    violations = unpack(errors_pb2.BadRequest).field_violations
+    return Detail(
+        reason=info.reason,
+        field=violations[0].field if violations else "",
+        resource=unpack(errors_pb2.ResourceInfo).resource_name,
+        limit=info.metadata.get("limit", ""),
+        value=info.metadata.get("value", ""),
+        retry_after=_seconds(unpack(errors_pb2.RetryInfo), "retry_delay"),
+    )
+
+
+def _read_detail(metadata: object) -> Detail | None:
     for key, value in metadata or ():  # type: ignore[attr-defined]
-        if key != "grpc-status-details-bin":
-            continue
-        try:
-            status = errors_pb2.Status.FromString(value)
-        except protobuf.DecodeError:
-            return None
-        for packed in status.details:
-            detail = errors_pb2.ErrorDetail()
-            if packed.Unpack(detail):
-                return detail
+        if key == "grpc-status-details-bin":
+            try:
+                return _parse_trailer(value)
+            except protobuf.DecodeError:
+                return None
     return None
 
 
@@ -211,14 +255,19 @@ def damaged(message: str) -> DataLossError:
 def outcome(job: job_service_pb2.Job) -> JobFailedError | JobCancelledError | None:
     """Returns why a job that has ended has no model, None if it has one."""
     error: JobFailedError | JobCancelledError
-    stage = f" in stage {job.stage}" if job.stage else ""
+    stage = f" in stage {stage_name(job.stage)}" if job.stage else ""
     if job.state == job_service_pb2.JOB_STATE_FAILED:
-        detail = errors_pb2.ErrorDetail()
-        unpacked = any(packed.Unpack(detail) for packed in job.error.details)
-        code = next((c for c in grpc.StatusCode if c.value[0] == job.error.code))
-        error = JobFailedError(
-            f"{job.name} failed{stage}: {job.error.message}", code, detail if unpacked else None
+        failure = job.error
+        code = next((c for c in grpc.StatusCode if c.value[0] == failure.code))
+        detail = Detail(
+            failure.reason,
+            failure.field,
+            failure.resource,
+            failure.limit,
+            failure.value,
+            _seconds(failure, "retry_after"),
         )
+        error = JobFailedError(f"{job.name} failed{stage}: {failure.message}", code, detail)
     elif job.state == job_service_pb2.JOB_STATE_CANCELLED:
         error = JobCancelledError(f"{job.name} was cancelled{stage}", grpc.StatusCode.CANCELLED)
     else:

@@ -7,6 +7,7 @@ import warnings
 
 from pepeseg import errors
 from pepeseg.calls import Pause, Place, Receive, Steps, Unary, all_pages
+from pepeseg.enum_words import stage_name, term_name
 from pepeseg.progress import Bar
 from pepeseg.scenes import Model, get_model
 from pepeseg.v1 import job_service_pb2
@@ -85,17 +86,19 @@ def _show(event: job_service_pb2.JobEvent, bar: Bar) -> None:
             notes.append(f"{progress.psnr:.2f} dB")
         if progress.num_gaussians:
             notes.append(f"{progress.num_gaussians} Gaussians")
-        title = f"{progress.stage} {progress.activity}".rstrip()
+        title = f"{stage_name(progress.stage)} {progress.activity}".rstrip()
         bar.show(title, progress.step, progress.num_steps, ", ".join(notes))
     elif kind == "warning":
         bar.say(f"warning: {event.warning.message}")
     elif kind == "term_skipped":
         skipped = event.term_skipped
-        bar.say(f"{skipped.stage}: {skipped.term} skipped: {skipped.reason}")
+        term = term_name(skipped.term)
+        bar.say(f"{stage_name(skipped.stage)}: {term} skipped: {skipped.reason}")
     elif kind == "stage_ended":
         bar.close()
-        if event.stage_ended.skipped:
-            bar.say(f"{event.stage_ended.stage}: skipped: {event.stage_ended.skipped}")
+        ended = event.stage_ended
+        if ended.skipped:
+            bar.say(f"{stage_name(ended.stage)}: skipped: {ended.skipped}")
 
 
 def wait(

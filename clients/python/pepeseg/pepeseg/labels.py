@@ -12,7 +12,7 @@ from pepeseg import prompts, rle
 from pepeseg.calls import Place, Steps, Unary, all_pages, new_request_id
 from pepeseg.cameras import View
 from pepeseg.segmentation import segment
-from pepeseg.v1 import label_pb2, prompt_pb2
+from pepeseg.v1 import label_service_pb2, prompt_pb2
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Label:
     mask: npt.NDArray[np.bool_] | None
 
 
-def _parse(message: label_pb2.Label) -> Label:
+def _parse(message: label_service_pb2.Label) -> Label:
     has_mask = message.mask.WhichOneof("image") == "rle"
     return Label(
         id=message.name.rpartition("/")[2],
@@ -91,21 +91,37 @@ def label(
         )
         mask = found.mask
     image = prompt_pb2.MaskImage(rle=rle.encode(mask))
-    request = label_pb2.CreateLabelRequest(
+    request = label_service_pb2.CreateLabelRequest(
         parent=at.scene,
         label_id=id,
-        label=label_pb2.Label(text=text, view=name, mask=image),
+        label=label_service_pb2.Label(text=text, view=name, mask=image),
         request_id=new_request_id(),
         frame=prompts.pixel_frame(frame),
     )
-    answer = yield Unary("segmentation", "CreateLabel", request, at.scene)
+    answer = yield Unary("labels", "CreateLabel", request, at.scene)
     return _parse(answer)
+
+
+def get_label(at: Place, id: str, *, frame: str = "photograph") -> Steps[Label]:
+    """Returns a label with its mask, as the newest model's view has it.
+
+    Args:
+        frame: the pixels of the mask, as in `Client.segment`.
+
+    Raises:
+        NotFoundError: no such label.
+        FailedPreconditionError: the newest model does not have the label's view.
+    """
+    request = label_service_pb2.GetLabelRequest(
+        name=f"{at.scene}/labels/{id}", frame=prompts.pixel_frame(frame)
+    )
+    return _parse((yield Unary("labels", "GetLabel", request, at.scene)))
 
 
 def list_labels(at: Place) -> Steps[list[Label]]:
     """Lists the labels of the scene, by id, without their masks."""
-    request = label_pb2.ListLabelsRequest(parent=at.scene)
-    found = yield from all_pages("segmentation", "ListLabels", request, "labels", at.scene)
+    request = label_service_pb2.ListLabelsRequest(parent=at.scene)
+    found = yield from all_pages("labels", "ListLabels", request, "labels", at.scene)
     return [_parse(message) for message in found]
 
 
@@ -115,5 +131,5 @@ def delete_label(at: Place, id: str) -> Steps[None]:
     Raises:
         NotFoundError: no such label.
     """
-    request = label_pb2.DeleteLabelRequest(name=f"{at.scene}/labels/{id}")
-    yield Unary("segmentation", "DeleteLabel", request, at.scene, repeatable=False)
+    request = label_service_pb2.DeleteLabelRequest(name=f"{at.scene}/labels/{id}")
+    yield Unary("labels", "DeleteLabel", request, at.scene, repeatable=False)

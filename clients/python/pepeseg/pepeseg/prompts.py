@@ -108,8 +108,8 @@ def pixel_frame(frame: str) -> prompt_pb2.PixelFrame:
     return _FRAMES[frame]
 
 
-def targets(views: Targets) -> segmentation_service_pb2.SegmentRequest.Targets | None:
-    message = segmentation_service_pb2.SegmentRequest.Targets()
+def targets(views: Targets) -> segmentation_service_pb2.SegmentViewsRequest.Targets | None:
+    message = segmentation_service_pb2.SegmentViewsRequest.Targets()
     if views is None:
         return None
     if views == "all":

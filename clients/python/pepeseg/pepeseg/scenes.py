@@ -34,7 +34,8 @@ class Model:
         name: "scenes/{scene}/models/{number}".
         metrics: measurements of the training: "psnr" (dB) and "ssim" over the held-out views,
             "seconds_reconstruct" and others.
-        sources: where "poses", "masks" and "depth" came from: "given", "none", or what made them.
+        sources: where "poses", "masks" and "depth" came from: "given", "none", or what made them;
+            one that is not known is not there.
         device: the device that trained it.
         num_bytes: its size on disk.
         dataset: name of the dataset that it was trained on; empty: not known.
@@ -60,7 +61,7 @@ def _parse_model(message: scene_service_pb2.Model) -> Model:
         num_gaussians=message.num_gaussians,
         num_bytes=message.num_bytes,
         metrics=dict(message.metrics),
-        sources=dict(message.sources),
+        sources={field.name: source for field, source in message.sources.ListFields()},
         device=message.device,
         dataset=message.dataset,
         advice=tuple(message.advice),

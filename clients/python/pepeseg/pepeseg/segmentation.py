@@ -119,7 +119,7 @@ def _parse_similarity(message: Any) -> npt.NDArray[np.float32]:
     return (values.reshape(message.height, message.width) / np.float32(32767)).astype(np.float32)
 
 
-def parse_view_mask(message: segmentation_service_pb2.SegmentResponse.ViewMask) -> ViewMask:
+def parse_view_mask(message: segmentation_service_pb2.SegmentViewsResponse.ViewMask) -> ViewMask:
     box = message.box
     has_similarity = message.HasField("similarity")
     return ViewMask(
@@ -132,7 +132,7 @@ def parse_view_mask(message: segmentation_service_pb2.SegmentResponse.ViewMask) 
     )
 
 
-def parse_segmentation(answer: segmentation_service_pb2.SegmentResponse) -> Segmentation:
+def parse_segmentation(answer: segmentation_service_pb2.SegmentViewsResponse) -> Segmentation:
     timing = answer.timing
     return Segmentation(
         masks=tuple(parse_view_mask(mask) for mask in answer.masks),
@@ -194,7 +194,7 @@ def segment(
         ResourceExhaustedError: the model does not fit into memory, or the response exceeds 4 MiB:
             request fewer views.
     """
-    request = segmentation_service_pb2.SegmentRequest(
+    request = segmentation_service_pb2.SegmentViewsRequest(
         model=at.model,
         prompt=prompts.prompt(view, points, negative, box, mask, label),
         granularity=prompts.granularity(scale, scale_units, threshold),
@@ -203,7 +203,7 @@ def segment(
         want_similarity=similarity,
         frame=prompts.pixel_frame(frame),
     )
-    answer = yield Unary("segmentation", "Segment", request, at.scene)
+    answer = yield Unary("segmentation", "SegmentViews", request, at.scene)
     return parse_segmentation(answer)
 
 

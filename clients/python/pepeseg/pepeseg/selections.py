@@ -18,12 +18,12 @@ from pepeseg.subsets import (
     selection_name,
     to_segment_ref,
 )
-from pepeseg.v1 import selection_pb2
+from pepeseg.v1 import selection_service_pb2
 
 _OPERATIONS = {
-    "union": selection_pb2.SET_OPERATION_UNION,
-    "subtract": selection_pb2.SET_OPERATION_SUBTRACT,
-    "intersect": selection_pb2.SET_OPERATION_INTERSECT,
+    "union": selection_service_pb2.SET_OPERATION_UNION,
+    "subtract": selection_service_pb2.SET_OPERATION_SUBTRACT,
+    "intersect": selection_service_pb2.SET_OPERATION_INTERSECT,
 }
 
 
@@ -70,7 +70,7 @@ def select(
         InvalidArgumentError, NotFoundError, FailedPreconditionError, ResourceExhaustedError: as in
             `Client.segment`.
     """
-    request = selection_pb2.SelectRequest(
+    request = selection_service_pb2.CreateSelectionRequest(
         model=at.model,
         granularity=prompts.granularity(scale, scale_units, threshold),
         num_views=num_views,
@@ -87,7 +87,7 @@ def select(
     if base is not None:
         request.base = selection_name(at, base)
         request.operation = _to_operation(operation)
-    answer = yield Unary("segmentation", "Select", request, at.scene)
+    answer = yield Unary("selections", "CreateSelection", request, at.scene)
     return parse_selection(answer)
 
 
@@ -107,13 +107,13 @@ def combine(
         NotFoundError: no such selection.
         FailedPreconditionError: they are of different models.
     """
-    request = selection_pb2.CombineSelectionsRequest(
+    request = selection_service_pb2.CombineSelectionsRequest(
         first=selection_name(at, first),
         second=selection_name(at, second),
         operation=_to_operation(operation),
         request_id=new_request_id(),
     )
-    answer = yield Unary("segmentation", "CombineSelections", request, at.scene)
+    answer = yield Unary("selections", "CombineSelections", request, at.scene)
     return parse_selection(answer)
 
 
@@ -124,8 +124,8 @@ def undo(at: Place, selection: SelectionInfo | int | str) -> Steps[SelectionInfo
         NotFoundError: no such selection.
         FailedPreconditionError: it was not made from another selection.
     """
-    request = selection_pb2.UndoSelectionRequest(name=selection_name(at, selection))
-    answer = yield Unary("segmentation", "UndoSelection", request, at.scene)
+    request = selection_service_pb2.UndoSelectionRequest(name=selection_name(at, selection))
+    answer = yield Unary("selections", "UndoSelection", request, at.scene)
     return parse_selection(answer)
 
 
@@ -135,15 +135,15 @@ def get_selection(at: Place, selection: int | str) -> Steps[SelectionInfo]:
     Raises:
         NotFoundError: no such selection.
     """
-    request = selection_pb2.GetSelectionRequest(name=selection_name(at, selection))
-    answer = yield Unary("segmentation", "GetSelection", request, at.scene)
+    request = selection_service_pb2.GetSelectionRequest(name=selection_name(at, selection))
+    answer = yield Unary("selections", "GetSelection", request, at.scene)
     return parse_selection(answer)
 
 
 def list_selections(at: Place) -> Steps[list[SelectionInfo]]:
     """Lists the selections of the scene, newest first."""
-    request = selection_pb2.ListSelectionsRequest(parent=at.scene)
-    found = yield from all_pages("segmentation", "ListSelections", request, "selections", at.scene)
+    request = selection_service_pb2.ListSelectionsRequest(parent=at.scene)
+    found = yield from all_pages("selections", "ListSelections", request, "selections", at.scene)
     return [parse_selection(selection) for selection in found]
 
 
@@ -153,5 +153,5 @@ def delete_selection(at: Place, selection: SelectionInfo | int | str) -> Steps[N
     Raises:
         NotFoundError: no such selection.
     """
-    request = selection_pb2.DeleteSelectionRequest(name=selection_name(at, selection))
-    yield Unary("segmentation", "DeleteSelection", request, at.scene, repeatable=False)
+    request = selection_service_pb2.DeleteSelectionRequest(name=selection_name(at, selection))
+    yield Unary("selections", "DeleteSelection", request, at.scene, repeatable=False)

@@ -17,7 +17,13 @@ from pepeseg.calls import Place, Receive, Steps, Unary
 from pepeseg.cameras import Viewpoint, to_viewpoint
 from pepeseg.crc32c import crc32c
 from pepeseg.errors import damaged, refused
-from pepeseg.v1 import decomposition_pb2, prompt_pb2, render_pb2, selection_pb2
+from pepeseg.v1 import (
+    decomposition_pb2,
+    geometry_pb2,
+    prompt_pb2,
+    render_service_pb2,
+    selection_service_pb2,
+)
 
 
 @dataclass(frozen=True)
@@ -93,10 +99,10 @@ class Export:
 Subset = Union[None, SelectionInfo, int, str, Segment]
 
 _CONTENTS = {
-    "color": render_pb2.RenderRequest.CONTENT_COLOR,
-    "depth": render_pb2.RenderRequest.CONTENT_DEPTH,
-    "segments": render_pb2.RenderRequest.CONTENT_SEGMENTS,
-    "features": render_pb2.RenderRequest.CONTENT_FEATURES,
+    "color": render_service_pb2.RenderViewRequest.CONTENT_COLOR,
+    "depth": render_service_pb2.RenderViewRequest.CONTENT_DEPTH,
+    "segments": render_service_pb2.RenderViewRequest.CONTENT_SEGMENTS,
+    "features": render_service_pb2.RenderViewRequest.CONTENT_FEATURES,
 }
 
 
@@ -111,10 +117,10 @@ def to_segment_ref(segment: Segment) -> decomposition_pb2.SegmentRef:
     return decomposition_pb2.SegmentRef(scales=segment.scales, level=segment.level, id=segment.id)
 
 
-def to_subset(at: Place, subset: Subset, without: bool) -> render_pb2.Subset:
+def to_subset(at: Place, subset: Subset, without: bool) -> render_service_pb2.Subset:
     if subset is None and without:
         raise refused("without what? A selection or a segment is wanted")
-    message = render_pb2.Subset(complement=without)
+    message = render_service_pb2.Subset(complement=without)
     if isinstance(subset, Segment):
         message.segment.CopyFrom(to_segment_ref(subset))
     elif subset is not None:
@@ -122,13 +128,17 @@ def to_subset(at: Place, subset: Subset, without: bool) -> render_pb2.Subset:
     return message
 
 
-def parse_selection(message: selection_pb2.Selection) -> SelectionInfo:
+def _to_tuple(point: geometry_pb2.Vector3) -> tuple[float, ...]:
+    return (point.x, point.y, point.z)
+
+
+def parse_selection(message: selection_service_pb2.Selection) -> SelectionInfo:
     return SelectionInfo(
         name=message.name,
         model=message.model,
         num_gaussians=message.num_gaussians,
-        min=tuple(message.min),
-        max=tuple(message.max),
+        min=_to_tuple(message.box.min) if message.HasField("box") else (),
+        max=_to_tuple(message.box.max) if message.HasField("box") else (),
         base=message.base,
     )
 
@@ -140,8 +150,8 @@ def _parse_level(index: int, message: Any, scales: tuple[float, ...]) -> Level:
             level=index,
             parent=segment.parent,
             num_gaussians=segment.num_gaussians,
-            min=tuple(segment.min),
-            max=tuple(segment.max),
+            min=_to_tuple(segment.box.min),
+            max=_to_tuple(segment.box.max),
             scales=scales,
         )
         for segment in message.segments
@@ -162,8 +172,8 @@ def decompose(at: Place, scales: Sequence[float] = ()) -> Steps[Decomposition]:
         UnavailableError: too many decompositions are waiting.
     """
     asked = tuple(float(scale) for scale in scales)
-    request = decomposition_pb2.DecomposeRequest(model=at.model, scales=asked)
-    answer = yield Unary("segmentation", "Decompose", request, at.scene)
+    request = decomposition_pb2.DecomposeModelRequest(model=at.model, scales=asked)
+    answer = yield Unary("segmentation", "DecomposeModel", request, at.scene)
     levels = tuple(_parse_level(i, level, asked) for i, level in enumerate(answer.levels))
     return Decomposition(levels, answer.model)
 
@@ -209,7 +219,7 @@ def render(
     """
     if content not in _CONTENTS:
         raise refused(f'content "{content}": one of {", ".join(_CONTENTS)} is wanted')
-    request = render_pb2.RenderRequest(
+    request = render_service_pb2.RenderViewRequest(
         model=at.model,
         viewpoint=to_viewpoint(view),
         content=_CONTENTS[content],
@@ -222,7 +232,7 @@ def render(
     )
     if overlay is not None:
         request.overlay_mask.CopyFrom(prompt_pb2.MaskImage(rle=rle.encode(overlay)))
-    answer = yield Unary("segmentation", "Render", request, at.scene)
+    answer = yield Unary("rendering", "RenderView", request, at.scene)
     pixels = png.decode(answer.png)
     return (pixels * np.float32(answer.depth_unit)) if content == "depth" else pixels
 
@@ -234,9 +244,9 @@ class _PlyFile:
         self._file = file
         self._sha256 = hashlib.sha256()
         self._num_bytes = 0
-        self._header = render_pb2.ExportSelectionResponse.Header()
+        self._header = render_service_pb2.ExportGaussiansResponse.Header()
 
-    def take(self, part: render_pb2.ExportSelectionResponse) -> None:
+    def take(self, part: render_service_pb2.ExportGaussiansResponse) -> None:
         if part.HasField("header"):
             self._header = part.header
             return
@@ -247,7 +257,7 @@ class _PlyFile:
         self._num_bytes += len(data)
         self._file.write(data)
 
-    def finish(self) -> render_pb2.ExportSelectionResponse.Header:
+    def finish(self) -> render_service_pb2.ExportGaussiansResponse.Header:
         header = self._header
         if (self._num_bytes, self._sha256.hexdigest()) != (header.num_bytes, header.sha256):
             raise damaged(
@@ -275,14 +285,16 @@ def export(
         DataLossError: the bytes fail their checksum.
         OSError: the file cannot be written.
     """
-    request = render_pb2.ExportSelectionRequest(model=at.model, subset=to_subset(at, of, without))
+    request = render_service_pb2.ExportGaussiansRequest(
+        model=at.model, subset=to_subset(at, of, without)
+    )
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     beside = target.with_name(target.name + ".part")
     try:
         with open(beside, "wb") as file:
             ply = _PlyFile(file)
-            yield Receive("segmentation", "ExportSelection", request, at.scene, ply.take)
+            yield Receive("rendering", "ExportGaussians", request, at.scene, ply.take)
             header = ply.finish()
         beside.replace(target)
     finally:

@@ -11,7 +11,7 @@ from typing import Any, Union
 import warnings
 
 from pepeseg import errors
-from pepeseg.calls import Pause, Place, Send, Steps, Unary, Work, new_request_id
+from pepeseg.calls import Pause, Place, Send, Steps, Unary, Work, all_pages, new_request_id
 from pepeseg.crc32c import crc32c
 from pepeseg.dataset import Dataset, DatasetFile, read_folder
 from pepeseg.progress import Bar
@@ -51,6 +51,10 @@ class SealedDataset:
     num_files: int
     num_bytes: int
     advice: tuple[str, ...] = ()
+
+
+def _parse(message: dataset_service_pb2.Dataset) -> SealedDataset:
+    return SealedDataset(message.name, message.num_files, message.num_bytes, tuple(message.advice))
 
 
 def _declare(files: list[DatasetFile]) -> list[dataset_service_pb2.FileDeclaration]:
@@ -231,4 +235,36 @@ def upload(
             bar.close()
     for advice in sealed.advice:
         warnings.warn(advice, stacklevel=2)
-    return SealedDataset(sealed.name, sealed.num_files, sealed.num_bytes, tuple(sealed.advice))
+    return _parse(sealed)
+
+
+def list_datasets(at: Place) -> Steps[list[SealedDataset]]:
+    """Lists the datasets of the scene, oldest first."""
+    request = dataset_service_pb2.ListDatasetsRequest(parent=at.scene)
+    found = yield from all_pages("datasets", "ListDatasets", request, "datasets", at.scene)
+    return [_parse(dataset) for dataset in found]
+
+
+def get_dataset(at: Place, dataset: int | str) -> Steps[SealedDataset]:
+    """Returns a dataset by its number or name.
+
+    Raises:
+        NotFoundError: no such dataset.
+    """
+    text = str(dataset)
+    name = text if "/" in text else f"{at.scene}/datasets/{text}"
+    request = dataset_service_pb2.GetDatasetRequest(name=name)
+    return _parse((yield Unary("datasets", "GetDataset", request, at.scene)))
+
+
+def delete_upload(at: Place, upload: int | str) -> Steps[None]:
+    """Deletes an unfinished upload by its number or name, with what was sent of it.
+
+    Raises:
+        NotFoundError: no such upload.
+        FailedPreconditionError: it is sealed: a dataset is deleted with its scene.
+    """
+    text = str(upload)
+    name = text if "/" in text else f"{at.scene}/uploads/{text}"
+    request = dataset_service_pb2.DeleteUploadRequest(name=name)
+    yield Unary("datasets", "DeleteUpload", request, at.scene, repeatable=False)

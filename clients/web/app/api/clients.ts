@@ -3,8 +3,10 @@ import { createClient } from '@connectrpc/connect';
 import { createConnectTransport } from '@connectrpc/connect-web';
 import { DatasetService } from '../../gen/pepeseg/v1/dataset_service_pb';
 import { JobService } from '../../gen/pepeseg/v1/job_service_pb';
+import { LabelService } from '../../gen/pepeseg/v1/label_service_pb';
 import { SceneService } from '../../gen/pepeseg/v1/scene_service_pb';
 import { SegmentationService } from '../../gen/pepeseg/v1/segmentation_service_pb';
+import { SelectionService } from '../../gen/pepeseg/v1/selection_service_pb';
 
 const transport = createConnectTransport({ baseUrl: '/api/rpc', useBinaryFormat: true });
 
@@ -12,6 +14,8 @@ export const scenes = createClient(SceneService, transport);
 export const datasets = createClient(DatasetService, transport);
 export const jobs = createClient(JobService, transport);
 export const segmentation = createClient(SegmentationService, transport);
+export const labels = createClient(LabelService, transport);
+export const selections = createClient(SelectionService, transport);
 
 /** Returns the items of all pages of a list. */
 export async function allPages<T>(

@@ -1,6 +1,6 @@
 // Errors as people read them: what happened, and what to do.
 import { Code, ConnectError } from '@connectrpc/connect';
-import { ErrorDetailSchema } from '../../gen/pepeseg/v1/errors_pb';
+import { detailOf } from '../../contract/error_detail';
 
 export interface Failure {
   readonly what: string;
@@ -54,12 +54,11 @@ function sentence(text: string): string {
 
 export function failureOf(cause: unknown): Failure {
   const error = ConnectError.from(cause);
-  const detail = error.findDetails(ErrorDetailSchema)[0];
+  const detail = detailOf(error);
   const network = isNetwork(error);
   const away = network || error.code === Code.Unavailable;
   // The back end says at which address it looked for the server, and how to start one.
   const said = error.rawMessage.startsWith('the server does not answer');
-  const retry = detail?.retryAfter;
   const todo = (detail && advice[detail.reason]) ?? adviceByCode[error.code] ?? '';
   return {
     what: away && !detail && !said ? 'The server does not answer.' : sentence(error.rawMessage),
@@ -69,7 +68,7 @@ export function failureOf(cause: unknown): Failure {
     resource: detail?.resource ?? '',
     limit: detail?.limit ?? '',
     away,
-    retryMs: retry ? Number(retry.seconds) * 1000 + retry.nanos / 1e6 : undefined,
+    retryMs: detail?.retryMs,
   };
 }
 

@@ -1,28 +1,28 @@
-// SegmentStream over a WebSocket. Only the newest request matters: while the socket is being opened
+// StreamSegments over a WebSocket. Only the newest request matters: while the socket is being opened
 // a request replaces the one before, and after a lost connection the newest is sent again.
 import { create, fromBinary, toBinary } from '@bufbuild/protobuf';
 import { Code, ConnectError } from '@connectrpc/connect';
-import type { SegmentRequest, SegmentResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
-import {
-  SegmentStreamRequestSchema,
-  SegmentStreamResponseSchema,
+import { errorWith } from '../../contract/error_detail';
+import type { Error as ErrorMessage } from '../../gen/pepeseg/v1/errors_pb';
+import type {
+  SegmentViewsRequest,
+  SegmentViewsResponse,
 } from '../../gen/pepeseg/v1/segmentation_service_pb';
-import type { Status } from '../../gen/pepeseg/v1/errors_pb';
+import {
+  StreamSegmentsRequestSchema,
+  StreamSegmentsResponseSchema,
+} from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { Backoff } from './server_link';
 
 export interface Answers {
   /** Called with the response to the request with that sequence. */
-  answered(sequence: bigint, answer: SegmentResponse): void;
+  answered(sequence: bigint, answer: SegmentViewsResponse): void;
   refused(sequence: bigint, error: unknown): void;
 }
 
-function errorOf(status: Status): ConnectError {
-  const error = new ConnectError(status.message, status.code as Code);
-  error.details = status.details.map(({ typeUrl, value }) => ({
-    type: typeUrl.slice(typeUrl.lastIndexOf('/') + 1),
-    value,
-  }));
-  return error;
+function errorOf({ code, message, retryAfter: wait, ...detail }: ErrorMessage): ConnectError {
+  const retryMs = wait && Number(wait.seconds) * 1000 + wait.nanos / 1e6;
+  return errorWith(code as Code, message, { ...detail, retryMs });
 }
 
 export class SegmentSocket {
@@ -36,9 +36,9 @@ export class SegmentSocket {
   constructor(private readonly answers: Answers) {}
 
   /** Returns the sequence of the request. */
-  ask(segment: SegmentRequest): bigint {
-    const request = create(SegmentStreamRequestSchema, { sequence: ++this.sequence, segment });
-    this.newest = toBinary(SegmentStreamRequestSchema, request) as Uint8Array<ArrayBuffer>;
+  ask(segment: SegmentViewsRequest): bigint {
+    const request = create(StreamSegmentsRequestSchema, { sequence: ++this.sequence, segment });
+    this.newest = toBinary(StreamSegmentsRequestSchema, request) as Uint8Array<ArrayBuffer>;
     if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(this.newest);
     else this.open();
     return this.sequence;
@@ -62,7 +62,7 @@ export class SegmentSocket {
 
   private take(bytes: Uint8Array): void {
     this.backoff.reset();
-    const { sequence, outcome } = fromBinary(SegmentStreamResponseSchema, bytes);
+    const { sequence, outcome } = fromBinary(StreamSegmentsResponseSchema, bytes);
     this.answeredUpTo = sequence;
     if (outcome.case === 'segment') this.answers.answered(sequence, outcome.value);
     if (outcome.case === 'error') this.answers.refused(sequence, errorOf(outcome.value));

@@ -1,7 +1,7 @@
 // The server's answers, as the screen shows them.
 import type {
   ProposeScalesResponse,
-  SegmentResponse,
+  SegmentViewsResponse,
 } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { ProposeScalesResponse_Kind } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import type { Rle } from '../mask/rle';
@@ -41,14 +41,14 @@ function maskOf({
   area,
   score,
   box,
-}: SegmentResponse['masks'][number]): Mask | undefined {
+}: SegmentViewsResponse['masks'][number]): Mask | undefined {
   if (mask.case !== 'rle') return undefined;
   const { height, width, counts } = mask.value;
   const edges = box ? [box.x, box.y, box.width, box.height] : [0, 0, 0, 0];
   return { view, rle: { height, width, counts }, area: Number(area), score, box: edges };
 }
 
-export function answerOf(response: SegmentResponse): Answer {
+export function answerOf(response: SegmentViewsResponse): Answer {
   const masks = response.masks.map(maskOf).filter((mask): mask is Mask => mask !== undefined);
   const compute = response.timing?.compute;
   return {

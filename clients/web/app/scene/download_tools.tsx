@@ -38,7 +38,7 @@ async function segmentsOf({ session, labels }: Props): Promise<ViewMasks[]> {
   const segments: ViewMasks[] = [];
   for (const label of named) {
     const request = segmentRequest(session.model, { kind: 'label', label: label.name }, {}, 'all');
-    const answer = answerOf(await steadily(() => segmentation.segment(request)));
+    const answer = answerOf(await steadily(() => segmentation.segmentViews(request)));
     const masks = [...answer.masks.values()];
     segments.push({ id: lastId(label.name), category: labelName(label), masks });
   }

@@ -1,7 +1,7 @@
 // Labels: names for segments, which can be segmented in any view.
 import type { JSX } from 'preact';
 import { useState } from 'preact/hooks';
-import type { Label } from '../../gen/pepeseg/v1/label_pb';
+import type { Label } from '../../gen/pepeseg/v1/label_service_pb';
 import { lastId } from '../api/clients';
 import type { Failure } from '../api/failure';
 import { failureOf } from '../api/failure';

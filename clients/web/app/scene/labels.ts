@@ -1,6 +1,6 @@
 import { Code, ConnectError } from '@connectrpc/connect';
-import type { Label } from '../../gen/pepeseg/v1/label_pb';
-import { allPages, lastId, newRequestId, segmentation } from '../api/clients';
+import type { Label } from '../../gen/pepeseg/v1/label_service_pb';
+import { allPages, labels, lastId, newRequestId } from '../api/clients';
 import { steadily } from '../api/server_link';
 import { Store } from '../store';
 import { sceneIdFrom } from '../upload/dataset_files';
@@ -22,7 +22,7 @@ export class SceneLabels {
   async load(signal?: AbortSignal): Promise<void> {
     const all = await allPages(async (pageToken) => {
       const request = { parent: this.scene, pageToken, pageSize: 1000 };
-      const page = await segmentation.listLabels(request, signal ? { signal } : {});
+      const page = await labels.listLabels(request, signal ? { signal } : {});
       return { items: page.labels, nextPageToken: page.nextPageToken };
     });
     this.list.set(all);
@@ -52,7 +52,7 @@ export class SceneLabels {
         requestId: newRequestId(),
       };
       try {
-        await steadily(() => segmentation.createLabel(request));
+        await steadily(() => labels.createLabel(request));
         break;
       } catch (error) {
         // Another label has this id: different texts may give the same id.
@@ -63,7 +63,7 @@ export class SceneLabels {
   }
 
   async remove(label: Label): Promise<void> {
-    await steadily(() => segmentation.deleteLabel({ name: label.name }));
+    await steadily(() => labels.deleteLabel({ name: label.name }));
     await steadily(() => this.load());
   }
 }

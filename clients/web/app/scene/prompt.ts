@@ -3,10 +3,10 @@ import type { MessageInitShape } from '@bufbuild/protobuf';
 import { create } from '@bufbuild/protobuf';
 import type { GranularitySchema, PromptSchema } from '../../gen/pepeseg/v1/prompt_pb';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
-import type { SegmentRequest } from '../../gen/pepeseg/v1/segmentation_service_pb';
+import type { SegmentViewsRequest } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import {
-  SegmentRequestSchema,
-  SegmentRequest_Targets_Group,
+  SegmentViewsRequestSchema,
+  SegmentViewsRequest_Targets_Group,
 } from '../../gen/pepeseg/v1/segmentation_service_pb';
 
 /** Returns the size, in pixels, of the frame of a view's prompts and masks: its photograph's. */
@@ -19,6 +19,12 @@ export function sizeOf(view: View): { readonly width: number; readonly height: n
   return { width: camera?.width || 1, height: camera?.height || 1 };
 }
 
+interface Vector {
+  readonly x: number;
+  readonly y: number;
+  readonly z: number;
+}
+
 /** A pinhole camera anywhere, as in the contract. */
 export interface FreeCamera {
   readonly width: number;
@@ -27,9 +33,9 @@ export interface FreeCamera {
   readonly fy: number;
   readonly cx: number;
   readonly cy: number;
-  /** Rotation of cam_from_world: w, x, y, z. */
-  readonly rotation: readonly number[];
-  readonly translation: readonly number[];
+  /** Those of cam_from_world. */
+  readonly rotation: { readonly w: number } & Vector;
+  readonly translation: Vector;
 }
 
 export type Place = { readonly view: string } | { readonly camera: FreeCamera };
@@ -71,7 +77,7 @@ export function placeOf(prompt: Prompt | undefined): Place | undefined {
 function viewpointOf(place: Place): NonNullable<MessageInitShape<typeof PromptSchema>['view']> {
   if ('view' in place) return { place: { case: 'view', value: place.view } };
   const { rotation, translation, ...camera } = place.camera;
-  const transform = { rotation: [...rotation], translation: [...translation] };
+  const transform = { rotation, translation };
   return { place: { case: 'free', value: { camera, camFromWorld: transform } } };
 }
 
@@ -99,10 +105,12 @@ export function segmentRequest(
   prompt: Prompt,
   granularity: Granularity,
   views?: readonly string[] | 'all',
-): SegmentRequest {
+): SegmentViewsRequest {
   const targets =
-    views === 'all' ? { group: SegmentRequest_Targets_Group.ALL } : { views: [...(views ?? [])] };
-  return create(SegmentRequestSchema, {
+    views === 'all'
+      ? { group: SegmentViewsRequest_Targets_Group.ALL }
+      : { views: [...(views ?? [])] };
+  return create(SegmentViewsRequestSchema, {
     model,
     prompt: promptOf(prompt),
     granularity: granularityOf(granularity),

@@ -1,7 +1,7 @@
 // The selection of Gaussians in 3D: made, added to, subtracted from, hidden or shown alone.
-import type { Selection } from '../../gen/pepeseg/v1/selection_pb';
-import { SetOperation } from '../../gen/pepeseg/v1/selection_pb';
-import { newRequestId, segmentation } from '../api/clients';
+import type { Selection } from '../../gen/pepeseg/v1/selection_service_pb';
+import { SetOperation } from '../../gen/pepeseg/v1/selection_service_pb';
+import { newRequestId, selections } from '../api/clients';
 import type { Failure } from '../api/failure';
 import { failureOf } from '../api/failure';
 import { steadily } from '../api/server_link';
@@ -20,7 +20,7 @@ export interface SelectionState {
 }
 
 export const operations = {
-  select: SetOperation.UNSPECIFIED,
+  select: SetOperation.REPLACE,
   add: SetOperation.UNION,
   subtract: SetOperation.SUBTRACT,
   intersect: SetOperation.INTERSECT,
@@ -38,7 +38,7 @@ export class SceneSelections {
 
   async select(prompt: Prompt, granularity: Granularity, operation: SetOperation): Promise<void> {
     const base = this.state.get().selection?.name;
-    const combined = operation !== SetOperation.UNSPECIFIED && base !== undefined;
+    const combined = operation !== SetOperation.REPLACE && base !== undefined;
     const request = {
       model: this.model,
       source: { case: 'prompt', value: promptOf(prompt) } as const,
@@ -46,13 +46,13 @@ export class SceneSelections {
       requestId: newRequestId(),
       ...(combined && { base, operation }),
     };
-    await this.take(() => segmentation.select(request));
+    await this.take(() => selections.createSelection(request));
   }
 
   async undo(): Promise<void> {
     const { selection } = this.state.get();
     if (!selection) return;
-    if (selection.base) await this.take(() => segmentation.undoSelection({ name: selection.name }));
+    if (selection.base) await this.take(() => selections.undoSelection({ name: selection.name }));
     else this.clear();
   }
 

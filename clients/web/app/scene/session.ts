@@ -1,6 +1,6 @@
 // The state of segmenting a scene: the current prompt, the server's answers to it, and what was
 // made from them. It does not depend on the screen.
-import type { SegmentResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
+import type { SegmentViewsResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { segmentation } from '../api/clients';
 import type { Failure } from '../api/failure';
 import { failureOf, isCancelled } from '../api/failure';
@@ -215,7 +215,7 @@ export class SceneSession {
     if (andOtherViews) this.askOtherViews();
   }
 
-  private take(sequence: bigint, response: SegmentResponse): void {
+  private take(sequence: bigint, response: SegmentViewsResponse): void {
     if (sequence < this.firstSequence) return;
     this.before = undefined;
     const answer = answerOf(response);
@@ -276,7 +276,7 @@ export class SceneSession {
         if (!signal.aborted) this.state.patch({ proposals: proposalsOf(answer) });
       }
       const request = segmentRequest(this.model, prompt, fixed, 'all');
-      const all = answerOf(await steadily(() => segmentation.segment(request, { signal }), signal));
+      const all = answerOf(await steadily(() => segmentation.segmentViews(request, { signal }), signal));
       if (signal.aborted) return;
       const own = this.state.get().answer;
       const masks = new Map([...(own?.masks ?? []), ...all.masks]);

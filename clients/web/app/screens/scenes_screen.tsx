@@ -2,7 +2,7 @@
 import type { JSX } from 'preact';
 import { useEffect, useState } from 'preact/hooks';
 import type { Job } from '../../gen/pepeseg/v1/job_service_pb';
-import { JobState } from '../../gen/pepeseg/v1/job_service_pb';
+import { JobStage, JobState } from '../../gen/pepeseg/v1/job_service_pb';
 import type { Model, Scene } from '../../gen/pepeseg/v1/scene_service_pb';
 import { allPages, jobs, lastId, scenes } from '../api/clients';
 import type { Failure } from '../api/failure';
@@ -17,7 +17,7 @@ import { ScenePhoto } from '../components/photo';
 import { bytesText, countText, dateText } from '../format';
 import { Link } from '../router';
 import { useStore } from '../store';
-import { outcomeOf } from '../training/job_states';
+import { outcomeOf, stageName } from '../training/job_states';
 import type { UploadTask } from '../upload/upload_task';
 import { uploads } from '../upload/uploads';
 import { shareOf } from './upload_screen';
@@ -46,7 +46,7 @@ function stateOf(scene: Scene, job: Job | undefined): string {
     const { step = 0n, numSteps = 0n } = job?.progress ?? {};
     const share =
       numSteps > 0n
-        ? ` – ${job?.stage}, ${Math.round((100 * Number(step)) / Number(numSteps))} %`
+        ? ` – ${stageName(job?.stage ?? JobStage.UNSPECIFIED)}, ${Math.round((100 * Number(step)) / Number(numSteps))} %`
         : '';
     return `Training${share}`;
   }

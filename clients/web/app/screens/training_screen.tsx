@@ -1,7 +1,7 @@
 // A training: stages, curves, time left, cancel.
 import type { JSX } from 'preact';
 import { useState } from 'preact/hooks';
-import { JobState } from '../../gen/pepeseg/v1/job_service_pb';
+import { JobStage, JobState } from '../../gen/pepeseg/v1/job_service_pb';
 import { jobs, pictureUrl, sceneIdOf, scenes } from '../api/clients';
 import type { Failure } from '../api/failure';
 import { failureOf } from '../api/failure';
@@ -119,7 +119,7 @@ function Outcome({
       <div>
         <strong>
           The training {failed ? 'failed' : 'was cancelled'}
-          {job.stage && ` in the stage “${stageName(job.stage)}”`}.
+          {job.stage !== JobStage.UNSPECIFIED && ` in the stage “${stageName(job.stage)}”`}.
         </strong>
         {failed && job.error?.message && <p>{job.error.message}</p>}
         <p>

@@ -3,12 +3,13 @@
 // has seen for the page after a reload.
 import { useEffect, useState } from 'preact/hooks';
 import type { Job, JobEvent, JobProgress } from '../../gen/pepeseg/v1/job_service_pb';
+import { JobStage } from '../../gen/pepeseg/v1/job_service_pb';
 import { jobs } from '../api/clients';
 import type { Failure } from '../api/failure';
 import { failureOf, isCancelled } from '../api/failure';
 import { Backoff } from '../api/server_link';
 import { secondsOf } from '../format';
-import { hasEnded } from './job_states';
+import { hasEnded, termName } from './job_states';
 
 export interface Sample {
   readonly step: number;
@@ -24,9 +25,9 @@ export interface StageRun {
 export interface Training {
   readonly job: Job | undefined;
   readonly progress: JobProgress | undefined;
-  readonly stages: ReadonlyMap<string, StageRun>;
+  readonly stages: ReadonlyMap<JobStage, StageRun>;
   readonly metrics: ReadonlyMap<string, number>;
-  /** Curves of the stages "reconstruct" and "features". */
+  /** Curves of the stages RECONSTRUCT and FEATURES. */
   readonly loss: readonly Sample[];
   readonly psnr: readonly Sample[];
   readonly gaussians: readonly Sample[];
@@ -63,10 +64,10 @@ function extended(
 function progressed(training: Training, progress: JobProgress): Training {
   const step = Number(progress.step);
   const next = { ...training, progress };
-  if (progress.stage === 'features') {
+  if (progress.stage === JobStage.FEATURES) {
     return { ...next, featureLoss: extended(training.featureLoss, step, progress.loss) };
   }
-  if (progress.stage !== 'reconstruct') return next;
+  if (progress.stage !== JobStage.RECONSTRUCT) return next;
   return {
     ...next,
     loss: extended(training.loss, step, progress.loss),
@@ -109,8 +110,10 @@ export function after(training: Training, { sequence, event }: JobEvent): Traini
       return progressed(known, event.value);
     case 'warning':
       return { ...known, notes: [...training.notes, event.value.message] };
-    case 'termSkipped':
-      return { ...known, notes: [...training.notes, `${event.value.term}: ${event.value.reason}`] };
+    case 'termSkipped': {
+      const note = `${termName(event.value.term)}: ${event.value.reason}`;
+      return { ...known, notes: [...training.notes, note] };
+    }
     case 'stateChanged': {
       const { state, error, model } = event.value;
       return { ...known, job: job && { ...job, state, model, ...(error && { error }) } };
@@ -135,7 +138,7 @@ function remember(job: string, { sequence, stages, metrics, notes, ...rest }: Tr
 
 interface Kept {
   sequence: string;
-  stages: [string, StageRun][];
+  stages: [JobStage, StageRun][];
   metrics: [string, number][];
 }
 

@@ -15,11 +15,12 @@ export interface Pose {
 }
 
 export function poseOf(view: View): Pose | undefined {
-  const { rotation = [], translation = [] } = view.camFromWorld ?? {};
-  const [w = 1, x = 0, y = 0, z = 0] = rotation;
+  const { rotation, translation } = view.camFromWorld ?? {};
+  if (!rotation || !translation) return undefined;
+  const { w, x, y, z } = rotation;
   const worldFromCam = new Quaternion(x, y, z, w).normalize().invert();
-  const [tx = 0, ty = 0, tz = 0] = translation;
-  const position = new Vector3(tx, ty, tz).applyQuaternion(worldFromCam).negate();
+  const at = new Vector3(translation.x, translation.y, translation.z);
+  const position = at.applyQuaternion(worldFromCam).negate();
   return { position, rotation: worldFromCam.multiply(flip) };
 }
 
@@ -69,7 +70,7 @@ export function freeCameraOf(camera: PerspectiveCamera, width: number, height: n
     fy: focal,
     cx: width / 2,
     cy: height / 2,
-    rotation: [w, x, y, z],
-    translation: translation.toArray(),
+    rotation: { w, x, y, z },
+    translation: { x: translation.x, y: translation.y, z: translation.z },
   };
 }

@@ -110,7 +110,7 @@ test('a lost connection is not a cancellation', () => {
   expect(passedOn(cut, here.signal).code).toBe(Code.Unavailable);
   expect(passedOn(new ConnectError('no', Code.Internal), here.signal).code).toBe(Code.Internal);
   const busy = new ConnectError('a job is running', Code.Aborted);
-  busy.details = [{ type: 'pepeseg.v1.ErrorDetail', value: new Uint8Array() }];
+  busy.details = [{ type: 'google.rpc.ErrorInfo', value: new Uint8Array() }];
   expect(passedOn(busy, here.signal).code).toBe(Code.Aborted);
   here.abort();
   expect(passedOn(cut, here.signal).code).toBe(Code.Canceled);

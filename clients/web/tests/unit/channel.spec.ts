@@ -1,12 +1,11 @@
 import type { UnaryRequest } from '@connectrpc/connect';
 import { Code, ConnectError } from '@connectrpc/connect';
 import { expect, test } from '@playwright/test';
-import { ErrorDetailSchema } from '../../gen/pepeseg/v1/errors_pb';
+import { errorWith } from '../../contract/error_detail';
 import { retryAsTold } from '../../server/channel';
 
-function putOff(reason: string, nanos = 10_000_000, code = Code.Unavailable): ConnectError {
-  const value = { reason, retryAfter: { seconds: 0n, nanos } };
-  return new ConnectError('not now', code, undefined, [{ desc: ErrorDetailSchema, value }]);
+function putOff(reason: string, retryMs = 10, code = Code.Unavailable): ConnectError {
+  return errorWith(code, 'not now', { reason, retryMs });
 }
 
 /** Calls a server that first answers with `errors`. */
@@ -31,7 +30,7 @@ test('a refused call is repeated', async () => {
 test('a call is not repeated if waiting does not help', async () => {
   const useless = [
     putOff('DRAINING'),
-    putOff('QUOTA', 1, Code.ResourceExhausted),
+    putOff('QUOTA', 0.001, Code.ResourceExhausted),
     new ConnectError('connect ECONNREFUSED', Code.Unavailable),
   ];
   for (const error of useless) expect(await ask([error])).toEqual({ calls: 1, answer: error });
@@ -40,7 +39,7 @@ test('a call is not repeated if waiting does not help', async () => {
 test('a call is not repeated when nobody waits for it', async () => {
   const controller = new AbortController();
   setTimeout(() => controller.abort(), 20);
-  const { calls, answer } = await ask([putOff('BUSY', 999_000_000)], controller.signal);
+  const { calls, answer } = await ask([putOff('BUSY', 999)], controller.signal);
   expect(calls).toBe(1);
   expect(answer).toBeInstanceOf(Error);
 });

@@ -86,7 +86,10 @@ test.beforeEach(async () => {
     scenes: { getScene: async () => ({}) },
     datasets: { writeFiles: takeFile, getPhotograph: endlessPhotograph },
     jobs: {},
-    segmentation: { exportSelection: endlessPly, render: slow },
+    segmentation: {},
+    labels: {},
+    selections: {},
+    rendering: { exportGaussians: endlessPly, renderView: slow },
   };
   const backEnd = { channel };
   server = createWebServer(

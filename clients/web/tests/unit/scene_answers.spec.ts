@@ -1,6 +1,6 @@
 import { create } from '@bufbuild/protobuf';
 import { expect, test } from '@playwright/test';
-import { JobEventSchema } from '../../gen/pepeseg/v1/job_service_pb';
+import { JobEventSchema, JobStage } from '../../gen/pepeseg/v1/job_service_pb';
 import { ViewSchema } from '../../gen/pepeseg/v1/scene_service_pb';
 import {
   ProposeScalesResponseSchema,
@@ -101,7 +101,7 @@ test('events of a training make its curves; a step done again takes the place of
   const progress = (sequence: bigint, step: bigint, loss: number) =>
     create(JobEventSchema, {
       sequence,
-      event: { case: 'progress', value: { stage: 'reconstruct', step, loss, numGaussians: 7n } },
+      event: { case: 'progress', value: { stage: JobStage.RECONSTRUCT, step, loss, numGaussians: 7n } },
     });
   let training = noTraining;
   for (const event of [progress(1n, 10n, 3), progress(2n, 20n, 2), progress(3n, 10n, 2.5)])

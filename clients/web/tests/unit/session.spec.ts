@@ -1,7 +1,7 @@
 import { Code, ConnectError } from '@connectrpc/connect';
 import { expect, test } from '@playwright/test';
-import { ErrorDetailSchema } from '../../gen/pepeseg/v1/errors_pb';
-import { JobState } from '../../gen/pepeseg/v1/job_service_pb';
+import { errorWith } from '../../contract/error_detail';
+import { JobStage, JobState } from '../../gen/pepeseg/v1/job_service_pb';
 import { outcomeOf } from '../../app/training/job_states';
 
 // The session listens to the page's network. axe-core, which other tests of this process import,
@@ -14,8 +14,7 @@ test.afterEach(() => {
 });
 
 function refusal(reason: string): ConnectError {
-  const detail = { desc: ErrorDetailSchema, value: { reason } };
-  return new ConnectError('refused', Code.InvalidArgument, undefined, [detail]);
+  return errorWith(Code.InvalidArgument, 'refused', { reason });
 }
 
 test('a click on nothing differs from other refusals', async () => {
@@ -87,10 +86,10 @@ test('a first click on nothing leaves nothing', async () => {
 });
 
 test('a failed training names its stage', () => {
-  expect(outcomeOf({ state: JobState.FAILED, stage: 'sfm' })).toBe('failed in Poses');
-  expect(outcomeOf({ state: JobState.CANCELLED, stage: 'reconstruct' })).toBe(
+  expect(outcomeOf({ state: JobState.FAILED, stage: JobStage.SFM })).toBe('failed in Poses');
+  expect(outcomeOf({ state: JobState.CANCELLED, stage: JobStage.RECONSTRUCT })).toBe(
     'cancelled in Reconstruct',
   );
-  expect(outcomeOf({ state: JobState.CANCELLED, stage: '' })).toBe('cancelled');
-  expect(outcomeOf({ state: JobState.SUCCEEDED, stage: 'index' })).toBe('done');
+  expect(outcomeOf({ state: JobState.CANCELLED, stage: JobStage.UNSPECIFIED })).toBe('cancelled');
+  expect(outcomeOf({ state: JobState.SUCCEEDED, stage: JobStage.INDEX })).toBe('done');
 });

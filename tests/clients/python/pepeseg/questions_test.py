@@ -183,6 +183,12 @@ class TestLabel:
             assert (made.id, made.text, made.view) == ("cup", "A cup", VIEW)
             assert made.mask.sum() == made.area
             assert [label.id for label in client.labels()] == ["cup"]
+            found = client.get_label("cup")
+            assert (found.text, found.area) == ("A cup", made.area)
+            assert iou(found.mask, made.mask) > 0.8  # stored at a quarter of the size
+            assert client.get_label("cup", frame="view").mask.shape == (120, 160)
+            with pytest.raises(pepeseg.NotFoundError):
+                client.get_label("plate")
             assert client.segment(label="cup").mask.any()
             again = client.label("mug", VIEW, mask=made.mask)
             assert np.array_equal(again.mask, made.mask)

@@ -84,7 +84,8 @@ class TestTraining:
         numbers = [event.sequence for event in events[1:]]
         assert numbers == sorted(set(numbers))
         assert events[-1].state_changed.state == job_service_pb2.JOB_STATE_SUCCEEDED
-        stages = [e.stage_ended.stage for e in events if e.HasField("stage_ended")]
+        ended = [e.stage_ended.stage for e in events if e.HasField("stage_ended")]
+        stages = [pepeseg.stage_name(stage) for stage in ended]
         assert stages.index("reconstruct") < stages.index("features")
         later = list(client.watch(job.name, after=numbers[-3]))
         assert [event.sequence for event in later[1:]] == numbers[-2:]

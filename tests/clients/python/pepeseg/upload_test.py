@@ -187,6 +187,18 @@ class TestUpload:
             assert told == []
             client.delete_scene()
 
+    def test_datasets_are_listed_and_sealed_ones_stay(self, server, tmp_path):
+        put(tmp_path, "images/a.jpg")
+        with pepeseg.Client("kept", server=server.address) as client:
+            sealed = client.upload(tmp_path)
+            assert client.dataset(1) == sealed
+            assert client.datasets() == [sealed]
+            with pytest.raises(pepeseg.NotFoundError):
+                client.dataset(2)
+            with pytest.raises(pepeseg.FailedPreconditionError):
+                client.delete_upload(1)
+            client.delete_scene()
+
     def test_warns_of_missing_photographs(self, server, tmp_path):
         put(tmp_path, "images/a.png")
         (tmp_path / "transforms.json").write_text(frames("images/a.png", "images/gone.png"))
@@ -231,6 +243,9 @@ class TestUpload:
         with pepeseg.Client("changed", server=server.address) as client:
             with pytest.raises(pepeseg.DataLossError, match="images/b.jpg"):
                 client.upload(tmp_path, progress=change)
+            client.delete_upload(1)
+            with pytest.raises(pepeseg.NotFoundError):
+                client.delete_upload(1)
             client.delete_scene()
 
     def test_resumes_at_the_last_committed_byte_after_kill_9(self, tmp_path):

@@ -11,11 +11,11 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
-class ListResidentRequest(_message.Message):
+class ListResidentModelsRequest(_message.Message):
     __slots__ = []
     def __init__(self) -> None: ...
 
-class ListResidentResponse(_message.Message):
+class ListResidentModelsResponse(_message.Message):
     __slots__ = ["device", "device_bytes_in_use", "host", "models", "num_evictions", "num_loads"]
     DEVICE_BYTES_IN_USE_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
@@ -46,12 +46,10 @@ class MemoryUse(_message.Message):
     def __init__(self, reserved_bytes: _Optional[int] = ..., limit_bytes: _Optional[int] = ...) -> None: ...
 
 class PinModelRequest(_message.Message):
-    __slots__ = ["name", "pinned"]
+    __slots__ = ["name"]
     NAME_FIELD_NUMBER: _ClassVar[int]
-    PINNED_FIELD_NUMBER: _ClassVar[int]
     name: str
-    pinned: bool
-    def __init__(self, name: _Optional[str] = ..., pinned: bool = ...) -> None: ...
+    def __init__(self, name: _Optional[str] = ...) -> None: ...
 
 class ResidentModel(_message.Message):
     __slots__ = ["cached_maps", "device_bytes", "host_bytes", "last_use_time", "name", "num_renders", "pinned", "queries_in_flight"]
@@ -74,6 +72,12 @@ class ResidentModel(_message.Message):
     def __init__(self, name: _Optional[str] = ..., host_bytes: _Optional[int] = ..., device_bytes: _Optional[int] = ..., pinned: bool = ..., last_use_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., queries_in_flight: _Optional[int] = ..., cached_maps: _Optional[int] = ..., num_renders: _Optional[int] = ...) -> None: ...
 
 class UnloadModelRequest(_message.Message):
+    __slots__ = ["name"]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    def __init__(self, name: _Optional[str] = ...) -> None: ...
+
+class UnpinModelRequest(_message.Message):
     __slots__ = ["name"]
     NAME_FIELD_NUMBER: _ClassVar[int]
     name: str

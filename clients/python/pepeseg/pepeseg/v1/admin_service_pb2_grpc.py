@@ -42,15 +42,25 @@ class AdminServiceStub(object):
                 request_serializer=pepeseg_dot_v1_dot_admin__service__pb2.PinModelRequest.SerializeToString,
                 response_deserializer=pepeseg_dot_v1_dot_admin__service__pb2.ResidentModel.FromString,
                 )
-        self.ListResident = channel.unary_unary(
-                '/pepeseg.v1.AdminService/ListResident',
-                request_serializer=pepeseg_dot_v1_dot_admin__service__pb2.ListResidentRequest.SerializeToString,
-                response_deserializer=pepeseg_dot_v1_dot_admin__service__pb2.ListResidentResponse.FromString,
+        self.UnpinModel = channel.unary_unary(
+                '/pepeseg.v1.AdminService/UnpinModel',
+                request_serializer=pepeseg_dot_v1_dot_admin__service__pb2.UnpinModelRequest.SerializeToString,
+                response_deserializer=pepeseg_dot_v1_dot_admin__service__pb2.ResidentModel.FromString,
+                )
+        self.ListResidentModels = channel.unary_unary(
+                '/pepeseg.v1.AdminService/ListResidentModels',
+                request_serializer=pepeseg_dot_v1_dot_admin__service__pb2.ListResidentModelsRequest.SerializeToString,
+                response_deserializer=pepeseg_dot_v1_dot_admin__service__pb2.ListResidentModelsResponse.FromString,
                 )
         self.CreateKey = channel.unary_unary(
                 '/pepeseg.v1.AdminService/CreateKey',
                 request_serializer=pepeseg_dot_v1_dot_api__key__pb2.CreateKeyRequest.SerializeToString,
                 response_deserializer=pepeseg_dot_v1_dot_api__key__pb2.CreateKeyResponse.FromString,
+                )
+        self.GetKey = channel.unary_unary(
+                '/pepeseg.v1.AdminService/GetKey',
+                request_serializer=pepeseg_dot_v1_dot_api__key__pb2.GetKeyRequest.SerializeToString,
+                response_deserializer=pepeseg_dot_v1_dot_api__key__pb2.ApiKey.FromString,
                 )
         self.ListKeys = channel.unary_unary(
                 '/pepeseg.v1.AdminService/ListKeys',
@@ -67,19 +77,24 @@ class AdminServiceStub(object):
                 request_serializer=pepeseg_dot_v1_dot_quota__pb2.GetProjectUsageRequest.SerializeToString,
                 response_deserializer=pepeseg_dot_v1_dot_quota__pb2.ProjectUsage.FromString,
                 )
-        self.SetQuota = channel.unary_unary(
-                '/pepeseg.v1.AdminService/SetQuota',
-                request_serializer=pepeseg_dot_v1_dot_quota__pb2.SetQuotaRequest.SerializeToString,
+        self.UpdateQuota = channel.unary_unary(
+                '/pepeseg.v1.AdminService/UpdateQuota',
+                request_serializer=pepeseg_dot_v1_dot_quota__pb2.UpdateQuotaRequest.SerializeToString,
                 response_deserializer=pepeseg_dot_v1_dot_quota__pb2.ProjectUsage.FromString,
                 )
-        self.GetStatus = channel.unary_unary(
-                '/pepeseg.v1.AdminService/GetStatus',
-                request_serializer=pepeseg_dot_v1_dot_server__status__pb2.GetStatusRequest.SerializeToString,
+        self.GetServerStatus = channel.unary_unary(
+                '/pepeseg.v1.AdminService/GetServerStatus',
+                request_serializer=pepeseg_dot_v1_dot_server__status__pb2.GetServerStatusRequest.SerializeToString,
                 response_deserializer=pepeseg_dot_v1_dot_server__status__pb2.ServerStatus.FromString,
                 )
-        self.Drain = channel.unary_unary(
-                '/pepeseg.v1.AdminService/Drain',
-                request_serializer=pepeseg_dot_v1_dot_server__status__pb2.DrainRequest.SerializeToString,
+        self.DrainServer = channel.unary_unary(
+                '/pepeseg.v1.AdminService/DrainServer',
+                request_serializer=pepeseg_dot_v1_dot_server__status__pb2.DrainServerRequest.SerializeToString,
+                response_deserializer=pepeseg_dot_v1_dot_server__status__pb2.ServerStatus.FromString,
+                )
+        self.ResumeServer = channel.unary_unary(
+                '/pepeseg.v1.AdminService/ResumeServer',
+                request_serializer=pepeseg_dot_v1_dot_server__status__pb2.ResumeServerRequest.SerializeToString,
                 response_deserializer=pepeseg_dot_v1_dot_server__status__pb2.ServerStatus.FromString,
                 )
 
@@ -113,15 +128,21 @@ class AdminServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def PinModel(self, request, context):
-        """Pins or unpins a model. A pinned model stays in memory until it is unpinned or deleted, or the
-        server ends. Pinning loads it, with the errors of LoadModel. NOT_FOUND: a model to be unpinned
-        is not in memory.
+        """Pins a model, and loads it with the errors of LoadModel. It stays in memory until it is unpinned
+        or deleted, or the server ends.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
-    def ListResident(self, request, context):
+    def UnpinModel(self, request, context):
+        """Unpins a model, so that it may be evicted again. NOT_FOUND: it is not in memory.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def ListResidentModels(self, request, context):
         """Lists all models in memory. The number of models that fit is small, so there are no pages.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
@@ -131,6 +152,13 @@ class AdminServiceServicer(object):
     def CreateKey(self, request, context):
         """Creates a key, and its project if that is new. INVALID_ARGUMENT: the project is not an RFC 1034
         label, no scope is given, or the key would have expired already.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def GetKey(self, request, context):
+        """Returns a key without its secret.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -158,23 +186,30 @@ class AdminServiceServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
-    def SetQuota(self, request, context):
+    def UpdateQuota(self, request, context):
         """Replaces the quota of a project.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
-    def GetStatus(self, request, context):
+    def GetServerStatus(self, request, context):
         """Returns what the server is doing now.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
-    def Drain(self, request, context):
+    def DrainServer(self, request, context):
         """Drains the server before it is stopped: its health is NOT_SERVING, new calls of the other
         services are UNAVAILABLE, and no job is started. Calls and jobs in progress continue.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def ResumeServer(self, request, context):
+        """Ends a drain: the server takes calls and jobs again.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -198,15 +233,25 @@ def add_AdminServiceServicer_to_server(servicer, server):
                     request_deserializer=pepeseg_dot_v1_dot_admin__service__pb2.PinModelRequest.FromString,
                     response_serializer=pepeseg_dot_v1_dot_admin__service__pb2.ResidentModel.SerializeToString,
             ),
-            'ListResident': grpc.unary_unary_rpc_method_handler(
-                    servicer.ListResident,
-                    request_deserializer=pepeseg_dot_v1_dot_admin__service__pb2.ListResidentRequest.FromString,
-                    response_serializer=pepeseg_dot_v1_dot_admin__service__pb2.ListResidentResponse.SerializeToString,
+            'UnpinModel': grpc.unary_unary_rpc_method_handler(
+                    servicer.UnpinModel,
+                    request_deserializer=pepeseg_dot_v1_dot_admin__service__pb2.UnpinModelRequest.FromString,
+                    response_serializer=pepeseg_dot_v1_dot_admin__service__pb2.ResidentModel.SerializeToString,
+            ),
+            'ListResidentModels': grpc.unary_unary_rpc_method_handler(
+                    servicer.ListResidentModels,
+                    request_deserializer=pepeseg_dot_v1_dot_admin__service__pb2.ListResidentModelsRequest.FromString,
+                    response_serializer=pepeseg_dot_v1_dot_admin__service__pb2.ListResidentModelsResponse.SerializeToString,
             ),
             'CreateKey': grpc.unary_unary_rpc_method_handler(
                     servicer.CreateKey,
                     request_deserializer=pepeseg_dot_v1_dot_api__key__pb2.CreateKeyRequest.FromString,
                     response_serializer=pepeseg_dot_v1_dot_api__key__pb2.CreateKeyResponse.SerializeToString,
+            ),
+            'GetKey': grpc.unary_unary_rpc_method_handler(
+                    servicer.GetKey,
+                    request_deserializer=pepeseg_dot_v1_dot_api__key__pb2.GetKeyRequest.FromString,
+                    response_serializer=pepeseg_dot_v1_dot_api__key__pb2.ApiKey.SerializeToString,
             ),
             'ListKeys': grpc.unary_unary_rpc_method_handler(
                     servicer.ListKeys,
@@ -223,19 +268,24 @@ def add_AdminServiceServicer_to_server(servicer, server):
                     request_deserializer=pepeseg_dot_v1_dot_quota__pb2.GetProjectUsageRequest.FromString,
                     response_serializer=pepeseg_dot_v1_dot_quota__pb2.ProjectUsage.SerializeToString,
             ),
-            'SetQuota': grpc.unary_unary_rpc_method_handler(
-                    servicer.SetQuota,
-                    request_deserializer=pepeseg_dot_v1_dot_quota__pb2.SetQuotaRequest.FromString,
+            'UpdateQuota': grpc.unary_unary_rpc_method_handler(
+                    servicer.UpdateQuota,
+                    request_deserializer=pepeseg_dot_v1_dot_quota__pb2.UpdateQuotaRequest.FromString,
                     response_serializer=pepeseg_dot_v1_dot_quota__pb2.ProjectUsage.SerializeToString,
             ),
-            'GetStatus': grpc.unary_unary_rpc_method_handler(
-                    servicer.GetStatus,
-                    request_deserializer=pepeseg_dot_v1_dot_server__status__pb2.GetStatusRequest.FromString,
+            'GetServerStatus': grpc.unary_unary_rpc_method_handler(
+                    servicer.GetServerStatus,
+                    request_deserializer=pepeseg_dot_v1_dot_server__status__pb2.GetServerStatusRequest.FromString,
                     response_serializer=pepeseg_dot_v1_dot_server__status__pb2.ServerStatus.SerializeToString,
             ),
-            'Drain': grpc.unary_unary_rpc_method_handler(
-                    servicer.Drain,
-                    request_deserializer=pepeseg_dot_v1_dot_server__status__pb2.DrainRequest.FromString,
+            'DrainServer': grpc.unary_unary_rpc_method_handler(
+                    servicer.DrainServer,
+                    request_deserializer=pepeseg_dot_v1_dot_server__status__pb2.DrainServerRequest.FromString,
+                    response_serializer=pepeseg_dot_v1_dot_server__status__pb2.ServerStatus.SerializeToString,
+            ),
+            'ResumeServer': grpc.unary_unary_rpc_method_handler(
+                    servicer.ResumeServer,
+                    request_deserializer=pepeseg_dot_v1_dot_server__status__pb2.ResumeServerRequest.FromString,
                     response_serializer=pepeseg_dot_v1_dot_server__status__pb2.ServerStatus.SerializeToString,
             ),
     }
@@ -309,7 +359,7 @@ class AdminService(object):
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
 
     @staticmethod
-    def ListResident(request,
+    def UnpinModel(request,
             target,
             options=(),
             channel_credentials=None,
@@ -319,9 +369,26 @@ class AdminService(object):
             wait_for_ready=None,
             timeout=None,
             metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.AdminService/ListResident',
-            pepeseg_dot_v1_dot_admin__service__pb2.ListResidentRequest.SerializeToString,
-            pepeseg_dot_v1_dot_admin__service__pb2.ListResidentResponse.FromString,
+        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.AdminService/UnpinModel',
+            pepeseg_dot_v1_dot_admin__service__pb2.UnpinModelRequest.SerializeToString,
+            pepeseg_dot_v1_dot_admin__service__pb2.ResidentModel.FromString,
+            options, channel_credentials,
+            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
+
+    @staticmethod
+    def ListResidentModels(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.AdminService/ListResidentModels',
+            pepeseg_dot_v1_dot_admin__service__pb2.ListResidentModelsRequest.SerializeToString,
+            pepeseg_dot_v1_dot_admin__service__pb2.ListResidentModelsResponse.FromString,
             options, channel_credentials,
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
 
@@ -339,6 +406,23 @@ class AdminService(object):
         return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.AdminService/CreateKey',
             pepeseg_dot_v1_dot_api__key__pb2.CreateKeyRequest.SerializeToString,
             pepeseg_dot_v1_dot_api__key__pb2.CreateKeyResponse.FromString,
+            options, channel_credentials,
+            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
+
+    @staticmethod
+    def GetKey(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.AdminService/GetKey',
+            pepeseg_dot_v1_dot_api__key__pb2.GetKeyRequest.SerializeToString,
+            pepeseg_dot_v1_dot_api__key__pb2.ApiKey.FromString,
             options, channel_credentials,
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
 
@@ -394,7 +478,7 @@ class AdminService(object):
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
 
     @staticmethod
-    def SetQuota(request,
+    def UpdateQuota(request,
             target,
             options=(),
             channel_credentials=None,
@@ -404,14 +488,14 @@ class AdminService(object):
             wait_for_ready=None,
             timeout=None,
             metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.AdminService/SetQuota',
-            pepeseg_dot_v1_dot_quota__pb2.SetQuotaRequest.SerializeToString,
+        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.AdminService/UpdateQuota',
+            pepeseg_dot_v1_dot_quota__pb2.UpdateQuotaRequest.SerializeToString,
             pepeseg_dot_v1_dot_quota__pb2.ProjectUsage.FromString,
             options, channel_credentials,
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
 
     @staticmethod
-    def GetStatus(request,
+    def GetServerStatus(request,
             target,
             options=(),
             channel_credentials=None,
@@ -421,14 +505,14 @@ class AdminService(object):
             wait_for_ready=None,
             timeout=None,
             metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.AdminService/GetStatus',
-            pepeseg_dot_v1_dot_server__status__pb2.GetStatusRequest.SerializeToString,
+        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.AdminService/GetServerStatus',
+            pepeseg_dot_v1_dot_server__status__pb2.GetServerStatusRequest.SerializeToString,
             pepeseg_dot_v1_dot_server__status__pb2.ServerStatus.FromString,
             options, channel_credentials,
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
 
     @staticmethod
-    def Drain(request,
+    def DrainServer(request,
             target,
             options=(),
             channel_credentials=None,
@@ -438,8 +522,25 @@ class AdminService(object):
             wait_for_ready=None,
             timeout=None,
             metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.AdminService/Drain',
-            pepeseg_dot_v1_dot_server__status__pb2.DrainRequest.SerializeToString,
+        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.AdminService/DrainServer',
+            pepeseg_dot_v1_dot_server__status__pb2.DrainServerRequest.SerializeToString,
+            pepeseg_dot_v1_dot_server__status__pb2.ServerStatus.FromString,
+            options, channel_credentials,
+            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
+
+    @staticmethod
+    def ResumeServer(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.AdminService/ResumeServer',
+            pepeseg_dot_v1_dot_server__status__pb2.ResumeServerRequest.SerializeToString,
             pepeseg_dot_v1_dot_server__status__pb2.ServerStatus.FromString,
             options, channel_credentials,
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)

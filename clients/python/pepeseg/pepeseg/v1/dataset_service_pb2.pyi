@@ -1,3 +1,4 @@
+from google.protobuf import empty_pb2 as _empty_pb2
 from google.protobuf import timestamp_pb2 as _timestamp_pb2
 from pepeseg.v1 import access_pb2 as _access_pb2
 from pepeseg.v1 import prompt_pb2 as _prompt_pb2
@@ -45,6 +46,12 @@ class Dataset(_message.Message):
     seal_time: _timestamp_pb2.Timestamp
     def __init__(self, name: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., seal_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., num_files: _Optional[int] = ..., num_bytes: _Optional[int] = ..., advice: _Optional[_Iterable[str]] = ...) -> None: ...
 
+class DeleteUploadRequest(_message.Message):
+    __slots__ = ["name"]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    def __init__(self, name: _Optional[str] = ...) -> None: ...
+
 class FileDeclaration(_message.Message):
     __slots__ = ["kind", "path", "sha256", "size"]
     KIND_FIELD_NUMBER: _ClassVar[int]
@@ -56,6 +63,12 @@ class FileDeclaration(_message.Message):
     sha256: str
     size: int
     def __init__(self, path: _Optional[str] = ..., kind: _Optional[_Union[FileKind, str]] = ..., size: _Optional[int] = ..., sha256: _Optional[str] = ...) -> None: ...
+
+class GetDatasetRequest(_message.Message):
+    __slots__ = ["name"]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    def __init__(self, name: _Optional[str] = ...) -> None: ...
 
 class GetPhotographRequest(_message.Message):
     __slots__ = ["frame", "max_side", "original", "parent", "photograph"]

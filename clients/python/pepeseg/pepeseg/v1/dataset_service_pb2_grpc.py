@@ -2,6 +2,7 @@
 """Client and server classes corresponding to protobuf-defined services."""
 import grpc
 
+from google.protobuf import empty_pb2 as google_dot_protobuf_dot_empty__pb2
 from pepeseg.v1 import dataset_service_pb2 as pepeseg_dot_v1_dot_dataset__service__pb2
 
 
@@ -33,6 +34,11 @@ class DatasetServiceStub(object):
                 request_serializer=pepeseg_dot_v1_dot_dataset__service__pb2.GetUploadRequest.SerializeToString,
                 response_deserializer=pepeseg_dot_v1_dot_dataset__service__pb2.Upload.FromString,
                 )
+        self.DeleteUpload = channel.unary_unary(
+                '/pepeseg.v1.DatasetService/DeleteUpload',
+                request_serializer=pepeseg_dot_v1_dot_dataset__service__pb2.DeleteUploadRequest.SerializeToString,
+                response_deserializer=google_dot_protobuf_dot_empty__pb2.Empty.FromString,
+                )
         self.WriteFiles = channel.stream_unary(
                 '/pepeseg.v1.DatasetService/WriteFiles',
                 request_serializer=pepeseg_dot_v1_dot_dataset__service__pb2.WriteFilesRequest.SerializeToString,
@@ -41,6 +47,11 @@ class DatasetServiceStub(object):
         self.SealUpload = channel.unary_unary(
                 '/pepeseg.v1.DatasetService/SealUpload',
                 request_serializer=pepeseg_dot_v1_dot_dataset__service__pb2.SealUploadRequest.SerializeToString,
+                response_deserializer=pepeseg_dot_v1_dot_dataset__service__pb2.Dataset.FromString,
+                )
+        self.GetDataset = channel.unary_unary(
+                '/pepeseg.v1.DatasetService/GetDataset',
+                request_serializer=pepeseg_dot_v1_dot_dataset__service__pb2.GetDatasetRequest.SerializeToString,
                 response_deserializer=pepeseg_dot_v1_dot_dataset__service__pb2.Dataset.FromString,
                 )
         self.ListDatasets = channel.unary_unary(
@@ -85,6 +96,14 @@ class DatasetServiceServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
+    def DeleteUpload(self, request, context):
+        """Deletes an upload with what was sent of it; files that other datasets have, too, are kept.
+        FAILED_PRECONDITION: it is sealed; a dataset is deleted with its scene.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
     def WriteFiles(self, request_iterator, context):
         """Receives any number of files, one after the other: header, chunks, end.
 
@@ -113,6 +132,13 @@ class DatasetServiceServicer(object):
     def SealUpload(self, request, context):
         """Seals an upload and returns the dataset. FAILED_PRECONDITION: files are missing; the message
         names the first one and their number. Sealing it again changes nothing.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def GetDataset(self, request, context):
+        """Returns a dataset.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -150,6 +176,11 @@ def add_DatasetServiceServicer_to_server(servicer, server):
                     request_deserializer=pepeseg_dot_v1_dot_dataset__service__pb2.GetUploadRequest.FromString,
                     response_serializer=pepeseg_dot_v1_dot_dataset__service__pb2.Upload.SerializeToString,
             ),
+            'DeleteUpload': grpc.unary_unary_rpc_method_handler(
+                    servicer.DeleteUpload,
+                    request_deserializer=pepeseg_dot_v1_dot_dataset__service__pb2.DeleteUploadRequest.FromString,
+                    response_serializer=google_dot_protobuf_dot_empty__pb2.Empty.SerializeToString,
+            ),
             'WriteFiles': grpc.stream_unary_rpc_method_handler(
                     servicer.WriteFiles,
                     request_deserializer=pepeseg_dot_v1_dot_dataset__service__pb2.WriteFilesRequest.FromString,
@@ -158,6 +189,11 @@ def add_DatasetServiceServicer_to_server(servicer, server):
             'SealUpload': grpc.unary_unary_rpc_method_handler(
                     servicer.SealUpload,
                     request_deserializer=pepeseg_dot_v1_dot_dataset__service__pb2.SealUploadRequest.FromString,
+                    response_serializer=pepeseg_dot_v1_dot_dataset__service__pb2.Dataset.SerializeToString,
+            ),
+            'GetDataset': grpc.unary_unary_rpc_method_handler(
+                    servicer.GetDataset,
+                    request_deserializer=pepeseg_dot_v1_dot_dataset__service__pb2.GetDatasetRequest.FromString,
                     response_serializer=pepeseg_dot_v1_dot_dataset__service__pb2.Dataset.SerializeToString,
             ),
             'ListDatasets': grpc.unary_unary_rpc_method_handler(
@@ -224,6 +260,23 @@ class DatasetService(object):
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
 
     @staticmethod
+    def DeleteUpload(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.DatasetService/DeleteUpload',
+            pepeseg_dot_v1_dot_dataset__service__pb2.DeleteUploadRequest.SerializeToString,
+            google_dot_protobuf_dot_empty__pb2.Empty.FromString,
+            options, channel_credentials,
+            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
+
+    @staticmethod
     def WriteFiles(request_iterator,
             target,
             options=(),
@@ -253,6 +306,23 @@ class DatasetService(object):
             metadata=None):
         return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.DatasetService/SealUpload',
             pepeseg_dot_v1_dot_dataset__service__pb2.SealUploadRequest.SerializeToString,
+            pepeseg_dot_v1_dot_dataset__service__pb2.Dataset.FromString,
+            options, channel_credentials,
+            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
+
+    @staticmethod
+    def GetDataset(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.DatasetService/GetDataset',
+            pepeseg_dot_v1_dot_dataset__service__pb2.GetDatasetRequest.SerializeToString,
             pepeseg_dot_v1_dot_dataset__service__pb2.Dataset.FromString,
             options, channel_credentials,
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)

@@ -1,3 +1,4 @@
+from pepeseg.v1 import geometry_pb2 as _geometry_pb2
 from pepeseg.v1 import timing_pb2 as _timing_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf import descriptor as _descriptor
@@ -6,7 +7,7 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
-class DecomposeRequest(_message.Message):
+class DecomposeModelRequest(_message.Message):
     __slots__ = ["model", "scales"]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     SCALES_FIELD_NUMBER: _ClassVar[int]
@@ -14,7 +15,7 @@ class DecomposeRequest(_message.Message):
     scales: _containers.RepeatedScalarFieldContainer[float]
     def __init__(self, model: _Optional[str] = ..., scales: _Optional[_Iterable[float]] = ...) -> None: ...
 
-class DecomposeResponse(_message.Message):
+class DecomposeModelResponse(_message.Message):
     __slots__ = ["levels", "model", "timing"]
     class Level(_message.Message):
         __slots__ = ["num_unassigned", "scale_quantile", "scale_units", "segments"]
@@ -25,28 +26,26 @@ class DecomposeResponse(_message.Message):
         num_unassigned: int
         scale_quantile: float
         scale_units: float
-        segments: _containers.RepeatedCompositeFieldContainer[DecomposeResponse.Segment]
-        def __init__(self, scale_quantile: _Optional[float] = ..., scale_units: _Optional[float] = ..., segments: _Optional[_Iterable[_Union[DecomposeResponse.Segment, _Mapping]]] = ..., num_unassigned: _Optional[int] = ...) -> None: ...
+        segments: _containers.RepeatedCompositeFieldContainer[DecomposeModelResponse.Segment]
+        def __init__(self, scale_quantile: _Optional[float] = ..., scale_units: _Optional[float] = ..., segments: _Optional[_Iterable[_Union[DecomposeModelResponse.Segment, _Mapping]]] = ..., num_unassigned: _Optional[int] = ...) -> None: ...
     class Segment(_message.Message):
-        __slots__ = ["id", "max", "min", "num_gaussians", "parent"]
+        __slots__ = ["box", "id", "num_gaussians", "parent"]
+        BOX_FIELD_NUMBER: _ClassVar[int]
         ID_FIELD_NUMBER: _ClassVar[int]
-        MAX_FIELD_NUMBER: _ClassVar[int]
-        MIN_FIELD_NUMBER: _ClassVar[int]
         NUM_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
         PARENT_FIELD_NUMBER: _ClassVar[int]
+        box: _geometry_pb2.BoundingBox
         id: int
-        max: _containers.RepeatedScalarFieldContainer[float]
-        min: _containers.RepeatedScalarFieldContainer[float]
         num_gaussians: int
         parent: int
-        def __init__(self, id: _Optional[int] = ..., parent: _Optional[int] = ..., num_gaussians: _Optional[int] = ..., min: _Optional[_Iterable[float]] = ..., max: _Optional[_Iterable[float]] = ...) -> None: ...
+        def __init__(self, id: _Optional[int] = ..., parent: _Optional[int] = ..., num_gaussians: _Optional[int] = ..., box: _Optional[_Union[_geometry_pb2.BoundingBox, _Mapping]] = ...) -> None: ...
     LEVELS_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     TIMING_FIELD_NUMBER: _ClassVar[int]
-    levels: _containers.RepeatedCompositeFieldContainer[DecomposeResponse.Level]
+    levels: _containers.RepeatedCompositeFieldContainer[DecomposeModelResponse.Level]
     model: str
     timing: _timing_pb2.QueryTiming
-    def __init__(self, levels: _Optional[_Iterable[_Union[DecomposeResponse.Level, _Mapping]]] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ...) -> None: ...
+    def __init__(self, levels: _Optional[_Iterable[_Union[DecomposeModelResponse.Level, _Mapping]]] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ...) -> None: ...
 
 class SegmentRef(_message.Message):
     __slots__ = ["id", "level", "scales"]

@@ -19,7 +19,7 @@ from pepeseg.v1 import scene_service_pb2 as pepeseg_dot_v1_dot_scene__service__p
 from pepeseg.v1 import training_options_pb2 as pepeseg_dot_v1_dot_training__options__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1cpepeseg/v1/job_service.proto\x12\npepeseg.v1\x1a\x1egoogle/protobuf/duration.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x17pepeseg/v1/errors.proto\x1a\x1epepeseg/v1/scene_service.proto\x1a!pepeseg/v1/training_options.proto\"\xb5\x03\n\x03Job\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\r\n\x05scene\x18\x02 \x01(\t\x12\x0f\n\x07\x64\x61taset\x18\x03 \x01(\t\x12#\n\x05state\x18\x04 \x01(\x0e\x32\x14.pepeseg.v1.JobState\x12\r\n\x05stage\x18\x05 \x01(\t\x12\x36\n\x11\x65\x66\x66\x65\x63tive_options\x18\x06 \x01(\x0b\x32\x1b.pepeseg.v1.TrainingOptions\x12)\n\x08progress\x18\x07 \x01(\x0b\x32\x17.pepeseg.v1.JobProgress\x12!\n\x05\x65rror\x18\x08 \x01(\x0b\x32\x12.pepeseg.v1.Status\x12\r\n\x05model\x18\t \x01(\t\x12/\n\x0b\x63reate_time\x18\n \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12.\n\nstart_time\x18\x0b \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12,\n\x08\x65nd_time\x18\x0c \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x18\n\x10\x63\x61ncel_requested\x18\r \x01(\x08\x12\x0e\n\x06\x64\x65vice\x18\x0e \x01(\t\"\xd1\x04\n\x0bJobProgress\x12\r\n\x05stage\x18\x01 \x01(\t\x12\x0c\n\x04step\x18\x02 \x01(\x03\x12\x11\n\tnum_steps\x18\x03 \x01(\x03\x12\x11\n\x04loss\x18\x04 \x01(\x01H\x00\x88\x01\x01\x12\x11\n\x04psnr\x18\x05 \x01(\x01H\x01\x88\x01\x01\x12\x15\n\rnum_gaussians\x18\x06 \x01(\x03\x12\x1d\n\x15num_culled_degenerate\x18\x07 \x01(\x03\x12\x1d\n\x15num_skipped_gradients\x18\x08 \x01(\x03\x12*\n\x07\x65lapsed\x18\t \x01(\x0b\x32\x19.google.protobuf.Duration\x12&\n\x03\x65ta\x18\n \x01(\x0b\x32\x19.google.protobuf.Duration\x12\x18\n\x10steps_per_second\x18\x0b \x01(\x01\x12\x14\n\x0cmemory_bytes\x18\x0c \x01(\x03\x12\x18\n\x10num_void_renders\x18\r \x01(\x03\x12\x13\n\x0bnum_refined\x18\x10 \x01(\x03\x12\x18\n\x10num_refine_split\x18\x11 \x01(\x03\x12\x17\n\ndepth_loss\x18\x12 \x01(\x01H\x02\x88\x01\x01\x12\x1a\n\x12num_skipped_depths\x18\x13 \x01(\x03\x12\x10\n\x08\x61\x63tivity\x18\x14 \x01(\t\x12\x0c\n\x04unit\x18\x15 \x01(\t\x12*\n\x07job_eta\x18\x16 \x01(\x0b\x32\x19.google.protobuf.Duration\x12\x14\n\x0cstage_number\x18\x17 \x01(\x05\x12\x12\n\nnum_stages\x18\x18 \x01(\x05\x42\x07\n\x05_lossB\x07\n\x05_psnrB\r\n\x0b_depth_loss\"\xe9\x08\n\x08JobEvent\x12\x10\n\x08sequence\x18\x01 \x01(\x03\x12(\n\x04time\x18\x02 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12#\n\x08snapshot\x18\x03 \x01(\x0b\x32\x0f.pepeseg.v1.JobH\x00\x12:\n\rstage_started\x18\x04 \x01(\x0b\x32!.pepeseg.v1.JobEvent.StageStartedH\x00\x12+\n\x08progress\x18\x05 \x01(\x0b\x32\x17.pepeseg.v1.JobProgressH\x00\x12/\n\x07warning\x18\x06 \x01(\x0b\x32\x1c.pepeseg.v1.JobEvent.WarningH\x00\x12:\n\rstate_changed\x18\x07 \x01(\x0b\x32!.pepeseg.v1.JobEvent.StateChangedH\x00\x12\x33\n\theartbeat\x18\x08 \x01(\x0b\x32\x1e.pepeseg.v1.JobEvent.HeartbeatH\x00\x12\x36\n\x0bstage_ended\x18\t \x01(\x0b\x32\x1f.pepeseg.v1.JobEvent.StageEndedH\x00\x12\x38\n\x0cterm_skipped\x18\n \x01(\x0b\x32 .pepeseg.v1.JobEvent.TermSkippedH\x00\x1a\x1d\n\x0cStageStarted\x12\r\n\x05stage\x18\x01 \x01(\t\x1a\xf7\x01\n\nStageEnded\x12\r\n\x05stage\x18\x01 \x01(\t\x12*\n\x07\x65lapsed\x18\x02 \x01(\x0b\x32\x19.google.protobuf.Duration\x12=\n\x07metrics\x18\x03 \x03(\x0b\x32,.pepeseg.v1.JobEvent.StageEnded.MetricsEntry\x12.\n\x05views\x18\x04 \x03(\x0b\x32\x1f.pepeseg.v1.JobEvent.ViewScores\x12\x0f\n\x07skipped\x18\x05 \x01(\t\x1a.\n\x0cMetricsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\x1a\x43\n\nViewScores\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\'\n\x06scores\x18\x02 \x01(\x0b\x32\x17.pepeseg.v1.ImageScores\x1a\x1a\n\x07Warning\x12\x0f\n\x07message\x18\x01 \x01(\t\x1a\x87\x01\n\x0bTermSkipped\x12\r\n\x05stage\x18\x01 \x01(\t\x12\x0c\n\x04term\x18\x02 \x01(\t\x12\x0e\n\x06reason\x18\x03 \x01(\t\x12\x0c\n\x04step\x18\x04 \x01(\x03\x12\x13\n\x0bsaved_steps\x18\x05 \x01(\x03\x12(\n\x05saved\x18\x06 \x01(\x0b\x32\x19.google.protobuf.Duration\x1a\x65\n\x0cStateChanged\x12#\n\x05state\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobState\x12!\n\x05\x65rror\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.Status\x12\r\n\x05model\x18\x03 \x01(\t\x1a\x0b\n\tHeartbeatB\x07\n\x05\x65vent\"\x8c\x01\n\x11TrainSceneRequest\x12\r\n\x05scene\x18\x01 \x01(\t\x12\x0f\n\x07\x64\x61taset\x18\x02 \x01(\t\x12,\n\x07options\x18\x03 \x01(\x0b\x32\x1b.pepeseg.v1.TrainingOptions\x12\x12\n\nrequest_id\x18\x04 \x01(\t\x12\x15\n\rvalidate_only\x18\x05 \x01(\x08\"g\n\x17\x45stimateTrainingRequest\x12\r\n\x05scene\x18\x01 \x01(\t\x12\x0f\n\x07\x64\x61taset\x18\x02 \x01(\t\x12,\n\x07options\x18\x03 \x01(\x0b\x32\x1b.pepeseg.v1.TrainingOptions\"\xd0\x02\n\x18\x45stimateTrainingResponse\x12:\n\x06stages\x18\x01 \x03(\x0b\x32*.pepeseg.v1.EstimateTrainingResponse.Stage\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t\x12\x12\n\nneed_bytes\x18\x03 \x01(\x03\x12\x12\n\nhave_bytes\x18\x04 \x01(\x03\x12\x11\n\tnum_views\x18\x05 \x01(\x03\x12\x12\n\nmax_pixels\x18\x06 \x01(\x03\x12\x12\n\nnum_points\x18\x07 \x01(\x03\x12\x16\n\x0enum_mask_files\x18\x08 \x01(\x03\x1am\n\x05Stage\x12\r\n\x05stage\x18\x01 \x01(\t\x12\x14\n\x0c\x64\x65vice_bytes\x18\x02 \x01(\x03\x12\x12\n\nhost_bytes\x18\x03 \x01(\x03\x12+\n\x08\x64uration\x18\x04 \x01(\x0b\x32\x19.google.protobuf.Duration\"\x1d\n\rGetJobRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"l\n\x0fListJobsRequest\x12\r\n\x05scene\x18\x01 \x01(\t\x12#\n\x05state\x18\x02 \x01(\x0e\x32\x14.pepeseg.v1.JobState\x12\x11\n\tpage_size\x18\x03 \x01(\x05\x12\x12\n\npage_token\x18\x04 \x01(\t\"J\n\x10ListJobsResponse\x12\x1d\n\x04jobs\x18\x01 \x03(\x0b\x32\x0f.pepeseg.v1.Job\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\" \n\x10\x43\x61ncelJobRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"O\n\x0fWatchJobRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x1b\n\x0e\x61\x66ter_sequence\x18\x02 \x01(\x03H\x00\x88\x01\x01\x42\x11\n\x0f_after_sequence*\x9a\x01\n\x08JobState\x12\x19\n\x15JOB_STATE_UNSPECIFIED\x10\x00\x12\x14\n\x10JOB_STATE_QUEUED\x10\x01\x12\x15\n\x11JOB_STATE_RUNNING\x10\x02\x12\x17\n\x13JOB_STATE_SUCCEEDED\x10\x03\x12\x14\n\x10JOB_STATE_FAILED\x10\x04\x12\x17\n\x13JOB_STATE_CANCELLED\x10\x05\x32\x8c\x04\n\nJobService\x12T\n\nTrainScene\x12\x1d.pepeseg.v1.TrainSceneRequest\x1a\x0f.pepeseg.v1.Job\"\x16\x8a\xe2\x18\x12\x08\x03\x12\x05scene\x12\x07\x64\x61taset\x12u\n\x10\x45stimateTraining\x12#.pepeseg.v1.EstimateTrainingRequest\x1a$.pepeseg.v1.EstimateTrainingResponse\"\x16\x8a\xe2\x18\x12\x08\x01\x12\x05scene\x12\x07\x64\x61taset\x12\x42\n\x06GetJob\x12\x19.pepeseg.v1.GetJobRequest\x1a\x0f.pepeseg.v1.Job\"\x0c\x8a\xe2\x18\x08\x08\x01\x12\x04name\x12T\n\x08ListJobs\x12\x1b.pepeseg.v1.ListJobsRequest\x1a\x1c.pepeseg.v1.ListJobsResponse\"\r\x8a\xe2\x18\t\x08\x01\x12\x05scene\x12H\n\tCancelJob\x12\x1c.pepeseg.v1.CancelJobRequest\x1a\x0f.pepeseg.v1.Job\"\x0c\x8a\xe2\x18\x08\x08\x03\x12\x04name\x12M\n\x08WatchJob\x12\x1b.pepeseg.v1.WatchJobRequest\x1a\x14.pepeseg.v1.JobEvent\"\x0c\x8a\xe2\x18\x08\x08\x01\x12\x04name0\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1cpepeseg/v1/job_service.proto\x12\npepeseg.v1\x1a\x1egoogle/protobuf/duration.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x17pepeseg/v1/errors.proto\x1a\x1epepeseg/v1/scene_service.proto\x1a!pepeseg/v1/training_options.proto\"\xca\x03\n\x03Job\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\r\n\x05scene\x18\x02 \x01(\t\x12\x0f\n\x07\x64\x61taset\x18\x03 \x01(\t\x12#\n\x05state\x18\x04 \x01(\x0e\x32\x14.pepeseg.v1.JobState\x12#\n\x05stage\x18\x05 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12\x36\n\x11\x65\x66\x66\x65\x63tive_options\x18\x06 \x01(\x0b\x32\x1b.pepeseg.v1.TrainingOptions\x12)\n\x08progress\x18\x07 \x01(\x0b\x32\x17.pepeseg.v1.JobProgress\x12 \n\x05\x65rror\x18\x08 \x01(\x0b\x32\x11.pepeseg.v1.Error\x12\r\n\x05model\x18\t \x01(\t\x12/\n\x0b\x63reate_time\x18\n \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12.\n\nstart_time\x18\x0b \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12,\n\x08\x65nd_time\x18\x0c \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x18\n\x10\x63\x61ncel_requested\x18\r \x01(\x08\x12\x0e\n\x06\x64\x65vice\x18\x0e \x01(\t\"\xc3\x05\n\x0bJobProgress\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12\x0c\n\x04step\x18\x02 \x01(\x03\x12\x11\n\tnum_steps\x18\x03 \x01(\x03\x12\x11\n\x04loss\x18\x04 \x01(\x01H\x00\x88\x01\x01\x12\x11\n\x04psnr\x18\x05 \x01(\x01H\x01\x88\x01\x01\x12\x15\n\rnum_gaussians\x18\x06 \x01(\x03\x12*\n\x07\x65lapsed\x18\t \x01(\x0b\x32\x19.google.protobuf.Duration\x12&\n\x03\x65ta\x18\n \x01(\x0b\x32\x19.google.protobuf.Duration\x12\x18\n\x10steps_per_second\x18\x0b \x01(\x01\x12\x14\n\x0cmemory_bytes\x18\x0c \x01(\x03\x12\x10\n\x08\x61\x63tivity\x18\x14 \x01(\t\x12\x0c\n\x04unit\x18\x15 \x01(\t\x12*\n\x07job_eta\x18\x16 \x01(\x0b\x32\x19.google.protobuf.Duration\x12\x14\n\x0cstage_number\x18\x17 \x01(\x05\x12\x12\n\nnum_stages\x18\x18 \x01(\x05\x12\x38\n\x0b\x64iagnostics\x18\x19 \x01(\x0b\x32#.pepeseg.v1.JobProgress.Diagnostics\x1a\xd8\x01\n\x0b\x44iagnostics\x12\x1d\n\x15num_culled_degenerate\x18\x01 \x01(\x03\x12\x1d\n\x15num_skipped_gradients\x18\x02 \x01(\x03\x12\x18\n\x10num_void_renders\x18\x03 \x01(\x03\x12\x13\n\x0bnum_refined\x18\x04 \x01(\x03\x12\x18\n\x10num_refine_split\x18\x05 \x01(\x03\x12\x17\n\ndepth_loss\x18\x06 \x01(\x01H\x00\x88\x01\x01\x12\x1a\n\x12num_skipped_depths\x18\x07 \x01(\x03\x42\r\n\x0b_depth_lossB\x07\n\x05_lossB\x07\n\x05_psnrJ\x04\x08\x07\x10\x08J\x04\x08\x08\x10\tJ\x04\x08\r\x10\x14\"\xf3\n\n\x08JobEvent\x12\x10\n\x08sequence\x18\x01 \x01(\x03\x12(\n\x04time\x18\x02 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12#\n\x08snapshot\x18\x03 \x01(\x0b\x32\x0f.pepeseg.v1.JobH\x00\x12:\n\rstage_started\x18\x04 \x01(\x0b\x32!.pepeseg.v1.JobEvent.StageStartedH\x00\x12+\n\x08progress\x18\x05 \x01(\x0b\x32\x17.pepeseg.v1.JobProgressH\x00\x12/\n\x07warning\x18\x06 \x01(\x0b\x32\x1c.pepeseg.v1.JobEvent.WarningH\x00\x12:\n\rstate_changed\x18\x07 \x01(\x0b\x32!.pepeseg.v1.JobEvent.StateChangedH\x00\x12\x33\n\theartbeat\x18\x08 \x01(\x0b\x32\x1e.pepeseg.v1.JobEvent.HeartbeatH\x00\x12\x36\n\x0bstage_ended\x18\t \x01(\x0b\x32\x1f.pepeseg.v1.JobEvent.StageEndedH\x00\x12\x38\n\x0cterm_skipped\x18\n \x01(\x0b\x32 .pepeseg.v1.JobEvent.TermSkippedH\x00\x1a\x33\n\x0cStageStarted\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x1a\x8d\x02\n\nStageEnded\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12*\n\x07\x65lapsed\x18\x02 \x01(\x0b\x32\x19.google.protobuf.Duration\x12=\n\x07metrics\x18\x03 \x03(\x0b\x32,.pepeseg.v1.JobEvent.StageEnded.MetricsEntry\x12.\n\x05views\x18\x04 \x03(\x0b\x32\x1f.pepeseg.v1.JobEvent.ViewScores\x12\x0f\n\x07skipped\x18\x05 \x01(\t\x1a.\n\x0cMetricsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\x1a\x43\n\nViewScores\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\'\n\x06scores\x18\x02 \x01(\x0b\x32\x17.pepeseg.v1.ImageScores\x1a\x1a\n\x07Warning\x12\x0f\n\x07message\x18\x01 \x01(\t\x1a\xe6\x02\n\x0bTermSkipped\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12\x33\n\x04term\x18\x02 \x01(\x0e\x32%.pepeseg.v1.JobEvent.TermSkipped.Term\x12\x0e\n\x06reason\x18\x03 \x01(\t\x12\x0c\n\x04step\x18\x04 \x01(\x03\x12\x13\n\x0bsaved_steps\x18\x05 \x01(\x03\x12(\n\x05saved\x18\x06 \x01(\x0b\x32\x19.google.protobuf.Duration\"\x9f\x01\n\x04Term\x12\x14\n\x10TERM_UNSPECIFIED\x10\x00\x12\x0e\n\nTERM_DEPTH\x10\x01\x12\x13\n\x0fTERM_REFINEMENT\x10\x02\x12\x0e\n\nTERM_BANDS\x10\x03\x12\x0e\n\nTERM_STEPS\x10\x04\x12\x13\n\x0fTERM_BACKGROUND\x10\x05\x12\x12\n\x0eTERM_CENTROIDS\x10\x06\x12\x13\n\x0fTERM_PERCEPTION\x10\x07\x1a\x64\n\x0cStateChanged\x12#\n\x05state\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobState\x12 \n\x05\x65rror\x18\x02 \x01(\x0b\x32\x11.pepeseg.v1.Error\x12\r\n\x05model\x18\x03 \x01(\t\x1a\x0b\n\tHeartbeatB\x07\n\x05\x65vent\"\x8c\x01\n\x11TrainSceneRequest\x12\r\n\x05scene\x18\x01 \x01(\t\x12\x0f\n\x07\x64\x61taset\x18\x02 \x01(\t\x12,\n\x07options\x18\x03 \x01(\x0b\x32\x1b.pepeseg.v1.TrainingOptions\x12\x12\n\nrequest_id\x18\x04 \x01(\t\x12\x15\n\rvalidate_only\x18\x05 \x01(\x08\"g\n\x17\x45stimateTrainingRequest\x12\r\n\x05scene\x18\x01 \x01(\t\x12\x0f\n\x07\x64\x61taset\x18\x02 \x01(\t\x12,\n\x07options\x18\x03 \x01(\x0b\x32\x1b.pepeseg.v1.TrainingOptions\"\xe7\x02\n\x18\x45stimateTrainingResponse\x12:\n\x06stages\x18\x01 \x03(\x0b\x32*.pepeseg.v1.EstimateTrainingResponse.Stage\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t\x12\x12\n\nneed_bytes\x18\x03 \x01(\x03\x12\x12\n\nhave_bytes\x18\x04 \x01(\x03\x12\x11\n\tnum_views\x18\x05 \x01(\x03\x12\x12\n\nmax_pixels\x18\x06 \x01(\x03\x12\x12\n\nnum_points\x18\x07 \x01(\x03\x12\x16\n\x0enum_mask_files\x18\x08 \x01(\x03\x1a\x83\x01\n\x05Stage\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12\x14\n\x0c\x64\x65vice_bytes\x18\x02 \x01(\x03\x12\x12\n\nhost_bytes\x18\x03 \x01(\x03\x12+\n\x08\x64uration\x18\x04 \x01(\x0b\x32\x19.google.protobuf.Duration\"\x1d\n\rGetJobRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"l\n\x0fListJobsRequest\x12\r\n\x05scene\x18\x01 \x01(\t\x12#\n\x05state\x18\x02 \x01(\x0e\x32\x14.pepeseg.v1.JobState\x12\x11\n\tpage_size\x18\x03 \x01(\x05\x12\x12\n\npage_token\x18\x04 \x01(\t\"J\n\x10ListJobsResponse\x12\x1d\n\x04jobs\x18\x01 \x03(\x0b\x32\x0f.pepeseg.v1.Job\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\" \n\x10\x43\x61ncelJobRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"O\n\x0fWatchJobRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x1b\n\x0e\x61\x66ter_sequence\x18\x02 \x01(\x03H\x00\x88\x01\x01\x42\x11\n\x0f_after_sequence*\x9a\x01\n\x08JobState\x12\x19\n\x15JOB_STATE_UNSPECIFIED\x10\x00\x12\x14\n\x10JOB_STATE_QUEUED\x10\x01\x12\x15\n\x11JOB_STATE_RUNNING\x10\x02\x12\x17\n\x13JOB_STATE_SUCCEEDED\x10\x03\x12\x14\n\x10JOB_STATE_FAILED\x10\x04\x12\x17\n\x13JOB_STATE_CANCELLED\x10\x05*\xc5\x01\n\x08JobStage\x12\x19\n\x15JOB_STAGE_UNSPECIFIED\x10\x00\x12\x15\n\x11JOB_STAGE_PREPARE\x10\x01\x12\x11\n\rJOB_STAGE_SFM\x10\x02\x12\x14\n\x10JOB_STAGE_PRIORS\x10\x03\x12\x19\n\x15JOB_STAGE_RECONSTRUCT\x10\x04\x12\x16\n\x12JOB_STAGE_EVALUATE\x10\x05\x12\x16\n\x12JOB_STAGE_FEATURES\x10\x06\x12\x13\n\x0fJOB_STAGE_INDEX\x10\x07\x32\x8c\x04\n\nJobService\x12T\n\nTrainScene\x12\x1d.pepeseg.v1.TrainSceneRequest\x1a\x0f.pepeseg.v1.Job\"\x16\x8a\xe2\x18\x12\x08\x03\x12\x05scene\x12\x07\x64\x61taset\x12u\n\x10\x45stimateTraining\x12#.pepeseg.v1.EstimateTrainingRequest\x1a$.pepeseg.v1.EstimateTrainingResponse\"\x16\x8a\xe2\x18\x12\x08\x01\x12\x05scene\x12\x07\x64\x61taset\x12\x42\n\x06GetJob\x12\x19.pepeseg.v1.GetJobRequest\x1a\x0f.pepeseg.v1.Job\"\x0c\x8a\xe2\x18\x08\x08\x01\x12\x04name\x12T\n\x08ListJobs\x12\x1b.pepeseg.v1.ListJobsRequest\x1a\x1c.pepeseg.v1.ListJobsResponse\"\r\x8a\xe2\x18\t\x08\x01\x12\x05scene\x12H\n\tCancelJob\x12\x1c.pepeseg.v1.CancelJobRequest\x1a\x0f.pepeseg.v1.Job\"\x0c\x8a\xe2\x18\x08\x08\x03\x12\x04name\x12M\n\x08WatchJob\x12\x1b.pepeseg.v1.WatchJobRequest\x1a\x14.pepeseg.v1.JobEvent\"\x0c\x8a\xe2\x18\x08\x08\x01\x12\x04name0\x01\x62\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.job_service_pb2', globals())
@@ -40,48 +40,54 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _JOBSERVICE.methods_by_name['CancelJob']._serialized_options = b'\212\342\030\010\010\003\022\004name'
   _JOBSERVICE.methods_by_name['WatchJob']._options = None
   _JOBSERVICE.methods_by_name['WatchJob']._serialized_options = b'\212\342\030\010\010\001\022\004name'
-  _JOBSTATE._serialized_start=3314
-  _JOBSTATE._serialized_end=3468
+  _JOBSTATE._serialized_start=3738
+  _JOBSTATE._serialized_end=3892
+  _JOBSTAGE._serialized_start=3895
+  _JOBSTAGE._serialized_end=4092
   _JOB._serialized_start=227
-  _JOB._serialized_end=664
-  _JOBPROGRESS._serialized_start=667
-  _JOBPROGRESS._serialized_end=1260
-  _JOBEVENT._serialized_start=1263
-  _JOBEVENT._serialized_end=2392
-  _JOBEVENT_STAGESTARTED._serialized_start=1753
-  _JOBEVENT_STAGESTARTED._serialized_end=1782
-  _JOBEVENT_STAGEENDED._serialized_start=1785
-  _JOBEVENT_STAGEENDED._serialized_end=2032
-  _JOBEVENT_STAGEENDED_METRICSENTRY._serialized_start=1986
-  _JOBEVENT_STAGEENDED_METRICSENTRY._serialized_end=2032
-  _JOBEVENT_VIEWSCORES._serialized_start=2034
-  _JOBEVENT_VIEWSCORES._serialized_end=2101
-  _JOBEVENT_WARNING._serialized_start=2103
-  _JOBEVENT_WARNING._serialized_end=2129
-  _JOBEVENT_TERMSKIPPED._serialized_start=2132
-  _JOBEVENT_TERMSKIPPED._serialized_end=2267
-  _JOBEVENT_STATECHANGED._serialized_start=2269
-  _JOBEVENT_STATECHANGED._serialized_end=2370
-  _JOBEVENT_HEARTBEAT._serialized_start=2372
-  _JOBEVENT_HEARTBEAT._serialized_end=2383
-  _TRAINSCENEREQUEST._serialized_start=2395
-  _TRAINSCENEREQUEST._serialized_end=2535
-  _ESTIMATETRAININGREQUEST._serialized_start=2537
-  _ESTIMATETRAININGREQUEST._serialized_end=2640
-  _ESTIMATETRAININGRESPONSE._serialized_start=2643
-  _ESTIMATETRAININGRESPONSE._serialized_end=2979
-  _ESTIMATETRAININGRESPONSE_STAGE._serialized_start=2870
-  _ESTIMATETRAININGRESPONSE_STAGE._serialized_end=2979
-  _GETJOBREQUEST._serialized_start=2981
-  _GETJOBREQUEST._serialized_end=3010
-  _LISTJOBSREQUEST._serialized_start=3012
-  _LISTJOBSREQUEST._serialized_end=3120
-  _LISTJOBSRESPONSE._serialized_start=3122
-  _LISTJOBSRESPONSE._serialized_end=3196
-  _CANCELJOBREQUEST._serialized_start=3198
-  _CANCELJOBREQUEST._serialized_end=3230
-  _WATCHJOBREQUEST._serialized_start=3232
-  _WATCHJOBREQUEST._serialized_end=3311
-  _JOBSERVICE._serialized_start=3471
-  _JOBSERVICE._serialized_end=3995
+  _JOB._serialized_end=685
+  _JOBPROGRESS._serialized_start=688
+  _JOBPROGRESS._serialized_end=1395
+  _JOBPROGRESS_DIAGNOSTICS._serialized_start=1143
+  _JOBPROGRESS_DIAGNOSTICS._serialized_end=1359
+  _JOBEVENT._serialized_start=1398
+  _JOBEVENT._serialized_end=2793
+  _JOBEVENT_STAGESTARTED._serialized_start=1888
+  _JOBEVENT_STAGESTARTED._serialized_end=1939
+  _JOBEVENT_STAGEENDED._serialized_start=1942
+  _JOBEVENT_STAGEENDED._serialized_end=2211
+  _JOBEVENT_STAGEENDED_METRICSENTRY._serialized_start=2165
+  _JOBEVENT_STAGEENDED_METRICSENTRY._serialized_end=2211
+  _JOBEVENT_VIEWSCORES._serialized_start=2213
+  _JOBEVENT_VIEWSCORES._serialized_end=2280
+  _JOBEVENT_WARNING._serialized_start=2282
+  _JOBEVENT_WARNING._serialized_end=2308
+  _JOBEVENT_TERMSKIPPED._serialized_start=2311
+  _JOBEVENT_TERMSKIPPED._serialized_end=2669
+  _JOBEVENT_TERMSKIPPED_TERM._serialized_start=2510
+  _JOBEVENT_TERMSKIPPED_TERM._serialized_end=2669
+  _JOBEVENT_STATECHANGED._serialized_start=2671
+  _JOBEVENT_STATECHANGED._serialized_end=2771
+  _JOBEVENT_HEARTBEAT._serialized_start=2773
+  _JOBEVENT_HEARTBEAT._serialized_end=2784
+  _TRAINSCENEREQUEST._serialized_start=2796
+  _TRAINSCENEREQUEST._serialized_end=2936
+  _ESTIMATETRAININGREQUEST._serialized_start=2938
+  _ESTIMATETRAININGREQUEST._serialized_end=3041
+  _ESTIMATETRAININGRESPONSE._serialized_start=3044
+  _ESTIMATETRAININGRESPONSE._serialized_end=3403
+  _ESTIMATETRAININGRESPONSE_STAGE._serialized_start=3272
+  _ESTIMATETRAININGRESPONSE_STAGE._serialized_end=3403
+  _GETJOBREQUEST._serialized_start=3405
+  _GETJOBREQUEST._serialized_end=3434
+  _LISTJOBSREQUEST._serialized_start=3436
+  _LISTJOBSREQUEST._serialized_end=3544
+  _LISTJOBSRESPONSE._serialized_start=3546
+  _LISTJOBSRESPONSE._serialized_end=3620
+  _CANCELJOBREQUEST._serialized_start=3622
+  _CANCELJOBREQUEST._serialized_end=3654
+  _WATCHJOBREQUEST._serialized_start=3656
+  _WATCHJOBREQUEST._serialized_end=3735
+  _JOBSERVICE._serialized_start=4095
+  _JOBSERVICE._serialized_end=4619
 # @@protoc_insertion_point(module_scope)

@@ -11,6 +11,14 @@ from google.protobuf import message as _message
 from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
+JOB_STAGE_EVALUATE: JobStage
+JOB_STAGE_FEATURES: JobStage
+JOB_STAGE_INDEX: JobStage
+JOB_STAGE_PREPARE: JobStage
+JOB_STAGE_PRIORS: JobStage
+JOB_STAGE_RECONSTRUCT: JobStage
+JOB_STAGE_SFM: JobStage
+JOB_STAGE_UNSPECIFIED: JobStage
 JOB_STATE_CANCELLED: JobState
 JOB_STATE_FAILED: JobState
 JOB_STATE_QUEUED: JobState
@@ -45,8 +53,8 @@ class EstimateTrainingResponse(_message.Message):
         device_bytes: int
         duration: _duration_pb2.Duration
         host_bytes: int
-        stage: str
-        def __init__(self, stage: _Optional[str] = ..., device_bytes: _Optional[int] = ..., host_bytes: _Optional[int] = ..., duration: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ...) -> None: ...
+        stage: JobStage
+        def __init__(self, stage: _Optional[_Union[JobStage, str]] = ..., device_bytes: _Optional[int] = ..., host_bytes: _Optional[int] = ..., duration: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ...) -> None: ...
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     HAVE_BYTES_FIELD_NUMBER: _ClassVar[int]
     MAX_PIXELS_FIELD_NUMBER: _ClassVar[int]
@@ -93,15 +101,15 @@ class Job(_message.Message):
     device: str
     effective_options: _training_options_pb2.TrainingOptions
     end_time: _timestamp_pb2.Timestamp
-    error: _errors_pb2.Status
+    error: _errors_pb2.Error
     model: str
     name: str
     progress: JobProgress
     scene: str
-    stage: str
+    stage: JobStage
     start_time: _timestamp_pb2.Timestamp
     state: JobState
-    def __init__(self, name: _Optional[str] = ..., scene: _Optional[str] = ..., dataset: _Optional[str] = ..., state: _Optional[_Union[JobState, str]] = ..., stage: _Optional[str] = ..., effective_options: _Optional[_Union[_training_options_pb2.TrainingOptions, _Mapping]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., error: _Optional[_Union[_errors_pb2.Status, _Mapping]] = ..., model: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., start_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., end_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., cancel_requested: bool = ..., device: _Optional[str] = ...) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., scene: _Optional[str] = ..., dataset: _Optional[str] = ..., state: _Optional[_Union[JobState, str]] = ..., stage: _Optional[_Union[JobStage, str]] = ..., effective_options: _Optional[_Union[_training_options_pb2.TrainingOptions, _Mapping]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., error: _Optional[_Union[_errors_pb2.Error, _Mapping]] = ..., model: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., start_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., end_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., cancel_requested: bool = ..., device: _Optional[str] = ...) -> None: ...
 
 class JobEvent(_message.Message):
     __slots__ = ["heartbeat", "progress", "sequence", "snapshot", "stage_ended", "stage_started", "state_changed", "term_skipped", "time", "warning"]
@@ -125,38 +133,48 @@ class JobEvent(_message.Message):
         elapsed: _duration_pb2.Duration
         metrics: _containers.ScalarMap[str, float]
         skipped: str
-        stage: str
+        stage: JobStage
         views: _containers.RepeatedCompositeFieldContainer[JobEvent.ViewScores]
-        def __init__(self, stage: _Optional[str] = ..., elapsed: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., metrics: _Optional[_Mapping[str, float]] = ..., views: _Optional[_Iterable[_Union[JobEvent.ViewScores, _Mapping]]] = ..., skipped: _Optional[str] = ...) -> None: ...
+        def __init__(self, stage: _Optional[_Union[JobStage, str]] = ..., elapsed: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., metrics: _Optional[_Mapping[str, float]] = ..., views: _Optional[_Iterable[_Union[JobEvent.ViewScores, _Mapping]]] = ..., skipped: _Optional[str] = ...) -> None: ...
     class StageStarted(_message.Message):
         __slots__ = ["stage"]
         STAGE_FIELD_NUMBER: _ClassVar[int]
-        stage: str
-        def __init__(self, stage: _Optional[str] = ...) -> None: ...
+        stage: JobStage
+        def __init__(self, stage: _Optional[_Union[JobStage, str]] = ...) -> None: ...
     class StateChanged(_message.Message):
         __slots__ = ["error", "model", "state"]
         ERROR_FIELD_NUMBER: _ClassVar[int]
         MODEL_FIELD_NUMBER: _ClassVar[int]
         STATE_FIELD_NUMBER: _ClassVar[int]
-        error: _errors_pb2.Status
+        error: _errors_pb2.Error
         model: str
         state: JobState
-        def __init__(self, state: _Optional[_Union[JobState, str]] = ..., error: _Optional[_Union[_errors_pb2.Status, _Mapping]] = ..., model: _Optional[str] = ...) -> None: ...
+        def __init__(self, state: _Optional[_Union[JobState, str]] = ..., error: _Optional[_Union[_errors_pb2.Error, _Mapping]] = ..., model: _Optional[str] = ...) -> None: ...
     class TermSkipped(_message.Message):
         __slots__ = ["reason", "saved", "saved_steps", "stage", "step", "term"]
+        class Term(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+            __slots__ = []
         REASON_FIELD_NUMBER: _ClassVar[int]
         SAVED_FIELD_NUMBER: _ClassVar[int]
         SAVED_STEPS_FIELD_NUMBER: _ClassVar[int]
         STAGE_FIELD_NUMBER: _ClassVar[int]
         STEP_FIELD_NUMBER: _ClassVar[int]
+        TERM_BACKGROUND: JobEvent.TermSkipped.Term
+        TERM_BANDS: JobEvent.TermSkipped.Term
+        TERM_CENTROIDS: JobEvent.TermSkipped.Term
+        TERM_DEPTH: JobEvent.TermSkipped.Term
         TERM_FIELD_NUMBER: _ClassVar[int]
+        TERM_PERCEPTION: JobEvent.TermSkipped.Term
+        TERM_REFINEMENT: JobEvent.TermSkipped.Term
+        TERM_STEPS: JobEvent.TermSkipped.Term
+        TERM_UNSPECIFIED: JobEvent.TermSkipped.Term
         reason: str
         saved: _duration_pb2.Duration
         saved_steps: int
-        stage: str
+        stage: JobStage
         step: int
-        term: str
-        def __init__(self, stage: _Optional[str] = ..., term: _Optional[str] = ..., reason: _Optional[str] = ..., step: _Optional[int] = ..., saved_steps: _Optional[int] = ..., saved: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ...) -> None: ...
+        term: JobEvent.TermSkipped.Term
+        def __init__(self, stage: _Optional[_Union[JobStage, str]] = ..., term: _Optional[_Union[JobEvent.TermSkipped.Term, str]] = ..., reason: _Optional[str] = ..., step: _Optional[int] = ..., saved_steps: _Optional[int] = ..., saved: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ...) -> None: ...
     class ViewScores(_message.Message):
         __slots__ = ["scores", "view"]
         SCORES_FIELD_NUMBER: _ClassVar[int]
@@ -192,23 +210,34 @@ class JobEvent(_message.Message):
     def __init__(self, sequence: _Optional[int] = ..., time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., snapshot: _Optional[_Union[Job, _Mapping]] = ..., stage_started: _Optional[_Union[JobEvent.StageStarted, _Mapping]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., warning: _Optional[_Union[JobEvent.Warning, _Mapping]] = ..., state_changed: _Optional[_Union[JobEvent.StateChanged, _Mapping]] = ..., heartbeat: _Optional[_Union[JobEvent.Heartbeat, _Mapping]] = ..., stage_ended: _Optional[_Union[JobEvent.StageEnded, _Mapping]] = ..., term_skipped: _Optional[_Union[JobEvent.TermSkipped, _Mapping]] = ...) -> None: ...
 
 class JobProgress(_message.Message):
-    __slots__ = ["activity", "depth_loss", "elapsed", "eta", "job_eta", "loss", "memory_bytes", "num_culled_degenerate", "num_gaussians", "num_refine_split", "num_refined", "num_skipped_depths", "num_skipped_gradients", "num_stages", "num_steps", "num_void_renders", "psnr", "stage", "stage_number", "step", "steps_per_second", "unit"]
+    __slots__ = ["activity", "diagnostics", "elapsed", "eta", "job_eta", "loss", "memory_bytes", "num_gaussians", "num_stages", "num_steps", "psnr", "stage", "stage_number", "step", "steps_per_second", "unit"]
+    class Diagnostics(_message.Message):
+        __slots__ = ["depth_loss", "num_culled_degenerate", "num_refine_split", "num_refined", "num_skipped_depths", "num_skipped_gradients", "num_void_renders"]
+        DEPTH_LOSS_FIELD_NUMBER: _ClassVar[int]
+        NUM_CULLED_DEGENERATE_FIELD_NUMBER: _ClassVar[int]
+        NUM_REFINED_FIELD_NUMBER: _ClassVar[int]
+        NUM_REFINE_SPLIT_FIELD_NUMBER: _ClassVar[int]
+        NUM_SKIPPED_DEPTHS_FIELD_NUMBER: _ClassVar[int]
+        NUM_SKIPPED_GRADIENTS_FIELD_NUMBER: _ClassVar[int]
+        NUM_VOID_RENDERS_FIELD_NUMBER: _ClassVar[int]
+        depth_loss: float
+        num_culled_degenerate: int
+        num_refine_split: int
+        num_refined: int
+        num_skipped_depths: int
+        num_skipped_gradients: int
+        num_void_renders: int
+        def __init__(self, num_culled_degenerate: _Optional[int] = ..., num_skipped_gradients: _Optional[int] = ..., num_void_renders: _Optional[int] = ..., num_refined: _Optional[int] = ..., num_refine_split: _Optional[int] = ..., depth_loss: _Optional[float] = ..., num_skipped_depths: _Optional[int] = ...) -> None: ...
     ACTIVITY_FIELD_NUMBER: _ClassVar[int]
-    DEPTH_LOSS_FIELD_NUMBER: _ClassVar[int]
+    DIAGNOSTICS_FIELD_NUMBER: _ClassVar[int]
     ELAPSED_FIELD_NUMBER: _ClassVar[int]
     ETA_FIELD_NUMBER: _ClassVar[int]
     JOB_ETA_FIELD_NUMBER: _ClassVar[int]
     LOSS_FIELD_NUMBER: _ClassVar[int]
     MEMORY_BYTES_FIELD_NUMBER: _ClassVar[int]
-    NUM_CULLED_DEGENERATE_FIELD_NUMBER: _ClassVar[int]
     NUM_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
-    NUM_REFINED_FIELD_NUMBER: _ClassVar[int]
-    NUM_REFINE_SPLIT_FIELD_NUMBER: _ClassVar[int]
-    NUM_SKIPPED_DEPTHS_FIELD_NUMBER: _ClassVar[int]
-    NUM_SKIPPED_GRADIENTS_FIELD_NUMBER: _ClassVar[int]
     NUM_STAGES_FIELD_NUMBER: _ClassVar[int]
     NUM_STEPS_FIELD_NUMBER: _ClassVar[int]
-    NUM_VOID_RENDERS_FIELD_NUMBER: _ClassVar[int]
     PSNR_FIELD_NUMBER: _ClassVar[int]
     STAGE_FIELD_NUMBER: _ClassVar[int]
     STAGE_NUMBER_FIELD_NUMBER: _ClassVar[int]
@@ -216,28 +245,22 @@ class JobProgress(_message.Message):
     STEP_FIELD_NUMBER: _ClassVar[int]
     UNIT_FIELD_NUMBER: _ClassVar[int]
     activity: str
-    depth_loss: float
+    diagnostics: JobProgress.Diagnostics
     elapsed: _duration_pb2.Duration
     eta: _duration_pb2.Duration
     job_eta: _duration_pb2.Duration
     loss: float
     memory_bytes: int
-    num_culled_degenerate: int
     num_gaussians: int
-    num_refine_split: int
-    num_refined: int
-    num_skipped_depths: int
-    num_skipped_gradients: int
     num_stages: int
     num_steps: int
-    num_void_renders: int
     psnr: float
-    stage: str
+    stage: JobStage
     stage_number: int
     step: int
     steps_per_second: float
     unit: str
-    def __init__(self, stage: _Optional[str] = ..., step: _Optional[int] = ..., num_steps: _Optional[int] = ..., loss: _Optional[float] = ..., psnr: _Optional[float] = ..., num_gaussians: _Optional[int] = ..., num_culled_degenerate: _Optional[int] = ..., num_skipped_gradients: _Optional[int] = ..., elapsed: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., eta: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., steps_per_second: _Optional[float] = ..., memory_bytes: _Optional[int] = ..., num_void_renders: _Optional[int] = ..., num_refined: _Optional[int] = ..., num_refine_split: _Optional[int] = ..., depth_loss: _Optional[float] = ..., num_skipped_depths: _Optional[int] = ..., activity: _Optional[str] = ..., unit: _Optional[str] = ..., job_eta: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., stage_number: _Optional[int] = ..., num_stages: _Optional[int] = ...) -> None: ...
+    def __init__(self, stage: _Optional[_Union[JobStage, str]] = ..., step: _Optional[int] = ..., num_steps: _Optional[int] = ..., loss: _Optional[float] = ..., psnr: _Optional[float] = ..., num_gaussians: _Optional[int] = ..., elapsed: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., eta: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., steps_per_second: _Optional[float] = ..., memory_bytes: _Optional[int] = ..., activity: _Optional[str] = ..., unit: _Optional[str] = ..., job_eta: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., stage_number: _Optional[int] = ..., num_stages: _Optional[int] = ..., diagnostics: _Optional[_Union[JobProgress.Diagnostics, _Mapping]] = ...) -> None: ...
 
 class ListJobsRequest(_message.Message):
     __slots__ = ["page_size", "page_token", "scene", "state"]
@@ -282,4 +305,7 @@ class WatchJobRequest(_message.Message):
     def __init__(self, name: _Optional[str] = ..., after_sequence: _Optional[int] = ...) -> None: ...
 
 class JobState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class JobStage(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []

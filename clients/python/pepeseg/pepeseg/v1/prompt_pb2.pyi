@@ -1,4 +1,4 @@
-from pepeseg.v1 import scene_service_pb2 as _scene_service_pb2
+from pepeseg.v1 import geometry_pb2 as _geometry_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
 from google.protobuf import descriptor as _descriptor
@@ -88,9 +88,9 @@ class Viewpoint(_message.Message):
         __slots__ = ["cam_from_world", "camera"]
         CAMERA_FIELD_NUMBER: _ClassVar[int]
         CAM_FROM_WORLD_FIELD_NUMBER: _ClassVar[int]
-        cam_from_world: _scene_service_pb2.RigidTransform
-        camera: _scene_service_pb2.PinholeCamera
-        def __init__(self, camera: _Optional[_Union[_scene_service_pb2.PinholeCamera, _Mapping]] = ..., cam_from_world: _Optional[_Union[_scene_service_pb2.RigidTransform, _Mapping]] = ...) -> None: ...
+        cam_from_world: _geometry_pb2.RigidTransform
+        camera: _geometry_pb2.PinholeCamera
+        def __init__(self, camera: _Optional[_Union[_geometry_pb2.PinholeCamera, _Mapping]] = ..., cam_from_world: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ...) -> None: ...
     FREE_FIELD_NUMBER: _ClassVar[int]
     VIEW_FIELD_NUMBER: _ClassVar[int]
     free: Viewpoint.FreeCamera

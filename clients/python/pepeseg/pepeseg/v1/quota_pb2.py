@@ -13,7 +13,7 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16pepeseg/v1/quota.proto\x12\npepeseg.v1\"\x92\x01\n\x05Quota\x12\x14\n\x0cstored_bytes\x18\x01 \x01(\x03\x12\x14\n\x0copen_uploads\x18\x02 \x01(\x03\x12\x13\n\x0bqueued_jobs\x18\x03 \x01(\x03\x12\x14\n\x0crunning_jobs\x18\x04 \x01(\x03\x12\x1a\n\x12queries_per_second\x18\x05 \x01(\x03\x12\x16\n\x0eresident_bytes\x18\x06 \x01(\x03\"b\n\x0cProjectUsage\x12\x0f\n\x07project\x18\x01 \x01(\t\x12 \n\x05quota\x18\x02 \x01(\x0b\x32\x11.pepeseg.v1.Quota\x12\x1f\n\x04used\x18\x03 \x01(\x0b\x32\x11.pepeseg.v1.Quota\")\n\x16GetProjectUsageRequest\x12\x0f\n\x07project\x18\x01 \x01(\t\"D\n\x0fSetQuotaRequest\x12\x0f\n\x07project\x18\x01 \x01(\t\x12 \n\x05quota\x18\x02 \x01(\x0b\x32\x11.pepeseg.v1.Quotab\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16pepeseg/v1/quota.proto\x12\npepeseg.v1\"\x92\x01\n\x05Quota\x12\x14\n\x0cstored_bytes\x18\x01 \x01(\x03\x12\x14\n\x0copen_uploads\x18\x02 \x01(\x03\x12\x13\n\x0bqueued_jobs\x18\x03 \x01(\x03\x12\x14\n\x0crunning_jobs\x18\x04 \x01(\x03\x12\x1a\n\x12queries_per_second\x18\x05 \x01(\x03\x12\x16\n\x0eresident_bytes\x18\x06 \x01(\x03\"b\n\x0cProjectUsage\x12\x0f\n\x07project\x18\x01 \x01(\t\x12 \n\x05quota\x18\x02 \x01(\x0b\x32\x11.pepeseg.v1.Quota\x12\x1f\n\x04used\x18\x03 \x01(\x0b\x32\x11.pepeseg.v1.Quota\")\n\x16GetProjectUsageRequest\x12\x0f\n\x07project\x18\x01 \x01(\t\"G\n\x12UpdateQuotaRequest\x12\x0f\n\x07project\x18\x01 \x01(\t\x12 \n\x05quota\x18\x02 \x01(\x0b\x32\x11.pepeseg.v1.Quotab\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.quota_pb2', globals())
@@ -26,6 +26,6 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _PROJECTUSAGE._serialized_end=285
   _GETPROJECTUSAGEREQUEST._serialized_start=287
   _GETPROJECTUSAGEREQUEST._serialized_end=328
-  _SETQUOTAREQUEST._serialized_start=330
-  _SETQUOTAREQUEST._serialized_end=398
+  _UPDATEQUOTAREQUEST._serialized_start=330
+  _UPDATEQUOTAREQUEST._serialized_end=401
 # @@protoc_insertion_point(module_scope)

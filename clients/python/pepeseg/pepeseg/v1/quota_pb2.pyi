@@ -36,7 +36,7 @@ class Quota(_message.Message):
     stored_bytes: int
     def __init__(self, stored_bytes: _Optional[int] = ..., open_uploads: _Optional[int] = ..., queued_jobs: _Optional[int] = ..., running_jobs: _Optional[int] = ..., queries_per_second: _Optional[int] = ..., resident_bytes: _Optional[int] = ...) -> None: ...
 
-class SetQuotaRequest(_message.Message):
+class UpdateQuotaRequest(_message.Message):
     __slots__ = ["project", "quota"]
     PROJECT_FIELD_NUMBER: _ClassVar[int]
     QUOTA_FIELD_NUMBER: _ClassVar[int]

@@ -14,9 +14,10 @@ _sym_db = _symbol_database.Default()
 from google.protobuf import empty_pb2 as google_dot_protobuf_dot_empty__pb2
 from google.protobuf import timestamp_pb2 as google_dot_protobuf_dot_timestamp__pb2
 from pepeseg.v1 import access_pb2 as pepeseg_dot_v1_dot_access__pb2
+from pepeseg.v1 import geometry_pb2 as pepeseg_dot_v1_dot_geometry__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1epepeseg/v1/scene_service.proto\x12\npepeseg.v1\x1a\x1bgoogle/protobuf/empty.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\"\x84\x01\n\x05Scene\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x14\n\x0c\x64isplay_name\x18\x02 \x01(\t\x12/\n\x0b\x63reate_time\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x12\n\nlive_model\x18\x04 \x01(\t\x12\x12\n\nactive_job\x18\x05 \x01(\t\"\xf0\x02\n\x05Model\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0b\n\x03job\x18\x02 \x01(\t\x12/\n\x0b\x63reate_time\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x15\n\rnum_gaussians\x18\x04 \x01(\x03\x12\x11\n\tnum_bytes\x18\x05 \x01(\x03\x12/\n\x07metrics\x18\x06 \x03(\x0b\x32\x1e.pepeseg.v1.Model.MetricsEntry\x12\x0e\n\x06\x64\x65vice\x18\x07 \x01(\t\x12/\n\x07sources\x18\x08 \x03(\x0b\x32\x1e.pepeseg.v1.Model.SourcesEntry\x12\x0e\n\x06\x61\x64vice\x18\t \x03(\t\x12\x0f\n\x07\x64\x61taset\x18\n \x01(\t\x1a.\n\x0cMetricsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\x1a.\n\x0cSourcesEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\t:\x02\x38\x01\"^\n\rPinholeCamera\x12\r\n\x05width\x18\x01 \x01(\x05\x12\x0e\n\x06height\x18\x02 \x01(\x05\x12\n\n\x02\x66x\x18\x03 \x01(\x01\x12\n\n\x02\x66y\x18\x04 \x01(\x01\x12\n\n\x02\x63x\x18\x05 \x01(\x01\x12\n\n\x02\x63y\x18\x06 \x01(\x01\"7\n\x0eRigidTransform\x12\x10\n\x08rotation\x18\x01 \x03(\x01\x12\x13\n\x0btranslation\x18\x02 \x03(\x01\"\xe3\x01\n\x04View\x12\x0c\n\x04view\x18\x01 \x01(\t\x12)\n\x06\x63\x61mera\x18\x02 \x01(\x0b\x32\x19.pepeseg.v1.PinholeCamera\x12\x32\n\x0e\x63\x61m_from_world\x18\x03 \x01(\x0b\x32\x1a.pepeseg.v1.RigidTransform\x12\x10\n\x08held_out\x18\x04 \x01(\x08\x12\'\n\x06scores\x18\x05 \x01(\x0b\x32\x17.pepeseg.v1.ImageScores\x12\x18\n\x10photograph_width\x18\x06 \x01(\x05\x12\x19\n\x11photograph_height\x18\x07 \x01(\x05\"G\n\x0bImageScores\x12\x0c\n\x04psnr\x18\x01 \x01(\x01\x12\x0c\n\x04ssim\x18\x02 \x01(\x01\x12\x12\n\x05lpips\x18\x03 \x01(\x01H\x00\x88\x01\x01\x42\x08\n\x06_lpips\"\\\n\x12\x43reateSceneRequest\x12\x10\n\x08scene_id\x18\x01 \x01(\t\x12 \n\x05scene\x18\x02 \x01(\x0b\x32\x11.pepeseg.v1.Scene\x12\x12\n\nrequest_id\x18\x03 \x01(\t\"\x1f\n\x0fGetSceneRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\":\n\x11ListScenesRequest\x12\x11\n\tpage_size\x18\x01 \x01(\x05\x12\x12\n\npage_token\x18\x02 \x01(\t\"P\n\x12ListScenesResponse\x12!\n\x06scenes\x18\x01 \x03(\x0b\x32\x11.pepeseg.v1.Scene\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\"\n\x12\x44\x65leteSceneRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"I\n\x10ListViewsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"M\n\x11ListViewsResponse\x12\x1f\n\x05views\x18\x01 \x03(\x0b\x32\x10.pepeseg.v1.View\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\x1f\n\x0fGetModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"J\n\x11ListModelsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"P\n\x12ListModelsResponse\x12!\n\x06models\x18\x01 \x03(\x0b\x32\x11.pepeseg.v1.Model\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\"\n\x12\x44\x65leteModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t2\xa2\x05\n\x0cSceneService\x12H\n\x0b\x43reateScene\x12\x1e.pepeseg.v1.CreateSceneRequest\x1a\x11.pepeseg.v1.Scene\"\x06\x8a\xe2\x18\x02\x08\x02\x12H\n\x08GetScene\x12\x1b.pepeseg.v1.GetSceneRequest\x1a\x11.pepeseg.v1.Scene\"\x0c\x8a\xe2\x18\x08\x08\x01\x12\x04name\x12S\n\nListScenes\x12\x1d.pepeseg.v1.ListScenesRequest\x1a\x1e.pepeseg.v1.ListScenesResponse\"\x06\x8a\xe2\x18\x02\x08\x01\x12S\n\x0b\x44\x65leteScene\x12\x1e.pepeseg.v1.DeleteSceneRequest\x1a\x16.google.protobuf.Empty\"\x0c\x8a\xe2\x18\x08\x08\x02\x12\x04name\x12X\n\tListViews\x12\x1c.pepeseg.v1.ListViewsRequest\x1a\x1d.pepeseg.v1.ListViewsResponse\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x06parent\x12H\n\x08GetModel\x12\x1b.pepeseg.v1.GetModelRequest\x1a\x11.pepeseg.v1.Model\"\x0c\x8a\xe2\x18\x08\x08\x01\x12\x04name\x12[\n\nListModels\x12\x1d.pepeseg.v1.ListModelsRequest\x1a\x1e.pepeseg.v1.ListModelsResponse\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x06parent\x12S\n\x0b\x44\x65leteModel\x12\x1e.pepeseg.v1.DeleteModelRequest\x1a\x16.google.protobuf.Empty\"\x0c\x8a\xe2\x18\x08\x08\x02\x12\x04nameb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1epepeseg/v1/scene_service.proto\x12\npepeseg.v1\x1a\x1bgoogle/protobuf/empty.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x19pepeseg/v1/geometry.proto\"\x84\x01\n\x05Scene\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x14\n\x0c\x64isplay_name\x18\x02 \x01(\t\x12/\n\x0b\x63reate_time\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x12\n\nlive_model\x18\x04 \x01(\t\x12\x12\n\nactive_job\x18\x05 \x01(\t\"\xba\x02\n\x05Model\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0b\n\x03job\x18\x02 \x01(\t\x12/\n\x0b\x63reate_time\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x15\n\rnum_gaussians\x18\x04 \x01(\x03\x12\x11\n\tnum_bytes\x18\x05 \x01(\x03\x12/\n\x07metrics\x18\x06 \x03(\x0b\x32\x1e.pepeseg.v1.Model.MetricsEntry\x12\x0e\n\x06\x64\x65vice\x18\x07 \x01(\t\x12)\n\x07sources\x18\x08 \x01(\x0b\x32\x18.pepeseg.v1.InputSources\x12\x0e\n\x06\x61\x64vice\x18\t \x03(\t\x12\x0f\n\x07\x64\x61taset\x18\n \x01(\t\x1a.\n\x0cMetricsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\";\n\x0cInputSources\x12\r\n\x05poses\x18\x01 \x01(\t\x12\r\n\x05masks\x18\x02 \x01(\t\x12\r\n\x05\x64\x65pth\x18\x03 \x01(\t\"\xe3\x01\n\x04View\x12\x0c\n\x04view\x18\x01 \x01(\t\x12)\n\x06\x63\x61mera\x18\x02 \x01(\x0b\x32\x19.pepeseg.v1.PinholeCamera\x12\x32\n\x0e\x63\x61m_from_world\x18\x03 \x01(\x0b\x32\x1a.pepeseg.v1.RigidTransform\x12\x10\n\x08held_out\x18\x04 \x01(\x08\x12\'\n\x06scores\x18\x05 \x01(\x0b\x32\x17.pepeseg.v1.ImageScores\x12\x18\n\x10photograph_width\x18\x06 \x01(\x05\x12\x19\n\x11photograph_height\x18\x07 \x01(\x05\"G\n\x0bImageScores\x12\x0c\n\x04psnr\x18\x01 \x01(\x01\x12\x0c\n\x04ssim\x18\x02 \x01(\x01\x12\x12\n\x05lpips\x18\x03 \x01(\x01H\x00\x88\x01\x01\x42\x08\n\x06_lpips\"\\\n\x12\x43reateSceneRequest\x12\x10\n\x08scene_id\x18\x01 \x01(\t\x12 \n\x05scene\x18\x02 \x01(\x0b\x32\x11.pepeseg.v1.Scene\x12\x12\n\nrequest_id\x18\x03 \x01(\t\"\x1f\n\x0fGetSceneRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\":\n\x11ListScenesRequest\x12\x11\n\tpage_size\x18\x01 \x01(\x05\x12\x12\n\npage_token\x18\x02 \x01(\t\"P\n\x12ListScenesResponse\x12!\n\x06scenes\x18\x01 \x03(\x0b\x32\x11.pepeseg.v1.Scene\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\"\n\x12\x44\x65leteSceneRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"I\n\x10ListViewsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"M\n\x11ListViewsResponse\x12\x1f\n\x05views\x18\x01 \x03(\x0b\x32\x10.pepeseg.v1.View\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\x1f\n\x0fGetModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"J\n\x11ListModelsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"P\n\x12ListModelsResponse\x12!\n\x06models\x18\x01 \x03(\x0b\x32\x11.pepeseg.v1.Model\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\"\n\x12\x44\x65leteModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t2\xa2\x05\n\x0cSceneService\x12H\n\x0b\x43reateScene\x12\x1e.pepeseg.v1.CreateSceneRequest\x1a\x11.pepeseg.v1.Scene\"\x06\x8a\xe2\x18\x02\x08\x02\x12H\n\x08GetScene\x12\x1b.pepeseg.v1.GetSceneRequest\x1a\x11.pepeseg.v1.Scene\"\x0c\x8a\xe2\x18\x08\x08\x01\x12\x04name\x12S\n\nListScenes\x12\x1d.pepeseg.v1.ListScenesRequest\x1a\x1e.pepeseg.v1.ListScenesResponse\"\x06\x8a\xe2\x18\x02\x08\x01\x12S\n\x0b\x44\x65leteScene\x12\x1e.pepeseg.v1.DeleteSceneRequest\x1a\x16.google.protobuf.Empty\"\x0c\x8a\xe2\x18\x08\x08\x02\x12\x04name\x12X\n\tListViews\x12\x1c.pepeseg.v1.ListViewsRequest\x1a\x1d.pepeseg.v1.ListViewsResponse\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x06parent\x12H\n\x08GetModel\x12\x1b.pepeseg.v1.GetModelRequest\x1a\x11.pepeseg.v1.Model\"\x0c\x8a\xe2\x18\x08\x08\x01\x12\x04name\x12[\n\nListModels\x12\x1d.pepeseg.v1.ListModelsRequest\x1a\x1e.pepeseg.v1.ListModelsResponse\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x06parent\x12S\n\x0b\x44\x65leteModel\x12\x1e.pepeseg.v1.DeleteModelRequest\x1a\x16.google.protobuf.Empty\"\x0c\x8a\xe2\x18\x08\x08\x02\x12\x04nameb\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.scene_service_pb2', globals())
@@ -25,8 +26,6 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   DESCRIPTOR._options = None
   _MODEL_METRICSENTRY._options = None
   _MODEL_METRICSENTRY._serialized_options = b'8\001'
-  _MODEL_SOURCESENTRY._options = None
-  _MODEL_SOURCESENTRY._serialized_options = b'8\001'
   _SCENESERVICE.methods_by_name['CreateScene']._options = None
   _SCENESERVICE.methods_by_name['CreateScene']._serialized_options = b'\212\342\030\002\010\002'
   _SCENESERVICE.methods_by_name['GetScene']._options = None
@@ -43,44 +42,40 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _SCENESERVICE.methods_by_name['ListModels']._serialized_options = b'\212\342\030\n\010\001\022\006parent'
   _SCENESERVICE.methods_by_name['DeleteModel']._options = None
   _SCENESERVICE.methods_by_name['DeleteModel']._serialized_options = b'\212\342\030\010\010\002\022\004name'
-  _SCENE._serialized_start=134
-  _SCENE._serialized_end=266
-  _MODEL._serialized_start=269
-  _MODEL._serialized_end=637
-  _MODEL_METRICSENTRY._serialized_start=543
-  _MODEL_METRICSENTRY._serialized_end=589
-  _MODEL_SOURCESENTRY._serialized_start=591
-  _MODEL_SOURCESENTRY._serialized_end=637
-  _PINHOLECAMERA._serialized_start=639
-  _PINHOLECAMERA._serialized_end=733
-  _RIGIDTRANSFORM._serialized_start=735
-  _RIGIDTRANSFORM._serialized_end=790
-  _VIEW._serialized_start=793
-  _VIEW._serialized_end=1020
-  _IMAGESCORES._serialized_start=1022
-  _IMAGESCORES._serialized_end=1093
-  _CREATESCENEREQUEST._serialized_start=1095
-  _CREATESCENEREQUEST._serialized_end=1187
-  _GETSCENEREQUEST._serialized_start=1189
-  _GETSCENEREQUEST._serialized_end=1220
-  _LISTSCENESREQUEST._serialized_start=1222
-  _LISTSCENESREQUEST._serialized_end=1280
-  _LISTSCENESRESPONSE._serialized_start=1282
-  _LISTSCENESRESPONSE._serialized_end=1362
-  _DELETESCENEREQUEST._serialized_start=1364
-  _DELETESCENEREQUEST._serialized_end=1398
-  _LISTVIEWSREQUEST._serialized_start=1400
-  _LISTVIEWSREQUEST._serialized_end=1473
-  _LISTVIEWSRESPONSE._serialized_start=1475
-  _LISTVIEWSRESPONSE._serialized_end=1552
-  _GETMODELREQUEST._serialized_start=1554
-  _GETMODELREQUEST._serialized_end=1585
-  _LISTMODELSREQUEST._serialized_start=1587
-  _LISTMODELSREQUEST._serialized_end=1661
-  _LISTMODELSRESPONSE._serialized_start=1663
-  _LISTMODELSRESPONSE._serialized_end=1743
-  _DELETEMODELREQUEST._serialized_start=1745
-  _DELETEMODELREQUEST._serialized_end=1779
-  _SCENESERVICE._serialized_start=1782
-  _SCENESERVICE._serialized_end=2456
+  _SCENE._serialized_start=161
+  _SCENE._serialized_end=293
+  _MODEL._serialized_start=296
+  _MODEL._serialized_end=610
+  _MODEL_METRICSENTRY._serialized_start=564
+  _MODEL_METRICSENTRY._serialized_end=610
+  _INPUTSOURCES._serialized_start=612
+  _INPUTSOURCES._serialized_end=671
+  _VIEW._serialized_start=674
+  _VIEW._serialized_end=901
+  _IMAGESCORES._serialized_start=903
+  _IMAGESCORES._serialized_end=974
+  _CREATESCENEREQUEST._serialized_start=976
+  _CREATESCENEREQUEST._serialized_end=1068
+  _GETSCENEREQUEST._serialized_start=1070
+  _GETSCENEREQUEST._serialized_end=1101
+  _LISTSCENESREQUEST._serialized_start=1103
+  _LISTSCENESREQUEST._serialized_end=1161
+  _LISTSCENESRESPONSE._serialized_start=1163
+  _LISTSCENESRESPONSE._serialized_end=1243
+  _DELETESCENEREQUEST._serialized_start=1245
+  _DELETESCENEREQUEST._serialized_end=1279
+  _LISTVIEWSREQUEST._serialized_start=1281
+  _LISTVIEWSREQUEST._serialized_end=1354
+  _LISTVIEWSRESPONSE._serialized_start=1356
+  _LISTVIEWSRESPONSE._serialized_end=1433
+  _GETMODELREQUEST._serialized_start=1435
+  _GETMODELREQUEST._serialized_end=1466
+  _LISTMODELSREQUEST._serialized_start=1468
+  _LISTMODELSREQUEST._serialized_end=1542
+  _LISTMODELSRESPONSE._serialized_start=1544
+  _LISTMODELSRESPONSE._serialized_end=1624
+  _DELETEMODELREQUEST._serialized_start=1626
+  _DELETEMODELREQUEST._serialized_end=1660
+  _SCENESERVICE._serialized_start=1663
+  _SCENESERVICE._serialized_end=2337
 # @@protoc_insertion_point(module_scope)

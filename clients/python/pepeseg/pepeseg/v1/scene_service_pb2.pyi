@@ -1,6 +1,7 @@
 from google.protobuf import empty_pb2 as _empty_pb2
 from google.protobuf import timestamp_pb2 as _timestamp_pb2
 from pepeseg.v1 import access_pb2 as _access_pb2
+from pepeseg.v1 import geometry_pb2 as _geometry_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
@@ -51,6 +52,16 @@ class ImageScores(_message.Message):
     psnr: float
     ssim: float
     def __init__(self, psnr: _Optional[float] = ..., ssim: _Optional[float] = ..., lpips: _Optional[float] = ...) -> None: ...
+
+class InputSources(_message.Message):
+    __slots__ = ["depth", "masks", "poses"]
+    DEPTH_FIELD_NUMBER: _ClassVar[int]
+    MASKS_FIELD_NUMBER: _ClassVar[int]
+    POSES_FIELD_NUMBER: _ClassVar[int]
+    depth: str
+    masks: str
+    poses: str
+    def __init__(self, poses: _Optional[str] = ..., masks: _Optional[str] = ..., depth: _Optional[str] = ...) -> None: ...
 
 class ListModelsRequest(_message.Message):
     __slots__ = ["page_size", "page_token", "parent"]
@@ -113,13 +124,6 @@ class Model(_message.Message):
         key: str
         value: float
         def __init__(self, key: _Optional[str] = ..., value: _Optional[float] = ...) -> None: ...
-    class SourcesEntry(_message.Message):
-        __slots__ = ["key", "value"]
-        KEY_FIELD_NUMBER: _ClassVar[int]
-        VALUE_FIELD_NUMBER: _ClassVar[int]
-        key: str
-        value: str
-        def __init__(self, key: _Optional[str] = ..., value: _Optional[str] = ...) -> None: ...
     ADVICE_FIELD_NUMBER: _ClassVar[int]
     CREATE_TIME_FIELD_NUMBER: _ClassVar[int]
     DATASET_FIELD_NUMBER: _ClassVar[int]
@@ -139,32 +143,8 @@ class Model(_message.Message):
     name: str
     num_bytes: int
     num_gaussians: int
-    sources: _containers.ScalarMap[str, str]
-    def __init__(self, name: _Optional[str] = ..., job: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., num_gaussians: _Optional[int] = ..., num_bytes: _Optional[int] = ..., metrics: _Optional[_Mapping[str, float]] = ..., device: _Optional[str] = ..., sources: _Optional[_Mapping[str, str]] = ..., advice: _Optional[_Iterable[str]] = ..., dataset: _Optional[str] = ...) -> None: ...
-
-class PinholeCamera(_message.Message):
-    __slots__ = ["cx", "cy", "fx", "fy", "height", "width"]
-    CX_FIELD_NUMBER: _ClassVar[int]
-    CY_FIELD_NUMBER: _ClassVar[int]
-    FX_FIELD_NUMBER: _ClassVar[int]
-    FY_FIELD_NUMBER: _ClassVar[int]
-    HEIGHT_FIELD_NUMBER: _ClassVar[int]
-    WIDTH_FIELD_NUMBER: _ClassVar[int]
-    cx: float
-    cy: float
-    fx: float
-    fy: float
-    height: int
-    width: int
-    def __init__(self, width: _Optional[int] = ..., height: _Optional[int] = ..., fx: _Optional[float] = ..., fy: _Optional[float] = ..., cx: _Optional[float] = ..., cy: _Optional[float] = ...) -> None: ...
-
-class RigidTransform(_message.Message):
-    __slots__ = ["rotation", "translation"]
-    ROTATION_FIELD_NUMBER: _ClassVar[int]
-    TRANSLATION_FIELD_NUMBER: _ClassVar[int]
-    rotation: _containers.RepeatedScalarFieldContainer[float]
-    translation: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, rotation: _Optional[_Iterable[float]] = ..., translation: _Optional[_Iterable[float]] = ...) -> None: ...
+    sources: InputSources
+    def __init__(self, name: _Optional[str] = ..., job: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., num_gaussians: _Optional[int] = ..., num_bytes: _Optional[int] = ..., metrics: _Optional[_Mapping[str, float]] = ..., device: _Optional[str] = ..., sources: _Optional[_Union[InputSources, _Mapping]] = ..., advice: _Optional[_Iterable[str]] = ..., dataset: _Optional[str] = ...) -> None: ...
 
 class Scene(_message.Message):
     __slots__ = ["active_job", "create_time", "display_name", "live_model", "name"]
@@ -189,11 +169,11 @@ class View(_message.Message):
     PHOTOGRAPH_WIDTH_FIELD_NUMBER: _ClassVar[int]
     SCORES_FIELD_NUMBER: _ClassVar[int]
     VIEW_FIELD_NUMBER: _ClassVar[int]
-    cam_from_world: RigidTransform
-    camera: PinholeCamera
+    cam_from_world: _geometry_pb2.RigidTransform
+    camera: _geometry_pb2.PinholeCamera
     held_out: bool
     photograph_height: int
     photograph_width: int
     scores: ImageScores
     view: str
-    def __init__(self, view: _Optional[str] = ..., camera: _Optional[_Union[PinholeCamera, _Mapping]] = ..., cam_from_world: _Optional[_Union[RigidTransform, _Mapping]] = ..., held_out: bool = ..., scores: _Optional[_Union[ImageScores, _Mapping]] = ..., photograph_width: _Optional[int] = ..., photograph_height: _Optional[int] = ...) -> None: ...
+    def __init__(self, view: _Optional[str] = ..., camera: _Optional[_Union[_geometry_pb2.PinholeCamera, _Mapping]] = ..., cam_from_world: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., held_out: bool = ..., scores: _Optional[_Union[ImageScores, _Mapping]] = ..., photograph_width: _Optional[int] = ..., photograph_height: _Optional[int] = ...) -> None: ...

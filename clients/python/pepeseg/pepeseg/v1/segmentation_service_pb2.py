@@ -11,83 +11,54 @@ from google.protobuf import symbol_database as _symbol_database
 _sym_db = _symbol_database.Default()
 
 
-from google.protobuf import empty_pb2 as google_dot_protobuf_dot_empty__pb2
 from pepeseg.v1 import access_pb2 as pepeseg_dot_v1_dot_access__pb2
 from pepeseg.v1 import decomposition_pb2 as pepeseg_dot_v1_dot_decomposition__pb2
 from pepeseg.v1 import errors_pb2 as pepeseg_dot_v1_dot_errors__pb2
-from pepeseg.v1 import evaluation_pb2 as pepeseg_dot_v1_dot_evaluation__pb2
-from pepeseg.v1 import label_pb2 as pepeseg_dot_v1_dot_label__pb2
 from pepeseg.v1 import prompt_pb2 as pepeseg_dot_v1_dot_prompt__pb2
-from pepeseg.v1 import render_pb2 as pepeseg_dot_v1_dot_render__pb2
-from pepeseg.v1 import selection_pb2 as pepeseg_dot_v1_dot_selection__pb2
 from pepeseg.v1 import timing_pb2 as pepeseg_dot_v1_dot_timing__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n%pepeseg/v1/segmentation_service.proto\x12\npepeseg.v1\x1a\x1bgoogle/protobuf/empty.proto\x1a\x17pepeseg/v1/access.proto\x1a\x1epepeseg/v1/decomposition.proto\x1a\x17pepeseg/v1/errors.proto\x1a\x1bpepeseg/v1/evaluation.proto\x1a\x16pepeseg/v1/label.proto\x1a\x17pepeseg/v1/prompt.proto\x1a\x17pepeseg/v1/render.proto\x1a\x1apepeseg/v1/selection.proto\x1a\x17pepeseg/v1/timing.proto\"\xae\x03\n\x0eSegmentRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\"\n\x06prompt\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.Prompt\x12,\n\x0bgranularity\x18\x03 \x01(\x0b\x32\x17.pepeseg.v1.Granularity\x12\x33\n\x07targets\x18\x04 \x01(\x0b\x32\".pepeseg.v1.SegmentRequest.Targets\x12/\n\rmask_encoding\x18\x05 \x01(\x0e\x32\x18.pepeseg.v1.MaskEncoding\x12\x17\n\x0fwant_similarity\x18\x06 \x01(\x08\x12%\n\x05\x66rame\x18\x07 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x1a\x94\x01\n\x07Targets\x12\x37\n\x05group\x18\x01 \x01(\x0e\x32(.pepeseg.v1.SegmentRequest.Targets.Group\x12\r\n\x05views\x18\x02 \x03(\t\"A\n\x05Group\x12\x15\n\x11GROUP_UNSPECIFIED\x10\x00\x12\x12\n\x0eGROUP_HELD_OUT\x10\x01\x12\r\n\tGROUP_ALL\x10\x02\"\x9a\x04\n\x0fSegmentResponse\x12\x33\n\x05masks\x18\x01 \x03(\x0b\x32$.pepeseg.v1.SegmentResponse.ViewMask\x12\x16\n\x0escale_quantile\x18\x02 \x01(\x01\x12\x13\n\x0bscale_units\x18\x03 \x01(\x01\x12\x11\n\tthreshold\x18\x04 \x01(\x01\x12\'\n\x06timing\x18\x05 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x12\r\n\x05model\x18\x06 \x01(\t\x1a:\n\x03\x42ox\x12\t\n\x01x\x18\x01 \x01(\x05\x12\t\n\x01y\x18\x02 \x01(\x05\x12\r\n\x05width\x18\x03 \x01(\x05\x12\x0e\n\x06height\x18\x04 \x01(\x05\x1a>\n\rSimilarityMap\x12\r\n\x05width\x18\x01 \x01(\x05\x12\x0e\n\x06height\x18\x02 \x01(\x05\x12\x0e\n\x06values\x18\x03 \x01(\x0c\x1a\xdd\x01\n\x08ViewMask\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\"\n\x03rle\x18\x02 \x01(\x0b\x32\x13.pepeseg.v1.CocoRleH\x00\x12\r\n\x03png\x18\x03 \x01(\x0cH\x00\x12\r\n\x05score\x18\x04 \x01(\x01\x12,\n\x03\x62ox\x18\x05 \x01(\x0b\x32\x1f.pepeseg.v1.SegmentResponse.Box\x12\x0c\n\x04\x61rea\x18\x06 \x01(\x03\x12=\n\nsimilarity\x18\x07 \x01(\x0b\x32).pepeseg.v1.SegmentResponse.SimilarityMapB\x06\n\x04mask\"\xb8\x01\n\x14ProposeScalesRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\"\n\x06prompt\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.Prompt\x12\x15\n\rmax_proposals\x18\x03 \x01(\x05\x12/\n\rmask_encoding\x18\x04 \x01(\x0e\x32\x18.pepeseg.v1.MaskEncoding\x12%\n\x05\x66rame\x18\x05 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\"\xc5\x03\n\x15ProposeScalesResponse\x12=\n\tproposals\x18\x01 \x03(\x0b\x32*.pepeseg.v1.ProposeScalesResponse.Proposal\x12\'\n\x06timing\x18\x02 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x12\r\n\x05model\x18\x03 \x01(\t\x12\x0c\n\x04\x62\x65st\x18\x04 \x01(\x05\x1a\xd8\x01\n\x08Proposal\x12\x16\n\x0escale_quantile\x18\x01 \x01(\x01\x12\x11\n\tthreshold\x18\x02 \x01(\x01\x12\x13\n\x0bscale_units\x18\x03 \x01(\x01\x12\x0f\n\x07support\x18\x04 \x01(\x01\x12\x11\n\tstability\x18\x05 \x01(\x01\x12\x32\n\x04mask\x18\x06 \x01(\x0b\x32$.pepeseg.v1.SegmentResponse.ViewMask\x12\x34\n\x04kind\x18\x07 \x01(\x0e\x32&.pepeseg.v1.ProposeScalesResponse.Kind\"L\n\x04Kind\x12\x14\n\x10KIND_UNSPECIFIED\x10\x00\x12\r\n\tKIND_PART\x10\x01\x12\x0f\n\x0bKIND_OBJECT\x10\x02\x12\x0e\n\nKIND_GROUP\x10\x03\"U\n\x14SegmentStreamRequest\x12\x10\n\x08sequence\x18\x01 \x01(\x03\x12+\n\x07segment\x18\x02 \x01(\x0b\x32\x1a.pepeseg.v1.SegmentRequest\"\x89\x01\n\x15SegmentStreamResponse\x12\x10\n\x08sequence\x18\x01 \x01(\x03\x12.\n\x07segment\x18\x02 \x01(\x0b\x32\x1b.pepeseg.v1.SegmentResponseH\x00\x12#\n\x05\x65rror\x18\x03 \x01(\x0b\x32\x12.pepeseg.v1.StatusH\x00\x42\t\n\x07outcome2\xdb\x0c\n\x13SegmentationService\x12_\n\x07Segment\x12\x1a.pepeseg.v1.SegmentRequest\x1a\x1b.pepeseg.v1.SegmentResponse\"\x1b\x8a\xe2\x18\x17\x08\x01\x12\x05model\x12\x0cprompt.label\x12\x85\x01\n\rSegmentStream\x12 .pepeseg.v1.SegmentStreamRequest\x1a!.pepeseg.v1.SegmentStreamResponse\"+\x8a\xe2\x18\'\x08\x01\x12\rsegment.model\x12\x14segment.prompt.label(\x01\x30\x01\x12q\n\rProposeScales\x12 .pepeseg.v1.ProposeScalesRequest\x1a!.pepeseg.v1.ProposeScalesResponse\"\x1b\x8a\xe2\x18\x17\x08\x01\x12\x05model\x12\x0cprompt.label\x12T\n\x08\x45valuate\x12\x1b.pepeseg.v1.EvaluateRequest\x1a\x1c.pepeseg.v1.EvaluateResponse\"\r\x8a\xe2\x18\t\x08\x01\x12\x05model\x12W\n\tDecompose\x12\x1c.pepeseg.v1.DecomposeRequest\x1a\x1d.pepeseg.v1.DecomposeResponse\"\r\x8a\xe2\x18\t\x08\x01\x12\x05model\x12P\n\x0b\x43reateLabel\x12\x1e.pepeseg.v1.CreateLabelRequest\x1a\x11.pepeseg.v1.Label\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x06parent\x12[\n\nListLabels\x12\x1d.pepeseg.v1.ListLabelsRequest\x1a\x1e.pepeseg.v1.ListLabelsResponse\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x06parent\x12S\n\x0b\x44\x65leteLabel\x12\x1e.pepeseg.v1.DeleteLabelRequest\x1a\x16.google.protobuf.Empty\"\x0c\x8a\xe2\x18\x08\x08\x02\x12\x04name\x12]\n\x06Select\x12\x19.pepeseg.v1.SelectRequest\x1a\x15.pepeseg.v1.Selection\"!\x8a\xe2\x18\x1d\x08\x02\x12\x05model\x12\x0cprompt.label\x12\x04\x62\x61se\x12g\n\x11\x43ombineSelections\x12$.pepeseg.v1.CombineSelectionsRequest\x1a\x15.pepeseg.v1.Selection\"\x15\x8a\xe2\x18\x11\x08\x02\x12\x05\x66irst\x12\x06second\x12V\n\rUndoSelection\x12 .pepeseg.v1.UndoSelectionRequest\x1a\x15.pepeseg.v1.Selection\"\x0c\x8a\xe2\x18\x08\x08\x02\x12\x04name\x12T\n\x0cGetSelection\x12\x1f.pepeseg.v1.GetSelectionRequest\x1a\x15.pepeseg.v1.Selection\"\x0c\x8a\xe2\x18\x08\x08\x01\x12\x04name\x12g\n\x0eListSelections\x12!.pepeseg.v1.ListSelectionsRequest\x1a\".pepeseg.v1.ListSelectionsResponse\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x06parent\x12[\n\x0f\x44\x65leteSelection\x12\".pepeseg.v1.DeleteSelectionRequest\x1a\x16.google.protobuf.Empty\"\x0c\x8a\xe2\x18\x08\x08\x02\x12\x04name\x12z\n\x06Render\x12\x19.pepeseg.v1.RenderRequest\x1a\x1a.pepeseg.v1.RenderResponse\"9\x8a\xe2\x18\x35\x08\x01\x12\x05model\x12\x10subset.selection\x12\x18overlay_subset.selection\x12}\n\x0f\x45xportSelection\x12\".pepeseg.v1.ExportSelectionRequest\x1a#.pepeseg.v1.ExportSelectionResponse\"\x1f\x8a\xe2\x18\x1b\x08\x01\x12\x05model\x12\x10subset.selection0\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n%pepeseg/v1/segmentation_service.proto\x12\npepeseg.v1\x1a\x17pepeseg/v1/access.proto\x1a\x1epepeseg/v1/decomposition.proto\x1a\x17pepeseg/v1/errors.proto\x1a\x17pepeseg/v1/prompt.proto\x1a\x17pepeseg/v1/timing.proto\"\xbd\x03\n\x13SegmentViewsRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\"\n\x06prompt\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.Prompt\x12,\n\x0bgranularity\x18\x03 \x01(\x0b\x32\x17.pepeseg.v1.Granularity\x12\x38\n\x07targets\x18\x04 \x01(\x0b\x32\'.pepeseg.v1.SegmentViewsRequest.Targets\x12/\n\rmask_encoding\x18\x05 \x01(\x0e\x32\x18.pepeseg.v1.MaskEncoding\x12\x17\n\x0fwant_similarity\x18\x06 \x01(\x08\x12%\n\x05\x66rame\x18\x07 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x1a\x99\x01\n\x07Targets\x12<\n\x05group\x18\x01 \x01(\x0e\x32-.pepeseg.v1.SegmentViewsRequest.Targets.Group\x12\r\n\x05views\x18\x02 \x03(\t\"A\n\x05Group\x12\x15\n\x11GROUP_UNSPECIFIED\x10\x00\x12\x12\n\x0eGROUP_HELD_OUT\x10\x01\x12\r\n\tGROUP_ALL\x10\x02\"\xae\x04\n\x14SegmentViewsResponse\x12\x38\n\x05masks\x18\x01 \x03(\x0b\x32).pepeseg.v1.SegmentViewsResponse.ViewMask\x12\x16\n\x0escale_quantile\x18\x02 \x01(\x01\x12\x13\n\x0bscale_units\x18\x03 \x01(\x01\x12\x11\n\tthreshold\x18\x04 \x01(\x01\x12\'\n\x06timing\x18\x05 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x12\r\n\x05model\x18\x06 \x01(\t\x1a:\n\x03\x42ox\x12\t\n\x01x\x18\x01 \x01(\x05\x12\t\n\x01y\x18\x02 \x01(\x05\x12\r\n\x05width\x18\x03 \x01(\x05\x12\x0e\n\x06height\x18\x04 \x01(\x05\x1a>\n\rSimilarityMap\x12\r\n\x05width\x18\x01 \x01(\x05\x12\x0e\n\x06height\x18\x02 \x01(\x05\x12\x0e\n\x06values\x18\x03 \x01(\x0c\x1a\xe7\x01\n\x08ViewMask\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\"\n\x03rle\x18\x02 \x01(\x0b\x32\x13.pepeseg.v1.CocoRleH\x00\x12\r\n\x03png\x18\x03 \x01(\x0cH\x00\x12\r\n\x05score\x18\x04 \x01(\x01\x12\x31\n\x03\x62ox\x18\x05 \x01(\x0b\x32$.pepeseg.v1.SegmentViewsResponse.Box\x12\x0c\n\x04\x61rea\x18\x06 \x01(\x03\x12\x42\n\nsimilarity\x18\x07 \x01(\x0b\x32..pepeseg.v1.SegmentViewsResponse.SimilarityMapB\x06\n\x04mask\"\xb8\x01\n\x14ProposeScalesRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\"\n\x06prompt\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.Prompt\x12\x15\n\rmax_proposals\x18\x03 \x01(\x05\x12/\n\rmask_encoding\x18\x04 \x01(\x0e\x32\x18.pepeseg.v1.MaskEncoding\x12%\n\x05\x66rame\x18\x05 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\"\xca\x03\n\x15ProposeScalesResponse\x12=\n\tproposals\x18\x01 \x03(\x0b\x32*.pepeseg.v1.ProposeScalesResponse.Proposal\x12\'\n\x06timing\x18\x02 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x12\r\n\x05model\x18\x03 \x01(\t\x12\x0c\n\x04\x62\x65st\x18\x04 \x01(\x05\x1a\xdd\x01\n\x08Proposal\x12\x16\n\x0escale_quantile\x18\x01 \x01(\x01\x12\x11\n\tthreshold\x18\x02 \x01(\x01\x12\x13\n\x0bscale_units\x18\x03 \x01(\x01\x12\x0f\n\x07support\x18\x04 \x01(\x01\x12\x11\n\tstability\x18\x05 \x01(\x01\x12\x37\n\x04mask\x18\x06 \x01(\x0b\x32).pepeseg.v1.SegmentViewsResponse.ViewMask\x12\x34\n\x04kind\x18\x07 \x01(\x0e\x32&.pepeseg.v1.ProposeScalesResponse.Kind\"L\n\x04Kind\x12\x14\n\x10KIND_UNSPECIFIED\x10\x00\x12\r\n\tKIND_PART\x10\x01\x12\x0f\n\x0bKIND_OBJECT\x10\x02\x12\x0e\n\nKIND_GROUP\x10\x03\"[\n\x15StreamSegmentsRequest\x12\x10\n\x08sequence\x18\x01 \x01(\x03\x12\x30\n\x07segment\x18\x02 \x01(\x0b\x32\x1f.pepeseg.v1.SegmentViewsRequest\"\x8e\x01\n\x16StreamSegmentsResponse\x12\x10\n\x08sequence\x18\x01 \x01(\x03\x12\x33\n\x07segment\x18\x02 \x01(\x0b\x32 .pepeseg.v1.SegmentViewsResponseH\x00\x12\"\n\x05\x65rror\x18\x03 \x01(\x0b\x32\x11.pepeseg.v1.ErrorH\x00\x42\t\n\x07outcome2\xeb\x03\n\x13SegmentationService\x12n\n\x0cSegmentViews\x12\x1f.pepeseg.v1.SegmentViewsRequest\x1a .pepeseg.v1.SegmentViewsResponse\"\x1b\x8a\xe2\x18\x17\x08\x01\x12\x05model\x12\x0cprompt.label\x12\x88\x01\n\x0eStreamSegments\x12!.pepeseg.v1.StreamSegmentsRequest\x1a\".pepeseg.v1.StreamSegmentsResponse\"+\x8a\xe2\x18\'\x08\x01\x12\rsegment.model\x12\x14segment.prompt.label(\x01\x30\x01\x12q\n\rProposeScales\x12 .pepeseg.v1.ProposeScalesRequest\x1a!.pepeseg.v1.ProposeScalesResponse\"\x1b\x8a\xe2\x18\x17\x08\x01\x12\x05model\x12\x0cprompt.label\x12\x66\n\x0e\x44\x65\x63omposeModel\x12!.pepeseg.v1.DecomposeModelRequest\x1a\".pepeseg.v1.DecomposeModelResponse\"\r\x8a\xe2\x18\t\x08\x01\x12\x05modelb\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.segmentation_service_pb2', globals())
 if _descriptor._USE_C_DESCRIPTORS == False:
 
   DESCRIPTOR._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['Segment']._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['Segment']._serialized_options = b'\212\342\030\027\010\001\022\005model\022\014prompt.label'
-  _SEGMENTATIONSERVICE.methods_by_name['SegmentStream']._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['SegmentStream']._serialized_options = b'\212\342\030\'\010\001\022\rsegment.model\022\024segment.prompt.label'
+  _SEGMENTATIONSERVICE.methods_by_name['SegmentViews']._options = None
+  _SEGMENTATIONSERVICE.methods_by_name['SegmentViews']._serialized_options = b'\212\342\030\027\010\001\022\005model\022\014prompt.label'
+  _SEGMENTATIONSERVICE.methods_by_name['StreamSegments']._options = None
+  _SEGMENTATIONSERVICE.methods_by_name['StreamSegments']._serialized_options = b'\212\342\030\'\010\001\022\rsegment.model\022\024segment.prompt.label'
   _SEGMENTATIONSERVICE.methods_by_name['ProposeScales']._options = None
   _SEGMENTATIONSERVICE.methods_by_name['ProposeScales']._serialized_options = b'\212\342\030\027\010\001\022\005model\022\014prompt.label'
-  _SEGMENTATIONSERVICE.methods_by_name['Evaluate']._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['Evaluate']._serialized_options = b'\212\342\030\t\010\001\022\005model'
-  _SEGMENTATIONSERVICE.methods_by_name['Decompose']._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['Decompose']._serialized_options = b'\212\342\030\t\010\001\022\005model'
-  _SEGMENTATIONSERVICE.methods_by_name['CreateLabel']._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['CreateLabel']._serialized_options = b'\212\342\030\n\010\002\022\006parent'
-  _SEGMENTATIONSERVICE.methods_by_name['ListLabels']._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['ListLabels']._serialized_options = b'\212\342\030\n\010\001\022\006parent'
-  _SEGMENTATIONSERVICE.methods_by_name['DeleteLabel']._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['DeleteLabel']._serialized_options = b'\212\342\030\010\010\002\022\004name'
-  _SEGMENTATIONSERVICE.methods_by_name['Select']._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['Select']._serialized_options = b'\212\342\030\035\010\002\022\005model\022\014prompt.label\022\004base'
-  _SEGMENTATIONSERVICE.methods_by_name['CombineSelections']._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['CombineSelections']._serialized_options = b'\212\342\030\021\010\002\022\005first\022\006second'
-  _SEGMENTATIONSERVICE.methods_by_name['UndoSelection']._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['UndoSelection']._serialized_options = b'\212\342\030\010\010\002\022\004name'
-  _SEGMENTATIONSERVICE.methods_by_name['GetSelection']._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['GetSelection']._serialized_options = b'\212\342\030\010\010\001\022\004name'
-  _SEGMENTATIONSERVICE.methods_by_name['ListSelections']._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['ListSelections']._serialized_options = b'\212\342\030\n\010\001\022\006parent'
-  _SEGMENTATIONSERVICE.methods_by_name['DeleteSelection']._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['DeleteSelection']._serialized_options = b'\212\342\030\010\010\002\022\004name'
-  _SEGMENTATIONSERVICE.methods_by_name['Render']._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['Render']._serialized_options = b'\212\342\0305\010\001\022\005model\022\020subset.selection\022\030overlay_subset.selection'
-  _SEGMENTATIONSERVICE.methods_by_name['ExportSelection']._options = None
-  _SEGMENTATIONSERVICE.methods_by_name['ExportSelection']._serialized_options = b'\212\342\030\033\010\001\022\005model\022\020subset.selection'
-  _SEGMENTREQUEST._serialized_start=321
-  _SEGMENTREQUEST._serialized_end=751
-  _SEGMENTREQUEST_TARGETS._serialized_start=603
-  _SEGMENTREQUEST_TARGETS._serialized_end=751
-  _SEGMENTREQUEST_TARGETS_GROUP._serialized_start=686
-  _SEGMENTREQUEST_TARGETS_GROUP._serialized_end=751
-  _SEGMENTRESPONSE._serialized_start=754
-  _SEGMENTRESPONSE._serialized_end=1292
-  _SEGMENTRESPONSE_BOX._serialized_start=946
-  _SEGMENTRESPONSE_BOX._serialized_end=1004
-  _SEGMENTRESPONSE_SIMILARITYMAP._serialized_start=1006
-  _SEGMENTRESPONSE_SIMILARITYMAP._serialized_end=1068
-  _SEGMENTRESPONSE_VIEWMASK._serialized_start=1071
-  _SEGMENTRESPONSE_VIEWMASK._serialized_end=1292
-  _PROPOSESCALESREQUEST._serialized_start=1295
-  _PROPOSESCALESREQUEST._serialized_end=1479
-  _PROPOSESCALESRESPONSE._serialized_start=1482
-  _PROPOSESCALESRESPONSE._serialized_end=1935
-  _PROPOSESCALESRESPONSE_PROPOSAL._serialized_start=1641
-  _PROPOSESCALESRESPONSE_PROPOSAL._serialized_end=1857
-  _PROPOSESCALESRESPONSE_KIND._serialized_start=1859
-  _PROPOSESCALESRESPONSE_KIND._serialized_end=1935
-  _SEGMENTSTREAMREQUEST._serialized_start=1937
-  _SEGMENTSTREAMREQUEST._serialized_end=2022
-  _SEGMENTSTREAMRESPONSE._serialized_start=2025
-  _SEGMENTSTREAMRESPONSE._serialized_end=2162
-  _SEGMENTATIONSERVICE._serialized_start=2165
-  _SEGMENTATIONSERVICE._serialized_end=3792
+  _SEGMENTATIONSERVICE.methods_by_name['DecomposeModel']._options = None
+  _SEGMENTATIONSERVICE.methods_by_name['DecomposeModel']._serialized_options = b'\212\342\030\t\010\001\022\005model'
+  _SEGMENTVIEWSREQUEST._serialized_start=186
+  _SEGMENTVIEWSREQUEST._serialized_end=631
+  _SEGMENTVIEWSREQUEST_TARGETS._serialized_start=478
+  _SEGMENTVIEWSREQUEST_TARGETS._serialized_end=631
+  _SEGMENTVIEWSREQUEST_TARGETS_GROUP._serialized_start=566
+  _SEGMENTVIEWSREQUEST_TARGETS_GROUP._serialized_end=631
+  _SEGMENTVIEWSRESPONSE._serialized_start=634
+  _SEGMENTVIEWSRESPONSE._serialized_end=1192
+  _SEGMENTVIEWSRESPONSE_BOX._serialized_start=836
+  _SEGMENTVIEWSRESPONSE_BOX._serialized_end=894
+  _SEGMENTVIEWSRESPONSE_SIMILARITYMAP._serialized_start=896
+  _SEGMENTVIEWSRESPONSE_SIMILARITYMAP._serialized_end=958
+  _SEGMENTVIEWSRESPONSE_VIEWMASK._serialized_start=961
+  _SEGMENTVIEWSRESPONSE_VIEWMASK._serialized_end=1192
+  _PROPOSESCALESREQUEST._serialized_start=1195
+  _PROPOSESCALESREQUEST._serialized_end=1379
+  _PROPOSESCALESRESPONSE._serialized_start=1382
+  _PROPOSESCALESRESPONSE._serialized_end=1840
+  _PROPOSESCALESRESPONSE_PROPOSAL._serialized_start=1541
+  _PROPOSESCALESRESPONSE_PROPOSAL._serialized_end=1762
+  _PROPOSESCALESRESPONSE_KIND._serialized_start=1764
+  _PROPOSESCALESRESPONSE_KIND._serialized_end=1840
+  _STREAMSEGMENTSREQUEST._serialized_start=1842
+  _STREAMSEGMENTSREQUEST._serialized_end=1933
+  _STREAMSEGMENTSRESPONSE._serialized_start=1936
+  _STREAMSEGMENTSRESPONSE._serialized_end=2078
+  _SEGMENTATIONSERVICE._serialized_start=2081
+  _SEGMENTATIONSERVICE._serialized_end=2572
 # @@protoc_insertion_point(module_scope)

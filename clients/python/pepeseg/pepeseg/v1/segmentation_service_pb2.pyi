@@ -1,12 +1,7 @@
-from google.protobuf import empty_pb2 as _empty_pb2
 from pepeseg.v1 import access_pb2 as _access_pb2
 from pepeseg.v1 import decomposition_pb2 as _decomposition_pb2
 from pepeseg.v1 import errors_pb2 as _errors_pb2
-from pepeseg.v1 import evaluation_pb2 as _evaluation_pb2
-from pepeseg.v1 import label_pb2 as _label_pb2
 from pepeseg.v1 import prompt_pb2 as _prompt_pb2
-from pepeseg.v1 import render_pb2 as _render_pb2
-from pepeseg.v1 import selection_pb2 as _selection_pb2
 from pepeseg.v1 import timing_pb2 as _timing_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
@@ -44,13 +39,13 @@ class ProposeScalesResponse(_message.Message):
         SUPPORT_FIELD_NUMBER: _ClassVar[int]
         THRESHOLD_FIELD_NUMBER: _ClassVar[int]
         kind: ProposeScalesResponse.Kind
-        mask: SegmentResponse.ViewMask
+        mask: SegmentViewsResponse.ViewMask
         scale_quantile: float
         scale_units: float
         stability: float
         support: float
         threshold: float
-        def __init__(self, scale_quantile: _Optional[float] = ..., threshold: _Optional[float] = ..., scale_units: _Optional[float] = ..., support: _Optional[float] = ..., stability: _Optional[float] = ..., mask: _Optional[_Union[SegmentResponse.ViewMask, _Mapping]] = ..., kind: _Optional[_Union[ProposeScalesResponse.Kind, str]] = ...) -> None: ...
+        def __init__(self, scale_quantile: _Optional[float] = ..., threshold: _Optional[float] = ..., scale_units: _Optional[float] = ..., support: _Optional[float] = ..., stability: _Optional[float] = ..., mask: _Optional[_Union[SegmentViewsResponse.ViewMask, _Mapping]] = ..., kind: _Optional[_Union[ProposeScalesResponse.Kind, str]] = ...) -> None: ...
     BEST_FIELD_NUMBER: _ClassVar[int]
     KIND_GROUP: ProposeScalesResponse.Kind
     KIND_OBJECT: ProposeScalesResponse.Kind
@@ -65,20 +60,20 @@ class ProposeScalesResponse(_message.Message):
     timing: _timing_pb2.QueryTiming
     def __init__(self, proposals: _Optional[_Iterable[_Union[ProposeScalesResponse.Proposal, _Mapping]]] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ..., best: _Optional[int] = ...) -> None: ...
 
-class SegmentRequest(_message.Message):
+class SegmentViewsRequest(_message.Message):
     __slots__ = ["frame", "granularity", "mask_encoding", "model", "prompt", "targets", "want_similarity"]
     class Targets(_message.Message):
         __slots__ = ["group", "views"]
         class Group(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
             __slots__ = []
-        GROUP_ALL: SegmentRequest.Targets.Group
+        GROUP_ALL: SegmentViewsRequest.Targets.Group
         GROUP_FIELD_NUMBER: _ClassVar[int]
-        GROUP_HELD_OUT: SegmentRequest.Targets.Group
-        GROUP_UNSPECIFIED: SegmentRequest.Targets.Group
+        GROUP_HELD_OUT: SegmentViewsRequest.Targets.Group
+        GROUP_UNSPECIFIED: SegmentViewsRequest.Targets.Group
         VIEWS_FIELD_NUMBER: _ClassVar[int]
-        group: SegmentRequest.Targets.Group
+        group: SegmentViewsRequest.Targets.Group
         views: _containers.RepeatedScalarFieldContainer[str]
-        def __init__(self, group: _Optional[_Union[SegmentRequest.Targets.Group, str]] = ..., views: _Optional[_Iterable[str]] = ...) -> None: ...
+        def __init__(self, group: _Optional[_Union[SegmentViewsRequest.Targets.Group, str]] = ..., views: _Optional[_Iterable[str]] = ...) -> None: ...
     FRAME_FIELD_NUMBER: _ClassVar[int]
     GRANULARITY_FIELD_NUMBER: _ClassVar[int]
     MASK_ENCODING_FIELD_NUMBER: _ClassVar[int]
@@ -91,11 +86,11 @@ class SegmentRequest(_message.Message):
     mask_encoding: _prompt_pb2.MaskEncoding
     model: str
     prompt: _prompt_pb2.Prompt
-    targets: SegmentRequest.Targets
+    targets: SegmentViewsRequest.Targets
     want_similarity: bool
-    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., targets: _Optional[_Union[SegmentRequest.Targets, _Mapping]] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ..., want_similarity: bool = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., targets: _Optional[_Union[SegmentViewsRequest.Targets, _Mapping]] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ..., want_similarity: bool = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ...) -> None: ...
 
-class SegmentResponse(_message.Message):
+class SegmentViewsResponse(_message.Message):
     __slots__ = ["masks", "model", "scale_quantile", "scale_units", "threshold", "timing"]
     class Box(_message.Message):
         __slots__ = ["height", "width", "x", "y"]
@@ -127,41 +122,41 @@ class SegmentResponse(_message.Message):
         SIMILARITY_FIELD_NUMBER: _ClassVar[int]
         VIEW_FIELD_NUMBER: _ClassVar[int]
         area: int
-        box: SegmentResponse.Box
+        box: SegmentViewsResponse.Box
         png: bytes
         rle: _prompt_pb2.CocoRle
         score: float
-        similarity: SegmentResponse.SimilarityMap
+        similarity: SegmentViewsResponse.SimilarityMap
         view: str
-        def __init__(self, view: _Optional[str] = ..., rle: _Optional[_Union[_prompt_pb2.CocoRle, _Mapping]] = ..., png: _Optional[bytes] = ..., score: _Optional[float] = ..., box: _Optional[_Union[SegmentResponse.Box, _Mapping]] = ..., area: _Optional[int] = ..., similarity: _Optional[_Union[SegmentResponse.SimilarityMap, _Mapping]] = ...) -> None: ...
+        def __init__(self, view: _Optional[str] = ..., rle: _Optional[_Union[_prompt_pb2.CocoRle, _Mapping]] = ..., png: _Optional[bytes] = ..., score: _Optional[float] = ..., box: _Optional[_Union[SegmentViewsResponse.Box, _Mapping]] = ..., area: _Optional[int] = ..., similarity: _Optional[_Union[SegmentViewsResponse.SimilarityMap, _Mapping]] = ...) -> None: ...
     MASKS_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     SCALE_QUANTILE_FIELD_NUMBER: _ClassVar[int]
     SCALE_UNITS_FIELD_NUMBER: _ClassVar[int]
     THRESHOLD_FIELD_NUMBER: _ClassVar[int]
     TIMING_FIELD_NUMBER: _ClassVar[int]
-    masks: _containers.RepeatedCompositeFieldContainer[SegmentResponse.ViewMask]
+    masks: _containers.RepeatedCompositeFieldContainer[SegmentViewsResponse.ViewMask]
     model: str
     scale_quantile: float
     scale_units: float
     threshold: float
     timing: _timing_pb2.QueryTiming
-    def __init__(self, masks: _Optional[_Iterable[_Union[SegmentResponse.ViewMask, _Mapping]]] = ..., scale_quantile: _Optional[float] = ..., scale_units: _Optional[float] = ..., threshold: _Optional[float] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ...) -> None: ...
+    def __init__(self, masks: _Optional[_Iterable[_Union[SegmentViewsResponse.ViewMask, _Mapping]]] = ..., scale_quantile: _Optional[float] = ..., scale_units: _Optional[float] = ..., threshold: _Optional[float] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ...) -> None: ...
 
-class SegmentStreamRequest(_message.Message):
+class StreamSegmentsRequest(_message.Message):
     __slots__ = ["segment", "sequence"]
     SEGMENT_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
-    segment: SegmentRequest
+    segment: SegmentViewsRequest
     sequence: int
-    def __init__(self, sequence: _Optional[int] = ..., segment: _Optional[_Union[SegmentRequest, _Mapping]] = ...) -> None: ...
+    def __init__(self, sequence: _Optional[int] = ..., segment: _Optional[_Union[SegmentViewsRequest, _Mapping]] = ...) -> None: ...
 
-class SegmentStreamResponse(_message.Message):
+class StreamSegmentsResponse(_message.Message):
     __slots__ = ["error", "segment", "sequence"]
     ERROR_FIELD_NUMBER: _ClassVar[int]
     SEGMENT_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
-    error: _errors_pb2.Status
-    segment: SegmentResponse
+    error: _errors_pb2.Error
+    segment: SegmentViewsResponse
     sequence: int
-    def __init__(self, sequence: _Optional[int] = ..., segment: _Optional[_Union[SegmentResponse, _Mapping]] = ..., error: _Optional[_Union[_errors_pb2.Status, _Mapping]] = ...) -> None: ...
+    def __init__(self, sequence: _Optional[int] = ..., segment: _Optional[_Union[SegmentViewsResponse, _Mapping]] = ..., error: _Optional[_Union[_errors_pb2.Error, _Mapping]] = ...) -> None: ...

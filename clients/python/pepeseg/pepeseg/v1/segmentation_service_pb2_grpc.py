@@ -2,17 +2,12 @@
 """Client and server classes corresponding to protobuf-defined services."""
 import grpc
 
-from google.protobuf import empty_pb2 as google_dot_protobuf_dot_empty__pb2
 from pepeseg.v1 import decomposition_pb2 as pepeseg_dot_v1_dot_decomposition__pb2
-from pepeseg.v1 import evaluation_pb2 as pepeseg_dot_v1_dot_evaluation__pb2
-from pepeseg.v1 import label_pb2 as pepeseg_dot_v1_dot_label__pb2
-from pepeseg.v1 import render_pb2 as pepeseg_dot_v1_dot_render__pb2
 from pepeseg.v1 import segmentation_service_pb2 as pepeseg_dot_v1_dot_segmentation__service__pb2
-from pepeseg.v1 import selection_pb2 as pepeseg_dot_v1_dot_selection__pb2
 
 
 class SegmentationServiceStub(object):
-    """Queries of models, labels and selections. In requests `model` is the name of a model, or
+    """Segments models. In requests `model` is the name of a model, or
     "scenes/{scene}/models/live" with the errors described at Model.name. The first query of a model
     loads it. RESOURCE_EXHAUSTED: the model does not fit in memory (value: bytes needed, limit: bytes
     available), or the response would exceed 4 MiB (request fewer views). Deadlines are checked
@@ -25,97 +20,37 @@ class SegmentationServiceStub(object):
         Args:
             channel: A grpc.Channel.
         """
-        self.Segment = channel.unary_unary(
-                '/pepeseg.v1.SegmentationService/Segment',
-                request_serializer=pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentRequest.SerializeToString,
-                response_deserializer=pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentResponse.FromString,
+        self.SegmentViews = channel.unary_unary(
+                '/pepeseg.v1.SegmentationService/SegmentViews',
+                request_serializer=pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentViewsRequest.SerializeToString,
+                response_deserializer=pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentViewsResponse.FromString,
                 )
-        self.SegmentStream = channel.stream_stream(
-                '/pepeseg.v1.SegmentationService/SegmentStream',
-                request_serializer=pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentStreamRequest.SerializeToString,
-                response_deserializer=pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentStreamResponse.FromString,
+        self.StreamSegments = channel.stream_stream(
+                '/pepeseg.v1.SegmentationService/StreamSegments',
+                request_serializer=pepeseg_dot_v1_dot_segmentation__service__pb2.StreamSegmentsRequest.SerializeToString,
+                response_deserializer=pepeseg_dot_v1_dot_segmentation__service__pb2.StreamSegmentsResponse.FromString,
                 )
         self.ProposeScales = channel.unary_unary(
                 '/pepeseg.v1.SegmentationService/ProposeScales',
                 request_serializer=pepeseg_dot_v1_dot_segmentation__service__pb2.ProposeScalesRequest.SerializeToString,
                 response_deserializer=pepeseg_dot_v1_dot_segmentation__service__pb2.ProposeScalesResponse.FromString,
                 )
-        self.Evaluate = channel.unary_unary(
-                '/pepeseg.v1.SegmentationService/Evaluate',
-                request_serializer=pepeseg_dot_v1_dot_evaluation__pb2.EvaluateRequest.SerializeToString,
-                response_deserializer=pepeseg_dot_v1_dot_evaluation__pb2.EvaluateResponse.FromString,
-                )
-        self.Decompose = channel.unary_unary(
-                '/pepeseg.v1.SegmentationService/Decompose',
-                request_serializer=pepeseg_dot_v1_dot_decomposition__pb2.DecomposeRequest.SerializeToString,
-                response_deserializer=pepeseg_dot_v1_dot_decomposition__pb2.DecomposeResponse.FromString,
-                )
-        self.CreateLabel = channel.unary_unary(
-                '/pepeseg.v1.SegmentationService/CreateLabel',
-                request_serializer=pepeseg_dot_v1_dot_label__pb2.CreateLabelRequest.SerializeToString,
-                response_deserializer=pepeseg_dot_v1_dot_label__pb2.Label.FromString,
-                )
-        self.ListLabels = channel.unary_unary(
-                '/pepeseg.v1.SegmentationService/ListLabels',
-                request_serializer=pepeseg_dot_v1_dot_label__pb2.ListLabelsRequest.SerializeToString,
-                response_deserializer=pepeseg_dot_v1_dot_label__pb2.ListLabelsResponse.FromString,
-                )
-        self.DeleteLabel = channel.unary_unary(
-                '/pepeseg.v1.SegmentationService/DeleteLabel',
-                request_serializer=pepeseg_dot_v1_dot_label__pb2.DeleteLabelRequest.SerializeToString,
-                response_deserializer=google_dot_protobuf_dot_empty__pb2.Empty.FromString,
-                )
-        self.Select = channel.unary_unary(
-                '/pepeseg.v1.SegmentationService/Select',
-                request_serializer=pepeseg_dot_v1_dot_selection__pb2.SelectRequest.SerializeToString,
-                response_deserializer=pepeseg_dot_v1_dot_selection__pb2.Selection.FromString,
-                )
-        self.CombineSelections = channel.unary_unary(
-                '/pepeseg.v1.SegmentationService/CombineSelections',
-                request_serializer=pepeseg_dot_v1_dot_selection__pb2.CombineSelectionsRequest.SerializeToString,
-                response_deserializer=pepeseg_dot_v1_dot_selection__pb2.Selection.FromString,
-                )
-        self.UndoSelection = channel.unary_unary(
-                '/pepeseg.v1.SegmentationService/UndoSelection',
-                request_serializer=pepeseg_dot_v1_dot_selection__pb2.UndoSelectionRequest.SerializeToString,
-                response_deserializer=pepeseg_dot_v1_dot_selection__pb2.Selection.FromString,
-                )
-        self.GetSelection = channel.unary_unary(
-                '/pepeseg.v1.SegmentationService/GetSelection',
-                request_serializer=pepeseg_dot_v1_dot_selection__pb2.GetSelectionRequest.SerializeToString,
-                response_deserializer=pepeseg_dot_v1_dot_selection__pb2.Selection.FromString,
-                )
-        self.ListSelections = channel.unary_unary(
-                '/pepeseg.v1.SegmentationService/ListSelections',
-                request_serializer=pepeseg_dot_v1_dot_selection__pb2.ListSelectionsRequest.SerializeToString,
-                response_deserializer=pepeseg_dot_v1_dot_selection__pb2.ListSelectionsResponse.FromString,
-                )
-        self.DeleteSelection = channel.unary_unary(
-                '/pepeseg.v1.SegmentationService/DeleteSelection',
-                request_serializer=pepeseg_dot_v1_dot_selection__pb2.DeleteSelectionRequest.SerializeToString,
-                response_deserializer=google_dot_protobuf_dot_empty__pb2.Empty.FromString,
-                )
-        self.Render = channel.unary_unary(
-                '/pepeseg.v1.SegmentationService/Render',
-                request_serializer=pepeseg_dot_v1_dot_render__pb2.RenderRequest.SerializeToString,
-                response_deserializer=pepeseg_dot_v1_dot_render__pb2.RenderResponse.FromString,
-                )
-        self.ExportSelection = channel.unary_stream(
-                '/pepeseg.v1.SegmentationService/ExportSelection',
-                request_serializer=pepeseg_dot_v1_dot_render__pb2.ExportSelectionRequest.SerializeToString,
-                response_deserializer=pepeseg_dot_v1_dot_render__pb2.ExportSelectionResponse.FromString,
+        self.DecomposeModel = channel.unary_unary(
+                '/pepeseg.v1.SegmentationService/DecomposeModel',
+                request_serializer=pepeseg_dot_v1_dot_decomposition__pb2.DecomposeModelRequest.SerializeToString,
+                response_deserializer=pepeseg_dot_v1_dot_decomposition__pb2.DecomposeModelResponse.FromString,
                 )
 
 
 class SegmentationServiceServicer(object):
-    """Queries of models, labels and selections. In requests `model` is the name of a model, or
+    """Segments models. In requests `model` is the name of a model, or
     "scenes/{scene}/models/live" with the errors described at Model.name. The first query of a model
     loads it. RESOURCE_EXHAUSTED: the model does not fit in memory (value: bytes needed, limit: bytes
     available), or the response would exceed 4 MiB (request fewer views). Deadlines are checked
     between views.
     """
 
-    def Segment(self, request, context):
+    def SegmentViews(self, request, context):
         """Segments what the prompt means in the target views. INVALID_ARGUMENT: a point is outside its
         view or not on an object, no point is positive, a view is unknown, or a value is not finite or
         out of range.
@@ -124,7 +59,7 @@ class SegmentationServiceServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
-    def SegmentStream(self, request_iterator, context):
+    def StreamSegments(self, request_iterator, context):
         """Segments while a user drags a point or a slider. A request replaces those that are waiting or
         in progress, so that only the newest one is answered; a response that is ready is still sent.
         """
@@ -134,108 +69,16 @@ class SegmentationServiceServicer(object):
 
     def ProposeScales(self, request, context):
         """Proposes what a prompt may mean, such as a part, the object or a group: the scales and
-        thresholds at which the mask under the prompt is stable. Errors are those of Segment.
+        thresholds at which the mask under the prompt is stable. Errors are those of
+        SegmentViews.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
-    def Evaluate(self, request, context):
-        """Scores the model by one click for each entity against label images of held-out views, by the
-        protocol of evaluation.proto. Evaluations run one at a time. UNAVAILABLE: too many are waiting.
-        INVALID_ARGUMENT: a view is unknown, was trained on or is given twice, a file is not a grey PNG
-        of the frame's size, no entity counts, or an option is out of range. Deadlines are checked
-        between views.
-        """
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def Decompose(self, request, context):
+    def DecomposeModel(self, request, context):
         """Decomposes the model into segments at several scales. Decompositions run one at a time.
         UNAVAILABLE: too many are waiting.
-        """
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def CreateLabel(self, request, context):
-        """Creates a label from a mask of a view of the live model. FAILED_PRECONDITION: the scene has no
-        model yet. ALREADY_EXISTS: another request has created the id. INVALID_ARGUMENT: the live model
-        has no such view, or the mask is empty or of another size.
-        """
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def ListLabels(self, request, context):
-        """Lists the labels of a scene by id, without their masks.
-        """
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def DeleteLabel(self, request, context):
-        """Deletes a label.
-        """
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def Select(self, request, context):
-        """Selects in 3D the Gaussians of what a prompt means in 2D, or those of a segment. Errors are
-        those of Segment. If nothing is found the selection is empty.
-        """
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def CombineSelections(self, request, context):
-        """Combines two selections of a model into a new one.
-        """
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def UndoSelection(self, request, context):
-        """Returns the selection that a selection was made from.
-        """
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def GetSelection(self, request, context):
-        """Returns a selection.
-        """
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def ListSelections(self, request, context):
-        """Lists the selections of a scene, newest first.
-        """
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def DeleteSelection(self, request, context):
-        """Deletes a selection.
-        """
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def Render(self, request, context):
-        """Renders the model, or a subset of it, from a viewpoint.
-        """
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def ExportSelection(self, request, context):
-        """Exports a model, or a subset of it, as a PLY in the layout of 3D Gaussian splatting, which
-        splat viewers open: a header, then chunks. DATA_LOSS, instead of the last chunk: the stored
-        file fails its checksum.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -244,85 +87,25 @@ class SegmentationServiceServicer(object):
 
 def add_SegmentationServiceServicer_to_server(servicer, server):
     rpc_method_handlers = {
-            'Segment': grpc.unary_unary_rpc_method_handler(
-                    servicer.Segment,
-                    request_deserializer=pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentRequest.FromString,
-                    response_serializer=pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentResponse.SerializeToString,
+            'SegmentViews': grpc.unary_unary_rpc_method_handler(
+                    servicer.SegmentViews,
+                    request_deserializer=pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentViewsRequest.FromString,
+                    response_serializer=pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentViewsResponse.SerializeToString,
             ),
-            'SegmentStream': grpc.stream_stream_rpc_method_handler(
-                    servicer.SegmentStream,
-                    request_deserializer=pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentStreamRequest.FromString,
-                    response_serializer=pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentStreamResponse.SerializeToString,
+            'StreamSegments': grpc.stream_stream_rpc_method_handler(
+                    servicer.StreamSegments,
+                    request_deserializer=pepeseg_dot_v1_dot_segmentation__service__pb2.StreamSegmentsRequest.FromString,
+                    response_serializer=pepeseg_dot_v1_dot_segmentation__service__pb2.StreamSegmentsResponse.SerializeToString,
             ),
             'ProposeScales': grpc.unary_unary_rpc_method_handler(
                     servicer.ProposeScales,
                     request_deserializer=pepeseg_dot_v1_dot_segmentation__service__pb2.ProposeScalesRequest.FromString,
                     response_serializer=pepeseg_dot_v1_dot_segmentation__service__pb2.ProposeScalesResponse.SerializeToString,
             ),
-            'Evaluate': grpc.unary_unary_rpc_method_handler(
-                    servicer.Evaluate,
-                    request_deserializer=pepeseg_dot_v1_dot_evaluation__pb2.EvaluateRequest.FromString,
-                    response_serializer=pepeseg_dot_v1_dot_evaluation__pb2.EvaluateResponse.SerializeToString,
-            ),
-            'Decompose': grpc.unary_unary_rpc_method_handler(
-                    servicer.Decompose,
-                    request_deserializer=pepeseg_dot_v1_dot_decomposition__pb2.DecomposeRequest.FromString,
-                    response_serializer=pepeseg_dot_v1_dot_decomposition__pb2.DecomposeResponse.SerializeToString,
-            ),
-            'CreateLabel': grpc.unary_unary_rpc_method_handler(
-                    servicer.CreateLabel,
-                    request_deserializer=pepeseg_dot_v1_dot_label__pb2.CreateLabelRequest.FromString,
-                    response_serializer=pepeseg_dot_v1_dot_label__pb2.Label.SerializeToString,
-            ),
-            'ListLabels': grpc.unary_unary_rpc_method_handler(
-                    servicer.ListLabels,
-                    request_deserializer=pepeseg_dot_v1_dot_label__pb2.ListLabelsRequest.FromString,
-                    response_serializer=pepeseg_dot_v1_dot_label__pb2.ListLabelsResponse.SerializeToString,
-            ),
-            'DeleteLabel': grpc.unary_unary_rpc_method_handler(
-                    servicer.DeleteLabel,
-                    request_deserializer=pepeseg_dot_v1_dot_label__pb2.DeleteLabelRequest.FromString,
-                    response_serializer=google_dot_protobuf_dot_empty__pb2.Empty.SerializeToString,
-            ),
-            'Select': grpc.unary_unary_rpc_method_handler(
-                    servicer.Select,
-                    request_deserializer=pepeseg_dot_v1_dot_selection__pb2.SelectRequest.FromString,
-                    response_serializer=pepeseg_dot_v1_dot_selection__pb2.Selection.SerializeToString,
-            ),
-            'CombineSelections': grpc.unary_unary_rpc_method_handler(
-                    servicer.CombineSelections,
-                    request_deserializer=pepeseg_dot_v1_dot_selection__pb2.CombineSelectionsRequest.FromString,
-                    response_serializer=pepeseg_dot_v1_dot_selection__pb2.Selection.SerializeToString,
-            ),
-            'UndoSelection': grpc.unary_unary_rpc_method_handler(
-                    servicer.UndoSelection,
-                    request_deserializer=pepeseg_dot_v1_dot_selection__pb2.UndoSelectionRequest.FromString,
-                    response_serializer=pepeseg_dot_v1_dot_selection__pb2.Selection.SerializeToString,
-            ),
-            'GetSelection': grpc.unary_unary_rpc_method_handler(
-                    servicer.GetSelection,
-                    request_deserializer=pepeseg_dot_v1_dot_selection__pb2.GetSelectionRequest.FromString,
-                    response_serializer=pepeseg_dot_v1_dot_selection__pb2.Selection.SerializeToString,
-            ),
-            'ListSelections': grpc.unary_unary_rpc_method_handler(
-                    servicer.ListSelections,
-                    request_deserializer=pepeseg_dot_v1_dot_selection__pb2.ListSelectionsRequest.FromString,
-                    response_serializer=pepeseg_dot_v1_dot_selection__pb2.ListSelectionsResponse.SerializeToString,
-            ),
-            'DeleteSelection': grpc.unary_unary_rpc_method_handler(
-                    servicer.DeleteSelection,
-                    request_deserializer=pepeseg_dot_v1_dot_selection__pb2.DeleteSelectionRequest.FromString,
-                    response_serializer=google_dot_protobuf_dot_empty__pb2.Empty.SerializeToString,
-            ),
-            'Render': grpc.unary_unary_rpc_method_handler(
-                    servicer.Render,
-                    request_deserializer=pepeseg_dot_v1_dot_render__pb2.RenderRequest.FromString,
-                    response_serializer=pepeseg_dot_v1_dot_render__pb2.RenderResponse.SerializeToString,
-            ),
-            'ExportSelection': grpc.unary_stream_rpc_method_handler(
-                    servicer.ExportSelection,
-                    request_deserializer=pepeseg_dot_v1_dot_render__pb2.ExportSelectionRequest.FromString,
-                    response_serializer=pepeseg_dot_v1_dot_render__pb2.ExportSelectionResponse.SerializeToString,
+            'DecomposeModel': grpc.unary_unary_rpc_method_handler(
+                    servicer.DecomposeModel,
+                    request_deserializer=pepeseg_dot_v1_dot_decomposition__pb2.DecomposeModelRequest.FromString,
+                    response_serializer=pepeseg_dot_v1_dot_decomposition__pb2.DecomposeModelResponse.SerializeToString,
             ),
     }
     generic_handler = grpc.method_handlers_generic_handler(
@@ -332,7 +115,7 @@ def add_SegmentationServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class SegmentationService(object):
-    """Queries of models, labels and selections. In requests `model` is the name of a model, or
+    """Segments models. In requests `model` is the name of a model, or
     "scenes/{scene}/models/live" with the errors described at Model.name. The first query of a model
     loads it. RESOURCE_EXHAUSTED: the model does not fit in memory (value: bytes needed, limit: bytes
     available), or the response would exceed 4 MiB (request fewer views). Deadlines are checked
@@ -340,7 +123,7 @@ class SegmentationService(object):
     """
 
     @staticmethod
-    def Segment(request,
+    def SegmentViews(request,
             target,
             options=(),
             channel_credentials=None,
@@ -350,14 +133,14 @@ class SegmentationService(object):
             wait_for_ready=None,
             timeout=None,
             metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/Segment',
-            pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentRequest.SerializeToString,
-            pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentResponse.FromString,
+        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/SegmentViews',
+            pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentViewsRequest.SerializeToString,
+            pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentViewsResponse.FromString,
             options, channel_credentials,
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
 
     @staticmethod
-    def SegmentStream(request_iterator,
+    def StreamSegments(request_iterator,
             target,
             options=(),
             channel_credentials=None,
@@ -367,9 +150,9 @@ class SegmentationService(object):
             wait_for_ready=None,
             timeout=None,
             metadata=None):
-        return grpc.experimental.stream_stream(request_iterator, target, '/pepeseg.v1.SegmentationService/SegmentStream',
-            pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentStreamRequest.SerializeToString,
-            pepeseg_dot_v1_dot_segmentation__service__pb2.SegmentStreamResponse.FromString,
+        return grpc.experimental.stream_stream(request_iterator, target, '/pepeseg.v1.SegmentationService/StreamSegments',
+            pepeseg_dot_v1_dot_segmentation__service__pb2.StreamSegmentsRequest.SerializeToString,
+            pepeseg_dot_v1_dot_segmentation__service__pb2.StreamSegmentsResponse.FromString,
             options, channel_credentials,
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
 
@@ -391,7 +174,7 @@ class SegmentationService(object):
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
 
     @staticmethod
-    def Evaluate(request,
+    def DecomposeModel(request,
             target,
             options=(),
             channel_credentials=None,
@@ -401,212 +184,8 @@ class SegmentationService(object):
             wait_for_ready=None,
             timeout=None,
             metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/Evaluate',
-            pepeseg_dot_v1_dot_evaluation__pb2.EvaluateRequest.SerializeToString,
-            pepeseg_dot_v1_dot_evaluation__pb2.EvaluateResponse.FromString,
-            options, channel_credentials,
-            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
-
-    @staticmethod
-    def Decompose(request,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/Decompose',
-            pepeseg_dot_v1_dot_decomposition__pb2.DecomposeRequest.SerializeToString,
-            pepeseg_dot_v1_dot_decomposition__pb2.DecomposeResponse.FromString,
-            options, channel_credentials,
-            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
-
-    @staticmethod
-    def CreateLabel(request,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/CreateLabel',
-            pepeseg_dot_v1_dot_label__pb2.CreateLabelRequest.SerializeToString,
-            pepeseg_dot_v1_dot_label__pb2.Label.FromString,
-            options, channel_credentials,
-            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
-
-    @staticmethod
-    def ListLabels(request,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/ListLabels',
-            pepeseg_dot_v1_dot_label__pb2.ListLabelsRequest.SerializeToString,
-            pepeseg_dot_v1_dot_label__pb2.ListLabelsResponse.FromString,
-            options, channel_credentials,
-            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
-
-    @staticmethod
-    def DeleteLabel(request,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/DeleteLabel',
-            pepeseg_dot_v1_dot_label__pb2.DeleteLabelRequest.SerializeToString,
-            google_dot_protobuf_dot_empty__pb2.Empty.FromString,
-            options, channel_credentials,
-            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
-
-    @staticmethod
-    def Select(request,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/Select',
-            pepeseg_dot_v1_dot_selection__pb2.SelectRequest.SerializeToString,
-            pepeseg_dot_v1_dot_selection__pb2.Selection.FromString,
-            options, channel_credentials,
-            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
-
-    @staticmethod
-    def CombineSelections(request,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/CombineSelections',
-            pepeseg_dot_v1_dot_selection__pb2.CombineSelectionsRequest.SerializeToString,
-            pepeseg_dot_v1_dot_selection__pb2.Selection.FromString,
-            options, channel_credentials,
-            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
-
-    @staticmethod
-    def UndoSelection(request,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/UndoSelection',
-            pepeseg_dot_v1_dot_selection__pb2.UndoSelectionRequest.SerializeToString,
-            pepeseg_dot_v1_dot_selection__pb2.Selection.FromString,
-            options, channel_credentials,
-            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
-
-    @staticmethod
-    def GetSelection(request,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/GetSelection',
-            pepeseg_dot_v1_dot_selection__pb2.GetSelectionRequest.SerializeToString,
-            pepeseg_dot_v1_dot_selection__pb2.Selection.FromString,
-            options, channel_credentials,
-            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
-
-    @staticmethod
-    def ListSelections(request,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/ListSelections',
-            pepeseg_dot_v1_dot_selection__pb2.ListSelectionsRequest.SerializeToString,
-            pepeseg_dot_v1_dot_selection__pb2.ListSelectionsResponse.FromString,
-            options, channel_credentials,
-            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
-
-    @staticmethod
-    def DeleteSelection(request,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/DeleteSelection',
-            pepeseg_dot_v1_dot_selection__pb2.DeleteSelectionRequest.SerializeToString,
-            google_dot_protobuf_dot_empty__pb2.Empty.FromString,
-            options, channel_credentials,
-            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
-
-    @staticmethod
-    def Render(request,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/Render',
-            pepeseg_dot_v1_dot_render__pb2.RenderRequest.SerializeToString,
-            pepeseg_dot_v1_dot_render__pb2.RenderResponse.FromString,
-            options, channel_credentials,
-            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
-
-    @staticmethod
-    def ExportSelection(request,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.unary_stream(request, target, '/pepeseg.v1.SegmentationService/ExportSelection',
-            pepeseg_dot_v1_dot_render__pb2.ExportSelectionRequest.SerializeToString,
-            pepeseg_dot_v1_dot_render__pb2.ExportSelectionResponse.FromString,
+        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/DecomposeModel',
+            pepeseg_dot_v1_dot_decomposition__pb2.DecomposeModelRequest.SerializeToString,
+            pepeseg_dot_v1_dot_decomposition__pb2.DecomposeModelResponse.FromString,
             options, channel_credentials,
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)

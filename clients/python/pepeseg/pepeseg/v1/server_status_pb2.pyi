@@ -2,37 +2,42 @@ from google.protobuf import duration_pb2 as _duration_pb2
 from google.protobuf import timestamp_pb2 as _timestamp_pb2
 from pepeseg.v1 import job_service_pb2 as _job_service_pb2
 from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
 from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
-class DrainRequest(_message.Message):
-    __slots__ = ["draining"]
-    DRAINING_FIELD_NUMBER: _ClassVar[int]
-    draining: bool
-    def __init__(self, draining: bool = ...) -> None: ...
+class DrainServerRequest(_message.Message):
+    __slots__ = []
+    def __init__(self) -> None: ...
 
-class GetStatusRequest(_message.Message):
+class GetServerStatusRequest(_message.Message):
+    __slots__ = []
+    def __init__(self) -> None: ...
+
+class ResumeServerRequest(_message.Message):
     __slots__ = []
     def __init__(self) -> None: ...
 
 class ServerStatus(_message.Message):
     __slots__ = ["device", "disk_free_bytes", "draining", "num_descriptors", "num_queued_jobs", "num_streams", "num_threads", "pools", "queries_per_second", "query_p50", "query_p99", "resident_bytes", "running_jobs", "start_time", "version"]
+    class Work(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = []
     class Pool(_message.Message):
-        __slots__ = ["max_queued", "name", "num_busy", "num_queued", "num_threads"]
+        __slots__ = ["max_queued", "num_busy", "num_queued", "num_threads", "work"]
         MAX_QUEUED_FIELD_NUMBER: _ClassVar[int]
-        NAME_FIELD_NUMBER: _ClassVar[int]
         NUM_BUSY_FIELD_NUMBER: _ClassVar[int]
         NUM_QUEUED_FIELD_NUMBER: _ClassVar[int]
         NUM_THREADS_FIELD_NUMBER: _ClassVar[int]
+        WORK_FIELD_NUMBER: _ClassVar[int]
         max_queued: int
-        name: str
         num_busy: int
         num_queued: int
         num_threads: int
-        def __init__(self, name: _Optional[str] = ..., num_threads: _Optional[int] = ..., num_busy: _Optional[int] = ..., num_queued: _Optional[int] = ..., max_queued: _Optional[int] = ...) -> None: ...
+        work: ServerStatus.Work
+        def __init__(self, work: _Optional[_Union[ServerStatus.Work, str]] = ..., num_threads: _Optional[int] = ..., num_busy: _Optional[int] = ..., num_queued: _Optional[int] = ..., max_queued: _Optional[int] = ...) -> None: ...
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     DISK_FREE_BYTES_FIELD_NUMBER: _ClassVar[int]
     DRAINING_FIELD_NUMBER: _ClassVar[int]
@@ -48,6 +53,11 @@ class ServerStatus(_message.Message):
     RUNNING_JOBS_FIELD_NUMBER: _ClassVar[int]
     START_TIME_FIELD_NUMBER: _ClassVar[int]
     VERSION_FIELD_NUMBER: _ClassVar[int]
+    WORK_EVALUATION: ServerStatus.Work
+    WORK_IO: ServerStatus.Work
+    WORK_QUERY: ServerStatus.Work
+    WORK_UNSPECIFIED: ServerStatus.Work
+    WORK_UPLOAD: ServerStatus.Work
     device: str
     disk_free_bytes: int
     draining: bool

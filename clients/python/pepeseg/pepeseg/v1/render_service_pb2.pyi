@@ -1,0 +1,104 @@
+from pepeseg.v1 import access_pb2 as _access_pb2
+from pepeseg.v1 import decomposition_pb2 as _decomposition_pb2
+from pepeseg.v1 import prompt_pb2 as _prompt_pb2
+from pepeseg.v1 import timing_pb2 as _timing_pb2
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class ExportGaussiansRequest(_message.Message):
+    __slots__ = ["model", "subset"]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    SUBSET_FIELD_NUMBER: _ClassVar[int]
+    model: str
+    subset: Subset
+    def __init__(self, model: _Optional[str] = ..., subset: _Optional[_Union[Subset, _Mapping]] = ...) -> None: ...
+
+class ExportGaussiansResponse(_message.Message):
+    __slots__ = ["chunk", "header"]
+    class Chunk(_message.Message):
+        __slots__ = ["crc32c", "data"]
+        CRC32C_FIELD_NUMBER: _ClassVar[int]
+        DATA_FIELD_NUMBER: _ClassVar[int]
+        crc32c: int
+        data: bytes
+        def __init__(self, data: _Optional[bytes] = ..., crc32c: _Optional[int] = ...) -> None: ...
+    class Header(_message.Message):
+        __slots__ = ["model", "num_bytes", "num_gaussians", "sha256"]
+        MODEL_FIELD_NUMBER: _ClassVar[int]
+        NUM_BYTES_FIELD_NUMBER: _ClassVar[int]
+        NUM_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
+        SHA256_FIELD_NUMBER: _ClassVar[int]
+        model: str
+        num_bytes: int
+        num_gaussians: int
+        sha256: str
+        def __init__(self, model: _Optional[str] = ..., num_gaussians: _Optional[int] = ..., num_bytes: _Optional[int] = ..., sha256: _Optional[str] = ...) -> None: ...
+    CHUNK_FIELD_NUMBER: _ClassVar[int]
+    HEADER_FIELD_NUMBER: _ClassVar[int]
+    chunk: ExportGaussiansResponse.Chunk
+    header: ExportGaussiansResponse.Header
+    def __init__(self, header: _Optional[_Union[ExportGaussiansResponse.Header, _Mapping]] = ..., chunk: _Optional[_Union[ExportGaussiansResponse.Chunk, _Mapping]] = ...) -> None: ...
+
+class RenderViewRequest(_message.Message):
+    __slots__ = ["content", "decomposition_scales", "feature_scale", "frame", "level", "max_side", "model", "overlay_mask", "overlay_subset", "subset", "viewpoint"]
+    class Content(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = []
+    CONTENT_COLOR: RenderViewRequest.Content
+    CONTENT_DEPTH: RenderViewRequest.Content
+    CONTENT_FEATURES: RenderViewRequest.Content
+    CONTENT_FIELD_NUMBER: _ClassVar[int]
+    CONTENT_SEGMENTS: RenderViewRequest.Content
+    CONTENT_UNSPECIFIED: RenderViewRequest.Content
+    DECOMPOSITION_SCALES_FIELD_NUMBER: _ClassVar[int]
+    FEATURE_SCALE_FIELD_NUMBER: _ClassVar[int]
+    FRAME_FIELD_NUMBER: _ClassVar[int]
+    LEVEL_FIELD_NUMBER: _ClassVar[int]
+    MAX_SIDE_FIELD_NUMBER: _ClassVar[int]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    OVERLAY_MASK_FIELD_NUMBER: _ClassVar[int]
+    OVERLAY_SUBSET_FIELD_NUMBER: _ClassVar[int]
+    SUBSET_FIELD_NUMBER: _ClassVar[int]
+    VIEWPOINT_FIELD_NUMBER: _ClassVar[int]
+    content: RenderViewRequest.Content
+    decomposition_scales: _containers.RepeatedScalarFieldContainer[float]
+    feature_scale: float
+    frame: _prompt_pb2.PixelFrame
+    level: int
+    max_side: int
+    model: str
+    overlay_mask: _prompt_pb2.MaskImage
+    overlay_subset: Subset
+    subset: Subset
+    viewpoint: _prompt_pb2.Viewpoint
+    def __init__(self, model: _Optional[str] = ..., viewpoint: _Optional[_Union[_prompt_pb2.Viewpoint, _Mapping]] = ..., content: _Optional[_Union[RenderViewRequest.Content, str]] = ..., subset: _Optional[_Union[Subset, _Mapping]] = ..., decomposition_scales: _Optional[_Iterable[float]] = ..., level: _Optional[int] = ..., feature_scale: _Optional[float] = ..., overlay_mask: _Optional[_Union[_prompt_pb2.MaskImage, _Mapping]] = ..., overlay_subset: _Optional[_Union[Subset, _Mapping]] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., max_side: _Optional[int] = ...) -> None: ...
+
+class RenderViewResponse(_message.Message):
+    __slots__ = ["depth_unit", "height", "model", "png", "timing", "width"]
+    DEPTH_UNIT_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    PNG_FIELD_NUMBER: _ClassVar[int]
+    TIMING_FIELD_NUMBER: _ClassVar[int]
+    WIDTH_FIELD_NUMBER: _ClassVar[int]
+    depth_unit: float
+    height: int
+    model: str
+    png: bytes
+    timing: _timing_pb2.QueryTiming
+    width: int
+    def __init__(self, width: _Optional[int] = ..., height: _Optional[int] = ..., png: _Optional[bytes] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ..., depth_unit: _Optional[float] = ...) -> None: ...
+
+class Subset(_message.Message):
+    __slots__ = ["complement", "segment", "selection"]
+    COMPLEMENT_FIELD_NUMBER: _ClassVar[int]
+    SEGMENT_FIELD_NUMBER: _ClassVar[int]
+    SELECTION_FIELD_NUMBER: _ClassVar[int]
+    complement: bool
+    segment: _decomposition_pb2.SegmentRef
+    selection: str
+    def __init__(self, selection: _Optional[str] = ..., segment: _Optional[_Union[_decomposition_pb2.SegmentRef, _Mapping]] = ..., complement: bool = ...) -> None: ...

@@ -1,0 +1,32 @@
+#pragma once
+
+#include "pepeseg/v1/render_service.grpc.pb.h"
+#include "server/rpc/call_runner.h"
+#include "server/services/export_gaussians.h"
+#include "server/services/model_loader.h"
+#include "server/services/render_answer.h"
+#include "server/services/selections.h"
+
+namespace pepeseg {
+
+// Renders models in memory, on the pool `query`, and exports models (ExportGaussiansStream).
+class RenderServiceRpc final : public v1::RenderService::CallbackService {
+ public:
+  // All must outlive it.
+  RenderServiceRpc(const CallRunner& runner, ModelLoader& models, const Selections& selections)
+      : runner_(runner), models_(models), selections_(selections) {}
+
+  grpc::ServerUnaryReactor* RenderView(grpc::CallbackServerContext* call,
+                                       const v1::RenderViewRequest* request,
+                                       v1::RenderViewResponse* response) override;
+  grpc::ServerWriteReactor<v1::ExportGaussiansResponse>* ExportGaussians(
+      grpc::CallbackServerContext* call, const v1::ExportGaussiansRequest* request) override;
+
+ private:
+  const CallRunner& runner_;
+  ModelLoader& models_;
+  const Selections& selections_;
+  const RenderAnswers answers_{models_, selections_};
+};
+
+}  // namespace pepeseg
