@@ -7,8 +7,7 @@
 namespace pepeseg {
 namespace {
 
-// Share of densify_gradient that suffices where there is a budget: the budget takes the largest
-// gradients first and so limits the number.
+// Share of densify_gradient that suffices where there is a budget, which limits the number.
 constexpr float kBudgetedShare = 0.25f;
 
 }  // namespace
@@ -59,6 +58,8 @@ absl::Status Densifier::Apply(int step, GaussianState& state, std::mt19937_64& r
        .clone_size = static_cast<float>(options_.densify_size * scene_.radius),
        .min_opacity = options_.prune_opacity,
        .max_count = BudgetAt(step),
+       .draws = budgeted(),
+       .keeps_parent = budgeted(),
        // One draw from the training's engine a round: the backend derives all its random numbers
        // from it, so that a resumed training splits the same Gaussians.
        .seed = static_cast<uint32_t>(random()),

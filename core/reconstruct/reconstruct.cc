@@ -23,6 +23,8 @@ absl::Status ValidateLearningRates(const ReconstructOptions& options) {
   RETURN_IF_ERROR(InRange("mean_learning_rate", options.mean_learning_rate, 1e-12, kMax));
   RETURN_IF_ERROR(
       InRange("mean_learning_rate_final", options.mean_learning_rate_final, 1e-12, kMax));
+  RETURN_IF_ERROR(InRange("mean_rate_pixels", options.mean_rate_pixels, 0, 1));
+  RETURN_IF_ERROR(InRange("rates_fall_from", options.rates_fall_from, 0, 1));
   RETURN_IF_ERROR(InRange("log_scale_learning_rate", options.log_scale_learning_rate, 0, kMax));
   RETURN_IF_ERROR(InRange("rotation_learning_rate", options.rotation_learning_rate, 0, kMax));
   RETURN_IF_ERROR(InRange("opacity_learning_rate", options.opacity_learning_rate, 0, kMax));

@@ -45,11 +45,19 @@ struct ReconstructOptions {
   int sh_degree = 3;
   // Weight of 1 - SSIM in the image loss, in [0, 1]; L1 gets the rest. 0: L1 only.
   float ssim_weight = 0.2f;
-  // Learning rate of the means at the first step, in scene radii; capped at the span of one pixel
-  // of the training views. In [1e-12, 1].
+  // Learning rate of the means at the first step, in scene radii; at least mean_rate_pixels and at
+  // most one span of a pixel of the training views. In [1e-12, 1].
   float mean_learning_rate = 1.6e-4f;
-  // Learning rate of the means at the last step, in scene radii; log-linear between. In [1e-12, 1].
-  float mean_learning_rate_final = 1.6e-6f;
+  // Learning rate of the means at the last step, in scene radii, for a first rate of
+  // mean_learning_rate; log-linear between. In [1e-12, 1]. 3DGS has 1.6e-6, with which Gaussians
+  // that are born late hardly move. Measured: tests/bench/results/peak_quality.md.
+  float mean_learning_rate_final = 1.6e-5f;
+  // Smallest learning rate of the means at the first step, in spans of a pixel at the depth of the
+  // scene (PixelSpan). In [0, 1]. 0: no lower bound. Measured: tests/bench/results/peak_quality.md.
+  float mean_rate_pixels = 0.06f;
+  // Share of num_steps from which on all other learning rates fall, log-linearly to a tenth. In [0,
+  // 1]. 1: they are constant. Measured: tests/bench/results/peak_quality.md.
+  double rates_fall_from = 0.8;
   // Learning rate of the logarithms of the standard deviations. In [0, 1]. 0: fixed.
   float log_scale_learning_rate = 5e-3f;
   // Learning rate of the rotation quaternions. In [0, 1]. 0: fixed.
@@ -91,7 +99,7 @@ struct ReconstructOptions {
   double densify_from = 1.0 / 60;
   // Share of num_steps at which density control ends. In [0, 1]. densify_from or less: no density
   // control.
-  double densify_until = 0.5;
+  double densify_until = 0.76;
   // Steps between two rounds of density control. In [1, 1e9].
   int densify_every = 100;
   // Mean screen-space gradient, |d loss / d mean2d| in NDC units, from which a Gaussian is
@@ -108,9 +116,10 @@ struct ReconstructOptions {
   // Maximum number of Gaussians. 1 to 100,000,000.
   int64_t max_gaussians = 1'000'000;
   // Pixels of the training photographs for each Gaussian of the budget, which max_gaussians limits.
-  // Density control approaches the budget linearly between densify_from and densify_until and
-  // densifies the largest gradients first. In [0, 1e9]. 0: the density control of 3DGS, with a
-  // fixed threshold and opacity resets. Measured: tests/bench/results/h200_desk.md.
+  // Density control approaches the budget linearly between densify_from and densify_until, draws
+  // the Gaussians that it densifies, and keeps those that it splits. In [0, 1e9]. 0: the density
+  // control of 3DGS, with a fixed threshold, opacity resets, and splits into two. Measured:
+  // tests/bench/results/h200_desk.md and tests/bench/results/peak_quality.md.
   double pixels_per_gaussian = 50;
   // Factor on all opacities at each round of density control with a budget, in place of the resets:
   // what the photographs do not pull back fades and is pruned. In [0.01, 1]. 1: no decay.
@@ -141,7 +150,7 @@ struct ReconstructOptions {
   double min_loss_fall = 0.01;
   // Share of num_steps, at the end of the schedule, that is done even after the loss has stopped
   // falling. In [0, 1].
-  double closing_share = 0.1;
+  double closing_share = 0.2;
   // Smallest gain of the training views' PSNR, dB, for which higher degrees of the spherical
   // harmonics are kept; measured at 30 % of num_steps. In [0, 100]. 0: all are kept. Measured:
   // tests/bench/results/skips_h200.md.

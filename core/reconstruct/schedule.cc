@@ -7,7 +7,8 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kMostPixels = 1;  // largest learning rate of the means, in pixel spans
+constexpr double kMostPixels = 1;   // largest learning rate of the means, in pixel spans
+constexpr double kRatesLeft = 0.1;  // share of the other rates that is left at the last step
 
 constexpr size_t kMostSpanViews = 256, kMostSpanPoints = 1024;  // samples of PixelSpan
 
@@ -32,22 +33,33 @@ double DepthOfPoints(const View& view, const std::vector<ScenePoint>& points) {
 
 }  // namespace
 
-// The means' rate falls log-linearly from start to end; all other rates are constant.
+// The means' rate falls log-linearly from start to end. The other rates are constant until
+// rates_fall_from; from there they fall log-linearly to a tenth, so that the noise of training on
+// one view at a time fades.
 LearningRates Schedule::RatesAt(int step) const {
   const double start = options_.mean_learning_rate, end = options_.mean_learning_rate_final;
   LearningRates rates;
-  // One step of Adam is about as long as its rate. With a long lens a small share of the scene's
-  // radius spans many pixels, and a Gaussian would never come to rest on what it shows: hence the
-  // cap by the span of a pixel.
-  rates.mean = static_cast<float>(std::min(scene_radius_ * start, kMostPixels * pixel_span_) *
-                                  std::pow(end / start, ShareAt(step)));
-  rates.log_scale = options_.log_scale_learning_rate;
-  rates.rotation = options_.rotation_learning_rate;
-  rates.opacity = options_.opacity_learning_rate;
-  rates.sh_dc = options_.sh_learning_rate;
+  rates.mean = static_cast<float>(MeanRateAtStart() * std::pow(end / start, ShareAt(step)));
+  const double from = options_.rates_fall_from, share = ShareAt(step);
+  const double passed = share > from ? (share - from) / (1 - from) : 0;
+  const auto left = static_cast<float>(std::pow(kRatesLeft, passed));
+  rates.log_scale = left * options_.log_scale_learning_rate;
+  rates.rotation = left * options_.rotation_learning_rate;
+  rates.opacity = left * options_.opacity_learning_rate;
+  rates.sh_dc = left * options_.sh_learning_rate;
   // As in 3DGS: higher degrees learn a twentieth as fast as the base colour.
-  rates.sh_rest = options_.sh_learning_rate / 20;
+  rates.sh_rest = rates.sh_dc / 20;
   return rates;
+}
+
+// One step of Adam is about as long as its rate. With a long lens a small share of the scene's
+// radius spans many pixels, and a Gaussian would never come to rest on what it shows. Where all
+// cameras are close together and the scene is far away, it spans next to nothing, and a Gaussian
+// would never reach what it should show. Hence the bounds in spans of a pixel.
+double Schedule::MeanRateAtStart() const {
+  const double rate = scene_radius_ * options_.mean_learning_rate;
+  if (!std::isfinite(pixel_span_)) return rate;
+  return std::clamp(rate, options_.mean_rate_pixels * pixel_span_, kMostPixels * pixel_span_);
 }
 
 int Schedule::ShDegreeAt(int step) const {

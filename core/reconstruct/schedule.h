@@ -13,7 +13,7 @@ namespace pepeseg {
 // (METHOD.md section 1). All depend on step / num_steps only.
 class Schedule {
  public:
-  // pixel_span: see PixelSpan; it caps the learning rate of the means.
+  // pixel_span: see PixelSpan; it bounds the learning rate of the means.
   Schedule(const ReconstructOptions& options, double scene_radius,
            double pixel_span = std::numeric_limits<double>::infinity())
       : options_(options), scene_radius_(scene_radius), pixel_span_(pixel_span) {}
@@ -24,6 +24,7 @@ class Schedule {
   int ShrinkAt(int step) const;         // 1, 2 or 4: divisor of the photographs' width and height
 
  private:
+  double MeanRateAtStart() const;  // scene units
   double ShareAt(int step) const { return static_cast<double>(step) / options_.num_steps; }
 
   ReconstructOptions options_;
@@ -33,7 +34,7 @@ class Schedule {
 // Returns the width of a pixel at the depth of the scene, in scene units: the median over the views
 // of (median depth of the points in front of the view) / (focal length in pixels). At most 256
 // views and 1,024 points are taken, evenly spaced. Infinite where no view has a point in front of
-// it. It caps the learning rate of the means (METHOD.md section 1).
+// it. It bounds the learning rate of the means (METHOD.md section 1).
 double PixelSpan(const Capture& capture, const std::vector<ScenePoint>& points);
 
 }  // namespace pepeseg

@@ -36,8 +36,16 @@ DensityFate FateOf(const PlanDensityArgs& args, const DensityBounds& bounds, int
   return FateOf(bounds, planes.Plane(kOpacityPlane)[i], largest, MeanGradient(args, i));
 }
 
-// Keeps the densified Gaussians with the smallest gradients as they are if there is not room for
-// all of them. Each densified Gaussian takes one more place.
+// Returns the number by which Gaussians are chosen where there is no room for all: the largest
+// first.
+float ChoiceKey(const PlanDensityArgs& args, int64_t i) {
+  if (!args.draws) return MeanGradient(args, i);
+  const float odds = DensityOdds(args.mean2d_grad_sum[i], args.gaussians.Plane(kOpacityPlane)[i]);
+  return DrawKey(odds, args.seed, static_cast<uint32_t>(i));
+}
+
+// Keeps the densified Gaussians with the smallest keys as they are if there is not room for all of
+// them. Each densified Gaussian takes one more place.
 void LimitToRoom(const PlanDensityArgs& args, std::vector<DensityFate>& fates) {
   std::vector<int64_t> densified;
   int64_t num_left = 0;
@@ -47,28 +55,31 @@ void LimitToRoom(const PlanDensityArgs& args, std::vector<DensityFate>& fates) {
   }
   const auto room = static_cast<size_t>(std::max<int64_t>(0, args.max_count - num_left));
   if (densified.size() <= room) return;
-  // Stable: of equal gradients the lower index is densified.
+  std::vector<float> key(fates.size());
+  for (const int64_t i : densified) key[static_cast<size_t>(i)] = ChoiceKey(args, i);
+  // Stable: of equal keys the lower index is densified.
   std::stable_sort(densified.begin(), densified.end(), [&](int64_t a, int64_t b) {
-    return MeanGradient(args, a) > MeanGradient(args, b);
+    return key[static_cast<size_t>(a)] > key[static_cast<size_t>(b)];
   });
   for (size_t k = room; k < densified.size(); ++k) fates[densified[k]] = kFateKept;
 }
 
-// Appends what becomes of Gaussian i: nothing, itself, itself and a copy, or two children. The draw
-// depends on the seed, the index and the number of the child only.
+// Appends what becomes of Gaussian i: nothing, itself, itself and a copy or a child, or two
+// children. A child depends on the seed, the index and its number only.
 void AddRows(const PlanDensityArgs& args, int64_t i, DensityFate fate, std::vector<Row>& rows) {
   const GaussianShape<float> shape = LoadShape(args.gaussians, i);
   const auto source = static_cast<int32_t>(i);
   for (int k = 0; k < NumRowsOf(fate); ++k) {
     Vec3<float> mean = shape.mean, log_scale = shape.log_scale;
-    if (fate == kFateSplit) {
+    const bool is_child = fate == kFateSplit && (k > 0 || !args.keeps_parent);
+    if (is_child) {
       const Vec3<float> normal =
           NormalNumbers<float>(args.seed, static_cast<uint32_t>(i), static_cast<uint32_t>(k));
       mean = ChildMean(shape, normal);
       log_scale = log_scale - Vec3<float>{kLogSplitShrink, kLogSplitShrink, kLogSplitShrink};
     }
     rows.push_back({source,
-                    fate == kFateSplit || k > 0,
+                    is_child || k > 0,
                     {mean.x, mean.y, mean.z, log_scale.x, log_scale.y, log_scale.z}});
   }
 }

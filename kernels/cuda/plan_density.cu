@@ -14,7 +14,7 @@
 // in kernels/math/density.h). Launches, ordered by the stream:
 //   FateKernel         a thread has a Gaussian: its fate; and the number of each fate
 //   sort, LimitKernel  only if there is no space for all: a thread has one of the Gaussians with
-//                      the smallest gradients, which is not densified
+//                      the smallest keys, which is not densified
 //   CountKernel, running sum
 //                      a thread has a Gaussian: where its descendants are listed
 //   RowKernel          a thread has a Gaussian: source, mean and log scales of its descendants
@@ -41,8 +41,10 @@ struct FateParams {
   const float* mean2d_grad_sum;
   const int32_t* num_visible;
   DensityBounds bounds;
-  // Outputs. The key of a Gaussian that is densified orders as its mean gradient; that of others is
-  // 0.
+  bool draws;  // see PlanDensityArgs
+  uint32_t seed;
+  // Outputs. The key of a Gaussian that is densified orders as its mean gradient or, if `draws`, as
+  // its DrawKey; that of others is 0.
   DensityFate* fate;
   uint32_t* key;
   int32_t* index;
@@ -62,8 +64,13 @@ __global__ void __launch_bounds__(kBlock) FateKernel(FateParams p) {
         views == 0 ? 0.0f : __fdiv_rn(p.mean2d_grad_sum[i], static_cast<float>(views));
     fate = FateOf(p.bounds, p.gaussians.At(kOpacityPlane, i), largest, gradient);
     p.fate[i] = fate;
+    float key = gradient;
+    if (p.draws) {
+      const float odds = DensityOdds(p.mean2d_grad_sum[i], p.gaussians.At(kOpacityPlane, i));
+      key = DrawKey(odds, p.seed, static_cast<uint32_t>(i));
+    }
     // The bits of floats that are not negative order as the floats do.
-    p.key[i] = NumRowsOf(fate) == 2 ? __float_as_uint(gradient) + 1 : 0;
+    p.key[i] = NumRowsOf(fate) == 2 ? __float_as_uint(key) + 1 : 0;
     p.index[i] = static_cast<int32_t>(i);
   }
   for (int f = kFatePruned; f <= kFateSplit; ++f) {
@@ -97,6 +104,7 @@ struct RowParams {
   DevicePlanes<const float> gaussians;
   int64_t count, num_rows;
   uint32_t seed;
+  bool keeps_parent;
   const DensityFate* fate;
   const int32_t* first_row;
   int32_t* source;
@@ -111,14 +119,15 @@ __global__ void __launch_bounds__(kBlock) RowKernel(RowParams p) {
   const GaussianShape<float> shape = LoadShape(p.gaussians, i);
   for (int k = 0; k < NumRowsOf(fate); ++k) {
     Vec3<float> mean = shape.mean, log_scale = shape.log_scale;
-    if (fate == kFateSplit) {
+    const bool is_child = fate == kFateSplit && (k > 0 || !p.keeps_parent);
+    if (is_child) {
       mean = ChildMean(
           shape, NormalNumbers<float>(p.seed, static_cast<uint32_t>(i), static_cast<uint32_t>(k)));
       log_scale = log_scale - Vec3<float>{kLogSplitShrink, kLogSplitShrink, kLogSplitShrink};
     }
     const int64_t row = p.first_row[i] + k;
     p.source[row] = static_cast<int32_t>(i);
-    p.is_new[row] = fate == kFateSplit || k > 0;
+    p.is_new[row] = is_child || k > 0;
     const float moved[kNumMoved] = {mean.x, mean.y, mean.z, log_scale.x, log_scale.y, log_scale.z};
 #pragma unroll
     for (int m = 0; m < kNumMoved; ++m) p.moved[m * p.num_rows + row] = moved[m];
@@ -215,7 +224,8 @@ DensityCounts CudaBackend::DecideFates(const PlanDensityArgs& args, DeviceSpan<u
   auto* fates = reinterpret_cast<DensityFate*>(fate.data);
   FateKernel<<<NumBlocks(count, kBlock), kBlock, 0, stream_>>>(
       {ToDevice(args.gaussians), count, args.mean2d_grad_sum.data, args.num_visible.data, bounds,
-       fates, sort.keys.span().data, sort.values.span().data, num_of_fate.span().data});
+       args.draws, args.seed, fates, sort.keys.span().data, sort.values.span().data,
+       num_of_fate.span().data});
   Launched("density fates");
   unsigned long long num[4] = {};
   num_of_fate.Download(num);
@@ -233,7 +243,7 @@ DensityCounts CudaBackend::DecideFates(const PlanDensityArgs& args, DeviceSpan<u
     if (!error_.empty()) return {};
     Keep(cub::DeviceRadixSort::SortPairsDescending(temporary, bytes, keys, index, num_items, 0, 32,
                                                    stream_),
-         "sorting the gradients");
+         "sorting the keys");
     LimitKernel<<<NumBlocks(num_densified - room, kBlock), kBlock, 0, stream_>>>(
         index.Current(), room, num_densified, fates, num_of_fate.span().data);
     Launched("density limit");
@@ -282,8 +292,8 @@ void CudaBackend::PlanDensity(const PlanDensityArgs& args) {
                                      first_row.span().data, static_cast<int>(count), stream_),
        "summing the rows");
   RowKernel<<<num_blocks, kBlock, 0, stream_>>>(
-      {ToDevice(args.gaussians), count, num_rows, args.seed, fates, first_row.span().data,
-       source.span().data, is_new.span().data, moved.span().data});
+      {ToDevice(args.gaussians), count, num_rows, args.seed, args.keeps_parent, fates,
+       first_row.span().data, source.span().data, is_new.span().data, moved.span().data});
   ResetBoxKernel<<<1, 6, 0, stream_>>>(box.span().data);
   BoxKernel<<<num_row_blocks, kBlock, 0, stream_>>>(moved.span().data, num_rows, box.span().data);
   MortonKernel<<<num_row_blocks, kBlock, 0, stream_>>>(moved.span().data, num_rows, box.span().data,

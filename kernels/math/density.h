@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "kernels/math/blend.h"
 #include "kernels/math/projection.h"
 #include "kernels/math/vec.h"
 
@@ -49,6 +50,20 @@ template <class T>
 PEPESEG_HD T UniformNumber(uint32_t seed, uint32_t row, uint32_t number) {
   const uint32_t bits = MixBits(MixBits(MixBits(seed) ^ row) ^ number);
   return (static_cast<T>(bits >> 8) + T(0.5)) * T(1.0 / (1 << 24));
+}
+
+// Odds with which a Gaussian is drawn to be densified: its gradients on screen, summed over the
+// views that showed it, times its opacity. What is opaque and often seen comes first; a mean over
+// views would favour what one view shows, which the other views cannot correct.
+PEPESEG_HD float DensityOdds(float gradient_sum, float logit) {
+  return gradient_sum * Sigmoid(logit);
+}
+// Key of a draw without replacement: the Gaussians with the n largest keys are a sample of n by
+// these odds (Efraimidis & Spirakis 2006). Positive for positive odds.
+PEPESEG_HD float DrawKey(float odds, uint32_t seed, uint32_t row) {
+  constexpr uint32_t kNumber = 8;  // the children of the row have the numbers before it
+  const float exponential = -Log(UniformNumber<float>(seed, row, kNumber));
+  return odds / (exponential > 1e-12f ? exponential : 1e-12f);
 }
 
 // Three independent standard normal numbers (Box & Muller 1958) for child 0 or 1 of Gaussian `row`.

@@ -23,9 +23,8 @@ struct DensityCounts {
 // memory. GatherRows then moves the parameters.
 //
 // A Gaussian with an opacity below min_opacity, or NaN, is pruned. Of the others, those with a mean
-// gradient of at least min_gradient are densified; if max_count leaves no room for all of them,
-// those with the largest gradients are (equal ones by index). A small Gaussian is cloned in place;
-// a large one is replaced by two that are drawn from it and are 1.6 times smaller
+// gradient of at least min_gradient are densified, as far as max_count has room. A small Gaussian
+// is cloned in place; a large one is split: children are drawn from it that are 1.6 times smaller
 // (kernels/math/density.h).
 //
 // The host waits for the counts. On an error the outputs are unspecified.
@@ -37,7 +36,15 @@ struct PlanDensityArgs {
   float clone_size = 0;    // scene units; a Gaussian is split if a standard deviation exceeds it
   float min_opacity = 0;   // [0, 1); 0 prunes none
   int64_t max_count = 0;   // Gaussians to densify up to; does not prune
-  uint32_t seed = 0;       // of the children's positions
+  // Where there is no room for all. False, as in 3DGS: those with the largest mean gradients are
+  // densified, equal ones by index. True: they are drawn without replacement, with odds of
+  // DensityOdds. The largest gradients lie, round after round, where no Gaussian can repair the
+  // error, such as at reflections; a draw spreads the growth over the scene.
+  bool draws = false;
+  // What becomes of a Gaussian that is split. False, as in 3DGS: two children replace it. True: it
+  // stays as it is and gets one child, so that the picture changes little.
+  bool keeps_parent = false;
+  uint32_t seed = 0;                        // of the draw and of the children's positions
   Buffer<int32_t>* source = nullptr;        // [num_rows] -> index in `gaussians`; sized by the op
   Buffer<uint8_t>* is_new = nullptr;        // [num_rows] 1: starts without moments; sized by the op
   Buffer<float>* mean_log_scale = nullptr;  // [6, num_rows] planes 0 to 5; sized by the op

@@ -20,6 +20,8 @@
   FIELD(ssim_weight) \
   FIELD(mean_learning_rate) \
   FIELD(mean_learning_rate_final) \
+  FIELD(mean_rate_pixels) \
+  FIELD(rates_fall_from) \
   FIELD(log_scale_learning_rate) \
   FIELD(rotation_learning_rate) \
   FIELD(opacity_learning_rate) \

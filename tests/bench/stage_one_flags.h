@@ -30,6 +30,8 @@ inline void AddStageOneFlags(CLI::App& app, ReconstructOptions& stage) {
   app.add_option("--ssim-weight", stage.ssim_weight);
   app.add_option("--mean-rate", stage.mean_learning_rate);
   app.add_option("--mean-rate-final", stage.mean_learning_rate_final);
+  app.add_option("--mean-rate-pixels", stage.mean_rate_pixels);
+  app.add_option("--rates-fall-from", stage.rates_fall_from);
   app.add_option("--scale-rate", stage.log_scale_learning_rate);
   app.add_option("--rotation-rate", stage.rotation_learning_rate);
   app.add_option("--opacity-rate", stage.opacity_learning_rate);

@@ -69,6 +69,8 @@ struct Rules {
   float min_opacity = 0.01f;
   int64_t max_count = 100;
   uint32_t seed = 1;
+  bool draws = false;
+  bool keeps_parent = false;
 };
 
 class PlanDensityTest : public BackendTest {
@@ -89,6 +91,8 @@ class PlanDensityTest : public BackendTest {
                            .clone_size = rules.clone_size,
                            .min_opacity = rules.min_opacity,
                            .max_count = rules.max_count,
+                           .draws = rules.draws,
+                           .keeps_parent = rules.keeps_parent,
                            .seed = rules.seed,
                            .source = &source,
                            .is_new = &is_new,
@@ -198,6 +202,48 @@ TEST_P(PlanDensityTest, RespectsTheCapAndPrefersLargeGradients) {
   EXPECT_EQ(plan.counts.num_split, 1);
   // With more Gaussians than max_count none is added, and none is pruned for it.
   EXPECT_EQ(Run(input, {.max_count = 2}).source.size(), 5u);
+}
+
+TEST_P(PlanDensityTest, DrawsByGradientSumAndOpacityWhereThereIsNoRoomForAll) {
+  // Odds of 1, 2 and 4 by turns.
+  constexpr int64_t kCount = 6000;
+  Input input = MakeInput(std::vector<Blob>(kCount, {0, 0.05f, 0.5f, 2e-3f}));
+  for (int64_t i = 0; i < kCount; ++i) {
+    if (i % 3 == 1) input.grad_sum[i] *= 2;                     // seen in twice as many views
+    if (i % 3 == 1) input.num_visible[i] *= 2;                  // with the same mean
+    if (i % 3 == 2) input.gaussians.At(kOpacityPlane, i) = 20;  // twice as opaque
+    if (i % 3 == 2) input.grad_sum[i] *= 2;
+  }
+  // Room for a tenth, so that no kind runs short.
+  const Plan plan = Run(input, {.max_count = kCount + kCount / 10, .draws = true});
+  int drawn[3] = {};
+  for (int32_t i = 0; i < kCount; ++i) drawn[i % 3] += plan.CountOf(i) == 2;
+  ASSERT_EQ(drawn[0] + drawn[1] + drawn[2], kCount / 10);
+  EXPECT_NEAR(drawn[0], 600.0 * 1 / 7, 30);  // over three standard deviations
+  EXPECT_NEAR(drawn[1], 600.0 * 2 / 7, 36);
+  EXPECT_NEAR(drawn[2], 600.0 * 4 / 7, 40);
+  EXPECT_EQ(plan.source, Run(input, {.max_count = kCount + kCount / 10, .draws = true}).source);
+  EXPECT_NE(plan.source,
+            Run(input, {.max_count = kCount + kCount / 10, .seed = 2, .draws = true}).source);
+}
+
+TEST_P(PlanDensityTest, DrawsNoneOfThoseWithSmallGradients) {
+  const Input input = MakeInput({{0, 0.05f, 0.5f, 9e-4f}, {1, 0.05f, 0.5f, 2e-3f}});
+  const Plan plan = Run(input, {.max_count = 3, .draws = true});
+  EXPECT_THAT(plan.source, ElementsAre(0, 1, 1));
+}
+
+TEST_P(PlanDensityTest, KeepsAParentAndAddsOneChild) {
+  const Input input = MakeInput({{2, 0.2f, 0.5f, 2e-3f}});
+  const Plan plan = Run(input, {.keeps_parent = true});
+  EXPECT_EQ(plan.counts.num_split, 1);
+  ASSERT_THAT(plan.source, ElementsAre(0, 0));
+  ASSERT_THAT(plan.is_new, ::testing::UnorderedElementsAre(0, 1));
+  const size_t parent = plan.is_new[0] == 0 ? 0 : 1, child = 1 - parent;
+  EXPECT_EQ(plan.At(kMeanPlane, parent), 2.0f);
+  EXPECT_EQ(plan.At(kLogScalePlane, parent), std::log(0.2f));
+  EXPECT_NE(plan.At(kMeanPlane, child), 2.0f);
+  EXPECT_NEAR(plan.At(kLogScalePlane, child), std::log(0.2f / 1.6f), 1e-6);
 }
 
 TEST_P(PlanDensityTest, OrdersRowsAlongTheMortonCurve) {

@@ -72,7 +72,7 @@ TEST(SceneNeeds, SkipsAndReportsStepsAfterConvergence) {
   ASSERT_NE(steps, nullptr);
   EXPECT_GE(steps->step, 1000);  // not before density control ends
   EXPECT_EQ(steps->step % Convergence::Window(5), 0);
-  EXPECT_EQ(steps->saved_steps, 4000 - 400 - steps->step);
+  EXPECT_EQ(steps->saved_steps, 4000 - 800 - steps->step);
   EXPECT_EQ(fewer.last.step, 4000 - steps->saved_steps);
   EXPECT_EQ(fewer.last.num_steps, fewer.last.step);
   EXPECT_GT(HeldOutPsnr(capture, fewer), HeldOutPsnr(capture, all) - 0.5);

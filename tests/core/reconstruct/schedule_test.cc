@@ -22,6 +22,38 @@ TEST(Schedule, LowersTheRateOfMeansLogLinearly) {
   }
 }
 
+TEST(Schedule, RaisesTheRateOfMeansToAShareOfAPixel) {
+  ReconstructOptions options;
+  options.num_steps = 1000;
+  options.mean_learning_rate = 1e-4f;
+  options.mean_learning_rate_final = 1e-5f;
+  options.mean_rate_pixels = 0.1f;
+  const Schedule schedule(options, 3.0, 0.02);
+  EXPECT_NEAR(schedule.RatesAt(0).mean, 2e-3, 1e-9);
+  EXPECT_NEAR(schedule.RatesAt(1000).mean, 2e-4, 1e-10);  // the same ratio of end to start
+  // Without points the span is not known.
+  EXPECT_NEAR(Schedule(options, 3.0).RatesAt(0).mean, 3e-4, 1e-10);
+  options.mean_rate_pixels = 0;
+  EXPECT_NEAR(Schedule(options, 3.0, 0.02).RatesAt(0).mean, 3e-4, 1e-10);
+}
+
+TEST(Schedule, LowersTheOtherRatesAtTheEnd) {
+  ReconstructOptions options;
+  options.num_steps = 1000;
+  options.rates_fall_from = 0.8;
+  const Schedule schedule(options, 1);
+  EXPECT_EQ(schedule.RatesAt(800).opacity, options.opacity_learning_rate);
+  const float tenth_root = std::sqrt(0.1f);
+  const LearningRates middle = schedule.RatesAt(900), last = schedule.RatesAt(1000);
+  EXPECT_FLOAT_EQ(middle.opacity, tenth_root * options.opacity_learning_rate);
+  EXPECT_FLOAT_EQ(last.log_scale, 0.1f * options.log_scale_learning_rate);
+  EXPECT_FLOAT_EQ(last.rotation, 0.1f * options.rotation_learning_rate);
+  EXPECT_FLOAT_EQ(last.sh_dc, 0.1f * options.sh_learning_rate);
+  EXPECT_FLOAT_EQ(last.sh_rest, 0.1f * options.sh_learning_rate / 20);
+  options.rates_fall_from = 1;
+  EXPECT_EQ(Schedule(options, 1).RatesAt(1000).opacity, options.opacity_learning_rate);
+}
+
 TEST(Schedule, CapsTheRateOfMeansAtAPixel) {
   ReconstructOptions options;
   options.num_steps = 1000;

@@ -28,6 +28,8 @@ TEST(ValidateReconstructOptions, NamesEachFieldThatIsOutOfRange) {
       {"mean_learning_rate", [](Options& o) { o.mean_learning_rate = 0; }},
       {"mean_learning_rate_final", [](Options& o) { o.mean_learning_rate_final = 0; }},
       {"mean_learning_rate_final", [=](Options& o) { o.mean_learning_rate_final = nan; }},
+      {"mean_rate_pixels", [](Options& o) { o.mean_rate_pixels = 1.5f; }},
+      {"rates_fall_from", [](Options& o) { o.rates_fall_from = -0.1; }},
       {"log_scale_learning_rate", [](Options& o) { o.log_scale_learning_rate = -1; }},
       {"rotation_learning_rate", [](Options& o) { o.rotation_learning_rate = 2; }},
       {"opacity_learning_rate", [=](Options& o) { o.opacity_learning_rate = nan; }},
