@@ -1,106 +1,81 @@
 #include "core/evaluate/click_count.h"
 
 #include <algorithm>
-#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/evaluate/scored_entities.h"
 #include "core/evaluate/segmentation_metrics.h"
-#include "core/prompt/resolve_prompt.h"
-#include "core/query/check_prompt.h"
-#include "core/query/mask_geometry.h"
+#include "core/evaluate/simulated_clicks.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr int kMostClicks = 256;  // limit of points in a prompt, see CheckPoints
 
-// Simulates a person who clicks on one entity until the mask is right.
-class Clicker {
- public:
-  Clicker(const Segmenter& segmenter, const ShownEntity& entity)
-      : segmenter_(segmenter),
-        entity_(entity),
-        reference_(*entity.views[0]),
-        truth_(reference_.MaskOf(entity.id)),
-        answer_(truth_.size()),
-        clicked_(truth_.size()) {}
-
-  // Returns the next click, or nothing if no wrong pixel is left to click.
-  std::optional<PointPrompt> Next() const {
-    if (points_.empty() && num_refused_ == 0) return FirstClick(entity_);
-    std::vector<uint8_t> missed(truth_.size()), spilled(truth_.size());
-    for (size_t i = 0; i < truth_.size(); ++i) {
-      if (!reference_.Counts(i) || clicked_[i] != 0) continue;
-      missed[i] = truth_[i] != 0 && answer_[i] == 0 ? 1 : 0;
-      spilled[i] = truth_[i] == 0 && answer_[i] != 0 ? 1 : 0;
-    }
-    const Camera& camera = reference_.view.camera;
-    const DeepPixel in = FindDeepest(missed, camera.width, camera.height);
-    const DeepPixel out = FindDeepest(spilled, camera.width, camera.height);
-    if (in.squared_depth == 0 && out.squared_depth == 0) return std::nullopt;
-    const bool positive = in.squared_depth >= out.squared_depth;
-    const PixelIndex& at = positive ? in.pixel : out.pixel;
-    return PointPrompt{at.x + 0.5, at.y + 0.5, positive};
+// Returns the clicks without scores in other views.
+EntityClicks EntityOf(std::span<const SimulatedClick> clicks, const ClickOptions& options) {
+  EntityClicks score = {.num_clicks = ClicksUntil(clicks, options.min_iou), .answers = {}};
+  score.reached = score.num_clicks > 0;
+  if (!score.reached) score.num_clicks = options.max_clicks;
+  for (const SimulatedClick& click : clicks) {
+    score.answers.push_back({click.click, click.on_nothing, click.iou, 0});
   }
+  return score;
+}
 
-  // Makes the click and scores the mask of all clicks so far. A click on nothing is left out of the
-  // prompt, so that the mask stays as it was.
-  absl::StatusOr<ClickAnswer> Make(const PointPrompt& click) {
-    ClickAnswer answer = {.click = click};
-    clicked_[static_cast<size_t>(click.y) * reference_.view.camera.width +
-             static_cast<size_t>(click.x)] = 1;
-    points_.push_back(click);
-    auto query = ResolvePrompt(segmenter_, {reference_.view, points_}, {});
-    if (IsNothingThere(query.status())) {
-      points_.pop_back();
-      ++num_refused_;
-      answer.on_nothing = true;
-    } else {
-      RETURN_IF_ERROR(query.status());
-      ASSIGN_OR_RETURN(auto results, segmenter_.Segment(*query, {&reference_.view, 1}));
-      answer_ = std::move(results[0].mask.pixels);
-      ASSIGN_OR_RETURN(iou_, MeanScoredIou(segmenter_, *query, entity_));
+// Adds the IoU of each click's mask in one view, with the truth there.
+absl::Status AddView(const Segmenter& segmenter, std::span<const SimulatedClick> clicks,
+                     const ClickTarget& target, EntityClicks& score) {
+  double iou = 0;  // before the first click on something
+  for (size_t i = 0; i < clicks.size(); ++i) {
+    if (!clicks[i].on_nothing) {
+      ASSIGN_OR_RETURN(const auto results, segmenter.Segment(clicks[i].query, {&target.view, 1}));
+      iou = Iou(results[0].mask.pixels, target.truth, target.ignore);
     }
-    answer.reference_iou = Iou(answer_, truth_, reference_.ignore);
-    answer.iou = iou_;
-    return answer;
+    score.answers[i].iou += iou;
   }
+  return absl::OkStatus();
+}
 
- private:
-  const Segmenter& segmenter_;
-  const ShownEntity& entity_;
-  const LabeledView& reference_;
-  const std::vector<uint8_t> truth_;
-  std::vector<uint8_t> answer_, clicked_;  // [height, width] of the reference
-  std::vector<PointPrompt> points_;        // clicks that are part of the prompt
-  int num_refused_ = 0;
-  double iou_ = 0;  // of the last mask, mean over the scored views
-};
+// Turns sums over the scored views into means.
+void TakeMeans(size_t num_views, EntityClicks& score) {
+  for (ClickAnswer& answer : score.answers) answer.iou /= static_cast<double>(num_views);
+  if (score.answers.empty()) return;
+  for (size_t k = 0; k < score.iou_after.size(); ++k) {
+    score.iou_after[k] = score.answers[std::min(k, score.answers.size() - 1)].iou;
+  }
+}
 
 absl::StatusOr<EntityClicks> Score(const Segmenter& segmenter, const ShownEntity& entity,
                                    const ClickOptions& options,
                                    absl::FunctionRef<absl::Status()> check_cancelled) {
-  EntityClicks score = {.id = entity.id, .num_clicks = options.max_clicks, .answers = {}};
-  Clicker clicker(segmenter, entity);
-  for (int made = 1; made <= options.max_clicks; ++made) {
-    if (score.reached && made > kNumEarlyClicks) break;
-    RETURN_IF_ERROR(check_cancelled());
-    const std::optional<PointPrompt> click = clicker.Next();
-    if (!click) break;
-    ASSIGN_OR_RETURN(const ClickAnswer answer, clicker.Make(*click));
-    score.answers.push_back(answer);
-    if (!score.reached && answer.reference_iou >= options.min_iou) {
-      score.reached = true;
-      score.num_clicks = made;
-    }
+  const LabeledView& reference = *entity.views[0];
+  const std::vector<uint8_t> truth = reference.MaskOf(entity.id);
+  ASSIGN_OR_RETURN(
+      const std::vector<SimulatedClick> clicks,
+      SimulateClicks(segmenter, {reference.view, truth, reference.ignore},
+                     {options.min_iou, options.max_clicks, kNumEarlyClicks}, check_cancelled));
+  EntityClicks score = EntityOf(clicks, options);
+  score.id = entity.id;
+  for (size_t v = 1; v < entity.views.size(); ++v) {
+    const LabeledView& view = *entity.views[v];
+    const std::vector<uint8_t> here = view.MaskOf(entity.id);
+    RETURN_IF_ERROR(AddView(segmenter, clicks, {view.view, here, view.ignore}, score));
   }
-  for (size_t k = 0; k < score.iou_after.size(); ++k) {
-    score.iou_after[k] = score.answers[std::min(k, score.answers.size() - 1)].iou;
-  }
+  TakeMeans(entity.views.size() - 1, score);
   return score;
+}
+
+absl::Status CheckPrompts(const EvaluationTask& task) {
+  for (const ScoredEntity& entity : task.entities) {
+    if (std::holds_alternative<DeepestClick>(entity.prompt)) continue;
+    return InReference(task, entity,
+                       absl::InvalidArgumentError("the protocol \"clicks\" makes its own prompt; "
+                                                  "give none, or DeepestClick"));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -137,6 +112,41 @@ absl::StatusOr<ClickScores> EvaluateClicks(const Segmenter& segmenter,
     }
     scores.entities.push_back(std::move(score));
   }
+  return scores;
+}
+
+// First the clicks, reference view by reference view, then the scores, scored view by scored view:
+// each feature map serves all entities.
+absl::StatusOr<std::vector<EntityClicks>> CountClicks(
+    const Segmenter& segmenter, const EvaluationTask& task, const ClickOptions& options,
+    absl::FunctionRef<absl::Status()> check_cancelled) {
+  RETURN_IF_ERROR(Validate(options));
+  RETURN_IF_ERROR(CheckPrompts(task));
+  const ClickLimits limits = {options.min_iou, options.max_clicks, kNumEarlyClicks};
+  std::vector<std::vector<SimulatedClick>> clicks(task.entities.size());
+  for (size_t v = 0; v < task.views.size(); ++v) {
+    const TruthView& truth = task.views[v];
+    for (size_t i = 0; i < task.entities.size(); ++i) {
+      if (task.entities[i].reference != v) continue;
+      const std::vector<uint8_t> mask = truth.CountedMaskOf(task.entities[i].name);
+      const ClickTarget target = {truth.view, mask, truth.ignore};
+      ASSIGN_OR_RETURN(clicks[i], SimulateClicks(segmenter, target, limits, check_cancelled));
+    }
+  }
+  std::vector<EntityClicks> scores;
+  scores.reserve(clicks.size());
+  for (const auto& of_entity : clicks) scores.push_back(EntityOf(of_entity, options));
+  for (size_t v = 0; v < task.views.size(); ++v) {
+    const TruthView& truth = task.views[v];
+    for (size_t i = 0; i < task.entities.size(); ++i) {
+      const ScoredEntity& entity = task.entities[i];
+      if (std::find(entity.scored.begin(), entity.scored.end(), v) == entity.scored.end()) continue;
+      RETURN_IF_ERROR(check_cancelled());
+      const std::vector<uint8_t> mask = truth.MaskOf(entity.name);
+      RETURN_IF_ERROR(AddView(segmenter, clicks[i], {truth.view, mask, truth.ignore}, scores[i]));
+    }
+  }
+  for (size_t i = 0; i < scores.size(); ++i) TakeMeans(task.entities[i].scored.size(), scores[i]);
   return scores;
 }
 

@@ -8,6 +8,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/evaluate/evaluation_task.h"
 #include "core/evaluate/labeled_view.h"
 #include "core/query/segmenter.h"
 
@@ -27,7 +28,7 @@ absl::Status Validate(const ClickOptions& options);
 // A click, and the scores of the mask that it and all clicks before it give.
 struct ClickAnswer {
   PointPrompt click;         // pixels of the reference view
-  bool on_nothing = false;   // no feature is rendered there: the prompt leaves the click out
+  bool on_nothing = false;   // see SimulatedClick
   double reference_iou = 0;  // on the clicked view
   double iou = 0;            // mean over the scored views
 };
@@ -51,17 +52,19 @@ struct ClickScores {
   std::array<double, kNumEarlyClicks> iou_after = {};
 };
 
-// Simulates a person who clicks on each entity's reference view and gives no scale and no
-// threshold: ResolvePrompt, which also serves the server's Segment, chooses both. The first click
-// is FirstClick. Each further click is on the deepest pixel of the largest wrong region: positive
-// in missed pixels, negative in pixels outside the entity. As in the authors' code, the largest
-// region is the one that reaches deepest, and no pixel is clicked twice. Clicks end at min_iou or
-// max_clicks, but not before the third while a wrong pixel is left. Entities and references are
-// those of FindScoredEntities. Calls `check_cancelled` before each click and returns its error.
-// Returns INVALID_ARGUMENT for the reasons of Validate and FindScoredEntities.
+// Runs SimulateClicks on the reference view of each entity, with at least kNumEarlyClicks clicks
+// while a wrong pixel is left, and scores the mask after each click in the other views. Entities
+// and references are those of FindScoredEntities. Calls `check_cancelled` before each click and
+// returns its error. Returns INVALID_ARGUMENT for the reasons of Validate and FindScoredEntities.
 absl::StatusOr<ClickScores> EvaluateClicks(const Segmenter& segmenter,
                                            std::span<const LabeledView> views,
                                            const ClickOptions& options,
                                            absl::FunctionRef<absl::Status()> check_cancelled);
+
+// The same for the entities of a task, [entities], whose prompts must be DeepestClick; ids are 0
+// and `min_pixels` is not used. Also calls `check_cancelled` before each entity of a scored view.
+absl::StatusOr<std::vector<EntityClicks>> CountClicks(
+    const Segmenter& segmenter, const EvaluationTask& task, const ClickOptions& options,
+    absl::FunctionRef<absl::Status()> check_cancelled);
 
 }  // namespace pepeseg

@@ -40,17 +40,33 @@ double Iou(std::span<const uint8_t> prediction, std::span<const uint8_t> truth,
   return either == 0 ? 1.0 : static_cast<double>(both) / static_cast<double>(either);
 }
 
-std::vector<double> IouByThreshold(std::span<const float> similarity, const LabeledView& view,
-                                   uint16_t entity, std::span<const double> thresholds) {
-  assert(similarity.size() == view.labels.size());
+double PixelAccuracy(std::span<const uint8_t> prediction, std::span<const uint8_t> truth,
+                     std::span<const uint8_t> ignore) {
+  assert(prediction.size() == truth.size());
+  int64_t right = 0, all = 0;
+  for (size_t i = 0; i < truth.size(); ++i) {
+    if (!ignore.empty() && ignore[i] != 0) continue;
+    right += (prediction[i] != 0) == (truth[i] != 0);
+    ++all;
+  }
+  return all == 0 ? 1.0 : static_cast<double>(right) / static_cast<double>(all);
+}
+
+std::vector<double> IouByThreshold(std::span<const float> similarity, std::span<const uint8_t> mask,
+                                   std::span<const uint8_t> truth, std::span<const uint8_t> ignore,
+                                   std::span<const double> thresholds) {
+  assert(similarity.size() == truth.size());
+  assert(mask.empty() || mask.size() == truth.size());
   const std::vector<float> edges(thresholds.begin(), thresholds.end());
-  // [i]: number of pixels over exactly the first i thresholds, outside and inside the entity.
+  // [i]: number of pixels over exactly the first i thresholds, outside and inside the truth.
   std::vector<std::array<int64_t, 2>> over(edges.size() + 1);
   for (size_t pixel = 0; pixel < similarity.size(); ++pixel) {
-    if (!view.Counts(pixel)) continue;
+    if (!ignore.empty() && ignore[pixel] != 0) continue;
     size_t bin = 0;
-    while (bin < edges.size() && similarity[pixel] > edges[bin]) ++bin;
-    ++over[bin][view.labels[pixel] == entity ? 1 : 0];
+    if (mask.empty() || mask[pixel] != 0) {
+      while (bin < edges.size() && similarity[pixel] > edges[bin]) ++bin;
+    }
+    ++over[bin][truth[pixel] != 0 ? 1 : 0];
   }
   int64_t num_inside = 0;
   for (const auto& bin : over) num_inside += bin[1];
@@ -63,6 +79,11 @@ std::vector<double> IouByThreshold(std::span<const float> similarity, const Labe
     ious[i - 1] = either == 0 ? 1.0 : static_cast<double>(both) / static_cast<double>(either);
   }
   return ious;
+}
+
+std::vector<double> IouByThreshold(std::span<const float> similarity, const LabeledView& view,
+                                   uint16_t entity, std::span<const double> thresholds) {
+  return IouByThreshold(similarity, {}, view.MaskOf(entity), view.ignore, thresholds);
 }
 
 int BoundaryWidth(int width, int height) {

@@ -15,6 +15,16 @@ namespace pepeseg {
 double Iou(std::span<const uint8_t> prediction, std::span<const uint8_t> truth,
            std::span<const uint8_t> ignore = {});
 
+// Returns the share of pixels in which two masks agree, 1 if no pixel counts.
+double PixelAccuracy(std::span<const uint8_t> prediction, std::span<const uint8_t> truth,
+                     std::span<const uint8_t> ignore = {});
+
+// Returns, for each threshold, the IoU of the truth and those pixels of `mask` (empty: all pixels)
+// whose similarity is over that threshold, from one pass. `thresholds` are cosines, ascending.
+std::vector<double> IouByThreshold(std::span<const float> similarity, std::span<const uint8_t> mask,
+                                   std::span<const uint8_t> truth, std::span<const uint8_t> ignore,
+                                   std::span<const double> thresholds);
+
 // Returns, for each threshold, the IoU of an entity and the pixels whose similarity is over that
 // threshold, from one pass over the similarity [height, width] of the view. `thresholds` are
 // cosines, ascending. Ignored pixels of the view do not count.

@@ -57,6 +57,7 @@ Segmenter::Segmenter(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Segmenter::~Segmenter() = default;
 
 const Model& Segmenter::model() const { return state_->model; }
+Backend& Segmenter::backend() const { return state_->backend; }
 
 // A trained field always has scale quantiles.
 bool Segmenter::has_features() const { return !state_->model.field.scale_quantiles.empty(); }

@@ -45,6 +45,8 @@ class Segmenter {
   ~Segmenter();
 
   const Model& model() const;
+  // Returns the backend, for work on the same device under the device lock (InTurn).
+  Backend& backend() const;
   // Returns whether the model has a trained feature field.
   bool has_features() const;
   // Return how many feature maps were rendered so far, and how many are cached now. A new scale or

@@ -53,4 +53,29 @@ std::vector<float> GatedUnits(std::span<const float> features, std::span<const f
   return units;
 }
 
+// The mean of psi * f / |psi * f| is psi times the mean of f / |psi * f|.
+std::vector<float> GatedMean(std::span<const float> features, std::span<const float> gate,
+                             float scale) {
+  float psi[kFeatureSize];
+  GateAt(gate.data(), kFeatureSize, scale, psi);
+  double sums[kFeatureSize] = {};
+  for (size_t i = 0; i < features.size(); i += kFeatureSize) {
+    double squares = 0;
+    for (int k = 0; k < kFeatureSize; ++k) {
+      const double gated = double{psi[k]} * features[i + k];
+      squares += gated * gated;
+    }
+    if (squares == 0) continue;
+    for (int k = 0; k < kFeatureSize; ++k) sums[k] += features[i + k] / std::sqrt(squares);
+  }
+  double squares = 0;
+  for (const double sum : sums) squares += sum * sum;
+  std::vector<float> mean(kFeatureSize);
+  if (squares == 0) return mean;
+  for (int k = 0; k < kFeatureSize; ++k) {
+    mean[k] = static_cast<float>(sums[k] / std::sqrt(squares));
+  }
+  return mean;
+}
+
 }  // namespace pepeseg

@@ -73,4 +73,10 @@ double ScaleOfQuantile(const FeatureField& field, double quantile);
 std::vector<float> GatedUnits(std::span<const float> features, std::span<const float> gate,
                               float scale);
 
+// Returns the feature, [32] and not gated, whose gated direction is that of the mean of
+// GatedUnits(features, gate, scale): a query for the mean of several features. It is 0 if the mean
+// is 0 or there are no features.
+std::vector<float> GatedMean(std::span<const float> features, std::span<const float> gate,
+                             float scale);
+
 }  // namespace pepeseg

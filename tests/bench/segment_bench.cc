@@ -25,6 +25,7 @@
 #include "tests/bench/granularity.h"
 #include "tests/bench/labeled_views.h"
 #include "tests/bench/prompt_scores.h"
+#include "tests/bench/protocol_scores.h"
 #include "tests/bench/segment_rows.h"
 #include "tests/bench/stage_one_flags.h"
 #include "tests/bench/stage_two_flags.h"
@@ -44,6 +45,7 @@ struct BenchOptions {
   bool kernels = false;
   bool granularity = false;
   bool prompts = false;
+  bool protocols = false;
   bool clicks = false;
   bool decompose = false;
   bool rows_only = false;
@@ -151,6 +153,7 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
   }
   ASSIGN_OR_RETURN(const auto segmenter, Segmenter::Create(backend, std::move(model)));
   if (options.decompose) RETURN_IF_ERROR(PrintDecomposition(*segmenter, pack));
+  if (options.protocols) RETURN_IF_ERROR(PrintMaskAgreement(*segmenter, pack.capture));
   for (const TruthLevel& level : pack.truth) {
     const double evaluate_start = Now();
     ASSIGN_OR_RETURN(
@@ -169,6 +172,9 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
     if (options.entities) PrintEntities(row);
     if (options.prompts) {
       RETURN_IF_ERROR(PrintPrompts(*segmenter, pack, row, options.protocol.min_pixels));
+    }
+    if (options.protocols) {
+      RETURN_IF_ERROR(PrintProtocols(*segmenter, LabeledViews(pack.capture, level), level.name));
     }
     if (options.clicks) {
       ASSIGN_OR_RETURN(const ClickScores clicks,
@@ -251,6 +257,9 @@ int main(int argc, char** argv) {
                "also measure clusters by scale on the held-out views");
   app.add_flag("--prompts", options.prompts,
                "also score prompts without a scale: mask, box and 3D selection");
+  app.add_flag("--protocols", options.protocols,
+               "also run the protocols of the field's benchmarks: label propagation, promptable, "
+               "clicks, agreement with the masks of held-out views");
   app.add_flag("--clicks", options.clicks,
                "also measure clicks until IoU 0.9, and IoU after 1, 2 and 3 clicks; by entity with "
                "--entities");

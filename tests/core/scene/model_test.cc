@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <vector>
+
 namespace pepeseg {
 namespace {
 
@@ -27,6 +30,32 @@ TEST(ScaleQuantiles, ClampToZeroAndOne) {
 TEST(ScaleQuantiles, AreZeroForAFieldWithoutScales) {
   EXPECT_EQ(QuantileOfScale({}, 3), 0);
   EXPECT_EQ(ScaleOfQuantile({}, 0.5), 0);
+}
+
+// The query for the mean has the same cosines as the mean itself, at a gate that weighs some
+// numbers a thousand times as much as others.
+TEST(GatedMean, PointsWhereTheMeanOfGatedUnitsDoes) {
+  constexpr size_t kSize = 32;
+  std::vector<float> gate(2 * kSize), features(3 * kSize);
+  for (size_t k = 0; k < kSize; ++k) {
+    gate[k] = static_cast<float>(k % 3) * 4 - 4;
+    gate[kSize + k] = static_cast<float>(k % 5) - 3;
+  }
+  for (size_t i = 0; i < features.size(); ++i) features[i] = static_cast<float>(i * i % 17) - 8;
+  const std::vector<float> units = GatedUnits(features, gate, 0.7f);
+  std::vector<double> mean(kSize);
+  for (size_t i = 0; i < units.size(); ++i) mean[i % kSize] += units[i];
+  double squares = 0;
+  for (const double value : mean) squares += value * value;
+  const std::vector<float> back = GatedUnits(GatedMean(features, gate, 0.7f), gate, 0.7f);
+  ASSERT_EQ(back.size(), kSize);
+  for (size_t k = 0; k < kSize; ++k) EXPECT_NEAR(back[k], mean[k] / std::sqrt(squares), 1e-6);
+}
+
+TEST(GatedMean, IsZeroOfNothing) {
+  const std::vector<float> gate(64);
+  EXPECT_EQ(GatedMean({}, gate, 0.5f), std::vector<float>(32));
+  EXPECT_EQ(GatedMean(std::vector<float>(64), gate, 0.5f), std::vector<float>(32));
 }
 
 }  // namespace

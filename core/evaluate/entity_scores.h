@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/evaluate/click_count.h"
+#include "core/evaluate/entity_queries.h"
+#include "core/evaluate/evaluation_task.h"
+#include "core/evaluate/mask_scores.h"
+#include "core/query/segmenter.h"
+
+// From queries to scores: chooses a scale in three ways and scores the masks of each choice.
+
+namespace pepeseg {
+
+// A choice of scale and threshold for one entity, and its scores in the scored views.
+struct ChoiceScores {
+  double scale = 0;               // quantile; 0 if nothing was found under the prompt
+  double threshold = 0;           // cosine
+  MaskScores mean;                // over the scored views
+  std::vector<MaskScores> views;  // [scored]
+};
+
+struct EntityScores {
+  std::string name, category;
+  std::string reference;             // view with the prompt
+  std::vector<std::string> scored;   // views, by name
+  std::vector<int64_t> num_pixels;   // [scored] pixels of the entity
+  std::optional<PointPrompt> click;  // of a DeepestClick, pixels of the reference view
+  bool missing = false;              // nothing was found under the prompt: all scores are 0
+  ChoiceScores paper;  // has the best mean IoU of the scored views themselves: a bound
+  // Has the best IoU in the reference view. Absent if nothing is known there (ReferenceTruthOf).
+  std::optional<ChoiceScores> reference_choice;
+  ChoiceScores automatic;            // chosen without any truth
+  std::vector<double> iou_by_scale;  // [scales] at `fixed_threshold`, mean over the scored views
+  // Of the protocol "clicks", which sets none of the choices.
+  std::optional<EntityClicks> clicks;
+};
+
+// Returns the entity with its views and its click, without scores.
+EntityScores WithoutScores(const EvaluationTask& task, const ScoredEntity& entity);
+
+// The thresholds to choose from.
+struct ChoiceThresholds {
+  std::vector<double> thresholds;  // cosines, ascending
+  double fixed_threshold = 0;      // of iou_by_scale
+};
+
+// Scores the queries of all entities, [entities of the task], made for the scales of `query_task`.
+// Among equally good choices the one with the smaller scale is taken, then the one with the lower
+// threshold. Works view by view: each feature map is rendered once for all choices, and once more
+// for the scores of the chosen ones if it has left the cache. Calls `check_cancelled` before each
+// scale of a view and each view's scores and returns its error.
+absl::StatusOr<std::vector<EntityScores>> ScoreQueries(const QueryTask& query_task,
+                                                       std::span<const EntityQueries> queries,
+                                                       const ChoiceThresholds& choice);
+
+}  // namespace pepeseg

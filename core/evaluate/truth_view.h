@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/strings/string_view.h"
+#include "core/scene/mask_set.h"
+#include "core/scene/model.h"
+
+namespace pepeseg {
+
+// A view with the masks of the entities that it shows, which may overlap. An entity is what is to
+// be segmented: a part, an object or a group. It has the same name in all views.
+struct TruthView {
+  ModelView view;
+  MaskSet masks;
+  std::vector<std::string> entities;  // [masks.num_masks] names, each once
+  std::vector<uint8_t> ignore;  // [height, width], non-zero: not scored; empty: all are scored
+
+  // Returns the index of an entity's mask, or nothing if the view does not show the entity.
+  std::optional<int> IndexOf(absl::string_view entity) const;
+  // Returns the mask of an entity, [height, width] of 0 and 1, or an empty vector if the view does
+  // not show it. Ignored pixels are as they were given.
+  std::vector<uint8_t> MaskOf(absl::string_view entity) const;
+  // Returns MaskOf with 0 in ignored pixels: what may be clicked and counted.
+  std::vector<uint8_t> CountedMaskOf(absl::string_view entity) const;
+};
+
+// Collects the truth of a view from label images, binary masks, or both. Each function returns
+// INVALID_ARGUMENT, which names the view and the entity, if an image does not have the size of the
+// view or an entity has a mask already.
+class TruthViewBuilder {
+ public:
+  explicit TruthViewBuilder(ModelView view);
+
+  // Adds the mask of an entity: [height, width], non-zero inside. The name must not be empty. An
+  // empty mask adds nothing: the view does not show the entity.
+  absl::Status AddMask(const std::string& entity, std::span<const uint8_t> mask);
+  // Adds the mask of each id of a label image [height, width]; 0 is no entity. An id without a name
+  // in `names` is its own name: "3".
+  absl::Status AddLabels(std::span<const uint16_t> labels, const std::map<int, std::string>& names);
+  // Sets the ignored pixels: [height, width], non-zero: not scored.
+  absl::Status SetIgnore(std::vector<uint8_t> ignore);
+
+  TruthView Build() &&;
+
+ private:
+  absl::Status CheckSize(absl::string_view what, size_t num_pixels) const;
+  absl::Status Add(const std::string& entity, std::span<const uint32_t> pixels);
+
+  TruthView truth_;
+  MaskSetBuilder masks_;
+};
+
+// Returns an entity's name without its number: "mug" for "mug.2", "mug 2", "mug_2" and "mug-2".
+// Other names are their own category.
+std::string CategoryOf(absl::string_view entity);
+
+}  // namespace pepeseg
