@@ -14,8 +14,8 @@ struct CudaScratch {
   Buffer<float> slot_sums;           // [entries, 10] gradients before the sum over the tiles
 
   // For RenderBackward: what each pixel has accumulated at the end of its tile and at the end of
-  // each bucket, so that the backward pass starts at all buckets at once. Colour is rgb without
-  // background, and transmittance. Depth is kept only when it is rendered.
+  // each bucket, so that the backward pass starts at all buckets at once. Colour is rgb
+  // and transmittance. Depth is kept only when it is rendered.
   Buffer<float> pixel_color;          // [tiles, 256, 4]
   Buffer<float> pixel_depth;          // [tiles, 256]
   Buffer<int32_t> tile_first_bucket;  // [tiles + 1]

@@ -34,7 +34,7 @@ const std::vector<std::string>& DemoSettings() {
                                                     "reconstruct.max_gaussians=30000",
                                                     "reconstruct.ssim_weight=0.3",
                                                     "reconstruct.mean_learning_rate=1.6e-3",
-                                                    "reconstruct.mean_learning_rate_final=1.6e-5",
+                                                    "reconstruct.mean_learning_rate_final=1.6e-4",
                                                     "reconstruct.sh_learning_rate=5e-3",
                                                     "reconstruct.densify_gradient=3e-4",
                                                     "features.num_steps=1500"};

@@ -34,4 +34,9 @@ class Sha256 {
 std::string Sha256Hex(std::string_view bytes);
 absl::StatusOr<std::string> Sha256OfFile(const std::filesystem::path& path);
 
+// Returns the CRC-32C (Castagnoli polynomial, as in iSCSI and in storage services over gRPC) of
+// `bytes`. To compute it piece by piece, pass the CRC of the preceding bytes as `crc`; 0: none.
+uint32_t Crc32c(std::span<const uint8_t> bytes, uint32_t crc = 0);
+uint32_t Crc32c(const std::string& bytes, uint32_t crc = 0);
+
 }  // namespace pepeseg

@@ -1,5 +1,8 @@
 #include "core/base/private_error.h"
 
+#include <cerrno>
+#include <system_error>
+
 #include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
 
@@ -24,6 +27,18 @@ absl::Status WithPrefix(absl::string_view prefix, const absl::Status& status) {
   status.ForEachPayload(
       [&](absl::string_view url, const absl::Cord& payload) { prefixed.SetPayload(url, payload); });
   return prefixed;
+}
+
+absl::Status FileError(const std::filesystem::path& path, const std::string& what, int error) {
+  const std::string message =
+      absl::StrCat(path.string(), ": ", what, ": ", std::generic_category().message(error));
+  if (error == ENOENT) return PrivateError(absl::StatusCode::kNotFound, message);
+  const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
+  if (full) return PrivateError(absl::StatusCode::kResourceExhausted, message);
+  // The file itself may be fine: opening it again works once descriptors are free.
+  const bool no_descriptors = error == EMFILE || error == ENFILE;
+  return PrivateError(no_descriptors ? absl::StatusCode::kUnavailable : absl::StatusCode::kInternal,
+                      message);
 }
 
 }  // namespace pepeseg

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/backend_turn.h"
+#include "core/base/range_check.h"
 #include "core/base/status_macros.h"
 
 namespace pepeseg {
@@ -14,11 +15,7 @@ absl::Status Validate(const HdbscanOptions& options) {
     return absl::InvalidArgumentError(
         absl::StrCat("min_cluster_size is ", options.min_cluster_size, ", must be at least 2"));
   }
-  if (options.min_samples < 1 || options.min_samples > kMaxMinSamples) {
-    return absl::InvalidArgumentError(absl::StrCat("min_samples is ", options.min_samples,
-                                                   ", must be in [1, ", kMaxMinSamples, "]"));
-  }
-  return absl::OkStatus();
+  return CheckInRange("min_samples", options.min_samples, 1, kMaxMinSamples);
 }
 
 absl::StatusOr<Clusters> Hdbscan(Backend& backend, DeviceSpan<const float> points,

@@ -12,7 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/string_view.h"
 #include "core/base/atomic_file.h"
-#include "core/base/file_error.h"
+#include "core/base/private_error.h"
 #include "core/base/status_macros.h"
 #include "opencv2/core.hpp"
 #include "opencv2/imgcodecs.hpp"

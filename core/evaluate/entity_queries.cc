@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "core/base/status_macros.h"
-#include "core/query/check_prompt.h"
 #include "core/query/mask_geometry.h"
-#include "core/render/feature_norm.h"
+#include "core/query/prompt.h"
+#include "core/render/renderer.h"
 
 namespace pepeseg {
 namespace {

@@ -8,7 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/evaluate/scored_entities.h"
-#include "core/query/check_prompt.h"
+#include "core/query/prompt.h"
 
 namespace pepeseg {
 namespace {

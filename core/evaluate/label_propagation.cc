@@ -9,7 +9,7 @@
 #include "core/base/backend_turn.h"
 #include "core/base/status_macros.h"
 #include "core/evaluate/prompt_queries.h"
-#include "core/query/check_prompt.h"
+#include "core/query/prompt.h"
 
 namespace pepeseg {
 namespace {

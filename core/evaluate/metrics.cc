@@ -5,13 +5,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/render/pinhole_view.h"
+#include "core/render/renderer.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr float kNearPlane = 0.01f;  // fraction of the scene radius, as in training
-constexpr double kMinMse = 1e-10;    // caps the PSNR of equal images at 100 dB
+constexpr double kMinMse = 1e-10;  // caps the PSNR of equal images at 100 dB
 
 absl::Status CheckView(const View& view) {
   const size_t num_pixels = static_cast<size_t>(view.camera.width) * view.camera.height;
@@ -28,10 +27,10 @@ absl::Status CheckView(const View& view) {
 
 // Downloads a rendering's planes [3, height, width] as interleaved pixels in [0, 1]. Ignored pixels
 // get the photograph's values, so that they contribute no perceptual distance.
-std::vector<float> Interleaved(const Buffer<float>& color, const View& view) {
+std::vector<float> Interleaved(Backend& backend, DeviceSpan<const float> color, const View& view) {
   const size_t num_pixels = view.photo.pixels.size() / 3;
   std::vector<float> planes(3 * num_pixels), pixels(3 * num_pixels);
-  color.Download(std::span<float>(planes));
+  backend.CopyToHost(planes.data(), color.data, planes.size() * sizeof(float));
   for (size_t i = 0; i < pixels.size(); ++i) {
     const bool ignored = !view.ignore.empty() && view.ignore[i / 3] != 0;
     pixels[i] = ignored ? static_cast<float>(view.photo.pixels[i]) / 255
@@ -46,28 +45,18 @@ class ViewScorer {
  public:
   ViewScorer(Backend& backend, const Gaussians& gaussians, double scene_radius)
       : backend_(backend),
-        gaussians_(gaussians),
-        near_plane_(static_cast<float>(kNearPlane * scene_radius)),
-        planes_(backend, std::span<const float>(gaussians.planes)),
+        renderer_(backend, gaussians, scene_radius),
         sums_(backend, kNumImageLossSums) {}
 
   absl::StatusOr<ImageScores> Score(const View& view, const PerceptualDistance& lpips) {
     RETURN_IF_ERROR(CheckView(view));
     const int width = view.camera.width, height = view.camera.height;
-    Buffer<float> color(backend_, int64_t{3} * width * height);
     const Buffer<uint8_t> photo(backend_, std::span<const uint8_t>(view.photo.pixels));
     const Buffer<uint8_t> ignore(backend_, std::span<const uint8_t>(view.ignore));
-    backend_.Render({.gaussians = {planes_.span().data, gaussians_.count, gaussians_.count,
-                                   gaussians_.sh_degree},
-                     .view = ToPinholeView(view.camera, view.cam_from_world),
-                     .near_plane = near_plane_,
-                     .active_sh_degree = gaussians_.sh_degree,
-                     .scratch = &scratch_,
-                     .color = color.span(),
-                     .for_backward = false});
+    const DeviceSpan<const float> color = renderer_.ColorPlanes(view);
     backend_.ImageLoss({.width = width,
                         .height = height,
-                        .color = color.span(),
+                        .color = color,
                         .target = photo.span(),
                         .ignore = ignore.span(),
                         .sums = sums_.span()});
@@ -82,17 +71,14 @@ class ViewScorer {
     }
     const double mse = std::max(kMinMse, sums[kSumSquared] / sums[kSumPixelChannels]);
     ImageScores scores{-10 * std::log10(mse), sums[kSumSsim] / sums[kSumPixelChannels], {}};
-    if (lpips) scores.lpips = lpips(view.photo, Interleaved(color, view));
+    if (lpips) scores.lpips = lpips(view.photo, Interleaved(backend_, color, view));
     return scores;
   }
 
  private:
   Backend& backend_;
-  const Gaussians& gaussians_;
-  const float near_plane_;
-  Buffer<float> planes_;
+  Renderer renderer_;
   Buffer<double> sums_;
-  RenderScratch scratch_;
 };
 
 }  // namespace

@@ -6,8 +6,8 @@
 #include "core/base/status_macros.h"
 #include "core/evaluate/segmentation_metrics.h"
 #include "core/prompt/resolve_prompt.h"
-#include "core/query/check_prompt.h"
 #include "core/query/mask_geometry.h"
+#include "core/query/prompt.h"
 
 namespace pepeseg {
 namespace {

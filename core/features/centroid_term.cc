@@ -17,7 +17,7 @@ constexpr uint64_t kCentroidStream = 0xd1b54a32d192ed03u;
 
 }  // namespace
 
-CentroidTerm::CentroidTerm(Backend& backend, const Capture& capture, FrozenScene& scene,
+CentroidTerm::CentroidTerm(Backend& backend, const Capture& capture, Renderer& scene,
                            const std::vector<DrawableView>& views, const FeatureOptions& options)
     : backend_(backend),
       capture_(capture),
@@ -81,7 +81,7 @@ std::vector<int32_t> CentroidTerm::DrawPixels(const DrawableView& view) {
 // The blend rows of the chunk are of other pixels, so the view is rasterised again.
 std::vector<float> CentroidTerm::PixelFeatures(const View& view, std::span<const int32_t> pixels,
                                                DeviceSpan<const float> features) {
-  const CapturedRows rows = scene_.Capture(view, pixels);
+  const CapturedRows rows = scene_.Rows(view, pixels);
   Buffer<float> of_pixels(backend_, static_cast<int64_t>(pixels.size()) * kFeatureSize);
   backend_.FeatureRows(
       {{rows.first.span(), rows.gaussian.span(), rows.weight.span()}, features, of_pixels.span()});

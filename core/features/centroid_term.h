@@ -10,7 +10,7 @@
 #include "core/features/batch_drawer.h"
 #include "core/features/centroid_bank.h"
 #include "core/features/train_features.h"
-#include "core/render/frozen_scene.h"
+#include "core/render/renderer.h"
 
 namespace pepeseg {
 
@@ -21,7 +21,7 @@ namespace pepeseg {
 class CentroidTerm {
  public:
   // All arguments but the options must outlive it.
-  CentroidTerm(Backend& backend, const Capture& capture, FrozenScene& scene,
+  CentroidTerm(Backend& backend, const Capture& capture, Renderer& scene,
                const std::vector<DrawableView>& views, const FeatureOptions& options);
 
   // Returns whether the centroids are to be refreshed before this step, counted from 0.
@@ -72,7 +72,7 @@ class CentroidTerm {
 
   Backend& backend_;
   const Capture& capture_;
-  FrozenScene& scene_;
+  Renderer& scene_;
   const std::vector<DrawableView>& views_;
   int first_step_, every_, max_pixels_;  // steps, steps, pixels
   std::mt19937_64 random_;

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "core/features/feature_trainer.h"
-#include "core/render/frozen_scene.h"
+#include "core/render/renderer.h"
 #include "kernels/scratch_bytes.h"
 
 namespace pepeseg {

@@ -4,7 +4,7 @@
 #include <span>
 
 #include "core/features/mask_scales.h"
-#include "core/render/frozen_scene.h"
+#include "core/render/renderer.h"
 
 namespace pepeseg {
 namespace {
@@ -30,7 +30,7 @@ std::vector<const View*> SomeTrained(const Capture& capture) {
 
 }  // namespace
 
-std::vector<float> FeatureConfidence(const Capture& capture, FrozenScene& scene,
+std::vector<float> FeatureConfidence(const Capture& capture, Renderer& scene,
                                      int min_confident_views) {
   const auto count = static_cast<size_t>(scene.num_gaussians());
   const std::vector<const View*> views = SomeTrained(capture);
@@ -42,7 +42,7 @@ std::vector<float> FeatureConfidence(const Capture& capture, FrozenScene& scene,
   std::vector<float> weight(count);
   for (const View* view : views) {
     std::ranges::fill(weight, 0.0f);
-    const HostRows rows(scene.Capture(*view, KnownGridPixels(*view, kMaxCells)));
+    const PixelRows rows = ToHost(scene.Rows(*view, KnownGridPixels(*view, kMaxCells)));
     for (size_t e = 0; e < rows.gaussian.size(); ++e) weight[rows.gaussian[e]] += rows.weight[e];
     for (size_t i = 0; i < count; ++i) num_views[i] += weight[i] > kMinWeight ? 1 : 0;
   }

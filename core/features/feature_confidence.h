@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "core/render/frozen_scene.h"
+#include "core/render/renderer.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {
@@ -14,7 +14,7 @@ namespace pepeseg {
 // Up to 64 of the training views with masks are looked at, spread evenly. The confidence is
 // (views that show the Gaussian / required views)^2, at most 1, where `min_confident_views` views
 // are required, but at least a sixth of the views looked at, and at most all of them.
-std::vector<float> FeatureConfidence(const Capture& capture, FrozenScene& scene,
+std::vector<float> FeatureConfidence(const Capture& capture, Renderer& scene,
                                      int min_confident_views);
 
 }  // namespace pepeseg

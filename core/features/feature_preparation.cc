@@ -51,7 +51,7 @@ std::vector<int> TrainedViews(const Capture& capture) {
 // Returns the scales of all masks, by view of the capture, empty for views that are not trained on.
 // Gives the depths to the reprojection. Works on a block of views at a time, to bound the memory:
 // renders their depths one after the other, then measures their masks in parallel.
-std::vector<std::vector<float>> MeasureViews(const Capture& capture, FrozenScene& scene,
+std::vector<std::vector<float>> MeasureViews(const Capture& capture, Renderer& scene,
                                              Reprojection& reprojection) {
   constexpr size_t kBlock = 16;  // views
   const std::span<const int> trained = reprojection.views();
@@ -105,7 +105,7 @@ std::vector<const MaskSet*> ReconcileMasks(const Capture& capture, const Feature
 
 // Fills in the background and the unlabelled pixels of the views. Without background samples, its
 // pixels are unlabelled ones, too.
-void AddUncovered(const Capture& capture, std::span<const MaskSet* const> masks, FrozenScene& scene,
+void AddUncovered(const Capture& capture, std::span<const MaskSet* const> masks, Renderer& scene,
                   const FeatureOptions& options, std::vector<DrawableView>& views) {
   const bool with_background = options.num_background_pixels > 0;
   if (!with_background && !WantsPerception(capture, options)) return;
@@ -162,8 +162,7 @@ std::vector<SkippedTerm> SkippedTerms(const Capture& capture, const FeatureOptio
 }  // namespace
 
 absl::StatusOr<PreparedFeatures> PrepareFeatures(const Capture& capture, const Gaussians& gaussians,
-                                                 FrozenScene& scene,
-                                                 const FeatureOptions& options) {
+                                                 Renderer& scene, const FeatureOptions& options) {
   // Both take a while and use no device: they run while the device renders.
   auto neighbors = std::async(std::launch::async,
                               [&] { return NearestNeighbors(gaussians, options.num_neighbors); });

@@ -12,7 +12,7 @@
 #include "core/features/perception_cues.h"
 #include "core/features/reprojection.h"
 #include "core/features/train_features.h"
-#include "core/render/frozen_scene.h"
+#include "core/render/renderer.h"
 #include "core/scene/capture.h"
 #include "core/scene/gaussians.h"
 
@@ -39,6 +39,6 @@ struct PreparedFeatures {
 // stage two samples from. The capture must outlive the result. FAILED_PRECONDITION: no training
 // view has a mask with a scale.
 absl::StatusOr<PreparedFeatures> PrepareFeatures(const Capture& capture, const Gaussians& gaussians,
-                                                 FrozenScene& scene, const FeatureOptions& options);
+                                                 Renderer& scene, const FeatureOptions& options);
 
 }  // namespace pepeseg

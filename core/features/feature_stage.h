@@ -14,7 +14,7 @@
 #include "core/features/feature_trainer.h"
 #include "core/features/row_chunk.h"
 #include "core/features/train_features.h"
-#include "core/render/frozen_scene.h"
+#include "core/render/renderer.h"
 
 namespace pepeseg {
 
@@ -78,7 +78,7 @@ class FeatureStage {
   const FeatureOptions options_;
   const int64_t num_gaussians_;
   std::vector<SkippedTerm> skipped_;
-  FrozenScene scene_;
+  Renderer scene_;
   FeatureField field_;  // scale_quantiles and confidence; the rest is in the trainer
   Buffer<int32_t> neighbors_;
   NeighborGraph graph_;

@@ -140,7 +140,6 @@ void FeatureTrainer::Train(const RowChunk::Step& step) {
                           .gate = gate_.span(),
                           .gate_moment1 = gate_moment1_.span(),
                           .gate_moment2 = gate_moment2_.span()});
-  if (!options_.only_seen_gaussians) backend_.FeatureCatchUp({{}, rates_, step_, State()});
 }
 
 // PairLoss has written the gradients of the labelled pixels only; those of the others are cleared

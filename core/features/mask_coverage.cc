@@ -5,7 +5,7 @@
 #include <span>
 
 #include "core/features/mask_scales.h"
-#include "core/render/frozen_scene.h"
+#include "core/render/renderer.h"
 
 namespace pepeseg {
 namespace {
@@ -25,7 +25,7 @@ class Coverage {
       : covered_(static_cast<size_t>(num_gaussians)), seen_(static_cast<size_t>(num_gaussians)) {}
 
   // Adds the pixels of a view. rows: their blend rows.
-  void Add(const MaskSet& masks, std::span<const int32_t> pixels, const HostRows& rows) {
+  void Add(const MaskSet& masks, std::span<const int32_t> pixels, const PixelRows& rows) {
     for (size_t i = 0; i < rows.num_rows(); ++i) {
       const bool covered = IsCovered(masks, pixels[i]);
       for (int32_t e = rows.first[i]; e < rows.first[i + 1]; ++e) {
@@ -37,7 +37,7 @@ class Coverage {
 
   // Returns the share of a pixel, in [0, 1]: the mean over the Gaussians blended there, by weight.
   // None where alpha is at most kMinAlpha.
-  std::optional<double> OfRow(const HostRows& rows, size_t row) const {
+  std::optional<double> OfRow(const PixelRows& rows, size_t row) const {
     double sum = 0, alpha = 0;
     for (int32_t e = rows.first[row]; e < rows.first[row + 1]; ++e) {
       const int32_t gaussian = rows.gaussian[e];
@@ -58,8 +58,7 @@ class Coverage {
 }  // namespace
 
 std::vector<UncoveredPixels> FindUncovered(const Capture& capture,
-                                           std::span<const MaskSet* const> masks,
-                                           FrozenScene& scene) {
+                                           std::span<const MaskSet* const> masks, Renderer& scene) {
   // All views are needed before the first pixel can be judged, so each is rendered twice.
   Coverage coverage(scene.num_gaussians());
   std::vector<std::vector<int32_t>> uncovered(capture.views.size());
@@ -67,14 +66,14 @@ std::vector<UncoveredPixels> FindUncovered(const Capture& capture,
     const View& view = capture.views[v];
     if (!IsTrained(view)) continue;
     const std::vector<int32_t> pixels = KnownGridPixels(view, kMaxCellsOfView);
-    coverage.Add(*masks[v], pixels, HostRows(scene.Capture(view, pixels)));
+    coverage.Add(*masks[v], pixels, ToHost(scene.Rows(view, pixels)));
     std::copy_if(pixels.begin(), pixels.end(), std::back_inserter(uncovered[v]),
                  [&](int32_t pixel) { return !IsCovered(*masks[v], pixel); });
   }
   std::vector<UncoveredPixels> found(capture.views.size());
   for (size_t v = 0; v < capture.views.size(); ++v) {
     if (uncovered[v].empty()) continue;
-    const HostRows rows(scene.Capture(capture.views[v], uncovered[v]));
+    const PixelRows rows = ToHost(scene.Rows(capture.views[v], uncovered[v]));
     for (size_t i = 0; i < rows.num_rows(); ++i) {
       const std::optional<double> covered = coverage.OfRow(rows, i);
       if (!covered) continue;

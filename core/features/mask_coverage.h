@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "core/render/frozen_scene.h"
+#include "core/render/renderer.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {
@@ -22,7 +22,6 @@ struct UncoveredPixels {
 // 0.5 are left out, as are held-out views and views without masks. masks: the masks that each view
 // learns from, by view of the capture.
 std::vector<UncoveredPixels> FindUncovered(const Capture& capture,
-                                           std::span<const MaskSet* const> masks,
-                                           FrozenScene& scene);
+                                           std::span<const MaskSet* const> masks, Renderer& scene);
 
 }  // namespace pepeseg

@@ -19,7 +19,7 @@ class Reprojection {
   // views: the views that take part. The capture must outlive it.
   Reprojection(const Capture& capture, std::span<const int> views);
   // Keeps a grid of a view's depth, at most about 65,536 values. depth: [height, width] as from
-  // FrozenScene::Depth. Must be called for each view that takes part before the first Look().
+  // Renderer::Depth. Must be called for each view that takes part before the first Look().
   // Calls for different views may run in parallel.
   void KeepDepth(int view, std::span<const float> depth);
 

@@ -41,7 +41,7 @@ ColumnSpan Columns(const Buffer<int32_t>& gaussian, const Buffer<int32_t>& first
 }  // namespace
 
 absl::Status RowChunk::Refill(std::vector<PixelBatch> batches, const Capture& capture,
-                              FrozenScene& scene, const NeighborGraph& graph) {
+                              Renderer& scene, const NeighborGraph& graph) {
   next_ = 0;
   batches_ = std::move(batches);
   views_.clear();
@@ -62,7 +62,7 @@ absl::Status RowChunk::Refill(std::vector<PixelBatch> batches, const Capture& ca
       Append(batches_[batch].pixels, pixels);
     }
     view.first_row.push_back(static_cast<int32_t>(pixels.size()));
-    view.rows = scene.Capture(capture.views[number], pixels);
+    view.rows = scene.Rows(capture.views[number], pixels);
     ListColumns(scene.backend(), graph, scene.num_gaussians(), drawn, view);
     // A backend that is out of memory leaves buffers empty: checked once a view, before a step
     // reads them.

@@ -5,7 +5,7 @@
 
 #include "absl/status/status.h"
 #include "core/features/batch_drawer.h"
-#include "core/render/frozen_scene.h"
+#include "core/render/renderer.h"
 
 namespace pepeseg {
 
@@ -35,7 +35,7 @@ class RowChunk {
   bool Exhausted() const { return next_ == batches_.size(); }
   // Replaces the batches and rasterises their views. Waits for the device. RESOURCE_EXHAUSTED: the
   // blend rows do not fit into its memory.
-  absl::Status Refill(std::vector<PixelBatch> batches, const Capture& capture, FrozenScene& scene,
+  absl::Status Refill(std::vector<PixelBatch> batches, const Capture& capture, Renderer& scene,
                       const NeighborGraph& graph);
   // Skips to the batch after the first num_steps of the chunk, at most to its end. To be called
   // after a Refill.

@@ -3,18 +3,16 @@
 #include <memory>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/range_check.h"
 #include "core/base/status_macros.h"
 #include "core/features/feature_stage.h"
 
 namespace pepeseg {
 namespace {
 
-// Returns INVALID_ARGUMENT unless low <= value <= high. NaN is out of range.
 template <class T>
 absl::Status CheckRange(const char* name, T value, T low, T high) {
-  if (value >= low && value <= high) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("features: ", name, " is ", value, ", must be in [", low, ", ", high, "]"));
+  return CheckInRange(absl::StrCat("features: ", name), value, low, high);
 }
 
 }  // namespace

@@ -86,9 +86,6 @@ struct FeatureOptions {
   // its feature gets full blending weight, see FeatureConfidence; suppresses floaters. 0: all
   // features count in full; [0, 64].
   int sure_views = 8;
-  // A step moves only the Gaussians that its samples see; the others catch up when they are next
-  // seen, see FeatureState. False: a step moves all of them, only to measure what this saves.
-  bool only_seen_gaussians = true;
   uint64_t seed = 1;
 };
 // Returns INVALID_ARGUMENT, naming the field, if an option is out of range.

@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/file_bytes.h"
-#include "core/base/file_error.h"
 #include "core/base/file_name.h"
+#include "core/base/private_error.h"
 #include "core/base/status_macros.h"
 #include "core/formats/colmap_records.h"
 

@@ -9,10 +9,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/base/byte_reader.h"
-#include "core/base/file_error.h"
+#include "core/base/private_error.h"
 #include "core/base/status_macros.h"
-#include "core/formats/half.h"
 #include "core/formats/image_header.h"
+#include "kernels/half.h"
 
 namespace pepeseg {
 namespace {
@@ -83,13 +83,9 @@ Value Decode(T value) {
   return static_cast<Value>(value);
 }
 
-// Marks 16 bits as a half, so that Decode can be overloaded.
-struct Half {
-  uint16_t bits;
-};
 template <class Value>
 Value Decode(Half value) {
-  return FloatFromHalf(value.bits);
+  return FloatFromHalf(value);
 }
 
 // Reads `count` values of type T. Returns false, before allocating, if too few bytes follow.

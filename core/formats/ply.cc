@@ -12,7 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/base/file_bytes.h"
-#include "core/base/file_error.h"
+#include "core/base/private_error.h"
 #include "core/base/status_macros.h"
 #include "core/formats/colmap.h"
 

@@ -9,9 +9,9 @@
 #include "core/base/atomic_file.h"
 #include "core/base/byte_reader.h"
 #include "core/base/file_bytes.h"
-#include "core/base/file_error.h"
+#include "core/base/private_error.h"
 #include "core/base/status_macros.h"
-#include "core/formats/half.h"
+#include "kernels/half.h"
 
 namespace pepeseg {
 namespace {
@@ -77,8 +77,8 @@ absl::Status WriteFeatureFile(const std::filesystem::path& path, const FeatureFi
   std::vector<uint16_t> halves;
   halves.reserve(field.features.size() + field.confidence.size());
   // Features have length 1 or 0, far within the range of half precision.
-  for (const float value : field.features) halves.push_back(HalfFromFloat(value));
-  for (const float value : field.confidence) halves.push_back(HalfFromFloat(value));
+  for (const float value : field.features) halves.push_back(HalfFromFloat(value).bits);
+  for (const float value : field.confidence) halves.push_back(HalfFromFloat(value).bits);
   ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
   RETURN_IF_ERROR(file.Append(std::string_view(kMagic.data(), kMagic.size())));
   for (const std::string_view part :
@@ -126,9 +126,9 @@ absl::StatusOr<FeatureField> ReadFeatureFile(const std::filesystem::path& path,
   field.scale_quantiles.resize(num_quantiles);
   reader.TakeAll(std::span<float>(field.scale_quantiles));
   field.features.resize(count * kFeatureDim);
-  for (float& value : field.features) value = FloatFromHalf(reader.Take<uint16_t>());
+  for (float& value : field.features) value = FloatFromHalf(reader.Take<Half>());
   field.confidence.resize(count * with_confidence);
-  for (float& value : field.confidence) value = FloatFromHalf(reader.Take<uint16_t>());
+  for (float& value : field.confidence) value = FloatFromHalf(reader.Take<Half>());
   RETURN_IF_ERROR(CheckField(field, name));
   return field;
 }

@@ -8,8 +8,7 @@
 #include <utility>
 
 #include "core/base/status_macros.h"
-#include "core/prompt/ladder.h"
-#include "core/query/mask_grid.h"
+#include "core/prompt/mask_grid.h"
 #include "kernels/ops/render.h"
 
 namespace pepeseg {

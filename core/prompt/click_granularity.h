@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/prompt/granularity_grid.h"
+#include "core/prompt/mask_grid.h"
 #include "core/query/mask_geometry.h"
 #include "core/query/prompt.h"
 #include "core/query/segmenter.h"

@@ -5,9 +5,9 @@
 
 #include "core/base/status_macros.h"
 #include "core/prompt/fit_prompt.h"
-#include "core/prompt/granularity_grid.h"
-#include "core/query/check_prompt.h"
-#include "core/render/feature_norm.h"
+#include "core/prompt/mask_grid.h"
+#include "core/query/prompt.h"
+#include "core/render/feature_maps.h"
 #include "kernels/ops/render.h"
 
 namespace pepeseg {

@@ -1,5 +1,9 @@
 #pragma once
 
+#include <cstdint>
+#include <span>
+#include <vector>
+
 #include "absl/status/statusor.h"
 #include "core/query/prompt.h"
 #include "core/query/segmenter.h"
@@ -20,5 +24,9 @@ absl::StatusOr<Query> FitMask(const Segmenter& segmenter, const ModelView& view,
 // and NothingThereError if no feature is rendered there.
 absl::StatusOr<Query> FitBox(const Segmenter& segmenter, const ModelView& view,
                              const BoxPrompt& box, const Granularity& granularity);
+
+// Returns, for each pixel, how many of the thresholds its similarity exceeds. At most 255
+// thresholds.
+std::vector<uint8_t> LevelsOf(std::span<const float> similarity, std::span<const float> thresholds);
 
 }  // namespace pepeseg

@@ -3,12 +3,13 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/backend_turn.h"
 #include "core/base/status_macros.h"
-#include "core/query/check_prompt.h"
-#include "core/query/segmenter_state.h"
-#include "core/render/feature_norm.h"
+#include "core/decompose/decompose.h"
+#include "core/query/prompt.h"
+#include "core/render/feature_maps.h"
 #include "core/render/feature_palette.h"
-#include "core/render/id_image.h"
+#include "core/render/renderer.h"
 
 namespace pepeseg {
 namespace {
@@ -41,6 +42,31 @@ absl::Status CheckSubset(const GaussianSet* subset, const Model& model) {
 
 }  // namespace
 
+// Everything except `model` and `decompositions` may be used only inside WithDevice, which holds
+// the device lock.
+struct Segmenter::State {
+  State(Backend& b, Model m, MapCounts* counts)
+      : backend(b), model(std::move(m)), renderer(b, model), features(renderer, model, counts) {}
+
+  // Runs `work` under the device lock and returns its result. Afterwards frees what a view larger
+  // than every view of the model took.
+  template <typename Work>
+  auto WithDevice(Work work) {
+    return InTurn(backend, [&] {
+      auto answer = work();
+      renderer.ReleaseOversized();
+      features.ReleaseOversized();
+      return answer;
+    });
+  }
+
+  Backend& backend;
+  const Model model;
+  Renderer renderer;
+  ViewFeatures features;
+  Decompositions decompositions;  // has its own mutex
+};
+
 absl::StatusOr<std::unique_ptr<Segmenter>> Segmenter::Create(Backend& backend, Model model,
                                                              MapCounts* counts) {
   if (model.field.empty()) {
@@ -62,26 +88,16 @@ Backend& Segmenter::backend() const { return state_->backend; }
 // A trained field always has scale quantiles.
 bool Segmenter::has_features() const { return !state_->model.field.scale_quantiles.empty(); }
 
-int64_t Segmenter::num_renders() const { return state_->maps.num_renders(); }
-int64_t Segmenter::num_maps() const { return state_->maps.num_maps(); }
+int64_t Segmenter::num_renders() const { return state_->features.maps().num_renders(); }
+int64_t Segmenter::num_maps() const { return state_->features.maps().num_maps(); }
 
 absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Query& query,
                                                               std::span<const ModelView> targets,
                                                               bool want_similarity) const {
   RETURN_IF_ERROR(CheckQuery(query));
   for (const ModelView& target : targets) RETURN_IF_ERROR(CheckView(target));
-  return state_->WithDevice([&]() -> absl::StatusOr<std::vector<SegmentResult>> {
-    const Buffer<float> queries = state_->PositiveFirst(query);
-    std::vector<SegmentResult> results;
-    results.reserve(targets.size());
-    for (const ModelView& target : targets) {
-      ASSIGN_OR_RETURN(SegmentResult result,
-                       state_->SegmentView(query, queries, target, want_similarity));
-      RETURN_IF_ERROR(TakeStatus(state_->backend));
-      results.push_back(std::move(result));
-    }
-    return results;
-  });
+  return state_->WithDevice(
+      [&] { return state_->features.Segment(query, targets, want_similarity); });
 }
 
 absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(
@@ -108,7 +124,7 @@ absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(
 absl::StatusOr<std::vector<float>> Segmenter::PixelFeatures(const ModelView& view,
                                                             std::span<const int32_t> pixels) const {
   RETURN_IF_ERROR(CheckView(view));
-  return state_->WithDevice([&] { return state_->FeaturesAt(view, pixels); });
+  return state_->WithDevice([&] { return state_->features.At(view, pixels); });
 }
 
 absl::StatusOr<std::vector<float>> Segmenter::Similarity(std::span<const float> features,
@@ -120,13 +136,7 @@ absl::StatusOr<std::vector<float>> Segmenter::Similarity(std::span<const float> 
   }
   RETURN_IF_ERROR(CheckScale(scale));
   RETURN_IF_ERROR(CheckView(target));
-  return state_->WithDevice([&]() -> absl::StatusOr<std::vector<float>> {
-    const Buffer<float> queries(state_->backend, features);
-    ASSIGN_OR_RETURN(const Buffer<float> similarity, state_->SimilarityTo(queries, scale, target));
-    std::vector<float> values(similarity.size());
-    similarity.Download(values);
-    return values;
-  });
+  return state_->WithDevice([&] { return state_->features.Similarity(features, scale, target); });
 }
 
 absl::StatusOr<LevelCounts> Segmenter::CountLevels(const Query& query,
@@ -142,27 +152,31 @@ absl::StatusOr<LevelCounts> Segmenter::CountLevels(const Query& query,
                                                    " thresholds to compare, allowed are 1..",
                                                    kMaxLevelScales, " and 1..", kMaxThresholds));
   }
-  return state_->WithDevice([&] { return state_->CountLevels(query, scales, thresholds, target); });
+  return state_->WithDevice(
+      [&] { return state_->features.CountLevels(query, scales, thresholds, target); });
 }
 
 absl::StatusOr<Image> Segmenter::RenderColor(const ModelView& view,
                                              const GaussianSet* subset) const {
   RETURN_IF_ERROR(CheckView(view));
   RETURN_IF_ERROR(CheckSubset(subset, model()));
-  return state_->WithDevice([&] { return state_->renderer.Color(view, subset); });
+  return state_->WithDevice(
+      [&]() -> absl::StatusOr<Image> { return state_->renderer.Color(view, subset); });
 }
 
 absl::StatusOr<PixelRows> Segmenter::Rows(const ModelView& view,
                                           std::span<const int32_t> pixels) const {
   RETURN_IF_ERROR(CheckView(view));
-  return state_->WithDevice([&] { return state_->renderer.Rows(view, pixels); });
+  return state_->WithDevice(
+      [&]() -> absl::StatusOr<PixelRows> { return ToHost(state_->renderer.Rows(view, pixels)); });
 }
 
 absl::StatusOr<std::vector<float>> Segmenter::RenderDepth(const ModelView& view,
                                                           const GaussianSet* subset) const {
   RETURN_IF_ERROR(CheckView(view));
   RETURN_IF_ERROR(CheckSubset(subset, model()));
-  return state_->WithDevice([&] { return state_->renderer.Depth(view, subset); });
+  return state_->WithDevice(
+      [&]() -> absl::StatusOr<std::vector<float>> { return state_->renderer.Depth(view, subset); });
 }
 
 absl::StatusOr<Image> Segmenter::RenderFeatures(const ModelView& view, double scale,
@@ -171,7 +185,7 @@ absl::StatusOr<Image> Segmenter::RenderFeatures(const ModelView& view, double sc
   RETURN_IF_ERROR(CheckScale(scale));
   RETURN_IF_ERROR(CheckSubset(subset, model()));
   ASSIGN_OR_RETURN(const std::vector<Half> map,
-                   state_->WithDevice([&] { return state_->DownloadFeatures(view, subset); }));
+                   state_->WithDevice([&] { return state_->features.Download(view, subset); }));
   return PaintFeatures(MakeFeaturePalette(model().field, scale), map, view.camera);
 }
 
@@ -184,8 +198,8 @@ absl::StatusOr<std::vector<int32_t>> Segmenter::RenderIds(const ModelView& view,
     return absl::InvalidArgumentError(
         absl::StrCat(ids.size(), " ids, the model has ", model().gaussians.count, " Gaussians"));
   }
-  return pepeseg::RenderIds(view, ids, [&](const ModelView& of, std::span<const int32_t> pixels) {
-    return state_->WithDevice([&] { return state_->renderer.Rows(of, pixels, subset); });
+  return state_->WithDevice([&]() -> absl::StatusOr<std::vector<int32_t>> {
+    return state_->renderer.Ids(view, ids, subset);
   });
 }
 

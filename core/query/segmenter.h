@@ -8,27 +8,15 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "core/decompose/decompose.h"
-#include "core/query/mask_grid.h"
 #include "core/query/prompt.h"
+#include "core/query/view_features.h"
 #include "core/render/feature_maps.h"
-#include "core/render/model_renderer.h"
+#include "core/render/renderer.h"
 #include "core/scene/capture.h"
 #include "core/scene/model.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {
-
-struct SegmentResult {
-  BinaryMask mask;  // [height, width] of the target view
-  int width = 0, height = 0;
-  int64_t area = 0;               // pixels in the mask
-  double score = 0;               // mean similarity inside the mask, cosine
-  double scale = 0;               // quantile scale used, [0, 1]
-  double scale_units = 0;         // the same scale in scene units
-  double threshold = 0;           // cosine used
-  int box[4] = {};                // x, y, width, height of the mask, pixels; zeros if it is empty
-  std::vector<float> similarity;  // [height, width] cosines; empty unless requested
-};
 
 // Answers queries on a resident model. Keeps the model in device memory and caches feature maps of
 // views. Thread safe. The backend must outlive the segmenter. All segmenters of a backend share its
@@ -91,14 +79,14 @@ class Segmenter {
                                           std::span<const float> thresholds,
                                           const ModelView& target) const;
 
-  // Returns the depth of a view, see ModelRenderer::Depth. `subset`: as in RenderColor, also below.
+  // Returns the depth of a view, see Renderer::Depth. `subset`: as in RenderColor, also below.
   absl::StatusOr<std::vector<float>> RenderDepth(const ModelView& view,
                                                  const GaussianSet* subset = nullptr) const;
   // Returns a view's features at a quantile scale as colours, see FeaturePalette. Returns
   // INVALID_ARGUMENT if the scale is out of range.
   absl::StatusOr<Image> RenderFeatures(const ModelView& view, double scale,
                                        const GaussianSet* subset = nullptr) const;
-  // Returns the image of per-Gaussian `ids`, see pepeseg::RenderIds. Returns INVALID_ARGUMENT
+  // Returns the image of per-Gaussian `ids`, see IdsOfRows. Returns INVALID_ARGUMENT
   // unless there is one id for each Gaussian.
   absl::StatusOr<std::vector<int32_t>> RenderIds(const ModelView& view,
                                                  std::span<const int32_t> ids,

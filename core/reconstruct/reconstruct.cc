@@ -4,18 +4,14 @@
 #include <memory>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/range_check.h"
 #include "core/base/status_macros.h"
 #include "core/reconstruct/reconstructor.h"
 
 namespace pepeseg {
 namespace {
 
-// Returns INVALID_ARGUMENT unless low <= value <= high. NaN fails: no comparison with it holds.
-absl::Status InRange(const char* name, double value, double low, double high) {
-  if (value >= low && value <= high) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat(name, " is ", value, ", must be in [", low, ", ", high, "]"));
-}
+constexpr auto& InRange = CheckInRange<double>;
 
 // The means' rates must be over 0, because the schedule takes the ratio of their logarithms.
 absl::Status ValidateLearningRates(const ReconstructOptions& options) {
@@ -59,7 +55,7 @@ absl::Status ValidateDensityControl(const ReconstructOptions& options) {
 absl::Status ValidateRefinement(const ReconstructOptions& options) {
   RETURN_IF_ERROR(InRange("refine_keep", static_cast<double>(options.refine_keep),
                           static_cast<double>(RefineKeep::kNone),
-                          static_cast<double>(RefineKeep::kSplitAllAxes)));
+                          static_cast<double>(RefineKeep::kSplit)));
   RETURN_IF_ERROR(InRange("refine_from", options.refine_from, 0, 1));
   RETURN_IF_ERROR(InRange("refine_length", options.refine_length, 0, 1));
   return InRange("refine_candidates", options.refine_candidates, 0, 1);

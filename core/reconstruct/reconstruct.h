@@ -29,8 +29,6 @@ enum class RefineKeep {
   kNone = 1,    // No refinement.
   kShrink = 2,  // The Gaussian becomes its part inside the mask.
   kSplit = 3,   // The part inside stays, and the part outside becomes a second Gaussian.
-  // As kSplit, and all axes of a part, not only the one that crosses, shrink to 0.8 of its share.
-  kSplitAllAxes = 4,
 };
 
 // Options of stage one. Learning rates and density thresholds are those of 3DGS (Kerbl et al.

@@ -71,8 +71,8 @@ Refiner::Refiner(Backend& backend, const Capture& capture, const ReconstructOpti
 bool Refiner::Due(int step) const { return masks_ && step >= first_ && step < end_; }
 
 // The render gives the depth that candidates are compared with and the list of visible Gaussians.
-// RefineGaussians then shortens them in place; their outside parts, with RefineKeep::kSplit or
-// kSplitAllAxes, are appended here.
+// RefineGaussians then shortens them in place; their outside parts, with RefineKeep::kSplit, are
+// appended here.
 absl::Status Refiner::Apply(const Target& target, GaussianState& state) {
   if (!working_) working_.emplace();
   if (!state.refinement_open() && !state.OpenRefinement()) {
@@ -119,8 +119,7 @@ void Refiner::Render(const Target& target, GaussianState& state) {
 
 // Outside parts are limited by the candidates and by what max_gaussians leaves.
 RefineGaussiansArgs Refiner::MakeArgs(const Target& target, GaussianState& state) {
-  const bool split = options_.refine_keep == RefineKeep::kSplit ||
-                     options_.refine_keep == RefineKeep::kSplitAllAxes;
+  const bool split = options_.refine_keep == RefineKeep::kSplit;
   const auto most =
       static_cast<int64_t>(options_.refine_candidates * static_cast<double>(state.count()));
   const int64_t room =
@@ -135,7 +134,6 @@ RefineGaussiansArgs Refiner::MakeArgs(const Target& target, GaussianState& state
           .depth = working_->depth.span(),
           .candidate_share = options_.refine_candidates,
           .split = split,
-          .scale_all_axes = options_.refine_keep == RefineKeep::kSplitAllAxes,
           .render = &working_->render,
           .scratch = &working_->refine,
           .gaussians = state.parameters(),

@@ -7,10 +7,19 @@
 #include <numeric>
 #include <span>
 
-#include "core/render/pinhole_view.h"
+#include "core/scene/camera.h"
 
 namespace pepeseg {
 namespace {
+
+// Returns the view at 1 / `factor` of its size, cropped to whole blocks of pixels.
+PinholeView Shrink(PinholeView view, int factor) {
+  const auto f = static_cast<float>(factor);
+  view.width /= factor;
+  view.height /= factor;
+  view.fx /= f, view.fy /= f, view.cx /= f, view.cy /= f;
+  return view;
+}
 
 // Returns the photograph at 1 / `factor` of its size, averaged over blocks; cropped to whole ones.
 std::vector<uint8_t> ShrinkPhoto(const Image& photo, int factor) {

@@ -1,11 +1,13 @@
 #include "core/render/feature_maps.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/backend_turn.h"
 #include "core/base/status_macros.h"
-#include "core/render/pinhole_view.h"
+#include "core/scene/camera.h"
 
 namespace pepeseg {
 namespace {
@@ -23,6 +25,12 @@ constexpr int64_t MapBytes(int64_t num_pixels) {
 
 }  // namespace
 
+double FeatureNorm(const float* feature) {
+  double squares = 0;
+  for (int k = 0; k < kFeatureSize; ++k) squares += double{feature[k]} * feature[k];
+  return std::sqrt(squares);
+}
+
 int64_t MapReserve(int64_t max_view_pixels) {
   // Room for four maps of the largest view as long as they take no more than 512 MiB, and at least
   // for one of the largest size that is rendered.
@@ -31,7 +39,7 @@ int64_t MapReserve(int64_t max_view_pixels) {
                   std::min(4 * MapBytes(max_view_pixels), kMostBytes));
 }
 
-FeatureMaps::FeatureMaps(ModelRenderer& renderer, int64_t max_bytes, MapCounts* counts)
+FeatureMaps::FeatureMaps(Renderer& renderer, int64_t max_bytes, MapCounts* counts)
     : renderer_(renderer), max_bytes_(max_bytes), counts_(counts) {}
 
 // A hit moves its map to the front. A miss drops maps from the back until the new one fits, before
@@ -64,7 +72,8 @@ absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
     return absl::ResourceExhaustedError(
         absl::StrCat("no memory for a feature map of ", num_bytes, " bytes"));
   }
-  RETURN_IF_ERROR(renderer_.Features(view, map.pixels.span()));
+  renderer_.Features(view, map.pixels.span());
+  RETURN_IF_ERROR(TakeStatus(renderer_.backend()));
   ++num_renders_;
   if (counts_ != nullptr) ++counts_->num_renders;
   ++num_maps_;

@@ -6,9 +6,17 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "core/render/model_renderer.h"
+#include "core/render/renderer.h"
 
 namespace pepeseg {
+
+// Smallest length of a blended feature of a pixel that may be in a mask. Shorter ones are of faint
+// Gaussians in front of the empty background. Inside an object the length is near 1, at the border
+// of two objects about 0.7.
+inline constexpr float kMinPixelNorm = 0.4f;
+
+// Returns the length of a feature, [32].
+double FeatureNorm(const float* feature);
 
 // Returns the memory for a model's feature maps, bytes, from the number of pixels of its largest
 // view: four maps of that view, so that follow-up queries find theirs again, but at most 512 MiB
@@ -25,7 +33,7 @@ struct MapCounts {
 class FeatureMaps {
  public:
   // counts: totals to increment as well, or null. The renderer must outlive the cache.
-  FeatureMaps(ModelRenderer& renderer, int64_t max_bytes, MapCounts* counts = nullptr);
+  FeatureMaps(Renderer& renderer, int64_t max_bytes, MapCounts* counts = nullptr);
 
   // Returns the blended features of each pixel, [height * width, 32], valid until the next call. A
   // view is recognised by its camera and pose, not by its name. Returns RESOURCE_EXHAUSTED when out
@@ -42,7 +50,7 @@ class FeatureMaps {
     Buffer<Half> pixels;
   };
 
-  ModelRenderer& renderer_;
+  Renderer& renderer_;
   int64_t max_bytes_;
   MapCounts* counts_;
   std::atomic<int64_t> bytes_ = 0, num_maps_ = 0, num_renders_ = 0;

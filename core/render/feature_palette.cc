@@ -5,8 +5,8 @@
 #include <cmath>
 #include <vector>
 
-#include "core/render/feature_norm.h"
-#include "kernels/cpu/half.h"
+#include "core/render/feature_maps.h"
+#include "kernels/half.h"
 #include "kernels/math/gate.h"
 #include "kernels/math/pair.h"
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/ops/render.h"
+
 namespace pepeseg {
 
 Eigen::Vector3d OriginOf(std::span<const Pose> cams_from_world) {
@@ -39,6 +41,24 @@ std::vector<int32_t> GridPixels(const Camera& camera, double max_cells) {
     for (int x = stride / 2; x < camera.width; x += stride) pixels.push_back(y * camera.width + x);
   }
   return pixels;
+}
+
+PinholeView ToPinholeView(const Camera& camera, const Pose& cam_from_world) {
+  PinholeView view;
+  view.width = camera.width;
+  view.height = camera.height;
+  view.fx = static_cast<float>(camera.fx);
+  view.fy = static_cast<float>(camera.fy);
+  view.cx = static_cast<float>(camera.cx);
+  view.cy = static_cast<float>(camera.cy);
+  const Eigen::Matrix3d rotation = cam_from_world.rotation.normalized().toRotationMatrix();
+  for (int row = 0; row < 3; ++row) {
+    for (int col = 0; col < 3; ++col) {
+      view.cam_from_world[4 * row + col] = static_cast<float>(rotation(row, col));
+    }
+    view.cam_from_world[4 * row + 3] = static_cast<float>(cam_from_world.translation[row]);
+  }
+  return view;
 }
 
 }  // namespace pepeseg

@@ -8,6 +8,8 @@
 
 namespace pepeseg {
 
+struct PinholeView;  // kernels/ops/render.h
+
 // A pinhole camera. All numbers are pixels; the centre of pixel (x, y) is at (x + 0.5, y + 0.5).
 // Images of other lenses are undistorted at import (view_warp.h), so that every Camera is a
 // pinhole.
@@ -46,5 +48,8 @@ Pose InWorld(const Eigen::Vector3d& origin, const Pose& cam_from_origin);
 // Returns the indices, y * width + x, of the centres of a regular grid of square cells, as fine as
 // `max_cells` allows. Partial cells at the border may bring the count slightly above `max_cells`.
 std::vector<int32_t> GridPixels(const Camera& camera, double max_cells);
+
+// Returns camera and pose in the backend's form: single precision, row-major.
+PinholeView ToPinholeView(const Camera& camera, const Pose& cam_from_world);
 
 }  // namespace pepeseg

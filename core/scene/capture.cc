@@ -74,6 +74,12 @@ double SceneRadius(const Capture& capture) {
   return radius > kRounding * mean.norm() ? kMargin * radius : 1;
 }
 
+std::vector<int32_t> KnownGridPixels(const View& view, double max_cells) {
+  std::vector<int32_t> pixels = GridPixels(view.camera, max_cells);
+  if (!view.ignore.empty()) std::erase_if(pixels, [&](int32_t p) { return view.ignore[p] != 0; });
+  return pixels;
+}
+
 bool HasDepthPrior(const View& view) {
   return std::ranges::any_of(view.depth.values, [](float value) { return !std::isnan(value); });
 }

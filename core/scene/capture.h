@@ -65,6 +65,9 @@ struct View {
   std::optional<Photograph> photograph = std::nullopt;
 };
 
+// Returns GridPixels of the view's camera without the pixels that the view ignores.
+std::vector<int32_t> KnownGridPixels(const View& view, double max_cells);
+
 // Returns true if the depth prior of the view has at least one known pixel.
 bool HasDepthPrior(const View& view);
 

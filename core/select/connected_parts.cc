@@ -5,8 +5,6 @@
 #include <cmath>
 #include <numeric>
 
-#include "core/select/mean_tree.h"
-
 namespace pepeseg {
 namespace {
 

@@ -10,7 +10,6 @@
 #include "core/select/connected_parts.h"
 #include "core/select/gaussian_sets.h"
 #include "core/select/gaussian_votes.h"
-#include "core/select/mean_tree.h"
 
 namespace pepeseg {
 namespace {

@@ -76,16 +76,16 @@ void RefineOne(const RefineGaussiansArgs& args, const ProjectionCamera<float>& c
   const PatchMapView masks = MakePatchMapView(args.masks, args.view);
   const Refinement<float> refinement = FindRefinement(camera, shape, masks);
   if (!refinement.found) return;
-  const auto part = [&](bool outside) {
-    return PartOf(shape, refinement, outside, args.scale_all_axes);
-  };
-  StoreShape(part(false), args.gaussians.data + i, args.gaussians.stride);
+  StoreShape(PartOf(shape, refinement, false), args.gaussians.data + i, args.gaussians.stride);
   ForgetMoments(args, i);
   args.refinable[i] = 0;
   const bool split = args.split && HasOutsidePart(refinement);
   args.scratch->outside_position.span()[visible] = split ? 1 : 0;
   // `shape` is the shape before the refinement, of which both are parts.
-  if (split) StoreShape(part(true), args.scratch->outside_shape.span().data + visible, num_visible);
+  if (split) {
+    StoreShape(PartOf(shape, refinement, true), args.scratch->outside_shape.span().data + visible,
+               num_visible);
+  }
 }
 
 // Moves the outside parts together, in the order of the visible, up to the capacity, and writes the

@@ -37,7 +37,6 @@ void CpuBackend::Render(const RenderArgs& args) {
   ImageColors image = {};
   // Alpha and depth are written unless their pointers are null.
   image.stride = scratch.width;
-  image.background = args.background;
   image.r = args.color.data;
   image.g = image.r + num_pixels;
   image.b = image.g + num_pixels;

@@ -54,7 +54,6 @@ void CpuBackend::RenderBackward(const RenderBackwardArgs& args) {
   const int64_t num_pixels = int64_t{scratch.width} * scratch.height;
   ImageGrads image = {};
   image.stride = scratch.width;
-  image.background = args.background;
   image.r = args.color_grad.data;
   image.g = image.r + num_pixels;
   image.b = image.g + num_pixels;

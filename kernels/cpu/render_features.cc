@@ -2,7 +2,7 @@
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
-#include "kernels/cpu/half.h"
+#include "kernels/half.h"
 #include "kernels/cpu/tile_splats.h"
 
 namespace pepeseg {

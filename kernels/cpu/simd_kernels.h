@@ -30,7 +30,6 @@ struct TileSplats {
 // and `transmittance` are pixel_last_entry and pixel_transmittance of RenderScratch.
 struct ImageColors {
   int64_t stride;
-  const float* background;  // [3]
   float *r, *g, *b, *alpha, *depth, *transmittance;
   int32_t* last;
 };
@@ -38,7 +37,6 @@ struct ImageColors {
 // be null, and what the render left.
 struct ImageGrads {
   int64_t stride;
-  const float* background;  // [3]
   const float *r, *g, *b, *alpha, *depth, *transmittance;
   const int32_t* last;
 };
@@ -55,11 +53,9 @@ struct ProjectJob {
   int64_t num_degenerate;  // out: culled because something is not finite or not positive
 };
 
-// Backward pass of the projection of Gaussians [first, first + count). Then either Adam is run, if
-// `update` is set, or the gradients are stored, if `grad` is; the other is null.
+// Backward pass of the projection of Gaussians [first, first + count), and Adam.
 struct ParameterJob {
   const UpdateArgs* update;
-  const ProjectBackwardArgs* grad;
   int64_t first;
   int64_t count;
   const Splat* splats;       // [visible]

@@ -64,14 +64,15 @@ __global__ void __launch_bounds__(kBlock) RowKernel(RowParams p) {
       depth = p.inverse_depth ? InverseDepth(s.c.y) : s.c.y;
     }
     const uint32_t blended = __ballot_sync(kAllLanes, alpha > 0);
-    float passed = 1 - alpha;  // product up to and including this lane
+    // Transmittance behind the group's splats up to and including this lane's, alone.
+    float passed = BlendStep(alpha, 1.0f).transmittance;
     for (int offset = 1; offset < 32; offset *= 2) {
       const float other = __shfl_up_sync(kAllLanes, passed, offset);
       if (lane >= offset) passed *= other;
     }
     float before = __shfl_up_sync(kAllLanes, passed, 1);
     if (lane == 0) before = 1;
-    const float weight = alpha * transmittance * before;
+    const float weight = BlendStep(alpha, transmittance).weight * before;
     transmittance *= __shfl_sync(kAllLanes, passed, 31);
     if (kStore && alpha > 0) {
       const int32_t at = next + __popc(blended & ((1u << lane) - 1));

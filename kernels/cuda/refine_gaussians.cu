@@ -38,7 +38,7 @@ struct RefineParams {
   ProjectionCamera<float> camera;
   PatchMapView masks;
   double candidate_share;
-  bool split, scale_all_axes;
+  bool split;
   DevicePlanes<float> gaussians, moment1, moment2;
   int num_planes;
   int32_t* num_steps;
@@ -110,15 +110,13 @@ __device__ bool RefineOne(const RefineParams& p, int64_t visible) {
   const GaussianShape<float> shape = LoadShape(planes, i);
   const Refinement<float> refinement = FindRefinement(p.camera, shape, p.masks);
   if (!refinement.found) return false;
-  StoreShape(PartOf(shape, refinement, false, p.scale_all_axes), p.gaussians.data + i,
-             p.gaussians.stride);
+  StoreShape(PartOf(shape, refinement, false), p.gaussians.data + i, p.gaussians.stride);
   for (int k = 0; k < p.num_planes; ++k) p.moment1.At(k, i) = p.moment2.At(k, i) = 0;
   p.num_steps[i] = 0;
   p.refinable[i] = 0;
   if (p.split && HasOutsidePart(refinement)) {
     p.has_outside[visible] = 1;
-    StoreShape(PartOf(shape, refinement, true, p.scale_all_axes), p.outside_shape + visible,
-               p.num_visible);
+    StoreShape(PartOf(shape, refinement, true), p.outside_shape + visible, p.num_visible);
   }
   return true;
 }
@@ -182,7 +180,6 @@ void CudaBackend::RefineGaussians(const RefineGaussiansArgs& args) {
                           MakePatchMapView(args.masks, args.view),
                           args.candidate_share,
                           args.split,
-                          args.scale_all_axes,
                           ToDevice(args.gaussians),
                           ToDevice(args.moment1),
                           ToDevice(args.moment2),

@@ -32,7 +32,6 @@ struct BlendParams {
   const int32_t* entry_visible;
   const int32_t* tile_first_bucket;
   const int32_t* tile_order;
-  float background[3];
   // Outputs. alpha and depth may be null, and so may pixel_color, pixel_depth and the bucket_
   // arrays, which are for the backward pass.
   float *color, *alpha, *depth;
@@ -54,7 +53,7 @@ struct Batch {
 
 // State of a pixel while it is blended.
 struct PixelSum {
-  float4 color;  // rgb without background, and transmittance
+  float4 color;  // rgb and transmittance
   float depth;   // sum of weight * depth
   int32_t last;  // end of the entries of the tile that it has blended
   bool done;     // opaque, or outside the image
@@ -77,12 +76,11 @@ template <bool kDepth>
 __device__ void BlendSplat(const SplatWords& s, float x, float y, int32_t entry, PixelSum& sum) {
   const float alpha = SplatAlpha(s, x, y);
   if (sum.done || alpha == 0) return;
-  const float next = sum.color.w * (1 - alpha);
+  const auto [weight, next] = BlendStep(alpha, sum.color.w);
   if (next < kMinTransmittance) {
     sum.done = true;
     return;
   }
-  const float weight = alpha * sum.color.w;
   sum.color.x += weight * s.b.z;
   sum.color.y += weight * s.b.w;
   sum.color.z += weight * s.c.x;
@@ -108,9 +106,9 @@ __device__ void StorePixel(const BlendParams& p, int tile, int x, int y, const P
   if (x >= p.tiles.width || y >= p.tiles.height) return;
   const int64_t num_pixels = int64_t{p.tiles.width} * p.tiles.height;
   const int64_t pixel = int64_t{y} * p.tiles.width + x;
-  p.color[pixel] = sum.color.x + sum.color.w * p.background[0];
-  p.color[num_pixels + pixel] = sum.color.y + sum.color.w * p.background[1];
-  p.color[2 * num_pixels + pixel] = sum.color.z + sum.color.w * p.background[2];
+  p.color[pixel] = sum.color.x;
+  p.color[num_pixels + pixel] = sum.color.y;
+  p.color[2 * num_pixels + pixel] = sum.color.z;
   if (p.alpha != nullptr) p.alpha[pixel] = 1 - sum.color.w;
   if constexpr (kDepth) p.depth[pixel] = sum.depth;
   p.pixel_transmittance[pixel] = sum.color.w;
@@ -240,7 +238,6 @@ void CudaBackend::Render(const RenderArgs& args) {
                         scratch.entry_visible.span().data,
                         scratch.cuda.tile_first_bucket.span().data,
                         scratch.cuda.tile_order.span().data,
-                        {args.background[0], args.background[1], args.background[2]},
                         args.color.data,
                         args.alpha.data,
                         args.depth.data};

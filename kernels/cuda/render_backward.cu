@@ -45,7 +45,6 @@ struct BackwardParams {
   const float* pixel_depth;
   const float4* bucket_color;
   const float* bucket_depth;
-  float background[3];
   const float *color_grad, *alpha_grad, *depth_grad;  // the last two may be null
   float* slot_sums;                                   // [entries, kNumSlotSums]
 };
@@ -85,11 +84,10 @@ __device__ PixelState StartPixel(const BackwardParams& p, int tile, int bucket, 
   const int64_t in_tiles = int64_t{tile} * kTilePixels + cell * 32 + lane;
   const float4 all = p.pixel_color[in_tiles];
   s.transmittance = all.w;
-  s.behind = s.r_grad * p.background[0] + s.g_grad * p.background[1] + s.b_grad * p.background[2];
-  s.behind -= alpha_grad;
+  s.behind = -alpha_grad;
   if (s.end <= first + kBucketSize) return s;
-  // The pixel has also blended entries behind this bucket. What it gathered there, and the
-  // background, is the difference of its state at the end of the tile and at the end of the bucket;
+  // The pixel has also blended entries behind this bucket. What it gathered there is
+  // the difference of its state at the end of the tile and at the end of the bucket;
   // divided by the transmittance there it is as seen with transmittance 1.
   s.end = first + kBucketSize;
   const int64_t in_buckets = int64_t{bucket} * kTilePixels + cell * 32 + lane;
@@ -114,7 +112,7 @@ __device__ void BackwardPixel(const SplatWords& w, float alpha, float dx, float 
   if constexpr (kDepth) value += w.c.y * s.depth_grad;
   const float grad = GaussianVjp(alpha, AlphaVjp(s.transmittance, value, s.behind));
   s.behind = BehindStep(alpha, value, s.behind);
-  const float weight = alpha * s.transmittance;
+  const float weight = BlendStep(alpha, s.transmittance).weight;
   const float grad_x = grad * dx, grad_y = grad * dy;
   sums[kSum] += grad;
   sums[kSumX] += grad_x;
@@ -298,7 +296,6 @@ void CudaBackend::RenderBackward(const RenderBackwardArgs& args) {
       scratch.cuda.pixel_depth.span().data,
       reinterpret_cast<const float4*>(scratch.cuda.bucket_color.span().data),
       scratch.cuda.bucket_depth.span().data,
-      {args.background[0], args.background[1], args.background[2]},
       args.color_grad.data,
       args.alpha_grad.data,
       args.depth_grad.data,

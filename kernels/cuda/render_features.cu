@@ -81,8 +81,9 @@ __global__ void __launch_bounds__(64) FeatureKernel(FeatureParams p) {
       const SplatWords s = {batch.a[k], batch.b[k], batch.c[k]};
       const float alpha = base + k < end ? SplatAlpha(s, x + 0.5f, y + 0.5f) : 0.0f;
       if (alpha == 0) continue;
-      const float weight = alpha * transmittance, share = weight * batch.confidence[k];
-      transmittance *= 1 - alpha;
+      const auto [weight, next] = BlendStep(alpha, transmittance);
+      const float share = weight * batch.confidence[k];
+      transmittance = next;
       weights += weight;
       confident += share;
 #pragma unroll

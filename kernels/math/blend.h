@@ -91,12 +91,19 @@ struct Blended {
 template <class T>
 PEPESEG_HD Blended<T> BlendStep(T alpha, T transmittance) {
   const T weight = alpha * transmittance;
+#ifdef __CUDA_ARCH__
+  // On a device the transmittance is a product of factors 1 - alpha to the last bit, because
+  // render_backward.cu divides by the same factor, and capture_rows.cu multiplies factors of
+  // several splats before it applies them. The CPU keeps the transmittance of each step instead.
+  return {weight, transmittance * (T(1) - alpha)};
+#else
   return {weight, transmittance - weight};
+#endif
 }
 
 // Gradient of alpha of one splat at one pixel. `transmittance` is that before the splat.
 // `value_dot` is the dot product of the splat's colour (and depth) with the gradient of the pixel;
-// `behind_dot` is that of everything behind the splat, background included, as seen with
+// `behind_dot` is that of everything behind the splat, as seen with
 // transmittance 1. BehindStep takes `behind_dot` one splat further to the front, without a
 // division.
 template <class T>

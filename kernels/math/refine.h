@@ -17,7 +17,6 @@ inline constexpr float kMaxVariance = 1e12f;   // pixels^2; beyond it both ends 
 inline constexpr float kMinAxisShare = 0.05f;  // least share of the axis that a part keeps
 // Least share of the axis on screen that the longest-appearing axis in space must account for.
 inline constexpr float kMinCarriedAxis = 0.8f;
-inline constexpr float kAllAxesShrink = 0.8f;       // times the share, when all axes are scaled
 inline constexpr float kMinRefinementAlpha = 0.5f;  // fainter pixels have no depth
 
 // The masks of a view as the formulas read them; see PatchMap of kernels/ops/refine.h.
@@ -226,19 +225,13 @@ PEPESEG_HD Refinement<T> FindRefinement(const ProjectionCamera<T>& camera,
 // The part of a Gaussian on one side of the border. Its 3-sigma segment along the axis is a share
 // of the Gaussian's and ends where that ends: the part inside the mask has the share r and ends at
 // +to_end, the part outside has 1 - r and ends at -to_end. For the part inside (METHOD.md section
-// 1): sigma* = r sigma, mu* = mu + 3 (1 - r) sigma v. With scale_all_axes all three standard
-// deviations are scaled, by kAllAxesShrink times the share.
+// 1): sigma* = r sigma, mu* = mu + 3 (1 - r) sigma v.
 template <class T>
 PEPESEG_HD GaussianShape<T> PartOf(GaussianShape<T> shape, const Refinement<T>& refinement,
-                                   bool outside, bool scale_all_axes) {
+                                   bool outside) {
   const T share = outside ? T(1) - refinement.share : refinement.share;
   const T offset = outside ? share - T(1) : T(1) - share;
   shape.mean = shape.mean + offset * refinement.to_end;
-  if (scale_all_axes) {
-    const T change = Log(T(kAllAxesShrink) * share);
-    shape.log_scale = shape.log_scale + Vec3<T>{change, change, change};
-    return shape;
-  }
   const T change = Log(share);
   shape.log_scale = shape.log_scale + Vec3<T>{refinement.axis == 0 ? change : T(0),
                                               refinement.axis == 1 ? change : T(0),

@@ -53,9 +53,6 @@ struct RefineGaussiansArgs {
   DeviceSpan<const float> alpha, depth;  // [H, W] as written by that Render
   double candidate_share = 0.1;          // of the ranked Gaussians, rounded down; [0, 1]
   bool split = false;                    // true: the part outside the mask becomes a Gaussian, too
-  // False: scales the axis that crosses the border by its share inside the mask. True: scales all
-  // axes by 0.8 times that share.
-  bool scale_all_axes = false;
   const RenderScratch* render = nullptr;
   RefineScratch* scratch = nullptr;
   GaussianPlanes gaussians, moment1, moment2;  // in and out, same count and degree

@@ -4,6 +4,7 @@
 
 #include "kernels/buffer.h"
 #include "kernels/gaussian_planes.h"
+#include "kernels/half.h"
 #include "kernels/render_scratch.h"
 
 // Arguments of rendering and of the steps of stage one (METHOD.md section 1). Inputs come first,
@@ -26,8 +27,8 @@ struct PinholeView {
   float cam_from_world[12] = {};         // rigid transform, row-major [3, 4], scene units
 };
 
-// Projects the Gaussians and blends them front to back. kernels/math/blend.h holds the constants
-// of rasterisation. Fills `scratch` for the ops that follow on the same render.
+// Projects the Gaussians and blends them front to back, over black. kernels/math/blend.h holds the
+// constants of rasterisation. Fills `scratch` for the ops that follow on the same render.
 //
 // Fails, without writing the images, when memory is short or when there are about 2^31 (Gaussian,
 // tile) entries (the CPU stops at kMaxTileEntries).
@@ -36,7 +37,6 @@ struct RenderArgs {
   PinholeView view;
   float near_plane = 0.01f;          // scene units; a Gaussian with z <= near_plane is culled
   int active_sh_degree = 0;          // 0..gaussians.sh_degree; higher coefficients are not read
-  float background[3] = {0, 0, 0};   // rgb, on the scale of `color`
   RenderScratch* scratch = nullptr;  // in and out; buffers are reused between renders
   DeviceSpan<float> color;           // [3, H, W] rgb; photographs lie in [0, 1]
   DeviceSpan<float> alpha = {};      // [H, W] accumulated alpha, 1 - T; {}: not written
@@ -48,7 +48,7 @@ struct RenderArgs {
   // as a graph (Backend::Sequence), and the buffers of the scratch are sized for this capacity;
   // their sizes are then bounds, and the counters hold the numbers.
   //
-  // If the capacity is too small the render overflows: the images are background, RenderBackward
+  // If the capacity is too small the render overflows: the images are black, RenderBackward
   // and Update change nothing, and counters[kNumVoidRenders] rises by one. The caller reads the
   // counters when convenient and repeats an overflowed render with 0.
   //
@@ -88,24 +88,12 @@ enum ImageLossSum {
 // `for_backward`. Changes nothing after an overflowed render.
 struct RenderBackwardArgs {
   PinholeView view;
-  float background[3] = {0, 0, 0};          // as given to Render
   DeviceSpan<const float> color_grad;       // [3, H, W]
   DeviceSpan<const float> alpha_grad = {};  // [H, W]; empty: 0
   // [H, W] with respect to the sum that Render wrote to `depth`, so only after a Render with
   // `depth`; empty: 0.
   DeviceSpan<const float> depth_grad = {};
   RenderScratch* scratch = nullptr;
-};
-
-// Backward pass of the projection: from scratch->visible_grad to the gradients of the parameters.
-// Runs after RenderBackward; `gaussians`, `view` and `active_sh_degree` are those of the Render.
-// Gradients that are not finite are written as they are.
-struct ProjectBackwardArgs {
-  ConstGaussianPlanes gaussians;
-  PinholeView view;
-  int active_sh_degree = 0;  // <= grad.sh_degree
-  RenderScratch* scratch = nullptr;
-  GaussianPlanes grad;  // [planes, N] 0 for Gaussians not visible and planes beyond the degree
 };
 
 // Learning rates of Adam by group of planes, in units of the stored parameters (gaussian_planes.h);
@@ -145,9 +133,9 @@ struct UpdateArgs {
 };
 
 // Rows of the blend matrix for sampled pixels: the colour (or feature) of a pixel is the sum over
-// its row of weight * value[Gaussian], plus transmittance * background. Runs after a Render with
-// the same scratch, which need not be for backward. Exact: the order and thresholds are Render's.
-// The host waits for the number of entries.
+// its row of weight * value[Gaussian], over black. Runs after a Render with the same
+// scratch, which need not be for backward. Exact: the order and thresholds are Render's. The host
+// waits for the number of entries.
 struct CaptureRowsArgs {
   DeviceSpan<const int32_t> pixels;      // [S] y * width + x, in [0, H * W); repeats are allowed
   RenderScratch* scratch = nullptr;      // only read
@@ -161,11 +149,6 @@ struct CaptureRowsArgs {
 };
 
 inline constexpr int kFeatureSize = 32;  // numbers in the feature of a Gaussian
-
-// IEEE 754 binary16 as stored. Each backend converts it with its own instructions.
-struct Half {
-  uint16_t bits;
-};
 
 // Feature map of a view. Runs after a Render with the same scratch, which need not be for backward.
 struct RenderFeaturesArgs {

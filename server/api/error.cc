@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/private_error.h"
-#include "core/query/check_prompt.h"
+#include "core/query/prompt.h"
 #include "server/api/convert.h"
 #include "server/store/scene_key.h"
 #include "server/worker_protocol/client_text.h"

@@ -14,7 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/atomic_file.h"
 #include "core/base/digest.h"
-#include "core/base/file_error.h"
+#include "core/base/private_error.h"
 #include "core/base/status_macros.h"
 #include "server/store/rows.h"
 

@@ -24,7 +24,7 @@
 #include "absl/strings/str_split.h"
 #include "core/base/atomic_file.h"
 #include "core/base/child_process.h"
-#include "core/base/file_error.h"
+#include "core/base/private_error.h"
 #include "core/base/status_macros.h"
 #include "server/jobs/launcher.h"
 #include "server/worker_protocol/job_environment.h"

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "core/decompose/decompose.h"
 #include "core/decompose/decomposition.h"
-#include "core/decompose/decompositions.h"
 #include "core/reconstruct/estimate.h"
 #include "core/render/feature_maps.h"
 #include "kernels/gaussian_planes.h"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/crc32c.h"
+#include "core/base/digest.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/manifest.h"
 #include "server/api/error.h"

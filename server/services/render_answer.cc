@@ -15,7 +15,6 @@
 #include "core/base/status_macros.h"
 #include "core/formats/encode_png.h"
 #include "core/query/photograph_images.h"
-#include "core/query/view_places.h"
 #include "server/api/convert.h"
 #include "server/api/decomposition.h"
 #include "server/api/error.h"

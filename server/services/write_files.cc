@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/crc32c.h"
+#include "core/base/digest.h"
 #include "core/base/status_macros.h"
 #include "server/api/error.h"
 #include "server/api/resource_name.h"

@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "core/base/atomic_file.h"
-#include "core/base/file_error.h"
 #include "core/base/private_error.h"
 #include "core/base/status_macros.h"
 #include "server/api/error.h"

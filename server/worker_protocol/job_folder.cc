@@ -12,7 +12,7 @@
 #include "core/base/atomic_file.h"
 #include "core/base/beneath_folder.h"
 #include "core/base/file_bytes.h"
-#include "core/base/file_error.h"
+#include "core/base/private_error.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/manifest.h"
 #include "server/worker_protocol/event_log.h"

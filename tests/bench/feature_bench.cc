@@ -252,8 +252,7 @@ int main(int argc, char** argv) {
   app.add_option("--mean-rate", options.reconstruct.mean_learning_rate);
   app.add_option("--mean-rate-final", options.reconstruct.mean_learning_rate_final);
   app.add_option("--sh-rate", options.reconstruct.sh_learning_rate);
-  app.add_option("--refine-keep", options.reconstruct.refine_keep,
-                 "1 none, 2 shrink, 3 split, 4 split all axes");
+  app.add_option("--refine-keep", options.reconstruct.refine_keep, "1 none, 2 shrink, 3 split");
   app.add_option("--densify-gradient", options.reconstruct.densify_gradient);
   app.add_option("--steps", options.features.num_steps);
   app.add_option("--pixels", options.features.num_pixels);

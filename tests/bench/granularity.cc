@@ -5,7 +5,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/cluster/hdbscan.h"
-#include "core/render/frozen_scene.h"
+#include "core/render/renderer.h"
 #include "core/scene/model.h"
 
 namespace pepeseg {
@@ -24,9 +24,9 @@ std::vector<int32_t> Grid(const Camera& camera, int stride) {
 }
 
 // Returns the features [n, 32] of the pixels on which something is rendered.
-std::vector<float> Features(Backend& backend, FrozenScene& scene, const View& view,
+std::vector<float> Features(Backend& backend, Renderer& scene, const View& view,
                             std::span<const int32_t> pixels, const Buffer<float>& features) {
-  const CapturedRows rows = scene.Capture(view, pixels);
+  const CapturedRows rows = scene.Rows(view, pixels);
   Buffer<float> of_pixels(backend, static_cast<int64_t>(pixels.size()) * kFeatureSize);
   backend.FeatureRows({{rows.first.span(), rows.gaussian.span(), rows.weight.span()},
                        features.span(),
@@ -68,7 +68,7 @@ absl::StatusOr<std::vector<ClusterSizes>> MeasureGranularity(Backend& backend,
   std::vector<ClusterSizes> measured;
   measured.reserve(scales.size());
   for (const double scale : scales) measured.push_back({.scale = scale});
-  FrozenScene scene(backend, model.gaussians, model.scene_radius);
+  Renderer scene(backend, model.gaussians, model.scene_radius);
   const Buffer<float> features(backend, std::span<const float>(model.field.features));
   int num_views = 0;
   for (const View& view : capture.views) {

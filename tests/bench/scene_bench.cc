@@ -16,7 +16,7 @@
 #include "core/evaluate/metrics.h"
 #include "core/formats/encode_png.h"
 #include "core/reconstruct/reconstruct.h"
-#include "core/render/pinhole_view.h"
+#include "core/scene/camera.h"
 #include "tests/bench/stage_one_flags.h"
 
 namespace pepeseg {

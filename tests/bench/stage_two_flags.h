@@ -37,7 +37,6 @@ inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
   app.add_option("--feature-loss-fall", stage.min_loss_fall);
   app.add_option("--feature-closing", stage.closing_share);
   app.add_option("--sure-views", stage.sure_views);
-  app.add_option("--only-seen-gaussians", stage.only_seen_gaussians);
   app.add_option("--feature-seed", stage.seed);
 }
 

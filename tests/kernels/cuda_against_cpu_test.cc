@@ -118,6 +118,7 @@ TEST_F(CudaAgainstCpuTest, RendersAndDifferentiatesLikeTheCpu) {
     cpu.Backward(color_grad, alpha_grad, depth_grad);
     cuda.Backward(color_grad, alpha_grad, depth_grad);
     const auto want = cpu.ParameterGradient(), got = cuda.ParameterGradient();
+    EXPECT_EQ(cuda.Counter(kNumSkippedGradientRows), 0);
     for (int plane = 0; plane < NumPlanes(c.scene.sh_degree); ++plane) {
       std::vector<double> got_rows, want_rows;
       for (int64_t i = 0; i < c.scene.count; ++i) {

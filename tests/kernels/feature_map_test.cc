@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "kernels/cpu/half.h"
+#include "kernels/half.h"
 #include "tests/kernels/test_scene.h"
 
 namespace pepeseg {

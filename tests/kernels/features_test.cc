@@ -6,7 +6,7 @@
 #include <random>
 #include <tuple>
 
-#include "kernels/cpu/half.h"
+#include "kernels/half.h"
 #include "kernels/math/adam.h"
 #include "kernels/math/gate.h"
 #include "kernels/math/pair.h"

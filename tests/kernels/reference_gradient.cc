@@ -72,8 +72,8 @@ std::vector<Seen> BlendPixel(std::vector<DoubleSplat>& splats, double x, double 
   return blended;
 }
 
-// Adds the gradients of a pixel to its splats. g is that of its colour; `behind` is behind_dot of
-// the background (kernels/math/blend.h).
+// Adds the gradients of a pixel to its splats. g is that of its colour; `behind` is behind_dot
+// behind the last splat (kernels/math/blend.h).
 void BackwardPixel(const std::vector<Seen>& blended, const double* g, double depth_grad,
                    double behind) {
   for (auto it = blended.rbegin(); it != blended.rend(); ++it) {
@@ -145,9 +145,8 @@ std::vector<double> ReferenceGradient(const ReferenceScene& scene, const Pinhole
   const int64_t num_pixels = int64_t{view.width} * view.height;
   for (int64_t i = 0; i < num_pixels; ++i) {
     const double g[] = {grad.color[i], grad.color[num_pixels + i], grad.color[2 * num_pixels + i]};
-    // Alpha is 1 - transmittance, so its gradient acts as a background of -1.
-    double behind = -grad.alpha[i];
-    for (int c = 0; c < 3; ++c) behind += g[c] * options.background[c];
+    // Alpha is 1 - transmittance, so its gradient acts as a colour of -1 behind all splats.
+    const double behind = -grad.alpha[i];
     const int64_t column = i % view.width, row = i / view.width;
     const double x = static_cast<double>(column) + 0.5, y = static_cast<double>(row) + 0.5;
     BackwardPixel(BlendPixel(splats, x, y), g, grad.depth[i], behind);

@@ -174,9 +174,6 @@ ReferenceImage RenderReference(const ReferenceScene& scene, const PinholeView& v
       out.depth[pixel] += transmittance * alpha * (options.inverse_depth ? 1 / blob.z : blob.z);
       transmittance *= 1 - alpha;
     }
-    for (int c = 0; c < 3; ++c) {
-      out.color[c * num_pixels + pixel] += transmittance * options.background[c];
-    }
     out.alpha[pixel] = 1 - transmittance;
   }
   return out;

@@ -25,7 +25,6 @@ struct ReferenceScene {
 
 struct ReferenceOptions {
   double near_plane = 0.01;
-  double background[3] = {0, 0, 0};
   bool inverse_depth = false;  // blend 1 / z
   double close = 1e-3;         // relative distance to a threshold below which it is a close call
 };

@@ -255,23 +255,5 @@ TEST_P(RefineTest, StopsSplittingAtTheCapacity) {
   EXPECT_EQ(refined.Count(kNumRefineSplit), 0);
 }
 
-TEST_P(RefineTest, ScalesAllAxesWhereAsked) {
-  Refined refined(*backend_, Needles({{}}), FrontView(), {Columns(0, 60)});
-  RefineGaussiansArgs args = refined.MakeArgs();
-  args.split = args.scale_all_axes = true;
-  backend_->RefineGaussians(args);
-  const HostGaussians inside = refined.Result();
-  const HostGaussians outside{1, 0, Download(refined.outside_shape)};
-  EXPECT_NEAR(inside.At(kMeanPlane, 0), -0.2f, 1e-5f);
-  EXPECT_NEAR(outside.At(kMeanPlane, 0), 0.4f, 1e-5f);
-  // The share inside is 2/3: all axes are scaled by 0.8 * 2/3, those of the outside part by 0.8
-  // / 3.
-  const float sigmas[] = {0.2f, 0.002f, 0.002f};
-  for (int k = 0; k < 3; ++k) {
-    EXPECT_NEAR(std::exp(inside.At(kLogScalePlane + k, 0)), sigmas[k] * 1.6f / 3, 1e-6f);
-    EXPECT_NEAR(std::exp(outside.At(kLogScalePlane + k, 0)), sigmas[k] * 0.8f / 3, 1e-6f);
-  }
-}
-
 }  // namespace
 }  // namespace pepeseg

@@ -30,7 +30,6 @@ ReferenceOptions OptionsOf(const Rendered& scene) {
   ReferenceOptions options;
   options.near_plane = scene.near_plane;
   options.inverse_depth = scene.inverse_depth;
-  std::copy(std::begin(scene.background), std::end(scene.background), options.background);
   return options;
 }
 
@@ -58,10 +57,7 @@ std::vector<double> PlaneOf(const std::vector<double>& planes, int64_t count, in
 void ExpectMatchesCentralDifferences(bool inverse_depth) {
   const ReferenceScene scene = InDouble(RandomScene({.count = 6, .max_scale = 0.5f, .seed = 7}));
   const PinholeView view = TestView(20, 14);
-  ReferenceOptions options{.near_plane = 0.05,
-                           .background = {0.1, 0.3, 0.2},
-                           .inverse_depth = inverse_depth,
-                           .close = 0.03};
+  ReferenceOptions options{.near_plane = 0.05, .inverse_depth = inverse_depth, .close = 0.03};
   const ImageGrad grad = SmoothGrad(RenderReference(scene, view, options), 1);
   // Enough pixels have no close call.
   ASSERT_GT(std::count_if(grad.alpha.begin(), grad.alpha.end(), [](double g) { return g != 0; }),

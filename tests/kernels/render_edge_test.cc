@@ -27,6 +27,7 @@ class RenderEdgeTest : public BackendTest {
     for (const float x : Download(scene.alpha)) ASSERT_TRUE(x >= 0 && x <= 1);
     for (const float x : Download(scene.depth)) ASSERT_TRUE(std::isfinite(x));
     for (const float x : scene.ParameterGradient()) ASSERT_TRUE(std::isfinite(x));
+    EXPECT_EQ(scene.Counter(kNumSkippedGradientRows), 0);
   }
 };
 INSTANTIATE_TEST_SUITE_P(Backends, RenderEdgeTest, AllBackends(), BackendName);
@@ -69,12 +70,12 @@ TEST_P(RenderEdgeTest, ShowsTheSameWithoutBackwardAndThenRefusesIt) {
   EXPECT_NE(backend->error(), "");
 }
 
-TEST_P(RenderEdgeTest, ShowsTheBackgroundWithoutGaussians) {
+TEST_P(RenderEdgeTest, IsBlackWithoutGaussians) {
   Rendered scene(*backend_, HostGaussians{0, 3, {}}, TestView(33, 17));
   ExpectFinite(scene);
   const std::vector<float> color = Download(scene.color);
   for (int64_t i = 0; i < 33 * 17; ++i) {
-    for (int c = 0; c < 3; ++c) EXPECT_EQ(color[c * 33 * 17 + i], scene.background[c]);
+    for (int c = 0; c < 3; ++c) EXPECT_EQ(color[c * 33 * 17 + i], 0);
   }
   EXPECT_EQ(scene.Counter(kNumVisible), 0);
   backend_->Update(scene.MakeUpdateArgs());

@@ -43,7 +43,6 @@ ReferenceImage Reference(const Rendered& scene) {
   ReferenceOptions options;
   options.near_plane = scene.near_plane;
   options.inverse_depth = scene.inverse_depth;
-  std::copy(std::begin(scene.background), std::end(scene.background), options.background);
   return RenderReference({scene.host.count, scene.host.sh_degree, {planes.begin(), planes.end()}},
                          scene.view, options);
 }

@@ -22,7 +22,6 @@ void Rendered::Render() {
   args.view = view;
   args.near_plane = near_plane;
   args.active_sh_degree = host.sh_degree;
-  std::copy(std::begin(background), std::end(background), args.background);
   args.entry_room = entry_room;
   args.scratch = &scratch;
   args.color = color.span();
@@ -40,7 +39,6 @@ void Rendered::Backward(const std::vector<float>& color_grad, const std::vector<
   const Buffer<float> depth_in = Upload(backend, depth_grad);
   RenderBackwardArgs args;
   args.view = view;
-  std::copy(std::begin(background), std::end(background), args.background);
   args.color_grad = color_in.span();
   args.alpha_grad = alpha_in.span();
   args.depth_grad = depth_in.span();
@@ -48,15 +46,19 @@ void Rendered::Backward(const std::vector<float>& color_grad, const std::vector<
   backend.RenderBackward(args);
 }
 
+// Without decay, the first moment after a step is the gradient.
 std::vector<float> Rendered::ParameterGradient() {
-  Buffer<float> grad(backend, gaussians.size());
-  ProjectBackwardArgs args;
-  args.gaussians = PlanesIn(gaussians, host);
-  args.view = view;
-  args.active_sh_degree = host.sh_degree;
-  args.scratch = &scratch;
-  args.grad = PlanesIn(grad, host);
-  backend.ProjectBackward(args);
+  Buffer<float> planes = Upload(backend, Download(gaussians));
+  Buffer<float> grad(backend, gaussians.size()), squares(backend, gaussians.size());
+  Buffer<int32_t> steps(backend, num_steps.size());
+  UpdateArgs args = MakeUpdateArgs();
+  args.learning_rates = {};
+  args.beta1 = 0;
+  args.gaussians = PlanesIn(planes, host);
+  args.moment1 = PlanesIn(grad, host);
+  args.moment2 = PlanesIn(squares, host);
+  args.num_steps = steps.span();
+  backend.Update(args);
   return Download(grad);
 }
 

@@ -16,7 +16,8 @@ struct Rendered {
   // Runs RenderBackward with these gradients of colour, alpha and depth; the last two may be empty.
   void Backward(const std::vector<float>& color_grad, const std::vector<float>& alpha_grad = {},
                 const std::vector<float>& depth_grad = {});
-  // Runs ProjectBackward after Backward. Returns [planes, count].
+  // Returns the gradients of the parameters after Backward, [planes, count]: 0 for Gaussians that
+  // are not visible or have one that is not finite. Changes nothing but the scratch's counters.
   std::vector<float> ParameterGradient();
   // Arguments for Backend::Update, which the caller may adjust.
   UpdateArgs MakeUpdateArgs();
@@ -25,7 +26,6 @@ struct Rendered {
   Backend& backend;
   HostGaussians host;
   PinholeView view;
-  float background[3] = {0.1f, 0.3f, 0.2f};
   float near_plane = 0.05f;
   bool inverse_depth = false;
   bool for_backward = true;

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "kernels/cpu/half.h"
+#include "kernels/half.h"
 #include "tests/kernels/backend_test.h"
 #include "tests/kernels/reference_renderer.h"
 #include "tests/kernels/rendered.h"
@@ -72,7 +72,7 @@ TEST_P(RowsTest, GiveTheColourOfTheRender) {
   ASSERT_EQ(first.size(), pixels.size() + 1);
   ASSERT_GT(rows.weight.size(), kNumPixels);
   for (size_t i = 0; i < pixels.size(); ++i) {
-    float sum = (1 - alpha[i]) * scene.background[0];
+    float sum = 0;
     for (int32_t k = first[i]; k < first[i + 1]; ++k) {
       ASSERT_GT(weight[k], 0);
       sum += weight[k] * red[gaussian[k]];
@@ -237,27 +237,6 @@ TEST_P(RowsTest, GiveTheFeaturesOfADenseRenderInDouble) {
     }
   }
   EXPECT_GT(num_compared, 0.9 * kNumPixels);
-}
-
-TEST(Half, RoundTripsEveryFiniteValue) {
-  for (uint32_t bits = 0; bits < 0x10000; ++bits) {
-    const Half half = {static_cast<uint16_t>(bits)};
-    // NaN has many bit patterns, which need not survive.
-    if ((bits & 0x7c00) == 0x7c00 && (bits & 0x3ff) != 0) {
-      EXPECT_TRUE(std::isnan(FloatFromHalf(half)));
-    } else {
-      ASSERT_EQ(HalfFromFloat(FloatFromHalf(half)).bits, bits);
-    }
-  }
-}
-
-TEST(Half, RoundsToNearestEven) {
-  EXPECT_EQ(FloatFromHalf(HalfFromFloat(1 + 0x1p-11f)), 1);
-  EXPECT_EQ(FloatFromHalf(HalfFromFloat(1 + 0x1.8p-10f)), 1 + 0x1p-9f);
-  EXPECT_EQ(FloatFromHalf(HalfFromFloat(65504.0f)), 65504.0f);
-  EXPECT_TRUE(std::isinf(FloatFromHalf(HalfFromFloat(65520.0f))));
-  EXPECT_EQ(FloatFromHalf(HalfFromFloat(0x1p-24f)), 0x1p-24f);
-  EXPECT_EQ(FloatFromHalf(HalfFromFloat(-0x1p-26f)), 0);
 }
 
 }  // namespace

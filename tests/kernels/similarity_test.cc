@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/cpu/half.h"
+#include "kernels/half.h"
 #include "tests/kernels/backend_test.h"
 #include "tests/kernels/test_scene.h"
 

@@ -65,7 +65,7 @@ TEST_P(TrainingTest, GivesTheGoldenLossesInTenSteps) {
 std::vector<double> ReferenceLosses(const std::vector<float>& target, const Rendered& start) {
   ReferenceScene scene = {
       start.host.count, start.host.sh_degree, {start.host.planes.begin(), start.host.planes.end()}};
-  const ReferenceOptions options = {.near_plane = 0.05, .background = {0.1f, 0.3f, 0.2f}};
+  const ReferenceOptions options = {.near_plane = 0.05};
   const LearningRates r = {1e-3f, 5e-3f, 1e-3f, 5e-2f, 2.5e-3f, 1.25e-4f};
   std::vector<double> moment1(scene.planes.size()), moment2(scene.planes.size()), losses;
   for (int step = 1; step <= 10; ++step) {

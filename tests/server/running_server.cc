@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "absl/time/clock.h"
-#include "core/base/crc32c.h"
 #include "core/base/digest.h"
 #include "server/api/error.h"
 #include "server/store/layout.h"

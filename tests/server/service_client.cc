@@ -8,7 +8,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/base/crc32c.h"
 #include "core/base/digest.h"
 #include "core/base/file_bytes.h"
 #include "core/base/status_macros.h"

@@ -40,7 +40,7 @@ PEPESEG_HD void NoteStops(int32_t k, int row, float count, TileColors& out) {
   }
 }
 
-// Blends colours, and depth if wanted, without background.
+// Blends colours, and depth if wanted.
 template <bool kWithDepth>
 PEPESEG_HD void BlendColors(const TileSplats& tile, TileColors& out) {
   for (int i = 0; i < kTilePixels; ++i) {
@@ -64,7 +64,7 @@ PEPESEG_HD void BlendColors(const TileSplats& tile, TileColors& out) {
       });
 }
 
-// Adds the background and writes the part of the tile that lies inside the image.
+// Writes the part of the tile that lies inside the image.
 PEPESEG_HD void StoreTile(const TileSplats& tile, const TileColors& colors,
                           const ImageColors& image) {
   const int64_t corner = static_cast<int64_t>(tile.y) * image.stride + static_cast<int64_t>(tile.x);
@@ -74,15 +74,13 @@ PEPESEG_HD void StoreTile(const TileSplats& tile, const TileColors& colors,
     if (y >= tile.height || count <= 0) continue;
     const int64_t at = corner + y * image.stride + x;
     const Lanes transmittance = Abs(Lanes::Load(colors.transmittance + pixel));
-    const auto store = [&](const float* color, float background, float* out)
-        __attribute__((always_inline)) {
-      StoreSome(MulAdd(transmittance, Lanes(background), Lanes::Load(color + pixel)), out + at,
-                count);
+    const auto store = [&](const float* color, float* out) __attribute__((always_inline)) {
+      StoreSome(Lanes::Load(color + pixel), out + at, count);
     };
-    store(colors.r, image.background[0], image.r);
-    store(colors.g, image.background[1], image.g);
-    store(colors.b, image.background[2], image.b);
-    if (image.depth != nullptr) store(colors.depth, 0, image.depth);
+    store(colors.r, image.r);
+    store(colors.g, image.g);
+    store(colors.b, image.b);
+    if (image.depth != nullptr) store(colors.depth, image.depth);
     if (image.alpha != nullptr) {
       StoreSome(Lanes(1.0f) - transmittance, image.alpha + at, count);
     }

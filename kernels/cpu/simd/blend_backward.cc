@@ -115,10 +115,7 @@ PEPESEG_HD int32_t LoadTile(const TileSplats& tile, const ImageGrads& image, Til
     float alpha_grad[kLanes];
     alpha.Store(alpha_grad);
     load(image.transmittance).Store(out.transmittance + pixel);
-    const Lanes background =
-        MulAdd(r, Lanes(image.background[0]),
-               MulAdd(g, Lanes(image.background[1]), b * Lanes(image.background[2])));
-    (background - alpha).Store(out.behind + pixel);
+    (Lanes(0.0f) - alpha).Store(out.behind + pixel);
     for (int i = 0; i < kLanes; ++i) {
       const int at_lane = pixel + i;
       const bool any = out.r[at_lane] != 0 || out.g[at_lane] != 0 || out.b[at_lane] != 0 ||

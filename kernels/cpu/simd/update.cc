@@ -203,48 +203,20 @@ PEPESEG_HD void UpdateBlock(ParameterJob& job, const Group& group, int64_t first
   for (int k = 0; k < group.num_planes; ++k) AdamPlane(*job.update, k, first, count, block);
 }
 
-// Writes the gradients of one group to all planes: 0 where not visible and beyond the active
-// degree.
-PEPESEG_HD void StoreGradients(const ParameterJob& job, const Group& group, int64_t first,
-                               int count, const int32_t* visible) {
-  const ProjectBackwardArgs& args = *job.grad;
-  Lanes grad[kMaxPlanes];
-  SplatGradLanes splat_grad;
-  const uint32_t seen = Transpose(group.grads, visible, count, splat_grad);
-  if (seen != 0) {
-    const GaussianGroup values = {args.gaussians.data + first, args.gaussians.stride, count};
-    ParameterVjp(group, values, splat_grad, grad);
-  }
-  const LaneMask mask = MaskOf(seen);
-  const int degree = args.grad.sh_degree;
-  for (int k = 0; k < kShPlane + 3 * (degree + 1) * (degree + 1); ++k) {
-    const bool active = seen != 0 && k < group.num_planes;
-    const Lanes value = active ? Select(mask, grad[k], Lanes(0.0f)) : Lanes(0.0f);
-    StoreSome(value, args.grad.data + k * args.grad.stride + first, count);
-  }
-}
-
 }  // namespace
 
-// Adam works in blocks of kBlock Gaussians, plain gradients in groups of kLanes.
 void UpdateParameters(ParameterJob& job) {
-  const bool updates = job.update != nullptr;
-  const int degree = updates ? job.update->active_sh_degree : job.grad->active_sh_degree;
+  const int degree = job.update->active_sh_degree;
   Group group;
-  group.camera = MakeProjectionCamera<Lanes>(updates ? job.update->view : job.grad->view);
+  group.camera = MakeProjectionCamera<Lanes>(job.update->view);
   group.splats = job.splats;
   group.grads = job.grads;
   group.degree = degree;
   group.num_planes = kShPlane + 3 * (degree + 1) * (degree + 1);
   job.num_skipped = 0;
-  const int size = updates ? kBlock : kLanes;
-  for (int64_t i = 0; i < job.count; i += size) {
-    const int count = job.count - i < size ? static_cast<int>(job.count - i) : size;
-    if (updates) {
-      UpdateBlock(job, group, job.first + i, count, job.visible + i);
-    } else {
-      StoreGradients(job, group, job.first + i, count, job.visible + i);
-    }
+  for (int64_t i = 0; i < job.count; i += kBlock) {
+    const int count = job.count - i < kBlock ? static_cast<int>(job.count - i) : kBlock;
+    UpdateBlock(job, group, job.first + i, count, job.visible + i);
   }
 }
 

@@ -1,10 +1,9 @@
-#include "core/decompose/decompositions.h"
-
 #include <gtest/gtest.h>
 
 #include <atomic>
 #include <thread>
 
+#include "core/decompose/decompose.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -38,7 +38,7 @@ struct Scene {
   }
   std::vector<float> Confidence(int sure_views) {
     const Gaussians gaussians = testing::PointGaussians(capture, 0.2f);
-    FrozenScene frozen(*backend, gaussians, 1);
+    Renderer frozen(*backend, gaussians, 1);
     return FeatureConfidence(capture, frozen, sure_views);
   }
 

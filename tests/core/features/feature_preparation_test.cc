@@ -14,7 +14,7 @@ namespace {
 class PrepareFeaturesTest : public ::testing::Test {
  protected:
   PreparedFeatures Prepare(const FeatureOptions& options) {
-    FrozenScene frozen(*backend_, scene_.gaussians, SceneRadius(capture()));
+    Renderer frozen(*backend_, scene_.gaussians, SceneRadius(capture()));
     auto prepared = PrepareFeatures(capture(), scene_.gaussians, frozen, options);
     EXPECT_TRUE(prepared.ok()) << prepared.status();
     return *std::move(prepared);

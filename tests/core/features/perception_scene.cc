@@ -1,7 +1,7 @@
 #include "tests/core/features/perception_scene.h"
 
 #include "core/features/mask_scales.h"
-#include "core/render/frozen_scene.h"
+#include "core/render/renderer.h"
 #include "tests/testing/point_gaussians.h"
 
 namespace pepeseg::testing {
@@ -10,7 +10,7 @@ PerceptionScene::PerceptionScene(SyntheticOptions options)
     : scene(MakeSyntheticScene(options)), reprojection(scene.capture, TrainedViews()) {
   const auto backend = MakeCpuBackend(2);
   gaussians = PointGaussians(scene.capture, 0.04f);
-  FrozenScene frozen(*backend, gaussians, SceneRadius(scene.capture));
+  Renderer frozen(*backend, gaussians, SceneRadius(scene.capture));
   for (size_t view = 0; view < scene.capture.views.size(); ++view) {
     const std::vector<float> depth = frozen.Depth(scene.capture.views[view]);
     mask_scales.push_back(MaskScales(scene.capture.views[view], depth));

@@ -7,7 +7,7 @@
 
 #include "core/features/feature_stage.h"
 #include "core/features/mask_scales.h"
-#include "core/render/frozen_scene.h"
+#include "core/render/renderer.h"
 #include "tests/core/features/perception_scene.h"
 #include "tests/kernels/backend_test.h"
 #include "tests/testing/point_gaussians.h"
@@ -65,25 +65,6 @@ TEST(TrainFeatures, DoesNotDependOnTheChunkSize) {
   ASSERT_OK_AND_ASSIGN(const FeatureField b,
                        TrainFeatures(*backend, capture, gaussians, options, Go));
   EXPECT_EQ(a.features, b.features);
-}
-
-// A Gaussian that catches up with the steps that missed it is moved as if it had taken each of
-// them, except for rounding.
-TEST(TrainFeatures, MovesLazyGaussiansAsIfInEachStep) {
-  const Capture capture = CaptureWithGaps();
-  const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
-  const auto backend = MakeCpuBackend(2);
-  FeatureOptions options = kShort;
-  ASSERT_OK_AND_ASSIGN(const FeatureField seen,
-                       TrainFeatures(*backend, capture, gaussians, options, Go));
-  options.only_seen_gaussians = false;
-  ASSERT_OK_AND_ASSIGN(const FeatureField all,
-                       TrainFeatures(*backend, capture, gaussians, options, Go));
-  ASSERT_EQ(seen.features.size(), all.features.size());
-  EXPECT_NE(seen.features, all.features);  // other operations
-  for (size_t i = 0; i < seen.features.size(); ++i) {
-    ASSERT_NEAR(seen.features[i], all.features[i], 2e-3f) << i;
-  }
 }
 
 TEST(TrainFeatures, ReportsAConfidenceForEachFeature) {
@@ -230,19 +211,6 @@ TEST(FeatureOptions, NameTheFieldThatIsOutOfRange) {
                 "learning_rate");
   EXPECT_STATUS(Validate(FeatureOptions{.steps_per_chunk = 0}), absl::StatusCode::kInvalidArgument,
                 "steps_per_chunk");
-}
-
-TEST(FrozenScene, RendersTheDepthOfASurface) {
-  // One large opaque Gaussian at depth 3.
-  Capture capture;
-  capture.points.push_back({Eigen::Vector3f(0, 0, 3), {200, 100, 50}});
-  View view;
-  view.camera = {32, 32, 30, 30, 16, 16};
-  const auto backend = MakeCpuBackend(1);
-  FrozenScene scene(*backend, testing::PointGaussians(capture, 0.4f), 1);
-  const std::vector<float> depth = scene.Depth(view);
-  EXPECT_NEAR(depth[16 * 32 + 16], 3, 1e-4);
-  EXPECT_EQ(depth[0], 0);
 }
 
 }  // namespace

@@ -1,5 +1,3 @@
-#include "core/prompt/ladder.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,6 +5,7 @@
 #include <random>
 #include <vector>
 
+#include "core/prompt/mask_grid.h"
 #include "tests/testing/scale_maps.h"
 
 namespace pepeseg {

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "core/dataset/view_warp.h"
-#include "core/query/view_places.h"
+#include "core/query/photograph_images.h"
 #include "tests/testing/lens_cases.h"
 #include "tests/testing/status_testing.h"
 

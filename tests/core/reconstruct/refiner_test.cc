@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "core/render/pinhole_view.h"
+#include "core/scene/camera.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

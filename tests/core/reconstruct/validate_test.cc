@@ -51,7 +51,7 @@ TEST(ValidateReconstructOptions, NamesEachFieldThatIsOutOfRange) {
       {"opacity_reset_every", [](Options& o) { o.opacity_reset_every = 0; }},
       {"max_gaussians", [](Options& o) { o.max_gaussians = 0; }},
       {"refine_keep", [](Options& o) { o.refine_keep = static_cast<RefineKeep>(0); }},
-      {"refine_keep", [](Options& o) { o.refine_keep = static_cast<RefineKeep>(5); }},
+      {"refine_keep", [](Options& o) { o.refine_keep = static_cast<RefineKeep>(4); }},
       {"refine_from", [](Options& o) { o.refine_from = -0.1; }},
       {"refine_length", [=](Options& o) { o.refine_length = nan; }},
       {"refine_candidates", [](Options& o) { o.refine_candidates = 1.1; }},

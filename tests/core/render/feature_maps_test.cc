@@ -28,7 +28,7 @@ struct Maps {
   Capture capture;
   Model model;
   std::unique_ptr<Backend> backend;
-  std::optional<ModelRenderer> renderer;
+  std::optional<Renderer> renderer;
   std::optional<FeatureMaps> maps;
 };
 

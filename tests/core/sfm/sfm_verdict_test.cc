@@ -89,7 +89,7 @@ TEST(SfmOptions, NameTheOptionThatIsOutOfRange) {
   EXPECT_OK(Validate(options));
   options.max_video_frames = 2;
   EXPECT_STATUS(Validate(options), absl::StatusCode::kInvalidArgument,
-                "max_video_frames is 2, it must be in [3, 2000]");
+                "max_video_frames is 2, must be in [3, 2000]");
   options = {};
   options.min_registered_share = 1.5;
   EXPECT_STATUS(Validate(options), absl::StatusCode::kInvalidArgument, "min_registered_share");

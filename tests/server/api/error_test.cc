@@ -9,7 +9,7 @@
 #include <memory>
 #include <vector>
 
-#include "core/query/check_prompt.h"
+#include "core/query/prompt.h"
 
 namespace pepeseg {
 namespace {

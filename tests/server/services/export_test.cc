@@ -2,7 +2,6 @@
 
 #include <fstream>
 
-#include "core/base/crc32c.h"
 #include "core/base/digest.h"
 #include "core/formats/gaussian_ply.h"
 #include "tests/server/shelf_model.h"

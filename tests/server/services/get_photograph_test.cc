@@ -8,7 +8,6 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/base/crc32c.h"
 #include "core/base/digest.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"

@@ -4,7 +4,6 @@
 #include <fstream>
 #include <limits>
 
-#include "core/base/crc32c.h"
 #include "core/base/digest.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/rle.h"

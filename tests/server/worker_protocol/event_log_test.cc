@@ -6,7 +6,7 @@
 
 #include <fstream>
 
-#include "core/base/crc32c.h"
+#include "core/base/digest.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {

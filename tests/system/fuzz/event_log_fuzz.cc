@@ -2,7 +2,7 @@
 #include <fstream>
 #include <string>
 
-#include "core/base/crc32c.h"
+#include "core/base/digest.h"
 #include "server/worker_protocol/event_log.h"
 #include "tests/system/fuzz/fuzz_target.h"
 #include "tests/testing/temp_folder.h"

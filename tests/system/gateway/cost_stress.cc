@@ -6,7 +6,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/base/crc32c.h"
 #include "core/base/digest.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
 #include "tests/server/service_client.h"

@@ -5,7 +5,6 @@
 #include <functional>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/crc32c.h"
 #include "core/base/digest.h"
 #include "core/base/status_macros.h"
 

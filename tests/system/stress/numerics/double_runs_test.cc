@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <string>
 
-#include "core/render/pinhole_view.h"
+#include "core/scene/camera.h"
 #include "kernels/math/adam.h"
 #include "tests/kernels/reference_gradient.h"
 #include "tests/kernels/rendered.h"

@@ -3,9 +3,13 @@
 #include <bit>
 #include <cstdint>
 
-#include "kernels/ops/render.h"
-
 namespace pepeseg {
+
+// IEEE 754 binary16 as stored: 1 bit of sign, 5 of exponent (bias 15), 10 of mantissa. CUDA kernels
+// convert it with their own instructions, to the same bits.
+struct Half {
+  uint16_t bits;
+};
 
 // Rounds to IEEE binary16, to nearest, ties to even. Magnitudes from 65520 on become infinite; NaN
 // stays NaN.

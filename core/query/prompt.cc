@@ -1,4 +1,4 @@
-#include "core/query/check_prompt.h"
+#include "core/query/prompt.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,26 +6,18 @@
 
 #include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
+#include "core/base/range_check.h"
 #include "core/base/status_macros.h"
 #include "kernels/ops/render.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr int kMaxSide = 16'384;
-constexpr int64_t kMaxPixels = 64'000'000;
 constexpr double kMinQuaternionNorm = 1e-6;
 constexpr char kNothingThere[] = "pepeseg.core/nothing-there";  // type URL of the payload
 
 std::string NameOf(const ModelView& view) {
   return view.name.empty() ? "the free camera" : absl::StrCat("view ", view.name);
-}
-
-// Returns INVALID_ARGUMENT unless low <= value <= high.
-absl::Status CheckBetween(const std::string& what, double value, double low, double high) {
-  if (value >= low && value <= high) return absl::OkStatus();  // false for NaN
-  return absl::InvalidArgumentError(
-      absl::StrCat(what, " is ", value, ", must be in [", low, ", ", high, "]"));
 }
 
 absl::Status CheckPoint(const ModelView& view, const PointPrompt& point, size_t index) {
@@ -43,17 +35,17 @@ absl::Status CheckPoint(const ModelView& view, const PointPrompt& point, size_t 
 absl::Status CheckView(const ModelView& view) {
   const Camera& c = view.camera;
   const std::string name = NameOf(view);
-  if (c.width < 1 || c.height < 1 || c.width > kMaxSide || c.height > kMaxSide ||
-      int64_t{c.width} * c.height > kMaxPixels) {
-    return absl::InvalidArgumentError(absl::StrCat(name, ": size is ", c.width, "x", c.height,
-                                                   ", must be 1..", kMaxSide,
-                                                   " a side and at most ", kMaxPixels, " pixels"));
+  if (c.width < 1 || c.height < 1 || c.width > kMaxViewSide || c.height > kMaxViewSide ||
+      int64_t{c.width} * c.height > kMaxViewPixels) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(name, ": size is ", c.width, "x", c.height, ", must be 1..", kMaxViewSide,
+                     " a side and at most ", kMaxViewPixels, " pixels"));
   }
   constexpr double kMaxFocal = 1e7;
-  RETURN_IF_ERROR(CheckBetween(absl::StrCat(name, ": fx"), c.fx, 1e-3, kMaxFocal));
-  RETURN_IF_ERROR(CheckBetween(absl::StrCat(name, ": fy"), c.fy, 1e-3, kMaxFocal));
-  RETURN_IF_ERROR(CheckBetween(absl::StrCat(name, ": cx"), c.cx, -kMaxFocal, kMaxFocal));
-  RETURN_IF_ERROR(CheckBetween(absl::StrCat(name, ": cy"), c.cy, -kMaxFocal, kMaxFocal));
+  RETURN_IF_ERROR(CheckInRange(absl::StrCat(name, ": fx"), c.fx, 1e-3, kMaxFocal));
+  RETURN_IF_ERROR(CheckInRange(absl::StrCat(name, ": fy"), c.fy, 1e-3, kMaxFocal));
+  RETURN_IF_ERROR(CheckInRange(absl::StrCat(name, ": cx"), c.cx, -kMaxFocal, kMaxFocal));
+  RETURN_IF_ERROR(CheckInRange(absl::StrCat(name, ": cy"), c.cy, -kMaxFocal, kMaxFocal));
   const Pose& pose = view.cam_from_world;
   const double norm = pose.rotation.norm();
   if (!std::isfinite(norm) || norm < kMinQuaternionNorm) {
@@ -66,10 +58,10 @@ absl::Status CheckView(const ModelView& view) {
   return absl::OkStatus();
 }
 
-absl::Status CheckScale(double scale) { return CheckBetween("scale", scale, 0, 1); }
+absl::Status CheckScale(double scale) { return CheckInRange("scale", scale, 0.0, 1.0); }
 
 absl::Status CheckThreshold(double threshold) {
-  return CheckBetween("threshold", threshold, -1, 1);
+  return CheckInRange("threshold", threshold, -1.0, 1.0);
 }
 
 absl::Status CheckPoints(const ModelView& view, std::span<const PointPrompt> points) {
@@ -78,10 +70,9 @@ absl::Status CheckPoints(const ModelView& view, std::span<const PointPrompt> poi
                    [](const PointPrompt& point) { return point.positive; })) {
     return absl::InvalidArgumentError("the prompt has no positive point");
   }
-  constexpr size_t kMaxPoints = 256;
-  if (points.size() > kMaxPoints) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("the prompt has ", points.size(), " points, must be at most ", kMaxPoints));
+  if (points.size() > kMaxPromptPoints) {
+    return absl::InvalidArgumentError(absl::StrCat("the prompt has ", points.size(),
+                                                   " points, must be at most ", kMaxPromptPoints));
   }
   for (size_t i = 0; i < points.size(); ++i) RETURN_IF_ERROR(CheckPoint(view, points[i], i));
   return absl::OkStatus();

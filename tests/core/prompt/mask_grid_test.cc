@@ -1,4 +1,4 @@
-#include "core/query/mask_grid.h"
+#include "core/prompt/mask_grid.h"
 
 #include <gtest/gtest.h>
 

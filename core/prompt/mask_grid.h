@@ -1,0 +1,97 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/query/prompt.h"
+#include "core/query/view_features.h"
+
+// Scale and threshold of a prompt are chosen by comparing masks at many of them, on a view that is
+// small enough for that.
+
+namespace pepeseg {
+
+// The scales (quantiles) and thresholds (cosines) to compare, both ascending.
+struct GranularityGrid {
+  std::vector<double> scales;
+  std::vector<float> thresholds;
+};
+// Returns the grid for `granularity`: a scale or threshold that it gives is the only one.
+GranularityGrid GridOf(const Granularity& granularity);
+
+// Maximum size of a view on which masks are compared, pixels.
+inline constexpr int64_t kMaxLookPixels = 262'144;
+// A view shrunk by a whole factor. Its pixel (x, y) covers the `factor` x `factor` pixels of the
+// original view that start at (factor * x, factor * y).
+struct SmallView {
+  ModelView view;
+  int factor = 1;
+};
+// Returns the view shrunk by the smallest whole factor that leaves at most kMaxLookPixels.
+SmallView SmallViewOf(const ModelView& view);
+
+// The masks of one prompt on a grid of scales and thresholds, and which of them are stable. A mask
+// that hardly changes over many scales and thresholds shows a thing; one that changes with every
+// step does not (METHOD.md section 4, "Scale proposals").
+class MaskGrid {
+ public:
+  explicit MaskGrid(LevelCounts counts);
+
+  struct Cell {
+    int scale = 0, threshold = 0;  // indices
+  };
+  // Returns the number of pixels in the mask of a cell.
+  int64_t Area(const Cell& cell) const;
+  // Returns the IoU of the masks of two cells, 0 if both are empty.
+  double Iou(const Cell& a, const Cell& b) const;
+  // Returns the number of pixels in both masks.
+  int64_t Common(const Cell& a, const Cell& b) const;
+  // Returns the mean IoU of the cell's mask with those of its neighbours on the grid, [0, 1].
+  double Stability(const Cell& cell) const;
+  int num_scales() const;
+  int num_thresholds() const;
+
+  struct Plateau {
+    Cell cell;             // the most stable cell that shows this mask
+    double stability = 0;  // stability of `cell`
+    double support = 0;    // share of the grid's cells that show it
+  };
+  // IoU over which two cells show the same mask.
+  static constexpr double kSameMask = 0.8;
+  // Returns at most `max_count` distinct masks of at least `min_area` pixels, most support first.
+  // Greedy: takes the most stable cell left and removes all cells that show the same mask.
+  std::vector<Plateau> FindPlateaus(int64_t min_area, int max_count) const;
+
+ private:
+  std::vector<double> Stabilities() const;
+
+  size_t IndexOf(const Cell& cell) const;
+  Cell CellAt(size_t index) const;
+
+  LevelCounts counts_;             // cumulative: pixels whose levels are at least these
+  std::vector<double> stability_;  // [num_scales, num_thresholds]
+};
+
+// The things that a prompt may mean, smallest first: a part, the object that has it, a group.
+struct Ladder {
+  // Each has at least kMinGrowth times the area of the one before, holds at least kMinHeld of its
+  // pixels, and has the same scale or a larger one.
+  std::vector<MaskGrid::Plateau> rungs;
+  int best = 0;  // index of the rung that the ladder was required to contain
+
+  static constexpr double kMinGrowth = 1.5;
+  static constexpr double kMinHeld = 0.95;
+};
+
+// Returns the ladder with the most total support among those that contain the plateau at index
+// `best` of `plateaus` (all plateaus of MaskGrid::FindPlateaus). It has at most `max_count` rungs,
+// and none if there are no plateaus. Many cells of the grid may show the same mask: each rung names
+// a cell that keeps the ladder nested. The best rung's cell shows the mask of its plateau's most
+// stable cell, the other cells have an IoU of at least 0.9 with theirs. A plateau of a single cell
+// is a rung only if it is the best.
+Ladder FindLadder(const MaskGrid& masks, std::span<const MaskGrid::Plateau> plateaus, size_t best,
+                  int max_count);
+
+}  // namespace pepeseg

@@ -1,0 +1,90 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/query/prompt.h"
+#include "core/render/feature_maps.h"
+#include "core/render/renderer.h"
+#include "core/scene/mask_set.h"
+#include "core/scene/model.h"
+#include "kernels/backend.h"
+
+namespace pepeseg {
+
+// The mask of a query in one view.
+struct SegmentResult {
+  BinaryMask mask;  // [height, width] of the target view
+  int width = 0, height = 0;
+  int64_t area = 0;               // pixels in the mask
+  double score = 0;               // mean similarity inside the mask, cosine
+  double scale = 0;               // quantile scale used, [0, 1]
+  double scale_units = 0;         // the same scale in scene units
+  double threshold = 0;           // cosine used
+  int box[4] = {};                // x, y, width, height of the mask, pixels; zeros if it is empty
+  std::vector<float> similarity;  // [height, width] cosines; empty unless requested
+};
+
+// Pixel counts from which the overlap of any two masks of one prompt follows. The masks are those
+// at several scales and thresholds, both ascending.
+struct LevelCounts {
+  int num_scales = 0, num_thresholds = 0;
+  // [num_scales, num_scales, num_thresholds + 1, num_thresholds + 1], see LevelOverlapsArgs.
+  std::vector<int32_t> pixels;
+};
+
+// Computes masks and similarities from the feature maps of a model's views, on the device. For one
+// thread at a time, which must hold the device lock. Views, queries and scales are taken as valid
+// (prompt.h). Any call may return RESOURCE_EXHAUSTED; errors of the device itself are those of the
+// backend (TakeStatus).
+class ViewFeatures {
+ public:
+  // Renderer and model must outlive it. counts: see FeatureMaps.
+  ViewFeatures(Renderer& renderer, const Model& model, MapCounts* counts);
+
+  const FeatureMaps& maps() const { return maps_; }
+
+  // Returns the features at pixels, y * width + x, as rendered and not gated: [pixels, 32].
+  absl::StatusOr<std::vector<float>> At(const ModelView& view, std::span<const int32_t> pixels);
+  // Returns the similarity of each pixel to each of the features [features, 32] at a quantile
+  // scale: [features, height, width].
+  absl::StatusOr<std::vector<float>> Similarity(std::span<const float> features, double scale,
+                                                const ModelView& target);
+  // Returns the mask of a query in each view, with the similarity if `want_similarity`.
+  absl::StatusOr<std::vector<SegmentResult>> Segment(const Query& query,
+                                                     std::span<const ModelView> targets,
+                                                     bool want_similarity);
+  // Returns how the masks of a query overlap at all pairs of scales and thresholds.
+  absl::StatusOr<LevelCounts> CountLevels(const Query& query, std::span<const double> scales,
+                                          std::span<const float> thresholds,
+                                          const ModelView& target);
+  // Returns the feature map of a view on the host, [height * width, 32]. Maps of a subset are
+  // rendered each time and not cached.
+  absl::StatusOr<std::vector<Half>> Download(const ModelView& view, const GaussianSet* subset);
+
+  // Frees the scratch of a view that is larger than every view of the model, so that one large free
+  // camera does not keep it.
+  void ReleaseOversized();
+
+ private:
+  absl::StatusOr<SegmentResult> SegmentView(const Query& query, const Buffer<float>& queries,
+                                            const ModelView& target, bool want_similarity);
+  // Returns the gates psi(scale): [scales, 32].
+  Buffer<float> GatesAt(std::span<const double> scales) const;
+  // Returns the features of a query in the order that ops take, positive ones first: [features,
+  // 32].
+  Buffer<float> PositiveFirst(const Query& query) const;
+
+  Backend& backend_;
+  Renderer& renderer_;
+  const Model& model_;
+  FeatureMaps maps_;
+  // Scratch of SegmentView, kept from call to call.
+  Buffer<uint8_t> mask_;
+  Buffer<float> similarity_;
+  Buffer<int64_t> sums_;
+};
+
+}  // namespace pepeseg
