@@ -188,7 +188,7 @@ void AddBench(CLI::App& app, Shell& shell) {
   verb->add_option("--scene", flags->scene, "Id of the scene; by default a new one");
   verb->add_option("--presets", flags->presets, "Presets to train, separated by commas; or none")
       ->delimiter(',')
-      ->check(CLI::IsMember({"preview", "standard", "best", "none"}))
+      ->check(CLI::IsMember({"preview", "standard", "best", "paper", "none"}))
       ->capture_default_str();
   verb->add_option("--steps", flags->steps,
                    "Numbers of steps of both stages to train, separated by commas, with the other "

@@ -120,8 +120,9 @@ void AddTrainingFlags(CLI::App& verb, TrainingFlags& flags) {
   verb.add_option("--dataset", flags.dataset, "Number of the dataset; the newest by default");
   verb.add_option("--preset", flags.preset,
                   "Values of the options that are not given: preview, a first model as soon as "
-                  "possible; standard, the defaults; best, the best model, however long it takes")
-      ->check(CLI::IsMember({"preview", "standard", "best"}));
+                  "possible; standard, the defaults; best, the best model, however long it takes; "
+                  "paper, the recipe of PePESeg3D as printed, to compare with")
+      ->check(CLI::IsMember({"preview", "standard", "best", "paper"}));
   verb.add_option("--steps", flags.steps, "Number of steps of the reconstruction");
   verb.add_option("--feature-steps", flags.feature_steps,
                   "Number of steps of the feature training");

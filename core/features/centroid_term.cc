@@ -26,17 +26,15 @@ CentroidTerm::CentroidTerm(Backend& backend, const Capture& capture, Renderer& s
       first_step_(static_cast<int>(std::lround(options.centroid_from * options.num_steps))),
       every_(options.centroid_every),
       max_pixels_(options.centroid_pixels),
+      check_masks_(options.centroid_check_masks),
       random_(options.seed ^ kCentroidStream) {
   // HDBSCAN options are {min_cluster_size, min_samples}, chosen for pixels of one view.
   constexpr float kUpperMerge = 0.90f, kLowerMerge = 0.95f;
-  // See Level::min_cosine. At the lower scale the 0.9 of the paper pulls touching parts onto one
-  // another.
-  constexpr float kUpperCosine = 0.9f, kLowerCosine = 0.97f;
   if (options.centroid_weight_upper > 0) {
     levels_.push_back({true,
                        1.0f,
                        options.centroid_weight_upper,
-                       kUpperCosine,
+                       options.centroid_cosine_upper,
                        {20, 5},
                        CentroidBank(kUpperMerge),
                        {}});
@@ -45,7 +43,7 @@ CentroidTerm::CentroidTerm(Backend& backend, const Capture& capture, Renderer& s
     levels_.push_back({false,
                        0.01f,
                        options.centroid_weight_lower,
-                       kLowerCosine,
+                       options.centroid_cosine_lower,
                        {10, 5},
                        CentroidBank(kLowerMerge),
                        {}});
@@ -106,7 +104,8 @@ absl::Status CentroidTerm::Refresh(DeviceSpan<const float> features, std::span<c
     // The label of a pixel has all its masks at the upper scale, the finest alone at the lower.
     const float label_scale = level.upper ? std::numeric_limits<float>::infinity() : 0.0f;
     const Clusters clusters =
-        KeepAgreeing(found, *view.masks, pixels, view.mask_scales, label_scale);
+        check_masks_ ? KeepAgreeing(found, *view.masks, pixels, view.mask_scales, label_scale)
+                     : found;
     level.bank.Merge(ClusterMeans(units, clusters));
     UploadBank(level);
   }

@@ -27,8 +27,8 @@ class CentroidTerm {
   // Returns whether the centroids are to be refreshed before this step, counted from 0.
   bool Due(int step) const;
   // Clusters the pixels of a random view and merges the clusters into the banks. features:
-  // smoothed, [N, 32] of every Gaussian, in backend memory. gate: [kGateSize]. Waits for the
-  // device. RESOURCE_EXHAUSTED: the pixels' rows do not fit into its memory.
+  // smoothed, [N, 32] of every Gaussian, in backend memory. gate: see FeatureField::gate. Waits for
+  // the device. RESOURCE_EXHAUSTED: the pixels' rows do not fit into its memory.
   absl::Status Refresh(DeviceSpan<const float> features, std::span<const float> gate);
 
   CentroidState Save() const;
@@ -41,9 +41,9 @@ class CentroidTerm {
   // What a step adds its gradients to, in backend memory.
   struct StepSpans {
     DeviceSpan<const float> pixel_features;  // [labelled pixels, 32]
-    DeviceSpan<const float> gate;            // [kGateSize]
+    DeviceSpan<const float> gate;            // see CentroidLossArgs
     DeviceSpan<float> pixel_grad;            // [labelled pixels, 32] added to
-    DeviceSpan<float> gate_grad;             // [kGateSize] added to
+    DeviceSpan<float> gate_grad;             // as gate; added to
   };
   // Adds the gradients of the loss, and keeps the step's sums for ReadLosses in the slot
   // `unread_step`, in [0, kMaxUnreadFeatureSteps).
@@ -75,6 +75,7 @@ class CentroidTerm {
   Renderer& scene_;
   const std::vector<DrawableView>& views_;
   int first_step_, every_, max_pixels_;  // steps, steps, pixels
+  bool check_masks_;                     // see FeatureOptions::centroid_check_masks
   std::mt19937_64 random_;
   std::vector<Level> levels_;
   Buffer<double> sums_;  // [kMaxUnreadFeatureSteps, levels, kNumCentroidSums]

@@ -75,9 +75,11 @@ absl::Status Validate(const FeatureCheckpoint& checkpoint) {
   RETURN_IF_ERROR(CheckNumbers("features", rows.features, count * kFeatureSize));
   RETURN_IF_ERROR(CheckNumbers("moment1", rows.moment1, count * kFeatureSize));
   RETURN_IF_ERROR(CheckNumbers("moment2", rows.moment2, count * kFeatureSize));
-  RETURN_IF_ERROR(CheckNumbers("gate", rows.gate, kGateSize));
-  RETURN_IF_ERROR(CheckNumbers("gate_moment1", rows.gate_moment1, kGateSize));
-  RETURN_IF_ERROR(CheckNumbers("gate_moment2", rows.gate_moment2, kGateSize));
+  // FeatureStage::Resume compares the size with the options.
+  const int gate_size = rows.gate.size() == kTwoLayerGateSize ? kTwoLayerGateSize : kGateSize;
+  RETURN_IF_ERROR(CheckNumbers("gate", rows.gate, gate_size));
+  RETURN_IF_ERROR(CheckNumbers("gate_moment1", rows.gate_moment1, gate_size));
+  RETURN_IF_ERROR(CheckNumbers("gate_moment2", rows.gate_moment2, gate_size));
   RETURN_IF_ERROR(CheckCentroids("centroids_upper", checkpoint.centroids.upper));
   return CheckCentroids("centroids_lower", checkpoint.centroids.lower);
 }

@@ -27,7 +27,7 @@ struct CentroidState {
 struct FeatureRowsState {
   std::vector<float> features, moment1, moment2;        // [N, 32]
   std::vector<int32_t> last_step;                       // [N]
-  std::vector<float> gate, gate_moment1, gate_moment2;  // [kGateSize]
+  std::vector<float> gate, gate_moment1, gate_moment2;  // [kGateSize] or [kTwoLayerGateSize]
 };
 
 // Everything that a step of stage two depends on, except for the capture, the Gaussians and the

@@ -64,6 +64,11 @@ absl::StatusOr<std::unique_ptr<FeatureStage>> FeatureStage::Resume(
         " Gaussians does not fit the training, which has ", options.num_steps,
         " steps in chunks of ", options.steps_per_chunk, " and ", gaussians.count, " Gaussians"));
   }
+  if (checkpoint.rows.gate.size() != static_cast<size_t>(NumGateNumbers(options))) {
+    return absl::DataLossError(absl::StrCat(
+        "checkpoint: the gate has ", checkpoint.rows.gate.size(), " numbers, with gate_layers ",
+        options.gate_layers, " it has ", NumGateNumbers(options)));
+  }
   std::unique_ptr<FeatureStage> stage(new FeatureStage(backend, capture, gaussians, options));
   ASSIGN_OR_RETURN(PreparedFeatures prepared,
                    PrepareFeatures(capture, gaussians, stage->scene_, options));

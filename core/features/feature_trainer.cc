@@ -4,6 +4,8 @@
 #include <cmath>
 #include <random>
 
+#include "kernels/math/gate.h"
+
 namespace pepeseg {
 namespace {
 
@@ -47,6 +49,18 @@ std::vector<float> NormalNumbers(int64_t count, float deviation, uint64_t seed) 
   return numbers;
 }
 
+// Returns random numbers for a new gate.
+std::vector<float> InitialGate(const FeatureOptions& options) {
+  std::vector<float> gate = NormalNumbers(NumGateNumbers(options), 1, (options.seed ^ kStream) + 1);
+  if (options.gate_layers == 1) return gate;
+  // W2 by He et al. 2015: with sqrt(2 / inputs) the sums over the hidden units have about the
+  // spread of the units.
+  const float deviation = std::sqrt(2.0f / kGateHidden);
+  const std::span<float> outer(gate.data() + 2 * kGateHidden, kGateHidden * kFeatureSize);
+  for (float& weight : outer) weight *= deviation;
+  return gate;
+}
+
 }  // namespace
 
 std::vector<float> FeatureTrainer::InitialFeatures(int64_t num_gaussians,
@@ -68,17 +82,17 @@ FeatureTrainer::FeatureTrainer(Backend& backend, std::span<const float> initial,
       last_step_(backend, num_gaussians_),
       smoothed_(backend, features_.size()),
       inv_length_(backend, num_gaussians_),
-      gate_(backend, kGateSize),
-      gate_moment1_(backend, kGateSize),
-      gate_moment2_(backend, kGateSize),
-      gate_grad_(backend, kGateSize),
+      gate_(backend, NumGateNumbers(options)),
+      gate_moment1_(backend, NumGateNumbers(options)),
+      gate_moment2_(backend, NumGateNumbers(options)),
+      gate_grad_(backend, NumGateNumbers(options)),
       sums_(backend, int64_t{kMaxUnreadFeatureSteps} * kNumPairLossSums),
       perception_loss_(backend, kMaxUnreadFeatureSteps),
       perception_weight_(options.perception_weight) {
   rates_.learning_rate = options.learning_rate;
   correction_ = Buffer<float>(backend, std::span<const float>(Corrections(rates_, options, {})));
   rates_.correction = correction_.span();
-  gate_.Upload(NormalNumbers(kGateSize, 1, (options.seed ^ kStream) + 1));
+  gate_.Upload(InitialGate(options));
 }
 
 void FeatureTrainer::LeaveOut(int num_done, int num_left_out) {
@@ -190,7 +204,7 @@ std::vector<double> FeatureTrainer::ReadLosses() {
 absl::Status FeatureTrainer::RefreshCentroids() {
   backend_.FeatureCatchUp({{}, rates_, step_, State()});
   SmoothAll(features_.span());
-  std::vector<float> gate(kGateSize);
+  std::vector<float> gate(static_cast<size_t>(gate_.size()));
   gate_.Download(std::span<float>(gate));
   return centroids_.Refresh(smoothed_.span(), gate);
 }
@@ -250,6 +264,7 @@ void FeatureTrainer::Export(FeatureField& field) {
   const Buffer<float> seen(backend_, std::span<const float>(field.features));
   SmoothAll(seen.span());
   smoothed_.Download(std::span<float>(field.features));
+  field.gate.resize(static_cast<size_t>(gate_.size()));
   gate_.Download(std::span<float>(field.gate));
 }
 

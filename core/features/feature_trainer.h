@@ -82,7 +82,7 @@ class FeatureTrainer {
   Buffer<float> features_, moment1_, moment2_;  // [N, 32]
   Buffer<int32_t> last_step_;                   // [N]
   Buffer<float> smoothed_, inv_length_;         // [N, 32], [N]: see SmoothFeaturesArgs
-  Buffer<float> gate_, gate_moment1_, gate_moment2_, gate_grad_;  // [kGateSize]
+  Buffer<float> gate_, gate_moment1_, gate_moment2_, gate_grad_;  // see NumGateNumbers
   // The batch: [pixels, 32] and [Gaussians that it reaches, 32].
   Buffer<float> pixel_features_, pixel_grad_, sum_grad_;
   Buffer<double> sums_;             // [kMaxUnreadFeatureSteps, kNumPairLossSums]

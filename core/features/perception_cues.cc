@@ -16,11 +16,10 @@ namespace {
 constexpr float kRadiusBase = 0.03f, kRadiusSlope = 0.12f, kMaxRadius = 0.2f;
 constexpr float kRadiusOfMasks = 0.5f;
 constexpr float kMinRadius = 2;  // pixels
+// Bounds of r(s) of the paper, pixels: without perception_fit_window.
+constexpr float kPrintedMinRadius = 20, kPrintedMaxRadius = 200;
 // A pixel is paired with this many of the nearest pixels around it, and with as many of the others.
 constexpr size_t kNearest = 8;
-// Lower bounds of the thresholds: in even surroundings noise must not make a pair dissimilar.
-constexpr float kDepthNoise = 0.005f;  // share of the prior's range
-constexpr float kColorNoise = 0.03f;   // share of white
 // A threshold is measured on a spiral of samples around the pixel, denser towards the pixel.
 // Smaller scales use the first samples only, at least kMinSamples.
 constexpr int kNumSamples = 64, kMinSamples = 8;
@@ -105,6 +104,10 @@ PerceptionCues::PerceptionCues(const Capture& capture, const CrossView& cross_vi
       edges_(std::move(edges)),
       mask_sides_(capture.views.size()),
       threshold_(options.perception_threshold),
+      depth_floor_(options.perception_depth_floor),
+      color_floor_(options.perception_color_floor),
+      fit_window_(options.perception_fit_window),
+      unlabelled_only_(options.perception_unlabelled_only),
       ask_other_views_(options.perception_cross_view) {
   for (const DrawableView& drawn : views) {
     std::vector<std::pair<float, float>>& sides = mask_sides_[drawn.view];
@@ -119,11 +122,18 @@ PerceptionCues::PerceptionCues(const Capture& capture, const CrossView& cross_vi
 
 // The radius of the paper, but at most half the mean side of the view's masks that are not larger
 // than the scale, so that it does not reach over whole objects. If all masks are larger, the finest
-// one counts.
+// one counts. Without perception_fit_window the radius is the paper's.
 std::vector<float> PerceptionCues::Radii(const PixelBatch& batch) const {
   const Camera& camera = capture_.views[batch.view].camera;
   const auto side = static_cast<float>(std::min(camera.width, camera.height));
   std::vector<float> radii;
+  if (!fit_window_) {
+    for (const float scale : batch.scales) {
+      radii.push_back(std::clamp(side * (kRadiusBase + kRadiusSlope * scale), kPrintedMinRadius,
+                                 kPrintedMaxRadius));
+    }
+    return radii;
+  }
   for (size_t k = 0; k < batch.scales.size(); ++k) {
     float sum = 0;
     int count = 0;
@@ -149,7 +159,7 @@ std::vector<PerceptionCues::Pair> PerceptionCues::NearPairs(const PixelBatch& ba
   std::vector<Pair> pairs;
   std::vector<std::pair<float, int32_t>> about;
   for (const Place& place : places) {
-    if (place.number < batch.num_labelled) continue;
+    if (unlabelled_only_ && place.number < batch.num_labelled) continue;
     about.clear();
     for (auto at = std::lower_bound(places.begin(), places.end(), Place{place.y - radius, 0, 0});
          at != places.end() && at->y <= place.y + radius; ++at) {
@@ -160,9 +170,11 @@ std::vector<PerceptionCues::Pair> PerceptionCues::NearPairs(const PixelBatch& ba
     const size_t nearest = std::min(kNearest, about.size()), others = about.size() - nearest;
     const size_t stride = std::max<size_t>(1, (others + kNearest - 1) / kNearest);
     for (size_t i = 0; i < about.size(); i += i < nearest ? 1 : stride) {
-      // Two unlabelled pixels meet twice; the pair is listed once.
+      // A pair is listed once: under its unlabelled pixel, or under the first of two alike.
       const int32_t q = about[i].second;
-      if (q < batch.num_labelled || place.number < q) pairs.push_back({place.number, q, 0});
+      const bool labelled = place.number < batch.num_labelled;
+      const bool alike = labelled == (q < batch.num_labelled);
+      if (alike ? place.number < q : !labelled) pairs.push_back({place.number, q, 0});
     }
   }
   return pairs;
@@ -197,8 +209,8 @@ PerceptionCues::Usual PerceptionCues::UsualAbout(const PixelBatch& batch, int32_
   for (size_t k = 0; k < radii.size(); ++k) {
     const int count =
         std::clamp(static_cast<int>(kNumSamples * radii[k] / max_radius), kMinSamples, kNumSamples);
-    usual.depth[k] = std::max(kDepthNoise, depth[count].OneAboveMean());
-    usual.color[k] = std::max(kColorNoise, color[count].OneAboveMean());
+    usual.depth[k] = std::max(depth_floor_, depth[count].OneAboveMean());
+    usual.color[k] = std::max(color_floor_, color[count].OneAboveMean());
   }
   return usual;
 }
@@ -231,6 +243,12 @@ class PerceptionCues::Judge {
       similar |= static_cast<uint32_t>(!deep && !colorful) << k;
       dissimilar |= static_cast<uint32_t>(deep && colorful) << k;
     }
+    if (std::max(p, q) < batch_.num_labelled) {
+      // METHOD.md section 7: of covered pixels only the cues that the masks agree with count.
+      const uint32_t same = SameLabel(p, q);
+      similar &= same;
+      dissimilar &= ~same;
+    }
     if (cues_.ask_other_views_ && (similar | dissimilar) != 0) {
       const CrossView::Verdict verdict =
           cues_.cross_view_.Judge(batch_.view, SightOf(p), SightOf(q), batch_.scene_scales);
@@ -242,6 +260,19 @@ class PerceptionCues::Judge {
   }
 
  private:
+  // Returns a bit for each scale: 1 if the labels of two labelled pixels intersect.
+  uint32_t SameLabel(int32_t p, int32_t q) const {
+    const auto words = static_cast<size_t>(batch_.label_words);
+    uint32_t same = 0;
+    for (size_t k = 0; k < radii_.size(); ++k) {
+      const uint64_t* at = batch_.labels.data() + k * batch_.num_patches * words;
+      const uint64_t *of_p = at + batch_.patch[p] * words, *of_q = at + batch_.patch[q] * words;
+      uint64_t common = 0;
+      for (size_t word = 0; word < words; ++word) common |= of_p[word] & of_q[word];
+      same |= static_cast<uint32_t>(common != 0) << k;
+    }
+    return same;
+  }
   const Usual& UsualAbout(int32_t p) {
     if (!usual_[p]) usual_[p] = cues_.UsualAbout(batch_, batch_.pixels[p], radii_);
     return *usual_[p];

@@ -15,7 +15,8 @@ namespace pepeseg {
 
 // Lists the pairs of pixels for the perception loss (METHOD.md section 3, "Perception loss"), with
 // what colour and depth indicate about them. At scale s a pair counts if its pixels are within r(s)
-// of each other and away from the edges of the depth prior, and at least one of them is unlabelled.
+// of each other and away from the edges of the depth prior, and at least one of them is unlabelled
+// (without FeatureOptions::perception_unlabelled_only: or their masks agree with the cue).
 // A pair is similar if both its depth and its colour differ less than the thresholds of its two
 // pixels, and dissimilar if both differ at least by them.
 //
@@ -49,8 +50,8 @@ class PerceptionCues {
   std::vector<float> Radii(const PixelBatch& batch) const;
   // Returns the arrays of PerceptionLossArgs, with each pair under both of its pixels.
   static PairLists ListsOf(std::span<const Pair> pairs, size_t num_pixels, size_t num_scales);
-  // Returns up to about 16 pairs of each unlabelled pixel, all within `radius` pixels, without
-  // cues.
+  // Returns up to about 16 pairs of each pixel that starts pairs, all within `radius` pixels,
+  // without cues.
   std::vector<Pair> NearPairs(const PixelBatch& batch, float radius) const;
   // Returns the thresholds of a pixel, y * width + x. radii: see Radii.
   Usual UsualAbout(const PixelBatch& batch, int32_t pixel, std::span<const float> radii) const;
@@ -62,7 +63,8 @@ class PerceptionCues {
   // of each mask with a scale, ascending.
   std::vector<std::vector<std::pair<float, float>>> mask_sides_;
   PerceptionThreshold threshold_;
-  bool ask_other_views_;
+  float depth_floor_, color_floor_;  // lower bounds of the thresholds
+  bool fit_window_, unlabelled_only_, ask_other_views_;
 };
 
 }  // namespace pepeseg

@@ -32,11 +32,18 @@ absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckRange("centroid_pixels", options.centroid_pixels, 1, 65'536));
   RETURN_IF_ERROR(CheckRange("centroid_weight_upper", options.centroid_weight_upper, 0.0f, 100.0f));
   RETURN_IF_ERROR(CheckRange("centroid_weight_lower", options.centroid_weight_lower, 0.0f, 100.0f));
+  RETURN_IF_ERROR(
+      CheckRange("centroid_cosine_upper", options.centroid_cosine_upper, 0.0f, 0.9999f));
+  RETURN_IF_ERROR(
+      CheckRange("centroid_cosine_lower", options.centroid_cosine_lower, 0.0f, 0.9999f));
   RETURN_IF_ERROR(CheckRange("perception_weight", options.perception_weight, 0.0f, 100.0f));
   RETURN_IF_ERROR(CheckRange("num_perception_pixels", options.num_perception_pixels, 1, 16'384));
   RETURN_IF_ERROR(
       CheckRange("perception_threshold", static_cast<int>(options.perception_threshold), 1, 2));
+  RETURN_IF_ERROR(CheckRange("perception_depth_floor", options.perception_depth_floor, 0.0f, 1.0f));
+  RETURN_IF_ERROR(CheckRange("perception_color_floor", options.perception_color_floor, 0.0f, 1.0f));
   RETURN_IF_ERROR(CheckRange("min_mask_agreement", options.min_mask_agreement, 0.0, 1.0));
+  RETURN_IF_ERROR(CheckRange("gate_layers", options.gate_layers, 1, 2));
   RETURN_IF_ERROR(CheckRange("num_neighbors", options.num_neighbors, 1, kMaxNeighbors));
   RETURN_IF_ERROR(
       CheckRange("num_drawn_neighbors", options.num_drawn_neighbors, 1, options.num_neighbors));
@@ -46,6 +53,10 @@ absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckRange("sure_views", options.sure_views, 0, 64));
   RETURN_IF_ERROR(CheckRange("closing_share", options.closing_share, 0.0, 1.0));
   return CheckRange("steps_per_chunk", options.steps_per_chunk, 1, 100'000);
+}
+
+int NumGateNumbers(const FeatureOptions& options) {
+  return options.gate_layers == 2 ? kTwoLayerGateSize : kGateSize;
 }
 
 absl::StatusOr<FeatureField> TrainFeatures(Backend& backend, const Capture& capture,

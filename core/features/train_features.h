@@ -46,12 +46,15 @@ struct FeatureOptions {
   // Learning rate of Adam at the start and at the end; it falls exponentially. [1e-8, 1].
   float learning_rate = 1e-2f;
   float learning_rate_final = 1e-4f;
+  // Layers of the scale gate: 1 or 2 (kernels/math/gate.h). The paper has 2.
+  int gate_layers = 1;
   // Number of nearest Gaussians, itself included, over which a feature is smoothed in the model,
   // and number of them that each training step draws.
   int num_neighbors = 4;        // 1..kMaxNeighbors
   int num_drawn_neighbors = 2;  // 1..num_neighbors
-  // The centroid loss starts at this share of the steps. Every `centroid_every` steps, up to
-  // `centroid_pixels` masked pixels of a view are clustered at scale 1 (upper) and 0.01 (lower).
+  // The centroid loss starts at this share of the steps. Every `centroid_every` steps (T of the
+  // paper), up to `centroid_pixels` masked pixels of a view are clustered at scale 1 (upper, U) and
+  // 0.01 (lower, L).
   double centroid_from = 0.7;    // [0, 1]
   int centroid_every = 200;      // steps; [1, 10,000,000]
   int centroid_pixels = 16'384;  // [1, 65,536]
@@ -60,6 +63,12 @@ struct FeatureOptions {
   // (tests/bench/results/h200_segmentation.md).
   float centroid_weight_upper = 1.0f;
   float centroid_weight_lower = 0;
+  // tau of the paper at either scale: a pixel is pulled to the nearest centroid if its cosine with
+  // it is larger. [0, 0.9999]. At the lower scale the 0.9 of the paper pulls touching parts
+  // together.
+  float centroid_cosine_upper = 0.9f;
+  float centroid_cosine_lower = 0.97f;
+  bool centroid_check_masks = true;  // drops clusters that masks separate, see KeepAgreeing
   // Weight of the perception loss, for pixels that no mask of their view covers. It is left out if
   // the weight is 0, if no training view has a depth prior, or if all pixels are covered or
   // background. [0, 100].
@@ -67,6 +76,17 @@ struct FeatureOptions {
   int num_perception_pixels = 128;  // additional samples of a step; [1, 16,384]
   PerceptionThreshold perception_threshold = PerceptionThreshold::kDifferences;
   bool perception_cross_view = true;  // masks of other views overrule depth and colour
+  // Whether r(s) follows the sizes of image and masks. False: the window of the paper,
+  // min(H, W) (0.03 + 0.12 s), in [20, 200] pixels.
+  bool perception_fit_window = true;
+  // Whether a pair has a pixel that no mask covers. False: pairs of covered pixels count as well,
+  // where the masks agree with depth and colour, as in the paper.
+  bool perception_unlabelled_only = true;
+  // Lower bounds of the similarity thresholds, so that noise in even surroundings makes no pair
+  // dissimilar. Shares of the depth prior's range and of one channel's range. 0: none, as in the
+  // paper; [0, 1].
+  float perception_depth_floor = 0.005f;
+  float perception_color_floor = 0.03f;
   // Minimum mean IoU of a mask with the masks of near views. A mask under it that at least three
   // near views see is not trained on, see StandsAlone. 0: all masks are. [0, 1]. Off, because it
   // loses (tests/bench/results/mask_agreement.md).
@@ -90,6 +110,9 @@ struct FeatureOptions {
 };
 // Returns INVALID_ARGUMENT, naming the field, if an option is out of range.
 absl::Status Validate(const FeatureOptions& options);
+
+// Returns the number of numbers of the scale gate.
+int NumGateNumbers(const FeatureOptions& options);
 
 // Maximum number of steps whose losses stay on the device before the host waits for them.
 inline constexpr int kMaxUnreadFeatureSteps = 64;

@@ -17,7 +17,9 @@ namespace pepeseg {
 namespace {
 
 constexpr absl::string_view kMagic = "PPSGFEAT";
-constexpr uint32_t kVersion = 1;
+constexpr uint32_t kVersion = 1, kTwoLayerVersion = 2;  // by the layers of the gate
+// Numbers of a gate of one and of two layers.
+constexpr size_t kGateNumbers = 64, kTwoLayerGateNumbers = 1120;
 // Limits of counts that a file may declare.
 constexpr uint64_t kMaxGaussians = 50'000'000;
 constexpr uint32_t kMaxQuantiles = 1'000'000;
@@ -52,6 +54,10 @@ absl::Status CheckConfidence(const FeatureField& field, absl::string_view name) 
 absl::Status CheckField(const FeatureField& field, absl::string_view name) {
   if (field.features.size() % kFeatureDim != 0) return Refused(name, "features are not whole rows");
   RETURN_IF_ERROR(CheckConfidence(field, name));
+  if (field.gate.size() != kGateNumbers && field.gate.size() != kTwoLayerGateNumbers) {
+    return Refused(name, absl::StrCat("the gate has ", field.gate.size(), " numbers, must be ",
+                                      kGateNumbers, " or ", kTwoLayerGateNumbers));
+  }
   if (!AllFinite(field.gate)) return Refused(name, "the gate is not finite");
   if (!AllFinite(field.scale_quantiles)) return Refused(name, "a scale quantile is not finite");
   if (!std::is_sorted(field.scale_quantiles.begin(), field.scale_quantiles.end())) {
@@ -70,7 +76,8 @@ absl::Status CheckField(const FeatureField& field, absl::string_view name) {
 absl::Status WriteFeatureFile(const std::filesystem::path& path, const FeatureField& field) {
   RETURN_IF_ERROR(CheckField(field, path.string()));
   // The header as arrays, so that BytesOf can write them. Their sizes need no padding.
-  const std::vector<uint32_t> head = {kVersion, kFeatureDim};
+  const bool two_layers = field.gate.size() == kTwoLayerGateNumbers;
+  const std::vector<uint32_t> head = {two_layers ? kTwoLayerVersion : kVersion, kFeatureDim};
   const std::vector<uint64_t> count = {field.features.size() / kFeatureDim};
   const std::vector<uint32_t> tail = {static_cast<uint32_t>(field.scale_quantiles.size()),
                                       field.confidence.empty() ? 0u : 1u};
@@ -103,12 +110,13 @@ absl::StatusOr<FeatureField> ReadFeatureFile(const std::filesystem::path& path,
   const auto num_quantiles = reader.Take<uint32_t>();
   const auto with_confidence = reader.Take<uint32_t>();
   if (!reader.ok()) return Refused(name, "is cut short");
-  if (version != kVersion || dim != kFeatureDim) {
-    return Refused(
-        name, absl::StrCat("has version ", version, " and ", dim, " dimensions; version ", kVersion,
-                           " and ", kFeatureDim, " are read"));
+  if ((version != kVersion && version != kTwoLayerVersion) || dim != kFeatureDim) {
+    return Refused(name, absl::StrCat("has version ", version, " and ", dim,
+                                      " dimensions; versions ", kVersion, " and ", kTwoLayerVersion,
+                                      " and ", kFeatureDim, " dimensions are read"));
   }
   FeatureField field;
+  field.gate.resize(version == kTwoLayerVersion ? kTwoLayerGateNumbers : kGateNumbers);
   if (with_confidence > 1) {
     return Refused(name, absl::StrCat("has ", with_confidence,
                                       " where 1 stands for confidences and 0 for none"));
@@ -116,7 +124,7 @@ absl::StatusOr<FeatureField> ReadFeatureFile(const std::filesystem::path& path,
   // Compares the counts with the size of the file before anything is allocated for them. The limits
   // keep the sum from overflowing.
   if (count > kMaxGaussians || num_quantiles > kMaxQuantiles ||
-      reader.remaining() != sizeof(field.gate) + num_quantiles * sizeof(float) +
+      reader.remaining() != field.gate.size() * sizeof(float) + num_quantiles * sizeof(float) +
                                 count * (kFeatureDim + with_confidence) * sizeof(uint16_t)) {
     return Refused(name,
                    absl::StrCat("declares ", count, " Gaussians and ", num_quantiles,

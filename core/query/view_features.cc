@@ -8,7 +8,6 @@
 #include "core/base/status_macros.h"
 #include "core/query/mask_geometry.h"
 #include "kernels/half.h"
-#include "kernels/math/gate.h"
 #include "kernels/scratch_bytes.h"
 
 namespace pepeseg {
@@ -51,8 +50,7 @@ absl::StatusOr<std::vector<float>> ViewFeatures::At(const ModelView& view,
 Buffer<float> ViewFeatures::GatesAt(std::span<const double> scales) const {
   std::vector<float> psi(scales.size() * kFeatureSize);
   for (size_t i = 0; i < scales.size(); ++i) {
-    GateAt(model_.field.gate.data(), kFeatureSize, static_cast<float>(scales[i]),
-           &psi[i * kFeatureSize]);
+    PsiAt(model_.field.gate, static_cast<float>(scales[i]), &psi[i * kFeatureSize]);
   }
   return {backend_, std::span<const float>(psi)};
 }

@@ -42,6 +42,13 @@ int64_t Densifier::BudgetAt(int step) const {
   return static_cast<int64_t>(first + std::max(0.0, most - first) * passed);
 }
 
+// 3DGS prunes by size once the first opacity reset is over. Its prune by the size on screen never
+// takes place: densification clears the radii before they are read.
+float Densifier::MaxSizeAt(int step) const {
+  if (budgeted() || step + 1 <= options_.opacity_reset_every) return 0;
+  return static_cast<float>(double{options_.prune_size} * scene_.radius);
+}
+
 // The backend plans the new rows: for each its source Gaussian, whether it is a child, and its mean
 // and scales. The state is then rebuilt by that plan, in Morton order.
 absl::Status Densifier::Apply(int step, GaussianState& state, std::mt19937_64& random) const {
@@ -57,6 +64,7 @@ absl::Status Densifier::Apply(int step, GaussianState& state, std::mt19937_64& r
        .min_gradient = (budgeted() ? kBudgetedShare : 1) * options_.densify_gradient,
        .clone_size = static_cast<float>(options_.densify_size * scene_.radius),
        .min_opacity = options_.prune_opacity,
+       .max_size = MaxSizeAt(step),
        .max_count = BudgetAt(step),
        .draws = budgeted(),
        .keeps_parent = budgeted(),
@@ -73,7 +81,8 @@ absl::Status Densifier::Apply(int step, GaussianState& state, std::mt19937_64& r
   if (counts.num_rows == 0) {
     return absl::FailedPreconditionError(
         absl::StrCat("density control left none of ", state.count(),
-                     " Gaussians: all are fainter than prune_opacity ", options_.prune_opacity));
+                     " Gaussians: all are fainter than prune_opacity ", options_.prune_opacity,
+                     " or larger than prune_size ", options_.prune_size));
   }
   if (!state.Rearrange(source.span(), is_new.span())) {
     return absl::ResourceExhaustedError(

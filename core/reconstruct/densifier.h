@@ -29,6 +29,10 @@ class Densifier {
   // at the start and the budget, or max_gaussians where there is no budget.
   int64_t BudgetAt(int step) const;
 
+  // Returns the standard deviation, in scene units, above which the round of this step prunes. 0:
+  // no such limit.
+  float MaxSizeAt(int step) const;
+
   // Does one round: prunes, clones and splits, and fades the opacities where there is a budget.
   // Waits for the backend. Returns RESOURCE_EXHAUSTED when it is out of memory and
   // FAILED_PRECONDITION when no Gaussian is left.

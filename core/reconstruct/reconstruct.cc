@@ -21,6 +21,7 @@ absl::Status ValidateLearningRates(const ReconstructOptions& options) {
       InRange("mean_learning_rate_final", options.mean_learning_rate_final, 1e-12, kMax));
   RETURN_IF_ERROR(InRange("mean_rate_pixels", options.mean_rate_pixels, 0, 1));
   RETURN_IF_ERROR(InRange("rates_fall_from", options.rates_fall_from, 0, 1));
+  RETURN_IF_ERROR(InRange("mean_learning_rate_cap", options.mean_learning_rate_cap, 0, 1e9));
   RETURN_IF_ERROR(InRange("log_scale_learning_rate", options.log_scale_learning_rate, 0, kMax));
   RETURN_IF_ERROR(InRange("rotation_learning_rate", options.rotation_learning_rate, 0, kMax));
   RETURN_IF_ERROR(InRange("opacity_learning_rate", options.opacity_learning_rate, 0, kMax));
@@ -46,6 +47,7 @@ absl::Status ValidateDensityControl(const ReconstructOptions& options) {
   RETURN_IF_ERROR(InRange("densify_gradient", options.densify_gradient, 0, 1e9));
   RETURN_IF_ERROR(InRange("densify_size", options.densify_size, 0, 1e9));
   RETURN_IF_ERROR(InRange("prune_opacity", options.prune_opacity, 0, 0.5));
+  RETURN_IF_ERROR(InRange("prune_size", options.prune_size, 0, 1e9));
   RETURN_IF_ERROR(InRange("opacity_reset_every", options.opacity_reset_every, 1, 1e9));
   RETURN_IF_ERROR(InRange("pixels_per_gaussian", options.pixels_per_gaussian, 0, 1e9));
   RETURN_IF_ERROR(InRange("opacity_decay", options.opacity_decay, 0.01, 1));

@@ -43,8 +43,8 @@ struct ReconstructOptions {
   int sh_degree = 3;
   // Weight of 1 - SSIM in the image loss, in [0, 1]; L1 gets the rest. 0: L1 only.
   float ssim_weight = 0.2f;
-  // Learning rate of the means at the first step, in scene radii; at least mean_rate_pixels and at
-  // most one span of a pixel of the training views. In [1e-12, 1].
+  // Learning rate of the means at the first step, in scene radii; see mean_rate_pixels and
+  // mean_learning_rate_cap. In [1e-12, 1].
   float mean_learning_rate = 1.6e-4f;
   // Learning rate of the means at the last step, in scene radii, for a first rate of
   // mean_learning_rate; log-linear between. In [1e-12, 1]. 3DGS has 1.6e-6, with which Gaussians
@@ -53,6 +53,9 @@ struct ReconstructOptions {
   // Smallest learning rate of the means at the first step, in spans of a pixel at the depth of the
   // scene (PixelSpan). In [0, 1]. 0: no lower bound. Measured: tests/bench/results/peak_quality.md.
   float mean_rate_pixels = 0.06f;
+  // Largest learning rate of the means at the first step, in the same spans. In [0, 1e9]. 0: no
+  // cap, as in 3DGS.
+  float mean_learning_rate_cap = 1;
   // Share of num_steps from which on all other learning rates fall, log-linearly to a tenth. In [0,
   // 1]. 1: they are constant. Measured: tests/bench/results/peak_quality.md.
   double rates_fall_from = 0.8;
@@ -72,9 +75,9 @@ struct ReconstructOptions {
 
   // Depth loss (METHOD.md section 1, "Depth").
 
-  // Weight of the depth loss at the first step, on views with a depth prior. In [0, 10], or -1:
-  // 0.05 on an orbit, 0.1 where the views face forward. 0: no depth loss. Measured:
-  // tests/bench/results/h200_desk.md.
+  // lambda_d of the paper: weight of the depth loss at the first step, on views with a depth prior.
+  // In [0, 10], or -1: 0.05 on an orbit, 0.1 where the views face forward. 0: no depth loss.
+  // Measured: tests/bench/results/h200_desk.md.
   float depth_weight = -1;
   // Weight of the depth loss at the last step, at most depth_weight; a reversed sigmoid between. In
   // [0, 10]. 0: the loss fades out. The paper keeps 0.01 to 0.02, which leaves the prior's own
@@ -88,6 +91,9 @@ struct ReconstructOptions {
   DepthLocalForm depth_local_form = DepthLocalForm::kWindows;
   // Radius of the local windows as a share of the view's width; at least one pixel. In [0, 0.5].
   float depth_window = 0.025f;
+  // Whether a disparity prior is compared with the rendered 1 / z. False: with z itself, as the
+  // paper prints it; the fit's scale is then negative.
+  bool disparity_as_inverse_depth = true;
   // Arrangement of the cameras, which decides the weight that depth_weight = -1 stands for.
   CaptureKind capture_kind = CaptureKind::kAutomatic;
 
@@ -108,6 +114,9 @@ struct ReconstructOptions {
   float densify_size = 0.01f;
   // Opacity below which density control removes a Gaussian. In [0, 0.5]. 0: none is removed.
   float prune_opacity = 0.005f;
+  // Standard deviation, in scene radii, above which density control removes a Gaussian from the
+  // first opacity reset on; only where pixels_per_gaussian is 0. In [0, 1e9]. 0: none is removed.
+  float prune_size = 0.1f;
   // Steps between two resets, which limit all opacities to 0.01; only where pixels_per_gaussian is
   // 0. In [1, 1e9].
   int opacity_reset_every = 3000;
@@ -129,7 +138,7 @@ struct ReconstructOptions {
   // Measured: tests/bench/results/h200_desk.md and tests/bench/results/refinement_cpu.md.
   RefineKeep refine_keep = RefineKeep::kShrink;
   // Share of num_steps after which refinement begins, and not before photographs are at full size.
-  // In [0, 1].
+  // In [0, 1]. The paper: [4000, 4000 + 2V) of 30,000 steps, V = number of training views.
   double refine_from = 4000.0 / 30000;
   // Length of the refinement window as a share of num_steps; at most two steps for each training
   // view. In [0, 1]. 0: no refinement.

@@ -7,7 +7,6 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kMostPixels = 1;   // largest learning rate of the means, in pixel spans
 constexpr double kRatesLeft = 0.1;  // share of the other rates that is left at the last step
 
 constexpr size_t kMostSpanViews = 256, kMostSpanPoints = 1024;  // samples of PixelSpan
@@ -59,7 +58,9 @@ LearningRates Schedule::RatesAt(int step) const {
 double Schedule::MeanRateAtStart() const {
   const double rate = scene_radius_ * options_.mean_learning_rate;
   if (!std::isfinite(pixel_span_)) return rate;
-  return std::clamp(rate, options_.mean_rate_pixels * pixel_span_, kMostPixels * pixel_span_);
+  const double cap = options_.mean_learning_rate_cap * pixel_span_;
+  const double raised = std::max(rate, options_.mean_rate_pixels * pixel_span_);
+  return cap > 0 ? std::min(raised, cap) : raised;
 }
 
 int Schedule::ShDegreeAt(int step) const {

@@ -130,12 +130,16 @@ TrainingView Upload(Backend& backend, const View& view, int factor) {
 
 // Bounds and deviation are those of the full size at all sizes.
 void UploadPrior(Backend& backend, const View& view, int factor, TrainingView& out) {
-  out.prior = UploadOrNothing(backend, ShrinkPrior(view, factor));
-  const PriorBounds bounds = InlierBounds(view.depth.values);
+  std::vector<float> prior = ShrinkPrior(view, factor);
+  PriorBounds bounds = InlierBounds(view.depth.values);
+  out.prior_deviation = MeanDeviation(view.depth.values, bounds);
+  if (view.depth.kind == DepthPrior::Kind::kDisparity && !out.inverse_depth) {
+    for (float& value : prior) value = -value;
+    bounds = {-bounds.max, -bounds.min};
+  }
+  out.prior = UploadOrNothing(backend, prior);
   out.min_prior = bounds.min;
   out.max_prior = bounds.max;
-  out.prior_deviation = MeanDeviation(view.depth.values, bounds);
-  out.inverse_depth = view.depth.kind == DepthPrior::Kind::kDisparity;
 }
 
 }  // namespace
@@ -151,6 +155,8 @@ TrainingViews::TrainingViews(Backend& backend, const Capture& capture,
     for (int size = 0; size < (options.coarse ? kNumSizes : 1); ++size) {
       // Index k has 1 / 2^k of the size, see Schedule::ShrinkAt.
       sizes[size] = Upload(backend, view, 1 << size);
+      sizes[size].inverse_depth = with_prior && options.disparity_as_inverse_depth &&
+                                  view.depth.kind == DepthPrior::Kind::kDisparity;
       if (with_prior) UploadPrior(backend, view, 1 << size, sizes[size]);
       const PinholeView& pinhole = sizes[size].pinhole;
       const int64_t num_pixels = static_cast<int64_t>(pinhole.width) * pinhole.height;

@@ -19,12 +19,15 @@ struct TrainingView {
   Buffer<float> prior;                 // depth prior [H, W], NaN: unknown; empty when there is none
   float min_prior = 0, max_prior = 0;  // the 1st and 99th percentiles; values outside are outliers
   double prior_deviation = 0;          // mean |value - mean| of the values within
-  bool inverse_depth = false;          // the prior is a disparity: it is compared with 1 / z
+  bool inverse_depth = false;          // the prior is compared with 1 / z: it is a disparity
 };
 
 struct TrainingViewsOptions {
   bool coarse = false;      // also at 1/2 and 1/4 of the size
   bool with_depth = false;  // with the depth priors
+  // See ReconstructOptions::disparity_as_inverse_depth. False: `prior` holds negative disparities,
+  // which grow with z as the fit demands.
+  bool disparity_as_inverse_depth = true;
 };
 
 // The capture's training views, uploaded once, photographs as bytes. Smaller sizes are averages

@@ -7,7 +7,6 @@
 
 #include "core/render/feature_maps.h"
 #include "kernels/half.h"
-#include "kernels/math/gate.h"
 #include "kernels/math/pair.h"
 
 namespace pepeseg {
@@ -64,7 +63,7 @@ FeaturePalette MakeFeaturePalette(const FeatureField& field, double scale) {
   FeaturePalette palette;
   if (field.empty()) return palette;
   // The colours are of gated features, psi(s) * f, so they show what is alike at this scale.
-  GateAt(field.gate.data(), kFeatureSize, static_cast<float>(scale), palette.psi.data());
+  PsiAt(field.gate, static_cast<float>(scale), palette.psi.data());
   const Features units = SampleUnits(field, palette.psi.data());
   const Axes axes = PrincipalAxes(units);
   for (int k = 0; k < 3; ++k) {

@@ -41,11 +41,16 @@ double ScaleOfQuantile(const FeatureField& field, double quantile) {
                    position - static_cast<double>(low));
 }
 
+void PsiAt(std::span<const float> gate, float scale, float* psi) {
+  GateAt(GateNumbers<float>{gate.data(), static_cast<int64_t>(gate.size())}, kFeatureSize, scale,
+         psi);
+}
+
 // METHOD.md section 3: the cosine of two features at a scale is the dot product of their units.
 std::vector<float> GatedUnits(std::span<const float> features, std::span<const float> gate,
                               float scale) {
   float psi[kFeatureSize];
-  GateAt(gate.data(), kFeatureSize, scale, psi);
+  PsiAt(gate, scale, psi);
   std::vector<float> units(features.size());
   for (size_t i = 0; i < features.size(); i += kFeatureSize) {
     GatedUnit(psi, features.data() + i, kFeatureSize, units.data() + i);
@@ -57,7 +62,7 @@ std::vector<float> GatedUnits(std::span<const float> features, std::span<const f
 std::vector<float> GatedMean(std::span<const float> features, std::span<const float> gate,
                              float scale) {
   float psi[kFeatureSize];
-  GateAt(gate.data(), kFeatureSize, scale, psi);
+  PsiAt(gate, scale, psi);
   double sums[kFeatureSize] = {};
   for (size_t i = 0; i < features.size(); i += kFeatureSize) {
     double squares = 0;

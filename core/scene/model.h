@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -29,7 +28,9 @@ struct FeatureField {
   // [num_gaussians], in (0, 1]: weight of a feature in blending, see FeatureConfidence. Empty: 1
   // for all.
   std::vector<float> confidence;
-  std::array<float, 64> gate{};        // W[32], b[32]: psi(s) = sigmoid(W s + b)
+  // The scale gate psi(s), of one or two layers: kGateSize or kTwoLayerGateSize numbers, see
+  // kernels/math/gate.h.
+  std::vector<float> gate = std::vector<float>(64);
   std::vector<float> scale_quantiles;  // [1000] ascending, scene units: quantile k / 999
 
   bool empty() const { return features.empty(); }
@@ -68,6 +69,8 @@ int64_t LargestView(const std::vector<ModelView>& views);
 double QuantileOfScale(const FeatureField& field, double scene_units);
 double ScaleOfQuantile(const FeatureField& field, double quantile);
 
+// Writes psi(scale), [32], of a FeatureField::gate. `scale` is a quantile scale.
+void PsiAt(std::span<const float> gate, float scale, float* psi);
 // Returns the features [n, 32], each gated by psi(scale) and scaled to length 1. `features` is
 // [n, 32]; `gate` is FeatureField::gate; `scale` is a quantile scale.
 std::vector<float> GatedUnits(std::span<const float> features, std::span<const float> gate,

@@ -14,9 +14,14 @@ enum class Preset {
   kPreview = 1,   // the shortest training that gives something to click on
   kStandard = 2,  // the defaults, where more time begins to gain less quality
   kBest = 3,      // where more time gains no quality
+  kPaper = 4,     // the recipe of the paper as printed, see SetPaper
 };
 // Returns INVALID_ARGUMENT for a number that is not a preset.
 absl::Status Validate(Preset preset);
+
+// Sets the options to the recipe of PePESeg3D as printed (METHOD.md section 9), without anything
+// that METHOD.md section 7 adds. Seeds and the number of samples drawn ahead keep their values.
+void SetPaper(ReconstructOptions& reconstruct, FeatureOptions& features);
 
 // Sets the options that differ between the presets; the others keep their values.
 void Apply(Preset preset, ReconstructOptions& reconstruct, FeatureOptions& features);

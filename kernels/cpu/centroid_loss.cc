@@ -36,7 +36,7 @@ void CpuBackend::CentroidLoss(const CentroidLossArgs& args) {
   if (failed()) return;
   const int64_t num_pixels = args.pixel_features.size / kFeatureSize;
   float psi[kFeatureSize];
-  GateAt(args.gate.data, kFeatureSize, args.scale, psi);
+  GateAt({args.gate.data, args.gate.size}, kFeatureSize, args.scale, psi);
   std::vector<NearCentroid> near(num_pixels);
   const int64_t num_chunks = (num_pixels + kChunk - 1) / kChunk;
   const auto for_each_pixel = [&](const auto& body) {
@@ -71,7 +71,8 @@ void CpuBackend::CentroidLoss(const CentroidLossArgs& args) {
   });
   float psi_grad[kFeatureSize] = {};
   for (size_t i = 0; i < psi_grads.size(); ++i) psi_grad[i % kFeatureSize] += psi_grads[i];
-  GateAtVjp(psi, psi_grad, kFeatureSize, args.scale, args.gate_grad.data);
+  GateAtVjp({args.gate.data, args.gate.size}, kFeatureSize, args.scale, psi_grad,
+            args.gate_grad.data);
 }
 
 }  // namespace pepeseg

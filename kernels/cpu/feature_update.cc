@@ -20,7 +20,7 @@ void CpuBackend::FeatureCatchUp(const FeatureCatchUpArgs& args) {
   });
 }
 
-// Columns are independent of each other. The gate, of kGateSize numbers, is updated serially.
+// Columns are independent of each other. The gate, which is small, is updated serially.
 void CpuBackend::FeatureUpdate(const FeatureUpdateArgs& args) {
   if (failed()) return;
   const int64_t count = args.columns.gaussian.size;
@@ -30,7 +30,7 @@ void CpuBackend::FeatureUpdate(const FeatureUpdateArgs& args) {
   const FeatureRates& r = args.rates;
   // c(step) holds both bias corrections, see FeatureState.
   const AdamRates<float> rates = {r.beta1, r.beta2, r.epsilon, r.correction[args.step], 1};
-  for (int k = 0; k < kGateSize; ++k) {
+  for (int64_t k = 0; k < args.gate.size; ++k) {
     args.gate[k] += AdamStep(rates, r.learning_rate, args.gate_grad[k], args.gate_moment1[k],
                              args.gate_moment2[k]);
   }

@@ -23,7 +23,7 @@ float Inverse(double count) { return count == 0 ? 0.0f : static_cast<float>(1 / 
 // Adds the blocks' gradients of psi in their order and passes them on to the gate.
 void GateGradient(const PairJob& job, const std::vector<PairBlock>& blocks) {
   const PairLossArgs& args = *job.args;
-  std::fill_n(args.gate_grad.data, kGateSize, 0.0f);
+  std::fill_n(args.gate_grad.data, args.gate_grad.size, 0.0f);
   for (int scale = 0; scale < job.num_scales; ++scale) {
     float psi_grad[kFeatureSize] = {};
     for (const PairBlock& block : blocks) {
@@ -31,7 +31,7 @@ void GateGradient(const PairJob& job, const std::vector<PairBlock>& blocks) {
         psi_grad[k] += block.psi_grad[scale * kFeatureSize + k];
       }
     }
-    GateAtVjp(job.psi + scale * kFeatureSize, psi_grad, kFeatureSize, args.scales[scale],
+    GateAtVjp({args.gate.data, args.gate.size}, kFeatureSize, args.scales[scale], psi_grad,
               args.gate_grad.data);
   }
 }

@@ -12,6 +12,9 @@ namespace {
 // Share of all pairs that counts as hard at least, for the number of easy ones.
 constexpr double kMinHardShare = 0.05;
 
+static_assert(kGateSize == OneLayerGateSize(kFeatureSize) &&
+              kTwoLayerGateSize == TwoLayerGateSize(kFeatureSize));
+
 }  // namespace
 
 PairPlan::PairPlan(const PairLossArgs& args) : job() {
@@ -43,7 +46,8 @@ PairPlan::PairPlan(const PairLossArgs& args) : job() {
 void PairPlan::GateScales(const PairLossArgs& args) {
   psi_.resize(args.scales.size * kFeatureSize);
   for (int64_t scale = 0; scale < args.scales.size; ++scale) {
-    GateAt(args.gate.data, kFeatureSize, args.scales[scale], psi_.data() + scale * kFeatureSize);
+    GateAt({args.gate.data, args.gate.size}, kFeatureSize, args.scales[scale],
+           psi_.data() + scale * kFeatureSize);
   }
 }
 

@@ -20,7 +20,8 @@ void SumBlocks(const PerceptionJob& job, const std::vector<PerceptionBlock>& blo
     for (const PerceptionBlock& block : blocks) {
       for (int k = 0; k < kFeatureSize; ++k) psi_grad[k] += block.psi_grad[at + k];
     }
-    GateAtVjp(job.psi + at, psi_grad, kFeatureSize, args.scales[scale], args.gate_grad.data);
+    GateAtVjp({args.gate.data, args.gate.size}, kFeatureSize, args.scales[scale], psi_grad,
+              args.gate_grad.data);
   }
 }
 
@@ -34,7 +35,8 @@ void CpuBackend::PerceptionLoss(const PerceptionLossArgs& args) {
   const auto num_scales = static_cast<int>(args.scales.size);
   std::vector<float> psi(num_scales * kFeatureSize);
   for (int scale = 0; scale < num_scales; ++scale) {
-    GateAt(args.gate.data, kFeatureSize, args.scales[scale], psi.data() + scale * kFeatureSize);
+    GateAt({args.gate.data, args.gate.size}, kFeatureSize, args.scales[scale],
+           psi.data() + scale * kFeatureSize);
   }
   std::vector<float> unit(num_pixels * num_scales * kFeatureSize);
   const PerceptionJob job = {&args, num_scales, psi.data(), unit.data()};

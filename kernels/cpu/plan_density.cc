@@ -111,10 +111,8 @@ std::vector<size_t> MortonOrder(const std::vector<Row>& rows) {
 // Serial: density control runs only once in many steps.
 void CpuBackend::PlanDensity(const PlanDensityArgs& args) {
   if (failed()) return;
-  // Bounds as the parameters are stored: logarithms and logits. A min_opacity of 0 becomes
-  // -infinity.
-  const DensityBounds bounds = {args.min_gradient, std::log(args.clone_size),
-                                std::log(args.min_opacity / (1 - args.min_opacity))};
+  const DensityBounds bounds =
+      MakeDensityBounds(args.min_gradient, args.clone_size, args.min_opacity, args.max_size);
   std::vector<DensityFate> fates;
   for (int64_t i = 0; i < args.gaussians.count; ++i) fates.push_back(FateOf(args, bounds, i));
   LimitToRoom(args, fates);

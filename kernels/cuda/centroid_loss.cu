@@ -3,8 +3,8 @@
 #include "kernels/cuda/arena.h"
 #include "kernels/cuda/channel.cuh"
 #include "kernels/cuda/cuda_backend.h"
+#include "kernels/cuda/gate.cuh"
 #include "kernels/cuda/launch.h"
-#include "kernels/math/gate.h"
 
 // CentroidLoss (CentroidLossArgs in kernels/ops/feature.h; METHOD.md section 3, "Centroids").
 // Launches, ordered by the stream:
@@ -30,7 +30,7 @@ struct Near {
 
 // Channel k of psi.
 __device__ float PsiOf(const CentroidLossArgs& args, int k) {
-  return Gate(args.gate.data[k], args.gate.data[kFeatureSize + k], args.scale);
+  return PsiChannel(args.gate, args.scale, k);
 }
 
 __global__ void __launch_bounds__(kBlock) NearKernel(CentroidLossArgs args, Near* near) {
@@ -119,6 +119,9 @@ __global__ void __launch_bounds__(kBlock)
   float psi_grad = 0;
   for (int w = 0; w < kWarps; ++w) psi_grad += sums[w][lane];
   const float bias_grad = GateVjp(PsiOf(args, lane), psi_grad);
+  if (HasTwoLayers(args.gate.size, kFeatureSize)) {
+    return AddTwoLayerGrad(args.gate.data, args.scale, bias_grad, args.gate_grad.data);
+  }
   args.gate_grad.data[lane] += args.scale * bias_grad;
   args.gate_grad.data[kFeatureSize + lane] += bias_grad;
 }

@@ -82,12 +82,12 @@ __global__ void __launch_bounds__(kBlock)
   if (lane == 0) args.state.last_step.data[gaussian] = args.step;
 }
 
-// One step of Adam on the gate's 32 weights and 32 biases.
+// One step of Adam on the gate's weights and biases, by one block.
 __device__ void UpdateGate(const FeatureUpdateArgs& args, const AdamRates<float>& rates) {
-  const int k = static_cast<int>(threadIdx.x);
-  if (k >= kGateSize) return;
-  args.gate.data[k] += AdamStep(rates, args.rates.learning_rate, args.gate_grad.data[k],
-                                args.gate_moment1.data[k], args.gate_moment2.data[k]);
+  for (int64_t k = threadIdx.x; k < args.gate.size; k += kBlock) {
+    args.gate.data[k] += AdamStep(rates, args.rates.learning_rate, args.gate_grad.data[k],
+                                  args.gate_moment1.data[k], args.gate_moment2.data[k]);
+  }
 }
 
 // One step of Adam on the touched features. norm_scale is the weight of the norm term of one of

@@ -1,9 +1,9 @@
 #include <cuda_runtime.h>
 
 #include "kernels/cuda/channel.cuh"
+#include "kernels/cuda/gate.cuh"
 #include "kernels/cuda/launch.h"
 #include "kernels/cuda/pair_work.cuh"
-#include "kernels/math/gate.h"
 
 // First pass of PairLoss: everything that does not need cosines. One launch with three kinds of
 // blocks, which do not depend on each other:
@@ -60,8 +60,7 @@ __device__ PairWeights ScaleWeights(const Extremes& of_all, int num_pixels) {
 
 // One channel of psi at a scale.
 __device__ float PsiOf(const PairWork& work, int scale, int channel) {
-  const float* gate = work.args.gate.data;
-  return Gate(gate[channel], gate[kFeatureSize + channel], work.args.scales.data[scale]);
+  return PsiChannel(work.args.gate, work.args.scales.data[scale], channel);
 }
 
 // Finds psi, the scaling of the weights, and the number of pixels in the norm term. One block.

@@ -1,7 +1,7 @@
 #include <cuda_runtime.h>
 
+#include "kernels/cuda/gate.cuh"
 #include "kernels/cuda/pair_work.cuh"
-#include "kernels/math/gate.h"
 
 // Last pass of PairLoss: adds the parts that tiles and blocks of pixels have stored, and passes the
 // gradient of psi on to the gate. Two blocks, which share nothing: block 0 has the gate, block 1
@@ -80,16 +80,26 @@ __device__ void SumGate(const PairWork& work, int num_pixel_blocks, Shared& shar
     for (const auto& of_warp : shared.psi_grad) psi_grad += of_warp[i];
     shared.psi_grad[0][i] = GateVjp(work.psi[i], psi_grad);  // read by this thread alone
   }
+  const DeviceSpan<float> gate_grad = work.args.gate_grad;
+  const bool two_layers = HasTwoLayers(gate_grad.size, kFeatureSize);
+  if (two_layers) {  // AddTwoLayerGrad adds to it
+    for (int64_t i = threadIdx.x; i < gate_grad.size; i += kBlock) gate_grad.data[i] = 0;
+  }
   __syncthreads();
   if (warp != 0) return;
   float weight_grad = 0, bias_grad = 0;
   for (int scale = 0; scale < work.num_scales; ++scale) {
     const float grad = shared.psi_grad[0][scale * kFeatureSize + lane];
+    if (two_layers) {
+      AddTwoLayerGrad(work.args.gate.data, work.args.scales.data[scale], grad, gate_grad.data);
+      continue;
+    }
     weight_grad = MulAdd(work.args.scales.data[scale], grad, weight_grad);
     bias_grad += grad;
   }
-  work.args.gate_grad.data[lane] = weight_grad;
-  work.args.gate_grad.data[kFeatureSize + lane] = bias_grad;
+  if (two_layers) return;
+  gate_grad.data[lane] = weight_grad;
+  gate_grad.data[kFeatureSize + lane] = bias_grad;
 }
 
 __global__ void __launch_bounds__(kBlock)

@@ -3,8 +3,8 @@
 #include "kernels/cuda/arena.h"
 #include "kernels/cuda/channel.cuh"
 #include "kernels/cuda/cuda_backend.h"
+#include "kernels/cuda/gate.cuh"
 #include "kernels/cuda/launch.h"
-#include "kernels/math/gate.h"
 
 // PerceptionLoss (PerceptionLossArgs in kernels/ops/perception.h; METHOD.md section 3, "Perception
 // loss"; terms in kernels/math/pair.h). Two launches, ordered by the stream.
@@ -46,8 +46,7 @@ Work TakeWork(const PerceptionLossArgs& args, Arena& arena) {
 
 // One channel of psi at a scale.
 __device__ float PsiOf(const Work& work, int scale, int lane) {
-  const float* gate = work.args.gate.data;
-  return Gate(gate[lane], gate[kFeatureSize + lane], work.args.scales.data[scale]);
+  return PsiChannel(work.args.gate, work.args.scales.data[scale], lane);
 }
 
 // One pixel at one scale, as a lane holds it.
@@ -85,11 +84,16 @@ __device__ void AddPairs(const Work& work, int32_t e, int32_t end, PixelAtScale&
   }
 }
 
-// Returns one channel of the gradient of pixel p through one scale, and adds to psi_grad and the
-// loss.
-__device__ float PixelGrad(const Work& work, int p, int scale, Channel& psi_grad, float& loss) {
+// A block's sums at one scale, as a lane holds them.
+struct ScaleSums {
+  Channel psi, psi_grad;  // psi, and the sum of its gradients
+  float loss;
+};
+
+// Returns one channel of the gradient of pixel p through one scale, and adds to the sums.
+__device__ float PixelGrad(const Work& work, int p, int scale, ScaleSums& sums) {
   const int lane = static_cast<int>(threadIdx.x) % 32;
-  const Channel psi(PsiOf(work, scale, lane));
+  const Channel psi = sums.psi;
   const Channel feature(work.args.pixel_features.data[p * kFeatureSize + lane]);
   Channel unit(0);
   GatedUnit(&psi, &feature, 1, &unit);
@@ -97,10 +101,10 @@ __device__ float PixelGrad(const Work& work, int p, int scale, Channel& psi_grad
   PixelAtScale pixel = {scale, psi.v, unit.v, {share[0], share[work.num_scales]}, 0, 0};
   const int32_t end = work.args.first.data[p + 1];
   for (int32_t e = work.args.first.data[p]; e < end; e += kAtOnce) AddPairs(work, e, end, pixel);
-  loss += pixel.loss;
+  sums.loss += pixel.loss;
   const Channel unit_grad(pixel.unit_grad);
   Channel grad(0);
-  GatedUnitVjp(&psi, &feature, 1, &unit_grad, &grad, &psi_grad);
+  GatedUnitVjp(&psi, &feature, 1, &unit_grad, &grad, &sums.psi_grad);
   return grad.v;
 }
 
@@ -108,14 +112,13 @@ __device__ float PixelGrad(const Work& work, int p, int scale, Channel& psi_grad
 __global__ void __launch_bounds__(kMaxScales * 32) PairKernel(Work work) {
   __shared__ float grads[kMaxScales][kFeatureSize];
   const int scale = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
-  Channel psi_grad(0);
-  float loss = 0;
+  ScaleSums sums = {Channel(PsiOf(work, scale, lane)), Channel(0), 0};
   for (int i = 0; i < kPixels; ++i) {
     // The pixels of a block are far apart in the list, because those with many pairs are
     // neighbours.
     const int p = i * static_cast<int>(gridDim.x) + static_cast<int>(blockIdx.x);
     if (p >= work.num_pixels || work.args.first.data[p] == work.args.first.data[p + 1]) continue;
-    grads[scale][lane] = PixelGrad(work, p, scale, psi_grad, loss);
+    grads[scale][lane] = PixelGrad(work, p, scale, sums);
     __syncthreads();
     if (scale == 0) {
       float sum = work.args.pixel_grad.data[p * kFeatureSize + lane];
@@ -125,8 +128,8 @@ __global__ void __launch_bounds__(kMaxScales * 32) PairKernel(Work work) {
     __syncthreads();
   }
   const int64_t part = int64_t{blockIdx.x} * work.num_scales + scale;
-  work.psi_grad[part * kFeatureSize + lane] = psi_grad.v;
-  if (lane == 0) work.loss[part] = static_cast<double>(loss);
+  work.psi_grad[part * kFeatureSize + lane] = sums.psi_grad.v;
+  if (lane == 0) work.loss[part] = static_cast<double>(sums.loss);
 }
 
 // One block. Warp w has scale w / kSumWarps and every kScalesAtOnce-th after it, and of the blocks
@@ -153,19 +156,25 @@ __global__ void __launch_bounds__(1024) SumKernel(Work work, int num_blocks) {
   }
   __syncthreads();
   if (warp != 0) return;
+  const DeviceSpan<float> gate_grad = work.args.gate_grad;
+  const bool two_layers = HasTwoLayers(gate_grad.size, kFeatureSize);
   float weight_grad = 0, bias_grad = 0;
   double loss = 0;
   for (int scale = 0; scale < work.num_scales; ++scale) {
     float psi_grad = 0;
     for (const auto& of_turn : psi_grads[scale]) psi_grad += of_turn[lane];
     const float grad = GateVjp(PsiOf(work, scale, lane), psi_grad);
+    if (two_layers) {
+      AddTwoLayerGrad(work.args.gate.data, work.args.scales.data[scale], grad, gate_grad.data);
+    }
     weight_grad = MulAdd(work.args.scales.data[scale], grad, weight_grad);
     bias_grad += grad;
     for (const double of_turn : losses[scale]) loss += 0.5 * of_turn;
   }
-  work.args.gate_grad.data[lane] += weight_grad;
-  work.args.gate_grad.data[kFeatureSize + lane] += bias_grad;
   if (lane == 0) work.args.loss.data[0] = loss;
+  if (two_layers) return;
+  gate_grad.data[lane] += weight_grad;
+  gate_grad.data[kFeatureSize + lane] += bias_grad;
 }
 
 }  // namespace

@@ -219,8 +219,8 @@ DensityCounts CudaBackend::DecideFates(const PlanDensityArgs& args, DeviceSpan<u
   SortBuffers<uint32_t> sort(*this, count);
   Buffer<unsigned long long> num_of_fate(*this, 4);
   if (!error_.empty()) return {};
-  const DensityBounds bounds = {args.min_gradient, std::log(args.clone_size),
-                                std::log(args.min_opacity / (1 - args.min_opacity))};
+  const DensityBounds bounds =
+      MakeDensityBounds(args.min_gradient, args.clone_size, args.min_opacity, args.max_size);
   auto* fates = reinterpret_cast<DensityFate*>(fate.data);
   FateKernel<<<NumBlocks(count, kBlock), kBlock, 0, stream_>>>(
       {ToDevice(args.gaussians), count, args.mean2d_grad_sum.data, args.num_visible.data, bounds,

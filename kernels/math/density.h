@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "kernels/math/blend.h"
 #include "kernels/math/projection.h"
@@ -28,13 +30,25 @@ struct DensityBounds {
   float min_gradient;     // mean gradient of the position on screen from which on it is densified
   float clone_log_scale;  // largest log scale of a Gaussian that is cloned and not split
   float min_logit;        // of the opacity; fainter Gaussians, and NaN, are pruned
+  float max_log_scale;    // largest log scale of a Gaussian, or of its children; infinity: no limit
 };
 // Returns the fate before the limit on the number of Gaussians is applied.
 PEPESEG_HD DensityFate FateOf(const DensityBounds& bounds, float logit, float largest_log_scale,
                               float mean_gradient) {
   if (!(logit >= bounds.min_logit)) return kFatePruned;
-  if (!(mean_gradient >= bounds.min_gradient)) return kFateKept;
-  return largest_log_scale <= bounds.clone_log_scale ? kFateCloned : kFateSplit;
+  const bool densified = mean_gradient >= bounds.min_gradient;
+  const bool split = densified && !(largest_log_scale <= bounds.clone_log_scale);
+  // 3DGS prunes after it has split: the children's size counts.
+  if (largest_log_scale - (split ? kLogSplitShrink : 0) > bounds.max_log_scale) return kFatePruned;
+  if (split) return kFateSplit;
+  return densified ? kFateCloned : kFateKept;
+}
+// Bounds from the arguments of PlanDensity: sizes in scene units, an opacity in [0, 1). The bound
+// for a min_opacity of 0 is -infinity, for a max_size of 0 infinity.
+inline DensityBounds MakeDensityBounds(float min_gradient, float clone_size, float min_opacity,
+                                       float max_size) {
+  return {min_gradient, std::log(clone_size), std::log(min_opacity / (1 - min_opacity)),
+          max_size > 0 ? std::log(max_size) : std::numeric_limits<float>::infinity()};
 }
 
 // Hash of 32 bits (lowbias32 of Wellons' hash-prospector): every bit depends on all bits of x.

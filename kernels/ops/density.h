@@ -22,10 +22,11 @@ struct DensityCounts {
 // present ones, in Morton order of their means, so that neighbours in space are neighbours in
 // memory. GatherRows then moves the parameters.
 //
-// A Gaussian with an opacity below min_opacity, or NaN, is pruned. Of the others, those with a mean
-// gradient of at least min_gradient are densified, as far as max_count has room. A small Gaussian
-// is cloned in place; a large one is split: children are drawn from it that are 1.6 times smaller
-// (kernels/math/density.h).
+// A Gaussian with an opacity below min_opacity, or NaN, is pruned; so is one with a standard
+// deviation above max_size, or whose children would have one if it is to be split. Of the others,
+// those with a mean gradient of at least min_gradient are densified, as far as max_count has room.
+// A small Gaussian is cloned in place; a large one is split: children are drawn from it that
+// are 1.6 times smaller (kernels/math/density.h).
 //
 // The host waits for the counts. On an error the outputs are unspecified.
 struct PlanDensityArgs {
@@ -35,6 +36,7 @@ struct PlanDensityArgs {
   float min_gradient = 0;  // of mean2d_grad_sum / num_visible, which is 0 for a Gaussian never seen
   float clone_size = 0;    // scene units; a Gaussian is split if a standard deviation exceeds it
   float min_opacity = 0;   // [0, 1); 0 prunes none
+  float max_size = 0;      // scene units; see above. 0: none is too large
   int64_t max_count = 0;   // Gaussians to densify up to; does not prune
   // Where there is no room for all. False, as in 3DGS: those with the largest mean gradients are
   // densified, equal ones by index. True: they are drawn without replacement, with odds of

@@ -17,8 +17,11 @@
 
 namespace pepeseg {
 
-// Size of the gate: W[32], then b[32], where psi(s) = sigmoid(W s + b).
+// Numbers of a gate of one layer, W[32] and b[32], and of one of two layers; see
+// kernels/math/gate.h. The size of `gate` in the arguments says which of the two it is; its
+// gradient and moments have the same layout and size.
 inline constexpr int kGateSize = 2 * kFeatureSize;
+inline constexpr int kTwoLayerGateSize = 2 * 32 + (32 + 1) * kFeatureSize;
 inline constexpr int kMaxScales = 16;
 
 // Sparse rows over Gaussians: of the sampled pixels of a view, with the Gaussians that are blended
@@ -118,14 +121,14 @@ struct PairLossArgs {
   int num_patches = 0;                     // mask cells of the batch
   int label_words = 1;                     // 64-bit words of a bitset
   DeviceSpan<const float> scales;          // [num_scales] quantile scales in [0, 2]; 1..kMaxScales
-  DeviceSpan<const float> gate;            // [kGateSize]
+  DeviceSpan<const float> gate;            // [kGateSize] or [kTwoLayerGateSize]
   float min_positive = 0.75f;              // cosine
   float max_negative = 0.5f;               // cosine
   float easy_share = 0.5f;                 // see above; >= 0
   float min_norm_alpha = 0.9f;             // [0, 1]
   uint32_t pair_seed = 0;        // of the draw, a hash of the seed and the pair: no state is kept
   DeviceSpan<float> pixel_grad;  // [S, 32] d loss / d F
-  DeviceSpan<float> gate_grad;   // [kGateSize]
+  DeviceSpan<float> gate_grad;   // as gate
   DeviceSpan<double> sums;       // [kNumPairLossSums]
 };
 // Sums over the pairs that count, at each scale, and the numbers to divide them by.
@@ -145,12 +148,12 @@ enum PairLossSum {
 struct CentroidLossArgs {
   DeviceSpan<const float> pixel_features;  // [S, 32] F
   DeviceSpan<const float> centroids;       // [K, 32] gated, of length 1; K >= 1
-  DeviceSpan<const float> gate;            // [kGateSize]
+  DeviceSpan<const float> gate;            // [kGateSize] or [kTwoLayerGateSize]
   float scale = 1;                         // quantile scale
   float min_cosine = 0.9f;                 // [0, 1)
   float weight = 1;                        // factor of the gradients; not of `sums`
   DeviceSpan<float> pixel_grad;            // [S, 32] in and out: added to
-  DeviceSpan<float> gate_grad;             // [kGateSize] in and out: added to
+  DeviceSpan<float> gate_grad;             // as gate, in and out: added to
   DeviceSpan<double> sums;                 // [kNumCentroidSums]
 };
 enum CentroidSum {
@@ -168,12 +171,12 @@ struct FeatureUpdateArgs {
   DeviceSpan<const float> pixel_grad;  // [S, 32] gradients of the rows that `columns` refers to
   // True: what a column gathers is the gradient of f / |f|, see SmoothFeaturesArgs, instead of f.
   bool of_direction = false;
-  DeviceSpan<const float> gate_grad;  // [kGateSize]
+  DeviceSpan<const float> gate_grad;  // as gate
   FeatureRates rates;
   float norm_weight = 1;
   int step = 1;        // number of this update, from 1; touched rows are up to date with step - 1
   FeatureState state;  // in and out; the touched rows become up to date with `step`
-  DeviceSpan<float> gate, gate_moment1, gate_moment2;  // [kGateSize] in and out
+  DeviceSpan<float> gate, gate_moment1, gate_moment2;  // of one size, in and out
 };
 
 // cos(psi * F(p), psi * q_k) for a cached feature map and query vectors. 0 where |F(p)| < min_norm:

@@ -29,10 +29,10 @@ struct PerceptionLossArgs {
   // 1 / (num_scales * number of those pairs at that scale).
   DeviceSpan<const float> share;   // [2, num_scales]
   DeviceSpan<const float> scales;  // [num_scales] quantile scales; at most kMaxScales
-  DeviceSpan<const float> gate;    // [kGateSize]
+  DeviceSpan<const float> gate;    // [kGateSize] or [kTwoLayerGateSize]
   float weight = 1;                // factor of the gradients; not of `loss`
   DeviceSpan<float> pixel_grad;    // [S, 32] in and out: added to
-  DeviceSpan<float> gate_grad;     // [kGateSize] in and out: added to
+  DeviceSpan<float> gate_grad;     // as gate, in and out: added to
   DeviceSpan<double> loss;         // [1] L_p
 };
 

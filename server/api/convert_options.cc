@@ -52,7 +52,10 @@
   FIELD(min_band_gain) \
   FIELD(min_depth_agreement) \
   FIELD(pixels_per_gaussian) \
-  FIELD(opacity_decay)
+  FIELD(opacity_decay) \
+  FIELD(mean_learning_rate_cap) \
+  FIELD(prune_size) \
+  FIELD(disparity_as_inverse_depth)
 #define PEPESEG_FEATURE_FIELDS(FIELD) \
   FIELD(num_steps) \
   FIELD(num_pixels) \
@@ -80,7 +83,15 @@
   FIELD(steps_per_chunk) \
   FIELD(min_loss_fall) \
   FIELD(closing_share) \
-  FIELD(seed)
+  FIELD(seed) \
+  FIELD(gate_layers) \
+  FIELD(centroid_cosine_upper) \
+  FIELD(centroid_cosine_lower) \
+  FIELD(centroid_check_masks) \
+  FIELD(perception_fit_window) \
+  FIELD(perception_unlabelled_only) \
+  FIELD(perception_depth_floor) \
+  FIELD(perception_color_floor)
 // clang-format on
 
 // The casts are for enums, which have the same numbers in the message and in the struct.

@@ -13,7 +13,7 @@ import os
 
 import measured
 
-PRESETS = ("preview", "standard", "best")
+PRESETS = ("preview", "standard", "best", "paper")
 # The steps from the request to the first click, in their order.
 STAGES = ("upload", "queue", "prepare", "sfm", "priors", "reconstruct", "evaluate", "features",
           "index", "between", "first_click")

@@ -14,11 +14,12 @@ inline void AddPresetFlag(CLI::App& app, ReconstructOptions& stage_one, FeatureO
          [&](const std::string& name) {
            const Preset preset = name == "preview" ? Preset::kPreview
                                  : name == "best"  ? Preset::kBest
+                                 : name == "paper" ? Preset::kPaper
                                                    : Preset::kStandard;
            Apply(preset, stage_one, stage_two);
          },
-         "preview, standard or best")
-      ->check(CLI::IsMember({"preview", "standard", "best"}))
+         "preview, standard, best or paper")
+      ->check(CLI::IsMember({"preview", "standard", "best", "paper"}))
       ->trigger_on_parse();
 }
 
@@ -32,6 +33,7 @@ inline void AddStageOneFlags(CLI::App& app, ReconstructOptions& stage) {
   app.add_option("--mean-rate-final", stage.mean_learning_rate_final);
   app.add_option("--mean-rate-pixels", stage.mean_rate_pixels);
   app.add_option("--rates-fall-from", stage.rates_fall_from);
+  app.add_option("--mean-rate-cap", stage.mean_learning_rate_cap);
   app.add_option("--scale-rate", stage.log_scale_learning_rate);
   app.add_option("--rotation-rate", stage.rotation_learning_rate);
   app.add_option("--opacity-rate", stage.opacity_learning_rate);
@@ -42,12 +44,14 @@ inline void AddStageOneFlags(CLI::App& app, ReconstructOptions& stage) {
   app.add_option("--depth-local-weight", stage.depth_local_weight);
   app.add_option("--depth-local-form", stage.depth_local_form, "1 windows, 2 patch");
   app.add_option("--depth-window", stage.depth_window);
+  app.add_option("--disparity-as-inverse-depth", stage.disparity_as_inverse_depth);
   app.add_option("--densify-from", stage.densify_from);
   app.add_option("--densify-until", stage.densify_until);
   app.add_option("--densify-every", stage.densify_every);
   app.add_option("--densify-gradient", stage.densify_gradient);
   app.add_option("--densify-size", stage.densify_size);
   app.add_option("--prune-opacity", stage.prune_opacity);
+  app.add_option("--prune-size", stage.prune_size);
   app.add_option("--opacity-reset-every", stage.opacity_reset_every);
   app.add_option("--pixels-per-gaussian", stage.pixels_per_gaussian);
   app.add_option("--opacity-decay", stage.opacity_decay);

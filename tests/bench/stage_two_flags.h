@@ -22,15 +22,23 @@ inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
   app.add_option("--centroid-pixels", stage.centroid_pixels);
   app.add_option("--centroid-upper", stage.centroid_weight_upper);
   app.add_option("--centroid-lower", stage.centroid_weight_lower);
+  app.add_option("--centroid-cosine-upper", stage.centroid_cosine_upper);
+  app.add_option("--centroid-cosine-lower", stage.centroid_cosine_lower);
+  app.add_option("--centroid-check-masks", stage.centroid_check_masks);
   app.add_option("--perception-weight", stage.perception_weight);
   app.add_option("--perception-pixels", stage.num_perception_pixels);
   app.add_flag("!--no-cross-view", stage.perception_cross_view,
                "do not check the perception loss against the masks of other views");
+  app.add_option("--perception-fit-window", stage.perception_fit_window);
+  app.add_option("--perception-unlabelled-only", stage.perception_unlabelled_only);
+  app.add_option("--perception-depth-floor", stage.perception_depth_floor);
+  app.add_option("--perception-color-floor", stage.perception_color_floor);
   app.add_option("--min-mask-agreement", stage.min_mask_agreement);
   app.add_option("--complete-masks", stage.complete_masks);
   app.add_option("--fine-first", stage.fine_first);
   app.add_flag_callback("--perception-gradients",
                         [&stage] { stage.perception_threshold = PerceptionThreshold::kGradients; });
+  app.add_option("--gate-layers", stage.gate_layers);
   app.add_option("--neighbors", stage.num_neighbors);
   app.add_option("--drawn-neighbors", stage.num_drawn_neighbors);
   app.add_option("--feature-chunk", stage.steps_per_chunk, "steps");

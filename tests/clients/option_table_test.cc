@@ -83,7 +83,7 @@ TEST(OptionTable, ShowsDefaultsRangesAndNames) {
       lines,
       Contains(::testing::MatchesRegex("reconstruct.depth_local_form +windows +windows, patch")));
   EXPECT_THAT(lines,
-              Contains(::testing::MatchesRegex("preset +standard +preview, standard, best")));
+              Contains(::testing::MatchesRegex("preset +standard +preview, standard, best, paper")));
 }
 
 }  // namespace

@@ -32,17 +32,26 @@ Values Centroids() {
   return centroids;
 }
 
+// psi of a gate of either number of layers.
+Values PsiOf(const Values& gate) {
+  Values psi(kSize);
+  GateAt(GateNumbers<double>{gate.data(), static_cast<int64_t>(gate.size())}, kSize, kScale,
+         psi.data());
+  return psi;
+}
+
 // Features of the pixels, then the gate. Once gated, every other pixel is near a centroid.
-Values PixelsAndGate() {
+Values PixelsAndGate(int gate_size = kGateSize) {
   const std::vector<float> noise = RandomValues(kPixels * kSize, 5);
-  const std::vector<float> gate = RandomValues(kGateSize, 6);
+  const std::vector<float> gate = RandomValues(gate_size, 6);
+  const Values psi = PsiOf({gate.begin(), gate.end()});
   const Values centroids = Centroids();
   Values x(noise.begin(), noise.end());
   x.insert(x.end(), gate.begin(), gate.end());
   for (int p = 0; p < kPixels; p += 2) {
     for (int i = 0; i < kSize; ++i) {
-      const double psi = Gate(double{gate[i]}, double{gate[kSize + i]}, kScale);
-      x[p * kSize + i] = centroids[p % kCentroids * kSize + i] / psi + 0.1 * noise[p * kSize + i];
+      x[p * kSize + i] =
+          centroids[p % kCentroids * kSize + i] / psi[i] + 0.1 * noise[p * kSize + i];
     }
   }
   return x;
@@ -56,12 +65,12 @@ struct Reference {
 // x holds the features of the pixels, then the gate.
 Reference Evaluate(const Values& x) {
   const Values centroids = Centroids();
-  const double* gate = x.data() + kPixels * kSize;
+  const Values psi = PsiOf({x.begin() + kPixels * kSize, x.end()});
   Reference sum;
   for (int p = 0; p < kPixels; ++p) {
     Values gated(kSize);
     for (int i = 0; i < kSize; ++i) {
-      gated[i] = Gate(gate[i], gate[kSize + i], kScale) * x[p * kSize + i];
+      gated[i] = psi[i] * x[p * kSize + i];
     }
     const double length =
         std::sqrt(std::inner_product(gated.begin(), gated.end(), gated.begin(), 0.0));
@@ -90,7 +99,7 @@ Result RunOp(Backend& backend, const Values& x, float min_cosine, float start) {
   const Buffer<float> gate = Upload(backend, {x.begin() + kPixels * kSize, x.end()});
   const Buffer<float> centroids = Upload(backend, {centroid_values.begin(), centroid_values.end()});
   Buffer<float> pixel_grad = Upload(backend, std::vector<float>(kPixels * kSize, start));
-  Buffer<float> gate_grad = Upload(backend, std::vector<float>(kGateSize, start));
+  Buffer<float> gate_grad = Upload(backend, std::vector<float>(gate.size(), start));
   Buffer<double> sums(backend, kNumCentroidSums);
   backend.CentroidLoss({.pixel_features = features.span(),
                         .centroids = centroids.span(),
@@ -108,16 +117,18 @@ Result RunOp(Backend& backend, const Values& x, float min_cosine, float start) {
 }
 
 TEST_P(CentroidLossTest, MatchesTheFormulaAndCentralDifferences) {
-  const Values x = PixelsAndGate();
-  const Reference want = Evaluate(x);
-  // All pixels placed near a centroid are near one, and some others are not.
-  ASSERT_GT(want.num_near, kPixels / 2 - 1);
-  ASSERT_LT(want.num_near, kPixels);
-  const Result got = RunOp(*backend_, x, kMinCosine, 0);
-  EXPECT_EQ(got.sums[kNumNearCentroids], want.num_near);
-  EXPECT_NEAR(kWeight * got.sums[kCentroidLoss] / want.num_near, want.loss, 1e-6);
-  const Values grad = CentralDifferences([](const Values& v) { return Evaluate(v).loss; }, x);
-  EXPECT_LT(RelativeError(got.grad, grad), 1e-5);
+  for (const int gate_size : {kGateSize, kTwoLayerGateSize}) {
+    const Values x = PixelsAndGate(gate_size);
+    const Reference want = Evaluate(x);
+    // All pixels placed near a centroid are near one, and some others are not.
+    ASSERT_GT(want.num_near, kPixels / 2 - 1);
+    ASSERT_LT(want.num_near, kPixels);
+    const Result got = RunOp(*backend_, x, kMinCosine, 0);
+    EXPECT_EQ(got.sums[kNumNearCentroids], want.num_near);
+    EXPECT_NEAR(kWeight * got.sums[kCentroidLoss] / want.num_near, want.loss, 1e-6);
+    const Values grad = CentralDifferences([](const Values& v) { return Evaluate(v).loss; }, x);
+    EXPECT_LT(RelativeError(got.grad, grad), 1e-5) << gate_size;
+  }
 }
 
 TEST_P(CentroidLossTest, AddsToTheGradients) {

@@ -104,9 +104,9 @@ struct LazyRun {
         features(Upload(backend, start)),
         moment1(backend, features.size()),
         moment2(backend, features.size()),
-        gate(backend, kGateSize),
-        gate1(backend, kGateSize),
-        gate2(backend, kGateSize),
+        gate(backend, kTwoLayerGateSize),
+        gate1(backend, kTwoLayerGateSize),
+        gate2(backend, kTwoLayerGateSize),
         last_step(backend, num_rows) {
     std::vector<float> terms(num_steps + 1);
     for (int t = 1; t <= num_steps; ++t) {
@@ -140,7 +140,7 @@ void LazyStep(Backend& backend, LazyRun& run, const std::vector<int32_t>& rows,
   const Buffer<int32_t> pixel_buffer(backend, std::span<const int32_t>(pixel));
   const Buffer<float> weight = Upload(backend, std::vector<float>(count, 1.0f));
   const Buffer<float> grad_buffer = Upload(backend, grad);
-  const Buffer<float> gate_grad = Upload(backend, std::vector<float>(kGateSize, 0.5f));
+  const Buffer<float> gate_grad = Upload(backend, std::vector<float>(kTwoLayerGateSize, 0.5f));
   if (count > 0) {
     backend.FeatureCatchUp({gaussian_buffer.span(), run.rates, step - 1, run.State()});
   }
@@ -191,6 +191,10 @@ TEST_P(FeaturesTest, MatchesDenseAdamWithLazyAdam) {
     moved = std::max(moved, std::abs(dense.x[i] - double{run.start[i]}));
   }
   EXPECT_GT(moved, 0.1);
+  // The gradient of the gate is the same for all its numbers in all steps.
+  const std::vector<float> gate = Download(run.gate);
+  EXPECT_LT(gate[0], -0.1);
+  for (const float g : gate) ASSERT_EQ(g, gate[0]);
 }
 
 TEST_P(FeaturesTest, GathersGradientsThroughTheRowsAndAddsTheNorm) {
@@ -202,7 +206,7 @@ TEST_P(FeaturesTest, GathersGradientsThroughTheRowsAndAddsTheNorm) {
   LazyRun run(*backend_, 120, 1);
   const std::vector<float> pixel_grad = RandomValues(num_pixels * kSize, 9);
   const Buffer<float> grad_buffer = Upload(*backend_, pixel_grad);
-  const Buffer<float> gate_grad(*backend_, kGateSize);
+  const Buffer<float> gate_grad(*backend_, kTwoLayerGateSize);
   FeatureUpdateArgs args;
   args.columns = columns.span();
   args.pixel_grad = grad_buffer.span();
@@ -268,6 +272,22 @@ TEST(GateVjp, MatchesCentralDifferences) {
   const auto f = [](const Values& v) { return 0.7 * Gate(v[0], v[1], 0.6); };
   const double bias_grad = GateVjp(Gate(0.4, -0.3, 0.6), 0.7);
   EXPECT_LT(RelativeError({0.6 * bias_grad, bias_grad}, CentralDifferences(f, {0.4, -0.3})), 1e-6);
+}
+
+TEST(GateAtVjp, MatchesCentralDifferencesWithEitherNumberOfLayers) {
+  constexpr double kScale = 0.6;
+  for (const int size : {kGateSize, kTwoLayerGateSize}) {
+    const std::vector<float> values = RandomValues(size + kSize, 3);
+    const Values gate(values.begin(), values.begin() + size), w(values.end() - kSize, values.end());
+    const auto f = [&](const Values& v) {
+      Values psi(kSize);
+      GateAt(GateNumbers<double>{v.data(), size}, kSize, kScale, psi.data());
+      return std::inner_product(psi.begin(), psi.end(), w.begin(), 0.0);
+    };
+    Values psi_grad = w, got(size);
+    GateAtVjp(GateNumbers<double>{gate.data(), size}, kSize, kScale, psi_grad.data(), got.data());
+    EXPECT_LT(RelativeError(got, CentralDifferences(f, gate)), 1e-6) << size;
+  }
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include "tests/kernels/backend_test.h"
 #include "tests/kernels/central_differences.h"
 #include "tests/kernels/pair_op.h"
+#include "tests/kernels/test_scene.h"
 
 // PairLoss against its definition in double. The draw of easy pairs, which the definition leaves to
 // chance, is tested by its numbers.
@@ -15,6 +16,12 @@ namespace {
 using Values = std::vector<double>;
 
 Values Doubles(const std::vector<float>& values) { return {values.begin(), values.end()}; }
+
+// Replaces the gate by one of two layers.
+PairBatch WithTwoLayers(PairBatch batch) {
+  batch.gate = Doubles(RandomValues(kTwoLayerGateSize, 2));
+  return batch;
+}
 
 class PairLossTest : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, PairLossTest, AllBackends(), BackendName);
@@ -36,6 +43,18 @@ TEST_P(PairLossTest, MatchesDoubleReference) {
       EXPECT_LT(RelativeError(Doubles(got.feature_grad), want.feature_grad), 2e-5) << num_pixels;
       EXPECT_LT(RelativeError(Doubles(got.gate_grad), want.gate_grad), 5e-5) << num_pixels;
     }
+  }
+}
+
+TEST_P(PairLossTest, MatchesDoubleReferenceWithAGateOfTwoLayers) {
+  for (const int num_pixels : {15, 67}) {
+    PairBatch batch = WithTwoLayers(RandomPairBatch(num_pixels, 9, 1, 3));
+    batch.every_pair = true;
+    const PairReference want = ComputePairReference(batch);
+    const PairOpResult got = RunPairLoss(*backend_, batch, 1e9f);
+    EXPECT_NEAR(got.Total(), want.Total(), 2e-6 * (1 + std::abs(want.Total())));
+    EXPECT_LT(RelativeError(Doubles(got.feature_grad), want.feature_grad), 2e-5) << num_pixels;
+    EXPECT_LT(RelativeError(Doubles(got.gate_grad), want.gate_grad), 5e-5) << num_pixels;
   }
 }
 
@@ -78,25 +97,29 @@ TEST(PairLoss, GivesTheSameBytesForAnyNumberOfThreads) {
 }
 
 TEST(PairLossVjp, MatchesCentralDifferences) {
-  PairBatch batch = RandomPairBatch(6, 3, 1, 4);
-  batch.every_pair = true;  // else a step may move a pair across a threshold
-  // max(C, 0) has a corner where a cosine changes its sign, so all are kept positive.
-  for (double& f : batch.features) f += 0.5;
-  const PairReference got = ComputePairReference(batch);
-  const auto of_features = [&](const Values& x) {
-    PairBatch moved = batch;
-    moved.features = x;
-    return ComputePairReference(moved).Total();
-  };
-  const auto of_gate = [&](const Values& x) {
-    PairBatch moved = batch;
-    moved.gate = x;
-    return ComputePairReference(moved).Total();
-  };
-  EXPECT_GT(got.num_negatives, 0);
-  EXPECT_GT(got.num_positives, 0);
-  EXPECT_LT(RelativeError(got.feature_grad, CentralDifferences(of_features, batch.features)), 1e-6);
-  EXPECT_LT(RelativeError(got.gate_grad, CentralDifferences(of_gate, batch.gate)), 1e-6);
+  for (const bool two_layers : {false, true}) {
+    PairBatch batch = RandomPairBatch(6, 3, 1, 4);
+    if (two_layers) batch = WithTwoLayers(batch);
+    batch.every_pair = true;  // else a step may move a pair across a threshold
+    // max(C, 0) has a corner where a cosine changes its sign, so all are kept positive.
+    for (double& f : batch.features) f += 0.5;
+    const PairReference got = ComputePairReference(batch);
+    const auto of_features = [&](const Values& x) {
+      PairBatch moved = batch;
+      moved.features = x;
+      return ComputePairReference(moved).Total();
+    };
+    const auto of_gate = [&](const Values& x) {
+      PairBatch moved = batch;
+      moved.gate = x;
+      return ComputePairReference(moved).Total();
+    };
+    EXPECT_GT(got.num_negatives, 0);
+    EXPECT_GT(got.num_positives, 0);
+    EXPECT_LT(RelativeError(got.feature_grad, CentralDifferences(of_features, batch.features)),
+              1e-6);
+    EXPECT_LT(RelativeError(got.gate_grad, CentralDifferences(of_gate, batch.gate)), 1e-6);
+  }
 }
 
 }  // namespace

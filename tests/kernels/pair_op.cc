@@ -28,7 +28,7 @@ PairOpResult RunPairLoss(Backend& backend, const PairBatch& batch, float easy_sh
   const Buffer<float> gate = Upload(backend, Floats(batch.gate));
   const Buffer<int32_t> patch(backend, std::span<const int32_t>(batch.patch));
   const Buffer<uint64_t> labels(backend, std::span<const uint64_t>(batch.labels));
-  Buffer<float> pixel_grad(backend, features.size()), gate_grad(backend, kGateSize);
+  Buffer<float> pixel_grad(backend, features.size()), gate_grad(backend, gate.size());
   Buffer<double> sums(backend, kNumPairLossSums);
   PairLossArgs args;
   args.pixel_features = features.span();

@@ -25,6 +25,11 @@ bool Agree(const PairBatch& batch, int scale, int p, int q) {
 
 std::vector<double> Psi(const PairBatch& batch, int scale) {
   std::vector<double> psi(kSize);
+  if (batch.gate.size() == kTwoLayerGateSize) {
+    GateAt(GateNumbers<double>{batch.gate.data(), kTwoLayerGateSize}, kSize, batch.scales[scale],
+           psi.data());
+    return psi;
+  }
   for (int k = 0; k < kSize; ++k) {
     const double x = batch.gate[k] * batch.scales[scale] + batch.gate[kSize + k];
     psi[k] = 1 / (1 + std::exp(-x));
@@ -133,7 +138,7 @@ void AddNorms(const PairBatch& batch, PairReference& out) {
 PairReference ComputePairReference(const PairBatch& batch) {
   PairReference out;
   out.feature_grad.resize(batch.features.size());
-  out.gate_grad.resize(kGateSize);
+  out.gate_grad.resize(batch.gate.size());
   std::vector<std::vector<double>> psi_grad(batch.num_scales, std::vector<double>(kSize));
   for (const Term& t : AddPairs(batch, out)) {
     const double grad = t.cosine_grad / (t.positive ? out.num_positives : out.num_negatives);
@@ -142,6 +147,11 @@ PairReference ComputePairReference(const PairBatch& batch) {
     AddCosineGrad(batch, psi, t.q, t.p, grad, out, psi_grad[t.scale]);
   }
   for (int scale = 0; scale < batch.num_scales; ++scale) {
+    if (batch.gate.size() == kTwoLayerGateSize) {
+      GateAtVjp(GateNumbers<double>{batch.gate.data(), kTwoLayerGateSize}, kSize,
+                batch.scales[scale], psi_grad[scale].data(), out.gate_grad.data());
+      continue;
+    }
     const std::vector<double> psi = Psi(batch, scale);
     for (int k = 0; k < kSize; ++k) {
       const double bias_grad = GateVjp(psi[k], psi_grad[scale][k]);

@@ -49,18 +49,33 @@ std::vector<Pair> RandomPairs() {
 }
 
 // Features of the pixels, then the gate.
-Values RandomInput() {
-  const std::vector<float> values = RandomValues(kPixels * kSize + kGateSize, 8);
+Values RandomInput(int gate_size = kGateSize) {
+  const std::vector<float> values = RandomValues(kPixels * kSize + gate_size, 8);
   return {values.begin(), values.end()};
 }
 
-// Cosine of two gated features.
-double CosineOf(const Values& x, int p, int q, double scale) {
+// psi at a scale, from its formula.
+Values PsiOf(const Values& x, double scale) {
   const double* gate = x.data() + kPixels * kSize;
+  Values psi(kSize);
+  for (int i = 0; i < kSize; ++i) {
+    double logit = gate[i] * scale + gate[kSize + i];
+    if (x.size() == kPixels * kSize + kTwoLayerGateSize) {
+      logit = gate[kTwoLayerGateSize - kSize + i];
+      for (int j = 0; j < 32; ++j) {
+        logit += gate[64 + j * kSize + i] * std::max(0.0, gate[j] * scale + gate[32 + j]);
+      }
+    }
+    psi[i] = 1 / (1 + std::exp(-logit));
+  }
+  return psi;
+}
+
+// Cosine of the features of two pixels, gated by psi.
+double CosineOf(const Values& x, int p, int q, const Values& psi) {
   double pq = 0, pp = 0, qq = 0;
   for (int i = 0; i < kSize; ++i) {
-    const double psi = 1 / (1 + std::exp(-(gate[i] * scale + gate[kSize + i])));
-    const double a = psi * x[p * kSize + i], b = psi * x[q * kSize + i];
+    const double a = psi[i] * x[p * kSize + i], b = psi[i] * x[q * kSize + i];
     pq += a * b;
     pp += a * a;
     qq += b * b;
@@ -74,8 +89,9 @@ double Loss(const Values& x, const std::vector<Pair>& pairs) {
   for (int k = 0; k < kScales; ++k) {
     double similar = 0, dissimilar = 0;
     int num_similar = 0, num_dissimilar = 0;
+    const Values psi = PsiOf(x, double{kQuantiles[k]});
     for (const Pair& pair : pairs) {
-      const double cosine = CosineOf(x, pair.p, pair.q, double{kQuantiles[k]});
+      const double cosine = CosineOf(x, pair.p, pair.q, psi);
       if ((pair.cues >> k & 1) != 0) {
         similar += 1 - cosine;
         ++num_similar;
@@ -132,7 +148,7 @@ Result RunOp(Backend& backend, const Values& x, const std::vector<Pair>& pairs, 
   const Buffer<float> share(backend, std::span<const float>(lists.share));
   const Buffer<float> scales(backend, std::span<const float>(kQuantiles));
   Buffer<float> pixel_grad = Upload(backend, std::vector<float>(kPixels * kSize, start));
-  Buffer<float> gate_grad = Upload(backend, std::vector<float>(kGateSize, start));
+  Buffer<float> gate_grad = Upload(backend, std::vector<float>(gate.size(), start));
   Buffer<double> loss(backend, 1);
   backend.PerceptionLoss({.pixel_features = features.span(),
                           .first = first.span(),
@@ -157,6 +173,16 @@ TEST_P(PerceptionLossTest, MatchesTheFormulaAndCentralDifferences) {
   const Values x = RandomInput();
   const std::vector<Pair> pairs = RandomPairs();
   ASSERT_GT(pairs.size(), 100u);
+  const Result got = RunOp(*backend_, x, pairs, 0);
+  EXPECT_NEAR(got.loss, Loss(x, pairs), 1e-6);
+  const Values grad =
+      CentralDifferences([&](const Values& v) { return kWeight * Loss(v, pairs); }, x);
+  EXPECT_LT(RelativeError(Doubles(got.grad), grad), 1e-5);
+}
+
+TEST_P(PerceptionLossTest, MatchesCentralDifferencesWithAGateOfTwoLayers) {
+  const Values x = RandomInput(kTwoLayerGateSize);
+  const std::vector<Pair> pairs = RandomPairs();
   const Result got = RunOp(*backend_, x, pairs, 0);
   EXPECT_NEAR(got.loss, Loss(x, pairs), 1e-6);
   const Values grad =

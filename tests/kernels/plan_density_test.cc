@@ -71,6 +71,7 @@ struct Rules {
   uint32_t seed = 1;
   bool draws = false;
   bool keeps_parent = false;
+  float max_size = 0;
 };
 
 class PlanDensityTest : public BackendTest {
@@ -90,6 +91,7 @@ class PlanDensityTest : public BackendTest {
                            .min_gradient = rules.min_gradient,
                            .clone_size = rules.clone_size,
                            .min_opacity = rules.min_opacity,
+                           .max_size = rules.max_size,
                            .max_count = rules.max_count,
                            .draws = rules.draws,
                            .keeps_parent = rules.keeps_parent,
@@ -167,6 +169,18 @@ TEST_P(PlanDensityTest, DrawsOtherChildrenFromAnotherSeed) {
   const Plan one = Run(input), two = Run(input, {.seed = 2});
   EXPECT_EQ(one.mean_log_scale, Run(input).mean_log_scale);
   EXPECT_NE(one.mean_log_scale, two.mean_log_scale);
+}
+
+TEST_P(PlanDensityTest, PrunesTheLargeByTheSizeOfTheirChildren) {
+  // Kept: as large as the limit. Pruned: larger, and not split. The third is split into children of
+  // 0.25, the children of the fourth would still be too large.
+  const Input input = MakeInput(
+      {{0, 0.3f, 0.5f, 0}, {1, 0.31f, 0.5f, 0}, {2, 0.4f, 0.5f, 2e-3f}, {3, 0.5f, 0.5f, 2e-3f}});
+  const Plan plan = Run(input, {.max_size = 0.3f});
+  EXPECT_EQ(plan.counts.num_pruned, 2);
+  EXPECT_EQ(plan.CountOf(0), 1);
+  EXPECT_EQ(plan.CountOf(2), 2);
+  EXPECT_EQ(Run(input).counts.num_pruned, 0);
 }
 
 TEST_P(PlanDensityTest, PrunesTheFaintEvenWithALargeGradient) {

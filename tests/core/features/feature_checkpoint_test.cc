@@ -177,6 +177,10 @@ TEST(FeatureCheckpoint, RefusesStatesThatDoNotFit) {
   bad = good;
   bad.rows.gate.pop_back();
   EXPECT_STATUS(resume(bad), absl::StatusCode::kDataLoss, "gate has 63 values");
+  FeatureOptions two_layers = kOptions;
+  two_layers.gate_layers = 2;
+  EXPECT_STATUS(FeatureStage::Resume(*backend, Synthetic(), Points(), two_layers, good).status(),
+                absl::StatusCode::kDataLoss, "the gate has 64 numbers");
   bad = good;
   bad.counters.step = 41;
   EXPECT_STATUS(resume(bad), absl::StatusCode::kDataLoss, "step 41");

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <numeric>
@@ -168,6 +169,71 @@ TEST_F(PerceptionCuesTest, ListsNoPairsWithoutUnlabelledPixels) {
   cues.List(batch);
   EXPECT_TRUE(batch.pairs.other.empty());
   for (const float share : batch.pairs.share) EXPECT_EQ(share, 0);
+}
+
+TEST_F(PerceptionCuesTest, ListsPairsInTheWindowOfThePaper) {
+  // min(H, W) (0.03 + 0.12 s) is at most 15 pixels here: the lower bound of 20 counts.
+  const PixelBatch batch = List(prepared_, {.perception_fit_window = false});
+  double farthest = 0;
+  for (size_t p = 0; p < batch.pixels.size(); ++p) {
+    for (int32_t e = batch.pairs.first[p]; e < batch.pairs.first[p + 1]; ++e) {
+      const int32_t a = batch.pixels[p], b = batch.pixels[batch.pairs.other[e]];
+      farthest = std::max(farthest, std::hypot(a % kWidth - b % kWidth, a / kWidth - b / kWidth));
+    }
+  }
+  EXPECT_GT(farthest, 15);
+  EXPECT_LE(farthest, 20);
+}
+
+// The mask of TwoHalves is cut in two, which depth and colour do not show.
+TEST_F(PerceptionCuesTest, ListsLabelledPairsWhereMasksAgreeWithTheCue) {
+  constexpr int kCut = 75;
+  Capture capture = TwoHalves();
+  BinaryMask halves[2];
+  for (int i = 0; i < kWidth * kHeight; ++i) {
+    const bool covered = i % kWidth < kBorder && i / kWidth >= 50;
+    halves[0].pixels.push_back(covered && i / kWidth < kCut ? 1 : 0);
+    halves[1].pixels.push_back(covered && i / kWidth >= kCut ? 1 : 0);
+  }
+  capture.views[0].masks = BuildMaskSet(kWidth, kHeight, halves);
+  const Prepared prepared(std::move(capture), {{0.5f, 0.5f}});
+  PixelBatch batch = GridBatch(prepared);
+  const auto is_lower = [&](int32_t p) { return batch.pixels[p] / kWidth >= kCut; };
+  for (int p = 0; p < batch.num_labelled; ++p) batch.patch.push_back(is_lower(p) ? 1 : 0);
+  batch.num_patches = 2;
+  for (size_t scale = 0; scale < batch.scales.size(); ++scale) {
+    batch.labels.insert(batch.labels.end(), {1, 2});  // a mask each
+  }
+  const auto num_labelled_pairs = [&](const FeatureOptions& options) {
+    PixelBatch listed = batch;
+    PerceptionCues(prepared.capture, prepared.cross_view, prepared.views, {prepared.edges}, options)
+        .List(listed);
+    int num = 0;
+    for (int32_t p = 0; p < batch.num_labelled; ++p) {
+      for (int32_t e = listed.pairs.first[p]; e < listed.pairs.first[p + 1]; ++e) {
+        const int32_t q = listed.pairs.other[e];
+        if (q >= batch.num_labelled) continue;
+        EXPECT_EQ(is_lower(p), is_lower(q));
+        ++num;
+      }
+    }
+    return num;
+  };
+  EXPECT_EQ(num_labelled_pairs({}), 0);
+  EXPECT_GT(num_labelled_pairs({.perception_unlabelled_only = false}), 200);
+}
+
+TEST_F(PerceptionCuesTest, CallsEvenSurroundingsDissimilarWithoutFloors) {
+  Capture capture = TwoHalves();
+  std::ranges::fill(capture.views[0].depth.values, 0.5f);
+  std::ranges::fill(capture.views[0].photo.pixels, uint8_t{90});
+  const Prepared prepared(std::move(capture), {{0.5f}});
+  const auto num_dissimilar = [&](const FeatureOptions& options) {
+    return std::ranges::count_if(List(prepared, options).pairs.cues,
+                                 [](PairCues cues) { return cues >> kDissimilarShift != 0; });
+  };
+  EXPECT_EQ(num_dissimilar({}), 0);
+  EXPECT_GT(num_dissimilar({.perception_depth_floor = 0, .perception_color_floor = 0}), 100);
 }
 
 // Both halves have one depth and one colour; only the masks of another view tell them apart.

@@ -54,6 +54,34 @@ TEST(TrainFeatures, ReturnsTheSameBytesForAnyNumberOfThreads) {
   }
 }
 
+// Two layers resume from checkpoints, do not depend on the number of threads, and every number of
+// the gate learns.
+TEST(TrainFeatures, TrainsAGateOfTwoLayers) {
+  const Capture capture = CaptureWithGaps();
+  const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
+  FeatureOptions options = kShort;
+  options.gate_layers = 2;
+  const auto backend = MakeCpuBackend(2);
+  ASSERT_OK_AND_ASSIGN(const auto stage,
+                       FeatureStage::Create(*backend, capture, gaussians, options));
+  const std::vector<float> initial = stage->Export().gate;
+  for (int i = 0; i < 5; ++i) ASSERT_OK(stage->Advance());
+  ASSERT_OK_AND_ASSIGN(const FeatureCheckpoint checkpoint, stage->Save());
+  ASSERT_OK_AND_ASSIGN(const FeatureField field, FinishFeatures(*stage, Go));
+  ASSERT_EQ(field.gate.size(), static_cast<size_t>(kTwoLayerGateSize));
+  EXPECT_EQ(initial.size(), field.gate.size());
+  int num_moved = 0;
+  for (size_t i = 0; i < initial.size(); ++i) num_moved += initial[i] != field.gate[i];
+  // Hidden units that are 0 at all scales do not learn.
+  EXPECT_GT(num_moved, kTwoLayerGateSize / 2);
+  const auto one_thread = MakeCpuBackend(1);
+  ASSERT_OK_AND_ASSIGN(const auto resumed,
+                       FeatureStage::Resume(*one_thread, capture, gaussians, options, checkpoint));
+  ASSERT_OK_AND_ASSIGN(const FeatureField again, FinishFeatures(*resumed, Go));
+  EXPECT_EQ(again.gate, field.gate);
+  EXPECT_EQ(again.features, field.features);
+}
+
 TEST(TrainFeatures, DoesNotDependOnTheChunkSize) {
   const Capture capture = SmallCapture();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);

@@ -52,6 +52,27 @@ TEST(FeatureFile, RoundTripsConfidencesIfThereAreAny) {
   EXPECT_EQ(with.features, without.features);
 }
 
+TEST(FeatureFile, RoundTripsAGateOfTwoLayersAsVersion2) {
+  const testing::TempFolder folder;
+  FeatureField field = MakeField(3);
+  ASSERT_OK(WriteFeatureFile(folder / "one", field));
+  field.gate.assign(1120, 0.25f);
+  field.gate[1119] = -3;
+  ASSERT_OK(WriteFeatureFile(folder / "two", field));
+  ASSERT_OK_AND_ASSIGN(const FeatureField read, ReadFeatureFile(folder / "two", "two"));
+  EXPECT_EQ(read.gate, field.gate);
+  EXPECT_EQ(read.scale_quantiles, field.scale_quantiles);
+  const auto version = [&](const char* name) {
+    const std::string bytes = ReadFile(folder / name, name, 1 << 20).value();
+    return int{bytes[8]};
+  };
+  EXPECT_EQ(version("one"), 1);  // programs from before version 2 still read it
+  EXPECT_EQ(version("two"), 2);
+  field.gate.pop_back();
+  EXPECT_STATUS(WriteFeatureFile(folder / "two", field), kInvalidArgument,
+                "the gate has 1119 numbers");
+}
+
 TEST(FeatureFile, RejectsInvalidFields) {
   const testing::TempFolder folder;
   FeatureField field = MakeField(3);
@@ -86,7 +107,8 @@ TEST(FeatureFile, RejectsCountsThatTheFileCannotHold) {
     EXPECT_STATUS(ReadFeatureFile(folder / "f", "feat.bin"), kInvalidArgument, why);
   };
   expect_refused(0, 'X', "feat.bin: is not a feature file");
-  expect_refused(8, 2, "version 2");
+  expect_refused(8, 3, "version 3");
+  expect_refused(8, 2, "declares");  // a gate of two layers that is not there
   expect_refused(12, 16, "16 dimensions");
   expect_refused(16, 4, "declares 4 Gaussians");
   expect_refused(23, 127, "declares");

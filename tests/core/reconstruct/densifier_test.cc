@@ -102,6 +102,22 @@ TEST(Densifier, AppliesItsPlanToTheState) {
   EXPECT_EQ(num_old, 1);
 }
 
+TEST(Densifier, PrunesBySizeOnceTheFirstResetIsOver) {
+  const auto backend = MakeCpuBackend(1);
+  ReconstructOptions options = ShortRun();
+  options.prune_size = 0.1f;
+  const Densifier densifier(*backend, options, {.radius = 2});
+  EXPECT_EQ(densifier.MaxSizeAt(99), 0);
+  EXPECT_EQ(densifier.MaxSizeAt(199), 0);
+  EXPECT_FLOAT_EQ(densifier.MaxSizeAt(299), 0.2f);
+  GaussianState state(*backend, ThreeGaussians());
+  std::mt19937_64 random(1);
+  ASSERT_OK(densifier.Apply(299, state, random));
+  EXPECT_EQ(state.count(), 1);  // the second is too large, the third too faint
+  options.pixels_per_gaussian = 20;
+  EXPECT_EQ(Densifier(*backend, options, {.radius = 2}).MaxSizeAt(299), 0);
+}
+
 TEST(Densifier, FailsWhenNoGaussianIsLeft) {
   const auto backend = MakeCpuBackend(1);
   Gaussians faint = ThreeGaussians();

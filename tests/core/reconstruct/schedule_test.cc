@@ -63,6 +63,10 @@ TEST(Schedule, CapsTheRateOfMeansAtAPixel) {
   EXPECT_NEAR(schedule.RatesAt(0).mean, 2e-3, 1e-9);
   EXPECT_NEAR(schedule.RatesAt(500).mean, 2e-4, 1e-10);
   EXPECT_NEAR(Schedule(options, 3.0, 0.04).RatesAt(0).mean, 3e-2, 1e-7);
+  options.mean_learning_rate_cap = 2;  // pixels
+  EXPECT_NEAR(Schedule(options, 3.0, 2e-3).RatesAt(0).mean, 4e-3, 1e-9);
+  options.mean_learning_rate_cap = 0;  // no cap
+  EXPECT_NEAR(Schedule(options, 3.0, 2e-3).RatesAt(0).mean, 3e-2, 1e-7);
 }
 
 TEST(Schedule, RaisesTheShDegreeToItsLimit) {

@@ -85,6 +85,29 @@ TEST(TrainingViews, HoldsDepthPriorsOnRequest) {
   EXPECT_TRUE(TrainingViews(*backend, capture, {.with_depth = true}).At(0, 1).prior.empty());
 }
 
+TEST(TrainingViews, HoldNegativeDisparitiesToCompareThemWithDepth) {
+  Capture capture = OneView();
+  capture.views[1].depth.kind = DepthPrior::Kind::kDisparity;
+  for (int i = 0; i < 72; ++i) capture.views[1].depth.values.push_back(float(i));
+  const auto backend = MakeCpuBackend(1);
+  const TrainingViews inverse(*backend, capture, {.with_depth = true});
+  const TrainingViews linear(*backend, capture,
+                             {.with_depth = true, .disparity_as_inverse_depth = false});
+  EXPECT_TRUE(inverse.At(0, 1).inverse_depth);
+  EXPECT_FALSE(linear.At(0, 1).inverse_depth);
+  EXPECT_EQ(inverse.At(0, 1).prior.span()[5], 5);
+  EXPECT_EQ(linear.At(0, 1).prior.span()[5], -5);
+  EXPECT_EQ(linear.At(0, 1).min_prior, -inverse.At(0, 1).max_prior);
+  EXPECT_EQ(linear.At(0, 1).max_prior, -inverse.At(0, 1).min_prior);
+  EXPECT_EQ(linear.At(0, 1).prior_deviation, inverse.At(0, 1).prior_deviation);
+  capture.views[1].depth.kind = DepthPrior::Kind::kDepth;  // is compared as it is
+  EXPECT_EQ(
+      TrainingViews(*backend, capture, {.with_depth = true, .disparity_as_inverse_depth = false})
+          .At(0, 1)
+          .prior.span()[5],
+      5);
+}
+
 TEST(ViewSampler, DrawsEachViewOnceARound) {
   ViewSampler sampler(7);
   std::mt19937_64 random(3);

@@ -1,5 +1,6 @@
 #include "server/api/convert.h"
 
+#include <google/protobuf/text_format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -104,6 +105,59 @@ TEST(TrainingOptions, FillsAbsentFieldsFromThePreset) {
   EXPECT_GT(best->reconstruct.num_steps, ReconstructOptions().num_steps);
 }
 
+// Lists the names of the fields in which two messages differ.
+std::set<std::string> DifferingFields(const Message& one, const Message& other) {
+  std::set<std::string> names;
+  for (int i = 0; i < one.GetDescriptor()->field_count(); ++i) {
+    const FieldDescriptor* field = one.GetDescriptor()->field(i);
+    std::string a, b;
+    google::protobuf::TextFormat::PrintFieldValueToString(one, field, -1, &a);
+    google::protobuf::TextFormat::PrintFieldValueToString(other, field, -1, &b);
+    if (a != b) names.insert(field->name());
+  }
+  return names;
+}
+
+// A new option must be decided on for the preset "paper": it differs from the default there, or it
+// is listed here, because the recipe has the default's value or nothing to do with it.
+TEST(TrainingOptions, DecidesEveryOptionForThePaper) {
+  v1::TrainingOptions options;
+  options.set_preset(v1::TRAINING_PRESET_PAPER);
+  const v1::TrainingOptions paper = ToProto(*TrainingSettingsFromProto(options));
+  const v1::TrainingOptions standard = ToProto(*TrainingSettingsFromProto({}));
+  const auto check = [](const Message& of_paper, const Message& of_standard,
+                        std::set<std::string> decided) {
+    for (const std::string& name : DifferingFields(of_paper, of_standard)) {
+      EXPECT_TRUE(decided.insert(name).second) << name << " is listed, but differs";
+    }
+    for (int i = 0; i < of_paper.GetDescriptor()->field_count(); ++i) {
+      const std::string& name = of_paper.GetDescriptor()->field(i)->name();
+      EXPECT_TRUE(decided.contains(name)) << "training_settings.cc does not decide on " << name;
+    }
+  };
+  check(paper.reconstruct(), standard.reconstruct(),
+        {"sh_degree", "ssim_weight", "mean_learning_rate", "mean_learning_rate_final",
+         "log_scale_learning_rate", "rotation_learning_rate", "opacity_learning_rate",
+         "sh_learning_rate", "densify_from", "densify_until", "densify_every", "densify_gradient",
+         "densify_size", "prune_opacity", "prune_size", "opacity_reset_every", "depth_weight",
+         "depth_local_form", "depth_window", "refine_keep", "refine_from", "refine_candidates",
+         "coarse_until",
+         // Without effect in the preset.
+         "opacity_decay", "closing_share",
+         // Of the run or the capture.
+         "num_random_points", "seed", "capture_kind"});
+  check(
+      paper.features(), standard.features(),
+      {"num_steps", "num_pixels", "num_scales", "scale_mapping", "centroid_from", "centroid_every",
+       "centroid_pixels", "centroid_cosine_upper", "perception_weight", "min_mask_agreement",
+       // Not printed.
+       "num_perception_pixels",
+       // Without effect in the preset, or on the result.
+       "closing_share", "steps_per_chunk",
+       // Of the run.
+       "seed"});
+}
+
 TEST(TrainingOptions, EqualsTheDefaultsForStandard) {
   v1::TrainingOptions options;
   options.set_preset(v1::TRAINING_PRESET_STANDARD);
@@ -116,7 +170,7 @@ TEST(TrainingOptions, EqualsTheDefaultsForStandard) {
 
 TEST(TrainingOptions, RefusesAnInvalidPreset) {
   v1::TrainingOptions options;
-  options.set_preset(static_cast<v1::TrainingPreset>(4));
+  options.set_preset(static_cast<v1::TrainingPreset>(5));
   const auto refused = TrainingSettingsFromProto(options).status();
   EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
   EXPECT_NE(refused.message().find("preset is"), std::string::npos) << refused;

@@ -186,7 +186,7 @@ def _add_prompt(verb: argparse.ArgumentParser) -> None:
 
 
 def _add_training(verb: argparse.ArgumentParser) -> None:
-    verb.add_argument("--preset", choices=training.PRESETS, help="preview, standard or best")
+    verb.add_argument("--preset", choices=training.PRESETS, help="preview, standard, best or paper")
     verb.add_argument("--steps", type=int, help="steps of the reconstruction")
     verb.add_argument("--feature-steps", type=int, help="steps of the feature training")
     verb.add_argument("--image-scale", type=float, help="shrink the photographs by this, (0, 1]")

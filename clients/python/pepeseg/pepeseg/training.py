@@ -19,7 +19,7 @@ from pepeseg.v1 import dataset_service_pb2, job_service_pb2, training_options_pb
 # Options by name, such as {"reconstruct.num_steps": 3000}.
 Options = Mapping[str, Union[bool, int, float, str]]
 # Something to click on as soon as possible; the defaults; the best model, however long it takes.
-PRESETS = ("preview", "standard", "best")
+PRESETS = ("preview", "standard", "best", "paper")
 
 
 def option_names() -> list[str]:
@@ -111,7 +111,7 @@ def start_training(
     """Queues a training and returns its job; `watch` or `wait` follow it.
 
     Args:
-        preset: "preview", "standard" or "best", from which options that are not given are taken.
+        preset: "preview", "standard", "best" or "paper", from which options that are not given are taken.
             None: "standard".
         steps, feature_steps: number of steps of the reconstruction and of the feature training.
         image_scale: factor by which the photographs are shrunk, (0, 1].

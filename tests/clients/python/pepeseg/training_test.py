@@ -59,7 +59,7 @@ class TestOptions:
         names = training_options_pb2.TrainingPreset.keys()
         wanted = [name.removeprefix("TRAINING_PRESET_").lower() for name in names]
         assert list(PRESETS) == wanted[1:]
-        with pytest.raises(pepeseg.InvalidArgumentError, match="preview, standard, best"):
+        with pytest.raises(pepeseg.InvalidArgumentError, match="preview, standard, best, paper"):
             client.start_training(preset="quick")
 
 

@@ -1,0 +1,118 @@
+#include "core/train/training_settings.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+class PaperPreset : public ::testing::Test {
+ protected:
+  PaperPreset() { Apply(Preset::kPaper, reconstruct_, features_); }
+
+  ReconstructOptions reconstruct_;
+  FeatureOptions features_;
+};
+
+TEST_F(PaperPreset, IsValid) {
+  EXPECT_OK(Validate(Preset::kPaper));
+  EXPECT_OK(Validate(reconstruct_));
+  EXPECT_OK(Validate(features_));
+}
+
+TEST_F(PaperPreset, HasTheScheduleOf3dgs) {
+  EXPECT_EQ(reconstruct_.num_steps, 30000);
+  EXPECT_EQ(reconstruct_.sh_degree, 3);
+  EXPECT_EQ(reconstruct_.ssim_weight, 0.2f);
+  EXPECT_EQ(reconstruct_.mean_learning_rate, 1.6e-4f);
+  EXPECT_EQ(reconstruct_.mean_learning_rate_final, 1.6e-6f);
+  EXPECT_EQ(reconstruct_.log_scale_learning_rate, 5e-3f);
+  EXPECT_EQ(reconstruct_.rotation_learning_rate, 1e-3f);
+  EXPECT_EQ(reconstruct_.opacity_learning_rate, 5e-2f);
+  EXPECT_EQ(reconstruct_.sh_learning_rate, 2.5e-3f);
+  EXPECT_DOUBLE_EQ(reconstruct_.densify_from * 30000, 500);
+  EXPECT_DOUBLE_EQ(reconstruct_.densify_until * 30000, 15000);
+  EXPECT_EQ(reconstruct_.densify_every, 100);
+  EXPECT_EQ(reconstruct_.densify_gradient, 2e-4f);
+  EXPECT_EQ(reconstruct_.densify_size, 0.01f);
+  EXPECT_EQ(reconstruct_.prune_opacity, 0.005f);
+  EXPECT_EQ(reconstruct_.prune_size, 0.1f);
+  EXPECT_EQ(reconstruct_.opacity_reset_every, 3000);
+  EXPECT_GE(reconstruct_.max_gaussians, 10'000'000);
+}
+
+TEST_F(PaperPreset, HasTheDepthLossAndRefinementAsPrinted) {
+  EXPECT_EQ(reconstruct_.depth_weight, -1);  // lambda_d: 0.05 or 0.1 by the kind of capture
+  EXPECT_EQ(reconstruct_.depth_weight_final, 0.02f);
+  EXPECT_EQ(reconstruct_.depth_local_weight, 1);
+  EXPECT_EQ(reconstruct_.depth_window, 0.025f);
+  EXPECT_FALSE(reconstruct_.disparity_as_inverse_depth);
+  EXPECT_EQ(reconstruct_.refine_keep, RefineKeep::kShrink);
+  EXPECT_DOUBLE_EQ(reconstruct_.refine_from * 30000, 4000);
+  EXPECT_EQ(reconstruct_.refine_length, 1);  // Refiner ends after 2V steps
+  EXPECT_EQ(reconstruct_.refine_candidates, 0.1);
+}
+
+TEST_F(PaperPreset, HasStageTwoAsPrinted) {
+  EXPECT_EQ(features_.num_steps, 10000);
+  EXPECT_EQ(features_.num_pixels, 1000);
+  EXPECT_EQ(features_.num_scales, 10);
+  EXPECT_EQ(features_.gate_layers, 2);
+  EXPECT_EQ(features_.num_neighbors, 16);
+  EXPECT_EQ(features_.num_drawn_neighbors, 8);
+  EXPECT_EQ(features_.learning_rate, 2.5e-3f);
+  EXPECT_EQ(features_.learning_rate_final, 2.5e-3f);
+  EXPECT_EQ(features_.scale_mapping, ScaleMapping::kQuantiles);
+}
+
+TEST_F(PaperPreset, HasPerceptionAndCentroidLossAsPrinted) {
+  EXPECT_EQ(features_.perception_weight, 0.2f);
+  EXPECT_EQ(features_.perception_threshold, PerceptionThreshold::kGradients);
+  EXPECT_DOUBLE_EQ(features_.centroid_from * features_.num_steps, 7000);
+  EXPECT_EQ(features_.centroid_every, 200);  // T
+  EXPECT_EQ(features_.centroid_pixels, 16'384);
+  EXPECT_EQ(features_.centroid_weight_upper, 0.3f);  // U
+  EXPECT_EQ(features_.centroid_weight_lower, 0.1f);  // L
+  EXPECT_EQ(features_.centroid_cosine_upper, 0.9f);  // tau
+  EXPECT_EQ(features_.centroid_cosine_lower, 0.9f);
+}
+
+// METHOD.md section 7 lists what this engine adds to the paper.
+TEST_F(PaperPreset, HasNoneOfOurAdditions) {
+  EXPECT_EQ(reconstruct_.pixels_per_gaussian, 0) << "budget, opacity decay";
+  EXPECT_EQ(reconstruct_.mean_learning_rate_cap, 0) << "cap by the span of a pixel";
+  EXPECT_EQ(reconstruct_.coarse_until, 0) << "smaller photographs first";
+  EXPECT_EQ(reconstruct_.min_loss_fall, 0) << "end by convergence";
+  EXPECT_EQ(reconstruct_.min_band_gain, 0) << "SH degree pruning";
+  EXPECT_EQ(reconstruct_.min_depth_agreement, 0) << "depth priors left out";
+  EXPECT_EQ(features_.mask_share, 0) << "sampling mask by mask";
+  EXPECT_EQ(features_.num_background_pixels, 0) << "background as a thing";
+  EXPECT_EQ(features_.fine_first, 0) << "fine masks first";
+  EXPECT_EQ(features_.min_mask_agreement, 0) << "removal of masks that stand alone";
+  EXPECT_FALSE(features_.complete_masks) << "completion of masks";
+  EXPECT_FALSE(features_.perception_cross_view) << "check by other views' masks";
+  EXPECT_FALSE(features_.perception_fit_window) << "window by image and masks";
+  EXPECT_FALSE(features_.perception_unlabelled_only) << "pairs of covered pixels left out";
+  EXPECT_EQ(features_.perception_depth_floor, 0) << "floor of the thresholds";
+  EXPECT_EQ(features_.perception_color_floor, 0) << "floor of the thresholds";
+  EXPECT_FALSE(features_.centroid_check_masks) << "check of clusters by masks";
+  EXPECT_EQ(features_.sure_views, 0) << "feature confidence";
+  EXPECT_EQ(features_.min_loss_fall, 0) << "end by convergence";
+}
+
+TEST(Presets, KeepWhatTheyDoNotDecide) {
+  for (const Preset preset : {Preset::kPreview, Preset::kStandard, Preset::kBest, Preset::kPaper}) {
+    ReconstructOptions reconstruct;
+    FeatureOptions features;
+    reconstruct.seed = features.seed = 7;
+    features.steps_per_chunk = 50;
+    Apply(preset, reconstruct, features);
+    EXPECT_EQ(reconstruct.seed, 7);
+    EXPECT_EQ(features.seed, 7);
+    EXPECT_EQ(features.steps_per_chunk, 50);
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg
