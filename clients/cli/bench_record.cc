@@ -16,10 +16,10 @@ constexpr const char* kStages[] = {"prepare",  "sfm",      "priors", "reconstruc
 // Returns the mean scores of a granularity level.
 Json LevelJson(const v1::EvaluateModelResponse& scores) {
   return {{"entities", scores.entities_size()},
-          {"miou", scores.chosen().iou()},
-          {"mbiou", scores.chosen().boundary_iou()},
-          {"oracle_miou", scores.oracle().iou()},
-          {"oracle_mbiou", scores.oracle().boundary_iou()}};
+          {"miou", scores.scene().reference().iou()},
+          {"mbiou", scores.scene().reference().boundary_iou()},
+          {"oracle_miou", scores.scene().paper().iou()},
+          {"oracle_mbiou", scores.scene().paper().boundary_iou()}};
 }
 
 // Returns a metric of the model; 0 if it was not measured.
@@ -90,8 +90,8 @@ std::string RunLine(const BenchRun& run) {
                       run.seconds.at("request_to_model"), MetricOf(run.model, "psnr"),
                       MetricOf(run.model, "ssim"), run.model.num_gaussians());
   for (const auto& [name, scores] : run.levels) {
-    absl::StrAppendFormat(&line, ", %s %.1f / %.1f", name, 100 * scores.chosen().iou(),
-                          100 * scores.chosen().boundary_iou());
+    absl::StrAppendFormat(&line, ", %s %.1f / %.1f", name, 100 * scores.scene().reference().iou(),
+                          100 * scores.scene().reference().boundary_iou());
   }
   return line;
 }

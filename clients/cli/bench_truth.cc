@@ -93,11 +93,11 @@ absl::StatusOr<v1::EvaluateModelRequest> EvaluateRequestOf(const fs::path& datas
   for (const v1::View& view : views) {
     const fs::path path = level.folder / fs::path(view.view()).replace_extension(".png");
     if (!view.held_out() || !Exists(path)) continue;
-    auto& labels = *request.add_labels();
-    labels.set_view(view.view());
-    ASSIGN_OR_RETURN(*labels.mutable_png(), LabelsPng(path, PhotographSize(view)));
+    v1::ViewTruth& truth = *request.add_views();
+    truth.set_view(view.view());
+    ASSIGN_OR_RETURN(*truth.mutable_labels_png(), LabelsPng(path, PhotographSize(view)));
     if (!Exists(ignore)) continue;
-    ASSIGN_OR_RETURN(*labels.mutable_ignore_png(), LabelsPng(ignore, PhotographSize(view)));
+    ASSIGN_OR_RETURN(*truth.mutable_ignore_png(), LabelsPng(ignore, PhotographSize(view)));
   }
   return request;
 }

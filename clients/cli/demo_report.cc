@@ -57,19 +57,19 @@ Json ProductJson(const ProductScore& score) {
   for (const ViewScore& view : score.views) {
     views.push_back({{"view", view.view}, {"clicked", view.clicked}, {"iou", view.iou}});
   }
-  const auto& chosen = score.scores.chosen();
-  const auto& oracle = score.scores.oracle();
+  const auto& chosen = score.scores.reference();
+  const auto& oracle = score.scores.paper();
   return {{"product", score.product.name},
-          {"click", {score.scores.click_x(), score.scores.click_y()}},
+          {"click", {score.click.x(), score.click.y()}},
           {"mean_iou", score.mean_iou},
           {"views", views},
           {"query_seconds", score.query_seconds},
           {"chosen_on_clicked_view",
            {{"scale", chosen.scale_quantile()},
             {"threshold", chosen.threshold()},
-            {"iou_other_views", chosen.iou()},
-            {"boundary_iou_other_views", chosen.boundary_iou()}}},
-          {"oracle_iou_other_views", oracle.iou()}};
+            {"iou_other_views", chosen.mean().iou()},
+            {"boundary_iou_other_views", chosen.mean().boundary_iou()}}},
+          {"oracle_iou_other_views", oracle.mean().iou()}};
 }
 
 // Returns a metric of the model; 0 if it was not measured.
@@ -93,7 +93,7 @@ absl::Status WriteProduct(const fs::path& folder, const DemoView& view, const Pi
   if (found == nullptr) return absl::OkStatus();
   Picture photo = view.photo;
   DrawOutline(photo, view.TruthOf(score.product.label), kWhite);
-  if (found->clicked) DrawClick(photo, score.scores.click_x(), score.scores.click_y(), color);
+  if (found->clicked) DrawClick(photo, score.click.x(), score.click.y(), color);
   Picture overlay = view.photo;
   DrawMask(overlay, found->mask, color);
   const std::string name = absl::StrReplaceAll(score.product.name, {{"_", " "}});
@@ -115,7 +115,7 @@ absl::Status WriteOverview(const fs::path& folder, const DemoView& view, const P
     if (found == nullptr) continue;
     DrawMask(overlay, found->mask, kColors[i % kColors.size()]);
     if (found->clicked) {
-      DrawClick(overlay, products[i].scores.click_x(), products[i].scores.click_y(), kWhite);
+      DrawClick(overlay, products[i].click.x(), products[i].click.y(), kWhite);
     }
   }
   const std::array<Panel, 3> panels = {{{"photo", view.photo},
@@ -141,9 +141,10 @@ std::string ReportJson(const DemoResult& result) {
   report["ssim"] = Metric(result.model, "ssim");
   report["mean_iou"] = result.MeanIou();
   const v1::EvaluateModelResponse& evaluation = result.scores.evaluation;
-  report["mean_iou_chosen_on_clicked_view"] = evaluation.chosen().iou();
-  report["mean_boundary_iou_chosen_on_clicked_view"] = evaluation.chosen().boundary_iou();
-  report["mean_iou_oracle"] = evaluation.oracle().iou();
+  report["mean_iou_chosen_on_clicked_view"] = evaluation.scene().reference().iou();
+  report["mean_boundary_iou_chosen_on_clicked_view"] =
+      evaluation.scene().reference().boundary_iou();
+  report["mean_iou_oracle"] = evaluation.scene().paper().iou();
   report["question"] = {{"scale", result.fixed.scale}, {"threshold", result.fixed.threshold}};
   report["products"] = Json::array();
   for (const ProductScore& score : result.scores.products) {
@@ -169,12 +170,13 @@ std::string ReportText(const DemoResult& result) {
                             view.view, view.iou, view.clicked ? " clicked" : "");
     }
     absl::StrAppendFormat(&text, ")  chosen %.2f/%.2f: %.3f on the others\n",
-                          score.scores.chosen().scale_quantile(), score.scores.chosen().threshold(),
-                          score.scores.chosen().iou());
+                          score.scores.reference().scale_quantile(),
+                          score.scores.reference().threshold(),
+                          score.scores.reference().mean().iou());
   }
   absl::StrAppendFormat(&text,
                         "  %-28s IoU %.3f  (scale and threshold chosen: %.3f)\nseconds:", "mean",
-                        result.MeanIou(), result.scores.evaluation.chosen().iou());
+                        result.MeanIou(), result.scores.evaluation.scene().reference().iou());
   for (const auto& [stage, seconds] : result.stage_seconds) {
     absl::StrAppendFormat(&text, "  %s %.1f", stage, seconds);
   }

@@ -29,37 +29,45 @@ absl::StatusOr<DemoView> ReadView(const fs::path& data, const v1::View& view) {
   return result;
 }
 
-// Returns a request that scores the products by one click each, and at the fixed granularity.
+using Entity = v1::EvaluateModelResponse::Entity;
+
+// Returns a request that scores the products by one click each.
 v1::EvaluateModelRequest ProductsRequest(const std::string& model,
                                          const std::vector<DemoView>& views,
-                                         std::span<const Product> products,
-                                         const FixedGranularity& fixed) {
+                                         std::span<const Product> products) {
   v1::EvaluateModelRequest request;
   request.set_model(model);
   for (const DemoView& view : views) {
-    auto& labels = *request.add_labels();
-    labels.set_view(view.name);
-    labels.set_png(EncodePng(view.labels));
-    labels.set_ignore_png(EncodePng({view.labels.width, view.labels.height, view.ignore}));
+    v1::ViewTruth& truth = *request.add_views();
+    truth.set_view(view.name);
+    truth.set_labels_png(EncodePng(view.labels));
+    truth.set_ignore_png(EncodePng({view.labels.width, view.labels.height, view.ignore}));
   }
   for (const Product& product : products) {
     (*request.mutable_entity_names())[product.label] = product.name;
   }
-  request.mutable_options()->add_fixed_scales(fixed.scale);
-  request.mutable_options()->set_fixed_threshold(fixed.threshold);
+  return request;
+}
+
+// Restricts a request to the fixed granularity, and scores the clicked views, too.
+v1::EvaluateModelRequest AtGranularity(v1::EvaluateModelRequest request,
+                                       const FixedGranularity& fixed) {
+  request.mutable_options()->add_scales(fixed.scale);
+  request.mutable_options()->add_thresholds(fixed.threshold);
+  request.mutable_options()->set_score_reference(true);
   return request;
 }
 
 // Segments the entity at the fixed granularity, and returns the mask of each of its views.
 absl::StatusOr<std::vector<Mask>> SegmentViews(const Client& client, const std::string& model,
-                                               const v1::EvaluateModelResponse::Entity& entity,
+                                               const Entity& entity,
                                                const FixedGranularity& fixed) {
   v1::SegmentViewsRequest request;
   request.set_model(model);
-  request.mutable_prompt()->mutable_view()->set_view(entity.views(0).view());
+  request.mutable_prompt()->mutable_view()->set_view(entity.reference_view());
   auto* point = request.mutable_prompt()->mutable_points()->add_points();
-  point->set_x(entity.click_x());
-  point->set_y(entity.click_y());
+  point->set_x(entity.clicks(0).x());
+  point->set_y(entity.clicks(0).y());
   request.mutable_granularity()->set_scale_quantile(fixed.scale);
   request.mutable_granularity()->set_threshold(fixed.threshold);
   for (const auto& view : entity.views()) request.mutable_targets()->add_views(view.view());
@@ -82,15 +90,11 @@ size_t SizeOf(const std::vector<DemoView>& views, const std::string& name) {
   return found == views.end() ? 0 : found->labels.pixels.size();
 }
 
-// Returns the scores of one product, with its masks at the fixed granularity. `entity` has the
-// scores by the protocol; its first view is the clicked one.
-absl::StatusOr<ProductScore> ScoreProduct(const Client& client, const std::string& model,
-                                          const std::vector<DemoView>& views,
-                                          const v1::EvaluateModelResponse::Entity& entity,
-                                          const FixedGranularity& fixed) {
-  ProductScore score;
-  score.product = {entity.id(), entity.name()};
-  score.scores = entity;
+// Adds the masks and scores of one product at the fixed granularity. `entity` has those scores, of
+// the clicked view, too.
+absl::Status AddFixedScores(const Client& client, const std::string& model,
+                            const std::vector<DemoView>& views, const Entity& entity,
+                            const FixedGranularity& fixed, ProductScore& score) {
   std::vector<Mask> masks;
   if (entity.missing()) {  // nothing is under the click: the masks are empty
     for (const auto& view : entity.views()) masks.emplace_back(SizeOf(views, view.view()));
@@ -105,11 +109,21 @@ absl::StatusOr<ProductScore> ScoreProduct(const Client& client, const std::strin
       return absl::InternalError(absl::StrCat("the mask of ", name, " has ", masks[v].size(),
                                               " pixels, not ", SizeOf(views, name)));
     }
-    const double iou = entity.views(v).fixed_iou(0);
+    const double iou = entity.paper().views(v).iou();  // of the only scale and threshold
     score.mean_iou += iou / entity.views_size();
-    score.views.push_back({name, v == 0, iou, std::move(masks[v])});
+    score.views.push_back({name, name == entity.reference_view(), iou, std::move(masks[v])});
   }
-  return score;
+  return absl::OkStatus();
+}
+
+// Returns the scores of a product in a response. INVALID_ARGUMENT: it has none.
+absl::StatusOr<const Entity*> FindEntity(const v1::EvaluateModelResponse& response,
+                                         const std::string& name) {
+  const auto& entities = response.entities();
+  const auto found = std::find_if(entities.begin(), entities.end(),
+                                  [&](const Entity& entity) { return entity.name() == name; });
+  if (found != entities.end()) return &*found;
+  return absl::InvalidArgumentError(absl::StrCat("fewer than two held-out views show ", name));
 }
 
 }  // namespace
@@ -148,18 +162,18 @@ absl::StatusOr<DemoScores> ScoreProducts(const Client& client, const std::string
                                          std::span<const Product> products,
                                          const FixedGranularity& fixed) {
   DemoScores scores;
-  ASSIGN_OR_RETURN(scores.evaluation,
-                   client.Evaluate(ProductsRequest(model, views, products, fixed)));
+  const v1::EvaluateModelRequest request = ProductsRequest(model, views, products);
+  ASSIGN_OR_RETURN(scores.evaluation, client.Evaluate(request));
+  ASSIGN_OR_RETURN(const v1::EvaluateModelResponse at_fixed,
+                   client.Evaluate(AtGranularity(request, fixed)));
   for (const Product& product : products) {
-    const auto& entities = scores.evaluation.entities();
-    const auto entity = std::find_if(entities.begin(), entities.end(), [&](const auto& candidate) {
-      return candidate.id() == product.label;
-    });
-    if (entity == entities.end()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("fewer than two held-out views show ", product.name));
-    }
-    ASSIGN_OR_RETURN(ProductScore score, ScoreProduct(client, model, views, *entity, fixed));
+    ASSIGN_OR_RETURN(const Entity* entity, FindEntity(scores.evaluation, product.name));
+    ASSIGN_OR_RETURN(const Entity* fixed_entity, FindEntity(at_fixed, product.name));
+    ProductScore score;
+    score.product = product;
+    score.scores = *entity;
+    score.click = entity->clicks(0);
+    RETURN_IF_ERROR(AddFixedScores(client, model, views, *fixed_entity, fixed, score));
     scores.products.push_back(std::move(score));
   }
   return scores;

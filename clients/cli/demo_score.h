@@ -55,6 +55,7 @@ struct ViewScore {
 struct ProductScore {
   Product product;
   v1::EvaluateModelResponse::Entity scores;  // by the protocol
+  v1::EvaluateModelResponse::Click click;    // of the protocol, in the photograph
   std::vector<ViewScore> views;  // held-out views that show the product, at the fixed granularity
   double mean_iou = 0;           // of `views`
   double query_seconds = 0;      // wall time of the Segment call; 0: there was nothing to click on

@@ -1,15 +1,15 @@
-// The verb "evaluate": scores a model against label images.
-#include "clients/cli/evaluate.h"
-
-#include <algorithm>
+// The verb "evaluate": scores models against the truth.
 #include <filesystem>
+#include <map>
 #include <memory>
-#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
+#include "clients/cli/evaluation_prompts.h"
+#include "clients/cli/evaluation_table.h"
+#include "clients/cli/evaluation_truth.h"
 #include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
 #include "clients/cpp/client.h"
@@ -22,157 +22,178 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kNameColumns = 40;  // longest name of an entity in the table
+constexpr size_t kMaxRequestBytes = size_t{8} << 20;  // what a server takes
 
 struct EvaluateFlags {
-  std::string scene;
-  std::string folder;  // of label images
-  std::string ignore;  // a PNG; empty: none
-  std::string names;   // a JSON file; empty: none
-  std::string model = "live";
-  double threshold = -2;                              // below -1: the server's default
-  v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH;  // of the label images and the ignore mask
+  std::vector<std::string> models;  // and, last, the folder of the truth
+  std::string model = "live";       // of models that are given as a scene
+  TruthFlags truth;
+  EntityPromptFlags prompts;
+  v1::EvaluationProtocol protocol = v1::EVALUATION_PROTOCOL_PROMPT;
+  std::vector<double> scales, thresholds;
+  std::optional<double> threshold, min_cosine, min_iou;
+  std::optional<int64_t> min_pixels;
+  std::optional<int> max_clicks;
+  bool score_reference = false;
+  v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH;  // of the images, prompts and clicks
 };
 
-// Adds FOLDER/STEM.png of every held-out view that has one, and returns the file names of the
-// others. NOT_FOUND: no held-out view has a label image.
-absl::StatusOr<std::vector<std::string>> AddLabels(const EvaluateFlags& flags,
-                                                   const std::vector<v1::View>& views,
-                                                   v1::EvaluateModelRequest& request) {
-  std::string ignore;
-  if (!flags.ignore.empty()) {
-    ASSIGN_OR_RETURN(ignore, ReadFile(flags.ignore));
+// Returns the name of a model that is given as SCENE, SCENE/NUMBER or its name.
+std::string NameOfModel(const std::string& text, const std::string& number) {
+  if (text.find("/models/") != std::string::npos) return text;
+  const size_t slash = text.find('/');
+  if (slash == std::string::npos || text.starts_with("scenes/") || text.starts_with("projects/")) {
+    return ModelName(text, number);
   }
-  std::vector<std::string> without;
-  for (const v1::View& view : views) {
-    if (!view.held_out()) continue;
-    const fs::path path = fs::path(flags.folder) / fs::path(view.view()).replace_extension(".png");
-    std::error_code error;
-    if (!fs::exists(path, error)) {
-      without.push_back(path.filename().string());
-      continue;
-    }
-    auto& labels = *request.add_labels();
-    labels.set_view(view.view());
-    ASSIGN_OR_RETURN(*labels.mutable_png(), ReadFile(path));
-    labels.set_ignore_png(ignore);
-  }
-  if (request.labels().empty()) {
-    const std::string reason =
-        without.empty() ? "the model has no held-out view" : "expected " + without.front();
-    return LocalFileMissing(
-        absl::StrCat(flags.folder, " has no label image of a held-out view: ", reason));
-  }
-  return without;
+  return ModelName(text.substr(0, slash), text.substr(slash + 1));
 }
 
-// Reads the names of entities: ["none", "apple", ...] by id, or {"7": "apple", ...}.
-absl::Status AddNames(const std::string& file, v1::EvaluateModelRequest& request) {
-  ASSIGN_OR_RETURN(const std::string text, ReadFile(file));
-  const auto json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
-  int index = 0;
-  for (const auto& [key, name] : json.items()) {
-    int id = index++;
-    if (!name.is_string() || (json.is_object() && !absl::SimpleAtoi(key, &id))) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(file, ": the entry at ", key, " is not the name of an id"));
-    }
-    (*request.mutable_entity_names())[id] = name.get<std::string>();
+v1::EvaluationOptions EvaluationOptionsOf(const EvaluateFlags& flags) {
+  v1::EvaluationOptions options;
+  options.set_protocol(flags.protocol);
+  options.mutable_scales()->Assign(flags.scales.begin(), flags.scales.end());
+  options.mutable_thresholds()->Assign(flags.thresholds.begin(), flags.thresholds.end());
+  if (flags.threshold) options.set_fixed_threshold(*flags.threshold);
+  if (flags.min_pixels) {
+    options.set_min_pixels(*flags.min_pixels);
+    options.mutable_sam_agreement()->set_min_pixels(*flags.min_pixels);
   }
-  if (index > 0) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat(file, ": expected a JSON array of names, or an object of names by id"));
+  options.set_score_reference(flags.score_reference);
+  options.set_accept_trained_views(flags.truth.trained_views);
+  if (flags.min_cosine) {
+    options.mutable_label_propagation()->set_min_cosine(*flags.min_cosine);
+    options.mutable_promptable()->set_min_cosine(*flags.min_cosine);
+  }
+  if (flags.min_iou) options.mutable_clicks()->set_min_iou(*flags.min_iou);
+  if (flags.max_clicks) options.mutable_clicks()->set_max_clicks(*flags.max_clicks);
+  return options;
 }
 
-absl::Status RunEvaluate(const Shell& shell, const EvaluateFlags& flags) {
-  if (!fs::is_directory(flags.folder)) {
-    return LocalFileMissing(absl::StrCat("no such folder: ", flags.folder));
+// Returns a request for the first of the models.
+absl::StatusOr<v1::EvaluateModelRequest> MakeRequest(const Client& client,
+                                                     const EvaluateFlags& flags,
+                                                     const std::string& model) {
+  v1::EvaluateModelRequest request;
+  request.set_model(model);
+  request.set_frame(flags.frame);
+  *request.mutable_options() = EvaluationOptionsOf(flags);
+  if (!flags.truth.names.empty()) RETURN_IF_ERROR(AddNames(flags.truth.names, request));
+  ASSIGN_OR_RETURN(const std::vector<v1::View> all, client.ListViews(model));
+  ASSIGN_OR_RETURN(const std::vector<v1::View> views, ViewsToScore(flags.truth, all));
+  const bool by_sam = flags.protocol == v1::EVALUATION_PROTOCOL_SAM_AGREEMENT;
+  ASSIGN_OR_RETURN(
+      const std::vector<std::string> without,
+      by_sam ? AddSamMasks(flags.truth, views, request) : AddTruth(flags.truth, views, request));
+  if (!without.empty()) {
+    Note(absl::StrCat(without.size(), " views have nothing in ", flags.truth.folder.string(),
+                      ", such as ", without.front()));
+  }
+  if (!by_sam) RETURN_IF_ERROR(AddEntityPrompts(flags.prompts, flags.truth, request));
+  if (request.ByteSizeLong() <= kMaxRequestBytes) return request;
+  return absl::InvalidArgumentError(absl::StrCat("the images have ", request.ByteSizeLong(),
+                                                 " bytes, a request may have ", kMaxRequestBytes,
+                                                 "; score fewer views at a time (--views)"));
+}
+
+void PrintEvaluations(const Shell& shell, const std::vector<v1::EvaluateModelResponse>& responses) {
+  const bool several = responses.size() > 1;
+  if (shell.json) {
+    if (several) return Print(SpreadJson(responses).dump());
+    return PrintJson(responses[0]);
+  }
+  for (const v1::EvaluateModelResponse& response : responses) {
+    Print(response.model());
+    for (const std::string& line : EvaluationTable(response)) Print(line);
+    if (several) Print("");
+  }
+  if (!several) return;
+  for (const std::string& line : SpreadTable(responses)) Print(line);
+}
+
+absl::Status RunEvaluate(const Shell& shell, EvaluateFlags flags) {
+  flags.truth.folder = flags.models.back();
+  flags.models.pop_back();
+  if (!fs::is_directory(flags.truth.folder)) {
+    return LocalFileMissing(absl::StrCat("no such folder: ", flags.truth.folder.string()));
   }
   const Client client(shell.channel);
-  v1::EvaluateModelRequest request;
-  request.set_model(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));
-  if (!flags.names.empty()) RETURN_IF_ERROR(AddNames(flags.names, request));
-  request.set_frame(flags.frame);
-  if (flags.threshold >= -1) request.mutable_options()->set_fixed_threshold(flags.threshold);
-  ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(request.model()));
-  ASSIGN_OR_RETURN(const std::vector<std::string> without, AddLabels(flags, views, request));
-  if (!without.empty()) {
-    Note(absl::StrCat(without.size(), " held-out views have no label image, such as ",
-                      without.front()));
+  ASSIGN_OR_RETURN(v1::EvaluateModelRequest request,
+                   MakeRequest(client, flags, NameOfModel(flags.models[0], flags.model)));
+  std::vector<v1::EvaluateModelResponse> responses;
+  for (const std::string& model : flags.models) {
+    request.set_model(NameOfModel(model, flags.model));
+    ASSIGN_OR_RETURN(responses.emplace_back(), client.Evaluate(request));
   }
-  ASSIGN_OR_RETURN(const v1::EvaluateModelResponse answer, client.Evaluate(request));
-  if (shell.json) {
-    PrintJson(answer);
-    return absl::OkStatus();
-  }
-  Print(absl::StrCat(answer.model(), ", one click each in the first held-out view that shows it"));
-  for (const std::string& row : EvaluationTable(answer)) Print(row);
+  PrintEvaluations(shell, responses);
   return absl::OkStatus();
 }
 
-// Returns "48 chenille stems".
-std::string NameOf(const v1::EvaluateModelResponse::Entity& entity) {
-  std::string name = absl::StrCat(entity.id());
-  if (!entity.name().empty()) absl::StrAppend(&name, " ", entity.name());
-  return name.substr(0, kNameColumns);
+void AddTruthFlags(CLI::App& verb, EvaluateFlags& flags) {
+  verb.add_option("--ignore", flags.truth.ignore,
+                  "A grey PNG for all views, or a folder of STEM.png: pixels that are not 0 are "
+                  "not scored");
+  verb.add_option("--names", flags.truth.names, "JSON file with the entities' names by id");
+  verb.add_option("--views", flags.truth.views,
+                  "Views to score: names, or a file with one a line; default: held-out views")
+      ->allow_extra_args(false)
+      ->delimiter(',');
+  verb.add_flag("--trained-views", flags.truth.trained_views,
+                "Also score views that the model was trained on, as some protocols do");
 }
 
-std::string EntityRow(const v1::EvaluateModelResponse::Entity& entity, int columns) {
-  std::string row =
-      absl::StrFormat("%-*s  %5d  %5.3f  %5.3f", columns, NameOf(entity), entity.views_size() - 1,
-                      entity.chosen().iou(), entity.chosen().boundary_iou());
-  if (entity.missing()) {
-    return absl::StrFormat("%s      -          -   %5.3f  nothing under the click", row,
-                           entity.oracle().iou());
-  }
-  return absl::StrFormat("%s  %5.2f  %9.2f   %5.3f", row, entity.chosen().scale_quantile(),
-                         entity.chosen().threshold(), entity.oracle().iou());
+void AddPromptsFlags(CLI::App& verb, EntityPromptFlags& flags) {
+  verb.add_option("--prompt", flags.prompts,
+                  "Prompt of an entity instead of one click: ENTITY@VIEW:KIND:VALUE with KIND "
+                  "points, mean, box, mask, scribbles, own-mask or label; may be repeated")
+      ->allow_extra_args(false);
+  verb.add_option("--prompts", flags.file, "A file with such prompts, one a line");
+  verb.add_option("--reference", flags.reference,
+                  "A view whose masks are the prompts of their entities");
+}
+
+void AddOptionFlags(CLI::App& verb, EvaluateFlags& flags) {
+  const std::map<std::string, v1::EvaluationProtocol> protocols = {
+      {"prompt", v1::EVALUATION_PROTOCOL_PROMPT},
+      {"label-propagation", v1::EVALUATION_PROTOCOL_LABEL_PROPAGATION},
+      {"promptable", v1::EVALUATION_PROTOCOL_PROMPTABLE},
+      {"clicks", v1::EVALUATION_PROTOCOL_CLICKS},
+      {"sam-agreement", v1::EVALUATION_PROTOCOL_SAM_AGREEMENT}};
+  verb.add_option("--protocol", flags.protocol,
+                  "prompt (default), label-propagation, promptable, clicks or sam-agreement")
+      ->transform(CLI::CheckedTransformer(protocols))
+      ->type_name("PROTOCOL");
+  verb.add_option("--scales", flags.scales, "Scales to choose from, quantiles")->delimiter(',');
+  verb.add_option("--thresholds", flags.thresholds, "Thresholds to choose from, cosines")
+      ->delimiter(',');
+  verb.add_option("--threshold", flags.threshold, "Threshold (cosine) of one scale for all")
+      ->check(CLI::Range(-1.0, 1.0));
+  verb.add_option("--min-pixels", flags.min_pixels, "Pixels of an entity that a view must show");
+  verb.add_option("--min-cosine", flags.min_cosine,
+                  "Threshold of label-propagation and promptable (0.7, 0.9)");
+  verb.add_option("--min-iou", flags.min_iou, "IoU that clicks must reach (0.9)");
+  verb.add_option("--max-clicks", flags.max_clicks, "Maximum number of clicks (10)");
+  verb.add_flag("--score-reference", flags.score_reference, "Score the reference view, too");
 }
 
 }  // namespace
 
-std::vector<std::string> EvaluationTable(const v1::EvaluateModelResponse& answer) {
-  const std::string last = absl::StrCat("mean of ", answer.entities_size());
-  size_t widest = last.size();
-  for (const auto& entity : answer.entities()) widest = std::max(widest, NameOf(entity).size());
-  const int columns = static_cast<int>(widest);
-  std::vector<std::string> rows = {
-      absl::StrFormat("%-*s  views    IoU   BIoU  scale  threshold  oracle", columns, "entity")};
-  for (const auto& entity : answer.entities()) rows.push_back(EntityRow(entity, columns));
-  rows.push_back(absl::StrFormat("%-*s         %5.3f  %5.3f                     %5.3f", columns,
-                                 last, answer.chosen().iou(), answer.chosen().boundary_iou(),
-                                 answer.oracle().iou()));
-  if (answer.left_out_size() > 0) {
-    rows.push_back(absl::StrCat("left out, in fewer than two held-out views: ",
-                                absl::StrJoin(answer.left_out(), ", ")));
-  }
-  std::string scales =
-      absl::StrFormat("fixed scale, threshold %.2f", answer.options().fixed_threshold());
-  std::string means = absl::StrFormat("%-*s", static_cast<int>(scales.size()), "mean IoU");
-  for (int k = 0; k < answer.fixed_iou_size(); ++k) {
-    absl::StrAppendFormat(&scales, "  %5g", answer.options().fixed_scales(k));
-    absl::StrAppendFormat(&means, "  %5.3f", answer.fixed_iou(k));
-  }
-  rows.insert(rows.end(), {"", scales, means});
-  return rows;
-}
-
 void AddEvaluate(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<EvaluateFlags>();
-  CLI::App* verb =
-      app.add_subcommand("evaluate", "Score a model by one click per entity, against label images");
-  verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
+  CLI::App* verb = app.add_subcommand("evaluate", "Score models against the truth of views");
   verb->add_option(
-          "LABELS_FOLDER", flags->folder,
-          "Label images STEM.png, named as the photographs: grey, 8 or 16 bits, the entity's "
-          "id in each pixel, 0 for none; only those of held-out views are read")
-      ->required();
-  verb->add_option("--ignore", flags->ignore,
-                   "A grey PNG for all views: pixels that are not 0 are not scored");
-  verb->add_option("--names", flags->names, "JSON file with the entities' names by id");
-  verb->add_option("--threshold", flags->threshold, "Threshold (cosine) at the fixed scales")
-      ->check(CLI::Range(-1.0, 1.0));
-  verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
+          "MODEL", flags->models,
+          "Models, each SCENE (the newest model, or --model), SCENE/NUMBER or a name, and last "
+          "the folder of the truth. It has label images STEM.png, named as the photographs: grey, "
+          "8 or 16 bits, the entity's id in each pixel, 0 for none; or binary masks "
+          "STEM/ENTITY.png; for sam-agreement STEM.json of SAM, or masks STEM/*.png")
+      ->required()
+      ->option_text("... TRUTH_FOLDER")
+      ->expected(2, 100);
+  verb->add_option("--model", flags->model, "Number of the model of a scene")
+      ->capture_default_str();
+  AddTruthFlags(*verb, *flags);
+  AddPromptsFlags(*verb, flags->prompts);
+  AddOptionFlags(*verb, *flags);
   AddFrameFlag(*verb, flags->frame);
   verb->callback(
       [flags, &shell] { shell.verb = [&, flags] { return RunEvaluate(shell, *flags); }; });

@@ -11,38 +11,6 @@
 namespace pepeseg::client::cli {
 namespace {
 
-// Parses "120,88.5".
-absl::StatusOr<v1::PointsPrompt::Point> ParsePoint(const std::string& text, bool negative) {
-  const std::vector<std::string> parts = absl::StrSplit(text, ',');
-  v1::PointsPrompt::Point point;
-  double x = 0;
-  double y = 0;
-  if (parts.size() != 2 || !absl::SimpleAtod(parts[0], &x) || !absl::SimpleAtod(parts[1], &y)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("point \"", text, "\": expected x,y in pixels, such as 320,240"));
-  }
-  point.set_x(x);
-  point.set_y(y);
-  point.set_negative(negative);
-  return point;
-}
-
-// Parses "10,20,100,80".
-absl::StatusOr<v1::BoxPrompt> ParseBox(const std::string& text) {
-  const std::vector<std::string> parts = absl::StrSplit(text, ',');
-  double numbers[4] = {};
-  bool good = parts.size() == 4;
-  for (size_t i = 0; good && i < 4; ++i) good = absl::SimpleAtod(parts[i], &numbers[i]);
-  if (!good) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "box \"", text, "\": expected x,y,width,height in pixels, such as 100,80,240,160"));
-  }
-  v1::BoxPrompt box;
-  box.set_x(numbers[0]), box.set_y(numbers[1]);
-  box.set_width(numbers[2]), box.set_height(numbers[3]);
-  return box;
-}
-
 // Adds --point to a verb, or to a group of its options.
 CLI::Option* AddPoints(CLI::App& verb, PromptFlags& flags) {
   CLI::Option* point =
@@ -73,6 +41,36 @@ absl::StatusOr<v1::PointsPrompt> ParsePoints(const PromptFlags& flags) {
 }
 
 }  // namespace
+
+absl::StatusOr<v1::PointsPrompt::Point> ParsePoint(const std::string& text, bool negative) {
+  const std::vector<std::string> parts = absl::StrSplit(text, ',');
+  v1::PointsPrompt::Point point;
+  double x = 0;
+  double y = 0;
+  if (parts.size() != 2 || !absl::SimpleAtod(parts[0], &x) || !absl::SimpleAtod(parts[1], &y)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("point \"", text, "\": expected x,y in pixels, such as 320,240"));
+  }
+  point.set_x(x);
+  point.set_y(y);
+  point.set_negative(negative);
+  return point;
+}
+
+absl::StatusOr<v1::BoxPrompt> ParseBox(const std::string& text) {
+  const std::vector<std::string> parts = absl::StrSplit(text, ',');
+  double numbers[4] = {};
+  bool good = parts.size() == 4;
+  for (size_t i = 0; good && i < 4; ++i) good = absl::SimpleAtod(parts[i], &numbers[i]);
+  if (!good) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "box \"", text, "\": expected x,y,width,height in pixels, such as 100,80,240,160"));
+  }
+  v1::BoxPrompt box;
+  box.set_x(numbers[0]), box.set_y(numbers[1]);
+  box.set_width(numbers[2]), box.set_height(numbers[3]);
+  return box;
+}
 
 CLI::Option* AddFrameFlag(CLI::App& verb, v1::PixelFrame& frame) {
   // The callback runs during parsing, when the locals of this function are gone.

@@ -14,6 +14,10 @@
 // adds flags to a verb; parsing the command line fills the struct, which must outlive the parser.
 namespace pepeseg::client::cli {
 
+// Parses a point "120,88.5" and a box "10,20,100,80". INVALID_ARGUMENT: it is malformed.
+absl::StatusOr<v1::PointsPrompt::Point> ParsePoint(const std::string& text, bool negative);
+absl::StatusOr<v1::BoxPrompt> ParseBox(const std::string& text);
+
 // Adds --frame photograph|view: the image whose pixels points, boxes, masks and pictures are in.
 // Sets `frame` to its default, photograph.
 CLI::Option* AddFrameFlag(CLI::App& verb, v1::PixelFrame& frame);

@@ -83,16 +83,16 @@ absl::Status CheckPrompts(const EvaluationTask& task) {
 absl::Status Validate(const ClickOptions& options) {
   if (!(options.min_iou > 0 && options.min_iou <= 1)) {
     return absl::InvalidArgumentError(
-        absl::StrCat("min_iou is ", options.min_iou, ", must be in (0, 1]"));
+        absl::StrCat("clicks.min_iou is ", options.min_iou, ", must be in (0, 1]"));
   }
   if (options.max_clicks < kNumEarlyClicks || options.max_clicks > kMostClicks) {
-    return absl::InvalidArgumentError(absl::StrCat("max_clicks is ", options.max_clicks,
+    return absl::InvalidArgumentError(absl::StrCat("clicks.max_clicks is ", options.max_clicks,
                                                    ", must be in [", kNumEarlyClicks, ", ",
                                                    kMostClicks, "]"));
   }
   if (options.min_pixels >= 1) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      absl::StrCat("min_pixels is ", options.min_pixels, ", must be at least 1"));
+      absl::StrCat("clicks.min_pixels is ", options.min_pixels, ", must be at least 1"));
 }
 
 absl::StatusOr<ClickScores> EvaluateClicks(const Segmenter& segmenter,

@@ -111,7 +111,10 @@ void TakeMeansOfGroups(EvaluationResult& result) {
 absl::Status Validate(const EvaluationOptions& options) {
   RETURN_IF_ERROR(CheckAscends("scales", options.scales, 0));
   RETURN_IF_ERROR(CheckAscends("thresholds", options.thresholds, -1));
-  RETURN_IF_ERROR(CheckAscends("fixed_threshold", {options.fixed_threshold}, -1));
+  if (!(options.fixed_threshold >= -1 && options.fixed_threshold <= 1)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("fixed_threshold is ", options.fixed_threshold, ", must be in [-1, 1]"));
+  }
   if (options.task.min_pixels < 1) {
     return absl::InvalidArgumentError(
         absl::StrCat("min_pixels is ", options.task.min_pixels, ", must be at least 1"));

@@ -16,7 +16,7 @@ namespace {
 absl::Status CheckUnit(absl::string_view name, double value) {
   if (value >= 0 && value <= 1) return absl::OkStatus();  // false for NaN
   return absl::InvalidArgumentError(
-      absl::StrCat("sam.", name, " is ", value, ", must be in [0, 1]"));
+      absl::StrCat("sam_agreement.", name, " is ", value, ", must be in [0, 1]"));
 }
 
 absl::Status CheckSamView(const SamView& sam) {
@@ -100,11 +100,11 @@ absl::Status Validate(const SamAgreementOptions& options) {
   RETURN_IF_ERROR(CheckUnit("min_stability", options.min_stability));
   if (options.min_pixels < 1) {
     return absl::InvalidArgumentError(
-        absl::StrCat("sam.min_pixels is ", options.min_pixels, ", must be at least 1"));
+        absl::StrCat("sam_agreement.min_pixels is ", options.min_pixels, ", must be at least 1"));
   }
   if (options.num_proposals >= 1) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("sam.num_proposals is ", options.num_proposals, ", must be at least 1"));
+  return absl::InvalidArgumentError(absl::StrCat("sam_agreement.num_proposals is ",
+                                                 options.num_proposals, ", must be at least 1"));
 }
 
 absl::StatusOr<SamAgreement> ScoreSamAgreement(const Segmenter& segmenter,

@@ -46,6 +46,9 @@ class TruthViewBuilder {
   absl::Status AddLabels(std::span<const uint16_t> labels, const std::map<int, std::string>& names);
   // Sets the ignored pixels: [height, width], non-zero: not scored.
   absl::Status SetIgnore(std::vector<uint8_t> ignore);
+  // Returns the size of the masks' bitsets in bytes, so that callers can limit what a request may
+  // take.
+  int64_t BitsetBytes() const { return masks_.BitsetBytes(); }
 
   TruthView Build() &&;
 

@@ -24,8 +24,8 @@ inline constexpr int kFeatureDim = 32;
 //   float32   scale_quantiles[num_quantiles], ascending, scene units
 //   float16   features[num_gaussians, 32], smoothed and normalised
 //   float16   confidence[num_gaussians], in (0, 1], if the file has them
-// INVALID_ARGUMENT: sizes do not match, the gate has another size, a value is not finite, quantiles descend, or a confidence
-// is out of range.
+// INVALID_ARGUMENT: sizes do not match, the gate has another size, a value is not finite, quantiles
+// descend, or a confidence is out of range.
 absl::Status WriteFeatureFile(const std::filesystem::path& path, const FeatureField& field);
 // Reads such a file. INVALID_ARGUMENT, naming `name`: as above, or the file is of another format or
 // version or is cut short.

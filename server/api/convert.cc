@@ -185,25 +185,28 @@ absl::StatusOr<ModelView> FreeViewFromProto(const v1::Viewpoint::FreeCamera& pro
   return view;
 }
 
-absl::StatusOr<std::vector<PointPrompt>> PointsFromProto(const v1::PointsPrompt& proto) {
+absl::StatusOr<std::vector<PointPrompt>> PointsFromProto(const v1::PointsPrompt& proto,
+                                                         const std::string& field) {
+  const auto bad_points = [](const std::string& name, const std::string& what) {
+    return WithDetail(absl::InvalidArgumentError(absl::StrCat(name, ": ", what)),
+                      {.reason = "BAD_FIELD", .field = name});
+  };
   if (proto.points_size() < 1 || proto.points_size() > kMaxPoints) {
-    return absl::InvalidArgumentError(absl::StrCat("points.points: ", proto.points_size(),
-                                                   " points, allowed are 1..", kMaxPoints));
+    return bad_points(field + ".points",
+                      absl::StrCat(proto.points_size(), " points, allowed are 1..", kMaxPoints));
   }
   std::vector<PointPrompt> points;
   bool any_positive = false;
   for (const v1::PointsPrompt::Point& point : proto.points()) {
     if (!std::isfinite(point.x()) || !std::isfinite(point.y())) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "points.points[", points.size(), "]: (", point.x(), ", ", point.y(), ") is not finite"));
+      return bad_points(absl::StrCat(field, ".points[", points.size(), "]"),
+                        absl::StrCat("(", point.x(), ", ", point.y(), ") is not finite"));
     }
     points.push_back({point.x(), point.y(), !point.negative()});
     any_positive |= !point.negative();
   }
-  if (!any_positive) {
-    // Negative points only take away from what positive ones select.
-    return absl::InvalidArgumentError("points.points: no positive point among them");
-  }
+  // Negative points only take away from what positive ones select.
+  if (!any_positive) return bad_points(field + ".points", "no positive point among them");
   return points;
 }
 

@@ -44,8 +44,9 @@ v1::ImageScores ToProto(const ImageScores& scores);
 absl::StatusOr<ModelView> FreeViewFromProto(const v1::Viewpoint::FreeCamera& proto,
                                             const std::string& field);
 
-// Reads 1 to 64 finite points, of which at least one is positive. Whether they are inside the image
-// is checked by the caller.
-absl::StatusOr<std::vector<PointPrompt>> PointsFromProto(const v1::PointsPrompt& proto);
+// Reads 1 to 64 finite points, of which at least one is positive. INVALID_ARGUMENT names the field,
+// at or below `field`. Whether they are inside the image is checked by the caller.
+absl::StatusOr<std::vector<PointPrompt>> PointsFromProto(const v1::PointsPrompt& proto,
+                                                         const std::string& field = "points");
 
 }  // namespace pepeseg

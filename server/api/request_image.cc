@@ -117,17 +117,20 @@ absl::StatusOr<FloatImage> DecodeGreyOf(const ImageOfView& image, const std::str
   return decoded;
 }
 
+absl::StatusOr<BinaryMask> ReadAnyMask(const v1::MaskImage& mask, const ImageOfView& image,
+                                       const std::string& field) {
+  if (mask.image_case() == v1::MaskImage::kRle)
+    return MaskFromRle(mask.rle(), image, field + ".rle");
+  if (mask.image_case() == v1::MaskImage::kPng)
+    return MaskFromPng(mask.png(), image, field + ".png");
+  return BadField(field, "", "neither RLE nor PNG");
+}
+
 absl::StatusOr<BinaryMask> ReadMask(const v1::MaskImage& mask, const ImageOfView& image,
                                     const std::string& field) {
-  absl::StatusOr<BinaryMask> read = BadField(field, "", "neither RLE nor PNG");
-  if (mask.image_case() == v1::MaskImage::kRle) {
-    read = MaskFromRle(mask.rle(), image, field + ".rle");
-  } else if (mask.image_case() == v1::MaskImage::kPng) {
-    read = MaskFromPng(mask.png(), image, field + ".png");
-  }
-  RETURN_IF_ERROR(read.status());
+  ASSIGN_OR_RETURN(BinaryMask read, ReadAnyMask(mask, image, field));
   // An empty mask selects nothing, and its mean feature would be undefined.
-  if (std::count(read->pixels.begin(), read->pixels.end(), 1) == 0) {
+  if (std::count(read.pixels.begin(), read.pixels.end(), 1) == 0) {
     return BadField(field, "", "no pixel is in the mask");
   }
   return read;

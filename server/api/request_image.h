@@ -59,6 +59,9 @@ ImageSize SizeOf(const v1::MaskImage& image);
 absl::StatusOr<FloatImage> DecodeGreyOf(const ImageOfView& image, const std::string& png,
                                         const std::string& field);
 
+// Reads a mask of the size of `image`, which may be empty.
+absl::StatusOr<BinaryMask> ReadAnyMask(const v1::MaskImage& mask, const ImageOfView& image,
+                                       const std::string& field);
 // Reads a mask of the size of `image` with at least one pixel.
 absl::StatusOr<BinaryMask> ReadMask(const v1::MaskImage& mask, const ImageOfView& image,
                                     const std::string& field);

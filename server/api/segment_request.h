@@ -62,9 +62,12 @@ class SegmentRequestReader {
   absl::StatusOr<Prompt> ReadPrompt(const v1::Prompt& prompt, v1::PixelFrame frame) const;
   absl::StatusOr<Granularity> ReadGranularity(const v1::Granularity& granularity,
                                               const std::string& field) const;
+  // Reads a label, which is given by id or name, as its mask. For errors see ReadPrompt. Blocks on
+  // the store.
+  absl::StatusOr<Prompt> ReadLabel(const std::string& label, const std::string& field) const;
+  const Model& model() const { return model_; }
 
  private:
-  absl::StatusOr<Prompt> ReadLabel(const std::string& label, const std::string& field) const;
   absl::StatusOr<std::vector<ModelView>> FindTargets(const v1::SegmentViewsRequest& request,
                                                      const ModelView& prompt_view) const;
 

@@ -1,31 +1,55 @@
 #include "server/services/evaluation_service.h"
 
-#include <vector>
+#include <utility>
 
+#include "absl/functional/function_ref.h"
 #include "core/base/status_macros.h"
 #include "server/api/convert.h"
-#include "server/api/evaluation.h"
+#include "server/api/evaluation_answer.h"
+#include "server/api/evaluation_options.h"
+#include "server/api/evaluation_prompts.h"
+#include "server/api/evaluation_views.h"
+#include "server/api/segment_request.h"
 #include "server/services/segment_answer.h"
 
 namespace pepeseg {
+
+namespace {
+
+// Reads what a request asks of its model.
+absl::StatusOr<EvaluationRequest> ReadRequest(const v1::EvaluateModelRequest& request,
+                                              const SegmentRequestReader& reader,
+                                              absl::FunctionRef<absl::Status()> check_wanted) {
+  EvaluationRequest read;
+  read.accept_trained_views = request.options().accept_trained_views();
+  if (request.options().protocol() == v1::EVALUATION_PROTOCOL_SAM_AGREEMENT) {
+    ASSIGN_OR_RETURN(read.sam_views, ReadSamViews(request, reader.model(), check_wanted));
+    return read;
+  }
+  ASSIGN_OR_RETURN(read.views, ReadTruthViews(request, reader.model(), check_wanted));
+  ASSIGN_OR_RETURN(read.prompts, ReadEntityPrompts(request, read.views, reader));
+  return read;
+}
+
+}  // namespace
 
 absl::Status EvaluationServiceRpc::Evaluate(const UnaryCall& call,
                                             const v1::EvaluateModelRequest& request,
                                             v1::EvaluateModelResponse* response) const {
   // Options before the model, so that a wrong request does not load one.
-  ASSIGN_OR_RETURN(const OneClickOptions options, OneClickOptionsFromProto(request.options()));
+  ASSIGN_OR_RETURN(const EvaluationOptions options, EvaluationOptionsFromProto(request.options()));
   ASSIGN_OR_RETURN(const ResidentModel model, models_.LoadWithFeatures(request.model(), "model"));
-  RETURN_IF_ERROR(call.CheckWanted());
-  ASSIGN_OR_RETURN(const std::vector<LabeledView> views,
-                   ReadLabels(request, model.segmenter->model()));
+  const auto check_wanted = [&] { return call.CheckWanted(); };
+  RETURN_IF_ERROR(check_wanted());
+  const SegmentRequestReader reader(model.segmenter->model(), model.row, models_.store());
+  ASSIGN_OR_RETURN(EvaluationRequest asked, ReadRequest(request, reader, check_wanted));
+  // The time that is reported is that of the scores alone: decoding images is not part of it.
   Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(
-      const OneClickScores scores,
-      EvaluateOneClick(*model.segmenter, views, options, [&] { return call.CheckWanted(); }));
+  ASSIGN_OR_RETURN(const EvaluationResult result,
+                   pepeseg::Evaluate(*model.segmenter, std::move(asked), options, check_wanted));
   *response->mutable_compute() = ToProto(stopwatch.Lap());
-  // The time that is reported is that of the scores alone: decoding the labels is not part of it.
-  FillAnswer(scores, request, model.segmenter->model(), response);
-  *response->mutable_options() = ToProto(options);
+  FillEvaluation(result, request.frame(), model.segmenter->model(), response);
+  *response->mutable_options() = ToProto(options, request.options().accept_trained_views());
   response->set_model(model.name);
   return CheckAnswerSize(response->ByteSizeLong());
 }

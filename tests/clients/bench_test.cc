@@ -63,10 +63,10 @@ TEST(EvaluateRequestOf, ResizesLabelsToTheirViews) {
   const TruthLevel level{"labels", folder.path() / "labels", {{3, "cup"}}};
   const auto request = EvaluateRequestOf(folder.path(), level, "scenes/s/models/1", views);
   ASSERT_TRUE(request.ok()) << request.status();
-  ASSERT_EQ(request->labels_size(), 1);
-  EXPECT_EQ(request->labels(0).view(), "a.jpg");
-  EXPECT_EQ(request->labels(0).png(), EncodePng({4, 3, std::vector<uint8_t>(12, 3)}));
-  EXPECT_TRUE(request->labels(0).ignore_png().empty());
+  ASSERT_EQ(request->views_size(), 1);
+  EXPECT_EQ(request->views(0).view(), "a.jpg");
+  EXPECT_EQ(request->views(0).labels_png(), EncodePng({4, 3, std::vector<uint8_t>(12, 3)}));
+  EXPECT_TRUE(request->views(0).ignore_png().empty());
   EXPECT_EQ(request->entity_names().at(3), "cup");
 }
 
@@ -80,7 +80,7 @@ TEST(EvaluateRequestOf, KeepsLabelsOfThePhotographsSize) {
   const auto request = EvaluateRequestOf(folder.path(), level, "m", {view});
   ASSERT_TRUE(request.ok()) << request.status();
   EXPECT_EQ(request->frame(), v1::PIXEL_FRAME_PHOTOGRAPH);
-  EXPECT_EQ(request->labels(0).png(), EncodePng({8, 6, std::vector<uint8_t>(48, 3)}));
+  EXPECT_EQ(request->views(0).labels_png(), EncodePng({8, 6, std::vector<uint8_t>(48, 3)}));
 }
 
 TEST(EvaluateRequestOf, RefusesLabelsOfAnotherShape) {
@@ -108,7 +108,7 @@ BenchRun MakeRun() {
   run.seconds = {{"queue", 0.5}, {"request_to_model", 17}, {"first_click", 2}, {"next_click", 0.1}};
   run.steps = {{"reconstruct", 900}};
   v1::EvaluateModelResponse scores;
-  scores.mutable_chosen()->set_iou(0.75);
+  scores.mutable_scene()->mutable_reference()->set_iou(0.75);
   scores.add_entities();
   run.levels.emplace_back("part", scores);
   return run;

@@ -154,10 +154,24 @@ grep -q 'reconstruct skipped: given' "$work/errors" || fail 'given Gaussians are
 echo '{"48": "chenille stems"}' >"$work/names.json"
 expect 0 pepeseg evaluate given "$dataset/labels" --ignore "$dataset/ignore_mask.png" \
   --names "$work/names.json"
-grep -Eq '^48 chenille stems +1 +[01]\.[0-9]{3} ' "$work/output" || fail 'evaluate prints no scores of an entity'
+grep -Eq '^chenille stems +1 +[01]\.[0-9]{3} ' "$work/output" || fail 'evaluate prints no scores of an entity'
 grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail 'evaluate prints no mean score'
 expect 0 pepeseg --json evaluate given "$dataset/labels"
 grep -q '"boundary_iou":' "$work/output" || fail 'evaluate prints no JSON'
+expect 0 pepeseg evaluate given given/1 "$dataset/labels" --ignore "$dataset/ignore_mask.png"
+grep -Eq '^standard deviation +0\.000 ' "$work/output" || fail 'one model twice has a deviation'
+expect 0 pepeseg evaluate given "$dataset/labels" --protocol clicks --max-clicks 3
+grep -Eq '^mean of 4 +[1-3]\.[0-9]{2} ' "$work/output" || fail 'evaluate counts no clicks'
+for protocol in label-propagation promptable; do
+  expect 0 pepeseg evaluate given "$dataset/labels" --protocol $protocol --reference frame-000000.jpg
+  grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail "evaluate scores nothing by $protocol"
+done
+mkdir -p "$work/masks/frame-000008"
+cp "$dataset/ignore_mask.png" "$work/masks/frame-000008/border.png"
+expect 0 pepeseg evaluate given "$work/masks" --prompt border@frame-000000.jpg:points:440,280
+grep -Eq '^border +1 +- ' "$work/output" || fail 'a choice is made on a reference without truth'
+expect 0 pepeseg evaluate given "$work/masks" --protocol sam-agreement
+grep -Eq '^all masks +1 ' "$work/output" || fail 'evaluate does not compare with masks of SAM'
 
 expect 0 pepeseg bench "$dataset" --out "$work/bench" --presets none --steps 40 --seeds 1 \
   --image-scale 0.25 -o features.num_pixels=200

@@ -82,8 +82,8 @@ TEST(OptionTable, ShowsDefaultsRangesAndNames) {
   EXPECT_THAT(
       lines,
       Contains(::testing::MatchesRegex("reconstruct.depth_local_form +windows +windows, patch")));
-  EXPECT_THAT(lines,
-              Contains(::testing::MatchesRegex("preset +standard +preview, standard, best, paper")));
+  EXPECT_THAT(
+      lines, Contains(::testing::MatchesRegex("preset +standard +preview, standard, best, paper")));
 }
 
 }  // namespace

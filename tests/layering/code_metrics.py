@@ -12,7 +12,7 @@ functions      definitions with a body, by their braces (no compiler): methods a
                brace. Parameters: of the signature.
 comments       lines with nothing but a comment, of all lines that are not empty.
 folder cycles  as check_folders.py finds them.
-Segment        files that define a function that the handler of the RPC Segment reaches: of all in
+SegmentViews   files that define a function that the handler of the RPC SegmentViews reaches: of all in
                server/ and core/, those that answer (ANSWERING), and the others, such as loading a
                model or authorising the caller. A call is a name before "(" in a body. It reaches the
                definitions of that name in the caller's unit and in the units that this unit
@@ -33,7 +33,7 @@ import check_folders  # noqa: E402
 
 SOURCES = ("clients", "core", "kernels", "server")
 SMALL = 40  # lines
-SERVICE, HANDLER = "SegmentationService", "Segment"
+SERVICE, HANDLER = "SegmentationService", "SegmentViews"
 ANSWERING = ("core/decompose/", "core/prompt/", "core/query/", "core/render/", "server/api/",
              "server/rpc/", "server/services/")
 KEYWORDS = {"if", "for", "while", "switch", "return", "sizeof", "catch", "decltype", "alignof",
@@ -182,7 +182,7 @@ def unit_of(file):
 
 
 def segment_files(root, functions):
-    """Returns the files that define what the handler of Segment reaches."""
+    """Returns the files that define what the handler of SegmentViews reaches."""
     defined = collections.defaultdict(lambda: collections.defaultdict(list))
     for function in functions:
         defined[unit_of(function.file)][function.name].append(function)
@@ -333,7 +333,7 @@ def main(arguments):
     print(f"| folder cycles | {len(cycles) - of_tests} | {of_tests} |")
     followed = segment_files(root, sources[2])
     answering = [file for file in followed if file.startswith(ANSWERING)]
-    print(f"| files that a Segment request is followed through: answering | {len(answering)} | |")
+    print(f"| files that a SegmentViews request is followed through: answering | {len(answering)} | |")
     print(f"| all of them | {len(followed)} | |")
     structs, messages = option_fields(root, [f for f in sources[0]
                                              if f.split("/")[0] in ("core", "server")])

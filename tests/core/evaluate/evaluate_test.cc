@@ -516,7 +516,7 @@ TEST_F(EvaluateTest, RefusesInvalidOptions) {
         o.thresholds = {0.5, 0.5};
       },
       "thresholds[1] is 0.5, must be in [-1");
-  expect_refused([](auto& o) { o.fixed_threshold = NAN; }, "fixed_threshold[0] is nan");
+  expect_refused([](auto& o) { o.fixed_threshold = NAN; }, "fixed_threshold is nan");
   expect_refused([](auto& o) { o.task.min_pixels = 0; }, "min_pixels is 0");
   expect_refused([](auto& o) { o.label_propagation.min_cosine = -2; },
                  "label_propagation.min_cosine is -2, must be in [-1, 1]");
@@ -530,7 +530,7 @@ TEST_F(EvaluateTest, RefusesInvalidOptions) {
                  "promptable.min_cosine is 1.5, must be in [-1, 1]");
   expect_refused([](auto& o) { o.promptable.max_points = 0; }, "promptable.max_points is 0");
   expect_refused([](auto& o) { o.clicks.max_clicks = 2; }, "max_clicks is 2");
-  expect_refused([](auto& o) { o.sam.num_proposals = 0; }, "sam.num_proposals is 0");
+  expect_refused([](auto& o) { o.sam.num_proposals = 0; }, "sam_agreement.num_proposals is 0");
 }
 
 }  // namespace

@@ -91,7 +91,7 @@ TEST_F(SamAgreementTest, RefusesViewsAndOptionsThatDoNotFit) {
   sam.stability.clear();
   options_.min_predicted_iou = 2;
   EXPECT_STATUS(Score(sam), absl::StatusCode::kInvalidArgument,
-                "sam.min_predicted_iou is 2, must be in [0, 1]");
+                "sam_agreement.min_predicted_iou is 2, must be in [0, 1]");
 }
 
 TEST_F(SamAgreementTest, ReturnsTheErrorOfCheckCancelled) {

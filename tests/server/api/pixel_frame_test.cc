@@ -361,29 +361,30 @@ TEST_F(PixelFrameTest, EvaluatesLabelsOfThePhotographs) {
       ask.mutable_prompt()->mutable_view()->set_view(view);
       Image labels{kPhotographWidth, kPhotographHeight, 1, PixelsOf(Mask(ask).rle())};
       for (uint8_t& pixel : labels.pixels) pixel = pixel != 0 ? 7 : 0;
-      request.add_labels()->set_view(view);
-      request.mutable_labels(request.labels_size() - 1)->set_png(*EncodePng(labels));
+      v1::ViewTruth& truth = *request.add_views();
+      truth.set_view(view);
+      truth.set_labels_png(*EncodePng(labels));
       Image ignore{kPhotographWidth, kPhotographHeight, 1,
                    Pixels(kPhotographWidth * kPhotographHeight)};
       ignore.pixels[0] = 255;
-      request.mutable_labels(request.labels_size() - 1)->set_ignore_png(*EncodePng(ignore));
+      truth.set_ignore_png(*EncodePng(ignore));
     }
     grpc::ClientContext context;
     v1::EvaluateModelResponse scores;
     const grpc::Status status = running.evaluations->EvaluateModel(&context, request, &scores);
     ASSERT_TRUE(status.ok()) << status.error_message();
     ASSERT_EQ(scores.entities_size(), 1);
-    EXPECT_EQ(scores.entities(0).id(), 7);
-    EXPECT_GT(scores.chosen().iou(), 0.95);
+    EXPECT_EQ(scores.entities(0).name(), "7");
+    EXPECT_GT(scores.scene().reference().iou(), 0.95);
     // The click is in the photograph's pixels, so it can be used in a request.
-    const double x = scores.entities(0).click_x(), y = scores.entities(0).click_y();
+    const double x = scores.entities(0).clicks(0).x(), y = scores.entities(0).clicks(0).y();
     v1::SegmentViewsRequest again = At(x, y, v1::PIXEL_FRAME_PHOTOGRAPH);
-    again.mutable_prompt()->mutable_view()->set_view(scores.entities(0).views(0).view());
+    again.mutable_prompt()->mutable_view()->set_view(scores.entities(0).reference_view());
     const Pixels mask = PixelsOf(Mask(again).rle());
     EXPECT_EQ(mask[static_cast<size_t>(y) * kPhotographWidth + static_cast<size_t>(x)], 1);
     // Labels of the view's size belong to the other frame.
     Image small{96, 64, 1, Pixels(96 * 64, 7)};
-    request.mutable_labels(0)->set_png(*EncodePng(small));
+    request.mutable_views(0)->set_labels_png(*EncodePng(small));
     grpc::ClientContext other;
     const grpc::Status refused = running.evaluations->EvaluateModel(&other, request, &scores);
     EXPECT_EQ(refused.error_code(), grpc::INVALID_ARGUMENT);
@@ -391,6 +392,44 @@ TEST_F(PixelFrameTest, EvaluatesLabelsOfThePhotographs) {
         refused.error_message().find("'96x64': pixels; photograph \"left/0.jpg\" has 192x128"),
         std::string::npos)
         << refused.error_message();
+  }
+}
+
+TEST_F(PixelFrameTest, EvaluatesMasksAndPromptsOfThePhotographs) {
+  for (const char* model : {"half.model", "lens.model"}) {
+    SCOPED_TRACE(model);
+    Train(model);
+    v1::EvaluateModelRequest request;
+    request.set_model(kModel);
+    for (const char* view : {"left/0.jpg", "right.jpg"}) {
+      v1::SegmentViewsRequest ask = At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH);
+      ask.mutable_prompt()->mutable_view()->set_view(view);
+      v1::ViewTruth& truth = *request.add_views();
+      truth.set_view(view);
+      truth.add_masks()->set_entity("square");
+      *truth.mutable_masks(0)->mutable_mask()->mutable_rle() = Mask(ask).rle();
+      v1::SamViewMasks& sam = *request.add_sam_views();
+      sam.set_view(view);
+      *sam.add_masks()->mutable_mask() = truth.masks(0).mask();
+    }
+    const auto evaluate = [&] {
+      grpc::ClientContext context;
+      v1::EvaluateModelResponse scores;
+      const grpc::Status status = running.evaluations->EvaluateModel(&context, request, &scores);
+      EXPECT_TRUE(status.ok()) << status.error_message();
+      return scores;
+    };
+    v1::EntityPrompt& prompt = *request.add_prompts();
+    prompt.set_entity("square");
+    prompt.set_view("right.jpg");
+    prompt.mutable_points()->add_points()->set_x(60);  // between the squares in the view
+    prompt.mutable_points()->mutable_points(0)->set_y(64);
+    EXPECT_GT(evaluate().scene().reference().iou(), 0.95);
+    *prompt.mutable_mask() = request.views(1).masks(0).mask();
+    EXPECT_GT(evaluate().scene().reference().iou(), 0.95);
+    request.clear_prompts();
+    request.mutable_options()->set_protocol(v1::EVALUATION_PROTOCOL_SAM_AGREEMENT);
+    EXPECT_GT(evaluate().sam_agreement().best_iou(), 0.95);
   }
 }
 

@@ -261,9 +261,26 @@ def make_requests():
         "prompt { view { " + FREE + "} points { points { x: 12 y: 16 } } }"))
     put("propose_request", "points", message("ProposeScalesRequest", MODEL + POINT +
                                              "max_proposals: 3"))
-    labels = 'labels { view: "%s" png: "%s" } '
+    rle = 'mask { rle { height: 32 width: 32 counts: "00P1" } } '
+    labels = 'views { view: "%s" labels_png: "%s" } '
     evaluate = (MODEL + labels % ("middle.jpg", png_text) + labels % ("left/0.jpg", png_text) +
-                "options { scales: 0.1 scales: 0.5 thresholds: 0.5 }")
+                "options { scales: 0.1 scales: 0.5 thresholds: 0.5 accept_trained_views: true }")
+    masks = ('views { view: "middle.jpg" masks { entity: "mug.1" ' + rle + '} ignore_png: "' + png_text +
+             '" } views { view: "front" masks { entity: "mug.1" ' + rle + "} } ")
+    prompt = 'prompts { entity: "mug.1" view: "front" %s } '
+    kinds = {
+        "points": "points { points { x: 12 y: 16 } points { x: 2 y: 3 negative: true } }",
+        "mean": "point_mean { points { x: 12 y: 16 } }",
+        "scribbles": "scribbles { positive { " + rle[7:-2] + "} negative { " + rle[7:-2] + "} }",
+        "box": "box { x: 2 y: 3 width: 9 height: 9 }", "mask": rle, "own": "own_mask { }",
+        "label": 'label_id: "red"',
+    }
+    for name, kind in kinds.items():
+        put("evaluate_request", name, message("EvaluateModelRequest", MODEL + masks + prompt % kind +
+            "options { protocol: EVALUATION_PROTOCOL_PROMPTABLE accept_trained_views: true }"))
+    put("evaluate_request", "sam", message("EvaluateModelRequest", MODEL + 'sam_views { view: "middle.jpg" '
+        "masks { " + rle + "predicted_iou: 0.9 stability: 0.95 } masks { " + rle + "} } "
+        "options { protocol: EVALUATION_PROTOCOL_SAM_AGREEMENT sam_agreement { min_pixels: 1 } }"))
     put("evaluate_request", "two", message("EvaluateModelRequest", evaluate))
     return evaluate
 

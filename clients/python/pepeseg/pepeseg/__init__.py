@@ -28,6 +28,15 @@ from pepeseg.errors import (
     UnavailableError,
     UnimplementedError,
 )
+from pepeseg.evaluation import (
+    EntityPrompt,
+    EntityScores,
+    Evaluation,
+    GroupScores,
+    SamAgreement,
+    SamMask,
+    Scores,
+)
 from pepeseg.labels import Label
 from pepeseg.photographs import Photograph
 from pepeseg.png import Picture
@@ -50,9 +59,13 @@ __all__ = [
     "DatasetFile",
     "DeadlineExceededError",
     "Decomposition",
+    "EntityPrompt",
+    "EntityScores",
+    "Evaluation",
     "Export",
     "FailedPreconditionError",
     "FileKind",
+    "GroupScores",
     "InternalError",
     "InvalidArgumentError",
     "JobCancelledError",
@@ -68,7 +81,10 @@ __all__ = [
     "Picture",
     "Proposal",
     "ResourceExhaustedError",
+    "SamAgreement",
+    "SamMask",
     "Scene",
+    "Scores",
     "SealedDataset",
     "Segment",
     "Segmentation",

@@ -11,7 +11,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import grpc
 
-from pepeseg import cameras, errors, segmentation, subsets, training
+from pepeseg import cameras, errors, evaluation, segmentation, subsets, training
 from pepeseg import jobs as of_jobs
 from pepeseg import labels as of_labels
 from pepeseg import photographs as of_photographs
@@ -20,7 +20,6 @@ from pepeseg import selections as of_selections
 from pepeseg import upload as of_uploads
 from pepeseg.binding import SceneClient, awaited
 from pepeseg.calls import (
-    CALL_SECONDS,
     Patience,
     Pause,
     Place,
@@ -98,7 +97,7 @@ class _Awaiting:
         metadata = metadata_of(self._metadata, step.scene)
         while True:
             try:
-                return await method(step.request, timeout=CALL_SECONDS, metadata=metadata)
+                return await method(step.request, timeout=step.seconds, metadata=metadata)
             except grpc.RpcError as error:
                 failure = errors.from_rpc(error)
             await asyncio.sleep(patience.pause_after(failure, step.repeatable))
@@ -236,6 +235,8 @@ class Client(SceneClient):
 
     segment = awaited(segmentation.segment)
     propose = awaited(segmentation.propose)
+    evaluate = awaited(evaluation.evaluate)
+    sam_agreement = awaited(evaluation.sam_agreement)
     decompose = awaited(subsets.decompose)
     render = awaited(subsets.render)
     export = awaited(subsets.export)

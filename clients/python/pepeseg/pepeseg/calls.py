@@ -18,6 +18,7 @@ import grpc
 from pepeseg import errors
 from pepeseg.v1 import (
     dataset_service_pb2_grpc,
+    evaluation_service_pb2_grpc,
     job_service_pb2_grpc,
     label_service_pb2_grpc,
     render_service_pb2_grpc,
@@ -48,6 +49,7 @@ class Unary:
 
     `repeatable`: the call may be repeated after a lost response, because doing it twice has the
     effect of doing it once. Otherwise it is repeated only if the server said that it did nothing.
+    `seconds`: the deadline.
     """
 
     service: str
@@ -55,6 +57,7 @@ class Unary:
     request: Any
     scene: str = ""
     repeatable: bool = True
+    seconds: float = CALL_SECONDS
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,7 @@ class Services:
             "labels": label_service_pb2_grpc.LabelServiceStub,
             "selections": selection_service_pb2_grpc.SelectionServiceStub,
             "rendering": render_service_pb2_grpc.RenderServiceStub,
+            "evaluation": evaluation_service_pb2_grpc.EvaluationServiceStub,
         }
         self._stubs = {name: stub(channel) for name, stub in stubs.items()}
 
@@ -219,7 +223,7 @@ class Blocking:
         metadata = metadata_of(self._metadata, step.scene)
         while True:
             try:
-                return method(step.request, timeout=CALL_SECONDS, metadata=metadata)
+                return method(step.request, timeout=step.seconds, metadata=metadata)
             except grpc.RpcError as error:
                 failure = errors.from_rpc(error)
             time.sleep(patience.pause_after(failure, step.repeatable))

@@ -9,7 +9,7 @@ import time
 from types import TracebackType
 from typing import Concatenate, ParamSpec, TypeVar
 
-from pepeseg import cameras, errors, segmentation, subsets, training
+from pepeseg import cameras, errors, evaluation, segmentation, subsets, training
 from pepeseg import jobs as of_jobs
 from pepeseg import labels as of_labels
 from pepeseg import photographs as of_photographs
@@ -142,6 +142,8 @@ class Client(SceneClient):
 
     segment = blocking(segmentation.segment)
     propose = blocking(segmentation.propose)
+    evaluate = blocking(evaluation.evaluate)
+    sam_agreement = blocking(evaluation.sam_agreement)
     decompose = blocking(subsets.decompose)
     render = blocking(subsets.render)
     export = blocking(subsets.export)

@@ -38,7 +38,7 @@ def points_prompt(points: npt.ArrayLike, negative: npt.ArrayLike | None) -> prom
     return prompt
 
 
-def _box_prompt(box: Sequence[float]) -> prompt_pb2.BoxPrompt:
+def box_prompt(box: Sequence[float]) -> prompt_pb2.BoxPrompt:
     values = np.asarray(box, np.float64)
     if values.shape != (4,):
         raise refused(f"box: x, y, width, height is wanted, this is {list(values.shape)}")
@@ -73,7 +73,7 @@ def prompt(
     if points is not None:
         message.points.CopyFrom(points_prompt(points, negative))
     elif box is not None:
-        message.box.CopyFrom(_box_prompt(box))
+        message.box.CopyFrom(box_prompt(box))
     elif mask is not None:
         message.mask.rle.CopyFrom(rle.encode(mask))
     elif label is not None:

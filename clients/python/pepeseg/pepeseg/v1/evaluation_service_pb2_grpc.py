@@ -6,22 +6,11 @@ from pepeseg.v1 import evaluation_service_pb2 as pepeseg_dot_v1_dot_evaluation__
 
 
 class EvaluationServiceStub(object):
-    """The one-click protocol of EvaluateModel.
+    """Scores models against the truth, by the protocols of the field's benchmarks (core/METHOD.md
+    section 5). Models are named, and loaded, as in SegmentationService.
 
-    An entity is a thing with a known outline: a part, an object or a group. It counts if at least
-    two held-out views show at least `min_pixels` of it. The first of these views by name is its
-    reference; the others are scored. The click is the pixel deepest inside the entity in the
-    reference, by Euclidean distance; of several, the first in reading order. Scale and threshold are
-    chosen by the IoU in the reference; of several best pairs, the one with the smallest scale, then
-    the lowest threshold.
-
-    IoU is |P and G| / |P or G| of the answer P and the ground truth G. Boundary IoU is the same for
-    their boundaries: a mask minus its erosion by max(1, round(0.02 * image diagonal)) steps of 3x3
-    pixels, where pixels beyond the image are outside. The scores of an entity are means over its
-    scored views; a mean over entities weighs them equally. If nothing is under a click, its entity
-    scores 0.
-
-    Scores models. Models are named, and loaded, as in SegmentationService.
+    An entity is a thing with a known outline: a part, an object or a group. It has the same name in
+    all views, and a prompt in one of them, its reference; it is scored in others.
     """
 
     def __init__(self, channel):
@@ -38,30 +27,19 @@ class EvaluationServiceStub(object):
 
 
 class EvaluationServiceServicer(object):
-    """The one-click protocol of EvaluateModel.
+    """Scores models against the truth, by the protocols of the field's benchmarks (core/METHOD.md
+    section 5). Models are named, and loaded, as in SegmentationService.
 
-    An entity is a thing with a known outline: a part, an object or a group. It counts if at least
-    two held-out views show at least `min_pixels` of it. The first of these views by name is its
-    reference; the others are scored. The click is the pixel deepest inside the entity in the
-    reference, by Euclidean distance; of several, the first in reading order. Scale and threshold are
-    chosen by the IoU in the reference; of several best pairs, the one with the smallest scale, then
-    the lowest threshold.
-
-    IoU is |P and G| / |P or G| of the answer P and the ground truth G. Boundary IoU is the same for
-    their boundaries: a mask minus its erosion by max(1, round(0.02 * image diagonal)) steps of 3x3
-    pixels, where pixels beyond the image are outside. The scores of an entity are means over its
-    scored views; a mean over entities weighs them equally. If nothing is under a click, its entity
-    scores 0.
-
-    Scores models. Models are named, and loaded, as in SegmentationService.
+    An entity is a thing with a known outline: a part, an object or a group. It has the same name in
+    all views, and a prompt in one of them, its reference; it is scored in others.
     """
 
     def EvaluateModel(self, request, context):
-        """Scores the model by one click for each entity against label images of held-out views, by the
-        protocol above. Evaluations run one at a time. UNAVAILABLE: too many are waiting.
-        INVALID_ARGUMENT: a view is unknown, was trained on or is given twice, a file is not a grey PNG
-        of the frame's size, no entity counts, or an option is out of range. Deadlines are checked
-        between views.
+        """Scores a model by one protocol. Evaluations run one at a time. UNAVAILABLE: too many are
+        waiting. INVALID_ARGUMENT, with the view or the entity: a view is unknown, is given twice, or
+        was trained on (unless options.accept_trained_views); an image is not a PNG of the frame's size;
+        a prompt does not fit its view; no entity has a scored view; or an option is out of range.
+        Deadlines are checked between views.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -83,22 +61,11 @@ def add_EvaluationServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class EvaluationService(object):
-    """The one-click protocol of EvaluateModel.
+    """Scores models against the truth, by the protocols of the field's benchmarks (core/METHOD.md
+    section 5). Models are named, and loaded, as in SegmentationService.
 
-    An entity is a thing with a known outline: a part, an object or a group. It counts if at least
-    two held-out views show at least `min_pixels` of it. The first of these views by name is its
-    reference; the others are scored. The click is the pixel deepest inside the entity in the
-    reference, by Euclidean distance; of several, the first in reading order. Scale and threshold are
-    chosen by the IoU in the reference; of several best pairs, the one with the smallest scale, then
-    the lowest threshold.
-
-    IoU is |P and G| / |P or G| of the answer P and the ground truth G. Boundary IoU is the same for
-    their boundaries: a mask minus its erosion by max(1, round(0.02 * image diagonal)) steps of 3x3
-    pixels, where pixels beyond the image are outside. The scores of an entity are means over its
-    scored views; a mean over entities weighs them equally. If nothing is under a click, its entity
-    scores 0.
-
-    Scores models. Models are named, and loaded, as in SegmentationService.
+    An entity is a thing with a known outline: a part, an object or a group. It has the same name in
+    all views, and a prompt in one of them, its reference; it is scored in others.
     """
 
     @staticmethod

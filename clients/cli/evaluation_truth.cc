@@ -1,0 +1,228 @@
+#include "clients/cli/evaluation_truth.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "clients/cli/picture.h"
+#include "clients/cpp/file_bytes.h"
+#include "clients/cpp/status_macros.h"
+
+namespace pepeseg::client::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Returns FOLDER/STEM with an ending.
+fs::path FileOf(const fs::path& folder, const std::string& view, const std::string& ending) {
+  return folder / fs::path(view).replace_extension(ending);
+}
+
+bool IsFile(const fs::path& path) {
+  std::error_code error;
+  return fs::is_regular_file(path, error);
+}
+
+// Returns the PNG files of a folder by name; none if there is no such folder.
+std::vector<fs::path> PngsOf(const fs::path& folder) {
+  std::vector<fs::path> files;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    if (entry.path().extension() == ".png") files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+// Returns the names that --views lists, by themselves or in a file.
+absl::StatusOr<std::vector<std::string>> ListedViews(const TruthFlags& flags) {
+  if (flags.views.size() != 1 || !IsFile(flags.views[0])) return flags.views;
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(flags.views[0]));
+  std::vector<std::string> names;
+  for (const absl::string_view line : absl::StrSplit(text, '\n')) {
+    const absl::string_view name = absl::StripAsciiWhitespace(line);
+    if (!name.empty()) names.emplace_back(name);
+  }
+  return names;
+}
+
+// Returns the error of a folder in which no view has what is `wanted` for it.
+absl::Status NothingThere(const TruthFlags& flags, const std::vector<v1::View>& views,
+                          const std::string& wanted) {
+  const std::string reason = views.empty() ? "the model has no held-out view; see --trained-views"
+                                           : absl::StrCat("expected ", wanted);
+  return LocalFileMissing(
+      absl::StrCat(flags.folder.string(), " has nothing of a view to score: ", reason));
+}
+
+absl::StatusOr<v1::SamViewMasks> SamMasksFromJson(const fs::path& file) {
+  const auto bad = [&](const std::string& what) {
+    return absl::InvalidArgumentError(absl::StrCat(file.string(), ": ", what));
+  };
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(file));
+  auto json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
+  if (json.is_object() && json.contains("annotations")) json = nlohmann::json(json["annotations"]);
+  if (!json.is_array())
+    return bad("expected a JSON array of SAM's masks, or {\"annotations\": []}");
+  v1::SamViewMasks masks;
+  for (const auto& entry : json) {
+    const auto rle = entry.is_object() ? entry.value("segmentation", nlohmann::json()) : entry;
+    const auto size = rle.is_object() ? rle.value("size", nlohmann::json()) : rle;
+    if (!size.is_array() || size.size() != 2 || !size[0].is_number_integer() ||
+        !size[1].is_number_integer() || !rle.contains("counts") || !rle["counts"].is_string()) {
+      return bad(absl::StrCat("mask ", masks.masks_size(),
+                              " has no segmentation {\"size\": [height, width], \"counts\": "
+                              "\"...\"} (COCO's compressed string)"));
+    }
+    v1::SamViewMasks::SamMask& mask = *masks.add_masks();
+    mask.mutable_mask()->mutable_rle()->set_height(size[0].get<int>());
+    mask.mutable_mask()->mutable_rle()->set_width(size[1].get<int>());
+    mask.mutable_mask()->mutable_rle()->set_counts(rle["counts"].get<std::string>());
+    const auto number = [&](const char* name) { return entry.value(name, nlohmann::json()); };
+    if (number("predicted_iou").is_number())
+      mask.set_predicted_iou(number("predicted_iou").get<double>());
+    if (number("stability_score").is_number())
+      mask.set_stability(number("stability_score").get<double>());
+  }
+  return masks;
+}
+
+// Reads SAM's masks of a view; none if it has no file.
+absl::StatusOr<v1::SamViewMasks> ReadSamMasks(const TruthFlags& flags, const std::string& view) {
+  const fs::path json = FileOf(flags.folder, view, ".json");
+  if (IsFile(json)) return SamMasksFromJson(json);
+  v1::SamViewMasks masks;
+  for (const fs::path& file : PngsOf(FileOf(flags.folder, view, ""))) {
+    ASSIGN_OR_RETURN(*masks.add_masks()->mutable_mask()->mutable_png(), ReadFile(file));
+  }
+  return masks;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<v1::View>> ViewsToScore(const TruthFlags& flags,
+                                                   const std::vector<v1::View>& views) {
+  ASSIGN_OR_RETURN(const std::vector<std::string> listed, ListedViews(flags));
+  std::vector<v1::View> chosen;
+  for (const v1::View& view : views) {
+    if (listed.empty() && (view.held_out() || flags.trained_views)) chosen.push_back(view);
+  }
+  for (const std::string& name : listed) {
+    const auto found = std::find_if(views.begin(), views.end(), [&](const v1::View& view) {
+      return view.view() == name || fs::path(view.view()).replace_extension("") == name;
+    });
+    if (found == views.end()) {
+      return absl::InvalidArgumentError(absl::StrCat("the model has no view \"", name, "\""));
+    }
+    if (!found->held_out() && !flags.trained_views) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("view \"", name, "\" was trained on; give --trained-views if the protocol ",
+                       "scores such views"));
+    }
+    chosen.push_back(*found);
+  }
+  return chosen;
+}
+
+absl::StatusOr<std::string> IgnorePng(const TruthFlags& flags, const std::string& view) {
+  if (flags.ignore.empty()) return std::string();
+  std::error_code error;
+  if (!fs::is_directory(flags.ignore, error)) return ReadFile(flags.ignore);
+  const fs::path file = FileOf(flags.ignore, view, ".png");
+  return IsFile(file) ? ReadFile(file) : std::string();
+}
+
+absl::StatusOr<std::vector<std::string>> AddTruth(const TruthFlags& flags,
+                                                  const std::vector<v1::View>& views,
+                                                  v1::EvaluateModelRequest& request) {
+  std::vector<std::string> without;
+  for (const v1::View& view : views) {
+    v1::ViewTruth truth;
+    truth.set_view(view.view());
+    const fs::path labels = FileOf(flags.folder, view.view(), ".png");
+    if (IsFile(labels)) {
+      ASSIGN_OR_RETURN(*truth.mutable_labels_png(), ReadFile(labels));
+    }
+    for (const fs::path& file : PngsOf(FileOf(flags.folder, view.view(), ""))) {
+      v1::EntityMask& mask = *truth.add_masks();
+      mask.set_entity(file.stem().string());
+      ASSIGN_OR_RETURN(*mask.mutable_mask()->mutable_png(), ReadFile(file));
+    }
+    if (truth.labels_png().empty() && truth.masks().empty()) {
+      without.push_back(view.view());
+      continue;
+    }
+    ASSIGN_OR_RETURN(*truth.mutable_ignore_png(), IgnorePng(flags, view.view()));
+    *request.add_views() = std::move(truth);
+  }
+  if (!request.views().empty()) return without;
+  const std::string first = without.empty() ? "" : without.front();
+  return NothingThere(flags, views,
+                      absl::StrCat(FileOf("", first, ".png").string(), " or masks in ",
+                                   FileOf("", first, "").string(), "/"));
+}
+
+absl::StatusOr<std::vector<std::string>> AddSamMasks(const TruthFlags& flags,
+                                                     const std::vector<v1::View>& views,
+                                                     v1::EvaluateModelRequest& request) {
+  std::vector<std::string> without;
+  for (const v1::View& view : views) {
+    ASSIGN_OR_RETURN(v1::SamViewMasks masks, ReadSamMasks(flags, view.view()));
+    if (masks.masks().empty()) {
+      without.push_back(view.view());
+      continue;
+    }
+    masks.set_view(view.view());
+    ASSIGN_OR_RETURN(*masks.mutable_ignore_png(), IgnorePng(flags, view.view()));
+    *request.add_sam_views() = std::move(masks);
+  }
+  if (!request.sam_views().empty()) return without;
+  const std::string first = without.empty() ? "" : without.front();
+  return NothingThere(flags, views,
+                      absl::StrCat(FileOf("", first, ".json").string(), " or masks in ",
+                                   FileOf("", first, "").string(), "/"));
+}
+
+absl::Status AddNames(const std::string& file, v1::EvaluateModelRequest& request) {
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(file));
+  const auto json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
+  int index = 0;
+  for (const auto& [key, name] : json.items()) {
+    int id = index++;
+    if (!name.is_string() || (json.is_object() && !absl::SimpleAtoi(key, &id))) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(file, ": the entry at ", key, " is not the name of an id"));
+    }
+    (*request.mutable_entity_names())[id] = name.get<std::string>();
+  }
+  if (index > 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(file, ": expected a JSON array of names, or an object of names by id"));
+}
+
+absl::StatusOr<std::vector<std::string>> EntitiesOf(const v1::EvaluateModelRequest& request,
+                                                    const v1::ViewTruth& truth) {
+  std::vector<std::string> names;
+  for (const v1::EntityMask& mask : truth.masks()) names.push_back(mask.entity());
+  if (truth.labels_png().empty()) return names;
+  std::set<int> ids;
+  if (const auto wide = DecodeGrey16(truth.labels_png(), truth.view()); wide.ok()) {
+    ids.insert(wide->pixels.begin(), wide->pixels.end());
+  } else {
+    // Grey becomes three equal channels.
+    ASSIGN_OR_RETURN(const Picture labels, DecodePicture(truth.labels_png(), truth.view()));
+    for (size_t i = 0; i < labels.pixels.size(); i += 3) ids.insert(labels.pixels[i]);
+  }
+  for (const int id : ids) {
+    const auto name = request.entity_names().find(id);
+    if (id == 0) continue;
+    names.push_back(name == request.entity_names().end() ? absl::StrCat(id) : name->second);
+  }
+  return names;
+}
+
+}  // namespace pepeseg::client::cli

@@ -1,0 +1,427 @@
+"""Evaluation: scores of a model against the truth, by the protocols of the field's benchmarks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from pepeseg import png, prompts, rle
+from pepeseg.calls import Place, Steps, Unary
+from pepeseg.errors import refused
+from pepeseg.v1 import evaluation_service_pb2 as v1
+
+# The truth of a view: ids [height, width], 0 for none, or a mask [height, width] for each entity.
+Truth = Union[npt.NDArray[np.integer[Any]], Mapping[str, npt.ArrayLike]]
+
+# A hundred entities take long on a CPU.
+_EVALUATE_SECONDS = 3600.0
+
+_PROTOCOLS = {
+    "prompt": v1.EVALUATION_PROTOCOL_PROMPT,
+    "label-propagation": v1.EVALUATION_PROTOCOL_LABEL_PROPAGATION,
+    "promptable": v1.EVALUATION_PROTOCOL_PROMPTABLE,
+    "clicks": v1.EVALUATION_PROTOCOL_CLICKS,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class EntityPrompt:
+    """What is shown of an entity in its reference view: exactly one of the fields below `view`.
+
+    Attributes:
+        view: name of a view of the truth or, for a reference view without truth, of the model;
+            "" for a label, which has its own.
+        points: [n, 2], x and y in pixels of the frame; `negative`, [n, 2], goes with it.
+        point_mean: [n, 2]: means what is similar to the mean feature of these points.
+        positive_strokes: [height, width], not 0 on a stroke; `negative_strokes` goes with it.
+        box: x, y, width, height in pixels.
+        mask: [height, width], not 0 inside.
+        own_mask: the mask of the entity in the truth.
+        label: id of a label of the scene.
+    """
+
+    view: str = ""
+    points: npt.ArrayLike | None = None
+    negative: npt.ArrayLike | None = None
+    point_mean: npt.ArrayLike | None = None
+    positive_strokes: npt.ArrayLike | None = None
+    negative_strokes: npt.ArrayLike | None = None
+    box: Sequence[float] | None = None
+    mask: npt.ArrayLike | None = None
+    own_mask: bool = False
+    label: str | None = None
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Scores of a mask in one view, or their means, each in [0, 1].
+
+    Attributes:
+        accuracy: share of the view's pixels that are right, inside and outside.
+        boundary_iou: IoU of the boundaries, 2 % of the image's diagonal wide.
+    """
+
+    iou: float
+    accuracy: float
+    boundary_iou: float
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A scale (quantile) and a threshold (cosine), with their scores in each scored view."""
+
+    scale: float
+    threshold: float
+    mean: Scores
+    views: dict[str, Scores]
+
+
+@dataclass(frozen=True)
+class SimulatedClick:
+    """A click of the protocol, in pixels of the frame. `reference_iou` and `iou`, its mean over the
+    scored views, are those of the answer to this click and all before it (protocol "clicks")."""
+
+    x: float
+    y: float
+    negative: bool
+    reference_iou: float
+    iou: float
+
+
+@dataclass(frozen=True)
+class EntityScores:
+    """The scores of an entity.
+
+    Attributes:
+        category: its name without its number.
+        reference_view: the view with the prompt.
+        num_pixels: pixels that show it in each scored view.
+        missing: nothing is under the prompt; all scores are 0.
+        paper: the choice with the best IoU in the scored views themselves: it used the truth that
+            it is scored with, as published numbers do, and bounds the others.
+        reference: the choice with the best IoU in the reference view; None if nothing is known
+            there.
+        automatic: the choice without any truth, as `segment` makes it.
+        iou_by_scale: mean IoU at each of `Evaluation.scales` and the fixed threshold.
+        reached, num_clicks: of the protocol "clicks", which makes no choices.
+    """
+
+    name: str
+    category: str
+    reference_view: str
+    num_pixels: dict[str, int]
+    clicks: tuple[SimulatedClick, ...]
+    missing: bool
+    paper: Choice | None
+    reference: Choice | None
+    automatic: Choice | None
+    iou_by_scale: tuple[float, ...]
+    reached: bool
+    num_clicks: int
+
+
+@dataclass(frozen=True)
+class GroupScores:
+    """Means over entities, each of which counts once. Attributes as in EntityScores.
+
+    Attributes:
+        name: the category; "" for all entities.
+        reached: share of the entities.
+        iou_after: mean IoU after 1, 2 and 3 clicks.
+    """
+
+    name: str
+    num_entities: int
+    paper: Scores | None
+    reference: Scores | None
+    automatic: Scores | None
+    iou_by_scale: tuple[float, ...]
+    num_clicks: float
+    reached: float
+    iou_after: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The scores of a model.
+
+    Attributes:
+        entities: those with a scored view, by name; `left_out` has the names of the others.
+        categories: by name; `scene` is the mean over all entities.
+        scales: those chosen from.
+        options: all options used, a message of the contract.
+        seconds: time of the evaluation on the server.
+    """
+
+    entities: dict[str, EntityScores]
+    left_out: tuple[str, ...]
+    categories: dict[str, GroupScores]
+    scene: GroupScores
+    scales: tuple[float, ...]
+    options: v1.EvaluationOptions
+    seconds: float
+    model: str
+
+
+@dataclass(frozen=True)
+class SamAgreement:
+    """Agreement with SAM's masks.
+
+    Attributes:
+        num_masks: masks that count.
+        first_iou: mean IoU of the proposal with the most support.
+        best_iou: mean IoU of the best proposal, which is chosen by the mask it is scored with.
+        views: the same of each view; empty in the views themselves.
+    """
+
+    num_masks: int
+    first_iou: float
+    best_iou: float
+    views: dict[str, SamAgreement]
+
+
+@dataclass(frozen=True, eq=False)
+class SamMask:
+    """A mask of SAM's, [height, width], not 0 inside, with SAM's own scores if they are known."""
+
+    mask: npt.ArrayLike
+    predicted_iou: float | None = None
+    stability: float | None = None
+
+
+def _fill_prompt(entity: str, given: EntityPrompt, message: v1.EntityPrompt) -> None:
+    kinds = {
+        "points": given.points,
+        "point_mean": given.point_mean,
+        "positive_strokes": given.positive_strokes,
+        "box": given.box,
+        "mask": given.mask,
+        "own_mask": given.own_mask or None,
+        "label": given.label,
+    }
+    names = [name for name, value in kinds.items() if value is not None]
+    if len(names) != 1:
+        raise refused(f'prompt of "{entity}": exactly one of {", ".join(kinds)}, not {names}')
+    message.entity, message.view = entity, given.view
+    if given.points is not None:
+        message.points.CopyFrom(prompts.points_prompt(given.points, given.negative))
+    elif given.point_mean is not None:
+        message.point_mean.CopyFrom(prompts.points_prompt(given.point_mean, None))
+    elif given.positive_strokes is not None:
+        message.scribbles.positive.rle.CopyFrom(rle.encode(given.positive_strokes))
+        if given.negative_strokes is not None:
+            message.scribbles.negative.rle.CopyFrom(rle.encode(given.negative_strokes))
+    elif given.box is not None:
+        message.box.CopyFrom(prompts.box_prompt(given.box))
+    elif given.mask is not None:
+        message.mask.rle.CopyFrom(rle.encode(given.mask))
+    elif given.own_mask:
+        message.own_mask.SetInParent()
+    elif given.label is not None:
+        message.label_id = given.label
+
+
+def _ignore_png(ignore: Mapping[str, npt.ArrayLike] | npt.ArrayLike | None, view: str) -> bytes:
+    mask = ignore.get(view) if isinstance(ignore, Mapping) else ignore
+    return b"" if mask is None else png.encode(np.asarray(mask) != 0)
+
+
+def _labels_png(view: str, labels: npt.NDArray[np.integer[Any]]) -> bytes:
+    is_whole = labels.ndim == 2 and labels.dtype.kind in "iu"
+    if not is_whole or labels.min() < 0 or labels.max() > 65535:
+        raise refused(f"truth of {view}: ids [height, width] in 0..65535, or masks by entity")
+    return png.encode(labels.astype(np.uint16))
+
+
+def _fill_truth(view: str, truth: Truth, message: v1.ViewTruth) -> None:
+    message.view = view
+    if not isinstance(truth, Mapping):
+        message.labels_png = _labels_png(view, np.asarray(truth))
+        return
+    for entity, mask in truth.items():
+        message.masks.add(entity=entity).mask.rle.CopyFrom(rle.encode(mask))
+
+
+def _scores(message: v1.EvaluateModelResponse.Scores) -> Scores:
+    return Scores(message.iou, message.accuracy, message.boundary_iou)
+
+
+def _choice(entity: v1.EvaluateModelResponse.Entity, name: str) -> Choice | None:
+    if not entity.HasField(name):
+        return None
+    message = getattr(entity, name)
+    views = {scored.view: _scores(s) for scored, s in zip(entity.views, message.views)}
+    return Choice(message.scale_quantile, message.threshold, _scores(message.mean), views)
+
+
+def _entity(message: v1.EvaluateModelResponse.Entity) -> EntityScores:
+    return EntityScores(
+        name=message.name,
+        category=message.category,
+        reference_view=message.reference_view,
+        num_pixels={view.view: view.num_pixels for view in message.views},
+        clicks=tuple(
+            SimulatedClick(click.x, click.y, click.negative, click.reference_iou, click.iou)
+            for click in message.clicks
+        ),
+        missing=message.missing,
+        paper=_choice(message, "paper"),
+        reference=_choice(message, "reference"),
+        automatic=_choice(message, "automatic"),
+        iou_by_scale=tuple(message.iou_by_scale),
+        reached=message.reached,
+        num_clicks=message.num_clicks,
+    )
+
+
+def _group(message: v1.EvaluateModelResponse.GroupScores) -> GroupScores:
+    return GroupScores(
+        name=message.name,
+        num_entities=message.num_entities,
+        paper=_scores(message.paper) if message.HasField("paper") else None,
+        reference=_scores(message.reference) if message.HasField("reference") else None,
+        automatic=_scores(message.automatic) if message.HasField("automatic") else None,
+        iou_by_scale=tuple(message.iou_by_scale),
+        num_clicks=message.num_clicks,
+        reached=message.reached,
+        iou_after=tuple(message.iou_after),
+    )
+
+
+def _parse_evaluation(answer: v1.EvaluateModelResponse) -> Evaluation:
+    return Evaluation(
+        entities={message.name: _entity(message) for message in answer.entities},
+        left_out=tuple(answer.left_out),
+        categories={message.name: _group(message) for message in answer.categories},
+        scene=_group(answer.scene),
+        scales=tuple(answer.options.scales),
+        options=answer.options,
+        seconds=answer.compute.seconds + answer.compute.nanos * 1e-9,
+        model=answer.model,
+    )
+
+
+def _fill_options(given: Mapping[str, Any], message: v1.EvaluationOptions) -> None:
+    """Sets options by their names in the contract: "min_pixels", "clicks.min_iou"."""
+    for name, value in given.items():
+        *path, last = name.split(".")
+        target: Any = message
+        for part in path:
+            target = getattr(target, part, None)
+        try:
+            if isinstance(value, (list, tuple, np.ndarray)):
+                getattr(target, last).extend(float(number) for number in value)
+            else:
+                setattr(target, last, value)
+        except (AttributeError, TypeError, ValueError) as error:
+            raise refused(f'option "{name}": {error}') from error
+
+
+def evaluate(
+    at: Place,
+    truth: Mapping[str, Truth],
+    *,
+    protocol: str = "prompt",
+    names: Mapping[int, str] | None = None,
+    entity_prompts: Mapping[str, EntityPrompt] | None = None,
+    ignore: Mapping[str, npt.ArrayLike] | npt.ArrayLike | None = None,
+    trained_views: bool = False,
+    score_reference: bool = False,
+    options: Mapping[str, Any] | None = None,
+    frame: str = "photograph",
+) -> Steps[Evaluation]:
+    """Scores the model against the truth of views.
+
+    An entity is a part, an object or a group with one name in all views. Its prompt is in one view,
+    its reference; it is scored in the others. Three scales and thresholds are scored next to each
+    other: `automatic` (chosen without truth), `reference` (by the reference view) and `paper` (by
+    the scored truth itself, as published numbers are).
+
+    Args:
+        truth: by view: ids [height, width], 0 for none, or a mask [height, width] by entity. Masks
+            may overlap.
+        protocol: "prompt" (one click for an entity without a prompt), "label-propagation",
+            "promptable" or "clicks".
+        names: names of the ids; an id without one is named by its digits.
+        entity_prompts: see EntityPrompt; a reference view that the truth lacks is added.
+        ignore: [height, width], for all views or by view: pixels that are not 0 are neither clicked
+            nor scored.
+        trained_views: accept views that the model was trained on.
+        score_reference: score the reference view, too.
+        options: further EvaluationOptions by name: {"scales": [0.1, 0.5], "clicks.min_iou": 0.85}.
+        frame: the pixels of truth, prompts and clicks, as in `segment`.
+
+    Raises:
+        InvalidArgumentError: a view is unknown or was trained on, an image is not of the frame's
+            size, a prompt does not fit its view, or an option is out of range.
+        NotFoundError: no such scene, model or label.
+        ResourceExhaustedError: the images exceed 8 MiB: evaluate fewer views at a time.
+    """
+    if protocol not in _PROTOCOLS:
+        raise refused(f'protocol "{protocol}": one of {", ".join(_PROTOCOLS)} is wanted')
+    request = v1.EvaluateModelRequest(model=at.model, frame=prompts.pixel_frame(frame))
+    _fill_options(options or {}, request.options)
+    request.options.protocol = _PROTOCOLS[protocol]
+    request.options.accept_trained_views = trained_views
+    request.options.score_reference = score_reference
+    request.entity_names.update(names or {})
+    given = entity_prompts or {}
+    references = [prompt.view for prompt in given.values() if prompt.view]
+    for view in dict.fromkeys([*truth, *references]):
+        message = request.views.add()
+        _fill_truth(view, truth.get(view, {}), message)
+        message.ignore_png = _ignore_png(ignore, view)
+    for entity, prompt in given.items():
+        _fill_prompt(entity, prompt, request.prompts.add())
+    answer = yield Unary(
+        "evaluation", "EvaluateModel", request, at.scene, seconds=_EVALUATE_SECONDS
+    )
+    return _parse_evaluation(answer)
+
+
+def sam_agreement(
+    at: Place,
+    masks: Mapping[str, Sequence[SamMask]],
+    *,
+    ignore: Mapping[str, npt.ArrayLike] | npt.ArrayLike | None = None,
+    trained_views: bool = False,
+    options: Mapping[str, Any] | None = None,
+    frame: str = "photograph",
+) -> Steps[SamAgreement]:
+    """Compares the answers to one click on each of SAM's masks with the masks, for scenes without
+    labels.
+
+    Args:
+        masks: SAM's masks of held-out photographs, by view.
+        options: {"min_stability": 0.95, ...}: fields of EvaluationOptions.SamAgreement by name.
+        ignore, trained_views, frame: as in `evaluate`.
+
+    Raises:
+        InvalidArgumentError: as in `evaluate`, or no mask counts.
+        NotFoundError: no such scene or model.
+    """
+    request = v1.EvaluateModelRequest(model=at.model, frame=prompts.pixel_frame(frame))
+    _fill_options(
+        {f"sam_agreement.{name}": value for name, value in (options or {}).items()},
+        request.options,
+    )
+    request.options.protocol = v1.EVALUATION_PROTOCOL_SAM_AGREEMENT
+    request.options.accept_trained_views = trained_views
+    for view, of_view in masks.items():
+        message = request.sam_views.add(view=view, ignore_png=_ignore_png(ignore, view))
+        for given in of_view:
+            mask = message.masks.add(predicted_iou=given.predicted_iou, stability=given.stability)
+            mask.mask.rle.CopyFrom(rle.encode(given.mask))
+    answer = yield Unary(
+        "evaluation", "EvaluateModel", request, at.scene, seconds=_EVALUATE_SECONDS
+    )
+    found = answer.sam_agreement
+    views = {
+        view.view: SamAgreement(view.num_masks, view.first_iou, view.best_iou, {})
+        for view in found.views
+    }
+    return SamAgreement(found.num_masks, found.first_iou, found.best_iou, views)

@@ -1,0 +1,101 @@
+#include "server/api/evaluation_views.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "server/api/request_image.h"
+#include "server/store/error_detail.h"
+
+namespace pepeseg {
+namespace {
+
+absl::Status Wanted() { return absl::OkStatus(); }
+
+Model ModelOf(int num_views, int width, int height) {
+  Model model;
+  for (int v = 0; v < num_views; ++v) {
+    ModelView& view = model.views.emplace_back();
+    view.name = absl::StrCat(v, ".jpg");
+    view.camera = {width, height, 100, 100, 50, 50};
+    view.held_out = true;
+  }
+  return model;
+}
+
+// Returns a mask of those pixels at which a bit of y * width + x is set.
+BinaryMask BitPlane(int width, int height, int bit) {
+  BinaryMask mask;
+  for (int i = 0; i < width * height; ++i) mask.pixels.push_back((i >> bit) & 1);
+  return mask;
+}
+
+TEST(ReadTruthViews, LimitsThePixelsOfAllViewsTogether) {
+  const Model model = ModelOf(3, 8000, 4000);
+  v1::EvaluateModelRequest request;
+  for (int v = 0; v < 2; ++v) request.add_views()->set_view(absl::StrCat(v, ".jpg"));
+  EXPECT_TRUE(ReadTruthViews(request, model, Wanted).ok()) << "64 megapixels are allowed";
+  request.add_views()->set_view("2.jpg");
+  const absl::Status status = ReadTruthViews(request, model, Wanted).status();
+  EXPECT_EQ(pepeseg::DetailOf(status).field, "views[2].view");
+  EXPECT_TRUE(absl::StrContains(status.message(), "over 64000000 pixels")) << status;
+}
+
+// Masks that give each pixel another set of masks make a cell of each pixel.
+TEST(ReadTruthViews, LimitsTheOverlapsOfMasks) {
+  constexpr int kSide = 2048, kBits = 22;
+  const Model model = ModelOf(1, kSide, kSide);
+  v1::EvaluateModelRequest request;
+  v1::ViewTruth& truth = *request.add_views();
+  truth.set_view("0.jpg");
+  const auto add = [&](const BinaryMask& mask) {
+    v1::EntityMask& entity = *truth.add_masks();
+    entity.set_entity(absl::StrCat(truth.masks_size()));
+    *entity.mutable_mask()->mutable_rle() = RleToProto(mask, kSide, kSide);
+  };
+  for (int bit = 0; bit < kBits; ++bit) add(BitPlane(kSide, kSide, bit));
+  BinaryMask pixel = {std::vector<uint8_t>(size_t{kSide} * kSide)};
+  pixel.pixels[5] = 1;
+  while (truth.masks_size() < 300) add(pixel);
+  const absl::Status status = ReadTruthViews(request, model, Wanted).status();
+  // 4 Mi cells have 32 MiB for each 64 masks: the fifth word is over 128 MiB.
+  EXPECT_EQ(pepeseg::DetailOf(status).field, "views[0].masks[256]") << status;
+  EXPECT_TRUE(absl::StrContains(status.message(), "overlaps")) << status;
+}
+
+TEST(ReadTruthViews, EndsWhenTheClientIsGone) {
+  const Model model = ModelOf(2, 64, 64);
+  v1::EvaluateModelRequest request;
+  for (int v = 0; v < 2; ++v) request.add_views()->set_view(absl::StrCat(v, ".jpg"));
+  int calls = 0;
+  const auto status = ReadTruthViews(request, model, [&] {
+                        return ++calls == 2 ? absl::CancelledError("gone") : absl::OkStatus();
+                      }).status();
+  EXPECT_TRUE(absl::IsCancelled(status));
+}
+
+TEST(ReadSamViews, ReadsScoresOfTheMasksThatTheViewShows) {
+  const Model model = ModelOf(1, 64, 64);
+  v1::EvaluateModelRequest request;
+  v1::SamViewMasks& sam = *request.add_sam_views();
+  sam.set_view("0.jpg");
+  for (const bool empty : {false, true, false}) {
+    BinaryMask mask = BitPlane(64, 64, 3);
+    if (empty) mask.pixels.assign(mask.pixels.size(), 0);
+    *sam.add_masks()->mutable_mask()->mutable_rle() = RleToProto(mask, 64, 64);
+  }
+  sam.mutable_masks(1)->set_predicted_iou(0.1);
+  sam.mutable_masks(2)->set_predicted_iou(0.9);
+  sam.mutable_masks(2)->set_stability(0.8);
+  const auto views = ReadSamViews(request, model, Wanted);
+  ASSERT_TRUE(views.ok()) << views.status();
+  ASSERT_EQ(views->size(), 1u);
+  EXPECT_EQ((*views)[0].masks.num_masks, 2) << "equal masks stay, empty ones do not";
+  EXPECT_EQ((*views)[0].predicted_iou, (std::vector<double>{1, 0.9}));
+  EXPECT_EQ((*views)[0].stability, (std::vector<double>{1, 0.8}));
+}
+
+}  // namespace
+}  // namespace pepeseg
