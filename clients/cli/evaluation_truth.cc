@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 
 #include "absl/strings/ascii.h"
@@ -10,6 +11,7 @@
 #include "absl/strings/str_split.h"
 #include "clients/cli/picture.h"
 #include "clients/cpp/file_bytes.h"
+#include "clients/cpp/mask.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {
@@ -59,6 +61,21 @@ absl::Status NothingThere(const TruthFlags& flags, const std::vector<v1::View>& 
       absl::StrCat(flags.folder.string(), " has nothing of a view to score: ", reason));
 }
 
+// Returns COCO's compressed string of "counts": that string itself, or a list of run lengths.
+// Nothing: it is neither.
+std::optional<std::string> CountsOf(const nlohmann::json& rle) {
+  const auto counts = rle.find("counts");
+  if (counts == rle.end()) return std::nullopt;
+  if (counts->is_string()) return counts->get<std::string>();
+  if (!counts->is_array()) return std::nullopt;
+  std::vector<int64_t> runs;
+  for (const auto& run : *counts) {
+    if (!run.is_number_integer()) return std::nullopt;
+    runs.push_back(run.get<int64_t>());
+  }
+  return CompressRuns(runs);
+}
+
 absl::StatusOr<v1::SamViewMasks> SamMasksFromJson(const fs::path& file) {
   const auto bad = [&](const std::string& what) {
     return absl::InvalidArgumentError(absl::StrCat(file.string(), ": ", what));
@@ -72,16 +89,17 @@ absl::StatusOr<v1::SamViewMasks> SamMasksFromJson(const fs::path& file) {
   for (const auto& entry : json) {
     const auto rle = entry.is_object() ? entry.value("segmentation", nlohmann::json()) : entry;
     const auto size = rle.is_object() ? rle.value("size", nlohmann::json()) : rle;
+    const auto counts = rle.is_object() ? CountsOf(rle) : std::nullopt;
     if (!size.is_array() || size.size() != 2 || !size[0].is_number_integer() ||
-        !size[1].is_number_integer() || !rle.contains("counts") || !rle["counts"].is_string()) {
+        !size[1].is_number_integer() || !counts) {
       return bad(absl::StrCat("mask ", masks.masks_size(),
                               " has no segmentation {\"size\": [height, width], \"counts\": "
-                              "\"...\"} (COCO's compressed string)"));
+                              "run lengths, or COCO's compressed string}"));
     }
     v1::SamViewMasks::SamMask& mask = *masks.add_masks();
     mask.mutable_mask()->mutable_rle()->set_height(size[0].get<int>());
     mask.mutable_mask()->mutable_rle()->set_width(size[1].get<int>());
-    mask.mutable_mask()->mutable_rle()->set_counts(rle["counts"].get<std::string>());
+    mask.mutable_mask()->mutable_rle()->set_counts(*counts);
     const auto number = [&](const char* name) { return entry.value(name, nlohmann::json()); };
     if (number("predicted_iou").is_number())
       mask.set_predicted_iou(number("predicted_iou").get<double>());

@@ -64,6 +64,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::client::cli::AddHealth(app, shell);
   pepeseg::client::cli::AddDemo(app, shell);
   pepeseg::client::cli::AddBench(app, shell);
+  pepeseg::client::cli::AddBenchmark(app, shell);
   pepeseg::client::cli::AddCompletion(app, shell);
 }
 

@@ -67,6 +67,7 @@ void AddDrain(CLI::App& app, Shell& shell);
 void AddHealth(CLI::App& app, Shell& shell);
 void AddDemo(CLI::App& app, Shell& shell);
 void AddBench(CLI::App& app, Shell& shell);
+void AddBenchmark(CLI::App& app, Shell& shell);
 void AddCompletion(CLI::App& app, Shell& shell);
 
 }  // namespace pepeseg::client::cli

@@ -16,11 +16,16 @@ struct TrainingFlags {
   std::string dataset;                // number or name
   std::vector<std::string> settings;  // NAME=VALUE, see SetOption
   std::string preset;
-  std::string steps;          // short for reconstruct.num_steps
-  std::string feature_steps;  // short for features.num_steps
-  std::string image_scale;    // short for import.image_scale
+  std::string steps;                        // short for reconstruct.num_steps
+  std::string feature_steps;                // short for features.num_steps
+  std::string image_scale;                  // short for import.image_scale
+  std::vector<std::string> held_out_views;  // names of photographs, for import.held_out_views
 };
 void AddTrainingFlags(CLI::App& verb, TrainingFlags& flags);
+
+// Reads names of photographs: those in a text file, one a line, if there is a file of that name,
+// otherwise the value's parts between commas. Empty names are dropped.
+std::vector<std::string> ReadNames(const std::string& value);
 
 // Returns all options of the flags as NAME=VALUE, in the order in which they are to be set:
 // `settings` come last and win.

@@ -79,7 +79,7 @@ std::optional<v1::FileKind> KindOf(absl::string_view name, v1::FileKind in_depth
   if ((in("videos/") || in("images/")) && IsVideo(name)) return v1::FILE_KIND_VIDEO;
   if (in("sparse/")) return ColmapKind(name);
   if (name == "transforms.json" || name == "poses_bounds.npy") return v1::FILE_KIND_POSES;
-  if (in("masks/") && EndsIn(name, {".json", ".png"})) return v1::FILE_KIND_MASK;
+  if (in("masks/") && EndsIn(name, {".json", ".png", ".npy"})) return v1::FILE_KIND_MASK;
   if (name == "ignore_mask.png") return v1::FILE_KIND_IGNORE_MASK;
   if (in("ignore/") && EndsIn(name, {".png"})) return v1::FILE_KIND_IGNORE_MASK;
   // nerfstudio writes sparse_pc.ply.

@@ -18,7 +18,9 @@ namespace pepeseg::client {
 //   videos/..., images/...              videos (.mp4 .m4v .mov .webm .mkv .avi)
 //   sparse/0/ or sparse/                COLMAP cameras, images (POSES), points3D (POINTS)
 //   transforms.json, poses_bounds.npy   poses of nerfstudio or instant-ngp, and of LLFF
-//   masks/STEM.json|png                 masks: SAM's JSON with COCO RLE, or a label image
+//   masks/STEM.json|png|npy             masks: SAM's JSON with COCO RLE, a label image, or an array
+//                                       [masks, height, width]
+//   masks/STEM/NAME.png                 binary masks, one a file
 //   ignore_mask.png, ignore/STEM.png    pixels to leave out of all views, or of one
 //   points.ply, sparse_pc.ply           points to start from, used instead of COLMAP's
 //   gaussians.ply                       Gaussians in 3DGS's layout, used instead of stage one

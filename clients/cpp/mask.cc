@@ -49,4 +49,21 @@ absl::StatusOr<Mask> DecodeRle(const v1::CocoRle& rle) {
   return mask;
 }
 
+// Digits of 5 bits, the lowest first, each with a bit for "more follow"; from the fourth run on the
+// difference to the run two before it.
+std::string CompressRuns(std::span<const int64_t> runs) {
+  std::string text;
+  for (size_t i = 0; i < runs.size(); ++i) {
+    int64_t value = runs[i] - (i > 2 ? runs[i - 2] : 0);
+    for (bool more = true; more;) {
+      const int64_t digit = value & 0x1f;
+      value >>= 5;
+      // The sign is the highest bit of the last digit.
+      more = (digit & 0x10) != 0 ? value != -1 : value != 0;
+      text += static_cast<char>(digit + (more ? 0x20 : 0) + 48);
+    }
+  }
+  return text;
+}
+
 }  // namespace pepeseg::client

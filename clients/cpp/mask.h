@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -14,5 +16,9 @@ using Mask = std::vector<uint8_t>;
 // Decodes COCO's compressed run lengths, which are column-major and begin with zeros. DATA_LOSS:
 // the runs do not fill the mask exactly, or it has more than 2^30 pixels.
 absl::StatusOr<Mask> DecodeRle(const v1::CocoRle& rle);
+
+// Compresses COCO's run lengths, column-major and beginning with zeros, to the string that
+// pycocotools writes. Runs that do not fill a mask are not refused.
+std::string CompressRuns(std::span<const int64_t> runs);
 
 }  // namespace pepeseg::client

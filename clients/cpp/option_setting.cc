@@ -75,6 +75,10 @@ bool SetField(absl::string_view text, const FieldDescriptor& field, Message& mes
       return ParseAndSet<bool>(text, absl::SimpleAtob, with(&R::SetBool));
     case FieldDescriptor::CPPTYPE_ENUM:
       return SetEnum(text, field, message);
+    case FieldDescriptor::CPPTYPE_STRING:  // lists of text are the only text in the options
+      if (!field.is_repeated() || text.empty()) return false;
+      reflection.AddString(&message, &field, std::string(text));
+      return true;
     default:
       return false;  // no option of the contract has another type
   }

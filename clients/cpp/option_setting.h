@@ -12,7 +12,8 @@ namespace pepeseg::client {
 
 // Sets a field of nested messages from text such as "reconstruct.num_steps=3000". The options are
 // the fields of `options`: there is no other list of them. A value of an enum may lack the prefix
-// that all of its values share ("patch"), in any case. INVALID_ARGUMENT: the option is unknown (the
+// that all of its values share ("patch"), in any case. Text is added to a list, such as
+// "import.held_out_views=a.jpg". INVALID_ARGUMENT: the option is unknown (the
 // message proposes similar names), or the value is not of the field's type.
 absl::Status SetOption(absl::string_view setting, google::protobuf::Message& options);
 

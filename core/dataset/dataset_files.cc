@@ -35,7 +35,8 @@ std::optional<FileKind> KindOf(absl::string_view name, FileKind in_depth) {
   if (IsUnder(name, "images") && photo) return FileKind::kImage;
   if (IsColmapFile(name)) return FileKind::kPoses;
   if (name == "transforms.json" || name == "poses_bounds.npy") return FileKind::kPoses;
-  if (IsUnder(name, "masks") && (suffix == ".json" || suffix == ".png")) return FileKind::kMask;
+  const bool masks = suffix == ".json" || suffix == ".png" || suffix == ".npy";
+  if (IsUnder(name, "masks") && masks) return FileKind::kMask;
   if (name == "ignore_mask.png") return FileKind::kIgnoreMask;
   if (IsUnder(name, "ignore") && suffix == ".png") return FileKind::kIgnoreMask;
   const bool map = suffix == ".png" || suffix == ".npy" || suffix == ".pfm";

@@ -36,7 +36,9 @@ struct DatasetFile {
 //   sparse/0/ or sparse/           COLMAP cameras, images, points3D, .bin or .txt
 //   transforms.json                poses of nerfstudio or instant-ngp (transforms_json.h)
 //   poses_bounds.npy               poses of LLFF (poses_bounds.h)
-//   masks/STEM.json|png            SAM automatic masks (COCO RLE), or a label image (0 = none)
+//   masks/STEM.json|png|npy        SAM automatic masks (COCO RLE), a label image (0 = none), or an
+//                                  array [masks, height, width]
+//   masks/STEM/NAME.png            binary masks, one a file
 //   ignore_mask.png, ignore/STEM.png   for all views, or for one: non-zero pixels are ignored
 //   points.ply, sparse_pc.ply      initial points, in place of COLMAP's
 //   videos/...                     videos: MP4, MOV, WebM, MKV or AVI

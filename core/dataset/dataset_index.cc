@@ -1,6 +1,8 @@
 #include "core/dataset/dataset_index.h"
 
 #include <algorithm>
+#include <iterator>
+#include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -160,17 +162,40 @@ absl::Status PutFile(const DatasetFile& file, std::map<std::string, ColmapModel>
   return absl::OkStatus();
 }
 
+// Moves the PNGs below a folder that is named as a photograph, masks/STEM/NAME.png, to
+// `mask_folders`. A PNG that is itself named as a photograph is a label image and stays.
+absl::Status TakeMaskFolders(const std::set<std::string>& stems, DatasetIndex& index) {
+  for (auto entry = index.masks.begin(); entry != index.masks.end();) {
+    const auto [stem, file] = *entry;
+    const size_t slash = stem.rfind('/');
+    const bool in_folder = Suffix(file->name) == ".png" && slash != std::string::npos &&
+                           !stems.contains(stem) && stems.contains(stem.substr(0, slash));
+    if (in_folder) index.mask_folders[stem.substr(0, slash)].push_back(file);
+    entry = in_folder ? index.masks.erase(entry) : std::next(entry);
+  }
+  for (const auto& [stem, folder] : index.mask_folders) {
+    const auto file = index.masks.find(stem);
+    if (file == index.masks.end()) continue;
+    return TwoFor(absl::StrCat("forms of masks for ", stem), *file->second, *folder.front());
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 std::string PhotoKey(absl::string_view name) { return std::string(WithoutFolder(name, "images")); }
 
-absl::StatusOr<DatasetIndex> IndexPriors(std::span<const DatasetFile> files) {
+absl::StatusOr<DatasetIndex> IndexPriors(std::span<const DatasetFile> files,
+                                         std::span<const std::string> photographs) {
   DatasetIndex index;
   std::map<std::string, ColmapModel> models;  // stays empty: priors have no poses
   for (const DatasetFile& file : files) {
     RETURN_IF_ERROR(ValidateName(file.name));
     RETURN_IF_ERROR(PutFile(file, models, index));
   }
+  std::set<std::string> stems;
+  for (const std::string& name : photographs) stems.emplace(WithoutSuffix(name));
+  RETURN_IF_ERROR(TakeMaskFolders(stems, index));
   return index;
 }
 
@@ -182,6 +207,9 @@ absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files) {
     RETURN_IF_ERROR(PutFile(file, models, index));
   }
   if (index.photos.empty()) return absl::InvalidArgumentError("no photographs among the files");
+  std::set<std::string> stems;
+  for (const auto& [name, photo] : index.photos) stems.emplace(WithoutSuffix(name));
+  RETURN_IF_ERROR(TakeMaskFolders(stems, index));
   ChooseModel(models, index);
   ChoosePoses(index);
   DropRotatedPoints(index);

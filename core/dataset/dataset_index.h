@@ -21,6 +21,8 @@ struct DatasetIndex {
   std::map<std::string, const DatasetFile*> photos;
   // Files by the name of their photograph without suffix: "cam0/0001".
   std::map<std::string, const DatasetFile*> masks;
+  // Binary PNGs of a photograph, one a mask, by name: those in masks/STEM/.
+  std::map<std::string, std::vector<const DatasetFile*>> mask_folders;
   std::map<std::string, const DatasetFile*> ignore;
   std::map<std::string, const DatasetFile*> depth;  // depth or disparity
   const DatasetFile* ignore_all = nullptr;
@@ -40,9 +42,11 @@ struct DatasetIndex {
 // same purpose, or there is no photograph.
 absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files);
 
-// Indexes masks and depth maps without the photographs that they belong to. INVALID_ARGUMENT:
-// ValidateName refuses a name, or two files have the same purpose.
-absl::StatusOr<DatasetIndex> IndexPriors(std::span<const DatasetFile> files);
+// Indexes masks and depth maps of these photographs, which are not among the files. `photographs`:
+// names as PhotoKey returns them. INVALID_ARGUMENT: ValidateName refuses a name, or two files have
+// the same purpose.
+absl::StatusOr<DatasetIndex> IndexPriors(std::span<const DatasetFile> files,
+                                         std::span<const std::string> photographs);
 
 // Returns the name of a photograph in the index and in views: without a leading "images/", which
 // COLMAP's names may or may not have.

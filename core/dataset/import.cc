@@ -15,6 +15,7 @@
 #include "core/base/status_macros.h"
 #include "core/dataset/dataset_index.h"
 #include "core/dataset/depth_files.h"
+#include "core/dataset/held_out.h"
 #include "core/dataset/mask_files.h"
 #include "core/dataset/photo_poses.h"
 #include "core/dataset/view_warp.h"
@@ -144,7 +145,12 @@ class PriorReader {
   // photograph's warp.
   absl::StatusOr<MaskSet> ReadMasksOf(const View& view, const PhotoSize& photo,
                                       const ViewWarp& warp) const {
-    const auto masks = index_.masks.find(std::string(WithoutSuffix(view.name)));
+    const std::string stem(WithoutSuffix(view.name));
+    if (const auto folder = index_.mask_folders.find(stem); folder != index_.mask_folders.end()) {
+      ASSIGN_OR_RETURN(const MaskSet set, ReadBinaryMasks(folder->second, photo));
+      return warp.Masks(set);
+    }
+    const auto masks = index_.masks.find(stem);
     if (masks == index_.masks.end()) return MaskSet();
     ASSIGN_OR_RETURN(const MaskSet set, ReadMasks(masks->second->path, masks->second->name, photo));
     return warp.Masks(set);
@@ -303,6 +309,11 @@ absl::Status Validate(const ImportOptions& options) {
     return absl::InvalidArgumentError(
         absl::StrCat("held_out_every is ", options.held_out_every, ", it must be 0, or 2 or more"));
   }
+  if (options.held_out_views.size() > kMaxHeldOutViews) {
+    return absl::InvalidArgumentError(absl::StrCat("held_out_views has ",
+                                                   options.held_out_views.size(),
+                                                   " names, the limit is ", kMaxHeldOutViews));
+  }
   return absl::OkStatus();
 }
 
@@ -310,6 +321,9 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
                                       const ImportOptions& options) {
   RETURN_IF_ERROR(Validate(options));
   ASSIGN_OR_RETURN(DatasetIndex index, IndexDataset(files));
+  std::vector<std::string> photographs;
+  for (const auto& [key, photo] : index.photos) photographs.push_back(key);
+  RETURN_IF_ERROR(CheckHeldOutViews(options, photographs));
   ASSIGN_OR_RETURN(const PhotoPoses poses, ReadPhotoPoses(index));
   for (const std::string& warning : poses.warnings) index.warnings.push_back(warning);
   ASSIGN_OR_RETURN(std::vector<Match> matches, MatchPoses(poses, index));
@@ -331,9 +345,8 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   ViewReader reader(index, poses, options.image_scale);
   for (const Match& match : matches) {
     ASSIGN_OR_RETURN(View view, reader.Read(match));
-    // METHOD.md section 0: every n-th view by name, counted among the views that have a pose.
-    view.held_out = options.held_out_every > 0 &&
-                    capture.views.size() % static_cast<size_t>(options.held_out_every) == 0;
+    // Counted among the views that have a pose.
+    view.held_out = IsHeldOut(options, view.name, capture.views.size());
     capture.views.push_back(std::move(view));
   }
   capture.warnings = std::move(index.warnings);
@@ -348,9 +361,9 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
 
 absl::StatusOr<std::vector<std::string>> ImportPriors(std::span<const DatasetFile> files,
                                                       Capture& capture) {
-  ASSIGN_OR_RETURN(const DatasetIndex index, IndexPriors(files));
   std::vector<std::string> keys, warnings;
   for (const View& view : capture.views) keys.push_back(view.name);
+  ASSIGN_OR_RETURN(const DatasetIndex index, IndexPriors(files, keys));
   RETURN_IF_ERROR(CheckCompanions(keys, index.masks, "mask files", warnings));
   RETURN_IF_ERROR(CheckCompanions(keys, index.depth, "depth maps", warnings));
   PriorReader reader(index);

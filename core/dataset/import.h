@@ -16,21 +16,27 @@ struct ImportOptions {
   double image_scale = 1.0;
   // Every n-th view by name, from the first, is held out. 0: none; 1 is invalid.
   int held_out_every = 8;
+  // Names of the views that are held out, in place of held_out_every. Empty: held_out_every
+  // decides. Each is a photograph of the dataset; at most kMaxHeldOutViews.
+  std::vector<std::string> held_out_views = {};
 };
+inline constexpr size_t kMaxHeldOutViews = 10'000;
 // Returns INVALID_ARGUMENT, naming the option, if one is out of range.
 absl::Status Validate(const ImportOptions& options);
 
 // Runs the stage "prepare": decodes, checks and undistorts the files of a dataset.
 //
 // A mask or depth map belongs to the photograph whose name, without folder and suffix, is the same:
-// masks/cam0/7.json to images/cam0/7.jpg. A view has the name of its photograph below images/
+// masks/cam0/7.json to images/cam0/7.jpg. So does a folder of masks, masks/cam0/7/*.png. A view has
+// the name of its photograph below images/
 // ("cam0/7.jpg"), whether or not COLMAP's names have that folder.
 //
 // Photographs without a pose, poses without a photograph, and depth maps without information are
 // left out with a warning. INVALID_ARGUMENT, naming the file and, where there is one, the index,
 // the field and the limit: a file is malformed, files contradict each other, or fewer than 2 views
-// are usable. No memory is allocated for a count that a file declares but cannot hold. Gaussians
-// are not read; there may be at most one file of them.
+// are usable, or options.held_out_views names no photograph. No memory is allocated for a count
+// that a file declares but cannot hold. Gaussians are not read; there may be at most one file of
+// them.
 absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
                                       const ImportOptions& options);
 

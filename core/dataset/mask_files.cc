@@ -10,11 +10,14 @@
 #include "core/base/status_macros.h"
 #include "core/dataset/sam_masks.h"
 #include "core/formats/decode_image.h"
+#include "core/formats/npy.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr int64_t kMaxMaskFileBytes = int64_t{64} << 20;
+constexpr int64_t kMaxNpyBytes = int64_t{512} << 20;
+constexpr int64_t kMaxBitsetBytes = int64_t{1} << 30;
 
 // Checks the number of masks of one photograph.
 absl::Status CheckCount(absl::string_view name, size_t count) {
@@ -47,7 +50,53 @@ absl::StatusOr<MaskSet> ReadLabelMasks(const std::filesystem::path& path, const 
   return std::move(builder).Build();
 }
 
+// Reads an array of masks, which may overlap.
+absl::StatusOr<MaskSet> ReadNpyMasks(const std::filesystem::path& path, const std::string& name,
+                                     const PhotoSize& photo) {
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, name, kMaxNpyBytes));
+  ASSIGN_OR_RETURN(const NpyStack stack, ParseNpyStack(name, bytes));
+  RETURN_IF_ERROR(CheckMaskSize(name, stack.width, stack.height, photo));
+  RETURN_IF_ERROR(CheckCount(name, static_cast<size_t>(stack.num_images)));
+  MaskSetBuilder builder(photo.width, photo.height);
+  const size_t num_pixels = static_cast<size_t>(photo.width) * photo.height;
+  std::vector<uint32_t> pixels;
+  for (int mask = 0; mask < stack.num_images; ++mask) {
+    pixels.clear();
+    const absl::string_view values = stack.values.substr(mask * num_pixels, num_pixels);
+    for (size_t i = 0; i < num_pixels; ++i) {
+      if (values[i] != 0) pixels.push_back(static_cast<uint32_t>(i));
+    }
+    RETURN_IF_ERROR(AddMask(absl::StrCat(name, ": mask ", mask), pixels, builder));
+  }
+  return std::move(builder).Build();
+}
+
 }  // namespace
+
+absl::Status AddMask(absl::string_view where, std::span<const uint32_t> pixels,
+                     MaskSetBuilder& builder) {
+  builder.Add(pixels);
+  // Each new overlap makes a mask cell with a bitset of all masks.
+  if (builder.BitsetBytes() <= kMaxBitsetBytes) return absl::OkStatus();
+  return Refused(where, "the masks overlap in too many ways to be those of objects");
+}
+
+absl::StatusOr<MaskSet> ReadBinaryMasks(std::span<const DatasetFile* const> files,
+                                        const PhotoSize& photo) {
+  RETURN_IF_ERROR(CheckCount(files.front()->name, files.size()));
+  MaskSetBuilder builder(photo.width, photo.height);
+  std::vector<uint32_t> pixels;
+  for (const DatasetFile* file : files) {
+    ASSIGN_OR_RETURN(const LabelImage image, DecodeLabels(file->path, file->name));
+    RETURN_IF_ERROR(CheckMaskSize(file->name, image.width, image.height, photo));
+    pixels.clear();
+    for (size_t i = 0; i < image.labels.size(); ++i) {
+      if (image.labels[i] != 0) pixels.push_back(static_cast<uint32_t>(i));
+    }
+    RETURN_IF_ERROR(AddMask(file->name, pixels, builder));
+  }
+  return std::move(builder).Build();
+}
 
 absl::Status CheckMaskSize(absl::string_view where, int64_t width, int64_t height,
                            const PhotoSize& photo) {
@@ -61,7 +110,8 @@ absl::StatusOr<MaskSet> ReadMasks(const std::filesystem::path& path, const std::
   const std::string suffix = Suffix(name);
   if (suffix == ".json") return ReadSamMasks(path, name, photo);
   if (suffix == ".png") return ReadLabelMasks(path, name, photo);
-  return Refused(name, "masks come as .json or .png");
+  if (suffix == ".npy") return ReadNpyMasks(path, name, photo);
+  return Refused(name, "masks come as .json, .png or .npy");
 }
 
 absl::StatusOr<std::vector<uint8_t>> ReadIgnoreMask(const std::filesystem::path& path,

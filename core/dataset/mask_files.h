@@ -2,11 +2,13 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
+#include "core/dataset/dataset_files.h"
 #include "core/scene/mask_set.h"
 
 namespace pepeseg {
@@ -29,10 +31,22 @@ absl::Status CheckMaskSize(absl::string_view where, int64_t width, int64_t heigh
 //   .json  the output of SAM's automatic mask generator: a list of {"segmentation": {"size":
 //          [height, width], "counts": [run, ...] or "compressed"}}; other fields are ignored
 //   .png   a label image: each value except 0 is a mask
+//   .npy   an array [masks, height, width] of booleans or bytes; 0 is outside; at most 512 MiB
 // INVALID_ARGUMENT, naming the file and the mask: it is malformed, a mask has another size than the
 // photograph (both are named), or there are more than kMaxMasksOfView masks.
 absl::StatusOr<MaskSet> ReadMasks(const std::filesystem::path& path, const std::string& name,
                                   const PhotoSize& photo);
+
+// Reads the masks of a photograph from PNGs with one binary mask each; pixels that are 0 in all
+// channels are outside. Errors as ReadMasks.
+absl::StatusOr<MaskSet> ReadBinaryMasks(std::span<const DatasetFile* const> files,
+                                        const PhotoSize& photo);
+
+// Adds a mask, which `where` names, to those of a photograph; empty masks and duplicates are
+// dropped. INVALID_ARGUMENT: the bitsets of the masks, which grow with their overlaps, exceed 1
+// GiB. Hostile masks could need far more memory than their files.
+absl::Status AddMask(absl::string_view where, std::span<const uint32_t> pixels,
+                     MaskSetBuilder& builder);
 
 // Reads an ignore mask of the photograph, a PNG. Returns 1 for pixels with a non-zero value, else
 // 0. Errors as ReadMasks.

@@ -15,7 +15,6 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kMaxBitsetBytes = int64_t{1} << 30;
 constexpr char kNoSegmentation[] = "has no \"segmentation\" with a \"size\": [height, width]";
 
 // The part of the "segmentation" of one mask that has been read so far. If a key occurs twice, the
@@ -258,12 +257,7 @@ absl::Status SamReader::AddMask(const std::string& where) {
   const absl::StatusOr<std::vector<uint32_t>> pixels =
       PixelsOfRuns(mask_.compressed.empty() ? mask_.runs : *unpacked, photo_.width, photo_.height);
   if (!pixels.ok()) return Refused(where, pixels.status().message());
-  // The builder drops empty masks and duplicates.
-  builder_.Add(*pixels);
-  // Each new overlap makes a mask cell with a bitset of all masks, so hostile masks could need far
-  // more memory than their file.
-  if (builder_.BitsetBytes() <= kMaxBitsetBytes) return absl::OkStatus();
-  return Refused(where, "the masks overlap in too many ways to be those of objects");
+  return pepeseg::AddMask(where, *pixels, builder_);
 }
 
 absl::StatusOr<MaskSet> SamReader::Finish(bool parsed) && {

@@ -55,16 +55,20 @@ struct Shape {
   uint64_t height = 0, width = 0;
 };
 
-// Parses "(480, 640)".
-std::optional<Shape> ParseShape(absl::string_view text) {
-  if (!absl::ConsumePrefix(&text, "(") || !absl::ConsumeSuffix(&text, ")")) return std::nullopt;
-  const std::vector<absl::string_view> sizes = absl::StrSplit(text, ',');
-  Shape shape;
-  if (sizes.size() != 2 || !absl::SimpleAtoi(sizes[0], &shape.height) ||
-      !absl::SimpleAtoi(sizes[1], &shape.width)) {
-    return std::nullopt;
+// Parses "(480, 640)" into as many sizes. Returns an empty list if the text is malformed.
+std::vector<uint64_t> ParseSizes(absl::string_view text) {
+  if (!absl::ConsumePrefix(&text, "(") || !absl::ConsumeSuffix(&text, ")")) return {};
+  std::vector<uint64_t> sizes;
+  for (const absl::string_view size : absl::StrSplit(text, ',')) {
+    if (!absl::SimpleAtoi(size, &sizes.emplace_back())) return {};
   }
-  return shape;
+  return sizes;
+}
+
+std::optional<Shape> ParseShape(absl::string_view text) {
+  const std::vector<uint64_t> sizes = ParseSizes(text);
+  if (sizes.size() != 2) return std::nullopt;
+  return Shape{sizes[0], sizes[1]};
 }
 
 // Checks the size of the array. The single comparisons keep the product from overflowing.
@@ -111,24 +115,36 @@ std::optional<bool> TakeArray(absl::string_view type, const Shape& shape, ByteRe
   return std::nullopt;
 }
 
-// Parses a file into `values` and returns the array's shape.
-template <class Value>
-absl::StatusOr<Shape> ParseArray(absl::string_view name, absl::string_view bytes,
-                                 std::vector<Value>& values) {
+// What the header says of an array, as text.
+struct HeaderFields {
+  absl::string_view type, shape;
+};
+
+// Reads the header and moves the reader to the values.
+absl::StatusOr<HeaderFields> ReadHeader(absl::string_view name, absl::string_view bytes,
+                                        ByteReader& reader) {
   if (!absl::StartsWith(bytes, kMagic)) return Refused(name, "not an NPY file");
-  ByteReader reader(bytes);
   const auto header = TakeHeader(bytes, reader);
   if (!header) return Refused(name, "the NPY header is cut short or of an unknown version");
   const auto type = ValueOf(*header, "descr");
   const auto order = ValueOf(*header, "fortran_order");
   const auto sizes = ValueOf(*header, "shape");
   if (!type || !order || !sizes) return Refused(name, "the NPY header is malformed");
-  const std::optional<Shape> shape = ParseShape(*sizes);
-  if (!shape) return Refused(name, "the array must have the shape (height, width)");
   // C order: scanline after scanline, as FloatImage has it.
   if (*order != "False") return Refused(name, "the array must be in C order");
+  return HeaderFields{*type, *sizes};
+}
+
+// Parses a file into `values` and returns the array's shape.
+template <class Value>
+absl::StatusOr<Shape> ParseArray(absl::string_view name, absl::string_view bytes,
+                                 std::vector<Value>& values) {
+  ByteReader reader(bytes);
+  ASSIGN_OR_RETURN(const HeaderFields header, ReadHeader(name, bytes, reader));
+  const std::optional<Shape> shape = ParseShape(header.shape);
+  if (!shape) return Refused(name, "the array must have the shape (height, width)");
   RETURN_IF_ERROR(CheckShape(name, *shape));
-  const std::optional<bool> whole = TakeArray(*type, *shape, reader, values);
+  const std::optional<bool> whole = TakeArray(header.type, *shape, reader, values);
   if (!whole) return Refused(name, "the array must be of <f2, <f4, <f8, |u1, <u2 or <u4");
   if (!*whole) {
     return Refused(name, absl::StrCat("cut short: too few bytes for ", shape->width, "x",
@@ -153,6 +169,27 @@ absl::StatusOr<NpyTable> ParseNpyTable(absl::string_view name, absl::string_view
   table.num_columns = static_cast<int>(shape.width);
   table.num_rows = static_cast<int>(shape.height);
   return table;
+}
+
+absl::StatusOr<NpyStack> ParseNpyStack(absl::string_view name, absl::string_view bytes) {
+  ByteReader reader(bytes);
+  ASSIGN_OR_RETURN(const HeaderFields header, ReadHeader(name, bytes, reader));
+  const std::vector<uint64_t> sizes = ParseSizes(header.shape);
+  if (sizes.size() != 3) {
+    return Refused(name, "the array must have the shape (masks, height, width)");
+  }
+  if (header.type != "'|b1'" && header.type != "'|u1'") {
+    return Refused(name, "the array must be of |b1 or |u1");
+  }
+  RETURN_IF_ERROR(CheckShape(name, {sizes[1], sizes[2]}));
+  // The division keeps the product from overflowing.
+  const absl::string_view values = bytes.substr(reader.offset());
+  if (sizes[0] > values.size() / (sizes[1] * sizes[2])) {
+    return Refused(name, absl::StrCat("cut short: too few bytes for ", sizes[0], " images of ",
+                                      sizes[2], "x", sizes[1], " values"));
+  }
+  return NpyStack{static_cast<int>(sizes[0]), static_cast<int>(sizes[1]),
+                  static_cast<int>(sizes[2]), values};
 }
 
 }  // namespace pepeseg

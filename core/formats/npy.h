@@ -23,4 +23,13 @@ struct NpyTable {
 // Parses such an array without rounding doubles to float. Types, errors and limits as ParseNpy.
 absl::StatusOr<NpyTable> ParseNpyTable(absl::string_view name, absl::string_view bytes);
 
+// A three-dimensional array of booleans or bytes.
+struct NpyStack {
+  int num_images = 0, height = 0, width = 0;
+  absl::string_view values;  // [num_images, height, width], one byte each; part of the parsed bytes
+};
+// Parses an array [images, height, width] of booleans or unsigned integers of one byte, without
+// copying the values. INVALID_ARGUMENT as ParseNpy, with kMaxImagePixels for each image.
+absl::StatusOr<NpyStack> ParseNpyStack(absl::string_view name, absl::string_view bytes);
+
 }  // namespace pepeseg

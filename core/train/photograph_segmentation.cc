@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/dataset_index.h"
+#include "core/dataset/held_out.h"
 #include "core/priors/sam/automatic_masks.h"
 
 namespace pepeseg {
@@ -56,9 +57,7 @@ PhotographSegmentation::PhotographSegmentation(const TrainingInputs& inputs,
     tasks_.push_back({*file});
     // The import's rule, applied to all photographs. COLMAP may leave some out, so WaitFor queues
     // again what the real views need.
-    const bool held_out =
-        import.held_out_every > 0 && task % static_cast<size_t>(import.held_out_every) == 0;
-    if (poses_are_wanted && !held_out) queue_.push_back(task);
+    if (poses_are_wanted && !IsHeldOut(import, key, task)) queue_.push_back(task);
   }
   StartThreads(first_priority_);
 }

@@ -4,6 +4,7 @@
 #include <thread>
 #include <utility>
 
+#include "core/dataset/held_out.h"
 #include "core/priors/sam/sam_segmenter.h"
 #include "core/sfm/sfm_options.h"
 
@@ -102,8 +103,8 @@ class Planner {
   }
 
   void AddScores() {
-    const int every = settings_.import.held_out_every;
-    const double views = every > 0 ? photos_ / every : 0;
+    const auto photos = static_cast<int64_t>(photos_);
+    const auto views = static_cast<double>(NumHeldOut(settings_.import, photos));
     AddOnCores("evaluate", views * facts_.megapixels * (kScores + (facts_.has_lpips ? kLpips : 0)));
   }
 

@@ -113,6 +113,9 @@ bool IsGiven(bool present, Value value) {
 
 void OverlayImport(const v1::ImportOptions& proto, ImportOptions* options) {
   PEPESEG_IMPORT_FIELDS(PEPESEG_OVERLAY)
+  // A repeated field is given if it is not empty.
+  if (proto.held_out_views().empty()) return;
+  options->held_out_views.assign(proto.held_out_views().begin(), proto.held_out_views().end());
 }
 void OverlayPriors(const v1::PriorOptions& proto, PriorOptions* options) {
   PEPESEG_PRIOR_FIELDS(PEPESEG_OVERLAY)
@@ -128,6 +131,7 @@ void OverlayFeatures(const v1::FeatureOptions& proto, FeatureOptions* options) {
 }
 void SetImport(const ImportOptions& options, v1::ImportOptions* proto) {
   PEPESEG_IMPORT_FIELDS(PEPESEG_SET)
+  for (const std::string& view : options.held_out_views) proto->add_held_out_views(view);
 }
 void SetPriors(const PriorOptions& options, v1::PriorOptions* proto) {
   PEPESEG_PRIOR_FIELDS(PEPESEG_SET)

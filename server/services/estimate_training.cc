@@ -11,6 +11,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/dataset_index.h"
+#include "core/dataset/held_out.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/services/file_header.h"
@@ -223,6 +225,21 @@ WorkerShare ShareOf(const v1::EstimateTrainingResponse& estimate) {
   return share;
 }
 
+// Checks the names of held-out views before the training is queued. Frames of videos have no names
+// yet: the training checks them.
+absl::Status CheckSplit(const ImportOptions& import, const std::vector<DatasetFileRow>& files) {
+  if (import.held_out_views.empty() || CountKind(files, v1::FILE_KIND_VIDEO) > 0) {
+    return absl::OkStatus();
+  }
+  std::vector<std::string> photographs;
+  for (const DatasetFileRow& file : files) {
+    if (file.kind == v1::FILE_KIND_IMAGE) photographs.push_back(PhotoKey(file.path));
+  }
+  const absl::Status checked = CheckHeldOutViews(import, photographs);
+  if (checked.ok()) return checked;
+  return {checked.code(), absl::StrCat("options.import.", checked.message())};
+}
+
 }  // namespace
 
 absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_store,
@@ -233,15 +250,14 @@ absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_s
   const ProjectBlobs blobs{blob_store, project};
   RETURN_IF_ERROR(ReadMissingHeaders(store, blobs, training, wanted, files));
   const ImportOptions& import = training.settings.import;
+  RETURN_IF_ERROR(CheckSplit(import, files));
   DatasetSize size;
   const PhotoRules rules{import.image_scale, CountKind(files, v1::FILE_KIND_VIDEO) *
                                                  training.settings.sfm.max_video_frames};
   RETURN_IF_ERROR(MeasurePhotos(blobs, files, rules, size));
   size.has_poses = CountKind(files, v1::FILE_KIND_POSES) > 0;
   TrainingSize& counts = size.training;
-  const int64_t every = import.held_out_every;
-  // The import holds out views 0, `every`, 2 * `every` ...: rounded up.
-  const int64_t held_out = every > 0 ? (counts.num_views + every - 1) / every : 0;
+  const int64_t held_out = NumHeldOut(import, counts.num_views);
   counts.num_training_views = std::max<int64_t>(1, counts.num_views - held_out);
   // Names are not matched here, so a view may have several files or none; the number of views
   // bounds the count.

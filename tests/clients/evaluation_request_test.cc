@@ -104,7 +104,7 @@ TEST_F(TruthFolder, ReadsMasksOfSam) {
   EXPECT_EQ(sam.masks(0).stability(), 0.95);
   EXPECT_FALSE(sam.masks(1).has_stability());
   for (const char* bad : {"{}", "[1]", R"([{"segmentation": {"size": [1], "counts": "02"}}])",
-                          R"([{"segmentation": {"size": [1, 2], "counts": [0, 2]}}])"}) {
+                          R"([{"segmentation": {"size": [1, 2], "counts": [0, "2"]}}])"}) {
     Write("d.json", bad);
     v1::EvaluateModelRequest other;
     EXPECT_TRUE(absl::IsInvalidArgument(AddSamMasks(flags, views, other).status())) << bad;

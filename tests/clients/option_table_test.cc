@@ -39,6 +39,7 @@ TEST(OptionRows, HaveEveryOptionOfTheContract) {
 TEST(OptionRows, HaveTheServersDefaults) {
   const v1::TrainingOptions defaults = ToProto(TrainingSettings());
   for (const OptionRow& row : OptionRows()) {
+    if (row.default_value == std::string()) continue;  // an empty list
     v1::TrainingOptions changed = defaults;
     const absl::Status set = SetOption(absl::StrCat(row.name, "=", row.default_value), changed);
     ASSERT_TRUE(set.ok()) << set;

@@ -47,6 +47,8 @@ TEST(KindOf, FollowsTheLayoutOfADataset) {
   EXPECT_EQ(KindOf("sparse/0/points3D.bin"), v1::FILE_KIND_POINTS);
   EXPECT_EQ(KindOf("masks/a.json"), v1::FILE_KIND_MASK);
   EXPECT_EQ(KindOf("masks/a.png"), v1::FILE_KIND_MASK);
+  EXPECT_EQ(KindOf("masks/a.npy"), v1::FILE_KIND_MASK);
+  EXPECT_EQ(KindOf("masks/a/0001.png"), v1::FILE_KIND_MASK);
   EXPECT_EQ(KindOf("ignore_mask.png"), v1::FILE_KIND_IGNORE_MASK);
   EXPECT_EQ(KindOf("ignore/a.png"), v1::FILE_KIND_IGNORE_MASK);
   EXPECT_EQ(KindOf("depth/a.png"), v1::FILE_KIND_DEPTH);

@@ -4,7 +4,8 @@ images/...                          photographs (.jpg .jpeg .png .webp .heic .he
 videos/..., images/...              videos (.mp4 .m4v .mov .webm .mkv .avi)
 sparse/0/ or sparse/                COLMAP cameras, images (poses), points3D (points)
 transforms.json, poses_bounds.npy   poses by nerfstudio or instant-ngp, or by LLFF
-masks/STEM.json|png                 SAM masks with COCO RLE, or a label image
+masks/STEM.json|png|npy             SAM masks with COCO RLE, a label image, or an array [masks, height, width]
+masks/STEM/NAME.png                 binary masks, one a file
 ignore_mask.png, ignore/STEM.png    pixels to leave out, in all views or in one
 points.ply, sparse_pc.ply           points to start from in place of COLMAP's
 gaussians.ply                       3DGS's layout: replaces the reconstruction
@@ -99,7 +100,7 @@ def _kind_in_folder(folder: str, name: str, in_depth: FileKind) -> FileKind | No
         return FileKind.VIDEO
     if folder == "sparse":
         return colmap_kind(name.removeprefix("0/"))
-    if folder == "masks" and lower.endswith((".json", ".png")):
+    if folder == "masks" and lower.endswith((".json", ".png", ".npy")):
         return FileKind.MASK
     if folder == "ignore" and lower.endswith(".png"):
         return FileKind.IGNORE_MASK

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import difflib
 from typing import Any, Union
 
@@ -17,7 +17,7 @@ from pepeseg.scenes import Model
 from pepeseg.v1 import dataset_service_pb2, job_service_pb2, training_options_pb2
 
 # Options by name, such as {"reconstruct.num_steps": 3000}.
-Options = Mapping[str, Union[bool, int, float, str]]
+Options = Mapping[str, Union[bool, int, float, str, Sequence[str]]]
 # Something to click on as soon as possible; the defaults; the best model, however long it takes.
 PRESETS = ("preview", "standard", "best", "paper")
 
@@ -56,6 +56,8 @@ def to_options(options: Options) -> training_options_pb2.TrainingOptions:
             raise errors.refused(f'no option "{name}"{meant} option_names() lists all')
         if field.enum_type is not None:
             value = _enum_name(field, str(value))
+        if field.label == field.LABEL_REPEATED and isinstance(value, str):
+            value = [value]
         try:
             json_format.ParseDict({option: value}, parent)
         except json_format.ParseError as error:

@@ -22,7 +22,7 @@ MAX_DEPTH_SIDE = 1024
 @dataclass(frozen=True)
 class Mask:
     pixels: np.ndarray  # [height, width], bool
-    score: float  # the model's own estimate of its IoU
+    score: float | None  # the model's own estimate of its IoU; None: not known
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def describe_mask(mask: Mask) -> dict[str, Any]:
     rows = np.flatnonzero(mask.pixels.any(axis=1))
     columns = np.flatnonzero(mask.pixels.any(axis=0))
     height, width = mask.pixels.shape
-    return {
+    described = {
         "segmentation": encode_rle(mask.pixels),
         "area": int(mask.pixels.sum()),
         "bbox": [
@@ -61,9 +61,11 @@ def describe_mask(mask: Mask) -> dict[str, Any]:
             int(columns[-1] - columns[0] + 1),
             int(rows[-1] - rows[0] + 1),
         ],
-        "predicted_iou": float(mask.score),
         "crop_box": [0, 0, int(width), int(height)],
     }
+    if mask.score is not None:
+        described["predicted_iou"] = float(mask.score)
+    return described
 
 
 def _write(path: Path, content: bytes) -> None:
@@ -107,7 +109,7 @@ def write_depth(out: Path, stem: str, depth: DepthMap, size: tuple[int, int]) ->
 
 
 def has_masks(out: Path, stem: str) -> bool:
-    return any((out / "masks" / (stem + suffix)).is_file() for suffix in (".json", ".png"))
+    return any((out / "masks" / (stem + suffix)).is_file() for suffix in (".json", ".png", ".npy"))
 
 
 def has_depth(out: Path, stem: str) -> bool:

@@ -54,6 +54,8 @@ class TestFolder:
         assert kind_of("more/transforms.json") is None
         assert kind_of("sparse_pc.ply") is FileKind.POINTS
         assert kind_of("masks/a.json") is FileKind.MASK
+        assert kind_of("masks/a.npy") is FileKind.MASK
+        assert kind_of("masks/a/0001.png") is FileKind.MASK
         assert kind_of("ignore_mask.png") is FileKind.IGNORE_MASK
         assert kind_of("ignore/a.png") is FileKind.IGNORE_MASK
         assert kind_of("depth/a.png") is FileKind.DEPTH

@@ -1,0 +1,83 @@
+#include "core/dataset/held_out.h"
+
+#include <algorithm>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "core/base/file_name.h"
+#include "core/dataset/dataset_index.h"
+
+namespace pepeseg {
+namespace {
+
+// Returns the number of characters to insert, delete or replace that turn one name into the other.
+size_t EditDistance(absl::string_view a, absl::string_view b) {
+  std::vector<size_t> row(b.size() + 1);  // distances of a's first i characters to b's first j
+  for (size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (size_t i = 1; i <= a.size(); ++i) {
+    size_t diagonal = std::exchange(row[0], i);
+    for (size_t j = 1; j <= b.size(); ++j) {
+      const size_t replaced = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = std::exchange(row[j], std::min({row[j] + 1, row[j - 1] + 1, replaced}));
+    }
+  }
+  return row[b.size()];
+}
+
+// Returns the three names that are nearest to `name`, the nearest first.
+std::vector<std::string> Nearest(const std::string& name, std::span<const std::string> names) {
+  constexpr size_t kNamed = 3;
+  std::vector<std::pair<size_t, std::string>> ranked;
+  for (const std::string& other : names) {
+    // A missing suffix or folder is the usual mistake: it counts as nearer than any typing error.
+    const bool part = WithoutSuffix(other) == name || absl::EndsWith(other, "/" + name);
+    ranked.emplace_back(part ? 0 : 1 + EditDistance(name, other), other);
+  }
+  std::sort(ranked.begin(), ranked.end());
+  std::vector<std::string> nearest;
+  for (size_t i = 0; i < std::min(ranked.size(), kNamed); ++i) nearest.push_back(ranked[i].second);
+  return nearest;
+}
+
+}  // namespace
+
+absl::Status CheckHeldOutViews(const ImportOptions& options,
+                               std::span<const std::string> photographs) {
+  const std::set<std::string> known(photographs.begin(), photographs.end());
+  std::set<std::string> held_out;
+  for (const std::string& view : options.held_out_views) {
+    held_out.insert(PhotoKey(view));
+    if (known.contains(PhotoKey(view))) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("held_out_views: the dataset has no photograph \"", view,
+                     "\"; names like it: ", absl::StrJoin(Nearest(view, photographs), ", ")));
+  }
+  if (!held_out.empty() && held_out.size() == known.size()) {
+    return absl::InvalidArgumentError(absl::StrCat("held_out_views: all ", known.size(),
+                                                   " photographs are held out of training"));
+  }
+  return absl::OkStatus();
+}
+
+bool IsHeldOut(const ImportOptions& options, absl::string_view view, size_t index) {
+  if (!options.held_out_views.empty()) {
+    return std::any_of(options.held_out_views.begin(), options.held_out_views.end(),
+                       [&](const std::string& name) { return PhotoKey(name) == view; });
+  }
+  return options.held_out_every > 0 && index % static_cast<size_t>(options.held_out_every) == 0;
+}
+
+int64_t NumHeldOut(const ImportOptions& options, int64_t num_views) {
+  if (!options.held_out_views.empty()) {
+    return std::min(num_views, static_cast<int64_t>(options.held_out_views.size()));
+  }
+  // Views 0, n, 2 n ...: rounded up.
+  const int64_t every = options.held_out_every;
+  return every > 0 ? (num_views + every - 1) / every : 0;
+}
+
+}  // namespace pepeseg

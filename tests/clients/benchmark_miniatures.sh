@@ -1,0 +1,61 @@
+#!/usr/bin/env bash
+# Runs `pepeseg benchmark` as a researcher does, on a miniature of each benchmark's folder: upload,
+# tiny trainings, scores, tables, and a second run that repeats nothing.
+#   benchmark_miniatures.sh FOLDER_OF_PROGRAMS WRITE_MINIATURES
+set -euo pipefail
+programs=$1 write=$2
+work=$(mktemp -d)
+server=
+stop() {
+  [[ -z $server ]] || kill -TERM "$server" 2>/dev/null || true
+  [[ -z $server ]] || wait "$server" || true
+  rm -rf "$work"
+}
+trap stop EXIT
+fail() { echo "FAILED: $*" >&2; cat "$work/output" "$work/errors" "$work/server.log" >&2; exit 1; }
+
+"$write" "$work/folders"
+"$programs/pepesegd" --listen 127.0.0.1:0 --sam off --data "$work/data" --port-file "$work/port" \
+  >"$work/server.log" 2>&1 &
+server=$!
+for _ in {1..200}; do [[ -s $work/port ]] && break; sleep 0.1; done
+[[ -s $work/port ]] || fail 'the server does not start'
+PEPESEG_SERVER=127.0.0.1:$(cat "$work/port")
+export PEPESEG_SERVER
+
+benchmark() {  # benchmark NAME FOLDER OPTION...
+  "$programs/pepeseg" benchmark "$1" "$work/folders/$2" --out "$work/out/$1" \
+    -o reconstruct.num_steps=300 -o reconstruct.sh_degree=0 -o features.num_steps=300 \
+    -o features.num_pixels=200 -o features.steps_per_chunk=50 "${@:3}" \
+    >"$work/output" 2>"$work/errors" || fail "benchmark $1"
+}
+score() {  # score NAME CHOICE: the mean IoU of the first run, in percent, rounded down
+  python3 -c 'import json, sys
+level = json.load(open(sys.argv[1]))[0]["levels"][0][sys.argv[2]]
+print(int(100 * level["iou"]) if level["known"] else -1)' "$work/out/$1/table.json" "$2"
+}
+
+benchmark nvos nvos
+benchmark spin-nerf spin-nerf
+benchmark lerf-mask lerf-mask
+benchmark lerf-mask-fine lerf-mask
+benchmark scene scene
+for name in nvos spin-nerf lerf-mask lerf-mask-fine scene; do
+  paper=$(score $name paper)
+  # A miniature is trained for a second: most of an object must be found, not all of it.
+  ((paper >= 50)) || fail "$name: mean IoU $paper"
+  ((paper >= $(score $name automatic) && paper >= $(score $name reference))) ||
+    fail "$name: a choice without the scored truth is better than the one by it"
+  grep -q '^| scene | mIoU ' "$work/out/$name/table.md" || fail "$name: no table"
+done
+grep -q '| PePESeg3D | the scored views\* | 92.2 |' "$work/out/nvos/table.md" ||
+  fail 'no published rows'
+grep -q 'clicks to 90' "$work/out/scene/table.csv" || fail 'no clicks'
+grep -q 'SAM best IoU' "$work/out/scene/table.csv" || fail 'no agreement with SAM'
+compgen -G "$work/out/spin-nerf/pictures/table-1-table-*.png" >/dev/null || fail 'no pictures'
+
+benchmark nvos nvos
+grep -q 'in the record: table' "$work/errors" || fail 'a finished run is repeated'
+benchmark lerf-mask lerf-mask --seeds 2
+[[ $(wc -l <"$work/out/lerf-mask/record.jsonl") == 2 ]] || fail 'the second seed is not recorded'
+grep -q ' +- ' "$work/out/lerf-mask/table.md" || fail 'no spread'
