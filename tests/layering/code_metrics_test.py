@@ -39,7 +39,7 @@ void Pepe::Member(void) noexcept {
 
 TREE = {
     "server/rpc/service.cc": '#include "server/rpc/answer.h"\n'
-                             "Status SegmentationService::Segment(Context* c) { return Answer(c); }\n"
+                             "Status SegmentationService::SegmentViews(Context* c) { return Answer(c); }\n"
                              "Status SegmentationService::Other(Context* c) { return Unrelated(c); }\n",
     "server/rpc/answer.h": "Status Answer(Context* c);\n",
     "server/rpc/answer.cc": '#include "server/rpc/answer.h"\n#include "core/io/load.h"\n'

@@ -10,6 +10,7 @@
 #include "absl/time/clock.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"
+#include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -231,10 +232,10 @@ TEST_F(EndToEndTest, FailsAJobWhoseWorkerIsKilledThreeTimesAndRunsTheNext) {
   pid_t worker = 0;
   for (int i = 0; i < 3; ++i) {
     const pid_t before = worker;
-    while (worker == before || worker == 0) {
-      absl::SleepFor(absl::Milliseconds(20));
+    ASSERT_TRUE(testing::Eventually([&] {
       worker = WorkerOf(job);
-    }
+      return worker != before && worker != 0;
+    }));
     ASSERT_EQ(kill(worker, SIGKILL), 0);
   }
   ASSERT_OK_AND_ASSIGN(const v1::Job ended, client_->WaitForJob(job));
@@ -274,8 +275,7 @@ TEST_F(EndToEndTest, KillsTheWorkerOfAKilledServerAndRunsTheJobAgain) {
   const std::string job = Train("shelf", UploadShelf("shelf"), QuickOptions());
   ASSERT_OK(client_->WaitForStep(job));
   server_->Kill();
-  for (int i = 0; i < 200 && WorkerOf(job) != 0; ++i) absl::SleepFor(absl::Milliseconds(10));
-  EXPECT_EQ(WorkerOf(job), 0);
+  EXPECT_TRUE(testing::Eventually([&] { return WorkerOf(job) == 0; }, absl::Seconds(2)));
   Restart();
   ASSERT_OK_AND_ASSIGN(const v1::Job ended, client_->WaitForJob(job));
   EXPECT_EQ(ended.state(), v1::JOB_STATE_SUCCEEDED) << ended.error().message();

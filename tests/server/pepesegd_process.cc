@@ -6,17 +6,19 @@
 #include <csignal>
 #include <fstream>
 #include <iterator>
+#include <sstream>
 #include <string>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/file_bytes.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg::testing {
 namespace {
 
 constexpr absl::Duration kPatience = absl::Seconds(30);
-constexpr absl::Duration kPause = absl::Milliseconds(10);
 
 }  // namespace
 
@@ -36,20 +38,19 @@ PepesegdProcess::PepesegdProcess(const std::filesystem::path& data, const Pepese
       absl::StrCat("--port-file=", port_file.string())};
   arguments.insert(arguments.end(), options.arguments.begin(), options.arguments.end());
   auto process = WorkerProcess::Launch({PEPESEG_PEPESEGD, arguments, log_, options.environment});
-  EXPECT_TRUE(process.ok()) << process.status();
+  EXPECT_OK(process);
   if (!process.ok()) return;
   process_ = std::move(process).value();
   const absl::Time deadline = absl::Now() + kPatience;
-  while (!std::filesystem::exists(port_file) && alive() && absl::Now() < deadline) {
-    absl::SleepFor(kPause);
-  }
+  const auto started =
+      Eventually([&] { return std::filesystem::exists(port_file) || !alive(); }, kPatience);
   int port = 0;
   std::ifstream(port_file) >> port;
   channel_ = grpc::CreateChannel(
       absl::StrCat("127.0.0.1:", port),
       options.credentials ? options.credentials : grpc::InsecureChannelCredentials());
   bool connected = false;
-  while (!connected && alive() && absl::Now() < deadline) {
+  while (started && !connected && alive() && absl::Now() < deadline) {
     connected = channel_->WaitForConnected(std::chrono::system_clock::now() +
                                            std::chrono::milliseconds(200));
   }
@@ -60,12 +61,9 @@ std::string PepesegdProcess::Log() const { return ReadFileTail(log_, 5000); }
 
 std::optional<WorkerEnd> PepesegdProcess::Terminate() {
   process_->Signal(SIGTERM);
-  const absl::Time deadline = absl::Now() + kPatience;
-  while (absl::Now() < deadline) {
-    if (const auto end = process_->Poll()) return end;
-    absl::SleepFor(kPause);
-  }
-  return std::nullopt;
+  std::optional<WorkerEnd> end;
+  if (!Eventually([&] { return (end = process_->Poll()).has_value(); }, kPatience)) return {};
+  return end;
 }
 
 void PepesegdProcess::Kill() { process_.reset(); }
@@ -73,8 +71,9 @@ void PepesegdProcess::Kill() { process_.reset(); }
 pid_t FindProcess(const std::string& word) {
   for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
     std::ifstream file(entry.path() / "cmdline");
-    const std::string words((std::istreambuf_iterator<char>(file)), {});
-    if (words.find(word) != std::string::npos) return std::stoi(entry.path().filename());
+    std::ostringstream words;
+    words << file.rdbuf();  // does not throw if the process ends meanwhile
+    if (words.str().find(word) != std::string::npos) return std::stoi(entry.path().filename());
   }
   return 0;
 }

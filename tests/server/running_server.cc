@@ -4,10 +4,10 @@
 
 #include <algorithm>
 
-#include "absl/time/clock.h"
 #include "core/base/digest.h"
-#include "server/api/error.h"
 #include "server/store/layout.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -33,17 +33,6 @@ v1::FileDeclaration Declare(const TestFile& file) {
   declaration.set_size(static_cast<int64_t>(file.bytes.size()));
   declaration.set_sha256(Sha256Hex(file.bytes));
   return declaration;
-}
-
-v1::Error DetailOf(const grpc::Status& status) {
-  v1::Status proto;
-  EXPECT_TRUE(proto.ParseFromString(status.error_details()));
-  EXPECT_GE(proto.details_size(), 1) << status.error_message();
-  for (const auto& detail : proto.details()) {
-    EXPECT_TRUE(detail.type_url().starts_with("type.googleapis.com/google.rpc."))
-        << detail.type_url();
-  }
-  return FlatError(proto);
 }
 
 v1::WriteFilesRequest HeaderPart(const std::string& upload, const std::string& path,
@@ -91,41 +80,29 @@ RunningServer::RunningServer(const std::string& worker, const ServerOptions& set
 void RunningServer::Restart() {
   server.reset();
   auto started = Server::Start(options);
-  EXPECT_TRUE(started.ok()) << started.status();
+  EXPECT_OK(started);
   if (!started.ok()) return;
   server = *std::move(started);
   channel = server->InProcessChannel();
-  scenes = v1::SceneService::NewStub(channel);
   datasets = v1::DatasetService::NewStub(channel);
   jobs = v1::JobService::NewStub(channel);
   segmentation = v1::SegmentationService::NewStub(channel);
-  labels = v1::LabelService::NewStub(channel);
-  selections = v1::SelectionService::NewStub(channel);
   renders = v1::RenderService::NewStub(channel);
   evaluations = v1::EvaluationService::NewStub(channel);
-  const auto admin_channel = server->InProcessAdminChannel();
-  if (admin_channel != nullptr) admin = v1::AdminService::NewStub(admin_channel);
 }
 
-void RunningServer::CreateScene(const std::string& id) {
-  grpc::ClientContext context;
+void RunningServer::CreateScene(const std::string& id) const {
   v1::CreateSceneRequest request;
   request.set_scene_id(id);
-  v1::Scene scene;
-  const grpc::Status status = scenes->CreateScene(&context, request, &scene);
-  EXPECT_TRUE(status.ok()) << status.error_message();
+  EXPECT_OK(Call(&SceneStub::CreateScene, request));
 }
 
 v1::Upload RunningServer::CreateUpload(const std::string& scene,
-                                       const std::vector<TestFile>& files) {
-  grpc::ClientContext context;
+                                       const std::vector<TestFile>& files) const {
   v1::CreateUploadRequest request;
   request.set_parent("scenes/" + scene);
   for (const TestFile& file : files) *request.add_files() = Declare(file);
-  v1::Upload upload;
-  const grpc::Status status = datasets->CreateUpload(&context, request, &upload);
-  EXPECT_TRUE(status.ok()) << status.error_message();
-  return upload;
+  return *Call(&DatasetStub::CreateUpload, request);
 }
 
 grpc::Status RunningServer::Write(const std::vector<v1::WriteFilesRequest>& parts,
@@ -140,56 +117,32 @@ grpc::Status RunningServer::Write(const std::vector<v1::WriteFilesRequest>& part
   return stream->Finish();
 }
 
-v1::Upload RunningServer::GetUpload(const std::string& name) {
-  grpc::ClientContext context;
-  v1::GetUploadRequest request;
-  request.set_name(name);
-  v1::Upload upload;
-  const grpc::Status status = datasets->GetUpload(&context, request, &upload);
-  EXPECT_TRUE(status.ok()) << status.error_message();
-  return upload;
+v1::Upload RunningServer::GetUpload(const std::string& name) const {
+  return *Call(&DatasetStub::GetUpload, Named{name});
 }
 
 std::string RunningServer::UploadAndSeal(const std::string& scene,
                                          const std::vector<TestFile>& files) {
   const v1::Upload upload = CreateUpload(scene, files);
-  for (const TestFile& file : files) {
-    const grpc::Status status = Write(FileParts(upload.name(), file));
-    EXPECT_TRUE(status.ok()) << status.error_message();
-  }
-  grpc::ClientContext context;
-  v1::SealUploadRequest request;
-  request.set_name(upload.name());
-  v1::Dataset dataset;
-  const grpc::Status status = datasets->SealUpload(&context, request, &dataset);
-  EXPECT_TRUE(status.ok()) << status.error_message();
-  return dataset.name();
+  for (const TestFile& file : files) EXPECT_OK(Write(FileParts(upload.name(), file)));
+  return Call(&DatasetStub::SealUpload, Named{upload.name()})->name();
 }
 
 v1::Job RunningServer::Train(const std::string& scene, const std::string& file) {
-  grpc::ClientContext context;
   v1::TrainSceneRequest request;
   request.set_scene("scenes/" + scene);
   request.set_dataset(UploadAndSeal(scene, {{file, "bytes"}}));
-  v1::Job job;
-  const grpc::Status status = jobs->TrainScene(&context, request, &job);
-  EXPECT_TRUE(status.ok()) << status.error_message();
-  return job;
+  return *Call(&JobStub::TrainScene, request);
 }
 
-v1::Job RunningServer::Await(const std::string& name) {
-  const absl::Time deadline = absl::Now() + absl::Minutes(1);
+v1::Job RunningServer::Await(const std::string& name) const {
   v1::Job job;
-  while (absl::Now() < deadline) {
-    grpc::ClientContext context;
-    v1::GetJobRequest request;
-    request.set_name(name);
-    const grpc::Status status = jobs->GetJob(&context, request, &job);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    if (!status.ok() || job.has_end_time()) return job;
-    absl::SleepFor(absl::Milliseconds(20));
-  }
-  ADD_FAILURE() << name << " has not ended: " << job.DebugString();
+  EXPECT_TRUE(testing::Eventually([&] {
+    const auto reply = Call(&JobStub::GetJob, Named{name});
+    job = *reply;
+    return !reply.ok() || job.has_end_time();
+  })) << name
+      << ": " << job.DebugString();
   return job;
 }
 

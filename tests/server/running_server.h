@@ -1,21 +1,12 @@
 #pragma once
 
 #include <memory>
+#include <source_location>
 #include <string>
 #include <vector>
 
-#include "grpcpp/channel.h"
-#include "pepeseg/v1/admin_service.grpc.pb.h"
-#include "pepeseg/v1/dataset_service.grpc.pb.h"
-#include "pepeseg/v1/errors.pb.h"
-#include "pepeseg/v1/evaluation_service.grpc.pb.h"
-#include "pepeseg/v1/job_service.grpc.pb.h"
-#include "pepeseg/v1/label_service.grpc.pb.h"
-#include "pepeseg/v1/render_service.grpc.pb.h"
-#include "pepeseg/v1/scene_service.grpc.pb.h"
-#include "pepeseg/v1/segmentation_service.grpc.pb.h"
-#include "pepeseg/v1/selection_service.grpc.pb.h"
 #include "server/server.h"
+#include "tests/server/call.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -27,9 +18,6 @@ struct TestFile {
 };
 
 v1::FileDeclaration Declare(const TestFile& file);
-// Returns the error of a call with its details as fields. Fails the test if there is another
-// detail, such as the mark of a private error.
-v1::Error DetailOf(const grpc::Status& status);
 // Parts of a WriteFiles stream.
 v1::WriteFilesRequest HeaderPart(const std::string& upload, const std::string& path,
                                  int64_t offset = 0);
@@ -54,17 +42,30 @@ struct RunningServer {
   // Ends the server, and starts it on the same data with the current `options`.
   void Restart();
 
+  // Returns the channel of a service: AdminService has its own listener.
+  template <class Stub>
+  std::shared_ptr<grpc::Channel> ChannelOf() const {
+    return std::is_same_v<Stub, AdminStub> ? server->InProcessAdminChannel() : channel;
+  }
+  // Calls a method of any service.
+  template <class Stub, class Request, class Response>
+  Reply<Response> Call(Method<Stub, Request, Response> method,
+                       const std::type_identity_t<Request>& request,
+                       std::source_location where = std::source_location::current()) const {
+    return CallOver(ChannelOf<Stub>(), method, request, where);
+  }
+
   // The calls of most tests. A status that is not OK fails the test.
-  void CreateScene(const std::string& id);
-  v1::Upload CreateUpload(const std::string& scene, const std::vector<TestFile>& files);
+  void CreateScene(const std::string& id) const;
+  v1::Upload CreateUpload(const std::string& scene, const std::vector<TestFile>& files) const;
   grpc::Status Write(const std::vector<v1::WriteFilesRequest>& parts,
                      v1::WriteFilesResponse* response = nullptr);
-  v1::Upload GetUpload(const std::string& name);
+  v1::Upload GetUpload(const std::string& name) const;
   std::string UploadAndSeal(const std::string& scene, const std::vector<TestFile>& files);
   // Trains a new dataset with one file of that name, by which a fake worker decides what to do.
   v1::Job Train(const std::string& scene, const std::string& file);
   // Waits up to one minute until the job has ended.
-  v1::Job Await(const std::string& job);
+  v1::Job Await(const std::string& job) const;
   int64_t CountBlobFiles() const;
   // Returns the names of partial uploads.
   int64_t CountPartialFiles() const;
@@ -73,15 +74,12 @@ struct RunningServer {
   ServerOptions options;
   std::unique_ptr<Server> server;
   std::shared_ptr<grpc::Channel> channel;
-  std::unique_ptr<v1::SceneService::Stub> scenes;
-  std::unique_ptr<v1::DatasetService::Stub> datasets;
-  std::unique_ptr<v1::JobService::Stub> jobs;
-  std::unique_ptr<v1::SegmentationService::Stub> segmentation;
-  std::unique_ptr<v1::LabelService::Stub> labels;
-  std::unique_ptr<v1::SelectionService::Stub> selections;
-  std::unique_ptr<v1::RenderService::Stub> renders;
-  std::unique_ptr<v1::EvaluationService::Stub> evaluations;
-  std::unique_ptr<v1::AdminService::Stub> admin;  // null unless options.admin is set
+  // For streams; Call() makes unary calls.
+  std::unique_ptr<DatasetStub> datasets;
+  std::unique_ptr<JobStub> jobs;
+  std::unique_ptr<SegmentationStub> segmentation;
+  std::unique_ptr<RenderStub> renders;
+  std::unique_ptr<EvaluationStub> evaluations;
 };
 
 }  // namespace pepeseg

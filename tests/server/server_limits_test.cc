@@ -9,6 +9,8 @@
 #include "tests/server/health_check.h"
 #include "tests/server/running_server.h"
 #include "tests/server/store/test_database.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -34,20 +36,19 @@ grpc::Status CreateScene(const std::shared_ptr<grpc::Channel>& channel, const st
   context.AddMetadata("x-long", std::string(metadata_bytes, 'x'));
   v1::CreateSceneRequest request;
   request.set_scene_id(id);
-  v1::Scene scene;
-  return v1::SceneService::NewStub(channel)->CreateScene(&context, request, &scene);
+  return CallWith(context, channel, &SceneStub::CreateScene, request);
 }
 
 TEST(ServerLimits, ApplyToTheSocket) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   const int port = running.server->port();
   const std::string large(size_t{9} << 20, 'x');
-  EXPECT_EQ(CreateScene(ConnectTo(port), large, 0).error_code(), grpc::RESOURCE_EXHAUSTED);
+  EXPECT_ERROR(CreateScene(ConnectTo(port), large, 0), grpc::RESOURCE_EXHAUSTED);
   // gRPC closes the whole connection for that; other connections are not affected.
   const auto other = ConnectTo(port);
-  EXPECT_TRUE(CreateScene(other, "a", 10'000).ok());
+  EXPECT_OK(CreateScene(other, "a", 10'000));
   EXPECT_FALSE(CreateScene(ConnectTo(port), "b", 20'000).ok());
-  EXPECT_TRUE(CreateScene(other, "c", 0).ok());
+  EXPECT_OK(CreateScene(other, "c", 0));
 }
 
 // Without its database, no service can be served.
@@ -59,11 +60,8 @@ TEST(ServerHealth, FollowsTheDatabase) {
   const auto channel = ConnectTo(running.server->port());
   const auto await = [&](int want) {
     // The health monitor probes every two seconds.
-    const absl::Time deadline = absl::Now() + absl::Seconds(15);
-    while (CheckHealth(channel, "") != want && absl::Now() < deadline) {
-      absl::SleepFor(absl::Milliseconds(50));
-    }
-    EXPECT_EQ(CheckHealth(channel, ""), want);
+    EXPECT_TRUE(
+        testing::Eventually([&] { return CheckHealth(channel, "") == want; }, absl::Seconds(15)));
     for (const std::string& service : kServices) {
       EXPECT_EQ(CheckHealth(channel, service), want) << service;
     }
@@ -71,10 +69,10 @@ TEST(ServerHealth, FollowsTheDatabase) {
   await(kServing);
   database.Crash();
   await(kNotServing);
-  EXPECT_EQ(CreateScene(channel, "away", 0).error_code(), grpc::UNAVAILABLE);
+  EXPECT_ERROR(CreateScene(channel, "away", 0), grpc::UNAVAILABLE);
   database.Restart();
   await(kServing);
-  EXPECT_TRUE(CreateScene(channel, "back", 0).ok());
+  EXPECT_OK(CreateScene(channel, "back", 0));
 }
 
 // Calls move to a new connection. A stream may stay on the old one for the same time again.
@@ -87,9 +85,7 @@ TEST(ServerLimits, EndOldConnectionsWithoutFailedCalls) {
   const auto channel = ConnectTo(running.server->port());
   const auto jobs = v1::JobService::NewStub(channel);
   grpc::ClientContext watching;
-  v1::WatchJobRequest watch;
-  watch.set_name(job);
-  const auto stream = jobs->WatchJob(&watching, watch);
+  const auto stream = jobs->WatchJob(&watching, Named{job});
   v1::JobEvent event;
   ASSERT_TRUE(stream->Read(&event));
   // The channel leaves READY only for a moment when the server sends GOAWAY, which polling would
@@ -101,23 +97,15 @@ TEST(ServerLimits, EndOldConnectionsWithoutFailedCalls) {
   while (absl::Now() < end) {
     grpc::ClientContext context;
     context.set_wait_for_ready(true);
-    v1::GetJobRequest request;
-    request.set_name(job);
-    v1::Job answer;
-    const grpc::Status status = jobs->GetJob(&context, request, &answer);
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_OK(CallWith(context, channel, &JobStub::GetJob, Named{job}));
     absl::SleepFor(absl::Milliseconds(1));
   }
   EXPECT_TRUE(aged.get()) << "the connection did not age";
   // The stream still works: it gets the event of the cancelled job.
-  grpc::ClientContext context;
-  v1::CancelJobRequest cancel;
-  cancel.set_name(job);
-  v1::Job cancelled;
-  ASSERT_TRUE(jobs->CancelJob(&context, cancel, &cancelled).ok());
+  ASSERT_OK(CallOver(channel, &JobStub::CancelJob, Named{job}));
   while (stream->Read(&event)) {
   }
-  EXPECT_TRUE(stream->Finish().ok());
+  EXPECT_OK(stream->Finish());
   EXPECT_EQ(event.state_changed().state(), v1::JOB_STATE_CANCELLED);
 }
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "kernels/host_memory.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -30,13 +31,12 @@ TEST(WorkerMemory, IsUnlimitedIfSlurmStartsWorkers) {
 }
 
 TEST(TrainingMemory, IsAtMostWorkerMemoryOnTheHost) {
-  const auto device = OpenDevice("cpu", 1);
-  ASSERT_TRUE(device.ok()) << device.status();
+  ASSERT_OK_AND_ASSIGN(const auto device, OpenDevice("cpu", 1));
   ServerOptions options;
   options.device_memory = int64_t{1} << 50;
-  EXPECT_EQ(TrainingMemory(options, *device->backend), WorkerMemory(options));
+  EXPECT_EQ(TrainingMemory(options, *device.backend), WorkerMemory(options));
   options.device_memory = kGib / 8;
-  EXPECT_EQ(TrainingMemory(options, *device->backend), kGib / 8);
+  EXPECT_EQ(TrainingMemory(options, *device.backend), kGib / 8);
 }
 
 }  // namespace

@@ -15,7 +15,7 @@
 #include "absl/time/clock.h"
 #include "server/listen_rules.h"
 #include "tests/server/health_check.h"
-#include "tests/server/running_server.h"
+#include "tests/server/shelf_model.h"
 
 namespace pepeseg {
 namespace {
@@ -31,11 +31,9 @@ TEST(IsLoopback, AcceptsOnlyAddressesOfThisMachine) {
 }
 
 grpc::Status CreateScene(const std::shared_ptr<grpc::Channel>& channel, const std::string& id) {
-  grpc::ClientContext context;
   v1::CreateSceneRequest request;
   request.set_scene_id(id);
-  v1::Scene scene;
-  return v1::SceneService::NewStub(channel)->CreateScene(&context, request, &scene);
+  return CallOver(channel, &SceneStub::CreateScene, request);
 }
 
 TEST(ServerShutdown, EndsStreamsAndRequeuesJobs) {
@@ -45,9 +43,7 @@ TEST(ServerShutdown, EndsStreamsAndRequeuesJobs) {
   const v1::Upload upload = running.CreateUpload("shelf", {{"images/1.jpg", "one"}});
 
   grpc::ClientContext watch_context;
-  v1::WatchJobRequest watch;
-  watch.set_name(job.name());
-  const auto watcher = running.jobs->WatchJob(&watch_context, watch);
+  const auto watcher = running.jobs->WatchJob(&watch_context, Named{job.name()});
   v1::JobEvent event;
   ASSERT_TRUE(watcher->Read(&event));
   grpc::ClientContext write_context;
@@ -58,22 +54,14 @@ TEST(ServerShutdown, EndsStreamsAndRequeuesJobs) {
   std::thread shutdown([&] { running.server->Shutdown(absl::Now() + absl::Seconds(20)); });
   while (watcher->Read(&event)) {
   }
-  const grpc::Status watched = watcher->Finish();
-  EXPECT_EQ(watched.error_code(), grpc::UNAVAILABLE) << watched.error_message();
-  EXPECT_EQ(DetailOf(watched).reason(), "DRAINING");
-  const grpc::Status written = writer->Finish();
-  EXPECT_EQ(written.error_code(), grpc::UNAVAILABLE) << written.error_message();
+  EXPECT_ERROR(watcher->Finish(), grpc::UNAVAILABLE, {.reason = "DRAINING"});
+  EXPECT_ERROR(writer->Finish(), grpc::UNAVAILABLE);
   shutdown.join();
   running.server.reset();
 
-  auto again = Server::Start(running.options);
-  ASSERT_TRUE(again.ok()) << again.status();
-  const auto jobs = v1::JobService::NewStub((*again)->InProcessChannel());
-  grpc::ClientContext context;
-  v1::GetJobRequest get;
-  get.set_name(job.name());
-  v1::Job resumed;
-  ASSERT_TRUE(jobs->GetJob(&context, get, &resumed).ok());
+  ASSERT_OK_AND_ASSIGN(auto again, Server::Start(running.options));
+  ASSERT_OK_AND_ASSIGN(const v1::Job resumed,
+                       CallOver(again->InProcessChannel(), &JobStub::GetJob, Named{job.name()}));
   EXPECT_TRUE(resumed.state() == v1::JOB_STATE_QUEUED || resumed.state() == v1::JOB_STATE_RUNNING)
       << resumed.DebugString();
 }
@@ -96,10 +84,8 @@ struct Program {
     for (std::string& word : words) arguments.push_back(word.data());
     arguments.push_back(nullptr);
     EXPECT_EQ(posix_spawn(&pid, PEPESEG_SERVER, nullptr, nullptr, arguments.data(), environ), 0);
-    const absl::Time deadline = absl::Now() + absl::Seconds(30);
-    while (!(std::ifstream(port_file) >> port) && absl::Now() < deadline) {
-      absl::SleepFor(absl::Milliseconds(20));
-    }
+    EXPECT_TRUE(testing::Eventually([&] { return !!(std::ifstream(port_file) >> port); },
+                                    absl::Seconds(30)));
   }
   ~Program() {
     if (!ended) kill(pid, SIGKILL);
@@ -122,13 +108,7 @@ TEST(ServerProgram, ServesAndExitsCleanlyOnSigterm) {
   const testing::TempFolder folder;
   Program program(folder);
   ASSERT_GT(program.port, 0);
-  const auto channel = ConnectTo(program.port);
-  const auto scenes = v1::SceneService::NewStub(channel);
-  grpc::ClientContext context;
-  v1::CreateSceneRequest request;
-  request.set_scene_id("shelf");
-  v1::Scene scene;
-  ASSERT_TRUE(scenes->CreateScene(&context, request, &scene).ok());
+  ASSERT_OK(CreateScene(ConnectTo(program.port), "shelf"));
   kill(program.pid, SIGTERM);
   const int state = program.Await();
   EXPECT_TRUE(WIFEXITED(state));
@@ -137,30 +117,21 @@ TEST(ServerProgram, ServesAndExitsCleanlyOnSigterm) {
 
 v1::Job TrainOn(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene,
                 const std::string& file) {
-  EXPECT_TRUE(CreateScene(channel, scene).ok());
-  const auto datasets = v1::DatasetService::NewStub(channel);
-  v1::CreateUploadRequest create;
-  create.set_parent("scenes/" + scene);
+  EXPECT_OK(CreateScene(channel, scene));
+  v1::CreateUploadRequest create = Under{"scenes/" + scene};
   const TestFile bytes = {file, "bytes"};
   *create.add_files() = Declare(bytes);
-  v1::Upload upload;
-  grpc::ClientContext creating, writing, sealing, training;
-  EXPECT_TRUE(datasets->CreateUpload(&creating, create, &upload).ok());
+  const v1::Upload upload = *CallOver(channel, &DatasetStub::CreateUpload, create);
+  grpc::ClientContext writing;
   v1::WriteFilesResponse written;
-  const auto stream = datasets->WriteFiles(&writing, &written);
+  const auto stream = DatasetStub(channel).WriteFiles(&writing, &written);
   for (const v1::WriteFilesRequest& part : FileParts(upload.name(), bytes)) stream->Write(part);
   stream->WritesDone();
-  EXPECT_TRUE(stream->Finish().ok());
-  v1::SealUploadRequest seal;
-  seal.set_name(upload.name());
-  v1::Dataset dataset;
-  EXPECT_TRUE(datasets->SealUpload(&sealing, seal, &dataset).ok());
+  EXPECT_OK(stream->Finish());
   v1::TrainSceneRequest request;
   request.set_scene("scenes/" + scene);
-  request.set_dataset(dataset.name());
-  v1::Job job;
-  EXPECT_TRUE(v1::JobService::NewStub(channel)->TrainScene(&training, request, &job).ok());
-  return job;
+  request.set_dataset(CallOver(channel, &DatasetStub::SealUpload, Named{upload.name()})->name());
+  return *CallOver(channel, &JobStub::TrainScene, request);
 }
 
 // The order: NOT_SERVING, a time in which calls are still answered, the end of streams, answers to
@@ -172,47 +143,35 @@ TEST(ServerProgram, StopsInOrderOnSigterm) {
   const auto channel = ConnectTo(program.port);
   const auto jobs = v1::JobService::NewStub(channel);
   const v1::Job made = TrainOn(channel, "shelf", "file");
-  v1::WatchJobRequest watch;
   v1::JobEvent event;
   {
     grpc::ClientContext context;
-    watch.set_name(made.name());
-    const auto until_made = jobs->WatchJob(&context, watch);
+    const auto until_made = jobs->WatchJob(&context, Named{made.name()});
     while (until_made->Read(&event)) {
     }
-    EXPECT_TRUE(until_made->Finish().ok());
+    EXPECT_OK(until_made->Finish());
   }
-  watch.set_name(TrainOn(channel, "idle", "hang").name());
+  const v1::Job hanging = TrainOn(channel, "idle", "hang");
   grpc::ClientContext watch_context;
-  const auto watcher = jobs->WatchJob(&watch_context, watch);
+  const auto watcher = jobs->WatchJob(&watch_context, Named{hanging.name()});
   ASSERT_TRUE(watcher->Read(&event));
 
   kill(program.pid, SIGTERM);
-  while (CheckHealth(channel, "") == kServing) absl::SleepFor(absl::Milliseconds(5));
+  ASSERT_TRUE(testing::Eventually([&] { return CheckHealth(channel, "") != kServing; }));
   // The first query loads the model, so it is still in progress when the streams end.
-  v1::ProposeScalesRequest question;
-  question.set_model("scenes/shelf/models/live");
-  question.mutable_prompt()->mutable_view()->set_view("middle.jpg");
-  auto& point = *question.mutable_prompt()->mutable_points()->add_points();
-  point.set_x(30);
-  point.set_y(32);
-  const auto segmentation = v1::SegmentationService::NewStub(channel);
+  const auto question = Click<v1::ProposeScalesRequest>(30);
   int num_answered = 0;
   grpc::Status last;
   do {
-    grpc::ClientContext context;
-    v1::ProposeScalesResponse response;
-    last = segmentation->ProposeScales(&context, question, &response);
+    last = CallOver(channel, &SegmentationStub::ProposeScales, question);
     num_answered += last.ok() ? 1 : 0;
   } while (last.ok());
   EXPECT_GT(num_answered, 0);
   // No call is cut off in the middle: it is refused, or the connection is closed.
-  EXPECT_EQ(last.error_code(), grpc::UNAVAILABLE) << last.error_message();
+  EXPECT_ERROR(last, grpc::UNAVAILABLE);
   while (watcher->Read(&event)) {
   }
-  const grpc::Status watched = watcher->Finish();
-  EXPECT_EQ(watched.error_code(), grpc::UNAVAILABLE) << watched.error_message();
-  EXPECT_EQ(DetailOf(watched).reason(), "DRAINING");
+  EXPECT_ERROR(watcher->Finish(), grpc::UNAVAILABLE, {.reason = "DRAINING"});
   const int state = program.Await();
   EXPECT_TRUE(WIFEXITED(state));
   EXPECT_EQ(WEXITSTATUS(state), 0);
@@ -276,23 +235,13 @@ TEST(ServerProgram, LosesNothingWhenKilled) {
   {
     Program program(folder);
     ASSERT_GT(program.port, 0);
-    const auto scenes = v1::SceneService::NewStub(ConnectTo(program.port));
-    grpc::ClientContext context;
-    v1::CreateSceneRequest request;
-    request.set_scene_id("shelf");
-    v1::Scene scene;
-    ASSERT_TRUE(scenes->CreateScene(&context, request, &scene).ok());
+    ASSERT_OK(CreateScene(ConnectTo(program.port), "shelf"));
     kill(program.pid, SIGKILL);
     program.Await();
   }
   std::filesystem::remove(folder / "port");
   Program program(folder);
-  const auto scenes = v1::SceneService::NewStub(ConnectTo(program.port));
-  grpc::ClientContext context;
-  v1::GetSceneRequest request;
-  request.set_name("scenes/shelf");
-  v1::Scene scene;
-  EXPECT_TRUE(scenes->GetScene(&context, request, &scene).ok());
+  EXPECT_OK(CallOver(ConnectTo(program.port), &SceneStub::GetScene, Named{"scenes/shelf"}));
 }
 
 }  // namespace

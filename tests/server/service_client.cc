@@ -7,12 +7,13 @@
 #include <iterator>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
 #include "core/base/digest.h"
 #include "core/base/file_bytes.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/import.h"
 #include "tests/server/file_kind.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg::testing {
 namespace {
@@ -31,31 +32,20 @@ struct Call {
   grpc::ClientContext context;
 };
 
-// Makes one unary call of a stub.
-template <typename Stub, typename Request, typename Response>
-absl::StatusOr<Response> Ask(Stub& stub,
-                             grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&,
-                                                          Response*),
-                             const Request& request) {
-  Call call;
-  Response response;
-  const grpc::Status status = (stub.*method)(&call.context, request, &response);
-  if (!status.ok()) return ToStatus(status);
-  return response;
-}
-
-template <typename Request>
-Request Named(const std::string& name) {
-  Request request;
-  request.set_name(name);
-  return request;
+template <class Stub, class Request, class Response>
+absl::StatusOr<Response> Ask(const std::shared_ptr<grpc::Channel>& channel,
+                             Method<Stub, Request, Response> method,
+                             const std::type_identity_t<Request>& request) {
+  const Reply<Response> reply = CallOver(channel, method, request);
+  if (!reply.ok()) return ToStatus(reply);
+  return *reply;
 }
 
 }  // namespace
 
 std::vector<ClientFile> ReadDataset(const std::filesystem::path& folder) {
   const auto listed = ListDataset(folder);
-  EXPECT_TRUE(listed.ok()) << listed.status();
+  EXPECT_OK(listed);
   std::vector<ClientFile> files;
   if (!listed.ok()) return files;
   for (const DatasetFile& file : *listed) {
@@ -72,17 +62,10 @@ ClientFile& FileOf(std::vector<ClientFile>& files, const std::string& path) {
   return found == files.end() ? files.front() : *found;
 }
 
-ServiceClient::ServiceClient(const std::shared_ptr<grpc::Channel>& channel)
-    : scenes_(v1::SceneService::NewStub(channel)),
-      datasets_(v1::DatasetService::NewStub(channel)),
-      jobs_(v1::JobService::NewStub(channel)),
-      segmentation_(v1::SegmentationService::NewStub(channel)),
-      renders_(v1::RenderService::NewStub(channel)) {}
-
 absl::Status ServiceClient::CreateScene(const std::string& id) {
   v1::CreateSceneRequest request;
   request.set_scene_id(id);
-  return Ask(*scenes_, &v1::SceneService::Stub::CreateScene, request).status();
+  return Ask(channel_, &SceneStub::CreateScene, request).status();
 }
 
 absl::StatusOr<v1::Upload> ServiceClient::CreateUpload(const std::string& scene,
@@ -96,14 +79,14 @@ absl::StatusOr<v1::Upload> ServiceClient::CreateUpload(const std::string& scene,
     declared.set_size(static_cast<int64_t>(file.bytes.size()));
     declared.set_sha256(Sha256Hex(file.bytes));
   }
-  return Ask(*datasets_, &v1::DatasetService::Stub::CreateUpload, request);
+  return Ask(channel_, &DatasetStub::CreateUpload, request);
 }
 
 absl::Status ServiceClient::WriteFiles(const v1::Upload& upload,
                                        const std::vector<ClientFile>& files, size_t max_bytes) {
   Call call;
   v1::WriteFilesResponse response;
-  const auto stream = datasets_->WriteFiles(&call.context, &response);
+  const auto stream = DatasetStub(channel_).WriteFiles(&call.context, &response);
   size_t sent = 0;
   for (const ClientFile& file : files) {
     v1::WriteFilesRequest request;
@@ -131,7 +114,7 @@ absl::Status ServiceClient::SendFrom(const v1::Upload& upload, const ClientFile&
                                      std::pair<int64_t, int64_t> range) {
   Call call;
   v1::WriteFilesResponse response;
-  const auto stream = datasets_->WriteFiles(&call.context, &response);
+  const auto stream = DatasetStub(channel_).WriteFiles(&call.context, &response);
   v1::WriteFilesRequest request;
   request.mutable_header()->set_upload(upload.name());
   request.mutable_header()->set_path(file.path);
@@ -152,11 +135,11 @@ absl::Status ServiceClient::SendFrom(const v1::Upload& upload, const ClientFile&
 }
 
 absl::StatusOr<v1::Upload> ServiceClient::GetUpload(const std::string& name) {
-  return Ask(*datasets_, &v1::DatasetService::Stub::GetUpload, Named<v1::GetUploadRequest>(name));
+  return Ask(channel_, &DatasetStub::GetUpload, Named{name});
 }
 
 absl::StatusOr<v1::Dataset> ServiceClient::SealUpload(const std::string& name) {
-  return Ask(*datasets_, &v1::DatasetService::Stub::SealUpload, Named<v1::SealUploadRequest>(name));
+  return Ask(channel_, &DatasetStub::SealUpload, Named{name});
 }
 
 absl::StatusOr<std::string> ServiceClient::Upload(const std::string& scene,
@@ -178,22 +161,22 @@ absl::StatusOr<v1::Job> ServiceClient::Train(const std::string& scene, const std
   request.set_scene("scenes/" + scene);
   request.set_dataset(dataset);
   *request.mutable_options() = options;
-  return Ask(*jobs_, &v1::JobService::Stub::TrainScene, request);
+  return Ask(channel_, &JobStub::TrainScene, request);
 }
 
 absl::StatusOr<v1::Job> ServiceClient::GetJob(const std::string& name) {
-  return Ask(*jobs_, &v1::JobService::Stub::GetJob, Named<v1::GetJobRequest>(name));
+  return Ask(channel_, &JobStub::GetJob, Named{name});
 }
 
 absl::StatusOr<v1::Job> ServiceClient::CancelJob(const std::string& name) {
-  return Ask(*jobs_, &v1::JobService::Stub::CancelJob, Named<v1::CancelJobRequest>(name));
+  return Ask(channel_, &JobStub::CancelJob, Named{name});
 }
 
 absl::StatusOr<std::vector<v1::JobEvent>> ServiceClient::Watch(const std::string& name) {
   Call call;
-  auto request = Named<v1::WatchJobRequest>(name);
+  v1::WatchJobRequest request = Named{name};
   request.set_after_sequence(0);
-  const auto stream = jobs_->WatchJob(&call.context, request);
+  const auto stream = JobStub(channel_).WatchJob(&call.context, request);
   std::vector<v1::JobEvent> events;
   v1::JobEvent event;
   while (stream->Read(&event)) events.push_back(event);
@@ -208,17 +191,16 @@ absl::StatusOr<v1::Job> ServiceClient::WaitForJob(const std::string& name) {
 }
 
 absl::StatusOr<v1::Job> ServiceClient::WaitForStep(const std::string& name) {
-  const absl::Time deadline = absl::Now() + absl::Seconds(60);
-  while (absl::Now() < deadline) {
-    ASSIGN_OR_RETURN(v1::Job job, GetJob(name));
-    if (job.progress().step() > 0) return job;
-    absl::SleepFor(absl::Milliseconds(20));
-  }
-  return absl::DeadlineExceededError(name + " told of no step within 60 s");
+  absl::StatusOr<v1::Job> job;
+  EXPECT_TRUE(Eventually([&] {
+    job = GetJob(name);
+    return !job.ok() || job->progress().step() > 0;
+  })) << name;
+  return job;
 }
 
 absl::StatusOr<v1::Model> ServiceClient::GetModel(const std::string& name) {
-  return Ask(*scenes_, &v1::SceneService::Stub::GetModel, Named<v1::GetModelRequest>(name));
+  return Ask(channel_, &SceneStub::GetModel, Named{name});
 }
 
 absl::StatusOr<v1::EstimateTrainingResponse> ServiceClient::Estimate(
@@ -227,7 +209,7 @@ absl::StatusOr<v1::EstimateTrainingResponse> ServiceClient::Estimate(
   request.set_scene(scene);
   request.set_dataset(dataset);
   *request.mutable_options() = options;
-  return Ask(*jobs_, &v1::JobService::Stub::EstimateTraining, request);
+  return Ask(channel_, &JobStub::EstimateTraining, request);
 }
 
 absl::StatusOr<std::vector<v1::View>> ServiceClient::ListViews(const std::string& model) {
@@ -235,13 +217,13 @@ absl::StatusOr<std::vector<v1::View>> ServiceClient::ListViews(const std::string
   request.set_parent(model);
   request.set_page_size(1000);
   ASSIGN_OR_RETURN(const v1::ListViewsResponse response,
-                   Ask(*scenes_, &v1::SceneService::Stub::ListViews, request));
+                   Ask(channel_, &SceneStub::ListViews, request));
   return std::vector<v1::View>(response.views().begin(), response.views().end());
 }
 
 absl::StatusOr<v1::SegmentViewsResponse> ServiceClient::Segment(
     const v1::SegmentViewsRequest& request) {
-  return Ask(*segmentation_, &v1::SegmentationService::Stub::SegmentViews, request);
+  return Ask(channel_, &SegmentationStub::SegmentViews, request);
 }
 
 absl::StatusOr<v1::RenderViewResponse> ServiceClient::Render(const std::string& model,
@@ -249,14 +231,14 @@ absl::StatusOr<v1::RenderViewResponse> ServiceClient::Render(const std::string& 
   v1::RenderViewRequest request;
   request.set_model(model);
   request.mutable_viewpoint()->set_view(view);
-  return Ask(*renders_, &v1::RenderService::Stub::RenderView, request);
+  return Ask(channel_, &RenderStub::RenderView, request);
 }
 
 absl::StatusOr<std::string> ServiceClient::Export(const std::string& model) {
   Call call;
   v1::ExportGaussiansRequest request;
   request.set_model(model);
-  const auto stream = renders_->ExportGaussians(&call.context, request);
+  const auto stream = RenderStub(channel_).ExportGaussians(&call.context, request);
   v1::ExportGaussiansResponse::Header header;
   std::string ply;
   v1::ExportGaussiansResponse part;

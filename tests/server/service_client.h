@@ -10,11 +10,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "pepeseg/v1/dataset_service.grpc.pb.h"
-#include "pepeseg/v1/job_service.grpc.pb.h"
-#include "pepeseg/v1/render_service.grpc.pb.h"
-#include "pepeseg/v1/scene_service.grpc.pb.h"
-#include "pepeseg/v1/segmentation_service.grpc.pb.h"
+#include "tests/server/call.h"
 
 namespace pepeseg::testing {
 
@@ -32,7 +28,7 @@ ClientFile& FileOf(std::vector<ClientFile>& files, const std::string& path);
 // A client of the contract with blocking calls.
 class ServiceClient {
  public:
-  explicit ServiceClient(const std::shared_ptr<grpc::Channel>& channel);
+  explicit ServiceClient(std::shared_ptr<grpc::Channel> channel) : channel_(std::move(channel)) {}
 
   absl::Status CreateScene(const std::string& id);
   absl::StatusOr<v1::Upload> CreateUpload(const std::string& scene,
@@ -72,11 +68,7 @@ class ServiceClient {
   absl::StatusOr<std::string> Export(const std::string& model);
 
  private:
-  std::unique_ptr<v1::SceneService::Stub> scenes_;
-  std::unique_ptr<v1::DatasetService::Stub> datasets_;
-  std::unique_ptr<v1::JobService::Stub> jobs_;
-  std::unique_ptr<v1::SegmentationService::Stub> segmentation_;
-  std::unique_ptr<v1::RenderService::Stub> renders_;
+  std::shared_ptr<grpc::Channel> channel_;
 };
 
 }  // namespace pepeseg::testing

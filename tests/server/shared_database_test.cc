@@ -12,6 +12,7 @@
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"
 #include "tests/server/store/test_database.h"
+#include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -47,13 +48,13 @@ class SharedDatabaseTest : public ::testing::Test {
   }
 
   static v1::Job WaitForState(ServiceClient& client, const std::string& job, v1::JobState state) {
-    for (int i = 0; i < 3000; ++i) {
-      const auto found = client.GetJob(job);
-      if (found.ok() && found->state() == state) return *found;
-      absl::SleepFor(absl::Milliseconds(10));
-    }
-    ADD_FAILURE() << job << " is not " << v1::JobState_Name(state) << " within 30 s";
-    return {};
+    v1::Job found;
+    EXPECT_TRUE(testing::Eventually([&] {
+      found = client.GetJob(job).value_or(v1::Job());
+      return found.state() == state;
+    })) << job
+        << " is not " << v1::JobState_Name(state);
+    return found;
   }
 
   int64_t FenceOf(const std::string& job) {

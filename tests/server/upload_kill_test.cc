@@ -13,6 +13,7 @@
 #include "server/store/layout.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"
+#include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -55,13 +56,11 @@ TEST(UploadKill, ResumesWithLessThan33MiBSentAgain) {
     const auto partial =
         PartialFolderOf(folder / "data", {"default", "shelf", 1}) / Sha256Hex(file.bytes);
     std::thread killer([&] {
-      const absl::Time deadline = absl::Now() + absl::Seconds(60);
-      std::error_code error;
-      while (absl::Now() < deadline) {
+      EXPECT_TRUE(testing::Eventually([&] {
+        std::error_code error;
         const auto size = std::filesystem::file_size(partial, error);
-        if (!error && static_cast<int64_t>(size) >= target) break;
-        absl::SleepFor(absl::Milliseconds(1));
-      }
+        return !error && static_cast<int64_t>(size) >= target;
+      }));
       server->Kill();
     });
     EXPECT_FALSE(client->SendFrom(upload, file, {offset, target}).ok());

@@ -8,6 +8,7 @@
 #include <iterator>
 
 #include "absl/time/clock.h"
+#include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -82,14 +83,13 @@ TEST_F(ChildProcess, IsKilledWithItsGroupWhenTheWatchFails) {
   });
   EXPECT_STATUS(end, absl::StatusCode::kCancelled, "enough");
   EXPECT_LT(absl::Now() - start, absl::Seconds(1));
-  absl::SleepFor(absl::Milliseconds(50));  // until init has reaped it
-  EXPECT_FALSE(Runs(folder_ / "pid"));
+  EXPECT_TRUE(testing::Eventually([&] { return !Runs(folder_ / "pid"); }, absl::Seconds(1)))
+      << "init reaps it";
 }
 
 TEST_F(ChildProcess, LeavesNoProcessOfItsGroup) {
   ASSERT_OK(Run(Shell("sleep 100 & echo $! > " + (folder_ / "pid").string())));
-  absl::SleepFor(absl::Milliseconds(50));
-  EXPECT_FALSE(Runs(folder_ / "pid"));
+  EXPECT_TRUE(testing::Eventually([&] { return !Runs(folder_ / "pid"); }, absl::Seconds(1)));
 }
 
 TEST_F(ChildProcess, IsWatchedWithoutOutput) {
@@ -114,12 +114,13 @@ TEST_F(ChildProcess, DiesWithItsParent) {
     Run(Shell("echo $$ > " + (folder_ / "pid").string() + "; exec sleep 100")).IgnoreError();
     _exit(0);
   }
-  while (!std::filesystem::exists(folder_ / "pid")) absl::SleepFor(absl::Milliseconds(10));
-  absl::SleepFor(absl::Milliseconds(50));
-  EXPECT_TRUE(Runs(folder_ / "pid"));
+  ASSERT_TRUE(testing::Eventually([&] {
+    std::string pid;
+    return !!(std::ifstream(folder_ / "pid") >> pid);
+  }));
+  EXPECT_TRUE(testing::Eventually([&] { return Runs(folder_ / "pid"); }, absl::Seconds(1)));
   kill(parent, SIGKILL);
-  absl::SleepFor(absl::Milliseconds(100));
-  EXPECT_FALSE(Runs(folder_ / "pid"));
+  EXPECT_TRUE(testing::Eventually([&] { return !Runs(folder_ / "pid"); }, absl::Seconds(1)));
 }
 
 TEST_F(ChildProcess, FailsIfTheProgramCannotRun) {

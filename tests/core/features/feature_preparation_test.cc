@@ -7,6 +7,7 @@
 #include "core/features/mask_completion.h"
 #include "core/features/mask_scales.h"
 #include "tests/core/features/perception_scene.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -16,7 +17,7 @@ class PrepareFeaturesTest : public ::testing::Test {
   PreparedFeatures Prepare(const FeatureOptions& options) {
     Renderer frozen(*backend_, scene_.gaussians, SceneRadius(capture()));
     auto prepared = PrepareFeatures(capture(), scene_.gaussians, frozen, options);
-    EXPECT_TRUE(prepared.ok()) << prepared.status();
+    EXPECT_OK(prepared);
     return *std::move(prepared);
   }
 

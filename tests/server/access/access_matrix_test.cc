@@ -11,6 +11,7 @@
 #include "absl/strings/str_split.h"
 #include "tests/server/access/all_methods.h"
 #include "tests/server/access/keyed_server.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -150,7 +151,7 @@ TEST_F(AccessMatrix, ChecksEveryNamedResourceWithoutRevealingWhetherItExists) {
   // For the stranger the scene "shelf" is of another project; its own is "annex".
   v1::CreateSceneRequest create;
   create.set_scene_id("annex");
-  ASSERT_TRUE(Ask("pepeseg.v1.SceneService.CreateScene", create, stranger).ok());
+  ASSERT_OK(Ask("pepeseg.v1.SceneService.CreateScene", create, stranger));
   for (const MethodDescriptor* method : Ordered()) {
     SCOPED_TRACE(method->full_name());
     const v1::Access& option = method->options().GetExtension(v1::access);
@@ -169,7 +170,7 @@ TEST_F(AccessMatrix, ChecksEveryNamedResourceWithoutRevealingWhetherItExists) {
   // None of these calls has changed the scene.
   v1::GetSceneRequest get;
   get.set_name("scenes/shelf");
-  EXPECT_TRUE(Ask("pepeseg.v1.SceneService.GetScene", get, full).ok());
+  EXPECT_OK(Ask("pepeseg.v1.SceneService.GetScene", get, full));
 }
 
 // Returns `status` as it would be if the scene were called "free".
@@ -186,11 +187,9 @@ TEST_F(AccessMatrix, AnswersTheSameForAFreeIdAndOneOfAnotherProject) {
   for (const char* id : {"shelf", "free"}) {
     v1::CreateSceneRequest create;
     create.set_scene_id(id);
-    const auto made = Ask("pepeseg.v1.SceneService.CreateScene", create, stranger);
-    EXPECT_TRUE(made.ok()) << made.error_message();
-    const auto again = Ask("pepeseg.v1.SceneService.CreateScene", create, stranger);
-    EXPECT_EQ(again.error_code(), grpc::StatusCode::ALREADY_EXISTS);
-    EXPECT_EQ(DetailOf(again).resource(), absl::StrCat("scenes/", id));
+    EXPECT_OK(Ask("pepeseg.v1.SceneService.CreateScene", create, stranger));
+    EXPECT_ERROR(Ask("pepeseg.v1.SceneService.CreateScene", create, stranger), grpc::ALREADY_EXISTS,
+                 {.resource = absl::StrCat("scenes/", id)});
   }
   int num_methods = 0;
   for (const MethodDescriptor* method : Ordered()) {
@@ -207,7 +206,7 @@ TEST_F(AccessMatrix, AnswersTheSameForAFreeIdAndOneOfAnotherProject) {
   // The last of these calls deletes the stranger's scene; the other project's is unchanged.
   v1::GetModelRequest get;
   get.set_name("scenes/shelf/models/1");
-  EXPECT_TRUE(Ask("pepeseg.v1.SceneService.GetModel", get, full).ok());
+  EXPECT_OK(Ask("pepeseg.v1.SceneService.GetModel", get, full));
   v1::GetSceneRequest gone;
   gone.set_name("scenes/shelf");
   ExpectReason(Ask("pepeseg.v1.SceneService.GetScene", gone, stranger),
@@ -217,13 +216,12 @@ TEST_F(AccessMatrix, AnswersTheSameForAFreeIdAndOneOfAnotherProject) {
 TEST_F(AccessMatrix, RefusesKeysOfScenesAsNames) {
   v1::CreateSceneRequest create;
   create.set_scene_id("shelf");
-  ASSERT_TRUE(Ask("pepeseg.v1.SceneService.CreateScene", create, stranger).ok());
+  ASSERT_OK(Ask("pepeseg.v1.SceneService.CreateScene", create, stranger));
   for (const char* name : {"scenes/1@shelf", "scenes/0@shelf", "projects/other/scenes/shelf"}) {
     v1::GetSceneRequest get;
     get.set_name(name);
     for (const std::string& secret : {stranger, full}) {
-      EXPECT_EQ(Ask("pepeseg.v1.SceneService.GetScene", get, secret).error_code(),
-                grpc::StatusCode::INVALID_ARGUMENT)
+      EXPECT_ERROR(Ask("pepeseg.v1.SceneService.GetScene", get, secret), grpc::INVALID_ARGUMENT)
           << name;
     }
   }
@@ -239,7 +237,7 @@ TEST_F(AccessMatrix, ReportsMalformedNamesAfterKeyAndScope) {
     ExpectReason(AskFor(*method, *request, nobody), grpc::StatusCode::UNAUTHENTICATED, "NO_KEY");
     if (method->client_streaming() && method->server_streaming())
       continue;  // the error comes as a message
-    EXPECT_EQ(AskFor(*method, *request, full).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+    EXPECT_ERROR(AskFor(*method, *request, full), grpc::INVALID_ARGUMENT);
   }
 }
 

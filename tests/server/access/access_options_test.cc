@@ -6,6 +6,7 @@
 
 #include "server/access/credentials.h"
 #include "tests/server/access/test_certificates.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -36,13 +37,13 @@ struct CertificateFiles : ::testing::Test {
 
 TEST_F(CertificateFiles, AreReadIfTheyBelongTogether) {
   auto texts = ReadCertificateFiles(options);
-  ASSERT_TRUE(texts.ok()) << texts.status();
+  ASSERT_OK(texts);
   EXPECT_EQ(texts->key, issued.key);
   EXPECT_EQ(texts->client_ca, "");
   Write("ca.pem", authority.certificate());
   options.tls_client_ca = folder / "ca.pem";
   texts = ReadCertificateFiles(options);
-  ASSERT_TRUE(texts.ok()) << texts.status();
+  ASSERT_OK(texts);
   EXPECT_EQ(texts->client_ca, authority.certificate());
 }
 
@@ -77,7 +78,7 @@ TEST_F(CertificateFiles, AreRefusedIfIncomplete) {
   EXPECT_NE(CheckCertificateOptions(options).message().find("without --tls-certificate"),
             std::string::npos);
   options.tls_key.clear();
-  EXPECT_TRUE(CheckCertificateOptions(options).ok());
+  EXPECT_OK(CheckCertificateOptions(options));
   options.tls_client_ca = folder / "ca.pem";
   EXPECT_TRUE(absl::IsFailedPrecondition(CheckCertificateOptions(options)));
 }
@@ -88,7 +89,7 @@ TEST_F(CertificateFiles, AllowATrustedGatewayOnlyWithAClientCaAndKeys) {
   EXPECT_NE(CheckCertificateOptions(options).message().find("without --tls-client-ca"),
             std::string::npos);
   options.tls_client_ca = folder / "ca.pem";
-  EXPECT_TRUE(CheckCertificateOptions(options).ok());
+  EXPECT_OK(CheckCertificateOptions(options));
   options.require_keys = false;
   EXPECT_NE(CheckCertificateOptions(options).message().find("without --require-keys"),
             std::string::npos);
@@ -100,12 +101,12 @@ TEST(MemoryFile, IsReadByItsPathAndReplacedAtomically) {
     return std::string((std::istreambuf_iterator<char>(file)), {});
   };
   MemoryFile file;
-  ASSERT_TRUE(file.Replace("first").ok());
+  ASSERT_OK(file.Replace("first"));
   const std::string path = file.path();
   EXPECT_EQ(read(path), "first");
   const auto time = std::filesystem::last_write_time(path);
   std::ifstream reader(path);
-  ASSERT_TRUE(file.Replace("second text").ok());
+  ASSERT_OK(file.Replace("second text"));
   EXPECT_EQ(file.path(), path);
   EXPECT_EQ(read(path), "second text");
   EXPECT_EQ(std::string((std::istreambuf_iterator<char>(reader)), {}), "first");

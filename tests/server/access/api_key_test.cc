@@ -5,6 +5,7 @@
 #include <set>
 
 #include "absl/time/clock.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -12,15 +13,14 @@ namespace {
 TEST(ApiKey, StoresOnlyTheDigestOfItsSecret) {
   std::set<std::string> secrets, ids;
   for (int i = 0; i < 1000; ++i) {
-    const auto key = MakeKey();
-    ASSERT_TRUE(key.ok()) << key.status();
-    EXPECT_TRUE(LooksLikeSecret(key->secret)) << key->secret;
-    EXPECT_EQ(key->row.sha256, DigestOfSecret(key->secret));
-    EXPECT_EQ(key->row.sha256.size(), 64u);
-    EXPECT_EQ(key->row.id.size(), 16u);
-    EXPECT_EQ(key->secret.find(key->row.id), std::string::npos);
-    secrets.insert(key->secret);
-    ids.insert(key->row.id);
+    ASSERT_OK_AND_ASSIGN(const auto key, MakeKey());
+    EXPECT_TRUE(LooksLikeSecret(key.secret)) << key.secret;
+    EXPECT_EQ(key.row.sha256, DigestOfSecret(key.secret));
+    EXPECT_EQ(key.row.sha256.size(), 64u);
+    EXPECT_EQ(key.row.id.size(), 16u);
+    EXPECT_EQ(key.secret.find(key.row.id), std::string::npos);
+    secrets.insert(key.secret);
+    ids.insert(key.row.id);
   }
   EXPECT_EQ(secrets.size(), 1000u);
   EXPECT_EQ(ids.size(), 1000u);

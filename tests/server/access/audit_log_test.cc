@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -30,13 +31,12 @@ TEST(AuditLog, WritesOneObjectPerLineForItsOwnerOnly) {
   const testing::TempFolder folder;
   const auto path = folder / "audit.log";
   {
-    const auto log = AuditLog::Open(path, {});
-    ASSERT_TRUE(log.ok()) << log.status();
-    (*log)->Write(EntryOf("Method"));
+    ASSERT_OK_AND_ASSIGN(const auto log, AuditLog::Open(path, {}));
+    log->Write(EntryOf("Method"));
     AuditEntry odd = EntryOf("\"\n\xff");
     odd.resources = {std::string(5000, 'x')};
     odd.reason = "NOT_YOURS";
-    (*log)->Write(odd);
+    log->Write(odd);
   }
   const auto reopened = AuditLog::Open(path, {});
   (*reopened)->Write(EntryOf("Later"));
@@ -61,14 +61,14 @@ TEST(RefusalLog, LeavesOutAndCountsLinesBeyondTheRate) {
   const auto path = folder / "refused.log";
   const absl::Time start = absl::FromUnixSeconds(1'800'000'000);
   {
-    const auto log = RefusalLog::Open(path, {/*lines_per_second=*/2,
-                                             /*burst=*/5,
-                                             /*summary_interval=*/absl::Seconds(10),
-                                             {}});
-    ASSERT_TRUE(log.ok()) << log.status();
+    ASSERT_OK_AND_ASSIGN(const auto log,
+                         RefusalLog::Open(path, {/*lines_per_second=*/2,
+                                                 /*burst=*/5,
+                                                 /*summary_interval=*/absl::Seconds(10),
+                                                 {}}));
     // 25 lines a second for 20 s: the burst and 2 lines a second are written.
     for (int i = 0; i < 500; ++i) {
-      (*log)->Write(EntryOf("Method"), start + i * absl::Milliseconds(40));
+      log->Write(EntryOf("Method"), start + i * absl::Milliseconds(40));
     }
   }
   int num_written = 0, num_counted = 0, num_summaries = 0;

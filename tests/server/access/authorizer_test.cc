@@ -12,6 +12,7 @@
 #include "pepeseg/v1/scene_service.pb.h"
 #include "server/access/api_key.h"
 #include "server/store/error_detail.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -38,7 +39,7 @@ class AuthorizerTest : public ::testing::Test {
     SceneRow scene;
     scene.id = id;
     scene.project = project;
-    EXPECT_TRUE(store_->scenes().CreateScene(scene).ok());
+    EXPECT_OK(store_->scenes().CreateScene(scene));
   }
   CallOrigin With(const std::string& header) { return {"test", {header}}; }
   // Creates a key of the project "lab".
@@ -47,7 +48,7 @@ class AuthorizerTest : public ::testing::Test {
     key.row.project = "lab";
     key.row.scopes = scopes;
     key.row.expire_time = expire_time;
-    EXPECT_TRUE(store_->keys().CreateKey(key.row).ok());
+    EXPECT_OK(store_->keys().CreateKey(key.row));
     key_ = key;
     return With(absl::StrCat("Bearer ", key.secret));
   }
@@ -73,14 +74,13 @@ class AuthorizerTest : public ::testing::Test {
 
 TEST_F(AuthorizerTest, AllowsAKeyItsProject) {
   const CallOrigin origin = Key(kEverythingOfAProject);
-  const auto caller = authorizer_.Authorize(origin, Get("scenes/mine"));
-  ASSERT_TRUE(caller.ok()) << caller.status();
-  EXPECT_EQ(caller->project, "lab");
-  EXPECT_EQ(caller->key, key_.row.id);
-  EXPECT_EQ(caller->scopes, kEverythingOfAProject);
-  EXPECT_EQ(caller->visible_project(), "lab");
+  ASSERT_OK_AND_ASSIGN(const auto caller, authorizer_.Authorize(origin, Get("scenes/mine")));
+  EXPECT_EQ(caller.project, "lab");
+  EXPECT_EQ(caller.key, key_.row.id);
+  EXPECT_EQ(caller.scopes, kEverythingOfAProject);
+  EXPECT_EQ(caller.visible_project(), "lab");
   const CallOrigin lower = With(absl::StrCat("bearer ", key_.secret));
-  EXPECT_TRUE(authorizer_.Authorize(lower, Get("scenes/mine")).ok());
+  EXPECT_OK(authorizer_.Authorize(lower, Get("scenes/mine")));
 }
 
 TEST_F(AuthorizerTest, GivesTheSameAnswerToEveryInvalidKey) {
@@ -102,8 +102,8 @@ TEST_F(AuthorizerTest, GivesTheSameAnswerToEveryInvalidKey) {
   EXPECT_EQ(LastRefusal()["key"], key_.row.id);
 
   const CallOrigin revoked = Key(AllScopes());
-  ASSERT_TRUE(authorizer_.Authorize(revoked, Get("scenes/mine")).ok());
-  ASSERT_TRUE(store_->keys().RevokeKey(key_.row.id).ok());
+  ASSERT_OK(authorizer_.Authorize(revoked, Get("scenes/mine")));
+  ASSERT_OK(store_->keys().RevokeKey(key_.row.id));
   EXPECT_EQ(authorizer_.Authorize(revoked, Get("scenes/mine")).status(), unknown.status());
   EXPECT_EQ(LastRefusal()["reason"], "REVOKED_KEY");
   EXPECT_TRUE(LastLine().is_null());  // the audit log has none of them
@@ -113,9 +113,8 @@ TEST_F(AuthorizerTest, GivesTheSameAnswerToEveryInvalidKey) {
 TEST_F(AuthorizerTest, KeepsRefusalsOfUnknownCallersOutOfTheAuditLog) {
   v1::DeleteSceneRequest remove;
   remove.set_name("scenes/mine");
-  ASSERT_TRUE(
-      authorizer_.Run(Key(AllScopes()), remove, [](const Caller&) { return absl::OkStatus(); })
-          .ok());
+  ASSERT_OK(
+      authorizer_.Run(Key(AllScopes()), remove, [](const Caller&) { return absl::OkStatus(); }));
   const auto size = std::filesystem::file_size(path_);
   for (int i = 0; i < 3000; ++i) {
     EXPECT_FALSE(authorizer_.Authorize({"test", {}}, Get("scenes/mine")).ok());
@@ -155,10 +154,10 @@ TEST_F(AuthorizerTest, ReportsAMissingScopeBeforeLookingAtTheRequest) {
   // No scope implies another.
   const CallOrigin operates = Key(ScopeBit(v1::SCOPE_OPERATE));
   EXPECT_FALSE(authorizer_.Authorize(operates, Get("scenes/mine")).ok());
-  EXPECT_TRUE(authorizer_.Authorize(operates, v1::ListKeysRequest()).ok());
+  EXPECT_OK(authorizer_.Authorize(operates, v1::ListKeysRequest()));
   v1::LoadModelRequest load;
   load.set_name("scenes/theirs/models/1");
-  EXPECT_TRUE(authorizer_.Authorize(operates, load).ok());
+  EXPECT_OK(authorizer_.Authorize(operates, load));
 }
 
 TEST_F(AuthorizerTest, AnswersTheSameForScenesOfOthersAndMissingOnes) {
@@ -177,14 +176,14 @@ TEST_F(AuthorizerTest, AnswersTheSameForScenesOfOthersAndMissingOnes) {
   EXPECT_TRUE(absl::IsPermissionDenied(authorizer_.Authorize(origin, job).status()));
   // Malformed names are left to the handler.
   for (const char* name : {"", "scenes/", "scenes/_under", "mine", "scenes", "jobs/x", "jobs/j0"}) {
-    EXPECT_TRUE(authorizer_.Authorize(origin, Get(name)).ok()) << name;
+    EXPECT_OK(authorizer_.Authorize(origin, Get(name))) << name;
   }
 }
 
 TEST_F(AuthorizerTest, NoticesASceneThatAnotherProjectCreatedAgain) {
   const CallOrigin origin = Key(kEverythingOfAProject);
-  ASSERT_TRUE(authorizer_.Authorize(origin, Get("scenes/mine")).ok());
-  ASSERT_TRUE(store_->scenes().DeleteScene("mine").ok());
+  ASSERT_OK(authorizer_.Authorize(origin, Get("scenes/mine")));
+  ASSERT_OK(store_->scenes().DeleteScene("mine"));
   EXPECT_FALSE(authorizer_.Authorize(origin, Get("scenes/mine")).ok());
   CreateScene("mine", "other");
   EXPECT_FALSE(authorizer_.Authorize(origin, Get("scenes/mine")).ok());
@@ -193,22 +192,21 @@ TEST_F(AuthorizerTest, NoticesASceneThatAnotherProjectCreatedAgain) {
 TEST_F(AuthorizerTest, AllowsEverythingWithoutKeys) {
   Authorizer open(store_.get(), audit_.get(), refusals_.get(), /*require_keys=*/false);
   for (const char* name : {"scenes/mine", "scenes/theirs", "scenes/nowhere"}) {
-    const auto caller = open.Authorize({"test", {}}, Get(name));
-    ASSERT_TRUE(caller.ok()) << caller.status();
-    EXPECT_EQ(caller->project, "default");
-    EXPECT_EQ(caller->visible_project(), "");
-    EXPECT_EQ(caller->scopes, AllScopes());
+    ASSERT_OK_AND_ASSIGN(const auto caller, open.Authorize({"test", {}}, Get(name)));
+    EXPECT_EQ(caller.project, "default");
+    EXPECT_EQ(caller.visible_project(), "");
+    EXPECT_EQ(caller.scopes, AllScopes());
   }
 }
 
 TEST_F(AuthorizerTest, RecordsCallsThatChangeSomething) {
   const CallOrigin origin = Key(AllScopes());
   const auto done = [](const Caller&) { return absl::OkStatus(); };
-  ASSERT_TRUE(authorizer_.Run(origin, Get("scenes/mine"), done).ok());
+  ASSERT_OK(authorizer_.Run(origin, Get("scenes/mine"), done));
   EXPECT_TRUE(LastLine().is_null());  // a call that only reads
   v1::DeleteSceneRequest remove;
   remove.set_name("scenes/mine");
-  ASSERT_TRUE(authorizer_.Run(origin, remove, done).ok());
+  ASSERT_OK(authorizer_.Run(origin, remove, done));
   EXPECT_EQ(LastLine()["method"], "pepeseg.v1.SceneService.DeleteScene");
   EXPECT_EQ(LastLine()["resources"], nlohmann::json({"scenes/mine"}));
   EXPECT_EQ(LastLine()["key"], key_.row.id);
@@ -221,7 +219,7 @@ TEST_F(AuthorizerTest, RecordsCallsThatChangeSomething) {
   EXPECT_TRUE(absl::IsAlreadyExists(authorizer_.Run(origin, create, fails)));
   EXPECT_EQ(LastLine()["outcome"], "ALREADY_EXISTS");
   EXPECT_EQ(LastLine()["resources"], nlohmann::json({"new"}));
-  ASSERT_TRUE(authorizer_.Run(origin, v1::ListResidentModelsRequest(), done).ok());
+  ASSERT_OK(authorizer_.Run(origin, v1::ListResidentModelsRequest(), done));
   EXPECT_EQ(LastLine()["method"], "pepeseg.v1.AdminService.ListResidentModels");
   std::ifstream file(path_);
   const std::string all((std::istreambuf_iterator<char>(file)), {});

@@ -10,6 +10,7 @@
 #include "server/access/api_key.h"
 #include "server/access/authorizer.h"
 #include "server/store/error_detail.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -21,11 +22,11 @@ GatewayMetadata Says(const std::string& project, const std::string& scopes,
 }
 
 TEST(ReadGatewayIdentity, ReadsProjectScopesAndSubject) {
-  const auto caller = ReadGatewayIdentity(Says("lab", "read,train", "ann@example.org"));
-  ASSERT_TRUE(caller.ok()) << caller.status();
-  EXPECT_EQ(caller->project, "lab");
-  EXPECT_EQ(caller->scopes, ScopeBit(v1::SCOPE_READ) | ScopeBit(v1::SCOPE_TRAIN));
-  EXPECT_EQ(caller->subject, "ann@example.org");
+  ASSERT_OK_AND_ASSIGN(const auto caller,
+                       ReadGatewayIdentity(Says("lab", "read,train", "ann@example.org")));
+  EXPECT_EQ(caller.project, "lab");
+  EXPECT_EQ(caller.scopes, ScopeBit(v1::SCOPE_READ) | ScopeBit(v1::SCOPE_TRAIN));
+  EXPECT_EQ(caller.subject, "ann@example.org");
 }
 
 TEST(ReadGatewayIdentity, RefusesMissingRepeatedAndMalformedValues) {
@@ -60,7 +61,7 @@ class GatewayCallTest : public ::testing::Test {
       SceneRow scene;
       scene.id = id;
       scene.project = project;
-      EXPECT_TRUE(store_->scenes().CreateScene(scene).ok());
+      EXPECT_OK(store_->scenes().CreateScene(scene));
     }
   }
   // Returns a call over a connection with this certificate.
@@ -96,12 +97,11 @@ class GatewayCallTest : public ::testing::Test {
 
 TEST_F(GatewayCallTest, IsAllowedInItsProjectByItsScopes) {
   const CallOrigin origin = From({"gateway"}, ann_);
-  const auto caller = authorizer_.Authorize(origin, Get("scenes/mine"));
-  ASSERT_TRUE(caller.ok()) << caller.status();
-  EXPECT_EQ(caller->project, "lab");
-  EXPECT_EQ(caller->subject, "ann");
-  EXPECT_EQ(caller->key, "");
-  EXPECT_EQ(caller->visible_project(), "lab");
+  ASSERT_OK_AND_ASSIGN(const auto caller, authorizer_.Authorize(origin, Get("scenes/mine")));
+  EXPECT_EQ(caller.project, "lab");
+  EXPECT_EQ(caller.subject, "ann");
+  EXPECT_EQ(caller.key, "");
+  EXPECT_EQ(caller.visible_project(), "lab");
   EXPECT_EQ(ReasonOf(authorizer_.Authorize(origin, Get("scenes/theirs")).status()), "NOT_YOURS");
   EXPECT_EQ(LastLine()["subject"], "ann");
   EXPECT_EQ(LastLine()["project"], "lab");
@@ -109,7 +109,7 @@ TEST_F(GatewayCallTest, IsAllowedInItsProjectByItsScopes) {
   remove.set_name("scenes/mine");
   EXPECT_EQ(ReasonOf(authorizer_.Authorize(origin, remove).status()), "MISSING_SCOPE");
   const CallOrigin by_alternative_name = From({"localhost", "gateway"}, ann_);
-  EXPECT_TRUE(authorizer_.Authorize(by_alternative_name, Get("scenes/mine")).ok());
+  EXPECT_OK(authorizer_.Authorize(by_alternative_name, Get("scenes/mine")));
 }
 
 TEST_F(GatewayCallTest, IsRefusedUnlessItComesFromTheTrustedGateway) {
@@ -141,7 +141,7 @@ TEST_F(GatewayCallTest, IsRefusedWithAKeyOrWhenIncomplete) {
   NewKey key = *MakeKey();
   key.row.project = "lab";
   key.row.scopes = AllScopes();
-  ASSERT_TRUE(store_->keys().CreateKey(key.row).ok());
+  ASSERT_OK(store_->keys().CreateKey(key.row));
   CallOrigin both = From({"gateway"}, ann_);
   both.authorization = {absl::StrCat("Bearer ", key.secret)};
   EXPECT_EQ(ReasonOf(authorizer_.Authorize(both, Get("scenes/mine")).status()), "BAD_VOUCHING");
@@ -151,7 +151,7 @@ TEST_F(GatewayCallTest, IsRefusedWithAKeyOrWhenIncomplete) {
   EXPECT_TRUE(absl::IsUnauthenticated(refused.status())) << refused.status();
   EXPECT_EQ(ReasonOf(refused.status()), "BAD_VOUCHING");
   both.gateway = {};  // the gateway forwards a client's key
-  EXPECT_TRUE(authorizer_.Authorize(both, Get("scenes/mine")).ok());
+  EXPECT_OK(authorizer_.Authorize(both, Get("scenes/mine")));
 }
 
 }  // namespace

@@ -32,9 +32,9 @@ grpc::ByteBuffer Serialize(const google::protobuf::Message& message) {
 
 }  // namespace
 
-KeyedServer::KeyedServer() : running(PEPESEG_MODEL_WORKER, WithAdmin()) {
+KeyedServer::KeyedServer() : ServiceTest(PEPESEG_MODEL_WORKER, WithAdmin()) {
   running.CreateScene("shelf");
-  job = running.Await(running.Train("shelf", "file").name()).name();
+  job = TrainToTheEnd("shelf", "file").name();
   const std::vector<v1::Scope> of_project = {v1::SCOPE_READ, v1::SCOPE_WRITE, v1::SCOPE_TRAIN};
   stranger = MakeKey("other", of_project);
   reader = MakeKey("default", {v1::SCOPE_READ});
@@ -45,14 +45,10 @@ KeyedServer::KeyedServer() : running(PEPESEG_MODEL_WORKER, WithAdmin()) {
 }
 
 std::string KeyedServer::MakeKey(const std::string& project, const std::vector<v1::Scope>& scopes) {
-  const auto context = With(operates);
   v1::CreateKeyRequest request;
   request.set_project(project);
   for (const v1::Scope scope : scopes) request.add_scopes(scope);
-  v1::CreateKeyResponse response;
-  const grpc::Status status = running.admin->CreateKey(context.get(), request, &response);
-  EXPECT_TRUE(status.ok()) << status.error_message();
-  return response.secret();
+  return CallAs(operates, &AdminStub::CreateKey, request)->secret();
 }
 
 std::unique_ptr<grpc::ClientContext> KeyedServer::With(const std::string& secret) {

@@ -9,6 +9,7 @@
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
 #include "tests/server/access/keyed_server.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -30,8 +31,7 @@ Outcome RunKeys(const std::filesystem::path& data, const std::string& arguments)
 }
 
 grpc::Status ListScenes(RunningServer& running, const std::string& secret) {
-  v1::ListScenesResponse response;
-  return running.scenes->ListScenes(KeyedServer::With(secret).get(), {}, &response);
+  return CallWith(*KeyedServer::With(secret), running.channel, &SceneStub::ListScenes, {});
 }
 
 TEST(KeysCommand, CreatesTheFirstKeyBeforeTheServerStarts) {
@@ -53,13 +53,12 @@ TEST(KeysCommand, CreatesTheFirstKeyBeforeTheServerStarts) {
   options.worker = PEPESEG_FAKE_WORKER;
   options.device = "cpu";
   options.access.require_keys = true;
-  const auto server = Server::Start(options);
-  ASSERT_TRUE(server.ok()) << server.status();
-  const auto scenes = v1::SceneService::NewStub((*server)->InProcessChannel());
+  ASSERT_OK_AND_ASSIGN(const auto server, Server::Start(options));
+  const auto scenes = v1::SceneService::NewStub(server->InProcessChannel());
   v1::ListScenesResponse response;
-  EXPECT_TRUE(scenes->ListScenes(KeyedServer::With(secret).get(), {}, &response).ok());
-  EXPECT_EQ(scenes->ListScenes(KeyedServer::With("").get(), {}, &response).error_code(),
-            grpc::UNAUTHENTICATED);
+  EXPECT_OK(scenes->ListScenes(KeyedServer::With(secret).get(), {}, &response));
+  EXPECT_ERROR(scenes->ListScenes(KeyedServer::With("").get(), {}, &response),
+               grpc::UNAUTHENTICATED);
 }
 
 TEST(KeysCommand, CreatesAndRevokesKeysOfARunningServer) {
@@ -70,12 +69,12 @@ TEST(KeysCommand, CreatesAndRevokesKeysOfARunningServer) {
   const Outcome made = RunKeys(data, "create --project lab --scopes read --expires-days 1");
   ASSERT_EQ(made.code, 0) << made.text;
   const std::string secret(absl::StripSuffix(made.text, "\n"));
-  EXPECT_TRUE(ListScenes(running, secret).ok());
+  EXPECT_OK(ListScenes(running, secret));
   const std::string list = RunKeys(data, "list").text;
   const std::string name = list.substr(0, list.find(' '));
   EXPECT_NE(list.find("valid until"), std::string::npos) << list;
   EXPECT_EQ(RunKeys(data, "revoke " + name).code, 0);
-  EXPECT_EQ(ListScenes(running, secret).error_code(), grpc::UNAUTHENTICATED);
+  EXPECT_ERROR(ListScenes(running, secret), grpc::UNAUTHENTICATED);
   EXPECT_NE(RunKeys(data, "list").text.find("revoked"), std::string::npos);
 }
 

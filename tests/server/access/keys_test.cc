@@ -1,6 +1,7 @@
 // Keys and projects as clients see them.
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
@@ -8,122 +9,97 @@
 #include "absl/time/clock.h"
 #include "google/protobuf/util/time_util.h"
 #include "tests/server/access/keyed_server.h"
+#include "tests/server/shelf_model.h"
 
 namespace pepeseg {
 namespace {
 
 struct Keys : KeyedServer {
-  grpc::Status GetScene(const std::string& id, const std::string& secret) {
-    v1::GetSceneRequest request;
-    request.set_name("scenes/" + id);
-    v1::Scene scene;
-    return running.scenes->GetScene(With(secret).get(), request, &scene);
+  grpc::Status GetScene(const std::string& id, const std::string& secret) const {
+    return CallAs(secret, &SceneStub::GetScene, Named{"scenes/" + id});
   }
   grpc::Status CreateScene(const std::string& id, const std::string& secret,
-                           const std::string& request_id = "") {
+                           const std::string& request_id = "") const {
     v1::CreateSceneRequest request;
     request.set_scene_id(id);
     request.set_request_id(request_id);
-    v1::Scene scene;
-    return running.scenes->CreateScene(With(secret).get(), request, &scene);
+    return CallAs(secret, &SceneStub::CreateScene, request);
   }
-  grpc::Status DeleteScene(const std::string& id, const std::string& secret) {
-    v1::DeleteSceneRequest request;
-    request.set_name("scenes/" + id);
-    google::protobuf::Empty empty;
-    return running.scenes->DeleteScene(With(secret).get(), request, &empty);
-  }
-  std::vector<std::string> ListScenes(const std::string& secret) {
-    v1::ListScenesResponse response;
-    EXPECT_TRUE(running.scenes->ListScenes(With(secret).get(), {}, &response).ok());
+  std::vector<std::string> ListScenes(const std::string& secret) const {
+    const v1::ListScenesResponse response = *CallAs(secret, &SceneStub::ListScenes, {});
     std::vector<std::string> names;
     for (const v1::Scene& scene : response.scenes()) names.push_back(scene.name());
     return names;
   }
-  int CountJobs(const std::string& secret) {
-    v1::ListJobsResponse response;
-    EXPECT_TRUE(running.jobs->ListJobs(With(secret).get(), {}, &response).ok());
-    return response.jobs_size();
+  int CountJobs(const std::string& secret) const {
+    return CallAs(secret, &JobStub::ListJobs, {})->jobs_size();
   }
-  grpc::Status CreateKey(const v1::CreateKeyRequest& request, v1::CreateKeyResponse* response) {
-    return running.admin->CreateKey(With(operates).get(), request, response);
+  Reply<v1::CreateKeyResponse> CreateKey(const v1::CreateKeyRequest& request) const {
+    return CallAs(operates, &AdminStub::CreateKey, request);
   }
-  v1::ListKeysResponse ListKeys(const v1::ListKeysRequest& request) {
-    v1::ListKeysResponse response;
-    EXPECT_TRUE(running.admin->ListKeys(With(operates).get(), request, &response).ok());
-    return response;
+  Reply<v1::ApiKey> RevokeKey(const std::string& name) const {
+    return CallAs(operates, &AdminStub::RevokeKey, Named{name});
+  }
+  v1::ListKeysResponse ListKeys(const v1::ListKeysRequest& request) const {
+    return *CallAs(operates, &AdminStub::ListKeys, request);
   }
 };
 
 TEST_F(Keys, LetOperatorsNameTheProjectOfAScene) {
   const std::string third = MakeKey("third", {v1::SCOPE_READ, v1::SCOPE_WRITE});
-  ASSERT_TRUE(CreateScene("annex", stranger).ok());
-  ASSERT_TRUE(CreateScene("annex", third).ok());
+  ASSERT_OK(CreateScene("annex", stranger));
+  ASSERT_OK(CreateScene("annex", third));
   const auto load = [&](const std::string& scene) {
-    v1::LoadModelRequest request;
-    request.set_name(scene + "/models/1");
-    return Ask("pepeseg.v1.AdminService.LoadModel", request, operates);
+    return CallAs(operates, &AdminStub::LoadModel, Named{scene + "/models/1"});
   };
-  EXPECT_TRUE(load("scenes/shelf").ok()) << "the default project's";
-  EXPECT_TRUE(load("projects/default/scenes/shelf").ok());
-  const grpc::Status ambiguous = load("scenes/annex");
-  EXPECT_EQ(ambiguous.error_code(), grpc::FAILED_PRECONDITION);
-  EXPECT_EQ(DetailOf(ambiguous).reason(), "AMBIGUOUS_SCENE");
-  EXPECT_NE(ambiguous.error_message().find("projects/other/scenes/annex"), std::string::npos);
+  EXPECT_OK(load("scenes/shelf")) << "the default project's";
+  EXPECT_OK(load("projects/default/scenes/shelf"));
+  EXPECT_ERROR(load("scenes/annex"), grpc::FAILED_PRECONDITION,
+               {.reason = "AMBIGUOUS_SCENE", .message = "projects/other/scenes/annex"});
   const grpc::Status none = load("projects/other/scenes/annex");
-  EXPECT_EQ(none.error_code(), grpc::NOT_FOUND) << none.error_message();
+  EXPECT_ERROR(none, grpc::NOT_FOUND);
   EXPECT_EQ(none.error_message(), "scenes/annex/models/1 does not exist");
-  EXPECT_EQ(load("projects/other/scenes/shelf").error_code(), grpc::NOT_FOUND);
-  EXPECT_EQ(load("projects/No/scenes/shelf").error_code(), grpc::INVALID_ARGUMENT);
-  EXPECT_EQ(load("scenes/1@annex").error_code(), grpc::INVALID_ARGUMENT);
+  EXPECT_ERROR(load("projects/other/scenes/shelf"), grpc::NOT_FOUND);
+  EXPECT_ERROR(load("projects/No/scenes/shelf"), grpc::INVALID_ARGUMENT);
+  EXPECT_ERROR(load("scenes/1@annex"), grpc::INVALID_ARGUMENT);
 }
 
 TEST_F(Keys, SeeOnlyScenesAndJobsOfTheirProject) {
-  ASSERT_TRUE(CreateScene("annex", stranger).ok());
+  ASSERT_OK(CreateScene("annex", stranger));
   EXPECT_EQ(ListScenes(full), std::vector<std::string>{"scenes/shelf"});
   EXPECT_EQ(ListScenes(stranger), std::vector<std::string>{"scenes/annex"});
   EXPECT_EQ(CountJobs(full), 1);
   EXPECT_EQ(CountJobs(stranger), 0);
   // Request ids and scene ids are unique within a project only.
-  ASSERT_TRUE(CreateScene("one", full, "request").ok());
-  EXPECT_TRUE(CreateScene("two", stranger, "request").ok());
-  EXPECT_TRUE(CreateScene("shelf", stranger).ok());
-  EXPECT_EQ(CreateScene("shelf", stranger).error_code(), grpc::ALREADY_EXISTS);
+  ASSERT_OK(CreateScene("one", full, "request"));
+  EXPECT_OK(CreateScene("two", stranger, "request"));
+  EXPECT_OK(CreateScene("shelf", stranger));
+  EXPECT_ERROR(CreateScene("shelf", stranger), grpc::ALREADY_EXISTS);
   // A server without keys shows all of them.
   running.options.access.require_keys = false;
   running.Restart();
   EXPECT_EQ(ListScenes(nobody),
             (std::vector<std::string>{"scenes/annex", "scenes/one", "projects/other/scenes/shelf",
                                       "scenes/shelf", "scenes/two"}));
-  EXPECT_TRUE(GetScene("shelf", nobody).ok()) << "the default project's";
+  EXPECT_OK(GetScene("shelf", nobody)) << "the default project's";
   EXPECT_EQ(CountJobs(nobody), 1);
-  EXPECT_TRUE(GetScene("annex", nobody).ok());
-  EXPECT_EQ(GetScene("nowhere", nobody).error_code(), grpc::NOT_FOUND);
+  EXPECT_OK(GetScene("annex", nobody));
+  EXPECT_ERROR(GetScene("nowhere", nobody), grpc::NOT_FOUND);
 }
 
 TEST_F(Keys, AreRefusedOnceRevoked) {
-  ASSERT_TRUE(GetScene("shelf", reader).ok());
+  ASSERT_OK(GetScene("shelf", reader));
   const v1::ListKeysResponse list = ListKeys({});
   for (const v1::ApiKey& key : list.keys()) {
     if (key.scopes_size() != 1 || key.scopes(0) != v1::SCOPE_READ) continue;
-    v1::RevokeKeyRequest request;
-    request.set_name(key.name());
-    v1::ApiKey first, again;
-    ASSERT_TRUE(running.admin->RevokeKey(With(operates).get(), request, &first).ok());
+    const v1::ApiKey first = *RevokeKey(key.name());
     EXPECT_TRUE(first.has_revoke_time());
-    ASSERT_TRUE(running.admin->RevokeKey(With(operates).get(), request, &again).ok());
-    EXPECT_EQ(first.DebugString(), again.DebugString());
+    EXPECT_EQ(RevokeKey(key.name())->DebugString(), first.DebugString());
   }
-  EXPECT_EQ(GetScene("shelf", reader).error_code(), grpc::UNAUTHENTICATED);
-  EXPECT_TRUE(GetScene("shelf", full).ok());
-  v1::RevokeKeyRequest request;
-  request.set_name("keys/0000000000000000");
-  v1::ApiKey key;
-  EXPECT_EQ(running.admin->RevokeKey(With(operates).get(), request, &key).error_code(),
-            grpc::NOT_FOUND);
-  request.set_name("keys/../x");
-  EXPECT_EQ(running.admin->RevokeKey(With(operates).get(), request, &key).error_code(),
-            grpc::INVALID_ARGUMENT);
+  EXPECT_ERROR(GetScene("shelf", reader), grpc::UNAUTHENTICATED);
+  EXPECT_OK(GetScene("shelf", full));
+  EXPECT_ERROR(RevokeKey("keys/0000000000000000"), grpc::NOT_FOUND);
+  EXPECT_ERROR(RevokeKey("keys/../x"), grpc::INVALID_ARGUMENT);
 }
 
 TEST_F(Keys, AreReturnedByNameWithoutTheirSecret) {
@@ -131,36 +107,26 @@ TEST_F(Keys, AreReturnedByNameWithoutTheirSecret) {
   create.set_project("lab");
   create.set_display_name("a camera");
   create.add_scopes(v1::SCOPE_WRITE);
-  v1::CreateKeyResponse made;
-  ASSERT_TRUE(CreateKey(create, &made).ok());
-  const auto get = [&](const std::string& name, v1::ApiKey& key) {
-    v1::GetKeyRequest request;
-    request.set_name(name);
-    return running.admin->GetKey(With(operates).get(), request, &key);
+  ASSERT_OK_AND_ASSIGN(const v1::CreateKeyResponse made, CreateKey(create));
+  const auto get = [&](const std::string& name) {
+    return CallAs(operates, &AdminStub::GetKey, Named{name});
   };
-  v1::ApiKey key;
-  ASSERT_TRUE(get(made.key().name(), key).ok());
-  EXPECT_EQ(key.DebugString(), made.key().DebugString());
-  EXPECT_EQ(key.DebugString().find(made.secret()), std::string::npos);
-  v1::RevokeKeyRequest revoke;
-  revoke.set_name(made.key().name());
-  v1::ApiKey revoked;
-  ASSERT_TRUE(running.admin->RevokeKey(With(operates).get(), revoke, &revoked).ok());
-  ASSERT_TRUE(get(made.key().name(), key).ok()) << "revoked keys, too";
-  EXPECT_EQ(key.DebugString(), revoked.DebugString());
-  const grpc::Status none = get("keys/0000000000000000", key);
-  EXPECT_EQ(none.error_code(), grpc::NOT_FOUND);
-  EXPECT_EQ(DetailOf(none).reason(), "NO_SUCH_KEY");
-  EXPECT_EQ(DetailOf(get("keys/x", key)).field(), "name");
+  const std::string key = get(made.key().name())->DebugString();
+  EXPECT_EQ(key, made.key().DebugString());
+  EXPECT_EQ(key.find(made.secret()), std::string::npos);
+  const std::string revoked = RevokeKey(made.key().name())->DebugString();
+  EXPECT_EQ(get(made.key().name())->DebugString(), revoked) << "revoked keys, too";
+  EXPECT_ERROR(get("keys/0000000000000000"), grpc::NOT_FOUND, {.reason = "NO_SUCH_KEY"});
+  EXPECT_ERROR(get("keys/x"), grpc::INVALID_ARGUMENT, "name");
 }
 
 TEST_F(Keys, NoticeASceneThatAnotherProjectCreatedAgain) {
-  ASSERT_TRUE(CreateScene("moved", full).ok());
-  ASSERT_TRUE(GetScene("moved", full).ok());
-  ASSERT_TRUE(DeleteScene("moved", full).ok());
-  ASSERT_TRUE(CreateScene("moved", stranger).ok());
-  EXPECT_EQ(GetScene("moved", full).error_code(), grpc::PERMISSION_DENIED);
-  EXPECT_TRUE(GetScene("moved", stranger).ok());
+  ASSERT_OK(CreateScene("moved", full));
+  ASSERT_OK(GetScene("moved", full));
+  ASSERT_OK(CallAs(full, &SceneStub::DeleteScene, Named{"scenes/moved"}));
+  ASSERT_OK(CreateScene("moved", stranger));
+  EXPECT_ERROR(GetScene("moved", full), grpc::PERMISSION_DENIED);
+  EXPECT_OK(GetScene("moved", stranger));
 }
 
 TEST_F(Keys, AreRefusedOnceExpired) {
@@ -169,11 +135,10 @@ TEST_F(Keys, AreRefusedOnceExpired) {
   request.add_scopes(v1::SCOPE_READ);
   *request.mutable_expire_time() = google::protobuf::util::TimeUtil::MillisecondsToTimestamp(
       absl::ToUnixMillis(absl::Now() + absl::Seconds(2)));
-  v1::CreateKeyResponse made;
-  ASSERT_TRUE(CreateKey(request, &made).ok());
-  EXPECT_TRUE(GetScene("shelf", made.secret()).ok());
+  const std::string secret = CreateKey(request)->secret();
+  EXPECT_OK(GetScene("shelf", secret));
   absl::SleepFor(absl::Milliseconds(2100));
-  EXPECT_EQ(GetScene("shelf", made.secret()).error_code(), grpc::UNAUTHENTICATED);
+  EXPECT_ERROR(GetScene("shelf", secret), grpc::UNAUTHENTICATED);
 }
 
 TEST_F(Keys, AreListedWithoutTheirSecrets) {
@@ -197,53 +162,36 @@ TEST_F(Keys, AreListedWithoutTheirSecrets) {
 }
 
 TEST_F(Keys, AreRefusedByFieldIfInvalid) {
-  const auto field_of = [this](const v1::CreateKeyRequest& request) {
-    v1::CreateKeyResponse response;
-    const grpc::Status status = CreateKey(request, &response);
-    EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT) << status.error_message();
-    return DetailOf(status).field();
-  };
-  v1::CreateKeyRequest good;
-  good.set_project("default");
-  good.add_scopes(v1::SCOPE_READ);
-  v1::CreateKeyRequest request = good;
-  request.set_project("No Label");
-  EXPECT_EQ(field_of(request), "project");
-  request = good;
-  request.clear_scopes();
-  EXPECT_EQ(field_of(request), "scopes");
-  request.add_scopes(v1::SCOPE_UNSPECIFIED);
-  EXPECT_EQ(field_of(request), "scopes[0]");
-  request = good;
-  request.mutable_expire_time()->set_seconds(1);
-  EXPECT_EQ(field_of(request), "expire_time");
-  request = good;
-  request.set_display_name(std::string(257, 'x'));
-  EXPECT_EQ(field_of(request), "display_name");
+  using Change = std::function<void(v1::CreateKeyRequest&)>;
+  const std::vector<std::pair<std::string, Change>> cases = {
+      {"project", [](auto& request) { request.set_project("No Label"); }},
+      {"scopes", [](auto& request) { request.clear_scopes(); }},
+      {"scopes[0]", [](auto& request) { request.set_scopes(0, v1::SCOPE_UNSPECIFIED); }},
+      {"expire_time", [](auto& request) { request.mutable_expire_time()->set_seconds(1); }},
+      {"display_name", [](auto& request) { request.set_display_name(std::string(257, 'x')); }}};
+  for (const auto& [field, change] : cases) {
+    v1::CreateKeyRequest request;
+    request.set_project("default");
+    request.add_scopes(v1::SCOPE_READ);
+    change(request);
+    EXPECT_ERROR(CreateKey(request), grpc::INVALID_ARGUMENT, field);
+  }
 }
 
 TEST_F(Keys, AreCheckedAtEachUploadOfAStream) {
-  ASSERT_TRUE(CreateScene("annex", stranger).ok());
-  v1::CreateUploadRequest create;
-  create.set_parent("scenes/annex");
+  ASSERT_OK(CreateScene("annex", stranger));
+  v1::CreateUploadRequest create = Under{"scenes/annex"};
   *create.add_files() = Declare({"a.jpg", "bytes"});
-  v1::Upload own;
-  ASSERT_TRUE(running.datasets->CreateUpload(With(stranger).get(), create, &own).ok());
+  ASSERT_OK_AND_ASSIGN(const v1::Upload own, CallAs(stranger, &DatasetStub::CreateUpload, create));
   std::vector<v1::WriteFilesRequest> parts = FileParts(own.name(), {"a.jpg", "bytes"});
   parts.push_back(HeaderPart("scenes/shelf/uploads/1", "file"));
   std::vector<const google::protobuf::Message*> messages;
   for (const auto& part : parts) messages.push_back(&part);
-  const grpc::Status changed = Ask("pepeseg.v1.DatasetService.WriteFiles", messages, stranger);
-  EXPECT_EQ(changed.error_code(), grpc::PERMISSION_DENIED) << changed.error_message();
-  EXPECT_EQ(DetailOf(changed).field(), "header.upload");
+  EXPECT_ERROR(Ask("pepeseg.v1.DatasetService.WriteFiles", messages, stranger),
+               grpc::PERMISSION_DENIED, "header.upload");
   // Files that came before are kept.
-  v1::GetUploadRequest get;
-  get.set_name(own.name());
-  v1::Upload upload;
-  ASSERT_TRUE(running.datasets->GetUpload(With(stranger).get(), get, &upload).ok());
-  EXPECT_EQ(upload.missing_files_size(), 0);
-  EXPECT_EQ(Ask("pepeseg.v1.DatasetService.WriteFiles", {}, nobody).error_code(),
-            grpc::UNAUTHENTICATED);
+  EXPECT_EQ(CallAs(stranger, &DatasetStub::GetUpload, Named{own.name()})->missing_files_size(), 0);
+  EXPECT_ERROR(Ask("pepeseg.v1.DatasetService.WriteFiles", {}, nobody), grpc::UNAUTHENTICATED);
 }
 
 TEST_F(Keys, AreCheckedAtEachQueryOfAStream) {
@@ -252,26 +200,22 @@ TEST_F(Keys, AreCheckedAtEachQueryOfAStream) {
   v1::StreamSegmentsRequest request;
   request.set_sequence(1);
   v1::SegmentViewsRequest& segment = *request.mutable_segment();
-  segment.set_model("scenes/shelf/models/live");
-  segment.mutable_prompt()->mutable_view()->set_view("middle.jpg");
-  auto& point = *segment.mutable_prompt()->mutable_points()->add_points();
-  point.set_x(30);
-  point.set_y(32);
+  segment = Click<v1::SegmentViewsRequest>(30);
   ASSERT_TRUE(stream->Write(request));
   v1::StreamSegmentsResponse response;
   ASSERT_TRUE(stream->Read(&response));
   EXPECT_EQ(response.segment().model(), "scenes/shelf/models/1");
-  ASSERT_TRUE(CreateScene("annex", stranger).ok());
+  ASSERT_OK(CreateScene("annex", stranger));
   segment.set_model("scenes/annex/models/live");
   ASSERT_TRUE(stream->Write(request));
   EXPECT_FALSE(stream->Read(&response));
-  EXPECT_EQ(stream->Finish().error_code(), grpc::PERMISSION_DENIED);
-  EXPECT_EQ(Ask("pepeseg.v1.SegmentationService.StreamSegments", {}, nobody).error_code(),
-            grpc::UNAUTHENTICATED);
+  EXPECT_ERROR(stream->Finish(), grpc::PERMISSION_DENIED);
+  EXPECT_ERROR(Ask("pepeseg.v1.SegmentationService.StreamSegments", {}, nobody),
+               grpc::UNAUTHENTICATED);
 }
 
 TEST_F(Keys, LeaveTracesInTheLogsButNotTheirSecrets) {
-  ASSERT_TRUE(CreateScene("annex", stranger).ok());
+  ASSERT_OK(CreateScene("annex", stranger));
   EXPECT_FALSE(GetScene("shelf", stranger).ok());
   EXPECT_FALSE(GetScene("shelf", "pk_wrong").ok());
   const std::string log = ReadAudit();

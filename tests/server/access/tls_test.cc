@@ -13,6 +13,8 @@
 #include "server/rpc/listening_sockets.h"
 #include "tests/server/access/test_certificates.h"
 #include "tests/server/running_server.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -54,17 +56,13 @@ struct Tls : ::testing::Test {
     return ListOver(Connect(running->server->port(), credentials));
   }
   static grpc::StatusCode ListOver(const std::shared_ptr<grpc::Channel>& channel) {
-    grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
-    v1::ListScenesResponse response;
-    return v1::SceneService::NewStub(channel)->ListScenes(&context, {}, &response).error_code();
+    return CallOver(channel, &SceneStub::ListScenes, {}).status().error_code();
   }
   // Returns the seconds until a new connection that trusts only `authority` is served, at most 30.
   double AwaitServedTo(const TestAuthority& authority) const {
     const absl::Time start = absl::Now();
-    while (absl::Now() - start < absl::Seconds(30) && List(Trusting(authority)) != grpc::OK) {
-      absl::SleepFor(absl::Milliseconds(50));
-    }
+    EXPECT_TRUE(testing::Eventually([&] { return List(Trusting(authority)) == grpc::OK; },
+                                    absl::Seconds(30)));
     return absl::ToDoubleSeconds(absl::Now() - start);
   }
 
@@ -81,12 +79,8 @@ TEST_F(Tls, ServesClientsThatTrustItsChain) {
   EXPECT_EQ(List(Trusting(other)), grpc::UNAVAILABLE);
   EXPECT_EQ(List(grpc::InsecureChannelCredentials()), grpc::UNAVAILABLE);
   const auto ask_admin = [&](const std::shared_ptr<grpc::ChannelCredentials>& credentials) {
-    grpc::ClientContext context;
-    v1::ListResidentModelsResponse response;
     const auto channel = Connect(running->server->admin_port(), credentials);
-    return v1::AdminService::NewStub(channel)
-        ->ListResidentModels(&context, {}, &response)
-        .error_code();
+    return CallOver(channel, &AdminStub::ListResidentModels, {}).status().error_code();
   };
   EXPECT_EQ(ask_admin(Trusting(authority)), grpc::OK);
   EXPECT_EQ(ask_admin(Trusting(other)), grpc::UNAVAILABLE);
@@ -127,10 +121,9 @@ TEST_F(Tls, SelfProbeReachesAListenerThatRequiresCertificates) {
 }
 
 TEST_F(Tls, ProbeFailsIfNothingAnswers) {
-  auto mute = ListeningSockets::Open("127.0.0.1:0");
-  ASSERT_TRUE(mute.ok()) << mute.status();
+  ASSERT_OK_AND_ASSIGN(auto mute, ListeningSockets::Open("127.0.0.1:0"));
   ListenerProbeOptions probe;
-  probe.listening = mute->descriptors().front();
+  probe.listening = mute.descriptors().front();
   probe.timeout = absl::Milliseconds(200);
   EXPECT_EQ(ProbeListener(probe).message(), "read: no answer");
   for (const std::string& client_ca : {std::string(), clients.certificate()}) {
@@ -153,22 +146,20 @@ TEST_F(Tls, AcceptsIdentitiesFromTheGatewaysCertificateOnly) {
     context.AddMetadata("x-pepeseg-subject", "ann");
     v1::CreateSceneRequest request;
     request.set_scene_id(id);
-    v1::Scene scene;
     const auto channel = Connect(running->server->port(), Trusting(authority, own));
-    return v1::SceneService::NewStub(channel)->CreateScene(&context, request, &scene);
+    return CallWith(context, channel, &SceneStub::CreateScene, request);
   };
-  const grpc::Status made = create(clients.Issue("gateway"), "a", "read,write");
-  EXPECT_TRUE(made.ok()) << made.error_message();
-  EXPECT_EQ(create(clients.Issue("gateway"), "b", "read").error_code(), grpc::PERMISSION_DENIED);
-  EXPECT_EQ(create(clients.Issue("gateway"), "b", "operate").error_code(), grpc::UNAUTHENTICATED);
+  EXPECT_OK(create(clients.Issue("gateway"), "a", "read,write"));
+  EXPECT_ERROR(create(clients.Issue("gateway"), "b", "read"), grpc::PERMISSION_DENIED);
+  EXPECT_ERROR(create(clients.Issue("gateway"), "b", "operate"), grpc::UNAUTHENTICATED);
   for (const char* name : {"client", "gateway.example.org", "xgateway"}) {
-    const grpc::Status refused = create(clients.Issue(name), "b", "read,write");
-    EXPECT_EQ(refused.error_code(), grpc::UNAUTHENTICATED) << name;
-    EXPECT_EQ(DetailOf(refused).reason(), "NOT_A_GATEWAY");
+    EXPECT_ERROR(create(clients.Issue(name), "b", "read,write"), grpc::UNAUTHENTICATED,
+                 {.reason = "NOT_A_GATEWAY"})
+        << name;
   }
   // The gateway's certificate alone is not enough.
   EXPECT_EQ(List(Trusting(authority, clients.Issue("gateway"))), grpc::UNAUTHENTICATED);
-  EXPECT_EQ(create(other.Issue("gateway"), "b", "read,write").error_code(), grpc::UNAVAILABLE);
+  EXPECT_ERROR(create(other.Issue("gateway"), "b", "read,write"), grpc::UNAVAILABLE);
 }
 
 TEST_F(Tls, LoadsAReplacedCertificateWhileItServes) {
@@ -198,7 +189,7 @@ TEST_F(Tls, LoadsAReplacedCertificateWhileItServes) {
   EXPECT_EQ(ListOver(old_channel), grpc::OK);
   for (size_t i = 1; i < parts.size(); ++i) EXPECT_TRUE(old_call->Write(parts[i]));
   old_call->WritesDone();
-  EXPECT_TRUE(old_call->Finish().ok());
+  EXPECT_OK(old_call->Finish());
   EXPECT_EQ(written.num_files(), 1);
 }
 
@@ -224,9 +215,7 @@ TEST_F(Tls, RefusesToStartWithFilesThatDoNotBelongTogether) {
   options.data = folder / "data";
   options.worker = PEPESEG_FAKE_WORKER;
   options.device = "cpu";
-  const auto refused = Server::Start(options);
-  EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
-  EXPECT_NE(refused.status().message().find("key.pem"), std::string::npos) << refused.status();
+  EXPECT_STATUS(Server::Start(options), absl::StatusCode::kFailedPrecondition, "key.pem");
 }
 
 TEST(ListenRules, RefuseUnprotectedListeners) {

@@ -9,6 +9,7 @@
 
 #include "server/api/request_image.h"
 #include "server/store/error_detail.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -93,21 +94,18 @@ TEST(TrainingOptions, FillsAbsentFieldsFromThePreset) {
   v1::TrainingOptions options;
   options.set_preset(v1::TRAINING_PRESET_PREVIEW);
   options.mutable_features()->set_num_steps(77);
-  const auto preview = TrainingSettingsFromProto(options);
-  ASSERT_TRUE(preview.ok()) << preview.status();
-  EXPECT_LT(preview->reconstruct.num_steps, ReconstructOptions().num_steps);
-  EXPECT_EQ(preview->features.num_steps, 77);
-  EXPECT_EQ(preview->features.num_pixels, FeatureOptions().num_pixels);
-  EXPECT_EQ(ToProto(*preview).preset(), v1::TRAINING_PRESET_PREVIEW);
+  ASSERT_OK_AND_ASSIGN(const auto preview, TrainingSettingsFromProto(options));
+  EXPECT_LT(preview.reconstruct.num_steps, ReconstructOptions().num_steps);
+  EXPECT_EQ(preview.features.num_steps, 77);
+  EXPECT_EQ(preview.features.num_pixels, FeatureOptions().num_pixels);
+  EXPECT_EQ(ToProto(preview).preset(), v1::TRAINING_PRESET_PREVIEW);
   // Effective options convert to themselves.
-  const auto again = TrainingSettingsFromProto(ToProto(*preview));
-  ASSERT_TRUE(again.ok()) << again.status();
-  EXPECT_EQ(ToProto(*again).DebugString(), ToProto(*preview).DebugString());
+  ASSERT_OK_AND_ASSIGN(const auto again, TrainingSettingsFromProto(ToProto(preview)));
+  EXPECT_EQ(ToProto(again).DebugString(), ToProto(preview).DebugString());
 
   options.set_preset(v1::TRAINING_PRESET_BEST);
-  const auto best = TrainingSettingsFromProto(options);
-  ASSERT_TRUE(best.ok()) << best.status();
-  EXPECT_GT(best->reconstruct.num_steps, ReconstructOptions().num_steps);
+  ASSERT_OK_AND_ASSIGN(const auto best, TrainingSettingsFromProto(options));
+  EXPECT_GT(best.reconstruct.num_steps, ReconstructOptions().num_steps);
 }
 
 // Lists the names of the fields in which two messages differ.
@@ -141,12 +139,11 @@ TEST(TrainingOptions, DecidesEveryOptionForThePaper) {
     }
   };
   check(paper.reconstruct(), standard.reconstruct(),
-        {"sh_degree", "ssim_weight", "mean_learning_rate", "mean_learning_rate_final",
-         "log_scale_learning_rate", "rotation_learning_rate", "opacity_learning_rate",
-         "sh_learning_rate", "densify_from", "densify_until", "densify_every", "densify_gradient",
-         "densify_size", "prune_opacity", "prune_size", "opacity_reset_every", "depth_weight",
-         "depth_local_form", "depth_window", "refine_keep", "refine_from", "refine_candidates",
-         "coarse_until",
+        {"sh_degree", "ssim_weight", "mean_learning_rate", "log_scale_learning_rate",
+         "rotation_learning_rate", "opacity_learning_rate", "sh_learning_rate", "densify_from",
+         "densify_every", "densify_gradient", "densify_size", "prune_opacity", "prune_size",
+         "opacity_reset_every", "depth_weight", "depth_local_form", "depth_window", "refine_keep",
+         "refine_from", "refine_candidates", "coarse_until",
          // Without effect in the preset.
          "opacity_decay", "closing_share",
          // Of the run or the capture.
@@ -168,17 +165,16 @@ TEST(TrainingOptions, EqualsTheDefaultsForStandard) {
   options.set_preset(v1::TRAINING_PRESET_STANDARD);
   const auto standard = TrainingSettingsFromProto(options);
   const auto absent = TrainingSettingsFromProto({});
-  ASSERT_TRUE(standard.ok()) << standard.status();
-  ASSERT_TRUE(absent.ok()) << absent.status();
+  ASSERT_OK(standard);
+  ASSERT_OK(absent);
   EXPECT_EQ(ToProto(*standard).DebugString(), ToProto(*absent).DebugString());
 }
 
 TEST(TrainingOptions, RefusesAnInvalidPreset) {
   v1::TrainingOptions options;
   options.set_preset(static_cast<v1::TrainingPreset>(5));
-  const auto refused = TrainingSettingsFromProto(options).status();
-  EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
-  EXPECT_NE(refused.message().find("preset is"), std::string::npos) << refused;
+  EXPECT_STATUS(TrainingSettingsFromProto(options), absl::StatusCode::kInvalidArgument,
+                "preset is");
 }
 
 // Sets each enum of the message, and of messages in it, to its value 0. Returns their number.
@@ -202,8 +198,8 @@ TEST(TrainingOptions, TakesUnspecifiedEnumsAsAbsent) {
   EXPECT_GE(UnspecifyEveryEnum(&options), 8);
   const auto unspecified = TrainingSettingsFromProto(options);
   const auto absent = TrainingSettingsFromProto({});
-  ASSERT_TRUE(unspecified.ok()) << unspecified.status();
-  ASSERT_TRUE(absent.ok()) << absent.status();
+  ASSERT_OK(unspecified);
+  ASSERT_OK(absent);
   EXPECT_EQ(ToProto(*unspecified).DebugString(), ToProto(*absent).DebugString());
 }
 
@@ -219,19 +215,16 @@ TEST(TrainingOptions, KeepsAZeroThatIsNoEnum) {
 TEST(TrainingOptions, NamesTheFieldThatIsOutOfRange) {
   v1::TrainingOptions options;
   options.mutable_import()->set_image_scale(1.5);
-  const auto settings = TrainingSettingsFromProto(options);
-  EXPECT_TRUE(absl::IsInvalidArgument(settings.status()));
-  EXPECT_NE(settings.status().message().find("image_scale"), std::string::npos)
-      << settings.status();
+  EXPECT_STATUS(TrainingSettingsFromProto(options), absl::StatusCode::kInvalidArgument,
+                "image_scale");
 }
 
 TEST(TrainingOptions, RefusesAnInvalidMakerOfPriors) {
   v1::TrainingOptions options;
   options.mutable_priors()->set_depth(v1::PRIOR_MAKER_COMMAND);
-  const auto good = TrainingSettingsFromProto(options);
-  ASSERT_TRUE(good.ok()) << good.status();
-  EXPECT_EQ(good->priors.depth, PriorMaker::kCommand);
-  EXPECT_EQ(good->priors.masks, PriorMaker::kAuto);
+  ASSERT_OK_AND_ASSIGN(const auto good, TrainingSettingsFromProto(options));
+  EXPECT_EQ(good.priors.depth, PriorMaker::kCommand);
+  EXPECT_EQ(good.priors.masks, PriorMaker::kAuto);
   options.mutable_priors()->set_masks(v1::PRIOR_MAKER_SAM_AND_EMBEDDED);
   EXPECT_EQ(TrainingSettingsFromProto(options)->priors.masks, PriorMaker::kSamAndEmbedded);
   options.mutable_priors()->set_masks(static_cast<v1::PriorMaker>(6));
@@ -267,16 +260,15 @@ v1::Viewpoint::FreeCamera GoodCamera() {
 }
 
 TEST(FreeCamera, IsReadFieldByField) {
-  const auto view = FreeViewFromProto(GoodCamera(), "prompt.view.free");
-  ASSERT_TRUE(view.ok()) << view.status();
-  EXPECT_EQ(view->camera.width, 64);
-  EXPECT_EQ(view->camera.height, 48);
-  EXPECT_EQ(view->camera.fy, 51);
-  EXPECT_EQ(view->camera.cx, 32);
-  EXPECT_EQ(view->cam_from_world.rotation.y(), 0.8);
-  EXPECT_EQ(view->cam_from_world.translation.z(), 3.0);
+  ASSERT_OK_AND_ASSIGN(const auto view, FreeViewFromProto(GoodCamera(), "prompt.view.free"));
+  EXPECT_EQ(view.camera.width, 64);
+  EXPECT_EQ(view.camera.height, 48);
+  EXPECT_EQ(view.camera.fy, 51);
+  EXPECT_EQ(view.camera.cx, 32);
+  EXPECT_EQ(view.cam_from_world.rotation.y(), 0.8);
+  EXPECT_EQ(view.cam_from_world.translation.z(), 3.0);
   // Back to the contract.
-  const v1::View proto = ToProto(*view);
+  const v1::View proto = ToProto(view);
   EXPECT_EQ(proto.camera().DebugString(), GoodCamera().camera().DebugString());
   EXPECT_EQ(proto.cam_from_world().DebugString(), GoodCamera().cam_from_world().DebugString());
 }
@@ -335,11 +327,10 @@ TEST(PointsPrompt, NeedsAPositiveFinitePoint) {
   points.add_points()->set_negative(true);
   EXPECT_TRUE(absl::IsInvalidArgument(PointsFromProto(points).status()));
   points.add_points()->set_x(2.5);
-  const auto read = PointsFromProto(points);
-  ASSERT_TRUE(read.ok());
-  EXPECT_FALSE((*read)[0].positive);
-  EXPECT_TRUE((*read)[1].positive);
-  EXPECT_EQ((*read)[1].x, 2.5);
+  ASSERT_OK_AND_ASSIGN(const auto read, PointsFromProto(points));
+  EXPECT_FALSE(read[0].positive);
+  EXPECT_TRUE(read[1].positive);
+  EXPECT_EQ(read[1].x, 2.5);
   points.mutable_points(0)->set_y(std::nan(""));
   EXPECT_TRUE(absl::IsInvalidArgument(PointsFromProto(points).status()));
   points.Clear();
@@ -365,7 +356,7 @@ TEST(FileKinds, AreDistinctAndOthersRefused) {
   std::set<FileKind> kinds;
   for (int kind = 1; kind < v1::FileKind_ARRAYSIZE; ++kind) {
     const auto read = FileKindFromProto(static_cast<v1::FileKind>(kind));
-    ASSERT_TRUE(read.ok()) << kind;
+    ASSERT_OK(read) << kind;
     kinds.insert(*read);
   }
   EXPECT_EQ(kinds.size(), size_t{v1::FileKind_ARRAYSIZE} - 1);

@@ -8,14 +8,13 @@
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"
 #include "core/formats/rle.h"
-#include "tests/server/running_server.h"
+#include "tests/server/shelf_model.h"
 
 // Requests in pixels of the photograph, 192x128, and of the view, 96x64, at half its size.
 
 namespace pepeseg {
 namespace {
 
-constexpr char kModel[] = "scenes/shelf/models/live";
 constexpr int kPhotographWidth = 192, kPhotographHeight = 128;  // of the photograph
 
 using Pixels = std::vector<uint8_t>;
@@ -23,9 +22,9 @@ using Pixels = std::vector<uint8_t>;
 Pixels PixelsOf(const v1::CocoRle& rle) {
   Pixels pixels(static_cast<size_t>(rle.width()) * rle.height());
   const auto counts = ParseCocoCounts(rle.counts());
-  EXPECT_TRUE(counts.ok());
+  EXPECT_OK(counts);
   const auto inside = PixelsOfRuns(*counts, rle.width(), rle.height());
-  EXPECT_TRUE(inside.ok());
+  EXPECT_OK(inside);
   for (const uint32_t pixel : *inside) pixels[pixel] = 1;
   return pixels;
 }
@@ -41,48 +40,34 @@ double Iou(const Pixels& a, const Pixels& b) {
 }
 
 // `model`: name of the dataset's file, see model_worker.cc.
-struct PixelFrameTest : ::testing::Test {
-  PixelFrameTest() : running(PEPESEG_MODEL_WORKER) { running.CreateScene("shelf"); }
+struct PixelFrameTest : EmptyScene {
+  PixelFrameTest() : EmptyScene(PEPESEG_MODEL_WORKER) {}
+  static constexpr auto kModel = ShelfModel::kModel;
 
   // Trains a model, which is then the live one.
-  void Train(const std::string& model) {
-    const v1::Job job = running.Await(running.Train("shelf", model).name());
-    EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.DebugString();
-  }
+  void Train(const std::string& model) { TrainToTheEnd("shelf", model); }
   static v1::SegmentViewsRequest At(double x, double y, v1::PixelFrame frame) {
-    v1::SegmentViewsRequest request;
-    request.set_model(kModel);
-    request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
-    auto* point = request.mutable_prompt()->mutable_points()->add_points();
-    point->set_x(x);
-    point->set_y(y);
+    auto request = Click<v1::SegmentViewsRequest>(x, y);
     request.set_frame(frame);
     return request;
   }
-  grpc::Status Ask(const v1::SegmentViewsRequest& request) {
-    grpc::ClientContext context;
-    answer.Clear();
-    return running.segmentation->SegmentViews(&context, request, &answer);
+  Reply<v1::SegmentViewsResponse> Ask(const v1::SegmentViewsRequest& request) const {
+    return Call(&SegmentationStub::SegmentViews, request);
   }
   // Returns the answer's only mask.
-  v1::SegmentViewsResponse::ViewMask Mask(const v1::SegmentViewsRequest& request) {
-    const grpc::Status status = Ask(request);
-    EXPECT_TRUE(status.ok()) << status.error_message();
+  v1::SegmentViewsResponse::ViewMask Mask(const v1::SegmentViewsRequest& request) const {
+    const v1::SegmentViewsResponse answer = *Ask(request);
     EXPECT_EQ(answer.masks_size(), 1);
     return answer.masks_size() == 1 ? answer.masks(0) : v1::SegmentViewsResponse::ViewMask();
   }
-  v1::RenderViewResponse Render(const v1::RenderViewRequest& request) {
-    grpc::ClientContext context;
-    v1::RenderViewResponse response;
-    const grpc::Status status = running.renders->RenderView(&context, request, &response);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    return response;
+  v1::RenderViewResponse Render(const v1::RenderViewRequest& request) const {
+    return *Call(&RenderStub::RenderView, request);
   }
   Image Colors(const v1::RenderViewRequest& request) {
     const auto path = running.folder / "picture.png";
     std::ofstream(path, std::ios::binary) << Render(request).png();
     const auto image = DecodePhoto(path, "picture.png");
-    EXPECT_TRUE(image.ok()) << image.status();
+    EXPECT_OK(image);
     return image.ok() ? *image : Image();
   }
   static v1::RenderViewRequest Picture(v1::PixelFrame frame) {
@@ -92,18 +77,12 @@ struct PixelFrameTest : ::testing::Test {
     request.set_frame(frame);
     return request;
   }
-
-  RunningServer running;
-  v1::SegmentViewsResponse answer;
 };
 
 TEST_F(PixelFrameTest, ListsTheSizeOfThePhotograph) {
   Train("half.model");
-  grpc::ClientContext context;
-  v1::ListViewsRequest request;
-  request.set_parent(kModel);
-  v1::ListViewsResponse response;
-  ASSERT_TRUE(running.scenes->ListViews(&context, request, &response).ok());
+  ASSERT_OK_AND_ASSIGN(const v1::ListViewsResponse response,
+                       Call(&SceneStub::ListViews, Under{kModel}));
   EXPECT_EQ(response.views(0).camera().width(), 96);
   EXPECT_EQ(response.views(0).photograph_width(), kPhotographWidth);
   EXPECT_EQ(response.views(0).photograph_height(), kPhotographHeight);
@@ -153,43 +132,38 @@ TEST_F(PixelFrameTest, AnswersAnOldModelInPixelsOfItsViews) {
 TEST_F(PixelFrameTest, NamesFrameAndSizeOfAPointOutside) {
   Train("half.model");
   grpc::Status status = Ask(At(700, 64, v1::PIXEL_FRAME_PHOTOGRAPH));
-  EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
+  EXPECT_ERROR(status, grpc::INVALID_ARGUMENT);
   EXPECT_EQ(status.error_message(), "point 700,64 is outside photograph \"middle.jpg\" (192x128)");
   EXPECT_EQ(DetailOf(status).field(), "prompt.points.points[0]");
   status = Ask(At(100, 32, v1::PIXEL_FRAME_VIEW));
   EXPECT_EQ(status.error_message(), "point 100,32 is outside view \"middle.jpg\" (96x64)");
   v1::SegmentViewsRequest request = At(1, 1, v1::PIXEL_FRAME_VIEW);
   request.set_frame(static_cast<v1::PixelFrame>(7));
-  EXPECT_EQ(DetailOf(Ask(request)).field(), "frame");
+  EXPECT_ERROR(Ask(request), grpc::INVALID_ARGUMENT, "frame");
 }
 
 TEST_F(PixelFrameTest, RefusesAPointThatTheViewDoesNotShow) {
   Train("lens.model");
-  const grpc::Status status = Ask(At(1, 1, v1::PIXEL_FRAME_PHOTOGRAPH));
-  EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
-  EXPECT_EQ(DetailOf(status).reason(), "NOTHING_THERE");
-  EXPECT_NE(status.error_message().find("not trained on"), std::string::npos)
-      << status.error_message();
+  EXPECT_ERROR(Ask(At(1, 1, v1::PIXEL_FRAME_PHOTOGRAPH)), grpc::INVALID_ARGUMENT,
+               {.reason = "NOTHING_THERE", .message = "not trained on"});
 }
 
 TEST_F(PixelFrameTest, AcceptsBoxesAndMasksOfThePhotograph) {
   Train("lens.model");
-  const Pixels click = PixelsOf(Mask(At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH)).rle());
-  const auto& found = answer.masks(0);
+  const auto found = Mask(At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH));
+  const Pixels click = PixelsOf(found.rle());
   v1::SegmentViewsRequest request = At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH);
   v1::BoxPrompt& box = *request.mutable_prompt()->mutable_box();
   box.set_x(found.box().x() - 2), box.set_y(found.box().y() - 2);
   box.set_width(found.box().width() + 4), box.set_height(found.box().height() + 4);
-  const v1::CocoRle rle = found.rle();  // before the next answer
   EXPECT_GT(Iou(PixelsOf(Mask(request).rle()), click), 0.95);
-  *request.mutable_prompt()->mutable_mask()->mutable_rle() = rle;
+  *request.mutable_prompt()->mutable_mask()->mutable_rle() = found.rle();
   EXPECT_GT(Iou(PixelsOf(Mask(request).rle()), click), 0.95);
   // A mask of the view's size is refused with both sizes and a remedy.
   request.mutable_prompt()->mutable_mask()->mutable_rle()->set_width(96);
   request.mutable_prompt()->mutable_mask()->mutable_rle()->set_height(64);
   const grpc::Status status = Ask(request);
-  EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
-  EXPECT_NE(status.error_message().find("'96x64'"), std::string::npos) << status.error_message();
+  EXPECT_ERROR(status, grpc::INVALID_ARGUMENT, {.message = "'96x64'"});
   EXPECT_NE(status.error_message().find("192x128"), std::string::npos) << status.error_message();
   EXPECT_NE(status.error_message().find("PIXEL_FRAME_VIEW"), std::string::npos);
 }
@@ -204,9 +178,8 @@ TEST_F(PixelFrameTest, AnswersSimilarityAndProposalsInTheFrame) {
   v1::ProposeScalesRequest propose;
   propose.set_model(kModel);
   *propose.mutable_prompt() = request.prompt();
-  grpc::ClientContext context;
-  v1::ProposeScalesResponse proposals;
-  ASSERT_TRUE(running.segmentation->ProposeScales(&context, propose, &proposals).ok());
+  ASSERT_OK_AND_ASSIGN(const v1::ProposeScalesResponse proposals,
+                       Call(&SegmentationStub::ProposeScales, propose));
   ASSERT_GT(proposals.proposals_size(), 0);
   EXPECT_EQ(proposals.proposals(0).mask().rle().width(), kPhotographWidth);
   EXPECT_EQ(proposals.proposals(0).mask().rle().counts(), mask.rle().counts());
@@ -219,11 +192,7 @@ TEST_F(PixelFrameTest, SelectsTheSameInBothFrames) {
     request.set_model(kModel);
     *request.mutable_prompt() = like.prompt();
     request.set_frame(like.frame());
-    grpc::ClientContext context;
-    v1::Selection selection;
-    const grpc::Status status = running.selections->CreateSelection(&context, request, &selection);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    return selection.num_gaussians();
+    return Call(&SelectionStub::CreateSelection, request)->num_gaussians();
   };
   const int64_t in_photograph = select(At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH));
   EXPECT_EQ(in_photograph, select(At(30, 32, v1::PIXEL_FRAME_VIEW)));
@@ -240,21 +209,15 @@ TEST_F(PixelFrameTest, ReturnsALabelAsItWasGiven) {
   request.mutable_label()->set_view("middle.jpg");
   *request.mutable_label()->mutable_mask()->mutable_rle() = mask.rle();
   for (int i = 0; i < 2; ++i) {  // and a retry
-    grpc::ClientContext context;
-    v1::Label label;
-    const grpc::Status status = running.labels->CreateLabel(&context, request, &label);
-    ASSERT_TRUE(status.ok()) << status.error_message();
+    ASSERT_OK_AND_ASSIGN(const v1::Label label, Call(&LabelStub::CreateLabel, request));
     EXPECT_EQ(label.mask().rle().SerializeAsString(), mask.rle().SerializeAsString());
     EXPECT_EQ(label.area(), mask.area());
   }
   const auto get = [&](v1::PixelFrame frame) {
-    grpc::ClientContext context;
     v1::GetLabelRequest named;
     named.set_name("scenes/shelf/labels/red");
     named.set_frame(frame);
-    v1::Label label;
-    const grpc::Status status = running.labels->GetLabel(&context, named, &label);
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    const v1::Label label = *Call(&LabelStub::GetLabel, named);
     EXPECT_EQ(label.area(), mask.area()) << "as it was given";
     return label.mask().rle();
   };
@@ -278,11 +241,8 @@ TEST_F(PixelFrameTest, ReturnsALabelAsItWasGiven) {
                       return corner;
                     }()},
                     kPhotographWidth, kPhotographHeight));
-  grpc::ClientContext context;
-  v1::Label label;
-  const grpc::Status status = running.labels->CreateLabel(&context, request, &label);
-  EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
-  EXPECT_NE(status.error_message().find("no pixel of the mask"), std::string::npos);
+  EXPECT_ERROR(Call(&LabelStub::CreateLabel, request), grpc::INVALID_ARGUMENT,
+               {.message = "no pixel of the mask"});
 }
 
 TEST_F(PixelFrameTest, RendersWhereTheMasksAre) {
@@ -334,10 +294,7 @@ TEST_F(PixelFrameTest, DrawsOverlaysOfTheFramesSizeOrOfTheAnswers) {
   small.set_counts(EncodeCocoRle({shrunk}, 96, 64));
   EXPECT_EQ(Colors(request).pixels, of_frame.pixels);
   small.set_width(95);
-  grpc::ClientContext context;
-  v1::RenderViewResponse response;
-  EXPECT_EQ(running.renders->RenderView(&context, request, &response).error_code(),
-            grpc::INVALID_ARGUMENT);
+  EXPECT_ERROR(Call(&RenderStub::RenderView, request), grpc::INVALID_ARGUMENT);
   // A subset is drawn where it is seen.
   request.mutable_overlay_subset()->mutable_segment()->set_id(1);
   request.set_max_side(0);
@@ -369,10 +326,8 @@ TEST_F(PixelFrameTest, EvaluatesLabelsOfThePhotographs) {
       ignore.pixels[0] = 255;
       truth.set_ignore_png(*EncodePng(ignore));
     }
-    grpc::ClientContext context;
-    v1::EvaluateModelResponse scores;
-    const grpc::Status status = running.evaluations->EvaluateModel(&context, request, &scores);
-    ASSERT_TRUE(status.ok()) << status.error_message();
+    ASSERT_OK_AND_ASSIGN(const v1::EvaluateModelResponse scores,
+                         Call(&EvaluationStub::EvaluateModel, request));
     ASSERT_EQ(scores.entities_size(), 1);
     EXPECT_EQ(scores.entities(0).name(), "7");
     EXPECT_GT(scores.scene().reference().iou(), 0.95);
@@ -385,13 +340,8 @@ TEST_F(PixelFrameTest, EvaluatesLabelsOfThePhotographs) {
     // Labels of the view's size belong to the other frame.
     Image small{96, 64, 1, Pixels(96 * 64, 7)};
     request.mutable_views(0)->set_labels_png(*EncodePng(small));
-    grpc::ClientContext other;
-    const grpc::Status refused = running.evaluations->EvaluateModel(&other, request, &scores);
-    EXPECT_EQ(refused.error_code(), grpc::INVALID_ARGUMENT);
-    EXPECT_NE(
-        refused.error_message().find("'96x64': pixels; photograph \"left/0.jpg\" has 192x128"),
-        std::string::npos)
-        << refused.error_message();
+    EXPECT_ERROR(Call(&EvaluationStub::EvaluateModel, request), grpc::INVALID_ARGUMENT,
+                 {.message = "'96x64': pixels; photograph \"left/0.jpg\" has 192x128"});
   }
 }
 

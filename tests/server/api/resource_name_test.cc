@@ -7,15 +7,16 @@
 #include <vector>
 
 #include "server/store/layout.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
 
 TEST(CheckId, AcceptsCommonNames) {
   for (const char* id : {"a", "apc-shelf2", "llff_horns", "Fern-2", "1a", "v1.0", "a-", "x.."}) {
-    EXPECT_TRUE(CheckId(id, "scene_id").ok()) << id;
+    EXPECT_OK(CheckId(id, "scene_id")) << id;
   }
-  EXPECT_TRUE(CheckId(std::string(63, 'x'), "scene_id").ok());
+  EXPECT_OK(CheckId(std::string(63, 'x'), "scene_id"));
 }
 
 TEST(CheckId, RefusesNamesThatAreNotPlainFileNames) {
@@ -30,7 +31,7 @@ TEST(CheckId, RefusesNamesThatAreNotPlainFileNames) {
 }
 
 TEST(CheckProject, AcceptsRfc1034LabelsOnly) {
-  EXPECT_TRUE(CheckProject("lab-2", "project").ok());
+  EXPECT_OK(CheckProject("lab-2", "project"));
   for (const char* bad : {"", "Lab", "a_b", "a.b", "2a", "a-"}) {
     EXPECT_TRUE(absl::IsInvalidArgument(CheckProject(bad, "project"))) << bad;
   }
@@ -55,14 +56,13 @@ TEST(SceneFolderName, DiffersBetweenIdsAlsoWithoutCase) {
 
 TEST(ResourceNames, ParseWhatTheyPrint) {
   EXPECT_EQ(*ParseSceneName(SceneName("shelf"), "name"), "shelf");
-  const auto child = ParseChildName(ChildName("shelf", "datasets", 12), "datasets", "name");
-  ASSERT_TRUE(child.ok());
-  EXPECT_EQ(child->scene, "shelf");
-  EXPECT_EQ(child->number, 12);
-  const auto label = ParseLabelName(LabelName("shelf", "red-cup"), "name");
-  ASSERT_TRUE(label.ok());
-  EXPECT_EQ(label->scene, "shelf");
-  EXPECT_EQ(label->id, "red-cup");
+  ASSERT_OK_AND_ASSIGN(const auto child,
+                       ParseChildName(ChildName("shelf", "datasets", 12), "datasets", "name"));
+  EXPECT_EQ(child.scene, "shelf");
+  EXPECT_EQ(child.number, 12);
+  ASSERT_OK_AND_ASSIGN(const auto label, ParseLabelName(LabelName("shelf", "red-cup"), "name"));
+  EXPECT_EQ(label.scene, "shelf");
+  EXPECT_EQ(label.id, "red-cup");
   EXPECT_EQ(*ParseJobName(JobName("j7"), "name"), "j7");
   EXPECT_EQ(ParseModelName("scenes/shelf/models/3", "model")->number, 3);
   EXPECT_EQ(ParseModelName("scenes/shelf/models/live", "model")->number, kLiveModel);

@@ -11,6 +11,7 @@
 #include "server/data/locked_file.h"
 #include "server/store/layout.h"
 #include "tests/server/store/test_database.h"
+#include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -274,9 +275,7 @@ TEST_F(CollectorTest, RunsAtTheStart) {
   const fs::path old = WriteBlob(4, absl::Hours(25));
   Collector collector(*store, options);
   collector.Start();
-  const absl::Time deadline = absl::Now() + absl::Seconds(20);
-  while (fs::exists(old) && absl::Now() < deadline) absl::SleepFor(absl::Milliseconds(5));
-  EXPECT_FALSE(fs::exists(old));
+  EXPECT_TRUE(testing::Eventually([&] { return !fs::exists(old); }, absl::Seconds(20)));
   collector.Stop();
 }
 

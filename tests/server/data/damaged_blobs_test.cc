@@ -6,14 +6,14 @@
 
 #include "core/base/digest.h"
 #include "server/store/layout.h"
-#include "tests/server/running_server.h"
+#include "tests/server/service_test.h"
 
 namespace pepeseg {
 namespace {
 
-struct DamagedBlobsTest : ::testing::Test {
+struct DamagedBlobsTest : EmptyScene {
   // The fake worker acts by the name of the first file.
-  DamagedBlobsTest() : running(PEPESEG_FAKE_WORKER) { running.CreateScene("shelf"); }
+  DamagedBlobsTest() : EmptyScene(PEPESEG_FAKE_WORKER) {}
 
   BlobName NameOf(const TestFile& file) const { return {"default", Sha256Hex(file.bytes)}; }
   std::filesystem::path BlobOf(const TestFile& file) const {
@@ -30,19 +30,14 @@ struct DamagedBlobsTest : ::testing::Test {
     request.set_dataset(dataset);
     return request;
   }
-  grpc::Status Train(const std::string& dataset) {
-    grpc::ClientContext context;
-    return running.jobs->TrainScene(&context, Request(dataset), &job);
+  Reply<v1::Job> Train(const std::string& dataset) const {
+    return Call(&JobStub::TrainScene, Request(dataset));
   }
   // Trains, and returns the job once it has ended.
-  v1::Job TrainToTheEnd(const std::string& dataset) {
-    const grpc::Status status = Train(dataset);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    return running.Await(job.name());
+  v1::Job TrainToTheEnd(const std::string& dataset) const {
+    return running.Await(Train(dataset)->name());
   }
 
-  RunningServer running;
-  v1::Job job;
   const std::vector<TestFile> files = {
       {"verify", "a photograph"}, {"x/b", "another one"}, {"x/c", "a third one"}};
 };
@@ -61,17 +56,13 @@ TEST_F(DamagedBlobsTest, AreSetAsideAndHealedByAnUploadOfTheSameFiles) {
   EXPECT_TRUE(std::filesystem::exists(DamagedPath(running.options.data, NameOf(files[1]))));
   EXPECT_TRUE(std::filesystem::exists(BlobOf(files[0])));
 
-  const grpc::Status refused = Train(dataset);
-  EXPECT_EQ(refused.error_code(), grpc::FAILED_PRECONDITION);
-  EXPECT_EQ(DetailOf(refused).reason(), "FILES_MISSING");
-  EXPECT_EQ(DetailOf(refused).resource(), "x/b");
-  EXPECT_NE(refused.error_message().find("1 of 3 files"), std::string::npos)
-      << refused.error_message();
+  EXPECT_ERROR(Train(dataset), grpc::FAILED_PRECONDITION,
+               {.reason = "FILES_MISSING", .resource = "x/b", .message = "1 of 3 files"});
 
   const v1::Upload again = running.CreateUpload("shelf", files);
   ASSERT_EQ(again.missing_files_size(), 1);
   EXPECT_EQ(again.missing_files(0), "x/b");
-  ASSERT_TRUE(running.Write(FileParts(again.name(), files[1])).ok());
+  ASSERT_OK(running.Write(FileParts(again.name(), files[1])));
   EXPECT_EQ(TrainToTheEnd(dataset).state(), v1::JOB_STATE_SUCCEEDED) << "the old dataset";
 }
 
@@ -82,12 +73,7 @@ TEST_F(DamagedBlobsTest, AreMissingForEveryDatasetAndOpenUploadThatNamesThem) {
   Flip(files[2]);
   EXPECT_EQ(TrainToTheEnd(dataset).error().code(), grpc::DATA_LOSS);
   EXPECT_EQ(running.GetUpload(open.name()).missing_files_size(), 1);
-  grpc::ClientContext context;
-  v1::SealUploadRequest request;
-  request.set_name(open.name());
-  v1::Dataset sealed;
-  EXPECT_EQ(running.datasets->SealUpload(&context, request, &sealed).error_code(),
-            grpc::FAILED_PRECONDITION);
+  EXPECT_ERROR(Call(&DatasetStub::SealUpload, Named{open.name()}), grpc::FAILED_PRECONDITION);
 }
 
 TEST_F(DamagedBlobsTest, AreVerifiedByTheServerItself) {
@@ -102,17 +88,17 @@ TEST_F(DamagedBlobsTest, AreVerifiedByTheServerItself) {
   for (const TestFile& file : good) EXPECT_TRUE(std::filesystem::exists(BlobOf(file)));
   EXPECT_TRUE(std::filesystem::exists(DatabasePath(running.options.data)));
   EXPECT_FALSE(std::filesystem::exists(DamagedFolder(running.options.data)));
-  EXPECT_TRUE(Train(dataset).ok());
+  EXPECT_OK(Train(dataset));
 }
 
 // As after an operator has removed a blob, or a disk was lost.
 TEST_F(DamagedBlobsTest, FailTheTrainingAtOnceWhenTheyAreMissing) {
   const std::string dataset = running.UploadAndSeal("shelf", files);
   std::filesystem::remove(BlobOf(files[0]));
-  EXPECT_EQ(Train(dataset).error_code(), grpc::FAILED_PRECONDITION);
+  EXPECT_ERROR(Train(dataset), grpc::FAILED_PRECONDITION);
   const v1::Upload again = running.CreateUpload("shelf", files);
   ASSERT_EQ(again.missing_files_size(), 1);
-  ASSERT_TRUE(running.Write(FileParts(again.name(), files[0])).ok());
+  ASSERT_OK(running.Write(FileParts(again.name(), files[0])));
   EXPECT_EQ(TrainToTheEnd(dataset).state(), v1::JOB_STATE_SUCCEEDED);
 }
 

@@ -10,8 +10,9 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "absl/time/clock.h"
 #include "core/base/file_bytes.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -25,17 +26,14 @@ class WorkerProcessTest : public ::testing::Test {
 
   std::unique_ptr<WorkerProcess> Shell(const std::string& script) {
     auto process = WorkerProcess::Launch({"/bin/sh", {"-c", script}, log_});
-    EXPECT_TRUE(process.ok()) << process.status();
+    EXPECT_OK(process);
     return std::move(process).value();
   }
 
   WorkerEnd WaitFor(WorkerProcess& process) {
-    for (int i = 0; i < 1000; ++i) {
-      if (const auto end = process.Poll()) return *end;
-      absl::SleepFor(absl::Milliseconds(10));
-    }
-    ADD_FAILURE() << "the process did not end within 10 s";
-    return {};
+    std::optional<WorkerEnd> end;
+    EXPECT_TRUE(testing::Eventually([&] { return (end = process.Poll()).has_value(); }));
+    return end.value_or(WorkerEnd());
   }
 
   WorkerEnd Run(const std::string& script) { return WaitFor(*Shell(script)); }
@@ -113,9 +111,8 @@ TEST_F(WorkerProcessTest, DoesNotPassSecretsOn) {
   std::ofstream(folder_ / "show.sh") << "tr '\\0' '\\n' < /proc/$$/environ";
   WorkerCommand command{"/bin/sh", {(folder_ / "show.sh").string()}, log_, {"TRACEPARENT=00"}};
   command.pass_environment = {"OPERATORS_OWN"};
-  const auto worker = launcher->Launch(command);
-  ASSERT_TRUE(worker.ok()) << worker.status();
-  for (int i = 0; i < 1000 && !(*worker)->Poll(); ++i) absl::SleepFor(absl::Milliseconds(10));
+  ASSERT_OK_AND_ASSIGN(const auto worker, launcher->Launch(command));
+  EXPECT_TRUE(testing::Eventually([&] { return worker->Poll().has_value(); }));
   const std::string variables = Log();
   for (const char* secret : {"PEPESEG_KEY", "PGPASS", "AWS_", "SLURM_JWT"}) {
     EXPECT_THAT(variables, ::testing::Not(HasSubstr(secret)));

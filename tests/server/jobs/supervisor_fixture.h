@@ -8,11 +8,12 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
 #include "server/jobs/supervisor.h"
 #include "server/store/store.h"
 #include "server/worker_protocol/event_log.h"
 #include "tests/server/store/test_database.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -38,32 +39,32 @@ class SupervisorTest : public ::testing::Test {
     options.cancel_grace = absl::Milliseconds(300);
     options.heartbeat_timeout = absl::Seconds(3);
     auto supervisor = Supervisor::Start(*store_, options);
-    ASSERT_TRUE(supervisor.ok()) << supervisor.status();
+    ASSERT_OK(supervisor);
     supervisor_ = std::move(supervisor).value();
   }
 
   // Submits a job of a new scene, whose worker does what `act` says. Returns its id.
   std::string Submit(const std::string& act) {
     const std::string scene = absl::StrCat("s", ++num_scenes_);
-    EXPECT_TRUE(store_->scenes().CreateScene({scene, "", "", {}}).ok());
-    EXPECT_TRUE(store_->datasets().CreateDataset(scene, "", {{act, 1, 3, "00", true}}).ok());
-    EXPECT_TRUE(store_->datasets().SealDataset(scene, 1).ok());
+    EXPECT_OK(store_->scenes().CreateScene({scene, "", "", {}}));
+    EXPECT_OK(store_->datasets().CreateDataset(scene, "", {{act, 1, 3, "00", true}}));
+    EXPECT_OK(store_->datasets().SealDataset(scene, 1));
     JobRow job;
     job.scene = scene;
     job.dataset = 1;
     const auto submitted = supervisor_->Submit(job);
-    EXPECT_TRUE(submitted.ok()) << submitted.status();
+    EXPECT_OK(submitted);
     return submitted.ok() ? submitted->id : "";
   }
 
   JobRow WaitFor(const std::string& job, const std::function<bool(const JobRow&)>& reached) {
-    for (int i = 0; i < 2000; ++i) {
-      const auto row = store_->jobs().GetJob(job);
-      if (row.ok() && reached(*row)) return *row;
-      absl::SleepFor(absl::Milliseconds(10));
-    }
-    ADD_FAILURE() << "jobs/" << job << " did not get there within 20 s";
-    return store_->jobs().GetJob(job).value_or(JobRow());
+    absl::StatusOr<JobRow> row;
+    EXPECT_TRUE(testing::Eventually([&] {
+      row = store_->jobs().GetJob(job);
+      return row.ok() && reached(*row);
+    })) << "jobs/"
+        << job;
+    return row.value_or(JobRow());
   }
 
   JobRow WaitForEnd(const std::string& job) {
@@ -77,17 +78,15 @@ class SupervisorTest : public ::testing::Test {
   // Returns the job's events, once the last is written. The supervisor writes the store first and
   // then the log.
   std::vector<v1::JobEvent> EventsOf(const std::string& job) {
-    for (int i = 0; i < 500; ++i) {
+    std::vector<v1::JobEvent> events;
+    EXPECT_TRUE(testing::Eventually([&] {
       EventLogReader reader = supervisor_->ReadEvents(job, 0);
-      const auto events = reader.Read();
-      if (events.ok() && !events->empty() && events->back().has_state_changed() &&
-          events->back().state_changed().state() > v1::JOB_STATE_RUNNING) {
-        return *events;
-      }
-      absl::SleepFor(absl::Milliseconds(10));
-    }
-    ADD_FAILURE() << "jobs/" << job << ": no last event within 5 s";
-    return {};
+      events = reader.Read().value_or(std::vector<v1::JobEvent>());
+      return !events.empty() && events.back().has_state_changed() &&
+             events.back().state_changed().state() > v1::JOB_STATE_RUNNING;
+    })) << "jobs/"
+        << job;
+    return events;
   }
 
   testing::TempFolder folder_;

@@ -14,6 +14,8 @@
 
 #include "server/store/soci.h"
 #include "tests/server/jobs/supervisor_fixture.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -37,12 +39,12 @@ struct UnwrittenStates : SupervisorTest {
     sql << statement;
   }
   absl::Status WaitForObstacle(const std::string& job, bool queued) const {
-    for (int i = 0; i < 1000; ++i) {
-      const absl::Status obstacle = supervisor_->FindObstacle(job, queued);
-      if (!obstacle.ok()) return obstacle;
-      absl::SleepFor(absl::Milliseconds(10));
-    }
-    return absl::OkStatus();
+    absl::Status obstacle;
+    EXPECT_TRUE(testing::Eventually([&] {
+      obstacle = supervisor_->FindObstacle(job, queued);
+      return !obstacle.ok();
+    }));
+    return obstacle;
   }
   // Ends the supervisor, so that the log is complete.
   int CountLines(const std::string& words) {
@@ -70,13 +72,14 @@ TEST_F(UnwrittenStates, ReportsAnEndAndWritesItLater) {
   EXPECT_THAT(std::string(obstacle.message()), HasSubstr("models"));
   EXPECT_LT(absl::Now() - start, absl::Seconds(5));
   EXPECT_GE(num_calls, 1);
-  EXPECT_TRUE(supervisor_->FindObstacle("j99", /*queued=*/true).ok()) << "of this job only";
+  EXPECT_OK(supervisor_->FindObstacle("j99", /*queued=*/true)) << "of this job only";
   EXPECT_EQ(store_->jobs().GetJob(job)->state, JobState::kRunning);
   absl::SleepFor(start + absl::Seconds(5) - absl::Now());
   Change("ALTER TABLE no_models RENAME TO models");
   EXPECT_EQ(WaitForEnd(job).state, JobState::kSucceeded);
   EXPECT_EQ(EventsOf(job).back().state_changed().state(), v1::JOB_STATE_SUCCEEDED);
-  EXPECT_TRUE(supervisor_->FindObstacle(job, /*queued=*/false).ok());
+  EXPECT_TRUE(testing::Eventually(
+      [&] { return supervisor_->FindObstacle(job, /*queued=*/false).ok(); }, absl::Seconds(1)));
   // It is tried again after 1, 2 and 4 s.
   EXPECT_LE(CountLines("writing its end"), 4);
 }
@@ -86,11 +89,11 @@ TEST_F(UnwrittenStates, ReportsAFailedClaimAndRepeatsIt) {
       "CREATE TRIGGER full BEFORE UPDATE OF state ON jobs BEGIN SELECT RAISE(FAIL, 'full'); END");
   const std::string job = Submit("succeed");
   EXPECT_FALSE(WaitForObstacle(job, /*queued=*/true).ok());
-  EXPECT_TRUE(supervisor_->FindObstacle(job, /*queued=*/false).ok()) << "runs at another server";
+  EXPECT_OK(supervisor_->FindObstacle(job, /*queued=*/false)) << "runs at another server";
   EXPECT_EQ(store_->jobs().GetJob(job)->state, JobState::kQueued);
   Change("DROP TRIGGER full");
   EXPECT_EQ(WaitForEnd(job).state, JobState::kSucceeded);
-  EXPECT_TRUE(supervisor_->FindObstacle(job, /*queued=*/true).ok());
+  EXPECT_OK(supervisor_->FindObstacle(job, /*queued=*/true));
   EXPECT_LE(CountLines("claiming a job"), 4);
 }
 

@@ -9,6 +9,8 @@
 
 #include "absl/time/clock.h"
 #include "kernels/buffer.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -25,13 +27,8 @@ class Published {
       serving_[service] = serving;
     };
   }
-  bool Await(const std::string& service, bool serving) const {
-    const absl::Time deadline = absl::Now() + absl::Seconds(10);
-    while (absl::Now() < deadline) {
-      if (Is(service, serving)) return true;
-      absl::SleepFor(absl::Milliseconds(1));
-    }
-    return false;
+  ::testing::AssertionResult Await(const std::string& service, bool serving) const {
+    return testing::Eventually([&] { return Is(service, serving); }, absl::Seconds(10));
   }
   bool Is(const std::string& service, bool serving) const {
     const std::lock_guard lock(mutex_);
@@ -115,7 +112,7 @@ TEST(HealthMonitor, PublishesDrainingAndItsEndAtOnce) {
 
 TEST(ProbeDisk, FailsWithoutRoomOrFolderAndLeavesNothing) {
   const testing::TempFolder folder;
-  EXPECT_TRUE(ProbeDisk(folder.path(), 0).ok());
+  EXPECT_OK(ProbeDisk(folder.path(), 0));
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
   const absl::Status full = ProbeDisk(folder.path(), std::numeric_limits<int64_t>::max());
   EXPECT_TRUE(absl::IsResourceExhausted(full)) << full;
@@ -124,13 +121,13 @@ TEST(ProbeDisk, FailsWithoutRoomOrFolderAndLeavesNothing) {
 
 TEST(ProbeDevice, FailsWhileTheBackendHasAnError) {
   const auto backend = MakeCpuBackend(1);
-  EXPECT_TRUE(ProbeDevice(*backend).ok());
+  EXPECT_OK(ProbeDevice(*backend));
 #ifndef __SANITIZE_ADDRESS__  // which would end the program instead
   const Buffer<float> too_large(*backend, int64_t{1} << 50);
   const absl::Status broken = ProbeDevice(*backend);
   EXPECT_TRUE(absl::IsInternal(broken)) << broken;
   backend->TakeError();
-  EXPECT_TRUE(ProbeDevice(*backend).ok());
+  EXPECT_OK(ProbeDevice(*backend));
 #endif
 }
 

@@ -13,7 +13,7 @@
 #include "server/observe/trace_context.h"
 #include "server/worker_protocol/job_folder.h"
 #include "tests/server/health_check.h"
-#include "tests/server/running_server.h"
+#include "tests/server/service_test.h"
 #include "tests/testing/http_get.h"
 
 namespace pepeseg {
@@ -26,64 +26,37 @@ ServerOptions Watched() {
   return options;
 }
 
-struct ObserveTest : ::testing::Test {
-  ObserveTest() : running(PEPESEG_MODEL_WORKER, Watched()) {}
+struct ObserveTest : ServiceTest {
+  ObserveTest() : ServiceTest(PEPESEG_MODEL_WORKER, Watched()) {}
 
-  grpc::Status GetScene(grpc::ClientContext& context, const std::string& name) {
-    v1::GetSceneRequest request;
-    request.set_name(name);
-    v1::Scene scene;
-    return running.scenes->GetScene(&context, request, &scene);
-  }
-  grpc::Status GetScene(const std::string& name) {
-    grpc::ClientContext context;
-    return GetScene(context, name);
-  }
-  v1::ServerStatus Status() {
-    grpc::ClientContext context;
-    v1::ServerStatus status;
-    const grpc::Status answer = running.admin->GetServerStatus(&context, {}, &status);
-    EXPECT_TRUE(answer.ok()) << answer.error_message();
-    return status;
-  }
-  v1::ServerStatus Drain() {
-    grpc::ClientContext context;
-    v1::ServerStatus status;
-    EXPECT_TRUE(running.admin->DrainServer(&context, {}, &status).ok());
-    return status;
-  }
-  v1::ServerStatus Resume() {
-    grpc::ClientContext context;
-    v1::ServerStatus status;
-    EXPECT_TRUE(running.admin->ResumeServer(&context, {}, &status).ok());
-    return status;
-  }
+  grpc::Status GetScene(const std::string& name) { return Call(&SceneStub::GetScene, Named{name}); }
+  v1::ServerStatus Status() { return *Call(&AdminStub::GetServerStatus, {}); }
+  v1::ServerStatus Drain() { return *Call(&AdminStub::DrainServer, {}); }
+  v1::ServerStatus Resume() { return *Call(&AdminStub::ResumeServer, {}); }
   bool Exposes(const std::string& line) {
     const std::string metrics = HttpGet(running.server->metrics_port(), "/metrics");
     return metrics.find("\n" + line) != std::string::npos;
   }
   // A client gets its response a moment before the call has ended on the server.
-  bool ExposesSoon(const std::string& line) {
-    for (int i = 0; i < 500 && !Exposes(line); ++i) absl::SleepFor(absl::Milliseconds(10));
-    return Exposes(line);
+  ::testing::AssertionResult ExposesSoon(const std::string& line) {
+    return Eventually([&] { return Exposes(line); });
   }
   std::string EchoOf(const std::string& request_id) {
     grpc::ClientContext context;
     if (!request_id.empty()) context.AddMetadata("x-request-id", request_id);
-    EXPECT_EQ(GetScene(context, "scenes/none").error_code(), grpc::NOT_FOUND);
+    EXPECT_ERROR(CallWith(context, running.channel, &SceneStub::GetScene, Named{"scenes/none"}),
+                 grpc::NOT_FOUND);
     const auto& metadata = context.GetServerInitialMetadata();
     EXPECT_EQ(metadata.count("x-request-id"), 1);
     const auto found = metadata.find("x-request-id");
     return found == metadata.end() ? "" : std::string(found->second.data(), found->second.size());
   }
-
-  RunningServer running;
 };
 
 TEST_F(ObserveTest, MetricsCountCallsByKnownMethodsOnly) {
   running.CreateScene("shelf");
-  EXPECT_EQ(GetScene("scenes/none").error_code(), grpc::NOT_FOUND);
-  EXPECT_EQ(GetScene("scenes/none").error_code(), grpc::NOT_FOUND);
+  EXPECT_ERROR(GetScene("scenes/none"), grpc::NOT_FOUND);
+  EXPECT_ERROR(GetScene("scenes/none"), grpc::NOT_FOUND);
   EXPECT_TRUE(
       Exposes("pepeseg_rpc_calls_total{code=\"NOT_FOUND\",method=\"SceneService/GetScene\"} 2") ||
       Exposes("pepeseg_rpc_calls_total{method=\"SceneService/GetScene\",code=\"NOT_FOUND\"} 2"))
@@ -98,7 +71,7 @@ TEST_F(ObserveTest, MetricsCountCallsByKnownMethodsOnly) {
   const auto elsewhere = v1::AdminService::NewStub(running.channel);
   grpc::ClientContext context;
   v1::ServerStatus status;
-  EXPECT_EQ(elsewhere->GetServerStatus(&context, {}, &status).error_code(), grpc::UNIMPLEMENTED);
+  EXPECT_ERROR(elsewhere->GetServerStatus(&context, {}, &status), grpc::UNIMPLEMENTED);
   EXPECT_EQ(HttpGet(running.server->metrics_port(), "/metrics").find("made"), std::string::npos);
 }
 
@@ -107,15 +80,13 @@ TEST_F(ObserveTest, MetricsReportModelsInMemoryAndTheirMaps) {
   ASSERT_EQ(running.Await(running.Train("shelf", "file").name()).state(), v1::JOB_STATE_SUCCEEDED);
   EXPECT_TRUE(Exposes("pepeseg_models 1"));
   for (int i = 0; i < 2; ++i) {
-    grpc::ClientContext context;
     v1::SegmentViewsRequest request;
     request.set_model("scenes/shelf/models/live");
     request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
     auto& point = *request.mutable_prompt()->mutable_points()->add_points();
     point.set_x(30);
     point.set_y(32);
-    v1::SegmentViewsResponse response;
-    ASSERT_TRUE(running.segmentation->SegmentViews(&context, request, &response).ok());
+    ASSERT_OK(Call(&SegmentationStub::SegmentViews, request));
   }
   EXPECT_TRUE(Exposes("pepeseg_resident_models 1"));
   EXPECT_TRUE(Exposes("pepeseg_model_loads_total 1"));
@@ -138,23 +109,19 @@ TEST_F(ObserveTest, SkipsACallWhoseDeadlinePassesInTheQueue) {
   point.set_y(32);
   std::vector<std::future<grpc::Status>> before;
   for (int i = 0; i < 90; ++i) {
-    before.push_back(std::async(std::launch::async, [&] {
-      grpc::ClientContext context;
-      v1::ProposeScalesResponse response;
-      return running.segmentation->ProposeScales(&context, slow, &response);
+    before.push_back(std::async(std::launch::async, [&]() -> grpc::Status {
+      return Call(&SegmentationStub::ProposeScales, slow);
     }));
   }
-  while (Status().pools(1).num_queued() < 40) {
-  }
+  ASSERT_TRUE(Eventually([&] { return Status().pools(1).num_queued() >= 40; }));
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::milliseconds(5));
   v1::RenderViewRequest request;
   request.set_model(slow.model());
   request.mutable_viewpoint()->set_view("middle.jpg");
-  v1::RenderViewResponse response;
-  EXPECT_EQ(running.renders->RenderView(&context, request, &response).error_code(),
-            grpc::DEADLINE_EXCEEDED);
-  for (auto& call : before) EXPECT_TRUE(call.get().ok());
+  EXPECT_ERROR(CallWith(context, running.channel, &RenderStub::RenderView, request),
+               grpc::DEADLINE_EXCEEDED);
+  for (auto& call : before) EXPECT_OK(call.get());
   const std::string metrics = HttpGet(running.server->metrics_port(), "/metrics");
   EXPECT_EQ(metrics.find("method=\"RenderService/RenderView\",code=\"OK\""), std::string::npos);
   EXPECT_EQ(metrics.find("code=\"OK\",method=\"RenderService/RenderView\""), std::string::npos);
@@ -166,11 +133,11 @@ TEST_F(ObserveTest, MetricsBeyondThisMachineNeedInsecure) {
   options.data = running.folder / "other";
   options.admin.clear();
   options.metrics = "0.0.0.0:0";
-  EXPECT_TRUE(absl::IsFailedPrecondition(Server::Start(options).status()));
+  EXPECT_STATUS(Server::Start(options), absl::StatusCode::kFailedPrecondition, "");
   options.metrics = absl::StrCat("127.0.0.1:", running.server->metrics_port());
-  EXPECT_TRUE(absl::IsUnavailable(Server::Start(options).status()));
+  EXPECT_STATUS(Server::Start(options), absl::StatusCode::kUnavailable, "");
   options.metrics = "unix:/nowhere";
-  EXPECT_TRUE(absl::IsInvalidArgument(Server::Start(options).status()));
+  EXPECT_STATUS(Server::Start(options), absl::StatusCode::kInvalidArgument, "");
 }
 
 TEST_F(ObserveTest, ReturnsOrMakesRequestIds) {
@@ -189,15 +156,14 @@ TEST_F(ObserveTest, JobKeepsTheTraceOfTheCallThatMadeIt) {
   v1::TrainSceneRequest request;
   request.set_scene("scenes/shelf");
   request.set_dataset(dataset);
-  v1::Job job;
   grpc::ClientContext context;
   context.AddMetadata("traceparent", absl::StrCat("00-", kTrace, "-00f067aa0ba902b7-01"));
-  ASSERT_TRUE(running.jobs->TrainScene(&context, request, &job).ok());
+  ASSERT_OK_AND_ASSIGN(const v1::Job job,
+                       CallWith(context, running.channel, &JobStub::TrainScene, request));
   running.Await(job.name());
-  const auto spec = JobFolder(running.options.data / job.name()).ReadSpec(1);
-  ASSERT_TRUE(spec.ok()) << spec.status();
-  const auto trace = ParseTraceparent(spec->traceparent);
-  ASSERT_TRUE(trace.has_value()) << spec->traceparent;
+  ASSERT_OK_AND_ASSIGN(const auto spec, JobFolder(running.options.data / job.name()).ReadSpec(1));
+  const auto trace = ParseTraceparent(spec.traceparent);
+  ASSERT_TRUE(trace.has_value()) << spec.traceparent;
   EXPECT_EQ(trace->trace_id, kTrace);
   EXPECT_EQ(trace->flags, "01");
   EXPECT_NE(trace->parent_id, "00f067aa0ba902b7");
@@ -207,13 +173,11 @@ TEST_F(ObserveTest, StatusReportsWhatTheServerDoes) {
   running.CreateScene("shelf");
   const v1::Job job = running.Train("shelf", "hang");
   grpc::ClientContext context;
-  v1::WatchJobRequest watch;
-  watch.set_name(job.name());
-  const auto watcher = running.jobs->WatchJob(&context, watch);
+  const auto watcher = running.jobs->WatchJob(&context, Named{job.name()});
   v1::JobEvent event;
   ASSERT_TRUE(watcher->Read(&event));
-  v1::ServerStatus status = Status();
-  while (status.running_jobs_size() == 0) status = Status();
+  v1::ServerStatus status;
+  ASSERT_TRUE(Eventually([&] { return (status = Status()).running_jobs_size() > 0; }));
   EXPECT_EQ(status.running_jobs(0).name(), job.name());
   EXPECT_EQ(status.num_streams(), 1);
   EXPECT_EQ(status.pools_size(), 4);
@@ -242,22 +206,18 @@ TEST_F(ObserveTest, DrainingRefusesNewWorkUntilTheServerResumes) {
   EXPECT_EQ(CheckHealth(socket, ""), kNotServing);
   EXPECT_EQ(CheckHealth(socket, "pepeseg.v1.RenderService"), kNotServing);
   const grpc::Status refused = GetScene("scenes/shelf");
-  EXPECT_EQ(refused.error_code(), grpc::UNAVAILABLE);
-  EXPECT_EQ(DetailOf(refused).reason(), "DRAINING");
+  EXPECT_ERROR(refused, grpc::UNAVAILABLE, {.reason = "DRAINING"});
   EXPECT_TRUE(DetailOf(refused).has_retry_after());
   grpc::ClientContext new_context;
   const auto late = running.jobs->WatchJob(&new_context, watch);
   EXPECT_FALSE(late->Read(&event));
-  EXPECT_EQ(late->Finish().error_code(), grpc::UNAVAILABLE);
+  EXPECT_ERROR(late->Finish(), grpc::UNAVAILABLE);
   // The old stream continues. The client learns of the other's end before it has ended on the
   // server.
-  for (int i = 0; i < 500 && Status().num_streams() != 1; ++i) {
-    absl::SleepFor(absl::Milliseconds(10));
-  }
-  EXPECT_EQ(Status().num_streams(), 1);
+  EXPECT_TRUE(Eventually([&] { return Status().num_streams() == 1; }));
   EXPECT_TRUE(Exposes("pepeseg_draining 1"));
   EXPECT_FALSE(Resume().draining());
-  EXPECT_TRUE(GetScene("scenes/shelf").ok());
+  EXPECT_OK(GetScene("scenes/shelf"));
   EXPECT_EQ(CheckHealth(socket, ""), kServing);
   old_context.TryCancel();
 }
@@ -265,11 +225,7 @@ TEST_F(ObserveTest, DrainingRefusesNewWorkUntilTheServerResumes) {
 TEST_F(ObserveTest, MissingDataDirectoryStopsUploadsButNotQueries) {
   const auto socket = ConnectTo(running.server->port());
   const auto await = [&](const char* service, int health) {
-    const absl::Time deadline = absl::Now() + absl::Seconds(10);
-    while (CheckHealth(socket, service) != health && absl::Now() < deadline) {
-      absl::SleepFor(absl::Milliseconds(50));
-    }
-    return CheckHealth(socket, service) == health;
+    return Eventually([&] { return CheckHealth(socket, service) == health; }, absl::Seconds(10));
   };
   EXPECT_TRUE(await("pepeseg.v1.DatasetService", kServing));
   std::filesystem::path away = running.options.data;
@@ -291,8 +247,8 @@ TEST_F(ObserveTest, StoppingServerStillAnswersWhileItWaitsForTheGateway) {
   EXPECT_EQ(CheckHealth(socket, ""), kServing);
   auto stopping = std::async(std::launch::async,
                              [&] { running.server->Shutdown(absl::Now() + absl::Seconds(20)); });
-  while (CheckHealth(socket, "") == kServing) absl::SleepFor(absl::Milliseconds(1));
-  EXPECT_TRUE(GetScene("scenes/shelf").ok());
+  ASSERT_TRUE(Eventually([&] { return CheckHealth(socket, "") != kServing; }));
+  EXPECT_OK(GetScene("scenes/shelf"));
   stopping.wait();
 }
 

@@ -6,6 +6,8 @@
 #include <thread>
 #include <vector>
 
+#include "tests/testing/status_testing.h"
+
 namespace pepeseg {
 namespace {
 
@@ -38,9 +40,8 @@ TEST(ResidentCache, LoadsOnceAndKeeps) {
   Cache cache(HostBudget(100));
   std::atomic<int> loads = 0;
   for (int i = 0; i < 3; ++i) {
-    const auto handle = cache.Acquire("a", Load(7, 10, &loads));
-    ASSERT_TRUE(handle.ok());
-    EXPECT_EQ((*handle)->value, 7);
+    ASSERT_OK_AND_ASSIGN(const auto handle, cache.Acquire("a", Load(7, 10, &loads)));
+    EXPECT_EQ(handle->value, 7);
   }
   EXPECT_EQ(loads, 1);
   EXPECT_EQ(cache.bytes_in_use().host, 10);
@@ -72,57 +73,55 @@ TEST(ResidentCache, SharesOneLoadAmongCallers) {
 TEST(ResidentCache, EvictsTheLeastRecentlyUsed) {
   Cache cache(HostBudget(30));
   std::atomic<int> loads = 0;
-  ASSERT_TRUE(cache.Acquire("a", Load(1, 10, &loads)).ok());
-  ASSERT_TRUE(cache.Acquire("b", Load(2, 10, &loads)).ok());
-  ASSERT_TRUE(cache.Acquire("c", Load(3, 10, &loads)).ok());
-  ASSERT_TRUE(cache.Acquire("a", Load(1, 10, &loads)).ok());  // b is the oldest now
-  ASSERT_TRUE(cache.Acquire("d", Load(4, 10, &loads)).ok());
+  ASSERT_OK(cache.Acquire("a", Load(1, 10, &loads)));
+  ASSERT_OK(cache.Acquire("b", Load(2, 10, &loads)));
+  ASSERT_OK(cache.Acquire("c", Load(3, 10, &loads)));
+  ASSERT_OK(cache.Acquire("a", Load(1, 10, &loads)));  // b is the oldest now
+  ASSERT_OK(cache.Acquire("d", Load(4, 10, &loads)));
   EXPECT_EQ(loads, 4);
   EXPECT_EQ(Thing::alive, 3);
-  ASSERT_TRUE(cache.Acquire("a", Load(1, 10, &loads)).ok());
-  ASSERT_TRUE(cache.Acquire("c", Load(3, 10, &loads)).ok());
+  ASSERT_OK(cache.Acquire("a", Load(1, 10, &loads)));
+  ASSERT_OK(cache.Acquire("c", Load(3, 10, &loads)));
   EXPECT_EQ(loads, 4);
-  ASSERT_TRUE(cache.Acquire("b", Load(2, 10, &loads)).ok());
+  ASSERT_OK(cache.Acquire("b", Load(2, 10, &loads)));
   EXPECT_EQ(loads, 5);
   EXPECT_EQ(cache.bytes_in_use().host, 30);
 }
 
 TEST(ResidentCache, NeverEvictsWhatIsHeld) {
   Cache cache(HostBudget(30));
-  const auto held = cache.Acquire("a", Load(1, 20));
-  ASSERT_TRUE(held.ok());
+  ASSERT_OK_AND_ASSIGN(const auto held, cache.Acquire("a", Load(1, 20)));
   const auto refused = cache.Acquire("b", Load(2, 15));
   EXPECT_TRUE(absl::IsUnavailable(refused.status())) << "it fits once a is given back";
   EXPECT_NE(refused.status().message().find("needs 15 bytes of host memory"), std::string::npos);
   EXPECT_NE(refused.status().message().find("10 of 30"), std::string::npos);
-  EXPECT_EQ((*held)->value, 1);
-  EXPECT_TRUE(cache.Acquire("c", Load(3, 10)).ok());
+  EXPECT_EQ(held->value, 1);
+  EXPECT_OK(cache.Acquire("c", Load(3, 10)));
 }
 
 TEST(ResidentCache, ReportsWhetherWaitingCanHelp) {
   Cache cache(HostBudget(30));
   auto held = cache.Acquire("a", Load(1, 20));
-  ASSERT_TRUE(held.ok());
+  ASSERT_OK(held);
   EXPECT_TRUE(absl::IsUnavailable(cache.Acquire("b", Load(2, 30)).status()));
   EXPECT_TRUE(absl::IsResourceExhausted(cache.Acquire("b", Load(2, 31)).status()));
   held = absl::CancelledError();
-  EXPECT_TRUE(cache.Acquire("b", Load(2, 30)).ok());
+  EXPECT_OK(cache.Acquire("b", Load(2, 30)));
 }
 
 TEST(ResidentCache, KeepsDroppedValuesForTheirHandles) {
   Cache cache(HostBudget(30));
   std::atomic<int> loads = 0;
   {
-    const auto held = cache.Acquire("a", Load(1, 20, &loads));
-    ASSERT_TRUE(held.ok());
+    ASSERT_OK_AND_ASSIGN(const auto held, cache.Acquire("a", Load(1, 20, &loads)));
     cache.Drop("a");
-    EXPECT_EQ((*held)->value, 1);
+    EXPECT_EQ(held->value, 1);
     EXPECT_EQ(cache.bytes_in_use().host, 20);
     EXPECT_TRUE(absl::IsUnavailable(cache.Acquire("a", Load(1, 20, &loads)).status()));
   }
   EXPECT_EQ(Thing::alive, 0);
   EXPECT_EQ(cache.bytes_in_use().host, 0);
-  EXPECT_TRUE(cache.Acquire("a", Load(1, 20, &loads)).ok());
+  EXPECT_OK(cache.Acquire("a", Load(1, 20, &loads)));
   EXPECT_EQ(loads, 2);
 }
 
@@ -147,19 +146,19 @@ TEST(ResidentCache, ReportsAFailedLoadAndTriesAgain) {
   EXPECT_EQ(cache.bytes_in_use().host, 0);
   fail.need = []() -> absl::StatusOr<MemoryBytes> { return absl::DataLossError("model.json"); };
   EXPECT_TRUE(absl::IsDataLoss(cache.Acquire("a", fail).status()));
-  EXPECT_TRUE(cache.Acquire("a", Load(1, 20)).ok());
+  EXPECT_OK(cache.Acquire("a", Load(1, 20)));
   EXPECT_EQ(cache.counts().num_loads, 1);
 }
 
 // Nothing is evicted for a value that would not fit anyway.
 TEST(ResidentCache, EvictsNothingForAValueThatIsTooLarge) {
   Cache cache(HostBudget(30));
-  ASSERT_TRUE(cache.Acquire("a", Load(1, 10)).ok());
-  ASSERT_TRUE(cache.Acquire("b", Load(2, 10)).ok());
+  ASSERT_OK(cache.Acquire("a", Load(1, 10)));
+  ASSERT_OK(cache.Acquire("b", Load(2, 10)));
   EXPECT_TRUE(absl::IsResourceExhausted(cache.Acquire("c", Load(3, 31)).status()));
   EXPECT_EQ(Thing::alive, 2);
   EXPECT_EQ(cache.counts().num_evictions, 0);
-  ASSERT_TRUE(cache.Acquire("c", Load(3, 30)).ok());
+  ASSERT_OK(cache.Acquire("c", Load(3, 30)));
   EXPECT_EQ(Thing::alive, 1);
   EXPECT_EQ(cache.counts().num_evictions, 2);
 }
@@ -171,18 +170,15 @@ TEST(ResidentCache, HasBudgetsForHostAndDevice) {
     return source;
   };
   Cache cache(MemoryBudget({1000, 100}, /*one_memory=*/false));
-  ASSERT_TRUE(cache.Acquire("a", thing({10, 60})).ok());
-  ASSERT_TRUE(cache.Acquire("b", thing({10, 30})).ok());
+  ASSERT_OK(cache.Acquire("a", thing({10, 60})));
+  ASSERT_OK(cache.Acquire("b", thing({10, 30})));
   EXPECT_EQ(cache.counts().num_evictions, 0);
-  ASSERT_TRUE(cache.Acquire("c", thing({10, 30})).ok());  // of the device's 95 there are 5
+  ASSERT_OK(cache.Acquire("c", thing({10, 30})));  // of the device's 95 there are 5
   EXPECT_EQ(cache.counts().num_evictions, 1);
   EXPECT_EQ(cache.bytes_in_use().host, 20);
   EXPECT_EQ(cache.bytes_in_use().device, 60);
-  const absl::Status of_device = cache.Acquire("d", thing({10, 96})).status();
-  EXPECT_TRUE(absl::IsResourceExhausted(of_device));
-  EXPECT_NE(of_device.message().find("needs 96 bytes of device memory, 95 of 95"),
-            std::string::npos)
-      << of_device;
+  EXPECT_STATUS(cache.Acquire("d", thing({10, 96})), absl::StatusCode::kResourceExhausted,
+                "needs 96 bytes of device memory, 95 of 95");
   const absl::Status of_host = cache.Acquire("d", thing({951, 1})).status();
   EXPECT_NE(of_host.message().find("needs 951 bytes of host memory, 950 of 950"), std::string::npos)
       << of_host;
@@ -192,7 +188,7 @@ TEST(ResidentCache, SharesOneMemory) {
   Cache cache(MemoryBudget({100, 7}, /*one_memory=*/true));
   Cache::Source source = Load(1, 0);
   source.need = [] { return MemoryBytes{45, 50}; };
-  ASSERT_TRUE(cache.Acquire("a", source).ok());
+  ASSERT_OK(cache.Acquire("a", source));
   EXPECT_EQ(cache.bytes_in_use().host, 95);
   source.need = [] { return MemoryBytes{46, 50}; };
   EXPECT_TRUE(absl::IsResourceExhausted(cache.Acquire("b", source).status()));
@@ -201,17 +197,17 @@ TEST(ResidentCache, SharesOneMemory) {
 TEST(ResidentCache, KeepsPinnedValues) {
   Cache cache(HostBudget(20));
   EXPECT_TRUE(absl::IsNotFound(cache.SetPinned("a", true)));
-  ASSERT_TRUE(cache.Acquire("a", Load(1, 10)).ok());
-  ASSERT_TRUE(cache.SetPinned("a", true).ok());
-  ASSERT_TRUE(cache.Acquire("b", Load(2, 10)).ok());
+  ASSERT_OK(cache.Acquire("a", Load(1, 10)));
+  ASSERT_OK(cache.SetPinned("a", true));
+  ASSERT_OK(cache.Acquire("b", Load(2, 10)));
   std::atomic<int> loads = 0;
-  ASSERT_TRUE(cache.Acquire("c", Load(3, 10)).ok());  // instead of b, though a is older
-  ASSERT_TRUE(cache.Acquire("a", Load(1, 10, &loads)).ok());
+  ASSERT_OK(cache.Acquire("c", Load(3, 10)));  // instead of b, though a is older
+  ASSERT_OK(cache.Acquire("a", Load(1, 10, &loads)));
   EXPECT_EQ(loads, 0);
   EXPECT_TRUE(absl::IsResourceExhausted(cache.Acquire("d", Load(4, 11)).status()));
   EXPECT_TRUE(absl::IsFailedPrecondition(cache.Unload("a")));
-  ASSERT_TRUE(cache.SetPinned("a", false).ok());
-  EXPECT_TRUE(cache.Unload("a").ok());
+  ASSERT_OK(cache.SetPinned("a", false));
+  EXPECT_OK(cache.Unload("a"));
   EXPECT_TRUE(absl::IsNotFound(cache.Unload("a")));
   EXPECT_EQ(cache.bytes_in_use().host, 10);
 }
@@ -225,14 +221,14 @@ TEST(ResidentCache, ReleasesMemoryBeforeItCountsAsFree) {
       EXPECT_EQ(Thing::alive, num_released == 0 ? 1 : 0);
       used_then = ++num_released == 1 ? cache->bytes_in_use().host : 0;
     });
-    ASSERT_TRUE(cache->Acquire("a", Load(1, 12)).ok());
-    ASSERT_TRUE(cache->Acquire("b", Load(2, 5)).ok());
-    ASSERT_TRUE(cache->Unload("b").ok());
+    ASSERT_OK(cache->Acquire("a", Load(1, 12)));
+    ASSERT_OK(cache->Acquire("b", Load(2, 5)));
+    ASSERT_OK(cache->Unload("b"));
     EXPECT_EQ(num_released, 1);
     EXPECT_EQ(used_then, 17);
     EXPECT_EQ(cache->bytes_in_use().host, 12);
     used_then = 0;
-    ASSERT_TRUE(cache->Unload("a").ok());
+    ASSERT_OK(cache->Unload("a"));
   }
   EXPECT_EQ(num_released, 2);
 }
@@ -241,8 +237,8 @@ TEST(ResidentCache, ListsResidentValues) {
   Cache cache(HostBudget(30));
   const absl::Time before = absl::Now();
   const auto held = cache.Acquire("a", Load(1, 10));
-  ASSERT_TRUE(cache.Acquire("b", Load(2, 5)).ok());
-  ASSERT_TRUE(cache.SetPinned("b", true).ok());
+  ASSERT_OK(cache.Acquire("b", Load(2, 5)));
+  ASSERT_OK(cache.SetPinned("b", true));
   std::vector<std::string> lines;
   cache.Visit([&](const Cache::Info& info, const Thing& thing) {
     EXPECT_GE(info.last_use, before);
@@ -289,26 +285,24 @@ Cache::Source LoadFor(const std::string& owner, int64_t limit, int64_t num_bytes
 
 TEST(ResidentCache, EvictsValuesOfAnOwnerOverItsShare) {
   Cache cache(HostBudget(100));
-  ASSERT_TRUE(cache.Acquire("other", LoadFor("b", 50, 10)).ok());  // the oldest of all
-  ASSERT_TRUE(cache.Acquire("one", LoadFor("a", 30, 20)).ok());
+  ASSERT_OK(cache.Acquire("other", LoadFor("b", 50, 10)));  // the oldest of all
+  ASSERT_OK(cache.Acquire("one", LoadFor("a", 30, 20)));
   EXPECT_EQ(cache.BytesOf("a"), 20);
-  const auto held = cache.Acquire("two", LoadFor("a", 30, 20));
-  ASSERT_TRUE(held.ok());
+  ASSERT_OK_AND_ASSIGN(const auto held, cache.Acquire("two", LoadFor("a", 30, 20)));
   EXPECT_EQ(cache.BytesOf("a"), 20) << "the first one has gone";
   EXPECT_EQ(cache.BytesOf("b"), 10);
   // The owner has nothing to evict, although the budget has room.
-  const auto refused = cache.Acquire("three", LoadFor("a", 30, 20));
-  EXPECT_TRUE(absl::IsUnavailable(refused.status())) << refused.status();
-  EXPECT_NE(refused.status().message().find("share: 40"), std::string::npos);
+  EXPECT_STATUS(cache.Acquire("three", LoadFor("a", 30, 20)), absl::StatusCode::kUnavailable,
+                "share: 40");
   EXPECT_EQ(cache.BytesOf("a"), 20);
-  EXPECT_TRUE(cache.Acquire("four", LoadFor("b", 50, 40)).ok()) << "is of another";
+  EXPECT_OK(cache.Acquire("four", LoadFor("b", 50, 40))) << "is of another";
   EXPECT_EQ(cache.BytesOf("b"), 50);
   EXPECT_EQ(cache.BytesOf("c"), 0);
 }
 
 TEST(ResidentCache, EvictsNothingForAValueOverItsShare) {
   Cache cache(HostBudget(100));
-  ASSERT_TRUE(cache.Acquire("one", LoadFor("a", 30, 20)).ok());
+  ASSERT_OK(cache.Acquire("one", LoadFor("a", 30, 20)));
   EXPECT_EQ(cache.Acquire("two", LoadFor("a", 30, 31)).status(),
             absl::ResourceExhaustedError("share: 31"));
   EXPECT_EQ(cache.BytesOf("a"), 20);

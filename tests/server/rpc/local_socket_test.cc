@@ -70,9 +70,8 @@ TEST_F(LocalSocketTest, RefusesOtherUsersWhateverTheMode) {
 
 TEST_F(LocalSocketTest, RefusesAFolderThatOthersMayWrite) {
   fs::permissions(folder_.path(), fs::perms::all);
-  const absl::Status refused = LocalSocket::Listen(path_).status();
-  EXPECT_TRUE(absl::IsFailedPrecondition(refused)) << refused;
-  EXPECT_THAT(std::string(refused.message()), ::testing::HasSubstr("everybody may write"));
+  EXPECT_STATUS(LocalSocket::Listen(path_), absl::StatusCode::kFailedPrecondition,
+                "everybody may write");
 }
 
 TEST_F(LocalSocketTest, CreatesItsFolder) {

@@ -6,6 +6,7 @@
 
 #include "absl/time/clock.h"
 #include "tests/server/access/keyed_server.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -45,19 +46,16 @@ TEST_F(StreamLimitsTest, RefusesCallersWithoutAKeyBeforeTheySendAnything) {
   v1::JobEvent event;
   EXPECT_TRUE(watcher->Read(&event));
   for (const auto& upload : uploads) {
-    const grpc::Status status = upload->stream->Finish();
-    EXPECT_EQ(status.error_code(), grpc::UNAUTHENTICATED) << status.error_message();
+    EXPECT_ERROR(upload->stream->Finish(), grpc::UNAUTHENTICATED);
   }
   while (watcher->Read(&event)) {
   }
-  EXPECT_TRUE(watcher->Finish().ok());
+  EXPECT_OK(watcher->Finish());
 }
 
 TEST_F(StreamLimitsTest, RefusesAKeyWithoutTheScopeAtOnce) {
   const auto upload = BeginUpload(reader);
-  const grpc::Status status = upload->stream->Finish();
-  EXPECT_EQ(status.error_code(), grpc::PERMISSION_DENIED);
-  EXPECT_EQ(DetailOf(status).reason(), "MISSING_SCOPE");
+  EXPECT_ERROR(upload->stream->Finish(), grpc::PERMISSION_DENIED, {.reason = "MISSING_SCOPE"});
 }
 
 TEST_F(StreamLimitsTest, EndsStreamsWithoutAFirstMessage) {
@@ -68,8 +66,7 @@ TEST_F(StreamLimitsTest, EndsStreamsWithoutAFirstMessage) {
   v1::StreamSegmentsResponse answer;
   EXPECT_FALSE(questions->Read(&answer));
   for (const grpc::Status& status : {upload->stream->Finish(), questions->Finish()}) {
-    EXPECT_EQ(status.error_code(), grpc::DEADLINE_EXCEEDED) << status.error_message();
-    EXPECT_EQ(DetailOf(status).reason(), "TOO_SLOW");
+    EXPECT_ERROR(status, grpc::DEADLINE_EXCEEDED, {.reason = "TOO_SLOW"});
   }
   EXPECT_GE(absl::Now() - start, absl::Seconds(1));
   EXPECT_LT(absl::Now() - start, absl::Seconds(30));
@@ -84,7 +81,7 @@ TEST_F(StreamLimitsTest, EndsAnExportThatIsNotRead) {
     const auto context = With(full);
     const absl::Time start = absl::Now();
     const auto stream = running.renders->ExportGaussians(context.get(), request);
-    EXPECT_EQ(stream->Finish().error_code(), grpc::CANCELLED);
+    EXPECT_ERROR(stream->Finish(), grpc::CANCELLED);
     EXPECT_LT(absl::Now() - start, absl::Seconds(30)) << "until the client's own deadline";
   }
 }
@@ -103,7 +100,7 @@ TEST_F(StreamLimitsTest, LetsStreamsPauseAfterTheFirstMessage) {
     if (i == 1) absl::SleepFor(absl::Seconds(4));
   }
   questions->WritesDone();
-  EXPECT_TRUE(questions->Finish().ok());
+  EXPECT_OK(questions->Finish());
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "absl/strings/match.h"
 #include "server/access/authorizer.h"
 #include "server/rpc/stream.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -49,25 +50,25 @@ struct StreamRegistryTest : ::testing::Test {
 };
 
 TEST_F(StreamRegistryTest, LimitsProjectsPeersAndAll) {
-  EXPECT_TRUE(OpenFor({"lab", "ipv4:10.0.0.1"}).ok());
-  EXPECT_TRUE(OpenFor({"lab", "ipv4:10.0.0.1"}).ok());
+  EXPECT_OK(OpenFor({"lab", "ipv4:10.0.0.1"}));
+  EXPECT_OK(OpenFor({"lab", "ipv4:10.0.0.1"}));
   const absl::Status third_of_peer = OpenFor({"lab", "ipv4:10.0.0.1"});
   EXPECT_TRUE(absl::IsResourceExhausted(third_of_peer));
   EXPECT_EQ(third_of_peer.message(),
             "this client has 2 streams open, which is the limit; end some or try again later");
-  EXPECT_TRUE(OpenFor({"lab", "ipv4:10.0.0.2"}).ok());
+  EXPECT_OK(OpenFor({"lab", "ipv4:10.0.0.2"}));
   const absl::Status fourth_of_project = OpenFor({"lab", "ipv4:10.0.0.3"});
   EXPECT_TRUE(absl::IsResourceExhausted(fourth_of_project));
   EXPECT_TRUE(absl::StartsWith(fourth_of_project.message(), "the project has 3 streams"));
   // Another project may open streams until the limit for all is reached.
-  for (int i = 0; i < 3; ++i) EXPECT_TRUE(OpenFor({"other", ""}).ok());
+  for (int i = 0; i < 3; ++i) EXPECT_OK(OpenFor({"other", ""}));
   EXPECT_TRUE(absl::StartsWith(OpenFor({"", ""}).message(), "the server has 6 streams"));
   EXPECT_EQ(registry.num_refused(), 3);
 }
 
 TEST_F(StreamRegistryTest, AdmitsOthersWhenStreamsHaveEnded) {
   for (int i = 0; i < 100; ++i) {
-    ASSERT_TRUE(OpenFor({"lab", "ipv4:10.0.0.1"}).ok()) << i;
+    ASSERT_OK(OpenFor({"lab", "ipv4:10.0.0.1"})) << i;
     registry.Remove(streams.back().get());
   }
   EXPECT_EQ(registry.size(), 0u);
@@ -78,11 +79,11 @@ TEST_F(StreamRegistryTest, WarnsOnceWhenFourFifthsAreTaken) {
   const auto outer = spdlog::default_logger();
   const auto sink = std::make_shared<spdlog::sinks::ostream_sink_mt>(log);
   spdlog::set_default_logger(std::make_shared<spdlog::logger>("test", sink));
-  for (int i = 0; i < 4; ++i) EXPECT_TRUE(OpenFor({"", ""}).ok());
+  for (int i = 0; i < 4; ++i) EXPECT_OK(OpenFor({"", ""}));
   spdlog::default_logger()->flush();
   EXPECT_EQ(log.str(), "") << "4 of 6";
-  EXPECT_TRUE(OpenFor({"", ""}).ok());
-  EXPECT_TRUE(OpenFor({"", ""}).ok());
+  EXPECT_OK(OpenFor({"", ""}));
+  EXPECT_OK(OpenFor({"", ""}));
   spdlog::default_logger()->flush();
   const std::string text = log.str();
   spdlog::set_default_logger(outer);
@@ -100,9 +101,9 @@ TEST_F(StreamRegistryTest, CountsStreamsOnceTheirCallerIsKnown) {
   registry.Remove(streams.back().get());
   registry.Remove(unknown[0].get());
   for (int i = 0; i < 3; ++i) {
-    EXPECT_TRUE(OpenFor({"lab", ""}).ok());
+    EXPECT_OK(OpenFor({"lab", ""}));
   }
-  EXPECT_TRUE(unknown[1]->Admit({"other", ""}).ok());
+  EXPECT_OK(unknown[1]->Admit({"other", ""}));
 }
 
 TEST(StreamOwner, IsTheProjectAndTheAddressOrSubject) {

@@ -7,9 +7,8 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
 #include "server/residency/model_bytes.h"
-#include "tests/server/running_server.h"
+#include "tests/server/shelf_model.h"
 
 namespace pepeseg {
 namespace {
@@ -31,50 +30,29 @@ ServerOptions RoomForTwo() {
   return options;
 }
 
-class AdminTest : public ::testing::Test {
- protected:
-  AdminTest() {
+struct AdminTest : ServiceTest {
+  AdminTest() : ServiceTest(PEPESEG_MODEL_WORKER, RoomForTwo()) {
     for (const char* scene : {"a", "b", "c"}) {
       running.CreateScene(scene);
-      const v1::Job job = running.Await(running.Train(scene, "file").name());
-      EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.DebugString();
+      TrainToTheEnd(scene, "file");
     }
   }
   static std::string NameOf(const std::string& scene) {
     return absl::StrCat("scenes/", scene, "/models/1");
   }
-  grpc::Status Load(const std::string& name) {
-    grpc::ClientContext context;
-    v1::LoadModelRequest request;
-    request.set_name(name);
-    return running.admin->LoadModel(&context, request, &model);
+  Reply<v1::ResidentModel> Load(const std::string& name) const {
+    return Call(&AdminStub::LoadModel, Named{name});
   }
   grpc::Status Unload(const std::string& name) {
-    grpc::ClientContext context;
-    v1::UnloadModelRequest request;
-    request.set_name(name);
-    google::protobuf::Empty empty;
-    return running.admin->UnloadModel(&context, request, &empty);
+    return Call(&AdminStub::UnloadModel, Named{name});
   }
-  grpc::Status Pin(const std::string& name) {
-    grpc::ClientContext context;
-    v1::PinModelRequest request;
-    request.set_name(name);
-    return running.admin->PinModel(&context, request, &model);
+  Reply<v1::ResidentModel> Pin(const std::string& name) const {
+    return Call(&AdminStub::PinModel, Named{name});
   }
-  grpc::Status Unpin(const std::string& name) {
-    grpc::ClientContext context;
-    v1::UnpinModelRequest request;
-    request.set_name(name);
-    return running.admin->UnpinModel(&context, request, &model);
+  Reply<v1::ResidentModel> Unpin(const std::string& name) const {
+    return Call(&AdminStub::UnpinModel, Named{name});
   }
-  v1::ListResidentModelsResponse List() {
-    grpc::ClientContext context;
-    v1::ListResidentModelsResponse response;
-    const grpc::Status status = running.admin->ListResidentModels(&context, {}, &response);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    return response;
-  }
+  v1::ListResidentModelsResponse List() const { return *Call(&AdminStub::ListResidentModels, {}); }
   std::vector<std::string> ListNames() {
     const v1::ListResidentModelsResponse list = List();
     std::vector<std::string> names;
@@ -84,26 +62,17 @@ class AdminTest : public ::testing::Test {
     return names;
   }
   grpc::Status Ask(const std::string& scene) {
-    grpc::ClientContext context;
-    v1::SegmentViewsRequest request;
+    auto request = Click<v1::SegmentViewsRequest>(30);
     request.set_model(absl::StrCat("scenes/", scene, "/models/live"));
-    request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
-    auto& point = *request.mutable_prompt()->mutable_points()->add_points();
-    point.set_x(30);
-    point.set_y(32);
     request.mutable_granularity()->set_scale_quantile(0.5);
     request.mutable_granularity()->set_threshold(0.75);
-    v1::SegmentViewsResponse response;
-    return running.segmentation->SegmentViews(&context, request, &response);
+    return Call(&SegmentationStub::SegmentViews, request);
   }
-
-  RunningServer running{PEPESEG_MODEL_WORKER, RoomForTwo()};
-  v1::ResidentModel model;
 };
 
 TEST_F(AdminTest, LoadsAndUnloads) {
   EXPECT_EQ(List().models_size(), 0);
-  ASSERT_TRUE(Load("scenes/a/models/live").ok());
+  ASSERT_OK_AND_ASSIGN(auto model, Load("scenes/a/models/live"));
   EXPECT_EQ(model.name(), NameOf("a"));
   EXPECT_EQ(model.host_bytes() + model.device_bytes(), BytesOfOne());
   EXPECT_FALSE(model.pinned());
@@ -116,48 +85,40 @@ TEST_F(AdminTest, LoadsAndUnloads) {
   EXPECT_EQ(list.host().limit_bytes(), RoomForTwo().model_bytes - RoomForTwo().model_bytes / 20);
   EXPECT_FALSE(list.has_device());
   EXPECT_GT(list.device_bytes_in_use(), 20'000 * (14 + 32) * 4);
-  ASSERT_TRUE(Unload(NameOf("a")).ok());
+  ASSERT_OK(Unload(NameOf("a")));
   EXPECT_EQ(List().models_size(), 0);
   EXPECT_EQ(List().host().reserved_bytes(), 0);
   EXPECT_EQ(List().device_bytes_in_use(), 0);
-  const grpc::Status again = Unload(NameOf("a"));
-  EXPECT_EQ(again.error_code(), grpc::NOT_FOUND);
-  EXPECT_EQ(DetailOf(again).reason(), "NOT_RESIDENT");
-  EXPECT_EQ(Load("scenes/a/models/7").error_code(), grpc::NOT_FOUND);
-  EXPECT_EQ(Load("nonsense").error_code(), grpc::INVALID_ARGUMENT);
+  EXPECT_ERROR(Unload(NameOf("a")), grpc::NOT_FOUND, {.reason = "NOT_RESIDENT"});
+  EXPECT_ERROR(Load("scenes/a/models/7"), grpc::NOT_FOUND);
+  EXPECT_ERROR(Load("nonsense"), grpc::INVALID_ARGUMENT);
 }
 
 TEST_F(AdminTest, ReportsMapsThatQueriesLeave) {
-  ASSERT_TRUE(Ask("a").ok());
+  ASSERT_OK(Ask("a"));
   v1::ListResidentModelsResponse list = List();
   ASSERT_EQ(list.models_size(), 1);
   EXPECT_EQ(list.models(0).cached_maps(), 1);
   EXPECT_EQ(list.models(0).num_renders(), 1);
-  ASSERT_TRUE(Ask("a").ok());
+  ASSERT_OK(Ask("a"));
   list = List();
   EXPECT_EQ(list.models(0).num_renders(), 1);
   EXPECT_EQ(list.num_loads(), 1);
 }
 
 TEST_F(AdminTest, EvictsTheLeastRecentlyUsedUnlessPinned) {
-  ASSERT_TRUE(Pin(NameOf("a")).ok());
-  EXPECT_TRUE(model.pinned());
-  ASSERT_TRUE(Ask("b").ok());
-  ASSERT_TRUE(Ask("c").ok());
+  EXPECT_TRUE(Pin(NameOf("a"))->pinned());
+  ASSERT_OK(Ask("b"));
+  ASSERT_OK(Ask("c"));
   EXPECT_EQ(ListNames(), (std::vector<std::string>{NameOf("a"), NameOf("c")}));
   EXPECT_EQ(List().num_evictions(), 1);
-  ASSERT_TRUE(Pin(NameOf("c")).ok());
+  ASSERT_OK(Pin(NameOf("c")));
   const grpc::Status full = Ask("b");
-  EXPECT_EQ(full.error_code(), grpc::RESOURCE_EXHAUSTED);
-  EXPECT_EQ(DetailOf(full).reason(), "DOES_NOT_FIT");
-  const MemoryBytes need = BytesOfModel(*MakeCpuBackend(1), kShape);
-  EXPECT_NE(DetailOf(full).value().find(absl::StrCat(need.host + need.device, " bytes")),
-            std::string::npos)
-      << DetailOf(full).value();
-  EXPECT_NE(full.error_message().find("scenes/b/models/1: needs"), std::string::npos)
-      << full.error_message();
-  ASSERT_TRUE(Unpin(NameOf("a")).ok());
-  EXPECT_TRUE(Ask("b").ok());
+  EXPECT_ERROR(full, grpc::RESOURCE_EXHAUSTED,
+               {.reason = "DOES_NOT_FIT", .message = "scenes/b/models/1: needs"});
+  EXPECT_THAT(DetailOf(full).value(), ::testing::HasSubstr(absl::StrCat(BytesOfOne(), " bytes")));
+  ASSERT_OK(Unpin(NameOf("a")));
+  EXPECT_OK(Ask("b"));
   EXPECT_EQ(ListNames(), (std::vector<std::string>{NameOf("b"), NameOf("c")}));
 }
 
@@ -181,27 +142,16 @@ struct UnreadExports : AdminTest {
     for (const auto& reader : readers) {
       while (reader->Read(&part)) {
       }
-      EXPECT_TRUE(reader->Finish().ok());
+      EXPECT_OK(reader->Finish());
     }
     readers.clear();
   }
   ~UnreadExports() override { ReadToTheEnd(); }
   static void ExpectPutOff(const grpc::Status& status) {
-    EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE) << status.error_message();
-    EXPECT_EQ(DetailOf(status).reason(), "NO_ROOM_NOW");
+    EXPECT_ERROR(status, grpc::UNAVAILABLE, {.reason = "NO_ROOM_NOW"});
     EXPECT_GT(DetailOf(status).retry_after().seconds(), 0);
     EXPECT_NE(DetailOf(status).value(), "");
     EXPECT_NE(DetailOf(status).limit(), "");
-  }
-  // Retries, as a client does: the exports end a little after their readers.
-  template <typename Call>
-  static grpc::Status Retry(Call call) {
-    grpc::Status status = call();
-    for (int tries = 0; !status.ok() && tries < 500; ++tries) {
-      absl::SleepFor(absl::Milliseconds(20));
-      status = call();
-    }
-    return status;
   }
 
   std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
@@ -209,10 +159,7 @@ struct UnreadExports : AdminTest {
 };
 
 TEST_F(UnreadExports, DelayAColdModelUntilTheyAreRead) {
-  for (const char* scene : {"a", "b"}) {
-    const grpc::Status begun = Begin(scene);
-    ASSERT_TRUE(begun.ok()) << begun.error_message();
-  }
+  for (const char* scene : {"a", "b"}) ASSERT_OK(Begin(scene));
   const v1::ListResidentModelsResponse list = List();
   ASSERT_EQ(list.models_size(), 2);
   for (const v1::ResidentModel& resident : list.models()) {
@@ -220,13 +167,12 @@ TEST_F(UnreadExports, DelayAColdModelUntilTheyAreRead) {
   }
   const grpc::Status put_off = Ask("c");
   ExpectPutOff(put_off);
-  EXPECT_NE(put_off.error_message().find("scenes/c/models/1: needs"), std::string::npos)
-      << put_off.error_message();
+  EXPECT_THAT(put_off.error_message(), ::testing::HasSubstr("scenes/c/models/1: needs"));
   EXPECT_EQ(List().num_evictions(), 0);
-  EXPECT_TRUE(Ask("a").ok()) << "what is resident is asked all the same";
+  EXPECT_OK(Ask("a")) << "what is resident is asked all the same";
   ReadToTheEnd();
-  const grpc::Status asked = Retry([this] { return Ask("c"); });
-  EXPECT_TRUE(asked.ok()) << asked.error_message();
+  // The exports end a little after their readers.
+  EXPECT_TRUE(Eventually([this] { return Ask("c").ok(); }, absl::Seconds(10)));
 }
 
 TEST_F(UnreadExports, DelayAnotherExportThatDoesNotFit) {
@@ -236,68 +182,47 @@ TEST_F(UnreadExports, DelayAnotherExportThatDoesNotFit) {
   EXPECT_GT(readers.size(), 1);
   ExpectPutOff(status);
   ReadToTheEnd();
-  status = Retry([this] { return Begin("a"); });
-  EXPECT_TRUE(status.ok()) << status.error_message();
+  EXPECT_TRUE(Eventually([this] { return Begin("a").ok(); }, absl::Seconds(10)));
 }
 
 TEST_F(AdminTest, KeepsPinnedModelsUntilTheirSceneIsDeleted) {
-  ASSERT_TRUE(Pin("scenes/a/models/live").ok());
-  const grpc::Status refused = Unload(NameOf("a"));
-  EXPECT_EQ(refused.error_code(), grpc::FAILED_PRECONDITION);
-  EXPECT_EQ(DetailOf(refused).reason(), "PINNED");
-  EXPECT_TRUE(Ask("a").ok());
-  EXPECT_EQ(Unpin(NameOf("b")).error_code(), grpc::NOT_FOUND) << "not in memory";
-  grpc::ClientContext context;
-  v1::DeleteSceneRequest request;
-  request.set_name("scenes/a");
-  google::protobuf::Empty empty;
-  ASSERT_TRUE(running.scenes->DeleteScene(&context, request, &empty).ok());
+  ASSERT_OK(Pin("scenes/a/models/live"));
+  EXPECT_ERROR(Unload(NameOf("a")), grpc::FAILED_PRECONDITION, {.reason = "PINNED"});
+  EXPECT_OK(Ask("a"));
+  EXPECT_ERROR(Unpin(NameOf("b")), grpc::NOT_FOUND) << "not in memory";
+  ASSERT_OK(Call(&SceneStub::DeleteScene, Named{"scenes/a"}));
   EXPECT_EQ(List().models_size(), 0);
 }
 
 TEST_F(AdminTest, UnpinsAModelSoThatItMayBeUnloaded) {
-  ASSERT_TRUE(Pin("scenes/a/models/live").ok());
+  ASSERT_OK_AND_ASSIGN(auto model, Pin("scenes/a/models/live"));
   EXPECT_TRUE(model.pinned());
   EXPECT_EQ(model.queries_in_flight(), 0);
-  ASSERT_TRUE(Unpin(NameOf("a")).ok());
+  ASSERT_OK_AND_ASSIGN(model, Unpin(NameOf("a")));
   EXPECT_EQ(model.name(), NameOf("a"));
   EXPECT_FALSE(model.pinned());
-  EXPECT_TRUE(Unpin(NameOf("a")).ok()) << "again";
-  EXPECT_TRUE(Unload(NameOf("a")).ok());
-  const grpc::Status gone = Unpin(NameOf("a"));
-  EXPECT_EQ(gone.error_code(), grpc::NOT_FOUND);
-  EXPECT_EQ(DetailOf(gone).reason(), "NOT_RESIDENT");
-  EXPECT_EQ(DetailOf(gone).resource(), NameOf("a"));
+  EXPECT_OK(Unpin(NameOf("a"))) << "again";
+  EXPECT_OK(Unload(NameOf("a")));
+  EXPECT_ERROR(Unpin(NameOf("a")), grpc::NOT_FOUND,
+               {.reason = "NOT_RESIDENT", .resource = NameOf("a")});
 }
 
 TEST_F(AdminTest, IsServedOnItsOwnListenerOnly) {
-  const auto elsewhere = v1::AdminService::NewStub(running.channel);
-  grpc::ClientContext to_services;
-  v1::ListResidentModelsResponse response;
-  EXPECT_EQ(elsewhere->ListResidentModels(&to_services, {}, &response).error_code(),
-            grpc::UNIMPLEMENTED);
+  EXPECT_ERROR(CallOver(running.channel, &AdminStub::ListResidentModels, {}), grpc::UNIMPLEMENTED);
   EXPECT_NE(running.server->admin_port(), 0);
   EXPECT_NE(running.server->admin_port(), running.server->port());
   const auto socket = grpc::CreateChannel(absl::StrCat("127.0.0.1:", running.server->admin_port()),
                                           grpc::InsecureChannelCredentials());
-  grpc::ClientContext over_socket;
-  EXPECT_TRUE(
-      v1::AdminService::NewStub(socket)->ListResidentModels(&over_socket, {}, &response).ok());
-  grpc::ClientContext to_admin;
-  v1::ListScenesResponse scenes;
-  EXPECT_EQ(v1::SceneService::NewStub(socket)->ListScenes(&to_admin, {}, &scenes).error_code(),
-            grpc::UNIMPLEMENTED);
+  EXPECT_OK(CallOver(socket, &AdminStub::ListResidentModels, {}));
+  EXPECT_ERROR(CallOver(socket, &SceneStub::ListScenes, {}), grpc::UNIMPLEMENTED);
 
   running.options.admin = "unix:" + (running.folder / "admin.sock").string();
   running.Restart();
   const auto unix_socket =
       grpc::CreateChannel(running.options.admin, grpc::InsecureChannelCredentials());
-  grpc::ClientContext over_unix;
-  EXPECT_TRUE(
-      v1::AdminService::NewStub(unix_socket)->ListResidentModels(&over_unix, {}, &response).ok());
+  EXPECT_OK(CallOver(unix_socket, &AdminStub::ListResidentModels, {}));
 
   running.options.admin.clear();
-  running.admin.reset();
   running.Restart();
   EXPECT_EQ(running.server->InProcessAdminChannel(), nullptr);
   EXPECT_EQ(running.server->admin_port(), 0);
@@ -310,11 +235,10 @@ TEST(AdminListener, RefusesOtherMachinesUnlessToldTo) {
   options.worker = PEPESEG_MODEL_WORKER;
   options.device = "cpu";
   options.admin = "0.0.0.0:0";
-  const auto refused = Server::Start(options);
-  EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
-  EXPECT_NE(refused.status().message().find("listening on 0.0.0.0:0"), std::string::npos);
+  EXPECT_STATUS(Server::Start(options), absl::StatusCode::kFailedPrecondition,
+                "listening on 0.0.0.0:0");
   options.insecure = true;
-  EXPECT_TRUE(Server::Start(options).ok());
+  EXPECT_OK(Server::Start(options));
 }
 
 }  // namespace

@@ -10,21 +10,16 @@ namespace pepeseg {
 namespace {
 
 struct DecomposeTest : ShelfModel {
-  grpc::Status Decompose(const std::vector<double>& scales) {
-    grpc::ClientContext context;
+  Reply<v1::DecomposeModelResponse> Decompose(const std::vector<double>& scales) const {
     v1::DecomposeModelRequest request;
     request.set_model(kModel);
     request.mutable_scales()->Add(scales.begin(), scales.end());
-    answer.Clear();
-    return running.segmentation->DecomposeModel(&context, request, &answer);
+    return Call(&SegmentationStub::DecomposeModel, request);
   }
-
-  v1::DecomposeModelResponse answer;
 };
 
 TEST_F(DecomposeTest, FindsEachSquareAtEveryLevel) {
-  const grpc::Status status = Decompose({});
-  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_OK_AND_ASSIGN(auto answer, Decompose({}));
   EXPECT_EQ(answer.model(), "scenes/shelf/models/1");
   EXPECT_TRUE(answer.timing().has_compute());
   ASSERT_EQ(answer.levels_size(), 3);
@@ -49,25 +44,21 @@ TEST_F(DecomposeTest, FindsEachSquareAtEveryLevel) {
 }
 
 TEST_F(DecomposeTest, UsesTheRequestedScales) {
-  ASSERT_TRUE(Decompose({0.3}).ok());
+  ASSERT_OK_AND_ASSIGN(auto answer, Decompose({0.3}));
   ASSERT_EQ(answer.levels_size(), 1);
   EXPECT_EQ(answer.levels(0).scale_quantile(), 0.3);
   EXPECT_EQ(answer.levels(0).segments(0).parent(), 0);
 }
 
 TEST_F(DecomposeTest, AnswersConcurrentRequestsAlike) {
-  ASSERT_TRUE(Decompose({}).ok());
+  ASSERT_OK_AND_ASSIGN(auto answer, Decompose({}));
   const v1::DecomposeModelResponse want = answer;
   std::vector<int> same(4);
   std::vector<std::thread> threads;
   threads.reserve(same.size());
   for (size_t t = 0; t < same.size(); ++t) {
     threads.emplace_back([&, t] {
-      grpc::ClientContext context;
-      v1::DecomposeModelRequest request;
-      v1::DecomposeModelResponse got;
-      request.set_model(kModel);
-      if (!running.segmentation->DecomposeModel(&context, request, &got).ok()) return;
+      v1::DecomposeModelResponse got = *Decompose({});
       *got.mutable_timing() = want.timing();
       same[t] = got.SerializeAsString() == want.SerializeAsString() ? 1 : 0;
     });
@@ -77,24 +68,23 @@ TEST_F(DecomposeTest, AnswersConcurrentRequestsAlike) {
 }
 
 TEST_F(DecomposeTest, RefusesScalesThatAreNone) {
-  ExpectRefused(Decompose({0.5, 0.5}), "scales[1]", "'0.5': not over the scale before, 0.5");
-  ExpectRefused(Decompose({0.5, 0.2}), "scales[1]", "'0.2': not over");
-  ExpectRefused(Decompose({0.1, 1.5}), "scales[1]", "not in [0, 1]");
-  ExpectRefused(Decompose({-0.1}), "scales[0]", "not in [0, 1]");
-  ExpectRefused(Decompose({std::numeric_limits<double>::quiet_NaN()}), "scales[0]",
-                "not in [0, 1]");
-  ExpectRefused(Decompose({0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9}), "scales",
-                "'9': scales; allowed are 8");
-  ASSERT_TRUE(Decompose({0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8}).ok());
+  EXPECT_ERROR(Decompose({0.5, 0.5}), grpc::INVALID_ARGUMENT, "scales[1]",
+               "'0.5': not over the scale before, 0.5");
+  EXPECT_ERROR(Decompose({0.5, 0.2}), grpc::INVALID_ARGUMENT, "scales[1]", "'0.2': not over");
+  EXPECT_ERROR(Decompose({0.1, 1.5}), grpc::INVALID_ARGUMENT, "scales[1]", "not in [0, 1]");
+  EXPECT_ERROR(Decompose({-0.1}), grpc::INVALID_ARGUMENT, "scales[0]", "not in [0, 1]");
+  EXPECT_ERROR(Decompose({std::numeric_limits<double>::quiet_NaN()}), grpc::INVALID_ARGUMENT,
+               "scales[0]", "not in [0, 1]");
+  EXPECT_ERROR(Decompose({0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9}), grpc::INVALID_ARGUMENT,
+               "scales", "'9': scales; allowed are 8");
+  ASSERT_OK_AND_ASSIGN(auto answer, Decompose({0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8}));
   EXPECT_EQ(answer.levels_size(), 8);
 }
 
 TEST_F(DecomposeTest, NamesAModelThatDoesNotExist) {
-  grpc::ClientContext context;
   v1::DecomposeModelRequest request;
   request.set_model("scenes/shelf/models/7");
-  EXPECT_EQ(running.segmentation->DecomposeModel(&context, request, &answer).error_code(),
-            grpc::NOT_FOUND);
+  EXPECT_ERROR(Call(&SegmentationStub::DecomposeModel, request), grpc::NOT_FOUND);
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 #include "core/base/digest.h"
 #include "core/priors/sam/sam_segmenter.h"
 #include "server/store/layout.h"
-#include "tests/server/running_server.h"
+#include "tests/server/service_test.h"
 #include "tests/server/store/test_database.h"
 #include "tests/testing/fake_sam.h"
 #include "tests/testing/png_bytes.h"
@@ -30,41 +30,40 @@ std::vector<TestFile> Photos() {
   return files;
 }
 
-struct EstimateTrainingTest : ::testing::Test {
-  EstimateTrainingTest() : running(PEPESEG_FAKE_WORKER) { running.CreateScene("shelf"); }
+struct EstimateTrainingTest : EmptyScene {
+  EstimateTrainingTest() : EmptyScene(PEPESEG_FAKE_WORKER) {}
 
-  grpc::Status Estimate(const std::string& dataset, const v1::TrainingOptions& options = {}) {
-    grpc::ClientContext context;
+  Reply<v1::EstimateTrainingResponse> Estimate(const std::string& dataset,
+                                               const v1::TrainingOptions& options = {}) const {
     v1::EstimateTrainingRequest request;
     request.set_scene("scenes/shelf");
     request.set_dataset(dataset);
     *request.mutable_options() = options;
-    estimate.Clear();
-    return running.jobs->EstimateTraining(&context, request, &estimate);
+    return Call(&JobStub::EstimateTraining, request);
   }
-
   grpc::Status Train(const std::string& dataset, const v1::TrainingOptions& options,
                      bool validate_only) {
-    grpc::ClientContext context;
     v1::TrainSceneRequest request;
     request.set_scene("scenes/shelf");
     request.set_dataset(dataset);
     *request.mutable_options() = options;
     request.set_validate_only(validate_only);
-    v1::Job job;
-    return running.jobs->TrainScene(&context, request, &job);
+    return Call(&JobStub::TrainScene, request);
   }
-
-  RunningServer running;
-  v1::EstimateTrainingResponse estimate;
+  // Restarts the server with SAM and two threads.
+  void InstallSam() {
+    testing::MakeFakeSam(running.folder / "sam");
+    running.options.workers.sam = running.folder / "sam";
+    running.options.num_threads = 2;
+    running.Restart();
+  }
 };
 
 TEST_F(EstimateTrainingTest, ReportsWhatTheHeadersAndOptionsSay) {
   const std::string dataset = running.UploadAndSeal("shelf", Photos());
   v1::TrainingOptions options;
   options.mutable_reconstruct()->set_max_gaussians(10'000);
-  const grpc::Status status = Estimate(dataset, options);
-  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_OK_AND_ASSIGN(const auto estimate, Estimate(dataset, options));
   EXPECT_EQ(estimate.num_views(), 4);
   EXPECT_EQ(estimate.max_pixels(), 400 * 360);
   EXPECT_EQ(estimate.num_points(), 3);
@@ -88,25 +87,20 @@ TEST_F(EstimateTrainingTest, ReportsWhatTheHeadersAndOptionsSay) {
 TEST_F(EstimateTrainingTest, EstimatesLessForSmallerPhotographsAndFewerGaussians) {
   const std::string dataset = running.UploadAndSeal("shelf", Photos());
   v1::TrainingOptions options;
-  ASSERT_TRUE(Estimate(dataset, options).ok());
-  const int64_t all = estimate.need_bytes();
+  const int64_t all = Estimate(dataset, options)->need_bytes();
   options.mutable_import()->set_image_scale(0.5);
-  ASSERT_TRUE(Estimate(dataset, options).ok());
-  EXPECT_EQ(estimate.max_pixels(), 400 * 360 / 4);
-  const int64_t small = estimate.need_bytes();
-  EXPECT_LT(small, all);
+  ASSERT_OK_AND_ASSIGN(const auto small, Estimate(dataset, options));
+  EXPECT_EQ(small.max_pixels(), 400 * 360 / 4);
+  EXPECT_LT(small.need_bytes(), all);
   options.mutable_reconstruct()->set_max_gaussians(1000);
-  ASSERT_TRUE(Estimate(dataset, options).ok());
-  EXPECT_LT(estimate.need_bytes(), small);
+  ASSERT_OK_AND_ASSIGN(const auto sparse, Estimate(dataset, options));
+  EXPECT_LT(sparse.need_bytes(), small.need_bytes());
 }
 
 TEST_F(EstimateTrainingTest, CountsTheTimeAndMemoryOfSam) {
   const std::string dataset = running.UploadAndSeal("shelf", Photos());
-  testing::MakeFakeSam(running.folder / "sam");
-  running.options.workers.sam = running.folder / "sam";
-  running.options.num_threads = 2;
-  running.Restart();
-  ASSERT_TRUE(Estimate(dataset).ok());
+  InstallSam();
+  ASSERT_OK_AND_ASSIGN(const auto estimate, Estimate(dataset));
   ASSERT_EQ(estimate.stages_size(), 4);
   EXPECT_EQ(estimate.stages(1).stage(), v1::JOB_STAGE_PRIORS);
   EXPECT_GT(estimate.stages(1).host_bytes(), int64_t{523} << 20);
@@ -114,8 +108,7 @@ TEST_F(EstimateTrainingTest, CountsTheTimeAndMemoryOfSam) {
   EXPECT_EQ(estimate.stages(1).duration().seconds(), static_cast<int64_t>(4 * kSamCoreSeconds / 2));
   v1::TrainingOptions options;
   options.mutable_priors()->set_masks(v1::PRIOR_MAKER_EMBEDDED);
-  ASSERT_TRUE(Estimate(dataset, options).ok());
-  EXPECT_EQ(estimate.stages_size(), 3);
+  EXPECT_EQ(Estimate(dataset, options)->stages_size(), 3);
 }
 
 // SAM and COLMAP run at the same time, in two processes.
@@ -123,21 +116,17 @@ TEST_F(EstimateTrainingTest, AddsTheMemoryOfSamToThatOfColmap) {
   std::vector<TestFile> files = Photos();
   files.pop_back();
   const std::string dataset = running.UploadAndSeal("shelf", files);
-  ASSERT_TRUE(Estimate(dataset).ok());
-  ASSERT_EQ(estimate.stages(1).stage(), v1::JOB_STAGE_SFM);
-  const int64_t without_sam = estimate.stages(1).host_bytes();
-  testing::MakeFakeSam(running.folder / "sam");
-  running.options.workers.sam = running.folder / "sam";
-  running.options.num_threads = 2;
-  running.Restart();
-  ASSERT_TRUE(Estimate(dataset).ok());
-  EXPECT_EQ(estimate.stages(1).host_bytes(), without_sam + SamHostBytes(2));
+  ASSERT_OK_AND_ASSIGN(const auto without_sam, Estimate(dataset));
+  ASSERT_EQ(without_sam.stages(1).stage(), v1::JOB_STAGE_SFM);
+  InstallSam();
+  ASSERT_OK_AND_ASSIGN(const auto with_sam, Estimate(dataset));
+  EXPECT_EQ(with_sam.stages(1).host_bytes(), without_sam.stages(1).host_bytes() + SamHostBytes(2));
 }
 
 TEST_F(EstimateTrainingTest, AddsTheFeaturesStageForMasks) {
   std::vector<TestFile> files = Photos();
   files.push_back({"masks/0.png", testing::BlackPng(400, 300, 8), v1::FILE_KIND_MASK});
-  ASSERT_TRUE(Estimate(running.UploadAndSeal("shelf", files)).ok());
+  ASSERT_OK_AND_ASSIGN(const auto estimate, Estimate(running.UploadAndSeal("shelf", files)));
   EXPECT_EQ(estimate.num_mask_files(), 1);
   ASSERT_EQ(estimate.stages_size(), 3);
   EXPECT_EQ(estimate.stages(2).stage(), v1::JOB_STAGE_FEATURES);
@@ -149,28 +138,23 @@ TEST_F(EstimateTrainingTest, RefusesTrainingsThatDoNotFitBeforeTheyAreQueued) {
   v1::TrainingOptions options;
   options.mutable_reconstruct()->set_max_gaussians(100'000'000);
   options.mutable_reconstruct()->set_pixels_per_gaussian(0);  // else the budget is the limit
-  ASSERT_TRUE(Estimate(dataset, options).ok());
+  ASSERT_OK_AND_ASSIGN(const auto estimate, Estimate(dataset, options));
   ASSERT_GT(estimate.need_bytes(), estimate.have_bytes()) << "this machine takes anything";
   for (const bool validate_only : {true, false}) {
     const grpc::Status refused = Train(dataset, options, validate_only);
-    EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+    EXPECT_ERROR(refused, grpc::RESOURCE_EXHAUSTED);
     const v1::Error detail = DetailOf(refused);
     EXPECT_EQ(detail.reason(), "DOES_NOT_FIT");
     EXPECT_EQ(detail.value(), absl::StrCat(estimate.need_bytes(), " bytes"));
     EXPECT_EQ(detail.limit(), absl::StrCat(estimate.have_bytes(), " bytes"));
   }
-  grpc::ClientContext context;
-  v1::ListJobsResponse jobs;
-  ASSERT_TRUE(running.jobs->ListJobs(&context, v1::ListJobsRequest(), &jobs).ok());
-  EXPECT_EQ(jobs.jobs_size(), 0);
+  EXPECT_EQ(Call(&JobStub::ListJobs, {})->jobs_size(), 0);
 }
 
 TEST_F(EstimateTrainingTest, NamesAFileThatIsNotAPhotographAndLeavesItToTheJob) {
   const std::string dataset = running.UploadAndSeal("shelf", {{"fine", "bytes"}});
-  const grpc::Status status = Estimate(dataset);
-  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_NE(status.error_message().find("fine"), std::string::npos) << status.error_message();
-  EXPECT_TRUE(Train(dataset, {}, /*validate_only=*/true).ok());
+  EXPECT_ERROR(Estimate(dataset), grpc::INVALID_ARGUMENT, {.message = "fine"});
+  EXPECT_OK(Train(dataset, {}, /*validate_only=*/true));
 }
 
 // Photographs with so much metadata that their size is not in the first MiB.
@@ -202,8 +186,7 @@ void BlankBlobs(const RunningServer& running) {
 TEST_F(EstimateTrainingTest, UsesHeadersReadWhenTheFilesWereStored) {
   const std::string dataset = running.UploadAndSeal("shelf", LargePhotos());
   BlankBlobs(running);
-  const grpc::Status status = Estimate(dataset);
-  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_OK_AND_ASSIGN(const auto estimate, Estimate(dataset));
   EXPECT_EQ(estimate.num_views(), 5);
   EXPECT_EQ(estimate.max_pixels(), 2000 * 1000);
   EXPECT_EQ(estimate.num_points(), 3);
@@ -213,15 +196,11 @@ TEST_F(EstimateTrainingTest, ReadsMissingHeadersOnce) {
   const std::string dataset = running.UploadAndSeal("shelf", LargePhotos());
   // Another upload of the same files, of which nothing is written.
   const v1::Upload again = running.CreateUpload("shelf", LargePhotos());
-  grpc::ClientContext context;
-  v1::SealUploadRequest request;
-  request.set_name(again.name());
-  v1::Dataset sealed;
-  ASSERT_TRUE(running.datasets->SealUpload(&context, request, &sealed).ok());
+  ASSERT_OK_AND_ASSIGN(const v1::Dataset sealed,
+                       Call(&DatasetStub::SealUpload, Named{again.name()}));
   for (const bool blanked : {false, true}) {
     if (blanked) BlankBlobs(running);
-    const grpc::Status status = Estimate(sealed.name());
-    ASSERT_TRUE(status.ok()) << status.error_message();
+    ASSERT_OK_AND_ASSIGN(const auto estimate, Estimate(sealed.name()));
     EXPECT_EQ(estimate.max_pixels(), 2000 * 1000);
     EXPECT_EQ(estimate.num_points(), 3);
   }
@@ -241,7 +220,7 @@ TEST_F(EstimateTrainingTest, CountsColmapPointsByTheStartOfTheFile) {
   for (const Case& one : cases) {
     std::vector<TestFile> files = Photos();
     files.back().bytes = one.text;
-    ASSERT_TRUE(Estimate(running.UploadAndSeal("shelf", files)).ok());
+    ASSERT_OK_AND_ASSIGN(const auto estimate, Estimate(running.UploadAndSeal("shelf", files)));
     EXPECT_GE(estimate.num_points(), one.least);
     EXPECT_LE(estimate.num_points(), one.most);
   }
@@ -279,15 +258,13 @@ TEST(MeasureDataset, StopsWhenTheCallerIsGone) {
 }
 
 TEST_F(EstimateTrainingTest, RefusesWhatTrainSceneRefuses) {
-  EXPECT_EQ(Estimate("scenes/shelf/datasets/9").error_code(), grpc::StatusCode::NOT_FOUND);
-  EXPECT_EQ(Estimate("scenes/other/datasets/1").error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-  const v1::Upload open = running.CreateUpload("shelf", {{"a", "bytes"}});
-  EXPECT_EQ(Estimate("scenes/shelf/datasets/1").error_code(),
-            grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_ERROR(Estimate("scenes/shelf/datasets/9"), grpc::NOT_FOUND);
+  EXPECT_ERROR(Estimate("scenes/other/datasets/1"), grpc::INVALID_ARGUMENT);
+  running.CreateUpload("shelf", {{"a", "bytes"}});
+  EXPECT_ERROR(Estimate("scenes/shelf/datasets/1"), grpc::FAILED_PRECONDITION);
   v1::TrainingOptions options;
   options.mutable_reconstruct()->set_num_steps(0);
-  EXPECT_EQ(Estimate("scenes/shelf/datasets/1", options).error_code(),
-            grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_ERROR(Estimate("scenes/shelf/datasets/1", options), grpc::INVALID_ARGUMENT);
 }
 
 }  // namespace

@@ -250,9 +250,7 @@ TEST_F(EvaluateTest, FindsAnEntityByEachKindOfPrompt) {
   label.set_label_id("red");
   label.mutable_label()->set_view(kRightView);
   label.mutable_label()->mutable_mask()->set_png(right.MaskOf(kRed));
-  grpc::ClientContext context;
-  v1::Label created;
-  ASSERT_TRUE(running.labels->CreateLabel(&context, label, &created).ok());
+  ASSERT_OK(running.Call(&LabelStub::CreateLabel, label).status());
   // The reference view has no truth: a choice on it needs a mask in the prompt.
   const auto expect_found = [&](const std::function<void(v1::EntityPrompt&)>& set,
                                 bool with_reference) {

@@ -31,7 +31,7 @@ struct ExportTest : ShelfModel {
     const auto path = running.folder / "export.ply";
     std::ofstream(path, std::ios::binary) << ply;
     auto gaussians = ReadGaussianPly(path, "export.ply");
-    EXPECT_TRUE(gaussians.ok()) << gaussians.status();
+    EXPECT_OK(gaussians);
     return gaussians.ok() ? *gaussians : Gaussians();
   }
 
@@ -42,8 +42,7 @@ struct ExportTest : ShelfModel {
 
 TEST_F(ExportTest, ExportsASegmentAsAPly) {
   SetSegment(1, 2, *request.mutable_subset());
-  const grpc::Status status = Export();
-  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_OK(Export());
   EXPECT_EQ(header.model(), "scenes/shelf/models/1");
   EXPECT_EQ(header.num_gaussians(), 10'000);
   EXPECT_EQ(header.num_bytes(), static_cast<int64_t>(ply.size()));
@@ -54,12 +53,12 @@ TEST_F(ExportTest, ExportsASegmentAsAPly) {
 }
 
 TEST_F(ExportTest, ExportsTheComplementAsTheRest) {
-  ASSERT_TRUE(Export().ok());
+  ASSERT_OK(Export());
   const Gaussians all = Read();
   EXPECT_EQ(all.count, 20'000);
   SetSegment(1, 2, *request.mutable_subset());
   request.mutable_subset()->set_complement(true);
-  ASSERT_TRUE(Export().ok());
+  ASSERT_OK(Export());
   const Gaussians red = Read();
   ASSERT_EQ(red.count, 10'000);
   for (int64_t i = 0; i < red.count; ++i) {  // in the model's order, every plane
@@ -68,51 +67,48 @@ TEST_F(ExportTest, ExportsTheComplementAsTheRest) {
 }
 
 TEST_F(ExportTest, ExportsASelectionAndItsComplement) {
-  v1::CreateSelectionRequest select;
-  select.set_model(kModel);
-  select.mutable_prompt()->mutable_view()->set_view("middle.jpg");
-  auto* point = select.mutable_prompt()->mutable_points()->add_points();
-  point->set_x(30);
-  point->set_y(32);
-  grpc::ClientContext context;
-  v1::Selection selection;
-  const grpc::Status status = running.selections->CreateSelection(&context, select, &selection);
-  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_OK_AND_ASSIGN(const v1::Selection selection, Call(&SelectionStub::CreateSelection,
+                                                           Click<v1::CreateSelectionRequest>(30)));
   request.mutable_subset()->set_selection(selection.name());
-  ASSERT_TRUE(Export().ok());
+  ASSERT_OK(Export());
   const Gaussians red = Read();
   EXPECT_EQ(red.count, selection.num_gaussians());
   EXPECT_GT(red.count, 9'000);
   for (const float x : red.Plane(kMeanPlane)) ASSERT_LT(x, 0) << "the red square is on the left";
   request.mutable_subset()->set_complement(true);
-  ASSERT_TRUE(Export().ok());
+  ASSERT_OK(Export());
   EXPECT_EQ(Read().count, 20'000 - red.count);
 }
 
 TEST_F(ExportTest, ExportsTheStoredFileForAnEmptySubset) {
-  ASSERT_TRUE(Export().ok());
+  ASSERT_OK(Export());
+  EXPECT_EQ(header.num_gaussians(), 20'000);
+  EXPECT_EQ(header.num_bytes(), static_cast<int64_t>(ply.size()));
+  EXPECT_EQ(header.sha256(), Sha256Hex(ply));
+  EXPECT_GT(ply.size(), size_t{1} << 20) << "more than a chunk";
+  EXPECT_EQ(ply.substr(0, 3), "ply");
   const std::string whole = ply;
   request.mutable_subset();
-  ASSERT_TRUE(Export().ok());
+  ASSERT_OK(Export());
   EXPECT_EQ(ply, whole);
 }
 
 TEST_F(ExportTest, RefusesInvalidSubsets) {
   SetSegment(1, 3, *request.mutable_subset());
-  ExpectRefused(Export(), "subset.segment.id", "'3': no segment");
+  EXPECT_ERROR(Export(), grpc::INVALID_ARGUMENT, "subset.segment.id", "'3': no segment");
   SetSegment(-1, 1, *request.mutable_subset());
-  ExpectRefused(Export(), "subset.segment.level", "'-1': no level");
+  EXPECT_ERROR(Export(), grpc::INVALID_ARGUMENT, "subset.segment.level", "'-1': no level");
   request.mutable_subset()->set_selection("nonsense");
-  ExpectRefused(Export(), "subset.selection", "nonsense");
+  EXPECT_ERROR(Export(), grpc::INVALID_ARGUMENT, "subset.selection", "nonsense");
   request.mutable_subset()->clear_selection();
   request.mutable_subset()->set_complement(true);
-  ExpectRefused(Export(), "subset.complement", "of neither");
+  EXPECT_ERROR(Export(), grpc::INVALID_ARGUMENT, "subset.complement", "of neither");
   EXPECT_TRUE(ply.empty());
 }
 
-TEST_F(ExportTest, FreesMemoryOfACancelledSubset) {
-  SetSegment(0, 1, *request.mutable_subset());
-  for (int i = 0; i < 5; ++i) {
+TEST_F(ExportTest, FreesMemoryOfCancelledExports) {
+  for (int i = 0; i < 15; ++i) {
+    if (i == 10) SetSegment(0, 1, *request.mutable_subset());
     grpc::ClientContext context;
     const auto stream = running.renders->ExportGaussians(&context, request);
     v1::ExportGaussiansResponse part;
@@ -120,9 +116,9 @@ TEST_F(ExportTest, FreesMemoryOfACancelledSubset) {
     context.TryCancel();
     while (stream->Read(&part)) {
     }
-    EXPECT_EQ(stream->Finish().error_code(), grpc::CANCELLED);
+    EXPECT_ERROR(stream->Finish(), grpc::CANCELLED);
   }
-  EXPECT_TRUE(Export().ok());
+  EXPECT_OK(Export());
 }
 
 }  // namespace

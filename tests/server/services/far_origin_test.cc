@@ -4,7 +4,7 @@
 #include <fstream>
 
 #include "core/formats/gaussian_ply.h"
-#include "tests/server/running_server.h"
+#include "tests/server/service_test.h"
 
 // A model whose origin is far from zero in its dataset's world: callers see coordinates of the
 // dataset, as for any other model.
@@ -15,19 +15,14 @@ namespace {
 const Eigen::Vector3d kOrigin(4e5, 5.3e6, 100);
 constexpr char kModel[] = "scenes/town/models/live";
 
-struct FarOriginTest : ::testing::Test {
-  FarOriginTest() : running(PEPESEG_MODEL_WORKER) {
+struct FarOriginTest : ServiceTest {
+  FarOriginTest() : ServiceTest(PEPESEG_MODEL_WORKER) {
     running.CreateScene("town");
-    const v1::Job job = running.Await(running.Train("town", "far.model").name());
-    EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.DebugString();
+    TrainToTheEnd("town", "far.model");
   }
 
   v1::View ListedView(const std::string& name) {
-    grpc::ClientContext context;
-    v1::ListViewsRequest request;
-    request.set_parent(kModel);
-    v1::ListViewsResponse response;
-    EXPECT_TRUE(running.scenes->ListViews(&context, request, &response).ok());
+    const v1::ListViewsResponse response = *Call(&SceneStub::ListViews, Under{kModel});
     for (const v1::View& view : response.views()) {
       if (view.view() == name) return view;
     }
@@ -35,14 +30,10 @@ struct FarOriginTest : ::testing::Test {
     return {};
   }
   std::string Render(const v1::Viewpoint& viewpoint) {
-    grpc::ClientContext context;
     v1::RenderViewRequest request;
     request.set_model(kModel);
     *request.mutable_viewpoint() = viewpoint;
-    v1::RenderViewResponse response;
-    const grpc::Status status = running.renders->RenderView(&context, request, &response);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    return response.png();
+    return Call(&RenderStub::RenderView, request)->png();
   }
   std::string Export(bool only_blue) {
     grpc::ClientContext context;
@@ -55,11 +46,9 @@ struct FarOriginTest : ::testing::Test {
     const auto stream = running.renders->ExportGaussians(&context, request);
     std::string ply;
     for (v1::ExportGaussiansResponse part; stream->Read(&part);) ply += part.chunk().data();
-    EXPECT_TRUE(stream->Finish().ok());
+    EXPECT_OK(stream->Finish());
     return ply;
   }
-
-  RunningServer running;
 };
 
 TEST_F(FarOriginTest, ListsViewsAndReadsFreeCamerasInTheWorld) {
@@ -84,11 +73,10 @@ TEST_F(FarOriginTest, ExportsInTheWorld) {
     const auto path = running.folder / "export.ply";
     std::ofstream(path, std::ios::binary) << ply;
     EXPECT_NE(ply.find("property double x\n"), std::string::npos);
-    const auto relative = ReadGaussianPly(path, "export.ply", kOrigin);
-    ASSERT_TRUE(relative.ok()) << relative.status();
-    EXPECT_EQ(relative->count, only_blue ? 10'000 : 20'000);
-    for (const float z : relative->Plane(kMeanPlane + 2)) ASSERT_NEAR(z, 2, 1e-6);
-    for (const float x : relative->Plane(kMeanPlane)) ASSERT_LT(std::abs(x), 1.2);
+    ASSERT_OK_AND_ASSIGN(const auto relative, ReadGaussianPly(path, "export.ply", kOrigin));
+    EXPECT_EQ(relative.count, only_blue ? 10'000 : 20'000);
+    for (const float z : relative.Plane(kMeanPlane + 2)) ASSERT_NEAR(z, 2, 1e-6);
+    for (const float x : relative.Plane(kMeanPlane)) ASSERT_LT(std::abs(x), 1.2);
   }
 }
 

@@ -5,8 +5,6 @@
 #include <set>
 #include <thread>
 
-#include "absl/strings/match.h"
-#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/digest.h"
 #include "core/formats/decode_image.h"
@@ -32,7 +30,7 @@ Image TwoColours(int width, int height) {
 
 std::string Jpeg(const Image& image) {
   const auto jpeg = EncodeJpeg(image, 95);
-  EXPECT_TRUE(jpeg.ok()) << jpeg.status();
+  EXPECT_OK(jpeg);
   return jpeg.ok() ? *jpeg : "";
 }
 
@@ -53,7 +51,7 @@ struct SentPhotograph {
   Image Decoded() const {
     const std::span span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
     const auto image = DecodePhoto(span, "answer");
-    EXPECT_TRUE(image.ok()) << image.status();
+    EXPECT_OK(image);
     return image.ok() ? *image : Image();
   }
 };
@@ -74,9 +72,8 @@ SentPhotograph Get(RunningServer& running, const v1::GetPhotographRequest& reque
   return photograph;
 }
 
-struct GetPhotographTest : ::testing::Test {
-  explicit GetPhotographTest(const std::string& worker = PEPESEG_WORKER) : running(worker) {
-    running.CreateScene("shelf");
+struct GetPhotographTest : EmptyScene {
+  GetPhotographTest() : EmptyScene(PEPESEG_WORKER) {
     upright = Jpeg(TwoColours(60, 36));
     large = Jpeg(TwoColours(30, 20)) + std::string(2'500'000, 'x');
     request.set_parent(
@@ -92,17 +89,12 @@ struct GetPhotographTest : ::testing::Test {
     return pepeseg::Get(running, request);
   }
   void ExpectRefused(const std::string& field, const std::string& words) {
-    const SentPhotograph photograph = Get("b.jpg");
-    EXPECT_EQ(photograph.status.error_code(), grpc::INVALID_ARGUMENT) << words;
-    EXPECT_EQ(DetailOf(photograph.status).field(), field);
-    EXPECT_TRUE(absl::StrContains(photograph.status.error_message(), words))
-        << photograph.status.error_message();
+    EXPECT_ERROR(Get("b.jpg").status, grpc::INVALID_ARGUMENT, field, words);
   }
   std::filesystem::path BlobOf(const std::string& bytes) const {
     return BlobPath(running.options.data, {kDefaultProject, Sha256Hex(bytes)});
   }
 
-  RunningServer running;
   std::string upright, large;
   v1::GetPhotographRequest request;
 };
@@ -111,7 +103,7 @@ TEST_F(GetPhotographTest, ReturnsTheBytesThatWereUploaded) {
   request.set_original(true);
   for (const auto& [name, bytes] : {std::pair("b.jpg", upright), std::pair("large.jpg", large)}) {
     const SentPhotograph photograph = Get(name);
-    ASSERT_TRUE(photograph.status.ok()) << photograph.status.error_message();
+    ASSERT_OK(photograph.status);
     EXPECT_EQ(photograph.header.content_type(), "image/jpeg");
     EXPECT_EQ(photograph.header.width(), name == std::string("b.jpg") ? 60 : 30);
     EXPECT_EQ(photograph.header.num_bytes(), static_cast<int64_t>(bytes.size()));
@@ -121,13 +113,13 @@ TEST_F(GetPhotographTest, ReturnsTheBytesThatWereUploaded) {
 
 TEST_F(GetPhotographTest, DecodesAndShrinks) {
   const SentPhotograph whole = Get("b.jpg");
-  ASSERT_TRUE(whole.status.ok()) << whole.status.error_message();
+  ASSERT_OK(whole.status);
   EXPECT_EQ(whole.header.content_type(), "image/jpeg");
   EXPECT_EQ(whole.header.num_bytes(), static_cast<int64_t>(whole.bytes.size()));
   EXPECT_EQ(whole.Decoded().width, 60);
   request.set_max_side(30);
   const SentPhotograph half = Get("b.jpg");
-  ASSERT_TRUE(half.status.ok()) << half.status.error_message();
+  ASSERT_OK(half.status);
   EXPECT_EQ(half.header.width(), 30);
   EXPECT_EQ(half.header.height(), 18);
   const Image image = half.Decoded();
@@ -139,7 +131,7 @@ TEST_F(GetPhotographTest, DecodesAndShrinks) {
 
 TEST_F(GetPhotographTest, TurnsUprightAsExifSays) {
   const SentPhotograph photograph = Get("cam0/turned.jpg");
-  ASSERT_TRUE(photograph.status.ok()) << photograph.status.error_message();
+  ASSERT_OK(photograph.status);
   EXPECT_EQ(photograph.header.width(), 36);
   EXPECT_EQ(photograph.header.height(), 60);
   const Image image = photograph.Decoded();
@@ -149,24 +141,22 @@ TEST_F(GetPhotographTest, TurnsUprightAsExifSays) {
 
 TEST_F(GetPhotographTest, ReturnsTheFirstByNameWithoutAName) {
   const SentPhotograph photograph = Get("");
-  ASSERT_TRUE(photograph.status.ok()) << photograph.status.error_message();
+  ASSERT_OK(photograph.status);
   EXPECT_EQ(photograph.header.width(), 60) << "b.jpg, not cam0/turned.jpg";
 }
 
 TEST_F(GetPhotographTest, NamesMissingPhotographs) {
   for (const char* name : {"none.jpg", "images/b.jpg", "../images/b.jpg", "a.png"}) {
-    const SentPhotograph photograph = Get(name);
-    EXPECT_EQ(photograph.status.error_code(), grpc::NOT_FOUND) << name;
-    EXPECT_EQ(DetailOf(photograph.status).reason(), "NO_SUCH_PHOTOGRAPH");
+    EXPECT_ERROR(Get(name).status, grpc::NOT_FOUND, {.reason = "NO_SUCH_PHOTOGRAPH"}) << name;
   }
-  EXPECT_TRUE(absl::StrContains(Get("walk_000123.jpg").status.error_message(),
-                                "it is a frame of videos/walk.mp4"));
+  EXPECT_ERROR(Get("walk_000123.jpg").status, grpc::NOT_FOUND,
+               {.message = "it is a frame of videos/walk.mp4"});
   request.set_parent("scenes/shelf/datasets/9");
-  EXPECT_EQ(Get("b.jpg").status.error_code(), grpc::NOT_FOUND);
+  EXPECT_ERROR(Get("b.jpg").status, grpc::NOT_FOUND);
   request.set_parent(running.CreateUpload("shelf", {{"images/b.jpg", upright}}).name());
-  EXPECT_EQ(Get("b.jpg").status.error_code(), grpc::INVALID_ARGUMENT) << "an upload's name";
+  EXPECT_ERROR(Get("b.jpg").status, grpc::INVALID_ARGUMENT) << "an upload's name";
   request.set_parent("scenes/shelf/datasets/2");
-  EXPECT_EQ(Get("b.jpg").status.error_code(), grpc::NOT_FOUND) << "not sealed";
+  EXPECT_ERROR(Get("b.jpg").status, grpc::NOT_FOUND) << "not sealed";
 }
 
 TEST_F(GetPhotographTest, RefusesContradictoryFields) {
@@ -183,10 +173,8 @@ TEST_F(GetPhotographTest, RefusesContradictoryFields) {
 }
 
 TEST_F(GetPhotographTest, RefusesFilesThatDoNotDecode) {
-  const SentPhotograph photograph = Get("text.jpg");
-  EXPECT_EQ(photograph.status.error_code(), grpc::INVALID_ARGUMENT);
-  EXPECT_TRUE(absl::StrContains(photograph.status.error_message(), "images/text.jpg: not a JPEG"))
-      << photograph.status.error_message();
+  EXPECT_ERROR(Get("text.jpg").status, grpc::INVALID_ARGUMENT,
+               {.message = "images/text.jpg: not a JPEG"});
 }
 
 TEST_F(GetPhotographTest, DistinguishesDamagedFilesFromBadOnes) {
@@ -195,14 +183,13 @@ TEST_F(GetPhotographTest, DistinguishesDamagedFilesFromBadOnes) {
   for (const bool original : {false, true}) {
     std::ofstream(BlobOf(upright), std::ios::binary) << damaged;
     request.set_original(original);
-    const grpc::Status flipped = Get("b.jpg").status;
-    EXPECT_EQ(flipped.error_code(), grpc::DATA_LOSS) << flipped.error_message();
-    EXPECT_TRUE(absl::StrContains(flipped.error_message(), "images/b.jpg: the stored file fails"));
+    EXPECT_ERROR(Get("b.jpg").status, grpc::DATA_LOSS,
+                 {.message = "images/b.jpg: the stored file fails"});
   }
   std::ofstream(BlobOf(upright), std::ios::binary) << upright.substr(0, 100);
-  EXPECT_EQ(Get("b.jpg").status.error_code(), grpc::DATA_LOSS) << "cut short";
+  EXPECT_ERROR(Get("b.jpg").status, grpc::DATA_LOSS) << "cut short";
   std::filesystem::remove(BlobOf(upright));
-  EXPECT_EQ(Get("b.jpg").status.error_code(), grpc::DATA_LOSS) << "gone";
+  EXPECT_ERROR(Get("b.jpg").status, grpc::DATA_LOSS) << "gone";
 }
 
 TEST_F(GetPhotographTest, SetsADamagedFileAsideForTheNextUpload) {
@@ -213,16 +200,13 @@ TEST_F(GetPhotographTest, SetsADamagedFileAsideForTheNextUpload) {
     std::ofstream(BlobOf(upright), std::ios::binary) << damaged;
     EXPECT_EQ(running.CreateUpload("shelf", {file}).missing_files_size(), 0);
     request.set_original(original);
-    const grpc::Status status = Get("b.jpg").status;
-    EXPECT_EQ(status.error_code(), grpc::DATA_LOSS);
-    EXPECT_TRUE(absl::StrContains(status.error_message(), "; upload it again"))
-        << status.error_message();
+    EXPECT_ERROR(Get("b.jpg").status, grpc::DATA_LOSS, {.message = "; upload it again"});
     const BlobName name = {kDefaultProject, Sha256Hex(upright)};
     EXPECT_TRUE(std::filesystem::exists(DamagedPath(running.options.data, name)));
     const v1::Upload again = running.CreateUpload("shelf", {file});
     ASSERT_EQ(again.missing_files_size(), 1);
-    ASSERT_TRUE(running.Write(FileParts(again.name(), file)).ok());
-    EXPECT_TRUE(Get("b.jpg").status.ok()) << "healed";
+    ASSERT_OK(running.Write(FileParts(again.name(), file)));
+    EXPECT_OK(Get("b.jpg").status) << "healed";
   }
 }
 
@@ -241,14 +225,13 @@ TEST(GetPhotographOfALyingDecoder, KeepsAFileThatIsNotDamaged) {
   v1::GetPhotographRequest request;
   request.set_parent(running.UploadAndSeal("shelf", {{"images/a.jpg", "bytes"}}));
   const grpc::Status status = Get(running, request).status;
-  EXPECT_EQ(status.error_code(), grpc::DATA_LOSS);
-  EXPECT_FALSE(absl::StrContains(status.error_message(), "upload it again"))
-      << status.error_message();
+  EXPECT_ERROR(status, grpc::DATA_LOSS);
+  EXPECT_THAT(status.error_message(), ::testing::Not(::testing::HasSubstr("upload it again")));
   EXPECT_EQ(running.CountBlobFiles(), 1);
 }
 
 TEST_F(GetPhotographTest, LeavesNoFileBehind) {
-  ASSERT_TRUE(Get("b.jpg").status.ok());
+  ASSERT_OK(Get("b.jpg").status);
   EXPECT_TRUE(std::filesystem::is_empty(running.options.data / "scratch"));
 }
 
@@ -260,9 +243,7 @@ struct PhotographOfModel : ShelfModel {
     train.set_dataset(running.UploadAndSeal(
         "shelf", {{"half.model", "bytes", v1::FILE_KIND_POSES},
                   {"images/middle.jpg", Turned(Jpeg(TwoColours(192, 128)), 6)}}));
-    grpc::ClientContext context;
-    v1::Job job;
-    EXPECT_TRUE(running.jobs->TrainScene(&context, train, &job).ok());
+    const v1::Job job = *Call(&JobStub::TrainScene, train);
     EXPECT_EQ(running.Await(job.name()).state(), v1::JOB_STATE_SUCCEEDED);
     request.set_parent(kModel);
     request.set_photograph("middle.jpg");
@@ -272,7 +253,7 @@ struct PhotographOfModel : ShelfModel {
 
 TEST_F(PhotographOfModel, IsTurnedUpright) {
   const SentPhotograph photograph = Get(running, request);
-  ASSERT_TRUE(photograph.status.ok()) << photograph.status.error_message();
+  ASSERT_OK(photograph.status);
   EXPECT_EQ(photograph.header.width(), 128);
   EXPECT_EQ(photograph.header.height(), 192);
 }
@@ -280,7 +261,7 @@ TEST_F(PhotographOfModel, IsTurnedUpright) {
 TEST_F(PhotographOfModel, IsWarpedAsTheViewWasTrainedOn) {
   request.set_frame(v1::PIXEL_FRAME_VIEW);
   const SentPhotograph photograph = Get(running, request);
-  ASSERT_TRUE(photograph.status.ok()) << photograph.status.error_message();
+  ASSERT_OK(photograph.status);
   EXPECT_EQ(photograph.header.width(), kWidth);
   EXPECT_EQ(photograph.header.height(), kHeight);
   const Image image = photograph.Decoded();
@@ -293,19 +274,17 @@ TEST_F(PhotographOfModel, IsWarpedAlsoIfNoPhotographIsNamed) {
   request.set_frame(v1::PIXEL_FRAME_VIEW);
   request.clear_photograph();
   const SentPhotograph photograph = Get(running, request);
-  ASSERT_TRUE(photograph.status.ok()) << photograph.status.error_message();
+  ASSERT_OK(photograph.status);
   EXPECT_EQ(photograph.header.width(), kWidth);
 }
 
 TEST_F(PhotographOfModel, RefusesViewsThatTheModelDoesNotHave) {
   request.set_frame(v1::PIXEL_FRAME_VIEW);
   request.set_parent("scenes/shelf/datasets/2");
-  EXPECT_EQ(Get(running, request).status.error_code(), grpc::INVALID_ARGUMENT) << "no model";
+  EXPECT_ERROR(Get(running, request).status, grpc::INVALID_ARGUMENT) << "no model";
   request.set_parent("scenes/shelf/models/1");  // of a dataset whose only file is "file"
   request.set_photograph("file");
-  const grpc::Status status = Get(running, request).status;
-  EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
-  EXPECT_EQ(DetailOf(status).field(), "photograph") << status.error_message();
+  EXPECT_ERROR(Get(running, request).status, grpc::INVALID_ARGUMENT, "photograph");
 }
 
 // A worker that writes its process id, keeps a file while it runs, and takes a given time.
@@ -332,6 +311,12 @@ struct SlowWorker : ::testing::Test {
     return begun;
   }
 
+  // Waits until a process has started and returns its id.
+  pid_t AwaitWorker() const {
+    EXPECT_TRUE(Eventually([this] { return !Begun().empty(); }));
+    return Begun().empty() ? -1 : *Begun().begin();
+  }
+
   testing::TempFolder folder;
   std::unique_ptr<RunningServer> running;
   v1::GetPhotographRequest request;
@@ -341,35 +326,33 @@ TEST_F(SlowWorker, IsKilledWhenItsCallerLeaves) {
   Take("600");
   grpc::ClientContext context;
   const auto stream = running->datasets->GetPhotograph(&context, request);
-  while (Begun().empty()) absl::SleepFor(absl::Milliseconds(10));
-  const pid_t worker = *Begun().begin();
+  const pid_t worker = AwaitWorker();
+  ASSERT_GT(worker, 0);
   EXPECT_EQ(kill(worker, 0), 0);
   context.TryCancel();
-  EXPECT_EQ(stream->Finish().error_code(), grpc::CANCELLED);
-  const absl::Time deadline = absl::Now() + absl::Seconds(30);
-  while (kill(worker, 0) == 0 && absl::Now() < deadline) absl::SleepFor(absl::Milliseconds(10));
-  EXPECT_NE(kill(worker, 0), 0) << "process " << worker << " is left";
+  EXPECT_ERROR(stream->Finish(), grpc::CANCELLED);
+  EXPECT_TRUE(Eventually([&] { return kill(worker, 0) != 0; }, absl::Seconds(30)))
+      << "process " << worker << " is left";
 }
 
 TEST_F(SlowWorker, IsKilledWhenTheServerStops) {
   Take("600");
   grpc::ClientContext context;
   const auto stream = running->datasets->GetPhotograph(&context, request);
-  while (Begun().empty()) absl::SleepFor(absl::Milliseconds(10));
-  const pid_t worker = *Begun().begin();
+  const pid_t worker = AwaitWorker();
+  ASSERT_GT(worker, 0);
   const absl::Time start = absl::Now();
   running->server->Shutdown(absl::Now() + absl::Seconds(20));
   EXPECT_LT(absl::Now() - start, absl::Seconds(20));
   EXPECT_NE(kill(worker, 0), 0) << "process " << worker << " is left";
-  EXPECT_EQ(stream->Finish().error_code(), grpc::UNAVAILABLE);
+  EXPECT_ERROR(stream->Finish(), grpc::UNAVAILABLE);
 }
 
 TEST_F(SlowWorker, RunsTwiceAtOnceAtMost) {
   Take("0.2");
   std::vector<std::thread> callers;
   for (int i = 0; i < 6; ++i) {
-    callers.emplace_back(
-        [this] { EXPECT_EQ(Get(*running, request).status.error_code(), grpc::INTERNAL); });
+    callers.emplace_back([this] { EXPECT_ERROR(Get(*running, request).status, grpc::INTERNAL); });
   }
   for (std::thread& caller : callers) caller.join();
   std::ifstream counts(folder / "counts");

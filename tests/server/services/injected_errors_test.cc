@@ -54,35 +54,29 @@ struct InjectedErrorsTest : ShelfModel {
 
 TEST_F(InjectedErrorsTest, KeepsTextsOfTheDatabaseInTheLog) {
   Spoil("ALTER TABLE labels RENAME TO no_labels");
-  v1::ListLabelsRequest request;
-  request.set_parent("scenes/shelf");
-  v1::ListLabelsResponse response;
-  ExpectGeneral(running.labels->ListLabels(&context, request, &response), grpc::INTERNAL);
+  ExpectGeneral(CallWith(context, running.channel, &LabelStub::ListLabels, Under{"scenes/shelf"}),
+                grpc::INTERNAL);
   EXPECT_THAT(Log(), AllOf(HasSubstr("no such table: labels"), HasSubstr(kRequest)));
 }
 
 TEST_F(InjectedErrorsTest, KeepsPathsOfTheServerInTheLog) {
   const TestFile file = {"images/1.jpg", "one"};
   const v1::Upload upload = running.CreateUpload("shelf", {file});
-  ASSERT_TRUE(running.Write(FileParts(upload.name(), file)).ok());
+  ASSERT_OK(running.Write(FileParts(upload.name(), file)));
   const std::filesystem::path folder = DatasetsFolder(running.options.data);
   std::filesystem::remove_all(folder);
   std::ofstream(folder) << "in the way";
-  v1::SealUploadRequest request;
-  request.set_name(upload.name());
-  v1::Dataset dataset;
-  ExpectGeneral(running.datasets->SealUpload(&context, request, &dataset), grpc::INTERNAL);
+  ExpectGeneral(CallWith(context, running.channel, &DatasetStub::SealUpload, Named{upload.name()}),
+                grpc::INTERNAL);
   EXPECT_THAT(Log(), AllOf(HasSubstr(folder.string()), HasSubstr(kRequest)));
 }
 
 TEST_F(InjectedErrorsTest, NamesADamagedModelByARelativePath) {
   const char* file = "jobs/j1/attempt-1/gaussians.ply";
   std::ofstream(running.options.data / file, std::ios::app) << "more than there was";
-  v1::ListViewsRequest request;
-  request.set_parent(kModel);
-  v1::ListViewsResponse response;
-  const grpc::Status status = running.scenes->ListViews(&context, request, &response);
-  EXPECT_EQ(status.error_code(), grpc::DATA_LOSS);
+  const grpc::Status status =
+      CallWith(context, running.channel, &SceneStub::ListViews, Under{kModel});
+  EXPECT_ERROR(status, grpc::DATA_LOSS);
   EXPECT_THAT(status.error_message(),
               AllOf(HasSubstr(file), Not(HasSubstr(running.options.data.string()))));
   EXPECT_THAT(Log(), HasSubstr((running.options.data / file).string()));
@@ -92,18 +86,14 @@ TEST_F(InjectedErrorsTest, EndsAWatchWhoseJobsEndCannotBeWritten) {
   running.CreateScene("other");
   Spoil("ALTER TABLE models RENAME TO no_models");
   const v1::Job job = running.Train("other", "file");
-  v1::WatchJobRequest request;
-  request.set_name(job.name());
   const absl::Time start = absl::Now();
-  const auto stream = running.jobs->WatchJob(&context, request);
+  const auto stream = running.jobs->WatchJob(&context, Named{job.name()});
   v1::JobEvent event;
   while (stream->Read(&event)) EXPECT_FALSE(event.has_heartbeat());
   const grpc::Status status = stream->Finish();
   EXPECT_LT(absl::Now() - start, absl::Seconds(8));
-  EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE) << status.error_message();
+  EXPECT_ERROR(status, grpc::UNAVAILABLE, {.reason = "JOB_HELD_UP", .resource = job.name()});
   EXPECT_THAT(status.error_message(), AllOf(HasSubstr(job.name()), Not(HasSubstr("models"))));
-  EXPECT_EQ(DetailOf(status).reason(), "JOB_HELD_UP");
-  EXPECT_EQ(DetailOf(status).resource(), job.name());
   EXPECT_GT(DetailOf(status).retry_after().seconds(), 0);
   Spoil("ALTER TABLE no_models RENAME TO models");
   EXPECT_EQ(running.Await(job.name()).state(), v1::JOB_STATE_SUCCEEDED);
@@ -121,7 +111,7 @@ TEST_F(InjectedErrorsTest, AppliesToAnswersOfAStream) {
   EXPECT_EQ(answer.error().reason(), "INTERNAL");
   EXPECT_THAT(answer.error().message(), AllOf(HasSubstr(kRequest), Not(HasSubstr("models"))));
   stream->WritesDone();
-  EXPECT_TRUE(stream->Finish().ok());
+  EXPECT_OK(stream->Finish());
   EXPECT_THAT(Log(), AllOf(HasSubstr("no such table: models"), HasSubstr(kRequest)));
 }
 

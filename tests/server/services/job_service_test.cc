@@ -2,11 +2,10 @@
 
 #include <thread>
 
-#include "absl/time/clock.h"
 #include "kernels/host_memory.h"
 #include "server/server_parts.h"
 #include "server/worker_protocol/job_folder.h"
-#include "tests/server/running_server.h"
+#include "tests/server/service_test.h"
 #include "tests/testing/fake_sam.h"
 
 namespace pepeseg {
@@ -17,12 +16,11 @@ struct Watched {
   grpc::Status status;
 };
 
-struct JobServiceTest : ::testing::Test {
-  JobServiceTest() : running(PEPESEG_FAKE_WORKER) { running.CreateScene("shelf"); }
+struct JobServiceTest : EmptyScene {
+  JobServiceTest() : EmptyScene(PEPESEG_FAKE_WORKER) {}
 
-  grpc::Status Train(const v1::TrainSceneRequest& request) {
-    grpc::ClientContext context;
-    return running.jobs->TrainScene(&context, request, &job);
+  Reply<v1::Job> Train(const v1::TrainSceneRequest& request) const {
+    return Call(&JobStub::TrainScene, request);
   }
   v1::TrainSceneRequest Request(const std::string& file) {
     v1::TrainSceneRequest request;
@@ -33,8 +31,7 @@ struct JobServiceTest : ::testing::Test {
   Watched Watch(const std::string& name, std::optional<int64_t> after = std::nullopt) {
     grpc::ClientContext context;
     context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
-    v1::WatchJobRequest request;
-    request.set_name(name);
+    v1::WatchJobRequest request = Named{name};
     if (after.has_value()) request.set_after_sequence(*after);
     const auto stream = running.jobs->WatchJob(&context, request);
     Watched watched;
@@ -43,37 +40,21 @@ struct JobServiceTest : ::testing::Test {
     watched.status = stream->Finish();
     return watched;
   }
-  grpc::Status Cancel(const std::string& name) {
-    grpc::ClientContext context;
-    v1::CancelJobRequest request;
-    request.set_name(name);
-    return running.jobs->CancelJob(&context, request, &job);
+  Reply<v1::Job> Cancel(const std::string& name) const {
+    return Call(&JobStub::CancelJob, Named{name});
   }
-  void AwaitStage(const std::string& name) {
-    const absl::Time deadline = absl::Now() + absl::Seconds(30);
-    do {
-      grpc::ClientContext context;
-      v1::GetJobRequest request;
-      request.set_name(name);
-      ASSERT_TRUE(running.jobs->GetJob(&context, request, &job).ok());
-    } while (!job.has_progress() && absl::Now() < deadline);
-    ASSERT_TRUE(job.has_progress());
-  }
-
-  RunningServer running;
-  v1::Job job;
 };
 
 TEST_F(JobServiceTest, TrainsAndReportsEverything) {
   auto request = Request("fine");
   request.mutable_options()->mutable_reconstruct()->set_num_steps(77);
-  ASSERT_TRUE(Train(request).ok());
+  ASSERT_OK_AND_ASSIGN(auto job, Train(request));
   EXPECT_EQ(job.name(), "jobs/j1");
   EXPECT_EQ(job.device(), "");  // not started yet
   EXPECT_EQ(job.effective_options().reconstruct().num_steps(), 77);
   EXPECT_TRUE(job.effective_options().features().has_learning_rate());
   const Watched watched = Watch(job.name());
-  ASSERT_TRUE(watched.status.ok()) << watched.status.error_message();
+  ASSERT_OK(watched.status);
   ASSERT_GE(watched.events.size(), 1u);
   EXPECT_TRUE(watched.events[0].has_snapshot());
   int64_t sequence = watched.events[0].sequence();
@@ -96,19 +77,17 @@ TEST_F(JobServiceTest, TrainsAndReportsEverything) {
 TEST_F(JobServiceTest, GivesTheWorkerTheRemainingMemory) {
   running.options.model_bytes = int64_t{512} << 20;
   running.Restart();
-  ASSERT_TRUE(Train(Request("fine")).ok());
-  running.Await(job.name());
-  const auto spec = JobFolder(running.options.data / "jobs" / "j1").ReadSpec(1);
-  ASSERT_TRUE(spec.ok()) << spec.status();
-  EXPECT_EQ(spec->memory_limit, WorkerMemory(running.options));
-  EXPECT_LT(spec->memory_limit, HostMemory().total_bytes);
+  TrainToTheEnd("shelf", "fine");
+  ASSERT_OK_AND_ASSIGN(const auto spec,
+                       JobFolder(running.options.data / "jobs" / "j1").ReadSpec(1));
+  EXPECT_EQ(spec.memory_limit, WorkerMemory(running.options));
+  EXPECT_LT(spec.memory_limit, HostMemory().total_bytes);
 }
 
 TEST_F(JobServiceTest, ResumesAWatch) {
-  ASSERT_TRUE(Train(Request("fine")).ok());
-  running.Await(job.name());
+  const v1::Job job = TrainToTheEnd("shelf", "fine");
   const Watched all = Watch(job.name(), 0);
-  ASSERT_TRUE(all.status.ok()) << all.status.error_message();
+  ASSERT_OK(all.status);
   ASSERT_GE(all.events.size(), 3u) << "the snapshot, progress, the end";
   EXPECT_EQ(all.events[0].sequence(), 0);
   EXPECT_EQ(all.events[0].snapshot().state(), v1::JOB_STATE_SUCCEEDED);
@@ -118,129 +97,109 @@ TEST_F(JobServiceTest, ResumesAWatch) {
   EXPECT_EQ(last.state_changed().model(), "scenes/shelf/models/1");
 
   const Watched rest = Watch(job.name(), all.events[1].sequence());
-  ASSERT_TRUE(rest.status.ok());
+  ASSERT_OK(rest.status);
   ASSERT_EQ(rest.events.size(), all.events.size() - 1);
   EXPECT_EQ(rest.events[1].sequence(), all.events[2].sequence());
 
   const Watched none = Watch(job.name(), last.sequence());
-  EXPECT_TRUE(none.status.ok());
+  EXPECT_OK(none.status);
   EXPECT_EQ(none.events.size(), 1u);
-  const Watched beyond = Watch(job.name(), last.sequence() + 1);
-  EXPECT_EQ(beyond.status.error_code(), grpc::OUT_OF_RANGE);
-  EXPECT_EQ(DetailOf(beyond.status).limit(), std::to_string(last.sequence()));
-  EXPECT_EQ(Watch(job.name(), -1).status.error_code(), grpc::INVALID_ARGUMENT);
-  EXPECT_EQ(Watch("jobs/j99").status.error_code(), grpc::NOT_FOUND);
-  EXPECT_EQ(Watch("jobs/../x").status.error_code(), grpc::INVALID_ARGUMENT);
+  EXPECT_ERROR(Watch(job.name(), last.sequence() + 1).status, grpc::OUT_OF_RANGE,
+               {.limit = std::to_string(last.sequence())});
+  EXPECT_ERROR(Watch(job.name(), -1).status, grpc::INVALID_ARGUMENT);
+  EXPECT_ERROR(Watch("jobs/j99").status, grpc::NOT_FOUND);
+  EXPECT_ERROR(Watch("jobs/../x").status, grpc::INVALID_ARGUMENT);
 }
 
 TEST_F(JobServiceTest, ReportsWhyAJobFailed) {
-  ASSERT_TRUE(Train(Request("fail")).ok());
+  ASSERT_OK_AND_ASSIGN(auto job, Train(Request("fail")));
   const Watched watched = Watch(job.name(), 0);
-  ASSERT_TRUE(watched.status.ok());
+  ASSERT_OK(watched.status);
   const v1::Job failed = running.Await(job.name());
   EXPECT_EQ(failed.state(), v1::JOB_STATE_FAILED);
   EXPECT_EQ(failed.error().code(), grpc::INVALID_ARGUMENT);
   EXPECT_EQ(failed.error().reason(), "INVALID_ARGUMENT");
   EXPECT_NE(failed.error().message().find("images/bad.jpg"), std::string::npos);
   // A crash of the worker ends the job, not the server, and the next job runs.
-  ASSERT_TRUE(Train(Request("crash")).ok());
-  EXPECT_EQ(running.Await(job.name()).state(), v1::JOB_STATE_FAILED);
-  ASSERT_TRUE(Train(Request("fine")).ok());
-  EXPECT_EQ(running.Await(job.name()).state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(running.Await(running.Train("shelf", "crash").name()).state(), v1::JOB_STATE_FAILED);
+  TrainToTheEnd("shelf", "fine");
 }
 
 TEST_F(JobServiceTest, RefusesInvalidTrainings) {
   const auto good = Request("fine");
   auto request = good;
   request.set_dataset("scenes/shelf/datasets/9");
-  EXPECT_EQ(Train(request).error_code(), grpc::NOT_FOUND);
+  EXPECT_ERROR(Train(request), grpc::NOT_FOUND);
   request.set_dataset("scenes/other/datasets/1");
-  EXPECT_EQ(DetailOf(Train(request)).field(), "dataset");
+  EXPECT_ERROR(Train(request), grpc::INVALID_ARGUMENT, "dataset");
   request = good;
   request.set_scene("shelf");
-  EXPECT_EQ(Train(request).error_code(), grpc::INVALID_ARGUMENT);
+  EXPECT_ERROR(Train(request), grpc::INVALID_ARGUMENT);
   request = good;
   request.mutable_options()->mutable_import()->set_image_scale(2);
-  const grpc::Status status = Train(request);
-  EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
-  EXPECT_NE(status.error_message().find("image_scale"), std::string::npos)
-      << status.error_message();
-  const v1::Upload open = running.CreateUpload("shelf", {{"x", "y"}});
+  EXPECT_ERROR(Train(request), grpc::INVALID_ARGUMENT, {.message = "image_scale"});
+  EXPECT_EQ(running.CreateUpload("shelf", {{"x", "y"}}).name(), "scenes/shelf/uploads/2");
   request = good;
   request.set_dataset("scenes/shelf/datasets/2");
-  EXPECT_EQ(open.name(), "scenes/shelf/uploads/2");
-  EXPECT_EQ(Train(request).error_code(), grpc::FAILED_PRECONDITION);
+  EXPECT_ERROR(Train(request), grpc::FAILED_PRECONDITION);
 }
 
 TEST_F(JobServiceTest, RefusesACommandThatItDoesNotHave) {
   auto request = Request("fine");
   request.mutable_options()->mutable_priors()->set_masks(v1::PRIOR_MAKER_COMMAND);
   const grpc::Status refused = Train(request);
-  EXPECT_EQ(refused.error_code(), grpc::FAILED_PRECONDITION);
-  EXPECT_NE(refused.error_message().find("options.priors.masks"), std::string::npos);
-  EXPECT_NE(refused.error_message().find("--priors-command"), std::string::npos);
+  EXPECT_ERROR(refused, grpc::FAILED_PRECONDITION, {.message = "options.priors.masks"});
+  EXPECT_ERROR(refused, grpc::FAILED_PRECONDITION, {.message = "--priors-command"});
   running.options.workers.priors_command = "true";
   running.Restart();
-  EXPECT_TRUE(Train(request).ok());
+  EXPECT_OK(Train(request));
 }
 
 TEST_F(JobServiceTest, RefusesSamThatItDoesNotHave) {
   auto request = Request("fine");
   for (const v1::PriorMaker maker : {v1::PRIOR_MAKER_SAM, v1::PRIOR_MAKER_SAM_AND_EMBEDDED}) {
     request.mutable_options()->mutable_priors()->set_masks(maker);
-    const grpc::Status refused = Train(request);
-    EXPECT_EQ(refused.error_code(), grpc::FAILED_PRECONDITION);
-    EXPECT_NE(refused.error_message().find("deploy/sam.sh"), std::string::npos);
+    EXPECT_ERROR(Train(request), grpc::FAILED_PRECONDITION, {.message = "deploy/sam.sh"});
   }
   testing::MakeFakeSam(running.folder / "sam");
   running.options.workers.sam = running.folder / "sam";
   running.Restart();
-  EXPECT_TRUE(Train(request).ok());
+  EXPECT_OK(Train(request));
 }
 
 TEST_F(JobServiceTest, QueuesNothingForValidateOnly) {
   auto request = Request("fine");
   request.set_validate_only(true);
   request.mutable_options()->mutable_features()->set_num_steps(5);
-  ASSERT_TRUE(Train(request).ok());
+  ASSERT_OK_AND_ASSIGN(auto job, Train(request));
   EXPECT_EQ(job.name(), "");
   EXPECT_EQ(job.effective_options().features().num_steps(), 5);
-  grpc::ClientContext context;
-  v1::ListJobsResponse list;
-  ASSERT_TRUE(running.jobs->ListJobs(&context, v1::ListJobsRequest(), &list).ok());
-  EXPECT_EQ(list.jobs_size(), 0);
+  EXPECT_EQ(Call(&JobStub::ListJobs, {})->jobs_size(), 0);
 }
 
 TEST_F(JobServiceTest, RunsOneTrainingOfASceneAtATime) {
   auto request = Request("hang");
   request.set_request_id("r1");
-  ASSERT_TRUE(Train(request).ok());
-  const std::string first = job.name();
-  ASSERT_TRUE(Train(request).ok()) << "a retry";
-  EXPECT_EQ(job.name(), first);
+  const std::string first = Train(request)->name();
+  EXPECT_EQ(Train(request)->name(), first) << "a retry";
   request.set_request_id("r2");
-  const grpc::Status second = Train(request);
-  EXPECT_EQ(second.error_code(), grpc::ABORTED);
-  EXPECT_EQ(DetailOf(second).resource(), first);
-  ASSERT_TRUE(Cancel(first).ok());
+  EXPECT_ERROR(Train(request), grpc::ABORTED, {.resource = first});
+  ASSERT_OK(Cancel(first));
   EXPECT_EQ(running.Await(first).state(), v1::JOB_STATE_CANCELLED);
-  EXPECT_TRUE(Cancel(first).ok()) << "of one that has ended";
-  EXPECT_EQ(Cancel("jobs/j99").error_code(), grpc::NOT_FOUND);
+  EXPECT_OK(Cancel(first)) << "of one that has ended";
+  EXPECT_ERROR(Cancel("jobs/j99"), grpc::NOT_FOUND);
 }
 
 TEST_F(JobServiceTest, ListsByStateAndPage) {
   for (const char* file : {"fine", "fail", "fine"}) {
-    ASSERT_TRUE(Train(Request(file)).ok());
-    running.Await(job.name());
+    running.Await(running.Train("shelf", file).name());
   }
   v1::ListJobsRequest request;
   request.set_state(v1::JOB_STATE_SUCCEEDED);
   request.set_page_size(1);
   std::vector<std::string> names;
   do {
-    grpc::ClientContext context;
-    v1::ListJobsResponse list;
-    ASSERT_TRUE(running.jobs->ListJobs(&context, request, &list).ok());
+    ASSERT_OK_AND_ASSIGN(const v1::ListJobsResponse list, Call(&JobStub::ListJobs, request));
     for (const v1::Job& one : list.jobs()) names.push_back(one.name());
     request.set_page_token(list.next_page_token());
   } while (!request.page_token().empty());
@@ -248,53 +207,45 @@ TEST_F(JobServiceTest, ListsByStateAndPage) {
 }
 
 TEST_F(JobServiceTest, FreesWatchersThatDisconnect) {
-  ASSERT_TRUE(Train(Request("hang")).ok());
-  const std::string name = job.name();
-  AwaitStage(name);
+  const std::string name = running.Train("shelf", "hang").name();
+  ASSERT_TRUE(Eventually([&] { return Call(&JobStub::GetJob, Named{name})->has_progress(); }));
   std::vector<std::thread> threads;
   threads.reserve(20);
   for (int i = 0; i < 20; ++i) {
     threads.emplace_back([&] {
       grpc::ClientContext context;
-      v1::WatchJobRequest request;
-      request.set_name(name);
-      const auto stream = running.jobs->WatchJob(&context, request);
+      const auto stream = running.jobs->WatchJob(&context, Named{name});
       v1::JobEvent event;
       EXPECT_TRUE(stream->Read(&event));
       context.TryCancel();
       while (stream->Read(&event)) {
       }
-      EXPECT_EQ(stream->Finish().error_code(), grpc::CANCELLED);
+      EXPECT_ERROR(stream->Finish(), grpc::CANCELLED);
     });
   }
   for (std::thread& thread : threads) thread.join();
   // A watcher that stays sees the end.
-  std::thread canceller([&] {
-    absl::SleepFor(absl::Milliseconds(200));
-    v1::Job unused;
-    grpc::ClientContext context;
-    v1::CancelJobRequest request;
-    request.set_name(name);
-    EXPECT_TRUE(running.jobs->CancelJob(&context, request, &unused).ok());
-  });
-  const Watched watched = Watch(name);
-  canceller.join();
-  ASSERT_TRUE(watched.status.ok()) << watched.status.error_message();
-  ASSERT_GE(watched.events.size(), 2u);
-  EXPECT_EQ(watched.events.back().state_changed().state(), v1::JOB_STATE_CANCELLED);
+  grpc::ClientContext context;
+  const auto stream = running.jobs->WatchJob(&context, Named{name});
+  v1::JobEvent event;
+  ASSERT_TRUE(stream->Read(&event));
+  ASSERT_OK(Cancel(name));
+  ASSERT_TRUE(stream->Read(&event));
+  while (stream->Read(&event)) {
+  }
+  ASSERT_OK(stream->Finish());
+  EXPECT_EQ(event.state_changed().state(), v1::JOB_STATE_CANCELLED);
 }
 
 TEST_F(JobServiceTest, EndsAWatchAtItsDeadline) {
-  ASSERT_TRUE(Train(Request("hang")).ok());
+  const std::string name = running.Train("shelf", "hang").name();
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::milliseconds(500));
-  v1::WatchJobRequest request;
-  request.set_name(job.name());
-  const auto stream = running.jobs->WatchJob(&context, request);
+  const auto stream = running.jobs->WatchJob(&context, Named{name});
   v1::JobEvent event;
   while (stream->Read(&event)) {
   }
-  EXPECT_EQ(stream->Finish().error_code(), grpc::DEADLINE_EXCEEDED);
+  EXPECT_ERROR(stream->Finish(), grpc::DEADLINE_EXCEEDED);
 }
 
 }  // namespace

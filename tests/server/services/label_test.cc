@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <functional>
 
 #include "core/formats/encode_png.h"
 #include "core/formats/rle.h"
@@ -9,14 +10,7 @@
 namespace pepeseg {
 namespace {
 
-// A scene with the model of model_worker.cc.
-struct LabelTest : ::testing::Test {
-  LabelTest() : running(PEPESEG_MODEL_WORKER) {
-    running.CreateScene("shelf");
-    const v1::Job job = running.Await(running.Train("shelf", "file").name());
-    EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.DebugString();
-  }
-
+struct LabelTest : ShelfModel {
   static BinaryMask Rectangle() {
     BinaryMask mask = {std::vector<uint8_t>(size_t{kWidth} * kHeight)};
     for (int y = 20; y < 30; ++y) {
@@ -38,52 +32,35 @@ struct LabelTest : ::testing::Test {
   }
   static std::string GreyPng(int width, int height, const std::vector<uint8_t>& pixels) {
     const auto png = EncodePng(Image{width, height, 1, pixels});
-    EXPECT_TRUE(png.ok()) << png.status();
+    EXPECT_OK(png);
     return png.ok() ? *png : "";
   }
-  grpc::Status Create(const v1::CreateLabelRequest& request) {
-    grpc::ClientContext context;
-    label.Clear();
-    return running.labels->CreateLabel(&context, request, &label);
+  Reply<v1::Label> Create(const v1::CreateLabelRequest& request) const {
+    return Call(&LabelStub::CreateLabel, request);
   }
-  grpc::Status Get(const std::string& name, v1::PixelFrame frame = v1::PIXEL_FRAME_UNSPECIFIED) {
-    grpc::ClientContext context;
-    v1::GetLabelRequest request;
-    request.set_name(name);
+  Reply<v1::Label> Get(const std::string& name,
+                       v1::PixelFrame frame = v1::PIXEL_FRAME_UNSPECIFIED) const {
+    v1::GetLabelRequest request = Named{name};
     request.set_frame(frame);
-    label.Clear();
-    return running.labels->GetLabel(&context, request, &label);
+    return Call(&LabelStub::GetLabel, request);
   }
-  grpc::Status List(const std::string& parent, int page_size, const std::string& token) {
-    grpc::ClientContext context;
-    v1::ListLabelsRequest request;
-    request.set_parent(parent);
+  Reply<v1::ListLabelsResponse> List(const std::string& parent, int page_size,
+                                     const std::string& token) const {
+    v1::ListLabelsRequest request = Under{parent};
     request.set_page_size(page_size);
     request.set_page_token(token);
-    list.Clear();
-    return running.labels->ListLabels(&context, request, &list);
+    return Call(&LabelStub::ListLabels, request);
   }
   grpc::Status Delete(const std::string& name) {
-    grpc::ClientContext context;
-    v1::DeleteLabelRequest request;
-    request.set_name(name);
-    google::protobuf::Empty empty;
-    return running.labels->DeleteLabel(&context, request, &empty);
+    return Call(&LabelStub::DeleteLabel, Named{name});
   }
-  void ExpectBadField(const v1::CreateLabelRequest& request, const std::string& field) {
-    const grpc::Status status = Create(request);
-    EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT) << field;
-    EXPECT_EQ(DetailOf(status).field(), field) << status.error_message();
+  void ExpectBadField(const v1::CreateLabelRequest& request, const std::string& field) const {
+    EXPECT_ERROR(Create(request), grpc::INVALID_ARGUMENT, field);
   }
-
-  RunningServer running;
-  v1::Label label;
-  v1::ListLabelsResponse list;
 };
 
 TEST_F(LabelTest, ReturnsALabelWithItsMask) {
-  const grpc::Status status = Create(Request("red"));
-  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_OK_AND_ASSIGN(auto label, Create(Request("red")));
   EXPECT_EQ(label.name(), "scenes/shelf/labels/red");
   EXPECT_EQ(label.text(), "the red one");
   EXPECT_EQ(label.view(), "middle.jpg");
@@ -93,20 +70,15 @@ TEST_F(LabelTest, ReturnsALabelWithItsMask) {
 }
 
 TEST_F(LabelTest, GetsALabelWithItsMask) {
-  ASSERT_TRUE(Create(Request("red")).ok());
-  const v1::Label created = label;
-  ASSERT_TRUE(Get("scenes/shelf/labels/red").ok());
-  EXPECT_EQ(label.DebugString(), created.DebugString());
-  ASSERT_TRUE(Get("scenes/shelf/labels/red", v1::PIXEL_FRAME_VIEW).ok());
-  EXPECT_EQ(label.DebugString(), created.DebugString());
-  const grpc::Status none = Get("scenes/shelf/labels/blue");
-  EXPECT_EQ(none.error_code(), grpc::NOT_FOUND);
-  EXPECT_EQ(DetailOf(none).reason(), "NO_SUCH_LABEL");
-  EXPECT_EQ(DetailOf(none).resource(), "scenes/shelf/labels/blue");
-  EXPECT_EQ(Get("scenes/none/labels/red").error_code(), grpc::NOT_FOUND);
-  EXPECT_EQ(DetailOf(Get("red")).field(), "name");
+  const std::string created = Create(Request("red"))->DebugString();
+  EXPECT_EQ(Get("scenes/shelf/labels/red")->DebugString(), created);
+  EXPECT_EQ(Get("scenes/shelf/labels/red", v1::PIXEL_FRAME_VIEW)->DebugString(), created);
+  EXPECT_ERROR(Get("scenes/shelf/labels/blue"), grpc::NOT_FOUND,
+               {.reason = "NO_SUCH_LABEL", .resource = "scenes/shelf/labels/blue"});
+  EXPECT_ERROR(Get("scenes/none/labels/red"), grpc::NOT_FOUND);
+  EXPECT_ERROR(Get("red"), grpc::INVALID_ARGUMENT, "name");
   const auto unknown = static_cast<v1::PixelFrame>(7);
-  EXPECT_EQ(DetailOf(Get("scenes/shelf/labels/red", unknown)).field(), "frame");
+  EXPECT_ERROR(Get("scenes/shelf/labels/red", unknown), grpc::INVALID_ARGUMENT, "frame");
 }
 
 TEST_F(LabelTest, StoresAPngAsTheSameRle) {
@@ -115,45 +87,42 @@ TEST_F(LabelTest, StoresAPngAsTheSameRle) {
   auto request = Request("red");
   request.mutable_label()->mutable_mask()->set_png(GreyPng(kWidth, kHeight, pixels));
   request.mutable_label()->clear_text();
-  ASSERT_TRUE(Create(request).ok());
+  ASSERT_OK_AND_ASSIGN(auto label, Create(request));
   EXPECT_EQ(label.mask().rle().counts(), Request("red").label().mask().rle().counts());
   EXPECT_EQ(label.text(), "red");
 }
 
 TEST_F(LabelTest, ListsLabelsWithoutMasksByPage) {
-  for (const char* id : {"c", "a", "b"}) ASSERT_TRUE(Create(Request(id)).ok());
-  ASSERT_TRUE(List("scenes/shelf", 2, "").ok());
+  for (const char* id : {"c", "a", "b"}) ASSERT_OK(Create(Request(id)));
+  ASSERT_OK_AND_ASSIGN(auto list, List("scenes/shelf", 2, ""));
   ASSERT_EQ(list.labels_size(), 2);
   EXPECT_EQ(list.labels(0).name(), "scenes/shelf/labels/a");
   EXPECT_EQ(list.labels(0).area(), 400);
   EXPECT_FALSE(list.labels(0).has_mask());
-  ASSERT_TRUE(List("scenes/shelf", 2, list.next_page_token()).ok());
+  ASSERT_OK_AND_ASSIGN(list, List("scenes/shelf", 2, list.next_page_token()));
   ASSERT_EQ(list.labels_size(), 1);
   EXPECT_EQ(list.labels(0).name(), "scenes/shelf/labels/c");
   EXPECT_EQ(list.next_page_token(), "");
-  EXPECT_EQ(List("scenes/shelf", -1, "").error_code(), grpc::INVALID_ARGUMENT);
-  EXPECT_EQ(List("shelf", 0, "").error_code(), grpc::INVALID_ARGUMENT);
-  EXPECT_EQ(List("scenes/none", 0, "").error_code(), grpc::NOT_FOUND);
+  EXPECT_ERROR(List("scenes/shelf", -1, ""), grpc::INVALID_ARGUMENT);
+  EXPECT_ERROR(List("shelf", 0, ""), grpc::INVALID_ARGUMENT);
+  EXPECT_ERROR(List("scenes/none", 0, ""), grpc::NOT_FOUND);
 }
 
 TEST_F(LabelTest, DeletesALabelOnce) {
-  ASSERT_TRUE(Create(Request("red")).ok());
-  ASSERT_TRUE(Delete("scenes/shelf/labels/red").ok());
-  const grpc::Status gone = Delete("scenes/shelf/labels/red");
-  EXPECT_EQ(gone.error_code(), grpc::NOT_FOUND);
-  EXPECT_EQ(DetailOf(gone).resource(), "scenes/shelf/labels/red");
-  EXPECT_EQ(DetailOf(Delete("scenes/shelf/labels/_red")).field(), "name");
+  ASSERT_OK(Create(Request("red")));
+  ASSERT_OK(Delete("scenes/shelf/labels/red"));
+  EXPECT_ERROR(Delete("scenes/shelf/labels/red"), grpc::NOT_FOUND,
+               {.resource = "scenes/shelf/labels/red"});
+  EXPECT_ERROR(Delete("scenes/shelf/labels/_red"), grpc::INVALID_ARGUMENT, "name");
 }
 
 TEST_F(LabelTest, RefusesATakenIdButAcceptsARetry) {
   auto request = Request("red");
   request.set_request_id("r1");
-  ASSERT_TRUE(Create(request).ok());
-  EXPECT_TRUE(Create(request).ok());
+  ASSERT_OK(Create(request));
+  EXPECT_OK(Create(request));
   request.set_request_id("r2");
-  const grpc::Status taken = Create(request);
-  EXPECT_EQ(taken.error_code(), grpc::ALREADY_EXISTS);
-  EXPECT_EQ(DetailOf(taken).resource(), "scenes/shelf/labels/red");
+  EXPECT_ERROR(Create(request), grpc::ALREADY_EXISTS, {.resource = "scenes/shelf/labels/red"});
 }
 
 TEST_F(LabelTest, RefusesMasksThatDoNotFitTheView) {
@@ -182,32 +151,29 @@ TEST_F(LabelTest, RefusesMasksThatDoNotFitTheView) {
 }
 
 TEST_F(LabelTest, RefusesOtherBadFields) {
-  ExpectBadField(Request("_no"), "label_id");
-  auto request = Request("red");
-  request.set_parent("shelf");
-  ExpectBadField(request, "parent");
-  request = Request("red");
-  request.mutable_label()->set_text(std::string(257, 'x'));
-  ExpectBadField(request, "label.text");
-  request = Request("red");
-  request.mutable_label()->set_view("nowhere.jpg");
-  ExpectBadField(request, "label.view");
-  request = Request("red");
-  request.set_request_id(std::string(129, 'x'));
-  ExpectBadField(request, "request_id");
-  ASSERT_TRUE(List("scenes/shelf", 0, "").ok());
-  EXPECT_EQ(list.labels_size(), 0);
+  using Change = std::function<void(v1::CreateLabelRequest&)>;
+  const std::vector<std::pair<std::string, Change>> cases = {
+      {"label_id", [](auto& request) { request.set_label_id("_no"); }},
+      {"parent", [](auto& request) { request.set_parent("shelf"); }},
+      {"label.text",
+       [](auto& request) { request.mutable_label()->set_text(std::string(257, 'x')); }},
+      {"label.view", [](auto& request) { request.mutable_label()->set_view("nowhere.jpg"); }},
+      {"request_id", [](auto& request) { request.set_request_id(std::string(129, 'x')); }}};
+  for (const auto& [field, change] : cases) {
+    auto request = Request("red");
+    change(request);
+    ExpectBadField(request, field);
+  }
+  EXPECT_EQ(List("scenes/shelf", 0, "")->labels_size(), 0);
 }
 
 TEST_F(LabelTest, NeedsASceneWithAModel) {
   auto request = Request("red");
   request.set_parent("scenes/none");
-  EXPECT_EQ(Create(request).error_code(), grpc::NOT_FOUND);
+  EXPECT_ERROR(Create(request), grpc::NOT_FOUND);
   running.CreateScene("bare");
   request.set_parent("scenes/bare");
-  const grpc::Status status = Create(request);
-  EXPECT_EQ(status.error_code(), grpc::FAILED_PRECONDITION);
-  EXPECT_EQ(DetailOf(status).reason(), "NO_MODEL");
+  EXPECT_ERROR(Create(request), grpc::FAILED_PRECONDITION, {.reason = "NO_MODEL"});
 }
 
 }  // namespace

@@ -8,14 +8,9 @@ namespace {
 
 struct ProjectBlobsTest : KeyedServer {
   v1::Upload Upload(const std::string& scene, const std::string& secret, const TestFile& file) {
-    auto context = With(secret);
-    v1::CreateUploadRequest request;
-    request.set_parent("scenes/" + scene);
+    v1::CreateUploadRequest request = Under{"scenes/" + scene};
     *request.add_files() = Declare(file);
-    v1::Upload upload;
-    const grpc::Status status = running.datasets->CreateUpload(context.get(), request, &upload);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    return upload;
+    return *CallAs(secret, &DatasetStub::CreateUpload, request);
   }
   grpc::Status Send(const v1::Upload& upload, const std::string& secret, const TestFile& file) {
     auto context = With(secret);
@@ -28,40 +23,32 @@ struct ProjectBlobsTest : KeyedServer {
     return stream->Finish();
   }
   grpc::Status Seal(const v1::Upload& upload, const std::string& secret) {
-    auto context = With(secret);
-    v1::SealUploadRequest request;
-    request.set_name(upload.name());
-    v1::Dataset dataset;
-    return running.datasets->SealUpload(context.get(), request, &dataset);
+    return CallAs(secret, &DatasetStub::SealUpload, Named{upload.name()});
   }
 };
 
 TEST_F(ProjectBlobsTest, HidesBlobsOfOtherProjects) {
   const std::string theirs = MakeKey("other", {v1::SCOPE_READ, v1::SCOPE_WRITE, v1::SCOPE_TRAIN});
-  {
-    auto context = With(theirs);
-    v1::CreateSceneRequest request;
-    request.set_scene_id("theirs");
-    v1::Scene scene;
-    ASSERT_TRUE(running.scenes->CreateScene(context.get(), request, &scene).ok());
-  }
+  v1::CreateSceneRequest create;
+  create.set_scene_id("theirs");
+  ASSERT_OK(CallAs(theirs, &SceneStub::CreateScene, create));
   const TestFile secret_photo{"images/1.jpg", "a photograph of ours"};
   const v1::Upload ours = Upload("shelf", full, secret_photo);
-  ASSERT_TRUE(Send(ours, full, secret_photo).ok());
+  ASSERT_OK(Send(ours, full, secret_photo));
   EXPECT_EQ(Upload("shelf", full, secret_photo).missing_files_size(), 0) << "our own";
 
   const v1::Upload upload = Upload("theirs", theirs, secret_photo);
   ASSERT_EQ(upload.missing_files_size(), 1);
   // A project that knows only the digest, and not the bytes, cannot use them.
-  EXPECT_EQ(Seal(upload, theirs).error_code(), grpc::FAILED_PRECONDITION);
+  EXPECT_ERROR(Seal(upload, theirs), grpc::FAILED_PRECONDITION);
   TestFile wrong = secret_photo;
   wrong.bytes[0] = 'A';
-  EXPECT_EQ(Send(upload, theirs, wrong).error_code(), grpc::DATA_LOSS);
-  EXPECT_EQ(Seal(upload, theirs).error_code(), grpc::FAILED_PRECONDITION);
+  EXPECT_ERROR(Send(upload, theirs, wrong), grpc::DATA_LOSS);
+  EXPECT_ERROR(Seal(upload, theirs), grpc::FAILED_PRECONDITION);
   const int64_t before = running.CountBlobFiles();
-  ASSERT_TRUE(Send(upload, theirs, secret_photo).ok());
+  ASSERT_OK(Send(upload, theirs, secret_photo));
   EXPECT_EQ(running.CountBlobFiles(), before + 1) << "each project has its own";
-  EXPECT_TRUE(Seal(upload, theirs).ok());
+  EXPECT_OK(Seal(upload, theirs));
 }
 
 }  // namespace

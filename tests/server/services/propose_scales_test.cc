@@ -1,41 +1,23 @@
 #include <gtest/gtest.h>
 
-#include "tests/server/running_server.h"
+#include "tests/server/shelf_model.h"
 
 namespace pepeseg {
 namespace {
 
-// A scene with the model of model_worker.cc: a red and a blue square.
-struct ProposeScalesRpcTest : ::testing::Test {
-  ProposeScalesRpcTest() : running(PEPESEG_MODEL_WORKER) {
-    running.CreateScene("shelf");
-    const v1::Job job = running.Await(running.Train("shelf", "file").name());
-    EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.DebugString();
-    request.set_model("scenes/shelf/models/live");
-    request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
-    auto* point = request.mutable_prompt()->mutable_points()->add_points();
-    point->set_x(30);
-    point->set_y(32);
+struct ProposeScalesRpcTest : ShelfModel {
+  Reply<v1::ProposeScalesResponse> Propose() const {
+    return Call(&SegmentationStub::ProposeScales, request);
   }
-  grpc::Status Propose() {
-    grpc::ClientContext context;
-    answer.Clear();
-    return running.segmentation->ProposeScales(&context, request, &answer);
-  }
-  void ExpectRefused(grpc::StatusCode code, const std::string& words) {
-    const grpc::Status status = Propose();
-    EXPECT_EQ(status.error_code(), code) << words;
-    EXPECT_NE(status.error_message().find(words), std::string::npos) << status.error_message();
+  void ExpectRefused(grpc::StatusCode code, const std::string& words) const {
+    EXPECT_ERROR(Propose(), code, {.message = words});
   }
 
-  RunningServer running;
-  v1::ProposeScalesRequest request;
-  v1::ProposeScalesResponse answer;
+  v1::ProposeScalesRequest request = Click<v1::ProposeScalesRequest>(30);
 };
 
 TEST_F(ProposeScalesRpcTest, MatchesSegmentAtItsScaleAndThreshold) {
-  const grpc::Status status = Propose();
-  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_OK_AND_ASSIGN(auto answer, Propose());
   ASSERT_GE(answer.proposals_size(), 1);
   EXPECT_EQ(answer.model(), "scenes/shelf/models/1");
   const auto& best = answer.proposals(answer.best());
@@ -43,26 +25,19 @@ TEST_F(ProposeScalesRpcTest, MatchesSegmentAtItsScaleAndThreshold) {
   EXPECT_GT(best.stability(), 0.9);
   EXPECT_GT(best.scale_units(), 0);
   EXPECT_EQ(best.mask().view(), "middle.jpg");
-  v1::SegmentViewsRequest same;
-  same.set_model(request.model());
-  *same.mutable_prompt() = request.prompt();
+  auto same = Click<v1::SegmentViewsRequest>(30);
   same.mutable_granularity()->set_scale_quantile(best.scale_quantile());
   same.mutable_granularity()->set_threshold(best.threshold());
-  v1::SegmentViewsResponse segment;
-  grpc::ClientContext context;
-  ASSERT_TRUE(running.segmentation->SegmentViews(&context, same, &segment).ok());
+  ASSERT_OK_AND_ASSIGN(const v1::SegmentViewsResponse segment,
+                       Call(&SegmentationStub::SegmentViews, same));
   EXPECT_EQ(segment.masks(0).rle().counts(), best.mask().rle().counts());
 }
 
 TEST_F(ProposeScalesRpcTest, MatchesSegmentWithoutAGranularity) {
-  ASSERT_TRUE(Propose().ok());
+  ASSERT_OK_AND_ASSIGN(auto answer, Propose());
   ASSERT_GE(answer.proposals_size(), 1);
-  v1::SegmentViewsRequest plain;
-  plain.set_model(request.model());
-  *plain.mutable_prompt() = request.prompt();
-  v1::SegmentViewsResponse segment;
-  grpc::ClientContext context;
-  ASSERT_TRUE(running.segmentation->SegmentViews(&context, plain, &segment).ok());
+  ASSERT_OK_AND_ASSIGN(const v1::SegmentViewsResponse segment,
+                       Call(&SegmentationStub::SegmentViews, Click<v1::SegmentViewsRequest>(30)));
   const auto& best = answer.proposals(answer.best());
   EXPECT_EQ(segment.scale_quantile(), best.scale_quantile());
   EXPECT_EQ(segment.threshold(), best.threshold());
@@ -70,7 +45,7 @@ TEST_F(ProposeScalesRpcTest, MatchesSegmentWithoutAGranularity) {
 }
 
 TEST_F(ProposeScalesRpcTest, GrowsWithTheScale) {
-  ASSERT_TRUE(Propose().ok());
+  ASSERT_OK_AND_ASSIGN(auto answer, Propose());
   for (int i = 1; i < answer.proposals_size(); ++i) {
     const auto &small = answer.proposals(i - 1), &large = answer.proposals(i);
     EXPECT_GE(large.scale_quantile(), small.scale_quantile());
@@ -83,7 +58,7 @@ TEST_F(ProposeScalesRpcTest, GrowsWithTheScale) {
 TEST_F(ProposeScalesRpcTest, ReturnsPngsUpToTheRequestedNumber) {
   request.set_mask_encoding(v1::MASK_ENCODING_PNG);
   request.set_max_proposals(1);
-  ASSERT_TRUE(Propose().ok());
+  ASSERT_OK_AND_ASSIGN(auto answer, Propose());
   ASSERT_EQ(answer.proposals_size(), 1);
   EXPECT_FALSE(answer.proposals(0).mask().png().empty());
 }

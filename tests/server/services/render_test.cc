@@ -21,18 +21,13 @@ struct RenderTest : ShelfModel {
     request.set_model(kModel);
     request.mutable_viewpoint()->set_view("middle.jpg");
   }
-  grpc::Status Render() {
-    grpc::ClientContext context;
-    answer.Clear();
-    return running.renders->RenderView(&context, request, &answer);
-  }
+  Reply<v1::RenderViewResponse> Render() const { return Call(&RenderStub::RenderView, request); }
   // Returns the pixels of a 16-bit answer, [height, width].
   std::vector<float> Grey() {
-    const grpc::Status status = Render();
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    answer = *Render();
     const std::span png(reinterpret_cast<const uint8_t*>(answer.png().data()), answer.png().size());
     const auto image = DecodeGrey(png, "picture");
-    EXPECT_TRUE(image.ok()) << image.status();
+    EXPECT_OK(image);
     if (!image.ok() || image->values.size() != size_t{kWidth} * kHeight) {
       ADD_FAILURE() << "a picture of " << image->width << "x" << image->height;
       return std::vector<float>(size_t{kWidth} * kHeight);
@@ -40,12 +35,11 @@ struct RenderTest : ShelfModel {
     return image->values;
   }
   Image Colors() {
-    const grpc::Status status = Render();
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    answer = *Render();
     const auto path = running.folder / "picture.png";
     std::ofstream(path, std::ios::binary) << answer.png();
     const auto image = DecodePhoto(path, "picture.png");
-    EXPECT_TRUE(image.ok()) << image.status();
+    EXPECT_OK(image);
     if (!image.ok() || image->pixels.size() != size_t{3} * kWidth * kHeight) {
       ADD_FAILURE() << "a picture of " << image->width << "x" << image->height;
       return {kWidth, kHeight, 3, std::vector<uint8_t>(size_t{3} * kWidth * kHeight)};
@@ -53,11 +47,11 @@ struct RenderTest : ShelfModel {
     return *image;
   }
   void ExpectRenderRefused(const std::string& field, const std::string& words) {
-    ExpectRefused(Render(), field, words);
+    EXPECT_ERROR(Render(), grpc::INVALID_ARGUMENT, field, words);
   }
 
   Request request;
-  v1::RenderViewResponse answer;
+  v1::RenderViewResponse answer;  // of the last Grey() or Colors()
 };
 
 bool IsRed(const uint8_t* rgb) { return rgb[0] > 200 && rgb[2] < 60; }
@@ -137,9 +131,8 @@ TEST_F(RenderTest, TintsAnOverlayAndDrawsItsBorder) {
   EXPECT_EQ(At(with_mask, border)[1], 120);
   EXPECT_EQ(At(with_mask, outside)[0], At(plain, outside)[0]);
   for (uint8_t& pixel : mask.pixels) pixel = pixel != 0 ? 255 : 0;
-  const auto png = EncodePng(Image{kWidth, kHeight, 1, mask.pixels});
-  ASSERT_TRUE(png.ok());
-  request.mutable_overlay_mask()->set_png(*png);
+  ASSERT_OK_AND_ASSIGN(const auto png, EncodePng(Image{kWidth, kHeight, 1, mask.pixels}));
+  request.mutable_overlay_mask()->set_png(png);
   EXPECT_EQ(Colors().pixels, with_mask.pixels) << "a PNG says the same as runs";
 }
 
@@ -173,6 +166,13 @@ TEST_F(RenderTest, RefusesInvalidContents) {
   request.set_feature_scale(0.5);
   SetSegment(0, 1, *request.mutable_overlay_subset());
   ExpectRenderRefused("overlay", "only CONTENT_COLOR has an overlay");
+}
+
+TEST_F(RenderTest, RefusesViewsThatTheModelDoesNotHave) {
+  request.mutable_viewpoint()->set_view("nowhere.jpg");
+  EXPECT_ERROR(Render(), grpc::INVALID_ARGUMENT);
+  request.clear_viewpoint();
+  EXPECT_ERROR(Render(), grpc::INVALID_ARGUMENT);
 }
 
 TEST_F(RenderTest, RefusesInvalidSubsets) {

@@ -42,7 +42,7 @@ TEST_F(SegmentStreamTest, AnswersWhileThePointIsDragged) {
   }
   EXPECT_TRUE(stream->WritesDone());
   EXPECT_FALSE(stream->Read(&answer));
-  EXPECT_TRUE(stream->Finish().ok());
+  EXPECT_OK(stream->Finish());
 }
 
 TEST_F(SegmentStreamTest, ContinuesAfterARefusedRequest) {
@@ -61,7 +61,7 @@ TEST_F(SegmentStreamTest, ContinuesAfterARefusedRequest) {
   ASSERT_TRUE(stream->Read(&answer));
   EXPECT_TRUE(answer.has_segment());
   stream->WritesDone();
-  EXPECT_TRUE(stream->Finish().ok());
+  EXPECT_OK(stream->Finish());
 }
 
 TEST_F(SegmentStreamTest, AnswersOnlyTheNewestWaitingRequest) {
@@ -80,10 +80,7 @@ TEST_F(SegmentStreamTest, AnswersOnlyTheNewestWaitingRequest) {
       pose.mutable_translation();
       prompt.mutable_points()->add_points()->set_x(300);
       prompt.mutable_points()->mutable_points(0)->set_y(320);
-      grpc::ClientContext other;
-      v1::ProposeScalesResponse response;
-      const grpc::Status status = running.segmentation->ProposeScales(&other, request, &response);
-      EXPECT_TRUE(status.ok()) << status.error_message();
+      EXPECT_OK(Call(&SegmentationStub::ProposeScales, request));
     });
   }
   const auto stream = Open();
@@ -95,7 +92,7 @@ TEST_F(SegmentStreamTest, AnswersOnlyTheNewestWaitingRequest) {
     EXPECT_TRUE(answer.has_segment()) << answer.DebugString();
     answered.push_back(answer.sequence());
   }
-  EXPECT_TRUE(stream->Finish().ok());
+  EXPECT_OK(stream->Finish());
   for (std::thread& other : others) other.join();
   ASSERT_FALSE(answered.empty());
   EXPECT_EQ(answered.back(), kNumRequests);
@@ -108,7 +105,7 @@ TEST_F(SegmentStreamTest, EndsWhenTheClientIsGone) {
     const auto stream = Open();
     ASSERT_TRUE(stream->Write(Click(1, 30)));
     context.TryCancel();
-    EXPECT_EQ(stream->Finish().error_code(), grpc::CANCELLED);
+    EXPECT_ERROR(stream->Finish(), grpc::CANCELLED);
   }
   running.server->Shutdown(absl::Now() + absl::Seconds(10));  // waits for what is left
 }

@@ -2,72 +2,45 @@
 
 #include <cmath>
 #include <fstream>
+#include <functional>
 #include <limits>
 
-#include "core/base/digest.h"
-#include "core/formats/decode_image.h"
 #include "core/formats/rle.h"
-#include "tests/server/running_server.h"
+#include "tests/server/shelf_model.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-// A scene with the model of model_worker.cc.
-struct SegmentationServiceTest : ::testing::Test {
-  SegmentationServiceTest() : running(PEPESEG_MODEL_WORKER) {
-    running.CreateScene("shelf");
-    const v1::Job job = running.Await(running.Train("shelf", "file").name());
-    EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.DebugString();
+struct SegmentationServiceTest : ShelfModel {
+  static v1::SegmentViewsRequest Click(double x, double y = 32) {
+    return pepeseg::Click<v1::SegmentViewsRequest>(x, y);
   }
-
-  static v1::SegmentViewsRequest Click(const std::string& view, double x, double y) {
-    v1::SegmentViewsRequest request;
-    request.set_model("scenes/shelf/models/live");
-    request.mutable_prompt()->mutable_view()->set_view(view);
-    auto* point = request.mutable_prompt()->mutable_points()->add_points();
-    point->set_x(x);
-    point->set_y(y);
-    return request;
+  Reply<v1::SegmentViewsResponse> Segment(const v1::SegmentViewsRequest& request) const {
+    return Call(&SegmentationStub::SegmentViews, request);
   }
-  grpc::Status Segment(const v1::SegmentViewsRequest& request) {
-    grpc::ClientContext context;
-    answer.Clear();
-    return running.segmentation->SegmentViews(&context, request, &answer);
+  void ExpectRefused(const v1::SegmentViewsRequest& request, const std::string& words) const {
+    EXPECT_ERROR(Segment(request), grpc::INVALID_ARGUMENT, {.message = words});
   }
-  void ExpectRefused(const v1::SegmentViewsRequest& request, const std::string& words) {
-    const grpc::Status status = Segment(request);
-    EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT) << words;
-    EXPECT_NE(status.error_message().find(words), std::string::npos) << status.error_message();
-  }
-  grpc::Status Render(const v1::RenderViewRequest& request) {
-    grpc::ClientContext context;
-    return running.renders->RenderView(&context, request, &picture);
-  }
-
-  RunningServer running;
-  v1::SegmentViewsResponse answer;
-  v1::RenderViewResponse picture;
 };
 
 // Row-major indices of the pixels of a mask.
 std::vector<uint32_t> PixelsOf(const v1::CocoRle& rle) {
   const auto counts = ParseCocoCounts(rle.counts());
-  EXPECT_TRUE(counts.ok()) << counts.status();
+  EXPECT_OK(counts);
   if (!counts.ok()) return {};
   auto pixels = PixelsOfRuns(*counts, rle.width(), rle.height());
-  EXPECT_TRUE(pixels.ok()) << pixels.status();
+  EXPECT_OK(pixels);
   return pixels.ok() ? *pixels : std::vector<uint32_t>();
 }
 
 TEST_F(SegmentationServiceTest, FindsAClickedSquareInOtherViews) {
-  auto request = Click("middle.jpg", 30, 32);  // the red one, left of the middle
+  auto request = Click(30);  // the red one, left of the middle
   request.mutable_granularity()->set_scale_quantile(0.5);
   request.mutable_granularity()->set_threshold(0.75);
   request.mutable_targets()->set_group(v1::SegmentViewsRequest::Targets::GROUP_HELD_OUT);
-  const grpc::Status status = Segment(request);
-  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_OK_AND_ASSIGN(auto answer, Segment(request));
   ASSERT_EQ(answer.masks_size(), 2);
   EXPECT_EQ(answer.masks(0).view(), "left/0.jpg");
   EXPECT_EQ(answer.masks(1).view(), "right.jpg");
@@ -97,10 +70,10 @@ TEST_F(SegmentationServiceTest, FindsAClickedSquareInOtherViews) {
 }
 
 TEST_F(SegmentationServiceTest, ReturnsPngAndSimilarityOnRequest) {
-  auto request = Click("middle.jpg", 30, 32);
+  auto request = Click(30);
   request.set_mask_encoding(v1::MASK_ENCODING_PNG);
   request.set_want_similarity(true);
-  ASSERT_TRUE(Segment(request).ok());
+  ASSERT_OK_AND_ASSIGN(auto answer, Segment(request));
   ASSERT_EQ(answer.masks_size(), 1);
   EXPECT_EQ(answer.masks(0).view(), "middle.jpg");
   EXPECT_EQ(answer.masks(0).png().substr(1, 3), "PNG");
@@ -112,7 +85,7 @@ TEST_F(SegmentationServiceTest, ReturnsPngAndSimilarityOnRequest) {
 }
 
 TEST_F(SegmentationServiceTest, AcceptsAFreeCameraAndUnits) {
-  auto request = Click("middle.jpg", 66, 32);
+  auto request = Click(66);
   request.mutable_prompt()->clear_view();
   v1::Viewpoint::FreeCamera& free = *request.mutable_prompt()->mutable_view()->mutable_free();
   free.mutable_camera()->set_width(96);
@@ -125,8 +98,7 @@ TEST_F(SegmentationServiceTest, AcceptsAFreeCameraAndUnits) {
   free.mutable_cam_from_world()->mutable_translation();
   request.mutable_granularity()->set_scale_units(0.25);
   request.mutable_granularity()->set_threshold(0.6);
-  const grpc::Status status = Segment(request);
-  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_OK_AND_ASSIGN(auto answer, Segment(request));
   EXPECT_EQ(answer.masks(0).view(), "");
   EXPECT_GE(answer.masks(0).box().x(), 46) << "the blue one";
   EXPECT_NEAR(answer.scale_quantile(), 0.25, 0.01);
@@ -138,34 +110,35 @@ TEST_F(SegmentationServiceTest, AcceptsAFreeCameraAndUnits) {
   free.mutable_cam_from_world()->mutable_translation()->set_z(kNan);
   ExpectRefused(request, "prompt.view.free.cam_from_world.translation.z");
   free.mutable_cam_from_world()->clear_rotation();
-  EXPECT_EQ(DetailOf(Segment(request)).field(), "prompt.view.free.cam_from_world.rotation");
+  EXPECT_ERROR(Segment(request), grpc::INVALID_ARGUMENT,
+               "prompt.view.free.cam_from_world.rotation");
 }
 
 TEST_F(SegmentationServiceTest, RefusesInvalidRequests) {
-  ExpectRefused(Click("middle.jpg", 96, 32), "96");
-  ExpectRefused(Click("middle.jpg", 30, -1), "-1");
-  ExpectRefused(Click("middle.jpg", kNan, 32), "points.points[0]");
-  ExpectRefused(Click("nowhere.jpg", 30, 32), "prompt.view.view: 'nowhere.jpg'");
-  EXPECT_EQ(Segment(Click("middle.jpg", 2, 2)).error_code(), grpc::INVALID_ARGUMENT)
-      << "nothing is there";
-  auto request = Click("middle.jpg", 30, 32);
-  request.mutable_prompt()->mutable_points()->mutable_points(0)->set_negative(true);
-  ExpectRefused(request, "no positive point");
-  request = Click("middle.jpg", 30, 32);
-  request.mutable_prompt()->clear_points();
-  ExpectRefused(request, "prompt");
-  request = Click("middle.jpg", 30, 32);
-  request.mutable_prompt()->clear_view();
-  ExpectRefused(request, "prompt.view");
-  request = Click("middle.jpg", 30, 32);
-  request.mutable_granularity()->set_scale_quantile(1.5);
-  ExpectRefused(request, "scale_quantile");
-  request.mutable_granularity()->set_scale_units(kNan);
-  ExpectRefused(request, "scale_units");
-  request = Click("middle.jpg", 30, 32);
-  request.mutable_granularity()->set_threshold(kNan);
-  ExpectRefused(request, "threshold");
-  request = Click("middle.jpg", 30, 32);
+  ExpectRefused(Click(96), "96");
+  ExpectRefused(Click(30, -1), "-1");
+  ExpectRefused(Click(kNan), "points.points[0]");
+  EXPECT_ERROR(Segment(Click(2, 2)), grpc::INVALID_ARGUMENT) << "nothing is there";
+  using Change = std::function<void(v1::SegmentViewsRequest&)>;
+  const std::vector<std::pair<std::string, Change>> cases = {
+      {"prompt.view.view: 'nowhere.jpg'",
+       [](auto& request) { request.mutable_prompt()->mutable_view()->set_view("nowhere.jpg"); }},
+      {"no positive point",
+       [](auto& request) {
+         request.mutable_prompt()->mutable_points()->mutable_points(0)->set_negative(true);
+       }},
+      {"prompt", [](auto& request) { request.mutable_prompt()->clear_points(); }},
+      {"prompt.view", [](auto& request) { request.mutable_prompt()->clear_view(); }},
+      {"scale_quantile",
+       [](auto& request) { request.mutable_granularity()->set_scale_quantile(1.5); }},
+      {"scale_units", [](auto& request) { request.mutable_granularity()->set_scale_units(kNan); }},
+      {"threshold", [](auto& request) { request.mutable_granularity()->set_threshold(kNan); }}};
+  for (const auto& [words, change] : cases) {
+    auto request = Click(30);
+    change(request);
+    ExpectRefused(request, words);
+  }
+  auto request = Click(30);
   request.mutable_targets()->add_views("middle.jpg");
   request.mutable_targets()->add_views("nowhere.jpg");
   ExpectRefused(request, "targets.views[1]: 'nowhere.jpg'");
@@ -174,46 +147,18 @@ TEST_F(SegmentationServiceTest, RefusesInvalidRequests) {
 }
 
 TEST_F(SegmentationServiceTest, RefusesAnAnswerThatIsTooLarge) {
-  auto request = Click("middle.jpg", 30, 32);
+  auto request = Click(30);
   request.set_want_similarity(true);
   for (int i = 0; i < 400; ++i) request.mutable_targets()->add_views("middle.jpg");
-  const grpc::Status status = Segment(request);
-  EXPECT_EQ(status.error_code(), grpc::RESOURCE_EXHAUSTED);
-  EXPECT_EQ(DetailOf(status).reason(), "ANSWER_TOO_LARGE");
-}
-
-TEST_F(SegmentationServiceTest, RendersViews) {
-  v1::RenderViewRequest request;
-  request.set_model("scenes/shelf/models/1");
-  request.mutable_viewpoint()->set_view("middle.jpg");
-  const grpc::Status status = Render(request);
-  ASSERT_TRUE(status.ok()) << status.error_message();
-  EXPECT_EQ(picture.width(), 96);
-  EXPECT_EQ(picture.height(), 64);
-  const auto path = running.folder / "picture.png";
-  std::ofstream(path, std::ios::binary) << picture.png();
-  const auto image = DecodePhoto(path, "picture.png");
-  ASSERT_TRUE(image.ok()) << image.status();
-  const auto pixel = [&](int x, int y) { return &image->pixels[3 * (y * 96 + x)]; };
-  EXPECT_GT(pixel(30, 32)[0], 200);
-  EXPECT_LT(pixel(30, 32)[2], 60);
-  EXPECT_GT(pixel(66, 32)[2], 200);
-  EXPECT_LT(pixel(66, 32)[0], 60);
-  request.mutable_viewpoint()->set_view("nowhere.jpg");
-  EXPECT_EQ(Render(request).error_code(), grpc::INVALID_ARGUMENT);
-  request.clear_viewpoint();
-  EXPECT_EQ(Render(request).error_code(), grpc::INVALID_ARGUMENT);
+  EXPECT_ERROR(Segment(request), grpc::RESOURCE_EXHAUSTED, {.reason = "ANSWER_TOO_LARGE"});
 }
 
 TEST_F(SegmentationServiceTest, ListsTheViews) {
-  v1::ListViewsRequest request;
-  request.set_parent("scenes/shelf/models/live");
+  v1::ListViewsRequest request = Under{kModel};
   request.set_page_size(2);
   std::vector<std::string> names;
   do {
-    grpc::ClientContext context;
-    v1::ListViewsResponse views;
-    ASSERT_TRUE(running.scenes->ListViews(&context, request, &views).ok());
+    ASSERT_OK_AND_ASSIGN(const v1::ListViewsResponse views, Call(&SceneStub::ListViews, request));
     for (const v1::View& view : views.views()) {
       names.push_back(view.view());
       EXPECT_EQ(view.camera().width(), 96);
@@ -223,37 +168,7 @@ TEST_F(SegmentationServiceTest, ListsTheViews) {
   } while (!request.page_token().empty());
   EXPECT_EQ(names, (std::vector<std::string>{"left/0.jpg", "middle.jpg", "right.jpg"}));
   request.set_page_token("4");
-  grpc::ClientContext context;
-  v1::ListViewsResponse views;
-  EXPECT_EQ(running.scenes->ListViews(&context, request, &views).error_code(),
-            grpc::INVALID_ARGUMENT);
-}
-
-TEST_F(SegmentationServiceTest, ExportsThePlyInCheckedChunks) {
-  grpc::ClientContext context;
-  v1::ExportGaussiansRequest request;
-  request.set_model("scenes/shelf/models/live");
-  const auto stream = running.renders->ExportGaussians(&context, request);
-  v1::ExportGaussiansResponse part;
-  ASSERT_TRUE(stream->Read(&part));
-  ASSERT_TRUE(part.has_header());
-  const auto header = part.header();
-  EXPECT_EQ(header.num_gaussians(), 20'000);
-  std::string ply;
-  int chunks = 0;
-  while (stream->Read(&part)) {
-    ASSERT_TRUE(part.has_chunk());
-    EXPECT_LE(part.chunk().data().size(), size_t{1} << 20);
-    EXPECT_EQ(part.chunk().crc32c(), Crc32c(part.chunk().data()));
-    ply += part.chunk().data();
-    ++chunks;
-  }
-  const grpc::Status status = stream->Finish();
-  ASSERT_TRUE(status.ok()) << status.error_message();
-  EXPECT_GT(chunks, 1);
-  EXPECT_EQ(static_cast<int64_t>(ply.size()), header.num_bytes());
-  EXPECT_EQ(Sha256Hex(ply), header.sha256());
-  EXPECT_EQ(ply.substr(0, 3), "ply");
+  EXPECT_ERROR(Call(&SceneStub::ListViews, request), grpc::INVALID_ARGUMENT);
 }
 
 TEST_F(SegmentationServiceTest, ReportsADamagedModelAndContinues) {
@@ -264,54 +179,33 @@ TEST_F(SegmentationServiceTest, ReportsADamagedModelAndContinues) {
     file.seekp(2000);
     file.put('!');
   }
-  EXPECT_EQ(Segment(Click("middle.jpg", 30, 32)).error_code(), grpc::DATA_LOSS);
+  EXPECT_ERROR(Segment(Click(30)), grpc::DATA_LOSS);
   grpc::ClientContext context;
   v1::ExportGaussiansRequest request;
-  request.set_model("scenes/shelf/models/live");
+  request.set_model(kModel);
   const auto stream = running.renders->ExportGaussians(&context, request);
   v1::ExportGaussiansResponse part;
   while (stream->Read(&part)) {
   }
-  EXPECT_EQ(stream->Finish().error_code(), grpc::DATA_LOSS);
+  EXPECT_ERROR(stream->Finish(), grpc::DATA_LOSS);
   EXPECT_TRUE(running.GetUpload("scenes/shelf/uploads/1").sealed());
-}
-
-TEST_F(SegmentationServiceTest, FreesACancelledExport) {
-  for (int i = 0; i < 10; ++i) {
-    grpc::ClientContext context;
-    v1::ExportGaussiansRequest request;
-    request.set_model("scenes/shelf/models/live");
-    const auto stream = running.renders->ExportGaussians(&context, request);
-    v1::ExportGaussiansResponse part;
-    EXPECT_TRUE(stream->Read(&part));
-    context.TryCancel();
-    while (stream->Read(&part)) {
-    }
-    EXPECT_EQ(stream->Finish().error_code(), grpc::CANCELLED);
-  }
-  EXPECT_TRUE(Segment(Click("middle.jpg", 30, 32)).ok());
 }
 
 TEST(ModelNames, DistinguishMissingFromNotYet) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   running.CreateScene("shelf");
   const v1::Job job = running.Train("shelf", "hang");
-  v1::RenderViewRequest request;
-  v1::RenderViewResponse response;
   const auto render = [&](const std::string& model) {
-    grpc::ClientContext context;
+    v1::RenderViewRequest request;
     request.set_model(model);
-    return running.renders->RenderView(&context, request, &response);
+    return running.Call(&RenderStub::RenderView, request);
   };
-  const grpc::Status not_yet = render("scenes/shelf/models/live");
-  EXPECT_EQ(not_yet.error_code(), grpc::FAILED_PRECONDITION);
-  EXPECT_EQ(DetailOf(not_yet).reason(), "NO_MODEL");
-  EXPECT_EQ(DetailOf(not_yet).resource(), job.name());
-  EXPECT_NE(not_yet.error_message().find("j1"), std::string::npos) << not_yet.error_message();
-  EXPECT_EQ(render("scenes/shelf/models/7").error_code(), grpc::NOT_FOUND);
-  EXPECT_EQ(render("scenes/none/models/live").error_code(), grpc::NOT_FOUND);
-  EXPECT_EQ(render("models/7").error_code(), grpc::INVALID_ARGUMENT);
-  EXPECT_EQ(render("scenes/../models/7").error_code(), grpc::INVALID_ARGUMENT);
+  EXPECT_ERROR(render("scenes/shelf/models/live"), grpc::FAILED_PRECONDITION,
+               {.reason = "NO_MODEL", .resource = job.name(), .message = "j1"});
+  EXPECT_ERROR(render("scenes/shelf/models/7"), grpc::NOT_FOUND);
+  EXPECT_ERROR(render("scenes/none/models/live"), grpc::NOT_FOUND);
+  EXPECT_ERROR(render("models/7"), grpc::INVALID_ARGUMENT);
+  EXPECT_ERROR(render("scenes/../models/7"), grpc::INVALID_ARGUMENT);
 }
 
 }  // namespace

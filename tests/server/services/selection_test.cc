@@ -1,113 +1,60 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <functional>
 
 #include "server/store/layout.h"
-#include "tests/server/running_server.h"
+#include "tests/server/shelf_model.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr int64_t kOfASquare = 10'000;  // Gaussians, in the model of model_worker.cc
 
-// A scene with the model of model_worker.cc: a red square from x -1.1 to -0.1, a blue one from 0.1
-// to 1.1.
-struct SelectionTest : ::testing::Test {
-  SelectionTest() : running(PEPESEG_MODEL_WORKER) {
-    running.CreateScene("shelf");
-    Train();
-  }
-  void Train() {
-    const v1::Job job = running.Await(running.Train("shelf", "file").name());
-    EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.DebugString();
-  }
-
-  static v1::CreateSelectionRequest Click(double x) {
-    v1::CreateSelectionRequest request;
-    request.set_model("scenes/shelf/models/live");
-    request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
-    auto* point = request.mutable_prompt()->mutable_points()->add_points();
-    point->set_x(x);
-    point->set_y(32);
-    return request;
-  }
-  static v1::CreateSelectionRequest Red() { return Click(30); }
-  static v1::CreateSelectionRequest Blue() { return Click(66); }
+// The red square is from x -1.1 to -0.1, the blue one from 0.1 to 1.1.
+struct SelectionTest : ShelfModel {
+  static v1::CreateSelectionRequest Red() { return Click<v1::CreateSelectionRequest>(30); }
+  static v1::CreateSelectionRequest Blue() { return Click<v1::CreateSelectionRequest>(66); }
   static std::string Name(int number) {
     return "scenes/shelf/selections/" + std::to_string(number);
   }
 
-  grpc::Status Select(const v1::CreateSelectionRequest& request) {
-    grpc::ClientContext context;
-    made.Clear();
-    return running.selections->CreateSelection(&context, request, &made);
+  Reply<v1::Selection> Select(const v1::CreateSelectionRequest& request) const {
+    return Call(&SelectionStub::CreateSelection, request);
   }
-  void MustSelect(const v1::CreateSelectionRequest& request) {
-    const grpc::Status status = Select(request);
-    ASSERT_TRUE(status.ok()) << status.error_message();
-  }
-  grpc::Status Combine(const std::string& first, const std::string& second,
-                       v1::SetOperation operation, const std::string& request_id = "") {
-    grpc::ClientContext context;
+  Reply<v1::Selection> Combine(const std::string& first, const std::string& second,
+                               v1::SetOperation operation,
+                               const std::string& request_id = "") const {
     v1::CombineSelectionsRequest request;
     request.set_first(first);
     request.set_second(second);
     request.set_operation(operation);
     request.set_request_id(request_id);
-    made.Clear();
-    return running.selections->CombineSelections(&context, request, &made);
+    return Call(&SelectionStub::CombineSelections, request);
   }
-  grpc::Status Undo(const std::string& name) {
-    grpc::ClientContext context;
-    v1::UndoSelectionRequest request;
-    request.set_name(name);
-    made.Clear();
-    return running.selections->UndoSelection(&context, request, &made);
+  Reply<v1::Selection> Undo(const std::string& name) const {
+    return Call(&SelectionStub::UndoSelection, Named{name});
   }
-  grpc::Status Get(const std::string& name) {
-    grpc::ClientContext context;
-    v1::GetSelectionRequest request;
-    request.set_name(name);
-    made.Clear();
-    return running.selections->GetSelection(&context, request, &made);
+  Reply<v1::Selection> Get(const std::string& name) const {
+    return Call(&SelectionStub::GetSelection, Named{name});
   }
-  grpc::Status List(const std::string& parent, int page_size, const std::string& token) {
-    grpc::ClientContext context;
-    v1::ListSelectionsRequest request;
-    request.set_parent(parent);
+  Reply<v1::ListSelectionsResponse> List(const std::string& parent, int page_size,
+                                         const std::string& token) const {
+    v1::ListSelectionsRequest request = Under{parent};
     request.set_page_size(page_size);
     request.set_page_token(token);
-    list.Clear();
-    return running.selections->ListSelections(&context, request, &list);
+    return Call(&SelectionStub::ListSelections, request);
   }
-  grpc::Status Delete(const std::string& name) {
-    grpc::ClientContext context;
-    v1::DeleteSelectionRequest request;
-    request.set_name(name);
-    google::protobuf::Empty empty;
-    return running.selections->DeleteSelection(&context, request, &empty);
-  }
-  void ExpectBadField(const v1::CreateSelectionRequest& request, const std::string& field) {
-    const grpc::Status status = Select(request);
-    EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT) << field;
-    EXPECT_EQ(DetailOf(status).field(), field) << status.error_message();
-  }
-  static void ExpectResource(const grpc::Status& status, grpc::StatusCode code,
-                             const std::string& resource) {
-    EXPECT_EQ(status.error_code(), code) << status.error_message();
-    EXPECT_EQ(DetailOf(status).resource(), resource) << status.error_message();
+  grpc::Status Delete(const std::string& name) const {
+    return Call(&SelectionStub::DeleteSelection, Named{name});
   }
   std::filesystem::path File(int number) const {
     return running.options.data / SelectionFolder("shelf") / std::to_string(number);
   }
-
-  RunningServer running;
-  v1::Selection made;
-  v1::ListSelectionsResponse list;
 };
 
 TEST_F(SelectionTest, HoldsTheGaussiansOfWhatIsClicked) {
-  MustSelect(Red());
+  const v1::Selection made = *Select(Red());
   EXPECT_EQ(made.name(), Name(1));
   EXPECT_EQ(made.model(), "scenes/shelf/models/1");
   EXPECT_NEAR(static_cast<double>(made.num_gaussians()), kOfASquare, 0.01 * kOfASquare);
@@ -119,206 +66,185 @@ TEST_F(SelectionTest, HoldsTheGaussiansOfWhatIsClicked) {
   EXPECT_EQ(made.box().min().z(), 2);
   EXPECT_EQ(made.base(), "");
   EXPECT_TRUE(made.has_create_time());
-  const std::string answer = made.DebugString();
-  ASSERT_TRUE(Get(Name(1)).ok());
-  EXPECT_EQ(made.DebugString(), answer);
+  EXPECT_EQ(Get(Name(1))->DebugString(), made.DebugString());
 }
 
 TEST_F(SelectionTest, IsEmptyForNothing) {
   auto request = Red();
   request.mutable_granularity()->set_threshold(1);
-  MustSelect(request);
+  const v1::Selection made = *Select(request);
+  EXPECT_EQ(made.name(), Name(1));
   EXPECT_EQ(made.num_gaussians(), 0);
   EXPECT_FALSE(made.has_box());
 }
 
 TEST_F(SelectionTest, UnitesSubtractsAndIntersects) {
-  MustSelect(Red());
-  const int64_t num_red = made.num_gaussians();
+  const int64_t num_red = Select(Red())->num_gaussians();
   auto request = Blue();
   request.set_base(Name(1));
   request.set_operation(v1::SET_OPERATION_UNION);
-  MustSelect(request);
-  EXPECT_EQ(made.base(), Name(1));
-  EXPECT_NEAR(static_cast<double>(made.num_gaussians()), 2 * kOfASquare, 0.02 * kOfASquare);
-  EXPECT_NEAR(made.box().max().x(), 1.1, 0.02);
-  ASSERT_TRUE(Combine(Name(2), Name(1), v1::SET_OPERATION_SUBTRACT).ok());
-  EXPECT_EQ(made.name(), Name(3));
-  EXPECT_EQ(made.base(), Name(2));
-  EXPECT_NEAR(made.box().min().x(), 0.1, 0.02);
-  ASSERT_TRUE(Combine(Name(2), Name(1), v1::SET_OPERATION_INTERSECT).ok());
-  EXPECT_EQ(made.num_gaussians(), num_red);
-  ASSERT_TRUE(Combine(Name(3), Name(1), v1::SET_OPERATION_INTERSECT).ok());
-  EXPECT_EQ(made.num_gaussians(), 0);
+  const v1::Selection both = *Select(request);
+  EXPECT_EQ(both.base(), Name(1));
+  EXPECT_NEAR(static_cast<double>(both.num_gaussians()), 2 * kOfASquare, 0.02 * kOfASquare);
+  EXPECT_NEAR(both.box().max().x(), 1.1, 0.02);
+  const v1::Selection blue = *Combine(Name(2), Name(1), v1::SET_OPERATION_SUBTRACT);
+  EXPECT_EQ(blue.name(), Name(3));
+  EXPECT_EQ(blue.base(), Name(2));
+  EXPECT_NEAR(blue.box().min().x(), 0.1, 0.02);
+  const v1::Selection red = *Combine(Name(2), Name(1), v1::SET_OPERATION_INTERSECT);
+  EXPECT_EQ(red.num_gaussians(), num_red);
+  EXPECT_EQ(Combine(Name(3), Name(1), v1::SET_OPERATION_INTERSECT)->num_gaussians(), 0);
   request = Red();
   request.set_base(Name(3));
-  MustSelect(request);
-  EXPECT_EQ(made.num_gaussians(), num_red) << "in place of its base";
-  EXPECT_EQ(made.base(), Name(3));
+  const v1::Selection replaced = *Select(request);
+  EXPECT_EQ(replaced.num_gaussians(), num_red) << "in place of its base";
+  EXPECT_EQ(replaced.base(), Name(3));
 }
 
 TEST_F(SelectionTest, ReplacesIfToldOrIfCreatedWithoutAnOperation) {
-  MustSelect(Red());
-  const int64_t num_red = made.num_gaussians();
+  const int64_t num_red = Select(Red())->num_gaussians();
   auto request = Blue();
   request.set_operation(v1::SET_OPERATION_REPLACE);
-  MustSelect(request);
-  EXPECT_EQ(made.base(), "") << "needs no base";
-  const int64_t num_blue = made.num_gaussians();
-  request = Blue();
+  const v1::Selection blue = *Select(request);
+  EXPECT_EQ(blue.base(), "") << "needs no base";
   request.set_base(Name(1));
-  request.set_operation(v1::SET_OPERATION_REPLACE);
-  MustSelect(request);
-  EXPECT_EQ(made.base(), Name(1));
-  EXPECT_EQ(made.num_gaussians(), num_blue);
-  EXPECT_GT(made.box().min().x(), 0) << "of the blue one alone";
-  ASSERT_TRUE(Combine(Name(1), Name(2), v1::SET_OPERATION_REPLACE).ok());
-  EXPECT_EQ(made.base(), Name(1));
-  EXPECT_EQ(made.num_gaussians(), num_blue);
-  ASSERT_TRUE(Combine(Name(1), Name(2), v1::SET_OPERATION_UNSPECIFIED).ok());
-  EXPECT_EQ(made.num_gaussians(), num_red + num_blue) << "a union";
+  const v1::Selection replaced = *Select(request);
+  EXPECT_EQ(replaced.base(), Name(1));
+  EXPECT_EQ(replaced.num_gaussians(), blue.num_gaussians());
+  EXPECT_GT(replaced.box().min().x(), 0) << "of the blue one alone";
+  const v1::Selection combined = *Combine(Name(1), Name(2), v1::SET_OPERATION_REPLACE);
+  EXPECT_EQ(combined.base(), Name(1));
+  EXPECT_EQ(combined.num_gaussians(), blue.num_gaussians());
+  EXPECT_EQ(Combine(Name(1), Name(2), v1::SET_OPERATION_UNSPECIFIED)->num_gaussians(),
+            num_red + blue.num_gaussians())
+      << "a union";
 }
 
 TEST_F(SelectionTest, UndoesToTheBase) {
-  MustSelect(Red());
+  ASSERT_OK(Select(Red()));
   auto request = Blue();
   request.set_base(Name(1));
   request.set_operation(v1::SET_OPERATION_UNION);
-  MustSelect(request);
-  ASSERT_TRUE(Undo(Name(2)).ok());
-  EXPECT_EQ(made.name(), Name(1));
-  ExpectResource(Undo(Name(1)), grpc::FAILED_PRECONDITION, Name(1));
-  ASSERT_TRUE(Get(Name(2)).ok()) << "undo deletes nothing";
-  ASSERT_TRUE(Delete(Name(1)).ok());
-  ExpectResource(Undo(Name(2)), grpc::NOT_FOUND, Name(1));
-  ExpectResource(Undo(Name(9)), grpc::NOT_FOUND, Name(9));
+  ASSERT_OK(Select(request));
+  EXPECT_EQ(Undo(Name(2))->name(), Name(1));
+  EXPECT_ERROR(Undo(Name(1)), grpc::FAILED_PRECONDITION, {.resource = Name(1)});
+  ASSERT_OK(Get(Name(2))) << "undo deletes nothing";
+  ASSERT_OK(Delete(Name(1)));
+  EXPECT_ERROR(Undo(Name(2)), grpc::NOT_FOUND, {.resource = Name(1)});
+  EXPECT_ERROR(Undo(Name(9)), grpc::NOT_FOUND, {.resource = Name(9)});
 }
 
 TEST_F(SelectionTest, ARetryAnswersTheSame) {
   auto request = Red();
   request.set_request_id("r1");
-  MustSelect(request);
-  MustSelect(request);
-  EXPECT_EQ(made.name(), Name(1));
+  ASSERT_OK(Select(request));
+  EXPECT_EQ(Select(request)->name(), Name(1));
   request.set_num_views(2);
-  EXPECT_EQ(Select(request).error_code(), grpc::ALREADY_EXISTS);
-  ASSERT_TRUE(Combine(Name(1), Name(1), v1::SET_OPERATION_UNION, "r2").ok());
-  EXPECT_EQ(made.name(), Name(2));
-  ASSERT_TRUE(Combine(Name(1), Name(1), v1::SET_OPERATION_UNION, "r2").ok());
-  EXPECT_EQ(made.name(), Name(2));
-  EXPECT_EQ(Combine(Name(1), Name(1), v1::SET_OPERATION_UNION, "r1").error_code(),
-            grpc::ALREADY_EXISTS);
+  EXPECT_ERROR(Select(request), grpc::ALREADY_EXISTS);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(Combine(Name(1), Name(1), v1::SET_OPERATION_UNION, "r2")->name(), Name(2));
+  }
+  EXPECT_ERROR(Combine(Name(1), Name(1), v1::SET_OPERATION_UNION, "r1"), grpc::ALREADY_EXISTS);
 }
 
 TEST_F(SelectionTest, ListsNewestFirstPageByPage) {
-  MustSelect(Red());
-  for (int i = 0; i < 2; ++i) {
-    ASSERT_TRUE(Combine(Name(1), Name(1), v1::SET_OPERATION_UNION).ok());
-  }
-  ASSERT_TRUE(List("scenes/shelf", 2, "").ok());
+  ASSERT_OK(Select(Red()));
+  for (int i = 0; i < 2; ++i) ASSERT_OK(Combine(Name(1), Name(1), v1::SET_OPERATION_UNION));
+  v1::ListSelectionsResponse list = *List("scenes/shelf", 2, "");
   ASSERT_EQ(list.selections_size(), 2);
   EXPECT_EQ(list.selections(0).name(), Name(3));
-  ASSERT_TRUE(List("scenes/shelf", 2, list.next_page_token()).ok());
+  list = *List("scenes/shelf", 2, list.next_page_token());
   ASSERT_EQ(list.selections_size(), 1);
   EXPECT_EQ(list.selections(0).name(), Name(1));
   EXPECT_EQ(list.next_page_token(), "");
-  EXPECT_EQ(List("scenes/shelf", -1, "").error_code(), grpc::INVALID_ARGUMENT);
-  EXPECT_EQ(List("scenes/none", 0, "").error_code(), grpc::NOT_FOUND);
+  EXPECT_ERROR(List("scenes/shelf", -1, ""), grpc::INVALID_ARGUMENT);
+  EXPECT_ERROR(List("scenes/none", 0, ""), grpc::NOT_FOUND);
 }
 
 TEST_F(SelectionTest, RemovesFilesWithTheSelectionAndTheScene) {
-  MustSelect(Red());
-  MustSelect(Blue());
+  ASSERT_OK(Select(Red()));
+  ASSERT_OK(Select(Blue()));
   EXPECT_TRUE(std::filesystem::exists(File(1)));
-  ASSERT_TRUE(Delete(Name(1)).ok());
+  ASSERT_OK(Delete(Name(1)));
   EXPECT_FALSE(std::filesystem::exists(File(1)));
-  ExpectResource(Delete(Name(1)), grpc::NOT_FOUND, Name(1));
-  ExpectResource(Get(Name(1)), grpc::NOT_FOUND, Name(1));
+  EXPECT_ERROR(Delete(Name(1)), grpc::NOT_FOUND, {.resource = Name(1)});
+  EXPECT_ERROR(Get(Name(1)), grpc::NOT_FOUND, {.resource = Name(1)});
   EXPECT_TRUE(std::filesystem::exists(File(2)));
-  grpc::ClientContext context;
-  v1::DeleteSceneRequest request;
-  request.set_name("scenes/shelf");
-  google::protobuf::Empty empty;
-  ASSERT_TRUE(running.scenes->DeleteScene(&context, request, &empty).ok());
+  ASSERT_OK(Call(&SceneStub::DeleteScene, Named{"scenes/shelf"}));
   EXPECT_FALSE(std::filesystem::exists(File(2).parent_path()));
 }
 
 TEST_F(SelectionTest, ReportsADamagedFile) {
-  MustSelect(Red());
+  ASSERT_OK(Select(Red()));
   {
     std::fstream file(File(1), std::ios::in | std::ios::out | std::ios::binary);
     file.seekp(100);
     file.put('\x55');
   }
-  ExpectResource(Combine(Name(1), Name(1), v1::SET_OPERATION_UNION), grpc::DATA_LOSS, Name(1));
+  EXPECT_ERROR(Combine(Name(1), Name(1), v1::SET_OPERATION_UNION), grpc::DATA_LOSS,
+               {.resource = Name(1)});
   auto request = Blue();
   request.set_base(Name(1));
-  ExpectResource(Select(request), grpc::DATA_LOSS, Name(1));
-  EXPECT_TRUE(Get(Name(1)).ok()) << "its row is whole";
+  EXPECT_ERROR(Select(request), grpc::DATA_LOSS, {.resource = Name(1)});
+  EXPECT_OK(Get(Name(1))) << "its row is whole";
 }
 
 TEST_F(SelectionTest, RefusesToCombineDifferentModels) {
-  MustSelect(Red());
-  Train();
-  MustSelect(Red());
-  EXPECT_EQ(made.model(), "scenes/shelf/models/2");
-  ExpectResource(Combine(Name(1), Name(2), v1::SET_OPERATION_UNION), grpc::FAILED_PRECONDITION,
-                 "scenes/shelf/models/2");
+  ASSERT_OK(Select(Red()));
+  TrainToTheEnd("shelf", "file");
+  EXPECT_EQ(Select(Red())->model(), "scenes/shelf/models/2");
+  EXPECT_ERROR(Combine(Name(1), Name(2), v1::SET_OPERATION_UNION), grpc::FAILED_PRECONDITION,
+               {.resource = "scenes/shelf/models/2"});
   auto request = Red();
   request.set_base(Name(1));
-  ExpectResource(Select(request), grpc::FAILED_PRECONDITION, "scenes/shelf/models/1");
+  EXPECT_ERROR(Select(request), grpc::FAILED_PRECONDITION, {.resource = "scenes/shelf/models/1"});
   request.set_model("scenes/shelf/models/1");
-  EXPECT_TRUE(Select(request).ok());
+  EXPECT_OK(Select(request));
 }
 
 TEST_F(SelectionTest, RefusesInvalidRequests) {
+  using Change = std::function<void(v1::CreateSelectionRequest&)>;
+  const auto unknown = static_cast<v1::SetOperation>(17);
+  const std::vector<std::pair<std::string, Change>> cases = {
+      {"num_views", [](auto& request) { request.set_num_views(101); }},
+      {"num_views", [](auto& request) { request.set_num_views(-1); }},
+      {"base", [](auto& request) { request.set_operation(v1::SET_OPERATION_UNION); }},
+      {"operation", [&](auto& request) { request.set_operation(unknown); }},
+      {"base", [](auto& request) { request.set_base("scenes/shelf/selections/last"); }},
+      {"request_id", [](auto& request) { request.set_request_id(std::string(129, 'x')); }},
+      {"prompt", [](auto& request) { request.clear_prompt(); }},
+      {"prompt.view.view",
+       [](auto& request) { request.mutable_prompt()->mutable_view()->set_view("nowhere.jpg"); }},
+      {"model", [](auto& request) { request.set_model("shelf"); }}};
+  for (const auto& [field, change] : cases) {
+    auto request = Red();
+    change(request);
+    EXPECT_ERROR(Select(request), grpc::INVALID_ARGUMENT, field);
+  }
+  EXPECT_ERROR(Combine(Name(1), Name(1), unknown), grpc::INVALID_ARGUMENT, "operation");
   auto request = Red();
-  request.set_num_views(101);
-  ExpectBadField(request, "num_views");
-  request.set_num_views(-1);
-  ExpectBadField(request, "num_views");
-  request = Red();
-  request.set_operation(v1::SET_OPERATION_UNION);
-  ExpectBadField(request, "base");
-  request.set_operation(static_cast<v1::SetOperation>(17));
-  ExpectBadField(request, "operation");
-  EXPECT_EQ(DetailOf(Combine(Name(1), Name(1), static_cast<v1::SetOperation>(17))).field(),
-            "operation");
-  request = Red();
-  request.set_base("scenes/shelf/selections/last");
-  ExpectBadField(request, "base");
   request.set_base(Name(9));
-  ExpectResource(Select(request), grpc::NOT_FOUND, Name(9));
-  request = Red();
-  request.set_request_id(std::string(129, 'x'));
-  ExpectBadField(request, "request_id");
-  request = Red();
-  request.clear_prompt();
-  ExpectBadField(request, "prompt");
-  request = Red();
-  request.mutable_prompt()->mutable_view()->set_view("nowhere.jpg");
-  ExpectBadField(request, "prompt.view.view");
-  request = Red();
-  request.set_model("shelf");
-  ExpectBadField(request, "model");
-  EXPECT_EQ(Select(Click(2)).error_code(), grpc::INVALID_ARGUMENT) << "nothing is there";
-  ASSERT_TRUE(List("scenes/shelf", 0, "").ok());
-  EXPECT_EQ(list.selections_size(), 0);
+  EXPECT_ERROR(Select(request), grpc::NOT_FOUND, {.resource = Name(9)});
+  EXPECT_ERROR(Select(Click<v1::CreateSelectionRequest>(2)), grpc::INVALID_ARGUMENT)
+      << "nothing is there";
+  EXPECT_EQ(List("scenes/shelf", 0, "")->selections_size(), 0);
 }
 
 TEST_F(SelectionTest, RefusesInvalidNamesAndOperations) {
-  MustSelect(Red());
-  EXPECT_EQ(DetailOf(Combine("x", Name(1), v1::SET_OPERATION_UNION)).field(), "first");
-  EXPECT_EQ(DetailOf(Combine(Name(1), "x", v1::SET_OPERATION_UNION)).field(), "second");
-  EXPECT_EQ(
-      DetailOf(Combine(Name(1), Name(1), v1::SET_OPERATION_UNION, std::string(129, 'x'))).field(),
-      "request_id");
-  ExpectResource(Combine(Name(1), Name(9), v1::SET_OPERATION_UNION), grpc::NOT_FOUND, Name(9));
-  ExpectResource(Combine(Name(9), Name(1), v1::SET_OPERATION_UNION), grpc::NOT_FOUND, Name(9));
+  ASSERT_OK(Select(Red()));
+  const auto unite = [this](const std::string& first, const std::string& second) {
+    return Combine(first, second, v1::SET_OPERATION_UNION);
+  };
+  EXPECT_ERROR(unite("x", Name(1)), grpc::INVALID_ARGUMENT, "first");
+  EXPECT_ERROR(unite(Name(1), "x"), grpc::INVALID_ARGUMENT, "second");
+  EXPECT_ERROR(Combine(Name(1), Name(1), v1::SET_OPERATION_UNION, std::string(129, 'x')),
+               grpc::INVALID_ARGUMENT, "request_id");
+  EXPECT_ERROR(unite(Name(1), Name(9)), grpc::NOT_FOUND, {.resource = Name(9)});
+  EXPECT_ERROR(unite(Name(9), Name(1)), grpc::NOT_FOUND, {.resource = Name(9)});
   for (const char* name : {"", "scenes/shelf/selections/0", "scenes/shelf/models/1"}) {
-    EXPECT_EQ(DetailOf(Get(name)).field(), "name") << name;
-    EXPECT_EQ(DetailOf(Undo(name)).field(), "name") << name;
-    EXPECT_EQ(DetailOf(Delete(name)).field(), "name") << name;
+    EXPECT_ERROR(Get(name), grpc::INVALID_ARGUMENT, "name") << name;
+    EXPECT_ERROR(Undo(name), grpc::INVALID_ARGUMENT, "name") << name;
+    EXPECT_ERROR(Delete(name), grpc::INVALID_ARGUMENT, "name") << name;
   }
 }
 

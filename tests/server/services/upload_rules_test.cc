@@ -2,15 +2,17 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/testing/status_testing.h"
+
 namespace pepeseg {
 namespace {
 
 TEST(UploadPath, AcceptsCommonPaths) {
   for (const char* good : {"a", "images/0001.jpg", "sparse/0/cameras.bin", "a b/ü.png", "..a/b..",
                            ".hidden", "a/...", "-rf"}) {
-    EXPECT_TRUE(CheckUploadPath(good, "path").ok()) << good;
+    EXPECT_OK(CheckUploadPath(good, "path")) << good;
   }
-  EXPECT_TRUE(CheckUploadPath(std::string(512, 'a'), "path").ok());
+  EXPECT_OK(CheckUploadPath(std::string(512, 'a'), "path"));
 }
 
 TEST(UploadPath, RefusesPathsThatEscapeTheFolder) {
@@ -45,13 +47,12 @@ void ExpectRefused(const v1::CreateUploadRequest& request, const std::string& wo
 }
 
 TEST(UploadFiles, ReturnDeclaredFiles) {
-  const auto files = CheckUploadFiles(GoodRequest());
-  ASSERT_TRUE(files.ok()) << files.status();
-  ASSERT_EQ(files->size(), 2u);
-  EXPECT_EQ((*files)[1].path, "images/2.jpg");
-  EXPECT_EQ((*files)[1].kind, v1::FILE_KIND_IMAGE);
-  EXPECT_EQ((*files)[1].size, 5);
-  EXPECT_FALSE((*files)[1].stored);
+  ASSERT_OK_AND_ASSIGN(const auto files, CheckUploadFiles(GoodRequest()));
+  ASSERT_EQ(files.size(), 2u);
+  EXPECT_EQ(files[1].path, "images/2.jpg");
+  EXPECT_EQ(files[1].kind, v1::FILE_KIND_IMAGE);
+  EXPECT_EQ(files[1].size, 5);
+  EXPECT_FALSE(files[1].stored);
 }
 
 TEST(UploadFiles, NameFileAndLimitInRefusals) {
@@ -87,7 +88,7 @@ TEST(UploadFiles, RefuseTooManyFilesAndPathBytes) {
   }
   ExpectRefused(request, "files: '20001'");
   request.mutable_files()->RemoveLast();
-  EXPECT_TRUE(CheckUploadFiles(request).ok());
+  EXPECT_OK(CheckUploadFiles(request));
   for (int i = 0; i < 5000; ++i) {
     request.mutable_files(i)->set_path(std::to_string(i) + std::string(500, 'x'));
   }

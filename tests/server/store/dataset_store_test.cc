@@ -14,15 +14,15 @@ using ::testing::HasSubstr;
 
 TEST_F(StoreTest, SealsOnlyCompleteDatasets) {
   MakeScene("a");
-  const auto made = store_->datasets().CreateDataset(
-      "a", "r", {{"images/1.jpg", 1, 10, "aa", true}, {"images/2.jpg", 1, 20, "bb", false}});
-  ASSERT_TRUE(made.ok()) << made.status();
-  EXPECT_EQ(made->number, 1);
-  EXPECT_EQ(made->num_files, 2);
-  EXPECT_EQ(made->num_bytes, 30);
-  const auto early = store_->datasets().SealDataset("a", 1).status();
-  EXPECT_EQ(early.code(), absl::StatusCode::kFailedPrecondition);
-  EXPECT_THAT(std::string(early.message()), HasSubstr("images/2.jpg"));
+  ASSERT_OK_AND_ASSIGN(
+      const auto made,
+      store_->datasets().CreateDataset(
+          "a", "r", {{"images/1.jpg", 1, 10, "aa", true}, {"images/2.jpg", 1, 20, "bb", false}}));
+  EXPECT_EQ(made.number, 1);
+  EXPECT_EQ(made.num_files, 2);
+  EXPECT_EQ(made.num_bytes, 30);
+  EXPECT_STATUS(store_->datasets().SealDataset("a", 1), absl::StatusCode::kFailedPrecondition,
+                "images/2.jpg");
   const UploadName upload{kDefaultProject, "a", 1};
   EXPECT_EQ(store_->files().MarkFilesStored(upload, {{"images/3.jpg", 1, 20, "bb"}}).code(),
             absl::StatusCode::kNotFound);
@@ -33,16 +33,15 @@ TEST_F(StoreTest, SealsOnlyCompleteDatasets) {
   second.header = HeaderState::kRead;
   second.width = 640;
   second.height = 480;
-  ASSERT_TRUE(store_->files().MarkFilesStored(upload, {second}).ok());
+  ASSERT_OK(store_->files().MarkFilesStored(upload, {second}));
   const auto stored = store_->files().GetDatasetFile("a", 1, "images/2.jpg");
   EXPECT_TRUE(stored->stored);
   EXPECT_EQ(stored->header, HeaderState::kRead);
   EXPECT_EQ(stored->width, 640);
   EXPECT_EQ(stored->height, 480);
-  const auto sealed = store_->datasets().SealDataset("a", 1);
-  ASSERT_TRUE(sealed.ok()) << sealed.status();
-  EXPECT_EQ(sealed->state, DatasetState::kSealed);
-  EXPECT_TRUE(store_->datasets().SealDataset("a", 1).ok());
+  ASSERT_OK_AND_ASSIGN(const auto sealed, store_->datasets().SealDataset("a", 1));
+  EXPECT_EQ(sealed.state, DatasetState::kSealed);
+  EXPECT_OK(store_->datasets().SealDataset("a", 1));
   EXPECT_EQ(store_->files().MarkFilesStored(upload, {second}).code(),
             absl::StatusCode::kFailedPrecondition);
 }
@@ -97,10 +96,9 @@ TEST_F(StoreTest, CreatesOneDatasetForARepeatedRequest) {
 TEST_F(StoreTest, ListsSealedDatasetsByNumber) {
   MakeScene("a");
   for (int i = 0; i < 4; ++i) {
-    ASSERT_TRUE(store_->datasets().CreateDataset("a", "", {{"x", 1, 10, "aa", true}}).ok());
+    ASSERT_OK(store_->datasets().CreateDataset("a", "", {{"x", 1, 10, "aa", true}}));
   }
-  for (const int64_t number : {4, 1, 2})
-    ASSERT_TRUE(store_->datasets().SealDataset("a", number).ok());
+  for (const int64_t number : {4, 1, 2}) ASSERT_OK(store_->datasets().SealDataset("a", number));
   const auto page = store_->datasets().ListDatasets("a", {2, ""});
   ASSERT_EQ(page->rows.size(), 2u);
   EXPECT_EQ(page->rows[1].number, 2);
@@ -111,31 +109,29 @@ TEST_F(StoreTest, ListsSealedDatasetsByNumber) {
 }
 
 TEST_F(StoreTest, MarksADigestInAllDatasetsOfItsProject) {
-  ASSERT_TRUE(store_->scenes().CreateScene({"ours", "", "", {}}).ok());
-  ASSERT_TRUE(store_->scenes().CreateScene({"theirs", "", "", {}, "other"}).ok());
+  ASSERT_OK(store_->scenes().CreateScene({"ours", "", "", {}}));
+  ASSERT_OK(store_->scenes().CreateScene({"theirs", "", "", {}, "other"}));
   for (const char* scene : {"ours", "theirs"}) {
-    ASSERT_TRUE(store_->datasets()
-                    .CreateDataset(scene, "", {{"a", 1, 3, "00", true}, {"b", 1, 3, "11", true}})
-                    .ok());
-    ASSERT_TRUE(store_->datasets().SealDataset(scene, 1).ok());
+    ASSERT_OK(store_->datasets().CreateDataset(scene, "",
+                                               {{"a", 1, 3, "00", true}, {"b", 1, 3, "11", true}}));
+    ASSERT_OK(store_->datasets().SealDataset(scene, 1));
   }
   const auto is_stored = [&](const std::string& scene, const std::string& path) {
     return store_->files().GetDatasetFile(scene, 1, path)->stored;
   };
-  ASSERT_TRUE(store_->files().SetDigestsStored(kDefaultProject, {"00", "22"}, false).ok());
+  ASSERT_OK(store_->files().SetDigestsStored(kDefaultProject, {"00", "22"}, false));
   EXPECT_FALSE(is_stored("ours", "a"));
   EXPECT_TRUE(is_stored("ours", "b"));
   EXPECT_TRUE(is_stored("theirs", "a"));
-  ASSERT_TRUE(store_->files().SetDigestsStored(kDefaultProject, {"00"}, true).ok());
+  ASSERT_OK(store_->files().SetDigestsStored(kDefaultProject, {"00"}, true));
   EXPECT_TRUE(is_stored("ours", "a"));
 }
 
 TEST_F(StoreTest, FindsFilesOfAKind) {
-  ASSERT_TRUE(store_->scenes().CreateScene({"a", "", "", {}}).ok());
+  ASSERT_OK(store_->scenes().CreateScene({"a", "", "", {}}));
   constexpr int kImage = 1, kMask = 3;
   const std::string digest(64, 'a');
-  ASSERT_TRUE(
-      store_->datasets().CreateDataset("a", "", {{"images/1.jpg", kImage, 5, digest}}).ok());
+  ASSERT_OK(store_->datasets().CreateDataset("a", "", {{"images/1.jpg", kImage, 5, digest}}));
   EXPECT_TRUE(*store_->files().HasFileOfKind("a", 1, kImage));
   EXPECT_FALSE(*store_->files().HasFileOfKind("a", 1, kMask));
   EXPECT_FALSE(*store_->files().HasFileOfKind("a", 2, kImage));

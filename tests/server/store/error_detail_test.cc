@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "core/base/private_error.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -30,7 +31,7 @@ TEST(ErrorDetail, OfTheInnermostCallerStays) {
 
 TEST(ErrorDetail, IsAbsentFromOtherStatuses) {
   EXPECT_EQ(DetailOf(absl::AbortedError("busy")), ErrorDetail{});
-  EXPECT_TRUE(WithDetail(absl::OkStatus(), kDetail).ok());
+  EXPECT_OK(WithDetail(absl::OkStatus(), kDetail));
   EXPECT_EQ(DetailOf(absl::OkStatus()), ErrorDetail{});
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tests/server/store/store_fixture.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -16,17 +17,14 @@ using ::testing::HasSubstr;
 TEST_F(StoreTest, AllowsOneActiveJobPerScene) {
   MakeTrainable("a");
   MakeTrainable("b");
-  const auto first = Train("a", "r1");
-  ASSERT_TRUE(first.ok()) << first.status();
-  EXPECT_EQ(first->id, "j1");
-  EXPECT_EQ(first->state, JobState::kQueued);
-  EXPECT_EQ(first->options, std::string("\0opt\xff", 5));
+  ASSERT_OK_AND_ASSIGN(const auto first, Train("a", "r1"));
+  EXPECT_EQ(first.id, "j1");
+  EXPECT_EQ(first.state, JobState::kQueued);
+  EXPECT_EQ(first.options, std::string("\0opt\xff", 5));
   EXPECT_EQ(Train("a", "r1")->id, "j1");
-  const auto second = Train("a", "r2").status();
-  EXPECT_EQ(second.code(), absl::StatusCode::kAborted);
-  EXPECT_THAT(std::string(second.message()), HasSubstr("jobs/j1"));
+  EXPECT_STATUS(Train("a", "r2"), absl::StatusCode::kAborted, "jobs/j1");
   EXPECT_EQ(Train("b", "r1")->id, "j2");
-  ASSERT_TRUE(store_->queue().RequestCancel("j1").ok());
+  ASSERT_OK(store_->queue().RequestCancel("j1"));
   EXPECT_EQ(Train("a", "r2")->id, "j3");
 }
 
@@ -50,15 +48,15 @@ TEST_F(StoreTest, LetsOneOfManyThreadsCreateAJob) {
 
 TEST_F(StoreTest, RefusesToTrainAnOpenDataset) {
   MakeScene("a");
-  ASSERT_TRUE(store_->datasets().CreateDataset("a", "", {{"x", 1, 10, "aa", false}}).ok());
+  ASSERT_OK(store_->datasets().CreateDataset("a", "", {{"x", 1, 10, "aa", false}}));
   EXPECT_EQ(Train("a").status().code(), absl::StatusCode::kFailedPrecondition);
 }
 
 TEST_F(StoreTest, ClaimsTheOldestJobFirstWithARisingFence) {
   MakeTrainable("a");
   MakeTrainable("b");
-  ASSERT_TRUE(Train("a").ok());
-  ASSERT_TRUE(Train("b").ok());
+  ASSERT_OK(Train("a"));
+  ASSERT_OK(Train("b"));
   const auto claimed = store_->queue().ClaimJob("cpu");
   ASSERT_TRUE(claimed.ok() && claimed->has_value()) << claimed.status();
   EXPECT_EQ((*claimed)->id, "j1");
@@ -66,7 +64,7 @@ TEST_F(StoreTest, ClaimsTheOldestJobFirstWithARisingFence) {
   EXPECT_EQ((*claimed)->device, "cpu");
   EXPECT_EQ((*store_->queue().ClaimJob("cpu"))->id, "j2");
   EXPECT_FALSE(store_->queue().ClaimJob("cpu")->has_value());
-  ASSERT_TRUE(store_->queue().RequeueJob("j1", 1, {}).ok());
+  ASSERT_OK(store_->queue().RequeueJob("j1", 1, {}));
   EXPECT_EQ((*store_->queue().ClaimJob("cuda"))->fence, 2);
   EXPECT_EQ(store_->jobs().GetJob("j1")->device, "cuda");
   // The first attempt has lost its claim and can no longer change anything.
@@ -79,41 +77,38 @@ TEST_F(StoreTest, ClaimsTheOldestJobFirstWithARisingFence) {
 
 TEST_F(StoreTest, CommitsAModelWithItsJob) {
   MakeTrainable("a");
-  ASSERT_TRUE(Train("a").ok());
-  const auto none = store_->models().GetLiveModel("a").status();
-  EXPECT_EQ(none.code(), absl::StatusCode::kFailedPrecondition);
-  EXPECT_THAT(std::string(none.message()), HasSubstr("jobs/j1"));
+  ASSERT_OK(Train("a"));
+  EXPECT_STATUS(store_->models().GetLiveModel("a"), absl::StatusCode::kFailedPrecondition,
+                "jobs/j1");
   ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
   ModelRow model;
   model.folder = "jobs/j1/attempt-1";
   model.metrics = R"({"psnr": 21.5})";
   model.num_bytes = 12;
-  ASSERT_TRUE(store_->queue().CommitModel("j1", 1, model).ok());
+  ASSERT_OK(store_->queue().CommitModel("j1", 1, model));
   Reopen();
   EXPECT_EQ(store_->jobs().GetJob("j1")->state, JobState::kSucceeded);
   EXPECT_EQ(store_->jobs().GetJob("j1")->model, 1);
-  const auto live = store_->models().GetLiveModel("a");
-  ASSERT_TRUE(live.ok()) << live.status();
-  EXPECT_EQ(live->folder, model.folder);
-  EXPECT_EQ(live->metrics, model.metrics);
-  EXPECT_EQ(live->job, "j1");
-  EXPECT_EQ(live->dataset, 1);
+  ASSERT_OK_AND_ASSIGN(const auto live, store_->models().GetLiveModel("a"));
+  EXPECT_EQ(live.folder, model.folder);
+  EXPECT_EQ(live.metrics, model.metrics);
+  EXPECT_EQ(live.job, "j1");
+  EXPECT_EQ(live.dataset, 1);
 }
 
 TEST_F(StoreTest, NewestModelIsLiveAndNumbersAreNotReused) {
   MakeTrainable("a");
   for (int i = 1; i <= 3; ++i) {
-    const auto job = Train("a");
-    ASSERT_TRUE(job.ok()) << job.status();
+    ASSERT_OK_AND_ASSIGN(const auto job, Train("a"));
     ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
-    ASSERT_TRUE(store_->queue().CommitModel(job->id, 1, {}).ok());
+    ASSERT_OK(store_->queue().CommitModel(job.id, 1, {}));
   }
   EXPECT_EQ(store_->models().GetLiveModel("a")->number, 3);
   const auto page = store_->models().ListModels("a", {2, ""});
   ASSERT_EQ(page->rows.size(), 2u);
   EXPECT_EQ(page->rows[0].number, 3);
   EXPECT_EQ(store_->models().ListModels("a", {2, page->next_page_token})->rows.at(0).number, 1);
-  ASSERT_TRUE(store_->models().DeleteModel("a", 3).ok());
+  ASSERT_OK(store_->models().DeleteModel("a", 3));
   EXPECT_EQ(store_->models().GetLiveModel("a")->number, 2);
   EXPECT_EQ(store_->models().DeleteModel("a", 3).code(), absl::StatusCode::kNotFound);
   const auto job = Train("a");
@@ -123,9 +118,9 @@ TEST_F(StoreTest, NewestModelIsLiveAndNumbersAreNotReused) {
 
 TEST_F(StoreTest, EndsAJobWithItsReason) {
   MakeTrainable("a");
-  ASSERT_TRUE(Train("a").ok());
+  ASSERT_OK(Train("a"));
   ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
-  ASSERT_TRUE(store_->queue().EndJob("j1", 1, absl::InvalidArgumentError("images/x.jpg: no")).ok());
+  ASSERT_OK(store_->queue().EndJob("j1", 1, absl::InvalidArgumentError("images/x.jpg: no")));
   const auto job = store_->jobs().GetJob("j1");
   EXPECT_EQ(job->state, JobState::kFailed);
   EXPECT_EQ(job->error_code, 3);
@@ -135,28 +130,28 @@ TEST_F(StoreTest, EndsAJobWithItsReason) {
 
 TEST_F(StoreTest, CancelsARequeuedJobThatWasAskedToStop) {
   MakeTrainable("a");
-  ASSERT_TRUE(Train("a").ok());
+  ASSERT_OK(Train("a"));
   ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
   EXPECT_EQ(store_->queue().RequestCancel("j1")->state, JobState::kRunning);
   EXPECT_TRUE(store_->jobs().GetJob("j1")->cancel_requested);
-  ASSERT_TRUE(store_->queue().SetJobStage("j1", 1, "features").ok());
+  ASSERT_OK(store_->queue().SetJobStage("j1", 1, "features"));
   EXPECT_EQ(store_->queue().RequeueJob("j1", 1, {})->state, JobState::kCancelled);
   EXPECT_EQ(store_->jobs().GetJob("j1")->stage, "features") << "the stage in which it ended";
 }
 
 TEST_F(StoreTest, KeepsTheStageInWhichAJobFailed) {
   MakeTrainable("a");
-  ASSERT_TRUE(Train("a").ok());
+  ASSERT_OK(Train("a"));
   ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
-  ASSERT_TRUE(store_->queue().SetJobStage("j1", 1, "sfm").ok());
-  ASSERT_TRUE(store_->queue().EndJob("j1", 1, absl::InvalidArgumentError("no pairs")).ok());
+  ASSERT_OK(store_->queue().SetJobStage("j1", 1, "sfm"));
+  ASSERT_OK(store_->queue().EndJob("j1", 1, absl::InvalidArgumentError("no pairs")));
   EXPECT_EQ(store_->jobs().GetJob("j1")->stage, "sfm");
 }
 
 TEST_F(StoreTest, ListsJobsNewestFirstByFilter) {
   for (const char* scene : {"a", "b", "c"}) {
     MakeTrainable(scene);
-    ASSERT_TRUE(Train(scene).ok());
+    ASSERT_OK(Train(scene));
   }
   ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
   const auto all = store_->jobs().ListJobs({}, {2, ""});

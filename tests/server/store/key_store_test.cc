@@ -8,6 +8,7 @@
 #include "server/store/scene_key.h"
 #include "server/store/store.h"
 #include "tests/server/store/test_database.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -16,7 +17,7 @@ namespace {
 struct StoreKeys : ::testing::Test {
   StoreKeys() {
     auto opened = Store::Open(testing::NewTestDatabase(folder.path()));
-    EXPECT_TRUE(opened.ok()) << opened.status();
+    EXPECT_OK(opened);
     store = *std::move(opened);
   }
   absl::StatusOr<KeyRow> MakeKey(const std::string& id, const std::string& project) {
@@ -34,9 +35,8 @@ struct StoreKeys : ::testing::Test {
     scene.id = id;
     scene.project = project;
     scene.request_id = request_id;
-    const auto made = store->scenes().CreateScene(scene);
-    ASSERT_TRUE(made.ok()) << made.status();
-    EXPECT_EQ(made->project, project);
+    ASSERT_OK_AND_ASSIGN(const auto made, store->scenes().CreateScene(scene));
+    EXPECT_EQ(made.project, project);
   }
 
   testing::TempFolder folder;
@@ -44,17 +44,15 @@ struct StoreKeys : ::testing::Test {
 };
 
 TEST_F(StoreKeys, FindsAKeyByItsDigest) {
-  const auto made = MakeKey("a", "lab");
-  ASSERT_TRUE(made.ok()) << made.status();
-  const auto found = store->keys().FindKeyByDigest("digest of a");
-  ASSERT_TRUE(found.ok()) << found.status();
-  EXPECT_EQ(found->id, "a");
-  EXPECT_EQ(found->project, "lab");
-  EXPECT_EQ(found->display_name, "Key's name");
-  EXPECT_EQ(found->scopes, 6);
-  EXPECT_EQ(found->create_time, made->create_time);
-  EXPECT_EQ(found->expire_time, absl::InfinitePast());
-  EXPECT_EQ(found->revoke_time, absl::InfinitePast());
+  ASSERT_OK_AND_ASSIGN(const auto made, MakeKey("a", "lab"));
+  ASSERT_OK_AND_ASSIGN(const auto found, store->keys().FindKeyByDigest("digest of a"));
+  EXPECT_EQ(found.id, "a");
+  EXPECT_EQ(found.project, "lab");
+  EXPECT_EQ(found.display_name, "Key's name");
+  EXPECT_EQ(found.scopes, 6);
+  EXPECT_EQ(found.create_time, made.create_time);
+  EXPECT_EQ(found.expire_time, absl::InfinitePast());
+  EXPECT_EQ(found.revoke_time, absl::InfinitePast());
   EXPECT_TRUE(absl::IsNotFound(store->keys().FindKeyByDigest("digest of b").status()));
   EXPECT_FALSE(MakeKey("a", "lab").ok());
   EXPECT_TRUE(absl::IsInvalidArgument(MakeKey("b", "No label").status()));
@@ -62,30 +60,28 @@ TEST_F(StoreKeys, FindsAKeyByItsDigest) {
 }
 
 TEST_F(StoreKeys, KeepsTheFirstRevocation) {
-  ASSERT_TRUE(MakeKey("a", "lab").ok());
-  const auto revoked = store->keys().RevokeKey("a");
-  ASSERT_TRUE(revoked.ok()) << revoked.status();
-  EXPECT_GT(revoked->revoke_time, absl::Now() - absl::Minutes(1));
-  EXPECT_EQ(store->keys().RevokeKey("a")->revoke_time, revoked->revoke_time);
-  EXPECT_EQ(store->keys().FindKeyByDigest("digest of a")->revoke_time, revoked->revoke_time);
+  ASSERT_OK(MakeKey("a", "lab"));
+  ASSERT_OK_AND_ASSIGN(const auto revoked, store->keys().RevokeKey("a"));
+  EXPECT_GT(revoked.revoke_time, absl::Now() - absl::Minutes(1));
+  EXPECT_EQ(store->keys().RevokeKey("a")->revoke_time, revoked.revoke_time);
+  EXPECT_EQ(store->keys().FindKeyByDigest("digest of a")->revoke_time, revoked.revoke_time);
   EXPECT_TRUE(absl::IsNotFound(store->keys().RevokeKey("b").status()));
 }
 
 TEST_F(StoreKeys, ListsKeysByProjectInPages) {
   for (const char* id : {"b", "d", "a", "c"}) {
-    ASSERT_TRUE(MakeKey(id, *id == 'c' ? "other" : "lab").ok());
+    ASSERT_OK(MakeKey(id, *id == 'c' ? "other" : "lab"));
   }
-  const auto first = store->keys().ListKeys("lab", {2, ""});
-  ASSERT_TRUE(first.ok()) << first.status();
-  ASSERT_EQ(first->rows.size(), 2u);
-  EXPECT_EQ(first->rows[0].id, "a");
-  const auto second = store->keys().ListKeys("lab", {2, first->next_page_token});
+  ASSERT_OK_AND_ASSIGN(const auto first, store->keys().ListKeys("lab", {2, ""}));
+  ASSERT_EQ(first.rows.size(), 2u);
+  EXPECT_EQ(first.rows[0].id, "a");
+  const auto second = store->keys().ListKeys("lab", {2, first.next_page_token});
   ASSERT_EQ(second->rows.size(), 1u);
   EXPECT_EQ(second->rows[0].id, "d");
   EXPECT_EQ(store->keys().ListKeys("", {})->rows.size(), 4u);
   EXPECT_EQ(store->keys().ListKeys("none", {})->rows.size(), 0u);
   EXPECT_FALSE(
-      store->keys().ListKeys("", {2, first->next_page_token}).ok());  // token of another list
+      store->keys().ListKeys("", {2, first.next_page_token}).ok());  // token of another list
   EXPECT_FALSE(store->keys().ListKeys("x' OR '1' = '1", {}).ok());
 }
 
@@ -100,12 +96,12 @@ TEST_F(StoreKeys, FindsTheProjectOfScenesAndJobs) {
   EXPECT_EQ(store->scenes().ListScenes({}, "lab")->rows[0].id, "a");
   EXPECT_EQ(store->scenes().ListScenes({})->rows.size(), 2u);
   for (const char* scene : {"a", "b"}) {
-    ASSERT_TRUE(store->datasets().CreateDataset(scene, "", {{"x.jpg", 1, 3, "00", true}}).ok());
-    ASSERT_TRUE(store->datasets().SealDataset(scene, 1).ok());
+    ASSERT_OK(store->datasets().CreateDataset(scene, "", {{"x.jpg", 1, 3, "00", true}}));
+    ASSERT_OK(store->datasets().SealDataset(scene, 1));
     JobRow job;
     job.scene = scene;
     job.dataset = 1;
-    ASSERT_TRUE(store->jobs().CreateJob(job).ok());
+    ASSERT_OK(store->jobs().CreateJob(job));
   }
   EXPECT_EQ(*store->jobs().ProjectOfJob("j1"), "lab");
   EXPECT_EQ(*store->jobs().ProjectOfJob("j2"), "other");
@@ -139,12 +135,12 @@ TEST_F(StoreKeys, AllowsTheSameSceneIdInSeveralProjects) {
             "scenes/a exists already");
   EXPECT_EQ(store->scenes().FindScenes("a")->size(), 2u);
   // Records of one scene do not belong to the other.
-  ASSERT_TRUE(store->datasets().CreateDataset(key, "", {{"x.jpg", 1, 3, "00", true}}).ok());
+  ASSERT_OK(store->datasets().CreateDataset(key, "", {{"x.jpg", 1, 3, "00", true}}));
   EXPECT_TRUE(absl::IsNotFound(store->datasets().GetDataset("a", 1).status()));
-  ASSERT_TRUE(store->scenes().DeleteScene("a").ok());
-  EXPECT_TRUE(store->datasets().GetDataset(key, 1).ok());
+  ASSERT_OK(store->scenes().DeleteScene("a"));
+  EXPECT_OK(store->datasets().GetDataset(key, 1));
   CreateScene("a", "lab");
-  EXPECT_TRUE(store->scenes().GetScene(*store->scenes().FindScene("lab", "a")).ok());
+  EXPECT_OK(store->scenes().GetScene(*store->scenes().FindScene("lab", "a")));
 }
 
 TEST_F(StoreKeys, ListsScenesWithTheSameIdInPages) {
@@ -154,11 +150,10 @@ TEST_F(StoreKeys, ListsScenesWithTheSameIdInPages) {
   std::set<std::string> keys;
   PageRequest page{1, ""};
   do {
-    const auto scenes = store->scenes().ListScenes(page);
-    ASSERT_TRUE(scenes.ok()) << scenes.status();
-    ASSERT_EQ(scenes->rows.size(), 1u);
-    EXPECT_TRUE(keys.insert(scenes->rows[0].key).second);
-    page.page_token = scenes->next_page_token;
+    ASSERT_OK_AND_ASSIGN(const auto scenes, store->scenes().ListScenes(page));
+    ASSERT_EQ(scenes.rows.size(), 1u);
+    EXPECT_TRUE(keys.insert(scenes.rows[0].key).second);
+    page.page_token = scenes.next_page_token;
   } while (!page.page_token.empty() && keys.size() < 10);
   EXPECT_EQ(keys.size(), 5u);
 }
@@ -178,8 +173,8 @@ TEST(SceneKey, ContainsTheId) {
 
 TEST_F(StoreKeys, StoresQuotasOfProjects) {
   EXPECT_EQ(store->quotas().GetProject("lab")->quota.stored_bytes, 0);
-  ASSERT_TRUE(store->quotas().SetProjectQuota("lab", {1, 2, 3, 4, 5, int64_t{6} << 40}).ok());
-  ASSERT_TRUE(MakeKey("a", "lab").ok());  // does not change the quota
+  ASSERT_OK(store->quotas().SetProjectQuota("lab", {1, 2, 3, 4, 5, int64_t{6} << 40}));
+  ASSERT_OK(MakeKey("a", "lab"));  // does not change the quota
   const auto project = store->quotas().GetProject("lab");
   EXPECT_EQ(project->quota.stored_bytes, 1);
   EXPECT_EQ(project->quota.queries_per_second, 5);

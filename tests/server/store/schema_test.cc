@@ -5,6 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "server/store/soci.h"
 #include "server/store/store.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -29,62 +30,56 @@ TEST(Schema, UpgradesTheFirstVersionWithItsRecords) {
   const testing::TempFolder folder;
   const std::string path = (folder.path() / "store.db").string();
   WriteFirstVersion(path);
-  const auto store = Store::Open("sqlite:" + path);
-  ASSERT_TRUE(store.ok()) << store.status();
-  const auto job = (*store)->jobs().GetJob("j1");
-  ASSERT_TRUE(job.ok()) << job.status();
-  EXPECT_EQ(job->state, JobState::kSucceeded);
-  EXPECT_EQ(job->device, "");  // not recorded then
-  const auto model = (*store)->models().GetLiveModel("a");
-  ASSERT_TRUE(model.ok()) << model.status();
+  ASSERT_OK_AND_ASSIGN(const auto store, Store::Open("sqlite:" + path));
+  ASSERT_OK_AND_ASSIGN(const auto job, store->jobs().GetJob("j1"));
+  EXPECT_EQ(job.state, JobState::kSucceeded);
+  EXPECT_EQ(job.device, "");  // not recorded then
+  const auto model = store->models().GetLiveModel("a");
+  ASSERT_OK(model);
   EXPECT_EQ(model->num_gaussians, 7);
   EXPECT_EQ(model->device, "");
   EXPECT_EQ(model->sources, "");
-  const auto file = (*store)->files().GetDatasetFile("a", 1, "images/1.jpg");
-  ASSERT_TRUE(file.ok()) << file.status();
-  EXPECT_EQ(file->header, HeaderState::kUnread);
-  EXPECT_EQ((*store)->quotas().GetUsage("default")->stored_bytes, 20 + 8) << "a blob and a model";
+  ASSERT_OK_AND_ASSIGN(const auto file, store->files().GetDatasetFile("a", 1, "images/1.jpg"));
+  EXPECT_EQ(file.header, HeaderState::kUnread);
+  EXPECT_EQ(store->quotas().GetUsage("default")->stored_bytes, 20 + 8) << "a blob and a model";
   JobRow next;
   next.scene = "a";
   next.dataset = 1;
-  ASSERT_TRUE((*store)->jobs().CreateJob(next).ok());
-  EXPECT_EQ((**(*store)->queue().ClaimJob("cuda 0 (X)")).device, "cuda 0 (X)");
+  ASSERT_OK(store->jobs().CreateJob(next));
+  EXPECT_EQ((**store->queue().ClaimJob("cuda 0 (X)")).device, "cuda 0 (X)");
 }
 
 TEST(Schema, KeepsIdsOfOldScenesAsKeysAndFreesThemForOtherProjects) {
   const testing::TempFolder folder;
   const std::string path = (folder.path() / "store.db").string();
   WriteFirstVersion(path);
-  const auto store = Store::Open("sqlite:" + path);
-  ASSERT_TRUE(store.ok()) << store.status();
-  EXPECT_EQ(*(*store)->scenes().FindScene("default", "a"), "a");
-  EXPECT_EQ((*store)->scenes().GetScene("a")->display_name, "A");
-  EXPECT_TRUE(absl::IsAlreadyExists((*store)->scenes().CreateScene({"a", "", "", {}}).status()));
-  const auto theirs = (*store)->scenes().CreateScene({"a", "", "", {}, "lab"});
-  ASSERT_TRUE(theirs.ok()) << theirs.status();
-  EXPECT_NE(theirs->key, "a");
-  EXPECT_TRUE((*store)->models().GetLiveModel("a").ok());
-  EXPECT_FALSE((*store)->models().GetLiveModel(theirs->key).ok());
+  ASSERT_OK_AND_ASSIGN(const auto store, Store::Open("sqlite:" + path));
+  EXPECT_EQ(*store->scenes().FindScene("default", "a"), "a");
+  EXPECT_EQ(store->scenes().GetScene("a")->display_name, "A");
+  EXPECT_TRUE(absl::IsAlreadyExists(store->scenes().CreateScene({"a", "", "", {}}).status()));
+  ASSERT_OK_AND_ASSIGN(const auto theirs, store->scenes().CreateScene({"a", "", "", {}, "lab"}));
+  EXPECT_NE(theirs.key, "a");
+  EXPECT_OK(store->models().GetLiveModel("a"));
+  EXPECT_FALSE(store->models().GetLiveModel(theirs.key).ok());
 }
 
 TEST(Schema, AddsLabelsAndSelectionsToOldScenesAndModels) {
   const testing::TempFolder folder;
   const std::string path = (folder.path() / "store.db").string();
   WriteFirstVersion(path);
-  const auto store = Store::Open("sqlite:" + path);
-  ASSERT_TRUE(store.ok()) << store.status();
+  ASSERT_OK_AND_ASSIGN(const auto store, Store::Open("sqlite:" + path));
   LabelRow label;
   label.scene = "a";
   label.id = "cup";
-  EXPECT_TRUE((*store)->labels().CreateLabel(label).ok());
-  const auto number = (*store)->selections().TakeSelectionNumber("a");
-  ASSERT_TRUE(number.ok()) << number.status();
+  EXPECT_OK(store->labels().CreateLabel(label));
+  const auto number = store->selections().TakeSelectionNumber("a");
+  ASSERT_OK(number);
   EXPECT_EQ(*number, 1);
   SelectionRow selection;
   selection.scene = "a";
   selection.number = *number;
   selection.model = 1;
-  EXPECT_TRUE((*store)->selections().CreateSelection(selection).ok());
+  EXPECT_OK(store->selections().CreateSelection(selection));
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include "server/store/store.h"
 #include "tests/server/store/test_database.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -19,21 +20,19 @@ class StoreTest : public ::testing::Test {
   void Reopen() {
     store_.reset();
     auto store = Store::Open(url_);
-    ASSERT_TRUE(store.ok()) << store.status();
+    ASSERT_OK(store);
     store_ = std::move(store).value();
   }
 
   void MakeScene(const std::string& id) {
-    const auto scene = store_->scenes().CreateScene({id, "Name of " + id, "", {}});
-    ASSERT_TRUE(scene.ok()) << scene.status();
+    ASSERT_OK(store_->scenes().CreateScene({id, "Name of " + id, "", {}}));
   }
 
   // Creates a scene with the sealed dataset 1.
   void MakeTrainable(const std::string& id) {
     MakeScene(id);
-    ASSERT_TRUE(
-        store_->datasets().CreateDataset(id, "", {{"images/a.jpg", 1, 3, "00", true}}).ok());
-    ASSERT_TRUE(store_->datasets().SealDataset(id, 1).ok());
+    ASSERT_OK(store_->datasets().CreateDataset(id, "", {{"images/a.jpg", 1, 3, "00", true}}));
+    ASSERT_OK(store_->datasets().SealDataset(id, 1));
   }
 
   absl::StatusOr<JobRow> Train(const std::string& scene, const std::string& request_id = "") {

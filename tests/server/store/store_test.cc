@@ -7,19 +7,19 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "tests/server/store/store_fixture.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
 
 TEST_F(StoreTest, KeepsScenesAfterReopening) {
-  const auto made = store_->scenes().CreateScene({"kitchen", "The kitchen", "r1", {}});
-  ASSERT_TRUE(made.ok()) << made.status();
+  ASSERT_OK_AND_ASSIGN(const auto made,
+                       store_->scenes().CreateScene({"kitchen", "The kitchen", "r1", {}}));
   Reopen();
-  const auto found = store_->scenes().GetScene("kitchen");
-  ASSERT_TRUE(found.ok()) << found.status();
-  EXPECT_EQ(found->display_name, "The kitchen");
-  EXPECT_EQ(found->create_time, made->create_time);
-  EXPECT_NEAR(absl::ToDoubleSeconds(absl::Now() - found->create_time), 0, 60);
+  ASSERT_OK_AND_ASSIGN(const auto found, store_->scenes().GetScene("kitchen"));
+  EXPECT_EQ(found.display_name, "The kitchen");
+  EXPECT_EQ(found.create_time, made.create_time);
+  EXPECT_NEAR(absl::ToDoubleSeconds(absl::Now() - found.create_time), 0, 60);
 }
 
 TEST_F(StoreTest, RefusesInvalidIds) {
@@ -29,12 +29,12 @@ TEST_F(StoreTest, RefusesInvalidIds) {
     const auto status = store_->scenes().CreateScene({id, "", "", {}}).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << id;
   }
-  EXPECT_TRUE(store_->scenes().CreateScene({std::string(63, 'a'), "", "", {}}).ok());
+  EXPECT_OK(store_->scenes().CreateScene({std::string(63, 'a'), "", "", {}}));
 }
 
 TEST_F(StoreTest, CreatesOneSceneForARepeatedRequest) {
-  ASSERT_TRUE(store_->scenes().CreateScene({"a", "x", "r1", {}}).ok());
-  EXPECT_TRUE(store_->scenes().CreateScene({"a", "x", "r1", {}}).ok());
+  ASSERT_OK(store_->scenes().CreateScene({"a", "x", "r1", {}}));
+  EXPECT_OK(store_->scenes().CreateScene({"a", "x", "r1", {}}));
   EXPECT_EQ(store_->scenes().CreateScene({"b", "x", "r1", {}}).status().code(),
             absl::StatusCode::kAlreadyExists);
   EXPECT_EQ(store_->scenes().CreateScene({"a", "x", "r2", {}}).status().code(),
@@ -48,19 +48,18 @@ TEST_F(StoreTest, ListsEachSceneOnceInPages) {
   PageRequest page;
   page.page_size = 3;
   do {
-    const auto got = store_->scenes().ListScenes(page);
-    ASSERT_TRUE(got.ok()) << got.status();
-    EXPECT_LE(got->rows.size(), 3u);
-    for (const SceneRow& row : got->rows) seen.push_back(row.id);
-    page.page_token = got->next_page_token;
+    ASSERT_OK_AND_ASSIGN(const auto got, store_->scenes().ListScenes(page));
+    EXPECT_LE(got.rows.size(), 3u);
+    for (const SceneRow& row : got.rows) seen.push_back(row.id);
+    page.page_token = got.next_page_token;
   } while (!page.page_token.empty());
   EXPECT_THAT(seen, ::testing::ElementsAre("s0", "s1", "s2", "s3", "s4", "s5", "s6"));
 }
 
 TEST_F(StoreTest, RefusesTokensOfOtherLists) {
   for (int i = 0; i < 3; ++i) MakeTrainable(absl::StrCat("s", i));
-  ASSERT_TRUE(Train("s0").ok());
-  ASSERT_TRUE(Train("s1").ok());
+  ASSERT_OK(Train("s0"));
+  ASSERT_OK(Train("s1"));
   const std::string token = store_->scenes().ListScenes({1, ""})->next_page_token;
   ASSERT_FALSE(token.empty());
   EXPECT_EQ(store_->jobs().ListJobs({}, {1, token}).status().code(),
@@ -73,10 +72,10 @@ TEST_F(StoreTest, RefusesTokensOfOtherLists) {
 
 TEST_F(StoreTest, DeletesOnlyIdleScenes) {
   MakeTrainable("a");
-  ASSERT_TRUE(Train("a").ok());
+  ASSERT_OK(Train("a"));
   EXPECT_EQ(store_->scenes().DeleteScene("a").code(), absl::StatusCode::kFailedPrecondition);
-  ASSERT_TRUE(store_->queue().RequestCancel("j1").ok());
-  ASSERT_TRUE(store_->scenes().DeleteScene("a").ok());
+  ASSERT_OK(store_->queue().RequestCancel("j1"));
+  ASSERT_OK(store_->scenes().DeleteScene("a"));
   EXPECT_EQ(store_->scenes().GetScene("a").status().code(), absl::StatusCode::kNotFound);
   EXPECT_EQ(store_->jobs().GetJob("j1").status().code(), absl::StatusCode::kNotFound);
   EXPECT_EQ(store_->datasets().GetDataset("a", 1).status().code(), absl::StatusCode::kNotFound);

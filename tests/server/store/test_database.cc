@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
 #include "server/store/soci.h"
+#include "tests/testing/eventually.h"
 
 namespace pepeseg::testing {
 namespace {
@@ -83,15 +83,15 @@ void PostgresqlServer::Start() {
   pid_ = Launch({programs_ + "/postgres", "-D", folder_ / "data", "-k", folder_.path(), "-c",
                  "listen_addresses=", "-c", "max_connections=200", "-c", "fsync=off"},
                 folder_ / "log");
-  for (int i = 0; i < 1000; ++i) {
+  const auto answers = [this] {
     try {
       const soci::session sql(soci::postgresql, Connection());
-      return;
+      return true;
     } catch (const soci::soci_error&) {
-      absl::SleepFor(absl::Milliseconds(20));
+      return false;
     }
-  }
-  ADD_FAILURE() << "PostgreSQL does not answer: see " << folder_ / "log";
+  };
+  EXPECT_TRUE(Eventually(answers)) << "PostgreSQL does not answer: see " << folder_ / "log";
 }
 
 void PostgresqlServer::StopNow() {

@@ -9,6 +9,8 @@
 #include "core/model_files/checkpoint.h"
 #include "core/reconstruct/reconstruct_checkpoint.h"
 #include "tests/server/worker/worker_fixture.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -46,11 +48,10 @@ class WorkerCheckpointTest : public WorkerTest {
     // With the worker at the lowest priority, this process wakes before the worker continues, even
     // on a busy machine. Threads that the worker starts later inherit the priority.
     EXPECT_EQ(setpriority(PRIO_PROCESS, static_cast<id_t>(worker->pid()), 19), 0);
-    for (int i = 0; i < 60000; ++i) {
-      const Paths paths = Checkpoints(stage);
-      if (paths.size() >= 2 && StepOf(paths.front()) >= 60) break;
-      absl::SleepFor(absl::Milliseconds(1));
-    }
+    EXPECT_TRUE(testing::Eventually([&] {
+      const Paths there = Checkpoints(stage);
+      return there.size() >= 2 && StepOf(there.front()) >= 60;
+    }));
     worker->Signal(SIGKILL);
     EXPECT_EQ(WaitFor(*worker).signal, SIGKILL);
     Paths paths = Checkpoints(stage);
@@ -109,9 +110,8 @@ TEST_F(WorkerCheckpointTest, ResumesWithTheSameBytesAfterAKill) {
   EXPECT_EQ(Finish(2), unbroken);
   EXPECT_EQ(FirstStepOf(2), StepOf(paths.back()));
   EXPECT_THAT(Warnings(), ::testing::IsEmpty());
-  const auto result = job_.ReadResult(2);
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_EQ(result->metrics.at("resumed_from_step"), StepOf(paths.back()));
+  ASSERT_OK_AND_ASSIGN(const auto result, job_.ReadResult(2));
+  EXPECT_EQ(result.metrics.at("resumed_from_step"), StepOf(paths.back()));
   for (const int64_t fence : {1, 2}) EXPECT_FALSE(std::filesystem::exists(job_.checkpoints(fence)));
 }
 
@@ -124,10 +124,9 @@ TEST_F(WorkerCheckpointTest, ResumesWithTheSameBytesAfterAKillInStageTwo) {
   ASSERT_GE(paths.size(), 2u);
   EXPECT_EQ(Finish(2, "features.bin"), unbroken);
   EXPECT_THAT(Warnings(), ::testing::IsEmpty());
-  const auto result = job_.ReadResult(2);
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_EQ(result->metrics.at("features_resumed_from_step"), StepOf(paths.back()));
-  EXPECT_EQ(result->metrics.count("resumed_from_step"), 0u);  // stage one was done
+  ASSERT_OK_AND_ASSIGN(const auto result, job_.ReadResult(2));
+  EXPECT_EQ(result.metrics.at("features_resumed_from_step"), StepOf(paths.back()));
+  EXPECT_EQ(result.metrics.count("resumed_from_step"), 0u);  // stage one was done
   for (const int64_t fence : {1, 2}) EXPECT_FALSE(std::filesystem::exists(job_.checkpoints(fence)));
 }
 
@@ -135,15 +134,14 @@ TEST_F(WorkerCheckpointTest, LosesNoStepAfterAStop) {
   spec_.checkpoint_steps = 1'000'000;  // only the stop writes a checkpoint
   const std::string unbroken = Unbroken();
   const auto worker = Launch(getpid());
-  for (int i = 0; i < 6000 && FirstStepOf(1) < 0; ++i) absl::SleepFor(absl::Milliseconds(5));
+  ASSERT_TRUE(testing::Eventually([&] { return FirstStepOf(1) >= 0; }));
   absl::SleepFor(absl::Milliseconds(200));
   worker->Signal(SIGTERM);
   ExpectExit(WaitFor(*worker), WorkerExit::kCancelled);
   const Paths paths = Checkpoints();
   ASSERT_EQ(paths.size(), 1u);
-  const auto result = job_.ReadResult(1);
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_THAT(std::string(result->status.message()),
+  ASSERT_OK_AND_ASSIGN(const auto result, job_.ReadResult(1));
+  EXPECT_THAT(std::string(result.status.message()),
               HasSubstr(absl::StrCat("at step ", StepOf(paths[0]), " of 400")));
   EXPECT_EQ(Finish(2), unbroken);
   EXPECT_EQ(FirstStepOf(2), StepOf(paths[0]));
@@ -193,13 +191,11 @@ TEST_F(WorkerCheckpointTest, DoesNotResumeFromNan) {
   const Paths paths = RunAndKill();
   ASSERT_GE(paths.size(), 2u);
   for (const std::filesystem::path& path : paths) {
-    const auto file = ReadCheckpoint(path);
-    ASSERT_TRUE(file.ok()) << file.status();
-    auto checkpoint = ReconstructCheckpointOf(file->sections);
-    ASSERT_TRUE(checkpoint.ok()) << checkpoint.status();
-    checkpoint->gaussians.moment2[5] = std::numeric_limits<float>::quiet_NaN();
-    const CheckpointHeader header = file->header;
-    ASSERT_TRUE(WriteCheckpoint(path, header, SectionsOf(*checkpoint)).ok());
+    ASSERT_OK_AND_ASSIGN(const auto file, ReadCheckpoint(path));
+    ASSERT_OK_AND_ASSIGN(auto checkpoint, ReconstructCheckpointOf(file.sections));
+    checkpoint.gaussians.moment2[5] = std::numeric_limits<float>::quiet_NaN();
+    const CheckpointHeader header = file.header;
+    ASSERT_OK(WriteCheckpoint(path, header, SectionsOf(checkpoint)));
   }
   Finish(2);
   EXPECT_EQ(FirstStepOf(2), 0);

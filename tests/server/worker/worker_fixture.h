@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
 #include "core/base/digest.h"
 #include "core/base/file_bytes.h"
 #include "core/dataset/import.h"
@@ -21,6 +20,8 @@
 #include "server/worker_protocol/event_log.h"
 #include "server/worker_protocol/job_folder.h"
 #include "tests/server/file_kind.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -29,9 +30,9 @@ namespace pepeseg {
 class WorkerTest : public ::testing::Test {
  protected:
   WorkerTest() : job_(folder_.path() / "j1") {
-    EXPECT_TRUE(job_.Make().ok());
+    EXPECT_OK(job_.Make());
     const auto files = ListDataset(PEPESEG_TEST_DATA "/apc_shelf");
-    EXPECT_TRUE(files.ok()) << files.status();
+    EXPECT_OK(files);
     for (const DatasetFile& file : *files) {
       spec_.files.push_back({file.name, testing::ToProto(file.kind), file.path.string(), ""});
     }
@@ -54,7 +55,7 @@ class WorkerTest : public ::testing::Test {
     for (JobSpecFile& file : spec_.files) {
       if (file.sha256.empty()) file.sha256 = Sha256OfFile(file.path).value_or("");
     }
-    EXPECT_TRUE(job_.WriteSpec(spec_).ok());
+    EXPECT_OK(job_.WriteSpec(spec_));
   }
 
   std::unique_ptr<WorkerProcess> Launch(pid_t parent) {
@@ -62,17 +63,15 @@ class WorkerTest : public ::testing::Test {
     const std::vector<std::string> arguments = {absl::StrCat("--job=", job_.path().string()),
                                                 absl::StrCat("--parent=", parent)};
     auto worker = WorkerProcess::Launch({PEPESEG_WORKER, arguments, job_.worker_log()});
-    EXPECT_TRUE(worker.ok()) << worker.status();
+    EXPECT_OK(worker);
     return std::move(worker).value();
   }
 
   WorkerEnd WaitFor(WorkerProcess& worker) {
-    for (int i = 0; i < 12000; ++i) {
-      if (const auto end = worker.Poll()) return *end;
-      absl::SleepFor(absl::Milliseconds(10));
-    }
-    ADD_FAILURE() << "the worker did not end within 120 s";
-    return {};
+    std::optional<WorkerEnd> end;
+    EXPECT_TRUE(
+        testing::Eventually([&] { return (end = worker.Poll()).has_value(); }, absl::Minutes(2)));
+    return end.value_or(WorkerEnd());
   }
 
   WorkerEnd Run() { return WaitFor(*Launch(getpid())); }
@@ -86,10 +85,9 @@ class WorkerTest : public ::testing::Test {
   // of the attempt.
   void ExpectBadFile(const std::string& name) {
     ExpectExit(Run(), WorkerExit::kFailed);
-    const auto result = job_.ReadResult(spec_.fence);
-    ASSERT_TRUE(result.ok()) << result.status();
-    EXPECT_EQ(result->status.code(), absl::StatusCode::kInvalidArgument) << result->status;
-    EXPECT_THAT(std::string(result->status.message()), ::testing::HasSubstr(name));
+    ASSERT_OK_AND_ASSIGN(const auto result, job_.ReadResult(spec_.fence));
+    EXPECT_EQ(result.status.code(), absl::StatusCode::kInvalidArgument) << result.status;
+    EXPECT_THAT(std::string(result.status.message()), ::testing::HasSubstr(name));
     EXPECT_FALSE(std::filesystem::exists(job_.attempt(spec_.fence)));
   }
 

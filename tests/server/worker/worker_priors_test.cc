@@ -9,6 +9,8 @@
 #include "core/model_files/model_file.h"
 #include "core/scene/capture.h"
 #include "tests/server/worker/worker_fixture.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 
 // The stage "priors" with a priors command.
 namespace pepeseg {
@@ -86,8 +88,7 @@ class WorkerPriorsTest : public WorkerTest {
   }
   absl::Status Error() { return job_.ReadResult(spec_.fence).value_or(JobResult()).status; }
   void AwaitFile(const std::string& name) {
-    for (int i = 0; i < 3000 && Text(name).empty(); ++i) absl::SleepFor(absl::Milliseconds(10));
-    ASSERT_NE(Text(name), "");
+    ASSERT_TRUE(testing::Eventually([&] { return !Text(name).empty(); })) << name;
   }
 };
 
@@ -96,11 +97,10 @@ TEST_F(WorkerPriorsTest, MakesEmbeddedPriorsWithoutACommand) {
   EXPECT_THAT(Sources(), UnorderedElementsAre(Pair("poses", "given"), Pair("masks", "embedded"),
                                               Pair("depth", "embedded")));
   EXPECT_THAT(Warnings(), ElementsAre(AdvisesOtherMasks()));
-  const auto model = ReadModel(job_.attempt(1));
-  ASSERT_TRUE(model.ok()) << model.status();
-  EXPECT_GT(model->metrics.at("num_masks"), 100);
-  EXPECT_EQ(model->metrics.at("num_depth_maps"), 13);  // of 15, 2 are held out
-  EXPECT_FALSE(model->field.features.empty());
+  ASSERT_OK_AND_ASSIGN(const auto model, ReadModel(job_.attempt(1)));
+  EXPECT_GT(model.metrics.at("num_masks"), 100);
+  EXPECT_EQ(model.metrics.at("num_depth_maps"), 13);  // of 15, 2 are held out
+  EXPECT_FALSE(model.field.features.empty());
   bool told = false;
   for (const v1::JobEvent& event : Events()) {
     told |= event.progress().stage() == v1::JOB_STAGE_PRIORS && event.progress().step() == 13;
@@ -118,9 +118,8 @@ TEST_F(WorkerPriorsTest, MakesNoneIfTheOptionsExcludeThem) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Sources(), UnorderedElementsAre(Pair("poses", "given"), Pair("masks", "none"),
                                               Pair("depth", "none")));
-  const auto model = ReadModel(job_.attempt(1));
-  ASSERT_TRUE(model.ok()) << model.status();
-  EXPECT_TRUE(model->field.features.empty());  // it can be rendered, not segmented
+  ASSERT_OK_AND_ASSIGN(const auto model, ReadModel(job_.attempt(1)));
+  EXPECT_TRUE(model.field.features.empty());  // it can be rendered, not segmented
 }
 
 TEST_F(WorkerPriorsTest, RunsACommandForMasksAndDepth) {
@@ -138,12 +137,11 @@ TEST_F(WorkerPriorsTest, RunsACommandForMasksAndDepth) {
   EXPECT_EQ(Text("want"), "masks,depth\n");
   EXPECT_THAT(Warnings(),
               ElementsAre("the priors command make_priors made depth for 2 of 15 photographs"));
-  const auto model = ReadModel(job_.attempt(1));
-  ASSERT_TRUE(model.ok()) << model.status();
-  EXPECT_EQ(model->facts.at("masks"), "command make_priors");
-  EXPECT_EQ(model->metrics.at("num_masks"), 15);
-  EXPECT_EQ(model->metrics.at("num_depth_maps"), 2);
-  EXPECT_FALSE(model->field.features.empty());
+  ASSERT_OK_AND_ASSIGN(const auto model, ReadModel(job_.attempt(1)));
+  EXPECT_EQ(model.facts.at("masks"), "command make_priors");
+  EXPECT_EQ(model.metrics.at("num_masks"), 15);
+  EXPECT_EQ(model.metrics.at("num_depth_maps"), 2);
+  EXPECT_FALSE(model.field.features.empty());
   std::vector<int64_t> steps;
   for (const v1::JobEvent& event : Events()) {
     if (event.has_progress() && event.progress().stage() == v1::JOB_STAGE_PRIORS) {
@@ -233,8 +231,7 @@ TEST_F(WorkerPriorsTest, KillsTheCommandAndItsChildrenOnCancel) {
     std::string id, name, state;
     return stat >> id >> name >> state && state != "Z" && state != "X";
   };
-  for (int i = 0; i < 100 && runs(); ++i) absl::SleepFor(absl::Milliseconds(10));
-  EXPECT_FALSE(runs());
+  EXPECT_TRUE(testing::Eventually([&] { return !runs(); }, absl::Seconds(1)));
 }
 
 TEST_F(WorkerPriorsTest, ReusesPriorsOfAnEarlierAttempt) {
@@ -247,7 +244,7 @@ TEST_F(WorkerPriorsTest, ReusesPriorsOfAnEarlierAttempt) {
       return event.progress().stage() == v1::JOB_STAGE_RECONSTRUCT;
     });
   };
-  for (int i = 0; i < 3000 && !reconstructs(); ++i) absl::SleepFor(absl::Milliseconds(10));
+  ASSERT_TRUE(testing::Eventually(reconstructs));
   first->Signal(SIGTERM);
   ExpectExit(WaitFor(*first), WorkerExit::kCancelled);
   spec_.options.mutable_reconstruct()->set_num_steps(5);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <thread>
 
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -19,14 +20,14 @@ class WorkerProgressTest : public ::testing::Test {
   // Reports ten steps with a PSNR of 1, 2, ... 10 dB.
   std::vector<v1::JobProgress> TakeTenSteps(WorkerProgress::Clock::duration interval) {
     WorkerProgress progress(*log_, interval);
-    EXPECT_TRUE(progress.StartStage("reconstruct").ok());
+    EXPECT_OK(progress.StartStage("reconstruct"));
     for (int step = 1; step <= 10; ++step) {
       StepReport report;
       report.step = step;
       report.num_steps = 10;
       report.loss = step == 10 ? std::nan("") : 0.5;
       report.psnr = step;
-      EXPECT_TRUE(progress.Step(report).ok());
+      EXPECT_OK(progress.Step(report));
     }
     std::vector<v1::JobProgress> told;
     EventLogReader reader(path_);
@@ -48,7 +49,7 @@ TEST_F(WorkerProgressTest, ReportsEveryStepThatIsDue) {
 
 TEST_F(WorkerProgressTest, ReportsTheCounters) {
   WorkerProgress progress(*log_, std::chrono::nanoseconds(0));
-  ASSERT_TRUE(progress.StartStage("reconstruct").ok());
+  ASSERT_OK(progress.StartStage("reconstruct"));
   StepReport report;
   report.step = 1;
   report.num_steps = 10;
@@ -57,7 +58,7 @@ TEST_F(WorkerProgressTest, ReportsTheCounters) {
   report.depth_loss = 0.25;
   report.num_skipped_depths = 6;
   report.num_void_renders = 5;
-  ASSERT_TRUE(progress.Step(report).ok());
+  ASSERT_OK(progress.Step(report));
   const auto events = EventLogReader(path_).Read();
   ASSERT_TRUE(events.ok() && !events->empty());
   const v1::JobProgress::Diagnostics& told = events->back().progress().diagnostics();
@@ -70,21 +71,21 @@ TEST_F(WorkerProgressTest, ReportsTheCounters) {
 
 TEST_F(WorkerProgressTest, ReportsActivityAndUnit) {
   WorkerProgress progress(*log_, std::chrono::hours(1));
-  ASSERT_TRUE(progress.StartStage("sfm").ok());
+  ASSERT_OK(progress.StartStage("sfm"));
   StepReport report{.stage = "sfm",
                     .step = 20,
                     .num_steps = 20,
                     .activity = "finding features in",
                     .unit = "photographs",
                     .share = 0.2};
-  ASSERT_TRUE(progress.Step(report).ok());
+  ASSERT_OK(progress.Step(report));
   report.activity = "matching";
   report.unit = "pairs";
   report.step = 19;
   report.num_steps = 60;
   report.share = 0.5;
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  ASSERT_TRUE(progress.Step(report).ok()) << "the first of an activity is reported at once";
+  ASSERT_OK(progress.Step(report)) << "the first of an activity is reported at once";
   const auto events = EventLogReader(path_).Read();
   ASSERT_EQ(events->size(), 3u);
   const v1::JobProgress& told = events->back().progress();
@@ -106,11 +107,11 @@ TEST_F(WorkerProgressTest, ReportsTheStagesNumberAndTheJobsEta) {
   progress.Plan({{.name = "prepare", .seconds = 1},
                  {.name = "reconstruct", .seconds = 1},
                  {.name = "index", .seconds = 1}});
-  ASSERT_TRUE(progress.StartStage("reconstruct").ok());
+  ASSERT_OK(progress.StartStage("reconstruct"));
   StepReport report{.stage = "reconstruct", .step = 1, .num_steps = 2};
-  ASSERT_TRUE(progress.Step(report).ok());
+  ASSERT_OK(progress.Step(report));
   std::this_thread::sleep_for(std::chrono::milliseconds(1100));
-  ASSERT_TRUE(progress.Step(report).ok());
+  ASSERT_OK(progress.Step(report));
   const auto events = EventLogReader(path_).Read();
   ASSERT_EQ(events->size(), 3u);
   EXPECT_FALSE(events->at(1).progress().has_job_eta()) << "no pace yet";
@@ -124,8 +125,8 @@ TEST_F(WorkerProgressTest, ReportsTheStagesNumberAndTheJobsEta) {
 
 TEST_F(WorkerProgressTest, ReportsASkippedPartAndItsStage) {
   WorkerProgress progress(*log_);
-  ASSERT_TRUE(progress.StartStage("features").ok());
-  ASSERT_TRUE(progress.SkipPart({"perception", "no training view has a depth prior"}).ok());
+  ASSERT_OK(progress.StartStage("features"));
+  ASSERT_OK(progress.SkipPart({"perception", "no training view has a depth prior"}));
   EventLogReader reader(path_);
   const auto events = reader.Read();
   ASSERT_EQ(events->size(), 2u);
@@ -137,11 +138,11 @@ TEST_F(WorkerProgressTest, ReportsASkippedPartAndItsStage) {
 
 TEST_F(WorkerProgressTest, ReportsTheTimeThatSkippedStepsSave) {
   WorkerProgress progress(*log_);
-  ASSERT_TRUE(progress.StartStage("reconstruct").ok());
+  ASSERT_OK(progress.StartStage("reconstruct"));
   progress.ResumeAt(1000);
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
   const double before = progress.seconds_in_stage();
-  ASSERT_TRUE(progress.SkipPart({"steps", "the loss has stopped falling", 1100, 300}).ok());
+  ASSERT_OK(progress.SkipPart({"steps", "the loss has stopped falling", 1100, 300}));
   const double after = progress.seconds_in_stage();
   const auto events = EventLogReader(path_).Read();
   ASSERT_TRUE(events.ok() && !events->empty());
@@ -156,12 +157,12 @@ TEST_F(WorkerProgressTest, ReportsTheTimeThatSkippedStepsSave) {
 
 TEST_F(WorkerProgressTest, MeasuresThePaceSinceAResume) {
   WorkerProgress progress(*log_, std::chrono::hours(1));
-  ASSERT_TRUE(progress.StartStage("reconstruct").ok());
+  ASSERT_OK(progress.StartStage("reconstruct"));
   progress.ResumeAt(1000);
   StepReport report;
   report.step = 1001;
   report.num_steps = 1003;
-  ASSERT_TRUE(progress.Step(report).ok());
+  ASSERT_OK(progress.Step(report));
   const auto events = EventLogReader(path_).Read();
   ASSERT_TRUE(events.ok() && events->size() == 2);  // the stage's start, and its first step
   const v1::JobProgress& told = events->back().progress();

@@ -5,7 +5,9 @@
 #include "absl/time/time.h"
 #include "core/model_files/model_file.h"
 #include "tests/server/worker/worker_sfm_fixture.h"
+#include "tests/testing/eventually.h"
 #include "tests/testing/fake_sam.h"
+#include "tests/testing/status_testing.h"
 
 // The stage "priors" with SAM, by a fake of ONNX Runtime.
 namespace pepeseg {
@@ -77,10 +79,9 @@ class WorkerSamTest : public WithSam<WorkerTest> {
                 ElementsAre(AllOf(HasSubstr("SAM: "), HasSubstr(why),
                                   HasSubstr("The job continues with the built-in masks.")),
                             HasSubstr("segments may be poor")));
-    const auto model = ReadModel(job_.attempt(spec_.fence));
-    ASSERT_TRUE(model.ok()) << model.status();
-    EXPECT_EQ(model->facts.at("masks"), "embedded");
-    EXPECT_FALSE(model->field.features.empty());
+    ASSERT_OK_AND_ASSIGN(const auto model, ReadModel(job_.attempt(spec_.fence)));
+    EXPECT_EQ(model.facts.at("masks"), "embedded");
+    EXPECT_FALSE(model.field.features.empty());
   }
 };
 
@@ -147,9 +148,7 @@ TEST_F(WorkerSamTest, FallsBackIfMemoryIsShort) {
 TEST_F(WorkerSamTest, KeepsTheMasksOfFinishedPhotographs) {
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto first = Launch(getpid());
-  for (int i = 0; i < 6000 && NumSegmentingSteps() == 0; ++i) {
-    absl::SleepFor(absl::Milliseconds(5));
-  }
+  ASSERT_TRUE(testing::Eventually([&] { return NumSegmentingSteps() > 0; }));
   first->Signal(SIGTERM);
   const WorkerEnd end = WaitFor(*first);
   EXPECT_EQ(end.exit_code, static_cast<int>(WorkerExit::kCancelled));
@@ -165,12 +164,12 @@ TEST_F(WorkerSamTest, KeepsTheMasksOfFinishedPhotographs) {
   spec_.options.mutable_reconstruct()->set_num_steps(5);
   spec_.fence = 2;
   const auto second = Launch(getpid());
-  for (int i = 0; i < 6000 && NumSegmentingSteps() == before; ++i) {
-    absl::SleepFor(absl::Milliseconds(1));
+  EXPECT_TRUE(testing::Eventually([&] {
     if (std::filesystem::exists(kept)) {
       EXPECT_EQ(std::filesystem::last_write_time(kept), written);
     }
-  }
+    return NumSegmentingSteps() > before;
+  }));
   ExpectExit(WaitFor(*second), WorkerExit::kSucceeded);
   EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
   EXPECT_THAT(Warnings(), IsEmpty());
@@ -215,9 +214,8 @@ TEST_F(WorkerSamWithoutPosesTest, GivesMasksToTheTrainingViewsOnly) {
   }
   EXPECT_EQ(last.step(), 5);  // the first of 6 is held out
   EXPECT_EQ(last.num_steps(), 5);
-  const auto model = ReadModel(job_.attempt(1));
-  ASSERT_TRUE(model.ok()) << model.status();
-  EXPECT_GE(model->metrics.at("num_masks"), 5);
+  ASSERT_OK_AND_ASSIGN(const auto model, ReadModel(job_.attempt(1)));
+  EXPECT_GE(model.metrics.at("num_masks"), 5);
 }
 
 // The first photograph gets no pose, so the second is held out in its place. The ninth would have
@@ -226,13 +224,12 @@ TEST_F(WorkerSamWithoutPosesTest, SegmentsTheViewThatReplacesAPhotographWithoutP
   AddPlace(1, 7);
   AddPlace(9, 1);
   ExpectExit(Run(), WorkerExit::kSucceeded);
-  const auto model = ReadModel(job_.attempt(1));
-  ASSERT_TRUE(model.ok()) << model.status();
-  ASSERT_EQ(model->views.size(), 9u);
-  EXPECT_EQ(model->views[0].name, "1.jpg");
-  EXPECT_TRUE(model->views[0].held_out);
-  EXPECT_EQ(model->views[7].name, "8.jpg");
-  EXPECT_FALSE(model->views[7].held_out);
+  ASSERT_OK_AND_ASSIGN(const auto model, ReadModel(job_.attempt(1)));
+  ASSERT_EQ(model.views.size(), 9u);
+  EXPECT_EQ(model.views[0].name, "1.jpg");
+  EXPECT_TRUE(model.views[0].held_out);
+  EXPECT_EQ(model.views[7].name, "8.jpg");
+  EXPECT_FALSE(model.views[7].held_out);
   EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
   EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000), Not(HasSubstr("photograph000009.json")));
 }
@@ -262,9 +259,7 @@ TEST_F(WorkerSamWithoutPosesTest, KeepsMasksMadeBeforeAKill) {
   AddPlace(6, 1);
   UseEndlessColmap();
   const auto first = Launch(getpid());
-  for (int i = 0; i < 6000 && !std::filesystem::exists(MasksOf("000006")); ++i) {
-    absl::SleepFor(absl::Milliseconds(10));
-  }
+  ASSERT_TRUE(testing::Eventually([&] { return std::filesystem::exists(MasksOf("000006")); }));
   first->Signal(SIGKILL);
   WaitFor(*first);
   ASSERT_TRUE(std::filesystem::exists(MasksOf("000006")));

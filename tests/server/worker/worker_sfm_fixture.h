@@ -8,6 +8,8 @@
 #include "absl/strings/str_cat.h"
 #include "core/formats/encode_png.h"
 #include "tests/server/worker/worker_fixture.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/test_video.h"
 #include "tests/testing/textured_place.h"
 
@@ -50,9 +52,7 @@ class WorkerSfmTest : public WorkerTest {
     std::filesystem::permissions(spec_.worker.colmap, std::filesystem::perms::owner_all);
   }
   pid_t WaitForColmap() {
-    for (int i = 0; i < 1000 && !std::filesystem::exists(PathInJob("pid")); ++i) {
-      absl::SleepFor(absl::Milliseconds(10));
-    }
+    EXPECT_TRUE(testing::Eventually([&] { return std::filesystem::exists(PathInJob("pid")); }));
     pid_t pid = 0;
     std::ifstream(PathInJob("pid")) >> pid;
     return pid;
@@ -60,10 +60,9 @@ class WorkerSfmTest : public WorkerTest {
 
   void ExpectRefused(const std::string& why) {
     ExpectExit(Run(), WorkerExit::kFailed);
-    const auto result = job_.ReadResult(spec_.fence);
-    ASSERT_TRUE(result.ok()) << result.status();
-    EXPECT_EQ(result->status.code(), absl::StatusCode::kFailedPrecondition) << result->status;
-    EXPECT_THAT(std::string(result->status.message()), ::testing::HasSubstr(why));
+    ASSERT_OK_AND_ASSIGN(const auto result, job_.ReadResult(spec_.fence));
+    EXPECT_EQ(result.status.code(), absl::StatusCode::kFailedPrecondition) << result.status;
+    EXPECT_THAT(std::string(result.status.message()), ::testing::HasSubstr(why));
   }
 };
 

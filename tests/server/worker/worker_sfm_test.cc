@@ -7,6 +7,8 @@
 #include "absl/strings/str_cat.h"
 #include "core/model_files/model_file.h"
 #include "tests/server/worker/worker_sfm_fixture.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -32,14 +34,13 @@ bool HasBegun(const std::vector<v1::JobEvent>& events, v1::JobStage stage) {
 TEST_F(WorkerSfmTest, MakesAModelOfPhotographsAlone) {
   AddPlace(6, 1);
   ExpectExit(Run(), WorkerExit::kSucceeded);
-  const auto model = ReadModel(job_.attempt(1));
-  ASSERT_TRUE(model.ok()) << model.status();
-  EXPECT_THAT(model->facts.at("poses"), ::testing::StartsWith("COLMAP "));
-  EXPECT_EQ(model->views.size(), 6u);
-  EXPECT_EQ(model->metrics.at("num_registered"), 6);
-  EXPECT_EQ(model->metrics.at("num_photographs"), 6);
-  EXPECT_LT(model->metrics.at("reprojection_error"), 1);
-  EXPECT_GT(model->metrics.at("seconds_sfm"), 0);
+  ASSERT_OK_AND_ASSIGN(const auto model, ReadModel(job_.attempt(1)));
+  EXPECT_THAT(model.facts.at("poses"), ::testing::StartsWith("COLMAP "));
+  EXPECT_EQ(model.views.size(), 6u);
+  EXPECT_EQ(model.metrics.at("num_registered"), 6);
+  EXPECT_EQ(model.metrics.at("num_photographs"), 6);
+  EXPECT_LT(model.metrics.at("reprojection_error"), 1);
+  EXPECT_GT(model.metrics.at("seconds_sfm"), 0);
   std::map<std::string, std::string> last;  // by activity
   for (const v1::JobEvent& event : Events()) {
     const v1::JobProgress& progress = event.progress();
@@ -61,9 +62,8 @@ TEST_F(WorkerSfmTest, UsesPosesOfAnEarlierAttempt) {
   // The state that an attempt leaves which was stopped during the next stage.
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto first = Launch(getpid());
-  for (int i = 0; i < 12000 && !HasBegun(Events(), v1::JOB_STAGE_RECONSTRUCT); ++i) {
-    absl::SleepFor(absl::Milliseconds(10));
-  }
+  ASSERT_TRUE(testing::Eventually([&] { return HasBegun(Events(), v1::JOB_STAGE_RECONSTRUCT); },
+                                  absl::Minutes(2)));
   first->Signal(SIGTERM);
   ExpectExit(WaitFor(*first), WorkerExit::kCancelled);
   ASSERT_TRUE(std::filesystem::exists(job_.poses(1) / "manifest.json"));
@@ -73,9 +73,8 @@ TEST_F(WorkerSfmTest, UsesPosesOfAnEarlierAttempt) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000),
               HasSubstr("poses were estimated by attempt-1"));
-  const auto model = ReadModel(job_.attempt(2));
-  ASSERT_TRUE(model.ok()) << model.status();
-  EXPECT_EQ(model->metrics.at("num_registered"), 6);
+  ASSERT_OK_AND_ASSIGN(const auto model, ReadModel(job_.attempt(2)));
+  EXPECT_EQ(model.metrics.at("num_registered"), 6);
 }
 
 TEST_F(WorkerSfmTest, MakesAModelOfAVideo) {
@@ -87,11 +86,10 @@ TEST_F(WorkerSfmTest, MakesAModelOfAVideo) {
   AddVideo(frames);
   spec_.options.mutable_sfm()->set_max_video_frames(6);
   ExpectExit(Run(), WorkerExit::kSucceeded);
-  const auto model = ReadModel(job_.attempt(1));
-  ASSERT_TRUE(model.ok()) << model.status();
-  ASSERT_EQ(model->views.size(), 6u);
-  EXPECT_EQ(model->views.front().name, "walk_000001.jpg");
-  EXPECT_EQ(model->views.back().name, "walk_000011.jpg");
+  ASSERT_OK_AND_ASSIGN(const auto model, ReadModel(job_.attempt(1)));
+  ASSERT_EQ(model.views.size(), 6u);
+  EXPECT_EQ(model.views.front().name, "walk_000001.jpg");
+  EXPECT_EQ(model.views.back().name, "walk_000011.jpg");
   EXPECT_FALSE(std::filesystem::exists(job_.frames(1)));
 }
 
@@ -150,8 +148,7 @@ TEST_F(WorkerSfmTest, LeavesNoColmapBehindWhenItIsKilled) {
   ASSERT_TRUE(IsThere(colmap));
   worker->Signal(SIGKILL);
   WaitFor(*worker);
-  for (int i = 0; i < 100 && IsThere(colmap); ++i) absl::SleepFor(absl::Milliseconds(10));
-  EXPECT_FALSE(IsThere(colmap));
+  EXPECT_TRUE(testing::Eventually([&] { return !IsThere(colmap); }, absl::Seconds(1)));
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include "core/model_files/model_file.h"
 #include "tests/server/worker/worker_fixture.h"
+#include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {
@@ -19,22 +20,20 @@ bool HasProgress(const std::vector<v1::JobEvent>& events) {
 
 TEST_F(WorkerTest, MakesAModelOfPhotographs) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
-  const auto result = job_.ReadResult(1);
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_TRUE(result->status.ok()) << result->status;
-  const auto model = ReadModel(job_.attempt(1));
-  ASSERT_TRUE(model.ok()) << model.status();
-  EXPECT_EQ(model->gaussians.count, result->num_gaussians);
-  EXPECT_EQ(model->field.features.size(), static_cast<size_t>(model->gaussians.count) * 32);
-  EXPECT_EQ(model->views.size(), 15u);
-  EXPECT_GT(model->metrics.at("psnr"), 5);
-  EXPECT_GT(model->metrics.at("seconds_reconstruct"), 0);
-  EXPECT_GT(model->metrics.at("core_seconds_reconstruct"), 0);
-  EXPECT_GT(model->metrics.at("num_masks"), 0);
-  EXPECT_GT(model->metrics.at("mask_quality"), 0);
-  EXPECT_LE(model->metrics.at("mask_quality"), 1);
-  EXPECT_THAT(model->facts.at("device"), HasSubstr("cpu (2 threads"));
-  EXPECT_THAT(model->facts.at("options"), HasSubstr("\"numSteps\":60"));
+  ASSERT_OK_AND_ASSIGN(const auto result, job_.ReadResult(1));
+  EXPECT_OK(result.status);
+  ASSERT_OK_AND_ASSIGN(const auto model, ReadModel(job_.attempt(1)));
+  EXPECT_EQ(model.gaussians.count, result.num_gaussians);
+  EXPECT_EQ(model.field.features.size(), static_cast<size_t>(model.gaussians.count) * 32);
+  EXPECT_EQ(model.views.size(), 15u);
+  EXPECT_GT(model.metrics.at("psnr"), 5);
+  EXPECT_GT(model.metrics.at("seconds_reconstruct"), 0);
+  EXPECT_GT(model.metrics.at("core_seconds_reconstruct"), 0);
+  EXPECT_GT(model.metrics.at("num_masks"), 0);
+  EXPECT_GT(model.metrics.at("mask_quality"), 0);
+  EXPECT_LE(model.metrics.at("mask_quality"), 1);
+  EXPECT_THAT(model.facts.at("device"), HasSubstr("cpu (2 threads"));
+  EXPECT_THAT(model.facts.at("options"), HasSubstr("\"numSteps\":60"));
   EXPECT_FALSE(std::filesystem::exists(job_.reconstruction(1)));
 }
 
@@ -67,32 +66,28 @@ TEST_F(WorkerTest, ReportsEveryStage) {
 TEST_F(WorkerTest, StopsAtTheNextStepOnSigterm) {
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto worker = Launch(getpid());
-  for (int i = 0; i < 3000 && !HasProgress(Events()); ++i) {
-    absl::SleepFor(absl::Milliseconds(10));
-  }
+  ASSERT_TRUE(testing::Eventually([&] { return HasProgress(Events()); }));
   worker->Signal(SIGTERM);
   ExpectExit(WaitFor(*worker), WorkerExit::kCancelled);
-  const auto result = job_.ReadResult(1);
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_EQ(result->status.code(), absl::StatusCode::kCancelled);
-  EXPECT_THAT(std::string(result->status.message()), HasSubstr("stage reconstruct"));
+  ASSERT_OK_AND_ASSIGN(const auto result, job_.ReadResult(1));
+  EXPECT_EQ(result.status.code(), absl::StatusCode::kCancelled);
+  EXPECT_THAT(std::string(result.status.message()), HasSubstr("stage reconstruct"));
   EXPECT_FALSE(std::filesystem::is_empty(job_.checkpoints(1)));
 }
 
 TEST_F(WorkerTest, ResumesAfterStageOneWithTheSameBytes) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
-  const auto unbroken = ReadFile(job_.attempt(1) / "gaussians.ply", "first", 1 << 30);
-  ASSERT_TRUE(unbroken.ok()) << unbroken.status();
+  ASSERT_OK_AND_ASSIGN(const auto unbroken,
+                       ReadFile(job_.attempt(1) / "gaussians.ply", "first", 1 << 30));
   // The state that an attempt leaves which was stopped during stage two.
-  const auto model = ReadModel(job_.attempt(1));
-  ASSERT_TRUE(model.ok()) << model.status();
+  ASSERT_OK_AND_ASSIGN(const auto model, ReadModel(job_.attempt(1)));
   std::filesystem::remove_all(job_.attempt(1));
   std::filesystem::create_directories(job_.reconstruction(1));
-  ASSERT_TRUE(WriteModel(job_.reconstruction(1), *model).ok());
+  ASSERT_OK(WriteModel(job_.reconstruction(1), model));
   spec_.fence = 2;
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000), HasSubstr("was done by attempt-1"));
-  EXPECT_EQ(ReadFile(job_.attempt(2) / "gaussians.ply", "second", 1 << 30).value_or(""), *unbroken);
+  EXPECT_EQ(ReadFile(job_.attempt(2) / "gaussians.ply", "second", 1 << 30).value_or(""), unbroken);
   EXPECT_FALSE(std::filesystem::exists(job_.attempt(1)));
 }
 
@@ -153,19 +148,17 @@ TEST_F(WorkerTest, ReportsALackOfMemory) {
   spec_.options.mutable_reconstruct()->set_num_random_points(10'000'000);
   spec_.options.mutable_reconstruct()->set_max_gaussians(10'000'000);
   ExpectExit(Run(), WorkerExit::kFailed);
-  const auto result = job_.ReadResult(1);
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_EQ(result->status.code(), absl::StatusCode::kResourceExhausted);
-  EXPECT_THAT(std::string(result->status.message()), HasSubstr("out of memory"));
+  ASSERT_OK_AND_ASSIGN(const auto result, job_.ReadResult(1));
+  EXPECT_EQ(result.status.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_THAT(std::string(result.status.message()), HasSubstr("out of memory"));
 }
 
 TEST_F(WorkerTest, FailsOnAMissingDevice) {
   spec_.device = "cuda:1000";
   ExpectExit(Run(), WorkerExit::kFailed);
-  const auto result = job_.ReadResult(1);
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_EQ(result->status.code(), absl::StatusCode::kFailedPrecondition);
-  EXPECT_THAT(std::string(result->status.message()), HasSubstr("device cuda:1000: "));
+  ASSERT_OK_AND_ASSIGN(const auto result, job_.ReadResult(1));
+  EXPECT_EQ(result.status.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(result.status.message()), HasSubstr("device cuda:1000: "));
 }
 
 TEST_F(WorkerTest, RefusesABrokenSpec) {

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/testing/status_testing.h"
+
 namespace pepeseg {
 namespace {
 
@@ -17,28 +19,24 @@ std::string CudaError() {
 }
 
 TEST(Device, OpensTheCpuByName) {
-  const auto device = OpenDevice("cpu", 3);
-  ASSERT_TRUE(device.ok()) << device.status();
-  EXPECT_EQ(device->id, "cpu");
-  EXPECT_EQ(device->reason, "");
-  EXPECT_THAT(device->backend->name(), StartsWith("cpu (3 threads"));
+  ASSERT_OK_AND_ASSIGN(const auto device, OpenDevice("cpu", 3));
+  EXPECT_EQ(device.id, "cpu");
+  EXPECT_EQ(device.reason, "");
+  EXPECT_THAT(device.backend->name(), StartsWith("cpu (3 threads"));
 }
 
 TEST(Device, OpensCudaOrReportsWhyNotForAuto) {
-  const auto device = OpenDevice("auto", 1);
-  ASSERT_TRUE(device.ok()) << device.status();
-  EXPECT_EQ(device->reason, CudaError());
-  EXPECT_EQ(device->id, device->reason.empty() ? "cuda:0" : "cpu");
-  EXPECT_THAT(device->backend->name(), StartsWith(device->reason.empty() ? "cuda 0" : "cpu (1"));
+  ASSERT_OK_AND_ASSIGN(const auto device, OpenDevice("auto", 1));
+  EXPECT_EQ(device.reason, CudaError());
+  EXPECT_EQ(device.id, device.reason.empty() ? "cuda:0" : "cpu");
+  EXPECT_THAT(device.backend->name(), StartsWith(device.reason.empty() ? "cuda 0" : "cpu (1"));
 }
 
 TEST(Device, OpensAgainByItsId) {
-  const auto first = OpenDevice("auto", 1);
-  ASSERT_TRUE(first.ok()) << first.status();
-  const auto second = OpenDevice(first->id, 1);
-  ASSERT_TRUE(second.ok()) << second.status();
-  EXPECT_EQ(second->id, first->id);
-  EXPECT_EQ(second->backend->name(), first->backend->name());
+  ASSERT_OK_AND_ASSIGN(const auto first, OpenDevice("auto", 1));
+  ASSERT_OK_AND_ASSIGN(const auto second, OpenDevice(first.id, 1));
+  EXPECT_EQ(second.id, first.id);
+  EXPECT_EQ(second.backend->name(), first.backend->name());
 }
 
 TEST(Device, RefusesMissingCudaWithTheReason) {
@@ -46,7 +44,7 @@ TEST(Device, RefusesMissingCudaWithTheReason) {
   for (const char* wanted : {"cuda", "cuda:0", "cuda:999"}) {
     const auto device = OpenDevice(wanted, 1);
     if (error.empty() && std::string(wanted) != "cuda:999") {
-      EXPECT_TRUE(device.ok()) << device.status();
+      EXPECT_OK(device);
       continue;
     }
     EXPECT_EQ(device.status().code(), absl::StatusCode::kFailedPrecondition) << wanted;

@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "core/base/digest.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -23,10 +24,9 @@ class EventLogTest : public ::testing::Test {
   EventLogTest() : path_(folder_.path() / "events.log") {}
 
   void Append(const std::vector<std::string>& messages) {
-    auto writer = EventLogWriter::Open(path_);
-    ASSERT_TRUE(writer.ok()) << writer.status();
+    ASSERT_OK_AND_ASSIGN(auto writer, EventLogWriter::Open(path_));
     for (const std::string& message : messages) {
-      ASSERT_TRUE((*writer)->Append(Warning(message)).ok());
+      ASSERT_OK(writer->Append(Warning(message)));
     }
   }
 
@@ -43,7 +43,7 @@ class EventLogTest : public ::testing::Test {
   std::vector<std::string> ReadAll(int64_t after = 0) {
     EventLogReader reader(path_, after);
     const auto events = reader.Read();
-    EXPECT_TRUE(events.ok()) << events.status();
+    EXPECT_OK(events);
     return Told(*events);
   }
 
@@ -76,15 +76,13 @@ TEST_F(EventLogTest, ReadsEventsFromBeforeStagesWereAnEnum) {
   auto& fields = *progress.GetReflection()->MutableUnknownFields(&progress);
   fields.AddLengthDelimited(1, "reconstruct");
   fields.AddVarint(7, 3);  // num_culled_degenerate
-  auto writer = EventLogWriter::Open(path_);
-  ASSERT_TRUE(writer.ok()) << writer.status();
-  ASSERT_TRUE((*writer)->Append(old).ok());
+  ASSERT_OK_AND_ASSIGN(auto writer, EventLogWriter::Open(path_));
+  ASSERT_OK(writer->Append(old));
   EventLogReader reader(path_);
-  const auto events = reader.Read();
-  ASSERT_TRUE(events.ok()) << events.status();
-  ASSERT_EQ(events->size(), 1u);
-  EXPECT_EQ(events->front().progress().step(), 7);
-  EXPECT_EQ(events->front().progress().stage(), v1::JOB_STAGE_UNSPECIFIED);
+  ASSERT_OK_AND_ASSIGN(const auto events, reader.Read());
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_EQ(events.front().progress().step(), 7);
+  EXPECT_EQ(events.front().progress().stage(), v1::JOB_STAGE_UNSPECIFIED);
 }
 
 TEST_F(EventLogTest, NumbersEventsAcrossWriters) {
@@ -104,11 +102,11 @@ TEST_F(EventLogTest, ReadsWhileTheWriterAppends) {
   EventLogReader reader(path_);
   EXPECT_TRUE(reader.Read()->empty());  // the file does not exist yet
   auto writer = EventLogWriter::Open(path_);
-  ASSERT_TRUE((*writer)->Append(Warning("a")).ok());
+  ASSERT_OK((*writer)->Append(Warning("a")));
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
   EXPECT_TRUE(reader.Read()->empty());
-  ASSERT_TRUE((*writer)->Append(Warning("b")).ok());
-  ASSERT_TRUE((*writer)->Append(Warning("c")).ok());
+  ASSERT_OK((*writer)->Append(Warning("b")));
+  ASSERT_OK((*writer)->Append(Warning("c")));
   EXPECT_THAT(Told(*reader.Read(1)), ElementsAre("2:b"));
   EXPECT_THAT(Told(*reader.Read(1)), ElementsAre("3:c"));
 }
@@ -133,9 +131,7 @@ TEST_F(EventLogTest, ReportsAFlippedByteAfterTheEventsBeforeIt) {
   Flip(first + 10);
   EventLogReader reader(path_);
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
-  const auto broken = reader.Read().status();
-  EXPECT_EQ(broken.code(), absl::StatusCode::kDataLoss);
-  EXPECT_THAT(std::string(broken.message()), ::testing::HasSubstr(path_.string()));
+  EXPECT_STATUS(reader.Read(), absl::StatusCode::kDataLoss, path_.string());
   Append({"d"});
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:d"));
 }
@@ -152,27 +148,27 @@ class AttemptLogTest : public EventLogTest {
  protected:
   std::unique_ptr<EventLogWriter> Open(int64_t fence) {
     auto writer = EventLogWriter::Open(path_, fence);
-    EXPECT_TRUE(writer.ok()) << writer.status();
+    EXPECT_OK(writer);
     return std::move(writer).value();
   }
 };
 
 TEST_F(AttemptLogTest, ContinuesNumbersAcrossAttempts) {
   Append({"queued"});
-  ASSERT_TRUE(Open(1)->Append(Warning("first")).ok());
-  ASSERT_TRUE(Open(3)->Append(Warning("third")).ok());  // the second wrote nothing
-  ASSERT_TRUE(Open(3)->Append(Warning("third again")).ok());
+  ASSERT_OK(Open(1)->Append(Warning("first")));
+  ASSERT_OK(Open(3)->Append(Warning("third")));  // the second wrote nothing
+  ASSERT_OK(Open(3)->Append(Warning("third again")));
   EXPECT_THAT(ReadAll(), ElementsAre("1:queued", "2:first", "3:third", "4:third again"));
   EXPECT_THAT(ReadAll(2), ElementsAre("3:third", "4:third again"));
 }
 
 TEST_F(AttemptLogTest, IgnoresEventsWrittenAfterALostClaim) {
   const auto stale = Open(1);
-  ASSERT_TRUE(stale->Append(Warning("mine")).ok());
+  ASSERT_OK(stale->Append(Warning("mine")));
   const auto next = Open(2);
-  ASSERT_TRUE(stale->Append(Warning("stale")).ok());
-  ASSERT_TRUE(next->Append(Warning("next")).ok());
-  ASSERT_TRUE(stale->Append(Warning("stale, too")).ok());
+  ASSERT_OK(stale->Append(Warning("stale")));
+  ASSERT_OK(next->Append(Warning("next")));
+  ASSERT_OK(stale->Append(Warning("stale, too")));
   EXPECT_THAT(ReadAll(), ElementsAre("1:mine", "2:next"));
   EXPECT_EQ(Open(2)->last_sequence(), 2);
   EXPECT_EQ(Open(3)->last_sequence(), 2);
@@ -180,10 +176,10 @@ TEST_F(AttemptLogTest, IgnoresEventsWrittenAfterALostClaim) {
 
 TEST_F(AttemptLogTest, ReadsOnInTheNextAttempt) {
   EventLogReader reader(path_);
-  ASSERT_TRUE(Open(1)->Append(Warning("a")).ok());
+  ASSERT_OK(Open(1)->Append(Warning("a")));
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
   EXPECT_TRUE(reader.Read()->empty());
-  ASSERT_TRUE(Open(2)->Append(Warning("b")).ok());
+  ASSERT_OK(Open(2)->Append(Warning("b")));
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("2:b"));
   EXPECT_EQ(reader.fence(), 2);
 }
@@ -194,7 +190,7 @@ TEST_F(AttemptLogTest, ReadsOnInTheNextAttemptAfterABrokenRecord) {
   EventLogReader alone(path_);
   EXPECT_THAT(Told(*alone.Read()), ElementsAre("1:a"));
   EXPECT_EQ(alone.Read().status().code(), absl::StatusCode::kDataLoss);
-  ASSERT_TRUE(Open(1)->Append(Warning("c")).ok());
+  ASSERT_OK(Open(1)->Append(Warning("c")));
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:c"));
 }
 
@@ -208,7 +204,7 @@ TEST_F(AttemptLogTest, NeitherSkipsNorCutsWhatCannotBeRead) {
   EXPECT_EQ(EventLogWriter::Open(path_, 2).status().code(), absl::StatusCode::kInternal);
   std::filesystem::remove(bad);
   EXPECT_THAT(ReadAll(), ElementsAre("1:a"));
-  ASSERT_TRUE(Open(2)->Append(Warning("b")).ok());
+  ASSERT_OK(Open(2)->Append(Warning("b")));
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:b"));
 }
 
@@ -217,7 +213,7 @@ TEST_F(AttemptLogTest, IgnoresAFileWithoutItsFirstRecord) {
   Append({"a"});
   std::ofstream(folder_.path() / "events-1.log") << "torn";
   EXPECT_THAT(ReadAll(), ElementsAre("1:a"));
-  ASSERT_TRUE(Open(1)->Append(Warning("b")).ok());
+  ASSERT_OK(Open(1)->Append(Warning("b")));
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:b"));
 }
 
@@ -253,12 +249,12 @@ class WorkerEventsTest : public EventLogTest {
 
 TEST_F(WorkerEventsTest, AreReadBetweenThoseOfTheServer) {
   Append({"queued"});
-  EXPECT_TRUE(Warn(1, EventPart::kBefore, "started").ok());
-  EXPECT_TRUE(Warn(1, EventPart::kWorker, "works").ok());
-  EXPECT_TRUE(Warn(1, EventPart::kAfter, "ended").ok());
-  EXPECT_TRUE(Warn(2, EventPart::kBefore, "again").ok());
-  EXPECT_TRUE(Warn(1, EventPart::kWorker, "stale").ok());
-  EXPECT_TRUE(Warn(2, EventPart::kWorker, "works").ok());
+  EXPECT_OK(Warn(1, EventPart::kBefore, "started"));
+  EXPECT_OK(Warn(1, EventPart::kWorker, "works"));
+  EXPECT_OK(Warn(1, EventPart::kAfter, "ended"));
+  EXPECT_OK(Warn(2, EventPart::kBefore, "again"));
+  EXPECT_OK(Warn(1, EventPart::kWorker, "stale"));
+  EXPECT_OK(Warn(2, EventPart::kWorker, "works"));
   EXPECT_THAT(ReadAll(),
               ElementsAre("1:queued", "2:started", "3:works", "4:ended", "5:again", "6:works"));
   EXPECT_TRUE(std::filesystem::exists(work_log_));
@@ -267,15 +263,14 @@ TEST_F(WorkerEventsTest, AreReadBetweenThoseOfTheServer) {
 
 TEST_F(WorkerEventsTest, AreReadFromPartToPart) {
   EventLogReader reader(path_);
-  EXPECT_TRUE(Warn(1, EventPart::kBefore, "a").ok());
+  EXPECT_OK(Warn(1, EventPart::kBefore, "a"));
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
-  const auto worker = EventLogWriter::Open(path_, 1, EventPart::kWorker);
-  ASSERT_TRUE(worker.ok());
+  ASSERT_OK_AND_ASSIGN(const auto worker, EventLogWriter::Open(path_, 1, EventPart::kWorker));
   EXPECT_TRUE(reader.Read()->empty());
-  EXPECT_TRUE((*worker)->Append(Warning("b")).ok());
+  EXPECT_OK(worker->Append(Warning("b")));
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("2:b"));
-  EXPECT_TRUE(Warn(1, EventPart::kAfter, "c").ok());
-  EXPECT_TRUE((*worker)->Append(Warning("stale")).ok());
+  EXPECT_OK(Warn(1, EventPart::kAfter, "c"));
+  EXPECT_OK(worker->Append(Warning("stale")));
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("3:c"));
 }
 
@@ -294,8 +289,8 @@ TEST_F(WorkerEventsTest, AreNeitherReadNorWrittenThroughLinks) {
         std::filesystem::create_symlink(victim, place);
       }
     }
-    EXPECT_TRUE(Warn(1, EventPart::kBefore, "started").ok());
-    EXPECT_TRUE(Warn(1, EventPart::kAfter, "ended").ok());
+    EXPECT_OK(Warn(1, EventPart::kBefore, "started"));
+    EXPECT_OK(Warn(1, EventPart::kAfter, "ended"));
     EXPECT_EQ(std::filesystem::file_size(victim), 12u);
     EXPECT_THAT(ReadAll(), ElementsAre("1:started", "2:ended"));
     std::filesystem::remove(folder_ / "events-1.log");
@@ -313,35 +308,35 @@ TEST_F(WorkerEventsTest, RefuseLinksInPlaceOfTheServersFiles) {
 }
 
 TEST_F(WorkerEventsTest, CannotReportTheJobsState) {
-  EXPECT_TRUE(Warn(1, EventPart::kBefore, "started").ok());
+  EXPECT_OK(Warn(1, EventPart::kBefore, "started"));
   v1::JobEvent done;
   done.mutable_state_changed()->set_state(v1::JOB_STATE_SUCCEEDED);
   ForgeFirst(1);
   Forge(Numbered(Warning("works"), 2));
   Forge(Numbered(done, 3));
   Forge(Numbered(Warning("hidden"), 4));
-  EXPECT_TRUE(Warn(1, EventPart::kAfter, "ended").ok());
+  EXPECT_OK(Warn(1, EventPart::kAfter, "ended"));
   EXPECT_THAT(ReadAll(), ElementsAre("1:started", "2:works", "3:ended"));
 }
 
 TEST_F(WorkerEventsTest, CannotUseUpTheNumbers) {
   const int64_t last = (int64_t{1} << 62) - 1;
-  EXPECT_TRUE(Warn(1, EventPart::kBefore, "started").ok());
+  EXPECT_OK(Warn(1, EventPart::kBefore, "started"));
   ForgeFirst(last);
   Forge(Numbered(Warning("far"), last + 1));
-  EXPECT_TRUE(Warn(1, EventPart::kAfter, "ended").ok());
+  EXPECT_OK(Warn(1, EventPart::kAfter, "ended"));
   EXPECT_THAT(ReadAll(), ElementsAre("1:started", "2:ended"));
   std::filesystem::remove(work_log_);
   std::filesystem::remove(folder_ / "events-1-end.log");
   ForgeFirst(1);
   Forge(Numbered(Warning("far"), last));
-  EXPECT_TRUE(Warn(1, EventPart::kAfter, "ended").ok());
+  EXPECT_OK(Warn(1, EventPart::kAfter, "ended"));
   EXPECT_THAT(ReadAll(), ElementsAre("1:started", "2:ended"));
 }
 
 TEST_F(WorkerEventsTest, HaveTextsCleanedForClients) {
-  EXPECT_TRUE(Warn(1, EventPart::kWorker, "\x1b[2Jno /srv/data/jobs/j1/work/x").ok());
-  EXPECT_TRUE(Warn(1, EventPart::kWorker, std::string(100'000, 'y')).ok());
+  EXPECT_OK(Warn(1, EventPart::kWorker, "\x1b[2Jno /srv/data/jobs/j1/work/x"));
+  EXPECT_OK(Warn(1, EventPart::kWorker, std::string(100'000, 'y')));
   EventLogReader reader(path_);
   const auto events = reader.Read();
   ASSERT_TRUE(events.ok() && events->size() == 2);

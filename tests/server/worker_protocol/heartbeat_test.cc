@@ -6,6 +6,7 @@
 
 #include "absl/time/clock.h"
 #include "server/jobs/holder_name.h"
+#include "tests/testing/eventually.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -57,8 +58,7 @@ TEST(WorkerHeartbeat, ReportsALostLeaseBeforeItExpires) {
   }
   EXPECT_FALSE(lost);
   const absl::Time last = absl::Now();
-  while (!lost && absl::Now() - last < absl::Seconds(10)) absl::SleepFor(absl::Milliseconds(5));
-  ASSERT_TRUE(lost);
+  ASSERT_TRUE(testing::Eventually([&] { return lost.load(); }, absl::Seconds(10)));
   EXPECT_GE(absl::Now() - last, absl::Milliseconds(600));
 }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fstream>
 
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -15,7 +16,7 @@ using ::testing::HasSubstr;
 
 class JobFolderTest : public ::testing::Test {
  protected:
-  JobFolderTest() : job_(folder_.path()) { EXPECT_TRUE(job_.Make().ok()); }
+  JobFolderTest() : job_(folder_.path()) { EXPECT_OK(job_.Make()); }
 
   testing::TempFolder folder_;
   JobFolder job_;
@@ -43,23 +44,22 @@ TEST_F(JobFolderTest, ReadsASpecAsWritten) {
                  .sam = "/opt/sam",
                  .lpips_weights = "/opt/lpips.onnx",
                  .log_format = "json"};
-  ASSERT_TRUE(job_.WriteSpec(spec).ok());
-  const auto read = job_.ReadSpec(job_.NewestFence());
-  ASSERT_TRUE(read.ok()) << read.status();
-  EXPECT_EQ(read->job, spec.job);
-  EXPECT_EQ(read->fence, spec.fence);
-  EXPECT_EQ(read->device, spec.device);
-  EXPECT_EQ(read->checkpoint_seconds, 7);
-  EXPECT_EQ(read->checkpoint_steps, 8);
-  EXPECT_EQ(read->files.at(0).sha256, "ab");
-  ASSERT_EQ(read->files.size(), 2u);
-  EXPECT_EQ(read->files[0].name, spec.files[0].name);
-  EXPECT_EQ(read->files[1].kind, 2);
-  EXPECT_EQ(read->files[1].path, "/b");
-  EXPECT_EQ(read->options.SerializeAsString(), spec.options.SerializeAsString());
-  EXPECT_EQ(read->num_threads, 4);
-  EXPECT_EQ(read->memory_limit, spec.memory_limit);
-  EXPECT_EQ(read->worker, spec.worker);
+  ASSERT_OK(job_.WriteSpec(spec));
+  ASSERT_OK_AND_ASSIGN(const auto read, job_.ReadSpec(job_.NewestFence()));
+  EXPECT_EQ(read.job, spec.job);
+  EXPECT_EQ(read.fence, spec.fence);
+  EXPECT_EQ(read.device, spec.device);
+  EXPECT_EQ(read.checkpoint_seconds, 7);
+  EXPECT_EQ(read.checkpoint_steps, 8);
+  EXPECT_EQ(read.files.at(0).sha256, "ab");
+  ASSERT_EQ(read.files.size(), 2u);
+  EXPECT_EQ(read.files[0].name, spec.files[0].name);
+  EXPECT_EQ(read.files[1].kind, 2);
+  EXPECT_EQ(read.files[1].path, "/b");
+  EXPECT_EQ(read.options.SerializeAsString(), spec.options.SerializeAsString());
+  EXPECT_EQ(read.num_threads, 4);
+  EXPECT_EQ(read.memory_limit, spec.memory_limit);
+  EXPECT_EQ(read.worker, spec.worker);
 }
 
 TEST_F(JobFolderTest, ReadsAResultAsWritten) {
@@ -69,14 +69,13 @@ TEST_F(JobFolderTest, ReadsAResultAsWritten) {
   result.num_gaussians = 12;
   result.num_bytes = 34;
   result.sources = {{"masks", "command \"x\""}, {"poses", "given"}};
-  ASSERT_TRUE(job_.WriteResult(5, result).ok());
-  const auto read = job_.ReadResult(5);
-  ASSERT_TRUE(read.ok()) << read.status();
-  EXPECT_EQ(read->status, result.status);
-  EXPECT_THAT(read->metrics, ::testing::ElementsAre(::testing::Pair("psnr", 21.25)));
-  EXPECT_EQ(read->num_gaussians, 12);
-  EXPECT_EQ(read->num_bytes, 34);
-  EXPECT_EQ(read->sources, result.sources);
+  ASSERT_OK(job_.WriteResult(5, result));
+  ASSERT_OK_AND_ASSIGN(const auto read, job_.ReadResult(5));
+  EXPECT_EQ(read.status, result.status);
+  EXPECT_THAT(read.metrics, ::testing::ElementsAre(::testing::Pair("psnr", 21.25)));
+  EXPECT_EQ(read.num_gaussians, 12);
+  EXPECT_EQ(read.num_bytes, 34);
+  EXPECT_EQ(read.sources, result.sources);
   EXPECT_EQ(job_.ReadResult(4).status().code(), absl::StatusCode::kNotFound);
 }
 
@@ -98,19 +97,18 @@ TEST_F(JobFolderTest, CleansAndBoundsAWorkersResult) {
       absl::InternalError("\x1b]0;x\x07 /srv/data/pepeseg.db: " + std::string(100'000, 'x'));
   result.sources = {{"masks", "command\n" + std::string(1000, 'y')}};
   result.metrics = {{"a\x1b" + std::string(1000, 'z'), 1.0}};
-  ASSERT_TRUE(job_.WriteResult(1, result).ok());
-  const auto read = job_.ReadResult(1);
-  ASSERT_TRUE(read.ok()) << read.status();
-  const std::string message(read->status.message());
+  ASSERT_OK(job_.WriteResult(1, result));
+  ASSERT_OK_AND_ASSIGN(const auto read, job_.ReadResult(1));
+  const std::string message(read.status.message());
   EXPECT_EQ(message.size(), 2048u);
   EXPECT_THAT(message, ::testing::StartsWith("?]0;x? pepeseg.db: xxx"));
-  EXPECT_EQ(read->sources.at("masks").size(), 256u);
-  EXPECT_EQ(read->metrics.begin()->first.size(), 100u);
+  EXPECT_EQ(read.sources.at("masks").size(), 256u);
+  EXPECT_EQ(read.metrics.begin()->first.size(), 100u);
 }
 
 TEST_F(JobFolderTest, RefusesAResultThatIsNotARegularFile) {
   const std::filesystem::path place = job_.work() / "result-1.json";
-  ASSERT_TRUE(job_.WriteResult(2, {}).ok());
+  ASSERT_OK(job_.WriteResult(2, {}));
   std::filesystem::create_symlink("result-2.json", place);
   EXPECT_EQ(job_.ReadResult(1).status().code(), absl::StatusCode::kDataLoss);
   std::filesystem::remove(place);
@@ -140,7 +138,7 @@ TEST_F(ModelOfAWorker, IsMovedOutOfItsReach) {
   EXPECT_TRUE(std::filesystem::exists(job_.model(1) / "gaussians.ply"));
   EXPECT_FALSE(std::filesystem::exists(job_.attempt(1)));
   EXPECT_EQ(job_.TakeModel(1).value_or(-1), 3);  // the next server calls it again after a crash
-  EXPECT_TRUE(CheckModelFolder(folder_.path(), "attempt-1").ok());
+  EXPECT_OK(CheckModelFolder(folder_.path(), "attempt-1"));
   EXPECT_EQ(job_.TakeModel(2).status().code(), absl::StatusCode::kNotFound);
 }
 
@@ -164,7 +162,7 @@ TEST_F(ModelOfAWorker, IsRefusedAsALink) {
 // Such a model may be from a version that did not check models when it took them.
 TEST_F(ModelOfAWorker, IsNotLoadedWithALinkInIt) {
   std::filesystem::create_directories(folder_ / "jobs/j1/attempt-1");
-  EXPECT_TRUE(CheckModelFolder(folder_.path(), "jobs/j1/attempt-1").ok());
+  EXPECT_OK(CheckModelFolder(folder_.path(), "jobs/j1/attempt-1"));
   std::filesystem::create_symlink(folder_ / "secret", folder_ / "jobs/j1/attempt-1/model.json");
   EXPECT_EQ(CheckModelFolder(folder_.path(), "jobs/j1/attempt-1").code(),
             absl::StatusCode::kDataLoss);

@@ -12,6 +12,8 @@
 #include "absl/time/clock.h"
 #include "tests/system/gateway/gateway_fixture.h"
 #include "tests/system/stress/http2_connection.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg::testing {
 namespace {
@@ -30,7 +32,7 @@ class AbuseOfGateway : public GatewayTest {
     auto claims = TokenIssuer::Claims("lab", "read");
     claims["sub"] = "bystander";
     bystander_ = fleet().Connect(fleet().issuer.Sign(claims));
-    EXPECT_TRUE(List(bystander_).ok());
+    EXPECT_OK(List(bystander_));
     gateway_before_ = Rss(fleet().gateway().pid());
     server_before_ = Rss(fleet().server(0).pid());
   }
@@ -45,10 +47,8 @@ class AbuseOfGateway : public GatewayTest {
     return connection;
   }
   // Waits up to ten seconds.
-  static bool Await(absl::FunctionRef<bool()> is_so) {
-    const absl::Time deadline = absl::Now() + absl::Seconds(10);
-    while (!is_so() && absl::Now() < deadline) absl::SleepFor(absl::Milliseconds(200));
-    return is_so();
+  static ::testing::AssertionResult Await(absl::FunctionRef<bool()> is_so) {
+    return testing::Eventually(is_so, absl::Seconds(10));
   }
   // Calls over a connection that existed before, and over a new one.
   void ExpectServing(const char* what) {

@@ -62,8 +62,7 @@ double UploadRate(const std::shared_ptr<grpc::Channel>& channel, const std::stri
   file.set_sha256(digest.Hex());
   grpc::ClientContext create_context;
   v1::Upload upload;
-  const grpc::Status created = datasets->CreateUpload(&create_context, create, &upload);
-  EXPECT_TRUE(created.ok()) << created.error_message();
+  EXPECT_OK(datasets->CreateUpload(&create_context, create, &upload));
   const absl::Time start = absl::Now();
   grpc::ClientContext context;
   context.AddMetadata("x-scene", scene);
@@ -81,8 +80,7 @@ double UploadRate(const std::shared_ptr<grpc::Channel>& channel, const std::stri
   part.mutable_end();
   stream->Write(part);
   stream->WritesDone();
-  const grpc::Status status = stream->Finish();
-  EXPECT_TRUE(status.ok()) << status.error_message();
+  EXPECT_OK(stream->Finish());
   return static_cast<double>(num_chunks << 20) / absl::ToDoubleSeconds(absl::Now() - start);
 }
 
@@ -117,8 +115,7 @@ TEST_F(OneServer, AnswersThroughTheGatewayHardlySlower) {
     context.AddMetadata("x-scene", "s0");
     v1::SegmentViewsResponse response;
     const absl::Time start = absl::Now();
-    const grpc::Status status = stub.SegmentViews(&context, request, &response);
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_OK(stub.SegmentViews(&context, request, &response));
     return absl::Now() - start;
   };
   const auto direct = v1::SegmentationService::NewStub(fleet.ConnectDirectly(0, DirectKey()));

@@ -16,6 +16,7 @@
 #include "server/store/layout.h"
 #include "server/store/store.h"
 #include "tests/testing/http_get.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg::testing {
 namespace {
@@ -140,7 +141,7 @@ void Fleet::RestartGateway(int num_servers) {
   }
   auto process = WorkerProcess::Launch(
       {kHaproxy, {"-db", "-f", PEPESEG_GATEWAY_FOLDER "/haproxy.cfg"}, log_, environment});
-  EXPECT_TRUE(process.ok()) << process.status();
+  EXPECT_OK(process);
   if (process.ok()) gateway_ = std::move(process).value();
   EXPECT_TRUE(AwaitServing(num_servers)) << LogTail();
 }
@@ -189,13 +190,13 @@ std::string Fleet::Database() const {
 
 std::string Fleet::MakeKey(const std::string& project, const std::vector<v1::Scope>& scopes) const {
   auto key = pepeseg::MakeKey();
-  EXPECT_TRUE(key.ok()) << key.status();
+  EXPECT_OK(key);
   key->row.project = project;
   for (const v1::Scope scope : scopes) key->row.scopes |= ScopeBit(scope);
   const auto store = Store::Open(Database());
-  EXPECT_TRUE(store.ok()) << store.status();
+  EXPECT_OK(store);
   if (store.ok()) {
-    EXPECT_TRUE((*store)->keys().CreateKey(key->row).ok());
+    EXPECT_OK((*store)->keys().CreateKey(key->row));
   }
   return key->secret;
 }

@@ -66,7 +66,7 @@ struct LoadedFleet : ::testing::Test {
       v1::SegmentViewsResponse response;
       const grpc::Status status =
           stub->SegmentViews(&context, SteadyLoad::Question(SteadyLoad::SceneId(i)), &response);
-      ASSERT_TRUE(status.ok()) << status.error_message();
+      ASSERT_OK(status);
     }
   }
   std::unique_ptr<SteadyLoad> StartLoad() {
@@ -162,7 +162,7 @@ struct FourServers : LoadedFleet {
       void* tag = nullptr;
       bool ok = false;
       queue.Next(&tag, &ok);
-      EXPECT_TRUE(status.ok()) << status.error_message();
+      EXPECT_OK(status);
     }
     absl::SleepFor(absl::Milliseconds(500));
     return ServersOf(fleet.ReadLog(before));

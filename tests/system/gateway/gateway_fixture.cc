@@ -6,7 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
+#include "tests/testing/eventually.h"
 
 namespace pepeseg::testing {
 namespace {
@@ -38,8 +38,7 @@ grpc::Status GatewayTest::List(const std::shared_ptr<grpc::Channel>& channel,
   grpc::ClientContext context;
   Prepare(context);
   for (const auto& [name, value] : metadata) context.AddMetadata(name, value);
-  v1::ListScenesResponse response;
-  return v1::SceneService::NewStub(channel)->ListScenes(&context, {}, &response);
+  return CallWith(context, channel, &SceneStub::ListScenes, {});
 }
 
 std::map<std::string, int> GatewayTest::ListAtOnce(const std::string& token, int num_calls) {
@@ -62,7 +61,7 @@ std::map<std::string, int> GatewayTest::ListAtOnce(const std::string& token, int
                                 --num_open;
                               });
   }
-  while (num_open > 0) absl::SleepFor(absl::Milliseconds(1));
+  EXPECT_TRUE(testing::Eventually([&] { return num_open == 0; }));
   const std::lock_guard lock(mutex);
   return answers;
 }
@@ -72,18 +71,14 @@ grpc::Status GatewayTest::CreateScene(const std::string& token, const std::strin
   Prepare(context);
   v1::CreateSceneRequest request;
   request.set_scene_id(id);
-  v1::Scene scene;
-  return v1::SceneService::NewStub(fleet().Connect(token))->CreateScene(&context, request, &scene);
+  return CallWith(context, fleet().Connect(token), &SceneStub::CreateScene, request);
 }
 
 grpc::Status GatewayTest::GetScene(const std::string& token, const std::string& id) {
   grpc::ClientContext context;
   Prepare(context);
   context.AddMetadata("x-scene", id);
-  v1::GetSceneRequest request;
-  request.set_name("scenes/" + id);
-  v1::Scene scene;
-  return v1::SceneService::NewStub(fleet().Connect(token))->GetScene(&context, request, &scene);
+  return CallWith(context, fleet().Connect(token), &SceneStub::GetScene, Named{"scenes/" + id});
 }
 
 std::string TextOf(const grpc::Status& status) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "pepeseg/v1/scene_service.grpc.pb.h"
+#include "tests/server/call.h"
 #include "tests/system/gateway/fleet.h"
 
 namespace pepeseg::testing {

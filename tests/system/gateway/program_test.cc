@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "tests/system/gateway/gateway_fixture.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg::testing {
 namespace {
@@ -47,7 +48,7 @@ class ProgramAtGateway : public GatewayTest {
 };
 
 TEST_F(ProgramAtGateway, WorksWithAJwtOrAKey) {
-  ASSERT_TRUE(CreateScene(Token(), "shelf").ok());
+  ASSERT_OK(CreateScene(Token(), "shelf"));
   const Ran by_jwt = Run(Token(), "scenes");
   EXPECT_EQ(by_jwt.exit_code, 0) << by_jwt.output;
   EXPECT_THAT(by_jwt.output, HasSubstr("shelf"));
@@ -75,7 +76,7 @@ TEST_F(ProgramAtGateway, ExplainsWhatIsWrongWithAToken) {
 
 TEST_F(ProgramAtGateway, ReportsAnotherProjectsScene) {
   const std::string theirs = fleet().issuer.Sign(TokenIssuer::Claims("theirs", "read write"));
-  ASSERT_TRUE(CreateScene(theirs, "vase").ok());
+  ASSERT_OK(CreateScene(theirs, "vase"));
   const Ran ran = Run(Token(), "scenes vase");
   EXPECT_EQ(ran.exit_code, 10);
   EXPECT_THAT(ran.output, AllOf(HasSubstr("another project's"), HasSubstr("pepeseg scenes")));
@@ -120,7 +121,7 @@ class ProgramAtAProxy : public ProgramAtGateway {
     auto process = WorkerProcess::Launch({kHaproxy,
                                           {"-db", "-f", (fleet().folder / "proxies.cfg").string()},
                                           fleet().folder / "proxies.log"});
-    ASSERT_TRUE(process.ok()) << process.status();
+    ASSERT_OK(process);
     process_ = std::move(process).value();
     absl::SleepFor(absl::Milliseconds(500));
     ASSERT_FALSE(process_->Poll().has_value())

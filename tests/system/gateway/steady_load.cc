@@ -11,6 +11,7 @@
 #include "pepeseg/v1/errors.pb.h"
 #include "server/store/error_detail.h"
 #include "tests/system/stress/load_calls.h"
+#include "tests/testing/eventually.h"
 
 namespace pepeseg::testing {
 
@@ -65,7 +66,7 @@ void SteadyLoad::Run(int num_scenes, absl::Duration pause) {
     ++num_open_;
     Start(std::move(call));
   }
-  while (num_open_ > 0) absl::SleepFor(absl::Milliseconds(1));
+  EXPECT_TRUE(testing::Eventually([this] { return num_open_ == 0; }, absl::Minutes(5)));
   const std::lock_guard lock(mutex_);
   report_.took = absl::Now() - start;
 }

@@ -18,6 +18,7 @@
 #include "absl/time/clock.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"
+#include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -145,16 +146,12 @@ TEST_F(ProbedServer, ExitsForARestartThatJobsSurvive) {
   ASSERT_OK(dataset);
   const auto job = client.Train("before", *dataset, {});
   ASSERT_OK(job);
-  const absl::Time launched = absl::Now() + absl::Seconds(30);
   const std::string word = "--job=" + (folder / "data" / job->name()).string();
-  while (testing::FindProcess(word) == 0 && absl::Now() < launched) {
-    absl::SleepFor(absl::Milliseconds(10));
-  }
+  ASSERT_TRUE(testing::Eventually([&] { return testing::FindProcess(word) != 0; }));
   // The limit is below the number of open files: no connection can be accepted, and no file opened.
   LimitDescriptors(3);
-  const absl::Time deadline = absl::Now() + absl::Seconds(40);
-  while (server.alive() && absl::Now() < deadline) absl::SleepFor(absl::Milliseconds(50));
-  ASSERT_FALSE(server.alive()) << server.Log();
+  ASSERT_TRUE(testing::Eventually([&] { return !server.alive(); }, absl::Seconds(40)))
+      << server.Log();
   const auto end = server.Terminate();  // it has ended; returns only its status
   ASSERT_TRUE(end.has_value());
   EXPECT_EQ(end->exit_code, 1) << end->description;

@@ -11,6 +11,7 @@
 #include "tests/server/pepesegd_process.h"
 #include "tests/system/stress/life_of_a_scene.h"
 #include "tests/system/stress/unclean_data.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -34,7 +35,7 @@ int64_t CountCalls(const std::vector<std::string>& names) {
   environment.push_back("PEPESEG_FAULT_TRACE=" + (folder / "trace").string());
   PepesegdProcess server(data, Options(environment));
   LifeOfAScene life("first");
-  EXPECT_TRUE(life.Run(server.channel()).ok());
+  EXPECT_OK(life.Run(server.channel()));
   server.Terminate();
   return static_cast<int64_t>(TracedPaths(folder / "trace", names).size());
 }

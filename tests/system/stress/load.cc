@@ -13,7 +13,9 @@
 #include "absl/time/clock.h"
 #include "tests/server/health_check.h"
 #include "tests/system/stress/load_calls.h"
+#include "tests/testing/eventually.h"
 #include "tests/testing/http_get.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -38,22 +40,13 @@ LoadedServer::LoadedServer(const std::string& worker) : running(worker, Observed
   idle_job = running.Train("idle", "hang").name();
 }
 
-v1::ServerStatus LoadedServer::Status() {
-  grpc::ClientContext context;
-  v1::ServerStatus status;
-  const grpc::Status answer = running.admin->GetServerStatus(&context, {}, &status);
-  EXPECT_TRUE(answer.ok()) << answer.error_message();
-  return status;
-}
+v1::ServerStatus LoadedServer::Status() { return *running.Call(&AdminStub::GetServerStatus, {}); }
 
 int LoadedServer::AwaitStreams(int want) {
-  const absl::Time deadline = absl::Now() + absl::Seconds(30);
-  int num = Status().num_streams();
-  while (num != want && absl::Now() < deadline) {
-    absl::SleepFor(absl::Milliseconds(20));
-    num = Status().num_streams();
-  }
-  return num;
+  int num = -1;
+  const auto reached = testing::Eventually([&] { return (num = Status().num_streams()) == want; },
+                                           absl::Seconds(30));
+  return reached ? want : num;
 }
 
 double LoadedServer::Metric(const std::string& name) {
@@ -100,7 +93,7 @@ WatchersReport RunWatchers(LoadedServer& server, int num_watchers, absl::Duratio
   report.num_failed = report.num_queries - static_cast<int64_t>(TimesOf(without, grpc::OK).size() +
                                                                 TimesOf(with, grpc::OK).size());
   for (const auto& watcher : watchers) watcher->Cancel();
-  while (num_open > 0) absl::SleepFor(absl::Milliseconds(1));
+  EXPECT_TRUE(testing::Eventually([&] { return num_open == 0; }));
   return report;
 }
 

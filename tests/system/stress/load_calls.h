@@ -14,6 +14,7 @@
 #include "absl/time/clock.h"
 #include "pepeseg/v1/job_service.grpc.pb.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
+#include "tests/testing/eventually.h"
 
 // Calls of the runs in load.h.
 namespace pepeseg {
@@ -75,7 +76,7 @@ class Calls {
           });
   }
   void AwaitAll() const {
-    while (num_open_ > 0) absl::SleepFor(absl::Milliseconds(1));
+    EXPECT_TRUE(testing::Eventually([this] { return num_open_ == 0; }, absl::Minutes(5)));
   }
   std::vector<Outcome> TakeOutcomes() {
     const std::lock_guard lock(mutex_);

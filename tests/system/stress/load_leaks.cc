@@ -12,6 +12,8 @@
 #include "tests/server/health_check.h"
 #include "tests/system/stress/load.h"
 #include "tests/system/stress/load_calls.h"
+#include "tests/testing/eventually.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 
@@ -37,7 +39,7 @@ CancelsReport RunCancels(LoadedServer& server, int num_calls) {
       if (i % 2 == 0) watchers.back()->Cancel();
     }
     for (const auto& watcher : watchers) watcher->Cancel();
-    while (num_open > 0) absl::SleepFor(absl::Microseconds(100));
+    EXPECT_TRUE(testing::Eventually([&] { return num_open == 0; }));
     calls.AwaitAll();
     report.num_cancelled += kAtATime;
   }
@@ -100,12 +102,7 @@ v1::Selection SelectHalf(LoadedServer& server, const std::string& model) {
   v1::CreateSelectionRequest request;
   request.set_model(model);
   *request.mutable_prompt() = Question().prompt();
-  v1::Selection selection;
-  grpc::ClientContext context;
-  const grpc::Status status =
-      server.running.selections->CreateSelection(&context, request, &selection);
-  EXPECT_TRUE(status.ok()) << status.error_message();
-  return selection;
+  return *server.running.Call(&SelectionStub::CreateSelection, request);
 }
 
 double ReservedBytes(LoadedServer& server) {
@@ -116,11 +113,7 @@ double ReservedBytes(LoadedServer& server) {
 
 UnreadExportsReport RunUnreadExports(LoadedServer& server, int num_streams) {
   // Only one job runs at a time.
-  grpc::ClientContext cancelling;
-  v1::CancelJobRequest cancel;
-  cancel.set_name(server.idle_job);
-  v1::Job cancelled;
-  EXPECT_TRUE(server.running.jobs->CancelJob(&cancelling, cancel, &cancelled).ok());
+  EXPECT_OK(server.running.Call(&JobStub::CancelJob, Named{server.idle_job}));
   server.running.CreateScene("large");
   server.running.Await(server.running.Train("large", "large.model").name());
   v1::ExportGaussiansRequest request;
@@ -190,16 +183,14 @@ CrowdReport RunCrowd(LoadedServer& server, int num_streams) {
   }
   report.num_streams = server.AwaitStreams(num_streams);
   grpc::ClientContext context;
-  v1::WatchJobRequest request;
-  request.set_name(server.idle_job);
-  const auto beyond = stubs.front()->WatchJob(&context, request);
+  const auto beyond = stubs.front()->WatchJob(&context, Named{server.idle_job});
   v1::JobEvent event;
   while (beyond->Read(&event)) {
   }
   report.beyond = beyond->Finish();
   report.meanwhile = AskAsTold(*stubs.front(), server.idle_job);
   for (const auto& watcher : watchers) watcher->Cancel();
-  while (num_open > 0) absl::SleepFor(absl::Milliseconds(1));
+  EXPECT_TRUE(testing::Eventually([&] { return num_open == 0; }));
   report.num_streams_after = server.AwaitStreams(0);
   return report;
 }

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <thread>
 
+#include "tests/testing/status_testing.h"
+
 namespace pepeseg {
 namespace {
 
@@ -77,10 +79,10 @@ TEST(Load, StreamsBeyondTheLimitAreRefused) {
   LoadedServer server(PEPESEG_MODEL_WORKER);
   const CrowdReport report = RunCrowd(server, kMost);
   EXPECT_EQ(report.num_streams, kMost);
-  EXPECT_EQ(report.beyond.error_code(), grpc::RESOURCE_EXHAUSTED) << report.beyond.error_message();
+  EXPECT_ERROR(report.beyond, grpc::RESOURCE_EXHAUSTED);
   EXPECT_EQ(DetailOf(report.beyond).reason(), "TOO_MANY_STREAMS");
   EXPECT_EQ(DetailOf(report.beyond).limit(), "4096");
-  EXPECT_TRUE(report.meanwhile.ok()) << report.meanwhile.error_message();
+  EXPECT_OK(report.meanwhile);
   EXPECT_EQ(report.num_streams_after, 0);
 }
 

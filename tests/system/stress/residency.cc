@@ -146,25 +146,16 @@ void ResidencyStress::CountError(const grpc::Status& status) {
 }
 
 v1::ListResidentModelsResponse ResidencyStress::List() {
-  grpc::ClientContext context;
-  v1::ListResidentModelsResponse response;
-  const grpc::Status status = running_.admin->ListResidentModels(&context, {}, &response);
-  if (!status.ok()) CountError(status);
-  return response;
+  const auto reply = running_.Call(&AdminStub::ListResidentModels, {});
+  if (!reply.ok()) CountError(reply);
+  return reply.ok() ? *reply : v1::ListResidentModelsResponse();
 }
 
 void ResidencyStress::UnloadAll() {
   const v1::ListResidentModelsResponse list = List();
   for (const v1::ResidentModel& model : list.models()) {
-    grpc::ClientContext unpinning, unloading;
-    v1::UnpinModelRequest unpin;
-    unpin.set_name(model.name());
-    v1::ResidentModel unpinned;
-    running_.admin->UnpinModel(&unpinning, unpin, &unpinned);
-    v1::UnloadModelRequest unload;
-    unload.set_name(model.name());
-    google::protobuf::Empty empty;
-    const grpc::Status status = running_.admin->UnloadModel(&unloading, unload, &empty);
+    running_.Call(&AdminStub::UnpinModel, Named{model.name()});
+    const grpc::Status status = running_.Call(&AdminStub::UnloadModel, Named{model.name()});
     if (!status.ok()) CountError(status);
   }
 }
@@ -213,19 +204,11 @@ void ResidencyStress::Operate(absl::Time end) {
   std::mt19937 engine(1000);
   for (int round = 0; absl::Now() < end; ++round) {
     const std::string name = ModelName(static_cast<int>(engine() % settings_.num_models));
-    grpc::ClientContext pinning, unloading, unpinning;
-    v1::PinModelRequest pin;
-    pin.set_name(name);
-    v1::ResidentModel resident;
-    running_.admin->PinModel(&pinning, pin, &resident);
-    v1::UnloadModelRequest unload;
-    unload.set_name(ModelName(static_cast<int>(engine() % settings_.num_models)));
-    google::protobuf::Empty empty;
-    running_.admin->UnloadModel(&unloading, unload, &empty);
+    running_.Call(&AdminStub::PinModel, Named{name});
+    running_.Call(&AdminStub::UnloadModel,
+                  Named{ModelName(static_cast<int>(engine() % settings_.num_models))});
     absl::SleepFor(absl::Milliseconds(100));
-    v1::UnpinModelRequest unpin;
-    unpin.set_name(name);
-    running_.admin->UnpinModel(&unpinning, unpin, &resident);
+    running_.Call(&AdminStub::UnpinModel, Named{name});
   }
 }
 

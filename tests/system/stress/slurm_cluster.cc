@@ -16,6 +16,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/time/clock.h"
+#include "tests/testing/eventually.h"
 
 namespace pepeseg::testing {
 namespace {
@@ -77,14 +78,12 @@ SlurmCluster::SlurmCluster(int num_nodes) {
     const std::string name = absl::StrCat("n", i + 1);
     nodes_.emplace_back(name, Launch({"/usr/sbin/slurmd", "-D", "-N", name, "-f", conf}, name));
   }
-  for (int i = 0; i < 300; ++i) {
+  EXPECT_TRUE(testing::Eventually([&] {
     const std::vector<std::string> idle =
         absl::StrSplit(Ask("sinfo -h -N -t idle -o %N"), '\n', absl::SkipEmpty());
-    if (static_cast<int>(idle.size()) == num_nodes) return;
-    absl::SleepFor(absl::Milliseconds(100));
-  }
-  ADD_FAILURE() << "the nodes are not ready: "
-                << Ask("sinfo -N -l 2>&1; tail -n 20 " + (folder_ / "log").string() + "/*");
+    return static_cast<int>(idle.size()) == num_nodes;
+  })) << "the nodes are not ready: "
+      << Ask("sinfo -N -l 2>&1; tail -n 20 " + (folder_ / "log").string() + "/*");
 }
 
 SlurmCluster::~SlurmCluster() {

@@ -2,12 +2,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "absl/time/clock.h"
 #include "server/store/store.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"
 #include "tests/server/store/test_database.h"
 #include "tests/system/stress/slurm_cluster.h"
+#include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -56,13 +56,15 @@ class SlurmTest : public ::testing::Test {
 
   template <typename Reached>
   v1::Job WaitFor(ServiceClient& client, const std::string& job, Reached reached) {
-    for (int i = 0; i < 2400; ++i) {
-      const auto found = client.GetJob(job);
-      if (found.ok() && reached(*found)) return *found;
-      absl::SleepFor(absl::Milliseconds(100));
-    }
-    ADD_FAILURE() << job << " did not get there within 4 minutes";
-    return {};
+    absl::StatusOr<v1::Job> found;
+    EXPECT_TRUE(testing::Eventually(
+        [&] {
+          found = client.GetJob(job);
+          return found.ok() && reached(*found);
+        },
+        absl::Minutes(4)))
+        << job;
+    return found.value_or(v1::Job());
   }
 
   static bool Ended(const v1::Job& job) {

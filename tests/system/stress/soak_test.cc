@@ -13,6 +13,7 @@
 #include "absl/time/clock.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/system/stress/life_of_a_scene.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -57,10 +58,8 @@ TEST(Soak, MemoryDescriptorsAndThreadsStayFlat) {
     clients.emplace_back([&, client] {
       for (int i = 0; absl::Now() - start < length; ++i) {
         LifeOfAScene life(absl::StrCat("c", client, "-", i));
-        const absl::Status lived = life.Run(server.channel());
-        EXPECT_TRUE(lived.ok()) << lived;
-        const absl::Status deleted = life.Delete(server.channel());
-        EXPECT_TRUE(deleted.ok()) << deleted;
+        EXPECT_OK(life.Run(server.channel()));
+        EXPECT_OK(life.Delete(server.channel()));
         ++num_lives;
       }
     });

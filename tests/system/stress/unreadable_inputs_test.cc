@@ -9,6 +9,7 @@
 #include "tests/server/worker/worker_fixture.h"
 #include "tests/system/stress/full_stress.h"
 #include "tests/system/stress/io_fault_lives.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -41,14 +42,14 @@ class UnreadableInputs : public WorkerTest {
          {absl::StrCat("--job=", job_.path().string()), absl::StrCat("--parent=", getpid())},
          job_.worker_log(),
          environment});
-    EXPECT_TRUE(worker.ok()) << worker.status();
+    EXPECT_OK(worker);
     const WorkerEnd end = WaitFor(**worker);
     EXPECT_EQ(end.signal, 0) << ReadFileTail(job_.worker_log(), 2000);
     if (end.exit_code == static_cast<int>(WorkerExit::kBadSpec)) {
       return absl::InternalError("bad spec");
     }
     const auto result = job_.ReadResult(1);
-    EXPECT_TRUE(result.ok()) << result.status() << ReadFileTail(job_.worker_log(), 2000);
+    EXPECT_OK(result) << ReadFileTail(job_.worker_log(), 2000);
     if (!result.ok() || !result->status.ok()) return result.ok() ? result->status : result.status();
     std::string all;
     for (const char* name : {"gaussians.ply", "features.bin"}) {
@@ -60,7 +61,7 @@ class UnreadableInputs : public WorkerTest {
   // Returns the paths that the worker reads, in the order of its calls.
   std::vector<std::string> TraceReads() {
     const std::filesystem::path trace = folder_ / "trace";
-    EXPECT_TRUE(Train({"PEPESEG_FAULT_TRACE=" + trace.string()}).ok());
+    EXPECT_OK(Train({"PEPESEG_FAULT_TRACE=" + trace.string()}));
     return TracedPaths(trace, {"read"});
   }
 };
@@ -68,14 +69,13 @@ class UnreadableInputs : public WorkerTest {
 // One call of read() fails.
 TEST_F(UnreadableInputs, FailTheJobAtEachRead) {
   const std::vector<std::string> reads = TraceReads();
-  const auto whole = Train({});
-  ASSERT_TRUE(whole.ok()) << whole.status();
+  ASSERT_OK_AND_ASSIGN(const auto whole, Train({}));
   const size_t step = testing::FullStress() ? 1 + reads.size() / 200 : 1 + reads.size() / 8;
   int num_failed = 0, num_tried = 0;
   for (size_t i = 0; i < reads.size(); i += step, ++num_tried) {
     const auto model = Train({absl::StrCat("PEPESEG_FAULT=unreadable:", i + 1)});
     if (model.ok()) {
-      EXPECT_EQ(*model, *whole) << reads[i];
+      EXPECT_EQ(*model, whole) << reads[i];
       continue;
     }
     ++num_failed;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "tests/testing/status_testing.h"
 
 // SegmentPhotograph with a stand-in for the network that answers from a drawing.
 namespace pepeseg {
@@ -94,7 +95,7 @@ absl::Status Proceed() { return absl::OkStatus(); }
 AutomaticMasks Segment(DrawingSegmenter& segmenter, const AutomaticMaskOptions& options,
                        const MaskSet& embedded = {}, const View& view = TestView()) {
   auto made = SegmentPhotograph(segmenter, view, embedded, options, Proceed);
-  EXPECT_TRUE(made.ok()) << made.status();
+  EXPECT_OK(made);
   return *std::move(made);
 }
 

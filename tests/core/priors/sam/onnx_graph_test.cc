@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/testing/fake_sam.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -26,38 +27,35 @@ std::string Model() {
 }
 
 TEST(EditOnnxGraph, MakesInnerTensorsOutputsAndDropsUnneededNodes) {
-  const auto edited = EditOnnxGraph(Model(), {{}, {{"in", {1, -1}}}, {{"b", {-1}}}}, "m.onnx");
-  ASSERT_TRUE(edited.ok()) << edited.status();
-  EXPECT_THAT(*edited, HasSubstr("maker"));
-  EXPECT_THAT(*edited, HasSubstr("weight"));
-  EXPECT_THAT(*edited, HasSubstr(Node("a", "b")));
-  EXPECT_THAT(*edited, Not(HasSubstr("side")));
-  EXPECT_THAT(*edited, Not(HasSubstr("out")));
+  ASSERT_OK_AND_ASSIGN(const auto edited,
+                       EditOnnxGraph(Model(), {{}, {{"in", {1, -1}}}, {{"b", {-1}}}}, "m.onnx"));
+  EXPECT_THAT(edited, HasSubstr("maker"));
+  EXPECT_THAT(edited, HasSubstr("weight"));
+  EXPECT_THAT(edited, HasSubstr(Node("a", "b")));
+  EXPECT_THAT(edited, Not(HasSubstr("side")));
+  EXPECT_THAT(edited, Not(HasSubstr("out")));
 }
 
 TEST(EditOnnxGraph, RewiresTheInputsOfNodes) {
   const OnnxGraphEdit edit = {{{"b", "weight"}}, {{"in", {}}}, {{"out", {}}}};
-  const auto edited = EditOnnxGraph(Model(), edit, "m.onnx");
-  ASSERT_TRUE(edited.ok()) << edited.status();
-  EXPECT_THAT(*edited, HasSubstr(Node("weight", "out")));
-  EXPECT_THAT(*edited, Not(HasSubstr(Node("a", "b"))));
+  ASSERT_OK_AND_ASSIGN(const auto edited, EditOnnxGraph(Model(), edit, "m.onnx"));
+  EXPECT_THAT(edited, HasSubstr(Node("weight", "out")));
+  EXPECT_THAT(edited, Not(HasSubstr(Node("a", "b"))));
 }
 
 TEST(EditOnnxGraph, NamesATensorWithoutSource) {
   for (const OnnxGraphEdit& edit :
        {OnnxGraphEdit{{}, {{"in", {}}}, {{"nowhere", {}}}},
         OnnxGraphEdit{{{"b", "nowhere"}}, {{"in", {}}}, {{"out", {}}}}}) {
-    const auto edited = EditOnnxGraph(Model(), edit, "m.onnx");
-    EXPECT_EQ(edited.status().code(), absl::StatusCode::kInvalidArgument);
-    EXPECT_THAT(std::string(edited.status().message()),
-                HasSubstr("m.onnx: not the expected model: it has no tensor nowhere"));
+    EXPECT_STATUS(EditOnnxGraph(Model(), edit, "m.onnx"), absl::StatusCode::kInvalidArgument,
+                  "m.onnx: not the expected model: it has no tensor nowhere");
   }
 }
 
 TEST(EditOnnxGraph, RefusesATruncatedModel) {
   const std::string model = Model();
   const OnnxGraphEdit edit = {{}, {{"in", {}}}, {{"out", {}}}};
-  ASSERT_TRUE(EditOnnxGraph(model, edit, "m.onnx").ok());
+  ASSERT_OK(EditOnnxGraph(model, edit, "m.onnx"));
   for (size_t size = 0; size < model.size(); ++size) {
     const auto edited = EditOnnxGraph(model.substr(0, size), edit, "m.onnx");
     EXPECT_THAT(std::string(edited.status().message()), HasSubstr("m.onnx: not an ONNX model"))

@@ -15,6 +15,7 @@
 #include "core/priors/sam/onnx_runtime.h"
 #include "core/priors/sam/sam_files.h"
 #include "tests/testing/fake_sam.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -36,7 +37,7 @@ struct SamFilesTest : ::testing::Test {
 };
 
 TEST_F(SamFilesTest, MustMatchTheirDigests) {
-  EXPECT_TRUE(CheckSamFiles(sam).ok()) << CheckSamFiles(sam);
+  EXPECT_OK(CheckSamFiles(sam));
   std::ofstream(sam / "encoder.onnx", std::ios::app) << "x";
   const absl::Status status = CheckSamFiles(sam);
   EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
@@ -112,15 +113,14 @@ TEST_F(SamFilesTest, SegmentThroughTheLibrarysInterface) {
     blues.pixels.push_back(blue ? 1 : 0);
     for (const bool lit : {red, green, blue}) view.photo.pixels.push_back(lit ? 250 : 0);
   }
-  const auto model = SamModel::Open(sam, {});
-  ASSERT_TRUE(model.ok()) << model.status();
-  const auto segmenter = (*model)->MakeSegmenter();
-  const auto made = SegmentPhotograph(*segmenter, view, {}, {}, [] { return absl::OkStatus(); });
-  ASSERT_TRUE(made.ok()) << made.status();
-  EXPECT_EQ(made->num_prompts, 144);
-  EXPECT_EQ(made->masks.num_masks, 3);
+  ASSERT_OK_AND_ASSIGN(const auto model, SamModel::Open(sam, {}));
+  const auto segmenter = model->MakeSegmenter();
+  ASSERT_OK_AND_ASSIGN(const auto made, SegmentPhotograph(*segmenter, view, {}, {},
+                                                          [] { return absl::OkStatus(); }));
+  EXPECT_EQ(made.num_prompts, 144);
+  EXPECT_EQ(made.masks.num_masks, 3);
   for (const BinaryMask& thing : {reds, greens, blues}) {
-    EXPECT_GT(BestIou(made->masks, thing), 0.97);
+    EXPECT_GT(BestIou(made.masks, thing), 0.97);
   }
 }
 
@@ -134,7 +134,7 @@ Image Stripes(int stripe) {
 
 TEST_F(SamFilesTest, SegmentSeveralPhotographsAtTheSameTime) {
   const auto model = SamModel::Open(sam, {.num_threads = 2, .photographs_at_once = 2});
-  ASSERT_TRUE(model.ok()) << model.status();
+  ASSERT_OK(model);
   const auto segment = [&model](int stripe) {
     View view;
     view.photo = Stripes(stripe);
@@ -172,13 +172,12 @@ TEST_F(SamFilesTest, RequestCudaIfItsProviderIsInstalled) {
 
 TEST_F(SamFilesTest, EndCallsOnInterrupt) {
   ReplaceSamFile(sam, "encoder.onnx", "endless");
-  const auto model = SamModel::Open(sam, {});
-  ASSERT_TRUE(model.ok()) << model.status();
-  const auto segmenter = (*model)->MakeSegmenter();
+  ASSERT_OK_AND_ASSIGN(const auto model, SamModel::Open(sam, {}));
+  const auto segmenter = model->MakeSegmenter();
   absl::Status status;
   {
     const std::jthread call([&] { status = segmenter->SetPhotograph(Stripes(64)); });
-    (*model)->Interrupt();
+    model->Interrupt();
   }
   EXPECT_TRUE(absl::IsCancelled(status)) << status;
   EXPECT_TRUE(absl::IsCancelled(segmenter->SetPhotograph(Stripes(64))));
@@ -188,19 +187,16 @@ TEST_F(SamFilesTest, EndCallsOnInterrupt) {
 TEST(RealSam, FindsTheProductsOfTheShelf) {
   const char* folder = std::getenv("PEPESEG_SAM");
   if (folder == nullptr) GTEST_SKIP() << "PEPESEG_SAM names no folder";
-  const auto files = ListDataset(PEPESEG_TEST_DATA "/apc_shelf");
-  ASSERT_TRUE(files.ok()) << files.status();
-  auto capture = ImportCapture(*files, {});
-  ASSERT_TRUE(capture.ok()) << capture.status();
-  const View& view = capture->views[0];
-  const auto model = SamModel::Open(folder, {.num_threads = 2});
-  ASSERT_TRUE(model.ok()) << model.status();
-  const auto segmenter = (*model)->MakeSegmenter();
+  ASSERT_OK_AND_ASSIGN(const auto files, ListDataset(PEPESEG_TEST_DATA "/apc_shelf"));
+  ASSERT_OK_AND_ASSIGN(auto capture, ImportCapture(files, {}));
+  const View& view = capture.views[0];
+  ASSERT_OK_AND_ASSIGN(const auto model, SamModel::Open(folder, {.num_threads = 2}));
+  const auto segmenter = model->MakeSegmenter();
   AutomaticMaskOptions options;
   options.points_per_side = 8;
   const auto made =
       SegmentPhotograph(*segmenter, view, {}, options, [] { return absl::OkStatus(); });
-  ASSERT_TRUE(made.ok()) << made.status();
+  ASSERT_OK(made);
   EXPECT_GE(made->masks.num_masks, 15);
   // The masks that come with the scene were made by the same network in another program.
   int num_found = 0, num_large = 0;

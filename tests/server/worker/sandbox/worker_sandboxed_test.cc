@@ -7,11 +7,13 @@
 #include <map>
 #include <sstream>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
 #include "server/worker_protocol/landlock_version.h"
 #include "tests/server/worker/sandbox/listening_socket.h"
 #include "tests/server/worker/worker_fixture.h"
+#include "tests/testing/eventually.h"
 
 namespace pepeseg {
 namespace {
@@ -103,14 +105,13 @@ TEST_F(WorkerSandboxedTest, TrainsInAFilterThatItCannotRemove) {
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto worker = Launch(getpid());
   std::string status;
-  for (int i = 0; i < 6000 && status.find("Seccomp:\t2") == std::string::npos; ++i) {
-    absl::SleepFor(absl::Milliseconds(10));
+  EXPECT_TRUE(testing::Eventually([&] {
     std::ifstream file(absl::StrCat("/proc/", worker->pid(), "/status"));
     std::stringstream text;
     text << file.rdbuf();
     status = text.str();
-  }
-  EXPECT_THAT(status, HasSubstr("Seccomp:\t2"));
+    return absl::StrContains(status, "Seccomp:\t2");
+  }));
   EXPECT_THAT(status, HasSubstr("NoNewPrivs:\t1"));
   worker->Signal(SIGKILL);
   WaitFor(*worker);
@@ -129,10 +130,8 @@ TEST_F(WorkerSandboxedTest, DropsTheDatabaseUrlOfSlurmBeforeItReadsUploads) {
     std::ifstream file(process + name);
     return std::string((std::istreambuf_iterator<char>(file)), {});
   };
-  for (int i = 0; i < 6000 && text("status").find("Seccomp:\t2") == std::string::npos; ++i) {
-    absl::SleepFor(absl::Milliseconds(10));
-  }
-  EXPECT_THAT(text("status"), HasSubstr("Seccomp:\t2"));
+  EXPECT_TRUE(
+      testing::Eventually([&] { return absl::StrContains(text("status"), "Seccomp:\t2"); }));
   EXPECT_THAT(text("environ"), HasSubstr("PATH="));
   EXPECT_THAT(text("environ"), ::testing::Not(HasSubstr("secret")));
   EXPECT_THAT(text("cmdline"), ::testing::Not(HasSubstr("secret")));
