@@ -1,7 +1,6 @@
 #include "clients/cli/benchmark_table.h"
 
 #include <algorithm>
-#include <cmath>
 #include <functional>
 #include <iterator>
 #include <map>
@@ -11,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
+#include "clients/cli/spread.h"
 
 namespace pepeseg::client::cli {
 namespace {
@@ -27,25 +27,6 @@ constexpr Choice kChoices[] = {
     {"paper*", &LevelScores::paper, "the scored views*"},
 };
 constexpr char kPublishedChoice[] = "the scored views*";
-
-// Mean and sample standard deviation.
-struct Spread {
-  double mean = 0, deviation = 0;
-  size_t count = 0;
-};
-
-Spread SpreadOf(const std::vector<double>& values) {
-  Spread spread;
-  spread.count = values.size();
-  if (values.empty()) return spread;
-  for (const double value : values) spread.mean += value / static_cast<double>(values.size());
-  for (const double value : values) {
-    spread.deviation += (value - spread.mean) * (value - spread.mean);
-  }
-  spread.deviation =
-      values.size() < 2 ? 0 : std::sqrt(spread.deviation / static_cast<double>(values.size() - 1));
-  return spread;
-}
 
 std::string Cell(const Spread& spread, int digits) {
   if (spread.count == 0) return "-";

@@ -1,9 +1,5 @@
 #include "core/evaluate/mask_scores.h"
 
-#include <algorithm>
-#include <cmath>
-#include <numeric>
-
 #include "core/evaluate/segmentation_metrics.h"
 
 namespace pepeseg {
@@ -24,21 +20,6 @@ MaskScores MeanOf(std::span<const MaskScores> scores) {
   }
   const auto count = static_cast<double>(scores.size());
   return {mean.iou / count, mean.accuracy / count, mean.boundary_iou / count};
-}
-
-Spread SpreadOf(std::span<const double> values) {
-  Spread spread;
-  if (values.empty()) return spread;
-  spread.count = static_cast<int>(values.size());
-  spread.mean = std::accumulate(values.begin(), values.end(), 0.0) / spread.count;
-  const auto [min, max] = std::minmax_element(values.begin(), values.end());
-  spread.min = *min;
-  spread.max = *max;
-  if (spread.count < 2) return spread;
-  double squares = 0;
-  for (const double value : values) squares += (value - spread.mean) * (value - spread.mean);
-  spread.deviation = std::sqrt(squares / (spread.count - 1));
-  return spread;
 }
 
 }  // namespace pepeseg

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-// Scores of masks against the truth, and how scores are joined: over views, entities and runs.
+// Scores of masks against the truth, and how scores are joined over views and entities.
 
 namespace pepeseg {
 
@@ -22,15 +22,5 @@ MaskScores ScoreMask(std::span<const uint8_t> prediction, std::span<const uint8_
 
 // Returns the mean, or zeros if there are no scores.
 MaskScores MeanOf(std::span<const MaskScores> scores);
-
-// A number over several runs, such as one mIoU for each seed.
-struct Spread {
-  int count = 0;
-  double mean = 0;
-  double deviation = 0;  // of the sample, by count - 1; 0 for fewer than two values
-  double min = 0, max = 0;
-};
-// Returns the spread of the values, zeros if there are none.
-Spread SpreadOf(std::span<const double> values);
 
 }  // namespace pepeseg

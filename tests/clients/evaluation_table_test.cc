@@ -122,6 +122,16 @@ TEST(SpreadOf, MatchesHandComputedNumbers) {
   EXPECT_DOUBLE_EQ(spread.deviation, 0.25);
   EXPECT_DOUBLE_EQ(spread.least, 0.5);
   EXPECT_DOUBLE_EQ(spread.most, 1.0);
+  const Spread four = SpreadOf({2, 4, 4, 6});
+  EXPECT_EQ(four.count, 4);
+  EXPECT_DOUBLE_EQ(four.mean, 4);
+  EXPECT_DOUBLE_EQ(four.deviation, std::sqrt(8.0 / 3));
+  EXPECT_EQ(four.least, 2);
+  EXPECT_EQ(four.most, 6);
+  const Spread one = SpreadOf({3});
+  EXPECT_EQ(one.count, 1);
+  EXPECT_EQ(one.mean, 3);
+  EXPECT_EQ(one.deviation, 0);
   EXPECT_EQ(SpreadOf({0.5}).deviation, 0);
   EXPECT_EQ(SpreadOf({}).count, 0);
 }

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "core/evaluate/segmentation_metrics.h"
 
 namespace pepeseg {
@@ -40,20 +38,6 @@ TEST(MeanOf, IsTheMeanOfEachScore) {
   EXPECT_DOUBLE_EQ(mean.accuracy, 0.75);
   EXPECT_DOUBLE_EQ(mean.boundary_iou, 0.125);
   EXPECT_EQ(MeanOf({}).iou, 0);
-}
-
-TEST(SpreadOf, MatchesHandComputedNumbers) {
-  const Spread spread = SpreadOf(std::vector<double>{2, 4, 4, 6});
-  EXPECT_EQ(spread.count, 4);
-  EXPECT_DOUBLE_EQ(spread.mean, 4);
-  EXPECT_DOUBLE_EQ(spread.deviation, std::sqrt(8.0 / 3));
-  EXPECT_EQ(spread.min, 2);
-  EXPECT_EQ(spread.max, 6);
-  const Spread one = SpreadOf(std::vector<double>{3});
-  EXPECT_EQ(one.count, 1);
-  EXPECT_EQ(one.mean, 3);
-  EXPECT_EQ(one.deviation, 0);
-  EXPECT_EQ(SpreadOf({}).count, 0);
 }
 
 TEST(IouByThreshold, LeavesOutPixelsBesideTheMask) {
