@@ -27,7 +27,7 @@ struct LevelScores {
   RunScores paper;                    // the scale was chosen on the scored truth
   RunScores reference, automatic;     // it was chosen on the reference view, or without any truth
   std::vector<double> scales, iou_by_scale;
-  // Of the protocol CLICKS; -1: not measured.
+  // Mean number of clicks and share of entities reached, by the protocol CLICKS. -1: not measured.
   double num_clicks = -1, reached = -1;
 };
 

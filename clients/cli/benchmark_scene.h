@@ -28,7 +28,7 @@ struct TruthFile {
   std::filesystem::path mask;
 };
 
-// What is shown to the model in the reference view of an entity.
+// The prompt of an entity, in its reference view.
 struct ReferencePrompt {
   std::string entity;
   std::string view;

@@ -37,7 +37,7 @@ std::set<std::string> QuarterOf(const BenchmarkScene& scene) {
   return kept;
 }
 
-// Of ten masks in a row, three are left out.
+// True for the masks that are left out: those with index 1, 4 and 7 modulo 10.
 bool IsLeftOut(size_t index) { return index % 10 % 3 == 1; }
 
 // Writes SAM's masks without those that are left out, and returns the new file.

@@ -34,7 +34,7 @@ absl::StatusOr<v1::EntityPrompt::Scribbles> ReadScribbles(const std::string& fil
   return scribbles;
 }
 
-// Sets what is shown. INVALID_ARGUMENT: there is no such kind.
+// Sets the prompt from its kind and value. INVALID_ARGUMENT: the kind is not known.
 absl::Status SetWhat(const std::string& kind, const std::string& value, v1::EntityPrompt& prompt) {
   if (kind == "points") {
     ASSIGN_OR_RETURN(*prompt.mutable_points(), ParsePointList(value));

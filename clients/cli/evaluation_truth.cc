@@ -29,7 +29,7 @@ bool IsFile(const fs::path& path) {
   return fs::is_regular_file(path, error);
 }
 
-// Returns the PNG files of a folder by name; none if there is no such folder.
+// Returns the PNG files of a folder, sorted by name. Empty if the folder does not exist.
 std::vector<fs::path> PngsOf(const fs::path& folder) {
   std::vector<fs::path> files;
   std::error_code error;

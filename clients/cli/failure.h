@@ -16,7 +16,7 @@ enum ExitCode : int {
   kNotFound = 3,       // no such scene, job, view or local file
   kRefused = 4,        // a value or a file is malformed or out of range
   kNoServer = 5,       // no server answers, or it is shutting down
-  kNotNow = 6,         // the resource exists already, a training runs, or there is no model
+  kNotNow = 6,         // the state forbids it: the name is taken, a training runs, no model yet
   kJobFailed = 7,      // the watched job failed
   kJobCancelled = 8,   // the watched job was cancelled
   kLimit = 9,          // a limit of the server is reached

@@ -28,7 +28,7 @@ struct LabelsFlags {
   std::string id;      // of the label to describe; empty: list all
   std::string out;     // folder for its mask; empty: do not write it
   std::string remove;  // id of the label to delete; empty: none
-  // Of the mask.
+  // Frame of the mask that is written.
   v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH;
 };
 

@@ -10,8 +10,8 @@
 
 namespace pepeseg::client {
 
-// What the server says about an error, next to the code and the message. Empty fields were not
-// sent. proto/pepeseg/v1/errors.proto describes each.
+// Details of an error that the server sends with the code and the message. A field that was not
+// sent is empty. proto/pepeseg/v1/errors.proto describes each.
 struct ErrorDetail {
   std::string reason;    // for programs, such as "JOB_ACTIVE"
   std::string field;     // path of the request's field

@@ -47,8 +47,8 @@ class Client {
 
   // Scenes and models.
 
-  // Creates the scene unless it exists. A name with its project, "projects/P/scenes/S", is only
-  // looked up: NOT_FOUND if there is no such scene.
+  // Creates the scene unless it exists. A scene whose name has its project, "projects/P/scenes/S",
+  // is not created. NOT_FOUND: that scene does not exist.
   absl::Status EnsureScene(const std::string& scene) const;
   absl::StatusOr<v1::Scene> GetScene(const std::string& scene) const;
   absl::StatusOr<v1::ListScenesResponse> ListScenes() const;
