@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/cluster/condensed_tree.h"
+#include "core/cluster/hdbscan.h"
 #include "core/scene/mask_set.h"
 
 // From the clusters of a view's pixels to the centroids of the centroid loss (METHOD.md section 3,
