@@ -8,7 +8,6 @@
 #include "core/decompose/decompose.h"
 #include "core/query/prompt.h"
 #include "core/render/feature_maps.h"
-#include "core/render/feature_palette.h"
 #include "core/render/renderer.h"
 
 namespace pepeseg {

@@ -1,13 +1,17 @@
 #include "core/render/feature_maps.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/backend_turn.h"
 #include "core/base/status_macros.h"
 #include "core/scene/camera.h"
+#include "kernels/half.h"
+#include "kernels/math/pair.h"
 
 namespace pepeseg {
 namespace {
@@ -21,6 +25,51 @@ std::string KeyOf(const ModelView& view) {
 
 constexpr int64_t MapBytes(int64_t num_pixels) {
   return num_pixels * kFeatureSize * static_cast<int64_t>(sizeof(Half));
+}
+
+constexpr int64_t kMaxSamples = 65'536;  // most Gaussians that the components are computed from
+constexpr double kClippedShare = 0.02;   // share of the Gaussians clipped at either end
+// Smallest range that is stretched to [0, 1], so that a constant component does not show its noise.
+constexpr float kMinRange = 0.1f;
+
+using Features = Eigen::Matrix<double, Eigen::Dynamic, kFeatureSize, Eigen::RowMajor>;
+using Axes = Eigen::Matrix<double, kFeatureSize, 3>;
+
+// Returns the gated unit features of every n-th Gaussian, one a row.
+Features SampleUnits(const FeatureField& field, const float* psi) {
+  const int64_t count = static_cast<int64_t>(field.features.size()) / kFeatureSize;
+  const int64_t stride = std::max<int64_t>(1, (count + kMaxSamples - 1) / kMaxSamples);
+  Features units((count + stride - 1) / stride, kFeatureSize);
+  float unit[kFeatureSize];
+  for (int64_t i = 0; i < count; i += stride) {
+    GatedUnit(psi, &field.features[i * kFeatureSize], kFeatureSize, unit);
+    for (int k = 0; k < kFeatureSize; ++k) units(i / stride, k) = double{unit[k]};
+  }
+  return units;
+}
+
+// Returns the three axes of the largest variance, the largest first. The sign of an eigenvector is
+// arbitrary: its largest component is made positive, so that colours do not flip between runs.
+Axes PrincipalAxes(const Features& units) {
+  const Eigen::RowVectorXd mean = units.colwise().mean();
+  const Features centered = units.rowwise() - mean;
+  // Eigenvalues ascend, so the last columns are the axes of the largest variance.
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(centered.transpose() * centered);
+  Axes axes;
+  for (int k = 0; k < 3; ++k) {
+    axes.col(k) = solver.eigenvectors().col(kFeatureSize - 1 - k);
+    Eigen::Index largest = 0;
+    axes.col(k).cwiseAbs().maxCoeff(&largest);
+    if (axes(largest, k) < 0) axes.col(k) *= -1;
+  }
+  return axes;
+}
+
+// Returns the value at a share of the sorted values. Reorders the values.
+float ValueAt(std::vector<float>& values, double share) {
+  const auto at = values.begin() + std::lround(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
 }
 
 }  // namespace
@@ -80,6 +129,49 @@ absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
   bytes_ += num_bytes;
   maps_.push_front(std::move(map));
   return std::as_const(maps_.front()).pixels.span();
+}
+
+FeaturePalette MakeFeaturePalette(const FeatureField& field, double scale) {
+  FeaturePalette palette;
+  if (field.empty()) return palette;
+  // The colours are of gated features, psi(s) * f, so they show what is alike at this scale.
+  PsiAt(field.gate, static_cast<float>(scale), palette.psi.data());
+  const Features units = SampleUnits(field, palette.psi.data());
+  const Axes axes = PrincipalAxes(units);
+  for (int k = 0; k < 3; ++k) {
+    for (int c = 0; c < kFeatureSize; ++c) palette.axis[k][c] = static_cast<float>(axes(c, k));
+    // The mean is subtracted neither here nor in PaintFeatures: low and high contain it.
+    const Eigen::VectorXf along = (units * axes.col(k)).cast<float>();
+    std::vector<float> values(along.begin(), along.end());
+    palette.low[k] = ValueAt(values, kClippedShare);
+    palette.high[k] = ValueAt(values, 1 - kClippedShare);
+  }
+  return palette;
+}
+
+Image PaintFeatures(const FeaturePalette& palette, std::span<const Half> map,
+                    const Camera& camera) {
+  Image image = {camera.width, camera.height, 3, {}};
+  image.pixels.assign(map.size() / kFeatureSize * 3, 0);
+  float feature[kFeatureSize], unit[kFeatureSize];
+  for (size_t i = 0; i < map.size() / kFeatureSize; ++i) {
+    float squares = 0;
+    for (int c = 0; c < kFeatureSize; ++c) {
+      feature[c] = FloatFromHalf(map[i * kFeatureSize + c]);
+      squares += feature[c] * feature[c];
+    }
+    // Black: hardly any feature was blended there, so it has no direction.
+    if (squares < kMinPixelNorm * kMinPixelNorm) continue;
+    GatedUnit(palette.psi.data(), feature, kFeatureSize, unit);
+    for (int k = 0; k < 3; ++k) {
+      float along = 0;
+      for (int c = 0; c < kFeatureSize; ++c) along += palette.axis[k][c] * unit[c];
+      const float range = std::max(palette.high[k] - palette.low[k], kMinRange);
+      const float value = std::clamp((along - palette.low[k]) / range, 0.0f, 1.0f);
+      image.pixels[3 * i + k] = static_cast<uint8_t>(std::lround(value * 255));
+    }
+  }
+  return image;
 }
 
 }  // namespace pepeseg
