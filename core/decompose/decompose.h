@@ -1,8 +1,6 @@
 #pragma once
 
-#include <condition_variable>
-#include <list>
-#include <mutex>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -34,44 +32,13 @@ using RowsOfPixels =
 absl::StatusOr<Decomposition> Decompose(Backend& backend, const Model& model,
                                         std::span<const double> scales, RowsOfPixels rows);
 
-// Cache of the decompositions of a model, by their scales. Each is computed once, even if several
-// threads request it at the same time. Keeps the kMostKept most recently used ones. Thread safe:
-// one mutex guards the entries, and neither computing nor using a decomposition holds it.
-class Decompositions {
- public:
-  static constexpr int kMostKept = 4;
-  using Make = absl::FunctionRef<absl::StatusOr<Decomposition>()>;
-  using Use = absl::FunctionRef<absl::Status(const Decomposition&)>;
-
-  // Calls `use` with the decomposition for `scales`, which stays alive for the call, and returns
-  // its status. If it is not cached, calls `make` first; other threads that want the same scales
-  // wait, those with other scales do not. An error of `make` is returned to the caller and not
-  // cached; the threads that waited then try themselves. Both are called on the calling thread.
-  absl::Status With(std::span<const double> scales, Make make, Use use);
-
- private:
-  // A decomposition that is cached, or that a thread is computing (not ready). Entries that are not
-  // ready or have users are never dropped, so that references to them stay valid without the mutex.
-  struct Entry {
-    std::vector<double> scales;
-    Decomposition decomposition;
-    bool ready = false;
-    int num_users = 0;  // calls of `use` that are running
-  };
-  using Entries = std::list<Entry>;
-
-  // Returns the entry for `scales`, or end(). The mutex must be held.
-  Entries::iterator Find(std::span<const double> scales);
-  // Returns the entry for `scales`, computing it if needed, and moves it to the front. `lock` must
-  // hold the mutex; it is released while `make` runs and while waiting for another thread.
-  absl::StatusOr<Entries::iterator> Get(std::span<const double> scales, Make make,
-                                        std::unique_lock<std::mutex>& lock);
-  // Drops the least recently used entries that can be, down to kMostKept. The mutex must be held.
-  void DropOldest();
-
-  std::mutex mutex_;
-  std::condition_variable made_;  // a `make` has ended, with or without a result
-  Entries entries_;               // most recently used first; guarded by mutex_
-};
+// Clusters directions agglomeratively, by their centroids. As long as the largest cosine between
+// two pieces is over `join_cosine`, these two are joined and their sums added; of equal cosines the
+// pair with the lowest numbers comes first. A sum of zeros is never joined.
+//
+// sums: [num_pieces, 32], the direction of each piece; its length is its weight. Returns the new
+// number of each piece, from 0, in the order of the first pieces of the clusters. Memory grows with
+// the square of num_pieces, time with its square times the number of joins at worst.
+std::vector<int32_t> JoinPieces(std::span<const float> sums, double join_cosine);
 
 }  // namespace pepeseg

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "core/decompose/decompose.h"
 #include "core/decompose/decomposition.h"
 #include "core/reconstruct/estimate.h"
 #include "core/render/feature_maps.h"

@@ -1,9 +1,10 @@
+#include "core/decompose/decomposition.h"
+
 #include <gtest/gtest.h>
 
 #include <atomic>
 #include <thread>
 
-#include "core/decompose/decompose.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {
@@ -85,6 +86,14 @@ TEST(Decompositions, ReturnErrorsWithoutCachingThem) {
                 absl::StatusCode::kInternal, "broken");
   EXPECT_OK(cache.Request(1));
   EXPECT_EQ(cache.num_made, 1);
+}
+
+TEST(LevelOfPieces, NumbersSegmentsBySizeThenByPiece) {
+  const Gaussians gaussians = Gaussians::Zero(7, 0);
+  const std::vector<int32_t> pieces = {3, 0, 1, -1, 3, 1, 3};
+  const Decomposition::Level level = LevelOfPieces(0.5, pieces, gaussians);
+  EXPECT_EQ(level.ids, (std::vector<int32_t>{1, 3, 2, 0, 1, 2, 1}));
+  EXPECT_EQ(level.segments.size(), 3u) << "piece 2 has no Gaussian";
 }
 
 }  // namespace
