@@ -1,13 +1,17 @@
 #include "core/select/select_gaussians.h"
 
+#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <nanoflann.hpp>
+#include <numeric>
+#include <span>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/select/connected_parts.h"
 #include "core/select/gaussian_sets.h"
 #include "core/select/gaussian_votes.h"
 
@@ -21,6 +25,99 @@ constexpr float kShownWeight = 0.1f;  // minimum blending weight in a pixel that
 constexpr double kFloaterShare = 0.02;
 constexpr size_t kMaxPromptedPixels = 16'384;
 constexpr int kSeenNeighbors = 8;  // that decide about a Gaussian that no view sees
+constexpr int kNumNeighbors = 16;  // of ConnectedParts, without the Gaussian itself
+constexpr float kReach = 3;        // of a Gaussian, standard deviations
+
+// Finds the nearest of some Gaussians by their means, with a k-d tree. Thread safe.
+class MeanTree {
+ public:
+  // selected: indices into `gaussians`. Both must outlive the tree.
+  MeanTree(const Gaussians& gaussians, std::span<const int32_t> selected)
+      : cloud_{gaussians, selected},
+        tree_(3, cloud_, nanoflann::KDTreeSingleIndexAdaptorParams(16)) {}
+
+  // Returns the `num` selected Gaussians nearest to the mean of a Gaussian, or all if there are
+  // fewer: positions in `selected`, nearest first. If the Gaussian itself is selected, it is one of
+  // them (unless more than `num` Gaussians have the same mean).
+  std::vector<int32_t> Nearest(int32_t gaussian, int num) const {
+    std::vector<int32_t> found(static_cast<size_t>(num));
+    std::vector<float> squared(found.size());
+    const float mean[3] = {cloud_.At(gaussian, 0), cloud_.At(gaussian, 1), cloud_.At(gaussian, 2)};
+    found.resize(tree_.knnSearch(mean, found.size(), found.data(), squared.data()));
+    return found;
+  }
+
+ private:
+  // The selected means as a data set of nanoflann.
+  struct Cloud {
+    const Gaussians& gaussians;
+    std::span<const int32_t> selected;
+
+    float At(int32_t gaussian, size_t axis) const {
+      return gaussians.Plane(kMeanPlane + static_cast<int>(axis))[gaussian];
+    }
+    size_t kdtree_get_point_count() const { return selected.size(); }
+    float kdtree_get_pt(size_t i, size_t axis) const { return At(selected[i], axis); }
+    template <class Box>
+    bool kdtree_get_bbox(Box&) const {
+      return false;
+    }
+  };
+  using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, Cloud>,
+                                                   Cloud, 3, int32_t>;
+
+  Cloud cloud_;
+  Tree tree_;
+};
+
+// Union-find over the selected Gaussians, by their position in `selected`.
+class DisjointParts {
+ public:
+  explicit DisjointParts(size_t count) : next_(count) { std::iota(next_.begin(), next_.end(), 0); }
+  // Returns the representative of the part of i. Halves the path on the way.
+  int32_t Find(int32_t i) {
+    while (next_[i] != i) i = next_[i] = next_[next_[i]];
+    return i;
+  }
+  // Joins the parts of a and b. The smaller position becomes the representative, so that the result
+  // does not depend on the order of joins.
+  void Join(int32_t a, int32_t b) {
+    a = Find(a), b = Find(b);
+    if (a < b) next_[b] = a;
+    if (b < a) next_[a] = b;
+  }
+
+ private:
+  std::vector<int32_t> next_;
+};
+
+// Returns three consecutive parameters of a Gaussian.
+Eigen::Vector3f ThreePlanes(const Gaussians& gaussians, int first, int32_t gaussian) {
+  return {gaussians.Plane(first)[gaussian], gaussians.Plane(first + 1)[gaussian],
+          gaussians.Plane(first + 2)[gaussian]};
+}
+
+// Returns the standard deviation of a Gaussian along a unit vector: sqrt(d^T Sigma d).
+float DeviationAlong(const Gaussians& gaussians, int32_t gaussian,
+                     const Eigen::Vector3f& direction) {
+  const Eigen::Vector3f imaginary = ThreePlanes(gaussians, kRotationPlane + 1, gaussian);
+  const Eigen::Quaternionf rotation(gaussians.Plane(kRotationPlane)[gaussian], imaginary.x(),
+                                    imaginary.y(), imaginary.z());
+  const Eigen::Vector3f scale = ThreePlanes(gaussians, kLogScalePlane, gaussian).array().exp();
+  // Sigma = R S S^T R^T, so that sqrt(d^T Sigma d) = |S R^T d|.
+  return scale.cwiseProduct(rotation.normalized().conjugate() * direction).norm();
+}
+
+// Returns whether two Gaussians touch, see ConnectedParts.
+bool Touch(const Gaussians& gaussians, int32_t a, int32_t b) {
+  const Eigen::Vector3f between =
+      ThreePlanes(gaussians, kMeanPlane, b) - ThreePlanes(gaussians, kMeanPlane, a);
+  const float distance = between.norm();
+  if (distance == 0) return true;
+  const Eigen::Vector3f direction = between / distance;
+  return distance <= kReach * (DeviationAlong(gaussians, a, direction) +
+                               DeviationAlong(gaussians, b, direction));
+}
 
 // Visits a prompt: whether it points at a pixel.
 struct Pointing {
@@ -148,6 +245,27 @@ std::vector<int32_t> PromptedPixels(const Prompt& prompt, size_t max_count) {
     thinned.push_back(pixels[(2 * i + 1) * pixels.size() / (2 * max_count)]);
   }
   return thinned;
+}
+
+std::vector<int32_t> ConnectedParts(const Gaussians& gaussians, std::span<const int32_t> selected) {
+  std::vector<int32_t> part(selected.size());
+  if (selected.empty()) return part;
+  const MeanTree tree(gaussians, selected);
+  DisjointParts parts(selected.size());
+  for (size_t i = 0; i < selected.size(); ++i) {
+    // One more than the neighbours: the Gaussian finds itself.
+    for (const int32_t near : tree.Nearest(selected[i], kNumNeighbors + 1)) {
+      if (Touch(gaussians, selected[i], selected[near])) parts.Join(static_cast<int32_t>(i), near);
+    }
+  }
+  int32_t num_parts = 0;
+  for (size_t i = 0; i < selected.size(); ++i) {
+    // The representative is the lowest position of its part, so it has a number before its members
+    // ask for it.
+    const int32_t lead = parts.Find(static_cast<int32_t>(i));
+    part[i] = lead == static_cast<int32_t>(i) ? num_parts++ : part[lead];
+  }
+  return part;
 }
 
 absl::StatusOr<GaussianSet> SelectGaussians(const Segmenter& segmenter, const SelectTask& task,

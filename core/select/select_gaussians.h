@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "absl/functional/function_ref.h"
@@ -28,6 +29,14 @@ struct SelectTask {
 // pixels of a positive point, those whose centre is in the box, or those of the mask. If there are
 // more than `max_count` (> 0), that many of them, spread evenly.
 std::vector<int32_t> PromptedPixels(const Prompt& prompt, size_t max_count);
+
+// Returns the connected part of each of the `selected` Gaussians (indices into `gaussians`, without
+// repeats): 0, 1, ... in the order in which the parts appear in `selected`.
+//
+// A Gaussian is connected to those of its 16 nearest selected neighbours that it touches. Two
+// Gaussians touch if their ellipsoids of 3 standard deviations, to which splats are drawn, together
+// reach from one mean to the other along the line between them.
+std::vector<int32_t> ConnectedParts(const Gaussians& gaussians, std::span<const int32_t> selected);
 
 // Selects the Gaussians of a query in 3D (METHOD.md section 4, "Selection in 3D").
 // - Views vote: a Gaussian is a member if they see more of it inside the masks of the query than
