@@ -7,12 +7,11 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/base/convergence.h"
-#include "core/features/batches_ahead.h"
+#include "core/features/batch_chunks.h"
 #include "core/features/centroid_term.h"
 #include "core/features/feature_checkpoint.h"
 #include "core/features/feature_preparation.h"
 #include "core/features/feature_trainer.h"
-#include "core/features/row_chunk.h"
 #include "core/features/train_features.h"
 #include "core/render/renderer.h"
 

@@ -3,8 +3,8 @@
 #include <span>
 #include <vector>
 
+#include "core/features/batch_chunks.h"
 #include "core/features/centroid_term.h"
-#include "core/features/row_chunk.h"
 #include "core/features/train_features.h"
 #include "kernels/backend.h"
 

@@ -3,10 +3,13 @@
 #include <cstddef>
 #include <cstdint>
 #include <random>
+#include <span>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
+#include "core/scene/mask_set.h"
 
 namespace pepeseg {
 
@@ -40,5 +43,33 @@ inline absl::Status SetState(const std::string& text, std::mt19937_64& random) {
   random = read;
   return absl::OkStatus();
 }
+
+// Draws pixels of a view mask by mask, so that a small part gets as many samples as a wall. A
+// mask's pixels are kept as runs of consecutive indices, not one by one.
+class PixelsByMask {
+ public:
+  PixelsByMask() = default;
+  // pixels: the pixels that may be drawn, y * width + x, ascending. Masks without a scale and masks
+  // that cover none of the pixels are never drawn. mask_scales: [num_masks].
+  PixelsByMask(const MaskSet& masks, std::span<const float> mask_scales,
+               std::span<const int32_t> pixels);
+
+  // Returns whether there is no pixel to draw.
+  bool empty() const { return masks_.empty(); }
+  // Returns the index in `pixels` of a random pixel of a random mask. All masks are equally likely,
+  // and so are all pixels of a mask. Must not be called if empty().
+  size_t Draw(std::mt19937_64& random) const;
+
+ private:
+  // Consecutive entries of `pixels` under one mask.
+  struct Run {
+    int64_t first = 0;  // index in `pixels`
+    int64_t end = 0;    // pixels of the mask up to the end of this run
+  };
+  // Appends a run, or extends the last one if it continues there.
+  static void Append(int64_t first, int64_t count, std::vector<Run>& runs);
+
+  std::vector<std::vector<Run>> masks_;  // runs of each mask, ascending
+};
 
 }  // namespace pepeseg

@@ -7,6 +7,9 @@
 #include "core/render/renderer.h"
 #include "core/scene/capture.h"
 
+// What the training views show of the Gaussians, measured by the blend rows of pixels on a grid:
+// how much of a Gaussian lies under masks, and how many views see it.
+
 namespace pepeseg {
 
 // Pixels of a view that none of its masks covers, y * width + x. A mask may be missing in one view,
@@ -23,5 +26,15 @@ struct UncoveredPixels {
 // learns from, by view of the capture.
 std::vector<UncoveredPixels> FindUncovered(const Capture& capture,
                                            std::span<const MaskSet* const> masks, Renderer& scene);
+
+// Returns the confidence of each Gaussian's feature, [num_gaussians] in [0.005, 1] (METHOD.md
+// section 3, "Confidence"; not in the paper). It suppresses floaters: a Gaussian that only one or
+// two cameras see has a feature that fits those views alone, and occludes the scene in all others.
+//
+// Up to 64 of the training views with masks are looked at, spread evenly. The confidence is
+// (views that show the Gaussian / required views)^2, at most 1, where `min_confident_views` views
+// are required, but at least a sixth of the views looked at, and at most all of them.
+std::vector<float> FeatureConfidence(const Capture& capture, Renderer& scene,
+                                     int min_confident_views);
 
 }  // namespace pepeseg

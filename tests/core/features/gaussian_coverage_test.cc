@@ -1,4 +1,4 @@
-#include "core/features/feature_confidence.h"
+#include "core/features/gaussian_coverage.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,9 +1,8 @@
-#include "core/features/pixels_by_mask.h"
+#include "core/features/random_draws.h"
 
 #include <algorithm>
 
 #include "core/features/mask_scales.h"
-#include "core/features/random_draws.h"
 
 namespace pepeseg {
 

@@ -1,4 +1,4 @@
-#include "core/features/row_chunk.h"
+#include "core/features/batch_chunks.h"
 
 #include <map>
 #include <utility>

@@ -1,4 +1,4 @@
-#include "core/features/pixels_by_mask.h"
+#include "core/features/random_draws.h"
 
 #include <gtest/gtest.h>
 
