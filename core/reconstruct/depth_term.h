@@ -4,9 +4,22 @@
 
 #include "core/reconstruct/reconstruct.h"
 #include "core/reconstruct/training_views.h"
+#include "core/scene/capture.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {
+
+// Returns the kind of a capture by the poses of its training views: forward-facing when their
+// viewing directions spread by less than kForwardFacingSpread. Never kAutomatic.
+CaptureKind FindCaptureKind(const Capture& capture);
+
+// Returns the root mean square of the angles between the training views' directions and their mean
+// direction, in degrees; 180 where the directions cancel out, 0 without training views.
+double ViewingSpread(const Capture& capture);
+
+// Spread that parts forward-facing captures from orbits, degrees. A quarter of a circle about an
+// object spreads by 26; captures that walk past a scene, such as LLFF's, by 5 to 15.
+inline constexpr double kForwardFacingSpread = 22;
 
 // Returns the options with depth_weight filled in: 0 where no training view has a prior that says
 // more than the points do, else the weight of the options or, where that is -1, the default for

@@ -7,8 +7,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/reconstruct/sh_pruning.h"
-#include "core/reconstruct/trainable.h"
 
 namespace pepeseg {
 namespace {

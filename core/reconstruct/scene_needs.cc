@@ -1,7 +1,9 @@
 #include "core/reconstruct/scene_needs.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
+#include <cmath>
 
 namespace pepeseg {
 namespace {
@@ -14,7 +16,87 @@ constexpr double kPruneShFrom = 0.3;
 // priors 0.5 and more.
 constexpr double kAgrees = 0.2;
 
+constexpr int kMostViews = 16;  // most training views to render
+
+// Measures how well the training views are rendered with a limited SH degree.
+class DegreeMeter {
+ public:
+  DegreeMeter(Backend& backend, const TrainingViews& views, float near_plane)
+      : backend_(backend),
+        views_(views),
+        near_plane_(near_plane),
+        color_(backend, 3 * views.max_pixels()),
+        color_grad_(backend, 3 * views.max_pixels()),
+        sums_(backend, kNumImageLossSums) {}
+
+  bool allocated() const { return !color_.empty() && !color_grad_.empty() && !sums_.empty(); }
+
+  // Returns the mean squared error over the chosen views, rendered with degrees up to `sh_degree`.
+  double MeanSquaredError(const GaussianPlanes& gaussians, int sh_degree) {
+    // Evenly spread views, always the same: errors of two degrees must be of the same pixels.
+    const int every = (views_.size() + kMostViews - 1) / kMostViews;
+    double squared = 0, num = 0;
+    for (int view = 0; view < views_.size(); view += every) {
+      const std::array<double, kNumImageLossSums> sums =
+          Compare(gaussians, sh_degree, views_.At(view, 1));
+      squared += sums[kSumSquared];
+      num += sums[kSumPixelChannels];
+    }
+    return num > 0 ? squared / num : 0;
+  }
+
+ private:
+  // Renders the view and compares it with its photograph at full size; waits for the sums.
+  std::array<double, kNumImageLossSums> Compare(const GaussianPlanes& gaussians, int sh_degree,
+                                                const TrainingView& view) {
+    const int64_t size = 3 * int64_t{view.pinhole.width} * view.pinhole.height;
+    backend_.Render({.gaussians = gaussians,
+                     .view = view.pinhole,
+                     .near_plane = near_plane_,
+                     .active_sh_degree = sh_degree,
+                     .scratch = &scratch_,
+                     .color = color_.span().Subspan(0, size),
+                     .for_backward = false});
+    backend_.ImageLoss({.width = view.pinhole.width,
+                        .height = view.pinhole.height,
+                        .color = color_.span().Subspan(0, size),
+                        .target = view.photo.span(),
+                        .ignore = view.ignore.span(),
+                        .color_grad = color_grad_.span().Subspan(0, size),
+                        .sums = sums_.span()});
+    std::array<double, kNumImageLossSums> sums = {};
+    sums_.Download(sums);
+    return sums;
+  }
+
+  Backend& backend_;
+  const TrainingViews& views_;
+  float near_plane_;
+  RenderScratch scratch_;
+  Buffer<float> color_, color_grad_;
+  Buffer<double> sums_;
+};
+
 }  // namespace
+
+// The depth loss is skipped for one of three reasons: no prior, priors that are made of the
+// starting points, or a weight of 0.
+std::vector<SkippedTerm> SkippedTerms(const ReconstructOptions& options, const Capture& capture) {
+  std::vector<SkippedTerm> skipped;
+  if (options.depth_weight == 0) {
+    const char* none = HasTrainingDepth(capture)
+                           ? "the depth priors were made from the points that training starts from"
+                           : "no training view has a depth prior";
+    skipped.push_back({"depth", HasTrainingGeometry(capture) ? "depth_weight is 0" : none});
+  }
+  const bool has_masks = std::ranges::any_of(
+      capture.views, [](const View& view) { return !view.held_out && !view.masks.empty(); });
+  if (options.refine_keep == RefineKeep::kNone || !has_masks) {
+    skipped.push_back(
+        {"refinement", has_masks ? "refine_keep is NONE" : "no training view has masks"});
+  }
+  return skipped;
+}
 
 void DepthAgreement::Add(double explained) {
   ++state_.num;
@@ -75,6 +157,22 @@ void SceneNeeds::Restore(const std::vector<double>& state) {
   loss_.Restore({state[0], state[1], state[2]});
   depth_.Restore({static_cast<int64_t>(state[3]), static_cast<int64_t>(state[4]),
                   static_cast<int64_t>(state[5])});
+}
+
+int SufficientShDegree(Backend& backend, const TrainingViews& views, float near_plane,
+                       GaussianState& state, double min_gain) {
+  // Tries degrees from 0 on, so that the error need not fall from degree to degree. A NaN fails the
+  // comparison and keeps all degrees.
+  DegreeMeter meter(backend, views, near_plane);
+  if (!meter.allocated()) return state.sh_degree();  // cannot measure: keep all degrees
+  const double of_all = meter.MeanSquaredError(state.parameters(), state.sh_degree());
+  const double most = of_all * std::pow(10, 0.1 * min_gain);  // the error min_gain dB below
+  int earned = 0;
+  while (earned < state.sh_degree() &&
+         !(meter.MeanSquaredError(state.parameters(), earned) <= most)) {
+    ++earned;
+  }
+  return earned;
 }
 
 }  // namespace pepeseg

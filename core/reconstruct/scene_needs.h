@@ -4,9 +4,17 @@
 #include <vector>
 
 #include "core/base/convergence.h"
+#include "core/base/progress.h"
+#include "core/reconstruct/gaussian_state.h"
 #include "core/reconstruct/reconstruct.h"
+#include "core/reconstruct/training_views.h"
+#include "core/scene/capture.h"
 
 namespace pepeseg {
+
+// Returns the parts of stage one that are skipped from the start, with the reason. options: with
+// depth_weight filled in, see WithDepthWeight.
+std::vector<SkippedTerm> SkippedTerms(const ReconstructOptions& options, const Capture& capture);
 
 // Decides whether the depth priors fit the scene at all (METHOD.md section 1, "Depth"): a prior
 // that is upside down, constant or noise teaches nothing and costs a rendered channel.
@@ -71,5 +79,12 @@ class SceneNeeds {
   Convergence loss_;
   DepthAgreement depth_;
 };
+
+// SH degree pruning (METHOD.md section 1, "What a scene does not need"). Returns the smallest
+// degree of the spherical harmonics at which the training views (16 of them at most, evenly spaced)
+// are rendered to within `min_gain` dB of the PSNR with all degrees. Returns the state's degree
+// when the backend is out of memory. Waits for the backend, on which no step may be queued.
+int SufficientShDegree(Backend& backend, const TrainingViews& views, float near_plane,
+                       GaussianState& state, double min_gain);
 
 }  // namespace pepeseg

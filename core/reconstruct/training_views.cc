@@ -7,6 +7,7 @@
 #include <numeric>
 #include <span>
 
+#include "absl/strings/str_cat.h"
 #include "core/scene/camera.h"
 
 namespace pepeseg {
@@ -143,6 +144,34 @@ void UploadPrior(Backend& backend, const View& view, int factor, TrainingView& o
 }
 
 }  // namespace
+
+// Checks only training views: held-out views are not uploaded.
+absl::Status CheckTrainable(const Capture& capture) {
+  int num_training = 0;
+  for (const View& view : capture.views) {
+    if (view.held_out) continue;
+    const size_t num_pixels = static_cast<size_t>(view.camera.width) * view.camera.height;
+    if (num_pixels == 0 || view.photo.pixels.size() != 3 * num_pixels) {
+      return absl::FailedPreconditionError(absl::StrCat(
+          "view ", view.name, ": the photograph has ", view.photo.pixels.size(),
+          " bytes, its camera needs ", view.camera.width, " x ", view.camera.height, " x 3"));
+    }
+    if (!view.ignore.empty() && view.ignore.size() != num_pixels) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("view ", view.name, ": the ignore mask has ", view.ignore.size(),
+                       " pixels, the photograph ", num_pixels));
+    }
+    if (!view.depth.values.empty() && view.depth.values.size() != num_pixels) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("view ", view.name, ": the depth prior has ", view.depth.values.size(),
+                       " pixels, the photograph ", num_pixels));
+    }
+    ++num_training;
+  }
+  if (num_training > 0) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("no training view among the ", capture.views.size(), " of the capture"));
+}
 
 // Uploads each training view at 1, 1/2 and 1/4 of its size, or at full size only. The same buffers
 // serve all steps: photographs are never uploaded twice.

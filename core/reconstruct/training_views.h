@@ -6,10 +6,15 @@
 #include <utility>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "core/scene/capture.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {
+
+// Returns FAILED_PRECONDITION, with the view's name, when stage one cannot train on the capture:
+// no training view, or an image whose size is not its camera's.
+absl::Status CheckTrainable(const Capture& capture);
 
 // A training photograph in backend memory, at one size.
 struct TrainingView {
