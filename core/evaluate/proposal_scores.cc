@@ -5,6 +5,7 @@
 #include "core/base/status_macros.h"
 #include "core/evaluate/scored_entities.h"
 #include "core/evaluate/segmentation_metrics.h"
+#include "core/prompt/propose_scales.h"
 #include "core/prompt/resolve_prompt.h"
 #include "core/query/prompt.h"
 

@@ -1,17 +1,157 @@
 #include "core/prompt/resolve_prompt.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <limits>
+#include <numeric>
+#include <optional>
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/prompt/click_granularity.h"
 #include "core/prompt/fit_prompt.h"
-#include "core/prompt/mask_grid.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 namespace {
+
+constexpr int64_t kMinArea = 16;          // pixels of the small view
+constexpr size_t kMostPlateaus = 12;      // compared for a further point, those with most support
+constexpr double kSupportExponent = 0.5;  // of support against plausibility
+// Points that are answered one after the other, which bounds the time; those before the last ones
+// are answered together.
+constexpr size_t kMostCorrections = 8;
+
+// Returns the squared distance of a pixel to the nearest pixel outside the mask. Everything beyond
+// the image is outside.
+int64_t SquaredDepth(std::span<const uint8_t> mask, int width, const PixelIndex& at) {
+  const int height = static_cast<int>(mask.size()) / width;
+  const int64_t border = std::min({at.x + 1, width - at.x, at.y + 1, height - at.y});
+  int64_t nearest = border * border;
+  for (int y = 0; y < height; ++y) {
+    const int64_t dy = y - at.y;
+    if (dy * dy >= nearest) continue;
+    for (int x = 0; x < width; ++x) {
+      const int64_t dx = x - at.x;
+      if (mask[static_cast<size_t>(y) * width + x] == 0) {
+        nearest = std::min(nearest, dx * dx + dy * dy);
+      }
+    }
+  }
+  return nearest;
+}
+
+// Adds the points one after the other, and keeps what they mean together.
+class ClickFollower {
+ public:
+  ClickFollower(const Segmenter& segmenter, const ClickedFeatures& clicks,
+                const GranularityGrid& grid)
+      : segmenter_(segmenter), clicks_(clicks), grid_(grid), small_(SmallViewOf(clicks.view)) {}
+
+  // Answers the first points together: with the mask that has the most support.
+  absl::Status Start(std::span<const size_t> points) {
+    for (const size_t point : points) AddPoint(point);
+    RETURN_IF_ERROR(Compare());
+    if (points.size() == clicks_.points.size() || plateaus_.empty()) return absl::OkStatus();
+    ASSIGN_OR_RETURN(answer_, MaskOf(plateaus_[0]));
+    return absl::OkStatus();
+  }
+
+  // Answers one more point.
+  absl::Status Correct(size_t point) {
+    AddPoint(point);
+    if (!answer_.empty() && NumAnswered(answer_) == static_cast<int64_t>(clicks_made_.size())) {
+      ASSIGN_OR_RETURN(std::vector<uint8_t> same, MaskOf(plateaus_[chosen_]));
+      const bool kept = ClickPlausibility(clicks_made_.back(), answer_, same,
+                                          small_.view.camera.width) > MaskGrid::kSameMask;
+      if (kept) answer_ = std::move(same);
+      if (kept) return absl::OkStatus();
+    }
+    RETURN_IF_ERROR(Compare());
+    return Choose();
+  }
+
+  GranularityLadder FindRungs(int max_count) const {
+    const Ladder ladder = FindLadder(*masks_, plateaus_, chosen_, max_count);
+    GranularityLadder found = {{}, ladder.best};
+    for (const MaskGrid::Plateau& rung : ladder.rungs) found.rungs.push_back(GranularityOf(rung));
+    return found;
+  }
+
+ private:
+  PixelIndex PixelOf(const PointPrompt& point) const {
+    const Camera& camera = small_.view.camera;
+    return {std::min(camera.width - 1, static_cast<int>(point.x) / small_.factor),
+            std::min(camera.height - 1, static_cast<int>(point.y) / small_.factor)};
+  }
+  StableGranularity GranularityOf(const MaskGrid::Plateau& plateau) const {
+    return {grid_.scales[plateau.cell.scale], double{grid_.thresholds[plateau.cell.threshold]},
+            plateau.stability, plateau.support};
+  }
+  absl::StatusOr<std::vector<uint8_t>> MaskOf(const MaskGrid::Plateau& plateau) const {
+    const StableGranularity at = GranularityOf(plateau);
+    const Query query = {query_.features, query_.positive, at.scale, at.threshold};
+    ASSIGN_OR_RETURN(auto results, segmenter_.Segment(query, {&small_.view, 1}));
+    return std::move(results[0].mask.pixels);
+  }
+  int64_t NumAnswered(std::span<const uint8_t> mask) const {
+    const int width = small_.view.camera.width;
+    return std::count_if(clicks_made_.begin(), clicks_made_.end(), [&](const PixelClick& click) {
+      return (mask[static_cast<size_t>(click.pixel.y) * width + click.pixel.x] != 0) ==
+             click.positive;
+    });
+  }
+
+  void AddPoint(size_t point) {
+    clicks_made_.push_back({PixelOf(clicks_.points[point]), clicks_.points[point].positive});
+    const auto from = clicks_.query.features.begin() + static_cast<int64_t>(point) * kFeatureSize;
+    query_.features.insert(query_.features.end(), from, from + kFeatureSize);
+    query_.positive.push_back(clicks_.query.positive[point]);
+  }
+
+  // Finds the masks of all points so far.
+  absl::Status Compare() {
+    ASSIGN_OR_RETURN(LevelCounts counts,
+                     segmenter_.CountLevels(query_, grid_.scales, grid_.thresholds, small_.view));
+    masks_.emplace(std::move(counts));
+    plateaus_ = masks_->FindPlateaus(kMinArea, std::numeric_limits<int>::max());
+    chosen_ = 0;
+    return absl::OkStatus();
+  }
+
+  // Chooses the mask that answers the most points; among equals by plausibility and support.
+  absl::Status Choose() {
+    std::pair<int64_t, double> best = {-1, 0};
+    std::vector<uint8_t> chosen;
+    for (size_t i = 0; i < std::min(plateaus_.size(), kMostPlateaus); ++i) {
+      ASSIGN_OR_RETURN(std::vector<uint8_t> mask, MaskOf(plateaus_[i]));
+      const double plausibility =
+          answer_.empty()
+              ? 1
+              : ClickPlausibility(clicks_made_.back(), answer_, mask, small_.view.camera.width);
+      const std::pair<int64_t, double> rank = {
+          NumAnswered(mask), plausibility * std::pow(plateaus_[i].support, kSupportExponent)};
+      if (rank <= best) continue;
+      best = rank;
+      chosen_ = i;
+      chosen = std::move(mask);
+    }
+    answer_ = std::move(chosen);
+    return absl::OkStatus();
+  }
+
+  const Segmenter& segmenter_;
+  const ClickedFeatures& clicks_;
+  const GranularityGrid& grid_;
+  const SmallView small_;
+  // Of the points that were added:
+  std::vector<PixelClick> clicks_made_;  // in the small view
+  Query query_;
+  std::optional<MaskGrid> masks_;
+  std::vector<MaskGrid::Plateau> plateaus_;
+  size_t chosen_ = 0;            // plateau
+  std::vector<uint8_t> answer_;  // its mask; empty if no further point follows or nothing is shown
+};
 
 absl::StatusOr<Query> ResolvePoints(const Segmenter& segmenter, const ModelView& view,
                                     const std::vector<PointPrompt>& points,
@@ -31,34 +171,6 @@ absl::StatusOr<Query> ResolvePoints(const Segmenter& segmenter, const ModelView&
   return query;
 }
 
-// Returns whether `large` may stand above `small`, by their masks in the view itself. The ladder
-// was found in a smaller view, in which masks may nest that do not nest here.
-bool Holds(const SegmentResult& large, const SegmentResult& small) {
-  int64_t common = 0;
-  for (size_t p = 0; p < small.mask.pixels.size(); ++p) {
-    common += small.mask.pixels[p] != 0 && large.mask.pixels[p] != 0 ? 1 : 0;
-  }
-  return static_cast<double>(large.area) >= Ladder::kMinGrowth * static_cast<double>(small.area) &&
-         static_cast<double>(common) >= Ladder::kMinHeld * static_cast<double>(small.area);
-}
-
-// Removes proposals that do not nest with their neighbour on the side of the best one.
-void KeepNested(ScaleProposals& proposals) {
-  std::vector<ScaleProposal>& ladder = proposals.ladder;
-  for (int i = proposals.best - 1; i >= 0; --i) {
-    if (Holds(ladder[i + 1].result, ladder[i].result)) continue;
-    ladder.erase(ladder.begin() + i);
-    --proposals.best;
-  }
-  for (size_t i = proposals.best + 1; i < ladder.size();) {
-    if (Holds(ladder[i].result, ladder[i - 1].result)) {
-      ++i;
-    } else {
-      ladder.erase(ladder.begin() + static_cast<ptrdiff_t>(i));
-    }
-  }
-}
-
 }  // namespace
 
 absl::StatusOr<Query> ResolvePrompt(const Segmenter& segmenter, const Prompt& prompt,
@@ -74,40 +186,53 @@ absl::StatusOr<Query> ResolvePrompt(const Segmenter& segmenter, const Prompt& pr
   return ResolvePoints(segmenter, prompt.view, std::get<0>(prompt.what), granularity);
 }
 
-absl::StatusOr<ScaleProposals> ProposeScales(const Segmenter& segmenter, const ModelView& view,
-                                             std::span<const PointPrompt> points, int max_count) {
-  if (max_count < 1) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(max_count, " proposals are asked for, must be at least 1"));
-  }
-  ASSIGN_OR_RETURN(const ClickedFeatures clicks, FindClickedFeatures(segmenter, view, points));
-  ASSIGN_OR_RETURN(const GranularityLadder found,
-                   FindGranularities(segmenter, clicks, GridOf({}), max_count));
-  ScaleProposals proposals = {{}, found.best};
-  Query query = clicks.query;
-  for (const StableGranularity& at : found.rungs) {
-    query.scale = at.scale;
-    query.threshold = at.threshold;
-    ASSIGN_OR_RETURN(std::vector<SegmentResult> results, segmenter.Segment(query, {&view, 1}));
-    proposals.ladder.push_back({std::move(results[0]), at.stability, at.support});
-  }
-  KeepNested(proposals);
-  const auto count = static_cast<int>(proposals.ladder.size());
-  const std::vector<ProposalKind> kinds = KindsOfLadder(count, proposals.best);
-  for (int i = 0; i < count; ++i) proposals.ladder[i].kind = kinds[i];
-  return proposals;
+absl::StatusOr<ClickedFeatures> FindClickedFeatures(const Segmenter& segmenter,
+                                                    const ModelView& view,
+                                                    std::span<const PointPrompt> points) {
+  ClickedFeatures clicks = {view, {points.begin(), points.end()}, {}};
+  ASSIGN_OR_RETURN(clicks.query.features, segmenter.PointFeatures(view, points));
+  for (const PointPrompt& point : points) clicks.query.positive.push_back(point.positive ? 1 : 0);
+  return clicks;
 }
 
-std::vector<ProposalKind> KindsOfLadder(int count, int best) {
-  std::vector<ProposalKind> kinds(count, ProposalKind::kUnnamed);
-  if (count < 2) return kinds;
-  const int object = count == 2 ? best : std::clamp(best, 1, count - 2);
-  for (int i = 0; i < count; ++i) {
-    kinds[i] = i < object    ? ProposalKind::kPart
-               : i == object ? ProposalKind::kObject
-                             : ProposalKind::kGroup;
+absl::StatusOr<GranularityLadder> FindGranularities(const Segmenter& segmenter,
+                                                    const ClickedFeatures& clicks,
+                                                    const GranularityGrid& grid, int max_count) {
+  std::vector<size_t> order(clicks.points.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  const auto first =
+      std::find_if(order.begin(), order.end(), [&](size_t i) { return clicks.points[i].positive; });
+  std::rotate(order.begin(), first, first + 1);
+  const std::span<const size_t> all = order;
+  const size_t num_corrections = std::min(all.size() - 1, kMostCorrections);
+  ClickFollower follower(segmenter, clicks, grid);
+  RETURN_IF_ERROR(follower.Start(all.first(all.size() - num_corrections)));
+  for (const size_t point : all.last(num_corrections)) RETURN_IF_ERROR(follower.Correct(point));
+  return follower.FindRungs(max_count);
+}
+
+double ClickPlausibility(const PixelClick& click, std::span<const uint8_t> before,
+                         std::span<const uint8_t> after, int width) {
+  std::vector<uint8_t> changed(after.size());
+  double area_before = 0, area_after = 0, common = 0;
+  for (size_t i = 0; i < after.size(); ++i) {
+    const bool was = before[i] != 0, is = after[i] != 0;
+    area_before += was ? 1 : 0;
+    area_after += is ? 1 : 0;
+    common += was && is ? 1 : 0;
+    changed[i] = click.positive ? is && !was : was && !is;
   }
-  return kinds;
+  if (area_after == 0) return 0;
+  const size_t at = static_cast<size_t>(click.pixel.y) * width + click.pixel.x;
+  if ((before[at] != 0) == click.positive) {
+    return common / (area_before + area_after - common);
+  }
+  if (changed[at] == 0) return 0;
+  const int height = static_cast<int>(after.size()) / width;
+  const auto deepest = static_cast<double>(FindDeepest(changed, width, height).squared_depth);
+  const auto depth = static_cast<double>(SquaredDepth(changed, width, click.pixel));
+  return std::sqrt(depth / deepest) * common /
+         std::max(1.0, click.positive ? area_before : area_after);
 }
 
 }  // namespace pepeseg

@@ -1,9 +1,12 @@
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/prompt/mask_grid.h"
+#include "core/query/mask_geometry.h"
 #include "core/query/prompt.h"
 #include "core/query/segmenter.h"
 
@@ -17,41 +20,57 @@ namespace pepeseg {
 absl::StatusOr<Query> ResolvePrompt(const Segmenter& segmenter, const Prompt& prompt,
                                     const Granularity& granularity);
 
-// The role of a proposal by its position on the ladder.
-enum class ProposalKind {
-  kUnnamed,  // the only proposal
-  kPart,     // lies inside the object
-  kObject,
-  kGroup,  // contains the object
+// Scale and threshold of a prompt of points (METHOD.md section 4, "Points").
+
+// A scale and a threshold that show something stable.
+struct StableGranularity {
+  double scale = 0, threshold = 0;
+  double stability = 0;  // see MaskGrid::Stability
+  double support = 0;    // see MaskGrid::Plateau
+};
+// What points may mean in their view, see Ladder.
+struct GranularityLadder {
+  std::vector<StableGranularity> rungs;
+  int best = 0;
 };
 
-// One of the things that a prompt may mean.
-struct ScaleProposal {
-  SegmentResult result;  // the mask in the prompt's view, with its scale and threshold
-  double stability = 0;  // [0, 1], see MaskGrid::Stability
-  double support = 0;    // (0, 1], share of all scales and thresholds that show this mask
-  ProposalKind kind = ProposalKind::kUnnamed;
+// Points of a view, and the features under them. The first positive point is answered first; the
+// others correct the answer, in their order.
+struct ClickedFeatures {
+  ModelView view;
+  std::vector<PointPrompt> points;
+  Query query;  // features and signs of the points; its scale and threshold are not used
 };
+// INVALID_ARGUMENT: Segmenter::PointFeatures.
+absl::StatusOr<ClickedFeatures> FindClickedFeatures(const Segmenter& segmenter,
+                                                    const ModelView& view,
+                                                    std::span<const PointPrompt> points);
 
-// Proposals, smallest first: each mask has at least 1.5 times the area of the one before and
-// contains at least 95 % of its pixels; scales do not decrease.
-struct ScaleProposals {
-  std::vector<ScaleProposal> ladder;
-  int best = 0;  // index of the proposal that ResolvePrompt chooses
+// Returns what the points may mean, at most `max_count` rungs. For one point the best rung is the
+// mask with the most support. A further point that the mask so far does not answer compares the
+// masks of all points so far again: the best rung is then the one that ClickPlausibility and
+// support favour. Of more than 9 points, all but the last 8 are answered together. Returns no rung
+// if no mask has 16 pixels of the small view at any scale. Errors are those of
+// Segmenter::CountLevels.
+absl::StatusOr<GranularityLadder> FindGranularities(const Segmenter& segmenter,
+                                                    const ClickedFeatures& clicks,
+                                                    const GranularityGrid& grid, int max_count);
+
+// A click on a pixel of a view.
+struct PixelClick {
+  PixelIndex pixel;
+  bool positive = true;
 };
-
-inline constexpr int kDefaultProposals = 5;
-
-// Returns at most `max_count` granularities at which the points show something stable, or none if
-// no mask of 16 pixels appears at any scale. Renders no view whose feature map is cached. Returns
-// INVALID_ARGUMENT for the reasons of Segmenter::PointFeatures, and if max_count < 1.
-absl::StatusOr<ScaleProposals> ProposeScales(const Segmenter& segmenter, const ModelView& view,
-                                             std::span<const PointPrompt> points,
-                                             int max_count = kDefaultProposals);
-
-// Returns the roles of `count` proposals of which the one at index `best` is chosen. A single
-// proposal is unnamed. Of two, the best one is the object, and the other its part or its group. Of
-// more, the best one is the object unless it is the smallest or the largest; then its neighbour is.
-std::vector<ProposalKind> KindsOfLadder(int count, int best);
+// Returns how plausible it is, in [0, 1], that a person who sees the mask `before` and clicks on a
+// pixel wants the mask `after`; masks are [height, width] of 0 and 1. A person clicks into the
+// middle of what is wrong and means to keep the rest. The value is the product of
+// - the depth of the pixel in what changes (added by a positive click, removed by a negative one),
+//   divided by the greatest depth there,
+// - the share of `before` that a positive click keeps, or the share of `after` that was in `before`
+//   for a negative click.
+// If `before` answers the click already, it is the IoU of the two masks. It is 0 if `after` is
+// empty or does not answer the click.
+double ClickPlausibility(const PixelClick& click, std::span<const uint8_t> before,
+                         std::span<const uint8_t> after, int width);
 
 }  // namespace pepeseg

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/prompt/resolve_prompt.h"
+#include "core/prompt/propose_scales.h"
 #include "core/query/prompt.h"
 #include "core/scene/model.h"
 #include "pepeseg/v1/segmentation_service.pb.h"

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/prompt/propose_scales.h"
 #include "core/prompt/resolve_prompt.h"
 #include "server/api/client_error.h"
 #include "server/api/convert.h"

@@ -16,7 +16,7 @@
 #include "core/features/train_features.h"
 #include "core/formats/gaussian_ply.h"
 #include "core/model_files/feature_file.h"
-#include "core/prompt/resolve_prompt.h"
+#include "core/prompt/propose_scales.h"
 #include "core/reconstruct/reconstruct.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/capture_faults.h"
