@@ -3,6 +3,13 @@
 #include <algorithm>
 
 namespace pepeseg {
+namespace {
+
+// Of TileEntryCapacities: factor on what a render needed, and entries added to every prediction.
+constexpr double kSlack = 1.15;
+constexpr int64_t kLeast = 16384;
+
+}  // namespace
 
 void StepResults::Push(const StepInput& input, DeviceSpan<const double> loss_sums,
                        DeviceSpan<const int64_t> counters) {
@@ -21,6 +28,20 @@ StepResult StepResults::Pop() {
   result.overflowed = result.counters[kNumVoidRenders] > num_overflowed_renders_;
   num_overflowed_renders_ = result.counters[kNumVoidRenders];
   return result;
+}
+
+int64_t TileEntryCapacities::For(const StepInput& input) const {
+  const Visit& visit = visits_[static_cast<size_t>(input.view)][input.shrink / 2];
+  if (visit.num_gaussians == 0) return 0;
+  const double growth =
+      static_cast<double>(input.num_gaussians) / static_cast<double>(visit.num_gaussians);
+  const double need = static_cast<double>(visit.num_entries) * (growth > 1 ? growth : 1);
+  return static_cast<int64_t>(kSlack * need) + kLeast;
+}
+
+void TileEntryCapacities::Record(const StepResult& result) {
+  visits_[static_cast<size_t>(result.input.view)][result.input.shrink / 2] = {
+      result.input.num_gaussians, result.counters[kNumTileEntries]};
 }
 
 }  // namespace pepeseg

@@ -1,6 +1,6 @@
 #include "core/train/estimate.h"
 
-#include "core/features/estimate_features.h"
+#include "core/features/estimate.h"
 #include "core/priors/sam/sam_segmenter.h"
 #include "core/sfm/estimate_poses.h"
 

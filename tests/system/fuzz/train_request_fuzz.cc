@@ -1,4 +1,4 @@
-#include "core/features/estimate_features.h"
+#include "core/features/estimate.h"
 #include "core/reconstruct/estimate.h"
 #include "pepeseg/v1/job_service.pb.h"
 #include "server/api/convert.h"

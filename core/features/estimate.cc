@@ -1,4 +1,4 @@
-#include "core/features/estimate_features.h"
+#include "core/features/estimate.h"
 
 #include <algorithm>
 

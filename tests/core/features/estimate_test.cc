@@ -1,4 +1,4 @@
-#include "core/features/estimate_features.h"
+#include "core/features/estimate.h"
 
 #include "tests/core/features/perception_scene.h"
 #include "tests/testing/point_gaussians.h"
