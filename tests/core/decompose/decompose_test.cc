@@ -3,17 +3,64 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <random>
+#include <vector>
 
-#include "tests/core/decompose/nested_parts.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
 
-using testing::NestedParts;
+// A model without views: parts 0 and 1 form group 0, parts 2 and 3 form group 1. At small scales
+// the features of the parts are far apart, at large scales those of a group are the same. The last
+// Gaussian is similar to no other.
+struct NestedParts {
+  static constexpr std::array<int, 4> kSizes = {40, 30, 20, 12};
+  Model model;
+  std::vector<int> part;  // [num_gaussians]; -1 for the last one
+};
+
+constexpr int kFirstPartChannel = 2, kLoneChannel = 20;
+
+void SetFeature(std::vector<float>& features, size_t row, int part, std::mt19937& random) {
+  float* feature = &features[32 * row];
+  if (part < 0) {
+    feature[kLoneChannel] = 1;
+    return;
+  }
+  // The noise is small compared with the differences between parts.
+  for (int k = 0; k < 8; ++k) feature[k] = 0.01f * static_cast<float>(random() % 100) / 100;
+  feature[part / 2] += 0.6f;
+  feature[kFirstPartChannel + part] += 0.8f;
+}
+
+NestedParts MakeNestedParts() {
+  NestedParts nested;
+  for (int part = 0; part < 4; ++part) {
+    nested.part.insert(nested.part.end(), NestedParts::kSizes[part], part);
+  }
+  nested.part.push_back(-1);
+  const size_t count = nested.part.size();
+  Model& model = nested.model;
+  model.gaussians = Gaussians::Zero(static_cast<int64_t>(count), 0);
+  model.field.features.assign(32 * count, 0.0f);
+  model.field.scale_quantiles = {1, 3};
+  // The gate of the part channels falls from 0.98 at scale 0 to 0.02 at scale 1.
+  for (int part = 0; part < 4; ++part) {
+    model.field.gate[kFirstPartChannel + part] = -8;
+    model.field.gate[32 + kFirstPartChannel + part] = 4;
+  }
+  std::mt19937 random(4);
+  for (size_t i = 0; i < count; ++i) {
+    model.gaussians.Plane(kMeanPlane)[i] = static_cast<float>(nested.part[i]);
+    model.gaussians.Plane(kMeanPlane + 1)[i] = static_cast<float>(i);
+    SetFeature(model.field.features, i, nested.part[i], random);
+  }
+  return nested;
+}
 
 // Decomposes a model without views, for which no blend rows may be rendered.
 absl::StatusOr<Decomposition> DecomposeWithoutViews(const Model& model,
@@ -25,7 +72,7 @@ absl::StatusOr<Decomposition> DecomposeWithoutViews(const Model& model,
 }
 
 TEST(Decompose, FindsPartsInsideGroups) {
-  const NestedParts nested = testing::MakeNestedParts();
+  const NestedParts nested = MakeNestedParts();
   ASSERT_OK_AND_ASSIGN(const Decomposition whole, DecomposeWithoutViews(nested.model, {0.01, 1}));
   ASSERT_EQ(whole.levels.size(), 2u);
   const Decomposition::Level &parts = whole.levels[0], &groups = whole.levels[1];
@@ -44,7 +91,7 @@ TEST(Decompose, FindsPartsInsideGroups) {
 }
 
 TEST(Decompose, BoundsTheMeansOfEachSegment) {
-  const NestedParts nested = testing::MakeNestedParts();
+  const NestedParts nested = MakeNestedParts();
   ASSERT_OK_AND_ASSIGN(const Decomposition whole, DecomposeWithoutViews(nested.model, {0.01, 1}));
   const Decomposition::Segment& second = whole.levels[0].segments[1];
   EXPECT_EQ(second.min, (std::array<float, 3>{1, 40, 0}));
@@ -55,7 +102,7 @@ TEST(Decompose, BoundsTheMeansOfEachSegment) {
 }
 
 TEST(Decompose, RequiresALargerCosineOfGaussiansThatViewsHardlyShow) {
-  NestedParts nested = testing::MakeNestedParts();
+  NestedParts nested = MakeNestedParts();
   Model& model = nested.model;
   const int64_t lone = model.gaussians.count - 1;
   std::vector<int64_t> rows(model.gaussians.count);
@@ -87,7 +134,7 @@ TEST(Decompose, RequiresALargerCosineOfGaussiansThatViewsHardlyShow) {
 }
 
 TEST(Decompose, ReturnsErrorsOfTheRows) {
-  NestedParts nested = testing::MakeNestedParts();
+  NestedParts nested = MakeNestedParts();
   ModelView view;
   view.camera = {1, 1, 1, 1, 0.5, 0.5};
   nested.model.views = {view};
@@ -96,7 +143,7 @@ TEST(Decompose, ReturnsErrorsOfTheRows) {
 }
 
 TEST(Decompose, GivesTheSameLevelForAScaleAlone) {
-  const NestedParts nested = testing::MakeNestedParts();
+  const NestedParts nested = MakeNestedParts();
   ASSERT_OK_AND_ASSIGN(const Decomposition both, DecomposeWithoutViews(nested.model, {0.01, 1}));
   ASSERT_OK_AND_ASSIGN(const Decomposition one, DecomposeWithoutViews(nested.model, {1}));
   ASSERT_EQ(one.levels.size(), 1u);
@@ -104,7 +151,7 @@ TEST(Decompose, GivesTheSameLevelForAScaleAlone) {
 }
 
 TEST(Decompose, LeavesTooFewGaussiansForAPieceInNoSegment) {
-  Model model = testing::MakeNestedParts().model;
+  Model model = MakeNestedParts().model;
   const std::vector<int64_t> rows = {0, 1, 2, 3, 4};
   model.gaussians = model.gaussians.Select(rows);
   model.field.features.resize(32 * rows.size());
@@ -114,7 +161,7 @@ TEST(Decompose, LeavesTooFewGaussiansForAPieceInNoSegment) {
 }
 
 TEST(Decompose, RefusesBadScales) {
-  const Model model = testing::MakeNestedParts().model;
+  const Model model = MakeNestedParts().model;
   const auto expect_refused = [&](const std::vector<double>& scales, const std::string& words) {
     EXPECT_STATUS(DecomposeWithoutViews(model, scales), absl::StatusCode::kInvalidArgument, words);
   };
@@ -126,7 +173,7 @@ TEST(Decompose, RefusesBadScales) {
 }
 
 TEST(MembersOf, ReturnsTheGaussiansOfASegment) {
-  const NestedParts nested = testing::MakeNestedParts();
+  const NestedParts nested = MakeNestedParts();
   ASSERT_OK_AND_ASSIGN(const Decomposition whole, DecomposeWithoutViews(nested.model, {0.01, 1}));
   ASSERT_OK_AND_ASSIGN(const GaussianSet members, MembersOf(whole, 0, 3));
   EXPECT_EQ(members.count(), NestedParts::kSizes[2]);
