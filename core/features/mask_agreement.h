@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "core/features/reprojection.h"
+#include "core/features/near_views.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/features/mask_agreement.h"
-#include "core/features/reprojection.h"
+#include "core/features/near_views.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/features/batch_drawer.h"
-#include "core/features/cross_view.h"
+#include "core/features/near_views.h"
 #include "core/features/train_features.h"
 #include "core/scene/capture.h"
 #include "kernels/ops/perception.h"

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "core/features/batch_drawer.h"
-#include "core/features/reprojection.h"
+#include "core/features/near_views.h"
 #include "core/scene/gaussians.h"
 #include "kernels/backend.h"
 #include "tests/testing/synthetic_capture.h"

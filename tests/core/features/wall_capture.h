@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "core/features/reprojection.h"
+#include "core/features/near_views.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg::testing {

@@ -1,4 +1,4 @@
-#include "core/features/cross_view.h"
+#include "core/features/near_views.h"
 
 #include <gtest/gtest.h>
 

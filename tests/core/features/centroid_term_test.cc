@@ -1,4 +1,4 @@
-#include "core/features/centroid_bank.h"
+#include "core/features/centroid_term.h"
 
 #include <gtest/gtest.h>
 
