@@ -203,9 +203,6 @@ TEST(ClickPlausibility, CountsTheImagesBorderAsAnEdge) {
   EXPECT_NEAR(Plausibility({{20, 0}, true}, MaskOf({kCup}), MaskOf({kCup, strip})), 0.5, 1e-9);
 }
 
-constexpr int kSize = 48;
-constexpr double kLeftX = 17.5, kRightX = 30.5, kY = 24.5;
-
 class ClickGranularityTest : public ::testing::Test {
  protected:
   void SetUp() override {
