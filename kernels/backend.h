@@ -10,11 +10,11 @@
 
 #include "kernels/ops/cluster.h"
 #include "kernels/ops/density.h"
-#include "kernels/ops/depth.h"
 #include "kernels/ops/feature.h"
-#include "kernels/ops/perception.h"
 #include "kernels/ops/refine.h"
 #include "kernels/ops/render.h"
+#include "kernels/ops/rows.h"
+#include "kernels/ops/similarity.h"
 #include "kernels/ops/smooth.h"
 
 namespace pepeseg {
@@ -122,9 +122,12 @@ class Backend {
   // when they return.
   virtual int queue_depth() const = 0;
 
-  // Rendering and stage one (kernels/ops/render.h, depth.h, refine.h). Each op is described at its
-  // arguments.
+  // Each op is described at its arguments. kernels/cpu and kernels/cuda have it in a file named
+  // after it or after its header in kernels/ops.
+  //
+  // Rendering and stage one (kernels/ops/render.h, refine.h).
   virtual void Render(const RenderArgs& args) = 0;
+  virtual void RenderFeatures(const RenderFeaturesArgs& args) = 0;
   virtual void ImageLoss(const ImageLossArgs& args) = 0;
   virtual void DepthLoss(const DepthLossArgs& args) = 0;
   virtual void RenderBackward(const RenderBackwardArgs& args) = 0;
@@ -134,12 +137,10 @@ class Backend {
   virtual void PlanDensity(const PlanDensityArgs& args) = 0;
   virtual void GatherRows(const GatherRowsArgs& args) = 0;
 
-  // Rows and features of a rendered view (kernels/ops/render.h).
+  // Sparse rows of sampled pixels (kernels/ops/rows.h).
   virtual void CaptureRows(const CaptureRowsArgs& args) = 0;
-  virtual void RenderFeatures(const RenderFeaturesArgs& args) = 0;
-
-  // Stage two and queries (kernels/ops/feature.h, perception.h, smooth.h).
   virtual void TransposeRows(const TransposeRowsArgs& args) = 0;
+  // Stage two (kernels/ops/feature.h, smooth.h).
   virtual void FeatureCatchUp(const FeatureCatchUpArgs& args) = 0;
   virtual void FeatureRows(const FeatureRowsArgs& args) = 0;
   virtual void PairLoss(const PairLossArgs& args) = 0;
@@ -149,6 +150,7 @@ class Backend {
   virtual void NeighborRows(const NeighborRowsArgs& args) = 0;
   virtual void SmoothFeatures(const SmoothFeaturesArgs& args) = 0;
   virtual void SmoothBackward(const SmoothBackwardArgs& args) = 0;
+  // Queries (kernels/ops/similarity.h).
   virtual void Similarity(const SimilarityArgs& args) = 0;
   virtual void SegmentPixels(const SegmentPixelsArgs& args) = 0;
   virtual void LevelOverlaps(const LevelOverlapsArgs& args) = 0;

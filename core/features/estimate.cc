@@ -4,7 +4,7 @@
 
 #include "core/features/feature_trainer.h"
 #include "core/render/renderer.h"
-#include "kernels/scratch_bytes.h"
+#include "kernels/buffer.h"
 
 namespace pepeseg {
 namespace {

@@ -9,7 +9,7 @@
 #include "core/features/near_views.h"
 #include "core/features/train_features.h"
 #include "core/scene/capture.h"
-#include "kernels/ops/perception.h"
+#include "kernels/ops/feature.h"
 
 namespace pepeseg {
 

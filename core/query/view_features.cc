@@ -7,8 +7,8 @@
 #include "core/base/backend_turn.h"
 #include "core/base/status_macros.h"
 #include "core/query/mask_geometry.h"
+#include "kernels/buffer.h"
 #include "kernels/half.h"
-#include "kernels/scratch_bytes.h"
 
 namespace pepeseg {
 namespace {

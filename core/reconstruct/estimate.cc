@@ -5,8 +5,8 @@
 
 #include "core/reconstruct/gaussian_state.h"
 #include "core/scene/capture.h"
+#include "kernels/buffer.h"
 #include "kernels/math/blend.h"
-#include "kernels/scratch_bytes.h"
 
 namespace pepeseg {
 namespace {

@@ -4,7 +4,7 @@
 #include <cassert>
 #include <cmath>
 
-#include "kernels/scratch_bytes.h"
+#include "kernels/buffer.h"
 
 namespace pepeseg {
 namespace {

@@ -11,7 +11,7 @@
 #include "core/base/status_macros.h"
 #include "core/scene/camera.h"
 #include "kernels/half.h"
-#include "kernels/math/pair.h"
+#include "kernels/math/feature.h"
 
 namespace pepeseg {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "kernels/scratch_bytes.h"
+#include "kernels/buffer.h"
 
 namespace pepeseg {
 namespace {

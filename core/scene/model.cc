@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/math/feature.h"
 #include "kernels/math/gate.h"
-#include "kernels/math/pair.h"
 #include "kernels/ops/render.h"
 
 namespace pepeseg {

@@ -2,8 +2,8 @@
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
+#include "kernels/math/feature.h"
 #include "kernels/math/gate.h"
-#include "kernels/math/pair.h"
 
 namespace pepeseg {
 namespace {

@@ -2,7 +2,7 @@
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
-#include "kernels/cpu/image_loss_band.h"
+#include "kernels/cpu/simd_kernels.h"
 
 namespace pepeseg {
 namespace {

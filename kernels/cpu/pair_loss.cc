@@ -1,12 +1,134 @@
 #include <algorithm>
+#include <cassert>
+#include <cmath>
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
-#include "kernels/cpu/pair_plan.h"
+#include "kernels/cpu/simd_kernels.h"
 #include "kernels/math/gate.h"
 
 namespace pepeseg {
 namespace {
+
+// Everything of PairLoss that does not depend on features, and the working memory of its passes.
+// `job` points into the plan and into `args`, which must outlive it.
+struct PairPlan {
+  explicit PairPlan(const PairLossArgs& args);
+
+  PairJob job;
+
+ private:
+  void GateScales(const PairLossArgs& args);
+  void ComparePatches(const PairLossArgs& args);
+  void LimitDraws(const PairLossArgs& args);
+  void ScaleWeights(const PairLossArgs& args);
+
+  std::vector<float> psi_, pixel_weight_, unit_, unit_by_channel_, unit_grad_;
+  std::vector<int32_t> patch_;
+  std::vector<uint32_t> agrees_;
+};
+
+// Share of all pairs that counts as hard at least, for the number of easy ones.
+constexpr double kMinHardShare = 0.05;
+
+static_assert(kGateSize == OneLayerGateSize(kFeatureSize) &&
+              kTwoLayerGateSize == TwoLayerGateSize(kFeatureSize));
+
+PairPlan::PairPlan(const PairLossArgs& args) : job() {
+  const auto num_pixels = static_cast<int>(args.pixel_weight.size);
+  const auto num_scales = static_cast<int>(args.scales.size);
+  assert(num_scales >= 1 && num_scales <= kMaxScales && num_pixels < 1 << 16);
+  job.args = &args;
+  job.num_pixels = num_pixels;
+  job.num_scales = num_scales;
+  job.padded = (num_pixels + kPairRows - 1) / kPairRows * kPairRows;
+  const size_t num_units = size_t{1} * num_scales * job.padded * kFeatureSize;
+  unit_.resize(num_units);
+  unit_by_channel_.resize(num_units);
+  unit_grad_.resize(2 * num_units);
+  GateScales(args);
+  ComparePatches(args);
+  LimitDraws(args);
+  ScaleWeights(args);
+  job.psi = psi_.data();
+  job.patch = patch_.data();
+  job.agrees = agrees_.data();
+  job.pixel_weight = pixel_weight_.data();
+  job.unit = unit_.data();
+  job.unit_by_channel = unit_by_channel_.data();
+  job.unit_grad = unit_grad_.data();
+}
+
+// psi of each scale.
+void PairPlan::GateScales(const PairLossArgs& args) {
+  psi_.resize(args.scales.size * kFeatureSize);
+  for (int64_t scale = 0; scale < args.scales.size; ++scale) {
+    GateAt({args.gate.data, args.gate.size}, kFeatureSize, args.scales[scale],
+           psi_.data() + scale * kFeatureSize);
+  }
+}
+
+// Compares the labels of all pairs of mask cells at all scales, so that the loop over pixel pairs
+// needs only a table look-up. Padding pixels are in cell 0; they are masked out later.
+void PairPlan::ComparePatches(const PairLossArgs& args) {
+  patch_.assign(job.padded, 0);
+  std::copy_n(args.pixel_patch.data, job.num_pixels, patch_.begin());
+  const int64_t num_patches = args.num_patches, words = args.label_words;
+  agrees_.assign(num_patches * num_patches, 0);
+  for (int scale = 0; scale < job.num_scales; ++scale) {
+    const uint64_t* labels = args.labels.data + scale * num_patches * words;
+    for (int64_t a = 0; a < num_patches; ++a) {
+      for (int64_t b = 0; b < num_patches; ++b) {
+        uint64_t common = 0;
+        for (int64_t w = 0; w < words; ++w) common |= labels[a * words + w] & labels[b * words + w];
+        agrees_[a * num_patches + b] |= static_cast<uint32_t>(common != 0) << scale;
+      }
+    }
+  }
+}
+
+// Chooses the limits of the hash so that the draw yields the wanted number of easy pairs on
+// average. Pairs are counted by mask cell.
+void PairPlan::LimitDraws(const PairLossArgs& args) {
+  std::vector<double> num_pixels(args.num_patches);
+  for (int p = 0; p < job.num_pixels; ++p) ++num_pixels[args.pixel_patch[p]];
+  const uint32_t all = (1u << job.num_scales) - 1u;  // agreement at every scale
+  double hard = 0, positive = 0, negative = 0;
+  for (int a = 0; a < args.num_patches; ++a) {
+    for (int b = 0; b <= a; ++b) {
+      const double pairs =
+          a == b ? num_pixels[a] * (num_pixels[a] - 1) / 2 : num_pixels[a] * num_pixels[b];
+      const uint32_t agrees = agrees_[int64_t{a} * args.num_patches + b];
+      (agrees == all ? positive : agrees == 0 ? negative : hard) += pairs;
+    }
+  }
+  // Masks that do not nest make no hard pairs, but objects must be held together all the same.
+  hard = std::max(hard, kMinHardShare * (hard + positive + negative));
+  // The share of the available pairs to draw, as a limit of 31-bit hashes.
+  const auto limit = [&](double available) {
+    const double share = available == 0 ? 0 : std::min(1.0, args.easy_share * hard / available);
+    return static_cast<int32_t>(share * 2147483647.0);
+  };
+  job.positive_limit = limit(positive);
+  job.negative_limit = limit(negative);
+}
+
+// Finds base and slope that map the products of pixel weights to [1, 10]. The extreme products are
+// those of the two smallest and of the two largest weights.
+void PairPlan::ScaleWeights(const PairLossArgs& args) {
+  pixel_weight_.assign(job.padded, 0.0f);
+  std::copy_n(args.pixel_weight.data, job.num_pixels, pixel_weight_.begin());
+  job.weight_base = 1;
+  if (job.num_pixels < 2) return;
+  std::vector<float> sorted(pixel_weight_.begin(), pixel_weight_.begin() + job.num_pixels);
+  std::sort(sorted.begin(), sorted.end());
+  const double low = double{sorted[0]} * sorted[1];
+  const double high = double{sorted[sorted.size() - 1]} * sorted[sorted.size() - 2];
+  constexpr double kRange = 9;  // from 1 to 10
+  if (high - low <= 1e-6 * high) return;
+  job.weight_slope = static_cast<float>(kRange / (high - low));
+  job.weight_base = static_cast<float>(1 - kRange * low / (high - low));
+}
 
 // sums[k] = share * the sum over the blocks in their order, for k from first to last.
 void AddSums(const std::vector<PairBlock>& blocks, PairLossSum first, PairLossSum last,

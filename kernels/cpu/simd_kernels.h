@@ -3,16 +3,20 @@
 #include <cstdint>
 #include <span>
 
-#include "kernels/cpu/feature_jobs.h"
-#include "kernels/cpu/image_loss_band.h"
-#include "kernels/cpu/tree_jobs.h"
+#include "kernels/math/ssim.h"
+#include "kernels/ops/cluster.h"
+#include "kernels/ops/feature.h"
 #include "kernels/ops/render.h"
+#include "kernels/ops/similarity.h"
 #include "kernels/ops/smooth.h"
 
 namespace pepeseg {
 
-// The inner loops of the CPU backend, as a table of functions on raw pointers. kernels/cpu/simd
-// compiles them once for each instruction set. All are thread-safe for different outputs.
+// The inner loops of the CPU backend, as a table of functions on raw pointers, and the tasks that
+// they work on. kernels/cpu/simd compiles the loops once for each instruction set. All are
+// thread-safe for different outputs.
+
+// Rendering and stage one.
 
 inline constexpr int kTilePixels = 256;  // kTileSize^2
 
@@ -67,6 +71,116 @@ struct ParameterJob {
   int64_t num_skipped;       // out: rows with a gradient that is not finite
 };
 
+inline constexpr int kLossBandRows = 48;  // scanlines of a task, and the granularity of the sums
+inline constexpr int kRowMargin = 16;  // zeros on either side of a scanline, >= kLanes and radius
+inline constexpr int kRingRows = 2 * kSsimRadius + 1;
+
+// Scanlines [first_row, end_row) of one channel, and the working memory for streaming down them.
+// Scanlines are `pitch` floats apart, and pointers are at column 0, after the margin.
+struct LossBand {
+  const ImageLossArgs* args;
+  float l1_weight, ssim_weight;  // of one pixel of one channel: loss weight / count
+  int channel, first_row, end_row;
+  int pitch;              // width rounded up to 16, and two margins
+  float *x, *y;           // a scanline of the rendered image and of the photograph
+  float* counts;          // 1, or 0 where the pixel is ignored
+  float* moment_grad[3];  // gradients of the moments of windows centred on a scanline
+  float* moments;   // [4, kRingRows, pitch] moments filtered across; scanline r at r % kRingRows
+  float* gathered;  // [3, kRingRows, pitch] moment_grad filtered across
+  double sums[kNumImageLossSums];  // out
+};
+
+// Stage two (kernels/cpu/simd/feature.cc, pair_loss.cc, perception_loss.cc).
+
+inline constexpr int kPairColumns = 16;  // pixels q that are worked on together
+inline constexpr int kPairRows = 32;     // pixels p of a task
+
+// What the tasks of one PairLoss share. Arrays over pixels are padded with zeros to `padded`, a
+// multiple of kPairRows.
+struct PairJob {
+  const PairLossArgs* args;
+  int num_pixels, padded, num_scales;
+  const float* psi;                 // [scales, 32]
+  const int32_t* patch;             // [padded]
+  const uint32_t* agrees;           // [patches, patches] of mask cells; bit k: G at scale k
+  float weight_base, weight_slope;  // w = base + slope * product of the pixels' weights
+  const float* pixel_weight;        // [padded]
+  // A constant positive (negative) pair is drawn if its 31-bit hash is below the limit.
+  int32_t positive_limit, negative_limit;
+  float* unit;             // [scales, padded, 32] psi * F, normalised
+  float* unit_by_channel;  // the same, channel by channel: [scales, padded / 16, 32, 16]
+  float* unit_grad;        // [2, scales, padded, 32] of the sum over positives, then negatives
+  // Read by the last pass: 1 / counts.
+  float positive_scale, negative_scale, norm_scale;
+};
+
+// Pixels p in [first, end) and their sums. Sums of pairs are over ordered pairs, so twice the loss.
+struct PairBlock {
+  int first, end;
+  double sums[kNumPairLossSums];
+  float psi_grad[kMaxScales * kFeatureSize];
+};
+
+// What the tasks of one PerceptionLoss share.
+struct PerceptionJob {
+  const PerceptionLossArgs* args;
+  int num_scales;
+  const float* psi;  // [scales, 32]
+  float* unit;       // [S, scales, 32] psi * F, normalised; set only for pixels with a pair
+};
+
+// Pixels in [first, end) and their sums. The loss is over ordered pairs, so twice L_p.
+struct PerceptionBlock {
+  int64_t first, end;
+  double loss;
+  float psi_grad[kMaxScales * kFeatureSize];
+};
+
+// Rows, pixels or touched Gaussians [first, end).
+struct FeatureRange {
+  int64_t first, end;
+};
+
+// SpanningTree (kernels/cpu/simd/spanning_tree.cc). Points are stored as columns in groups of
+// kTreeColumns, channel by channel: [groups, 32, kTreeColumns]. Distances are squared.
+
+inline constexpr int kTreeColumns = 16;  // points of a group
+inline constexpr int kTreeRows = 8;      // numbers of rows are multiples of this
+inline constexpr int kNearestRows = 32;  // rows of a task, for which the columns are read once
+
+struct Neighbour {
+  float squared;
+  int32_t point;  // -1: none; the distance is then infinite
+};
+
+// Finds the nearest neighbours of some points.
+struct NearestJob {
+  const float* points;   // [num_points, 32]
+  const float* columns;  // the same points; the last group's padding is ignored
+  int32_t num_points;
+  int num_nearest;     // k
+  Neighbour* nearest;  // [num_points, k] out: the nearest other points, ascending; none at infinity
+};
+
+// Points outside the tree as columns, points that have just joined it as rows.
+struct RelaxJob {
+  const float* columns;
+  const float* core;  // [columns] squared
+  // [columns] in and out: the squared length of the least edge to the tree, and its end in the
+  // tree.
+  float* reach;
+  int32_t* from;
+  const float* rows;          // [num_rows, 32]
+  const float* row_core;      // [num_rows]
+  const int32_t* row_points;  // [num_rows]
+  int num_rows;               // a multiple of kTreeRows
+};
+
+struct ColumnRange {
+  int32_t first, end;  // multiples of kTreeColumns
+};
+
+// The table.
 struct SimdKernels {
   const char* name;  // of the instruction set, for reports
   // Blends a tile and writes its part of the images.
@@ -100,7 +214,7 @@ struct SimdKernels {
   void (*perception_rows)(const PerceptionJob& job, PerceptionBlock& block);
   // query_units: [num_queries, 32], gated and of length 1.
   void (*similarity)(const SimilarityArgs& args, const float* query_units, FeatureRange pixels);
-  // The steps of SpanningTree (tree_jobs.h). There are at most kNearestRows `rows`.
+  // The steps of SpanningTree (see above). There are at most kNearestRows `rows`.
   void (*nearest_neighbours)(const NearestJob& job, FeatureRange rows);
   void (*relax_columns)(const RelaxJob& job, ColumnRange columns);
   // Returns the least of `padded` values, a multiple of kTreeColumns, of which none is NaN.

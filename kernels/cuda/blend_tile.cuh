@@ -7,7 +7,7 @@
 // How a tile of 16x16 pixels is blended: as eight cells of 8x4 pixels, each by one warp with one
 // pixel a lane, so that the warp skips as a whole the splats that do not reach its cell. Cells are
 // two abreast and numbered row by row. Shared by render.cu, render_backward.cu, render_features.cu
-// and capture_rows.cu, which compute alpha with SplatAlpha or its formulas so that they make the
+// and rows.cu, which compute alpha with SplatAlpha or its formulas so that they make the
 // same decisions. The backward pass rounds offsets differently (cell offset added last), so a power
 // within rounding of the threshold may be decided differently there.
 

@@ -1,10 +1,7 @@
 #include <cuda_runtime.h>
 
-#include "kernels/cuda/arena.h"
 #include "kernels/cuda/channel.cuh"
 #include "kernels/cuda/cuda_backend.h"
-#include "kernels/cuda/gate.cuh"
-#include "kernels/cuda/launch.h"
 
 // CentroidLoss (CentroidLossArgs in kernels/ops/feature.h; METHOD.md section 3, "Centroids").
 // Launches, ordered by the stream:

@@ -2,11 +2,12 @@
 
 #include <cstdint>
 
-#include "kernels/math/pair.h"
+#include "kernels/math/feature.h"
+#include "kernels/math/gate.h"
 #include "kernels/ops/feature.h"
 
-// Features of 32 channels in a warp, a channel a lane, and the sum over sparse entries that the
-// kernels of stage two share.
+// What the kernels of stage two share: features of 32 channels in a warp, a channel a lane; the sum
+// over the entries of a sparse row; and the scale gate (formulas in kernels/math/gate.h).
 
 namespace pepeseg {
 
@@ -68,10 +69,49 @@ __device__ float WeightedSum(const EntryRange& entries, const float* rows, int l
   return sum;
 }
 
+// Returns the group of an element: first[group] <= i < first[group + 1]. `first` is ascending, with
+// one element more than there are groups, and first[0] <= i. Binary search.
+__device__ inline int GroupOf(const DeviceSpan<const int32_t>& first, int64_t i) {
+  int low = 0, high = static_cast<int>(first.size) - 1;
+  while (low + 1 < high) {
+    const int middle = (low + high) / 2;
+    (first.data[middle] <= i ? low : high) = middle;
+  }
+  return low;
+}
+
 // The entries of column i.
 __device__ inline EntryRange ColumnOf(const ColumnSpan& columns, int64_t i) {
   return {columns.first.data[i], columns.first.data[i + 1], columns.pixel.data,
           columns.weight.size == 0 ? nullptr : columns.weight.data};
+}
+
+static_assert(kGateHidden == kFeatureSize, "a lane has a channel and a hidden unit");
+static_assert(kTwoLayerGateSize == TwoLayerGateSize(kFeatureSize));
+
+// Channel `channel` of psi at a scale.
+__device__ inline float PsiChannel(DeviceSpan<const float> gate, float scale, int channel) {
+  return GateChannel(GateNumbers<float>{gate.data, gate.size}, kFeatureSize, channel, scale);
+}
+
+// Adds the gradients of a gate of two layers at one scale, from bias_grad, a lane's channel of the
+// gradient of b2. Called by a whole warp, which alone writes gate_grad. Lane j keeps the gradient
+// of hidden unit j, which a butterfly of shuffles sums over the channels; each lane then adds to
+// numbers of its own, so that nothing needs a barrier.
+__device__ inline void AddTwoLayerGrad(const float* gate, float scale, float bias_grad,
+                                       float* gate_grad) {
+  const int lane = static_cast<int>(threadIdx.x) % 32;
+  float hidden_grad = 0;
+  for (int j = 0; j < kGateHidden; ++j) {
+    const int at = 2 * kGateHidden + j * kFeatureSize + lane;
+    const float sum = Total(Channel(gate[at] * bias_grad)).v;
+    if (lane == j) hidden_grad = sum;
+    gate_grad[at] = MulAdd(HiddenUnit(gate, j, scale), bias_grad, gate_grad[at]);
+  }
+  gate_grad[2 * kGateHidden + kGateHidden * kFeatureSize + lane] += bias_grad;
+  if (!(HiddenUnit(gate, lane, scale) > 0)) return;
+  gate_grad[lane] = MulAdd(scale, hidden_grad, gate_grad[lane]);
+  gate_grad[kGateHidden + lane] += hidden_grad;
 }
 
 }  // namespace pepeseg

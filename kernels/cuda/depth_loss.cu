@@ -4,10 +4,9 @@
 #include <cub/block/block_scan.cuh>
 
 #include "kernels/cuda/cuda_backend.h"
-#include "kernels/cuda/launch.h"
 #include "kernels/math/depth.h"
 
-// DepthLoss (DepthLossArgs in kernels/ops/depth.h; METHOD.md section 1, "Depth"; formulas in
+// DepthLoss (DepthLossArgs in kernels/ops/render.h; METHOD.md section 1, "Depth"; formulas in
 // kernels/math/depth.h). Launches, ordered by the stream:
 //   GatherKernel    Dhat of each pixel, and its moments with the prior summed by block
 //   FitKernel       one block: the sums of the blocks, and the fit of the view and of the rectangle

@@ -1,7 +1,6 @@
 #include <cuda_runtime.h>
 
 #include "kernels/cuda/cuda_backend.h"
-#include "kernels/cuda/launch.h"
 #include "kernels/math/ssim.h"
 
 // ImageLoss (ImageLossArgs in kernels/ops/render.h; METHOD.md section 1): L1 and SSIM of a render

@@ -2,11 +2,11 @@
 
 #include "kernels/cuda/pair_work.cuh"
 #include "kernels/cuda/tensor_core.cuh"
-#include "kernels/math/pair.h"
+#include "kernels/math/feature.h"
 
 // Third pass of PairLoss: from the plan to the gradients of the normalised gated features,
 //   unit_grad_p = sum over q of (d loss / d C_pq) F_q / |psi * F_q|,
-// without the factor psi, which pair_pixels.cu applies. It is a product of matrices: one over (p,
+// without the factor psi, which pair_loss.cu applies. It is a product of matrices: one over (p,
 // q) that the bits of the plan and the weights generate on the fly, and one over (q, channel). It
 // runs on the tensor cores, in tf32 with each factor split in two (tensor_core.cuh).
 //
@@ -19,7 +19,7 @@
 // batch ahead.
 //
 // Each sum is in one thread's registers, over q in a fixed order, and the parts have places of
-// their own, which pair_pixels.cu adds in order: results are the same in every run.
+// their own, which pair_loss.cu adds in order: results are the same in every run.
 
 namespace pepeseg {
 namespace {

@@ -1,8 +1,7 @@
 #include <cuda_runtime.h>
 
 #include "kernels/cuda/channel.cuh"
-#include "kernels/cuda/gate.cuh"
-#include "kernels/cuda/launch.h"
+#include "kernels/cuda/cuda_backend.h"
 #include "kernels/cuda/pair_work.cuh"
 
 // First pass of PairLoss: everything that does not need cosines. One launch with three kinds of

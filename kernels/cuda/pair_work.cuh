@@ -4,13 +4,13 @@
 
 #include <cstdint>
 
-#include "kernels/cuda/arena.h"
+#include "kernels/cuda/cuda_backend.h"
 #include "kernels/ops/feature.h"
 
 // Working memory and passes of PairLoss (PairLossArgs in kernels/ops/feature.h; METHOD.md section
-// 3, "Contrastive loss"). pair_loss.cu is the op; the passes are in pair_plan.cu, pair_tiles.cu,
-// pair_gradients.cu, pair_pixels.cu and pair_sums.cu. Each is one launch, and the stream orders
-// them: a pass reads what the passes before it have written to global memory.
+// 3, "Contrastive loss"). pair_loss.cu is the op and has the last two passes; those before it
+// are in pair_plan.cu, pair_tiles.cu and pair_gradients.cu. Each is one launch, and the stream
+// orders them: a pass reads what the passes before it have written to global memory.
 //
 // Floats are never added by atomics: every partial sum has a place of its own, and a later pass
 // adds the places in a fixed order. Only counts, which are integers, are atomic. So losses and
@@ -48,7 +48,7 @@ static_assert(kMaxScales <= kPushShift);
 inline constexpr int kPairTile = 32;   // pixels a side of a tile of pairs
 inline constexpr int kPairSplits = 6;  // parts into which the sum over the other pixels q is split
 inline constexpr int kPairPad = 128;   // pixels are padded to a multiple of this
-inline constexpr int kPixelWarps = 8;  // pixels, and warps, a block in pair_pixels.cu
+inline constexpr int kPixelWarps = 8;  // pixels, and warps, a block of PixelGradientKernel
 
 // Arguments and working memory of all passes. The arrays are in the backend's temporary memory.
 struct PairWork {
@@ -67,9 +67,6 @@ struct PairWork {
   double* norm_loss;  // [pixel blocks] sum of the norm terms
 };
 
-// Lays the arrays out in the arena (see Arena). plan has padded^2 words: memory grows with S^2.
-PairWork TakePairWork(const PairLossArgs& args, Arena& arena);
-
 // Number of tiles on and above the diagonal.
 inline int NumPairTiles(const PairWork& work) {
   const int side = work.padded / kPairTile;
@@ -84,7 +81,7 @@ __device__ inline float Inverse(unsigned long long count) {
   return count == 0 ? 0.0f : static_cast<float>(1 / static_cast<double>(count));
 }
 
-// The passes, in their order.
+// The passes before the last two, in their order.
 //
 // The gate, the weights, G of all pairs of mask cells and the counts of pairs by G; and the norms
 // of the gated features.
@@ -92,10 +89,7 @@ void LaunchPairPlan(const PairWork& work, cudaStream_t stream);
 // Cosines of all pairs at all scales, which are not stored: the plan of which pairs count, and the
 // losses.
 void LaunchPairTiles(const PairWork& work, cudaStream_t stream);
-// From the plan to the gradients of units, then of pixels; and the sums over the parts of all
-// passes.
+// From the plan to the gradients of units.
 void LaunchUnitGradients(const PairWork& work, cudaStream_t stream);
-void LaunchPixelGradients(const PairWork& work, cudaStream_t stream);
-void LaunchPairSums(const PairWork& work, cudaStream_t stream);
 
 }  // namespace pepeseg

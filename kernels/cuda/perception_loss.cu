@@ -1,13 +1,10 @@
 #include <cuda_runtime.h>
 
-#include "kernels/cuda/arena.h"
 #include "kernels/cuda/channel.cuh"
 #include "kernels/cuda/cuda_backend.h"
-#include "kernels/cuda/gate.cuh"
-#include "kernels/cuda/launch.h"
 
-// PerceptionLoss (PerceptionLossArgs in kernels/ops/perception.h; METHOD.md section 3, "Perception
-// loss"; terms in kernels/math/pair.h). Two launches, ordered by the stream.
+// PerceptionLoss (PerceptionLossArgs in kernels/ops/feature.h; METHOD.md section 3, "Perception
+// loss"; terms in kernels/math/feature.h). Two launches, ordered by the stream.
 //
 // PairKernel: a block has kPixels pixels, one after the other, a warp one scale, a lane a channel.
 // It goes through the pairs of the pixel; norms and cosines are shuffles over the warp. Each pair

@@ -2,8 +2,6 @@
 
 #include "kernels/cuda/blend_tile.cuh"
 #include "kernels/cuda/cuda_backend.h"
-#include "kernels/cuda/launch.h"
-#include "kernels/cuda/warp_sums.cuh"
 
 // RenderBackward (RenderBackwardArgs in kernels/ops/render.h): from the gradients of the pixels to
 // those of the splats, by the formulas of kernels/math/blend.h. Two launches.
@@ -12,7 +10,7 @@
 // a lane has eight pixels of the tile, one in each cell. It goes through the entries from back to
 // front in groups of 32, whose splats are in shared memory (WarpBatch; __syncwarp before and after
 // they are replaced). For each entry the lanes compute the terms of their pixels, and shuffles sum
-// them over the warp (warp_sums.cuh). The sums of an entry go to its slot. Buckets are independent,
+// them over the warp (SumOverWarp). The sums of an entry go to its slot. Buckets are independent,
 // because the forward pass has stored the state of each pixel at their ends (render.cu).
 // Transmittances before a splat are recovered by division by 1 - alpha >= 0.01.
 //
@@ -26,6 +24,40 @@
 
 namespace pepeseg {
 namespace {
+
+// Sums each of N values over the 32 lanes of a warp. At each of five levels a lane gives half of
+// its values to its partner and takes over the other half, so that 10 values take 12 shuffles and
+// not 50. Afterwards value[0] of a lane is sum number IndexOfSum<N>(lane), and the other values are
+// unspecified. All 32 lanes must call it. The order of each sum is a fixed tree, so results are the
+// same in every run.
+template <int N, int kOffset = 16>
+__device__ void SumOverWarp(float (&value)[N], int lane) {
+  constexpr int kHalf = (N + 1) / 2;
+  float half[kHalf];
+  const bool upper = (lane & kOffset) != 0;
+#pragma unroll
+  for (int i = 0; i < kHalf; ++i) {
+    if (i + kHalf < N) {
+      const float give = upper ? value[i] : value[i + kHalf];
+      const float keep = upper ? value[i + kHalf] : value[i];
+      half[i] = keep + __shfl_xor_sync(0xffffffffu, give, kOffset);
+    } else {
+      half[i] = value[i] + __shfl_xor_sync(0xffffffffu, value[i], kOffset);
+    }
+  }
+  if constexpr (kOffset > 1) SumOverWarp<kHalf, kOffset / 2>(half, lane);
+  value[0] = half[0];
+}
+
+// The sum, in [0, N), that a lane holds after SumOverWarp. Several lanes may hold the same sum; its
+// bits are then equal, as float addition is commutative.
+template <int N, int kOffset = 16>
+__device__ int IndexOfSum(int lane) {
+  constexpr int kHalf = (N + 1) / 2;
+  int index = 0;
+  if constexpr (kOffset > 1) index = IndexOfSum<kHalf, kOffset / 2>(lane);
+  return (lane & kOffset) != 0 && index + kHalf < N ? index + kHalf : index;
+}
 
 // Sums over the pixels of a (splat, tile) entry: the moments of PowerMoments, then the gradients of
 // colour and depth.

@@ -7,7 +7,6 @@
 
 #include "kernels/cuda/blend_tile.cuh"
 #include "kernels/cuda/cuda_backend.h"
-#include "kernels/cuda/launch.h"
 #include "kernels/math/tile_cover.h"
 
 // Second part of Render: lists the (Gaussian, tile) entries, sorts them by tile and then by depth,

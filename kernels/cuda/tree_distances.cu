@@ -1,6 +1,6 @@
 #include <cuda_runtime.h>
 
-#include "kernels/cuda/launch.h"
+#include "kernels/cuda/cuda_backend.h"
 #include "kernels/cuda/tree_work.cuh"
 #include "kernels/math/reach.h"
 

@@ -4,7 +4,6 @@
 
 #include "kernels/cuda/cuda_backend.h"
 #include "kernels/cuda/device_planes.cuh"
-#include "kernels/cuda/launch.h"
 #include "kernels/math/adam.h"
 #include "kernels/math/blend.h"
 

@@ -93,7 +93,7 @@ PEPESEG_HD Blended<T> BlendStep(T alpha, T transmittance) {
   const T weight = alpha * transmittance;
 #ifdef __CUDA_ARCH__
   // On a device the transmittance is a product of factors 1 - alpha to the last bit, because
-  // render_backward.cu divides by the same factor, and capture_rows.cu multiplies factors of
+  // render_backward.cu divides by the same factor, and rows.cu multiplies factors of
   // several splats before it applies them. The CPU keeps the transmittance of each step instead.
   return {weight, transmittance * (T(1) - alpha)};
 #else

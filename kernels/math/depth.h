@@ -4,7 +4,7 @@
 
 // Comparison of rendered depth x with a prior d that is known up to scale and shift (alignment as
 // in MiDaS, Ranftl et al.; METHOD.md section 1, "Depth"). x is in scene units, or their inverse for
-// a disparity; d is in units of its own. The argument structs are in kernels/ops/depth.h.
+// a disparity; d is in units of its own. The argument structs are in kernels/ops/render.h.
 
 namespace pepeseg {
 

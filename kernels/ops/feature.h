@@ -1,14 +1,12 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
-#include <vector>
 
 #include "kernels/buffer.h"
-#include "kernels/ops/render.h"
+#include "kernels/ops/rows.h"
 
-// Arguments of the steps of stage two (METHOD.md section 3) and of queries (section 4). Geometry
-// is frozen, so a sampled pixel is its row of (Gaussian, weight), see CaptureRowsArgs.
+// Arguments of the steps of stage two (METHOD.md section 3). Geometry is frozen, so a sampled pixel
+// is its row of (Gaussian, weight), see CaptureRowsArgs.
 //
 // N is the number of Gaussians, S the number of sampled pixels. "touched" counts the Gaussians with
 // an entry, "entries" the (pixel, Gaussian) pairs. F(p) is the feature of pixel p, psi(s) the gate
@@ -23,37 +21,6 @@ namespace pepeseg {
 inline constexpr int kGateSize = 2 * kFeatureSize;
 inline constexpr int kTwoLayerGateSize = 2 * 32 + (32 + 1) * kFeatureSize;
 inline constexpr int kMaxScales = 16;
-
-// Sparse rows over Gaussians: of the sampled pixels of a view, with the Gaussians that are blended
-// there, or of Gaussians, with the neighbours that they are smoothed with.
-struct RowSpan {
-  DeviceSpan<const int32_t> first;     // [S + 1] first entry of each row
-  DeviceSpan<const int32_t> gaussian;  // [entries]
-  DeviceSpan<const float> weight;      // [entries]; empty: all are 1
-};
-
-// The same entries by Gaussian, from which the gradient of a Gaussian is gathered.
-struct ColumnSpan {
-  DeviceSpan<const int32_t> gaussian;  // [touched] ascending
-  DeviceSpan<const int32_t> first;     // [touched + 1] first entry of each column
-  DeviceSpan<const int32_t> pixel;     // [entries] -> row, ascending within a column
-  DeviceSpan<const float> weight;      // [entries]; empty: all are 1
-};
-
-// Transposes groups of rows. Each group is transposed by itself; its columns follow those of the
-// group before it. num_groups * num_gaussians must be below 2^31. The host waits for the sizes.
-struct TransposeRowsArgs {
-  RowSpan rows;
-  // On the host: the first row of each group, then the end of the last. Empty: one group of all.
-  std::span<const int32_t> group_first = {};  // [groups + 1] ascending
-  int64_t num_gaussians = 0;                  // N; entries of `rows` are below it
-  Buffer<int32_t>* gaussian = nullptr;        // the arrays of a ColumnSpan, sized by the op
-  Buffer<int32_t>* first = nullptr;
-  Buffer<int32_t>* pixel = nullptr;  // relative to the first row of the group
-  Buffer<float>* weight = nullptr;   // not written if the rows have no weights
-  // On the host: the first column of each group, then the number of columns; may be null.
-  std::vector<int32_t>* group_column = nullptr;  // [groups + 1]
-};
 
 // Features and the state of their optimiser. Adam is lazy and exact: a row that no sample touches
 // for k steps is left alone, and moved by what its moments would have done when it is next read.
@@ -162,6 +129,33 @@ enum CentroidSum {
   kNumCentroidSums
 };
 
+// What colour and depth indicate about a pair of pixels, at all scales: bit k is set if the pair is
+// similar at scale k, bit kDissimilarShift + k if it is dissimilar. Where both are set, similar
+// wins.
+using PairCues = uint32_t;
+inline constexpr int kDissimilarShift = 16;
+static_assert(kMaxScales <= kDissimilarShift);
+// Perception loss L_p (METHOD.md section 3, "Perception loss"): mean over scales of [mean over
+// similar pairs of (1 - C) + mean over dissimilar pairs of max(C, 0)], where C is the cosine of
+// psi(s) * F(p) and psi(s) * F(q). Which pairs there are does not depend on any feature, so they
+// are listed, and their numbers known, in advance. Adds weight * d L_p to the gradients.
+struct PerceptionLossArgs {
+  DeviceSpan<const float> pixel_features;  // [S, 32] F
+  // The pairs by pixel; each pair is listed twice, under either of its pixels.
+  DeviceSpan<const int32_t> first;  // [S + 1] first entry of each pixel
+  DeviceSpan<const int32_t> other;  // [entries] the other pixel, in [0, S)
+  DeviceSpan<const PairCues> cues;  // [entries]
+  // Weight of a pair at a scale: of similar pairs, then of dissimilar ones. Each is
+  // 1 / (num_scales * number of those pairs at that scale).
+  DeviceSpan<const float> share;   // [2, num_scales]
+  DeviceSpan<const float> scales;  // [num_scales] quantile scales; at most kMaxScales
+  DeviceSpan<const float> gate;    // [kGateSize] or [kTwoLayerGateSize]
+  float weight = 1;                // factor of the gradients; not of `loss`
+  DeviceSpan<float> pixel_grad;    // [S, 32] in and out: added to
+  DeviceSpan<float> gate_grad;     // as gate, in and out: added to
+  DeviceSpan<double> loss;         // [1] L_p
+};
+
 // Backward pass through the rows, the norm term of Gaussians and one step of Adam, in one pass over
 // the Gaussians that the batch touches. The norm term is norm_weight * mean of (|f| - 1)^2 over the
 // touched Gaussians, in place of the mean over all: the same in expectation where Gaussians are
@@ -178,57 +172,5 @@ struct FeatureUpdateArgs {
   FeatureState state;  // in and out; the touched rows become up to date with `step`
   DeviceSpan<float> gate, gate_moment1, gate_moment2;  // of one size, in and out
 };
-
-// cos(psi * F(p), psi * q_k) for a cached feature map and query vectors. 0 where |F(p)| < min_norm:
-// little is blended there, or features that have nothing in common.
-struct SimilarityArgs {
-  DeviceSpan<const Half> map;       // [num_pixels, 32] see RenderFeaturesArgs
-  DeviceSpan<const float> psi;      // [32] the gate at the scale of the query
-  DeviceSpan<const float> queries;  // [num_queries, 32] features, not yet gated
-  float min_norm = 0;               // length of F, not gated
-  DeviceSpan<float> similarity;     // [num_queries, num_pixels] in [-1, 1]
-};
-
-// Mask of a query (METHOD.md section 4). A pixel is inside if its largest similarity (see
-// SimilarityArgs) to the first num_positive queries exceeds both the threshold and its largest
-// similarity to the other queries.
-struct SegmentPixelsArgs {
-  DeviceSpan<const Half> map;         // [num_pixels, 32]
-  DeviceSpan<const float> psi;        // [32]
-  DeviceSpan<const float> queries;    // [num_queries, 32], at most kMaxQueries; positive ones first
-  int num_positive = 1;               // 1..num_queries
-  float min_norm = 0;                 // see SimilarityArgs
-  float threshold = 0;                // cosine; below 0 pixels under min_norm are inside, too
-  DeviceSpan<uint8_t> mask;           // [num_pixels] 0 or 1
-  DeviceSpan<float> similarity = {};  // [num_pixels] the largest positive one; empty: not written
-  DeviceSpan<int64_t> sums;           // [kNumSegmentSums]
-};
-inline constexpr int kMaxQueries = 256;
-enum SegmentSum {
-  kNumInside,      // pixels in the mask
-  kSimilaritySum,  // sum over them of round(similarity * kSimilarityUnit): exact in any order
-  kNumSegmentSums
-};
-inline constexpr float kSimilarityUnit = 1 << 20;
-
-// Compares the masks of one query at many scales and thresholds. The threshold level of a pixel at
-// a scale is the number of thresholds that its largest similarity to the first num_positive queries
-// exceeds, or 0 if another query is at least as similar. The mask at threshold t is the pixels with
-// a level above t. Limits are not checked.
-struct LevelOverlapsArgs {
-  DeviceSpan<const Half> map;       // [num_pixels, 32]
-  DeviceSpan<const float> psi;      // [num_scales, 32], at most kMaxLevelScales
-  DeviceSpan<const float> queries;  // [num_queries, 32], at most kMaxQueries; positive ones first
-  int num_positive = 1;             // 1..num_queries
-  DeviceSpan<const float> thresholds;  // [num_thresholds] ascending, at most kMaxThresholds
-  float min_norm = 0;                  // see SimilarityArgs
-  DeviceSpan<uint8_t> levels;          // [num_scales, num_pixels] 0..num_thresholds
-  // [num_scales, num_scales, num_thresholds + 1, num_thresholds + 1] number of pixels by their
-  // levels at two scales, the first scale not above the second; 0 where it is above. Pixels of
-  // level 0 at both scales are not counted.
-  DeviceSpan<int32_t> overlaps;
-};
-inline constexpr int kMaxLevelScales = 32;
-inline constexpr int kMaxThresholds = 15;
 
 }  // namespace pepeseg

@@ -5,8 +5,8 @@
 #include "core/decompose/decomposition.h"
 #include "core/reconstruct/estimate.h"
 #include "core/render/feature_maps.h"
+#include "kernels/buffer.h"
 #include "kernels/gaussian_planes.h"
-#include "kernels/scratch_bytes.h"
 
 namespace pepeseg {
 namespace {

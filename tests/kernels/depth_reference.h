@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/ops/depth.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <random>
 
+#include "kernels/math/feature.h"
 #include "kernels/math/gate.h"
-#include "kernels/math/pair.h"
 
 namespace pepeseg {
 namespace {

@@ -4,7 +4,7 @@
 #include <numeric>
 #include <random>
 
-#include "kernels/math/direction.h"
+#include "kernels/math/feature.h"
 #include "tests/kernels/backend_test.h"
 #include "tests/kernels/central_differences.h"
 #include "tests/kernels/sparse_rows.h"

@@ -1,14 +1,14 @@
 #pragma once
 
 #include "kernels/cpu/simd/lanes.h"
-#include "kernels/math/pair.h"
+#include "kernels/math/feature.h"
 #include "kernels/ops/feature.h"
 
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 
-// A feature of 32 numbers is kVectors vectors of lanes. The templates of kernels/math/pair.h take
-// it as an array of `count` = kVectors elements; Total sums the lanes of one, into all lanes.
+// A feature of 32 numbers is kVectors vectors of lanes. The templates of kernels/math/feature.h
+// take it as an array of `count` = kVectors elements; Total sums the lanes of one, into all lanes.
 inline constexpr int kVectors = kFeatureSize / kLanes;
 
 using pepeseg::Total;

@@ -1,6 +1,6 @@
-#include "kernels/cpu/image_loss_band.h"
 #include "kernels/cpu/simd/kernels.h"
 #include "kernels/cpu/simd/lanes.h"
+#include "kernels/cpu/simd_kernels.h"
 #include "kernels/math/ssim.h"
 
 // L1, SSIM and their gradients for one band of scanlines of one channel, in one pass down. The

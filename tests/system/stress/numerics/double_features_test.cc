@@ -4,7 +4,7 @@
 #include <random>
 
 #include "kernels/math/adam.h"
-#include "kernels/math/pair.h"
+#include "kernels/math/feature.h"
 #include "tests/kernels/pair_reference.h"
 #include "tests/kernels/test_scene.h"
 #include "tests/system/stress/full_stress.h"

@@ -1,3 +1,0 @@
-#pragma once
-
-#include "kernels/math/tile_cover.h"
