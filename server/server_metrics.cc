@@ -18,7 +18,6 @@
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
 #include "pepeseg/v1/selection_service.grpc.pb.h"
 #include "server/observe/process_use.h"
-#include "server/observe/sample.h"
 #include "server/rpc/stream_registry.h"
 
 namespace pepeseg {

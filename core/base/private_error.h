@@ -11,7 +11,7 @@ namespace pepeseg {
 
 // Returns an error whose text is for the server's log only, because it reports details of the
 // database, the files or the machine. Clients get a general text instead
-// (server/api/client_error.h).
+// (server/api/error.h).
 absl::Status PrivateError(absl::StatusCode code, absl::string_view text);
 bool IsPrivate(const absl::Status& status);
 

@@ -1,91 +1,192 @@
 #include "server/api/convert.h"
 
-#include <algorithm>
-#include <cmath>
-#include <initializer_list>
 #include <string>
-#include <utility>
-#include <vector>
+#include <type_traits>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/store/error_detail.h"
+
+// Each option is named once, for both directions: it has the same name in the message and in the
+// struct. A test proves that no field is missing.
+#define PEPESEG_IMPORT_FIELDS(FIELD) FIELD(image_scale) FIELD(held_out_every)
+#define PEPESEG_PRIOR_FIELDS(FIELD) FIELD(masks) FIELD(depth)
+// (clang-format formats lists of this length differently each time.)
+// clang-format off
+#define PEPESEG_SFM_FIELDS(FIELD) \
+  FIELD(matching) FIELD(max_features) FIELD(sequential_overlap) \
+  FIELD(min_registered_share) FIELD(max_seconds) FIELD(max_video_frames)
+#define PEPESEG_RECONSTRUCT_FIELDS(FIELD) \
+  FIELD(num_steps) \
+  FIELD(sh_degree) \
+  FIELD(ssim_weight) \
+  FIELD(mean_learning_rate) \
+  FIELD(mean_learning_rate_final) \
+  FIELD(mean_rate_pixels) \
+  FIELD(rates_fall_from) \
+  FIELD(log_scale_learning_rate) \
+  FIELD(rotation_learning_rate) \
+  FIELD(opacity_learning_rate) \
+  FIELD(sh_learning_rate) \
+  FIELD(densify_from) \
+  FIELD(densify_until) \
+  FIELD(densify_every) \
+  FIELD(densify_gradient) \
+  FIELD(densify_size) \
+  FIELD(prune_opacity) \
+  FIELD(opacity_reset_every) \
+  FIELD(max_gaussians) \
+  FIELD(num_random_points) \
+  FIELD(seed) \
+  FIELD(coarse_until) \
+  FIELD(depth_weight) \
+  FIELD(depth_weight_final) \
+  FIELD(depth_local_weight) \
+  FIELD(depth_local_form) \
+  FIELD(depth_window) \
+  FIELD(capture_kind) \
+  FIELD(refine_keep) \
+  FIELD(refine_from) \
+  FIELD(refine_length) \
+  FIELD(refine_candidates) \
+  FIELD(min_loss_fall) \
+  FIELD(closing_share) \
+  FIELD(min_band_gain) \
+  FIELD(min_depth_agreement) \
+  FIELD(pixels_per_gaussian) \
+  FIELD(opacity_decay) \
+  FIELD(mean_learning_rate_cap) \
+  FIELD(prune_size) \
+  FIELD(disparity_as_inverse_depth)
+#define PEPESEG_FEATURE_FIELDS(FIELD) \
+  FIELD(num_steps) \
+  FIELD(num_pixels) \
+  FIELD(mask_share) \
+  FIELD(sure_views) \
+  FIELD(min_mask_agreement) \
+  FIELD(complete_masks) \
+  FIELD(fine_first) \
+  FIELD(num_background_pixels) \
+  FIELD(num_scales) \
+  FIELD(scale_mapping) \
+  FIELD(learning_rate) \
+  FIELD(learning_rate_final) \
+  FIELD(num_neighbors) \
+  FIELD(num_drawn_neighbors) \
+  FIELD(centroid_from) \
+  FIELD(centroid_every) \
+  FIELD(centroid_pixels) \
+  FIELD(centroid_weight_upper) \
+  FIELD(centroid_weight_lower) \
+  FIELD(perception_weight) \
+  FIELD(num_perception_pixels) \
+  FIELD(perception_threshold) \
+  FIELD(perception_cross_view) \
+  FIELD(steps_per_chunk) \
+  FIELD(min_loss_fall) \
+  FIELD(closing_share) \
+  FIELD(seed) \
+  FIELD(gate_layers) \
+  FIELD(centroid_cosine_upper) \
+  FIELD(centroid_cosine_lower) \
+  FIELD(centroid_check_masks) \
+  FIELD(perception_fit_window) \
+  FIELD(perception_unlabelled_only) \
+  FIELD(perception_depth_floor) \
+  FIELD(perception_color_floor)
+// clang-format on
+
+// The casts are for enums, which have the same numbers in the message and in the struct.
+#define PEPESEG_OVERLAY(name)                    \
+  if (IsGiven(proto.has_##name(), proto.name())) \
+    options->name = static_cast<decltype(options->name)>(proto.name());
+#define PEPESEG_SET(name) proto->set_##name(static_cast<decltype(proto->name())>(options.name));
 
 namespace pepeseg {
 namespace {
 
-// Limits of a free camera: they bound the memory of a render, as those of files bound views.
-constexpr int kMaxExtent = 16384;
-constexpr int64_t kMaxPixels = 16'000'000;
-// Maximum number of points of a prompt: each takes a part of the time of a query.
-constexpr int kMaxPoints = 64;
-// Clients send quaternions in decimal or single precision, so a small error of the norm is accepted
-// and corrected.
-constexpr double kMaxNormError = 1e-3;
-
-absl::Status BadGeometry(const std::string& field, const std::string& what) {
-  return WithDetail(absl::InvalidArgumentError(absl::StrCat(field, ": ", what)),
-                    {.reason = "BAD_FIELD", .field = field});
+// UNSPECIFIED, the zero of an enum, means the default, as if the field were absent. The zero of a
+// number is a value.
+template <typename Value>
+bool IsGiven(bool present, Value value) {
+  if constexpr (std::is_enum_v<Value>) return present && static_cast<int>(value) != 0;
+  return present;
 }
 
-absl::Status CheckCamera(const v1::PinholeCamera& camera, const std::string& field) {
-  const int64_t width = camera.width();
-  const int64_t height = camera.height();
-  if (width < 1 || height < 1 || width > kMaxExtent || height > kMaxExtent ||
-      width * height > kMaxPixels) {
-    return BadGeometry(field, absl::StrCat(width, " x ", height, " pixels, allowed are 1..",
-                                           kMaxExtent, " each and ", kMaxPixels, " in all"));
-  }
-  for (const auto& [name, focal] : {std::pair{"fx", camera.fx()}, {"fy", camera.fy()}}) {
-    if (!std::isfinite(focal) || focal <= 0) {
-      return BadGeometry(absl::StrCat(field, ".", name),
-                         absl::StrCat(focal, " is not finite and > 0"));
-    }
-  }
-  for (const auto& [name, centre] : {std::pair{"cx", camera.cx()}, {"cy", camera.cy()}}) {
-    if (!std::isfinite(centre)) {
-      return BadGeometry(absl::StrCat(field, ".", name), absl::StrCat(centre, " is not finite"));
-    }
-  }
-  return absl::OkStatus();
+void OverlayImport(const v1::ImportOptions& proto, ImportOptions* options) {
+  PEPESEG_IMPORT_FIELDS(PEPESEG_OVERLAY)
+  // A repeated field is given if it is not empty.
+  if (proto.held_out_views().empty()) return;
+  options->held_out_views.assign(proto.held_out_views().begin(), proto.held_out_views().end());
 }
-
-// Returns INVALID_ARGUMENT unless all values are finite. NaN would pass comparisons of ranges
-// further on.
-absl::Status CheckFinite(std::initializer_list<std::pair<const char*, double>> values,
-                         const std::string& field) {
-  for (const auto& [name, value] : values) {
-    if (std::isfinite(value)) continue;
-    return BadGeometry(absl::StrCat(field, ".", name), absl::StrCat(value, " is not finite"));
-  }
-  return absl::OkStatus();
+void OverlayPriors(const v1::PriorOptions& proto, PriorOptions* options) {
+  PEPESEG_PRIOR_FIELDS(PEPESEG_OVERLAY)
 }
-
-absl::StatusOr<Eigen::Quaterniond> RotationFromProto(const v1::Quaternion& q,
-                                                     const std::string& field) {
-  RETURN_IF_ERROR(CheckFinite({{"w", q.w()}, {"x", q.x()}, {"y", q.y()}, {"z", q.z()}}, field));
-  const Eigen::Quaterniond rotation(q.w(), q.x(), q.y(), q.z());
-  const double norm = rotation.norm();
-  if (std::abs(norm - 1) > kMaxNormError) {
-    return BadGeometry(field, absl::StrCat("norm ", norm, " instead of 1 within ", kMaxNormError));
-  }
-  return rotation.normalized();
+void OverlaySfm(const v1::SfmOptions& proto, SfmOptions* options) {
+  PEPESEG_SFM_FIELDS(PEPESEG_OVERLAY)
 }
+void OverlayReconstruct(const v1::ReconstructOptions& proto, ReconstructOptions* options) {
+  PEPESEG_RECONSTRUCT_FIELDS(PEPESEG_OVERLAY)
+}
+void OverlayFeatures(const v1::FeatureOptions& proto, FeatureOptions* options) {
+  PEPESEG_FEATURE_FIELDS(PEPESEG_OVERLAY)
+}
+void SetImport(const ImportOptions& options, v1::ImportOptions* proto) {
+  PEPESEG_IMPORT_FIELDS(PEPESEG_SET)
+  for (const std::string& view : options.held_out_views) proto->add_held_out_views(view);
+}
+void SetPriors(const PriorOptions& options, v1::PriorOptions* proto) {
+  PEPESEG_PRIOR_FIELDS(PEPESEG_SET)
+}
+void SetSfm(const SfmOptions& options, v1::SfmOptions* proto) { PEPESEG_SFM_FIELDS(PEPESEG_SET) }
+void SetReconstruct(const ReconstructOptions& options, v1::ReconstructOptions* proto) {
+  PEPESEG_RECONSTRUCT_FIELDS(PEPESEG_SET)
+}
+void SetFeatures(const FeatureOptions& options,
+                 v1::FeatureOptions* proto){PEPESEG_FEATURE_FIELDS(PEPESEG_SET)}
 
-absl::StatusOr<Pose> PoseFromProto(const v1::RigidTransform& proto, const std::string& field) {
-  const std::string rotation_field = absl::StrCat(field, ".rotation");
-  const std::string translation_field = absl::StrCat(field, ".translation");
-  if (!proto.has_rotation()) return BadGeometry(rotation_field, "is required");
-  if (!proto.has_translation()) return BadGeometry(translation_field, "is required");
-  Pose pose;
-  ASSIGN_OR_RETURN(pose.rotation, RotationFromProto(proto.rotation(), rotation_field));
-  const v1::Vector3& t = proto.translation();
-  RETURN_IF_ERROR(CheckFinite({{"x", t.x()}, {"y", t.y()}, {"z", t.z()}}, translation_field));
-  pose.translation = Eigen::Vector3d(t.x(), t.y(), t.z());
-  return pose;
+// Puts the name of the options' message before the error of a stage.
+absl::Status Below(const std::string& message, const absl::Status& status) {
+  if (status.ok()) return status;
+  return {status.code(), absl::StrCat("options.", message, ": ", status.message())};
 }
 
 }  // namespace
+
+void Overlay(const v1::TrainingOptions& proto, TrainingSettings* settings) {
+  if (IsGiven(proto.has_preset(), proto.preset())) {
+    settings->preset = static_cast<Preset>(proto.preset());
+  }
+  // The preset comes first, so that options that are given override it.
+  Apply(settings->preset, settings->reconstruct, settings->features);
+  OverlayImport(proto.import(), &settings->import);
+  OverlayPriors(proto.priors(), &settings->priors);
+  OverlaySfm(proto.sfm(), &settings->sfm);
+  OverlayReconstruct(proto.reconstruct(), &settings->reconstruct);
+  OverlayFeatures(proto.features(), &settings->features);
+}
+
+absl::StatusOr<TrainingSettings> TrainingSettingsFromProto(const v1::TrainingOptions& proto) {
+  TrainingSettings settings;
+  Overlay(proto, &settings);
+  RETURN_IF_ERROR(Below("preset", Validate(settings.preset)));
+  RETURN_IF_ERROR(Below("import", Validate(settings.import)));
+  RETURN_IF_ERROR(Below("priors", Validate(settings.priors)));
+  RETURN_IF_ERROR(Below("sfm", Validate(settings.sfm)));
+  RETURN_IF_ERROR(Below("reconstruct", Validate(settings.reconstruct)));
+  RETURN_IF_ERROR(Below("features", Validate(settings.features)));
+  return settings;
+}
+
+v1::TrainingOptions ToProto(const TrainingSettings& settings) {
+  v1::TrainingOptions proto;
+  proto.set_preset(static_cast<v1::TrainingPreset>(settings.preset));
+  SetImport(settings.import, proto.mutable_import());
+  SetPriors(settings.priors, proto.mutable_priors());
+  SetSfm(settings.sfm, proto.mutable_sfm());
+  SetReconstruct(settings.reconstruct, proto.mutable_reconstruct());
+  SetFeatures(settings.features, proto.mutable_features());
+  return proto;
+}
 
 absl::StatusOr<FileKind> FileKindFromProto(v1::FileKind kind) {
   switch (kind) {
@@ -171,43 +272,6 @@ v1::ImageScores ToProto(const ImageScores& scores) {
   proto.set_ssim(scores.ssim);
   if (scores.lpips) proto.set_lpips(*scores.lpips);
   return proto;
-}
-
-absl::StatusOr<ModelView> FreeViewFromProto(const v1::Viewpoint::FreeCamera& proto,
-                                            const std::string& field) {
-  RETURN_IF_ERROR(CheckCamera(proto.camera(), field + ".camera"));
-  ModelView view;
-  ASSIGN_OR_RETURN(view.cam_from_world,
-                   PoseFromProto(proto.cam_from_world(), field + ".cam_from_world"));
-  const v1::PinholeCamera& camera = proto.camera();
-  view.camera = {camera.width(), camera.height(), camera.fx(),
-                 camera.fy(),    camera.cx(),     camera.cy()};
-  return view;
-}
-
-absl::StatusOr<std::vector<PointPrompt>> PointsFromProto(const v1::PointsPrompt& proto,
-                                                         const std::string& field) {
-  const auto bad_points = [](const std::string& name, const std::string& what) {
-    return WithDetail(absl::InvalidArgumentError(absl::StrCat(name, ": ", what)),
-                      {.reason = "BAD_FIELD", .field = name});
-  };
-  if (proto.points_size() < 1 || proto.points_size() > kMaxPoints) {
-    return bad_points(field + ".points",
-                      absl::StrCat(proto.points_size(), " points, allowed are 1..", kMaxPoints));
-  }
-  std::vector<PointPrompt> points;
-  bool any_positive = false;
-  for (const v1::PointsPrompt::Point& point : proto.points()) {
-    if (!std::isfinite(point.x()) || !std::isfinite(point.y())) {
-      return bad_points(absl::StrCat(field, ".points[", points.size(), "]"),
-                        absl::StrCat("(", point.x(), ", ", point.y(), ") is not finite"));
-    }
-    points.push_back({point.x(), point.y(), !point.negative()});
-    any_positive |= !point.negative();
-  }
-  // Negative points only take away from what positive ones select.
-  if (!any_positive) return bad_points(field + ".points", "no positive point among them");
-  return points;
 }
 
 }  // namespace pepeseg

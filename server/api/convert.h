@@ -2,13 +2,11 @@
 
 #include <array>
 #include <string>
-#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "core/dataset/import.h"
-#include "core/query/segmenter.h"
 #include "core/scene/model.h"
 #include "core/train/training_settings.h"
 #include "google/protobuf/duration.pb.h"
@@ -16,7 +14,6 @@
 #include "pepeseg/v1/dataset_service.pb.h"
 #include "pepeseg/v1/geometry.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
-#include "pepeseg/v1/segmentation_service.pb.h"
 #include "pepeseg/v1/training_options.pb.h"
 
 // Conversions between messages of the contract and types of core that server and worker both need.
@@ -38,15 +35,5 @@ google::protobuf::Duration ToProto(absl::Duration duration);
 v1::Vector3 VectorToProto(const std::array<double, 3>& vector);
 v1::View ToProto(const ModelView& view);
 v1::ImageScores ToProto(const ImageScores& scores);
-
-// Reads a camera that is not one of the model's. INVALID_ARGUMENT names the field, below `field`,
-// that is not finite or out of range.
-absl::StatusOr<ModelView> FreeViewFromProto(const v1::Viewpoint::FreeCamera& proto,
-                                            const std::string& field);
-
-// Reads 1 to 64 finite points, of which at least one is positive. INVALID_ARGUMENT names the field,
-// at or below `field`. Whether they are inside the image is checked by the caller.
-absl::StatusOr<std::vector<PointPrompt>> PointsFromProto(const v1::PointsPrompt& proto,
-                                                         const std::string& field = "points");
 
 }  // namespace pepeseg

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <filesystem>
 #include <string>
 #include <string_view>
 
@@ -10,6 +11,8 @@
 #include "pepeseg/v1/errors.pb.h"
 #include "server/store/error_detail.h"
 
+// Errors of calls: made with a detail for the client, converted for the wire, and freed from what
+// clients must not see.
 namespace pepeseg {
 
 // An absl::Status has at most one detail for its client (see WithDetail): the first one stays.
@@ -31,6 +34,11 @@ absl::Status TooManyStreamsError(const std::string& whose, size_t limit);
 // `limit`.
 absl::Status TooSlowError(absl::Duration limit);
 
+// Maximum size of an answer in bytes: what gRPC clients take in one message by default.
+inline constexpr size_t kAnswerBytes = size_t{4} << 20;
+// Returns RESOURCE_EXHAUSTED for more than kAnswerBytes.
+absl::Status CheckAnswerSize(size_t num_bytes);
+
 // Return a status for the wire: the same code, the message cut so that the trailers stay under 4
 // KB, and the detail of WithDetail, with the name of the code as its reason if it has none. A
 // PrivateError gets a further detail as a mark for HidePrivateText, which all errors pass before
@@ -38,10 +46,21 @@ absl::Status TooSlowError(absl::Duration limit);
 v1::Status ToProto(const absl::Status& status);
 grpc::Status ToGrpc(const absl::Status& status);
 bool IsMarkedPrivate(const v1::Status& status);
-// Replaces the details, and so a mark, by `detail`; call it after the message is set.
-void SetDetail(const ErrorDetail& detail, v1::Status& status);
 
-// Returns the same error as fields, for messages.
+// What an error must not show, and what it shows instead.
+struct ClientErrorRules {
+  std::filesystem::path data_folder;  // absolute
+  std::string request_id;             // by which the cause is found in the log; empty: unknown
+};
+
+// Replaces the text of INTERNAL, UNKNOWN (which becomes INTERNAL) and PrivateError by a general
+// one; a private UNAVAILABLE may be retried after a second. In all other errors it makes paths
+// relative to the data directory. Returns whether it has changed anything: then the original
+// belongs in the log.
+bool HidePrivateText(const ClientErrorRules& rules, v1::Status& status);
+bool HidePrivateText(const ClientErrorRules& rules, grpc::Status& status);
+
+// Returns an error for the wire as fields, for messages.
 v1::Error FlatError(const v1::Status& status);
 
 // Reason of a RESOURCE_EXHAUSTED that says that the disk is full.

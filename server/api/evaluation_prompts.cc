@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/api/error.h"
-#include "server/api/prompt_shapes.h"
+#include "server/api/request_geometry.h"
 #include "server/api/request_image.h"
 
 namespace pepeseg {

@@ -12,7 +12,7 @@
 #include "core/scene/camera.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
-#include "server/api/prompt_shapes.h"
+#include "server/api/request_geometry.h"
 #include "server/api/request_image.h"
 
 namespace pepeseg {

@@ -17,7 +17,7 @@ namespace pepeseg {
 // Committed bytes are on the disk, and a later writer can resume after them. The writer commits
 // every 32 MiB and when it is destroyed. A complete file is checked (Finish), synced, and published
 // under the blob's name, either alone (Commit) or together with other files
-// (server/services/write_group.h). Not thread safe. Calls block on the disk.
+// (server/services/upload_files.h). Not thread safe. Calls block on the disk.
 class BlobWriter {
  public:
   struct Target {

@@ -16,7 +16,7 @@
 #include "core/base/private_error.h"
 #include "core/base/status_macros.h"
 #include "server/jobs/process.h"
-#include "server/worker_protocol/job_environment.h"
+#include "server/worker_protocol/job_isolation.h"
 
 namespace pepeseg {
 namespace {

@@ -27,7 +27,7 @@
 #include "core/base/private_error.h"
 #include "core/base/status_macros.h"
 #include "server/jobs/launcher.h"
-#include "server/worker_protocol/job_environment.h"
+#include "server/worker_protocol/job_isolation.h"
 
 namespace pepeseg {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "core/base/status_macros.h"
 #include "server/jobs/supervisor_loop.h"
-#include "server/worker_protocol/landlock_version.h"
+#include "server/worker_protocol/job_isolation.h"
 
 namespace pepeseg {
 

@@ -1,6 +1,6 @@
 #include "server/observe/job_metrics.h"
 
-#include "server/observe/sample.h"
+#include "server/observe/exposition.h"
 #include "server/worker_protocol/job_stage.h"
 
 namespace pepeseg {

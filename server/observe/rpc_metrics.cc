@@ -4,7 +4,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "server/observe/sample.h"
+#include "server/observe/exposition.h"
 
 namespace pepeseg {
 namespace {

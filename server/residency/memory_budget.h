@@ -3,10 +3,16 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
+#include <mutex>
 #include <string>
+#include <utility>
 
 #include "absl/status/status.h"
+#include "core/model_files/model_file.h"
+#include "kernels/backend.h"
 
+// What models take of the memories of host and device, how much may be taken, and who holds it.
 namespace pepeseg {
 
 // Bytes of the host's memory and of the device's memory.
@@ -24,6 +30,12 @@ struct MemoryBytes {
     return *this;
   }
 };
+
+// Returns an upper bound of what a Segmenter of such a model takes on the host and on the backend:
+// Gaussians and features, the decompositions and feature maps that it may keep, and the scratch of
+// a render of MostPixels pixels (Backend::ScratchBytes). What a single query takes in addition,
+// such as blend rows or a larger view, is not counted: it is freed with the query.
+MemoryBytes BytesOfModel(const Backend& backend, const ModelShape& shape);
 
 // How much of the two memories may be reserved: 95 % of each limit. The rest is left for memory
 // that is not counted, such as the scratch of queries and the gaps between blocks.
@@ -74,6 +86,62 @@ class MemoryLedger {
   const MemoryBudget budget_;
   MemoryBytes used_;
   std::map<std::string, MemoryBytes> used_by_;  // has only owners who have taken something
+};
+
+// What a cache and its values share. It lives as long as the last of them.
+struct ResidencyState {
+  struct Counts {
+    int64_t num_loads = 0, num_evictions = 0;
+  };
+  ResidencyState(const MemoryBudget& budget, std::function<void()> release)
+      : release_freed(std::move(release)), ledger(budget) {}
+
+  const std::function<void()> release_freed;  // called after a value was destroyed
+  std::mutex mutex;                           // guards all below
+  MemoryLedger ledger;
+  int64_t clock = 0;
+  Counts counts;
+};
+
+// A value and its bytes, which are given back when neither a handle nor the cache holds it.
+template <typename Value>
+struct ResidentValue {
+  // The bytes must be taken already.
+  ResidentValue(std::shared_ptr<ResidencyState> of, const MemoryBytes& num_bytes, std::string whose)
+      : state(std::move(of)), bytes(num_bytes), owner(std::move(whose)) {}
+  ResidentValue(const ResidentValue&) = delete;
+  ResidentValue& operator=(const ResidentValue&) = delete;
+  ~ResidentValue() {
+    value.reset();
+    if (state->release_freed) state->release_freed();
+    const std::lock_guard lock(state->mutex);
+    state->ledger.GiveBack(bytes, owner);
+  }
+
+  std::shared_ptr<ResidencyState> state;
+  MemoryBytes bytes;
+  std::string owner;
+  std::unique_ptr<Value> value;
+};
+
+// Memory taken of a cache's budget for something that is not one of its values. The destructor
+// gives it back.
+class ReservedMemory {
+ public:
+  // The bytes must be taken already.
+  ReservedMemory(std::shared_ptr<ResidencyState> of, const MemoryBytes& bytes, std::string owner)
+      : state_(std::move(of)), bytes_(bytes), owner_(std::move(owner)) {}
+  ReservedMemory(const ReservedMemory&) = delete;
+  ReservedMemory& operator=(const ReservedMemory&) = delete;
+  ~ReservedMemory() {
+    const std::lock_guard lock(state_->mutex);
+    state_->ledger.GiveBack(bytes_, owner_);
+  }
+
+ private:
+  const std::shared_ptr<ResidencyState> state_;
+  const MemoryBytes bytes_;
+  const std::string owner_;
 };
 
 }  // namespace pepeseg

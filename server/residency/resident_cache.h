@@ -17,7 +17,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "core/base/status_macros.h"
-#include "server/residency/resident_value.h"
+#include "server/residency/memory_budget.h"
 
 namespace pepeseg {
 

@@ -10,7 +10,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "server/api/client_error.h"
+#include "server/api/error.h"
 #include "server/observe/log.h"
 #include "server/observe/trace_context.h"
 

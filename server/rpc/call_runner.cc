@@ -33,6 +33,13 @@ std::optional<std::string> CredentialOf(const grpc::CallbackServerContext& conte
 
 }  // namespace
 
+absl::Duration Stopwatch::Lap() {
+  const absl::Time now = absl::Now();
+  const absl::Duration lap = now - start_;
+  start_ = now;
+  return lap;
+}
+
 bool UnaryRequest::past_deadline() const {
   return context->deadline() < std::chrono::system_clock::now();
 }

@@ -30,13 +30,22 @@ struct UnaryRequest {
   // ask between expensive steps.
   absl::Status CheckWanted() const;
   bool past_deadline() const;
-  bool cancelled() const { return !CheckWanted().ok(); }
 };
 
 // A unary call on its pool thread, authorised.
 struct UnaryCall : UnaryRequest {
   absl::Duration queued;  // how long it waited for the thread
   const Caller& caller;
+};
+
+// Measures the parts of a call, one after the other.
+class Stopwatch {
+ public:
+  // Returns the time since the last lap, or since construction.
+  absl::Duration Lap();
+
+ private:
+  absl::Time start_ = absl::Now();
 };
 
 // Returns the W3C trace context of a call. The interceptor makes one for calls that bring none.

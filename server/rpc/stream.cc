@@ -19,7 +19,7 @@ void Stream::Begin() {
   if (state_ == State::kIdle) SubmitLocked();
 }
 
-// Queues Work() if nothing is under way; otherwise remembers the wake-up, and Run() works again
+// Queues Work() if nothing is under way; otherwise remembers the wake-up, and RunTask() works again
 // before it becomes idle. Thus Work() never runs twice at the same time, and no wake-up is lost.
 void Stream::Wake() {
   const std::lock_guard lock(mutex_);
@@ -97,7 +97,7 @@ void Stream::Done() {
   // `lock` is destroyed before `self`, which may destroy the stream and its mutex.
 }
 
-void Stream::Run() {
+void Stream::RunTask() {
   bool io_ok = false;
   {
     const std::lock_guard lock(mutex_);
@@ -132,7 +132,7 @@ void Stream::StartIoLocked() {
 void Stream::SubmitLocked() {
   state_ = State::kWorking;
   // The task holds the stream, so that Done() cannot destroy it while it waits in the queue.
-  if (!pool_->SubmitAlways([self = shared_from_this()] { self->Run(); })) {
+  if (!pool_->SubmitAlways([self = shared_from_this()] { self->RunTask(); })) {
     FinishLocked(DrainingError());
   }
 }

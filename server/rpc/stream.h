@@ -83,7 +83,8 @@ class Stream : public std::enable_shared_from_this<Stream> {
  private:
   enum class State { kIdle, kWorking, kIo, kFinished };
 
-  void Run();
+  // One task of the pool: calls Work() and acts on its answer.
+  void RunTask();
   void StartIoLocked();
   void SubmitLocked();
   void FinishLocked(const absl::Status& status);

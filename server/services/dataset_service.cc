@@ -13,7 +13,7 @@
 #include "server/api/mask_advice.h"
 #include "server/api/resource_name.h"
 #include "server/api/rows_to_proto.h"
-#include "server/services/delete_upload.h"
+#include "server/services/upload_files.h"
 #include "server/services/upload_rules.h"
 #include "server/services/write_files.h"
 #include "server/store/layout.h"

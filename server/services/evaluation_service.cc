@@ -5,12 +5,11 @@
 #include "absl/functional/function_ref.h"
 #include "core/base/status_macros.h"
 #include "server/api/convert.h"
-#include "server/api/evaluation_answer.h"
-#include "server/api/evaluation_options.h"
+#include "server/api/convert_evaluation.h"
+#include "server/api/error.h"
 #include "server/api/evaluation_prompts.h"
 #include "server/api/evaluation_views.h"
 #include "server/api/segment_request.h"
-#include "server/services/segment_answer.h"
 
 namespace pepeseg {
 

@@ -1,8 +1,151 @@
 #include "server/services/label_service.h"
 
-#include "server/services/label_answer.h"
+#include <algorithm>
+#include <string>
+#include <utility>
+#include <variant>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/formats/rle.h"
+#include "server/api/convert.h"
+#include "server/api/error.h"
+#include "server/api/request_image.h"
+#include "server/api/resource_name.h"
+#include "server/api/rows_to_proto.h"
+#include "server/api/segment_request.h"
 
 namespace pepeseg {
+namespace {
+
+constexpr size_t kMaxTextBytes = 256;
+
+v1::Label WithoutMask(const LabelRow& row) {
+  v1::Label proto;
+  proto.set_name(LabelName(row.scene, row.id));
+  proto.set_text(row.text);
+  proto.set_view(row.view);
+  proto.set_area(row.area);
+  *proto.mutable_create_time() = ToProto(row.create_time);
+  return proto;
+}
+
+// Returns the mask of a label as it is stored, in the pixels of the view.
+v1::CocoRle StoredRle(const LabelRow& row) {
+  v1::CocoRle rle;
+  rle.set_width(row.width);
+  rle.set_height(row.height);
+  rle.set_counts(row.counts);
+  return rle;
+}
+
+absl::Status CheckCreate(const v1::CreateLabelRequest& request) {
+  RETURN_IF_ERROR(CheckId(request.label_id(), "label_id"));
+  const size_t size = request.label().text().size();
+  if (size > kMaxTextBytes) {
+    return BadField("label.text", absl::StrCat(size),
+                    absl::StrCat("bytes; allowed are ", kMaxTextBytes));
+  }
+  return CheckRequestId(request.request_id());
+}
+
+// A label as the client gave it and as it is stored.
+struct GivenLabel {
+  LabelRow row;      // with the mask in the view
+  v1::CocoRle mask;  // in the frame of the request
+};
+
+// Reads a label; its view and mask are checked against the live model.
+absl::StatusOr<GivenLabel> ReadLabel(ModelLoader& models, const v1::CreateLabelRequest& request) {
+  GivenLabel given;
+  LabelRow& row = given.row;
+  ASSIGN_OR_RETURN(row.scene, ParseSceneName(request.parent(), "parent"));
+  RETURN_IF_ERROR(CheckCreate(request));
+  RETURN_IF_ERROR(CheckFrame(request.frame()));
+  const v1::Label& label = request.label();
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   models.Load(request.parent() + "/models/live", "parent"));
+  ASSIGN_OR_RETURN(const ModelView view,
+                   FindView(label.view(), model.segmenter->model(), "label.view"));
+  const ImageOfView image = ImageOf(view, request.frame());
+  ASSIGN_OR_RETURN(BinaryMask mask, ReadMask(label.mask(), image, "label.mask"));
+  given.mask = RleToProto(mask, image.frame.width(), image.frame.height());
+  // Counted before the mask is taken to the view, so the area is in the pixels of the client's
+  // frame.
+  row.area = std::count(mask.pixels.begin(), mask.pixels.end(), 1);
+  // Stored in the pixels of the view, which prompts use; the frame of later requests may be another
+  // one.
+  ASSIGN_OR_RETURN(mask, TakeToView(std::move(mask), image, "label.mask"));
+  row.id = request.label_id();
+  row.text = label.text().empty() ? row.id : label.text();
+  row.view = view.name;
+  row.width = view.camera.width;
+  row.height = view.camera.height;
+  row.counts = EncodeCocoRle(mask, row.width, row.height);
+  row.request_id = request.request_id();
+  return given;
+}
+
+// Loads the live model if it is not in memory.
+absl::Status AnswerCreateLabel(ModelLoader& models, const v1::CreateLabelRequest& request,
+                               v1::Label* response) {
+  ASSIGN_OR_RETURN(const GivenLabel given, ReadLabel(models, request));
+  const LabelRow& label = given.row;
+  const auto made = models.store().labels().CreateLabel(label);
+  if (absl::IsAlreadyExists(made.status())) {
+    return WithResource(made.status(), "LABEL_EXISTS", LabelName(label.scene, label.id));
+  }
+  RETURN_IF_ERROR(made.status());
+  *response = WithoutMask(*made);
+  // A retry with the same mask gets it in the frame of the request, as the first request did.
+  v1::CocoRle& mask = *response->mutable_mask()->mutable_rle();
+  mask = made->counts == label.counts ? given.mask : StoredRle(*made);
+  return absl::OkStatus();
+}
+
+// Returns the mask as the view of the live model shows it, in the frame of the request. Loads the
+// model, too.
+absl::Status AnswerGetLabel(ModelLoader& models, const v1::GetLabelRequest& request,
+                            v1::Label* response) {
+  ASSIGN_OR_RETURN(const SceneLabel label, ParseLabelName(request.name(), "name"));
+  RETURN_IF_ERROR(CheckFrame(request.frame()));
+  const auto row = models.store().labels().GetLabel(label.scene, label.id);
+  if (absl::IsNotFound(row.status())) {
+    return WithResource(row.status(), "NO_SUCH_LABEL", request.name());
+  }
+  RETURN_IF_ERROR(row.status());
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   models.Load(absl::StrCat("scenes/", label.scene, "/models/live"), "name"));
+  ASSIGN_OR_RETURN(Prompt prompt, PromptOfLabel(*row, model.segmenter->model(), model.row));
+  SegmentResult stored;
+  stored.mask = std::move(std::get<BinaryMask>(prompt.what));
+  stored.width = prompt.view.camera.width;
+  stored.height = prompt.view.camera.height;
+  const SegmentResult taken = AnswerFrame(request.frame()).Take(prompt.view, std::move(stored));
+  *response = WithoutMask(*row);
+  *response->mutable_mask()->mutable_rle() = RleToProto(taken.mask, taken.width, taken.height);
+  return absl::OkStatus();
+}
+
+absl::Status AnswerListLabels(Store& store, const v1::ListLabelsRequest& request,
+                              v1::ListLabelsResponse* response) {
+  ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
+  ASSIGN_OR_RETURN(const PageRequest page,
+                   PageFromProto(request.page_size(), request.page_token()));
+  ASSIGN_OR_RETURN(const Page<LabelRow> labels, store.labels().ListLabels(scene, page));
+  for (const LabelRow& row : labels.rows) *response->add_labels() = WithoutMask(row);
+  response->set_next_page_token(labels.next_page_token);
+  return absl::OkStatus();
+}
+
+absl::Status AnswerDeleteLabel(Store& store, const v1::DeleteLabelRequest& request) {
+  ASSIGN_OR_RETURN(const SceneLabel label, ParseLabelName(request.name(), "name"));
+  absl::Status deleted = store.labels().DeleteLabel(label.scene, label.id);
+  if (absl::IsNotFound(deleted)) return WithResource(deleted, "NO_SUCH_LABEL", request.name());
+  return deleted;
+}
+
+}  // namespace
 
 grpc::ServerUnaryReactor* LabelServiceRpc::CreateLabel(grpc::CallbackServerContext* call,
                                                        const v1::CreateLabelRequest* request,

@@ -7,7 +7,7 @@
 #include "core/base/status_macros.h"
 #include "core/model_files/model_file.h"
 #include "server/api/error.h"
-#include "server/residency/model_bytes.h"
+#include "server/residency/memory_budget.h"
 #include "server/store/quota.h"
 #include "server/worker_protocol/job_folder.h"
 

@@ -20,7 +20,6 @@
 #include "server/api/error.h"
 #include "server/api/request_image.h"
 #include "server/api/segment_request.h"
-#include "server/services/segment_answer.h"
 
 namespace pepeseg {
 namespace {

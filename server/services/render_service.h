@@ -2,14 +2,13 @@
 
 #include "pepeseg/v1/render_service.grpc.pb.h"
 #include "server/rpc/call_runner.h"
-#include "server/services/export_gaussians.h"
 #include "server/services/model_loader.h"
 #include "server/services/render_answer.h"
 #include "server/services/selections.h"
 
 namespace pepeseg {
 
-// Renders models in memory, on the pool `query`, and exports models (ExportGaussiansStream).
+// Renders models in memory, on the pool `query`, and exports models.
 class RenderServiceRpc final : public v1::RenderService::CallbackService {
  public:
   // All must outlive it.

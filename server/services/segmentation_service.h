@@ -1,9 +1,9 @@
 #pragma once
 
+#include "absl/status/status.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
 #include "server/rpc/call_runner.h"
 #include "server/services/model_loader.h"
-#include "server/services/segment_answer.h"
 
 namespace pepeseg {
 
@@ -28,12 +28,13 @@ class SegmentationServiceRpc final : public v1::SegmentationService::CallbackSer
                                            v1::DecomposeModelResponse* response) override;
 
  private:
+  absl::Status Propose(const UnaryCall& call, const v1::ProposeScalesRequest& request,
+                       v1::ProposeScalesResponse* response) const;
   absl::Status Decompose(const UnaryCall& call, const v1::DecomposeModelRequest& request,
                          v1::DecomposeModelResponse* response) const;
 
   const CallRunner& runner_;
   ModelLoader& models_;
-  const SegmentAnswers segment_answers_{models_};
 };
 
 }  // namespace pepeseg

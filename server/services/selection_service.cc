@@ -1,13 +1,208 @@
 #include "server/services/selection_service.h"
 
+#include <optional>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/digest.h"
+#include "core/base/status_macros.h"
+#include "core/prompt/resolve_prompt.h"
+#include "core/select/gaussian_sets.h"
+#include "core/select/select_gaussians.h"
+#include "server/api/convert.h"
+#include "server/api/decomposition.h"
+#include "server/api/error.h"
+#include "server/api/rows_to_proto.h"
+#include "server/api/segment_request.h"
+
 namespace pepeseg {
+namespace {
+
+// Each voting view is rendered and segmented, so their number bounds the time of a call.
+constexpr int kMaxVotingViews = 100;
+
+v1::SetOperation OrDefault(v1::SetOperation operation, v1::SetOperation by_default) {
+  return operation == v1::SET_OPERATION_UNSPECIFIED ? by_default : operation;
+}
+
+// Returns `added` for REPLACE.
+absl::StatusOr<GaussianSet> Apply(v1::SetOperation operation, const GaussianSet& base,
+                                  const GaussianSet& added) {
+  switch (operation) {
+    case v1::SET_OPERATION_UNION:
+      return Union(base, added);
+    case v1::SET_OPERATION_SUBTRACT:
+      return Subtract(base, added);
+    case v1::SET_OPERATION_INTERSECT:
+      return Intersect(base, added);
+    default:
+      return added;
+  }
+}
+
+absl::Status CheckOperation(v1::SetOperation operation) {
+  if (v1::SetOperation_IsValid(operation)) return absl::OkStatus();
+  return BadField("operation", absl::StrCat(static_cast<int>(operation)), "no operation on sets");
+}
+
+absl::Status CheckCreate(const v1::CreateSelectionRequest& request) {
+  if (request.num_views() < 0 || request.num_views() > kMaxVotingViews) {
+    return BadField("num_views", absl::StrCat(request.num_views()),
+                    absl::StrCat("not in [0, ", kMaxVotingViews, "]"));
+  }
+  RETURN_IF_ERROR(CheckOperation(request.operation()));
+  if (OrDefault(request.operation(), v1::SET_OPERATION_REPLACE) != v1::SET_OPERATION_REPLACE &&
+      request.base().empty()) {
+    return BadField("base", "", "an operation needs a base");
+  }
+  return CheckRequestId(request.request_id());
+}
+
+// Sets request_id, and the digest by which a repeated request is recognised: of all other fields,
+// and of the type, since requests of two types may have the same bytes.
+template <typename Request>
+void SetRequest(Request request, SelectionRow* row) {
+  row->request_id = request.request_id();
+  request.clear_request_id();
+  // The bytes of a serialised message are the same within one version of the program, which
+  // suffices for retries.
+  row->request_digest = Sha256Hex(request.GetTypeName() + "\n" + request.SerializeAsString());
+}
+
+}  // namespace
+
+absl::StatusOr<GaussianSet> SelectionServiceRpc::SelectPrompted(
+    const UnaryCall& call, const ResidentModel& model,
+    const v1::CreateSelectionRequest& request) const {
+  const SegmentRequestReader reader(model.segmenter->model(), model.row, models_.store());
+  SelectTask task;
+  ASSIGN_OR_RETURN(task.prompt, reader.ReadPrompt(request.prompt(), request.frame()));
+  ASSIGN_OR_RETURN(const Granularity granularity,
+                   reader.ReadGranularity(request.granularity(), "granularity"));
+  ASSIGN_OR_RETURN(task.query, ResolvePrompt(*model.segmenter, task.prompt, granularity));
+  if (request.num_views() != 0) task.num_views = request.num_views();
+  task.keep_disconnected = request.keep_disconnected();
+  return SelectGaussians(*model.segmenter, task, [&] { return call.CheckWanted(); });
+}
+
+absl::StatusOr<GaussianSet> SelectionServiceRpc::SelectSource(
+    const UnaryCall& call, const ResidentModel& model,
+    const v1::CreateSelectionRequest& request) const {
+  switch (request.source_case()) {
+    case v1::CreateSelectionRequest::kPrompt:
+      return SelectPrompted(call, model, request);
+    case v1::CreateSelectionRequest::kSegment:
+      return FindSegment(*model.segmenter, request.segment(), "segment");
+    default:
+      return BadField("prompt", "", "neither a prompt nor a segment");
+  }
+}
+
+absl::Status SelectionServiceRpc::Create(const UnaryCall& call,
+                                         const v1::CreateSelectionRequest& request,
+                                         v1::Selection* response) const {
+  // A repeated request is answered from its record before the model is loaded, even if "live" means
+  // a newer model by now.
+  ASSIGN_OR_RETURN(const SceneChild named, ParseModelName(request.model(), "model"));
+  RETURN_IF_ERROR(CheckCreate(request));
+  SelectionRow row;
+  row.scene = named.scene;
+  SetRequest(request, &row);
+  ASSIGN_OR_RETURN(const auto earlier, selections_.FindEarlier(row));
+  if (earlier.has_value()) {
+    *response = ToProto(*earlier);
+    return absl::OkStatus();
+  }
+  ASSIGN_OR_RETURN(const ResidentModel model, models_.LoadWithFeatures(request.model(), "model"));
+  RETURN_IF_ERROR(call.CheckWanted());
+  GaussianSet base;
+  if (!request.base().empty()) {
+    ASSIGN_OR_RETURN(base, selections_.Find(request.base(), model.row, "base"));
+    ASSIGN_OR_RETURN(const SceneChild of, ParseChildName(request.base(), "selections", "base"));
+    row.base = of.number;
+  }
+  ASSIGN_OR_RETURN(const GaussianSet added, SelectSource(call, model, request));
+  ASSIGN_OR_RETURN(const GaussianSet set,
+                   Apply(OrDefault(request.operation(), v1::SET_OPERATION_REPLACE), base, added));
+  ASSIGN_OR_RETURN(row, selections_.Record(model, set, row));
+  *response = ToProto(row);
+  return absl::OkStatus();
+}
+
+absl::Status SelectionServiceRpc::Combine(const v1::CombineSelectionsRequest& request,
+                                          v1::Selection* response) const {
+  RETURN_IF_ERROR(CheckOperation(request.operation()));
+  RETURN_IF_ERROR(CheckRequestId(request.request_id()));
+  ASSIGN_OR_RETURN(const SceneChild first, ParseChildName(request.first(), "selections", "first"));
+  SelectionRow row;
+  row.scene = first.scene;
+  row.base = first.number;
+  SetRequest(request, &row);
+  ASSIGN_OR_RETURN(const auto earlier, selections_.FindEarlier(row));
+  if (earlier.has_value()) {
+    *response = ToProto(*earlier);
+    return absl::OkStatus();
+  }
+  ASSIGN_OR_RETURN(const SelectionRow base, selections_.FindRow(request.first(), "first"));
+  // Both sets must be of the model of `first`; Find refuses `second` otherwise.
+  const SceneChild of = {base.scene, base.model};
+  ASSIGN_OR_RETURN(const GaussianSet a, selections_.Find(request.first(), of, "first"));
+  ASSIGN_OR_RETURN(const GaussianSet b, selections_.Find(request.second(), of, "second"));
+  ASSIGN_OR_RETURN(const GaussianSet set,
+                   Apply(OrDefault(request.operation(), v1::SET_OPERATION_UNION), a, b));
+  // The model is loaded only for the bounds of the result, so a model without features does.
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   models_.Load(KeyedChildName(of.scene, "models", of.number), "first"));
+  ASSIGN_OR_RETURN(row, selections_.Record(model, set, row));
+  *response = ToProto(row);
+  return absl::OkStatus();
+}
+
+absl::Status SelectionServiceRpc::Undo(const v1::UndoSelectionRequest& request,
+                                       v1::Selection* response) const {
+  ASSIGN_OR_RETURN(const SelectionRow row, selections_.FindRow(request.name(), "name"));
+  if (row.base == 0) {
+    return WithResource(absl::FailedPreconditionError(
+                            absl::StrCat(request.name(), " was not made from another selection")),
+                        "NO_BASE", request.name());
+  }
+  const std::string base_name = KeyedChildName(row.scene, "selections", row.base);
+  // NOT_FOUND if the base was deleted: selections refer to their base by number only.
+  ASSIGN_OR_RETURN(const SelectionRow base, selections_.FindRow(base_name, "name"));
+  *response = ToProto(base);
+  return absl::OkStatus();
+}
+
+absl::Status SelectionServiceRpc::Get(const v1::GetSelectionRequest& request,
+                                      v1::Selection* response) const {
+  ASSIGN_OR_RETURN(const SelectionRow row, selections_.FindRow(request.name(), "name"));
+  *response = ToProto(row);
+  return absl::OkStatus();
+}
+
+absl::Status SelectionServiceRpc::List(const v1::ListSelectionsRequest& request,
+                                       v1::ListSelectionsResponse* response) const {
+  ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
+  ASSIGN_OR_RETURN(const PageRequest page,
+                   PageFromProto(request.page_size(), request.page_token()));
+  ASSIGN_OR_RETURN(const Page<SelectionRow> rows,
+                   models_.store().selections().ListSelections(scene, page));
+  for (const SelectionRow& row : rows.rows) *response->add_selections() = ToProto(row);
+  response->set_next_page_token(rows.next_page_token);
+  return absl::OkStatus();
+}
+
+absl::Status SelectionServiceRpc::Delete(const v1::DeleteSelectionRequest& request) const {
+  ASSIGN_OR_RETURN(const SelectionRow row, selections_.FindRow(request.name(), "name"));
+  return selections_.Delete(row);
+}
 
 grpc::ServerUnaryReactor* SelectionServiceRpc::CreateSelection(
     grpc::CallbackServerContext* call, const v1::CreateSelectionRequest* request,
     v1::Selection* response) {
   return runner_.Run(runner_.pools().query, {call, request},
                      [this, request, response](const UnaryCall& unary) {
-                       return answers_.Create(unary, *request, response);
+                       return Create(unary, *request, response);
                      });
 }
 
@@ -16,7 +211,7 @@ grpc::ServerUnaryReactor* SelectionServiceRpc::CombineSelections(
     v1::Selection* response) {
   return runner_.Run(
       runner_.pools().query, {call, request},
-      [this, request, response](const UnaryCall&) { return answers_.Combine(*request, response); });
+      [this, request, response](const UnaryCall&) { return Combine(*request, response); });
 }
 
 grpc::ServerUnaryReactor* SelectionServiceRpc::UndoSelection(
@@ -24,7 +219,7 @@ grpc::ServerUnaryReactor* SelectionServiceRpc::UndoSelection(
     v1::Selection* response) {
   return runner_.Run(
       runner_.pools().io, {call, request},
-      [this, request, response](const UnaryCall&) { return answers_.Undo(*request, response); });
+      [this, request, response](const UnaryCall&) { return Undo(*request, response); });
 }
 
 grpc::ServerUnaryReactor* SelectionServiceRpc::GetSelection(grpc::CallbackServerContext* call,
@@ -32,7 +227,7 @@ grpc::ServerUnaryReactor* SelectionServiceRpc::GetSelection(grpc::CallbackServer
                                                             v1::Selection* response) {
   return runner_.Run(
       runner_.pools().io, {call, request},
-      [this, request, response](const UnaryCall&) { return answers_.Get(*request, response); });
+      [this, request, response](const UnaryCall&) { return Get(*request, response); });
 }
 
 grpc::ServerUnaryReactor* SelectionServiceRpc::ListSelections(
@@ -40,14 +235,14 @@ grpc::ServerUnaryReactor* SelectionServiceRpc::ListSelections(
     v1::ListSelectionsResponse* response) {
   return runner_.Run(
       runner_.pools().io, {call, request},
-      [this, request, response](const UnaryCall&) { return answers_.List(*request, response); });
+      [this, request, response](const UnaryCall&) { return List(*request, response); });
 }
 
 grpc::ServerUnaryReactor* SelectionServiceRpc::DeleteSelection(
     grpc::CallbackServerContext* call, const v1::DeleteSelectionRequest* request,
     google::protobuf::Empty*) {
   return runner_.Run(runner_.pools().io, {call, request},
-                     [this, request](const UnaryCall&) { return answers_.Delete(*request); });
+                     [this, request](const UnaryCall&) { return Delete(*request); });
 }
 
 }  // namespace pepeseg

@@ -1,19 +1,21 @@
 #pragma once
 
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "pepeseg/v1/selection_service.grpc.pb.h"
 #include "server/rpc/call_runner.h"
 #include "server/services/model_loader.h"
-#include "server/services/selection_answer.h"
 #include "server/services/selections.h"
 
 namespace pepeseg {
 
-// Answers calls about selections: on the pool `io` where only the store is read, else on `query`.
+// Answers calls about selections: on the pool `io` where only the store is read, else, as for
+// Create and Combine, which load a model and compute, on `query`.
 class SelectionServiceRpc final : public v1::SelectionService::CallbackService {
  public:
   // All must outlive it.
   SelectionServiceRpc(const CallRunner& runner, ModelLoader& models, Selections& selections)
-      : runner_(runner), answers_(models, selections) {}
+      : runner_(runner), models_(models), selections_(selections) {}
 
   grpc::ServerUnaryReactor* CreateSelection(grpc::CallbackServerContext* call,
                                             const v1::CreateSelectionRequest* request,
@@ -35,8 +37,24 @@ class SelectionServiceRpc final : public v1::SelectionService::CallbackService {
                                             google::protobuf::Empty* response) override;
 
  private:
+  // Answer the calls. All of them block.
+  absl::Status Create(const UnaryCall& call, const v1::CreateSelectionRequest& request,
+                      v1::Selection* response) const;
+  absl::Status Combine(const v1::CombineSelectionsRequest& request, v1::Selection* response) const;
+  absl::Status Undo(const v1::UndoSelectionRequest& request, v1::Selection* response) const;
+  absl::Status Get(const v1::GetSelectionRequest& request, v1::Selection* response) const;
+  absl::Status List(const v1::ListSelectionsRequest& request,
+                    v1::ListSelectionsResponse* response) const;
+  absl::Status Delete(const v1::DeleteSelectionRequest& request) const;
+  // Return the Gaussians that a request selects, by a prompt or as a segment.
+  absl::StatusOr<GaussianSet> SelectPrompted(const UnaryCall& call, const ResidentModel& model,
+                                             const v1::CreateSelectionRequest& request) const;
+  absl::StatusOr<GaussianSet> SelectSource(const UnaryCall& call, const ResidentModel& model,
+                                           const v1::CreateSelectionRequest& request) const;
+
   const CallRunner& runner_;
-  const SelectionAnswers answers_;
+  ModelLoader& models_;
+  Selections& selections_;
 };
 
 }  // namespace pepeseg

@@ -15,7 +15,7 @@ namespace pepeseg {
 namespace {
 
 constexpr absl::Duration kHeartbeat = absl::Seconds(10);
-constexpr absl::Duration kRetryAfter = absl::Seconds(5);
+constexpr absl::Duration kObstacleRetryAfter = absl::Seconds(5);
 
 bool IsTerminal(v1::JobState state) {
   return state != v1::JOB_STATE_QUEUED && state != v1::JOB_STATE_RUNNING;
@@ -27,7 +27,7 @@ absl::Status HeldUpError(const std::string& job, const absl::Status& obstacle) {
   const bool away = absl::IsUnavailable(obstacle);
   const ErrorDetail detail = {.reason = full ? kDiskFull : "JOB_HELD_UP",
                               .resource = JobName(job),
-                              .retry_after = kRetryAfter};
+                              .retry_after = kObstacleRetryAfter};
   const char* cause = full   ? "the server's disk is full"
                       : away ? "the server cannot reach its database or open its files now"
                              : "the server cannot write to its database or its files now";

@@ -12,7 +12,7 @@
 #include "server/rpc/call_runner.h"
 #include "server/rpc/stream.h"
 #include "server/rpc/stream_registry.h"
-#include "server/services/write_group.h"
+#include "server/services/upload_files.h"
 
 namespace pepeseg {
 

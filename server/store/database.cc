@@ -15,7 +15,6 @@
 #include "absl/time/clock.h"
 #include "core/base/private_error.h"
 #include "core/base/status_macros.h"
-#include "server/store/database_error.h"
 #include "server/store/schema.h"
 #include "server/store/sqlite_log.h"
 

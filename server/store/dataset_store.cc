@@ -6,7 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/store/database.h"
-#include "server/store/quota_sql.h"
+#include "server/store/quota.h"
 #include "server/store/store_sql.h"
 
 namespace pepeseg {

@@ -2,7 +2,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/store/batch_statement.h"
 #include "server/store/database.h"
 #include "server/store/store_sql.h"
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/numbers.h"
@@ -14,6 +15,7 @@ namespace {
 
 constexpr int kDefaultPageSize = 50;
 constexpr int kMaxPageSize = 1000;
+constexpr int kMaxBatch = 64;  // SQLite accepts 500 parts of a UNION ALL
 
 }  // namespace
 
@@ -84,6 +86,46 @@ absl::StatusOr<int64_t> NumberKey(const PageStart& start, int64_t first) {
 
 std::string NextToken(const std::string& list, const std::string& key) {
   return absl::WebSafeBase64Escape(absl::StrCat(list, "\n", key));
+}
+
+void BatchStatement::Add(std::vector<Value> record) {
+  for (Value& value : record) values_.push_back(std::move(value));
+  if (++num_records_ == kMaxBatch) Run();
+}
+
+int64_t BatchStatement::Finish() {
+  if (num_records_ > 0) Run();
+  return num_changed_;
+}
+
+// Builds the text for each run, since the last one has fewer records. SOCI binds values by address:
+// they stay in values_ until the statement has run.
+void BatchStatement::Run() {
+  std::string query = text_.before;
+  int num_values = 0;
+  for (int i = 0; i < num_records_; ++i) {
+    if (i > 0) query += text_.between;
+    // The text is the program's own, so a '?' is always a placeholder.
+    for (const char c : text_.record) {
+      if (c == '?') {
+        absl::StrAppend(&query, ":v", num_values++);
+      } else {
+        query.push_back(c);
+      }
+    }
+  }
+  query += text_.after;
+  soci::statement statement(sql_);
+  for (Value& value : values_) {
+    std::visit([&](auto& bound) { statement.exchange(soci::use(bound)); }, value);
+  }
+  statement.alloc();
+  statement.prepare(query);
+  statement.define_and_bind();
+  statement.execute(true);
+  num_changed_ += statement.get_affected_rows();
+  values_.clear();
+  num_records_ = 0;
 }
 
 }  // namespace pepeseg

@@ -3,6 +3,8 @@
 #include <cstdint>
 #include <limits>
 #include <string>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -11,17 +13,14 @@
 #include "server/store/rows.h"
 #include "server/store/soci.h"
 
-// SQL that several parts of the store use: reading records, checks inside a transaction, pages.
-// All functions that take a session throw what SOCI throws; Database catches it.
+// SQL that several parts of the store use: reading records, checks inside a transaction, batches,
+// pages. All functions that take a session throw what SOCI throws; Database catches it.
 namespace pepeseg {
 
 // Returns "project = 'PROJECT' AND ", or "" if `project` is empty, for a list's WHERE clause. It is
 // part of the text because the number of placeholders would vary. INVALID_ARGUMENT: the project is
 // not an RFC 1034 label; a label contains nothing to escape.
 absl::StatusOr<std::string> OfProject(const std::string& project);
-
-// Creates the project's record if there is none. INVALID_ARGUMENT: the id is not an RFC 1034 label.
-absl::Status EnsureProject(soci::session& sql, const std::string& id);
 
 // Returns NOT_FOUND "scenes/KEY does not exist" unless the scene exists.
 absl::Status CheckScene(soci::session& sql, const std::string& scene);
@@ -57,6 +56,33 @@ void InsertBlobs(soci::session& sql, const std::string& project,
 // one of them.
 absl::Status MarkStored(soci::session& sql, const DatasetRow& dataset,
                         const std::vector<DatasetFileRow>& files);
+
+// Runs one SQL statement for many records, with one round trip to the database for every 64 of
+// them. For use inside one transaction; throws what SOCI throws.
+class BatchStatement {
+ public:
+  using Value = std::variant<int64_t, std::string>;
+  // The statement is `before`, then `record` for each record, joined by `between`, then `after`.
+  // Each '?' in `record` is replaced by the next value of Add.
+  struct Text {
+    std::string before, record, between, after;
+  };
+
+  BatchStatement(soci::session& sql, Text text) : sql_(sql), text_(std::move(text)) {}
+  // Adds a record's values, and runs the statement when 64 records are collected.
+  void Add(std::vector<Value> record);
+  // Runs what remains. Returns the number of records that all runs have changed.
+  int64_t Finish();
+
+ private:
+  void Run();
+
+  soci::session& sql_;
+  const Text text_;
+  std::vector<Value> values_;
+  int num_records_ = 0;
+  int64_t num_changed_ = 0;
+};
 
 // Increments a counter column of a scene and returns its old value.
 int64_t TakeNumber(soci::session& sql, const std::string& scene, const std::string& column);

@@ -6,19 +6,126 @@
 #include <algorithm>
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <system_error>
 #include <utility>
+#include <vector>
 
+#include "absl/status/status.h"
 #include "absl/strings/numbers.h"
 #include "core/base/status_macros.h"
 #include "core/train/train.h"
+#include "core/train/training_observer.h"
+#include "core/train/training_settings.h"
 #include "server/api/convert.h"
-#include "server/worker/job_observer.h"
+#include "server/api/mask_advice.h"
 #include "server/worker/sandbox/worker_limits.h"
+#include "server/worker/worker_checkpoints.h"
+#include "server/worker/worker_progress.h"
 #include "server/worker_protocol/device.h"
 
 namespace pepeseg {
 namespace {
+
+// Follows the training of a job: writes its events, the worker's log, and the checkpoints in the
+// job's folder. `job.stop` cancels the training.
+class JobObserver final : public TrainingObserver {
+ public:
+  // `job` must outlive it. `settings`: the settings in effect.
+  JobObserver(const WorkerJob& job, const TrainingSettings& settings);
+
+  // Returns the SHA-256 of each file whose stored bytes are damaged or missing.
+  const std::vector<std::string>& damaged_files() const { return damaged_files_; }
+
+  void PlanStages(std::vector<PlannedStage> stages) override;
+  absl::Status StartStage(const std::string& stage) override;
+  void ResumeStage(int64_t step) override;
+  absl::Status Step(const StepReport& report) override;
+  absl::Status SkipPart(const SkippedTerm& skipped) override;
+  absl::Status EndStage(const StageEnd& end) override;
+  void Warn(const std::string& message) override;
+  void Log(const std::string& message) override;
+  void MadeMasks(const std::string& source) override;
+  void ReportDamagedFile(const std::string& sha256) override;
+  bool IsCancelled() const override { return stop_.stop; }
+  void SetPolling(bool polling) override { stop_.polled = polling; }
+  StageCheckpoints* checkpoints(const std::string& stage) override;
+
+ private:
+  StopSwitch& stop_;
+  WorkerProgress progress_;
+  std::string stage_;
+  WorkerCheckpoints reconstruct_checkpoints_, feature_checkpoints_;
+  std::vector<std::string> damaged_files_;
+};
+
+// Checkpoints of a stage are for its own options only, so that a change of stage two's options does
+// not discard those of stage one.
+JobObserver::JobObserver(const WorkerJob& job, const TrainingSettings& settings)
+    : stop_(job.stop),
+      progress_(job.log),
+      reconstruct_checkpoints_(job.folder, job.spec, "reconstruct",
+                               ReconstructIdentity(job.spec, ToProto(settings)),
+                               [this](const std::string& message) { Warn(message); }),
+      feature_checkpoints_(job.folder, job.spec, "features",
+                           FeatureIdentity(job.spec, ToProto(settings)),
+                           [this](const std::string& message) { Warn(message); }) {}
+
+void JobObserver::PlanStages(std::vector<PlannedStage> stages) {
+  progress_.Plan(std::move(stages));
+}
+
+absl::Status JobObserver::StartStage(const std::string& stage) {
+  stage_ = stage;
+  spdlog::info("stage {} begins", stage);
+  return progress_.StartStage(stage);
+}
+
+void JobObserver::ResumeStage(int64_t step) { progress_.ResumeAt(step); }
+
+absl::Status JobObserver::Step(const StepReport& report) { return progress_.Step(report); }
+
+absl::Status JobObserver::SkipPart(const SkippedTerm& skipped) {
+  spdlog::info("stage {}, step {}: {} skipped: {} ({} steps saved)", stage_, skipped.step,
+               skipped.term, skipped.reason, skipped.saved_steps);
+  return progress_.SkipPart(skipped);
+}
+
+// Logs how the stage ended, and writes the event.
+absl::Status JobObserver::EndStage(const StageEnd& end) {
+  v1::JobEvent::StageEnded event;
+  event.set_skipped(end.skipped);
+  for (const ViewScores& view : end.views) {
+    spdlog::info("{}: PSNR {:.2f} dB, SSIM {:.4f}", view.view, view.scores.psnr, view.scores.ssim);
+    v1::JobEvent::ViewScores& scores = *event.add_views();
+    scores.set_view(view.view);
+    *scores.mutable_scores() = ToProto(view.scores);
+  }
+  if (!end.skipped.empty()) spdlog::info("stage {} skipped: {}", stage_, end.skipped);
+  if (const auto seconds = end.metrics.find("seconds_" + stage_); seconds != end.metrics.end()) {
+    spdlog::info("stage {} took {:.2f} s", stage_, seconds->second);
+  }
+  return progress_.EndStage(end.metrics, std::move(event));
+}
+
+void JobObserver::Warn(const std::string& message) {
+  spdlog::warn("{}", message);
+  progress_.Warn(message).IgnoreError();  // the worker's log has it anyway
+}
+
+void JobObserver::Log(const std::string& message) { spdlog::info("{}", message); }
+
+// Warns if the masks of that source may be poor, and says how to get better ones.
+void JobObserver::MadeMasks(const std::string& source) {
+  for (const std::string& advice : AdviceOnModel({{"masks", source}})) Warn(advice);
+}
+
+void JobObserver::ReportDamagedFile(const std::string& sha256) { damaged_files_.push_back(sha256); }
+
+StageCheckpoints* JobObserver::checkpoints(const std::string& stage) {
+  if (stage == "reconstruct") return &reconstruct_checkpoints_;
+  return stage == "features" ? &feature_checkpoints_ : nullptr;
+}
 
 // Returns N for "cuda:N", and 0 for "cuda" (worker_protocol/device.h); nothing for "cpu".
 std::optional<int> CudaDevice(const std::string& device) {

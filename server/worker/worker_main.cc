@@ -36,7 +36,7 @@
 #include "server/worker/worker_job.h"
 #include "server/worker/worker_photograph.h"
 #include "server/worker_protocol/heartbeat.h"
-#include "server/worker_protocol/job_environment.h"
+#include "server/worker_protocol/job_isolation.h"
 
 namespace pepeseg {
 namespace {

@@ -19,7 +19,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/base/status_macros.h"
-#include "server/worker_protocol/landlock_version.h"
+#include "server/worker_protocol/job_isolation.h"
 
 namespace pepeseg {
 namespace {

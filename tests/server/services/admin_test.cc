@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "server/residency/model_bytes.h"
+#include "server/residency/memory_budget.h"
 #include "tests/server/shelf_model.h"
 
 namespace pepeseg {

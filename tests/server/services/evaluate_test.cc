@@ -1,138 +1,12 @@
-#include <gtest/gtest.h>
-
 #include <chrono>
-#include <cmath>
 #include <functional>
 #include <thread>
 
-#include "core/formats/encode_png.h"
-#include "core/formats/rle.h"
-#include "server/api/evaluation_options.h"
-#include "tests/server/shelf_model.h"
-#include "tests/testing/png_bytes.h"
+#include "server/api/convert_evaluation.h"
+#include "tests/server/services/evaluate_fixture.h"
 
 namespace pepeseg {
 namespace {
-
-constexpr char kLeftView[] = "left/0.jpg", kRightView[] = "right.jpg";  // those held out
-constexpr uint16_t kRed = 3, kBlue = 700;
-
-// 16-bit label image of one of the model's views.
-struct Labels {
-  std::vector<uint16_t> ids = std::vector<uint16_t>(kWidth * kHeight);
-
-  void FillRows(int first, int last, uint16_t id) {
-    std::fill(ids.begin() + first * kWidth, ids.begin() + last * kWidth, id);
-  }
-  // Returns the mask of an id as an 8-bit PNG.
-  std::string MaskOf(uint16_t id) const {
-    std::string rows;
-    for (int i = 0; i < kWidth * kHeight; ++i) {
-      if (i % kWidth == 0) rows += '\0';
-      rows += ids[i] == id ? '\xff' : '\0';
-    }
-    return testing::GreyPng(kWidth, kHeight, 8, rows);
-  }
-  std::string Png() const {
-    std::string rows;
-    for (int i = 0; i < kWidth * kHeight; ++i) {
-      if (i % kWidth == 0) rows += '\0';
-      rows += static_cast<char>(ids[i] >> 8);
-      rows += static_cast<char>(ids[i] & 0xff);
-    }
-    return testing::GreyPng(kWidth, kHeight, 16, rows);
-  }
-};
-
-// A scene with the model of model_worker.cc: a red square and a blue one. Their features have no
-// scale and are orthogonal, so that every scale and threshold selects one of them exactly.
-struct EvaluateTest : ::testing::Test {
-  EvaluateTest() : running(PEPESEG_MODEL_WORKER) {
-    running.CreateScene("shelf");
-    const v1::Job job = running.Await(running.Train("shelf", "file").name());
-    EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.DebugString();
-    left = Truth(kLeftView);
-    right = Truth(kRightView);
-  }
-
-  // The pixels of a square in a view.
-  std::vector<uint32_t> Square(const std::string& view, double x) {
-    v1::SegmentViewsRequest request;
-    request.set_model("scenes/shelf/models/live");
-    request.mutable_prompt()->mutable_view()->set_view(view);
-    request.mutable_prompt()->mutable_points()->add_points()->set_x(x);
-    request.mutable_prompt()->mutable_points()->mutable_points(0)->set_y(32);
-    grpc::ClientContext context;
-    v1::SegmentViewsResponse segments;
-    EXPECT_TRUE(running.segmentation->SegmentViews(&context, request, &segments).ok());
-    const auto counts = ParseCocoCounts(segments.masks(0).rle().counts());
-    return *PixelsOfRuns(*counts, kWidth, kHeight);
-  }
-  Labels Truth(const std::string& view) {
-    Labels labels;
-    for (const uint32_t pixel : Square(view, 30)) labels.ids[pixel] = kRed;
-    for (const uint32_t pixel : Square(view, 66)) labels.ids[pixel] = kBlue;
-    return labels;
-  }
-  v1::EvaluateModelRequest Request() const {
-    v1::EvaluateModelRequest request;
-    request.set_model("scenes/shelf/models/live");
-    for (const auto& [view, labels] : {std::pair(kRightView, &right), {kLeftView, &left}}) {
-      request.add_views()->set_view(view);
-      request.mutable_views(request.views_size() - 1)->set_labels_png(labels->Png());
-    }
-    (*request.mutable_entity_names())[kBlue] = "the blue one";
-    (*request.mutable_entity_names())[9] = "of nothing";
-    return request;
-  }
-  // A request with a mask for each square: "square.1" is red, "square.2" is blue.
-  v1::EvaluateModelRequest MaskRequest() const {
-    v1::EvaluateModelRequest request;
-    request.set_model("scenes/shelf/models/live");
-    for (const auto& [view, labels] : {std::pair(kLeftView, &left), {kRightView, &right}}) {
-      v1::ViewTruth& truth = *request.add_views();
-      truth.set_view(view);
-      AddMask("square.1", labels->MaskOf(kRed), truth);
-      AddMask("square.2", labels->MaskOf(kBlue), truth);
-    }
-    return request;
-  }
-  static void AddMask(const std::string& entity, const std::string& png, v1::ViewTruth& truth) {
-    v1::EntityMask& mask = *truth.add_masks();
-    mask.set_entity(entity);
-    mask.mutable_mask()->set_png(png);
-  }
-  // Adds a prompt for "square.1" in the right view, to be filled.
-  static v1::EntityPrompt& AddPrompt(v1::EvaluateModelRequest& request) {
-    v1::EntityPrompt& prompt = *request.add_prompts();
-    prompt.set_entity("square.1");
-    prompt.set_view(kRightView);
-    return prompt;
-  }
-  grpc::Status Evaluate(const v1::EvaluateModelRequest& request) {
-    grpc::ClientContext context;
-    answer.Clear();
-    return running.evaluations->EvaluateModel(&context, request, &answer);
-  }
-  void ExpectRefused(const v1::EvaluateModelRequest& request, const std::string& field,
-                     const std::string& words) {
-    const grpc::Status status = Evaluate(request);
-    EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT) << words;
-    EXPECT_NE(status.error_message().find(words), std::string::npos) << status.error_message();
-    if (field.empty()) return;
-    EXPECT_EQ(DetailOf(status).field(), field);
-  }
-
-  RunningServer running;
-  Labels left, right;
-  v1::EvaluateModelResponse answer;
-};
-
-void SetPoint(double x, double y, v1::PointsPrompt& points) {
-  v1::PointsPrompt::Point& point = *points.add_points();
-  point.set_x(x);
-  point.set_y(y);
-}
 
 // The numbers of EvaluateOneClick: its choice is the reference's, its oracle is the paper's.
 TEST_F(EvaluateTest, ScoresEveryEntityOnTheViewsOtherThanItsReference) {
@@ -180,7 +54,7 @@ TEST_F(EvaluateTest, TakesOptionsAndIgnoreMasks) {
   right.FillRows(0, 2, kRed);
   right.FillRows(60, 64, 5);  // in one view only
   auto request = Request();
-  Labels ignore;
+  TruthLabels ignore;
   ignore.FillRows(0, 2, 1);
   request.mutable_views(0)->set_ignore_png(ignore.Png());
   request.mutable_options()->add_scales(0.25);
@@ -223,10 +97,10 @@ TEST_F(EvaluateTest, ScoresAClickOnNothingAsZero) {
 TEST_F(EvaluateTest, ScoresMasksThatOverlapAndJoinsThemByCategory) {
   auto request = MaskRequest();
   for (int v = 0; v < 2; ++v) {
-    Labels both = v == 0 ? left : right;
+    TruthLabels both = v == 0 ? left : right;
     for (uint16_t& id : both.ids) id = id != 0 ? 1 : 0;
     AddMask("pair", both.MaskOf(1), *request.mutable_views(v));
-    AddMask("empty", Labels().MaskOf(1), *request.mutable_views(v));
+    AddMask("empty", TruthLabels().MaskOf(1), *request.mutable_views(v));
   }
   v1::EntityPrompt& prompt = AddPrompt(request);
   prompt.set_entity("pair");
@@ -353,11 +227,11 @@ TEST_F(EvaluateTest, AgreesWithSamOnMasksThatCount) {
   };
   add(left.MaskOf(kRed)).set_predicted_iou(0.9);
   add(left.MaskOf(kBlue));  // without scores
-  Labels wrong;
+  TruthLabels wrong;
   wrong.FillRows(0, 10, 1);
   add(wrong.MaskOf(1)).set_stability(0.5);       // too low
   add(wrong.MaskOf(1)).set_predicted_iou(0.87);  // too low
-  add(Labels().MaskOf(1));                       // empty
+  add(TruthLabels().MaskOf(1));                  // empty
   const grpc::Status status = Evaluate(request);
   ASSERT_TRUE(status.ok()) << status.error_message();
   ASSERT_TRUE(answer.has_sam_agreement());
@@ -378,158 +252,6 @@ TEST_F(EvaluateTest, AgreesWithSamOnMasksThatCount) {
   ExpectRefused(request, "sam_views[0].view", "was trained on");
   request.clear_sam_views();
   ExpectRefused(request, "sam_views", "allowed are 1..1000");
-}
-
-TEST_F(EvaluateTest, RefusesViewsThatCannotBeScored) {
-  auto request = Request();
-  request.mutable_views(1)->set_view("nowhere.jpg");
-  ExpectRefused(request, "views[1].view", "'nowhere.jpg': no view of the model");
-  request.mutable_views(1)->set_view("middle.jpg");
-  ExpectRefused(request, "views[1].view", "'middle.jpg': was trained on");
-  request.mutable_options()->set_accept_trained_views(true);
-  EXPECT_TRUE(Evaluate(request).ok());
-  EXPECT_TRUE(answer.options().accept_trained_views());
-  request.mutable_views(1)->set_view(kRightView);
-  ExpectRefused(request, "views[1].view", "is given twice");
-  request = Request();
-  request.clear_views();
-  ExpectRefused(request, "views", "allowed are 1..1000");
-  while (request.views_size() <= 1000) request.add_views()->set_view(kRightView);
-  ExpectRefused(request, "views", "'1001': views; allowed are 1..1000");
-  std::fill(left.ids.begin(), left.ids.end(), uint16_t{0});
-  ExpectRefused(Request(), "", "no entity has a reference view and shows at least 100 pixels");
-}
-
-TEST_F(EvaluateTest, RefusesFilesThatAreNotLabels) {
-  const auto expect_refused = [&](const std::string& png, const std::string& words) {
-    auto request = Request();
-    request.mutable_views(0)->set_labels_png(png);
-    ExpectRefused(request, "views[0].labels_png", words);
-    request = Request();
-    request.mutable_views(1)->set_ignore_png(png);
-    ExpectRefused(request, "views[1].ignore_png", words);
-    request = MaskRequest();
-    request.mutable_views(1)->mutable_masks(0)->mutable_mask()->set_png(png);
-    ExpectRefused(request, "views[1].masks[0].mask.png", words);
-  };
-  expect_refused("labels", "not a whole PNG");
-  expect_refused(left.Png().substr(0, left.Png().size() / 2), "not a whole PNG");
-  expect_refused(testing::BlackPng(97, 64, 16), "'97x64': pixels; photograph ");
-  expect_refused(testing::BlackPng(30'000, 2'000, 1), " has 96x64");
-  const Image colour{kWidth, kHeight, 3, std::vector<uint8_t>(size_t{3} * kWidth * kHeight)};
-  expect_refused(*EncodePng(colour), "has colours instead of one grey value");
-  expect_refused(*EncodeJpeg({kWidth, kHeight, 1, std::vector<uint8_t>(kWidth * kHeight)}),
-                 "not a whole PNG");
-}
-
-TEST_F(EvaluateTest, RefusesMasksAndNamesThatDoNotFit) {
-  auto request = MaskRequest();
-  request.mutable_views(1)->mutable_masks(1)->set_entity("");
-  ExpectRefused(request, "views[1].masks[1].entity", "allowed are 1..256");
-  request.mutable_views(1)->mutable_masks(1)->set_entity(std::string(257, 'a'));
-  ExpectRefused(request, "views[1].masks[1].entity", "'257'");
-  request.mutable_views(1)->mutable_masks(1)->set_entity("square.1");
-  ExpectRefused(request, "views[1].masks[1]", "entity \"square.1\" has a mask already");
-  request = Request();
-  (*request.mutable_entity_names())[3] = "";
-  ExpectRefused(request, "entity_names[3]", "allowed are 1..256");
-  (*request.mutable_entity_names())[3] = "the blue one";
-  ExpectRefused(request, "views[0].labels_png", "has a mask already");
-  request = Request();
-  request.set_frame(static_cast<v1::PixelFrame>(9));
-  ExpectRefused(request, "frame", "not a frame of pixels");
-}
-
-TEST_F(EvaluateTest, RefusesPromptsThatDoNotFit) {
-  const auto expect_refused = [&](const std::function<void(v1::EntityPrompt&)>& set,
-                                  const std::string& field, const std::string& words) {
-    auto request = MaskRequest();
-    set(AddPrompt(request));
-    ExpectRefused(request, "prompts[0]" + field, words);
-  };
-  expect_refused([](auto&) {}, "",
-                 "no points, point_mean, scribbles, box, mask, own_mask or label_id");
-  expect_refused([](auto& p) { p.set_entity("cup"); }, ".entity", "no view has a mask");
-  expect_refused([](auto& p) { p.set_view("middle.jpg"); }, ".view", "no view of the request");
-  expect_refused([](auto& p) { p.mutable_points(); }, ".points.points", "0 points");
-  expect_refused([](auto& p) { SetPoint(96, 1, *p.mutable_points()); }, ".points.points[0]",
-                 "is outside photograph");
-  expect_refused(
-      [](auto& p) {
-        SetPoint(30, 32, *p.mutable_point_mean());
-        SetPoint(66, 32, *p.mutable_point_mean());
-        p.mutable_point_mean()->mutable_points(1)->set_negative(true);
-      },
-      ".point_mean.points[1].negative", "positive points only");
-  expect_refused([](auto& p) { p.mutable_scribbles(); }, ".scribbles.positive",
-                 "neither RLE nor PNG");
-  expect_refused([](auto& p) { p.mutable_box()->set_width(3); }, ".box", "not finite, or is empty");
-  expect_refused([](auto& p) { p.mutable_mask()->set_png(Labels().MaskOf(1)); }, ".mask",
-                 "no pixel is in the mask");
-  expect_refused([](auto& p) { p.set_label_id("scenes/shelf/labels/red"); }, ".label_id",
-                 "give the id");
-  auto request = MaskRequest();
-  request.mutable_views(1)->clear_masks();
-  AddPrompt(request).mutable_own_mask();
-  ExpectRefused(request, "prompts[0].own_mask", "has no mask of the entity");
-  request = MaskRequest();
-  AddPrompt(request).mutable_own_mask();
-  request.mutable_options()->set_protocol(v1::EVALUATION_PROTOCOL_CLICKS);
-  ExpectRefused(request, "prompts", "makes its own");
-  request.mutable_options()->clear_protocol();
-  AddPrompt(request).mutable_own_mask();
-  ExpectRefused(request, "prompts[1].entity", "has a prompt already");
-  request = MaskRequest();
-  AddPrompt(request).set_label_id("none");
-  EXPECT_EQ(Evaluate(request).error_code(), grpc::NOT_FOUND);
-}
-
-TEST_F(EvaluateTest, RefusesOptionsOutOfRange) {
-  const auto expect_refused = [&](const std::function<void(v1::EvaluationOptions&)>& set,
-                                  const std::string& field, const std::string& words) {
-    auto request = Request();
-    set(*request.mutable_options());
-    ExpectRefused(request, field, words);
-  };
-  expect_refused([](auto& o) { o.set_protocol(static_cast<v1::EvaluationProtocol>(99)); },
-                 "options.protocol", "not a protocol");
-  expect_refused([](auto& o) { o.add_scales(1.5); }, "options.scales[0]",
-                 "options.scales[0] is 1.5, must be in [0, 1]");
-  expect_refused([](auto& o) { o.add_thresholds(NAN); }, "options.thresholds[0]", "is nan");
-  expect_refused(
-      [](auto& o) {
-        for (int i = 0; i <= 100; ++i) o.add_scales(0.001 * i);
-      },
-      "options.scales", "options.scales has 101 values");
-  expect_refused([](auto& o) { o.set_fixed_threshold(2); }, "options.fixed_threshold", "is 2");
-  expect_refused([](auto& o) { o.set_min_pixels(0); }, "options.min_pixels", "is 0");
-  expect_refused([](auto& o) { o.mutable_label_propagation()->set_min_cosine(-2); },
-                 "options.label_propagation.min_cosine", "is -2");
-  expect_refused([](auto& o) { o.mutable_label_propagation()->set_min_inside(0); },
-                 "options.label_propagation.min_inside", "is 0");
-  expect_refused([](auto& o) { o.mutable_label_propagation()->set_min_covered(1.5); },
-                 "options.label_propagation.min_covered", "is 1.5");
-  expect_refused([](auto& o) { o.mutable_label_propagation()->set_max_pixels(1); },
-                 "options.label_propagation.max_pixels", "is 1");
-  expect_refused([](auto& o) { o.mutable_promptable()->set_min_cosine(1.1); },
-                 "options.promptable.min_cosine", "is 1.1");
-  expect_refused([](auto& o) { o.mutable_promptable()->set_max_points(0); },
-                 "options.promptable.max_points", "is 0");
-  expect_refused([](auto& o) { o.mutable_clicks()->set_min_iou(0); }, "options.clicks.min_iou",
-                 "is 0");
-  expect_refused([](auto& o) { o.mutable_clicks()->set_max_clicks(2); },
-                 "options.clicks.max_clicks", "is 2");
-  expect_refused([](auto& o) { o.mutable_sam_agreement()->set_min_predicted_iou(2); },
-                 "options.sam_agreement.min_predicted_iou", "is 2");
-  expect_refused([](auto& o) { o.mutable_sam_agreement()->set_min_stability(-1); },
-                 "options.sam_agreement.min_stability", "is -1");
-  expect_refused([](auto& o) { o.mutable_sam_agreement()->set_min_pixels(0); },
-                 "options.sam_agreement.min_pixels", "is 0");
-  expect_refused([](auto& o) { o.mutable_sam_agreement()->set_num_proposals(0); },
-                 "options.sam_agreement.num_proposals", "is 0");
-  auto request = Request();
-  request.set_model("scenes/none/models/live");
-  EXPECT_EQ(Evaluate(request).error_code(), grpc::NOT_FOUND);
 }
 
 TEST_F(EvaluateTest, EndsAtItsDeadlineAndBlocksNoQuery) {

@@ -5,7 +5,6 @@
 #include <atomic>
 
 #include "absl/time/clock.h"
-#include "server/jobs/holder_name.h"
 #include "tests/testing/eventually.h"
 #include "tests/testing/temp_folder.h"
 
@@ -60,16 +59,6 @@ TEST(WorkerHeartbeat, ReportsALostLeaseBeforeItExpires) {
   const absl::Time last = absl::Now();
   ASSERT_TRUE(testing::Eventually([&] { return lost.load(); }, absl::Seconds(10)));
   EXPECT_GE(absl::Now() - last, absl::Milliseconds(600));
-}
-
-TEST(HolderName, NamesALivingProcess) {
-  const std::string name = HolderName();
-  EXPECT_EQ(name, HolderName());
-  EXPECT_FALSE(IsKnownGone(name));
-  EXPECT_TRUE(IsKnownGone(name + "1"));  // an earlier process had this id
-  EXPECT_FALSE(IsKnownGone("another-boot/pid:[1]/1/2"));
-  EXPECT_FALSE(IsKnownGone(""));
-  EXPECT_FALSE(IsKnownGone("server"));
 }
 
 }  // namespace

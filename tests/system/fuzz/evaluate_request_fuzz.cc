@@ -1,5 +1,5 @@
 #include "absl/status/status.h"
-#include "server/api/evaluation_options.h"
+#include "server/api/convert_evaluation.h"
 #include "server/api/evaluation_prompts.h"
 #include "server/api/evaluation_views.h"
 #include "tests/system/fuzz/fuzz_message.h"

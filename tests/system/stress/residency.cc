@@ -15,7 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
-#include "server/residency/model_bytes.h"
+#include "server/residency/memory_budget.h"
 #include "tests/server/running_server.h"
 
 namespace pepeseg {

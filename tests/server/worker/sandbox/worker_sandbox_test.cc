@@ -32,7 +32,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "server/worker/sandbox/worker_limits.h"
-#include "server/worker_protocol/landlock_version.h"
+#include "server/worker_protocol/job_isolation.h"
 #include "tests/server/worker/sandbox/listening_socket.h"
 #include "tests/testing/temp_folder.h"
 

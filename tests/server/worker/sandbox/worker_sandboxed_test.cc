@@ -10,7 +10,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
-#include "server/worker_protocol/landlock_version.h"
+#include "server/worker_protocol/job_isolation.h"
 #include "tests/server/worker/sandbox/listening_socket.h"
 #include "tests/server/worker/worker_fixture.h"
 #include "tests/testing/eventually.h"

@@ -12,6 +12,7 @@
 #include "server/data/blob_writer.h"
 #include "server/store/store.h"
 
+// The files of uploads on the disk: they are committed in groups, and removed with their upload.
 namespace pepeseg {
 
 // Complete files of one upload that are committed together: one sync of their bytes, renames to
@@ -50,6 +51,16 @@ class WriteGroup {
   int64_t num_bytes_ = 0;
   absl::Time since_ = absl::InfiniteFuture();
 };
+
+// Deletes an open upload: its record, then its partial files and the blobs that no other upload or
+// dataset of the project names. A crash after the record is gone leaves files that the collector
+// removes. NOT_FOUND. FAILED_PRECONDITION: it is sealed.
+absl::Status DeleteUpload(Store& store, BlobStore& blobs, const UploadName& upload);
+
+// Removes those of the blobs that no upload or dataset of the project names, and their records, by
+// which they count in the project's usage. Waits for uploads that are just looking for blobs.
+absl::Status RemoveUnnamedBlobs(Store& store, BlobStore& blobs, const std::string& project,
+                                const std::vector<std::string>& digests);
 
 // Puts the client's name of a file before the message of an error, and into its detail.
 absl::Status OfFile(const std::string& path, const absl::Status& status);

@@ -1,4 +1,4 @@
-#include "server/residency/model_bytes.h"
+#include "server/residency/memory_budget.h"
 
 #include <gtest/gtest.h>
 

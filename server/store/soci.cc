@@ -1,4 +1,4 @@
-#include "server/store/database_error.h"
+#include "server/store/soci.h"
 
 #include <cerrno>
 #include <string>
