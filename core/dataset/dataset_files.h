@@ -35,7 +35,7 @@ struct DatasetFile {
 //   images/...                     photographs: JPEG, PNG, WebP or HEIC, also in subfolders
 //   sparse/0/ or sparse/           COLMAP cameras, images, points3D, .bin or .txt
 //   transforms.json                poses of nerfstudio or instant-ngp (transforms_json.h)
-//   poses_bounds.npy               poses of LLFF (poses_bounds.h)
+//   poses_bounds.npy               poses of LLFF (photo_poses.h)
 //   masks/STEM.json|png|npy        SAM automatic masks (COCO RLE), a label image (0 = none), or an
 //                                  array [masks, height, width]
 //   masks/STEM/NAME.png            binary masks, one a file

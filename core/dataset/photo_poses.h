@@ -29,7 +29,7 @@ struct PhotoPoses {
 };
 
 // Reads the poses in the format that the index has chosen. INVALID_ARGUMENT: there are none, or as
-// for colmap.h, transforms_json.h and poses_bounds.h.
+// for colmap.h, transforms_json.h and ReadPosesBounds.
 absl::StatusOr<PhotoPoses> ReadPhotoPoses(const DatasetIndex& index);
 
 // Returns the pose of a camera at `center` whose axes x right, y down, z forward are the columns of
@@ -42,5 +42,16 @@ absl::StatusOr<Pose> PoseOfAxes(const Eigen::Matrix3d& world_from_cam,
 // Returns the camera id of the lens in `poses`, and adds the lens if it is new. INVALID_ARGUMENT:
 // Validate refuses the lens.
 absl::StatusOr<uint32_t> AddLens(const Lens& lens, PhotoPoses& poses);
+
+// Reads LLFF's poses_bounds.npy: an array of floats [num_photographs, 17] with one pose for each
+// photograph, in the order of their names. The first 15 numbers of a pose are a 3x5 matrix in
+// row-major order: columns 0 to 2 are the camera's axes in the world (down, right, backwards),
+// column 3 is its centre, and column 4 is height, width and focal length of the photograph in
+// pixels. The last two numbers, the nearest and farthest depth, are not used. The lens is a pinhole
+// with its principal point in the middle.
+//
+// INVALID_ARGUMENT, naming the file and the pose: the array has another shape or not one pose for
+// each photograph, PoseOfAxes refuses a pose, or a size or focal length is invalid.
+absl::StatusOr<PhotoPoses> ReadPosesBounds(const DatasetIndex& index);
 
 }  // namespace pepeseg

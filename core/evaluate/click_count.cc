@@ -1,18 +1,121 @@
 #include "core/evaluate/click_count.h"
 
 #include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <span>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/evaluate/scored_entities.h"
 #include "core/evaluate/segmentation_metrics.h"
-#include "core/evaluate/simulated_clicks.h"
+#include "core/prompt/resolve_prompt.h"
+#include "core/query/mask_geometry.h"
+#include "core/query/prompt.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr int kMostClicks = 256;  // limit of points in a prompt, see CheckPoints
+
+// An entity in one view. The spans must outlive the simulation.
+struct ClickTarget {
+  const ModelView& view;
+  std::span<const uint8_t> truth;   // [height, width] of 0 and 1; 0 where ignored
+  std::span<const uint8_t> ignore;  // as TruthView::ignore; ignored pixels are not clicked, either
+};
+
+// A click, and the query of it and all clicks before it.
+struct SimulatedClick {
+  PointPrompt click;        // pixels of the view
+  bool on_nothing = false;  // see ClickAnswer
+  double iou = 0;           // on the clicked view
+  Query query;              // no features: all clicks so far are on nothing
+};
+
+class Clicker {
+ public:
+  Clicker(const Segmenter& segmenter, const ClickTarget& target)
+      : segmenter_(segmenter),
+        target_(target),
+        answer_(target.truth.size()),
+        clicked_(target.truth.size()) {}
+
+  // Returns the next click, or nothing if no wrong pixel is left to click. Before the first click
+  // all of the entity is missed.
+  std::optional<PointPrompt> Next() const {
+    const std::span<const uint8_t> truth = target_.truth;
+    std::vector<uint8_t> missed(truth.size()), spilled(truth.size());
+    for (size_t i = 0; i < truth.size(); ++i) {
+      const bool counts = target_.ignore.empty() || target_.ignore[i] == 0;
+      if (!counts || clicked_[i] != 0) continue;
+      missed[i] = truth[i] != 0 && answer_[i] == 0 ? 1 : 0;
+      spilled[i] = truth[i] == 0 && answer_[i] != 0 ? 1 : 0;
+    }
+    const Camera& camera = target_.view.camera;
+    const DeepPixel in = FindDeepest(missed, camera.width, camera.height);
+    const DeepPixel out = FindDeepest(spilled, camera.width, camera.height);
+    if (in.squared_depth == 0 && out.squared_depth == 0) return std::nullopt;
+    const bool positive = in.squared_depth >= out.squared_depth;
+    const PixelIndex& at = positive ? in.pixel : out.pixel;
+    return PointPrompt{at.x + 0.5, at.y + 0.5, positive};
+  }
+
+  // Makes the click. A click on nothing is left out of the prompt, so that the mask stays as it
+  // was.
+  absl::StatusOr<SimulatedClick> Make(const PointPrompt& click) {
+    SimulatedClick made = {.click = click, .query = {}};
+    clicked_[static_cast<size_t>(click.y) * target_.view.camera.width +
+             static_cast<size_t>(click.x)] = 1;
+    points_.push_back(click);
+    auto query = ResolvePrompt(segmenter_, {target_.view, points_}, {});
+    if (IsNothingThere(query.status())) {
+      points_.pop_back();
+      made.on_nothing = true;
+    } else {
+      RETURN_IF_ERROR(query.status());
+      query_ = *std::move(query);
+      ASSIGN_OR_RETURN(auto results, segmenter_.Segment(query_, {&target_.view, 1}));
+      answer_ = std::move(results[0].mask.pixels);
+    }
+    made.iou = Iou(answer_, target_.truth, target_.ignore);
+    made.query = query_;
+    return made;
+  }
+
+ private:
+  const Segmenter& segmenter_;
+  const ClickTarget& target_;
+  std::vector<uint8_t> answer_, clicked_;  // [height, width]
+  std::vector<PointPrompt> points_;        // clicks that are part of the prompt
+  Query query_;                            // of points_
+};
+
+// Returns the clicks on a target, in order.
+absl::StatusOr<std::vector<SimulatedClick>> SimulateClicks(
+    const Segmenter& segmenter, const ClickTarget& target, const ClickOptions& options,
+    absl::FunctionRef<absl::Status()> check_cancelled) {
+  std::vector<SimulatedClick> clicks;
+  Clicker clicker(segmenter, target);
+  bool reached = false;
+  for (int made = 1; made <= options.max_clicks; ++made) {
+    if (reached && made > kNumEarlyClicks) break;
+    RETURN_IF_ERROR(check_cancelled());
+    const std::optional<PointPrompt> click = clicker.Next();
+    if (!click) break;
+    ASSIGN_OR_RETURN(clicks.emplace_back(), clicker.Make(*click));
+    reached = reached || clicks.back().iou >= options.min_iou;
+  }
+  return clicks;
+}
+
+// Returns the number of clicks until min_iou, or 0 if it was never reached.
+int ClicksUntil(std::span<const SimulatedClick> clicks, double min_iou) {
+  for (size_t i = 0; i < clicks.size(); ++i) {
+    if (clicks[i].iou >= min_iou) return static_cast<int>(i) + 1;
+  }
+  return 0;
+}
 
 // Returns the clicks without scores in other views.
 EntityClicks EntityOf(std::span<const SimulatedClick> clicks, const ClickOptions& options) {
@@ -48,26 +151,6 @@ void TakeMeans(size_t num_views, EntityClicks& score) {
   }
 }
 
-absl::StatusOr<EntityClicks> Score(const Segmenter& segmenter, const ShownEntity& entity,
-                                   const ClickOptions& options,
-                                   absl::FunctionRef<absl::Status()> check_cancelled) {
-  const LabeledView& reference = *entity.views[0];
-  const std::vector<uint8_t> truth = reference.MaskOf(entity.id);
-  ASSIGN_OR_RETURN(
-      const std::vector<SimulatedClick> clicks,
-      SimulateClicks(segmenter, {reference.view, truth, reference.ignore},
-                     {options.min_iou, options.max_clicks, kNumEarlyClicks}, check_cancelled));
-  EntityClicks score = EntityOf(clicks, options);
-  score.id = entity.id;
-  for (size_t v = 1; v < entity.views.size(); ++v) {
-    const LabeledView& view = *entity.views[v];
-    const std::vector<uint8_t> here = view.MaskOf(entity.id);
-    RETURN_IF_ERROR(AddView(segmenter, clicks, {view.view, here, view.ignore}, score));
-  }
-  TakeMeans(entity.views.size() - 1, score);
-  return score;
-}
-
 absl::Status CheckPrompts(const EvaluationTask& task) {
   for (const ScoredEntity& entity : task.entities) {
     if (std::holds_alternative<DeepestClick>(entity.prompt)) continue;
@@ -85,34 +168,12 @@ absl::Status Validate(const ClickOptions& options) {
     return absl::InvalidArgumentError(
         absl::StrCat("clicks.min_iou is ", options.min_iou, ", must be in (0, 1]"));
   }
-  if (options.max_clicks < kNumEarlyClicks || options.max_clicks > kMostClicks) {
-    return absl::InvalidArgumentError(absl::StrCat("clicks.max_clicks is ", options.max_clicks,
-                                                   ", must be in [", kNumEarlyClicks, ", ",
-                                                   kMostClicks, "]"));
+  if (options.max_clicks >= kNumEarlyClicks && options.max_clicks <= kMostClicks) {
+    return absl::OkStatus();
   }
-  if (options.min_pixels >= 1) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("clicks.min_pixels is ", options.min_pixels, ", must be at least 1"));
-}
-
-absl::StatusOr<ClickScores> EvaluateClicks(const Segmenter& segmenter,
-                                           std::span<const LabeledView> views,
-                                           const ClickOptions& options,
-                                           absl::FunctionRef<absl::Status()> check_cancelled) {
-  RETURN_IF_ERROR(Validate(options));
-  ASSIGN_OR_RETURN(const ScoredEntities found, FindScoredEntities(views, options.min_pixels));
-  const auto count = static_cast<double>(found.entities.size());
-  ClickScores scores;
-  for (const ShownEntity& entity : found.entities) {
-    ASSIGN_OR_RETURN(EntityClicks score, Score(segmenter, entity, options, check_cancelled));
-    scores.num_clicks += score.num_clicks / count;
-    scores.reached += (score.reached ? 1 : 0) / count;
-    for (size_t k = 0; k < score.iou_after.size(); ++k) {
-      scores.iou_after[k] += score.iou_after[k] / count;
-    }
-    scores.entities.push_back(std::move(score));
-  }
-  return scores;
+  return absl::InvalidArgumentError(absl::StrCat("clicks.max_clicks is ", options.max_clicks,
+                                                 ", must be in [", kNumEarlyClicks, ", ",
+                                                 kMostClicks, "]"));
 }
 
 // First the clicks, reference view by reference view, then the scores, scored view by scored view:
@@ -122,7 +183,6 @@ absl::StatusOr<std::vector<EntityClicks>> CountClicks(
     absl::FunctionRef<absl::Status()> check_cancelled) {
   RETURN_IF_ERROR(Validate(options));
   RETURN_IF_ERROR(CheckPrompts(task));
-  const ClickLimits limits = {options.min_iou, options.max_clicks, kNumEarlyClicks};
   std::vector<std::vector<SimulatedClick>> clicks(task.entities.size());
   for (size_t v = 0; v < task.views.size(); ++v) {
     const TruthView& truth = task.views[v];
@@ -130,7 +190,7 @@ absl::StatusOr<std::vector<EntityClicks>> CountClicks(
       if (task.entities[i].reference != v) continue;
       const std::vector<uint8_t> mask = truth.CountedMaskOf(task.entities[i].name);
       const ClickTarget target = {truth.view, mask, truth.ignore};
-      ASSIGN_OR_RETURN(clicks[i], SimulateClicks(segmenter, target, limits, check_cancelled));
+      ASSIGN_OR_RETURN(clicks[i], SimulateClicks(segmenter, target, options, check_cancelled));
     }
   }
   std::vector<EntityClicks> scores;

@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "core/base/status_macros.h"
-#include "core/evaluate/segmentation_metrics.h"
 
 namespace pepeseg {
 namespace {

@@ -13,9 +13,9 @@
 #include "core/evaluate/entity_scores.h"
 #include "core/evaluate/evaluation_task.h"
 #include "core/evaluate/label_propagation.h"
-#include "core/evaluate/mask_scores.h"
 #include "core/evaluate/prompt_queries.h"
 #include "core/evaluate/sam_agreement.h"
+#include "core/evaluate/segmentation_metrics.h"
 #include "core/query/segmenter.h"
 
 namespace pepeseg {
@@ -40,7 +40,6 @@ struct EvaluationOptions {
   TaskOptions task;
   LabelPropagationOptions label_propagation;
   PromptableOptions promptable;
-  // Its min_pixels is not used.
   ClickOptions clicks = {.max_clicks = 10};
   SamAgreementOptions sam;
 };

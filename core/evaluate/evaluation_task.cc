@@ -7,7 +7,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/evaluate/scored_entities.h"
 #include "core/query/prompt.h"
 
 namespace pepeseg {

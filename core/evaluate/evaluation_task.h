@@ -64,6 +64,8 @@ struct ScoredEntity {
   std::vector<int64_t> num_pixels;  // [scored] pixels of the entity, without ignored ones
 };
 
+inline constexpr size_t kMaxEntities = 1000;
+
 struct EvaluationTask {
   std::vector<TruthView> views;        // by name
   std::vector<ScoredEntity> entities;  // by name

@@ -81,11 +81,6 @@ std::vector<double> IouByThreshold(std::span<const float> similarity, std::span<
   return ious;
 }
 
-std::vector<double> IouByThreshold(std::span<const float> similarity, const LabeledView& view,
-                                   uint16_t entity, std::span<const double> thresholds) {
-  return IouByThreshold(similarity, {}, view.MaskOf(entity), view.ignore, thresholds);
-}
-
 int BoundaryWidth(int width, int height) {
   return std::max(1, static_cast<int>(std::lround(kBoundaryShare * std::hypot(width, height))));
 }
@@ -122,6 +117,24 @@ double BoundaryIou(std::span<const uint8_t> prediction, std::span<const uint8_t>
   const int distance = BoundaryWidth(width, height);
   return Iou(MaskBoundary(prediction, width, height, distance),
              MaskBoundary(truth, width, height, distance), ignore);
+}
+
+MaskScores ScoreMask(std::span<const uint8_t> prediction, std::span<const uint8_t> truth, int width,
+                     int height, std::span<const uint8_t> ignore) {
+  return {Iou(prediction, truth, ignore), PixelAccuracy(prediction, truth, ignore),
+          BoundaryIou(prediction, truth, width, height, ignore)};
+}
+
+MaskScores MeanOf(std::span<const MaskScores> scores) {
+  MaskScores mean;
+  if (scores.empty()) return mean;
+  for (const MaskScores& score : scores) {
+    mean.iou += score.iou;
+    mean.accuracy += score.accuracy;
+    mean.boundary_iou += score.boundary_iou;
+  }
+  const auto count = static_cast<double>(scores.size());
+  return {mean.iou / count, mean.accuracy / count, mean.boundary_iou / count};
 }
 
 double AdjustedRand(std::span<const int32_t> a, std::span<const int32_t> b) {

@@ -4,8 +4,6 @@
 #include <span>
 #include <vector>
 
-#include "core/evaluate/labeled_view.h"
-
 // Agreement of masks and partitions with ground truth. A mask is [height, width], non-zero inside.
 // Pixels with a non-zero `ignore` do not count; an empty `ignore` leaves out none.
 
@@ -25,12 +23,6 @@ std::vector<double> IouByThreshold(std::span<const float> similarity, std::span<
                                    std::span<const uint8_t> truth, std::span<const uint8_t> ignore,
                                    std::span<const double> thresholds);
 
-// Returns, for each threshold, the IoU of an entity and the pixels whose similarity is over that
-// threshold, from one pass over the similarity [height, width] of the view. `thresholds` are
-// cosines, ascending. Ignored pixels of the view do not count.
-std::vector<double> IouByThreshold(std::span<const float> similarity, const LabeledView& view,
-                                   uint16_t entity, std::span<const double> thresholds);
-
 // Returns how far inside a mask its boundary reaches on an image of this size, pixels:
 // max(1, round(0.02 * diagonal)) (METHOD.md section 5).
 int BoundaryWidth(int width, int height);
@@ -46,6 +38,20 @@ std::vector<uint8_t> MaskBoundary(std::span<const uint8_t> mask, int width, int 
 // ignored pixels are left out.
 double BoundaryIou(std::span<const uint8_t> prediction, std::span<const uint8_t> truth, int width,
                    int height, std::span<const uint8_t> ignore = {});
+
+// Scores of a mask in one view, or their means over views or entities. Each is in [0, 1].
+struct MaskScores {
+  double iou = 0;
+  double accuracy = 0;  // see PixelAccuracy
+  double boundary_iou = 0;
+};
+
+// Returns the scores of a mask of width x height pixels.
+MaskScores ScoreMask(std::span<const uint8_t> prediction, std::span<const uint8_t> truth, int width,
+                     int height, std::span<const uint8_t> ignore = {});
+
+// Returns the mean, or zeros if there are no scores.
+MaskScores MeanOf(std::span<const MaskScores> scores);
 
 // Returns the adjusted Rand index of two partitions of the same elements (Hubert and Arabie 1985):
 // 1 for equal partitions, about 0 for independent ones, below 0 for worse than chance. `a` and `b`

@@ -2,7 +2,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/model_files/checkpoint_sections.h"
+#include "core/model_files/checkpoint.h"
 #include "kernels/ops/feature.h"
 
 namespace pepeseg {

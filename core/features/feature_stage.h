@@ -6,7 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/base/convergence.h"
+#include "core/base/progress.h"
 #include "core/features/batch_chunks.h"
 #include "core/features/centroid_term.h"
 #include "core/features/feature_checkpoint.h"

@@ -40,4 +40,12 @@ absl::StatusOr<LabelImage> DecodeLabels(const std::filesystem::path& path, absl:
 absl::StatusOr<FloatImage> DecodeGrey(const std::filesystem::path& path, absl::string_view name);
 absl::StatusOr<FloatImage> DecodeGrey(std::span<const uint8_t> bytes, absl::string_view name);
 
+// Rotates and mirrors an image by an EXIF orientation in [1, 8], so that it is upright. Other
+// values leave it unchanged.
+Image Upright(Image image, int orientation);
+
+// Shrinks an image by averaging, so that its longer side has `max_side` pixels. Returns it
+// unchanged if it is not larger, or if `max_side` is 0.
+Image ShrunkTo(Image image, int max_side);
+
 }  // namespace pepeseg

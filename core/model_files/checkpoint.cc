@@ -1,6 +1,8 @@
 #include "core/model_files/checkpoint.h"
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <utility>
@@ -158,6 +160,19 @@ absl::StatusOr<Checkpoint> ReadCheckpoint(const std::filesystem::path& path) {
   const absl::Status parsed = Parse(checkpoint);
   if (!parsed.ok()) return Damaged(path, parsed.message());
   return checkpoint;
+}
+
+absl::Status CheckSize(const char* name, size_t size, int64_t expected) {
+  if (static_cast<int64_t>(size) == expected) return absl::OkStatus();
+  return absl::DataLossError(absl::StrCat(name, " has ", size, " values, must have ", expected));
+}
+
+absl::Status CheckFinite(const char* name, std::span<const float> values) {
+  const auto bad =
+      std::find_if(values.begin(), values.end(), [](float value) { return !std::isfinite(value); });
+  if (bad == values.end()) return absl::OkStatus();
+  return absl::DataLossError(
+      absl::StrCat(name, "[", bad - values.begin(), "] is ", *bad, ": not finite"));
 }
 
 }  // namespace pepeseg

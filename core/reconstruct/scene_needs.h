@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/base/convergence.h"
 #include "core/base/progress.h"
 #include "core/reconstruct/gaussian_state.h"
 #include "core/reconstruct/reconstruct.h"

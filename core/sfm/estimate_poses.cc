@@ -15,7 +15,6 @@
 #include "core/base/status_macros.h"
 #include "core/model_files/manifest.h"
 #include "core/sfm/colmap_program.h"
-#include "core/sfm/colmap_progress.h"
 #include "core/sfm/sfm_model.h"
 #include "core/sfm/sfm_verdict.h"
 

@@ -15,7 +15,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/dataset/import.h"
-#include "core/priors/prior_options.h"
+#include "core/priors/priors.h"
 #include "core/priors/sam/prompted_segmenter.h"
 #include "core/priors/sam/sam_segmenter.h"
 #include "core/scene/capture.h"

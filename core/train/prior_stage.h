@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "core/priors/embed_priors.h"
+#include "core/priors/priors.h"
 #include "core/train/photograph_segmentation.h"
 #include "core/train/priors_command.h"
 #include "core/train/stage_log.h"

@@ -3,7 +3,7 @@
 #include "absl/status/status.h"
 #include "core/dataset/import.h"
 #include "core/features/train_features.h"
-#include "core/priors/prior_options.h"
+#include "core/priors/priors.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/sfm/sfm_options.h"
 

@@ -19,7 +19,6 @@
 #include "core/formats/exif.h"
 #include "core/formats/heic.h"
 #include "core/formats/heic_header.h"
-#include "core/formats/picture.h"
 #include "core/model_files/model_facts.h"
 #include "server/worker/sandbox/worker_limits.h"
 #include "server/worker/sandbox/worker_sandbox.h"

@@ -4,18 +4,18 @@
 #include <cstdio>
 #include <map>
 #include <set>
+#include <span>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "core/base/status_macros.h"
 #include "core/evaluate/segmentation_metrics.h"
 #include "tests/bench/bench_backend.h"
-#include "tests/bench/labeled_views.h"
+#include "tests/bench/truth_views.h"
 
 namespace pepeseg {
 namespace {
-
-constexpr int64_t kMinPixels = 100;
 
 // Returns the IoU of an entity and its best segment, mean over the entities.
 double MeanBestIou(std::span<const int32_t> truth, std::span<const int32_t> shown,
@@ -41,10 +41,11 @@ double MeanBestIou(std::span<const int32_t> truth, std::span<const int32_t> show
 }
 
 // Returns the id that most of an entity's pixels have, the smallest one among equals.
-int32_t MajorityId(const LabeledView& view, uint16_t entity, std::span<const int32_t> ids) {
+int32_t MajorityId(const TruthView& view, const std::string& entity, std::span<const int32_t> ids) {
+  const std::vector<uint8_t> mask = view.CountedMaskOf(entity);
   std::map<int32_t, int64_t> counts;
   for (size_t i = 0; i < ids.size(); ++i) {
-    if (view.labels[i] == entity && view.Counts(i)) ++counts[ids[i]];
+    if (mask[i] != 0) ++counts[ids[i]];
   }
   const auto most = std::ranges::max_element(
       counts, [](const auto& a, const auto& b) { return a.second < b.second; });
@@ -54,7 +55,7 @@ int32_t MajorityId(const LabeledView& view, uint16_t entity, std::span<const int
 }  // namespace
 
 absl::StatusOr<DecompositionScores> ScoreDecomposition(const Segmenter& segmenter, int level,
-                                                       std::span<const LabeledView> views) {
+                                                       const EvaluationTask& task) {
   DecompositionScores scores;
   std::vector<int32_t> ids_of_gaussians;
   RETURN_IF_ERROR(
@@ -64,15 +65,18 @@ absl::StatusOr<DecompositionScores> ScoreDecomposition(const Segmenter& segmente
         return absl::OkStatus();
       }));
   std::vector<std::vector<int32_t>> images;
-  images.reserve(views.size());
+  images.reserve(task.views.size());
   std::vector<int32_t> truth, shown;
-  for (const LabeledView& view : views) {
+  for (const TruthView& view : task.views) {
     ASSIGN_OR_RETURN(const std::vector<int32_t> ids,
                      segmenter.RenderIds(view.view, ids_of_gaussians));
-    for (size_t i = 0; i < ids.size(); ++i) {
-      if (view.labels[i] == 0 || !view.Counts(i)) continue;
-      truth.push_back(view.labels[i]);
-      shown.push_back(ids[i]);
+    for (const std::string& entity : view.entities) {
+      const std::vector<uint8_t> mask = view.CountedMaskOf(entity);
+      for (size_t i = 0; i < ids.size(); ++i) {
+        if (mask[i] == 0) continue;
+        truth.push_back(IdOf(entity));
+        shown.push_back(ids[i]);
+      }
     }
     images.push_back(ids);
   }
@@ -81,13 +85,14 @@ absl::StatusOr<DecompositionScores> ScoreDecomposition(const Segmenter& segmente
                             static_cast<double>(std::max<size_t>(1, shown.size()));
   std::set<int32_t> entities;
   int num_kept = 0;
-  for (const ShownEntity& entity : FindEntities(views, kMinPixels)) {
-    if (entity.views.size() < 2) continue;
-    entities.insert(entity.id);
+  for (const ScoredEntity& entity : task.entities) {
+    entities.insert(IdOf(entity.name));
+    std::vector<size_t> views = entity.scored;
+    views.push_back(entity.reference);
     std::vector<int32_t> majorities;
-    majorities.reserve(entity.views.size());
-    for (const LabeledView* view : entity.views) {
-      majorities.push_back(MajorityId(*view, entity.id, images[view - views.data()]));
+    majorities.reserve(views.size());
+    for (const size_t v : views) {
+      majorities.push_back(MajorityId(task.views[v], entity.name, images[v]));
     }
     const bool kept = majorities[0] != 0 && std::ranges::count(majorities, majorities[0]) ==
                                                 static_cast<std::ptrdiff_t>(majorities.size());
@@ -106,9 +111,11 @@ absl::Status PrintDecomposition(const Segmenter& segmenter, const CapturePack& p
   std::printf("# decomposed in %.2f s\n", Now() - start);
   for (size_t level = 0; level < std::min(pack.truth.size(), kDefaultDecompositionScales.size());
        ++level) {
+    EvaluationRequest request;
+    ASSIGN_OR_RETURN(request.views, TruthViews(pack.capture, pack.truth[level]));
+    ASSIGN_OR_RETURN(const EvaluationTask task, MakeTask(std::move(request), {}));
     ASSIGN_OR_RETURN(const DecompositionScores scores,
-                     ScoreDecomposition(segmenter, static_cast<int>(level),
-                                        LabeledViews(pack.capture, pack.truth[level])));
+                     ScoreDecomposition(segmenter, static_cast<int>(level), task));
     std::printf(
         "# %s: %d segments, adjusted Rand index %.4f, best IoU %.4f, %.1f %% unassigned, %.1f %% "
         "of %d entities "

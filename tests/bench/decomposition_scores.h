@@ -1,10 +1,8 @@
 #pragma once
 
-#include <span>
-
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/evaluate/labeled_view.h"
+#include "core/evaluate/evaluation_task.h"
 #include "core/query/segmenter.h"
 #include "tests/bench/capture_pack.h"
 
@@ -17,7 +15,7 @@ struct DecompositionScores {
   double adjusted_rand = 0;
   double unassigned_share = 0;  // share of the labelled pixels
   // Share of entities that are mostly the same segment in each of their views. Counts entities that
-  // at least two views show on 100 pixels or more.
+  // at least two views show on 100 pixels or more: those of the task.
   double kept_share = 0;
   // Mean IoU of the same entities, over labelled pixels, with their best segment. Small entities
   // count as much as large ones.
@@ -26,7 +24,7 @@ struct DecompositionScores {
   int num_segments = 0;  // of the level
 };
 absl::StatusOr<DecompositionScores> ScoreDecomposition(const Segmenter& segmenter, int level,
-                                                       std::span<const LabeledView> views);
+                                                       const EvaluationTask& task);
 
 // Prints the scores of each level as comments of a table. Levels of the truth are matched to the
 // default scales in order.

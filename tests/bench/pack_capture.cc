@@ -7,7 +7,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/dataset/import.h"
-#include "core/priors/embed_priors.h"
+#include "core/priors/priors.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/truth_files.h"
 #include "tests/testing/crowded_capture.h"

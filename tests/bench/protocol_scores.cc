@@ -10,17 +10,6 @@
 namespace pepeseg {
 namespace {
 
-absl::StatusOr<EvaluationRequest> RequestOf(std::span<const LabeledView> views) {
-  EvaluationRequest request;
-  for (const LabeledView& view : views) {
-    TruthViewBuilder builder(view.view);
-    RETURN_IF_ERROR(builder.AddLabels(view.labels, {}));
-    if (!view.ignore.empty()) RETURN_IF_ERROR(builder.SetIgnore(view.ignore));
-    request.views.push_back(std::move(builder).Build());
-  }
-  return request;
-}
-
 // Gives each entity its own mask as the prompt, in the view that would be its reference anyway.
 absl::Status PromptByOwnMask(EvaluationRequest& request, const TaskOptions& options) {
   ASSIGN_OR_RETURN(const EvaluationTask task, MakeTask(request, options));
@@ -61,9 +50,10 @@ absl::Status PrintProtocol(const Segmenter& segmenter, EvaluationRequest request
 
 }  // namespace
 
-absl::Status PrintProtocols(const Segmenter& segmenter, std::span<const LabeledView> views,
+absl::Status PrintProtocols(const Segmenter& segmenter, const std::vector<TruthView>& views,
                             const std::string& name) {
-  ASSIGN_OR_RETURN(const EvaluationRequest clicked, RequestOf(views));
+  EvaluationRequest clicked;
+  clicked.views = views;
   EvaluationOptions options;
   EvaluationRequest masked = clicked;
   RETURN_IF_ERROR(PromptByOwnMask(masked, options.task));

@@ -8,10 +8,8 @@
 #include <string>
 
 #include "core/base/status_macros.h"
-#include "core/evaluate/click_count.h"
+#include "core/evaluate/evaluate.h"
 #include "core/evaluate/metrics.h"
-#include "core/evaluate/one_click.h"
-#include "core/evaluate/proposal_scores.h"
 #include "core/features/feature_stage.h"
 #include "core/features/train_features.h"
 #include "core/formats/gaussian_ply.h"
@@ -23,12 +21,12 @@
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/decomposition_scores.h"
 #include "tests/bench/granularity.h"
-#include "tests/bench/labeled_views.h"
 #include "tests/bench/prompt_scores.h"
 #include "tests/bench/protocol_scores.h"
 #include "tests/bench/segment_rows.h"
 #include "tests/bench/stage_one_flags.h"
 #include "tests/bench/stage_two_flags.h"
+#include "tests/bench/truth_views.h"
 
 namespace pepeseg {
 namespace {
@@ -51,7 +49,7 @@ struct BenchOptions {
   bool rows_only = false;
   ReconstructOptions reconstruct;
   FeatureOptions features;
-  OneClickOptions protocol;
+  EvaluationOptions protocol;
   ClickOptions click_protocol;
 };
 
@@ -114,21 +112,23 @@ absl::Status PrintGranularity(Backend& backend, const Capture& capture, const Mo
 
 // Prints as a comment.
 absl::Status PrintPrompts(const Segmenter& segmenter, const CapturePack& pack,
-                          const SegmentRow& row, int64_t min_pixels) {
-  std::vector<std::vector<LabeledView>> levels;
-  for (const TruthLevel& level : pack.truth) levels.push_back(LabeledViews(pack.capture, level));
-  const auto level = static_cast<size_t>(row.level - pack.truth.data());
-  ASSIGN_OR_RETURN(const ProposalScores proposals,
-                   EvaluateProposals(segmenter, levels[level], min_pixels, GoOn));
-  ASSIGN_OR_RETURN(const PromptScores scores,
-                   ScorePrompts(segmenter, levels, level, row.scores.entities, proposals));
+                          const SegmentRow& row, const TaskOptions& options) {
+  std::vector<std::vector<TruthView>> levels;
+  for (const TruthLevel& level : pack.truth) {
+    ASSIGN_OR_RETURN(levels.emplace_back(), TruthViews(pack.capture, level));
+  }
+  EvaluationRequest request;
+  request.views = levels[static_cast<size_t>(row.level - pack.truth.data())];
+  ASSIGN_OR_RETURN(const EvaluationTask task, MakeTask(std::move(request), options));
+  ASSIGN_OR_RETURN(const PromptScores scores, ScorePrompts(segmenter, task, levels));
   std::printf(
       "# %s: chosen %.4f; first proposal %.4f (as whatever level it suits %.4f), best of three "
       "%.4f, of %d %.4f; mask %.4f, box %.4f; selection %.4f, against the masks %.4f; a click's "
       "scale and threshold take %.2f ms\n",
-      row.level->name.c_str(), row.scores.chosen.iou, proposals.first_iou, scores.first_thing_iou,
-      proposals.best_of_three_iou, kDefaultProposals, proposals.best_iou, scores.mask_iou,
-      scores.box_iou, scores.selection_iou, scores.selection_against_masks, scores.choosing_ms);
+      row.level->name.c_str(), row.scores.scene.reference_choice.value_or(MaskScores()).iou,
+      scores.first_iou, scores.first_thing_iou, scores.best_of_three_iou, kDefaultProposals,
+      scores.best_iou, scores.mask_iou, scores.box_iou, scores.selection_iou,
+      scores.selection_against_masks, scores.choosing_ms);
   return absl::OkStatus();
 }
 
@@ -149,16 +149,17 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
     model.views.push_back({view.name, view.camera, view.cam_from_world, view.held_out});
   }
   if (options.granularity) {
-    RETURN_IF_ERROR(PrintGranularity(backend, pack.capture, model, options.protocol.fixed_scales));
+    RETURN_IF_ERROR(PrintGranularity(backend, pack.capture, model, options.protocol.scales));
   }
   ASSIGN_OR_RETURN(const auto segmenter, Segmenter::Create(backend, std::move(model)));
   if (options.decompose) RETURN_IF_ERROR(PrintDecomposition(*segmenter, pack));
   if (options.protocols) RETURN_IF_ERROR(PrintMaskAgreement(*segmenter, pack.capture));
   for (const TruthLevel& level : pack.truth) {
     const double evaluate_start = Now();
-    ASSIGN_OR_RETURN(
-        OneClickScores scores,
-        EvaluateOneClick(*segmenter, LabeledViews(pack.capture, level), options.protocol, GoOn));
+    EvaluationRequest request;
+    ASSIGN_OR_RETURN(request.views, TruthViews(pack.capture, level));
+    ASSIGN_OR_RETURN(EvaluationResult scores,
+                     Evaluate(*segmenter, request, options.protocol, GoOn));
     const SegmentRow row = {stage.seed,
                             &level,
                             &geometry,
@@ -171,19 +172,21 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
     PrintRow(options.name, row);
     if (options.entities) PrintEntities(row);
     if (options.prompts) {
-      RETURN_IF_ERROR(PrintPrompts(*segmenter, pack, row, options.protocol.min_pixels));
+      RETURN_IF_ERROR(PrintPrompts(*segmenter, pack, row, options.protocol.task));
     }
     if (options.protocols) {
-      RETURN_IF_ERROR(PrintProtocols(*segmenter, LabeledViews(pack.capture, level), level.name));
+      RETURN_IF_ERROR(PrintProtocols(*segmenter, request.views, level.name));
     }
     if (options.clicks) {
-      ASSIGN_OR_RETURN(const ClickScores clicks,
-                       EvaluateClicks(*segmenter, LabeledViews(pack.capture, level),
-                                      options.click_protocol, GoOn));
+      EvaluationOptions by_clicks = options.protocol;
+      by_clicks.protocol = Protocol::kClicks;
+      by_clicks.clicks = options.click_protocol;
+      ASSIGN_OR_RETURN(const EvaluationResult clicks,
+                       Evaluate(*segmenter, request, by_clicks, GoOn));
       PrintClicks(row, options.click_protocol, clicks, options.entities);
     }
     if (!options.dump.empty()) {
-      RETURN_IF_ERROR(DumpMasks(*segmenter, LabeledViews(pack.capture, level), row, options.dump));
+      RETURN_IF_ERROR(DumpMasks(*segmenter, request.views, row, options.dump));
     }
   }
   return absl::OkStatus();

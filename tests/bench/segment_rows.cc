@@ -7,22 +7,28 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/prompt/resolve_prompt.h"
+#include "tests/bench/truth_views.h"
 
 namespace pepeseg {
 namespace {
 
-std::string NameOf(const SegmentRow& row, int entity) {
-  const auto id = static_cast<size_t>(entity);
+std::string NameOf(const SegmentRow& row, const EntityScores& entity) {
+  const auto id = static_cast<size_t>(IdOf(entity.name));
   return id < row.level->entities.size() ? row.level->entities[id] : "";
+}
+
+// The reference view of a click has the mask of the entity: there is a choice.
+ChoiceScores ChosenFor(const EntityScores& entity) {
+  return entity.reference_choice.value_or(ChoiceScores());
 }
 
 }  // namespace
 
-void PrintHeader(const OneClickOptions& protocol) {
+void PrintHeader(const EvaluationOptions& protocol) {
   std::string head =
       "| run | seed | level | entities | mIoU | mBIoU | oracle mIoU | oracle mBIoU |";
   std::string rule = "|---|---|---|---|---|---|---|---|";
-  for (const double scale : protocol.fixed_scales) {
+  for (const double scale : protocol.scales) {
     head += absl::StrCat(" ", scale, " |");
     rule += "---|";
   }
@@ -36,12 +42,12 @@ void PrintHeader(const OneClickOptions& protocol) {
 }
 
 void PrintRow(const std::string& name, const SegmentRow& row) {
-  const OneClickScores& scores = row.scores;
+  const GroupScores& scores = row.scores.scene;
+  const MaskScores chosen = scores.reference_choice.value_or(MaskScores());
   std::printf("| %s | %d | %s | %d | %.4f | %.4f | %.4f | %.4f |", name.c_str(),
-              static_cast<int>(row.seed), row.level->name.c_str(),
-              static_cast<int>(scores.entities.size()), scores.chosen.iou,
-              scores.chosen.boundary_iou, scores.oracle.iou, scores.oracle.boundary_iou);
-  for (const double iou : scores.fixed_iou) std::printf(" %.3f |", iou);
+              static_cast<int>(row.seed), row.level->name.c_str(), scores.num_entities, chosen.iou,
+              chosen.boundary_iou, scores.paper.iou, scores.paper.boundary_iou);
+  for (const double iou : scores.iou_by_scale) std::printf(" %.3f |", iou);
   const double seconds = row.geometry->seconds;
   seconds < 0 ? std::printf(" read |") : std::printf(" %.2f |", seconds);
   std::printf(" %.2f | %.2f | %ld | %.3f | %.2f | %.2f |", row.feature_seconds,
@@ -54,33 +60,37 @@ void PrintRow(const std::string& name, const SegmentRow& row) {
 }
 
 void PrintEntities(const SegmentRow& row) {
-  for (const EntityScore& score : row.scores.entities) {
-    const std::string name = NameOf(row, score.id);
+  for (const EntityScores& score : row.scores.entities) {
+    const std::string name = NameOf(row, score);
+    const ChoiceScores chosen = ChosenFor(score);
+    const PointPrompt click = score.click.value_or(PointPrompt());
     std::printf(
         "# %d %s %3d %-16s %2d views, click %s (%.1f, %.1f)%s: %.3f / %.3f at %.2f, %.2f; oracle "
         "%.3f / %.3f at %.2f, %.2f\n",
-        static_cast<int>(row.seed), row.level->name.c_str(), score.id, name.c_str(),
-        static_cast<int>(score.views.size()), score.views[0].view.c_str(), score.click.x,
-        score.click.y, score.missing ? " on nothing" : "", score.chosen.iou,
-        score.chosen.boundary_iou, score.chosen.scale, score.chosen.threshold, score.oracle.iou,
-        score.oracle.boundary_iou, score.oracle.scale, score.oracle.threshold);
+        static_cast<int>(row.seed), row.level->name.c_str(), IdOf(score.name), name.c_str(),
+        1 + static_cast<int>(score.scored.size()), score.reference.c_str(), click.x, click.y,
+        score.missing ? " on nothing" : "", chosen.mean.iou, chosen.mean.boundary_iou, chosen.scale,
+        chosen.threshold, score.paper.mean.iou, score.paper.mean.boundary_iou, score.paper.scale,
+        score.paper.threshold);
   }
 }
 
-void PrintClicks(const SegmentRow& row, const ClickOptions& options, const ClickScores& scores,
+void PrintClicks(const SegmentRow& row, const ClickOptions& options, const EvaluationResult& scores,
                  bool by_entity) {
+  const GroupScores& scene = scores.scene;
   std::printf(
       "# %d %s: NoC@%.0f %.2f of at most %d, %.1f %% reached; IoU after 1, 2, 3 clicks %.4f %.4f "
       "%.4f\n",
-      static_cast<int>(row.seed), row.level->name.c_str(), 100 * options.min_iou, scores.num_clicks,
-      options.max_clicks, 100 * scores.reached, scores.iou_after[0], scores.iou_after[1],
-      scores.iou_after[2]);
+      static_cast<int>(row.seed), row.level->name.c_str(), 100 * options.min_iou, scene.num_clicks,
+      options.max_clicks, 100 * scene.reached, scene.iou_after[0], scene.iou_after[1],
+      scene.iou_after[2]);
   if (!by_entity) return;
-  for (const EntityClicks& score : scores.entities) {
+  for (const EntityScores& entity : scores.entities) {
+    const EntityClicks clicks = entity.clicks.value_or(EntityClicks());
     std::printf("# %d %s %3d %-16s %2d clicks%s:", static_cast<int>(row.seed),
-                row.level->name.c_str(), score.id, NameOf(row, score.id).c_str(), score.num_clicks,
-                score.reached ? "" : ", not reached");
-    for (const ClickAnswer& answer : score.answers) {
+                row.level->name.c_str(), IdOf(entity.name), NameOf(row, entity).c_str(),
+                clicks.num_clicks, clicks.reached ? "" : ", not reached");
+    for (const ClickAnswer& answer : clicks.answers) {
       std::printf(" %c(%.0f, %.0f)%s %.3f/%.3f", answer.click.positive ? '+' : '-', answer.click.x,
                   answer.click.y, answer.on_nothing ? "!" : "", answer.reference_iou, answer.iou);
     }
@@ -88,25 +98,26 @@ void PrintClicks(const SegmentRow& row, const ClickOptions& options, const Click
   }
 }
 
-absl::Status DumpMasks(const Segmenter& segmenter, const std::vector<LabeledView>& views,
+absl::Status DumpMasks(const Segmenter& segmenter, const std::vector<TruthView>& views,
                        const SegmentRow& row, const std::string& folder) {
-  for (const EntityScore& score : row.scores.entities) {
+  for (const EntityScores& score : row.scores.entities) {
     const auto reference = std::ranges::find_if(
-        views, [&](const LabeledView& view) { return view.view.name == score.views[0].view; });
-    ASSIGN_OR_RETURN(
-        const Query query,
-        ResolvePrompt(segmenter, {reference->view, std::vector<PointPrompt>{score.click}},
-                      {score.chosen.scale, score.chosen.threshold}));
-    for (const LabeledView& view : views) {
+        views, [&](const TruthView& view) { return view.view.name == score.reference; });
+    const ChoiceScores chosen = ChosenFor(score);
+    const std::vector<PointPrompt> click = {score.click.value_or(PointPrompt())};
+    ASSIGN_OR_RETURN(const Query query, ResolvePrompt(segmenter, {reference->view, click},
+                                                      {chosen.scale, chosen.threshold}));
+    for (const TruthView& view : views) {
       const ModelView target[] = {view.view};
       ASSIGN_OR_RETURN(const auto results, segmenter.Segment(query, target));
       const SegmentResult& result = results[0];
-      std::ofstream file(
-          absl::StrCat(folder, "/", row.level->name, "_", score.id, "_", view.view.name, ".ppm"),
-          std::ios::binary);
+      std::ofstream file(absl::StrCat(folder, "/", row.level->name, "_", IdOf(score.name), "_",
+                                      view.view.name, ".ppm"),
+                         std::ios::binary);
       file << "P6 " << result.width << " " << result.height << " 255\n";
-      for (size_t i = 0; i < view.labels.size(); ++i) {
-        const bool got = result.mask.pixels[i] != 0, want = view.labels[i] == score.id;
+      const std::vector<uint8_t> truth = MaskIn(view, score.name);
+      for (size_t i = 0; i < truth.size(); ++i) {
+        const bool got = result.mask.pixels[i] != 0, want = truth[i] != 0;
         const char rgb[3] = {static_cast<char>(got ? 255 : 0),
                              static_cast<char>(got && want ? 255 : 0),
                              static_cast<char>(want ? 255 : 0)};

@@ -5,9 +5,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "core/evaluate/click_count.h"
-#include "core/evaluate/labeled_view.h"
-#include "core/evaluate/one_click.h"
+#include "core/evaluate/evaluate.h"
 #include "core/query/segmenter.h"
 #include "core/scene/gaussians.h"
 #include "core/scene/model.h"
@@ -30,22 +28,22 @@ struct SegmentRow {
   const Geometry* geometry;
   double feature_seconds, feature_core_seconds, evaluate_seconds;
   int64_t num_feature_steps;
-  size_t bytes;  // peak device memory so far
-  OneClickScores scores;
+  size_t bytes;             // peak device memory so far
+  EvaluationResult scores;  // of the protocol "one click"
 };
 
-void PrintHeader(const OneClickOptions& protocol);
+void PrintHeader(const EvaluationOptions& protocol);
 // Prints a row of the table; `name` is the first column.
 void PrintRow(const std::string& name, const SegmentRow& row);
 // Prints a line for each entity, as comments, so that scripts can extract the rows of the table.
 void PrintEntities(const SegmentRow& row);
-// Prints the means as a comment, and with `by_entity` another comment for each entity and its
-// answers.
-void PrintClicks(const SegmentRow& row, const ClickOptions& options, const ClickScores& scores,
+// Prints the means of the protocol "clicks" as a comment, and with `by_entity` another comment for
+// each entity and its answers.
+void PrintClicks(const SegmentRow& row, const ClickOptions& options, const EvaluationResult& scores,
                  bool by_entity);
 // Writes a PPM for each entity and view: white where the mask is right, red where it covers too
 // much, blue where too little.
-absl::Status DumpMasks(const Segmenter& segmenter, const std::vector<LabeledView>& views,
+absl::Status DumpMasks(const Segmenter& segmenter, const std::vector<TruthView>& views,
                        const SegmentRow& row, const std::string& folder);
 
 }  // namespace pepeseg

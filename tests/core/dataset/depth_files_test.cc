@@ -9,7 +9,6 @@
 #include <limits>
 
 #include "core/formats/npy.h"
-#include "core/formats/pfm.h"
 #include "tests/testing/float_files.h"
 #include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"

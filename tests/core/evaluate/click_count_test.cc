@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-
 #include "tests/core/evaluate/two_blobs.h"
 #include "tests/testing/status_testing.h"
 
@@ -11,43 +9,26 @@ namespace pepeseg {
 namespace {
 
 constexpr int kSize = testing::kTwoBlobsSize;
-constexpr uint16_t kThing = 3;
-
-absl::Status GoOn() { return absl::OkStatus(); }
 
 // One entity in three views: the left blob, or both blobs.
-class ClickCountTest : public ::testing::Test {
+class ClickCountTest : public testing::TwoBlobsTest {
  protected:
-  void MakeModel(float gate_bias, bool both) {
-    ASSERT_OK_AND_ASSIGN(segmenter_, Segmenter::Create(*backend_, testing::TwoBlobs(gate_bias)));
-    for (int v = 0; v < 3; ++v) {
-      LabeledView& view = views_.emplace_back();
-      view.view = segmenter_->model().views[v];
-      view.labels.assign(size_t{kSize} * kSize, 0);
-      for (const bool left : {true, false}) {
-        if (!left && !both) continue;
-        const std::vector<uint8_t> blob = testing::MaskOfBlob(*segmenter_, v, left);
-        for (size_t i = 0; i < blob.size(); ++i) {
-          if (blob[i] != 0) view.labels[i] = kThing;
-        }
-      }
-    }
+  void MakeScene(float gate_bias, bool both) {
+    options_.protocol = Protocol::kClicks;
+    options_.clicks.max_clicks = 20;
+    for (int v = 0; v < 3; ++v) Show(v, "thing", both ? Pair(v) : Left(v));
+    MakeModel(gate_bias);
   }
-
-  std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
-  std::unique_ptr<Segmenter> segmenter_;
-  std::vector<LabeledView> views_;
 };
 
-constexpr float kApart = 10,
-                kTogether = 2;  // gate biases: the blobs are apart or together at most scales
+// Gate biases: the blobs are apart or together at most scales.
+constexpr float kApart = 10, kTogether = 2;
 
 TEST_F(ClickCountTest, CountsOneClickIfTheFirstAnswerIsRight) {
-  MakeModel(kApart, /*both=*/false);
-  ASSERT_OK_AND_ASSIGN(const ClickScores scores, EvaluateClicks(*segmenter_, views_, {}, GoOn));
-  ASSERT_EQ(scores.entities.size(), 1u);
-  const EntityClicks& score = scores.entities[0];
-  EXPECT_EQ(score.id, kThing);
+  MakeScene(kApart, /*both=*/false);
+  ASSERT_OK_AND_ASSIGN(const EvaluationResult result, Run());
+  ASSERT_EQ(result.entities.size(), 1u);
+  const EntityClicks& score = result.entities[0].clicks.value();
   EXPECT_TRUE(score.reached);
   EXPECT_EQ(score.num_clicks, 1);
   ASSERT_EQ(score.answers.size(), 1u);  // no wrong pixel is left to click
@@ -56,14 +37,14 @@ TEST_F(ClickCountTest, CountsOneClickIfTheFirstAnswerIsRight) {
   EXPECT_DOUBLE_EQ(score.answers[0].reference_iou, 1);
   EXPECT_DOUBLE_EQ(score.answers[0].iou, 1);
   EXPECT_EQ(score.iou_after, (std::array{1.0, 1.0, 1.0}));
-  EXPECT_EQ(scores.num_clicks, 1);
-  EXPECT_EQ(scores.reached, 1);
+  EXPECT_EQ(result.scene.num_clicks, 1);
+  EXPECT_EQ(result.scene.reached, 1);
 }
 
 TEST_F(ClickCountTest, ClicksNegativelyOnASpilledBlob) {
-  MakeModel(kTogether, /*both=*/false);
-  ASSERT_OK_AND_ASSIGN(const ClickScores scores, EvaluateClicks(*segmenter_, views_, {}, GoOn));
-  const EntityClicks& score = scores.entities[0];
+  MakeScene(kTogether, /*both=*/false);
+  ASSERT_OK_AND_ASSIGN(const EvaluationResult result, Run());
+  const EntityClicks& score = result.entities[0].clicks.value();
   EXPECT_TRUE(score.reached);
   EXPECT_EQ(score.num_clicks, 2);
   ASSERT_GE(score.answers.size(), 2u);
@@ -75,12 +56,16 @@ TEST_F(ClickCountTest, ClicksNegativelyOnASpilledBlob) {
   EXPECT_GT(score.answers[1].reference_iou, 0.95);
   EXPECT_GT(score.answers[1].iou, 0.95);
   EXPECT_EQ(score.iou_after[1], score.answers[1].iou);
+  EXPECT_EQ(result.scene.num_clicks, 2);
+  EXPECT_EQ(result.scene.reached, 1);
+  EXPECT_EQ(result.scene.iou_after, score.iou_after);
+  EXPECT_EQ(result.categories[0].num_clicks, 2);
 }
 
 TEST_F(ClickCountTest, ClicksPositivelyOnAMissedBlob) {
-  MakeModel(kApart, /*both=*/true);
-  ASSERT_OK_AND_ASSIGN(const ClickScores scores, EvaluateClicks(*segmenter_, views_, {}, GoOn));
-  const EntityClicks& score = scores.entities[0];
+  MakeScene(kApart, /*both=*/true);
+  ASSERT_OK_AND_ASSIGN(const EvaluationResult result, Run());
+  const EntityClicks& score = result.entities[0].clicks.value();
   EXPECT_EQ(score.num_clicks, 2);
   ASSERT_GE(score.answers.size(), 2u);
   EXPECT_NEAR(score.answers[0].reference_iou, 0.5, 0.02);
@@ -91,12 +76,10 @@ TEST_F(ClickCountTest, ClicksPositivelyOnAMissedBlob) {
 
 // The lower 30 rows belong to the entity, but nothing is rendered there.
 TEST_F(ClickCountTest, CountsMaxClicksForAnEntityNeverReached) {
-  MakeModel(kApart, /*both=*/false);
-  for (LabeledView& view : views_) {
-    std::fill(view.labels.end() - ptrdiff_t{30} * kSize, view.labels.end(), kThing);
-  }
-  ASSERT_OK_AND_ASSIGN(const ClickScores scores, EvaluateClicks(*segmenter_, views_, {}, GoOn));
-  const EntityClicks& score = scores.entities[0];
+  MakeScene(kApart, /*both=*/false);
+  for (int v = 0; v < 3; ++v) Show(v, "thing", Union(Left(v), BottomRows(30)));
+  ASSERT_OK_AND_ASSIGN(const EvaluationResult result, Run());
+  const EntityClicks& score = result.entities[0].clicks.value();
   EXPECT_FALSE(score.reached);
   EXPECT_EQ(score.num_clicks, 20);
   ASSERT_EQ(score.answers.size(), 20u);
@@ -108,38 +91,44 @@ TEST_F(ClickCountTest, CountsMaxClicksForAnEntityNeverReached) {
                    score.answers[i].click.y == score.answers[j].click.y);
     }
   }
-  EXPECT_EQ(scores.reached, 0);
-  EXPECT_EQ(scores.num_clicks, 20);
-  ASSERT_OK_AND_ASSIGN(const ClickScores three,
-                       EvaluateClicks(*segmenter_, views_, {.max_clicks = 3}, GoOn));
-  EXPECT_EQ(three.num_clicks, 3);
-  EXPECT_EQ(three.entities[0].answers.size(), 3u);
+  EXPECT_EQ(result.scene.reached, 0);
+  EXPECT_EQ(result.scene.num_clicks, 20);
+  options_.clicks.max_clicks = 3;
+  ASSERT_OK_AND_ASSIGN(const EvaluationResult three, Run());
+  EXPECT_EQ(three.scene.num_clicks, 3);
+  EXPECT_EQ(three.entities[0].clicks->answers.size(), 3u);
 }
 
 TEST_F(ClickCountTest, NeitherClicksNorScoresIgnoredPixels) {
-  MakeModel(kTogether, /*both=*/false);
-  for (LabeledView& view : views_) {
-    view.ignore.assign(view.labels.size(), 0);
-    for (int i = 0; i < kSize * kSize; ++i) view.ignore[i] = i % kSize >= 48 ? 1 : 0;
-  }
-  ASSERT_OK_AND_ASSIGN(const ClickScores scores, EvaluateClicks(*segmenter_, views_, {}, GoOn));
-  EXPECT_EQ(scores.num_clicks, 1);  // the right blob spills where nobody looks
-  EXPECT_GT(scores.iou_after[0], 0.95);
+  MakeScene(kTogether, /*both=*/false);
+  ignore_.resize(size_t{kSize} * kSize);
+  for (int i = 0; i < kSize * kSize; ++i) ignore_[i] = i % kSize >= 48 ? 1 : 0;
+  ASSERT_OK_AND_ASSIGN(const EvaluationResult result, Run());
+  EXPECT_EQ(result.scene.num_clicks, 1);  // the right blob spills where nobody looks
+  EXPECT_GT(result.scene.iou_after[0], 0.95);
 }
 
 TEST_F(ClickCountTest, ReturnsTheErrorOfCheckCancelled) {
-  MakeModel(kTogether, /*both=*/false);
+  MakeScene(kTogether, /*both=*/false);
   for (const int allowed : {0, 1}) {
     int asked = 0;
-    const auto scores = EvaluateClicks(*segmenter_, views_, {}, [&] {
+    const auto result = Evaluate(*segmenter_, Request(), options_, [&] {
       return asked++ < allowed ? absl::OkStatus() : absl::CancelledError("enough");
     });
-    EXPECT_STATUS(scores, absl::StatusCode::kCancelled, "enough");
+    EXPECT_STATUS(result, absl::StatusCode::kCancelled, "enough");
     EXPECT_EQ(asked, allowed + 1);
   }
 }
 
-TEST_F(ClickCountTest, RefusesOptionsOutOfRangeAndLabelsWithoutAnEntity) {
+TEST_F(ClickCountTest, RefusesOtherPrompts) {
+  MakeScene(kApart, /*both=*/false);
+  prompts_ = {{"thing", "a", OwnMask{}}};
+  EXPECT_STATUS(Run(), absl::StatusCode::kInvalidArgument,
+                "entity \"thing\", reference view \"a\": the protocol \"clicks\" makes its own "
+                "prompt");
+}
+
+TEST(ClickOptions, RefusesValuesOutOfRange) {
   const auto expect_refused = [](const ClickOptions& options, const std::string& message) {
     EXPECT_STATUS(Validate(options), absl::StatusCode::kInvalidArgument, message);
   };
@@ -147,10 +136,6 @@ TEST_F(ClickCountTest, RefusesOptionsOutOfRangeAndLabelsWithoutAnEntity) {
   expect_refused({.min_iou = 0}, "min_iou is 0, must be in (0, 1]");
   expect_refused({.max_clicks = 2}, "max_clicks is 2, must be in [3, 256]");
   expect_refused({.max_clicks = 257}, "max_clicks is 257");
-  expect_refused({.min_pixels = 0}, "min_pixels is 0");
-  MakeModel(kApart, /*both=*/false);
-  EXPECT_STATUS(EvaluateClicks(*segmenter_, {views_.data(), 1}, {}, GoOn),
-                absl::StatusCode::kInvalidArgument, "no entity shows at least 100 pixels");
 }
 
 }  // namespace

@@ -135,5 +135,75 @@ TEST(AdjustedRand, IsAboutZeroForIndependentIds) {
   EXPECT_NEAR(Ari(a, b), 0, 0.005);
 }
 
+TEST(PixelAccuracy, CountsRightPixelsInsideAndOutside) {
+  const std::vector<uint8_t> truth = {1, 1, 1, 0, 0, 0, 0, 0}, mask = {1, 1, 0, 1, 0, 0, 0, 0};
+  EXPECT_DOUBLE_EQ(PixelAccuracy(mask, truth), 6.0 / 8);
+  // Without pixels 3 to 7: two of three are right.
+  EXPECT_DOUBLE_EQ(PixelAccuracy(mask, truth, std::vector<uint8_t>{0, 0, 0, 1, 1, 1, 1, 1}),
+                   2.0 / 3);
+  EXPECT_EQ(PixelAccuracy(mask, truth, std::vector<uint8_t>(8, 1)), 1);
+}
+
+// A 3x3 square in a corner of 6x6 pixels, and the same square moved right by one. The boundary
+// reaches one pixel deep: a square without its middle.
+TEST(ScoreMask, MatchesHandCountedSquares) {
+  std::vector<uint8_t> truth(36), mask(36);
+  for (int y = 0; y < 3; ++y) {
+    for (int x = 0; x < 3; ++x) truth[y * 6 + x] = mask[y * 6 + x + 1] = 1;
+  }
+  const MaskScores scores = ScoreMask(mask, truth, 6, 6);
+  EXPECT_DOUBLE_EQ(scores.iou, 6.0 / 12);        // two columns of three are common
+  EXPECT_DOUBLE_EQ(scores.accuracy, 30.0 / 36);  // a column of each is wrong
+  // Boundaries of 8 pixels each. Common: (1, 0), (2, 0), (1, 2), (2, 2); the middle scanline has
+  // (0, 1), (2, 1) of one and (1, 1), (3, 1) of the other.
+  EXPECT_DOUBLE_EQ(scores.boundary_iou, 4.0 / 12);
+}
+
+TEST(MeanOf, IsTheMeanOfEachScore) {
+  const std::vector<MaskScores> scores = {{0.5, 1, 0}, {1, 0.5, 0.25}};
+  const MaskScores mean = MeanOf(scores);
+  EXPECT_DOUBLE_EQ(mean.iou, 0.75);
+  EXPECT_DOUBLE_EQ(mean.accuracy, 0.75);
+  EXPECT_DOUBLE_EQ(mean.boundary_iou, 0.125);
+  EXPECT_EQ(MeanOf({}).iou, 0);
+}
+
+TEST(IouByThreshold, LeavesOutPixelsOutsideTheMask) {
+  const std::vector<float> similarity = {0.9f, 0.8f, 0.9f, 0.1f};
+  const std::vector<uint8_t> truth = {1, 1, 0, 0}, mask = {1, 1, 0, 1};
+  const std::vector<double> thresholds = {0.5, 0.85};
+  EXPECT_EQ(IouByThreshold(similarity, mask, truth, {}, thresholds), (std::vector<double>{1, 0.5}));
+  EXPECT_EQ(IouByThreshold(similarity, {}, truth, {}, thresholds),
+            (std::vector<double>{2.0 / 3, 1.0 / 3}));
+  EXPECT_EQ(IouByThreshold(similarity, mask, truth, std::vector<uint8_t>{0, 1, 0, 0}, thresholds),
+            (std::vector<double>{1, 1}));
+}
+
+TEST(IouByThreshold, MatchesHandCountedMasks) {
+  const std::vector<uint8_t> truth = {1, 1, 1, 1, 0, 0, 0, 0};
+  const std::vector<float> similarity = {0.9f, 0.8f, 0.6f, 0.1f, 0.85f, -1, 0.6f, 0.2f};
+  const std::vector<double> thresholds = {-2, 0.5, 0.7, 0.82, 0.95};
+  // Pixels over each threshold, inside and outside the truth: 4 and 4, 3 and 2, 2 and 1, 1 and 1,
+  // none.
+  EXPECT_EQ(IouByThreshold(similarity, {}, truth, {}, thresholds),
+            (std::vector<double>{4.0 / 8, 3.0 / 6, 2.0 / 5, 1.0 / 5, 0}));
+}
+
+TEST(IouByThreshold, IsStrictAndInSinglePrecisionAsSegmentIs) {
+  const std::vector<uint8_t> truth = {1, 1, 1, 1, 0, 0, 0, 0};
+  const std::vector<float> similarity(8, 0.7f);
+  EXPECT_EQ(IouByThreshold(similarity, {}, truth, {}, std::vector{0.7}), std::vector{0.0});
+  EXPECT_EQ(IouByThreshold(similarity, {}, truth, {}, std::vector{0.699}), std::vector{0.5});
+}
+
+TEST(IouByThreshold, LeavesOutIgnoredPixels) {
+  const std::vector<uint8_t> truth = {1, 1, 1, 1, 0, 0, 0, 0}, all(8, 1);
+  const std::vector<uint8_t> ignore = {0, 0, 0, 1, 1, 1, 1, 1};
+  const std::vector<float> similarity = {0.9f, 0.8f, 0.6f, 0.9f, 0.9f, 0.9f, 0.9f, 0.9f};
+  EXPECT_EQ(IouByThreshold(similarity, {}, truth, ignore, std::vector{0.7, 0.95}),
+            (std::vector<double>{2.0 / 3, 0}));
+  EXPECT_EQ(IouByThreshold(similarity, {}, truth, all, std::vector{0.7}), std::vector{1.0});
+}
+
 }  // namespace
 }  // namespace pepeseg

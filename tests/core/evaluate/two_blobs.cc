@@ -1,8 +1,8 @@
 #include "tests/core/evaluate/two_blobs.h"
 
-#include <gtest/gtest.h>
-
+#include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/prompt/resolve_prompt.h"
 #include "tests/testing/point_gaussians.h"
@@ -44,6 +44,47 @@ std::vector<uint8_t> MaskOfBlob(const Segmenter& segmenter, int view, bool left)
   EXPECT_OK(results);
   return results.ok() ? (*results)[0].mask.pixels
                       : std::vector<uint8_t>(kTwoBlobsSize * kTwoBlobsSize);
+}
+
+void TwoBlobsTest::MakeModel(float gate_bias) {
+  ASSERT_OK_AND_ASSIGN(segmenter_, Segmenter::Create(*backend_, TwoBlobs(gate_bias)));
+}
+
+TwoBlobsTest::Mask TwoBlobsTest::Pair(int view) const { return Union(Left(view), Right(view)); }
+
+TwoBlobsTest::Mask TwoBlobsTest::BottomRows(int num_rows) {
+  Mask mask(size_t{kTwoBlobsSize} * kTwoBlobsSize);
+  std::fill(mask.end() - ptrdiff_t{num_rows} * kTwoBlobsSize, mask.end(), uint8_t{1});
+  return mask;
+}
+
+TwoBlobsTest::Mask TwoBlobsTest::Union(Mask a, const Mask& b) {
+  for (size_t i = 0; i < a.size(); ++i) a[i] |= b[i];
+  return a;
+}
+
+double TwoBlobsTest::Area(const Mask& mask) {
+  return static_cast<double>(std::count(mask.begin(), mask.end(), uint8_t{1}));
+}
+
+EvaluationRequest TwoBlobsTest::Request() const {
+  EvaluationRequest request;
+  for (int v = 0; v < 3; ++v) {
+    TruthViewBuilder builder(segmenter_->model().views[v]);
+    if (masks_.contains(v)) {
+      for (const auto& [entity, mask] : masks_.at(v)) EXPECT_OK(builder.AddMask(entity, mask));
+    }
+    if (!ignore_.empty()) {
+      EXPECT_OK(builder.SetIgnore(ignore_));
+    }
+    request.views.push_back(std::move(builder).Build());
+  }
+  request.prompts = prompts_;
+  return request;
+}
+
+absl::StatusOr<EvaluationResult> TwoBlobsTest::Run() const {
+  return Evaluate(*segmenter_, Request(), options_, [] { return absl::OkStatus(); });
 }
 
 }  // namespace pepeseg::testing

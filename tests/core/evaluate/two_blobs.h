@@ -1,8 +1,14 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
 #include <vector>
 
+#include "core/evaluate/evaluate.h"
 #include "core/query/segmenter.h"
 
 namespace pepeseg::testing {
@@ -17,5 +23,39 @@ Model TwoBlobs(float gate_bias = 10);
 
 // Returns the mask that a click on a blob of the default model selects at a small scale.
 std::vector<uint8_t> MaskOfBlob(const Segmenter& segmenter, int view, bool left);
+
+// Evaluates masks of entities in the views of TwoBlobs.
+class TwoBlobsTest : public ::testing::Test {
+ protected:
+  using Mask = std::vector<uint8_t>;  // [height, width] of 0 and 1
+
+  void SetUp() override { MakeModel(10); }
+
+  // Makes a new model, whose caches are empty.
+  void MakeModel(float gate_bias);
+
+  // The masks of the blobs in a view.
+  Mask Left(int view) const { return MaskOfBlob(*segmenter_, view, true); }
+  Mask Right(int view) const { return MaskOfBlob(*segmenter_, view, false); }
+  Mask Pair(int view) const;
+  // Returns rows from the bottom of the image, where nothing is rendered.
+  static Mask BottomRows(int num_rows);
+  static Mask Union(Mask a, const Mask& b);
+  // Returns the number of pixels of a mask.
+  static double Area(const Mask& mask);
+
+  // Adds a mask of an entity to the request.
+  void Show(int view, const std::string& entity, const Mask& mask) { masks_[view][entity] = mask; }
+
+  EvaluationRequest Request() const;
+  absl::StatusOr<EvaluationResult> Run() const;
+
+  std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
+  std::unique_ptr<Segmenter> segmenter_;
+  std::map<int, std::map<std::string, Mask>> masks_;
+  std::vector<EntityPrompt> prompts_;
+  Mask ignore_;  // of all views
+  EvaluationOptions options_;
+};
 
 }  // namespace pepeseg::testing

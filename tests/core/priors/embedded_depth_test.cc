@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/priors/embed_priors.h"
+#include "core/priors/priors.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 

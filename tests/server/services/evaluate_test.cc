@@ -8,7 +8,7 @@
 namespace pepeseg {
 namespace {
 
-// The numbers of EvaluateOneClick: its choice is the reference's, its oracle is the paper's.
+// The reference chooses what the paper, which sees the scored views, chooses as well.
 TEST_F(EvaluateTest, ScoresEveryEntityOnTheViewsOtherThanItsReference) {
   const auto red = static_cast<double>(std::count(right.ids.begin(), right.ids.end(), kRed));
   right.FillRows(0, 2, kRed);  // 192 pixels where nothing is

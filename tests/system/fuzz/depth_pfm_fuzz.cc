@@ -1,5 +1,4 @@
 #include "core/dataset/depth_files.h"
-#include "core/formats/pfm.h"
 #include "tests/system/fuzz/fuzz_target.h"
 #include "tests/system/fuzz/memory_file.h"
 

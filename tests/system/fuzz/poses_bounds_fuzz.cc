@@ -1,4 +1,4 @@
-#include "core/dataset/poses_bounds.h"
+#include "core/dataset/photo_poses.h"
 #include "tests/system/fuzz/fuzz_target.h"
 #include "tests/system/fuzz/pose_index.h"
 

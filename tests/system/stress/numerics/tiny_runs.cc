@@ -6,8 +6,8 @@
 #include <random>
 
 #include "core/base/status_macros.h"
+#include "core/evaluate/evaluate.h"
 #include "core/evaluate/metrics.h"
-#include "core/evaluate/one_click.h"
 #include "core/features/feature_stage.h"
 #include "core/reconstruct/initial_gaussians.h"
 #include "core/reconstruct/reconstructor.h"
@@ -162,20 +162,22 @@ absl::StatusOr<double> ClickIou(Backend& backend, const SyntheticScene& scene,
   model.gaussians = gaussians;
   model.field = field;
   model.scene_radius = SceneRadius(scene.capture);
-  std::vector<LabeledView> labeled;
+  EvaluationRequest request;
   for (size_t i = 0; i < scene.capture.views.size(); ++i) {
     const View& view = scene.capture.views[i];
     model.views.push_back({view.name, view.camera, view.cam_from_world, view.held_out});
     if (!view.held_out) continue;
     const std::vector<uint8_t>& labels = scene.labels[i];
-    labeled.push_back({model.views.back(), {labels.begin(), labels.end()}, {}});
+    TruthViewBuilder builder(model.views.back());
+    RETURN_IF_ERROR(builder.AddLabels(std::vector<uint16_t>(labels.begin(), labels.end()), {}));
+    request.views.push_back(std::move(builder).Build());
   }
   ASSIGN_OR_RETURN(const auto segmenter, Segmenter::Create(backend, std::move(model)));
-  OneClickOptions options;
-  options.min_pixels = 12;
-  ASSIGN_OR_RETURN(const OneClickScores scores,
-                   EvaluateOneClick(*segmenter, labeled, options, [] { return absl::OkStatus(); }));
-  return scores.chosen.iou;
+  EvaluationOptions options;
+  options.task.min_pixels = 12;
+  ASSIGN_OR_RETURN(const EvaluationResult scores, Evaluate(*segmenter, std::move(request), options,
+                                                           [] { return absl::OkStatus(); }));
+  return scores.scene.reference_choice.value_or(MaskScores()).iou;
 }
 
 std::unique_ptr<Backend> MakeCpu() { return MakeCpuBackend(2); }

@@ -1,6 +1,8 @@
 #pragma once
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
+#include "core/scene/capture.h"
 
 namespace pepeseg {
 
@@ -10,7 +12,7 @@ enum class PriorMaker {
   // installed; else the built-in method.
   kAuto = 0,
   kNone = 1,
-  kEmbedded = 2,        // the built-in method, see embed_priors.h
+  kEmbedded = 2,        // the built-in method, see EmbedPriors
   kCommand = 3,         // the operator's command; the job fails if it does
   kSam = 4,             // masks only: a small SAM, see sam/sam_segmenter.h
   kSamAndEmbedded = 5,  // masks only: SAM's and the built-in ones, without duplicates
@@ -26,5 +28,18 @@ struct PriorOptions {
 };
 // Returns INVALID_ARGUMENT for a value outside the enum, and for SAM as the maker of depth.
 absl::Status Validate(const PriorOptions& options);
+
+// Priors to compute.
+struct EmbeddedPriors {
+  bool masks = false, depth = false;
+};
+
+// Computes masks and depth without a network (embedded_masks.h, embedded_depth.h) for each training
+// view that has none; depth first, because it helps to find the masks' borders. Held-out views are
+// left as they are. Works on `num_threads` views at a time; the result does not depend on it.
+// Calls `progress` on the caller's thread after each group of views; an error that it returns ends
+// the call with that error, and the views done so far keep their priors.
+absl::Status EmbedPriors(const EmbeddedPriors& what, int num_threads, Capture& capture,
+                         absl::FunctionRef<absl::Status(int done, int num_views)> progress);
 
 }  // namespace pepeseg

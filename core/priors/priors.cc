@@ -1,10 +1,12 @@
-#include "core/priors/embed_priors.h"
+#include "core/priors/priors.h"
 
 #include <algorithm>
 #include <opencv2/core.hpp>
+#include <string_view>
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/priors/embedded_depth.h"
 #include "core/priors/embedded_masks.h"
@@ -36,6 +38,24 @@ void EmbedIn(const EmbeddedPriors& what, std::span<const ScenePoint> points, Vie
 }
 
 }  // namespace
+
+bool AsksForSam(PriorMaker maker) {
+  return maker == PriorMaker::kSam || maker == PriorMaker::kSamAndEmbedded;
+}
+
+// The makers are ordered so that those of depth come first: SAM makes masks only.
+absl::Status Validate(const PriorOptions& options) {
+  for (const auto& [name, maker] : {std::pair{"masks", options.masks}, {"depth", options.depth}}) {
+    // kAuto is the lowest value, kCommand the last that depth may have.
+    const bool masks = name == std::string_view("masks");
+    const PriorMaker last = masks ? PriorMaker::kSamAndEmbedded : PriorMaker::kCommand;
+    if (maker >= PriorMaker::kAuto && maker <= last) continue;
+    return absl::InvalidArgumentError(absl::StrCat(
+        name, " is ", static_cast<int>(maker), ", it must be none, embedded",
+        masks ? ", command, sam or sam and embedded" : " or command", ", or left out"));
+  }
+  return absl::OkStatus();
+}
 
 // Works on as many views at a time as the pool has threads, so that progress is reported, and can
 // end the call, between two groups.

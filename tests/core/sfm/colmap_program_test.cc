@@ -1,4 +1,4 @@
-#include "core/sfm/colmap_progress.h"
+#include "core/sfm/colmap_program.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
