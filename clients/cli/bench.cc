@@ -1,22 +1,23 @@
 // The verb "bench": trains a dataset with several lengths, presets and seeds, and scores each
 // model.
+#include "clients/cli/bench.h"
+
 #include <filesystem>
 #include <memory>
 
-#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "clients/cli/bench_record.h"
 #include "clients/cli/bench_truth.h"
-#include "clients/cli/enum_words.h"
+#include "clients/cli/datasets.h"
 #include "clients/cli/jobs.h"
+#include "clients/cli/model_summary.h"
 #include "clients/cli/progress_line.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/text_table.h"
 #include "clients/cli/training.h"
-#include "clients/cli/upload.h"
 #include "clients/cli/view_picture.h"
 #include "clients/cpp/dataset_folder.h"
 #include "clients/cpp/file_bytes.h"
@@ -27,6 +28,7 @@ namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
 
 struct BenchFlags {
   std::string folder;  // of the dataset
@@ -172,6 +174,57 @@ absl::Status RunBench(const Shell& shell, const BenchFlags& flags) {
   return absl::OkStatus();
 }
 
+// The stages of a job in the order in which they run.
+constexpr const char* kStages[] = {"prepare",  "sfm",      "priors", "reconstruct",
+                                   "evaluate", "features", "index"};
+
+// Returns the mean scores of a granularity level.
+Json LevelJson(const v1::EvaluateModelResponse& scores) {
+  return {{"entities", scores.entities_size()},
+          {"miou", scores.scene().reference().iou()},
+          {"mbiou", scores.scene().reference().boundary_iou()},
+          {"oracle_miou", scores.scene().paper().iou()},
+          {"oracle_mbiou", scores.scene().paper().boundary_iou()}};
+}
+
+// Returns the entry of a run in record.json.
+Json RunJson(const BenchRun& run, double upload_seconds) {
+  Json json = {{"name", run.name}, {"seed", run.seed}};
+  Json seconds = {{"upload", upload_seconds}};
+  Json core_seconds = Json::object();
+  double until_click = upload_seconds;
+  const auto add = [&](const std::string& what, double value) {
+    seconds[what] = value;
+    until_click += value;
+  };
+  add("queue", run.seconds.at("queue"));
+  for (const std::string stage : kStages) {
+    if (!run.model.metrics().contains("seconds_" + stage)) continue;
+    add(stage, MetricOf(run.model, "seconds_" + stage));
+    core_seconds[stage] = MetricOf(run.model, "core_seconds_" + stage);
+  }
+  // The rest is spent between the stages: starting the worker, storing its result.
+  add("between", run.seconds.at("request_to_model") - (until_click - upload_seconds));
+  if (const auto click = run.seconds.find("first_click"); click != run.seconds.end()) {
+    add("first_click", click->second);
+    seconds["request_to_click"] = until_click;
+    seconds["next_click"] = run.seconds.at("next_click");
+  }
+  json["seconds"] = seconds;
+  json["core_seconds"] = core_seconds;
+  json["steps"] = run.steps;
+  json["psnr"] = MetricOf(run.model, "psnr");
+  json["ssim"] = MetricOf(run.model, "ssim");
+  json["num_gaussians"] = run.model.num_gaussians();
+  json["num_bytes"] = run.model.num_bytes();
+  json["peak_memory_bytes"] = MetricOf(run.model, "peak_memory_bytes");
+  json["peak_device_bytes"] = MetricOf(run.model, "peak_device_bytes");
+  Json levels = Json::object();
+  for (const auto& [name, scores] : run.levels) levels[name] = LevelJson(scores);
+  json["levels"] = levels;
+  return json;
+}
+
 }  // namespace
 
 void AddBench(CLI::App& app, Shell& shell) {
@@ -214,6 +267,34 @@ void AddBench(CLI::App& app, Shell& shell) {
     std::erase(flags->presets, "none");
     shell.verb = [&, flags] { return RunBench(shell, *flags); };
   });
+}
+
+Json ToJson(const BenchRecord& record) {
+  Json json = {{"record", "pepeseg bench"}, {"dataset", record.dataset}};
+  for (const auto& [name, value] : record.facts) json[name] = value;
+  Json options = Json::object(), runs = Json::array();
+  for (const BenchRun& run : record.runs) {
+    json["device"] = run.model.device();
+    if (!options.contains(run.name)) {
+      options[run.name] = Json::parse(ToJson(run.job.effective_options()), nullptr, false);
+    }
+    runs.push_back(RunJson(run, record.upload_seconds));
+  }
+  json["options"] = options;
+  json["runs"] = runs;
+  return json;
+}
+
+std::string RunLine(const BenchRun& run) {
+  std::string line =
+      absl::StrFormat("%s, seed %d: %.1f s, %.2f dB, SSIM %.4f, %d Gaussians", run.name, run.seed,
+                      run.seconds.at("request_to_model"), MetricOf(run.model, "psnr"),
+                      MetricOf(run.model, "ssim"), run.model.num_gaussians());
+  for (const auto& [name, scores] : run.levels) {
+    absl::StrAppendFormat(&line, ", %s %.1f / %.1f", name, 100 * scores.scene().reference().iou(),
+                          100 * scores.scene().reference().boundary_iou());
+  }
+  return line;
 }
 
 }  // namespace pepeseg::client::cli

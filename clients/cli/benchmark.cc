@@ -12,8 +12,9 @@
 #include "clients/cli/benchmark_scene.h"
 #include "clients/cli/benchmark_table.h"
 #include "clients/cli/benchmark_variants.h"
+#include "clients/cli/datasets.h"
+#include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/upload.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/resource_names.h"
@@ -63,7 +64,7 @@ class BenchmarkSession {
       : shell_(shell), flags_(flags), client_(shell.channel), record_(std::move(record)) {
     plan_.benchmark = BenchmarkOf(flags.benchmark);
     plan_.protocol =
-        flags.protocol.empty() ? ProtocolOf(plan_.benchmark) : ProtocolNamed(flags.protocol);
+        flags.protocol.empty() ? ProtocolOf(plan_.benchmark) : ProtocolsByName().at(flags.protocol);
     plan_.settings = {"preset=" + flags.preset};
     plan_.settings.insert(plan_.settings.end(), flags.settings.begin(), flags.settings.end());
     plan_.keep_models = flags.keep_models;

@@ -6,9 +6,7 @@
 #include <utility>
 
 #include "absl/status/status.h"
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_replace.h"
 #include "clients/cli/evaluation_truth.h"
 #include "clients/cli/picture.h"
 #include "clients/cli/view_picture.h"
@@ -18,7 +16,6 @@ namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr size_t kPrefix = sizeof("EVALUATION_PROTOCOL_") - 1;
 
 // Returns a mask as an image of the photograph's size, 0 and 255.
 absl::StatusOr<GreyPicture> MaskOf(const fs::path& path, const PixelSize& photograph) {
@@ -114,18 +111,6 @@ v1::EvaluationProtocol ProtocolOf(Benchmark benchmark) {
       break;
   }
   return v1::EVALUATION_PROTOCOL_PROMPT;
-}
-
-v1::EvaluationProtocol ProtocolNamed(const std::string& name) {
-  auto protocol = v1::EVALUATION_PROTOCOL_UNSPECIFIED;
-  const std::string value = absl::StrReplaceAll(absl::AsciiStrToUpper(name), {{"-", "_"}});
-  v1::EvaluationProtocol_Parse("EVALUATION_PROTOCOL_" + value, &protocol);
-  return protocol;
-}
-
-std::string ProtocolName(v1::EvaluationProtocol protocol) {
-  const std::string word = v1::EvaluationProtocol_Name(protocol).substr(kPrefix);
-  return absl::StrReplaceAll(absl::AsciiStrToLower(word), {{"_", "-"}});
 }
 
 absl::StatusOr<v1::EvaluateModelRequest> ScoreRequest(Benchmark benchmark,

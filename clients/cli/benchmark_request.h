@@ -13,10 +13,6 @@ namespace pepeseg::client::cli {
 
 // Returns the protocol that a benchmark is scored by.
 v1::EvaluationProtocol ProtocolOf(Benchmark benchmark);
-// Returns a protocol by a name such as "label-propagation"; UNSPECIFIED if there is none.
-v1::EvaluationProtocol ProtocolNamed(const std::string& name);
-// Returns the name of a protocol.
-std::string ProtocolName(v1::EvaluationProtocol protocol);
 
 // Returns the request that scores `model` on the scene's truth by `protocol`. Masks are resampled
 // to the size of their photograph (nearest neighbour). SPIn-NeRF scores trained views and the

@@ -10,7 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
-#include "clients/cli/spread.h"
+#include "clients/cli/evaluation_table.h"
 
 namespace pepeseg::client::cli {
 namespace {

@@ -1,12 +1,19 @@
-// The verb "datasets": lists the datasets of a scene, describes one, or deletes an unfinished
-// upload.
+// The verbs "upload", and "datasets", which lists the datasets of a scene, describes one, or
+// deletes an unfinished upload.
+#include "clients/cli/datasets.h"
+
+#include <algorithm>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "clients/cli/model_summary.h"
+#include "clients/cli/progress_line.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/text_table.h"
 #include "clients/cpp/client.h"
@@ -15,6 +22,59 @@
 
 namespace pepeseg::client::cli {
 namespace {
+
+constexpr size_t kMaxNames = 10;  // of files left out that are printed
+
+// Prints the first few files that are not part of the dataset, and how many more there are.
+void NoteLeftOut(const std::vector<std::string>& names) {
+  for (size_t i = 0; i < std::min(names.size(), kMaxNames); ++i) {
+    Note(absl::StrCat("left out, not part of a dataset: ", names[i]));
+  }
+  if (names.size() > kMaxNames) {
+    Note(absl::StrCat("... and ", names.size() - kMaxNames, " more"));
+  }
+}
+
+// Prints the size of a dataset, and its advice.
+void PrintDataset(const v1::Dataset& dataset) {
+  Print(absl::StrFormat("%s: %d files, %s", dataset.name(), dataset.num_files(),
+                        SizeText(dataset.num_bytes())));
+  for (const std::string& advice : dataset.advice()) Print("advice: " + advice);
+}
+
+struct UploadFlags {
+  std::string scene;
+  std::string folder;
+  std::string depth_kind = "depth";
+  bool dry_run = false;  // list the files, upload nothing
+};
+
+absl::Status RunUpload(const Shell& shell, const UploadFlags& flags) {
+  ASSIGN_OR_RETURN(const DatasetFolder folder,
+                   ReadDatasetFolder(flags.folder, DepthKind(flags.depth_kind)));
+  NoteLeftOut(folder.left_out);
+  if (!Has(folder, v1::FILE_KIND_POSES)) {
+    Note("the dataset has no poses: the training will estimate them (stage sfm)");
+  }
+  if (flags.dry_run) {
+    for (const FolderFile& file : folder.files) {
+      Print(absl::StrFormat(
+          "%-22s %s", v1::FileKind_Name(file.kind).substr(sizeof("FILE_KIND_") - 1), file.name));
+    }
+    return absl::OkStatus();
+  }
+  const Client client(shell.channel);
+  const std::string scene = SceneName(flags.scene);
+  RETURN_IF_ERROR(client.EnsureScene(scene));
+  ASSIGN_OR_RETURN(const v1::Dataset dataset, UploadFolder(client, scene, folder));
+  if (shell.json) {
+    PrintJson(dataset);
+  } else {
+    PrintDataset(dataset);
+    Print(absl::StrCat("Next: ", CommandText(shell, {"train", flags.scene})));
+  }
+  return absl::OkStatus();
+}
 
 struct DatasetsFlags {
   std::string scene;
@@ -41,16 +101,9 @@ absl::Status ListDatasets(const Shell& shell, const Client& client, const std::s
   return absl::OkStatus();
 }
 
-// Prints a dataset with its advice.
 absl::Status DescribeDataset(const Shell& shell, const Client& client, const std::string& name) {
   ASSIGN_OR_RETURN(const v1::Dataset dataset, client.GetDataset(name));
-  if (shell.json) {
-    PrintJson(dataset);
-    return absl::OkStatus();
-  }
-  Print(absl::StrFormat("%s: %d files, %s", dataset.name(), dataset.num_files(),
-                        SizeText(dataset.num_bytes())));
-  for (const std::string& advice : dataset.advice()) Print("advice: " + advice);
+  shell.json ? PrintJson(dataset) : PrintDataset(dataset);
   return absl::OkStatus();
 }
 
@@ -63,6 +116,46 @@ absl::Status RunDatasets(const Shell& shell, const DatasetsFlags& flags) {
 }
 
 }  // namespace
+
+absl::StatusOr<v1::Dataset> UploadFolder(const Client& client, const std::string& scene,
+                                         const DatasetFolder& folder) {
+  ProgressLine line;
+  UploadProgress progress;
+  progress.bytes = [&line](int64_t num_there, int64_t num_bytes) {
+    line.Show(UploadText(num_there, num_bytes, line.columns()), num_there == num_bytes);
+  };
+  progress.note = [&line](const std::string& what) { line.Say(what); };
+  return client.Upload(scene, folder, progress);
+}
+
+void AddDepthKindFlag(CLI::App& verb, std::string& depth_kind) {
+  verb.add_option("--depth-kind", depth_kind,
+                  "Kind of the files in depth/: \"depth\" (far is large, 0 unknown) or "
+                  "\"disparity\" (near is large), which files in disparity/ always are")
+      ->check(CLI::IsMember({"depth", "disparity"}))
+      ->capture_default_str();
+}
+
+v1::FileKind DepthKind(const std::string& depth_kind) {
+  return depth_kind == "depth" ? v1::FILE_KIND_DEPTH : v1::FILE_KIND_DISPARITY;
+}
+
+void AddUpload(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<UploadFlags>();
+  CLI::App* verb = app.add_subcommand(
+      "upload", "Upload photographs or a video, with poses, masks and depth if there are any");
+  verb->add_option("SCENE", flags->scene, "Id of the scene; created if it is new")->required();
+  verb->add_option(
+          "FOLDER", flags->folder,
+          "A folder of photographs, a video, or a folder with images/ or videos/ and any of "
+          "sparse/0/ (COLMAP), masks/, ignore_mask.png, ignore/, depth/, disparity/, points.ply, "
+          "gaussians.ply (used instead of stage one)")
+      ->required();
+  AddDepthKindFlag(*verb, flags->depth_kind);
+  verb->add_flag("--dry-run", flags->dry_run,
+                 "List the files with their kinds, and upload nothing");
+  verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunUpload(shell, *flags); }; });
+}
 
 void AddDatasets(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<DatasetsFlags>();

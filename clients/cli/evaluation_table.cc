@@ -1,14 +1,15 @@
 #include "clients/cli/evaluation_table.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
+#include <numeric>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/spread.h"
 #include "clients/cli/text_table.h"
 
 namespace pepeseg::client::cli {
@@ -193,6 +194,21 @@ std::vector<std::pair<std::string, double>> SummaryOf(const Evaluated& response)
 
 bool UsesScoredTruth(const std::string& name) {
   return name.starts_with("paper_") || name == "best_iou";
+}
+
+Spread SpreadOf(const std::vector<double>& values) {
+  Spread spread;
+  if (values.empty()) return spread;
+  spread.count = static_cast<int>(values.size());
+  spread.mean = std::accumulate(values.begin(), values.end(), 0.0) / spread.count;
+  const auto [least, most] = std::minmax_element(values.begin(), values.end());
+  spread.least = *least;
+  spread.most = *most;
+  if (spread.count < 2) return spread;
+  double squares = 0;
+  for (const double value : values) squares += (value - spread.mean) * (value - spread.mean);
+  spread.deviation = std::sqrt(squares / (spread.count - 1));
+  return spread;
 }
 
 std::vector<std::string> SpreadTable(std::span<const Evaluated> responses) {

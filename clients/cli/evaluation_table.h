@@ -28,6 +28,16 @@ std::vector<std::pair<std::string, double>> SummaryOf(const v1::EvaluateModelRes
 // Returns whether the number of a summary used the scored truth to choose.
 bool UsesScoredTruth(const std::string& name);
 
+// A number over several models, such as one mIoU for each seed.
+struct Spread {
+  int count = 0;
+  double mean = 0;
+  double deviation = 0;  // of the sample, by count - 1; 0 for fewer than two values
+  double least = 0, most = 0;
+};
+// Returns the spread of the values, zeros if there are none.
+Spread SpreadOf(const std::vector<double>& values);
+
 // Returns the lines of a table of several models, with mean, standard deviation, least and most.
 std::vector<std::string> SpreadTable(std::span<const v1::EvaluateModelResponse> responses);
 // Returns {"evaluations": [...], "spread": {"reference_iou": {"mean": ..., "deviation": ...,

@@ -9,7 +9,6 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "clients/cli/enum_words.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/model_summary.h"
 #include "clients/cli/progress_line.h"

@@ -9,9 +9,9 @@
 #include <string_view>
 #include <utility>
 
+#include "clients/cli/completion.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/verb_options.h"
 
 namespace {
 

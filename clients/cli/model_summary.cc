@@ -75,6 +75,11 @@ std::string SourcesText(const v1::Model& model) {
   return text;
 }
 
+double MetricOf(const v1::Model& model, const std::string& name) {
+  const auto found = model.metrics().find(name);
+  return found == model.metrics().end() ? 0 : found->second;
+}
+
 std::string MaskQualityText(const v1::Model& model) {
   const auto quality = model.metrics().find("mask_quality");
   if (quality == model.metrics().end()) return "";

@@ -15,6 +15,9 @@ namespace pepeseg::client::cli {
 // Returns "poses given, masks embedded, depth none"; "" if the server does not report the sources.
 std::string SourcesText(const v1::Model& model);
 
+// Returns a metric of the model, such as "psnr"; 0 if it was not measured.
+double MetricOf(const v1::Model& model, const std::string& name);
+
 // Returns "mask quality 0.79: how far the masks of different views agree, 0 to 1"; "" if it was not
 // measured.
 std::string MaskQualityText(const v1::Model& model);

@@ -10,7 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/enum_words.h"
+#include "clients/cli/text_table.h"
 
 namespace pepeseg::client::cli {
 namespace {

@@ -152,6 +152,23 @@ absl::StatusOr<v1::Prompt> ParsePrompt(const PromptFlags& flags) {
   return prompt;
 }
 
+const std::map<std::string, v1::EvaluationProtocol>& ProtocolsByName() {
+  static const auto& protocols = *new std::map<std::string, v1::EvaluationProtocol>{
+      {"prompt", v1::EVALUATION_PROTOCOL_PROMPT},
+      {"label-propagation", v1::EVALUATION_PROTOCOL_LABEL_PROPAGATION},
+      {"promptable", v1::EVALUATION_PROTOCOL_PROMPTABLE},
+      {"clicks", v1::EVALUATION_PROTOCOL_CLICKS},
+      {"sam-agreement", v1::EVALUATION_PROTOCOL_SAM_AGREEMENT}};
+  return protocols;
+}
+
+std::string ProtocolName(v1::EvaluationProtocol protocol) {
+  for (const auto& [name, named] : ProtocolsByName()) {
+    if (named == protocol) return name;
+  }
+  return "";
+}
+
 void AddScalesFlag(CLI::App& verb, std::vector<double>& scales) {
   verb.add_option(
           "--scales", scales,

@@ -1,11 +1,13 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <map>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "clients/cpp/resource_names.h"
+#include "pepeseg/v1/evaluation_service.pb.h"
 #include "pepeseg/v1/prompt.pb.h"
 #include "pepeseg/v1/render_service.pb.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
@@ -48,6 +50,11 @@ struct GranularityFlags {
 };
 void AddGranularityFlags(CLI::App& verb, GranularityFlags& flags);
 v1::Granularity ToGranularity(const GranularityFlags& flags);
+
+// Returns the protocols of an evaluation by the values of --protocol, such as "label-propagation".
+const std::map<std::string, v1::EvaluationProtocol>& ProtocolsByName();
+// Returns the value of --protocol for a protocol.
+std::string ProtocolName(v1::EvaluationProtocol protocol);
 
 // Adds --scales: the scales of a decomposition.
 void AddScalesFlag(CLI::App& verb, std::vector<double>& scales);

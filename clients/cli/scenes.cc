@@ -1,4 +1,4 @@
-// The verb "scenes": lists the scenes, describes or deletes one.
+// The verbs "scenes" and "models": list the scenes, or the models of one; describe or delete one.
 #include <memory>
 #include <utility>
 #include <vector>
@@ -16,13 +16,25 @@
 namespace pepeseg::client::cli {
 namespace {
 
+// Returns "shelf" for "scenes/shelf", and "3" for "scenes/shelf/models/3".
+std::string IdOf(const std::string& name) { return name.substr(name.rfind('/') + 1); }
+
+// Prints the sources, metrics and advice of a model.
+void PrintFacts(const v1::Model& model) {
+  if (const std::string sources = SourcesText(model); !sources.empty()) {
+    Print("  trained on: " + sources);
+  }
+  for (const auto& [metric, value] : model.metrics()) {
+    Print(absl::StrFormat("  %s %.4g", metric, value));
+  }
+  if (const std::string quality = MaskQualityText(model); !quality.empty()) Print("  " + quality);
+  PrintAdvice(model);
+}
+
 struct ScenesFlags {
   std::string scene;    // "": list all
   bool remove = false;  // delete the scene
 };
-
-// Returns "shelf" for "scenes/shelf".
-std::string IdOf(const std::string& name) { return name.substr(name.rfind('/') + 1); }
 
 // Returns the row of a scene; its size is that of all its models.
 absl::StatusOr<TableRow> RowOf(const Client& client, const v1::Scene& scene) {
@@ -80,14 +92,7 @@ absl::Status DescribeScene(const Shell& shell, const Client& client, const std::
   }
   Print(absl::StrFormat("  %d Gaussians, %.1f MB", model.num_gaussians(),
                         static_cast<double>(model.num_bytes()) * 1e-6));
-  if (const std::string sources = SourcesText(model); !sources.empty()) {
-    Print("  trained on: " + sources);
-  }
-  for (const auto& [metric, value] : model.metrics()) {
-    Print(absl::StrFormat("  %s %.4g", metric, value));
-  }
-  if (const std::string quality = MaskQualityText(model); !quality.empty()) Print("  " + quality);
-  PrintAdvice(model);
+  PrintFacts(model);
   for (const v1::View& view : views) {
     Print(absl::StrFormat("  %s  %dx%d%s", view.view(), view.camera().width(),
                           view.camera().height(), view.held_out() ? "  held out" : ""));
@@ -102,6 +107,58 @@ absl::Status RunScenes(const Shell& shell, const ScenesFlags& flags) {
   return DescribeScene(shell, client, SceneName(flags.scene));
 }
 
+struct ModelsFlags {
+  std::string scene;
+  int number = 0;       // of a model; 0: list all
+  bool remove = false;  // delete the model
+};
+
+TableRow RowOf(const v1::Model& model, absl::Time now) {
+  const auto psnr = model.metrics().find("psnr");
+  return {IdOf(model.name()),
+          AgeText(model.create_time(), now),
+          SizeText(model.num_bytes()),
+          absl::StrCat(model.num_gaussians()),
+          psnr == model.metrics().end() ? "-" : absl::StrFormat("%.2f dB", psnr->second),
+          model.job(),
+          model.dataset().empty() ? "-" : IdOf(model.dataset()),
+          SourcesText(model)};
+}
+
+// Prints a table of the models of a scene.
+absl::Status ListModels(const Shell& shell, const Client& client, const std::string& scene) {
+  ASSIGN_OR_RETURN(const v1::ListModelsResponse all, client.ListModels(scene));
+  if (shell.json) {
+    PrintJson(all);
+    return absl::OkStatus();
+  }
+  std::vector<TableRow> rows = {
+      {"MODEL", "AGE", "SIZE", "GAUSSIANS", "PSNR", "JOB", "DATASET", "TRAINED ON"}};
+  for (const v1::Model& model : all.models()) rows.push_back(RowOf(model, absl::Now()));
+  for (const std::string& line : TextTable(rows)) Print(line);
+  return absl::OkStatus();
+}
+
+// Prints a model with its sources, metrics and advice.
+absl::Status DescribeModel(const Shell& shell, const Client& client, const std::string& name) {
+  ASSIGN_OR_RETURN(const v1::Model model, client.GetModel(name));
+  if (shell.json) {
+    PrintJson(model);
+    return absl::OkStatus();
+  }
+  Print(absl::StrFormat("%s  %d Gaussians, %s", model.name(), model.num_gaussians(),
+                        SizeText(model.num_bytes())));
+  PrintFacts(model);
+  return absl::OkStatus();
+}
+
+absl::Status RunModels(const Shell& shell, const ModelsFlags& flags) {
+  const Client client(shell.channel);
+  if (flags.number == 0) return ListModels(shell, client, SceneName(flags.scene));
+  const std::string name = ModelName(flags.scene, std::to_string(flags.number));
+  return flags.remove ? client.DeleteModel(name) : DescribeModel(shell, client, name);
+}
+
 }  // namespace
 
 void AddScenes(CLI::App& app, Shell& shell) {
@@ -112,6 +169,19 @@ void AddScenes(CLI::App& app, Shell& shell) {
   verb->add_flag("--delete", flags->remove, "Delete the scene with its datasets, jobs and models")
       ->needs(scene);
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunScenes(shell, *flags); }; });
+}
+
+void AddModels(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<ModelsFlags>();
+  CLI::App* verb =
+      app.add_subcommand("models", "List a scene's models, newest first; describe or delete one");
+  verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
+  CLI::Option* number =
+      verb->add_option("NUMBER", flags->number, "Number of a model")->check(CLI::PositiveNumber);
+  verb->add_flag("--delete", flags->remove,
+                 "Delete the model with its selections; the model before it becomes the live one")
+      ->needs(number);
+  verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunModels(shell, *flags); }; });
 }
 
 }  // namespace pepeseg::client::cli

@@ -7,8 +7,11 @@
 #include <vector>
 
 #include "absl/time/time.h"
+#include "pepeseg/v1/access.pb.h"
+#include "pepeseg/v1/job_service.pb.h"
+#include "pepeseg/v1/server_status.pb.h"
 
-// Tables, and times and sizes as their cells show them.
+// Tables, and times, sizes and enum values as their cells show them.
 namespace pepeseg::client::cli {
 
 using TableRow = std::vector<std::string>;
@@ -26,5 +29,14 @@ std::string AgeText(const google::protobuf::Timestamp& time, absl::Time now);
 std::string SizeText(int64_t bytes);
 // Converts bytes to MiB.
 inline double Mib(int64_t num_bytes) { return static_cast<double>(num_bytes) / (1 << 20); }
+
+// Each returns the name of a value in lower case and without the prefix of its type: "reconstruct"
+// for JOB_STAGE_RECONSTRUCT. Returns "" for UNSPECIFIED, and the number of a value that this
+// program does not know, which a newer server sends.
+std::string WordOf(v1::JobState state);
+std::string WordOf(v1::JobStage stage);
+std::string WordOf(v1::JobEvent::TermSkipped::Term term);
+std::string WordOf(v1::Scope scope);
+std::string WordOf(v1::ServerStatus::Work work);
 
 }  // namespace pepeseg::client::cli

@@ -8,7 +8,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
-#include "clients/cli/enum_words.h"
 #include "clients/cli/jobs.h"
 #include "clients/cli/model_summary.h"
 #include "clients/cli/option_table.h"

@@ -1,11 +1,13 @@
+#include "clients/cli/bench.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <fstream>
 
-#include "clients/cli/bench_record.h"
 #include "clients/cli/bench_truth.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg::client::cli {
@@ -25,7 +27,7 @@ v1::View HeldOut(const std::string& name, int width, int height) {
 void WriteLabels(const fs::path& path, int width, int height, uint8_t id) {
   fs::create_directories(path.parent_path());
   const std::vector<uint8_t> pixels(static_cast<size_t>(width) * height, id);
-  ASSERT_TRUE(WritePng(path, GreyPicture{width, height, pixels}).ok());
+  ASSERT_OK(WritePng(path, GreyPicture{width, height, pixels}));
 }
 
 TEST(FindTruth, ReadsTheLevelsInTheOrderOfTheList) {
@@ -33,7 +35,7 @@ TEST(FindTruth, ReadsTheLevelsInTheOrderOfTheList) {
   fs::create_directories(folder.path() / "gt");
   std::ofstream(folder.path() / "gt/labels.json") << R"({"part": ["-", "leg"], "object": [null]})";
   const auto levels = FindTruth(folder.path());
-  ASSERT_TRUE(levels.ok()) << levels.status();
+  ASSERT_OK(levels);
   ASSERT_EQ(levels->size(), 2u);
   EXPECT_EQ((*levels)[0].name, "part");
   EXPECT_EQ((*levels)[0].entities.at(1), "leg");
@@ -46,7 +48,7 @@ TEST(FindTruth, FallsBackToTheFolderOfLabelsOrToNothing) {
   EXPECT_THAT(*FindTruth(folder.path()), ::testing::IsEmpty());
   fs::create_directories(folder.path() / "labels");
   const auto levels = FindTruth(folder.path());
-  ASSERT_TRUE(levels.ok()) << levels.status();
+  ASSERT_OK(levels);
   ASSERT_EQ(levels->size(), 1u);
   EXPECT_EQ((*levels)[0].name, "labels");
   fs::create_directories(folder.path() / "gt");
@@ -62,7 +64,7 @@ TEST(EvaluateRequestOf, ResizesLabelsToTheirViews) {
   const std::vector<v1::View> views = {HeldOut("a.jpg", 4, 3), HeldOut("b.jpg", 4, 3), trained};
   const TruthLevel level{"labels", folder.path() / "labels", {{3, "cup"}}};
   const auto request = EvaluateRequestOf(folder.path(), level, "scenes/s/models/1", views);
-  ASSERT_TRUE(request.ok()) << request.status();
+  ASSERT_OK(request);
   ASSERT_EQ(request->views_size(), 1);
   EXPECT_EQ(request->views(0).view(), "a.jpg");
   EXPECT_EQ(request->views(0).labels_png(), EncodePng({4, 3, std::vector<uint8_t>(12, 3)}));
@@ -78,7 +80,7 @@ TEST(EvaluateRequestOf, KeepsLabelsOfThePhotographsSize) {
   view.set_photograph_height(6);
   const TruthLevel level{"labels", folder.path() / "labels", {}};
   const auto request = EvaluateRequestOf(folder.path(), level, "m", {view});
-  ASSERT_TRUE(request.ok()) << request.status();
+  ASSERT_OK(request);
   EXPECT_EQ(request->frame(), v1::PIXEL_FRAME_PHOTOGRAPH);
   EXPECT_EQ(request->views(0).labels_png(), EncodePng({8, 6, std::vector<uint8_t>(48, 3)}));
 }

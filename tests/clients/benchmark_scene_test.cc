@@ -11,6 +11,7 @@
 #include "clients/cli/benchmark_variants.h"
 #include "clients/cli/picture.h"
 #include "tests/testing/benchmark_miniatures.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg::client::cli {
@@ -67,7 +68,7 @@ class BenchmarkScenes : public ::testing::Test {
 TEST_F(BenchmarkScenes, UploadCopiesUnderTheNamesOfTheOriginals) {
   pepeseg::testing::WriteSpinNerfMiniature(folder_.path());
   const auto scene = OnlyScene(Benchmark::kSpinNerf, folder_.path());
-  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_OK(scene);
   const DatasetFolder& dataset = scene->dataset;
   EXPECT_EQ(Uploaded(dataset, v1::FILE_KIND_IMAGE).front(), "images/IMG_000.png");
   EXPECT_EQ(Uploaded(dataset, v1::FILE_KIND_IMAGE).size(), 10u);
@@ -86,7 +87,7 @@ TEST_F(BenchmarkScenes, UsePosesBoundsWhereTheOriginalsAreMissing) {
   fs::remove_all(folder_ / "table/images");
   std::ofstream(folder_ / "table/poses_bounds.npy") << "poses";
   const auto scene = OnlyScene(Benchmark::kSpinNerf, folder_.path());
-  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_OK(scene);
   EXPECT_THAT(Uploaded(scene->dataset, v1::FILE_KIND_POSES), ElementsAre("poses_bounds.npy"));
   EXPECT_EQ(scene->truth[1].view, "image002.png");
 }
@@ -94,14 +95,14 @@ TEST_F(BenchmarkScenes, UsePosesBoundsWhereTheOriginalsAreMissing) {
 TEST_F(BenchmarkScenes, OfSpinNerfScoreEveryAnnotatedView) {
   pepeseg::testing::WriteSpinNerfMiniature(folder_.path());
   const auto scene = OnlyScene(Benchmark::kSpinNerf, folder_.path());
-  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_OK(scene);
   ASSERT_EQ(scene->truth.size(), 5u);
   EXPECT_EQ(scene->truth[1].view, "IMG_002.png");  // image002 is the third photograph by name
   ASSERT_EQ(scene->prompts.size(), 1u);
   EXPECT_EQ(scene->prompts[0].view, "IMG_000.png");
   const auto request = ScoreRequest(Benchmark::kSpinNerf, *scene, ProtocolOf(Benchmark::kSpinNerf),
                                     ViewsOfModel(*scene));
-  ASSERT_TRUE(request.ok()) << request.status();
+  ASSERT_OK(request);
   EXPECT_EQ(request->options().protocol(), v1::EVALUATION_PROTOCOL_LABEL_PROPAGATION);
   EXPECT_TRUE(request->options().accept_trained_views());
   EXPECT_TRUE(request->options().score_reference());
@@ -112,11 +113,11 @@ TEST_F(BenchmarkScenes, OfSpinNerfScoreEveryAnnotatedView) {
 TEST_F(BenchmarkScenes, OfNvosHoldOutTheTarget) {
   pepeseg::testing::WriteNvosMiniature(folder_.path());
   const auto scene = OnlyScene(Benchmark::kNvos, folder_.path());
-  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_OK(scene);
   EXPECT_THAT(scene->held_out_views, ElementsAre("IMG_000.png", "IMG_008.png", "IMG_005.png"));
   const auto request =
       ScoreRequest(Benchmark::kNvos, *scene, ProtocolOf(Benchmark::kNvos), ViewsOfModel(*scene));
-  ASSERT_TRUE(request.ok()) << request.status();
+  ASSERT_OK(request);
   EXPECT_EQ(request->options().protocol(), v1::EVALUATION_PROTOCOL_PROMPTABLE);
   ASSERT_EQ(request->views_size(), 2);
   EXPECT_EQ(request->views(0).view(), "IMG_005.png");
@@ -135,23 +136,23 @@ TEST_F(BenchmarkScenes, OfNvosMayHaveAReferenceMaskAndShareAnLlffScene) {
   fs::rename(scribbles / "pos_0_IMG_003.png", scribbles / "mask.png");
   fs::remove(scribbles / "neg_0_IMG_003.png");
   const auto scene = OnlyScene(Benchmark::kNvos, folder_.path());
-  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_OK(scene);
   EXPECT_EQ(scene->name, "table_left");
   const auto request =
       ScoreRequest(Benchmark::kNvos, *scene, ProtocolOf(Benchmark::kNvos), ViewsOfModel(*scene));
-  ASSERT_TRUE(request.ok()) << request.status();
+  ASSERT_OK(request);
   EXPECT_TRUE(request->prompts(0).has_mask());
 }
 
 TEST_F(BenchmarkScenes, OfLerfMaskHoldOutTheTestViews) {
   pepeseg::testing::WriteLerfMaskMiniature(folder_.path());
   const auto scene = OnlyScene(Benchmark::kLerfMaskFine, folder_.path());
-  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_OK(scene);
   EXPECT_THAT(scene->held_out_views,
               ElementsAre("frame_00002.png", "frame_00005.png", "frame_00008.png"));
   const auto request = ScoreRequest(Benchmark::kLerfMaskFine, *scene,
                                     ProtocolOf(Benchmark::kLerfMaskFine), ViewsOfModel(*scene));
-  ASSERT_TRUE(request.ok()) << request.status();
+  ASSERT_OK(request);
   EXPECT_FALSE(request->options().accept_trained_views());
   ASSERT_EQ(request->prompts_size(), 2);
   EXPECT_EQ(request->prompts(1).entity(), "red box");
@@ -161,10 +162,10 @@ TEST_F(BenchmarkScenes, OfLerfMaskHoldOutTheTestViews) {
 TEST_F(BenchmarkScenes, OfOurOwnHaveSamRequestsForHeldOutViews) {
   pepeseg::testing::WriteOwnMiniature(folder_.path());
   const auto scene = OnlyScene(Benchmark::kScene, folder_.path());
-  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_OK(scene);
   ASSERT_EQ(scene->levels.size(), 1u);
   const auto requests = SamRequests(*scene, ViewsOfModel(*scene));
-  ASSERT_TRUE(requests.ok()) << requests.status();
+  ASSERT_OK(requests);
   ASSERT_EQ(requests->size(), 2u);  // views 0 and 8
   EXPECT_EQ((*requests)[0].sam_views(0).masks_size(), 3);
   EXPECT_EQ((*requests)[0].sam_views(0).masks(0).predicted_iou(), 0.95);
@@ -173,15 +174,15 @@ TEST_F(BenchmarkScenes, OfOurOwnHaveSamRequestsForHeldOutViews) {
 TEST_F(BenchmarkScenes, ResampleMasksOfAnotherSizeAndRefuseOtherShapes) {
   pepeseg::testing::WriteSpinNerfMiniature(folder_.path());
   const fs::path mask = folder_ / "table/object_masks/image002.png";
-  ASSERT_TRUE(WritePng(mask, GreyPicture{192, 144, std::vector<uint8_t>(192 * 144, 1)}).ok());
+  ASSERT_OK(WritePng(mask, GreyPicture{192, 144, std::vector<uint8_t>(192 * 144, 1)}));
   const auto scene = OnlyScene(Benchmark::kSpinNerf, folder_.path());
-  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_OK(scene);
   const auto protocol = v1::EVALUATION_PROTOCOL_LABEL_PROPAGATION;
   const auto request = ScoreRequest(Benchmark::kSpinNerf, *scene, protocol, ViewsOfModel(*scene));
-  ASSERT_TRUE(request.ok()) << request.status();
+  ASSERT_OK(request);
   EXPECT_EQ(request->views(1).masks(0).mask().png(),
             EncodePng({96, 72, std::vector<uint8_t>(96 * 72, 255)}));
-  ASSERT_TRUE(WritePng(mask, GreyPicture{72, 96, std::vector<uint8_t>(72 * 96, 1)}).ok());
+  ASSERT_OK(WritePng(mask, GreyPicture{72, 96, std::vector<uint8_t>(72 * 96, 1)}));
   EXPECT_THAT(ScoreRequest(Benchmark::kSpinNerf, *scene, protocol, ViewsOfModel(*scene))
                   .status()
                   .ToString(),
@@ -225,19 +226,19 @@ TEST_F(BenchmarkScenes, AreChosenByName) {
 TEST_F(BenchmarkScenes, AreThinnedOutForRobustness) {
   pepeseg::testing::WriteOwnMiniature(folder_.path());
   const auto scene = OnlyScene(Benchmark::kScene, folder_.path());
-  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_OK(scene);
   const std::vector<BenchmarkVariant> variants = RobustnessVariants();
   const auto quarter = DatasetOf(variants[1], *scene, folder_ / "out");
-  ASSERT_TRUE(quarter.ok()) << quarter.status();
+  ASSERT_OK(quarter);
   // The held-out views 0 and 8, and of the eight others the first and the fifth.
   EXPECT_THAT(ViewsOf(*quarter), ElementsAre("000.png", "001.png", "005.png", "008.png"));
   const auto fewer = DatasetOf(variants[2], *scene, folder_ / "out");
-  ASSERT_TRUE(fewer.ok()) << fewer.status();
+  ASSERT_OK(fewer);
   ASSERT_EQ(fewer->files.size(), scene->dataset.files.size());
   BenchmarkScene thinned = *scene;
   thinned.folder = folder_ / "out" / scene->name;
   const auto requests = SamRequests(thinned, {ViewNamed("000.png", true)});
-  ASSERT_TRUE(requests.ok()) << requests.status();
+  ASSERT_OK(requests);
   EXPECT_EQ((*requests)[0].sam_views(0).masks_size(), 2);
 }
 

@@ -9,6 +9,7 @@
 #include "clients/cli/benchmark_variants.h"
 #include "clients/cpp/option_setting.h"
 #include "pepeseg/v1/training_options.pb.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg::client::cli {
@@ -112,13 +113,13 @@ TEST(Csv, QuotesCellsWithCommasAndQuotes) {
 TEST(RunRecord, ResumesWithTheRunsThatAreThere) {
   const pepeseg::testing::TempFolder folder;
   auto record = RunRecord::Open(folder / "record.jsonl");
-  ASSERT_TRUE(record.ok()) << record.status();
-  ASSERT_TRUE(record->Add(MakeRun("fern", 1, 0.9, 0.95)).ok());
-  ASSERT_TRUE(record->Add(MakeRun("fern", 2, 0.8, 0.95)).ok());
+  ASSERT_OK(record);
+  ASSERT_OK(record->Add(MakeRun("fern", 1, 0.9, 0.95)));
+  ASSERT_OK(record->Add(MakeRun("fern", 2, 0.8, 0.95)));
   // A crash has cut off the third line.
   std::ofstream(folder / "record.jsonl", std::ios::app) << R"({"scene": "ro)";
   const auto again = RunRecord::Open(folder / "record.jsonl");
-  ASSERT_TRUE(again.ok()) << again.status();
+  ASSERT_OK(again);
   ASSERT_EQ(again->runs().size(), 2u);
   EXPECT_EQ(again->runs()[1].levels[0].reference.iou, 0.8);
   EXPECT_EQ(again->runs()[1].seconds.at("features"), 120);
@@ -153,7 +154,7 @@ TEST(BenchmarkVariants, HaveOptionsOfTheContract) {
   for (const BenchmarkVariant& variant : AblationVariants()) {
     for (const std::string& setting : variant.settings) {
       v1::TrainingOptions options;
-      EXPECT_TRUE(SetOption(setting, options).ok()) << setting;
+      EXPECT_OK(SetOption(setting, options)) << setting;
     }
   }
 }

@@ -5,9 +5,10 @@
 #include <fstream>
 
 #include "absl/strings/str_cat.h"
-#include "clients/cli/evaluation_prompts.h"
+#include "clients/cli/evaluate.h"
 #include "clients/cli/evaluation_truth.h"
 #include "clients/cli/picture.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg::client::cli {
@@ -70,7 +71,7 @@ TEST_F(TruthFolder, ReadsLabelImagesAndMasks) {
   flags.ignore = folder.path() / "ignore";
   Write("ignore/a.png", "ignored");
   const auto without = AddTruth(flags, views, request);
-  ASSERT_TRUE(without.ok()) << without.status();
+  ASSERT_OK(without);
   EXPECT_THAT(*without, ElementsAre("d.jpg", "trained.jpg"));
   ASSERT_EQ(request.views_size(), 2);
   EXPECT_EQ(request.views(0).view(), "a.jpg");
@@ -92,7 +93,7 @@ TEST_F(TruthFolder, ReadsMasksOfSam) {
                        "stability_score": 0.95},
                       {"segmentation": {"size": [1, 2], "counts": "11"}}])");
   const auto without = AddSamMasks(flags, views, request);
-  ASSERT_TRUE(without.ok()) << without.status();
+  ASSERT_OK(without);
   ASSERT_EQ(request.sam_views_size(), 2) << "masks of b/c.jpg without scores, and d.json";
   EXPECT_EQ(request.sam_views(0).masks_size(), 2);
   EXPECT_FALSE(request.sam_views(0).masks(0).has_predicted_iou());
@@ -112,9 +113,9 @@ TEST_F(TruthFolder, ReadsMasksOfSam) {
 }
 
 TEST_F(TruthFolder, MakesTheMasksOfAReferenceTheirPrompts) {
-  ASSERT_TRUE(AddTruth(flags, views, request).ok());
+  ASSERT_OK(AddTruth(flags, views, request));
   (*request.mutable_entity_names())[7] = "apple";
-  ASSERT_TRUE(AddEntityPrompts({.reference = "a.jpg"}, flags, request).ok());
+  ASSERT_OK(AddEntityPrompts({.reference = "a.jpg"}, flags, request));
   ASSERT_EQ(request.prompts_size(), 2);
   EXPECT_EQ(request.prompts(0).entity(), "3");
   EXPECT_EQ(request.prompts(1).entity(), "apple");
@@ -125,11 +126,11 @@ TEST_F(TruthFolder, MakesTheMasksOfAReferenceTheirPrompts) {
 }
 
 TEST_F(TruthFolder, AddsReferenceViewsWithoutTruth) {
-  ASSERT_TRUE(AddTruth(flags, views, request).ok());
+  ASSERT_OK(AddTruth(flags, views, request));
   const std::string file =
       Write("prompts.txt", "# of the cup\ncup@d.jpg:box:1,2,3,4\n\n3@:label:red\n");
   const EntityPromptFlags prompts = {.prompts = {"mug@a.jpg:points:1,2"}, .file = file};
-  ASSERT_TRUE(AddEntityPrompts(prompts, flags, request).ok());
+  ASSERT_OK(AddEntityPrompts(prompts, flags, request));
   ASSERT_EQ(request.prompts_size(), 3);
   EXPECT_EQ(request.prompts(1).box().height(), 4);
   EXPECT_EQ(request.prompts(2).label_id(), "red");
@@ -143,7 +144,7 @@ TEST_F(TruthFolder, ParsesEachKindOfPrompt) {
   auto prompt = ParseEntityPrompt("mug@a:b.jpg:points:1,2");
   EXPECT_FALSE(prompt.ok()) << "a view's name ends at the first colon";
   prompt = ParseEntityPrompt("mug@a.jpg:points:1,2;-3,4.5");
-  ASSERT_TRUE(prompt.ok()) << prompt.status();
+  ASSERT_OK(prompt);
   EXPECT_EQ(prompt->entity(), "mug");
   EXPECT_EQ(prompt->view(), "a.jpg");
   ASSERT_EQ(prompt->points().points_size(), 2);

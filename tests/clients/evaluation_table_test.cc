@@ -5,8 +5,6 @@
 
 #include <cmath>
 
-#include "clients/cli/spread.h"
-
 namespace pepeseg::client::cli {
 namespace {
 

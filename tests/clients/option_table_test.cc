@@ -12,6 +12,7 @@
 #include "absl/strings/str_split.h"
 #include "clients/cpp/option_setting.h"
 #include "server/api/convert.h"
+#include "tests/testing/status_testing.h"
 
 // Compares the table of options with what the server takes.
 namespace pepeseg::client::cli {
@@ -42,7 +43,7 @@ TEST(OptionRows, HaveTheServersDefaults) {
     if (row.default_value == std::string()) continue;  // an empty list
     v1::TrainingOptions changed = defaults;
     const absl::Status set = SetOption(absl::StrCat(row.name, "=", row.default_value), changed);
-    ASSERT_TRUE(set.ok()) << set;
+    ASSERT_OK(set);
     // The table shows six digits.
     std::string difference;
     google::protobuf::util::MessageDifferencer differencer;

@@ -8,6 +8,7 @@
 
 #include "clients/cli/view_picture.h"
 #include "clients/cpp/file_bytes.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg::client::cli {
 namespace {
@@ -18,11 +19,11 @@ using ::testing::HasSubstr;
 
 TEST(Picture, ReadsPhotographsAndLabels) {
   const auto photo = ReadPicture(PEPESEG_TEST_DATA "/apc_shelf/images/frame-000000.jpg");
-  ASSERT_TRUE(photo.ok()) << photo.status();
+  ASSERT_OK(photo);
   EXPECT_EQ(photo->width, 640);
   EXPECT_EQ(photo->height, 480);
   const auto labels = ReadGreyPicture(PEPESEG_TEST_DATA "/apc_shelf/labels/frame-000000.png");
-  ASSERT_TRUE(labels.ok()) << labels.status();
+  ASSERT_OK(labels);
   std::array<int, 256> count{};
   for (const uint8_t value : labels->pixels) ++count[value];
   for (const int label : {48, 114, 132, 144}) EXPECT_GT(count[label], 100) << label;
@@ -41,10 +42,10 @@ TEST(Picture, IsUnchangedByWritingAndReading) {
   DrawMask(picture, std::vector<uint8_t>(40 * 30, 1), {255, 0, 0});
   const std::array<Panel, 2> panels = {{{"left", picture}, {"right", picture}}};
   const Picture sheet = SideBySide(panels);
-  ASSERT_TRUE(WritePng(path, sheet).ok());
+  ASSERT_OK(WritePng(path, sheet));
   const auto read = ReadPicture(path);
   fs::remove_all(path.parent_path());
-  ASSERT_TRUE(read.ok()) << read.status();
+  ASSERT_OK(read);
   EXPECT_EQ(read->width, sheet.width);
   EXPECT_EQ(read->pixels, sheet.pixels);
 }
@@ -53,10 +54,10 @@ TEST(EncodePng, KeepsLabelValues) {
   const GreyPicture labels = {2, 3, {0, 1, 48, 114, 255, 7}};
   const fs::path path =
       fs::temp_directory_path() / ("pepeseg_" + std::to_string(getpid()) + ".png");
-  ASSERT_TRUE(WriteFile(path, EncodePng(labels)).ok());
+  ASSERT_OK(WriteFile(path, EncodePng(labels)));
   const auto read = ReadGreyPicture(path);
   fs::remove(path);
-  ASSERT_TRUE(read.ok()) << read.status();
+  ASSERT_OK(read);
   EXPECT_EQ(read->width, 2);
   EXPECT_EQ(read->pixels, labels.pixels);
 }
@@ -72,7 +73,7 @@ constexpr unsigned char kGrey16[] = {
 TEST(DecodeGrey16, KeepsAllBits) {
   const absl::string_view bytes(reinterpret_cast<const char*>(kGrey16), sizeof(kGrey16));
   const auto picture = DecodeGrey16(bytes, "ids");
-  ASSERT_TRUE(picture.ok()) << picture.status();
+  ASSERT_OK(picture);
   EXPECT_EQ(picture->width, 2);
   EXPECT_EQ(picture->height, 1);
   EXPECT_THAT(picture->pixels, ElementsAre(3, 258));

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/testing/status_testing.h"
+
 namespace pepeseg::client::cli {
 namespace {
 
@@ -11,14 +13,14 @@ using ::testing::HasSubstr;
 
 TEST(ParseSubset, NamesASegmentOrASelection) {
   const auto all = ParseSubset({}, "shelf");
-  ASSERT_TRUE(all.ok());
+  ASSERT_OK(all);
   EXPECT_EQ(all->of_case(), v1::Subset::OF_NOT_SET);
   SubsetFlags flags;
   flags.segment = "1:12";
   flags.scales = {0.1, 0.9};
   flags.without = true;
   const auto segment = ParseSubset(flags, "shelf");
-  ASSERT_TRUE(segment.ok());
+  ASSERT_OK(segment);
   EXPECT_EQ(segment->segment().level(), 1);
   EXPECT_EQ(segment->segment().id(), 12);
   EXPECT_THAT(segment->segment().scales(), ElementsAre(0.1, 0.9));
@@ -26,7 +28,7 @@ TEST(ParseSubset, NamesASegmentOrASelection) {
   flags.segment.clear();
   flags.selection = 4;
   const auto selection = ParseSubset(flags, "shelf");
-  ASSERT_TRUE(selection.ok());
+  ASSERT_OK(selection);
   EXPECT_EQ(selection->selection(), "scenes/shelf/selections/4");
 }
 

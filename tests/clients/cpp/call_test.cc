@@ -8,6 +8,7 @@
 
 #include "pepeseg/v1/scene_service.grpc.pb.h"
 #include "tests/clients/cpp/server_error.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg::client {
 namespace {
@@ -51,7 +52,7 @@ TEST(Ask, RepeatsCallsThatTheServerPutsOff) {
   scenes.detail.retry_after = absl::Milliseconds(50);
   const auto start = std::chrono::steady_clock::now();
   const auto scene = scenes.Get(20);
-  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_OK(scene);
   EXPECT_EQ(scene->name(), "scenes/a");
   EXPECT_EQ(scenes.num_calls, 3);
   EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(100));

@@ -9,7 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "clients/cpp/answer_status.h"
 #include "pepeseg/v1/scene_service.grpc.pb.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg::client {
 namespace {
@@ -31,7 +33,7 @@ TEST_F(ChannelTest, SendsNoKeyUnencryptedToAnotherMachine) {
   Login login;
   login.key_file = file;
   for (const char* here : {"127.0.0.1:1", "localhost:1", "[::1]:1", "unix:/tmp/x"}) {
-    EXPECT_TRUE(OpenChannel(here, login).ok()) << here;
+    EXPECT_OK(OpenChannel(here, login)) << here;
   }
   for (const char* beyond : {"10.0.0.1:1", "example.org:1", "127.0.0.1.example.org:1",
                              "localhost.example.org:1", "dns:///127.0.0.1:1"}) {
@@ -39,11 +41,11 @@ TEST_F(ChannelTest, SendsNoKeyUnencryptedToAnotherMachine) {
     EXPECT_EQ(refused.status().code(), absl::StatusCode::kInvalidArgument) << beyond;
     EXPECT_NE(refused.status().message().find("not encrypted"), std::string::npos);
     EXPECT_EQ(refused.status().message().find("pk_secret"), std::string::npos);
-    EXPECT_TRUE(OpenChannel(beyond, {}).ok()) << "there is no key to hide";
-    EXPECT_TRUE(OpenChannel(std::string("https://") + beyond, login).ok()) << beyond;
+    EXPECT_OK(OpenChannel(beyond, {})) << "there is no key to hide";
+    EXPECT_OK(OpenChannel(std::string("https://") + beyond, login)) << beyond;
     Login encrypted = login;
     encrypted.tls = true;
-    EXPECT_TRUE(OpenChannel(beyond, encrypted).ok()) << beyond;
+    EXPECT_OK(OpenChannel(beyond, encrypted)) << beyond;
   }
 }
 
@@ -51,12 +53,12 @@ TEST_F(ChannelTest, ReadsTheKeyFromTheEnvironment) {
   setenv("PEPESEG_KEY", "pk_secret", 1);
   EXPECT_FALSE(OpenChannel("example.org:1", {}).ok());
   setenv("PEPESEG_KEY", "", 1);
-  EXPECT_TRUE(OpenChannel("example.org:1", {}).ok());
+  EXPECT_OK(OpenChannel("example.org:1", {}));
   setenv("PEPESEG_KEY", "no key", 1);
   EXPECT_FALSE(OpenChannel("127.0.0.1:1", {}).ok());
   for (const char* jwt : {"eyJh.eyJi.c2-_", "a.b.c"}) {
     setenv("PEPESEG_KEY", jwt, 1);
-    EXPECT_TRUE(OpenChannel("127.0.0.1:1", {}).ok()) << jwt;
+    EXPECT_OK(OpenChannel("127.0.0.1:1", {})) << jwt;
     EXPECT_FALSE(OpenChannel("example.org:1", {}).ok()) << "not encrypted";
   }
   for (const char* bad : {"a.b", "a.b.c.d", ".b.c", "a.b.", "a..c", "..", "a.b c.d", "a.b.\xff"}) {
@@ -66,7 +68,7 @@ TEST_F(ChannelTest, ReadsTheKeyFromTheEnvironment) {
   setenv("PEPESEG_KEY", "no key", 1);
   Login login;
   login.key_file = file;  // overrides PEPESEG_KEY
-  EXPECT_TRUE(OpenChannel("127.0.0.1:1", login).ok());
+  EXPECT_OK(OpenChannel("127.0.0.1:1", login));
 }
 
 // A server that records the authorization of each call.
@@ -91,7 +93,7 @@ TEST_F(ChannelTest, SendsTheKeyWithEveryCall) {
   const auto list = [](const std::shared_ptr<grpc::Channel>& channel) {
     grpc::ClientContext context;
     v1::ListScenesResponse response;
-    EXPECT_TRUE(v1::SceneService::NewStub(channel)->ListScenes(&context, {}, &response).ok());
+    EXPECT_OK(FromGrpc(v1::SceneService::NewStub(channel)->ListScenes(&context, {}, &response)));
   };
   Login login;
   login.key_file = file;

@@ -4,6 +4,8 @@
 
 #include <string>
 
+#include "tests/testing/status_testing.h"
+
 namespace pepeseg::client {
 namespace {
 
@@ -37,7 +39,7 @@ TEST(DigestFile, NamesAMissingFile) {
 
 TEST(DigestFile, ReturnsSizeAndDigest) {
   const auto digest = DigestFile(PEPESEG_TEST_DATA "/apc_shelf/ignore_mask.png");
-  ASSERT_TRUE(digest.ok()) << digest.status();
+  ASSERT_OK(digest);
   EXPECT_EQ(digest->size, 2257);
   EXPECT_EQ(digest->sha256.size(), 64U);
 }

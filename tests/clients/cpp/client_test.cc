@@ -14,6 +14,7 @@
 #include "clients/cpp/mask.h"
 #include "clients/cpp/resource_names.h"
 #include "tests/server/running_server.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg::client {
 namespace {
@@ -28,16 +29,16 @@ struct ClientTest : ::testing::Test {
   }
 
   v1::Job TrainShelf() {
-    EXPECT_TRUE(client.EnsureScene("shelf").ok());
+    EXPECT_OK(client.EnsureScene("shelf"));
     const auto dataset = client.Upload("shelf", folder);
-    EXPECT_TRUE(dataset.ok()) << dataset.status();
+    EXPECT_OK(dataset);
     v1::TrainSceneRequest request;
     request.set_scene("shelf");
     request.set_dataset(dataset->name());
     const auto job = client.Train(request);
-    EXPECT_TRUE(job.ok()) << job.status();
+    EXPECT_OK(job);
     const auto ended = client.WatchJob(job->name(), [](const v1::JobEvent& /*event*/) {});
-    EXPECT_TRUE(ended.ok()) << ended.status();
+    EXPECT_OK(ended);
     return *ended;
   }
 
@@ -63,10 +64,10 @@ TEST_F(ClientTest, TrainsAndSegments) {
   *request.mutable_prompt() = ClickAt(30, 32);
   request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
   const auto answer = client.Segment(request);
-  ASSERT_TRUE(answer.ok()) << answer.status();
+  ASSERT_OK(answer);
   ASSERT_EQ(answer->masks_size(), 1);
   const auto mask = DecodeRle(answer->masks(0).rle());
-  ASSERT_TRUE(mask.ok()) << mask.status();
+  ASSERT_OK(mask);
   const int width = answer->masks(0).rle().width();
   EXPECT_EQ((*mask)[32 * width + 30], 1);  // red
   EXPECT_EQ((*mask)[32 * width + 66], 0);  // blue
@@ -75,38 +76,38 @@ TEST_F(ClientTest, TrainsAndSegments) {
 TEST_F(ClientTest, OnlyLooksUpASceneThatIsNamedWithItsProject) {
   const std::string name = "projects/default/scenes/shelf";
   EXPECT_TRUE(absl::IsNotFound(client.EnsureScene(name)));
-  ASSERT_TRUE(client.EnsureScene("shelf").ok());
-  EXPECT_TRUE(client.EnsureScene(name).ok());
+  ASSERT_OK(client.EnsureScene("shelf"));
+  EXPECT_OK(client.EnsureScene(name));
 }
 
 TEST_F(ClientTest, SendsTheSameFilesOnlyOnce) {
-  ASSERT_TRUE(client.EnsureScene("shelf").ok());
-  ASSERT_TRUE(client.EnsureScene("scenes/shelf").ok());  // it exists already
+  ASSERT_OK(client.EnsureScene("shelf"));
+  ASSERT_OK(client.EnsureScene("scenes/shelf"));  // it exists already
   std::vector<int64_t> reported;
   std::vector<std::string> notes;
   UploadProgress progress;
   progress.bytes = [&](int64_t num_there, int64_t /*num_bytes*/) { reported.push_back(num_there); };
   progress.note = [&](const std::string& note) { notes.push_back(note); };
   const auto first = client.Upload("shelf", folder, progress);
-  ASSERT_TRUE(first.ok()) << first.status();
+  ASSERT_OK(first);
   EXPECT_EQ(reported.back(), static_cast<int64_t>(fs::file_size(photos / "images/file")));
   EXPECT_TRUE(notes.empty());
   const auto second = client.Upload("shelf", folder, progress);
-  ASSERT_TRUE(second.ok()) << second.status();
+  ASSERT_OK(second);
   ASSERT_EQ(notes.size(), 1u);
   EXPECT_EQ(notes[0], "the server has every file already");
   const auto newest = client.NewestDataset("shelf");
-  ASSERT_TRUE(newest.ok());
+  ASSERT_OK(newest);
   EXPECT_EQ(newest->name(), second->name());
 }
 
 TEST_F(ClientTest, DeletesUploadsThatAreNotSealed) {
-  ASSERT_TRUE(client.EnsureScene("shelf").ok());
+  ASSERT_OK(client.EnsureScene("shelf"));
   const v1::Upload open = running.CreateUpload("shelf", {{"images/other.jpg", "bytes"}});
-  EXPECT_TRUE(client.DeleteUpload(open.name()).ok());
+  EXPECT_OK(client.DeleteUpload(open.name()));
   EXPECT_TRUE(absl::IsNotFound(client.DeleteUpload(open.name())));
   const auto dataset = client.Upload("shelf", folder);
-  ASSERT_TRUE(dataset.ok()) << dataset.status();
+  ASSERT_OK(dataset);
   EXPECT_EQ(client.GetDataset(dataset->name())->num_files(), 1);
   EXPECT_EQ(client.ListDatasets("shelf")->datasets_size(), 1);
   EXPECT_TRUE(absl::IsFailedPrecondition(client.DeleteUpload("scenes/shelf/uploads/2")));
@@ -118,15 +119,15 @@ TEST_F(ClientTest, ReturnsTheMaskOfALabel) {
   question.set_model(ModelName("shelf"));
   *question.mutable_prompt() = ClickAt(30, 32);
   const auto answer = client.Segment(question);
-  ASSERT_TRUE(answer.ok()) << answer.status();
+  ASSERT_OK(answer);
   v1::CreateLabelRequest request;
   request.set_parent("shelf");
   request.set_label_id("red");
   request.mutable_label()->set_view("middle.jpg");
   *request.mutable_label()->mutable_mask()->mutable_rle() = answer->masks(0).rle();
-  ASSERT_TRUE(client.CreateLabel(request).ok());
+  ASSERT_OK(client.CreateLabel(request));
   const auto label = client.GetLabel("scenes/shelf/labels/red", v1::PIXEL_FRAME_PHOTOGRAPH);
-  ASSERT_TRUE(label.ok()) << label.status();
+  ASSERT_OK(label);
   EXPECT_EQ(label->mask().rle().counts(), answer->masks(0).rle().counts());
   EXPECT_TRUE(absl::IsNotFound(
       client.GetLabel("scenes/shelf/labels/blue", v1::PIXEL_FRAME_PHOTOGRAPH).status()));
@@ -138,16 +139,16 @@ TEST_F(ClientTest, SelectsCombinesAndExports) {
   request.set_model(ModelName("shelf"));
   *request.mutable_prompt() = ClickAt(30, 32);
   const auto red = client.Select(request);
-  ASSERT_TRUE(red.ok()) << red.status();
+  ASSERT_OK(red);
   *request.mutable_prompt() = ClickAt(66, 32);
   const auto blue = client.Select(request);
-  ASSERT_TRUE(blue.ok()) << blue.status();
+  ASSERT_OK(blue);
   v1::CombineSelectionsRequest both;
   both.set_first(red->name());
   both.set_second(blue->name());
   both.set_operation(v1::SET_OPERATION_UNION);
   const auto combined = client.CombineSelections(both);
-  ASSERT_TRUE(combined.ok()) << combined.status();
+  ASSERT_OK(combined);
   EXPECT_EQ(combined->num_gaussians(), red->num_gaussians() + blue->num_gaussians());
   EXPECT_EQ(client.UndoSelection(combined->name())->name(), red->name());
   EXPECT_EQ(client.ListSelections("shelf")->selections_size(), 3);
@@ -157,15 +158,15 @@ TEST_F(ClientTest, SelectsCombinesAndExports) {
   wanted.mutable_subset()->set_selection(red->name());
   const std::string ply = photos / "red.ply";
   const auto header = client.Export(wanted, ply);
-  ASSERT_TRUE(header.ok()) << header.status();
+  ASSERT_OK(header);
   EXPECT_EQ(header->num_gaussians(), red->num_gaussians());
   EXPECT_EQ(static_cast<int64_t>(fs::file_size(ply)), header->num_bytes());
-  EXPECT_TRUE(client.DeleteSelection(red->name()).ok());
+  EXPECT_OK(client.DeleteSelection(red->name()));
   EXPECT_TRUE(absl::IsNotFound(client.GetSelection(red->name()).status()));
 }
 
 TEST_F(ClientTest, LeavesNoFileOfAFailedExport) {
-  ASSERT_TRUE(client.EnsureScene("shelf").ok());
+  ASSERT_OK(client.EnsureScene("shelf"));
   v1::ExportGaussiansRequest wanted;
   wanted.set_model(ModelName("shelf"));
   const auto header = client.Export(wanted, photos / "none.ply");
@@ -187,21 +188,21 @@ TEST_F(ClientTest, ReturnsTheErrorDetailsOfTheServer) {
 // The worker of tests never finishes a dataset with a file "hang".
 TEST_F(ClientTest, WatchesAJobUntilItIsCancelled) {
   folder.files[0].name = "hang";
-  ASSERT_TRUE(client.EnsureScene("shelf").ok());
+  ASSERT_OK(client.EnsureScene("shelf"));
   const auto dataset = client.Upload("shelf", folder);
-  ASSERT_TRUE(dataset.ok()) << dataset.status();
+  ASSERT_OK(dataset);
   v1::TrainSceneRequest request;
   request.set_scene("shelf");
   request.set_dataset(dataset->name());
   const auto job = client.Train(request);
-  ASSERT_TRUE(job.ok()) << job.status();
+  ASSERT_OK(job);
   absl::StatusOr<v1::Job> ended = absl::UnknownError("");
   std::thread watcher(
       [&] { ended = client.WatchJob(job->name(), [](const v1::JobEvent& /*event*/) {}); });
   EXPECT_EQ(client.ListJobs("shelf")->jobs_size(), 1);
-  EXPECT_TRUE(client.CancelJob(job->name()).ok());
+  EXPECT_OK(client.CancelJob(job->name()));
   watcher.join();
-  ASSERT_TRUE(ended.ok()) << ended.status();
+  ASSERT_OK(ended);
   EXPECT_EQ(ended->state(), v1::JOB_STATE_CANCELLED);
 }
 

@@ -7,6 +7,8 @@
 #include <fstream>
 #include <map>
 
+#include "tests/testing/status_testing.h"
+
 namespace pepeseg::client {
 namespace {
 
@@ -72,7 +74,7 @@ TEST(KindOf, LeavesOutOtherFiles) {
 
 TEST(ReadDatasetFolder, FindsAllFilesOfTheShelf) {
   const auto folder = ReadDatasetFolder(PEPESEG_TEST_DATA "/apc_shelf");
-  ASSERT_TRUE(folder.ok()) << folder.status();
+  ASSERT_OK(folder);
   std::map<v1::FileKind, int> count;
   for (const FolderFile& file : folder->files) ++count[file.kind];
   EXPECT_EQ(count[v1::FILE_KIND_IMAGE], 15);
@@ -90,7 +92,7 @@ TEST_F(DatasetFolderTest, SortsRelativeNames) {
   Put("images/a.jpg");
   Put("notes.txt");
   const auto folder = ReadDatasetFolder(root_);
-  ASSERT_TRUE(folder.ok()) << folder.status();
+  ASSERT_OK(folder);
   ASSERT_EQ(folder->files.size(), 3U);
   EXPECT_EQ(folder->files[0].name, "images/a.jpg");
   EXPECT_EQ(folder->files[2].name, "sparse/0/images.bin");
@@ -109,7 +111,7 @@ TEST_F(DatasetFolderTest, TakesPhotographsAndVideosInTheFolderItself) {
   Put("notes.txt");
   Put("old/c.jpg");
   const auto folder = ReadDatasetFolder(root_);
-  ASSERT_TRUE(folder.ok()) << folder.status();
+  ASSERT_OK(folder);
   EXPECT_THAT(NamesOf(*folder), ElementsAre("images/b.JPG", "videos/walk.mov"));
   EXPECT_EQ(folder->files[0].path, root_ / "b.JPG");
   EXPECT_EQ(folder->files[1].kind, v1::FILE_KIND_VIDEO);
@@ -117,14 +119,14 @@ TEST_F(DatasetFolderTest, TakesPhotographsAndVideosInTheFolderItself) {
   // Next to images/ they are not part of the dataset.
   Put("images/a.jpg");
   const auto other = ReadDatasetFolder(root_);
-  ASSERT_TRUE(other.ok()) << other.status();
+  ASSERT_OK(other);
   EXPECT_THAT(NamesOf(*other), ElementsAre("images/a.jpg"));
 }
 
 TEST_F(DatasetFolderTest, TakesOneVideo) {
   Put("walk.mp4");
   const auto folder = ReadDatasetFolder(root_ / "walk.mp4");
-  ASSERT_TRUE(folder.ok()) << folder.status();
+  ASSERT_OK(folder);
   EXPECT_THAT(NamesOf(*folder), ElementsAre("videos/walk.mp4"));
   Put("walk.txt");
   EXPECT_EQ(ReadDatasetFolder(root_ / "walk.txt").status().code(), absl::StatusCode::kNotFound);

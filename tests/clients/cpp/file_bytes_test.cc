@@ -7,6 +7,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "tests/testing/status_testing.h"
+
 namespace pepeseg::client {
 namespace {
 
@@ -27,9 +29,9 @@ class FileBytes : public ::testing::Test {
 TEST_F(FileBytes, CreatesTheFoldersAboveAnOutput) {
   const fs::path path = folder_ / "a" / "b" / "x.ply";
   const std::string bytes(3'000'000, 'x');
-  ASSERT_TRUE(WriteFile(path, bytes).ok());
+  ASSERT_OK(WriteFile(path, bytes));
   const auto read = ReadFile(path);
-  ASSERT_TRUE(read.ok()) << read.status();
+  ASSERT_OK(read);
   EXPECT_EQ(*read, bytes);
   EXPECT_FALSE(fs::exists(folder_ / "a" / "b" / "x.ply.part"));
 }
@@ -58,8 +60,8 @@ TEST_F(FileBytes, NamesTheFileAndTheErrorOfTheSystem) {
 TEST_F(FileBytes, RemovesAnOutputThatIsNotCommitted) {
   {
     auto file = OutputFile::Create(folder_ / "x.ply");
-    ASSERT_TRUE(file.ok()) << file.status();
-    ASSERT_TRUE(file->Append("half").ok());
+    ASSERT_OK(file);
+    ASSERT_OK(file->Append("half"));
   }
   EXPECT_TRUE(fs::is_empty(folder_));
 }

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <random>
 
+#include "tests/testing/status_testing.h"
+
 namespace pepeseg::client {
 namespace {
 
@@ -34,7 +36,7 @@ std::string Encode(const std::vector<int64_t>& runs) {
 
 TEST(DecodeRle, IsColumnMajorAndStartsWithZeros) {
   const auto mask = DecodeRle(Rle(2, 3, "132"));  // runs 1, 3, 2
-  ASSERT_TRUE(mask.ok()) << mask.status();
+  ASSERT_OK(mask);
   EXPECT_EQ(*mask, (Mask{0, 1, 0, 1, 1, 0}));
 }
 
@@ -56,7 +58,7 @@ TEST(DecodeRle, ReadsLongRunsAndDifferences) {
       runs.push_back(run);
     }
     const auto mask = DecodeRle(Rle(kHeight, kWidth, Encode(runs)));
-    ASSERT_TRUE(mask.ok()) << mask.status();
+    ASSERT_OK(mask);
     EXPECT_EQ(*mask, expected);
   }
 }

@@ -5,6 +5,7 @@
 
 #include "clients/cpp/nearest_names.h"
 #include "pepeseg/v1/training_options.pb.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg::client {
 namespace {
@@ -17,12 +18,12 @@ using ::testing::Not;
 
 TEST(SetOption, SetsAFieldOfItsType) {
   v1::TrainingOptions options;
-  ASSERT_TRUE(SetOption("reconstruct.num_steps=3000", options).ok());
-  ASSERT_TRUE(SetOption("reconstruct.densify_until=0.25", options).ok());
-  ASSERT_TRUE(SetOption("reconstruct.seed=18446744073709551615", options).ok());
-  ASSERT_TRUE(SetOption("features.learning_rate=1e-3", options).ok());
-  ASSERT_TRUE(SetOption("reconstruct.depth_local_form=patch", options).ok());
-  ASSERT_TRUE(SetOption("reconstruct.capture_kind=CAPTURE_KIND_FORWARD_FACING", options).ok());
+  ASSERT_OK(SetOption("reconstruct.num_steps=3000", options));
+  ASSERT_OK(SetOption("reconstruct.densify_until=0.25", options));
+  ASSERT_OK(SetOption("reconstruct.seed=18446744073709551615", options));
+  ASSERT_OK(SetOption("features.learning_rate=1e-3", options));
+  ASSERT_OK(SetOption("reconstruct.depth_local_form=patch", options));
+  ASSERT_OK(SetOption("reconstruct.capture_kind=CAPTURE_KIND_FORWARD_FACING", options));
   EXPECT_EQ(options.reconstruct().num_steps(), 3000);
   EXPECT_EQ(options.reconstruct().densify_until(), 0.25);
   EXPECT_EQ(options.reconstruct().seed(), 18446744073709551615U);

@@ -8,7 +8,7 @@
 namespace pepeseg {
 namespace {
 
-// The reference chooses what the paper, which sees the scored views, chooses as well.
+// Every scale selects the same pixels here, so the choices of the reference and the paper agree.
 TEST_F(EvaluateTest, ScoresEveryEntityOnTheViewsOtherThanItsReference) {
   const auto red = static_cast<double>(std::count(right.ids.begin(), right.ids.end(), kRed));
   right.FillRows(0, 2, kRed);  // 192 pixels where nothing is

@@ -44,10 +44,12 @@ CancelsReport RunCancels(LoadedServer& server, int num_calls) {
     report.num_cancelled += kAtATime;
   }
   report.num_streams = server.AwaitStreams(0);
-  const absl::Time deadline = absl::Now() + absl::Seconds(30);
-  do {
-    report.calls_in_flight = server.Metric("pepeseg_rpc_calls_in_flight");
-  } while (report.calls_in_flight != 0 && absl::Now() < deadline);
+  EXPECT_TRUE(testing::Eventually(
+      [&] {
+        report.calls_in_flight = server.Metric("pepeseg_rpc_calls_in_flight");
+        return report.calls_in_flight == 0;
+      },
+      absl::Seconds(30)));
   report.rss_after = MeasureProcess().resident_bytes;
   return report;
 }
@@ -142,10 +144,12 @@ UnreadExportsReport RunUnreadExports(LoadedServer& server, int num_streams) {
   for (const auto& reader : exports) reader->Finish();
   report.num_streams_after = server.AwaitStreams(0);
   // The memory is released with the stream's object, shortly after the stream is no longer counted.
-  const absl::Time deadline = absl::Now() + absl::Seconds(30);
-  do {
-    report.reserved_after = ReservedBytes(server);
-  } while (report.reserved_after != report.reserved_before && absl::Now() < deadline);
+  EXPECT_TRUE(testing::Eventually(
+      [&] {
+        report.reserved_after = ReservedBytes(server);
+        return report.reserved_after == report.reserved_before;
+      },
+      absl::Seconds(30)));
   return report;
 }
 

@@ -71,7 +71,9 @@ SlurmCluster::SlurmCluster(int num_nodes) {
                              "--pid-file=" + (folder_ / "munged.pid").string(),
                              "--seed-file=" + (folder_ / "munged.seed").string()},
                             "munged"));
-  absl::SleepFor(absl::Milliseconds(500));
+  EXPECT_TRUE(testing::Eventually([&] {
+    return std::filesystem::exists(folder_ / "munge.socket");
+  })) << "munged does not listen";
   const std::string conf = folder_ / "slurm.conf";
   daemons_.push_back(Launch({"/usr/sbin/slurmctld", "-D", "-f", conf}, "slurmctld"));
   for (int i = 0; i < num_nodes; ++i) {

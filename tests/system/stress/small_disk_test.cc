@@ -15,6 +15,7 @@
 #include "tests/system/stress/full_stress.h"
 #include "tests/system/stress/life_of_a_scene.h"
 #include "tests/system/stress/unclean_data.h"
+#include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -66,13 +67,13 @@ absl::Status LiveOn(int kib) {
       EXPECT_TRUE(met.ok() || TellsOfSpace(met)) << kib << " KiB: " << met << server.Log();
       EXPECT_TRUE(server.alive());
       disk.Grow(kEnoughKiB);
-      absl::Status again = life.Run(server.channel());
+      absl::Status again;
       // A training in progress may report its failure now, or its end, which is written at the next
       // try.
-      for (int tries = 0; tries < 5 && TellsOfSpace(again); ++tries) {
-        absl::SleepFor(absl::Seconds(3));
+      EXPECT_TRUE(testing::Eventually([&] {
         again = life.Run(server.channel());
-      }
+        return !TellsOfSpace(again);
+      }));
       EXPECT_OK(again) << kib << " KiB, then enough: " << server.Log();
     }
     disk.Grow(kEnoughKiB);

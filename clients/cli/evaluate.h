@@ -8,6 +8,7 @@
 #include "clients/cli/evaluation_truth.h"
 #include "pepeseg/v1/evaluation_service.pb.h"
 
+// The prompts of an evaluation, as the verb "evaluate" takes them.
 namespace pepeseg::client::cli {
 
 struct EntityPromptFlags {

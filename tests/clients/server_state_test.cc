@@ -1,4 +1,4 @@
-#include "clients/cli/top.h"
+#include "clients/cli/server_state.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,17 +1,24 @@
-// The verbs "top", which shows again and again what a server is doing, and "drain".
-#include "clients/cli/top.h"
+// The verbs about the state of a server: "top", which shows again and again what it is doing,
+// "drain", and "health", which asks the standard service grpc.health.v1, as gateways and
+// orchestrators do.
+#include "clients/cli/server_state.h"
 
+#include <google/protobuf/wrappers.pb.h>
+#include <grpcpp/generic/generic_stub.h>
+#include <grpcpp/support/byte_buffer.h>
 #include <unistd.h>
 
 #include <chrono>
+#include <future>
 #include <memory>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "clients/cli/admin_verb.h"
-#include "clients/cli/enum_words.h"
 #include "clients/cli/progress_line.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/text_table.h"
@@ -132,6 +139,53 @@ absl::Status RunDrain(const Shell& shell, const DrainFlags& flags, v1::AdminServ
   return absl::OkStatus();
 }
 
+constexpr double kHealthSeconds = 5;  // deadline of the call
+constexpr int kServing = 1;           // HealthCheckResponse.ServingStatus.SERVING
+
+// Returns the ServingStatus of a service, or of the whole server for "".
+//
+// Debian has no stubs of the health service, so the call is generic. On the wire HealthCheckRequest
+// is a StringValue and HealthCheckResponse an Int32Value: each has one field, number 1.
+absl::StatusOr<int> AskHealth(const Shell& shell, const std::string& service) {
+  google::protobuf::StringValue message;
+  message.set_value(service);
+  const grpc::Slice bytes(message.SerializeAsString());
+  const grpc::ByteBuffer request(&bytes, 1);
+  grpc::ByteBuffer response;
+  Call call("", kHealthSeconds);
+  grpc::GenericStub stub(shell.channel);
+  std::promise<grpc::Status> done;
+  stub.UnaryCall(call, "/grpc.health.v1.Health/Check", grpc::StubOptions(), &request, &response,
+                 [&done](grpc::Status status) { done.set_value(std::move(status)); });
+  RETURN_IF_ERROR(FromGrpc(done.get_future().get()));
+  grpc::Slice answer;
+  google::protobuf::Int32Value status;
+  if (!response.DumpToSingleSlice(&answer).ok() ||
+      !status.ParseFromArray(answer.begin(), static_cast<int>(answer.size()))) {
+    return absl::InternalError("the server's answer is not one of grpc.health.v1");
+  }
+  return status.value();
+}
+
+// `alive`: any answer is a success, whatever its status.
+absl::Status RunHealth(const Shell& shell, const std::string& service, bool alive) {
+  ASSIGN_OR_RETURN(const int status, AskHealth(shell, service));
+  const std::string name = service.empty() ? "the server" : service;
+  if (alive) {
+    const char* answer = status == kServing ? "true" : "false";
+    Print(shell.json ? absl::StrCat(R"({"serving":)", answer, "}")
+                     : absl::StrCat(name, " answers"));
+    return absl::OkStatus();
+  }
+  if (status != kServing) {
+    return absl::UnavailableError(absl::StrCat(name,
+                                               " does not serve: it is shutting down or drained, "
+                                               "or something that it depends on has failed"));
+  }
+  Print(shell.json ? R"({"serving":true})" : absl::StrCat(name, " serves"));
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 std::vector<std::string> TopLines(const TopSnapshot& snapshot, absl::Time now) {
@@ -165,6 +219,21 @@ void AddDrain(CLI::App& app, Shell& shell) {
       app, shell, {"drain", "Let a server accept no new calls and jobs, before it is stopped"},
       {flags, RunDrain})
       .add_flag("--off", flags->off, "Let it accept calls and jobs again");
+}
+
+void AddHealth(CLI::App& app, Shell& shell) {
+  const auto service = std::make_shared<std::string>();
+  CLI::App* verb =
+      app.add_subcommand("health", "Check that the server serves; exit code 5 if it does not");
+  verb->add_option("SERVICE", *service,
+                   "A service, such as pepeseg.v1.JobService; by default the whole server");
+  const auto alive = std::make_shared<bool>(false);
+  verb->add_flag(
+      "--alive", *alive,
+      "Check only that the server answers, whether it serves or not; for liveness probes");
+  verb->callback([service, alive, &shell] {
+    shell.verb = [service, alive, &shell] { return RunHealth(shell, *service, *alive); };
+  });
 }
 
 }  // namespace pepeseg::client::cli

@@ -10,6 +10,7 @@
 #include "pepeseg/v1/job_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 
+// The measurements of the verb "bench", and their text.
 namespace pepeseg::client::cli {
 
 // One training with its measurements.
