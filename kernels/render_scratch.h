@@ -25,6 +25,9 @@ struct SplatGrad {
   float opacity;
   float r, g, b;
   float depth;  // with respect to z, after a render of inverse depth, too
+  // No gradient: the sum of (d loss / d ln g)^2, where g is the splat's falloff at a pixel, in
+  // (0, 1], and only the gradient of the colour counts. Density control draws by it.
+  float squares;
 };
 
 // Tiles [first_tile, first_tile + count), next to each other in one row, that a splat reaches.
@@ -51,7 +54,7 @@ enum RenderCounter {
 struct CudaScratch {
   Buffer<int32_t> gaussian_visible;  // [gaussians] -> visible, or -1
   Buffer<int32_t> slot_visible;      // [entries] -> visible
-  Buffer<float> slot_sums;           // [entries, 10] gradients before the sum over the tiles
+  Buffer<float> slot_sums;           // [entries, 12] gradients before the sum over the tiles
 
   // For RenderBackward: what each pixel has accumulated at the end of its tile and at the end of
   // each bucket, so that the backward pass starts at all buckets at once. Colour is rgb

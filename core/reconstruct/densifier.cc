@@ -51,7 +51,8 @@ float Densifier::MaxSizeAt(int step) const {
 
 // The backend plans the new rows: for each its source Gaussian, whether it is a child, and its mean
 // and scales. The state is then rebuilt by that plan, in Morton order.
-absl::Status Densifier::Apply(int step, GaussianState& state, std::mt19937_64& random) const {
+absl::Status Densifier::Apply(int step, bool has_depth, GaussianState& state,
+                              std::mt19937_64& random) const {
   const DensityStats stats = state.stats();
   Buffer<int32_t> source;
   Buffer<uint8_t> is_new;
@@ -60,6 +61,7 @@ absl::Status Densifier::Apply(int step, GaussianState& state, std::mt19937_64& r
   backend_.PlanDensity(
       {.gaussians = state.parameters(),
        .mean2d_grad_sum = stats.mean2d_grad_sum,
+       .square_sum = stats.square_sum,
        .num_visible = stats.num_visible,
        .min_gradient = (budgeted() ? kBudgetedShare : 1) * options_.densify_gradient,
        .clone_size = static_cast<float>(options_.densify_size * scene_.radius),
@@ -67,7 +69,7 @@ absl::Status Densifier::Apply(int step, GaussianState& state, std::mt19937_64& r
        .max_size = MaxSizeAt(step),
        .max_count = BudgetAt(step),
        .draws = budgeted(),
-       .keeps_parent = budgeted(),
+       .keeps_parent = budgeted() && !has_depth,
        // One draw from the training's engine a round: the backend derives all its random numbers
        // from it, so that a resumed training splits the same Gaussians.
        .seed = static_cast<uint32_t>(random()),

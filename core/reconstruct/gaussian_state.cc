@@ -44,7 +44,7 @@ int64_t GaussianState::Bytes(int64_t first, int64_t most, int sh_degree) {
   const int64_t stride = most <= WithSlack(first) ? WithSlack(first) : WithSlack(most);
   const Rows rows;
   return stride * (NumPlanes(sh_degree) * BytesOfRow(rows.parameters, rows.moment1, rows.moment2) +
-                   BytesOfRow(rows.num_steps, rows.grad_sum, rows.num_visible));
+                   BytesOfRow(rows.num_steps, rows.grad_sum, rows.square_sum, rows.num_visible));
 }
 
 GaussianState::Rows GaussianState::Allocate(int64_t stride) const {
@@ -56,15 +56,18 @@ GaussianState::Rows GaussianState::Allocate(int64_t stride) const {
   }
   rows.num_steps = Buffer<int32_t>(backend_, stride);
   rows.grad_sum = Buffer<float>(backend_, stride);
+  rows.square_sum = Buffer<float>(backend_, stride);
   rows.num_visible = Buffer<int32_t>(backend_, stride);
   rows.allocated = rows.allocated && !rows.num_steps.empty() && !rows.grad_sum.empty() &&
-                   !rows.num_visible.empty();
+                   !rows.square_sum.empty() && !rows.num_visible.empty();
   return rows;
 }
 
 DensityStats GaussianState::stats() {
-  return {
-      rows_.grad_sum.span().Subspan(0, count_), rows_.num_visible.span().Subspan(0, count_), {}};
+  return {.mean2d_grad_sum = rows_.grad_sum.span().Subspan(0, count_),
+          .square_sum = rows_.square_sum.span().Subspan(0, count_),
+          .num_visible = rows_.num_visible.span().Subspan(0, count_),
+          .max_radius = {}};
 }
 
 Gaussians GaussianState::Download() const {
@@ -85,9 +88,11 @@ GaussianRows GaussianState::DownloadRows() const {
   const auto count = static_cast<size_t>(count_);
   rows.num_steps.resize(count);
   rows.grad_sum.resize(count);
+  rows.square_sum.resize(count);
   rows.num_visible.resize(count);
   rows_.num_steps.Download(rows.num_steps);
   rows_.grad_sum.Download(rows.grad_sum);
+  rows_.square_sum.Download(rows.square_sum);
   rows_.num_visible.Download(rows.num_visible);
   if (!refinement_open()) return rows;
   rows.refinable.resize(count);
@@ -109,6 +114,7 @@ bool GaussianState::Restore(const GaussianRows& rows) {
   UploadPlanes(rows_.moment2, 0, rows.moment2);
   rows_.num_steps.Upload(rows.num_steps);
   rows_.grad_sum.Upload(rows.grad_sum);
+  rows_.square_sum.Upload(rows.square_sum);
   rows_.num_visible.Upload(rows.num_visible);
   if (rows.refinable.empty()) return true;
   if (!OpenRefinement()) return false;
@@ -196,6 +202,7 @@ bool GaussianState::Grow(int64_t stride) {
   copy(rows_.moment2, next.moment2, num_planes);
   copy(rows_.num_steps, next.num_steps, 1);
   copy(rows_.grad_sum, next.grad_sum, 1);
+  copy(rows_.square_sum, next.square_sum, 1);
   copy(rows_.num_visible, next.num_visible, 1);
   copy(rows_.refinable, next.refinable, 1);
   rows_ = std::move(next);
@@ -228,6 +235,7 @@ bool GaussianState::Append(DeviceSpan<const int32_t> source,
   };
   zero(rows_.num_steps);
   zero(rows_.grad_sum);
+  zero(rows_.square_sum);
   zero(rows_.num_visible);
   zero(rows_.refinable);
   constexpr int kNumPlanes = kRotationPlane - kMeanPlane;

@@ -18,7 +18,7 @@ struct GaussianRows {
   Shape shape;
   std::vector<float> parameters, moment1, moment2;  // [NumPlanes(sh_degree), count]
   std::vector<int32_t> num_steps;                   // [count], as are the statistics
-  std::vector<float> grad_sum;
+  std::vector<float> grad_sum, square_sum;
   std::vector<int32_t> num_visible;
   std::vector<int32_t> refinable;  // [count], or empty while refinement is not open
 };
@@ -87,7 +87,7 @@ class GaussianState {
     bool allocated = true;
     Buffer<float> parameters, moment1, moment2;  // [NumPlanes, stride]
     Buffer<int32_t> num_steps;                   // [stride], as are the statistics
-    Buffer<float> grad_sum;
+    Buffer<float> grad_sum, square_sum;
     Buffer<int32_t> num_visible;
     Buffer<int32_t> refinable;  // empty while refinement is not open
   };

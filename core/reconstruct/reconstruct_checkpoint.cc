@@ -21,6 +21,7 @@ void VisitSections(AnyCheckpoint& checkpoint, const Visit& visit) {
   visit("moment2", 1, checkpoint.gaussians.moment2);
   visit("num_steps", 1, checkpoint.gaussians.num_steps);
   visit("grad_sum", 1, checkpoint.gaussians.grad_sum);
+  visit("square_sum", 1, checkpoint.gaussians.square_sum);
   visit("num_visible", 1, checkpoint.gaussians.num_visible);
   visit("refinable", 1, checkpoint.gaussians.refinable);
 }
@@ -41,6 +42,7 @@ absl::Status ValidateRows(const GaussianRows& rows) {
   RETURN_IF_ERROR(CheckSize("moment1", rows.moment1.size(), num_planes * count));
   RETURN_IF_ERROR(CheckSize("moment2", rows.moment2.size(), num_planes * count));
   RETURN_IF_ERROR(CheckSize("grad_sum", rows.grad_sum.size(), count));
+  RETURN_IF_ERROR(CheckSize("square_sum", rows.square_sum.size(), count));
   RETURN_IF_ERROR(CheckSize("num_visible", rows.num_visible.size(), count));
   if (!rows.refinable.empty()) {
     RETURN_IF_ERROR(CheckSize("refinable", rows.refinable.size(), count));
@@ -48,7 +50,8 @@ absl::Status ValidateRows(const GaussianRows& rows) {
   RETURN_IF_ERROR(CheckFinite("parameters", rows.parameters));
   RETURN_IF_ERROR(CheckFinite("moment1", rows.moment1));
   RETURN_IF_ERROR(CheckFinite("moment2", rows.moment2));
-  return CheckFinite("grad_sum", rows.grad_sum);
+  RETURN_IF_ERROR(CheckFinite("grad_sum", rows.grad_sum));
+  return CheckFinite("square_sum", rows.square_sum);
 }
 
 }  // namespace

@@ -170,7 +170,10 @@ absl::StatusOr<StepReport> Reconstructor::Step() {
   if (densify || reset || refine || review || position_ + 1 == options_.num_steps) {
     while (!results_.empty()) DrainOldest();
   }
-  if (densify) RETURN_IF_ERROR(densifier_.Apply(position_, state_, random_));
+  if (densify) {
+    const bool has_depth = depth_term_.InEffect(schedule_.DepthWeightAt(position_));
+    RETURN_IF_ERROR(densifier_.Apply(position_, has_depth, state_, random_));
+  }
   if (reset) state_.LimitOpacity(kResetOpacity);
   if (refine) RETURN_IF_ERROR(Refine(input));
   refiner_.EndStep(position_, state_);

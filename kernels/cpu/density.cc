@@ -44,8 +44,7 @@ DensityFate FateOf(const PlanDensityArgs& args, const DensityBounds& bounds, int
 // first.
 float ChoiceKey(const PlanDensityArgs& args, int64_t i) {
   if (!args.draws) return MeanGradient(args, i);
-  const float odds = DensityOdds(args.mean2d_grad_sum[i], args.gaussians.Plane(kOpacityPlane)[i]);
-  return DrawKey(odds, args.seed, static_cast<uint32_t>(i));
+  return DrawKey(args.square_sum[i], args.seed, static_cast<uint32_t>(i));
 }
 
 // Keeps the densified Gaussians with the smallest keys as they are if there is not room for all of

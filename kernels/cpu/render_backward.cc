@@ -17,7 +17,8 @@ SplatGrad operator+(const SplatGrad& a, const SplatGrad& b) {
           a.r + b.r,
           a.g + b.g,
           a.b + b.b,
-          a.depth + b.depth};
+          a.depth + b.depth,
+          a.squares + b.squares};
 }
 
 // Sums the slots of each visible Gaussian in their order, so that the sum does not depend on which

@@ -43,7 +43,7 @@ __device__ int64_t ThreadIndex() { return int64_t{blockIdx.x} * kBlock + threadI
 struct FateParams {
   DevicePlanes<const float> gaussians;
   int64_t count;
-  const float* mean2d_grad_sum;
+  const float *mean2d_grad_sum, *square_sum;
   const int32_t* num_visible;
   DensityBounds bounds;
   bool draws;  // see PlanDensityArgs
@@ -70,10 +70,7 @@ __global__ void __launch_bounds__(kBlock) FateKernel(FateParams p) {
     fate = FateOf(p.bounds, p.gaussians.At(kOpacityPlane, i), largest, gradient);
     p.fate[i] = fate;
     float key = gradient;
-    if (p.draws) {
-      const float odds = DensityOdds(p.mean2d_grad_sum[i], p.gaussians.At(kOpacityPlane, i));
-      key = DrawKey(odds, p.seed, static_cast<uint32_t>(i));
-    }
+    if (p.draws) key = DrawKey(p.square_sum[i], p.seed, static_cast<uint32_t>(i));
     // The bits of floats that are not negative order as the floats do.
     p.key[i] = NumRowsOf(fate) == 2 ? __float_as_uint(key) + 1 : 0;
     p.index[i] = static_cast<int32_t>(i);
@@ -228,9 +225,9 @@ DensityCounts CudaBackend::DecideFates(const PlanDensityArgs& args, DeviceSpan<u
       MakeDensityBounds(args.min_gradient, args.clone_size, args.min_opacity, args.max_size);
   auto* fates = reinterpret_cast<DensityFate*>(fate.data);
   FateKernel<<<NumBlocks(count, kBlock), kBlock, 0, stream_>>>(
-      {ToDevice(args.gaussians), count, args.mean2d_grad_sum.data, args.num_visible.data, bounds,
-       args.draws, args.seed, fates, sort.keys.span().data, sort.values.span().data,
-       num_of_fate.span().data});
+      {ToDevice(args.gaussians), count, args.mean2d_grad_sum.data, args.square_sum.data,
+       args.num_visible.data, bounds, args.draws, args.seed, fates, sort.keys.span().data,
+       sort.values.span().data, num_of_fate.span().data});
   Launched("density fates");
   unsigned long long num[4] = {};
   num_of_fate.Download(num);

@@ -14,9 +14,9 @@
 // because the forward pass has stored the state of each pixel at their ends (render.cu).
 // Transmittances before a splat are recovered by division by 1 - alpha >= 0.01.
 //
-// SumSlotsKernel: five threads have a splat, each two of its ten sums. They add the slots of the
-// splat, which are its tiles from the top left, in registers; shared memory and one __syncthreads
-// hand the sums to one thread a splat, which turns them into gradients.
+// SumSlotsKernel: six threads have a splat, each two numbers of its slots. They add the slots of
+// the splat, which are its tiles from the top left, in registers; shared memory and one
+// __syncthreads hand the sums to one thread a splat, which turns them into gradients.
 //
 // No float is added by an atomic. A slot is written by one warp, as a tree over lanes of sums over
 // the cells in their order, and slots are added in their order: gradients are the same in every
@@ -59,10 +59,23 @@ __device__ int IndexOfSum(int lane) {
   return (lane & kOffset) != 0 && index + kHalf < N ? index + kHalf : index;
 }
 
-// Sums over the pixels of a (splat, tile) entry: the moments of PowerMoments, then the gradients of
-// colour and depth.
-enum SlotSum { kSum, kSumX, kSumY, kSumXX, kSumXY, kSumYY, kSumR, kSumG, kSumB, kSumDepth };
-constexpr int kNumSlotSums = kSumDepth + 1;
+// Sums over the pixels of a (splat, tile) entry: the moments of PowerMoments, the gradients of the
+// colour, the squares of SplatGrad, and the gradient of the depth.
+enum SlotSum {
+  kSum,
+  kSumX,
+  kSumY,
+  kSumXX,
+  kSumXY,
+  kSumYY,
+  kSumR,
+  kSumG,
+  kSumB,
+  kSumSquares,
+  kSumDepth,
+  kNumSlotSums
+};
+constexpr int kSlotSize = 12;  // floats; the last one is not used
 
 struct BackwardParams {
   TileView tiles;
@@ -77,19 +90,23 @@ struct BackwardParams {
   const float* pixel_depth;
   const float4* bucket_color;
   const float* bucket_depth;
-  const float *color_grad, *alpha_grad, *depth_grad;  // the last two may be null
-  float* slot_sums;                                   // [entries, kNumSlotSums]
+  const float *color_grad, *alpha_grad, *depth_grad;  // the last two may be null, and are not read
+                                                      // without kShape
+  float* slot_sums;                                   // [entries, kSlotSize]
 };
 
 // State of a pixel while the entries are taken from back to front.
 struct PixelState {
   float r_grad, g_grad, b_grad, depth_grad;  // gradients of the pixel, constant
-  float transmittance, behind;  // behind the next entry; `behind` is behind_dot of AlphaVjp
+  // Behind the next entry. The other two are behind_dot of AlphaVjp: that of the colour, and that
+  // of depth and alpha.
+  float transmittance, behind, shape_behind;
   int32_t end;  // end of the entries of the tile that the pixel has blended; 0: it has no gradient
 };
 
-// State of the lane's pixel of a cell at the end of the bucket.
-template <bool kDepth>
+// State of the lane's pixel of a cell at the end of the bucket. kShape: depth or alpha has a
+// gradient.
+template <bool kShape>
 __device__ PixelState StartPixel(const BackwardParams& p, int tile, int bucket, int cell) {
   const int lane = static_cast<int>(threadIdx.x) % 32;
   const int x = tile % p.tiles.num_tiles_x * kTileSize + CellX(cell) + lane % kCellWidth;
@@ -107,8 +124,11 @@ __device__ PixelState StartPixel(const BackwardParams& p, int tile, int bucket, 
   s.r_grad = p.color_grad[pixel];
   s.g_grad = p.color_grad[num_pixels + pixel];
   s.b_grad = p.color_grad[2 * num_pixels + pixel];
-  if constexpr (kDepth) s.depth_grad = p.depth_grad[pixel];
-  const float alpha_grad = p.alpha_grad == nullptr ? 0 : p.alpha_grad[pixel];
+  float alpha_grad = 0;
+  if constexpr (kShape) {
+    s.depth_grad = p.depth_grad == nullptr ? 0 : p.depth_grad[pixel];
+    alpha_grad = p.alpha_grad == nullptr ? 0 : p.alpha_grad[pixel];
+  }
   if (s.r_grad == 0 && s.g_grad == 0 && s.b_grad == 0 && s.depth_grad == 0 && alpha_grad == 0) {
     s.end = 0;  // no gradient: the pixel is ignored, or equals the photograph
     return s;
@@ -116,7 +136,7 @@ __device__ PixelState StartPixel(const BackwardParams& p, int tile, int bucket, 
   const int64_t in_tiles = int64_t{tile} * kTilePixels + cell * 32 + lane;
   const float4 all = p.pixel_color[in_tiles];
   s.transmittance = all.w;
-  s.behind = -alpha_grad;
+  s.shape_behind = -alpha_grad;
   if (s.end <= first + kBucketSize) return s;
   // The pixel has also blended entries behind this bucket. What it gathered there is
   // the difference of its state at the end of the tile and at the end of the bucket;
@@ -124,26 +144,35 @@ __device__ PixelState StartPixel(const BackwardParams& p, int tile, int bucket, 
   s.end = first + kBucketSize;
   const int64_t in_buckets = int64_t{bucket} * kTilePixels + cell * 32 + lane;
   const float4 before = p.bucket_color[in_buckets];
-  float gathered =
-      s.r_grad * (all.x - before.x) + s.g_grad * (all.y - before.y) + s.b_grad * (all.z - before.z);
-  if constexpr (kDepth) {
-    gathered += s.depth_grad * (p.pixel_depth[in_tiles] - p.bucket_depth[in_buckets]);
+  s.behind = __fdividef(
+      s.r_grad * (all.x - before.x) + s.g_grad * (all.y - before.y) + s.b_grad * (all.z - before.z),
+      before.w);
+  if constexpr (kShape) {
+    float gathered = all.w * s.shape_behind;
+    if (p.depth_grad != nullptr) {
+      gathered += s.depth_grad * (p.pixel_depth[in_tiles] - p.bucket_depth[in_buckets]);
+    }
+    s.shape_behind = __fdividef(gathered, before.w);
   }
-  s.behind = __fdividef(gathered + all.w * s.behind, before.w);
   s.transmittance = before.w;
   return s;
 }
 
 // One splat at one pixel, (dx, dy) from its mean: takes the state in front of the splat and adds to
 // the lane's sums.
-template <bool kDepth>
+template <bool kShape>
 __device__ void BackwardPixel(const SplatWords& w, float alpha, float dx, float dy, PixelState& s,
-                              float (&sums)[kDepth ? kNumSlotSums : kNumSlotSums - 1]) {
+                              float (&sums)[kShape ? kNumSlotSums : kNumSlotSums - 1]) {
   s.transmittance = __fdividef(s.transmittance, 1 - alpha);
-  float value = w.b.z * s.r_grad + w.b.w * s.g_grad + w.c.x * s.b_grad;
-  if constexpr (kDepth) value += w.c.y * s.depth_grad;
-  const float grad = GaussianVjp(alpha, AlphaVjp(s.transmittance, value, s.behind));
+  const float value = w.b.z * s.r_grad + w.b.w * s.g_grad + w.c.x * s.b_grad;
+  float grad = GaussianVjp(alpha, AlphaVjp(s.transmittance, value, s.behind));
   s.behind = BehindStep(alpha, value, s.behind);
+  sums[kSumSquares] += grad * grad;
+  if constexpr (kShape) {
+    const float depth = w.c.y * s.depth_grad;
+    grad += GaussianVjp(alpha, AlphaVjp(s.transmittance, depth, s.shape_behind));
+    s.shape_behind = BehindStep(alpha, depth, s.shape_behind);
+  }
   const float weight = BlendStep(alpha, s.transmittance).weight;
   const float grad_x = grad * dx, grad_y = grad * dy;
   sums[kSum] += grad;
@@ -155,13 +184,13 @@ __device__ void BackwardPixel(const SplatWords& w, float alpha, float dx, float 
   sums[kSumR] += weight * s.r_grad;
   sums[kSumG] += weight * s.g_grad;
   sums[kSumB] += weight * s.b_grad;
-  if constexpr (kDepth) sums[kSumDepth] += weight * s.depth_grad;
+  if constexpr (kShape) sums[kSumDepth] += weight * s.depth_grad;
 }
 
 __device__ void ZeroSlot(const BackwardParams& p, int32_t slot) {
-  float2* out = reinterpret_cast<float2*>(p.slot_sums + int64_t{slot} * kNumSlotSums);
+  float2* out = reinterpret_cast<float2*>(p.slot_sums + int64_t{slot} * kSlotSize);
 #pragma unroll
-  for (int k = 0; k < kNumSlotSums / 2; ++k) out[k] = {0, 0};
+  for (int k = 0; k < kSlotSize / 2; ++k) out[k] = {0, 0};
 }
 
 constexpr int kBackwardWarps = 1;  // warps a block; they share nothing
@@ -173,9 +202,9 @@ struct WarpBatch {
 
 // Writes the slots of all entries of a bucket, zeros for those that no pixel has blended. The grid
 // covers the upper bound of the number of buckets; warps beyond the number return at once.
-template <bool kDepth>
+template <bool kShape>
 __global__ void __launch_bounds__(32 * kBackwardWarps) BackwardKernel(BackwardParams p) {
-  constexpr int kNumSums = kDepth ? kNumSlotSums : kNumSlotSums - 1;
+  constexpr int kNumSums = kShape ? kNumSlotSums : kNumSlotSums - 1;
   __shared__ WarpBatch batches[kBackwardWarps];
   const int lane = static_cast<int>(threadIdx.x) % 32;
   WarpBatch& batch = batches[threadIdx.x / 32];
@@ -194,7 +223,7 @@ __global__ void __launch_bounds__(32 * kBackwardWarps) BackwardKernel(BackwardPa
   int32_t last = 0;
 #pragma unroll
   for (int cell = 0; cell < kNumCells; ++cell) {
-    pixels[cell] = StartPixel<kDepth>(p, tile, bucket, cell);
+    pixels[cell] = StartPixel<kShape>(p, tile, bucket, cell);
     last = max(last, pixels[cell].end);
   }
   last = __reduce_max_sync(kAllLanes, last) - first;  // from it on no pixel has blended an entry
@@ -235,18 +264,18 @@ __global__ void __launch_bounds__(32 * kBackwardWarps) BackwardKernel(BackwardPa
           const float power = Power(root.xx, PowerAtRow(root, dy), dx);
           if (power < w.c.z || position >= pixels[cell].end) continue;
           any = true;
-          BackwardPixel<kDepth>(w, Alpha(w.b.y, FastExp2(power)), dx, dy, pixels[cell], sums);
+          BackwardPixel<kShape>(w, Alpha(w.b.y, FastExp2(power)), dx, dy, pixels[cell], sums);
         }
       }
       if (__any_sync(kAllLanes, any)) SumOverWarp(sums, lane);
-      float* out = p.slot_sums + int64_t{its_slot} * kNumSlotSums;
+      float* out = p.slot_sums + int64_t{its_slot} * kSlotSize;
       out[sum_index] = sums[0];
-      if (!kDepth && lane == 31) out[kSumDepth] = 0;
+      if (!kShape && lane == 31) out[kSumDepth] = 0;
     }
   }
 }
 
-constexpr int kSumParts = kNumSlotSums / 2;  // threads a splat, two sums each
+constexpr int kSumParts = kSlotSize / 2;  // threads a splat, two sums each
 constexpr int kSplatsABlock = 64;
 constexpr int kSlotsAtOnce = 4;  // loads in flight at once
 
@@ -297,9 +326,9 @@ __global__ void __launch_bounds__(kSplatsABlock* kSumParts) SumSlotsKernel(SumPa
                                    splat.opacity, moments);
   const float depth_grad =
       p.inverse_depth ? InverseDepthVjp(splat.depth, sums[kSumDepth]) : sums[kSumDepth];
-  p.visible_grad[visible] = {shape.x,        shape.y,       shape.conic_xx, shape.conic_xy,
-                             shape.conic_yy, shape.opacity, sums[kSumR],    sums[kSumG],
-                             sums[kSumB],    depth_grad};
+  p.visible_grad[visible] = {shape.x,        shape.y,       shape.conic_xx,   shape.conic_xy,
+                             shape.conic_yy, shape.opacity, sums[kSumR],      sums[kSumG],
+                             sums[kSumB],    depth_grad,    sums[kSumSquares]};
 }
 
 }  // namespace
@@ -311,7 +340,7 @@ void CudaBackend::RenderBackward(const RenderBackwardArgs& args) {
   RenderScratch& scratch = *args.scratch;
   if (!scratch.for_backward) return Fail({"RenderBackward: the render was not made for it", true});
   const int64_t num_visible = scratch.visible_splat.size();
-  scratch.cuda.slot_sums.Reserve(*this, scratch.entry_slot.size() * kNumSlotSums);
+  scratch.cuda.slot_sums.Reserve(*this, scratch.entry_slot.size() * kSlotSize);
   scratch.visible_grad.Reserve(*this, num_visible);
   if (!error_.empty() || num_visible == 0) return;
   const int num_tiles = scratch.num_tiles_x * scratch.num_tiles_y;
@@ -334,7 +363,7 @@ void CudaBackend::RenderBackward(const RenderBackwardArgs& args) {
       scratch.cuda.slot_sums.span().data};
   const int64_t num_buckets = MaxBuckets(scratch.entry_slot.size(), num_tiles);
   const int num_blocks = NumBlocks(num_buckets, kBackwardWarps);
-  if (args.depth_grad.empty()) {
+  if (args.depth_grad.empty() && args.alpha_grad.empty()) {
     BackwardKernel<false><<<num_blocks, 32 * kBackwardWarps, 0, stream_>>>(params);
   } else {
     BackwardKernel<true><<<num_blocks, 32 * kBackwardWarps, 0, stream_>>>(params);

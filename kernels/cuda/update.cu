@@ -39,7 +39,7 @@ struct UpdateParams {
   const SplatGrad* visible_grad;
   Room room;
   int32_t* num_steps;
-  float* mean2d_grad_sum;  // these three (DensityStats) may be null
+  float *mean2d_grad_sum, *square_sum;  // these four (DensityStats) may be null
   int32_t* num_visible;
   float* max_radius;
   int64_t* num_skipped;  // counter of Gaussians with a gradient that is not finite
@@ -145,6 +145,7 @@ __device__ void AddStats(const UpdateParams& p, int64_t i, const Splat& splat,
     const float gx = grad.x * 0.5f * p.width, gy = grad.y * 0.5f * p.height;
     p.mean2d_grad_sum[i] += sqrtf(gx * gx + gy * gy);
   }
+  if (p.square_sum != nullptr) p.square_sum[i] += grad.squares;
   if (p.num_visible != nullptr) ++p.num_visible[i];
   if (p.max_radius == nullptr) return;
   const PowerRoot<float> root = {splat.root_xx, splat.root_xy, splat.root_yy};
@@ -281,6 +282,7 @@ void CudaBackend::Update(const UpdateArgs& args) {
                          RoomOf(scratch),
                          args.num_steps.data,
                          args.stats.mean2d_grad_sum.data,
+                         args.stats.square_sum.data,
                          args.stats.num_visible.data,
                          args.stats.max_radius.data,
                          num_skipped};

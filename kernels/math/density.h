@@ -66,12 +66,6 @@ PEPESEG_HD T UniformNumber(uint32_t seed, uint32_t row, uint32_t number) {
   return (static_cast<T>(bits >> 8) + T(0.5)) * T(1.0 / (1 << 24));
 }
 
-// Odds with which a Gaussian is drawn to be densified: its gradients on screen, summed over the
-// views that showed it, times its opacity. What is opaque and often seen comes first; a mean over
-// views would favour what one view shows, which the other views cannot correct.
-PEPESEG_HD float DensityOdds(float gradient_sum, float logit) {
-  return gradient_sum * Sigmoid(logit);
-}
 // Key of a draw without replacement: the Gaussians with the n largest keys are a sample of n by
 // these odds (Efraimidis & Spirakis 2006). Positive for positive odds.
 PEPESEG_HD float DrawKey(float odds, uint32_t seed, uint32_t row) {

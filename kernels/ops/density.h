@@ -32,6 +32,7 @@ struct DensityCounts {
 struct PlanDensityArgs {
   ConstGaussianPlanes gaussians;            // planes up to kOpacityPlane are read
   DeviceSpan<const float> mean2d_grad_sum;  // [N] see DensityStats
+  DeviceSpan<const float> square_sum;       // [N] see DensityStats; read if `draws`
   DeviceSpan<const int32_t> num_visible;    // [N] see DensityStats
   float min_gradient = 0;  // of mean2d_grad_sum / num_visible, which is 0 for a Gaussian never seen
   float clone_size = 0;    // scene units; a Gaussian is split if a standard deviation exceeds it
@@ -40,7 +41,7 @@ struct PlanDensityArgs {
   int64_t max_count = 0;   // Gaussians to densify up to; does not prune
   // Where there is no room for all. False, as in 3DGS: those with the largest mean gradients are
   // densified, equal ones by index. True: they are drawn without replacement, with odds of
-  // DensityOdds. The largest gradients lie, round after round, where no Gaussian can repair the
+  // square_sum. The largest gradients lie, round after round, where no Gaussian can repair the
   // error, such as at reflections; a draw spreads the growth over the scene.
   bool draws = false;
   // What becomes of a Gaussian that is split. False, as in 3DGS: two children replace it. True: it

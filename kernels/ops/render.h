@@ -156,8 +156,12 @@ struct LearningRates {
 // counts where the Gaussian is visible and its gradient is finite. An empty span is not kept.
 struct DensityStats {
   DeviceSpan<float> mean2d_grad_sum;  // [N] |d loss / d mean2d| in NDC units: x by W/2, y by H/2
-  DeviceSpan<int32_t> num_visible;    // [N] views in which the Gaussian touched a tile
-  DeviceSpan<float> max_radius;       // [N] largest 3-sigma radius seen, pixels
+  // [N] SplatGrad::squares. Large where a Gaussian is opaque, seen often, and wrong in opposite
+  // ways at different pixels, so that mean2d_grad_sum cancels: one Gaussian cannot fit what it
+  // covers.
+  DeviceSpan<float> square_sum;
+  DeviceSpan<int32_t> num_visible;  // [N] views in which the Gaussian touched a tile
+  DeviceSpan<float> max_radius;     // [N] largest 3-sigma radius seen, pixels
 };
 
 // Projection backward fused with one step of Adam (Kingma & Ba 2015), in one pass over the

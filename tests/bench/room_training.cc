@@ -15,6 +15,7 @@ RoomTraining::RoomTraining(Backend& backend, int64_t count, int width, int heigh
       moment2_(backend, gaussians_.size()),
       num_steps_(backend, count),
       mean2d_grad_(backend, count),
+      square_sum_(backend, count),
       num_visible_(backend, count),
       max_radius_(backend, count),
       color_(backend, int64_t{3} * width * height),
@@ -92,7 +93,10 @@ void RoomTraining::Update(int view) {
   args.moment1 = Planes(moment1_);
   args.moment2 = Planes(moment2_);
   args.num_steps = num_steps_.span();
-  args.stats = {mean2d_grad_.span(), num_visible_.span(), max_radius_.span()};
+  args.stats = {.mean2d_grad_sum = mean2d_grad_.span(),
+                .square_sum = square_sum_.span(),
+                .num_visible = num_visible_.span(),
+                .max_radius = max_radius_.span()};
   backend_.Update(args);
 }
 

@@ -40,7 +40,7 @@ class RoomTraining {
   int64_t entry_room_ = 0;
   Buffer<float> gaussians_, moment1_, moment2_;
   Buffer<int32_t> num_steps_;
-  Buffer<float> mean2d_grad_;
+  Buffer<float> mean2d_grad_, square_sum_;
   Buffer<int32_t> num_visible_;
   Buffer<float> max_radius_;
   Buffer<float> color_, color_grad_;

@@ -1,6 +1,11 @@
 // Measures segmentation by the one-click protocol: trains both stages on a capture pack and scores
 // every level of its ground truth on the held-out views. One table row per seed and level.
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
@@ -32,7 +37,7 @@ namespace pepeseg {
 namespace {
 
 struct BenchOptions {
-  std::string pack, gaussians, field, dump;
+  std::string pack, gaussians, field, dump, turn;
   std::string device = "cpu";
   std::string name = "run";
   int num_threads = 0;
@@ -54,6 +59,28 @@ struct BenchOptions {
 };
 
 absl::Status GoOn() { return absl::OkStatus(); }
+
+// Locks a file while it lives, so that runs side by side train one at a time and their seconds stay
+// comparable. Does nothing without a path.
+class TrainingTurn {
+ public:
+  explicit TrainingTurn(const std::string& path) {
+    if (path.empty()) return;
+    file_ = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+    if (file_ < 0 || flock(file_, LOCK_EX) != 0) std::perror(path.c_str());
+  }
+  ~TrainingTurn() { End(); }
+  TrainingTurn(const TrainingTurn&) = delete;
+  TrainingTurn& operator=(const TrainingTurn&) = delete;
+
+  void End() {
+    if (file_ >= 0) close(file_);
+    file_ = -1;
+  }
+
+ private:
+  int file_ = -1;
+};
 
 // Counts the steps of a stage.
 auto CountTo(int64_t& num_steps) {
@@ -82,6 +109,10 @@ absl::StatusOr<Geometry> GetGeometry(Backend& backend, const Capture& capture,
   }
   ASSIGN_OR_RETURN(const auto scores, ScoreHeldOut(backend, capture, geometry.gaussians));
   geometry.held_out = Mean(scores);
+  geometry.least_psnr = scores.empty() ? 0 : scores[0].scores.psnr;
+  for (const ViewScores& view : scores) {
+    geometry.least_psnr = std::min(geometry.least_psnr, view.scores.psnr);
+  }
   return geometry;
 }
 
@@ -132,9 +163,19 @@ absl::Status PrintPrompts(const Segmenter& segmenter, const CapturePack& pack,
   return absl::OkStatus();
 }
 
-// Trains stage two and scores it.
+// Prints as a comment what a run without a row of the table would not show.
+void PrintTraining(Backend& backend, const Geometry& geometry, uint64_t seed, double seconds) {
+  std::printf(
+      "# %d trained: %.3f dB, least view %.3f; stage one %.2f s, stage two %.2f s; %ld Gaussians; "
+      "%.0f MB of the device\n",
+      static_cast<int>(seed), geometry.held_out.psnr, geometry.least_psnr, geometry.seconds,
+      seconds, static_cast<long>(geometry.gaussians.count),
+      1e-6 * static_cast<double>(backend.peak_bytes_in_use()));
+}
+
+// Trains stage two, ends the turn, and scores the model.
 absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptions& options,
-                     const Geometry& geometry, int run) {
+                     const Geometry& geometry, int run, TrainingTurn& turn) {
   FeatureOptions stage = options.features;
   stage.seed += run;
   int64_t num_steps = 0;
@@ -143,6 +184,8 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
   ASSIGN_OR_RETURN(model.field,
                    GetField(backend, pack.capture, geometry, options, stage, num_steps));
   const double feature_seconds = Now() - start, feature_core_seconds = CoreNow() - core_start;
+  turn.End();
+  PrintTraining(backend, geometry, stage.seed, feature_seconds);
   model.gaussians = geometry.gaussians;
   model.scene_radius = SceneRadius(pack.capture);
   for (const View& view : pack.capture.views) {
@@ -206,7 +249,10 @@ void LeaveUnscored(int num_views, CapturePack& pack) {
 absl::Status Run(const BenchOptions& options) {
   RETURN_IF_ERROR(Validate(options.protocol));
   ASSIGN_OR_RETURN(CapturePack pack, ReadCapturePack(options.pack));
-  if (pack.truth.empty()) return absl::InvalidArgumentError("the pack has no ground truth");
+  if (pack.truth.empty() && !options.protocols) {
+    return absl::InvalidArgumentError(
+        "the pack has no ground truth; only --protocols measures without one");
+  }
   std::vector<KernelTime> times;
   Spoil(options.faults, pack);
   LeaveUnscored(options.num_unscored, pack);
@@ -216,11 +262,12 @@ absl::Status Run(const BenchOptions& options) {
   if (!options.rows_only) PrintHeader(options.protocol);
   Geometry geometry;
   for (int run = 0; run < options.num_seeds; ++run) {
+    TrainingTurn turn(options.turn);
     if (run == 0 || options.gaussians.empty()) {  // one file, one geometry for all seeds
       ASSIGN_OR_RETURN(
           geometry, GetGeometry(*backend, pack.capture, options, options.reconstruct.seed + run));
     }
-    RETURN_IF_ERROR(Segment(*backend, pack, options, geometry, run));
+    RETURN_IF_ERROR(Segment(*backend, pack, options, geometry, run, turn));
   }
   backend->Sync();
   std::printf("# at most %.0f MB of the device\n",
@@ -249,6 +296,8 @@ int main(int argc, char** argv) {
                  "file with stage two's result: read if it is there, else written after stage two");
   app.add_option("--device", options.device, "cpu or cuda");
   app.add_option("--threads", options.num_threads, "threads of the CPU; 0: all cores");
+  app.add_option("--turn", options.turn,
+                 "file that is locked while a run trains, so that runs side by side train in turn");
   app.add_option("--name", options.name, "first column");
   app.add_option("--seeds", options.num_seeds, "runs, each with the next seed in both stages");
   app.add_option("--fixed-threshold", options.protocol.fixed_threshold);

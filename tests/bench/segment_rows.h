@@ -18,7 +18,8 @@ struct Geometry {
   Gaussians gaussians;
   double seconds = -1, core_seconds = 0;
   int64_t num_steps = 0;  // done
-  ImageScores held_out;
+  ImageScores held_out;   // mean over the held-out views
+  double least_psnr = 0;  // of the worst held-out view
 };
 
 // One row of the table.

@@ -40,6 +40,7 @@ class StepBench {
         moment2_(backend, gaussians_.size()),
         num_steps_(backend, count_),
         mean2d_grad_(backend, count_),
+        square_sum_(backend, count_),
         num_visible_(backend, count_),
         max_radius_(backend, count_),
         color_(backend, int64_t{3} * width * height),
@@ -130,7 +131,10 @@ class StepBench {
     args.moment1 = Planes(moment1_);
     args.moment2 = Planes(moment2_);
     args.num_steps = num_steps_.span();
-    args.stats = {mean2d_grad_.span(), num_visible_.span(), max_radius_.span()};
+    args.stats = {.mean2d_grad_sum = mean2d_grad_.span(),
+                  .square_sum = square_sum_.span(),
+                  .num_visible = num_visible_.span(),
+                  .max_radius = max_radius_.span()};
     backend_.Update(args);
   }
 
@@ -139,7 +143,7 @@ class StepBench {
   int width_, height_;
   Buffer<float> gaussians_, moment1_, moment2_;
   Buffer<int32_t> num_steps_;
-  Buffer<float> mean2d_grad_;
+  Buffer<float> mean2d_grad_, square_sum_;
   Buffer<int32_t> num_visible_;
   Buffer<float> max_radius_;
   Buffer<float> color_, color_grad_;

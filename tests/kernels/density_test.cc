@@ -25,7 +25,7 @@ struct Blob {
 
 struct Input {
   HostGaussians gaussians;
-  std::vector<float> grad_sum;
+  std::vector<float> grad_sum, square_sum;
   std::vector<int32_t> num_visible;
 };
 
@@ -44,6 +44,7 @@ Input MakeInput(const std::vector<Blob>& blobs) {
     input.gaussians.At(kOpacityPlane, row) = std::log(blob.opacity / (1 - blob.opacity));
     input.num_visible.push_back(4);
     input.grad_sum.push_back(4 * blob.mean_gradient);
+    input.square_sum.push_back(1e-12f);
   }
   return input;
 }
@@ -80,6 +81,7 @@ class PlanDensityTest : public BackendTest {
     const int64_t count = input.gaussians.count;
     const Buffer<float> planes(*backend_, std::span<const float>(input.gaussians.planes));
     const Buffer<float> grad_sum(*backend_, std::span<const float>(input.grad_sum));
+    const Buffer<float> square_sum(*backend_, std::span<const float>(input.square_sum));
     const Buffer<int32_t> num_visible(*backend_, std::span<const int32_t>(input.num_visible));
     Buffer<int32_t> source;
     Buffer<uint8_t> is_new;
@@ -87,6 +89,7 @@ class PlanDensityTest : public BackendTest {
     Plan plan;
     backend_->PlanDensity({.gaussians = {planes.span().data, count, count, 0},
                            .mean2d_grad_sum = grad_sum.span(),
+                           .square_sum = square_sum.span(),
                            .num_visible = num_visible.span(),
                            .min_gradient = rules.min_gradient,
                            .clone_size = rules.clone_size,
@@ -218,15 +221,13 @@ TEST_P(PlanDensityTest, RespectsTheCapAndPrefersLargeGradients) {
   EXPECT_EQ(Run(input, {.max_count = 2}).source.size(), 5u);
 }
 
-TEST_P(PlanDensityTest, DrawsByGradientSumAndOpacityWhereThereIsNoRoomForAll) {
-  // Odds of 1, 2 and 4 by turns.
+TEST_P(PlanDensityTest, DrawsBySquareSumsWhereThereIsNoRoomForAll) {
+  // Odds of 1, 2 and 4 by turns. The mean gradients, which are the other way round, do not matter.
   constexpr int64_t kCount = 6000;
   Input input = MakeInput(std::vector<Blob>(kCount, {0, 0.05f, 0.5f, 2e-3f}));
   for (int64_t i = 0; i < kCount; ++i) {
-    if (i % 3 == 1) input.grad_sum[i] *= 2;                     // seen in twice as many views
-    if (i % 3 == 1) input.num_visible[i] *= 2;                  // with the same mean
-    if (i % 3 == 2) input.gaussians.At(kOpacityPlane, i) = 20;  // twice as opaque
-    if (i % 3 == 2) input.grad_sum[i] *= 2;
+    input.square_sum[i] *= static_cast<float>(1 << i % 3);
+    input.grad_sum[i] *= static_cast<float>(3 - i % 3);
   }
   // Room for a tenth, so that no kind runs short.
   const Plan plan = Run(input, {.max_count = kCount + kCount / 10, .draws = true});

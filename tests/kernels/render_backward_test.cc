@@ -135,6 +135,40 @@ TEST_P(RenderBackwardTest, MatchesReferenceGradientOfInverseDepth) {
   }
 }
 
+// A pixel alone gives opacity * d loss / d opacity = d loss / d ln g, as alpha = opacity * g.
+TEST_P(RenderBackwardTest, SumsTheSquaresOfThePixels) {
+  constexpr int64_t kNumPixels = 12 * 9;
+  Rendered scene(*backend_, RandomScene({.count = 20, .max_scale = 0.5f}), TestView(12, 9));
+  scene.Render();
+  const auto color = RandomValues(3 * kNumPixels, 1), alpha = RandomValues(kNumPixels, 2),
+             depth = RandomValues(kNumPixels, 3);
+  const std::vector<Splat> splats = Download(scene.scratch.visible_splat);
+  std::vector<double> want(splats.size());
+  for (int64_t pixel = 0; pixel < kNumPixels; ++pixel) {
+    std::vector<float> one(3 * kNumPixels);
+    for (int c = 0; c < 3; ++c) one[c * kNumPixels + pixel] = color[c * kNumPixels + pixel];
+    scene.Backward(one);
+    const std::vector<SplatGrad> grads = Download(scene.scratch.visible_grad);
+    for (size_t i = 0; i < splats.size(); ++i) {
+      want[i] += std::pow(static_cast<double>(splats[i].opacity) * grads[i].opacity, 2);
+    }
+  }
+  const auto squares = [&] {
+    std::vector<double> values;
+    for (const SplatGrad& grad : Download(scene.scratch.visible_grad)) {
+      values.push_back(grad.squares);
+    }
+    return values;
+  };
+  scene.Backward(color);
+  EXPECT_LT(RelativeError(squares(), want), 1e-5);
+  // Gradients of depth and alpha do not count.
+  scene.Backward(color, alpha);
+  EXPECT_LT(RelativeError(squares(), want), 1e-5);
+  scene.Backward(color, alpha, depth);
+  EXPECT_LT(RelativeError(squares(), want), 1e-5);
+}
+
 // Pixels with gradients of zero only are skipped; one with any other must not be.
 TEST_P(RenderBackwardTest, IsTheSumOfTheGradientsOfEachImage) {
   constexpr int64_t kNumPixels = 40 * 30;

@@ -121,7 +121,7 @@ std::vector<bool> HasFiniteGradient(const Rendered& scene) {
   for (size_t i = 0; i < visible.size(); ++i) {
     const SplatGrad& g = grads[i];
     finite[visible[i]] = std::isfinite(g.x + g.y + g.conic_xx + g.conic_xy + g.conic_yy +
-                                       g.opacity + g.r + g.g + g.b + g.depth);
+                                       g.opacity + g.r + g.g + g.b + g.depth + g.squares);
   }
   return finite;
 }
@@ -175,10 +175,10 @@ TEST_P(UpdateTest, AccumulatesTheStatisticsOfDensityControl) {
   }
   host.At(kMeanPlane + 2, 8) = -50;  // out of sight
   Rendered scene = Stepped(host);
-  Buffer<float> grad_sum(*backend_, 20), radius(*backend_, 20);
+  Buffer<float> grad_sum(*backend_, 20), square_sum(*backend_, 20), radius(*backend_, 20);
   Buffer<int32_t> num_visible(*backend_, 20);
   UpdateArgs args = scene.MakeUpdateArgs();
-  args.stats = {grad_sum.span(), num_visible.span(), radius.span()};
+  args.stats = {grad_sum.span(), square_sum.span(), num_visible.span(), radius.span()};
   args.learning_rates = {};
   backend_->Update(args);
   backend_->Update(args);
@@ -190,6 +190,9 @@ TEST_P(UpdateTest, AccumulatesTheStatisticsOfDensityControl) {
   const SplatGrad grad = Download(scene.scratch.visible_grad)[at];
   EXPECT_NEAR(Download(grad_sum)[3], 2 * std::hypot(30 * grad.x, 22.5f * grad.y),
               1e-5f * Download(grad_sum)[3]);
+  EXPECT_EQ(Download(square_sum)[8], 0);
+  EXPECT_GT(grad.squares, 0);
+  EXPECT_FLOAT_EQ(Download(square_sum)[3], 2 * grad.squares);
   // The dilated image of a ball with a deviation of 0.1 at z = 2.2 near the axis.
   const float sigma_y = 0.1f * 0.95f * 60 / 2.2f;
   EXPECT_NEAR(Download(radius)[3], 3 * std::sqrt(sigma_y * sigma_y + 0.3f), 0.05f);

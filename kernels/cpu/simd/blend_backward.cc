@@ -12,7 +12,8 @@ namespace {
 // State of the pixels of a tile, in scanlines of kTileSize pixels.
 struct TileGrads {
   alignas(64) float r[kTilePixels], g[kTilePixels], b[kTilePixels], depth[kTilePixels];
-  alignas(64) float behind[kTilePixels];         // behind_dot of math/blend.h, so far
+  // behind_dot of math/blend.h so far: that of the colour, and that of depth and alpha.
+  alignas(64) float behind[kTilePixels], shape_behind[kTilePixels];
   alignas(64) float transmittance[kTilePixels];  // after the splat that is next
   alignas(64) float last[kTilePixels];           // end of the entries seen; 0: not in play
 };
@@ -20,17 +21,17 @@ struct TileGrads {
 // Sums over the pixels of one splat. Lanes are summed only at its end (Reduced).
 struct SplatSums {
   PowerMoments<Lanes> moments;
-  Lanes r, g, b, depth;
+  Lanes r, g, b, depth, squares;
 };
 
 PEPESEG_HD SplatSums ZeroSums() {
   const Lanes zero(0.0f);
-  return {{zero, zero, zero, zero, zero, zero}, zero, zero, zero, zero};
+  return {{zero, zero, zero, zero, zero, zero}, zero, zero, zero, zero, zero};
 }
 
 // Adds one vector of pixels with these alphas and moves their state to before the splat. Lanes that
-// are not live change nothing.
-template <bool kWithDepth>
+// are not live change nothing. kWithShape: depth or alpha has a gradient.
+template <bool kWithShape>
 PEPESEG_HD void AddPixels(const Splat& splat, Lanes alpha, LaneMask live, Lanes dx, float dy,
                           TileGrads& pixels, int pixel, SplatSums& sums) {
   const Lanes zero(0.0f);
@@ -39,18 +40,24 @@ PEPESEG_HD void AddPixels(const Splat& splat, Lanes alpha, LaneMask live, Lanes 
   const Lanes after = Lanes::Load(pixels.transmittance + pixel);
   const Lanes before = after * FastInverse(Lanes(1.0f) - alpha);
   const Lanes behind = Lanes::Load(pixels.behind + pixel);
-  Lanes value = MulAdd(Lanes(splat.r), gr, MulAdd(Lanes(splat.g), gg, Lanes(splat.b) * gb));
+  const Lanes value = MulAdd(Lanes(splat.r), gr, MulAdd(Lanes(splat.g), gg, Lanes(splat.b) * gb));
   const Lanes weight = Select(live, alpha * before, zero);
   sums.r = MulAdd(weight, gr, sums.r);
   sums.g = MulAdd(weight, gg, sums.g);
   sums.b = MulAdd(weight, gb, sums.b);
-  if (kWithDepth) {
+  Lanes grad = Select(live, GaussianVjp(alpha, AlphaVjp(before, value, behind)), zero);
+  sums.squares = MulAdd(grad, grad, sums.squares);
+  if (kWithShape) {
     const Lanes gd = Lanes::Load(pixels.depth + pixel);
-    value = MulAdd(Lanes(splat.depth), gd, value);
     sums.depth = MulAdd(weight, gd, sums.depth);
+    const Lanes depth = Lanes(splat.depth) * gd;
+    const Lanes shape_behind = Lanes::Load(pixels.shape_behind + pixel);
+    const Lanes shape_grad = GaussianVjp(alpha, AlphaVjp(before, depth, shape_behind));
+    grad = grad + Select(live, shape_grad, zero);
+    Select(live, BehindStep(alpha, depth, shape_behind), shape_behind)
+        .Store(pixels.shape_behind + pixel);
   }
-  const Lanes all = GaussianVjp(alpha, AlphaVjp(before, value, behind));
-  const Lanes grad = Select(live, all, zero), grad_x = grad * dx;
+  const Lanes grad_x = grad * dx;
   sums.moments.sum = sums.moments.sum + grad;
   sums.moments.x = sums.moments.x + grad_x;
   sums.moments.xx = MulAdd(grad_x, dx, sums.moments.xx);
@@ -62,7 +69,7 @@ PEPESEG_HD void AddPixels(const Splat& splat, Lanes alpha, LaneMask live, Lanes 
 }
 
 // Adds one entry at the two vectors of a block. Returns whether it was blended at any pixel.
-template <bool kWithDepth>
+template <bool kWithShape>
 PEPESEG_HD bool AddBlock(const Splat& splat, const WalkedSplat& s, Lanes index, const Block& block,
                          const float* dy, TileGrads& pixels, SplatSums& sums) {
   Lanes power[2], alpha[2];
@@ -74,7 +81,7 @@ PEPESEG_HD bool AddBlock(const Splat& splat, const WalkedSplat& s, Lanes index, 
   if (None(live[0] | live[1])) return false;
   for (int b = 0; b < 2; ++b) alpha[b] = Alpha(s.opacity, Exp2(power[b]));
   for (int b = 0; b < 2; ++b) {
-    AddPixels<kWithDepth>(splat, alpha[b], live[b], s.dx[block.ColumnOf(b)], dy[b], pixels,
+    AddPixels<kWithShape>(splat, alpha[b], live[b], s.dx[block.ColumnOf(b)], dy[b], pixels,
                           block.PixelOf(b), sums);
   }
   return true;
@@ -85,12 +92,12 @@ PEPESEG_HD SplatGrad Reduced(const Splat& splat, const SplatSums& s) {
   float sums[12];
   StoreSums(s.moments.sum, s.moments.x, s.moments.y, s.moments.xx, sums);
   StoreSums(s.moments.xy, s.moments.yy, s.r, s.g, sums + 4);
-  StoreSums(s.b, s.depth, s.depth, s.depth, sums + 8);
+  StoreSums(s.b, s.depth, s.squares, s.squares, sums + 8);
   const PowerMoments<float> moments = {sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]};
   const PowerRoot<float> root = {splat.root_xx, splat.root_xy, splat.root_yy};
   const auto shape = SplatShapeVjp(root, splat.opacity, moments);
-  return {shape.x,       shape.y, shape.conic_xx, shape.conic_xy, shape.conic_yy,
-          shape.opacity, sums[6], sums[7],        sums[8],        sums[9]};
+  return {shape.x, shape.y, shape.conic_xx, shape.conic_xy, shape.conic_yy, shape.opacity,
+          sums[6], sums[7], sums[8],        sums[9],        sums[10]};
 }
 
 // Loads the tile's part of the gradients. Pixels outside the image, and those with gradients of
@@ -115,7 +122,8 @@ PEPESEG_HD int32_t LoadTile(const TileSplats& tile, const ImageGrads& image, Til
     float alpha_grad[kLanes];
     alpha.Store(alpha_grad);
     load(image.transmittance).Store(out.transmittance + pixel);
-    (Lanes(0.0f) - alpha).Store(out.behind + pixel);
+    Lanes(0.0f).Store(out.behind + pixel);
+    (Lanes(0.0f) - alpha).Store(out.shape_behind + pixel);
     for (int i = 0; i < kLanes; ++i) {
       const int at_lane = pixel + i;
       const bool any = out.r[at_lane] != 0 || out.g[at_lane] != 0 || out.b[at_lane] != 0 ||
@@ -130,7 +138,7 @@ PEPESEG_HD int32_t LoadTile(const TileSplats& tile, const ImageGrads& image, Til
 
 // Walks the entries before num_blended back to front and writes the slots of all entries; those of
 // entries that no pixel has blended are zero.
-template <bool kWithDepth>
+template <bool kWithShape>
 PEPESEG_HD void WalkBack(const TileSplats& tile, int32_t num_blended, TileGrads& pixels,
                          SplatGrad* slot_grad) {
   const int32_t* const entry_slot = tile.entry_slot;
@@ -149,7 +157,7 @@ PEPESEG_HD void WalkBack(const TileSplats& tile, int32_t num_blended, TileGrads&
       const float dy[2] = {y_offset + static_cast<float>(y),
                            y_offset + static_cast<float>(y + kBlockRows - 1)};
       for (int i = 0; i < kVectorsPerRow; i += kBlockColumns) {
-        touched |= AddBlock<kWithDepth>(splat, s, index, {y, i}, dy, pixels, sums);
+        touched |= AddBlock<kWithShape>(splat, s, index, {y, i}, dy, pixels, sums);
       }
     }
     slot_grad[entry_slot[k]] = touched ? Reduced(splat, sums) : SplatGrad{};
@@ -161,8 +169,9 @@ PEPESEG_HD void WalkBack(const TileSplats& tile, int32_t num_blended, TileGrads&
 void BlendTileBackward(const TileSplats& tile, const ImageGrads& image, SplatGrad* slot_grad) {
   TileGrads pixels;
   const int32_t num_blended = LoadTile(tile, image, pixels);
-  image.depth != nullptr ? WalkBack<true>(tile, num_blended, pixels, slot_grad)
-                         : WalkBack<false>(tile, num_blended, pixels, slot_grad);
+  image.depth != nullptr || image.alpha != nullptr
+      ? WalkBack<true>(tile, num_blended, pixels, slot_grad)
+      : WalkBack<false>(tile, num_blended, pixels, slot_grad);
 }
 
 }  // namespace HWY_NAMESPACE

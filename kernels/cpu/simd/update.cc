@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kMaxPlanes = NumPlanes(kMaxShDegree);
 
-// The ten fields of SplatGrad, in their order, for the lanes of a group.
+// The ten gradients of SplatGrad, in their order, for the lanes of a group.
 struct SplatGradLanes {
   alignas(64) float values[10][kLanes];
 };
@@ -160,6 +160,7 @@ PEPESEG_HD void AddStats(const UpdateArgs& args, int64_t gaussian, const Splat& 
     const float gy = grad.y * 0.5f * static_cast<float>(args.view.height);
     stats.mean2d_grad_sum.data[gaussian] += Sqrt(gx * gx + gy * gy);
   }
+  if (stats.square_sum.size > 0) stats.square_sum.data[gaussian] += grad.squares;
   if (stats.num_visible.size > 0) ++stats.num_visible.data[gaussian];
   if (stats.max_radius.size == 0) return;
   float& radius = stats.max_radius.data[gaussian];

@@ -42,7 +42,7 @@ TEST(Densifier, FadesOpacitiesInsteadOfResetsWithABudget) {
   initial.Plane(kOpacityPlane)[0] = 0;
   GaussianState state(*backend, initial);
   std::mt19937_64 random(1);
-  ASSERT_OK(densifier.Apply(199, state, random));
+  ASSERT_OK(densifier.Apply(199, /*has_depth=*/false, state, random));
   const float opacity = 1 / (1 + std::exp(-state.Download().Plane(kOpacityPlane)[0]));
   EXPECT_NEAR(opacity, 0.5f * options.opacity_decay, 1e-6);
 }
@@ -85,7 +85,7 @@ TEST(Densifier, AppliesItsPlanToTheState) {
     state.num_steps()[i] = 7;
   }
   std::mt19937_64 random(1);
-  ASSERT_OK(Densifier(*backend, ShortRun(), {}).Apply(99, state, random));
+  ASSERT_OK(Densifier(*backend, ShortRun(), {}).Apply(99, /*has_depth=*/false, state, random));
   const Gaussians after = state.Download();
   ASSERT_EQ(after.count, 4);  // two of the first, two children of the second
   std::vector<float> colors(after.Plane(kShPlane).begin(), after.Plane(kShPlane).end());
@@ -102,6 +102,28 @@ TEST(Densifier, AppliesItsPlanToTheState) {
   EXPECT_EQ(num_old, 1);
 }
 
+// With a depth loss both Gaussians of a split are new, without one the parent stays.
+TEST(Densifier, KeepsASplitParentUnlessADepthLossIsInEffect) {
+  const auto backend = MakeCpuBackend(1);
+  ReconstructOptions options = ShortRun();
+  options.pixels_per_gaussian = 20;
+  const Densifier densifier(*backend, options, {.num_training_pixels = 2000, .num_initial = 3});
+  for (const bool has_depth : {false, true}) {
+    GaussianState state(*backend, ThreeGaussians());
+    state.stats().mean2d_grad_sum[1] = 1;
+    state.stats().num_visible[1] = 1;
+    std::mt19937_64 random(1);
+    ASSERT_OK(densifier.Apply(499, has_depth, state, random));
+    const Gaussians after = state.Download();
+    ASSERT_EQ(after.count, 3);  // the first, and two in place of the second
+    int num_parents = 0;
+    for (const float log_scale : after.Plane(kLogScalePlane)) {
+      num_parents += log_scale == std::log(0.5f) ? 1 : 0;
+    }
+    EXPECT_EQ(num_parents, has_depth ? 0 : 1);
+  }
+}
+
 TEST(Densifier, PrunesBySizeOnceTheFirstResetIsOver) {
   const auto backend = MakeCpuBackend(1);
   ReconstructOptions options = ShortRun();
@@ -112,7 +134,7 @@ TEST(Densifier, PrunesBySizeOnceTheFirstResetIsOver) {
   EXPECT_FLOAT_EQ(densifier.MaxSizeAt(299), 0.2f);
   GaussianState state(*backend, ThreeGaussians());
   std::mt19937_64 random(1);
-  ASSERT_OK(densifier.Apply(299, state, random));
+  ASSERT_OK(densifier.Apply(299, /*has_depth=*/false, state, random));
   EXPECT_EQ(state.count(), 1);  // the second is too large, the third too faint
   options.pixels_per_gaussian = 20;
   EXPECT_EQ(Densifier(*backend, options, {.radius = 2}).MaxSizeAt(299), 0);
@@ -124,7 +146,7 @@ TEST(Densifier, FailsWhenNoGaussianIsLeft) {
   for (float& logit : faint.Plane(kOpacityPlane)) logit = -9;
   GaussianState state(*backend, faint);
   std::mt19937_64 random(1);
-  EXPECT_STATUS(Densifier(*backend, ShortRun(), {}).Apply(99, state, random),
+  EXPECT_STATUS(Densifier(*backend, ShortRun(), {}).Apply(99, /*has_depth=*/false, state, random),
                 absl::StatusCode::kFailedPrecondition, "none of 3 Gaussians");
   EXPECT_EQ(state.count(), 3);
 }

@@ -42,7 +42,7 @@ TEST(GaussianState, KeepsMomentsExceptThoseOfNewGaussiansWhenRearranged) {
   Fill(state.moment2(), 20);
   for (int i = 0; i < 3; ++i) {
     state.num_steps()[i] = 100 + i;
-    state.stats().mean2d_grad_sum[i] = 1;
+    state.stats().mean2d_grad_sum[i] = state.stats().square_sum[i] = 1;
     state.stats().num_visible[i] = 1;
   }
   const std::vector<int32_t> source = {2, 0, 0, 2};
@@ -60,6 +60,7 @@ TEST(GaussianState, KeepsMomentsExceptThoseOfNewGaussiansWhenRearranged) {
     }
     EXPECT_EQ(state.num_steps()[i], steps[i]);
     EXPECT_EQ(state.stats().mean2d_grad_sum[i], 0);
+    EXPECT_EQ(state.stats().square_sum[i], 0);
     EXPECT_EQ(state.stats().num_visible[i], 0);
   }
 }
@@ -86,6 +87,7 @@ TEST(GaussianState, AppendsCopiesWithNewMeansAndScales) {
   for (int64_t i = 0; i < count; ++i) {
     state.num_steps()[i] = state.stats().num_visible[i] = static_cast<int32_t>(100 + i);
     state.stats().mean2d_grad_sum[i] = static_cast<float>(i);
+    state.stats().square_sum[i] = static_cast<float>(10 + i);
     state.refinable()[i] = static_cast<int32_t>(i % 2);
   }
   const std::vector<int32_t> source = {2, 0};
@@ -112,6 +114,7 @@ TEST(GaussianState, AppendsCopiesWithNewMeansAndScales) {
     ASSERT_EQ(state.num_steps()[i], is_new ? 0 : 100 + i);
     ASSERT_EQ(state.stats().num_visible[i], is_new ? 0 : 100 + i);
     ASSERT_EQ(state.stats().mean2d_grad_sum[i], is_new ? 0 : static_cast<float>(i));
+    ASSERT_EQ(state.stats().square_sum[i], is_new ? 0 : static_cast<float>(10 + i));
     ASSERT_EQ(state.refinable()[i], is_new ? 0 : i % 2);
   }
 }

@@ -156,7 +156,7 @@ TEST(ReconstructCheckpoint, RefusesNumbersThatAreNotFinite) {
   for (const float bad : {kNan, kInf, -kInf}) {
     for (std::vector<float> GaussianRows::*plane :
          {&GaussianRows::parameters, &GaussianRows::moment1, &GaussianRows::moment2,
-          &GaussianRows::grad_sum}) {
+          &GaussianRows::grad_sum, &GaussianRows::square_sum}) {
       ReconstructCheckpoint checkpoint = good;
       (checkpoint.gaussians.*plane).back() = bad;
       EXPECT_STATUS(Validate(checkpoint), absl::StatusCode::kDataLoss, "not finite");

@@ -194,7 +194,8 @@ def make_artifacts():
         ("counters", 3, bytes(56)), ("random", 1, b"1 2 3"), ("views_left", 1, bytes(8)),
         ("gaussians", 1, struct.pack("<qq", 1, 0)), ("parameters", 1, floats),
         ("moment1", 1, floats), ("moment2", 1, floats), ("num_steps", 1, bytes(4)),
-        ("grad_sum", 1, bytes(4)), ("num_visible", 1, bytes(4)), ("refinable", 1, b"")]))
+        ("grad_sum", 1, bytes(4)), ("square_sum", 1, bytes(4)),
+        ("num_visible", 1, bytes(4)), ("refinable", 1, b"")]))
     put("checkpoint", "empty", checkpoint("features", []))
     put("selection_file", "nine",
         b"PPSGSELE" + struct.pack("<IIQ", 1, 0, 9) + b"\x0f\x01")

@@ -24,6 +24,7 @@ void ExpectSoundRows(const GaussianRows& rows, StageOneRun& run) {
   EXPECT_TRUE(AllFinite(rows.moment1));
   EXPECT_TRUE(AllFinite(rows.moment2));
   EXPECT_TRUE(AllFinite(rows.grad_sum));
+  EXPECT_TRUE(AllFinite(rows.square_sum));
   EXPECT_TRUE(std::ranges::all_of(rows.moment2, [](float value) { return value >= 0; }));
   for (const float value : rows.moment1) {
     run.largest_moment1 = std::max(run.largest_moment1, std::abs(value));
