@@ -2,6 +2,7 @@
 
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cstdlib>
 #include <filesystem>
@@ -25,8 +26,8 @@ struct ChannelTest : ::testing::Test {
     unsetenv("PEPESEG_KEY");
     std::filesystem::remove(file);
   }
-  const std::filesystem::path file =
-      std::filesystem::path(::testing::TempDir()) / "pepeseg_channel_test_key";
+  const std::filesystem::path file = std::filesystem::path(::testing::TempDir()) /
+                                     ("pepeseg_channel_test_key" + std::to_string(getpid()));
 };
 
 TEST_F(ChannelTest, SendsNoKeyUnencryptedToAnotherMachine) {

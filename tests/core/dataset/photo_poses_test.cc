@@ -1,10 +1,11 @@
+#include "core/dataset/photo_poses.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <limits>
 
 #include "core/dataset/import.h"
-#include "core/dataset/photo_poses.h"
 #include "tests/core/dataset/pose_files.h"
 #include "tests/testing/float_files.h"
 #include "tests/testing/status_testing.h"
