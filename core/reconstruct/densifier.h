@@ -34,10 +34,10 @@ class Densifier {
   float MaxSizeAt(int step) const;
 
   // Does one round: prunes, clones and splits, and fades the opacities where there is a budget.
-  // `has_depth`: a depth loss is in effect. A parent that is split then never stays: a large
-  // Gaussian that a depth loss pulls towards a camera would keep hiding what is behind it
-  // (tests/bench/results/peak_quality.md). Waits for the backend. Returns RESOURCE_EXHAUSTED when
-  // it is out of memory and FAILED_PRECONDITION when no Gaussian is left.
+  // `has_depth`: a depth loss is in effect. A parent that is split then never stays, because that
+  // cost several dB in single views (tests/bench/results/peak_quality.md). Waits for the backend.
+  // Returns RESOURCE_EXHAUSTED when it is out of memory and FAILED_PRECONDITION when no Gaussian is
+  // left.
   absl::Status Apply(int step, bool has_depth, GaussianState& state, std::mt19937_64& random) const;
 
  private:
