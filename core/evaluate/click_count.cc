@@ -16,7 +16,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kMostClicks = 256;  // limit of points in a prompt, see CheckPoints
+constexpr int kMostClicks = static_cast<int>(kMaxPromptPoints);
 
 // An entity in one view. The spans must outlive the simulation.
 struct ClickTarget {

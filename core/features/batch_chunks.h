@@ -23,8 +23,8 @@ class BatchesAhead {
     std::vector<PixelBatch> batches;
   };
 
-  // The drawer and the cues must outlive it, and nobody else may call the drawer. cues: null if no
-  // pairs are to be listed. num_batches: of all chunks together.
+  // `drawer` and `cues` must outlive this object, and only this object may call the drawer. cues:
+  // null to list no pairs. num_batches: total over all chunks.
   BatchesAhead(BatchDrawer& drawer, const PerceptionCues* cues, int num_batches, int chunk_size)
       : drawer_(drawer),
         cues_(cues),

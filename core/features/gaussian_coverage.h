@@ -7,8 +7,8 @@
 #include "core/render/renderer.h"
 #include "core/scene/capture.h"
 
-// What the training views show of the Gaussians, measured by the blend rows of pixels on a grid:
-// how much of a Gaussian lies under masks, and how many views see it.
+// Measures each Gaussian in the training views, by the blend rows of pixels on a grid: the share of
+// it that lies under masks, and the number of views that see it.
 
 namespace pepeseg {
 

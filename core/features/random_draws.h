@@ -54,7 +54,7 @@ class PixelsByMask {
   PixelsByMask(const MaskSet& masks, std::span<const float> mask_scales,
                std::span<const int32_t> pixels);
 
-  // Returns whether there is no pixel to draw.
+  // Returns true if no mask has a pixel to draw.
   bool empty() const { return masks_.empty(); }
   // Returns the index in `pixels` of a random pixel of a random mask. All masks are equally likely,
   // and so are all pixels of a mask. Must not be called if empty().

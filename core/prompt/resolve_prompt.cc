@@ -144,7 +144,7 @@ class ClickFollower {
   const ClickedFeatures& clicks_;
   const GranularityGrid& grid_;
   const SmallView small_;
-  // Of the points that were added:
+  // State after the points added so far.
   std::vector<PixelClick> clicks_made_;  // in the small view
   Query query_;
   std::optional<MaskGrid> masks_;

@@ -28,7 +28,7 @@ struct StableGranularity {
   double stability = 0;  // see MaskGrid::Stability
   double support = 0;    // see MaskGrid::Plateau
 };
-// What points may mean in their view, see Ladder.
+// The stable granularities that points may mean in their view, see Ladder.
 struct GranularityLadder {
   std::vector<StableGranularity> rungs;
   int best = 0;

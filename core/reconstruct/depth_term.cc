@@ -71,7 +71,7 @@ void DepthTerm::LeaveOut() {
 // Draws from `random` only for DepthLocalForm::kPatch.
 DepthPlan DepthTerm::PlanFor(const TrainingView& view, float weight,
                              std::mt19937_64& random) const {
-  if (view.prior.empty() || weight == 0 || left_out_) return {};
+  if (view.prior.empty() || !InEffect(weight)) return {};
   DepthPlan plan = {weight, {}};
   if (options_.depth_local_form == DepthLocalForm::kPatch) {
     plan.patch = DrawPatch(view.pinhole, random);

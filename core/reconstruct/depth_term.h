@@ -54,9 +54,7 @@ class DepthTerm {
   bool left_out() const { return left_out_; }
   // Returns whether views with a prior have a depth loss at this weight, see
   // Schedule::DepthWeightAt.
-  bool InEffect(float weight) const {
-    return options_.depth_weight > 0 && weight > 0 && !left_out_;
-  }
+  bool InEffect(float weight) const { return weight > 0 && !left_out_; }
   // Returns the depth loss of a step on `view`. weight: see Schedule::DepthWeightAt.
   DepthPlan PlanFor(const TrainingView& view, float weight, std::mt19937_64& random) const;
   DepthImages ImagesFor(const TrainingView& view, const DepthPlan& plan);

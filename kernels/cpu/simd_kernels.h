@@ -95,7 +95,7 @@ struct LossBand {
 inline constexpr int kPairColumns = 16;  // pixels q that are worked on together
 inline constexpr int kPairRows = 32;     // pixels p of a task
 
-// What the tasks of one PairLoss share. Arrays over pixels are padded with zeros to `padded`, a
+// Data shared by the tasks of one PairLoss. Arrays over pixels are padded with zeros to `padded`, a
 // multiple of kPairRows.
 struct PairJob {
   const PairLossArgs* args;
@@ -121,7 +121,7 @@ struct PairBlock {
   float psi_grad[kMaxScales * kFeatureSize];
 };
 
-// What the tasks of one PerceptionLoss share.
+// Data shared by the tasks of one PerceptionLoss.
 struct PerceptionJob {
   const PerceptionLossArgs* args;
   int num_scales;

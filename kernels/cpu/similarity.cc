@@ -26,8 +26,8 @@ std::vector<float> GatedUnits(const float* psi, DeviceSpan<const float> queries)
   return units;
 }
 
-// Writes the largest value of each column of [num_rows, count] to best[count]; -infinity if there
-// is no row. A NaN takes no part.
+// Writes the largest value of each column of [num_rows, count] to best[count]. NaN values are
+// skipped. Without rows the result is -infinity.
 void BestOfRows(const float* rows, int64_t num_rows, int64_t count, float* best) {
   std::fill_n(best, count, -std::numeric_limits<float>::infinity());
   for (int64_t row = 0; row < num_rows; ++row) {

@@ -24,6 +24,9 @@ static_assert(kNumCells == 8 && kTileSize == 2 * kCellWidth && kTileSize == 4 * 
 // bucket.
 inline constexpr int kBucketSize = 128;
 static_assert(kBucketSize % 32 == 0);
+// Floats that the backward pass keeps for an entry, see CudaScratch::slot_sums. The last one is not
+// used; an even number lets two be read at once.
+inline constexpr int kSlotSize = 12;
 __host__ __device__ inline int32_t NumBuckets(int32_t num_entries) {
   return (num_entries + kBucketSize - 1) / kBucketSize;
 }

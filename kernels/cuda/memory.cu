@@ -121,10 +121,9 @@ int64_t CudaBackend::ScratchBytes(const ScratchSize& size) const {
   const int64_t by_gaussian = BytesOfRow(s.cuda.gaussian_visible, s.visible_gaussian,
                                          s.visible_splat, s.visible_first_slot) +
                               (size.for_backward ? BytesOfRow(s.visible_grad) : 0);
-  constexpr int64_t kSlotSums = 12;  // numbers an entry in CudaScratch::slot_sums
   const int64_t by_entry = BytesOfRow(s.entry_visible, s.entry_slot, s.cuda.unsorted_slot,
                                       s.cuda.slot_visible, s.cuda.sort_keys, s.cuda.sort_keys) +
-                           (size.for_backward ? kSlotSums * BytesOfRow(s.cuda.slot_sums) : 0);
+                           (size.for_backward ? kSlotSize * BytesOfRow(s.cuda.slot_sums) : 0);
   const int64_t by_tile =
       BytesOfRow(s.tile_first_entry, s.cuda.tile_first_bucket, s.cuda.tile_order) +
       (size.for_backward ? 4 * kTilePixels * BytesOfRow(s.cuda.pixel_color) : 0);

@@ -75,7 +75,7 @@ enum SlotSum {
   kSumDepth,
   kNumSlotSums
 };
-constexpr int kSlotSize = 12;  // floats; the last one is not used
+static_assert(kNumSlotSums <= kSlotSize);
 
 struct BackwardParams {
   TileView tiles;

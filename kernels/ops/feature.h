@@ -129,8 +129,8 @@ enum CentroidSum {
   kNumCentroidSums
 };
 
-// What colour and depth indicate about a pair of pixels, at all scales: bit k is set if the pair is
-// similar at scale k, bit kDissimilarShift + k if it is dissimilar. Where both are set, similar
+// Cues of colour and depth for a pair of pixels, at all scales: bit k is set if the pair is similar
+// at scale k, bit kDissimilarShift + k if it is dissimilar. Where both are set, similar
 // wins.
 using PairCues = uint32_t;
 inline constexpr int kDissimilarShift = 16;

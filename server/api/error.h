@@ -47,10 +47,10 @@ v1::Status ToProto(const absl::Status& status);
 grpc::Status ToGrpc(const absl::Status& status);
 bool IsMarkedPrivate(const v1::Status& status);
 
-// What an error must not show, and what it shows instead.
+// Input of HidePrivateText.
 struct ClientErrorRules {
   std::filesystem::path data_folder;  // absolute
-  std::string request_id;             // by which the cause is found in the log; empty: unknown
+  std::string request_id;             // shown, to find the cause in the log; empty: unknown
 };
 
 // Replaces the text of INTERNAL, UNKNOWN (which becomes INTERNAL) and PrivateError by a general

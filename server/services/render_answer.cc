@@ -15,6 +15,7 @@
 #include "core/base/status_macros.h"
 #include "core/formats/encode_png.h"
 #include "core/query/photograph_images.h"
+#include "core/query/prompt.h"
 #include "server/api/convert.h"
 #include "server/api/decomposition.h"
 #include "server/api/error.h"
@@ -25,7 +26,6 @@ namespace pepeseg {
 namespace {
 
 constexpr double kDeepest = 65'535;  // the largest value of 16 bits
-constexpr int kMaxSide = 16'384;
 // Size of an answer whose request does not say one, which a renderer keeps memory for.
 constexpr int64_t kDefaultPixels = int64_t{1920} * 1080;
 
@@ -121,9 +121,9 @@ absl::Status CheckRequest(const v1::RenderViewRequest& request) {
     return BadField("overlay", v1::RenderViewRequest::Content_Name(request.content()),
                     "only CONTENT_COLOR has an overlay");
   }
-  if (request.max_side() < 0 || request.max_side() > kMaxSide) {
+  if (request.max_side() < 0 || request.max_side() > kMaxViewSide) {
     return BadField("max_side", absl::StrCat(request.max_side()),
-                    absl::StrCat("not in [0, ", kMaxSide, "]"));
+                    absl::StrCat("not in [0, ", kMaxViewSide, "]"));
   }
   return CheckFrame(request.frame());
 }
