@@ -12,12 +12,14 @@ functions      definitions with a body, by their braces (no compiler): methods a
                brace. Parameters: of the signature.
 comments       lines with nothing but a comment, of all lines that are not empty.
 folder cycles  as check_folders.py finds them.
-SegmentViews   files that define a function that the handler of the RPC SegmentViews reaches: of all in
+SegmentViews   units that define a function that the handler of the RPC SegmentViews reaches: of all in
                server/ and core/, those that answer (ANSWERING), and the others, such as loading a
                model or authorising the caller. A call is a name before "(" in a body. It reaches the
                definitions of that name in the caller's unit and in the units that this unit
-               includes. Calls by a base class or a callback are missed, and functions of one name in
-               one unit count together: compare with other runs of this script only.
+               includes. Where an included unit only declares the name, the call reaches the
+               definitions in those units of the same folder that include the declaration. Calls by a
+               base class or a callback are missed, and functions of one name in one unit count
+               together: compare with other runs of this script only.
 options        fields of structs whose names end in Options, in core/ and server/, and fields of such
                messages of the contract.
 build          seconds from start to end of each step in a ninja log, added up. They are CPU time as
@@ -121,12 +123,22 @@ def read_signature(head):
 
 def find_functions(file, text):
     """Returns the functions that the file defines."""
+    return scan(file, text)[0]
+
+
+def scan(file, text):
+    """Returns the functions that the file defines, and the names of those that it only declares."""
     code = without_comments(text)
-    functions, scopes = [], []  # scopes: the class of each open brace that is no function's, or ""
+    functions, declared = [], set()
+    scopes = []                 # the class of each open brace that is no function's, or ""
     start = i = 0               # of the statement that is being read
     while i < len(code):
         c = code[i]
         if c == ";":
+            head = code[start:i]
+            signature = read_signature(head) if "=" not in operators_out(head) else None
+            if signature is not None:
+                declared.add(signature[0])
             start = i + 1
         elif c == "(":
             i = matching(code, i)
@@ -157,7 +169,7 @@ def find_functions(file, text):
                 i = end
                 start = i + 1
         i += 1
-    return functions
+    return functions, declared
 
 
 def operators_out(head):
@@ -181,11 +193,27 @@ def unit_of(file):
     return os.path.splitext(file)[0]
 
 
-def segment_files(root, functions):
-    """Returns the files that define what the handler of SegmentViews reaches."""
+def definitions_in_reach(root, functions):
+    """Returns {unit: {name: functions}}, what a call to a name means where the unit is included."""
     defined = collections.defaultdict(lambda: collections.defaultdict(list))
     for function in functions:
         defined[unit_of(function.file)][function.name].append(function)
+    reach = collections.defaultdict(lambda: collections.defaultdict(list))
+    for unit, names in defined.items():
+        reach[unit].update(names)
+    for include in check_folders.read_includes(root)[0]:
+        unit, user = unit_of(include.target), unit_of(include.file)
+        if unit == user or os.path.dirname(unit) != os.path.dirname(user):
+            continue
+        declared = scan(include.target, read(root, include.target))[1]
+        for name in declared & defined[user].keys() - defined[unit].keys():
+            reach[unit][name] += defined[user][name]
+    return reach
+
+
+def segment_units(root, functions):
+    """Returns the units that define what the handler of SegmentViews reaches."""
+    reach = definitions_in_reach(root, functions)
     includes = collections.defaultdict(set)
     for include in check_folders.read_includes(root)[0]:
         includes[unit_of(include.file)].add(unit_of(include.target))
@@ -195,12 +223,12 @@ def segment_files(root, functions):
         caller = work.pop()
         unit = unit_of(caller.file)
         for near in {unit} | includes[unit]:
-            for name in caller.calls & defined[near].keys():
-                for callee in defined[near][name]:
+            for name in caller.calls & reach[near].keys():
+                for callee in reach[near][name]:
                     if callee not in reached and callee.file.split("/")[0] in ("server", "core"):
                         reached.add(callee)
                         work.append(callee)
-    return sorted({f.file for f in reached})
+    return sorted({unit_of(f.file) for f in reached})
 
 
 def count_fields(body):
@@ -331,9 +359,9 @@ def main(arguments):
                                                             check_folders.joined_folders(rows))]
     of_tests = sum(name.startswith("tests/") for name in cycles)
     print(f"| folder cycles | {len(cycles) - of_tests} | {of_tests} |")
-    followed = segment_files(root, sources[2])
-    answering = [file for file in followed if file.startswith(ANSWERING)]
-    print(f"| files that a SegmentViews request is followed through: answering | {len(answering)} | |")
+    followed = segment_units(root, sources[2])
+    answering = [unit for unit in followed if unit.startswith(ANSWERING)]
+    print(f"| units that a SegmentViews request is followed through: answering | {len(answering)} | |")
     print(f"| all of them | {len(followed)} | |")
     structs, messages = option_fields(root, [f for f in sources[0]
                                              if f.split("/")[0] in ("core", "server")])

@@ -41,9 +41,18 @@ TREE = {
     "server/rpc/service.cc": '#include "server/rpc/answer.h"\n'
                              "Status SegmentationService::SegmentViews(Context* c) { return Answer(c); }\n"
                              "Status SegmentationService::Other(Context* c) { return Unrelated(c); }\n",
-    "server/rpc/answer.h": "Status Answer(Context* c);\n",
+    "server/rpc/answer.h": "Status Answer(Context* c);\nStatus Elsewhere(Context* c);\n"
+                           "struct Asked {\n  int value() const { return 0; }\n"
+                           "  Status Abstract(int a) = 0;\n};\n",
     "server/rpc/answer.cc": '#include "server/rpc/answer.h"\n#include "core/io/load.h"\n'
-                            "Status Answer(Context* c) { return Load(c); }\n",
+                            "Status Answer(Context* c) {\n"
+                            "  return Load(c) + Elsewhere(c) + Asked(c).value() + Abstract(c);\n}\n",
+    "server/rpc/elsewhere.cc": '#include "server/rpc/answer.h"\n'
+                               "Status Elsewhere(Context* c) { return 0; }\n",
+    "server/rpc/derived.cc": '#include "server/rpc/answer.h"\n'
+                             "Status Derived::Abstract(int a) { return 0; }\n",
+    "server/api/elsewhere.cc": '#include "server/rpc/answer.h"\n'
+                               "Status Elsewhere(Context* c) { return 1; }\n",
     "core/io/load.h": "inline int Load(int a) { return a; }\ninline int Unused() { return 0; }\n"
                       "struct LoadOptions {\n  int a = 0, b = 1;\n  std::map<int, int> c = {{1, 2}};\n"
                       "  absl::Status Validate() const;\n  enum class Kind { kX, kY };\n"
@@ -85,9 +94,9 @@ def test_tree():
         done = subprocess.run([sys.executable, code_metrics.__file__, root, "--details",
                                "--ninja-log", str(pathlib.Path(root, "build/.ninja_log"))],
                               text=True, capture_output=True, check=True)
-    for row in ("| units | 4 | 0 |", "| files | 5 | 0 |", "| files of 40 lines or fewer | 100 % |",
-                "| functions | 6 | 0 |", "| folder cycles | 0 | 0 |",
-                "followed through: answering | 2 |", "| all of them | 3 |",
+    for row in ("| units | 7 | 0 |", "| files | 8 | 0 |", "| files of 40 lines or fewer | 100 % |",
+                "| functions | 10 | 0 |", "| folder cycles | 0 | 0 |",
+                "followed through: answering | 3 |", "| all of them | 4 |",
                 "fields of 1 structs ...Options | 4 |", "fields of 1 messages ...Options | 2 |",
                 "| build, minutes of all steps | 1.5 |", "| of which CUDA | 1.0 |",
                 "| kernels/b.cu.o | 60.0 |"):
