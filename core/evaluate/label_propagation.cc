@@ -15,6 +15,7 @@ namespace pepeseg {
 namespace {
 
 constexpr size_t kMostCentroids = kMaxQueries;
+constexpr HdbscanOptions kHdbscan = {.min_cluster_size = 10, .min_samples = 5};
 
 absl::Status CheckShare(absl::string_view name, double value, double low) {
   const bool over = low < 0 ? value >= low : value > low;
@@ -70,7 +71,7 @@ class ReferenceClusters {
         GatedUnits(features_, segmenter_.model().field.gate, static_cast<float>(scale));
     Backend& backend = segmenter_.backend();
     ASSIGN_OR_RETURN(Clusters clusters, InTurn(backend, [&] {
-                       return Hdbscan(backend, std::span<const float>(units), options_.hdbscan);
+                       return Hdbscan(backend, std::span<const float>(units), kHdbscan);
                      }));
     return &by_scale_.emplace(scale, std::move(clusters)).first->second;
   }
@@ -106,9 +107,7 @@ absl::Status Validate(const LabelPropagationOptions& options) {
                                                    options.max_pixels, ", must be in [",
                                                    kFewestPixels, ", ", kMostPixels, "]"));
   }
-  absl::Status status = Validate(options.hdbscan);
-  if (status.ok()) return status;
-  return absl::InvalidArgumentError(absl::StrCat("label_propagation.hdbscan: ", status.message()));
+  return absl::OkStatus();
 }
 
 std::vector<int> SelectClusters(const Clusters& clusters, std::span<const uint8_t> inside,

@@ -22,7 +22,6 @@ struct LabelPropagationOptions {
   // Maximum number of pixels of the reference view to cluster, 64 to 65536. They are the centres of
   // a regular grid: a smaller entity than a few cells of the grid has no cluster.
   int max_pixels = 16384;
-  HdbscanOptions hdbscan = {.min_cluster_size = 10, .min_samples = 5};
 };
 // Returns INVALID_ARGUMENT, which names the option, its value and its limits.
 absl::Status Validate(const LabelPropagationOptions& options);

@@ -12,6 +12,11 @@
 namespace pepeseg {
 namespace {
 
+constexpr int kDepthExtent = 320;  // pixels; longer side at which a larger photograph is processed
+constexpr double kSmoothness = 0.2;  // weight of the difference of two neighbours; a point has 1
+// Boundary strength at which that weight has fallen to 1/e, see BoundaryStrength.
+constexpr double kEdgeStrength = 0.1;
+constexpr int kMinPoints = 16;  // fewest pixels with a point; with fewer the view has no depth
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
 // The points that project into one pixel of the shrunk view.
@@ -75,14 +80,13 @@ struct Spread {
 // Spreads the points' inverse depths d over the image. The result u minimises
 //   sum over pixels with a point of (u_i - d_i)^2  +  sum over neighbours of w_ij (u_i - u_j)^2
 //   + kNothing sum of u_i^2,
-// w_ij = smoothness (exp(-(strength / edge_strength)^2) + 0.001): small across boundaries. Inverse
+// w_ij = kSmoothness (exp(-(strength / kEdgeStrength)^2) + 0.001): small across boundaries. Inverse
 // depth, because that of a plane is linear in the image. The last part makes the matrix regular;
 // the same system with d_i = 1 gives the support, by which its pull to 0 is undone.
 class Spreader {
  public:
-  Spreader(std::span<const float> strength, int width, int height,
-           const EmbeddedDepthOptions& options)
-      : strength_(strength), width_(width), height_(height), options_(options) {}
+  Spreader(std::span<const float> strength, int width, int height)
+      : strength_(strength), width_(width), height_(height) {}
 
   Spread Run(std::span<const Seen> seen) const {
     constexpr double kNothing = 3e-5;  // so small that only pixels far from all points feel it
@@ -120,8 +124,8 @@ class Spreader {
   // Adds the entries of a pair of neighbours to the matrix's diagonal and lower half.
   void Join(int a, int b, Eigen::VectorXd& diagonal,
             std::vector<Eigen::Triplet<double>>& entries) const {
-    const double strength = double{std::max(strength_[a], strength_[b])} / options_.edge_strength;
-    const double weight = options_.smoothness * (std::exp(-strength * strength) + 1e-3);
+    const double strength = double{std::max(strength_[a], strength_[b])} / kEdgeStrength;
+    const double weight = kSmoothness * (std::exp(-strength * strength) + 1e-3);
     diagonal[a] += weight;
     diagonal[b] += weight;
     entries.emplace_back(std::max(a, b), std::min(a, b), -weight);
@@ -129,21 +133,19 @@ class Spreader {
 
   std::span<const float> strength_;
   int width_, height_;
-  const EmbeddedDepthOptions& options_;
 };
 
 }  // namespace
 
-std::vector<float> EmbeddedDepth(const View& view, std::span<const ScenePoint> points,
-                                 const EmbeddedDepthOptions& options) {
+std::vector<float> EmbeddedDepth(const View& view, std::span<const ScenePoint> points) {
   constexpr double kMinSupport = 0.5;  // below it the pixel is too far from any point
-  const Image photo = ShrunkPhoto(view.photo, options.max_extent);
+  const Image photo = ShrunkPhoto(view.photo, kDepthExtent);
   std::vector<Seen> seen = Project(view, points, photo.width, photo.height);
   RemoveHidden(photo.width, photo.height, seen);
   const auto num_seen = std::ranges::count_if(seen, [](const Seen& at) { return at.count > 0; });
-  if (num_seen < options.min_points) return {};
+  if (num_seen < kMinPoints) return {};
   const std::vector<float> strength = BoundaryStrength(ChannelsOf(photo));
-  const Spread spread = Spreader(strength, photo.width, photo.height, options).Run(seen);
+  const Spread spread = Spreader(strength, photo.width, photo.height).Run(seen);
   if (!spread.ok) return {};
   const int width = view.photo.width, height = view.photo.height;
   std::vector<float> depth(static_cast<size_t>(width) * height, kUnknown);

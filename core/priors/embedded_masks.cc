@@ -13,15 +13,20 @@
 namespace pepeseg {
 namespace {
 
+constexpr int kMaskExtent = 512;  // pixels; longer side at which a larger photograph is processed
+constexpr double kMinArea = 0.0008;     // smallest mask, as a share of the photograph
+constexpr double kMaxArea = 0.7;        // largest mask, as a share of the photograph
+constexpr double kMaxOpenBorder = 0.5;  // largest share of a mask's border without a boundary
+
 // A view at the size at which it is processed.
 struct SmallView {
   Image photo;
   std::vector<float> depth;  // [height, width]; empty: no depth prior
 };
 
-SmallView Shrunk(const View& view, int max_extent) {
+SmallView Shrunk(const View& view) {
   SmallView small;
-  small.photo = ShrunkPhoto(view.photo, max_extent);
+  small.photo = ShrunkPhoto(view.photo, kMaskExtent);
   if (HasDepthPrior(view)) {
     const cv::Mat depth(view.photo.height, view.photo.width, CV_32F,
                         const_cast<float*>(view.depth.values.data()));
@@ -113,14 +118,13 @@ struct ChosenRegion {
 };
 
 // Returns the best regions, the best first, without those that are nearly the same as a better one.
-std::vector<ChosenRegion> ChooseRegions(const RegionTree& tree,
-                                        const EmbeddedMaskOptions& options) {
+std::vector<ChosenRegion> ChooseRegions(const RegionTree& tree, int max_count) {
   const auto num_pixels = static_cast<double>(tree.pixel_leaf.size());
   std::vector<std::pair<double, int32_t>> found;
   for (int32_t i = 0; i < static_cast<int32_t>(tree.nodes.size()); ++i) {
     const double share = static_cast<double>(tree.nodes[i].area) / num_pixels;
-    if (share < options.min_area || share > options.max_area) continue;
-    if (tree.nodes[i].weak > options.max_open_border) continue;
+    if (share < kMinArea || share > kMaxArea) continue;
+    if (tree.nodes[i].weak > kMaxOpenBorder) continue;
     // Negated: the best first, ties by index.
     found.emplace_back(-Quality(tree, i), i);
   }
@@ -128,7 +132,7 @@ std::vector<ChosenRegion> ChooseRegions(const RegionTree& tree,
   std::vector<ChosenRegion> chosen;
   std::vector<uint8_t> taken(tree.nodes.size());
   for (const auto& [quality, node] : found) {
-    if (chosen.size() == static_cast<size_t>(options.max_masks)) break;
+    if (chosen.size() == static_cast<size_t>(max_count)) break;
     if (taken[node] != 0) continue;
     chosen.push_back({node, static_cast<float>(-quality)});
     TakeAlike(tree, node, taken);
@@ -138,13 +142,13 @@ std::vector<ChosenRegion> ChooseRegions(const RegionTree& tree,
 
 }  // namespace
 
-EmbeddedMaskSet EmbeddedMasks(const View& view, const EmbeddedMaskOptions& options) {
-  const SmallView small = Shrunk(view, options.max_extent);
+EmbeddedMaskSet EmbeddedMasks(const View& view, int max_masks) {
+  const SmallView small = Shrunk(view);
   const RegionTree tree = TreeOf(small);
   const std::vector<std::vector<uint32_t>> leaves = LeafPixels(tree, small, view);
   MaskSetBuilder builder(view.photo.width, view.photo.height);
   EmbeddedMaskSet made;
-  for (const ChosenRegion& region : ChooseRegions(tree, options)) {
+  for (const ChosenRegion& region : ChooseRegions(tree, max_masks)) {
     if (builder.Add(PixelsOf(tree, region.node, leaves))) made.quality.push_back(region.quality);
   }
   made.masks = std::move(builder).Build();

@@ -6,16 +6,7 @@
 
 namespace pepeseg {
 
-// Masks without a network (METHOD.md section 6). A photograph is cut into small regions where
-// colour, texture and depth change; the regions are merged, the most alike first. Merged regions
-// with a clear border all around become masks: parts within objects within groups.
-struct EmbeddedMaskOptions {
-  int max_extent = 512;          // pixels; longer side at which a larger photograph is processed
-  double min_area = 0.0008;      // smallest mask, as a share of the photograph
-  double max_area = 0.7;         // largest mask, as a share of the photograph
-  double max_open_border = 0.5;  // largest share of a mask's border without a boundary
-  int max_masks = 64;            // most masks of a view; the best are kept
-};
+inline constexpr int kMaxEmbeddedMasks = 64;  // most masks of a view
 
 struct EmbeddedMaskSet {
   MaskSet masks;  // the best first
@@ -24,8 +15,12 @@ struct EmbeddedMaskSet {
   std::vector<float> quality;
 };
 
-// Returns the masks of one view, without ignored pixels. The view must have a photograph; its depth
-// prior is used where it has one.
-EmbeddedMaskSet EmbeddedMasks(const View& view, const EmbeddedMaskOptions& options = {});
+// Computes masks without a network (METHOD.md section 6). The photograph is cut into small regions
+// where colour, texture and depth change; the regions are merged, the most alike first. Merged
+// regions with a clear border all around become masks: parts within objects within groups.
+//
+// Returns the best masks of the view, at most `max_masks`, without ignored pixels. The view must
+// have a photograph; its depth prior is used where it has one.
+EmbeddedMaskSet EmbeddedMasks(const View& view, int max_masks = kMaxEmbeddedMasks);
 
 }  // namespace pepeseg

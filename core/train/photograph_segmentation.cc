@@ -221,7 +221,6 @@ absl::Status PhotographSegmentation::WaitFor(const std::vector<size_t>& tasks, S
 // be read.
 absl::StatusOr<std::vector<MaskSet>> PhotographSegmentation::MasksOfViews(
     bool join, const Capture& capture) const {
-  const double duplicate_iou = AutomaticMaskOptions().duplicate_iou;
   MaskWarp warp;
   std::vector<MaskSet> made;
   for (const View& view : capture.views) {
@@ -229,8 +228,7 @@ absl::StatusOr<std::vector<MaskSet>> PhotographSegmentation::MasksOfViews(
     const Lens& lens = view.photograph->lens;  // every imported view has one
     ASSIGN_OR_RETURN(const MaskSet masks,
                      masks_.Read(by_key_.at(view.name), lens.width, lens.height));
-    made.push_back(JoinMasks(warp.ToView(masks, view), join ? view.masks : MaskSet(), view.ignore,
-                             duplicate_iou));
+    made.push_back(JoinMasks(warp.ToView(masks, view), join ? view.masks : MaskSet(), view.ignore));
   }
   return made;
 }

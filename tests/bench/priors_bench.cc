@@ -123,8 +123,8 @@ struct BenchOptions {
   std::string pack;
   int every = 1;  // only every n-th view
   bool given_masks = false;
-  std::string depth = "given";  // depth for making masks: "given", "none" or "embedded"
-  EmbeddedMaskOptions masks;
+  std::string depth = "given";        // depth for making masks: "given", "none" or "embedded"
+  int max_masks = kMaxEmbeddedMasks;  // of a view
   std::string sam;      // folder of deploy/sam.sh; empty: embedded masks instead of SAM
   int num_threads = 1;  // of SAM
 };
@@ -141,7 +141,7 @@ class PriorsBench {
       ++num_views_;
       if (!options_.given_masks) AddDepth(view);
       const auto start = std::chrono::steady_clock::now();
-      if (!options_.given_masks) view.masks = EmbeddedMasks(view, options_.masks).masks;
+      if (!options_.given_masks) view.masks = EmbeddedMasks(view, options_.max_masks).masks;
       mask_seconds_ += Seconds(start);
       AddMasks(i);
     }
@@ -220,7 +220,7 @@ class SamBench {
         const std::vector<float> depth = EmbeddedDepth(view, pack_.capture.points);
         view.depth = {DepthPrior::Kind::kDepth, NormalizeDepth(depth), true};
       }
-      const MaskSet embedded = EmbeddedMasks(view, options_.masks).masks;
+      const MaskSet embedded = EmbeddedMasks(view, options_.max_masks).masks;
       embedded_.Add(embedded, pack_.truth, i);
       for (Row& row : rows_) {
         row.variant.options.join_embedded = row.joined;
@@ -300,7 +300,7 @@ int main(int argc, char** argv) {
   pepeseg::BenchOptions options;
   app.add_option("pack", options.pack)->required();
   app.add_option("--every", options.every, "only every n-th view")->check(CLI::PositiveNumber);
-  app.add_option("--masks", options.masks.max_masks, "maximum number of masks of a view");
+  app.add_option("--masks", options.max_masks, "maximum number of masks of a view");
   app.add_option("--depth", options.depth, "depth for making masks")
       ->check(CLI::IsMember({"given", "none", "embedded"}));
   app.add_flag("--given-masks", options.given_masks,

@@ -10,6 +10,13 @@
 namespace pepeseg {
 namespace {
 
+constexpr float kStabilityOffset = 1;  // logits, see AutomaticMaskOptions::min_stability
+constexpr double kDuplicateIou = 0.8;  // IoU with a better mask over which a mask is dropped
+constexpr size_t kMaxRemainders = 32;  // most remainders of a photograph
+constexpr double kMinArea = 0.0005;    // smallest mask, as a share of the photograph
+constexpr double kMaxArea = 0.95;      // largest mask, as a share of the photograph
+constexpr size_t kPromptsPerRun = 4;   // most prompts of one run of the segmenter
+
 // A mask that the segmenter answered with.
 struct Candidate {
   GridMask mask;
@@ -98,7 +105,7 @@ absl::StatusOr<PromptAnswers> PhotographSegmenter::Run(std::span<const Segmenter
 bool PhotographSegmenter::HasGoodArea(const GridMask& mask) const {
   const double share = static_cast<double>(mask.area()) / static_cast<double>(num_cells());
   // Shares of the grid, which covers the whole photograph.
-  return mask.area() > 0 && share >= options_.min_area && share <= options_.max_area;
+  return mask.area() > 0 && share >= kMinArea && share <= kMaxArea;
 }
 
 bool PhotographSegmenter::IsSure(const Candidate& candidate) const {
@@ -108,15 +115,15 @@ bool PhotographSegmenter::IsSure(const Candidate& candidate) const {
 Candidate PhotographSegmenter::Read(const PromptAnswers& answers, size_t prompt,
                                     size_t mask) const {
   const std::span<const float> logits = answers.Logits(prompt, mask);
-  const auto offset = static_cast<float>(options_.stability_offset);
   Candidate candidate;
   candidate.mask = GridMask(logits, 0);
   candidate.iou = answers.Iou(prompt, mask);
-  // Stability as in SAM: the area at the threshold +offset over that at -offset.
-  const GridMask wide(logits, -offset);
+  // Stability as in SAM: the area at the threshold +kStabilityOffset over that at
+  // -kStabilityOffset.
+  const GridMask wide(logits, -kStabilityOffset);
   if (wide.area() > 0) {
-    candidate.stability =
-        static_cast<float>(GridMask(logits, offset).area()) / static_cast<float>(wide.area());
+    candidate.stability = static_cast<float>(GridMask(logits, kStabilityOffset).area()) /
+                          static_cast<float>(wide.area());
   }
   return candidate;
 }
@@ -149,7 +156,7 @@ absl::Status PhotographSegmenter::Ask(const std::vector<PromptPoint>& points, bo
   for (size_t i = 0; i < points.size(); ++i) {
     const size_t cell = CellOf(points[i]);
     if (!skip_settled || settled_[cell] == 0) batch.push_back({points[i]});
-    const bool full = static_cast<int>(batch.size()) == options_.prompts_per_run;
+    const bool full = batch.size() == kPromptsPerRun;
     if (batch.empty() || (!full && i + 1 < points.size())) continue;
     RETURN_IF_ERROR(AskBatch(batch));
     batch.clear();
@@ -158,9 +165,8 @@ absl::Status PhotographSegmenter::Ask(const std::vector<PromptPoint>& points, bo
 }
 
 bool PhotographSegmenter::IsKept(const GridMask& mask) const {
-  return std::any_of(kept_.begin(), kept_.end(), [&](const Candidate& other) {
-    return mask.Iou(other.mask) > options_.duplicate_iou;
-  });
+  return std::any_of(kept_.begin(), kept_.end(),
+                     [&](const Candidate& other) { return mask.Iou(other.mask) > kDuplicateIou; });
 }
 
 void PhotographSegmenter::KeepSure() {
@@ -199,7 +205,7 @@ std::vector<PhotographSegmenter::Remainder> PhotographSegmenter::FindRemainders(
   std::vector<Remainder> remainders;
   for (const Candidate& outer : kept_) {
     for (const Candidate& inner : kept_) {
-      if (static_cast<int>(remainders.size()) == options_.max_remainders) return remainders;
+      if (remainders.size() == kMaxRemainders) return remainders;
       const auto inner_area = static_cast<double>(inner.mask.area());
       if (&inner == &outer || inner.mask.area() >= outer.mask.area()) continue;
       if (static_cast<double>(inner.mask.Common(outer.mask)) < kInside * inner_area) continue;
@@ -207,7 +213,7 @@ std::vector<PhotographSegmenter::Remainder> PhotographSegmenter::FindRemainders(
       const double share =
           static_cast<double>(remainder.rest.area()) / static_cast<double>(outer.mask.area());
       // The IoU of the rest with the outer mask is `share`, because the rest lies in it.
-      if (share < kMinShare || share > options_.duplicate_iou) continue;
+      if (share < kMinShare || share > kDuplicateIou) continue;
       if (!HasGoodArea(remainder.rest) || IsKept(remainder.rest)) continue;
       const auto cells = DeepestCells(remainder.rest.Image(grid_.width, grid_.height), 2);
       if (cells.size() < 2) continue;
@@ -244,9 +250,8 @@ absl::Status PhotographSegmenter::AskForRemainders() {
   if (options_.min_remainder_iou >= 1) return absl::OkStatus();
   const std::vector<Remainder> remainders = FindRemainders();
   const std::span<const Remainder> all = remainders;
-  const auto at_once = static_cast<size_t>(options_.prompts_per_run);
-  for (size_t first = 0; first < all.size(); first += at_once) {
-    const auto batch = all.subspan(first, std::min(at_once, all.size() - first));
+  for (size_t first = 0; first < all.size(); first += kPromptsPerRun) {
+    const auto batch = all.subspan(first, std::min(kPromptsPerRun, all.size() - first));
     std::vector<SegmenterPrompt> prompts;
     for (const Remainder& remainder : batch) prompts.push_back(remainder.prompt);
     ASSIGN_OR_RETURN(const PromptAnswers answers, Run(prompts));
@@ -256,13 +261,13 @@ absl::Status PhotographSegmenter::AskForRemainders() {
 }
 
 AutomaticMasks PhotographSegmenter::Take(const MaskSet* embedded) const {
-  MaskSetBuilder builder(view_.photo.width, view_.photo.height, options_.duplicate_iou);
+  MaskSetBuilder builder(view_.photo.width, view_.photo.height, kDuplicateIou);
   for (const Candidate& candidate : kept_) {
     builder.Add(PixelsOfLogits(candidate.quarter_logits, grid_, view_));
   };
   MaskSet masks = std::move(builder).Build();
   if (embedded == nullptr) return {std::move(masks), num_prompts_};
-  return {JoinMasks(masks, *embedded, view_.ignore, options_.duplicate_iou), num_prompts_};
+  return {JoinMasks(masks, *embedded, view_.ignore), num_prompts_};
 }
 
 }  // namespace
@@ -286,9 +291,8 @@ absl::StatusOr<AutomaticMasks> SegmentPhotograph(PromptedSegmenter& segmenter, c
   return run.Take(options.join_embedded ? &embedded : nullptr);
 }
 
-MaskSet JoinMasks(const MaskSet& first, const MaskSet& second, std::span<const uint8_t> ignore,
-                  double duplicate_iou) {
-  MaskSetBuilder builder(first.width, first.height, duplicate_iou);
+MaskSet JoinMasks(const MaskSet& first, const MaskSet& second, std::span<const uint8_t> ignore) {
+  MaskSetBuilder builder(first.width, first.height, kDuplicateIou);
   // Of duplicates the mask that was added first stays: those of `first` win.
   for (const MaskSet* set : {&first, &second}) {
     for (int k = 0; k < set->num_masks; ++k) {

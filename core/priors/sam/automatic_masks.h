@@ -20,18 +20,13 @@ struct AutomaticMaskOptions {
   // it needless. 0: no grid point is skipped.
   double settled_area = 0;
   // A mask is sure from these values on. IoU: as the network estimates it. Stability: IoU of the
-  // mask at logits over stability_offset with the mask at logits over -stability_offset.
+  // mask at logits over 1 with the mask at logits over -1.
   double min_iou = 0.8, min_stability = 0.85;
-  double stability_offset = 1;
   // The same thresholds for fillers: masks of points that no sure mask holds.
   double min_filler_iou = 0.7, min_filler_stability = 0.7;
-  double duplicate_iou = 0.8;  // IoU with a better mask over which a mask is dropped
   // Where a mask holds another, the remainder is prompted for. IoU with the remainder over which
   // the answer is kept. 1: remainders are not prompted for.
   double min_remainder_iou = 0.6;
-  int max_remainders = 32;                    // most remainders of a photograph
-  double min_area = 0.0005, max_area = 0.95;  // area of a mask, as a share of the photograph
-  int prompts_per_run = 4;                    // most prompts of one run of the segmenter
   bool join_embedded = true;  // add the embedded masks that are not duplicates of a better one
 };
 
@@ -49,9 +44,8 @@ absl::StatusOr<AutomaticMasks> SegmentPhotograph(PromptedSegmenter& segmenter, c
                                                  absl::FunctionRef<absl::Status()> progress);
 
 // Returns the masks of `first`, then those of `second`, without the pixels where `ignore` is
-// non-zero: [height, width], or empty. Drops empty masks and those whose IoU with a mask before
-// them is over `duplicate_iou`. `second` may be a set without size and masks.
-MaskSet JoinMasks(const MaskSet& first, const MaskSet& second, std::span<const uint8_t> ignore,
-                  double duplicate_iou);
+// non-zero: [height, width], or empty. Drops empty masks and duplicates: those whose IoU with a
+// mask before them is over 0.8. `second` may be a set without size and masks.
+MaskSet JoinMasks(const MaskSet& first, const MaskSet& second, std::span<const uint8_t> ignore);
 
 }  // namespace pepeseg

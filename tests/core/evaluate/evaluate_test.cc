@@ -255,8 +255,6 @@ TEST_F(EvaluateTest, RefusesInvalidOptions) {
                  "label_propagation.min_inside is 0, must be in (0, 1]");
   expect_refused([](auto& o) { o.label_propagation.max_pixels = 1; },
                  "label_propagation.max_pixels is 1, must be in [64, 65536]");
-  expect_refused([](auto& o) { o.label_propagation.hdbscan.min_cluster_size = 1; },
-                 "label_propagation.hdbscan: ");
   expect_refused([](auto& o) { o.promptable.min_cosine = 1.5; },
                  "promptable.min_cosine is 1.5, must be in [-1, 1]");
   expect_refused([](auto& o) { o.promptable.max_points = 0; }, "promptable.max_points is 0");

@@ -108,7 +108,7 @@ TEST(EmbeddedMasks, AreEmptyForAUniformPhotograph) {
 
 TEST(EmbeddedMasks, KeepTheBestUpToTheLimit) {
   const View view = Photographed(160, 120, PartInObject);
-  const EmbeddedMaskSet two = EmbeddedMasks(view, {.max_masks = 2});
+  const EmbeddedMaskSet two = EmbeddedMasks(view, 2);
   EXPECT_LE(two.masks.num_masks, 2);
   EXPECT_GT(BestIou(two.masks, IsObject), 0.9);  // the best first
 }

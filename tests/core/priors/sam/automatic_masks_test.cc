@@ -133,12 +133,10 @@ AutomaticMaskOptions Grid(int points_per_side) {
 
 TEST(SegmentPhotograph, PromptsAtEachPointOfTheGridInBatches) {
   DrawingSegmenter segmenter({});
-  AutomaticMaskOptions options = Grid(5);
-  options.prompts_per_run = 8;
-  const AutomaticMasks made = Segment(segmenter, options);
+  const AutomaticMasks made = Segment(segmenter, Grid(5));
   EXPECT_EQ(made.num_prompts, 25);
   EXPECT_EQ(made.masks.num_masks, 0);
-  EXPECT_THAT(segmenter.runs, ::testing::ElementsAre(8, 8, 8, 1));
+  EXPECT_THAT(segmenter.runs, ::testing::ElementsAre(4, 4, 4, 4, 4, 4, 1));
   std::set<std::pair<float, float>> places;
   for (const PromptPoint& point : segmenter.points) places.emplace(point.x, point.y);
   EXPECT_EQ(places.size(), 25u);
@@ -171,7 +169,7 @@ TEST(SegmentPhotograph, KeepsFillersOnlyWhereNoSureMaskIs) {
 }
 
 TEST(SegmentPhotograph, DropsUnstableMasks) {
-  DrawingSegmenter segmenter({{kBig, 0.95F, 0.5F}});  // logits below stability_offset
+  DrawingSegmenter segmenter({{kBig, 0.95F, 0.5F}});  // logits below 1
   EXPECT_EQ(Segment(segmenter, Grid(8)).masks.num_masks, 0);
 }
 
@@ -270,8 +268,7 @@ MaskSet Set(const std::vector<BinaryMask>& masks) {
 }
 
 TEST(JoinMasks, DropsNearDuplicatesOfEarlierMasks) {
-  const MaskSet joined = JoinMasks(Set({Columns(0, 5)}), Set({Columns(0, 6), Columns(2, 8)}), {},
-                                   /*duplicate_iou=*/0.8);
+  const MaskSet joined = JoinMasks(Set({Columns(0, 5)}), Set({Columns(0, 6), Columns(2, 8)}), {});
   ASSERT_EQ(joined.num_masks, 2);
   EXPECT_EQ(joined.Extract(0).pixels, Columns(0, 5).pixels);
   EXPECT_EQ(joined.Extract(1).pixels, Columns(2, 8).pixels);
@@ -279,7 +276,7 @@ TEST(JoinMasks, DropsNearDuplicatesOfEarlierMasks) {
 
 TEST(JoinMasks, LeavesIgnoredPixelsOut) {
   const std::vector<uint8_t> ignore = Columns(4, 8).pixels;
-  const MaskSet joined = JoinMasks(Set({Columns(2, 6), Columns(5, 7)}), {}, ignore, 0.8);
+  const MaskSet joined = JoinMasks(Set({Columns(2, 6), Columns(5, 7)}), {}, ignore);
   ASSERT_EQ(joined.num_masks, 1);
   EXPECT_EQ(joined.Extract(0).pixels, Columns(2, 4).pixels);
 }
