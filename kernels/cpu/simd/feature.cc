@@ -1,7 +1,7 @@
 #include "kernels/math/feature.h"
 
-#include "kernels/cpu/simd/feature_lanes.h"
 #include "kernels/cpu/simd/kernels.h"
+#include "kernels/cpu/simd/lanes.h"
 #include "kernels/cpu/simd_kernels.h"
 #include "kernels/math/adam.h"
 

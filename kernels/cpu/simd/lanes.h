@@ -4,9 +4,15 @@
 
 #include <cstdint>
 
+#include "kernels/gaussian_planes.h"
+#include "kernels/math/feature.h"
 #include "kernels/math/hd.h"
+#include "kernels/math/projection.h"
+#include "kernels/math/sh.h"
+#include "kernels/ops/feature.h"
 
-// A vector of floats that the templates of kernels/math take as a scalar.
+// A vector of floats that the templates of kernels/math take as a scalar, and how Gaussians and
+// features are loaded into such vectors.
 //
 // Dispatch: the files of this folder are compiled once for each instruction set, each time in a
 // namespace of its own (HWY_NAMESPACE). Vectors have 4 lanes with SSE4, 8 with AVX2 and 16 with
@@ -157,6 +163,78 @@ PEPESEG_HD void StoreSome(Lanes x, float* p, int count) {
   float values[kLanes];
   x.Store(values);
   for (int i = 0; i < count; ++i) p[i] = values[i];
+}
+
+// 1 to kLanes adjacent Gaussians of some planes, one for each lane. Lanes beyond `count` hold 0.
+struct GaussianGroup {
+  const float* data;  // plane 0 of the first of them
+  int64_t stride;
+  int count;
+
+  PEPESEG_HD Lanes At(int plane) const { return LoadSome(data + plane * stride, count); }
+};
+
+PEPESEG_HD GaussianShape<Lanes> LoadShape(const GaussianGroup& g) {
+  return {{g.At(kMeanPlane), g.At(kMeanPlane + 1), g.At(kMeanPlane + 2)},
+          {g.At(kLogScalePlane), g.At(kLogScalePlane + 1), g.At(kLogScalePlane + 2)},
+          {g.At(kRotationPlane), g.At(kRotationPlane + 1), g.At(kRotationPlane + 2),
+           g.At(kRotationPlane + 3)}};
+}
+
+// Returns one colour channel before ShChannel: the sum of basis * coefficient.
+PEPESEG_HD Lanes WeightedSum(const GaussianGroup& g, const Lanes* basis, int num_coefficients,
+                             int channel) {
+  Lanes sum(0.0f);
+  for (int k = 0; k < num_coefficients; ++k) {
+    sum = MulAdd(basis[k], g.At(kShPlane + 3 * k + channel), sum);
+  }
+  return sum;
+}
+
+// A feature of 32 numbers is kVectors vectors of lanes. The templates of kernels/math/feature.h
+// take it as an array of `count` = kVectors elements; Total sums the lanes of one, into all lanes.
+inline constexpr int kVectors = kFeatureSize / kLanes;
+
+using pepeseg::Total;
+PEPESEG_HD Lanes Total(Lanes x) { return Lanes(hn::SumOfLanes(FloatTag(), x.v)); }
+PEPESEG_HD float First(Lanes x) { return hn::GetLane(x.v); }
+
+struct FeatureLanes {
+  Lanes v[kVectors];
+};
+PEPESEG_HD FeatureLanes LoadFeature(const float* p) {
+  FeatureLanes f;
+  HWY_UNROLL(kVectors)
+  for (int k = 0; k < kVectors; ++k) f.v[k] = Lanes::Load(p + k * kLanes);
+  return f;
+}
+PEPESEG_HD void StoreFeature(const FeatureLanes& f, float* p) {
+  HWY_UNROLL(kVectors)
+  for (int k = 0; k < kVectors; ++k) f.v[k].Store(p + k * kLanes);
+}
+PEPESEG_HD FeatureLanes ZeroFeature() {
+  FeatureLanes f;
+  HWY_UNROLL(kVectors)
+  for (int k = 0; k < kVectors; ++k) f.v[k] = Lanes(0.0f);
+  return f;
+}
+// to += scale * from[0 .. 32).
+PEPESEG_HD void AddScaled(float scale, const float* from, FeatureLanes& to) {
+  HWY_UNROLL(kVectors)
+  for (int k = 0; k < kVectors; ++k) {
+    to.v[k] = MulAdd(Lanes(scale), Lanes::Load(from + k * kLanes), to.v[k]);
+  }
+}
+
+// Returns the sum over the entries of column i of weight * rows[pixel], in their order.
+PEPESEG_HD FeatureLanes GatherColumn(const ColumnSpan& columns, int64_t i, const float* rows) {
+  FeatureLanes sum = ZeroFeature();
+  const bool weighted = columns.weight.size != 0;
+  for (int32_t e = columns.first.data[i]; e < columns.first.data[i + 1]; ++e) {
+    AddScaled(weighted ? columns.weight.data[e] : 1.0f,
+              rows + int64_t{columns.pixel.data[e]} * kFeatureSize, sum);
+  }
+  return sum;
 }
 
 }  // namespace HWY_NAMESPACE

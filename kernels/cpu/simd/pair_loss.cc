@@ -1,5 +1,5 @@
-#include "kernels/cpu/simd/feature_lanes.h"
 #include "kernels/cpu/simd/kernels.h"
+#include "kernels/cpu/simd/lanes.h"
 #include "kernels/cpu/simd_kernels.h"
 
 // The passes of PairLoss over a block of pixels p against all pixels q. Tiles of 8 pixels p and 16

@@ -1,5 +1,5 @@
-#include "kernels/cpu/simd/feature_lanes.h"
 #include "kernels/cpu/simd/kernels.h"
+#include "kernels/cpu/simd/lanes.h"
 #include "kernels/cpu/simd_kernels.h"
 
 // The passes of PerceptionLoss. Pairs are sparse, so each is evaluated by itself, a feature across

@@ -1,5 +1,5 @@
-#include "kernels/cpu/simd/gaussian_lanes.h"
 #include "kernels/cpu/simd/kernels.h"
+#include "kernels/cpu/simd/lanes.h"
 #include "kernels/math/blend.h"
 #include "kernels/math/tile_cover.h"
 

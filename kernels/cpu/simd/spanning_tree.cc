@@ -1,5 +1,5 @@
-#include "kernels/cpu/simd/feature_lanes.h"
 #include "kernels/cpu/simd/kernels.h"
+#include "kernels/cpu/simd/lanes.h"
 #include "kernels/math/reach.h"
 
 namespace pepeseg {
