@@ -20,7 +20,7 @@
 #include <thread>
 
 #include "absl/time/clock.h"
-#include "core/base/atomic_file.h"
+#include "core/base/file_io.h"
 #include "server/flags.h"
 #include "server/keys_command.h"
 #include "server/observe/log.h"

@@ -45,7 +45,7 @@ struct ServerOptions {
   std::function<void()> on_unreachable;
   std::filesystem::path worker;  // the pepeseg-worker program
   WorkerOptions workers;         // copied into each job's spec
-  // Folders in which SAM's files are looked for (core/priors/sam/sam_files.h) if `workers.sam` is
+  // Folders in which SAM's files are looked for (CheckSamFiles) if `workers.sam` is
   // empty: the first that has any is used if they are good. Those in `workers.sam` must be good.
   std::vector<std::filesystem::path> default_sam;
   std::string device = "auto";  // device of jobs and queries, as OpenDevice takes it

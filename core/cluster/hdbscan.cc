@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/backend_turn.h"
-#include "core/base/range_check.h"
+#include "core/base/errors.h"
 #include "core/base/status_macros.h"
 
 namespace pepeseg {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/dataset_index.h"

@@ -4,9 +4,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/file_bytes.h"
+#include "core/base/errors.h"
+#include "core/base/file_io.h"
 #include "core/base/file_name.h"
-#include "core/base/private_error.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/sam_masks.h"
 #include "core/formats/decode_image.h"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
 #include "core/base/status_macros.h"
 #include "core/formats/rle.h"
 #include "nlohmann/json.hpp"

@@ -10,7 +10,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
 #include "core/formats/colmap.h"

@@ -10,7 +10,7 @@
 #include "core/evaluate/click_count.h"
 #include "core/evaluate/entity_queries.h"
 #include "core/evaluate/evaluation_task.h"
-#include "core/evaluate/segmentation_metrics.h"
+#include "core/evaluate/mask_scores.h"
 #include "core/query/segmenter.h"
 
 // From queries to scores: chooses a scale in three ways and scores the masks of each choice.

@@ -13,9 +13,9 @@
 #include "core/evaluate/entity_scores.h"
 #include "core/evaluate/evaluation_task.h"
 #include "core/evaluate/label_propagation.h"
+#include "core/evaluate/mask_scores.h"
 #include "core/evaluate/prompt_queries.h"
 #include "core/evaluate/sam_agreement.h"
-#include "core/evaluate/segmentation_metrics.h"
 #include "core/query/segmenter.h"
 
 namespace pepeseg {

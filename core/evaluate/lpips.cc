@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "opencv2/dnn.hpp"
 
@@ -94,6 +94,30 @@ absl::StatusOr<double> Lpips::Distance(const Image& photo, std::span<const float
   }
   if (!std::isfinite(distance)) return absl::InternalError("the network's answer is not finite");
   return distance;
+}
+
+absl::StatusOr<HeldOutScorer> HeldOutScorer::Create(const std::filesystem::path& lpips_weights) {
+  HeldOutScorer scorer;
+  if (lpips_weights.empty()) return scorer;
+  ASSIGN_OR_RETURN(scorer.lpips_, Lpips::Open(lpips_weights));
+  return scorer;
+}
+
+// LPIPS that fails is no reason to end a training: the view then has only PSNR and SSIM.
+absl::StatusOr<std::vector<ViewScores>> HeldOutScorer::Score(
+    Backend& backend, const Capture& capture, const Gaussians& gaussians,
+    absl::FunctionRef<void(const std::string&)> warn) {
+  if (!lpips_) return ScoreHeldOut(backend, capture, gaussians);
+  bool warned = false;  // one reason is enough for all views
+  const auto distance = [&](const Image& photo,
+                            std::span<const float> rendering) -> std::optional<double> {
+    const absl::StatusOr<double> lpips = lpips_->Distance(photo, rendering);
+    if (lpips.ok()) return *lpips;
+    if (!warned) warn(absl::StrCat("no LPIPS: ", lpips.status().message()));
+    warned = true;
+    return std::nullopt;
+  };
+  return ScoreHeldOut(backend, capture, gaussians, distance);
 }
 
 }  // namespace pepeseg

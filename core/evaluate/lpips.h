@@ -2,9 +2,14 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
+#include <string>
+#include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
+#include "core/evaluate/image_scores.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {
@@ -35,6 +40,22 @@ class Lpips {
   struct Network;
   explicit Lpips(std::unique_ptr<Network> network);
   std::unique_ptr<Network> network_;
+};
+
+// Scores held-out views, with LPIPS if its weights are given. Not thread-safe.
+class HeldOutScorer {
+ public:
+  // Opens the weights and returns the errors of Lpips::Open. lpips_weights: empty: no LPIPS.
+  static absl::StatusOr<HeldOutScorer> Create(const std::filesystem::path& lpips_weights);
+
+  // Renders the held-out views and compares them with their photographs. Calls `warn` once, with
+  // the reason, if LPIPS of a view cannot be computed.
+  absl::StatusOr<std::vector<ViewScores>> Score(Backend& backend, const Capture& capture,
+                                                const Gaussians& gaussians,
+                                                absl::FunctionRef<void(const std::string&)> warn);
+
+ private:
+  std::optional<Lpips> lpips_;
 };
 
 }  // namespace pepeseg

@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/range_check.h"
+#include "core/base/errors.h"
 #include "core/base/status_macros.h"
 #include "core/features/feature_stage.h"
 

@@ -6,9 +6,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/file_bytes.h"
+#include "core/base/errors.h"
+#include "core/base/file_io.h"
 #include "core/base/file_name.h"
-#include "core/base/private_error.h"
 #include "core/base/status_macros.h"
 #include "core/formats/colmap_records.h"
 

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/file_bytes.h"
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "core/formats/image_header.h"
 #include "opencv2/imgcodecs.hpp"

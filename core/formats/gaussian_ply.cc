@@ -9,7 +9,7 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/strings/str_cat.h"
-#include "core/base/atomic_file.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "core/formats/ply.h"
 

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
 #include "core/base/status_macros.h"
 #include "core/formats/encode_png.h"
 #include "core/formats/exif.h"

@@ -11,8 +11,8 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "core/base/file_bytes.h"
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "core/formats/colmap.h"
 

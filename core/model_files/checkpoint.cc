@@ -8,10 +8,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/atomic_file.h"
 #include "core/base/byte_reader.h"
 #include "core/base/digest.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "nlohmann/json.hpp"
 

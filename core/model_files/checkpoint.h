@@ -43,7 +43,7 @@ struct Checkpoint {
   Checkpoint& operator=(Checkpoint&&) = default;
 };
 
-// Writes a checkpoint as one file, atomically (atomic_file.h). Its format, little-endian:
+// Writes a checkpoint as one file, atomically (file_io.h). Its format, little-endian:
 //   char[8]   "PEPECKPT"
 //   uint32    format, 1
 //   uint32    size of the header, bytes

@@ -4,10 +4,9 @@
 #include <string_view>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/atomic_file.h"
 #include "core/base/byte_reader.h"
 #include "core/base/digest.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 
 namespace pepeseg {

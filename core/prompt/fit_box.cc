@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "core/base/status_macros.h"
-#include "core/prompt/fit_prompt.h"
 #include "core/prompt/mask_grid.h"
+#include "core/prompt/resolve_prompt.h"
 #include "core/query/prompt.h"
 #include "core/render/feature_maps.h"
 #include "kernels/ops/render.h"

@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/prompt/fit_prompt.h"
 #include "core/prompt/mask_grid.h"
+#include "core/prompt/resolve_prompt.h"
 #include "core/query/prompt.h"
 #include "core/render/feature_maps.h"
 #include "kernels/ops/render.h"
@@ -253,15 +253,6 @@ absl::StatusOr<Query> FitMask(const Segmenter& segmenter, const ModelView& view,
   const GranularityGrid grid = GridOf(granularity);
   for (const double scale : grid.scales) RETURN_IF_ERROR(fitter.LookAt(scale, grid.thresholds));
   return fitter.best();
-}
-
-std::vector<uint8_t> LevelsOf(std::span<const float> similarity,
-                              std::span<const float> thresholds) {
-  std::vector<uint8_t> levels(similarity.size());
-  for (const float threshold : thresholds) {  // one pass each, which the compiler vectorises
-    for (size_t i = 0; i < levels.size(); ++i) levels[i] += similarity[i] > threshold ? 1 : 0;
-  }
-  return levels;
 }
 
 }  // namespace pepeseg

@@ -128,6 +128,15 @@ GranularityGrid GridOf(const Granularity& granularity) {
   return grid;
 }
 
+std::vector<uint8_t> LevelsOf(std::span<const float> similarity,
+                              std::span<const float> thresholds) {
+  std::vector<uint8_t> levels(similarity.size());
+  for (const float threshold : thresholds) {  // one pass each, which the compiler vectorises
+    for (size_t i = 0; i < levels.size(); ++i) levels[i] += similarity[i] > threshold ? 1 : 0;
+  }
+  return levels;
+}
+
 SmallView SmallViewOf(const ModelView& view) {
   SmallView small = {view, 1};
   Camera& camera = small.view.camera;

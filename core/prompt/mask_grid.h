@@ -21,6 +21,10 @@ struct GranularityGrid {
 // Returns the grid for `granularity`: a scale or threshold that it gives is the only one.
 GranularityGrid GridOf(const Granularity& granularity);
 
+// Returns, for each pixel, how many of the thresholds its similarity exceeds. At most 255
+// thresholds.
+std::vector<uint8_t> LevelsOf(std::span<const float> similarity, std::span<const float> thresholds);
+
 // Maximum size of a view on which masks are compared, pixels.
 inline constexpr int64_t kMaxLookPixels = 262'144;
 // A view shrunk by a whole factor. Its pixel (x, y) covers the `factor` x `factor` pixels of the

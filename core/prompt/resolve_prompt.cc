@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "core/base/status_macros.h"
-#include "core/prompt/fit_prompt.h"
 #include "kernels/ops/render.h"
 
 namespace pepeseg {

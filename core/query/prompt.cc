@@ -6,7 +6,7 @@
 
 #include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
-#include "core/base/range_check.h"
+#include "core/base/errors.h"
 #include "core/base/status_macros.h"
 #include "kernels/ops/render.h"
 

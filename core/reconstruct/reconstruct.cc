@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/range_check.h"
+#include "core/base/errors.h"
 #include "core/base/status_macros.h"
 #include "core/reconstruct/reconstructor.h"
 

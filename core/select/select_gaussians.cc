@@ -12,7 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/select/gaussian_sets.h"
+#include "core/scene/gaussians.h"
 #include "core/select/gaussian_votes.h"
 
 namespace pepeseg {

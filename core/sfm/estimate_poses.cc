@@ -10,8 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/base/atomic_file.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/manifest.h"
 #include "core/sfm/colmap_program.h"

@@ -6,9 +6,8 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/strings/str_cat.h"
-#include "core/base/atomic_file.h"
 #include "core/base/byte_reader.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 
 // COLMAP's binary files: a 64-bit count, then the records without padding, little-endian. COLMAP

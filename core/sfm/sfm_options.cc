@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "core/base/range_check.h"
+#include "core/base/errors.h"
 #include "core/base/status_macros.h"
 
 namespace pepeseg {

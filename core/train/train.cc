@@ -12,11 +12,12 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
 #include "core/base/status_macros.h"
+#include "core/evaluate/image_scores.h"
+#include "core/evaluate/lpips.h"
 #include "core/formats/gaussian_ply.h"
 #include "core/model_files/model_file.h"
-#include "core/train/held_out_scores.h"
 #include "core/train/pose_stage.h"
 #include "core/train/prepare_files.h"
 #include "core/train/prior_stage.h"

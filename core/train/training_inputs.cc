@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <system_error>
 
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
 #include "core/model_files/manifest.h"
 
 namespace pepeseg {

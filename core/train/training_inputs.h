@@ -43,7 +43,7 @@ struct PriorsCommand {
 struct TrainingTools {
   std::string colmap = "colmap";  // a path, or a name that is looked up in PATH
   PriorsCommand priors_command;
-  std::filesystem::path sam;            // folder of SAM's files (sam_files.h); empty: no SAM
+  std::filesystem::path sam;            // folder that deploy/sam.sh has made; empty: no SAM
   std::optional<int> sam_cuda_device;   // absent: SAM computes on the CPU
   std::filesystem::path lpips_weights;  // ONNX, see core/evaluate/lpips.h; empty: no LPIPS
   int num_threads = 0;                  // 0: as many as there are cores

@@ -9,7 +9,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "core/base/progress.h"
-#include "core/evaluate/metrics.h"
+#include "core/evaluate/image_scores.h"
 #include "core/model_files/checkpoint.h"
 #include "core/train/stage_plan.h"
 

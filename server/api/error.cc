@@ -7,7 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
 #include "core/query/prompt.h"
 #include "server/api/convert.h"
 #include "server/store/scene_key.h"

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/atomic_file.h"
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "server/store/layout.h"
 

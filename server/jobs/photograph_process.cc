@@ -13,7 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
 #include "core/base/status_macros.h"
 #include "server/jobs/process.h"
 #include "server/worker_protocol/job_isolation.h"

@@ -10,7 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/base/atomic_file.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "server/observe/process_use.h"
 

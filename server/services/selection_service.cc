@@ -7,7 +7,7 @@
 #include "core/base/digest.h"
 #include "core/base/status_macros.h"
 #include "core/prompt/resolve_prompt.h"
-#include "core/select/gaussian_sets.h"
+#include "core/scene/gaussians.h"
 #include "core/select/select_gaussians.h"
 #include "server/api/convert.h"
 #include "server/api/decomposition.h"

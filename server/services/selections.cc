@@ -5,11 +5,11 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/file_bytes.h"
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/selection_file.h"
-#include "core/select/gaussian_sets.h"
+#include "core/scene/gaussians.h"
 #include "server/api/decomposition.h"
 #include "server/api/error.h"
 #include "server/store/layout.h"

@@ -11,8 +11,8 @@
 #include <set>
 #include <utility>
 
-#include "core/base/atomic_file.h"
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "server/api/error.h"
 #include "server/services/file_header.h"

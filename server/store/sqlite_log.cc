@@ -9,7 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 
 namespace pepeseg {

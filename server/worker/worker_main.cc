@@ -24,7 +24,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/child_process.h"
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
 #include "core/base/status_macros.h"
 #include "core/train/stage_plan.h"
 #include "server/api/convert.h"

@@ -9,10 +9,9 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "core/base/atomic_file.h"
 #include "core/base/beneath_folder.h"
-#include "core/base/file_bytes.h"
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/manifest.h"
 #include "server/worker_protocol/event_log.h"

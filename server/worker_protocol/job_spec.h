@@ -27,7 +27,7 @@ struct WorkerOptions {
   // Path of the program that makes masks and depth maps (core/train/priors_command.h); empty: none.
   std::string priors_command;
   int64_t priors_seconds = 3600;  // time limit of that program for one job
-  // Folder of SAM's files (core/priors/sam/sam_files.h), which workers verify before they use them;
+  // Folder of SAM's files (CheckSamFiles), which workers verify before they use them;
   // empty: none.
   std::filesystem::path sam;
   std::filesystem::path lpips_weights;  // ONNX file, see core/evaluate/lpips.h; empty: no LPIPS

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "core/base/status_macros.h"
-#include "core/evaluate/metrics.h"
+#include "core/evaluate/image_scores.h"
 #include "core/reconstruct/reconstructor.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/capture_faults.h"

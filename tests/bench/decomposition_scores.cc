@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "core/base/status_macros.h"
-#include "core/evaluate/segmentation_metrics.h"
+#include "core/evaluate/mask_scores.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/truth_views.h"
 

@@ -16,7 +16,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/dataset/import.h"
-#include "core/evaluate/segmentation_metrics.h"
+#include "core/evaluate/mask_scores.h"
 #include "core/features/train_features.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"

@@ -8,7 +8,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/evaluate/entity_queries.h"
-#include "core/evaluate/segmentation_metrics.h"
+#include "core/evaluate/mask_scores.h"
 #include "core/prompt/propose_scales.h"
 #include "core/prompt/resolve_prompt.h"
 #include "core/query/prompt.h"

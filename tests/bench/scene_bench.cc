@@ -12,8 +12,8 @@
 
 #include "core/base/status_macros.h"
 #include "core/dataset/import.h"
+#include "core/evaluate/image_scores.h"
 #include "core/evaluate/lpips.h"
-#include "core/evaluate/metrics.h"
 #include "core/formats/encode_png.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/scene/camera.h"

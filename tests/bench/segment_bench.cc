@@ -14,11 +14,11 @@
 
 #include "core/base/status_macros.h"
 #include "core/evaluate/evaluate.h"
-#include "core/evaluate/metrics.h"
+#include "core/evaluate/image_scores.h"
 #include "core/features/feature_stage.h"
 #include "core/features/train_features.h"
 #include "core/formats/gaussian_ply.h"
-#include "core/model_files/feature_file.h"
+#include "core/model_files/model_file.h"
 #include "core/prompt/propose_scales.h"
 #include "core/reconstruct/reconstruct.h"
 #include "tests/bench/bench_backend.h"

@@ -11,7 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <system_error>
@@ -9,14 +10,22 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/file_bytes.h"
+#include "absl/strings/str_split.h"
+#include "core/base/digest.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "core/priors/sam/onnx_graph.h"
 #include "core/priors/sam/onnx_runtime.h"
-#include "core/priors/sam/sam_files.h"
 
 namespace pepeseg {
 namespace {
+
+// Files of a folder that deploy/sam.sh has made.
+constexpr char kSamEncoder[] = "encoder.onnx", kSamDecoder[] = "sam.onnx",
+               kSamRuntime[] = "libonnxruntime.so.1", kSamDigests[] = "SHA256SUMS";
+// CUDA provider of ONNX Runtime, which an operator may add to the folder. It has no digest.
+constexpr char kSamCudaProvider[] = "libonnxruntime_providers_cuda.so";
+constexpr int64_t kMaxDigestFile = 4096;  // bytes of SHA256SUMS
 
 constexpr int64_t kMaxModelBytes = int64_t{1} << 30;
 constexpr int kFrame = 1024;  // side of the encoder's square image, pixels
@@ -71,6 +80,13 @@ std::vector<float> EncoderInput(const Image& photo) {
     }
   }
   return planes;
+}
+
+// Returns FAILED_PRECONDITION with the file, the reason and the remedy.
+absl::Status Bad(const std::filesystem::path& file, absl::string_view what) {
+  return absl::FailedPreconditionError(
+      absl::StrCat("SAM: ", file.string(), ": ", what, "; run deploy/sam.sh ",
+                   file.parent_path().string(), " to install it again"));
 }
 
 // Opens a session on a model file, changed by `edit` unless it is null. A file that is not the
@@ -171,6 +187,36 @@ class SamSegmenter : public PromptedSegmenter {
 };
 
 }  // namespace
+
+// A missing SHA256SUMS means that SAM is not installed; everything else that is wrong means that
+// the installation is damaged.
+absl::Status CheckSamFiles(const std::filesystem::path& folder) {
+  const std::filesystem::path list = folder / kSamDigests;
+  const absl::StatusOr<std::string> text = ReadFile(list, list.string(), kMaxDigestFile);
+  if (absl::IsNotFound(text.status())) {
+    return absl::NotFoundError(absl::StrCat("SAM: ", list.string(),
+                                            " does not exist; run deploy/sam.sh ", folder.string(),
+                                            " to install SAM there"));
+  }
+  if (!text.ok()) return Bad(list, text.status().message());
+  std::map<std::string, std::string> digests;
+  for (const absl::string_view line : absl::StrSplit(*text, '\n', absl::SkipEmpty())) {
+    const std::pair<std::string, std::string> words =
+        // The format of sha256sum: the digest, two spaces, the name.
+        absl::StrSplit(line, absl::MaxSplits("  ", 1));
+    digests[words.second] = words.first;
+  }
+  for (const char* name : {kSamEncoder, kSamDecoder, kSamRuntime}) {
+    const std::filesystem::path file = folder / name;
+    if (!digests.contains(name)) return Bad(list, absl::StrCat("has no line for ", name));
+    const absl::StatusOr<std::string> digest = Sha256OfFile(file);
+    if (!digest.ok()) return Bad(file, digest.status().message());
+    if (*digest == digests[name]) continue;
+    return Bad(file, absl::StrCat("its SHA-256 is ", *digest, ", not ", digests[name],
+                                  " as in SHA256SUMS"));
+  }
+  return absl::OkStatus();
+}
 
 struct SamModel::Networks {
   std::unique_ptr<OnnxRuntime> runtime;

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/priors/sam/prompted_segmenter.h"
 
@@ -31,10 +32,16 @@ struct SamOptions {
   // Photographs that the model's segmenters work on at the same time, at most `num_threads`. Each
   // is computed on the thread that calls its segmenter; the remaining threads help all of them.
   int photographs_at_once = 1;
-  // GPU that computes, if the folder has ONNX Runtime's CUDA provider (sam_files.h) and it works.
-  // Absent: only the CPU computes.
+  // GPU that computes, if the folder has ONNX Runtime's CUDA provider, which an operator may add to
+  // it, and the provider works. Absent: only the CPU computes.
   std::optional<int> cuda_device = std::nullopt;
 };
+
+// Verifies the three files of a folder that deploy/sam.sh has made (encoder, decoder, ONNX Runtime)
+// against its SHA256SUMS, which has a line "DIGEST  NAME" for each. Returns NOT_FOUND when the
+// folder or its SHA256SUMS does not exist, and FAILED_PRECONDITION, with the file and the remedy,
+// when a file is missing or differs. Reads 90 MB.
+absl::Status CheckSamFiles(const std::filesystem::path& folder);
 
 // The networks of a small SAM with TinyViT's encoder, from a folder that deploy/sam.sh has made.
 class SamModel {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/base/atomic_file.h"
+#include "core/base/file_io.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

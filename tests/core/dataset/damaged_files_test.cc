@@ -8,7 +8,7 @@
 #include "core/formats/colmap.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/gaussian_ply.h"
-#include "core/model_files/feature_file.h"
+#include "core/model_files/model_file.h"
 #include "tests/testing/colmap_files.h"
 #include "tests/testing/float_files.h"
 #include "tests/testing/small_dataset.h"

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "core/evaluate/segmentation_metrics.h"
+#include "core/evaluate/mask_scores.h"
 #include "tests/core/evaluate/two_blobs.h"
 #include "tests/testing/status_testing.h"
 

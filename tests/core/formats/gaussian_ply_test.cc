@@ -7,8 +7,7 @@
 #include <limits>
 #include <random>
 
-#include "core/base/atomic_file.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_replace.h"
-#include "core/base/atomic_file.h"
+#include "core/base/file_io.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

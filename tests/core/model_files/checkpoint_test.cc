@@ -3,7 +3,7 @@
 #include <fstream>
 
 #include "core/base/digest.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

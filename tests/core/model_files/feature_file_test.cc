@@ -1,12 +1,10 @@
-#include "core/model_files/feature_file.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "core/base/atomic_file.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
+#include "core/model_files/model_file.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

@@ -4,8 +4,7 @@
 
 #include <limits>
 
-#include "core/base/atomic_file.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "core/model_files/model_facts.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"

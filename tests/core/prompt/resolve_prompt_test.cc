@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "core/base/status_macros.h"
-#include "core/evaluate/segmentation_metrics.h"
+#include "core/evaluate/mask_scores.h"
 #include "tests/testing/front_blobs.h"
 #include "tests/testing/status_testing.h"
 

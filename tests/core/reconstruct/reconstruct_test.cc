@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/evaluate/metrics.h"
+#include "core/evaluate/image_scores.h"
 #include "core/reconstruct/reconstructor.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"

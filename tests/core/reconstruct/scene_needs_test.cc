@@ -4,7 +4,7 @@
 #include <limits>
 #include <optional>
 
-#include "core/evaluate/metrics.h"
+#include "core/evaluate/image_scores.h"
 #include "core/reconstruct/initial_gaussians.h"
 #include "core/reconstruct/reconstructor.h"
 #include "tests/testing/status_testing.h"

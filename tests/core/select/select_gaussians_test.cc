@@ -7,7 +7,7 @@
 #include <numbers>
 #include <numeric>
 
-#include "core/evaluate/segmentation_metrics.h"
+#include "core/evaluate/mask_scores.h"
 #include "core/prompt/resolve_prompt.h"
 #include "tests/core/query/trained_scene.h"
 #include "tests/testing/front_blobs.h"

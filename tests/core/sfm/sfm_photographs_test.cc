@@ -2,7 +2,7 @@
 
 #include <fstream>
 
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"
 #include "tests/testing/status_testing.h"

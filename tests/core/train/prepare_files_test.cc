@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/exif.h"

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/base/digest.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "core/model_files/model_file.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"

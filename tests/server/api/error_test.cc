@@ -9,7 +9,7 @@
 #include <memory>
 #include <vector>
 
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
 #include "core/query/prompt.h"
 
 namespace pepeseg {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -13,7 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/digest.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "core/dataset/import.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 #include "server/jobs/process.h"

@@ -1,4 +1,4 @@
-#include "core/model_files/feature_file.h"
+#include "core/model_files/model_file.h"
 #include "tests/system/fuzz/fuzz_target.h"
 #include "tests/system/fuzz/memory_file.h"
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "pepeseg/v1/access.pb.h"
 #include "server/jobs/process.h"
 #include "tests/server/access/test_certificates.h"

@@ -8,7 +8,7 @@
 #include <set>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "core/model_files/checkpoint.h"
 #include "core/model_files/model_file.h"
 #include "core/model_files/selection_file.h"

@@ -4,7 +4,7 @@
 #include <random>
 #include <set>
 
-#include "core/base/atomic_file.h"
+#include "core/base/file_io.h"
 #include "core/formats/gaussian_ply.h"
 #include "server/store/layout.h"
 #include "tests/server/pepesegd_process.h"

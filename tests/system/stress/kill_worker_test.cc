@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/base/file_bytes.h"
+#include "core/base/file_io.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"
 #include "tests/system/stress/full_stress.h"

@@ -7,7 +7,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/evaluate/evaluate.h"
-#include "core/evaluate/metrics.h"
+#include "core/evaluate/image_scores.h"
 #include "core/features/feature_stage.h"
 #include "core/reconstruct/initial_gaussians.h"
 #include "core/reconstruct/reconstructor.h"

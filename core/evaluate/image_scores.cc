@@ -1,4 +1,4 @@
-#include "core/evaluate/metrics.h"
+#include "core/evaluate/image_scores.h"
 
 #include <algorithm>
 #include <cmath>
@@ -110,6 +110,22 @@ ImageScores Mean(std::span<const ViewScores> scores) {
   mean.ssim /= count;
   if (num_lpips > 0) mean.lpips = lpips / num_lpips;
   return mean;
+}
+
+std::map<std::string, double> RecordScores(std::span<const ViewScores> scores, Model& model) {
+  // No held-out views: the model then has no scores, instead of means of nothing.
+  if (scores.empty()) return {};
+  std::map<std::string, const ImageScores*> by_view;
+  for (const ViewScores& view : scores) by_view[view.view] = &view.scores;
+  for (ModelView& view : model.views) {
+    if (const auto found = by_view.find(view.name); found != by_view.end()) {
+      view.scores = *found->second;
+    }
+  }
+  const ImageScores mean = Mean(scores);
+  std::map<std::string, double> metrics = {{"psnr", mean.psnr}, {"ssim", mean.ssim}};
+  if (mean.lpips) metrics["lpips"] = *mean.lpips;
+  return metrics;
 }
 
 }  // namespace pepeseg

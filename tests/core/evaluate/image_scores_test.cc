@@ -1,4 +1,4 @@
-#include "core/evaluate/metrics.h"
+#include "core/evaluate/image_scores.h"
 
 #include <cmath>
 #include <vector>

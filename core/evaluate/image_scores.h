@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -35,5 +36,9 @@ absl::StatusOr<std::vector<ViewScores>> ScoreHeldOut(Backend& backend, const Cap
 // Returns the mean of each score, all 0 for no views. The mean LPIPS covers the views that have
 // one.
 ImageScores Mean(std::span<const ViewScores> scores);
+
+// Stores the scores with the model's views of the same names. Returns their means as metrics of the
+// model: "psnr" (dB), "ssim" and, if it was measured, "lpips"; empty without scores.
+std::map<std::string, double> RecordScores(std::span<const ViewScores> scores, Model& model);
 
 }  // namespace pepeseg

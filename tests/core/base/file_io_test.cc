@@ -1,10 +1,9 @@
-#include "core/base/atomic_file.h"
+#include "core/base/file_io.h"
 
 #include <gtest/gtest.h>
 
 #include <iterator>
 
-#include "core/base/file_bytes.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

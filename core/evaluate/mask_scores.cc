@@ -1,4 +1,4 @@
-#include "core/evaluate/segmentation_metrics.h"
+#include "core/evaluate/mask_scores.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "core/base/private_error.h"
+#include "core/base/errors.h"
 
 #include <cerrno>
 #include <system_error>
