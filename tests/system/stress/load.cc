@@ -3,6 +3,7 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <functional>
 #include <memory>
@@ -11,6 +12,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "server/observe/process_use.h"
 #include "tests/server/health_check.h"
 #include "tests/system/stress/load_calls.h"
 #include "tests/testing/eventually.h"
@@ -49,6 +51,15 @@ int LoadedServer::AwaitStreams(int want) {
   return reached ? want : num;
 }
 
+void LoadedServer::AwaitIdlePools() {
+  const auto idle = [&] {
+    const v1::ServerStatus status = Status();
+    return std::ranges::all_of(
+        status.pools(), [](const auto& pool) { return pool.num_busy() + pool.num_queued() == 0; });
+  };
+  EXPECT_TRUE(testing::Eventually(idle, absl::Seconds(5)));
+}
+
 double LoadedServer::Metric(const std::string& name) {
   const std::string text = HttpGet(running.server->metrics_port(), "/metrics");
   const size_t at = text.find(absl::StrCat("\n", name, " "));
@@ -59,41 +70,109 @@ double LoadedServer::Metric(const std::string& name) {
   return value;
 }
 
-WatchersReport RunWatchers(LoadedServer& server, int num_watchers, absl::Duration duration) {
-  const int port = server.running.server->port();
-  const auto asking = v1::SegmentationService::NewStub(ConnectTo(port));
+namespace {
+
+// Makes queries for `duration`, kNumWays at a time.
+std::vector<Calls::Outcome> AskQuestions(v1::SegmentationService::Stub& stub,
+                                         absl::Duration duration) {
   const v1::SegmentViewsRequest question = Question();
   const auto ask = [&](Calls& calls, const std::function<void(const grpc::Status&)>& next) {
     calls.Begin<v1::SegmentViewsResponse>(
         [&](auto* context, auto* response, auto done) {
-          asking->async()->SegmentViews(context, &question, response, std::move(done));
+          stub.async()->SegmentViews(context, &question, response, std::move(done));
         },
         next);
   };
-  AskInTurn(kNumWays, absl::Now() + absl::Seconds(1), ask);  // loads the model
-  WatchersReport report;
-  const auto without = AskInTurn(kNumWays, absl::Now() + duration, ask);
-  report.p99_without = Quantile(TimesOf(without, grpc::OK), 0.99);
-  report.num_threads_without = server.Status().num_threads();
+  return AskInTurn(kNumWays, absl::Now() + duration, ask);
+}
 
-  std::atomic<int> num_open = 0;
-  std::vector<std::unique_ptr<v1::JobService::Stub>> stubs;
-  std::vector<std::unique_ptr<Watcher>> watchers;
-  for (int i = 0; i < num_watchers; ++i) {
-    if (i % kStreamsPerConnection == 0) stubs.push_back(v1::JobService::NewStub(ConnectTo(port)));
-    watchers.push_back(std::make_unique<Watcher>(*stubs.back(), server.idle_job, num_open));
+// Returns the CPU seconds that this process uses in a second, over two ticks of the streams.
+double CpuInASecond() {
+  constexpr absl::Duration kLong = absl::Seconds(4);
+  const absl::Duration before = MeasureProcess().cpu_time;
+  absl::SleepFor(kLong);
+  return absl::FDivDuration(MeasureProcess().cpu_time - before, kLong);
+}
+
+// Watchers of the idle job, on connections that stay open.
+class Watchers {
+ public:
+  Watchers(LoadedServer& server, int num_watchers) : server_(server), num_watchers_(num_watchers) {
+    for (int i = 0; i < num_watchers; i += kStreamsPerConnection) {
+      stubs_.push_back(v1::JobService::NewStub(ConnectTo(server.running.server->port())));
+    }
   }
-  report.num_streams = server.AwaitStreams(num_watchers);
-  const auto with = AskInTurn(kNumWays, absl::Now() + duration, ask);
-  report.p99_with = Quantile(TimesOf(with, grpc::OK), 0.99);
+
+  // Opens the watchers, waits until each has its snapshot and the server has nothing else to do for
+  // them, and returns the server's streams.
+  int Open() {
+    for (int i = 0; i < num_watchers_; ++i) {
+      v1::JobService::Stub& stub = *stubs_[static_cast<size_t>(i / kStreamsPerConnection)];
+      watchers_.push_back(std::make_unique<Watcher>(stub, server_.idle_job, num_open_));
+    }
+    EXPECT_TRUE(testing::Eventually([&] {
+      return std::ranges::all_of(watchers_, [](const auto& watcher) { return watcher->started(); });
+    }));
+    const int num_streams = server_.AwaitStreams(num_watchers_);
+    server_.AwaitIdlePools();
+    return num_streams;
+  }
+  // Cancels the watchers, and waits until the server has no stream.
+  void Close() {
+    for (const auto& watcher : watchers_) watcher->Cancel();
+    EXPECT_TRUE(testing::Eventually([&] { return num_open_ == 0; }));
+    EXPECT_EQ(server_.AwaitStreams(0), 0);
+    watchers_.clear();
+  }
+
+ private:
+  LoadedServer& server_;
+  const int num_watchers_;
+  std::atomic<int> num_open_ = 0;
+  std::vector<std::unique_ptr<v1::JobService::Stub>> stubs_;
+  std::vector<std::unique_ptr<Watcher>> watchers_;
+};
+
+}  // namespace
+
+WatchersReport RunWatchers(LoadedServer& server, int num_watchers, int num_rounds,
+                           absl::Duration phase) {
+  const auto asking = v1::SegmentationService::NewStub(ConnectTo(server.running.server->port()));
+  WatchersReport report;
+  // Makes queries for `phase` and returns the times of their answers.
+  const auto ask = [&] {
+    const auto outcomes = AskQuestions(*asking, phase);
+    std::vector<absl::Duration> times = TimesOf(outcomes, grpc::OK);
+    report.num_queries += static_cast<int64_t>(outcomes.size());
+    report.num_failed += static_cast<int64_t>(outcomes.size() - times.size());
+    return times;
+  };
+  AskQuestions(*asking, absl::Seconds(1));  // loads the model
+  Watchers watchers(server, num_watchers);
+  report.watchers_cpu = -CpuInASecond();
+  watchers.Open();
+  report.watchers_cpu += CpuInASecond();
+  watchers.Close();
+  std::vector<absl::Duration> all_without, all_with;
+  std::vector<double> ratios;
+  for (int round = 0; round < num_rounds; ++round) {
+    const std::vector<absl::Duration> without = ask();
+    if (round == 0) report.num_threads_without = server.Status().num_threads();
+    report.num_streams = watchers.Open();
+    const std::vector<absl::Duration> with = ask();
+    report.num_threads = server.Status().num_threads();
+    watchers.Close();
+    ratios.push_back(absl::FDivDuration(Quantile(with, 0.5), Quantile(without, 0.5)));
+    all_without.insert(all_without.end(), without.begin(), without.end());
+    all_with.insert(all_with.end(), with.begin(), with.end());
+  }
+  report.p50_without = Quantile(all_without, 0.5);
+  report.p50_with = Quantile(all_with, 0.5);
+  report.p50_ratio = Quantile(ratios, 0.5);
+  report.p99_without = Quantile(all_without, 0.99);
+  report.p99_with = Quantile(all_with, 0.99);
   const v1::ServerStatus status = server.Status();
-  report.num_threads = status.num_threads();
   for (const auto& pool : status.pools()) report.pool_threads += pool.num_threads();
-  report.num_queries = static_cast<int64_t>(without.size() + with.size());
-  report.num_failed = report.num_queries - static_cast<int64_t>(TimesOf(without, grpc::OK).size() +
-                                                                TimesOf(with, grpc::OK).size());
-  for (const auto& watcher : watchers) watcher->Cancel();
-  EXPECT_TRUE(testing::Eventually([&] { return num_open == 0; }));
   return report;
 }
 

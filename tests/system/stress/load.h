@@ -20,6 +20,8 @@ struct LoadedServer {
   v1::ServerStatus Status();
   // Waits up to 30 s until the server reports `want` streams, and returns the number.
   int AwaitStreams(int want);
+  // Waits up to 5 s until no thread of a pool has anything to do.
+  void AwaitIdlePools();
   // Returns the value of a gauge or counter without labels.
   double Metric(const std::string& name);
 
@@ -27,16 +29,21 @@ struct LoadedServer {
   std::string idle_job;
 };
 
-// Many watchers of a job without events, and queries meanwhile, `num_ways` at a time.
+// Queries, 64 at a time, in rounds: in each round for `phase` without watchers, then for `phase`
+// with `num_watchers` watchers of a job without events. Load beside the test thus slows both down.
 struct WatchersReport {
   int64_t num_queries = 0, num_failed = 0;
-  absl::Duration p99_without, p99_with;
-  int num_streams = 0;  // number of streams that the server reported
+  absl::Duration p50_without, p50_with, p99_without, p99_with;  // over all rounds
+  // CPU seconds of the process a second without queries, with watchers less without.
+  double watchers_cpu = 0;
+  double p50_ratio = 0;  // median of the rounds' ratios of medians, with to without watchers
+  int num_streams = 0;   // number of streams that the server reported
   // Threads of the process without and with watchers: the server's, and gRPC's of the client.
   int num_threads_without = 0, num_threads = 0;
   int pool_threads = 0;  // threads of the server's pools
 };
-WatchersReport RunWatchers(LoadedServer& server, int num_watchers, absl::Duration duration);
+WatchersReport RunWatchers(LoadedServer& server, int num_watchers, int num_rounds,
+                           absl::Duration phase);
 
 // Slow queries: first as many as keep the server busy, then `factor` times as many as it answered.
 struct OverloadReport {

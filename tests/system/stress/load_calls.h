@@ -40,8 +40,9 @@ inline v1::ProposeScalesRequest LongQuestion() {
   return request;
 }
 
-inline absl::Duration Quantile(std::vector<absl::Duration> values, double share) {
-  if (values.empty()) return absl::ZeroDuration();
+template <typename T>
+T Quantile(std::vector<T> values, double share) {
+  if (values.empty()) return T();
   std::sort(values.begin(), values.end());
   return values[static_cast<size_t>(share * static_cast<double>(values.size() - 1))];
 }
@@ -113,8 +114,12 @@ class Watcher final : public grpc::ClientReadReactor<v1::JobEvent> {
     StartCall();
   }
   void Cancel() { context_.TryCancel(); }
+  // Returns whether the first message, the snapshot, has come.
+  bool started() const { return started_; }
   void OnReadDone(bool ok) override {
-    if (ok) StartRead(&event_);
+    if (!ok) return;
+    started_ = true;
+    StartRead(&event_);
   }
   void OnDone(const grpc::Status&) override { --num_open_; }
 
@@ -122,6 +127,7 @@ class Watcher final : public grpc::ClientReadReactor<v1::JobEvent> {
   grpc::ClientContext context_;
   v1::WatchJobRequest request_;
   v1::JobEvent event_;
+  std::atomic<bool> started_ = false;
   std::atomic<int>& num_open_;
 };
 

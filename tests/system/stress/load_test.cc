@@ -12,18 +12,14 @@
 namespace pepeseg {
 namespace {
 
-TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQueries) {
-  LoadedServer server(PEPESEG_MODEL_WORKER);
-  const WatchersReport report = RunWatchers(server, 800, absl::Seconds(4));
-  RecordProperty("p99_without_ms", static_cast<int>(absl::ToInt64Milliseconds(report.p99_without)));
-  RecordProperty("p99_with_ms", static_cast<int>(absl::ToInt64Milliseconds(report.p99_with)));
-  printf("%ld questions, p99 %s and %d threads without, %s and %d with %d watchers, %d in pools\n",
-         report.num_queries, absl::FormatDuration(report.p99_without).c_str(),
-         report.num_threads_without, absl::FormatDuration(report.p99_with).c_str(),
-         report.num_threads, report.num_streams, report.pool_threads);
-  EXPECT_EQ(report.num_streams, 800);
-  EXPECT_EQ(report.num_failed, 0);
-  EXPECT_GT(report.num_queries, 100);
+// Returns whether 800 watchers slow queries down: the median by more than a fifth, or the p99 to
+// more than twice what it is without them, and 20 ms.
+bool AreQueriesSlower(const WatchersReport& report) {
+  return report.p50_ratio > 1.2 ||
+         report.p99_with > 2 * report.p99_without + absl::Milliseconds(20);
+}
+
+void ExpectNoThreadsOfWatchers(const WatchersReport& report) {
   const int cores = std::max(2, static_cast<int>(std::thread::hardware_concurrency()));
   // gRPC starts another executor thread when all are busy, up to two per core, and another timer
   // thread when all of those are, and keeps them. Their number depends on the load and not on the
@@ -37,7 +33,32 @@ TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQueries) {
   constexpr int kMoreTimers = 2;
   EXPECT_LE(report.num_threads,
             report.pool_threads + kOtherPools + kMoreTimers + 20 + 3 * (cores - 2));
-  EXPECT_LT(report.p99_with, 2 * report.p99_without + absl::Milliseconds(20));
+}
+
+TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQueries) {
+  LoadedServer server(PEPESEG_MODEL_WORKER);
+  bool slower = true;
+  // A few pauses of the machine make a p99. If other load causes them, the run is repeated.
+  for (int attempt = 0; slower && attempt < 3; ++attempt) {
+    const WatchersReport report = RunWatchers(server, 800, 8, absl::Seconds(0.5));
+    printf(
+        "%ld queries; without watchers p50 %s, p99 %s, %d threads; with %d p50 %s (x %.2f), "
+        "p99 %s, %d threads, %d in pools, %.3f s of CPU time a second\n",
+        report.num_queries, absl::FormatDuration(report.p50_without).c_str(),
+        absl::FormatDuration(report.p99_without).c_str(), report.num_threads_without,
+        report.num_streams, absl::FormatDuration(report.p50_with).c_str(), report.p50_ratio,
+        absl::FormatDuration(report.p99_with).c_str(), report.num_threads, report.pool_threads,
+        report.watchers_cpu);
+    EXPECT_EQ(report.num_streams, 800);
+    EXPECT_EQ(report.num_failed, 0);
+    EXPECT_GT(report.num_queries, 100);
+    ExpectNoThreadsOfWatchers(report);
+    // Measured 0.026. Unlike times of queries, it hardly depends on load beside the test, which can
+    // hide what watchers cost.
+    EXPECT_LT(report.watchers_cpu, 0.1);
+    slower = AreQueriesSlower(report);
+  }
+  EXPECT_FALSE(slower);
 }
 
 TEST(Load, OverloadIsRefusedFastAndOtherCallsAreAnswered) {
