@@ -21,7 +21,7 @@
 #include "pepeseg/v1/render_service.grpc.pb.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
 #include "pepeseg/v1/selection_service.grpc.pb.h"
-#include "server/jobs/holder_name.h"
+#include "server/jobs/supervisor.h"
 #include "server/listen_rules.h"
 #include "server/observe/health_monitor.h"
 #include "server/server_metrics.h"

@@ -15,7 +15,7 @@
 #include "absl/time/clock.h"
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/process.h"
+#include "server/jobs/launcher.h"
 #include "server/worker_protocol/job_isolation.h"
 
 namespace pepeseg {

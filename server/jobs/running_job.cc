@@ -12,7 +12,7 @@
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "server/jobs/job_events.h"
-#include "server/jobs/process.h"
+#include "server/jobs/launcher.h"
 #include "server/worker_protocol/client_text.h"
 #include "server/worker_protocol/job_stage.h"
 

@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/holder_name.h"
 #include "server/jobs/job_events.h"
+#include "server/jobs/supervisor.h"
 #include "server/worker_protocol/client_text.h"
 
 namespace pepeseg {

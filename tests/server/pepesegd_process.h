@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "server/jobs/process.h"
+#include "server/jobs/launcher.h"
 
 namespace pepeseg::testing {
 

@@ -16,7 +16,7 @@
 #include "core/base/file_io.h"
 #include "core/dataset/import.h"
 #include "pepeseg/v1/dataset_service.pb.h"
-#include "server/jobs/process.h"
+#include "server/jobs/launcher.h"
 #include "server/worker_protocol/event_log.h"
 #include "server/worker_protocol/job_folder.h"
 #include "tests/server/file_kind.h"

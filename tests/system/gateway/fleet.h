@@ -12,7 +12,7 @@
 
 #include "core/base/file_io.h"
 #include "pepeseg/v1/access.pb.h"
-#include "server/jobs/process.h"
+#include "server/jobs/launcher.h"
 #include "tests/server/access/test_certificates.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/system/gateway/token_issuer.h"

@@ -1,4 +1,4 @@
-#include "server/jobs/process.h"
+#include "server/jobs/launcher.h"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>

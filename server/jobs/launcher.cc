@@ -1,6 +1,6 @@
 // Workers as child processes, by posix_spawn: a fork of the server would copy its page tables, and
 // could meet locks that other threads hold.
-#include "server/jobs/process.h"
+#include "server/jobs/launcher.h"
 
 #include <fcntl.h>
 #include <spawn.h>
