@@ -8,7 +8,7 @@
 #include "grpcpp/security/server_credentials.h"
 #include "grpcpp/server.h"
 #include "grpcpp/server_builder.h"
-#include "server/observe/rpc_metrics.h"
+#include "server/observe/metrics.h"
 #include "server/rpc/connection_acceptor.h"
 #include "server/rpc/local_socket.h"
 #include "server/services/admin_service.h"

@@ -6,8 +6,7 @@
 
 #include "absl/status/status.h"
 #include "server/observe/exposition.h"
-#include "server/observe/job_metrics.h"
-#include "server/observe/rpc_metrics.h"
+#include "server/observe/metrics.h"
 #include "server/services/operations.h"
 
 namespace pepeseg {

@@ -12,7 +12,6 @@
 #include "absl/time/time.h"
 #include "server/api/error.h"
 #include "server/observe/log.h"
-#include "server/observe/trace_context.h"
 
 namespace pepeseg {
 namespace {

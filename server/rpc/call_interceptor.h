@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "grpcpp/support/server_interceptor.h"
-#include "server/observe/rpc_metrics.h"
+#include "server/observe/metrics.h"
 
 namespace pepeseg {
 

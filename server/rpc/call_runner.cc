@@ -4,7 +4,7 @@
 #include <string>
 
 #include "server/api/error.h"
-#include "server/observe/trace_context.h"
+#include "server/observe/log.h"
 #include "server/rpc/call_interceptor.h"
 
 namespace pepeseg {

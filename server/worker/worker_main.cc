@@ -29,7 +29,6 @@
 #include "core/train/stage_plan.h"
 #include "server/api/convert.h"
 #include "server/observe/log.h"
-#include "server/observe/trace_context.h"
 #include "server/store/store.h"
 #include "server/worker/sandbox/worker_limits.h"
 #include "server/worker/sandbox/worker_sandbox.h"

@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/time/clock.h"
-#include "server/observe/trace_context.h"
 
 namespace pepeseg {
 namespace {

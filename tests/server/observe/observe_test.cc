@@ -10,7 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "server/observe/trace_context.h"
+#include "server/observe/log.h"
 #include "server/worker_protocol/job_folder.h"
 #include "tests/server/health_check.h"
 #include "tests/server/service_test.h"

@@ -6,15 +6,22 @@
 
 #include <array>
 #include <atomic>
+#include <functional>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <span>
 #include <string>
 #include <string_view>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "absl/time/time.h"
+#include "pepeseg/v1/job_service.pb.h"
 
+// Metrics that are counted as calls and jobs proceed. The others are read at each scrape
+// (server_metrics.h).
 namespace pepeseg {
 
 // Metrics of calls by method and code. Only methods of the contract have a label of their own;
@@ -58,5 +65,29 @@ class RpcMetrics final : public prometheus::Collectable {
 
 // Returns the name of a gRPC status code, as "NOT_FOUND"; "CODE_42" for an unknown one.
 std::string CodeName(int grpc_code);
+
+// Metrics of the jobs that run on this server, from their events. A job's series exist only while
+// it runs, so that their number stays small. Thread safe.
+class JobMetrics final : public prometheus::Collectable {
+ public:
+  JobMetrics();
+
+  // Records an event that a job's worker, or the supervisor, has just written.
+  void Observe(const std::string& job, const v1::JobEvent& event);
+
+  // Sets how to find out whether a job still runs here: a job that another server has taken over
+  // ends here without an event. Call it before the first scrape.
+  void SetRunning(std::function<bool(const std::string& job)> is_running) {
+    is_running_ = std::move(is_running);
+  }
+
+  std::vector<prometheus::MetricFamily> Collect() const override;
+
+ private:
+  prometheus::Family<prometheus::Histogram> stage_seconds_;
+  std::function<bool(const std::string&)> is_running_;       // empty: all jobs run here
+  mutable std::mutex mutex_;                                 // guards progress_
+  mutable std::map<std::string, v1::JobProgress> progress_;  // the newest of each job
+};
 
 }  // namespace pepeseg
