@@ -26,7 +26,7 @@ struct SandboxNeeds {
 // Limits this process, and every process that it starts. The limits cannot be lifted, and the
 // process can gain no privileges.
 //
-// System calls (seccomp): those of a list (worker_system_calls.h). Every other one fails with
+// System calls (seccomp): those of a list (worker_sandbox.cc). Every other one fails with
 // EPERM, and the kernel's log names it. Calls that only an attack makes kill the process (SIGSYS).
 // There is no network, no connection to a local socket of another process, no links, and no exec
 // unless `runs_programs`.
