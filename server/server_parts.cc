@@ -112,7 +112,6 @@ SupervisorOptions JobOptions(const ServerOptions& options, const Device& device)
   job_options.launch = options.launch;
   job_options.launch.database = DatabaseUrl(options);
   if (!options.launch.slurm_device.empty()) job_options.device = options.launch.slurm_device;
-  job_options.heartbeat_timeout = absl::Seconds(options.launch.lease_seconds);
   return job_options;
 }
 

@@ -15,6 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr absl::Duration kInterval = absl::Hours(1);
+
 // Returns 12 for a folder "j12", and 0 for one that is not a job's.
 int64_t JobNumberOf(const fs::path& folder) {
   const std::string name = folder.filename().string();
@@ -156,8 +158,7 @@ void Collector::RunForever() {
       spdlog::error("collecting what nothing refers to: {}", run.status().ToString());
     }
     lock.lock();
-    wake_.wait_for(lock, absl::ToChronoMilliseconds(options_.interval),
-                   [this] { return stopping_; });
+    wake_.wait_for(lock, absl::ToChronoMilliseconds(kInterval), [this] { return stopping_; });
   }
 }
 

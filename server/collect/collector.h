@@ -16,7 +16,6 @@ namespace pepeseg {
 
 struct CollectorOptions {
   std::filesystem::path data;  // laid out as server/store/layout.h says
-  absl::Duration interval = absl::Hours(1);
   // Minimum age of a file without a record: a younger one may be about to get its record. Does not
   // apply to blobs that the store counts, which had one.
   absl::Duration file_age = absl::Hours(24);
@@ -51,7 +50,7 @@ class Collector {
   Collector(Store& store, CollectorOptions options);
   ~Collector();  // calls Stop()
 
-  // Starts a thread that runs now and then again after each interval.
+  // Starts a thread that runs now and then again every hour.
   void Start();
   // Waits for a run in progress.
   void Stop();

@@ -25,7 +25,8 @@ struct LaunchOptions {
   // The database's URL, as Store::Open takes it. Workers that Slurm restarts take their next fence
   // there.
   std::string database;
-  // Lease duration. A server that fails to renew within it loses its jobs to the next claimant.
+  // Lease duration. A server that fails to renew within it loses its jobs to the next claimant. A
+  // worker on this machine that gives no heartbeat for as long is killed.
   int lease_seconds = 30;
   // Pauses before the next attempt of a job after the first, second, third ... crash in a row that
   // made no progress; the last pause repeats. A crash after progress gets the first. Not empty.

@@ -21,6 +21,8 @@ namespace {
 
 // Bytes of the worker's log that go into an error message, which stays under 4 KB.
 constexpr size_t kLogTail = 1500;
+// A job fails when its worker has crashed in this many attempts in a row that made no progress.
+constexpr int kMaxCrashes = 3;
 
 // Whether the worker exceeded its limit of CPU time or file size. A smaller job may stay below it,
 // but another attempt of the same job does not.
@@ -158,12 +160,16 @@ void RunningJob::Held(const JobRow& row) {
   Touch(folder_.lease(job_.fence));
 }
 
+absl::Duration RunningJob::HeartbeatTimeout() const {
+  return absl::Seconds(context_.options.launch.lease_seconds);
+}
+
 void RunningJob::KillIfTimedOut() {
   // On a cluster, Slurm watches the workers.
   if (timed_out_ || check_started_ || !worker_->launch().empty()) return;
-  if (absl::FromChrono(heartbeat_.SinceChange()) < context_.options.heartbeat_timeout) return;
+  if (absl::FromChrono(heartbeat_.SinceChange()) < HeartbeatTimeout()) return;
   spdlog::warn("jobs/{}: attempt {} gave no sign for {}: killed", job_.id, job_.fence,
-               absl::FormatDuration(context_.options.heartbeat_timeout));
+               absl::FormatDuration(HeartbeatTimeout()));
   timed_out_ = true;
   worker_->Kill();
 }
@@ -196,7 +202,7 @@ std::string RunningJob::DescribeCrash(const WorkerEnd& end) const {
   }
   if (timed_out_) {
     absl::StrAppend(&text, ", because it gave no heartbeat for ",
-                    absl::FormatDuration(context_.options.heartbeat_timeout));
+                    absl::FormatDuration(HeartbeatTimeout()));
   } else if (end.signal == SIGKILL) {
     absl::StrAppend(
         &text, "; the server did not kill it: an operator did, or the kernel for lack of memory");
@@ -289,11 +295,10 @@ absl::Status RunningJob::TakeModel(JobResult& result) const {
 }
 
 // Returns whether a crashed job gets another attempt: its worker lost the lease or made progress,
-// or fewer than `max_crashes` attempts in a row have crashed without progress.
+// or fewer than kMaxCrashes attempts in a row have crashed without progress.
 bool RunningJob::MayTryAgain() const {
   if (!crashed_) return false;
-  return lease_lost_ || folder_.HasSaved(job_.fence) ||
-         job_.crashes + 1 < context_.options.max_crashes;
+  return lease_lost_ || folder_.HasSaved(job_.fence) || job_.crashes + 1 < kMaxCrashes;
 }
 
 // Describes the attempt of a job that is queued again. A stop on request, or a lost lease, does not

@@ -86,16 +86,17 @@ class RunningJob {
   // first call after its end starts that check.
   bool Ended();
   // Writes the outcome of a worker that has ended: first to the store, then as the log's last
-  // event. A job whose worker crashed is queued again, with a pause, unless it was the
-  // `max_crashes`-th crash in a row without progress. `requeue`: a job that Terminate() has stopped
-  // is queued again, too, instead of CANCELLED. May be called again after an error. ABORTED:
-  // another server has taken the job over.
+  // event. A job whose worker crashed is queued again, with a pause, unless it was the third crash
+  // in a row without progress. `requeue`: a job that Terminate() has stopped is queued again, too,
+  // instead of CANCELLED. May be called again after an error. ABORTED: another server has taken the
+  // job over.
   absl::Status Finish(bool requeue);
   // Returns the pause between calls of Finish() that fail.
   RetryPause& end_pause() { return end_pause_; }
 
  private:
   RunningJob(const Context& context, JobRow job, JobFolder folder);
+  absl::Duration HeartbeatTimeout() const;
   absl::Status WriteSpec() const;
   WorkerCommand Command() const;
   // Sets `outcome` to how the attempt ended; OK: there is a model. Returns an error when the server

@@ -30,29 +30,23 @@ struct SupervisorOptions {
   std::function<std::shared_future<int>(const std::string& project, std::vector<DatasetFileRow>)>
       check_files;
   WorkerOptions workers;       // copied into each job's spec
-  int num_slots = 1;           // maximum number of jobs that run at a time
   std::string device = "cpu";  // Device::id of the device that workers open
   std::string device_name;     // Backend::name() of that device, stored with each job
   int num_threads = 0;         // CPU threads of one job; 0: one per core
   // Maximum host memory of a worker, bytes. 0: all memory of its machine or control group.
   int64_t memory_limit = 0;
-  // A job FAILS when its worker has crashed in `max_crashes` attempts in a row that made no
-  // progress, or the server has ended during `max_server_ends` attempts in a row that made none. A
-  // stop on request counts as neither.
-  int max_crashes = 3, max_server_ends = 100;
-  // A worker on this machine that gives no heartbeat for this long is killed.
-  absl::Duration heartbeat_timeout = absl::Seconds(30);
   LaunchOptions launch;
   // Called once for each new event of a job that runs here, on the supervisor's thread: it must not
   // block. May be empty.
   std::function<void(const std::string& job, const v1::JobEvent&)> on_event;
   absl::Duration cancel_grace = absl::Seconds(10);  // time from SIGTERM to SIGKILL
-  absl::Duration poll = absl::Milliseconds(50);     // interval of looking at workers and their logs
 };
 
-// Takes queued jobs, runs each in a worker process, and follows it to its end: the model is
-// committed, or the job FAILED with the reason. A worker that crashes is restarted after a pause,
-// and resumes from its checkpoints. A worker's crash never ends the server; the server's end also
+// Takes queued jobs, one at a time, runs each in a worker process, and follows it to its end: the
+// model is committed, or the job FAILED with the reason. A worker that crashes is restarted after a
+// pause, and resumes from its checkpoints. The third crash in a row without progress makes the job
+// FAIL, and so does the hundredth end of a server during it in a row without progress. A stop on
+// request counts as neither. A worker's crash never ends the server; the server's end also
 // ends its workers, unless they run on a cluster.
 //
 // On a shared database a server holds a job by a lease, which it renews while it runs. Another
@@ -68,7 +62,7 @@ class Supervisor {
   static absl::StatusOr<std::unique_ptr<Supervisor>> Start(Store& store, SupervisorOptions options);
   ~Supervisor();  // like Stop() with a deadline that has passed
 
-  // Creates a job as JobStore::CreateJob does. It starts as soon as a slot is free.
+  // Creates a job as JobStore::CreateJob does. It starts as soon as no other job runs here.
   absl::StatusOr<JobRow> Submit(const JobRow& job);
   // Cancels a queued job at once. A running job's worker is asked to stop: the record returned is
   // still RUNNING.
@@ -97,7 +91,7 @@ class Supervisor {
 
   // Returns why a job makes no progress at this server: its start or end could not be written, at
   // least twice in a row, and is tried again after a pause. OK: no obstacle is known. `queued`: the
-  // job waits for a slot, as far as the caller knows. Does not block.
+  // job waits for its start, as far as the caller knows. Does not block.
   absl::Status FindObstacle(const std::string& job, bool queued) const;
 
   // Calls `changed` on the supervisor's thread when a job may have new events, until the watch is

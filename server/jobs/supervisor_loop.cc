@@ -14,6 +14,13 @@
 namespace pepeseg {
 namespace {
 
+// Maximum number of jobs that run at a time.
+constexpr size_t kMaxRunningJobs = 1;
+// Interval of looking at workers and their logs.
+constexpr absl::Duration kLookAtWorkers = absl::Milliseconds(50);
+// A job fails when servers have ended during this many attempts in a row that made no progress.
+constexpr int kMaxServerEnds = 100;
+
 std::unique_ptr<Launcher> MakeLauncher(const SupervisorOptions& options) {
   if (options.launch.launcher == LaunchOptions::Launcher::kSlurm) {
     return MakeSlurmLauncher(options.launch);
@@ -58,7 +65,7 @@ absl::Status Supervisor::Loop::RecoverJob(JobRow job) {
   const int64_t fence = job.fence;
   const EndedAttempt ended{AttemptEnd::kServerEnded, FolderOf(job.id).HasSaved(fence), {}};
   // A job that brings its server down each time must not do so for ever.
-  if (ended.progress || job.server_ends + 1 < options_.max_server_ends) {
+  if (ended.progress || job.server_ends + 1 < kMaxServerEnds) {
     ASSIGN_OR_RETURN(job, store_.queue().RequeueJob(job.id, fence, ended));
   } else {
     ASSIGN_OR_RETURN(
@@ -204,10 +211,10 @@ void Supervisor::Loop::FinishJobs(bool requeue) {
   }
 }
 
-// Whether another job may start: claims are on, and a slot is free.
+// Whether another job may start: claims are on, and fewer than kMaxRunningJobs run.
 bool Supervisor::Loop::MayStart() const {
   const std::lock_guard lock(mutex_);
-  return claiming_ && !stopping_ && running_.size() < static_cast<size_t>(options_.num_slots);
+  return claiming_ && !stopping_ && running_.size() < kMaxRunningJobs;
 }
 
 // Pauses claims after `error` has stopped the start of `job`, or a claim if `job` is empty. Reports
@@ -218,7 +225,7 @@ void Supervisor::Loop::PauseClaims(const std::string& job, const absl::Status& e
   if (claim_pause_.num_failures() > 1) feed_.SetObstacle(job, error);
 }
 
-// Claims queued jobs and starts them while slots are free.
+// Claims queued jobs and starts them while more may start.
 void Supervisor::Loop::Claim() {
   if (!claim_pause_.Over()) return;
   // Before the next claim: after an error this server does not know which jobs it holds.
@@ -349,7 +356,7 @@ bool Supervisor::Loop::WaitForWork() {
   } else if (running_.empty()) {
     wake_.wait(lock, woken);
   } else {
-    wake_.wait_for(lock, absl::ToChronoMilliseconds(options_.poll), woken);
+    wake_.wait_for(lock, absl::ToChronoMilliseconds(kLookAtWorkers), woken);
   }
   woken_ = false;
   return !stopping_;

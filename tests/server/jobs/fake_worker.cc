@@ -110,7 +110,7 @@ int Act(const std::string& act, const JobFolder& folder, int64_t fence) {
   }
   if (act == "crash once" && fence == 1) std::abort();
   if (act == "crash at 4" && fence == 4) std::abort();
-  if (act == "save and crash twice" && fence <= 2) {
+  if (act == "save and crash three times" && fence <= 3) {
     std::filesystem::create_directories(folder.checkpoints(fence));
     std::ofstream(folder.checkpoints(fence) / "reconstruct-000000100.ckpt") << "state";
     std::abort();

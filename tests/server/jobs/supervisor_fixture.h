@@ -23,7 +23,6 @@ class SupervisorTest : public ::testing::Test {
  protected:
   SupervisorTest() {
     store_ = Store::Open(database_).value();
-    options_.max_crashes = 2;
     options_.launch.crash_pauses = {absl::Milliseconds(20)};
     Restart();
   }
@@ -37,7 +36,7 @@ class SupervisorTest : public ::testing::Test {
       return "/blobs/" + file.sha256;
     };
     options.cancel_grace = absl::Milliseconds(300);
-    options.heartbeat_timeout = absl::Seconds(3);
+    options.launch.lease_seconds = 3;
     auto supervisor = Supervisor::Start(*store_, options);
     ASSERT_OK(supervisor);
     supervisor_ = std::move(supervisor).value();
