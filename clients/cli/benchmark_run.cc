@@ -160,8 +160,9 @@ absl::Status ScoreOwnScene(const Client& client, const BenchmarkPlan& plan,
     ASSIGN_OR_RETURN(v1::EvaluateModelRequest request,
                      EvaluateRequestOf(scene.folder, level, model, views));
     if (request.views().empty()) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          level.folder.string(), ": no label image of a held-out view: looked for STEM.png"));
+      return absl::InvalidArgumentError(
+          absl::StrCat(level.folder.string(),
+                       ": no truth of a held-out view: looked for STEM.png and outlines"));
     }
     request.mutable_options()->set_protocol(plan.protocol);
     ASSIGN_OR_RETURN(const v1::EvaluateModelResponse scores, client.Evaluate(request));

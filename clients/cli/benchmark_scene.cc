@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "clients/cli/benchmark_photographs.h"
+#include "clients/cli/outlines.h"
 #include "clients/cli/picture.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/nearest_names.h"
@@ -198,6 +199,37 @@ absl::StatusOr<BenchmarkScene> ReadLerfScene(const fs::path& folder, const std::
 
 // Our own scenes.
 
+// Checks that outlines are of photographs of the scene, and holds views with outlines out of
+// training: those, if they are at most a quarter of all, otherwise every 8th. INVALID_ARGUMENT: no
+// held-out view has outlines.
+absl::Status HoldOutOutlinedViews(const TruthLevel& level, BenchmarkScene& scene) {
+  const std::vector<std::string> views = ViewsOf(scene.dataset);
+  if (views.empty()) return absl::OkStatus();  // frames of videos have no names yet
+  for (const OutlinedPhotograph& outlines : level.outlines) {
+    const bool known = std::any_of(views.begin(), views.end(), [&](const std::string& view) {
+      return OutlinesOf({outlines}, view) != nullptr;
+    });
+    if (known) continue;
+    return Missing(outlines.file, absl::StrCat("no photograph \"", outlines.name, "\" among the ",
+                                               views.size(), " of ", scene.folder.string(),
+                                               DidYouMean(NearestNames(outlines.name, views))));
+  }
+  std::vector<std::string> outlined = views;
+  std::erase_if(outlined, [&](const std::string& view) {
+    return OutlinesOf(level.outlines, view) == nullptr;
+  });
+  if (4 * outlined.size() <= views.size()) scene.held_out_views = outlined;
+  const std::vector<std::string> held_out = HeldOutViews(scene);
+  const bool scored = std::any_of(held_out.begin(), held_out.end(), [&](const std::string& view) {
+    return OutlinesOf(level.outlines, view) != nullptr;
+  });
+  if (scored) return absl::OkStatus();
+  return Missing(level.folder,
+                 absl::StrCat("outlines of ", outlined.size(), " photographs, but of none that is ",
+                              "held out: ", absl::StrJoin(held_out, ", "),
+                              "; outline these, or at most a quarter of the ", views.size()));
+}
+
 absl::StatusOr<BenchmarkScene> ReadOwnScene(const fs::path& folder, const std::string& name,
                                             const SceneSearch& /*search*/) {
   BenchmarkScene scene;
@@ -206,8 +238,13 @@ absl::StatusOr<BenchmarkScene> ReadOwnScene(const fs::path& folder, const std::s
   ASSIGN_OR_RETURN(scene.dataset, ReadDatasetFolder(scene.folder));
   ASSIGN_OR_RETURN(scene.levels, FindTruth(scene.folder));
   if (scene.levels.empty() && !Has(scene.dataset, v1::FILE_KIND_MASK)) {
-    return Missing(scene.folder,
-                   "nothing to score against: looked for labels/, gt/labels.json and masks/ in it");
+    return Missing(
+        scene.folder,
+        "nothing to score against: looked for labels/, gt/labels.json, annotations.json, "
+        "annotations/ and masks/ in it");
+  }
+  for (const TruthLevel& level : scene.levels) {
+    if (!level.outlines.empty()) RETURN_IF_ERROR(HoldOutOutlinedViews(level, scene));
   }
   return scene;
 }

@@ -45,7 +45,7 @@ struct BenchmarkScene {
   std::vector<std::string> held_out_views;  // empty: every 8th view by name
   std::vector<TruthFile> truth;             // by entity and view
   std::vector<ReferencePrompt> prompts;     // one for each entity
-  std::vector<TruthLevel> levels;           // label images of kScene, in place of truth and prompts
+  std::vector<TruthLevel> levels;           // truth of kScene, in place of truth and prompts
 };
 
 // Returns the names of the views that are held out: scene.held_out_views, or every 8th by name.
@@ -68,7 +68,9 @@ struct SceneSearch {
 //              NNNth photograph by name, from 0
 //   kLerfMask, kLerfMaskFine
 //              SCENE/ with images/, sparse/0/ and test_mask/VIEW/PROMPT.png
-//   kScene     SCENE/ with images/ and labels/ or gt/ (see FindTruth); or such a folder itself
+//   kScene     SCENE/ with images/ and label images or outlines (see FindTruth); or such a folder
+//              itself. The photographs with outlines are held out if they are at most a quarter of
+//              all
 // An LLFF scene has images/, images_2/, images_4/ or images_8/, and sparse/0/ or poses_bounds.npy.
 // INVALID_ARGUMENT: nothing of that layout is there, or a part of it is missing; the message says
 // what was looked for, and where.

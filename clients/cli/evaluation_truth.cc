@@ -9,9 +9,9 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "clients/cli/outline_files.h"
 #include "clients/cli/picture.h"
 #include "clients/cpp/file_bytes.h"
-#include "clients/cpp/mask.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {
@@ -61,21 +61,6 @@ absl::Status NothingThere(const TruthFlags& flags, const std::vector<v1::View>& 
       absl::StrCat(flags.folder.string(), " has nothing of a view to score: ", reason));
 }
 
-// Returns COCO's compressed string of "counts": that string itself, or a list of run lengths.
-// Nothing: it is neither.
-std::optional<std::string> CountsOf(const nlohmann::json& rle) {
-  const auto counts = rle.find("counts");
-  if (counts == rle.end()) return std::nullopt;
-  if (counts->is_string()) return counts->get<std::string>();
-  if (!counts->is_array()) return std::nullopt;
-  std::vector<int64_t> runs;
-  for (const auto& run : *counts) {
-    if (!run.is_number_integer()) return std::nullopt;
-    runs.push_back(run.get<int64_t>());
-  }
-  return CompressRuns(runs);
-}
-
 absl::StatusOr<v1::SamViewMasks> SamMasksFromJson(const fs::path& file) {
   const auto bad = [&](const std::string& what) {
     return absl::InvalidArgumentError(absl::StrCat(file.string(), ": ", what));
@@ -88,18 +73,14 @@ absl::StatusOr<v1::SamViewMasks> SamMasksFromJson(const fs::path& file) {
   v1::SamViewMasks masks;
   for (const auto& entry : json) {
     const auto rle = entry.is_object() ? entry.value("segmentation", nlohmann::json()) : entry;
-    const auto size = rle.is_object() ? rle.value("size", nlohmann::json()) : rle;
-    const auto counts = rle.is_object() ? CountsOf(rle) : std::nullopt;
-    if (!size.is_array() || size.size() != 2 || !size[0].is_number_integer() ||
-        !size[1].is_number_integer() || !counts) {
+    const std::optional<v1::CocoRle> runs = RleOf(rle);
+    if (!runs) {
       return bad(absl::StrCat("mask ", masks.masks_size(),
                               " has no segmentation {\"size\": [height, width], \"counts\": "
                               "run lengths, or COCO's compressed string}"));
     }
     v1::SamViewMasks::SamMask& mask = *masks.add_masks();
-    mask.mutable_mask()->mutable_rle()->set_height(size[0].get<int>());
-    mask.mutable_mask()->mutable_rle()->set_width(size[1].get<int>());
-    mask.mutable_mask()->mutable_rle()->set_counts(*counts);
+    *mask.mutable_mask()->mutable_rle() = *runs;
     const auto number = [&](const char* name) { return entry.value(name, nlohmann::json()); };
     if (number("predicted_iou").is_number())
       mask.set_predicted_iou(number("predicted_iou").get<double>());

@@ -17,6 +17,12 @@ struct Rgb {
   uint8_t r = 0, g = 0, b = 0;
 };
 
+struct PixelSize {
+  int width = 0, height = 0;
+
+  bool operator==(const PixelSize&) const = default;
+};
+
 // An RGB image, [height, width, 3], 8 bits.
 struct Picture {
   int width = 0;

@@ -13,11 +13,6 @@
 // Pictures of the views of a model.
 namespace pepeseg::client::cli {
 
-struct PixelSize {
-  int width = 0, height = 0;
-
-  bool operator==(const PixelSize&) const = default;
-};
 // Returns the size of the uploaded photograph, or of the view if the server does not know that.
 PixelSize PhotographSize(const v1::View& view);
 

@@ -49,6 +49,25 @@ absl::StatusOr<Mask> DecodeRle(const v1::CocoRle& rle) {
   return mask;
 }
 
+v1::CocoRle EncodeRle(std::span<const uint8_t> mask, int width, int height) {
+  std::vector<int64_t> runs = {0};
+  bool inside = false;
+  for (int x = 0; x < width; ++x) {
+    for (int y = 0; y < height; ++y) {
+      if ((mask[static_cast<size_t>(y) * width + x] != 0) != inside) {
+        inside = !inside;
+        runs.push_back(0);
+      }
+      ++runs.back();
+    }
+  }
+  v1::CocoRle rle;
+  rle.set_width(width);
+  rle.set_height(height);
+  rle.set_counts(CompressRuns(runs));
+  return rle;
+}
+
 // Digits of 5 bits, the lowest first, each with a bit for "more follow"; from the fourth run on the
 // difference to the run two before it.
 std::string CompressRuns(std::span<const int64_t> runs) {

@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "clients/cli/bench_truth.h"
+#include "clients/cpp/mask.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -54,6 +55,54 @@ TEST(FindTruth, FallsBackToTheFolderOfLabelsOrToNothing) {
   fs::create_directories(folder.path() / "gt");
   std::ofstream(folder.path() / "gt/labels.json") << "[1]";
   EXPECT_EQ(FindTruth(folder.path()).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+// Writes outlines as LabelMe does: a square of 2 x 2 of 8 x 6 pixels.
+void WriteOutline(const fs::path& path) {
+  fs::create_directories(path.parent_path());
+  std::ofstream(path) << R"({"imageWidth": 8, "imageHeight": 6, "shapes": [{"label": "cup",)"
+                      << R"("points": [[2, 2], [4, 2], [4, 4], [2, 4]], "group_id": null}]})";
+}
+
+TEST(FindTruth, ReadsOutlinesWhereThereAreNoLabelImages) {
+  const testing::TempFolder folder;
+  WriteOutline(folder.path() / "images/a.json");
+  std::ofstream(folder.path() / "images/camera.json") << "{}";
+  for (const char* better : {"images/a.json", "annotations/all/a.json", "labels/a.json"}) {
+    WriteOutline(folder.path() / better);
+    const auto levels = FindTruth(folder.path());
+    ASSERT_OK(levels);
+    ASSERT_EQ(levels->size(), 1u);
+    EXPECT_EQ((*levels)[0].name, "labels");
+    ASSERT_EQ((*levels)[0].outlines.size(), 1u);
+    EXPECT_EQ((*levels)[0].outlines[0].file, folder.path() / better);
+  }
+  std::ofstream(folder.path() / "labels/b.json") << "{}";
+  EXPECT_EQ(FindTruth(folder.path()).status().code(), absl::StatusCode::kInvalidArgument);
+  WriteLabels(folder.path() / "labels/a.png", 8, 6, 3);
+  const auto images = FindTruth(folder.path());
+  ASSERT_OK(images);
+  EXPECT_THAT((*images)[0].outlines, ::testing::IsEmpty());
+}
+
+TEST(EvaluateRequestOf, DrawsOutlinesInTheSizeOfThePhotograph) {
+  const testing::TempFolder folder;
+  WriteOutline(folder.path() / "labels/a.json");
+  const auto levels = FindTruth(folder.path());
+  ASSERT_OK(levels);
+  const auto request = EvaluateRequestOf(folder.path(), (*levels)[0], "m",
+                                         {HeldOut("a.jpg", 4, 3), HeldOut("b.jpg", 4, 3)});
+  ASSERT_OK(request);
+  ASSERT_EQ(request->views_size(), 1);
+  EXPECT_TRUE(request->views(0).labels_png().empty());
+  ASSERT_EQ(request->views(0).masks_size(), 1);
+  EXPECT_EQ(request->views(0).masks(0).entity(), "cup");
+  const auto mask = DecodeRle(request->views(0).masks(0).mask().rle());
+  ASSERT_OK(mask);
+  EXPECT_THAT(*mask, ::testing::ElementsAre(0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0));
+  const auto other = EvaluateRequestOf(folder.path(), (*levels)[0], "m", {HeldOut("a.jpg", 4, 6)});
+  EXPECT_THAT(std::string(other.status().message()),
+              ::testing::HasSubstr("a.json: 8x6 pixels, which is not the shape of the photograph"));
 }
 
 TEST(EvaluateRequestOf, ResizesLabelsToTheirViews) {

@@ -54,6 +54,28 @@ grep -q 'clicks to 90' "$work/out/scene/table.csv" || fail 'no clicks'
 grep -q 'SAM best IoU' "$work/out/scene/table.csv" || fail 'no agreement with SAM'
 compgen -G "$work/out/spin-nerf/pictures/table-1-table-*.png" >/dev/null || fail 'no pictures'
 
+# Outlines of the same things score the same as label images, whose entities are named by their ids.
+cp -r "$work/folders/scene" "$work/folders/outlined"
+rm -r "$work/folders/outlined/labels"
+python3 - "$work/folders/outlined" <<'PYTHON'
+import json, sys
+coco = {"images": [], "annotations": [], "categories": [{"id": i, "name": str(i)} for i in (1, 2, 3)]}
+for stem in ("000", "008"):
+    coco["images"].append({"id": stem, "file_name": stem + ".png", "width": 96, "height": 72})
+    for label, mask in enumerate(json.load(open(f"{sys.argv[1]}/masks/{stem}.json")), start=1):
+        coco["annotations"].append({"image_id": stem, "category_id": label,
+                                    "segmentation": mask["segmentation"]})
+json.dump(coco, open(sys.argv[1] + "/annotations.json", "w"))
+PYTHON
+mv "$work/out/scene" "$work/out/labelled"
+benchmark scene outlined
+python3 - "$work/out/labelled/table.json" "$work/out/scene/table.json" <<'PYTHON' ||
+import json, sys
+levels = [json.load(open(path))[0]["levels"] for path in sys.argv[1:]]
+assert levels[0] == levels[1], levels
+PYTHON
+  fail 'outlines and label images of the same things have other scores'
+
 benchmark nvos nvos
 grep -q 'in the record: table' "$work/errors" || fail 'a finished run is repeated'
 benchmark lerf-mask lerf-mask --seeds 2

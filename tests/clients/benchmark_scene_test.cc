@@ -171,6 +171,40 @@ TEST_F(BenchmarkScenes, OfOurOwnHaveSamRequestsForHeldOutViews) {
   EXPECT_EQ((*requests)[0].sam_views(0).masks(0).predicted_iou(), 0.95);
 }
 
+// Replaces the label images of our own miniature by outlines of these photographs.
+void WriteOutlines(const fs::path& scene, const std::vector<std::string>& stems) {
+  fs::remove_all(scene / "labels");
+  fs::create_directories(scene / "labels");
+  for (const std::string& stem : stems) {
+    std::ofstream(scene / "labels" / (stem + ".json"))
+        << R"({"imageWidth": 96, "imageHeight": 72, "shapes": [{"label": "ball", "points": )"
+        << R"([[10, 10], [60, 10], [60, 50]]}]})";
+  }
+}
+
+TEST_F(BenchmarkScenes, OfOurOwnHoldOutAFewOutlinedPhotographs) {
+  pepeseg::testing::WriteOwnMiniature(folder_.path());
+  WriteOutlines(folder_.path(), {"003", "006"});
+  const auto few = OnlyScene(Benchmark::kScene, folder_.path());
+  ASSERT_OK(few);
+  EXPECT_THAT(HeldOutViews(*few), ElementsAre("003.png", "006.png"));
+  WriteOutlines(folder_.path(), {"003", "006", "008"});
+  const auto many = OnlyScene(Benchmark::kScene, folder_.path());
+  ASSERT_OK(many);
+  EXPECT_THAT(HeldOutViews(*many), ElementsAre("000.png", "008.png"));
+  WriteOutlines(folder_.path(), {"003", "006", "007"});
+  EXPECT_THAT(Refusal(Benchmark::kScene, folder_.path()),
+              HasSubstr("outlines of 3 photographs, but of none that is held out: 000.png, "
+                        "008.png; outline these"));
+}
+
+TEST_F(BenchmarkScenes, OfOurOwnAreRefusedWithOutlinesOfUnknownPhotographs) {
+  pepeseg::testing::WriteOwnMiniature(folder_.path());
+  WriteOutlines(folder_.path(), {"033"});
+  EXPECT_THAT(Refusal(Benchmark::kScene, folder_.path()),
+              HasSubstr("033.json: no photograph \"033\" among the 10 of "));
+}
+
 TEST_F(BenchmarkScenes, ResampleMasksOfAnotherSizeAndRefuseOtherShapes) {
   pepeseg::testing::WriteSpinNerfMiniature(folder_.path());
   const fs::path mask = folder_ / "table/object_masks/image002.png";

@@ -63,6 +63,18 @@ TEST(DecodeRle, ReadsLongRunsAndDifferences) {
   }
 }
 
+TEST(EncodeRle, IsWhatDecodeRleReads) {
+  EXPECT_EQ(EncodeRle(Mask{0, 1, 0, 1, 1, 0}, 3, 2).counts(), "132");
+  std::mt19937 random(5);
+  for (const unsigned share : {0u, 1u, 30u, 99u, 100u}) {
+    Mask mask(37 * 90);
+    for (uint8_t& pixel : mask) pixel = random() % 100 < share ? 1 : 0;
+    const auto decoded = DecodeRle(EncodeRle(mask, 90, 37));
+    ASSERT_OK(decoded);
+    EXPECT_EQ(*decoded, mask) << share;
+  }
+}
+
 TEST(DecodeRle, RefusesRunsThatDoNotFillTheMask) {
   for (const char* counts : {"", "13", "139", "1", "P", "ooooooooooooooooooooo"}) {
     EXPECT_EQ(DecodeRle(Rle(2, 3, counts)).status().code(), absl::StatusCode::kDataLoss) << counts;

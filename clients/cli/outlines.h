@@ -1,0 +1,56 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "clients/cli/picture.h"
+#include "pepeseg/v1/prompt.pb.h"
+
+// Outlines of things that people drew on photographs, and masks of them.
+namespace pepeseg::client::cli {
+
+// A position in pixels: the centre of the first pixel is at (0.5, 0.5).
+struct OutlinePoint {
+  double x = 0, y = 0;
+};
+
+using Polygon = std::vector<OutlinePoint>;
+
+// Returns the rectangle with two opposite corners, and a circle through a point as a polygon.
+Polygon BoxOf(const OutlinePoint& corner, const OutlinePoint& opposite);
+Polygon CircleOf(const OutlinePoint& centre, const OutlinePoint& point);
+
+// A region of a photograph.
+struct OutlineRegion {
+  // Pixels whose centres an odd number of these polygons surround are inside.
+  std::vector<Polygon> polygons;
+  std::optional<v1::CocoRle> rle;  // in place of polygons
+};
+
+// A thing in a photograph: the union of its regions.
+struct OutlinedEntity {
+  std::string name;
+  std::vector<OutlineRegion> regions;
+};
+
+// The outlines of a photograph.
+struct OutlinedPhotograph {
+  std::string name;            // as the tool has it: "a.jpg", or "a" of LabelMe's a.json
+  std::filesystem::path file;  // that has the outlines
+  PixelSize size;              // of the image that was drawn on
+  std::vector<OutlinedEntity> entities;
+};
+
+// Returns the outlines of a view's photograph, by its name without ending and images/; null if
+// there are none.
+const OutlinedPhotograph* OutlinesOf(const std::vector<OutlinedPhotograph>& photographs,
+                                     const std::string& view);
+
+// Returns the entity's mask, 0 or 1, in an image of `size` pixels, which has the shape of
+// `drawn_on`, the size of the image that was drawn on.
+GreyPicture MaskOfEntity(const OutlinedEntity& entity, const PixelSize& drawn_on,
+                         const PixelSize& size);
+
+}  // namespace pepeseg::client::cli
