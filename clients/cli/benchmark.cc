@@ -1,4 +1,5 @@
 // The verb "benchmark": the field's benchmarks, from their folders to their tables.
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -6,6 +7,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "clients/cli/benchmark_plot.h"
 #include "clients/cli/benchmark_record.h"
 #include "clients/cli/benchmark_request.h"
 #include "clients/cli/benchmark_run.h"
@@ -112,7 +114,9 @@ class BenchmarkSession {
     if (!published.empty()) RETURN_IF_ERROR(WriteFile(out / "published.csv", Csv(published)));
     const std::string json = nlohmann::json(runs).dump();
     RETURN_IF_ERROR(WriteFile(out / "table.json", json + "\n"));
-    Note(absl::StrCat("table.md, .csv and .json, record.jsonl and pictures/ are in ", flags_.out));
+    RETURN_IF_ERROR(WritePlot());
+    Note(absl::StrCat("table.md, .csv and .json, entities.svg, record.jsonl and pictures/ are in ",
+                      flags_.out));
     if (shell_.json) {
       Print(json);
       return absl::OkStatus();
@@ -123,6 +127,22 @@ class BenchmarkSession {
   }
 
  private:
+  // Writes the plot of all runs in the record, also with other presets and variants, of the scenes
+  // and the protocol asked for.
+  absl::Status WritePlot() const {
+    std::vector<ScoredRun> runs;
+    for (const ScoredRun& run : record_.runs()) {
+      const bool plotted =
+          std::any_of(runs_of_now_.begin(), runs_of_now_.end(), [&](const ScoredRun& asked) {
+            return run.benchmark == asked.benchmark && run.protocol == asked.protocol &&
+                   run.scene == asked.scene;
+          });
+      if (plotted) runs.push_back(run);
+    }
+    const std::string plot = EntityPlot(plan_.benchmark, runs);
+    return plot.empty() ? absl::OkStatus() : WriteFile(fs::path(flags_.out) / "entities.svg", plot);
+  }
+
   // Returns the dataset of the scene, which is uploaded once for all seeds and options.
   absl::StatusOr<std::string> Upload(const BenchmarkScene& scene, const BenchmarkVariant& variant) {
     const std::string key =

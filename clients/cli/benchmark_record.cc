@@ -33,6 +33,14 @@ LevelScores ScoresOf(const std::string& level, const v1::EvaluateModelResponse& 
   scores.paper = ToRunScores(scene.has_paper(), scene.paper());
   scores.reference = ToRunScores(scene.has_reference(), scene.reference());
   scores.automatic = ToRunScores(scene.has_automatic(), scene.automatic());
+  for (const auto& entity : response.entities()) {
+    const auto iou = [](bool known, const v1::EvaluateModelResponse::Choice& choice) {
+      return known ? choice.mean().iou() : -1;
+    };
+    scores.entities.push_back({entity.name(), iou(entity.has_paper(), entity.paper()),
+                               iou(entity.has_reference(), entity.reference()),
+                               iou(entity.has_automatic(), entity.automatic())});
+  }
   const auto& scales = response.options().scales();
   scores.scales.assign(scales.begin(), scales.end());
   scores.iou_by_scale.assign(scene.iou_by_scale().begin(), scene.iou_by_scale().end());

@@ -19,6 +19,12 @@ struct RunScores {
   double iou = 0, accuracy = 0, boundary_iou = 0;
 };
 
+// The IoU of an entity by each choice of the scale, in [0, 1]. -1: nothing was chosen so.
+struct EntityIou {
+  std::string name;
+  double paper = -1, reference = -1, automatic = -1;
+};
+
 // The scores of one set of entities.
 struct LevelScores {
   std::string name;  // level of a scene's label images; empty: the only one
@@ -26,6 +32,7 @@ struct LevelScores {
   std::vector<std::string> left_out;  // entities without a scored view
   RunScores paper;                    // the scale was chosen on the scored truth
   RunScores reference, automatic;     // it was chosen on the reference view, or without any truth
+  std::vector<EntityIou> entities;    // by name; empty in records of earlier versions
   std::vector<double> scales, iou_by_scale;
   // Mean number of clicks and share of entities reached, by the protocol CLICKS. -1: not measured.
   double num_clicks = -1, reached = -1;
@@ -75,9 +82,10 @@ class RunRecord {
 };
 
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(RunScores, known, iou, accuracy, boundary_iou)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(EntityIou, name, paper, reference, automatic)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(LevelScores, name, num_entities, left_out, paper,
-                                                reference, automatic, scales, iou_by_scale,
-                                                num_clicks, reached)
+                                                reference, automatic, entities, scales,
+                                                iou_by_scale, num_clicks, reached)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(ScoredRun, benchmark, scene, variant, protocol,
                                                 seed, options, device, psnr, ssim, lpips, seconds,
                                                 host_bytes, device_bytes, query_ms, levels,

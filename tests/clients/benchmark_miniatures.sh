@@ -35,6 +35,21 @@ level = json.load(open(sys.argv[1]))[0]["levels"][0][sys.argv[2]]
 print(int(100 * level["iou"]) if level["known"] else -1)' "$work/out/$1/table.json" "$2"
 }
 
+plot() {  # plot NAME: checks that each bar is as long as the IoU that the table has
+  python3 - "$work/out/$1/entities.svg" "$work/out/$1/table.json" <<'PYTHON'
+import json, sys, xml.etree.ElementTree as xml
+svg = xml.parse(sys.argv[1]).getroot()
+name = "{http://www.w3.org/2000/svg}"
+bars = sorted(float(bar.get("width")) for bar in svg.iter(name + "rect") if bar.get("class") == "bar")
+known = []
+for level in json.load(open(sys.argv[2]))[0]["levels"]:
+    known += [entity["automatic"] for entity in level["entities"]] + [level["automatic"]["iou"]]
+wanted = sorted(400 * iou for iou in known)
+assert len(bars) == len(wanted) > 1, (bars, wanted)
+assert all(abs(a - b) < 0.01 for a, b in zip(bars, wanted)), (bars, wanted)
+PYTHON
+}
+
 benchmark nvos nvos
 benchmark spin-nerf spin-nerf
 benchmark lerf-mask lerf-mask
@@ -46,6 +61,7 @@ for name in nvos spin-nerf lerf-mask lerf-mask-fine scene; do
   ((paper >= 50)) || fail "$name: mean IoU $paper"
   ((paper >= $(score $name automatic) && paper >= $(score $name reference))) ||
     fail "$name: a choice without the scored truth is better than the one by it"
+  plot $name || fail "$name: the plot"
   grep -q '^| scene | mIoU ' "$work/out/$name/table.md" || fail "$name: no table"
 done
 grep -q '| PePESeg3D | the scored views\* | 92.2 |' "$work/out/nvos/table.md" ||
@@ -72,7 +88,7 @@ benchmark scene outlined
 python3 - "$work/out/labelled/table.json" "$work/out/scene/table.json" <<'PYTHON' ||
 import json, sys
 levels = [json.load(open(path))[0]["levels"] for path in sys.argv[1:]]
-assert levels[0] == levels[1], levels
+assert levels[0] == levels[1] and len(levels[0][0]["entities"]) > 1, levels
 PYTHON
   fail 'outlines and label images of the same things have other scores'
 
@@ -81,3 +97,4 @@ grep -q 'in the record: table' "$work/errors" || fail 'a finished run is repeate
 benchmark lerf-mask lerf-mask --seeds 2
 [[ $(wc -l <"$work/out/lerf-mask/record.jsonl") == 2 ]] || fail 'the second seed is not recorded'
 grep -q ' +- ' "$work/out/lerf-mask/table.md" || fail 'no spread'
+grep -q 'class="whisker"' "$work/out/lerf-mask/entities.svg" || fail 'no spread in the plot'

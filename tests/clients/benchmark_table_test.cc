@@ -130,6 +130,37 @@ TEST(RunRecord, ResumesWithTheRunsThatAreThere) {
   EXPECT_FALSE(again->Has(other));
 }
 
+TEST(RunRecord, KeepsTheIouOfEntities) {
+  v1::EvaluateModelResponse response;
+  auto& egg = *response.add_entities();
+  egg.set_name("egg");
+  egg.mutable_paper()->mutable_mean()->set_iou(0.75);
+  egg.mutable_automatic()->mutable_mean()->set_iou(0.5);
+  ScoredRun run = MakeRun("ramen", 1, 0.9, 0.95);
+  run.levels = {ScoresOf("", response)};
+  const pepeseg::testing::TempFolder folder;
+  auto record = RunRecord::Open(folder / "record.jsonl");
+  ASSERT_OK(record);
+  ASSERT_OK(record->Add(run));
+  const auto again = RunRecord::Open(folder / "record.jsonl");
+  ASSERT_OK(again);
+  ASSERT_EQ(again->runs()[0].levels[0].entities.size(), 1u);
+  const EntityIou& kept = again->runs()[0].levels[0].entities[0];
+  EXPECT_EQ(kept.name, "egg");
+  EXPECT_EQ(kept.paper, 0.75);
+  EXPECT_EQ(kept.automatic, 0.5);
+  EXPECT_EQ(kept.reference, -1) << "the response has none";
+}
+
+TEST(RunRecord, ReadsRunsOfEarlierVersionsWithoutEntities) {
+  const pepeseg::testing::TempFolder folder;
+  std::ofstream(folder / "record.jsonl") << R"({"scene": "fern", "levels": [{"name": "part"}]})"
+                                         << "\n";
+  const auto record = RunRecord::Open(folder / "record.jsonl");
+  ASSERT_OK(record);
+  EXPECT_TRUE(record->runs()[0].levels[0].entities.empty());
+}
+
 TEST(RunRecord, RefusesAnotherFile) {
   const pepeseg::testing::TempFolder folder;
   std::ofstream(folder / "record.jsonl") << "{\"scene\": \"a\"}\nhello\n";
