@@ -1,6 +1,7 @@
 #include "clients/cli/evaluation_truth.h"
 
 #include <algorithm>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
@@ -12,6 +13,7 @@
 #include "clients/cli/outline_files.h"
 #include "clients/cli/picture.h"
 #include "clients/cpp/file_bytes.h"
+#include "clients/cpp/nearest_names.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {
@@ -50,6 +52,19 @@ absl::StatusOr<std::vector<std::string>> ListedViews(const TruthFlags& flags) {
     if (!name.empty()) names.emplace_back(name);
   }
   return names;
+}
+
+// Returns the error of a name that no view has, with the views of similar names.
+absl::Status UnknownView(const std::string& name, const std::vector<v1::View>& views) {
+  std::map<std::string, std::string> view_of;  // by stem: all names may have the same ending
+  std::vector<std::string> stems;
+  for (const v1::View& view : views) {
+    view_of[stems.emplace_back(FileOf("", view.view(), "").string())] = view.view();
+  }
+  std::vector<std::string> near = NearestNames(FileOf("", name, "").string(), stems);
+  for (std::string& stem : near) stem = view_of[stem];
+  return absl::InvalidArgumentError(
+      absl::StrCat("the model has no view \"", name, "\"", DidYouMean(near)));
 }
 
 // Returns the error of a folder in which no view has what is `wanted` for it.
@@ -115,7 +130,7 @@ absl::StatusOr<std::vector<v1::View>> ViewsToScore(const TruthFlags& flags,
       return view.view() == name || fs::path(view.view()).replace_extension("") == name;
     });
     if (found == views.end()) {
-      return absl::InvalidArgumentError(absl::StrCat("the model has no view \"", name, "\""));
+      return UnknownView(name, views);
     }
     if (!found->held_out() && !flags.trained_views) {
       return absl::InvalidArgumentError(

@@ -58,7 +58,10 @@ TEST_F(TruthFolder, ScoresHeldOutViewsUnlessTheUserNamesOthers) {
   flags.views = {Write("views.txt", "b/c.jpg\n\n a.jpg \n")};
   EXPECT_THAT(Chosen(), ElementsAre("b/c.jpg", "a.jpg"));
   flags.views = {"nowhere.jpg"};
-  EXPECT_THAT(Chosen(), ElementsAre(HasSubstr("no view \"nowhere.jpg\"")));
+  EXPECT_THAT(Chosen(), ElementsAre("the model has no view \"nowhere.jpg\""));
+  flags.views = {"traned.jpg"};
+  EXPECT_THAT(Chosen(),
+              ElementsAre("the model has no view \"traned.jpg\"; did you mean trained.jpg?"));
   flags.views = {"trained.jpg"};
   EXPECT_THAT(Chosen(), ElementsAre(HasSubstr("was trained on; give --trained-views")));
   flags.trained_views = true;
