@@ -225,8 +225,9 @@ WorkerShare ShareOf(const v1::EstimateTrainingResponse& estimate) {
   return share;
 }
 
-// Checks the names of held-out views before the training is queued. Frames of videos have no names
-// yet: the training checks them.
+}  // namespace
+
+// Frames of videos have no names yet: the training checks them.
 absl::Status CheckSplit(const ImportOptions& import, const std::vector<DatasetFileRow>& files) {
   if (import.held_out_views.empty() || CountKind(files, v1::FILE_KIND_VIDEO) > 0) {
     return absl::OkStatus();
@@ -239,8 +240,6 @@ absl::Status CheckSplit(const ImportOptions& import, const std::vector<DatasetFi
   if (checked.ok()) return checked;
   return {checked.code(), absl::StrCat("options.import.", checked.message())};
 }
-
-}  // namespace
 
 absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_store,
                                            const WantedTraining& training, CheckWanted wanted) {

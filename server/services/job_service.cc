@@ -98,12 +98,14 @@ absl::Status JobServiceRpc::CheckRunnable(const WantedTraining& training) const 
   const EstimateTools& tools = estimator_.tools();
   RETURN_IF_ERROR(CheckPriors(training.settings.priors, tools.has_priors_command, tools.has_sam));
   RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
-  return CheckFilesStored(training.scene, training.dataset);
+  ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
+                   store_.files().ListDatasetFiles(training.scene, training.dataset));
+  RETURN_IF_ERROR(CheckSplit(training.settings.import, files));
+  return CheckFilesStored(training.scene, training.dataset, files);
 }
 
-absl::Status JobServiceRpc::CheckFilesStored(const std::string& scene, int64_t dataset) const {
-  ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
-                   store_.files().ListDatasetFiles(scene, dataset));
+absl::Status JobServiceRpc::CheckFilesStored(const std::string& scene, int64_t dataset,
+                                             const std::vector<DatasetFileRow>& files) const {
   ASSIGN_OR_RETURN(const std::string project, store_.scenes().ProjectOfScene(scene));
   std::vector<std::string> healed, gone;
   const DatasetFileRow* first = nullptr;

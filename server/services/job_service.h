@@ -1,5 +1,9 @@
 #pragma once
 
+#include <cstdint>
+#include <string>
+#include <vector>
+
 #include "pepeseg/v1/job_service.grpc.pb.h"
 #include "server/data/blob_store.h"
 #include "server/jobs/supervisor.h"
@@ -44,15 +48,17 @@ class JobServiceRpc final : public v1::JobService::CallbackService {
                                              v1::EstimateTrainingResponse* response) override;
 
  private:
-  // Returns FAILED_PRECONDITION or NOT_FOUND unless the training can be queued: the server has the
-  // programs that it asks for, and the dataset is sealed and its files are there.
+  // Returns FAILED_PRECONDITION, NOT_FOUND or INVALID_ARGUMENT unless the training can be queued:
+  // the server has the programs that it asks for, the dataset is sealed, its files are there, and
+  // held-out views are among them.
   absl::Status CheckRunnable(const WantedTraining& training) const;
   absl::Status CheckSealed(const std::string& scene, int64_t dataset) const;
-  // Checks whether all files of a sealed dataset are there: a damaged blob may have been set aside
-  // since. FAILED_PRECONDITION names the first file that is missing, and says how many are. Also
-  // updates the store, so that files that any upload of the project has brought again count. Looks
-  // at sizes only; a training reads all bytes.
-  absl::Status CheckFilesStored(const std::string& scene, int64_t dataset) const;
+  // Checks whether all files, those of a sealed dataset, are there: a damaged blob may have been
+  // set aside since. FAILED_PRECONDITION names the first file that is missing, and says how many
+  // are. Also updates the store, so that files that any upload of the project has brought again
+  // count. Looks at sizes only; a training reads all bytes.
+  absl::Status CheckFilesStored(const std::string& scene, int64_t dataset,
+                                const std::vector<DatasetFileRow>& files) const;
   absl::Status Train(const v1::TrainSceneRequest& request, const UnaryRequest& call,
                      v1::Job* response) const;
 

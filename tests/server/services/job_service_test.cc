@@ -138,6 +138,9 @@ TEST_F(JobServiceTest, RefusesInvalidTrainings) {
   request = good;
   request.mutable_options()->mutable_import()->set_image_scale(2);
   EXPECT_ERROR(Train(request), grpc::INVALID_ARGUMENT, {.message = "image_scale"});
+  request = good;
+  request.mutable_options()->mutable_import()->add_held_out_views("no_such.png");
+  EXPECT_ERROR(Train(request), grpc::INVALID_ARGUMENT, {.message = "no_such.png"});
   EXPECT_EQ(running.CreateUpload("shelf", {{"x", "y"}}).name(), "scenes/shelf/uploads/2");
   request = good;
   request.set_dataset("scenes/shelf/datasets/2");
