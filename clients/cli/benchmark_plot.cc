@@ -140,7 +140,7 @@ std::vector<PlotPanel> PanelsOf(const std::vector<PlotSeries>& series,
   return panels;
 }
 
-// Returns text as XML has it. Control characters, which XML lacks, become question marks.
+// Returns text as XML has it. Control characters, which XML lacks, become "?".
 std::string XmlText(const std::string& text) {
   std::string escaped;
   for (const char c : text) {

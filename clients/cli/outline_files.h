@@ -23,8 +23,8 @@ namespace pepeseg::client::cli {
 //            entity. Of the polygons of one annotation, one inside another is a hole. iscrowd is
 //            not read, since tools set it for run lengths
 // INVALID_ARGUMENT, with the file, the index of the shape or annotation, and the remedy: a part of
-// it is malformed, or two things of one name in a photograph cannot be told apart. `refuse_others`:
-// a file of neither format is refused, too; otherwise it is left out.
+// it is malformed, or two things of one name in a photograph cannot be distinguished.
+// `refuse_others`: a file of neither format is refused, too; otherwise it is left out.
 absl::StatusOr<std::vector<OutlinedPhotograph>> ReadOutlines(const std::filesystem::path& path,
                                                              bool refuse_others);
 

@@ -30,7 +30,7 @@ struct LoadedServer {
 };
 
 // Queries, 64 at a time, in rounds: in each round for `phase` without watchers, then for `phase`
-// with `num_watchers` watchers of a job without events. Load beside the test thus slows both down.
+// with `num_watchers` watchers of a job without events. Other load thus slows both down.
 struct WatchersReport {
   int64_t num_queries = 0, num_failed = 0;
   absl::Duration p50_without, p50_with, p99_without, p99_with;  // over all rounds

@@ -53,8 +53,8 @@ TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQueries) {
     EXPECT_EQ(report.num_failed, 0);
     EXPECT_GT(report.num_queries, 100);
     ExpectNoThreadsOfWatchers(report);
-    // Measured 0.026. Unlike times of queries, it hardly depends on load beside the test, which can
-    // hide what watchers cost.
+    // Measured 0.026. Unlike times of queries, it hardly depends on other load, which can hide what
+    // watchers cost.
     EXPECT_LT(report.watchers_cpu, 0.1);
     slower = AreQueriesSlower(report);
   }
