@@ -215,7 +215,7 @@ TEST_F(WorkerPriorsTest, StopsTheCommandAtItsTimeLimit) {
   EXPECT_THAT(Warnings(), ElementsAre(HasSubstr("time limit"), AdvisesOtherMasks()));
 }
 
-TEST_F(WorkerPriorsTest, KillsTheCommandAndItsChildrenOnCancel) {
+TEST_F(WorkerPriorsTest, KillsTheCommandAndItsChildrenWithinASecondOfACancel) {
   SetCommand(absl::StrCat("trap '' TERM; sleep 600 & echo $! > ", Shared("child"), "; wait"));
   const auto worker = Launch(getpid());
   AwaitFile("child");

@@ -157,6 +157,13 @@ double MeanOfLast(const std::vector<double>& values, double share) {
   return MeanOf(std::span(values).last(CountOf(values, share)));
 }
 
+double MedianOfLast(const std::vector<double>& values, double share) {
+  const auto last = std::span(values).last(CountOf(values, share));
+  std::vector<double> sorted(last.begin(), last.end());
+  std::ranges::sort(sorted);
+  return sorted[sorted.size() / 2];
+}
+
 absl::StatusOr<double> ClickIou(Backend& backend, const SyntheticScene& scene,
                                 const Gaussians& gaussians, const FeatureField& field) {
   Model model;

@@ -60,6 +60,9 @@ absl::StatusOr<StageTwoRun> RunStageTwo(Backend& backend, const Capture& capture
 // Returns the means of the first and of the last `share` of the values.
 double MeanOfFirst(const std::vector<double>& values, double share);
 double MeanOfLast(const std::vector<double>& values, double share);
+// Returns the upper median of the last `share` of the values. A step of stage two that draws a
+// pixel of a floater has a loss far from the others; how many do so in a short run is chance.
+double MedianOfLast(const std::vector<double>& values, double share);
 
 // Returns the mean IoU of the synthetic objects by the one-click protocol: scale and threshold are
 // chosen on the first held-out view and scored on the others.
