@@ -103,7 +103,7 @@ absl::StatusOr<HeldOutScorer> HeldOutScorer::Create(const std::filesystem::path&
   return scorer;
 }
 
-// LPIPS that fails is no reason to end a training: the view then has only PSNR and SSIM.
+// If LPIPS fails, the training goes on, and the view has only PSNR and SSIM.
 absl::StatusOr<std::vector<ViewScores>> HeldOutScorer::Score(
     Backend& backend, const Capture& capture, const Gaussians& gaussians,
     absl::FunctionRef<void(const std::string&)> warn) {

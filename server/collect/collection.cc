@@ -14,9 +14,10 @@
 #include "server/store/layout.h"
 
 namespace pepeseg {
-namespace {
 
 namespace fs = std::filesystem;
+
+namespace {
 
 constexpr size_t kDigestLength = 64;
 
@@ -173,8 +174,6 @@ absl::Status CollectBlobsOf(Collection& collection, const std::string& project) 
 }
 
 }  // namespace
-
-namespace fs = std::filesystem;
 
 void Collection::Remove(const fs::path& file) {
   std::error_code error;

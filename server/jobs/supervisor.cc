@@ -41,7 +41,8 @@ std::string ProcessSpace() {
   return absl::StrCat(boot, "/", names.string());
 }
 
-// Returns the start time of a process in clock ticks since boot. Empty: there is no such process.
+// Returns the start time of a process in clock ticks since boot, or an empty string if there is no
+// such process.
 std::string StartTime(int64_t pid) {
   std::ifstream file(absl::StrCat("/proc/", pid, "/stat"));
   std::string text;

@@ -11,7 +11,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/dataset/dataset_index.h"
 #include "core/dataset/held_out.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
@@ -227,20 +226,6 @@ WorkerShare ShareOf(const v1::EstimateTrainingResponse& estimate) {
 
 }  // namespace
 
-// Frames of videos have no names yet: the training checks them.
-absl::Status CheckSplit(const ImportOptions& import, const std::vector<DatasetFileRow>& files) {
-  if (import.held_out_views.empty() || CountKind(files, v1::FILE_KIND_VIDEO) > 0) {
-    return absl::OkStatus();
-  }
-  std::vector<std::string> photographs;
-  for (const DatasetFileRow& file : files) {
-    if (file.kind == v1::FILE_KIND_IMAGE) photographs.push_back(PhotoKey(file.path));
-  }
-  const absl::Status checked = CheckHeldOutViews(import, photographs);
-  if (checked.ok()) return checked;
-  return {checked.code(), absl::StrCat("options.import.", checked.message())};
-}
-
 absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_store,
                                            const WantedTraining& training, CheckWanted wanted) {
   ASSIGN_OR_RETURN(std::vector<DatasetFileRow> files,
@@ -249,7 +234,6 @@ absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_s
   const ProjectBlobs blobs{blob_store, project};
   RETURN_IF_ERROR(ReadMissingHeaders(store, blobs, training, wanted, files));
   const ImportOptions& import = training.settings.import;
-  RETURN_IF_ERROR(CheckSplit(import, files));
   DatasetSize size;
   const PhotoRules rules{import.image_scale, CountKind(files, v1::FILE_KIND_VIDEO) *
                                                  training.settings.sfm.max_video_frames};

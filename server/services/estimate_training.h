@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <string>
-#include <vector>
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
@@ -25,10 +24,6 @@ struct WantedTraining {
 
 // Returns OK while the caller waits for the answer; else CANCELLED or DEADLINE_EXCEEDED.
 using CheckWanted = absl::FunctionRef<absl::Status()>;
-
-// Checks that the names of held-out views are names of the dataset's photographs. Returns
-// INVALID_ARGUMENT with names like an unknown one.
-absl::Status CheckSplit(const ImportOptions& import, const std::vector<DatasetFileRow>& files);
 
 // Measures a dataset by the headers of its files, which the store keeps. A video counts as the
 // frames that are taken from it, at a usual size. Reads the headers that the store does not have

@@ -8,6 +8,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/dataset_index.h"
+#include "core/dataset/held_out.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/api/resource_name.h"
@@ -81,6 +83,20 @@ absl::StatusOr<std::optional<JobState>> StateFromProto(v1::JobState state) {
     default:
       return BadField("state", absl::StrCat(static_cast<int>(state)), "no state of a job");
   }
+}
+
+// Returns INVALID_ARGUMENT, with names like it, for a held-out view that the dataset does not have.
+// Frames of videos have no names yet: the training checks them.
+absl::Status CheckSplit(const ImportOptions& import, const std::vector<DatasetFileRow>& files) {
+  if (import.held_out_views.empty()) return absl::OkStatus();
+  std::vector<std::string> photographs;
+  for (const DatasetFileRow& file : files) {
+    if (file.kind == v1::FILE_KIND_VIDEO) return absl::OkStatus();
+    if (file.kind == v1::FILE_KIND_IMAGE) photographs.push_back(PhotoKey(file.path));
+  }
+  const absl::Status checked = CheckHeldOutViews(import, photographs);
+  if (checked.ok()) return checked;
+  return {checked.code(), absl::StrCat("options.import.", checked.message())};
 }
 
 }  // namespace

@@ -4,24 +4,10 @@
 #   benchmark_miniatures.sh FOLDER_OF_PROGRAMS WRITE_MINIATURES
 set -euo pipefail
 programs=$1 write=$2
-work=$(mktemp -d)
-server=
-stop() {
-  [[ -z $server ]] || kill -TERM "$server" 2>/dev/null || true
-  [[ -z $server ]] || wait "$server" || true
-  rm -rf "$work"
-}
-trap stop EXIT
-fail() { echo "FAILED: $*" >&2; cat "$work/output" "$work/errors" "$work/server.log" >&2; exit 1; }
+# shellcheck source=tests/clients/with_server.sh
+source "$(dirname "$0")/with_server.sh"
 
 "$write" "$work/folders"
-"$programs/pepesegd" --listen 127.0.0.1:0 --sam off --data "$work/data" --port-file "$work/port" \
-  >"$work/server.log" 2>&1 &
-server=$!
-for _ in {1..200}; do [[ -s $work/port ]] && break; sleep 0.1; done
-[[ -s $work/port ]] || fail 'the server does not start'
-PEPESEG_SERVER=127.0.0.1:$(cat "$work/port")
-export PEPESEG_SERVER
 
 benchmark() {  # benchmark NAME FOLDER OPTION...
   "$programs/pepeseg" benchmark "$1" "$work/folders/$2" --out "$work/out/$1" \

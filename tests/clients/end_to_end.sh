@@ -4,32 +4,8 @@
 #   end_to_end.sh FOLDER_OF_PROGRAMS DATASET
 set -euo pipefail
 programs=$1 dataset=$2
-work=$(mktemp -d)
-server=
-stop() {
-  [[ -z $server ]] || kill -TERM "$server" 2>/dev/null || true
-  [[ -z $server ]] || wait "$server" || true
-  rm -rf "$work"
-}
-trap stop EXIT
-fail() { echo "FAILED: $*" >&2; cat "$work/server.log" >&2; exit 1; }
-
-"$programs/pepesegd" --listen 127.0.0.1:0 --sam off --data "$work/data" --port-file "$work/port" \
-  >"$work/server.log" 2>&1 &
-server=$!
-for _ in {1..200}; do [[ -s $work/port ]] && break; sleep 0.1; done
-[[ -s $work/port ]] || fail 'the server does not start'
-PEPESEG_SERVER=127.0.0.1:$(cat "$work/port")
-export PEPESEG_SERVER
-pepeseg() { "$programs/pepeseg" "$@"; }
-expect() {  # expect EXIT_CODE COMMAND...: runs a command and checks its exit code
-  local code=0
-  "${@:2}" >"$work/output" 2>"$work/errors" || code=$?
-  if [[ $code != "$1" ]]; then
-    cat "$work/output" "$work/errors" >&2
-    fail "${*:2}: exit code $code, not $1"
-  fi
-}
+# shellcheck source=tests/clients/with_server.sh
+source "$(dirname "$0")/with_server.sh"
 
 expect 3 pepeseg scenes nothing
 expect 3 pepeseg watch jobs/j999

@@ -4,31 +4,11 @@
 #   held_out_views.sh FOLDER_OF_PROGRAMS WRITE_MINIATURES
 set -euo pipefail
 programs=$1 write=$2
-work=$(mktemp -d)
-server=
-stop() {
-  [[ -z $server ]] || kill -TERM "$server" 2>/dev/null || true
-  [[ -z $server ]] || wait "$server" || true
-  rm -rf "$work"
-}
-trap stop EXIT
-fail() { echo "FAILED: $*" >&2; cat "$work/output" "$work/errors" "$work/server.log" >&2; exit 1; }
+# shellcheck source=tests/clients/with_server.sh
+source "$(dirname "$0")/with_server.sh"
 
 "$write" "$work/folders"
 scene=$work/folders/scene  # the photographs 000.png to 009.png
-"$programs/pepesegd" --listen 127.0.0.1:0 --sam off --data "$work/data" --port-file "$work/port" \
-  >"$work/server.log" 2>&1 &
-server=$!
-for _ in {1..200}; do [[ -s $work/port ]] && break; sleep 0.1; done
-[[ -s $work/port ]] || fail 'the server does not start'
-PEPESEG_SERVER=127.0.0.1:$(cat "$work/port")
-export PEPESEG_SERVER
-pepeseg() { "$programs/pepeseg" "$@"; }
-expect() {  # expect EXIT_CODE COMMAND...: runs a command and checks its exit code
-  local code=0
-  "${@:2}" >"$work/output" 2>"$work/errors" || code=$?
-  [[ $code == "$1" ]] || fail "${*:2}: exit code $code, not $1"
-}
 train() {  # train SCENE OPTION...: a training of a second
   expect 0 pepeseg train "$1" -o reconstruct.num_steps=200 -o reconstruct.sh_degree=0 \
     -o features.num_steps=200 -o features.num_pixels=200 -o features.steps_per_chunk=50 "${@:2}"

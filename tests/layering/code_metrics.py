@@ -130,7 +130,7 @@ def scan(file, text):
     """Returns the functions that the file defines, and the names of those that it only declares."""
     code = without_comments(text)
     functions, declared = [], set()
-    scopes = []                 # the class of each open brace that is no function's, or ""
+    scopes = []                 # classes of the open braces outside functions, "" for others
     start = i = 0               # of the statement that is being read
     while i < len(code):
         c = code[i]
