@@ -110,9 +110,7 @@ class Watchers {
       v1::JobService::Stub& stub = *stubs_[static_cast<size_t>(i / kStreamsPerConnection)];
       watchers_.push_back(std::make_unique<Watcher>(stub, server_.idle_job, num_open_));
     }
-    EXPECT_TRUE(testing::Eventually([&] {
-      return std::ranges::all_of(watchers_, [](const auto& watcher) { return watcher->started(); });
-    }));
+    EXPECT_TRUE(AwaitSnapshots(watchers_));
     const int num_streams = server_.AwaitStreams(num_watchers_);
     server_.AwaitIdlePools();
     return num_streams;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
 
 #include <algorithm>
 #include <atomic>
@@ -130,6 +131,16 @@ class Watcher final : public grpc::ClientReadReactor<v1::JobEvent> {
   std::atomic<bool> started_ = false;
   std::atomic<int>& num_open_;
 };
+
+// Waits until each watcher has its snapshot: the server has then admitted its stream. A stream is
+// counted earlier, when its call begins.
+inline ::testing::AssertionResult AwaitSnapshots(
+    const std::vector<std::unique_ptr<Watcher>>& watchers) {
+  const auto all_started = [&] {
+    return std::ranges::all_of(watchers, [](const auto& watcher) { return watcher->started(); });
+  };
+  return testing::Eventually(all_started, absl::Seconds(60));
+}
 
 inline std::vector<absl::Duration> TimesOf(const std::vector<Calls::Outcome>& outcomes,
                                            grpc::StatusCode code) {

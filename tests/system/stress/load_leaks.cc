@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <memory>
 #include <vector>
 
@@ -185,8 +186,11 @@ CrowdReport RunCrowd(LoadedServer& server, int num_streams) {
     }
     watchers.push_back(std::make_unique<Watcher>(*stubs.back(), server.idle_job, num_open));
   }
+  // Else the stream beyond the limit may be admitted before one of these.
+  EXPECT_TRUE(AwaitSnapshots(watchers));
   report.num_streams = server.AwaitStreams(num_streams);
   grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30));
   const auto beyond = stubs.front()->WatchJob(&context, Named{server.idle_job});
   v1::JobEvent event;
   while (beyond->Read(&event)) {
