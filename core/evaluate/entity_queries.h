@@ -30,6 +30,7 @@ struct QueryTask {
   const EvaluationTask& task;
   std::span<const double> scales;  // quantiles, [0, 1], ascending
   absl::FunctionRef<absl::Status()> check_cancelled;
+  bool refine_borders = false;  // see EvaluationOptions
 };
 
 // Calls `make` for each entity and returns the queries, [entities of the task]. Entities with the

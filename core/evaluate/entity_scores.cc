@@ -100,9 +100,9 @@ absl::Status QueryScorer::AddIous(size_t view, const Query& query, const Referen
   // parts of it.
   Query widest = query;
   widest.threshold = thresholds_.front();
-  ASSIGN_OR_RETURN(const std::vector<SegmentResult> results,
-                   segmenter_.Segment(widest, {&task_.views[view].view, 1},
-                                      /*want_similarity=*/true));
+  ASSIGN_OR_RETURN(
+      const std::vector<SegmentResult> results,
+      segmenter_.Segment(widest, {&task_.views[view].view, 1}, {.want_similarity = true}));
   const std::vector<double> found = IouByThreshold(results[0].similarity, results[0].mask.pixels,
                                                    truth.mask, truth.ignore, thresholds_);
   for (size_t t = 0; t < found.size(); ++t) ious[t] += found[t];
@@ -183,8 +183,9 @@ absl::StatusOr<MaskScores> QueryScorer::ScoresIn(size_t view, const Query& query
                                                  std::span<const uint8_t> truth) const {
   if (query.features.empty()) return MaskScores();
   const TruthView& in = task_.views[view];
-  ASSIGN_OR_RETURN(const std::vector<SegmentResult> results,
-                   segmenter_.Segment(query, {&in.view, 1}));
+  ASSIGN_OR_RETURN(
+      const std::vector<SegmentResult> results,
+      segmenter_.Segment(query, {&in.view, 1}, {.refine_borders = query_task_.refine_borders}));
   return ScoreMask(results[0].mask.pixels, truth, in.view.camera.width, in.view.camera.height,
                    in.ignore);
 }

@@ -143,7 +143,8 @@ absl::StatusOr<EvaluationResult> Evaluate(const Segmenter& segmenter, Evaluation
     ASSIGN_OR_RETURN(result.entities,
                      ClickScoresOf(segmenter, task, options.clicks, check_cancelled));
   } else {
-    const QueryTask query_task = {segmenter, task, options.scales, check_cancelled};
+    const QueryTask query_task = {segmenter, task, options.scales, check_cancelled,
+                                  options.refine_borders};
     ASSIGN_OR_RETURN(const std::vector<EntityQueries> queries, QueriesOf(query_task, options));
     ASSIGN_OR_RETURN(result.entities, ScoreQueries(query_task, queries, ThresholdsOf(options)));
   }

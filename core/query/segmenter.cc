@@ -92,11 +92,10 @@ int64_t Segmenter::num_maps() const { return state_->features.maps().num_maps();
 
 absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Query& query,
                                                               std::span<const ModelView> targets,
-                                                              bool want_similarity) const {
+                                                              const SegmentOptions& options) const {
   RETURN_IF_ERROR(CheckQuery(query));
   for (const ModelView& target : targets) RETURN_IF_ERROR(CheckView(target));
-  return state_->WithDevice(
-      [&] { return state_->features.Segment(query, targets, want_similarity); });
+  return state_->WithDevice([&] { return state_->features.Segment(query, targets, options); });
 }
 
 absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(

@@ -50,11 +50,11 @@ class Segmenter {
   // much.
   absl::StatusOr<PixelRows> Rows(const ModelView& view, std::span<const int32_t> pixels) const;
 
-  // Returns one result per target view, in order, with the similarity if `want_similarity`. Returns
-  // INVALID_ARGUMENT if the scale or threshold is out of range or no feature is positive.
+  // Returns one result per target view, in order. Returns INVALID_ARGUMENT if the scale or
+  // threshold is out of range or no feature is positive.
   absl::StatusOr<std::vector<SegmentResult>> Segment(const Query& query,
                                                      std::span<const ModelView> targets,
-                                                     bool want_similarity = false) const;
+                                                     const SegmentOptions& options = {}) const;
 
   // Returns the features at points of a view as rendered, not gated by a scale: [points, 32].
   // Returns INVALID_ARGUMENT if a point is outside the view or no point is positive, and

@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/backend_turn.h"
 #include "core/base/status_macros.h"
+#include "core/query/border.h"
 #include "core/query/mask_geometry.h"
 #include "kernels/buffer.h"
 #include "kernels/half.h"
@@ -30,6 +31,8 @@ void ViewFeatures::ReleaseOversized() {
   if (mask_.capacity() <= WithReserve(MostPixels(LargestView(model_.views)))) return;
   mask_ = {};
   similarity_ = {};
+  color_ = {};
+  color_key_.clear();
 }
 
 absl::StatusOr<std::vector<float>> ViewFeatures::At(const ModelView& view,
@@ -74,12 +77,12 @@ absl::StatusOr<std::vector<float>> ViewFeatures::Similarity(std::span<const floa
 
 absl::StatusOr<std::vector<SegmentResult>> ViewFeatures::Segment(const Query& query,
                                                                  std::span<const ModelView> targets,
-                                                                 bool want_similarity) {
+                                                                 const SegmentOptions& options) {
   const Buffer<float> queries = PositiveFirst(query);
   std::vector<SegmentResult> results;
   results.reserve(targets.size());
   for (const ModelView& target : targets) {
-    ASSIGN_OR_RETURN(SegmentResult result, SegmentView(query, queries, target, want_similarity));
+    ASSIGN_OR_RETURN(SegmentResult result, SegmentView(query, queries, target, options));
     RETURN_IF_ERROR(TakeStatus(backend_));
     results.push_back(std::move(result));
   }
@@ -89,10 +92,12 @@ absl::StatusOr<std::vector<SegmentResult>> ViewFeatures::Segment(const Query& qu
 absl::StatusOr<SegmentResult> ViewFeatures::SegmentView(const Query& query,
                                                         const Buffer<float>& queries,
                                                         const ModelView& target,
-                                                        bool want_similarity) {
+                                                        const SegmentOptions& options) {
   ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps_.Get(target));
   const Buffer<float> psi = GatesAt({&query.scale, 1});
   const int64_t num_pixels = map.size / kFeatureSize;
+  // Of a refined mask the score is the mean of other pixels than those that the device sums over.
+  const bool want_similarity = options.want_similarity || options.refine_borders;
   mask_.Reserve(backend_, num_pixels);
   if (want_similarity) similarity_.Reserve(backend_, num_pixels);
   if (mask_.empty() || (want_similarity && similarity_.empty())) {
@@ -127,7 +132,65 @@ absl::StatusOr<SegmentResult> ViewFeatures::SegmentView(const Query& query,
     result.similarity.resize(num_pixels);
     similarity_.Download(std::span<float>(result.similarity));
   }
+  if (options.refine_borders && result.area > 0) {
+    RETURN_IF_ERROR(RefineMask(target, map, psi, result));
+  }
+  if (!options.want_similarity) result.similarity = {};
   return result;
+}
+
+absl::StatusOr<std::span<const uint8_t>> ViewFeatures::ColorOf(const ModelView& view) {
+  std::string key = ViewKey(view);
+  if (key != color_key_) {
+    color_key_.clear();
+    color_ = renderer_.Color(view);
+    // A failed device leaves zeros, which would look like a black view.
+    RETURN_IF_ERROR(TakeStatus(backend_));
+    color_key_ = std::move(key);
+  }
+  return color_.pixels;
+}
+
+absl::Status ViewFeatures::RefineMask(const ModelView& target, DeviceSpan<const Half> map,
+                                      const Buffer<float>& gate, SegmentResult& result) {
+  ASSIGN_OR_RETURN(const std::span<const uint8_t> rgb, ColorOf(target));
+  // What RefineBorder reads: the box of the mask with a margin.
+  const int left = std::max(0, result.box[0] - kBorderReach);
+  const int right = std::min(result.width, result.box[0] + result.box[2] + kBorderReach);
+  const int top = std::max(0, result.box[1] - kBorderReach);
+  const int bottom = std::min(result.height, result.box[1] + result.box[3] + kBorderReach);
+  BorderPixels crop;
+  crop.width = right - left;
+  crop.height = bottom - top;
+  crop.threshold = result.threshold;
+  const auto size = static_cast<size_t>(crop.width);
+  crop.features.resize(size * crop.height * kFeatureSize);
+  std::vector<uint8_t> mask;
+  for (int y = top; y < bottom; ++y) {
+    const size_t row = static_cast<size_t>(y) * result.width + left;
+    backend_.CopyToHost(&crop.features[(y - top) * size * kFeatureSize],
+                        map.data + row * kFeatureSize, size * kFeatureSize * sizeof(Half));
+    crop.rgb.insert(crop.rgb.end(), &rgb[3 * row], &rgb[3 * row] + 3 * size);
+    crop.similarity.insert(crop.similarity.end(), &result.similarity[row],
+                           &result.similarity[row] + size);
+    mask.insert(mask.end(), &result.mask.pixels[row], &result.mask.pixels[row] + size);
+  }
+  gate.Download(std::span<float>(crop.psi));
+  // A failed device leaves zeros, which would move the border.
+  RETURN_IF_ERROR(TakeStatus(backend_));
+
+  RefineBorder(crop, mask);
+  double sum = 0;
+  result.area = 0;
+  for (size_t i = 0; i < mask.size(); ++i) {
+    result.mask.pixels[(top + i / size) * result.width + left + i % size] = mask[i];
+    if (mask[i] == 0) continue;
+    ++result.area;
+    sum += double{crop.similarity[i]};
+  }
+  result.score = result.area > 0 ? sum / static_cast<double>(result.area) : 0;
+  FindBox(result.mask.pixels, result.width, result.box);
+  return absl::OkStatus();
 }
 
 Buffer<float> ViewFeatures::PositiveFirst(const Query& query) const {

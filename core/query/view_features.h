@@ -2,17 +2,25 @@
 
 #include <cstdint>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "core/query/prompt.h"
 #include "core/render/feature_maps.h"
 #include "core/render/renderer.h"
+#include "core/scene/capture.h"
 #include "core/scene/mask_set.h"
 #include "core/scene/model.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {
+
+// What Segment computes besides the mask as it follows from the threshold.
+struct SegmentOptions {
+  bool want_similarity = false;  // the similarity of each pixel, too
+  bool refine_borders = false;   // RefineBorder; renders the colour of the view
+};
 
 // The mask of a query in one view.
 struct SegmentResult {
@@ -52,10 +60,10 @@ class ViewFeatures {
   // scale: [features, height, width].
   absl::StatusOr<std::vector<float>> Similarity(std::span<const float> features, double scale,
                                                 const ModelView& target);
-  // Returns the mask of a query in each view, with the similarity if `want_similarity`.
+  // Returns the mask of a query in each view.
   absl::StatusOr<std::vector<SegmentResult>> Segment(const Query& query,
                                                      std::span<const ModelView> targets,
-                                                     bool want_similarity);
+                                                     const SegmentOptions& options);
   // Returns how the masks of a query overlap at all pairs of scales and thresholds.
   absl::StatusOr<LevelCounts> CountLevels(const Query& query, std::span<const double> scales,
                                           std::span<const float> thresholds,
@@ -70,7 +78,14 @@ class ViewFeatures {
 
  private:
   absl::StatusOr<SegmentResult> SegmentView(const Query& query, const Buffer<float>& queries,
-                                            const ModelView& target, bool want_similarity);
+                                            const ModelView& target, const SegmentOptions& options);
+  // Returns the rendered colour of a view, [height, width, 3], valid until the next call. Keeps
+  // that of the last view: queries often ask for the same one again.
+  absl::StatusOr<std::span<const uint8_t>> ColorOf(const ModelView& view);
+  // Refines the border of a mask that is not empty, and what follows from the mask. `map`: of the
+  // view; `gate`: psi(scale) of the query, [32].
+  absl::Status RefineMask(const ModelView& target, DeviceSpan<const Half> map,
+                          const Buffer<float>& gate, SegmentResult& result);
   // Returns the gates psi(scale): [scales, 32].
   Buffer<float> GatesAt(std::span<const double> scales) const;
   // Returns the features of a query in the order that ops take, positive ones first: [features,
@@ -85,6 +100,8 @@ class ViewFeatures {
   Buffer<uint8_t> mask_;
   Buffer<float> similarity_;
   Buffer<int64_t> sums_;
+  Image color_;            // of the view with color_key_
+  std::string color_key_;  // empty: of none
 };
 
 }  // namespace pepeseg

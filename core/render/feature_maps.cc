@@ -16,13 +16,6 @@
 namespace pepeseg {
 namespace {
 
-// Returns the bytes of camera and pose. PinholeView has no padding.
-std::string KeyOf(const ModelView& view) {
-  const PinholeView v = ToPinholeView(view.camera, view.cam_from_world);
-  // Exact bytes: views that differ in the last bit of a pose have maps of their own.
-  return {reinterpret_cast<const char*>(&v), sizeof(v)};
-}
-
 constexpr int64_t MapBytes(int64_t num_pixels) {
   return num_pixels * kFeatureSize * static_cast<int64_t>(sizeof(Half));
 }
@@ -74,6 +67,13 @@ float ValueAt(std::vector<float>& values, double share) {
 
 }  // namespace
 
+std::string ViewKey(const ModelView& view) {
+  // PinholeView has no padding.
+  const PinholeView v = ToPinholeView(view.camera, view.cam_from_world);
+  // Exact bytes: views that differ in the last bit of a pose have maps of their own.
+  return {reinterpret_cast<const char*>(&v), sizeof(v)};
+}
+
 double FeatureNorm(const float* feature) {
   double squares = 0;
   for (int k = 0; k < kFeatureSize; ++k) squares += double{feature[k]} * feature[k];
@@ -94,7 +94,7 @@ FeatureMaps::FeatureMaps(Renderer& renderer, int64_t max_bytes, MapCounts* count
 // A hit moves its map to the front. A miss drops maps from the back until the new one fits, before
 // it is allocated, so that the maps never exceed max_bytes.
 absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
-  const std::string key = KeyOf(view);
+  const std::string key = ViewKey(view);
   const auto found =
       std::find_if(maps_.begin(), maps_.end(), [&](const Map& map) { return map.key == key; });
   if (found != maps_.end()) {

@@ -35,6 +35,9 @@ struct MapCounts {
   std::atomic<int64_t> num_hits = 0, num_renders = 0;
 };
 
+// Returns the bytes of camera and pose, by which a view is recognised: not by its name.
+std::string ViewKey(const ModelView& view);
+
 // Cache of the feature maps of a model's views, at most `max_bytes` together: the least recently
 // used maps are dropped first. Not thread-safe, except for the counts.
 class FeatureMaps {
@@ -42,9 +45,9 @@ class FeatureMaps {
   // counts: totals to increment as well, or null. The renderer must outlive the cache.
   FeatureMaps(Renderer& renderer, int64_t max_bytes, MapCounts* counts = nullptr);
 
-  // Returns the blended features of each pixel, [height * width, 32], valid until the next call. A
-  // view is recognised by its camera and pose, not by its name. Returns RESOURCE_EXHAUSTED when out
-  // of memory or when the map alone exceeds max_bytes, which drops no other map.
+  // Returns the blended features of each pixel, [height * width, 32], valid until the next call.
+  // Views are recognised by their ViewKey. Returns RESOURCE_EXHAUSTED when out of memory or when
+  // the map alone exceeds max_bytes, which drops no other map.
   absl::StatusOr<DeviceSpan<const Half>> Get(const ModelView& view);
 
   int64_t bytes() const { return bytes_; }

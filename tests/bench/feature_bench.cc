@@ -176,7 +176,8 @@ absl::Status WritePictures(const Segmenter& segmenter, const std::vector<ScoredV
         ASSIGN_OR_RETURN(query, ResolvePrompt(segmenter, {view.camera, click},
                                               {options.scale, options.threshold}));
       }
-      ASSIGN_OR_RETURN(const auto results, segmenter.Segment(query, {&view.camera, 1}, true));
+      ASSIGN_OR_RETURN(const auto results,
+                       segmenter.Segment(query, {&view.camera, 1}, {.want_similarity = true}));
       ASSIGN_OR_RETURN(const Image render, segmenter.RenderColor(view.camera));
       Image all = {3 * render.width, render.height, 3, {}};
       for (size_t i = 0; i < all.pixels.max_size() && i < size_t{9} * render.width * render.height;

@@ -301,6 +301,8 @@ int main(int argc, char** argv) {
   app.add_option("--name", options.name, "first column");
   app.add_option("--seeds", options.num_seeds, "runs, each with the next seed in both stages");
   app.add_option("--fixed-threshold", options.protocol.fixed_threshold);
+  app.add_flag("--refine-borders", options.protocol.refine_borders,
+               "refine the borders of the masks that are scored");
   pepeseg::AddFaultFlags(app, options.faults);
   app.add_option(
       "--unscored", options.num_unscored,

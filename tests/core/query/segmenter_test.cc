@@ -9,6 +9,7 @@
 #include "core/base/status_macros.h"
 #include "core/evaluate/mask_scores.h"
 #include "core/prompt/resolve_prompt.h"
+#include "core/query/mask_geometry.h"
 #include "tests/core/query/trained_scene.h"
 #include "tests/testing/front_blobs.h"
 #include "tests/testing/point_gaussians.h"
@@ -34,14 +35,14 @@ class SegmenterTest : public ::testing::Test {
     view_ = segmenter_->model().views[0];
     points_ = {{kLeftX, kY, true}};
   }
-  absl::StatusOr<std::vector<SegmentResult>> Ask(bool want_similarity = false) const {
-    return Ask(segmenter_->model().views, want_similarity);
+  absl::StatusOr<std::vector<SegmentResult>> Ask(const SegmentOptions& options = {}) const {
+    return AskIn(segmenter_->model().views, options);
   }
-  absl::StatusOr<std::vector<SegmentResult>> Ask(std::span<const ModelView> targets,
-                                                 bool want_similarity = false) const {
+  absl::StatusOr<std::vector<SegmentResult>> AskIn(std::span<const ModelView> targets,
+                                                   const SegmentOptions& options = {}) const {
     ASSIGN_OR_RETURN(const Query query,
                      ResolvePrompt(*segmenter_, {view_, points_}, {scale_, threshold_}));
-    return segmenter_->Segment(query, targets, want_similarity);
+    return segmenter_->Segment(query, targets, options);
   }
   void ExpectInvalid(const std::string& message) const {
     EXPECT_STATUS(Ask(), absl::StatusCode::kInvalidArgument, message);
@@ -56,7 +57,7 @@ class SegmenterTest : public ::testing::Test {
 };
 
 TEST_F(SegmenterTest, FindsTheClickedBlobOnly) {
-  ASSERT_OK_AND_ASSIGN(const auto results, Ask(true));
+  ASSERT_OK_AND_ASSIGN(const auto results, Ask({.want_similarity = true}));
   ASSERT_EQ(results.size(), 1u);
   const SegmentResult& result = results[0];
   EXPECT_EQ(result.mask.pixels[24 * kSize + 17], 1);
@@ -68,6 +69,41 @@ TEST_F(SegmenterTest, FindsTheClickedBlobOnly) {
   ASSERT_EQ(result.similarity.size(), size_t{kSize} * kSize);
   EXPECT_NEAR(result.similarity[24 * kSize + 17], 1, 1e-3);
   EXPECT_LT(result.similarity[24 * kSize + 30], 0.5);
+}
+
+// Area, box and score are those of the refined mask.
+TEST_F(SegmenterTest, RefinesBorders) {
+  threshold_ = 0.97;  // too high between the blobs
+  ASSERT_OK_AND_ASSIGN(const auto plain, Ask());
+  ASSERT_OK_AND_ASSIGN(const auto results, Ask({.refine_borders = true}));
+  const SegmentResult& result = results[0];
+  EXPECT_TRUE(result.similarity.empty());
+  EXPECT_NE(result.mask.pixels, plain[0].mask.pixels);
+  int64_t num_moved = 0, area = 0;
+  int box[4] = {};
+  FindBox(result.mask.pixels, kSize, box);
+  for (size_t i = 0; i < result.mask.pixels.size(); ++i) {
+    area += result.mask.pixels[i];
+    num_moved += result.mask.pixels[i] != plain[0].mask.pixels[i] ? 1 : 0;
+  }
+  EXPECT_LT(num_moved, plain[0].area / 4);
+  EXPECT_EQ(result.area, area);
+  EXPECT_TRUE(std::ranges::equal(result.box, box));
+
+  ASSERT_OK_AND_ASSIGN(const auto both, Ask({.want_similarity = true, .refine_borders = true}));
+  EXPECT_EQ(both[0].mask.pixels, result.mask.pixels);
+  double sum = 0;
+  for (size_t i = 0; i < both[0].similarity.size(); ++i) {
+    if (result.mask.pixels[i] != 0) sum += double{both[0].similarity[i]};
+  }
+  EXPECT_NEAR(result.score, sum / static_cast<double>(area), 1e-9);
+}
+
+TEST_F(SegmenterTest, LeavesAnEmptyMaskEmptyWhenItRefinesBorders) {
+  threshold_ = 1;
+  ASSERT_OK_AND_ASSIGN(const auto results, Ask({.refine_borders = true}));
+  EXPECT_EQ(results[0].area, 0);
+  EXPECT_EQ(results[0].score, 0);
 }
 
 // A thin veil in front of both blobs has a feature of its own; a click through it finds the blob.
@@ -128,7 +164,7 @@ TEST_F(SegmenterTest, FreeCamerasAreTargetsAndPromptViews) {
   target.camera = {64, 40, 50, 50, 30, 20};
   target.cam_from_world.translation = {0.1, 0, 0.2};
   const std::vector<ModelView> targets = {view_, target};
-  ASSERT_OK_AND_ASSIGN(const auto results, Ask(targets));
+  ASSERT_OK_AND_ASSIGN(const auto results, AskIn(targets));
   ASSERT_EQ(results.size(), 2u);
   EXPECT_EQ(results[1].width, 64);
   EXPECT_EQ(results[1].height, 40);
@@ -145,7 +181,7 @@ TEST_F(SegmenterTest, FreeCamerasAreTargetsAndPromptViews) {
 TEST_F(SegmenterTest, AnEmptyMaskHasNoBoxAndNoScore) {
   ModelView away = view_;
   away.cam_from_world.translation = {0, 0, -50};  // everything is behind it
-  ASSERT_OK_AND_ASSIGN(const auto results, Ask({&away, 1}));
+  ASSERT_OK_AND_ASSIGN(const auto results, AskIn({&away, 1}));
   EXPECT_EQ(results[0].score, 0);
   for (const int value : results[0].box) EXPECT_EQ(value, 0);
 }
@@ -183,7 +219,7 @@ TEST_F(SegmenterTest, SimilarityToThePointFeaturesIsThatOfTheQuery) {
   ASSERT_EQ(features.size(), 2u * 32);
   ASSERT_OK_AND_ASSIGN(const auto similarity, segmenter_->Similarity(features, 0.5, view));
   ASSERT_EQ(similarity.size(), 2u * kSize * kSize);
-  ASSERT_OK_AND_ASSIGN(const auto left, Ask(true));
+  ASSERT_OK_AND_ASSIGN(const auto left, Ask({.want_similarity = true}));
   EXPECT_EQ(std::vector<float>(similarity.begin() + kSize * kSize, similarity.end()),
             left[0].similarity);
   EXPECT_STATUS(segmenter_->PointFeatures(view, std::vector<PointPrompt>{{1.5, 1.5, true}}),
@@ -220,7 +256,7 @@ TEST_F(SegmenterTest, RefusesPromptsItCannotAnswer) {
 TEST_F(SegmenterTest, RefusesInvalidCameras) {
   const ModelView good = view_;
   const auto expect_refused = [&](const ModelView& view, const std::string& message) {
-    EXPECT_STATUS(Ask({&view, 1}), absl::StatusCode::kInvalidArgument, message);
+    EXPECT_STATUS(AskIn({&view, 1}), absl::StatusCode::kInvalidArgument, message);
     EXPECT_STATUS(segmenter_->RenderColor(view), absl::StatusCode::kInvalidArgument, message);
   };
   ModelView view = good;

@@ -52,7 +52,7 @@ TEST(BytesOfModel, HoldTheModelAndAllThatQuestionsLeave) {
     view.camera = CloudBeforeAView(width, height).views[0].camera;
     EXPECT_OK(segmenter->RenderColor(view));
     EXPECT_OK(segmenter->RenderDepth(view));
-    EXPECT_OK(segmenter->Segment(query, {&view, 1}, true));
+    EXPECT_OK(segmenter->Segment(query, {&view, 1}, {.want_similarity = true}));
     EXPECT_LE(static_cast<int64_t>(backend->bytes_in_use()), bytes.device)
         << width << "x" << height;
   };
