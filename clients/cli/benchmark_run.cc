@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "clients/cli/bench_truth.h"
 #include "clients/cli/benchmark_request.h"
 #include "clients/cli/jobs.h"
 #include "clients/cli/picture.h"

@@ -205,14 +205,11 @@ absl::StatusOr<BenchmarkScene> ReadLerfScene(const fs::path& folder, const std::
 absl::Status HoldOutOutlinedViews(const TruthLevel& level, BenchmarkScene& scene) {
   const std::vector<std::string> views = ViewsOf(scene.dataset);
   if (views.empty()) return absl::OkStatus();  // frames of videos have no names yet
-  for (const OutlinedPhotograph& outlines : level.outlines) {
-    const bool known = std::any_of(views.begin(), views.end(), [&](const std::string& view) {
-      return OutlinesOf({outlines}, view) != nullptr;
-    });
-    if (known) continue;
-    return Missing(outlines.file, absl::StrCat("no photograph \"", outlines.name, "\" among the ",
-                                               views.size(), " of ", scene.folder.string(),
-                                               DidYouMean(NearestNames(outlines.name, views))));
+  if (const auto unknown = PhotographsNotIn(views, level.outlines); !unknown.empty()) {
+    const OutlinedPhotograph& first = *unknown.front();
+    return Missing(first.file, absl::StrCat("no photograph \"", first.name, "\" among the ",
+                                            views.size(), " of ", scene.folder.string(),
+                                            DidYouMean(NearestNames(first.name, views))));
   }
   std::vector<std::string> outlined = views;
   std::erase_if(outlined, [&](const std::string& view) {

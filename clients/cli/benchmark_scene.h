@@ -6,7 +6,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
-#include "clients/cli/bench_truth.h"
+#include "clients/cli/scene_truth.h"
 #include "clients/cpp/dataset_folder.h"
 
 // The scenes of the field's benchmarks, as their folders on the disk have them.

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -106,7 +107,7 @@ namespace fs = std::filesystem;
 constexpr size_t kMaxRequestBytes = size_t{8} << 20;  // what a server takes
 
 struct EvaluateFlags {
-  std::vector<std::string> models;  // and, last, the folder of the truth
+  std::vector<std::string> models;  // and, last, the folder or file of the truth
   std::string model = "live";       // of models that are given as a scene
   TruthFlags truth;
   EntityPromptFlags prompts;
@@ -162,9 +163,15 @@ absl::StatusOr<v1::EvaluateModelRequest> MakeRequest(const Client& client,
   ASSIGN_OR_RETURN(const std::vector<v1::View> all, client.ListViews(model));
   ASSIGN_OR_RETURN(const std::vector<v1::View> views, ViewsToScore(flags.truth, all));
   const bool by_sam = flags.protocol == v1::EVALUATION_PROTOCOL_SAM_AGREEMENT;
-  ASSIGN_OR_RETURN(
-      const std::vector<std::string> without,
-      by_sam ? AddSamMasks(flags.truth, views, request) : AddTruth(flags.truth, views, request));
+  std::vector<std::string> without;
+  if (by_sam) {
+    ASSIGN_OR_RETURN(without, AddSamMasks(flags.truth, views, request));
+  } else {
+    ASSIGN_OR_RETURN(AddedTruth added, AddTruth(flags.truth, views, request));
+    const std::string unknown = UnknownPhotographs(added.outlines, all);
+    if (!unknown.empty()) Note(unknown);
+    without = std::move(added.views_without);
+  }
   if (!without.empty()) {
     Note(absl::StrCat(without.size(), " views have nothing in ", flags.truth.folder.string(),
                       ", such as ", without.front()));
@@ -194,8 +201,12 @@ void PrintEvaluations(const Shell& shell, const std::vector<v1::EvaluateModelRes
 absl::Status RunEvaluate(const Shell& shell, EvaluateFlags flags) {
   flags.truth.folder = flags.models.back();
   flags.models.pop_back();
-  if (!fs::is_directory(flags.truth.folder)) {
-    return LocalFileMissing(absl::StrCat("no such folder: ", flags.truth.folder.string()));
+  const fs::path& truth = flags.truth.folder;
+  const bool by_sam = flags.protocol == v1::EVALUATION_PROTOCOL_SAM_AGREEMENT;
+  std::error_code error;
+  if (!fs::is_directory(truth, error) && (by_sam || !fs::is_regular_file(truth, error))) {
+    return LocalFileMissing(
+        absl::StrCat("no such folder", by_sam ? "" : " or file of outlines", ": ", truth.string()));
   }
   const Client client(shell.channel);
   ASSIGN_OR_RETURN(v1::EvaluateModelRequest request,
@@ -297,9 +308,11 @@ void AddEvaluate(CLI::App& app, Shell& shell) {
           "Models, each SCENE (the newest model, or --model), SCENE/NUMBER or a name, and last "
           "the folder of the truth. It has label images STEM.png, named as the photographs: grey, "
           "8 or 16 bits, the entity's id in each pixel, 0 for none; or binary masks "
-          "STEM/ENTITY.png; for sam-agreement STEM.json of SAM, or masks STEM/*.png")
+          "STEM/ENTITY.png; or outlines, STEM.json of LabelMe or COCO's JSON, which may also be "
+          "a file, or in labels/, annotations.json, annotations/ or images/ of a scene's folder; "
+          "for sam-agreement STEM.json of SAM, or masks STEM/*.png")
       ->required()
-      ->option_text("... TRUTH_FOLDER")
+      ->option_text("... TRUTH")
       ->expected(2, 100);
   verb->add_option("--model", flags->model, "Number of the model of a scene")
       ->capture_default_str();

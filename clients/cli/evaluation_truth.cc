@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
+#include <utility>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
@@ -12,6 +13,8 @@
 #include "absl/strings/str_split.h"
 #include "clients/cli/outline_files.h"
 #include "clients/cli/picture.h"
+#include "clients/cli/scene_truth.h"
+#include "clients/cli/view_picture.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/nearest_names.h"
 #include "clients/cpp/status_macros.h"
@@ -54,8 +57,8 @@ absl::StatusOr<std::vector<std::string>> ListedViews(const TruthFlags& flags) {
   return names;
 }
 
-// Returns the error of a name that no view has, with the views of similar names.
-absl::Status UnknownView(const std::string& name, const std::vector<v1::View>& views) {
+// Returns "; did you mean ...?" with the views whose names are like a name, "" if there are none.
+std::string DidYouMeanView(const std::string& name, const std::vector<v1::View>& views) {
   std::map<std::string, std::string> view_of;  // by stem: all names may have the same ending
   std::vector<std::string> stems;
   for (const v1::View& view : views) {
@@ -63,8 +66,75 @@ absl::Status UnknownView(const std::string& name, const std::vector<v1::View>& v
   }
   std::vector<std::string> near = NearestNames(FileOf("", name, "").string(), stems);
   for (std::string& stem : near) stem = view_of[stem];
-  return absl::InvalidArgumentError(
-      absl::StrCat("the model has no view \"", name, "\"", DidYouMean(near)));
+  return DidYouMean(near);
+}
+
+// Returns the size of a view in the pixels of a frame.
+PixelSize SizeIn(v1::PixelFrame frame, const v1::View& view) {
+  if (frame != v1::PIXEL_FRAME_VIEW) return PhotographSize(view);
+  return {view.camera().width(), view.camera().height()};
+}
+
+// Adds the label image and the masks that a view has in a folder.
+absl::Status AddImages(const fs::path& folder, v1::ViewTruth& truth) {
+  const fs::path labels = FileOf(folder, truth.view(), ".png");
+  if (IsFile(labels)) {
+    ASSIGN_OR_RETURN(*truth.mutable_labels_png(), ReadFile(labels));
+  }
+  for (const fs::path& file : PngsOf(FileOf(folder, truth.view(), ""))) {
+    v1::EntityMask& mask = *truth.add_masks();
+    mask.set_entity(file.stem().string());
+    ASSIGN_OR_RETURN(*mask.mutable_mask()->mutable_png(), ReadFile(file));
+  }
+  return absl::OkStatus();
+}
+
+// Adds the outlines of a view, in the pixels of a frame. A trained view has another lens than its
+// photograph, so that only its own size shows that it was drawn on.
+absl::Status AddOutlinesIn(v1::PixelFrame frame, const OutlinedPhotograph& outlines,
+                           const v1::View& view, v1::ViewTruth& truth) {
+  const PixelSize size = SizeIn(frame, view), drawn_on = outlines.size;
+  if (frame != v1::PIXEL_FRAME_VIEW || drawn_on == size) return AddOutlines(outlines, size, truth);
+  return absl::InvalidArgumentError(absl::StrCat(
+      outlines.file.string(), ": outlines of \"", outlines.name, "\" on ", drawn_on.width, "x",
+      drawn_on.height, " pixels; the view that was trained on has ", size.width, "x", size.height,
+      ": leave out --frame view"));
+}
+
+// Adds the views that have truth of a level. Returns the names of the others.
+absl::StatusOr<std::vector<std::string>> AddLevel(const TruthFlags& flags, const TruthLevel& level,
+                                                  const std::vector<v1::View>& views,
+                                                  v1::EvaluateModelRequest& request) {
+  std::vector<std::string> without;
+  for (const v1::View& view : views) {
+    v1::ViewTruth truth;
+    truth.set_view(view.view());
+    const OutlinedPhotograph* outlines = OutlinesOf(level.outlines, view.view());
+    if (outlines != nullptr) {
+      RETURN_IF_ERROR(AddOutlinesIn(request.frame(), *outlines, view, truth));
+    } else if (level.outlines.empty()) {
+      RETURN_IF_ERROR(AddImages(level.folder, truth));
+    }
+    if (truth.labels_png().empty() && truth.masks().empty()) {
+      without.push_back(view.view());
+      continue;
+    }
+    ASSIGN_OR_RETURN(*truth.mutable_ignore_png(), IgnorePng(flags, view.view()));
+    *request.add_views() = std::move(truth);
+  }
+  return without;
+}
+
+// Returns what was looked for, for NothingThere.
+std::string WantedTruth(const AddedTruth& added) {
+  const std::string first = added.views_without.empty() ? "" : added.views_without.front();
+  if (!added.outlines.empty()) {
+    return absl::StrCat("outlines of ", first, "; found those of ", added.outlines.size(),
+                        " other photographs, such as \"", added.outlines.front().name, "\"");
+  }
+  const std::string stem = FileOf("", first, "").string();
+  return absl::StrCat(FileOf("", first, ".png").string(), " or masks in ", stem,
+                      "/, or outlines: ", stem, ".json of LabelMe, or COCO's JSON");
 }
 
 // Returns the error of a folder in which no view has what is `wanted` for it.
@@ -130,7 +200,8 @@ absl::StatusOr<std::vector<v1::View>> ViewsToScore(const TruthFlags& flags,
       return view.view() == name || fs::path(view.view()).replace_extension("") == name;
     });
     if (found == views.end()) {
-      return UnknownView(name, views);
+      return absl::InvalidArgumentError(
+          absl::StrCat("the model has no view \"", name, "\"", DidYouMeanView(name, views)));
     }
     if (!found->held_out() && !flags.trained_views) {
       return absl::InvalidArgumentError(
@@ -150,34 +221,39 @@ absl::StatusOr<std::string> IgnorePng(const TruthFlags& flags, const std::string
   return IsFile(file) ? ReadFile(file) : std::string();
 }
 
-absl::StatusOr<std::vector<std::string>> AddTruth(const TruthFlags& flags,
-                                                  const std::vector<v1::View>& views,
-                                                  v1::EvaluateModelRequest& request) {
-  std::vector<std::string> without;
-  for (const v1::View& view : views) {
-    v1::ViewTruth truth;
-    truth.set_view(view.view());
-    const fs::path labels = FileOf(flags.folder, view.view(), ".png");
-    if (IsFile(labels)) {
-      ASSIGN_OR_RETURN(*truth.mutable_labels_png(), ReadFile(labels));
-    }
-    for (const fs::path& file : PngsOf(FileOf(flags.folder, view.view(), ""))) {
-      v1::EntityMask& mask = *truth.add_masks();
-      mask.set_entity(file.stem().string());
-      ASSIGN_OR_RETURN(*mask.mutable_mask()->mutable_png(), ReadFile(file));
-    }
-    if (truth.labels_png().empty() && truth.masks().empty()) {
-      without.push_back(view.view());
-      continue;
-    }
-    ASSIGN_OR_RETURN(*truth.mutable_ignore_png(), IgnorePng(flags, view.view()));
-    *request.add_views() = std::move(truth);
+absl::StatusOr<AddedTruth> AddTruth(const TruthFlags& flags, const std::vector<v1::View>& views,
+                                    v1::EvaluateModelRequest& request) {
+  AddedTruth added;
+  const TruthLevel images{"", flags.folder, {}};
+  ASSIGN_OR_RETURN(added.views_without, AddLevel(flags, images, views, request));
+  if (added.views_without.size() < views.size()) return added;
+  ASSIGN_OR_RETURN(std::vector<TruthLevel> levels, FindTruthAt(flags.folder));
+  if (levels.size() > 1) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(flags.folder.string(), ": gt/labels.json has ", levels.size(),
+                     " levels; give the folder of one, such as ", levels.front().folder.string()));
   }
-  if (!request.views().empty()) return without;
-  const std::string first = without.empty() ? "" : without.front();
-  return NothingThere(flags, views,
-                      absl::StrCat(FileOf("", first, ".png").string(), " or masks in ",
-                                   FileOf("", first, "").string(), "/"));
+  if (!levels.empty()) {
+    TruthLevel& level = levels.front();
+    request.mutable_entity_names()->insert(level.entities.begin(), level.entities.end());
+    ASSIGN_OR_RETURN(added.views_without, AddLevel(flags, level, views, request));
+    added.outlines = std::move(level.outlines);
+  }
+  if (added.views_without.size() < views.size()) return added;
+  return NothingThere(flags, views, WantedTruth(added));
+}
+
+std::string UnknownPhotographs(const std::vector<OutlinedPhotograph>& outlines,
+                               const std::vector<v1::View>& views) {
+  std::vector<std::string> names;
+  names.reserve(views.size());
+  for (const v1::View& view : views) names.push_back(view.view());
+  const auto unknown = PhotographsNotIn(names, outlines);
+  if (unknown.empty()) return "";
+  const OutlinedPhotograph& first = *unknown.front();
+  return absl::StrCat(unknown.size(), " of ", outlines.size(),
+                      " photographs with outlines are not views of the model, such as \"",
+                      first.name, "\" of ", first.file.string(), DidYouMeanView(first.name, views));
 }
 
 absl::StatusOr<std::vector<std::string>> AddSamMasks(const TruthFlags& flags,

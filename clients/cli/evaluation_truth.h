@@ -7,14 +7,16 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "clients/cli/outlines.h"
 #include "pepeseg/v1/evaluation_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 
-// The truth of an evaluation, read from a folder. STEM is a view's name without its ending.
+// The truth of an evaluation, read from a folder or a file. STEM is a view's name without its
+// ending.
 namespace pepeseg::client::cli {
 
 struct TruthFlags {
-  std::filesystem::path folder;
+  std::filesystem::path folder;    // or a file of outlines
   std::filesystem::path ignore;    // a PNG for all views, or a folder of STEM.png; empty: none
   std::string names;               // a JSON file with names by id; empty: none
   std::vector<std::string> views;  // names, or one file with a name a line; empty: held-out views
@@ -27,15 +29,29 @@ struct TruthFlags {
 absl::StatusOr<std::vector<v1::View>> ViewsToScore(const TruthFlags& flags,
                                                    const std::vector<v1::View>& views);
 
+// What AddTruth did not add.
+struct AddedTruth {
+  std::vector<std::string> views_without;    // names of views without truth
+  std::vector<OutlinedPhotograph> outlines;  // all that were read, also those of other views
+};
+
 // Adds the truth of each view that has some: the label image FOLDER/STEM.png, the binary masks
-// FOLDER/STEM/ENTITY.png, or both. Returns the names of views without truth. NOT_FOUND: no view has
-// truth.
-absl::StatusOr<std::vector<std::string>> AddTruth(const TruthFlags& flags,
-                                                  const std::vector<v1::View>& views,
-                                                  v1::EvaluateModelRequest& request);
+// FOLDER/STEM/ENTITY.png, or both. If no view has any, adds what FindTruthAt finds at the folder:
+// outlines, or the label images of a scene. The frame of the request is the one that outlines were
+// drawn on. NOT_FOUND: no view has truth. INVALID_ARGUMENT: outlines are malformed, or were drawn
+// on an image of another shape, or, for PIXEL_FRAME_VIEW, of another size; or the scene has
+// several levels.
+absl::StatusOr<AddedTruth> AddTruth(const TruthFlags& flags, const std::vector<v1::View>& views,
+                                    v1::EvaluateModelRequest& request);
+
+// Returns a warning about photographs with outlines that are not among `views`, all views of the
+// model; "" if there are none.
+std::string UnknownPhotographs(const std::vector<OutlinedPhotograph>& outlines,
+                               const std::vector<v1::View>& views);
+
 // Adds SAM's masks of each view that has some: FOLDER/STEM.json as its automatic mask generator
-// writes it, or binary masks FOLDER/STEM/*.png, all of which count. Returns as AddTruth does.
-// INVALID_ARGUMENT: a file is not such JSON.
+// writes it, or binary masks FOLDER/STEM/*.png, all of which count. Returns the names of
+// views without masks. NOT_FOUND: no view has masks. INVALID_ARGUMENT: a file is not such JSON.
 absl::StatusOr<std::vector<std::string>> AddSamMasks(const TruthFlags& flags,
                                                      const std::vector<v1::View>& views,
                                                      v1::EvaluateModelRequest& request);

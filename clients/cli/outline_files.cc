@@ -308,10 +308,10 @@ absl::StatusOr<std::vector<OutlinedPhotograph>> ReadOutlines(const fs::path& pat
       return absl::InvalidArgumentError(
           absl::StrCat(file.string(),
                        ": neither outlines of LabelMe (\"shapes\") nor of COCO (\"images\", "
-                       "\"annotations\" and \"categories\"); remove it, or save it again"));
+                       "\"annotations\" and \"categories\"); move it elsewhere, or save it again"));
     }
-    const fs::path name = file.lexically_relative(path).replace_extension();
-    OutlineReader reader(file, name.generic_string(), std::move(json));
+    fs::path name = file == path ? file.filename() : file.lexically_relative(path);
+    OutlineReader reader(file, name.replace_extension().generic_string(), std::move(json));
     ASSIGN_OR_RETURN(std::vector<OutlinedPhotograph> read,
                      label_me ? reader.LabelMe() : reader.Coco());
     for (OutlinedPhotograph& photograph : read) {

@@ -14,8 +14,8 @@ namespace pepeseg::client::cli {
 
 // Reads the outlines in a file, or in all *.json of a folder and of its subfolders. Photographs
 // without outlines are left out. A file of LabelMe is named after its photograph, relative to the
-// folder. An entity's name is its label, or category, with the number of the instance if it has
-// one ("mug", "mug.2"):
+// folder if there is one. An entity's name is its label, or category, with the number of the
+// instance if it has one ("mug", "mug.2"):
 //   LabelMe  polygons, rectangles and circles. group_id is the instance: shapes of one label and
 //            group are one entity
 //   COCO     polygons or run lengths. track_id or instance_id of an annotation, or of its

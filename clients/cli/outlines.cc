@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <set>
 #include <span>
 #include <utility>
 
@@ -86,6 +87,17 @@ const OutlinedPhotograph* OutlinesOf(const std::vector<OutlinedPhotograph>& phot
                                     return PlainStem(photograph.name) == PlainStem(view);
                                   });
   return found == photographs.end() ? nullptr : &*found;
+}
+
+std::vector<const OutlinedPhotograph*> PhotographsNotIn(
+    const std::vector<std::string>& views, const std::vector<OutlinedPhotograph>& photographs) {
+  std::set<std::string> stems;
+  for (const std::string& view : views) stems.insert(PlainStem(view));
+  std::vector<const OutlinedPhotograph*> others;
+  for (const OutlinedPhotograph& photograph : photographs) {
+    if (!stems.contains(PlainStem(photograph.name))) others.push_back(&photograph);
+  }
+  return others;
 }
 
 GreyPicture MaskOfEntity(const OutlinedEntity& entity, const PixelSize& drawn_on,

@@ -48,6 +48,10 @@ struct OutlinedPhotograph {
 const OutlinedPhotograph* OutlinesOf(const std::vector<OutlinedPhotograph>& photographs,
                                      const std::string& view);
 
+// Returns the photographs that are not among the views, by their names as OutlinesOf compares them.
+std::vector<const OutlinedPhotograph*> PhotographsNotIn(
+    const std::vector<std::string>& views, const std::vector<OutlinedPhotograph>& photographs);
+
 // Returns the entity's mask, 0 or 1, in an image of `size` pixels, which has the shape of
 // `drawn_on`, the size of the image that was drawn on.
 GreyPicture MaskOfEntity(const OutlinedEntity& entity, const PixelSize& drawn_on,

@@ -31,58 +31,11 @@ void WriteLabels(const fs::path& path, int width, int height, uint8_t id) {
   ASSERT_OK(WritePng(path, GreyPicture{width, height, pixels}));
 }
 
-TEST(FindTruth, ReadsTheLevelsInTheOrderOfTheList) {
-  const testing::TempFolder folder;
-  fs::create_directories(folder.path() / "gt");
-  std::ofstream(folder.path() / "gt/labels.json") << R"({"part": ["-", "leg"], "object": [null]})";
-  const auto levels = FindTruth(folder.path());
-  ASSERT_OK(levels);
-  ASSERT_EQ(levels->size(), 2u);
-  EXPECT_EQ((*levels)[0].name, "part");
-  EXPECT_EQ((*levels)[0].entities.at(1), "leg");
-  EXPECT_EQ((*levels)[1].folder, folder.path() / "gt/object");
-  EXPECT_TRUE((*levels)[1].entities.empty());
-}
-
-TEST(FindTruth, FallsBackToTheFolderOfLabelsOrToNothing) {
-  const testing::TempFolder folder;
-  EXPECT_THAT(*FindTruth(folder.path()), ::testing::IsEmpty());
-  fs::create_directories(folder.path() / "labels");
-  const auto levels = FindTruth(folder.path());
-  ASSERT_OK(levels);
-  ASSERT_EQ(levels->size(), 1u);
-  EXPECT_EQ((*levels)[0].name, "labels");
-  fs::create_directories(folder.path() / "gt");
-  std::ofstream(folder.path() / "gt/labels.json") << "[1]";
-  EXPECT_EQ(FindTruth(folder.path()).status().code(), absl::StatusCode::kInvalidArgument);
-}
-
 // Writes outlines as LabelMe does: a square of 2 x 2 of 8 x 6 pixels.
 void WriteOutline(const fs::path& path) {
   fs::create_directories(path.parent_path());
   std::ofstream(path) << R"({"imageWidth": 8, "imageHeight": 6, "shapes": [{"label": "cup",)"
                       << R"("points": [[2, 2], [4, 2], [4, 4], [2, 4]], "group_id": null}]})";
-}
-
-TEST(FindTruth, ReadsOutlinesWhereThereAreNoLabelImages) {
-  const testing::TempFolder folder;
-  WriteOutline(folder.path() / "images/a.json");
-  std::ofstream(folder.path() / "images/camera.json") << "{}";
-  for (const char* better : {"images/a.json", "annotations/all/a.json", "labels/a.json"}) {
-    WriteOutline(folder.path() / better);
-    const auto levels = FindTruth(folder.path());
-    ASSERT_OK(levels);
-    ASSERT_EQ(levels->size(), 1u);
-    EXPECT_EQ((*levels)[0].name, "labels");
-    ASSERT_EQ((*levels)[0].outlines.size(), 1u);
-    EXPECT_EQ((*levels)[0].outlines[0].file, folder.path() / better);
-  }
-  std::ofstream(folder.path() / "labels/b.json") << "{}";
-  EXPECT_EQ(FindTruth(folder.path()).status().code(), absl::StatusCode::kInvalidArgument);
-  WriteLabels(folder.path() / "labels/a.png", 8, 6, 3);
-  const auto images = FindTruth(folder.path());
-  ASSERT_OK(images);
-  EXPECT_THAT((*images)[0].outlines, ::testing::IsEmpty());
 }
 
 TEST(EvaluateRequestOf, DrawsOutlinesInTheSizeOfThePhotograph) {

@@ -73,9 +73,9 @@ TEST_F(TruthFolder, ScoresHeldOutViewsUnlessTheUserNamesOthers) {
 TEST_F(TruthFolder, ReadsLabelImagesAndMasks) {
   flags.ignore = folder.path() / "ignore";
   Write("ignore/a.png", "ignored");
-  const auto without = AddTruth(flags, views, request);
-  ASSERT_OK(without);
-  EXPECT_THAT(*without, ElementsAre("d.jpg", "trained.jpg"));
+  const auto added = AddTruth(flags, views, request);
+  ASSERT_OK(added);
+  EXPECT_THAT(added->views_without, ElementsAre("d.jpg", "trained.jpg"));
   ASSERT_EQ(request.views_size(), 2);
   EXPECT_EQ(request.views(0).view(), "a.jpg");
   EXPECT_EQ(request.views(0).labels_png(), EncodePng({2, 1, {3, 7}}));

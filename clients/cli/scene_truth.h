@@ -1,0 +1,48 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "clients/cli/outlines.h"
+#include "clients/cli/picture.h"
+#include "pepeseg/v1/evaluation_service.pb.h"
+
+// Where the ground truth of a scene is: label images, or outlines.
+namespace pepeseg::client::cli {
+
+// The ground truth of one granularity level of a dataset: label images or outlines of views.
+struct TruthLevel {
+  std::string name;
+  std::filesystem::path folder;                   // has STEM.png for views
+  std::map<int, std::string> entities;            // names by id; an id without a name is absent
+  std::vector<OutlinedPhotograph> outlines = {};  // in place of label images
+};
+
+// Returns the levels of a dataset's folder. gt/labels.json lists them with the names of entities by
+// id ({"part": ["-", "lamp", ...], ...}), and gt/LEVEL/ has their label images. Without that file
+// there is one level, "labels", of the first that exists: label images in labels/; outlines in
+// labels/ (see ReadOutlines), annotations.json or annotations/; LabelMe's outlines next to the
+// photographs in images/. Without any of these there is none. INVALID_ARGUMENT: gt/labels.json is
+// not a JSON object, or outlines are malformed.
+absl::StatusOr<std::vector<TruthLevel>> FindTruth(const std::filesystem::path& dataset);
+
+// Returns the levels at a path: as FindTruth does if that finds any, or if the path has images/.
+// Otherwise the path is itself one of these places: a file or folder of outlines, or a folder with
+// label images or masks, which exclude outlines. Returns errors as FindTruth does.
+absl::StatusOr<std::vector<TruthLevel>> FindTruthAt(const std::filesystem::path& path);
+
+// Adds the masks of the entities that are outlined in a photograph, in images of `size` pixels.
+// INVALID_ARGUMENT: the image that was drawn on has another shape.
+absl::Status AddOutlines(const OutlinedPhotograph& outlines, const PixelSize& size,
+                         v1::ViewTruth& truth);
+
+// Returns INVALID_ARGUMENT, with the path, unless both sides of an image have the same scale, up to
+// the rounding of one pixel.
+absl::Status CheckShape(const std::filesystem::path& path, const PixelSize& image,
+                        const PixelSize& photograph);
+
+}  // namespace pepeseg::client::cli

@@ -1,0 +1,92 @@
+#!/usr/bin/env bash
+# Scores a model with `pepeseg evaluate` against outlines on a server: the scores are those against
+# label images of the same things, wherever the outlines are.
+#   outlines_as_truth.sh FOLDER_OF_PROGRAMS WRITE_MINIATURES
+set -euo pipefail
+programs=$1 write=$2
+# shellcheck source=tests/clients/with_server.sh
+source "$(dirname "$0")/with_server.sh"
+
+"$write" "$work/folders"
+scene=$work/folders/scene  # the photographs 000.png to 009.png
+expect 0 pepeseg upload table "$scene"
+expect 0 pepeseg train table -o reconstruct.num_steps=200 -o reconstruct.sh_degree=0 \
+  -o features.num_steps=200 -o features.num_pixels=200 -o features.steps_per_chunk=50
+
+# SAM's masks of the miniature are the entities of its label images, in the order of their ids.
+outlines() {  # outlines FILE STEM...: writes COCO's JSON of these photographs
+  mkdir -p "$(dirname "$1")"
+  python3 - "$scene/masks" "$@" <<'PYTHON'
+import json, sys
+masks, file, *stems = sys.argv[1:]
+coco = {"images": [], "annotations": [], "categories": [{"id": i, "name": str(i)} for i in (1, 2, 3)]}
+for stem in stems:
+    coco["images"].append({"id": stem, "file_name": stem + ".png", "width": 96, "height": 72})
+    for label, mask in enumerate(json.load(open(f"{masks}/{stem}.json")), start=1):
+        coco["annotations"].append({"image_id": stem, "category_id": label,
+                                    "segmentation": mask["segmentation"]})
+json.dump(coco, open(file, "w"))
+PYTHON
+}
+evaluate() {  # evaluate TRUTH OPTION...: writes the response without its time to $work/scores
+  expect 0 pepeseg --json evaluate table "$@" --min-pixels 20
+  sed 's/,"compute":"[^"]*"//' "$work/output" >"$work/scores"
+}
+
+evaluate "$scene/labels"
+cp "$work/scores" "$work/by_labels"
+python3 - "$work/by_labels" <<'PYTHON' || fail 'the label images score fewer than two entities above zero'
+import json, sys
+scores = json.load(open(sys.argv[1]))["entities"]
+sys.exit(sum(entity["automatic"]["mean"]["iou"] > 0 for entity in scores) < 2)
+PYTHON
+
+# A file, its folder, and a scene's folder; 000 and 008 are held out, 001 is not.
+outlines "$work/outlined/annotations/things.json" 000 001 008
+cp -r "$scene/images" "$work/outlined/images"
+for truth in outlined/annotations/things.json outlined/annotations/ outlined; do
+  evaluate "$work/$truth"
+  cmp -s "$work/scores" "$work/by_labels" || fail "$truth has other scores than label images"
+  ! grep -q 'not views' "$work/errors" || fail 'a warning about a view'
+done
+cp -r "$scene/labels" "$work/outlined/labels"
+rm "$work/outlined/annotations/things.json"
+evaluate "$work/outlined"
+cmp -s "$work/scores" "$work/by_labels" || fail 'the label images of a scene have other scores'
+
+# The other protocols and kinds of prompts take outlines, too.
+outlines "$work/things.json" 000 001 008
+for options in '--protocol clicks' '--protocol label-propagation --reference 000.png' \
+  '--trained-views --views 000.png,001.png,008.png'; do
+  read -ra words <<<"$options"
+  evaluate "$scene/labels" "${words[@]}"
+  cp "$work/scores" "$work/by_labels"
+  evaluate "$work/things.json" "${words[@]}"
+  cmp -s "$work/scores" "$work/by_labels" || fail "other scores than by label images: $options"
+done
+
+# Photographs that are not views of the model, and views without outlines.
+sed 's/001\.png/0011.png/' "$work/things.json" >"$work/misnamed.json"
+evaluate "$work/misnamed.json"
+grep -q '^1 of 3 photographs with outlines are not views of the model, such as "0011.png".*mean 001' \
+  "$work/errors" || fail 'no warning about a photograph that is not a view'
+outlines "$work/one.json" 000
+evaluate "$work/one.json" --score-reference
+grep -q '^1 views have nothing in .*one.json, such as 008.png' "$work/errors" ||
+  fail 'no note about a view without outlines'
+outlines "$work/trained.json" 001
+expect 3 pepeseg evaluate table "$work/trained.json"
+grep -q 'expected outlines of 000.png; found those of 1 other' "$work/errors" ||
+  fail 'outlines of a trained view only are scored'
+
+# Refusals.
+sed 's/"counts"/"count"/' "$work/things.json" >"$work/malformed.json"
+expect 4 pepeseg evaluate table "$work/malformed.json"
+grep -q 'malformed.json: annotation 0: segmentation is ' "$work/errors" || fail 'no such annotation'
+expect 4 pepeseg evaluate table "$scene/masks"  # of SAM
+grep -q '000.json: neither outlines of LabelMe .* move it elsewhere' "$work/errors" ||
+  fail 'masks of SAM are not refused as outlines'
+expect 3 pepeseg evaluate table "$work/nothing.json"
+grep -q 'no such folder or file of outlines: .*nothing.json' "$work/errors" || fail 'no such file'
+expect 3 pepeseg evaluate table "$work/things.json" --protocol sam-agreement
+echo 'every step as expected'
