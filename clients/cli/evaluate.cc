@@ -117,6 +117,7 @@ struct EvaluateFlags {
   std::optional<int64_t> min_pixels;
   std::optional<int> max_clicks;
   bool score_reference = false;
+  bool refine_borders = false;
   v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH;  // of the images, prompts and clicks
 };
 
@@ -141,6 +142,7 @@ v1::EvaluationOptions EvaluationOptionsOf(const EvaluateFlags& flags) {
     options.mutable_sam_agreement()->set_min_pixels(*flags.min_pixels);
   }
   options.set_score_reference(flags.score_reference);
+  options.set_refine_borders(flags.refine_borders);
   options.set_accept_trained_views(flags.truth.trained_views);
   if (flags.min_cosine) {
     options.mutable_label_propagation()->set_min_cosine(*flags.min_cosine);
@@ -259,6 +261,7 @@ void AddOptionFlags(CLI::App& verb, EvaluateFlags& flags) {
   verb.add_option("--min-iou", flags.min_iou, "IoU that clicks must reach (0.9)");
   verb.add_option("--max-clicks", flags.max_clicks, "Maximum number of clicks (10)");
   verb.add_flag("--score-reference", flags.score_reference, "Score the reference view, too");
+  verb.add_flag("--refine-borders", flags.refine_borders, "Refine the borders of the masks scored");
 }
 
 }  // namespace

@@ -22,6 +22,7 @@ struct SegmentFlags {
   PromptFlags prompt;
   GranularityFlags granularity;
   std::vector<std::string> targets;  // names of views, "all" or "held-out"
+  bool refine_borders = false;
   std::string out;
 };
 
@@ -47,6 +48,7 @@ absl::StatusOr<v1::SegmentViewsRequest> BuildRequest(const SegmentFlags& flags) 
   SetTargets(flags.targets, request);
   request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
   request.set_frame(flags.prompt.frame);
+  request.set_refine_borders(flags.refine_borders);
   return request;
 }
 
@@ -164,6 +166,8 @@ void AddSegment(CLI::App& app, Shell& shell) {
   AddGranularityFlags(*verb, flags->granularity);
   verb->add_option("--views", flags->targets,
                    "Views to segment: names, all or held-out; by default the view of the prompt");
+  verb->add_flag("--refine-borders", flags->refine_borders,
+                 "Decide the pixels along the borders of the masks by what is rendered there");
   verb->add_option("--out", flags->out, "Folder for STEM_mask.png and STEM_overlay.png");
   verb->callback(
       [flags, &shell] { shell.verb = [&, flags] { return RunSegment(shell, *flags); }; });

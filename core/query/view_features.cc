@@ -1,6 +1,7 @@
 #include "core/query/view_features.h"
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -16,6 +17,19 @@ namespace {
 
 int NumPositive(const Query& query) {
   return static_cast<int>(std::count(query.positive.begin(), query.positive.end(), 1));
+}
+
+// Computes area, box and score from mask and similarity.
+void Remeasure(SegmentResult& result) {
+  double sum = 0;
+  result.area = 0;
+  for (size_t i = 0; i < result.mask.pixels.size(); ++i) {
+    if (result.mask.pixels[i] == 0) continue;
+    ++result.area;
+    sum += double{result.similarity[i]};
+  }
+  result.score = result.area > 0 ? sum / static_cast<double>(result.area) : 0;
+  FindBox(result.mask.pixels, result.width, result.box);
 }
 
 }  // namespace
@@ -151,45 +165,48 @@ absl::StatusOr<std::span<const uint8_t>> ViewFeatures::ColorOf(const ModelView& 
   return color_.pixels;
 }
 
+// Works in strips, so that the copy of the features stays small in a large view.
 absl::Status ViewFeatures::RefineMask(const ModelView& target, DeviceSpan<const Half> map,
                                       const Buffer<float>& gate, SegmentResult& result) {
+  constexpr int kStripRows = 32;
   ASSIGN_OR_RETURN(const std::span<const uint8_t> rgb, ColorOf(target));
-  // What RefineBorder reads: the box of the mask with a margin.
+  std::array<float, kFeatureSize> psi{};
+  gate.Download(std::span<float>(psi));
+  const std::vector<uint8_t> before = result.mask.pixels;
+  // The columns and rows of the mask, and those beyond it that it may grow into.
   const int left = std::max(0, result.box[0] - kBorderReach);
   const int right = std::min(result.width, result.box[0] + result.box[2] + kBorderReach);
-  const int top = std::max(0, result.box[1] - kBorderReach);
-  const int bottom = std::min(result.height, result.box[1] + result.box[3] + kBorderReach);
-  BorderPixels crop;
-  crop.width = right - left;
-  crop.height = bottom - top;
-  crop.threshold = result.threshold;
-  const auto size = static_cast<size_t>(crop.width);
-  crop.features.resize(size * crop.height * kFeatureSize);
-  std::vector<uint8_t> mask;
-  for (int y = top; y < bottom; ++y) {
-    const size_t row = static_cast<size_t>(y) * result.width + left;
-    backend_.CopyToHost(&crop.features[(y - top) * size * kFeatureSize],
-                        map.data + row * kFeatureSize, size * kFeatureSize * sizeof(Half));
-    crop.rgb.insert(crop.rgb.end(), &rgb[3 * row], &rgb[3 * row] + 3 * size);
-    crop.similarity.insert(crop.similarity.end(), &result.similarity[row],
-                           &result.similarity[row] + size);
-    mask.insert(mask.end(), &result.mask.pixels[row], &result.mask.pixels[row] + size);
+  const int top = std::max(0, result.box[1] - 1);
+  const int bottom = std::min(result.height, result.box[1] + result.box[3] + 1);
+  for (int row = top; row < bottom; row += kStripRows) {
+    const int end = std::min(bottom, row + kStripRows);
+    const int first = std::max(0, row - kBorderReach);
+    BorderPixels strip;
+    strip.width = right - left;
+    strip.height = std::min(result.height, end + kBorderReach) - first;
+    strip.threshold = result.threshold;
+    strip.psi = psi;
+    const auto width = static_cast<size_t>(strip.width);
+    strip.features.resize(width * strip.height * kFeatureSize);
+    std::vector<uint8_t> mask;
+    for (int y = 0; y < strip.height; ++y) {
+      const size_t from = static_cast<size_t>(first + y) * result.width + left;
+      backend_.CopyToHost(&strip.features[y * width * kFeatureSize], map.data + from * kFeatureSize,
+                          width * kFeatureSize * sizeof(Half));
+      strip.rgb.insert(strip.rgb.end(), &rgb[3 * from], &rgb[3 * from] + 3 * width);
+      strip.similarity.insert(strip.similarity.end(), &result.similarity[from],
+                              &result.similarity[from] + width);
+      mask.insert(mask.end(), &before[from], &before[from] + width);
+    }
+    // A failed device leaves zeros, which would move the border.
+    RETURN_IF_ERROR(TakeStatus(backend_));
+    RefineBorder(strip, mask);
+    for (int y = row; y < end; ++y) {
+      std::copy_n(&mask[(y - first) * width], width,
+                  &result.mask.pixels[static_cast<size_t>(y) * result.width + left]);
+    }
   }
-  gate.Download(std::span<float>(crop.psi));
-  // A failed device leaves zeros, which would move the border.
-  RETURN_IF_ERROR(TakeStatus(backend_));
-
-  RefineBorder(crop, mask);
-  double sum = 0;
-  result.area = 0;
-  for (size_t i = 0; i < mask.size(); ++i) {
-    result.mask.pixels[(top + i / size) * result.width + left + i % size] = mask[i];
-    if (mask[i] == 0) continue;
-    ++result.area;
-    sum += double{crop.similarity[i]};
-  }
-  result.score = result.area > 0 ? sum / static_cast<double>(result.area) : 0;
-  FindBox(result.mask.pixels, result.width, result.box);
+  Remeasure(result);
   return absl::OkStatus();
 }
 

@@ -51,7 +51,9 @@ absl::Status Segment(ModelLoader& models, const QueryCall& call,
     // One view at a time, although Segment takes many: a client that is gone costs at most one
     // view, and the size is checked before the next one is computed.
     ASSIGN_OR_RETURN(auto results,
-                     model.segmenter->Segment(query, {&target, 1}, request.want_similarity()));
+                     model.segmenter->Segment(query, {&target, 1},
+                                              {.want_similarity = request.want_similarity(),
+                                               .refine_borders = request.refine_borders()}));
     const SegmentResult result = frame.Take(target, std::move(results.front()));
     compute += stopwatch.Lap();
     ASSIGN_OR_RETURN(*response->add_masks(),

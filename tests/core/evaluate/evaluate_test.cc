@@ -118,6 +118,20 @@ TEST_F(EvaluateTest, ChoosesThresholdsAboveAndBelowThatOfTheQuery) {
   }
 }
 
+// The truth is the mask as the threshold gives it, so that a refined border is an error here.
+TEST_F(EvaluateTest, RefinesTheBordersOfScoredMasks) {
+  for (const int v : {0, 1}) Show(v, "left", Left(v));
+  options_.scales = {0.5};
+  options_.thresholds = {0.97};
+  ASSERT_OK_AND_ASSIGN(const EvaluationResult plain, Run());
+  options_.refine_borders = true;
+  ASSERT_OK_AND_ASSIGN(const EvaluationResult refined, Run());
+  EXPECT_EQ(plain.scene.reference_choice->iou, 1);
+  EXPECT_LT(refined.scene.reference_choice->iou, 1);
+  EXPECT_GT(refined.scene.reference_choice->iou, 0.97);
+  EXPECT_EQ(refined.scene.paper.iou, refined.scene.reference_choice->iou);
+}
+
 TEST_F(EvaluateTest, ScoresZeroForAMissingPredictionInEachProtocol) {
   for (int v = 0; v < 3; ++v) {
     Show(v, "left", Left(v));

@@ -69,6 +69,7 @@ TEST_F(EvaluateTest, TakesOptionsAndIgnoreMasks) {
   EXPECT_EQ(answer.options().scales(0), 0.25);
   EXPECT_EQ(answer.options().fixed_threshold(), 0.6);
   EXPECT_FALSE(answer.options().score_reference());
+  EXPECT_FALSE(answer.options().refine_borders());
   EXPECT_EQ(answer.options().thresholds_size(), 10);
   EXPECT_EQ(answer.options().clicks().max_clicks(), 7);
   EXPECT_EQ(answer.options().promptable().min_cosine(), 0.9);
@@ -80,6 +81,16 @@ TEST_F(EvaluateTest, TakesOptionsAndIgnoreMasks) {
   EXPECT_EQ(answer.entities(0).views_size(), 2);
   EXPECT_EQ(answer.entities(1).name(), "5");
   EXPECT_TRUE(answer.options().score_reference());
+}
+
+// The masks of this model are exact already: the option is passed on, and moves no border here.
+TEST_F(EvaluateTest, RefinesBordersOnRequest) {
+  auto request = Request();
+  request.mutable_options()->set_refine_borders(true);
+  const grpc::Status status = Evaluate(request);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  EXPECT_TRUE(answer.options().refine_borders());
+  EXPECT_GT(answer.scene().reference().iou(), 0.95);
 }
 
 TEST_F(EvaluateTest, ScoresAClickOnNothingAsZero) {

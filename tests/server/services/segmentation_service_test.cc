@@ -84,6 +84,18 @@ TEST_F(SegmentationServiceTest, ReturnsPngAndSimilarityOnRequest) {
   EXPECT_TRUE(answer.timing().has_compute());
 }
 
+TEST_F(SegmentationServiceTest, RefinesBordersOnRequest) {
+  auto request = Click(30);
+  request.mutable_granularity()->set_threshold(0.97);  // too high at the border
+  ASSERT_OK_AND_ASSIGN(const auto plain, Segment(request));
+  request.set_refine_borders(true);
+  ASSERT_OK_AND_ASSIGN(const auto refined, Segment(request));
+  EXPECT_NE(refined.masks(0).area(), plain.masks(0).area());
+  EXPECT_NEAR(static_cast<double>(refined.masks(0).area()),
+              static_cast<double>(plain.masks(0).area()),
+              0.25 * static_cast<double>(plain.masks(0).area()));
+}
+
 TEST_F(SegmentationServiceTest, AcceptsAFreeCameraAndUnits) {
   auto request = Click(66);
   request.mutable_prompt()->clear_view();

@@ -14,7 +14,8 @@ PEPESEG_FUZZ_MESSAGE(segment_request, pepeseg::v1::SegmentViewsRequest) {
   const auto query = pepeseg::ResolvePrompt(segmenter, asked->prompt, asked->granularity);
   if (!query.ok()) return;
   if (asked->targets.size() > 2) return;
-  const auto results = segmenter.Segment(*query, asked->targets, {.want_similarity = true});
+  const auto results =
+      segmenter.Segment(*query, asked->targets, {.want_similarity = true, .refine_borders = true});
   if (!results.ok()) return;
   pepeseg::fuzz::Expect(results->size() == asked->targets.size(), "a mask for each view");
 }

@@ -163,6 +163,7 @@ def segment(
     threshold: float | None = None,
     targets: prompts.Targets = None,
     similarity: bool = False,
+    refine_borders: bool = False,
     frame: str = "photograph",
 ) -> Steps[Segmentation]:
     """Returns masks of what a prompt means.
@@ -183,6 +184,7 @@ def segment(
         threshold: cosine above which a pixel is in the mask, [-1, 1].
         targets: the views to segment: None for the prompt's view, "all", "held-out", or names.
         similarity: return similarity maps, too.
+        refine_borders: decide the pixels along the borders of the masks by what is rendered there.
         frame: the pixels of prompt and masks: "photograph", as it was uploaded, or "view", as it
             was trained on (undistorted, cropped, shrunk). A Camera has its own.
 
@@ -202,6 +204,7 @@ def segment(
         mask_encoding=prompt_pb2.MASK_ENCODING_COCO_RLE,
         want_similarity=similarity,
         frame=prompts.pixel_frame(frame),
+        refine_borders=refine_borders,
     )
     answer = yield Unary("segmentation", "SegmentViews", request, at.scene)
     return parse_segmentation(answer)

@@ -80,6 +80,12 @@ class TestSegment:
         assert (similarity[found.mask] > 0.2 - step).all()
         assert found.masks[0].score == pytest.approx(similarity[found.mask].mean(), abs=1e-3)
 
+    def test_borders_are_refined_on_request(self, client):
+        asked = {"points": POINT_IN_VIEW, "threshold": 0.2, "frame": "view"}
+        plain = client.segment(VIEW, **asked).mask
+        refined = client.segment(VIEW, refine_borders=True, **asked).mask
+        assert 0 < (plain != refined).sum() < 0.25 * plain.sum()
+
     def test_a_camera_gives_the_same_as_its_view(self, client):
         view = next(view for view in client.views() if view.name == VIEW)
         assert np.allclose(view.camera.cam_from_world[3], [0, 0, 0, 1])

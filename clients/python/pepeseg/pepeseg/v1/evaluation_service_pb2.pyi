@@ -211,7 +211,7 @@ class EvaluateModelResponse(_message.Message):
     def __init__(self, entities: _Optional[_Iterable[_Union[EvaluateModelResponse.Entity, _Mapping]]] = ..., left_out: _Optional[_Iterable[str]] = ..., categories: _Optional[_Iterable[_Union[EvaluateModelResponse.GroupScores, _Mapping]]] = ..., scene: _Optional[_Union[EvaluateModelResponse.GroupScores, _Mapping]] = ..., sam_agreement: _Optional[_Union[EvaluateModelResponse.SamAgreement, _Mapping]] = ..., options: _Optional[_Union[EvaluationOptions, _Mapping]] = ..., compute: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., model: _Optional[str] = ...) -> None: ...
 
 class EvaluationOptions(_message.Message):
-    __slots__ = ["accept_trained_views", "clicks", "fixed_threshold", "label_propagation", "min_pixels", "promptable", "protocol", "sam_agreement", "scales", "score_reference", "thresholds"]
+    __slots__ = ["accept_trained_views", "clicks", "fixed_threshold", "label_propagation", "min_pixels", "promptable", "protocol", "refine_borders", "sam_agreement", "scales", "score_reference", "thresholds"]
     class Clicks(_message.Message):
         __slots__ = ["max_clicks", "min_iou"]
         MAX_CLICKS_FIELD_NUMBER: _ClassVar[int]
@@ -255,6 +255,7 @@ class EvaluationOptions(_message.Message):
     MIN_PIXELS_FIELD_NUMBER: _ClassVar[int]
     PROMPTABLE_FIELD_NUMBER: _ClassVar[int]
     PROTOCOL_FIELD_NUMBER: _ClassVar[int]
+    REFINE_BORDERS_FIELD_NUMBER: _ClassVar[int]
     SAM_AGREEMENT_FIELD_NUMBER: _ClassVar[int]
     SCALES_FIELD_NUMBER: _ClassVar[int]
     SCORE_REFERENCE_FIELD_NUMBER: _ClassVar[int]
@@ -266,11 +267,12 @@ class EvaluationOptions(_message.Message):
     min_pixels: int
     promptable: EvaluationOptions.Promptable
     protocol: EvaluationProtocol
+    refine_borders: bool
     sam_agreement: EvaluationOptions.SamAgreement
     scales: _containers.RepeatedScalarFieldContainer[float]
     score_reference: bool
     thresholds: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, protocol: _Optional[_Union[EvaluationProtocol, str]] = ..., scales: _Optional[_Iterable[float]] = ..., thresholds: _Optional[_Iterable[float]] = ..., fixed_threshold: _Optional[float] = ..., min_pixels: _Optional[int] = ..., score_reference: bool = ..., accept_trained_views: bool = ..., label_propagation: _Optional[_Union[EvaluationOptions.LabelPropagation, _Mapping]] = ..., promptable: _Optional[_Union[EvaluationOptions.Promptable, _Mapping]] = ..., clicks: _Optional[_Union[EvaluationOptions.Clicks, _Mapping]] = ..., sam_agreement: _Optional[_Union[EvaluationOptions.SamAgreement, _Mapping]] = ...) -> None: ...
+    def __init__(self, protocol: _Optional[_Union[EvaluationProtocol, str]] = ..., scales: _Optional[_Iterable[float]] = ..., thresholds: _Optional[_Iterable[float]] = ..., fixed_threshold: _Optional[float] = ..., min_pixels: _Optional[int] = ..., score_reference: bool = ..., accept_trained_views: bool = ..., label_propagation: _Optional[_Union[EvaluationOptions.LabelPropagation, _Mapping]] = ..., promptable: _Optional[_Union[EvaluationOptions.Promptable, _Mapping]] = ..., clicks: _Optional[_Union[EvaluationOptions.Clicks, _Mapping]] = ..., sam_agreement: _Optional[_Union[EvaluationOptions.SamAgreement, _Mapping]] = ..., refine_borders: bool = ...) -> None: ...
 
 class SamViewMasks(_message.Message):
     __slots__ = ["ignore_png", "masks", "view"]
