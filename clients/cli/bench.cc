@@ -233,9 +233,11 @@ void AddBench(CLI::App& app, Shell& shell) {
       "bench",
       "Measure error against time: train a dataset with several lengths and seeds, and score "
       "each model on the held-out views");
-  verb->add_option("FOLDER", flags->folder,
-                   "The dataset, as for upload, with label images by which segments are scored: "
-                   "gt/LEVEL/STEM.png with gt/labels.json, or labels/STEM.png")
+  verb->add_option(
+          "FOLDER", flags->folder,
+          "The dataset, as for upload, with label images or outlines by which segments are scored: "
+          "gt/LEVEL/STEM.png with gt/labels.json, labels/STEM.png, or annotations of LabelMe or "
+          "COCO")
       ->required();
   verb->add_option("--out", flags->out, "Folder for record.json")->default_val("build/bench");
   verb->add_option("--scene", flags->scene, "Id of the scene; by default a new one");

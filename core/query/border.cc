@@ -22,8 +22,9 @@ constexpr double kUncertain = 0.1;
 
 static_assert(kBorderReach == kRadius + 2, "a deep pixel of the window has neighbours of its own");
 
-constexpr int kNumValues = kFeatureSize + 3;
-using Values = std::array<float, kNumValues>;  // gated feature, colour
+// Gated feature, colour, and a 0 that makes the number a multiple of four.
+constexpr int kNumValues = kFeatureSize + 4;
+using Values = std::array<float, kNumValues>;
 
 // Where a pixel lies.
 enum Place : uint8_t { kDeepOutside, kBorderOutside, kBorderInside, kDeepInside };
@@ -115,16 +116,24 @@ class BorderRefiner {
     }
   }
 
+  // Compares each pixel with four of its neighbours, so that each pair is compared once.
   std::vector<Place> PlacesOf(std::span<const uint8_t> mask) const {
     std::vector<Place> places(mask.size());
+    for (size_t i = 0; i < mask.size(); ++i) places[i] = mask[i] != 0 ? kDeepInside : kDeepOutside;
+    const auto compare = [&](size_t a, size_t b) {
+      if (mask[a] == mask[b]) return;
+      places[a] = mask[a] != 0 ? kBorderInside : kBorderOutside;
+      places[b] = mask[b] != 0 ? kBorderInside : kBorderOutside;
+    };
     for (int y = 0; y < pixels_.height; ++y) {
       for (int x = 0; x < pixels_.width; ++x) {
-        const size_t at = IndexOf(x, y);
-        const bool inside = mask[at] != 0;
-        bool deep = true;
-        ForWindow(x, y, 1, [&](size_t i) { deep = deep && (mask[i] != 0) == inside; });
-        places[at] =
-            inside ? (deep ? kDeepInside : kBorderInside) : (deep ? kDeepOutside : kBorderOutside);
+        const size_t i = IndexOf(x, y);
+        const bool has_right = x + 1 < pixels_.width;
+        if (has_right) compare(i, i + 1);
+        if (y + 1 == pixels_.height) continue;
+        compare(i, i + pixels_.width);
+        if (has_right) compare(i, i + pixels_.width + 1);
+        if (x > 0) compare(i, i + pixels_.width - 1);
       }
     }
     return places;

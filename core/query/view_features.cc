@@ -178,17 +178,20 @@ absl::Status ViewFeatures::RefineMask(const ModelView& target, DeviceSpan<const 
   const int right = std::min(result.width, result.box[0] + result.box[2] + kBorderReach);
   const int top = std::max(0, result.box[1] - 1);
   const int bottom = std::min(result.height, result.box[1] + result.box[3] + 1);
+  BorderPixels strip;
+  strip.width = right - left;
+  strip.threshold = result.threshold;
+  strip.psi = psi;
+  const auto width = static_cast<size_t>(strip.width);
+  std::vector<uint8_t> mask;
   for (int row = top; row < bottom; row += kStripRows) {
     const int end = std::min(bottom, row + kStripRows);
     const int first = std::max(0, row - kBorderReach);
-    BorderPixels strip;
-    strip.width = right - left;
     strip.height = std::min(result.height, end + kBorderReach) - first;
-    strip.threshold = result.threshold;
-    strip.psi = psi;
-    const auto width = static_cast<size_t>(strip.width);
     strip.features.resize(width * strip.height * kFeatureSize);
-    std::vector<uint8_t> mask;
+    strip.rgb.clear();
+    strip.similarity.clear();
+    mask.clear();
     for (int y = 0; y < strip.height; ++y) {
       const size_t from = static_cast<size_t>(first + y) * result.width + left;
       backend_.CopyToHost(&strip.features[y * width * kFeatureSize], map.data + from * kFeatureSize,

@@ -46,8 +46,9 @@ absl::StatusOr<Answers> AskMask(const Segmenter& segmenter) {
   const ModelView& view = segmenter.model().views[0];
   const std::vector<PointPrompt> points = {{17.5, 24.5, true}};
   ASSIGN_OR_RETURN(const Query query, ResolvePrompt(segmenter, {view, points}, {}));
-  ASSIGN_OR_RETURN(const auto results,
-                   segmenter.Segment(query, {&view, 1}, {.want_similarity = true}));
+  ASSIGN_OR_RETURN(
+      const auto results,
+      segmenter.Segment(query, {&view, 1}, {.want_similarity = true, .refine_borders = true}));
   Answers answers;
   answers.mask = results[0].mask.pixels;
   answers.similarity = results[0].similarity;

@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <csignal>
+#include <filesystem>
 #include <iostream>
 #include <random>
+#include <system_error>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
@@ -72,18 +74,35 @@ class KillWorkerTest : public ::testing::Test {
     return bytes;
   }
 
+  // Returns whether a checkpoint of the job was written since then.
+  bool HasSavedSince(const std::string& job, std::filesystem::file_time_type since) {
+    std::error_code vanished;  // the worker and the server move and delete files meanwhile
+    using Iterator = std::filesystem::recursive_directory_iterator;
+    for (Iterator it(folder_ / "data" / job, vanished), end; it != end; it.increment(vanished)) {
+      if (it->path().extension() != ".ckpt") continue;
+      const auto written = std::filesystem::last_write_time(it->path(), vanished);
+      if (!vanished && written > since) return true;
+    }
+    return false;
+  }
+
   // Kills at random moments until the job has ended, at most the given number of times, and returns
-  // the number of kills. The pauses are long enough that most attempts save something: three in a
-  // row that do not fail the job.
+  // the number of kills. Three attempts in a row that save nothing would fail the job: on a slow
+  // machine the third is left alone until it has saved something.
   int KillUntilEnd(const std::string& job, int most, std::mt19937& random) {
-    int num_kills = 0;
+    int num_kills = 0, num_unsaved = 0;
+    auto newest_kill = std::filesystem::file_time_type::clock::now();
     const std::string word = absl::StrCat("--job=", (folder_ / "data" / job).string());
     while (!Ended(job)) {
       absl::SleepFor(absl::Milliseconds(std::uniform_int_distribution<int>(1800, 4500)(random)));
+      const bool saved = HasSavedSince(job, newest_kill);
+      if (!saved && num_unsaved == 2) continue;
       const pid_t worker = testing::FindProcess(word);
       if (num_kills == most || worker == 0) continue;
       kill(worker, SIGKILL);
       ++num_kills;
+      num_unsaved = saved ? 0 : num_unsaved + 1;
+      newest_kill = std::filesystem::file_time_type::clock::now();
     }
     return num_kills;
   }
