@@ -166,6 +166,7 @@ absl::Status ScoreOwnScene(const Client& client, const BenchmarkPlan& plan,
                        ": no truth of a held-out view: looked for STEM.png and outlines"));
     }
     request.mutable_options()->set_protocol(plan.protocol);
+    request.mutable_options()->set_refine_borders(plan.refine_borders);
     ASSIGN_OR_RETURN(const v1::EvaluateModelResponse scores, client.Evaluate(request));
     LevelScores& added = run.levels.emplace_back(ScoresOf(level.name, scores));
     request.mutable_options()->set_protocol(v1::EVALUATION_PROTOCOL_CLICKS);
@@ -190,6 +191,7 @@ absl::Status ScoreScene(const Client& client, const BenchmarkPlan& plan,
   ASSIGN_OR_RETURN(v1::EvaluateModelRequest request,
                    ScoreRequest(plan.benchmark, scene, plan.protocol, views));
   request.set_model(model);
+  request.mutable_options()->set_refine_borders(plan.refine_borders);
   ASSIGN_OR_RETURN(const v1::EvaluateModelResponse scores, client.Evaluate(request));
   run.levels.push_back(ScoresOf("", scores));
   if (plan.pictures.empty()) return absl::OkStatus();

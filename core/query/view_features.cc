@@ -1,7 +1,6 @@
 #include "core/query/view_features.h"
 
 #include <algorithm>
-#include <array>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -165,48 +164,52 @@ absl::StatusOr<std::span<const uint8_t>> ViewFeatures::ColorOf(const ModelView& 
   return color_.pixels;
 }
 
+void ViewFeatures::ReadStrip(const ViewPart& part, const SegmentResult& result,
+                             BorderPixels& strip) {
+  const auto width = static_cast<size_t>(strip.width);
+  strip.features.resize(width * strip.height * kFeatureSize);
+  strip.rgb.clear();
+  strip.similarity.clear();
+  for (int y = 0; y < strip.height; ++y) {
+    const size_t from = static_cast<size_t>(part.top + y) * result.width + part.left;
+    backend_.CopyToHost(&strip.features[y * width * kFeatureSize],
+                        part.map.data + from * kFeatureSize, width * kFeatureSize * sizeof(Half));
+    strip.rgb.insert(strip.rgb.end(), &part.rgb[3 * from], &part.rgb[3 * from] + 3 * width);
+    strip.similarity.insert(strip.similarity.end(), &result.similarity[from],
+                            &result.similarity[from] + width);
+  }
+}
+
 // Works in strips, so that the copy of the features stays small in a large view.
 absl::Status ViewFeatures::RefineMask(const ModelView& target, DeviceSpan<const Half> map,
                                       const Buffer<float>& gate, SegmentResult& result) {
   constexpr int kStripRows = 32;
-  ASSIGN_OR_RETURN(const std::span<const uint8_t> rgb, ColorOf(target));
-  std::array<float, kFeatureSize> psi{};
-  gate.Download(std::span<float>(psi));
-  const std::vector<uint8_t> before = result.mask.pixels;
-  // The columns and rows of the mask, and those beyond it that it may grow into.
-  const int left = std::max(0, result.box[0] - kBorderReach);
-  const int right = std::min(result.width, result.box[0] + result.box[2] + kBorderReach);
-  const int top = std::max(0, result.box[1] - 1);
-  const int bottom = std::min(result.height, result.box[1] + result.box[3] + 1);
+  ViewPart part = {.map = map, .left = std::max(0, result.box[0] - kBorderReach)};
+  ASSIGN_OR_RETURN(part.rgb, ColorOf(target));
   BorderPixels strip;
-  strip.width = right - left;
+  strip.width = std::min(result.width, result.box[0] + result.box[2] + kBorderReach) - part.left;
   strip.threshold = result.threshold;
-  strip.psi = psi;
-  const auto width = static_cast<size_t>(strip.width);
+  gate.Download(std::span<float>(strip.psi));
+  const std::vector<uint8_t> before = result.mask.pixels;
   std::vector<uint8_t> mask;
-  for (int row = top; row < bottom; row += kStripRows) {
+  // The mask may grow by one row.
+  const int bottom = std::min(result.height, result.box[1] + result.box[3] + 1);
+  for (int row = std::max(0, result.box[1] - 1); row < bottom; row += kStripRows) {
     const int end = std::min(bottom, row + kStripRows);
-    const int first = std::max(0, row - kBorderReach);
-    strip.height = std::min(result.height, end + kBorderReach) - first;
-    strip.features.resize(width * strip.height * kFeatureSize);
-    strip.rgb.clear();
-    strip.similarity.clear();
-    mask.clear();
-    for (int y = 0; y < strip.height; ++y) {
-      const size_t from = static_cast<size_t>(first + y) * result.width + left;
-      backend_.CopyToHost(&strip.features[y * width * kFeatureSize], map.data + from * kFeatureSize,
-                          width * kFeatureSize * sizeof(Half));
-      strip.rgb.insert(strip.rgb.end(), &rgb[3 * from], &rgb[3 * from] + 3 * width);
-      strip.similarity.insert(strip.similarity.end(), &result.similarity[from],
-                              &result.similarity[from] + width);
-      mask.insert(mask.end(), &before[from], &before[from] + width);
-    }
+    part.top = std::max(0, row - kBorderReach);
+    strip.height = std::min(result.height, end + kBorderReach) - part.top;
+    ReadStrip(part, result, strip);
     // A failed device leaves zeros, which would move the border.
     RETURN_IF_ERROR(TakeStatus(backend_));
+    const auto from = [&](int y) { return static_cast<size_t>(y) * result.width + part.left; };
+    mask.clear();
+    for (int y = part.top; y < part.top + strip.height; ++y) {
+      mask.insert(mask.end(), &before[from(y)], &before[from(y)] + strip.width);
+    }
     RefineBorder(strip, mask);
     for (int y = row; y < end; ++y) {
-      std::copy_n(&mask[(y - first) * width], width,
-                  &result.mask.pixels[static_cast<size_t>(y) * result.width + left]);
+      std::copy_n(&mask[static_cast<size_t>(y - part.top) * strip.width], strip.width,
+                  &result.mask.pixels[from(y)]);
     }
   }
   Remeasure(result);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/query/border.h"
 #include "core/query/prompt.h"
 #include "core/render/feature_maps.h"
 #include "core/render/renderer.h"
@@ -82,6 +83,14 @@ class ViewFeatures {
   // Returns the rendered colour of a view, [height, width, 3], valid until the next call. Keeps
   // that of the last view: queries often ask for the same one again.
   absl::StatusOr<std::span<const uint8_t>> ColorOf(const ModelView& view);
+  // A part of a view around a mask, from its left column and top row on.
+  struct ViewPart {
+    DeviceSpan<const Half> map;         // of the view
+    std::span<const uint8_t> rgb = {};  // of the view
+    int left = 0, top = 0;
+  };
+  // Fills in the pixels of `strip`, whose size is set.
+  void ReadStrip(const ViewPart& part, const SegmentResult& result, BorderPixels& strip);
   // Refines the border of a mask that is not empty, and what follows from the mask. `map`: of the
   // view; `gate`: psi(scale) of the query, [32].
   absl::Status RefineMask(const ModelView& target, DeviceSpan<const Half> map,

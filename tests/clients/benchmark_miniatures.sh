@@ -80,6 +80,15 @@ PYTHON
 
 benchmark nvos nvos
 grep -q 'in the record: table' "$work/errors" || fail 'a finished run is repeated'
+benchmark nvos nvos --refine-borders
+[[ $(wc -l <"$work/out/nvos/record.jsonl") == 2 ]] || fail 'refined borders are not another run'
+grep -q 'features.steps_per_chunk=50, refine_borders' "$work/out/nvos/table.md" ||
+  fail 'the table does not say that borders were refined'
+python3 - "$work/out/nvos/record.jsonl" <<'PYTHON' || fail 'refined borders have the same scores'
+import json, sys
+plain, refined = [json.loads(line)["levels"] for line in open(sys.argv[1])]
+assert plain != refined
+PYTHON
 benchmark lerf-mask lerf-mask --seeds 2
 [[ $(wc -l <"$work/out/lerf-mask/record.jsonl") == 2 ]] || fail 'the second seed is not recorded'
 grep -q ' +- ' "$work/out/lerf-mask/table.md" || fail 'no spread'
