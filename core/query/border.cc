@@ -34,7 +34,6 @@ bool IsInside(Place place) { return place == kBorderInside || place == kDeepInsi
 
 // The pixels of one side in a window.
 struct Side {
-  int count = 0;
   Values mean{};
   float feature_variance = 0, color_variance = 0;  // sums over the components
 };
@@ -58,7 +57,6 @@ class SideSum {
   int count() const { return count_; }
   Side Finish() const {
     Side side;
-    side.count = count_;
     const float share = 1 / static_cast<float>(std::max(1, count_));
     for (int k = 0; k < kNumValues; ++k) {
       side.mean[k] = sum_[k] * share;
@@ -106,13 +104,13 @@ class BorderRefiner {
  private:
   size_t IndexOf(int x, int y) const { return static_cast<size_t>(y) * pixels_.width + x; }
 
-  // Calls `use` with the index of each pixel of the image at most `radius` columns and rows away.
+  // Calls `use` with the index of each pixel of the window around a pixel.
   template <typename Use>
-  void ForWindow(int x, int y, int radius, Use use) const {
-    const int x1 = std::min(pixels_.width - 1, x + radius);
-    const int y1 = std::min(pixels_.height - 1, y + radius);
-    for (int j = std::max(0, y - radius); j <= y1; ++j) {
-      for (int i = std::max(0, x - radius); i <= x1; ++i) use(IndexOf(i, j));
+  void ForWindow(int x, int y, Use use) const {
+    const int x1 = std::min(pixels_.width - 1, x + kRadius);
+    const int y1 = std::min(pixels_.height - 1, y + kRadius);
+    for (int j = std::max(0, y - kRadius); j <= y1; ++j) {
+      for (int i = std::max(0, x - kRadius); i <= x1; ++i) use(IndexOf(i, j));
     }
   }
 
@@ -158,11 +156,11 @@ class BorderRefiner {
   // Describes a side by its deep pixels in the window or, of a thing too thin to have any, by all.
   Side SideAt(int x, int y, bool inside) {
     SideSum deep, all;
-    ForWindow(x, y, kRadius, [&](size_t i) {
+    ForWindow(x, y, [&](size_t i) {
       if (IsInside(places_[i]) == inside && !IsBorder(places_[i])) deep.Add(ValuesOf(i));
     });
     if (deep.count() > 0) return deep.Finish();
-    ForWindow(x, y, kRadius, [&](size_t i) {
+    ForWindow(x, y, [&](size_t i) {
       if (IsInside(places_[i]) == inside) all.Add(ValuesOf(i));
     });
     return all.Finish();
