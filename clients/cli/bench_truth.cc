@@ -1,7 +1,5 @@
 #include "clients/cli/bench_truth.h"
 
-#include <system_error>
-
 #include "absl/strings/str_cat.h"
 #include "clients/cli/picture.h"
 #include "clients/cli/view_picture.h"
@@ -12,11 +10,6 @@ namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
-
-bool Exists(const fs::path& path) {
-  std::error_code error;
-  return fs::exists(path, error);
-}
 
 // Reads a label image of 8 bits, or one of 16 bits whose ids fit into 8. INVALID_ARGUMENT: they do
 // not.
@@ -61,7 +54,7 @@ absl::StatusOr<v1::EvaluateModelRequest> EvaluateRequestOf(const fs::path& datas
   for (const v1::View& view : views) {
     const fs::path path = level.folder / fs::path(view.view()).replace_extension(".png");
     const OutlinedPhotograph* outlines = OutlinesOf(level.outlines, view.view());
-    if (!view.held_out() || (outlines == nullptr && !Exists(path))) continue;
+    if (!view.held_out() || (outlines == nullptr && !PathExists(path))) continue;
     v1::ViewTruth& truth = *request.add_views();
     truth.set_view(view.view());
     if (outlines != nullptr) {
@@ -69,7 +62,7 @@ absl::StatusOr<v1::EvaluateModelRequest> EvaluateRequestOf(const fs::path& datas
     } else {
       ASSIGN_OR_RETURN(*truth.mutable_labels_png(), LabelsPng(path, PhotographSize(view)));
     }
-    if (!Exists(ignore)) continue;
+    if (!PathExists(ignore)) continue;
     ASSIGN_OR_RETURN(*truth.mutable_ignore_png(), LabelsPng(ignore, PhotographSize(view)));
   }
   return request;

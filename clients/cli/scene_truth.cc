@@ -16,11 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool PathExists(const fs::path& path) {
-  std::error_code error;
-  return fs::exists(path, error);
-}
-
 // Returns true if a folder or one of its subfolders has a PNG.
 bool HasPng(const fs::path& folder) {
   std::error_code error;
@@ -62,6 +57,11 @@ absl::StatusOr<std::vector<TruthLevel>> FindLabels(const fs::path& dataset) {
 }
 
 }  // namespace
+
+bool PathExists(const fs::path& path) {
+  std::error_code error;
+  return fs::exists(path, error);
+}
 
 absl::StatusOr<std::vector<TruthLevel>> FindTruth(const fs::path& dataset) {
   const fs::path list = dataset / "gt" / "labels.json";

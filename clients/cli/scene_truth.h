@@ -22,6 +22,9 @@ struct TruthLevel {
   std::vector<OutlinedPhotograph> outlines = {};  // in place of label images
 };
 
+// Returns whether a path exists; false if it cannot be looked up.
+bool PathExists(const std::filesystem::path& path);
+
 // Returns the levels of a dataset's folder. gt/labels.json lists them with the names of entities by
 // id ({"part": ["-", "lamp", ...], ...}), and gt/LEVEL/ has their label images. Without that file
 // there is one level, "labels", of the first that exists: label images in labels/; outlines in

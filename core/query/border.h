@@ -10,7 +10,7 @@
 
 namespace pepeseg {
 
-// What is known of the pixels in and around a mask, [height, width] row-major.
+// The pixels of a mask and those around it, [height, width], row-major.
 struct BorderPixels {
   int width = 0, height = 0;
   std::vector<Half> features;             // [height, width, 32] as rendered, not gated

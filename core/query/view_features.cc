@@ -109,7 +109,8 @@ absl::StatusOr<SegmentResult> ViewFeatures::SegmentView(const Query& query,
   ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps_.Get(target));
   const Buffer<float> psi = GatesAt({&query.scale, 1});
   const int64_t num_pixels = map.size / kFeatureSize;
-  // Of a refined mask the score is the mean of other pixels than those that the device sums over.
+  // Refining needs the similarities, and computes the score again: the device sums over the mask as
+  // it was before.
   const bool want_similarity = options.want_similarity || options.refine_borders;
   mask_.Reserve(backend_, num_pixels);
   if (want_similarity) similarity_.Reserve(backend_, num_pixels);
@@ -146,7 +147,7 @@ absl::StatusOr<SegmentResult> ViewFeatures::SegmentView(const Query& query,
     similarity_.Download(std::span<float>(result.similarity));
   }
   if (options.refine_borders && result.area > 0) {
-    RETURN_IF_ERROR(RefineMask(target, map, psi, result));
+    RETURN_IF_ERROR(RefineMask(target, map, result));
   }
   if (!options.want_similarity) result.similarity = {};
   return result;
@@ -182,14 +183,14 @@ void ViewFeatures::ReadStrip(const ViewPart& part, const SegmentResult& result,
 
 // Works in strips, so that the copy of the features stays small in a large view.
 absl::Status ViewFeatures::RefineMask(const ModelView& target, DeviceSpan<const Half> map,
-                                      const Buffer<float>& gate, SegmentResult& result) {
+                                      SegmentResult& result) {
   constexpr int kStripRows = 32;
   ViewPart part = {.map = map, .left = std::max(0, result.box[0] - kBorderReach)};
   ASSIGN_OR_RETURN(part.rgb, ColorOf(target));
   BorderPixels strip;
   strip.width = std::min(result.width, result.box[0] + result.box[2] + kBorderReach) - part.left;
   strip.threshold = result.threshold;
-  gate.Download(std::span<float>(strip.psi));
+  PsiAt(model_.field.gate, static_cast<float>(result.scale), strip.psi.data());
   const std::vector<uint8_t> before = result.mask.pixels;
   std::vector<uint8_t> mask;
   // The mask may grow by one row.

@@ -91,10 +91,10 @@ class ViewFeatures {
   };
   // Fills in the pixels of `strip`, whose size is set.
   void ReadStrip(const ViewPart& part, const SegmentResult& result, BorderPixels& strip);
-  // Refines the border of a mask that is not empty, and what follows from the mask. `map`: of the
-  // view; `gate`: psi(scale) of the query, [32].
+  // Refines the border of a mask that is not empty, and computes its area, box and score again.
+  // `result` has the similarities, `map` is that of the view.
   absl::Status RefineMask(const ModelView& target, DeviceSpan<const Half> map,
-                          const Buffer<float>& gate, SegmentResult& result);
+                          SegmentResult& result);
   // Returns the gates psi(scale): [scales, 32].
   Buffer<float> GatesAt(std::span<const double> scales) const;
   // Returns the features of a query in the order that ops take, positive ones first: [features,

@@ -8,6 +8,7 @@
 
 #include "clients/cli/bench_truth.h"
 #include "clients/cpp/mask.h"
+#include "tests/clients/label_me_file.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -31,16 +32,9 @@ void WriteLabels(const fs::path& path, int width, int height, uint8_t id) {
   ASSERT_OK(WritePng(path, GreyPicture{width, height, pixels}));
 }
 
-// Writes outlines as LabelMe does: a square of 2 x 2 of 8 x 6 pixels.
-void WriteOutline(const fs::path& path) {
-  fs::create_directories(path.parent_path());
-  std::ofstream(path) << R"({"imageWidth": 8, "imageHeight": 6, "shapes": [{"label": "cup",)"
-                      << R"("points": [[2, 2], [4, 2], [4, 4], [2, 4]], "group_id": null}]})";
-}
-
 TEST(EvaluateRequestOf, DrawsOutlinesInTheSizeOfThePhotograph) {
   const testing::TempFolder folder;
-  WriteOutline(folder.path() / "labels/a.json");
+  testing::WriteLabelMe(folder.path() / "labels/a.json");
   const auto levels = FindTruth(folder.path());
   ASSERT_OK(levels);
   const auto request = EvaluateRequestOf(folder.path(), (*levels)[0], "m",

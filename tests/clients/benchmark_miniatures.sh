@@ -59,16 +59,8 @@ compgen -G "$work/out/spin-nerf/pictures/table-1-table-*.png" >/dev/null || fail
 # Outlines of the same things score the same as label images, whose entities are named by their ids.
 cp -r "$work/folders/scene" "$work/folders/outlined"
 rm -r "$work/folders/outlined/labels"
-python3 - "$work/folders/outlined" <<'PYTHON'
-import json, sys
-coco = {"images": [], "annotations": [], "categories": [{"id": i, "name": str(i)} for i in (1, 2, 3)]}
-for stem in ("000", "008"):
-    coco["images"].append({"id": stem, "file_name": stem + ".png", "width": 96, "height": 72})
-    for label, mask in enumerate(json.load(open(f"{sys.argv[1]}/masks/{stem}.json")), start=1):
-        coco["annotations"].append({"image_id": stem, "category_id": label,
-                                    "segmentation": mask["segmentation"]})
-json.dump(coco, open(sys.argv[1] + "/annotations.json", "w"))
-PYTHON
+python3 "$(dirname "$0")/write_coco.py" "$work/folders/outlined/masks" \
+  "$work/folders/outlined/annotations.json" 000 008
 mv "$work/out/scene" "$work/out/labelled"
 benchmark scene outlined
 python3 - "$work/out/labelled/table.json" "$work/out/scene/table.json" <<'PYTHON' ||

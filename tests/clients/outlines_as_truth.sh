@@ -13,20 +13,9 @@ expect 0 pepeseg upload table "$scene"
 expect 0 pepeseg train table -o reconstruct.num_steps=200 -o reconstruct.sh_degree=0 \
   -o features.num_steps=200 -o features.num_pixels=200 -o features.steps_per_chunk=50
 
-# SAM's masks of the miniature are the entities of its label images, in the order of their ids.
 outlines() {  # outlines FILE STEM...: writes COCO's JSON of these photographs
   mkdir -p "$(dirname "$1")"
-  python3 - "$scene/masks" "$@" <<'PYTHON'
-import json, sys
-masks, file, *stems = sys.argv[1:]
-coco = {"images": [], "annotations": [], "categories": [{"id": i, "name": str(i)} for i in (1, 2, 3)]}
-for stem in stems:
-    coco["images"].append({"id": stem, "file_name": stem + ".png", "width": 96, "height": 72})
-    for label, mask in enumerate(json.load(open(f"{masks}/{stem}.json")), start=1):
-        coco["annotations"].append({"image_id": stem, "category_id": label,
-                                    "segmentation": mask["segmentation"]})
-json.dump(coco, open(file, "w"))
-PYTHON
+  python3 "$(dirname "$0")/write_coco.py" "$scene/masks" "$@"
 }
 evaluate() {  # evaluate TRUTH OPTION...: writes the response without its time to $work/scores
   expect 0 pepeseg --json evaluate table "$@" --min-pixels 20

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "tests/clients/label_me_file.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -14,17 +15,11 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::IsEmpty;
+using testing::WriteLabelMe;
 
 void WriteLabelImage(const fs::path& path) {
   fs::create_directories(path.parent_path());
   ASSERT_OK(WritePng(path, GreyPicture{2, 1, {3, 0}}));
-}
-
-// Writes outlines as LabelMe does.
-void WriteLabelMe(const fs::path& path) {
-  fs::create_directories(path.parent_path());
-  std::ofstream(path) << R"({"imageWidth": 8, "imageHeight": 6, "shapes": [{"label": "cup",)"
-                      << R"("points": [[2, 2], [4, 2], [4, 4], [2, 4]], "group_id": null}]})";
 }
 
 TEST(FindTruth, ReadsTheLevelsInTheOrderOfTheList) {

@@ -185,7 +185,7 @@ TEST_F(MixedBorderTest, ChangesOnlyPixelsAtTheBorder) {
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
       const bool around = y < 4 && x >= 2 && x < 8;
-      const bool deep = y < 2 && x >= 4 && x < 6;  // above the first row there is no other side
+      const bool deep = y < 2 && x >= 4 && x < 6;  // the top of the image is not a border
       if (around && !deep) continue;
       EXPECT_EQ(mask_[At(x, y)], before[At(x, y)]) << x << ", " << y;
     }

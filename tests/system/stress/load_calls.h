@@ -139,7 +139,7 @@ inline ::testing::AssertionResult AwaitSnapshots(
   const auto all_started = [&] {
     return std::ranges::all_of(watchers, [](const auto& watcher) { return watcher->started(); });
   };
-  return testing::Eventually(all_started, absl::Seconds(60));
+  return testing::Eventually(all_started);
 }
 
 inline std::vector<absl::Duration> TimesOf(const std::vector<Calls::Outcome>& outcomes,
