@@ -35,7 +35,7 @@ struct BenchmarkFlags {
   int num_seeds = 1;     // each scene is trained with seeds 1 to this
   SceneSearch search;
   std::string out;
-  bool ablation = false, robustness = false, refine_borders = false, keep_models = false;
+  bool ablation = false, robustness = false, refine_borders = true, keep_models = false;
   std::vector<std::string> settings;  // NAME=VALUE, of every training
 };
 
@@ -84,7 +84,7 @@ class BenchmarkSession {
       run.protocol = ProtocolName(plan_.protocol);
       run.seed = seed;
       run.options = absl::StrJoin(plan_.settings, ", ");
-      if (plan_.refine_borders) run.options += ", refine_borders";
+      if (!plan_.refine_borders) run.options += ", no refine_borders";
       if (record_.Has(run)) {
         Note(absl::StrCat("in the record: ", scene.name, " ", variant.name, ", seed ", seed));
       } else {
@@ -194,8 +194,8 @@ void AddRunFlags(CLI::App& verb, BenchmarkFlags& flags) {
                 "Train without parts of the method, and with other k, tau and T");
   verb.add_flag("--robustness", flags.robustness,
                 "Train with a quarter of the views, and with 30 % fewer masks");
-  verb.add_flag("--refine-borders", flags.refine_borders,
-                "Refine the borders of the masks that are scored");
+  verb.add_flag("!--no-refine-borders", flags.refine_borders,
+                "Score masks that are exactly the pixels above the threshold");
   verb.add_flag("--keep-models", flags.keep_models, "Do not delete models when they are scored");
   verb.add_option("-o,--option", flags.settings, "Any option, for every training")
       ->type_name("NAME=VALUE")

@@ -17,7 +17,7 @@ struct BenchmarkPlan {
   Benchmark benchmark = Benchmark::kScene;
   v1::EvaluationProtocol protocol = v1::EVALUATION_PROTOCOL_UNSPECIFIED;
   std::vector<std::string> settings;  // NAME=VALUE of all trainings, with the preset
-  bool refine_borders = false;        // of the masks that are scored
+  bool refine_borders = true;         // of the masks that are scored
   bool keep_models = false;           // otherwise a model is deleted when it is scored
   std::filesystem::path pictures;     // folder for pictures of the worst entities; empty: none
 };

@@ -86,8 +86,10 @@ absl::Status ThinOut(const std::string& scene, const fs::path& folder, DatasetFo
 
 std::vector<BenchmarkVariant> AblationVariants() {
   const OptionSettings no_refinement = {"reconstruct.refine_keep=none"};
+  const OptionSettings refinement = {"reconstruct.refine_keep=shrink"};
   const OptionSettings no_depth = {"reconstruct.depth_weight=0",
                                    "reconstruct.depth_weight_final=0"};
+  const OptionSettings depth = {"reconstruct.depth_weight=-1"};
   const OptionSettings no_perception = {"features.perception_weight=0"};
   const OptionSettings no_centroids = {"features.centroid_weight_upper=0",
                                        "features.centroid_weight_lower=0"};
@@ -95,10 +97,10 @@ std::vector<BenchmarkVariant> AblationVariants() {
   std::vector<BenchmarkVariant> variants = {
       {"masks only, plain reconstruction", Joined(Joined(no_refinement, no_depth), masks_only),
        "25.86 dB; 78.4 (SAGA)"},
-      {"+ refinement", Joined(no_depth, masks_only), "26.32 dB"},
-      {"+ depth", masks_only, "27.08 dB; 79.2"},
-      {"+ perception loss", no_centroids, "80.2"},
-      {"+ centroid loss: all", {}, "80.5"},
+      {"+ refinement", Joined(Joined(refinement, no_depth), masks_only), "26.32 dB"},
+      {"+ depth", Joined(Joined(refinement, depth), masks_only), "27.08 dB; 79.2"},
+      {"+ perception loss", Joined(Joined(refinement, depth), no_centroids), "80.2"},
+      {"+ centroid loss: all", Joined(refinement, depth), "80.5"},
   };
   for (const int k : {2, 8, 16, 32}) {
     variants.push_back({absl::StrCat("k = ", k),

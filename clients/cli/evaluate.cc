@@ -117,7 +117,7 @@ struct EvaluateFlags {
   std::optional<int64_t> min_pixels;
   std::optional<int> max_clicks;
   bool score_reference = false;
-  bool refine_borders = false;
+  bool refine_borders = true;
   v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH;  // of the images, prompts and clicks
 };
 
@@ -261,7 +261,8 @@ void AddOptionFlags(CLI::App& verb, EvaluateFlags& flags) {
   verb.add_option("--min-iou", flags.min_iou, "IoU that clicks must reach (0.9)");
   verb.add_option("--max-clicks", flags.max_clicks, "Maximum number of clicks (10)");
   verb.add_flag("--score-reference", flags.score_reference, "Score the reference view, too");
-  verb.add_flag("--refine-borders", flags.refine_borders, "Refine the borders of the masks scored");
+  verb.add_flag("!--no-refine-borders", flags.refine_borders,
+                "Score masks that are exactly the pixels above the threshold");
 }
 
 }  // namespace

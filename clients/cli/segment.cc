@@ -22,7 +22,7 @@ struct SegmentFlags {
   PromptFlags prompt;
   GranularityFlags granularity;
   std::vector<std::string> targets;  // names of views, "all" or "held-out"
-  bool refine_borders = false;
+  bool refine_borders = true;
   std::string out;
 };
 
@@ -166,8 +166,8 @@ void AddSegment(CLI::App& app, Shell& shell) {
   AddGranularityFlags(*verb, flags->granularity);
   verb->add_option("--views", flags->targets,
                    "Views to segment: names, all or held-out; by default the view of the prompt");
-  verb->add_flag("--refine-borders", flags->refine_borders,
-                 "Decide the pixels along the borders of the masks by what is rendered there");
+  verb->add_flag("!--no-refine-borders", flags->refine_borders,
+                 "Masks are exactly the pixels above the threshold");
   verb->add_option("--out", flags->out, "Folder for STEM_mask.png and STEM_overlay.png");
   verb->callback(
       [flags, &shell] { shell.verb = [&, flags] { return RunSegment(shell, *flags); }; });

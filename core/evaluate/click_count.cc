@@ -23,6 +23,7 @@ struct ClickTarget {
   const ModelView& view;
   std::span<const uint8_t> truth;   // [height, width] of 0 and 1; 0 where ignored
   std::span<const uint8_t> ignore;  // as TruthView::ignore; ignored pixels are not clicked, either
+  const SegmentOptions& segment;
 };
 
 // A click, and the query of it and all clicks before it.
@@ -75,7 +76,8 @@ class Clicker {
     } else {
       RETURN_IF_ERROR(query.status());
       query_ = *std::move(query);
-      ASSIGN_OR_RETURN(auto results, segmenter_.Segment(query_, {&target_.view, 1}));
+      ASSIGN_OR_RETURN(auto results,
+                       segmenter_.Segment(query_, {&target_.view, 1}, target_.segment));
       answer_ = std::move(results[0].mask.pixels);
     }
     made.iou = Iou(answer_, target_.truth, target_.ignore);
@@ -134,7 +136,8 @@ absl::Status AddView(const Segmenter& segmenter, std::span<const SimulatedClick>
   double iou = 0;  // before the first click on something
   for (size_t i = 0; i < clicks.size(); ++i) {
     if (!clicks[i].on_nothing) {
-      ASSIGN_OR_RETURN(const auto results, segmenter.Segment(clicks[i].query, {&target.view, 1}));
+      ASSIGN_OR_RETURN(const auto results,
+                       segmenter.Segment(clicks[i].query, {&target.view, 1}, target.segment));
       iou = Iou(results[0].mask.pixels, target.truth, target.ignore);
     }
     score.answers[i].iou += iou;
@@ -180,7 +183,7 @@ absl::Status Validate(const ClickOptions& options) {
 // each feature map serves all entities.
 absl::StatusOr<std::vector<EntityClicks>> CountClicks(
     const Segmenter& segmenter, const EvaluationTask& task, const ClickOptions& options,
-    absl::FunctionRef<absl::Status()> check_cancelled) {
+    const SegmentOptions& segment, absl::FunctionRef<absl::Status()> check_cancelled) {
   RETURN_IF_ERROR(Validate(options));
   RETURN_IF_ERROR(CheckPrompts(task));
   std::vector<std::vector<SimulatedClick>> clicks(task.entities.size());
@@ -189,7 +192,7 @@ absl::StatusOr<std::vector<EntityClicks>> CountClicks(
     for (size_t i = 0; i < task.entities.size(); ++i) {
       if (task.entities[i].reference != v) continue;
       const std::vector<uint8_t> mask = truth.CountedMaskOf(task.entities[i].name);
-      const ClickTarget target = {truth.view, mask, truth.ignore};
+      const ClickTarget target = {truth.view, mask, truth.ignore, segment};
       ASSIGN_OR_RETURN(clicks[i], SimulateClicks(segmenter, target, options, check_cancelled));
     }
   }
@@ -203,7 +206,8 @@ absl::StatusOr<std::vector<EntityClicks>> CountClicks(
       if (std::find(entity.scored.begin(), entity.scored.end(), v) == entity.scored.end()) continue;
       RETURN_IF_ERROR(check_cancelled());
       const std::vector<uint8_t> mask = truth.MaskOf(entity.name);
-      RETURN_IF_ERROR(AddView(segmenter, clicks[i], {truth.view, mask, truth.ignore}, scores[i]));
+      RETURN_IF_ERROR(
+          AddView(segmenter, clicks[i], {truth.view, mask, truth.ignore, segment}, scores[i]));
     }
   }
   for (size_t i = 0; i < scores.size(); ++i) TakeMeans(task.entities[i].scored.size(), scores[i]);

@@ -53,8 +53,9 @@ struct EntityClicks {
 // Returns [entities of the task], whose prompts must be DeepestClick. Calls `check_cancelled`
 // before each click and before each entity of a scored view and returns its error. Returns
 // INVALID_ARGUMENT for the reasons of Validate, and for another prompt, with the entity's name.
+// segment: of each mask.
 absl::StatusOr<std::vector<EntityClicks>> CountClicks(
     const Segmenter& segmenter, const EvaluationTask& task, const ClickOptions& options,
-    absl::FunctionRef<absl::Status()> check_cancelled);
+    const SegmentOptions& segment, absl::FunctionRef<absl::Status()> check_cancelled);
 
 }  // namespace pepeseg

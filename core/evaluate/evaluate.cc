@@ -48,10 +48,11 @@ absl::StatusOr<std::vector<EntityQueries>> QueriesOf(const QueryTask& query_task
 }
 
 absl::StatusOr<std::vector<EntityScores>> ClickScoresOf(
-    const Segmenter& segmenter, const EvaluationTask& task, const ClickOptions& options,
+    const Segmenter& segmenter, const EvaluationTask& task, const EvaluationOptions& options,
     absl::FunctionRef<absl::Status()> check_cancelled) {
   ASSIGN_OR_RETURN(std::vector<EntityClicks> clicks,
-                   CountClicks(segmenter, task, options, check_cancelled));
+                   CountClicks(segmenter, task, options.clicks,
+                               {.refine_borders = options.refine_borders}, check_cancelled));
   std::vector<EntityScores> scores;
   for (size_t i = 0; i < clicks.size(); ++i) {
     scores.push_back(WithoutScores(task, task.entities[i]));
@@ -134,14 +135,14 @@ absl::StatusOr<EvaluationResult> Evaluate(const Segmenter& segmenter, Evaluation
     for (const SamView& sam : request.sam_views) {
       RETURN_IF_ERROR(CheckHeldOut(sam.view, request.accept_trained_views));
     }
-    ASSIGN_OR_RETURN(result.sam,
-                     ScoreSamAgreement(segmenter, request.sam_views, options.sam, check_cancelled));
+    ASSIGN_OR_RETURN(
+        result.sam, ScoreSamAgreement(segmenter, request.sam_views, options.sam,
+                                      {.refine_borders = options.refine_borders}, check_cancelled));
     return result;
   }
   ASSIGN_OR_RETURN(EvaluationTask task, MakeTask(std::move(request), options.task));
   if (options.protocol == Protocol::kClicks) {
-    ASSIGN_OR_RETURN(result.entities,
-                     ClickScoresOf(segmenter, task, options.clicks, check_cancelled));
+    ASSIGN_OR_RETURN(result.entities, ClickScoresOf(segmenter, task, options, check_cancelled));
   } else {
     const QueryTask query_task = {segmenter, task, options.scales, check_cancelled,
                                   options.refine_borders};

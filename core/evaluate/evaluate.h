@@ -38,8 +38,7 @@ struct EvaluationOptions {
   std::vector<double> thresholds = {0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95};
   double fixed_threshold = 0.75;
   // Refines the borders of the masks that are scored. Scales and thresholds are chosen without it.
-  // Protocols kClicks and kSamAgreement do not use it.
-  bool refine_borders = false;
+  bool refine_borders = true;
   TaskOptions task;
   LabelPropagationOptions label_propagation;
   PromptableOptions promptable;

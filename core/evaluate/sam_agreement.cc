@@ -42,13 +42,14 @@ bool Reaches(std::span<const double> scores, int mask, double least) {
 
 // Clicks a mask, [height, width] of 0 and 1, and compares it with the proposals.
 absl::StatusOr<SamMaskScore> ScoreOne(const Segmenter& segmenter, const SamView& sam,
-                                      std::span<const uint8_t> mask, int num_proposals) {
+                                      std::span<const uint8_t> mask, int num_proposals,
+                                      const SegmentOptions& segment) {
   SamMaskScore score;
   const Camera& camera = sam.view.camera;
   const PixelIndex pixel = DeepestPixel(mask, camera.width, camera.height);
   score.click = {pixel.x + 0.5, pixel.y + 0.5, true};
   auto proposed = ProposeScales(segmenter, sam.view, {&score.click, 1},
-                                std::max(num_proposals, kDefaultProposals));
+                                {std::max(num_proposals, kDefaultProposals), segment});
   if (IsNothingThere(proposed.status())) return score;
   RETURN_IF_ERROR(proposed.status());
   std::stable_sort(proposed->ladder.begin(), proposed->ladder.end(),
@@ -64,6 +65,7 @@ absl::StatusOr<SamMaskScore> ScoreOne(const Segmenter& segmenter, const SamView&
 
 absl::StatusOr<SamViewScores> ScoreView(const Segmenter& segmenter, const SamView& sam,
                                         const SamAgreementOptions& options,
+                                        const SegmentOptions& segment,
                                         absl::FunctionRef<absl::Status()> check_cancelled) {
   SamViewScores scores = {.view = sam.view.name, .masks = {}};
   for (int m = 0; m < sam.masks.num_masks; ++m) {
@@ -78,7 +80,8 @@ absl::StatusOr<SamViewScores> ScoreView(const Segmenter& segmenter, const SamVie
     const int64_t num_pixels = std::count(mask.begin(), mask.end(), uint8_t{1});
     if (num_pixels < options.min_pixels) continue;
     RETURN_IF_ERROR(check_cancelled());
-    ASSIGN_OR_RETURN(SamMaskScore score, ScoreOne(segmenter, sam, mask, options.num_proposals));
+    ASSIGN_OR_RETURN(SamMaskScore score,
+                     ScoreOne(segmenter, sam, mask, options.num_proposals, segment));
     score.mask = m;
     score.num_pixels = num_pixels;
     scores.masks.push_back(score);
@@ -110,12 +113,14 @@ absl::Status Validate(const SamAgreementOptions& options) {
 absl::StatusOr<SamAgreement> ScoreSamAgreement(const Segmenter& segmenter,
                                                std::span<const SamView> views,
                                                const SamAgreementOptions& options,
+                                               const SegmentOptions& segment,
                                                absl::FunctionRef<absl::Status()> check_cancelled) {
   RETURN_IF_ERROR(Validate(options));
   for (const SamView& sam : views) RETURN_IF_ERROR(CheckSamView(sam));
   SamAgreement agreement;
   for (const SamView& sam : views) {
-    ASSIGN_OR_RETURN(SamViewScores scores, ScoreView(segmenter, sam, options, check_cancelled));
+    ASSIGN_OR_RETURN(SamViewScores scores,
+                     ScoreView(segmenter, sam, options, segment, check_cancelled));
     agreement.num_masks += static_cast<int64_t>(scores.masks.size());
     agreement.first_iou += scores.first_iou;
     agreement.best_iou += scores.best_iou;

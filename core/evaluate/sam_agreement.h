@@ -59,9 +59,11 @@ struct SamAgreement {
 // Clicks each mask that counts in its own view. Calls `check_cancelled` before each mask and
 // returns its error. Views that were trained on are accepted; Evaluate refuses them. Returns
 // INVALID_ARGUMENT, which names the view, if an array does not fit it, and if no mask counts.
+// segment: of each proposal.
 absl::StatusOr<SamAgreement> ScoreSamAgreement(const Segmenter& segmenter,
                                                std::span<const SamView> views,
                                                const SamAgreementOptions& options,
+                                               const SegmentOptions& segment,
                                                absl::FunctionRef<absl::Status()> check_cancelled);
 
 }  // namespace pepeseg

@@ -107,9 +107,10 @@ std::vector<std::vector<float>> MeasureViews(const Capture& capture, Renderer& s
   return mask_scales;
 }
 
-// Compares the masks of the views. Sets the scales of masks that stand alone to kNoScale, and adds
-// the masks that a view lacks, with their scales. Fills in mask_quality and completed_masks.
-// Returns the masks that each view learns from, by view of the capture.
+// Compares the masks of the views. Sets the scales of masks that stand alone to kNoScale, lets
+// views share the scales of the same things, and adds the masks that a view lacks. Fills in
+// mask_quality and completed_masks. Returns the masks that each view learns from, by view of the
+// capture.
 std::vector<const MaskSet*> ReconcileMasks(const Capture& capture, const FeatureOptions& options,
                                            std::vector<std::vector<float>>& mask_scales,
                                            PreparedFeatures& prepared) {
@@ -124,6 +125,7 @@ std::vector<const MaskSet*> ReconcileMasks(const Capture& capture, const Feature
       mask_scales[view][mask] = kNoScale;
     }
   }
+  if (options.share_scales) ShareScales(agreements, mask_scales);
   std::vector<const MaskSet*> masks = OwnMasks(capture);
   prepared.completed_masks.resize(capture.views.size());
   if (!options.complete_masks || prepared.mask_quality.value_or(1) >= kCompleteBelow) return masks;

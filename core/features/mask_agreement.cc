@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <span>
 
@@ -38,14 +39,19 @@ class Overlaps {
 
   // Returns how many cells of an own mask the near view sees.
   int num_seen(int own) const { return own_[own]; }
-  // Returns the best IoU of an own mask with a mask of the near view.
-  float BestIou(int own) const {
-    float best = 0;
+  // The mask of the near view with the best IoU with an own mask; the first of several.
+  struct Match {
+    int mask = -1;  // -1: none shares a cell with it
+    float iou = 0;
+  };
+  Match BestMatch(int own) const {
+    Match best;
     for (int other = 0; other < num_near_; ++other) {
       const int shared = shared_[static_cast<size_t>(own) * num_near_ + other];
       if (shared == 0) continue;
       const int all = own_[own] + near_[other] - shared;
-      best = std::max(best, static_cast<float>(shared) / static_cast<float>(all));
+      const float iou = static_cast<float>(shared) / static_cast<float>(all);
+      if (iou > best.iou) best = {other, iou};
     }
     return best;
   }
@@ -91,18 +97,21 @@ CountedView Count(const Capture& capture, int number, const Reprojection& reproj
   return counted;
 }
 
-MaskAgreement Agreement(const CountedView& counted, int mask) {
+// near: the near views of the counted view.
+MaskAgreement Agreement(const CountedView& counted, std::span<const int> near, int mask) {
   // The mean over the near views of the best IoU, weighted by the cells that each sees. It is 0
   // where no view sees enough of the mask: num_seen is then 0.
   MaskAgreement agreement;
   double sum = 0, weight = 0;
-  for (const Overlaps& overlap : counted.overlaps) {
+  for (size_t i = 0; i < near.size(); ++i) {
+    const Overlaps& overlap = counted.overlaps[i];
     const int seen = overlap.num_seen(mask);
     if (seen < kMinSeenCells || seen < kMinSeen * counted.num_cells[mask]) continue;
-    const float iou = overlap.BestIou(mask);
+    const Overlaps::Match best = overlap.BestMatch(mask);
     ++agreement.num_seen;
-    agreement.num_same += iou >= kSameMask ? 1 : 0;
-    sum += double{iou} * seen;
+    agreement.num_same += best.iou >= kSameMask ? 1 : 0;
+    if (best.iou >= kSameScale) agreement.same_scale.push_back({near[i], best.mask});
+    sum += double{best.iou} * seen;
     weight += seen;
   }
   if (weight > 0) agreement.iou = static_cast<float>(sum / weight);
@@ -118,10 +127,28 @@ MaskAgreements MeasureMaskAgreement(const Capture& capture, const Reprojection& 
   pool.ParallelFor(static_cast<int64_t>(views.size()), [&](int64_t i, int) {
     const CountedView counted = Count(capture, views[i], reprojection);
     for (int mask = 0; mask < capture.views[views[i]].masks.num_masks; ++mask) {
-      agreements[views[i]].push_back(Agreement(counted, mask));
+      agreements[views[i]].push_back(Agreement(counted, reprojection.near(views[i]), mask));
     }
   });
   return agreements;
+}
+
+void ShareScales(const MaskAgreements& agreements, std::vector<std::vector<float>>& mask_scales) {
+  const std::vector<std::vector<float>> measured = mask_scales;
+  std::vector<float> scales;
+  for (size_t view = 0; view < agreements.size(); ++view) {
+    for (size_t mask = 0; mask < agreements[view].size(); ++mask) {
+      if (measured[view][mask] <= kNoScale) continue;
+      scales = {measured[view][mask]};
+      for (const MaskOfView& other : agreements[view][mask].same_scale) {
+        const float scale = measured[other.view][other.mask];
+        if (scale > kNoScale) scales.push_back(scale);
+      }
+      const auto middle = scales.begin() + static_cast<std::ptrdiff_t>(scales.size() / 2);
+      std::nth_element(scales.begin(), middle, scales.end());
+      mask_scales[view][mask] = *middle;
+    }
+  }
 }
 
 bool StandsAlone(const MaskAgreement& agreement, double min_agreement) {

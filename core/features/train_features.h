@@ -94,6 +94,9 @@ struct FeatureOptions {
   // Adds the masks that a view lacks and the near views agree on, see CompleteMasks, if the
   // MaskQuality of the capture is under kCompleteBelow.
   bool complete_masks = true;
+  // Lets masks of the same thing in several views have one scale, see ShareScales. Measured:
+  // tests/bench/results/priors.md.
+  bool share_scales = true;
   // Number of steps whose samples are drawn ahead. Each view is rasterised once in that many steps,
   // and their blend rows are kept, 1 to 3 MB a step. [1, 100,000].
   int steps_per_chunk = 750;

@@ -43,20 +43,22 @@ void KeepNested(ScaleProposals& proposals) {
 }  // namespace
 
 absl::StatusOr<ScaleProposals> ProposeScales(const Segmenter& segmenter, const ModelView& view,
-                                             std::span<const PointPrompt> points, int max_count) {
-  if (max_count < 1) {
+                                             std::span<const PointPrompt> points,
+                                             const ProposeOptions& options) {
+  if (options.max_count < 1) {
     return absl::InvalidArgumentError(
-        absl::StrCat(max_count, " proposals are asked for, must be at least 1"));
+        absl::StrCat(options.max_count, " proposals are asked for, must be at least 1"));
   }
   ASSIGN_OR_RETURN(const ClickedFeatures clicks, FindClickedFeatures(segmenter, view, points));
   ASSIGN_OR_RETURN(const GranularityLadder found,
-                   FindGranularities(segmenter, clicks, GridOf({}), max_count));
+                   FindGranularities(segmenter, clicks, GridOf({}), options.max_count));
   ScaleProposals proposals = {{}, found.best};
   Query query = clicks.query;
   for (const StableGranularity& at : found.rungs) {
     query.scale = at.scale;
     query.threshold = at.threshold;
-    ASSIGN_OR_RETURN(std::vector<SegmentResult> results, segmenter.Segment(query, {&view, 1}));
+    ASSIGN_OR_RETURN(std::vector<SegmentResult> results,
+                     segmenter.Segment(query, {&view, 1}, options.segment));
     proposals.ladder.push_back({std::move(results[0]), at.stability, at.support});
   }
   KeepNested(proposals);

@@ -34,12 +34,17 @@ struct ScaleProposals {
 
 inline constexpr int kDefaultProposals = 5;
 
-// Returns at most `max_count` granularities at which the points show something stable, or none if
-// no mask of 16 pixels appears at any scale. Renders no view whose feature map is cached. Returns
+struct ProposeOptions {
+  int max_count = kDefaultProposals;  // at least 1
+  SegmentOptions segment = {};        // of the masks
+};
+
+// Returns the granularities at which the points show something stable, or none if no mask of 16
+// pixels appears at any scale. Renders no view whose feature map is cached. Returns
 // INVALID_ARGUMENT for the reasons of Segmenter::PointFeatures, and if max_count < 1.
 absl::StatusOr<ScaleProposals> ProposeScales(const Segmenter& segmenter, const ModelView& view,
                                              std::span<const PointPrompt> points,
-                                             int max_count = kDefaultProposals);
+                                             const ProposeOptions& options = {});
 
 // Returns the roles of `count` proposals of which the one at index `best` is chosen. A single
 // proposal is unnamed. Of two, the best one is the object, and the other its part or its group. Of

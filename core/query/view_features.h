@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/query/border.h"
 #include "core/query/prompt.h"
 #include "core/render/feature_maps.h"
 #include "core/render/renderer.h"
@@ -20,7 +19,7 @@ namespace pepeseg {
 // What Segment computes besides the mask as it follows from the threshold.
 struct SegmentOptions {
   bool want_similarity = false;  // the similarity of each pixel, too
-  bool refine_borders = false;   // RefineBorder; renders the colour of the view
+  bool refine_borders = false;   // see RefineBorderArgs; the score is that of the refined mask
 };
 
 // The mask of a query in one view.
@@ -80,21 +79,6 @@ class ViewFeatures {
  private:
   absl::StatusOr<SegmentResult> SegmentView(const Query& query, const Buffer<float>& queries,
                                             const ModelView& target, const SegmentOptions& options);
-  // Returns the rendered colour of a view, [height, width, 3], valid until the next call. Keeps
-  // that of the last view: queries often ask for the same one again.
-  absl::StatusOr<std::span<const uint8_t>> ColorOf(const ModelView& view);
-  // A part of a view around a mask, from its left column and top row on.
-  struct ViewPart {
-    DeviceSpan<const Half> map;         // of the view
-    std::span<const uint8_t> rgb = {};  // of the view
-    int left = 0, top = 0;
-  };
-  // Fills in the pixels of `strip`, whose size is set.
-  void ReadStrip(const ViewPart& part, const SegmentResult& result, BorderPixels& strip);
-  // Refines the border of a mask that is not empty, and computes its area, box and score again.
-  // `result` has the similarities, `map` is that of the view.
-  absl::Status RefineMask(const ModelView& target, DeviceSpan<const Half> map,
-                          SegmentResult& result);
   // Returns the gates psi(scale): [scales, 32].
   Buffer<float> GatesAt(std::span<const double> scales) const;
   // Returns the features of a query in the order that ops take, positive ones first: [features,
@@ -106,11 +90,9 @@ class ViewFeatures {
   const Model& model_;
   FeatureMaps maps_;
   // Scratch of SegmentView, kept from call to call.
-  Buffer<uint8_t> mask_;
+  Buffer<uint8_t> mask_, refined_;
   Buffer<float> similarity_;
   Buffer<int64_t> sums_;
-  Image color_;            // of the view with color_key_
-  std::string color_key_;  // empty: of none
 };
 
 }  // namespace pepeseg

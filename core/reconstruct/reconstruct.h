@@ -14,8 +14,8 @@ namespace pepeseg {
 // Stage one: from photographs to Gaussians (METHOD.md section 1). Reconstructor does its steps;
 // this header has its options and the loop around it.
 
-// Arrangement of the cameras, which decides the default weight of the depth loss (METHOD.md section
-// 1, "Depth").
+// Arrangement of the cameras, which decides the weight that depth_weight = -1 stands for (METHOD.md
+// section 1, "Depth").
 enum class CaptureKind {
   kAutomatic,  // Found from the poses, see FindCaptureKind.
   kOrbit,      // Around what they look at.
@@ -76,9 +76,9 @@ struct ReconstructOptions {
   // Depth loss (METHOD.md section 1, "Depth").
 
   // lambda_d of the paper: weight of the depth loss at the first step, on views with a depth prior.
-  // In [0, 10], or -1: 0.05 on an orbit, 0.1 where the views face forward. 0: no depth loss.
-  // Measured: tests/bench/results/h200_desk.md.
-  float depth_weight = -1;
+  // In [0, 10], or -1: 0.05 on an orbit, 0.1 where the views face forward. 0: no depth loss. On
+  // seven scenes it gained nothing. Measured: tests/bench/results/priors.md.
+  float depth_weight = 0;
   // Weight of the depth loss at the last step, at most depth_weight; a reversed sigmoid between. In
   // [0, 10]. 0: the loss fades out. The paper keeps 0.01 to 0.02, which leaves the prior's own
   // error in the model. Measured: tests/bench/results/h200_desk.md.
@@ -135,8 +135,8 @@ struct ReconstructOptions {
   // Gaussian refinement (METHOD.md section 1, "Refinement").
 
   // Effect of refinement on a Gaussian that crosses the border of a mask, in views with masks.
-  // Measured: tests/bench/results/h200_desk.md and tests/bench/results/refinement_cpu.md.
-  RefineKeep refine_keep = RefineKeep::kShrink;
+  // Measured: tests/bench/results/priors.md.
+  RefineKeep refine_keep = RefineKeep::kNone;
   // Share of num_steps after which refinement begins, and not before photographs are at full size.
   // In [0, 1]. The paper: [4000, 4000 + 2V) of 30,000 steps, V = number of training views.
   double refine_from = 4000.0 / 30000;

@@ -31,7 +31,7 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
                              const ReconstructOptions& options)
     : backend_(backend),
       options_(WithDepthWeight(options, capture)),
-      skipped_(SkippedTerms(options_, capture)),
+      skipped_(SkippedTerms(options, capture)),
       scene_radius_(SceneRadius(capture)),
       random_(options.seed),
       points_(StartingPoints(capture, options, random_)),

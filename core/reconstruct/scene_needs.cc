@@ -79,21 +79,20 @@ class DegreeMeter {
 
 }  // namespace
 
-// The depth loss is skipped for one of three reasons: no prior, priors that are made of the
-// starting points, or a weight of 0.
+// The depth loss is skipped where no view has a prior, and where priors are made of the starting
+// points.
 std::vector<SkippedTerm> SkippedTerms(const ReconstructOptions& options, const Capture& capture) {
   std::vector<SkippedTerm> skipped;
-  if (options.depth_weight == 0) {
-    const char* none = HasTrainingDepth(capture)
-                           ? "the depth priors were made from the points that training starts from"
-                           : "no training view has a depth prior";
-    skipped.push_back({"depth", HasTrainingGeometry(capture) ? "depth_weight is 0" : none});
+  if (options.depth_weight != 0 && !HasTrainingGeometry(capture)) {
+    skipped.push_back(
+        {"depth", HasTrainingDepth(capture)
+                      ? "the depth priors were made from the points that training starts from"
+                      : "no training view has a depth prior"});
   }
   const bool has_masks = std::ranges::any_of(
       capture.views, [](const View& view) { return !view.held_out && !view.masks.empty(); });
-  if (options.refine_keep == RefineKeep::kNone || !has_masks) {
-    skipped.push_back(
-        {"refinement", has_masks ? "refine_keep is NONE" : "no training view has masks"});
+  if (options.refine_keep != RefineKeep::kNone && !has_masks) {
+    skipped.push_back({"refinement", "no training view has masks"});
   }
   return skipped;
 }

@@ -11,8 +11,8 @@
 
 namespace pepeseg {
 
-// Returns the parts of stage one that are skipped from the start, with the reason. options: with
-// depth_weight filled in, see WithDepthWeight.
+// Returns the parts of stage one that the options want but the capture lacks what they need, with
+// the reason. options: as given to the stage.
 std::vector<SkippedTerm> SkippedTerms(const ReconstructOptions& options, const Capture& capture);
 
 // Decides whether the depth priors fit the scene at all (METHOD.md section 1, "Depth"): a prior

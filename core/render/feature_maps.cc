@@ -17,7 +17,8 @@ namespace pepeseg {
 namespace {
 
 constexpr int64_t MapBytes(int64_t num_pixels) {
-  return num_pixels * kFeatureSize * static_cast<int64_t>(sizeof(Half));
+  constexpr int64_t kColor = 3 * sizeof(float);
+  return num_pixels * (kFeatureSize * static_cast<int64_t>(sizeof(Half)) + kColor);
 }
 
 constexpr int64_t kMaxSamples = 65'536;  // most Gaussians that the components are computed from
@@ -81,9 +82,9 @@ double FeatureNorm(const float* feature) {
 }
 
 int64_t MapReserve(int64_t max_view_pixels) {
-  // Room for four maps of the largest view as long as they take no more than 512 MiB, and at least
+  // Room for four maps of the largest view as long as they take no more than 608 MiB, and at least
   // for one of the largest size that is rendered.
-  constexpr int64_t kMostBytes = int64_t{512} << 20;
+  constexpr int64_t kMostBytes = int64_t{608} << 20;
   return std::max(MapBytes(MostPixels(max_view_pixels)),
                   std::min(4 * MapBytes(max_view_pixels), kMostBytes));
 }
@@ -93,14 +94,14 @@ FeatureMaps::FeatureMaps(Renderer& renderer, int64_t max_bytes, MapCounts* count
 
 // A hit moves its map to the front. A miss drops maps from the back until the new one fits, before
 // it is allocated, so that the maps never exceed max_bytes.
-absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
+absl::StatusOr<FeatureMap> FeatureMaps::Get(const ModelView& view) {
   const std::string key = ViewKey(view);
   const auto found =
       std::find_if(maps_.begin(), maps_.end(), [&](const Map& map) { return map.key == key; });
   if (found != maps_.end()) {
     maps_.splice(maps_.begin(), maps_, found);
     if (counts_ != nullptr) ++counts_->num_hits;
-    return std::as_const(maps_.front()).pixels.span();
+    return maps_.front().View();
   }
   const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
   const int64_t num_bytes = MapBytes(num_pixels);
@@ -112,23 +113,24 @@ absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
                      max_bytes_, "; request a smaller view"));
   }
   while (bytes_ + num_bytes > max_bytes_) {
-    bytes_ -= MapBytes(maps_.back().pixels.size() / kFeatureSize);
+    bytes_ -= MapBytes(maps_.back().features.size() / kFeatureSize);
     maps_.pop_back();
     --num_maps_;
   }
-  Map map = {key, Buffer<Half>(renderer_.backend(), num_pixels * kFeatureSize)};
-  if (map.pixels.empty()) {
+  Map map = {key, Buffer<Half>(renderer_.backend(), num_pixels * kFeatureSize),
+             Buffer<float>(renderer_.backend(), 3 * num_pixels)};
+  if (map.features.empty() || map.color.empty()) {
     return absl::ResourceExhaustedError(
         absl::StrCat("no memory for a feature map of ", num_bytes, " bytes"));
   }
-  renderer_.Features(view, map.pixels.span());
+  renderer_.Features(view, map.features.span(), map.color.span());
   RETURN_IF_ERROR(TakeStatus(renderer_.backend()));
   ++num_renders_;
   if (counts_ != nullptr) ++counts_->num_renders;
   ++num_maps_;
   bytes_ += num_bytes;
   maps_.push_front(std::move(map));
-  return std::as_const(maps_.front()).pixels.span();
+  return maps_.front().View();
 }
 
 FeaturePalette MakeFeaturePalette(const FeatureField& field, double scale) {

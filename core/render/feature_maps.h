@@ -26,7 +26,7 @@ inline constexpr float kMinPixelNorm = 0.4f;
 double FeatureNorm(const float* feature);
 
 // Returns the memory for a model's feature maps, bytes, from the number of pixels of its largest
-// view: four maps of that view, so that follow-up queries find theirs again, but at most 512 MiB
+// view: four maps of that view, so that follow-up queries find theirs again, but at most 608 MiB
 // (four maps of two megapixels) and at least one map of MostPixels.
 int64_t MapReserve(int64_t max_view_pixels);
 
@@ -38,6 +38,12 @@ struct MapCounts {
 // Returns the bytes of camera and pose, by which a view is recognised: not by its name.
 std::string ViewKey(const ModelView& view);
 
+// What a query reads of a view, in backend memory.
+struct FeatureMap {
+  DeviceSpan<const Half> features;  // [height * width, 32] blended
+  DeviceSpan<const float> color;    // [3, height, width] in [0, 1] before clamping
+};
+
 // Cache of the feature maps of a model's views, at most `max_bytes` together: the least recently
 // used maps are dropped first. Not thread-safe, except for the counts.
 class FeatureMaps {
@@ -45,10 +51,10 @@ class FeatureMaps {
   // counts: totals to increment as well, or null. The renderer must outlive the cache.
   FeatureMaps(Renderer& renderer, int64_t max_bytes, MapCounts* counts = nullptr);
 
-  // Returns the blended features of each pixel, [height * width, 32], valid until the next call.
-  // Views are recognised by their ViewKey. Returns RESOURCE_EXHAUSTED when out of memory or when
-  // the map alone exceeds max_bytes, which drops no other map.
-  absl::StatusOr<DeviceSpan<const Half>> Get(const ModelView& view);
+  // Returns the map of a view, valid until the next call. Views are recognised by their ViewKey.
+  // Returns RESOURCE_EXHAUSTED when out of memory or when the map alone exceeds max_bytes, which
+  // drops no other map.
+  absl::StatusOr<FeatureMap> Get(const ModelView& view);
 
   int64_t bytes() const { return bytes_; }
   int64_t num_maps() const { return num_maps_; }
@@ -57,7 +63,10 @@ class FeatureMaps {
  private:
   struct Map {
     std::string key;
-    Buffer<Half> pixels;
+    Buffer<Half> features;
+    Buffer<float> color;
+
+    FeatureMap View() const { return {features.span(), color.span()}; }
   };
 
   Renderer& renderer_;

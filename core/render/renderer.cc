@@ -182,9 +182,12 @@ std::vector<float> Renderer::Depth(const Viewpoint& view, const GaussianSet* sub
   return depth;
 }
 
-// The colours of this render, of degree 0, are not used; nor are those of Rows and Ids.
-void Renderer::Features(const Viewpoint& view, DeviceSpan<Half> map, const GaussianSet* subset) {
-  Render(view, {.subset = subset});
+// One pass gives both. The colours of Rows and Ids, of degree 0, are not used.
+void Renderer::Features(const Viewpoint& view, DeviceSpan<Half> map, DeviceSpan<float> color,
+                        const GaussianSet* subset) {
+  const bool wants_color = color.size > 0;
+  Render(view, {.sh_degree = wants_color ? sh_degree_ : 0, .subset = subset});
+  if (wants_color) backend_.Copy(color.data, color_.span().data, color.size * sizeof(float));
   backend_.RenderFeatures({features_.span(), &scratch_, map, confidence_.span()});
 }
 

@@ -77,8 +77,10 @@ class Renderer {
   // alpha is at most a half.
   std::vector<float> Depth(const Viewpoint& view, const GaussianSet* subset = nullptr);
   // Writes the blended features of each pixel to `map`, [height * width, 32]: see
-  // RenderFeaturesArgs. Gaussians count by their feature confidence.
-  void Features(const Viewpoint& view, DeviceSpan<Half> map, const GaussianSet* subset = nullptr);
+  // RenderFeaturesArgs. Gaussians count by their feature confidence. Also writes the colours of
+  // ColorPlanes to `color`, [3, height, width], unless it is empty.
+  void Features(const Viewpoint& view, DeviceSpan<Half> map, DeviceSpan<float> color,
+                const GaussianSet* subset = nullptr);
   // Returns the blend rows of the pixels y * width + x. Waits for the backend.
   CapturedRows Rows(const Viewpoint& view, std::span<const int32_t> pixels,
                     const GaussianSet* subset = nullptr);

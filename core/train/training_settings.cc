@@ -71,6 +71,7 @@ void SetPaperFeatures(FeatureOptions& options) {
   options.fine_first = 0;
   options.min_mask_agreement = 0;
   options.complete_masks = false;
+  options.share_scales = false;
 
   // L_p: the printed window, thresholds by local gradients, masks of this view only.
   options.perception_weight = 0.2f;

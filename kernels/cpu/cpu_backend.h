@@ -68,6 +68,7 @@ class CpuBackend final : public Backend {
   void SmoothBackward(const SmoothBackwardArgs& args) override;
   void Similarity(const SimilarityArgs& args) override;
   void SegmentPixels(const SegmentPixelsArgs& args) override;
+  void RefineBorder(const RefineBorderArgs& args) override;
   void LevelOverlaps(const LevelOverlapsArgs& args) override;
   void SpanningTree(const SpanningTreeArgs& args) override;
 

@@ -43,6 +43,22 @@ enum SegmentSum {
 };
 inline constexpr float kSimilarityUnit = 1 << 20;
 
+// Moves the border of a mask by at most one pixel (METHOD.md section 4, "Borders"). A pixel that
+// has a pixel of the other side next to it, diagonals included, and a similarity close to the
+// threshold joins the side whose gated feature and colour, of the pixels nearby, it resembles more.
+// It stays unless the evidence is clear. Other pixels do not change.
+struct RefineBorderArgs {
+  int width = 0, height = 0;
+  DeviceSpan<const Half> map;          // [height, width, 32]
+  DeviceSpan<const float> color;       // [3, height, width] as rendered, clamped to [0, 1] here
+  DeviceSpan<const float> psi;         // [32]
+  DeviceSpan<const float> similarity;  // [height, width] of SegmentPixels
+  float threshold = 0;                 // cosine, of SegmentPixels
+  DeviceSpan<const uint8_t> mask;      // [height, width] 0 or 1
+  DeviceSpan<uint8_t> refined;         // [height, width] 0 or 1
+  DeviceSpan<int64_t> sums;  // [kNumSegmentSums] those of `mask`, become those of `refined`
+};
+
 // Compares the masks of one query at many scales and thresholds. The threshold level of a pixel at
 // a scale is the number of thresholds that its largest similarity to the first num_positive queries
 // exceeds, or 0 if another query is at least as similar. The mask at threshold t is the pixels with

@@ -64,6 +64,7 @@
   FIELD(sure_views) \
   FIELD(min_mask_agreement) \
   FIELD(complete_masks) \
+  FIELD(share_scales) \
   FIELD(fine_first) \
   FIELD(num_background_pixels) \
   FIELD(num_scales) \

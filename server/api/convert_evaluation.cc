@@ -182,7 +182,7 @@ absl::StatusOr<EvaluationOptions> EvaluationOptionsFromProto(const v1::Evaluatio
   if (proto.has_fixed_threshold()) options.fixed_threshold = proto.fixed_threshold();
   if (proto.has_min_pixels()) options.task.min_pixels = proto.min_pixels();
   options.task.score_reference = proto.score_reference();
-  options.refine_borders = proto.refine_borders();
+  if (proto.has_refine_borders()) options.refine_borders = proto.refine_borders();
   OverlayPropagation(proto.label_propagation(), options.label_propagation);
   const v1::EvaluationOptions::Promptable& promptable = proto.promptable();
   if (promptable.has_min_cosine()) options.promptable.min_cosine = promptable.min_cosine();

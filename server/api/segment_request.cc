@@ -50,6 +50,12 @@ v1::ProposeScalesResponse::Kind ProtoKind(ProposalKind kind) {
   return v1::ProposeScalesResponse::KIND_UNSPECIFIED;
 }
 
+// Borders are refined unless the client declines.
+template <class Request>
+bool RefinesBorders(const Request& request) {
+  return !request.has_refine_borders() || request.refine_borders();
+}
+
 }  // namespace
 
 v1::ProposeScalesResponse::Proposal ProposalToProto(const ScaleProposal& proposal) {
@@ -219,6 +225,8 @@ absl::StatusOr<SegmentQuery> SegmentRequestReader::Read(
   ASSIGN_OR_RETURN(query.prompt, ReadPrompt(request.prompt(), request.frame()));
   ASSIGN_OR_RETURN(query.granularity, ReadGranularity(request.granularity(), "granularity"));
   ASSIGN_OR_RETURN(query.targets, FindTargets(request, query.prompt.view));
+  query.options = {.want_similarity = request.want_similarity(),
+                   .refine_borders = RefinesBorders(request)};
   return query;
 }
 
@@ -236,7 +244,10 @@ absl::StatusOr<ProposalQuery> SegmentRequestReader::Read(
     return BadField("max_proposals", absl::StrCat(wanted),
                     absl::StrCat("not in [0, ", kMostProposals, "]"));
   }
-  return ProposalQuery{std::move(prompt.view), *points, wanted == 0 ? kDefaultProposals : wanted};
+  return ProposalQuery{std::move(prompt.view),
+                       *points,
+                       wanted == 0 ? kDefaultProposals : wanted,
+                       {.refine_borders = RefinesBorders(request)}};
 }
 
 }  // namespace pepeseg

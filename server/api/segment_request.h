@@ -32,6 +32,7 @@ struct SegmentQuery {
   Prompt prompt;
   Granularity granularity;
   std::vector<ModelView> targets;  // the views to segment, at least one
+  SegmentOptions options;
 };
 
 // A ProposeScalesRequest.
@@ -39,6 +40,7 @@ struct ProposalQuery {
   ModelView view;
   std::vector<PointPrompt> points;
   int max_proposals;
+  SegmentOptions options;
 };
 
 // Returns everything but the mask.

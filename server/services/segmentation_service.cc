@@ -50,10 +50,7 @@ absl::Status Segment(ModelLoader& models, const QueryCall& call,
     if (call.given_up()) return absl::CancelledError("nobody waits for the answer any more");
     // One view at a time, although Segment takes many: a client that is gone costs at most one
     // view, and the size is checked before the next one is computed.
-    ASSIGN_OR_RETURN(auto results,
-                     model.segmenter->Segment(query, {&target, 1},
-                                              {.want_similarity = request.want_similarity(),
-                                               .refine_borders = request.refine_borders()}));
+    ASSIGN_OR_RETURN(auto results, model.segmenter->Segment(query, {&target, 1}, asked.options));
     const SegmentResult result = frame.Take(target, std::move(results.front()));
     compute += stopwatch.Lap();
     ASSIGN_OR_RETURN(*response->add_masks(),
@@ -171,9 +168,9 @@ absl::Status SegmentationServiceRpc::Propose(const UnaryCall& call,
   RETURN_IF_ERROR(call.CheckWanted());  // a load takes long
   const SegmentRequestReader reader(model.segmenter->model(), model.row, models_.store());
   ASSIGN_OR_RETURN(const ProposalQuery query, reader.Read(request));
-  ASSIGN_OR_RETURN(
-      const ScaleProposals proposals,
-      pepeseg::ProposeScales(*model.segmenter, query.view, query.points, query.max_proposals));
+  ASSIGN_OR_RETURN(const ScaleProposals proposals,
+                   pepeseg::ProposeScales(*model.segmenter, query.view, query.points,
+                                          {query.max_proposals, query.options}));
   *timing.mutable_compute() = ToProto(stopwatch.Lap());
   AnswerFrame frame(request.frame());
   for (const ScaleProposal& proposal : proposals.ladder) {

@@ -301,8 +301,8 @@ int main(int argc, char** argv) {
   app.add_option("--name", options.name, "first column");
   app.add_option("--seeds", options.num_seeds, "runs, each with the next seed in both stages");
   app.add_option("--fixed-threshold", options.protocol.fixed_threshold);
-  app.add_flag("--refine-borders", options.protocol.refine_borders,
-               "refine the borders of the masks that are scored");
+  app.add_flag("!--no-refine-borders", options.protocol.refine_borders,
+               "score masks that are exactly the pixels above the threshold");
   pepeseg::AddFaultFlags(app, options.faults);
   app.add_option(
       "--unscored", options.num_unscored,

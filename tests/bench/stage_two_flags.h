@@ -35,6 +35,7 @@ inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
   app.add_option("--perception-color-floor", stage.perception_color_floor);
   app.add_option("--min-mask-agreement", stage.min_mask_agreement);
   app.add_option("--complete-masks", stage.complete_masks);
+  app.add_option("--share-scales", stage.share_scales);
   app.add_option("--fine-first", stage.fine_first);
   app.add_flag_callback("--perception-gradients",
                         [&stage] { stage.perception_threshold = PerceptionThreshold::kGradients; });

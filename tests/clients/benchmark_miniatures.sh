@@ -72,13 +72,13 @@ PYTHON
 
 benchmark nvos nvos
 grep -q 'in the record: table' "$work/errors" || fail 'a finished run is repeated'
-benchmark nvos nvos --refine-borders
-[[ $(wc -l <"$work/out/nvos/record.jsonl") == 2 ]] || fail 'refined borders are not another run'
-grep -q 'features.steps_per_chunk=50, refine_borders' "$work/out/nvos/table.md" ||
-  fail 'the table does not say that borders were refined'
-python3 - "$work/out/nvos/record.jsonl" <<'PYTHON' || fail 'refined borders have the same scores'
+benchmark nvos nvos --no-refine-borders
+[[ $(wc -l <"$work/out/nvos/record.jsonl") == 2 ]] || fail 'plain borders are not another run'
+grep -q 'features.steps_per_chunk=50, no refine_borders' "$work/out/nvos/table.md" ||
+  fail 'the table does not say that borders were not refined'
+python3 - "$work/out/nvos/record.jsonl" <<'PYTHON' || fail 'plain borders have the same scores'
 import json, sys
-plain, refined = [json.loads(line)["levels"] for line in open(sys.argv[1])]
+refined, plain = [json.loads(line)["levels"] for line in open(sys.argv[1])]
 assert plain != refined
 PYTHON
 benchmark lerf-mask lerf-mask --seeds 2

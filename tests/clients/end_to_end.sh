@@ -57,10 +57,10 @@ grep -q 'point 700,60 is outside photograph "frame-000000.jpg" (640x480)' "$work
   fail 'a refused point is not reported with the size of the photograph'
 expect 0 pepeseg segment shelf --view frame-000000.jpg --point 70,70 --threshold 0 --frame view
 expect 0 pepeseg segment shelf --view frame-000000.jpg --point 70,70 --scale 0.2 --threshold 0.7 --frame view
-cp "$work/output" "$work/plain"
+cp "$work/output" "$work/refined"
 expect 0 pepeseg segment shelf --view frame-000000.jpg --point 70,70 --scale 0.2 --threshold 0.7 --frame view \
-  --refine-borders
-if cmp -s "$work/output" "$work/plain"; then fail 'segment --refine-borders moves no border'; fi
+  --no-refine-borders
+if cmp -s "$work/output" "$work/refined"; then fail 'segment moves no border'; fi
 expect 4 pepeseg segment shelf --view frame-000000.jpg --point 280,280 --frame view
 grep -q 'outside view "frame-000000.jpg" (160x120)' "$work/errors" ||
   fail 'a refused point is not reported with the size of the view'
@@ -115,9 +115,9 @@ expect 4 pepeseg export shelf "$work/none.ply" --segment 0:9999
 [[ ! -e $work/none.ply && ! -e $work/none.ply.part ]] || fail 'a refused export leaves a file'
 expect 0 pepeseg evaluate shelf "$dataset/labels" --ignore "$dataset/ignore_mask.png"
 grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail 'evaluate prints no scores at a quarter of the size'
-cp "$work/output" "$work/plain"
-expect 0 pepeseg evaluate shelf "$dataset/labels" --ignore "$dataset/ignore_mask.png" --refine-borders
-if cmp -s "$work/output" "$work/plain"; then fail 'refined borders have the same scores'; fi
+cp "$work/output" "$work/refined"
+expect 0 pepeseg evaluate shelf "$dataset/labels" --ignore "$dataset/ignore_mask.png" --no-refine-borders
+if cmp -s "$work/output" "$work/refined"; then fail 'plain borders have the same scores'; fi
 expect 4 pepeseg evaluate shelf "$dataset/labels" --frame view
 grep -q '640x480.*has 160x120' "$work/errors" || fail 'labels of another size are not refused'
 expect 3 pepeseg evaluate shelf "$dataset/images"

@@ -32,7 +32,7 @@ class SamAgreementTest : public ::testing::Test {
     return sam;
   }
   absl::StatusOr<SamAgreement> Score(const SamView& sam) const {
-    return ScoreSamAgreement(*segmenter_, {&sam, 1}, options_, GoOn);
+    return ScoreSamAgreement(*segmenter_, {&sam, 1}, options_, {}, GoOn);
   }
 
   std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
@@ -98,7 +98,7 @@ TEST_F(SamAgreementTest, ReturnsTheErrorOfCheckCancelled) {
   const SamView sam = View({left_, both_});
   for (const int allowed : {0, 1}) {
     int asked = 0;
-    const auto agreement = ScoreSamAgreement(*segmenter_, {&sam, 1}, options_, [&] {
+    const auto agreement = ScoreSamAgreement(*segmenter_, {&sam, 1}, options_, {}, [&] {
       return asked++ < allowed ? absl::OkStatus() : absl::CancelledError("enough");
     });
     EXPECT_STATUS(agreement, absl::StatusCode::kCancelled, "enough");

@@ -48,7 +48,7 @@ class PrepareFeaturesTest : public ::testing::Test {
 };
 
 TEST_F(PrepareFeaturesTest, LeavesMasksThatAgreeAsTheyAre) {
-  const PreparedFeatures prepared = Prepare({});
+  const PreparedFeatures prepared = Prepare({.share_scales = false});
   EXPECT_GE(prepared.mask_quality.value(), kCompleteBelow);
   EXPECT_EQ(NumCompleted(prepared), 0);
   for (const DrawableView& view : prepared.views) {
@@ -73,6 +73,19 @@ TEST_F(PrepareFeaturesTest, CompletesNoMasksWhenTurnedOff) {
   const PreparedFeatures prepared = Prepare({.complete_masks = false});
   EXPECT_LT(prepared.mask_quality.value(), kCompleteBelow) << "measured all the same";
   EXPECT_EQ(NumCompleted(prepared), 0);
+}
+
+// The first mask of each view is of the same object, which some views show in part.
+TEST_F(PrepareFeaturesTest, SharesScalesUnlessTurnedOff) {
+  const auto largest_by_smallest = [this](const FeatureOptions& options) {
+    const PreparedFeatures prepared = Prepare(options);
+    std::vector<float> scales;
+    for (const DrawableView& view : prepared.views) scales.push_back(view.mask_scales[0]);
+    const auto [least, most] = std::ranges::minmax(scales);
+    return most / least;
+  };
+  EXPECT_GT(largest_by_smallest({.share_scales = false}), 1.8f);
+  EXPECT_LT(largest_by_smallest({}), 1.2f);
 }
 
 TEST_F(PrepareFeaturesTest, LeavesOutMasksUnderTheMinimumAgreement) {

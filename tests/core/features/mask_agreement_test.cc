@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "core/features/mask_scales.h"
 #include "tests/core/features/wall_capture.h"
 
 namespace pepeseg {
@@ -75,6 +76,29 @@ TEST(MaskAgreement, DoesNotJudgeWhatOtherViewsDoNotSee) {
   EXPECT_EQ(agreements[0][0].num_seen, 0);
   EXPECT_FALSE(StandsAlone(agreements[0][0], 1));
   EXPECT_NEAR(MaskQuality(wall.capture, agreements).value(), 1, 1e-6) << "left out of the mean";
+}
+
+// Four views have two things; one of them also has a mask of its own.
+class ShareScalesTest : public ::testing::Test {
+ protected:
+  using Scales = std::vector<std::vector<float>>;  // by view and mask
+
+  Scales Share(Scales scales) const {
+    ShareScales(MeasureMaskAgreement(wall_.capture, wall_.reprojection), scales);
+    return scales;
+  }
+  WallCapture wall_{
+      {{kLeft, kRight, {-0.4, -0.4, 0.4, 0.4}}, {kLeft, kRight}, {kLeft, kRight}, {kLeft, kRight}}};
+};
+
+TEST_F(ShareScalesTest, TakesTheMedianOfTheSameThing) {
+  EXPECT_EQ(Share({{3, 7, 5}, {1, 8}, {2, 6}, {9, 9}}),
+            (Scales{{3, 8, 5}, {3, 8}, {3, 8}, {3, 8}}));
+}
+
+TEST_F(ShareScalesTest, LeavesOutMasksWithoutAScale) {
+  EXPECT_EQ(Share({{3, 7, 5}, {kNoScale, 8}, {4, 6}, {5, kNoScale}}),
+            (Scales{{4, 7, 5}, {kNoScale, 7}, {4, 7}, {4, kNoScale}}));
 }
 
 TEST(MaskAgreement, HasNoQualityWithOneView) {

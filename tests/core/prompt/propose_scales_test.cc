@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "core/prompt/resolve_prompt.h"
 #include "tests/testing/front_blobs.h"
 #include "tests/testing/status_testing.h"
 
@@ -19,7 +20,7 @@ class ProposeScalesTest : public ::testing::Test {
     points_ = {{kLeftX, kY, true}};
   }
   absl::StatusOr<ScaleProposals> Propose(int max_count = kDefaultProposals) const {
-    return ProposeScales(*segmenter_, view_, points_, max_count);
+    return ProposeScales(*segmenter_, view_, points_, {max_count});
   }
   static bool Shows(const SegmentResult& result, double x) {
     return result.mask.pixels[static_cast<size_t>(kY) * kSize + static_cast<size_t>(x)] != 0;
@@ -53,6 +54,21 @@ TEST_F(ProposeScalesTest, LeavesOutWhatANegativePointHits) {
   ASSERT_FALSE(proposals.ladder.empty());
   for (const ScaleProposal& proposal : proposals.ladder)
     EXPECT_FALSE(Shows(proposal.result, kRightX));
+}
+
+TEST_F(ProposeScalesTest, ReturnsTheMasksThatSegmentReturns) {
+  for (const bool refine_borders : {false, true}) {
+    const SegmentOptions options = {.refine_borders = refine_borders};
+    ASSERT_OK_AND_ASSIGN(const ScaleProposals proposals,
+                         ProposeScales(*segmenter_, view_, points_, {.segment = options}));
+    ASSERT_FALSE(proposals.ladder.empty());
+    for (const ScaleProposal& proposal : proposals.ladder) {
+      const Granularity at = {proposal.result.scale, proposal.result.threshold};
+      ASSERT_OK_AND_ASSIGN(const Query query, ResolvePrompt(*segmenter_, {view_, points_}, at));
+      ASSERT_OK_AND_ASSIGN(const auto want, segmenter_->Segment(query, {&view_, 1}, options));
+      EXPECT_EQ(proposal.result.mask.pixels, want[0].mask.pixels);
+    }
+  }
 }
 
 TEST_F(ProposeScalesTest, ReturnsAtMostMaxCount) {

@@ -73,8 +73,10 @@ const Capture& WithPriors() {
   return capture;
 }
 
-TEST(DepthWeight, FollowsTheKindOfCaptureByDefault) {
+TEST(DepthWeight, FollowsTheKindOfCapture) {
   ReconstructOptions options;
+  EXPECT_EQ(WithDepthWeight(options, WithPriors()).depth_weight, 0) << "the default";
+  options.depth_weight = -1;
   EXPECT_FLOAT_EQ(WithDepthWeight(options, WithPriors()).depth_weight, 0.05f);
   options.capture_kind = CaptureKind::kForwardFacing;
   EXPECT_FLOAT_EQ(WithDepthWeight(options, WithPriors()).depth_weight, 0.1f);

@@ -52,6 +52,7 @@ TEST_P(EstimateTest, IsATightUpperBoundOfATraining) {
   options.coarse_until = c.coarse_until;
   options.max_gaussians = c.max_gaussians;
   options.pixels_per_gaussian = c.pixels_per_gaussian;
+  options.refine_keep = RefineKeep::kShrink;
   const auto backend = MakeCpuBackend(2);
   ASSERT_OK_AND_ASSIGN(
       const Gaussians result,
@@ -79,6 +80,7 @@ TEST(Estimate, GrowsWithWhatItDependsOn) {
   const TrainingSize size = {10, 8, 10 * 300'000, 300'000, 5000, 0, 0, 0};
   ReconstructOptions options;
   options.pixels_per_gaussian = 0;
+  options.refine_keep = RefineKeep::kShrink;
   const MemoryNeed base = EstimateReconstruct(*backend, size, options);
   const auto grows = [&](const TrainingSize& other, const ReconstructOptions& other_options) {
     const MemoryNeed need = EstimateReconstruct(*backend, other, other_options);

@@ -31,6 +31,7 @@ ReconstructOptions Options() {
   options.densify_every = 25;
   options.opacity_reset_every = 40;
   options.max_gaussians = 4000;
+  options.depth_weight = -1;
   options.refine_keep = RefineKeep::kSplit;
   options.refine_length = 0.1;
   return options;

@@ -27,6 +27,8 @@ ReconstructOptions RunOf(int num_steps) {
   options.num_steps = num_steps;
   options.densify_until = 0.25;
   options.max_gaussians = 300;
+  options.depth_weight = -1;
+  options.refine_keep = RefineKeep::kShrink;
   options.min_loss_fall = options.min_band_gain = options.min_depth_agreement = 0;
   return options;
 }

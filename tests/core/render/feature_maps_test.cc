@@ -12,7 +12,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kMapBytes = int64_t{96} * 72 * 32 * 2;
+constexpr int64_t kMapBytes = int64_t{96} * 72 * (32 * 2 + 3 * 4);
 
 struct Maps {
   explicit Maps(int64_t max_bytes)
@@ -63,7 +63,7 @@ TEST(FeatureMaps, RefuseAMapOverTheLimitWithNeedAndLimit) {
   ModelView wide = m.View(1);
   wide.camera.width += 1;
   EXPECT_STATUS(m.maps->Get(wide), absl::StatusCode::kResourceExhausted,
-                "97x72 pixels needs 446976 bytes, but the maps of a model may take 442368");
+                "97x72 pixels needs 530784 bytes, but the maps of a model may take 525312");
   EXPECT_EQ(m.maps->num_maps(), 1);
   EXPECT_OK(m.maps->Get(m.View(0)));  // nothing was dropped for it
   EXPECT_EQ(m.maps->num_renders(), 1);

@@ -91,6 +91,7 @@ TEST_F(PaperPreset, HasNoneOfOurAdditions) {
   EXPECT_EQ(features_.fine_first, 0) << "fine masks first";
   EXPECT_EQ(features_.min_mask_agreement, 0) << "removal of masks that stand alone";
   EXPECT_FALSE(features_.complete_masks) << "completion of masks";
+  EXPECT_FALSE(features_.share_scales) << "one scale for a thing in all views";
   EXPECT_FALSE(features_.perception_cross_view) << "check by other views' masks";
   EXPECT_FALSE(features_.perception_fit_window) << "window by image and masks";
   EXPECT_FALSE(features_.perception_unlabelled_only) << "pairs of covered pixels left out";

@@ -142,8 +142,8 @@ TEST(TrainingOptions, DecidesEveryOptionForThePaper) {
         {"sh_degree", "ssim_weight", "mean_learning_rate", "log_scale_learning_rate",
          "rotation_learning_rate", "opacity_learning_rate", "sh_learning_rate", "densify_from",
          "densify_every", "densify_gradient", "densify_size", "prune_opacity", "prune_size",
-         "opacity_reset_every", "depth_weight", "depth_local_form", "depth_window", "refine_keep",
-         "refine_from", "refine_candidates", "coarse_until",
+         "opacity_reset_every", "depth_local_form", "depth_window", "refine_from",
+         "refine_candidates", "coarse_until",
          // Without effect in the preset.
          "opacity_decay", "closing_share",
          // Of the run or the capture.
@@ -205,11 +205,11 @@ TEST(TrainingOptions, TakesUnspecifiedEnumsAsAbsent) {
 
 TEST(TrainingOptions, KeepsAZeroThatIsNoEnum) {
   v1::TrainingOptions options;
-  options.mutable_reconstruct()->set_depth_weight(0);
+  options.mutable_reconstruct()->set_depth_local_weight(0);
   TrainingSettings settings;
   Overlay(options, &settings);
-  EXPECT_EQ(settings.reconstruct.depth_weight, 0);
-  ASSERT_NE(ReconstructOptions().depth_weight, 0) << "the test needs another default";
+  EXPECT_EQ(settings.reconstruct.depth_local_weight, 0);
+  ASSERT_NE(ReconstructOptions().depth_local_weight, 0) << "the test needs another default";
 }
 
 TEST(TrainingOptions, NamesTheFieldThatIsOutOfRange) {

@@ -52,7 +52,8 @@ TEST(BytesOfModel, HoldTheModelAndAllThatQuestionsLeave) {
     view.camera = CloudBeforeAView(width, height).views[0].camera;
     EXPECT_OK(segmenter->RenderColor(view));
     EXPECT_OK(segmenter->RenderDepth(view));
-    EXPECT_OK(segmenter->Segment(query, {&view, 1}, {.want_similarity = true}));
+    EXPECT_OK(
+        segmenter->Segment(query, {&view, 1}, {.want_similarity = true, .refine_borders = true}));
     EXPECT_LE(static_cast<int64_t>(backend->bytes_in_use()), bytes.device)
         << width << "x" << height;
   };
@@ -69,7 +70,7 @@ TEST(BytesOfModel, HoldTheModelAndAllThatQuestionsLeave) {
   EXPECT_LE(static_cast<int64_t>(backend->bytes_in_use()), bytes.device);
   EXPECT_STATUS(
       segmenter->Segment(query, {&view, 1}), absl::StatusCode::kResourceExhausted,
-      "3000x2000 pixels needs 384000000 bytes, but the maps of a model may take 132710400");
+      "3000x2000 pixels needs 456000000 bytes, but the maps of a model may take 157593600");
   ask(320, 240);
 }
 
@@ -82,9 +83,9 @@ TEST(BytesOfModel, GrowWithTheModelTheDegreeAndTheViews) {
   EXPECT_EQ(device({1000, 3, 100}) - device({1000, 0, 100}),
             1000 * (NumPlanes(3) - NumPlanes(0)) * 4);
   EXPECT_LT(device({1000, 0, 100}), device({2000, 0, 100}));
-  EXPECT_EQ(MapReserve(screen / 2), 2 * screen * 64);
-  EXPECT_EQ(MapReserve(2 * screen), int64_t{512} << 20);
-  EXPECT_EQ(MapReserve(8 * screen), 8 * screen * 64);
+  EXPECT_EQ(MapReserve(screen / 2), 2 * screen * 76);
+  EXPECT_EQ(MapReserve(2 * screen), int64_t{608} << 20);
+  EXPECT_EQ(MapReserve(8 * screen), 8 * screen * 76);
 }
 
 }  // namespace

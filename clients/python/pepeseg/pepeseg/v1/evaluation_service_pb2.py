@@ -16,7 +16,7 @@ from pepeseg.v1 import access_pb2 as pepeseg_dot_v1_dot_access__pb2
 from pepeseg.v1 import prompt_pb2 as pepeseg_dot_v1_dot_prompt__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n#pepeseg/v1/evaluation_service.proto\x12\npepeseg.v1\x1a\x1egoogle/protobuf/duration.proto\x1a\x17pepeseg/v1/access.proto\x1a\x17pepeseg/v1/prompt.proto\"\xc8\x08\n\x11\x45valuationOptions\x12\x30\n\x08protocol\x18\x01 \x01(\x0e\x32\x1e.pepeseg.v1.EvaluationProtocol\x12\x0e\n\x06scales\x18\x02 \x03(\x01\x12\x12\n\nthresholds\x18\x03 \x03(\x01\x12\x1c\n\x0f\x66ixed_threshold\x18\x04 \x01(\x01H\x00\x88\x01\x01\x12\x17\n\nmin_pixels\x18\x05 \x01(\x03H\x01\x88\x01\x01\x12\x17\n\x0fscore_reference\x18\x06 \x01(\x08\x12\x1c\n\x14\x61\x63\x63\x65pt_trained_views\x18\x07 \x01(\x08\x12I\n\x11label_propagation\x18\x08 \x01(\x0b\x32..pepeseg.v1.EvaluationOptions.LabelPropagation\x12<\n\npromptable\x18\t \x01(\x0b\x32(.pepeseg.v1.EvaluationOptions.Promptable\x12\x34\n\x06\x63licks\x18\n \x01(\x0b\x32$.pepeseg.v1.EvaluationOptions.Clicks\x12\x41\n\rsam_agreement\x18\x0b \x01(\x0b\x32*.pepeseg.v1.EvaluationOptions.SamAgreement\x12\x16\n\x0erefine_borders\x18\x0c \x01(\x08\x1a\xb4\x01\n\x10LabelPropagation\x12\x17\n\nmin_cosine\x18\x01 \x01(\x01H\x00\x88\x01\x01\x12\x17\n\nmin_inside\x18\x02 \x01(\x01H\x01\x88\x01\x01\x12\x18\n\x0bmin_covered\x18\x03 \x01(\x01H\x02\x88\x01\x01\x12\x17\n\nmax_pixels\x18\x04 \x01(\x05H\x03\x88\x01\x01\x42\r\n\x0b_min_cosineB\r\n\x0b_min_insideB\x0e\n\x0c_min_coveredB\r\n\x0b_max_pixels\x1a\\\n\nPromptable\x12\x17\n\nmin_cosine\x18\x01 \x01(\x01H\x00\x88\x01\x01\x12\x17\n\nmax_points\x18\x02 \x01(\x05H\x01\x88\x01\x01\x42\r\n\x0b_min_cosineB\r\n\x0b_max_points\x1aR\n\x06\x43licks\x12\x14\n\x07min_iou\x18\x01 \x01(\x01H\x00\x88\x01\x01\x12\x17\n\nmax_clicks\x18\x02 \x01(\x05H\x01\x88\x01\x01\x42\n\n\x08_min_iouB\r\n\x0b_max_clicks\x1a\xc8\x01\n\x0cSamAgreement\x12\x1e\n\x11min_predicted_iou\x18\x01 \x01(\x01H\x00\x88\x01\x01\x12\x1a\n\rmin_stability\x18\x02 \x01(\x01H\x01\x88\x01\x01\x12\x17\n\nmin_pixels\x18\x03 \x01(\x03H\x02\x88\x01\x01\x12\x1a\n\rnum_proposals\x18\x04 \x01(\x05H\x03\x88\x01\x01\x42\x14\n\x12_min_predicted_iouB\x10\n\x0e_min_stabilityB\r\n\x0b_min_pixelsB\x10\n\x0e_num_proposalsB\x12\n\x10_fixed_thresholdB\r\n\x0b_min_pixels\"A\n\nEntityMask\x12\x0e\n\x06\x65ntity\x18\x01 \x01(\t\x12#\n\x04mask\x18\x02 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\"h\n\tViewTruth\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\x12\n\nlabels_png\x18\x02 \x01(\x0c\x12%\n\x05masks\x18\x03 \x03(\x0b\x32\x16.pepeseg.v1.EntityMask\x12\x12\n\nignore_png\x18\x04 \x01(\x0c\"\xca\x03\n\x0c\x45ntityPrompt\x12\x0e\n\x06\x65ntity\x18\x01 \x01(\t\x12\x0c\n\x04view\x18\x02 \x01(\t\x12*\n\x06points\x18\x03 \x01(\x0b\x32\x18.pepeseg.v1.PointsPromptH\x00\x12.\n\npoint_mean\x18\x04 \x01(\x0b\x32\x18.pepeseg.v1.PointsPromptH\x00\x12\x37\n\tscribbles\x18\x05 \x01(\x0b\x32\".pepeseg.v1.EntityPrompt.ScribblesH\x00\x12$\n\x03\x62ox\x18\x06 \x01(\x0b\x32\x15.pepeseg.v1.BoxPromptH\x00\x12%\n\x04mask\x18\x07 \x01(\x0b\x32\x15.pepeseg.v1.MaskImageH\x00\x12\x34\n\x08own_mask\x18\x08 \x01(\x0b\x32 .pepeseg.v1.EntityPrompt.OwnMaskH\x00\x12\x12\n\x08label_id\x18\t \x01(\tH\x00\x1a]\n\tScribbles\x12\'\n\x08positive\x18\x01 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x12\'\n\x08negative\x18\x02 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x1a\t\n\x07OwnMaskB\x06\n\x04what\"\xe6\x01\n\x0cSamViewMasks\x12\x0c\n\x04view\x18\x01 \x01(\t\x12/\n\x05masks\x18\x02 \x03(\x0b\x32 .pepeseg.v1.SamViewMasks.SamMask\x12\x12\n\nignore_png\x18\x03 \x01(\x0c\x1a\x82\x01\n\x07SamMask\x12#\n\x04mask\x18\x01 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x12\x1a\n\rpredicted_iou\x18\x02 \x01(\x01H\x00\x88\x01\x01\x12\x16\n\tstability\x18\x03 \x01(\x01H\x01\x88\x01\x01\x42\x10\n\x0e_predicted_iouB\x0c\n\n_stability\"\xf7\x02\n\x14\x45valuateModelRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12$\n\x05views\x18\x02 \x03(\x0b\x32\x15.pepeseg.v1.ViewTruth\x12G\n\x0c\x65ntity_names\x18\x03 \x03(\x0b\x32\x31.pepeseg.v1.EvaluateModelRequest.EntityNamesEntry\x12)\n\x07prompts\x18\x04 \x03(\x0b\x32\x18.pepeseg.v1.EntityPrompt\x12+\n\tsam_views\x18\x05 \x03(\x0b\x32\x18.pepeseg.v1.SamViewMasks\x12.\n\x07options\x18\x06 \x01(\x0b\x32\x1d.pepeseg.v1.EvaluationOptions\x12%\n\x05\x66rame\x18\x07 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x1a\x32\n\x10\x45ntityNamesEntry\x12\x0b\n\x03key\x18\x01 \x01(\x05\x12\r\n\x05value\x18\x02 \x01(\t:\x02\x38\x01\"\xc4\r\n\x15\x45valuateModelResponse\x12:\n\x08\x65ntities\x18\x01 \x03(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Entity\x12\x10\n\x08left_out\x18\x02 \x03(\t\x12\x41\n\ncategories\x18\x03 \x03(\x0b\x32-.pepeseg.v1.EvaluateModelResponse.GroupScores\x12<\n\x05scene\x18\x04 \x01(\x0b\x32-.pepeseg.v1.EvaluateModelResponse.GroupScores\x12\x45\n\rsam_agreement\x18\x05 \x01(\x0b\x32..pepeseg.v1.EvaluateModelResponse.SamAgreement\x12.\n\x07options\x18\x06 \x01(\x0b\x32\x1d.pepeseg.v1.EvaluationOptions\x12*\n\x07\x63ompute\x18\x07 \x01(\x0b\x32\x19.google.protobuf.Duration\x12\r\n\x05model\x18\x08 \x01(\t\x1a=\n\x06Scores\x12\x0b\n\x03iou\x18\x01 \x01(\x01\x12\x10\n\x08\x61\x63\x63uracy\x18\x02 \x01(\x01\x12\x14\n\x0c\x62oundary_iou\x18\x03 \x01(\x01\x1a\xa4\x01\n\x06\x43hoice\x12\x16\n\x0escale_quantile\x18\x01 \x01(\x01\x12\x11\n\tthreshold\x18\x02 \x01(\x01\x12\x36\n\x04mean\x18\x03 \x01(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Scores\x12\x37\n\x05views\x18\x04 \x03(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Scores\x1a.\n\nScoredView\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\x12\n\nnum_pixels\x18\x02 \x01(\x03\x1aS\n\x05\x43lick\x12\t\n\x01x\x18\x01 \x01(\x01\x12\t\n\x01y\x18\x02 \x01(\x01\x12\x10\n\x08negative\x18\x03 \x01(\x08\x12\x15\n\rreference_iou\x18\x04 \x01(\x01\x12\x0b\n\x03iou\x18\x05 \x01(\x01\x1a\xb5\x03\n\x06\x45ntity\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x10\n\x08\x63\x61tegory\x18\x02 \x01(\t\x12\x16\n\x0ereference_view\x18\x03 \x01(\t\x12;\n\x05views\x18\x04 \x03(\x0b\x32,.pepeseg.v1.EvaluateModelResponse.ScoredView\x12\x37\n\x06\x63licks\x18\x05 \x03(\x0b\x32\'.pepeseg.v1.EvaluateModelResponse.Click\x12\x0f\n\x07missing\x18\x06 \x01(\x08\x12\x37\n\x05paper\x18\x07 \x01(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Choice\x12;\n\treference\x18\x08 \x01(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Choice\x12;\n\tautomatic\x18\t \x01(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Choice\x12\x14\n\x0ciou_by_scale\x18\n \x03(\x01\x12\x0f\n\x07reached\x18\x0b \x01(\x08\x12\x12\n\nnum_clicks\x18\x0c \x01(\x05\x1a\xb2\x02\n\x0bGroupScores\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x14\n\x0cnum_entities\x18\x02 \x01(\x05\x12\x37\n\x05paper\x18\x03 \x01(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Scores\x12;\n\treference\x18\x04 \x01(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Scores\x12;\n\tautomatic\x18\x05 \x01(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Scores\x12\x14\n\x0ciou_by_scale\x18\x06 \x03(\x01\x12\x12\n\nnum_clicks\x18\x07 \x01(\x01\x12\x0f\n\x07reached\x18\x08 \x01(\x01\x12\x11\n\tiou_after\x18\t \x03(\x01\x1aO\n\x07SamView\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\x11\n\tnum_masks\x18\x02 \x01(\x03\x12\x11\n\tfirst_iou\x18\x03 \x01(\x01\x12\x10\n\x08\x62\x65st_iou\x18\x04 \x01(\x01\x1a\x80\x01\n\x0cSamAgreement\x12\x38\n\x05views\x18\x01 \x03(\x0b\x32).pepeseg.v1.EvaluateModelResponse.SamView\x12\x11\n\tnum_masks\x18\x02 \x01(\x03\x12\x11\n\tfirst_iou\x18\x03 \x01(\x01\x12\x10\n\x08\x62\x65st_iou\x18\x04 \x01(\x01*\xef\x01\n\x12\x45valuationProtocol\x12#\n\x1f\x45VALUATION_PROTOCOL_UNSPECIFIED\x10\x00\x12\x1e\n\x1a\x45VALUATION_PROTOCOL_PROMPT\x10\x01\x12)\n%EVALUATION_PROTOCOL_LABEL_PROPAGATION\x10\x02\x12\"\n\x1e\x45VALUATION_PROTOCOL_PROMPTABLE\x10\x03\x12\x1e\n\x1a\x45VALUATION_PROTOCOL_CLICKS\x10\x04\x12%\n!EVALUATION_PROTOCOL_SAM_AGREEMENT\x10\x05\x32x\n\x11\x45valuationService\x12\x63\n\rEvaluateModel\x12 .pepeseg.v1.EvaluateModelRequest\x1a!.pepeseg.v1.EvaluateModelResponse\"\r\x8a\xe2\x18\t\x08\x01\x12\x05modelb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n#pepeseg/v1/evaluation_service.proto\x12\npepeseg.v1\x1a\x1egoogle/protobuf/duration.proto\x1a\x17pepeseg/v1/access.proto\x1a\x17pepeseg/v1/prompt.proto\"\xe0\x08\n\x11\x45valuationOptions\x12\x30\n\x08protocol\x18\x01 \x01(\x0e\x32\x1e.pepeseg.v1.EvaluationProtocol\x12\x0e\n\x06scales\x18\x02 \x03(\x01\x12\x12\n\nthresholds\x18\x03 \x03(\x01\x12\x1c\n\x0f\x66ixed_threshold\x18\x04 \x01(\x01H\x00\x88\x01\x01\x12\x17\n\nmin_pixels\x18\x05 \x01(\x03H\x01\x88\x01\x01\x12\x17\n\x0fscore_reference\x18\x06 \x01(\x08\x12\x1c\n\x14\x61\x63\x63\x65pt_trained_views\x18\x07 \x01(\x08\x12I\n\x11label_propagation\x18\x08 \x01(\x0b\x32..pepeseg.v1.EvaluationOptions.LabelPropagation\x12<\n\npromptable\x18\t \x01(\x0b\x32(.pepeseg.v1.EvaluationOptions.Promptable\x12\x34\n\x06\x63licks\x18\n \x01(\x0b\x32$.pepeseg.v1.EvaluationOptions.Clicks\x12\x41\n\rsam_agreement\x18\x0b \x01(\x0b\x32*.pepeseg.v1.EvaluationOptions.SamAgreement\x12\x1b\n\x0erefine_borders\x18\x0c \x01(\x08H\x02\x88\x01\x01\x1a\xb4\x01\n\x10LabelPropagation\x12\x17\n\nmin_cosine\x18\x01 \x01(\x01H\x00\x88\x01\x01\x12\x17\n\nmin_inside\x18\x02 \x01(\x01H\x01\x88\x01\x01\x12\x18\n\x0bmin_covered\x18\x03 \x01(\x01H\x02\x88\x01\x01\x12\x17\n\nmax_pixels\x18\x04 \x01(\x05H\x03\x88\x01\x01\x42\r\n\x0b_min_cosineB\r\n\x0b_min_insideB\x0e\n\x0c_min_coveredB\r\n\x0b_max_pixels\x1a\\\n\nPromptable\x12\x17\n\nmin_cosine\x18\x01 \x01(\x01H\x00\x88\x01\x01\x12\x17\n\nmax_points\x18\x02 \x01(\x05H\x01\x88\x01\x01\x42\r\n\x0b_min_cosineB\r\n\x0b_max_points\x1aR\n\x06\x43licks\x12\x14\n\x07min_iou\x18\x01 \x01(\x01H\x00\x88\x01\x01\x12\x17\n\nmax_clicks\x18\x02 \x01(\x05H\x01\x88\x01\x01\x42\n\n\x08_min_iouB\r\n\x0b_max_clicks\x1a\xc8\x01\n\x0cSamAgreement\x12\x1e\n\x11min_predicted_iou\x18\x01 \x01(\x01H\x00\x88\x01\x01\x12\x1a\n\rmin_stability\x18\x02 \x01(\x01H\x01\x88\x01\x01\x12\x17\n\nmin_pixels\x18\x03 \x01(\x03H\x02\x88\x01\x01\x12\x1a\n\rnum_proposals\x18\x04 \x01(\x05H\x03\x88\x01\x01\x42\x14\n\x12_min_predicted_iouB\x10\n\x0e_min_stabilityB\r\n\x0b_min_pixelsB\x10\n\x0e_num_proposalsB\x12\n\x10_fixed_thresholdB\r\n\x0b_min_pixelsB\x11\n\x0f_refine_borders\"A\n\nEntityMask\x12\x0e\n\x06\x65ntity\x18\x01 \x01(\t\x12#\n\x04mask\x18\x02 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\"h\n\tViewTruth\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\x12\n\nlabels_png\x18\x02 \x01(\x0c\x12%\n\x05masks\x18\x03 \x03(\x0b\x32\x16.pepeseg.v1.EntityMask\x12\x12\n\nignore_png\x18\x04 \x01(\x0c\"\xca\x03\n\x0c\x45ntityPrompt\x12\x0e\n\x06\x65ntity\x18\x01 \x01(\t\x12\x0c\n\x04view\x18\x02 \x01(\t\x12*\n\x06points\x18\x03 \x01(\x0b\x32\x18.pepeseg.v1.PointsPromptH\x00\x12.\n\npoint_mean\x18\x04 \x01(\x0b\x32\x18.pepeseg.v1.PointsPromptH\x00\x12\x37\n\tscribbles\x18\x05 \x01(\x0b\x32\".pepeseg.v1.EntityPrompt.ScribblesH\x00\x12$\n\x03\x62ox\x18\x06 \x01(\x0b\x32\x15.pepeseg.v1.BoxPromptH\x00\x12%\n\x04mask\x18\x07 \x01(\x0b\x32\x15.pepeseg.v1.MaskImageH\x00\x12\x34\n\x08own_mask\x18\x08 \x01(\x0b\x32 .pepeseg.v1.EntityPrompt.OwnMaskH\x00\x12\x12\n\x08label_id\x18\t \x01(\tH\x00\x1a]\n\tScribbles\x12\'\n\x08positive\x18\x01 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x12\'\n\x08negative\x18\x02 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x1a\t\n\x07OwnMaskB\x06\n\x04what\"\xe6\x01\n\x0cSamViewMasks\x12\x0c\n\x04view\x18\x01 \x01(\t\x12/\n\x05masks\x18\x02 \x03(\x0b\x32 .pepeseg.v1.SamViewMasks.SamMask\x12\x12\n\nignore_png\x18\x03 \x01(\x0c\x1a\x82\x01\n\x07SamMask\x12#\n\x04mask\x18\x01 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x12\x1a\n\rpredicted_iou\x18\x02 \x01(\x01H\x00\x88\x01\x01\x12\x16\n\tstability\x18\x03 \x01(\x01H\x01\x88\x01\x01\x42\x10\n\x0e_predicted_iouB\x0c\n\n_stability\"\xf7\x02\n\x14\x45valuateModelRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12$\n\x05views\x18\x02 \x03(\x0b\x32\x15.pepeseg.v1.ViewTruth\x12G\n\x0c\x65ntity_names\x18\x03 \x03(\x0b\x32\x31.pepeseg.v1.EvaluateModelRequest.EntityNamesEntry\x12)\n\x07prompts\x18\x04 \x03(\x0b\x32\x18.pepeseg.v1.EntityPrompt\x12+\n\tsam_views\x18\x05 \x03(\x0b\x32\x18.pepeseg.v1.SamViewMasks\x12.\n\x07options\x18\x06 \x01(\x0b\x32\x1d.pepeseg.v1.EvaluationOptions\x12%\n\x05\x66rame\x18\x07 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x1a\x32\n\x10\x45ntityNamesEntry\x12\x0b\n\x03key\x18\x01 \x01(\x05\x12\r\n\x05value\x18\x02 \x01(\t:\x02\x38\x01\"\xc4\r\n\x15\x45valuateModelResponse\x12:\n\x08\x65ntities\x18\x01 \x03(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Entity\x12\x10\n\x08left_out\x18\x02 \x03(\t\x12\x41\n\ncategories\x18\x03 \x03(\x0b\x32-.pepeseg.v1.EvaluateModelResponse.GroupScores\x12<\n\x05scene\x18\x04 \x01(\x0b\x32-.pepeseg.v1.EvaluateModelResponse.GroupScores\x12\x45\n\rsam_agreement\x18\x05 \x01(\x0b\x32..pepeseg.v1.EvaluateModelResponse.SamAgreement\x12.\n\x07options\x18\x06 \x01(\x0b\x32\x1d.pepeseg.v1.EvaluationOptions\x12*\n\x07\x63ompute\x18\x07 \x01(\x0b\x32\x19.google.protobuf.Duration\x12\r\n\x05model\x18\x08 \x01(\t\x1a=\n\x06Scores\x12\x0b\n\x03iou\x18\x01 \x01(\x01\x12\x10\n\x08\x61\x63\x63uracy\x18\x02 \x01(\x01\x12\x14\n\x0c\x62oundary_iou\x18\x03 \x01(\x01\x1a\xa4\x01\n\x06\x43hoice\x12\x16\n\x0escale_quantile\x18\x01 \x01(\x01\x12\x11\n\tthreshold\x18\x02 \x01(\x01\x12\x36\n\x04mean\x18\x03 \x01(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Scores\x12\x37\n\x05views\x18\x04 \x03(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Scores\x1a.\n\nScoredView\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\x12\n\nnum_pixels\x18\x02 \x01(\x03\x1aS\n\x05\x43lick\x12\t\n\x01x\x18\x01 \x01(\x01\x12\t\n\x01y\x18\x02 \x01(\x01\x12\x10\n\x08negative\x18\x03 \x01(\x08\x12\x15\n\rreference_iou\x18\x04 \x01(\x01\x12\x0b\n\x03iou\x18\x05 \x01(\x01\x1a\xb5\x03\n\x06\x45ntity\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x10\n\x08\x63\x61tegory\x18\x02 \x01(\t\x12\x16\n\x0ereference_view\x18\x03 \x01(\t\x12;\n\x05views\x18\x04 \x03(\x0b\x32,.pepeseg.v1.EvaluateModelResponse.ScoredView\x12\x37\n\x06\x63licks\x18\x05 \x03(\x0b\x32\'.pepeseg.v1.EvaluateModelResponse.Click\x12\x0f\n\x07missing\x18\x06 \x01(\x08\x12\x37\n\x05paper\x18\x07 \x01(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Choice\x12;\n\treference\x18\x08 \x01(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Choice\x12;\n\tautomatic\x18\t \x01(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Choice\x12\x14\n\x0ciou_by_scale\x18\n \x03(\x01\x12\x0f\n\x07reached\x18\x0b \x01(\x08\x12\x12\n\nnum_clicks\x18\x0c \x01(\x05\x1a\xb2\x02\n\x0bGroupScores\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x14\n\x0cnum_entities\x18\x02 \x01(\x05\x12\x37\n\x05paper\x18\x03 \x01(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Scores\x12;\n\treference\x18\x04 \x01(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Scores\x12;\n\tautomatic\x18\x05 \x01(\x0b\x32(.pepeseg.v1.EvaluateModelResponse.Scores\x12\x14\n\x0ciou_by_scale\x18\x06 \x03(\x01\x12\x12\n\nnum_clicks\x18\x07 \x01(\x01\x12\x0f\n\x07reached\x18\x08 \x01(\x01\x12\x11\n\tiou_after\x18\t \x03(\x01\x1aO\n\x07SamView\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\x11\n\tnum_masks\x18\x02 \x01(\x03\x12\x11\n\tfirst_iou\x18\x03 \x01(\x01\x12\x10\n\x08\x62\x65st_iou\x18\x04 \x01(\x01\x1a\x80\x01\n\x0cSamAgreement\x12\x38\n\x05views\x18\x01 \x03(\x0b\x32).pepeseg.v1.EvaluateModelResponse.SamView\x12\x11\n\tnum_masks\x18\x02 \x01(\x03\x12\x11\n\tfirst_iou\x18\x03 \x01(\x01\x12\x10\n\x08\x62\x65st_iou\x18\x04 \x01(\x01*\xef\x01\n\x12\x45valuationProtocol\x12#\n\x1f\x45VALUATION_PROTOCOL_UNSPECIFIED\x10\x00\x12\x1e\n\x1a\x45VALUATION_PROTOCOL_PROMPT\x10\x01\x12)\n%EVALUATION_PROTOCOL_LABEL_PROPAGATION\x10\x02\x12\"\n\x1e\x45VALUATION_PROTOCOL_PROMPTABLE\x10\x03\x12\x1e\n\x1a\x45VALUATION_PROTOCOL_CLICKS\x10\x04\x12%\n!EVALUATION_PROTOCOL_SAM_AGREEMENT\x10\x05\x32x\n\x11\x45valuationService\x12\x63\n\rEvaluateModel\x12 .pepeseg.v1.EvaluateModelRequest\x1a!.pepeseg.v1.EvaluateModelResponse\"\r\x8a\xe2\x18\t\x08\x01\x12\x05modelb\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.evaluation_service_pb2', globals())
@@ -27,54 +27,54 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _EVALUATEMODELREQUEST_ENTITYNAMESENTRY._serialized_options = b'8\001'
   _EVALUATIONSERVICE.methods_by_name['EvaluateModel']._options = None
   _EVALUATIONSERVICE.methods_by_name['EvaluateModel']._serialized_options = b'\212\342\030\t\010\001\022\005model'
-  _EVALUATIONPROTOCOL._serialized_start=4213
-  _EVALUATIONPROTOCOL._serialized_end=4452
+  _EVALUATIONPROTOCOL._serialized_start=4237
+  _EVALUATIONPROTOCOL._serialized_end=4476
   _EVALUATIONOPTIONS._serialized_start=134
-  _EVALUATIONOPTIONS._serialized_end=1230
-  _EVALUATIONOPTIONS_LABELPROPAGATION._serialized_start=634
-  _EVALUATIONOPTIONS_LABELPROPAGATION._serialized_end=814
-  _EVALUATIONOPTIONS_PROMPTABLE._serialized_start=816
-  _EVALUATIONOPTIONS_PROMPTABLE._serialized_end=908
-  _EVALUATIONOPTIONS_CLICKS._serialized_start=910
-  _EVALUATIONOPTIONS_CLICKS._serialized_end=992
-  _EVALUATIONOPTIONS_SAMAGREEMENT._serialized_start=995
-  _EVALUATIONOPTIONS_SAMAGREEMENT._serialized_end=1195
-  _ENTITYMASK._serialized_start=1232
-  _ENTITYMASK._serialized_end=1297
-  _VIEWTRUTH._serialized_start=1299
-  _VIEWTRUTH._serialized_end=1403
-  _ENTITYPROMPT._serialized_start=1406
-  _ENTITYPROMPT._serialized_end=1864
-  _ENTITYPROMPT_SCRIBBLES._serialized_start=1752
-  _ENTITYPROMPT_SCRIBBLES._serialized_end=1845
-  _ENTITYPROMPT_OWNMASK._serialized_start=1847
-  _ENTITYPROMPT_OWNMASK._serialized_end=1856
-  _SAMVIEWMASKS._serialized_start=1867
-  _SAMVIEWMASKS._serialized_end=2097
-  _SAMVIEWMASKS_SAMMASK._serialized_start=1967
-  _SAMVIEWMASKS_SAMMASK._serialized_end=2097
-  _EVALUATEMODELREQUEST._serialized_start=2100
-  _EVALUATEMODELREQUEST._serialized_end=2475
-  _EVALUATEMODELREQUEST_ENTITYNAMESENTRY._serialized_start=2425
-  _EVALUATEMODELREQUEST_ENTITYNAMESENTRY._serialized_end=2475
-  _EVALUATEMODELRESPONSE._serialized_start=2478
-  _EVALUATEMODELRESPONSE._serialized_end=4210
-  _EVALUATEMODELRESPONSE_SCORES._serialized_start=2888
-  _EVALUATEMODELRESPONSE_SCORES._serialized_end=2949
-  _EVALUATEMODELRESPONSE_CHOICE._serialized_start=2952
-  _EVALUATEMODELRESPONSE_CHOICE._serialized_end=3116
-  _EVALUATEMODELRESPONSE_SCOREDVIEW._serialized_start=3118
-  _EVALUATEMODELRESPONSE_SCOREDVIEW._serialized_end=3164
-  _EVALUATEMODELRESPONSE_CLICK._serialized_start=3166
-  _EVALUATEMODELRESPONSE_CLICK._serialized_end=3249
-  _EVALUATEMODELRESPONSE_ENTITY._serialized_start=3252
-  _EVALUATEMODELRESPONSE_ENTITY._serialized_end=3689
-  _EVALUATEMODELRESPONSE_GROUPSCORES._serialized_start=3692
-  _EVALUATEMODELRESPONSE_GROUPSCORES._serialized_end=3998
-  _EVALUATEMODELRESPONSE_SAMVIEW._serialized_start=4000
-  _EVALUATEMODELRESPONSE_SAMVIEW._serialized_end=4079
-  _EVALUATEMODELRESPONSE_SAMAGREEMENT._serialized_start=4082
-  _EVALUATEMODELRESPONSE_SAMAGREEMENT._serialized_end=4210
-  _EVALUATIONSERVICE._serialized_start=4454
-  _EVALUATIONSERVICE._serialized_end=4574
+  _EVALUATIONOPTIONS._serialized_end=1254
+  _EVALUATIONOPTIONS_LABELPROPAGATION._serialized_start=639
+  _EVALUATIONOPTIONS_LABELPROPAGATION._serialized_end=819
+  _EVALUATIONOPTIONS_PROMPTABLE._serialized_start=821
+  _EVALUATIONOPTIONS_PROMPTABLE._serialized_end=913
+  _EVALUATIONOPTIONS_CLICKS._serialized_start=915
+  _EVALUATIONOPTIONS_CLICKS._serialized_end=997
+  _EVALUATIONOPTIONS_SAMAGREEMENT._serialized_start=1000
+  _EVALUATIONOPTIONS_SAMAGREEMENT._serialized_end=1200
+  _ENTITYMASK._serialized_start=1256
+  _ENTITYMASK._serialized_end=1321
+  _VIEWTRUTH._serialized_start=1323
+  _VIEWTRUTH._serialized_end=1427
+  _ENTITYPROMPT._serialized_start=1430
+  _ENTITYPROMPT._serialized_end=1888
+  _ENTITYPROMPT_SCRIBBLES._serialized_start=1776
+  _ENTITYPROMPT_SCRIBBLES._serialized_end=1869
+  _ENTITYPROMPT_OWNMASK._serialized_start=1871
+  _ENTITYPROMPT_OWNMASK._serialized_end=1880
+  _SAMVIEWMASKS._serialized_start=1891
+  _SAMVIEWMASKS._serialized_end=2121
+  _SAMVIEWMASKS_SAMMASK._serialized_start=1991
+  _SAMVIEWMASKS_SAMMASK._serialized_end=2121
+  _EVALUATEMODELREQUEST._serialized_start=2124
+  _EVALUATEMODELREQUEST._serialized_end=2499
+  _EVALUATEMODELREQUEST_ENTITYNAMESENTRY._serialized_start=2449
+  _EVALUATEMODELREQUEST_ENTITYNAMESENTRY._serialized_end=2499
+  _EVALUATEMODELRESPONSE._serialized_start=2502
+  _EVALUATEMODELRESPONSE._serialized_end=4234
+  _EVALUATEMODELRESPONSE_SCORES._serialized_start=2912
+  _EVALUATEMODELRESPONSE_SCORES._serialized_end=2973
+  _EVALUATEMODELRESPONSE_CHOICE._serialized_start=2976
+  _EVALUATEMODELRESPONSE_CHOICE._serialized_end=3140
+  _EVALUATEMODELRESPONSE_SCOREDVIEW._serialized_start=3142
+  _EVALUATEMODELRESPONSE_SCOREDVIEW._serialized_end=3188
+  _EVALUATEMODELRESPONSE_CLICK._serialized_start=3190
+  _EVALUATEMODELRESPONSE_CLICK._serialized_end=3273
+  _EVALUATEMODELRESPONSE_ENTITY._serialized_start=3276
+  _EVALUATEMODELRESPONSE_ENTITY._serialized_end=3713
+  _EVALUATEMODELRESPONSE_GROUPSCORES._serialized_start=3716
+  _EVALUATEMODELRESPONSE_GROUPSCORES._serialized_end=4022
+  _EVALUATEMODELRESPONSE_SAMVIEW._serialized_start=4024
+  _EVALUATEMODELRESPONSE_SAMVIEW._serialized_end=4103
+  _EVALUATEMODELRESPONSE_SAMAGREEMENT._serialized_start=4106
+  _EVALUATEMODELRESPONSE_SAMAGREEMENT._serialized_end=4234
+  _EVALUATIONSERVICE._serialized_start=4478
+  _EVALUATIONSERVICE._serialized_end=4598
 # @@protoc_insertion_point(module_scope)

@@ -12,18 +12,20 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class ProposeScalesRequest(_message.Message):
-    __slots__ = ["frame", "mask_encoding", "max_proposals", "model", "prompt"]
+    __slots__ = ["frame", "mask_encoding", "max_proposals", "model", "prompt", "refine_borders"]
     FRAME_FIELD_NUMBER: _ClassVar[int]
     MASK_ENCODING_FIELD_NUMBER: _ClassVar[int]
     MAX_PROPOSALS_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     PROMPT_FIELD_NUMBER: _ClassVar[int]
+    REFINE_BORDERS_FIELD_NUMBER: _ClassVar[int]
     frame: _prompt_pb2.PixelFrame
     mask_encoding: _prompt_pb2.MaskEncoding
     max_proposals: int
     model: str
     prompt: _prompt_pb2.Prompt
-    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., max_proposals: _Optional[int] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ...) -> None: ...
+    refine_borders: bool
+    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., max_proposals: _Optional[int] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., refine_borders: bool = ...) -> None: ...
 
 class ProposeScalesResponse(_message.Message):
     __slots__ = ["best", "model", "proposals", "timing"]
