@@ -37,7 +37,8 @@ struct EvaluationOptions {
   // of iou_by_scale. Other protocols have min_cosine for both.
   std::vector<double> thresholds = {0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95};
   double fixed_threshold = 0.75;
-  // Refines the borders of the masks that are scored. Scales and thresholds are chosen without it.
+  // Refines the borders of the masks that are scored. Scales and thresholds are chosen without it,
+  // and iou_by_scale is without it.
   bool refine_borders = true;
   TaskOptions task;
   LabelPropagationOptions label_propagation;

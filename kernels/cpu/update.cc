@@ -63,8 +63,8 @@ int64_t UpdateInChunks(ThreadPool& pool, const SimdKernels& simd, const RenderSc
 
 }  // namespace
 
-// Chunks of Gaussians run in parallel. The table of corrections goes as far as the Gaussian with the
-// most steps needs.
+// Chunks of Gaussians run in parallel. The table of corrections goes as far as the Gaussian with
+// the most steps needs.
 void CpuBackend::Update(const UpdateArgs& args) {
   if (failed()) return;
   RenderScratch& scratch = *args.scratch;

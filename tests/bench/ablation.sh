@@ -37,21 +37,23 @@ row() {
 }
 
 common=("$@")
-plain=(--depth-weight 0 --refine-keep 1)
+stage_one=(--depth-weight -1 --refine-keep 2)
 masks=(--perception-weight 0 --centroid-upper 0 --centroid-lower 0 --background-pixels 0)
 centroids=(--centroid-upper 0 --centroid-lower 0)
 
 echo '| | level | mIoU / mBIoU | oracle | stage two s | Gaussians | PSNR |'
 echo '|---|---|---|---|---|---|---|'
-row 'masks only' plain "${plain[@]}" "${masks[@]}"
-row '+ depth and refinement in stage one' pepe "${masks[@]}"
-row '+ background' pepe "${centroids[@]}" --perception-weight 0
-row '+ perception' pepe "${centroids[@]}"
-row '+ centroids: all' pepe
-row 'all, perception without other views' pepe --no-cross-view
-row 'all, masks not completed' pepe --complete-masks 0
-row '1/4 of the views, masks only' plain4 --keep-views 0.25 "${plain[@]}" "${masks[@]}"
-row '1/4 of the views, all' pepe4 --keep-views 0.25
-row '30 % fewer masks, masks only' plain --keep-masks 0.7 "${plain[@]}" "${masks[@]}"
-row '30 % fewer masks, all' pepe_fewer --keep-masks 0.7
-row '30 % fewer masks, not completed' pepe_fewer --keep-masks 0.7 --complete-masks 0
+row 'masks only' plain "${masks[@]}"
+row '+ background' plain "${centroids[@]}" --perception-weight 0
+row '+ perception' plain "${centroids[@]}"
+row '+ centroids: all by default' plain
+row 'all, depth and refinement in stage one' pepe "${stage_one[@]}"
+row 'all, perception without other views' plain --no-cross-view
+row 'all, masks not completed' plain --complete-masks 0
+row 'all, each mask its own scale' plain --share-scales 0
+row '1/4 of the views, masks only' plain4 --keep-views 0.25 "${masks[@]}"
+row '1/4 of the views, all' plain4 --keep-views 0.25
+row '1/4 of the views, all, depth and refinement' pepe4 --keep-views 0.25 "${stage_one[@]}"
+row '30 % fewer masks, masks only' plain --keep-masks 0.7 "${masks[@]}"
+row '30 % fewer masks, all' plain --keep-masks 0.7
+row '30 % fewer masks, not completed' plain --keep-masks 0.7 --complete-masks 0

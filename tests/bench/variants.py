@@ -29,21 +29,20 @@ VARIANTS = {
         ("views turned by {pose_noise} px", STAGE_ONE, ["--pose-noise", "{pose_noise}"]),
         ("depth upside down", STAGE_ONE, ["--invert-depth"]),
         ("no depth", STAGE_ONE, ["--no-depth"]),
+        ("depth loss", STAGE_ONE, ["--depth-weight", "-1"]),
+        ("depth loss, depth upside down", STAGE_ONE, ["--invert-depth", "--depth-weight", "-1"]),
     ],
     "skips": [
         ("all skips", STAGE_ONE, []),
         ("all steps of stage one", STAGE_ONE, ["--min-loss-fall", "0"]),
         ("all bands", STAGE_ONE, ["--min-band-gain", "0"]),
-        ("depth whatever it says", STAGE_ONE, ["--min-depth-agreement", "0"]),
         ("all steps of stage two", STAGE_TWO, ["--feature-loss-fall", "0"]),
-        ("all Gaussians in each step of stage two", STAGE_TWO, ["--only-seen-gaussians", "0"]),
         ("no skips", STAGE_ONE, ["--min-loss-fall", "0", "--min-band-gain", "0",
-                                 "--min-depth-agreement", "0", "--feature-loss-fall", "0",
-                                 "--only-seen-gaussians", "0"]),
+                                 "--feature-loss-fall", "0"]),
     ],
 }
 # Flags that pepeseg_curve_bench does not have.
-FEATURE_FLAGS = {"--feature-loss-fall", "--only-seen-gaussians"}
+FEATURE_FLAGS = {"--feature-loss-fall"}
 
 
 def has_truth(program, pack):

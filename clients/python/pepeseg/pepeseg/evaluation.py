@@ -102,11 +102,13 @@ class EntityScores:
         num_pixels: pixels that show it in each scored view.
         missing: nothing is under the prompt; all scores are 0.
         paper: the choice with the best IoU in the scored views themselves: it used the truth that
-            it is scored with, as published numbers do, and bounds the others.
+            it is scored with, as published numbers do. Without refined borders it bounds the
+            others.
         reference: the choice with the best IoU in the reference view; None if nothing is known
             there.
         automatic: the choice without any truth, as `segment` makes it.
-        iou_by_scale: mean IoU at each of `Evaluation.scales` and the fixed threshold.
+        iou_by_scale: mean IoU at each of `Evaluation.scales` and the fixed threshold, without
+            refined borders.
         reached, num_clicks: of the protocol "clicks", which makes no choices.
     """
 
