@@ -37,6 +37,7 @@ constexpr OptionRow kRows[] = {
     {"reconstruct.coarse_until", "0", "0 to 1"},
     {"reconstruct.pixels_per_gaussian", "50", "0 to 1e9"},
     {"reconstruct.opacity_decay", "0.95", "0.01 to 1"},
+    {"reconstruct.camera_clearance", "0.3", "0 to 1"},
     {"reconstruct.depth_weight", "0", "0 to 10, or -1"},
     {"reconstruct.depth_weight_final", "0", "0 to 10"},
     {"reconstruct.depth_local_weight", "0.25", "0 to 10"},

@@ -142,6 +142,22 @@ void GaussianState::UploadPlanes(Buffer<float>& buffer, int first, std::span<con
 // Higher degrees are the last planes of each buffer, so that a smaller degree hides them.
 void GaussianState::LimitShDegree(int sh_degree) { sh_degree_ = std::min(sh_degree_, sh_degree); }
 
+int64_t GaussianState::Remove(absl::FunctionRef<bool(const Eigen::Vector3f&)> in_region) {
+  const std::vector<float> means = DownloadPlanes(rows_.parameters, kMeanPlane, 3);
+  std::vector<int32_t> kept;
+  kept.reserve(static_cast<size_t>(count_));
+  for (int64_t i = 0; i < count_; ++i) {
+    const Eigen::Vector3f mean(means[i], means[count_ + i], means[2 * count_ + i]);
+    if (!in_region(mean)) kept.push_back(static_cast<int32_t>(i));
+  }
+  const int64_t num_removed = count_ - static_cast<int64_t>(kept.size());
+  if (num_removed == 0 || kept.empty()) return 0;
+  const Buffer<int32_t> source(backend_, std::span<const int32_t>(kept));
+  const Buffer<uint8_t> none_is_new(backend_, static_cast<int64_t>(kept.size()));
+  if (source.empty() || none_is_new.empty()) return -1;
+  return Rearrange(source.span(), none_is_new.span()) ? num_removed : -1;
+}
+
 // Gathers into a second set of buffers, whose statistics are zero, and swaps. Children inherit
 // whether they are refinable but not moments and step counts.
 bool GaussianState::Rearrange(DeviceSpan<const int32_t> source, DeviceSpan<const uint8_t> is_new) {

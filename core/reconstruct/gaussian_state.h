@@ -60,6 +60,11 @@ class GaussianState {
   // nothing changed, when the backend is out of memory.
   bool Rearrange(DeviceSpan<const int32_t> source, DeviceSpan<const uint8_t> is_new);
 
+  // Removes the Gaussians whose mean, in the world, is in a region, and none if all are there. All
+  // statistics become 0 if there are any. Waits for the backend. Returns how many were removed, or
+  // -1, with nothing changed, when the backend is out of memory.
+  int64_t Remove(absl::FunctionRef<bool(const Eigen::Vector3f&)> in_region);
+
   // While refinement is open, refinable() is 1 for a Gaussian that may still be refined, else 0.
   // OpenRefinement sets it to 1 for all present Gaussians; Gaussians that Append adds get 0.
   // Returns false when the backend is out of memory.

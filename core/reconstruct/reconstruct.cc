@@ -51,6 +51,7 @@ absl::Status ValidateDensityControl(const ReconstructOptions& options) {
   RETURN_IF_ERROR(InRange("opacity_reset_every", options.opacity_reset_every, 1, 1e9));
   RETURN_IF_ERROR(InRange("pixels_per_gaussian", options.pixels_per_gaussian, 0, 1e9));
   RETURN_IF_ERROR(InRange("opacity_decay", options.opacity_decay, 0.01, 1));
+  RETURN_IF_ERROR(InRange("camera_clearance", options.camera_clearance, 0, 1));
   return InRange("max_gaussians", static_cast<double>(options.max_gaussians), 1, 100e6);
 }
 

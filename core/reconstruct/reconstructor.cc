@@ -42,6 +42,7 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
               options.disparity_as_inverse_depth}),
       sampler_(views_.size()),
       log_scales_(BoundLogScales(capture, points_)),
+      free_space_(capture, options.camera_clearance),
       state_(backend, InitialGaussians(points_, options.sh_degree, log_scales_)),
       densifier_(backend, options, {scene_radius_, views_.num_pixels(), state_.count()}),
       color_(backend, 3 * views_.max_pixels()),
@@ -174,6 +175,7 @@ absl::StatusOr<StepReport> Reconstructor::Step() {
     const bool has_depth = depth_term_.InEffect(schedule_.DepthWeightAt(position_));
     RETURN_IF_ERROR(densifier_.Apply(position_, has_depth, state_, random_));
   }
+  if (densify || position_ + 1 == options_.num_steps) RETURN_IF_ERROR(ClearFreeSpace());
   if (reset) state_.LimitOpacity(kResetOpacity);
   if (refine) RETURN_IF_ERROR(Refine(input));
   refiner_.EndStep(position_, state_);
@@ -322,6 +324,16 @@ float Reconstructor::NearPlane() const { return static_cast<float>(0.01 * scene_
 absl::Status Reconstructor::Refine(const StepInput& input) {
   return refiner_.Apply({input.view, views_.At(input.view, input.shrink).pinhole, NearPlane()},
                         state_);
+}
+
+// After each round of density control, so that it cannot fill the free space again, and at the end.
+absl::Status Reconstructor::ClearFreeSpace() {
+  if (free_space_.empty()) return absl::OkStatus();
+  const int64_t num_removed =
+      state_.Remove([this](const Eigen::Vector3f& mean) { return free_space_.Contains(mean); });
+  if (num_removed >= 0) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      absl::StrCat("out of memory for ", state_.count(), " Gaussians"));
 }
 
 // Reports the state after a step. The number of steps shrinks when steps are skipped. Returns

@@ -9,6 +9,7 @@
 #include "core/base/progress.h"
 #include "core/reconstruct/densifier.h"
 #include "core/reconstruct/depth_term.h"
+#include "core/reconstruct/free_space.h"
 #include "core/reconstruct/gaussian_state.h"
 #include "core/reconstruct/initial_gaussians.h"
 #include "core/reconstruct/reconstruct.h"
@@ -70,6 +71,7 @@ class Reconstructor {
   double DepthExplained(const StepResult& result) const;
   void DropUnneededParts();
   absl::Status Refine(const StepInput& input);
+  absl::Status ClearFreeSpace();
   float NearPlane() const;
   absl::StatusOr<StepReport> Report() const;
 
@@ -84,6 +86,7 @@ class Reconstructor {
   const TrainingViews views_;
   ViewSampler sampler_;
   const LogScaleBounds log_scales_;
+  const FreeSpace free_space_;
   GaussianState state_;
   const Densifier densifier_;
   RenderScratch scratch_;

@@ -32,6 +32,7 @@ void SetPaperReconstruct(ReconstructOptions& options) {
   // The method has no cap. 3DGS stays below this number on its own scenes, and what a training may
   // need is reserved in advance.
   options.max_gaussians = 10'000'000;
+  options.camera_clearance = 0;
 
   // L_global + L_local with lambda_d from 0.05 (orbit) or 0.1 (forward facing) to 0.02.
   options.depth_weight = -1;

@@ -54,6 +54,7 @@
   FIELD(min_depth_agreement) \
   FIELD(pixels_per_gaussian) \
   FIELD(opacity_decay) \
+  FIELD(camera_clearance) \
   FIELD(mean_learning_rate_cap) \
   FIELD(prune_size) \
   FIELD(disparity_as_inverse_depth)

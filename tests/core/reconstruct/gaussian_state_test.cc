@@ -35,6 +35,29 @@ TEST(GaussianState, DownloadsWhatWasUploaded) {
   EXPECT_EQ(state.Download().planes, initial.planes);
 }
 
+TEST(GaussianState, RemovesTheGaussiansOfARegion) {
+  const auto backend = MakeCpuBackend(1);
+  GaussianState state(*backend, Numbered(4));  // Gaussian i is at (i, 4 + i, 8 + i)
+  Fill(state.moment1(), 10);
+  for (int i = 0; i < 4; ++i) state.num_steps()[i] = 100 + i;
+  const auto is_odd = [](const Eigen::Vector3f& mean) {
+    return static_cast<int>(mean.x()) % 2 == 1 && mean.z() == mean.x() + 8;
+  };
+  EXPECT_EQ(state.Remove(is_odd), 2);
+  ASSERT_EQ(state.count(), 2);
+  const Gaussians after = state.Download(), before = Numbered(4);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(state.num_steps()[i], 100 + 2 * i);
+    for (int k = 0; k < NumPlanes(1); ++k) {
+      EXPECT_EQ(after.Plane(k)[i], before.Plane(k)[2 * i]);
+      EXPECT_EQ(state.moment1().Plane(k)[i], 10 + 2 * i);
+    }
+  }
+  EXPECT_EQ(state.Remove(is_odd), 0);
+  EXPECT_EQ(state.Remove([](const Eigen::Vector3f&) { return true; }), 0) << "all of them";
+  EXPECT_EQ(state.count(), 2);
+}
+
 TEST(GaussianState, KeepsMomentsExceptThoseOfNewGaussiansWhenRearranged) {
   const auto backend = MakeCpuBackend(1);
   GaussianState state(*backend, Numbered(3));

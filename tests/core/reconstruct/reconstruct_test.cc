@@ -320,6 +320,7 @@ TEST(ValidateReconstructOptions, NamesEachFieldThatIsOutOfRange) {
       {"prune_size", [=](Options& o) { o.prune_size = nan; }},
       {"opacity_reset_every", [](Options& o) { o.opacity_reset_every = 0; }},
       {"max_gaussians", [](Options& o) { o.max_gaussians = 0; }},
+      {"camera_clearance", [](Options& o) { o.camera_clearance = 1.1f; }},
       {"refine_keep", [](Options& o) { o.refine_keep = static_cast<RefineKeep>(0); }},
       {"refine_keep", [](Options& o) { o.refine_keep = static_cast<RefineKeep>(4); }},
       {"refine_from", [](Options& o) { o.refine_from = -0.1; }},

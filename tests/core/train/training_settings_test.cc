@@ -83,6 +83,7 @@ TEST_F(PaperPreset, HasNoneOfOurAdditions) {
   EXPECT_EQ(reconstruct_.pixels_per_gaussian, 0) << "budget, opacity decay";
   EXPECT_EQ(reconstruct_.mean_learning_rate_cap, 0) << "cap by the span of a pixel";
   EXPECT_EQ(reconstruct_.coarse_until, 0) << "smaller photographs first";
+  EXPECT_EQ(reconstruct_.camera_clearance, 0) << "free space in front of cameras";
   EXPECT_EQ(reconstruct_.min_loss_fall, 0) << "end by convergence";
   EXPECT_EQ(reconstruct_.min_band_gain, 0) << "SH degree pruning";
   EXPECT_EQ(reconstruct_.min_depth_agreement, 0) << "depth priors left out";

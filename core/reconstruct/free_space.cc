@@ -1,0 +1,116 @@
+#include "core/reconstruct/free_space.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+namespace pepeseg {
+namespace {
+
+constexpr double kShareOfNearest = 0.5;  // of the distance of the nearest points
+// Share of the points in front of a camera that may be nearer: points of poor matches.
+constexpr size_t kStrayOf = 200;      // one of 200
+constexpr size_t kMostPoints = 4096;  // that are looked at for a camera, evenly spread
+constexpr int kMostCells = 64;        // of the grid, along an axis
+
+// Returns the distance of the nearest points in front of a camera, wherever they are: also those
+// that its photograph does not show. 0 without any.
+double NearestPoint(const View& view, const std::vector<ScenePoint>& points) {
+  std::vector<double> distances;
+  const size_t stride = (points.size() + kMostPoints - 1) / kMostPoints;
+  for (size_t i = 0; i < points.size(); i += stride) {
+    const Eigen::Vector3d in_camera = view.cam_from_world * points[i].position.cast<double>();
+    if (in_camera.z() > 0) distances.push_back(in_camera.norm());
+  }
+  if (distances.empty()) return 0;
+  const auto nearest = distances.begin() + static_cast<ptrdiff_t>(distances.size() / kStrayOf);
+  std::nth_element(distances.begin(), nearest, distances.end());
+  return *nearest;
+}
+
+}  // namespace
+
+FreeSpace::FreeSpace(const Capture& capture, double clearance) {
+  if (clearance <= 0) return;
+  const double most = clearance * SceneRadius(capture);
+  for (const View& view : capture.views) {
+    if (view.held_out) continue;
+    const double radius = std::min(most, kShareOfNearest * NearestPoint(view, capture.points));
+    if (!(radius > 0)) continue;
+    const Eigen::Quaterniond world_from_cam = view.cam_from_world.rotation.conjugate();
+    const Eigen::Vector3d center = world_from_cam * -view.cam_from_world.translation;
+    balls_.push_back({center.cast<float>(),
+                      (world_from_cam * Eigen::Vector3d::UnitZ()).normalized().cast<float>(),
+                      static_cast<float>(radius)});
+  }
+  if (!balls_.empty()) MakeGrid();
+}
+
+// A cell is as large as the largest ball where that gives no more than kMostCells along an axis, so
+// that a ball reaches few cells, and a cell has few balls.
+void FreeSpace::MakeGrid() {
+  Eigen::Vector3f low = balls_[0].center, high = low;
+  float largest = 0;
+  for (const HalfBall& ball : balls_) {
+    low = low.cwiseMin((ball.center.array() - ball.radius).matrix());
+    high = high.cwiseMax((ball.center.array() + ball.radius).matrix());
+    largest = std::max(largest, ball.radius);
+  }
+  corner_ = low;
+  cell_size_ = std::max(largest, (high - low).maxCoeff() / kMostCells);
+  int64_t count = 1;
+  for (int axis = 0; axis < 3; ++axis) {
+    num_cells_[axis] = static_cast<int>((high[axis] - low[axis]) / cell_size_) + 1;
+    count *= num_cells_[axis];
+  }
+  std::vector<std::vector<int32_t>> of_cell(static_cast<size_t>(count));
+  for (size_t i = 0; i < balls_.size(); ++i) {
+    std::array<int, 3> from{}, to{};
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto cell = [&](float at) {
+        const int index = static_cast<int>((at - corner_[axis]) / cell_size_);
+        return std::clamp(index, 0, num_cells_[axis] - 1);
+      };
+      from[axis] = cell(balls_[i].center[axis] - balls_[i].radius);
+      to[axis] = cell(balls_[i].center[axis] + balls_[i].radius);
+    }
+    for (int z = from[2]; z <= to[2]; ++z) {
+      for (int y = from[1]; y <= to[1]; ++y) {
+        for (int x = from[0]; x <= to[0]; ++x) {
+          of_cell[(int64_t{z} * num_cells_[1] + y) * num_cells_[0] + x].push_back(
+              static_cast<int32_t>(i));
+        }
+      }
+    }
+  }
+  cell_first_.push_back(0);
+  for (const std::vector<int32_t>& balls : of_cell) {
+    ball_of_.insert(ball_of_.end(), balls.begin(), balls.end());
+    cell_first_.push_back(static_cast<int32_t>(ball_of_.size()));
+  }
+}
+
+int64_t FreeSpace::CellOf(const Eigen::Vector3f& point) const {
+  std::array<int64_t, 3> cell{};
+  for (int axis = 0; axis < 3; ++axis) {
+    const float at = (point[axis] - corner_[axis]) / cell_size_;
+    // Also false for NaN.
+    if (!(at >= 0 && at < static_cast<float>(num_cells_[axis]))) return -1;
+    cell[axis] = static_cast<int64_t>(at);
+  }
+  return (cell[2] * num_cells_[1] + cell[1]) * num_cells_[0] + cell[0];
+}
+
+bool FreeSpace::Contains(const Eigen::Vector3f& point) const {
+  if (empty()) return false;
+  const int64_t cell = CellOf(point);
+  if (cell < 0) return false;
+  for (int32_t k = cell_first_[cell]; k < cell_first_[cell + 1]; ++k) {
+    const HalfBall& ball = balls_[ball_of_[k]];
+    const Eigen::Vector3f away = point - ball.center;
+    if (away.dot(ball.forward) > 0 && away.squaredNorm() < ball.radius * ball.radius) return true;
+  }
+  return false;
+}
+
+}  // namespace pepeseg
