@@ -94,13 +94,14 @@ std::vector<BenchmarkVariant> AblationVariants() {
   const OptionSettings no_centroids = {"features.centroid_weight_upper=0",
                                        "features.centroid_weight_lower=0"};
   const OptionSettings masks_only = Joined(no_perception, no_centroids);
+  const OptionSettings both_priors = Joined(refinement, depth);
   std::vector<BenchmarkVariant> variants = {
       {"masks only, plain reconstruction", Joined(Joined(no_refinement, no_depth), masks_only),
        "25.86 dB; 78.4 (SAGA)"},
       {"+ refinement", Joined(Joined(refinement, no_depth), masks_only), "26.32 dB"},
-      {"+ depth", Joined(Joined(refinement, depth), masks_only), "27.08 dB; 79.2"},
-      {"+ perception loss", Joined(Joined(refinement, depth), no_centroids), "80.2"},
-      {"+ centroid loss: all", Joined(refinement, depth), "80.5"},
+      {"+ depth", Joined(both_priors, masks_only), "27.08 dB; 79.2"},
+      {"+ perception loss", Joined(both_priors, no_centroids), "80.2"},
+      {"+ centroid loss: all", both_priors, "80.5"},
   };
   for (const int k : {2, 8, 16, 32}) {
     variants.push_back({absl::StrCat("k = ", k),

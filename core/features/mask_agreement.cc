@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <cstdint>
 #include <span>
+#include <utility>
 
 #include "core/features/mask_scales.h"
 #include "kernels/cpu/parallel_for.h"
@@ -135,18 +135,15 @@ MaskAgreements MeasureMaskAgreement(const Capture& capture, const Reprojection& 
 
 void ShareScales(const MaskAgreements& agreements, std::vector<std::vector<float>>& mask_scales) {
   const std::vector<std::vector<float>> measured = mask_scales;
-  std::vector<float> scales;
   for (size_t view = 0; view < agreements.size(); ++view) {
     for (size_t mask = 0; mask < agreements[view].size(); ++mask) {
       if (measured[view][mask] <= kNoScale) continue;
-      scales = {measured[view][mask]};
+      std::vector<float> scales = {measured[view][mask]};
       for (const MaskOfView& other : agreements[view][mask].same_scale) {
         const float scale = measured[other.view][other.mask];
         if (scale > kNoScale) scales.push_back(scale);
       }
-      const auto middle = scales.begin() + static_cast<std::ptrdiff_t>(scales.size() / 2);
-      std::nth_element(scales.begin(), middle, scales.end());
-      mask_scales[view][mask] = *middle;
+      mask_scales[view][mask] = MedianScale(std::move(scales));
     }
   }
 }

@@ -70,11 +70,6 @@ bool AllHavePixels(const std::vector<std::vector<uint32_t>>& masks) {
   return std::ranges::none_of(masks, [](const auto& pixels) { return pixels.empty(); });
 }
 
-float Median(std::vector<float> values) {
-  std::ranges::sort(values);
-  return values[values.size() / 2];
-}
-
 // The groups of near views that vote on masks to add.
 struct Ballot {
   std::vector<std::vector<Voter>> groups;
@@ -98,7 +93,7 @@ Ballot MakeBallot(const Capture& capture, int number, const Reprojection& reproj
     ballot.groups.push_back(std::move(voters));
     // The voters' masks show the same surface, so their scales estimate that of the added mask,
     // which need not be measured in this view.
-    ballot.scales.push_back(Median(std::move(scales)));
+    ballot.scales.push_back(MedianScale(std::move(scales)));
   }
   return ballot;
 }

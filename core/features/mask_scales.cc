@@ -103,6 +103,12 @@ std::vector<float> MaskScales(const View& view, std::span<const float> depth) {
   return scales;
 }
 
+float MedianScale(std::vector<float> scales) {
+  const auto middle = scales.begin() + static_cast<int64_t>(scales.size() / 2);
+  std::nth_element(scales.begin(), middle, scales.end());
+  return *middle;
+}
+
 std::vector<float> ScaleQuantiles(std::vector<float> scales) {
   if (!SortPositive(scales)) return {};
   std::vector<float> knots;

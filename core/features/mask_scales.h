@@ -42,6 +42,9 @@ void ForEachMaskIn(std::span<const uint64_t> bits, Fn fn) {
 // for a mask with fewer than 8 pixels left. `depth` may be empty if the view has no masks.
 std::vector<float> MaskScales(const View& view, std::span<const float> depth);
 
+// Returns the median scale, the larger of two in the middle. `scales` must not be empty.
+float MedianScale(std::vector<float> scales);
+
 // Return the scale in scene units at the query scales 0, 1 / 999, ..., 1: kNumScaleKnots values,
 // ascending. Scales that are not over 0 are left out; empty if none is left.
 //

@@ -76,8 +76,8 @@ struct ReconstructOptions {
   // Depth loss (METHOD.md section 1, "Depth").
 
   // lambda_d of the paper: weight of the depth loss at the first step, on views with a depth prior.
-  // In [0, 10], or -1: 0.05 on an orbit, 0.1 where the views face forward. 0: no depth loss. On
-  // seven scenes it gained nothing. Measured: tests/bench/results/priors.md.
+  // In [0, 10], or -1: 0.05 on an orbit, 0.1 where the views face forward. 0: no depth loss. It
+  // gained nothing where it was measured: tests/bench/results/priors.md.
   float depth_weight = 0;
   // Weight of the depth loss at the last step, at most depth_weight; a reversed sigmoid between. In
   // [0, 10]. 0: the loss fades out. The paper keeps 0.01 to 0.02, which leaves the prior's own

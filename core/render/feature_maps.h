@@ -38,7 +38,7 @@ struct MapCounts {
 // Returns the bytes of camera and pose, by which a view is recognised: not by its name.
 std::string ViewKey(const ModelView& view);
 
-// What a query reads of a view, in backend memory.
+// The rendered features and colours of a view, in backend memory.
 struct FeatureMap {
   DeviceSpan<const Half> features;  // [height * width, 32] blended
   DeviceSpan<const float> color;    // [3, height, width] in [0, 1] before clamping
