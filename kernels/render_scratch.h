@@ -10,7 +10,7 @@ namespace pepeseg {
 struct Splat {
   float x, y;                       // mean in pixels (pixel centres at integer + 0.5)
   float root_xx, root_xy, root_yy;  // root of the inverse 2D covariance, see PowerRoot
-  float opacity;                    // (0, 1)
+  float opacity;                    // (0, 1); with dropout up to 1 / (1 - share)
   float r, g, b;                    // colour seen from this camera, >= 0
   float depth;                      // z in the camera frame, or 1 / z after inverse_depth
   float min_power;                  // -log2(255 opacity); below it the splat is skipped

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "core/base/status_macros.h"
+#include "core/evaluate/reference_choice.h"
 
 namespace pepeseg {
 namespace {
@@ -55,7 +56,7 @@ class QueryScorer {
   absl::Status AddIous(size_t view, const Query& query, const ReferenceTruth& truth,
                        std::span<double> ious) const;
   void Choose(size_t index);
-  ChoiceScores Best(const IouTable& ious, size_t num_views) const;
+  ChoiceScores ChoiceFrom(const IouTable& ious, ReferenceRule rule) const;
   absl::Status ScoreChoices(size_t view);
   absl::StatusOr<MaskScores> ScoresIn(size_t view, const Query& query,
                                       std::span<const uint8_t> truth) const;
@@ -136,19 +137,20 @@ absl::Status QueryScorer::Tabulate(size_t view) {
   return absl::OkStatus();
 }
 
-ChoiceScores QueryScorer::Best(const IouTable& ious, size_t num_views) const {
-  ChoiceScores best;
-  double best_iou = -1;
-  for (size_t s = 0; s < query_task_.scales.size(); ++s) {
-    for (const double threshold : choice_.thresholds) {
-      const double iou = ious[Place(s, threshold)] / static_cast<double>(num_views);
-      if (iou <= best_iou) continue;
-      best_iou = iou;
-      best.scale = query_task_.scales[s];
-      best.threshold = threshold;
-    }
+// Leaves out the fixed threshold where it is not one to choose from.
+ChoiceScores QueryScorer::ChoiceFrom(const IouTable& ious, ReferenceRule rule) const {
+  const std::span<const double> scales = query_task_.scales;
+  IouTable grid;
+  for (size_t s = 0; s < scales.size(); ++s) {
+    for (const double threshold : choice_.thresholds) grid.push_back(ious[Place(s, threshold)]);
   }
-  return best;
+  const GridCell cell = rule == ReferenceRule::kBest
+                            ? BestCell(grid, choice_.thresholds.size())
+                            : ChooseFromReference(grid, scales, choice_.thresholds);
+  ChoiceScores choice;
+  choice.scale = scales[cell.scale];
+  choice.threshold = choice_.thresholds[cell.threshold];
+  return choice;
 }
 
 void QueryScorer::Choose(size_t index) {
@@ -161,8 +163,8 @@ void QueryScorer::Choose(size_t index) {
   }
   if (tables.reference_truth) score.reference_choice = ChoiceScores();
   if (!score.missing) {
-    score.paper = Best(tables.scored, num_scored);
-    if (tables.reference_truth) score.reference_choice = Best(tables.reference, 1);
+    score.paper = ChoiceFrom(tables.scored, ReferenceRule::kBest);
+    if (tables.reference_truth) score.reference_choice = ChoiceFrom(tables.reference, choice_.rule);
     score.automatic.scale = queries_[index].automatic.scale;
     score.automatic.threshold = queries_[index].automatic.threshold;
   }

@@ -33,7 +33,8 @@ struct EntityScores {
   std::optional<PointPrompt> click;  // of a DeepestClick, pixels of the reference view
   bool missing = false;              // nothing was found under the prompt: all scores are 0
   ChoiceScores paper;  // has the best mean IoU of the scored views themselves: a bound
-  // Has the best IoU in the reference view. Absent if nothing is known there (ReferenceTruthOf).
+  // Chosen by the IoU in the reference view, see ReferenceRule. Absent if nothing is known there
+  // (ReferenceTruthOf).
   std::optional<ChoiceScores> reference_choice;
   ChoiceScores automatic;            // chosen without any truth
   std::vector<double> iou_by_scale;  // [scales] at `fixed_threshold`, mean over the scored views
@@ -44,17 +45,24 @@ struct EntityScores {
 // Returns the entity with its views and its click, without scores.
 EntityScores WithoutScores(const EvaluationTask& task, const ScoredEntity& entity);
 
+// How scale and threshold are chosen in the reference view.
+enum class ReferenceRule {
+  kBest,    // the best IoU, as the published protocols have it
+  kCenter,  // the centre of what scores about best, see ChooseFromReference
+};
+
 // The thresholds to choose from.
 struct ChoiceThresholds {
   std::vector<double> thresholds;  // cosines, ascending
-  double fixed_threshold = 0;      // of iou_by_scale
+  ReferenceRule rule = ReferenceRule::kCenter;
+  double fixed_threshold = 0;  // of iou_by_scale
 };
 
 // Scores the queries of all entities, [entities of the task], made for the scales of `query_task`.
-// Among equally good choices the one with the smaller scale is taken, then the one with the lower
-// threshold. Works view by view: each feature map is rendered once for all choices, and once more
-// for the scores of the chosen ones if it has left the cache. Calls `check_cancelled` before each
-// scale of a view and each view's scores and returns its error.
+// Among equally good choices of the scored views the one with the smaller scale is taken, then the
+// one with the lower threshold. Works view by view: each feature map is rendered once for all
+// choices, and once more for the scores of the chosen ones if it has left the cache. Calls
+// `check_cancelled` before each scale of a view and each view's scores and returns its error.
 absl::StatusOr<std::vector<EntityScores>> ScoreQueries(const QueryTask& query_task,
                                                        std::span<const EntityQueries> queries,
                                                        const ChoiceThresholds& choice);

@@ -29,12 +29,13 @@ absl::Status CheckAscends(absl::string_view name, const std::vector<double>& val
 ChoiceThresholds ThresholdsOf(const EvaluationOptions& options) {
   if (options.protocol == Protocol::kLabelPropagation) {
     const double threshold = options.label_propagation.min_cosine;
-    return {{threshold}, threshold};
+    return {{threshold}, ReferenceRule::kBest, threshold};
   }
   if (options.protocol == Protocol::kPromptable) {
-    return {{options.promptable.min_cosine}, options.promptable.min_cosine};
+    const double threshold = options.promptable.min_cosine;
+    return {{threshold}, ReferenceRule::kBest, threshold};
   }
-  return {options.thresholds, options.fixed_threshold};
+  return {options.thresholds, ReferenceRule::kCenter, options.fixed_threshold};
 }
 
 absl::StatusOr<std::vector<EntityQueries>> QueriesOf(const QueryTask& query_task,

@@ -130,6 +130,8 @@ void FeatureTrainer::Train(const RowChunk::Step& step) {
        .label_words = batch.label_words,
        .scales = step.scales,
        .gate = gate_.span(),
+       .min_positive = options_.min_positive_cosine,
+       .negative_margin = options_.negative_margin,
        .pair_seed = batch.pair_seed,
        .pixel_grad = pixel_grad_.span().Subspan(0, num_labelled),
        .gate_grad = gate_grad_.span(),

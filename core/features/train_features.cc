@@ -25,6 +25,8 @@ absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckRange("num_background_pixels", options.num_background_pixels, 0, 16'384));
   RETURN_IF_ERROR(CheckRange("num_scales", options.num_scales, 1, kMaxScales));
   RETURN_IF_ERROR(CheckRange("fine_first", options.fine_first, 0.0, 0.9));
+  RETURN_IF_ERROR(CheckRange("negative_margin", options.negative_margin, 0.0f, 0.9f));
+  RETURN_IF_ERROR(CheckRange("min_positive_cosine", options.min_positive_cosine, 0.0f, 1.0f));
   RETURN_IF_ERROR(CheckRange("scale_mapping", static_cast<int>(options.scale_mapping), 1, 2));
   RETURN_IF_ERROR(CheckRange("learning_rate_final", options.learning_rate_final, 1e-8f, 1.0f));
   RETURN_IF_ERROR(CheckRange("centroid_from", options.centroid_from, 0.0, 1.0));

@@ -42,6 +42,14 @@ struct FeatureOptions {
   // zero where they are equal. 0: all scales from the first step, as in the paper. [0, 0.9].
   // tests/bench/results/fine_first.md.
   double fine_first = 0.3;
+  // Cosine up to which two pixels that belong apart are left alone. Only 32 features can be
+  // orthogonal to each other; with a margin there is room for many more things. [0, 0.9]. 0: as in
+  // the paper. tests/bench/results/margin.md.
+  float negative_margin = 0.2f;
+  // Cosine under which a pair that belongs together counts in every step, however many such pairs
+  // there are; the others are drawn. [0, 1]. SAGA and the paper have 0.75.
+  // tests/bench/results/margin.md.
+  float min_positive_cosine = 0.9f;
   ScaleMapping scale_mapping = ScaleMapping::kQuantiles;
   // Learning rate of Adam at the start and at the end; it falls exponentially. [1e-8, 1].
   float learning_rate = 1e-2f;

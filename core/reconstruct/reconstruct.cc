@@ -78,6 +78,8 @@ absl::Status Validate(const ReconstructOptions& options) {
   RETURN_IF_ERROR(InRange("sh_degree", options.sh_degree, 0, kMaxShDegree));
   RETURN_IF_ERROR(InRange("ssim_weight", options.ssim_weight, 0, 1));
   RETURN_IF_ERROR(ValidateLearningRates(options));
+  RETURN_IF_ERROR(InRange("dropout", options.dropout, 0, 0.9));
+  RETURN_IF_ERROR(InRange("dropout_until", options.dropout_until, 0, 1));
   RETURN_IF_ERROR(InRange("coarse_until", options.coarse_until, 0, 1));
   RETURN_IF_ERROR(ValidateDepth(options));
   RETURN_IF_ERROR(ValidateDensityControl(options));

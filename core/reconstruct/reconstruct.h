@@ -68,6 +68,13 @@ struct ReconstructOptions {
   // Learning rate of the spherical harmonics of degree 0; higher degrees get 1/20 of it. In [0, 1].
   // 0: fixed.
   float sh_learning_rate = 2.5e-3f;
+  // Share of the Gaussians that each step leaves out (Park et al. 2025, "DropGaussian"), so that
+  // what one photograph shows cannot rest on a few Gaussians before its camera. In [0, 0.9]. 0:
+  // none. Measured: tests/bench/results/dropout.md.
+  float dropout = 0.1f;
+  // Share of num_steps after which all Gaussians are rendered, as they will be in the end. In [0,
+  // 1]. Measured: tests/bench/results/dropout.md.
+  double dropout_until = 0.8;
   // Share of num_steps trained on smaller photographs: at a quarter of their size in its first
   // half, at half of it in its second half. In [0, 1]. 0: full size throughout. Measured:
   // tests/bench/results/presets_h200.md.

@@ -154,7 +154,8 @@ absl::StatusOr<ReconstructCheckpoint> Reconstructor::Save() {
 // One step of METHOD.md section 1: train on a view, then density control, opacity reset and
 // refinement where they are due at this position of the schedule.
 absl::StatusOr<StepReport> Reconstructor::Step() {
-  StepInput input = {sampler_.Next(random_), schedule_.ShrinkAt(position_), state_.count(), {}};
+  StepInput input = {
+      sampler_.Next(random_), schedule_.ShrinkAt(position_), state_.count(), NextDropout(), {}};
   input.depth = depth_term_.PlanFor(views_.At(input.view, input.shrink),
                                     schedule_.DepthWeightAt(position_), random_);
   // The draws of a step are in a fixed order: the view, the depth patch, then the seed of density
@@ -212,6 +213,7 @@ void Reconstructor::QueueOps(const StepInput& input, int64_t entry_capacity) {
                    .view = view.pinhole,
                    .near_plane = NearPlane(),
                    .active_sh_degree = sh_degree,
+                   .dropout = input.dropout,
                    .scratch = &scratch_,
                    .color = color,
                    // Empty where the step has no depth term.
@@ -236,6 +238,7 @@ void Reconstructor::QueueOps(const StepInput& input, int64_t entry_capacity) {
                            .scratch = &scratch_});
   backend_.Update({.view = view.pinhole,
                    .active_sh_degree = sh_degree,
+                   .dropout = input.dropout,
                    .learning_rates = schedule_.RatesAt(position_),
                    .min_log_scale = log_scales_.min,
                    .max_log_scale = log_scales_.max,
@@ -316,6 +319,15 @@ void Reconstructor::DropUnneededParts() {
                         step_, saved});
     position_ += saved;
   }
+}
+
+// Returns the dropout of the next step. Its seed depends on nothing that a checkpoint would have to
+// hold.
+Dropout Reconstructor::NextDropout() const {
+  if (position_ >= options_.dropout_until * options_.num_steps) return {};
+  constexpr uint64_t kMix = 0x9e3779b97f4a7c15;
+  const uint64_t seed = (options_.seed * kMix + static_cast<uint64_t>(step_)) * kMix;
+  return {options_.dropout, static_cast<uint32_t>(seed >> 32)};
 }
 
 // Returns the near plane, scene units: a hundredth of the scene's radius.

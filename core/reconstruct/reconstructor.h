@@ -72,6 +72,7 @@ class Reconstructor {
   void DropUnneededParts();
   absl::Status Refine(const StepInput& input);
   absl::Status ClearFreeSpace();
+  Dropout NextDropout() const;
   float NearPlane() const;
   absl::StatusOr<StepReport> Report() const;
 

@@ -18,6 +18,7 @@ struct StepInput {
   int view = 0;               // index among the training views
   int shrink = 1;             // 1, 2 or 4: divisor of the photograph's width and height
   int64_t num_gaussians = 0;  // of the state at that step
+  Dropout dropout;
   DepthPlan depth;
 };
 

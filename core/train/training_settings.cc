@@ -33,6 +33,7 @@ void SetPaperReconstruct(ReconstructOptions& options) {
   // need is reserved in advance.
   options.max_gaussians = 10'000'000;
   options.camera_clearance = 0;
+  options.dropout = 0;
 
   // L_global + L_local with lambda_d from 0.05 (orbit) or 0.1 (forward facing) to 0.02.
   options.depth_weight = -1;
@@ -70,6 +71,8 @@ void SetPaperFeatures(FeatureOptions& options) {
   options.mask_share = 0;
   options.num_background_pixels = 0;
   options.fine_first = 0;
+  options.negative_margin = 0;
+  options.min_positive_cosine = 0.75f;
   options.min_mask_agreement = 0;
   options.complete_masks = false;
   options.share_scales = false;
@@ -119,7 +122,9 @@ void Apply(Preset preset, ReconstructOptions& reconstruct, FeatureOptions& featu
     reconstruct.sh_degree = 1;
     features.num_steps = 1500;
   } else if (preset == Preset::kBest) {
-    reconstruct.num_steps = 30000;
+    // Fewer Gaussians train faster and overfit less: tests/bench/results/peak_quality.md.
+    reconstruct.num_steps = 20000;
+    reconstruct.pixels_per_gaussian = 75;
     features.num_steps = 20000;
   } else if (preset == Preset::kPaper) {
     SetPaper(reconstruct, features);

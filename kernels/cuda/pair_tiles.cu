@@ -73,8 +73,8 @@ struct Shared {
 // The eight pairs of a lane, numbered `at`.
 struct Pairs {
   int row, column;
-  uint32_t bits[kPairs];                     // G by scale; above kPushShift: the cosine is positive
-  uint32_t violates;                         // bit `at`
+  uint32_t bits[kPairs];  // G by scale; above kPushShift: the cosine is above the margin
+  uint32_t violates;      // bit `at`
   float positive[kPairs], negative[kPairs];  // sums over the scales, of weight 1
 
   __device__ int RowOf(int at) const { return row + at % 4 / 2 * 8; }
@@ -153,17 +153,18 @@ __device__ void Correlate(const Sides& sides, const float* psi2, float (&sum)[kP
   for (int at = 0; at < kPairs; ++at) sum[at / 4][at % 4] += mixed[at / 4][at % 4];
 }
 
-// Records the cosine of pair `at` at one scale: whether it violates its label, whether it is
-// positive, and its terms of weight 1.
+// Records the cosine of pair `at` at one scale: whether it violates its label, whether it is above
+// the margin of negatives, and its terms of weight 1.
 __device__ void AddCosine(const PairWork& work, int scale, float cosine, int at, Pairs& pairs) {
   const bool agrees = (pairs.bits[at] >> scale & 1u) != 0;
   const bool violates = agrees ? cosine < work.args.min_positive : work.args.max_negative < cosine;
   if (violates) pairs.violates |= 1u << at;
-  if (0 < cosine) pairs.bits[at] |= 1u << (kPushShift + scale);
+  const float margin = work.args.negative_margin;
+  if (margin < cosine) pairs.bits[at] |= 1u << (kPushShift + scale);
   if (agrees) {
     pairs.positive[at] += PositiveTerm(1.0f, cosine);
   } else {
-    pairs.negative[at] += NegativeTerm(1.0f, cosine);
+    pairs.negative[at] += NegativeTerm(1.0f, cosine, margin);
   }
 }
 

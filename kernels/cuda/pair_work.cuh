@@ -33,14 +33,15 @@ struct PairWeights {
   float base, slope;
 };
 
-// Sums of the terms of one tile of pairs: -w C over its positives, w max(C, 0) over its negatives.
+// Sums of the terms of one tile of pairs: -w C over its positives, w max(C - margin, 0) over its
+// negatives.
 struct PairLossPart {
   double positive, negative;
 };
 
 // A word of the plan, one for each ordered pair. Bit k: the pair counts and is positive at scale k
-// (it pulls). Bit 16 + k: it counts, is negative at scale k, and its cosine is above 0 (it pushes),
-// so that the gradient needs no cosine. 0 for pairs that do not count.
+// (it pulls). Bit 16 + k: it counts, is negative at scale k, and its cosine is above the margin (it
+// pushes), so that the gradient needs no cosine. 0 for pairs that do not count.
 using PairBits = uint32_t;
 inline constexpr int kPushShift = 16;
 static_assert(kMaxScales <= kPushShift);

@@ -75,8 +75,8 @@ __device__ void AddPairs(const Work& work, int32_t e, int32_t end, PixelAtScale&
     const float along = Total(Channel(pixel.unit * other[k])).v;
     const float inv_norm = 1 / Sqrt(squares + kSquaredNormFloor);
     const float cosine = along * inv_norm, share = pixel.share[similar ? 0 : 1];
-    pixel.loss += similar ? share + PositiveTerm(share, cosine) : NegativeTerm(share, cosine);
-    const float pull = similar ? PositiveTermVjp(share) : NegativeTermVjp(share, cosine);
+    pixel.loss += similar ? share + PositiveTerm(share, cosine) : NegativeTerm(share, cosine, 0.0f);
+    const float pull = similar ? PositiveTermVjp(share) : NegativeTermVjp(share, cosine, 0.0f);
     pixel.unit_grad = MulAdd(args.weight * pull * inv_norm, other[k], pixel.unit_grad);
   }
 }

@@ -3,6 +3,7 @@
 #include "kernels/cuda/cuda_backend.h"
 #include "kernels/cuda/device_planes.cuh"
 #include "kernels/math/blend.h"
+#include "kernels/math/dropout.h"
 #include "kernels/math/tile_cover.h"
 
 // First part of Render (RenderArgs in kernels/ops/render.h; METHOD.md section 1, "Rendering"):
@@ -77,6 +78,7 @@ struct ProjectParams {
   float width, height;
   float near_plane;
   int sh_degree;
+  Dropout dropout;
   // Outputs, each with space for all Gaussians.
   int32_t* gaussian_visible;
   int32_t* visible_gaussian;
@@ -112,13 +114,14 @@ __device__ bool ShadeSplat(const ProjectParams& p, int64_t i, Vec3<float> mean, 
 // clamped (NUMERICS.md, "Bounds and rules").
 template <int kDegree>
 __device__ Fate ProjectOne(const ProjectParams& p, int64_t i, Splat& splat) {
+  if (IsLeftOut(p.dropout.share, p.dropout.seed, static_cast<uint32_t>(i))) return Fate::kOutside;
   const GaussianShape<float> shape = LoadShape(p.gaussians, i);
   const float depth = MeanInCam(p.camera, shape.mean).z;
   if (!IsUsable(depth)) return Fate::kDegenerate;
   if (depth <= p.near_plane) return Fate::kOutside;
   const Projection<float> projection = Project(p.camera, shape);
   const Sym2<float> conic = projection.conic;
-  const float opacity = Sigmoid(p.gaussians.At(kOpacityPlane, i));
+  const float opacity = OpacityFactor(p.dropout.share) * Sigmoid(p.gaussians.At(kOpacityPlane, i));
   if (!(SquaredNorm(shape.rotation) > kMinSquaredQuaternion) || !IsUsable(projection.x) ||
       !IsUsable(projection.y) || !(projection.determinant > 0) ||
       !IsUsable(projection.determinant) || !IsUsable(conic.xy) || !(conic.xx > 0) ||
@@ -297,6 +300,7 @@ void CudaBackend::ProjectGaussians(const RenderArgs& args) {
                  static_cast<float>(args.view.height),
                  args.near_plane,
                  args.active_sh_degree,
+                 args.dropout,
                  scratch.cuda.gaussian_visible.span().data,
                  scratch.visible_gaussian.span().data,
                  scratch.visible_splat.span().data,

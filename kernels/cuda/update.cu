@@ -6,6 +6,7 @@
 #include "kernels/cuda/device_planes.cuh"
 #include "kernels/math/adam.h"
 #include "kernels/math/blend.h"
+#include "kernels/math/dropout.h"
 
 // Update (UpdateArgs in kernels/ops/render.h; METHOD.md section 1): the backward pass of the
 // projection (project.cu) and one step of Adam (kernels/math/adam.h) in one pass over the
@@ -34,6 +35,7 @@ struct UpdateParams {
   float log_beta1, log_beta2;  // natural logarithms
   float min_log_scale, max_log_scale;
   bool bounds_scale;
+  float opacity_factor;  // of Render, see kernels/math/dropout.h
   const int32_t* gaussian_visible;
   const Splat* visible_splat;
   const SplatGrad* visible_grad;
@@ -70,7 +72,8 @@ struct GaussianBackward {
 template <int kActiveDegree>
 __device__ void BackwardGaussian(const DevicePlanes<const float>& planes,
                                  const ProjectionCamera<float>& camera, int64_t i,
-                                 const SplatGrad& grad, GaussianBackward& out) {
+                                 float opacity_factor, const SplatGrad& grad,
+                                 GaussianBackward& out) {
   constexpr int kNumCoefficients = NumShCoefficients(kActiveDegree);
   const GaussianShape<float> shape = LoadShape(planes, i);
   const Vec3<float> offset = shape.mean - CameraCenter(camera);
@@ -107,7 +110,7 @@ __device__ void BackwardGaussian(const DevicePlanes<const float>& planes,
                                     g.rotation.x,
                                     g.rotation.y,
                                     g.rotation.z,
-                                    SigmoidVjp(opacity, grad.opacity)};
+                                    SigmoidVjp(opacity, opacity_factor * grad.opacity)};
 #pragma unroll
   for (int k = 0; k < kShPlane; ++k) out.shape[k] = in_order[k];
 }
@@ -221,7 +224,7 @@ __global__ void __launch_bounds__(kBlock, 5) UpdateKernel(UpdateParams p) {
   if (visible >= 0) {
     const SplatGrad grad = p.visible_grad[visible];
     const DevicePlanes<const float> planes = {p.gaussians.data, p.gaussians.stride};
-    BackwardGaussian<kActiveDegree>(planes, p.camera, i, grad, vjp);
+    BackwardGaussian<kActiveDegree>(planes, p.camera, i, p.opacity_factor, grad, vjp);
     if (!vjp.IsUsable()) {
       atomicAdd(reinterpret_cast<unsigned long long*>(p.num_skipped), 1ull);
       return;
@@ -276,6 +279,7 @@ void CudaBackend::Update(const UpdateArgs& args) {
                          args.min_log_scale,
                          args.max_log_scale,
                          args.max_log_scale > args.min_log_scale,
+                         OpacityFactor(args.dropout.share),
                          scratch.cuda.gaussian_visible.span().data,
                          scratch.visible_splat.span().data,
                          scratch.visible_grad.span().data,

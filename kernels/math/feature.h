@@ -48,8 +48,8 @@ PEPESEG_HD void GatedUnitVjp(const T* psi, const T* feature, int count, const T*
   }
 }
 
-// Terms of one pair: -w C where the labels agree, w max(C, 0) where they do not. The Vjps are their
-// derivatives with respect to C.
+// Terms of one pair: -w C where the labels agree, w max(C - margin, 0) where they do not. The Vjps
+// are their derivatives with respect to C.
 template <class T>
 PEPESEG_HD T PositiveTerm(T weight, T cosine) {
   return T(0) - weight * cosine;
@@ -59,12 +59,12 @@ PEPESEG_HD T PositiveTermVjp(T weight) {
   return T(0) - weight;
 }
 template <class T>
-PEPESEG_HD T NegativeTerm(T weight, T cosine) {
-  return weight * Max(cosine, T(0));
+PEPESEG_HD T NegativeTerm(T weight, T cosine, T margin) {
+  return weight * Max(cosine - margin, T(0));
 }
 template <class T>
-PEPESEG_HD T NegativeTermVjp(T weight, T cosine) {
-  return Select(T(0) < cosine, weight, T(0));
+PEPESEG_HD T NegativeTermVjp(T weight, T cosine, T margin) {
+  return Select(margin < cosine, weight, T(0));
 }
 
 // Norm term (|f| - 1)^2 of one vector.

@@ -71,9 +71,9 @@ struct FeatureRowsArgs {
 //     easy_share pairs with G = 1 and easy_share pairs with G = 0 are drawn on average. If fewer
 //     than 5 % of all pairs are hard, the draw assumes 5 %;
 //   - wrong: G = 1 and C < min_positive, or G = 0 and C > max_negative, at some scale.
-// L_m = mean over their positives of (-w C) + mean over their negatives of (w max(C, 0)). w_pq is
-// the product of the weights of the two pixels, min-max normalised over all pairs of the batch to
-// [1, 10], or 1 if all are equal.
+// L_m = mean over their positives of (-w C) + mean over their negatives of
+// (w max(C - negative_margin, 0)). w_pq is the product of the weights of the two pixels, min-max
+// normalised over all pairs of the batch to [1, 10], or 1 if all are equal.
 //
 // The norm term is the mean of (|F(p)| - 1)^2 over pixels with alpha > min_norm_alpha.
 //
@@ -91,6 +91,7 @@ struct PairLossArgs {
   DeviceSpan<const float> gate;            // [kGateSize] or [kTwoLayerGateSize]
   float min_positive = 0.75f;              // cosine
   float max_negative = 0.5f;               // cosine
+  float negative_margin = 0;               // cosine, in [0, 1); see above
   float easy_share = 0.5f;                 // see above; >= 0
   float min_norm_alpha = 0.9f;             // [0, 1]
   uint32_t pair_seed = 0;        // of the draw, a hash of the seed and the pair: no state is kept
@@ -101,7 +102,7 @@ struct PairLossArgs {
 // Sums over the pairs that count, at each scale, and the numbers to divide them by.
 enum PairLossSum {
   kPositiveLoss,   // sum of -w C
-  kNegativeLoss,   // sum of w max(C, 0)
+  kNegativeLoss,   // sum of w max(C - negative_margin, 0)
   kNumPositives,   // number of (pair, scale) with G = 1
   kNumNegatives,   // number of (pair, scale) with G = 0
   kNormLoss,       // sum of (|F(p)| - 1)^2

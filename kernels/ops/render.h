@@ -27,6 +27,12 @@ struct PinholeView {
   float cam_from_world[12] = {};         // rigid transform, row-major [3, 4], scene units
 };
 
+// Dropout of Gaussians, see kernels/math/dropout.h.
+struct Dropout {
+  float share = 0;    // probability that a Gaussian is left out, in [0, 0.9]; 0: none is
+  uint32_t seed = 0;  // another seed leaves out others
+};
+
 // Projects the Gaussians and blends them front to back, over black. kernels/math/blend.h holds the
 // constants of rasterisation. Fills `scratch` for the ops that follow on the same render.
 //
@@ -37,6 +43,7 @@ struct RenderArgs {
   PinholeView view;
   float near_plane = 0.01f;          // scene units; a Gaussian with z <= near_plane is culled
   int active_sh_degree = 0;          // 0..gaussians.sh_degree; higher coefficients are not read
+  Dropout dropout = {};              // for training; Update must be given the same
   RenderScratch* scratch = nullptr;  // in and out; buffers are reused between renders
   DeviceSpan<float> color;           // [3, H, W] rgb; photographs lie in [0, 1]
   DeviceSpan<float> alpha = {};      // [H, W] accumulated alpha, 1 - T; {}: not written
@@ -176,6 +183,7 @@ struct DensityStats {
 struct UpdateArgs {
   PinholeView view;          // as given to Render
   int active_sh_degree = 0;  // as given to Render
+  Dropout dropout = {};      // as given to Render
   LearningRates learning_rates;
   float beta1 = 0.9f, beta2 = 0.999f, epsilon = 1e-15f;
   float min_log_scale = 0, max_log_scale = 0;  // bounds of log scales; max <= min: no bounds

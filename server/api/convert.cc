@@ -55,6 +55,8 @@
   FIELD(pixels_per_gaussian) \
   FIELD(opacity_decay) \
   FIELD(camera_clearance) \
+  FIELD(dropout) \
+  FIELD(dropout_until) \
   FIELD(mean_learning_rate_cap) \
   FIELD(prune_size) \
   FIELD(disparity_as_inverse_depth)
@@ -67,6 +69,8 @@
   FIELD(complete_masks) \
   FIELD(share_scales) \
   FIELD(fine_first) \
+  FIELD(negative_margin) \
+  FIELD(min_positive_cosine) \
   FIELD(num_background_pixels) \
   FIELD(num_scales) \
   FIELD(scale_mapping) \

@@ -82,8 +82,56 @@ void Turn(double deviation, Random& random, View& view) {
   view.cam_from_world.translation = turn * view.cam_from_world.translation;
 }
 
+// Blurs the photograph along a straight line of a random direction.
+void Blur(double length, Random& random, Image& photo) {
+  const double angle = M_PI * Uniform(random);
+  const auto num_samples = static_cast<int>(std::ceil(length)) + 1;
+  const Image sharp = photo;
+  const int channels = sharp.channels;
+  for (int y = 0; y < sharp.height; ++y) {
+    for (int x = 0; x < sharp.width; ++x) {
+      std::vector<double> sum(static_cast<size_t>(channels));
+      for (int k = 0; k < num_samples; ++k) {
+        const double along = length * (static_cast<double>(k) / (num_samples - 1) - 0.5);
+        const auto shift_x = static_cast<int>(std::lround(along * std::cos(angle)));
+        const auto shift_y = static_cast<int>(std::lround(along * std::sin(angle)));
+        const int from_x = std::clamp(x + shift_x, 0, sharp.width - 1);
+        const int from_y = std::clamp(y + shift_y, 0, sharp.height - 1);
+        const size_t from = (static_cast<size_t>(from_y) * sharp.width + from_x) * channels;
+        for (int c = 0; c < channels; ++c) sum[c] += sharp.pixels[from + c];
+      }
+      const size_t to = (static_cast<size_t>(y) * sharp.width + x) * channels;
+      for (int c = 0; c < channels; ++c) {
+        photo.pixels[to + c] = static_cast<uint8_t>(std::lround(sum[c] / num_samples));
+      }
+    }
+  }
+}
+
+// Paints an upright ellipse with stripes, about as large as a person at some metres, at a random
+// place.
+void PaintMover(Random& random, Image& photo) {
+  const double half_width = 0.06 * photo.width, half_height = 0.2 * photo.height;
+  const double center_x = photo.width * Uniform(random), center_y = photo.height * Uniform(random);
+  const double phase = Uniform(random);
+  for (int y = 0; y < photo.height; ++y) {
+    for (int x = 0; x < photo.width; ++x) {
+      const double u = (x - center_x) / half_width, v = (y - center_y) / half_height;
+      if (u * u + v * v > 1) continue;
+      const bool stripe = std::fmod(5 * v + phase + 10, 2) < 1;
+      const size_t at = (static_cast<size_t>(y) * photo.width + x) * photo.channels;
+      for (int c = 0; c < photo.channels; ++c) {
+        photo.pixels[at + c] = static_cast<uint8_t>(stripe ? 60 + 50 * c : 200 - 60 * c);
+      }
+    }
+  }
+}
+
 void SpoilView(const CaptureFaults& faults, size_t number, View& view) {
   Random mask_random(7 + number), pose_random(7'000'007 + number);
+  Random blur_random(17'000'017 + number), mover_random(27'000'027 + number);
+  if (Uniform(blur_random) < faults.blur_views) Blur(faults.blur_length, blur_random, view.photo);
+  if (Uniform(mover_random) < faults.mover_views) PaintMover(mover_random, view.photo);
   if (!view.masks.empty() && (faults.keep_masks < 1 || faults.mask_noise > 0)) {
     view.masks = Spoilt(faults, view.masks, mask_random);
   }
@@ -110,6 +158,14 @@ void AddFaultFlags(CLI::App& app, CaptureFaults& faults) {
                  "standard deviation of the displacement of mask borders, pixels");
   app.add_option("--pose-noise", faults.pose_noise,
                  "standard deviation of the rotation of training views, pixels");
+  app.add_option("--blur-views", faults.blur_views,
+                 "share of the training photographs that the camera's motion blurs")
+      ->check(share);
+  app.add_option("--blur-length", faults.blur_length, "length of that motion, pixels")
+      ->check(CLI::Range(1.0, 1000.0));
+  app.add_option("--mover-views", faults.mover_views,
+                 "share of the training photographs with something that moves")
+      ->check(share);
   app.add_flag("--invert-depth", faults.invert_depth, "invert the depth priors");
   app.add_flag("--no-depth", faults.without_depth, "remove the depth priors");
 }

@@ -14,7 +14,10 @@ struct CaptureFaults {
   double keep_masks = 1;  // share of the masks to keep, drawn for each view
   double mask_noise =
       0;  // standard deviation, pixels, of a smooth random field that bends the masks
-  double pose_noise = 0;  // standard deviation, pixels, of the rotation of views about each axis
+  double pose_noise = 0;   // standard deviation, pixels, of the rotation of views about each axis
+  double blur_views = 0;   // share of the training photographs that the camera's motion blurs
+  double blur_length = 8;  // length of that motion, pixels
+  double mover_views = 0;  // share of the training photographs with something that moves
   bool invert_depth = false;
   bool without_depth = false;
 };

@@ -56,6 +56,8 @@ inline void AddStageOneFlags(CLI::App& app, ReconstructOptions& stage) {
   app.add_option("--pixels-per-gaussian", stage.pixels_per_gaussian);
   app.add_option("--opacity-decay", stage.opacity_decay);
   app.add_option("--camera-clearance", stage.camera_clearance);
+  app.add_option("--dropout", stage.dropout);
+  app.add_option("--dropout-until", stage.dropout_until);
   app.add_option("--max-gaussians", stage.max_gaussians);
   app.add_option("--refine-keep", stage.refine_keep, "1 none, 2 shrink, 3 split");
   app.add_option("--refine-from", stage.refine_from);

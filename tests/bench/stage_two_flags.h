@@ -37,6 +37,8 @@ inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
   app.add_option("--complete-masks", stage.complete_masks);
   app.add_option("--share-scales", stage.share_scales);
   app.add_option("--fine-first", stage.fine_first);
+  app.add_option("--negative-margin", stage.negative_margin);
+  app.add_option("--min-positive-cosine", stage.min_positive_cosine);
   app.add_flag_callback("--perception-gradients",
                         [&stage] { stage.perception_threshold = PerceptionThreshold::kGradients; });
   app.add_option("--gate-layers", stage.gate_layers);

@@ -40,6 +40,7 @@ PairOpResult RunPairLoss(Backend& backend, const PairBatch& batch, float easy_sh
   args.label_words = batch.label_words;
   args.scales = scales.span();
   args.gate = gate.span();
+  args.negative_margin = batch.negative_margin;
   args.easy_share = easy_share;
   args.pair_seed = 17;
   args.pixel_grad = pixel_grad.span();

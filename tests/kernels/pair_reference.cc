@@ -108,9 +108,12 @@ std::vector<Term> AddPairs(const PairBatch& batch, PairReference& out) {
       for (int scale = 0; scale < batch.num_scales; ++scale) {
         const double c = cosines[scale];
         const bool agree = Agree(batch, scale, p, q);
-        (agree ? out.positive_loss : out.negative_loss) += agree ? -w * c : w * std::max(c, 0.0);
+        const double margin = double{batch.negative_margin};
+        (agree ? out.positive_loss : out.negative_loss) +=
+            agree ? -w * c : w * std::max(c - margin, 0.0);
         (agree ? out.num_positives : out.num_negatives) += 1;
-        terms.push_back({scale, p, q, agree ? PositiveTermVjp(w) : NegativeTermVjp(w, c), agree});
+        terms.push_back(
+            {scale, p, q, agree ? PositiveTermVjp(w) : NegativeTermVjp(w, c, margin), agree});
       }
     }
   }

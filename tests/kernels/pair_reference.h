@@ -14,6 +14,7 @@ struct PairBatch {
   std::vector<double> weight, alpha, scales;
   std::vector<int32_t> patch;
   std::vector<uint64_t> labels;
+  float negative_margin = 0;
   bool every_pair = false;  // false: hard and wrong pairs only
 };
 

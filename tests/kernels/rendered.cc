@@ -22,6 +22,7 @@ void Rendered::Render() {
   args.view = view;
   args.near_plane = near_plane;
   args.active_sh_degree = host.sh_degree;
+  args.dropout = dropout;
   args.entry_room = entry_room;
   args.scratch = &scratch;
   args.color = color.span();
@@ -66,6 +67,7 @@ UpdateArgs Rendered::MakeUpdateArgs() {
   UpdateArgs args;
   args.view = view;
   args.active_sh_degree = host.sh_degree;
+  args.dropout = dropout;
   args.learning_rates = {1e-3f, 5e-3f, 1e-3f, 5e-2f, 2.5e-3f, 1.25e-4f};
   args.scratch = &scratch;
   args.gaussians = PlanesIn(gaussians, host);

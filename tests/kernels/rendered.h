@@ -8,7 +8,7 @@
 namespace pepeseg {
 
 // A scene in the memory of a backend, with everything that a step of training needs. Members from
-// `view` to `entry_room` may be changed before Render, see RenderArgs.
+// `view` to `dropout` may be changed before Render, see RenderArgs.
 struct Rendered {
   Rendered(Backend& backend, const HostGaussians& scene, const PinholeView& view);
 
@@ -30,6 +30,7 @@ struct Rendered {
   bool inverse_depth = false;
   bool for_backward = true;
   int64_t entry_room = 0;
+  Dropout dropout;
   Buffer<float> gaussians, moment1, moment2;
   Buffer<int32_t> num_steps;
   Buffer<float> color, alpha, depth;

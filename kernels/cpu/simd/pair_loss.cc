@@ -136,23 +136,23 @@ PEPESEG_HD void AddUnits(uint32_t bits, const float* weight, const float* units,
 struct Terms {
   alignas(64) float positive_grad[kPairColumns];
   alignas(64) float negative_grad[kPairColumns];
-  uint32_t pushes;                   // a bit for each q: the negative term has a gradient, C > 0
+  uint32_t pushes;                   // a bit for each q: the negative term has a gradient
   Lanes positive_sum, negative_sum;  // of the terms, over all scales so far
 };
 
 // Evaluates the terms at one scale and adds them to the sums of `terms`.
-PEPESEG_HD void EvaluateTerms(const float* weight, const float* cosine, uint32_t positive,
-                              uint32_t negative, Terms& terms) {
-  const Lanes zero(0.0f);
+PEPESEG_HD void EvaluateTerms(const float* weight, const float* cosine, float negative_margin,
+                              uint32_t positive, uint32_t negative, Terms& terms) {
+  const Lanes zero(0.0f), margin(negative_margin);
   terms.pushes = 0;
   for (int offset = 0; offset < kPairColumns; offset += kLanes) {
     const Lanes w = Lanes::Load(weight + offset), c = Lanes::Load(cosine + offset);
     const LaneMask pull = MaskOf(positive >> offset), push = MaskOf(negative >> offset);
     terms.positive_sum = terms.positive_sum + Select(pull, PositiveTerm(w, c), zero);
-    terms.negative_sum = terms.negative_sum + Select(push, NegativeTerm(w, c), zero);
+    terms.negative_sum = terms.negative_sum + Select(push, NegativeTerm(w, c, margin), zero);
     PositiveTermVjp(w).Store(terms.positive_grad + offset);
-    NegativeTermVjp(w, c).Store(terms.negative_grad + offset);
-    terms.pushes |= BitsOf(zero < c) << offset;
+    NegativeTermVjp(w, c, margin).Store(terms.negative_grad + offset);
+    terms.pushes |= BitsOf(margin < c) << offset;
   }
   terms.pushes &= negative;
 }
@@ -174,7 +174,7 @@ PEPESEG_HD void AddTerms(const PairJob& job, int p, int q, const float (*cosine)
     const uint32_t negative = choice.chosen & ~choice.agrees[scale];
     num_positives += __builtin_popcount(positive);
     num_negatives += __builtin_popcount(negative);
-    EvaluateTerms(weight, cosine[scale], positive, negative, terms);
+    EvaluateTerms(weight, cosine[scale], job.args->negative_margin, positive, negative, terms);
     float* grad = job.unit_grad + (int64_t{scale} * job.padded + p) * kFeatureSize;
     AddUnits(positive, terms.positive_grad, UnitOf(job, scale, q), grad);
     AddUnits(terms.pushes, terms.negative_grad, UnitOf(job, scale, q), grad + half);

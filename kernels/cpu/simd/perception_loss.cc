@@ -42,8 +42,8 @@ PEPESEG_HD float AddPair(const PerceptionJob& job, int64_t p, int32_t entry,
     const float* other = UnitOf(job, args.other.data[entry], scale);
     const float cosine = Cosine(LoadFeature(UnitOf(job, p, scale)), LoadFeature(other));
     const float share = args.share.data[similar ? scale : job.num_scales + scale];
-    loss += similar ? share + PositiveTerm(share, cosine) : NegativeTerm(share, cosine);
-    const float pull = similar ? PositiveTermVjp(share) : NegativeTermVjp(share, cosine);
+    loss += similar ? share + PositiveTerm(share, cosine) : NegativeTerm(share, cosine, 0.0f);
+    const float pull = similar ? PositiveTermVjp(share) : NegativeTermVjp(share, cosine, 0.0f);
     AddScaled(args.weight * pull, other, unit_grads[scale]);
   }
   return loss;

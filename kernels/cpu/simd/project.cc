@@ -1,6 +1,7 @@
 #include "kernels/cpu/simd/kernels.h"
 #include "kernels/cpu/simd/lanes.h"
 #include "kernels/math/blend.h"
+#include "kernels/math/dropout.h"
 #include "kernels/math/tile_cover.h"
 
 // Projection, a Gaussian for each lane. Tests yield bits of lanes; a Gaussian that fails one is
@@ -35,12 +36,24 @@ PEPESEG_HD uint32_t Colors(const ProjectJob& job, const GaussianGroup& group, Ve
   return BitsOf(usable);
 }
 
+// Returns the lanes that dropout leaves out. `first` is the index of the group's first Gaussian.
+PEPESEG_HD uint32_t LeftOut(const Dropout& dropout, int64_t first, int count) {
+  uint32_t bits = 0;
+  if (dropout.share <= 0) return bits;
+  for (int i = 0; i < count; ++i) {
+    const bool is_left_out =
+        IsLeftOut(dropout.share, dropout.seed, static_cast<uint32_t>(first + i));
+    bits |= static_cast<uint32_t>(is_left_out) << i;
+  }
+  return bits;
+}
+
 // Projects a group. Returns the lanes that are in front of the camera, usable and in reach of the
 // image, and counts the degenerate ones. Colours are evaluated only if there is any such lane.
-PEPESEG_HD uint32_t ProjectGroup(ProjectJob& job, const GaussianGroup& group,
+PEPESEG_HD uint32_t ProjectGroup(ProjectJob& job, int64_t first, const GaussianGroup& group,
                                  const ProjectionCamera<Lanes>& camera, SplatLanes& out) {
   const RenderArgs& args = *job.args;
-  const uint32_t all = LanesBelow(group.count);
+  const uint32_t all = LanesBelow(group.count) & ~LeftOut(args.dropout, first, group.count);
   const GaussianShape<Lanes> shape = LoadShape(group);
   const Lanes depth = MeanInCam(camera, shape.mean).z;
   const uint32_t finite = BitsOf(IsUsable(depth));
@@ -49,7 +62,7 @@ PEPESEG_HD uint32_t ProjectGroup(ProjectJob& job, const GaussianGroup& group,
   if (in_front == 0) return 0;
 
   const Projection<Lanes> p = Project(camera, shape);
-  const Lanes opacity = Sigmoid(group.At(kOpacityPlane));
+  const Lanes opacity = Lanes(OpacityFactor(args.dropout.share)) * Sigmoid(group.At(kOpacityPlane));
   const LaneMask sound =
       IsUsable(p.x) & IsUsable(p.y) & IsUsable(p.conic.xy) & (Lanes(0.0f) < p.conic.xx) &
       IsUsable(p.conic.xx) & (Lanes(0.0f) < p.conic.yy) & IsUsable(p.conic.yy) &
@@ -92,7 +105,8 @@ void ProjectGaussians(ProjectJob& job) {
     const GaussianGroup group = {planes.data + job.first + first, planes.stride,
                                  left < kLanes ? static_cast<int>(left) : kLanes};
     SplatLanes s;
-    for (uint32_t bits = ProjectGroup(job, group, camera, s); bits != 0; bits &= bits - 1) {
+    for (uint32_t bits = ProjectGroup(job, job.first + first, group, camera, s); bits != 0;
+         bits &= bits - 1) {
       const int i = __builtin_ctz(bits);
       job.gaussian[job.num_out] = static_cast<int32_t>(job.first + first + i);
       job.splat[job.num_out++] = {s.x[i],       s.y[i],       s.root_xx[i],   s.root_xy[i],

@@ -2,6 +2,7 @@
 #include "kernels/cpu/simd/lanes.h"
 #include "kernels/math/adam.h"
 #include "kernels/math/blend.h"
+#include "kernels/math/dropout.h"
 
 // Backward pass of the projection, a Gaussian for each lane, and Adam. A block of Gaussians first
 // gets all its gradients and then Adam plane by plane. Gaussians that are not visible take part in
@@ -25,6 +26,7 @@ struct Group {
   const SplatGrad* grads;
   int degree;
   int num_planes;  // planes of the active degree
+  float opacity_factor;
 };
 
 PEPESEG_HD Lanes Field(const SplatGradLanes& g, int field) { return Lanes::Load(g.values[field]); }
@@ -80,7 +82,8 @@ PEPESEG_HD uint32_t ParameterVjp(const Group& group, const GaussianGroup& values
                               g.log_scale.y, g.log_scale.z, g.rotation.w, g.rotation.x,
                               g.rotation.y,  g.rotation.z};
   for (int k = 0; k < kOpacityPlane; ++k) grad[k] = shape_grad[k];
-  grad[kOpacityPlane] = SigmoidVjp(Sigmoid(values.At(kOpacityPlane)), Field(s, 5));
+  grad[kOpacityPlane] =
+      SigmoidVjp(Sigmoid(values.At(kOpacityPlane)), Lanes(group.opacity_factor) * Field(s, 5));
   LaneMask usable = IsUsable(grad[0]);
   for (int k = 1; k < group.num_planes; ++k) usable = usable & IsUsable(grad[k]);
   return BitsOf(usable);
@@ -214,6 +217,7 @@ void UpdateParameters(ParameterJob& job) {
   group.grads = job.grads;
   group.degree = degree;
   group.num_planes = kShPlane + 3 * (degree + 1) * (degree + 1);
+  group.opacity_factor = OpacityFactor(job.update->dropout.share);
   job.num_skipped = 0;
   for (int64_t i = 0; i < job.count; i += kBlock) {
     const int count = job.count - i < kBlock ? static_cast<int>(job.count - i) : kBlock;

@@ -32,11 +32,12 @@ TEST_F(EvaluateTest, ScoresTheOtherViewsAtWhatTheReferenceChose) {
   ASSERT_TRUE(score.click);
   EXPECT_NEAR(score.click->x, 32.5, 1);
   EXPECT_NEAR(score.click->y, 48.5, 1);
-  // Every scale up to 0.5 and every threshold finds the blob alone: the first pair is taken.
+  // Every scale up to 0.5 and every threshold finds the blob alone: their middle is taken, and a
+  // step lower in the threshold.
   ASSERT_TRUE(score.reference_choice);
   const ChoiceScores& chosen = *score.reference_choice;
-  EXPECT_EQ(chosen.scale, 0.01);
-  EXPECT_EQ(chosen.threshold, 0.5);
+  EXPECT_EQ(chosen.scale, 0.3);
+  EXPECT_EQ(chosen.threshold, 0.7);
   const double iou_b = area_b / (area_b + 96), iou_c = area_c / (area_c + 192);
   EXPECT_DOUBLE_EQ(chosen.views[0].iou, iou_b);
   EXPECT_DOUBLE_EQ(chosen.views[1].iou, iou_c);
@@ -62,7 +63,7 @@ TEST_F(EvaluateTest, ChoosesTheScaleOnTheScoredViewsOnTheReferenceAndWithoutTrut
   EXPECT_DOUBLE_EQ(score.paper.mean.boundary_iou, 1);
   const double left = Area(Left(1)), pair = Area(Pair(1));
   ASSERT_TRUE(score.reference_choice);
-  EXPECT_EQ(score.reference_choice->scale, 0.01);
+  EXPECT_EQ(score.reference_choice->scale, 0.3);
   EXPECT_DOUBLE_EQ(score.reference_choice->mean.iou, left / pair);
   EXPECT_DOUBLE_EQ(score.reference_choice->mean.accuracy, 1 - (pair - left) / (kSize * kSize));
   ASSERT_EQ(score.iou_by_scale.size(), options_.scales.size());
@@ -86,7 +87,7 @@ TEST_F(EvaluateTest, ScoresEntitiesThatOverlapAndJoinsThemByCategory) {
   const double half = result.entities[1].reference_choice->mean.iou;
   EXPECT_NEAR(half, 0.5, 0.02);
   EXPECT_DOUBLE_EQ(result.entities[2].reference_choice->mean.iou, 1);
-  EXPECT_EQ(result.entities[2].reference_choice->scale, 0.6);
+  EXPECT_EQ(result.entities[2].reference_choice->scale, 0.8);
   ASSERT_EQ(result.categories.size(), 2u);
   EXPECT_EQ(result.categories[0].name, "blob");
   EXPECT_EQ(result.categories[0].num_entities, 2);

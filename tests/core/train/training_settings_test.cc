@@ -84,12 +84,15 @@ TEST_F(PaperPreset, HasNoneOfOurAdditions) {
   EXPECT_EQ(reconstruct_.mean_learning_rate_cap, 0) << "cap by the span of a pixel";
   EXPECT_EQ(reconstruct_.coarse_until, 0) << "smaller photographs first";
   EXPECT_EQ(reconstruct_.camera_clearance, 0) << "free space in front of cameras";
+  EXPECT_EQ(reconstruct_.dropout, 0);
   EXPECT_EQ(reconstruct_.min_loss_fall, 0) << "end by convergence";
   EXPECT_EQ(reconstruct_.min_band_gain, 0) << "SH degree pruning";
   EXPECT_EQ(reconstruct_.min_depth_agreement, 0) << "depth priors left out";
   EXPECT_EQ(features_.mask_share, 0) << "sampling mask by mask";
   EXPECT_EQ(features_.num_background_pixels, 0) << "background as a thing";
   EXPECT_EQ(features_.fine_first, 0) << "fine masks first";
+  EXPECT_EQ(features_.negative_margin, 0);
+  EXPECT_EQ(features_.min_positive_cosine, 0.75f);
   EXPECT_EQ(features_.min_mask_agreement, 0) << "removal of masks that stand alone";
   EXPECT_FALSE(features_.complete_masks) << "completion of masks";
   EXPECT_FALSE(features_.share_scales) << "one scale for a thing in all views";

@@ -104,8 +104,8 @@ class EntityScores:
         paper: the choice with the best IoU in the scored views themselves: it used the truth that
             it is scored with, as published numbers do. Without refined borders it bounds the
             others.
-        reference: the choice with the best IoU in the reference view; None if nothing is known
-            there.
+        reference: chosen by the IoU in the reference view: of the protocol "prompt" the centre of
+            what scores about best there, of the others the best; None if nothing is known there.
         automatic: the choice without any truth, as `segment` makes it.
         iou_by_scale: mean IoU at each of `Evaluation.scales` and the fixed threshold, without
             refined borders.

@@ -37,7 +37,7 @@ TRAINING_PRESET_STANDARD: TrainingPreset
 TRAINING_PRESET_UNSPECIFIED: TrainingPreset
 
 class FeatureOptions(_message.Message):
-    __slots__ = ["centroid_check_masks", "centroid_cosine_lower", "centroid_cosine_upper", "centroid_every", "centroid_from", "centroid_pixels", "centroid_weight_lower", "centroid_weight_upper", "closing_share", "complete_masks", "fine_first", "gate_layers", "learning_rate", "learning_rate_final", "mask_share", "min_loss_fall", "min_mask_agreement", "num_background_pixels", "num_drawn_neighbors", "num_neighbors", "num_perception_pixels", "num_pixels", "num_scales", "num_steps", "perception_color_floor", "perception_cross_view", "perception_depth_floor", "perception_fit_window", "perception_threshold", "perception_unlabelled_only", "perception_weight", "scale_mapping", "seed", "share_scales", "steps_per_chunk", "sure_views"]
+    __slots__ = ["centroid_check_masks", "centroid_cosine_lower", "centroid_cosine_upper", "centroid_every", "centroid_from", "centroid_pixels", "centroid_weight_lower", "centroid_weight_upper", "closing_share", "complete_masks", "fine_first", "gate_layers", "learning_rate", "learning_rate_final", "mask_share", "min_loss_fall", "min_mask_agreement", "min_positive_cosine", "negative_margin", "num_background_pixels", "num_drawn_neighbors", "num_neighbors", "num_perception_pixels", "num_pixels", "num_scales", "num_steps", "perception_color_floor", "perception_cross_view", "perception_depth_floor", "perception_fit_window", "perception_threshold", "perception_unlabelled_only", "perception_weight", "scale_mapping", "seed", "share_scales", "steps_per_chunk", "sure_views"]
     CENTROID_CHECK_MASKS_FIELD_NUMBER: _ClassVar[int]
     CENTROID_COSINE_LOWER_FIELD_NUMBER: _ClassVar[int]
     CENTROID_COSINE_UPPER_FIELD_NUMBER: _ClassVar[int]
@@ -55,6 +55,8 @@ class FeatureOptions(_message.Message):
     MASK_SHARE_FIELD_NUMBER: _ClassVar[int]
     MIN_LOSS_FALL_FIELD_NUMBER: _ClassVar[int]
     MIN_MASK_AGREEMENT_FIELD_NUMBER: _ClassVar[int]
+    MIN_POSITIVE_COSINE_FIELD_NUMBER: _ClassVar[int]
+    NEGATIVE_MARGIN_FIELD_NUMBER: _ClassVar[int]
     NUM_BACKGROUND_PIXELS_FIELD_NUMBER: _ClassVar[int]
     NUM_DRAWN_NEIGHBORS_FIELD_NUMBER: _ClassVar[int]
     NUM_NEIGHBORS_FIELD_NUMBER: _ClassVar[int]
@@ -91,6 +93,8 @@ class FeatureOptions(_message.Message):
     mask_share: float
     min_loss_fall: float
     min_mask_agreement: float
+    min_positive_cosine: float
+    negative_margin: float
     num_background_pixels: int
     num_drawn_neighbors: int
     num_neighbors: int
@@ -110,7 +114,7 @@ class FeatureOptions(_message.Message):
     share_scales: bool
     steps_per_chunk: int
     sure_views: int
-    def __init__(self, num_steps: _Optional[int] = ..., num_pixels: _Optional[int] = ..., num_scales: _Optional[int] = ..., learning_rate: _Optional[float] = ..., steps_per_chunk: _Optional[int] = ..., seed: _Optional[int] = ..., num_neighbors: _Optional[int] = ..., num_drawn_neighbors: _Optional[int] = ..., learning_rate_final: _Optional[float] = ..., centroid_from: _Optional[float] = ..., centroid_every: _Optional[int] = ..., centroid_pixels: _Optional[int] = ..., centroid_weight_upper: _Optional[float] = ..., centroid_weight_lower: _Optional[float] = ..., num_background_pixels: _Optional[int] = ..., perception_weight: _Optional[float] = ..., num_perception_pixels: _Optional[int] = ..., perception_threshold: _Optional[_Union[PerceptionThreshold, str]] = ..., perception_cross_view: bool = ..., scale_mapping: _Optional[_Union[ScaleMapping, str]] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., mask_share: _Optional[float] = ..., sure_views: _Optional[int] = ..., min_mask_agreement: _Optional[float] = ..., complete_masks: bool = ..., fine_first: _Optional[float] = ..., gate_layers: _Optional[int] = ..., centroid_cosine_upper: _Optional[float] = ..., centroid_cosine_lower: _Optional[float] = ..., centroid_check_masks: bool = ..., perception_fit_window: bool = ..., perception_unlabelled_only: bool = ..., perception_depth_floor: _Optional[float] = ..., perception_color_floor: _Optional[float] = ..., share_scales: bool = ...) -> None: ...
+    def __init__(self, num_steps: _Optional[int] = ..., num_pixels: _Optional[int] = ..., num_scales: _Optional[int] = ..., learning_rate: _Optional[float] = ..., steps_per_chunk: _Optional[int] = ..., seed: _Optional[int] = ..., num_neighbors: _Optional[int] = ..., num_drawn_neighbors: _Optional[int] = ..., learning_rate_final: _Optional[float] = ..., centroid_from: _Optional[float] = ..., centroid_every: _Optional[int] = ..., centroid_pixels: _Optional[int] = ..., centroid_weight_upper: _Optional[float] = ..., centroid_weight_lower: _Optional[float] = ..., num_background_pixels: _Optional[int] = ..., perception_weight: _Optional[float] = ..., num_perception_pixels: _Optional[int] = ..., perception_threshold: _Optional[_Union[PerceptionThreshold, str]] = ..., perception_cross_view: bool = ..., scale_mapping: _Optional[_Union[ScaleMapping, str]] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., mask_share: _Optional[float] = ..., sure_views: _Optional[int] = ..., min_mask_agreement: _Optional[float] = ..., complete_masks: bool = ..., fine_first: _Optional[float] = ..., gate_layers: _Optional[int] = ..., centroid_cosine_upper: _Optional[float] = ..., centroid_cosine_lower: _Optional[float] = ..., centroid_check_masks: bool = ..., perception_fit_window: bool = ..., perception_unlabelled_only: bool = ..., perception_depth_floor: _Optional[float] = ..., perception_color_floor: _Optional[float] = ..., share_scales: bool = ..., negative_margin: _Optional[float] = ..., min_positive_cosine: _Optional[float] = ...) -> None: ...
 
 class ImportOptions(_message.Message):
     __slots__ = ["held_out_every", "held_out_views", "image_scale"]
@@ -131,7 +135,7 @@ class PriorOptions(_message.Message):
     def __init__(self, masks: _Optional[_Union[PriorMaker, str]] = ..., depth: _Optional[_Union[PriorMaker, str]] = ...) -> None: ...
 
 class ReconstructOptions(_message.Message):
-    __slots__ = ["camera_clearance", "capture_kind", "closing_share", "coarse_until", "densify_every", "densify_from", "densify_gradient", "densify_size", "densify_until", "depth_local_form", "depth_local_weight", "depth_weight", "depth_weight_final", "depth_window", "disparity_as_inverse_depth", "log_scale_learning_rate", "max_gaussians", "mean_learning_rate", "mean_learning_rate_cap", "mean_learning_rate_final", "mean_rate_pixels", "min_band_gain", "min_depth_agreement", "min_loss_fall", "num_random_points", "num_steps", "opacity_decay", "opacity_learning_rate", "opacity_reset_every", "pixels_per_gaussian", "prune_opacity", "prune_size", "rates_fall_from", "refine_candidates", "refine_from", "refine_keep", "refine_length", "rotation_learning_rate", "seed", "sh_degree", "sh_learning_rate", "ssim_weight"]
+    __slots__ = ["camera_clearance", "capture_kind", "closing_share", "coarse_until", "densify_every", "densify_from", "densify_gradient", "densify_size", "densify_until", "depth_local_form", "depth_local_weight", "depth_weight", "depth_weight_final", "depth_window", "disparity_as_inverse_depth", "dropout", "dropout_until", "log_scale_learning_rate", "max_gaussians", "mean_learning_rate", "mean_learning_rate_cap", "mean_learning_rate_final", "mean_rate_pixels", "min_band_gain", "min_depth_agreement", "min_loss_fall", "num_random_points", "num_steps", "opacity_decay", "opacity_learning_rate", "opacity_reset_every", "pixels_per_gaussian", "prune_opacity", "prune_size", "rates_fall_from", "refine_candidates", "refine_from", "refine_keep", "refine_length", "rotation_learning_rate", "seed", "sh_degree", "sh_learning_rate", "ssim_weight"]
     CAMERA_CLEARANCE_FIELD_NUMBER: _ClassVar[int]
     CAPTURE_KIND_FIELD_NUMBER: _ClassVar[int]
     CLOSING_SHARE_FIELD_NUMBER: _ClassVar[int]
@@ -147,6 +151,8 @@ class ReconstructOptions(_message.Message):
     DEPTH_WEIGHT_FINAL_FIELD_NUMBER: _ClassVar[int]
     DEPTH_WINDOW_FIELD_NUMBER: _ClassVar[int]
     DISPARITY_AS_INVERSE_DEPTH_FIELD_NUMBER: _ClassVar[int]
+    DROPOUT_FIELD_NUMBER: _ClassVar[int]
+    DROPOUT_UNTIL_FIELD_NUMBER: _ClassVar[int]
     LOG_SCALE_LEARNING_RATE_FIELD_NUMBER: _ClassVar[int]
     MAX_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
     MEAN_LEARNING_RATE_CAP_FIELD_NUMBER: _ClassVar[int]
@@ -189,6 +195,8 @@ class ReconstructOptions(_message.Message):
     depth_weight_final: float
     depth_window: float
     disparity_as_inverse_depth: bool
+    dropout: float
+    dropout_until: float
     log_scale_learning_rate: float
     max_gaussians: int
     mean_learning_rate: float
@@ -216,7 +224,7 @@ class ReconstructOptions(_message.Message):
     sh_degree: int
     sh_learning_rate: float
     ssim_weight: float
-    def __init__(self, num_steps: _Optional[int] = ..., sh_degree: _Optional[int] = ..., ssim_weight: _Optional[float] = ..., mean_learning_rate: _Optional[float] = ..., mean_learning_rate_final: _Optional[float] = ..., log_scale_learning_rate: _Optional[float] = ..., rotation_learning_rate: _Optional[float] = ..., opacity_learning_rate: _Optional[float] = ..., sh_learning_rate: _Optional[float] = ..., densify_from: _Optional[float] = ..., densify_until: _Optional[float] = ..., densify_every: _Optional[int] = ..., densify_gradient: _Optional[float] = ..., densify_size: _Optional[float] = ..., prune_opacity: _Optional[float] = ..., opacity_reset_every: _Optional[int] = ..., max_gaussians: _Optional[int] = ..., num_random_points: _Optional[int] = ..., seed: _Optional[int] = ..., coarse_until: _Optional[float] = ..., pixels_per_gaussian: _Optional[float] = ..., opacity_decay: _Optional[float] = ..., depth_weight: _Optional[float] = ..., depth_weight_final: _Optional[float] = ..., depth_local_weight: _Optional[float] = ..., depth_local_form: _Optional[_Union[DepthLocalForm, str]] = ..., depth_window: _Optional[float] = ..., capture_kind: _Optional[_Union[CaptureKind, str]] = ..., refine_keep: _Optional[_Union[RefineKeep, str]] = ..., refine_from: _Optional[float] = ..., refine_length: _Optional[float] = ..., refine_candidates: _Optional[float] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., min_band_gain: _Optional[float] = ..., min_depth_agreement: _Optional[float] = ..., mean_learning_rate_cap: _Optional[float] = ..., prune_size: _Optional[float] = ..., disparity_as_inverse_depth: bool = ..., mean_rate_pixels: _Optional[float] = ..., rates_fall_from: _Optional[float] = ..., camera_clearance: _Optional[float] = ...) -> None: ...
+    def __init__(self, num_steps: _Optional[int] = ..., sh_degree: _Optional[int] = ..., ssim_weight: _Optional[float] = ..., mean_learning_rate: _Optional[float] = ..., mean_learning_rate_final: _Optional[float] = ..., log_scale_learning_rate: _Optional[float] = ..., rotation_learning_rate: _Optional[float] = ..., opacity_learning_rate: _Optional[float] = ..., sh_learning_rate: _Optional[float] = ..., densify_from: _Optional[float] = ..., densify_until: _Optional[float] = ..., densify_every: _Optional[int] = ..., densify_gradient: _Optional[float] = ..., densify_size: _Optional[float] = ..., prune_opacity: _Optional[float] = ..., opacity_reset_every: _Optional[int] = ..., max_gaussians: _Optional[int] = ..., num_random_points: _Optional[int] = ..., seed: _Optional[int] = ..., coarse_until: _Optional[float] = ..., pixels_per_gaussian: _Optional[float] = ..., opacity_decay: _Optional[float] = ..., depth_weight: _Optional[float] = ..., depth_weight_final: _Optional[float] = ..., depth_local_weight: _Optional[float] = ..., depth_local_form: _Optional[_Union[DepthLocalForm, str]] = ..., depth_window: _Optional[float] = ..., capture_kind: _Optional[_Union[CaptureKind, str]] = ..., refine_keep: _Optional[_Union[RefineKeep, str]] = ..., refine_from: _Optional[float] = ..., refine_length: _Optional[float] = ..., refine_candidates: _Optional[float] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., min_band_gain: _Optional[float] = ..., min_depth_agreement: _Optional[float] = ..., mean_learning_rate_cap: _Optional[float] = ..., prune_size: _Optional[float] = ..., disparity_as_inverse_depth: bool = ..., mean_rate_pixels: _Optional[float] = ..., rates_fall_from: _Optional[float] = ..., camera_clearance: _Optional[float] = ..., dropout: _Optional[float] = ..., dropout_until: _Optional[float] = ...) -> None: ...
 
 class SfmOptions(_message.Message):
     __slots__ = ["matching", "max_features", "max_seconds", "max_video_frames", "min_registered_share", "sequential_overlap"]
