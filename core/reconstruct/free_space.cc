@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 namespace pepeseg {
 namespace {
@@ -12,14 +13,17 @@ constexpr double kShareOfNearest = 0.5;  // of the distance of the nearest point
 constexpr size_t kStrayOf = 200;      // one of 200
 constexpr size_t kMostPoints = 4096;  // that are looked at for a camera, evenly spread
 constexpr int kMostCells = 64;        // of the grid, along an axis
+// Cameras halfway between a camera and its nearest neighbours, where a camera was carried, too.
+constexpr size_t kNeighbors = 3;
+constexpr double kLeastCosine = 0.5;  // between the directions of two neighbours
 
 // Returns the distance of the nearest points in front of a camera, wherever they are: also those
 // that its photograph does not show. 0 without any.
-double NearestPoint(const View& view, const std::vector<ScenePoint>& points) {
+double NearestPoint(const Pose& cam_from_world, const std::vector<ScenePoint>& points) {
   std::vector<double> distances;
   const size_t stride = (points.size() + kMostPoints - 1) / kMostPoints;
   for (size_t i = 0; i < points.size(); i += stride) {
-    const Eigen::Vector3d in_camera = view.cam_from_world * points[i].position.cast<double>();
+    const Eigen::Vector3d in_camera = cam_from_world * points[i].position.cast<double>();
     if (in_camera.z() > 0) distances.push_back(in_camera.norm());
   }
   if (distances.empty()) return 0;
@@ -28,19 +32,57 @@ double NearestPoint(const View& view, const std::vector<ScenePoint>& points) {
   return *nearest;
 }
 
+Eigen::Vector3d CenterOf(const Pose& cam_from_world) {
+  return cam_from_world.rotation.conjugate() * -cam_from_world.translation;
+}
+
+Eigen::Vector3d DirectionOf(const Pose& cam_from_world) {
+  return (cam_from_world.rotation.conjugate() * Eigen::Vector3d::UnitZ()).normalized();
+}
+
+Pose Halfway(const Pose& a, const Pose& b) {
+  Pose pose;
+  pose.rotation = a.rotation.slerp(0.5, b.rotation);
+  pose.translation = pose.rotation * (-0.5 * (CenterOf(a) + CenterOf(b)));
+  return pose;
+}
+
+// Returns the poses of the training views, then those halfway between each of them and its nearest
+// neighbours that look the same way.
+std::vector<Pose> CameraPoses(const Capture& capture) {
+  std::vector<Pose> poses;
+  for (const View& view : capture.views) {
+    if (!view.held_out) poses.push_back(view.cam_from_world);
+  }
+  const size_t num_views = poses.size();
+  std::vector<Eigen::Vector3d> centers;
+  centers.reserve(num_views);
+  for (const Pose& pose : poses) centers.push_back(CenterOf(pose));
+  for (size_t i = 0; i < num_views; ++i) {
+    std::vector<std::pair<double, size_t>> others;  // by distance
+    for (size_t j = 0; j < num_views; ++j) {
+      if (j != i) others.emplace_back((centers[j] - centers[i]).norm(), j);
+    }
+    const size_t count = std::min(kNeighbors, others.size());
+    std::partial_sort(others.begin(), others.begin() + static_cast<ptrdiff_t>(count), others.end());
+    for (size_t k = 0; k < count; ++k) {
+      const Pose neighbor = poses[others[k].second];  // a copy: `poses` grows
+      if (DirectionOf(poses[i]).dot(DirectionOf(neighbor)) < kLeastCosine) continue;
+      poses.push_back(Halfway(poses[i], neighbor));
+    }
+  }
+  return poses;
+}
+
 }  // namespace
 
 FreeSpace::FreeSpace(const Capture& capture, double clearance) {
   if (clearance <= 0) return;
   const double most = clearance * SceneRadius(capture);
-  for (const View& view : capture.views) {
-    if (view.held_out) continue;
-    const double radius = std::min(most, kShareOfNearest * NearestPoint(view, capture.points));
+  for (const Pose& pose : CameraPoses(capture)) {
+    const double radius = std::min(most, kShareOfNearest * NearestPoint(pose, capture.points));
     if (!(radius > 0)) continue;
-    const Eigen::Quaterniond world_from_cam = view.cam_from_world.rotation.conjugate();
-    const Eigen::Vector3d center = world_from_cam * -view.cam_from_world.translation;
-    balls_.push_back({center.cast<float>(),
-                      (world_from_cam * Eigen::Vector3d::UnitZ()).normalized().cast<float>(),
+    balls_.push_back({CenterOf(pose).cast<float>(), DirectionOf(pose).cast<float>(),
                       static_cast<float>(radius)});
   }
   if (!balls_.empty()) MakeGrid();

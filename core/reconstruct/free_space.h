@@ -9,8 +9,9 @@
 namespace pepeseg {
 
 // The space in front of the training cameras in which nothing can be (METHOD.md section 1, "Free
-// space"): half balls around the cameras, which the points of the capture keep away from. A
-// Gaussian there floats before the cameras of other views, which no photograph corrects.
+// space"): half balls around the cameras, and around places halfway between neighbouring ones,
+// where a camera was carried; the points of the capture keep away from them. A Gaussian there
+// floats before the cameras of other views, which no photograph corrects.
 class FreeSpace {
  public:
   // clearance: largest radius of a half ball, scene radii. 0, or a capture without points: empty.

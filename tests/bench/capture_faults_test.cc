@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "tests/testing/crowded_capture.h"
 
@@ -102,6 +104,44 @@ TEST(Spoil, TurnsDepthUpsideDown) {
              &are = after.capture.views[1].depth.values;
   ASSERT_FALSE(were.empty());
   for (size_t i = 0; i < were.size(); ++i) ASSERT_EQ(are[i], 1 - were[i]);
+}
+
+// Returns the number of training photographs that the faults change. None that is held out may
+// change.
+int NumChanged(const CaptureFaults& faults) {
+  const CapturePack before = SmallPack(), after = Spoilt(faults);
+  int num_changed = 0;
+  for (size_t v = 0; v < before.capture.views.size(); ++v) {
+    const bool changed =
+        before.capture.views[v].photo.pixels != after.capture.views[v].photo.pixels;
+    EXPECT_FALSE(changed && before.capture.views[v].held_out);
+    num_changed += changed ? 1 : 0;
+  }
+  return num_changed;
+}
+
+TEST(Spoil, BlursAShareOfTheTrainingPhotographs) {
+  EXPECT_EQ(NumChanged({.blur_views = 1}), 7);
+  const int half = NumChanged({.blur_views = 0.5});
+  EXPECT_GT(half, 0);
+  EXPECT_LT(half, 7);
+}
+
+TEST(Spoil, BlurLeavesAnEvenPhotographAsItIs) {
+  CapturePack pack = SmallPack();
+  for (View& view : pack.capture.views) {
+    std::fill(view.photo.pixels.begin(), view.photo.pixels.end(), uint8_t{90});
+  }
+  const std::vector<uint8_t> even = pack.capture.views[1].photo.pixels;
+  Spoil({.blur_views = 1}, pack);
+  EXPECT_EQ(pack.capture.views[1].photo.pixels, even);
+}
+
+TEST(Spoil, PaintsSomethingThatMovesIntoAShareOfTheTrainingPhotographs) {
+  EXPECT_EQ(NumChanged({.mover_views = 1}), 7);
+  const int half = NumChanged({.mover_views = 0.5});
+  EXPECT_GT(half, 0);
+  EXPECT_LT(half, 7);
 }
 
 }  // namespace

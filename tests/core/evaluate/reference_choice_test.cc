@@ -41,7 +41,7 @@ TEST(ChooseFromReference, PrefersAPlateauToASpikeThatIsHardlyBetter) {
   for (size_t s = 0; s <= 2; ++s) {
     for (size_t t = 1; t <= 3; ++t) At(table, s, t) = 0.9;
   }
-  At(table, 4, 6) = 0.91;
+  At(table, 4, 6) = 0.905;
   const GridCell cell = ChooseFromReference(table, kScales, kThresholds);
   EXPECT_EQ(cell.scale, 1u);
   EXPECT_LE(cell.threshold, 2u);

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -47,6 +48,21 @@ TEST_F(FreeSpaceTest, IsInFrontOfTheCameras) {
   EXPECT_FALSE(Contains(std::numeric_limits<float>::quiet_NaN(), 0, inside));
 }
 
+TEST_F(FreeSpaceTest, IsHalfwayBetweenCamerasThatLookTheSameWay) {
+  constexpr double kClearance = 0.2;
+  const float inside = 0.15f * radius_;
+  ASSERT_LT(kClearance * radius_, 0.45f) << "the cameras' own balls must not reach the middle";
+  EXPECT_TRUE(Contains(0.5f, 0, inside, kClearance));
+  EXPECT_FALSE(Contains(0.5f, 0, -inside, kClearance));
+  EXPECT_FALSE(Contains(0.5f, 0, 0.25f * radius_, kClearance));
+  const Eigen::AngleAxisd turn(M_PI, Eigen::Vector3d::UnitY());
+  Pose& second = capture_.views[1].cam_from_world;
+  second = {Eigen::Quaterniond(turn), turn * second.translation};
+  AddPoint(0, 0, -10);
+  EXPECT_FALSE(Contains(0.5f, 0, inside, kClearance));
+  EXPECT_TRUE(Contains(1, 0, -inside, kClearance));
+}
+
 TEST_F(FreeSpaceTest, KeepsHalfOfTheDistanceOfTheNearestPoint) {
   AddPoint(0, 0.2f, 0.05f);  // which neither photograph shows
   const float distance = std::hypot(0.2f, 0.05f);
@@ -73,9 +89,35 @@ TEST_F(FreeSpaceTest, IsEmptyWithoutClearancePointsOrTrainingViews) {
   EXPECT_FALSE(Contains(0, 0, 0.1f));
 }
 
+// Returns the training cameras and those halfway to the three nearest that look the same way.
+std::vector<Pose> Cameras(const Capture& capture) {
+  std::vector<Pose> world_from_cam;
+  for (const View& view : capture.views) {
+    if (!view.held_out) world_from_cam.push_back(view.cam_from_world.Inverse());
+  }
+  std::vector<Pose> cameras;
+  for (const Pose& pose : world_from_cam) {
+    cameras.push_back(pose.Inverse());
+    std::vector<Pose> others = world_from_cam;
+    std::sort(others.begin(), others.end(), [&](const Pose& a, const Pose& b) {
+      return (a.translation - pose.translation).norm() < (b.translation - pose.translation).norm();
+    });
+    for (const size_t k : {1, 2, 3}) {  // 0 is the camera itself
+      const Eigen::Vector3d z = Eigen::Vector3d::UnitZ();
+      if ((pose.rotation * z).dot(others[k].rotation * z) < 0.5) continue;
+      const Pose halfway = {pose.rotation.slerp(0.5, others[k].rotation),
+                            (pose.translation + others[k].translation) / 2};
+      cameras.push_back(halfway.Inverse());
+    }
+  }
+  return cameras;
+}
+
 // The grid leaves out no ball.
 TEST_F(FreeSpaceTest, FindsWhatComparingWithEachCameraFinds) {
   const Capture capture = testing::MakeSyntheticScene({.num_views = 9}).capture;
+  const std::vector<Pose> cameras = Cameras(capture);
+  ASSERT_GT(cameras.size(), 10u) << "some are halfway";
   constexpr double kClearance = 0.3;
   const FreeSpace space(capture, kClearance);
   const double radius = kClearance * SceneRadius(capture);
@@ -89,9 +131,9 @@ TEST_F(FreeSpaceTest, FindsWhatComparingWithEachCameraFinds) {
       const Eigen::Vector3f point =
           (center + Eigen::Vector3d(within(random), within(random), within(random))).cast<float>();
       bool inside = false;
-      for (const View& view : capture.views) {
-        const Eigen::Vector3d in_camera = view.cam_from_world * point.cast<double>();
-        inside |= !view.held_out && in_camera.z() > 0 && in_camera.norm() < radius;
+      for (const Pose& camera : cameras) {
+        const Eigen::Vector3d in_camera = camera * point.cast<double>();
+        inside |= in_camera.z() > 0 && in_camera.norm() < radius;
       }
       EXPECT_EQ(space.Contains(point), inside) << point.transpose();
       num_inside += inside ? 1 : 0;

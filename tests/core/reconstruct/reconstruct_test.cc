@@ -44,6 +44,20 @@ TEST(Reconstruct, TenStepsMatchTheGoldenRun) {
   EXPECT_THAT(losses, ::testing::Pointwise(::testing::DoubleNear(2e-5), golden));
 }
 
+TEST(Reconstruct, LeavesOutGaussiansUntilTheShareOfTheSteps) {
+  const auto backend = MakeCpuBackend(2);
+  const auto result_of = [&](float dropout, double until) {
+    ReconstructOptions options = ShortRun(20);
+    options.dropout = dropout;
+    options.dropout_until = until;
+    return Reconstruct(*backend, Synthetic(), options, Ignore).value();
+  };
+  const Gaussians none = result_of(0, 1);
+  EXPECT_EQ(result_of(0.1f, 0).planes, none.planes);
+  EXPECT_NE(result_of(0.1f, 0.5).planes, none.planes);
+  EXPECT_NE(result_of(0.1f, 0.5).planes, result_of(0.1f, 1).planes);
+}
+
 TEST(Reconstruct, GivesTheSameBytesForAnyThreadCountAndRun) {
   ReconstructOptions options = ShortRun(120);
   options.coarse_until = 0.3;

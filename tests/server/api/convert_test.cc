@@ -145,7 +145,7 @@ TEST(TrainingOptions, DecidesEveryOptionForThePaper) {
          "opacity_reset_every", "depth_local_form", "depth_window", "refine_from",
          "refine_candidates", "coarse_until",
          // Without effect in the preset.
-         "opacity_decay", "closing_share",
+         "opacity_decay", "closing_share", "dropout_until",
          // Of the run or the capture.
          "num_random_points", "seed", "capture_kind"});
   check(

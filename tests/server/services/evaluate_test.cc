@@ -28,8 +28,9 @@ TEST_F(EvaluateTest, ScoresEveryEntityOnTheViewsOtherThanItsReference) {
   EXPECT_EQ(left.ids[static_cast<int>(first.clicks(0).y()) * kWidth +
                      static_cast<int>(first.clicks(0).x())],
             kRed);
-  EXPECT_EQ(first.reference().scale_quantile(), 0.01);
-  EXPECT_EQ(first.reference().threshold(), 0.5);
+  // All scales and thresholds score the same: their middle is taken, lower in the threshold.
+  EXPECT_EQ(first.reference().scale_quantile(), 0.5);
+  EXPECT_EQ(first.reference().threshold(), 0.65);
   const double iou = red / (red + 192);
   EXPECT_NEAR(first.reference().mean().iou(), iou, 1e-12);
   EXPECT_NEAR(first.reference().mean().accuracy(), 1 - 192.0 / (kWidth * kHeight), 1e-12);
