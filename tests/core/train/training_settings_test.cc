@@ -119,5 +119,18 @@ TEST(Presets, KeepWhatTheyDoNotDecide) {
   }
 }
 
+TEST(Presets, TrainLongerAndWithFewerGaussiansForTheBest) {
+  ReconstructOptions preview, standard, best;
+  FeatureOptions features;
+  Apply(Preset::kPreview, preview, features);
+  Apply(Preset::kStandard, standard, features);
+  Apply(Preset::kBest, best, features);
+  EXPECT_LT(preview.num_steps, standard.num_steps);
+  EXPECT_LT(standard.num_steps, best.num_steps);
+  EXPECT_GT(best.pixels_per_gaussian, standard.pixels_per_gaussian);
+  EXPECT_EQ(preview.dropout, 0);
+  EXPECT_GT(standard.dropout, 0);
+}
+
 }  // namespace
 }  // namespace pepeseg
