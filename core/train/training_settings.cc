@@ -120,7 +120,7 @@ void Apply(Preset preset, ReconstructOptions& reconstruct, FeatureOptions& featu
     reconstruct.num_steps = 2000;
     reconstruct.coarse_until = 0.5;
     reconstruct.sh_degree = 1;
-    reconstruct.dropout = 0;  // costs more than it gains in so few steps
+    reconstruct.dropout = 0;  // costs more than it gains in 2,000 steps
     features.num_steps = 1500;
   } else if (preset == Preset::kBest) {
     // Fewer Gaussians train faster and overfit less: tests/bench/results/peak_quality.md.
