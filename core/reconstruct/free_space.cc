@@ -32,46 +32,35 @@ double NearestPoint(const Pose& cam_from_world, const std::vector<ScenePoint>& p
   return *nearest;
 }
 
-Eigen::Vector3d CenterOf(const Pose& cam_from_world) {
-  return cam_from_world.rotation.conjugate() * -cam_from_world.translation;
+// Returns the direction in which a camera looks.
+Eigen::Vector3d DirectionOf(const Pose& world_from_cam) {
+  return (world_from_cam.rotation * Eigen::Vector3d::UnitZ()).normalized();
 }
 
-Eigen::Vector3d DirectionOf(const Pose& cam_from_world) {
-  return (cam_from_world.rotation.conjugate() * Eigen::Vector3d::UnitZ()).normalized();
-}
-
-Pose Halfway(const Pose& a, const Pose& b) {
-  Pose pose;
-  pose.rotation = a.rotation.slerp(0.5, b.rotation);
-  pose.translation = pose.rotation * (-0.5 * (CenterOf(a) + CenterOf(b)));
-  return pose;
-}
-
-// Returns the poses of the training views, then those halfway between each of them and its nearest
-// neighbours that look the same way.
-std::vector<Pose> CameraPoses(const Capture& capture) {
-  std::vector<Pose> poses;
+// Returns world_from_cam of the training views, then of cameras halfway between each of them and
+// its nearest neighbours that look the same way.
+std::vector<Pose> Cameras(const Capture& capture) {
+  std::vector<Pose> cameras;
   for (const View& view : capture.views) {
-    if (!view.held_out) poses.push_back(view.cam_from_world);
+    if (!view.held_out) cameras.push_back(view.cam_from_world.Inverse());
   }
-  const size_t num_views = poses.size();
-  std::vector<Eigen::Vector3d> centers;
-  centers.reserve(num_views);
-  for (const Pose& pose : poses) centers.push_back(CenterOf(pose));
+  const size_t num_views = cameras.size();
   for (size_t i = 0; i < num_views; ++i) {
+    const Pose own = cameras[i];                    // copies, as `cameras` grows
     std::vector<std::pair<double, size_t>> others;  // by distance
     for (size_t j = 0; j < num_views; ++j) {
-      if (j != i) others.emplace_back((centers[j] - centers[i]).norm(), j);
+      if (j != i) others.emplace_back((cameras[j].translation - own.translation).norm(), j);
     }
     const size_t count = std::min(kNeighbors, others.size());
     std::partial_sort(others.begin(), others.begin() + static_cast<ptrdiff_t>(count), others.end());
     for (size_t k = 0; k < count; ++k) {
-      const Pose neighbor = poses[others[k].second];  // a copy: `poses` grows
-      if (DirectionOf(poses[i]).dot(DirectionOf(neighbor)) < kLeastCosine) continue;
-      poses.push_back(Halfway(poses[i], neighbor));
+      const Pose other = cameras[others[k].second];
+      if (DirectionOf(own).dot(DirectionOf(other)) < kLeastCosine) continue;
+      cameras.push_back(
+          {own.rotation.slerp(0.5, other.rotation), (own.translation + other.translation) / 2});
     }
   }
-  return poses;
+  return cameras;
 }
 
 }  // namespace
@@ -79,10 +68,11 @@ std::vector<Pose> CameraPoses(const Capture& capture) {
 FreeSpace::FreeSpace(const Capture& capture, double clearance) {
   if (clearance <= 0) return;
   const double most = clearance * SceneRadius(capture);
-  for (const Pose& pose : CameraPoses(capture)) {
-    const double radius = std::min(most, kShareOfNearest * NearestPoint(pose, capture.points));
+  for (const Pose& camera : Cameras(capture)) {
+    const double radius =
+        std::min(most, kShareOfNearest * NearestPoint(camera.Inverse(), capture.points));
     if (!(radius > 0)) continue;
-    balls_.push_back({CenterOf(pose).cast<float>(), DirectionOf(pose).cast<float>(),
+    balls_.push_back({camera.translation.cast<float>(), DirectionOf(camera).cast<float>(),
                       static_cast<float>(radius)});
   }
   if (!balls_.empty()) MakeGrid();
