@@ -2,9 +2,11 @@
 #include <csignal>
 #include <cstdlib>
 
+#include "absl/strings/str_format.h"
 #include "absl/time/time.h"
 #include "core/model_files/model_file.h"
 #include "tests/server/worker/worker_sfm_fixture.h"
+#include "tests/testing/colmap_files.h"
 #include "tests/testing/eventually.h"
 #include "tests/testing/fake_sam.h"
 #include "tests/testing/status_testing.h"
@@ -188,6 +190,41 @@ class WorkerSamWithoutPosesTest : public WithSam<WorkerSfmTest> {
         << commands << "\n";
     std::filesystem::permissions(spec_.worker.colmap, std::filesystem::perms::owner_all);
   }
+  // Uses a COLMAP that finds the true poses of `placed`, which are all but the first photograph, so
+  // that it is certain which photographs get one.
+  void UseColmapThatPlacesAllButTheFirst(const std::vector<View>& placed) {
+    const Camera& camera = placed.front().camera;
+    std::vector<testing::ImageRecord> images;
+    for (const View& view : placed) {
+      const Eigen::Quaterniond& q = view.cam_from_world.rotation;
+      const Eigen::Vector3d& t = view.cam_from_world.translation;
+      const auto number = static_cast<uint32_t>(images.size() + 2);
+      images.push_back({.id = number,
+                        .q = {q.w(), q.x(), q.y(), q.z()},
+                        .t = {t.x(), t.y(), t.z()},
+                        .name = absl::StrFormat("c1/%06d.jpg", number)});
+    }
+    std::vector<testing::PointRecord> points;
+    for (int i = 0; i < 27; ++i) {
+      points.push_back({.id = points.size() + 1,
+                        .xyz = {0.5 * (i % 3 - 1), 0.5 * (i / 3 % 3 - 1), 0.5 * (i / 9 - 1)}});
+    }
+    std::filesystem::create_directory(PathInJob("model"));
+    const auto write = [&](const std::string& name, const std::string& bytes) {
+      std::ofstream(PathInJob("model/" + name), std::ios::binary) << bytes;
+    };
+    write("cameras.bin",
+          testing::CamerasBinary({{.width = static_cast<uint64_t>(camera.width),
+                                   .height = static_cast<uint64_t>(camera.height),
+                                   .parameters = {camera.fx, camera.fy, camera.cx, camera.cy}}}));
+    write("images.bin", testing::ImagesBinary(images));
+    write("points3D.bin", testing::PointsBinary(points));
+    const size_t num_photographs = placed.size() + 1;
+    UseColmap(absl::StrCat("if [ $1 = feature_extractor ]; then for i in $(seq ", num_photographs,
+                           "); do printf 'Name: c1/%06d.jpg\\nFeatures: 1000\\n' $i; done; fi\n",
+                           "while [ $# != 0 ]; do if [ $1 = --output_path ]; then cp -r ",
+                           PathInJob("model"), " $2/0; fi; shift; done"));
+  }
   static std::string WaitingFor(const std::filesystem::path& file) {
     return absl::StrCat("n=0; until [ -e ", file.string(),
                         " ] || [ $n = 600 ]; do n=$((n+1)); sleep 0.1; done");
@@ -223,6 +260,7 @@ TEST_F(WorkerSamWithoutPosesTest, GivesMasksToTheTrainingViewsOnly) {
 TEST_F(WorkerSamWithoutPosesTest, SegmentsTheViewThatReplacesAPhotographWithoutPose) {
   AddPlace(1, 7);
   AddPlace(9, 1);
+  UseColmapThatPlacesAllButTheFirst(testing::PhotographPlace(testing::PlaceArc(9), 1));
   ExpectExit(Run(), WorkerExit::kSucceeded);
   ASSERT_OK_AND_ASSIGN(const auto model, ReadModel(job_.attempt(1)));
   ASSERT_EQ(model.views.size(), 9u);
