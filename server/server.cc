@@ -28,6 +28,7 @@
 #include "server/rpc/listener_probe.h"
 #include "server/server_metrics.h"
 #include "server/server_parts.h"
+#include "server/services/border_refiner.h"
 #include "server/services/dataset_service.h"
 #include "server/services/evaluation_service.h"
 #include "server/services/job_service.h"
@@ -91,6 +92,7 @@ struct Server::Parts {
   std::unique_ptr<SceneServiceRpc> scenes;
   std::unique_ptr<DatasetServiceRpc> datasets;
   std::unique_ptr<JobServiceRpc> jobs;
+  std::unique_ptr<BorderRefiner> borders;
   std::unique_ptr<SegmentationServiceRpc> segmentation;
   std::unique_ptr<LabelServiceRpc> labels;
   std::unique_ptr<Selections> selected;
@@ -114,7 +116,7 @@ struct Server::Parts {
   absl::Status StartJobs(const ServerOptions& options);
   // Makes the services, and opens the listeners of operators: admin calls and metrics.
   absl::Status MakeServices(const ServerOptions& options);
-  void MakeQueryServices();
+  void MakeQueryServices(int num_threads);
   // Opens the listener of clients. From then on calls are answered.
   absl::Status Listen(const ServerOptions& options);
   void StartSelfProbe(const ServerOptions& options);
@@ -201,7 +203,7 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
   jobs = std::make_unique<JobServiceRpc>(
       *runner,
       JobServiceRpc::Options{*store, *blobs, *supervisor, {*device.backend, device_memory, tools}});
-  MakeQueryServices();
+  MakeQueryServices(tools.num_threads);
   if (!options.admin.empty()) {
     ASSIGN_OR_RETURN(admin, AdminListener::Start({options.admin, credentials->Make()}, *operations,
                                                  metrics.rpc()));
@@ -209,8 +211,10 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
   return options.metrics.empty() ? absl::OkStatus() : metrics.Expose(options.metrics, *operations);
 }
 
-void Server::Parts::MakeQueryServices() {
-  segmentation = std::make_unique<SegmentationServiceRpc>(*runner, *models);
+void Server::Parts::MakeQueryServices(int num_threads) {
+  borders = std::make_unique<BorderRefiner>(
+      BorderRefiner::Options{sam, num_threads, *store, *blobs, photographs});
+  segmentation = std::make_unique<SegmentationServiceRpc>(*runner, *models, *borders);
   labels = std::make_unique<LabelServiceRpc>(*runner, *models);
   selected = std::make_unique<Selections>(*store, models->data_folder());
   selections = std::make_unique<SelectionServiceRpc>(*runner, *models, *selected);

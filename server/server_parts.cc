@@ -12,7 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/child_process.h"
 #include "core/base/status_macros.h"
-#include "core/priors/sam/sam_segmenter.h"
+#include "core/priors/sam/sam_networks.h"
 #include "kernels/host_memory.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
 #include "pepeseg/v1/evaluation_service.grpc.pb.h"

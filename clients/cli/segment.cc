@@ -23,6 +23,7 @@ struct SegmentFlags {
   GranularityFlags granularity;
   std::vector<std::string> targets;  // names of views, "all" or "held-out"
   bool refine_borders = true;
+  bool sam_borders = false;
   std::string out;
 };
 
@@ -49,6 +50,7 @@ absl::StatusOr<v1::SegmentViewsRequest> BuildRequest(const SegmentFlags& flags) 
   request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
   request.set_frame(flags.prompt.frame);
   request.set_refine_borders(flags.refine_borders);
+  request.set_sam_borders(flags.sam_borders);
   return request;
 }
 
@@ -168,6 +170,9 @@ void AddSegment(CLI::App& app, Shell& shell) {
                    "Views to segment: names, all or held-out; by default the view of the prompt");
   verb->add_flag("!--no-refine-borders", flags->refine_borders,
                  "Masks are exactly the pixels above the threshold");
+  verb->add_flag(
+      "--sam-borders", flags->sam_borders,
+      "Let SAM place the borders of the masks in the photographs; takes 1 to 2 s for a new view");
   verb->add_option("--out", flags->out, "Folder for STEM_mask.png and STEM_overlay.png");
   verb->callback(
       [flags, &shell] { shell.verb = [&, flags] { return RunSegment(shell, *flags); }; });

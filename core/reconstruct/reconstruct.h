@@ -75,6 +75,10 @@ struct ReconstructOptions {
   // Share of num_steps after which all Gaussians are rendered, as they will be in the end. In [0,
   // 1]. Measured: tests/bench/results/dropout.md.
   double dropout_until = 0.8;
+  // Share of the rounds of the views that a blurred photograph is in (blurred_views.h). In [0, 1].
+  // 0: blurred photographs are not trained on. 1: they count like the others. Measured:
+  // tests/bench/results/blur.md.
+  double blurred_share = 0.25;
   // Share of num_steps trained on smaller photographs: at a quarter of their size in its first
   // half, at half of it in its second half. In [0, 1]. 0: full size throughout. Measured:
   // tests/bench/results/presets_h200.md.

@@ -7,11 +7,21 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/reconstruct/blurred_views.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr float kResetOpacity = 0.01f;  // upper limit of all opacities after a reset (3DGS)
+
+// Returns the share of the rounds that each training view is in.
+std::vector<double> RoundShares(int num_views, const std::vector<bool>& blurred, double share) {
+  std::vector<double> shares(static_cast<size_t>(num_views), 1);
+  for (size_t view = 0; view < blurred.size(); ++view) {
+    if (blurred[view]) shares[view] = share;
+  }
+  return shares;
+}
 
 }  // namespace
 
@@ -40,7 +50,8 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
       views_(backend, capture,
              {options.coarse_until > 0, options_.depth_weight > 0,
               options.disparity_as_inverse_depth}),
-      sampler_(views_.size()),
+      blurred_(options.blurred_share < 1 ? FindBlurred(capture) : std::vector<bool>()),
+      sampler_(RoundShares(views_.size(), blurred_, options.blurred_share)),
       log_scales_(BoundLogScales(capture, points_)),
       free_space_(capture, options.camera_clearance),
       state_(backend, InitialGaussians(points_, options.sh_degree, log_scales_)),

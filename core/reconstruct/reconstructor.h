@@ -47,6 +47,9 @@ class Reconstructor {
   // Skipped parts of the stage, in the order of the decisions. After Resume, parts skipped before
   // the checkpoint are missing.
   const std::vector<SkippedTerm>& skipped() const { return skipped_; }
+  // By training view, whether its photograph is blurred (blurred_views.h) and trained on less for
+  // it. Empty: none is.
+  const std::vector<bool>& blurred() const { return blurred_; }
   // True when the schedule's options.num_steps steps have been done or skipped.
   bool done() const { return position_ >= options_.num_steps; }
   // Does one step on one view. The loss and PSNR in the report are those of the newest step that
@@ -85,6 +88,7 @@ class Reconstructor {
   const Schedule schedule_;
   Refiner refiner_;
   const TrainingViews views_;
+  const std::vector<bool> blurred_;  // by training view; empty where blurred ones count like others
   ViewSampler sampler_;
   const LogScaleBounds log_scales_;
   const FreeSpace free_space_;

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
-#include <numeric>
 #include <span>
 
 #include "absl/strings/str_cat.h"
@@ -200,8 +199,13 @@ TrainingViews::TrainingViews(Backend& backend, const Capture& capture,
 
 int ViewSampler::Next(std::mt19937_64& random) {
   if (left_.empty()) {
-    left_.resize(count_);
-    std::iota(left_.begin(), left_.end(), 0);
+    std::uniform_real_distribution<double> uniform(0, 1);
+    for (size_t view = 0; view < shares_.size(); ++view) {
+      // Nothing is drawn for a share of 1, so that other views do not change the order of a capture.
+      if (shares_[view] >= 1 || uniform(random) < shares_[view]) {
+        left_.push_back(static_cast<int>(view));
+      }
+    }
     // The order depends on the standard library, so a checkpoint continues exactly only in a build
     // with the same one.
     std::shuffle(left_.begin(), left_.end(), random);

@@ -55,21 +55,21 @@ class TrainingViews {
   bool allocated_ = true;
 };
 
-// Draws indices in [0, count) without replacement: each comes once in a round, in random order,
-// before the next round begins.
+// Draws indices of views in rounds: a view comes at most once in a round, in random order.
 class ViewSampler {
  public:
-  explicit ViewSampler(int count) : count_(count) {}
+  // shares: for each view the share of the rounds that it is in, in [0, 1]; at least one must be 1.
+  explicit ViewSampler(std::vector<double> shares) : shares_(std::move(shares)) {}
 
   int Next(std::mt19937_64& random);
 
   // Indices that this round has not returned yet; the next one is at the back.
   const std::vector<int>& left() const { return left_; }
-  // Resumes the round with `left`: each in [0, count), none twice.
+  // Resumes the round with `left`: each the index of a view, none twice.
   void Restore(std::vector<int> left) { left_ = std::move(left); }
 
  private:
-  int count_;
+  std::vector<double> shares_;
   std::vector<int> left_;
 };
 

@@ -7,11 +7,13 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <string>
 #include <system_error>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
 #include "core/evaluate/image_scores.h"
@@ -58,6 +60,7 @@ class Training {
   absl::Status TakeGivenGaussians(const DatasetFile& file);
   absl::Status TrainGaussians();
   std::optional<Gaussians> FindEarlierGaussians();
+  void WarnOfBlurred(const std::vector<bool>& blurred);
   absl::StatusOr<Gaussians> RunStageOne();
   absl::Status Step(const StepReport& report);
   void ResumeAt(const StageCheckpoints* checkpoints, const char* metric);
@@ -204,6 +207,21 @@ std::optional<Gaussians> Training::FindEarlierGaussians() {
   return std::nullopt;
 }
 
+// Names the photographs that stage one trains on less.
+void Training::WarnOfBlurred(const std::vector<bool>& blurred) {
+  std::vector<std::string> names;
+  size_t number = 0;  // among the training views
+  for (const View& view : scene_.capture.views) {
+    if (view.held_out) continue;
+    if (number < blurred.size() && blurred[number]) names.push_back(view.name);
+    ++number;
+  }
+  if (names.empty()) return;
+  stages_.Warn(absl::StrCat(names.size(), " of ", number,
+                            " photographs are blurred and count less: ", absl::StrJoin(names, ", "),
+                            "; sharp ones of the same places make a better model"));
+}
+
 // Trains from the farthest checkpoint. Each step is followed by a report, which can cancel the
 // training, and by a checkpoint when one is due.
 absl::StatusOr<Gaussians> Training::RunStageOne() {
@@ -212,6 +230,7 @@ absl::StatusOr<Gaussians> Training::RunStageOne() {
       const std::unique_ptr<Reconstructor> stage,
       StartReconstruction(checkpoints, backend_, scene_.capture, settings_.reconstruct));
   ResumeAt(checkpoints, "resumed_from_step");
+  WarnOfBlurred(stage->blurred());
   RETURN_IF_ERROR(stages_.ReportSkipped(stage->skipped()));
   absl::StatusOr<Gaussians> gaussians = [&] {
     const Polling polling(observer_);

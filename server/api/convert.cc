@@ -57,6 +57,7 @@
   FIELD(camera_clearance) \
   FIELD(dropout) \
   FIELD(dropout_until) \
+  FIELD(blurred_share) \
   FIELD(mean_learning_rate_cap) \
   FIELD(prune_size) \
   FIELD(disparity_as_inverse_depth)

@@ -42,10 +42,10 @@ class OpenFile {
   int descriptor_;
 };
 
-// A JPEG on disk, so that sending it to a slow client takes no memory.
+// A JPEG or RGB values on disk, so that sending them to a slow client takes no memory.
 struct PhotographPicture {
   OpenFile file;
-  int64_t offset = 0;  // first byte of the JPEG in the file
+  int64_t offset = 0;  // first byte of the image in the file
   int64_t num_bytes = 0;
   int width = 0, height = 0;  // pixels
 };
@@ -58,8 +58,8 @@ struct PhotographProcess {
   absl::Duration time_limit = absl::Minutes(1);
 };
 
-// Starts a worker that decodes the image file `blob`, waits for it, and returns the JPEG that it
-// made. Blocks; polls `wanted` meanwhile.
+// Starts a worker that decodes the image file `blob`, waits for it, and returns the picture that it
+// made, as the task says. Blocks; polls `wanted` meanwhile.
 // CANCELLED: `wanted` returned false, upon which the worker is killed.
 // INVALID_ARGUMENT: the file does not decode, crashes the worker, or takes more than the time
 // limit. DATA_LOSS: the file fails its checksum. NOT_FOUND: there is no such file.

@@ -32,8 +32,9 @@ struct QueryCall {
 
 // Segments one view after the other, and looks before each whether the client still waits. Blocks
 // for as long as the model takes to load. CANCELLED: the client does not wait.
-absl::Status Segment(ModelLoader& models, const QueryCall& call,
+absl::Status Segment(ModelLoader& models, BorderRefiner& borders, const QueryCall& call,
                      const v1::SegmentViewsRequest& request, v1::SegmentViewsResponse* response) {
+  if (request.sam_borders()) RETURN_IF_ERROR(borders.CheckAvailable());
   Stopwatch stopwatch;
   ASSIGN_OR_RETURN(const ResidentModel model, models.LoadWithFeatures(request.model(), "model"));
   *response->mutable_timing()->mutable_queue() = ToProto(call.queued);
@@ -46,15 +47,25 @@ absl::Status Segment(ModelLoader& models, const QueryCall& call,
   absl::Duration encode;
   size_t num_bytes = 0;
   AnswerFrame frame(request.frame());
+  SegmentOptions options = asked.options;
+  options.want_similarity = options.want_similarity || request.sam_borders();
   for (const ModelView& target : asked.targets) {
     if (call.given_up()) return absl::CancelledError("nobody waits for the answer any more");
     // One view at a time, although Segment takes many: a client that is gone costs at most one
     // view, and the size is checked before the next one is computed.
-    ASSIGN_OR_RETURN(auto results, model.segmenter->Segment(query, {&target, 1}, asked.options));
+    ASSIGN_OR_RETURN(auto results, model.segmenter->Segment(query, {&target, 1}, options));
+    auto border_image = v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED;
+    if (request.sam_borders()) {
+      ASSIGN_OR_RETURN(border_image,
+                       borders.Refine(
+                           model, target, [&call] { return !call.given_up(); }, results.front()));
+      if (!asked.options.want_similarity) results.front().similarity.clear();
+    }
     const SegmentResult result = frame.Take(target, std::move(results.front()));
     compute += stopwatch.Lap();
     ASSIGN_OR_RETURN(*response->add_masks(),
                      EncodeMask(target.name, result, request.mask_encoding()));
+    response->mutable_masks(response->masks_size() - 1)->set_border_image(border_image);
     num_bytes += response->masks(response->masks_size() - 1).ByteSizeLong();
     RETURN_IF_ERROR(CheckAnswerSize(num_bytes));
     response->set_scale_quantile(result.scale);
@@ -76,10 +87,12 @@ absl::Status Segment(ModelLoader& models, const QueryCall& call,
 class StreamSegmentsCall final
     : public NewestStream<v1::StreamSegmentsRequest, v1::StreamSegmentsResponse> {
  public:
-  StreamSegmentsCall(const CallRunner& runner, ModelLoader& models, CallOrigin origin)
+  StreamSegmentsCall(const CallRunner& runner, ModelLoader& models, BorderRefiner& borders,
+                     CallOrigin origin)
       : NewestStream(&runner.streams(), &runner.pools().query),
         runner_(runner),
         models_(models),
+        borders_(borders),
         origin_(std::move(origin)) {}
 
  private:
@@ -91,6 +104,7 @@ class StreamSegmentsCall final
 
   const CallRunner& runner_;
   ModelLoader& models_;
+  BorderRefiner& borders_;
   const CallOrigin origin_;
   const absl::Time begin_ = absl::Now();
   bool admitted_ = false;  // the caller may use this stream
@@ -117,8 +131,12 @@ bool StreamSegmentsCall::Answer(const v1::StreamSegmentsRequest& request) {
   // Each request of a stream counts as a query. A refusal is an answer, so that the stream survives
   // it.
   absl::Status status = runner_.quotas().Admit(project_, request);
+  if (status.ok() && request.segment().sam_borders()) {
+    status = BadField("segment.sam_borders", "true",
+                      "takes too long for a stream of answers; call SegmentViews");
+  }
   if (status.ok()) {
-    status = Segment(models_, call, request.segment(), message_.mutable_segment());
+    status = Segment(models_, borders_, call, request.segment(), message_.mutable_segment());
   }
   // A newer request came, or the stream ends: there is nothing to send.
   if (absl::IsCancelled(status)) return false;
@@ -213,19 +231,19 @@ absl::Status SegmentationServiceRpc::Decompose(const UnaryCall& call,
 grpc::ServerUnaryReactor* SegmentationServiceRpc::SegmentViews(
     grpc::CallbackServerContext* call, const v1::SegmentViewsRequest* request,
     v1::SegmentViewsResponse* response) {
-  return runner_.Run(
-      // Calls that compute run on `query`, those that compute for long on `evaluation`, and those
-      // of other services that only read the store on `io`, so that none of them waits for a slower
-      // kind.
-      runner_.pools().query, {call, request}, [this, request, response](const UnaryCall& unary) {
-        const QueryCall query = {unary.queued, [&unary] { return !unary.CheckWanted().ok(); }};
-        return Segment(models_, query, *request, response);
-      });
+  // Calls that compute run on `query`, those that compute for long on `evaluation`, and those of
+  // other services that only read the store on `io`, so that none of them waits for a slower kind.
+  WorkerPool& pool = request->sam_borders() ? runner_.pools().evaluation : runner_.pools().query;
+  return runner_.Run(pool, {call, request}, [this, request, response](const UnaryCall& unary) {
+    const QueryCall query = {unary.queued, [&unary] { return !unary.CheckWanted().ok(); }};
+    return Segment(models_, borders_, query, *request, response);
+  });
 }
 
 grpc::ServerBidiReactor<v1::StreamSegmentsRequest, v1::StreamSegmentsResponse>*
 SegmentationServiceRpc::StreamSegments(grpc::CallbackServerContext* call) {
-  const auto stream = std::make_shared<StreamSegmentsCall>(runner_, models_, OriginOf(*call));
+  const auto stream =
+      std::make_shared<StreamSegmentsCall>(runner_, models_, borders_, OriginOf(*call));
   stream->BeginReading();
   return stream.get();  // owns itself until OnDone
 }

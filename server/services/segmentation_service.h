@@ -3,6 +3,7 @@
 #include "absl/status/status.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
 #include "server/rpc/call_runner.h"
+#include "server/services/border_refiner.h"
 #include "server/services/model_loader.h"
 
 namespace pepeseg {
@@ -11,9 +12,9 @@ namespace pepeseg {
 // `evaluation` where computing takes minutes, else `query`.
 class SegmentationServiceRpc final : public v1::SegmentationService::CallbackService {
  public:
-  // Both must outlive it.
-  SegmentationServiceRpc(const CallRunner& runner, ModelLoader& models)
-      : runner_(runner), models_(models) {}
+  // All must outlive it.
+  SegmentationServiceRpc(const CallRunner& runner, ModelLoader& models, BorderRefiner& borders)
+      : runner_(runner), models_(models), borders_(borders) {}
 
   grpc::ServerUnaryReactor* SegmentViews(grpc::CallbackServerContext* call,
                                          const v1::SegmentViewsRequest* request,
@@ -35,6 +36,7 @@ class SegmentationServiceRpc final : public v1::SegmentationService::CallbackSer
 
   const CallRunner& runner_;
   ModelLoader& models_;
+  BorderRefiner& borders_;
 };
 
 }  // namespace pepeseg

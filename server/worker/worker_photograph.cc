@@ -108,23 +108,31 @@ struct PictureAnswer {
   std::string bytes;
 };
 
-// Makes the JPEG. RESOURCE_EXHAUSTED: memory is not enough. Libraries throw bad_alloc then.
+// Makes the JPEG or the pixels. RESOURCE_EXHAUSTED: memory is not enough. Libraries throw bad_alloc
+// then.
 absl::StatusOr<PictureAnswer> MakeAnswer(const PhotographTask& task) {
   try {
     ASSIGN_OR_RETURN(const std::string bytes, ReadPhotographInput(task.name));
     ASSIGN_OR_RETURN(Image image, DecodeInput(task, bytes));
     const int max_side = task.max_side > 0 ? std::min(task.max_side, kMaxJpegSide) : kMaxJpegSide;
     image = ShrunkTo(std::move(image), max_side);
-    ASSIGN_OR_RETURN(std::string jpeg, EncodeJpeg(image, kJpegQuality));
-    const auto size = static_cast<int64_t>(jpeg.size());
-    return PictureAnswer{{absl::StatusCode::kOk, image.width, image.height, size}, std::move(jpeg)};
+    std::string answer;
+    if (task.raw) {
+      answer.assign(image.pixels.begin(), image.pixels.end());
+    } else {
+      ASSIGN_OR_RETURN(answer, EncodeJpeg(image, kJpegQuality));
+    }
+    const auto size = static_cast<int64_t>(answer.size());
+    return PictureAnswer{{absl::StatusCode::kOk, image.width, image.height, size},
+                         std::move(answer)};
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError(
         absl::StrCat(task.name, ": decoding it takes more than ", MemoryLimit() >> 20, " MiB"));
   }
 }
 
-// Writes the JPEG, or the error of making it. Returns an error if that cannot be written.
+// Writes the JPEG or the pixels, or the error of making them. Returns an error if that cannot be
+// written.
 absl::Status WriteAnswer(const PhotographTask& task) {
   const absl::StatusOr<PictureAnswer> picture = MakeAnswer(task);
   if (picture.ok()) {

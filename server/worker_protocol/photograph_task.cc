@@ -25,11 +25,8 @@ static_assert(sizeof(PhotographHeaderBytes) == kPhotographHeaderBytes);
 }  // namespace
 
 std::string FormatPhotographTask(const PhotographTask& task) {
-  const Json json = {{"name", task.name},
-                     {"sha256", task.sha256},
-                     {"upright", task.upright},
-                     {"view", task.view},
-                     {"max_side", task.max_side}};
+  const Json json = {{"name", task.name}, {"sha256", task.sha256},     {"upright", task.upright},
+                     {"view", task.view}, {"max_side", task.max_side}, {"raw", task.raw}};
   return json.dump(-1, ' ', /*ensure_ascii=*/true, Json::error_handler_t::replace);
 }
 
@@ -42,6 +39,7 @@ absl::StatusOr<PhotographTask> ParsePhotographTask(absl::string_view text) {
     task.upright = json.at("upright").get<bool>();
     task.view = json.at("view").get<std::string>();
     task.max_side = json.at("max_side").get<int>();
+    task.raw = json.at("raw").get<bool>();
     return task;
   } catch (const Json::exception& error) {
     return absl::InvalidArgumentError(std::string("not a photograph task: ") + error.what());

@@ -12,7 +12,7 @@
 // image file from its standard input and writes one answer to its standard output, a file.
 namespace pepeseg {
 
-// What to make of an image file: a JPEG.
+// What to make of an image file: a JPEG, or its pixels.
 struct PhotographTask {
   std::string name;    // the client's path of the file, for errors
   std::string sha256;  // digest of the file: 64 lower-case hex digits
@@ -22,19 +22,22 @@ struct PhotographTask {
   // the image is not warped. Not together with `upright`: a view is of the pixels as they are
   // stored.
   std::string view;
-  // Maximum longer side of the JPEG, pixels; a larger image is shrunk to it. 0: not shrunk.
+  // Maximum longer side of the result, pixels; a larger image is shrunk to it. 0: not shrunk.
   int max_side = 0;
+  // Whether the answer is the RGB values, [height, width, 3], and not a JPEG: a server must not
+  // decode what a process that has read a stranger's file has written.
+  bool raw = false;
 };
 
 std::string FormatPhotographTask(const PhotographTask& task);
 // Parses what FormatPhotographTask returns. INVALID_ARGUMENT: `text` is something else.
 absl::StatusOr<PhotographTask> ParsePhotographTask(absl::string_view text);
 
-// The start of an answer. `num_bytes` bytes follow: of the JPEG if `code` is OK, else of the
-// error's message.
+// The start of an answer. `num_bytes` bytes follow: of the JPEG or the pixels if `code` is OK, else
+// of the error's message.
 struct PhotographHeader {
   absl::StatusCode code = absl::StatusCode::kOk;
-  int width = 0;  // size of the JPEG, pixels; 0 with an error
+  int width = 0;  // size of the image, pixels; 0 with an error
   int height = 0;
   int64_t num_bytes = 0;
 };

@@ -58,6 +58,7 @@ inline void AddStageOneFlags(CLI::App& app, ReconstructOptions& stage) {
   app.add_option("--camera-clearance", stage.camera_clearance);
   app.add_option("--dropout", stage.dropout);
   app.add_option("--dropout-until", stage.dropout_until);
+  app.add_option("--blurred-share", stage.blurred_share);
   app.add_option("--max-gaussians", stage.max_gaussians);
   app.add_option("--refine-keep", stage.refine_keep, "1 none, 2 shrink, 3 split");
   app.add_option("--refine-from", stage.refine_from);

@@ -7,11 +7,12 @@
 #include <optional>
 #include <string>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/priors/sam/prompted_segmenter.h"
 
 namespace pepeseg {
+
+struct SamNetworks;
 
 // Returns the number of photographs to segment at the same time on `num_threads` threads. A thread
 // for each takes less processor time than several that share one, but each takes memory.
@@ -37,18 +38,10 @@ struct SamOptions {
   std::optional<int> cuda_device = std::nullopt;
 };
 
-// Verifies the three files of a folder that deploy/sam.sh has made (encoder, decoder, ONNX Runtime)
-// against its SHA256SUMS, which has a line "DIGEST  NAME" for each. Returns NOT_FOUND when the
-// folder or its SHA256SUMS does not exist, and FAILED_PRECONDITION, with the file and the remedy,
-// when a file is missing or differs. Reads 90 MB.
-absl::Status CheckSamFiles(const std::filesystem::path& folder);
-
 // The networks of a small SAM with TinyViT's encoder, from a folder that deploy/sam.sh has made.
 class SamModel {
  public:
-  // Verifies the files and loads the networks. Returns the errors of CheckSamFiles,
-  // FAILED_PRECONDITION when the library does not load or the models are not the expected ones, and
-  // RESOURCE_EXHAUSTED when out of memory. Where CUDA fails, the CPU computes: see processor().
+  // Returns the errors of SamNetworks::Open. Where CUDA fails, the CPU computes: see processor().
   static absl::StatusOr<std::unique_ptr<SamModel>> Open(const std::filesystem::path& folder,
                                                         const SamOptions& options);
   ~SamModel();
@@ -64,10 +57,9 @@ class SamModel {
   void Interrupt() const;
 
  private:
-  struct Networks;
-  explicit SamModel(std::unique_ptr<const Networks> networks);
+  explicit SamModel(std::unique_ptr<const SamNetworks> networks);
 
-  std::unique_ptr<const Networks> networks_;
+  std::unique_ptr<const SamNetworks> networks_;
 };
 
 }  // namespace pepeseg

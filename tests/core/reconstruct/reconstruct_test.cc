@@ -336,6 +336,7 @@ TEST(ValidateReconstructOptions, NamesEachFieldThatIsOutOfRange) {
       {"max_gaussians", [](Options& o) { o.max_gaussians = 0; }},
       {"dropout", [](Options& o) { o.dropout = 0.95f; }},
       {"dropout_until", [](Options& o) { o.dropout_until = 1.1; }},
+      {"blurred_share", [](Options& o) { o.blurred_share = -0.1; }},
       {"camera_clearance", [](Options& o) { o.camera_clearance = 1.1f; }},
       {"refine_keep", [](Options& o) { o.refine_keep = static_cast<RefineKeep>(0); }},
       {"refine_keep", [](Options& o) { o.refine_keep = static_cast<RefineKeep>(4); }},

@@ -109,7 +109,7 @@ TEST(TrainingViews, HoldNegativeDisparitiesToCompareThemWithDepth) {
 }
 
 TEST(ViewSampler, DrawsEachViewOnceARound) {
-  ViewSampler sampler(7);
+  ViewSampler sampler(std::vector<double>(7, 1));
   std::mt19937_64 random(3);
   std::vector<int> first_round;
   for (int round = 0; round < 5; ++round) {
@@ -123,8 +123,20 @@ TEST(ViewSampler, DrawsEachViewOnceARound) {
   }
 }
 
+TEST(ViewSampler, DrawsAViewInItsShareOfTheRounds) {
+  constexpr int kRounds = 4000;
+  ViewSampler sampler({1, 0.25, 0});
+  std::mt19937_64 random(3);
+  std::vector<int> count(3);
+  for (; count[0] < kRounds; ++count[sampler.Next(random)]) {
+  }
+  EXPECT_NEAR(count[1], 0.25 * kRounds, 100);  // about four standard deviations
+  EXPECT_EQ(count[2], 0);
+}
+
 TEST(ViewSampler, RepeatsWithTheSeed) {
-  ViewSampler a(20), b(20), c(20);
+  const std::vector<double> shares(20, 1);
+  ViewSampler a(shares), b(shares), c(shares);
   std::mt19937_64 random_a(1), random_b(1), random_c(2);
   bool differs = false;
   for (int i = 0; i < 60; ++i) {

@@ -164,6 +164,7 @@ def segment(
     targets: prompts.Targets = None,
     similarity: bool = False,
     refine_borders: bool = True,
+    sam_borders: bool = False,
     frame: str = "photograph",
 ) -> Steps[Segmentation]:
     """Returns masks of what a prompt means.
@@ -186,6 +187,9 @@ def segment(
         similarity: return similarity maps, too.
         refine_borders: decide the pixels along the borders of the masks by what is rendered there.
             False: a mask is exactly the pixels above the threshold.
+        sam_borders: let the server's SAM place the borders of the masks, in the photographs where
+            the server has them, else in the renderings. For real photographs; takes one to
+            two seconds for a new view.
         frame: the pixels of prompt and masks: "photograph", as it was uploaded, or "view", as it
             was trained on (undistorted, cropped, shrunk). A Camera has its own.
 
@@ -193,7 +197,8 @@ def segment(
         InvalidArgumentError: a point is outside the frame or on nothing, a view is unknown, or a
             value is out of range.
         NotFoundError: no such scene, model or label.
-        FailedPreconditionError: the scene has no model yet.
+        FailedPreconditionError: the scene has no model yet, or the server has no SAM for
+            `sam_borders`.
         ResourceExhaustedError: the model does not fit into memory, or the response exceeds 4 MiB:
             request fewer views.
     """
@@ -206,6 +211,7 @@ def segment(
         want_similarity=similarity,
         frame=prompts.pixel_frame(frame),
         refine_borders=refine_borders,
+        sam_borders=sam_borders,
     )
     answer = yield Unary("segmentation", "SegmentViews", request, at.scene)
     return parse_segmentation(answer)

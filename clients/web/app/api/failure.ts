@@ -24,6 +24,7 @@ const advice: Partial<Record<string, string>> = {
   DISK_FULL: 'The server’s disk is full: delete scenes that are not needed.',
   JOB_ACTIVE: 'Wait for the training that is running, or cancel it.',
   NO_MODEL: 'Train the scene first.',
+  NO_SAM: 'Who runs the server can install it: deploy/sam.sh.',
   DRAINING: 'The server is being restarted; the page continues by itself.',
 };
 

@@ -126,7 +126,7 @@ function Slider({ id, name, ends, chosen, value, onInput, ...input }: SliderProp
 }
 
 export function GranularityTools({ session }: { session: SceneSession }): JSX.Element {
-  const { prompt, granularity, answer } = useStore(session.state);
+  const { prompt, granularity, answer, busy } = useStore(session.state);
   return (
     <>
       <Chips session={session} />
@@ -156,6 +156,14 @@ export function GranularityTools({ session }: { session: SceneSession }): JSX.El
           onInput={(threshold) => session.drag({ threshold })}
           onChange={() => session.rest()}
         />
+        <button
+          type="button"
+          disabled={!answer || busy}
+          title="SAM places the border of this mask in the photograph; takes a second or two"
+          onClick={() => void session.placeBorder()}
+        >
+          Border by SAM
+        </button>
       </details>
     </>
   );

@@ -62,6 +62,71 @@ test('a click on nothing keeps the answer before it, and marks its position', as
   expect(session.state.get().prompt).toBeUndefined();
 });
 
+test('SAM places the border of the shown mask until the prompt changes', async () => {
+  const { SceneSession } = await import('../../app/scene/session');
+  const { segmentation } = await import('../../app/api/clients');
+  const session = new SceneSession('scenes/shelf/models/1');
+  const inside = session as unknown as {
+    socket: object;
+    take: (sequence: bigint, response: object) => void;
+    askOtherViews: () => void;
+  };
+  let sequence = 0n;
+  inside.socket = { ask: () => ++sequence, close: () => undefined };
+  inside.askOtherViews = () => undefined;
+  const answer = (area: bigint) => ({
+    masks: [
+      {
+        view: 'a.jpg',
+        mask: { case: 'rle', value: { width: 4, height: 3, counts: '0<' } },
+        area,
+        score: 1,
+      },
+    ],
+    scaleQuantile: 0.4,
+    scaleUnits: 1,
+    threshold: 0.7,
+  });
+  const asked: { samBorders?: boolean; targets?: { views: string[] } }[] = [];
+  let reply: Promise<object> = Promise.resolve(answer(11n));
+  const before = segmentation.segmentViews;
+  segmentation.segmentViews = ((request: object) => {
+    asked.push(request);
+    return reply;
+  }) as never;
+  try {
+    session.show('a.jpg');
+    session.addPoint({ view: 'a.jpg' }, { x: 1, y: 1, negative: false });
+    await session.placeBorder();
+    expect(asked).toHaveLength(0); // there is no answer yet
+    inside.take(sequence, answer(12n));
+    await session.placeBorder();
+    expect(asked[0]).toMatchObject({ samBorders: true, targets: { views: ['a.jpg'] } });
+    const { answer: placed, busy } = session.state.get();
+    expect([placed?.masks.get('a.jpg')?.area, busy]).toEqual([11, false]);
+
+    // A server without SAM: the mask stays.
+    reply = Promise.reject(errorWith(Code.FailedPrecondition, 'no SAM', { reason: 'NO_SAM' }));
+    await session.placeBorder();
+    const refused = session.state.get();
+    expect([refused.failure?.reason, refused.busy]).toEqual(['NO_SAM', false]);
+    expect(refused.answer?.masks.get('a.jpg')?.area).toBe(11);
+
+    // A new click wins over an answer that comes later.
+    let comes: (response: object) => void = () => undefined;
+    reply = new Promise((resolve) => {
+      comes = resolve;
+    });
+    const placing = session.placeBorder();
+    session.addPoint({ view: 'a.jpg' }, { x: 2, y: 1, negative: false });
+    comes(answer(10n));
+    await placing;
+    expect([session.state.get().answer, session.state.get().busy]).toEqual([undefined, true]);
+  } finally {
+    segmentation.segmentViews = before;
+  }
+});
+
 test('a first click on nothing leaves nothing', async () => {
   const { SceneSession } = await import('../../app/scene/session');
   const session = new SceneSession('scenes/shelf/models/1');

@@ -13,6 +13,7 @@
 #include "core/dataset/import.h"
 #include "core/priors/sam/automatic_masks.h"
 #include "core/priors/sam/onnx_runtime.h"
+#include "core/priors/sam/sam_networks.h"
 #include "tests/testing/fake_sam.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"

@@ -63,7 +63,7 @@ class ProposeScalesResponse(_message.Message):
     def __init__(self, proposals: _Optional[_Iterable[_Union[ProposeScalesResponse.Proposal, _Mapping]]] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ..., best: _Optional[int] = ...) -> None: ...
 
 class SegmentViewsRequest(_message.Message):
-    __slots__ = ["frame", "granularity", "mask_encoding", "model", "prompt", "refine_borders", "targets", "want_similarity"]
+    __slots__ = ["frame", "granularity", "mask_encoding", "model", "prompt", "refine_borders", "sam_borders", "targets", "want_similarity"]
     class Targets(_message.Message):
         __slots__ = ["group", "views"]
         class Group(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
@@ -82,6 +82,7 @@ class SegmentViewsRequest(_message.Message):
     MODEL_FIELD_NUMBER: _ClassVar[int]
     PROMPT_FIELD_NUMBER: _ClassVar[int]
     REFINE_BORDERS_FIELD_NUMBER: _ClassVar[int]
+    SAM_BORDERS_FIELD_NUMBER: _ClassVar[int]
     TARGETS_FIELD_NUMBER: _ClassVar[int]
     WANT_SIMILARITY_FIELD_NUMBER: _ClassVar[int]
     frame: _prompt_pb2.PixelFrame
@@ -90,12 +91,15 @@ class SegmentViewsRequest(_message.Message):
     model: str
     prompt: _prompt_pb2.Prompt
     refine_borders: bool
+    sam_borders: bool
     targets: SegmentViewsRequest.Targets
     want_similarity: bool
-    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., targets: _Optional[_Union[SegmentViewsRequest.Targets, _Mapping]] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ..., want_similarity: bool = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., refine_borders: bool = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., targets: _Optional[_Union[SegmentViewsRequest.Targets, _Mapping]] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ..., want_similarity: bool = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., refine_borders: bool = ..., sam_borders: bool = ...) -> None: ...
 
 class SegmentViewsResponse(_message.Message):
     __slots__ = ["masks", "model", "scale_quantile", "scale_units", "threshold", "timing"]
+    class BorderImage(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = []
     class Box(_message.Message):
         __slots__ = ["height", "width", "x", "y"]
         HEIGHT_FIELD_NUMBER: _ClassVar[int]
@@ -117,8 +121,9 @@ class SegmentViewsResponse(_message.Message):
         width: int
         def __init__(self, width: _Optional[int] = ..., height: _Optional[int] = ..., values: _Optional[bytes] = ...) -> None: ...
     class ViewMask(_message.Message):
-        __slots__ = ["area", "box", "png", "rle", "score", "similarity", "view"]
+        __slots__ = ["area", "border_image", "box", "png", "rle", "score", "similarity", "view"]
         AREA_FIELD_NUMBER: _ClassVar[int]
+        BORDER_IMAGE_FIELD_NUMBER: _ClassVar[int]
         BOX_FIELD_NUMBER: _ClassVar[int]
         PNG_FIELD_NUMBER: _ClassVar[int]
         RLE_FIELD_NUMBER: _ClassVar[int]
@@ -126,13 +131,17 @@ class SegmentViewsResponse(_message.Message):
         SIMILARITY_FIELD_NUMBER: _ClassVar[int]
         VIEW_FIELD_NUMBER: _ClassVar[int]
         area: int
+        border_image: SegmentViewsResponse.BorderImage
         box: SegmentViewsResponse.Box
         png: bytes
         rle: _prompt_pb2.CocoRle
         score: float
         similarity: SegmentViewsResponse.SimilarityMap
         view: str
-        def __init__(self, view: _Optional[str] = ..., rle: _Optional[_Union[_prompt_pb2.CocoRle, _Mapping]] = ..., png: _Optional[bytes] = ..., score: _Optional[float] = ..., box: _Optional[_Union[SegmentViewsResponse.Box, _Mapping]] = ..., area: _Optional[int] = ..., similarity: _Optional[_Union[SegmentViewsResponse.SimilarityMap, _Mapping]] = ...) -> None: ...
+        def __init__(self, view: _Optional[str] = ..., rle: _Optional[_Union[_prompt_pb2.CocoRle, _Mapping]] = ..., png: _Optional[bytes] = ..., score: _Optional[float] = ..., box: _Optional[_Union[SegmentViewsResponse.Box, _Mapping]] = ..., area: _Optional[int] = ..., similarity: _Optional[_Union[SegmentViewsResponse.SimilarityMap, _Mapping]] = ..., border_image: _Optional[_Union[SegmentViewsResponse.BorderImage, str]] = ...) -> None: ...
+    BORDER_IMAGE_PHOTOGRAPH: SegmentViewsResponse.BorderImage
+    BORDER_IMAGE_RENDERING: SegmentViewsResponse.BorderImage
+    BORDER_IMAGE_UNSPECIFIED: SegmentViewsResponse.BorderImage
     MASKS_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     SCALE_QUANTILE_FIELD_NUMBER: _ClassVar[int]

@@ -1,0 +1,171 @@
+#include "core/priors/sam/sam_networks.h"
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <opencv2/imgproc.hpp>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "core/base/digest.h"
+#include "core/base/file_io.h"
+#include "core/base/status_macros.h"
+#include "core/priors/sam/prompted_segmenter.h"
+
+namespace pepeseg {
+namespace {
+
+// Files of a folder that deploy/sam.sh has made.
+constexpr char kSamEncoder[] = "encoder.onnx", kSamDecoder[] = "sam.onnx",
+               kSamRuntime[] = "libonnxruntime.so.1", kSamDigests[] = "SHA256SUMS";
+// CUDA provider of ONNX Runtime, which an operator may add to the folder. It has no digest.
+constexpr char kSamCudaProvider[] = "libonnxruntime_providers_cuda.so";
+constexpr int64_t kMaxDigestFile = 4096;  // bytes of SHA256SUMS
+constexpr int64_t kMaxModelBytes = int64_t{1} << 30;
+
+// Returns the encoder's input, [3, kSamFrame, kSamFrame]: the photograph scaled so that its longer
+// side fills the frame, normalised with the mean and standard deviation of SAM's training, with
+// zeros to the right or below.
+std::vector<float> EncoderInput(const Image& photo) {
+  // RGB, of 255. Padding is 0 after normalising.
+  constexpr std::array<float, 3> kMean = {123.675F, 116.28F, 103.53F};
+  constexpr std::array<float, 3> kDeviation = {58.395F, 57.12F, 57.375F};
+  const double scale = double{kSamFrame} / std::max(photo.width, photo.height);
+  const cv::Mat from(photo.height, photo.width, CV_8UC3, const_cast<uint8_t*>(photo.pixels.data()));
+  cv::Mat to;
+  const cv::Size size(std::max(1, cvRound(photo.width * scale)),
+                      std::max(1, cvRound(photo.height * scale)));
+  // Area for shrinking; it would repeat pixels when enlarging.
+  cv::resize(from, to, size, 0, 0, scale < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
+  std::vector<float> planes(size_t{3} * kSamFrame * kSamFrame, 0);
+  for (int y = 0; y < to.rows; ++y) {
+    const auto* row = to.ptr<cv::Vec3b>(y);
+    for (int c = 0; c < 3; ++c) {
+      float* out = &planes[(static_cast<size_t>(c) * kSamFrame + y) * kSamFrame];
+      for (int x = 0; x < to.cols; ++x) out[x] = (row[x][c] - kMean[c]) / kDeviation[c];
+    }
+  }
+  return planes;
+}
+
+// Returns FAILED_PRECONDITION with the file, the reason and the remedy.
+absl::Status Bad(const std::filesystem::path& file, absl::string_view what) {
+  return absl::FailedPreconditionError(
+      absl::StrCat("SAM: ", file.string(), ": ", what, "; run deploy/sam.sh ",
+                   file.parent_path().string(), " to install it again"));
+}
+
+// Opens a session on a model file, changed by `edit` unless it is null. A file that is not the
+// expected model is FAILED_PRECONDITION.
+absl::StatusOr<std::unique_ptr<OnnxSession>> OpenSession(const OnnxRuntime& runtime,
+                                                         const std::filesystem::path& file,
+                                                         const OnnxSessionOptions& options,
+                                                         const OnnxGraphEdit* edit) {
+  const std::string name = absl::StrCat("SAM: ", file.string());
+  ASSIGN_OR_RETURN(std::string model, ReadFile(file, name, kMaxModelBytes));
+  if (edit != nullptr) {
+    auto edited = EditOnnxGraph(model, *edit, name);
+    if (!edited.ok()) return absl::FailedPreconditionError(edited.status().message());
+    model = *std::move(edited);
+  }
+  auto session = OnnxSession::Create(runtime, model, name, options);
+  if (!absl::IsInvalidArgument(session.status())) return session;
+  return absl::FailedPreconditionError(session.status().message());
+}
+
+absl::Status OpenSessions(const std::filesystem::path& folder, const OnnxGraphEdit& edit,
+                          const OnnxSessionOptions& options, SamNetworks& networks) {
+  ASSIGN_OR_RETURN(networks.encoder,
+                   OpenSession(*networks.runtime, folder / kSamEncoder, options, nullptr));
+  ASSIGN_OR_RETURN(networks.decoder,
+                   OpenSession(*networks.runtime, folder / kSamDecoder, options, &edit));
+  return absl::OkStatus();
+}
+
+absl::Status CheckShape(const OnnxTensor& tensor, const std::vector<int64_t>& shape,
+                        const char* model) {
+  if (tensor.shape == shape) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("SAM: ", model, ": not the expected model: an output has another shape"));
+}
+
+}  // namespace
+
+// A missing SHA256SUMS means that SAM is not installed; everything else that is wrong means that
+// the installation is damaged.
+absl::Status CheckSamFiles(const std::filesystem::path& folder) {
+  const std::filesystem::path list = folder / kSamDigests;
+  const absl::StatusOr<std::string> text = ReadFile(list, list.string(), kMaxDigestFile);
+  if (absl::IsNotFound(text.status())) {
+    return absl::NotFoundError(absl::StrCat("SAM: ", list.string(),
+                                            " does not exist; run deploy/sam.sh ", folder.string(),
+                                            " to install SAM there"));
+  }
+  if (!text.ok()) return Bad(list, text.status().message());
+  std::map<std::string, std::string> digests;
+  for (const absl::string_view line : absl::StrSplit(*text, '\n', absl::SkipEmpty())) {
+    const std::pair<std::string, std::string> words =
+        // The format of sha256sum: the digest, two spaces, the name.
+        absl::StrSplit(line, absl::MaxSplits("  ", 1));
+    digests[words.second] = words.first;
+  }
+  for (const char* name : {kSamEncoder, kSamDecoder, kSamRuntime}) {
+    const std::filesystem::path file = folder / name;
+    if (!digests.contains(name)) return Bad(list, absl::StrCat("has no line for ", name));
+    const absl::StatusOr<std::string> digest = Sha256OfFile(file);
+    if (!digest.ok()) return Bad(file, digest.status().message());
+    if (*digest == digests[name]) continue;
+    return Bad(file, absl::StrCat("its SHA-256 is ", *digest, ", not ", digests[name],
+                                  " as in SHA256SUMS"));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::unique_ptr<const SamNetworks>> SamNetworks::Open(
+    const std::filesystem::path& folder, const OnnxGraphEdit& edit,
+    const OnnxSessionOptions& options) {
+  RETURN_IF_ERROR(CheckSamFiles(folder));
+  auto networks = std::make_unique<SamNetworks>();
+  auto runtime = OnnxRuntime::Load(folder / kSamRuntime);
+  if (!runtime.ok()) {
+    return absl::Status(runtime.status().code(), absl::StrCat("SAM: ", runtime.status().message()));
+  }
+  networks->runtime = *std::move(runtime);
+  networks->processor = "the CPU";
+  std::error_code ignored;
+  if (options.cuda_device && std::filesystem::exists(folder / kSamCudaProvider, ignored)) {
+    const absl::Status opened = OpenSessions(folder, edit, options, *networks);
+    if (opened.ok()) {
+      networks->processor = absl::StrCat("CUDA device ", *options.cuda_device);
+      return networks;
+    }
+    networks->processor = absl::StrCat("the CPU, since CUDA failed: ", opened.message());
+  }
+  RETURN_IF_ERROR(OpenSessions(folder, edit, {options.num_threads}, *networks));
+  return networks;
+}
+
+absl::StatusOr<OnnxTensor> EmbedPhotograph(const OnnxSession& encoder, const Image& photo) {
+  const std::vector<float> planes = EncoderInput(photo);
+  const OnnxInput input = {"input", {1, 3, kSamFrame, kSamFrame}, planes};
+  constexpr std::array<const char*, 1> kOutputs = {"output"};
+  ASSIGN_OR_RETURN(std::vector<OnnxTensor> outputs, encoder.Run({&input, 1}, kOutputs));
+  RETURN_IF_ERROR(CheckShape(outputs[0], {1, 256, 64, 64}, kSamEncoder));
+  return std::move(outputs[0]);
+}
+
+absl::StatusOr<std::vector<OnnxTensor>> RunSamDecoder(const OnnxSession& decoder,
+                                                      std::span<const OnnxInput> inputs,
+                                                      int64_t num_prompts) {
+  constexpr int64_t kMasks = PromptAnswers::kMasks, kExtent = PromptAnswers::kExtent;
+  constexpr std::array<const char*, 2> kOutputs = {kSamMasks, kSamIous};
+  ASSIGN_OR_RETURN(std::vector<OnnxTensor> outputs, decoder.Run(inputs, kOutputs));
+  RETURN_IF_ERROR(CheckShape(outputs[0], {num_prompts, kMasks, kExtent, kExtent}, kSamDecoder));
+  RETURN_IF_ERROR(CheckShape(outputs[1], {num_prompts, kMasks}, kSamDecoder));
+  return outputs;
+}
+
+}  // namespace pepeseg

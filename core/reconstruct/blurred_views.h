@@ -1,0 +1,25 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/scene/capture.h"
+
+namespace pepeseg {
+
+// Returns how sharp a view's photograph is: the logarithm of the mean squared gradient at full size
+// over that at half size. Blur takes the finest detail first, whatever the photograph shows. About
+// 200 rows are looked at, without ignored pixels. NaN: there is no gradient in them.
+double Sharpness(const View& view);
+
+// Returns, for each training view in their order, whether its photograph is blurred: less sharp by
+// kBlurred than the median of the training views nearest to it, which show much the same. Captures
+// with fewer than 8 training views have none.
+std::vector<bool> FindBlurred(const Capture& capture);
+
+// Sharpness below the median from which on a photograph is blurred. Measured on six scenes
+// (tests/bench/results/blur.md): sharp photographs of a scene differ by up to 0.13, a motion of 3
+// pixels takes 0.17 to 0.6.
+inline constexpr double kBlurred = 0.2;
+
+}  // namespace pepeseg

@@ -1,0 +1,132 @@
+#include "server/services/border_refiner.h"
+
+#include <spdlog/spdlog.h>
+
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/dataset/dataset_index.h"
+#include "core/model_files/model_facts.h"
+#include "core/priors/sam/sam_networks.h"
+#include "core/query/mask_geometry.h"
+#include "server/api/error.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr size_t kMostRecent = 32;  // views, of 4 MB each
+
+// Runs a `raw` task and returns its picture. INTERNAL: the answer does not have the picture's size.
+absl::StatusOr<Image> MakeImage(const PhotographProcess& process, const PhotographTask& task,
+                                const std::filesystem::path& blob,
+                                absl::FunctionRef<bool()> wanted) {
+  ASSIGN_OR_RETURN(const PhotographPicture picture, MakePicture(process, task, blob, wanted));
+  std::string bytes(static_cast<size_t>(picture.num_bytes), '\0');
+  const int64_t num_expected = int64_t{3} * picture.width * picture.height;
+  if (picture.num_bytes != num_expected || !picture.file.ReadAt(picture.offset, bytes)) {
+    return absl::InternalError("the decoder's answer does not have the size of its picture");
+  }
+  return Image{picture.width, picture.height, 3, {bytes.begin(), bytes.end()}};
+}
+
+// Sets the mask and what follows from it.
+void SetMask(BinaryMask mask, SegmentResult& result) {
+  result.mask = std::move(mask);
+  FindBox(result.mask.pixels, result.width, result.box);
+  result.area = 0;
+  double sum = 0;
+  for (size_t pixel = 0; pixel < result.mask.pixels.size(); ++pixel) {
+    if (result.mask.pixels[pixel] == 0) continue;
+    ++result.area;
+    sum += result.similarity[pixel];
+  }
+  result.score = result.area > 0 ? sum / static_cast<double>(result.area) : 0;
+}
+
+}  // namespace
+
+absl::Status BorderRefiner::CheckAvailable() const {
+  if (!options_.sam.empty()) return absl::OkStatus();
+  return WithResource(
+      absl::FailedPreconditionError("sam_borders: this server has no SAM, which its operator can "
+                                    "install (deploy/sam.sh); leave the field out"),
+      "NO_SAM", "sam");
+}
+
+// Loading takes a second: it is left to the first request.
+absl::Status BorderRefiner::OpenSam() {
+  if (sam_ != nullptr) return absl::OkStatus();
+  ASSIGN_OR_RETURN(sam_, SamBorders::Open(options_.sam, options_.num_threads));
+  spdlog::info("SAM is in memory, for borders of masks");
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Image> BorderRefiner::Photograph(const ResidentModel& model, const ModelView& view,
+                                                absl::FunctionRef<bool()> wanted) const {
+  if (view.name.empty() || !view.photograph) {
+    return absl::NotFoundError("the view has no photograph");
+  }
+  ASSIGN_OR_RETURN(const ModelRow row,
+                   options_.store.models().GetModel(model.row.scene, model.row.number));
+  ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
+                   options_.store.files().ListDatasetFiles(row.scene, row.dataset));
+  ASSIGN_OR_RETURN(const std::string project, options_.store.scenes().ProjectOfScene(row.scene));
+  for (const DatasetFileRow& file : files) {
+    if (file.kind != v1::FILE_KIND_IMAGE || PhotoKey(file.path) != view.name) continue;
+    Model one;
+    one.views = {view};
+    PhotographTask task;
+    task.name = file.path;
+    task.sha256 = file.sha256;
+    task.view = FormatModelFacts(one);
+    task.max_side = kSamFrame;
+    task.raw = true;
+    return MakeImage(options_.photographs, task, options_.blobs.Path({project, file.sha256}),
+                     wanted);
+  }
+  return absl::NotFoundError("the dataset has no such photograph");
+}
+
+absl::StatusOr<const BorderRefiner::Seen*> BorderRefiner::See(const ResidentModel& model,
+                                                              const ModelView& view,
+                                                              absl::FunctionRef<bool()> wanted) {
+  Seen seen;
+  if (!view.name.empty()) seen.key = absl::StrCat(model.name, "/views/", view.name);
+  for (auto at = recent_.begin(); at != recent_.end(); ++at) {
+    if (seen.key.empty() || at->key != seen.key) continue;
+    recent_.splice(recent_.begin(), recent_, at);
+    return &recent_.front();
+  }
+  absl::StatusOr<Image> image = Photograph(model, view, wanted);
+  if (absl::IsCancelled(image.status())) return image.status();
+  seen.image = v1::SegmentViewsResponse::BORDER_IMAGE_PHOTOGRAPH;
+  if (!image.ok()) {
+    // Any other error leaves the rendering, and the answer says so.
+    spdlog::debug("SAM: view {}: {}", view.name, image.status().ToString());
+    ASSIGN_OR_RETURN(image, model.segmenter->RenderColor(view));
+    seen.image = v1::SegmentViewsResponse::BORDER_IMAGE_RENDERING;
+  }
+  ASSIGN_OR_RETURN(seen.embedding, sam_->Embed(*image));
+  recent_.push_front(std::move(seen));
+  if (recent_.size() > kMostRecent) recent_.pop_back();
+  return &recent_.front();
+}
+
+absl::StatusOr<v1::SegmentViewsResponse::BorderImage> BorderRefiner::Refine(
+    const ResidentModel& model, const ModelView& view, absl::FunctionRef<bool()> wanted,
+    SegmentResult& result) {
+  const std::lock_guard lock(mutex_);
+  if (!wanted()) return absl::CancelledError("nobody waits for the mask");
+  RETURN_IF_ERROR(CheckAvailable());
+  RETURN_IF_ERROR(OpenSam());
+  ASSIGN_OR_RETURN(const Seen* seen, See(model, view, wanted));
+  ASSIGN_OR_RETURN(BinaryMask mask,
+                   sam_->Refine(seen->embedding, result.mask, result.width, result.height));
+  SetMask(std::move(mask), result);
+  return seen->image;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,152 @@
+#include "core/priors/sam/sam_borders.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdlib>
+#include <functional>
+
+#include "core/dataset/import.h"
+#include "tests/testing/fake_sam.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kWidth = 512, kHeight = 384;
+
+BinaryMask MaskWhere(const std::function<bool(int x, int y)>& inside) {
+  BinaryMask mask;
+  for (int i = 0; i < kWidth * kHeight; ++i) {
+    mask.pixels.push_back(inside(i % kWidth, i / kWidth) ? 1 : 0);
+  }
+  return mask;
+}
+
+double Iou(const BinaryMask& a, const BinaryMask& b) {
+  double common = 0, united = 0;
+  for (size_t i = 0; i < a.pixels.size(); ++i) {
+    common += a.pixels[i] & b.pixels[i];
+    united += a.pixels[i] | b.pixels[i];
+  }
+  return common / united;
+}
+
+// The image has a red square on blue. The fake network segments by the colour of the first point,
+// in cells of 8 pixels of this image.
+class SamBordersTest : public ::testing::Test {
+ protected:
+  static bool InSquare(int x, int y, int margin) {
+    return x >= 128 - margin && x < 320 + margin && y >= 96 - margin && y < 288 + margin;
+  }
+  SamBordersTest()
+      : folder_path_(folder_ / "sam"),
+        square_(MaskWhere([](int x, int y) { return InSquare(x, y, 0); })) {
+    testing::MakeFakeSam(folder_path_);
+    image_ = {kWidth, kHeight, 3, {}};
+    for (const uint8_t red : square_.pixels) {
+      for (const int value : {red * 250, 0, (1 - red) * 250}) {
+        image_.pixels.push_back(static_cast<uint8_t>(value));
+      }
+    }
+  }
+  BinaryMask Refined(const BinaryMask& mask) {
+    const auto borders = SamBorders::Open(folder_path_, 1);
+    if (!borders.ok()) return {};
+    const auto embedding = (*borders)->Embed(image_);
+    if (!embedding.ok()) return {};
+    return (*borders)->Refine(*embedding, mask, kWidth, kHeight).value_or(BinaryMask());
+  }
+
+  testing::TempFolder folder_;
+  const std::filesystem::path folder_path_;
+  Image image_;
+  const BinaryMask square_;
+};
+
+TEST_F(SamBordersTest, MoveToWhatTheNetworkSees) {
+  for (const int margin : {-6, 6}) {
+    const BinaryMask mask = MaskWhere([=](int x, int y) { return InSquare(x, y, margin); });
+    EXPECT_LT(Iou(mask, square_), 0.94);
+    EXPECT_GT(Iou(Refined(mask), square_), 0.99) << margin;
+  }
+}
+
+TEST_F(SamBordersTest, StayFarFromTheBorderOfTheMask) {
+  // A second part that the network does not see, 2 % of the diagonal (12.8) and more from its rim.
+  const BinaryMask mask = MaskWhere([](int x, int y) {
+    return InSquare(x, y, 0) || (x >= 400 && x < 460 && y >= 100 && y < 160);
+  });
+  const BinaryMask refined = Refined(mask);
+  EXPECT_EQ(refined.pixels[130 * kWidth + 430], 1);
+  EXPECT_EQ(refined.pixels[130 * kWidth + 402], 0);
+}
+
+TEST_F(SamBordersTest, StayWhereTheNetworkSeesAnotherThing) {
+  // Half of the square: the network sees all of it.
+  const BinaryMask half = MaskWhere([](int x, int y) { return InSquare(x, y, 0) && x < 224; });
+  EXPECT_EQ(Refined(half).pixels, half.pixels);
+}
+
+TEST_F(SamBordersTest, StayWhereThereAreNone) {
+  for (const bool inside : {false, true}) {
+    const BinaryMask mask = MaskWhere([=](int, int) { return inside; });
+    EXPECT_EQ(Refined(mask).pixels, mask.pixels);
+  }
+}
+
+TEST_F(SamBordersTest, AreRefusedWithoutGoodFiles) {
+  EXPECT_TRUE(absl::IsNotFound(SamBorders::Open(folder_ / "none", 1).status()));
+  testing::ReplaceSamFile(folder_path_, "sam.onnx", "another model");
+  EXPECT_TRUE(absl::IsFailedPrecondition(SamBorders::Open(folder_path_, 1).status()));
+  testing::ReplaceSamFile(folder_path_, "sam.onnx", testing::FakeDecoder());
+  testing::ReplaceSamFile(folder_path_, "encoder.onnx", "out of memory");
+  EXPECT_TRUE(absl::IsResourceExhausted(SamBorders::Open(folder_path_, 1).status()));
+}
+
+// Returns the pixels within `radius` of the mask, along each axis.
+BinaryMask Grown(const BinaryMask& mask, int width, int height, int radius) {
+  BinaryMask grown = mask;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      if (mask.pixels[static_cast<size_t>(y) * width + x] == 0) continue;
+      for (int k = std::max(0, y - radius); k <= std::min(height - 1, y + radius); ++k) {
+        const size_t row = static_cast<size_t>(k) * width;
+        std::fill(grown.pixels.begin() + row + std::max(0, x - radius),
+                  grown.pixels.begin() + row + std::min(width, x + radius + 1), uint8_t{1});
+      }
+    }
+  }
+  return grown;
+}
+
+// Needs the files that deploy/sam.sh installs: `make sam-test`. Masks that SAM has made of the
+// photograph are grown by 4 pixels; its decoder must find their borders again.
+TEST(RealSamBorders, FindTheBordersOfGrownMasks) {
+  const char* folder = std::getenv("PEPESEG_SAM");
+  if (folder == nullptr) GTEST_SKIP() << "PEPESEG_SAM names no folder";
+  ASSERT_OK_AND_ASSIGN(const auto files, ListDataset(PEPESEG_TEST_DATA "/apc_shelf"));
+  ASSERT_OK_AND_ASSIGN(auto capture, ImportCapture(files, {}));
+  const View& view = capture.views[0];
+  const int width = view.photo.width, height = view.photo.height;
+  ASSERT_OK_AND_ASSIGN(const auto borders, SamBorders::Open(folder, 2));
+  ASSERT_OK_AND_ASSIGN(const auto embedding, borders->Embed(view.photo));
+  int num_masks = 0;
+  double before = 0, after = 0;
+  for (int k = 0; k < view.masks.num_masks; ++k) {
+    if (view.masks.mask_area[k] < 4000) continue;
+    const BinaryMask mask = view.masks.Extract(k), grown = Grown(mask, width, height, 4);
+    ASSERT_OK_AND_ASSIGN(const BinaryMask refined,
+                         borders->Refine(embedding, grown, width, height));
+    before += Iou(grown, mask);
+    after += Iou(refined, mask);
+    ++num_masks;
+  }
+  ASSERT_GE(num_masks, 10);
+  EXPECT_GT(after / num_masks, before / num_masks + 0.03);
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,119 @@
+#include <gtest/gtest.h>
+
+#include "core/formats/encode_png.h"
+#include "core/formats/rle.h"
+#include "tests/server/shelf_model.h"
+#include "tests/testing/fake_sam.h"
+
+namespace pepeseg {
+namespace {
+
+// A photograph of view middle.jpg, twice as large, on which the model's red square lies two pixels
+// of the view to the right: from 17 to 47.
+std::string MovedSquare() {
+  Image image{2 * kWidth, 2 * kHeight, 3, {}};
+  for (int i = 0; i < image.width * image.height; ++i) {
+    const int x = i % image.width / 2, y = i / image.width / 2;
+    const bool red = x >= 17 && x < 47 && y >= 17 && y < 47;
+    for (const int value : {red ? 250 : 10, 20, red ? 10 : 250}) {
+      image.pixels.push_back(static_cast<uint8_t>(value));
+    }
+  }
+  return EncodeJpeg(image, 95).value();
+}
+
+int64_t NumPixels(const v1::CocoRle& rle) {
+  const auto counts = ParseCocoCounts(rle.counts());
+  if (!counts.ok()) return -1;
+  const auto pixels = PixelsOfRuns(*counts, rle.width(), rle.height());
+  return pixels.ok() ? static_cast<int64_t>(pixels->size()) : -1;
+}
+
+// "scenes/shelf/models/2" has a photograph of its view, models/1 has none. The server has a fake of
+// SAM, which segments by colour in cells of 1.5 pixels.
+struct SamBordersOfModel : ShelfModel {
+  SamBordersOfModel() {
+    testing::MakeFakeSam(sam);
+    running.options.workers.sam = sam;
+    running.Restart();
+    v1::TrainSceneRequest train;
+    train.set_scene("scenes/shelf");
+    train.set_dataset(running.UploadAndSeal("shelf", {{"half.model", "bytes", v1::FILE_KIND_POSES},
+                                                      {"images/middle.jpg", MovedSquare()}}));
+    const v1::Job job = *Call(&JobStub::TrainScene, train);
+    EXPECT_EQ(running.Await(job.name()).state(), v1::JOB_STATE_SUCCEEDED);
+    request = Click<v1::SegmentViewsRequest>(30);
+    request.mutable_granularity()->set_scale_quantile(0.5);
+    request.mutable_granularity()->set_threshold(0.75);
+    request.set_frame(v1::PIXEL_FRAME_VIEW);
+  }
+  Reply<v1::SegmentViewsResponse> Segment() {
+    return Call(&SegmentationStub::SegmentViews, request);
+  }
+
+  const std::filesystem::path sam = running.folder / "sam";
+  v1::SegmentViewsRequest request;
+};
+
+TEST_F(SamBordersOfModel, LieWhereThePhotographShowsThem) {
+  ASSERT_OK_AND_ASSIGN(const auto plain, Segment());
+  EXPECT_EQ(plain.masks(0).border_image(), v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED);
+  request.set_sam_borders(true);
+  for (const char* which : {"computed", "cached"}) {
+    ASSERT_OK_AND_ASSIGN(const auto answer, Segment());
+    ASSERT_EQ(answer.masks_size(), 1);
+    const auto &mask = answer.masks(0), &before = plain.masks(0);
+    EXPECT_EQ(mask.border_image(), v1::SegmentViewsResponse::BORDER_IMAGE_PHOTOGRAPH) << which;
+    EXPECT_NEAR(mask.box().x(), 17, 1);
+    EXPECT_NEAR(mask.box().x() + mask.box().width(), 47, 1);
+    EXPECT_GE(mask.box().x(), before.box().x() + 2);
+    EXPECT_EQ(mask.area(), NumPixels(mask.rle()));
+    EXPECT_NEAR(mask.score(), before.score(), 0.05);
+    EXPECT_FALSE(mask.has_similarity());
+  }
+}
+
+TEST_F(SamBordersOfModel, LieWhereTheRenderingShowsThemWithoutAPhotograph) {
+  request.set_model("scenes/shelf/models/1");
+  request.set_sam_borders(true);
+  request.set_want_similarity(true);
+  ASSERT_OK_AND_ASSIGN(const auto answer, Segment());
+  EXPECT_EQ(answer.masks(0).border_image(), v1::SegmentViewsResponse::BORDER_IMAGE_RENDERING);
+  EXPECT_NEAR(answer.masks(0).box().x(), 15, 2);
+  EXPECT_TRUE(answer.masks(0).has_similarity());
+}
+
+TEST_F(SamBordersOfModel, AreNotInStreams) {
+  grpc::ClientContext context;
+  const auto stream = running.segmentation->StreamSegments(&context);
+  v1::StreamSegmentsRequest first;
+  *first.mutable_segment() = request;
+  first.mutable_segment()->set_sam_borders(true);
+  v1::StreamSegmentsResponse answer;
+  ASSERT_TRUE(stream->Write(first));
+  ASSERT_TRUE(stream->Read(&answer));
+  EXPECT_EQ(answer.error().code(), grpc::INVALID_ARGUMENT);
+  EXPECT_EQ(answer.error().field(), "segment.sam_borders");
+  stream->WritesDone();
+  EXPECT_OK(stream->Finish());
+}
+
+TEST_F(SamBordersOfModel, AreThereAgainWhenSamIs) {
+  request.set_sam_borders(true);
+  testing::ReplaceSamFile(sam, "encoder.onnx", "out of memory");
+  EXPECT_ERROR(Segment(), grpc::RESOURCE_EXHAUSTED, {.message = "SAM"});
+  testing::ReplaceSamFile(sam, "encoder.onnx", "an encoder");
+  EXPECT_OK(Segment());
+}
+
+struct ServerWithoutSam : ShelfModel {};
+
+TEST_F(ServerWithoutSam, RefusesSamBorders) {
+  auto request = Click<v1::SegmentViewsRequest>(30);
+  request.set_sam_borders(true);
+  EXPECT_ERROR(Call(&SegmentationStub::SegmentViews, request), grpc::FAILED_PRECONDITION,
+               {.message = "deploy/sam.sh"});
+}
+
+}  // namespace
+}  // namespace pepeseg
