@@ -11,10 +11,11 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kBand = 4;         // rows that are looked at together
-constexpr int kNumBands = 48;    // bands of a photograph, at most about
-constexpr size_t kFewViews = 8;  // fewer give no median
-constexpr size_t kNearest = 12;  // views that a photograph is compared with
+constexpr int kBand = 4;                  // rows that are looked at together
+constexpr int kNumBands = 48;             // bands of a photograph, at most about
+constexpr int64_t kLeastPixels = 10'000;  // smaller photographs have too few gradients to compare
+constexpr size_t kFewViews = 8;           // fewer give no median
+constexpr size_t kNearest = 12;           // views that a photograph is compared with
 
 // The brightness of row y; NaN where the view ignores a pixel, so that its differences are NaN,
 // too.
@@ -80,6 +81,9 @@ double Median(std::vector<double> values) {
 }  // namespace
 
 double Sharpness(const View& view) {
+  if (int64_t{view.photo.width} * view.photo.height < kLeastPixels) {
+    return std::numeric_limits<double>::quiet_NaN();
+  }
   Gradients full, half;
   const int step = std::max(kBand, view.photo.height / kNumBands);
   for (int y = 0; y + kBand <= view.photo.height; y += step) {

@@ -9,7 +9,8 @@ namespace pepeseg {
 
 // Returns how sharp a view's photograph is: the logarithm of the mean squared gradient at full size
 // over that at half size. Blur takes the finest detail first, whatever the photograph shows. About
-// 200 rows are looked at, without ignored pixels. NaN: there is no gradient in them.
+// 200 rows are looked at, without ignored pixels. NaN: the photograph has fewer than 10,000 pixels,
+// or no gradient.
 double Sharpness(const View& view);
 
 // Returns, for each training view in their order, whether its photograph is blurred: less sharp by

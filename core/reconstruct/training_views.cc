@@ -201,7 +201,7 @@ int ViewSampler::Next(std::mt19937_64& random) {
   if (left_.empty()) {
     std::uniform_real_distribution<double> uniform(0, 1);
     for (size_t view = 0; view < shares_.size(); ++view) {
-      // Nothing is drawn for a share of 1, so that other views do not change the order of a capture.
+      // Nothing is drawn for a share of 1, so that a capture without other shares keeps its order.
       if (shares_[view] >= 1 || uniform(random) < shares_[view]) {
         left_.push_back(static_cast<int>(view));
       }

@@ -57,9 +57,13 @@ TEST(Sharpness, DoesNotDependOnContrastAndIgnoredPixels) {
   EXPECT_NEAR(Sharpness(view), sharp, kBlurred / 2);
 }
 
-TEST(Sharpness, IsNotANumberWithoutAGradient) {
+TEST(Sharpness, IsNotANumberWithoutEnoughGradients) {
   View view;
-  view.photo = {40, 30, 3, std::vector<uint8_t>(size_t{3} * 40 * 30, 100)};
+  view.photo = {400, 300, 3, std::vector<uint8_t>(size_t{3} * 400 * 300, 100)};
+  EXPECT_TRUE(std::isnan(Sharpness(view)));
+  view.photo = {100, 90, 3, {}};
+  for (int i = 0; i < 3 * 100 * 90; ++i)
+    view.photo.pixels.push_back(static_cast<uint8_t>(i * 7919));
   EXPECT_TRUE(std::isnan(Sharpness(view)));
   view.photo = {1, 1, 3, {1, 2, 3}};
   EXPECT_TRUE(std::isnan(Sharpness(view)));
