@@ -56,12 +56,20 @@ absl::Status BorderRefiner::CheckAvailable() const {
       "NO_SAM", "sam");
 }
 
-// Loading takes a second: it is left to the first request.
+// Loading takes a second: it is left to the first request. Clients do not learn the server's paths.
 absl::Status BorderRefiner::OpenSam() {
   if (sam_ != nullptr) return absl::OkStatus();
-  ASSIGN_OR_RETURN(sam_, SamBorders::Open(options_.sam, options_.num_threads));
-  spdlog::info("SAM is in memory, for borders of masks");
-  return absl::OkStatus();
+  auto sam = SamBorders::Open(options_.sam, options_.num_threads);
+  if (sam.ok()) {
+    sam_ = *std::move(sam);
+    spdlog::info("SAM is in memory, for borders of masks");
+    return absl::OkStatus();
+  }
+  spdlog::error("sam_borders: {}", sam.status().ToString());
+  if (absl::IsResourceExhausted(sam.status())) {
+    return absl::ResourceExhaustedError("SAM does not fit into the server's memory");
+  }
+  return absl::FailedPreconditionError("SAM cannot be loaded: the server's log says why");
 }
 
 absl::StatusOr<Image> BorderRefiner::Photograph(const ResidentModel& model, const ModelView& view,

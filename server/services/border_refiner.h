@@ -20,7 +20,7 @@
 namespace pepeseg {
 
 // Refines the borders of masks by SAM (core/priors/sam/sam_borders.h) in the photographs of views.
-// Loads SAM with the first request and keeps it: 0.5 GB of host memory. Keeps what SAM needs of the
+// Loads SAM with the first request and keeps it: 350 MB of host memory. Keeps what SAM needs of the
 // most recent views. Thread safe; one mask is refined at a time.
 class BorderRefiner {
  public:

@@ -101,8 +101,13 @@ TEST_F(SamBordersOfModel, AreNotInStreams) {
 TEST_F(SamBordersOfModel, AreThereAgainWhenSamIs) {
   request.set_sam_borders(true);
   testing::ReplaceSamFile(sam, "encoder.onnx", "out of memory");
-  EXPECT_ERROR(Segment(), grpc::RESOURCE_EXHAUSTED, {.message = "SAM"});
+  EXPECT_ERROR(Segment(), grpc::RESOURCE_EXHAUSTED, {.message = "SAM does not fit"});
+  testing::ReplaceSamFile(sam, "sam.onnx", "another model");
   testing::ReplaceSamFile(sam, "encoder.onnx", "an encoder");
+  const auto refused = Segment();
+  EXPECT_ERROR(refused, grpc::FAILED_PRECONDITION, {.message = "SAM cannot be loaded"});
+  EXPECT_EQ(refused.status().error_message().find(sam.string()), std::string::npos);
+  testing::ReplaceSamFile(sam, "sam.onnx", testing::FakeDecoder());
   EXPECT_OK(Segment());
 }
 
