@@ -49,11 +49,13 @@ constexpr int kNumIoThreads = 4;
 constexpr int kNumUploadThreads = 4;
 constexpr int kNumQueryThreads = 2;
 constexpr int kNumEvaluationThreads = 1;
+constexpr int kNumBorderThreads = 1;
 constexpr int kNumPhotographProcesses = 2;
 constexpr size_t kMaxQueuedCalls = 1000;
 constexpr size_t kMaxQueuedUploads = 64;  // calls of up to 8 MiB; parts of streams do not count
 constexpr size_t kMaxQueuedQueries = 100;
 constexpr size_t kMaxQueuedEvaluations = 8;  // each holds its request of up to 8 MiB
+constexpr size_t kMaxQueuedBorders = 30;     // a minute of work, where each is of a new view
 constexpr size_t kMaxQueuedPhotographs = 500;
 constexpr absl::Duration kTick = absl::Seconds(2);
 // Time for idle clients to see that the server closes their connections.
@@ -83,7 +85,8 @@ struct Server::Parts {
   WorkerPools pools{{kNumIoThreads, kMaxQueuedCalls},
                     {kNumUploadThreads, kMaxQueuedUploads},
                     {kNumQueryThreads, kMaxQueuedQueries},
-                    {kNumEvaluationThreads, kMaxQueuedEvaluations}};
+                    {kNumEvaluationThreads, kMaxQueuedEvaluations},
+                    {kNumBorderThreads, kMaxQueuedBorders}};
   PhotographProcess photographs;
   WorkerPool photograph_pool{kNumPhotographProcesses, kMaxQueuedPhotographs};
   std::unique_ptr<CallRunner> runner;

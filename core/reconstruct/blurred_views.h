@@ -18,9 +18,9 @@ double Sharpness(const View& view);
 // with fewer than 8 training views have none.
 std::vector<bool> FindBlurred(const Capture& capture);
 
-// Sharpness below the median from which on a photograph is blurred. Measured on six scenes
-// (tests/bench/results/blur.md): sharp photographs of a scene differ by up to 0.13, a motion of 3
-// pixels takes 0.17 to 0.6.
+// Sharpness below the median from which on a photograph is blurred. Measured on seven scenes
+// (tests/bench/results/blur.md): sharp photographs are at most 0.13 below the median, those with a
+// motion of 3 pixels at least 0.17.
 inline constexpr double kBlurred = 0.2;
 
 }  // namespace pepeseg

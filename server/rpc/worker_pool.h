@@ -110,12 +110,15 @@ struct WorkerPools {
   WorkerPool upload;      // calls that do so for long, such as for each of thousands of files
   WorkerPool query;       // calls that compute
   WorkerPool evaluation;  // calls that compute for long
+  WorkerPool border;      // calls that wait for SAM, which answers one at a time
 
   void SetDraining(bool draining) {
-    for (WorkerPool* pool : {&io, &upload, &query, &evaluation}) pool->SetDraining(draining);
+    for (WorkerPool* pool : {&io, &upload, &query, &evaluation, &border}) {
+      pool->SetDraining(draining);
+    }
   }
   void Stop() {
-    for (WorkerPool* pool : {&io, &upload, &query, &evaluation}) pool->Stop();
+    for (WorkerPool* pool : {&io, &upload, &query, &evaluation, &border}) pool->Stop();
   }
 };
 

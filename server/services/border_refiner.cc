@@ -12,6 +12,7 @@
 #include "core/model_files/model_facts.h"
 #include "core/priors/sam/sam_networks.h"
 #include "core/query/mask_geometry.h"
+#include "pepeseg/v1/dataset_service.pb.h"
 #include "server/api/error.h"
 
 namespace pepeseg {

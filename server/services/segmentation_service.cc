@@ -231,9 +231,10 @@ absl::Status SegmentationServiceRpc::Decompose(const UnaryCall& call,
 grpc::ServerUnaryReactor* SegmentationServiceRpc::SegmentViews(
     grpc::CallbackServerContext* call, const v1::SegmentViewsRequest* request,
     v1::SegmentViewsResponse* response) {
-  // Calls that compute run on `query`, those that compute for long on `evaluation`, and those of
-  // other services that only read the store on `io`, so that none of them waits for a slower kind.
-  WorkerPool& pool = request->sam_borders() ? runner_.pools().evaluation : runner_.pools().query;
+  // Calls that compute run on `query`, those that wait for SAM on `border`, those that compute for
+  // long on `evaluation`, and those of other services that only read the store on `io`, so that
+  // none of them waits for a slower kind.
+  WorkerPool& pool = request->sam_borders() ? runner_.pools().border : runner_.pools().query;
   return runner_.Run(pool, {call, request}, [this, request, response](const UnaryCall& unary) {
     const QueryCall query = {unary.queued, [&unary] { return !unary.CheckWanted().ok(); }};
     return Segment(models_, borders_, query, *request, response);
