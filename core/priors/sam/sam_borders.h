@@ -31,8 +31,8 @@ class SamBorders {
 
   // Returns the mask, [height, width] of the image with this embedding, with its border as SAM sees
   // it. Pixels farther from the border than 2 % of the image's diagonal stay. The mask stays as it
-  // is where SAM sees another thing: one with an IoU of less than 0.7. Takes about 0.05 s of a core.
-  // Returns the errors of Embed.
+  // is where SAM sees another thing: one with an IoU of less than 0.7. Takes about 0.05 s of a
+  // core. Returns the errors of Embed.
   absl::StatusOr<BinaryMask> Refine(const OnnxTensor& embedding, const BinaryMask& mask, int width,
                                     int height) const;
 
