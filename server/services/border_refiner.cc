@@ -103,7 +103,10 @@ absl::StatusOr<const BorderRefiner::Seen*> BorderRefiner::See(const ResidentMode
                                                               const ModelView& view,
                                                               absl::FunctionRef<bool()> wanted) {
   Seen seen;
-  if (!view.name.empty()) seen.key = absl::StrCat(model.name, "/views/", view.name);
+  // Not model.name: scenes of two projects may have one id.
+  if (!view.name.empty()) {
+    seen.key = absl::StrCat(model.row.scene, "/", model.row.number, "/", view.name);
+  }
   for (auto at = recent_.begin(); at != recent_.end(); ++at) {
     if (seen.key.empty() || at->key != seen.key) continue;
     recent_.splice(recent_.begin(), recent_, at);

@@ -2,19 +2,20 @@
 
 #include "core/formats/encode_png.h"
 #include "core/formats/rle.h"
+#include "tests/server/access/keyed_server.h"
 #include "tests/server/shelf_model.h"
 #include "tests/testing/fake_sam.h"
 
 namespace pepeseg {
 namespace {
 
-// A photograph of view middle.jpg, twice as large, on which the model's red square lies two pixels
-// of the view to the right: from 17 to 47.
-std::string MovedSquare() {
+// A photograph of view middle.jpg, twice as large. Its red square lies `right` pixels of the view
+// to the right of the model's, which is from 15 to 45.
+std::string MovedSquare(int right = 2) {
   Image image{2 * kWidth, 2 * kHeight, 3, {}};
   for (int i = 0; i < image.width * image.height; ++i) {
     const int x = i % image.width / 2, y = i / image.width / 2;
-    const bool red = x >= 17 && x < 47 && y >= 17 && y < 47;
+    const bool red = x >= 15 + right && x < 45 + right && y >= 17 && y < 47;
     for (const int value : {red ? 250 : 10, 20, red ? 10 : 250}) {
       image.pixels.push_back(static_cast<uint8_t>(value));
     }
@@ -109,6 +110,62 @@ TEST_F(SamBordersOfModel, AreThereAgainWhenSamIs) {
   EXPECT_EQ(refused.status().error_message().find(sam.string()), std::string::npos);
   testing::ReplaceSamFile(sam, "sam.onnx", testing::FakeDecoder());
   EXPECT_OK(Segment());
+}
+
+// Two projects have a scene of one name.
+struct TwoProjects : KeyedServer {
+  TwoProjects() {
+    testing::MakeFakeSam(running.folder / "sam");
+    running.options.workers.sam = running.folder / "sam";
+    running.Restart();
+  }
+  // Trains a model of scene "mug" whose photograph has the square moved.
+  void Train(const std::string& secret, int right) {
+    v1::CreateSceneRequest create;
+    create.set_scene_id("mug");
+    ASSERT_OK(CallAs(secret, &SceneStub::CreateScene, create));
+    const std::vector<TestFile> files = {{"half.model", "bytes", v1::FILE_KIND_POSES},
+                                         {"images/middle.jpg", MovedSquare(right)}};
+    v1::CreateUploadRequest declare = Under{"scenes/mug"};
+    for (const TestFile& file : files) *declare.add_files() = Declare(file);
+    const v1::Upload upload = *CallAs(secret, &DatasetStub::CreateUpload, declare);
+    for (const TestFile& file : files) {
+      const auto context = With(secret);
+      v1::WriteFilesResponse response;
+      const auto stream = running.datasets->WriteFiles(context.get(), &response);
+      for (const auto& part : FileParts(upload.name(), file)) stream->Write(part);
+      stream->WritesDone();
+      ASSERT_OK(stream->Finish());
+    }
+    v1::TrainSceneRequest train;
+    train.set_scene("scenes/mug");
+    train.set_dataset(CallAs(secret, &DatasetStub::SealUpload, Named{upload.name()})->name());
+    const std::string job = CallAs(secret, &JobStub::TrainScene, train)->name();
+    ASSERT_TRUE(Eventually([&] {
+      return CallAs(secret, &JobStub::GetJob, Named{job})->state() == v1::JOB_STATE_SUCCEEDED;
+    }));
+  }
+  // Returns the left edge of the mask whose border SAM places.
+  int LeftEdge(const std::string& secret) {
+    auto request = Click<v1::SegmentViewsRequest>(30);
+    request.set_model("scenes/mug/models/1");
+    request.mutable_granularity()->set_scale_quantile(0.5);
+    request.mutable_granularity()->set_threshold(0.75);
+    request.set_frame(v1::PIXEL_FRAME_VIEW);
+    request.set_sam_borders(true);
+    const auto answer = CallAs(secret, &SegmentationStub::SegmentViews, request);
+    return answer.ok() ? answer->masks(0).box().x() : -1;
+  }
+};
+
+TEST_F(TwoProjects, KeepTheirPhotographsApart) {
+  const std::string theirs = MakeKey("other", {v1::SCOPE_READ, v1::SCOPE_WRITE, v1::SCOPE_TRAIN});
+  Train(full, 2);
+  Train(theirs, -2);
+  const int ours = LeftEdge(full);
+  EXPECT_GE(ours, 16);
+  EXPECT_LT(LeftEdge(theirs), ours);
+  EXPECT_EQ(LeftEdge(full), ours);
 }
 
 struct ServerWithoutSam : ShelfModel {};
