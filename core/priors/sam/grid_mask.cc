@@ -79,7 +79,17 @@ std::vector<int8_t> QuarterLogits(std::span<const float> logits) {
   return quarters;
 }
 
-// Cell and pixel coordinates of OpenCV lie at centres: cell + 0.5 = scale * (pixel + 0.5).
+// Cell and pixel coordinates of OpenCV lie at centres: cell + 0.5 = scale * (pixel + 0.5). The
+// logits are enlarged, not the mask: the border lies where the interpolated logit passes 0.
+cv::Mat PixelsInside(const cv::Mat& logits, double cells_per_pixel, cv::Size size) {
+  const double scale = cells_per_pixel, shift = 0.5 * scale - 0.5;
+  const cv::Matx23d cell_from_pixel(scale, 0, shift, 0, scale, shift);
+  cv::Mat warped;
+  cv::warpAffine(logits, warped, cell_from_pixel, size, cv::INTER_LINEAR | cv::WARP_INVERSE_MAP,
+                 cv::BORDER_REPLICATE);
+  return warped > 0;
+}
+
 std::vector<uint32_t> PixelsOfLogits(std::span<const int8_t> logits, const PromptAnswers& grid,
                                      const View& view) {
   cv::Mat cells(grid.height, grid.width, CV_32F);
@@ -88,13 +98,8 @@ std::vector<uint32_t> PixelsOfLogits(std::span<const int8_t> logits, const Promp
       cells.at<float>(y, x) = logits[static_cast<size_t>(y) * grid.width + x];
     }
   }
-  const double scale = grid.cells_per_pixel, shift = 0.5 * scale - 0.5;
-  const cv::Matx23d cell_from_pixel(scale, 0, shift, 0, scale, shift);
-  cv::Mat warped;
-  // The logits are enlarged, not the mask: the border lies where the interpolated logit passes 0.
-  cv::warpAffine(cells, warped, cell_from_pixel, {view.photo.width, view.photo.height},
-                 cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
-  const cv::Mat inside = warped > 0;
+  const cv::Mat inside =
+      PixelsInside(cells, grid.cells_per_pixel, {view.photo.width, view.photo.height});
   std::vector<uint32_t> pixels;
   for (int y = 0; y < inside.rows; ++y) {
     for (int x = 0; x < inside.cols; ++x) {

@@ -43,6 +43,10 @@ std::vector<cv::Point> DeepestCells(const cv::Mat& mask, int count);
 // finer differences move no border by a pixel.
 std::vector<int8_t> QuarterLogits(std::span<const float> logits);
 
+// Returns 255 for the pixels of an image of this size where the logits of the grid's cells, of type
+// CV_32F, are positive, and 0 for the others. Logits are interpolated between the cells' centres.
+cv::Mat PixelsInside(const cv::Mat& logits, double cells_per_pixel, cv::Size size);
+
 // Returns the pixels of the view's photograph where the logits, [height, width] of the grid, are
 // positive, without ignored ones. Logits are interpolated between the centres of the cells, as in
 // the network's own masks.

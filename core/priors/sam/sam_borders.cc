@@ -74,7 +74,7 @@ SamPrompt PromptOf(const cv::Mat& mask, const cv::Mat& distance, const PromptAns
 
   cv::Mat cells;
   cv::resize(distance, cells, cv::Size(grid.width, grid.height), 0, 0, cv::INTER_AREA);
-  // What lies next to the image is outside.
+  // Cells to the right of the image and below it are outside the mask.
   prompt.logits.assign(size_t{kSide} * kSide, -kMostLogit);
   const auto logit_of_pixel = static_cast<float>(kLogitOfCell * grid.cells_per_pixel);
   for (int y = 0; y < grid.height; ++y) {
@@ -84,19 +84,6 @@ SamPrompt PromptOf(const cv::Mat& mask, const cv::Mat& distance, const PromptAns
     }
   }
   return prompt;
-}
-
-// Returns the pixels of the image, 0 or 1, where the logits of the grid, interpolated, are
-// positive.
-cv::Mat PixelsOf(std::span<float> logits, const PromptAnswers& grid, cv::Size size) {
-  const cv::Mat square(kSide, kSide, CV_32F, logits.data());
-  // Centres: cell + 0.5 = scale * (pixel + 0.5).
-  const double scale = grid.cells_per_pixel, shift = 0.5 * scale - 0.5;
-  const cv::Matx23d cell_from_pixel(scale, 0, shift, 0, scale, shift);
-  cv::Mat warped;
-  cv::warpAffine(square(cv::Rect(0, 0, grid.width, grid.height)), warped, cell_from_pixel, size,
-                 cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
-  return (warped > 0) / 255;
 }
 
 double IouOf(const cv::Mat& a, const cv::Mat& b) {
@@ -139,8 +126,10 @@ absl::StatusOr<BinaryMask> SamBorders::Refine(const OnnxTensor& embedding, const
       OnnxInput{"mask_input", {1, 1, kSide, kSide}, prompt.logits},
       OnnxInput{"has_mask_input", {1}, has_mask}};
   ASSIGN_OR_RETURN(std::vector<OnnxTensor> outputs, RunSamDecoder(*networks_->decoder, inputs, 1));
-  const auto first = std::span(outputs[0].values).first(size_t{kSide} * kSide);
-  const cv::Mat seen = PixelsOf(first, grid, before.size());
+  const cv::Mat first(kSide, kSide, CV_32F, outputs[0].values.data());
+  // The rest of the square shows the padding.
+  const cv::Mat cells = first(cv::Rect(0, 0, grid.width, grid.height));
+  const cv::Mat seen = PixelsInside(cells, grid.cells_per_pixel, before.size()) / 255;
   if (IouOf(seen, before) < kSameThing) return mask;
   BinaryMask refined = mask;
   cv::Mat after(height, width, CV_8U, refined.pixels.data());
