@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -106,6 +107,13 @@ class Backend {
   // RenderArgs::entry_room). On CUDA they are recorded and launched as one graph; the graph of the
   // same key is kept and updated with what has changed. `ops` is called once, before this returns.
   virtual void Sequence(int key, const std::function<void()>& ops) = 0;
+  // Runs `parts`, each of which calls ops of this backend. A part must not write what another one
+  // reads or writes. On CUDA, within a Sequence, the device may run up to num_branches() parts at
+  // once; elsewhere they run one after the other. Each is called once, in order, before this
+  // returns; ops called later run after all of them.
+  virtual void Branches(std::span<const std::function<void()>> parts) = 0;
+  // Number of parts that Branches can run at once; 1 to kMaxBranches.
+  virtual int num_branches() const = 0;
 
   // Copies to the host without waiting. Called by ReadbackQueue, which is what callers should use.
   //
@@ -161,6 +169,9 @@ class Backend {
  private:
   std::mutex exclusive_use_;
 };
+
+// Limit on Backend::num_branches().
+inline constexpr int kMaxBranches = 8;
 
 // Limit on the copies of CopyToHostLater under way in one backend, over all its queues.
 inline constexpr int kMaxReadbacks = 64;

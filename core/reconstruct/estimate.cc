@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/reconstruct/gaussian_state.h"
+#include "core/reconstruct/step_slot.h"
 #include "core/scene/capture.h"
 #include "kernels/buffer.h"
 #include "kernels/math/blend.h"
@@ -121,12 +122,13 @@ MemoryNeed EstimateReconstruct(const Backend& backend, const TrainingSize& size,
   const int64_t state = GaussianState::Bytes(first, most, options.sh_degree);
   constexpr int64_t kPlanRow = sizeof(int32_t) + 1 + 6 * sizeof(float);
   const bool twice = ControlsDensity(options);
+  const int64_t num_slots = StepsAtOnce(backend, options, size.max_pixels);
+  // The rendered colours and their gradients, and what a render takes.
+  const int64_t slot = 2 * 3 * size.max_pixels * static_cast<int64_t>(sizeof(float)) +
+                       backend.ScratchBytes(TypicalScratch(most, size.max_pixels));
   MemoryNeed need;
   need.device_bytes = ViewBytes(size, options) +
-                      // The rendered colours and their gradients.
-                      2 * 3 * size.max_pixels * static_cast<int64_t>(sizeof(float)) +
-                      (twice ? 2 * state + kPlanRow * most * 5 / 4 : state) +
-                      backend.ScratchBytes(TypicalScratch(most, size.max_pixels)) +
+                      (twice ? 2 * state + kPlanRow * most * 5 / 4 : state) + num_slots * slot +
                       RefinerBytes(backend, size, options);
   // The result, a checkpoint that is being written, and the points with their k-d tree.
   const int64_t planes = NumPlanes(options.sh_degree) * static_cast<int64_t>(sizeof(float));

@@ -38,6 +38,11 @@ struct ReconstructOptions {
   // Number of optimisation steps, one training view each. 1 to 10,000,000. Measured:
   // tests/bench/results/presets_h200.md.
   int num_steps = 10000;
+  // Number of steps that are done at once: each renders its view and finds its gradient with the
+  // same Gaussians, and then the updates of the steps follow each other. In [0, 8]. 0: as many as
+  // the device can do at once, see StepsAtOnce; 1 on a CPU. With a depth loss it is 1. Measured:
+  // tests/bench/results/views_at_once.md.
+  int views_at_once = 0;
   // Degree of the spherical harmonics of the colour, in [0, 3]. 0: the colour does not depend on
   // the direction. The degree in use starts at 0 and rises by one every num_steps / 30 steps.
   int sh_degree = 3;

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <functional>
 #include <sstream>
 
 #include "absl/strings/str_cat.h"
@@ -56,18 +56,17 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
       free_space_(capture, options.camera_clearance),
       state_(backend, InitialGaussians(points_, options.sh_degree, log_scales_)),
       densifier_(backend, options, {scene_radius_, views_.num_pixels(), state_.count()}),
-      color_(backend, 3 * views_.max_pixels()),
-      color_grad_(backend, 3 * views_.max_pixels()),
       depth_term_(backend, options_, views_.max_pixels()),
-      loss_sums_(backend, kNumLossSums),
       entry_capacities_(views_.size()),
-      results_(backend),
-      needs_(options_, views_.size()) {}
+      results_(backend, StepsAtOnce(backend, options_, views_.max_pixels())),
+      needs_(options_, views_.size()) {
+  const int num_slots = StepsAtOnce(backend, options_, views_.max_pixels());
+  for (int slot = 0; slot < num_slots; ++slot) slots_.emplace_back(backend, views_.max_pixels());
+}
 
 absl::Status Reconstructor::Allocated() const {
-  if (views_.allocated() && refiner_.allocated() && state_.allocated() && !color_.empty() &&
-      !color_grad_.empty() && !loss_sums_.empty() && depth_term_.allocated() &&
-      results_.allocated()) {
+  if (views_.allocated() && refiner_.allocated() && state_.allocated() && depth_term_.allocated() &&
+      results_.allocated() && std::ranges::all_of(slots_, &StepSlot::allocated)) {
     return absl::OkStatus();
   }
   return absl::ResourceExhaustedError(absl::StrCat("out of memory for ", views_.size(),
@@ -162,70 +161,114 @@ absl::StatusOr<ReconstructCheckpoint> Reconstructor::Save() {
   return checkpoint;
 }
 
-// One step of METHOD.md section 1: train on a view, then density control, opacity reset and
-// refinement where they are due at this position of the schedule.
+// Steps of METHOD.md section 1: train on a view each, then density control, opacity reset and
+// refinement where they are due after the last of them.
 absl::StatusOr<StepReport> Reconstructor::Step() {
-  StepInput input = {
-      sampler_.Next(random_), schedule_.ShrinkAt(position_), state_.count(), NextDropout(), {}};
-  input.depth = depth_term_.PlanFor(views_.At(input.view, input.shrink),
-                                    schedule_.DepthWeightAt(position_), random_);
-  // The draws of a step are in a fixed order: the view, the depth patch, then the seed of density
-  // control.
-  TrainOn(input, entry_capacities_.For(input));
+  std::vector<StepInput> steps;
+  std::vector<int64_t> entry_capacities;
+  const int end = EndOfSteps();
+  for (int position = position_; position < end; ++position) {
+    steps.push_back(DrawStep(position));
+    entry_capacities.push_back(entry_capacities_.For(steps.back()));
+  }
+  TrainOn(steps, entry_capacities);
   while (results_.full()) DrainOldest();
 
-  const bool densify = densifier_.Due(position_);
-  const bool reset = densifier_.OpacityResetDue(position_);
-  const bool refine = !densify && refiner_.Due(position_);
-  const bool review = needs_.EndsWindow(position_);
+  const int last = end - 1;
+  const bool densify = densifier_.Due(last);
   // What follows changes the Gaussians or reads the losses: all steps must have been done, those
   // whose render overflowed repeated, on the Gaussians that they were queued for.
-  if (densify || reset || refine || review || position_ + 1 == options_.num_steps) {
+  if (ChangesGaussiansAfter(last)) {
     while (!results_.empty()) DrainOldest();
   }
   if (densify) {
-    const bool has_depth = depth_term_.InEffect(schedule_.DepthWeightAt(position_));
-    RETURN_IF_ERROR(densifier_.Apply(position_, has_depth, state_, random_));
+    const bool has_depth = depth_term_.InEffect(schedule_.DepthWeightAt(last));
+    // Draws the seed of the round, after the draws of the steps.
+    RETURN_IF_ERROR(densifier_.Apply(last, has_depth, state_, random_));
   }
-  if (densify || position_ + 1 == options_.num_steps) RETURN_IF_ERROR(ClearFreeSpace());
-  if (reset) state_.LimitOpacity(kResetOpacity);
-  if (refine) RETURN_IF_ERROR(Refine(input));
-  refiner_.EndStep(position_, state_);
-  ++step_;
-  ++position_;
-  if (review) DropUnneededParts();
+  if (densify || end == options_.num_steps) RETURN_IF_ERROR(ClearFreeSpace());
+  if (densifier_.OpacityResetDue(last)) state_.LimitOpacity(kResetOpacity);
+  if (!densify && refiner_.Due(last)) RETURN_IF_ERROR(Refine(steps.back()));
+  refiner_.EndStep(last, state_);
+  step_ += end - position_;
+  position_ = end;
+  if (needs_.EndsWindow(last)) DropUnneededParts();
   return Report();
 }
 
-// Queues the work of a step. With a tile-entry capacity nothing waits, so that the backend can
-// replay the step as a CUDA graph: one for each size of the photographs, with and without depth.
-// With 0 the host waits for the count of entries.
-void Reconstructor::TrainOn(const StepInput& input, int64_t entry_capacity) {
-  const auto ops = [&] { QueueOps(input, entry_capacity); };
-  const int kind = 2 * input.shrink + (input.depth.weight > 0 ? 1 : 0);
-  if (entry_capacity > 0) {
-    backend_.Sequence(kind, ops);
-  } else {
-    ops();
-  }
-  results_.Push(input, loss_sums_.span(), scratch_.counters.span());
+// Returns whether the Gaussians, or what is trained, may change otherwise than by updates after the
+// step at this position.
+bool Reconstructor::ChangesGaussiansAfter(int position) const {
+  return densifier_.Due(position) || densifier_.OpacityResetDue(position) ||
+         refiner_.Due(position) || needs_.EndsWindow(position) ||
+         position + 1 == options_.num_steps;
 }
 
-// Forward pass, loss, backward pass and Adam on one view (METHOD.md section 1).
-void Reconstructor::QueueOps(const StepInput& input, int64_t entry_capacity) {
+// Returns the position behind the steps that are done at once from position_ on.
+int Reconstructor::EndOfSteps() const {
+  int end = position_ + 1;
+  while (end - position_ < static_cast<int>(slots_.size()) && !ChangesGaussiansAfter(end - 1)) {
+    ++end;
+  }
+  return end;
+}
+
+// The draws of a step are in a fixed order: the view, then the depth patch.
+StepInput Reconstructor::DrawStep(int position) {
+  StepInput input;
+  input.position = position;
+  input.view = sampler_.Next(random_);
+  input.shrink = schedule_.ShrinkAt(position);
+  input.num_gaussians = state_.count();
+  input.dropout = DropoutOf(step_ + position - position_, position);
+  input.depth = depth_term_.PlanFor(views_.At(input.view, input.shrink),
+                                    schedule_.DepthWeightAt(position), random_);
+  return input;
+}
+
+// Queues the work of steps that are done at once, one for each slot. With tile-entry capacities
+// nothing waits, so that the backend can replay the steps as a CUDA graph: one for each number of
+// steps and size of the photographs, with and without depth. With a capacity of 0 the host waits
+// for the count of entries.
+void Reconstructor::TrainOn(std::span<const StepInput> steps,
+                            std::span<const int64_t> entry_capacities) {
+  std::vector<std::function<void()>> gradients;
+  for (size_t k = 0; k < steps.size(); ++k) {
+    gradients.push_back([&, k] { QueueGradient(steps[k], entry_capacities[k], slots_[k]); });
+  }
+  const auto ops = [&] {
+    backend_.Branches(gradients);
+    for (size_t k = 0; k < steps.size(); ++k) QueueUpdate(steps[k], slots_[k]);
+  };
+  const bool waits = std::ranges::find(entry_capacities, 0) != entry_capacities.end();
+  if (waits) {
+    ops();
+  } else {
+    const int num_steps = static_cast<int>(steps.size());
+    const int depth = steps.front().depth.weight > 0 ? 1 : 0;
+    constexpr int kKinds = 16;  // of steps: 2 * shrink + depth
+    backend_.Sequence(kKinds * num_steps + 2 * steps.front().shrink + depth, ops);
+  }
+  for (size_t k = 0; k < steps.size(); ++k) {
+    results_.Push(steps[k], static_cast<int>(k), slots_[k].loss_sums.span(),
+                  slots_[k].scratch.counters.span());
+  }
+}
+
+// Forward pass, loss and backward pass on one view (METHOD.md section 1).
+void Reconstructor::QueueGradient(const StepInput& input, int64_t entry_capacity, StepSlot& slot) {
   const TrainingView& view = views_.At(input.view, input.shrink);
-  const int sh_degree = std::min(schedule_.ShDegreeAt(position_), state_.sh_degree());
   const int64_t size = 3 * int64_t{view.pinhole.width} * view.pinhole.height;
-  const auto color = color_.span().Subspan(0, size);
-  const auto color_grad = color_grad_.span().Subspan(0, size);
+  const auto color = slot.color.span().Subspan(0, size);
+  const auto color_grad = slot.color_grad.span().Subspan(0, size);
   const DepthImages depth = depth_term_.ImagesFor(view, input.depth);
 
   backend_.Render({.gaussians = state_.parameters(),
                    .view = view.pinhole,
                    .near_plane = NearPlane(),
-                   .active_sh_degree = sh_degree,
+                   .active_sh_degree = ShDegreeAt(input.position),
                    .dropout = input.dropout,
-                   .scratch = &scratch_,
+                   .scratch = &slot.scratch,
                    .color = color,
                    // Empty where the step has no depth term.
                    .alpha = depth.alpha,
@@ -239,26 +282,35 @@ void Reconstructor::QueueOps(const StepInput& input, int64_t entry_capacity) {
                       .ignore = view.ignore.span(),
                       .ssim_weight = options_.ssim_weight,
                       .color_grad = color_grad,
-                      .sums = loss_sums_.span().Subspan(0, kNumImageLossSums)});
+                      .sums = slot.loss_sums.span().Subspan(0, kNumImageLossSums)});
   depth_term_.Compare(view, input.depth,
-                      loss_sums_.span().Subspan(kFirstDepthSum, kNumDepthLossSums));
+                      slot.loss_sums.span().Subspan(kFirstDepthSum, kNumDepthLossSums));
   backend_.RenderBackward({.view = view.pinhole,
                            .color_grad = color_grad,
                            .alpha_grad = depth.alpha_grad,
                            .depth_grad = depth.depth_grad,
-                           .scratch = &scratch_});
-  backend_.Update({.view = view.pinhole,
-                   .active_sh_degree = sh_degree,
+                           .scratch = &slot.scratch});
+}
+
+// A step of Adam by the gradient in the slot (METHOD.md section 1).
+void Reconstructor::QueueUpdate(const StepInput& input, StepSlot& slot) {
+  backend_.Update({.view = views_.At(input.view, input.shrink).pinhole,
+                   .active_sh_degree = ShDegreeAt(input.position),
                    .dropout = input.dropout,
-                   .learning_rates = schedule_.RatesAt(position_),
+                   .learning_rates = schedule_.RatesAt(input.position),
                    .min_log_scale = log_scales_.min,
                    .max_log_scale = log_scales_.max,
-                   .scratch = &scratch_,
+                   .scratch = &slot.scratch,
                    .gaussians = state_.parameters(),
                    .moment1 = state_.moment1(),
                    .moment2 = state_.moment2(),
                    .num_steps = state_.num_steps(),
                    .stats = state_.stats()});
+}
+
+// Returns the SH degree in use: degrees may have been pruned.
+int Reconstructor::ShDegreeAt(int position) const {
+  return std::min(schedule_.ShDegreeAt(position), state_.sh_degree());
 }
 
 // Reads the result of the oldest queued step; waits for it. A step whose render overflowed its
@@ -268,7 +320,7 @@ void Reconstructor::DrainOldest() {
   if (result.overflowed) {
     ++num_overflowed_renders_;
     constexpr int64_t kWaitForCount = 0;  // no capacity: the host waits for the count of entries
-    TrainOn(result.input, kWaitForCount);
+    TrainOn({&result.input, 1}, {&kWaitForCount, 1});
     return;
   }
   entry_capacities_.Record(result);
@@ -332,12 +384,11 @@ void Reconstructor::DropUnneededParts() {
   }
 }
 
-// Returns the dropout of the next step. Its seed depends on nothing that a checkpoint would have to
-// hold.
-Dropout Reconstructor::NextDropout() const {
-  if (position_ >= options_.dropout_until * options_.num_steps) return {};
+// Returns the dropout of a step. Its seed depends on nothing that a checkpoint would have to hold.
+Dropout Reconstructor::DropoutOf(int step, int position) const {
+  if (position >= options_.dropout_until * options_.num_steps) return {};
   constexpr uint64_t kMix = 0x9e3779b97f4a7c15;
-  const uint64_t seed = (options_.seed * kMix + static_cast<uint64_t>(step_)) * kMix;
+  const uint64_t seed = (options_.seed * kMix + static_cast<uint64_t>(step)) * kMix;
   return {options_.dropout, static_cast<uint32_t>(seed >> 32)};
 }
 

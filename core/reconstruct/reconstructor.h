@@ -1,9 +1,11 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <optional>
 #include <random>
+#include <span>
 
 #include "absl/status/statusor.h"
 #include "core/base/progress.h"
@@ -18,6 +20,7 @@
 #include "core/reconstruct/scene_needs.h"
 #include "core/reconstruct/schedule.h"
 #include "core/reconstruct/step_results.h"
+#include "core/reconstruct/step_slot.h"
 #include "core/reconstruct/training_views.h"
 #include "kernels/backend.h"
 
@@ -52,9 +55,11 @@ class Reconstructor {
   const std::vector<bool>& blurred() const { return blurred_; }
   // True when the schedule's options.num_steps steps have been done or skipped.
   bool done() const { return position_ >= options_.num_steps; }
-  // Does one step on one view. The loss and PSNR in the report are those of the newest step that
-  // the device has finished, which may be several steps back. Returns INTERNAL with the backend's
-  // error, and the errors of Densifier::Apply and Refiner::Apply.
+  // Does the next steps, each on one view: StepsAtOnce of them, or fewer where density control or
+  // another change of the Gaussians is due or the schedule ends. The loss and PSNR in the report
+  // are those of the newest step that the device has finished, which may be several steps back.
+  // Returns INTERNAL with the backend's error, and the errors of Densifier::Apply and
+  // Refiner::Apply.
   absl::StatusOr<StepReport> Step();
   // Returns the state between two steps. Waits for the backend and returns INTERNAL with its error.
   absl::StatusOr<ReconstructCheckpoint> Save();
@@ -67,15 +72,20 @@ class Reconstructor {
   absl::Status Allocated() const;
   absl::Status CheckMatches(const ReconstructCheckpoint& checkpoint) const;
   absl::Status Restore(const ReconstructCheckpoint& checkpoint);
-  void TrainOn(const StepInput& input, int64_t entry_capacity);
-  void QueueOps(const StepInput& input, int64_t entry_capacity);
+  bool ChangesGaussiansAfter(int position) const;
+  int EndOfSteps() const;
+  StepInput DrawStep(int position);
+  void TrainOn(std::span<const StepInput> steps, std::span<const int64_t> entry_capacities);
+  void QueueGradient(const StepInput& input, int64_t entry_capacity, StepSlot& slot);
+  void QueueUpdate(const StepInput& input, StepSlot& slot);
   void DrainOldest();
   double LossOf(const StepResult& result) const;
   double DepthExplained(const StepResult& result) const;
   void DropUnneededParts();
   absl::Status Refine(const StepInput& input);
   absl::Status ClearFreeSpace();
-  Dropout NextDropout() const;
+  int ShDegreeAt(int position) const;
+  Dropout DropoutOf(int step, int position) const;
   float NearPlane() const;
   absl::StatusOr<StepReport> Report() const;
 
@@ -94,12 +104,10 @@ class Reconstructor {
   const FreeSpace free_space_;
   GaussianState state_;
   const Densifier densifier_;
-  RenderScratch scratch_;
-  Buffer<float> color_, color_grad_;  // [3, H, W] of the largest view
+  std::deque<StepSlot> slots_;  // one for each step that is done at once
   DepthTerm depth_term_;
-  Buffer<double> loss_sums_;  // [kNumLossSums]
-  int step_ = 0;              // steps done
-  int position_ = 0;          // schedule position: steps done and skipped
+  int step_ = 0;      // steps done
+  int position_ = 0;  // schedule position: steps done and skipped
   TileEntryCapacities entry_capacities_;
   StepResults results_;
   SceneNeeds needs_;

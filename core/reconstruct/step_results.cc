@@ -11,22 +11,25 @@ constexpr int64_t kLeast = 16384;
 
 }  // namespace
 
-void StepResults::Push(const StepInput& input, DeviceSpan<const double> loss_sums,
+void StepResults::Push(const StepInput& input, int slot, DeviceSpan<const double> loss_sums,
                        DeviceSpan<const int64_t> counters) {
-  inputs_.push_back(input);
+  pending_.push_back({input, slot});
   loss_sums_.Push(loss_sums);
   counters_.Push(counters.Subspan(0, kNumRenderCounters));
 }
 
-// The device counts overflowed renders since its start: this step overflowed where the count rose.
+// The device counts the overflowed renders of a slot since its start: this step overflowed where
+// the count rose.
 StepResult StepResults::Pop() {
   StepResult result;
-  result.input = inputs_.front();
-  inputs_.pop_front();
+  result.input = pending_.front().input;
+  result.slot = pending_.front().slot;
+  pending_.pop_front();
   std::ranges::copy(loss_sums_.Pop(), result.loss_sums.begin());
   std::ranges::copy(counters_.Pop(), result.counters.begin());
-  result.overflowed = result.counters[kNumVoidRenders] > num_overflowed_renders_;
-  num_overflowed_renders_ = result.counters[kNumVoidRenders];
+  int64_t& num_overflowed = num_overflowed_renders_[static_cast<size_t>(result.slot)];
+  result.overflowed = result.counters[kNumVoidRenders] > num_overflowed;
+  num_overflowed = result.counters[kNumVoidRenders];
   return result;
 }
 

@@ -15,6 +15,7 @@ namespace pepeseg {
 
 // What a step trained on; enough to repeat it.
 struct StepInput {
+  int position = 0;           // of the schedule
   int view = 0;               // index among the training views
   int shrink = 1;             // 1, 2 or 4: divisor of the photograph's width and height
   int64_t num_gaussians = 0;  // of the state at that step
@@ -29,6 +30,7 @@ inline constexpr int kNumLossSums = kFirstDepthSum + kNumDepthLossSums;
 // What a step reported, read once the device has finished it.
 struct StepResult {
   StepInput input;
+  int slot = 0;  // see StepResults::Push
   std::array<double, kNumLossSums> loss_sums = {};
   std::array<int64_t, kNumRenderCounters> counters = {};
   // The render overflowed its tile-entry capacity, so that the step changed nothing: see
@@ -90,30 +92,39 @@ class ReadbackQueue {
   int64_t num_pushed_ = 0, num_popped_ = 0;
 };
 
-// Queue of the results of steps that the device has not finished: the host is ahead of it by
+// Queue of the results of steps that the device has not finished. The host pushes the steps that
+// are done at once together, and then pops until it is ahead of the device by
 // Backend::queue_depth() steps at most. Results are copied to the host without waiting.
 class StepResults {
  public:
-  explicit StepResults(Backend& backend)
+  // num_slots: the number of steps that are done at once.
+  StepResults(Backend& backend, int num_slots)
       : most_pending_(backend.queue_depth()),
-        loss_sums_(backend, kNumLossSums, most_pending_ + 1),
-        counters_(backend, kNumRenderCounters, most_pending_ + 1) {}
+        loss_sums_(backend, kNumLossSums, most_pending_ + num_slots),
+        counters_(backend, kNumRenderCounters, most_pending_ + num_slots),
+        num_overflowed_renders_(static_cast<size_t>(num_slots), 0) {}
 
   bool allocated() const { return loss_sums_.allocated() && counters_.allocated(); }
-  bool empty() const { return inputs_.empty(); }
-  // True: Pop before the next step begins.
-  bool full() const { return static_cast<int>(inputs_.size()) > most_pending_; }
+  bool empty() const { return pending_.empty(); }
+  // True: Pop before the next steps begin.
+  bool full() const { return static_cast<int>(pending_.size()) > most_pending_; }
 
-  void Push(const StepInput& input, DeviceSpan<const double> loss_sums,
+  // slot: of the memory of the step, in [0, num_slots). `counters` are of the scratch of that slot.
+  void Push(const StepInput& input, int slot, DeviceSpan<const double> loss_sums,
             DeviceSpan<const int64_t> counters);
   StepResult Pop();  // the oldest; waits for it
 
  private:
+  struct Pending {
+    StepInput input;
+    int slot;
+  };
+
   int most_pending_;
-  std::deque<StepInput> inputs_;
+  std::deque<Pending> pending_;
   ReadbackQueue<double> loss_sums_;
   ReadbackQueue<int64_t> counters_;
-  int64_t num_overflowed_renders_ = 0;  // the device's running count at the last Pop
+  std::vector<int64_t> num_overflowed_renders_;  // by slot: the running count at its last Pop
 };
 
 // Tile-entry capacity of the next render of each view, predicted from the entries that its last

@@ -37,6 +37,10 @@ class CpuBackend final : public Backend {
   void ReleaseFreed() override;
   int64_t ScratchBytes(const ScratchSize& size) const override;
   void Sequence(int, const std::function<void()>& ops) override { ops(); }
+  void Branches(std::span<const std::function<void()>> parts) override {
+    for (const auto& part : parts) part();
+  }
+  int num_branches() const override { return 1; }
   void* AllocatePinned(size_t num_bytes) override { return Allocate(num_bytes); }
   void FreePinned(void* data) override { Free(data); }
   int64_t CopyToHostLater(void* to_pinned, const void* from, size_t num_bytes) override {

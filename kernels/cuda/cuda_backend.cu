@@ -38,7 +38,7 @@ CudaBackend::CudaBackend(const CudaOptions& options) : options_(options) {
 
 // Waits for the stream before anything that its work may use is destroyed.
 CudaBackend::~CudaBackend() {
-  temporary_ = {};
+  for (Buffer<std::byte>& temporary : temporary_) temporary = {};
   if (stream_ != nullptr) cudaStreamSynchronize(stream_);
   for (const KernelMark& mark : marks_) cudaEventDestroy(mark.event);
   for (const cudaEvent_t event : readbacks_) {
@@ -46,6 +46,12 @@ CudaBackend::~CudaBackend() {
   }
   if (pinned_counters_ != nullptr) cudaFreeHost(pinned_counters_);
   for (const auto& [key, sequence] : sequences_) cudaGraphExecDestroy(sequence);
+  for (const cudaEvent_t event : branch_ends_) {
+    if (event != nullptr) cudaEventDestroy(event);
+  }
+  for (const cudaStream_t branch : branch_streams_) {
+    if (branch != nullptr) cudaStreamDestroy(branch);
+  }
   if (side_stream_ != nullptr) cudaStreamDestroy(side_stream_);
   if (stream_ != nullptr) cudaStreamDestroy(stream_);
 }
@@ -127,8 +133,8 @@ void CudaBackend::ReadKernelTimes() {
 }
 
 void* CudaBackend::Temporary(size_t num_bytes) {
-  temporary_.Reserve(*this, static_cast<int64_t>(num_bytes));
-  return temporary_.span().data;
+  temporary_[branch_].Reserve(*this, static_cast<int64_t>(num_bytes));
+  return temporary_[branch_].span().data;
 }
 
 // Returns when pageable `from_host` has been staged by the driver, possibly before it has arrived.
@@ -180,6 +186,49 @@ void CudaBackend::Sequence(int key, const std::function<void()>& ops) {
   // The graph may use this memory: it is freed behind the launch.
   for (void* data : freed_while_recording_) Keep(cudaFreeAsync(data, stream_), "freeing");
   freed_while_recording_.clear();
+}
+
+// Creates the stream and the event of a branch where they do not exist yet.
+void CudaBackend::OpenBranch(int branch) {
+  if (branch > 0 && branch_streams_[branch] == nullptr) {
+    Keep(cudaStreamCreateWithFlags(&branch_streams_[branch], cudaStreamNonBlocking),
+         "creating a stream");
+  }
+  if (branch_ends_[branch] == nullptr) {
+    Keep(cudaEventCreateWithFlags(&branch_ends_[branch], cudaEventDisableTiming),
+         "creating an event");
+  }
+}
+
+// Captures part k on the stream of branch k. All branches begin where the calls before have ended,
+// and the stream of the calls waits for their ends. More parts than branches take turns: a part
+// follows the one before it on the same branch.
+void CudaBackend::Branches(std::span<const std::function<void()>> parts) {
+  const Turn turn(*this);
+  if (!turn) return;
+  if (!recording_ || branch_ > 0 || parts.size() < 2) {
+    for (const auto& part : parts) part();
+    return;
+  }
+  const int num_branches = std::min<int>(static_cast<int>(parts.size()), kMaxBranches);
+  for (int branch = 0; branch < num_branches; ++branch) OpenBranch(branch);
+  if (!error_.empty()) return;
+  const cudaStream_t trunk = stream_;
+  Keep(cudaEventRecord(branch_ends_[0], trunk), "recording an event");
+  for (int branch = 1; branch < num_branches; ++branch) {
+    Keep(cudaStreamWaitEvent(branch_streams_[branch], branch_ends_[0]), "beginning a branch");
+  }
+  for (size_t k = 0; k < parts.size(); ++k) {
+    branch_ = static_cast<int>(k) % num_branches;
+    stream_ = branch_ == 0 ? trunk : branch_streams_[branch_];
+    parts[k]();
+  }
+  branch_ = 0;
+  stream_ = trunk;
+  for (int branch = 1; branch < num_branches; ++branch) {
+    Keep(cudaEventRecord(branch_ends_[branch], branch_streams_[branch]), "recording an event");
+    Keep(cudaStreamWaitEvent(trunk, branch_ends_[branch]), "ending a branch");
+  }
 }
 
 // Updates the executable graph of this key with the arguments of `graph`, which is cheaper than

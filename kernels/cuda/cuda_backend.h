@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <mutex>
+#include <span>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -57,10 +58,11 @@ inline constexpr int kNumCudaCounters = kNumRenderCounters + 1;
 // The CUDA implementation of Backend on one device: each op is in the file of its name next to this
 // one.
 //
-// Streams. All kernels, copies and frees go to one stream and therefore run in the order of the
-// calls; an op needs no synchronisation with the op before it. Within a launch, blocks communicate
-// only by atomics on integers, by the running sums of project.cu, and by the shortened paths of
-// spanning_tree.cu. The stream does not synchronise with the legacy default stream.
+// Streams. Outside of Branches all kernels, copies and frees go to one stream and therefore run in
+// the order of the calls; an op needs no synchronisation with the op before it. Within a launch,
+// blocks communicate only by atomics on integers, by the running sums of project.cu, and by the
+// shortened paths of spanning_tree.cu. The stream does not synchronise with the legacy default
+// stream.
 //
 // Memory comes from the stream-ordered pool of the device, so that freeing and growing wait for
 // nothing. What is freed stays in the pool until ReleaseFreed.
@@ -70,6 +72,8 @@ inline constexpr int kNumCudaCounters = kNumRenderCounters + 1;
 //
 // Graphs. Sequence captures the launches of its ops into a graph each time it is called, updates
 // the executable graph of its key in place, and launches it: one launch for all kernels of a step.
+// Branches captures each part on a stream of its own, so that the parts become parallel branches
+// of the graph. Each branch has its own temporary memory.
 //
 // Errors of launches and of the runtime are kept (Keep). A fault within a kernel surfaces at a
 // later call, at the latest when the host waits.
@@ -95,6 +99,8 @@ class CudaBackend final : public Backend {
   void ReleaseFreed() override;
   int64_t ScratchBytes(const ScratchSize& size) const override;
   void Sequence(int key, const std::function<void()>& ops) override;
+  void Branches(std::span<const std::function<void()>> parts) override;
+  int num_branches() const override { return kMaxBranches; }
   void* AllocatePinned(size_t num_bytes) override;
   void FreePinned(void* data) override;
   int64_t CopyToHostLater(void* to_pinned, const void* from, size_t num_bytes) override;
@@ -152,6 +158,7 @@ class CudaBackend final : public Backend {
   // launch and, when kernels are timed, records an event. nullptr marks the begin of an op.
   void Launched(const char* kernel);
   void LaunchSequence(int key, cudaGraph_t graph);
+  void OpenBranch(int branch);
   // Adds the times of the kernels launched since the last call. The stream must have been waited
   // for.
   void ReadKernelTimes();
@@ -171,7 +178,7 @@ class CudaBackend final : public Backend {
   CudaOptions options_;
   std::string device_name_;
   mutable std::recursive_mutex mutex_;
-  cudaStream_t stream_ = nullptr;
+  cudaStream_t stream_ = nullptr;  // of the calls; within a part of Branches that of the branch
   std::string error_;
   bool fatal_ = false;                        // BackendError::fatal of error_
   std::unordered_map<void*, size_t> blocks_;  // bytes asked for, of each block not yet freed
@@ -185,7 +192,12 @@ class CudaBackend final : public Backend {
   int64_t* pinned_counters_ = nullptr;                  // [kNumCudaCounters] on the host
   cudaEvent_t readbacks_[kMaxReadbacks] = {};           // ticket k: event k % kMaxReadbacks
   int64_t num_readbacks_ = 0;
-  Buffer<std::byte> temporary_;  // memory of Temporary; grows only
+  Buffer<std::byte> temporary_[kMaxBranches];  // memory of Temporary by branch; grows only
+  // Branch 0 is the stream of the calls itself. The others, and the events that fork and join them,
+  // are made when they are first needed.
+  int branch_ = 0;  // whose part is being captured
+  cudaStream_t branch_streams_[kMaxBranches] = {};
+  cudaEvent_t branch_ends_[kMaxBranches] = {};  // of branch 0: where the others begin
   // With kernel_times: an event after each launch, and one where an op begins. The time of a kernel
   // is that between its event and the one before.
   struct KernelMark {

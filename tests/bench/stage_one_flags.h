@@ -27,6 +27,7 @@ inline void AddPresetFlag(CLI::App& app, ReconstructOptions& stage_one, FeatureO
 inline void AddStageOneFlags(CLI::App& app, ReconstructOptions& stage) {
   app.option_defaults()->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
   app.add_option("--steps", stage.num_steps);
+  app.add_option("--views-at-once", stage.views_at_once);
   app.add_option("--sh", stage.sh_degree);
   app.add_option("--ssim-weight", stage.ssim_weight);
   app.add_option("--mean-rate", stage.mean_learning_rate);
