@@ -41,6 +41,7 @@ constexpr OptionRow kRows[] = {
     {"reconstruct.dropout", "0.1", "0 to 0.9"},
     {"reconstruct.dropout_until", "0.8", "0 to 1"},
     {"reconstruct.blurred_share", "0.25", "0 to 1"},
+    {"reconstruct.views_at_once", "0", "0 to 8"},
     {"reconstruct.depth_weight", "0", "0 to 10, or -1"},
     {"reconstruct.depth_weight_final", "0", "0 to 10"},
     {"reconstruct.depth_local_weight", "0.25", "0 to 10"},

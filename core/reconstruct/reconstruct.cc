@@ -75,7 +75,7 @@ absl::Status ValidateNeeds(const ReconstructOptions& options) {
 
 absl::Status Validate(const ReconstructOptions& options) {
   RETURN_IF_ERROR(InRange("num_steps", options.num_steps, 1, 10e6));
-  RETURN_IF_ERROR(InRange("views_at_once", options.views_at_once, 0, kMaxBranches));
+  RETURN_IF_ERROR(InRange("views_at_once", options.views_at_once, 0, kMaxUpdateSteps));
   RETURN_IF_ERROR(InRange("sh_degree", options.sh_degree, 0, kMaxShDegree));
   RETURN_IF_ERROR(InRange("ssim_weight", options.ssim_weight, 0, 1));
   RETURN_IF_ERROR(ValidateLearningRates(options));

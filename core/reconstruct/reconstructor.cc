@@ -234,11 +234,13 @@ void Reconstructor::TrainOn(std::span<const StepInput> steps,
                             std::span<const int64_t> entry_capacities) {
   std::vector<std::function<void()>> gradients;
   for (size_t k = 0; k < steps.size(); ++k) {
-    gradients.push_back([&, k] { QueueGradient(steps[k], entry_capacities[k], slots_[k]); });
+    gradients.push_back([&, k] {
+      QueueGradient(steps[k], ShDegreeAt(steps.front().position), entry_capacities[k], slots_[k]);
+    });
   }
   const auto ops = [&] {
     backend_.Branches(gradients);
-    for (size_t k = 0; k < steps.size(); ++k) QueueUpdate(steps[k], slots_[k]);
+    QueueUpdates(steps);
   };
   const bool waits = std::ranges::find(entry_capacities, 0) != entry_capacities.end();
   if (waits) {
@@ -256,7 +258,8 @@ void Reconstructor::TrainOn(std::span<const StepInput> steps,
 }
 
 // Forward pass, loss and backward pass on one view (METHOD.md section 1).
-void Reconstructor::QueueGradient(const StepInput& input, int64_t entry_capacity, StepSlot& slot) {
+void Reconstructor::QueueGradient(const StepInput& input, int sh_degree, int64_t entry_capacity,
+                                  StepSlot& slot) {
   const TrainingView& view = views_.At(input.view, input.shrink);
   const int64_t size = 3 * int64_t{view.pinhole.width} * view.pinhole.height;
   const auto color = slot.color.span().Subspan(0, size);
@@ -266,7 +269,7 @@ void Reconstructor::QueueGradient(const StepInput& input, int64_t entry_capacity
   backend_.Render({.gaussians = state_.parameters(),
                    .view = view.pinhole,
                    .near_plane = NearPlane(),
-                   .active_sh_degree = ShDegreeAt(input.position),
+                   .active_sh_degree = sh_degree,
                    .dropout = input.dropout,
                    .scratch = &slot.scratch,
                    .color = color,
@@ -292,15 +295,21 @@ void Reconstructor::QueueGradient(const StepInput& input, int64_t entry_capacity
                            .scratch = &slot.scratch});
 }
 
-// A step of Adam by the gradient in the slot (METHOD.md section 1).
-void Reconstructor::QueueUpdate(const StepInput& input, StepSlot& slot) {
-  backend_.Update({.view = views_.At(input.view, input.shrink).pinhole,
-                   .active_sh_degree = ShDegreeAt(input.position),
-                   .dropout = input.dropout,
-                   .learning_rates = schedule_.RatesAt(input.position),
+// A step of Adam for each gradient in the slots (METHOD.md section 1). The rates are those of the
+// first of them.
+void Reconstructor::QueueUpdates(std::span<const StepInput> steps) {
+  std::vector<UpdateStep> updates;
+  for (size_t k = 0; k < steps.size(); ++k) {
+    updates.push_back({.view = views_.At(steps[k].view, steps[k].shrink).pinhole,
+                       .dropout = steps[k].dropout,
+                       .scratch = &slots_[k].scratch});
+  }
+  const int position = steps.front().position;
+  backend_.Update({.steps = updates,
+                   .active_sh_degree = ShDegreeAt(position),
+                   .learning_rates = schedule_.RatesAt(position),
                    .min_log_scale = log_scales_.min,
                    .max_log_scale = log_scales_.max,
-                   .scratch = &slot.scratch,
                    .gaussians = state_.parameters(),
                    .moment1 = state_.moment1(),
                    .moment2 = state_.moment2(),

@@ -76,8 +76,8 @@ class Reconstructor {
   int EndOfSteps() const;
   StepInput DrawStep(int position);
   void TrainOn(std::span<const StepInput> steps, std::span<const int64_t> entry_capacities);
-  void QueueGradient(const StepInput& input, int64_t entry_capacity, StepSlot& slot);
-  void QueueUpdate(const StepInput& input, StepSlot& slot);
+  void QueueGradient(const StepInput& input, int sh_degree, int64_t entry_capacity, StepSlot& slot);
+  void QueueUpdates(std::span<const StepInput> steps);
   void DrainOldest();
   double LossOf(const StepResult& result) const;
   double DepthExplained(const StepResult& result) const;

@@ -35,6 +35,7 @@ void SetPaperReconstruct(ReconstructOptions& options) {
   options.camera_clearance = 0;
   options.dropout = 0;
   options.blurred_share = 1;
+  options.views_at_once = 1;
 
   // L_global + L_local with lambda_d from 0.05 (orbit) or 0.1 (forward facing) to 0.02.
   options.depth_weight = -1;

@@ -57,18 +57,29 @@ struct ProjectJob {
   int64_t num_degenerate;  // out: culled because something is not finite or not positive
 };
 
+// Gradients of the Gaussians of a block in one step. Adam then reads long runs of each plane, which
+// are few streams of memory at a time.
+inline constexpr int kUpdateBlock = 256;
+struct UpdateBlock {
+  alignas(64) float values[NumPlanes(kMaxShDegree)][kUpdateBlock];
+  alignas(64) float correction1[kUpdateBlock], correction2[kUpdateBlock];
+  uint32_t updated[kUpdateBlock];  // by group, a bit for each lane that Adam moves
+};
+
 // Backward pass of the projection of Gaussians [first, first + count), and Adam.
 struct ParameterJob {
   const UpdateArgs* update;
   int64_t first;
   int64_t count;
-  const Splat* splats;       // [visible]
-  const SplatGrad* grads;    // [visible]
-  const int32_t* visible;    // [count] -> visible, or -1
-  const float* correction1;  // [num_corrections] 1 / (1 - beta1^t), t = 0 unused
-  const float* correction2;  // [num_corrections] 1 / sqrt(1 - beta2^t)
-  int32_t num_corrections;   // later steps use the last one
-  int64_t num_skipped;       // out: rows with a gradient that is not finite
+  const UpdateStep* steps;  // [num_steps] of `update`
+  int num_steps;
+  // By step: [count] -> visible of the step's scratch, or -1.
+  const int32_t* visible[kMaxUpdateSteps];
+  UpdateBlock* blocks;                   // [num_steps] working memory
+  const float* correction1;              // [num_corrections] 1 / (1 - beta1^t), t = 0 unused
+  const float* correction2;              // [num_corrections] 1 / sqrt(1 - beta2^t)
+  int32_t num_corrections;               // later steps use the last one
+  int64_t num_skipped[kMaxUpdateSteps];  // out, by step: rows with a gradient that is not finite
 };
 
 inline constexpr int kLossBandRows = 48;  // scanlines of a task, and the granularity of the sums

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <span>
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
@@ -32,33 +33,45 @@ BiasCorrections MakeCorrections(const UpdateArgs& args, int32_t num_steps) {
   return out;
 }
 
-// Runs SimdKernels::update over all job.count Gaussians, in chunks, and returns the number of
-// Gaussians that were skipped. Sets splats, grads, visible and the range of each chunk's job.
-int64_t UpdateInChunks(ThreadPool& pool, const SimdKernels& simd, const RenderScratch& scratch,
-                       ParameterJob job) {
-  constexpr int64_t kChunk = 512;
-  const auto visible = scratch.visible_gaussian.span();
+constexpr int64_t kChunk = 512;
+
+// Writes to `visible_of` for each of `count` Gaussians from `first` on where it is in `visible`,
+// which ascends, or -1.
+void InvertVisible(DeviceSpan<const int32_t> visible, int64_t first, int64_t count,
+                   int32_t* visible_of) {
+  std::fill_n(visible_of, count, -1);
+  const int32_t* end = visible.data + visible.size;
+  for (const int32_t* v = std::lower_bound(visible.data, end, first);
+       v != end && *v < first + count; ++v) {
+    visible_of[*v - first] = static_cast<int32_t>(v - visible.data);
+  }
+}
+
+// Runs SimdKernels::update over all job.count Gaussians, in chunks, and stores the number of
+// Gaussians that each step skipped with its scratch. Sets `visible` and the range of each chunk's
+// job.
+void UpdateInChunks(ThreadPool& pool, const SimdKernels& simd, const ParameterJob& job) {
+  const std::span<const UpdateStep> steps(job.steps, static_cast<size_t>(job.num_steps));
   const int64_t count = job.count;
-  job.splats = scratch.visible_splat.span().data;
-  job.grads = scratch.visible_grad.span().data;
-  std::atomic<int64_t> num_skipped = 0;
-  pool.ParallelFor((count + kChunk - 1) / kChunk, [&](int64_t chunk, int) {
+  std::atomic<int64_t> num_skipped[kMaxUpdateSteps] = {};
+  std::vector<UpdateBlock> blocks(steps.size() * static_cast<size_t>(pool.num_threads()));
+  pool.ParallelFor((count + kChunk - 1) / kChunk, [&](int64_t chunk, int thread) {
     ParameterJob part = job;
+    part.blocks = blocks.data() + steps.size() * static_cast<size_t>(thread);
     part.first = chunk * kChunk;
     part.count = std::min(kChunk, count - part.first);
-    // Inverts the part of visible_gaussian that lies in the chunk; it ascends.
-    int32_t visible_of[kChunk];
-    std::fill_n(visible_of, kChunk, -1);
-    const int32_t* end = visible.data + visible.size;
-    for (const int32_t* v = std::lower_bound(visible.data, end, part.first);
-         v != end && *v < part.first + part.count; ++v) {
-      visible_of[*v - part.first] = static_cast<int32_t>(v - visible.data);
+    int32_t visible_of[kMaxUpdateSteps][kChunk];
+    for (size_t k = 0; k < steps.size(); ++k) {
+      InvertVisible(steps[k].scratch->visible_gaussian.span(), part.first, part.count,
+                    visible_of[k]);
+      part.visible[k] = visible_of[k];
     }
-    part.visible = visible_of;
     simd.update(part);
-    num_skipped += part.num_skipped;
+    for (size_t k = 0; k < steps.size(); ++k) num_skipped[k] += part.num_skipped[k];
   });
-  return num_skipped;
+  for (size_t k = 0; k < steps.size(); ++k) {
+    steps[k].scratch->counters.span()[kNumSkippedGradientRows] = num_skipped[k];
+  }
 }
 
 }  // namespace
@@ -67,18 +80,20 @@ int64_t UpdateInChunks(ThreadPool& pool, const SimdKernels& simd, const RenderSc
 // the most steps needs.
 void CpuBackend::Update(const UpdateArgs& args) {
   if (failed()) return;
-  RenderScratch& scratch = *args.scratch;
   const int32_t* steps = args.num_steps.data;
   int32_t most = 0;
   for (int64_t i = 0; i < args.num_steps.size; ++i) most = std::max(most, steps[i]);
-  const BiasCorrections corrections = MakeCorrections(args, std::min(most + 1, kMaxCorrections));
+  most += static_cast<int32_t>(args.steps.size());
+  const BiasCorrections corrections = MakeCorrections(args, std::min(most, kMaxCorrections));
   ParameterJob job = {};
   job.update = &args;
+  job.steps = args.steps.data();
+  job.num_steps = static_cast<int>(args.steps.size());
   job.count = args.gaussians.count;
   job.correction1 = corrections.first.data();
   job.correction2 = corrections.second.data();
   job.num_corrections = static_cast<int32_t>(corrections.first.size());
-  scratch.counters.span()[kNumSkippedGradientRows] = UpdateInChunks(pool_, simd_, scratch, job);
+  UpdateInChunks(pool_, simd_, job);
 }
 
 }  // namespace pepeseg

@@ -9,42 +9,49 @@
 #include "kernels/math/dropout.h"
 
 // Update (UpdateArgs in kernels/ops/render.h; METHOD.md section 1): the backward pass of the
-// projection (project.cu) and one step of Adam (kernels/math/adam.h) in one pass over the
-// planes of the Gaussians, so that gradients are never written to global memory.
+// projection (project.cu) and steps of Adam (kernels/math/adam.h) in one pass over the planes of
+// the Gaussians, so that gradients are never written to global memory.
 //
-// A thread has one Gaussian, visible or not. It puts its gradients into its own column of shared
-// memory (BlockGradients) and then goes through the planes in groups of kPlanesAtOnce. Threads
-// share nothing and need no barrier. The counter of skipped Gaussians is an integer atomic. Results
-// are the same in every run, given visible_grad.
-//
-// All threads return at once after an overflowed render.
+// A thread has one Gaussian, visible or not. For each step it puts the gradients into its own
+// column of shared memory (StepGradients), and then goes through the planes in groups of
+// kPlanesAtOnce, which it loads and stores once for all steps. Threads share nothing and need no
+// barrier. The counter of skipped Gaussians is an integer atomic. Results are the same in every
+// run, given visible_grad.
 
 namespace pepeseg {
 namespace {
 
-constexpr int kBlock = 128;
+// Small, so that the gradients of kMaxUpdateSteps steps fit the 64 KiB of shared memory that every
+// supported device has.
+constexpr int kBlock = 64;
 
-struct UpdateParams {
-  DevicePlanes<float> gaussians, moment1, moment2;
-  int64_t count;
-  int num_planes;  // planes up to the active SH degree
+// What differs between the steps.
+struct StepParams {
   ProjectionCamera<float> camera;
   int width, height;
+  float opacity_factor;  // of Render, see kernels/math/dropout.h
+  const int32_t* gaussian_visible;
+  const Splat* visible_splat;
+  const SplatGrad* visible_grad;
+  Room room;             // of a render that may have overflowed
+  int64_t* num_skipped;  // counter of Gaussians with a gradient that is not finite
+};
+
+struct UpdateParams {
+  StepParams steps[kMaxUpdateSteps];
+  int num_updates;  // steps in use
+  DevicePlanes<float> gaussians, moment1, moment2;
+  int64_t count;
+  int num_planes;                        // planes up to the active SH degree
   float rates[NumPlanes(kMaxShDegree)];  // learning rate of each plane
   float beta1, beta2, epsilon;
   float log_beta1, log_beta2;  // natural logarithms
   float min_log_scale, max_log_scale;
   bool bounds_scale;
-  float opacity_factor;  // of Render, see kernels/math/dropout.h
-  const int32_t* gaussian_visible;
-  const Splat* visible_splat;
-  const SplatGrad* visible_grad;
-  Room room;
   int32_t* num_steps;
   float *mean2d_grad_sum, *square_sum;  // these four (DensityStats) may be null
   int32_t* num_visible;
   float* max_radius;
-  int64_t* num_skipped;  // counter of Gaussians with a gradient that is not finite
 };
 
 // Gradients of all parameters of one Gaussian. Those of the SH coefficients are kept as their
@@ -133,19 +140,11 @@ float RateOf(const LearningRates& rates, int plane) {
   return plane < kShPlane + 3 ? rates.sh_dc : rates.sh_rest;
 }
 
-// Bias corrections at step 1, 2, ... of a Gaussian.
-__device__ AdamRates<float> RatesAt(const UpdateParams& p, int step) {
-  // 1 - beta^t as -expm1(t ln beta), which does not cancel at the first steps.
-  const float correction1 = -expm1f(static_cast<float>(step) * p.log_beta1);
-  const float correction2 = -expm1f(static_cast<float>(step) * p.log_beta2);
-  return {p.beta1, p.beta2, p.epsilon, 1 / correction1, rsqrtf(correction2)};
-}
-
 // Adds to the statistics of a visible Gaussian. The gradient of the mean is scaled to NDC units.
-__device__ void AddStats(const UpdateParams& p, int64_t i, const Splat& splat,
-                         const SplatGrad& grad) {
+__device__ void AddStats(const UpdateParams& p, const StepParams& step, int64_t i,
+                         const Splat& splat, const SplatGrad& grad) {
   if (p.mean2d_grad_sum != nullptr) {
-    const float gx = grad.x * 0.5f * p.width, gy = grad.y * 0.5f * p.height;
+    const float gx = grad.x * 0.5f * step.width, gy = grad.y * 0.5f * step.height;
     p.mean2d_grad_sum[i] += sqrtf(gx * gx + gy * gy);
   }
   if (p.square_sum != nullptr) p.square_sum[i] += grad.squares;
@@ -155,17 +154,20 @@ __device__ void AddStats(const UpdateParams& p, int64_t i, const Splat& splat,
   p.max_radius[i] = max(p.max_radius[i], 3 * LongAxis(root));
 }
 
-// Gradients of a block's Gaussians, in shared memory while the planes stream by. Each thread reads
-// back only what it wrote. Indexed memory lets the loop over the planes stay a loop: in registers
-// it would have to be unrolled into a copy of its body for each plane.
-struct BlockGradients {
+// Gradients of a block's Gaussians in one step, in shared memory while the planes stream by. Each
+// thread reads back only what it wrote. Indexed memory lets the loop over the planes stay a loop:
+// in registers it would have to be unrolled into a copy of its body for each plane.
+struct StepGradients {
   float shape[kShPlane][kBlock];
   float basis[NumShCoefficients(kMaxShDegree)][kBlock];
   float color[3][kBlock];
+  // Bias corrections of the step: 1 / (1 - beta1^t) and 1 / sqrt(1 - beta2^t). 0: the Gaussian does
+  // not take part in the step.
+  float inv_correction1[kBlock], inv_sqrt_correction2[kBlock];
 };
 
 // Stores the gradients of this thread's Gaussian.
-__device__ void Store(const GaussianBackward& vjp, BlockGradients& out) {
+__device__ void Store(const GaussianBackward& vjp, StepGradients& out) {
 #pragma unroll
   for (int k = 0; k < kShPlane; ++k) out.shape[k][threadIdx.x] = vjp.shape[k];
 #pragma unroll
@@ -176,18 +178,18 @@ __device__ void Store(const GaussianBackward& vjp, BlockGradients& out) {
   for (int c = 0; c < 3; ++c) out.color[c][threadIdx.x] = vjp.color[c];
 }
 
-__device__ float GradientOf(const BlockGradients& gradients, int plane) {
+__device__ float GradientOf(const StepGradients& gradients, int plane) {
   if (plane < kShPlane) return gradients.shape[plane][threadIdx.x];
   const int k = (plane - kShPlane) / 3, c = (plane - kShPlane) % 3;
   return gradients.basis[k][threadIdx.x] * gradients.color[c][threadIdx.x];
 }
 
-// Adam on kPlanesAtOnce planes from `first` on. All loads come before the first store: the compiler
-// must assume that a store changes what the next load reads, and many loads have to be in flight to
-// hide the latency of memory.
+// Adam on kPlanesAtOnce planes from `first` on, all steps. All loads come before the first store:
+// the compiler must assume that a store changes what the next load reads, and many loads have to be
+// in flight to hide the latency of memory.
 constexpr int kPlanesAtOnce = 8;
-__device__ void UpdatePlanes(const UpdateParams& p, const AdamRates<float>& rates,
-                             const BlockGradients& gradients, int first, int64_t i) {
+__device__ void UpdatePlanes(const UpdateParams& p, const StepGradients* gradients, int first,
+                             int64_t i) {
   float value[kPlanesAtOnce], moment1[kPlanesAtOnce], moment2[kPlanesAtOnce];
 #pragma unroll
   for (int k = 0; k < kPlanesAtOnce; ++k) {
@@ -196,62 +198,121 @@ __device__ void UpdatePlanes(const UpdateParams& p, const AdamRates<float>& rate
     moment1[k] = p.moment1.At(first + k, i);
     moment2[k] = p.moment2.At(first + k, i);
   }
+#pragma unroll 1
+  for (int step = 0; step < p.num_updates; ++step) {
+    const StepGradients& its = gradients[step];
+    const AdamRates<float> rates = {p.beta1, p.beta2, p.epsilon, its.inv_correction1[threadIdx.x],
+                                    its.inv_sqrt_correction2[threadIdx.x]};
+    if (rates.inv_correction1 == 0) continue;
+#pragma unroll
+    for (int k = 0; k < kPlanesAtOnce; ++k) {
+      const int plane = first + k;
+      if (plane >= p.num_planes) break;
+      value[k] += AdamStep(rates, p.rates[plane], GradientOf(its, plane), moment1[k], moment2[k]);
+      if (plane >= kLogScalePlane && plane < kRotationPlane && p.bounds_scale) {
+        value[k] = min(max(value[k], p.min_log_scale), p.max_log_scale);
+      }
+    }
+  }
 #pragma unroll
   for (int k = 0; k < kPlanesAtOnce; ++k) {
     const int plane = first + k;
     if (plane >= p.num_planes) break;
-    value[k] +=
-        AdamStep(rates, p.rates[plane], GradientOf(gradients, plane), moment1[k], moment2[k]);
-    if (plane >= kLogScalePlane && plane < kRotationPlane && p.bounds_scale) {
-      value[k] = min(max(value[k], p.min_log_scale), p.max_log_scale);
-    }
     p.gaussians.At(plane, i) = value[k];
     p.moment1.At(plane, i) = moment1[k];
     p.moment2.At(plane, i) = moment2[k];
   }
 }
 
-// The moments, count and parameters of a Gaussian whose gradient is not finite stay as they are.
-// One that is not visible has the gradient 0 and moves by its moments.
+// Stores the gradients of Gaussian i in one step and adds to its statistics. Returns whether the
+// Gaussian takes part in the step: not after an overflowed render, and not where its gradient is
+// not finite, which is counted. One that is not visible has the gradient 0.
 template <int kActiveDegree>
-__global__ void __launch_bounds__(kBlock, 5) UpdateKernel(UpdateParams p) {
-  __shared__ BlockGradients gradients;
-  const int64_t i = int64_t{blockIdx.x} * kBlock + threadIdx.x;
-  if (i >= p.count || p.room.IsVoid()) return;
-  const int32_t visible = p.gaussian_visible[i];
+__device__ bool StoreGradient(const UpdateParams& p, const StepParams& step, int64_t i,
+                              StepGradients& out) {
+  if (step.room.IsVoid()) return false;
+  const int32_t visible = step.gaussian_visible[i];
   GaussianBackward vjp;
   ZeroGradient(vjp);
   if (visible >= 0) {
-    const SplatGrad grad = p.visible_grad[visible];
+    const SplatGrad grad = step.visible_grad[visible];
     const DevicePlanes<const float> planes = {p.gaussians.data, p.gaussians.stride};
-    BackwardGaussian<kActiveDegree>(planes, p.camera, i, p.opacity_factor, grad, vjp);
+    BackwardGaussian<kActiveDegree>(planes, step.camera, i, step.opacity_factor, grad, vjp);
     if (!vjp.IsUsable()) {
-      atomicAdd(reinterpret_cast<unsigned long long*>(p.num_skipped), 1ull);
-      return;
+      atomicAdd(reinterpret_cast<unsigned long long*>(step.num_skipped), 1ull);
+      return false;
     }
-    AddStats(p, i, ToSplat(LoadSplat(p.visible_splat, visible)), grad);
+    AddStats(p, step, i, ToSplat(LoadSplat(step.visible_splat, visible)), grad);
   }
-  Store(vjp, gradients);
-  const int step = ++p.num_steps[i];
-  const AdamRates<float> rates = RatesAt(p, step);
+  Store(vjp, out);
+  return true;
+}
+
+// Of a step that a Gaussian does not take part in, its moments, count and parameters stay as they
+// are. One that is not visible moves by its moments.
+template <int kActiveDegree>
+__global__ void __launch_bounds__(kBlock, 10) UpdateKernel(const __grid_constant__ UpdateParams p) {
+  extern __shared__ char shared[];
+  StepGradients* gradients = reinterpret_cast<StepGradients*>(shared);
+  const int64_t i = int64_t{blockIdx.x} * kBlock + threadIdx.x;
+  if (i >= p.count) return;
+  int num_steps = p.num_steps[i];
+  bool moves = false;
+#pragma unroll 1
+  for (int k = 0; k < p.num_updates; ++k) {
+    StepGradients& its = gradients[k];
+    its.inv_correction1[threadIdx.x] = 0;
+    if (!StoreGradient<kActiveDegree>(p, p.steps[k], i, its)) continue;
+    moves = true;
+    ++num_steps;
+    // 1 - beta^t as -expm1(t ln beta), which does not cancel at the first steps.
+    its.inv_correction1[threadIdx.x] = 1 / -expm1f(static_cast<float>(num_steps) * p.log_beta1);
+    its.inv_sqrt_correction2[threadIdx.x] =
+        rsqrtf(-expm1f(static_cast<float>(num_steps) * p.log_beta2));
+  }
+  if (!moves) return;
+  p.num_steps[i] = num_steps;
 #pragma unroll 1
   for (int first = 0; first < p.num_planes; first += kPlanesAtOnce) {
-    UpdatePlanes(p, rates, gradients, first, i);
+    UpdatePlanes(p, gradients, first, i);
   }
 }
 
-void LaunchUpdate(const UpdateParams& p, int active_degree, cudaStream_t stream) {
-  const int num_blocks = NumBlocks(p.count, kBlock);
+// Shared memory beyond 48 KiB, for more than two steps, has to be asked for.
+template <int kActiveDegree>
+cudaError_t Launch(const UpdateParams& p, cudaStream_t stream) {
+  const int bytes = p.num_updates * static_cast<int>(sizeof(StepGradients));
+  const cudaError_t error = cudaFuncSetAttribute(
+      UpdateKernel<kActiveDegree>, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
+  if (error != cudaSuccess) return error;
+  UpdateKernel<kActiveDegree><<<NumBlocks(p.count, kBlock), kBlock, bytes, stream>>>(p);
+  return cudaSuccess;
+}
+
+cudaError_t LaunchUpdate(const UpdateParams& p, int active_degree, cudaStream_t stream) {
   switch (active_degree) {
     case 0:
-      return UpdateKernel<0><<<num_blocks, kBlock, 0, stream>>>(p);
+      return Launch<0>(p, stream);
     case 1:
-      return UpdateKernel<1><<<num_blocks, kBlock, 0, stream>>>(p);
+      return Launch<1>(p, stream);
     case 2:
-      return UpdateKernel<2><<<num_blocks, kBlock, 0, stream>>>(p);
+      return Launch<2>(p, stream);
     default:
-      return UpdateKernel<3><<<num_blocks, kBlock, 0, stream>>>(p);
+      return Launch<3>(p, stream);
   }
+}
+
+StepParams ParamsOf(const UpdateStep& step) {
+  RenderScratch& scratch = *step.scratch;
+  return {MakeProjectionCamera<float>(step.view),
+          step.view.width,
+          step.view.height,
+          OpacityFactor(step.dropout.share),
+          scratch.cuda.gaussian_visible.span().data,
+          scratch.visible_splat.span().data,
+          scratch.visible_grad.span().data,
+          RoomOf(scratch),
+          scratch.counters.span().data + kNumSkippedGradientRows};
 }
 
 }  // namespace
@@ -259,17 +320,13 @@ void LaunchUpdate(const UpdateParams& p, int active_degree, cudaStream_t stream)
 void CudaBackend::Update(const UpdateArgs& args) {
   const Turn turn(*this);
   if (!turn || args.gaussians.count == 0) return;
-  RenderScratch& scratch = *args.scratch;
-  int64_t* num_skipped = scratch.counters.span().data + kNumSkippedGradientRows;
-  Zero(num_skipped, sizeof(int64_t));
-  UpdateParams params = {ToDevice(args.gaussians),
+  UpdateParams params = {{},
+                         static_cast<int>(args.steps.size()),
+                         ToDevice(args.gaussians),
                          ToDevice(args.moment1),
                          ToDevice(args.moment2),
                          args.gaussians.count,
                          NumPlanes(args.active_sh_degree),
-                         MakeProjectionCamera<float>(args.view),
-                         args.view.width,
-                         args.view.height,
                          {},
                          args.beta1,
                          args.beta2,
@@ -279,21 +336,19 @@ void CudaBackend::Update(const UpdateArgs& args) {
                          args.min_log_scale,
                          args.max_log_scale,
                          args.max_log_scale > args.min_log_scale,
-                         OpacityFactor(args.dropout.share),
-                         scratch.cuda.gaussian_visible.span().data,
-                         scratch.visible_splat.span().data,
-                         scratch.visible_grad.span().data,
-                         RoomOf(scratch),
                          args.num_steps.data,
                          args.stats.mean2d_grad_sum.data,
                          args.stats.square_sum.data,
                          args.stats.num_visible.data,
-                         args.stats.max_radius.data,
-                         num_skipped};
+                         args.stats.max_radius.data};
+  for (size_t k = 0; k < args.steps.size(); ++k) {
+    params.steps[k] = ParamsOf(args.steps[k]);
+    Zero(params.steps[k].num_skipped, sizeof(int64_t));
+  }
   for (int k = 0; k < NumPlanes(args.active_sh_degree); ++k) {
     params.rates[k] = RateOf(args.learning_rates, k);
   }
-  LaunchUpdate(params, args.active_sh_degree, stream_);
+  Keep(LaunchUpdate(params, args.active_sh_degree, stream_), "update");
   Launched("update");
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "kernels/buffer.h"
 #include "kernels/gaussian_planes.h"
@@ -171,27 +172,33 @@ struct DensityStats {
   DeviceSpan<float> max_radius;     // [N] largest 3-sigma radius seen, pixels
 };
 
-// Projection backward fused with one step of Adam (Kingma & Ba 2015), in one pass over the
-// Gaussians. Runs after RenderBackward with the same scratch. Changes nothing after an overflowed
-// render.
+// The gradient of one step of Adam: that of a view, after RenderBackward with the same scratch.
+struct UpdateStep {
+  PinholeView view;      // as given to Render
+  Dropout dropout = {};  // as given to Render
+  RenderScratch* scratch = nullptr;
+};
+inline constexpr int kMaxUpdateSteps = 8;
+
+// Projection backward fused with steps of Adam (Kingma & Ba 2015), in one pass over the Gaussians.
+// All gradients are taken at the Gaussians as they are before the first step. A step whose render
+// overflowed changes nothing.
 //
 // A Gaussian that is not visible has the gradient 0 and still moves by its moments, as dense Adam
 // does. Steps are counted for each Gaussian, so that the first step of a new one is no larger than
 // another's. Where a gradient is not finite, the Gaussian's parameters, moments, step count and
-// statistics stay as they are, and counters[kNumSkippedGradientRows] counts it. SH coefficients
-// beyond the active degree are left alone.
+// statistics stay as they are in that step, and counters[kNumSkippedGradientRows] counts it. SH
+// coefficients beyond the active degree are left alone.
 struct UpdateArgs {
-  PinholeView view;          // as given to Render
-  int active_sh_degree = 0;  // as given to Render
-  Dropout dropout = {};      // as given to Render
+  std::span<const UpdateStep> steps;  // 1 to kMaxUpdateSteps, each with a scratch of its own
+  int active_sh_degree = 0;           // as given to all renders
   LearningRates learning_rates;
   float beta1 = 0.9f, beta2 = 0.999f, epsilon = 1e-15f;
   float min_log_scale = 0, max_log_scale = 0;  // bounds of log scales; max <= min: no bounds
-  RenderScratch* scratch = nullptr;
-  GaussianPlanes gaussians;         // in and out
-  GaussianPlanes moment1, moment2;  // in and out, of the same count and degree
-  DeviceSpan<int32_t> num_steps;    // [N] in and out: steps of Adam so far
-  DensityStats stats;               // in and out
+  GaussianPlanes gaussians;                    // in and out
+  GaussianPlanes moment1, moment2;             // in and out, of the same count and degree
+  DeviceSpan<int32_t> num_steps;               // [N] in and out: steps of Adam so far
+  DensityStats stats;                          // in and out
 };
 
 inline constexpr int kFeatureSize = 32;  // numbers in the feature of a Gaussian

@@ -58,6 +58,7 @@
   FIELD(dropout) \
   FIELD(dropout_until) \
   FIELD(blurred_share) \
+  FIELD(views_at_once) \
   FIELD(mean_learning_rate_cap) \
   FIELD(prune_size) \
   FIELD(disparity_as_inverse_depth)

@@ -120,13 +120,14 @@ class StepBench {
     backend_.Render(args);
   }
   void Update(int view) {
+    const UpdateStep step = {.view = RoomView(view, kNumViews, width_, height_),
+                             .scratch = &scratch_};
     UpdateArgs args;
-    args.view = RoomView(view, kNumViews, width_, height_);
+    args.steps = {&step, 1};
     args.active_sh_degree = kMaxShDegree;
     args.learning_rates = {1e-5f, 5e-3f, 1e-3f, 5e-2f, 2.5e-3f, 1.25e-4f};
     args.min_log_scale = -12;
     args.max_log_scale = 1;
-    args.scratch = &scratch_;
     args.gaussians = Planes(gaussians_);
     args.moment1 = Planes(moment1_);
     args.moment2 = Planes(moment2_);

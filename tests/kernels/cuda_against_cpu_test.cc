@@ -2,14 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <memory>
+#include <vector>
 
 #include "tests/kernels/backend_test.h"
 #include "tests/kernels/central_differences.h"
 #include "tests/kernels/rendered.h"
 
 // Compares the CUDA backend with the CPU's on scenes too large for the reference, and tests what
-// only CUDA does: tile-entry capacity and sequences.
+// only CUDA does: tile-entry capacity, sequences and branches.
 
 namespace pepeseg {
 namespace {
@@ -214,6 +217,59 @@ TEST_F(CudaAgainstCpuTest, GivesTheSameBytesInASequence) {
   EXPECT_EQ(direct.moment2, sequence.moment2);
 }
 
+// Trains `num_parts` scenes of different sizes for three steps, as branches of a sequence or one
+// after the other. There may be more parts than branches.
+std::vector<Bytes> TrainInBranches(Backend& backend, const HostGaussians& host, int num_parts,
+                                   bool in_branches) {
+  std::vector<std::unique_ptr<Rendered>> scenes;
+  for (int part = 0; part < num_parts; ++part) {
+    scenes.push_back(std::make_unique<Rendered>(backend, host, TestView(200 - 10 * part, 150)));
+    scenes.back()->entry_room = 1'000'000;
+  }
+  for (int step = 0; step < 3; ++step) {
+    std::vector<Buffer<float>> color_grads;
+    std::vector<std::function<void()>> parts;
+    for (int part = 0; part < num_parts; ++part) {
+      Rendered& scene = *scenes[part];
+      const auto num_values = int64_t{3} * scene.view.width * scene.view.height;
+      color_grads.emplace_back(backend,
+                               std::span<const float>(RandomValues(num_values, step + part)));
+      parts.push_back([&backend, &scene, color_grad = color_grads.back().span()] {
+        scene.Render();
+        backend.RenderBackward(
+            {.view = scene.view, .color_grad = color_grad, .scratch = &scene.scratch});
+        backend.Update(scene.MakeUpdateArgs());
+      });
+    }
+    if (in_branches) {
+      // A graph of its own for each number of parts.
+      backend.Sequence(num_parts, [&] { backend.Branches(parts); });
+    } else {
+      for (const auto& part : parts) part();
+    }
+  }
+  std::vector<Bytes> results;
+  for (const auto& scene : scenes) {
+    results.push_back(
+        {Download(scene->color), Download(scene->gaussians), Download(scene->moment2)});
+  }
+  return results;
+}
+
+TEST_F(CudaAgainstCpuTest, GivesTheSameBytesInBranches) {
+  const HostGaussians host = RandomScene({.count = 3'000, .max_scale = 0.1f});
+  for (const int num_parts : {1, 2, kMaxBranches + 3}) {
+    const auto direct = TrainInBranches(*cuda_, host, num_parts, false);
+    const auto branches = TrainInBranches(*cuda_, host, num_parts, true);
+    for (int part = 0; part < num_parts; ++part) {
+      SCOPED_TRACE(part);
+      EXPECT_EQ(direct[part].color, branches[part].color);
+      EXPECT_EQ(direct[part].gaussians, branches[part].gaussians);
+      EXPECT_EQ(direct[part].moment2, branches[part].moment2);
+    }
+  }
+}
+
 TEST_F(CudaAgainstCpuTest, ChangesNothingAfterAnOverflowedRender) {
   HostGaussians host = RandomScene({.count = 500, .min_scale = 0.01f, .max_scale = 0.02f});
   Rendered scene(*cuda_, host, TestView(200, 150));
@@ -233,6 +289,17 @@ TEST_F(CudaAgainstCpuTest, ChangesNothingAfterAnOverflowedRender) {
   cuda_->Update(scene.MakeUpdateArgs());
   EXPECT_EQ(Download(scene.gaussians), host.planes);
   EXPECT_EQ(Download(scene.num_steps), std::vector<int32_t>(500));
+
+  // A step of another view, which has not overflowed, is done all the same.
+  Rendered other(*cuda_, host, TestView(120, 150));
+  other.Render();
+  other.Backward(RandomValues(3 * 120 * 150, 1));
+  const UpdateStep steps[] = {{.view = scene.view, .scratch = &scene.scratch},
+                              {.view = other.view, .scratch = &other.scratch}};
+  UpdateArgs args = other.MakeUpdateArgs();
+  args.steps = steps;
+  cuda_->Update(args);
+  EXPECT_EQ(Download(other.num_steps), std::vector<int32_t>(500, 1));
 
   // Making room repeats the render, and that many entries are then enough capacity.
   scene.entry_room = 0;

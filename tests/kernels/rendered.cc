@@ -65,11 +65,10 @@ std::vector<float> Rendered::ParameterGradient() {
 
 UpdateArgs Rendered::MakeUpdateArgs() {
   UpdateArgs args;
-  args.view = view;
+  step = {.view = view, .dropout = dropout, .scratch = &scratch};
+  args.steps = {&step, 1};
   args.active_sh_degree = host.sh_degree;
-  args.dropout = dropout;
   args.learning_rates = {1e-3f, 5e-3f, 1e-3f, 5e-2f, 2.5e-3f, 1.25e-4f};
-  args.scratch = &scratch;
   args.gaussians = PlanesIn(gaussians, host);
   args.moment1 = PlanesIn(moment1, host);
   args.moment2 = PlanesIn(moment2, host);

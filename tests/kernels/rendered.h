@@ -35,6 +35,7 @@ struct Rendered {
   Buffer<int32_t> num_steps;
   Buffer<float> color, alpha, depth;
   RenderScratch scratch;
+  UpdateStep step;  // of the last MakeUpdateArgs, which refers to it
 };
 
 }  // namespace pepeseg

@@ -63,6 +63,50 @@ TEST_P(UpdateTest, IsAdamOnTheGradients) {
   }
 }
 
+// Two views of the same Gaussians, each with a scratch of its own: both gradients are those at the
+// start, then Adam does two steps.
+TEST_P(UpdateTest, DoesStepsOfSeveralViewsWithTheGradientsAtTheStart) {
+  const HostGaussians host = RandomScene({.count = 137});
+  Rendered first(*backend_, host, TestView(60, 45)), second(*backend_, host, TestView(45, 60));
+  std::vector<std::vector<float>> grads;
+  for (Rendered* scene : {&first, &second}) {
+    scene->Render();
+    scene->Backward(RandomValues(3 * 60 * 45, 9));
+    grads.push_back(scene->ParameterGradient());
+  }
+  const UpdateStep steps[] = {{.view = first.view, .scratch = &first.scratch},
+                              {.view = second.view, .scratch = &second.scratch}};
+  Buffer<int32_t> num_visible(*backend_, host.count);
+  UpdateArgs args = first.MakeUpdateArgs();
+  args.steps = steps;
+  args.stats.num_visible = num_visible.span();
+  backend_->Update(args);
+
+  const size_t size = host.planes.size();
+  std::vector<double> want(host.planes.begin(), host.planes.end()), moment1(size), moment2(size);
+  for (int step = 1; step <= 2; ++step) {
+    const AdamRates<double> rates = {args.beta1, args.beta2, args.epsilon,
+                                     1 / (1 - std::pow(args.beta1, step)),
+                                     1 / std::sqrt(1 - std::pow(args.beta2, step))};
+    for (size_t i = 0; i < size; ++i) {
+      const double rate = RateOf(args.learning_rates, static_cast<int>(i / host.count));
+      want[i] += AdamStep<double>(rates, rate, grads[step - 1][i], moment1[i], moment2[i]);
+    }
+  }
+  const std::vector<float> got = Download(first.gaussians);
+  const std::vector<int32_t> num_steps = Download(first.num_steps);
+  int num_complete = 0;
+  for (size_t i = 0; i < size; ++i) {
+    const size_t gaussian = i % static_cast<size_t>(host.count);
+    if (num_steps[gaussian] != 2) continue;  // a gradient was not finite
+    ++num_complete;
+    ASSERT_NEAR(got[i], want[i], 2e-6 * std::max(1.0, std::abs(want[i]))) << i;
+  }
+  EXPECT_GT(num_complete, static_cast<int>(size) * 9 / 10);
+  const std::vector<int32_t> seen = Download(num_visible);
+  EXPECT_EQ(*std::max_element(seen.begin(), seen.end()), 2);
+}
+
 TEST_P(UpdateTest, MovesAGaussianOutOfSightByItsMoments) {
   HostGaussians host = RandomScene({.count = 20});
   host.At(kMeanPlane + 2, 7) = -50;  // behind the camera

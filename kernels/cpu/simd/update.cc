@@ -5,8 +5,9 @@
 #include "kernels/math/dropout.h"
 
 // Backward pass of the projection, a Gaussian for each lane, and Adam. A block of Gaussians first
-// gets all its gradients and then Adam plane by plane. Gaussians that are not visible take part in
-// Adam with the gradient 0; those with a gradient that is not finite are masked out of it.
+// gets all its gradients, for each step, and then Adam plane by plane and step by step. Gaussians
+// that are not visible take part in Adam with the gradient 0; those with a gradient that is not
+// finite are masked out of it.
 
 namespace pepeseg {
 namespace HWY_NAMESPACE {
@@ -19,11 +20,12 @@ struct SplatGradLanes {
   alignas(64) float values[10][kLanes];
 };
 
-// What the groups of a job share.
+// What the groups of a job share in one step.
 struct Group {
+  int step;  // index into UpdateArgs::steps
   ProjectionCamera<Lanes> camera;
-  const Splat* splats;
-  const SplatGrad* grads;
+  const Splat* splats;     // [visible]
+  const SplatGrad* grads;  // [visible]
   int degree;
   int num_planes;  // planes of the active degree
   float opacity_factor;
@@ -104,19 +106,10 @@ PEPESEG_HD float RateOf(const LearningRates& rates, int plane) {
   return plane < kShPlane + 3 ? rates.sh_dc : rates.sh_rest;
 }
 
-// Gaussians of a block. Adam then reads long runs of each plane, which are few streams of memory at
-// a time.
-constexpr int kBlock = 256;
-struct BlockGrads {
-  alignas(64) float values[kMaxPlanes][kBlock];
-  alignas(64) float correction1[kBlock], correction2[kBlock];
-  uint32_t updated[kBlock / kLanes];  // of each group, a bit for each lane that Adam moves
-};
-
 // Counts the steps of the Gaussians that are updated and looks up their bias corrections.
-PEPESEG_HD void CountSteps(const ParameterJob& job, int64_t first, int count, BlockGrads& block) {
+PEPESEG_HD void CountSteps(const ParameterJob& job, int64_t first, int count, UpdateBlock& block) {
   int32_t* const num_steps = job.update->num_steps.data + first;
-  for (int i = 0; i < kBlock; ++i) {
+  for (int i = 0; i < kUpdateBlock; ++i) {
     int32_t step = 1;
     if (i < count) {
       num_steps[i] += static_cast<int32_t>(block.updated[i / kLanes] >> (i % kLanes) & 1u);
@@ -129,7 +122,7 @@ PEPESEG_HD void CountSteps(const ParameterJob& job, int64_t first, int count, Bl
 
 // Runs Adam on one plane of a block, and clamps log scales to their bounds.
 PEPESEG_HD void AdamPlane(const UpdateArgs& args, int plane, int64_t first, int count,
-                          const BlockGrads& block) {
+                          const UpdateBlock& block) {
   const Lanes learning_rate(RateOf(args.learning_rates, plane));
   const bool bounded =
       args.max_log_scale > args.min_log_scale && plane >= kLogScalePlane && plane < kRotationPlane;
@@ -155,12 +148,12 @@ PEPESEG_HD void AdamPlane(const UpdateArgs& args, int plane, int64_t first, int 
 }
 
 // Adds one visible Gaussian to the statistics that are kept, see DensityStats.
-PEPESEG_HD void AddStats(const UpdateArgs& args, int64_t gaussian, const Splat& splat,
-                         const SplatGrad& grad) {
+PEPESEG_HD void AddStats(const UpdateArgs& args, const PinholeView& view, int64_t gaussian,
+                         const Splat& splat, const SplatGrad& grad) {
   const DensityStats& stats = args.stats;
   if (stats.mean2d_grad_sum.size > 0) {
-    const float gx = grad.x * 0.5f * static_cast<float>(args.view.width);
-    const float gy = grad.y * 0.5f * static_cast<float>(args.view.height);
+    const float gx = grad.x * 0.5f * static_cast<float>(view.width);
+    const float gy = grad.y * 0.5f * static_cast<float>(view.height);
     stats.mean2d_grad_sum.data[gaussian] += Sqrt(gx * gx + gy * gy);
   }
   if (stats.square_sum.size > 0) stats.square_sum.data[gaussian] += grad.squares;
@@ -173,7 +166,7 @@ PEPESEG_HD void AddStats(const UpdateArgs& args, int64_t gaussian, const Splat& 
 // Computes gradients and statistics of one group, which starts at `at` in the block. Gradients are
 // 0 in lanes that are not visible or not finite; the latter are counted as skipped.
 PEPESEG_HD void FillGroup(ParameterJob& job, const Group& group, int64_t first, int count,
-                          const int32_t* visible, int at, BlockGrads& block) {
+                          const int32_t* visible, int at, UpdateBlock& block) {
   const UpdateArgs& args = *job.update;
   SplatGradLanes splat_grad;
   const uint32_t seen = Transpose(group.grads, visible, count, splat_grad);
@@ -191,37 +184,56 @@ PEPESEG_HD void FillGroup(ParameterJob& job, const Group& group, int64_t first, 
   }
   for (uint32_t bits = used; bits != 0; bits &= bits - 1) {
     const int i = __builtin_ctz(bits);
-    AddStats(args, first + i, group.splats[visible[i]], group.grads[visible[i]]);
+    AddStats(args, job.steps[group.step].view, first + i, group.splats[visible[i]],
+             group.grads[visible[i]]);
   }
   block.updated[at / kLanes] &= ~(seen & ~used);
-  job.num_skipped += __builtin_popcount(seen & ~used);
+  job.num_skipped[group.step] += __builtin_popcount(seen & ~used);
 }
 
-PEPESEG_HD void UpdateBlock(ParameterJob& job, const Group& group, int64_t first, int count,
-                            const int32_t* visible) {
-  BlockGrads block;
-  for (int i = 0; i < count; i += kLanes) {
-    FillGroup(job, group, first + i, Min(count - i, kLanes), visible + i, i, block);
+// The block begins at `at` of the job. All gradients come before the first step of Adam, which
+// changes what they are taken at.
+PEPESEG_HD void StepBlock(ParameterJob& job, const Group* groups, int64_t at, int count) {
+  const int64_t first = job.first + at;
+  for (int k = 0; k < job.num_steps; ++k) {
+    for (int i = 0; i < count; i += kLanes) {
+      FillGroup(job, groups[k], first + i, Min(count - i, kLanes), job.visible[k] + at + i, i,
+                job.blocks[k]);
+    }
   }
-  CountSteps(job, first, count, block);
-  for (int k = 0; k < group.num_planes; ++k) AdamPlane(*job.update, k, first, count, block);
+  for (int k = 0; k < job.num_steps; ++k) CountSteps(job, first, count, job.blocks[k]);
+  for (int plane = 0; plane < groups[0].num_planes; ++plane) {
+    for (int k = 0; k < job.num_steps; ++k) {
+      AdamPlane(*job.update, plane, first, count, job.blocks[k]);
+    }
+  }
+}
+
+PEPESEG_HD Group MakeGroup(const ParameterJob& job, int step) {
+  const UpdateStep& its = job.steps[step];
+  const int degree = job.update->active_sh_degree;
+  Group group;
+  group.step = step;
+  group.camera = MakeProjectionCamera<Lanes>(its.view);
+  group.splats = its.scratch->visible_splat.span().data;
+  group.grads = its.scratch->visible_grad.span().data;
+  group.degree = degree;
+  group.num_planes = kShPlane + 3 * (degree + 1) * (degree + 1);
+  group.opacity_factor = OpacityFactor(its.dropout.share);
+  return group;
 }
 
 }  // namespace
 
 void UpdateParameters(ParameterJob& job) {
-  const int degree = job.update->active_sh_degree;
-  Group group;
-  group.camera = MakeProjectionCamera<Lanes>(job.update->view);
-  group.splats = job.splats;
-  group.grads = job.grads;
-  group.degree = degree;
-  group.num_planes = kShPlane + 3 * (degree + 1) * (degree + 1);
-  group.opacity_factor = OpacityFactor(job.update->dropout.share);
-  job.num_skipped = 0;
-  for (int64_t i = 0; i < job.count; i += kBlock) {
-    const int count = job.count - i < kBlock ? static_cast<int>(job.count - i) : kBlock;
-    UpdateBlock(job, group, job.first + i, count, job.visible + i);
+  Group groups[kMaxUpdateSteps];
+  for (int k = 0; k < job.num_steps; ++k) {
+    groups[k] = MakeGroup(job, k);
+    job.num_skipped[k] = 0;
+  }
+  for (int64_t i = 0; i < job.count; i += kUpdateBlock) {
+    const int64_t left = job.count - i;
+    StepBlock(job, groups, i, left < kUpdateBlock ? static_cast<int>(left) : kUpdateBlock);
   }
 }
 

@@ -337,6 +337,7 @@ TEST(ValidateReconstructOptions, NamesEachFieldThatIsOutOfRange) {
       {"dropout", [](Options& o) { o.dropout = 0.95f; }},
       {"dropout_until", [](Options& o) { o.dropout_until = 1.1; }},
       {"blurred_share", [](Options& o) { o.blurred_share = -0.1; }},
+      {"views_at_once", [](Options& o) { o.views_at_once = 9; }},
       {"camera_clearance", [](Options& o) { o.camera_clearance = 1.1f; }},
       {"refine_keep", [](Options& o) { o.refine_keep = static_cast<RefineKeep>(0); }},
       {"refine_keep", [](Options& o) { o.refine_keep = static_cast<RefineKeep>(4); }},

@@ -86,6 +86,7 @@ TEST_F(PaperPreset, HasNoneOfOurAdditions) {
   EXPECT_EQ(reconstruct_.camera_clearance, 0) << "free space in front of cameras";
   EXPECT_EQ(reconstruct_.dropout, 0);
   EXPECT_EQ(reconstruct_.blurred_share, 1);
+  EXPECT_EQ(reconstruct_.views_at_once, 1);
   EXPECT_EQ(reconstruct_.min_loss_fall, 0) << "end by convergence";
   EXPECT_EQ(reconstruct_.min_band_gain, 0) << "SH degree pruning";
   EXPECT_EQ(reconstruct_.min_depth_agreement, 0) << "depth priors left out";

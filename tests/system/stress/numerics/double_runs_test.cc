@@ -71,10 +71,10 @@ class SingleTrainer {
                         .color_grad = color_grad_.span(),
                         .sums = sums_.span()});
     backend_.RenderBackward({.view = view, .color_grad = color_grad_.span(), .scratch = &scratch_});
-    backend_.Update({.view = view,
+    const UpdateStep step = {.view = view, .scratch = &scratch_};
+    backend_.Update({.steps = {&step, 1},
                      .active_sh_degree = degree,
                      .learning_rates = kRates,
-                     .scratch = &scratch_,
                      .gaussians = PlanesIn(gaussians_, start_),
                      .moment1 = PlanesIn(moment1_, start_),
                      .moment2 = PlanesIn(moment2_, start_),

@@ -75,5 +75,18 @@ TEST_P(SameBytesOnADevice, ResultFromEachRun) {
   std::printf("spread of %d runs: losses differ by at most %g\n", NumRuns(), farthest);
 }
 
+// Without a depth loss, which allows one step at a time only.
+TEST_P(SameBytesOnADevice, ResultOfStepsDoneAtOnce) {
+  const Capture capture = TinyCapture();
+  ReconstructOptions options = TinyReconstruct(NumSteps());
+  options.views_at_once = 4;
+  ASSERT_OK_AND_ASSIGN(const StageOneRun want, RunStageOne(*backend_, capture, options));
+  for (int run = 1; run < NumRuns(); ++run) {
+    ASSERT_OK_AND_ASSIGN(const StageOneRun got, RunStageOne(*backend_, capture, options));
+    EXPECT_EQ(got.gaussians.planes, want.gaussians.planes) << "run " << run;
+    EXPECT_EQ(got.losses, want.losses) << "run " << run;
+  }
+}
+
 }  // namespace
 }  // namespace pepeseg::testing

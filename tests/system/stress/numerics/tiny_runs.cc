@@ -87,6 +87,7 @@ ReconstructOptions TinyReconstruct(int num_steps) {
   options.max_gaussians = 400;
   options.pixels_per_gaussian = 10;
   options.min_loss_fall = 0;
+  options.views_at_once = 1;  // on all devices, so that what was measured holds for each of them
   // Parts that are off by default.
   options.depth_weight = -1;
   options.refine_keep = RefineKeep::kShrink;

@@ -1,0 +1,102 @@
+#include "core/reconstruct/step_slot.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <vector>
+
+#include "core/evaluate/image_scores.h"
+#include "core/reconstruct/reconstructor.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/synthetic_capture.h"
+
+namespace pepeseg {
+namespace {
+
+const Capture& Synthetic() {
+  static const Capture capture = testing::MakeSyntheticScene().capture;
+  return capture;
+}
+
+// Density control comes after steps 10, 20, ... 50; the stage reviews what a scene needs after
+// each window of steps.
+ReconstructOptions Options(int views_at_once) {
+  ReconstructOptions options;
+  options.num_steps = 60;
+  options.densify_from = 0;
+  options.densify_until = 0.9;
+  options.densify_every = 10;
+  options.views_at_once = views_at_once;
+  return options;
+}
+
+// Returns the steps done after each call of Step.
+std::vector<int64_t> StepsDone(Reconstructor& reconstructor) {
+  std::vector<int64_t> done;
+  while (!reconstructor.done()) {
+    const auto report = reconstructor.Step();
+    EXPECT_OK(report);
+    if (!report.ok()) break;
+    done.push_back(report->step);
+  }
+  return done;
+}
+
+TEST(StepsAtOnce, AreOneOnACpuUnlessAskedFor) {
+  const auto backend = MakeCpuBackend(2);
+  EXPECT_EQ(StepsAtOnce(*backend, Options(0), 100'000), 1);
+  EXPECT_EQ(StepsAtOnce(*backend, Options(3), 100'000), 3);
+}
+
+TEST(StepsAtOnce, AreOneWithADepthLoss) {
+  const auto backend = MakeCpuBackend(2);
+  ReconstructOptions options = Options(3);
+  options.depth_weight = 0.05f;
+  EXPECT_EQ(StepsAtOnce(*backend, options, 100'000), 1);
+}
+
+TEST(StepsAtOnce, EndWhereDensityControlIsDue) {
+  const auto backend = MakeCpuBackend(2);
+  ASSERT_OK_AND_ASSIGN(const auto reconstructor,
+                       Reconstructor::Create(*backend, Synthetic(), Options(4)));
+  const std::vector<int64_t> done = StepsDone(*reconstructor);
+  ASSERT_GE(done.size(), 6u);
+  EXPECT_EQ(std::vector<int64_t>(done.begin(), done.begin() + 6),
+            (std::vector<int64_t>{4, 8, 10, 14, 18, 20}));
+  EXPECT_EQ(done.back(), 60);
+}
+
+TEST(StepsAtOnce, ResumeToTheSameBytes) {
+  const auto backend = MakeCpuBackend(2);
+  ASSERT_OK_AND_ASSIGN(const auto unbroken,
+                       Reconstructor::Create(*backend, Synthetic(), Options(4)));
+  ASSERT_OK_AND_ASSIGN(const auto broken, Reconstructor::Create(*backend, Synthetic(), Options(4)));
+  for (int call = 0; call < 5; ++call) ASSERT_OK(broken->Step());
+  ASSERT_OK_AND_ASSIGN(const ReconstructCheckpoint checkpoint, broken->Save());
+  EXPECT_EQ(checkpoint.counters.step, 18);
+  ASSERT_OK_AND_ASSIGN(const auto resumed,
+                       Reconstructor::Resume(*backend, Synthetic(), Options(4), checkpoint));
+  StepsDone(*unbroken);
+  StepsDone(*resumed);
+  EXPECT_EQ(resumed->Result().planes, unbroken->Result().planes);
+}
+
+// Each step takes its view, rates and dropout from its own position, so that the first steps, which
+// hardly move, differ from steps one after the other by little.
+TEST(StepsAtOnce, DoWhatStepsOneAfterTheOtherDo) {
+  const auto backend = MakeCpuBackend(2);
+  const auto psnr_of = [&](int views_at_once) {
+    ReconstructOptions options = Options(views_at_once);
+    options.num_steps = 200;
+    const auto reconstructor = Reconstructor::Create(*backend, Synthetic(), options).value();
+    StepsDone(*reconstructor);
+    const Gaussians gaussians = reconstructor->Result();
+    return Mean(ScoreHeldOut(*backend, Synthetic(), gaussians).value()).psnr;
+  };
+  const double one = psnr_of(1), four = psnr_of(4);
+  EXPECT_NEAR(four, one, 1.0);
+  EXPECT_NE(four, one);
+}
+
+}  // namespace
+}  // namespace pepeseg
