@@ -8,7 +8,9 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kShareOfNearest = 0.5;  // of the distance of the nearest points
+// Radii, in distances of the nearest points: of a half ball, and of a ball of which only what at
+// most one photograph shows is free.
+constexpr double kShareOfNearest = 0.5, kHardlySeenShare = 0.75;
 // Share of the points in front of a camera that may be nearer: points of poor matches.
 constexpr size_t kStrayOf = 200;      // one of 200
 constexpr size_t kMostPoints = 4096;  // that are looked at for a camera, evenly spread
@@ -67,13 +69,23 @@ std::vector<Pose> Cameras(const Capture& capture) {
 
 FreeSpace::FreeSpace(const Capture& capture, double clearance) {
   if (clearance <= 0) return;
+  for (const View& view : capture.views) {
+    if (!view.held_out) views_.push_back(ToPinholeView(view.camera, view.cam_from_world));
+  }
   const double most = clearance * SceneRadius(capture);
-  for (const Pose& camera : Cameras(capture)) {
-    const double radius =
-        std::min(most, kShareOfNearest * NearestPoint(camera.Inverse(), capture.points));
-    if (!(radius > 0)) continue;
-    balls_.push_back({camera.translation.cast<float>(), DirectionOf(camera).cast<float>(),
-                      static_cast<float>(radius)});
+  const std::vector<Pose> cameras = Cameras(capture);
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    const double nearest = NearestPoint(cameras[i].Inverse(), capture.points);
+    if (!(nearest > 0)) continue;
+    const Eigen::Vector3f center = cameras[i].translation.cast<float>();
+    const Eigen::Vector3f forward = DirectionOf(cameras[i]).cast<float>();
+    const auto add = [&](double share, bool is_half) {
+      const double radius = std::min(most, share * nearest);
+      balls_.push_back({center, forward, static_cast<float>(radius), is_half});
+    };
+    add(kShareOfNearest, true);
+    const bool is_halfway = i >= views_.size();
+    if (!is_halfway) add(kHardlySeenShare, false);
   }
   if (!balls_.empty()) MakeGrid();
 }
@@ -83,7 +95,7 @@ FreeSpace::FreeSpace(const Capture& capture, double clearance) {
 void FreeSpace::MakeGrid() {
   Eigen::Vector3f low = balls_[0].center, high = low;
   float largest = 0;
-  for (const HalfBall& ball : balls_) {
+  for (const Ball& ball : balls_) {
     low = low.cwiseMin((ball.center.array() - ball.radius).matrix());
     high = high.cwiseMax((ball.center.array() + ball.radius).matrix());
     largest = std::max(largest, ball.radius);
@@ -133,16 +145,36 @@ int64_t FreeSpace::CellOf(const Eigen::Vector3f& point) const {
   return (cell[2] * num_cells_[1] + cell[1]) * num_cells_[0] + cell[0];
 }
 
+// Returns whether at most one photograph shows the point, which other things may hide.
+bool FreeSpace::IsHardlySeen(const Eigen::Vector3f& point) const {
+  int num_views = 0;
+  for (const PinholeView& view : views_) {
+    const Eigen::Map<const Eigen::Matrix<float, 3, 4, Eigen::RowMajor>> cam_from_world(
+        view.cam_from_world);
+    const Eigen::Vector3f in_camera = cam_from_world * point.homogeneous();
+    if (!(in_camera.z() > 0)) continue;
+    const float x = view.fx * in_camera.x() / in_camera.z() + view.cx;
+    const float y = view.fy * in_camera.y() / in_camera.z() + view.cy;
+    const bool shows = x >= 0 && y >= 0 && x < static_cast<float>(view.width) &&
+                       y < static_cast<float>(view.height);
+    if (shows && ++num_views > 1) return false;
+  }
+  return true;
+}
+
 bool FreeSpace::Contains(const Eigen::Vector3f& point) const {
   if (empty()) return false;
   const int64_t cell = CellOf(point);
   if (cell < 0) return false;
+  bool is_near = false;
   for (int32_t k = cell_first_[cell]; k < cell_first_[cell + 1]; ++k) {
-    const HalfBall& ball = balls_[ball_of_[k]];
+    const Ball& ball = balls_[ball_of_[k]];
     const Eigen::Vector3f away = point - ball.center;
-    if (away.dot(ball.forward) > 0 && away.squaredNorm() < ball.radius * ball.radius) return true;
+    if (!(away.squaredNorm() < ball.radius * ball.radius)) continue;
+    if (ball.is_half && away.dot(ball.forward) > 0) return true;
+    is_near |= !ball.is_half;
   }
-  return false;
+  return is_near && IsHardlySeen(point);
 }
 
 }  // namespace pepeseg

@@ -5,16 +5,19 @@
 #include <vector>
 
 #include "core/scene/capture.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 
-// The space in front of the training cameras in which nothing can be (METHOD.md section 1, "Free
-// space"): half balls around the cameras, and around places halfway between neighbouring ones,
-// where a camera was carried; the points of the capture keep away from them. A Gaussian there
-// floats before the cameras of other views, which no photograph corrects.
+// The space around the training cameras in which nothing can be (METHOD.md section 1, "Free
+// space"). A Gaussian there floats before the cameras of other views, which no photograph corrects.
+// The points of the capture keep away from both parts:
+//   - half balls in front of the cameras, and of places halfway between neighbouring ones, where a
+//     camera was carried;
+//   - what at most one photograph shows of larger balls around the cameras.
 class FreeSpace {
  public:
-  // clearance: largest radius of a half ball, scene radii. 0, or a capture without points: empty.
+  // clearance: largest radius of a ball, scene radii. 0, or a capture without points: empty.
   FreeSpace(const Capture& capture, double clearance);
 
   bool empty() const { return balls_.empty(); }
@@ -22,15 +25,19 @@ class FreeSpace {
   bool Contains(const Eigen::Vector3f& point) const;
 
  private:
-  struct HalfBall {
+  struct Ball {
     Eigen::Vector3f center, forward;  // of a camera; `forward` has the length 1
     float radius;
+    // True: the half in front. False: all of it that at most one photograph shows.
+    bool is_half;
   };
+  bool IsHardlySeen(const Eigen::Vector3f& point) const;
   // The cell of a grid over all balls in which a point lies, or -1 outside of the grid.
   int64_t CellOf(const Eigen::Vector3f& point) const;
   void MakeGrid();
 
-  std::vector<HalfBall> balls_;
+  std::vector<Ball> balls_;
+  std::vector<PinholeView> views_;  // the training views
   // Balls by the cells that they may reach: those of cell c are ball_of_[cell_first_[c] ..
   // cell_first_[c + 1]).
   Eigen::Vector3f corner_ = Eigen::Vector3f::Zero();

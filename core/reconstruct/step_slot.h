@@ -26,8 +26,8 @@ struct StepSlot {
   Buffer<double> loss_sums;         // [kNumLossSums]
 };
 
-// Returns the number of steps that stage one does at once, 1 to kMaxUpdateSteps: views_at_once of the
-// options or, where that is 0, as many as the backend has branches for and photographs of
+// Returns the number of steps that stage one does at once, 1 to kMaxUpdateSteps: views_at_once of
+// the options or, where that is 0, as many as the backend has branches for and photographs of
 // `max_pixels` need to fill a device. 1 with a depth loss, whose images all steps share.
 int StepsAtOnce(const Backend& backend, const ReconstructOptions& options, int64_t max_pixels);
 

@@ -126,7 +126,7 @@ void Apply(Preset preset, ReconstructOptions& reconstruct, FeatureOptions& featu
     features.num_steps = 1500;
   } else if (preset == Preset::kBest) {
     // Fewer Gaussians train faster and overfit less: tests/bench/results/peak_quality.md.
-    reconstruct.num_steps = 20000;
+    reconstruct.num_steps = 30000;
     reconstruct.pixels_per_gaussian = 75;
     features.num_steps = 20000;
   } else if (preset == Preset::kPaper) {

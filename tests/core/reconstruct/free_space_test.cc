@@ -13,7 +13,8 @@
 namespace pepeseg {
 namespace {
 
-// Two cameras that look along +z from (0, 0, 0) and (1, 0, 0), and points at a distance.
+// Two cameras that look along +z from (0, 0, 0) and (1, 0, 0), and points at a distance. Both show
+// what is 2 or more in front of them and between them, and each shows alone what is nearer.
 class FreeSpaceTest : public ::testing::Test {
  protected:
   FreeSpaceTest() {
@@ -42,7 +43,7 @@ TEST_F(FreeSpaceTest, IsInFrontOfTheCameras) {
   EXPECT_TRUE(Contains(0, 0, inside));
   EXPECT_TRUE(Contains(1, 0, inside));
   EXPECT_FALSE(Contains(0, 0, outside));
-  EXPECT_FALSE(Contains(0, 0, -inside)) << "behind";
+  EXPECT_FALSE(Contains(0, 0, -outside)) << "behind";
   EXPECT_FALSE(Contains(0, -outside, 0.01f));
   EXPECT_FALSE(Contains(50, 0, 1));
   EXPECT_FALSE(Contains(std::numeric_limits<float>::quiet_NaN(), 0, inside));
@@ -53,7 +54,7 @@ TEST_F(FreeSpaceTest, IsHalfwayBetweenCamerasThatLookTheSameWay) {
   const float inside = 0.15f * radius_;
   ASSERT_LT(kClearance * radius_, 0.45f) << "the cameras' own balls must not reach the middle";
   EXPECT_TRUE(Contains(0.5f, 0, inside, kClearance));
-  EXPECT_FALSE(Contains(0.5f, 0, -inside, kClearance));
+  EXPECT_FALSE(Contains(0.5f, 0, -inside, kClearance)) << "only in front";
   EXPECT_FALSE(Contains(0.5f, 0, 0.25f * radius_, kClearance));
   const Eigen::AngleAxisd turn(M_PI, Eigen::Vector3d::UnitY());
   Pose& second = capture_.views[1].cam_from_world;
@@ -63,11 +64,23 @@ TEST_F(FreeSpaceTest, IsHalfwayBetweenCamerasThatLookTheSameWay) {
   EXPECT_TRUE(Contains(1, 0, -inside, kClearance));
 }
 
-TEST_F(FreeSpaceTest, KeepsHalfOfTheDistanceOfTheNearestPoint) {
-  AddPoint(0, 0.2f, 0.05f);  // which neither photograph shows
+TEST_F(FreeSpaceTest, KeepsHalfOfTheDistanceOfTheNearestPointInFront) {
+  // What two photographs show is free in front of a camera only.
+  for (View& view : capture_.views) view.camera.fx = view.camera.fy = 0.1f;
+  AddPoint(0, 0.2f, 0.05f);
   const float distance = std::hypot(0.2f, 0.05f);
   EXPECT_TRUE(Contains(0, 0, 0.49f * distance));
   EXPECT_FALSE(Contains(0, 0, 0.51f * distance));
+}
+
+TEST_F(FreeSpaceTest, IsAllAroundACameraWhereAtMostOnePhotographShowsIt) {
+  AddPoint(0, 0.2f, 0.05f);  // which neither photograph shows
+  const float distance = std::hypot(0.2f, 0.05f);
+  for (const float sign : {-1.0f, 1.0f}) {
+    EXPECT_TRUE(Contains(0, 0, sign * 0.74f * distance));
+    EXPECT_FALSE(Contains(0, 0, sign * 0.76f * distance));
+    EXPECT_TRUE(Contains(0, sign * 0.74f * distance, 0));
+  }
 }
 
 TEST_F(FreeSpaceTest, LeavesOutPointsBehindAndAFewStrayOnes) {
@@ -87,6 +100,19 @@ TEST_F(FreeSpaceTest, IsEmptyWithoutClearancePointsOrTrainingViews) {
   capture_.points.clear();
   EXPECT_TRUE(FreeSpace(capture_, 0.5).empty());
   EXPECT_FALSE(Contains(0, 0, 0.1f));
+}
+
+// Returns how many training photographs show a point.
+int NumViewsThatShow(const Capture& capture, const Eigen::Vector3d& point) {
+  int count = 0;
+  for (const View& view : capture.views) {
+    const Eigen::Vector3d in_camera = view.cam_from_world * point;
+    if (view.held_out || in_camera.z() <= 0) continue;
+    const double x = view.camera.fx * in_camera.x() / in_camera.z() + view.camera.cx;
+    const double y = view.camera.fy * in_camera.y() / in_camera.z() + view.camera.cy;
+    count += x >= 0 && y >= 0 && x < view.camera.width && y < view.camera.height ? 1 : 0;
+  }
+  return count;
 }
 
 // Returns the training cameras and those halfway to the three nearest that look the same way.
@@ -130,11 +156,15 @@ TEST_F(FreeSpaceTest, FindsWhatComparingWithEachCameraFinds) {
     for (int i = 0; i < 200; ++i, ++num) {
       const Eigen::Vector3f point =
           (center + Eigen::Vector3d(within(random), within(random), within(random))).cast<float>();
-      bool inside = false;
+      bool inside = false, is_near = false;
       for (const Pose& camera : cameras) {
         const Eigen::Vector3d in_camera = camera * point.cast<double>();
         inside |= in_camera.z() > 0 && in_camera.norm() < radius;
       }
+      for (const View& view : capture.views) {
+        is_near |= !view.held_out && (view.cam_from_world * point.cast<double>()).norm() < radius;
+      }
+      inside |= is_near && NumViewsThatShow(capture, point.cast<double>()) <= 1;
       EXPECT_EQ(space.Contains(point), inside) << point.transpose();
       num_inside += inside ? 1 : 0;
     }
