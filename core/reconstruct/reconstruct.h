@@ -145,8 +145,9 @@ struct ReconstructOptions {
   // tests/bench/results/h200_desk.md and tests/bench/results/peak_quality.md.
   double pixels_per_gaussian = 50;
   // Radius of the space in front of each training camera in which no Gaussian may be, in scene
-  // radii; at most half of the distance of the nearest points. In [0, 1]. 0: none. Measured:
-  // tests/bench/results/free_space.md.
+  // radii; at most half of the distance of the nearest points. All around a training camera, and up
+  // to three quarters of that distance, Gaussians that at most one photograph shows are removed,
+  // too. In [0, 1]. 0: none. Measured: tests/bench/results/free_space.md.
   float camera_clearance = 0.3f;
   // Factor on all opacities at each round of density control with a budget, in place of the resets:
   // what the photographs do not pull back fades and is pruned. In [0.01, 1]. 1: no decay.

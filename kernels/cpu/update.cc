@@ -48,16 +48,17 @@ void InvertVisible(DeviceSpan<const int32_t> visible, int64_t first, int64_t cou
 }
 
 // Runs SimdKernels::update over all job.count Gaussians, in chunks, and stores the number of
-// Gaussians that each step skipped with its scratch. Sets `visible` and the range of each chunk's
-// job.
-void UpdateInChunks(ThreadPool& pool, const SimdKernels& simd, const ParameterJob& job) {
+// Gaussians that each step skipped with its scratch. Sets `visible`, `blocks` and the range of each
+// chunk's job. blocks: [threads, steps], used where there is more than one step.
+void UpdateInChunks(ThreadPool& pool, const SimdKernels& simd, const ParameterJob& job,
+                    DeviceSpan<UpdateBlock> blocks) {
   const std::span<const UpdateStep> steps(job.steps, static_cast<size_t>(job.num_steps));
   const int64_t count = job.count;
   std::atomic<int64_t> num_skipped[kMaxUpdateSteps] = {};
-  std::vector<UpdateBlock> blocks(steps.size() * static_cast<size_t>(pool.num_threads()));
   pool.ParallelFor((count + kChunk - 1) / kChunk, [&](int64_t chunk, int thread) {
     ParameterJob part = job;
-    part.blocks = blocks.data() + steps.size() * static_cast<size_t>(thread);
+    UpdateBlock one;  // 60 kB: those of several steps do not belong on the stack
+    part.blocks = steps.size() == 1 ? &one : blocks.data + thread * job.num_steps;
     part.first = chunk * kChunk;
     part.count = std::min(kChunk, count - part.first);
     int32_t visible_of[kMaxUpdateSteps][kChunk];
@@ -80,20 +81,23 @@ void UpdateInChunks(ThreadPool& pool, const SimdKernels& simd, const ParameterJo
 // the most steps needs.
 void CpuBackend::Update(const UpdateArgs& args) {
   if (failed()) return;
+  const auto num_updates = static_cast<int64_t>(args.steps.size());
+  Buffer<UpdateBlock> blocks(*this, num_updates > 1 ? num_updates * pool_.num_threads() : 0);
+  if (failed()) return;
   const int32_t* steps = args.num_steps.data;
   int32_t most = 0;
   for (int64_t i = 0; i < args.num_steps.size; ++i) most = std::max(most, steps[i]);
-  most += static_cast<int32_t>(args.steps.size());
+  most += static_cast<int32_t>(num_updates);
   const BiasCorrections corrections = MakeCorrections(args, std::min(most, kMaxCorrections));
   ParameterJob job = {};
   job.update = &args;
   job.steps = args.steps.data();
-  job.num_steps = static_cast<int>(args.steps.size());
+  job.num_steps = static_cast<int>(num_updates);
   job.count = args.gaussians.count;
   job.correction1 = corrections.first.data();
   job.correction2 = corrections.second.data();
   job.num_corrections = static_cast<int32_t>(corrections.first.size());
-  UpdateInChunks(pool_, simd_, job);
+  UpdateInChunks(pool_, simd_, job, blocks.span());
 }
 
 }  // namespace pepeseg

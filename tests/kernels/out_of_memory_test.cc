@@ -61,7 +61,14 @@ void UseEveryOpThatAllocates(Backend& backend) {
   scene.Render();
   scene.Backward(std::vector<float>(3 * 40 * 30, 1.0f));
   scene.ParameterGradient();
-  backend.Update(scene.MakeUpdateArgs());
+  UpdateArgs update = scene.MakeUpdateArgs();
+  backend.Update(update);
+  Rendered other(backend, scene.host, TestView(30, 40));
+  other.Render();
+  other.Backward(std::vector<float>(3 * 40 * 30, 1.0f));
+  const UpdateStep steps[] = {scene.step, {.view = other.view, .scratch = &other.scratch}};
+  update.steps = steps;
+  backend.Update(update);
   CaptureAndTranspose(backend, scene);
   JoinPoints(backend);
 }
