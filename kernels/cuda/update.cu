@@ -278,7 +278,7 @@ __global__ void __launch_bounds__(kBlock, 10) UpdateKernel(const __grid_constant
   }
 }
 
-// Shared memory beyond 48 KiB, for more than two steps, has to be asked for.
+// Shared memory beyond 48 KiB, for more than six steps, has to be asked for.
 template <int kActiveDegree>
 cudaError_t Launch(const UpdateParams& p, cudaStream_t stream) {
   const int bytes = p.num_updates * static_cast<int>(sizeof(StepGradients));
