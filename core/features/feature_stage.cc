@@ -11,7 +11,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kFeatureStep = 100;  // first id for Backend::Sequence; stage one has smaller ones
+constexpr int kFeatureStep = 200;  // first id for Backend::Sequence; stage one has smaller ones
 
 // Returns the largest number of steps that are queued before the host waits for their losses.
 // At most kMaxUnreadFeatureSteps, with a queue depth of 8 on CUDA and 0 on the CPU.

@@ -23,6 +23,15 @@ std::vector<double> RoundShares(int num_views, const std::vector<bool>& blurred,
   return shares;
 }
 
+// Returns a slot for each step that is done at once.
+std::deque<StepSlot> MakeSlots(Backend& backend, const ReconstructOptions& options,
+                               int64_t max_pixels) {
+  std::deque<StepSlot> slots;
+  const int num_slots = StepsAtOnce(backend, options, max_pixels);
+  for (int slot = 0; slot < num_slots; ++slot) slots.emplace_back(backend, max_pixels);
+  return slots;
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Reconstructor>> Reconstructor::Create(
@@ -56,13 +65,11 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
       free_space_(capture, options.camera_clearance),
       state_(backend, InitialGaussians(points_, options.sh_degree, log_scales_)),
       densifier_(backend, options, {scene_radius_, views_.num_pixels(), state_.count()}),
+      slots_(MakeSlots(backend, options_, views_.max_pixels())),
       depth_term_(backend, options_, views_.max_pixels()),
       entry_capacities_(views_.size()),
-      results_(backend, StepsAtOnce(backend, options_, views_.max_pixels())),
-      needs_(options_, views_.size()) {
-  const int num_slots = StepsAtOnce(backend, options_, views_.max_pixels());
-  for (int slot = 0; slot < num_slots; ++slot) slots_.emplace_back(backend, views_.max_pixels());
-}
+      results_(backend, static_cast<int>(slots_.size())),
+      needs_(options_, views_.size()) {}
 
 absl::Status Reconstructor::Allocated() const {
   if (views_.allocated() && refiner_.allocated() && state_.allocated() && depth_term_.allocated() &&

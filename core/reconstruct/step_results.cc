@@ -22,12 +22,12 @@ void StepResults::Push(const StepInput& input, int slot, DeviceSpan<const double
 // the count rose.
 StepResult StepResults::Pop() {
   StepResult result;
-  result.input = pending_.front().input;
-  result.slot = pending_.front().slot;
+  const Pending step = pending_.front();
   pending_.pop_front();
+  result.input = step.input;
   std::ranges::copy(loss_sums_.Pop(), result.loss_sums.begin());
   std::ranges::copy(counters_.Pop(), result.counters.begin());
-  int64_t& num_overflowed = num_overflowed_renders_[static_cast<size_t>(result.slot)];
+  int64_t& num_overflowed = num_overflowed_renders_[static_cast<size_t>(step.slot)];
   result.overflowed = result.counters[kNumVoidRenders] > num_overflowed;
   num_overflowed = result.counters[kNumVoidRenders];
   return result;

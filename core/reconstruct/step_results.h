@@ -30,7 +30,6 @@ inline constexpr int kNumLossSums = kFirstDepthSum + kNumDepthLossSums;
 // What a step reported, read once the device has finished it.
 struct StepResult {
   StepInput input;
-  int slot = 0;  // see StepResults::Push
   std::array<double, kNumLossSums> loss_sums = {};
   std::array<int64_t, kNumRenderCounters> counters = {};
   // The render overflowed its tile-entry capacity, so that the step changed nothing: see

@@ -25,7 +25,7 @@ namespace {
 // supported device has.
 constexpr int kBlock = 64;
 
-// What differs between the steps.
+// Inputs of one step.
 struct StepParams {
   ProjectionCamera<float> camera;
   int width, height;
@@ -248,8 +248,8 @@ __device__ bool StoreGradient(const UpdateParams& p, const StepParams& step, int
   return true;
 }
 
-// Of a step that a Gaussian does not take part in, its moments, count and parameters stay as they
-// are. One that is not visible moves by its moments.
+// A Gaussian that does not take part in a step keeps its parameters, moments and count. One that is
+// not visible takes part, and moves by its moments.
 template <int kActiveDegree>
 __global__ void __launch_bounds__(kBlock, 10) UpdateKernel(const __grid_constant__ UpdateParams p) {
   extern __shared__ char shared[];

@@ -20,7 +20,7 @@ struct SplatGradLanes {
   alignas(64) float values[10][kLanes];
 };
 
-// What the groups of a job share in one step.
+// Inputs of one step. All groups of a job use them.
 struct Group {
   int step;  // index into UpdateArgs::steps
   ProjectionCamera<Lanes> camera;

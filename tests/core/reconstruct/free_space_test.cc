@@ -65,7 +65,7 @@ TEST_F(FreeSpaceTest, IsHalfwayBetweenCamerasThatLookTheSameWay) {
 }
 
 TEST_F(FreeSpaceTest, KeepsHalfOfTheDistanceOfTheNearestPointInFront) {
-  // What two photographs show is free in front of a camera only.
+  // With so short a focal length both photographs show the points below.
   for (View& view : capture_.views) view.camera.fx = view.camera.fy = 0.1f;
   AddPoint(0, 0.2f, 0.05f);
   const float distance = std::hypot(0.2f, 0.05f);
