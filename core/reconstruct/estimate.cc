@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "core/reconstruct/gaussian_state.h"
-#include "core/reconstruct/step_slot.h"
+#include "core/reconstruct/step_queue.h"
 #include "core/scene/capture.h"
 #include "kernels/buffer.h"
 #include "kernels/math/blend.h"

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <sstream>
 
 #include "absl/strings/str_cat.h"
@@ -21,15 +20,6 @@ std::vector<double> RoundShares(int num_views, const std::vector<bool>& blurred,
     if (blurred[view]) shares[view] = share;
   }
   return shares;
-}
-
-// Returns a slot for each step that is done at once.
-std::deque<StepSlot> MakeSlots(Backend& backend, const ReconstructOptions& options,
-                               int64_t max_pixels) {
-  std::deque<StepSlot> slots;
-  const int num_slots = StepsAtOnce(backend, options, max_pixels);
-  for (int slot = 0; slot < num_slots; ++slot) slots.emplace_back(backend, max_pixels);
-  return slots;
 }
 
 }  // namespace
@@ -65,15 +55,13 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
       free_space_(capture, options.camera_clearance),
       state_(backend, InitialGaussians(points_, options.sh_degree, log_scales_)),
       densifier_(backend, options, {scene_radius_, views_.num_pixels(), state_.count()}),
-      slots_(MakeSlots(backend, options_, views_.max_pixels())),
       depth_term_(backend, options_, views_.max_pixels()),
-      entry_capacities_(views_.size()),
-      results_(backend, static_cast<int>(slots_.size())),
+      queue_(backend, {options_, views_, schedule_, log_scales_, NearPlane()}, depth_term_, state_),
       needs_(options_, views_.size()) {}
 
 absl::Status Reconstructor::Allocated() const {
   if (views_.allocated() && refiner_.allocated() && state_.allocated() && depth_term_.allocated() &&
-      results_.allocated() && std::ranges::all_of(slots_, &StepSlot::allocated)) {
+      queue_.allocated()) {
     return absl::OkStatus();
   }
   return absl::ResourceExhaustedError(absl::StrCat("out of memory for ", views_.size(),
@@ -142,7 +130,7 @@ absl::Status Reconstructor::Restore(const ReconstructCheckpoint& checkpoint) {
 }
 
 absl::StatusOr<ReconstructCheckpoint> Reconstructor::Save() {
-  while (!results_.empty()) DrainOldest();
+  ReadAll();
   // Queued steps are done first: the rows, the counters and the losses must belong to the same
   // step.
   ReconstructCheckpoint checkpoint;
@@ -172,22 +160,16 @@ absl::StatusOr<ReconstructCheckpoint> Reconstructor::Save() {
 // refinement where they are due after the last of them.
 absl::StatusOr<StepReport> Reconstructor::Step() {
   std::vector<StepInput> steps;
-  std::vector<int64_t> entry_capacities;
   const int end = EndOfSteps();
-  for (int position = position_; position < end; ++position) {
-    steps.push_back(DrawStep(position));
-    entry_capacities.push_back(entry_capacities_.For(steps.back()));
-  }
-  TrainOn(steps, entry_capacities);
-  while (results_.full()) DrainOldest();
+  for (int position = position_; position < end; ++position) steps.push_back(DrawStep(position));
+  queue_.Train(steps);
+  while (queue_.full()) ReadOldest();
 
   const int last = end - 1;
   const bool densify = densifier_.Due(last);
   // What follows changes the Gaussians or reads the losses: all steps must have been done, those
   // whose render overflowed repeated, on the Gaussians that they were queued for.
-  if (ChangesGaussiansAfter(last)) {
-    while (!results_.empty()) DrainOldest();
-  }
+  if (ChangesGaussiansAfter(last)) ReadAll();
   if (densify) {
     const bool has_depth = depth_term_.InEffect(schedule_.DepthWeightAt(last));
     // Draws the seed of the round, after the draws of the steps.
@@ -214,7 +196,7 @@ bool Reconstructor::ChangesGaussiansAfter(int position) const {
 // Returns the position behind the steps that are done at once from position_ on.
 int Reconstructor::EndOfSteps() const {
   int end = position_ + 1;
-  while (end - position_ < static_cast<int>(slots_.size()) && !ChangesGaussiansAfter(end - 1)) {
+  while (end - position_ < queue_.steps_at_once() && !ChangesGaussiansAfter(end - 1)) {
     ++end;
   }
   return end;
@@ -233,113 +215,15 @@ StepInput Reconstructor::DrawStep(int position) {
   return input;
 }
 
-// Queues the work of steps that are done at once, one for each slot. With tile-entry capacities
-// nothing waits, so that the backend can replay the steps as a CUDA graph: one for each number of
-// steps and size of the photographs, with and without depth. With a capacity of 0 the host waits
-// for the count of entries.
-void Reconstructor::TrainOn(std::span<const StepInput> steps,
-                            std::span<const int64_t> entry_capacities) {
-  std::vector<std::function<void()>> gradients;
-  for (size_t k = 0; k < steps.size(); ++k) {
-    gradients.push_back([&, k] {
-      QueueGradient(steps[k], ShDegreeAt(steps.front().position), entry_capacities[k], slots_[k]);
-    });
-  }
-  const auto ops = [&] {
-    backend_.Branches(gradients);
-    QueueUpdates(steps);
-  };
-  const bool waits = std::ranges::find(entry_capacities, 0) != entry_capacities.end();
-  if (waits) {
-    ops();
-  } else {
-    const int num_steps = static_cast<int>(steps.size());
-    const int depth = steps.front().depth.weight > 0 ? 1 : 0;
-    constexpr int kKinds = 16;  // of steps: 2 * shrink + depth
-    backend_.Sequence(kKinds * num_steps + 2 * steps.front().shrink + depth, ops);
-  }
-  for (size_t k = 0; k < steps.size(); ++k) {
-    results_.Push(steps[k], static_cast<int>(k), slots_[k].loss_sums.span(),
-                  slots_[k].scratch.counters.span());
-  }
-}
-
-// Forward pass, loss and backward pass on one view (METHOD.md section 1).
-void Reconstructor::QueueGradient(const StepInput& input, int sh_degree, int64_t entry_capacity,
-                                  StepSlot& slot) {
-  const TrainingView& view = views_.At(input.view, input.shrink);
-  const int64_t size = 3 * int64_t{view.pinhole.width} * view.pinhole.height;
-  const auto color = slot.color.span().Subspan(0, size);
-  const auto color_grad = slot.color_grad.span().Subspan(0, size);
-  const DepthImages depth = depth_term_.ImagesFor(view, input.depth);
-
-  backend_.Render({.gaussians = state_.parameters(),
-                   .view = view.pinhole,
-                   .near_plane = NearPlane(),
-                   .active_sh_degree = sh_degree,
-                   .dropout = input.dropout,
-                   .scratch = &slot.scratch,
-                   .color = color,
-                   // Empty where the step has no depth term.
-                   .alpha = depth.alpha,
-                   .depth = depth.depth,
-                   .inverse_depth = depth.inverse_depth,
-                   .entry_room = entry_capacity});
-  backend_.ImageLoss({.width = view.pinhole.width,
-                      .height = view.pinhole.height,
-                      .color = color,
-                      .target = view.photo.span(),
-                      .ignore = view.ignore.span(),
-                      .ssim_weight = options_.ssim_weight,
-                      .color_grad = color_grad,
-                      .sums = slot.loss_sums.span().Subspan(0, kNumImageLossSums)});
-  depth_term_.Compare(view, input.depth,
-                      slot.loss_sums.span().Subspan(kFirstDepthSum, kNumDepthLossSums));
-  backend_.RenderBackward({.view = view.pinhole,
-                           .color_grad = color_grad,
-                           .alpha_grad = depth.alpha_grad,
-                           .depth_grad = depth.depth_grad,
-                           .scratch = &slot.scratch});
-}
-
-// A step of Adam for each gradient in the slots (METHOD.md section 1). The rates are those of the
-// first of them.
-void Reconstructor::QueueUpdates(std::span<const StepInput> steps) {
-  std::vector<UpdateStep> updates;
-  for (size_t k = 0; k < steps.size(); ++k) {
-    updates.push_back({.view = views_.At(steps[k].view, steps[k].shrink).pinhole,
-                       .dropout = steps[k].dropout,
-                       .scratch = &slots_[k].scratch});
-  }
-  const int position = steps.front().position;
-  backend_.Update({.steps = updates,
-                   .active_sh_degree = ShDegreeAt(position),
-                   .learning_rates = schedule_.RatesAt(position),
-                   .min_log_scale = log_scales_.min,
-                   .max_log_scale = log_scales_.max,
-                   .gaussians = state_.parameters(),
-                   .moment1 = state_.moment1(),
-                   .moment2 = state_.moment2(),
-                   .num_steps = state_.num_steps(),
-                   .stats = state_.stats()});
-}
-
-// Returns the SH degree in use: degrees may have been pruned.
-int Reconstructor::ShDegreeAt(int position) const {
-  return std::min(schedule_.ShDegreeAt(position), state_.sh_degree());
-}
-
-// Reads the result of the oldest queued step; waits for it. A step whose render overflowed its
-// tile-entry capacity has changed nothing and is queued again, now with as much as it needs.
-void Reconstructor::DrainOldest() {
-  const StepResult result = results_.Pop();
-  if (result.overflowed) {
+// Reads the result of the oldest queued step; waits for it. A step whose render overflowed is
+// queued again and read later.
+void Reconstructor::ReadOldest() {
+  const std::optional<StepResult> popped = queue_.Pop();
+  if (!popped) {
     ++num_overflowed_renders_;
-    constexpr int64_t kWaitForCount = 0;  // no capacity: the host waits for the count of entries
-    TrainOn({&result.input, 1}, {&kWaitForCount, 1});
     return;
   }
-  entry_capacities_.Record(result);
+  const StepResult& result = *popped;
   needs_.RecordLoss(LossOf(result));
   num_culled_degenerate_ += result.counters[kNumCulledDegenerate];
   num_skipped_gradients_ += result.counters[kNumSkippedGradientRows];
@@ -348,6 +232,10 @@ void Reconstructor::DrainOldest() {
     needs_.RecordDepth(DepthExplained(result));
   }
   newest_ = result;
+}
+
+void Reconstructor::ReadAll() {
+  while (!queue_.empty()) ReadOldest();
 }
 
 // Returns the image loss of METHOD.md section 1, without the depth terms.

@@ -1,11 +1,9 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <memory>
 #include <optional>
 #include <random>
-#include <span>
 
 #include "absl/status/statusor.h"
 #include "core/base/progress.h"
@@ -19,8 +17,7 @@
 #include "core/reconstruct/refiner.h"
 #include "core/reconstruct/scene_needs.h"
 #include "core/reconstruct/schedule.h"
-#include "core/reconstruct/step_results.h"
-#include "core/reconstruct/step_slot.h"
+#include "core/reconstruct/step_queue.h"
 #include "core/reconstruct/training_views.h"
 #include "kernels/backend.h"
 
@@ -29,8 +26,7 @@ namespace pepeseg {
 // Stage one, step by step (METHOD.md section 1); Reconstruct() is the loop around it. To be used by
 // one thread at a time. The backend must outlive it, the capture need not.
 //
-// The host queues steps ahead of the device, Backend::queue_depth() at most, and reads what a step
-// reported (loss, counters) when the device has finished it. Before a decision that depends on
+// The host queues steps ahead of the device (step_queue.h). Before a decision that depends on
 // these reports it waits for all of them, so that the decision does not depend on timing.
 class Reconstructor {
  public:
@@ -75,16 +71,13 @@ class Reconstructor {
   bool ChangesGaussiansAfter(int position) const;
   int EndOfSteps() const;
   StepInput DrawStep(int position);
-  void TrainOn(std::span<const StepInput> steps, std::span<const int64_t> entry_capacities);
-  void QueueGradient(const StepInput& input, int sh_degree, int64_t entry_capacity, StepSlot& slot);
-  void QueueUpdates(std::span<const StepInput> steps);
-  void DrainOldest();
+  void ReadOldest();
+  void ReadAll();
   double LossOf(const StepResult& result) const;
   double DepthExplained(const StepResult& result) const;
   void DropUnneededParts();
   absl::Status Refine(const StepInput& input);
   absl::Status ClearFreeSpace();
-  int ShDegreeAt(int position) const;
   Dropout DropoutOf(int step, int position) const;
   float NearPlane() const;
   absl::StatusOr<StepReport> Report() const;
@@ -104,12 +97,10 @@ class Reconstructor {
   const FreeSpace free_space_;
   GaussianState state_;
   const Densifier densifier_;
-  std::deque<StepSlot> slots_;  // one for each step that is done at once
   DepthTerm depth_term_;
+  StepQueue queue_;
   int step_ = 0;      // steps done
   int position_ = 0;  // schedule position: steps done and skipped
-  TileEntryCapacities entry_capacities_;
-  StepResults results_;
   SceneNeeds needs_;
   std::optional<StepResult> newest_;  // result of the newest step that the device has finished
   // Totals since the start of the stage, see StepReport.

@@ -1,4 +1,4 @@
-#include "core/reconstruct/step_slot.h"
+#include "core/reconstruct/step_queue.h"
 
 #include <gtest/gtest.h>
 
