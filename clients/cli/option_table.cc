@@ -91,6 +91,7 @@ constexpr OptionRow kRows[] = {
     {"features.fine_first", "0.3", "0 to 0.9"},
     {"features.negative_margin", "0.2", "0 to 0.9"},
     {"features.min_positive_cosine", "0.9", "0 to 1"},
+    {"features.smooth_until", "0.5", "0 to 1"},
     {"features.gate_layers", "1", "1 to 2"},
     {"features.centroid_cosine_upper", "0.9", "0 to 0.9999"},
     {"features.centroid_cosine_lower", "0.97", "0 to 0.9999"},

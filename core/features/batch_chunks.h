@@ -49,9 +49,9 @@ class BatchesAhead {
   }
 
  private:
-  // Starts the task that draws a chunk.
+  // Starts the task that draws a chunk. NeighborRows needs batches of one kind.
   void Begin() {
-    const int count = std::min(chunk_size_, num_left_);
+    const int count = std::min({chunk_size_, num_left_, drawer_.NumAlike()});
     num_left_ -= count;
     next_ = std::async(std::launch::async, [this, count] {
       Chunk chunk = {drawer_.Save(), std::vector<PixelBatch>(static_cast<size_t>(count))};

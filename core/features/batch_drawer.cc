@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <unordered_map>
 #include <utility>
@@ -105,6 +106,11 @@ BatchDrawer::Draft BatchDrawer::Next() {
   return {next, random_(), step_++};
 }
 
+int BatchDrawer::NumAlike() const {
+  const int smoothed = NumSmoothedSteps(options_);
+  return step_ < smoothed ? smoothed - step_ : std::numeric_limits<int>::max();
+}
+
 PixelBatch BatchDrawer::Draw(const Draft& draft) const {
   const DrawableView& view = views_[draft.view];
   // The order of the draws below decides every batch of a seed: a reordered call changes all
@@ -122,7 +128,11 @@ PixelBatch BatchDrawer::Draw(const Draft& draft) const {
     batch.scales.push_back(static_cast<float>(QuantileOfScale(field_, scale)));
   }
   batch.pair_seed = static_cast<uint32_t>(random() >> 32);
-  batch.drawn_neighbors = DrawBits(options_.num_neighbors, options_.num_drawn_neighbors, random);
+  constexpr uint32_t kItselfOnly = 1;
+  batch.drawn_neighbors =
+      draft.step < NumSmoothedSteps(options_)
+          ? DrawBits(options_.num_neighbors, options_.num_drawn_neighbors, random)
+          : kItselfOnly;
   return batch;
 }
 

@@ -78,6 +78,9 @@ class BatchDrawer {
   };
   // Returns the draft of the next step. Not thread safe.
   Draft Next();
+  // Returns how many of the next drafts, at least one, give batches with the same number of drawn
+  // neighbours. Not thread safe.
+  int NumAlike() const;
   // Returns the batch of a draft, without pairs. Thread safe.
   PixelBatch Draw(const Draft& draft) const;
 

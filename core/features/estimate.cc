@@ -17,9 +17,12 @@ int64_t SamplesOf(const FeatureOptions& options) {
          (options.perception_weight > 0 ? options.num_perception_pixels : 0);
 }
 
-// Returns the number of pixels of all batches of a chunk.
+// Returns the number of pixels of all batches of the largest chunk. No chunk reaches across the end
+// of smoothing.
 int64_t SamplesInChunk(const FeatureOptions& options) {
-  return int64_t{std::min(options.steps_per_chunk, options.num_steps)} * SamplesOf(options);
+  const int smoothed = NumSmoothedSteps(options);
+  const int64_t longest = std::max(smoothed, options.num_steps - smoothed);
+  return std::min<int64_t>(options.steps_per_chunk, longest) * SamplesOf(options);
 }
 
 }  // namespace

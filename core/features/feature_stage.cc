@@ -136,6 +136,7 @@ absl::StatusOr<std::vector<StepReport>> FeatureStage::Advance() {
   const int end = step_ + StepsAhead();
   for (; step_ < end; ++step_, ++steps_of_chunk_) {
     if (chunk_.Exhausted()) RETURN_IF_ERROR(BeginChunk());
+    if (step_ == NumSmoothedSteps(options_)) trainer_->EndSmoothing();
     // Skipped steps count as done, so that the last share of the schedule has the centroid loss.
     if (centroids_->Due(step_ + num_left_out_)) RETURN_IF_ERROR(trainer_->RefreshCentroids());
     const RowChunk::Step step = chunk_.Next();

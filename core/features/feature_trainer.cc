@@ -61,6 +61,25 @@ std::vector<float> InitialGate(const FeatureOptions& options) {
   return gate;
 }
 
+// The draw of the neighbour graph that leaves a feature as it is.
+constexpr uint32_t kItselfOnly = 1;
+
+// Returns whether features are smoothed after `num_updates` updates, before the next one.
+bool Smooths(const FeatureOptions& options, int num_updates) {
+  const int num_smoothed = NumSmoothedSteps(options);
+  return num_smoothed > 0 && num_updates <= num_smoothed;
+}
+
+// Writes a row of 32 numbers of `from` to `to` wherever `where` has a row that is not 0.
+void CopyRows(std::span<const float> from, std::span<const float> where, std::span<float> to) {
+  for (size_t i = 0; i < from.size(); i += kFeatureSize) {
+    const std::span<const float> row = where.subspan(i, kFeatureSize);
+    if (std::ranges::all_of(row, [](float x) { return x == 0; })) continue;
+    std::copy_n(from.begin() + static_cast<int64_t>(i), kFeatureSize,
+                to.begin() + static_cast<int64_t>(i));
+  }
+}
+
 }  // namespace
 
 std::vector<float> FeatureTrainer::InitialFeatures(int64_t num_gaussians,
@@ -75,6 +94,7 @@ FeatureTrainer::FeatureTrainer(Backend& backend, std::span<const float> initial,
       num_gaussians_(static_cast<int64_t>(initial.size()) / kFeatureSize),
       graph_(graph),
       centroids_(centroids),
+      smooths_(Smooths(options, 0)),
       options_(options),
       features_(backend, initial),
       moment1_(backend, features_.size()),
@@ -205,7 +225,7 @@ std::vector<double> FeatureTrainer::ReadLosses() {
 
 absl::Status FeatureTrainer::RefreshCentroids() {
   backend_.FeatureCatchUp({{}, rates_, step_, State()});
-  SmoothAll(features_.span());
+  SmoothAll(features_.span(), smooths_ ? AllNeighbors(graph_) : kItselfOnly);
   std::vector<float> gate(static_cast<size_t>(gate_.size()));
   gate_.Download(std::span<float>(gate));
   return centroids_.Refresh(smoothed_.span(), gate);
@@ -230,6 +250,7 @@ FeatureRowsState FeatureTrainer::Save() const {
 void FeatureTrainer::Restore(const FeatureRowsState& rows, int step) {
   // The corrections are not saved: they follow from the options and LeaveOut.
   step_ = step;
+  smooths_ = Smooths(options_, step);
   features_.Upload(rows.features);
   moment1_.Upload(rows.moment1);
   moment2_.Upload(rows.moment2);
@@ -239,33 +260,51 @@ void FeatureTrainer::Restore(const FeatureRowsState& rows, int step) {
   gate_moment2_.Upload(rows.gate_moment2);
 }
 
-void FeatureTrainer::SmoothAll(DeviceSpan<const float> features) {
+void FeatureTrainer::SmoothAll(DeviceSpan<const float> features, uint32_t drawn) {
   backend_.SmoothFeatures({.graph = graph_,
-                           .drawn = AllNeighbors(graph_),
+                           .drawn = drawn,
                            .gaussian = {},
                            .features = features,
                            .smoothed = smoothed_.span(),
                            .inv_length = inv_length_.span()});
 }
 
-void FeatureTrainer::Export(FeatureField& field) {
+std::vector<float> FeatureTrainer::TouchedFeatures() {
   backend_.FeatureCatchUp({{}, rates_, step_, State()});
-  field.features.resize(features_.size());
-  features_.Download(field.features);
-  std::vector<float> moment2(moment2_.size());
+  std::vector<float> features(static_cast<size_t>(features_.size())), moment2(features.size());
+  features_.Download(std::span<float>(features));
   moment2_.Download(std::span<float>(moment2));
   // The second moment is over 0 if a gradient ever reached the Gaussian. Others still have their
   // random initial feature.
-  for (int64_t i = 0; i < num_gaussians_; ++i) {
-    const std::span<const float> seen(moment2.data() + i * kFeatureSize, kFeatureSize);
-    if (std::any_of(seen.begin(), seen.end(), [](float m) { return m > 0; })) continue;
-    std::fill_n(field.features.begin() + i * kFeatureSize, kFeatureSize, 0.0f);
-  }
-  // The model holds smoothed features, over all num_neighbors neighbours: METHOD.md section 3,
-  // "Smoothing".
-  const Buffer<float> seen(backend_, std::span<const float>(field.features));
-  SmoothAll(seen.span());
+  std::vector<float> touched(features.size());
+  CopyRows(features, moment2, touched);
+  return touched;
+}
+
+void FeatureTrainer::EndSmoothing() {
+  if (!smooths_) return;
+  smooths_ = false;
+  const Buffer<float> touched(backend_, std::span<const float>(TouchedFeatures()));
+  SmoothAll(touched.span(), AllNeighbors(graph_));
+  std::vector<float> features(static_cast<size_t>(features_.size())), smoothed(features.size());
+  features_.Download(std::span<float>(features));
+  smoothed_.Download(std::span<float>(smoothed));
+  CopyRows(smoothed, smoothed, features);
+  features_.Upload(std::span<const float>(features));
+}
+
+void FeatureTrainer::Export(FeatureField& field) {
+  const std::vector<float> touched = TouchedFeatures();
+  const Buffer<float> on_device(backend_, std::span<const float>(touched));
+  field.features.resize(touched.size());
+  SmoothAll(on_device.span(), AllNeighbors(graph_));
   smoothed_.Download(std::span<float>(field.features));
+  if (!smooths_) {
+    SmoothAll(on_device.span(), kItselfOnly);  // normalises
+    std::vector<float> own(touched.size());
+    smoothed_.Download(std::span<float>(own));
+    CopyRows(own, touched, field.features);
+  }
   field.gate.resize(static_cast<size_t>(gate_.size()));
   gate_.Download(std::span<float>(field.gate));
 }

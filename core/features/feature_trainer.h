@@ -47,7 +47,11 @@ class FeatureTrainer {
   // Queues one update and waits for nothing. At most kMaxUnreadFeatureSteps calls may lie between
   // two calls of ReadLosses.
   void Train(const RowChunk::Step& step);
-  // Smooths all features and has the centroid term cluster a view by them. Waits for the device.
+  // Ends smoothing: from the next step on, each Gaussian learns a feature of its own. It begins
+  // with the smoothed one, where a neighbour has been touched by a sample. Waits for the device.
+  void EndSmoothing();
+  // Has the centroid term cluster a view by the features, smoothed unless smoothing has ended.
+  // Waits for the device.
   absl::Status RefreshCentroids();
   // Returns the losses of the steps since the last call, each before its update. Waits for the
   // device.
@@ -58,15 +62,18 @@ class FeatureTrainer {
   void Restore(const FeatureRowsState& rows, int step);
 
   // Brings all features up to date and fills field.features and field.gate. The features are
-  // smoothed over all neighbours and normalised. A Gaussian of which no neighbour was ever touched
-  // by a sample gets the feature 0, which is similar to nothing.
+  // normalised. Those that no sample ever touched, and all unless smoothing has ended, are smoothed
+  // over all neighbours. A Gaussian of which no neighbour was ever touched gets the feature 0,
+  // which is similar to nothing.
   void Export(FeatureField& field);
 
  private:
   // Adds the gradients of the perception loss, if the step has pairs.
   void AddPerception(const RowChunk::Step& step);
-  // Smooths all features over all neighbours into smoothed_.
-  void SmoothAll(DeviceSpan<const float> features);
+  // Smooths all features over the drawn neighbours into smoothed_.
+  void SmoothAll(DeviceSpan<const float> features, uint32_t drawn);
+  // Returns all features, up to date; 0 where no sample has touched the Gaussian yet.
+  std::vector<float> TouchedFeatures();
   FeatureState State() {
     return {features_.span(), moment1_.span(), moment2_.span(), last_step_.span()};
   }
@@ -76,6 +83,7 @@ class FeatureTrainer {
   NeighborGraph graph_;
   CentroidTerm& centroids_;
   int step_ = 0;  // updates done
+  bool smooths_;  // false after EndSmoothing
   const FeatureOptions options_;
   FeatureRates rates_;
   Buffer<float> correction_;                    // [num_steps + 1] see FeatureRates

@@ -1,5 +1,6 @@
 #include "core/features/train_features.h"
 
+#include <cmath>
 #include <memory>
 
 #include "absl/strings/str_cat.h"
@@ -49,12 +50,17 @@ absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckRange("num_neighbors", options.num_neighbors, 1, kMaxNeighbors));
   RETURN_IF_ERROR(
       CheckRange("num_drawn_neighbors", options.num_drawn_neighbors, 1, options.num_neighbors));
+  RETURN_IF_ERROR(CheckRange("smooth_until", options.smooth_until, 0.0, 1.0));
   // Over 0, because the schedule is a power of learning_rate_final / learning_rate.
   RETURN_IF_ERROR(CheckRange("learning_rate", options.learning_rate, 1e-8f, 1.0f));
   RETURN_IF_ERROR(CheckRange("min_loss_fall", options.min_loss_fall, 0.0, 1.0));
   RETURN_IF_ERROR(CheckRange("sure_views", options.sure_views, 0, 64));
   RETURN_IF_ERROR(CheckRange("closing_share", options.closing_share, 0.0, 1.0));
   return CheckRange("steps_per_chunk", options.steps_per_chunk, 1, 100'000);
+}
+
+int NumSmoothedSteps(const FeatureOptions& options) {
+  return static_cast<int>(std::lround(options.smooth_until * options.num_steps));
 }
 
 int NumGateNumbers(const FeatureOptions& options) {

@@ -56,10 +56,14 @@ struct FeatureOptions {
   float learning_rate_final = 1e-4f;
   // Layers of the scale gate: 1 or 2 (kernels/math/gate.h). The paper has 2.
   int gate_layers = 1;
-  // Number of nearest Gaussians, itself included, over which a feature is smoothed in the model,
-  // and number of them that each training step draws.
+  // Number of nearest Gaussians, itself included, over which a feature is smoothed, and number of
+  // them that each training step draws.
   int num_neighbors = 4;        // 1..kMaxNeighbors
   int num_drawn_neighbors = 2;  // 1..num_neighbors
+  // Share of the steps in which features are smoothed. From then on each Gaussian learns its own,
+  // beginning with what smoothing gave, which makes borders sharper. 0: no smoothing; [0, 1].
+  // 1: to the end and in the model, as in SAGA and the paper. tests/bench/results/smoothing.md.
+  double smooth_until = 0.5;
   // The centroid loss starts at this share of the steps. Every `centroid_every` steps (T of the
   // paper), up to `centroid_pixels` masked pixels of a view are clustered at scale 1 (upper, U) and
   // 0.01 (lower, L).
@@ -121,6 +125,9 @@ struct FeatureOptions {
 };
 // Returns INVALID_ARGUMENT, naming the field, if an option is out of range.
 absl::Status Validate(const FeatureOptions& options);
+
+// Returns the number of steps in which features are smoothed.
+int NumSmoothedSteps(const FeatureOptions& options);
 
 // Returns the number of numbers of the scale gate.
 int NumGateNumbers(const FeatureOptions& options);

@@ -79,6 +79,7 @@
   FIELD(learning_rate) \
   FIELD(learning_rate_final) \
   FIELD(num_neighbors) \
+  FIELD(smooth_until) \
   FIELD(num_drawn_neighbors) \
   FIELD(centroid_from) \
   FIELD(centroid_every) \

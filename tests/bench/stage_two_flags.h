@@ -44,6 +44,7 @@ inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
   app.add_option("--gate-layers", stage.gate_layers);
   app.add_option("--neighbors", stage.num_neighbors);
   app.add_option("--drawn-neighbors", stage.num_drawn_neighbors);
+  app.add_option("--smooth-until", stage.smooth_until);
   app.add_option("--feature-chunk", stage.steps_per_chunk, "steps");
   app.add_option("--feature-loss-fall", stage.min_loss_fall);
   app.add_option("--feature-closing", stage.closing_share);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
 #include <map>
 #include <optional>
 
@@ -131,6 +132,19 @@ TEST(BatchDrawer, DrawsTheScalesOfFineMasksFirst) {
   }
   // One scale of each batch is drawn from beyond the second largest mask.
   EXPECT_GT(num_beyond, 25);
+}
+
+TEST(BatchDrawer, DrawsNoNeighborsAfterTheEndOfSmoothing) {
+  Drawn drawn({.num_steps = 10, .num_neighbors = 8, .num_drawn_neighbors = 3, .smooth_until = 0.4});
+  for (int step = 0; step < 4; ++step) {
+    EXPECT_EQ(drawn.drawer->NumAlike(), 4 - step);
+    EXPECT_EQ(std::popcount(drawn.drawer->Draw(drawn.drawer->Next()).drawn_neighbors), 3);
+  }
+  for (int step = 4; step < 10; ++step) {
+    EXPECT_GE(drawn.drawer->NumAlike(), 10 - step);
+    EXPECT_EQ(drawn.drawer->Draw(drawn.drawer->Next()).drawn_neighbors, 1u)
+        << "the Gaussian itself";
+  }
 }
 
 TEST(BatchDrawer, DrawsTheSameAfterARestoreWhileFineMasksGoFirst) {

@@ -13,11 +13,13 @@
 namespace pepeseg {
 namespace {
 
-// Chunks of 7 steps; centroids are refreshed every 5 steps from step 24 on.
+// Chunks of 7 steps; smoothing ends with step 20, and the third chunk with it; centroids are
+// refreshed every 5 steps from step 24 on.
 constexpr FeatureOptions kOptions = {.num_steps = 40,
                                      .num_pixels = 60,
                                      .num_background_pixels = 10,
                                      .num_scales = 5,
+                                     .smooth_until = 0.5,
                                      .centroid_from = 0.6,
                                      .centroid_every = 5,
                                      .centroid_pixels = 300,
@@ -63,9 +65,9 @@ TEST(FeatureCheckpoint, ResumesToTheBytesOfAnUnbrokenRun) {
   const auto backend = MakeCpuBackend(2);
   const auto unbroken = Fresh(*backend);
   ASSERT_OK_AND_ASSIGN(const FeatureField want, FinishFeatures(*unbroken, Go));
-  // At the start, within chunks and at their ends, around the first refresh of the centroids, and
-  // at the end.
-  for (const int step : {0, 1, 6, 7, 8, 14, 23, 24, 25, 31, 39, 40}) {
+  // At the start, within chunks and at their ends, around the end of smoothing and the first
+  // refresh of the centroids, and at the end.
+  for (const int step : {0, 1, 6, 7, 8, 14, 19, 20, 21, 23, 24, 25, 31, 39, 40}) {
     SCOPED_TRACE(step);
     const FeatureCheckpoint checkpoint = WriteAndRead(CheckpointAt(step));
     const auto other = MakeCpuBackend(1);

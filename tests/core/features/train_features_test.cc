@@ -2,9 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
+#include "core/features/feature_preparation.h"
 #include "core/features/feature_stage.h"
 #include "core/features/mask_scales.h"
 #include "core/render/renderer.h"
@@ -149,6 +151,59 @@ TEST(TrainFeatures, LowersTheLossAndNormalisesFeatures) {
   EXPECT_GT(num_trained, 200);
 }
 
+Eigen::Map<const Eigen::VectorXf> FeatureOf(const FeatureField& field, int64_t gaussian) {
+  return {field.features.data() + gaussian * 32, 32};
+}
+
+// Each Gaussian has a twin at its side, which is its only neighbour. Smoothed, twins have one
+// feature.
+TEST(TrainFeatures, LetsNeighborsDifferAfterTheEndOfSmoothing) {
+  const Capture capture = SmallCapture();
+  const Gaussians points = testing::PointGaussians(capture, 0.06f);
+  std::vector<int64_t> twice;
+  for (int64_t i = 0; i < points.count; ++i) twice.insert(twice.end(), 2, i);
+  Gaussians gaussians = points.Select(twice);
+  for (int64_t i = 1; i < gaussians.count; i += 2) gaussians.Plane(kMeanPlane)[i] += 1e-4f;
+  const auto most_of_difference = [&](double smooth_until) {
+    FeatureOptions options = kShort;
+    options.num_neighbors = 2;
+    options.num_drawn_neighbors = 2;
+    options.smooth_until = smooth_until;
+    const FeatureField field =
+        TrainFeatures(*MakeCpuBackend(2), capture, gaussians, options, Go).value();
+    float most = 0;
+    for (int64_t i = 0; i < gaussians.count; i += 2) {
+      most = std::max(most, (FeatureOf(field, i) - FeatureOf(field, i + 1)).norm());
+    }
+    return most;
+  };
+  EXPECT_LT(most_of_difference(1), 1e-6);
+  EXPECT_GT(most_of_difference(0.5), 1e-2);
+}
+
+// A Gaussian that no photograph shows gets the mean feature of those around it that were sampled,
+// also where smoothing has ended. Of those around it, some were not: hence not the mean of all.
+TEST(TrainFeatures, GivesUnseenGaussiansTheFeatureOfTheirNeighbors) {
+  const Capture capture = SmallCapture();
+  Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
+  for (int64_t i = 0; i < gaussians.count; i += 10) gaussians.Plane(kOpacityPlane)[i] = -20;
+  ASSERT_OK_AND_ASSIGN(const FeatureField field,
+                       TrainFeatures(*MakeCpuBackend(2), capture, gaussians, kShort, Go));
+  const std::vector<int32_t> nearest = NearestNeighbors(gaussians, kShort.num_neighbors);
+  int num_filled = 0;
+  for (int64_t i = 0; i < gaussians.count; i += 10) {
+    Eigen::VectorXf mean = Eigen::VectorXf::Zero(32);
+    for (int k = 1; k < kShort.num_neighbors; ++k) {
+      const int32_t other = nearest[i * kShort.num_neighbors + k];
+      if (other % 10 != 0) mean += FeatureOf(field, other);
+    }
+    if (mean.norm() == 0) continue;
+    EXPECT_GT(FeatureOf(field, i).dot(mean.normalized()), 0.6f) << i;
+    ++num_filled;
+  }
+  EXPECT_GT(num_filled, 50);
+}
+
 // Compares the whole stage. A pair whose cosine rounds to the other side of a threshold changes a
 // loss by about 3e-3, which may grow to 6e-2 at a single later step while the features still have a
 // cosine of 0.9999. Noise of 1e-7 to 1e-5 has the same effect on the CPU.
@@ -237,6 +292,8 @@ TEST(FeatureOptions, NameTheFieldThatIsOutOfRange) {
                 "num_scales is 17");
   EXPECT_STATUS(Validate(FeatureOptions{.learning_rate = NAN}), absl::StatusCode::kInvalidArgument,
                 "learning_rate");
+  EXPECT_STATUS(Validate(FeatureOptions{.smooth_until = 1.5}), absl::StatusCode::kInvalidArgument,
+                "smooth_until is 1.5, must be in [0, 1]");
   EXPECT_STATUS(Validate(FeatureOptions{.steps_per_chunk = 0}), absl::StatusCode::kInvalidArgument,
                 "steps_per_chunk");
 }

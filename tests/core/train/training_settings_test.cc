@@ -61,6 +61,7 @@ TEST_F(PaperPreset, HasStageTwoAsPrinted) {
   EXPECT_EQ(features_.gate_layers, 2);
   EXPECT_EQ(features_.num_neighbors, 16);
   EXPECT_EQ(features_.num_drawn_neighbors, 8);
+  EXPECT_EQ(features_.smooth_until, 1);
   EXPECT_EQ(features_.learning_rate, 2.5e-3f);
   EXPECT_EQ(features_.learning_rate_final, 2.5e-3f);
   EXPECT_EQ(features_.scale_mapping, ScaleMapping::kQuantiles);
@@ -131,7 +132,8 @@ TEST(Presets, TrainLongerAndWithFewerGaussiansForTheBest) {
   EXPECT_LT(standard.num_steps, best.num_steps);
   EXPECT_GT(best.pixels_per_gaussian, standard.pixels_per_gaussian);
   EXPECT_EQ(preview.dropout, 0);
-  EXPECT_GT(standard.dropout, 0);
+  EXPECT_GT(standard.dropout, best.dropout);
+  EXPECT_GT(best.dropout, 0);
 }
 
 }  // namespace

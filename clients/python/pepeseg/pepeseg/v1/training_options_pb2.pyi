@@ -37,7 +37,7 @@ TRAINING_PRESET_STANDARD: TrainingPreset
 TRAINING_PRESET_UNSPECIFIED: TrainingPreset
 
 class FeatureOptions(_message.Message):
-    __slots__ = ["centroid_check_masks", "centroid_cosine_lower", "centroid_cosine_upper", "centroid_every", "centroid_from", "centroid_pixels", "centroid_weight_lower", "centroid_weight_upper", "closing_share", "complete_masks", "fine_first", "gate_layers", "learning_rate", "learning_rate_final", "mask_share", "min_loss_fall", "min_mask_agreement", "min_positive_cosine", "negative_margin", "num_background_pixels", "num_drawn_neighbors", "num_neighbors", "num_perception_pixels", "num_pixels", "num_scales", "num_steps", "perception_color_floor", "perception_cross_view", "perception_depth_floor", "perception_fit_window", "perception_threshold", "perception_unlabelled_only", "perception_weight", "scale_mapping", "seed", "share_scales", "steps_per_chunk", "sure_views"]
+    __slots__ = ["centroid_check_masks", "centroid_cosine_lower", "centroid_cosine_upper", "centroid_every", "centroid_from", "centroid_pixels", "centroid_weight_lower", "centroid_weight_upper", "closing_share", "complete_masks", "fine_first", "gate_layers", "learning_rate", "learning_rate_final", "mask_share", "min_loss_fall", "min_mask_agreement", "min_positive_cosine", "negative_margin", "num_background_pixels", "num_drawn_neighbors", "num_neighbors", "num_perception_pixels", "num_pixels", "num_scales", "num_steps", "perception_color_floor", "perception_cross_view", "perception_depth_floor", "perception_fit_window", "perception_threshold", "perception_unlabelled_only", "perception_weight", "scale_mapping", "seed", "share_scales", "smooth_until", "steps_per_chunk", "sure_views"]
     CENTROID_CHECK_MASKS_FIELD_NUMBER: _ClassVar[int]
     CENTROID_COSINE_LOWER_FIELD_NUMBER: _ClassVar[int]
     CENTROID_COSINE_UPPER_FIELD_NUMBER: _ClassVar[int]
@@ -74,6 +74,7 @@ class FeatureOptions(_message.Message):
     SCALE_MAPPING_FIELD_NUMBER: _ClassVar[int]
     SEED_FIELD_NUMBER: _ClassVar[int]
     SHARE_SCALES_FIELD_NUMBER: _ClassVar[int]
+    SMOOTH_UNTIL_FIELD_NUMBER: _ClassVar[int]
     STEPS_PER_CHUNK_FIELD_NUMBER: _ClassVar[int]
     SURE_VIEWS_FIELD_NUMBER: _ClassVar[int]
     centroid_check_masks: bool
@@ -112,9 +113,10 @@ class FeatureOptions(_message.Message):
     scale_mapping: ScaleMapping
     seed: int
     share_scales: bool
+    smooth_until: float
     steps_per_chunk: int
     sure_views: int
-    def __init__(self, num_steps: _Optional[int] = ..., num_pixels: _Optional[int] = ..., num_scales: _Optional[int] = ..., learning_rate: _Optional[float] = ..., steps_per_chunk: _Optional[int] = ..., seed: _Optional[int] = ..., num_neighbors: _Optional[int] = ..., num_drawn_neighbors: _Optional[int] = ..., learning_rate_final: _Optional[float] = ..., centroid_from: _Optional[float] = ..., centroid_every: _Optional[int] = ..., centroid_pixels: _Optional[int] = ..., centroid_weight_upper: _Optional[float] = ..., centroid_weight_lower: _Optional[float] = ..., num_background_pixels: _Optional[int] = ..., perception_weight: _Optional[float] = ..., num_perception_pixels: _Optional[int] = ..., perception_threshold: _Optional[_Union[PerceptionThreshold, str]] = ..., perception_cross_view: bool = ..., scale_mapping: _Optional[_Union[ScaleMapping, str]] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., mask_share: _Optional[float] = ..., sure_views: _Optional[int] = ..., min_mask_agreement: _Optional[float] = ..., complete_masks: bool = ..., fine_first: _Optional[float] = ..., gate_layers: _Optional[int] = ..., centroid_cosine_upper: _Optional[float] = ..., centroid_cosine_lower: _Optional[float] = ..., centroid_check_masks: bool = ..., perception_fit_window: bool = ..., perception_unlabelled_only: bool = ..., perception_depth_floor: _Optional[float] = ..., perception_color_floor: _Optional[float] = ..., share_scales: bool = ..., negative_margin: _Optional[float] = ..., min_positive_cosine: _Optional[float] = ...) -> None: ...
+    def __init__(self, num_steps: _Optional[int] = ..., num_pixels: _Optional[int] = ..., num_scales: _Optional[int] = ..., learning_rate: _Optional[float] = ..., steps_per_chunk: _Optional[int] = ..., seed: _Optional[int] = ..., num_neighbors: _Optional[int] = ..., num_drawn_neighbors: _Optional[int] = ..., learning_rate_final: _Optional[float] = ..., centroid_from: _Optional[float] = ..., centroid_every: _Optional[int] = ..., centroid_pixels: _Optional[int] = ..., centroid_weight_upper: _Optional[float] = ..., centroid_weight_lower: _Optional[float] = ..., num_background_pixels: _Optional[int] = ..., perception_weight: _Optional[float] = ..., num_perception_pixels: _Optional[int] = ..., perception_threshold: _Optional[_Union[PerceptionThreshold, str]] = ..., perception_cross_view: bool = ..., scale_mapping: _Optional[_Union[ScaleMapping, str]] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., mask_share: _Optional[float] = ..., sure_views: _Optional[int] = ..., min_mask_agreement: _Optional[float] = ..., complete_masks: bool = ..., fine_first: _Optional[float] = ..., gate_layers: _Optional[int] = ..., centroid_cosine_upper: _Optional[float] = ..., centroid_cosine_lower: _Optional[float] = ..., centroid_check_masks: bool = ..., perception_fit_window: bool = ..., perception_unlabelled_only: bool = ..., perception_depth_floor: _Optional[float] = ..., perception_color_floor: _Optional[float] = ..., share_scales: bool = ..., negative_margin: _Optional[float] = ..., min_positive_cosine: _Optional[float] = ..., smooth_until: _Optional[float] = ...) -> None: ...
 
 class ImportOptions(_message.Message):
     __slots__ = ["held_out_every", "held_out_views", "image_scale"]
