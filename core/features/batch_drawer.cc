@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/features/mask_scales.h"
 #include "core/features/random_draws.h"
+#include "kernels/ops/smooth.h"
 
 namespace pepeseg {
 namespace {
@@ -128,7 +129,6 @@ PixelBatch BatchDrawer::Draw(const Draft& draft) const {
     batch.scales.push_back(static_cast<float>(QuantileOfScale(field_, scale)));
   }
   batch.pair_seed = static_cast<uint32_t>(random() >> 32);
-  constexpr uint32_t kItselfOnly = 1;
   batch.drawn_neighbors =
       draft.step < NumSmoothedSteps(options_)
           ? DrawBits(options_.num_neighbors, options_.num_drawn_neighbors, random)

@@ -5,6 +5,7 @@
 #include <random>
 
 #include "kernels/math/gate.h"
+#include "kernels/ops/smooth.h"
 
 namespace pepeseg {
 namespace {
@@ -61,22 +62,23 @@ std::vector<float> InitialGate(const FeatureOptions& options) {
   return gate;
 }
 
-// The draw of the neighbour graph that leaves a feature as it is.
-constexpr uint32_t kItselfOnly = 1;
-
 // Returns whether features are smoothed after `num_updates` updates, before the next one.
 bool Smooths(const FeatureOptions& options, int num_updates) {
   const int num_smoothed = NumSmoothedSteps(options);
   return num_smoothed > 0 && num_updates <= num_smoothed;
 }
 
-// Writes a row of 32 numbers of `from` to `to` wherever `where` has a row that is not 0.
-void CopyRows(std::span<const float> from, std::span<const float> where, std::span<float> to) {
-  for (size_t i = 0; i < from.size(); i += kFeatureSize) {
-    const std::span<const float> row = where.subspan(i, kFeatureSize);
-    if (std::ranges::all_of(row, [](float x) { return x == 0; })) continue;
-    std::copy_n(from.begin() + static_cast<int64_t>(i), kFeatureSize,
-                to.begin() + static_cast<int64_t>(i));
+// Returns whether all 32 numbers of a Gaussian are 0.
+bool IsZero(std::span<const float> rows, int64_t gaussian) {
+  return std::ranges::all_of(rows.subspan(gaussian * kFeatureSize, kFeatureSize),
+                             [](float x) { return x == 0; });
+}
+
+// Copies the rows that are not 0.
+void CopyNonZero(std::span<const float> from, std::span<float> to) {
+  for (int64_t i = 0; i < std::ssize(from) / kFeatureSize; ++i) {
+    if (IsZero(from, i)) continue;
+    std::ranges::copy(from.subspan(i * kFeatureSize, kFeatureSize), to.begin() + i * kFeatureSize);
   }
 }
 
@@ -276,9 +278,10 @@ std::vector<float> FeatureTrainer::TouchedFeatures() {
   moment2_.Download(std::span<float>(moment2));
   // The second moment is over 0 if a gradient ever reached the Gaussian. Others still have their
   // random initial feature.
-  std::vector<float> touched(features.size());
-  CopyRows(features, moment2, touched);
-  return touched;
+  for (int64_t i = 0; i < num_gaussians_; ++i) {
+    if (IsZero(moment2, i)) std::fill_n(features.begin() + i * kFeatureSize, kFeatureSize, 0.0f);
+  }
+  return features;
 }
 
 void FeatureTrainer::EndSmoothing() {
@@ -289,21 +292,20 @@ void FeatureTrainer::EndSmoothing() {
   std::vector<float> features(static_cast<size_t>(features_.size())), smoothed(features.size());
   features_.Download(std::span<float>(features));
   smoothed_.Download(std::span<float>(smoothed));
-  CopyRows(smoothed, smoothed, features);
+  CopyNonZero(smoothed, features);
   features_.Upload(std::span<const float>(features));
 }
 
 void FeatureTrainer::Export(FeatureField& field) {
-  const std::vector<float> touched = TouchedFeatures();
-  const Buffer<float> on_device(backend_, std::span<const float>(touched));
-  field.features.resize(touched.size());
+  std::vector<float> own = TouchedFeatures();
+  const Buffer<float> on_device(backend_, std::span<const float>(own));
+  field.features.resize(own.size());
   SmoothAll(on_device.span(), AllNeighbors(graph_));
   smoothed_.Download(std::span<float>(field.features));
   if (!smooths_) {
     SmoothAll(on_device.span(), kItselfOnly);  // normalises
-    std::vector<float> own(touched.size());
     smoothed_.Download(std::span<float>(own));
-    CopyRows(own, touched, field.features);
+    CopyNonZero(own, field.features);
   }
   field.gate.resize(static_cast<size_t>(gate_.size()));
   gate_.Download(std::span<float>(field.gate));

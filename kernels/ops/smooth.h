@@ -27,6 +27,9 @@ inline uint32_t AllNeighbors(const NeighborGraph& graph) {
   return graph.num_neighbors == 32 ? ~0u : (1u << graph.num_neighbors) - 1u;
 }
 
+// The draw that selects the Gaussian itself, so that smoothing leaves its feature as it is.
+inline constexpr uint32_t kItselfOnly = 1;
+
 // Lists the drawn neighbours of Gaussians as rows without weights (RowSpan). The Gaussians come in
 // groups, one for each batch; all Gaussians of a group share its draw.
 struct NeighborRowsArgs {
