@@ -49,7 +49,8 @@ class BatchesAhead {
   }
 
  private:
-  // Starts the task that draws a chunk. NeighborRows needs batches of one kind.
+  // Starts the task that draws a chunk. All its batches draw the same number of neighbours, because
+  // NeighborRows requires it.
   void Begin() {
     const int count = std::min({chunk_size_, num_left_, drawer_.NumAlike()});
     num_left_ -= count;

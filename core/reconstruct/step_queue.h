@@ -21,7 +21,7 @@ namespace pepeseg {
 // `max_pixels` need to fill a device. 1 with a depth loss, whose images all steps share.
 int StepsAtOnce(const Backend& backend, const ReconstructOptions& options, int64_t max_pixels);
 
-// What the steps of stage one read; constant while it trains.
+// Inputs of all steps of stage one. They do not change while it trains.
 struct StepContext {
   const ReconstructOptions& options;  // with depth_weight filled in, see WithDepthWeight
   const TrainingViews& views;

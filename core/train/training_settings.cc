@@ -126,14 +126,14 @@ void Apply(Preset preset, ReconstructOptions& reconstruct, FeatureOptions& featu
     reconstruct.dropout = 0;  // costs more than it gains in 2,000 steps
     features.num_steps = 1500;
   } else if (preset == Preset::kBest) {
-    // Fewer Gaussians train faster and overfit less. All but smooth_until is measured in
-    // tests/bench/results/peak_quality.md, that in smoothing.md.
+    // Fewer Gaussians train faster and overfit less: tests/bench/results/peak_quality.md.
     reconstruct.num_steps = 30000;
     reconstruct.pixels_per_gaussian = 75;
     reconstruct.log_scale_learning_rate = 7.5e-3f;
     reconstruct.opacity_learning_rate = 3.5e-2f;
     reconstruct.dropout = 0.05f;
     features.num_steps = 20000;
+    // In more steps features follow rough masks further: tests/bench/results/smoothing.md.
     features.smooth_until = 0.65;
   } else if (preset == Preset::kPaper) {
     SetPaper(reconstruct, features);
