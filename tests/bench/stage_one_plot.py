@@ -8,6 +8,7 @@ points that were measured elsewhere.
 """
 
 import argparse
+import itertools
 
 import matplotlib
 
@@ -53,8 +54,10 @@ def main():
             axes.plot(*zip(*curve), color=colors[number % len(colors)], marker=".", linewidth=1,
                       label=label)
             label = None  # one entry of the legend for all seeds
-    for label, points in map(peer_of, arguments.peer):
-        axes.plot(*zip(*points), color="black", marker="x", linestyle=":", linewidth=1, label=label)
+    for marker, peer in zip(itertools.cycle("x^sv"), arguments.peer):
+        label, points = peer_of(peer)
+        axes.plot(*zip(*points), color="black", marker=marker, markersize=4, linestyle=":",
+                  linewidth=1, label=label)
     axes.set_xscale("log")
     axes.set_xlabel("stage one, seconds")
     axes.set_ylabel("PSNR of held-out views, dB")
