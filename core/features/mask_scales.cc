@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "core/base/order_statistics.h"
+
 namespace pepeseg {
 namespace {
 
@@ -103,11 +105,7 @@ std::vector<float> MaskScales(const View& view, std::span<const float> depth) {
   return scales;
 }
 
-float MedianScale(std::vector<float> scales) {
-  const auto middle = scales.begin() + static_cast<int64_t>(scales.size() / 2);
-  std::nth_element(scales.begin(), middle, scales.end());
-  return *middle;
-}
+float MedianScale(std::vector<float> scales) { return UpperMedian(scales); }
 
 std::vector<float> ScaleQuantiles(std::vector<float> scales) {
   if (!SortPositive(scales)) return {};

@@ -8,6 +8,8 @@
 #include <limits>
 #include <utility>
 
+#include "core/base/order_statistics.h"
+
 namespace pepeseg {
 namespace {
 
@@ -72,12 +74,6 @@ std::vector<double> OfNearest(const std::vector<Eigen::Vector3d>& centers, size_
   return nearest;
 }
 
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 }  // namespace
 
 double Sharpness(const View& view) {
@@ -109,7 +105,8 @@ std::vector<bool> FindBlurred(const Capture& capture) {
   if (sharpness.size() < kFewViews) return blurred;
   for (size_t i = 0; i < sharpness.size(); ++i) {
     if (std::isnan(sharpness[i])) continue;
-    blurred[i] = sharpness[i] < Median(OfNearest(centers, i, sharpness)) - kBlurred;
+    std::vector<double> nearest = OfNearest(centers, i, sharpness);
+    blurred[i] = sharpness[i] < UpperMedian(nearest) - kBlurred;
   }
   return blurred;
 }

@@ -4,20 +4,14 @@
 #include <cmath>
 #include <limits>
 
+#include "core/base/order_statistics.h"
+
 namespace pepeseg {
 namespace {
 
 constexpr double kRatesLeft = 0.1;  // share of the other rates that is left at the last step
 
 constexpr size_t kMostSpanViews = 256, kMostSpanPoints = 1024;  // samples of PixelSpan
-
-// Returns the upper median, or 0 without values. Reorders the values.
-double Median(std::vector<double>& values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<int64_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Returns the median depth of the points in front of the view, or 0 without any.
 double DepthOfPoints(const View& view, const std::vector<ScenePoint>& points) {
@@ -27,7 +21,7 @@ double DepthOfPoints(const View& view, const std::vector<ScenePoint>& points) {
     const double depth = (view.cam_from_world * points[i].position.cast<double>()).z();
     if (depth > 0) depths.push_back(depth);
   }
-  return Median(depths);
+  return depths.empty() ? 0 : UpperMedian(depths);
 }
 
 }  // namespace
@@ -96,8 +90,7 @@ double PixelSpan(const Capture& capture, const std::vector<ScenePoint>& points) 
     const double depth = DepthOfPoints(view, points);
     if (depth > 0) spans.push_back(depth / std::max(view.camera.fx, view.camera.fy));
   }
-  const double span = Median(spans);
-  return span > 0 ? span : std::numeric_limits<double>::infinity();
+  return spans.empty() ? std::numeric_limits<double>::infinity() : UpperMedian(spans);
 }
 
 }  // namespace pepeseg

@@ -7,6 +7,7 @@
 #include <span>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/order_statistics.h"
 #include "core/scene/camera.h"
 
 namespace pepeseg {
@@ -84,14 +85,8 @@ PriorBounds InlierBounds(std::span<const float> prior) {
   constexpr double kShare = 0.01;  // of the known values, at either end
   std::vector<float> known;
   std::ranges::copy_if(prior, std::back_inserter(known), [](float v) { return !std::isnan(v); });
-  // The nearest rank, without interpolation.
-  const auto percentile = [&](double share) {
-    const auto at = std::lround(share * static_cast<double>(known.size() - 1));
-    std::nth_element(known.begin(), known.begin() + at, known.end());
-    return known[at];
-  };
-  const float min = percentile(kShare);
-  return {min, percentile(1 - kShare)};
+  const float min = NearestRank(known, kShare);
+  return {min, NearestRank(known, 1 - kShare)};
 }
 
 // Returns the mean |value - mean| of the known values within the bounds; 0 without any. Two passes:

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/backend_turn.h"
+#include "core/base/order_statistics.h"
 #include "core/base/status_macros.h"
 #include "core/scene/camera.h"
 #include "kernels/half.h"
@@ -57,13 +58,6 @@ Axes PrincipalAxes(const Features& units) {
     if (axes(largest, k) < 0) axes.col(k) *= -1;
   }
   return axes;
-}
-
-// Returns the value at a share of the sorted values. Reorders the values.
-float ValueAt(std::vector<float>& values, double share) {
-  const auto at = values.begin() + std::lround(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
 }
 
 }  // namespace
@@ -145,8 +139,8 @@ FeaturePalette MakeFeaturePalette(const FeatureField& field, double scale) {
     // The mean is subtracted neither here nor in PaintFeatures: low and high contain it.
     const Eigen::VectorXf along = (units * axes.col(k)).cast<float>();
     std::vector<float> values(along.begin(), along.end());
-    palette.low[k] = ValueAt(values, kClippedShare);
-    palette.high[k] = ValueAt(values, 1 - kClippedShare);
+    palette.low[k] = NearestRank(values, kClippedShare);
+    palette.high[k] = NearestRank(values, 1 - kClippedShare);
   }
   return palette;
 }

@@ -5,19 +5,12 @@
 #include <cstddef>
 #include <iterator>
 
+#include "core/base/order_statistics.h"
+
 namespace pepeseg {
 namespace {
 
-constexpr double kLowPercentile = 0.1;
-constexpr double kHighPercentile = 99.9;
-
-// Returns a percentile of `known`, which must not be empty, and reorders its values.
-float Percentile(std::vector<float>& known, double percent) {
-  const auto rank =
-      static_cast<ptrdiff_t>(std::lround(percent / 100 * (static_cast<double>(known.size()) - 1)));
-  std::nth_element(known.begin(), known.begin() + rank, known.end());
-  return known[static_cast<size_t>(rank)];
-}
+constexpr double kLowShare = 0.001, kHighShare = 0.999;  // of the known values
 
 Eigen::Vector3d CenterOf(const View& view) { return view.cam_from_world.Inverse().translation; }
 
@@ -30,10 +23,7 @@ double DistanceToPoints(const Capture& capture, const Eigen::Vector3d& from) {
   for (size_t i = 0; i < capture.points.size(); i += stride) {
     distances.push_back((capture.points[i].position.cast<double>() - from).norm());
   }
-  if (distances.empty()) return 0;
-  const auto middle = distances.begin() + static_cast<int64_t>(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  return *middle;
+  return distances.empty() ? 0 : UpperMedian(distances);
 }
 
 }  // namespace
@@ -44,8 +34,8 @@ std::vector<float> NormalizeDepth(std::vector<float> values) {
   std::copy_if(values.begin(), values.end(), std::back_inserter(known),
                [](float value) { return !std::isnan(value); });
   if (known.empty()) return {};
-  const float low = Percentile(known, kLowPercentile);
-  const float range = Percentile(known, kHighPercentile) - low;
+  const float low = NearestRank(known, kLowShare);
+  const float range = NearestRank(known, kHighShare) - low;
   // The two percentiles are equal, or a value is infinite.
   if (!(range > 0) || !std::isfinite(range)) return {};
   for (float& value : values) {
