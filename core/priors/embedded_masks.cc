@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/order_statistics.h"
 #include "core/priors/boundaries.h"
 #include "core/priors/photo_channels.h"
 #include "core/priors/region_tree.h"
@@ -60,10 +61,8 @@ std::vector<std::vector<uint32_t>> LeafPixels(const RegionTree& tree, const Smal
 // lie at no boundary.
 float WeakStrength(std::vector<float> strength) {
   constexpr double kShare = 0.75;
-  const auto at =
-      strength.begin() + static_cast<int64_t>(kShare * static_cast<double>(strength.size()));
-  std::nth_element(strength.begin(), at, strength.end());
-  return *at;
+  const double rank = kShare * static_cast<double>(strength.size());
+  return ValueAtRank(strength, static_cast<size_t>(rank));
 }
 
 // Cuts the view into a tree of regions. A depth jump counts half as much as the same strength of

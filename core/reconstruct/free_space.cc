@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <utility>
 
+#include "core/base/order_statistics.h"
+
 namespace pepeseg {
 namespace {
 
@@ -28,10 +30,7 @@ double NearestPoint(const Pose& cam_from_world, const std::vector<ScenePoint>& p
     const Eigen::Vector3d in_camera = cam_from_world * points[i].position.cast<double>();
     if (in_camera.z() > 0) distances.push_back(in_camera.norm());
   }
-  if (distances.empty()) return 0;
-  const auto nearest = distances.begin() + static_cast<ptrdiff_t>(distances.size() / kStrayOf);
-  std::nth_element(distances.begin(), nearest, distances.end());
-  return *nearest;
+  return distances.empty() ? 0 : ValueAtRank(distances, distances.size() / kStrayOf);
 }
 
 // Returns the direction in which a camera looks.

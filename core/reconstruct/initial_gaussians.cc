@@ -4,6 +4,7 @@
 #include <cmath>
 #include <nanoflann.hpp>
 
+#include "core/base/order_statistics.h"
 #include "kernels/math/sh.h"
 
 namespace pepeseg {
@@ -85,9 +86,8 @@ LogScaleBounds BoundLogScales(const Capture& capture, const std::vector<ScenePoi
     distances.push_back((point.position.cast<double>() - center).norm());
   }
   // The 90th percentile, because points far out are often wrong.
-  const auto rank = distances.begin() + static_cast<int64_t>(distances.size() * 9 / 10);
-  std::nth_element(distances.begin(), rank, distances.end());
-  const double reach = std::max(SceneRadius(capture), *rank);
+  const double far = ValueAtRank(distances, distances.size() * 9 / 10);
+  const double reach = std::max(SceneRadius(capture), far);
   return {static_cast<float>(std::log(kMinShare * reach)),
           static_cast<float>(std::log(kMaxShare * reach))};
 }

@@ -14,6 +14,12 @@ TEST(OrderStatistics, TakesTheLargerOfTwoValuesInTheMiddle) {
   EXPECT_EQ(UpperMedian(one), 5);
 }
 
+TEST(OrderStatistics, CountsRanksFromZero) {
+  std::vector<int> values = {3, 1, 2};
+  EXPECT_EQ(ValueAtRank(values, 0), 1);
+  EXPECT_EQ(ValueAtRank(values, 2), 3);
+}
+
 TEST(OrderStatistics, TakesTheValueAtTheNearestRank) {
   std::vector<float> values = {40, 0, 30, 10, 20};  // ranks 0 to 4
   EXPECT_EQ(NearestRank(values, 0), 0);
