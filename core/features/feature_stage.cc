@@ -20,9 +20,8 @@ int StepsUnread(const Backend& backend) { return std::max(1, 4 * backend.queue_d
 // Sets the confidence of Gaussians without a feature to 1. No mask ever reached them, and that they
 // belong to no mask is certain: they must occlude what is behind them.
 void TrustZeroFeatures(FeatureField& field) {
-  for (size_t i = 0; i < field.confidence.size(); ++i) {
-    const std::span<const float> feature(&field.features[i * kFeatureSize], kFeatureSize);
-    if (std::ranges::all_of(feature, [](float f) { return f == 0; })) field.confidence[i] = 1;
+  for (int64_t i = 0; i < std::ssize(field.confidence); ++i) {
+    if (IsZero(field.features, i)) field.confidence[i] = 1;
   }
 }
 

@@ -68,12 +68,6 @@ bool Smooths(const FeatureOptions& options, int num_updates) {
   return num_smoothed > 0 && num_updates <= num_smoothed;
 }
 
-// Returns whether all 32 numbers of a Gaussian are 0.
-bool IsZero(std::span<const float> rows, int64_t gaussian) {
-  return std::ranges::all_of(rows.subspan(gaussian * kFeatureSize, kFeatureSize),
-                             [](float x) { return x == 0; });
-}
-
 // Copies the rows that are not 0.
 void CopyNonZero(std::span<const float> from, std::span<float> to) {
   for (int64_t i = 0; i < std::ssize(from) / kFeatureSize; ++i) {
@@ -83,6 +77,11 @@ void CopyNonZero(std::span<const float> from, std::span<float> to) {
 }
 
 }  // namespace
+
+bool IsZero(std::span<const float> rows, int64_t gaussian) {
+  return std::ranges::all_of(rows.subspan(gaussian * kFeatureSize, kFeatureSize),
+                             [](float x) { return x == 0; });
+}
 
 std::vector<float> FeatureTrainer::InitialFeatures(int64_t num_gaussians,
                                                    const FeatureOptions& options) {

@@ -28,6 +28,9 @@ inline double ShareOfFall(int done, int num_steps, const LeftOutSteps& left_out)
          num_steps;
 }
 
+// Returns whether all 32 numbers of a Gaussian are 0. rows: [num_gaussians, 32].
+bool IsZero(std::span<const float> rows, int64_t gaussian);
+
 // Features, gate and optimiser (lazy Adam, see FeatureState) in backend memory, and the update of
 // one batch. Not thread safe.
 class FeatureTrainer {
