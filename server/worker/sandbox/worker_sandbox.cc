@@ -29,17 +29,18 @@ namespace {
 
 // Files: the dataset, the results, libraries; locks and temporary files of SQLite in COLMAP.
 // Landlock decides which files, and AllowOpening has the conditions of open and openat. Not listed
-// are links, which would lead readers of the results elsewhere; chown, mknod, chroot, mount;
-// truncate by path; and io_uring, whose operations no filter sees.
+// are links, which would lead readers of the results elsewhere; mknod, chroot, mount; io_uring,
+// whose operations no filter sees; and the calls that change a file without opening it for writing,
+// which Landlock does not cover: chmod, chown, the utime family, extended attributes, truncate by
+// path.
 constexpr absl::string_view kFileCalls =
-    "access chdir chmod close close_range copy_file_range creat dup dup2 dup3 faccessat "
-    "faccessat2 fadvise64 fallocate fchdir fchmod fchmodat fcntl fdatasync fgetxattr flistxattr "
-    "flock fstat fstatfs fsync ftruncate futimesat getcwd getdents getdents64 getxattr "
+    "access chdir close close_range copy_file_range creat dup dup2 dup3 faccessat "
+    "faccessat2 fadvise64 fallocate fchdir fcntl fdatasync fgetxattr flistxattr "
+    "flock fstat fstatfs fsync ftruncate getcwd getdents getdents64 getxattr "
     "inotify_add_watch inotify_init1 inotify_rm_watch lgetxattr listxattr llistxattr lseek "
     "lstat mkdir mkdirat newfstatat pipe pipe2 pread64 preadv preadv2 pwrite64 pwritev pwritev2 "
     "read readahead readlink readlinkat readv rename renameat renameat2 rmdir sendfile splice "
-    "stat statfs statx sync_file_range syncfs umask unlink unlinkat utime utimensat utimes write "
-    "writev";
+    "stat statfs statx sync_file_range syncfs umask unlink unlinkat write writev";
 
 constexpr absl::string_view kMemoryCalls =
     "brk get_mempolicy madvise membarrier memfd_create mincore mlock mlock2 mmap mprotect "
@@ -124,12 +125,18 @@ class Filter {
   void Kill(absl::string_view calls) { AddEach(SCMP_ACT_KILL_PROCESS, calls); }
   // Answers ENOSYS, as a kernel without the call does; programs then use an older call.
   void AnswerUnknown(const char* call) { Add(SCMP_ACT_ERRNO(ENOSYS), call, {}); }
+  // Answers success and does nothing.
+  void Pretend(const char* call) { Add(SCMP_ACT_ERRNO(0), call, {}); }
   // Makes the kernel log refused calls.
   void Log() { Keep(seccomp_attr_set(context_, SCMP_FLTATR_CTL_LOG, 1)); }
   // Allows a call if all of `conditions` hold, which must be of different arguments. Several rules
   // of one call are alternatives.
   void AllowIf(const char* call, std::initializer_list<scmp_arg_cmp> conditions) {
     Add(SCMP_ACT_ALLOW, call, conditions);
+  }
+  // Answers EPERM if the condition holds.
+  void RefuseIf(const char* call, scmp_arg_cmp condition) {
+    Add(SCMP_ACT_ERRNO(EPERM), call, {condition});
   }
 
   absl::Status Enter() {
@@ -238,19 +245,31 @@ void AllowSignals(Filter& filter, bool processes) {
   }
 }
 
-// Hides clone3, so that the C library uses clone: the flags of clone3 are in memory, where a filter
-// cannot look. This is a filter of its own, without a log, since every new thread tries clone3. Of
-// several filters the strictest action counts.
-absl::Status HideClone3() {
+// Refuses what the second filter cannot except from its rules: of several filters the strictest
+// action counts. Without a log, since every new thread tries clone3.
+//
+// clone3 is hidden, so that the C library uses clone: the flags of clone3 are in memory, where a
+// filter cannot look. The requests to file systems change the attributes of a file that is opened
+// for reading (FS_IOC_SETFLAGS, FS_IOC_FSSETXATTR, FS_IOC_SETVERSION, FS_IOC_ENABLE_VERITY,
+// FAT_IOCTL_SET_ATTRIBUTES); no device that CUDA uses has their types.
+absl::Status EnterFirstFilter() {
   Filter filter(SCMP_ACT_ALLOW);
   filter.AnswerUnknown("clone3");
+  constexpr uint64_t kType = 0xff00;
+  for (const char type : {'f', 'X', 'v', 'r'}) {
+    filter.RefuseIf("ioctl",
+                    SCMP_A1(SCMP_CMP_MASKED_EQ, kType, uint64_t{static_cast<uint8_t>(type)} << 8));
+  }
   return filter.Enter();
 }
 
 absl::Status LimitSystemCalls(const SandboxNeeds& needs) {
   Filter filter(SCMP_ACT_ERRNO(EPERM));
   filter.Log();
-  filter.Allow("clone3");  // HideClone3 answers it
+  filter.Allow("clone3");  // EnterFirstFilter answers it
+  // SQLite in COLMAP and std::filesystem::copy_file ask for the mode that a file has anyway, and
+  // the latter fails if it is refused.
+  filter.Pretend("fchmod");
   filter.Allow(kFileCalls);
   filter.Allow(kMemoryCalls);
   filter.Allow(kThreadCalls);
@@ -294,7 +313,7 @@ absl::Status EnterSandbox(const SandboxNeeds& needs) {
     RETURN_IF_ERROR(files);
   }
   // First, since the second filter does not allow seccomp itself.
-  RETURN_IF_ERROR(HideClone3());
+  RETURN_IF_ERROR(EnterFirstFilter());
   return LimitSystemCalls(needs);
 }
 
