@@ -12,7 +12,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kWidth = 75, kHeight = 50;
+constexpr int kViewWidth = 75, kViewHeight = 50;
 
 class TrainingTest : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, TrainingTest, AllBackends(), BackendName);
@@ -35,14 +35,16 @@ double Step(Rendered& scene, const std::vector<float>& target) {
 
 // The image to be learnt, of another random scene.
 std::vector<float> Target(Backend& backend) {
-  Rendered scene(backend, RandomScene({.count = 250, .seed = 21}), TestView(kWidth, kHeight));
+  Rendered scene(backend, RandomScene({.count = 250, .seed = 21}),
+                 TestView(kViewWidth, kViewHeight));
   scene.Render();
   return Download(scene.color);
 }
 
 // The scene that training starts from.
 Rendered Start(Backend& backend) {
-  return Rendered(backend, RandomScene({.count = 250, .seed = 22}), TestView(kWidth, kHeight));
+  return Rendered(backend, RandomScene({.count = 250, .seed = 22}),
+                  TestView(kViewWidth, kViewHeight));
 }
 
 // The losses were recorded with AVX-512. The reference in double below has the same.
@@ -124,7 +126,8 @@ Outcome TrainWith(int num_threads) {
   const auto backend = MakeCpuBackend(num_threads);
   const std::vector<float> target = Target(*backend);
   // More Gaussians than any loop's chunk.
-  Rendered scene(*backend, RandomScene({.count = 5000, .seed = 23}), TestView(kWidth, kHeight));
+  Rendered scene(*backend, RandomScene({.count = 5000, .seed = 23}),
+                 TestView(kViewWidth, kViewHeight));
   for (int step = 0; step < 4; ++step) Step(scene, target);
   return {Download(scene.color),
           Download(scene.depth),

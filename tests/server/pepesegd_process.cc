@@ -18,7 +18,7 @@
 namespace pepeseg::testing {
 namespace {
 
-constexpr absl::Duration kPatience = absl::Seconds(30);
+constexpr absl::Duration kProcessPatience = absl::Seconds(30);
 
 }  // namespace
 
@@ -41,9 +41,9 @@ PepesegdProcess::PepesegdProcess(const std::filesystem::path& data, const Pepese
   EXPECT_OK(process);
   if (!process.ok()) return;
   process_ = std::move(process).value();
-  const absl::Time deadline = absl::Now() + kPatience;
+  const absl::Time deadline = absl::Now() + kProcessPatience;
   const auto started =
-      Eventually([&] { return std::filesystem::exists(port_file) || !alive(); }, kPatience);
+      Eventually([&] { return std::filesystem::exists(port_file) || !alive(); }, kProcessPatience);
   int port = 0;
   std::ifstream(port_file) >> port;
   channel_ = grpc::CreateChannel(
@@ -62,7 +62,8 @@ std::string PepesegdProcess::Log() const { return ReadFileTail(log_, 5000); }
 std::optional<WorkerEnd> PepesegdProcess::Terminate() {
   process_->Signal(SIGTERM);
   std::optional<WorkerEnd> end;
-  if (!Eventually([&] { return (end = process_->Poll()).has_value(); }, kPatience)) return {};
+  if (!Eventually([&] { return (end = process_->Poll()).has_value(); }, kProcessPatience))
+    return {};
   return end;
 }
 

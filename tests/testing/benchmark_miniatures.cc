@@ -18,12 +18,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kNumViews = 10, kWidth = 96, kHeight = 72;
+constexpr int kNumViews = 10, kMiniatureWidth = 96, kMiniatureHeight = 72;
 
 const SyntheticScene& Scene() {
   static const SyntheticScene scene = MakeSyntheticScene({.num_views = kNumViews,
-                                                          .width = kWidth,
-                                                          .height = kHeight,
+                                                          .width = kMiniatureWidth,
+                                                          .height = kMiniatureHeight,
                                                           .held_out_every = 0,
                                                           .num_points = 400});
   return scene;
@@ -34,7 +34,7 @@ std::string Named(const char* format, int index) {
 }
 
 std::string GreyPng(const std::vector<uint8_t>& pixels) {
-  return Png({kWidth, kHeight, 1, pixels});
+  return Png({kMiniatureWidth, kMiniatureHeight, 1, pixels});
 }
 
 // Returns the pixels of a label as 255.
@@ -60,8 +60,12 @@ void WritePhotographs(const fs::path& folder, const char* format) {
                       0});
   }
   const Camera& camera = Scene().capture.views[0].camera;
-  const std::vector<CameraRecord> cameras = {
-      {1, 1, "PINHOLE", kWidth, kHeight, {camera.fx, camera.fy, camera.cx, camera.cy}}};
+  const std::vector<CameraRecord> cameras = {{1,
+                                              1,
+                                              "PINHOLE",
+                                              kMiniatureWidth,
+                                              kMiniatureHeight,
+                                              {camera.fx, camera.fy, camera.cx, camera.cy}}};
   std::vector<PointRecord> points;
   for (const ScenePoint& point : Scene().capture.points) {
     const Eigen::Vector3f& p = point.position;
@@ -138,7 +142,8 @@ void WriteOwnMiniature(const fs::path& folder) {
       // EncodeCocoRle writes printable characters, of which JSON escapes the backslash.
       const nlohmann::json json = {
           {"segmentation",
-           {{"size", {kHeight, kWidth}}, {"counts", EncodeCocoRle(mask, kWidth, kHeight)}}},
+           {{"size", {kMiniatureHeight, kMiniatureWidth}},
+            {"counts", EncodeCocoRle(mask, kMiniatureWidth, kMiniatureHeight)}}},
           {"predicted_iou", 0.95},
           {"stability_score", 0.97}};
       masks.push_back(json.dump());

@@ -77,4 +77,9 @@ SyntheticScene MakeSyntheticScene(const SyntheticOptions& options) {
   return scene;
 }
 
+const Capture& SyntheticCapture() {
+  static const Capture capture = MakeSyntheticScene().capture;
+  return capture;
+}
+
 }  // namespace pepeseg::testing

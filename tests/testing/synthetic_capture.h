@@ -35,4 +35,7 @@ struct SyntheticScene {
 // on every call.
 SyntheticScene MakeSyntheticScene(const SyntheticOptions& options = {});
 
+// Returns the capture of the default scene, which a program makes once.
+const Capture& SyntheticCapture();
+
 }  // namespace pepeseg::testing

@@ -23,7 +23,7 @@ using ::testing::IsNan;
 using testing::SmallDataset;
 using testing::WriteBytes;
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kNoDepth = std::numeric_limits<float>::quiet_NaN();
 
 // Returns a map that rises to the right from 1 to 41, by 1 per pixel of a photograph 40 pixels
 // wide.
@@ -43,7 +43,7 @@ ViewWarp PinholeWarp(int width, int height, double image_scale) {
 
 TEST(WarpedDepth, EqualsTheMapForAPinholeOfItsSize) {
   FloatImage map = Ramp(6, 4);
-  map.values[7] = kNan;
+  map.values[7] = kNoDepth;
   const std::vector<float> depth = PinholeWarp(6, 4, 1).Depth(map);
   ASSERT_EQ(depth.size(), map.values.size());
   for (size_t i = 0; i < depth.size(); ++i) {
@@ -60,10 +60,10 @@ TEST(WarpedDepth, AveragesTheKnownOfFourPixelsAtHalfSize) {
   // the result is known.
   const FloatImage map = {4,
                           4,
-                          {1, 2, 5, 5,        //
-                           3, 4, 5, kNan,     //
-                           kNan, 8, 9, kNan,  //
-                           8, 8, kNan, 9}};
+                          {1, 2, 5, 5,                //
+                           3, 4, 5, kNoDepth,         //
+                           kNoDepth, 8, 9, kNoDepth,  //
+                           8, 8, kNoDepth, 9}};
   EXPECT_THAT(PinholeWarp(4, 4, 0.5).Depth(map), ElementsAre(2.5f, IsNan(), 8, 9));
 }
 
@@ -75,7 +75,7 @@ TEST(WarpedDepth, InterpolatesASmallerMap) {
 
 TEST(WarpedDepth, NeverMixesUnknownValuesIn) {
   FloatImage map = Ramp(10, 8);
-  map.values[23] = map.values[24] = map.values[77] = kNan;
+  map.values[23] = map.values[24] = map.values[77] = kNoDepth;
   const std::vector<float> depth = PinholeWarp(33, 26, 1).Depth(map);
   int num_unknown = 0;
   for (int i = 0; i < 33 * 26; ++i) {

@@ -15,7 +15,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
+constexpr auto kRefused = absl::StatusCode::kInvalidArgument;
 constexpr int64_t kMebibyte = 1 << 20;
 
 int64_t PeakBytes() {
@@ -71,7 +71,7 @@ TEST_F(VideoBomb, IsRejectedUnreadIfItDeclaresTwoBillionFrames) {
   std::string avi = Write(Grey(64, 48), 8);
   DeclareFrames(avi, 0x7fffffff);
   Write(avi);
-  EXPECT_STATUS(Extract(), kInvalid, "videos/walk.avi: over 108000 frames");
+  EXPECT_STATUS(Extract(), kRefused, "videos/walk.avi: over 108000 frames");
 }
 
 TEST_F(VideoBomb, IsRejectedIfItDeclaresGigapixels) {
@@ -84,7 +84,7 @@ TEST_F(VideoBomb, IsRejectedIfItDeclaresGigapixels) {
   }
   Write(avi);
   const int64_t before = PeakBytes();
-  EXPECT_STATUS(Extract(), kInvalid, "videos/walk.avi: ");
+  EXPECT_STATUS(Extract(), kRefused, "videos/walk.avi: ");
   EXPECT_LT(PeakBytes() - before, 256 * kMebibyte);
 }
 
@@ -95,7 +95,7 @@ TEST_F(VideoBomb, IsRejectedIfFramesExceedTheDeclaredSize) {
     avi.replace(at + 5, 4, "\x24\x00\x24\x00", 4);  // 9216x9216
   }
   Write(avi);
-  EXPECT_STATUS(Extract(), kInvalid, "videos/walk.avi: ");
+  EXPECT_STATUS(Extract(), kRefused, "videos/walk.avi: ");
 }
 
 // A gibibyte of pixels must be read frame by frame without keeping the frames.

@@ -8,7 +8,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kSize = testing::kTwoBlobsSize;
+using testing::kTwoBlobsSize;
 
 // One entity in three views: the left blob, or both blobs.
 class ClickCountTest : public testing::TwoBlobsTest {
@@ -101,8 +101,9 @@ TEST_F(ClickCountTest, CountsMaxClicksForAnEntityNeverReached) {
 
 TEST_F(ClickCountTest, NeitherClicksNorScoresIgnoredPixels) {
   MakeScene(kTogether, /*both=*/false);
-  ignore_.resize(size_t{kSize} * kSize);
-  for (int i = 0; i < kSize * kSize; ++i) ignore_[i] = i % kSize >= 48 ? 1 : 0;
+  ignore_.resize(size_t{kTwoBlobsSize} * kTwoBlobsSize);
+  for (int i = 0; i < kTwoBlobsSize * kTwoBlobsSize; ++i)
+    ignore_[i] = i % kTwoBlobsSize >= 48 ? 1 : 0;
   ASSERT_OK_AND_ASSIGN(const EvaluationResult result, Run());
   EXPECT_EQ(result.scene.num_clicks, 1);  // the right blob spills where nobody looks
   EXPECT_GT(result.scene.iou_after[0], 0.95);

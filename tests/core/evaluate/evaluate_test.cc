@@ -11,7 +11,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kSize = testing::kTwoBlobsSize;
+using testing::kTwoBlobsSize;
 
 absl::Status GoOn() { return absl::OkStatus(); }
 
@@ -44,7 +44,8 @@ TEST_F(EvaluateTest, ScoresTheOtherViewsAtWhatTheReferenceChose) {
   EXPECT_DOUBLE_EQ(chosen.mean.iou, (iou_b + iou_c) / 2);
   EXPECT_DOUBLE_EQ(result.scene.reference_choice->iou, chosen.mean.iou);
   double boundary = 0;
-  for (const int v : {1, 2}) boundary += BoundaryIou(Left(v), masks_[v]["left"], kSize, kSize) / 2;
+  for (const int v : {1, 2})
+    boundary += BoundaryIou(Left(v), masks_[v]["left"], kTwoBlobsSize, kTwoBlobsSize) / 2;
   EXPECT_NEAR(chosen.mean.boundary_iou, boundary, 1e-12);
 }
 
@@ -65,7 +66,8 @@ TEST_F(EvaluateTest, ChoosesTheScaleOnTheScoredViewsOnTheReferenceAndWithoutTrut
   ASSERT_TRUE(score.reference_choice);
   EXPECT_EQ(score.reference_choice->scale, 0.3);
   EXPECT_DOUBLE_EQ(score.reference_choice->mean.iou, left / pair);
-  EXPECT_DOUBLE_EQ(score.reference_choice->mean.accuracy, 1 - (pair - left) / (kSize * kSize));
+  EXPECT_DOUBLE_EQ(score.reference_choice->mean.accuracy,
+                   1 - (pair - left) / (kTwoBlobsSize * kTwoBlobsSize));
   ASSERT_EQ(score.iou_by_scale.size(), options_.scales.size());
   for (size_t s = 0; s < options_.scales.size(); ++s) {
     EXPECT_DOUBLE_EQ(score.iou_by_scale[s], options_.scales[s] > 0.5 ? 1 : left / pair) << s;
@@ -160,8 +162,9 @@ TEST_F(EvaluateTest, ScoresZeroForAMissingPredictionInEachProtocol) {
 // The right half is ignored: what spills into the right blob is not seen, and not clustered.
 TEST_F(EvaluateTest, NeitherClicksNorScoresIgnoredPixels) {
   for (int v = 0; v < 3; ++v) Show(v, "pair", Pair(v));
-  ignore_.resize(size_t{kSize} * kSize);
-  for (int i = 0; i < kSize * kSize; ++i) ignore_[i] = i % kSize >= 48 ? 1 : 0;
+  ignore_.resize(size_t{kTwoBlobsSize} * kTwoBlobsSize);
+  for (int i = 0; i < kTwoBlobsSize * kTwoBlobsSize; ++i)
+    ignore_[i] = i % kTwoBlobsSize >= 48 ? 1 : 0;
   for (const Protocol protocol :
        {Protocol::kPrompt, Protocol::kLabelPropagation, Protocol::kPromptable}) {
     SCOPED_TRACE(static_cast<int>(protocol));
@@ -199,7 +202,8 @@ TEST_F(EvaluateTest, RunsTheAgreementWithSam) {
   EvaluationRequest request;
   SamView& sam = request.sam_views.emplace_back();
   sam.view = segmenter_->model().views[1];
-  sam.masks = BuildMaskSet(kSize, kSize, std::vector<BinaryMask>{{Left(1)}, {Pair(1)}}, 1);
+  sam.masks =
+      BuildMaskSet(kTwoBlobsSize, kTwoBlobsSize, std::vector<BinaryMask>{{Left(1)}, {Pair(1)}}, 1);
   ASSERT_OK_AND_ASSIGN(const EvaluationResult result,
                        Evaluate(*segmenter_, request, options_, GoOn));
   ASSERT_TRUE(result.sam);

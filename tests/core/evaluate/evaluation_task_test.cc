@@ -15,8 +15,8 @@ std::vector<uint8_t> Rows(int first, int count) {
   return mask;
 }
 
-TruthView View(const std::string& name, const std::map<std::string, std::vector<uint8_t>>& masks,
-               bool held_out = true) {
+TruthView ViewWith(const std::string& name,
+                   const std::map<std::string, std::vector<uint8_t>>& masks, bool held_out = true) {
   ModelView view;
   view.name = name;
   view.camera = {kSide, kSide, 20, 20, 10, 10};
@@ -32,8 +32,8 @@ EntityPrompt MaskPrompt(const std::string& entity, const std::string& view) {
 
 TEST(MakeTask, TakesTheFirstViewThatShowsEnoughAsReference) {
   EvaluationRequest request;
-  request.views = {View("c", {{"mug.1", Rows(0, 6)}, {"tray", Rows(0, 9)}}),
-                   View("a", {{"mug.1", Rows(0, 4)}}), View("b", {{"mug.1", Rows(0, 5)}})};
+  request.views = {ViewWith("c", {{"mug.1", Rows(0, 6)}, {"tray", Rows(0, 9)}}),
+                   ViewWith("a", {{"mug.1", Rows(0, 4)}}), ViewWith("b", {{"mug.1", Rows(0, 5)}})};
   ASSERT_OK_AND_ASSIGN(const EvaluationTask task, MakeTask(request, {}));
   ASSERT_EQ(task.entities.size(), 1u);
   const ScoredEntity& mug = task.entities[0];
@@ -53,7 +53,7 @@ TEST(MakeTask, TakesTheFirstViewThatShowsEnoughAsReference) {
 
 TEST(MakeTask, NeedsOneScoredViewIfThePromptIsGiven) {
   EvaluationRequest request;
-  request.views = {View("a", {}), View("b", {{"mug", Rows(0, 9)}})};
+  request.views = {ViewWith("a", {}), ViewWith("b", {{"mug", Rows(0, 9)}})};
   request.prompts = {MaskPrompt("mug", "a")};
   ASSERT_OK_AND_ASSIGN(const EvaluationTask task, MakeTask(request, {}));
   EXPECT_EQ(task.entities[0].reference, 0u);
@@ -66,7 +66,7 @@ TEST(MakeTask, NeedsOneScoredViewIfThePromptIsGiven) {
 
 TEST(MakeTask, DoesNotCountIgnoredPixels) {
   EvaluationRequest request;
-  request.views = {View("a", {{"mug", Rows(0, 6)}}), View("b", {{"mug", Rows(0, 6)}})};
+  request.views = {ViewWith("a", {{"mug", Rows(0, 6)}}), ViewWith("b", {{"mug", Rows(0, 6)}})};
   request.views[1].ignore = Rows(0, 1);
   ASSERT_OK_AND_ASSIGN(const EvaluationTask task, MakeTask(request, {}));
   EXPECT_EQ(task.entities[0].num_pixels, std::vector<int64_t>{100});
@@ -75,7 +75,8 @@ TEST(MakeTask, DoesNotCountIgnoredPixels) {
 
 TEST(MakeTask, AcceptsTrainedViewsOnlyIfAsked) {
   EvaluationRequest request;
-  request.views = {View("a", {{"mug", Rows(0, 6)}}), View("b", {{"mug", Rows(0, 6)}}, false)};
+  request.views = {ViewWith("a", {{"mug", Rows(0, 6)}}),
+                   ViewWith("b", {{"mug", Rows(0, 6)}}, false)};
   EXPECT_STATUS(MakeTask(request, {}), absl::StatusCode::kInvalidArgument,
                 "view \"b\" was trained on; score held-out views");
   request.accept_trained_views = true;
@@ -84,7 +85,7 @@ TEST(MakeTask, AcceptsTrainedViewsOnlyIfAsked) {
 
 TEST(MakeTask, NamesTheViewOrEntityThatDoesNotFit) {
   const EvaluationRequest good = {
-      .views = {View("a", {{"mug", Rows(0, 6)}}), View("b", {{"mug", Rows(0, 6)}})},
+      .views = {ViewWith("a", {{"mug", Rows(0, 6)}}), ViewWith("b", {{"mug", Rows(0, 6)}})},
       .prompts = {},
       .sam_views = {}};
   const auto expect_refused = [](const EvaluationRequest& request, const std::string& message) {
@@ -115,7 +116,7 @@ TEST(MakeTask, NamesTheViewOrEntityThatDoesNotFit) {
   expect_refused(with_prompts({{"mug", "a", Scribbles{{Rows(0, 1)}, {{1}}}}}),
                  "the mask has 1 pixels");
   EvaluationRequest without_mask = with_prompts({{"mug", "a", OwnMask{}}});
-  without_mask.views[0] = View("a", {});
+  without_mask.views[0] = ViewWith("a", {});
   expect_refused(without_mask, "the view has no mask of the entity to take the prompt from");
   EXPECT_STATUS(MakeTask(good, {.min_pixels = 0}), absl::StatusCode::kInvalidArgument,
                 "min_pixels is 0");
@@ -123,8 +124,8 @@ TEST(MakeTask, NamesTheViewOrEntityThatDoesNotFit) {
 
 TEST(ReferenceTruthOf, PrefersTheTruthThenTakesMaskOrScribbles) {
   EvaluationRequest request;
-  request.views = {View("a", {{"mug", Rows(0, 6)}}), View("b", {{"mug", Rows(0, 6)}}),
-                   View("empty", {})};
+  request.views = {ViewWith("a", {{"mug", Rows(0, 6)}}), ViewWith("b", {{"mug", Rows(0, 6)}}),
+                   ViewWith("empty", {})};
   request.prompts = {MaskPrompt("mug", "a")};
   ASSERT_OK_AND_ASSIGN(EvaluationTask task, MakeTask(request, {}));
   EXPECT_EQ(ReferenceTruthOf(task, task.entities[0])->mask, Rows(0, 6));

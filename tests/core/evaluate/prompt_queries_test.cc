@@ -8,15 +8,16 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kSize = testing::kTwoBlobsSize;
+using testing::kTwoBlobsSize;
 
 using PromptQueriesTest = testing::TwoBlobsTest;
 
 // The reference view has no mask of the entity; one other view has.
 TEST_F(PromptQueriesTest, FindsTheEntityByEachKindOfPrompt) {
   Show(1, "left", Left(1));
-  Mask strip(size_t{kSize} * kSize), other(strip.size());
-  for (int x = 28; x < 37; ++x) strip[48 * kSize + x] = other[48 * kSize + x + 32] = 1;
+  Mask strip(size_t{kTwoBlobsSize} * kTwoBlobsSize), other(strip.size());
+  for (int x = 28; x < 37; ++x)
+    strip[48 * kTwoBlobsSize + x] = other[48 * kTwoBlobsSize + x + 32] = 1;
   strip[0] = 1;  // a pixel on nothing, which is left out
   const std::vector<PointPrompt> points = {{32.5, 48.5, true}, {64.5, 48.5, false}};
   const std::vector<PointPrompt> positive = {{30.5, 47.5, true}, {34.5, 50.5, true}, {1, 1, true}};
@@ -99,8 +100,9 @@ TEST_F(PromptQueriesTest, MatchesTheMeanOfPointsAndOfPositiveScribbles) {
   options_.scales = {0.1, 0.6};
   Show(1, "pair", Pair(1));
   const std::vector<PointPrompt> points = {{32.5, 48.5, true}, {64.5, 48.5, true}};
-  Mask stroke(size_t{kSize} * kSize);
-  for (const PointPrompt& point : points) stroke[48 * kSize + static_cast<size_t>(point.x)] = 1;
+  Mask stroke(size_t{kTwoBlobsSize} * kTwoBlobsSize);
+  for (const PointPrompt& point : points)
+    stroke[48 * kTwoBlobsSize + static_cast<size_t>(point.x)] = 1;
   for (const PromptShape& shape : {PromptShape(points), PromptShape(PointMean{points}),
                                    PromptShape(Scribbles{{stroke}, {}})}) {
     prompts_ = {{"pair", "a", shape}};

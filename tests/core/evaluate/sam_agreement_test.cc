@@ -8,9 +8,9 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kSize = testing::kTwoBlobsSize;
+using testing::kTwoBlobsSize;
 
-absl::Status GoOn() { return absl::OkStatus(); }
+absl::Status Proceed() { return absl::OkStatus(); }
 
 class SamAgreementTest : public ::testing::Test {
  protected:
@@ -20,7 +20,7 @@ class SamAgreementTest : public ::testing::Test {
     both_ = testing::MaskOfBlob(*segmenter_, 0, false);
     for (size_t i = 0; i < both_.size(); ++i) both_[i] |= left_[i];
     rows_.assign(left_.size(), 0);
-    std::fill(rows_.end() - ptrdiff_t{2} * kSize, rows_.end(), 1);
+    std::fill(rows_.end() - ptrdiff_t{2} * kTwoBlobsSize, rows_.end(), 1);
   }
 
   SamView View(const std::vector<std::vector<uint8_t>>& masks) const {
@@ -28,11 +28,11 @@ class SamAgreementTest : public ::testing::Test {
     for (const auto& mask : masks) binary.push_back({mask});
     SamView sam;
     sam.view = segmenter_->model().views[0];
-    sam.masks = BuildMaskSet(kSize, kSize, binary, /*duplicate_iou=*/1);
+    sam.masks = BuildMaskSet(kTwoBlobsSize, kTwoBlobsSize, binary, /*duplicate_iou=*/1);
     return sam;
   }
   absl::StatusOr<SamAgreement> Score(const SamView& sam) const {
-    return ScoreSamAgreement(*segmenter_, {&sam, 1}, options_, {}, GoOn);
+    return ScoreSamAgreement(*segmenter_, {&sam, 1}, options_, {}, Proceed);
   }
 
   std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
@@ -52,7 +52,7 @@ TEST_F(SamAgreementTest, TakesTheBestOfThreeProposals) {
   EXPECT_DOUBLE_EQ(masks[0].best_iou, 1);
   EXPECT_NEAR(masks[1].first_iou, 0.5, 0.02);
   EXPECT_DOUBLE_EQ(masks[1].best_iou, 1);
-  EXPECT_EQ(masks[2].num_pixels, 2 * kSize);
+  EXPECT_EQ(masks[2].num_pixels, 2 * kTwoBlobsSize);
   EXPECT_EQ(masks[2].best_iou, 0);
   EXPECT_DOUBLE_EQ(agreement.best_iou, 2.0 / 3);
   EXPECT_DOUBLE_EQ(agreement.views[0].best_iou, 2.0 / 3);
@@ -73,7 +73,8 @@ TEST_F(SamAgreementTest, CountsMasksThatSamIsSureOf) {
   EXPECT_EQ(agreement.views[0].masks[0].mask, 0);
   EXPECT_DOUBLE_EQ(agreement.best_iou, 1);
   sam.ignore.assign(left_.size(), 0);
-  for (int i = 0; i < kSize * kSize; ++i) sam.ignore[i] = i % kSize < 32 ? 1 : 0;
+  for (int i = 0; i < kTwoBlobsSize * kTwoBlobsSize; ++i)
+    sam.ignore[i] = i % kTwoBlobsSize < 32 ? 1 : 0;
   EXPECT_STATUS(Score(sam), absl::StatusCode::kInvalidArgument,
                 "none of the masks of 1 views counts: a mask needs a predicted IoU of 0.88, a "
                 "stability of 0.92 and 100 pixels");  // half of the blob is left

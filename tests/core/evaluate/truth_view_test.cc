@@ -8,7 +8,7 @@ namespace pepeseg {
 namespace {
 
 // Returns a view of 4x2 pixels.
-ModelView SmallView() {
+ModelView MiniatureView() {
   ModelView view;
   view.name = "a";
   view.camera = {4, 2, 4, 4, 2, 1};
@@ -16,7 +16,7 @@ ModelView SmallView() {
 }
 
 TEST(TruthViewBuilder, KeepsMasksThatOverlapAndEqualMasks) {
-  TruthViewBuilder builder(SmallView());
+  TruthViewBuilder builder(MiniatureView());
   const std::vector<uint8_t> cup = {1, 1, 1, 1, 0, 0, 0, 0}, handle = {0, 0, 0, 255, 0, 0, 0, 0};
   ASSERT_OK(builder.AddMask("cup", cup));
   ASSERT_OK(builder.AddMask("handle", handle));
@@ -34,7 +34,7 @@ TEST(TruthViewBuilder, KeepsMasksThatOverlapAndEqualMasks) {
 }
 
 TEST(TruthViewBuilder, TakesLabelImagesWithAndWithoutNames) {
-  TruthViewBuilder builder(SmallView());
+  TruthViewBuilder builder(MiniatureView());
   const std::vector<uint16_t> labels = {0, 3, 3, 0, 700, 0, 0, 3};
   ASSERT_OK(builder.AddLabels(labels, {{700, "mug 2"}, {9, "unused"}}));
   const TruthView truth = std::move(builder).Build();
@@ -44,7 +44,7 @@ TEST(TruthViewBuilder, TakesLabelImagesWithAndWithoutNames) {
 }
 
 TEST(TruthViewBuilder, NamesViewAndEntityOfWhatDoesNotFit) {
-  TruthViewBuilder builder(SmallView());
+  TruthViewBuilder builder(MiniatureView());
   EXPECT_STATUS(builder.AddMask("cup", std::vector<uint8_t>(7)), absl::StatusCode::kInvalidArgument,
                 "view \"a\": the mask of entity \"cup\" has 7 pixels, must have 4x2");
   EXPECT_STATUS(builder.AddLabels(std::vector<uint16_t>(9), {}), absl::StatusCode::kInvalidArgument,

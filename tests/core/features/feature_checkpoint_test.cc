@@ -40,7 +40,7 @@ std::unique_ptr<FeatureStage> Fresh(Backend& backend) {
   return FeatureStage::Create(backend, Synthetic(), Points(), kOptions).value();
 }
 
-absl::Status Go(const StepReport&) { return absl::OkStatus(); }
+absl::Status Proceed(const StepReport&) { return absl::OkStatus(); }
 
 FeatureCheckpoint CheckpointAt(int step) {
   const auto backend = MakeCpuBackend(2);
@@ -64,7 +64,7 @@ FeatureCheckpoint WriteAndRead(const FeatureCheckpoint& checkpoint) {
 TEST(FeatureCheckpoint, ResumesToTheBytesOfAnUnbrokenRun) {
   const auto backend = MakeCpuBackend(2);
   const auto unbroken = Fresh(*backend);
-  ASSERT_OK_AND_ASSIGN(const FeatureField want, FinishFeatures(*unbroken, Go));
+  ASSERT_OK_AND_ASSIGN(const FeatureField want, FinishFeatures(*unbroken, Proceed));
   // At the start, within chunks and at their ends, around the end of smoothing and the first
   // refresh of the centroids, and at the end.
   for (const int step : {0, 1, 6, 7, 8, 14, 19, 20, 21, 23, 24, 25, 31, 39, 40}) {
@@ -74,7 +74,7 @@ TEST(FeatureCheckpoint, ResumesToTheBytesOfAnUnbrokenRun) {
     ASSERT_OK_AND_ASSIGN(const auto resumed,
                          FeatureStage::Resume(*other, Synthetic(), Points(), kOptions, checkpoint));
     EXPECT_EQ(resumed->step(), step);
-    ASSERT_OK_AND_ASSIGN(const FeatureField got, FinishFeatures(*resumed, Go));
+    ASSERT_OK_AND_ASSIGN(const FeatureField got, FinishFeatures(*resumed, Proceed));
     EXPECT_EQ(got.features, want.features);
     EXPECT_EQ(got.gate, want.gate);
     EXPECT_EQ(got.scale_quantiles, want.scale_quantiles);
@@ -116,7 +116,7 @@ TEST(FeatureStage, LeavesOutStepsAfterConvergenceAlsoWhenResumed) {
     ASSERT_OK_AND_ASSIGN(const FeatureCheckpoint checkpoint, stage->Save());
     ASSERT_OK_AND_ASSIGN(const auto resumed, FeatureStage::Resume(*backend, Synthetic(), Points(),
                                                                   kConverging, checkpoint));
-    ASSERT_OK_AND_ASSIGN(const FeatureField got, FinishFeatures(*resumed, Go));
+    ASSERT_OK_AND_ASSIGN(const FeatureField got, FinishFeatures(*resumed, Proceed));
     EXPECT_EQ(resumed->step(), 1600);
     EXPECT_EQ(got.features, want.features);
     EXPECT_EQ(got.gate, want.gate);
@@ -133,7 +133,7 @@ TEST(FeatureStage, JudgesConvergenceOnlyAfterFineMasksWentFirst) {
   options.closing_share = 0.2;
   ASSERT_OK_AND_ASSIGN(const auto stage,
                        FeatureStage::Create(*backend, Synthetic(), Points(), options));
-  ASSERT_OK(FinishFeatures(*stage, Go));
+  ASSERT_OK(FinishFeatures(*stage, Proceed));
   const SkippedTerm& steps = stage->skipped().back();
   EXPECT_EQ(steps.term, "steps");
   EXPECT_EQ(steps.step, 2000);
@@ -147,7 +147,7 @@ TEST(FeatureStage, DoesAllStepsWithoutAMinLossFall) {
   options.min_loss_fall = 0;
   ASSERT_OK_AND_ASSIGN(const auto stage,
                        FeatureStage::Create(*backend, Synthetic(), Points(), options));
-  ASSERT_OK(FinishFeatures(*stage, Go));
+  ASSERT_OK(FinishFeatures(*stage, Proceed));
   EXPECT_EQ(stage->step(), 1200);
 }
 

@@ -11,11 +11,14 @@ namespace {
 using ::pepeseg::testing::WallCapture;
 using ::pepeseg::testing::WallPatch;
 
-constexpr WallPatch kLeft = {-0.8, -0.5, -0.2, 0.5}, kRight = {0.2, -0.5, 0.8, 0.5},
+constexpr WallPatch kLeftHalf = {-0.8, -0.5, -0.2, 0.5}, kRightHalf = {0.2, -0.5, 0.8, 0.5},
                     kBoth = {-0.8, -0.5, 0.8, 0.5};
 
 TEST(MaskAgreement, IsOneWhereViewsAgree) {
-  const WallCapture wall({{kLeft, kRight}, {kLeft, kRight}, {kLeft, kRight}, {kLeft, kRight}});
+  const WallCapture wall({{kLeftHalf, kRightHalf},
+                          {kLeftHalf, kRightHalf},
+                          {kLeftHalf, kRightHalf},
+                          {kLeftHalf, kRightHalf}});
   const MaskAgreements agreements = MeasureMaskAgreement(wall.capture, wall.reprojection);
   ASSERT_EQ(agreements.size(), 4u);
   for (const auto& of_view : agreements) {
@@ -32,8 +35,10 @@ TEST(MaskAgreement, IsOneWhereViewsAgree) {
 
 TEST(MaskAgreement, IsLowForAMaskThatStandsAlone) {
   const WallPatch alone = {-0.4, -0.4, 0.4, 0.4};
-  const WallCapture wall(
-      {{kLeft, kRight, alone}, {kLeft, kRight}, {kLeft, kRight}, {kLeft, kRight}});
+  const WallCapture wall({{kLeftHalf, kRightHalf, alone},
+                          {kLeftHalf, kRightHalf},
+                          {kLeftHalf, kRightHalf},
+                          {kLeftHalf, kRightHalf}});
   const MaskAgreements agreements = MeasureMaskAgreement(wall.capture, wall.reprojection);
   const MaskAgreement& of_alone = agreements[0][2];
   EXPECT_EQ(of_alone.num_seen, 3);
@@ -47,7 +52,8 @@ TEST(MaskAgreement, IsLowForAMaskThatStandsAlone) {
 }
 
 TEST(MaskAgreement, CountsAViewThatLacksTheMaskAsDisagreement) {
-  const WallCapture wall({{kLeft, kRight}, {kLeft, kRight}, {kLeft, kRight}, {kRight}});
+  const WallCapture wall(
+      {{kLeftHalf, kRightHalf}, {kLeftHalf, kRightHalf}, {kLeftHalf, kRightHalf}, {kRightHalf}});
   const MaskAgreements agreements = MeasureMaskAgreement(wall.capture, wall.reprojection);
   EXPECT_EQ(agreements[0][0].num_seen, 3);
   EXPECT_EQ(agreements[0][0].num_same, 2);
@@ -57,7 +63,7 @@ TEST(MaskAgreement, CountsAViewThatLacksTheMaskAsDisagreement) {
 
 // A mask that another view has as two masks may be a whole of two parts: neither is wrong.
 TEST(MaskAgreement, IsTheIouOfAWholeWithItsLargestPart) {
-  const WallCapture wall({{kBoth}, {kLeft, kRight}});
+  const WallCapture wall({{kBoth}, {kLeftHalf, kRightHalf}});
   const MaskAgreements agreements = MeasureMaskAgreement(wall.capture, wall.reprojection);
   EXPECT_NEAR(agreements[0][0].iou, 0.6 / 1.6, 0.03);
   EXPECT_NEAR(agreements[1][0].iou, 0.6 / 1.6, 0.03);
@@ -65,10 +71,10 @@ TEST(MaskAgreement, IsTheIouOfAWholeWithItsLargestPart) {
 }
 
 TEST(MaskAgreement, DoesNotJudgeWhatOtherViewsDoNotSee) {
-  WallCapture wall({{kLeft, kRight}, {kRight}, {kRight}, {kRight}});
+  WallCapture wall({{kLeftHalf, kRightHalf}, {kRightHalf}, {kRightHalf}, {kRightHalf}});
   for (size_t view = 1; view < 4; ++view) {
     std::vector<uint8_t>& ignore = wall.capture.views[view].ignore;
-    for (const uint8_t hidden : wall.MaskOf(static_cast<int>(view), kLeft).pixels) {
+    for (const uint8_t hidden : wall.MaskOf(static_cast<int>(view), kLeftHalf).pixels) {
       ignore.push_back(hidden);
     }
   }
@@ -87,8 +93,10 @@ class ShareScalesTest : public ::testing::Test {
     ShareScales(MeasureMaskAgreement(wall_.capture, wall_.reprojection), scales);
     return scales;
   }
-  WallCapture wall_{
-      {{kLeft, kRight, {-0.4, -0.4, 0.4, 0.4}}, {kLeft, kRight}, {kLeft, kRight}, {kLeft, kRight}}};
+  WallCapture wall_{{{kLeftHalf, kRightHalf, {-0.4, -0.4, 0.4, 0.4}},
+                     {kLeftHalf, kRightHalf},
+                     {kLeftHalf, kRightHalf},
+                     {kLeftHalf, kRightHalf}}};
 };
 
 TEST_F(ShareScalesTest, TakesTheMedianOfTheSameThing) {
@@ -102,7 +110,7 @@ TEST_F(ShareScalesTest, LeavesOutMasksWithoutAScale) {
 }
 
 TEST(MaskAgreement, HasNoQualityWithOneView) {
-  const WallCapture wall({{kLeft, kRight}});
+  const WallCapture wall({{kLeftHalf, kRightHalf}});
   const MaskAgreements agreements = MeasureMaskAgreement(wall.capture, wall.reprojection);
   ASSERT_EQ(agreements[0].size(), 2u);
   EXPECT_EQ(agreements[0][0].num_seen, 0);

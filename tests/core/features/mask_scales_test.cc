@@ -9,22 +9,22 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kWidth = 40, kHeight = 30;
+constexpr int kMaskWidth = 40, kMaskHeight = 30;
 
 // Returns a view of a wall at distance 2 with a focal length of 20 pixels: a pixel is 0.1 wide
 // there.
 View WallView(const std::vector<BinaryMask>& masks) {
   View view;
-  view.camera = {kWidth, kHeight, 20, 20, 17, 14};
-  view.masks = BuildMaskSet(kWidth, kHeight, masks);
+  view.camera = {kMaskWidth, kMaskHeight, 20, 20, 17, 14};
+  view.masks = BuildMaskSet(kMaskWidth, kMaskHeight, masks);
   return view;
 }
 
 // Returns the mask of [x0, x1) x [y0, y1).
 BinaryMask Rectangle(int x0, int y0, int x1, int y1) {
   BinaryMask mask;
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
+  for (int y = 0; y < kMaskHeight; ++y) {
+    for (int x = 0; x < kMaskWidth; ++x) {
       mask.pixels.push_back(x >= x0 && x < x1 && y >= y0 && y < y1);
     }
   }
@@ -32,7 +32,7 @@ BinaryMask Rectangle(int x0, int y0, int x1, int y1) {
 }
 
 // Depth of the wall.
-const std::vector<float> kWall(kWidth* kHeight, 2.0f);
+const std::vector<float> kWall(kMaskWidth* kMaskHeight, 2.0f);
 
 TEST(MaskScales, AreTwiceTheSpreadInSpace) {
   // The majority filter removes the corners of the rectangle.
@@ -51,7 +51,7 @@ TEST(MaskScales, AreTwiceTheSpreadInSpace) {
 
 TEST(MaskScales, GrowWithTheDistance) {
   const View view = WallView({Rectangle(3, 4, 23, 14)});
-  const std::vector<float> far(kWidth * kHeight, 6.0f);
+  const std::vector<float> far(kMaskWidth * kMaskHeight, 6.0f);
   EXPECT_NEAR(MaskScales(view, far)[0], 3 * MaskScales(view, kWall)[0], 1e-4);
 }
 
@@ -72,11 +72,11 @@ TEST(MaskScales, LeaveOutPixelsThatHaveNoDepthOrAreIgnored) {
   std::vector<float> half = kWall;
   view.ignore.assign(half.size(), 0);
   for (size_t i = 0; i < half.size(); ++i) {
-    if (i % kWidth >= 13) half[i] = 0;
+    if (i % kMaskWidth >= 13) half[i] = 0;
   }
   const float narrow = MaskScales(view, half)[0];
   EXPECT_LT(narrow, MaskScales(view, kWall)[0]);
-  for (size_t i = 0; i < half.size(); ++i) view.ignore[i] = i % kWidth >= 13 ? 255 : 0;
+  for (size_t i = 0; i < half.size(); ++i) view.ignore[i] = i % kMaskWidth >= 13 ? 255 : 0;
   EXPECT_EQ(MaskScales(view, kWall)[0], narrow);
   EXPECT_EQ(MaskScales(view, std::vector<float>(half.size()))[0], kNoScale);
 }

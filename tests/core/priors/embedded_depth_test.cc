@@ -12,16 +12,16 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kWidth = 160, kHeight = 120;
+constexpr int kDepthWidth = 160, kDepthHeight = 120;
 
 // A wall at z = 4 with a box at z = 2 in front of its left half.
 bool IsBox(double x) { return x < 80; }
 View WallAndBox() {
   View view;
-  view.camera = {kWidth, kHeight, 100, 100, 80, 60};
-  view.photo = {kWidth, kHeight, 3, {}};
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
+  view.camera = {kDepthWidth, kDepthHeight, 100, 100, 80, 60};
+  view.photo = {kDepthWidth, kDepthHeight, 3, {}};
+  for (int y = 0; y < kDepthHeight; ++y) {
+    for (int x = 0; x < kDepthWidth; ++x) {
       const uint8_t red = IsBox(x) ? 200 : 60;
       view.photo.pixels.insert(view.photo.pixels.end(), {red, 90, 80});
     }
@@ -32,8 +32,8 @@ View WallAndBox() {
 // Returns a point on the surface for every `step` pixels.
 std::vector<ScenePoint> Points(int step) {
   std::vector<ScenePoint> points;
-  for (int y = 4; y < kHeight; y += step) {
-    for (int x = 4; x < kWidth; x += step) {
+  for (int y = 4; y < kDepthHeight; y += step) {
+    for (int x = 4; x < kDepthWidth; x += step) {
       const float z = IsBox(x) ? 2.0f : 4.0f;
       const auto u = static_cast<float>(x) + 0.5f, v = static_cast<float>(y) + 0.5f;
       points.push_back({{(u - 80) / 100 * z, (v - 60) / 100 * z, z}, {}});
@@ -44,11 +44,12 @@ std::vector<ScenePoint> Points(int step) {
 
 TEST(EmbeddedDepth, SpreadsThePointsDepthUpToBoundaries) {
   const std::vector<float> depth = EmbeddedDepth(WallAndBox(), Points(16));
-  ASSERT_EQ(depth.size(), size_t{kWidth * kHeight});
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
+  ASSERT_EQ(depth.size(), size_t{kDepthWidth * kDepthHeight});
+  for (int y = 0; y < kDepthHeight; ++y) {
+    for (int x = 0; x < kDepthWidth; ++x) {
       if (std::abs(x - 80) < 8) continue;  // boundaries are blurred over this width
-      ASSERT_NEAR(depth[y * kWidth + x], IsBox(x) ? 2 : 4, IsBox(x) ? 0.1 : 0.3) << x << ", " << y;
+      ASSERT_NEAR(depth[y * kDepthWidth + x], IsBox(x) ? 2 : 4, IsBox(x) ? 0.1 : 0.3)
+          << x << ", " << y;
     }
   }
 }
@@ -62,8 +63,8 @@ TEST(EmbeddedDepth, IgnoresPointsBehindNearerOnes) {
     }
   }
   const std::vector<float> depth = EmbeddedDepth(WallAndBox(), points);
-  for (int y = 10; y < kHeight - 10; ++y) {
-    for (int x = 10; x < 70; ++x) ASSERT_NEAR(depth[y * kWidth + x], 2, 0.1) << x << ", " << y;
+  for (int y = 10; y < kDepthHeight - 10; ++y) {
+    for (int x = 10; x < 70; ++x) ASSERT_NEAR(depth[y * kDepthWidth + x], 2, 0.1) << x << ", " << y;
   }
 }
 
@@ -73,12 +74,12 @@ TEST(EmbeddedDepth, IsUnknownFarFromPointsAndWhereIgnored) {
     if (point.position.z() == 2.0f) points.push_back(point);
   }
   View view = WallAndBox();
-  view.ignore.assign(kWidth * kHeight, 0);
-  view.ignore[60 * kWidth + 30] = 1;
+  view.ignore.assign(kDepthWidth * kDepthHeight, 0);
+  view.ignore[60 * kDepthWidth + 30] = 1;
   const std::vector<float> depth = EmbeddedDepth(view, points);
-  EXPECT_TRUE(std::isnan(depth[60 * kWidth + 30]));
-  EXPECT_FALSE(std::isnan(depth[60 * kWidth + 31]));
-  EXPECT_TRUE(std::isnan(depth[60 * kWidth + 150]));
+  EXPECT_TRUE(std::isnan(depth[60 * kDepthWidth + 30]));
+  EXPECT_FALSE(std::isnan(depth[60 * kDepthWidth + 31]));
+  EXPECT_TRUE(std::isnan(depth[60 * kDepthWidth + 150]));
 }
 
 TEST(EmbeddedDepth, IsEmptyWithTooFewPoints) {

@@ -8,25 +8,25 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kWidth = 30, kHeight = 20;
+constexpr int kImageWidth = 30, kImageHeight = 20;
 
 // Two halves of different colour with a strong boundary between them, and a weaker ring around the
 // middle of the left half.
 PixelFeatures TwoHalves(std::vector<float>& strength) {
-  strength.assign(kWidth * kHeight, 0.01f);
-  std::vector<float> bin(kWidth * kHeight), other(kWidth * kHeight);
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
-      float& at = strength[y * kWidth + x];
+  strength.assign(kImageWidth * kImageHeight, 0.01f);
+  std::vector<float> bin(kImageWidth * kImageHeight), other(kImageWidth * kImageHeight);
+  for (int y = 0; y < kImageHeight; ++y) {
+    for (int x = 0; x < kImageWidth; ++x) {
+      float& at = strength[y * kImageWidth + x];
       if (x == 15) at = 0.9f;
       const bool ring = x >= 4 && x <= 10 && y >= 5 && y <= 14;
       const bool inside = x >= 5 && x <= 9 && y >= 6 && y <= 13;
       if (ring && !inside) at = 0.4f;
-      bin[y * kWidth + x] = x < 15 ? 1.0f : 0.0f;
-      other[y * kWidth + x] = x < 15 ? 0.0f : 1.0f;
+      bin[y * kImageWidth + x] = x < 15 ? 1.0f : 0.0f;
+      other[y * kImageWidth + x] = x < 15 ? 0.0f : 1.0f;
     }
   }
-  return {kWidth, kHeight, strength, 0.1f, {bin, other}, {1, 1}};
+  return {kImageWidth, kImageHeight, strength, 0.1f, {bin, other}, {1, 1}};
 }
 
 std::vector<std::vector<uint32_t>> LeafPixels(const RegionTree& tree) {
@@ -54,7 +54,7 @@ TEST(RegionTree, MakesEachNodeTheUnionOfItsChildren) {
     }
     EXPECT_EQ(area, node.area);
   }
-  EXPECT_EQ(tree.nodes.back().area, kWidth * kHeight);
+  EXPECT_EQ(tree.nodes.back().area, kImageWidth * kImageHeight);
 }
 
 TEST(RegionTree, MergesAcrossTheStrongestBoundaryLast) {
@@ -65,7 +65,7 @@ TEST(RegionTree, MergesAcrossTheStrongestBoundaryLast) {
   for (const int32_t child : root.children) {
     std::set<bool> halves;  // pixels of the boundary may belong to either half
     for (const uint32_t pixel : PixelsOf(tree, child, leaves)) {
-      const int x = static_cast<int>(pixel) % kWidth;
+      const int x = static_cast<int>(pixel) % kImageWidth;
       if (x != 15) halves.insert(x < 15);
     }
     EXPECT_EQ(halves.size(), 1u);
@@ -75,12 +75,12 @@ TEST(RegionTree, MergesAcrossTheStrongestBoundaryLast) {
 }
 
 TEST(RegionTree, HasOneRegionWithoutBoundaries) {
-  const std::vector<float> strength(kWidth * kHeight, 0.0f);
+  const std::vector<float> strength(kImageWidth * kImageHeight, 0.0f);
   const RegionTree tree = BuildRegionTree(
-      {kWidth, kHeight, strength, 0, {std::vector<float>(strength.size(), 1)}, {1}});
+      {kImageWidth, kImageHeight, strength, 0, {std::vector<float>(strength.size(), 1)}, {1}});
   EXPECT_EQ(tree.num_leaves, 1);
   ASSERT_EQ(tree.nodes.size(), 1u);
-  EXPECT_EQ(tree.nodes[0].area, kWidth * kHeight);
+  EXPECT_EQ(tree.nodes[0].area, kImageWidth * kImageHeight);
 }
 
 }  // namespace

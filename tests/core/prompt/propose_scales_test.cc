@@ -9,21 +9,22 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kSize = 48;
-constexpr double kLeftX = 17.5, kRightX = 30.5, kY = 24.5;
+constexpr int kViewSize = 48;
+constexpr double kLeftBlobX = 17.5, kRightBlobX = 30.5, kBlobY = 24.5;
 
 class ProposeScalesTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    ASSERT_OK_AND_ASSIGN(segmenter_, Segmenter::Create(*backend_, testing::PairOfBlobs(kSize)));
+    ASSERT_OK_AND_ASSIGN(segmenter_, Segmenter::Create(*backend_, testing::PairOfBlobs(kViewSize)));
     view_ = segmenter_->model().views[0];
-    points_ = {{kLeftX, kY, true}};
+    points_ = {{kLeftBlobX, kBlobY, true}};
   }
   absl::StatusOr<ScaleProposals> Propose(int max_count = kDefaultProposals) const {
     return ProposeScales(*segmenter_, view_, points_, {max_count});
   }
   static bool Shows(const SegmentResult& result, double x) {
-    return result.mask.pixels[static_cast<size_t>(kY) * kSize + static_cast<size_t>(x)] != 0;
+    return result.mask.pixels[static_cast<size_t>(kBlobY) * kViewSize + static_cast<size_t>(x)] !=
+           0;
   }
 
   std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
@@ -36,8 +37,8 @@ TEST_F(ProposeScalesTest, FindsTheBlobAndThenBothBlobs) {
   ASSERT_OK_AND_ASSIGN(const ScaleProposals proposals, Propose());
   ASSERT_EQ(proposals.ladder.size(), 2u);
   const ScaleProposal &one = proposals.ladder[0], &both = proposals.ladder[1];
-  EXPECT_TRUE(Shows(one.result, kLeftX) && !Shows(one.result, kRightX));
-  EXPECT_TRUE(Shows(both.result, kLeftX) && Shows(both.result, kRightX));
+  EXPECT_TRUE(Shows(one.result, kLeftBlobX) && !Shows(one.result, kRightBlobX));
+  EXPECT_TRUE(Shows(both.result, kLeftBlobX) && Shows(both.result, kRightBlobX));
   EXPECT_LT(one.result.scale, both.result.scale);
   EXPECT_GE(proposals.ladder[proposals.best].support, one.support);
   EXPECT_GE(proposals.ladder[proposals.best].support, both.support);
@@ -49,11 +50,11 @@ TEST_F(ProposeScalesTest, FindsTheBlobAndThenBothBlobs) {
 }
 
 TEST_F(ProposeScalesTest, LeavesOutWhatANegativePointHits) {
-  points_.push_back({kRightX, kY, false});
+  points_.push_back({kRightBlobX, kBlobY, false});
   ASSERT_OK_AND_ASSIGN(const ScaleProposals proposals, Propose());
   ASSERT_FALSE(proposals.ladder.empty());
   for (const ScaleProposal& proposal : proposals.ladder)
-    EXPECT_FALSE(Shows(proposal.result, kRightX));
+    EXPECT_FALSE(Shows(proposal.result, kRightBlobX));
 }
 
 TEST_F(ProposeScalesTest, ReturnsTheMasksThatSegmentReturns) {

@@ -8,6 +8,7 @@
 
 #include "core/dataset/view_warp.h"
 #include "core/query/photograph_images.h"
+#include "tests/core/query/warped_view.h"
 #include "tests/testing/lens_cases.h"
 #include "tests/testing/status_testing.h"
 
@@ -18,16 +19,7 @@ using Eigen::Vector2d;
 using Eigen::Vector2f;
 using testing::DistortingLenses;
 using testing::LensCase;
-
-ModelView ViewOf(const Lens& lens, double image_scale, int orientation = 1) {
-  const absl::StatusOr<ViewWarp> warp = ViewWarp::Create(lens, image_scale);
-  EXPECT_OK(warp.status());
-  ModelView view;
-  view.camera = warp->camera();
-  view.photograph = warp->photograph();
-  view.photograph->orientation = orientation;
-  return view;
-}
+using testing::WarpedView;
 
 Lens Pinhole() {
   Lens lens{.model = LensModel::kPinhole, .width = 160, .height = 120};
@@ -42,14 +34,14 @@ TEST(PhotographFrame, IsTheViewWhereNothingWasRecordedOrWarped) {
   EXPECT_TRUE(without.is_view());
   EXPECT_EQ(without.width(), 96);
   EXPECT_EQ(without.ToView(Vector2d(3.25, 4.5)), Vector2d(3.25, 4.5));
-  EXPECT_TRUE(PhotographFrame(ViewOf(Pinhole(), 1)).is_view());
-  EXPECT_FALSE(PhotographFrame(ViewOf(Pinhole(), 0.5)).is_view());
-  EXPECT_FALSE(PhotographFrame(ViewOf(Pinhole(), 1, 3)).is_view());
-  EXPECT_FALSE(PhotographFrame(ViewOf(DistortingLenses()[0].MakeLens(), 1)).is_view());
+  EXPECT_TRUE(PhotographFrame(WarpedView(Pinhole(), 1)).is_view());
+  EXPECT_FALSE(PhotographFrame(WarpedView(Pinhole(), 0.5)).is_view());
+  EXPECT_FALSE(PhotographFrame(WarpedView(Pinhole(), 1, 3)).is_view());
+  EXPECT_FALSE(PhotographFrame(WarpedView(DistortingLenses()[0].MakeLens(), 1)).is_view());
 }
 
 TEST(PhotographFrame, ScalesWhereTheLensIsStraight) {
-  const PhotographFrame frame(ViewOf(Pinhole(), 0.5));
+  const PhotographFrame frame(WarpedView(Pinhole(), 0.5));
   EXPECT_EQ(frame.width(), 160);
   EXPECT_EQ(frame.FromView({40, 30}), Vector2d(80, 60));
   EXPECT_EQ(frame.ToView(Vector2d(159.5, 119.5)), Vector2d(79.75, 59.75));
@@ -60,7 +52,7 @@ TEST(PhotographFrame, MapsThereAndBackThroughEveryLens) {
   for (const LensCase& c : DistortingLenses()) {
     for (const int orientation : {1, 6}) {
       SCOPED_TRACE(std::string(NameOf(c.model)));
-      const ModelView view = ViewOf(c.MakeLens(), 0.5, orientation);
+      const ModelView view = WarpedView(c.MakeLens(), 0.5, orientation);
       const PhotographFrame frame(view);
       EXPECT_EQ(frame.width(), orientation == 1 ? 160 : 120);
       for (int y = 0; y < view.camera.height; ++y) {
@@ -81,7 +73,7 @@ TEST(PhotographFrame, MapsThereAndBackThroughEveryLens) {
 
 TEST(PhotographFrame, ShowsNoPlaceThatTheViewLacks) {
   // A barrel lens: a pinhole of its size shows less of the world than the corners do.
-  const PhotographFrame frame(ViewOf(DistortingLenses()[0].MakeLens(), 1));
+  const PhotographFrame frame(WarpedView(DistortingLenses()[0].MakeLens(), 1));
   EXPECT_FALSE(frame.ToView(Vector2d(0.5, 0.5)).has_value());
   EXPECT_FALSE(frame.ToView(Vector2d(-5, 60)).has_value());
   EXPECT_TRUE(frame.ToView(Vector2d(80, 60)).has_value());
@@ -104,7 +96,8 @@ TEST(PhotographFrame, ShowsTheSamePixelsAsTheImport) {
       ASSERT_OK_AND_ASSIGN(const ViewWarp warp, ViewWarp::Create(lens, image_scale));
       const MaskSet warped = warp.Masks(BuildMaskSet(lens.width, lens.height, bits, 1.0));
       ASSERT_EQ(warped.num_masks, kBits);
-      const std::vector<int32_t> pixels = PhotographFrame(ViewOf(lens, image_scale)).PixelsOfView();
+      const std::vector<int32_t> pixels =
+          PhotographFrame(WarpedView(lens, image_scale)).PixelsOfView();
       ASSERT_EQ(pixels.size(), warped.pixel_patch.size());
       for (int i = 0; i < static_cast<int>(pixels.size()); ++i) {
         int32_t expected = 0;
@@ -119,7 +112,7 @@ TEST(PhotographFrame, ShowsTheSamePixelsAsTheImport) {
 }
 
 TEST(PhotographFrame, TurnsThePixelsThatAViewShows) {
-  const std::vector<int32_t> pixels = PhotographFrame(ViewOf(Pinhole(), 1, 6)).PixelsOfView();
+  const std::vector<int32_t> pixels = PhotographFrame(WarpedView(Pinhole(), 1, 6)).PixelsOfView();
   // 120 pixels wide: the stored first row is at the right.
   EXPECT_EQ(pixels[0], 119);
   EXPECT_EQ(pixels[1], 120 + 119);
@@ -127,7 +120,7 @@ TEST(PhotographFrame, TurnsThePixelsThatAViewShows) {
 }
 
 TEST(PhotographFrame, TakesABoxToWhatTheViewShowsOfIt) {
-  const PhotographFrame half(ViewOf(Pinhole(), 0.5));
+  const PhotographFrame half(WarpedView(Pinhole(), 0.5));
   const std::optional<BoxPrompt> scaled = half.ToView(BoxPrompt{-10, 20, 50, 40});
   ASSERT_TRUE(scaled.has_value());
   EXPECT_NEAR(scaled->x, 0, 1e-9);
@@ -138,7 +131,7 @@ TEST(PhotographFrame, TakesABoxToWhatTheViewShowsOfIt) {
   EXPECT_FALSE(half.ToView(BoxPrompt{10, 20, 0, 5}).has_value());
   for (const LensCase& c : DistortingLenses()) {
     SCOPED_TRACE(std::string(NameOf(c.model)));
-    const ModelView view = ViewOf(c.MakeLens(), 0.5);
+    const ModelView view = WarpedView(c.MakeLens(), 0.5);
     const PhotographFrame frame(view);
     for (const BoxPrompt& box :
          {BoxPrompt{50, 30, 40, 50}, BoxPrompt{-20, 70, 90, 80}, BoxPrompt{0, 0, 160, 120}}) {
@@ -169,7 +162,7 @@ TEST(ViewPlaces, AreWithinATenthOfAPixelOfTheInverse) {
   for (const LensCase& c : DistortingLenses()) {
     for (const int orientation : {1, 8}) {
       SCOPED_TRACE(std::string(NameOf(c.model)));
-      const PhotographFrame frame(ViewOf(c.MakeLens(), 1, orientation));
+      const PhotographFrame frame(WarpedView(c.MakeLens(), 1, orientation));
       const ViewPlaces places(frame, frame.width(), frame.height());
       std::vector<Vector2f> row(frame.width());
       int num_shown = 0;

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "core/dataset/view_warp.h"
+#include "tests/core/query/warped_view.h"
 #include "tests/testing/lens_cases.h"
 #include "tests/testing/status_testing.h"
 
@@ -16,16 +17,7 @@ namespace {
 using Eigen::Vector2d;
 using testing::DistortingLenses;
 using testing::LensCase;
-
-ModelView ViewOf(const Lens& lens, double image_scale, int orientation = 1) {
-  const absl::StatusOr<ViewWarp> warp = ViewWarp::Create(lens, image_scale);
-  EXPECT_OK(warp.status());
-  ModelView view;
-  view.camera = warp->camera();
-  view.photograph = warp->photograph();
-  view.photograph->orientation = orientation;
-  return view;
-}
+using testing::WarpedView;
 
 ViewPlaces PlacesOf(const ModelView& view) {
   const PhotographFrame frame(view);
@@ -46,7 +38,7 @@ BinaryMask Draw(int width, int height, const std::function<bool(double, double)>
   return mask;
 }
 
-double Iou(const BinaryMask& a, const BinaryMask& b) {
+double IouOf(const BinaryMask& a, const BinaryMask& b) {
   double both = 0, either = 0;
   for (size_t i = 0; i < a.pixels.size(); ++i) {
     both += a.pixels[i] & b.pixels[i];
@@ -62,18 +54,18 @@ BinaryMask TakeToView(const BinaryMask& mask, const PhotographFrame& frame) {
 }
 
 TEST(MaskInPhotograph, IsTheMaskWhereThePhotographIsOnlyTurned) {
-  const ModelView view = ViewOf(Pinhole(40, 30), 1, 3);
+  const ModelView view = WarpedView(Pinhole(40, 30), 1, 3);
   const BinaryMask mask = Draw(40, 30, [](double x, double y) { return x < 12 && y < 2 * x; });
   BinaryMask turned = mask;
   std::reverse(turned.pixels.begin(), turned.pixels.end());
   // Single pixels that stick out are smoothed away.
-  EXPECT_GT(Iou(MaskInPhotograph(mask, PlacesOf(view)), turned), 0.97);
+  EXPECT_GT(IouOf(MaskInPhotograph(mask, PlacesOf(view)), turned), 0.97);
 }
 
 TEST(MaskInPhotograph, EnlargedHasSmootherEdgesThanThePixelsOfTheView) {
   const auto disc = [](double x, double y) { return std::hypot(x - 81, y - 58) < 33.3; };
   const auto stripe = [](double x, double y) { return std::abs(0.4 * x - y + 20) < 9; };
-  const ModelView view = ViewOf(Pinhole(160, 120), 0.25);
+  const ModelView view = WarpedView(Pinhole(160, 120), 0.25);
   for (const std::function<bool(double, double)>& shape :
        {std::function<bool(double, double)>(disc), std::function<bool(double, double)>(stripe)}) {
     const BinaryMask truth = Draw(160, 120, shape);
@@ -81,9 +73,9 @@ TEST(MaskInPhotograph, EnlargedHasSmootherEdgesThanThePixelsOfTheView) {
     const BinaryMask nearest = Draw(160, 120, [&](double x, double y) {
       return in_view.pixels[static_cast<size_t>(y / 4) * 40 + static_cast<size_t>(x / 4)] != 0;
     });
-    const double smooth = Iou(MaskInPhotograph(in_view, PlacesOf(view)), truth);
+    const double smooth = IouOf(MaskInPhotograph(in_view, PlacesOf(view)), truth);
     // Measured: 0.81 of the error for the disc, 0.69 for the stripe.
-    EXPECT_LT(1 - smooth, 0.85 * (1 - Iou(nearest, truth)));
+    EXPECT_LT(1 - smooth, 0.85 * (1 - IouOf(nearest, truth)));
   }
 }
 
@@ -91,20 +83,20 @@ TEST(MaskInPhotograph, SurvivesThereAndBackThroughEveryLens) {
   for (const LensCase& c : DistortingLenses()) {
     for (const int orientation : {1, 6}) {
       SCOPED_TRACE(std::string(NameOf(c.model)));
-      const ModelView view = ViewOf(c.MakeLens(), 0.5, orientation);
+      const ModelView view = WarpedView(c.MakeLens(), 0.5, orientation);
       const PhotographFrame frame(view);
       const double x0 = frame.width() / 2.0, y0 = frame.height() / 2.0;
       const BinaryMask truth = Draw(frame.width(), frame.height(), [&](double x, double y) {
         return std::hypot(x - x0, y - y0) < 40;
       });
       const BinaryMask back = MaskInPhotograph(TakeToView(truth, frame), PlacesOf(view));
-      EXPECT_GT(Iou(back, truth), 0.96);
+      EXPECT_GT(IouOf(back, truth), 0.96);
     }
   }
 }
 
 TEST(MaskInPhotograph, IsEmptyOutsideTheView) {
-  const ModelView view = ViewOf(DistortingLenses()[0].MakeLens(), 1);
+  const ModelView view = WarpedView(DistortingLenses()[0].MakeLens(), 1);
   const BinaryMask all = {
       std::vector<uint8_t>(static_cast<size_t>(view.camera.width) * view.camera.height, 1)};
   const BinaryMask mask = MaskInPhotograph(all, PlacesOf(view));
@@ -114,7 +106,7 @@ TEST(MaskInPhotograph, IsEmptyOutsideTheView) {
 }
 
 TEST(InPhotograph, MeasuresTheMaskAgain) {
-  const ModelView view = ViewOf(Pinhole(40, 30), 0.5);
+  const ModelView view = WarpedView(Pinhole(40, 30), 0.5);
   SegmentResult result;
   result.width = 20;
   result.height = 15;
@@ -143,7 +135,7 @@ TEST(ColorsInPhotograph, AreThePhotographThatWasUndistorted) {
         photo.pixels.insert(photo.pixels.end(), 3, static_cast<uint8_t>(std::lround(value)));
       }
     }
-    const ModelView view = ViewOf(lens, 1);
+    const ModelView view = WarpedView(lens, 1);
     const Image back = ColorsInPhotograph(warp.Photo(photo), PlacesOf(view));
     ASSERT_EQ(back.pixels.size(), photo.pixels.size());
     int num_shown = 0;
@@ -157,7 +149,7 @@ TEST(ColorsInPhotograph, AreThePhotographThatWasUndistorted) {
 }
 
 TEST(NearestInPhotograph, MixesNoValues) {
-  const ModelView view = ViewOf(DistortingLenses()[2].MakeLens(), 0.5);
+  const ModelView view = WarpedView(DistortingLenses()[2].MakeLens(), 0.5);
   std::vector<int32_t> ids;
   for (int i = 0; i < view.camera.width * view.camera.height; ++i)
     ids.push_back(i % 2 == 0 ? 7 : 9);

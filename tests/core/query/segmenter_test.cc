@@ -16,11 +16,11 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kSize = 48;
+constexpr int kSide = 48;
 
 // The blobs of FrontBlobs with orthogonal features.
 Model TwoBlobs() {
-  Model model = testing::FrontBlobs(kSize);
+  Model model = testing::FrontBlobs(kSide);
   model.field.features[0] = 1;
   model.field.features[32 + 1] = 1;
   return model;
@@ -58,15 +58,15 @@ TEST_F(SegmenterTest, FindsTheClickedBlobOnly) {
   ASSERT_OK_AND_ASSIGN(const auto results, Ask({.want_similarity = true}));
   ASSERT_EQ(results.size(), 1u);
   const SegmentResult& result = results[0];
-  EXPECT_EQ(result.mask.pixels[24 * kSize + 17], 1);
-  EXPECT_EQ(result.mask.pixels[24 * kSize + 30], 0);
+  EXPECT_EQ(result.mask.pixels[24 * kSide + 17], 1);
+  EXPECT_EQ(result.mask.pixels[24 * kSide + 30], 0);
   EXPECT_EQ(result.mask.pixels[0], 0);
   EXPECT_GT(result.score, 0.9);
   EXPECT_EQ(result.scale, 0.5);
   EXPECT_NEAR(result.scale_units, 2, 1e-6);
-  ASSERT_EQ(result.similarity.size(), size_t{kSize} * kSize);
-  EXPECT_NEAR(result.similarity[24 * kSize + 17], 1, 1e-3);
-  EXPECT_LT(result.similarity[24 * kSize + 30], 0.5);
+  ASSERT_EQ(result.similarity.size(), size_t{kSide} * kSide);
+  EXPECT_NEAR(result.similarity[24 * kSide + 17], 1, 1e-3);
+  EXPECT_LT(result.similarity[24 * kSide + 30], 0.5);
 }
 
 // Area, box and score are those of the refined mask.
@@ -79,7 +79,7 @@ TEST_F(SegmenterTest, RefinesBorders) {
   EXPECT_NE(result.mask.pixels, plain[0].mask.pixels);
   int64_t num_moved = 0, area = 0;
   int box[4] = {};
-  FindBox(result.mask.pixels, kSize, box);
+  FindBox(result.mask.pixels, kSide, box);
   for (size_t i = 0; i < result.mask.pixels.size(); ++i) {
     area += result.mask.pixels[i];
     num_moved += result.mask.pixels[i] != plain[0].mask.pixels[i] ? 1 : 0;
@@ -132,11 +132,11 @@ TEST_F(SegmenterTest, AClickGoesThroughWhatHardlyAnyViewShows) {
 
 TEST_F(SegmenterTest, BoxContainsTheMask) {
   ASSERT_OK_AND_ASSIGN(const auto results, Ask());
-  int min_x = kSize, max_x = -1, min_y = kSize, max_y = -1;
-  for (int i = 0; i < kSize * kSize; ++i) {
+  int min_x = kSide, max_x = -1, min_y = kSide, max_y = -1;
+  for (int i = 0; i < kSide * kSide; ++i) {
     if (results[0].mask.pixels[i] == 0) continue;
-    min_x = std::min(min_x, i % kSize), max_x = std::max(max_x, i % kSize);
-    min_y = std::min(min_y, i / kSize), max_y = std::max(max_y, i / kSize);
+    min_x = std::min(min_x, i % kSide), max_x = std::max(max_x, i % kSide);
+    min_y = std::min(min_y, i / kSide), max_y = std::max(max_y, i / kSide);
   }
   EXPECT_EQ(results[0].box[0], min_x);
   EXPECT_EQ(results[0].box[1], min_y);
@@ -148,12 +148,12 @@ TEST_F(SegmenterTest, BoxContainsTheMask) {
 TEST_F(SegmenterTest, TwoPositivePointsTakeBothAndANegativeOneTakesBack) {
   points_.push_back({kRightX, kY, true});
   ASSERT_OK_AND_ASSIGN(const auto both, Ask());
-  EXPECT_EQ(both[0].mask.pixels[24 * kSize + 17], 1);
-  EXPECT_EQ(both[0].mask.pixels[24 * kSize + 30], 1);
+  EXPECT_EQ(both[0].mask.pixels[24 * kSide + 17], 1);
+  EXPECT_EQ(both[0].mask.pixels[24 * kSide + 30], 1);
   points_.push_back({kRightX, kY, false});
   ASSERT_OK_AND_ASSIGN(const auto one, Ask());
-  EXPECT_EQ(one[0].mask.pixels[24 * kSize + 17], 1);
-  EXPECT_EQ(one[0].mask.pixels[24 * kSize + 30], 0);
+  EXPECT_EQ(one[0].mask.pixels[24 * kSide + 17], 1);
+  EXPECT_EQ(one[0].mask.pixels[24 * kSide + 30], 0);
 }
 
 TEST_F(SegmenterTest, FreeCamerasAreTargetsAndPromptViews) {
@@ -173,7 +173,7 @@ TEST_F(SegmenterTest, FreeCamerasAreTargetsAndPromptViews) {
   view_ = target;
   points_ = {{x + 0.5, 20.5, true}};
   ASSERT_OK_AND_ASSIGN(const auto back, Ask());
-  EXPECT_EQ(back[0].mask.pixels[24 * kSize + 17], 1);
+  EXPECT_EQ(back[0].mask.pixels[24 * kSide + 17], 1);
 }
 
 TEST_F(SegmenterTest, AnEmptyMaskHasNoBoxAndNoScore) {
@@ -186,7 +186,7 @@ TEST_F(SegmenterTest, AnEmptyMaskHasNoBoxAndNoScore) {
 
 TEST_F(SegmenterTest, RendersColour) {
   ASSERT_OK_AND_ASSIGN(const Image image, segmenter_->RenderColor(view_));
-  const uint8_t* left = &image.pixels[(24 * kSize + 17) * 3];
+  const uint8_t* left = &image.pixels[(24 * kSide + 17) * 3];
   EXPECT_GT(left[0], 200);
   EXPECT_LT(left[2], 50);
   EXPECT_EQ(image.pixels[0], 0);
@@ -216,9 +216,9 @@ TEST_F(SegmenterTest, SimilarityToThePointFeaturesIsThatOfTheQuery) {
   ASSERT_OK_AND_ASSIGN(const auto features, segmenter_->PointFeatures(view, points));
   ASSERT_EQ(features.size(), 2u * 32);
   ASSERT_OK_AND_ASSIGN(const auto similarity, segmenter_->Similarity(features, 0.5, view));
-  ASSERT_EQ(similarity.size(), 2u * kSize * kSize);
+  ASSERT_EQ(similarity.size(), 2u * kSide * kSide);
   ASSERT_OK_AND_ASSIGN(const auto left, Ask({.want_similarity = true}));
-  EXPECT_EQ(std::vector<float>(similarity.begin() + kSize * kSize, similarity.end()),
+  EXPECT_EQ(std::vector<float>(similarity.begin() + kSide * kSide, similarity.end()),
             left[0].similarity);
   EXPECT_STATUS(segmenter_->PointFeatures(view, std::vector<PointPrompt>{{1.5, 1.5, true}}),
                 absl::StatusCode::kInvalidArgument, "nothing with a feature is rendered there");
@@ -285,13 +285,13 @@ TEST(SegmenterCreate, RefusesAModelWithoutItsFeatures) {
                 "no Gaussian");
 }
 
-constexpr int kLeft = 24 * kSize + 17, kRight = 24 * kSize + 30;  // pixels in the blobs
+constexpr int kLeft = 24 * kSide + 17, kRight = 24 * kSide + 30;  // pixels in the blobs
 
 // A red blob on the left and a blue one on the right, 3 units away, with orthogonal features.
 class SegmenterRender : public ::testing::Test {
  protected:
   void SetUp() override {
-    Model model = testing::FrontBlobs(kSize);
+    Model model = testing::FrontBlobs(kSide);
     model.field.features[0] = 1;
     model.field.features[32 + 1] = 1;
     ASSERT_OK_AND_ASSIGN(segmenter_, Segmenter::Create(*backend_, std::move(model)));
@@ -329,7 +329,7 @@ TEST_F(SegmenterRender, ASubsetLeavesTheModelAsItWas) {
 
 TEST_F(SegmenterRender, DepthIsAlongTheAxisAndZeroWhereNothingIs) {
   ASSERT_OK_AND_ASSIGN(const std::vector<float> depth, segmenter_->RenderDepth(view_));
-  ASSERT_EQ(depth.size(), size_t{kSize} * kSize);
+  ASSERT_EQ(depth.size(), size_t{kSide} * kSide);
   EXPECT_NEAR(depth[kLeft], 3, 1e-3);
   EXPECT_NEAR(depth[kRight], 3, 1e-3);
   EXPECT_EQ(depth[0], 0);
@@ -352,7 +352,7 @@ TEST_F(SegmenterRender, FeaturesHaveOneColourInAllViews) {
   beside.cam_from_world.translation = {-0.5, 0, 0};  // the right blob is in the middle
   ASSERT_OK_AND_ASSIGN(const Image other, segmenter_->RenderFeatures(beside, 0.5));
   for (int k = 0; k < 3; ++k) {
-    EXPECT_NEAR(At(other, 24 * kSize + 24)[k], At(front, kRight)[k], 1);
+    EXPECT_NEAR(At(other, 24 * kSide + 24)[k], At(front, kRight)[k], 1);
   }
   EXPECT_STATUS(segmenter_->RenderFeatures(view_, NAN), absl::StatusCode::kInvalidArgument,
                 "scale is nan");

@@ -12,13 +12,10 @@
 namespace pepeseg {
 namespace {
 
+using testing::SyntheticCapture;
+
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kInf = std::numeric_limits<float>::infinity();
-
-const Capture& Synthetic() {
-  static const Capture capture = testing::MakeSyntheticScene().capture;
-  return capture;
-}
 
 // Options of a short run with every part: photographs at a quarter of their size until step 15, at
 // half until step 30, refinement until 39, density control at 25, 50 and 75, opacity reset at 40.
@@ -38,7 +35,7 @@ ReconstructOptions Options() {
 }
 
 std::unique_ptr<Reconstructor> Fresh(Backend& backend) {
-  return Reconstructor::Create(backend, Synthetic(), Options()).value();
+  return Reconstructor::Create(backend, SyntheticCapture(), Options()).value();
 }
 
 void StepTo(Reconstructor& reconstructor, int step, int from = 0) {
@@ -77,7 +74,7 @@ TEST(ReconstructCheckpoint, ResumesToTheSameBytesAsAnUnbrokenRun) {
     // Resumes with another number of threads, as on another machine.
     const auto other = MakeCpuBackend(1);
     ASSERT_OK_AND_ASSIGN(const auto resumed,
-                         Reconstructor::Resume(*other, Synthetic(), Options(), checkpoint));
+                         Reconstructor::Resume(*other, SyntheticCapture(), Options(), checkpoint));
     StepTo(*resumed, 90, step);
     EXPECT_TRUE(resumed->done());
     EXPECT_EQ(resumed->Result().planes, expected.planes) << "broken off after step " << step;
@@ -86,8 +83,8 @@ TEST(ReconstructCheckpoint, ResumesToTheSameBytesAsAnUnbrokenRun) {
 
 TEST(ReconstructCheckpoint, ContinuesTheReports) {
   const auto backend = MakeCpuBackend(2);
-  ASSERT_OK_AND_ASSIGN(const auto resumed,
-                       Reconstructor::Resume(*backend, Synthetic(), Options(), CheckpointAt(33)));
+  ASSERT_OK_AND_ASSIGN(const auto resumed, Reconstructor::Resume(*backend, SyntheticCapture(),
+                                                                 Options(), CheckpointAt(33)));
   ASSERT_OK_AND_ASSIGN(const StepReport report, resumed->Step());
   EXPECT_EQ(report.step, 34);
   const auto unbroken = Fresh(*backend);
@@ -163,7 +160,7 @@ TEST(ReconstructCheckpoint, RefusesNumbersThatAreNotFinite) {
       EXPECT_STATUS(Validate(checkpoint), absl::StatusCode::kDataLoss, "not finite");
       EXPECT_STATUS(ReconstructCheckpointOf(SectionsOf(checkpoint)), absl::StatusCode::kDataLoss,
                     "not finite");
-      EXPECT_STATUS(Reconstructor::Resume(*backend, Synthetic(), Options(), checkpoint),
+      EXPECT_STATUS(Reconstructor::Resume(*backend, SyntheticCapture(), Options(), checkpoint),
                     absl::StatusCode::kDataLoss, "not finite");
     }
   }
@@ -174,7 +171,7 @@ TEST(ReconstructCheckpoint, RefusesToResumeAnotherRun) {
   const auto backend = MakeCpuBackend(1);
   const auto expect = [&](const ReconstructCheckpoint& checkpoint,
                           const ReconstructOptions& options, const char* why) {
-    EXPECT_STATUS(Reconstructor::Resume(*backend, Synthetic(), options, checkpoint),
+    EXPECT_STATUS(Reconstructor::Resume(*backend, SyntheticCapture(), options, checkpoint),
                   absl::StatusCode::kDataLoss, why);
   };
   ReconstructOptions shorter = Options();

@@ -13,12 +13,9 @@
 namespace pepeseg {
 namespace {
 
-absl::Status Ignore(const StepReport&) { return absl::OkStatus(); }
+using testing::SyntheticCapture;
 
-const Capture& Synthetic() {
-  static const Capture capture = testing::MakeSyntheticScene().capture;
-  return capture;
-}
+absl::Status Ignore(const StepReport&) { return absl::OkStatus(); }
 
 ReconstructOptions ShortRun(int num_steps) {
   ReconstructOptions options;
@@ -35,7 +32,7 @@ TEST(Reconstruct, TenStepsMatchTheGoldenRun) {
   const auto backend = MakeCpuBackend(2);
   ReconstructOptions options = ShortRun(10);
   std::vector<double> losses;
-  ASSERT_OK(Reconstruct(*backend, Synthetic(), options, [&](const StepReport& report) {
+  ASSERT_OK(Reconstruct(*backend, SyntheticCapture(), options, [&](const StepReport& report) {
     losses.push_back(report.loss);
     return absl::OkStatus();
   }));
@@ -50,7 +47,7 @@ TEST(Reconstruct, LeavesOutGaussiansUntilTheShareOfTheSteps) {
     ReconstructOptions options = ShortRun(20);
     options.dropout = dropout;
     options.dropout_until = until;
-    return Reconstruct(*backend, Synthetic(), options, Ignore).value();
+    return Reconstruct(*backend, SyntheticCapture(), options, Ignore).value();
   };
   const Gaussians none = result_of(0, 1);
   EXPECT_EQ(result_of(0.1f, 0).planes, none.planes);
@@ -67,7 +64,8 @@ TEST(Reconstruct, GivesTheSameBytesForAnyThreadCountAndRun) {
   std::vector<Gaussians> results;
   for (const int num_threads : {1, 2, 2}) {
     const auto backend = MakeCpuBackend(num_threads);
-    ASSERT_OK_AND_ASSIGN(Gaussians result, Reconstruct(*backend, Synthetic(), options, Ignore));
+    ASSERT_OK_AND_ASSIGN(Gaussians result,
+                         Reconstruct(*backend, SyntheticCapture(), options, Ignore));
     results.push_back(std::move(result));
   }
   EXPECT_GT(results[0].count, 700);  // density control took part
@@ -75,19 +73,21 @@ TEST(Reconstruct, GivesTheSameBytesForAnyThreadCountAndRun) {
   EXPECT_EQ(results[1].planes, results[2].planes);
   options.seed = 2;
   const auto backend = MakeCpuBackend(2);
-  ASSERT_OK_AND_ASSIGN(const Gaussians other, Reconstruct(*backend, Synthetic(), options, Ignore));
+  ASSERT_OK_AND_ASSIGN(const Gaussians other,
+                       Reconstruct(*backend, SyntheticCapture(), options, Ignore));
   EXPECT_NE(other.planes, results[0].planes);
 }
 
 TEST(Reconstruct, LearnsTheSyntheticScene) {
   const auto backend = MakeCpuBackend(2);
   StepReport last;
-  ASSERT_OK_AND_ASSIGN(const Gaussians gaussians, Reconstruct(*backend, Synthetic(), ShortRun(400),
-                                                              [&](const StepReport& report) {
-                                                                last = report;
-                                                                return absl::OkStatus();
-                                                              }));
-  ASSERT_OK_AND_ASSIGN(const auto scores, ScoreHeldOut(*backend, Synthetic(), gaussians));
+  ASSERT_OK_AND_ASSIGN(
+      const Gaussians gaussians,
+      Reconstruct(*backend, SyntheticCapture(), ShortRun(400), [&](const StepReport& report) {
+        last = report;
+        return absl::OkStatus();
+      }));
+  ASSERT_OK_AND_ASSIGN(const auto scores, ScoreHeldOut(*backend, SyntheticCapture(), gaussians));
   RecordProperty("psnr", std::to_string(Mean(scores).psnr));
   EXPECT_GT(Mean(scores).psnr, 26);  // 28.0 when this was written
   EXPECT_GT(Mean(scores).ssim, 0.84);
@@ -111,7 +111,7 @@ TEST(Reconstruct, RefinesAtTheBordersOfMasks) {
     options.refine_keep = keep;
     StepReport last;
     std::vector<int64_t> refining;
-    ASSERT_OK(Reconstruct(*backend, Synthetic(), options, [&](const StepReport& report) {
+    ASSERT_OK(Reconstruct(*backend, SyntheticCapture(), options, [&](const StepReport& report) {
       if (report.num_refined > last.num_refined) refining.push_back(report.step);
       last = report;
       return absl::OkStatus();
@@ -126,7 +126,7 @@ TEST(Reconstruct, RefinesAtTheBordersOfMasks) {
 }
 
 TEST(Reconstruct, LearnsWithoutPoints) {
-  Capture capture = Synthetic();
+  Capture capture = SyntheticCapture();
   capture.points.clear();
   const auto backend = MakeCpuBackend(2);
   ReconstructOptions options = ShortRun(300);
@@ -140,7 +140,7 @@ TEST(Reconstruct, LearnsWithoutPoints) {
 TEST(Reconstruct, DoesNotDependOnIgnoredPixelsOrHeldOutViews) {
   ReconstructOptions options = ShortRun(40);
   options.ssim_weight = 0;
-  Capture capture = Synthetic();
+  Capture capture = SyntheticCapture();
   for (View& view : capture.views) {
     view.ignore.assign(view.photo.pixels.size() / 3, 0);
     for (size_t i = 0; i < view.ignore.size() / 4; ++i) view.ignore[i] = 1;
@@ -251,17 +251,18 @@ TEST(Reconstruct, IgnoresPriorsWithoutADepthWeight) {
                                      return absl::OkStatus();
                                    }));
   ASSERT_OK_AND_ASSIGN(const Gaussians without,
-                       Reconstruct(*backend, Synthetic(), options, Ignore));
+                       Reconstruct(*backend, SyntheticCapture(), options, Ignore));
   EXPECT_EQ(with.planes, without.planes);
 }
 
 TEST(Reconstruct, EndsWithTheErrorOfItsProgress) {
   const auto backend = MakeCpuBackend(1);
   int64_t num_calls = 0;
-  const auto result = Reconstruct(*backend, Synthetic(), ShortRun(50), [&](const StepReport& r) {
-    num_calls = r.step;
-    return r.step == 7 ? absl::CancelledError("stop asked for") : absl::OkStatus();
-  });
+  const auto result =
+      Reconstruct(*backend, SyntheticCapture(), ShortRun(50), [&](const StepReport& r) {
+        num_calls = r.step;
+        return r.step == 7 ? absl::CancelledError("stop asked for") : absl::OkStatus();
+      });
   EXPECT_STATUS(result, absl::StatusCode::kCancelled, "stop asked for");
   EXPECT_EQ(num_calls, 7);
 }
@@ -270,21 +271,21 @@ TEST(Reconstruct, RefusesCapturesItCannotTrainOn) {
   const auto backend = MakeCpuBackend(1);
   ReconstructOptions bad;
   bad.num_steps = 0;
-  EXPECT_STATUS(Reconstruct(*backend, Synthetic(), bad, Ignore), absl::StatusCode::kInvalidArgument,
-                "num_steps");
-  Capture capture = Synthetic();
+  EXPECT_STATUS(Reconstruct(*backend, SyntheticCapture(), bad, Ignore),
+                absl::StatusCode::kInvalidArgument, "num_steps");
+  Capture capture = SyntheticCapture();
   for (View& view : capture.views) view.held_out = true;
   EXPECT_STATUS(Reconstruct(*backend, capture, ShortRun(5), Ignore),
                 absl::StatusCode::kFailedPrecondition, "no training view");
-  capture = Synthetic();
+  capture = SyntheticCapture();
   capture.views[1].photo.pixels.resize(10);
   EXPECT_STATUS(Reconstruct(*backend, capture, ShortRun(5), Ignore),
                 absl::StatusCode::kFailedPrecondition, capture.views[1].name);
-  capture = Synthetic();
+  capture = SyntheticCapture();
   capture.views[2].ignore.assign(5, 0);
   EXPECT_STATUS(Reconstruct(*backend, capture, ShortRun(5), Ignore),
                 absl::StatusCode::kFailedPrecondition, "ignore mask");
-  capture = Synthetic();
+  capture = SyntheticCapture();
   capture.views[1].depth.values.assign(5, 0);
   EXPECT_STATUS(Reconstruct(*backend, capture, ShortRun(5), Ignore),
                 absl::StatusCode::kFailedPrecondition, "depth prior");

@@ -169,7 +169,7 @@ TEST(DepthAgreement, ResumesFromItsState) {
   EXPECT_TRUE(resumed.Failed());
 }
 
-const Capture& Synthetic() {
+const Capture& SmallSynthetic() {
   static const Capture capture =
       testing::MakeSyntheticScene({.width = 48, .height = 36, .num_points = 200}).capture;
   return capture;
@@ -180,7 +180,7 @@ Gaussians Trained(Backend& backend) {
   ReconstructOptions options;
   options.num_steps = 150;
   options.sh_degree = 0;
-  const Gaussians flat = Reconstruct(backend, Synthetic(), options, [](const StepReport&) {
+  const Gaussians flat = Reconstruct(backend, SmallSynthetic(), options, [](const StepReport&) {
                            return absl::OkStatus();
                          }).value();
   Gaussians out = Gaussians::Zero(flat.count, kMaxShDegree);
@@ -191,7 +191,7 @@ Gaussians Trained(Backend& backend) {
 class ShPruningTest : public ::testing::Test {
  protected:
   int Sufficient(const Gaussians& gaussians, double min_gain) {
-    const TrainingViews views(*backend_, Synthetic(), {});
+    const TrainingViews views(*backend_, SmallSynthetic(), {});
     GaussianState state(*backend_, gaussians);
     return SufficientShDegree(*backend_, views, 0.02f, state, min_gain);
   }

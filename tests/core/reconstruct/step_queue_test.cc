@@ -13,10 +13,7 @@
 namespace pepeseg {
 namespace {
 
-const Capture& Synthetic() {
-  static const Capture capture = testing::MakeSyntheticScene().capture;
-  return capture;
-}
+using testing::SyntheticCapture;
 
 // Density control comes after steps 10, 20, ... 50; the stage reviews what a scene needs after
 // each window of steps.
@@ -58,7 +55,7 @@ TEST(StepsAtOnce, AreOneWithADepthLoss) {
 TEST(StepsAtOnce, EndWhereDensityControlIsDue) {
   const auto backend = MakeCpuBackend(2);
   ASSERT_OK_AND_ASSIGN(const auto reconstructor,
-                       Reconstructor::Create(*backend, Synthetic(), Options(4)));
+                       Reconstructor::Create(*backend, SyntheticCapture(), Options(4)));
   const std::vector<int64_t> done = StepsDone(*reconstructor);
   ASSERT_GE(done.size(), 6u);
   EXPECT_EQ(std::vector<int64_t>(done.begin(), done.begin() + 6),
@@ -69,13 +66,14 @@ TEST(StepsAtOnce, EndWhereDensityControlIsDue) {
 TEST(StepsAtOnce, ResumeToTheSameBytes) {
   const auto backend = MakeCpuBackend(2);
   ASSERT_OK_AND_ASSIGN(const auto unbroken,
-                       Reconstructor::Create(*backend, Synthetic(), Options(4)));
-  ASSERT_OK_AND_ASSIGN(const auto broken, Reconstructor::Create(*backend, Synthetic(), Options(4)));
+                       Reconstructor::Create(*backend, SyntheticCapture(), Options(4)));
+  ASSERT_OK_AND_ASSIGN(const auto broken,
+                       Reconstructor::Create(*backend, SyntheticCapture(), Options(4)));
   for (int call = 0; call < 5; ++call) ASSERT_OK(broken->Step());
   ASSERT_OK_AND_ASSIGN(const ReconstructCheckpoint checkpoint, broken->Save());
   EXPECT_EQ(checkpoint.counters.step, 18);
   ASSERT_OK_AND_ASSIGN(const auto resumed,
-                       Reconstructor::Resume(*backend, Synthetic(), Options(4), checkpoint));
+                       Reconstructor::Resume(*backend, SyntheticCapture(), Options(4), checkpoint));
   StepsDone(*unbroken);
   StepsDone(*resumed);
   EXPECT_EQ(resumed->Result().planes, unbroken->Result().planes);
@@ -88,10 +86,10 @@ TEST(StepsAtOnce, DoWhatStepsOneAfterTheOtherDo) {
   const auto psnr_of = [&](int views_at_once) {
     ReconstructOptions options = Options(views_at_once);
     options.num_steps = 200;
-    const auto reconstructor = Reconstructor::Create(*backend, Synthetic(), options).value();
+    const auto reconstructor = Reconstructor::Create(*backend, SyntheticCapture(), options).value();
     StepsDone(*reconstructor);
     const Gaussians gaussians = reconstructor->Result();
-    return Mean(ScoreHeldOut(*backend, Synthetic(), gaussians).value()).psnr;
+    return Mean(ScoreHeldOut(*backend, SyntheticCapture(), gaussians).value()).psnr;
   };
   const double one = psnr_of(1), four = psnr_of(4);
   EXPECT_NEAR(four, one, 1.0);

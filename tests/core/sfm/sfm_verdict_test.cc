@@ -9,7 +9,7 @@ namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
-constexpr auto kFailed = absl::StatusCode::kFailedPrecondition;
+constexpr auto kRefused = absl::StatusCode::kFailedPrecondition;
 
 // Returns evidence of photographs p0, p1, ... that have many features and are all connected.
 SfmEvidence Photographs(size_t count) {
@@ -32,9 +32,9 @@ TEST(JudgeFeatures, RejectsTooFewFeatures) {
   EXPECT_OK(JudgeFeatures(evidence, {}));
   evidence.num_features[5] = 99;
   const absl::Status status = JudgeFeatures(evidence, {});
-  EXPECT_STATUS(status, kFailed, "6 of 10 photographs show fewer than 100 features");
-  EXPECT_STATUS(status, kFailed, "p0, p1, p2, p3, p4, ...");
-  EXPECT_STATUS(status, kFailed, "blurred");
+  EXPECT_STATUS(status, kRefused, "6 of 10 photographs show fewer than 100 features");
+  EXPECT_STATUS(status, kRefused, "p0, p1, p2, p3, p4, ...");
+  EXPECT_STATUS(status, kRefused, "blurred");
 }
 
 TEST(JudgeFeatures, NeedsThreePhotographsWhateverTheShare) {
@@ -43,7 +43,7 @@ TEST(JudgeFeatures, NeedsThreePhotographsWhateverTheShare) {
   options.min_registered_share = 0;
   EXPECT_OK(JudgeFeatures(evidence, options));
   evidence.num_features[1] = 0;
-  EXPECT_STATUS(JudgeFeatures(evidence, options), kFailed, "1 of 3");
+  EXPECT_STATUS(JudgeFeatures(evidence, options), kRefused, "1 of 3");
 }
 
 TEST(JudgeModels, AcceptsALargestModelThatIsLargeEnough) {
@@ -58,29 +58,29 @@ TEST(JudgeModels, NamesBothPlaces) {
   SfmEvidence evidence = Photographs(16);
   evidence.models = {Range(0, 9), Range(9, 16)};
   const absl::Status status = JudgeModels(evidence, {});
-  EXPECT_STATUS(status, kFailed, "9 of 16 show one (p0, p1, p2, p3, p4, ...)");
-  EXPECT_STATUS(status, kFailed, "7 another (p9, p10, p11, p12, p13, ...)");
-  EXPECT_STATUS(status, kFailed, "make a scene of each");
+  EXPECT_STATUS(status, kRefused, "9 of 16 show one (p0, p1, p2, p3, p4, ...)");
+  EXPECT_STATUS(status, kRefused, "7 another (p9, p10, p11, p12, p13, ...)");
+  EXPECT_STATUS(status, kRefused, "make a scene of each");
 }
 
 TEST(JudgeModels, DistinguishesNoMotionFromNoOverlap) {
   SfmEvidence evidence = Photographs(10);
   const absl::Status still = JudgeModels(evidence, {});
-  EXPECT_STATUS(still, kFailed, "0 of 10 photographs, 5 are needed");
-  EXPECT_STATUS(still, kFailed, "the camera did not move");
+  EXPECT_STATUS(still, kRefused, "0 of 10 photographs, 5 are needed");
+  EXPECT_STATUS(still, kRefused, "the camera did not move");
   evidence.num_connected = 3;
   const absl::Status apart = JudgeModels(evidence, {});
-  EXPECT_STATUS(apart, kFailed, "too little of what one photograph shows is in the next");
+  EXPECT_STATUS(apart, kRefused, "too little of what one photograph shows is in the next");
   EXPECT_THAT(std::string(apart.message()), Not(HasSubstr("did not move")));
 }
 
 TEST(JudgeModels, NamesPhotographsWithoutPoseAndTheLikelyCause) {
   SfmEvidence evidence = Photographs(10);
   evidence.models = {Range(6, 10)};
-  EXPECT_STATUS(JudgeModels(evidence, {}), kFailed,
+  EXPECT_STATUS(JudgeModels(evidence, {}), kRefused,
                 "4 of 10 photographs, 5 are needed; not for p0, p1, p2, p3, p4, ...: too little");
   for (size_t i = 0; i < 4; ++i) evidence.num_features[i] = 10;
-  EXPECT_STATUS(JudgeModels(evidence, {}), kFailed,
+  EXPECT_STATUS(JudgeModels(evidence, {}), kRefused,
                 "4 of the photographs show too little: blurred");
 }
 

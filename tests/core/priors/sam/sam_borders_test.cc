@@ -15,12 +15,12 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kWidth = 512, kHeight = 384;
+constexpr int kPhotoWidth = 512, kPhotoHeight = 384;
 
 BinaryMask MaskWhere(const std::function<bool(int x, int y)>& inside) {
   BinaryMask mask;
-  for (int i = 0; i < kWidth * kHeight; ++i) {
-    mask.pixels.push_back(inside(i % kWidth, i / kWidth) ? 1 : 0);
+  for (int i = 0; i < kPhotoWidth * kPhotoHeight; ++i) {
+    mask.pixels.push_back(inside(i % kPhotoWidth, i / kPhotoWidth) ? 1 : 0);
   }
   return mask;
 }
@@ -45,7 +45,7 @@ class SamBordersTest : public ::testing::Test {
       : folder_path_(folder_ / "sam"),
         square_(MaskWhere([](int x, int y) { return InSquare(x, y, 0); })) {
     testing::MakeFakeSam(folder_path_);
-    image_ = {kWidth, kHeight, 3, {}};
+    image_ = {kPhotoWidth, kPhotoHeight, 3, {}};
     for (const uint8_t red : square_.pixels) {
       for (const int value : {red * 250, 0, (1 - red) * 250}) {
         image_.pixels.push_back(static_cast<uint8_t>(value));
@@ -57,7 +57,7 @@ class SamBordersTest : public ::testing::Test {
     if (!borders.ok()) return {};
     const auto embedding = (*borders)->Embed(image_);
     if (!embedding.ok()) return {};
-    return (*borders)->Refine(*embedding, mask, kWidth, kHeight).value_or(BinaryMask());
+    return (*borders)->Refine(*embedding, mask, kPhotoWidth, kPhotoHeight).value_or(BinaryMask());
   }
 
   testing::TempFolder folder_;
@@ -80,8 +80,8 @@ TEST_F(SamBordersTest, StayFarFromTheBorderOfTheMask) {
     return InSquare(x, y, 0) || (x >= 400 && x < 460 && y >= 100 && y < 160);
   });
   const BinaryMask refined = Refined(mask);
-  EXPECT_EQ(refined.pixels[130 * kWidth + 430], 1);
-  EXPECT_EQ(refined.pixels[130 * kWidth + 402], 0);
+  EXPECT_EQ(refined.pixels[130 * kPhotoWidth + 430], 1);
+  EXPECT_EQ(refined.pixels[130 * kPhotoWidth + 402], 0);
 }
 
 TEST_F(SamBordersTest, StayWhereTheNetworkSeesAnotherThing) {

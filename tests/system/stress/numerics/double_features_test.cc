@@ -21,7 +21,7 @@ namespace {
 constexpr int kNumGaussians = 60, kNumPixels = 24, kNumScales = 3, kRowLength = 3, kNumBatches = 8;
 constexpr float kRate = 2.5e-3f, kBeta1 = 0.9f, kBeta2 = 0.999f;
 
-int NumSteps() { return FullStress() ? 1'000 : 200; }
+int NumFeatureSteps() { return FullStress() ? 1'000 : 200; }
 
 // Blend rows over some of the Gaussians, and what the pair loss needs to know of them.
 struct Batch {
@@ -49,8 +49,8 @@ Batch RandomBatch(uint64_t seed) {
 
 // c(t) of FeatureState.
 std::vector<float> Corrections() {
-  std::vector<float> terms(static_cast<size_t>(NumSteps()) + 1);
-  for (int t = 1; t <= NumSteps(); ++t) {
+  std::vector<float> terms(static_cast<size_t>(NumFeatureSteps()) + 1);
+  for (int t = 1; t <= NumFeatureSteps(); ++t) {
     terms[t] = static_cast<float>(std::sqrt(1 - std::pow(double{kBeta2}, t)) /
                                   (1 - std::pow(double{kBeta1}, t)));
   }
@@ -250,7 +250,7 @@ TEST_P(DoubleFeatureRuns, AgreeWithFloatInStageTwo) {
   SingleFeatures single(*backend_);
   DoubleFeatures wide;
   double first = 0, last = 0, of_50 = 0, largest = 0;
-  for (int step = 0; step < NumSteps(); ++step) {
+  for (int step = 0; step < NumFeatureSteps(); ++step) {
     const Batch& batch = batches[static_cast<size_t>(step * 5) % batches.size()];
     const double loss = single.Step(batch), want = wide.Step(batch);
     if (step == 0) first = want;

@@ -24,7 +24,7 @@ constexpr int kSide = 32;
 constexpr float kNear = 0.04f, kSsimWeight = 0.2f;
 const LearningRates kRates = {6e-4f, 5e-3f, 1e-3f, 5e-2f, 2.5e-3f, 1.25e-4f};
 
-int NumSteps() { return FullStress() ? 1'000 : 300; }
+int NumRunSteps() { return FullStress() ? 1'000 : 300; }
 
 HostGaussians StartOf(const Capture& capture) {
   HostGaussians start = {static_cast<int64_t>(capture.points.size()), 1, {}};
@@ -159,8 +159,8 @@ TEST_P(DoubleRuns, AgreeWithFloatInStageOne) {
     photos.emplace_back(*backend_, std::span<const uint8_t>(view.photo.pixels));
   }
   double first = 0, of_100 = 0, largest = 0, sum = 0, sum_wide = 0;
-  const int last_tenth = NumSteps() * 9 / 10;
-  for (int step = 0; step < NumSteps(); ++step) {
+  const int last_tenth = NumRunSteps() * 9 / 10;
+  for (int step = 0; step < NumRunSteps(); ++step) {
     const size_t at = static_cast<size_t>(step) % capture.views.size();
     const View& view = capture.views[at];
     const PinholeView pinhole = ToPinholeView(view.camera, view.cam_from_world);

@@ -13,7 +13,7 @@
 namespace pepeseg::testing {
 namespace {
 
-int NumSteps() { return FullStress() ? 5'000 : 300; }
+int NumMaskSteps() { return FullStress() ? 5'000 : 300; }
 
 class ExtremeMasks : public BackendTest {
  protected:
@@ -39,11 +39,11 @@ class ExtremeMasks : public BackendTest {
 
   // Runs stage one with refinement, and stage two.
   void Learn(const char* what, const Capture& capture) {
-    ReconstructOptions options = TinyReconstruct(NumSteps());
+    ReconstructOptions options = TinyReconstruct(NumMaskSteps());
     options.refine_length = 0.2;
     const auto one = RunStageOne(*backend_, capture, options);
     EXPECT_OK(one.status()) << what;
-    const auto two = RunStageTwo(*backend_, capture, gaussians_, TinyFeatures(NumSteps()));
+    const auto two = RunStageTwo(*backend_, capture, gaussians_, TinyFeatures(NumMaskSteps()));
     ASSERT_OK(two.status()) << what;
     ExpectAsMeasured(*backend_, std::string("masks, ") + what, MedianOfLast(two->losses, 0.05));
     if (one.ok()) ExpectAsMeasured(*backend_, std::string("masks, ") + what + ": PSNR", one->psnr);
@@ -59,9 +59,9 @@ BinaryMask Everything(const View& view) { return {std::vector<uint8_t>(NumPixels
 
 TEST_P(ExtremeMasks, AbsenceFailsStageTwoWithAReason) {
   const Capture capture = WithMasks([](const View&) { return std::vector<BinaryMask>(); });
-  ReconstructOptions options = TinyReconstruct(NumSteps());
+  ReconstructOptions options = TinyReconstruct(NumMaskSteps());
   EXPECT_OK(RunStageOne(*backend_, capture, options).status());
-  EXPECT_STATUS(RunStageTwo(*backend_, capture, gaussians_, TinyFeatures(NumSteps())),
+  EXPECT_STATUS(RunStageTwo(*backend_, capture, gaussians_, TinyFeatures(NumMaskSteps())),
                 absl::StatusCode::kFailedPrecondition, "mask");
 }
 

@@ -14,7 +14,7 @@
 namespace pepeseg::testing {
 namespace {
 
-int NumSteps() { return FullStress() ? 5'000 : 500; }
+int NumPhotographSteps() { return FullStress() ? 5'000 : 500; }
 
 class ExtremePhotographs : public BackendTest {
  protected:
@@ -26,7 +26,7 @@ class ExtremePhotographs : public BackendTest {
     return *run;
   }
   StageOneRun Learn(const char* what, const Capture& capture) {
-    return Learn(what, capture, TinyReconstruct(NumSteps()));
+    return Learn(what, capture, TinyReconstruct(NumPhotographSteps()));
   }
 };
 INSTANTIATE_TEST_SUITE_P(Backends, ExtremePhotographs, CpuAndCuda(), BackendName);
@@ -39,7 +39,7 @@ Capture Painted(uint8_t value) {
 
 // In front of a black background no Gaussian is needed. Once all have faded, the stage reports it.
 TEST_P(ExtremePhotographs, AllBlackFadesUntilNoGaussianIsLeft) {
-  ReconstructOptions options = TinyReconstruct(NumSteps());
+  ReconstructOptions options = TinyReconstruct(NumPhotographSteps());
   options.prune_opacity = 0;
   Learn("black", Painted(0), options);
   options = TinyReconstruct(20'000);
@@ -69,7 +69,7 @@ TEST_P(ExtremePhotographs, AllIgnoredChangesNoColour) {
   for (View& view : capture.views) {
     if (!view.held_out) view.ignore.assign(view.photo.pixels.size() / 3, 1);
   }
-  ReconstructOptions options = TinyReconstruct(NumSteps());
+  ReconstructOptions options = TinyReconstruct(NumPhotographSteps());
   options.opacity_decay = 1;
   Learn("all ignored", capture, options);
 }
@@ -77,7 +77,7 @@ TEST_P(ExtremePhotographs, AllIgnoredChangesNoColour) {
 TEST_P(ExtremePhotographs, OneGaussianTrains) {
   Capture capture = TinyCapture();
   capture.points.resize(1);
-  ReconstructOptions options = TinyReconstruct(NumSteps());
+  ReconstructOptions options = TinyReconstruct(NumPhotographSteps());
   options.max_gaussians = 1;
   const StageOneRun run = Learn("one Gaussian", capture, options);
   EXPECT_EQ(run.gaussians.count, 1);
@@ -94,7 +94,7 @@ TEST_P(ExtremePhotographs, CoincidentPointsTrain) {
 TEST_P(ExtremePhotographs, RandomPointsTrainIfThereAreNone) {
   Capture capture = TinyCapture();
   capture.points.clear();
-  ReconstructOptions options = TinyReconstruct(NumSteps());
+  ReconstructOptions options = TinyReconstruct(NumPhotographSteps());
   options.num_random_points = 300;
   Learn("no points", capture, options);
 }

@@ -16,7 +16,7 @@
 namespace pepeseg::testing {
 namespace {
 
-int NumSteps() { return FullStress() ? 5'000 : 500; }
+int NumPriorSteps() { return FullStress() ? 5'000 : 500; }
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
 class ExtremePriors : public BackendTest {
@@ -25,7 +25,7 @@ class ExtremePriors : public BackendTest {
   StageOneRun Learn(const char* what, Fn&& change) {
     Capture capture = TinyCapture({.depth = DepthPrior::Kind::kDisparity});
     for (View& view : capture.views) change(view.depth);
-    const auto run = RunStageOne(*backend_, capture, TinyReconstruct(NumSteps()));
+    const auto run = RunStageOne(*backend_, capture, TinyReconstruct(NumPriorSteps()));
     EXPECT_OK(run.status()) << what;
     if (!run.ok()) return {};
     std::printf("%s: %lld depths skipped\n", what,
@@ -37,7 +37,7 @@ class ExtremePriors : public BackendTest {
 
   // The perception loss also reads the priors.
   void ExpectStageTwo(const Capture& capture, const Gaussians& gaussians) {
-    FeatureOptions options = TinyFeatures(NumSteps() / 5);
+    FeatureOptions options = TinyFeatures(NumPriorSteps() / 5);
     const auto run = RunStageTwo(*backend_, capture, gaussians, options);
     EXPECT_OK(run.status());
   }

@@ -16,12 +16,12 @@
 namespace pepeseg::testing {
 namespace {
 
-int NumSteps() { return FullStress() ? 3'000 : 400; }
+int NumSceneSteps() { return FullStress() ? 3'000 : 400; }
 
 class ExtremeScenes : public BackendTest {
  protected:
   // Returns the PSNR of held-out views, dB.
-  double Learn(const char* what, const Capture& capture, int num_steps = NumSteps()) {
+  double Learn(const char* what, const Capture& capture, int num_steps = NumSceneSteps()) {
     const auto run = RunStageOne(*backend_, capture, TinyReconstruct(num_steps));
     EXPECT_OK(run.status()) << what;
     if (!run.ok()) return 0;
@@ -123,7 +123,7 @@ TEST_P(ExtremeScenes, OneViewTrains) {
   Capture capture = TinyCapture();
   capture.views = {capture.views[1]};
   ASSERT_OK_AND_ASSIGN(const StageOneRun run,
-                       RunStageOne(*backend_, capture, TinyReconstruct(NumSteps())));
+                       RunStageOne(*backend_, capture, TinyReconstruct(NumSceneSteps())));
   ExpectAsMeasured(*backend_, "scene, one view", run.last.psnr);
   EXPECT_GT(LargestMove(run, capture), 0.05);
 }

@@ -13,7 +13,7 @@
 namespace pepeseg::testing {
 namespace {
 
-int NumSteps() { return FullStress() ? 100'000 : 1'000; }
+int NumLongSteps() { return FullStress() ? 100'000 : 1'000; }
 
 class LongRuns : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, LongRuns, CpuAndCuda(), BackendName);
@@ -62,20 +62,20 @@ void ExpectNoDrift(const std::vector<double>& losses) {
 }
 
 TEST_P(LongRuns, TrainStageOneWithABudget) {
-  ReconstructOptions options = TinyReconstruct(NumSteps());
+  ReconstructOptions options = TinyReconstruct(NumLongSteps());
   options.min_band_gain = 0;  // keeps all SH bands to the end
   ASSERT_OK_AND_ASSIGN(
       const StageOneRun run,
       RunStageOne(*backend_, TinyCapture({.depth = DepthPrior::Kind::kDisparity}), options));
   ExpectRun(*backend_, "budgeted", run);
   ExpectNoDrift(run.losses);
-  EXPECT_EQ(run.most_steps, NumSteps());
+  EXPECT_EQ(run.most_steps, NumLongSteps());
 }
 
 TEST_P(LongRuns, TrainStageOneWithResets) {
-  ReconstructOptions options = TinyReconstruct(NumSteps());
+  ReconstructOptions options = TinyReconstruct(NumLongSteps());
   options.pixels_per_gaussian = 0;
-  options.opacity_reset_every = std::max(100, NumSteps() / 30);
+  options.opacity_reset_every = std::max(100, NumLongSteps() / 30);
   ASSERT_OK_AND_ASSIGN(const StageOneRun run, RunStageOne(*backend_, TinyCapture(), options));
   ExpectRun(*backend_, "with resets", run);
   ExpectNoDrift(run.losses);
@@ -84,7 +84,7 @@ TEST_P(LongRuns, TrainStageOneWithResets) {
 // Density control runs to the end and no Gaussian is pruned, so the opacity of Gaussians that no
 // photograph supports falls without limit.
 TEST_P(LongRuns, TrainStageOneWithoutPruning) {
-  ReconstructOptions options = TinyReconstruct(NumSteps());
+  ReconstructOptions options = TinyReconstruct(NumLongSteps());
   options.prune_opacity = 0;
   options.densify_until = 1;
   options.densify_every = 10;
@@ -95,7 +95,7 @@ TEST_P(LongRuns, TrainStageOneWithoutPruning) {
 
 // Without decay nothing keeps an opacity from reaching 1.
 TEST_P(LongRuns, TrainStageOneWithoutDecay) {
-  ReconstructOptions options = TinyReconstruct(NumSteps());
+  ReconstructOptions options = TinyReconstruct(NumLongSteps());
   options.opacity_decay = 1;
   options.opacity_learning_rate = 1;
   options.densify_until = 1;
@@ -107,9 +107,9 @@ TEST_P(LongRuns, TrainStageTwo) {
   const Capture capture = TinyCapture({.depth = DepthPrior::Kind::kDisparity});
   ReconstructOptions geometry = TinyReconstruct(300);
   ASSERT_OK_AND_ASSIGN(const StageOneRun frozen, RunStageOne(*MakeCpu(), capture, geometry));
-  ASSERT_OK_AND_ASSIGN(const StageTwoRun run,
-                       RunStageTwo(*backend_, capture, frozen.gaussians, TinyFeatures(NumSteps())));
-  EXPECT_EQ(static_cast<int>(run.losses.size()), NumSteps());
+  ASSERT_OK_AND_ASSIGN(const StageTwoRun run, RunStageTwo(*backend_, capture, frozen.gaussians,
+                                                          TinyFeatures(NumLongSteps())));
+  EXPECT_EQ(static_cast<int>(run.losses.size()), NumLongSteps());
   const float gate = std::abs(
       *std::ranges::max_element(run.field.gate, {}, [](float value) { return std::abs(value); }));
   ExpectAsMeasured(*backend_, "long run, stage two: loss of the last tenth",

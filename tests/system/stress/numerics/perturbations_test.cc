@@ -16,7 +16,7 @@
 namespace pepeseg::testing {
 namespace {
 
-int NumSteps() { return FullStress() ? 3'000 : 500; }
+int NumPerturbedSteps() { return FullStress() ? 3'000 : 500; }
 
 struct Accuracy {
   double psnr = 0, iou = 0;
@@ -41,14 +41,14 @@ class Perturbations : public BackendTest {
     for (View& view : scene.capture.views) {
       if (!view.held_out) perturb(view);
     }
-    ReconstructOptions options = TinyReconstruct(NumSteps());
+    ReconstructOptions options = TinyReconstruct(NumPerturbedSteps());
     options.max_gaussians = 900;
     Accuracy accuracy;
     const auto one = RunStageOne(*backend_, scene.capture, options);
     EXPECT_OK(one.status());
     if (!one.ok()) return accuracy;
     accuracy.psnr = one->psnr;
-    FeatureOptions features = TinyFeatures(NumSteps());
+    FeatureOptions features = TinyFeatures(NumPerturbedSteps());
     features.num_pixels = 128;
     const auto two = RunStageTwo(*backend_, scene.capture, one->gaussians, features);
     EXPECT_OK(two.status());

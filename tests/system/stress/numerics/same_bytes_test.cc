@@ -13,14 +13,14 @@
 namespace pepeseg::testing {
 namespace {
 
-int NumSteps() { return FullStress() ? 5'000 : 200; }
+int NumRepeatedSteps() { return FullStress() ? 5'000 : 200; }
 int NumRuns() { return FullStress() ? 5 : 2; }
 
 Capture Scene() { return TinyCapture({.depth = DepthPrior::Kind::kDisparity}); }
 
 // Options that use every part of stage one: local depth fits, refinement, coarse photographs.
 ReconstructOptions Everything() {
-  ReconstructOptions options = TinyReconstruct(NumSteps());
+  ReconstructOptions options = TinyReconstruct(NumRepeatedSteps());
   options.coarse_until = 0.2;
   options.refine_length = 0.1;
   options.refine_keep = RefineKeep::kSplit;
@@ -41,7 +41,7 @@ Bytes Train(Backend& backend) {
   if (!one.ok()) return bytes;
   bytes.planes = one->gaussians.planes;
   bytes.losses = one->losses;
-  const auto two = RunStageTwo(backend, capture, one->gaussians, TinyFeatures(NumSteps()));
+  const auto two = RunStageTwo(backend, capture, one->gaussians, TinyFeatures(NumRepeatedSteps()));
   EXPECT_OK(two.status());
   if (!two.ok()) return bytes;
   bytes.features = two->field.features;
@@ -78,7 +78,7 @@ TEST_P(SameBytesOnADevice, ResultFromEachRun) {
 // Without a depth loss, which allows one step at a time only.
 TEST_P(SameBytesOnADevice, ResultOfStepsDoneAtOnce) {
   const Capture capture = TinyCapture();
-  ReconstructOptions options = TinyReconstruct(NumSteps());
+  ReconstructOptions options = TinyReconstruct(NumRepeatedSteps());
   options.views_at_once = 4;
   ASSERT_OK_AND_ASSIGN(const StageOneRun want, RunStageOne(*backend_, capture, options));
   for (int run = 1; run < NumRuns(); ++run) {
