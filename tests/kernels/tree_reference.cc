@@ -12,7 +12,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kFarApart = std::numeric_limits<double>::infinity();
 
 // Infinite unless it is a finite number.
 double SquaredDistance(const std::vector<float>& points, int a, int b) {
@@ -22,7 +22,7 @@ double SquaredDistance(const std::vector<float>& points, int a, int b) {
                               static_cast<double>(points[b * kFeatureSize + k]);
     sum += difference * difference;
   }
-  return std::isfinite(sum) ? sum : kInfinity;
+  return std::isfinite(sum) ? sum : kFarApart;
 }
 
 // Squared distance to the min_samples-th nearest point, where the point itself is the first.
@@ -32,7 +32,7 @@ double CoreOf(const std::vector<float>& points, int count, int point, int min_sa
     if (other != point) squared.push_back(SquaredDistance(points, point, other));
   }
   std::sort(squared.begin(), squared.end());
-  return min_samples <= count ? squared[min_samples - 1] : kInfinity;
+  return min_samples <= count ? squared[min_samples - 1] : kFarApart;
 }
 
 }  // namespace
