@@ -62,6 +62,13 @@ void SetUse(int64_t reserved, int64_t limit, v1::MemoryUse* use) {
 
 }  // namespace
 
+AdminServiceRpc::AdminServiceRpc(Operations& operations, WorkerPool& pool)
+    : operations_(operations),
+      pool_(pool),
+      runner_(operations.runner()),
+      models_(operations.models()),
+      projects_(runner_.quotas(), models_) {}
+
 absl::StatusOr<ModelRow> AdminServiceRpc::FindNamed(const std::string& name) const {
   ASSIGN_OR_RETURN(const std::string keyed, ResolveOperatorsName(models_.store(), name, "name"));
   return models_.Find(keyed, "name");

@@ -15,12 +15,7 @@ namespace pepeseg {
 class AdminServiceRpc final : public v1::AdminService::CallbackService {
  public:
   // `pool` runs the calls of this service. Both must outlive it.
-  AdminServiceRpc(Operations& operations, WorkerPool& pool)
-      : operations_(operations),
-        pool_(pool),
-        runner_(operations.runner()),
-        models_(operations.models()),
-        projects_(runner_.quotas(), models_) {}
+  AdminServiceRpc(Operations& operations, WorkerPool& pool);
 
   grpc::ServerUnaryReactor* LoadModel(grpc::CallbackServerContext* call,
                                       const v1::LoadModelRequest* request,

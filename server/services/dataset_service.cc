@@ -90,6 +90,10 @@ absl::StatusOr<std::function<absl::Status()>> CheckRoom(const BlobStore& blobs,
 
 }  // namespace
 
+DatasetServiceRpc::DatasetServiceRpc(const CallRunner& runner, const ModelLoader& models,
+                                     BlobStore& blobs, const Options& options)
+    : runner_(runner), models_(models), store_(models.store()), blobs_(blobs), options_(options) {}
+
 absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* upload) const {
   upload->set_name(ChildName(row.scene, "uploads", row.number));
   *upload->mutable_create_time() = ToProto(row.create_time);

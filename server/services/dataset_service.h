@@ -16,12 +16,7 @@ class DatasetServiceRpc final : public v1::DatasetService::CallbackService {
   };
   // All must outlive it. The blobs' records are in the store of `models`.
   DatasetServiceRpc(const CallRunner& runner, const ModelLoader& models, BlobStore& blobs,
-                    const Options& options)
-      : runner_(runner),
-        models_(models),
-        store_(models.store()),
-        blobs_(blobs),
-        options_(options) {}
+                    const Options& options);
 
   grpc::ServerUnaryReactor* CreateUpload(grpc::CallbackServerContext* call,
                                          const v1::CreateUploadRequest* request,

@@ -32,6 +32,9 @@ absl::StatusOr<EvaluationRequest> ReadRequest(const v1::EvaluateModelRequest& re
 
 }  // namespace
 
+EvaluationServiceRpc::EvaluationServiceRpc(const CallRunner& runner, ModelLoader& models)
+    : runner_(runner), models_(models) {}
+
 absl::Status EvaluationServiceRpc::Evaluate(const UnaryCall& call,
                                             const v1::EvaluateModelRequest& request,
                                             v1::EvaluateModelResponse* response) const {

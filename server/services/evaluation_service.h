@@ -10,8 +10,7 @@ namespace pepeseg {
 class EvaluationServiceRpc final : public v1::EvaluationService::CallbackService {
  public:
   // Both must outlive it.
-  EvaluationServiceRpc(const CallRunner& runner, ModelLoader& models)
-      : runner_(runner), models_(models) {}
+  EvaluationServiceRpc(const CallRunner& runner, ModelLoader& models);
 
   grpc::ServerUnaryReactor* EvaluateModel(grpc::CallbackServerContext* call,
                                           const v1::EvaluateModelRequest* request,

@@ -101,6 +101,13 @@ absl::Status CheckSplit(const ImportOptions& import, const std::vector<DatasetFi
 
 }  // namespace
 
+JobServiceRpc::JobServiceRpc(const CallRunner& runner, const Options& options)
+    : runner_(runner),
+      store_(options.store),
+      blobs_(options.blobs),
+      supervisor_(options.supervisor),
+      estimator_(options.store, options.blobs, options.machine) {}
+
 absl::Status JobServiceRpc::CheckSealed(const std::string& scene, int64_t dataset) const {
   const std::string name = ChildName(scene, "datasets", dataset);
   const auto row = store_.datasets().GetDataset(scene, dataset);

@@ -23,12 +23,7 @@ class JobServiceRpc final : public v1::JobService::CallbackService {
     Supervisor& supervisor;
     TrainingEstimator::Machine machine;
   };
-  JobServiceRpc(const CallRunner& runner, const Options& options)
-      : runner_(runner),
-        store_(options.store),
-        blobs_(options.blobs),
-        supervisor_(options.supervisor),
-        estimator_(options.store, options.blobs, options.machine) {}
+  JobServiceRpc(const CallRunner& runner, const Options& options);
 
   grpc::ServerUnaryReactor* TrainScene(grpc::CallbackServerContext* call,
                                        const v1::TrainSceneRequest* request,

@@ -147,6 +147,9 @@ absl::Status AnswerDeleteLabel(Store& store, const v1::DeleteLabelRequest& reque
 
 }  // namespace
 
+LabelServiceRpc::LabelServiceRpc(const CallRunner& runner, ModelLoader& models)
+    : runner_(runner), models_(models) {}
+
 grpc::ServerUnaryReactor* LabelServiceRpc::CreateLabel(grpc::CallbackServerContext* call,
                                                        const v1::CreateLabelRequest* request,
                                                        v1::Label* response) {

@@ -11,8 +11,7 @@ namespace pepeseg {
 class LabelServiceRpc final : public v1::LabelService::CallbackService {
  public:
   // Both must outlive it.
-  LabelServiceRpc(const CallRunner& runner, ModelLoader& models)
-      : runner_(runner), models_(models) {}
+  LabelServiceRpc(const CallRunner& runner, ModelLoader& models);
 
   grpc::ServerUnaryReactor* CreateLabel(grpc::CallbackServerContext* call,
                                         const v1::CreateLabelRequest* request,

@@ -209,6 +209,10 @@ Stream::Step ExportGaussiansStream::Work(bool) {
 
 }  // namespace
 
+RenderServiceRpc::RenderServiceRpc(const CallRunner& runner, ModelLoader& models,
+                                   const Selections& selections)
+    : runner_(runner), models_(models), selections_(selections) {}
+
 grpc::ServerUnaryReactor* RenderServiceRpc::RenderView(grpc::CallbackServerContext* call,
                                                        const v1::RenderViewRequest* request,
                                                        v1::RenderViewResponse* response) {

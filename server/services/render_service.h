@@ -12,8 +12,7 @@ namespace pepeseg {
 class RenderServiceRpc final : public v1::RenderService::CallbackService {
  public:
   // All must outlive it.
-  RenderServiceRpc(const CallRunner& runner, ModelLoader& models, const Selections& selections)
-      : runner_(runner), models_(models), selections_(selections) {}
+  RenderServiceRpc(const CallRunner& runner, ModelLoader& models, const Selections& selections);
 
   grpc::ServerUnaryReactor* RenderView(grpc::CallbackServerContext* call,
                                        const v1::RenderViewRequest* request,

@@ -110,6 +110,9 @@ absl::Status FillViews(const Model& model, const PageRequest& page,
 
 }  // namespace
 
+SceneServiceRpc::SceneServiceRpc(const CallRunner& runner, ModelLoader& models, BlobStore& blobs)
+    : runner_(runner), models_(models), store_(models.store()), blobs_(blobs) {}
+
 absl::Status SceneServiceRpc::FillScene(const SceneRow& row, const Caller& caller,
                                         v1::Scene* scene) const {
   ASSIGN_OR_RETURN(const std::string prefix, PrefixOf(store_, row, caller));

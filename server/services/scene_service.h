@@ -11,8 +11,7 @@ namespace pepeseg {
 class SceneServiceRpc final : public v1::SceneService::CallbackService {
  public:
   // All must outlive it.
-  SceneServiceRpc(const CallRunner& runner, ModelLoader& models, BlobStore& blobs)
-      : runner_(runner), models_(models), store_(models.store()), blobs_(blobs) {}
+  SceneServiceRpc(const CallRunner& runner, ModelLoader& models, BlobStore& blobs);
 
   grpc::ServerUnaryReactor* CreateScene(grpc::CallbackServerContext* call,
                                         const v1::CreateSceneRequest* request,

@@ -175,6 +175,10 @@ Stream::Step StreamSegmentsCall::Work(bool) {
 
 }  // namespace
 
+SegmentationServiceRpc::SegmentationServiceRpc(const CallRunner& runner, ModelLoader& models,
+                                               BorderRefiner& borders)
+    : runner_(runner), models_(models), borders_(borders) {}
+
 absl::Status SegmentationServiceRpc::Propose(const UnaryCall& call,
                                              const v1::ProposeScalesRequest& request,
                                              v1::ProposeScalesResponse* response) const {

@@ -13,8 +13,7 @@ namespace pepeseg {
 class SegmentationServiceRpc final : public v1::SegmentationService::CallbackService {
  public:
   // All must outlive it.
-  SegmentationServiceRpc(const CallRunner& runner, ModelLoader& models, BorderRefiner& borders)
-      : runner_(runner), models_(models), borders_(borders) {}
+  SegmentationServiceRpc(const CallRunner& runner, ModelLoader& models, BorderRefiner& borders);
 
   grpc::ServerUnaryReactor* SegmentViews(grpc::CallbackServerContext* call,
                                          const v1::SegmentViewsRequest* request,

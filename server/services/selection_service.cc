@@ -71,6 +71,10 @@ void SetRequest(Request request, SelectionRow* row) {
 
 }  // namespace
 
+SelectionServiceRpc::SelectionServiceRpc(const CallRunner& runner, ModelLoader& models,
+                                         Selections& selections)
+    : runner_(runner), models_(models), selections_(selections) {}
+
 absl::StatusOr<GaussianSet> SelectionServiceRpc::SelectPrompted(
     const UnaryCall& call, const ResidentModel& model,
     const v1::CreateSelectionRequest& request) const {

@@ -14,8 +14,7 @@ namespace pepeseg {
 class SelectionServiceRpc final : public v1::SelectionService::CallbackService {
  public:
   // All must outlive it.
-  SelectionServiceRpc(const CallRunner& runner, ModelLoader& models, Selections& selections)
-      : runner_(runner), models_(models), selections_(selections) {}
+  SelectionServiceRpc(const CallRunner& runner, ModelLoader& models, Selections& selections);
 
   grpc::ServerUnaryReactor* CreateSelection(grpc::CallbackServerContext* call,
                                             const v1::CreateSelectionRequest* request,
