@@ -113,15 +113,18 @@ stress: $(BUILD)/CMakeCache.txt
 	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_residency_stress_run pepeseg_slurm_stress \
 	  stress_kill_server_test stress_io_faults_test stress_lost_commits_test \
 	  stress_kill_worker_test stress_flipped_bits_test \
-	  stress_http2_abuse_test stress_soak_test stress_numerics_test server_residency_test
+	  stress_http2_abuse_test stress_soak_test stress_numerics_test server_residency_test \
+	  jobs_supervisor_test worker_test server_end_to_end_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_numerics_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_flipped_bits_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_kill_worker_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_kill_server_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_io_faults_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_lost_commits_test
-	cd $(BUILD) && bin/server_residency_test --gtest_filter='Load.*'
-	cd $(BUILD) && bin/stress_http2_abuse_test
+	cd $(BUILD) && PEPESEG_STRESS=full bin/server_residency_test --gtest_filter='Load.*'
+	for program in jobs_supervisor_test worker_test server_end_to_end_test; do \
+	  PEPESEG_STRESS=full $(BUILD)/bin/$$program --gtest_filter='*WithinASecond*'; done
+	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_http2_abuse_test
 	$(BUILD)/bin/pepeseg_slurm_stress
 	PEPESEG_SOAK_SECONDS=$(SOAK_SECONDS) $(BUILD)/bin/stress_soak_test
 	$(BUILD)/bin/pepeseg_residency_stress $(STRESS_SECONDS)

@@ -11,6 +11,7 @@
 #include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
+#include "tests/testing/time_limit.h"
 
 namespace pepeseg {
 namespace {
@@ -82,14 +83,13 @@ TEST_F(ChildProcess, IsKilledWithItsGroupWhenTheWatchFails) {
     return lines.empty() ? absl::OkStatus() : absl::CancelledError("enough");
   });
   EXPECT_STATUS(end, absl::StatusCode::kCancelled, "enough");
-  EXPECT_LT(absl::Now() - start, absl::Seconds(1));
-  EXPECT_TRUE(testing::Eventually([&] { return !Runs(folder_ / "pid"); }, absl::Seconds(1)))
-      << "init reaps it";
+  EXPECT_LT(absl::Now() - start, testing::TimeLimit(absl::Seconds(1)));
+  EXPECT_TRUE(testing::Eventually([&] { return !Runs(folder_ / "pid"); })) << "init reaps it";
 }
 
 TEST_F(ChildProcess, LeavesNoProcessOfItsGroup) {
   ASSERT_OK(Run(Shell("sleep 100 & echo $! > " + (folder_ / "pid").string())));
-  EXPECT_TRUE(testing::Eventually([&] { return !Runs(folder_ / "pid"); }, absl::Seconds(1)));
+  EXPECT_TRUE(testing::Eventually([&] { return !Runs(folder_ / "pid"); }));
 }
 
 TEST_F(ChildProcess, IsWatchedWithoutOutput) {
@@ -120,7 +120,7 @@ TEST_F(ChildProcess, DiesWithItsParent) {
   }));
   EXPECT_TRUE(testing::Eventually([&] { return Runs(folder_ / "pid"); }, absl::Seconds(1)));
   kill(parent, SIGKILL);
-  EXPECT_TRUE(testing::Eventually([&] { return !Runs(folder_ / "pid"); }, absl::Seconds(1)));
+  EXPECT_TRUE(testing::Eventually([&] { return !Runs(folder_ / "pid"); }));
 }
 
 TEST_F(ChildProcess, FailsIfTheProgramCannotRun) {

@@ -84,7 +84,7 @@ class ImageBomb : public ::testing::Test {
     const double seconds = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
     RecordProperty("milliseconds", static_cast<int>(1000 * seconds));
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-    EXPECT_LT(seconds, 0.01);
+    EXPECT_LT(seconds, 0.1);  // a busy machine included; to decode one takes seconds
 #endif
     EXPECT_LT(PeakBytes() - before, rlim_t{16} << 20);
   }

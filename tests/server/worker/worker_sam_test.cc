@@ -10,6 +10,7 @@
 #include "tests/testing/eventually.h"
 #include "tests/testing/fake_sam.h"
 #include "tests/testing/status_testing.h"
+#include "tests/testing/time_limit.h"
 
 // The stage "priors" with SAM, by a fake of ONNX Runtime.
 namespace pepeseg {
@@ -290,7 +291,7 @@ TEST_F(WorkerSamWithoutPosesTest, StopsBothWithinASecond) {
   const absl::Time start = absl::Now();
   worker->Signal(SIGTERM);
   ExpectExit(WaitFor(*worker), WorkerExit::kCancelled);
-  EXPECT_LT(absl::Now() - start, absl::Seconds(1));
+  EXPECT_LT(absl::Now() - start, testing::TimeLimit(absl::Seconds(1)));
 }
 
 TEST_F(WorkerSamWithoutPosesTest, KeepsMasksMadeBeforeAKill) {
@@ -303,7 +304,8 @@ TEST_F(WorkerSamWithoutPosesTest, KeepsMasksMadeBeforeAKill) {
         std::vector{"000002", "000003", "000004", "000005", "000006"},
         [this](const char* number) { return std::filesystem::exists(MasksOf(number)); });
   };
-  ASSERT_TRUE(testing::Eventually(has_all_masks));
+  // Networks run at idle priority while COLMAP does: on a busy machine they take their time.
+  ASSERT_TRUE(testing::Eventually(has_all_masks, absl::Minutes(4)));
   first->Signal(SIGKILL);
   WaitFor(*first);
   ASSERT_TRUE(has_all_masks());

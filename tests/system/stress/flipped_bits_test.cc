@@ -14,7 +14,7 @@
 #include "core/model_files/selection_file.h"
 #include "server/worker_protocol/event_log.h"
 #include "server/worker_protocol/job_folder.h"
-#include "tests/system/stress/full_stress.h"
+#include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

@@ -15,7 +15,7 @@
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "server/store/store.h"
-#include "tests/system/stress/full_stress.h"
+#include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

@@ -10,7 +10,7 @@
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"
 #include "tests/server/worker/worker_fixture.h"
-#include "tests/system/stress/full_stress.h"
+#include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "tests/server/service_client.h"
-#include "tests/system/stress/full_stress.h"
 #include "tests/system/stress/io_fault_lives.h"
+#include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

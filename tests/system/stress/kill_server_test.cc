@@ -5,7 +5,7 @@
 
 #include <iostream>
 
-#include "tests/system/stress/full_stress.h"
+#include "tests/testing/full_stress.h"
 
 namespace pepeseg {
 namespace {

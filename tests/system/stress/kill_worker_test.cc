@@ -13,7 +13,7 @@
 #include "core/base/file_io.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"
-#include "tests/system/stress/full_stress.h"
+#include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

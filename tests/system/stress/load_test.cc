@@ -1,5 +1,5 @@
-// Short runs of tests/system/stress/load.h. The bounds here must also hold on a machine that builds
-// something else meanwhile.
+// Short runs of tests/system/stress/load.h. Bounds on times hold in `make stress` only: `make test`
+// also runs on machines that build something else meanwhile.
 #include "tests/system/stress/load.h"
 
 #include <gtest/gtest.h>
@@ -7,10 +7,14 @@
 #include <algorithm>
 #include <thread>
 
+#include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
+#include "tests/testing/time_limit.h"
 
 namespace pepeseg {
 namespace {
+
+const int kNumAttempts = testing::FullStress() ? 3 : 1;
 
 // Returns whether 800 watchers slow queries down: the median by more than a fifth, or the p99 to
 // more than twice what it is without them, and 20 ms.
@@ -39,7 +43,7 @@ TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQueries) {
   LoadedServer server(PEPESEG_MODEL_WORKER);
   bool slower = true;
   // A few pauses of the machine make a p99. If other load causes them, the run is repeated.
-  for (int attempt = 0; slower && attempt < 3; ++attempt) {
+  for (int attempt = 0; slower && attempt < kNumAttempts; ++attempt) {
     const WatchersReport report = RunWatchers(server, 800, 8, absl::Seconds(0.5));
     printf(
         "%ld queries; without watchers p50 %s, p99 %s, %d threads; with %d p50 %s (x %.2f), "
@@ -58,7 +62,7 @@ TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQueries) {
     EXPECT_LT(report.watchers_cpu, 0.1);
     slower = AreQueriesSlower(report);
   }
-  EXPECT_FALSE(slower);
+  EXPECT_FALSE(slower && testing::FullStress());
 }
 
 TEST(Load, OverloadIsRefusedFastAndOtherCallsAreAnswered) {
@@ -66,7 +70,7 @@ TEST(Load, OverloadIsRefusedFastAndOtherCallsAreAnswered) {
   OverloadReport report;
   // The peak and the goodput are measured one after the other. If other load slows the machine down
   // between them, the result means nothing, and the run is repeated.
-  for (int attempt = 0; attempt < 3; ++attempt) {
+  for (int attempt = 0; attempt < kNumAttempts; ++attempt) {
     report = RunOverload(server, 5, absl::Seconds(4));
     printf("peak %.0f/s, offered %.0f/s, answered %.0f/s, %ld refused, p50 %s\n",
            report.peak_per_second, report.offered_per_second, report.goodput_per_second,
@@ -76,11 +80,13 @@ TEST(Load, OverloadIsRefusedFastAndOtherCallsAreAnswered) {
       break;
     }
   }
-  EXPECT_GT(report.offered_per_second, 3 * report.peak_per_second);
   EXPECT_GT(report.num_refused, 0);
   EXPECT_EQ(report.num_failed, 0);
-  EXPECT_GE(report.goodput_per_second, 0.7 * report.peak_per_second);
-  EXPECT_LT(report.refusal_p50, absl::Milliseconds(20));
+  if (testing::FullStress()) {
+    EXPECT_GT(report.offered_per_second, 3 * report.peak_per_second);
+    EXPECT_GE(report.goodput_per_second, 0.7 * report.peak_per_second);
+  }
+  EXPECT_LT(report.refusal_p50, testing::TimeLimit(absl::Milliseconds(20)));
   EXPECT_TRUE(report.all_told_when_to_retry);
 }
 

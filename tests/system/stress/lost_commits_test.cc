@@ -12,8 +12,8 @@
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/store/commit_cutter.h"
 #include "tests/server/store/test_database.h"
-#include "tests/system/stress/full_stress.h"
 #include "tests/system/stress/life_of_a_scene.h"
+#include "tests/testing/full_stress.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {

@@ -12,10 +12,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "tests/server/pepesegd_process.h"
-#include "tests/system/stress/full_stress.h"
 #include "tests/system/stress/life_of_a_scene.h"
 #include "tests/system/stress/unclean_data.h"
 #include "tests/testing/eventually.h"
+#include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

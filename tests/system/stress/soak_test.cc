@@ -1,7 +1,8 @@
-// Runs scene lives one after the other for PEPESEG_SOAK_SECONDS (20 in `make test`, an hour in
-// `make stress`). Memory, descriptors and threads of the server must not grow.
+// Runs scene lives one after the other: a few in `make test`, for PEPESEG_SOAK_SECONDS in `make
+// stress`. Memory, descriptors and threads of the server must not grow.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstdlib>
 #include <fstream>
@@ -13,6 +14,7 @@
 #include "absl/time/clock.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/system/stress/life_of_a_scene.h"
+#include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -40,9 +42,13 @@ Usage MeasureProcess(pid_t pid) {
   return usage;
 }
 
-int SoakSeconds() {
+constexpr int kNumClients = 4;
+// Lives of each client that fill caches, pools and the allocator, and lives after them.
+constexpr int kWarmLives = 2, kShortLives = 2;
+
+absl::Duration SoakLength() {
   const char* seconds = std::getenv("PEPESEG_SOAK_SECONDS");
-  return seconds == nullptr ? 20 : std::atoi(seconds);
+  return absl::Seconds(seconds == nullptr ? 0 : std::atoi(seconds));
 }
 
 // Four clients may use a model each at the same time. One model and its first query need 281 MB.
@@ -53,39 +59,45 @@ TEST(Soak, MemoryDescriptorsAndThreadsStayFlat) {
   testing::PepesegdProcess server(
       folder / "data",
       testing::PepesegdOptions{{kModelMemory}, {}, PEPESEG_MODEL_WORKER, "", false});
-  const absl::Time start = absl::Now();
-  const absl::Duration length = absl::Seconds(SoakSeconds());
-  std::atomic<int> num_lives = 0;
+  const absl::Time end = absl::Now() + SoakLength();
+  std::atomic<int> num_lives = 0, num_done = 0;
   std::vector<std::thread> clients;
-  for (int client = 0; client < 4; ++client) {
+  for (int client = 0; client < kNumClients; ++client) {
     clients.emplace_back([&, client] {
-      for (int i = 0; absl::Now() - start < length; ++i) {
+      for (int i = 0; i < kWarmLives + kShortLives || absl::Now() < end; ++i) {
         LifeOfAScene life(absl::StrCat("c", client, "-", i));
         EXPECT_OK(life.Run(server.channel()));
         EXPECT_OK(life.Delete(server.channel()));
         ++num_lives;
       }
+      ++num_done;
     });
   }
-  // The first third fills caches, pools and the allocator.
-  absl::SleepFor(length / 3);
+  EXPECT_TRUE(testing::Eventually(
+      [&] {
+        return num_lives >= kNumClients * kWarmLives && absl::Now() > end - SoakLength() * 2 / 3;
+      },
+      SoakLength() + absl::Minutes(5)));
   const Usage before = MeasureProcess(server.pid());
   Usage most = before;
-  while (absl::Now() - start < length) {
-    absl::SleepFor(absl::Milliseconds(500));
-    const Usage now = MeasureProcess(server.pid());
-    most = {std::max(most.rss_kib, now.rss_kib), std::max(most.threads, now.threads),
-            std::max(most.descriptors, now.descriptors)};
-  }
+  EXPECT_TRUE(testing::Eventually(
+      [&] {
+        const Usage now = MeasureProcess(server.pid());
+        most = {std::max(most.rss_kib, now.rss_kib), std::max(most.threads, now.threads),
+                std::max(most.descriptors, now.descriptors)};
+        return num_done == kNumClients;
+      },
+      SoakLength() + absl::Minutes(5)));
   for (std::thread& client : clients) client.join();
   const Usage after = MeasureProcess(server.pid());
   std::cout << num_lives << " lives; RSS " << (before.rss_kib >> 10) << " -> "
             << (after.rss_kib >> 10) << " MiB (most " << (most.rss_kib >> 10) << "), threads "
             << before.threads << " -> " << after.threads << ", descriptors " << before.descriptors
             << " -> " << after.descriptors << "\n";
-  EXPECT_GT(num_lives, 3);
   EXPECT_LE(most.rss_kib, before.rss_kib * 5 / 4 + (64 << 10));
-  EXPECT_LE(most.threads, before.threads + 4);
+  // gRPC keeps up to two executor threads a core, which it starts when all others are busy.
+  const auto of_load = 2 * static_cast<int64_t>(std::thread::hardware_concurrency());
+  EXPECT_LE(most.threads, before.threads + std::max<int64_t>(4, of_load));
   EXPECT_LE(most.descriptors, before.descriptors + 40);
 }
 

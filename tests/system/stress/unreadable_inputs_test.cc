@@ -7,8 +7,8 @@
 #include "absl/strings/match.h"
 #include "core/base/digest.h"
 #include "tests/server/worker/worker_fixture.h"
-#include "tests/system/stress/full_stress.h"
 #include "tests/system/stress/io_fault_lives.h"
+#include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -7,9 +7,9 @@
 #include "kernels/math/feature.h"
 #include "tests/kernels/pair_reference.h"
 #include "tests/kernels/test_scene.h"
-#include "tests/system/stress/full_stress.h"
 #include "tests/system/stress/numerics/measured.h"
 #include "tests/system/stress/numerics/tiny_runs.h"
+#include "tests/testing/full_stress.h"
 
 // Compares 1,000 steps of stage two, pair loss and optimiser, in single precision with the same in
 // double. The double version updates every blend row at every step, so that the test also compares

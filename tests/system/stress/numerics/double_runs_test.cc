@@ -7,10 +7,10 @@
 #include "kernels/math/adam.h"
 #include "tests/kernels/reference_gradient.h"
 #include "tests/kernels/rendered.h"
-#include "tests/system/stress/full_stress.h"
 #include "tests/system/stress/numerics/double_image_loss.h"
 #include "tests/system/stress/numerics/measured.h"
 #include "tests/system/stress/numerics/tiny_runs.h"
+#include "tests/testing/full_stress.h"
 
 // Compares 1,000 steps of stage one in single precision with the same in double: the same
 // Gaussians, views and order of views. Rounding errors grow, since blending and Adam's quotient are

@@ -3,9 +3,9 @@
 #include <random>
 #include <string>
 
-#include "tests/system/stress/full_stress.h"
 #include "tests/system/stress/numerics/measured.h"
 #include "tests/system/stress/numerics/tiny_runs.h"
+#include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
 
 // No mask, one, or a thousand per view; duplicates; masks that cover everything.

@@ -4,9 +4,9 @@
 #include <random>
 #include <string>
 
-#include "tests/system/stress/full_stress.h"
 #include "tests/system/stress/numerics/measured.h"
 #include "tests/system/stress/numerics/tiny_runs.h"
+#include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
 
 // Photographs and initial points from which almost nothing can be learned.

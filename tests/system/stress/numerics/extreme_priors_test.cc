@@ -5,9 +5,9 @@
 #include <random>
 #include <string>
 
-#include "tests/system/stress/full_stress.h"
 #include "tests/system/stress/numerics/measured.h"
 #include "tests/system/stress/numerics/tiny_runs.h"
+#include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
 
 // Depth priors that are useless or wrong. They may cost little quality, and priors that do not

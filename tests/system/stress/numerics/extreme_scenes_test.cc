@@ -5,9 +5,9 @@
 #include <string>
 
 #include "core/scene/camera.h"
-#include "tests/system/stress/full_stress.h"
 #include "tests/system/stress/numerics/measured.h"
 #include "tests/system/stress/numerics/tiny_runs.h"
+#include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
 
 // The same scene in other units, at another position, with other focal lengths, and in few or very

@@ -3,9 +3,9 @@
 #include <cstdio>
 #include <string>
 
-#include "tests/system/stress/full_stress.h"
 #include "tests/system/stress/numerics/measured.h"
 #include "tests/system/stress/numerics/tiny_runs.h"
+#include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
 
 // 100,000 steps of each stage on a tiny scene; 1,000 in the short run.

@@ -8,7 +8,7 @@
 #include <iterator>
 #include <limits>
 
-#include "tests/system/stress/full_stress.h"
+#include "tests/testing/full_stress.h"
 
 namespace pepeseg::testing {
 namespace {

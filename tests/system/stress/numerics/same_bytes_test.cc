@@ -2,8 +2,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "tests/system/stress/full_stress.h"
 #include "tests/system/stress/numerics/tiny_runs.h"
+#include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
 
 // Runs with the same seed give the same bytes: on the CPU with any number of threads, and also on
