@@ -24,6 +24,9 @@ struct DatasetIndex {
   // Binary PNGs of a photograph, one a mask, by name: those in masks/STEM/.
   std::map<std::string, std::vector<const DatasetFile*>> mask_folders;
   std::map<std::string, const DatasetFile*> ignore;
+  // Masks that transforms.json names as "mask_path": 0 = ignored, the opposite of `ignore`.
+  std::map<std::string, const DatasetFile*> keep;
+  const DatasetFile* keep_all = nullptr;
   std::map<std::string, const DatasetFile*> depth;  // depth or disparity
   const DatasetFile* ignore_all = nullptr;
   // One COLMAP model. Cameras and images are either both present or both null; points may be null.

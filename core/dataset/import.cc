@@ -18,6 +18,7 @@
 #include "core/dataset/held_out.h"
 #include "core/dataset/mask_files.h"
 #include "core/dataset/photo_poses.h"
+#include "core/dataset/transforms_json.h"
 #include "core/dataset/view_warp.h"
 #include "core/formats/colmap.h"
 #include "core/formats/decode_image.h"
@@ -144,7 +145,7 @@ class PriorReader {
   // Return the priors of the view, or empty ones. `photo` is its photograph, `warp` that
   // photograph's warp.
   absl::StatusOr<MaskSet> ReadMasksOf(const View& view, const PhotoSize& photo,
-                                      const ViewWarp& warp) const {
+                                      const ViewWarp& warp) {
     const std::string stem(WithoutSuffix(view.name));
     if (const auto folder = index_.mask_folders.find(stem); folder != index_.mask_folders.end()) {
       ASSIGN_OR_RETURN(const MaskSet set, ReadBinaryMasks(folder->second, photo));
@@ -152,7 +153,10 @@ class PriorReader {
     }
     const auto masks = index_.masks.find(stem);
     if (masks == index_.masks.end()) return MaskSet();
-    ASSIGN_OR_RETURN(const MaskSet set, ReadMasks(masks->second->path, masks->second->name, photo));
+    bool soft = false;
+    ASSIGN_OR_RETURN(const MaskSet set,
+                     ReadMasks(masks->second->path, masks->second->name, photo, &soft));
+    if (soft) soft_.push_back(masks->second->name);
     return warp.Masks(set);
   }
 
@@ -176,15 +180,20 @@ class PriorReader {
     return prior;
   }
 
-  // Adds a warning that names the depth maps without information, if there are any.
+  // Adds warnings that name masks with soft borders and depth maps without information.
   void AddWarnings(std::vector<std::string>& warnings) const {
+    if (!soft_.empty()) {
+      warnings.push_back(
+          absl::StrCat(soft_.size(), " mask files are black and white with a soft border, such as ",
+                       soft_.front(), ": each is one mask, of its pixels of at least 128"));
+    }
     if (without_depth_.empty()) return;
     warnings.push_back(LeftOut(without_depth_, "depth maps have one value everywhere, or none"));
   }
 
  private:
   const DatasetIndex& index_;
-  std::vector<std::string> without_depth_;
+  std::vector<std::string> without_depth_, soft_;
 };
 
 // Reads the views, one after the other.
@@ -219,6 +228,8 @@ class ViewReader {
   }
 
   int num_resized() const { return num_resized_; }
+  // Views of which more than half of the pixels are ignored.
+  const std::vector<std::string>& mostly_ignored() const { return mostly_ignored_; }
   const PriorReader& priors() const { return priors_; }
 
  private:
@@ -246,17 +257,27 @@ class ViewReader {
     // A pixel is ignored if it is transparent, or if the mask for all views or the view's own says
     // so.
     const auto own = index_.ignore.find(stem);
-    std::vector<const DatasetFile*> ignore;
-    if (index_.ignore_all != nullptr) ignore.push_back(index_.ignore_all);
-    if (own != index_.ignore.end()) ignore.push_back(own->second);
-    for (const DatasetFile* file : ignore) {
-      ASSIGN_OR_RETURN(const std::vector<uint8_t> mask,
-                       ReadIgnoreMask(file->path, file->name, photo));
-      const std::vector<uint8_t> warped = warp_->Ignore(mask);
-      view.ignore.resize(warped.size(), 0);
-      for (size_t i = 0; i < warped.size(); ++i) view.ignore[i] |= warped[i];
-    }
+    const auto keep = index_.keep.find(stem);
+    RETURN_IF_ERROR(AddIgnored(index_.ignore_all, 1, photo, view));
+    RETURN_IF_ERROR(AddIgnored(own == index_.ignore.end() ? nullptr : own->second, 1, photo, view));
+    RETURN_IF_ERROR(AddIgnored(index_.keep_all, 0, photo, view));
+    RETURN_IF_ERROR(AddIgnored(keep == index_.keep.end() ? nullptr : keep->second, 0, photo, view));
+    const auto num_ignored = std::count_if(view.ignore.begin(), view.ignore.end(),
+                                           [](uint8_t ignored) { return ignored != 0; });
+    if (2 * static_cast<size_t>(num_ignored) > view.ignore.size()) mostly_ignored_.push_back(stem);
     ASSIGN_OR_RETURN(view.depth, priors_.ReadDepthOf(view, photo, *warp_));
+    return absl::OkStatus();
+  }
+
+  // Ignores the pixels of the file, if it is not null, that are `value`: 1 for non-zero, or 0.
+  absl::Status AddIgnored(const DatasetFile* file, uint8_t value, const PhotoSize& photo,
+                          View& view) const {
+    if (file == nullptr) return absl::OkStatus();
+    ASSIGN_OR_RETURN(std::vector<uint8_t> mask, ReadIgnoreMask(file->path, file->name, photo));
+    for (uint8_t& pixel : mask) pixel = pixel == value ? 1 : 0;
+    const std::vector<uint8_t> warped = warp_->Ignore(mask);
+    view.ignore.resize(warped.size(), 0);
+    for (size_t i = 0; i < warped.size(); ++i) view.ignore[i] |= warped[i];
     return absl::OkStatus();
   }
 
@@ -264,6 +285,7 @@ class ViewReader {
   const PhotoPoses& poses_;
   double image_scale_;
   int num_resized_ = 0;
+  std::vector<std::string> mostly_ignored_;
   PriorReader priors_;
   std::optional<ViewWarp> warp_;
   uint32_t warp_camera_ = 0;
@@ -321,6 +343,7 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
                                       const ImportOptions& options) {
   RETURN_IF_ERROR(Validate(options));
   ASSIGN_OR_RETURN(DatasetIndex index, IndexDataset(files));
+  RETURN_IF_ERROR(TakeKeepMasks(index));
   std::vector<std::string> photographs;
   for (const auto& [key, photo] : index.photos) photographs.push_back(key);
   RETURN_IF_ERROR(CheckHeldOutViews(options, photographs));
@@ -351,6 +374,12 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   }
   capture.warnings = std::move(index.warnings);
   reader.priors().AddWarnings(capture.warnings);
+  if (const auto& views = reader.mostly_ignored(); !views.empty()) {
+    capture.warnings.push_back(absl::StrCat(
+        "more than half of the pixels are ignored in ", views.size(), " of ", capture.views.size(),
+        " views, such as ", views.front(), ": in ignore/ and ignore_mask.png 255 is ignored and 0 ",
+        "is used; invert the masks if they are white where a pixel is to be used"));
+  }
   if (reader.num_resized() > 0) {
     capture.warnings.push_back(absl::StrCat(
         reader.num_resized(), " photographs have another size than their cameras, which ",

@@ -1,5 +1,7 @@
 #include "core/dataset/mask_files.h"
 
+#include <algorithm>
+#include <cstdlib>
 #include <map>
 #include <utility>
 
@@ -25,6 +27,53 @@ absl::Status CheckCount(absl::string_view name, size_t count) {
   return Refused(name, absl::StrCat("has ", count, " masks, the limit is ", kMaxMasksOfView));
 }
 
+// Returns true for a mask of 0 and 255 with a soft border, as editors, filters and JPEG make it:
+// values between are fewer than those near 255, and seldom lie side by side as those of a label do.
+bool HasSoftBorder(const LabelImage& image) {
+  constexpr uint32_t kNearlyWhite = 247, kWhite = 255;
+  const auto width = static_cast<size_t>(image.width);
+  size_t num_white = 0, num_between = 0, num_flat = 0;
+  for (size_t i = 0; i < image.labels.size(); ++i) {
+    const uint32_t value = image.labels[i];
+    if (value > kWhite) return false;
+    if (value >= kNearlyWhite) ++num_white;
+    if (value == 0 || value >= kNearlyWhite) continue;
+    ++num_between;
+    const bool has_neighbours = (i + 1) % width != 0 && i + width < image.labels.size();
+    if (has_neighbours && image.labels[i + 1] == value && image.labels[i + width] == value) {
+      ++num_flat;
+    }
+  }
+  return num_between > 0 && num_white > num_between && num_flat * 4 < num_between;
+}
+
+// Returns 1 for pixels of at least 128 and 0 for others.
+void Binarize(LabelImage& image) {
+  for (uint32_t& label : image.labels) label = label >= 128 ? 1 : 0;
+}
+
+// Resizes labels to the size of their photograph by the nearest pixel: masks are often made on
+// photographs that were shrunk. INVALID_ARGUMENT: the shapes differ by more than a pixel.
+absl::Status FitToPhoto(absl::string_view name, const PhotoSize& photo, LabelImage& image) {
+  if (image.width == photo.width && image.height == photo.height) return absl::OkStatus();
+  const int64_t difference =
+      std::abs(int64_t{image.width} * photo.height - int64_t{image.height} * photo.width);
+  // A rounded width or height is off by less than a pixel of the smaller of both images.
+  const int64_t allowed = std::max(photo.width, photo.height);
+  if (difference > allowed) return CheckMaskSize(name, image.width, image.height, photo);
+  std::vector<uint32_t> labels;
+  labels.reserve(static_cast<size_t>(photo.width) * photo.height);
+  for (int64_t y = 0; y < photo.height; ++y) {
+    const int64_t row = (2 * y + 1) * image.height / (2 * photo.height);
+    for (int64_t x = 0; x < photo.width; ++x) {
+      const int64_t column = (2 * x + 1) * image.width / (2 * photo.width);
+      labels.push_back(image.labels[static_cast<size_t>(row * image.width + column)]);
+    }
+  }
+  image = {photo.width, photo.height, std::move(labels)};
+  return absl::OkStatus();
+}
+
 absl::StatusOr<MaskSet> ReadSamMasks(const std::filesystem::path& path, const std::string& name,
                                      const PhotoSize& photo) {
   ASSIGN_OR_RETURN(const std::string text, ReadFile(path, name, kMaxMaskFileBytes));
@@ -34,9 +83,14 @@ absl::StatusOr<MaskSet> ReadSamMasks(const std::filesystem::path& path, const st
 // Reads a label image. Its masks do not overlap; one mask is made for each value except 0, in the
 // order of the values.
 absl::StatusOr<MaskSet> ReadLabelMasks(const std::filesystem::path& path, const std::string& name,
-                                       const PhotoSize& photo) {
-  ASSIGN_OR_RETURN(const LabelImage image, DecodeLabels(path, name));
-  RETURN_IF_ERROR(CheckMaskSize(name, image.width, image.height, photo));
+                                       const PhotoSize& photo, bool* soft) {
+  ASSIGN_OR_RETURN(LabelImage image, DecodeLabels(path, name));
+  // Before it is resized, which makes flat borders.
+  if (HasSoftBorder(image)) {
+    Binarize(image);
+    if (soft != nullptr) *soft = true;
+  }
+  RETURN_IF_ERROR(FitToPhoto(name, photo, image));
   // A map: the masks are numbered in the order of the labels, which is the same in each run.
   std::map<uint32_t, std::vector<uint32_t>> pixels_of_label;
   for (size_t i = 0; i < image.labels.size(); ++i) {
@@ -87,8 +141,9 @@ absl::StatusOr<MaskSet> ReadBinaryMasks(std::span<const DatasetFile* const> file
   MaskSetBuilder builder(photo.width, photo.height);
   std::vector<uint32_t> pixels;
   for (const DatasetFile* file : files) {
-    ASSIGN_OR_RETURN(const LabelImage image, DecodeLabels(file->path, file->name));
-    RETURN_IF_ERROR(CheckMaskSize(file->name, image.width, image.height, photo));
+    ASSIGN_OR_RETURN(LabelImage image, DecodeLabels(file->path, file->name));
+    if (HasSoftBorder(image)) Binarize(image);
+    RETURN_IF_ERROR(FitToPhoto(file->name, photo, image));
     pixels.clear();
     for (size_t i = 0; i < image.labels.size(); ++i) {
       if (image.labels[i] != 0) pixels.push_back(static_cast<uint32_t>(i));
@@ -106,10 +161,10 @@ absl::Status CheckMaskSize(absl::string_view where, int64_t width, int64_t heigh
 }
 
 absl::StatusOr<MaskSet> ReadMasks(const std::filesystem::path& path, const std::string& name,
-                                  const PhotoSize& photo) {
+                                  const PhotoSize& photo, bool* soft) {
   const std::string suffix = Suffix(name);
   if (suffix == ".json") return ReadSamMasks(path, name, photo);
-  if (suffix == ".png") return ReadLabelMasks(path, name, photo);
+  if (suffix == ".png") return ReadLabelMasks(path, name, photo, soft);
   if (suffix == ".npy") return ReadNpyMasks(path, name, photo);
   return Refused(name, "masks come as .json, .png or .npy");
 }
@@ -117,8 +172,8 @@ absl::StatusOr<MaskSet> ReadMasks(const std::filesystem::path& path, const std::
 absl::StatusOr<std::vector<uint8_t>> ReadIgnoreMask(const std::filesystem::path& path,
                                                     const std::string& name,
                                                     const PhotoSize& photo) {
-  ASSIGN_OR_RETURN(const LabelImage image, DecodeLabels(path, name));
-  RETURN_IF_ERROR(CheckMaskSize(name, image.width, image.height, photo));
+  ASSIGN_OR_RETURN(LabelImage image, DecodeLabels(path, name));
+  RETURN_IF_ERROR(FitToPhoto(name, photo, image));
   std::vector<uint8_t> ignore;
   ignore.reserve(image.labels.size());
   for (const uint32_t label : image.labels) ignore.push_back(label != 0 ? 1 : 0);

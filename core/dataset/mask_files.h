@@ -30,15 +30,18 @@ absl::Status CheckMaskSize(absl::string_view where, int64_t width, int64_t heigh
 // Reads the masks of a photograph. Their format follows from the suffix of `name`:
 //   .json  the output of SAM's automatic mask generator: a list of {"segmentation": {"size":
 //          [height, width], "counts": [run, ...] or "compressed"}}; other fields are ignored
-//   .png   a label image: each value except 0 is a mask
+//   .png   a label image: each value except 0 is a mask. An image of 0 and 255 whose other values
+//          are only a soft border between them is one mask; `soft` is set then
 //   .npy   an array [masks, height, width] of booleans or bytes; 0 is outside; at most 512 MiB
-// INVALID_ARGUMENT, naming the file and the mask: it is malformed, a mask has another size than the
-// photograph (both are named), or there are more than kMaxMasksOfView masks.
+// A PNG of another size is resized if it has the shape of the photograph, up to a pixel.
+// INVALID_ARGUMENT, naming the file and the mask: it is malformed, a mask has another size or, as a
+// PNG, another shape than the photograph (both are named), or there are more than kMaxMasksOfView
+// masks.
 absl::StatusOr<MaskSet> ReadMasks(const std::filesystem::path& path, const std::string& name,
-                                  const PhotoSize& photo);
+                                  const PhotoSize& photo, bool* soft = nullptr);
 
 // Reads the masks of a photograph from PNGs with one binary mask each; pixels that are 0 in all
-// channels are outside. Errors as ReadMasks.
+// channels are outside, and those below 128 where the border is soft. Errors as ReadMasks.
 absl::StatusOr<MaskSet> ReadBinaryMasks(std::span<const DatasetFile* const> files,
                                         const PhotoSize& photo);
 

@@ -1,5 +1,6 @@
 #include "core/dataset/transforms_json.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -284,7 +285,73 @@ void NotePoints(const json& document, const DatasetIndex& index, PhotoPoses& pos
       "random ones"));
 }
 
+// Takes the file whose name is the longest end of `path` out of the masks. Returns null if there is
+// none.
+const DatasetFile* TakeMaskFile(const std::string& path, DatasetIndex& index) {
+  const auto ends_path = [&](const std::string& name) {
+    return path == name || path.ends_with("/" + name) || name.ends_with("/" + path);
+  };
+  for (auto entry = index.masks.begin(); entry != index.masks.end(); ++entry) {
+    const DatasetFile* file = entry->second;
+    if (!ends_path(file->name)) continue;
+    index.masks.erase(entry);
+    return file;
+  }
+  for (auto& [stem, files] : index.mask_folders) {
+    const auto found = std::find_if(files.begin(), files.end(),
+                                    [&](const DatasetFile* file) { return ends_path(file->name); });
+    if (found == files.end()) continue;
+    const DatasetFile* file = *found;
+    files.erase(found);
+    if (files.empty()) index.mask_folders.erase(stem);
+    return file;
+  }
+  return nullptr;
+}
+
+// Returns the "mask_path" of a frame or document; empty if it has none.
+std::string MaskPathOf(const json& object) {
+  const auto path = object.is_object() ? object.find("mask_path") : object.end();
+  if (!object.is_object() || path == object.end() || !path->is_string()) return "";
+  return PlainPath(path->get_ref<const std::string&>());
+}
+
 }  // namespace
+
+absl::Status TakeKeepMasks(DatasetIndex& index) {
+  if (index.transforms == nullptr) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const json document, ReadDocument(*index.transforms));
+  std::map<std::string, const DatasetFile*> taken;  // frames may share a mask
+  std::vector<std::string> missing;
+  const auto take = [&](const std::string& path) {
+    const auto [entry, added] = taken.try_emplace(path, nullptr);
+    if (added) entry->second = TakeMaskFile(path, index);
+    if (added && entry->second == nullptr) missing.push_back(path);
+    return entry->second;
+  };
+  if (const std::string path = MaskPathOf(document); !path.empty()) index.keep_all = take(path);
+  const PhotoNames names(index.photos);
+  for (const json& frame : document["frames"]) {
+    const std::string path = MaskPathOf(frame);
+    const auto photo = frame.is_object() ? frame.find("file_path") : frame.end();
+    if (path.empty() || photo == frame.end() || !photo->is_string()) continue;
+    const DatasetFile* file = take(path);
+    const std::string key = names.Find(PlainPath(photo->get_ref<const std::string&>()));
+    if (file != nullptr && !key.empty()) index.keep[std::string(WithoutSuffix(key))] = file;
+  }
+  if (taken.size() > missing.size()) {
+    index.warnings.push_back(absl::StrCat(
+        index.transforms->name, ": ", taken.size() - missing.size(),
+        " masks are named by mask_path: pixels of value 0 are ignored, and none is a segment"));
+  }
+  if (!missing.empty()) {
+    index.warnings.push_back(
+        absl::StrCat(index.transforms->name, ": ", missing.size(),
+                     " files that mask_path names are not among the masks of the dataset, such as ",
+                     missing.front(), "; put them in masks/, or no pixel is left out"));
+  }
+  return absl::OkStatus();
+}
 
 absl::StatusOr<PhotoPoses> ReadTransformsJson(const DatasetIndex& index) {
   const DatasetFile& file = *index.transforms;

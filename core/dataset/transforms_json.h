@@ -28,4 +28,10 @@ namespace pepeseg {
 // a photograph is not an error.
 absl::StatusOr<PhotoPoses> ReadTransformsJson(const DatasetIndex& index);
 
+// Moves the files that transforms.json names as "mask_path", of a frame or of the document, from
+// the masks of `index` to `keep` and `keep_all`: nerfstudio's masks are 0 where a pixel is left
+// out, and are not segments. Warns of those that are not among the files. Does nothing without a
+// transforms.json. Errors as ReadTransformsJson.
+absl::Status TakeKeepMasks(DatasetIndex& index);
+
 }  // namespace pepeseg

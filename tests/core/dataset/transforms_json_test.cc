@@ -163,6 +163,28 @@ TEST_F(TransformsJsonTest, WarnsOfWhatItIgnores) {
                                             HasSubstr("its points are not among the files")));
 }
 
+// nerfstudio's masks are 0 where a pixel is left out: they are no segments.
+TEST_F(TransformsJsonTest, LeavesOutThePixelsThatMaskPathsSetToZero) {
+  Image keep{40, 30, 1, std::vector<uint8_t>(1200, 255)};
+  keep.pixels[7] = 0;
+  testing::WriteBytes(dataset_.folder / "masks/b.png", testing::Png(keep));
+  std::string text = TransformsJson(kLens, frames_);
+  const std::string path = "\"images/b.jpg\"";
+  text.replace(text.find(path), path.size(), path + ", \"mask_path\": \"./masks/b.png\"");
+  WriteText(text);
+  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset_.Import());
+  EXPECT_TRUE(capture.views[1].masks.empty());
+  EXPECT_EQ(capture.views[1].ignore[7], 1);
+  EXPECT_EQ(capture.views[1].ignore[8], 0);
+  EXPECT_THAT(capture.warnings, ElementsAre(HasSubstr("1 masks are named by mask_path")));
+}
+
+TEST_F(TransformsJsonTest, NamesAMaskPathThatIsMissing) {
+  ASSERT_OK_AND_ASSIGN(const Capture capture,
+                       Import(std::string(kLens) + R"(, "mask_path": "masks/all.png")"));
+  EXPECT_THAT(capture.warnings, ElementsAre(HasSubstr("masks/all.png")));
+}
+
 TEST_F(TransformsJsonTest, PrefersColmapPoses) {
   dataset_.Write();
   testing::WriteBytes(dataset_.folder / "poses_bounds.npy", "no NPY");
