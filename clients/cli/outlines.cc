@@ -27,31 +27,70 @@ void FillBetween(std::vector<double>& crossings, std::span<uint8_t> scanline) {
   }
 }
 
-// Adds the pixels whose centres are inside the polygons, by even-odd. `scale_x`, `scale_y`: pixels
-// of the mask per pixel of the polygons.
-void FillPolygons(const std::vector<Polygon>& polygons, double scale_x, double scale_y,
-                  GreyPicture& mask) {
+// Pixels of the mask per pixel of the polygons.
+struct MaskScale {
+  double x = 1, y = 1;
+};
+
+// Adds the pixels whose centres are inside the polygon; where it crosses itself, by even-odd.
+void FillPolygon(const Polygon& polygon, const MaskScale& scale, GreyPicture& mask) {
   std::vector<std::vector<double>> crossings(static_cast<size_t>(mask.height));
-  for (const Polygon& polygon : polygons) {
-    for (size_t i = 0; i < polygon.size(); ++i) {
-      OutlinePoint a = polygon[i], b = polygon[(i + 1) % polygon.size()];
-      if (a.y > b.y) std::swap(a, b);
-      const double top = a.y * scale_y, bottom = b.y * scale_y;
-      // Rows whose centres are in [top, bottom).
-      const auto row = [&](double y) {
-        return static_cast<int>(
-            std::clamp(std::ceil(y - 0.5), 0.0, static_cast<double>(mask.height)));
-      };
-      for (int y = row(top); y < row(bottom); ++y) {
-        const double part = (y + 0.5 - top) / (bottom - top);
-        crossings[static_cast<size_t>(y)].push_back(scale_x * (a.x + part * (b.x - a.x)));
-      }
+  for (size_t i = 0; i < polygon.size(); ++i) {
+    OutlinePoint a = polygon[i], b = polygon[(i + 1) % polygon.size()];
+    if (a.y > b.y) std::swap(a, b);
+    const double top = a.y * scale.y, bottom = b.y * scale.y;
+    // Rows whose centres are in [top, bottom).
+    const auto row = [&](double y) {
+      return static_cast<int>(
+          std::clamp(std::ceil(y - 0.5), 0.0, static_cast<double>(mask.height)));
+    };
+    for (int y = row(top); y < row(bottom); ++y) {
+      const double part = (y + 0.5 - top) / (bottom - top);
+      crossings[static_cast<size_t>(y)].push_back(scale.x * (a.x + part * (b.x - a.x)));
     }
   }
   for (size_t y = 0; y < crossings.size(); ++y) {
     const auto width = static_cast<size_t>(mask.width);
     FillBetween(crossings[y], std::span(mask.pixels).subspan(y * width, width));
   }
+}
+
+// Returns whether all pixels of one mask are in another, and not the reverse.
+bool IsInside(const GreyPicture& mask, const GreyPicture& other) {
+  bool equal = true;
+  for (size_t i = 0; i < mask.pixels.size(); ++i) {
+    if (mask.pixels[i] > other.pixels[i]) return false;
+    equal = equal && mask.pixels[i] == other.pixels[i];
+  }
+  return !equal;
+}
+
+// Adds the region of polygons to the mask.
+void FillRegion(const std::vector<Polygon>& polygons, const MaskScale& scale, GreyPicture& mask) {
+  if (polygons.size() == 1) return FillPolygon(polygons[0], scale, mask);
+  std::vector<GreyPicture> masks;
+  for (const Polygon& polygon : polygons) {
+    GreyPicture& own = masks.emplace_back(GreyPicture{mask.width, mask.height, {}});
+    own.pixels.resize(mask.pixels.size(), 0);
+    FillPolygon(polygon, scale, own);
+  }
+  // From the outside in: how many others a polygon lies in decides whether it adds or removes.
+  std::vector<std::pair<int, const GreyPicture*>> by_depth;
+  for (const GreyPicture& own : masks) {
+    const auto depth = std::ranges::count_if(
+        masks, [&](const GreyPicture& other) { return &own != &other && IsInside(own, other); });
+    by_depth.emplace_back(static_cast<int>(depth), &own);
+  }
+  std::ranges::stable_sort(by_depth, {}, [](const auto& entry) { return entry.first; });
+  GreyPicture region{mask.width, mask.height, {}};
+  region.pixels.resize(mask.pixels.size(), 0);
+  for (const auto& [depth, own] : by_depth) {
+    const uint8_t value = depth % 2 == 0 ? 1 : 0;
+    for (size_t i = 0; i < own->pixels.size(); ++i) {
+      if (own->pixels[i] != 0) region.pixels[i] = value;
+    }
+  }
+  for (size_t i = 0; i < mask.pixels.size(); ++i) mask.pixels[i] |= region.pixels[i];
 }
 
 // Returns a name without its ending and without folders that tools add or leave out.
@@ -106,8 +145,10 @@ GreyPicture MaskOfEntity(const OutlinedEntity& entity, const PixelSize& drawn_on
   mask.pixels.resize(static_cast<size_t>(size.width) * size.height, 0);
   for (const OutlineRegion& region : entity.regions) {
     if (!region.rle) {
-      FillPolygons(region.polygons, static_cast<double>(size.width) / drawn_on.width,
-                   static_cast<double>(size.height) / drawn_on.height, mask);
+      FillRegion(region.polygons,
+                 {static_cast<double>(size.width) / drawn_on.width,
+                  static_cast<double>(size.height) / drawn_on.height},
+                 mask);
       continue;
     }
     auto pixels = DecodeRle(*region.rle);

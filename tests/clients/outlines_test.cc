@@ -50,7 +50,17 @@ TEST(MaskOfEntity, HasThePixelsWithTheirCentresInside) {
               ElementsAre("###.", "##..", "#...", "...."));
 }
 
-TEST(MaskOfEntity, HasHolesByEvenOddAndUnitesRegions) {
+// As COCO's own code has it: strokes that overlap leave no hole.
+TEST(MaskOfEntity, UnitesPolygonsThatOverlap) {
+  const OutlinedEntity strokes =
+      Entity({Square(0, 0, 3, 2), Square(2, 0, 5, 2), Square(1, 1, 2, 4)});
+  EXPECT_THAT(Scanlines(MaskOfEntity(strokes, {5, 4}, {5, 4})),
+              ElementsAre("#####", "#####", ".#...", ".#..."));
+  const OutlinedEntity twice = Entity({Square(0, 0, 2, 2), Square(0, 0, 2, 2)});
+  EXPECT_THAT(Scanlines(MaskOfEntity(twice, {3, 2}, {3, 2})), ElementsAre("##.", "##."));
+}
+
+TEST(MaskOfEntity, HasAHoleWhereAPolygonLiesInsideAnother) {
   OutlinedEntity ring = Entity({Square(0, 0, 5, 5), Square(1, 1, 4, 4), Square(2, 2, 3, 3)});
   EXPECT_THAT(Scanlines(MaskOfEntity(ring, {5, 5}, {5, 5})),
               ElementsAre("#####", "#...#", "#.#.#", "#...#", "#####"));
