@@ -199,6 +199,10 @@ std::string GaussianPlyBlocks::Encode(int64_t block) const {
                     [this](int64_t row) { return static_cast<int64_t>(indices_[row]); });
 }
 
+// Opacities of 1 and 0 are infinite logits, which splat-transform and spz-js write. This one is 1
+// to the last digit of a float.
+constexpr float kMostLogit = 20;
+
 absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
                                           const std::string& name, const Eigen::Vector3d& origin) {
   ASSIGN_OR_RETURN(const PlyVertices vertices, OpenGaussians(path, name));
@@ -217,7 +221,8 @@ absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
   for (size_t f = 0; f < fields.size(); ++f) {
     if (fields[f].plane == kNoPlane) continue;
     const int plane = fields[f].plane;
-    columns.push_back({properties[f], gaussians.Plane(plane), plane < 3 ? origin[plane] : 0});
+    columns.push_back({properties[f], gaussians.Plane(plane), plane < 3 ? origin[plane] : 0,
+                       plane == kOpacityPlane ? kMostLogit : 0});
   }
   RETURN_IF_ERROR(ReadColumns(vertices, columns));
   RETURN_IF_ERROR(CheckRotations(gaussians, name));

@@ -182,6 +182,11 @@ int64_t LeastBytes(const PlyVertices& vertices) {
   return vertices.is_text ? 2 * static_cast<int64_t>(vertices.properties.size()) : vertices.stride;
 }
 
+// Returns the value with infinities limited as the column says.
+float Limited(float value, const PlyColumn& column) {
+  return std::isinf(value) && column.infinity > 0 ? std::copysign(column.infinity, value) : value;
+}
+
 absl::Status NotFinite(const PlyVertices& vertices, int64_t vertex, const PlyProperty& property) {
   return Refused(vertices.name,
                  absl::StrCat("vertex ", vertex, ": ", property.name, " is not finite"));
@@ -208,7 +213,8 @@ absl::Status ReadTextColumns(const PlyVertices& vertices, std::span<const PlyCol
       double number = 0;
       if (!absl::SimpleAtod(words[column.property], &number)) return no_vertex();
       // Subtracted in double: far from zero, a float has no digits left for the difference.
-      float& value = column.values[row] = static_cast<float>(number - column.origin);
+      float& value = column.values[row] =
+          Limited(static_cast<float>(number - column.origin), column);
       const PlyProperty& property = vertices.properties[column.property];
       if (!std::isfinite(value)) return NotFinite(vertices, row, property);
     }
@@ -269,9 +275,9 @@ absl::Status ReadColumns(const PlyVertices& vertices, std::span<const PlyColumn>
     for (const PlyColumn& column : columns) {
       const PlyProperty& property = vertices.properties[column.property];
       for (int64_t row = 0; row < rows; ++row) {
-        const auto value = static_cast<float>(
-            LoadAs(property.type, block.data() + row * vertices.stride + property.offset) -
-            column.origin);
+        const char* at = block.data() + row * vertices.stride + property.offset;
+        const float value =
+            Limited(static_cast<float>(LoadAs(property.type, at) - column.origin), column);
         if (!std::isfinite(value)) {
           return NotFinite(vertices, first + row, property);
         }

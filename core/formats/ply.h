@@ -47,6 +47,7 @@ struct PlyColumn {
   int property = 0;         // index in PlyVertices::properties
   std::span<float> values;  // [count], output
   double origin = 0;        // subtracted from each value, in double
+  float infinity = 0;       // what infinite values become, with their sign; 0: they are refused
 };
 // Reads properties of all vertices. INVALID_ARGUMENT, naming the vertex: a value is not finite, or
 // a line of an ASCII file does not have one number for each property. INTERNAL: the file cannot be

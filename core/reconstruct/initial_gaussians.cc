@@ -74,20 +74,29 @@ float ReachOf(const LogScaleBounds& bounds) {
   return static_cast<float>(std::exp(double{bounds.max}) / kMaxShare);
 }
 
-}  // namespace
-
-LogScaleBounds BoundLogScales(const Capture& capture, const std::vector<ScenePoint>& points) {
+Eigen::Vector3d CenterOfCameras(const Capture& capture) {
   Eigen::Vector3d center = Eigen::Vector3d::Zero();
   for (const View& view : capture.views) center += view.cam_from_world.Inverse().translation;
-  center /= static_cast<double>(capture.views.size());
+  return center / static_cast<double>(capture.views.size());
+}
+
+// Returns how far the scene reaches from its cameras: the larger of its radius and the distance of
+// the points.
+double Reach(const Capture& capture, const std::vector<ScenePoint>& points) {
+  const Eigen::Vector3d center = CenterOfCameras(capture);
   std::vector<double> distances;
   distances.reserve(points.size());
   for (const ScenePoint& point : points) {
     distances.push_back((point.position.cast<double>() - center).norm());
   }
   // The 90th percentile, because points far out are often wrong.
-  const double far = ValueAtRank(distances, distances.size() * 9 / 10);
-  const double reach = std::max(SceneRadius(capture), far);
+  return std::max(SceneRadius(capture), ValueAtRank(distances, distances.size() * 9 / 10));
+}
+
+}  // namespace
+
+LogScaleBounds BoundLogScales(const Capture& capture, const std::vector<ScenePoint>& points) {
+  const double reach = Reach(capture, points);
   return {static_cast<float>(std::log(kMinShare * reach)),
           static_cast<float>(std::log(kMaxShare * reach))};
 }
@@ -101,7 +110,14 @@ std::vector<ScenePoint> StartingPoints(const Capture& capture, const Reconstruct
     const auto most = static_cast<size_t>(options.max_gaussians);
     // Every n-th point instead of a draw: the result does not depend on the seed.
     const size_t stride = (capture.points.size() + most - 1) / most;
-    for (size_t i = 0; i < capture.points.size(); i += stride) points.push_back(capture.points[i]);
+    // Of a wrong match a point may lie anywhere. A Gaussian there would never be moved or pruned.
+    constexpr double kFarthest = 1000;  // in reaches
+    const Eigen::Vector3d center = CenterOfCameras(capture);
+    const double farthest = kFarthest * Reach(capture, capture.points);
+    for (size_t i = 0; i < capture.points.size(); i += stride) {
+      const double distance = (capture.points[i].position.cast<double>() - center).norm();
+      if (distance <= farthest) points.push_back(capture.points[i]);
+    }
     return points;
   }
   std::vector<const View*> views;

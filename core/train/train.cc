@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
@@ -57,9 +58,11 @@ class Training {
  private:
   void Plan() { observer_.PlanStages(PlanStages(facts_, settings_)); }
   absl::Status ImportViews();
+  absl::Status CheckGivenGaussians() const;
   absl::Status TakeGivenGaussians(const DatasetFile& file);
   absl::Status TrainGaussians();
   std::optional<Gaussians> FindEarlierGaussians();
+  void WarnOfWrongPoses(const StageLog::Metrics& means);
   void WarnOfBlurred(const std::vector<bool>& blurred);
   absl::StatusOr<Gaussians> RunStageOne();
   absl::Status Step(const StepReport& report);
@@ -106,11 +109,21 @@ absl::Status Training::Open() {
   return absl::OkStatus();
 }
 
+// Reads given Gaussians before any stage runs, so that a bad file is an error at once.
+absl::Status Training::CheckGivenGaussians() const {
+  for (const DatasetFile& file : inputs_.files) {
+    if (file.kind != FileKind::kGaussians) continue;
+    RETURN_IF_ERROR(ReadGaussianPly(file.path, file.name).status());
+  }
+  return absl::OkStatus();
+}
+
 // Stage "prepare": verifies the files, and converts HEIC photographs and videos to JPEGs, which all
 // later stages read.
 absl::Status Training::Prepare() {
   RETURN_IF_ERROR(stages_.Start("prepare"));
   RETURN_IF_ERROR(VerifyFiles(inputs_, observer_));
+  RETURN_IF_ERROR(CheckGivenGaussians());
   RETURN_IF_ERROR(ConvertHeicPhotographs(inputs_.folders, stages_, scene_.files));
   RETURN_IF_ERROR(
       AppendVideoFrames(inputs_.folders, settings_.sfm.max_video_frames, stages_, scene_.files));
@@ -253,7 +266,20 @@ absl::Status Training::EvaluateScene() {
                                  [this](const std::string& message) { stages_.Warn(message); }));
   RETURN_IF_ERROR(CheckDevice());
   const StageLog::Metrics means = RecordScores(scores, model_);
+  WarnOfWrongPoses(means);
   return stages_.EndScored(means, std::move(scores));
+}
+
+// Warns where the renderings have nothing in common with the photographs, which masks cannot cause.
+void Training::WarnOfWrongPoses(const StageLog::Metrics& means) {
+  constexpr double kNothingInCommon = 12;  // dB
+  const auto psnr = means.find("psnr");
+  if (psnr == means.end() || psnr->second >= kNothingInCommon) return;
+  stages_.Warn(absl::StrFormat(
+      "the held-out views are rendered at %.1f dB: the model does not show the scene. The likely "
+      "cause are camera poses in another convention (axes, or the inverse), of other photographs, "
+      "or that do not fit the points; masks are not the cause",
+      psnr->second));
 }
 
 // Stage "features": trains the feature of each Gaussian and the scale gate, with the Gaussians

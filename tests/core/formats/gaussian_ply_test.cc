@@ -161,13 +161,23 @@ TEST(GaussianPly, ReadsAnyOrderAndDoubles) {
   EXPECT_EQ(gaussians.Plane(kOpacityPlane)[0], 0.5f);
 }
 
+// splat-transform and spz-js write infinite logits for opacities of 1 and 0.
+TEST(GaussianPly, LimitsInfiniteOpacities) {
+  const TempFolder folder;
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  for (const double opacity : {kInfinity, -kInfinity}) {
+    ASSERT_OK(WriteFileAtomically(folder / "a.ply", ForeignFile(opacity, 1)));
+    ASSERT_OK_AND_ASSIGN(const Gaussians gaussians, ReadGaussianPly(folder / "a.ply", "a.ply"));
+    EXPECT_EQ(gaussians.Plane(kOpacityPlane)[0], opacity > 0 ? 20.0f : -20.0f);
+  }
+}
+
 TEST(GaussianPly, RejectsInvalidValues) {
   const TempFolder folder;
-  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), 1e300}) {
-    ASSERT_OK(WriteFileAtomically(folder / "a.ply", ForeignFile(bad, 1)));
-    EXPECT_STATUS(ReadGaussianPly(folder / "a.ply", "a.ply"), kInvalidArgument,
-                  "a.ply: vertex 0: opacity is not finite");
-  }
+  const double bad = std::numeric_limits<double>::quiet_NaN();
+  ASSERT_OK(WriteFileAtomically(folder / "a.ply", ForeignFile(bad, 1)));
+  EXPECT_STATUS(ReadGaussianPly(folder / "a.ply", "a.ply"), kInvalidArgument,
+                "a.ply: vertex 0: opacity is not finite");
   std::string zero_rotation = ForeignFile(0.5, 0);
   const size_t data = zero_rotation.find("end_header\n") + 11;
   std::memset(zero_rotation.data() + data, 0, 16);

@@ -57,6 +57,16 @@ TEST(StartingPoints, AreTheCapturesPointsIfItHasAny) {
   EXPECT_GT(thinned, 50u);
 }
 
+// A wrong match may put a point anywhere.
+TEST(StartingPoints, LackPointsFarOutsideTheScene) {
+  Capture capture = testing::MakeSyntheticScene().capture;
+  const size_t num_points = capture.points.size();
+  capture.points.push_back(At(2e7f, 0, 0));
+  capture.points.push_back(At(30, 0, 0));
+  std::mt19937_64 random(1);
+  EXPECT_EQ(StartingPoints(capture, {}, random).size(), num_points + 1);
+}
+
 TEST(StartingPoints, AreRandomPointsInTheViewsOtherwise) {
   Capture capture = testing::MakeSyntheticScene().capture;
   capture.points.clear();
