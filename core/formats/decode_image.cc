@@ -122,6 +122,10 @@ absl::StatusOr<Image> DecodePhoto(std::span<const uint8_t> bytes, absl::string_v
   // IMREAD_UNCHANGED keeps alpha, and does not rotate by EXIF: the camera's parameters belong to
   // the stored pixels.
   ASSIGN_OR_RETURN(Decoded decoded, Decode(bytes, name, cv::IMREAD_UNCHANGED));
+  if (decoded.pixels.type() == CV_16UC4) {  // only imdecode()'s 8 bits would lose the alpha
+    constexpr double kToUpperByte = 1.0 / 257;
+    decoded.pixels.convertTo(decoded.pixels, CV_8UC4, kToUpperByte);
+  }
   const bool has_alpha = decoded.pixels.type() == CV_8UC4;
   // Other types are decoded again, because only imdecode() converts them all to 8-bit BGR.
   if (!has_alpha && decoded.pixels.type() != CV_8UC3) {  // grey, a palette, 16 bits

@@ -22,7 +22,7 @@ struct LabelImage {
 };
 
 // Decodes a JPEG, PNG or WebP photograph to 8-bit RGB. Ignores the EXIF orientation, because poses
-// belong to the pixels as stored. If `transparent` is not null and the file has 8-bit alpha, sets
+// belong to the pixels as stored. If `transparent` is not null and the file has alpha, sets
 // it to [height, width], 1 where alpha is below one half; otherwise leaves it as it is.
 // INVALID_ARGUMENT, naming `name`: ReadImageHeader refuses the file, it is a HEIC photograph, or it
 // does not decode.

@@ -125,6 +125,44 @@ std::string BlackOneBitPng(uint16_t side) {
          PngChunk("IDAT", packed) + PngChunk("IEND", "");
 }
 
+// Returns a PNG of one row with these samples of 16 bits. colour_type: 4 grey and alpha, 6 RGBA.
+std::string SixteenBitPng(uint8_t colour_type, const std::vector<uint16_t>& samples) {
+  const size_t channels = colour_type == 6 ? 4 : 2;
+  std::string header(13, '\0'), row(1, '\0');
+  header[3] = static_cast<char>(samples.size() / channels);
+  header[7] = 1;
+  header[8] = 16;
+  header[9] = static_cast<char>(colour_type);
+  for (const uint16_t sample : samples) {
+    row += static_cast<char>(sample >> 8);
+    row += static_cast<char>(sample & 0xff);
+  }
+  std::string packed(compressBound(row.size()), '\0');
+  uLongf size = packed.size();
+  compress(reinterpret_cast<Bytef*>(packed.data()), &size,
+           reinterpret_cast<const Bytef*>(row.data()), row.size());
+  return "\x89PNG\r\n\x1a\n" + PngChunk("IHDR", header) + PngChunk("IDAT", packed.substr(0, size)) +
+         PngChunk("IEND", "");
+}
+
+// Alpha of 16 bits counts as that of 8 bits does.
+TEST(DecodePhoto, KeepsAlphaOfSixteenBits) {
+  const TempFolder folder;
+  constexpr uint16_t kOne = 257;  // one step of 8 bits
+  WriteBytes(folder / "rgba.png", SixteenBitPng(6, {200 * kOne, 50 * kOne, 7 * kOne, 255 * kOne,
+                                                    1 * kOne, 2 * kOne, 3 * kOne, 127 * kOne}));
+  std::vector<uint8_t> transparent;
+  ASSERT_OK_AND_ASSIGN(const Image image,
+                       DecodePhoto(folder / "rgba.png", "rgba.png", &transparent));
+  EXPECT_EQ(image.pixels, (std::vector<uint8_t>{200, 50, 7, 1, 2, 3}));
+  EXPECT_EQ(transparent, (std::vector<uint8_t>{0, 1}));
+  WriteBytes(folder / "grey.png", SixteenBitPng(4, {90 * kOne, 0, 80 * kOne, 65535}));
+  ASSERT_OK_AND_ASSIGN(const Image grey,
+                       DecodePhoto(folder / "grey.png", "grey.png", &transparent));
+  EXPECT_EQ(grey.pixels, (std::vector<uint8_t>{90, 90, 90, 80, 80, 80}));
+  EXPECT_EQ(transparent, (std::vector<uint8_t>{1, 0}));
+}
+
 TEST(DecodePhoto, RejectsAHugeOneBitPngBeforeDecodingIt) {
   const std::string huge = BlackOneBitPng(32000);
   EXPECT_LT(huge.size(), 200'000u);
