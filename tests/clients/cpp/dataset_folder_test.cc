@@ -47,6 +47,7 @@ TEST(KindOf, FollowsTheLayoutOfADataset) {
   EXPECT_EQ(KindOf("more/transforms.json"), std::nullopt);
   EXPECT_EQ(KindOf("sparse_pc.ply"), v1::FILE_KIND_POINTS);
   EXPECT_EQ(KindOf("sparse/0/points3D.bin"), v1::FILE_KIND_POINTS);
+  EXPECT_EQ(KindOf("sparse/12/images.txt"), v1::FILE_KIND_POSES);
   EXPECT_EQ(KindOf("masks/a.json"), v1::FILE_KIND_MASK);
   EXPECT_EQ(KindOf("masks/a.png"), v1::FILE_KIND_MASK);
   EXPECT_EQ(KindOf("masks/a.npy"), v1::FILE_KIND_MASK);
@@ -66,8 +67,8 @@ TEST(KindOf, TakesDepthForDisparityOnRequest) {
 
 TEST(KindOf, LeavesOutOtherFiles) {
   for (const char* name :
-       {"labels/a.png", "README.md", "images/a.gif", "sparse/1/cameras.bin", "sparse/0/project.ini",
-        "masks/a.txt", "images.jpg", "depth/a.exr", "disparity/a.jpg"}) {
+       {"labels/a.png", "README.md", "images/a.gif", "sparse/x/cameras.bin", "sparse/0/project.ini",
+        "sparse/0", "masks/a.txt", "images.jpg", "depth/a.exr", "disparity/a.jpg"}) {
     EXPECT_FALSE(KindOf(name).has_value()) << name;
   }
 }
@@ -138,6 +139,65 @@ TEST_F(DatasetFolderTest, NamesWhatIsMissing) {
   EXPECT_THAT(std::string(empty.status().message()), HasSubstr("no photographs"));
   const auto none = ReadDatasetFolder(root_ / "nowhere");
   EXPECT_EQ(none.status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(DatasetFolderTest, LeavesOutFilesOfSystems) {
+  for (const char* name : {"images/a.jpg", "images/._a.jpg", "images/.DS_Store", "images/Thumbs.db",
+                           "__MACOSX/images/a.jpg", "images/@eaDir/a.jpg", "desktop.ini"}) {
+    Put(name);
+  }
+  const auto folder = ReadDatasetFolder(root_);
+  ASSERT_OK(folder);
+  EXPECT_THAT(NamesOf(*folder), ElementsAre("images/a.jpg"));
+  EXPECT_THAT(folder->left_out, ::testing::IsEmpty());
+}
+
+// The MOV of a Live Photo lies next to its photograph; another video is one.
+TEST_F(DatasetFolderTest, LeavesOutTheVideosOfLivePhotos) {
+  for (const char* name : {"IMG_1.HEIC", "IMG_1.MOV", "img_2.jpg", "IMG_2.mov", "walk.mp4"}) {
+    Put(name);
+  }
+  const auto folder = ReadDatasetFolder(root_);
+  ASSERT_OK(folder);
+  EXPECT_THAT(NamesOf(*folder),
+              ElementsAre("images/IMG_1.HEIC", "images/img_2.jpg", "videos/walk.mp4"));
+  EXPECT_THAT(folder->left_out,
+              ::testing::UnorderedElementsAre("videos/IMG_1.MOV", "videos/IMG_2.mov"));
+}
+
+TEST_F(DatasetFolderTest, TakesWhatTransformsJsonNames) {
+  for (const char* name : {"images/a.jpg", "cloud/fused.ply", "use/a.png", "use/b.png"}) Put(name);
+  std::ofstream(root_ / "transforms.json") << R"({"ply_file_path": "./cloud/fused.ply",
+             "frames": [{"file_path": "images/a.jpg", "mask_path": "use\\a.png"}]})";
+  const auto folder = ReadDatasetFolder(root_);
+  ASSERT_OK(folder);
+  EXPECT_THAT(NamesOf(*folder),
+              ElementsAre("cloud/fused.ply", "images/a.jpg", "transforms.json", "use/a.png"));
+  EXPECT_EQ(folder->files[0].kind, v1::FILE_KIND_POINTS);
+  EXPECT_EQ(folder->files[3].kind, v1::FILE_KIND_MASK);
+  EXPECT_THAT(folder->left_out, ElementsAre("use/b.png"));
+}
+
+TEST_F(DatasetFolderTest, FindsFoldersInOtherLettersAndOneInside) {
+  Put("unpacked/garden/Images/a.jpg");
+  Put("unpacked/garden/Sparse/0/cameras.bin");
+  Put("unpacked/.DS_Store");
+  const auto folder = ReadDatasetFolder(root_);
+  ASSERT_OK(folder);
+  EXPECT_THAT(NamesOf(*folder), ElementsAre("images/a.jpg", "sparse/0/cameras.bin"));
+}
+
+TEST_F(DatasetFolderTest, SaysWhereItSawPhotographs) {
+  Put("readme.txt");
+  Put("day 1/raw/a.jpg");
+  EXPECT_STATUS(ReadDatasetFolder(root_), absl::StatusCode::kInvalidArgument,
+                "there are some in day 1/raw/: name that folder, or call it images/");
+}
+
+TEST_F(DatasetFolderTest, RefusesNamesThatAreNotUtf8) {
+  Put("images/caf\xe9.jpg");
+  EXPECT_STATUS(ReadDatasetFolder(root_), absl::StatusCode::kInvalidArgument,
+                "images/caf\\xe9.jpg\" is not UTF-8; rename the file");
 }
 
 }  // namespace

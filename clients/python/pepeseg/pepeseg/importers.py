@@ -20,19 +20,14 @@ from pepeseg.dataset import (
     FileKind,
     colmap_kind,
     is_photograph,
+    is_system_file,
     kind_of,
     list_files,
+    plain_path,
 )
 from pepeseg.errors import not_there, refused
 
 _SUFFIXES = ("", ".png", ".jpg", ".jpeg", ".webp", ".PNG", ".JPG", ".JPEG")
-
-
-def _plain(path: str) -> str:
-    r"""Returns a path below the folder as the server reads it: "..\data\.\images\7" is
-    "data/images/7"."""
-    parts = path.replace("\\", "/").split("/")
-    return "/".join(part for part in parts if part not in ("", ".", ".."))
 
 
 def _find(root: Path, path: str) -> Path | None:
@@ -76,13 +71,18 @@ class _Frames:
         self.files.setdefault(name, DatasetFile(name, kind, path))
         self._used.add(path.resolve())
 
+    def put_named(self, path: Any, kind: FileKind) -> None:
+        """Puts a file that transforms.json names by its path, under that name."""
+        if isinstance(path, str) and (self.root / path.replace("\\", "/")).is_file():
+            self.put(plain_path(path), kind, self.root / path.replace("\\", "/"))
+
     def take(self, frame: dict[str, Any]) -> None:
         photograph = _find(self.root, frame["file_path"])
         if photograph is None:
             self.missing.append(frame["file_path"])
             return
         # The name gets the file's suffix.
-        plain = PurePosixPath(_plain(frame["file_path"]))
+        plain = PurePosixPath(plain_path(frame["file_path"]))
         key = _below(plain.with_name(photograph.name).as_posix(), "images")
         self.put(f"images/{key}", FileKind.IMAGE, photograph)
         depth = frame.get("depth_file_path")
@@ -90,6 +90,7 @@ class _Frames:
             path = self.root / depth
             name = PurePosixPath("depth", key).with_suffix(path.suffix.lower())
             self.put(name.as_posix(), FileKind.DEPTH, path)
+        self.put_named(frame.get("mask_path"), FileKind.MASK)
 
     def take_rest(self) -> list[str]:
         """Puts the other files that belong to the layout. Returns the names of the rest."""
@@ -97,7 +98,7 @@ class _Frames:
         for name in list_files(self.root):
             path = self.root / name
             kind = kind_of(name)
-            if path.resolve() in self._used:
+            if path.resolve() in self._used or is_system_file(name):
                 continue
             beside = kind in (FileKind.MASK, FileKind.IGNORE_MASK, FileKind.POINTS)
             if beside and not name.startswith("sparse/") and path.is_file():
@@ -111,9 +112,9 @@ def nerfstudio(folder: str | os.PathLike[str]) -> Dataset:
     """Reads a folder with a transforms.json of nerfstudio or instant-ngp.
 
     Takes the photographs that its frames name (with or without a suffix), their depth maps
-    ("depth_file_path", far is large), the points ("ply_file_path"), and masks/, ignore_mask.png and
-    ignore/ if they exist. nerfstudio's own masks ("mask_path") mean the opposite of an ignore mask:
-    they are left out.
+    ("depth_file_path", far is large), their masks ("mask_path": the server ignores the pixels of
+    value 0, and makes no segments of them), the points ("ply_file_path"), and masks/,
+    ignore_mask.png and ignore/ if they exist.
 
     Raises:
         NotFoundError: no such folder, no transforms.json in it, or none of its photographs.
@@ -131,9 +132,8 @@ def nerfstudio(folder: str | os.PathLike[str]) -> Dataset:
     if not any(file.kind == FileKind.IMAGE for file in found.files.values()):
         named = found.missing[0] if found.missing else "no frames"
         raise not_there(f"{transforms}: none of its photographs is there: {named}")
-    points = document.get("ply_file_path")
-    if isinstance(points, str) and (root / points).is_file():
-        found.put("sparse_pc.ply", FileKind.POINTS, root / points)
+    found.put_named(document.get("mask_path"), FileKind.MASK)
+    found.put_named(document.get("ply_file_path"), FileKind.POINTS)
     left_out = found.take_rest()
     files = sorted(found.files.values(), key=lambda file: file.name)
     return Dataset(files, left_out, found.missing)
@@ -155,10 +155,25 @@ def _names_in_binary(data: bytes) -> list[str]:
     return names
 
 
+def _are_points(words: list[str]) -> bool:
+    try:
+        return len(words) % 3 == 0 and all(float(word) is not None for word in words)
+    except ValueError:
+        return False
+
+
 def _names_in_text(data: bytes) -> list[str]:
-    """Returns the names in images.txt: two lines an image, of which the second may be empty."""
-    lines = [line for line in data.decode().splitlines() if not line.startswith("#")]
-    return [line.split(maxsplit=9)[9].strip() for line in lines[0::2] if line.strip()]
+    """Returns the names in images.txt. The line of 2D points after an image, numbers in threes, may
+    be empty or missing."""
+    names = []
+    after_image = False
+    for line in data.decode("utf-8-sig").splitlines():
+        parts = line.split(maxsplit=9)
+        is_points = after_image and (not parts or _are_points(line.split()))
+        after_image = not is_points and bool(parts) and not line.startswith("#")
+        if after_image:
+            names.append(parts[9].strip())
+    return names
 
 
 def _read_names(images: Path) -> list[str]:
@@ -180,7 +195,7 @@ def _find_model(root: Path) -> Path:
 def _photographs(names: list[str], images: Path) -> tuple[dict[str, DatasetFile], list[str]]:
     files, missing = {}, []
     for name in names:
-        key = _plain(name)
+        key = plain_path(name)
         if (images / name).is_file() and is_photograph(name):
             files[f"images/{key}"] = DatasetFile(f"images/{key}", FileKind.IMAGE, images / name)
         else:

@@ -37,9 +37,9 @@ const exact: Record<string, FileKind> = {
 const folders: readonly [folder: RegExp, name: RegExp, kind: FileKind][] = [
   [/^images\//, photograph, FileKind.IMAGE],
   [/^(videos|images)\//, video, FileKind.VIDEO],
-  [/^sparse\/(0\/)?(cameras|images)\.(bin|txt)$/, /./, FileKind.POSES],
-  [/^sparse\/(0\/)?points3D\.(bin|txt)$/, /./, FileKind.POINTS],
-  [/^masks\//, /\.(json|png)$/i, FileKind.MASK],
+  [/^sparse\/(\d+\/)?(cameras|images)\.(bin|txt)$/, /./, FileKind.POSES],
+  [/^sparse\/(\d+\/)?points3D\.(bin|txt)$/, /./, FileKind.POINTS],
+  [/^masks\//, /\.(json|png|npy)$/i, FileKind.MASK],
   [/^ignore\//, /\.png$/i, FileKind.IGNORE_MASK],
   [/^depth\//, depthMap, FileKind.DEPTH],
   [/^disparity\//, depthMap, FileKind.DISPARITY],
@@ -78,8 +78,24 @@ function takeLoose(files: DatasetFile[], rest: DroppedFile[]): DroppedFile[] {
   });
 }
 
+/** Whether a system or program leaves such a file next to photographs. */
+export function isSystemFile(path: string): boolean {
+  return path.split('/').some((part) => /^(\.|(thumbs\.db|desktop\.ini|__macosx|@eadir)$)/i.test(part));
+}
+
+const stem = (path: string) => path.replace(/\.[^./]*$/, '').toLowerCase();
+
+/** Drops the videos of Live Photos, which have the name of a photograph that was next to them. */
+function withoutLivePhotos(files: readonly DatasetFile[]): DatasetFile[] {
+  const below = (path: string) => stem(path.replace(/^(images|videos)\//, ''));
+  const photographs = new Set(
+    files.filter(({ kind }) => kind === FileKind.IMAGE).map(({ path }) => below(path)),
+  );
+  return files.filter(({ kind, path }) => kind !== FileKind.VIDEO || !photographs.has(below(path)));
+}
+
 export function readDataset(dropped: readonly DroppedFile[]): Dataset {
-  const named = dropped.filter(({ path }) => !/(^|\/)\./.test(path));
+  const named = dropped.filter(({ path }) => !isSystemFile(path));
   const root = sharedFolder(named.map(({ path }) => path));
   const files: DatasetFile[] = [];
   let rest: DroppedFile[] = [];
@@ -90,8 +106,9 @@ export function readDataset(dropped: readonly DroppedFile[]): Dataset {
     else files.push({ path: inside, kind, file });
   }
   if (!hasPictures(files)) rest = takeLoose(files, rest);
-  files.sort((a, b) => (a.path < b.path ? -1 : 1));
-  return { files, leftOut: rest.map(({ path }) => path).sort() };
+  const taken = withoutLivePhotos(files).sort((a, b) => (a.path < b.path ? -1 : 1));
+  const live = files.filter((file) => !taken.includes(file));
+  return { files: taken, leftOut: [...rest, ...live].map(({ path }) => path).sort() };
 }
 
 const words: readonly [kind: FileKind, one: string, many: string][] = [

@@ -18,7 +18,7 @@ MIB = 1 << 20
 def put(root, *names):
     for name in names:
         (root / name).parent.mkdir(parents=True, exist_ok=True)
-        (root / name).write_bytes(name.encode())
+        (root / name).write_bytes(os.fsencode(name))
 
 
 class TestCrc32c:
@@ -274,3 +274,49 @@ class TestUpload:
         resumed = next(b for a, b in zip(told, told[1:]) if b < a)
         assert resumed == 33 * MIB
         assert told[-1] == size
+
+    def test_masks_and_points_keep_the_names_that_frames_give_them(self, tmp_path):
+        put(tmp_path, "images/a.png", "use/a.png", "pcd/fused.ply", "images/._a.png")
+        (tmp_path / "transforms.json").write_text(
+            '{"ply_file_path": "./pcd/fused.ply",'
+            ' "frames": [{"file_path": "images/a.png", "mask_path": "use/a.png"}]}'
+        )
+        for dataset in (importers.nerfstudio(tmp_path), read_folder(tmp_path)):
+            kinds = {file.name: file.kind for file in dataset.files}
+            assert kinds["use/a.png"] is FileKind.MASK
+            assert kinds["pcd/fused.ply"] is FileKind.POINTS
+            assert len(kinds) == 4 and dataset.left_out == []
+
+
+class TestWhatPeopleBring:
+    def test_files_of_systems_and_live_photos_are_left_out(self, tmp_path):
+        put(tmp_path, "IMG_1.HEIC", "IMG_1.MOV", "walk.mp4", "._IMG_1.HEIC", "Thumbs.db")
+        put(tmp_path, "__MACOSX/IMG_1.HEIC")
+        dataset = read_folder(tmp_path)
+        assert [file.name for file in dataset.files] == ["images/IMG_1.HEIC", "videos/walk.mp4"]
+        assert dataset.left_out == ["videos/IMG_1.MOV"]
+
+    def test_folders_may_have_other_letters_and_be_inside_another(self, tmp_path):
+        put(tmp_path, "garden/Images/a.jpg", "garden/sparse/1/cameras.bin", ".DS_Store")
+        names = [file.name for file in read_folder(tmp_path).files]
+        assert names == ["images/a.jpg", "sparse/1/cameras.bin"]
+
+    def test_the_error_says_where_photographs_were_seen(self, tmp_path):
+        put(tmp_path, "readme.txt", "day 1/a.jpg")
+        with pytest.raises(pepeseg.InvalidArgumentError, match="there are some in day 1/"):
+            read_folder(tmp_path)
+
+    def test_names_that_are_not_utf8_are_refused_by_name(self, tmp_path):
+        put(tmp_path, os.fsdecode(b"images/caf\xe9.jpg"))
+        with pytest.raises(pepeseg.InvalidArgumentError, match="caf.*is not UTF-8; rename"):
+            read_folder(tmp_path)
+
+    def test_images_txt_may_lack_the_lines_of_points(self, tmp_path):
+        put(tmp_path, "images/a.jpg", "images/b.jpg")
+        (tmp_path / "sparse/0").mkdir(parents=True)
+        (tmp_path / "sparse/0/cameras.txt").write_text("")
+        (tmp_path / "sparse/0/images.txt").write_text(
+            "1 1 0 0 0 0 0 0 1 a.jpg\n2 1 0 0 0 0 0 0 1 b.jpg\n1 2 -1\n"
+        )
+        names = [file.name for file in importers.colmap(tmp_path).files]
+        assert names[:2] == ["images/a.jpg", "images/b.jpg"]
