@@ -4,6 +4,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
@@ -85,6 +86,16 @@ absl::string_view WithoutSuffix(absl::string_view name) {
 
 std::string Suffix(absl::string_view name) {
   return absl::AsciiStrToLower(name.substr(SuffixStart(name)));
+}
+
+bool IsSystemFile(absl::string_view name) {
+  for (const absl::string_view part : absl::StrSplit(name, '/')) {
+    if (!part.empty() && part.front() == '.') return true;
+    for (const char* known : {"thumbs.db", "desktop.ini", "__macosx", "@eadir"}) {
+      if (absl::EqualsIgnoreCase(part, known)) return true;
+    }
+  }
+  return false;
 }
 
 }  // namespace pepeseg

@@ -22,4 +22,8 @@ absl::string_view WithoutSuffix(absl::string_view name);
 // Returns the suffix in lower case, with its dot: ".jpg". Empty: the name has none.
 std::string Suffix(absl::string_view name);
 
+// Returns true for files that systems and programs leave next to photographs: hidden ones, such as
+// macOS's "._7.jpg" and .DS_Store, Thumbs.db, desktop.ini, and those in __MACOSX or @eaDir.
+bool IsSystemFile(absl::string_view name);
+
 }  // namespace pepeseg

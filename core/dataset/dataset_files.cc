@@ -5,6 +5,7 @@
 #include <system_error>
 #include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/file_name.h"
 
@@ -15,11 +16,15 @@ bool IsUnder(absl::string_view name, absl::string_view folder) {
   return WithoutFolder(name, folder).size() < name.size();
 }
 
-// Returns true for COLMAP's cameras, images and points3D in sparse/0/ or sparse/.
+// Returns true for COLMAP's cameras, images and points3D in sparse/N/ or sparse/.
 bool IsColmapFile(absl::string_view name) {
   absl::string_view rest = WithoutFolder(name, "sparse");
   if (rest.size() == name.size()) return false;
-  rest = WithoutFolder(rest, "0");
+  if (const size_t slash = rest.find('/'); slash != absl::string_view::npos) {
+    const absl::string_view folder = rest.substr(0, slash);
+    if (!std::ranges::all_of(folder, absl::ascii_isdigit)) return false;
+    rest.remove_prefix(slash + 1);
+  }
   const std::string suffix = Suffix(rest);
   const absl::string_view stem = WithoutSuffix(rest);
   return (suffix == ".bin" || suffix == ".txt") &&
@@ -70,6 +75,7 @@ absl::StatusOr<std::vector<DatasetFile>> ListDataset(const std::filesystem::path
     std::error_code unreadable;
     if (!entry->is_regular_file(unreadable)) continue;
     std::string name = entry->path().lexically_relative(folder).generic_string();
+    if (IsSystemFile(name)) continue;
     const std::optional<FileKind> kind = KindOf(name, in_depth);
     if (!kind) continue;
     any_picture = any_picture || *kind == FileKind::kImage || *kind == FileKind::kVideo;

@@ -33,7 +33,7 @@ struct DatasetFile {
 
 // Lists the files of a folder that has the layout below, sorted by name. Ignores other files.
 //   images/...                     photographs: JPEG, PNG, WebP or HEIC, also in subfolders
-//   sparse/0/ or sparse/           COLMAP cameras, images, points3D, .bin or .txt
+//   sparse/N/ or sparse/           COLMAP cameras, images, points3D, .bin or .txt
 //   transforms.json                poses of nerfstudio or instant-ngp (transforms_json.h)
 //   poses_bounds.npy               poses of LLFF (photo_poses.h)
 //   masks/STEM.json|png|npy        SAM automatic masks (COCO RLE), a label image (0 = none), or an

@@ -6,8 +6,12 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/file_io.h"
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/photo_names.h"
+#include "core/dataset/transforms_json.h"
+#include "core/formats/transforms_references.h"
 
 namespace pepeseg {
 namespace {
@@ -58,29 +62,22 @@ struct ColmapModel {
   }
 };
 
-// Uses the first folder that has cameras and images, and warns if there are several.
-void ChooseModel(const std::map<std::string, ColmapModel>& models, DatasetIndex& index) {
-  int num_models = 0;
+// Lists the folders that have cameras and images. The map is sorted by folder, so that the list
+// does not depend on the order of the upload.
+void ListModels(const std::map<std::string, ColmapModel>& models, DatasetIndex& index) {
   for (const auto& [folder, model] : models) {
-    const DatasetFile* cameras = model.Find("cameras");
-    const DatasetFile* images = model.Find("images");
-    // The map is sorted by folder, so that the choice does not depend on the order of the upload.
-    if (cameras == nullptr || images == nullptr || num_models++ > 0) continue;
-    index.cameras = cameras;
-    index.images = images;
-    index.colmap_points = model.Find("points3D");
-  }
-  if (num_models > 1) {
-    index.warnings.push_back(absl::StrCat(num_models, " COLMAP models among the files; that of ",
-                                          index.images->name, " is used"));
+    const ColmapFiles files = {model.Find("cameras"), model.Find("images"), model.Find("points3D")};
+    if (files.cameras != nullptr && files.images != nullptr) index.colmap_models.push_back(files);
   }
 }
 
 // Chooses the file of poses to use, and warns of the others.
 void ChoosePoses(DatasetIndex& index) {
   // In the order of preference.
+  const DatasetFile* colmap =
+      index.colmap_models.empty() ? nullptr : index.colmap_models.front().images;
   const std::pair<PoseFormat, const DatasetFile*> formats[] = {
-      {PoseFormat::kColmap, index.images},
+      {PoseFormat::kColmap, colmap},
       {PoseFormat::kTransformsJson, index.transforms},
       {PoseFormat::kPosesBounds, index.poses_bounds}};
   const DatasetFile* used = nullptr;
@@ -97,10 +94,13 @@ void ChoosePoses(DatasetIndex& index) {
 }
 
 // Drops nerfstudio's points if COLMAP's poses are used: nerfstudio rotates the world, so the points
-// fit only the poses of its transforms.json.
-void DropRotatedPoints(DatasetIndex& index) {
+// fit only the poses of its transforms.json, which names them.
+void DropRotatedPoints(const TransformsReferences& references, DatasetIndex& index) {
   if (index.pose_format != PoseFormat::kColmap || index.transforms == nullptr) return;
-  if (index.ply_points == nullptr || !index.ply_points->name.ends_with("sparse_pc.ply")) return;
+  if (index.ply_points == nullptr) return;
+  const std::string& name = index.ply_points->name;
+  const bool named = !references.points.empty() && references.points.ends_with(name);
+  if (!named && !name.ends_with("sparse_pc.ply")) return;
   index.warnings.push_back(absl::StrCat(index.ply_points->name, " belongs to the poses of ",
                                         index.transforms->name, " and is left out"));
   index.ply_points = nullptr;
@@ -130,8 +130,7 @@ absl::Status PutPoints(const DatasetFile& file, std::map<std::string, ColmapMode
   if (file.name.ends_with("points3D.bin") || file.name.ends_with("points3D.txt")) {
     return PutModelFile(file, models);
   }
-  if (index.ply_points != nullptr) return TwoFor("point clouds", *index.ply_points, file);
-  index.ply_points = &file;
+  index.point_clouds.push_back(&file);
   return absl::OkStatus();
 }
 
@@ -181,6 +180,100 @@ absl::Status TakeMaskFolders(const std::set<std::string>& stems, DatasetIndex& i
   return absl::OkStatus();
 }
 
+// Returns what transforms.json names; nothing if there is none or it cannot be read, which is an
+// error only where its poses are used.
+TransformsReferences ReadReferences(const DatasetIndex& index) {
+  if (index.transforms == nullptr) return {};
+  const auto text = ReadFile(index.transforms->path, index.transforms->name, kMaxTransformsBytes);
+  if (!text.ok()) return {};
+  return ParseTransformsReferences(*text).value_or(TransformsReferences());
+}
+
+// Returns the file with that name, or with a name that is the end of `path`; null if there is none.
+const DatasetFile* FileAt(const std::string& path,
+                          const std::map<std::string, const DatasetFile*>& by_name) {
+  for (size_t start = 0; start != std::string::npos;) {
+    const auto found = by_name.find(path.substr(start));
+    if (found != by_name.end()) return found->second;
+    const size_t slash = path.find('/', start);
+    start = slash == std::string::npos ? slash : slash + 1;
+  }
+  return nullptr;
+}
+
+// Moves the masks that frames name from the masks and ignore masks to `keep`.
+void TakeKeepMasks(const TransformsReferences& references, DatasetIndex& index) {
+  const PhotoNames photos(index.photos);
+  std::map<std::string, const DatasetFile*> by_name;
+  for (const auto* files : {&index.masks, &index.ignore}) {
+    for (const auto& [stem, file] : *files) by_name.emplace(file->name, file);
+  }
+  std::set<std::string> missing;
+  std::set<const DatasetFile*> taken;
+  for (const auto& [photo, mask] : references.frames) {
+    if (mask.empty()) continue;
+    const DatasetFile* file = FileAt(mask, by_name);
+    if (file == nullptr) {
+      missing.insert(mask);
+      continue;
+    }
+    taken.insert(file);
+    const std::string key = photos.Find(photo);
+    if (!key.empty()) index.keep[std::string(WithoutSuffix(key))] = file;
+  }
+  for (auto* files : {&index.masks, &index.ignore}) {
+    std::erase_if(*files, [&](const auto& entry) { return taken.contains(entry.second); });
+  }
+  if (!taken.empty()) {
+    index.warnings.push_back(absl::StrCat(
+        taken.size(), " masks that ", index.transforms->name,
+        " names (mask_path) say what to use: their pixels of value 0 are ignored, and they are not "
+        "segments"));
+  }
+  if (!missing.empty()) {
+    index.warnings.push_back(absl::StrCat(missing.size(), " masks that ", index.transforms->name,
+                                          " names (mask_path) are not among the files: ",
+                                          *missing.begin(), missing.size() > 1 ? ", ..." : ""));
+  }
+}
+
+// Chooses the cloud that transforms.json names, else the only one.
+absl::Status ChoosePoints(const TransformsReferences& references, DatasetIndex& index) {
+  std::map<std::string, const DatasetFile*> by_name;
+  for (const DatasetFile* cloud : index.point_clouds) by_name.emplace(cloud->name, cloud);
+  if (!references.points.empty()) index.ply_points = FileAt(references.points, by_name);
+  if (index.ply_points != nullptr) return absl::OkStatus();
+  if (index.point_clouds.size() > 1) {
+    return TwoFor("point clouds", *index.point_clouds[0], *index.point_clouds[1]);
+  }
+  if (!index.point_clouds.empty()) index.ply_points = index.point_clouds.front();
+  if (!references.points.empty()) {
+    index.warnings.push_back(absl::StrCat(
+        index.transforms->name, ": its points, ", references.points,
+        " (ply_file_path), are not among the files: the training starts from ",
+        index.ply_points == nullptr ? "others, or random ones" : index.ply_points->name));
+  }
+  return absl::OkStatus();
+}
+
+// Gives masks, ignore masks and depth maps the name of their photograph where the two differ in
+// letters, in Unicode's form, or in a suffix in the middle ("7.jpg.png" of 7.jpg).
+void MatchCompanions(DatasetIndex& index) {
+  const PhotoNames photos(index.photos);
+  std::set<std::string> stems;
+  for (const auto& [name, photo] : index.photos) stems.emplace(WithoutSuffix(name));
+  for (auto* files : {&index.masks, &index.ignore, &index.depth}) {
+    std::map<std::string, const DatasetFile*> matched;
+    for (const auto& [stem, file] : *files) {
+      const std::string photo = stems.contains(stem) ? stem : photos.FindWhole(stem);
+      const std::string key = photo.empty() ? stem : std::string(WithoutSuffix(photo));
+      const bool free = !files->contains(key) && !matched.contains(key);
+      matched.emplace(stems.contains(stem) || !free ? stem : key, file);
+    }
+    *files = std::move(matched);
+  }
+}
+
 }  // namespace
 
 std::string PhotoKey(absl::string_view name) { return std::string(WithoutFolder(name, "images")); }
@@ -202,17 +295,30 @@ absl::StatusOr<DatasetIndex> IndexPriors(std::span<const DatasetFile> files,
 absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files) {
   DatasetIndex index;
   std::map<std::string, ColmapModel> models;
+  int num_system = 0;
   for (const DatasetFile& file : files) {
     RETURN_IF_ERROR(ValidateName(file.name));
-    RETURN_IF_ERROR(PutFile(file, models, index));
+    if (IsSystemFile(file.name)) {
+      ++num_system;
+    } else {
+      RETURN_IF_ERROR(PutFile(file, models, index));
+    }
+  }
+  if (num_system > 0) {
+    index.warnings.push_back(absl::StrCat(
+        num_system, " files that systems leave in folders (._NAME, .DS_Store) are left out"));
   }
   if (index.photos.empty()) return absl::InvalidArgumentError("no photographs among the files");
   std::set<std::string> stems;
   for (const auto& [name, photo] : index.photos) stems.emplace(WithoutSuffix(name));
+  const TransformsReferences references = ReadReferences(index);
+  TakeKeepMasks(references, index);
+  RETURN_IF_ERROR(ChoosePoints(references, index));
+  MatchCompanions(index);
   RETURN_IF_ERROR(TakeMaskFolders(stems, index));
-  ChooseModel(models, index);
+  ListModels(models, index);
   ChoosePoses(index);
-  DropRotatedPoints(index);
+  DropRotatedPoints(references, index);
   return index;
 }
 

@@ -14,6 +14,13 @@ namespace pepeseg {
 // Format of the files that poses come from. If there are several, the first in this order is used.
 enum class PoseFormat { kNone, kColmap, kTransformsJson, kPosesBounds };
 
+// The files of one COLMAP model, which are in one folder.
+struct ColmapFiles {
+  const DatasetFile* cameras = nullptr;
+  const DatasetFile* images = nullptr;
+  const DatasetFile* points = nullptr;  // may be null
+};
+
 // The files of a dataset, by the photograph or purpose that they belong to. Points into the span
 // that it was made from, which must outlive it.
 struct DatasetIndex {
@@ -24,25 +31,23 @@ struct DatasetIndex {
   // Binary PNGs of a photograph, one a mask, by name: those in masks/STEM/.
   std::map<std::string, std::vector<const DatasetFile*>> mask_folders;
   std::map<std::string, const DatasetFile*> ignore;
-  // Masks that transforms.json names as "mask_path": 0 = ignored, the opposite of `ignore`.
+  // Masks of transforms.json (mask_path), in which 0 is what is ignored. They are never segments.
   std::map<std::string, const DatasetFile*> keep;
-  const DatasetFile* keep_all = nullptr;
   std::map<std::string, const DatasetFile*> depth;  // depth or disparity
   const DatasetFile* ignore_all = nullptr;
-  // One COLMAP model. Cameras and images are either both present or both null; points may be null.
-  const DatasetFile* cameras = nullptr;
-  const DatasetFile* images = nullptr;
-  const DatasetFile* colmap_points = nullptr;
+  std::vector<ColmapFiles> colmap_models;     // by their folders' names
   const DatasetFile* transforms = nullptr;    // nerfstudio or instant-ngp
   const DatasetFile* poses_bounds = nullptr;  // LLFF
   PoseFormat pose_format = PoseFormat::kNone;
-  const DatasetFile* ply_points = nullptr;
+  std::vector<const DatasetFile*> point_clouds;  // PLY
+  const DatasetFile* ply_points = nullptr;       // the one of them that is used
   const DatasetFile* gaussians = nullptr;
   std::vector<std::string> warnings;
 };
 
-// Indexes the files of a dataset. INVALID_ARGUMENT: ValidateName refuses a name, two files have the
-// same purpose, or there is no photograph.
+// Indexes the files of a dataset. Reads transforms.json, which says what some of them are.
+// INVALID_ARGUMENT: ValidateName refuses a name, two files have the same purpose, or there is no
+// photograph.
 absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files);
 
 // Indexes masks and depth maps of these photographs, which are not among the files. `photographs`:

@@ -4,21 +4,22 @@
 #include <cmath>
 #include <limits>
 #include <optional>
-#include <set>
 #include <span>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "core/base/file_io.h"
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/capture_checks.h"
 #include "core/dataset/dataset_index.h"
 #include "core/dataset/depth_files.h"
 #include "core/dataset/held_out.h"
 #include "core/dataset/mask_files.h"
+#include "core/dataset/match_poses.h"
 #include "core/dataset/photo_poses.h"
-#include "core/dataset/transforms_json.h"
 #include "core/dataset/view_warp.h"
 #include "core/formats/colmap.h"
 #include "core/formats/decode_image.h"
@@ -29,84 +30,6 @@
 
 namespace pepeseg {
 namespace {
-
-// Returns a warning such as "3 photographs have no pose and are left out: a.jpg, b.jpg, c.jpg".
-std::string LeftOut(const std::vector<std::string>& names, absl::string_view what) {
-  constexpr size_t kNamed = 5;
-  std::string text = absl::StrCat(names.size(), " ", what, " and are left out: ");
-  for (size_t i = 0; i < std::min(names.size(), kNamed); ++i) {
-    absl::StrAppend(&text, i == 0 ? "" : ", ", names[i]);
-  }
-  if (names.size() > kNamed) absl::StrAppend(&text, ", ...");
-  return text;
-}
-
-// A photograph with its pose.
-struct Match {
-  std::string key;
-  const DatasetFile* photo = nullptr;
-  PhotoPose pose;
-};
-
-// Matches poses and photographs by name. Returns the matches sorted by name, and warns of
-// photographs and poses that have no counterpart.
-absl::StatusOr<std::vector<Match>> MatchPoses(const PhotoPoses& poses, DatasetIndex& index) {
-  std::vector<Match> matches;
-  std::vector<std::string> without_photo;
-  std::set<std::string> posed;
-  for (const PhotoPose& pose : poses.photos) {
-    std::string key = PhotoKey(pose.name);
-    if (!posed.insert(key).second) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(poses.file, ": two poses for the photograph ", key));
-    }
-    const auto photo = index.photos.find(key);
-    if (photo == index.photos.end()) {
-      without_photo.push_back(pose.name);
-    } else {
-      matches.push_back({std::move(key), photo->second, pose});
-    }
-  }
-  std::vector<std::string> without_pose;
-  for (const auto& [key, photo] : index.photos) {
-    if (!posed.contains(key)) without_pose.push_back(photo->name);
-  }
-  if (!without_pose.empty()) {
-    index.warnings.push_back(LeftOut(without_pose, "photographs have no pose"));
-  }
-  if (!without_photo.empty()) {
-    index.warnings.push_back(LeftOut(without_photo, "poses have no photograph"));
-  }
-  std::sort(matches.begin(), matches.end(),
-            [](const Match& a, const Match& b) { return a.key < b.key; });
-  return matches;
-}
-
-// Checks files that belong to photographs by name without suffix, such as masks. Returns
-// INVALID_ARGUMENT if one could belong to two photographs whose names differ only in the suffix.
-// Warns of files that belong to no view.
-absl::Status CheckCompanions(const std::vector<std::string>& keys,
-                             const std::map<std::string, const DatasetFile*>& companions,
-                             absl::string_view what, std::vector<std::string>& warnings) {
-  std::map<std::string, std::string> by_stem;
-  for (const std::string& key : keys) {
-    const std::string stem(WithoutSuffix(key));
-    // Two photographs with one stem are valid as long as no companion could belong to both.
-    const auto [other, added] = by_stem.try_emplace(stem, key);
-    const auto companion = companions.find(stem);
-    if (added || companion == companions.end()) continue;
-    return absl::InvalidArgumentError(
-        absl::StrCat(companion->second->name, " could belong to ", other->second, " and to ", key));
-  }
-  std::vector<std::string> lonely;
-  for (const auto& [stem, file] : companions) {
-    if (!by_stem.contains(stem)) lonely.push_back(file->name);
-  }
-  if (!lonely.empty()) {
-    warnings.push_back(LeftOut(lonely, absl::StrCat(what, " belong to no view")));
-  }
-  return absl::OkStatus();
-}
 
 // Returns the lens scaled to the photograph's size: datasets are often shrunk after their poses
 // were found. Returns INVALID_ARGUMENT if the shapes differ by more than a pixel.
@@ -180,15 +103,16 @@ class PriorReader {
     return prior;
   }
 
-  // Adds warnings that name masks with soft borders and depth maps without information.
+  // Adds warnings that name the depth maps without information, and the masks with soft borders.
   void AddWarnings(std::vector<std::string>& warnings) const {
-    if (!soft_.empty()) {
-      warnings.push_back(
-          absl::StrCat(soft_.size(), " mask files are black and white with a soft border, such as ",
-                       soft_.front(), ": each is one mask, of its pixels of at least 128"));
+    if (!without_depth_.empty()) {
+      warnings.push_back(LeftOut(without_depth_, "depth maps have one value everywhere, or none"));
     }
-    if (without_depth_.empty()) return;
-    warnings.push_back(LeftOut(without_depth_, "depth maps have one value everywhere, or none"));
+    if (!soft_.empty()) {
+      warnings.push_back(absl::StrCat(
+          soft_.size(), " label images are one mask with soft borders each, cut at half of the ",
+          "value: ", FirstNames(soft_)));
+    }
   }
 
  private:
@@ -228,8 +152,6 @@ class ViewReader {
   }
 
   int num_resized() const { return num_resized_; }
-  // Views of which more than half of the pixels are ignored.
-  const std::vector<std::string>& mostly_ignored() const { return mostly_ignored_; }
   const PriorReader& priors() const { return priors_; }
 
  private:
@@ -257,27 +179,21 @@ class ViewReader {
     // A pixel is ignored if it is transparent, or if the mask for all views or the view's own says
     // so.
     const auto own = index_.ignore.find(stem);
+    std::vector<const DatasetFile*> ignore;
+    if (index_.ignore_all != nullptr) ignore.push_back(index_.ignore_all);
+    if (own != index_.ignore.end()) ignore.push_back(own->second);
     const auto keep = index_.keep.find(stem);
-    RETURN_IF_ERROR(AddIgnored(index_.ignore_all, 1, photo, view));
-    RETURN_IF_ERROR(AddIgnored(own == index_.ignore.end() ? nullptr : own->second, 1, photo, view));
-    RETURN_IF_ERROR(AddIgnored(index_.keep_all, 0, photo, view));
-    RETURN_IF_ERROR(AddIgnored(keep == index_.keep.end() ? nullptr : keep->second, 0, photo, view));
-    const auto num_ignored = std::count_if(view.ignore.begin(), view.ignore.end(),
-                                           [](uint8_t ignored) { return ignored != 0; });
-    if (2 * static_cast<size_t>(num_ignored) > view.ignore.size()) mostly_ignored_.push_back(stem);
+    if (keep != index_.keep.end()) ignore.push_back(keep->second);
+    for (const DatasetFile* file : ignore) {
+      ASSIGN_OR_RETURN(std::vector<uint8_t> mask, ReadIgnoreMask(file->path, file->name, photo));
+      if (keep != index_.keep.end() && file == keep->second) {
+        for (uint8_t& ignored : mask) ignored = ignored == 0 ? 1 : 0;
+      }
+      const std::vector<uint8_t> warped = warp_->Ignore(mask);
+      view.ignore.resize(warped.size(), 0);
+      for (size_t i = 0; i < warped.size(); ++i) view.ignore[i] |= warped[i];
+    }
     ASSIGN_OR_RETURN(view.depth, priors_.ReadDepthOf(view, photo, *warp_));
-    return absl::OkStatus();
-  }
-
-  // Ignores the pixels of the file, if it is not null, that are `value`: 1 for non-zero, or 0.
-  absl::Status AddIgnored(const DatasetFile* file, uint8_t value, const PhotoSize& photo,
-                          View& view) const {
-    if (file == nullptr) return absl::OkStatus();
-    ASSIGN_OR_RETURN(std::vector<uint8_t> mask, ReadIgnoreMask(file->path, file->name, photo));
-    for (uint8_t& pixel : mask) pixel = pixel == value ? 1 : 0;
-    const std::vector<uint8_t> warped = warp_->Ignore(mask);
-    view.ignore.resize(warped.size(), 0);
-    for (size_t i = 0; i < warped.size(); ++i) view.ignore[i] |= warped[i];
     return absl::OkStatus();
   }
 
@@ -285,7 +201,6 @@ class ViewReader {
   const PhotoPoses& poses_;
   double image_scale_;
   int num_resized_ = 0;
-  std::vector<std::string> mostly_ignored_;
   PriorReader priors_;
   std::optional<ViewWarp> warp_;
   uint32_t warp_camera_ = 0;
@@ -294,12 +209,13 @@ class ViewReader {
 
 // Reads the initial points: of the point cloud if there is one, else of the COLMAP model.
 absl::StatusOr<std::vector<ScenePoint>> ReadPoints(const DatasetIndex& index,
+                                                   const PhotoPoses& poses,
                                                    const Eigen::Vector3d& origin) {
   if (index.ply_points != nullptr) {
     return ReadPlyPoints(index.ply_points->path, index.ply_points->name, origin);
   }
-  if (index.colmap_points != nullptr) {
-    return ReadColmapPoints(index.colmap_points->path, index.colmap_points->name, origin);
+  if (poses.points != nullptr) {
+    return ReadColmapPoints(poses.points->path, poses.points->name, origin);
   }
   return std::vector<ScenePoint>();
 }
@@ -318,6 +234,42 @@ Eigen::Vector3d TakeOrigin(std::vector<Match>& matches, std::vector<std::string>
       "the cameras are far from zero compared with the distances between ",
       "them: coordinates are relative to (", origin.x(), ", ", origin.y(), ", ", origin.z(), ")"));
   return origin;
+}
+
+// Sets the origin and the points of the capture, and makes the poses relative to the origin.
+// Corrects poses that were written in another convention than their format's, and warns of it.
+absl::Status PlaceScene(DatasetIndex& index, const PhotoPoses& poses, std::vector<Match>& matches,
+                        Capture& capture) {
+  std::vector<Match> as_written = matches;
+  std::vector<std::string> warnings;
+  const auto place = [&]() -> absl::StatusOr<std::vector<PosedLens>> {
+    warnings.clear();
+    // The origin comes first, because points and poses are stored relative to it.
+    capture.origin = TakeOrigin(matches, warnings);
+    ASSIGN_OR_RETURN(capture.points, ReadPoints(index, poses, capture.origin));
+    std::vector<PosedLens> cameras;
+    for (const Match& match : matches) {
+      const auto lens = poses.lenses.find(match.pose.camera_id);
+      if (lens != poses.lenses.end()) cameras.push_back({lens->second, match.pose.cam_from_world});
+    }
+    return cameras;
+  };
+  ASSIGN_OR_RETURN(std::vector<PosedLens> cameras, place());
+  if (const auto fits = FindConvention(index.pose_format, cameras, capture.points)) {
+    for (Match& match : as_written) {
+      match.pose.cam_from_world = fits->corrected(match.pose.cam_from_world);
+    }
+    matches = std::move(as_written);
+    ASSIGN_OR_RETURN(cameras, place());
+    index.warnings.push_back(absl::StrFormat(
+        "%s: the poses are in another convention than the format's. As written, a camera sees "
+        "%.0f %% of the points; with %s it sees %.0f %%. They are read so",
+        poses.file, 100 * fits->as_written, fits->name, 100 * fits->seen));
+  } else if (auto warning = WarnOfUnseenPoints(cameras, capture.points)) {
+    index.warnings.push_back(absl::StrCat(poses.file, ": ", *warning));
+  }
+  index.warnings.insert(index.warnings.end(), warnings.begin(), warnings.end());
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -343,7 +295,6 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
                                       const ImportOptions& options) {
   RETURN_IF_ERROR(Validate(options));
   ASSIGN_OR_RETURN(DatasetIndex index, IndexDataset(files));
-  RETURN_IF_ERROR(TakeKeepMasks(index));
   std::vector<std::string> photographs;
   for (const auto& [key, photo] : index.photos) photographs.push_back(key);
   RETURN_IF_ERROR(CheckHeldOutViews(options, photographs));
@@ -362,9 +313,7 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   RETURN_IF_ERROR(CheckCompanions(keys, index.ignore, "ignore masks", index.warnings));
   RETURN_IF_ERROR(CheckCompanions(keys, index.depth, "depth maps", index.warnings));
   Capture capture;
-  // The origin comes first, because points and poses are stored relative to it.
-  capture.origin = TakeOrigin(matches, index.warnings);
-  ASSIGN_OR_RETURN(capture.points, ReadPoints(index, capture.origin));
+  RETURN_IF_ERROR(PlaceScene(index, poses, matches, capture));
   ViewReader reader(index, poses, options.image_scale);
   for (const Match& match : matches) {
     ASSIGN_OR_RETURN(View view, reader.Read(match));
@@ -373,13 +322,8 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
     capture.views.push_back(std::move(view));
   }
   capture.warnings = std::move(index.warnings);
+  if (auto warning = WarnOfIgnoredScene(capture)) capture.warnings.push_back(*std::move(warning));
   reader.priors().AddWarnings(capture.warnings);
-  if (const auto& views = reader.mostly_ignored(); !views.empty()) {
-    capture.warnings.push_back(absl::StrCat(
-        "more than half of the pixels are ignored in ", views.size(), " of ", capture.views.size(),
-        " views, such as ", views.front(), ": in ignore/ and ignore_mask.png 255 is ignored and 0 ",
-        "is used; invert the masks if they are white where a pixel is to be used"));
-  }
   if (reader.num_resized() > 0) {
     capture.warnings.push_back(absl::StrCat(
         reader.num_resized(), " photographs have another size than their cameras, which ",

@@ -1,8 +1,9 @@
 #include "core/dataset/mask_files.h"
 
 #include <algorithm>
-#include <cstdlib>
+#include <cmath>
 #include <map>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -12,6 +13,7 @@
 #include "core/base/status_macros.h"
 #include "core/dataset/sam_masks.h"
 #include "core/formats/decode_image.h"
+#include "core/formats/label_values.h"
 #include "core/formats/npy.h"
 
 namespace pepeseg {
@@ -27,70 +29,32 @@ absl::Status CheckCount(absl::string_view name, size_t count) {
   return Refused(name, absl::StrCat("has ", count, " masks, the limit is ", kMaxMasksOfView));
 }
 
-// Returns true for a mask of 0 and 255 with a soft border, as editors, filters and JPEG make it:
-// values between are fewer than those near 255, and seldom lie side by side as those of a label do.
-bool HasSoftBorder(const LabelImage& image) {
-  constexpr uint32_t kNearlyWhite = 247, kWhite = 255;
-  const auto width = static_cast<size_t>(image.width);
-  size_t num_white = 0, num_between = 0, num_flat = 0;
-  for (size_t i = 0; i < image.labels.size(); ++i) {
-    const uint32_t value = image.labels[i];
-    if (value > kWhite) return false;
-    if (value >= kNearlyWhite) ++num_white;
-    if (value == 0 || value >= kNearlyWhite) continue;
-    ++num_between;
-    const bool has_neighbours = (i + 1) % width != 0 && i + width < image.labels.size();
-    if (has_neighbours && image.labels[i + 1] == value && image.labels[i + width] == value) {
-      ++num_flat;
-    }
-  }
-  return num_between > 0 && num_white > num_between && num_flat * 4 < num_between;
-}
-
-// Returns 1 for pixels of at least 128 and 0 for others.
-void Binarize(LabelImage& image) {
-  for (uint32_t& label : image.labels) label = label >= 128 ? 1 : 0;
-}
-
-// Resizes labels to the size of their photograph by the nearest pixel: masks are often made on
-// photographs that were shrunk. INVALID_ARGUMENT: the shapes differ by more than a pixel.
-absl::Status FitToPhoto(absl::string_view name, const PhotoSize& photo, LabelImage& image) {
-  if (image.width == photo.width && image.height == photo.height) return absl::OkStatus();
-  const int64_t difference =
-      std::abs(int64_t{image.width} * photo.height - int64_t{image.height} * photo.width);
-  // A rounded width or height is off by less than a pixel of the smaller of both images.
-  const int64_t allowed = std::max(photo.width, photo.height);
-  if (difference > allowed) return CheckMaskSize(name, image.width, image.height, photo);
-  std::vector<uint32_t> labels;
-  labels.reserve(static_cast<size_t>(photo.width) * photo.height);
-  for (int64_t y = 0; y < photo.height; ++y) {
-    const int64_t row = (2 * y + 1) * image.height / (2 * photo.height);
-    for (int64_t x = 0; x < photo.width; ++x) {
-      const int64_t column = (2 * x + 1) * image.width / (2 * photo.width);
-      labels.push_back(image.labels[static_cast<size_t>(row * image.width + column)]);
-    }
-  }
-  image = {photo.width, photo.height, std::move(labels)};
-  return absl::OkStatus();
-}
-
 absl::StatusOr<MaskSet> ReadSamMasks(const std::filesystem::path& path, const std::string& name,
                                      const PhotoSize& photo) {
   ASSIGN_OR_RETURN(const std::string text, ReadFile(path, name, kMaxMaskFileBytes));
   return ParseSamMasks(text, name, photo);
 }
 
+// Reads a label image at the photograph's size. If it is one mask with soft borders, its labels
+// become 0 and 1, and `soft`, unless null, is set.
+absl::StatusOr<LabelImage> ReadLabels(const std::filesystem::path& path, const std::string& name,
+                                      const PhotoSize& photo, bool* soft = nullptr) {
+  ASSIGN_OR_RETURN(LabelImage image, DecodeLabels(path, name));
+  RETURN_IF_ERROR(CheckMaskShape(name, image.width, image.height, photo));
+  const std::optional<uint32_t> threshold = SoftMaskThreshold(image);
+  if (soft != nullptr) *soft = threshold.has_value();
+  if (threshold) {
+    for (uint32_t& label : image.labels) label = label > *threshold ? 1 : 0;
+  }
+  if (image.width == photo.width && image.height == photo.height) return image;
+  return ResizedLabels(image, photo.width, photo.height);
+}
+
 // Reads a label image. Its masks do not overlap; one mask is made for each value except 0, in the
 // order of the values.
 absl::StatusOr<MaskSet> ReadLabelMasks(const std::filesystem::path& path, const std::string& name,
                                        const PhotoSize& photo, bool* soft) {
-  ASSIGN_OR_RETURN(LabelImage image, DecodeLabels(path, name));
-  // Before it is resized, which makes flat borders.
-  if (HasSoftBorder(image)) {
-    Binarize(image);
-    if (soft != nullptr) *soft = true;
-  }
-  RETURN_IF_ERROR(FitToPhoto(name, photo, image));
+  ASSIGN_OR_RETURN(const LabelImage image, ReadLabels(path, name, photo, soft));
   // A map: the masks are numbered in the order of the labels, which is the same in each run.
   std::map<uint32_t, std::vector<uint32_t>> pixels_of_label;
   for (size_t i = 0; i < image.labels.size(); ++i) {
@@ -109,10 +73,10 @@ absl::StatusOr<MaskSet> ReadNpyMasks(const std::filesystem::path& path, const st
                                      const PhotoSize& photo) {
   ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, name, kMaxNpyBytes));
   ASSIGN_OR_RETURN(const NpyStack stack, ParseNpyStack(name, bytes));
-  RETURN_IF_ERROR(CheckMaskSize(name, stack.width, stack.height, photo));
+  RETURN_IF_ERROR(CheckMaskShape(name, stack.width, stack.height, photo));
   RETURN_IF_ERROR(CheckCount(name, static_cast<size_t>(stack.num_images)));
   MaskSetBuilder builder(photo.width, photo.height);
-  const size_t num_pixels = static_cast<size_t>(photo.width) * photo.height;
+  const size_t num_pixels = static_cast<size_t>(stack.width) * stack.height;
   std::vector<uint32_t> pixels;
   for (int mask = 0; mask < stack.num_images; ++mask) {
     pixels.clear();
@@ -120,7 +84,9 @@ absl::StatusOr<MaskSet> ReadNpyMasks(const std::filesystem::path& path, const st
     for (size_t i = 0; i < num_pixels; ++i) {
       if (values[i] != 0) pixels.push_back(static_cast<uint32_t>(i));
     }
-    RETURN_IF_ERROR(AddMask(absl::StrCat(name, ": mask ", mask), pixels, builder));
+    RETURN_IF_ERROR(AddMask(absl::StrCat(name, ": mask ", mask),
+                            ScaledPixels(std::move(pixels), stack.width, stack.height, photo),
+                            builder));
   }
   return std::move(builder).Build();
 }
@@ -141,9 +107,7 @@ absl::StatusOr<MaskSet> ReadBinaryMasks(std::span<const DatasetFile* const> file
   MaskSetBuilder builder(photo.width, photo.height);
   std::vector<uint32_t> pixels;
   for (const DatasetFile* file : files) {
-    ASSIGN_OR_RETURN(LabelImage image, DecodeLabels(file->path, file->name));
-    if (HasSoftBorder(image)) Binarize(image);
-    RETURN_IF_ERROR(FitToPhoto(file->name, photo, image));
+    ASSIGN_OR_RETURN(const LabelImage image, ReadLabels(file->path, file->name, photo));
     pixels.clear();
     for (size_t i = 0; i < image.labels.size(); ++i) {
       if (image.labels[i] != 0) pixels.push_back(static_cast<uint32_t>(i));
@@ -153,15 +117,38 @@ absl::StatusOr<MaskSet> ReadBinaryMasks(std::span<const DatasetFile* const> file
   return std::move(builder).Build();
 }
 
-absl::Status CheckMaskSize(absl::string_view where, int64_t width, int64_t height,
-                           const PhotoSize& photo) {
-  if (width == photo.width && height == photo.height) return absl::OkStatus();
-  return Refused(where, absl::StrCat("has ", width, "x", height, " pixels, its photograph ",
-                                     photo.name, " has ", photo.width, "x", photo.height));
+std::vector<uint32_t> ScaledPixels(std::vector<uint32_t> pixels, int width, int height,
+                                   const PhotoSize& photo) {
+  if (width == photo.width && height == photo.height) return pixels;
+  LabelImage image{width, height, std::vector<uint32_t>(static_cast<size_t>(width) * height, 0)};
+  for (const uint32_t pixel : pixels) image.labels[pixel] = 1;
+  const LabelImage scaled = ResizedLabels(image, photo.width, photo.height);
+  pixels.clear();
+  for (size_t i = 0; i < scaled.labels.size(); ++i) {
+    if (scaled.labels[i] != 0) pixels.push_back(static_cast<uint32_t>(i));
+  }
+  return pixels;
+}
+
+absl::Status CheckMaskShape(absl::string_view where, int64_t width, int64_t height,
+                            const PhotoSize& photo) {
+  constexpr double kMostError = 0.03;  // of the side, where a pixel is more
+  const auto differs = [](int64_t side, double expected) {
+    return std::abs(static_cast<double>(side) - expected) > std::min(1.0, kMostError * expected);
+  };
+  const double expected_height = static_cast<double>(width) * photo.height / photo.width;
+  const double expected_width = static_cast<double>(height) * photo.width / photo.height;
+  if (!differs(height, expected_height) || !differs(width, expected_width)) {
+    return absl::OkStatus();
+  }
+  return Refused(where,
+                 absl::StrCat("has ", width, "x", height, " pixels, its photograph ", photo.name,
+                              " has ", photo.width, "x", photo.height, ": not of one shape"));
 }
 
 absl::StatusOr<MaskSet> ReadMasks(const std::filesystem::path& path, const std::string& name,
                                   const PhotoSize& photo, bool* soft) {
+  if (soft != nullptr) *soft = false;
   const std::string suffix = Suffix(name);
   if (suffix == ".json") return ReadSamMasks(path, name, photo);
   if (suffix == ".png") return ReadLabelMasks(path, name, photo, soft);
@@ -172,8 +159,7 @@ absl::StatusOr<MaskSet> ReadMasks(const std::filesystem::path& path, const std::
 absl::StatusOr<std::vector<uint8_t>> ReadIgnoreMask(const std::filesystem::path& path,
                                                     const std::string& name,
                                                     const PhotoSize& photo) {
-  ASSIGN_OR_RETURN(LabelImage image, DecodeLabels(path, name));
-  RETURN_IF_ERROR(FitToPhoto(name, photo, image));
+  ASSIGN_OR_RETURN(const LabelImage image, ReadLabels(path, name, photo));
   std::vector<uint8_t> ignore;
   ignore.reserve(image.labels.size());
   for (const uint32_t label : image.labels) ignore.push_back(label != 0 ? 1 : 0);

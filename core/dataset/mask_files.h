@@ -22,26 +22,25 @@ struct PhotoSize {
   int height = 0;
 };
 
-// Returns INVALID_ARGUMENT with both sizes unless the mask, which `where` names, has the size of
-// its photograph.
-absl::Status CheckMaskSize(absl::string_view where, int64_t width, int64_t height,
-                           const PhotoSize& photo);
+// Returns INVALID_ARGUMENT with both sizes unless the mask, which `where` names, has the shape of
+// its photograph within a pixel: masks are often made on photographs of another size.
+absl::Status CheckMaskShape(absl::string_view where, int64_t width, int64_t height,
+                            const PhotoSize& photo);
 
 // Reads the masks of a photograph. Their format follows from the suffix of `name`:
 //   .json  the output of SAM's automatic mask generator: a list of {"segmentation": {"size":
 //          [height, width], "counts": [run, ...] or "compressed"}}; other fields are ignored
-//   .png   a label image: each value except 0 is a mask. An image of 0 and 255 whose other values
-//          are only a soft border between them is one mask; `soft` is set then
+//   .png   a label image: each value except 0 is a mask; one mask with soft borders, see
+//          SoftMaskThreshold, is cut at half of its value
 //   .npy   an array [masks, height, width] of booleans or bytes; 0 is outside; at most 512 MiB
-// A PNG of another size is resized if it has the shape of the photograph, up to a pixel.
-// INVALID_ARGUMENT, naming the file and the mask: it is malformed, a mask has another size or, as a
-// PNG, another shape than the photograph (both are named), or there are more than kMaxMasksOfView
-// masks.
+// Masks of another size than the photograph are scaled. Sets `soft`, unless null, to whether
+// borders were soft. INVALID_ARGUMENT, naming the file and the mask: it is malformed,
+// CheckMaskShape refuses a mask, or there are more than kMaxMasksOfView masks.
 absl::StatusOr<MaskSet> ReadMasks(const std::filesystem::path& path, const std::string& name,
                                   const PhotoSize& photo, bool* soft = nullptr);
 
 // Reads the masks of a photograph from PNGs with one binary mask each; pixels that are 0 in all
-// channels are outside, and those below 128 where the border is soft. Errors as ReadMasks.
+// channels are outside. Errors as ReadMasks.
 absl::StatusOr<MaskSet> ReadBinaryMasks(std::span<const DatasetFile* const> files,
                                         const PhotoSize& photo);
 
@@ -50,6 +49,11 @@ absl::StatusOr<MaskSet> ReadBinaryMasks(std::span<const DatasetFile* const> file
 // GiB. Hostile masks could need far more memory than their files.
 absl::Status AddMask(absl::string_view where, std::span<const uint32_t> pixels,
                      MaskSetBuilder& builder);
+
+// Returns the pixels of a mask of width x height at the size of the photograph, by the nearest
+// pixel.
+std::vector<uint32_t> ScaledPixels(std::vector<uint32_t> pixels, int width, int height,
+                                   const PhotoSize& photo);
 
 // Reads an ignore mask of the photograph, a PNG. Returns 1 for pixels with a non-zero value, else
 // 0. Errors as ReadMasks.

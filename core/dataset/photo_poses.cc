@@ -7,8 +7,10 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/photo_names.h"
 #include "core/dataset/transforms_json.h"
 #include "core/formats/colmap.h"
 #include "core/formats/npy.h"
@@ -28,17 +30,57 @@ bool SameLens(const Lens& a, const Lens& b) {
          a.fy == b.fy && a.cx == b.cx && a.cy == b.cy && a.distortion == b.distortion;
 }
 
+// A COLMAP model of several.
+struct ModelImages {
+  const ColmapFiles* files = nullptr;
+  std::vector<ColmapImage> images;
+  int num_photos = 0;  // images with a photograph
+};
+
+// Reads the model with the most photographs; of equal ones the first. COLMAP writes several where
+// it could not join all photographs, and their coordinates differ. A model that cannot be read is
+// an error only if there is no other.
+absl::StatusOr<ModelImages> ReadLargestModel(const DatasetIndex& index,
+                                             std::vector<std::string>& warnings) {
+  const PhotoNames names(index.photos);
+  ModelImages largest;
+  absl::Status unreadable;
+  std::vector<std::string> sizes;
+  for (const ColmapFiles& files : index.colmap_models) {
+    auto images = ReadColmapImages(files.images->path, files.images->name);
+    if (!images.ok()) {
+      unreadable.Update(images.status());
+      sizes.push_back(absl::StrCat(files.images->name, " cannot be read"));
+      continue;
+    }
+    const auto num_photos = static_cast<int>(std::ranges::count_if(
+        *images, [&](const ColmapImage& image) { return !names.Find(image.name).empty(); }));
+    sizes.push_back(absl::StrCat(files.images->name, " has ", num_photos));
+    if (largest.files == nullptr || num_photos > largest.num_photos) {
+      largest = {&files, *std::move(images), num_photos};
+    }
+  }
+  if (largest.files == nullptr) return unreadable;
+  if (sizes.size() > 1) {
+    warnings.push_back(absl::StrCat(
+        sizes.size(), " COLMAP models: that of ", largest.files->images->name,
+        " is used, which has the most photographs (", absl::StrJoin(sizes, ", "), ")"));
+  }
+  return largest;
+}
+
 absl::StatusOr<PhotoPoses> ReadColmapPoses(const DatasetIndex& index) {
-  ASSIGN_OR_RETURN(ColmapCameras cameras,
-                   ReadColmapCameras(index.cameras->path, index.cameras->name));
-  ASSIGN_OR_RETURN(std::vector<ColmapImage> images,
-                   ReadColmapImages(index.images->path, index.images->name));
   PhotoPoses poses;
-  poses.file = index.images->name;
-  poses.camera_file = index.cameras->name;
+  ASSIGN_OR_RETURN(ModelImages model, ReadLargestModel(index, poses.warnings));
+  const ColmapFiles& files = *model.files;
+  ASSIGN_OR_RETURN(ColmapCameras cameras,
+                   ReadColmapCameras(files.cameras->path, files.cameras->name));
+  poses.file = files.images->name;
+  poses.camera_file = files.cameras->name;
+  poses.points = files.points;
   poses.lenses = std::move(cameras.by_id);
-  poses.photos.reserve(images.size());
-  for (ColmapImage& image : images) {
+  poses.photos.reserve(model.images.size());
+  for (ColmapImage& image : model.images) {
     poses.photos.push_back({std::move(image.name), image.camera_id, image.cam_from_world});
   }
   return poses;

@@ -25,11 +25,13 @@ struct PhotoPoses {
   std::string file, camera_file;    // names of the files with poses and lenses, for errors
   std::map<uint32_t, Lens> lenses;  // by camera id
   std::vector<PhotoPose> photos;
+  const DatasetFile* points = nullptr;  // those of the COLMAP model; null: none
   std::vector<std::string> warnings;
 };
 
-// Reads the poses in the format that the index has chosen. INVALID_ARGUMENT: there are none, or as
-// for colmap.h, transforms_json.h and ReadPosesBounds.
+// Reads the poses in the format that the index has chosen. Of several COLMAP models the one with
+// the most photographs of the index is read, and a warning names all. INVALID_ARGUMENT: there are
+// none, or as for colmap.h, transforms_json.h and ReadPosesBounds.
 absl::StatusOr<PhotoPoses> ReadPhotoPoses(const DatasetIndex& index);
 
 // Returns the pose of a camera at `center` whose axes x right, y down, z forward are the columns of

@@ -15,6 +15,7 @@
 namespace pepeseg {
 namespace {
 
+constexpr int64_t kMaxSide = 16384;  // of a mask, pixels
 constexpr char kNoSegmentation[] = "has no \"segmentation\" with a \"size\": [height, width]";
 
 // The part of the "segmentation" of one mask that has been read so far. If a key occurs twice, the
@@ -250,14 +251,20 @@ void SamReader::EndMask() {
 // Converts the runs to pixels and adds them to the set.
 absl::Status SamReader::AddMask(const std::string& where) {
   if (!mask_.size_ok || mask_.size.size() != 2) return Refused(where, kNoSegmentation);
-  RETURN_IF_ERROR(CheckMaskSize(where, mask_.size[1], mask_.size[0], photo_));
+  const int64_t height = mask_.size[0], width = mask_.size[1];
+  if (width < 1 || height < 1 || width > kMaxSide || height > kMaxSide) {
+    return Refused(where, absl::StrCat("has ", width, "x", height,
+                                       " pixels, each side must be 1 to ", kMaxSide));
+  }
+  RETURN_IF_ERROR(CheckMaskShape(where, width, height, photo_));
   if (!mask_.counts.ok()) return Refused(where, mask_.counts.message());
   absl::StatusOr<std::vector<int64_t>> unpacked = ParseCocoCounts(mask_.compressed, MaxRuns());
   if (!unpacked.ok()) return Refused(where, unpacked.status().message());
-  const absl::StatusOr<std::vector<uint32_t>> pixels =
-      PixelsOfRuns(mask_.compressed.empty() ? mask_.runs : *unpacked, photo_.width, photo_.height);
+  const auto w = static_cast<int>(width), h = static_cast<int>(height);
+  absl::StatusOr<std::vector<uint32_t>> pixels =
+      PixelsOfRuns(mask_.compressed.empty() ? mask_.runs : *unpacked, w, h);
   if (!pixels.ok()) return Refused(where, pixels.status().message());
-  return pepeseg::AddMask(where, *pixels, builder_);
+  return pepeseg::AddMask(where, ScaledPixels(*std::move(pixels), w, h, photo_), builder_);
 }
 
 absl::StatusOr<MaskSet> SamReader::Finish(bool parsed) && {

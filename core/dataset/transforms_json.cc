@@ -1,6 +1,5 @@
 #include "core/dataset/transforms_json.h"
 
-#include <algorithm>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -8,66 +7,21 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
-#include "absl/strings/str_replace.h"
-#include "absl/strings/str_split.h"
 #include "core/base/file_io.h"
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/photo_names.h"
 #include "core/formats/colmap.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/file_json.h"
 #include "core/formats/image_header.h"
+#include "core/formats/transforms_references.h"
 #include "nlohmann/json.hpp"
 
 namespace pepeseg {
 namespace {
 
 using nlohmann::json;
-
-constexpr int64_t kMaxTransformsBytes = int64_t{64} << 20;
-
-// Finds photographs by the path that a frame gives them.
-class PhotoNames {
- public:
-  explicit PhotoNames(const std::map<std::string, const DatasetFile*>& photos) : photos_(photos) {
-    for (const auto& [key, photo] : photos) {
-      const auto [stem, added] = by_stem_.try_emplace(std::string(WithoutSuffix(key)), key);
-      if (!added) stem->second.clear();  // ambiguous: only the suffix decides
-    }
-  }
-
-  // Returns the photograph's name, or an empty string. Tries the whole path, then drops its leading
-  // folders one by one.
-  std::string Find(const std::string& path) const {
-    for (size_t start = 0; start != std::string::npos;) {
-      // The full name first, then the name without suffix: frames often lack ".png", or name
-      // another format.
-      std::string rest = path.substr(start);
-      if (photos_.contains(rest)) return rest;
-      for (const std::string& stem : {rest, std::string(WithoutSuffix(rest))}) {
-        const auto found = by_stem_.find(stem);
-        if (found != by_stem_.end() && !found->second.empty()) return found->second;
-      }
-      const size_t slash = path.find('/', start);
-      start = slash == std::string::npos ? slash : slash + 1;
-    }
-    return "";
-  }
-
- private:
-  const std::map<std::string, const DatasetFile*>& photos_;
-  std::map<std::string, std::string> by_stem_;
-};
-
-// Returns the path with '/' and without ".", ".." and empty parts: "..\data\.\images\7" becomes
-// "data/images/7".
-std::string PlainPath(const std::string& path) {
-  std::vector<std::string> parts =
-      absl::StrSplit(absl::StrReplaceAll(path, {{"\\", "/"}}), '/', absl::SkipEmpty());
-  std::erase_if(parts, [](const std::string& part) { return part == "." || part == ".."; });
-  return absl::StrJoin(parts, "/");
-}
 
 // The fields of a frame, which take precedence over those of the document.
 class Fields {
@@ -276,82 +230,7 @@ void NoteTransform(const json& document, PhotoPoses& poses) {
                                         "orientation that this file gives it"));
 }
 
-// Warns if the document refers to a file of points that was not uploaded.
-void NotePoints(const json& document, const DatasetIndex& index, PhotoPoses& poses) {
-  const auto path = document.find("ply_file_path");
-  if (path == document.end() || !path->is_string() || index.ply_points != nullptr) return;
-  poses.warnings.push_back(absl::StrCat(
-      poses.file, ": its points are not among the files (ply_file_path): the training starts from ",
-      "random ones"));
-}
-
-// Takes the file whose name is the longest end of `path` out of the masks. Returns null if there is
-// none.
-const DatasetFile* TakeMaskFile(const std::string& path, DatasetIndex& index) {
-  const auto ends_path = [&](const std::string& name) {
-    return path == name || path.ends_with("/" + name) || name.ends_with("/" + path);
-  };
-  for (auto entry = index.masks.begin(); entry != index.masks.end(); ++entry) {
-    const DatasetFile* file = entry->second;
-    if (!ends_path(file->name)) continue;
-    index.masks.erase(entry);
-    return file;
-  }
-  for (auto& [stem, files] : index.mask_folders) {
-    const auto found = std::find_if(files.begin(), files.end(),
-                                    [&](const DatasetFile* file) { return ends_path(file->name); });
-    if (found == files.end()) continue;
-    const DatasetFile* file = *found;
-    files.erase(found);
-    if (files.empty()) index.mask_folders.erase(stem);
-    return file;
-  }
-  return nullptr;
-}
-
-// Returns the "mask_path" of a frame or document; empty if it has none.
-std::string MaskPathOf(const json& object) {
-  const auto path = object.is_object() ? object.find("mask_path") : object.end();
-  if (!object.is_object() || path == object.end() || !path->is_string()) return "";
-  return PlainPath(path->get_ref<const std::string&>());
-}
-
 }  // namespace
-
-absl::Status TakeKeepMasks(DatasetIndex& index) {
-  if (index.transforms == nullptr) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const json document, ReadDocument(*index.transforms));
-  std::map<std::string, const DatasetFile*> taken;  // frames may share a mask
-  std::vector<std::string> missing;
-  const auto take = [&](const std::string& path) {
-    const auto [entry, added] = taken.try_emplace(path, nullptr);
-    if (added) entry->second = TakeMaskFile(path, index);
-    if (added && entry->second == nullptr) missing.push_back(path);
-    return entry->second;
-  };
-  if (const std::string path = MaskPathOf(document); !path.empty()) index.keep_all = take(path);
-  const PhotoNames names(index.photos);
-  for (const json& frame : document["frames"]) {
-    const std::string path = MaskPathOf(frame);
-    const auto photo = frame.is_object() ? frame.find("file_path") : frame.end();
-    if (path.empty() || photo == frame.end() || !photo->is_string()) continue;
-    const DatasetFile* file = take(path);
-    const std::string key = names.Find(PlainPath(photo->get_ref<const std::string&>()));
-    if (file != nullptr && !key.empty()) index.keep[std::string(WithoutSuffix(key))] = file;
-  }
-  if (taken.size() > missing.size()) {
-    index.warnings.push_back(absl::StrCat(
-        index.transforms->name, ": ", taken.size() - missing.size(),
-        " masks are named by mask_path: pixels of value 0 are ignored, and none is a segment"));
-  }
-  if (!missing.empty()) {
-    index.warnings.push_back(
-        absl::StrCat(index.transforms->name, ": ", missing.size(),
-                     " files that mask_path names are not among the masks of the dataset, such as ",
-                     missing.front(), "; put them in masks/, or no pixel is left out"));
-  }
-  return absl::OkStatus();
-}
 
 absl::StatusOr<PhotoPoses> ReadTransformsJson(const DatasetIndex& index) {
   const DatasetFile& file = *index.transforms;
@@ -367,7 +246,6 @@ absl::StatusOr<PhotoPoses> ReadTransformsJson(const DatasetIndex& index) {
     return absl::InvalidArgumentError(absl::StrCat(file.name, ": frame ", i, ": ", read.message()));
   }
   NoteTransform(document, poses);
-  NotePoints(document, index, poses);
   return poses;
 }
 

@@ -1,10 +1,14 @@
 #pragma once
 
+#include <cstdint>
+
 #include "absl/status/statusor.h"
 #include "core/dataset/dataset_index.h"
 #include "core/dataset/photo_poses.h"
 
 namespace pepeseg {
+
+inline constexpr int64_t kMaxTransformsBytes = int64_t{64} << 20;
 
 // Reads the poses of transforms.json, the format of instant-ngp and nerfstudio. Its fields:
 //   fl_x, fl_y, cx, cy, w, h   pixels. Without fl_x: camera_angle_x, the horizontal field of view,
@@ -27,11 +31,5 @@ namespace pepeseg {
 // of the above, there is no focal length, or there are more than kMaxViews frames. A frame without
 // a photograph is not an error.
 absl::StatusOr<PhotoPoses> ReadTransformsJson(const DatasetIndex& index);
-
-// Moves the files that transforms.json names as "mask_path", of a frame or of the document, from
-// the masks of `index` to `keep` and `keep_all`: nerfstudio's masks are 0 where a pixel is left
-// out, and are not segments. Warns of those that are not among the files. Does nothing without a
-// transforms.json. Errors as ReadTransformsJson.
-absl::Status TakeKeepMasks(DatasetIndex& index);
 
 }  // namespace pepeseg

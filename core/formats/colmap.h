@@ -31,7 +31,8 @@ struct ColmapCameras {
 };
 
 // Read COLMAP's three files: the text form if the suffix of `name` is .txt, else the binary form
-// (little-endian). Tracks and 2D points are skipped. NOT_FOUND: there is no such file.
+// (little-endian). Tracks and 2D points are skipped; in images.txt an image may lack its line of 2D
+// points. NOT_FOUND: there is no such file.
 // INVALID_ARGUMENT, naming the file and the record: the file is cut short or malformed, a count
 // exceeds the limits above or what the file can hold, a number is not finite, the camera model is
 // unknown, an id or image name occurs twice, the norm of a rotation's quaternion is outside of

@@ -18,7 +18,10 @@ namespace {
 // Splits a text into lines and counts them.
 class Lines {
  public:
-  explicit Lines(absl::string_view text) : rest_(text) {}
+  // A byte order mark, as editors of Windows write it, is skipped.
+  explicit Lines(absl::string_view text) : rest_(text) {
+    absl::ConsumePrefix(&rest_, "\xef\xbb\xbf");
+  }
 
   int number() const { return number_; }
 
@@ -31,6 +34,9 @@ class Lines {
     ++number_;
     return absl::StripAsciiWhitespace(line);
   }
+
+  // Returns the line after the last one, and leaves it to be read; nothing after the last line.
+  std::optional<absl::string_view> Peek() const { return Lines(*this).Next(); }
 
   // Returns the next line that is neither empty nor a comment.
   std::optional<absl::string_view> NextRecord() {
@@ -80,6 +86,18 @@ class Fields {
   absl::string_view rest_;
   bool ok_ = true;
 };
+
+// Returns whether the line after an image's first one lists its 2D points: nothing, or numbers in
+// threes (x, y, point id). Files written by hand often lack it.
+bool IsPointsLine(absl::string_view line) {
+  Fields fields(line);
+  int num = 0;
+  for (; !fields.empty(); ++num) {
+    fields.Number();
+    if (!fields.ok()) return false;
+  }
+  return num % 3 == 0;
+}
 
 // Returns "NAME: line N" for the line that was read last.
 std::string LineOf(const std::string& name, const Lines& lines) {
@@ -139,7 +157,8 @@ absl::StatusOr<std::vector<ColmapImage>> ParseImagesText(absl::string_view text,
       return Refused(where, "not an image: id, qw, qx, qy, qz, tx, ty, tz, camera id, name");
     }
     RETURN_IF_ERROR(AddImage(std::move(image), pose, where, images));
-    lines.Next();  // the image's 2D points, on a line that may be empty
+    const auto next = lines.Peek();
+    if (next && IsPointsLine(*next)) lines.Next();
   }
   return images;
 }

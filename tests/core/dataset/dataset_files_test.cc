@@ -12,14 +12,14 @@ using testing::WriteBytes;
 
 TEST(ListDataset, FindsTheKindOfEachFileAndIgnoresTheRest) {
   const TempFolder folder;
-  for (const char* name : {"images/b.JPG",        "images/sub/a.webp",    "images/sub/b.HEIC",
-                           "images/notes.txt",    "sparse/0/cameras.bin", "sparse/0/project.ini",
-                           "sparse/images.txt",   "sparse/1/cameras.bin", "masks/b.json",
-                           "masks/sub/a.png",     "ignore_mask.png",      "ignore/b.png",
-                           "depth/b.npy",         "depth/notes.txt",      "disparity/b.PFM",
-                           "points.ply",          "sparse_pc.ply",        "transforms.json",
-                           "sub/transforms.json", "poses_bounds.npy",     "gaussians.ply",
-                           "README.md",           "labels/b.png"}) {
+  for (const char* name :
+       {"images/b.JPG",         "images/sub/a.webp",    "images/sub/b.HEIC", "images/notes.txt",
+        "sparse/0/cameras.bin", "sparse/0/project.ini", "sparse/images.txt", "sparse/1/cameras.bin",
+        "sparse/x/cameras.bin", "images/._b.JPG",       "masks/b.json",      "masks/sub/a.png",
+        "ignore_mask.png",      "ignore/b.png",         "depth/b.npy",       "depth/notes.txt",
+        "disparity/b.PFM",      "points.ply",           "sparse_pc.ply",     "transforms.json",
+        "sub/transforms.json",  "poses_bounds.npy",     "gaussians.ply",     "README.md",
+        "labels/b.png"}) {
     WriteBytes(folder / name, "x");
   }
   ASSERT_OK_AND_ASSIGN(const auto files, ListDataset(folder.path()));
@@ -42,6 +42,7 @@ TEST(ListDataset, FindsTheKindOfEachFileAndIgnoresTheRest) {
                         {"points.ply", FileKind::kPoints},
                         {"poses_bounds.npy", FileKind::kPoses},
                         {"sparse/0/cameras.bin", FileKind::kPoses},
+                        {"sparse/1/cameras.bin", FileKind::kPoses},
                         {"sparse/images.txt", FileKind::kPoses},
                         {"sparse_pc.ply", FileKind::kPoints},
                         {"transforms.json", FileKind::kPoses}}));

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "core/formats/rle.h"
 #include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
@@ -92,6 +94,45 @@ TEST(IgnoreMask, IsOneWhereThePixelIsNotZero) {
   EXPECT_EQ(mask, (std::vector<uint8_t>{0, 1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1}));
   EXPECT_STATUS(ReadIgnoreMask(folder / "a.png", "ignore/a.png", {"b.jpg", 9, 9}), kInvalidArgument,
                 "ignore/a.png: has 4x3 pixels, its photograph b.jpg has 9x9");
+}
+
+// Masks made on photographs of half of the size, in each form.
+TEST(Masks, OfAnotherSizeAreScaledToTheirPhotograph) {
+  const PhotoSize photo = {"images/a.jpg", 8, 6};
+  const std::vector<uint8_t> left = {1, 1, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0};
+  const TempFolder folder;
+  WriteBytes(folder / "a.json", R"([{"segmentation": {"size": [3, 4], "counts": [0, 6, 6]}}])");
+  WriteBytes(folder / "a.png", testing::Png({4, 3, 1, left}));
+  for (const char* name : {"a.json", "a.png"}) {
+    ASSERT_OK_AND_ASSIGN(const MaskSet set, ReadMasks(folder / name, name, photo));
+    ASSERT_EQ(set.num_masks, 1) << name;
+    const std::vector<uint8_t> pixels = set.Extract(0).pixels;
+    ASSERT_EQ(pixels.size(), 48u) << name;
+    for (size_t i = 0; i < pixels.size(); ++i) EXPECT_EQ(pixels[i], i % 8 < 4) << name << " " << i;
+  }
+  ASSERT_OK_AND_ASSIGN(const auto ignore, ReadIgnoreMask(folder / "a.png", "a.png", photo));
+  EXPECT_EQ(std::count(ignore.begin(), ignore.end(), 1), 24);
+}
+
+// A blurred mask of one thing is not a mask for each grey value.
+TEST(Masks, WithSoftBordersAreOne) {
+  Image image{32, 8, 1, {}};
+  for (int i = 0; i < 32 * 8; ++i) {
+    image.pixels.push_back(static_cast<uint8_t>(std::clamp((i % 32 - 12) * 36, 0, 255)));
+  }
+  const TempFolder folder;
+  WriteBytes(folder / "a.png", testing::Png(image));
+  bool soft = false;
+  ASSERT_OK_AND_ASSIGN(const MaskSet set,
+                       ReadMasks(folder / "a.png", "a.png", {"a.jpg", 32, 8}, &soft));
+  EXPECT_TRUE(soft);
+  ASSERT_EQ(set.num_masks, 1);
+  const std::vector<uint8_t> pixels = set.Extract(0).pixels;
+  EXPECT_EQ(std::count(pixels.begin(), pixels.end(), 1), 8 * 16);
+  const DatasetFile file = {FileKind::kMask, "masks/a/0.png", folder / "a.png"};
+  const DatasetFile* files[] = {&file};
+  ASSERT_OK_AND_ASSIGN(const MaskSet binary, ReadBinaryMasks(files, {"a.jpg", 32, 8}));
+  EXPECT_EQ(binary.Extract(0).pixels, pixels);
 }
 
 }  // namespace

@@ -87,65 +87,10 @@ TEST(MaskFolders, AreRefusedNextToAnotherForm) {
 TEST(MaskFolders, RefuseAMaskOfAnotherShape) {
   SmallDataset dataset;
   WriteBytes(dataset.folder / "masks/b/0.png",
-             testing::Png({20, 18, 1, std::vector<uint8_t>(360, 1)}));
+             testing::Png({15, 20, 1, std::vector<uint8_t>(300, 1)}));
   dataset.Write();
   EXPECT_STATUS(dataset.Import(), kInvalidArgument,
-                "masks/b/0.png: has 20x18 pixels, its photograph images/b.jpg has 40x30");
-}
-
-// Masks are often made on photographs that were shrunk, as those of images_2.
-TEST(MaskFolders, ResizeAMaskOfTheSameShape) {
-  SmallDataset dataset;
-  Image half{20, 15, 1, std::vector<uint8_t>(300, 0)};
-  for (int i = 0; i < 15; ++i) half.pixels[i * 20 + 2] = 255;
-  WriteBytes(dataset.folder / "masks/b/0.png", testing::Png(half));
-  WriteBytes(dataset.folder / "ignore/b.png", testing::Png(half));
-  dataset.Write();
-  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
-  const View& view = capture.views[1];
-  EXPECT_EQ(view.masks.mask_area, std::vector<int64_t>{60});
-  EXPECT_TRUE(view.masks.Covers(0, 4, 0) && view.masks.Covers(0, 5, 29));
-  EXPECT_TRUE(view.ignore[4] != 0 && view.ignore[5] != 0 && view.ignore[6] == 0);
-}
-
-// Editors smooth the border of a mask: its grey values are no masks of their own.
-TEST(LabelMasks, WithASoftBorderAreOneMask) {
-  SmallDataset dataset;
-  Image soft{40, 30, 1, std::vector<uint8_t>(1200, 0)};
-  for (int y = 0; y < 30; ++y) {
-    soft.pixels[y * 40 + 4] = static_cast<uint8_t>(20 + y);
-    soft.pixels[y * 40 + 5] = static_cast<uint8_t>(140 + y);
-    std::fill_n(&soft.pixels[y * 40 + 6], 10, uint8_t{255});
-  }
-  WriteBytes(dataset.folder / "masks/b.png", testing::Png(soft));
-  dataset.Write();
-  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
-  EXPECT_EQ(capture.views[1].masks.mask_area, std::vector<int64_t>{330});
-  ASSERT_EQ(capture.warnings.size(), 1U);
-  EXPECT_NE(capture.warnings[0].find("masks/b.png"), std::string::npos);
-}
-
-// 0, 128 and 255 as areas are two labels.
-TEST(LabelMasks, WithAreasOfGreyKeepThem) {
-  SmallDataset dataset;
-  Image areas{40, 30, 1, std::vector<uint8_t>(1200, 255)};
-  std::fill_n(areas.pixels.begin(), 200, uint8_t{0});
-  std::fill_n(areas.pixels.begin() + 200, 200, uint8_t{128});
-  WriteBytes(dataset.folder / "masks/b.png", testing::Png(areas));
-  dataset.Write();
-  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
-  EXPECT_EQ(capture.views[1].masks.mask_area, (std::vector<int64_t>{200, 800}));
-}
-
-TEST(IgnoreMasks, ThatCoverMoreThanHalfAreNamed) {
-  SmallDataset dataset;
-  WriteBytes(dataset.folder / "ignore/b.png", Columns(0, 30));
-  dataset.Write();
-  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
-  ASSERT_EQ(capture.warnings.size(), 1U);
-  EXPECT_NE(capture.warnings[0].find("more than half of the pixels are ignored in 1 of 3 views"),
-            std::string::npos)
-      << capture.warnings[0];
+                "masks/b/0.png: has 15x20 pixels, its photograph images/b.jpg has 40x30");
 }
 
 TEST(MaskArrays, AreReadAsBooleansAndBytes) {

@@ -33,16 +33,17 @@ TEST(ImportCapture, RejectsABillionDeclaredImages) {
   EXPECT_STATUS(dataset.Import(), kInvalidArgument, "sparse/0/images.bin: declares 1000000000");
 }
 
-TEST(ImportCapture, RejectsAMaskOfAnotherSize) {
+TEST(ImportCapture, RejectsAMaskOfAnotherShape) {
   SmallDataset dataset;
   WriteBytes(dataset.folder / "masks/a.json",
-             R"([{"segmentation": {"size": [480, 640], "counts": [307200]}}])");
+             R"([{"segmentation": {"size": [640, 480], "counts": [307200]}}])");
   dataset.Write();
   EXPECT_STATUS(dataset.Import(), kInvalidArgument,
-                "masks/a.json: mask 0: has 640x480 pixels, its photograph images/a.jpg has 40x30");
+                "masks/a.json: mask 0: has 480x640 pixels, its photograph images/a.jpg has 40x30: "
+                "not of one shape");
 }
 
-TEST(ImportCapture, RejectsAnIgnoreMaskOfAnotherSize) {
+TEST(ImportCapture, RejectsAnIgnoreMaskOfAnotherShape) {
   SmallDataset dataset;
   WriteBytes(dataset.folder / "ignore_mask.png",
              testing::Png({2, 2, 1, std::vector<uint8_t>(4, 1)}));

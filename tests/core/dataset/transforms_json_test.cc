@@ -159,30 +159,10 @@ TEST_F(TransformsJsonTest, WarnsOfWhatItIgnores) {
   ASSERT_OK_AND_ASSIGN(
       const Capture capture,
       Import(std::string(kLens) + R"(, "applied_transform": [], "ply_file_path": "pc.ply")"));
-  EXPECT_THAT(capture.warnings, ElementsAre(HasSubstr("applied_transform is not undone"),
-                                            HasSubstr("its points are not among the files")));
-}
-
-// nerfstudio's masks are 0 where a pixel is left out: they are no segments.
-TEST_F(TransformsJsonTest, LeavesOutThePixelsThatMaskPathsSetToZero) {
-  Image keep{40, 30, 1, std::vector<uint8_t>(1200, 255)};
-  keep.pixels[7] = 0;
-  testing::WriteBytes(dataset_.folder / "masks/b.png", testing::Png(keep));
-  std::string text = TransformsJson(kLens, frames_);
-  const std::string path = "\"images/b.jpg\"";
-  text.replace(text.find(path), path.size(), path + ", \"mask_path\": \"./masks/b.png\"");
-  WriteText(text);
-  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset_.Import());
-  EXPECT_TRUE(capture.views[1].masks.empty());
-  EXPECT_EQ(capture.views[1].ignore[7], 1);
-  EXPECT_EQ(capture.views[1].ignore[8], 0);
-  EXPECT_THAT(capture.warnings, ElementsAre(HasSubstr("1 masks are named by mask_path")));
-}
-
-TEST_F(TransformsJsonTest, NamesAMaskPathThatIsMissing) {
-  ASSERT_OK_AND_ASSIGN(const Capture capture,
-                       Import(std::string(kLens) + R"(, "mask_path": "masks/all.png")"));
-  EXPECT_THAT(capture.warnings, ElementsAre(HasSubstr("masks/all.png")));
+  EXPECT_THAT(capture.warnings,
+              ::testing::UnorderedElementsAre(
+                  HasSubstr("applied_transform is not undone"),
+                  HasSubstr("its points, pc.ply (ply_file_path), are not among the files")));
 }
 
 TEST_F(TransformsJsonTest, PrefersColmapPoses) {
@@ -272,6 +252,59 @@ TEST_F(TransformsJsonTest, RejectsDeepNesting) {
   WriteText(R"({"frames": )" + std::string(1 << 20, '['));
   EXPECT_STATUS(dataset_.Import(), kInvalidArgument,
                 "transforms.json: is nested deeper than 64 levels");
+}
+
+// nerfstudio's masks say what to use.
+TEST_F(TransformsJsonTest, TakesMaskPathAsWhatToKeep) {
+  Image keep{40, 30, 1, std::vector<uint8_t>(40 * 30, 255)};
+  keep.pixels[7] = 0;
+  testing::WriteBytes(dataset_.folder / "masks/a.png", testing::Png(keep));
+  std::filesystem::remove(dataset_.folder / "masks/a.json");
+  std::filesystem::remove(dataset_.folder / "ignore_mask.png");
+  frames_[0].more_fields = R"(, "mask_path": "./masks/a.png")";
+  frames_[1].more_fields = R"(, "mask_path": "masks/gone.png")";
+  ASSERT_OK_AND_ASSIGN(const Capture capture, Import());
+  for (const View& view : capture.views) EXPECT_TRUE(view.masks.empty()) << view.name;
+  ASSERT_EQ(capture.views[0].ignore.size(), 40u * 30);
+  EXPECT_EQ(capture.views[0].ignore[7], 1);
+  EXPECT_EQ(capture.views[0].ignore[8], 0);
+  EXPECT_THAT(capture.views[1].ignore, IsEmpty());
+  EXPECT_THAT(capture.warnings, ::testing::Contains(HasSubstr("pixels of value 0 are ignored")));
+  EXPECT_THAT(capture.warnings, ::testing::Contains(HasSubstr("masks/gone.png")));
+}
+
+// One file for all frames, which COLMAP's poses do not make a segment either.
+TEST_F(TransformsJsonTest, TakesTheMaskPathOfTheDocument) {
+  SmallDataset dataset;
+  dataset.Write();
+  Image keep{40, 30, 1, std::vector<uint8_t>(40 * 30, 255)};
+  keep.pixels[9] = 0;
+  testing::WriteBytes(dataset.folder / "masks/all.png", testing::Png(keep));
+  testing::WriteBytes(
+      dataset.folder / "transforms.json",
+      TransformsJson(std::string(kLens) + R"(, "mask_path": "masks/all.png")", frames_));
+  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
+  for (const View& view : capture.views) EXPECT_EQ(view.ignore[9], 1) << view.name;
+  EXPECT_THAT(capture.warnings,
+              ::testing::Not(::testing::Contains(HasSubstr("belong to no view"))));
+}
+
+TEST_F(TransformsJsonTest, StartsFromThePointsThatPlyFilePathNames) {
+  const std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+      "property float z\nend_header\n1 2 3\n";
+  testing::WriteBytes(dataset_.folder / "pcd/fused.ply", ply);
+  const std::string fields = std::string(kLens) + R"(, "ply_file_path": "./pcd/fused.ply")";
+  WriteText(TransformsJson(fields, frames_));
+  std::vector<DatasetFile> files = *ListDataset(dataset_.folder.path());
+  ASSERT_OK_AND_ASSIGN(const Capture without, ImportCapture(files, {}));
+  EXPECT_THAT(without.points, IsEmpty());
+  EXPECT_THAT(without.warnings,
+              ::testing::Contains(HasSubstr("pcd/fused.ply (ply_file_path), are not")));
+  files.push_back({FileKind::kPoints, "pcd/fused.ply", dataset_.folder / "pcd/fused.ply"});
+  files.push_back({FileKind::kPoints, "points.ply", dataset_.folder / "gone.ply"});
+  ASSERT_OK_AND_ASSIGN(const Capture capture, ImportCapture(files, {}));
+  EXPECT_EQ(capture.points.size(), 1u);
 }
 
 }  // namespace

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/dataset/dataset_index.h"
+#include "core/scene/camera.h"
+#include "core/scene/capture.h"
+#include "core/scene/lens.h"
+
+// Checks what people bring before anything is trained on it: whether poses, points and ignore masks
+// fit each other.
+namespace pepeseg {
+
+// A camera as the file of poses has it.
+struct PosedLens {
+  Lens lens;
+  Pose cam_from_world;
+};
+
+// A convention of poses that fits the points where the one that the format demands does not.
+struct PoseConvention {
+  std::string name;       // "OpenCV's camera axes (x right, y down, z forward)"
+  double seen = 0;        // share of the points that a camera sees, mean over the cameras
+  double as_written = 0;  // the same with the poses as the format demands
+  Pose (*corrected)(const Pose& as_written) = nullptr;
+};
+
+// Returns the convention in which the poses were written, if with it the cameras see at least a
+// quarter of the points, and four times as many as with the format's own. Returns nothing otherwise,
+// or with fewer than 20 points.
+std::optional<PoseConvention> FindConvention(PoseFormat format, std::span<const PosedLens> cameras,
+                                             std::span<const ScenePoint> points);
+
+// Returns a warning if the cameras see next to none of the points, or nothing.
+std::optional<std::string> WarnOfUnseenPoints(std::span<const PosedLens> cameras,
+                                              std::span<const ScenePoint> points);
+
+// Returns a warning if more than half of the pixels of the views are ignored, or pixels that show
+// more than half of the points: masks are often turned round. Returns nothing otherwise.
+std::optional<std::string> WarnOfIgnoredScene(const Capture& capture);
+
+}  // namespace pepeseg

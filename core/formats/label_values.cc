@@ -1,0 +1,87 @@
+#include "core/formats/label_values.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <set>
+
+namespace pepeseg {
+namespace {
+
+// Returns the grey value of a label, or nothing if it is a colour.
+std::optional<uint32_t> GreyOf(uint32_t label) {
+  if (label <= 0xffff) return label;
+  const uint32_t blue = label & 0xff;
+  return label == blue * 0x10101 ? std::optional(blue) : std::nullopt;
+}
+
+struct Neighbourhood {
+  bool flat = true;                         // the eight neighbours have the pixel's value
+  bool has_less = false, has_more = false;  // within two pixels
+};
+
+Neighbourhood Around(const LabelImage& image, int x, int y) {
+  Neighbourhood around;
+  const auto at = [&](int column, int row) {
+    return image.labels[static_cast<size_t>(row) * image.width + column];
+  };
+  const uint32_t value = at(x, y);
+  for (int row = std::max(0, y - 2); row <= std::min(image.height - 1, y + 2); ++row) {
+    for (int column = std::max(0, x - 2); column <= std::min(image.width - 1, x + 2); ++column) {
+      const uint32_t other = at(column, row);
+      around.has_less = around.has_less || other < value;
+      around.has_more = around.has_more || other > value;
+      const bool adjacent = std::abs(row - y) <= 1 && std::abs(column - x) <= 1;
+      around.flat = around.flat && (!adjacent || other == value);
+    }
+  }
+  return around;
+}
+
+}  // namespace
+
+// A label has an inside, where all neighbours are equal; the value of a soft border lies between
+// smaller and larger ones instead.
+std::optional<uint32_t> SoftMaskThreshold(const LabelImage& image) {
+  constexpr double kMostFlat = 0.1, kLeastBetween = 0.8;  // of the pixels between
+  constexpr size_t kFewestValues = 3;                     // between
+  uint32_t most = 0;
+  for (const uint32_t label : image.labels) {
+    if (!GreyOf(label)) return std::nullopt;
+    most = std::max(most, label);
+  }
+  int64_t num = 0, num_flat = 0, num_between = 0;
+  std::set<uint32_t> values;
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) {
+      const uint32_t label = image.labels[static_cast<size_t>(y) * image.width + x];
+      if (label == 0 || label == most) continue;
+      const Neighbourhood around = Around(image, x, y);
+      ++num;
+      if (values.size() < kFewestValues) values.insert(label);
+      num_flat += around.flat;
+      num_between += around.has_less && around.has_more;
+    }
+  }
+  const auto total = static_cast<double>(num);
+  if (values.size() < kFewestValues || static_cast<double>(num_flat) > kMostFlat * total ||
+      static_cast<double>(num_between) < kLeastBetween * total) {
+    return std::nullopt;
+  }
+  return most / 2;
+}
+
+LabelImage ResizedLabels(const LabelImage& image, int width, int height) {
+  LabelImage resized{width, height, {}};
+  resized.labels.reserve(static_cast<size_t>(width) * height);
+  for (int64_t y = 0; y < height; ++y) {
+    // The source pixel that holds the centre of the target pixel.
+    const auto row = static_cast<size_t>((2 * y + 1) * image.height / (2 * int64_t{height}));
+    for (int64_t x = 0; x < width; ++x) {
+      const auto column = static_cast<size_t>((2 * x + 1) * image.width / (2 * int64_t{width}));
+      resized.labels.push_back(image.labels[row * image.width + column]);
+    }
+  }
+  return resized;
+}
+
+}  // namespace pepeseg

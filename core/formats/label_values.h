@@ -1,0 +1,19 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "core/formats/decode_image.h"
+
+namespace pepeseg {
+
+// Returns the value above which a pixel is inside, if the labels are those of one mask with soft
+// borders: two values nearly everywhere, and others only between them, as drawing tools, blurs,
+// resizing and JPEG leave them. Returns nothing for labels of several things, for masks with sharp
+// borders, and for labels that are colours.
+std::optional<uint32_t> SoftMaskThreshold(const LabelImage& image);
+
+// Returns the labels at another size by the nearest pixel.
+LabelImage ResizedLabels(const LabelImage& image, int width, int height);
+
+}  // namespace pepeseg
