@@ -14,6 +14,7 @@
 #include "core/base/errors.h"
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/video_track.h"
 #include "opencv2/core.hpp"
 #include "opencv2/imgcodecs.hpp"
 #include "opencv2/imgproc.hpp"
@@ -81,6 +82,7 @@ class Reader {
     if (!IsVideo({reinterpret_cast<const uint8_t*>(start.data()), start.size()})) {
       return Refused(task_.name, "is not an MP4, MOV, WebM, MKV or AVI video by its first bytes");
     }
+    track_ = ReadVideoTrack(path);
     return Try([&] { return OpenDecoder(path.string()); });
   }
 
@@ -95,7 +97,7 @@ class Reader {
     return read;
   }
 
-  // Decodes the frame that Skip moved to.
+  // Decodes the frame that Skip moved to, as stored.
   absl::StatusOr<cv::Mat> Picture() {
     cv::Mat frame;
     RETURN_IF_ERROR(Try([&] {
@@ -107,6 +109,9 @@ class Reader {
     }));
     return frame;
   }
+
+  // Returns a decoded frame upright and in its right colours.
+  cv::Mat Shown(const cv::Mat& picture) const { return ShownFrame(picture, track_); }
 
   // Returns call(), or INVALID_ARGUMENT if OpenCV throws.
   template <class Call>
@@ -125,8 +130,9 @@ class Reader {
   absl::Status OpenDecoder(const std::string& path) {
     if (!video_.open(path, cv::CAP_FFMPEG))
       return Refused(task_.name, "is not a video that FFmpeg can read");
-    // Phones store upright videos sideways, with a rotation in the header: frames come out upright.
-    video_.set(cv::CAP_PROP_ORIENTATION_AUTO, 1);
+    // Phones store upright videos sideways, with a rotation in the header. OpenCV 4.6 turns them
+    // the wrong way, so Shown() does it.
+    video_.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);
     const double width = video_.get(cv::CAP_PROP_FRAME_WIDTH);
     const double height = video_.get(cv::CAP_PROP_FRAME_HEIGHT);
     RETURN_IF_ERROR(CheckPixels(width, height));
@@ -150,6 +156,7 @@ class Reader {
   }
 
   const VideoTask& task_;
+  VideoTrack track_;
   cv::VideoCapture video_;
   int64_t num_read_ = 0;
   int64_t num_declared_ = 0;
@@ -265,7 +272,7 @@ absl::StatusOr<std::vector<VideoFrame>> WriteChosen(const VideoTask& task, int64
       RETURN_IF_ERROR(ReportEveryFew(progress, num_frames + frame, 2 * num_frames));
     }
     ASSIGN_OR_RETURN(const cv::Mat picture, reader.Picture());
-    RETURN_IF_ERROR(reader.Try([&] { return writer.Add(wanted, picture); }));
+    RETURN_IF_ERROR(reader.Try([&] { return writer.Add(wanted, reader.Shown(picture)); }));
   }
   return std::move(writer).Finish(num_frames);
 }

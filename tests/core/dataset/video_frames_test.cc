@@ -1,6 +1,10 @@
 #include "core/dataset/video_frames.h"
 
+#include <algorithm>
+#include <array>
 #include <fstream>
+#include <map>
+#include <utility>
 
 #include "core/formats/decode_image.h"
 #include "tests/testing/status_testing.h"
@@ -99,6 +103,61 @@ TEST_F(VideoFramesTest, StopsWhenProgressReturnsAnError) {
   const auto taken =
       ExtractFrames(task_, [](int64_t, int64_t) { return absl::CancelledError("enough"); });
   EXPECT_STATUS(taken, absl::StatusCode::kCancelled, "enough");
+}
+
+// Returns stripes with a square of 40 pixels of one colour at the top left.
+std::vector<Image> WithSquare(const std::array<uint8_t, 3>& colour) {
+  std::vector<Image> frames;
+  for (int i = 0; i < 6; ++i) {
+    Image frame = Stripes(5 * i, 0);
+    for (int y = 0; y < 40; ++y) {
+      for (int x = 0; x < 40; ++x) {
+        std::copy(colour.begin(), colour.end(), &frame.pixels[3 * (y * frame.width + x)]);
+      }
+    }
+    frames.push_back(std::move(frame));
+  }
+  return frames;
+}
+
+struct ShownCase {
+  testing::Mp4Header header;
+  int width, height;  // as shown
+  int x, y;           // of the square's centre
+};
+
+// The matrices are those that phones write for 90, 180 and 270 degrees, and mirrored. OpenCV 4.6
+// turns frames the other way.
+TEST_F(VideoFramesTest, ShowsFramesByTheDisplayMatrix) {
+  const ShownCase cases[] = {{{1, 0, 0, 1}, 160, 112, 20, 20},
+                             {{0, 1, -1, 0}, 112, 160, 91, 20},
+                             {{-1, 0, 0, -1}, 160, 112, 139, 91},
+                             {{0, -1, 1, 0}, 112, 160, 20, 139},
+                             {{-1, 0, 0, 1}, 160, 112, 139, 20}};
+  for (const ShownCase& c : cases) {
+    testing::WriteMp4(folder_ / "blob.mp4", WithSquare({200, 50, 50}), c.header);
+    std::filesystem::rename(folder_ / "blob.mp4", task_.path);
+    ASSERT_OK_AND_ASSIGN(const std::vector<VideoFrame> taken, Extract());
+    ASSERT_OK_AND_ASSIGN(const Image shown, DecodePhoto(taken[0].path, "frame"));
+    ASSERT_EQ(shown.width, c.width) << c.header.a << c.header.b;
+    ASSERT_EQ(shown.height, c.height);
+    const uint8_t* pixel = &shown.pixels[3 * (c.y * shown.width + c.x)];
+    EXPECT_NEAR(pixel[0], 200, 6) << c.header.a << c.header.b;
+    EXPECT_NEAR(pixel[1], 50, 6);
+  }
+}
+
+// A square of (200, 50, 50) in BT.709 reads as (186, 31, 49) in BT.601.
+TEST_F(VideoFramesTest, DecodesColoursByTheMatrixOfTheHeader) {
+  for (const auto& [coefficients, colour] :
+       std::map<int, std::array<int, 3>>{{1, {200, 50, 50}}, {6, {186, 31, 49}}}) {
+    testing::WriteMp4(folder_ / "blob.mp4", WithSquare({186, 31, 49}), {1, 0, 0, 1, coefficients});
+    std::filesystem::rename(folder_ / "blob.mp4", task_.path);
+    ASSERT_OK_AND_ASSIGN(const std::vector<VideoFrame> taken, Extract());
+    ASSERT_OK_AND_ASSIGN(const Image shown, DecodePhoto(taken[0].path, "frame"));
+    const uint8_t* pixel = &shown.pixels[3 * (20 * shown.width + 20)];
+    for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(pixel[i], colour[i], 6) << coefficients;
+  }
 }
 
 }  // namespace
