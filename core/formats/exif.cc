@@ -1,6 +1,8 @@
 #include "core/formats/exif.h"
 
 #include <algorithm>
+#include <iterator>
+#include <string_view>
 
 namespace pepeseg {
 namespace {
@@ -104,11 +106,15 @@ ExifCamera ReadTiff(std::span<const uint8_t> bytes) {
   return camera;
 }
 
-// Returns the TIFF structure of a JPEG file's EXIF data, or nothing if it has none.
-std::span<const uint8_t> FindTiff(std::span<const uint8_t> bytes) {
+constexpr uint8_t kMark[] = {'E', 'x', 'i', 'f', 0, 0};
+
+bool HasMark(std::span<const uint8_t> bytes) {
+  return bytes.size() > sizeof(kMark) &&
+         std::equal(std::begin(kMark), std::end(kMark), bytes.begin());
+}
+
+std::span<const uint8_t> FindInJpeg(std::span<const uint8_t> bytes) {
   constexpr uint8_t kApp1 = 0xe1, kStartOfScan = 0xda;
-  constexpr uint8_t kMark[] = {'E', 'x', 'i', 'f', 0, 0};
-  if (bytes.size() < 4 || bytes[0] != 0xff || bytes[1] != 0xd8) return {};
   // Segments of 0xff, a marker, and a big-endian length that includes itself. EXIF precedes the
   // scan.
   for (size_t at = 2; at + 4 <= bytes.size() && bytes[at] == 0xff;) {
@@ -116,11 +122,58 @@ std::span<const uint8_t> FindTiff(std::span<const uint8_t> bytes) {
     const size_t length = size_t{bytes[at + 2]} << 8 | bytes[at + 3];
     if (marker == kStartOfScan || length < 2 || bytes.size() - at - 2 < length) return {};
     const auto segment = bytes.subspan(at + 4, length - 2);
-    const bool exif = marker == kApp1 && segment.size() > sizeof(kMark) &&
-                      std::equal(std::begin(kMark), std::end(kMark), segment.begin());
-    if (exif) return segment.subspan(sizeof(kMark));
+    if (marker == kApp1 && HasMark(segment)) return segment.subspan(sizeof(kMark));
     at += 2 + length;
   }
+  return {};
+}
+
+bool HasText(std::span<const uint8_t> bytes, size_t at, std::string_view text) {
+  return bytes.size() >= at + text.size() &&
+         std::equal(text.begin(), text.end(), bytes.begin() + static_cast<ptrdiff_t>(at),
+                    [](char a, uint8_t b) { return static_cast<uint8_t>(a) == b; });
+}
+
+// Returns a number of four bytes, which must exist.
+size_t Word(std::span<const uint8_t> bytes, size_t at, bool big_endian) {
+  size_t value = 0;
+  for (size_t i = 0; i < 4; ++i) value |= size_t{bytes[at + (big_endian ? 3 - i : i)]} << (8 * i);
+  return value;
+}
+
+// PNG: chunks of a big-endian length, a type, the content and a checksum.
+std::span<const uint8_t> FindInPng(std::span<const uint8_t> bytes) {
+  constexpr size_t kFirst = 8, kHeader = 8, kChecksum = 4;
+  for (size_t at = kFirst; at + kHeader + kChecksum <= bytes.size();) {
+    const size_t length = Word(bytes, at, true);
+    if (bytes.size() - at - kHeader - kChecksum < length) return {};
+    if (HasText(bytes, at + 4, "eXIf")) return bytes.subspan(at + kHeader, length);
+    at += kHeader + length + kChecksum;
+  }
+  return {};
+}
+
+// WebP: RIFF chunks of a type, a little-endian length and the content, padded to an even length.
+std::span<const uint8_t> FindInWebp(std::span<const uint8_t> bytes) {
+  constexpr size_t kFirst = 12, kHeader = 8;
+  for (size_t at = kFirst; at + kHeader <= bytes.size();) {
+    const size_t length = Word(bytes, at + 4, false);
+    if (bytes.size() - at - kHeader < length) return {};
+    const auto content = bytes.subspan(at + kHeader, length);
+    // Some writers keep the mark of JPEG's segment.
+    if (HasText(bytes, at, "EXIF")) {
+      return HasMark(content) ? content.subspan(sizeof(kMark)) : content;
+    }
+    at += kHeader + length + length % 2;
+  }
+  return {};
+}
+
+// Returns the TIFF structure of the EXIF data of a JPEG, PNG or WebP, or nothing if it has none.
+std::span<const uint8_t> FindTiff(std::span<const uint8_t> bytes) {
+  if (HasText(bytes, 0, "\xff\xd8")) return FindInJpeg(bytes);
+  if (HasText(bytes, 0, "\x89PNG\r\n\x1a\n")) return FindInPng(bytes);
+  if (HasText(bytes, 0, "RIFF") && HasText(bytes, 8, "WEBP")) return FindInWebp(bytes);
   return {};
 }
 

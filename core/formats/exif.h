@@ -16,13 +16,13 @@ struct ExifCamera {
   bool operator==(const ExifCamera&) const = default;
 };
 
-// Reads the camera from the bytes of a JPEG file. All fields are unknown for other files and for
-// malformed data.
+// Reads the camera from the bytes of a JPEG, PNG or WebP file. All fields are unknown for other
+// files and for malformed data.
 ExifCamera ReadExifCamera(std::span<const uint8_t> bytes);
 
-// Returns the EXIF orientation of a JPEG file, in [1, 8]: how its stored pixels are rotated and
-// mirrored to become upright (core/scene/photograph.h). Returns 1 for other files and for malformed
-// data.
+// Returns the EXIF orientation of a JPEG, PNG or WebP file, in [1, 8]: how its stored pixels are
+// rotated and mirrored to become upright (core/scene/photograph.h). Returns 1 for other files and
+// for malformed data.
 int ReadExifOrientation(std::span<const uint8_t> bytes);
 
 // Inserts EXIF data, the TIFF structure `tiff`, into a JPEG file whose pixels are upright, and sets

@@ -67,6 +67,31 @@ absl::Status MakeFolder(const std::filesystem::path& folder) {
   return absl::InternalError(absl::StrCat("cannot make ", folder.string(), ": ", error.message()));
 }
 
+// Returns true for a PNG that COLMAP 3.8 may not read: with 16 bits, a palette or alpha.
+absl::StatusOr<bool> IsUnusualPng(const SfmPhotograph& photograph) {
+  if (photograph.header.format != ImageFormat::kPng) return false;
+  constexpr size_t kBitDepth = 24, kColourType = 25;  // positions in the file, PNG 11.2.2
+  ASSIGN_OR_RETURN(const std::string bytes,
+                   ReadFile(photograph.path, photograph.name, kMaxImageFileBytes));
+  constexpr char kGrey = 0, kColour = 2;
+  return bytes.size() > kColourType &&
+         (bytes[kBitDepth] != 8 || (bytes[kColourType] != kGrey && bytes[kColourType] != kColour));
+}
+
+// Copies a photograph for COLMAP, with 8 bits a channel and without alpha.
+absl::Status CopyPhotograph(const SfmPhotograph& photograph, const std::filesystem::path& copy) {
+  ASSIGN_OR_RETURN(const bool convert, IsUnusualPng(photograph));
+  if (convert) {
+    ASSIGN_OR_RETURN(const Image image, DecodePhoto(photograph.path, photograph.name, nullptr));
+    ASSIGN_OR_RETURN(const std::string png, EncodePng(image));
+    return WriteFileAtomically(copy, png);
+  }
+  std::error_code error;
+  std::filesystem::copy_file(photograph.path, copy, error);
+  if (!error) return absl::OkStatus();
+  return absl::InternalError(absl::StrCat("cannot make ", copy.string(), ": ", error.message()));
+}
+
 // Writes the union of the photograph's ignore masks, with 0 for ignored pixels and 255 for others.
 absl::Status WriteMask(const SfmPhotograph& photograph, const std::filesystem::path& path) {
   const PhotoSize size{photograph.name, photograph.header.width, photograph.header.height};
@@ -152,12 +177,7 @@ absl::StatusOr<bool> LayOut(std::span<const SfmPhotograph> photographs,
   for (size_t i = 0; i < photographs.size(); ++i) {
     const std::filesystem::path copy = images / names[i];
     RETURN_IF_ERROR(MakeFolder(copy.parent_path()));
-    std::error_code error;
-    std::filesystem::copy_file(photographs[i].path, copy, error);
-    if (error) {
-      return absl::InternalError(
-          absl::StrCat("cannot make ", copy.string(), ": ", error.message()));
-    }
+    RETURN_IF_ERROR(CopyPhotograph(photographs[i], copy));
     if (photographs[i].ignore.empty()) continue;
     // COLMAP finds a mask by the photograph's whole name with ".png" appended.
     RETURN_IF_ERROR(WriteMask(photographs[i], masks / (names[i] + ".png")));

@@ -7,9 +7,12 @@
 #include <cmath>
 #include <ctime>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "core/formats/encode_png.h"
 #include "core/formats/image_header.h"
+#include "tests/testing/png_bytes.h"
 #include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
@@ -63,6 +66,54 @@ TEST(DecodePhoto, ReadsWebp) {
       EXPECT_STATUS(Decode(bytes.substr(0, bytes.size() * twentieth / 20), "cut.webp"),
                     kInvalidArgument, "cut.webp: ");
     }
+  }
+}
+
+// Returns a PNG of 2x1 pixels, the first opaque red, the second transparent. `colour_type` is
+// PNG's: 2 colour with tRNS, 3 palette with tRNS, 6 colour with alpha.
+std::string RedAndTransparent(int colour_type, int bit_depth) {
+  std::string row(1, '\0');
+  const auto add = [&](std::initializer_list<int> channels) {
+    for (const int value : channels) {
+      row.append(static_cast<size_t>(bit_depth / 8), static_cast<char>(value));
+    }
+  };
+  std::string header(8, '\0'), packed(100, '\0'), png = "\x89PNG\r\n\x1a\n";
+  header[3] = 2, header[7] = 1;
+  header += {static_cast<char>(bit_depth), static_cast<char>(colour_type), 0, 0, 0};
+  testing::AppendPngChunk("IHDR", header, &png);
+  if (colour_type == 3) {
+    testing::AppendPngChunk("PLTE", std::string("\xff\0\0\0\xff\0", 6), &png);
+    testing::AppendPngChunk("tRNS", std::string("\xff\0", 2), &png);
+    add({0, 1});
+  } else if (colour_type == 2) {
+    std::string key(6, '\0');
+    key[3] = '\xff';
+    if (bit_depth == 16) key[2] = '\xff';
+    testing::AppendPngChunk("tRNS", key, &png);
+    add({255, 0, 0, 0, 255, 0});
+  } else {
+    add({255, 0, 0, 255, 0, 255, 0, 0});
+  }
+  uLongf size = packed.size();
+  compress(reinterpret_cast<Bytef*>(packed.data()), &size,
+           reinterpret_cast<const Bytef*>(row.data()), static_cast<uLong>(row.size()));
+  testing::AppendPngChunk("IDAT", packed.substr(0, size), &png);
+  testing::AppendPngChunk("IEND", "", &png);
+  return png;
+}
+
+TEST(DecodePhoto, KeepsTransparencyOfEachKindOfPng) {
+  const TempFolder folder;
+  const std::pair<int, int> kinds[] = {{6, 8}, {6, 16}, {2, 8}, {2, 16}, {3, 8}};
+  for (const auto& [colour_type, bit_depth] : kinds) {
+    WriteBytes(folder / "a.png", RedAndTransparent(colour_type, bit_depth));
+    std::vector<uint8_t> transparent;
+    ASSERT_OK_AND_ASSIGN(const Image image, DecodePhoto(folder / "a.png", "a.png", &transparent));
+    EXPECT_EQ(transparent, (std::vector<uint8_t>{0, 1})) << colour_type << " " << bit_depth;
+    EXPECT_EQ(std::vector(image.pixels.begin(), image.pixels.begin() + 3),
+              (std::vector<uint8_t>{255, 0, 0}))
+        << colour_type << " " << bit_depth;
   }
 }
 

@@ -32,6 +32,8 @@ class TiffBytes {
   void Text(const std::string& text) { bytes_.insert(bytes_.end(), text.begin(), text.end()); }
   uint32_t size() const { return static_cast<uint32_t>(bytes_.size()); }
 
+  const std::vector<uint8_t>& bytes() const { return bytes_; }
+
   std::vector<uint8_t> Jpeg() const {
     std::vector<uint8_t> jpeg = {0xff, 0xd8, 0xff, 0xe0, 0, 4, 0, 0, 0xff, 0xe1};
     const size_t length = bytes_.size() + 8;
@@ -109,6 +111,44 @@ TEST(ReadExifCamera, NeverReadsBeyondTheBytes) {
     changed[i] ^= 0xff;
     ReadExifCamera(changed);
     ReadExifOrientation(changed);
+  }
+}
+
+// Appends a chunk of a PNG (big-endian length, type) or a WebP (type, little-endian length).
+void AppendChunk(const std::string& type, const std::vector<uint8_t>& body, bool png,
+                 std::vector<uint8_t>& file) {
+  if (!png) file.insert(file.end(), type.begin(), type.end());
+  for (int i = 0; i < 4; ++i) {
+    file.push_back(static_cast<uint8_t>(body.size() >> (8 * (png ? 3 - i : i))));
+  }
+  if (png) file.insert(file.end(), type.begin(), type.end());
+  file.insert(file.end(), body.begin(), body.end());
+  if (png) file.insert(file.end(), 4, 0);  // checksum
+  if (!png && body.size() % 2 == 1) file.push_back(0);
+}
+
+// Returns the head of a PNG or a WebP with one odd-sized chunk and then `tiff`.
+std::vector<uint8_t> WithExif(bool png, const std::vector<uint8_t>& tiff) {
+  const std::string start = png ? "\x89PNG\r\n\x1a\n" : "RIFF....WEBP";
+  std::vector<uint8_t> file(start.begin(), start.end());
+  AppendChunk(png ? "IHDR" : "VP8X", std::vector<uint8_t>(13), png, file);
+  AppendChunk(png ? "eXIf" : "EXIF", tiff, png, file);
+  return file;
+}
+
+TEST(ReadExifOrientation, ReadsPngAndWebp) {
+  for (const bool png : {true, false}) {
+    for (uint32_t orientation = 1; orientation <= 8; ++orientation) {
+      TiffBytes tiff(png);
+      tiff.Add(1, 2);
+      tiff.Entry(0x0112, 3, 1, orientation);
+      tiff.Add(0, 4);
+      const std::vector<uint8_t> file = WithExif(png, tiff.bytes());
+      EXPECT_EQ(ReadExifOrientation(file), static_cast<int>(orientation)) << png;
+      for (size_t length = 0; length < file.size(); ++length) {
+        ReadExifOrientation(std::span(file).first(length));  // reads nothing beyond the end
+      }
+    }
   }
 }
 

@@ -79,6 +79,16 @@ TEST_F(SfmPhotographsTest, SufficeIfThreeAreDifferent) {
   EXPECT_OK(CheckEnough(Read()));
 }
 
+// COLMAP 3.8 does not read colour PNGs of 16 bits.
+TEST_F(SfmPhotographsTest, AreLaidOutWithEightBits) {
+  Add("images/1.png", EncodePng(Grey16Image{8, 8, std::vector<uint16_t>(64, 0x8080)}).value_or(""));
+  ASSERT_OK(LayOut(Read(), folder_ / "i", folder_ / "m"));
+  ASSERT_OK_AND_ASSIGN(const std::string copy, ReadFile(folder_ / "i/c1/000001.png", "copy", 1000));
+  EXPECT_EQ(copy[24], 8) << "bits a channel";
+  ASSERT_OK_AND_ASSIGN(const Image image, DecodePhoto(folder_ / "i/c1/000001.png", "copy"));
+  EXPECT_EQ(image.pixels[0], 0x80);
+}
+
 TEST_F(SfmPhotographsTest, AreLaidOutWithTheirMasks) {
   Add("images/1.png", Png(8, 6, 1));
   Add("images/2.png", Png(8, 6, 2));
