@@ -139,6 +139,8 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> OpenChannel(const std::string& se
   }
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kMaxAnswerBytes);
+  // A proxy cannot reach this machine's own addresses, and gRPC 1.51 reads no ranges in no_proxy.
+  if (IsThisMachine(target)) arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   std::vector<std::unique_ptr<ClientInterceptorFactoryInterface>> interceptors;
   if (!key.empty()) interceptors.push_back(std::make_unique<KeyInterceptorFactory>(key));
   return grpc::experimental::CreateCustomChannelWithInterceptors(target, credentials, arguments,

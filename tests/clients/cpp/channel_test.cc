@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -83,19 +84,38 @@ struct Listener final : v1::SceneService::Service {
   std::vector<std::string> shown;
 };
 
-TEST_F(ChannelTest, SendsTheKeyWithEveryCall) {
-  Listener listener;
+std::unique_ptr<grpc::Server> Start(Listener& listener, std::string* address) {
   grpc::ServerBuilder builder;
   int port = 0;
   builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port);
   builder.RegisterService(&listener);
-  const auto server = builder.BuildAndStart();
-  const std::string address = "127.0.0.1:" + std::to_string(port);
-  const auto list = [](const std::shared_ptr<grpc::Channel>& channel) {
-    grpc::ClientContext context;
-    v1::ListScenesResponse response;
-    EXPECT_OK(FromGrpc(v1::SceneService::NewStub(channel)->ListScenes(&context, {}, &response)));
-  };
+  auto server = builder.BuildAndStart();
+  *address = "127.0.0.1:" + std::to_string(port);
+  return server;
+}
+
+absl::Status List(const std::shared_ptr<grpc::Channel>& channel) {
+  grpc::ClientContext context;
+  v1::ListScenesResponse response;
+  return FromGrpc(v1::SceneService::NewStub(channel)->ListScenes(&context, {}, &response));
+}
+
+TEST_F(ChannelTest, CallsThisMachineWithoutAProxy) {
+  Listener listener;
+  std::string address;
+  const auto server = Start(listener, &address);
+  setenv("http_proxy", "http://127.0.0.1:1", 1);
+  setenv("no_proxy", "127.0.0.0/8", 1);
+  EXPECT_OK(List(*OpenChannel(address, {})));
+  unsetenv("http_proxy");
+  unsetenv("no_proxy");
+}
+
+TEST_F(ChannelTest, SendsTheKeyWithEveryCall) {
+  Listener listener;
+  std::string address;
+  const auto server = Start(listener, &address);
+  const auto list = [](const std::shared_ptr<grpc::Channel>& channel) { EXPECT_OK(List(channel)); };
   Login login;
   login.key_file = file;
   const auto channel = *OpenChannel(address, login);

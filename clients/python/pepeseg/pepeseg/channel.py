@@ -66,9 +66,14 @@ class Connection:
         return self._open(aio)
 
     def _open(self, module: Any) -> Any:
+        options = list(_OPTIONS)
+        if is_this_machine(self.target):
+            # A proxy cannot reach this machine's own addresses, and gRPC 1.51 reads no ranges in
+            # no_proxy.
+            options.append(("grpc.enable_http_proxy", 0))
         if self.credentials is None:
-            return module.insecure_channel(self.target, options=_OPTIONS)
-        return module.secure_channel(self.target, self.credentials, options=_OPTIONS)
+            return module.insecure_channel(self.target, options=options)
+        return module.secure_channel(self.target, self.credentials, options=options)
 
 
 def is_this_machine(target: str) -> bool:
