@@ -61,7 +61,8 @@ bool IsVideo(absl::string_view name) {
 bool IsSystemFile(absl::string_view name) {
   for (const absl::string_view part : absl::StrSplit(name, '/')) {
     if (absl::StartsWith(part, ".")) return true;
-    for (const char* known : {"thumbs.db", "desktop.ini", "__macosx", "@eadir"}) {
+    for (const char* known : {"thumbs.db", "desktop.ini", "__macosx", "@eadir", "#recycle",
+                              "$recycle.bin", "lost+found"}) {
       if (absl::EqualsIgnoreCase(part, known)) return true;
     }
   }
@@ -262,7 +263,9 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::File
     std::string name = entry->path().lexically_relative(root).generic_string();
     if (IsSystemFile(name)) continue;
     name = InLayout(name);
-    const std::optional<v1::FileKind> kind = KindOf(name, in_depth);
+    std::optional<v1::FileKind> kind = KindOf(name, in_depth);
+    // Some tools write no points at all, and the contract has no files without bytes.
+    if (kind == v1::FILE_KIND_POINTS && entry->file_size(ignored) == 0) kind.reset();
     if (kind) RETURN_IF_ERROR(CheckName(name));
     if (kind && entry->is_regular_file(ignored)) {
       result.files.push_back({name, *kind, entry->path()});

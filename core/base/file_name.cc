@@ -91,7 +91,8 @@ std::string Suffix(absl::string_view name) {
 bool IsSystemFile(absl::string_view name) {
   for (const absl::string_view part : absl::StrSplit(name, '/')) {
     if (!part.empty() && part.front() == '.') return true;
-    for (const char* known : {"thumbs.db", "desktop.ini", "__macosx", "@eadir"}) {
+    for (const char* known : {"thumbs.db", "desktop.ini", "__macosx", "@eadir", "#recycle",
+                              "$recycle.bin", "lost+found"}) {
       if (absl::EqualsIgnoreCase(part, known)) return true;
     }
   }

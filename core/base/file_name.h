@@ -23,7 +23,8 @@ absl::string_view WithoutSuffix(absl::string_view name);
 std::string Suffix(absl::string_view name);
 
 // Returns true for files that systems and programs leave next to photographs: hidden ones, such as
-// macOS's "._7.jpg" and .DS_Store, Thumbs.db, desktop.ini, and those in __MACOSX or @eaDir.
+// macOS's "._7.jpg" and .DS_Store, Thumbs.db, desktop.ini, and those in __MACOSX, @eaDir, #recycle,
+// $RECYCLE.BIN or lost+found.
 bool IsSystemFile(absl::string_view name);
 
 }  // namespace pepeseg

@@ -6,11 +6,13 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/extra_files.h"
 #include "core/dataset/held_out.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
@@ -74,6 +76,15 @@ absl::Status ReadMissingHeaders(Store& store, const ProjectBlobs& blobs,
 int64_t CountKind(const std::vector<DatasetFileRow>& files, v1::FileKind kind) {
   return std::count_if(files.begin(), files.end(),
                        [kind](const DatasetFileRow& file) { return file.kind == kind; });
+}
+
+// Removes the files that a training leaves out.
+void LeaveOutExtraFiles(std::vector<DatasetFileRow>& files) {
+  std::vector<std::string> names;
+  names.reserve(files.size());
+  for (const DatasetFileRow& file : files) names.push_back(file.path);
+  const std::set<std::string> extra = ExtraFiles(names);
+  std::erase_if(files, [&](const DatasetFileRow& file) { return extra.contains(file.path); });
 }
 
 // What the training options say about photographs: how they are shrunk, and how many frames the
@@ -230,6 +241,7 @@ absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_s
                                            const WantedTraining& training, CheckWanted wanted) {
   ASSIGN_OR_RETURN(std::vector<DatasetFileRow> files,
                    store.files().ListDatasetFiles(training.scene, training.dataset));
+  LeaveOutExtraFiles(files);
   ASSIGN_OR_RETURN(const std::string project, store.scenes().ProjectOfScene(training.scene));
   const ProjectBlobs blobs{blob_store, project};
   RETURN_IF_ERROR(ReadMissingHeaders(store, blobs, training, wanted, files));

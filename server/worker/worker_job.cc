@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <optional>
+#include <set>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -14,6 +15,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/numbers.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/extra_files.h"
 #include "core/train/train.h"
 #include "core/train/training_observer.h"
 #include "core/train/training_settings.h"
@@ -201,7 +203,11 @@ JobResult Failure(const absl::Status& status) {
 
 absl::StatusOr<TrainingInputs> TrainingInputsOf(const JobFolder& folder, const JobSpec& spec) {
   TrainingInputs inputs;
+  std::vector<std::string> names;
+  for (const JobSpecFile& file : spec.files) names.push_back(file.name);
+  const std::set<std::string> extra = ExtraFiles(names);
   for (const JobSpecFile& file : spec.files) {
+    if (extra.contains(file.name)) continue;
     ASSIGN_OR_RETURN(const FileKind kind, FileKindFromProto(static_cast<v1::FileKind>(file.kind)));
     inputs.files.push_back({kind, file.name, file.path});
     inputs.sha256.push_back(file.sha256);

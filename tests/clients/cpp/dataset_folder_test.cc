@@ -194,6 +194,15 @@ TEST_F(DatasetFolderTest, SaysWhereItSawPhotographs) {
                 "there are some in day 1/raw/: name that folder, or call it images/");
 }
 
+TEST_F(DatasetFolderTest, LeavesOutPointsWithoutBytes) {
+  Put("images/a.jpg");
+  Put("sparse/0/images.txt");
+  std::ofstream(root_ / "sparse/0/points3D.txt").flush();
+  const auto folder = ReadDatasetFolder(root_);
+  ASSERT_OK(folder);
+  EXPECT_THAT(NamesOf(*folder), ElementsAre("images/a.jpg", "sparse/0/images.txt"));
+}
+
 TEST_F(DatasetFolderTest, RefusesNamesThatAreNotUtf8) {
   Put("images/caf\xe9.jpg");
   EXPECT_STATUS(ReadDatasetFolder(root_), absl::StatusCode::kInvalidArgument,

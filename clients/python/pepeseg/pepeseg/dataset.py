@@ -133,7 +133,15 @@ def kind_of(name: str, in_depth: FileKind = FileKind.DEPTH) -> FileKind | None:
 
 
 _LAYOUT = ("images", "videos", "masks", "ignore", "depth", "disparity", "sparse")
-_SYSTEM_FILES = ("thumbs.db", "desktop.ini", "__macosx", "@eadir")
+_SYSTEM_FILES = (
+    "thumbs.db",
+    "desktop.ini",
+    "__macosx",
+    "@eadir",
+    "#recycle",
+    "$recycle.bin",
+    "lost+found",
+)
 
 
 def is_system_file(name: str) -> bool:
@@ -272,6 +280,9 @@ def read_folder(folder: str | os.PathLike[str], depth_kind: str = "depth") -> Da
             continue
         laid_out = _in_layout(name)
         kind = kind_of(laid_out, in_depth) or referenced.get(name)
+        # Some tools write no points at all, and the contract has no files without bytes.
+        if kind is FileKind.POINTS and (root / name).stat().st_size == 0:
+            kind = None
         if kind is not None and (root / name).is_file():
             _check_name(name)
             files.append(DatasetFile(laid_out, kind, root / name))

@@ -80,7 +80,7 @@ function takeLoose(files: DatasetFile[], rest: DroppedFile[]): DroppedFile[] {
 
 /** Whether a system or program leaves such a file next to photographs. */
 export function isSystemFile(path: string): boolean {
-  return path.split('/').some((part) => /^(\.|(thumbs\.db|desktop\.ini|__macosx|@eadir)$)/i.test(part));
+  return path.split('/').some((part) => /^(\.|(thumbs\.db|desktop\.ini|__macosx|@eadir|#recycle|\$recycle\.bin|lost\+found)$)/i.test(part));
 }
 
 const stem = (path: string) => path.replace(/\.[^./]*$/, '').toLowerCase();
@@ -101,7 +101,9 @@ export function readDataset(dropped: readonly DroppedFile[]): Dataset {
   let rest: DroppedFile[] = [];
   for (const { path, file } of named) {
     const inside = path.slice(root.length);
-    const kind = kindOf(inside);
+    // Some tools write no points at all, and the contract has no files without bytes.
+    const empty = kindOf(inside) === FileKind.POINTS && file.size === 0;
+    const kind = empty ? undefined : kindOf(inside);
     if (kind === undefined) rest.push({ path: inside, file });
     else files.push({ path: inside, kind, file });
   }

@@ -41,6 +41,22 @@ test('loose files and a video', () => {
   ]);
 });
 
+test('files that systems add, and the videos of Live Photos, are left out', () => {
+  const { files, leftOut } = readDataset(
+    dropped(
+      'trip/IMG_1.HEIC',
+      'trip/IMG_1.MOV',
+      'trip/walk.mov',
+      'trip/._IMG_1.jpg',
+      'trip/__MACOSX/a.jpg',
+      'trip/@eaDir/IMG_1.jpg',
+      'trip/Thumbs.db',
+    ),
+  );
+  expect(files.map(({ path }) => path)).toEqual(['images/IMG_1.HEIC', 'videos/walk.mov']);
+  expect(leftOut).toEqual(['videos/IMG_1.MOV']);
+});
+
 test('the folder "images" by itself', () => {
   const { files } = readDataset(dropped('images/1.jpg', 'images/2.jpg'));
   expect(files.map(({ path }) => path)).toEqual(['images/1.jpg', 'images/2.jpg']);
