@@ -106,13 +106,15 @@ std::vector<BenchmarkVariant> AblationVariants() {
   for (const int k : {2, 8, 16, 32}) {
     variants.push_back({absl::StrCat("k = ", k),
                         {absl::StrCat("features.num_neighbors=", k),
-                         absl::StrCat("features.num_drawn_neighbors=", k / 2)},
+                         absl::StrCat("features.num_drawn_neighbors=", k)},
                         ""});
   }
   for (const char* tau : {"0.8", "0.85", "0.95"}) {
     variants.push_back({absl::StrCat("tau = ", tau),
                         {absl::StrCat("features.centroid_cosine_upper=", tau),
-                         absl::StrCat("features.centroid_cosine_lower=", tau)},
+                         absl::StrCat("features.centroid_cosine_lower=", tau),
+                         absl::StrCat("features.centroid_merge_upper=", tau),
+                         absl::StrCat("features.centroid_merge_lower=", tau)},
                         ""});
   }
   for (const int t : {50, 100, 400, 800}) {

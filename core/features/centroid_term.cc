@@ -115,17 +115,18 @@ CentroidTerm::CentroidTerm(Backend& backend, const Capture& capture, Renderer& s
       first_step_(static_cast<int>(std::lround(options.centroid_from * options.num_steps))),
       every_(options.centroid_every),
       max_pixels_(options.centroid_pixels),
+      num_views_(options.centroid_views),
+      masked_only_(options.centroid_masked_only),
       check_masks_(options.centroid_check_masks),
       random_(options.seed ^ kCentroidStream) {
   // HDBSCAN options are {min_cluster_size, min_samples}, chosen for pixels of one view.
-  constexpr float kUpperMerge = 0.90f, kLowerMerge = 0.95f;
   if (options.centroid_weight_upper > 0) {
     levels_.push_back({true,
                        1.0f,
                        options.centroid_weight_upper,
                        options.centroid_cosine_upper,
                        {20, 5},
-                       CentroidBank(kUpperMerge),
+                       CentroidBank(options.centroid_merge_upper),
                        {}});
   }
   if (options.centroid_weight_lower > 0) {
@@ -134,7 +135,7 @@ CentroidTerm::CentroidTerm(Backend& backend, const Capture& capture, Renderer& s
                        options.centroid_weight_lower,
                        options.centroid_cosine_lower,
                        {10, 5},
-                       CentroidBank(kLowerMerge),
+                       CentroidBank(options.centroid_merge_lower),
                        {}});
   }
   sums_ = Buffer<double>(
@@ -154,12 +155,14 @@ bool CentroidTerm::active() const {
 // Selection sampling (Knuth, volume 2, algorithm S): each pixel is taken with the probability
 // wanted / left.
 std::vector<int32_t> CentroidTerm::DrawPixels(const DrawableView& view) {
-  auto left = static_cast<int64_t>(view.pixels.size());
+  const Camera& camera = capture_.views[view.view].camera;
+  auto left = masked_only_ ? static_cast<int64_t>(view.pixels.size())
+                           : int64_t{camera.width} * camera.height;
   int64_t wanted = std::min<int64_t>(left, max_pixels_);
   std::vector<int32_t> pixels;
-  for (const int32_t pixel : view.pixels) {
+  for (int32_t i = 0; left > 0; ++i) {
     if (static_cast<int64_t>(DrawIndex(static_cast<size_t>(left--), random_)) >= wanted) continue;
-    pixels.push_back(pixel);
+    pixels.push_back(masked_only_ ? view.pixels[i] : i);
     --wanted;
   }
   return pixels;
@@ -178,9 +181,17 @@ std::vector<float> CentroidTerm::PixelFeatures(const View& view, std::span<const
 }
 
 absl::Status CentroidTerm::Refresh(DeviceSpan<const float> features, std::span<const float> gate) {
-  // METHOD.md section 3, "Centroids": the clusters of one random view a refresh update the bank of
-  // each scale. The draws come from an engine of their own, which a checkpoint holds.
-  const DrawableView& view = views_[DrawIndex(views_.size(), random_)];
+  // METHOD.md section 3, "Centroids": the clusters of random views update the bank of each scale.
+  // The draws come from an engine of their own, which a checkpoint holds.
+  for (int i = 0; i < num_views_; ++i) {
+    RETURN_IF_ERROR(MergeView(views_[DrawIndex(views_.size(), random_)], features, gate));
+  }
+  for (Level& level : levels_) UploadBank(level);
+  return absl::OkStatus();
+}
+
+absl::Status CentroidTerm::MergeView(const DrawableView& view, DeviceSpan<const float> features,
+                                     std::span<const float> gate) {
   const std::vector<int32_t> pixels = DrawPixels(view);
   const std::vector<float> of_pixels = PixelFeatures(capture_.views[view.view], pixels, features);
   if (const std::string error = backend_.error(); !error.empty()) {
@@ -196,7 +207,6 @@ absl::Status CentroidTerm::Refresh(DeviceSpan<const float> features, std::span<c
         check_masks_ ? KeepAgreeing(found, *view.masks, pixels, view.mask_scales, label_scale)
                      : found;
     level.bank.Merge(ClusterMeans(units, clusters));
-    UploadBank(level);
   }
   return absl::OkStatus();
 }

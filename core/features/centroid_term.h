@@ -53,9 +53,10 @@ class CentroidBank {
 };
 
 // The centroid loss L_c (METHOD.md section 3, "Centroids"). Late in training, every few hundred
-// steps, the masked pixels of one view are clustered by HDBSCAN at a large (upper) and a small
-// (lower) scale, and the clusters' means go into a bank of each scale. Pixels whose gated feature
-// is near a centroid of a bank are pulled onto it. A scale whose weight is 0 is left out.
+// steps, the pixels of random views, masked ones by default, are clustered by HDBSCAN at a large
+// (upper) and a small (lower) scale, and the clusters' means go into a bank of each scale. Pixels
+// whose gated feature is near a centroid of a bank are pulled onto it. A scale whose weight is 0 is
+// left out.
 class CentroidTerm {
  public:
   // All arguments but the options must outlive it.
@@ -64,7 +65,7 @@ class CentroidTerm {
 
   // Returns whether the centroids are to be refreshed before this step, counted from 0.
   bool Due(int step) const;
-  // Clusters the pixels of a random view and merges the clusters into the banks. features:
+  // Clusters the pixels of random views and merges the clusters into the banks. features:
   // smoothed, [N, 32] of every Gaussian, in backend memory. gate: see FeatureField::gate. Waits for
   // the device. RESOURCE_EXHAUSTED: the pixels' rows do not fit into its memory.
   absl::Status Refresh(DeviceSpan<const float> features, std::span<const float> gate);
@@ -102,7 +103,10 @@ class CentroidTerm {
   };
 
   void UploadBank(Level& level);
-  // Returns up to max_pixels_ of the view's masked pixels, without repeats, ascending.
+  // Does for one view what Refresh says.
+  absl::Status MergeView(const DrawableView& view, DeviceSpan<const float> features,
+                         std::span<const float> gate);
+  // Returns up to max_pixels_ of the view's pixels that are clustered, without repeats, ascending.
   std::vector<int32_t> DrawPixels(const DrawableView& view);
   // Returns the blended features of the pixels, [pixels, 32].
   std::vector<float> PixelFeatures(const View& view, std::span<const int32_t> pixels,
@@ -113,6 +117,8 @@ class CentroidTerm {
   Renderer& scene_;
   const std::vector<DrawableView>& views_;
   int first_step_, every_, max_pixels_;  // steps, steps, pixels
+  int num_views_;                        // see FeatureOptions::centroid_views
+  bool masked_only_;                     // see FeatureOptions::centroid_masked_only
   bool check_masks_;                     // see FeatureOptions::centroid_check_masks
   std::mt19937_64 random_;
   std::vector<Level> levels_;

@@ -74,6 +74,7 @@ std::vector<float> ScaleKnots(const std::vector<std::vector<float>>& scales, Sca
   for (const std::vector<float>& of_view : scales) {
     all.insert(all.end(), of_view.begin(), of_view.end());
   }
+  if (mapping == ScaleMapping::kMinMax) return MinMaxScales(all);
   return mapping == ScaleMapping::kQuantiles ? ScaleQuantiles(all) : EvenScales(all);
 }
 

@@ -152,7 +152,10 @@ void FeatureTrainer::Train(const RowChunk::Step& step) {
        .scales = step.scales,
        .gate = gate_.span(),
        .min_positive = options_.min_positive_cosine,
+       .max_negative = options_.max_negative_cosine,
        .negative_margin = options_.negative_margin,
+       .min_norm_alpha = options_.min_norm_alpha,
+       .joint_mean = options_.joint_pair_mean,
        .pair_seed = batch.pair_seed,
        .pixel_grad = pixel_grad_.span().Subspan(0, num_labelled),
        .gate_grad = gate_grad_.span(),
@@ -210,8 +213,13 @@ std::vector<double> FeatureTrainer::ReadLosses() {
     const auto mean = [&](PairLossSum sum, PairLossSum count) {
       return of_step[count] == 0 ? 0.0 : of_step[sum] / of_step[count];
     };
-    losses.push_back(mean(kPositiveLoss, kNumPositives) + mean(kNegativeLoss, kNumNegatives) +
-                     mean(kNormLoss, kNumNormPixels));
+    const double num_pairs = of_step[kNumPositives] + of_step[kNumNegatives];
+    const double joint =
+        num_pairs == 0 ? 0.0 : (of_step[kPositiveLoss] + of_step[kNegativeLoss]) / num_pairs;
+    const double pairs = options_.joint_pair_mean ? joint
+                                                  : mean(kPositiveLoss, kNumPositives) +
+                                                        mean(kNegativeLoss, kNumNegatives);
+    losses.push_back(pairs + mean(kNormLoss, kNumNormPixels));
   }
   const std::vector<double> centroid_losses = centroids_.ReadLosses(num_unread_);
   std::vector<double> perception_losses(losses.size());

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <utility>
 
 #include "core/base/order_statistics.h"
 
@@ -77,6 +78,19 @@ float Quantile(const std::vector<float>& sorted, double share) {
       std::lerp(double{sorted[low]}, double{sorted[high]}, position - static_cast<double>(low)));
 }
 
+// Returns even steps from the smallest scale to the quantile `largest`.
+std::vector<float> EvenKnots(std::vector<float> scales, double largest) {
+  if (!SortPositive(scales)) return {};
+  const double low = double{scales.front()}, high = double{Quantile(scales, largest)};
+  std::vector<float> knots;
+  knots.reserve(kNumScaleKnots);
+  for (int k = 0; k < kNumScaleKnots; ++k) {
+    const double share = static_cast<double>(k) / (kNumScaleKnots - 1);
+    knots.push_back(static_cast<float>(std::lerp(low, high, share)));
+  }
+  return knots;
+}
+
 }  // namespace
 
 std::vector<float> MaskScales(const View& view, std::span<const float> depth) {
@@ -118,16 +132,11 @@ std::vector<float> ScaleQuantiles(std::vector<float> scales) {
 }
 
 std::vector<float> EvenScales(std::vector<float> scales) {
-  constexpr double kLargest = 0.99;  // quantile of the last knot
-  if (!SortPositive(scales)) return {};
-  const double low = double{scales.front()}, high = double{Quantile(scales, kLargest)};
-  std::vector<float> knots;
-  knots.reserve(kNumScaleKnots);
-  for (int k = 0; k < kNumScaleKnots; ++k) {
-    const double share = static_cast<double>(k) / (kNumScaleKnots - 1);
-    knots.push_back(static_cast<float>(std::lerp(low, high, share)));
-  }
-  return knots;
+  return EvenKnots(std::move(scales), 0.99);
+}
+
+std::vector<float> MinMaxScales(std::vector<float> scales) {
+  return EvenKnots(std::move(scales), 1);
 }
 
 void ScaleLabels(std::span<const uint64_t> patch_bits, std::span<const float> mask_scales,

@@ -53,6 +53,8 @@ std::vector<float> ScaleQuantiles(std::vector<float> scales);
 // EvenScales: even steps from the smallest scale to the 99th percentile. The largest scale is not
 // the end, so that one stray mask does not stretch the range.
 std::vector<float> EvenScales(std::vector<float> scales);
+// MinMaxScales: even steps from the smallest scale to the largest.
+std::vector<float> MinMaxScales(std::vector<float> scales);
 
 // Computes the label of a mask cell at a scale, as a bitset over the view's masks: the masks of the
 // cell that are smaller than `scale`, and the finest of its other masks. Two pixels belong together

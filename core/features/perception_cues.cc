@@ -11,13 +11,14 @@
 namespace pepeseg {
 namespace {
 
-// r(s) by the image is min(kMaxRadius, kRadiusBase + kRadiusSlope * s) of its shorter side; by the
-// masks it is kRadiusOfMasks of their mean side. The smaller one counts.
+// r(s) by the image (ours: the paper gives no formula) is min(kMaxRadius, kRadiusBase +
+// kRadiusSlope * s) of its shorter side; by the masks it is kRadiusOfMasks of their mean side. The
+// smaller one counts.
 constexpr float kRadiusBase = 0.03f, kRadiusSlope = 0.12f, kMaxRadius = 0.2f;
 constexpr float kRadiusOfMasks = 0.5f;
 constexpr float kMinRadius = 2;  // pixels
-// Bounds of r(s) of the paper, pixels: without perception_fit_window.
-constexpr float kPrintedMinRadius = 20, kPrintedMaxRadius = 200;
+// Bounds of r(s) without perception_fit_window, pixels.
+constexpr float kWideMinRadius = 20, kWideMaxRadius = 200;
 // A pixel is paired with this many of the nearest pixels around it, and with as many of the others.
 constexpr size_t kNearest = 8;
 // A threshold is measured on a spiral of samples around the pixel, denser towards the pixel.
@@ -93,6 +94,59 @@ class Spread {
   float sum_ = 0, squares_ = 0;
 };
 
+// Sums of the gradients of an image and of their squares over any window, by summed area tables.
+class WindowSums {
+ public:
+  // gradient(i): of pixel i, y * width + x; NaN: none.
+  template <class Gradient>
+  WindowSums(int width, int height, Gradient gradient)
+      : width_(width), height_(height), sums_(size_t(width + 1) * (height + 1)) {
+    for (int y = 0; y < height; ++y) {
+      Sums row = {};
+      for (int x = 0; x < width; ++x) {
+        const double value = double{gradient(int64_t{y} * width + x)};
+        if (!std::isnan(value)) row = {row.count + 1, row.sum + value, row.squares + value * value};
+        const Sums& above = At(x + 1, y);
+        At(x + 1, y + 1) = {above.count + row.count, above.sum + row.sum,
+                            above.squares + row.squares};
+      }
+    }
+  }
+
+  // Returns mean + standard deviation in the square of 2 radius + 1 pixels around a pixel, cut at
+  // the border; 0 where nothing is known.
+  float OneAboveMean(int32_t pixel, int radius) {
+    const int x = pixel % width_, y = pixel / width_;
+    const int left = std::max(0, x - radius), right = std::min(width_, x + radius + 1);
+    const int top = std::max(0, y - radius), bottom = std::min(height_, y + radius + 1);
+    const Sums &a = At(left, top), &b = At(right, top), &c = At(left, bottom),
+               &d = At(right, bottom);
+    const double count = d.count - b.count - c.count + a.count;
+    if (count == 0) return 0;
+    const double mean = (d.sum - b.sum - c.sum + a.sum) / count;
+    const double squares = (d.squares - b.squares - c.squares + a.squares) / count;
+    return static_cast<float>(mean + std::sqrt(std::max(0.0, squares - mean * mean)));
+  }
+
+ private:
+  struct Sums {
+    double count = 0, sum = 0, squares = 0;
+  };
+  Sums& At(int x, int y) { return sums_[size_t(y) * (width_ + 1) + x]; }
+
+  int width_, height_;
+  std::vector<Sums> sums_;  // [height + 1, width + 1] over the pixels above and on the left
+};
+
+// Returns the absolute gradient at a pixel, from the differences to the next pixel on the right and
+// below. difference(a, b): of two pixels. At the last column and scanline the one before is taken.
+template <class Difference>
+float GradientAt(int64_t pixel, int width, int height, Difference difference) {
+  const int64_t right = pixel % width + 1 < width ? 1 : (width > 1 ? -1 : 0);
+  const int64_t below = pixel / width + 1 < height ? width : (height > 1 ? -width : 0);
+  return std::hypot(difference(pixel, pixel + right), difference(pixel, pixel + below));
+}
+
 }  // namespace
 
 PerceptionCues::PerceptionCues(const Capture& capture, const CrossView& cross_view,
@@ -120,17 +174,17 @@ PerceptionCues::PerceptionCues(const Capture& capture, const CrossView& cross_vi
   }
 }
 
-// The radius of the paper, but at most half the mean side of the view's masks that are not larger
+// The radius by the image, but at most half the mean side of the view's masks that are not larger
 // than the scale, so that it does not reach over whole objects. If all masks are larger, the finest
-// one counts. Without perception_fit_window the radius is the paper's.
+// one counts. Without perception_fit_window only the scale and the image count.
 std::vector<float> PerceptionCues::Radii(const PixelBatch& batch) const {
   const Camera& camera = capture_.views[batch.view].camera;
   const auto side = static_cast<float>(std::min(camera.width, camera.height));
   std::vector<float> radii;
   if (!fit_window_) {
     for (const float scale : batch.scales) {
-      radii.push_back(std::clamp(side * (kRadiusBase + kRadiusSlope * scale), kPrintedMinRadius,
-                                 kPrintedMaxRadius));
+      radii.push_back(
+          std::clamp(side * (kRadiusBase + kRadiusSlope * scale), kWideMinRadius, kWideMaxRadius));
     }
     return radii;
   }
@@ -226,6 +280,32 @@ class PerceptionCues::Judge {
         usual_(batch.pixels.size()),
         sight_(batch.pixels.size()) {}
 
+  // Fills in the thresholds of PerceptionThreshold::kWindows for the pixels of the pairs.
+  void MeasureWindows(std::span<const Pair> pairs) {
+    const int width = view_.camera.width, height = view_.camera.height;
+    WindowSums depth(width, height, [&](int64_t i) {
+      return GradientAt(i, width, height, [&](int64_t a, int64_t b) {
+        return view_.depth.values[a] - view_.depth.values[b];
+      });
+    });
+    WindowSums color(width, height, [&](int64_t i) {
+      return GradientAt(i, width, height,
+                        [&](int64_t a, int64_t b) { return ColorDifference(view_.photo, a, b); });
+    });
+    for (const Pair& pair : pairs) {
+      for (const int32_t p : {pair.p, pair.q}) {
+        if (usual_[p]) continue;
+        Usual& usual = usual_[p].emplace();
+        for (size_t k = 0; k < radii_.size(); ++k) {
+          const int radius = static_cast<int>(std::lround(radii_[k]));
+          const int32_t pixel = batch_.pixels[p];
+          usual.depth[k] = std::max(cues_.depth_floor_, depth.OneAboveMean(pixel, radius));
+          usual.color[k] = std::max(cues_.color_floor_, color.OneAboveMean(pixel, radius));
+        }
+      }
+    }
+  }
+
   PairCues CuesOf(int32_t p, int32_t q) {
     const int32_t a = batch_.pixels[p], b = batch_.pixels[q];
     const int width = view_.camera.width;
@@ -295,6 +375,7 @@ void PerceptionCues::List(PixelBatch& batch) const {
   const std::vector<float> radii = Radii(batch);
   std::vector<Pair> pairs = NearPairs(batch, *std::max_element(radii.begin(), radii.end()));
   Judge judge(*this, batch, radii);
+  if (threshold_ == PerceptionThreshold::kWindows && !pairs.empty()) judge.MeasureWindows(pairs);
   for (Pair& pair : pairs) pair.cues = judge.CuesOf(pair.p, pair.q);
   std::erase_if(pairs, [](const Pair& pair) { return pair.cues == 0; });
   batch.pairs = ListsOf(pairs, batch.pixels.size(), batch.scales.size());

@@ -16,7 +16,8 @@ namespace pepeseg {
 // Lists the pairs of pixels for the perception loss (METHOD.md section 3, "Perception loss"), with
 // what colour and depth indicate about them. At scale s a pair counts if its pixels are within r(s)
 // of each other and away from the edges of the depth prior, and at least one of them is unlabelled
-// (without FeatureOptions::perception_unlabelled_only: or their masks agree with the cue).
+// (without FeatureOptions::perception_unlabelled_only, which the paper does not do: or their masks
+// agree with the cue).
 // A pair is similar if both its depth and its colour differ less than the thresholds of its two
 // pixels, and dissimilar if both differ at least by them.
 //

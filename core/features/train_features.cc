@@ -27,12 +27,17 @@ absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckRange("num_scales", options.num_scales, 1, kMaxScales));
   RETURN_IF_ERROR(CheckRange("fine_first", options.fine_first, 0.0, 0.9));
   RETURN_IF_ERROR(CheckRange("negative_margin", options.negative_margin, 0.0f, 0.9f));
-  RETURN_IF_ERROR(CheckRange("min_positive_cosine", options.min_positive_cosine, 0.0f, 1.0f));
-  RETURN_IF_ERROR(CheckRange("scale_mapping", static_cast<int>(options.scale_mapping), 1, 2));
+  RETURN_IF_ERROR(CheckRange("min_positive_cosine", options.min_positive_cosine, -1.0f, 1.0f));
+  RETURN_IF_ERROR(CheckRange("max_negative_cosine", options.max_negative_cosine, -1.0f, 1.0f));
+  RETURN_IF_ERROR(CheckRange("min_norm_alpha", options.min_norm_alpha, 0.0f, 1.0f));
+  RETURN_IF_ERROR(CheckRange("scale_mapping", static_cast<int>(options.scale_mapping), 1, 3));
   RETURN_IF_ERROR(CheckRange("learning_rate_final", options.learning_rate_final, 1e-8f, 1.0f));
   RETURN_IF_ERROR(CheckRange("centroid_from", options.centroid_from, 0.0, 1.0));
   RETURN_IF_ERROR(CheckRange("centroid_every", options.centroid_every, 1, 10'000'000));
   RETURN_IF_ERROR(CheckRange("centroid_pixels", options.centroid_pixels, 1, 65'536));
+  RETURN_IF_ERROR(CheckRange("centroid_views", options.centroid_views, 1, 1000));
+  RETURN_IF_ERROR(CheckRange("centroid_merge_upper", options.centroid_merge_upper, 0.0f, 0.9999f));
+  RETURN_IF_ERROR(CheckRange("centroid_merge_lower", options.centroid_merge_lower, 0.0f, 0.9999f));
   RETURN_IF_ERROR(CheckRange("centroid_weight_upper", options.centroid_weight_upper, 0.0f, 100.0f));
   RETURN_IF_ERROR(CheckRange("centroid_weight_lower", options.centroid_weight_lower, 0.0f, 100.0f));
   RETURN_IF_ERROR(
@@ -42,7 +47,7 @@ absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckRange("perception_weight", options.perception_weight, 0.0f, 100.0f));
   RETURN_IF_ERROR(CheckRange("num_perception_pixels", options.num_perception_pixels, 1, 16'384));
   RETURN_IF_ERROR(
-      CheckRange("perception_threshold", static_cast<int>(options.perception_threshold), 1, 2));
+      CheckRange("perception_threshold", static_cast<int>(options.perception_threshold), 1, 3));
   RETURN_IF_ERROR(CheckRange("perception_depth_floor", options.perception_depth_floor, 0.0f, 1.0f));
   RETURN_IF_ERROR(CheckRange("perception_color_floor", options.perception_color_floor, 0.0f, 1.0f));
   RETURN_IF_ERROR(CheckRange("min_mask_agreement", options.min_mask_agreement, 0.0, 1.0));

@@ -16,12 +16,14 @@ namespace pepeseg {
 enum class ScaleMapping {
   kQuantiles = 1,  // the share of the masks that are smaller
   kEven = 2,       // linear from the smallest mask to the 99th percentile, see EvenScales
+  kMinMax = 3,     // linear from the smallest mask to the largest, as the paper prints it
 };
 
 // What the perception loss compares a difference of depth or colour between two pixels with.
 enum class PerceptionThreshold {
   kDifferences = 1,  // differences between each of the two and the pixels around it
-  kGradients = 2,    // differences between adjacent pixels around each of the two
+  kGradients = 2,    // differences between adjacent pixels around each of the two, sampled
+  kWindows = 3,      // the gradients of all pixels in the window around each of the two, as printed
 };
 
 // Options of stage two (METHOD.md sections 2 and 3), which trains a feature for each Gaussian and
@@ -47,9 +49,18 @@ struct FeatureOptions {
   // the paper. tests/bench/results/margin.md.
   float negative_margin = 0.2f;
   // Cosine under which a pair that belongs together counts in every step, however many such pairs
-  // there are; the others are drawn. [0, 1]. SAGA and the paper have 0.75.
-  // tests/bench/results/margin.md.
+  // there are; the others are drawn. [-1, 1]. -1: no pair counts for its cosine, as in the paper.
+  // SAGA's code has 0.75. tests/bench/results/margin.md.
   float min_positive_cosine = 0.9f;
+  // The same for a pair that belongs apart: the cosine over which it counts. [-1, 1]. 1: none does,
+  // as in the paper. SAGA's code has 0.5.
+  float max_negative_cosine = 0.5f;
+  // Whether the contrastive loss is one mean over all pairs, drawn alike, as in the paper. False: a
+  // mean of the pairs that belong together plus a mean of the others, drawn in equal numbers.
+  bool joint_pair_mean = false;
+  // Alpha over which a pixel counts in the norm loss. [0, 1]. 0: all pixels that show anything, as
+  // in the paper.
+  float min_norm_alpha = 0.9f;
   ScaleMapping scale_mapping = ScaleMapping::kQuantiles;
   // Learning rate of Adam at the start and at the end; it falls exponentially. [1e-8, 1].
   float learning_rate = 1e-2f;
@@ -65,11 +76,14 @@ struct FeatureOptions {
   // 1: to the end and in the model, as in SAGA and the paper. tests/bench/results/smoothing.md.
   double smooth_until = 0.5;
   // The centroid loss starts at this share of the steps. Every `centroid_every` steps (T of the
-  // paper), up to `centroid_pixels` masked pixels of a view are clustered at scale 1 (upper, U) and
-  // 0.01 (lower, L).
+  // paper), up to `centroid_pixels` pixels of each of `centroid_views` random views are clustered
+  // at scale 1 (upper, U) and 0.01 (lower, L).
   double centroid_from = 0.7;    // [0, 1]
   int centroid_every = 200;      // steps; [1, 10,000,000]
   int centroid_pixels = 16'384;  // [1, 65,536]
+  int centroid_views = 1;        // [1, 1000]
+  // Whether only pixels under masks are clustered. False: pixels of the whole map, as in the paper.
+  bool centroid_masked_only = true;
   // Weights of the centroid loss at either scale. 0: left out; [0, 100]. The lower scale is off: on
   // desk it gains nothing measurable, and it loses where many small parts touch
   // (tests/bench/results/h200_segmentation.md).
@@ -80,6 +94,10 @@ struct FeatureOptions {
   // together.
   float centroid_cosine_upper = 0.9f;
   float centroid_cosine_lower = 0.97f;
+  // The mean of a cluster is merged into the nearest centroid if its cosine with it is larger. [0,
+  // 0.9999]. The paper has 0.9 at both scales.
+  float centroid_merge_upper = 0.9f;
+  float centroid_merge_lower = 0.95f;
   bool centroid_check_masks = true;  // drops clusters that masks separate, see KeepAgreeing
   // Weight of the perception loss, for pixels that no mask of their view covers. It is left out if
   // the weight is 0, if no training view has a depth prior, or if all pixels are covered or
@@ -88,11 +106,11 @@ struct FeatureOptions {
   int num_perception_pixels = 128;  // additional samples of a step; [1, 16,384]
   PerceptionThreshold perception_threshold = PerceptionThreshold::kDifferences;
   bool perception_cross_view = true;  // masks of other views overrule depth and colour
-  // Whether r(s) follows the sizes of image and masks. False: the window of the paper,
-  // min(H, W) (0.03 + 0.12 s), in [20, 200] pixels.
+  // Whether r(s) follows the sizes of image and masks. False: min(H, W) (0.03 + 0.12 s), in [20,
+  // 200] pixels. Both are ours: the paper says only that r(s) grows with the scale.
   bool perception_fit_window = true;
   // Whether a pair has a pixel that no mask covers. False: pairs of covered pixels count as well,
-  // where the masks agree with depth and colour, as in the paper.
+  // where the masks agree with depth and colour. The paper leaves those out.
   bool perception_unlabelled_only = true;
   // Lower bounds of the similarity thresholds, so that noise in even surroundings makes no pair
   // dissimilar. Shares of the depth prior's range and of one channel's range. 0: none, as in the

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <vector>
 
@@ -61,11 +62,16 @@ DepthTerm::DepthTerm(Backend& backend, const ReconstructOptions& options, int64_
     : backend_(backend),
       options_(options),
       // Rendered alpha and depth, and their two gradients: see ImagesFor.
-      images_(backend, options.depth_weight > 0 ? 4 * max_pixels : 0) {}
+      images_(backend, options.depth_weight > 0 ? 4 * max_pixels : 0) {
+  if (options.depth_weight <= 0 || options.depth_over_alpha) return;
+  const std::vector<float> ones(static_cast<size_t>(max_pixels), 1.0f);
+  ones_ = Buffer<float>(backend, std::span<const float>(ones));
+}
 
 void DepthTerm::LeaveOut() {
   left_out_ = true;
   images_ = {};
+  ones_ = {};
 }
 
 // Draws from `random` only for DepthLocalForm::kPatch.
@@ -104,19 +110,22 @@ DepthImages DepthTerm::ImagesFor(const TrainingView& view, const DepthPlan& plan
 }
 
 // L_global has the weight of the plan, L_local that times depth_local_weight. The op fits scale and
-// shift in closed form; no gradient passes through the fit.
+// shift in closed form; no gradient passes through the fit. The plain alpha blend is what the op
+// makes of an alpha of 1, without a gradient of alpha.
 void DepthTerm::Compare(const TrainingView& view, const DepthPlan& plan, DeviceSpan<double> sums) {
   if (plan.weight == 0) return;
   const DepthImages images = ImagesFor(view, plan);
+  const bool plain = !options_.depth_over_alpha;
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
   const long radius = std::lround(options_.depth_window * static_cast<float>(view.pinhole.width));
   backend_.DepthLoss({.width = view.pinhole.width,
                       .height = view.pinhole.height,
-                      .alpha = images.alpha,
+                      .alpha = plain ? ones_.span().Subspan(0, images.alpha.size) : images.alpha,
                       .depth = images.depth,
                       .prior = view.prior.span(),
                       .ignore = view.ignore.span(),
-                      .min_prior = view.min_prior,
-                      .max_prior = view.max_prior,
+                      .min_prior = plain ? -kInfinity : view.min_prior,
+                      .max_prior = plain ? kInfinity : view.max_prior,
                       .view_weight = plan.weight,
                       .local_weight = plan.weight * options_.depth_local_weight,
                       .local_form = options_.depth_local_form,
@@ -125,6 +134,7 @@ void DepthTerm::Compare(const TrainingView& view, const DepthPlan& plan, DeviceS
                       .alpha_grad = images.alpha_grad,
                       .depth_grad = images.depth_grad,
                       .sums = sums});
+  if (plain) backend_.Zero(images.alpha_grad.data, images.alpha_grad.size * sizeof(float));
 }
 
 }  // namespace pepeseg

@@ -67,6 +67,7 @@ class DepthTerm {
   Backend& backend_;
   const ReconstructOptions options_;
   Buffer<float> images_;  // four images of the largest view, see DepthImages
+  Buffer<float> ones_;    // an image of ones, without depth_over_alpha; else empty
   bool left_out_ = false;
 };
 

@@ -35,8 +35,8 @@ int64_t ViewBytes(const TrainingSize& size, const ReconstructOptions& options) {
   const int64_t bytes = num_pixels * (3 + ignore);
   const int64_t depth =
       size.num_pixels / num_views * size.num_depth_views * static_cast<int64_t>(sizeof(float));
-  // Rendered alpha and depth, and their gradients.
-  const int64_t images = depth > 0 ? 4 * size.max_pixels * static_cast<int64_t>(sizeof(float)) : 0;
+  // Rendered alpha and depth, and their gradients; ones in place of alpha, see DepthTerm.
+  const int64_t images = depth > 0 ? 5 * size.max_pixels * static_cast<int64_t>(sizeof(float)) : 0;
   // The coarse sizes take a quarter and a sixteenth of it.
   const int64_t views = bytes + depth;
   return (options.coarse_until > 0 ? views + views / 2 : views) + images;

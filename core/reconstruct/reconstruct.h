@@ -110,6 +110,10 @@ struct ReconstructOptions {
   // Whether a disparity prior is compared with the rendered 1 / z. False: with z itself, as the
   // paper prints it; the fit's scale is then negative.
   bool disparity_as_inverse_depth = true;
+  // Whether the rendered depth is divided by alpha and compared only where alpha is over a half and
+  // the prior between its 1st and 99th percentiles. False: the plain alpha blend at all pixels, as
+  // the paper prints it.
+  bool depth_over_alpha = true;
   // Arrangement of the cameras, which decides the weight that depth_weight = -1 stands for.
   CaptureKind capture_kind = CaptureKind::kAutomatic;
 

@@ -43,6 +43,7 @@ void SetPaperReconstruct(ReconstructOptions& options) {
   options.depth_local_weight = 1;
   options.depth_window = 0.025f;
   options.disparity_as_inverse_depth = false;
+  options.depth_over_alpha = false;
 
   // Refinement in [4000, 4000 + 2V): 2V is the limit that Refiner sets, so the length is open.
   options.refine_keep = RefineKeep::kShrink;
@@ -61,10 +62,10 @@ void SetPaperReconstruct(ReconstructOptions& options) {
 void SetPaperFeatures(FeatureOptions& options) {
   options.num_steps = 10000;
   options.num_scales = 10;
-  options.scale_mapping = ScaleMapping::kQuantiles;
+  options.scale_mapping = ScaleMapping::kMinMax;
   options.gate_layers = 2;
   options.num_neighbors = 16;
-  options.num_drawn_neighbors = 8;
+  options.num_drawn_neighbors = 16;
   options.smooth_until = 1;
   options.learning_rate = 2.5e-3f;
   options.learning_rate_final = 2.5e-3f;
@@ -75,28 +76,37 @@ void SetPaperFeatures(FeatureOptions& options) {
   options.num_background_pixels = 0;
   options.fine_first = 0;
   options.negative_margin = 0;
-  options.min_positive_cosine = 0.75f;
+  options.min_positive_cosine = -1;
+  options.max_negative_cosine = 1;
+  options.joint_pair_mean = true;
+  options.min_norm_alpha = 0;
   options.min_mask_agreement = 0;
   options.complete_masks = false;
   options.share_scales = false;
 
-  // L_p: the printed window, thresholds by local gradients, masks of this view only.
+  // L_p: a window by the scale alone, thresholds by all gradients in it, masks of this view only,
+  // no pair of two masked pixels.
   options.perception_weight = 0.2f;
-  options.perception_threshold = PerceptionThreshold::kGradients;
+  options.perception_threshold = PerceptionThreshold::kWindows;
   options.perception_cross_view = false;
   options.perception_fit_window = false;
-  options.perception_unlabelled_only = false;
+  options.perception_unlabelled_only = true;
   options.perception_depth_floor = 0;
   options.perception_color_floor = 0;
 
-  // L_c: T = 200, from 7,000 steps on; tau and the weights of U and L.
+  // L_c: T = 200, from 7,000 steps on; tau and the weights of U and L. Whole maps of several views,
+  // of which HDBSCAN's time allows a sample.
   options.centroid_from = 0.7;
   options.centroid_every = 200;
   options.centroid_pixels = 16'384;
+  options.centroid_views = 4;
+  options.centroid_masked_only = false;
   options.centroid_weight_upper = 0.3f;
   options.centroid_weight_lower = 0.1f;
   options.centroid_cosine_upper = 0.9f;
   options.centroid_cosine_lower = 0.9f;
+  options.centroid_merge_upper = 0.9f;
+  options.centroid_merge_lower = 0.9f;
   options.centroid_check_masks = false;
 
   options.sure_views = 0;

@@ -109,8 +109,10 @@ void PairPlan::LimitDraws(const PairLossArgs& args) {
     const double share = available == 0 ? 0 : std::min(1.0, args.easy_share * hard / available);
     return static_cast<int32_t>(share * 2147483647.0);
   };
-  job.positive_limit = limit(positive);
-  job.negative_limit = limit(negative);
+  // Two kinds, each of which has easy_share: together they are drawn from half of the pairs each.
+  const double half = (positive + negative) / 2;
+  job.positive_limit = limit(args.joint_mean ? half : positive);
+  job.negative_limit = limit(args.joint_mean ? half : negative);
 }
 
 // Finds base and slope that map the products of pixel weights to [1, 10]. The extreme products are
@@ -185,8 +187,9 @@ void CpuBackend::PairLoss(const PairLossArgs& args) {
       std::count_if(args.pixel_alpha.data, args.pixel_alpha.data + job.num_pixels,
                     [&](float alpha) { return alpha > args.min_norm_alpha; }));
   // The means' counts are known now; the last pass turns gathered sums into gradients.
-  job.positive_scale = Inverse(args.sums[kNumPositives]);
-  job.negative_scale = Inverse(args.sums[kNumNegatives]);
+  const double positives = args.sums[kNumPositives], negatives = args.sums[kNumNegatives];
+  job.positive_scale = Inverse(positives + (args.joint_mean ? negatives : 0));
+  job.negative_scale = Inverse(negatives + (args.joint_mean ? positives : 0));
   job.norm_scale = Inverse(args.sums[kNumNormPixels]);
   for_each_block([&](PairBlock& block) { simd_.pair_rows_vjp(job, block); });
   AddSums(blocks, kNormLoss, kNormLoss, 1, args.sums);

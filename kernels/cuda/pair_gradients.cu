@@ -94,11 +94,14 @@ struct Rows {
   float pull_base, push_base, pull_slope[4], push_slope[4];
 };
 
-// Divides by the numbers of positives and negatives, as the losses are means.
+// Divides by the numbers of positives and negatives, or of both with joint_mean, as the losses are
+// means.
 __device__ Rows RowsOf(const PairWork& work, int p) {
   const PairWeights weights = *work.weights;
-  const float pull = PositiveTermVjp(Inverse(work.counts->positives));
-  const float push = Inverse(work.counts->negatives);
+  const auto positives = work.counts->positives, negatives = work.counts->negatives;
+  const bool joint = work.args.joint_mean;
+  const float pull = PositiveTermVjp(Inverse(positives + (joint ? negatives : 0)));
+  const float push = Inverse(negatives + (joint ? positives : 0));
   Rows rows = {p, pull * weights.base, push * weights.base, {}, {}};
 #pragma unroll
   for (int k = 0; k < 4; ++k) {

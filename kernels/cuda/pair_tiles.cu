@@ -44,6 +44,8 @@ __device__ DrawLimits LimitDraws(const PairWork& work) {
     const double share = available == 0 ? 0 : min(1.0, wanted / available);
     return static_cast<int32_t>(share * 2147483647.0);
   };
+  const double half = (positive + negative) / 2;  // as on the CPU
+  if (work.args.joint_mean) return {limit(half), limit(half)};
   return {limit(positive), limit(negative)};
 }
 

@@ -72,8 +72,10 @@ struct FeatureRowsArgs {
 //     than 5 % of all pairs are hard, the draw assumes 5 %;
 //   - wrong: G = 1 and C < min_positive, or G = 0 and C > max_negative, at some scale.
 // L_m = mean over their positives of (-w C) + mean over their negatives of
-// (w max(C - negative_margin, 0)). w_pq is the product of the weights of the two pixels, min-max
-// normalised over all pairs of the batch to [1, 10], or 1 if all are equal.
+// (w max(C - negative_margin, 0)). With joint_mean it is one mean over both, and easy pairs with
+// G = 1 and with G = 0 are drawn with the same probability, as many in all. w_pq is the product of
+// the weights of the two pixels, min-max normalised over all pairs of the batch to [1, 10], or 1 if
+// all are equal.
 //
 // The norm term is the mean of (|F(p)| - 1)^2 over pixels with alpha > min_norm_alpha.
 //
@@ -94,6 +96,7 @@ struct PairLossArgs {
   float negative_margin = 0;               // cosine, in [0, 1); see above
   float easy_share = 0.5f;                 // see above; >= 0
   float min_norm_alpha = 0.9f;             // [0, 1]
+  bool joint_mean = false;                 // see above
   uint32_t pair_seed = 0;        // of the draw, a hash of the seed and the pair: no state is kept
   DeviceSpan<float> pixel_grad;  // [S, 32] d loss / d F
   DeviceSpan<float> gate_grad;   // as gate

@@ -61,7 +61,8 @@
   FIELD(views_at_once) \
   FIELD(mean_learning_rate_cap) \
   FIELD(prune_size) \
-  FIELD(disparity_as_inverse_depth)
+  FIELD(disparity_as_inverse_depth) \
+  FIELD(depth_over_alpha)
 #define PEPESEG_FEATURE_FIELDS(FIELD) \
   FIELD(num_steps) \
   FIELD(num_pixels) \
@@ -101,7 +102,14 @@
   FIELD(perception_fit_window) \
   FIELD(perception_unlabelled_only) \
   FIELD(perception_depth_floor) \
-  FIELD(perception_color_floor)
+  FIELD(perception_color_floor) \
+  FIELD(max_negative_cosine) \
+  FIELD(joint_pair_mean) \
+  FIELD(min_norm_alpha) \
+  FIELD(centroid_views) \
+  FIELD(centroid_masked_only) \
+  FIELD(centroid_merge_upper) \
+  FIELD(centroid_merge_lower)
 // clang-format on
 
 // The casts are for enums, which have the same numbers in the message and in the struct.

@@ -46,6 +46,7 @@ inline void AddStageOneFlags(CLI::App& app, ReconstructOptions& stage) {
   app.add_option("--depth-local-form", stage.depth_local_form, "1 windows, 2 patch");
   app.add_option("--depth-window", stage.depth_window);
   app.add_option("--disparity-as-inverse-depth", stage.disparity_as_inverse_depth);
+  app.add_option("--depth-over-alpha", stage.depth_over_alpha);
   app.add_option("--densify-from", stage.densify_from);
   app.add_option("--densify-until", stage.densify_until);
   app.add_option("--densify-every", stage.densify_every);

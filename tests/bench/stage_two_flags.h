@@ -15,6 +15,10 @@ inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
   app.add_option("--background-pixels", stage.num_background_pixels);
   app.add_option("--feature-scales", stage.num_scales);
   app.add_flag_callback("--even-scales", [&stage] { stage.scale_mapping = ScaleMapping::kEven; });
+  app.add_flag_callback("--quantile-scales",
+                        [&stage] { stage.scale_mapping = ScaleMapping::kQuantiles; });
+  app.add_flag_callback("--min-max-scales",
+                        [&stage] { stage.scale_mapping = ScaleMapping::kMinMax; });
   app.add_option("--feature-rate", stage.learning_rate);
   app.add_option("--feature-rate-final", stage.learning_rate_final);
   app.add_option("--centroid-from", stage.centroid_from);
@@ -39,8 +43,17 @@ inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
   app.add_option("--fine-first", stage.fine_first);
   app.add_option("--negative-margin", stage.negative_margin);
   app.add_option("--min-positive-cosine", stage.min_positive_cosine);
+  app.add_option("--max-negative-cosine", stage.max_negative_cosine);
+  app.add_option("--joint-pair-mean", stage.joint_pair_mean);
+  app.add_option("--min-norm-alpha", stage.min_norm_alpha);
+  app.add_option("--centroid-views", stage.centroid_views);
+  app.add_option("--centroid-masked-only", stage.centroid_masked_only);
+  app.add_option("--centroid-merge-upper", stage.centroid_merge_upper);
+  app.add_option("--centroid-merge-lower", stage.centroid_merge_lower);
   app.add_flag_callback("--perception-gradients",
                         [&stage] { stage.perception_threshold = PerceptionThreshold::kGradients; });
+  app.add_flag_callback("--perception-windows",
+                        [&stage] { stage.perception_threshold = PerceptionThreshold::kWindows; });
   app.add_option("--gate-layers", stage.gate_layers);
   app.add_option("--neighbors", stage.num_neighbors);
   app.add_option("--drawn-neighbors", stage.num_drawn_neighbors);

@@ -36,8 +36,14 @@ double Difference(const std::vector<float>& a, const std::vector<float>& b) {
 
 TEST_F(CudaFeaturesTest, DrawsTheSamePairsAsTheCpu) {
   // From few easy pairs to all of them.
-  for (const float easy_share : {0.5f, 0.01f, 3.0f, 1e9f}) {
-    const PairBatch batch = PatchesBatch(150, 321, 240);
+  for (const auto& [easy_share, joint_mean] : {std::pair(0.5f, false),
+                                               {0.01f, false},
+                                               {3.0f, false},
+                                               {1e9f, false},
+                                               {0.5f, true},
+                                               {3.0f, true}}) {
+    PairBatch batch = PatchesBatch(150, 321, 240);
+    batch.joint_mean = joint_mean;
     const PairOpResult want = RunPairLoss(*cpu_, batch, easy_share);
     const PairOpResult got = RunPairLoss(*cuda_, batch, easy_share);
     EXPECT_GT(want.sums[kNumPositives], 150 * 321);

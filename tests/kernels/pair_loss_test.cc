@@ -35,6 +35,7 @@ TEST_P(PairLossTest, MatchesDoubleReference) {
                                         static_cast<uint64_t>(num_pixels));
       batch.every_pair = every_pair;
       batch.negative_margin = num_pixels % 2 == 0 ? 0.0f : 0.2f;
+      batch.joint_mean = num_pixels % 2 == 0;
       const PairReference want = ComputePairReference(batch);
       const PairOpResult got = RunPairLoss(*backend_, batch, every_pair ? 1e9f : 0.0f);
       EXPECT_EQ(got.sums[kNumPositives], want.num_positives) << num_pixels;
@@ -76,6 +77,18 @@ TEST_P(PairLossTest, DrawsEasyPairsWhereFewAreHard) {
   const double expected = 0.5 * 0.05 * 600 * 599 / 2;
   EXPECT_NEAR(got.sums[kNumPositives] / 2, expected, 5 * std::sqrt(expected));
   EXPECT_NEAR(got.sums[kNumNegatives] / 2, expected, 5 * std::sqrt(expected));
+}
+
+TEST_P(PairLossTest, DrawsAllEasyPairsAlikeForAJointMean) {
+  PairBatch batch = PatchesBatch(200, 200, 300);
+  batch.joint_mean = true;
+  const double hard = 200 * 200;
+  const PairOpResult got = RunPairLoss(*backend_, batch, 0.5f);
+  const double positives = (got.sums[kNumPositives] - hard) / 2;
+  const double negatives = (got.sums[kNumNegatives] - hard) / 2;
+  const double same = 2 * (200 * 199 / 2.0) + 300 * 299 / 2.0, apart = 2 * 200 * 300.0;
+  EXPECT_NEAR(positives + negatives, hard, 5 * std::sqrt(hard));
+  EXPECT_NEAR(positives, hard * same / (same + apart), 5 * std::sqrt(hard));
 }
 
 TEST_P(PairLossTest, GivesFiniteGradientsForPixelsWithoutFeatures) {

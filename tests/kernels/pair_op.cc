@@ -1,5 +1,7 @@
 #include "tests/kernels/pair_op.h"
 
+#include <algorithm>
+
 #include "tests/kernels/test_scene.h"
 
 namespace pepeseg {
@@ -16,8 +18,11 @@ double PairOpResult::Total() const {
   const auto mean = [&](int sum, int count) {
     return sums[count] == 0 ? 0 : sums[sum] / sums[count];
   };
-  return mean(kPositiveLoss, kNumPositives) + mean(kNegativeLoss, kNumNegatives) +
-         mean(kNormLoss, kNumNormPixels);
+  const double joint = (sums[kPositiveLoss] + sums[kNegativeLoss]) /
+                       std::max(1.0, sums[kNumPositives] + sums[kNumNegatives]);
+  const double pairs =
+      joint_mean ? joint : mean(kPositiveLoss, kNumPositives) + mean(kNegativeLoss, kNumNegatives);
+  return pairs + mean(kNormLoss, kNumNormPixels);
 }
 
 PairOpResult RunPairLoss(Backend& backend, const PairBatch& batch, float easy_share) {
@@ -41,6 +46,7 @@ PairOpResult RunPairLoss(Backend& backend, const PairBatch& batch, float easy_sh
   args.scales = scales.span();
   args.gate = gate.span();
   args.negative_margin = batch.negative_margin;
+  args.joint_mean = batch.joint_mean;
   args.easy_share = easy_share;
   args.pair_seed = 17;
   args.pixel_grad = pixel_grad.span();
@@ -48,6 +54,7 @@ PairOpResult RunPairLoss(Backend& backend, const PairBatch& batch, float easy_sh
   args.sums = sums.span();
   backend.PairLoss(args);
   PairOpResult out;
+  out.joint_mean = batch.joint_mean;
   sums.Download(out.sums);
   out.feature_grad = Download(pixel_grad);
   out.gate_grad = Download(gate_grad);

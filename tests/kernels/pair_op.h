@@ -11,6 +11,7 @@ namespace pepeseg {
 struct PairOpResult {
   std::vector<double> sums = std::vector<double>(kNumPairLossSums);
   std::vector<float> feature_grad, gate_grad;
+  bool joint_mean = false;  // of the batch
 
   double Total() const;
 };

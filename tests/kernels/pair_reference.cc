@@ -140,11 +140,15 @@ void AddNorms(const PairBatch& batch, PairReference& out) {
 
 PairReference ComputePairReference(const PairBatch& batch) {
   PairReference out;
+  out.joint_mean = batch.joint_mean;
   out.feature_grad.resize(batch.features.size());
   out.gate_grad.resize(batch.gate.size());
   std::vector<std::vector<double>> psi_grad(batch.num_scales, std::vector<double>(kSize));
   for (const Term& t : AddPairs(batch, out)) {
-    const double grad = t.cosine_grad / (t.positive ? out.num_positives : out.num_negatives);
+    const double count = batch.joint_mean ? out.num_positives + out.num_negatives
+                         : t.positive     ? out.num_positives
+                                          : out.num_negatives;
+    const double grad = t.cosine_grad / count;
     const std::vector<double> psi = Psi(batch, t.scale);
     AddCosineGrad(batch, psi, t.p, t.q, grad, out, psi_grad[t.scale]);
     AddCosineGrad(batch, psi, t.q, t.p, grad, out, psi_grad[t.scale]);

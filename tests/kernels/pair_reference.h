@@ -16,6 +16,7 @@ struct PairBatch {
   std::vector<uint64_t> labels;
   float negative_margin = 0;
   bool every_pair = false;  // false: hard and wrong pairs only
+  bool joint_mean = false;  // see PairLossArgs
 };
 
 PairBatch RandomPairBatch(int num_pixels, int num_scales, int label_words, uint64_t seed);
@@ -24,12 +25,15 @@ PairBatch RandomPairBatch(int num_pixels, int num_scales, int label_words, uint6
 struct PairReference {
   double positive_loss = 0, negative_loss = 0, norm_loss = 0;  // sums
   double num_positives = 0, num_negatives = 0, num_norm_pixels = 0;
+  bool joint_mean = false;  // of the batch
   std::vector<double> feature_grad, gate_grad;
 
   double Total() const {
     const auto mean = [](double sum, double count) { return count == 0 ? 0 : sum / count; };
-    return mean(positive_loss, num_positives) + mean(negative_loss, num_negatives) +
-           mean(norm_loss, num_norm_pixels);
+    const double pairs =
+        joint_mean ? mean(positive_loss + negative_loss, num_positives + num_negatives)
+                   : mean(positive_loss, num_positives) + mean(negative_loss, num_negatives);
+    return pairs + mean(norm_loss, num_norm_pixels);
   }
 };
 

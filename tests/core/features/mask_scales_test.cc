@@ -102,6 +102,15 @@ TEST(EvenScales, RunEvenlyFromTheSmallestToTheNinetyNinthPercentile) {
   EXPECT_TRUE(EvenScales({0}).empty());
 }
 
+TEST(MinMaxScales, RunEvenlyFromTheSmallestToTheLargest) {
+  const std::vector<float> knots = MinMaxScales({5, 0, 2, 2, 1001});
+  ASSERT_EQ(knots.size(), 1000u);
+  EXPECT_EQ(knots.front(), 2);
+  EXPECT_EQ(knots[333], 2 + 333);
+  EXPECT_EQ(knots.back(), 1001);
+  EXPECT_TRUE(MinMaxScales({0}).empty());
+}
+
 // Returns overlapping rectangles with holes. None is empty.
 std::vector<BinaryMask> RandomMasks(int width, int height, int count, std::mt19937_64& random) {
   std::vector<BinaryMask> masks(count);

@@ -171,7 +171,7 @@ TEST_F(PerceptionCuesTest, ListsNoPairsWithoutUnlabelledPixels) {
   for (const float share : batch.pairs.share) EXPECT_EQ(share, 0);
 }
 
-TEST_F(PerceptionCuesTest, ListsPairsInTheWindowOfThePaper) {
+TEST_F(PerceptionCuesTest, ListsPairsInAWindowByTheScaleAlone) {
   // min(H, W) (0.03 + 0.12 s) is at most 15 pixels here: the lower bound of 20 counts.
   const PixelBatch batch = List(prepared_, {.perception_fit_window = false});
   double farthest = 0;
@@ -221,6 +221,33 @@ TEST_F(PerceptionCuesTest, ListsLabelledPairsWhereMasksAgreeWithTheCue) {
   };
   EXPECT_EQ(num_labelled_pairs({}), 0);
   EXPECT_GT(num_labelled_pairs({.perception_unlabelled_only = false}), 200);
+}
+
+// On a slope along x all gradients are equal, so a difference along x of more than a pixel is over
+// them, and one along y is not.
+TEST_F(PerceptionCuesTest, ComparesWithTheGradientsOfTheWholeWindow) {
+  Capture capture = TwoHalves();
+  View& view = capture.views[0];
+  for (int i = 0; i < kWidth * kHeight; ++i) {
+    view.depth.values[i] = 0.002f * static_cast<float>(i % kWidth);
+    for (int c = 0; c < 3; ++c)
+      view.photo.pixels[3 * i + c] = static_cast<uint8_t>(2 * (i % kWidth));
+  }
+  const Prepared prepared(std::move(capture), {{0.5f}});
+  const PixelBatch batch = List(prepared, {.perception_threshold = PerceptionThreshold::kWindows,
+                                           .perception_depth_floor = 0,
+                                           .perception_color_floor = 0});
+  int num_similar = 0, num_dissimilar = 0;
+  for (size_t p = 0; p < batch.pixels.size(); ++p) {
+    for (int32_t e = batch.pairs.first[p]; e < batch.pairs.first[p + 1]; ++e) {
+      const int32_t a = batch.pixels[p], b = batch.pixels[batch.pairs.other[e]];
+      const bool similar = (batch.pairs.cues[e] & 0x7) != 0;
+      ASSERT_EQ(similar, a % kWidth == b % kWidth);
+      (similar ? num_similar : num_dissimilar) += 1;
+    }
+  }
+  EXPECT_GT(num_similar, 200);
+  EXPECT_GT(num_dissimilar, 200);
 }
 
 TEST_F(PerceptionCuesTest, CallsEvenSurroundingsDissimilarWithoutFloors) {

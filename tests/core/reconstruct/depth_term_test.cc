@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -131,6 +132,32 @@ TEST_F(DepthTermTest, HasImagesOfTheViewsSize) {
   EXPECT_TRUE(images.inverse_depth);
   EXPECT_EQ(images.alpha.size, 24 * 18);
   EXPECT_EQ(images.depth_grad.size, 24 * 18);
+}
+
+// The rendered depth is a fit of the prior, and alpha is 0.
+TEST_F(DepthTermTest, ComparesThePlainBlendAtAllPixels) {
+  for (const bool over_alpha : {true, false}) {
+    options_.depth_over_alpha = over_alpha;
+    DepthTerm term(*backend_, options_, views_.max_pixels());
+    ASSERT_TRUE(term.allocated());
+    const TrainingView& view = views_.At(0, 1);
+    const DepthPlan plan = term.PlanFor(view, 0.05f, random_);
+    const DepthImages images = term.ImagesFor(view, plan);
+    std::vector<float> prior(static_cast<size_t>(images.depth.size));
+    view.prior.Download(std::span<float>(prior));
+    const auto num_known = std::ranges::count_if(prior, [](float d) { return !std::isnan(d); });
+    for (size_t i = 0; i < prior.size(); ++i) images.depth[i] = 2 * prior[i] + 1;
+    std::fill_n(images.alpha.data, images.alpha.size, 0.0f);
+    std::vector<double> sums(kNumDepthLossSums);
+    Buffer<double> on_device(*backend_, kNumDepthLossSums);
+    term.Compare(view, plan, on_device.span());
+    on_device.Download(std::span<double>(sums));
+    EXPECT_EQ(sums[kSumDepthPixels], over_alpha ? 0 : static_cast<double>(num_known));
+    if (!over_alpha) {
+      EXPECT_NEAR(sums[kDepthScale], 0.5, 1e-3);
+    }
+    for (int64_t i = 0; i < images.alpha_grad.size; ++i) ASSERT_EQ(images.alpha_grad[i], 0);
+  }
 }
 
 TEST_F(DepthTermTest, DrawsDifferentPatchesInsideTheView) {

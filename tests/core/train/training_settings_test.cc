@@ -48,6 +48,7 @@ TEST_F(PaperPreset, HasTheDepthLossAndRefinementAsPrinted) {
   EXPECT_EQ(reconstruct_.depth_local_weight, 1);
   EXPECT_EQ(reconstruct_.depth_window, 0.025f);
   EXPECT_FALSE(reconstruct_.disparity_as_inverse_depth);
+  EXPECT_FALSE(reconstruct_.depth_over_alpha);
   EXPECT_EQ(reconstruct_.refine_keep, RefineKeep::kShrink);
   EXPECT_DOUBLE_EQ(reconstruct_.refine_from * 30000, 4000);
   EXPECT_EQ(reconstruct_.refine_length, 1);  // Refiner ends after 2V steps
@@ -60,19 +61,23 @@ TEST_F(PaperPreset, HasStageTwoAsPrinted) {
   EXPECT_EQ(features_.num_scales, 10);
   EXPECT_EQ(features_.gate_layers, 2);
   EXPECT_EQ(features_.num_neighbors, 16);
-  EXPECT_EQ(features_.num_drawn_neighbors, 8);
+  EXPECT_EQ(features_.num_drawn_neighbors, 16);  // all of them: 8 of 16 is SAGA's code
   EXPECT_EQ(features_.smooth_until, 1);
   EXPECT_EQ(features_.learning_rate, 2.5e-3f);
   EXPECT_EQ(features_.learning_rate_final, 2.5e-3f);
-  EXPECT_EQ(features_.scale_mapping, ScaleMapping::kQuantiles);
+  EXPECT_EQ(features_.scale_mapping, ScaleMapping::kMinMax);
 }
 
 TEST_F(PaperPreset, HasPerceptionAndCentroidLossAsPrinted) {
   EXPECT_EQ(features_.perception_weight, 0.2f);
-  EXPECT_EQ(features_.perception_threshold, PerceptionThreshold::kGradients);
+  EXPECT_EQ(features_.perception_threshold, PerceptionThreshold::kWindows);
   EXPECT_DOUBLE_EQ(features_.centroid_from * features_.num_steps, 7000);
   EXPECT_EQ(features_.centroid_every, 200);  // T
   EXPECT_EQ(features_.centroid_pixels, 16'384);
+  EXPECT_GT(features_.centroid_views, 1);
+  EXPECT_FALSE(features_.centroid_masked_only);
+  EXPECT_EQ(features_.centroid_merge_upper, 0.9f);
+  EXPECT_EQ(features_.centroid_merge_lower, 0.9f);
   EXPECT_EQ(features_.centroid_weight_upper, 0.3f);  // U
   EXPECT_EQ(features_.centroid_weight_lower, 0.1f);  // L
   EXPECT_EQ(features_.centroid_cosine_upper, 0.9f);  // tau
@@ -95,13 +100,16 @@ TEST_F(PaperPreset, HasNoneOfOurAdditions) {
   EXPECT_EQ(features_.num_background_pixels, 0) << "background as a thing";
   EXPECT_EQ(features_.fine_first, 0) << "fine masks first";
   EXPECT_EQ(features_.negative_margin, 0);
-  EXPECT_EQ(features_.min_positive_cosine, 0.75f);
+  EXPECT_EQ(features_.min_positive_cosine, -1) << "pairs that count for their cosine";
+  EXPECT_EQ(features_.max_negative_cosine, 1) << "pairs that count for their cosine";
+  EXPECT_TRUE(features_.joint_pair_mean) << "a mean for each kind of pair";
+  EXPECT_EQ(features_.min_norm_alpha, 0) << "pixels that are left out of the norm loss";
   EXPECT_EQ(features_.min_mask_agreement, 0) << "removal of masks that stand alone";
   EXPECT_FALSE(features_.complete_masks) << "completion of masks";
   EXPECT_FALSE(features_.share_scales) << "one scale for a thing in all views";
   EXPECT_FALSE(features_.perception_cross_view) << "check by other views' masks";
   EXPECT_FALSE(features_.perception_fit_window) << "window by image and masks";
-  EXPECT_FALSE(features_.perception_unlabelled_only) << "pairs of covered pixels left out";
+  EXPECT_TRUE(features_.perception_unlabelled_only) << "pairs of two masked pixels";
   EXPECT_EQ(features_.perception_depth_floor, 0) << "floor of the thresholds";
   EXPECT_EQ(features_.perception_color_floor, 0) << "floor of the thresholds";
   EXPECT_FALSE(features_.centroid_check_masks) << "check of clusters by masks";

@@ -148,16 +148,16 @@ TEST(TrainingOptions, DecidesEveryOptionForThePaper) {
          "opacity_decay", "closing_share", "dropout_until",
          // Of the run or the capture.
          "num_random_points", "seed", "capture_kind"});
-  check(
-      paper.features(), standard.features(),
-      {"num_steps", "num_pixels", "num_scales", "scale_mapping", "centroid_from", "centroid_every",
-       "centroid_pixels", "centroid_cosine_upper", "perception_weight", "min_mask_agreement",
-       // Not printed.
-       "num_perception_pixels",
-       // Without effect in the preset, or on the result.
-       "closing_share", "steps_per_chunk",
-       // Of the run.
-       "seed"});
+  check(paper.features(), standard.features(),
+        {"num_steps", "num_pixels", "num_scales", "centroid_from", "centroid_every",
+         "centroid_pixels", "centroid_cosine_upper", "centroid_merge_upper", "perception_weight",
+         "perception_unlabelled_only", "min_mask_agreement",
+         // Not printed.
+         "num_perception_pixels",
+         // Without effect in the preset, or on the result.
+         "closing_share", "steps_per_chunk",
+         // Of the run.
+         "seed"});
 }
 
 TEST(TrainingOptions, EqualsTheDefaultsForStandard) {

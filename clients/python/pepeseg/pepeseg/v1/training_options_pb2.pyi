@@ -14,6 +14,7 @@ DESCRIPTOR: _descriptor.FileDescriptor
 PERCEPTION_THRESHOLD_DIFFERENCES: PerceptionThreshold
 PERCEPTION_THRESHOLD_GRADIENTS: PerceptionThreshold
 PERCEPTION_THRESHOLD_UNSPECIFIED: PerceptionThreshold
+PERCEPTION_THRESHOLD_WINDOWS: PerceptionThreshold
 PRIOR_MAKER_COMMAND: PriorMaker
 PRIOR_MAKER_EMBEDDED: PriorMaker
 PRIOR_MAKER_NONE: PriorMaker
@@ -25,6 +26,7 @@ REFINE_KEEP_SHRINK: RefineKeep
 REFINE_KEEP_SPLIT: RefineKeep
 REFINE_KEEP_UNSPECIFIED: RefineKeep
 SCALE_MAPPING_EVEN: ScaleMapping
+SCALE_MAPPING_MIN_MAX: ScaleMapping
 SCALE_MAPPING_QUANTILES: ScaleMapping
 SCALE_MAPPING_UNSPECIFIED: ScaleMapping
 SFM_MATCHING_EXHAUSTIVE: SfmMatching
@@ -37,24 +39,31 @@ TRAINING_PRESET_STANDARD: TrainingPreset
 TRAINING_PRESET_UNSPECIFIED: TrainingPreset
 
 class FeatureOptions(_message.Message):
-    __slots__ = ["centroid_check_masks", "centroid_cosine_lower", "centroid_cosine_upper", "centroid_every", "centroid_from", "centroid_pixels", "centroid_weight_lower", "centroid_weight_upper", "closing_share", "complete_masks", "fine_first", "gate_layers", "learning_rate", "learning_rate_final", "mask_share", "min_loss_fall", "min_mask_agreement", "min_positive_cosine", "negative_margin", "num_background_pixels", "num_drawn_neighbors", "num_neighbors", "num_perception_pixels", "num_pixels", "num_scales", "num_steps", "perception_color_floor", "perception_cross_view", "perception_depth_floor", "perception_fit_window", "perception_threshold", "perception_unlabelled_only", "perception_weight", "scale_mapping", "seed", "share_scales", "smooth_until", "steps_per_chunk", "sure_views"]
+    __slots__ = ["centroid_check_masks", "centroid_cosine_lower", "centroid_cosine_upper", "centroid_every", "centroid_from", "centroid_masked_only", "centroid_merge_lower", "centroid_merge_upper", "centroid_pixels", "centroid_views", "centroid_weight_lower", "centroid_weight_upper", "closing_share", "complete_masks", "fine_first", "gate_layers", "joint_pair_mean", "learning_rate", "learning_rate_final", "mask_share", "max_negative_cosine", "min_loss_fall", "min_mask_agreement", "min_norm_alpha", "min_positive_cosine", "negative_margin", "num_background_pixels", "num_drawn_neighbors", "num_neighbors", "num_perception_pixels", "num_pixels", "num_scales", "num_steps", "perception_color_floor", "perception_cross_view", "perception_depth_floor", "perception_fit_window", "perception_threshold", "perception_unlabelled_only", "perception_weight", "scale_mapping", "seed", "share_scales", "smooth_until", "steps_per_chunk", "sure_views"]
     CENTROID_CHECK_MASKS_FIELD_NUMBER: _ClassVar[int]
     CENTROID_COSINE_LOWER_FIELD_NUMBER: _ClassVar[int]
     CENTROID_COSINE_UPPER_FIELD_NUMBER: _ClassVar[int]
     CENTROID_EVERY_FIELD_NUMBER: _ClassVar[int]
     CENTROID_FROM_FIELD_NUMBER: _ClassVar[int]
+    CENTROID_MASKED_ONLY_FIELD_NUMBER: _ClassVar[int]
+    CENTROID_MERGE_LOWER_FIELD_NUMBER: _ClassVar[int]
+    CENTROID_MERGE_UPPER_FIELD_NUMBER: _ClassVar[int]
     CENTROID_PIXELS_FIELD_NUMBER: _ClassVar[int]
+    CENTROID_VIEWS_FIELD_NUMBER: _ClassVar[int]
     CENTROID_WEIGHT_LOWER_FIELD_NUMBER: _ClassVar[int]
     CENTROID_WEIGHT_UPPER_FIELD_NUMBER: _ClassVar[int]
     CLOSING_SHARE_FIELD_NUMBER: _ClassVar[int]
     COMPLETE_MASKS_FIELD_NUMBER: _ClassVar[int]
     FINE_FIRST_FIELD_NUMBER: _ClassVar[int]
     GATE_LAYERS_FIELD_NUMBER: _ClassVar[int]
+    JOINT_PAIR_MEAN_FIELD_NUMBER: _ClassVar[int]
     LEARNING_RATE_FIELD_NUMBER: _ClassVar[int]
     LEARNING_RATE_FINAL_FIELD_NUMBER: _ClassVar[int]
     MASK_SHARE_FIELD_NUMBER: _ClassVar[int]
+    MAX_NEGATIVE_COSINE_FIELD_NUMBER: _ClassVar[int]
     MIN_LOSS_FALL_FIELD_NUMBER: _ClassVar[int]
     MIN_MASK_AGREEMENT_FIELD_NUMBER: _ClassVar[int]
+    MIN_NORM_ALPHA_FIELD_NUMBER: _ClassVar[int]
     MIN_POSITIVE_COSINE_FIELD_NUMBER: _ClassVar[int]
     NEGATIVE_MARGIN_FIELD_NUMBER: _ClassVar[int]
     NUM_BACKGROUND_PIXELS_FIELD_NUMBER: _ClassVar[int]
@@ -82,18 +91,25 @@ class FeatureOptions(_message.Message):
     centroid_cosine_upper: float
     centroid_every: int
     centroid_from: float
+    centroid_masked_only: bool
+    centroid_merge_lower: float
+    centroid_merge_upper: float
     centroid_pixels: int
+    centroid_views: int
     centroid_weight_lower: float
     centroid_weight_upper: float
     closing_share: float
     complete_masks: bool
     fine_first: float
     gate_layers: int
+    joint_pair_mean: bool
     learning_rate: float
     learning_rate_final: float
     mask_share: float
+    max_negative_cosine: float
     min_loss_fall: float
     min_mask_agreement: float
+    min_norm_alpha: float
     min_positive_cosine: float
     negative_margin: float
     num_background_pixels: int
@@ -116,7 +132,7 @@ class FeatureOptions(_message.Message):
     smooth_until: float
     steps_per_chunk: int
     sure_views: int
-    def __init__(self, num_steps: _Optional[int] = ..., num_pixels: _Optional[int] = ..., num_scales: _Optional[int] = ..., learning_rate: _Optional[float] = ..., steps_per_chunk: _Optional[int] = ..., seed: _Optional[int] = ..., num_neighbors: _Optional[int] = ..., num_drawn_neighbors: _Optional[int] = ..., learning_rate_final: _Optional[float] = ..., centroid_from: _Optional[float] = ..., centroid_every: _Optional[int] = ..., centroid_pixels: _Optional[int] = ..., centroid_weight_upper: _Optional[float] = ..., centroid_weight_lower: _Optional[float] = ..., num_background_pixels: _Optional[int] = ..., perception_weight: _Optional[float] = ..., num_perception_pixels: _Optional[int] = ..., perception_threshold: _Optional[_Union[PerceptionThreshold, str]] = ..., perception_cross_view: bool = ..., scale_mapping: _Optional[_Union[ScaleMapping, str]] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., mask_share: _Optional[float] = ..., sure_views: _Optional[int] = ..., min_mask_agreement: _Optional[float] = ..., complete_masks: bool = ..., fine_first: _Optional[float] = ..., gate_layers: _Optional[int] = ..., centroid_cosine_upper: _Optional[float] = ..., centroid_cosine_lower: _Optional[float] = ..., centroid_check_masks: bool = ..., perception_fit_window: bool = ..., perception_unlabelled_only: bool = ..., perception_depth_floor: _Optional[float] = ..., perception_color_floor: _Optional[float] = ..., share_scales: bool = ..., negative_margin: _Optional[float] = ..., min_positive_cosine: _Optional[float] = ..., smooth_until: _Optional[float] = ...) -> None: ...
+    def __init__(self, num_steps: _Optional[int] = ..., num_pixels: _Optional[int] = ..., num_scales: _Optional[int] = ..., learning_rate: _Optional[float] = ..., steps_per_chunk: _Optional[int] = ..., seed: _Optional[int] = ..., num_neighbors: _Optional[int] = ..., num_drawn_neighbors: _Optional[int] = ..., learning_rate_final: _Optional[float] = ..., centroid_from: _Optional[float] = ..., centroid_every: _Optional[int] = ..., centroid_pixels: _Optional[int] = ..., centroid_weight_upper: _Optional[float] = ..., centroid_weight_lower: _Optional[float] = ..., num_background_pixels: _Optional[int] = ..., perception_weight: _Optional[float] = ..., num_perception_pixels: _Optional[int] = ..., perception_threshold: _Optional[_Union[PerceptionThreshold, str]] = ..., perception_cross_view: bool = ..., scale_mapping: _Optional[_Union[ScaleMapping, str]] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., mask_share: _Optional[float] = ..., sure_views: _Optional[int] = ..., min_mask_agreement: _Optional[float] = ..., complete_masks: bool = ..., fine_first: _Optional[float] = ..., gate_layers: _Optional[int] = ..., centroid_cosine_upper: _Optional[float] = ..., centroid_cosine_lower: _Optional[float] = ..., centroid_check_masks: bool = ..., perception_fit_window: bool = ..., perception_unlabelled_only: bool = ..., perception_depth_floor: _Optional[float] = ..., perception_color_floor: _Optional[float] = ..., share_scales: bool = ..., negative_margin: _Optional[float] = ..., min_positive_cosine: _Optional[float] = ..., smooth_until: _Optional[float] = ..., max_negative_cosine: _Optional[float] = ..., joint_pair_mean: bool = ..., min_norm_alpha: _Optional[float] = ..., centroid_views: _Optional[int] = ..., centroid_masked_only: bool = ..., centroid_merge_upper: _Optional[float] = ..., centroid_merge_lower: _Optional[float] = ...) -> None: ...
 
 class ImportOptions(_message.Message):
     __slots__ = ["held_out_every", "held_out_views", "image_scale"]
@@ -137,7 +153,7 @@ class PriorOptions(_message.Message):
     def __init__(self, masks: _Optional[_Union[PriorMaker, str]] = ..., depth: _Optional[_Union[PriorMaker, str]] = ...) -> None: ...
 
 class ReconstructOptions(_message.Message):
-    __slots__ = ["blurred_share", "camera_clearance", "capture_kind", "closing_share", "coarse_until", "densify_every", "densify_from", "densify_gradient", "densify_size", "densify_until", "depth_local_form", "depth_local_weight", "depth_weight", "depth_weight_final", "depth_window", "disparity_as_inverse_depth", "dropout", "dropout_until", "log_scale_learning_rate", "max_gaussians", "mean_learning_rate", "mean_learning_rate_cap", "mean_learning_rate_final", "mean_rate_pixels", "min_band_gain", "min_depth_agreement", "min_loss_fall", "num_random_points", "num_steps", "opacity_decay", "opacity_learning_rate", "opacity_reset_every", "pixels_per_gaussian", "prune_opacity", "prune_size", "rates_fall_from", "refine_candidates", "refine_from", "refine_keep", "refine_length", "rotation_learning_rate", "seed", "sh_degree", "sh_learning_rate", "ssim_weight", "views_at_once"]
+    __slots__ = ["blurred_share", "camera_clearance", "capture_kind", "closing_share", "coarse_until", "densify_every", "densify_from", "densify_gradient", "densify_size", "densify_until", "depth_local_form", "depth_local_weight", "depth_over_alpha", "depth_weight", "depth_weight_final", "depth_window", "disparity_as_inverse_depth", "dropout", "dropout_until", "log_scale_learning_rate", "max_gaussians", "mean_learning_rate", "mean_learning_rate_cap", "mean_learning_rate_final", "mean_rate_pixels", "min_band_gain", "min_depth_agreement", "min_loss_fall", "num_random_points", "num_steps", "opacity_decay", "opacity_learning_rate", "opacity_reset_every", "pixels_per_gaussian", "prune_opacity", "prune_size", "rates_fall_from", "refine_candidates", "refine_from", "refine_keep", "refine_length", "rotation_learning_rate", "seed", "sh_degree", "sh_learning_rate", "ssim_weight", "views_at_once"]
     BLURRED_SHARE_FIELD_NUMBER: _ClassVar[int]
     CAMERA_CLEARANCE_FIELD_NUMBER: _ClassVar[int]
     CAPTURE_KIND_FIELD_NUMBER: _ClassVar[int]
@@ -150,6 +166,7 @@ class ReconstructOptions(_message.Message):
     DENSIFY_UNTIL_FIELD_NUMBER: _ClassVar[int]
     DEPTH_LOCAL_FORM_FIELD_NUMBER: _ClassVar[int]
     DEPTH_LOCAL_WEIGHT_FIELD_NUMBER: _ClassVar[int]
+    DEPTH_OVER_ALPHA_FIELD_NUMBER: _ClassVar[int]
     DEPTH_WEIGHT_FIELD_NUMBER: _ClassVar[int]
     DEPTH_WEIGHT_FINAL_FIELD_NUMBER: _ClassVar[int]
     DEPTH_WINDOW_FIELD_NUMBER: _ClassVar[int]
@@ -196,6 +213,7 @@ class ReconstructOptions(_message.Message):
     densify_until: float
     depth_local_form: DepthLocalForm
     depth_local_weight: float
+    depth_over_alpha: bool
     depth_weight: float
     depth_weight_final: float
     depth_window: float
@@ -230,7 +248,7 @@ class ReconstructOptions(_message.Message):
     sh_learning_rate: float
     ssim_weight: float
     views_at_once: int
-    def __init__(self, num_steps: _Optional[int] = ..., sh_degree: _Optional[int] = ..., ssim_weight: _Optional[float] = ..., mean_learning_rate: _Optional[float] = ..., mean_learning_rate_final: _Optional[float] = ..., log_scale_learning_rate: _Optional[float] = ..., rotation_learning_rate: _Optional[float] = ..., opacity_learning_rate: _Optional[float] = ..., sh_learning_rate: _Optional[float] = ..., densify_from: _Optional[float] = ..., densify_until: _Optional[float] = ..., densify_every: _Optional[int] = ..., densify_gradient: _Optional[float] = ..., densify_size: _Optional[float] = ..., prune_opacity: _Optional[float] = ..., opacity_reset_every: _Optional[int] = ..., max_gaussians: _Optional[int] = ..., num_random_points: _Optional[int] = ..., seed: _Optional[int] = ..., coarse_until: _Optional[float] = ..., pixels_per_gaussian: _Optional[float] = ..., opacity_decay: _Optional[float] = ..., depth_weight: _Optional[float] = ..., depth_weight_final: _Optional[float] = ..., depth_local_weight: _Optional[float] = ..., depth_local_form: _Optional[_Union[DepthLocalForm, str]] = ..., depth_window: _Optional[float] = ..., capture_kind: _Optional[_Union[CaptureKind, str]] = ..., refine_keep: _Optional[_Union[RefineKeep, str]] = ..., refine_from: _Optional[float] = ..., refine_length: _Optional[float] = ..., refine_candidates: _Optional[float] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., min_band_gain: _Optional[float] = ..., min_depth_agreement: _Optional[float] = ..., mean_learning_rate_cap: _Optional[float] = ..., prune_size: _Optional[float] = ..., disparity_as_inverse_depth: bool = ..., mean_rate_pixels: _Optional[float] = ..., rates_fall_from: _Optional[float] = ..., camera_clearance: _Optional[float] = ..., dropout: _Optional[float] = ..., dropout_until: _Optional[float] = ..., blurred_share: _Optional[float] = ..., views_at_once: _Optional[int] = ...) -> None: ...
+    def __init__(self, num_steps: _Optional[int] = ..., sh_degree: _Optional[int] = ..., ssim_weight: _Optional[float] = ..., mean_learning_rate: _Optional[float] = ..., mean_learning_rate_final: _Optional[float] = ..., log_scale_learning_rate: _Optional[float] = ..., rotation_learning_rate: _Optional[float] = ..., opacity_learning_rate: _Optional[float] = ..., sh_learning_rate: _Optional[float] = ..., densify_from: _Optional[float] = ..., densify_until: _Optional[float] = ..., densify_every: _Optional[int] = ..., densify_gradient: _Optional[float] = ..., densify_size: _Optional[float] = ..., prune_opacity: _Optional[float] = ..., opacity_reset_every: _Optional[int] = ..., max_gaussians: _Optional[int] = ..., num_random_points: _Optional[int] = ..., seed: _Optional[int] = ..., coarse_until: _Optional[float] = ..., pixels_per_gaussian: _Optional[float] = ..., opacity_decay: _Optional[float] = ..., depth_weight: _Optional[float] = ..., depth_weight_final: _Optional[float] = ..., depth_local_weight: _Optional[float] = ..., depth_local_form: _Optional[_Union[DepthLocalForm, str]] = ..., depth_window: _Optional[float] = ..., capture_kind: _Optional[_Union[CaptureKind, str]] = ..., refine_keep: _Optional[_Union[RefineKeep, str]] = ..., refine_from: _Optional[float] = ..., refine_length: _Optional[float] = ..., refine_candidates: _Optional[float] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., min_band_gain: _Optional[float] = ..., min_depth_agreement: _Optional[float] = ..., mean_learning_rate_cap: _Optional[float] = ..., prune_size: _Optional[float] = ..., disparity_as_inverse_depth: bool = ..., mean_rate_pixels: _Optional[float] = ..., rates_fall_from: _Optional[float] = ..., camera_clearance: _Optional[float] = ..., dropout: _Optional[float] = ..., dropout_until: _Optional[float] = ..., blurred_share: _Optional[float] = ..., views_at_once: _Optional[int] = ..., depth_over_alpha: bool = ...) -> None: ...
 
 class SfmOptions(_message.Message):
     __slots__ = ["matching", "max_features", "max_seconds", "max_video_frames", "min_registered_share", "sequential_overlap"]
