@@ -19,8 +19,10 @@ constexpr double kPrepare = 0.05, kEmbeddedMasks = 1.0, kEmbeddedDepth = 1.5, kS
 struct StepCost {
   double step, megapixel;
 };
-constexpr StepCost kReconstructOnCores{0.003, 0.12}, kReconstructOnDevice{0.0004, 0.0014};
+constexpr StepCost kReconstructOnCores{0.001, 0.18}, kReconstructOnDevice{0.0004, 0.0014};
 constexpr double kFeaturesOnCores = 0.02, kFeaturesOnDevice = 0.00045;
+// Core seconds for each megapixel of the views before the first step of stage two.
+constexpr double kFeatureSetup = 2.2;
 constexpr double kIndex = 0.3;
 
 // Returns true if the priors command is expected to make the masks or depth of this maker.
@@ -108,9 +110,12 @@ class Planner {
     AddOnCores("evaluate", views * facts_.megapixels * (kScores + (facts_.has_lpips ? kLpips : 0)));
   }
 
+  // On the cores the first step has the cost of what is prepared before it.
   void AddFeatures() {
-    AddSteps("features", {{settings_.features.num_steps,
-                           facts_.on_device ? kFeaturesOnDevice : kFeaturesOnCores}});
+    const int64_t num_steps = settings_.features.num_steps;
+    if (facts_.on_device) return AddSteps("features", {{num_steps, kFeaturesOnDevice}});
+    const double setup = kFeatureSetup * photos_ * facts_.megapixels;
+    AddSteps("features", {{1, kFeaturesOnCores + setup}, {num_steps - 1, kFeaturesOnCores}});
   }
 
   const TrainingFacts& facts_;

@@ -7,7 +7,7 @@
 namespace pepeseg {
 namespace {
 
-// A stage has a pace once this share of it is done and this many seconds have passed.
+// A stage has a pace once this share of it was done in at least this many seconds.
 constexpr double kFirstShare = 0.01, kFirstSeconds = 1;
 // Maximum ratio of measured to expected seconds, and of expected to measured.
 constexpr double kMostOff = 100;
@@ -68,10 +68,11 @@ void JobEta::EndStage(double now) {
       pace.expected += expected;
     }
   }
-  measured_ = false;
+  measured_ = reported_ = has_share_ = false;
   done_ = 0;
   left_ = 1;
   elapsed_ = 0;
+  origin_ = {};
 }
 
 void JobEta::Step(int64_t first_step, int64_t step, int64_t num_steps, double now) {
@@ -91,17 +92,23 @@ void JobEta::Step(int64_t first_step, int64_t step, int64_t num_steps, double no
 void JobEta::Share(double share, double now) { Measure(share, 1 - share, now); }
 
 // Records shares of the running stage's expected work. They add up to less than 1 when an earlier
-// attempt did a part, or when the stage has left out steps.
+// attempt did a part, or when the stage has left out steps. The pace counts from the first report
+// if that comes early in the stage: the time before it was taken by what precedes the steps.
 void JobEta::Measure(double done, double left, double now) {
   done_ = std::max(0.0, done);
   left_ = std::clamp(left, 0.0, 1.0);
   elapsed_ = now - stage_start_;
-  measured_ = done_ > 0 && (left_ == 0 || (done_ >= kFirstShare && elapsed_ >= kFirstSeconds));
+  // Shares of what this attempt has to do.
+  const double first_share = kFirstShare * (done_ + left_);
+  if (!reported_ && done_ < first_share) origin_ = {elapsed_, done_};
+  reported_ = true;
+  has_share_ = done_ > origin_.expected && (left_ == 0 || done_ - origin_.expected >= first_share);
+  measured_ = has_share_ && (left_ == 0 || elapsed_ - origin_.seconds >= kFirstSeconds);
 }
 
 std::optional<double> JobEta::StageSecondsLeft() const {
-  if (done_ <= 0) return std::nullopt;
-  return elapsed_ / done_ * left_;
+  if (!has_share_) return std::nullopt;
+  return (elapsed_ - origin_.seconds) / (done_ - origin_.expected) * left_;
 }
 
 // Returns the ratio of measured to expected seconds on one kind of processor, over the stages that

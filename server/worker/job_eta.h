@@ -12,7 +12,8 @@ namespace pepeseg {
 // Estimates when a job ends.
 //
 // The rest of the running stage is extrapolated from its own pace: seconds so far, divided by the
-// expected work of the steps so far, times the expected work of the remaining steps. A later stage
+// expected work of the steps so far, times the expected work of the remaining steps. Seconds before
+// the first report are left out if it comes before a hundredth of the work. A later stage
 // takes its expected seconds, times the ratio of measured to expected seconds of the earlier stages
 // on the same processor (host or device). The result is smoothed: the predicted end moves towards a
 // new estimate over about a tenth of the remaining time, so that one slow step changes little.
@@ -63,7 +64,10 @@ class JobEta {
   double stage_start_ = 0;
   double elapsed_ = 0;          // seconds of the running stage up to its newest step
   double done_ = 0, left_ = 1;  // shares of its expected work that are done, and that remain
-  bool measured_ = false;       // the running stage has a pace
+  Pace origin_;                 // seconds and share of the stage from which its pace counts
+  bool reported_ = false;       // the running stage has reported a step
+  bool has_share_ = false;      // enough of the stage is done since then for a pace
+  bool measured_ = false;       // the running stage has a pace, over enough seconds
   Pace ended_[2];               // sums over the stages that have ended, by on_device
   std::optional<double> end_;   // predicted end, smoothed
   double last_ = 0;             // when end_ was last moved

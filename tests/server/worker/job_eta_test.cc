@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <utility>
 
 namespace pepeseg {
 namespace {
@@ -79,10 +80,11 @@ TEST(JobEta, IsExactIfTheJobRunsAsPlanned) {
 TEST(JobEta, ScalesLaterStagesByTheMeasuredPace) {
   JobEta eta;
   eta.Plan(kPlan);  // everything takes 6 times as long
+  // Many steps: a rounded number of them does not show in the pace.
   const auto moments = RunStages(eta, {{"prepare", 0, 12},
-                                       {"reconstruct", 1000, 600},
+                                       {"reconstruct", 100000, 600},
                                        {"evaluate", 0, 24},
-                                       {"features", 6000, 360},
+                                       {"features", 60000, 360},
                                        {"index", 0, 6}});
   for (const Moment& moment : moments) {
     EXPECT_NEAR(moment.left, 1002 - moment.now, 3) << "after " << moment.now;
@@ -184,8 +186,83 @@ TEST(JobEta, IgnoresThePaceOfStagesOfLessThanASecond) {
   eta.StartStage("reconstruct", 0.4);
   eta.Step(0, 1, 2000, 0.5);
   EXPECT_EQ(eta.SecondsLeft(0.5), std::nullopt);
-  eta.Step(0, 40, 2000, 2.4);
-  EXPECT_THAT(eta.SecondsLeft(2.4), Optional(DoubleNear(98, 1e-6)));
+  eta.Step(0, 41, 2000, 2.5);
+  // From the first report on, 40 steps took 2 s.
+  EXPECT_THAT(eta.SecondsLeft(2.5), Optional(DoubleNear(1959 * 0.05, 1e-6)));
+}
+
+TEST(JobEta, DoesNotTakeTheTimeBeforeTheFirstStepForThatOfAStep) {
+  JobEta eta;
+  eta.Plan({{.name = "reconstruct", .seconds = 60}});
+  eta.StartStage("reconstruct", 0);
+  eta.Step(0, 1, 2000,
+           15);  // a first report after 15 s of preparation, once taken for 8 hours left
+  EXPECT_EQ(eta.StageSecondsLeft(), std::nullopt);
+  EXPECT_EQ(eta.SecondsLeft(15), std::nullopt);
+  eta.Step(0, 101, 2000, 20);
+  EXPECT_THAT(eta.StageSecondsLeft(), Optional(DoubleNear(1899 * 0.05, 1e-6)));
+}
+
+// What the steps of `make demo` cost, core seconds, as measured on 2026-11-27, and the seconds
+// before the first step of a stage.
+struct DemoCosts {
+  double speed = 1;  // of the machine
+  double threads = 2;
+  double fine = 1, features = 1;  // further factors of fine steps and of stage two
+};
+
+// Returns the pause before a step, in seconds.
+double DemoStep(const DemoCosts& costs, const std::string& stage, int step) {
+  double cores = 0;
+  if (stage == "reconstruct") {
+    cores = step <= 500 ? 0.005 : step <= 1000 ? 0.022 : 0.080 * costs.fine;
+  } else {
+    cores = (step == 1 ? 14.5 : step == 751 ? 7.0 : 0.0246) * costs.features;
+  }
+  return cores / costs.threads / costs.speed;
+}
+
+// Runs the demo on a simulated clock, and returns the estimates and the time that it took.
+std::pair<std::vector<Moment>, double> RunDemo(const DemoCosts& costs) {
+  TrainingFacts facts;
+  facts.has_poses = facts.has_masks = facts.has_depth = true;
+  facts.num_threads = static_cast<int>(costs.threads);
+  facts.num_photographs = 15;
+  facts.megapixels = 0.3072;
+  TrainingSettings settings;
+  settings.reconstruct.num_steps = 2000;
+  settings.reconstruct.coarse_until = 0.5;
+  settings.features.num_steps = 1500;
+  JobEta eta;
+  eta.Plan(PlanStages(facts, settings));
+  std::vector<Moment> moments;
+  double now = 1.5, reported = 0;  // after stage "prepare"
+  for (const auto& [stage, num_steps] : {std::pair("reconstruct", 2000), {"features", 1500}}) {
+    eta.StartStage(stage, now);
+    for (int step = 1; step <= num_steps; ++step) {
+      now += DemoStep(costs, stage, step);
+      if (step > 1 && now - reported < 0.25) continue;
+      reported = now;
+      eta.Step(0, step, num_steps, now);
+      if (const auto left = eta.SecondsLeft(now)) moments.push_back({now, *left, 0});
+    }
+    eta.EndStage(now);
+  }
+  return {moments, now};
+}
+
+TEST(JobEta, IsRightWithinAThirdFromTenSecondsOnInTheDemo) {
+  for (const DemoCosts& costs : {DemoCosts{}, DemoCosts{.speed = 2}, DemoCosts{.speed = 0.4},
+                                 DemoCosts{.fine = 1.2}, DemoCosts{.features = 0.8}}) {
+    const auto [moments, end] = RunDemo(costs);
+    ASSERT_LT(moments.front().now, 10);
+    for (const Moment& moment : moments) {
+      const double truth = end - moment.now;
+      if (moment.now < 10 || truth < 3) continue;  // a line shows whole seconds
+      EXPECT_NEAR(moment.left, truth, truth / 3 + 1)
+          << "after " << moment.now << " of " << end << " s at speed " << costs.speed;
+    }
+  }
 }
 
 TEST(JobEta, KeepsHostAndDeviceApart) {
