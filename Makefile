@@ -41,8 +41,8 @@ help:
 	@echo 'make fuzz      each fuzz target for ten seconds (FUZZ_SECONDS=10) under ASan and UBSan'
 	@echo 'make image     the service as an image, in $(BUILD)/image    make image-test   tests it'
 	@echo 'make deploy-check   check the manifests in deploy/ against published schemas (needs npm)'
-	@echo 'make web       the web app, on http://127.0.0.1:8080, and a server if PEPESEG_SERVER'
-	@echo '               names none      make web-test   tests it in Chromium'
+	@echo 'make web       the web app, on http://127.0.0.1:8080, and a server if none runs on'
+	@echo '               127.0.0.1:50051 (PEPESEG_SERVER)      make web-test   tests it in Chromium'
 	@echo 'make packages  only install the Debian packages that are needed'
 
 packages:
@@ -176,12 +176,24 @@ image-test:
 deploy-check:
 	tests/system/deploy/schemas.sh $(BUILD)/schemas
 
-# Uses Debian's node and npm unless others are installed, and npm's registry.
+# Uses Debian's node and npm unless others are installed, and npm's registry. What is there and newer
+# than its sources is not made again.
 WEB = clients/web
-web-app: | packages
+WEB_INSTALLED = $(WEB)/node_modules/.package-lock.json
+WEB_BUILT = $(WEB)/dist/.built
+WEB_SOURCES = $(shell find $(WEB)/app $(WEB)/server $(WEB)/contract proto/pepeseg) \
+  $(wildcard $(WEB)/*.html $(WEB)/*.json $(WEB)/*.ts)
+web-app: $(WEB_BUILT)
+
+$(WEB_INSTALLED): $(WEB)/package.json $(WEB)/package-lock.json
 	@command -v npm >/dev/null || deploy/packages.sh deploy/packages/web.txt
-	cd $(WEB) && npm ci --no-audit --no-fund && mkdir -p gen && npm run --silent generate && \
-	  npm run --silent check && npm run --silent build
+	cd $(WEB) && npm ci --no-audit --no-fund
+	@touch $@
+
+$(WEB_BUILT): $(WEB_INSTALLED) $(WEB_SOURCES) | packages
+	cd $(WEB) && mkdir -p gen && npm run --silent generate && npm run --silent check && \
+	  npm run --silent build
+	@touch $@
 
 # WEB_ARGS: options of the back end, such as --listen 127.0.0.1:9090; see
 # `node clients/web/dist/server/main.js --help`.
@@ -189,7 +201,7 @@ WEB_ARGS ?=
 web: web-app
 ifndef PEPESEG_SERVER
 	@$(MAKE) --no-print-directory $(BUILD)/CMakeCache.txt
-	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker
+	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg
 endif
 	deploy/web.sh $(BUILD) $(WEB_ARGS)
 

@@ -1,10 +1,27 @@
 #!/usr/bin/env bash
-# Runs `pepeseg demo` on a server that it starts for it.
+# Runs `pepeseg demo` on the server of PEPESEG_SERVER, else on the one on 127.0.0.1:50051, which it
+# starts for that time if none answers there. The scene stays in the server's data.
 #   demo.sh BUILD_FOLDER [OPTIONS OF pepeseg demo...]
 set -euo pipefail
 cd "$(dirname "$0")/.."
 build=${1:?usage: demo.sh BUILD_FOLDER}
 shift
-out=$build/demo
-exec deploy/with_server.sh "$build" "$out" \
-  "$build/bin/pepeseg" demo --data tests/data/apc_shelf --out "$out" "$@"
+# shellcheck source=deploy/local_server.sh
+source deploy/local_server.sh
+demo=
+
+stop() {
+  local status=$?
+  trap - EXIT
+  [[ -z $demo ]] || kill -TERM "$demo" 2>/dev/null || true
+  stop_server
+  exit "$status"
+}
+trap stop EXIT
+trap 'exit 130' INT
+trap 'exit 143' TERM
+
+join_or_start "$build"
+"$build/bin/pepeseg" demo --data tests/data/apc_shelf --out "$build/demo" "$@" &
+demo=$!  # in the background, then waited for: bash handles signals only after a foreground program ends
+wait "$demo"

@@ -34,6 +34,16 @@ default_folder() {
 [[ $# -le 1 && ${1-} != -* ]] || { sed -n '2,9s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 folder=${1:-$(default_folder)}
 
+# Says where SAM is, and how to use it.
+report() {
+  local flag=
+  [[ $folder == "$(HOME=${HOME-/} default_folder)" ]] || flag=" with --sam $folder"
+  echo "SAM is in $folder"
+  echo "Next: restart pepesegd$flag if it runs (Ctrl-C, then make web), since it looks for SAM when it"
+  echo "starts. Trainings of photographs without masks then use it: pepeseg train SCENE. A scene that is"
+  echo "trained already gets SAM's masks by another training; borders of masks can use SAM at once."
+}
+
 # In the format of sha256sum. pepesegd reads it, too, and refuses files that differ.
 sums="$encoder  encoder.onnx
 $decoder  sam.onnx
@@ -45,7 +55,7 @@ complete() {
 } 2>/dev/null
 
 if complete "$folder"; then
-  echo "SAM is in $folder"
+  report
   exit 0
 fi
 command -v npm >/dev/null ||
@@ -82,4 +92,4 @@ rm -f "$folder/SHA256SUMS"
 mv -f "$made"/encoder.onnx "$made"/sam.onnx "$made"/libonnxruntime.so.1 "$folder/"
 echo "$sums" >"$made/SHA256SUMS"
 mv -f "$made/SHA256SUMS" "$folder/SHA256SUMS"
-echo "SAM is in $folder"
+report

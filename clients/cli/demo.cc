@@ -1,7 +1,8 @@
-// The verb "demo": uploads a scene, trains it, segments four products and scores them.
+// The verb "demo": uploads a scene, trains it, clicks on four products, scores and names them.
 #include <sys/utsname.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <filesystem>
 #include <fstream>
@@ -15,7 +16,6 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_replace.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "clients/cli/datasets.h"
@@ -29,6 +29,7 @@
 #include "clients/cli/view_picture.h"
 #include "clients/cpp/dataset_folder.h"
 #include "clients/cpp/file_bytes.h"
+#include "clients/cpp/mask.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
 #include "pepeseg/v1/job_service.pb.h"
@@ -47,14 +48,12 @@ struct DemoResult {
   // Wall time, seconds: "upload", each stage of the job, "train" (the whole job) and "questions"
   // (all queries).
   std::map<std::string, double> stage_seconds;
-  FixedGranularity fixed;
   DemoScores scores;
 
-  // Returns the mean over the products of their mean IoU at the fixed granularity, clicked view
-  // included.
-  double MeanIou() const {
+  // Returns the mean over the products of an IoU of one of their answers.
+  double Mean(DemoAnswer ProductScore::*answer, double (DemoAnswer::*iou)() const) const {
     double sum = 0;
-    for (const ProductScore& score : scores.products) sum += score.mean_iou;
+    for (const ProductScore& score : scores.products) sum += (score.*answer.*iou)();
     return scores.products.empty() ? 0 : sum / static_cast<double>(scores.products.size());
   }
 };
@@ -82,25 +81,36 @@ Json Machine() {
           {"system", absl::StrCat(system.sysname, " ", system.release, " ", system.machine)}};
 }
 
-// Returns the entry of a product in report.json.
-Json ProductJson(const ProductScore& score) {
+// Returns an answer for report.json.
+Json AnswerJson(const DemoAnswer& answer) {
   Json views = Json::array();
-  for (const ViewScore& view : score.views) {
+  for (const ViewScore& view : answer.views) {
     views.push_back({{"view", view.view}, {"clicked", view.clicked}, {"iou", view.iou}});
   }
-  const auto& chosen = score.scores.reference();
-  const auto& oracle = score.scores.paper();
-  return {{"product", score.product.name},
+  return {{"kind", answer.kind},
+          {"scale", answer.scale},
+          {"threshold", answer.threshold},
+          {"iou_clicked_view", answer.ClickedIou()},
+          {"iou_other_views", answer.OtherIou()},
+          {"views", views}};
+}
+
+// Returns the entry of a product in report.json.
+Json ProductJson(const ProductScore& score) {
+  const auto& reference = score.scores.reference();
+  return {{"product", score.product.id},
+          {"name", score.product.name},
+          {"clicked_view", score.scores.reference_view()},
           {"click", {score.click.x(), score.click.y()}},
-          {"mean_iou", score.mean_iou},
-          {"views", views},
+          {"automatic", AnswerJson(score.automatic)},
+          {"num_proposals", score.num_proposals},
+          {"best_of_three", AnswerJson(score.chosen)},
           {"query_seconds", score.query_seconds},
           {"chosen_on_clicked_view",
-           {{"scale", chosen.scale_quantile()},
-            {"threshold", chosen.threshold()},
-            {"iou_other_views", chosen.mean().iou()},
-            {"boundary_iou_other_views", chosen.mean().boundary_iou()}}},
-          {"oracle_iou_other_views", oracle.mean().iou()}};
+           {{"scale", reference.scale_quantile()},
+            {"threshold", reference.threshold()},
+            {"iou_other_views", reference.mean().iou()},
+            {"boundary_iou_other_views", reference.mean().boundary_iou()}}}};
 }
 
 // Returns the text of report.json.
@@ -111,13 +121,16 @@ std::string ReportJson(const DemoResult& result) {
   report["num_gaussians"] = result.model.num_gaussians();
   report["psnr"] = MetricOf(result.model, "psnr");
   report["ssim"] = MetricOf(result.model, "ssim");
-  report["mean_iou"] = result.MeanIou();
+  const auto answer = [&](DemoAnswer ProductScore::*which) {
+    return Json{{"iou_clicked_view", result.Mean(which, &DemoAnswer::ClickedIou)},
+                {"iou_other_views", result.Mean(which, &DemoAnswer::OtherIou)}};
+  };
+  report["mean_automatic"] = answer(&ProductScore::automatic);
+  report["mean_best_of_three"] = answer(&ProductScore::chosen);
   const v1::EvaluateModelResponse& evaluation = result.scores.evaluation;
   report["mean_iou_chosen_on_clicked_view"] = evaluation.scene().reference().iou();
   report["mean_boundary_iou_chosen_on_clicked_view"] =
       evaluation.scene().reference().boundary_iou();
-  report["mean_iou_oracle"] = evaluation.scene().paper().iou();
-  report["question"] = {{"scale", result.fixed.scale}, {"threshold", result.fixed.threshold}};
   report["products"] = Json::array();
   for (const ProductScore& score : result.scores.products) {
     report["products"].push_back(ProductJson(score));
@@ -133,23 +146,22 @@ std::string ReportJson(const DemoResult& result) {
 std::string ReportText(const DemoResult& result) {
   std::string text = absl::StrFormat(
       "\nheld-out views: PSNR %.2f dB, SSIM %.3f, %d Gaussians\n"
-      "one click per product, scale %.2f, threshold %.2f:\n",
+      "one click on each product; IoU in the clicked view, and in the other view:\n"
+      "  %-28s  %-15s  %s\n",
       MetricOf(result.model, "psnr"), MetricOf(result.model, "ssim"), result.model.num_gaussians(),
-      result.fixed.scale, result.fixed.threshold);
+      "", "first answer", "best of up to 3 proposals");
   for (const ProductScore& score : result.scores.products) {
-    absl::StrAppendFormat(&text, "  %-28s IoU %.3f  (", score.product.name, score.mean_iou);
-    for (const ViewScore& view : score.views) {
-      absl::StrAppendFormat(&text, "%s%s %.3f%s", &view == score.views.data() ? "" : ", ",
-                            view.view, view.iou, view.clicked ? " clicked" : "");
-    }
-    absl::StrAppendFormat(&text, ")  chosen %.2f/%.2f: %.3f on the others\n",
-                          score.scores.reference().scale_quantile(),
-                          score.scores.reference().threshold(),
-                          score.scores.reference().mean().iou());
+    const DemoAnswer& first = score.automatic;
+    const DemoAnswer& chosen = score.chosen;
+    absl::StrAppendFormat(&text, "  %-28s  %.3f  %.3f     %.3f  %.3f  %s\n", score.product.name,
+                          first.ClickedIou(), first.OtherIou(), chosen.ClickedIou(),
+                          chosen.OtherIou(), chosen.kind);
   }
-  absl::StrAppendFormat(&text,
-                        "  %-28s IoU %.3f  (scale and threshold chosen: %.3f)\nseconds:", "mean",
-                        result.MeanIou(), result.scores.evaluation.scene().reference().iou());
+  absl::StrAppendFormat(&text, "  %-28s  %.3f  %.3f     %.3f  %.3f\nseconds:", "mean",
+                        result.Mean(&ProductScore::automatic, &DemoAnswer::ClickedIou),
+                        result.Mean(&ProductScore::automatic, &DemoAnswer::OtherIou),
+                        result.Mean(&ProductScore::chosen, &DemoAnswer::ClickedIou),
+                        result.Mean(&ProductScore::chosen, &DemoAnswer::OtherIou));
   for (const auto& [stage, seconds] : result.stage_seconds) {
     absl::StrAppendFormat(&text, "  %s %.1f", stage, seconds);
   }
@@ -161,9 +173,9 @@ constexpr std::array<Rgb, 4> kColors = {
     {{230, 60, 60}, {60, 200, 80}, {70, 130, 255}, {250, 200, 40}}};
 constexpr Rgb kWhite{255, 255, 255};
 
-// Returns the score of a view; null if the view does not show the product.
+// Returns the chosen answer in a view; null if the view does not show the product.
 const ViewScore* Find(const ProductScore& score, const std::string& view) {
-  for (const ViewScore& candidate : score.views) {
+  for (const ViewScore& candidate : score.chosen.views) {
     if (candidate.view == view) return &candidate;
   }
   return nullptr;
@@ -179,12 +191,11 @@ absl::Status WriteProduct(const fs::path& folder, const DemoView& view, const Pi
   if (found->clicked) DrawClick(photo, score.click.x(), score.click.y(), color);
   Picture overlay = view.photo;
   DrawMask(overlay, found->mask, color);
-  const std::string name = absl::StrReplaceAll(score.product.name, {{"_", " "}});
   const std::array<Panel, 3> panels = {
       {{found->clicked ? "photo, the click, label in white" : "photo, label in white", photo},
        {"rendering of a view not trained on", render},
-       {absl::StrFormat("%s: IoU %.2f", name, found->iou), overlay}}};
-  const std::string file = absl::StrCat(score.product.name, "-", Stem(view.name), ".png");
+       {absl::StrFormat("%s: IoU %.2f", score.product.name, found->iou), overlay}}};
+  const std::string file = absl::StrCat(score.product.id, "-", Stem(view.name), ".png");
   return WritePng(folder / file, SideBySide(panels));
 }
 
@@ -243,10 +254,9 @@ const std::vector<std::string>& DemoSettings() {
 struct DemoFlags {
   std::string data;          // folder of the scene
   std::string out;           // folder for the report
-  std::string scene;         // "": a new one
+  std::string scene;         // id; "": the first of demo, demo-2, ... that does not exist
   bool photos_only = false;  // upload no poses, masks and depth
   std::vector<std::string> settings;
-  FixedGranularity fixed{0.3, 0.75};
 };
 
 // Removes all files from the list but photographs and ignore masks.
@@ -254,6 +264,40 @@ void KeepPhotographs(DatasetFolder& folder) {
   std::erase_if(folder.files, [](const FolderFile& file) {
     return file.kind != v1::FILE_KIND_IMAGE && file.kind != v1::FILE_KIND_IGNORE_MASK;
   });
+}
+
+// Returns the scene of the flags, or one that does not exist yet.
+absl::StatusOr<std::string> SceneOfDemo(const Client& client, const DemoFlags& flags) {
+  if (!flags.scene.empty()) return SceneName(flags.scene);
+  for (int number = 1;; ++number) {
+    const std::string scene = SceneName(number == 1 ? "demo" : absl::StrCat("demo-", number));
+    const absl::Status status = client.GetScene(scene).status();
+    if (absl::IsNotFound(status)) return scene;
+    RETURN_IF_ERROR(status);
+  }
+}
+
+// Labels each product with the mask that was chosen in the clicked view. A label that the scene has
+// already stays.
+absl::Status NameProducts(const Client& client, const std::string& scene,
+                          const DemoScores& scores) {
+  for (const ProductScore& score : scores.products) {
+    for (const ViewScore& view : score.chosen.views) {
+      if (!view.clicked || std::find(view.mask.begin(), view.mask.end(), 1) == view.mask.end()) {
+        continue;
+      }
+      v1::CreateLabelRequest request;
+      request.set_parent(scene);
+      request.set_label_id(score.product.id);
+      v1::Label& label = *request.mutable_label();
+      label.set_text(score.product.name);
+      label.set_view(view.view);
+      *label.mutable_mask()->mutable_rle() = EncodeRle(view.mask, view.width, view.height);
+      const absl::Status status = client.CreateLabel(std::move(request)).status();
+      if (!absl::IsAlreadyExists(status)) RETURN_IF_ERROR(status);
+    }
+  }
+  return absl::OkStatus();
 }
 
 // Uploads the scene and sets `dataset` to the name of the sealed dataset.
@@ -288,13 +332,11 @@ absl::Status Train(const Client& client, const DemoFlags& flags, const std::stri
 
 absl::Status RunDemo(const Shell& shell, const DemoFlags& flags) {
   const Client client(shell.channel);
-  const std::string scene = SceneName(
-      flags.scene.empty() ? absl::StrCat("demo-", absl::ToUnixMillis(absl::Now())) : flags.scene);
   DemoResult result;
-  result.fixed = flags.fixed;
   const fs::path report_file = fs::path(flags.out) / "report.json";
   // Fail before the training, not after it, if the report cannot be written.
   RETURN_IF_ERROR(OutputFile::Create(report_file).status());
+  ASSIGN_OR_RETURN(const std::string scene, SceneOfDemo(client, flags));
   std::string dataset;
   RETURN_IF_ERROR(Upload(client, flags, scene, result, dataset));
   RETURN_IF_ERROR(Train(client, flags, scene, dataset, result));
@@ -303,13 +345,18 @@ absl::Status RunDemo(const Shell& shell, const DemoFlags& flags) {
   ASSIGN_OR_RETURN(const std::vector<v1::View> model_views, client.ListViews(result.model.name()));
   ASSIGN_OR_RETURN(const std::vector<DemoView> views, ReadHeldOut(flags.data, model_views));
   ASSIGN_OR_RETURN(result.scores,
-                   ScoreProducts(client, result.model.name(), views, DemoProducts(), flags.fixed));
+                   ScoreProducts(client, result.model.name(), views, DemoProducts()));
   result.stage_seconds["questions"] = watch.Seconds();
+  RETURN_IF_ERROR(NameProducts(client, scene, result.scores));
   const std::string report = ReportJson(result);
   RETURN_IF_ERROR(WriteFile(report_file, report));
   RETURN_IF_ERROR(WritePictures(flags.out, client, views, result));
   Print(shell.json ? report : ReportText(result));
-  Note(absl::StrCat("report.json and the pictures are in ", flags.out));
+  Note(absl::StrCat("report.json and the pictures are in ", flags.out,
+                    "; the scene, with its products named, stays on the server"));
+  const std::string open =
+      absl::StrCat("To click in it yourself: make web, then open http://127.0.0.1:8080/", scene);
+  shell.json ? Note(open) : Print(open);
   return absl::OkStatus();
 }
 
@@ -323,18 +370,13 @@ void AddDemo(CLI::App& app, Shell& shell) {
       ->default_val("tests/data/apc_shelf");
   verb->add_option("--out", flags->out, "Folder for report.json and the pictures")
       ->default_val("build/demo");
-  verb->add_option("--scene", flags->scene, "Id of the scene; by default a new one");
+  verb->add_option("--scene", flags->scene,
+                   "Id of the scene; by default a new one: demo, demo-2, ...");
   verb->add_flag("--photos", flags->photos_only,
                  "Upload only the photographs: the server makes poses, masks and depth");
   verb->add_option("-o,--option", flags->settings, "Any option; overrides those of the demo")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
-  verb->add_option("--scale", flags->fixed.scale, "Scale of the segments, a quantile")
-      ->check(CLI::Range(0.0, 1.0))
-      ->capture_default_str();
-  verb->add_option("--threshold", flags->fixed.threshold, "Threshold of the segments, a cosine")
-      ->check(CLI::Range(-1.0, 1.0))
-      ->capture_default_str();
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunDemo(shell, *flags); }; });
 }
 

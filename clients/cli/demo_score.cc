@@ -6,6 +6,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "clients/cli/progress_line.h"
+#include "clients/cli/request_flags.h"
 #include "clients/cli/view_picture.h"
 #include "clients/cpp/status_macros.h"
 
@@ -44,77 +45,128 @@ v1::EvaluateModelRequest ProductsRequest(const std::string& model,
     truth.set_ignore_png(EncodePng({view.labels.width, view.labels.height, view.ignore}));
   }
   for (const Product& product : products) {
-    (*request.mutable_entity_names())[product.label] = product.name;
+    (*request.mutable_entity_names())[product.label] = product.id;
   }
   return request;
 }
 
-// Restricts a request to the fixed granularity, and scores the clicked views, too.
-v1::EvaluateModelRequest AtGranularity(v1::EvaluateModelRequest request,
-                                       const FixedGranularity& fixed) {
-  request.mutable_options()->add_scales(fixed.scale);
-  request.mutable_options()->add_thresholds(fixed.threshold);
-  request.mutable_options()->set_score_reference(true);
-  return request;
-}
+// Asks for the masks of one product as the app does.
+class ProductAsker {
+ public:
+  ProductAsker(const Client& client, const std::string& model, const std::vector<DemoView>& views,
+               ProductScore& score)
+      : client_(client), model_(model), views_(views), score_(score) {}
 
-// Segments the entity at the fixed granularity, and returns the mask of each of its views.
-absl::StatusOr<std::vector<Mask>> SegmentViews(const Client& client, const std::string& model,
-                                               const Entity& entity,
-                                               const FixedGranularity& fixed) {
-  v1::SegmentViewsRequest request;
-  request.set_model(model);
-  request.mutable_prompt()->mutable_view()->set_view(entity.reference_view());
-  auto* point = request.mutable_prompt()->mutable_points()->add_points();
-  point->set_x(entity.clicks(0).x());
-  point->set_y(entity.clicks(0).y());
-  request.mutable_granularity()->set_scale_quantile(fixed.scale);
-  request.mutable_granularity()->set_threshold(fixed.threshold);
-  for (const auto& view : entity.views()) request.mutable_targets()->add_views(view.view());
-  request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
-  ASSIGN_OR_RETURN(const v1::SegmentViewsResponse answer, client.Segment(request));
-  if (answer.masks_size() != entity.views_size())
-    return absl::InternalError("the server's answer lacks a mask");
-  std::vector<Mask> masks;
-  for (const auto& view_mask : answer.masks()) {
-    ASSIGN_OR_RETURN(Mask mask, DecodeRle(view_mask.rle()));
-    masks.push_back(std::move(mask));
-  }
-  return masks;
-}
-
-// Returns the number of pixels of a view.
-size_t SizeOf(const std::vector<DemoView>& views, const std::string& name) {
-  const auto found = std::find_if(views.begin(), views.end(),
-                                  [&](const DemoView& view) { return view.name == name; });
-  return found == views.end() ? 0 : found->labels.pixels.size();
-}
-
-// Adds the masks and scores of one product at the fixed granularity. `entity` has those scores, of
-// the clicked view, too.
-absl::Status AddFixedScores(const Client& client, const std::string& model,
-                            const std::vector<DemoView>& views, const Entity& entity,
-                            const FixedGranularity& fixed, ProductScore& score) {
-  std::vector<Mask> masks;
-  if (entity.missing()) {  // nothing is under the click: the masks are empty
-    for (const auto& view : entity.views()) masks.emplace_back(SizeOf(views, view.view()));
-  } else {
-    const Stopwatch watch;
-    ASSIGN_OR_RETURN(masks, SegmentViews(client, model, entity, fixed));
-    score.query_seconds = watch.Seconds();
-  }
-  for (int v = 0; v < entity.views_size(); ++v) {
-    const std::string& name = entity.views(v).view();
-    if (masks[v].size() != SizeOf(views, name)) {
-      return absl::InternalError(absl::StrCat("the mask of ", name, " has ", masks[v].size(),
-                                              " pixels, not ", SizeOf(views, name)));
+  // Sets the answers of the score.
+  absl::Status Ask() {
+    if (score_.scores.missing()) {  // nothing is under the click: all masks are empty
+      score_.automatic.views = score_.chosen.views = EmptyViews();
+      return absl::OkStatus();
     }
-    const double iou = entity.paper().views(v).iou();  // of the only scale and threshold
-    score.mean_iou += iou / entity.views_size();
-    score.views.push_back({name, name == entity.reference_view(), iou, std::move(masks[v])});
+    const Stopwatch watch;
+    ASSIGN_OR_RETURN(const v1::ProposeScalesResponse answer, Propose());
+    score_.num_proposals = answer.proposals_size();
+    if (answer.proposals().empty()) {
+      score_.automatic.views = score_.chosen.views = EmptyViews();
+      return absl::OkStatus();
+    }
+    ASSIGN_OR_RETURN(score_.automatic, Segment(answer.proposals(answer.best())));
+    score_.query_seconds = watch.Seconds();
+    ASSIGN_OR_RETURN(const int chosen, BestInClickedView(answer));
+    ASSIGN_OR_RETURN(score_.chosen, Segment(answer.proposals(chosen)));
+    return absl::OkStatus();
   }
-  return absl::OkStatus();
-}
+
+ private:
+  v1::Prompt Click() const {
+    v1::Prompt prompt;
+    prompt.mutable_view()->set_view(score_.scores.reference_view());
+    auto& point = *prompt.mutable_points()->add_points();
+    point.set_x(score_.click.x());
+    point.set_y(score_.click.y());
+    return prompt;
+  }
+
+  absl::StatusOr<v1::ProposeScalesResponse> Propose() const {
+    v1::ProposeScalesRequest request;
+    request.set_model(model_);
+    *request.mutable_prompt() = Click();
+    request.set_max_proposals(kDemoProposals);
+    request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
+    return client_.ProposeScales(request);
+  }
+
+  // Returns the views that are scored, with empty masks.
+  std::vector<ViewScore> EmptyViews() const {
+    std::vector<ViewScore> scores;
+    for (const DemoView& view : views_) {
+      const bool clicked = view.name == score_.scores.reference_view();
+      const auto& others = score_.scores.views();
+      if (!clicked && std::none_of(others.begin(), others.end(),
+                                   [&](const auto& other) { return other.view() == view.name; })) {
+        continue;
+      }
+      scores.push_back({view.name, clicked, 0, view.labels.width, view.labels.height,
+                        Mask(view.labels.pixels.size())});
+    }
+    return scores;
+  }
+
+  absl::StatusOr<double> Iou(const v1::CocoRle& rle, const DemoView& view, Mask& mask) const {
+    ASSIGN_OR_RETURN(mask, DecodeRle(rle));
+    if (mask.size() != view.labels.pixels.size()) {
+      return absl::InternalError(absl::StrCat("the mask of ", view.name, " has ", mask.size(),
+                                              " pixels, not ", view.labels.pixels.size()));
+    }
+    return IouOf(mask, view.TruthOf(score_.product.label), view.ignore);
+  }
+
+  const DemoView& Find(const std::string& name) const {
+    return *std::find_if(views_.begin(), views_.end(),
+                         [&](const DemoView& view) { return view.name == name; });
+  }
+
+  // Returns the proposal that a person would take who sees all of them in the clicked view.
+  absl::StatusOr<int> BestInClickedView(const v1::ProposeScalesResponse& answer) const {
+    int best = answer.best();
+    double best_iou = -1;
+    for (int i = 0; i < answer.proposals_size(); ++i) {
+      Mask mask;
+      ASSIGN_OR_RETURN(const double iou, Iou(answer.proposals(i).mask().rle(),
+                                             Find(score_.scores.reference_view()), mask));
+      if (iou > best_iou) best = i, best_iou = iou;
+    }
+    return best;
+  }
+
+  // Segments the proposal in all scored views.
+  absl::StatusOr<DemoAnswer> Segment(const v1::ProposeScalesResponse::Proposal& proposal) const {
+    DemoAnswer answer{KindName(proposal.kind()), proposal.scale_quantile(), proposal.threshold(),
+                      EmptyViews()};
+    v1::SegmentViewsRequest request;
+    request.set_model(model_);
+    *request.mutable_prompt() = Click();
+    request.mutable_granularity()->set_scale_quantile(answer.scale);
+    request.mutable_granularity()->set_threshold(answer.threshold);
+    for (const ViewScore& view : answer.views) request.mutable_targets()->add_views(view.view);
+    request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
+    ASSIGN_OR_RETURN(const v1::SegmentViewsResponse response, client_.Segment(request));
+    if (response.masks_size() != static_cast<int>(answer.views.size())) {
+      return absl::InternalError("the server's answer lacks a mask");
+    }
+    for (size_t v = 0; v < answer.views.size(); ++v) {
+      ViewScore& view = answer.views[v];
+      ASSIGN_OR_RETURN(view.iou,
+                       Iou(response.masks(static_cast<int>(v)).rle(), Find(view.view), view.mask));
+    }
+    return answer;
+  }
+
+  const Client& client_;
+  const std::string& model_;
+  const std::vector<DemoView>& views_;
+  ProductScore& score_;
+};
 
 // Returns the scores of a product in a response. INVALID_ARGUMENT: it has none.
 absl::StatusOr<const Entity*> FindEntity(const v1::EvaluateModelResponse& response,
@@ -135,11 +187,40 @@ Mask DemoView::TruthOf(int label) const {
   return mask;
 }
 
+double DemoAnswer::ClickedIou() const {
+  for (const ViewScore& view : views) {
+    if (view.clicked) return view.iou;
+  }
+  return 0;
+}
+
+double DemoAnswer::OtherIou() const {
+  double sum = 0;
+  int num_others = 0;
+  for (const ViewScore& view : views) {
+    if (view.clicked) continue;
+    sum += view.iou;
+    ++num_others;
+  }
+  return num_others == 0 ? 0 : sum / num_others;
+}
+
+double IouOf(const Mask& mask, const Mask& truth, const Mask& ignore) {
+  int64_t both = 0, either = 0;
+  for (size_t i = 0; i < mask.size(); ++i) {
+    if (ignore[i] != 0) continue;
+    both += mask[i] != 0 && truth[i] != 0 ? 1 : 0;
+    either += mask[i] != 0 || truth[i] != 0 ? 1 : 0;
+  }
+  return either == 0 ? 1 : static_cast<double>(both) / static_cast<double>(either);
+}
+
 std::span<const Product> DemoProducts() {
-  static const std::array<Product, 4> products = {{{48, "creativity_chenille_stems"},
-                                                   {114, "i_am_a_bunny_book"},
-                                                   {132, "kleenex_tissue_box"},
-                                                   {144, "laugh_out_loud_joke_book"}}};
+  static const std::array<Product, 4> products = {
+      {{48, "creativity_chenille_stems", "Creativity chenille stems"},
+       {114, "i_am_a_bunny_book", "\"I Am a Bunny\" book"},
+       {132, "kleenex_tissue_box", "Kleenex tissue box"},
+       {144, "laugh_out_loud_joke_book", "\"Laugh-Out-Loud\" joke book"}}};
   return products;
 }
 
@@ -159,21 +240,16 @@ absl::StatusOr<std::vector<DemoView>> ReadHeldOut(const fs::path& data,
 
 absl::StatusOr<DemoScores> ScoreProducts(const Client& client, const std::string& model,
                                          const std::vector<DemoView>& views,
-                                         std::span<const Product> products,
-                                         const FixedGranularity& fixed) {
+                                         std::span<const Product> products) {
   DemoScores scores;
-  const v1::EvaluateModelRequest request = ProductsRequest(model, views, products);
-  ASSIGN_OR_RETURN(scores.evaluation, client.Evaluate(request));
-  ASSIGN_OR_RETURN(const v1::EvaluateModelResponse at_fixed,
-                   client.Evaluate(AtGranularity(request, fixed)));
+  ASSIGN_OR_RETURN(scores.evaluation, client.Evaluate(ProductsRequest(model, views, products)));
   for (const Product& product : products) {
-    ASSIGN_OR_RETURN(const Entity* entity, FindEntity(scores.evaluation, product.name));
-    ASSIGN_OR_RETURN(const Entity* fixed_entity, FindEntity(at_fixed, product.name));
+    ASSIGN_OR_RETURN(const Entity* entity, FindEntity(scores.evaluation, product.id));
     ProductScore score;
     score.product = product;
     score.scores = *entity;
     score.click = entity->clicks(0);
-    RETURN_IF_ERROR(AddFixedScores(client, model, views, *fixed_entity, fixed, score));
+    RETURN_IF_ERROR(ProductAsker(client, model, views, score).Ask());
     scores.products.push_back(std::move(score));
   }
   return scores;

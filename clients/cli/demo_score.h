@@ -27,8 +27,9 @@ struct DemoView {
 };
 
 struct Product {
-  int label = 0;  // value in labels/*.png
-  std::string name;
+  int label = 0;     // value in labels/*.png
+  std::string id;    // in report.json, and of the label in the scene
+  std::string name;  // for people
 };
 // Returns the four products of the scene that ships with pepeseg.
 std::span<const Product> DemoProducts();
@@ -38,28 +39,37 @@ std::span<const Product> DemoProducts();
 absl::StatusOr<std::vector<DemoView>> ReadHeldOut(const std::filesystem::path& data,
                                                   const std::vector<v1::View>& views);
 
-// The scale and threshold at which all products are segmented.
-struct FixedGranularity {
-  double scale = 0;      // quantile, [0, 1]
-  double threshold = 0;  // cosine, [-1, 1]
-};
-
 struct ViewScore {
   std::string view;
   bool clicked = false;  // the click was in this view
   double iou = 0;
+  int width = 0, height = 0;  // of the mask
   Mask mask;
 };
 
-// Scores of a product: by the one-click protocol, and at the fixed granularity.
+// The answer to a click: its masks in the held-out views that show the product.
+struct DemoAnswer {
+  std::string kind;  // "part", "object" or "group"; "": the only proposal, or none
+  double scale = 0, threshold = 0;
+  std::vector<ViewScore> views;
+
+  double ClickedIou() const;
+  double OtherIou() const;  // mean over the other views
+};
+
+// What a person gets for one click on a product.
 struct ProductScore {
   Product product;
-  v1::EvaluateModelResponse::Entity scores;  // by the protocol
+  v1::EvaluateModelResponse::Entity scores;  // by the one-click protocol
   v1::EvaluateModelResponse::Click click;    // of the protocol, in the photograph
-  std::vector<ViewScore> views;  // held-out views that show the product, at the fixed granularity
-  double mean_iou = 0;           // of `views`
-  double query_seconds = 0;      // wall time of the Segment call; 0: there was nothing to click on
+  int num_proposals = 0;
+  DemoAnswer automatic;      // the proposal that the server prefers
+  DemoAnswer chosen;         // of the proposals, the one that fits best in the clicked view
+  double query_seconds = 0;  // wall time of the two calls for `automatic`; 0: nothing was clicked
 };
+
+// Maximum number of proposals that are chosen from.
+inline constexpr int kDemoProposals = 3;
 
 struct DemoScores {
   v1::EvaluateModelResponse evaluation;
@@ -69,7 +79,10 @@ struct DemoScores {
 // Scores a model. INVALID_ARGUMENT: fewer than two of the held-out views show a product.
 absl::StatusOr<DemoScores> ScoreProducts(const Client& client, const std::string& model,
                                          const std::vector<DemoView>& views,
-                                         std::span<const Product> products,
-                                         const FixedGranularity& fixed);
+                                         std::span<const Product> products);
+
+// Returns the IoU of a mask and the truth over the pixels that are not ignored; 1 if both are
+// empty.
+double IouOf(const Mask& mask, const Mask& truth, const Mask& ignore);
 
 }  // namespace pepeseg::client::cli

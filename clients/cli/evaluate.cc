@@ -246,10 +246,13 @@ void AddPromptsFlags(CLI::App& verb, EntityPromptFlags& flags) {
 }
 
 void AddOptionFlags(CLI::App& verb, EvaluateFlags& flags) {
-  verb.add_option("--protocol", flags.protocol,
-                  "prompt (default), label-propagation, promptable, clicks or sam-agreement")
-      ->transform(CLI::CheckedTransformer(ProtocolsByName()))
-      ->type_name("PROTOCOL");
+  std::vector<std::string> protocols;
+  for (const auto& [name, protocol] : ProtocolsByName()) protocols.push_back(name);
+  verb.add_option_function<std::string>(
+          "--protocol",
+          [&flags](const std::string& name) { flags.protocol = ProtocolsByName().at(name); },
+          "prompt (default), label-propagation, promptable, clicks or sam-agreement")
+      ->check(CLI::IsMember(protocols));
   verb.add_option("--scales", flags.scales, "Scales to choose from, quantiles")->delimiter(',');
   verb.add_option("--thresholds", flags.thresholds, "Thresholds to choose from, cosines")
       ->delimiter(',');

@@ -1,5 +1,5 @@
 // The verbs that fetch files of a model: "render" (pictures of it, or of a part), "photograph" and
-// "export" (a PLY).
+// "export" (a PLY, or the masks of labels).
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -8,6 +8,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cli/annotation_files.h"
+#include "clients/cli/labelled_masks.h"
 #include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/view_picture.h"
@@ -92,16 +94,49 @@ absl::Status RunRender(const Shell& shell, const RenderFlags& flags) {
 
 struct ExportFlags {
   std::string scene;
-  std::string file;  // to write
+  std::string file;  // to write; a folder for some formats
   std::string model = "live";
+  std::string format = "ply";
   SubsetFlags subset;
+  LabelQuery labels;  // its views and sam_borders
 };
+
+// Writes the masks of the labels for an annotation tool.
+absl::Status RunLabelExport(const Shell& shell, const ExportFlags& flags) {
+  LabelQuery query = flags.labels;
+  query.scene = flags.scene;
+  query.model = ModelName(flags.scene, flags.model);
+  ASSIGN_OR_RETURN(const LabelledMasks masks, SegmentLabels(Client(shell.channel), query));
+  RETURN_IF_ERROR(WriteAnnotations(masks, flags.format, flags.file));
+  if (shell.json) {
+    Print(nlohmann::ordered_json{{"file", flags.file},
+                                 {"format", flags.format},
+                                 {"labels", masks.things.size()},
+                                 {"views", masks.views.size()}}
+              .dump());
+  } else {
+    Print(absl::StrFormat("%s: %d labels in %d views, %s", flags.file, masks.things.size(),
+                          masks.views.size(), flags.format));
+  }
+  return absl::OkStatus();
+}
 
 // Writes the PLY and prints its size.
 absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
+  ASSIGN_OR_RETURN(const v1::Subset subset, ParseSubset(flags.subset, flags.scene));
+  if (flags.format != "ply") {
+    if (subset.of_case() == v1::Subset::OF_NOT_SET) return RunLabelExport(shell, flags);
+    return absl::InvalidArgumentError(
+        absl::StrCat("--format ", flags.format,
+                     " has the masks of labels: leave out --selection, --segment and --without"));
+  }
+  if (!flags.labels.views.empty()) {
+    return absl::InvalidArgumentError(
+        "--views is of masks: name their --format, coco, yolo, labelme or masks");
+  }
   v1::ExportGaussiansRequest request;
   request.set_model(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));
-  ASSIGN_OR_RETURN(*request.mutable_subset(), ParseSubset(flags.subset, flags.scene));
+  *request.mutable_subset() = subset;
   const Client client(shell.channel);
   ASSIGN_OR_RETURN(const v1::ExportGaussiansResponse::Header header,
                    client.Export(request, flags.file));
@@ -179,10 +214,22 @@ void AddRender(CLI::App& app, Shell& shell) {
 void AddExport(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<ExportFlags>();
   CLI::App* verb =
-      app.add_subcommand("export", "Fetch a model, or a part of it, as a PLY for splat viewers");
+      app.add_subcommand("export",
+                         "Fetch a model, or a part of it, as a PLY for splat viewers; or the masks "
+                         "of all labels for annotation tools");
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
-  verb->add_option("FILE", flags->file, "File to write")->required();
+  verb->add_option("FILE", flags->file, "File to write; a folder for yolo, labelme and masks")
+      ->required();
   verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
+  verb->add_option("--format", flags->format,
+                   "ply: the Gaussians; coco, yolo, labelme or masks (PNG): the masks of the "
+                   "scene's labels in its views")
+      ->check(CLI::IsMember({"ply", "coco", "yolo", "labelme", "masks"}))
+      ->capture_default_str();
+  verb->add_option("--views", flags->labels.views,
+                   "Views of the masks: names, all or held-out; by default all");
+  verb->add_flag("!--no-sam-borders", flags->labels.sam_borders,
+                 "Leave the borders of the masks to the model where the server has SAM");
   AddSubsetFlags(*verb, flags->subset);
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunExport(shell, *flags); }; });
 }

@@ -11,6 +11,7 @@
 
 #include "clients/cli/completion.h"
 #include "clients/cli/failure.h"
+#include "clients/cli/meant_names.h"
 #include "clients/cli/shell.h"
 
 namespace {
@@ -90,12 +91,26 @@ void AddLogin(CLI::App& app, pepeseg::client::Login& login) {
       ->type_name("FILE");
 }
 
+// Returns the scene and model that the options of the parsed verb name.
+pepeseg::client::cli::NamedModel NamedIn(const CLI::App& app) {
+  pepeseg::client::cli::NamedModel named;
+  for (const CLI::App* verb : app.get_subcommands()) {
+    for (const auto& [name, value] :
+         {std::pair("SCENE", &named.scene), {"--model", &named.model}}) {
+      const CLI::Option* option = verb->get_option_no_throw(name);
+      if (option != nullptr && option->count() > 0) *value = option->results().front();
+    }
+  }
+  return named;
+}
+
 // Opens the channel and runs the chosen verb.
-absl::Status RunVerb(Shell& shell) {
+absl::Status RunVerb(const CLI::App& app, Shell& shell) {
   auto channel = pepeseg::client::OpenChannel(shell.server, shell.login);
   if (!channel.ok()) return channel.status();
   shell.channel = *std::move(channel);
-  return shell.verb();
+  return pepeseg::client::cli::WithNearestNames(pepeseg::client::Client(shell.channel),
+                                                NamedIn(app), shell.verb());
 }
 
 // Parses the command line, runs the verb, and returns the exit code.
@@ -122,7 +137,7 @@ int Run(int argc, char** argv) {
     return pepeseg::client::cli::kUsage;
   }
 
-  const absl::Status status = RunVerb(shell);
+  const absl::Status status = RunVerb(app, shell);
   if (!status.ok()) {
     if (shell.json) pepeseg::client::cli::Print(pepeseg::client::cli::ExplainJson(status));
     pepeseg::client::cli::Note(pepeseg::client::cli::Explain(status, shell.server));

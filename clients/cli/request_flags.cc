@@ -152,6 +152,19 @@ absl::StatusOr<v1::Prompt> ParsePrompt(const PromptFlags& flags) {
   return prompt;
 }
 
+std::string KindName(v1::ProposeScalesResponse::Kind kind) {
+  switch (kind) {
+    case v1::ProposeScalesResponse::KIND_PART:
+      return "part";
+    case v1::ProposeScalesResponse::KIND_OBJECT:
+      return "object";
+    case v1::ProposeScalesResponse::KIND_GROUP:
+      return "group";
+    default:
+      return "";
+  }
+}
+
 const std::map<std::string, v1::EvaluationProtocol>& ProtocolsByName() {
   static const auto& protocols = *new std::map<std::string, v1::EvaluationProtocol>{
       {"prompt", v1::EVALUATION_PROTOCOL_PROMPT},

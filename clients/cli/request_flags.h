@@ -51,6 +51,9 @@ struct GranularityFlags {
 void AddGranularityFlags(CLI::App& verb, GranularityFlags& flags);
 v1::Granularity ToGranularity(const GranularityFlags& flags);
 
+// Returns "part", "object" or "group"; "" for another kind of proposal.
+std::string KindName(v1::ProposeScalesResponse::Kind kind);
+
 // Returns the protocols of an evaluation by the values of --protocol, such as "label-propagation".
 const std::map<std::string, v1::EvaluationProtocol>& ProtocolsByName();
 // Returns the value of --protocol for a protocol.

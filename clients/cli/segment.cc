@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cli/labelled_masks.h"
 #include "clients/cli/picture.h"
 #include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
@@ -82,7 +83,8 @@ void PrintAnswer(const v1::SegmentViewsResponse& answer) {
 absl::Status RunSegment(const Shell& shell, const SegmentFlags& flags) {
   ASSIGN_OR_RETURN(const v1::SegmentViewsRequest request, BuildRequest(flags));
   const Client client(shell.channel);
-  ASSIGN_OR_RETURN(const v1::SegmentViewsResponse answer, client.Segment(request));
+  ASSIGN_OR_RETURN(v1::SegmentViewsResponse answer, client.Segment(request));
+  RETURN_IF_ERROR(TakeAcceptedMask(client, request, answer));
   for (const auto& mask : answer.masks()) {
     if (!flags.out.empty()) {
       RETURN_IF_ERROR(WriteMaskAndOverlay(client, flags, request, answer, mask));
@@ -98,20 +100,6 @@ struct ProposeFlags {
   int max_proposals = 0;  // 0: the server's default
   std::string out;        // folder for overlays; empty: none
 };
-
-// Returns "part", "object" or "group"; "" for another kind.
-std::string KindName(v1::ProposeScalesResponse::Kind kind) {
-  switch (kind) {
-    case v1::ProposeScalesResponse::KIND_PART:
-      return "part";
-    case v1::ProposeScalesResponse::KIND_OBJECT:
-      return "object";
-    case v1::ProposeScalesResponse::KIND_GROUP:
-      return "group";
-    default:
-      return "";
-  }
-}
 
 // Prints the proposals from small to large; '*' marks the best.
 void PrintAnswer(const v1::ProposeScalesResponse& answer) {

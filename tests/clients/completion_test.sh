@@ -39,6 +39,14 @@ expect --point pepeseg segment shelf --po
 expect --server pepeseg segment shelf --ser
 expect depth pepeseg --server host:1 render shelf --content d
 expect zsh pepeseg completion ''
+expect label-propagation pepeseg evaluate shelf labels --protocol lab
+expect yolo pepeseg export shelf out --format ''
+# Only names are offered, never what a choice is stored as, and each is accepted.
+if grep -E "values='[^']*->" "$work/completion.bash"; then fail 'a choice is completed with its number'; fi
+while read -r verb option value; do
+  "$pepeseg" "$verb" "$option" "$value" 2>&1 | grep -F "$value not in" && fail "$verb $option refuses $value"
+done < <(sed -n "s/^    \([a-z-]*\):\(--[a-z-]*\)) values='\([^']*\)'.*/\1 \2 \3/p" "$work/completion.bash" |
+  awk '{for (i = 3; i <= NF; ++i) print $1, $2, $i}')
 expect photo.jpg pepeseg upload shelf ph
 # Every verb of --help is completed.
 for verb in $("$pepeseg" --help | sed -n '/^Subcommands:/,/^$/s/^  \([a-z-]\+\) .*/\1/p'); do

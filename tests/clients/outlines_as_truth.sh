@@ -78,4 +78,49 @@ grep -q '000.json: neither outlines of LabelMe .* move it elsewhere' "$work/erro
 expect 3 pepeseg evaluate table "$work/nothing.json"
 grep -q 'no such folder or file of outlines: .*nothing.json' "$work/errors" || fail 'no such file'
 expect 3 pepeseg evaluate table "$work/things.json" --protocol sam-agreement
+
+# Export of labels: in a label's own view its mask is the answer, byte for byte. No click has the
+# union of all things as its answer.
+for n in 0 1; do
+  expect 0 pepeseg label table thing-$n --view 00$n.png --mask "$scene/labels/00$n.png" --text things.$((n + 1))
+done
+expect 0 pepeseg labels table thing-0 --out "$work/accepted"
+expect 0 pepeseg segment table --label thing-0 --views 000.png 002.png --out "$work/segmented"
+for format in masks coco yolo labelme; do
+  expect 0 pepeseg export table "$work/export/$format" --format $format --views 000.png 001.png
+  grep -q 'the server has no SAM' "$work/errors" || fail "$format: no note about borders without SAM"
+done
+for mask in segmented/000_mask.png export/masks/thing-0/000.png; do
+  cmp -s "$work/accepted/thing-0_mask.png" "$work/$mask" || fail "$mask is not the accepted mask"
+done
+expect 0 pepeseg --json labels table thing-0
+cp "$work/output" "$work/label.json"
+python3 - "$work" <<'PYTHON' || fail 'the exports do not agree'
+import json, sys
+work = sys.argv[1]
+coco = json.load(open(f"{work}/export/coco"))
+label = json.load(open(f"{work}/label.json"))
+images = {image["id"]: image["file_name"] for image in coco["images"]}
+assert sorted(images.values()) == ["000.png", "001.png"], images
+assert [category["name"] for category in coco["categories"]] == ["things"]
+found = [a for a in coco["annotations"] if (images[a["image_id"]], a["label"]) == ("000.png", "thing-0")]
+assert found[0]["segmentation"]["counts"] == label["mask"]["rle"]["counts"]
+assert {a["track_id"] for a in coco["annotations"] if a["label"] == "thing-1"} == {2}
+shapes = json.load(open(f"{work}/export/labelme/001.json"))["shapes"]
+assert ("things", 2) in {(shape["label"], shape["group_id"]) for shape in shapes}
+lines = open(f"{work}/export/yolo/labels/001.txt").read().splitlines()
+tracks = open(f"{work}/export/yolo/tracks.csv").read().splitlines()
+assert len(lines) == sum(line.startswith("labels/001.txt,") for line in tracks) > 0
+assert 'things"' in open(f"{work}/export/yolo/data.yaml").read()
+PYTHON
+expect 4 pepeseg export table "$work/export/other" --format coco --views 00.png
+grep -q 'did you mean .*000.png' "$work/errors" || fail 'no nearest name of a view'
+
+# The nearest names of scenes and views.
+expect 3 pepeseg scenes tabel
+grep -q 'did you mean table?' "$work/errors" || fail 'no nearest name of a scene'
+expect 4 pepeseg segment table --view 0000.png --point 20,20
+grep -q 'did you mean .*000.png' "$work/errors" || fail 'no nearest name of the view of a click'
+expect 3 pepeseg --json photograph table 0001.png "$work/photograph.png"
+grep -q 'did you mean .*001.png' "$work/output" || fail 'no nearest name of a photograph'
 echo 'every step as expected'

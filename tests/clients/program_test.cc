@@ -75,6 +75,27 @@ TEST(Program, RefusesWrongCommandLines) {
   }
 }
 
+TEST(Program, ListsChoicesByName) {
+  for (const auto& [arguments, choices] :
+       {std::pair("evaluate shelf labels --protocol nonsense", "clicks,label-propagation,prompt,"),
+        {"export shelf out --format nonsense", "ply,coco,yolo,labelme,masks"},
+        {"train shelf --preset nonsense", "preview,standard,best,paper"},
+        {"segment shelf --view a -p 1,2 --frame nonsense", "photograph,view"}}) {
+    const Ran ran = RunPepeseg(std::string(arguments) + " 2>&1");
+    EXPECT_EQ(ran.exit_code, 2) << arguments;
+    EXPECT_THAT(ran.output, AllOf(HasSubstr(choices), Not(HasSubstr("->"))));
+  }
+}
+
+TEST(Program, RefusesOptionsOfAnotherFormatOfExport) {
+  const Ran gaussians = RunPepeseg("export shelf a.json --format coco --selection 1 2>&1");
+  EXPECT_EQ(gaussians.exit_code, 4);
+  EXPECT_THAT(gaussians.output, HasSubstr("leave out --selection"));
+  const Ran views = RunPepeseg("export shelf a.ply --views all 2>&1");
+  EXPECT_EQ(views.exit_code, 4);
+  EXPECT_THAT(views.output, HasSubstr("--format"));
+}
+
 TEST(Program, PrintsItsVersion) {
   const Ran ran = RunPepeseg("--version");
   EXPECT_EQ(ran.exit_code, 0);

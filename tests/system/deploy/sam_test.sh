@@ -53,4 +53,5 @@ XDG_DATA_HOME=relative expect 1 'has no file' && [[ -d $work/home/.local/share/p
 if [[ -n ${PEPESEG_SAM-} ]]; then
   npm 'exit 1'
   expect 0 "SAM is in $PEPESEG_SAM" "$PEPESEG_SAM"
+  expect 0 "Next: restart pepesegd with --sam $PEPESEG_SAM" "$PEPESEG_SAM"
 fi

@@ -4,6 +4,7 @@
 the right and y down, with a pixel's centre at + 0.5. Masks are bool [height, width], points [n, 2].
 """
 
+from pepeseg import aio
 from pepeseg.cameras import Camera, View
 from pepeseg.client import Client, Selection
 from pepeseg.dataset import Dataset, DatasetFile, FileKind, read_folder
@@ -94,6 +95,7 @@ __all__ = [
     "UnimplementedError",
     "View",
     "ViewMask",
+    "aio",
     "option_names",
     "read_folder",
     "stage_name",

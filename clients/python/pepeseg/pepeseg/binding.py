@@ -11,6 +11,7 @@ from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 from pepeseg.calls import Place, Steps
 from pepeseg.channel import Connection, Login, look_through
+from pepeseg.nearest import with_nearest_names
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -121,7 +122,7 @@ def blocking(
     """Makes an operation a method of the blocking client."""
 
     def method(self: Runs, /, *args: P.args, **kwargs: P.kwargs) -> T:
-        return self.run(operation(self.place, *args, **kwargs))
+        return self.run(with_nearest_names(self.place, operation(self.place, *args, **kwargs)))
 
     _told_as(method, operation)
     return method
@@ -133,7 +134,9 @@ def awaited(
     """Makes an operation a method of the asyncio client."""
 
     async def method(self: RunsAsync, /, *args: P.args, **kwargs: P.kwargs) -> T:
-        return await self.run(operation(self.place, *args, **kwargs))
+        return await self.run(
+            with_nearest_names(self.place, operation(self.place, *args, **kwargs))
+        )
 
     _told_as(method, operation)
     return method

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from pepeseg import prompts, rle
 from pepeseg.calls import Place, Steps, Unary
 from pepeseg.cameras import Viewpoint
 from pepeseg.errors import damaged
-from pepeseg.v1 import prompt_pb2, segmentation_service_pb2
+from pepeseg.v1 import label_service_pb2, prompt_pb2, segmentation_service_pb2
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +179,8 @@ def segment(
         negative: [n, 2], points of what is not meant.
         box: x, y, width, height in pixels, around what is meant.
         mask: [height, width] of the frame's size, not 0 inside.
-        label: id of a label of the scene.
+        label: id of a label of the scene. In its own view the answer is its mask, unless a scale
+            or a threshold is given.
         scale: size of the thing: 0 is a small part, 1 the largest.
         scale_units: the same as a length in scene units.
         threshold: cosine above which a pixel is in the mask, [-1, 1].
@@ -214,7 +215,41 @@ def segment(
         sam_borders=sam_borders,
     )
     answer = yield Unary("segmentation", "SegmentViews", request, at.scene)
-    return parse_segmentation(answer)
+    found = parse_segmentation(answer)
+    if label is None or (scale, scale_units, threshold) != (None, None, None):
+        return found
+    return (yield from _with_accepted_mask(at, label, found, request.frame))
+
+
+def _with_accepted_mask(
+    at: Place, label: str, found: Segmentation, frame: prompt_pb2.PixelFrame
+) -> Steps[Segmentation]:
+    """Returns the answer with the label's own mask in the label's own view."""
+    request = label_service_pb2.GetLabelRequest(
+        name=f"{at.scene}/labels/{label.rpartition('/')[2]}", frame=frame
+    )
+    accepted = yield Unary("labels", "GetLabel", request, at.scene)
+    mask = rle.decode(accepted.mask.rle)
+    masks = tuple(
+        replace(each, mask=mask, area=int(mask.sum()), box=_box_of(mask))
+        if each.view == accepted.view
+        else each
+        for each in found.masks
+    )
+    return replace(found, masks=masks)
+
+
+def _box_of(mask: npt.NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    """Returns left, top, width and height of the mask; all 0 if it is empty."""
+    columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
+    if rows.size == 0:
+        return 0, 0, 0, 0
+    return (
+        int(columns[0]),
+        int(rows[0]),
+        int(columns[-1] - columns[0]) + 1,
+        int(rows[-1] - rows[0]) + 1,
+    )
 
 
 def _parse_proposal(

@@ -39,6 +39,11 @@ def test_the_version_is_that_of_the_project():
     assert f"project(pepeseg VERSION {pepeseg.__version__} " in cmake
 
 
+def test_the_asyncio_client_comes_with_the_package():
+    code = "import pepeseg; pepeseg.aio.Client; assert 'aio' in dir(pepeseg)"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_needs_only_grpc_protobuf_and_numpy():
     allowed = {"grpc", "google", "numpy", "pepeseg", *sys.stdlib_module_names}
     found = set()

@@ -188,6 +188,32 @@ class TestDecompose:
 
 
 class TestLabel:
+    def test_the_answer_in_a_labels_own_view_is_its_mask(self, client):
+        painted = np.zeros((480, 640), bool)
+        painted[200:300, 300:500] = True  # cuts through everything
+        other = next(view.name for view in client.views() if view.name != VIEW)
+        client.label("painted", VIEW, mask=painted)
+        try:
+            accepted = client.get_label("painted").mask
+            found = client.segment(label="painted", targets=[VIEW, other])
+            assert np.array_equal(found.masks[0].mask, accepted)
+            assert found.masks[0].area == accepted.sum()
+            rows, columns = np.nonzero(accepted)
+            assert found.masks[0].box[:2] == (columns.min(), rows.min())
+            chosen = client.segment(label="painted", scale=0.5, threshold=0.5)
+            assert not np.array_equal(chosen.mask, accepted)
+        finally:
+            client.delete_label("painted")
+
+    def test_errors_about_names_say_which_are_similar(self, client):
+        with pytest.raises(pepeseg.InvalidArgumentError, match=f"did you mean .*{VIEW}"):
+            client.segment("frame-00000.jpg", points=POINT)
+        with pytest.raises(pepeseg.NotFoundError, match="did you mean shelf"):
+            client.of("shelv").views()
+        with pytest.raises(pepeseg.NotFoundError) as unlike:
+            client.of("nothing-like-it").views()
+        assert "did you mean" not in str(unlike.value)
+
     def test_a_label_is_segmented_by_its_id(self, client):
         made = client.label("cup", VIEW, points=POINT, threshold=0.2, text="A cup")
         try:

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "clients/cli/outlines.h"
+#include "clients/cli/picture.h"
+
+// Polygons of masks, for tools that do not read run lengths.
+namespace pepeseg::client::cli {
+
+// Returns a polygon for each part of the mask, whose pixels that are not 0 are inside. Pixels of a
+// part touch by their sides; parts are in the order of their first pixels by scanlines. A slit
+// without width joins a hole to its polygon.
+//
+// Edges are horizontal or vertical and lie a quarter of a pixel inside the mask. So a pixel is in
+// the mask exactly if an odd number of polygons surround its centre, and tools that truncate the
+// vertices to whole pixels and fill with the border, as OpenCV and PIL do, get the mask again.
+std::vector<Polygon> PolygonsOf(std::span<const uint8_t> mask, const PixelSize& size);
+
+// Returns the polygons as one, joined by slits without width; empty if there are none.
+Polygon Joined(const std::vector<Polygon>& polygons);
+
+}  // namespace pepeseg::client::cli
