@@ -11,10 +11,6 @@ namespace {
 constexpr size_t kMaxBytes = 1 << 20;
 constexpr size_t kMaxPiece = 64;
 
-size_t Below(size_t count, std::mt19937& random) {
-  return std::uniform_int_distribution<size_t>(0, count - 1)(random);
-}
-
 // Returns the start and the length of a random piece of `bytes`.
 struct Piece {
   size_t begin;

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/system/fuzz/byte_mutator.h"
+
 namespace pepeseg::fuzz {
 namespace {
 
@@ -15,10 +17,6 @@ using google::protobuf::Message;
 using google::protobuf::Reflection;
 
 constexpr int kMaxDepth = 6;
-
-size_t Below(size_t count, std::mt19937& random) {
-  return std::uniform_int_distribution<size_t>(0, count - 1)(random);
-}
 
 double AnyNumber(std::mt19937& random) {
   using Limits = std::numeric_limits<double>;
