@@ -271,8 +271,11 @@ absl::Status Training::EvaluateScene() {
 }
 
 // Warns where the renderings have nothing in common with the photographs, which masks cannot cause.
+// After a few steps they have not either.
 void Training::WarnOfWrongPoses(const StageLog::Metrics& means) {
   constexpr double kNothingInCommon = 12;  // dB
+  constexpr int kFewSteps = 300;
+  if (settings_.reconstruct.num_steps < kFewSteps) return;
   const auto psnr = means.find("psnr");
   if (psnr == means.end() || psnr->second >= kNothingInCommon) return;
   stages_.Warn(absl::StrFormat(
