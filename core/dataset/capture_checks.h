@@ -29,8 +29,8 @@ struct PoseConvention {
 };
 
 // Returns the convention in which the poses were written, if with it the cameras see at least a
-// quarter of the points, and four times as many as with the format's own. Returns nothing otherwise,
-// or with fewer than 20 points.
+// quarter of the points, and four times as many as with the format's own. Returns nothing
+// otherwise, or with fewer than 20 points.
 std::optional<PoseConvention> FindConvention(PoseFormat format, std::span<const PosedLens> cameras,
                                              std::span<const ScenePoint> points);
 

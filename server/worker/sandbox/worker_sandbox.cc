@@ -88,7 +88,8 @@ constexpr absl::string_view kDeviceCalls =
 constexpr absl::string_view kDeviceSocketCalls = "bind listen";
 
 // COLMAP and the priors command: to start them, to wait for them, and what shells and Python's own
-// processes need. No setsid: a process that leaves its group would outlive the job.
+// processes need. No setsid, but setpgid, which shells use: a program that leaves its group
+// outlives the job.
 constexpr absl::string_view kProgramCalls =
     "execve execveat fork ioprio_set personality setpgid vfork wait4 waitid";
 
