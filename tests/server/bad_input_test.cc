@@ -106,10 +106,10 @@ TEST_F(BadInputTest, RefusesAPoseWithNan) {
   ExpectBadFile(kPoses);
 }
 
-TEST_F(BadInputTest, RefusesAMaskOfAnotherSize) {
+TEST_F(BadInputTest, RefusesAMaskOfAnotherShape) {
   ClientFile& mask = FileOf(files_, "masks/frame-000003.json");
   mask.path = "masks/frame-000003.png";
-  mask.bytes = testing::BlackPng(320, 240, 8);
+  mask.bytes = testing::BlackPng(240, 320, 8);
   ExpectBadFile("masks/frame-000003.png");
 }
 
