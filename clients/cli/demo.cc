@@ -301,11 +301,9 @@ absl::Status NameProducts(const Client& client, const std::string& scene,
 }
 
 // Uploads the scene and sets `dataset` to the name of the sealed dataset.
-absl::Status Upload(const Client& client, const DemoFlags& flags, const std::string& scene,
+absl::Status Upload(const Client& client, const DatasetFolder& folder, const std::string& scene,
                     DemoResult& result, std::string& dataset) {
   const Stopwatch watch;
-  ASSIGN_OR_RETURN(DatasetFolder folder, ReadDatasetFolder(flags.data));
-  if (flags.photos_only) KeepPhotographs(folder);
   RETURN_IF_ERROR(client.EnsureScene(scene));
   ASSIGN_OR_RETURN(const v1::Dataset sealed, UploadFolder(client, scene, folder));
   dataset = sealed.name();
@@ -336,9 +334,11 @@ absl::Status RunDemo(const Shell& shell, const DemoFlags& flags) {
   const fs::path report_file = fs::path(flags.out) / "report.json";
   // Fail before the training, not after it, if the report cannot be written.
   RETURN_IF_ERROR(OutputFile::Create(report_file).status());
+  ASSIGN_OR_RETURN(DatasetFolder folder, ReadDatasetFolder(flags.data));
+  if (flags.photos_only) KeepPhotographs(folder);
   ASSIGN_OR_RETURN(const std::string scene, SceneOfDemo(client, flags));
   std::string dataset;
-  RETURN_IF_ERROR(Upload(client, flags, scene, result, dataset));
+  RETURN_IF_ERROR(Upload(client, folder, scene, result, dataset));
   RETURN_IF_ERROR(Train(client, flags, scene, dataset, result));
 
   const Stopwatch watch;
