@@ -39,6 +39,13 @@ def _names(at: Place, error: PepesegError) -> Steps[tuple[str, list[str]]]:
     return scene[1], [each.name.rpartition("/")[2] for each in scenes]
 
 
+def _nearest(word: str, names: list[str]) -> list[str]:
+    """Returns at most three similar names, the most similar first, equal ones by name."""
+    likeness = {name: difflib.SequenceMatcher(None, word, name).ratio() for name in names}
+    near = [name for name in names if likeness[name] >= 0.6]
+    return sorted(near, key=lambda name: (-likeness[name], name))[:3]
+
+
 def with_nearest_names(at: Place, steps: Steps[T]) -> Steps[T]:
     """Runs an operation. Its error about an unknown scene or view says which names are similar."""
     try:
@@ -48,7 +55,7 @@ def with_nearest_names(at: Place, steps: Steps[T]) -> Steps[T]:
             word, names = yield from _names(at, error)
         except PepesegError:
             word, names = "", []  # such as a key that may not list scenes
-        near = difflib.get_close_matches(word, names) if word not in names else []
+        near = _nearest(word, names) if word not in names else []
         if near:
             error.message += f"; did you mean {' or '.join(near)}?"
             error.args = (error.message,)

@@ -80,7 +80,9 @@ function takeLoose(files: DatasetFile[], rest: DroppedFile[]): DroppedFile[] {
 
 /** Whether a system or program leaves such a file next to photographs. */
 export function isSystemFile(path: string): boolean {
-  return path.split('/').some((part) => /^(\.|(thumbs\.db|desktop\.ini|__macosx|@eadir|#recycle|\$recycle\.bin|lost\+found)$)/i.test(part));
+  const known =
+    /^(\.|(thumbs\.db|desktop\.ini|__macosx|@eadir|#recycle|\$recycle\.bin|lost\+found)$)/i;
+  return path.split('/').some((part) => known.test(part));
 }
 
 const stem = (path: string) => path.replace(/\.[^./]*$/, '').toLowerCase();

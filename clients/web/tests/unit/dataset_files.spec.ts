@@ -13,7 +13,8 @@ test('the layout of the command-line client', () => {
   expect(kindOf('images/walk.mp4')).toBe(FileKind.VIDEO);
   expect(kindOf('sparse/0/cameras.bin')).toBe(FileKind.POSES);
   expect(kindOf('sparse/points3D.txt')).toBe(FileKind.POINTS);
-  expect(kindOf('sparse/1/cameras.bin')).toBeUndefined();
+  expect(kindOf('sparse/1/cameras.bin')).toBe(FileKind.POSES);
+  expect(kindOf('sparse/x/cameras.bin')).toBeUndefined();
   expect(kindOf('masks/0001.json')).toBe(FileKind.MASK);
   expect(kindOf('depth/0001.npy')).toBe(FileKind.DEPTH);
   expect(kindOf('disparity/0001.pfm')).toBe(FileKind.DISPARITY);
