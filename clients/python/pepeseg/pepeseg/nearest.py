@@ -13,7 +13,7 @@ from pepeseg.v1 import scene_service_pb2
 T = TypeVar("T")
 
 _PHOTOGRAPH = re.compile(r'photograph "(.*?)"')
-_SCENE = re.compile(r"(?:projects/[^/]+/)?scenes/([^/]+)")
+_SCENE = re.compile(r"(?:projects/[^/]+/)?scenes/([^/ ]+)")
 
 
 def _unknown_view(error: PepesegError) -> str:
@@ -31,7 +31,9 @@ def _names(at: Place, error: PepesegError) -> Steps[tuple[str, list[str]]]:
         request = scene_service_pb2.ListViewsRequest(parent=at.model)
         views = yield from all_pages("scenes", "ListViews", request, "views", at.scene)
         return view, [each.view for each in views]
-    scene = _SCENE.match(error.resource) if isinstance(error, NotFoundError) else None
+    # Errors of a whole scene name it in their text only.
+    missing = error.resource or error.message
+    scene = _SCENE.match(missing) if isinstance(error, NotFoundError) else None
     if not scene:
         return "", []
     everything = scene_service_pb2.ListScenesRequest()
