@@ -11,11 +11,12 @@
 namespace pepeseg {
 
 bool Touch(const std::filesystem::path& path) {
-  // The file usually exists: one call, and no descriptor, which may be short.
-  if (utimensat(AT_FDCWD, path.c_str(), nullptr, 0) == 0) return true;
+  // By a byte, because the worker's sandbox refuses calls that set a file's times. The byte is
+  // always the same one, so that a full disk does not matter.
   const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
-  if (descriptor < 0) return false;
-  const bool touched = futimens(descriptor, nullptr) == 0;
+  // Descriptors may be short in the server.
+  if (descriptor < 0) return utimensat(AT_FDCWD, path.c_str(), nullptr, 0) == 0;
+  const bool touched = pwrite(descriptor, "\n", 1, 0) == 1;
   close(descriptor);
   return touched;
 }

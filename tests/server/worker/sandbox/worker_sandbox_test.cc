@@ -23,6 +23,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <fstream>
@@ -35,6 +36,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "server/worker/sandbox/worker_limits.h"
+#include "server/worker_protocol/heartbeat.h"
 #include "server/worker_protocol/job_isolation.h"
 #include "tests/server/worker/sandbox/listening_socket.h"
 #include "tests/testing/temp_folder.h"
@@ -333,6 +335,20 @@ TEST_F(WorkerSandboxTest, ChangesNoFileWithoutOpeningItForWriting) {
   close(mine);
   const auto mode = std::filesystem::status(folder_ / "blobs/mine").permissions();
   EXPECT_NE(mode & std::filesystem::perms::owner_read, std::filesystem::perms::none);
+}
+
+// A worker that cannot is taken for stuck, and killed after 30 seconds.
+TEST_F(WorkerSandboxTest, TouchesItsHeartbeat) {
+  const std::filesystem::path heartbeat = folder_ / "job/heartbeat";
+  const auto before = std::filesystem::file_time_type::clock::now() - std::chrono::hours(1);
+  ForEachKind([&] {
+    for (const bool there : {false, true}) {
+      if (there) std::filesystem::last_write_time(heartbeat, before);
+      ExpectAllowed([&] { return Touch(heartbeat) ? 0 : -1; });
+      EXPECT_GT(std::filesystem::last_write_time(heartbeat), before);
+    }
+    std::filesystem::remove(heartbeat);
+  });
 }
 
 // Copying a file sets its mode.
