@@ -14,8 +14,10 @@ namespace pepeseg::client::cli {
 // without width joins a hole to its polygon.
 //
 // Edges are horizontal or vertical and lie a quarter of a pixel inside the mask. So a pixel is in
-// the mask exactly if an odd number of polygons surround its centre, and tools that truncate the
-// vertices to whole pixels and fill with the border, as OpenCV and PIL do, get the mask again.
+// the mask exactly if an odd number of polygons surround its centre. Tools that truncate the
+// vertices to whole pixels and fill with the border, as OpenCV and PIL do, get the mask but for
+// slits that cross a hole: 17 of 105 masks of the shelf differ by PIL, by at most 0.04 % of their
+// pixels.
 std::vector<Polygon> PolygonsOf(std::span<const uint8_t> mask, const PixelSize& size);
 
 // Returns the polygons as one, joined by slits without width; empty if there are none.
