@@ -49,7 +49,9 @@ using ChildWatchFn = absl::FunctionRef<absl::Status(std::span<const std::string>
 // of its group is left. Calls `watch` on the calling thread.
 //
 // If this process is killed meanwhile, the kernel kills the program (PR_SET_PDEATHSIG). The
-// processes that the program has started are not killed then.
+// processes that the program has started are not killed then. A process that cannot make process
+// groups, such as a worker in its sandbox, keeps the program in its own group: of what the program
+// has started, nothing is killed then.
 //
 // Returns the error of `watch` if it returned one, after killing the group. DEADLINE_EXCEEDED: the
 // program ran for longer than its time limit. NOT_FOUND, INTERNAL: it could not be started.

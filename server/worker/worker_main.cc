@@ -30,6 +30,7 @@
 #include "server/api/convert.h"
 #include "server/observe/log.h"
 #include "server/store/store.h"
+#include "server/worker/group_guard.h"
 #include "server/worker/sandbox/worker_limits.h"
 #include "server/worker/sandbox/worker_sandbox.h"
 #include "server/worker/worker_job.h"
@@ -231,6 +232,7 @@ WorkerExit Run(const Arguments& arguments) {
   absl::Status ready = spec.status();
   if (ready.ok()) ConfigureLogOf(*spec);
   if (ready.ok() && arguments.parent != 0) ready = EndWithParent(arguments.parent);
+  if (ready.ok()) ready = GuardGroup();
   if (ready.ok()) ready = LimitResources(spec->memory_limit, spec->num_threads);
   if (ready.ok()) YieldToServer();
   if (ready.ok()) ready = MakeTemporaryFolder(folder.temporary());

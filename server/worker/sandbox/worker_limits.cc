@@ -55,7 +55,7 @@ absl::Status LimitResources(int64_t memory_limit, int num_threads) {
 
 absl::Status LimitPhotograph() {
   // Limits of a decoder: an image takes far less, unless its file was made to take more.
-  constexpr rlim_t kMemory = rlim_t{2} << 30, kSeconds = 60, kFileBytes = rlim_t{128} << 20;
+  constexpr rlim_t kMemory = rlim_t{2} << 30, kSeconds = 10, kFileBytes = rlim_t{128} << 20;
   if (!kSanitized) RETURN_IF_ERROR(Limit(RLIMIT_DATA, kMemory));
   RETURN_IF_ERROR(Limit(RLIMIT_CPU, kSeconds));
   RETURN_IF_ERROR(Limit(RLIMIT_FSIZE, kFileBytes));

@@ -88,6 +88,18 @@ class WorkerPriorsTest : public WorkerTest {
     return result.ok() ? result->sources : std::map<std::string, std::string>();
   }
   absl::Status Error() { return job_.ReadResult(spec_.fence).value_or(JobResult()).status; }
+  // Waits until the process ends whose id the script has written to the file.
+  void ExpectEnds(const std::string& name) {
+    AwaitFile(name);
+    const std::string stat = absl::StrCat("/proc/", std::stoi(Text(name)), "/stat");
+    // Until its new parent reaps it, it is still in the process table.
+    const auto runs = [&stat] {
+      std::ifstream file(stat);
+      std::string id, program, state;
+      return file >> id >> program >> state && state != "Z" && state != "X";
+    };
+    EXPECT_TRUE(testing::Eventually([&] { return !runs(); }));
+  }
   void AwaitFile(const std::string& name) {
     ASSERT_TRUE(testing::Eventually([&] { return !Text(name).empty(); })) << name;
   }
@@ -229,14 +241,27 @@ TEST_F(WorkerPriorsTest, KillsTheCommandAndItsChildrenWithinASecondOfACancel) {
   ExpectExit(WaitFor(*worker), WorkerExit::kCancelled);
   EXPECT_LT(absl::Now() - before, testing::TimeLimit(absl::Seconds(1)));
   EXPECT_EQ(Error().code(), absl::StatusCode::kCancelled);
-  const pid_t child = std::stoi(Text("child"));
-  // Until its new parent reaps it, it is still in the process table.
-  const auto runs = [child] {
-    std::ifstream stat("/proc/" + std::to_string(child) + "/stat");
-    std::string id, name, state;
-    return stat >> id >> name >> state && state != "Z" && state != "X";
-  };
-  EXPECT_TRUE(testing::Eventually([&] { return !runs(); }, absl::Seconds(1)));
+  ExpectEnds("child");
+}
+
+// Twice forked, so that it is no child of the command, and in a group of its own if it can be.
+constexpr char kLeave[] =
+    R"(perl -e 'fork && exit; setpgrp(0, 0); fork && exit; open(F, ">$ARGV[0].new"); )"
+    R"(print F $$; close F; rename("$ARGV[0].new", $ARGV[0]); sleep 600' )";
+
+TEST_F(WorkerPriorsTest, LeavesNoProcessThatLeftTheCommandsGroup) {
+  SetCommand(absl::StrCat(kLeave, Shared("child"), "; echo no masks"));
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  ExpectEnds("child");
+}
+
+TEST_F(WorkerPriorsTest, LeavesNoProcessWhenTheWorkerIsKilled) {
+  SetCommand(absl::StrCat(kLeave, Shared("child"), "; sleep 600"));
+  const auto worker = Launch(getpid());
+  AwaitFile("child");
+  worker->Kill();
+  WaitFor(*worker);
+  ExpectEnds("child");
 }
 
 TEST_F(WorkerPriorsTest, ReusesPriorsOfAnEarlierAttempt) {
