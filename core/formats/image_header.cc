@@ -64,6 +64,10 @@ struct Size {
 constexpr uint8_t kSof0 = 0xC0, kDht = 0xC4, kJpg = 0xC8, kDac = 0xCC, kSof15 = 0xCF;
 constexpr uint8_t kRst0 = 0xD0, kRst7 = 0xD7, kEoi = 0xD9, kSos = 0xDA, kTem = 0x01;
 
+// Maximum number of scans of a JPEG. Each scan of a progressive JPEG may change all pixels, so a
+// small file with thousands of them takes a decoder minutes. Encoders write 1 to 10.
+constexpr int kMaxScans = 100;
+
 // Returns true for SOF0 to SOF15. DHT, JPG and DAC are among their codes, but are not frame
 // headers.
 bool IsFrameHeader(uint8_t marker) {
@@ -85,7 +89,7 @@ size_t SkipScan(Bytes bytes, size_t at) {
 // Walks all segments to the end marker. Returns the size in the first frame header.
 absl::StatusOr<Size> JpegSize(Bytes bytes) {
   Size size;
-  bool scanned = false;
+  int num_scans = 0;
   size_t at = 2;
   while (at + 2 <= bytes.size()) {
     const uint8_t marker = bytes[at + 1];
@@ -96,7 +100,7 @@ absl::StatusOr<Size> JpegSize(Bytes bytes) {
     }
     at += 2;
     if (marker == kEoi) {
-      if (size.width == 0 || !scanned) return Malformed("JPEG", "it ends without a picture");
+      if (size.width == 0 || num_scans == 0) return Malformed("JPEG", "it ends without a picture");
       return size;
     }
     if (marker == kTem || (marker >= kRst0 && marker <= kRst7)) continue;
@@ -113,7 +117,9 @@ absl::StatusOr<Size> JpegSize(Bytes bytes) {
     at += length;
     if (marker == kSos) {
       at = SkipScan(bytes, at);
-      scanned = true;
+      if (++num_scans > kMaxScans) {
+        return Malformed("JPEG", absl::StrCat("it has over ", kMaxScans, " scans"));
+      }
     }
   }
   return CutShort("JPEG");

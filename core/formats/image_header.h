@@ -27,8 +27,8 @@ struct ImageHeader {
 // Returns format and size of an image file without decoding it. The format follows from its first
 // bytes, never from its name. Also walks the segments to the end marker, to find files that are cut
 // short: decoders fill the missing part with grey and report success. INVALID_ARGUMENT, naming
-// `name`: the format is not JPEG, PNG, WebP or HEIC, the image exceeds kMaxImagePixels, or the file
-// is cut short or malformed.
+// `name`: the format is not JPEG, PNG, WebP or HEIC, the image exceeds kMaxImagePixels, a JPEG has
+// over 100 scans, or the file is cut short or malformed.
 absl::StatusOr<ImageHeader> ReadImageHeader(absl::string_view name, std::span<const uint8_t> bytes);
 
 // Limits of ReadImageSize: bytes of one read, and reads of one file. They suffice for a JPEG whose

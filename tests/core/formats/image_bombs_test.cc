@@ -9,6 +9,7 @@
 #include <string>
 
 #include "core/dataset/import.h"
+#include "core/formats/image_header.h"
 #include "tests/testing/png_bytes.h"
 #include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
@@ -64,6 +65,16 @@ std::string JpegBomb() {
   return jpeg;
 }
 
+// Returns the JPEG of a small photograph, whose only scan is there `num_scans` times.
+std::string JpegOfScans(int num_scans) {
+  const std::string jpeg = testing::Jpeg(testing::Picture(40, 30));
+  const size_t scan = jpeg.find("\xff\xda");
+  const size_t end = jpeg.size() - 2;  // the end marker
+  std::string bytes = jpeg.substr(0, scan);
+  for (int i = 0; i < num_scans; ++i) bytes += jpeg.substr(scan, end - scan);
+  return bytes + jpeg.substr(end);
+}
+
 // Returns a lossless WebP of 16384x16384 pixels, the largest size of the format.
 std::string WebpBomb() {
   const std::string body = "\x2f\xff\xff\xff\x0f" + std::string(15, '\0');
@@ -113,6 +124,18 @@ TEST_F(ImageBomb, IsAValidPngAtASmallSize) {
   dataset.Write();
   WriteBytes(dataset.folder / "images/a.jpg", PngBomb(3000));  // over a mebibyte
   EXPECT_STATUS(dataset.Import(), absl::StatusCode::kInvalidArgument, "3000x3000");
+}
+
+TEST(ReadImageHeader, LimitsTheScansOfAJpeg) {
+  const auto read = [](int num_scans) {
+    const std::string bytes = JpegOfScans(num_scans);
+    const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());
+    return ReadImageHeader("a.jpg", {data, bytes.size()}).status();
+  };
+  EXPECT_OK(read(1));
+  EXPECT_OK(read(100));
+  EXPECT_EQ(read(101).code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_NE(read(101).message().find("it has over 100 scans"), absl::string_view::npos);
 }
 
 TEST_F(ImageBomb, IsRejectedAsJpeg) {
