@@ -22,7 +22,8 @@ constexpr int kMaxAdminRequestBytes = 4 << 20;
 }  // namespace
 
 AdminListener::AdminListener(Operations& operations)
-    : pool_(std::make_unique<WorkerPool>(kNumThreads, kMaxQueuedAdminCalls)),
+    : pool_(std::make_unique<WorkerPool>(
+          WorkerPool::Limits{.threads = kNumThreads, .queued = kMaxQueuedAdminCalls})),
       service_(operations, *pool_) {}
 
 absl::StatusOr<std::unique_ptr<AdminListener>> AdminListener::Start(const Listener& where,

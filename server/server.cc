@@ -50,13 +50,22 @@ constexpr int kNumUploadThreads = 4;
 constexpr int kNumQueryThreads = 2;
 constexpr int kNumEvaluationThreads = 1;
 constexpr int kNumBorderThreads = 1;
-constexpr int kNumPhotographProcesses = 2;
+constexpr int kNumPhotographProcesses = 4;
 constexpr size_t kMaxQueuedCalls = 1000;
 constexpr size_t kMaxQueuedUploads = 64;  // calls of up to 8 MiB; parts of streams do not count
 constexpr size_t kMaxQueuedQueries = 100;
 constexpr size_t kMaxQueuedEvaluations = 8;  // each holds its request of up to 8 MiB
 constexpr size_t kMaxQueuedBorders = 30;     // a minute of work, where each is of a new view
 constexpr size_t kMaxQueuedPhotographs = 500;
+// A project may take half of a pool's queue, so that others find a place in it.
+WorkerPool::Limits PoolLimits(int threads, size_t queued) {
+  return {.threads = threads, .queued = queued, .queued_of_owner = queued / 2};
+}
+// A decoder may take ten seconds for a photograph, so a project may take half of them only.
+constexpr WorkerPool::Limits kPhotographLimits = {.threads = kNumPhotographProcesses,
+                                                  .queued = kMaxQueuedPhotographs,
+                                                  .threads_of_owner = kNumPhotographProcesses / 2,
+                                                  .queued_of_owner = kMaxQueuedPhotographs / 2};
 constexpr absl::Duration kTick = absl::Seconds(2);
 // Time for idle clients to see that the server closes their connections.
 constexpr absl::Duration kGoAway = absl::Milliseconds(200);
@@ -82,13 +91,14 @@ struct Server::Parts {
   std::filesystem::path sam;  // folder of SAM's files; empty: none
   std::unique_ptr<Supervisor> supervisor;
   std::unique_ptr<StreamRegistry> streams;
-  WorkerPools pools{{kNumIoThreads, kMaxQueuedCalls},
-                    {kNumUploadThreads, kMaxQueuedUploads},
-                    {kNumQueryThreads, kMaxQueuedQueries},
-                    {kNumEvaluationThreads, kMaxQueuedEvaluations},
-                    {kNumBorderThreads, kMaxQueuedBorders}};
+  WorkerPools pools{WorkerPool(PoolLimits(kNumIoThreads, kMaxQueuedCalls)),
+                    WorkerPool(PoolLimits(kNumUploadThreads, kMaxQueuedUploads)),
+                    WorkerPool(PoolLimits(kNumQueryThreads, kMaxQueuedQueries)),
+                    WorkerPool(PoolLimits(kNumEvaluationThreads, kMaxQueuedEvaluations)),
+                    WorkerPool(PoolLimits(kNumBorderThreads, kMaxQueuedBorders))};
+  FailedPhotographs failed_photographs;
   PhotographProcess photographs;
-  WorkerPool photograph_pool{kNumPhotographProcesses, kMaxQueuedPhotographs};
+  WorkerPool photograph_pool{kPhotographLimits};
   std::unique_ptr<CallRunner> runner;
   std::unique_ptr<HealthMonitor> health;
   std::unique_ptr<Operations> operations;
@@ -190,6 +200,7 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
   photographs.worker = options.worker;
   photographs.sandbox = options.workers.sandbox;
   photographs.scratch = ScratchFolder(options.data);
+  photographs.failed = &failed_photographs;
   runner = std::make_unique<CallRunner>(*authorizer, *quotas, *streams, pools);
   health = MakeHealthMonitor(*store, *device.backend, options.data);
   operations =

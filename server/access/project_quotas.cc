@@ -22,17 +22,17 @@ constexpr absl::Duration kMaxAge = absl::Seconds(1);
 // sends queries all the time never becomes unknown in between.
 constexpr absl::Duration kMaxStale = absl::Seconds(2);
 constexpr size_t kMaxOpened = 10'000;  // credentials that are remembered
-// The services whose calls are queries (see pepeseg.v1.Quota).
-constexpr std::array kQueryServices = {
-    "pepeseg.v1.SegmentationService.", "pepeseg.v1.LabelService.", "pepeseg.v1.SelectionService.",
-    "pepeseg.v1.RenderService.", "pepeseg.v1.EvaluationService."};
+// How the names of the methods begin whose calls are queries (see pepeseg.v1.Quota).
+constexpr std::array kQueryMethods = {
+    "pepeseg.v1.SegmentationService.", "pepeseg.v1.LabelService.",
+    "pepeseg.v1.SelectionService.",    "pepeseg.v1.RenderService.",
+    "pepeseg.v1.EvaluationService.",   "pepeseg.v1.DatasetService.GetPhotograph"};
 
 bool IsQuery(const google::protobuf::Message& request) {
   const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
   return access != nullptr &&
-         std::any_of(kQueryServices.begin(), kQueryServices.end(), [&](const char* service) {
-           return absl::StartsWith(access->method, service);
-         });
+         std::any_of(kQueryMethods.begin(), kQueryMethods.end(),
+                     [&](const char* start) { return absl::StartsWith(access->method, start); });
 }
 
 // `missing`: part of a token that is missing until the next query is admitted.
@@ -108,6 +108,13 @@ void ProjectQuotas::Know(const std::string& credential, const std::string& proje
   // Simple and rare: those that are forgotten cost one look into the store each.
   if (opened_.size() >= kMaxOpened) opened_.clear();
   opened_[std::move(digest)] = {project, now};
+}
+
+std::string ProjectQuotas::OwnerOf(const std::string& credential) {
+  const std::string digest = Sha256Hex(credential);
+  const std::lock_guard lock(mutex_);
+  const auto opened = opened_.find(digest);
+  return opened == opened_.end() ? absl::StrCat("credential/", digest) : opened->second.project;
 }
 
 absl::Status ProjectQuotas::AdmitQuery(const std::string& project, double per_second) {

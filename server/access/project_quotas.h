@@ -42,6 +42,9 @@ class ProjectQuotas {
   // `request` is a query.
   void Know(const std::string& credential, const std::string& project,
             const google::protobuf::Message& request);
+  // Returns the project of a credential that `Know` has recorded, else a name that only this
+  // credential has. Does not block.
+  std::string OwnerOf(const std::string& credential);
   // Returns the admitted queries per second, averaged over the last ten seconds and rounded up.
   int64_t QueryRate(const std::string& project);
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iterator>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -208,9 +209,12 @@ absl::StatusOr<std::vector<ModelView>> SegmentRequestReader::FindTargets(
       return BadField("targets.group", absl::StrCat(static_cast<int>(targets.group())),
                       "no group of views");
   }
-  for (const std::string& name : targets.views()) {
+  std::set<std::string> names;
+  for (int i = 0; i < targets.views_size(); ++i) {
+    // A view that is listed twice is answered once.
+    if (!names.insert(targets.views(i)).second) continue;
     ASSIGN_OR_RETURN(ModelView view,
-                     FindView(name, model_, absl::StrCat("targets.views[", views.size(), "]")));
+                     FindView(targets.views(i), model_, absl::StrCat("targets.views[", i, "]")));
     views.push_back(std::move(view));
   }
   // Without targets, the view of the prompt is segmented.

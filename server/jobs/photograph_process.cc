@@ -68,6 +68,28 @@ absl::StatusOr<PhotographPicture> ReadAnswer(OpenFile file) {
   return absl::Status(header.code, message);
 }
 
+// Runs a worker that decodes the file.
+absl::StatusOr<PhotographPicture> Decode(const PhotographProcess& process,
+                                         const PhotographTask& task,
+                                         const std::filesystem::path& blob,
+                                         absl::FunctionRef<bool()> wanted) {
+  // The worker inherits both files as standard input and output, so its sandbox needs no paths.
+  ASSIGN_OR_RETURN(const OpenFile input, OpenFile::ForReading(blob, task.name));
+  ASSIGN_OR_RETURN(OpenFile output, OpenFile::Unnamed(process.scratch));
+  WorkerCommand command;
+  command.program = process.worker;
+  command.log = "/dev/null";  // its errors are in its answer
+  command.arguments = {absl::StrCat("--photograph=", FormatPhotographTask(task)),
+                       absl::StrCat("--parent=", getpid())};
+  if (!process.sandbox) command.arguments.emplace_back("--sandbox=off");
+  command.environment = JobEnvironment({});
+  command.inherits_environment = false;
+  ASSIGN_OR_RETURN(const std::unique_ptr<WorkerProcess> worker,
+                   WorkerProcess::Launch(command, {input.descriptor(), output.descriptor()}));
+  RETURN_IF_ERROR(Wait(*worker, process, task, wanted));
+  return ReadAnswer(std::move(output));
+}
+
 }  // namespace
 
 // O_NONBLOCK: opening a FIFO in place of the file must not block.
@@ -117,21 +139,15 @@ absl::StatusOr<PhotographPicture> MakePicture(const PhotographProcess& process,
                                               const std::filesystem::path& blob,
                                               absl::FunctionRef<bool()> wanted) {
   if (!wanted()) return NotWanted();
-  // The worker inherits both files as standard input and output, so its sandbox needs no paths.
-  ASSIGN_OR_RETURN(const OpenFile input, OpenFile::ForReading(blob, task.name));
-  ASSIGN_OR_RETURN(OpenFile output, OpenFile::Unnamed(process.scratch));
-  WorkerCommand command;
-  command.program = process.worker;
-  command.log = "/dev/null";  // its errors are in its answer
-  command.arguments = {absl::StrCat("--photograph=", FormatPhotographTask(task)),
-                       absl::StrCat("--parent=", getpid())};
-  if (!process.sandbox) command.arguments.emplace_back("--sandbox=off");
-  command.environment = JobEnvironment({});
-  command.inherits_environment = false;
-  ASSIGN_OR_RETURN(const std::unique_ptr<WorkerProcess> worker,
-                   WorkerProcess::Launch(command, {input.descriptor(), output.descriptor()}));
-  RETURN_IF_ERROR(Wait(*worker, process, task, wanted));
-  return ReadAnswer(std::move(output));
+  if (process.failed == nullptr) return Decode(process, task, blob, wanted);
+  // The file may decode and not fit the view of a model.
+  const std::string key = absl::StrCat(task.sha256, task.view);
+  RETURN_IF_ERROR(process.failed->Find(key, absl::Now()));
+  auto picture = Decode(process, task, blob, wanted);
+  if (absl::IsInvalidArgument(picture.status())) {
+    process.failed->Remember(key, picture.status(), absl::Now());
+  }
+  return picture;
 }
 
 }  // namespace pepeseg

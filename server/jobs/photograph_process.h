@@ -8,6 +8,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "server/jobs/failed_photographs.h"
 #include "server/worker_protocol/photograph_task.h"
 
 namespace pepeseg {
@@ -55,14 +56,16 @@ struct PhotographProcess {
   std::filesystem::path worker;  // the pepeseg-worker program
   bool sandbox = true;
   std::filesystem::path scratch;  // folder of the answer, an unnamed file
-  absl::Duration time_limit = absl::Minutes(1);
+  absl::Duration time_limit = absl::Seconds(10);
+  FailedPhotographs* failed = nullptr;  // null: failures are not remembered
 };
 
 // Starts a worker that decodes the image file `blob`, waits for it, and returns the picture that it
 // made, as the task says. Blocks; polls `wanted` meanwhile.
 // CANCELLED: `wanted` returned false, upon which the worker is killed.
 // INVALID_ARGUMENT: the file does not decode, crashes the worker, or takes more than the time
-// limit. DATA_LOSS: the file fails its checksum. NOT_FOUND: there is no such file.
+// limit; remembered in `process.failed`, so that the next call does not start a worker. DATA_LOSS:
+// the file fails its checksum. NOT_FOUND: there is no such file.
 absl::StatusOr<PhotographPicture> MakePicture(const PhotographProcess& process,
                                               const PhotographTask& task,
                                               const std::filesystem::path& blob,

@@ -1,14 +1,20 @@
 #include "server/rpc/call_runner.h"
 
 #include <chrono>
+#include <memory>
 #include <string>
 
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "server/api/error.h"
 #include "server/observe/log.h"
 #include "server/rpc/call_interceptor.h"
 
 namespace pepeseg {
 namespace {
+
+// Metadata by which a trusted gateway names the project of a call.
+constexpr char kGatewayProjectKey[] = "x-pepeseg-project";
 
 std::string MetadataOf(const grpc::CallbackServerContext& context, const char* key) {
   const auto found = context.client_metadata().find(key);
@@ -27,8 +33,16 @@ LogFields FieldsOf(const grpc::CallbackServerContext& context) {
 
 // See CallRunner::Pending::credential.
 std::optional<std::string> CredentialOf(const grpc::CallbackServerContext& context) {
-  if (context.client_metadata().contains("x-pepeseg-project")) return std::nullopt;
+  if (context.client_metadata().contains(kGatewayProjectKey)) return std::nullopt;
   return MetadataOf(context, "authorization");
+}
+
+// Returns the owner of a call's first task, before the call is authorised. What a call says of its
+// gateway is not verified yet, so such a call waits in no project's own line.
+std::string OwnerAtOnce(const grpc::CallbackServerContext& context,
+                        const std::optional<std::string>& credential, ProjectQuotas& quotas) {
+  if (credential) return quotas.OwnerOf(*credential);
+  return absl::StrCat("gateway/", MetadataOf(context, kGatewayProjectKey));
 }
 
 }  // namespace
@@ -71,35 +85,60 @@ bool CallRunner::AdmitAtOnce(const WorkerPool& pool, Pending& call) const {
   return false;
 }
 
-void CallRunner::Answer(WorkerPool& pool, const Pending& call,
-                        absl::FunctionRef<absl::Status(const Caller&)> handler) const {
-  const UnaryRequest& request = call.request;
-  const auto answer = [&](const Caller& caller) -> absl::Status {
-    // Only now is the credential known to be valid.
-    if (call.credential) quotas_.Know(*call.credential, caller.project, *request.message);
-    absl::Status status;
-    if (!call.admitted) status = quotas_.Admit(caller.project, *request.message);
-    return status.ok() ? handler(caller) : status;
+grpc::ServerUnaryReactor* CallRunner::Submit(WorkerPool& pool, const UnaryRequest& request,
+                                             std::function<void(const Pending&)> answer) const {
+  Pending call{request, request.context->DefaultReactor()};
+  grpc::ServerUnaryReactor* const reactor = call.reactor;
+  if (!AdmitAtOnce(pool, call)) return reactor;
+  const std::string owner = OwnerAtOnce(*request.context, call.credential, quotas_);
+  const auto task = [call = std::move(call), answer = std::move(answer)] {
+    // The call may have waited in the queue for longer than its client.
+    const absl::Status wanted = call.request.CheckWanted();
+    if (!wanted.ok()) return call.reactor->Finish(ToGrpc(wanted));
+    answer(call);
   };
-  // The call may have waited in the queue for longer than its client.
-  absl::Status status = request.CheckWanted();
-  if (status.ok()) {
-    const LogFields fields = FieldsOf(*request.context);
-    const LogScope scope(fields);
-    const absl::Time start = absl::Now();
-    status = authorizer_.Run(OriginOf(*request.context), *request.message, answer);
-    const absl::Time end = absl::Now();
-    pool.latencies().Record(end - start, end);
-    // A handler that stopped for a deadline may say CANCELLED, but the client should read
-    // DEADLINE_EXCEEDED.
-    if (absl::IsCancelled(status) && request.past_deadline()) status = request.CheckWanted();
-  }
-  call.reactor->Finish(ToGrpc(status));
+  static const grpc::Status busy = ToGrpc(BusyError());
+  if (!pool.Submit(owner, task)) reactor->Finish(busy);
+  return reactor;
 }
 
-void CallRunner::FinishBusy(grpc::ServerUnaryReactor* reactor) {
-  static const grpc::Status busy = ToGrpc(BusyError());
-  reactor->Finish(busy);
+absl::Status CallRunner::Authorized(const Pending& call,
+                                    absl::FunctionRef<absl::Status(const Caller&)> handler) const {
+  const UnaryRequest& request = call.request;
+  const LogFields fields = FieldsOf(*request.context);
+  const LogScope scope(fields);
+  return authorizer_.Run(OriginOf(*request.context), *request.message,
+                         [&](const Caller& caller) -> absl::Status {
+                           // Only now is the credential known to be valid.
+                           if (call.credential)
+                             quotas_.Know(*call.credential, caller.project, *request.message);
+                           if (!call.admitted)
+                             RETURN_IF_ERROR(quotas_.Admit(caller.project, *request.message));
+                           return handler(caller);
+                         });
+}
+
+void CallRunner::Continue(WorkerPool& pool, std::shared_ptr<Rest> rest) const {
+  std::optional<absl::Status> status;
+  do {
+    const LogFields fields = FieldsOf(*rest->call.request.context);
+    const LogScope scope(fields);
+    status = rest->parts();
+    // Runs the rest here after the pool has stopped, which waits for its tasks.
+  } while (!status &&
+           !pool.SubmitAlways(rest->project, [this, &pool, rest] { Continue(pool, rest); }));
+  if (status) Finish(pool, rest->call, rest->stopwatch, *std::move(status));
+}
+
+void CallRunner::Finish(WorkerPool& pool, const Pending& call, Stopwatch stopwatch,
+                        absl::Status status) {
+  const absl::Duration took = stopwatch.Lap();
+  pool.latencies().Record(took, absl::Now());
+  // A handler that stopped for a deadline may say CANCELLED, but the client should read
+  // DEADLINE_EXCEEDED.
+  if (absl::IsCancelled(status) && call.request.past_deadline())
+    status = call.request.CheckWanted();
+  call.reactor->Finish(ToGrpc(status));
 }
 
 }  // namespace pepeseg

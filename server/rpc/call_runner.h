@@ -2,6 +2,8 @@
 
 #include <google/protobuf/message.h>
 
+#include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -48,6 +50,10 @@ class Stopwatch {
   absl::Time start_ = absl::Now();
 };
 
+// Computes the next part of an answer, on a pool thread. Returns nullopt if there are more parts,
+// else the status of the call.
+using AnswerParts = std::function<std::optional<absl::Status>()>;
+
 // Returns the W3C trace context of a call. The interceptor makes one for calls that bring none.
 std::string TraceparentOf(const grpc::CallbackServerContext& context);
 
@@ -68,18 +74,34 @@ class CallRunner {
   template <typename Handler>
   grpc::ServerUnaryReactor* Run(WorkerPool& pool, const UnaryRequest& request,
                                 Handler handler) const {
-    Pending call{request, request.context->DefaultReactor()};
-    grpc::ServerUnaryReactor* const reactor = call.reactor;
-    if (!AdmitAtOnce(pool, call)) return reactor;
-    const bool taken =
-        pool.Submit([this, &pool, call = std::move(call), handler = std::move(handler)]() mutable {
-          const absl::Duration queued = absl::Now() - call.start;
-          Answer(pool, call, [&](const Caller& caller) -> absl::Status {
-            return handler(UnaryCall{call.request, queued, caller});
-          });
-        });
-    if (!taken) FinishBusy(reactor);
-    return reactor;
+    return Submit(pool, request, [this, &pool, handler = std::move(handler)](const Pending& call) {
+      const absl::Duration queued = absl::Now() - call.start;
+      const Stopwatch stopwatch;
+      Finish(pool, call, stopwatch, Authorized(call, [&](const Caller& caller) -> absl::Status {
+               return handler(UnaryCall{call.request, queued, caller});
+             }));
+    });
+  }
+
+  // Answers a call like Run, in parts: `handler`, an absl::StatusOr<AnswerParts>(const UnaryCall&),
+  // does the first one. The others take their turn in the pool for the caller's project, so that a
+  // long answer does not keep a thread from other projects. For methods that only read: the audit
+  // log does not see how the call ends.
+  template <typename Handler>
+  grpc::ServerUnaryReactor* RunInParts(WorkerPool& pool, const UnaryRequest& request,
+                                       Handler handler) const {
+    return Submit(pool, request, [this, &pool, handler = std::move(handler)](const Pending& call) {
+      const absl::Duration queued = absl::Now() - call.start;
+      auto rest = std::make_shared<Rest>(Rest{call});
+      const absl::Status begun = Authorized(call, [&](const Caller& caller) -> absl::Status {
+        rest->project = caller.project;
+        auto parts = handler(UnaryCall{call.request, queued, caller});
+        if (parts.ok()) rest->parts = *std::move(parts);
+        return parts.status();
+      });
+      if (!begun.ok()) return Finish(pool, call, rest->stopwatch, begun);
+      Continue(pool, std::move(rest));
+    });
   }
 
   Authorizer& authorizer() const { return authorizer_; }
@@ -99,12 +121,27 @@ class CallRunner {
     bool admitted = false;  // by the quotas
   };
 
+  // A call that is answered in parts.
+  struct Rest {
+    Pending call;
+    std::string project = {};  // the caller's
+    AnswerParts parts = {};
+    Stopwatch stopwatch = {};  // since the first part began
+  };
+
+  // Has `answer` run on a thread of the pool, unless the call is refused before.
+  grpc::ServerUnaryReactor* Submit(WorkerPool& pool, const UnaryRequest& request,
+                                   std::function<void(const Pending&)> answer) const;
   // Finishes the call, and returns false, if the pool drains or a known quota refuses the call.
   bool AdmitAtOnce(const WorkerPool& pool, Pending& call) const;
-  // Authorises the call, has the handler answer it, and finishes it. On a thread of the pool.
-  void Answer(WorkerPool& pool, const Pending& call,
-              absl::FunctionRef<absl::Status(const Caller&)> handler) const;
-  static void FinishBusy(grpc::ServerUnaryReactor* reactor);
+  // Authorises the call and has the handler answer it. On a thread of the pool.
+  absl::Status Authorized(const Pending& call,
+                          absl::FunctionRef<absl::Status(const Caller&)> handler) const;
+  // Computes the next part, and queues the one after it.
+  void Continue(WorkerPool& pool, std::shared_ptr<Rest> rest) const;
+  // Ends the call and records its time.
+  static void Finish(WorkerPool& pool, const Pending& call, Stopwatch stopwatch,
+                     absl::Status status);
 
   Authorizer& authorizer_;
   ProjectQuotas& quotas_;

@@ -46,7 +46,13 @@ void Stream::Tick() {
   Wake();
 }
 
-absl::Status Stream::Admit(const StreamOwner& owner) { return registry_->Admit(this, owner); }
+absl::Status Stream::Admit(const StreamOwner& owner) {
+  {
+    const std::lock_guard lock(mutex_);
+    project_ = owner.project;
+  }
+  return registry_->Admit(this, owner);
+}
 
 void Stream::End(const absl::Status& status) {
   const std::lock_guard lock(mutex_);
@@ -132,7 +138,7 @@ void Stream::StartIoLocked() {
 void Stream::SubmitLocked() {
   state_ = State::kWorking;
   // The task holds the stream, so that Done() cannot destroy it while it waits in the queue.
-  if (!pool_->SubmitAlways([self = shared_from_this()] { self->RunTask(); })) {
+  if (!pool_->SubmitAlways(project_, [self = shared_from_this()] { self->RunTask(); })) {
     FinishLocked(DrainingError());
   }
 }

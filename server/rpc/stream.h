@@ -3,6 +3,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "absl/status/status.h"
@@ -44,7 +45,9 @@ class Stream : public std::enable_shared_from_this<Stream> {
 
  protected:
   enum class Next { kIo, kIdle, kEnd };
-  // What to do after Work(). `status` is the status of the call if `next` is kEnd.
+  // What to do after Work(). Work that takes long calls Wake() and returns kIdle after each part:
+  // then tasks of others have their turns in between. `status` is the status of the call if `next`
+  // is kEnd.
   struct Step {
     Next next = Next::kIdle;
     absl::Status status;
@@ -99,6 +102,7 @@ class Stream : public std::enable_shared_from_this<Stream> {
   bool ending_ = false;                           // end_status_ is to be sent
   bool cancelled_ = false;  // by the client, its deadline or a lost connection
   absl::Status end_status_;
+  std::string project_;  // owner of its tasks, once Admit has been called
   std::shared_ptr<Stream> self_;
 };
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 namespace pepeseg {
@@ -71,29 +70,35 @@ LatencyWindow::Quantiles LatencyWindow::QuantilesOf(const Counts& counts) {
   return {static_cast<double>(all) / kSeconds, at(0.5), at(0.99)};
 }
 
-WorkerPool::WorkerPool(int num_threads, size_t max_queued)
-    : num_threads_(num_threads), max_queued_(max_queued) {
-  for (int i = 0; i < num_threads; ++i) threads_.emplace_back([this] { Run(); });
+WorkerPool::WorkerPool(const Limits& limits) : limits_(limits) {
+  for (int i = 0; i < limits.threads; ++i) threads_.emplace_back([this] { Run(); });
 }
 
 WorkerPool::~WorkerPool() { Stop(); }
 
-bool WorkerPool::Submit(std::function<void()> task) {
-  return Enqueue(std::move(task), max_queued_);
+bool WorkerPool::Submit(const std::string& owner, std::function<void()> task) {
+  return Enqueue(owner, std::move(task), false);
 }
 
-bool WorkerPool::SubmitAlways(std::function<void()> task) {
-  return Enqueue(std::move(task), std::numeric_limits<size_t>::max());
+bool WorkerPool::SubmitAlways(const std::string& owner, std::function<void()> task) {
+  return Enqueue(owner, std::move(task), true);
 }
 
-bool WorkerPool::Enqueue(std::function<void()> task, size_t max_queued) {
+bool WorkerPool::Enqueue(const std::string& owner, std::function<void()> task, bool always) {
   {
     const std::lock_guard lock(mutex_);
-    if (stopping_ || queue_.size() >= max_queued) {
+    const auto found = lines_.find(owner);
+    const size_t num_of_owner = found == lines_.end() ? 0 : found->second.waiting.size();
+    const bool full = num_queued_ >= limits_.queued ||
+                      (limits_.queued_of_owner > 0 && num_of_owner >= limits_.queued_of_owner);
+    if (stopping_ || (full && !always)) {
       ++num_refused_;
       return false;
     }
-    queue_.push_back(std::move(task));
+    Lines::value_type& line = found == lines_.end() ? *lines_.try_emplace(owner).first : *found;
+    if (line.second.waiting.empty()) turns_.push_back(&line);
+    line.second.waiting.push_back(std::move(task));
+    ++num_queued_;
   }
   wake_.notify_one();
   return true;
@@ -101,7 +106,7 @@ bool WorkerPool::Enqueue(std::function<void()> task, size_t max_queued) {
 
 WorkerPool::Use WorkerPool::use() const {
   const std::lock_guard lock(mutex_);
-  return {num_threads_, num_busy_, queue_.size(), max_queued_, num_refused_};
+  return {limits_.threads, num_busy_, num_queued_, limits_.queued, num_refused_};
 }
 
 void WorkerPool::Stop() {
@@ -117,22 +122,48 @@ void WorkerPool::Stop() {
   for (std::thread& thread : threads) thread.join();
 }
 
+WorkerPool::Lines::value_type* WorkerPool::NextLineLocked() {
+  const auto next = std::find_if(turns_.begin(), turns_.end(), [this](const auto* line) {
+    return limits_.threads_of_owner == 0 || line->second.num_running < limits_.threads_of_owner;
+  });
+  return next == turns_.end() ? nullptr : *next;
+}
+
+std::function<void()> WorkerPool::TakeLocked(Lines::value_type& line) {
+  turns_.erase(std::find(turns_.begin(), turns_.end(), &line));
+  std::function<void()> task = std::move(line.second.waiting.front());
+  line.second.waiting.pop_front();
+  if (!line.second.waiting.empty()) turns_.push_back(&line);
+  ++line.second.num_running;
+  --num_queued_;
+  ++num_busy_;
+  return task;
+}
+
+void WorkerPool::EndTaskLocked(Lines::value_type& line) {
+  --num_busy_;
+  --line.second.num_running;
+  if (line.second.num_running == 0 && line.second.waiting.empty()) lines_.erase(line.first);
+}
+
 void WorkerPool::Run() {
+  std::unique_lock lock(mutex_);
   while (true) {
-    std::function<void()> task;
-    {
-      std::unique_lock lock(mutex_);
-      wake_.wait(lock, [this] { return stopping_ || !queue_.empty(); });
-      // Only when stopping: the queue is emptied before the threads end.
-      if (queue_.empty()) return;
-      task = std::move(queue_.front());
-      queue_.pop_front();
-      ++num_busy_;
-    }
+    Lines::value_type* line = nullptr;
+    wake_.wait(lock, [&] {
+      line = NextLineLocked();
+      return line != nullptr || (stopping_ && num_queued_ == 0);
+    });
+    // Only when stopping: the queue is emptied before the threads end.
+    if (line == nullptr) return;
+    std::function<void()> task = TakeLocked(*line);
+    lock.unlock();
     task();
     task = nullptr;  // while the thread counts as busy: what it holds may take long to destroy
-    const std::lock_guard lock(mutex_);
-    --num_busy_;
+    lock.lock();
+    EndTaskLocked(*line);
+    // An owner at its limit of threads may have a task that another thread can run now.
+    if (limits_.threads_of_owner > 0 || stopping_) wake_.notify_all();
   }
 }
 

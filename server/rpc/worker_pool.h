@@ -7,7 +7,9 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <map>
 #include <mutex>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -54,21 +56,33 @@ class LatencyWindow {
 };
 
 // Threads for everything that blocks. A reaction of gRPC's callback API must never block: two that
-// do would freeze a server on two cores, including its health service. Thread safe.
+// do would freeze a server on two cores, including its health service.
+//
+// Each task has an owner, the project that it works for. Owners whose tasks wait are served in
+// turn, one task each; the tasks of one owner run in the order in which they came. Work that takes
+// long is cut into tasks, each of which submits the next one: then nobody waits for more than one
+// task of each other owner. Thread safe.
 class WorkerPool {
  public:
-  WorkerPool(int num_threads, size_t max_queued);
+  struct Limits {
+    int threads = 1;
+    size_t queued = 0;  // tasks that wait, of all owners
+    // The part of an owner: threads that work for it at a time, and tasks of it that wait. 0: all.
+    int threads_of_owner = 0;
+    size_t queued_of_owner = 0;
+  };
+  explicit WorkerPool(const Limits& limits);
   // Calls Stop().
   ~WorkerPool();
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
-  // Queues `task`. Returns false, and does not run it, if the queue is full or the pool has
-  // stopped.
-  bool Submit(std::function<void()> task);
-  // Queues `task` however long the queue is, for work of streams, whose number is bounded. Returns
-  // false only after Stop().
-  bool SubmitAlways(std::function<void()> task);
+  // Queues `task`. Returns false, and does not run it, if the queue or the owner's part of it is
+  // full, or the pool has stopped.
+  bool Submit(const std::string& owner, std::function<void()> task);
+  // Queues `task` however long the queue is, for streams, whose number is bounded, and for the rest
+  // of work that has begun. Returns false only after Stop().
+  bool SubmitAlways(const std::string& owner, std::function<void()> task);
   // Runs what is queued, then joins the threads. Must not be called from a task.
   void Stop();
 
@@ -87,18 +101,31 @@ class WorkerPool {
   const LatencyWindow& latencies() const { return latencies_; }
 
  private:
-  bool Enqueue(std::function<void()> task, size_t max_queued);
+  // The tasks of an owner. It exists while one of them waits or runs.
+  struct Line {
+    std::deque<std::function<void()>> waiting;
+    int num_running = 0;
+  };
+  using Lines = std::map<std::string, Line>;
+
+  bool Enqueue(const std::string& owner, std::function<void()> task, bool always);
+  // Returns the line whose turn it is; nullptr if no task may run now. Calls with `Locked` in their
+  // names need mutex_.
+  Lines::value_type* NextLineLocked();
+  std::function<void()> TakeLocked(Lines::value_type& line);
+  void EndTaskLocked(Lines::value_type& line);
   void Run();
 
-  const int num_threads_;
-  const size_t max_queued_;
+  const Limits limits_;
   std::atomic<bool> draining_ = false;
   LatencyWindow latencies_;
   mutable std::mutex mutex_;  // guards all below
   int num_busy_ = 0;
+  size_t num_queued_ = 0;
   int64_t num_refused_ = 0;
   std::condition_variable wake_;
-  std::deque<std::function<void()>> queue_;
+  Lines lines_;
+  std::deque<Lines::value_type*> turns_;  // lines with waiting tasks, the next to be served first
   bool stopping_ = false;
   std::vector<std::thread> threads_;
 };

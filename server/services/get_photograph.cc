@@ -173,6 +173,7 @@ absl::Status GetPhotographStream::StartMaking(const PhotographTask& task,
   // The task holds the stream, which therefore outlives it. It hands its result over under
   // made_mutex_, since a tick may run Work() at the same time.
   const bool taken = parts_.decoders.pool->Submit(
+      project_,
       [self = std::static_pointer_cast<GetPhotographStream>(shared_from_this()), task, blob] {
         absl::StatusOr<PhotographPicture> made = MakePicture(
             *self->parts_.decoders.process, task, blob, [&self] { return !self->cancelled(); });

@@ -2,7 +2,6 @@
 
 #include <spdlog/spdlog.h>
 
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -12,7 +11,6 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/prompt/propose_scales.h"
-#include "core/prompt/resolve_prompt.h"
 #include "server/api/convert.h"
 #include "server/api/decomposition.h"
 #include "server/api/error.h"
@@ -20,96 +18,48 @@
 #include "server/api/segment_request.h"
 #include "server/rpc/stream.h"
 #include "server/rpc/stream_registry.h"
+#include "server/services/segment_answer.h"
 
 namespace pepeseg {
 namespace {
 
-// A query on its pool thread, from a unary call or a stream.
-struct QueryCall {
-  absl::Duration queued;           // how long it waited for the thread
-  std::function<bool()> given_up;  // returns whether the client no longer waits for the answer
-};
-
-// Segments one view after the other, and looks before each whether the client still waits. Blocks
-// for as long as the model takes to load. CANCELLED: the client does not wait.
-absl::Status Segment(ModelLoader& models, BorderRefiner& borders, const QueryCall& call,
-                     const v1::SegmentViewsRequest& request, v1::SegmentViewsResponse* response) {
-  if (request.sam_borders()) RETURN_IF_ERROR(borders.CheckAvailable());
-  Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(const ResidentModel model, models.LoadWithFeatures(request.model(), "model"));
-  *response->mutable_timing()->mutable_queue() = ToProto(call.queued);
-  *response->mutable_timing()->mutable_load() = ToProto(stopwatch.Lap());
-  const SegmentRequestReader reader(model.segmenter->model(), model.row, models.store());
-  ASSIGN_OR_RETURN(const SegmentQuery asked, reader.Read(request));
-  ASSIGN_OR_RETURN(const Query query,
-                   ResolvePrompt(*model.segmenter, asked.prompt, asked.granularity));
-  absl::Duration compute;
-  absl::Duration encode;
-  size_t num_bytes = 0;
-  AnswerFrame frame(request.frame());
-  SegmentOptions options = asked.options;
-  options.want_similarity = options.want_similarity || request.sam_borders();
-  for (const ModelView& target : asked.targets) {
-    if (call.given_up()) return absl::CancelledError("nobody waits for the answer any more");
-    // One view at a time, although Segment takes many: a client that is gone costs at most one
-    // view, and the size is checked before the next one is computed.
-    ASSIGN_OR_RETURN(auto results, model.segmenter->Segment(query, {&target, 1}, options));
-    auto border_image = v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED;
-    if (request.sam_borders()) {
-      ASSIGN_OR_RETURN(border_image,
-                       borders.Refine(
-                           model, target, [&call] { return !call.given_up(); }, results.front()));
-      if (!asked.options.want_similarity) results.front().similarity.clear();
-    }
-    const SegmentResult result = frame.Take(target, std::move(results.front()));
-    compute += stopwatch.Lap();
-    ASSIGN_OR_RETURN(*response->add_masks(),
-                     EncodeMask(target.name, result, request.mask_encoding()));
-    response->mutable_masks(response->masks_size() - 1)->set_border_image(border_image);
-    num_bytes += response->masks(response->masks_size() - 1).ByteSizeLong();
-    RETURN_IF_ERROR(CheckAnswerSize(num_bytes));
-    response->set_scale_quantile(result.scale);
-    response->set_scale_units(result.scale_units);
-    response->set_threshold(result.threshold);
-    encode += stopwatch.Lap();
-  }
-  *response->mutable_timing()->mutable_compute() = ToProto(compute);
-  *response->mutable_timing()->mutable_encode() = ToProto(encode);
-  response->set_model(model.name);
-  return absl::OkStatus();
-}
-
-// A StreamSegments call: one answer at a time, to the newest request. A newer request ends the work
-// on the answer between two views; an error is sent as an answer and the stream continues. Key and
+// A StreamSegments call: one answer at a time, to the newest request. Each view of an answer is a
+// task of its own, and a newer request ends the work on the answer between two views. An error is
+// sent as an answer and the stream continues. Key and
 // scope are checked when the call begins, and each request is authorised for itself; one that is
 // refused ends the stream. The stream also ends if the first request does not come within
 // StreamLimits::first_message.
 class StreamSegmentsCall final
     : public NewestStream<v1::StreamSegmentsRequest, v1::StreamSegmentsResponse> {
  public:
-  StreamSegmentsCall(const CallRunner& runner, ModelLoader& models, BorderRefiner& borders,
-                     CallOrigin origin)
+  StreamSegmentsCall(const CallRunner& runner, const SegmentTools& tools, CallOrigin origin)
       : NewestStream(&runner.streams(), &runner.pools().query),
         runner_(runner),
-        models_(models),
-        borders_(borders),
+        tools_(tools),
         origin_(std::move(origin)) {}
 
  private:
   Step Work(bool io_ok) override;
   // Authorises a request, or the call itself while there is no request.
   absl::Status Authorize(v1::StreamSegmentsRequest& request);
-  // Fills `message_` with the answer or the error. Returns false if the request was given up.
-  bool Answer(const v1::StreamSegmentsRequest& request);
+  // Begins the answer to `request_`, in `message_`.
+  absl::Status BeginAnswer();
+  // Computes the next view of the answer.
+  Step ContinueAnswer();
+  // Sends the answer, or `status` in its place if that is an error.
+  Step Send(const absl::Status& status);
 
   const CallRunner& runner_;
-  ModelLoader& models_;
-  BorderRefiner& borders_;
+  const SegmentTools tools_;
   const CallOrigin origin_;
   const absl::Time begin_ = absl::Now();
   bool admitted_ = false;  // the caller may use this stream
   bool asked_ = false;     // a request has come
   std::string project_;    // the caller's
+  // The request that is being answered.
+  v1::StreamSegmentsRequest request_;
+  absl::Time answer_begin_;
+  std::unique_ptr<SegmentAnswer> answer_;  // null: none is being computed
 };
 
 absl::Status StreamSegmentsCall::Authorize(v1::StreamSegmentsRequest& request) {
@@ -123,37 +73,47 @@ absl::Status StreamSegmentsCall::Authorize(v1::StreamSegmentsRequest& request) {
   return status;
 }
 
-bool StreamSegmentsCall::Answer(const v1::StreamSegmentsRequest& request) {
-  const QueryCall call = {absl::ZeroDuration(), [this] { return cancelled() || superseded(); }};
+absl::Status StreamSegmentsCall::BeginAnswer() {
   message_.Clear();
-  message_.set_sequence(request.sequence());
-  const absl::Time start = absl::Now();
-  // Each request of a stream counts as a query. A refusal is an answer, so that the stream survives
-  // it.
-  absl::Status status = runner_.quotas().Admit(project_, request);
-  if (status.ok() && request.segment().sam_borders()) {
-    status = BadField("segment.sam_borders", "true",
-                      "takes too long for a stream of answers; call SegmentViews");
+  message_.set_sequence(request_.sequence());
+  answer_begin_ = absl::Now();
+  // Each request of a stream counts as a query.
+  RETURN_IF_ERROR(runner_.quotas().Admit(project_, request_));
+  if (request_.segment().sam_borders()) {
+    return BadField("segment.sam_borders", "true",
+                    "takes too long for a stream of answers; call SegmentViews");
   }
-  if (status.ok()) {
-    status = Segment(models_, borders_, call, request.segment(), message_.mutable_segment());
-  }
-  // A newer request came, or the stream ends: there is nothing to send.
-  if (absl::IsCancelled(status)) return false;
+  const QueryCall call = {absl::ZeroDuration(), [this] { return cancelled() || superseded(); }};
+  ASSIGN_OR_RETURN(
+      answer_, SegmentAnswer::Begin(tools_, call, request_.segment(), message_.mutable_segment()));
+  return absl::OkStatus();
+}
+
+Stream::Step StreamSegmentsCall::ContinueAnswer() {
+  const std::optional<absl::Status> status = answer_->SegmentNext();
+  if (status) answer_.reset();
+  if (status && !absl::IsCancelled(*status)) return Send(*status);
+  // For the next view, or the newer request.
+  Wake();
+  return {Next::kIdle, absl::OkStatus()};
+}
+
+Stream::Step StreamSegmentsCall::Send(const absl::Status& status) {
   const absl::Time end = absl::Now();
-  runner_.pools().query.latencies().Record(end - start, end);
-  if (status.ok()) return true;
+  runner_.pools().query.latencies().Record(end - answer_begin_, end);
+  if (status.ok()) return {Next::kIo, absl::OkStatus()};
   v1::Status error = ToProto(status);
-  const ClientErrorRules rules = {models_.data_folder(), origin_.request_id};
+  const ClientErrorRules rules = {tools_.models.data_folder(), origin_.request_id};
   // The interceptor sees only the status of the stream, not the errors in its messages.
   if (HidePrivateText(rules, error)) {
     spdlog::warn("StreamSegments: {}, request {}", status.ToString(), origin_.request_id);
   }
   *message_.mutable_error() = FlatError(error);
-  return true;
+  return {Next::kIo, absl::OkStatus()};
 }
 
 Stream::Step StreamSegmentsCall::Work(bool) {
+  if (answer_ != nullptr) return ContinueAnswer();
   std::optional<v1::StreamSegmentsRequest> request = TakeNewest();
   if (request || !admitted_) {
     v1::StreamSegmentsRequest none;
@@ -168,9 +128,10 @@ Stream::Step StreamSegmentsCall::Work(bool) {
     return {Next::kEnd, TooSlowError(first_message)};
   }
   if (!request) return {all_read() ? Next::kEnd : Next::kIdle, absl::OkStatus()};
-  if (Answer(*request)) return {Next::kIo, absl::OkStatus()};
-  Wake();  // for the newer request
-  return {Next::kIdle, absl::OkStatus()};
+  request_ = *std::move(request);
+  const absl::Status begun = BeginAnswer();
+  // A refusal is an answer, so that the stream survives it.
+  return begun.ok() ? ContinueAnswer() : Send(begun);
 }
 
 }  // namespace
@@ -239,16 +200,21 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::SegmentViews(
   // long on `evaluation`, and those of other services that only read the store on `io`, so that
   // none of them waits for a slower kind.
   WorkerPool& pool = request->sam_borders() ? runner_.pools().border : runner_.pools().query;
-  return runner_.Run(pool, {call, request}, [this, request, response](const UnaryCall& unary) {
-    const QueryCall query = {unary.queued, [&unary] { return !unary.CheckWanted().ok(); }};
-    return Segment(models_, borders_, query, *request, response);
-  });
+  return runner_.RunInParts(
+      pool, {call, request},
+      [this, request, response](const UnaryCall& unary) -> absl::StatusOr<AnswerParts> {
+        const UnaryRequest asked = unary;
+        const QueryCall query = {unary.queued, [asked] { return !asked.CheckWanted().ok(); }};
+        ASSIGN_OR_RETURN(std::shared_ptr<SegmentAnswer> answer,
+                         SegmentAnswer::Begin({models_, borders_}, query, *request, response));
+        return [answer = std::move(answer)] { return answer->SegmentNext(); };
+      });
 }
 
 grpc::ServerBidiReactor<v1::StreamSegmentsRequest, v1::StreamSegmentsResponse>*
 SegmentationServiceRpc::StreamSegments(grpc::CallbackServerContext* call) {
-  const auto stream =
-      std::make_shared<StreamSegmentsCall>(runner_, models_, borders_, OriginOf(*call));
+  const auto stream = std::make_shared<StreamSegmentsCall>(runner_, SegmentTools{models_, borders_},
+                                                           OriginOf(*call));
   stream->BeginReading();
   return stream.get();  // owns itself until OnDone
 }

@@ -77,11 +77,11 @@ void WriteFilesStream::OnClosed() {
   if (writer_ == nullptr && group_.empty()) return;
   // A pool that has stopped drops the task, whose destructors then block on this thread: the server
   // is ending, so nothing else waits for it.
-  parts_.runner.pools().upload.SubmitAlways([parts = parts_, upload = upload_,
-                                             group = std::move(group_),
-                                             writer = std::move(writer_)]() mutable {
-    Close(parts, upload, std::move(group), std::move(writer)).IgnoreError();
-  });
+  parts_.runner.pools().upload.SubmitAlways(
+      caller_ ? caller_->project : "", [parts = parts_, upload = upload_, group = std::move(group_),
+                                        writer = std::move(writer_)]() mutable {
+        Close(parts, upload, std::move(group), std::move(writer)).IgnoreError();
+      });
 }
 
 absl::Duration WriteFilesStream::io_limit() const {

@@ -137,6 +137,13 @@ TEST(ToGrpc, SendsDetailsOfGoogleRpc) {
                   "RetryInfo { retry_delay { seconds: 1 nanos: 500000000 } }"));
 }
 
+TEST(CheckAnswerSize, RefusesWhatIsOver4MiB) {
+  EXPECT_TRUE(CheckAnswerSize(4 << 20).ok());
+  const v1::Status error = ToProto(CheckAnswerSize((4 << 20) + 1));
+  EXPECT_EQ(error.code(), grpc::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(FlatError(error).reason(), "ANSWER_TOO_LARGE");
+}
+
 TEST(FlatError, HasTheSameInFields) {
   const absl::Status bad = BadField("files[3].path", "../x", "has the part '..'");
   const v1::Error error = FlatError(ToProto(bad));

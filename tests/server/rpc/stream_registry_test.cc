@@ -42,7 +42,7 @@ struct StreamRegistryTest : ::testing::Test {
     for (const auto& stream : streams) registry.Remove(stream.get());
   }
 
-  WorkerPool pool{1, 100};
+  WorkerPool pool{{.threads = 1, .queued = 100}};
   StreamRegistry registry{absl::Seconds(60),
                           {/*max_streams=*/6, /*max_per_project=*/3,
                            /*max_per_peer=*/2, absl::Seconds(1), absl::Seconds(1)}};

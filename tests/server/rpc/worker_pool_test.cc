@@ -2,8 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
+#include <chrono>
+#include <functional>
 #include <future>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -12,31 +16,113 @@ namespace {
 
 TEST(WorkerPool, RunsWhatIsQueuedBeforeItStops) {
   std::atomic<int> runs = 0;
-  WorkerPool pool(2, 1000);
-  for (int i = 0; i < 500; ++i) ASSERT_TRUE(pool.Submit([&] { ++runs; }));
+  WorkerPool pool({.threads = 2, .queued = 1000});
+  for (int i = 0; i < 500; ++i) ASSERT_TRUE(pool.Submit("a", [&] { ++runs; }));
   pool.Stop();
   EXPECT_EQ(runs, 500);
-  EXPECT_FALSE(pool.Submit([] {}));
-  EXPECT_FALSE(pool.SubmitAlways([] {}));
+  EXPECT_FALSE(pool.Submit("a", [] {}));
+  EXPECT_FALSE(pool.SubmitAlways("a", [] {}));
 }
 
 TEST(WorkerPool, RefusesBeyondItsQueue) {
   std::promise<void> gate;
   std::promise<void> begun;
-  WorkerPool pool(1, 2);
-  ASSERT_TRUE(pool.Submit([&] {
+  WorkerPool pool({.threads = 1, .queued = 2});
+  ASSERT_TRUE(pool.Submit("a", [&] {
     begun.set_value();
     gate.get_future().wait();
   }));
   begun.get_future().wait();
-  EXPECT_TRUE(pool.Submit([] {}));
-  EXPECT_TRUE(pool.Submit([] {}));
-  EXPECT_FALSE(pool.Submit([] {}));
+  EXPECT_TRUE(pool.Submit("a", [] {}));
+  EXPECT_TRUE(pool.Submit("a", [] {}));
+  EXPECT_FALSE(pool.Submit("a", [] {}));
   std::atomic<bool> ran = false;
-  EXPECT_TRUE(pool.SubmitAlways([&] { ran = true; }));
+  EXPECT_TRUE(pool.SubmitAlways("a", [&] { ran = true; }));
   gate.set_value();
   pool.Stop();
   EXPECT_TRUE(ran);
+}
+
+// Holds the only thread of a pool until Open() is called.
+class Gate {
+ public:
+  explicit Gate(WorkerPool& pool) {
+    std::promise<void> begun;
+    EXPECT_TRUE(pool.Submit("gate", [&] {
+      begun.set_value();
+      opened_.get_future().wait();
+    }));
+    begun.get_future().wait();
+  }
+  void Open() { opened_.set_value(); }
+
+ private:
+  std::promise<void> opened_;
+};
+
+TEST(WorkerPool, ServesOwnersInTurn) {
+  WorkerPool pool({.threads = 1, .queued = 100});
+  Gate gate(pool);
+  std::string order;
+  for (int i = 0; i < 4; ++i) ASSERT_TRUE(pool.Submit("a", [&] { order += 'a'; }));
+  for (int i = 0; i < 2; ++i) ASSERT_TRUE(pool.Submit("b", [&] { order += 'b'; }));
+  ASSERT_TRUE(pool.Submit("c", [&] { order += 'c'; }));
+  gate.Open();
+  pool.Stop();
+  EXPECT_EQ(order, "abcabaa");
+}
+
+// A long answer submits its next part when one has ended.
+TEST(WorkerPool, LetsATaskWaitForOnePartOfALongAnswer) {
+  WorkerPool pool({.threads = 1, .queued = 100});
+  Gate gate(pool);
+  std::string order;
+  std::function<void()> part = [&] {
+    order += 'a';
+    if (order.size() < 10) pool.SubmitAlways("a", part);
+  };
+  ASSERT_TRUE(pool.Submit("a", part));
+  ASSERT_TRUE(pool.Submit("b", [&] { order += 'b'; }));
+  ASSERT_TRUE(pool.Submit("a", [&] { order += 'x'; }));
+  gate.Open();
+  while (pool.use().num_queued > 0 || pool.use().num_busy > 0) std::this_thread::yield();
+  pool.Stop();
+  EXPECT_EQ(order.substr(0, 4), "abxa") << order;
+}
+
+TEST(WorkerPool, KeepsPlacesOfItsQueueForOtherOwners) {
+  WorkerPool pool({.threads = 1, .queued = 4, .queued_of_owner = 2});
+  Gate gate(pool);
+  EXPECT_TRUE(pool.Submit("a", [] {}));
+  EXPECT_TRUE(pool.Submit("a", [] {}));
+  EXPECT_FALSE(pool.Submit("a", [] {}));
+  EXPECT_TRUE(pool.Submit("b", [] {}));
+  EXPECT_TRUE(pool.Submit("c", [] {}));
+  EXPECT_FALSE(pool.Submit("d", [] {}));
+  EXPECT_EQ(pool.use().num_refused, 2);
+  gate.Open();
+}
+
+TEST(WorkerPool, KeepsThreadsForOtherOwners) {
+  WorkerPool pool({.threads = 2, .queued = 100, .threads_of_owner = 1});
+  std::promise<void> gate;
+  std::shared_future<void> opened = gate.get_future().share();
+  std::atomic<int> running = 0;
+  std::atomic<int> most = 0;
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_TRUE(pool.Submit("a", [&, opened] {
+      most = std::max<int>(most, ++running);
+      opened.wait();
+      --running;
+    }));
+  }
+  // The second thread is free for another owner, although two tasks of the first one wait.
+  std::promise<void> done;
+  ASSERT_TRUE(pool.Submit("b", [&] { done.set_value(); }));
+  EXPECT_EQ(done.get_future().wait_for(std::chrono::seconds(60)), std::future_status::ready);
+  gate.set_value();
+  pool.Stop();
+  EXPECT_EQ(most, 1);
 }
 
 TEST(LatencyWindow, ReportsTheLastTenSecondsWithinTenPercent) {

@@ -7,6 +7,7 @@
 
 #include "absl/time/clock.h"
 #include "core/base/digest.h"
+#include "core/base/file_io.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"
 #include "server/store/layout.h"
@@ -359,6 +360,17 @@ TEST_F(SlowWorker, RunsTwiceAtOnceAtMost) {
   int num_runs = 0;
   for (int count = 0; counts >> count; ++num_runs) EXPECT_LE(count, 2);
   EXPECT_EQ(num_runs, 6);
+}
+
+TEST_F(SlowWorker, IsNotStartedAgainForAFileThatDidNotDecode) {
+  std::ofstream(folder / "worker")
+      << "#!/bin/sh\necho x >> " << folder.path().string() << "/counts\nkill -9 $$\n";
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_ERROR(Get(*running, request).status, grpc::INVALID_ARGUMENT,
+                 {.message = "images/a.jpg: does not decode: the decoder was killed by signal 9"});
+  }
+  ASSERT_OK_AND_ASSIGN(const std::string counts, ReadFile(folder / "counts", "counts", 100));
+  EXPECT_EQ(counts, "x\n");
 }
 
 }  // namespace

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "pepeseg/v1/segmentation_service.pb.h"
+#include "server/api/request_image.h"
+#include "server/api/segment_request.h"
+#include "server/services/border_refiner.h"
+#include "server/services/model_loader.h"
+
+namespace pepeseg {
+
+// What answers to SegmentViewsRequests are made with. All must outlive the answers.
+struct SegmentTools {
+  ModelLoader& models;
+  BorderRefiner& borders;
+};
+
+// A query on its pool thread, from a unary call or a stream.
+struct QueryCall {
+  absl::Duration queued;           // how long it waited for the thread
+  std::function<bool()> given_up;  // returns whether the client no longer waits for the answer
+};
+
+// The answer to a SegmentViewsRequest, computed one view at a time, so that a thread can turn to
+// others after each view. Holds the model in memory.
+class SegmentAnswer {
+ public:
+  // Loads the model, which blocks, and reads the request. Fills `response`; it and `request` must
+  // outlive the answer.
+  static absl::StatusOr<std::unique_ptr<SegmentAnswer>> Begin(
+      const SegmentTools& tools, QueryCall call, const v1::SegmentViewsRequest& request,
+      v1::SegmentViewsResponse* response);
+
+  // Segments the next view. Returns nullopt if there are more, else how the answer ends.
+  // CANCELLED: the client does not wait.
+  std::optional<absl::Status> SegmentNext();
+
+ private:
+  SegmentAnswer(const SegmentTools& tools, QueryCall call, const v1::SegmentViewsRequest& request,
+                v1::SegmentViewsResponse* response);
+  absl::Status Segment(const ModelView& target);
+
+  const SegmentTools tools_;
+  const QueryCall call_;
+  const v1::SegmentViewsRequest& request_;
+  v1::SegmentViewsResponse* const response_;
+  ResidentModel model_;
+  SegmentQuery asked_;
+  Query query_;  // asked_.prompt, resolved
+  AnswerFrame frame_;
+  size_t next_ = 0;       // the next of asked_.targets
+  size_t num_bytes_ = 0;  // of the masks so far
+  absl::Duration compute_;
+  absl::Duration encode_;
+};
+
+}  // namespace pepeseg
