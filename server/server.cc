@@ -1,6 +1,5 @@
 #include "server/server.h"
 
-#include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <spdlog/spdlog.h>
@@ -21,11 +20,13 @@
 #include "server/api/error.h"
 #include "server/collect/collector.h"
 #include "server/data/blob_checker.h"
+#include "server/data/data_identity.h"
 #include "server/data/locked_file.h"
 #include "server/observe/self_probe.h"
 #include "server/rpc/call_interceptor.h"
 #include "server/rpc/connection_acceptor.h"
 #include "server/rpc/listener_probe.h"
+#include "server/rpc/reflection.h"
 #include "server/server_metrics.h"
 #include "server/server_parts.h"
 #include "server/services/border_refiner.h"
@@ -75,6 +76,7 @@ constexpr absl::Duration kGoAway = absl::Milliseconds(200);
 // The parts of a server, each after those that it uses: members are destroyed in reverse order.
 struct Server::Parts {
   std::unique_ptr<DirectoryLock> lock;
+  std::optional<LockedFile> database_lock;
   std::unique_ptr<Store> store;
   std::unique_ptr<AuditLog> audit;
   std::unique_ptr<RefusalLog> refusals;
@@ -147,7 +149,9 @@ absl::Status Server::Parts::OpenAccess(const ServerOptions& options) {
 
 absl::Status Server::Parts::OpenStorage(const ServerOptions& options) {
   ASSIGN_OR_RETURN(lock, DirectoryLock::Take(options.data, IsShared(options)));
+  ASSIGN_OR_RETURN(database_lock, LockDatabase(options));
   ASSIGN_OR_RETURN(store, OpenStore(options));
+  RETURN_IF_ERROR(CheckIdentity(*store, options.data));
   RETURN_IF_ERROR(OpenAccess(options));
   store->SetDefaultQuota(options.quota);
   quotas = std::make_unique<ProjectQuotas>(store.get());
@@ -237,9 +241,10 @@ void Server::Parts::MakeQueryServices(int num_threads) {
 }
 
 absl::Status Server::Parts::Listen(const ServerOptions& options) {
-  // Both are global settings of gRPC, and count for servers that are built afterwards.
+  // Both are global settings of gRPC, and count for servers that are built afterwards: not for the
+  // admin listener.
   grpc::EnableDefaultHealthCheckService(true);
-  if (options.reflection) grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  if (options.reflection) RETURN_IF_ERROR(EnableReflection());
   grpc::ServerBuilder builder;
   SetLimits(builder, {kMaxRequestBytes, options.max_connection_age});
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;

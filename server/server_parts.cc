@@ -5,12 +5,15 @@
 
 #include <algorithm>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/child_process.h"
+#include "core/base/errors.h"
 #include "core/base/status_macros.h"
 #include "core/priors/sam/sam_networks.h"
 #include "kernels/host_memory.h"
@@ -92,6 +95,23 @@ absl::StatusOr<std::filesystem::path> FindSam(const ServerOptions& options) {
 }
 
 int NumCores() { return static_cast<int>(std::max(1u, std::thread::hardware_concurrency())); }
+
+absl::StatusOr<std::optional<LockedFile>> LockDatabase(const ServerOptions& options) {
+  constexpr absl::string_view kSqlite = "sqlite:";
+  const std::string url = DatabaseUrl(options);
+  if (!absl::StartsWith(url, kSqlite)) return std::nullopt;
+  // The real path: a link to the file, or to a folder above it, names the same database.
+  std::error_code error;
+  std::filesystem::path path = std::filesystem::weakly_canonical(url.substr(kSqlite.size()), error);
+  if (error) return FileError(url, "cannot resolve", error.value());
+  path += ".lock";
+  absl::StatusOr<LockedFile> lock = LockedFile::TryAlone(path);
+  if (absl::IsAborted(lock.status())) {
+    return absl::FailedPreconditionError(absl::StrCat(url, ": another server uses this database"));
+  }
+  RETURN_IF_ERROR(lock.status());
+  return std::optional<LockedFile>(*std::move(lock));
+}
 
 absl::StatusOr<std::unique_ptr<Store>> OpenStore(const ServerOptions& options) {
   const std::string url = DatabaseUrl(options);

@@ -3,10 +3,12 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "server/data/locked_file.h"
 #include "server/jobs/supervisor.h"
 #include "server/observe/health_monitor.h"
 #include "server/server.h"
@@ -24,6 +26,9 @@ absl::Status CheckOptions(const ServerOptions& options);
 
 // Returns whether other servers may use the database and the data directory at the same time.
 bool IsShared(const ServerOptions& options);
+// Locks a SQLite database, wherever it is, for this server. Returns nothing for PostgreSQL, which
+// servers share. FAILED_PRECONDITION: another server uses it.
+absl::StatusOr<std::optional<LockedFile>> LockDatabase(const ServerOptions& options);
 // Opens the database. Errors as Store::Open.
 absl::StatusOr<std::unique_ptr<Store>> OpenStore(const ServerOptions& options);
 

@@ -265,6 +265,13 @@ absl::Status RunningJob::ReadOutcome(JobResult* result, absl::Status* outcome) {
   if (has_result && read.ok() &&
       (end.kind == WorkerEnd::Kind::kUnknown || read->status.ok() == (end.exit_code == 0))) {
     *result = *read;
+    // A signal that this server has not sent, such as one of the machine's operator, does not
+    // cancel the job.
+    if (absl::IsCancelled(result->status) && !terminated_) {
+      crashed_ = true;
+      *outcome = absl::InternalError("the worker was stopped by a signal from outside");
+      return absl::OkStatus();
+    }
     if (!result->status.ok()) {
       *outcome = OutcomeOfCheck(*result);
       return absl::OkStatus();

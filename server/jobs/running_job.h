@@ -123,7 +123,7 @@ class RunningJob {
   bool follows_live_ = false;  // events already in the log at the start are not forwarded
   int64_t sequence_ = 0;
   bool terminated_ = false;
-  bool crashed_ = false;     // the worker was killed, or ended without a result
+  bool crashed_ = false;     // the worker was killed, stopped from outside, or left no result
   bool timed_out_ = false;   // KillIfTimedOut() has killed the worker
   bool lease_lost_ = false;  // the worker ended because its lease was not renewed
   bool check_started_ = false;

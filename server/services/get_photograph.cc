@@ -7,11 +7,11 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/digest.h"
-#include "core/base/file_io.h"
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/dataset_index.h"
 #include "core/formats/heic_header.h"
+#include "core/model_files/manifest.h"
 #include "core/model_files/model_facts.h"
 #include "server/api/error.h"
 #include "server/api/resource_name.h"
@@ -114,7 +114,7 @@ absl::StatusOr<std::string> FindView(const Parent& parent, const v1::GetPhotogra
                     "a dataset has no views: name a model as the parent");
   }
   ASSIGN_OR_RETURN(const std::string text,
-                   ReadFile(parent.model / "model.json", "model.json", kMaxModelFactsBytes));
+                   ReadListedFile(parent.model, "model.json", kMaxModelFactsBytes));
   Model model;
   RETURN_IF_ERROR(ParseModelFacts(text, model));
   for (const ModelView& view : model.views) {

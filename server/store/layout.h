@@ -11,6 +11,7 @@
 //
 //   lock                      held by the one server that uses the directory
 //   pepeseg.db                the SQLite database
+//   database-id               identity of the database (server/data/data_identity.h)
 //   audit.log                 who did what (server/access/audit_log.h)
 //   refused.log               calls without a valid key (server/access/audit_log.h)
 //   collector.lock            held by the one server that collects garbage
@@ -30,6 +31,10 @@ inline std::filesystem::path LockPath(const std::filesystem::path& data) { retur
 
 inline std::filesystem::path DatabasePath(const std::filesystem::path& data) {
   return data / "pepeseg.db";
+}
+
+inline std::filesystem::path IdentityPath(const std::filesystem::path& data) {
+  return data / "database-id";
 }
 
 inline std::filesystem::path AuditPath(const std::filesystem::path& data) {

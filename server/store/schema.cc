@@ -240,6 +240,8 @@ constexpr const char* kScenesByName =
     "CREATE UNIQUE INDEX scenes_by_name ON scenes (project, name)";
 constexpr const char* kSceneNumbers = "CREATE TABLE scene_numbers (next_scene BIGINT NOT NULL)";
 constexpr const char* kFirstSceneNumber = "INSERT INTO scene_numbers (next_scene) VALUES (1)";
+constexpr const char* kDatabaseIdentity =
+    "CREATE TABLE database_identity (id VARCHAR(32) NOT NULL)";
 // A key is a number of up to 19 digits, '@' and an id.
 constexpr const char* kLongSceneKey = "ALTER TABLE scenes ALTER COLUMN id TYPE VARCHAR(83)";
 constexpr const char* kLongDatasetKey = "ALTER TABLE datasets ALTER COLUMN scene TYPE VARCHAR(83)";
@@ -288,6 +290,7 @@ std::vector<const char*> SchemaStep(int to) {
     return {kSceneNames,   kOldSceneNames, kDropScenesByProject,
             kScenesByName, kSceneNumbers,  kFirstSceneNumber};
   }
+  if (to == 9) return {kDatabaseIdentity};
   return {kScenes,      kSceneRequests, kDatasets, kDatasetRequests, kDatasetFiles,   kJobs,
           kJobRequests, kActiveJobs,    kJobQueue, kJobNumbers,      kFirstJobNumber, kModels};
 }

@@ -40,6 +40,24 @@ absl::Status Store::Ping() {
   });
 }
 
+absl::StatusOr<std::string> Store::Identity() {
+  return database_->Read<std::string>([](soci::session& sql) -> absl::StatusOr<std::string> {
+    std::string id;
+    sql << "SELECT id FROM database_identity", soci::into(id);
+    return id;
+  });
+}
+
+absl::Status Store::SetIdentity(const std::string& id) {
+  return database_->Transact([&](soci::session& sql) {
+    int count = 0;
+    sql << "SELECT COUNT(*) FROM database_identity", soci::into(count);
+    if (count > 0) return absl::AbortedError("the database has an identity");
+    sql << "INSERT INTO database_identity (id) VALUES (:id)", soci::use(id);
+    return absl::OkStatus();
+  });
+}
+
 absl::StatusOr<Store::Counts> Store::CountAll() {
   return database_->Query<Counts>([](soci::session& sql) -> absl::StatusOr<Counts> {
     Counts counts;

@@ -39,6 +39,12 @@ class Store {
   static absl::StatusOr<std::unique_ptr<Store>> Open(const std::string& url);
   ~Store();
 
+  // Returns the random number by which the database and its data directory know each other
+  // (server/data/data_identity.h), 32 hexadecimal digits. Empty: it has none yet.
+  absl::StatusOr<std::string> Identity();
+  // Sets the identity of a database that has none. ABORTED: it has one.
+  absl::Status SetIdentity(const std::string& id);
+
   SceneStore& scenes() { return scenes_; }
   DatasetStore& datasets() { return datasets_; }
   FileStore& files() { return files_; }

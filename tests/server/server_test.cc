@@ -1,5 +1,6 @@
 #include "server/server.h"
 
+#include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 #include <spawn.h>
@@ -72,12 +73,9 @@ struct Program {
                    const std::string& worker = PEPESEG_FAKE_WORKER,
                    const std::vector<std::string>& more = {}) {
     const std::string port_file = (folder / "port").string();
-    std::vector<std::string> words = {PEPESEG_SERVER,
-                                      "--data=" + (folder / "data").string(),
-                                      "--port-file=" + port_file,
-                                      "--worker=" + worker,
-                                      "--listen=127.0.0.1:0",
-                                      "--reflection"};
+    std::vector<std::string> words = {PEPESEG_SERVER, "--data=" + (folder / "data").string(),
+                                      "--port-file=" + port_file, "--worker=" + worker,
+                                      "--listen=127.0.0.1:0"};
     words.insert(words.end(), more.begin(), more.end());
     std::vector<char*> arguments;
     arguments.reserve(words.size() + 1);
@@ -113,6 +111,34 @@ TEST(ServerProgram, ServesAndExitsCleanlyOnSigterm) {
   const int state = program.Await();
   EXPECT_TRUE(WIFEXITED(state));
   EXPECT_EQ(WEXITSTATUS(state), 0);
+}
+
+// Sends an empty request for reflection, and returns how the call ended.
+grpc::Status AskReflection(const std::shared_ptr<grpc::Channel>& channel) {
+  grpc::GenericStub stub(channel);
+  grpc::CompletionQueue queue;
+  grpc::ClientContext context;
+  const auto call = stub.PrepareUnaryCall(
+      &context, "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
+      grpc::ByteBuffer(), &queue);
+  call->StartCall();
+  grpc::ByteBuffer answer;
+  grpc::Status status;
+  call->Finish(&answer, &status, &queue);
+  void* tag = nullptr;
+  bool ok = false;
+  queue.Next(&tag, &ok);
+  return status;
+}
+
+TEST(ServerProgram, ServesReflectionOnlyIfAskedTo) {
+  const testing::TempFolder without, with;
+  const Program silent(without);
+  ASSERT_GT(silent.port, 0);
+  EXPECT_EQ(AskReflection(ConnectTo(silent.port)).error_code(), grpc::StatusCode::UNIMPLEMENTED);
+  const Program open(with, PEPESEG_FAKE_WORKER, {"--reflection"});
+  ASSERT_GT(open.port, 0);
+  EXPECT_OK(AskReflection(ConnectTo(open.port)));
 }
 
 v1::Job TrainOn(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene,

@@ -77,11 +77,11 @@ constexpr absl::string_view kAboutItselfCalls =
     "uname";
 
 // CUDA's driver, in the worker or in a priors command: pinned and shared memory, memory near a
-// processor, priorities of its threads. It does everything else by ioctl on its devices.
+// processor. It does everything else by ioctl on its devices. AllowPriorities has the conditions
+// of the calls for the priorities of its threads.
 constexpr absl::string_view kDeviceCalls =
     "io_cancel io_destroy io_getevents io_setup io_submit mbind mlockall move_pages munlockall "
-    "sched_setattr sched_setparam sched_setscheduler semctl semget semop semtimedop "
-    "set_mempolicy setpriority shmat shmctl shmdt shmget";
+    "semctl semget semop semtimedop set_mempolicy shmat shmctl shmdt shmget";
 
 // CUDA's driver listens on an abstract socket (@cuda-uvmfd-...), and fails where it cannot (seen on
 // an H100). Nothing needs to connect to it.
@@ -89,8 +89,7 @@ constexpr absl::string_view kDeviceSocketCalls = "bind listen";
 
 // COLMAP and the priors command: to start them, to wait for them, and what shells and Python's own
 // processes need. No setsid: a program that left the worker's process group would outlive the job.
-constexpr absl::string_view kProgramCalls =
-    "execve execveat fork ioprio_set personality vfork wait4 waitid";
+constexpr absl::string_view kProgramCalls = "execve execveat fork personality vfork wait4 waitid";
 
 constexpr absl::string_view kSanitizerCalls = "personality ptrace wait4 waitid";
 
@@ -245,6 +244,22 @@ void AllowSignals(Filter& filter, bool processes) {
   }
 }
 
+// Allows priorities that do not take the processor or the disk from the server, even if that runs
+// as root: the policies that share time, niceness of at least 0, and no real-time class of I/O. No
+// sched_setattr, whose policy is in memory, where a filter cannot look.
+void AllowPriorities(Filter& filter) {
+  for (const uint64_t policy : {SCHED_OTHER, SCHED_BATCH, SCHED_IDLE}) {
+    filter.AllowIf("sched_setscheduler", {SCMP_A1(SCMP_CMP_MASKED_EQ, kLowerHalf, policy)});
+  }
+  // Negative numbers are large ones here.
+  constexpr uint64_t kNicest = 19;
+  filter.AllowIf("setpriority", {SCMP_A2(SCMP_CMP_LE, kNicest)});
+  constexpr uint64_t kClassOf = 0xe000, kBestEffort = 2 << 13, kIdle = 3 << 13;
+  for (const uint64_t io_class : {uint64_t{0}, kBestEffort, kIdle}) {
+    filter.AllowIf("ioprio_set", {SCMP_A2(SCMP_CMP_MASKED_EQ, kClassOf, io_class)});
+  }
+}
+
 // Refuses what the second filter cannot except from its rules: of several filters the strictest
 // action counts. Without a log, since every new thread tries clone3.
 //
@@ -282,7 +297,10 @@ absl::Status LimitSystemCalls(const SandboxNeeds& needs) {
   AllowSignals(filter, needs.runs_programs || kSanitized);
   AllowThreads(filter, needs.runs_programs || kSanitized);
   AllowSockets(filter, needs.has_device);
-  if (needs.has_device || needs.runs_programs) filter.Allow(kDeviceCalls);
+  if (needs.has_device || needs.runs_programs) {
+    filter.Allow(kDeviceCalls);
+    AllowPriorities(filter);
+  }
   if (needs.runs_programs) {
     filter.Allow(kProgramCalls);
     // Shells stop when it fails. Programs stay in the worker's group, which group_guard.h ends.

@@ -43,6 +43,21 @@ TEST(Manifest, NamesTheFileThatChanged) {
   EXPECT_STATUS(VerifyManifest(folder.path(), manifest), kDataLoss, "/b: the manifest lists it");
 }
 
+TEST(ReadListedFile, ReturnsOnlyWhatTheManifestLists) {
+  const TempFolder folder;
+  WriteTwoFiles(folder);
+  const auto read = [&](const std::string& name) {
+    return ReadListedFile(folder.path(), name, 100);
+  };
+  EXPECT_EQ(*read("b"), "second");
+  ASSERT_OK(WriteFileAtomically(folder / "c", "other"));
+  EXPECT_STATUS(read("c").status(), kDataLoss, "/c: its manifest lists no such file");
+  ASSERT_OK(WriteFileAtomically(folder / "b", "secund"));
+  EXPECT_STATUS(read("b").status(), kDataLoss, "/b: its checksum differs");
+  std::filesystem::remove(folder / "b");
+  EXPECT_STATUS(read("b").status(), kDataLoss, "/b: it is not there");
+}
+
 TEST(Manifest, IsRejectedIfMissingOrMalformed) {
   const TempFolder folder;
   EXPECT_EQ(ReadManifest(folder.path()).status().code(), absl::StatusCode::kNotFound);

@@ -117,6 +117,10 @@ int Act(const std::string& act, const JobFolder& folder, int64_t fence) {
   }
   if (act == "stop once" && fence == 1) raise(SIGSTOP);
   if (act == "work a while") sleep(1);
+  if (act == "be terminated once" && fence == 1) {
+    raise(SIGTERM);
+    return HangUntilTerminated(folder, fence);
+  }
   if (act == "hang once" && fence == 1) return HangUntilTerminated(folder, fence);
   return Succeed(folder, fence);
 }

@@ -43,9 +43,13 @@ TEST_F(SupervisorTest, LogsAllEventsOfAJob) {
   EXPECT_EQ(events[1].stage_started().stage(), v1::JOB_STAGE_RECONSTRUCT);
   EXPECT_EQ(events[4].progress().step(), 3);
   EXPECT_EQ(events[5].state_changed().model(), "scenes/s1/models/1");
-  ASSERT_OK_AND_ASSIGN(const auto newest, supervisor_->FindNewest(job));
-  EXPECT_EQ(newest.sequence, 6);
-  EXPECT_EQ(newest.progress->step(), 3);
+  // The supervisor reads the log after it has written the last event.
+  absl::StatusOr<Supervisor::Newest> newest;
+  EXPECT_TRUE(testing::Eventually([&] {
+    newest = supervisor_->FindNewest(job);
+    return newest.ok() && newest->sequence == 6;
+  }));
+  EXPECT_EQ(newest->progress->step(), 3);
 }
 
 // The server reads regular files of a worker, and nothing else.
@@ -184,6 +188,12 @@ TEST_F(SupervisorTest, KillsAWorkerThatIgnoresTheCancel) {
   absl::SleepFor(absl::Milliseconds(50));  // until the worker ignores SIGTERM
   ASSERT_OK(supervisor_->Cancel(job));
   EXPECT_EQ(WaitForEnd(job).state, JobState::kCancelled);
+}
+
+TEST_F(SupervisorTest, RunsAJobAgainWhoseWorkerWasTerminatedByOthers) {
+  const JobRow end = WaitForEnd(Submit("be terminated once"));
+  EXPECT_EQ(end.state, JobState::kSucceeded);
+  EXPECT_EQ(end.fence, 2);
 }
 
 TEST_F(SupervisorTest, RequeuesRunningJobsOnStop) {

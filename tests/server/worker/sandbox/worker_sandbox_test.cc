@@ -422,6 +422,24 @@ TEST_F(WorkerSandboxTest, CannotChangeItsLimits) {
   ExpectRefused([&] { return prlimit(parent, RLIMIT_DATA, nullptr, &now); });
 }
 
+TEST_F(WorkerSandboxTest, TakesNoPriorityOverTheServer) {
+  for (const bool programs : {false, true}) {
+    needs_.runs_programs = programs;
+    needs_.has_device = !programs;
+    const sched_param none{0};
+    const sched_param high{1};
+    ExpectAllowed([&] { return sched_setscheduler(0, SCHED_BATCH, &none); });
+    ExpectRefused([&] { return sched_setscheduler(0, SCHED_FIFO, &high); });
+    ExpectRefused([&] { return sched_setscheduler(0, SCHED_RR, &high); });
+    ExpectRefused([] { return syscall(SYS_sched_setattr, 0, nullptr, 0); });
+    ExpectAllowed([] { return setpriority(PRIO_PROCESS, 0, 19); });
+    ExpectRefused([] { return setpriority(PRIO_PROCESS, 0, -1); });
+    constexpr int kOfProcess = 1, kRealTime = 1 << 13, kIdle = 3 << 13;
+    ExpectAllowed([] { return syscall(SYS_ioprio_set, kOfProcess, 0, kIdle); });
+    ExpectRefused([] { return syscall(SYS_ioprio_set, kOfProcess, 0, kRealTime); });
+  }
+}
+
 TEST_F(WorkerSandboxTest, CannotTypeIntoATerminal) {
   char typed = 'x';
   for (const unsigned long high : {0UL, 1UL << 32}) {
