@@ -11,6 +11,8 @@ import { goTo } from '../router';
 import { TrainingChoice, defaultTraining } from '../training/training_choice';
 import type { Dataset, DroppedFile } from '../upload/dataset_files';
 import { describe, readDataset, sceneIdFrom } from '../upload/dataset_files';
+import type { Verdict } from '../upload/dataset_verdict';
+import { verdictOf } from '../upload/dataset_verdict';
 import { filesOfDrop, filesOfInput } from '../upload/dropped_files';
 import { beginUpload } from '../upload/uploads';
 
@@ -72,33 +74,33 @@ function DropZone({ onFiles }: { onFiles: (files: DroppedFile[]) => void }): JSX
   );
 }
 
-function Summary({ dataset }: { dataset: Dataset }): JSX.Element {
-  const bytes = dataset.files.reduce((sum, { file }) => sum + file.size, 0);
-  const has = (kind: FileKind) => dataset.files.some((file) => file.kind === kind);
-  const hasPictures = has(FileKind.IMAGE) || has(FileKind.VIDEO);
+function Summary({ dataset, verdict }: { dataset: Dataset; verdict: Verdict }): JSX.Element {
+  const { files, leftOut } = dataset;
+  const { tone, canUpload, faults } = verdict;
+  const bytes = files.reduce((sum, { file }) => sum + file.size, 0);
+  const hasPoses = files.some(({ kind }) => kind === FileKind.POSES);
   return (
-    <div class={`note ${hasPictures ? 'good' : 'bad'}`} role="status">
-      <Icon name={hasPictures ? 'check' : 'warn'} />
+    <div class={`note ${tone}`} role="status">
+      <Icon name={tone === 'good' ? 'check' : 'warn'} />
       <div>
-        {hasPictures ? (
+        {files.length > 0 && (
           <strong>
-            {describe(dataset.files)}: {bytesText(bytes)}
+            {describe(files)}: {bytesText(bytes)}
           </strong>
-        ) : (
-          <>
-            <strong>There are no photographs and no video among these files.</strong>
-            <p>
-              Photographs are .jpg, .png, .webp or .heic; videos .mp4, .mov, .webm, .mkv or .avi.
-            </p>
-          </>
         )}
-        {hasPictures && !has(FileKind.POSES) && (
+        {faults.map((fault) => (
+          <p key={fault}>{fault}</p>
+        ))}
+        {!canUpload && (
+          <p>Photographs are .jpg, .png, .webp or .heic; videos .mp4, .mov, .webm, .mkv or .avi.</p>
+        )}
+        {canUpload && !hasPoses && (
           <p>Without poses: the training first estimates where each photograph was taken.</p>
         )}
-        {dataset.leftOut.length > 0 && (
+        {leftOut.length > 0 && (
           <details>
-            <summary>{dataset.leftOut.length} files are left out</summary>
-            <p class="quiet">{dataset.leftOut.slice(0, 50).join(', ')}</p>
+            <summary>{leftOut.length} files are left out</summary>
+            <p class="quiet">{leftOut.slice(0, 50).join(', ')}</p>
           </details>
         )}
       </div>
@@ -118,17 +120,19 @@ export function NewSceneScreen(): JSX.Element {
   const [training, setTraining] = useState(defaultTraining);
   const [trains, setTrains] = useState(true);
   const [busy, setBusy] = useState(false);
-  const take = (dropped: DroppedFile[]) => {
+  const newest = useRef<readonly DroppedFile[]>([]);
+  const take = async (dropped: DroppedFile[]) => {
     if (dropped.length === 0) return;
-    setDataset(readDataset(dropped));
+    newest.current = dropped;
     if (name === '') setName(nameOf(dropped));
+    const read = await readDataset(dropped);
+    if (newest.current === dropped) setDataset(read);
   };
-  const hasPictures = dataset?.files.some(
-    ({ kind }) => kind === FileKind.IMAGE || kind === FileKind.VIDEO,
-  );
+  const verdict = dataset && verdictOf(dataset);
+  const ready = trains ? verdict?.canTrain : verdict?.canUpload;
   const submit = async (event: Event) => {
     event.preventDefault();
-    if (!dataset || !hasPictures || name.trim() === '') return;
+    if (!dataset || !ready || name.trim() === '') return;
     setBusy(true);
     const task = await beginUpload({
       sceneId: sceneIdFrom(name),
@@ -143,8 +147,8 @@ export function NewSceneScreen(): JSX.Element {
       <Header title="New scene" back="/" />
       <main>
         <form class="card narrow" onSubmit={(event) => void submit(event)}>
-          <DropZone onFiles={take} />
-          {dataset && <Summary dataset={dataset} />}
+          <DropZone onFiles={(dropped) => void take(dropped)} />
+          {dataset && verdict && <Summary dataset={dataset} verdict={verdict} />}
           <label class="field">
             <span>Name</span>
             <input
@@ -168,7 +172,7 @@ export function NewSceneScreen(): JSX.Element {
           <button
             type="submit"
             class="primary"
-            disabled={!hasPictures || name.trim() === '' || busy}
+            disabled={!ready || name.trim() === '' || busy}
           >
             {busy ? 'Reading …' : trains ? 'Upload and train' : 'Upload'}
           </button>

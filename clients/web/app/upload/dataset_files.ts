@@ -1,6 +1,8 @@
 // Which dropped files are part of a dataset, and what each is: the layout of the command-line client
 // (clients/cli/README.md).
 import { FileKind } from '../../gen/pepeseg/v1/dataset_service_pb';
+import { beginsAsPhotograph, beginsAsVideo } from './file_signature';
+import { transformsReferences } from './transforms_references';
 
 /** A dropped file with its path, such as "garden/images/0001.jpg". */
 export interface DroppedFile {
@@ -19,6 +21,8 @@ export interface Dataset {
   readonly files: DatasetFile[];
   /** Paths of files that are not part of a dataset. */
   readonly leftOut: string[];
+  /** Paths of files that have the name of a photograph or a video, and other content. */
+  readonly notPictures: string[];
 }
 
 const photograph = /\.(jpe?g|png|webp|heic|heif)$/i;
@@ -96,7 +100,29 @@ function withoutLivePhotos(files: readonly DatasetFile[]): DatasetFile[] {
   return files.filter(({ kind, path }) => kind !== FileKind.VIDEO || !photographs.has(below(path)));
 }
 
-export function readDataset(dropped: readonly DroppedFile[]): Dataset {
+/** Takes the files that transforms.json names, whatever their folders, from `rest`. */
+async function takeReferences(
+  files: DatasetFile[],
+  rest: readonly DroppedFile[],
+): Promise<DroppedFile[]> {
+  const transforms = files.find(({ path }) => path === 'transforms.json');
+  if (!transforms) return [...rest];
+  const named = transformsReferences(await transforms.file.text());
+  return rest.filter(({ path, file }) => {
+    const kind = named.get(path);
+    // The contract has no files without bytes.
+    if (kind === undefined || file.size === 0) return true;
+    files.push({ path, kind, file });
+    return false;
+  });
+}
+
+async function isAsNamed({ kind, file }: DatasetFile): Promise<boolean> {
+  if (kind === FileKind.IMAGE) return beginsAsPhotograph(file);
+  return kind !== FileKind.VIDEO || beginsAsVideo(file);
+}
+
+export async function readDataset(dropped: readonly DroppedFile[]): Promise<Dataset> {
   const named = dropped.filter(({ path }) => !isSystemFile(path));
   const root = sharedFolder(named.map(({ path }) => path));
   const files: DatasetFile[] = [];
@@ -109,10 +135,18 @@ export function readDataset(dropped: readonly DroppedFile[]): Dataset {
     if (kind === undefined) rest.push({ path: inside, file });
     else files.push({ path: inside, kind, file });
   }
+  // Before loose photographs: a mask is none.
+  rest = await takeReferences(files, rest);
   if (!hasPictures(files)) rest = takeLoose(files, rest);
-  const taken = withoutLivePhotos(files).sort((a, b) => (a.path < b.path ? -1 : 1));
-  const live = files.filter((file) => !taken.includes(file));
-  return { files: taken, leftOut: [...rest, ...live].map(({ path }) => path).sort() };
+  const asNamed = await Promise.all(files.map(isAsNamed));
+  const readable = files.filter((_, i) => asNamed[i]);
+  const taken = withoutLivePhotos(readable);
+  const live = readable.filter((file) => !taken.includes(file));
+  return {
+    files: taken.sort((a, b) => (a.path < b.path ? -1 : 1)),
+    leftOut: [...rest, ...live].map(({ path }) => path).sort(),
+    notPictures: files.filter((_, i) => !asNamed[i]).map(({ path }) => path).sort(),
+  };
 }
 
 const words: readonly [kind: FileKind, one: string, many: string][] = [

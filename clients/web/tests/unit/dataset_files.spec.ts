@@ -1,10 +1,28 @@
 import { expect, test } from '@playwright/test';
 import type { DroppedFile } from '../../app/upload/dataset_files';
 import { describe, kindOf, readDataset, sceneIdFrom } from '../../app/upload/dataset_files';
+import { verdictOf } from '../../app/upload/dataset_verdict';
 import { FileKind } from '../../gen/pepeseg/v1/dataset_service_pb';
 
+/** Returns a file whose content is what its name says, as far as its first bytes go. */
+function fileNamed(path: string): File {
+  const beginnings: readonly [RegExp, number[]][] = [
+    [/\.png$/i, [0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a]],
+    [/\.jpe?g$/i, [0xff, 0xd8, 0xff, 0xe0]],
+    [/\.heic$/i, [0, 0, 0, 24, ...Buffer.from('ftypheic')]],
+    [/\.(mp4|mov)$/i, [0, 0, 0, 24, ...Buffer.from('ftypisom')]],
+  ];
+  const bytes = beginnings.find(([name]) => name.test(path))?.[1] ?? [...Buffer.from(path)];
+  return new Blob([new Uint8Array(bytes)]) as File;
+}
+
 function dropped(...paths: string[]): DroppedFile[] {
-  return paths.map((path) => ({ path, file: new Blob([path]) as File }));
+  return paths.map((path) => ({ path, file: fileNamed(path) }));
+}
+
+function transforms(document: object): DroppedFile {
+  const text = JSON.stringify(document);
+  return { path: 'shop/transforms.json', file: new Blob([text]) as File };
 }
 
 test('the layout of the command-line client', () => {
@@ -22,28 +40,28 @@ test('the layout of the command-line client', () => {
   expect(kindOf('labels/0001.png')).toBeUndefined();
 });
 
-test('a dropped folder is the scene', () => {
-  const { files, leftOut } = readDataset(
+test('a dropped folder is the scene', async () => {
+  const { files, leftOut } = await readDataset(
     dropped('shelf/images/b.jpg', 'shelf/images/a.jpg', 'shelf/LICENSE'),
   );
   expect(files.map(({ path }) => path)).toEqual(['images/a.jpg', 'images/b.jpg']);
   expect(leftOut).toEqual(['LICENSE']);
 });
 
-test('a folder of photographs alone', () => {
-  const { files } = readDataset(dropped('holiday/1.jpg', 'holiday/2.png', 'holiday/notes.txt'));
+test('a folder of photographs alone', async () => {
+  const { files } = await readDataset(dropped('holiday/1.jpg', 'holiday/2.png', 'holiday/notes.txt'));
   expect(files.map(({ path }) => path)).toEqual(['images/1.jpg', 'images/2.png']);
 });
 
-test('loose files and a video', () => {
-  const { files } = readDataset(dropped('walk.mp4', '.DS_Store'));
+test('loose files and a video', async () => {
+  const { files } = await readDataset(dropped('walk.mp4', '.DS_Store'));
   expect(files.map(({ path, kind }) => [path, kind])).toEqual([
     ['videos/walk.mp4', FileKind.VIDEO],
   ]);
 });
 
-test('files that systems add, and the videos of Live Photos, are left out', () => {
-  const { files, leftOut } = readDataset(
+test('files that systems add, and the videos of Live Photos, are left out', async () => {
+  const { files, leftOut } = await readDataset(
     dropped(
       'trip/IMG_1.HEIC',
       'trip/IMG_1.MOV',
@@ -58,9 +76,76 @@ test('files that systems add, and the videos of Live Photos, are left out', () =
   expect(leftOut).toEqual(['videos/IMG_1.MOV']);
 });
 
-test('the folder "images" by itself', () => {
-  const { files } = readDataset(dropped('images/1.jpg', 'images/2.jpg'));
+test('the folder "images" by itself', async () => {
+  const { files } = await readDataset(dropped('images/1.jpg', 'images/2.jpg'));
   expect(files.map(({ path }) => path)).toEqual(['images/1.jpg', 'images/2.jpg']);
+});
+
+test('masks that transforms.json names are no photographs, and its points are taken', async () => {
+  const document = {
+    ply_file_path: './cloud/dense.ply',
+    mask_path: 'car.png',
+    frames: [
+      { file_path: 'rgb/1.jpg', mask_path: 'keep/1.png' },
+      { file_path: 'rgb/2.jpg', mask_path: '..\\keep\\2.png' },
+      { file_path: 'rgb/3.jpg', mask_path: 7 },
+    ],
+  };
+  const files = dropped('rgb/1.jpg', 'rgb/2.jpg', 'keep/1.png', 'keep/2.png', 'keep/9.txt', 'car.png');
+  const read = await readDataset([
+    transforms(document),
+    ...[...files, ...dropped('cloud/dense.ply')].map(({ path, file }) => ({
+      path: `shop/${path}`,
+      file,
+    })),
+  ]);
+  expect(read.files.map(({ path, kind }) => [path, kind])).toEqual([
+    ['car.png', FileKind.MASK],
+    ['cloud/dense.ply', FileKind.POINTS],
+    ['images/rgb/1.jpg', FileKind.IMAGE],
+    ['images/rgb/2.jpg', FileKind.IMAGE],
+    ['keep/1.png', FileKind.MASK],
+    ['keep/2.png', FileKind.MASK],
+    ['transforms.json', FileKind.POSES],
+  ]);
+  expect(read.leftOut).toEqual(['keep/9.txt']);
+});
+
+test('a transforms.json that is not an object names no files', async () => {
+  for (const text of ['{', '[1]', '7', '{"frames": 3}']) {
+    const file = new Blob([text]) as File;
+    const read = await readDataset([{ path: 'transforms.json', file }, ...dropped('a/keep.png')]);
+    expect(read.files.map(({ kind }) => kind)).toEqual([FileKind.IMAGE, FileKind.POSES]);
+  }
+});
+
+test('a file that is no photograph is left out, and named', async () => {
+  const fake = { path: 'images/notes.jpg', file: new Blob(['dear diary']) as File };
+  const read = await readDataset([...dropped('images/1.jpg', 'images/2.jpg', 'images/3.jpg'), fake]);
+  expect(read.files).toHaveLength(3);
+  expect(read.notPictures).toEqual(['images/notes.jpg']);
+  const { tone, canTrain, faults } = verdictOf(read);
+  expect([tone, canTrain]).toEqual(['bad', true]);
+  expect(faults.join()).toContain('images/notes.jpg');
+});
+
+test('too few photographs get no green tick, and cannot be trained', async () => {
+  const verdict = async (...paths: string[]) => {
+    const { tone, canUpload, canTrain } = verdictOf(await readDataset(dropped(...paths)));
+    return [tone, canUpload, canTrain];
+  };
+  expect(await verdict('images/1.jpg')).toEqual(['bad', true, false]);
+  expect(await verdict('images/1.jpg', 'images/2.jpg')).toEqual(['bad', true, false]);
+  expect(await verdict('images/1.jpg', 'sparse/0/images.bin')).toEqual(['bad', true, false]);
+  expect(await verdict('notes.txt')).toEqual(['bad', false, false]);
+  expect(await verdict('images/1.jpg', 'images/2.jpg', 'images/3.jpg')).toEqual([
+    'good',
+    true,
+    true,
+  ]);
+  const posed = ['images/1.jpg', 'images/2.jpg', 'sparse/0/images.bin'];
+  expect(await verdict(...posed)).toEqual(['good', true, true]);
+  expect(await verdict('walk.mp4')).toEqual(['good', true, true]);
 });
 
 test('the summary counts files by kind', () => {

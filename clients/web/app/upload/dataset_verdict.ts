@@ -1,0 +1,55 @@
+// Whether dropped files make a scene, and what a person should know about them before the upload.
+import { FileKind } from '../../gen/pepeseg/v1/dataset_service_pb';
+import type { Dataset } from './dataset_files';
+
+export interface Verdict {
+  /** good: nothing is wrong. bad: there is something to do first. */
+  readonly tone: 'good' | 'bad';
+  readonly canUpload: boolean;
+  readonly canTrain: boolean;
+  /** What is wrong, one sentence each. */
+  readonly faults: readonly string[];
+}
+
+/** Least number of photographs from which the server estimates poses. */
+const leastForPoses = 3;
+/** Least number of photographs that show depth. */
+const leastForDepth = 2;
+/** Number of names in a sentence; more would fill the screen. */
+const mostNames = 5;
+
+function namesText(paths: readonly string[]): string {
+  const shown = paths.slice(0, mostNames).join(', ');
+  return paths.length > mostNames ? `${shown} and ${paths.length - mostNames} more` : shown;
+}
+
+function notPicturesText(paths: readonly string[]): string {
+  if (paths.length === 0) return '';
+  const what = paths.length === 1 ? 'This file is' : 'These files are';
+  return `${what} no photograph or video in spite of the name, and left out: ${namesText(paths)}.`;
+}
+
+function tooFewText(numPhotographs: number, hasPoses: boolean): string {
+  if (numPhotographs === 0) return 'There are no photographs and no video among these files.';
+  const least = hasPoses ? leastForDepth : leastForPoses;
+  const number = numPhotographs === 1 ? 'One photograph is' : `${numPhotographs} photographs are`;
+  return `${number} too few for a scene: add others of the same things from all around, at least ${least}, better twenty or more.`;
+}
+
+export function verdictOf({ files, notPictures }: Dataset): Verdict {
+  const count = (kind: FileKind) => files.filter((file) => file.kind === kind).length;
+  const numPhotographs = count(FileKind.IMAGE);
+  const hasVideo = count(FileKind.VIDEO) > 0;
+  const hasPoses = count(FileKind.POSES) > 0;
+  const enough = hasVideo || numPhotographs >= (hasPoses ? leastForDepth : leastForPoses);
+  const faults = [
+    enough ? '' : tooFewText(numPhotographs, hasPoses),
+    notPicturesText(notPictures),
+  ].filter(Boolean);
+  return {
+    tone: faults.length === 0 ? 'good' : 'bad',
+    canUpload: hasVideo || numPhotographs > 0,
+    canTrain: enough,
+    faults,
+  };
+}
