@@ -12,7 +12,8 @@ import { FailureNote } from '../components/failure_note';
 import { bytesText, dateText } from '../format';
 import { goTo, Link } from '../router';
 import { outcomeOf } from '../training/job_states';
-import { TrainingChoice, defaultTraining } from '../training/training_choice';
+import { defaultTraining } from '../training/presets';
+import { TrainingChoice } from '../training/training_choice';
 
 interface Props {
   scene: Scene;

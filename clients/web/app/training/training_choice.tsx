@@ -1,8 +1,6 @@
-// The choice of a training: a quick look or the server's defaults, and the most important numbers.
-import type { MessageInitShape } from '@bufbuild/protobuf';
+// The choice of a training: a preset, and the most important numbers.
 import { clone, create } from '@bufbuild/protobuf';
 import type { JSX } from 'preact';
-import { useState } from 'preact/hooks';
 import type { TrainingOptions } from '../../gen/pepeseg/v1/training_options_pb';
 import {
   FeatureOptionsSchema,
@@ -10,26 +8,7 @@ import {
   ReconstructOptionsSchema,
   TrainingOptionsSchema,
 } from '../../gen/pepeseg/v1/training_options_pb';
-
-type Options = MessageInitShape<typeof TrainingOptionsSchema>;
-
-/** The options of `pepeseg demo`: about 90 s for fifteen small photographs on two cores. */
-const quick: Options = {
-  reconstruct: {
-    numSteps: 2000,
-    coarseUntil: 0.5,
-    shDegree: 1,
-    maxGaussians: 30000n,
-    ssimWeight: 0.3,
-    meanLearningRate: 1.6e-3,
-    meanLearningRateFinal: 1.6e-5,
-    shLearningRate: 5e-3,
-    densifyGradient: 3e-4,
-  },
-  features: { numSteps: 1500 },
-};
-
-export const defaultTraining: TrainingOptions = create(TrainingOptionsSchema, quick);
+import { presets } from './presets';
 
 function rounded(value: number | undefined): number | undefined {
   return value === undefined ? undefined : Math.round(value);
@@ -69,11 +48,6 @@ function NumberField({ name, hint, value, onValue, ...limits }: NumberFieldProps
 }
 
 export function TrainingChoice({ options, onOptions }: Props): JSX.Element {
-  const [choice, setChoice] = useState<'quick' | 'full'>('quick');
-  const choose = (next: 'quick' | 'full') => {
-    setChoice(next);
-    onOptions(create(TrainingOptionsSchema, next === 'quick' ? quick : {}));
-  };
   const change = (set: (copy: TrainingOptions) => void) => {
     const copy = clone(TrainingOptionsSchema, options);
     set(copy);
@@ -82,24 +56,24 @@ export function TrainingChoice({ options, onOptions }: Props): JSX.Element {
   return (
     <fieldset class="choice">
       <legend>Training</legend>
-      <div class="segmented" role="group" aria-label="How much training">
-        <button type="button" aria-pressed={choice === 'quick'} onClick={() => choose('quick')}>
-          A quick look
-        </button>
-        <button type="button" aria-pressed={choice === 'full'} onClick={() => choose('full')}>
-          Full
-        </button>
+      <div class="segmented" role="group" aria-label="Preset">
+        {presets.map(({ preset, name }) => (
+          <button
+            key={preset}
+            type="button"
+            aria-pressed={options.preset === preset}
+            onClick={() => change((to) => (to.preset = preset))}
+          >
+            {name}
+          </button>
+        ))}
       </div>
-      <p class="quiet">
-        {choice === 'quick'
-          ? 'Few steps and at most 30,000 Gaussians: a first impression, also without a GPU.'
-          : 'The server’s defaults, for a machine with a GPU. Without one it takes hours.'}
-      </p>
+      <p class="quiet">{presets.find(({ preset }) => preset === options.preset)?.purpose}</p>
       <details>
         <summary>Numbers</summary>
         <NumberField
           name="Steps of reconstruction"
-          hint="server’s default"
+          hint="as in the preset"
           min={1}
           value={options.reconstruct?.numSteps}
           onValue={(value) =>
@@ -111,7 +85,7 @@ export function TrainingChoice({ options, onOptions }: Props): JSX.Element {
         />
         <NumberField
           name="Steps of features"
-          hint="server’s default"
+          hint="as in the preset"
           min={1}
           value={options.features?.numSteps}
           onValue={(value) =>
