@@ -16,6 +16,11 @@ export interface Failure {
   readonly retryMs: number | undefined;
 }
 
+/** What happened, where the server speaks of fields of its requests. */
+const plainWords: Partial<Record<string, string>> = {
+  NO_SAM: 'This server cannot place borders by SAM.',
+};
+
 const advice: Partial<Record<string, string>> = {
   NO_KEY: 'The app shows the server no key: start it with --key-file, or set PEPESEG_KEY.',
   BAD_KEY: 'The server does not accept the app’s key: ask who runs the server for another one.',
@@ -24,7 +29,7 @@ const advice: Partial<Record<string, string>> = {
   DISK_FULL: 'The server’s disk is full: delete scenes that are not needed.',
   JOB_ACTIVE: 'Wait for the training that is running, or cancel it.',
   NO_MODEL: 'Train the scene first.',
-  NO_SAM: 'Who runs the server can install it: deploy/sam.sh.',
+  NO_SAM: 'Masks stay as they are. Who runs the server can install SAM.',
   DRAINING: 'The server is being restarted; the page continues by itself.',
 };
 
@@ -61,8 +66,9 @@ export function failureOf(cause: unknown): Failure {
   // The back end says at which address it looked for the server, and how to start one.
   const said = error.rawMessage.startsWith('the server does not answer');
   const todo = (detail && advice[detail.reason]) ?? adviceByCode[error.code] ?? '';
+  const what = (detail && plainWords[detail.reason]) ?? sentence(error.rawMessage);
   return {
-    what: away && !detail && !said ? 'The server does not answer.' : sentence(error.rawMessage),
+    what: away && !detail && !said ? 'The server does not answer.' : what,
     todo: network ? 'Is it running? The page tries again by itself.' : todo,
     code: error.code,
     reason: detail?.reason ?? '',

@@ -54,6 +54,30 @@ function fillColumns(
   }
 }
 
+export interface Extent {
+  /** Number of pixels in the mask. */
+  readonly area: number;
+  /** Smallest box around them: x, y, width, height; all 0 for an empty mask. */
+  readonly box: readonly number[];
+}
+
+export function extentOf(mask: Rle): Extent {
+  const pixels = decodeRle(mask);
+  let area = 0;
+  let [left, top, right, bottom] = [mask.width, mask.height, 0, 0];
+  for (let y = 0, i = 0; y < mask.height; ++y) {
+    for (let x = 0; x < mask.width; ++x, ++i) {
+      if (!pixels[i]) continue;
+      ++area;
+      left = Math.min(left, x);
+      right = Math.max(right, x + 1);
+      top = Math.min(top, y);
+      bottom = y + 1;
+    }
+  }
+  return { area, box: area === 0 ? [0, 0, 0, 0] : [left, top, right - left, bottom - top] };
+}
+
 /** Returns the IoU: pixels in both masks over pixels in either. */
 export function intersectionOverUnion(a: Uint8Array, b: Uint8Array): number {
   let both = 0;

@@ -1,8 +1,6 @@
 // Labels: names for segments, which can be segmented in any view.
 import type { JSX } from 'preact';
-import { useState } from 'preact/hooks';
-import type { Label } from '../../gen/pepeseg/v1/label_service_pb';
-import { lastId } from '../api/clients';
+import { useEffect, useState } from 'preact/hooks';
 import type { Failure } from '../api/failure';
 import { failureOf } from '../api/failure';
 import { ConfirmButton } from '../components/confirm_button';
@@ -10,6 +8,8 @@ import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
 import { useStore } from '../store';
 import type { SceneLabels } from './labels';
+import { labelName } from './labels';
+import { nameSegment } from './name_segment';
 import type { SceneSession } from './session';
 
 interface Props {
@@ -18,15 +18,15 @@ interface Props {
   shownView: string;
 }
 
-export function labelName(label: Label): string {
-  return label.text || lastId(label.name);
-}
-
 export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
   const { prompt, answer } = useStore(session.state);
   const list = useStore(labels.list);
   const [text, setText] = useState('');
   const [failure, setFailure] = useState<Failure>();
+  // A name that was begun goes with its segment.
+  useEffect(() => {
+    if (!prompt) setText('');
+  }, [prompt]);
   const mask = labels.maskToName(answer, shownView);
   const taken = labels.named(text);
   const run = async (act: () => Promise<void>) => {
@@ -42,8 +42,12 @@ export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
     const said = text.trim();
     if (!mask || said === '' || taken) return;
     void run(async () => {
-      await labels.create(said, mask);
-      setText('');
+      try {
+        await nameSegment(session, labels, said, mask);
+      } catch (error) {
+        setText((now) => now || said);
+        throw error;
+      }
     });
   };
   return (

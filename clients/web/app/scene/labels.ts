@@ -13,6 +13,11 @@ function sameName(text: string): string {
   return text.normalize('NFKC').trim().replace(/\s+/g, ' ').toLowerCase();
 }
 
+/** Returns the text of a label for people; without one, its id. */
+export function labelName({ text, name }: Label): string {
+  return text || lastId(name);
+}
+
 export class SceneLabels {
   readonly list = new Store<readonly Label[]>([]);
 
@@ -39,7 +44,7 @@ export class SceneLabels {
   /** Returns the label with this text, if there is one. */
   named(text: string): Label | undefined {
     const wanted = sameName(text);
-    return this.list.get().find((label) => sameName(label.text || lastId(label.name)) === wanted);
+    return this.list.get().find((label) => sameName(labelName(label)) === wanted);
   }
 
   async create(text: string, { view, rle }: Mask): Promise<void> {

@@ -125,7 +125,13 @@ function Slider({ id, name, ends, chosen, value, onInput, ...input }: SliderProp
   );
 }
 
-export function GranularityTools({ session }: { session: SceneSession }): JSX.Element {
+interface GranularityProps {
+  session: SceneSession;
+  /** Whether the server can let SAM place borders. */
+  hasSam: boolean;
+}
+
+export function GranularityTools({ session, hasSam }: GranularityProps): JSX.Element {
   const { prompt, granularity, answer, busy } = useStore(session.state);
   return (
     <>
@@ -156,14 +162,16 @@ export function GranularityTools({ session }: { session: SceneSession }): JSX.El
           onInput={(threshold) => session.drag({ threshold })}
           onChange={() => session.rest()}
         />
-        <button
-          type="button"
-          disabled={!answer || busy}
-          title="SAM places the border of this mask in the photograph; takes a second or two"
-          onClick={() => void session.placeBorder()}
-        >
-          Border by SAM
-        </button>
+        {hasSam && (
+          <button
+            type="button"
+            disabled={!answer || busy}
+            title="SAM places the border of this mask in the photograph; takes a second or two"
+            onClick={() => void session.placeBorder()}
+          >
+            Border by SAM
+          </button>
+        )}
       </details>
     </>
   );

@@ -2,71 +2,27 @@
 // made from them. It does not depend on the screen.
 import type { SegmentViewsResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { segmentation } from '../api/clients';
-import type { Failure } from '../api/failure';
 import { failureOf, isCancelled } from '../api/failure';
 import { SegmentSocket } from '../api/segment_socket';
 import { steadily } from '../api/server_link';
 import { Store } from '../store';
-import type { Answer, Proposal } from './answer';
+import { acceptedMask } from './accepted_mask';
+import type { Answer, Mask, Proposal } from './answer';
 import { answerOf, proposalsOf } from './answer';
+import type { Miss } from './miss';
+import { isMiss, missOf } from './miss';
 import type { Box, Granularity, Place, Point, Prompt } from './prompt';
 import { placeOf, promptOf, samePlace, segmentRequest } from './prompt';
-
-/** A click, or the middle of a box, that hit nothing: pixels of its view. */
-export interface Miss {
-  readonly place: Place;
-  readonly x: number;
-  readonly y: number;
-}
-
-export function isMiss(failure: Failure): boolean {
-  return failure.reason === 'NOTHING_THERE';
-}
-
-/** Returns the position of a prompt that got no answer. */
-export function missOf(prompt: Prompt): Miss | undefined {
-  if (prompt.kind === 'label') return undefined;
-  const { place } = prompt;
-  if (prompt.kind === 'box') {
-    const { x, y, width, height } = prompt.box;
-    return { place, x: x + width / 2, y: y + height / 2 };
-  }
-  const last = prompt.points.at(-1);
-  return last && { place, x: last.x, y: last.y };
-}
-
-export interface SessionState {
-  readonly prompt: Prompt | undefined;
-  readonly granularity: Granularity;
-  readonly answer: Answer | undefined;
-  readonly proposals: readonly Proposal[];
-  readonly busy: boolean;
-  readonly failure: Failure | undefined;
-  /** Set if the newest prompt hit nothing; the answer before it is shown. */
-  readonly miss: Miss | undefined;
-  /** Number of the stream's answers shown since the page was opened. */
-  readonly numAnswers: number;
-  readonly canUndo: boolean;
-}
-
-const nothing: SessionState = {
-  prompt: undefined,
-  granularity: {},
-  answer: undefined,
-  proposals: [],
-  busy: false,
-  failure: undefined,
-  miss: undefined,
-  numAnswers: 0,
-  canUndo: false,
-};
+import { batchesOf, segmentViews } from './segment_views';
+import type { Before, SessionState } from './session_state';
+import { nothingAsked } from './session_state';
 
 /** Milliseconds without another request after which all views are requested. */
 const settleMs = 180;
 const maxPoints = 64;
 
 export class SceneSession {
-  readonly state = new Store<SessionState>(nothing);
+  readonly state = new Store<SessionState>(nothingAsked);
   private readonly past: Pick<SessionState, 'prompt' | 'granularity'>[] = [];
   private readonly socket = new SegmentSocket({
     answered: (sequence, answer) => this.take(sequence, answer),
@@ -76,22 +32,26 @@ export class SceneSession {
   private firstSequence = 0n;
   private newestSequence = 0n;
   /** The state before the newest prompt, until that is answered. */
-  private before: Pick<SessionState, 'prompt' | 'granularity' | 'answer' | 'proposals'> | undefined;
+  private before: Before | undefined;
   private settling: ReturnType<typeof setTimeout> | undefined;
   private elsewhere = new AbortController();
-  /** Ends a call of placeBorder. */
-  private placing = new AbortController();
-  /** Masks of the answer whose borders SAM has placed, by view. */
-  private placed: Answer['masks'] = new Map();
+  /** Ends the requests for the masks below. */
+  private keeping = new AbortController();
+  /** Masks that replace the model's: of a named label, or with a border by SAM. */
+  private kept: Answer['masks'] = new Map();
   private shownView = '';
 
-  constructor(readonly model: string) {}
+  /** `views`: names of the model's views, in their order. */
+  constructor(
+    readonly model: string,
+    readonly views: readonly string[],
+  ) {}
 
   /** The shown view, which is requested together with the prompt's view. */
   show(view: string): void {
     this.shownView = view;
-    const { prompt, answer } = this.state.get();
-    if (prompt && !answer?.masks.has(view)) this.askOtherViews();
+    const { prompt, current } = this.state.get();
+    if (prompt && !current.has(view)) this.askOtherViews();
   }
 
   addPoint(place: Place, point: Point): void {
@@ -145,17 +105,16 @@ export class SceneSession {
     const place = placeOf(prompt);
     const views = place && 'camera' in place ? undefined : [this.shownView].filter(Boolean);
     const request = segmentRequest(this.model, prompt, this.fixedGranularity(), views);
-    this.forgetBorders();
-    const { signal } = this.placing;
+    this.forgetKept();
+    const { signal } = this.keeping;
     this.state.patch({ busy: true, failure: undefined });
     try {
       const { masks } = answerOf(
         await segmentation.segmentViews({ ...request, samBorders: true }, { signal }),
       );
       if (signal.aborted) return;
-      this.placed = masks;
-      const all = new Map([...(this.state.get().answer ?? answer).masks, ...masks]);
-      this.state.patch({ answer: { ...answer, masks: all }, busy: false });
+      this.keep(masks);
+      this.state.patch({ busy: false });
     } catch (error) {
       // Whatever ended it has set `busy` for itself.
       if (signal.aborted || isCancelled(error)) return;
@@ -184,7 +143,7 @@ export class SceneSession {
   end(): void {
     clearTimeout(this.settling);
     this.elsewhere.abort();
-    this.placing.abort();
+    this.keeping.abort();
     this.socket.close();
   }
 
@@ -208,14 +167,45 @@ export class SceneSession {
     this.state.patch({ canUndo: true });
   }
 
-  private forgetBorders(): void {
-    this.placing.abort();
-    this.placing = new AbortController();
-    this.placed = new Map();
+  /** Puts masks in place of the model's until the prompt, scale or threshold changes. */
+  private keep(masks: Answer['masks']): void {
+    this.kept = masks;
+    this.merge(masks);
+  }
+
+  private forgetKept(): void {
+    this.keeping.abort();
+    this.keeping = new AbortController();
+    this.kept = new Map();
+  }
+
+  /** Gets the mask that a person accepted for a label: in its own view it is the answer. */
+  private async keepAccepted(label: string): Promise<void> {
+    const { signal } = this.keeping;
+    try {
+      const mask = await acceptedMask(label, signal);
+      if (mask && !signal.aborted) this.keep(new Map([[mask.view, mask]]));
+    } catch (error) {
+      this.report(error, signal);
+    }
+  }
+
+  /** Adds current masks to the answer, if there is one. */
+  private merge(found: ReadonlyMap<string, Mask>): void {
+    const { answer, current } = this.state.get();
+    if (!answer) return;
+    this.state.patch({
+      answer: { ...answer, masks: new Map([...answer.masks, ...found, ...this.kept]) },
+      current: new Set([...current, ...found.keys()]),
+    });
+  }
+
+  private report(error: unknown, signal: AbortSignal): void {
+    if (!signal.aborted && !isCancelled(error)) this.state.patch({ failure: failureOf(error) });
   }
 
   private forgetAnswers(): void {
-    this.forgetBorders();
+    this.forgetKept();
     this.firstSequence = this.newestSequence + 1n;
     clearTimeout(this.settling);
     this.elsewhere.abort();
@@ -226,15 +216,19 @@ export class SceneSession {
       failure: undefined,
       miss: undefined,
       busy: false,
+      looking: false,
+      current: new Set(),
     });
   }
 
   private pose(prompt: Prompt): void {
     this.remember();
-    const { prompt: asked, granularity, answer, proposals } = this.state.get();
+    const { prompt: asked, granularity, answer, current, proposals } = this.state.get();
     // If two prompts in a row get no answer, there is no earlier state to return to.
     const before =
-      asked && !answer ? this.before : { prompt: asked, granularity, answer, proposals };
+      asked && !answer
+        ? this.before
+        : { prompt: asked, granularity, answer, current, proposals };
     this.forgetAnswers();
     this.before = before;
     // For another thing scale and threshold are chosen again.
@@ -251,9 +245,11 @@ export class SceneSession {
     const own = place && 'view' in place ? place.view : '';
     const views =
       place && 'camera' in place ? undefined : [...new Set([own, this.shownView])].filter(Boolean);
-    this.forgetBorders();
-    this.state.patch({ busy: true });
+    this.forgetKept();
+    this.state.patch({ busy: true, looking: false, current: new Set() });
     this.newestSequence = this.socket.ask(segmentRequest(this.model, prompt, granularity, views));
+    const isOpen = granularity.scale === undefined && granularity.threshold === undefined;
+    if (prompt.kind === 'label' && isOpen) void this.keepAccepted(prompt.label);
     if (andOtherViews) this.askOtherViews();
   }
 
@@ -263,10 +259,12 @@ export class SceneSession {
     const answer = answerOf(response);
     const { answer: before, numAnswers } = this.state.get();
     // Masks of other views follow when the slider stops.
-    const masks = new Map([...(before?.masks ?? []), ...answer.masks]);
+    const masks = new Map([...(before?.masks ?? []), ...answer.masks, ...this.kept]);
+    const isNewest = sequence === this.newestSequence;
     this.state.patch({
       answer: { ...answer, masks },
-      busy: sequence !== this.newestSequence,
+      busy: !isNewest,
+      current: new Set(isNewest ? [...answer.masks.keys(), ...this.kept.keys()] : []),
       numAnswers: numAnswers + 1,
       failure: undefined,
     });
@@ -293,34 +291,47 @@ export class SceneSession {
   private askOtherViews(): void {
     clearTimeout(this.settling);
     this.elsewhere.abort();
+    this.state.patch({ looking: true });
     this.settling = setTimeout(() => void this.settle(), settleMs);
   }
 
-  /** Requests all views at the scale and threshold of the answer, and the proposals. */
+  /** Requests the proposals and, at the scale and threshold of the answer, all other views. */
   private async settle(): Promise<void> {
-    const { prompt, proposals, busy } = this.state.get();
-    if (!prompt) return;
+    const { prompt, answer, busy } = this.state.get();
     if (busy) return this.askOtherViews();
+    if (!prompt || !answer) return this.state.patch({ looking: false });
     this.elsewhere = new AbortController();
     const { signal } = this.elsewhere;
-    const fixed = this.fixedGranularity();
+    await Promise.all([this.propose(prompt, signal), this.lookElsewhere(prompt, signal)]);
+  }
+
+  private async propose(prompt: Prompt, signal: AbortSignal): Promise<void> {
+    if (prompt.kind !== 'points' || this.state.get().proposals.length > 0) return;
+    const request = { model: this.model, prompt: promptOf(prompt), maxProposals: 5 };
     try {
-      if (prompt.kind === 'points' && proposals.length === 0) {
-        const request = { model: this.model, prompt: promptOf(prompt), maxProposals: 5 };
-        const answer = await steadily(
-          () => segmentation.proposeScales(request, { signal }),
-          signal,
-        );
-        if (!signal.aborted) this.state.patch({ proposals: proposalsOf(answer) });
-      }
-      const request = segmentRequest(this.model, prompt, fixed, 'all');
-      const all = answerOf(await steadily(() => segmentation.segmentViews(request, { signal }), signal));
-      if (signal.aborted) return;
-      const own = this.state.get().answer;
-      const masks = new Map([...(own?.masks ?? []), ...all.masks, ...this.placed]);
-      this.state.patch({ answer: own ? { ...own, masks } : { ...all, masks } });
+      const answer = await steadily(() => segmentation.proposeScales(request, { signal }), signal);
+      if (!signal.aborted) this.state.patch({ proposals: proposalsOf(answer) });
     } catch (error) {
-      if (!signal.aborted && !isCancelled(error)) this.state.patch({ failure: failureOf(error) });
+      this.report(error, signal);
     }
+  }
+
+  /** Segments the views whose masks are not current, from the shown one on. */
+  private async lookElsewhere(prompt: Prompt, signal: AbortSignal): Promise<void> {
+    const granularity = this.fixedGranularity();
+    const { current } = this.state.get();
+    const from = Math.max(0, this.views.indexOf(this.shownView));
+    const inOrder = [...this.views.slice(from), ...this.views.slice(0, from)];
+    try {
+      for (const views of batchesOf(inOrder.filter((view) => !current.has(view)))) {
+        const query = { model: this.model, prompt, granularity, views };
+        const { masks } = await segmentViews(query, signal);
+        if (signal.aborted) return;
+        this.merge(masks);
+      }
+    } catch (error) {
+      this.report(error, signal);
+    }
+    if (!signal.aborted) this.state.patch({ looking: false });
   }
 }

@@ -4,12 +4,18 @@ import { Dialog } from '../components/dialog';
 
 export type Shortcuts = Readonly<Record<string, () => void>>;
 
-/** Shortcuts of the whole screen, except while somebody types. */
+/** Returns whether a key press belongs to what has the focus: a dialog, or a field, except for Esc. */
+function isTaken({ key, isComposing, target }: KeyboardEvent): boolean {
+  const focused = target as HTMLElement;
+  if (isComposing || focused.closest('dialog')) return true;
+  return key !== 'Escape' && focused.closest('input[type=text], textarea, select') !== null;
+}
+
+/** Shortcuts of the whole screen. While somebody types, only Esc is one. */
 export function useShortcuts(shortcuts: Shortcuts): void {
   useEffect(() => {
     const press = (event: KeyboardEvent) => {
-      const target = event.target as HTMLElement;
-      if (target.closest('input[type=text], textarea, select, dialog')) return;
+      if (isTaken(event)) return;
       const held = event.ctrlKey || event.metaKey ? 'Ctrl+' : '';
       const act = event.altKey ? undefined : shortcuts[held + event.key];
       if (!act) return;
@@ -35,7 +41,7 @@ const list: readonly (readonly [string, string])[] = [
   ['S', 'Select in 3D'],
   ['T, O, H', 'Selection tinted, only it, without it'],
   ['Ctrl + Z', 'Undo'],
-  ['Esc', 'Clear'],
+  ['Esc', 'Clear, also while you type a name'],
   ['?', 'This list'],
 ];
 

@@ -7,10 +7,10 @@ import { MissNote } from '../components/miss_note';
 import { paintMask } from '../mask/paint';
 import type { SplatPart, SplatViewer } from '../viewer/splat_viewer';
 import type { Mask } from './answer';
+import type { Miss } from './miss';
 import type { Tool } from './photo_view';
 import type { FreeCamera, Point, Prompt } from './prompt';
 import type { Showing } from './selections';
-import type { Miss } from './session';
 
 interface Props {
   model: string;

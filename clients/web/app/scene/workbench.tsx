@@ -10,6 +10,7 @@ import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
 import { useStore } from '../store';
 import { useNarrow } from '../use_narrow';
+import { describeAnswer } from './describe_answer';
 import { DownloadTools } from './download_tools';
 import { Filmstrip, thumbnailSide } from './filmstrip';
 import { LabelTools } from './label_tools';
@@ -20,19 +21,23 @@ import { placeOf, samePlace, sizeOf } from './prompt';
 import { GranularityTools, PromptTools, PromptButtons } from './segment_tools';
 import { SelectionTools, selectWith } from './selection_tools';
 import { SceneSelections } from './selections';
+import { serverHasSam } from './server_sam';
 import { SceneSession } from './session';
 import { ShortcutList, useShortcuts } from './shortcuts';
 import { SplatPane } from './splat_pane';
 
-function useModel(scene: Scene) {
+function useModel(scene: Scene, views: readonly View[]) {
   const model = scene.liveModel;
   const parts = useMemo(
     () => ({
-      session: new SceneSession(model),
+      session: new SceneSession(
+        model,
+        views.map(({ view }) => view),
+      ),
       selections: new SceneSelections(model),
       labels: new SceneLabels(scene.name),
     }),
-    [model],
+    [model, views],
   );
   useEffect(() => {
     const controller = new AbortController();
@@ -56,13 +61,17 @@ interface Props {
 }
 
 export function SceneWorkbench({ scene, views }: Props): JSX.Element {
-  const { session, selections, labels } = useModel(scene);
+  const { session, selections, labels } = useModel(scene, views);
   const [view, setView] = useState(views[0]);
   const [tool, setTool] = useState<Tool>('include');
   const [pane, setPane] = useState<'view' | '3d'>('view');
   const [source, setSource] = useState<Source>('photo');
   const [help, setHelp] = useState(false);
   const narrow = useNarrow();
+  const hasSam = useAsked(
+    (signal) => serverHasSam(scene.liveModel, signal),
+    [scene.liveModel],
+  );
   const model = useAsked(
     (signal) => scenes.getModel({ name: scene.liveModel }, { signal }),
     [scene.liveModel],
@@ -70,9 +79,8 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
   const renderingOf = (of: View) => pictureUrl(session.model, of.view);
   const thumbnailOf = (of: View) =>
     photoUrl(session.model, { name: of.view, maxSide: thumbnailSide });
-  const { prompt, answer, failure, miss, numAnswers, proposals, busy } = useStore(
-    session.state,
-  );
+  const state = useStore(session.state);
+  const { prompt, answer, failure, miss, numAnswers, proposals, busy, looking } = state;
   const { selection, showing } = useStore(selections.state);
   const shown = view?.view ?? '';
   useEffect(() => session.show(shown), [session, shown]);
@@ -179,13 +187,13 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
             </button>
           </div>
           <PromptTools tool={tool} onTool={setTool} />
-          <p class="quiet" role="status" aria-busy={busy}>
+          <p class="quiet" role="status" aria-busy={busy || looking}>
             {prompt
-              ? describeAnswer(busy, answer?.masks.get(shown)?.area, answer?.masks)
+              ? describeAnswer(state, shown, session.views)
               : 'Click a thing in the view or in 3D.'}
           </p>
           <FailureNote failure={failure} close={() => session.closeFailure()} />
-          <GranularityTools session={session} />
+          <GranularityTools session={session} hasSam={hasSam.value === true} />
         </section>
         <SelectionTools session={session} selections={selections} />
         <LabelTools session={session} labels={labels} shownView={shown} />
@@ -200,20 +208,4 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
       {help && <ShortcutList onClose={() => setHelp(false)} />}
     </div>
   );
-}
-
-function describeAnswer(
-  busy: boolean,
-  area: number | undefined,
-  masks: ReadonlyMap<string, { view: string; area: number }> | undefined,
-): string {
-  if (!masks) return busy ? 'Looking …' : 'Not answered.';
-  const seen = [...masks.values()].filter((mask) => mask.view && mask.area > 0).length;
-  const here =
-    area === undefined
-      ? ''
-      : area === 0
-        ? 'Not seen in this view. '
-        : `${area.toLocaleString('en')} pixels here. `;
-  return `${here}Seen in ${seen} ${seen === 1 ? 'view' : 'views'}.`;
 }

@@ -18,7 +18,7 @@ function refusal(reason: string): ConnectError {
 }
 
 test('a click on nothing differs from other refusals', async () => {
-  const { isMiss } = await import('../../app/scene/session');
+  const { isMiss } = await import('../../app/scene/miss');
   const { failureOf } = await import('../../app/api/failure');
   expect(isMiss(failureOf(refusal('NOTHING_THERE')))).toBe(true);
   expect(isMiss(failureOf(refusal('BAD_FIELD')))).toBe(false);
@@ -27,7 +27,7 @@ test('a click on nothing differs from other refusals', async () => {
 
 test('a click on nothing keeps the answer before it, and marks its position', async () => {
   const { SceneSession } = await import('../../app/scene/session');
-  const session = new SceneSession('scenes/shelf/models/1');
+  const session = new SceneSession('scenes/shelf/models/1', ['a.jpg']);
   // Without a network: the answers are given by hand.
   const inside = session as unknown as {
     socket: { ask: () => bigint };
@@ -65,7 +65,7 @@ test('a click on nothing keeps the answer before it, and marks its position', as
 test('SAM places the border of the shown mask until the prompt changes', async () => {
   const { SceneSession } = await import('../../app/scene/session');
   const { segmentation } = await import('../../app/api/clients');
-  const session = new SceneSession('scenes/shelf/models/1');
+  const session = new SceneSession('scenes/shelf/models/1', ['a.jpg']);
   const inside = session as unknown as {
     socket: object;
     take: (sequence: bigint, response: object) => void;
@@ -129,7 +129,7 @@ test('SAM places the border of the shown mask until the prompt changes', async (
 
 test('a first click on nothing leaves nothing', async () => {
   const { SceneSession } = await import('../../app/scene/session');
-  const session = new SceneSession('scenes/shelf/models/1');
+  const session = new SceneSession('scenes/shelf/models/1', ['a.jpg']);
   const inside = session as unknown as {
     socket: object;
     refused: (sequence: bigint, error: unknown) => void;

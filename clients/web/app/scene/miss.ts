@@ -1,0 +1,26 @@
+// Prompts that hit nothing.
+import type { Failure } from '../api/failure';
+import type { Place, Prompt } from './prompt';
+
+/** A click, or the middle of a box, that hit nothing: pixels of its view. */
+export interface Miss {
+  readonly place: Place;
+  readonly x: number;
+  readonly y: number;
+}
+
+export function isMiss(failure: Failure): boolean {
+  return failure.reason === 'NOTHING_THERE';
+}
+
+/** Returns the position of a prompt that got no answer. */
+export function missOf(prompt: Prompt): Miss | undefined {
+  if (prompt.kind === 'label') return undefined;
+  const { place } = prompt;
+  if (prompt.kind === 'box') {
+    const { x, y, width, height } = prompt.box;
+    return { place, x: x + width / 2, y: y + height / 2 };
+  }
+  const last = prompt.points.at(-1);
+  return last && { place, x: last.x, y: last.y };
+}

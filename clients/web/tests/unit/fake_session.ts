@@ -1,0 +1,47 @@
+// A session without a network: the stream's answers are given by hand, and calls are functions of a test.
+import type { SceneSession } from '../../app/scene/session';
+
+export const model = 'scenes/shelf/models/1';
+export const views = ['a.jpg', 'b.jpg', 'c.jpg', 'd.jpg', 'e.jpg'];
+/** A mask of one pixel, the first. */
+export const onePixel = { width: 2, height: 2, counts: '013' };
+/** A mask of two pixels, the first row. */
+export const firstRow = { width: 2, height: 2, counts: '01100' };
+
+export function maskIn(view: string, rle = onePixel, area = 1n) {
+  return { view, mask: { case: 'rle', value: rle } as const, area, score: 0.9 };
+}
+
+/** Returns an answer of SegmentViews with masks of the views. */
+export function answerIn(...named: string[]) {
+  const masks = named.map((view) => maskIn(view));
+  return { masks, scaleQuantile: 0.4, scaleUnits: 1, threshold: 0.7 };
+}
+
+export interface FakeSession {
+  readonly session: SceneSession;
+  /** Answers the newest request of the stream. */
+  readonly answer: (...named: string[]) => void;
+}
+
+/** The session listens to the page's network: a test sets `window` before. */
+export async function fakeSession(): Promise<FakeSession> {
+  const { SceneSession } = await import('../../app/scene/session');
+  const session = new SceneSession(model, views);
+  let sequence = 0n;
+  const inside = session as unknown as {
+    socket: { ask: () => bigint; close: () => void };
+    take: (sequence: bigint, response: object) => void;
+  };
+  inside.socket = { ask: () => ++sequence, close: () => undefined };
+  session.show('a.jpg');
+  return { session, answer: (...named) => inside.take(sequence, answerIn(...named)) };
+}
+
+/** Replaces methods of a client, and returns a function that puts them back. */
+export function replace<T extends object>(client: T, methods: Record<string, unknown>): () => void {
+  const changed = client as Record<string, unknown>;
+  const before = Object.keys(methods).map((name) => [name, changed[name]] as const);
+  Object.assign(changed, methods);
+  return () => Object.assign(changed, Object.fromEntries(before));
+}
