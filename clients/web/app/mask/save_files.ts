@@ -23,13 +23,23 @@ export function saveCoco(
   saveBlob(new Blob([text], { type: 'application/json' }), `${scene}-coco.json`);
 }
 
-/** Saves a ZIP with a folder for each label, a PNG for each view, and labels.json. */
-export async function saveMasks(scene: string, segments: readonly ViewMasks[]): Promise<void> {
+/**
+ * Saves a ZIP with a folder for each label, a PNG for each view, and labels.json. `progress` is called
+ * with the number of PNGs that are written, and may throw to end it.
+ */
+export async function saveMasks(
+  scene: string,
+  segments: readonly ViewMasks[],
+  progress: (done: number, total: number) => void,
+): Promise<void> {
   const files: Record<string, Uint8Array> = { 'labels.json': strToU8(labelsJson(segments)) };
-  for (const { path, rle } of maskFiles(segments)) {
+  const pngs = maskFiles(segments);
+  for (const [i, { path, rle }] of pngs.entries()) {
+    progress(i, pngs.length);
     const png = await maskPng(rle);
     files[path] = new Uint8Array(await png.arrayBuffer());
   }
+  progress(pngs.length, pngs.length);
   // PNGs are compressed already.
   const zip = zipSync(files, { level: 0 });
   saveBlob(

@@ -1,22 +1,20 @@
 // Downloads: PLY, masks, COCO JSON.
 import type { JSX } from 'preact';
-import { useState } from 'preact/hooks';
+import { useEffect, useMemo } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
-import { lastId, plyUrl, segmentation } from '../api/clients';
-import type { Failure } from '../api/failure';
-import { failureOf } from '../api/failure';
-import { steadily } from '../api/server_link';
+import { plyUrl } from '../api/clients';
 import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
-import type { ViewMasks } from '../mask/coco';
+import { countText } from '../format';
 import { saveCoco, saveMasks } from '../mask/save_files';
 import { useStore } from '../store';
-import { answerOf } from './answer';
 import type { SceneLabels } from './labels';
-import { labelName } from './labels';
-import { segmentRequest, sizeOf } from './prompt';
+import type { Watch } from './mask_export';
+import { MaskExport } from './mask_export';
+import { sizeOf } from './prompt';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
+import { masksOfThings, thingsOf } from './things';
 
 interface Props {
   sceneId: string;
@@ -26,45 +24,48 @@ interface Props {
   views: readonly View[];
 }
 
-/** Returns each label's masks in every view; without labels, the current segmentation. */
-async function segmentsOf({ session, labels }: Props): Promise<ViewMasks[]> {
-  const named = labels.list.get();
-  if (named.length === 0) {
-    const masks = [...(session.state.get().answer?.masks.values() ?? [])].filter(
-      ({ view }) => view,
-    );
-    return masks.length > 0 ? [{ id: 'segment', category: 'segment', masks }] : [];
-  }
-  const segments: ViewMasks[] = [];
-  for (const label of named) {
-    const request = segmentRequest(session.model, { kind: 'label', label: label.name }, {}, 'all');
-    const answer = answerOf(await steadily(() => segmentation.segmentViews(request)));
-    const masks = [...answer.masks.values()];
-    segments.push({ id: lastId(label.name), category: labelName(label), masks });
-  }
-  return segments;
+/** What an export does now, how far it is, and a button that ends it. */
+function ExportProgress({ masks }: { masks: MaskExport }): JSX.Element | null {
+  const { step } = useStore(masks.state);
+  if (!step) return null;
+  const { name, done, total } = step;
+  return (
+    <div class="row">
+      <div class="export">
+        <progress max={total} value={done} aria-label={name} />
+        <span class="quiet" role="status">
+          {name}: {countText(done)} of {countText(total)} masks
+        </span>
+      </div>
+      <button type="button" onClick={() => masks.cancel()}>
+        Cancel
+      </button>
+    </div>
+  );
 }
 
 export function DownloadTools(props: Props): JSX.Element {
   const { sceneId, session, selections, labels, views } = props;
-  const { answer } = useStore(session.state);
+  const state = useStore(session.state);
   const { selection } = useStore(selections.state);
   const named = useStore(labels.list);
-  const [busy, setBusy] = useState(false);
-  const [failure, setFailure] = useState<Failure>();
-  const save = async (how: (segments: ViewMasks[]) => unknown) => {
-    setBusy(true);
-    setFailure(undefined);
-    try {
-      await how(await segmentsOf(props));
-    } catch (error) {
-      setFailure(failureOf(error));
-    } finally {
-      setBusy(false);
-    }
-  };
-  const sizes = () => views.map((view) => ({ view: view.view, ...sizeOf(view) }));
-  const nothing = busy || (named.length === 0 && !answer);
+  const masks = useMemo(() => new MaskExport(), [session]);
+  useEffect(() => () => masks.cancel(), [masks]);
+  const { step, failure } = useStore(masks.state);
+  const things = thingsOf(named, state);
+  const segmented = (watch: Watch) =>
+    masksOfThings(session.model, things, session.views, watch);
+  const savePngs = () =>
+    masks.run(async (steps) => {
+      const found = await segmented(steps('Segmenting'));
+      await saveMasks(sceneId, found, steps('Writing').progress);
+    });
+  const saveJson = () =>
+    masks.run(async (steps) => {
+      const sizes = views.map((view) => ({ view: view.view, ...sizeOf(view) }));
+      saveCoco(sceneId, sizes, await segmented(steps('Segmenting')));
+    });
+  const nothing = step !== undefined || things.length === 0;
   const what =
     named.length > 0
       ? `of ${named.length} ${named.length === 1 ? 'label' : 'labels'}`
@@ -97,7 +98,7 @@ export function DownloadTools(props: Props): JSX.Element {
         <button
           type="button"
           disabled={nothing}
-          onClick={() => void save((all) => saveMasks(sceneId, all))}
+          onClick={() => void savePngs()}
         >
           <Icon name="download" />
           Masks (PNG)
@@ -105,7 +106,7 @@ export function DownloadTools(props: Props): JSX.Element {
         <button
           type="button"
           disabled={nothing}
-          onClick={() => void save((all) => saveCoco(sceneId, sizes(), all))}
+          onClick={() => void saveJson()}
         >
           <Icon name="download" />
           COCO (JSON)
@@ -114,7 +115,8 @@ export function DownloadTools(props: Props): JSX.Element {
       <p class="quiet">
         Masks and COCO: {what}, in all {views.length} views.
       </p>
-      <FailureNote failure={failure} close={() => setFailure(undefined)} />
+      <ExportProgress masks={masks} />
+      <FailureNote failure={failure} close={() => masks.closeFailure()} />
     </section>
   );
 }

@@ -1,0 +1,66 @@
+// An export of masks: what it does now, how far it is, and its end.
+import type { Failure } from '../api/failure';
+import { failureOf, isCancelled } from '../api/failure';
+import { Store } from '../store';
+
+/** A step of an export that takes long. */
+export interface ExportStep {
+  readonly name: string;
+  readonly done: number;
+  readonly total: number;
+}
+
+export interface ExportState {
+  /** Undefined: nothing is being exported. */
+  readonly step: ExportStep | undefined;
+  readonly failure: Failure | undefined;
+}
+
+/** Follows a step, and ends it. */
+export interface Watch {
+  /** Throws if the export was cancelled. */
+  readonly progress: (done: number, total: number) => void;
+  readonly signal: AbortSignal;
+}
+
+/** Returns the watch of a step of this name. */
+export type Steps = (name: string) => Watch;
+
+export class MaskExport {
+  readonly state = new Store<ExportState>({ step: undefined, failure: undefined });
+  private running: AbortController | undefined;
+
+  /** Runs an export; one at a time. */
+  async run(work: (steps: Steps) => Promise<void>): Promise<void> {
+    if (this.running) return;
+    const controller = new AbortController();
+    const { signal } = controller;
+    this.running = controller;
+    this.state.set({ step: undefined, failure: undefined });
+    try {
+      await work((name) => ({
+        signal,
+        progress: (done, total) => {
+          signal.throwIfAborted();
+          this.state.patch({ step: { name, done, total } });
+        },
+      }));
+    } catch (error) {
+      const ended = signal.aborted || isCancelled(error);
+      if (!ended) this.state.patch({ failure: failureOf(error) });
+    } finally {
+      if (this.running === controller) this.running = undefined;
+      if (!signal.aborted) this.state.patch({ step: undefined });
+    }
+  }
+
+  cancel(): void {
+    this.running?.abort();
+    this.running = undefined;
+    this.state.patch({ step: undefined });
+  }
+
+  closeFailure(): void {
+    this.state.patch({ failure: undefined });
+  }
+}

@@ -1,0 +1,99 @@
+// The things of a scene whose masks are exported, and their masks in every view.
+import type { Label } from '../../gen/pepeseg/v1/label_service_pb';
+import { lastId } from '../api/clients';
+import type { ViewMasks } from '../mask/coco';
+import { acceptedMask } from './accepted_mask';
+import type { Mask } from './answer';
+import { labelName } from './labels';
+import type { Watch } from './mask_export';
+import type { Granularity, Prompt } from './prompt';
+import { batchesOf, segmentViews } from './segment_views';
+import { serverHasSam } from './server_sam';
+import type { SessionState } from './session_state';
+
+export interface Thing {
+  /** Id of the label, which is a folder's name. */
+  readonly id: string;
+  readonly category: string;
+  readonly prompt: Prompt;
+  readonly granularity: Granularity;
+}
+
+/** Returns the labels as things; without labels, the current segment. */
+export function thingsOf(
+  labels: readonly Label[],
+  { prompt, granularity, answer }: Pick<SessionState, 'prompt' | 'granularity' | 'answer'>,
+): Thing[] {
+  if (labels.length > 0) {
+    return labels.map((label) => ({
+      id: lastId(label.name),
+      category: labelName(label),
+      prompt: { kind: 'label', label: label.name },
+      granularity: {},
+    }));
+  }
+  if (!prompt || !answer) return [];
+  const used = {
+    scale: granularity.scale ?? answer.scale,
+    threshold: granularity.threshold ?? answer.threshold,
+  };
+  return [{ id: 'segment', category: 'segment', prompt, granularity: used }];
+}
+
+/** Masks of a thing while they are made. */
+interface Making {
+  readonly thing: Thing;
+  readonly accepted: Mask | undefined;
+  readonly masks: Map<string, Mask>;
+  /** The server chooses for the first views; the others get the same. */
+  granularity: Granularity;
+}
+
+async function begun(thing: Thing, signal: AbortSignal): Promise<Making> {
+  const { prompt, granularity } = thing;
+  const accepted = prompt.kind === 'label' ? await acceptedMask(prompt.label, signal) : undefined;
+  return { thing, accepted, masks: new Map(), granularity };
+}
+
+/** Adds the masks of some views; in a label's own view that is the accepted one. */
+async function addMasks(
+  making: Making,
+  asked: { readonly model: string; readonly views: readonly string[]; readonly samBorders: boolean },
+  signal: AbortSignal,
+): Promise<void> {
+  const { thing, accepted, masks, granularity } = making;
+  const views = asked.views.filter((view) => view !== accepted?.view);
+  if (accepted && views.length < asked.views.length) masks.set(accepted.view, accepted);
+  if (views.length === 0) return;
+  const answer = await segmentViews({ ...asked, prompt: thing.prompt, granularity, views }, signal);
+  for (const [view, mask] of answer.masks) masks.set(view, mask);
+  making.granularity = { scale: answer.scale, threshold: answer.threshold };
+}
+
+/**
+ * Returns the masks of each thing in each view, in the order of the views. SAM places their borders if
+ * the server has it. Goes through the views outside and the things inside, since SAM reads a view once.
+ */
+export async function masksOfThings(
+  model: string,
+  things: readonly Thing[],
+  views: readonly string[],
+  { progress, signal }: Watch,
+): Promise<ViewMasks[]> {
+  const total = things.length * views.length;
+  progress(0, total);
+  const samBorders = await serverHasSam(model, signal);
+  const all = await Promise.all(things.map((thing) => begun(thing, signal)));
+  let done = 0;
+  for (const batch of batchesOf(views)) {
+    for (const making of all) {
+      await addMasks(making, { model, views: batch, samBorders }, signal);
+      progress((done += batch.length), total);
+    }
+  }
+  return all.map(({ thing: { id, category }, masks }) => ({
+    id,
+    category,
+    masks: views.flatMap((view) => masks.get(view) ?? []),
+  }));
+}

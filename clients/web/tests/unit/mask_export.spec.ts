@@ -1,0 +1,147 @@
+import { Code, ConnectError } from '@connectrpc/connect';
+import { create } from '@bufbuild/protobuf';
+import { expect, test } from '@playwright/test';
+import { errorWith } from '../../contract/error_detail';
+import type { Label } from '../../gen/pepeseg/v1/label_service_pb';
+import { LabelSchema } from '../../gen/pepeseg/v1/label_service_pb';
+import { cocoJson } from '../../app/mask/coco';
+import { answerIn, firstRow, model, onePixel, replace, views } from './fake_session';
+
+interface Asked {
+  prompt?: { what: { value: string } };
+  targets: { views: string[] };
+  granularity: { threshold?: number };
+  samBorders: boolean;
+}
+
+const undo: (() => void)[] = [];
+let asked: Asked[];
+let hasSam: boolean;
+let labels: Label[];
+
+test.beforeEach(async () => {
+  Object.assign(globalThis, { window: new EventTarget() });
+  const clients = await import('../../app/api/clients');
+  asked = [];
+  hasSam = false;
+  labels = ['cup', 'book'].map((id) =>
+    create(LabelSchema, { name: `scenes/shelf/labels/${id}`, text: id.toUpperCase() }),
+  );
+  const segmentViews = async (request: Asked) => {
+    const reason = hasSam ? 'BAD_FIELD' : 'NO_SAM';
+    if (!request.prompt) throw errorWith(Code.InvalidArgument, 'refused', { reason });
+    asked.push(request);
+    return answerIn(...request.targets.views);
+  };
+  const getLabel = async ({ name }: { name: string }) => ({
+    view: name.endsWith('cup') ? 'b.jpg' : 'e.jpg',
+    mask: { image: { case: 'rle', value: firstRow } },
+  });
+  undo.push(replace(clients.segmentation, { segmentViews }), replace(clients.labels, { getLabel }));
+});
+test.afterEach(() => {
+  for (const back of undo.splice(0).reverse()) back();
+  Reflect.deleteProperty(globalThis, 'window');
+});
+
+async function exported(progress: (done: number, total: number) => void = () => undefined) {
+  const { masksOfThings, thingsOf } = await import('../../app/scene/things');
+  const things = thingsOf(labels, { prompt: undefined, granularity: {}, answer: undefined });
+  const { signal } = new AbortController();
+  return masksOfThings(model, things, views, { progress, signal });
+}
+
+test('in a label’s own view an export has the accepted mask, byte for byte', async () => {
+  const segments = await exported();
+  expect(segments.map(({ id, category }) => [id, category])).toEqual([
+    ['cup', 'CUP'],
+    ['book', 'BOOK'],
+  ]);
+  for (const { id, masks } of segments) {
+    expect(masks.map(({ view }) => view)).toEqual(views);
+    const own = id === 'cup' ? 'b.jpg' : 'e.jpg';
+    for (const { view, rle } of masks) expect(rle).toEqual(view === own ? firstRow : onePixel);
+  }
+  const sizes = views.map((view) => ({ view, width: 2, height: 2 }));
+  expect(cocoJson('shelf', sizes, segments)).toMatchObject({
+    annotations: expect.arrayContaining([
+      expect.objectContaining({
+        image_id: 2,
+        category_id: 1,
+        segmentation: { size: [2, 2], counts: firstRow.counts },
+        area: 2,
+        bbox: [0, 0, 2, 1],
+      }),
+    ]),
+  });
+  // The accepted masks were not made again.
+  const own = asked.filter(({ prompt }) => prompt?.what.value.endsWith('cup'));
+  expect(own.flatMap(({ targets }) => targets.views)).not.toContain('b.jpg');
+});
+
+test('all views of a label get the scale and threshold of its first ones', async () => {
+  await exported();
+  const book = asked.filter(({ prompt }) => prompt?.what.value.endsWith('book'));
+  expect(book.map(({ granularity }) => granularity.threshold)).toEqual([undefined, 0.7]);
+});
+
+test('SAM places the borders of an export where the server has it', async () => {
+  await exported();
+  expect(new Set(asked.map(({ samBorders }) => samBorders))).toEqual(new Set([false]));
+  asked = [];
+  hasSam = true;
+  await exported();
+  expect(new Set(asked.map(({ samBorders }) => samBorders))).toEqual(new Set([true]));
+});
+
+test('without labels the shown segment is exported, at its scale and threshold', async () => {
+  const { thingsOf } = await import('../../app/scene/things');
+  const prompt = { kind: 'box', place: { view: 'a.jpg' }, box: { x: 0, y: 0, width: 1, height: 1 } };
+  const answer = { masks: new Map(), scale: 0.4, scaleUnits: 1, threshold: 0.7, computeMs: 1 };
+  const state = { prompt: prompt as never, granularity: { scale: 0.9 }, answer };
+  expect(thingsOf([], state)).toEqual([
+    { id: 'segment', category: 'segment', prompt, granularity: { scale: 0.9, threshold: 0.7 } },
+  ]);
+  expect(thingsOf([], { ...state, answer: undefined })).toEqual([]);
+});
+
+test('an export reports each mask that it has made', async () => {
+  const steps: [number, number][] = [];
+  await exported((done, total) => steps.push([done, total]));
+  expect(steps[0]).toEqual([0, 10]);
+  expect(steps.at(-1)).toEqual([10, 10]);
+  expect(steps.length).toBeGreaterThan(4);
+});
+
+test('an export shows its steps, and ends when it is cancelled', async () => {
+  const { MaskExport } = await import('../../app/scene/mask_export');
+  const masks = new MaskExport();
+  let go: () => void = () => undefined;
+  const reached: number[] = [];
+  const running = masks.run(async (steps) => {
+    const { progress } = steps('Segmenting');
+    for (let done = 0; done < 3; ++done) {
+      progress(done, 3);
+      reached.push(done);
+      await new Promise<void>((resolve) => (go = resolve));
+    }
+  });
+  expect(masks.state.get().step).toEqual({ name: 'Segmenting', done: 0, total: 3 });
+  go();
+  await expect.poll(() => masks.state.get().step?.done).toBe(1);
+  masks.cancel();
+  expect(masks.state.get()).toEqual({ step: undefined, failure: undefined });
+  go();
+  await running;
+  expect(reached).toEqual([0, 1]);
+  expect(masks.state.get()).toEqual({ step: undefined, failure: undefined });
+});
+
+test('an export that fails says why, and the next one begins', async () => {
+  const { MaskExport } = await import('../../app/scene/mask_export');
+  const masks = new MaskExport();
+  await masks.run(() => Promise.reject(new ConnectError('the disk is full', Code.Internal)));
+  expect(masks.state.get().failure?.what).toBe('The disk is full.');
+  await masks.run(async () => undefined);
+  expect(masks.state.get()).toEqual({ step: undefined, failure: undefined });
+});
