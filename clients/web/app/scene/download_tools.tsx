@@ -73,6 +73,7 @@ export function DownloadTools(props: Props): JSX.Element {
   return (
     <section aria-labelledby="download-title">
       <h2 id="download-title">Download</h2>
+      <ExportProgress masks={masks} />
       <div class="row wrap">
         <a
           class="button"
@@ -115,7 +116,6 @@ export function DownloadTools(props: Props): JSX.Element {
       <p class="quiet">
         Masks and COCO: {what}, in all {views.length} views.
       </p>
-      <ExportProgress masks={masks} />
       <FailureNote failure={failure} close={() => masks.closeFailure()} />
     </section>
   );

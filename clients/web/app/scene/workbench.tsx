@@ -2,10 +2,9 @@
 import type { JSX } from 'preact';
 import { useEffect, useMemo, useState } from 'preact/hooks';
 import type { Scene, View } from '../../gen/pepeseg/v1/scene_service_pb';
-import { photoUrl, pictureUrl, sceneIdOf, scenes } from '../api/clients';
+import { photoUrl, pictureUrl, sceneIdOf } from '../api/clients';
 import { steadily } from '../api/server_link';
 import { useAsked } from '../api/use_asked';
-import { Advice } from '../components/advice';
 import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
 import { useStore } from '../store';
@@ -70,10 +69,6 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
   const narrow = useNarrow();
   const hasSam = useAsked(
     (signal) => serverHasSam(scene.liveModel, signal),
-    [scene.liveModel],
-  );
-  const model = useAsked(
-    (signal) => scenes.getModel({ name: scene.liveModel }, { signal }),
     [scene.liveModel],
   );
   const renderingOf = (of: View) => pictureUrl(session.model, of.view);
@@ -171,7 +166,6 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
         onPick={setView}
       />
       <aside class="tools" aria-label="Tools">
-        <Advice advice={model.value?.advice} />
         <section aria-labelledby="segment-title">
           <div class="row">
             <h2 id="segment-title">Segment</h2>

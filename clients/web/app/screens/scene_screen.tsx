@@ -3,9 +3,11 @@ import type { JSX } from 'preact';
 import type { Scene, View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { allPages, scenes } from '../api/clients';
 import { useAsked } from '../api/use_asked';
+import { Advice } from '../components/advice';
 import { FailureNote } from '../components/failure_note';
 import { Header } from '../components/header';
 import { SceneWorkbench } from '../scene/workbench';
+import { adviceOnModel } from './mask_advice';
 import { SceneWithoutModel } from './scene_without_model';
 
 async function allViews(model: string, signal: AbortSignal): Promise<View[]> {
@@ -17,6 +19,10 @@ async function allViews(model: string, signal: AbortSignal): Promise<View[]> {
 
 function SceneWithModel({ scene }: { scene: Scene }): JSX.Element {
   const views = useAsked((signal) => allViews(scene.liveModel, signal), [scene.liveModel]);
+  const model = useAsked(
+    (signal) => scenes.getModel({ name: scene.liveModel }, { signal }),
+    [scene.liveModel],
+  );
   if (views.failure) return <FailureNote failure={views.failure} again={views.ask} />;
   if (!views.value)
     return (
@@ -24,7 +30,13 @@ function SceneWithModel({ scene }: { scene: Scene }): JSX.Element {
         Loading the model …
       </p>
     );
-  return <SceneWorkbench scene={scene} views={views.value} />;
+  const advice = model.value && adviceOnModel(model.value);
+  return (
+    <>
+      <Advice key={scene.liveModel} about={scene.liveModel} text={advice} />
+      <SceneWorkbench scene={scene} views={views.value} />
+    </>
+  );
 }
 
 export function SceneScreen({ sceneId }: { sceneId: string }): JSX.Element {

@@ -14,6 +14,7 @@ import { goTo, Link } from '../router';
 import { outcomeOf } from '../training/job_states';
 import { defaultTraining } from '../training/presets';
 import { TrainingChoice } from '../training/training_choice';
+import { adviceOnDataset } from './mask_advice';
 
 interface Props {
   scene: Scene;
@@ -65,7 +66,7 @@ export function SceneWithoutModel({ scene }: Props): JSX.Element {
             {String(dataset.numFiles)} files, {bytesText(dataset.numBytes)}, of{' '}
             {dateText(dataset.sealTime)}.
           </p>
-          <Advice advice={dataset.advice} />
+          <Advice about={dataset.name} text={adviceOnDataset(dataset)} />
           <TrainingChoice options={training} onOptions={setTraining} />
           <button type="button" class="primary" onClick={() => void train()}>
             Train

@@ -7,7 +7,6 @@ import type { Failure } from '../api/failure';
 import { failureOf } from '../api/failure';
 import { steadily } from '../api/server_link';
 import { useAsked } from '../api/use_asked';
-import { Advice } from '../components/advice';
 import { ConfirmButton } from '../components/confirm_button';
 import { FailureNote } from '../components/failure_note';
 import { Header } from '../components/header';
@@ -145,17 +144,13 @@ function Curves({ training }: { training: Training }): JSX.Element {
   );
 }
 
-/** The new model's rendering of the first view, and its advice; nothing while there is no model. */
-function useMade(model: string | undefined) {
+/** Returns the URL of the new model's rendering of its first view; undefined while there is none. */
+function usePreview(model: string | undefined): string | undefined {
   const { value } = useAsked(
     async (signal) => {
       if (!model) return undefined;
-      const [views, { advice }] = await Promise.all([
-        scenes.listViews({ parent: model, pageSize: 1 }, { signal }),
-        scenes.getModel({ name: model }, { signal }),
-      ]);
-      const view = views.views[0]?.view;
-      return { preview: view && pictureUrl(model, view, 640), advice };
+      const { views } = await scenes.listViews({ parent: model, pageSize: 1 }, { signal });
+      return views[0] && pictureUrl(model, views[0].view, 640);
     },
     [model],
   );
@@ -177,7 +172,7 @@ export function TrainingScreen({ jobId }: { jobId: string }): JSX.Element {
     }
   };
   const running = job && !hasEnded(job.state);
-  const made = useMade(job?.model);
+  const preview = usePreview(job?.model);
   return (
     <div class="screen" data-state={job ? jobStates[job.state] : ''}>
       <Header title={sceneId ? `Training ${sceneId}` : 'Training'} back="/">
@@ -200,13 +195,12 @@ export function TrainingScreen({ jobId }: { jobId: string }): JSX.Element {
           </p>
         )}
         {job && <Outcome training={training} sceneId={sceneId} />}
-        <Advice advice={made?.advice} />
         {job && (
           <div class="training">
             <div class="card">
               <div class="preview">
-                {made?.preview ? (
-                  <img src={made.preview} alt="" />
+                {preview ? (
+                  <img src={preview} alt="" />
                 ) : (
                   <ScenePhoto scene={job.scene} parent={job.dataset} />
                 )}

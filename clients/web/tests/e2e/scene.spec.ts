@@ -1,6 +1,7 @@
 // A scene from dropped photographs to a PLY, in Chromium, against a server that the test starts.
 import { readFileSync, rmSync } from 'node:fs';
 import { join } from 'node:path';
+import { fromBinary, toBinary } from '@bufbuild/protobuf';
 import type { BrowserContext, Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
 import {
@@ -17,6 +18,7 @@ import {
   truthOf,
 } from './on_screen';
 import { strFromU8, unzipSync } from 'fflate';
+import { ModelSchema } from '../../gen/pepeseg/v1/scene_service_pb';
 import { numGaussians, readCoco, saved, shelfWith } from './saved_files';
 import { Stack, artefacts, shelf } from './stack';
 
@@ -64,11 +66,29 @@ test('an empty server says that there are no scenes', async () => {
   await pictures('scenes-empty');
 });
 
-test('an upload resumes after a reload', async () => {
+test('too few photographs, and files that are none, get no green tick', async () => {
   await page.getByRole('link', { name: 'Make the first scene' }).click();
+  const tick = page.locator('.note.good');
+  const send = page.getByRole('button', { name: 'Upload and train' });
+  await page.setInputFiles('#files', join(shelf, 'images', view));
+  await expect(page.getByText('One photograph is too few for a scene')).toBeVisible();
+  await page.getByLabel('Name').fill('Kitchen shelf');
+  await expect(tick).toHaveCount(0);
+  await expect(send).toBeDisabled();
+  await pictures('new-scene-one-photograph');
+
+  const notes = { name: 'notes.jpg', mimeType: 'image/jpeg', buffer: Buffer.from('dear diary') };
+  await page.setInputFiles('#files', [notes]);
+  await expect(page.getByText(/no photograph or video in spite of the name.*notes.jpg/)).toBeVisible();
+  await expect(tick).toHaveCount(0);
+  await expect(send).toBeDisabled();
+});
+
+test('an upload resumes after a reload', async () => {
   await page.setInputFiles('#folder', shelf);
   await expect(page.getByText('15 photographs')).toBeVisible();
-  await page.getByLabel('Name').fill('Kitchen shelf');
+  await expect(page.locator('.note.good')).toBeVisible();
+  await expect(page.getByRole('button', { name: 'Preview' })).toHaveAttribute('aria-pressed', 'true');
   await page.getByText('Numbers').click();
   await page.getByLabel('Steps of reconstruction').fill(process.env.PEPESEG_STEPS ?? '1200');
   await page.getByLabel('Steps of features').fill(process.env.PEPESEG_FEATURE_STEPS ?? '900');
@@ -155,6 +175,10 @@ test('a click segments the book, in all views', async () => {
   }
   // All fifteen views show the book.
   await expect(page.getByText('Seen in 15 views.')).toBeVisible({ timeout: 60_000 });
+  // This server has no SAM, and the masks are good.
+  await page.waitForLoadState('networkidle');
+  await expect(page.getByText('Border by SAM')).toHaveCount(0);
+  await expect(page.locator('.advice')).toHaveCount(0);
 });
 
 test('a selection in 3D is tinted, shown alone and left out', async () => {
@@ -181,24 +205,69 @@ test('the slider answers while it is dragged', async () => {
   expect(rate).toBeGreaterThanOrEqual(Number(process.env.PEPESEG_MIN_ANSWERS ?? 15));
 });
 
-test('a segment is named, and found by its name', async () => {
-  const truth = await truthOf(page, view, book);
+/** Pixels of each label's mask in the view in which it was named. */
+const namedAreas = new Map<string, number>();
+
+test('two things are named in a row, and found by their names', async () => {
+  test.setTimeout(300_000);
   await page.getByRole('button', { name: 'Clear' }).click();
-  const before = await numAnswers(page);
-  await clickView(page, truth.inside);
-  await settled(page, before);
-  await expect(page.locator('.chips .chip').first()).toBeVisible();
-  await page.getByPlaceholder('Name this segment').fill('Bunny book');
-  await page.getByRole('button', { name: 'Name', exact: true }).click();
-  const label = page.getByRole('button', { name: 'Bunny book', exact: true });
-  await expect(label).toBeVisible();
-  await page.getByRole('button', { name: 'Clear' }).click();
-  await expect(page.locator('.picture')).toHaveAttribute('data-area', '0');
-  await label.click();
-  await expect(page.locator('.picture')).not.toHaveAttribute('data-area', '0');
+  const area = async () => Number(await page.locator('.picture').getAttribute('data-area'));
+  const tissueBox: [number, number] = [0.65, 0.68];
+  const { inside } = await truthOf(page, view, book);
+  for (const [name, spot] of [
+    ['Bunny book', inside],
+    ['Tissue box', tissueBox],
+  ] as const) {
+    const before = await numAnswers(page);
+    await clickView(page, spot);
+    await settled(page, before);
+    await expect(page.locator('.chips .chip').first()).toBeVisible();
+    // Each click is a prompt of its own.
+    await expect(page.locator('.mark')).toHaveCount(1);
+    namedAreas.set(name, await area());
+    await page.getByPlaceholder('Name this segment').fill(name);
+    await page.getByRole('button', { name: 'Name', exact: true }).click();
+    await expect(page.getByRole('button', { name, exact: true })).toBeVisible();
+    await expect(page.locator('.picture')).toHaveAttribute('data-area', '0');
+  }
+  for (const [name, accepted] of namedAreas) {
+    await page.getByRole('button', { name, exact: true }).click();
+    await expect.poll(area, { timeout: 30_000 }).toBe(accepted);
+    await expect(page.getByText(/Seen in \d+ views/)).toBeVisible({ timeout: 60_000 });
+    expect(await area(), 'the accepted mask stays the answer').toBe(accepted);
+  }
 });
 
-test('downloads: the PLY is loaded again, COCO lists the label', async () => {
+test('Esc in the name field ends the segment', async () => {
+  const before = await numAnswers(page);
+  await clickView(page, [0.37, 0.6]);
+  await settled(page, before);
+  const field = page.getByLabel('Name of the segment');
+  await field.fill('Half a na');
+  await field.press('Escape');
+  await expect(page.locator('.picture')).toHaveAttribute('data-area', '0');
+  await expect(field).toHaveValue('');
+});
+
+test('an export shows how far it is, and can be cancelled', async () => {
+  let numDownloads = 0;
+  const count = () => (numDownloads += 1);
+  page.on('download', count);
+  await page.getByRole('button', { name: 'Masks (PNG)' }).click();
+  const bar = page.getByRole('progressbar', { name: 'Segmenting' });
+  await expect(bar).toBeVisible();
+  await expect.poll(() => bar.getAttribute('value')).not.toBe('0');
+  await expect(page.getByText(/Segmenting: \d+ of 30 masks/)).toBeVisible();
+  await screenshot(page, 'scene-export');
+  await page.getByRole('button', { name: 'Cancel' }).click();
+  await expect(bar).toHaveCount(0);
+  await expect(page.getByRole('button', { name: 'Masks (PNG)' })).toBeEnabled();
+  await page.waitForTimeout(1000);
+  page.off('download', count);
+  expect(numDownloads).toBe(0);
+});
+
+test('downloads: the PLY is loaded again, COCO lists the labels', async () => {
   test.setTimeout(400_000);
   const ply = await saved(page, page.getByRole('link', { name: 'Scene (PLY)' }));
   const count = numGaussians(ply);
@@ -206,13 +275,17 @@ test('downloads: the PLY is loaded again, COCO lists the label', async () => {
 
   const json = readCoco(await saved(page, page.getByRole('button', { name: 'COCO (JSON)' })));
   expect(json.images).toHaveLength(15);
-  expect(json.categories.map(({ name }) => name)).toEqual(['Bunny book']);
-  expect(json.annotations.length).toBeGreaterThan(10);
+  expect(json.categories.map(({ name }) => name)).toEqual([...namedAreas.keys()]);
+  expect(json.annotations.length).toBeGreaterThan(20);
+  // In the view in which they were named the accepted masks were written.
+  const own = json.annotations.filter(({ image_id }) => image_id === 1);
+  expect(own.map(({ area }) => area)).toEqual([...namedAreas.values()]);
 
   const masks = await saved(page, page.getByRole('button', { name: 'Masks (PNG)' }));
   const files = unzipSync(readFileSync(masks));
   expect(JSON.parse(strFromU8(files['labels.json'] as Uint8Array))).toEqual({
     'Bunny-book': 'Bunny book',
+    'Tissue-box': 'Tissue box',
   });
   expect(Object.keys(files)).toContain('Bunny-book/frame-000000.png');
 
@@ -251,6 +324,28 @@ test('pixels are the photograph’s after a training at half its size', async ()
   expect(hit, 'the mask is where the click was').toBeGreaterThan(0);
   await screenshot(page, 'scene-half-size');
   await page.getByRole('link', { name: 'Back' }).click();
+});
+
+test('advice on rough masks is one line, and stays closed', async () => {
+  await page.route('**/SceneService/GetModel', async (route) => {
+    const response = await route.fetch();
+    const model = fromBinary(ModelSchema, await response.body());
+    model.metrics['mask_quality'] = 0.41;
+    await route.fulfill({ response, body: Buffer.from(toBinary(ModelSchema, model)) });
+  });
+  await page.goto(`${stack.url}/scenes/Kitchen-shelf`);
+  const advice = page.locator('.advice');
+  await expect(advice.getByText('mask quality 0.41 of 1')).toBeVisible();
+  expect((await advice.boundingBox())?.height).toBeLessThan(48);
+  await expect(page.locator('.splats[data-status=ready]')).toBeVisible({ timeout: 60_000 });
+  await pictures('scene-advice');
+  await page.getByRole('button', { name: 'Close this advice' }).click();
+  await expect(advice).toHaveCount(0);
+  await page.reload();
+  await expect(page.locator('.workbench')).toBeVisible();
+  await page.waitForLoadState('networkidle');
+  await expect(advice).toHaveCount(0);
+  await page.unroute('**/SceneService/GetModel');
 });
 
 test('a click in 3D segments what is seen there', async () => {
