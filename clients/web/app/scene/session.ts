@@ -105,7 +105,6 @@ export class SceneSession {
     const place = placeOf(prompt);
     const views = place && 'camera' in place ? undefined : [this.shownView].filter(Boolean);
     const request = segmentRequest(this.model, prompt, this.fixedGranularity(), views);
-    this.forgetKept();
     const { signal } = this.keeping;
     this.state.patch({ busy: true, failure: undefined });
     try {
@@ -169,7 +168,7 @@ export class SceneSession {
 
   /** Puts masks in place of the model's until the prompt, scale or threshold changes. */
   private keep(masks: Answer['masks']): void {
-    this.kept = masks;
+    this.kept = new Map([...this.kept, ...masks]);
     this.merge(masks);
   }
 

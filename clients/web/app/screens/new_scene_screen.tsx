@@ -77,7 +77,7 @@ function DropZone({ onFiles }: { onFiles: (files: DroppedFile[]) => void }): JSX
 
 function Summary({ dataset, verdict }: { dataset: Dataset; verdict: Verdict }): JSX.Element {
   const { files, leftOut } = dataset;
-  const { tone, canUpload, faults } = verdict;
+  const { tone, canUpload, canTrain, faults } = verdict;
   const bytes = files.reduce((sum, { file }) => sum + file.size, 0);
   const hasPoses = files.some(({ kind }) => kind === FileKind.POSES);
   return (
@@ -95,7 +95,7 @@ function Summary({ dataset, verdict }: { dataset: Dataset; verdict: Verdict }): 
         {!canUpload && (
           <p>Photographs are .jpg, .png, .webp or .heic; videos .mp4, .mov, .webm, .mkv or .avi.</p>
         )}
-        {canUpload && !hasPoses && (
+        {canTrain && !hasPoses && (
           <p>Without poses: the training first estimates where each photograph was taken.</p>
         )}
         {leftOut.length > 0 && (

@@ -327,7 +327,7 @@ test('pixels are the photograph’s after a training at half its size', async ()
 });
 
 test('advice on rough masks is one line, and stays closed', async () => {
-  await page.route('**/SceneService/GetModel', async (route) => {
+  await page.route('**/*SceneService/GetModel', async (route) => {
     const response = await route.fetch();
     const model = fromBinary(ModelSchema, await response.body());
     model.metrics['mask_quality'] = 0.41;
@@ -345,7 +345,7 @@ test('advice on rough masks is one line, and stays closed', async () => {
   await expect(page.locator('.workbench')).toBeVisible();
   await page.waitForLoadState('networkidle');
   await expect(advice).toHaveCount(0);
-  await page.unroute('**/SceneService/GetModel');
+  await page.unroute('**/*SceneService/GetModel');
 });
 
 test('a click in 3D segments what is seen there', async () => {
