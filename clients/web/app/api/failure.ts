@@ -29,7 +29,7 @@ const advice: Partial<Record<string, string>> = {
   DISK_FULL: 'The server’s disk is full: delete scenes that are not needed.',
   JOB_ACTIVE: 'Wait for the training that is running, or cancel it.',
   NO_MODEL: 'Train the scene first.',
-  NO_SAM: 'Masks stay as they are. Who runs the server can install SAM.',
+  NO_SAM: 'The mask stays as it is. Ask who runs the server to install SAM.',
   DRAINING: 'The server is being restarted; the page continues by itself.',
 };
 

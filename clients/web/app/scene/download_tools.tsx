@@ -25,8 +25,8 @@ interface Props {
 }
 
 /** What an export does now, how far it is, and a button that ends it. */
-function ExportProgress({ masks }: { masks: MaskExport }): JSX.Element | null {
-  const { step } = useStore(masks.state);
+function ExportProgress({ running }: { running: MaskExport }): JSX.Element | null {
+  const { step } = useStore(running.state);
   if (!step) return null;
   const { name, done, total } = step;
   return (
@@ -37,7 +37,7 @@ function ExportProgress({ masks }: { masks: MaskExport }): JSX.Element | null {
           {name}: {countText(done)} of {countText(total)} masks
         </span>
       </div>
-      <button type="button" onClick={() => masks.cancel()}>
+      <button type="button" onClick={() => running.cancel()}>
         Cancel
       </button>
     </div>
@@ -49,19 +49,18 @@ export function DownloadTools(props: Props): JSX.Element {
   const state = useStore(session.state);
   const { selection } = useStore(selections.state);
   const named = useStore(labels.list);
-  const masks = useMemo(() => new MaskExport(), [session]);
-  useEffect(() => () => masks.cancel(), [masks]);
-  const { step, failure } = useStore(masks.state);
+  const maskExport = useMemo(() => new MaskExport(), [session]);
+  useEffect(() => () => maskExport.cancel(), [maskExport]);
+  const { step, failure } = useStore(maskExport.state);
   const things = thingsOf(named, state);
-  const segmented = (watch: Watch) =>
-    masksOfThings(session.model, things, session.views, watch);
+  const segmented = (watch: Watch) => masksOfThings(session.model, things, session.views, watch);
   const savePngs = () =>
-    masks.run(async (steps) => {
+    maskExport.run(async (steps) => {
       const found = await segmented(steps('Segmenting'));
       await saveMasks(sceneId, found, steps('Writing').progress);
     });
   const saveJson = () =>
-    masks.run(async (steps) => {
+    maskExport.run(async (steps) => {
       const sizes = views.map((view) => ({ view: view.view, ...sizeOf(view) }));
       saveCoco(sceneId, sizes, await segmented(steps('Segmenting')));
     });
@@ -73,7 +72,7 @@ export function DownloadTools(props: Props): JSX.Element {
   return (
     <section aria-labelledby="download-title">
       <h2 id="download-title">Download</h2>
-      <ExportProgress masks={masks} />
+      <ExportProgress running={maskExport} />
       <div class="row wrap">
         <a
           class="button"
@@ -116,7 +115,7 @@ export function DownloadTools(props: Props): JSX.Element {
       <p class="quiet">
         Masks and COCO: {what}, in all {views.length} views.
       </p>
-      <FailureNote failure={failure} close={() => masks.closeFailure()} />
+      <FailureNote failure={failure} close={() => maskExport.closeFailure()} />
     </section>
   );
 }

@@ -4,10 +4,7 @@ import { create } from '@bufbuild/protobuf';
 import type { GranularitySchema, PromptSchema } from '../../gen/pepeseg/v1/prompt_pb';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import type { SegmentViewsRequest } from '../../gen/pepeseg/v1/segmentation_service_pb';
-import {
-  SegmentViewsRequestSchema,
-  SegmentViewsRequest_Targets_Group,
-} from '../../gen/pepeseg/v1/segmentation_service_pb';
+import { SegmentViewsRequestSchema } from '../../gen/pepeseg/v1/segmentation_service_pb';
 
 /** Returns the size, in pixels, of the frame of a view's prompts and masks: its photograph's. */
 export function sizeOf(view: View): { readonly width: number; readonly height: number } {
@@ -99,21 +96,17 @@ export function granularityOf({
   };
 }
 
-/** Makes a request. `views`: absent: the prompt's view; "all": every view. */
+/** Makes a request. `views`: absent: the prompt's view. */
 export function segmentRequest(
   model: string,
   prompt: Prompt,
   granularity: Granularity,
-  views?: readonly string[] | 'all',
+  views?: readonly string[],
 ): SegmentViewsRequest {
-  const targets =
-    views === 'all'
-      ? { group: SegmentViewsRequest_Targets_Group.ALL }
-      : { views: [...(views ?? [])] };
   return create(SegmentViewsRequestSchema, {
     model,
     prompt: promptOf(prompt),
     granularity: granularityOf(granularity),
-    ...(views && { targets }),
+    ...(views && { targets: { views: [...views] } }),
   });
 }

@@ -8,13 +8,15 @@ import type { Granularity, Prompt } from './prompt';
 import { segmentRequest } from './prompt';
 
 const firstBatch = 2;
-const largestBatch = 8;
 
-/** Cuts a list of views into batches: small ones first, because somebody waits for the first mask. */
-export function batchesOf(views: readonly string[]): string[][] {
+/**
+ * Cuts a list of views into batches of at most `largest` views: small ones first, because somebody
+ * waits for the first mask.
+ */
+export function batchesOf(views: readonly string[], largest = 8): string[][] {
   const batches: string[][] = [];
   for (let at = 0, size = firstBatch; at < views.length; at += size, size *= 2) {
-    size = Math.min(size, largestBatch);
+    size = Math.min(size, largest);
     batches.push(views.slice(at, at + size));
   }
   return batches;

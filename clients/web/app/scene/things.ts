@@ -40,6 +40,9 @@ export function thingsOf(
   return [{ id: 'segment', category: 'segment', prompt, granularity: used }];
 }
 
+/** Views in a request for SAM's borders, which take a second or two each. */
+const samBatch = 2;
+
 /** Masks of a thing while they are made. */
 interface Making {
   readonly thing: Thing;
@@ -85,7 +88,7 @@ export async function masksOfThings(
   const samBorders = await serverHasSam(model, signal);
   const all = await Promise.all(things.map((thing) => begun(thing, signal)));
   let done = 0;
-  for (const batch of batchesOf(views)) {
+  for (const batch of batchesOf(views, samBorders ? samBatch : undefined)) {
     for (const making of all) {
       await addMasks(making, { model, views: batch, samBorders }, signal);
       progress((done += batch.length), total);

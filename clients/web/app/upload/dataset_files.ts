@@ -135,7 +135,7 @@ export async function readDataset(dropped: readonly DroppedFile[]): Promise<Data
     if (kind === undefined) rest.push({ path: inside, file });
     else files.push({ path: inside, kind, file });
   }
-  // Before loose photographs: a mask is none.
+  // First, because masks outside the layout's folders would be taken for photographs.
   rest = await takeReferences(files, rest);
   if (!hasPictures(files)) rest = takeLoose(files, rest);
   const asNamed = await Promise.all(files.map(isAsNamed));

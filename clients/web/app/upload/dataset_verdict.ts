@@ -25,8 +25,7 @@ function namesText(paths: readonly string[]): string {
 
 function notPicturesText(paths: readonly string[]): string {
   if (paths.length === 0) return '';
-  const what = paths.length === 1 ? 'This file is' : 'These files are';
-  return `${what} no photograph or video in spite of the name, and left out: ${namesText(paths)}.`;
+  return `Left out, because the content is not a photograph or a video: ${namesText(paths)}.`;
 }
 
 function tooFewText(numPhotographs: number, hasPoses: boolean): string {

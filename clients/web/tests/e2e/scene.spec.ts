@@ -66,7 +66,7 @@ test('an empty server says that there are no scenes', async () => {
   await pictures('scenes-empty');
 });
 
-test('too few photographs, and files that are none, get no green tick', async () => {
+test('too few photographs, and files that are not photographs, get no green tick', async () => {
   await page.getByRole('link', { name: 'Make the first scene' }).click();
   const tick = page.locator('.note.good');
   const send = page.getByRole('button', { name: 'Upload and train' });
@@ -79,7 +79,7 @@ test('too few photographs, and files that are none, get no green tick', async ()
 
   const notes = { name: 'notes.jpg', mimeType: 'image/jpeg', buffer: Buffer.from('dear diary') };
   await page.setInputFiles('#files', [notes]);
-  await expect(page.getByText(/no photograph or video in spite of the name.*notes.jpg/)).toBeVisible();
+  await expect(page.getByText(/content is not a photograph or a video: .*notes.jpg/)).toBeVisible();
   await expect(tick).toHaveCount(0);
   await expect(send).toBeDisabled();
 });

@@ -81,7 +81,7 @@ test('the folder "images" by itself', async () => {
   expect(files.map(({ path }) => path)).toEqual(['images/1.jpg', 'images/2.jpg']);
 });
 
-test('masks that transforms.json names are no photographs, and its points are taken', async () => {
+test('masks that transforms.json names are not photographs, and its points are taken', async () => {
   const document = {
     ply_file_path: './cloud/dense.ply',
     mask_path: 'car.png',
@@ -119,7 +119,7 @@ test('a transforms.json that is not an object names no files', async () => {
   }
 });
 
-test('a file that is no photograph is left out, and named', async () => {
+test('a file that is not a photograph is left out, and named', async () => {
   const fake = { path: 'images/notes.jpg', file: new Blob(['dear diary']) as File };
   const read = await readDataset([...dropped('images/1.jpg', 'images/2.jpg', 'images/3.jpg'), fake]);
   expect(read.files).toHaveLength(3);

@@ -61,9 +61,10 @@ test('the server chooses what is not given', () => {
   const open = segmentRequest('m', prompt, {});
   expect(open.granularity?.scale.case).toBeUndefined();
   expect(open.granularity?.threshold).toBeUndefined();
-  const fixed = segmentRequest('m', prompt, { scale: 0, threshold: 0 }, 'all');
+  const fixed = segmentRequest('m', prompt, { scale: 0, threshold: 0 }, ['b.jpg']);
   expect(fixed.granularity?.scale).toEqual({ case: 'scaleQuantile', value: 0 });
   expect(fixed.granularity?.threshold).toBe(0);
+  expect(fixed.targets?.views).toEqual(['b.jpg']);
 });
 
 test('COCO: ids from 1, no empty masks, sizes height first', () => {
