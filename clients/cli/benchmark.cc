@@ -186,10 +186,11 @@ void AddRunFlags(CLI::App& verb, BenchmarkFlags& flags) {
   verb.add_option("--seeds", flags.num_seeds, "Number of trainings of each scene, seeds from 1")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();
-  verb.add_option(
-          "--protocol", flags.protocol,
-          "Protocol instead of the benchmark's own: prompt, label-propagation or promptable")
-      ->check(CLI::IsMember({"prompt", "label-propagation", "promptable"}));
+  verb.add_option("--protocol", flags.protocol,
+                  "Protocol instead of the benchmark's own: prompt, label-propagation, "
+                  "label-propagation-pixels or promptable")
+      ->check(
+          CLI::IsMember({"prompt", "label-propagation", "label-propagation-pixels", "promptable"}));
   verb.add_flag("--ablation", flags.ablation,
                 "Train without parts of the method, and with other k, tau and T");
   verb.add_flag("--robustness", flags.robustness,

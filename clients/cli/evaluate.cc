@@ -251,7 +251,8 @@ void AddOptionFlags(CLI::App& verb, EvaluateFlags& flags) {
   verb.add_option_function<std::string>(
           "--protocol",
           [&flags](const std::string& name) { flags.protocol = ProtocolsByName().at(name); },
-          "prompt (default), label-propagation, promptable, clicks or sam-agreement")
+          "prompt (default), label-propagation, label-propagation-pixels, promptable, clicks or "
+          "sam-agreement")
       ->check(CLI::IsMember(protocols));
   verb.add_option("--scales", flags.scales, "Scales to choose from, quantiles")->delimiter(',');
   verb.add_option("--thresholds", flags.thresholds, "Thresholds to choose from, cosines")
@@ -260,7 +261,7 @@ void AddOptionFlags(CLI::App& verb, EvaluateFlags& flags) {
       ->check(CLI::Range(-1.0, 1.0));
   verb.add_option("--min-pixels", flags.min_pixels, "Pixels of an entity that a view must show");
   verb.add_option("--min-cosine", flags.min_cosine,
-                  "Threshold of label-propagation and promptable (0.7, 0.9)");
+                  "Threshold of label-propagation[-pixels] and promptable (0.7, 0.9)");
   verb.add_option("--min-iou", flags.min_iou, "IoU that clicks must reach (0.9)");
   verb.add_option("--max-clicks", flags.max_clicks, "Maximum number of clicks (10)");
   verb.add_flag("--score-reference", flags.score_reference, "Score the reference view, too");

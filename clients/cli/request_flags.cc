@@ -169,6 +169,7 @@ const std::map<std::string, v1::EvaluationProtocol>& ProtocolsByName() {
   static const auto& protocols = *new std::map<std::string, v1::EvaluationProtocol>{
       {"prompt", v1::EVALUATION_PROTOCOL_PROMPT},
       {"label-propagation", v1::EVALUATION_PROTOCOL_LABEL_PROPAGATION},
+      {"label-propagation-pixels", v1::EVALUATION_PROTOCOL_LABEL_PROPAGATION_PIXELS},
       {"promptable", v1::EVALUATION_PROTOCOL_PROMPTABLE},
       {"clicks", v1::EVALUATION_PROTOCOL_CLICKS},
       {"sam-agreement", v1::EVALUATION_PROTOCOL_SAM_AGREEMENT}};

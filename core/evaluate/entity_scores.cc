@@ -22,12 +22,13 @@ struct Tables {
 class QueryScorer {
  public:
   QueryScorer(const QueryTask& query_task, std::span<const EntityQueries> queries,
-              const ChoiceThresholds& choice)
+              const ChoiceThresholds& choice, const MaskInView& mask_in_view)
       : query_task_(query_task),
         segmenter_(query_task.segmenter),
         task_(query_task.task),
         queries_(queries),
         choice_(choice),
+        mask_in_view_(mask_in_view),
         thresholds_(choice.thresholds) {
     thresholds_.push_back(choice.fixed_threshold);
     std::sort(thresholds_.begin(), thresholds_.end());
@@ -58,6 +59,7 @@ class QueryScorer {
   void Choose(size_t index);
   ChoiceScores ChoiceFrom(const IouTable& ious, ReferenceRule rule) const;
   absl::Status ScoreChoices(size_t view);
+  absl::StatusOr<BinaryMask> MaskIn(size_t view, const Query& query) const;
   absl::StatusOr<MaskScores> ScoresIn(size_t view, const Query& query,
                                       std::span<const uint8_t> truth) const;
   Query QueryOf(size_t index, const ChoiceScores& choice) const;
@@ -77,6 +79,7 @@ class QueryScorer {
   const EvaluationTask& task_;
   const std::span<const EntityQueries> queries_;
   const ChoiceThresholds& choice_;
+  const MaskInView& mask_in_view_;
   std::vector<double> thresholds_;    // those of the choice and the fixed one, ascending
   std::vector<Tables> tables_;        // [entities]
   std::vector<EntityScores> scores_;  // [entities]
@@ -97,6 +100,12 @@ void QueryScorer::Begin(size_t index) {
 absl::Status QueryScorer::AddIous(size_t view, const Query& query, const ReferenceTruth& truth,
                                   std::span<double> ious) const {
   if (query.features.empty()) return absl::OkStatus();
+  if (mask_in_view_) {
+    ASSIGN_OR_RETURN(const BinaryMask mask, mask_in_view_(view, query));
+    const double iou = Iou(mask.pixels, truth.mask, truth.ignore);
+    for (double& sum : ious) sum += iou;
+    return absl::OkStatus();
+  }
   // The mask at the lowest threshold leaves out what a negative feature claims; all others are
   // parts of it.
   Query widest = query;
@@ -181,15 +190,20 @@ Query QueryScorer::QueryOf(size_t index, const ChoiceScores& choice) const {
   return query;
 }
 
+absl::StatusOr<BinaryMask> QueryScorer::MaskIn(size_t view, const Query& query) const {
+  if (mask_in_view_) return mask_in_view_(view, query);
+  ASSIGN_OR_RETURN(std::vector<SegmentResult> results,
+                   segmenter_.Segment(query, {&task_.views[view].view, 1},
+                                      {.refine_borders = query_task_.refine_borders}));
+  return std::move(results[0].mask);
+}
+
 absl::StatusOr<MaskScores> QueryScorer::ScoresIn(size_t view, const Query& query,
                                                  std::span<const uint8_t> truth) const {
   if (query.features.empty()) return MaskScores();
   const TruthView& in = task_.views[view];
-  ASSIGN_OR_RETURN(
-      const std::vector<SegmentResult> results,
-      segmenter_.Segment(query, {&in.view, 1}, {.refine_borders = query_task_.refine_borders}));
-  return ScoreMask(results[0].mask.pixels, truth, in.view.camera.width, in.view.camera.height,
-                   in.ignore);
+  ASSIGN_OR_RETURN(const BinaryMask mask, MaskIn(view, query));
+  return ScoreMask(mask.pixels, truth, in.view.camera.width, in.view.camera.height, in.ignore);
 }
 
 absl::Status QueryScorer::ScoreChoices(size_t view) {
@@ -229,8 +243,9 @@ EntityScores WithoutScores(const EvaluationTask& task, const ScoredEntity& entit
 
 absl::StatusOr<std::vector<EntityScores>> ScoreQueries(const QueryTask& query_task,
                                                        std::span<const EntityQueries> queries,
-                                                       const ChoiceThresholds& choice) {
-  return QueryScorer(query_task, queries, choice).Run();
+                                                       const ChoiceThresholds& choice,
+                                                       const MaskInView& mask_in_view) {
+  return QueryScorer(query_task, queries, choice, mask_in_view).Run();
 }
 
 }  // namespace pepeseg

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -58,13 +59,21 @@ struct ChoiceThresholds {
   double fixed_threshold = 0;  // of iou_by_scale
 };
 
+// Makes the mask of a query in a view, given by its index in the task.
+using MaskInView = std::function<absl::StatusOr<BinaryMask>(size_t view, const Query& query)>;
+
 // Scores the queries of all entities, [entities of the task], made for the scales of `query_task`.
 // Among equally good choices of the scored views the one with the smaller scale is taken, then the
 // one with the lower threshold. Works view by view: each feature map is rendered once for all
 // choices, and once more for the scores of the chosen ones if it has left the cache. Calls
 // `check_cancelled` before each scale of a view and each view's scores and returns its error.
+//
+// mask_in_view: makes the masks where they are not the pixels over a threshold. It is called view
+// by view, forwards and then backwards. Its masks are the same at each threshold, and their borders
+// are not refined. Empty: the pixels over the threshold.
 absl::StatusOr<std::vector<EntityScores>> ScoreQueries(const QueryTask& query_task,
                                                        std::span<const EntityQueries> queries,
-                                                       const ChoiceThresholds& choice);
+                                                       const ChoiceThresholds& choice,
+                                                       const MaskInView& mask_in_view = {});
 
 }  // namespace pepeseg

@@ -1,6 +1,7 @@
 #include "core/evaluate/evaluate.h"
 
 #include <map>
+#include <span>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -25,9 +26,13 @@ absl::Status CheckAscends(absl::string_view name, const std::vector<double>& val
   return absl::OkStatus();
 }
 
+bool PropagatesLabels(Protocol protocol) {
+  return protocol == Protocol::kLabelPropagation || protocol == Protocol::kLabelPropagationPixels;
+}
+
 // Returns the thresholds that a protocol may choose from.
 ChoiceThresholds ThresholdsOf(const EvaluationOptions& options) {
-  if (options.protocol == Protocol::kLabelPropagation) {
+  if (PropagatesLabels(options.protocol)) {
     const double threshold = options.label_propagation.min_cosine;
     return {{threshold}, ReferenceRule::kBest, threshold};
   }
@@ -40,12 +45,24 @@ ChoiceThresholds ThresholdsOf(const EvaluationOptions& options) {
 
 absl::StatusOr<std::vector<EntityQueries>> QueriesOf(const QueryTask& query_task,
                                                      const EvaluationOptions& options) {
-  if (options.protocol == Protocol::kLabelPropagation) {
+  if (PropagatesLabels(options.protocol)) {
     return LabelPropagationQueries(query_task, options.label_propagation);
   }
   if (options.protocol == Protocol::kPromptable)
     return PromptableQueries(query_task, options.promptable);
   return PromptQueries(query_task);
+}
+
+absl::StatusOr<std::vector<EntityScores>> ScoresOf(const QueryTask& query_task,
+                                                   std::span<const EntityQueries> queries,
+                                                   const EvaluationOptions& options) {
+  const ChoiceThresholds choice = ThresholdsOf(options);
+  if (options.protocol != Protocol::kLabelPropagation) {
+    return ScoreQueries(query_task, queries, choice);
+  }
+  PropagatedMasks masks(query_task, options.label_propagation);
+  return ScoreQueries(query_task, queries, choice,
+                      [&](size_t view, const Query& query) { return masks.In(view, query); });
 }
 
 absl::StatusOr<std::vector<EntityScores>> ClickScoresOf(
@@ -148,7 +165,7 @@ absl::StatusOr<EvaluationResult> Evaluate(const Segmenter& segmenter, Evaluation
     const QueryTask query_task = {segmenter, task, options.scales, check_cancelled,
                                   options.refine_borders};
     ASSIGN_OR_RETURN(const std::vector<EntityQueries> queries, QueriesOf(query_task, options));
-    ASSIGN_OR_RETURN(result.entities, ScoreQueries(query_task, queries, ThresholdsOf(options)));
+    ASSIGN_OR_RETURN(result.entities, ScoresOf(query_task, queries, options));
   }
   result.left_out = std::move(task.left_out);
   TakeMeansOfGroups(result);

@@ -22,11 +22,12 @@ namespace pepeseg {
 
 // How entities are asked for and scored (METHOD.md section 5).
 enum class Protocol {
-  kPrompt,            // scale and threshold chosen; "one click" where no prompt is given
-  kLabelPropagation,  // centroids of the reference mask's clusters, at a fixed cosine
-  kPromptable,        // mean feature of the prompt, at a fixed cosine
-  kClicks,            // clicks until an IoU, with nothing chosen by hand
-  kSamAgreement,      // best of three proposals for each of SAM's masks; reads sam_views alone
+  kPrompt,                  // scale and threshold chosen; "one click" where no prompt is given
+  kLabelPropagation,        // clusters that correspond to those of the reference mask
+  kLabelPropagationPixels,  // pixels over a fixed cosine to those clusters' centroids
+  kPromptable,              // mean feature of the prompt, at a fixed cosine
+  kClicks,                  // clicks until an IoU, with nothing chosen by hand
+  kSamAgreement,  // best of three proposals for each of SAM's masks; reads sam_views alone
 };
 
 struct EvaluationOptions {
@@ -38,10 +39,10 @@ struct EvaluationOptions {
   std::vector<double> thresholds = {0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95};
   double fixed_threshold = 0.75;
   // Refines the borders of the masks that are scored. Scales and thresholds are chosen without it,
-  // and iou_by_scale is without it.
+  // and iou_by_scale is without it. Not used by kLabelPropagation, whose masks are whole clusters.
   bool refine_borders = true;
   TaskOptions task;
-  LabelPropagationOptions label_propagation;
+  LabelPropagationOptions label_propagation;  // of both protocols of label propagation
   PromptableOptions promptable;
   ClickOptions clicks = {.max_clicks = 10};
   SamAgreementOptions sam;

@@ -22,6 +22,8 @@ absl::StatusOr<Protocol> ProtocolFromProto(v1::EvaluationProtocol protocol) {
       return Protocol::kPrompt;
     case v1::EVALUATION_PROTOCOL_LABEL_PROPAGATION:
       return Protocol::kLabelPropagation;
+    case v1::EVALUATION_PROTOCOL_LABEL_PROPAGATION_PIXELS:
+      return Protocol::kLabelPropagationPixels;
     case v1::EVALUATION_PROTOCOL_PROMPTABLE:
       return Protocol::kPromptable;
     case v1::EVALUATION_PROTOCOL_CLICKS:
@@ -40,6 +42,8 @@ v1::EvaluationProtocol ProtocolToProto(Protocol protocol) {
       break;
     case Protocol::kLabelPropagation:
       return v1::EVALUATION_PROTOCOL_LABEL_PROPAGATION;
+    case Protocol::kLabelPropagationPixels:
+      return v1::EVALUATION_PROTOCOL_LABEL_PROPAGATION_PIXELS;
     case Protocol::kPromptable:
       return v1::EVALUATION_PROTOCOL_PROMPTABLE;
     case Protocol::kClicks:

@@ -61,6 +61,8 @@ absl::Status PrintProtocols(const Segmenter& segmenter, const std::vector<TruthV
   RETURN_IF_ERROR(PrintProtocol(segmenter, masked, options, name + " mask"));
   options.protocol = Protocol::kLabelPropagation;
   RETURN_IF_ERROR(PrintProtocol(segmenter, masked, options, name + " label propagation"));
+  options.protocol = Protocol::kLabelPropagationPixels;
+  RETURN_IF_ERROR(PrintProtocol(segmenter, masked, options, name + " label propagation, pixels"));
   options.protocol = Protocol::kPromptable;
   RETURN_IF_ERROR(PrintProtocol(segmenter, masked, options, name + " promptable"));
   options.protocol = Protocol::kClicks;

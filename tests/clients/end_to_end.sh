@@ -146,7 +146,7 @@ expect 0 pepeseg evaluate given given/1 "$dataset/labels" --ignore "$dataset/ign
 grep -Eq '^standard deviation +0\.000 ' "$work/output" || fail 'one model twice has a deviation'
 expect 0 pepeseg evaluate given "$dataset/labels" --protocol clicks --max-clicks 3
 grep -Eq '^mean of 4 +[1-3]\.[0-9]{2} ' "$work/output" || fail 'evaluate counts no clicks'
-for protocol in label-propagation promptable; do
+for protocol in label-propagation label-propagation-pixels promptable; do
   expect 0 pepeseg evaluate given "$dataset/labels" --protocol $protocol --reference frame-000000.jpg
   grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail "evaluate scores nothing by $protocol"
 done

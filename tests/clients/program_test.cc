@@ -77,7 +77,8 @@ TEST(Program, RefusesWrongCommandLines) {
 
 TEST(Program, ListsChoicesByName) {
   for (const auto& [arguments, choices] :
-       {std::pair("evaluate shelf labels --protocol nonsense", "clicks,label-propagation,prompt,"),
+       {std::pair("evaluate shelf labels --protocol nonsense",
+                  "clicks,label-propagation,label-propagation-pixels,prompt,"),
         {"export shelf out --format nonsense", "ply,coco,yolo,labelme,masks"},
         {"train shelf --preset nonsense", "preview,standard,best,paper"},
         {"segment shelf --view a -p 1,2 --frame nonsense", "photograph,view"}}) {

@@ -140,8 +140,8 @@ TEST_F(EvaluateTest, ScoresZeroForAMissingPredictionInEachProtocol) {
     Show(v, "left", Left(v));
     Show(v, "rows", BottomRows(2));
   }
-  for (const Protocol protocol :
-       {Protocol::kPrompt, Protocol::kLabelPropagation, Protocol::kPromptable}) {
+  for (const Protocol protocol : {Protocol::kPrompt, Protocol::kLabelPropagation,
+                                  Protocol::kLabelPropagationPixels, Protocol::kPromptable}) {
     SCOPED_TRACE(static_cast<int>(protocol));
     options_.protocol = protocol;
     ASSERT_OK_AND_ASSIGN(const EvaluationResult result, Run());
@@ -165,8 +165,8 @@ TEST_F(EvaluateTest, NeitherClicksNorScoresIgnoredPixels) {
   ignore_.resize(size_t{kTwoBlobsSize} * kTwoBlobsSize);
   for (int i = 0; i < kTwoBlobsSize * kTwoBlobsSize; ++i)
     ignore_[i] = i % kTwoBlobsSize >= 48 ? 1 : 0;
-  for (const Protocol protocol :
-       {Protocol::kPrompt, Protocol::kLabelPropagation, Protocol::kPromptable}) {
+  for (const Protocol protocol : {Protocol::kPrompt, Protocol::kLabelPropagation,
+                                  Protocol::kLabelPropagationPixels, Protocol::kPromptable}) {
     SCOPED_TRACE(static_cast<int>(protocol));
     options_.protocol = protocol;
     ASSERT_OK_AND_ASSIGN(const EvaluationResult result, Run());
@@ -223,7 +223,8 @@ TEST_F(EvaluateTest, RendersEachViewOnceWhileTheCacheHoldsIt) {
   }
   MakeModel(10);  // an empty cache
   for (const Protocol protocol :
-       {Protocol::kPrompt, Protocol::kLabelPropagation, Protocol::kPromptable, Protocol::kClicks}) {
+       {Protocol::kPrompt, Protocol::kLabelPropagation, Protocol::kLabelPropagationPixels,
+        Protocol::kPromptable, Protocol::kClicks}) {
     options_.protocol = protocol;
     ASSERT_OK(Run());
     EXPECT_EQ(segmenter_->num_renders(), 3);
@@ -233,7 +234,8 @@ TEST_F(EvaluateTest, RendersEachViewOnceWhileTheCacheHoldsIt) {
 TEST_F(EvaluateTest, ReturnsTheErrorOfCheckCancelled) {
   for (int v = 0; v < 3; ++v) Show(v, "left", Left(v));
   for (const Protocol protocol :
-       {Protocol::kPrompt, Protocol::kLabelPropagation, Protocol::kPromptable, Protocol::kClicks}) {
+       {Protocol::kPrompt, Protocol::kLabelPropagation, Protocol::kLabelPropagationPixels,
+        Protocol::kPromptable, Protocol::kClicks}) {
     SCOPED_TRACE(static_cast<int>(protocol));
     options_.protocol = protocol;
     int total = 0;

@@ -185,7 +185,8 @@ TEST_F(EvaluateTest, FindsAnEntityByEachKindOfPrompt) {
 
 TEST_F(EvaluateTest, PropagatesLabelsAndMatchesMeanFeatures) {
   for (const auto protocol :
-       {v1::EVALUATION_PROTOCOL_LABEL_PROPAGATION, v1::EVALUATION_PROTOCOL_PROMPTABLE}) {
+       {v1::EVALUATION_PROTOCOL_LABEL_PROPAGATION, v1::EVALUATION_PROTOCOL_LABEL_PROPAGATION_PIXELS,
+        v1::EVALUATION_PROTOCOL_PROMPTABLE}) {
     SCOPED_TRACE(v1::EvaluationProtocol_Name(protocol));
     auto request = MaskRequest();
     request.mutable_options()->set_protocol(protocol);

@@ -23,6 +23,7 @@ _EVALUATE_SECONDS = 3600.0
 _PROTOCOLS = {
     "prompt": v1.EVALUATION_PROTOCOL_PROMPT,
     "label-propagation": v1.EVALUATION_PROTOCOL_LABEL_PROPAGATION,
+    "label-propagation-pixels": v1.EVALUATION_PROTOCOL_LABEL_PROPAGATION_PIXELS,
     "promptable": v1.EVALUATION_PROTOCOL_PROMPTABLE,
     "clicks": v1.EVALUATION_PROTOCOL_CLICKS,
 }
@@ -347,7 +348,7 @@ def evaluate(
         truth: by view: ids [height, width], 0 for none, or a mask [height, width] by entity. Masks
             may overlap.
         protocol: "prompt" (one click for an entity without a prompt), "label-propagation",
-            "promptable" or "clicks".
+            "label-propagation-pixels", "promptable" or "clicks".
         names: names of the ids; an id without one is named by its digits.
         entity_prompts: see EntityPrompt; a reference view that the truth lacks is added.
         ignore: [height, width], for all views or by view: pixels that are not 0 are neither clicked

@@ -157,7 +157,9 @@ class TestEvaluate:
         click = result.entities["book.2"].clicks[0]
         assert masks[min(masks)]["book.2"][int(click.y), int(click.x)]
 
-    @pytest.mark.parametrize("protocol", ["label-propagation", "promptable"])
+    @pytest.mark.parametrize(
+        "protocol", ["label-propagation", "label-propagation-pixels", "promptable"]
+    )
     def test_protocols_of_a_mask(self, client, truth, protocol):
         reference = min(truth)
         prompts = {
@@ -172,7 +174,7 @@ class TestEvaluate:
             frame="view",
         )
         thresholds = {entity.paper.threshold for entity in result.entities.values()}
-        assert thresholds <= {0.7 if protocol == "label-propagation" else 0.9, 0.0}
+        assert thresholds <= {0.9 if protocol == "promptable" else 0.7, 0.0}
         for entity in result.entities.values():
             assert entity.paper.mean.iou >= entity.reference.mean.iou
             assert max(entity.iou_by_scale) == pytest.approx(entity.paper.mean.iou)

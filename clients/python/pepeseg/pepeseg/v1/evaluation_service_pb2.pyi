@@ -10,6 +10,7 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 DESCRIPTOR: _descriptor.FileDescriptor
 EVALUATION_PROTOCOL_CLICKS: EvaluationProtocol
 EVALUATION_PROTOCOL_LABEL_PROPAGATION: EvaluationProtocol
+EVALUATION_PROTOCOL_LABEL_PROPAGATION_PIXELS: EvaluationProtocol
 EVALUATION_PROTOCOL_PROMPT: EvaluationProtocol
 EVALUATION_PROTOCOL_PROMPTABLE: EvaluationProtocol
 EVALUATION_PROTOCOL_SAM_AGREEMENT: EvaluationProtocol
