@@ -125,6 +125,8 @@ class BenchmarkSession {
     }
     for (const std::string& line : TextTable(SceneTable(runs))) Print(line);
     for (const std::string& line : TextTable(published)) Print(line);
+    const std::string caveat = PublishedCaveat(plan_.benchmark);
+    if (!caveat.empty()) Print(caveat);
     return absl::OkStatus();
   }
 

@@ -34,11 +34,15 @@ std::vector<TableRow> SceneTable(std::span<const ScoredRun> runs);
 // paper* used the scored truth. Empty: nothing is published.
 std::vector<TableRow> PublishedTable(Benchmark benchmark, std::span<const ScoredRun> runs);
 
+// Returns a sentence on what makes our rows of PublishedTable easier than the published ones;
+// empty: nothing that is known.
+std::string PublishedCaveat(Benchmark benchmark);
+
 // Returns tables as files have them.
 std::string Markdown(const std::vector<TableRow>& rows);
 std::string Csv(const std::vector<TableRow>& rows);
 
-// Returns the whole report: both tables, with what their columns mean.
+// Returns the whole report: both tables, with what their columns mean and PublishedCaveat.
 std::string ReportMarkdown(Benchmark benchmark, std::span<const ScoredRun> runs);
 
 }  // namespace pepeseg::client::cli

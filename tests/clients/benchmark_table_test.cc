@@ -15,6 +15,7 @@
 namespace pepeseg::client::cli {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -104,6 +105,19 @@ TEST(PublishedTable, LeavesOutVariants) {
   ScoredRun run = MakeRun("fern", 1, 0.93, 0.97);
   run.variant = "k = 8";
   EXPECT_EQ(PublishedTable(Benchmark::kSpinNerf, std::vector<ScoredRun>{run}).size(), 6u);
+}
+
+TEST(PublishedCaveat, SaysThatTheTrueMaskIsAnEasierPromptThanText) {
+  const std::vector<ScoredRun> runs = {MakeRun("figurines", 1, 0.80, 0.85)};
+  const std::string caveat = PublishedCaveat(Benchmark::kLerfMask);
+  EXPECT_THAT(caveat, AllOf(HasSubstr("true mask of the first test view"),
+                            HasSubstr("easier prompt than the text of the published rows")));
+  EXPECT_THAT(ReportMarkdown(Benchmark::kLerfMask, runs), HasSubstr(caveat));
+  for (const Benchmark masked :
+       {Benchmark::kSpinNerf, Benchmark::kNvos, Benchmark::kLerfMaskFine, Benchmark::kScene}) {
+    EXPECT_EQ(PublishedCaveat(masked), "") << NameOf(masked);
+    EXPECT_THAT(ReportMarkdown(masked, runs), Not(HasSubstr("easier")));
+  }
 }
 
 TEST(Csv, QuotesCellsWithCommasAndQuotes) {
