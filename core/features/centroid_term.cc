@@ -87,6 +87,7 @@ void CentroidBank::Merge(std::span<const float> means) {
   const size_t num_known = centroids_.size();  // floats; the centroids before this call
   for (size_t i = 0; i < means.size(); i += kFeatureSize) {
     const float* mean = means.data() + i;
+    if (Dot(mean, mean) == 0) continue;
     double best = double{merge_cosine_};
     float* nearest = nullptr;
     for (size_t k = 0; k < num_known; k += kFeatureSize) {

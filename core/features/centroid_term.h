@@ -39,9 +39,10 @@ class CentroidBank {
   // Replaces the centroids, [K, 32].
   void Set(std::vector<float> centroids) { centroids_ = std::move(centroids); }
 
-  // Adds the means of the clusters of one view, [count, 32] of length 1. A mean that matches a
-  // centroid moves the nearest one by a tenth of the way, others become new centroids. Means of the
-  // same call are never merged with each other: HDBSCAN has found them to be apart.
+  // Adds the means of the clusters of one view, [count, 32] of length 1, or 0 for a cluster of
+  // pixels that show nothing, which is left out. A mean that matches a centroid moves the nearest
+  // one by a tenth of the way, others become new centroids. Means of the same call are never merged
+  // with each other: HDBSCAN has found them to be apart.
   void Merge(std::span<const float> means);
 
   // [K, 32] of length 1.

@@ -4,7 +4,14 @@
 
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <set>
 #include <vector>
+
+#include "core/features/feature_checkpoint.h"
+#include "kernels/buffer.h"
+#include "tests/core/features/blob_scene.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -30,6 +37,15 @@ TEST(CentroidBank, AddsNewClustersAndMovesTheCentroidsOfKnownOnes) {
   EXPECT_EQ(bank.centroids()[0], 1);
   bank.Merge(Direction(1, 0.6));  // too far: a new centroid
   EXPECT_EQ(bank.centroids().size(), 3u * 32);
+}
+
+TEST(CentroidBank, LeavesOutTheMeanOfPixelsThatShowNothing) {
+  CentroidBank bank(0.9f);
+  std::vector<float> means(32);
+  const std::vector<float> shown = Direction(0, 0);
+  means.insert(means.end(), shown.begin(), shown.end());
+  bank.Merge(means);
+  EXPECT_EQ(bank.centroids(), shown);
 }
 
 // HDBSCAN has found the clusters of one view to be apart, however close they are.
@@ -88,6 +104,62 @@ TEST(KeepAgreeing, IgnoresPixelsWithoutALabel) {
   const Clusters kept = scanline.Keep({-1, -1, -1, -1, 0, -1, -1, -1, -1, -1, 0, 0}, 1, kFinest);
   EXPECT_EQ(kept.count, 1);
   EXPECT_EQ(scanline.Keep({-1, -1, -1, -1, -1, -1, -1, -1, -1, -1, 0, 0}, 1, kAll).count, 1);
+}
+
+constexpr float kCosineOfAxis = 0.9f;
+
+// Refreshes the centroids of a scene once, where the feature of Gaussian k is the direction of axis
+// k. Returns the axes that a centroid of the upper scale is along, or -1 for one along none.
+std::set<int> CentroidAxes(const testing::BlobScene& scene, const FeatureOptions& options) {
+  const auto backend = MakeCpuBackend(1);
+  Renderer renderer(*backend, scene.gaussians, 1);
+  const std::vector<const MaskSet*> masks = OwnMasks(scene.capture);
+  std::vector<std::vector<float>> scales;
+  for (const MaskSet* of_view : masks) scales.emplace_back(of_view->num_masks, 1.0f);
+  const std::vector<DrawableView> views = MakeDrawableViews(scene.capture, masks, scales);
+  std::vector<float> directions;
+  for (int k = 0; k < scene.gaussians.count; ++k) {
+    const std::vector<float> direction = Direction(k, 0);
+    directions.insert(directions.end(), direction.begin(), direction.end());
+  }
+  const Buffer<float> features(*backend, std::span<const float>(directions));
+  CentroidTerm term(*backend, scene.capture, renderer, views, options);
+  EXPECT_OK(term.Refresh(features.span(), std::vector<float>(kGateSize)));
+  const std::vector<float> centroids = term.Save().upper;
+  std::set<int> axes;
+  for (size_t i = 0; i < centroids.size(); i += kFeatureSize) {
+    int axis = -1;
+    for (int k = 0; k < kFeatureSize; ++k) {
+      if (centroids[i + k] > kCosineOfAxis) axis = k;
+    }
+    axes.insert(axis);
+  }
+  return axes;
+}
+
+TEST(CentroidTerm, ClustersPixelsWithoutAMaskOnlyIfNotMaskedOnly) {
+  const testing::BlobScene scene({{{24, 24, true}, {72, 24, true}, {48, 72, false}}});
+  FeatureOptions options;
+  options.centroid_masked_only = true;
+  EXPECT_EQ(CentroidAxes(scene, options), (std::set<int>{0, 1}));
+  options.centroid_masked_only = false;
+  EXPECT_EQ(CentroidAxes(scene, options), (std::set<int>{0, 1, 2}));
+}
+
+// Each view alone has two of the four blobs.
+TEST(CentroidTerm, ClustersAsManyRandomViewsAsAsked) {
+  const testing::BlobScene scene(
+      {{{24, 48, true}, {72, 48, true}}, {{24, 48, true}, {72, 48, true}}});
+  const std::set<int> first = {0, 1}, second = {2, 3}, both = {0, 1, 2, 3};
+  FeatureOptions options;
+  options.centroid_views = 1;
+  std::set<std::set<int>> found;
+  for (options.seed = 1; options.seed <= 20; ++options.seed) {
+    found.insert(CentroidAxes(scene, options));
+  }
+  EXPECT_EQ(found, (std::set<std::set<int>>{first, second}));
+  options.centroid_views = 20;
+  EXPECT_EQ(CentroidAxes(scene, options), both);
 }
 
 }  // namespace

@@ -10,6 +10,8 @@
 #include "core/features/feature_stage.h"
 #include "core/features/mask_scales.h"
 #include "core/render/renderer.h"
+#include "kernels/gaussian_planes.h"
+#include "tests/core/features/blob_scene.h"
 #include "tests/core/features/perception_scene.h"
 #include "tests/kernels/backend_test.h"
 #include "tests/testing/point_gaussians.h"
@@ -122,6 +124,33 @@ TEST(TrainFeatures, ReportsAConfidenceForEachFeature) {
                        TrainFeatures(*backend, capture, gaussians, options, Go));
   EXPECT_TRUE(alike.confidence.empty());
   EXPECT_EQ(alike.features, field.features);
+}
+
+// Returns the loss of the first step on one masked blob of this opacity, given as a logit.
+double FirstLoss(float opacity, float min_norm_alpha) {
+  testing::BlobScene scene({{{48, 48, true}}});
+  scene.gaussians.Plane(kOpacityPlane)[0] = opacity;
+  FeatureOptions options = kShort;
+  options.num_steps = 1;
+  options.min_norm_alpha = min_norm_alpha;
+  double loss = -1;
+  EXPECT_OK(TrainFeatures(*MakeCpuBackend(1), scene.capture, scene.gaussians, options,
+                          [&](const StepReport& report) {
+                            loss = report.loss;
+                            return absl::OkStatus();
+                          }));
+  return loss;
+}
+
+// The feature of a pixel is at most as long as its alpha, so the norm loss of a pixel whose alpha
+// is 0.7 is at least 0.09.
+TEST(TrainFeatures, CountsPixelsInTheNormLossWhoseAlphaIsOverTheMinimum) {
+  const float faint = 0.847f, opaque = 20;  // logits; 0.847 is that of 0.7
+  EXPECT_GT(FirstLoss(faint, 0), FirstLoss(faint, 0.9f) + 0.09);
+  EXPECT_EQ(FirstLoss(faint, 0.71f), FirstLoss(faint, 0.9f)) << "no alpha is over 0.71";
+  // The mask of the opaque blob has pixels of every alpha from 0.1 on.
+  EXPECT_GT(FirstLoss(opaque, 0), FirstLoss(opaque, 0.9f));
+  EXPECT_EQ(FirstLoss(opaque, 0), FirstLoss(opaque, 0.05f)) << "no alpha is under 0.05";
 }
 
 TEST(TrainFeatures, LowersTheLossAndNormalisesFeatures) {
