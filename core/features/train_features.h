@@ -84,9 +84,9 @@ struct FeatureOptions {
   int centroid_views = 1;        // [1, 1000]
   // Whether only pixels under masks are clustered. False: pixels of the whole map, as in the paper.
   bool centroid_masked_only = true;
-  // Weights of the centroid loss at either scale. 0: left out; [0, 100]. The lower scale is off: on
-  // desk it gains nothing measurable, and it loses where many small parts touch
-  // (tests/bench/results/h200_segmentation.md).
+  // Weights of the centroid loss at either scale. 0: left out; [0, 100]. The paper has 0.3 (upper)
+  // and 0.1 (lower). The lower scale is off: on desk it gains nothing measurable, and it loses where
+  // many small parts touch (tests/bench/results/h200_segmentation.md).
   float centroid_weight_upper = 1.0f;
   float centroid_weight_lower = 0;
   // tau of the paper at either scale: a pixel is pulled to the nearest centroid if its cosine with
@@ -101,7 +101,7 @@ struct FeatureOptions {
   bool centroid_check_masks = true;  // drops clusters that masks separate, see KeepAgreeing
   // Weight of the perception loss, for pixels that no mask of their view covers. It is left out if
   // the weight is 0, if no training view has a depth prior, or if all pixels are covered or
-  // background. [0, 100].
+  // background. [0, 100]. The paper has 0.2.
   float perception_weight = 0.2f;
   int num_perception_pixels = 128;  // additional samples of a step; [1, 16,384]
   PerceptionThreshold perception_threshold = PerceptionThreshold::kDifferences;

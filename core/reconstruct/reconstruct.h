@@ -92,20 +92,21 @@ struct ReconstructOptions {
   // Depth loss (METHOD.md section 1, "Depth").
 
   // lambda_d of the paper: weight of the depth loss at the first step, on views with a depth prior.
-  // In [0, 10], or -1: 0.05 on an orbit, 0.1 where the views face forward. 0: no depth loss. It
-  // gained nothing where it was measured: tests/bench/results/priors.md.
+  // In [0, 10], or -1: as in the paper, 0.05 on an orbit, 0.1 where the views face forward. 0: no
+  // depth loss. It gained nothing where it was measured: tests/bench/results/priors.md.
   float depth_weight = 0;
   // Weight of the depth loss at the last step, at most depth_weight; a reversed sigmoid between. In
-  // [0, 10]. 0: the loss fades out. The paper keeps 0.01 to 0.02, which leaves the prior's own
-  // error in the model. Measured: tests/bench/results/h200_desk.md.
+  // [0, 10]. 0: the loss fades out. The paper ends at 0.02 and gives no form of the fall; what
+  // remains leaves the prior's own error in the model. Measured: tests/bench/results/h200_desk.md.
   float depth_weight_final = 0;
   // Weight of the local fits of the prior, as a multiple of the weight of the depth loss. In [0,
-  // 10]. 0: only the fit to the whole view.
+  // 10]. 0: only the fit to the whole view. 1: as in the paper.
   float depth_local_weight = 0.25f;
   // Regions in which the prior is fitted besides the whole view. Windows and patch differ by less
   // than the seeds do. Measured: tests/bench/results/h200_desk.md.
   DepthLocalForm depth_local_form = DepthLocalForm::kWindows;
-  // Radius of the local windows as a share of the view's width; at least one pixel. In [0, 0.5].
+  // Radius of the local windows as a share of the view's width; at least one pixel. In [0, 0.5]. The
+  // paper gives no number.
   float depth_window = 0.025f;
   // Whether a disparity prior is compared with the rendered 1 / z. False: with z itself, as the
   // paper prints it; the fit's scale is then negative.
