@@ -115,6 +115,7 @@ struct EvaluateFlags {
   std::vector<double> scales, thresholds;
   std::optional<double> threshold, min_cosine, min_iou;
   std::optional<int64_t> min_pixels;
+  std::optional<int> ignore_label;  // absent: see EvaluateModelRequest.ignore_label
   std::optional<int> max_clicks;
   bool score_reference = false;
   bool refine_borders = true;
@@ -161,6 +162,7 @@ absl::StatusOr<v1::EvaluateModelRequest> MakeRequest(const Client& client,
   request.set_model(model);
   request.set_frame(flags.frame);
   *request.mutable_options() = EvaluationOptionsOf(flags);
+  if (flags.ignore_label) request.set_ignore_label(*flags.ignore_label);
   if (!flags.truth.names.empty()) RETURN_IF_ERROR(AddNames(flags.truth.names, request));
   ASSIGN_OR_RETURN(const std::vector<v1::View> all, client.ListViews(model));
   ASSIGN_OR_RETURN(const std::vector<v1::View> views, ViewsToScore(flags.truth, all));
@@ -226,6 +228,10 @@ void AddTruthFlags(CLI::App& verb, EvaluateFlags& flags) {
   verb.add_option("--ignore", flags.truth.ignore,
                   "A grey PNG for all views, or a folder of STEM.png: pixels that are not 0 are "
                   "not scored");
+  verb.add_option("--ignore-label", flags.ignore_label,
+                  "Id of void pixels in label images: in no entity, and not scored; default: 255 "
+                  "where an image has other ids as well and none over 255")
+      ->check(CLI::Range(1, 65535));
   verb.add_option("--names", flags.truth.names, "JSON file with the entities' names by id");
   verb.add_option("--views", flags.truth.views,
                   "Views to score: names, or a file with one a line; default: held-out views")

@@ -125,6 +125,10 @@ std::vector<std::string> FootOf(const Evaluated& response) {
     lines.push_back(absl::StrCat("left out, without a view to score: ",
                                  absl::StrJoin(response.left_out(), ", ")));
   }
+  if (response.num_void_pixels() > 0) {
+    lines.push_back(absl::StrCat(response.num_void_pixels(),
+                                 " void pixels of the label images were left out of all scores"));
+  }
   const auto& ious = response.scene().iou_by_scale();
   if (ious.empty()) return lines;
   TableRow scales = {"one scale for all"}, means = {"mean IoU"};

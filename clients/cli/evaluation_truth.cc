@@ -186,6 +186,15 @@ absl::StatusOr<v1::SamViewMasks> ReadSamMasks(const TruthFlags& flags, const std
   return masks;
 }
 
+// Returns the id of the void pixels of a label image as the server finds it, see
+// EvaluateModelRequest.ignore_label, or 0 if there is none. ids: of the image, without 0.
+int VoidIdOf(const v1::EvaluateModelRequest& request, const std::set<int>& ids) {
+  constexpr int kVoidId = 255;
+  if (request.has_ignore_label()) return request.ignore_label();
+  const bool is_void = ids.size() > 1 && *ids.rbegin() == kVoidId;
+  return is_void && !request.entity_names().contains(kVoidId) ? kVoidId : 0;
+}
+
 }  // namespace
 
 absl::StatusOr<std::vector<v1::View>> ViewsToScore(const TruthFlags& flags,
@@ -307,9 +316,10 @@ absl::StatusOr<std::vector<std::string>> EntitiesOf(const v1::EvaluateModelReque
     ASSIGN_OR_RETURN(const Picture labels, DecodePicture(truth.labels_png(), truth.view()));
     for (size_t i = 0; i < labels.pixels.size(); i += 3) ids.insert(labels.pixels[i]);
   }
+  ids.erase(0);
+  ids.erase(VoidIdOf(request, ids));
   for (const int id : ids) {
     const auto name = request.entity_names().find(id);
-    if (id == 0) continue;
     names.push_back(name == request.entity_names().end() ? absl::StrCat(id) : name->second);
   }
   return names;

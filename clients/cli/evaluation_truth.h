@@ -60,8 +60,9 @@ absl::StatusOr<std::vector<std::string>> AddSamMasks(const TruthFlags& flags,
 // INVALID_ARGUMENT: the file is neither.
 absl::Status AddNames(const std::string& file, v1::EvaluateModelRequest& request);
 
-// Returns the names of the entities that a view of the request shows. INVALID_ARGUMENT: its label
-// image is not a PNG.
+// Returns the names of the entities that a view of the request shows: of all ids of its label image
+// that are not void (EvaluateModelRequest.ignore_label), and of its masks. INVALID_ARGUMENT: its
+// label image is not a PNG.
 absl::StatusOr<std::vector<std::string>> EntitiesOf(const v1::EvaluateModelRequest& request,
                                                     const v1::ViewTruth& truth);
 

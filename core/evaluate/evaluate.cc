@@ -168,6 +168,7 @@ absl::StatusOr<EvaluationResult> Evaluate(const Segmenter& segmenter, Evaluation
     ASSIGN_OR_RETURN(result.entities, ScoresOf(query_task, queries, options));
   }
   result.left_out = std::move(task.left_out);
+  for (const TruthView& truth : task.views) result.num_void += truth.num_void;
   TakeMeansOfGroups(result);
   return result;
 }

@@ -69,6 +69,7 @@ struct EvaluationResult {
   std::vector<std::string> left_out;    // names of entities without a scored view
   std::vector<GroupScores> categories;  // by name
   GroupScores scene;
+  int64_t num_void = 0;             // pixels of the request's views that are void, see TruthView
   std::optional<SamAgreement> sam;  // of protocol kSamAgreement, which has nothing of the above
 };
 

@@ -115,7 +115,11 @@ std::vector<uint8_t> MaskBoundary(std::span<const uint8_t> mask, int width, int 
 double BoundaryIou(std::span<const uint8_t> prediction, std::span<const uint8_t> truth, int width,
                    int height, std::span<const uint8_t> ignore) {
   const int distance = BoundaryWidth(width, height);
-  return Iou(MaskBoundary(prediction, width, height, distance),
+  std::vector<uint8_t> counted(prediction.begin(), prediction.end());
+  for (size_t i = 0; i < ignore.size(); ++i) {
+    if (ignore[i] != 0) counted[i] = truth[i];
+  }
+  return Iou(MaskBoundary(counted, width, height, distance),
              MaskBoundary(truth, width, height, distance), ignore);
 }
 

@@ -35,7 +35,8 @@ std::vector<uint8_t> MaskBoundary(std::span<const uint8_t> mask, int width, int 
                                   int distance);
 
 // Returns the IoU of the boundaries of two masks. Boundaries are computed on the whole masks before
-// ignored pixels are left out.
+// ignored pixels are left out, with the truth in place of the prediction where pixels are ignored,
+// so that a prediction there makes no boundary elsewhere.
 double BoundaryIou(std::span<const uint8_t> prediction, std::span<const uint8_t> truth, int width,
                    int height, std::span<const uint8_t> ignore = {});
 

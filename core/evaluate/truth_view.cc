@@ -34,7 +34,7 @@ std::vector<uint8_t> TruthView::CountedMaskOf(absl::string_view entity) const {
 }
 
 TruthViewBuilder::TruthViewBuilder(ModelView view)
-    : truth_{std::move(view), {}, {}, {}},
+    : truth_{std::move(view), {}, {}, {}, 0},
       masks_(truth_.view.camera.width, truth_.view.camera.height, kKeepDuplicates) {}
 
 absl::Status TruthViewBuilder::CheckSize(absl::string_view what, size_t num_pixels) const {
@@ -54,12 +54,30 @@ absl::Status TruthViewBuilder::AddMask(const std::string& entity, std::span<cons
   return Add(entity, pixels);
 }
 
+bool HasVoidLabel(std::span<const uint16_t> labels) {
+  bool has_void = false, has_other = false;
+  for (const uint16_t label : labels) {
+    if (label > kVoidLabel) return false;
+    has_void = has_void || label == kVoidLabel;
+    has_other = has_other || (label != 0 && label != kVoidLabel);
+  }
+  return has_void && has_other;
+}
+
 absl::Status TruthViewBuilder::AddLabels(std::span<const uint16_t> labels,
-                                         const std::map<int, std::string>& names) {
+                                         const std::map<int, std::string>& names,
+                                         std::optional<int> void_label) {
   RETURN_IF_ERROR(CheckSize("the label image", labels.size()));
   std::map<int, std::vector<uint32_t>> pixels;
   for (size_t i = 0; i < labels.size(); ++i) {
     if (labels[i] != 0) pixels[labels[i]].push_back(static_cast<uint32_t>(i));
+  }
+  if (void_label && pixels.contains(*void_label)) {
+    std::vector<uint8_t> ignore(labels.size());
+    for (const uint32_t pixel : pixels[*void_label]) ignore[pixel] = 1;
+    RETURN_IF_ERROR(AddIgnore(ignore));
+    truth_.num_void += static_cast<int64_t>(pixels[*void_label].size());
+    pixels.erase(*void_label);
   }
   for (const auto& [id, of_id] : pixels) {
     const auto name = names.find(id);
@@ -68,9 +86,10 @@ absl::Status TruthViewBuilder::AddLabels(std::span<const uint16_t> labels,
   return absl::OkStatus();
 }
 
-absl::Status TruthViewBuilder::SetIgnore(std::vector<uint8_t> ignore) {
+absl::Status TruthViewBuilder::AddIgnore(std::span<const uint8_t> ignore) {
   RETURN_IF_ERROR(CheckSize("the ignore mask", ignore.size()));
-  truth_.ignore = std::move(ignore);
+  truth_.ignore.resize(ignore.size());
+  for (size_t i = 0; i < ignore.size(); ++i) truth_.ignore[i] |= ignore[i];
   return absl::OkStatus();
 }
 

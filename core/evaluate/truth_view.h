@@ -21,6 +21,7 @@ struct TruthView {
   MaskSet masks;
   std::vector<std::string> entities;  // [masks.num_masks] names, each once
   std::vector<uint8_t> ignore;  // [height, width], non-zero: not scored; empty: all are scored
+  int64_t num_void = 0;         // pixels that the label image marks as void; `ignore` has them, too
 
   // Returns the index of an entity's mask, or nothing if the view does not show the entity.
   std::optional<int> IndexOf(absl::string_view entity) const;
@@ -30,6 +31,14 @@ struct TruthView {
   // Returns MaskOf with 0 in ignored pixels: what may be clicked and counted.
   std::vector<uint8_t> CountedMaskOf(absl::string_view entity) const;
 };
+
+// The label that marks void pixels in label images of PASCAL VOC, DAVIS and others.
+inline constexpr int kVoidLabel = 255;
+
+// Returns whether kVoidLabel marks void pixels in a label image: it is the largest label, and there
+// is another one besides 0. Else it is an entity: an image of 0 and 255 is a binary mask, and ids
+// over 255 are consecutive.
+bool HasVoidLabel(std::span<const uint16_t> labels);
 
 // Collects the truth of a view from label images, binary masks, or both. Each function returns
 // INVALID_ARGUMENT, which names the view and the entity, if an image does not have the size of the
@@ -42,10 +51,12 @@ class TruthViewBuilder {
   // empty mask adds nothing: the view does not show the entity.
   absl::Status AddMask(const std::string& entity, std::span<const uint8_t> mask);
   // Adds the mask of each id of a label image [height, width]; 0 is no entity. An id without a name
-  // in `names` is its own name: "3".
-  absl::Status AddLabels(std::span<const uint16_t> labels, const std::map<int, std::string>& names);
-  // Sets the ignored pixels: [height, width], non-zero: not scored.
-  absl::Status SetIgnore(std::vector<uint8_t> ignore);
+  // in `names` is its own name: "3". Pixels with the label `void_label` are in no entity and are
+  // ignored.
+  absl::Status AddLabels(std::span<const uint16_t> labels, const std::map<int, std::string>& names,
+                         std::optional<int> void_label = std::nullopt);
+  // Adds ignored pixels: [height, width], non-zero: not scored.
+  absl::Status AddIgnore(std::span<const uint8_t> ignore);
   // Returns the size of the masks' bitsets in bytes, so that callers can limit what a request may
   // take.
   int64_t BitsetBytes() const { return masks_.BitsetBytes(); }

@@ -242,6 +242,7 @@ void FillEvaluation(const EvaluationResult& result, v1::PixelFrame frame, const 
     *response->add_categories() = GroupToProto(category, with_clicks);
   }
   *response->mutable_scene() = GroupToProto(result.scene, with_clicks);
+  response->set_num_void_pixels(result.num_void);
 }
 
 }  // namespace pepeseg

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/formats/label_values.h"
 #include "server/api/error.h"
 #include "server/api/request_image.h"
 #include "server/api/segment_request.h"
@@ -22,7 +23,8 @@ constexpr int64_t kMaxEvaluatedPixels = 64'000'000;  // of all views together
 // pixels, and a few megabytes of a request could ask for gigabytes.
 constexpr int64_t kMaxTruthBitsetBytes = int64_t{128} << 20;
 constexpr size_t kMaxEntityName = 256;
-constexpr double kKeepAll = 1;  // no IoU exceeds it: SAM's scores belong to masks by index
+constexpr int kMaxLabel = 65'535;  // of a label image
+constexpr double kKeepAll = 1;     // no IoU exceeds it: SAM's scores belong to masks by index
 
 absl::Status CheckEntityName(const std::string& name, const std::string& field) {
   if (!name.empty() && name.size() <= kMaxEntityName) return absl::OkStatus();
@@ -45,15 +47,13 @@ class ToViewPixels {
 
   const ImageOfView& image() const { return image_; }
 
-  template <class T, class Out = T>
-  std::vector<Out> Take(const std::vector<T>& values) {
-    if (image_.frame.is_view()) return std::vector<Out>(values.begin(), values.end());
+  template <class T>
+  std::vector<T> Take(const std::vector<T>& values) {
+    if (image_.frame.is_view()) return values;
     if (!pixels_) pixels_ = image_.frame.PixelsOfView();
-    std::vector<Out> taken;
+    std::vector<T> taken;
     taken.reserve(pixels_->size());
-    for (const int32_t pixel : *pixels_) {
-      taken.push_back(static_cast<Out>(values[static_cast<size_t>(pixel)]));
-    }
+    for (const int32_t pixel : *pixels_) taken.push_back(values[static_cast<size_t>(pixel)]);
     return taken;
   }
 
@@ -127,19 +127,43 @@ absl::StatusOr<std::map<int, std::string>> ReadEntityNames(
   return names;
 }
 
+absl::StatusOr<std::optional<int>> ReadIgnoreLabel(const v1::EvaluateModelRequest& request) {
+  if (!request.has_ignore_label()) return std::nullopt;
+  const int label = request.ignore_label();
+  if (label >= 1 && label <= kMaxLabel) return label;
+  return BadField("ignore_label", absl::StrCat(label),
+                  absl::StrCat("allowed are 1..", kMaxLabel, "; pixels of 0 are in no entity"));
+}
+
+// Returns whether a label image is one binary mask with soft borders, whose other values are no
+// ids.
+bool IsSoftMask(const std::vector<uint16_t>& ids, int width, int height) {
+  const LabelImage image = {width, height, std::vector<uint32_t>(ids.begin(), ids.end())};
+  return SoftMaskThreshold(image).has_value();
+}
+
 // Reads the truth of one view.
 class TruthReader {
  public:
   TruthReader(const v1::ViewTruth& proto, std::string field, ModelView view, v1::PixelFrame frame)
       : proto_(proto), field_(std::move(field)), to_view_(view, frame), builder_(std::move(view)) {}
 
-  absl::Status ReadLabels(const std::map<int, std::string>& names) {
+  // ignore_label: EvaluateModelRequest.ignore_label. The image, not the part of it that the view
+  // shows, decides what is void.
+  absl::Status ReadLabels(const std::map<int, std::string>& names,
+                          std::optional<int> ignore_label) {
     if (proto_.labels_png().empty()) return absl::OkStatus();
     const std::string field = field_ + ".labels_png";
     // Ids are compared as whole numbers, so the nearest pixel is taken, without blending two ids.
-    ASSIGN_OR_RETURN(const FloatImage ids,
+    ASSIGN_OR_RETURN(const FloatImage grey,
                      DecodeGreyOf(to_view_.image(), proto_.labels_png(), field));
-    return InField(builder_.AddLabels(to_view_.Take<float, uint16_t>(ids.values), names), field);
+    const std::vector<uint16_t> ids(grey.values.begin(), grey.values.end());
+    std::optional<int> void_label = ignore_label;
+    if (!ignore_label && !names.contains(kVoidLabel) && HasVoidLabel(ids) &&
+        !IsSoftMask(ids, grey.width, grey.height)) {
+      void_label = kVoidLabel;
+    }
+    return InField(builder_.AddLabels(to_view_.Take(ids), names, void_label), field);
   }
 
   absl::Status ReadMask(int index) {
@@ -152,9 +176,9 @@ class TruthReader {
   }
 
   absl::StatusOr<TruthView> Finish() && {
-    ASSIGN_OR_RETURN(std::vector<uint8_t> ignore,
+    ASSIGN_OR_RETURN(const std::vector<uint8_t> ignore,
                      to_view_.ReadIgnore(proto_.ignore_png(), field_ + ".ignore_png"));
-    if (!ignore.empty()) RETURN_IF_ERROR(builder_.SetIgnore(std::move(ignore)));
+    if (!ignore.empty()) RETURN_IF_ERROR(builder_.AddIgnore(ignore));
     return std::move(builder_).Build();
   }
 
@@ -200,6 +224,7 @@ absl::StatusOr<std::vector<TruthView>> ReadTruthViews(
   RETURN_IF_ERROR(CheckFrame(request.frame()));
   RETURN_IF_ERROR(EvaluatedViews::CheckCount(request.views_size(), "views"));
   ASSIGN_OR_RETURN(const auto names, ReadEntityNames(request));
+  ASSIGN_OR_RETURN(const std::optional<int> ignore_label, ReadIgnoreLabel(request));
   EvaluatedViews views(request, model);
   std::vector<TruthView> truths;
   for (int i = 0; i < request.views_size(); ++i) {
@@ -208,7 +233,7 @@ absl::StatusOr<std::vector<TruthView>> ReadTruthViews(
     const std::string field = absl::StrCat("views[", i, "]");
     ASSIGN_OR_RETURN(ModelView view, views.Find(proto.view(), field + ".view"));
     TruthReader reader(proto, field, std::move(view), request.frame());
-    RETURN_IF_ERROR(reader.ReadLabels(names));
+    RETURN_IF_ERROR(reader.ReadLabels(names, ignore_label));
     for (int m = 0; m < proto.masks_size(); ++m) {
       RETURN_IF_ERROR(check_wanted());
       RETURN_IF_ERROR(reader.ReadMask(m));

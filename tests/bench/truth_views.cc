@@ -23,7 +23,7 @@ absl::StatusOr<std::vector<TruthView>> TruthViews(const Capture& capture, const 
     }
     TruthViewBuilder builder({view.name, view.camera, view.cam_from_world, true});
     RETURN_IF_ERROR(builder.AddLabels(labels, names));
-    if (!view.ignore.empty()) RETURN_IF_ERROR(builder.SetIgnore(view.ignore));
+    if (!view.ignore.empty()) RETURN_IF_ERROR(builder.AddIgnore(view.ignore));
     truths.push_back(std::move(builder).Build());
   }
   return truths;

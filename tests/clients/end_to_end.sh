@@ -146,6 +146,10 @@ expect 0 pepeseg evaluate given given/1 "$dataset/labels" --ignore "$dataset/ign
 grep -Eq '^standard deviation +0\.000 ' "$work/output" || fail 'one model twice has a deviation'
 expect 0 pepeseg evaluate given "$dataset/labels" --protocol clicks --max-clicks 3
 grep -Eq '^mean of 4 +[1-3]\.[0-9]{2} ' "$work/output" || fail 'evaluate counts no clicks'
+expect 0 pepeseg evaluate given "$dataset/labels" --names "$work/names.json" --ignore-label 48
+grep -Eq '^[0-9]+ void pixels of the label images were left out' "$work/output" ||
+  fail 'evaluate does not say how many void pixels were left out'
+! grep -q '^chenille stems' "$work/output" || fail 'an ignored label is scored'
 for protocol in label-propagation label-propagation-pixels promptable; do
   expect 0 pepeseg evaluate given "$dataset/labels" --protocol $protocol --reference frame-000000.jpg
   grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail "evaluate scores nothing by $protocol"

@@ -128,6 +128,28 @@ TEST_F(TruthFolder, MakesTheMasksOfAReferenceTheirPrompts) {
               HasSubstr("is not scored or has no masks"));
 }
 
+// The server finds no entity of void pixels, so they must have no prompt.
+TEST_F(TruthFolder, MakesNoPromptOfVoidPixels) {
+  const auto prompted = [&] {
+    request.clear_prompts();
+    EXPECT_OK(AddEntityPrompts({.reference = "a.jpg"}, flags, request));
+    std::vector<std::string> names;
+    for (const v1::EntityPrompt& prompt : request.prompts()) names.push_back(prompt.entity());
+    return names;
+  };
+  Write("a.png", EncodePng({4, 1, {0, 3, 7, 255}}));
+  ASSERT_OK(AddTruth(flags, views, request));
+  EXPECT_THAT(prompted(), ElementsAre("3", "7"));
+  request.set_ignore_label(7);
+  EXPECT_THAT(prompted(), ElementsAre("3", "255"));
+  request.clear_ignore_label();
+  (*request.mutable_entity_names())[255] = "mug";
+  EXPECT_THAT(prompted(), ElementsAre("3", "7", "mug"));
+  request.clear_entity_names();
+  request.mutable_views(0)->set_labels_png(EncodePng({2, 1, {0, 255}}));
+  EXPECT_THAT(prompted(), ElementsAre("255")) << "a binary mask";
+}
+
 TEST_F(TruthFolder, AddsReferenceViewsWithoutTruth) {
   ASSERT_OK(AddTruth(flags, views, request));
   const std::string file =

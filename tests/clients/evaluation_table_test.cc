@@ -10,6 +10,8 @@ namespace {
 
 using ::testing::Contains;
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Not;
 using Response = v1::EvaluateModelResponse;
 
 void Set(double iou, double accuracy, double boundary_iou, Response::Scores* scores) {
@@ -73,6 +75,14 @@ TEST(EvaluationTable, NamesEntitiesThatAreLeftOut) {
   response.add_left_out("cup");
   response.add_left_out("7");
   EXPECT_THAT(EvaluationTable(response), Contains("left out, without a view to score: cup, 7"));
+}
+
+TEST(EvaluationTable, SaysHowManyVoidPixelsWereLeftOut) {
+  Response response = TwoEntities();
+  EXPECT_THAT(EvaluationTable(response), Not(Contains(HasSubstr("void"))));
+  response.set_num_void_pixels(1234);
+  EXPECT_THAT(EvaluationTable(response),
+              Contains("1234 void pixels of the label images were left out of all scores"));
 }
 
 TEST(EvaluationTable, ShowsClicks) {

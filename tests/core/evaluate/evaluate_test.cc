@@ -182,6 +182,38 @@ TEST_F(EvaluateTest, NeitherClicksNorScoresIgnoredPixels) {
   EXPECT_EQ(result.scene.num_clicks, 1);
 }
 
+// The outer pixels of the blob are void, as in label images of PASCAL VOC. Predictions have them.
+TEST_F(EvaluateTest, LeavesVoidPixelsOutOfAllScoresAndCountsThem) {
+  EvaluationRequest request;
+  int64_t num_void = 0;
+  for (int v = 0; v < 3; ++v) {
+    const Mask left = Left(v), rim = MaskBoundary(left, kTwoBlobsSize, kTwoBlobsSize, 1);
+    std::vector<uint16_t> labels;
+    for (size_t i = 0; i < left.size(); ++i) labels.push_back(rim[i] != 0 ? 255 : left[i]);
+    TruthViewBuilder builder(segmenter_->model().views[v]);
+    ASSERT_OK(builder.AddLabels(labels, {{1, "left"}}, 255));
+    request.views.push_back(std::move(builder).Build());
+    num_void += static_cast<int64_t>(Area(rim));
+  }
+  for (const Protocol protocol : {Protocol::kPrompt, Protocol::kLabelPropagation,
+                                  Protocol::kLabelPropagationPixels, Protocol::kPromptable}) {
+    SCOPED_TRACE(static_cast<int>(protocol));
+    options_.protocol = protocol;
+    ASSERT_OK_AND_ASSIGN(const EvaluationResult result,
+                         Evaluate(*segmenter_, request, options_, GoOn));
+    ASSERT_EQ(result.entities.size(), 1u);
+    EXPECT_EQ(result.scene.paper.iou, 1);
+    EXPECT_EQ(result.scene.paper.accuracy, 1);
+    EXPECT_EQ(result.scene.paper.boundary_iou, 1);
+    EXPECT_EQ(result.num_void, num_void);
+  }
+  options_.protocol = Protocol::kClicks;
+  ASSERT_OK_AND_ASSIGN(const EvaluationResult result,
+                       Evaluate(*segmenter_, request, options_, GoOn));
+  EXPECT_EQ(result.scene.iou_after[0], 1);
+  EXPECT_EQ(result.num_void, num_void);
+}
+
 TEST_F(EvaluateTest, ScoresTheReferenceAndTrainedViewsIfAsked) {
   Show(0, "left", Left(0));
   options_.task.score_reference = true;

@@ -104,6 +104,18 @@ TEST(BoundaryIou, LeavesOutIgnoredPixels) {
   EXPECT_DOUBLE_EQ(BoundaryIou(Square(5, 5, 10), Square(6, 5, 10), 40, 40, ignore), 1);
 }
 
+// A ring of two pixels around the truth is void. A prediction that ends within it is right: its own
+// boundary, which lies in the ring in part, must not count.
+TEST(BoundaryIou, DoesNotDependOnThePredictionInIgnoredPixels) {
+  const std::vector<uint8_t> truth = Square(10, 10, 20), wide = Square(8, 8, 24);
+  std::vector<uint8_t> ignore(40 * 40);
+  for (size_t i = 0; i < ignore.size(); ++i) ignore[i] = wide[i] != truth[i] ? 1 : 0;
+  for (const auto& prediction : {truth, wide, Square(9, 9, 22)}) {
+    EXPECT_DOUBLE_EQ(BoundaryIou(prediction, truth, 40, 40, ignore), 1);
+  }
+  EXPECT_LT(BoundaryIou(Square(7, 7, 26), truth, 40, 40, ignore), 1) << "beyond the ring";
+}
+
 double Ari(const std::vector<int32_t>& a, const std::vector<int32_t>& b) {
   EXPECT_EQ(AdjustedRand(a, b), AdjustedRand(b, a));
   return AdjustedRand(a, b);

@@ -22,7 +22,7 @@ TEST(TruthViewBuilder, KeepsMasksThatOverlapAndEqualMasks) {
   ASSERT_OK(builder.AddMask("handle", handle));
   ASSERT_OK(builder.AddMask("mug", cup));
   ASSERT_OK(builder.AddMask("hidden", std::vector<uint8_t>(8)));
-  ASSERT_OK(builder.SetIgnore({1, 0, 0, 0, 0, 0, 0, 0}));
+  ASSERT_OK(builder.AddIgnore(std::vector<uint8_t>{1, 0, 0, 0, 0, 0, 0, 0}));
   const TruthView truth = std::move(builder).Build();
   EXPECT_EQ(truth.entities, (std::vector<std::string>{"cup", "handle", "mug"}));
   EXPECT_EQ(truth.MaskOf("cup"), cup);
@@ -43,13 +43,43 @@ TEST(TruthViewBuilder, TakesLabelImagesWithAndWithoutNames) {
   EXPECT_EQ(truth.MaskOf("mug 2"), (std::vector<uint8_t>{0, 0, 0, 0, 1, 0, 0, 0}));
 }
 
+TEST(TruthViewBuilder, PutsVoidPixelsIntoNoEntityAndIgnoresThem) {
+  TruthViewBuilder builder(MiniatureView());
+  const std::vector<uint16_t> labels = {0, 3, 255, 0, 7, 255, 255, 3};
+  ASSERT_OK(builder.AddLabels(labels, {}, 255));
+  ASSERT_OK(builder.AddIgnore(std::vector<uint8_t>{0, 1, 1, 0, 0, 0, 0, 0}));
+  const TruthView truth = std::move(builder).Build();
+  EXPECT_EQ(truth.entities, (std::vector<std::string>{"3", "7"}));
+  EXPECT_EQ(truth.MaskOf("3"), (std::vector<uint8_t>{0, 1, 0, 0, 0, 0, 0, 1}));
+  EXPECT_EQ(truth.ignore, (std::vector<uint8_t>{0, 1, 1, 0, 0, 1, 1, 0}));
+  EXPECT_EQ(truth.num_void, 3);
+}
+
+TEST(TruthViewBuilder, IgnoresNothingWhereNoPixelHasTheVoidLabel) {
+  TruthViewBuilder builder(MiniatureView());
+  ASSERT_OK(builder.AddLabels(std::vector<uint16_t>{0, 3, 255, 0, 0, 0, 0, 3}, {}, 9));
+  const TruthView truth = std::move(builder).Build();
+  EXPECT_EQ(truth.entities, (std::vector<std::string>{"3", "255"}));
+  EXPECT_TRUE(truth.ignore.empty());
+  EXPECT_EQ(truth.num_void, 0);
+}
+
+TEST(HasVoidLabel, NeedsTheLargestLabelNextToAnother) {
+  EXPECT_TRUE(HasVoidLabel(std::vector<uint16_t>{0, 3, 255}));
+  EXPECT_TRUE(HasVoidLabel(std::vector<uint16_t>{255, 254}));
+  EXPECT_FALSE(HasVoidLabel(std::vector<uint16_t>{0, 255, 255})) << "a binary mask";
+  EXPECT_FALSE(HasVoidLabel(std::vector<uint16_t>{0, 3, 255, 256})) << "ids of 16 bits";
+  EXPECT_FALSE(HasVoidLabel(std::vector<uint16_t>{0, 3, 7}));
+  EXPECT_FALSE(HasVoidLabel({}));
+}
+
 TEST(TruthViewBuilder, NamesViewAndEntityOfWhatDoesNotFit) {
   TruthViewBuilder builder(MiniatureView());
   EXPECT_STATUS(builder.AddMask("cup", std::vector<uint8_t>(7)), absl::StatusCode::kInvalidArgument,
                 "view \"a\": the mask of entity \"cup\" has 7 pixels, must have 4x2");
   EXPECT_STATUS(builder.AddLabels(std::vector<uint16_t>(9), {}), absl::StatusCode::kInvalidArgument,
                 "view \"a\": the label image has 9 pixels");
-  EXPECT_STATUS(builder.SetIgnore(std::vector<uint8_t>(1)), absl::StatusCode::kInvalidArgument,
+  EXPECT_STATUS(builder.AddIgnore(std::vector<uint8_t>(1)), absl::StatusCode::kInvalidArgument,
                 "view \"a\": the ignore mask has 1 pixels");
   const std::vector<uint8_t> all(8, 1);
   EXPECT_STATUS(builder.AddMask("", all), absl::StatusCode::kInvalidArgument,

@@ -75,7 +75,7 @@ EvaluationRequest TwoBlobsTest::Request() const {
       for (const auto& [entity, mask] : masks_.at(v)) EXPECT_OK(builder.AddMask(entity, mask));
     }
     if (!ignore_.empty()) {
-      EXPECT_OK(builder.SetIgnore(ignore_));
+      EXPECT_OK(builder.AddIgnore(ignore_));
     }
     request.views.push_back(std::move(builder).Build());
   }

@@ -2,12 +2,15 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
+#include <vector>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "server/api/request_image.h"
 #include "server/store/error_detail.h"
+#include "tests/testing/png_bytes.h"
 
 namespace pepeseg {
 namespace {
@@ -74,6 +77,75 @@ TEST(ReadTruthViews, EndsWhenTheClientIsGone) {
                         return ++calls == 2 ? absl::CancelledError("gone") : absl::OkStatus();
                       }).status();
   EXPECT_TRUE(absl::IsCancelled(status));
+}
+
+// Returns a request for view 0.jpg, of 4x2 pixels, with a label image of 16 bits.
+v1::EvaluateModelRequest LabelRequest(const std::vector<uint16_t>& ids) {
+  std::string rows;
+  for (size_t i = 0; i < ids.size(); ++i) {
+    if (i % 4 == 0) rows += '\0';
+    rows += static_cast<char>(ids[i] >> 8);
+    rows += static_cast<char>(ids[i] & 0xff);
+  }
+  v1::EvaluateModelRequest request;
+  v1::ViewTruth& truth = *request.add_views();
+  truth.set_view("0.jpg");
+  truth.set_labels_png(testing::GreyPng(4, 2, 16, rows));
+  return request;
+}
+
+TEST(ReadTruthViews, TakesTheLabel255AsVoidOnlyNextToOthers) {
+  const Model model = ModelOf(1, 4, 2);
+  const std::vector<uint8_t> void_pixels = {0, 0, 1, 1, 0, 0, 0, 0};
+  v1::EvaluateModelRequest request = LabelRequest({0, 3, 255, 255, 3, 0, 0, 7});
+  auto views = ReadTruthViews(request, model, Wanted);
+  ASSERT_TRUE(views.ok()) << views.status();
+  EXPECT_EQ((*views)[0].entities, (std::vector<std::string>{"3", "7"}));
+  EXPECT_EQ((*views)[0].ignore, void_pixels);
+  EXPECT_EQ((*views)[0].num_void, 2);
+  (*request.mutable_entity_names())[255] = "mug";
+  views = ReadTruthViews(request, model, Wanted);
+  ASSERT_TRUE(views.ok()) << views.status();
+  EXPECT_EQ((*views)[0].entities, (std::vector<std::string>{"3", "7", "mug"}));
+  EXPECT_TRUE((*views)[0].ignore.empty());
+  views = ReadTruthViews(LabelRequest({0, 0, 255, 255, 0, 0, 0, 0}), model, Wanted);
+  ASSERT_TRUE(views.ok()) << views.status();
+  EXPECT_EQ((*views)[0].entities, std::vector<std::string>{"255"}) << "a binary mask";
+  EXPECT_EQ((*views)[0].num_void, 0);
+}
+
+// The values of a soft border lie between those of its two sides.
+TEST(ReadTruthViews, TakesABinaryMaskWithSoftBordersAsAnEntity) {
+  constexpr int kSide = 16;
+  std::string rows;
+  for (int i = 0; i < kSide * kSide; ++i) {
+    const int x = i % kSide;
+    if (x == 0) rows += '\0';
+    rows += static_cast<char>(std::clamp((x - 6) * 64, 0, 255));
+  }
+  v1::EvaluateModelRequest request;
+  request.add_views()->set_view("0.jpg");
+  request.mutable_views(0)->set_labels_png(testing::GreyPng(kSide, kSide, 8, rows));
+  const auto views = ReadTruthViews(request, ModelOf(1, kSide, kSide), Wanted);
+  ASSERT_TRUE(views.ok()) << views.status();
+  EXPECT_TRUE((*views)[0].IndexOf("255"));
+  EXPECT_EQ((*views)[0].num_void, 0);
+}
+
+TEST(ReadTruthViews, TakesTheIgnoreLabelAsVoidInsteadOf255) {
+  const Model model = ModelOf(1, 4, 2);
+  v1::EvaluateModelRequest request = LabelRequest({0, 3, 255, 255, 3, 0, 0, 7});
+  request.set_ignore_label(3);
+  const auto views = ReadTruthViews(request, model, Wanted);
+  ASSERT_TRUE(views.ok()) << views.status();
+  EXPECT_EQ((*views)[0].entities, (std::vector<std::string>{"7", "255"}));
+  EXPECT_EQ((*views)[0].ignore, (std::vector<uint8_t>{0, 1, 0, 0, 1, 0, 0, 0}));
+  EXPECT_EQ((*views)[0].num_void, 2);
+  for (const int label : {-1, 0, 65'536}) {
+    request.set_ignore_label(label);
+    const absl::Status status = ReadTruthViews(request, model, Wanted).status();
+    EXPECT_EQ(pepeseg::DetailOf(status).field, "ignore_label") << status;
+  }
 }
 
 TEST(ReadSamViews, ReadsScoresOfTheMasksThatTheViewShows) {

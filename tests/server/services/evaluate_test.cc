@@ -94,6 +94,21 @@ TEST_F(EvaluateTest, RefinesNoBordersOnRequest) {
   EXPECT_GT(answer.scene().reference().iou(), 0.95);
 }
 
+// 16-bit ids: the id of the blue square is over 255, so the void label is named.
+TEST_F(EvaluateTest, SaysHowManyVoidPixelsWereLeftOut) {
+  right.FillRows(0, 2, 9);
+  left.FillRows(0, 3, 9);
+  auto request = Request();
+  ASSERT_TRUE(Evaluate(request).ok());
+  EXPECT_EQ(answer.num_void_pixels(), 0);
+  const int num_entities = answer.entities_size() + answer.left_out_size();
+  request.set_ignore_label(9);
+  const grpc::Status status = Evaluate(request);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  EXPECT_EQ(answer.num_void_pixels(), 5 * kWidth);
+  EXPECT_EQ(answer.entities_size() + answer.left_out_size(), num_entities - 1);
+}
+
 TEST_F(EvaluateTest, ScoresAClickOnNothingAsZero) {
   left.FillRows(58, 64, 9);
   right.FillRows(58, 64, 9);

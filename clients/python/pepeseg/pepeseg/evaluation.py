@@ -158,6 +158,8 @@ class Evaluation:
         scales: those chosen from.
         options: all options used, a message of the contract.
         seconds: time of the evaluation on the server.
+        num_void_pixels: pixels of the views that the ids of the truth mark as void; they were left
+            out of all scores.
     """
 
     entities: dict[str, EntityScores]
@@ -168,6 +170,7 @@ class Evaluation:
     options: v1.EvaluationOptions
     seconds: float
     model: str
+    num_void_pixels: int
 
 
 @dataclass(frozen=True)
@@ -305,6 +308,7 @@ def _parse_evaluation(answer: v1.EvaluateModelResponse) -> Evaluation:
         options=answer.options,
         seconds=answer.compute.seconds + answer.compute.nanos * 1e-9,
         model=answer.model,
+        num_void_pixels=answer.num_void_pixels,
     )
 
 
@@ -332,6 +336,7 @@ def evaluate(
     names: Mapping[int, str] | None = None,
     entity_prompts: Mapping[str, EntityPrompt] | None = None,
     ignore: Mapping[str, npt.ArrayLike] | npt.ArrayLike | None = None,
+    ignore_label: int | None = None,
     trained_views: bool = False,
     score_reference: bool = False,
     options: Mapping[str, Any] | None = None,
@@ -353,6 +358,9 @@ def evaluate(
         entity_prompts: see EntityPrompt; a reference view that the truth lacks is added.
         ignore: [height, width], for all views or by view: pixels that are not 0 are neither clicked
             nor scored.
+        ignore_label: the id of void pixels in the truth, which are in no entity and not scored;
+            None: 255 where it is the largest id of an array that has others as well, unless `names`
+            has it.
         trained_views: accept views that the model was trained on.
         score_reference: score the reference view, too.
         options: further EvaluationOptions by name: {"scales": [0.1, 0.5], "clicks.min_iou": 0.85}.
@@ -372,6 +380,8 @@ def evaluate(
     request.options.accept_trained_views = trained_views
     request.options.score_reference = score_reference
     request.entity_names.update(names or {})
+    if ignore_label is not None:
+        request.ignore_label = ignore_label
     given = entity_prompts or {}
     references = [prompt.view for prompt in given.values() if prompt.view]
     for view in dict.fromkeys([*truth, *references]):

@@ -56,7 +56,9 @@ def iou(a, b, counts):
 
 
 def scores_of(found, wanted, counts):
-    """Returns IoU, accuracy and boundary IoU."""
+    """Returns IoU, accuracy and boundary IoU. What is found where nothing counts makes no
+    boundary."""
+    found = np.where(counts, found, wanted)
     return (
         iou(found, wanted, counts),
         (found == wanted)[counts].mean(),
@@ -178,6 +180,22 @@ class TestEvaluate:
         for entity in result.entities.values():
             assert entity.paper.mean.iou >= entity.reference.mean.iou
             assert max(entity.iou_by_scale) == pytest.approx(entity.paper.mean.iou)
+
+    def test_void_pixels_are_left_out(self, client, truth):
+        largest = {view: np.argmax(np.bincount(ids.ravel())[1:]) + 1 for view, ids in truth.items()}
+        void = {view: np.where(ids == largest[view], 255, ids) for view, ids in truth.items()}
+        num_void = sum((ids == 255).sum() for ids in void.values())
+        result = client.evaluate(void, frame="view")
+        assert "255" not in {*result.entities, *result.left_out}
+        assert result.num_void_pixels == num_void > 0
+        named = client.evaluate(void, names={255: "mug"}, frame="view")
+        assert "mug" in {*named.entities, *named.left_out}
+        assert named.num_void_pixels == 0
+        ignored = client.evaluate(truth, names=NAMES, ignore_label=48, frame="view")
+        assert "stems" not in {*ignored.entities, *ignored.left_out}
+        assert ignored.num_void_pixels == sum((ids == 48).sum() for ids in truth.values())
+        with pytest.raises(pepeseg.InvalidArgumentError, match="ignore_label"):
+            client.evaluate(truth, ignore_label=0, frame="view")
 
     def test_clicks_are_counted(self, client, truth, ignore):
         result = client.evaluate(

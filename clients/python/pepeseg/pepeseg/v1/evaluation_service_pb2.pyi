@@ -57,7 +57,7 @@ class EntityPrompt(_message.Message):
     def __init__(self, entity: _Optional[str] = ..., view: _Optional[str] = ..., points: _Optional[_Union[_prompt_pb2.PointsPrompt, _Mapping]] = ..., point_mean: _Optional[_Union[_prompt_pb2.PointsPrompt, _Mapping]] = ..., scribbles: _Optional[_Union[EntityPrompt.Scribbles, _Mapping]] = ..., box: _Optional[_Union[_prompt_pb2.BoxPrompt, _Mapping]] = ..., mask: _Optional[_Union[_prompt_pb2.MaskImage, _Mapping]] = ..., own_mask: _Optional[_Union[EntityPrompt.OwnMask, _Mapping]] = ..., label_id: _Optional[str] = ...) -> None: ...
 
 class EvaluateModelRequest(_message.Message):
-    __slots__ = ["entity_names", "frame", "model", "options", "prompts", "sam_views", "views"]
+    __slots__ = ["entity_names", "frame", "ignore_label", "model", "options", "prompts", "sam_views", "views"]
     class EntityNamesEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -67,6 +67,7 @@ class EvaluateModelRequest(_message.Message):
         def __init__(self, key: _Optional[int] = ..., value: _Optional[str] = ...) -> None: ...
     ENTITY_NAMES_FIELD_NUMBER: _ClassVar[int]
     FRAME_FIELD_NUMBER: _ClassVar[int]
+    IGNORE_LABEL_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     OPTIONS_FIELD_NUMBER: _ClassVar[int]
     PROMPTS_FIELD_NUMBER: _ClassVar[int]
@@ -74,15 +75,16 @@ class EvaluateModelRequest(_message.Message):
     VIEWS_FIELD_NUMBER: _ClassVar[int]
     entity_names: _containers.ScalarMap[int, str]
     frame: _prompt_pb2.PixelFrame
+    ignore_label: int
     model: str
     options: EvaluationOptions
     prompts: _containers.RepeatedCompositeFieldContainer[EntityPrompt]
     sam_views: _containers.RepeatedCompositeFieldContainer[SamViewMasks]
     views: _containers.RepeatedCompositeFieldContainer[ViewTruth]
-    def __init__(self, model: _Optional[str] = ..., views: _Optional[_Iterable[_Union[ViewTruth, _Mapping]]] = ..., entity_names: _Optional[_Mapping[int, str]] = ..., prompts: _Optional[_Iterable[_Union[EntityPrompt, _Mapping]]] = ..., sam_views: _Optional[_Iterable[_Union[SamViewMasks, _Mapping]]] = ..., options: _Optional[_Union[EvaluationOptions, _Mapping]] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., views: _Optional[_Iterable[_Union[ViewTruth, _Mapping]]] = ..., entity_names: _Optional[_Mapping[int, str]] = ..., prompts: _Optional[_Iterable[_Union[EntityPrompt, _Mapping]]] = ..., sam_views: _Optional[_Iterable[_Union[SamViewMasks, _Mapping]]] = ..., options: _Optional[_Union[EvaluationOptions, _Mapping]] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., ignore_label: _Optional[int] = ...) -> None: ...
 
 class EvaluateModelResponse(_message.Message):
-    __slots__ = ["categories", "compute", "entities", "left_out", "model", "options", "sam_agreement", "scene"]
+    __slots__ = ["categories", "compute", "entities", "left_out", "model", "num_void_pixels", "options", "sam_agreement", "scene"]
     class Choice(_message.Message):
         __slots__ = ["mean", "scale_quantile", "threshold", "views"]
         MEAN_FIELD_NUMBER: _ClassVar[int]
@@ -198,6 +200,7 @@ class EvaluateModelResponse(_message.Message):
     ENTITIES_FIELD_NUMBER: _ClassVar[int]
     LEFT_OUT_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
+    NUM_VOID_PIXELS_FIELD_NUMBER: _ClassVar[int]
     OPTIONS_FIELD_NUMBER: _ClassVar[int]
     SAM_AGREEMENT_FIELD_NUMBER: _ClassVar[int]
     SCENE_FIELD_NUMBER: _ClassVar[int]
@@ -206,10 +209,11 @@ class EvaluateModelResponse(_message.Message):
     entities: _containers.RepeatedCompositeFieldContainer[EvaluateModelResponse.Entity]
     left_out: _containers.RepeatedScalarFieldContainer[str]
     model: str
+    num_void_pixels: int
     options: EvaluationOptions
     sam_agreement: EvaluateModelResponse.SamAgreement
     scene: EvaluateModelResponse.GroupScores
-    def __init__(self, entities: _Optional[_Iterable[_Union[EvaluateModelResponse.Entity, _Mapping]]] = ..., left_out: _Optional[_Iterable[str]] = ..., categories: _Optional[_Iterable[_Union[EvaluateModelResponse.GroupScores, _Mapping]]] = ..., scene: _Optional[_Union[EvaluateModelResponse.GroupScores, _Mapping]] = ..., sam_agreement: _Optional[_Union[EvaluateModelResponse.SamAgreement, _Mapping]] = ..., options: _Optional[_Union[EvaluationOptions, _Mapping]] = ..., compute: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., model: _Optional[str] = ...) -> None: ...
+    def __init__(self, entities: _Optional[_Iterable[_Union[EvaluateModelResponse.Entity, _Mapping]]] = ..., left_out: _Optional[_Iterable[str]] = ..., categories: _Optional[_Iterable[_Union[EvaluateModelResponse.GroupScores, _Mapping]]] = ..., scene: _Optional[_Union[EvaluateModelResponse.GroupScores, _Mapping]] = ..., sam_agreement: _Optional[_Union[EvaluateModelResponse.SamAgreement, _Mapping]] = ..., options: _Optional[_Union[EvaluationOptions, _Mapping]] = ..., compute: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., model: _Optional[str] = ..., num_void_pixels: _Optional[int] = ...) -> None: ...
 
 class EvaluationOptions(_message.Message):
     __slots__ = ["accept_trained_views", "clicks", "fixed_threshold", "label_propagation", "min_pixels", "promptable", "protocol", "refine_borders", "sam_agreement", "scales", "score_reference", "thresholds"]
