@@ -85,8 +85,8 @@ struct FeatureOptions {
   // Whether only pixels under masks are clustered. False: pixels of the whole map, as in the paper.
   bool centroid_masked_only = true;
   // Weights of the centroid loss at either scale. 0: left out; [0, 100]. The paper has 0.3 (upper)
-  // and 0.1 (lower). The lower scale is off: on desk it gains nothing measurable, and it loses where
-  // many small parts touch (tests/bench/results/h200_segmentation.md).
+  // and 0.1 (lower). The lower scale is off: on desk it gains nothing measurable, and it loses
+  // where many small parts touch (tests/bench/results/h200_segmentation.md).
   float centroid_weight_upper = 1.0f;
   float centroid_weight_lower = 0;
   // tau of the paper at either scale: a pixel is pulled to the nearest centroid if its cosine with

@@ -105,8 +105,8 @@ struct ReconstructOptions {
   // Regions in which the prior is fitted besides the whole view. Windows and patch differ by less
   // than the seeds do. Measured: tests/bench/results/h200_desk.md.
   DepthLocalForm depth_local_form = DepthLocalForm::kWindows;
-  // Radius of the local windows as a share of the view's width; at least one pixel. In [0, 0.5]. The
-  // paper gives no number.
+  // Radius of the local windows as a share of the view's width; at least one pixel. In [0, 0.5].
+  // The paper gives no number.
   float depth_window = 0.025f;
   // Whether a disparity prior is compared with the rendered 1 / z. False: with z itself, as the
   // paper prints it; the fit's scale is then negative.
