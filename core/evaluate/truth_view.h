@@ -36,8 +36,8 @@ struct TruthView {
 inline constexpr int kVoidLabel = 255;
 
 // Returns whether kVoidLabel marks void pixels in a label image: it is the largest label, and there
-// is another one besides 0. Else it is an entity: an image of 0 and 255 is a binary mask, and ids
-// over 255 are consecutive.
+// is another one besides 0. Otherwise it is an entity: an image of 0 and 255 is a binary mask, and
+// an image with larger labels counts past 255.
 bool HasVoidLabel(std::span<const uint16_t> labels);
 
 // Collects the truth of a view from label images, binary masks, or both. Each function returns

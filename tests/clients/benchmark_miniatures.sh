@@ -52,6 +52,8 @@ for name in nvos spin-nerf lerf-mask lerf-mask-fine scene; do
 done
 grep -q '| PePESeg3D | the scored views\* | 92.2 |' "$work/out/nvos/table.md" ||
   fail 'no published rows'
+grep -q 'true mask of the first test view' "$work/out/lerf-mask/table.md" ||
+  fail 'the report does not say that the prompt is easier than the published one'
 grep -q 'clicks to 90' "$work/out/scene/table.csv" || fail 'no clicks'
 grep -q 'SAM best IoU' "$work/out/scene/table.csv" || fail 'no agreement with SAM'
 compgen -G "$work/out/spin-nerf/pictures/table-1-table-*.png" >/dev/null || fail 'no pictures'
