@@ -80,6 +80,16 @@ void PrintAnswer(const v1::SegmentViewsResponse& answer) {
   }
 }
 
+// Warns if the model shows nothing that fills the box of the prompt.
+void WarnOfBox(const v1::SegmentViewsResponse& answer) {
+  constexpr double kFits = 0.5;
+  if (!answer.has_box_agreement() || answer.box_agreement() >= kFits) return;
+  Note(
+      absl::StrFormat("nothing in the model fills the box (agreement %.2f): the mask is what of "
+                      "the best fit lies in it; draw the box around a thing, or click",
+                      answer.box_agreement()));
+}
+
 absl::Status RunSegment(const Shell& shell, const SegmentFlags& flags) {
   ASSIGN_OR_RETURN(const v1::SegmentViewsRequest request, BuildRequest(flags));
   const Client client(shell.channel);
@@ -91,6 +101,7 @@ absl::Status RunSegment(const Shell& shell, const SegmentFlags& flags) {
     }
   }
   shell.json ? PrintJson(answer) : PrintAnswer(answer);
+  WarnOfBox(answer);
   if (!flags.out.empty()) Note(absl::StrCat("masks and overlays are in ", flags.out));
   return absl::OkStatus();
 }

@@ -11,7 +11,7 @@
 #include "core/dataset/dataset_index.h"
 #include "core/model_files/model_facts.h"
 #include "core/priors/sam/sam_networks.h"
-#include "core/query/mask_geometry.h"
+#include "core/query/change_mask.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 #include "server/api/error.h"
 
@@ -31,20 +31,6 @@ absl::StatusOr<Image> MakeImage(const PhotographProcess& process, const Photogra
     return absl::InternalError("the decoder's answer does not have the size of its picture");
   }
   return Image{picture.width, picture.height, 3, {bytes.begin(), bytes.end()}};
-}
-
-// Sets the mask and what follows from it.
-void SetMask(BinaryMask mask, SegmentResult& result) {
-  result.mask = std::move(mask);
-  FindBox(result.mask.pixels, result.width, result.box);
-  result.area = 0;
-  double sum = 0;
-  for (size_t pixel = 0; pixel < result.mask.pixels.size(); ++pixel) {
-    if (result.mask.pixels[pixel] == 0) continue;
-    ++result.area;
-    sum += result.similarity[pixel];
-  }
-  result.score = result.area > 0 ? sum / static_cast<double>(result.area) : 0;
 }
 
 }  // namespace

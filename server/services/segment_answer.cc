@@ -1,11 +1,13 @@
 #include "server/services/segment_answer.h"
 
 #include <utility>
+#include <variant>
 
 #include "absl/memory/memory.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/prompt/resolve_prompt.h"
+#include "core/query/change_mask.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
 
@@ -66,18 +68,26 @@ std::optional<absl::Status> SegmentAnswer::SegmentNext() {
   return absl::OkStatus();
 }
 
+const BoxPrompt* SegmentAnswer::BoxIn(const ModelView& target) const {
+  // A free camera has no name, and is a target only if it is the prompt's.
+  if (target.name != asked_.prompt.view.name) return nullptr;
+  return std::get_if<BoxPrompt>(&asked_.prompt.what);
+}
+
 absl::Status SegmentAnswer::Segment(const ModelView& target) {
   Stopwatch stopwatch;
   const bool by_sam = request_.sam_borders();
   SegmentOptions options = asked_.options;
-  options.want_similarity = options.want_similarity || by_sam;
+  const BoxPrompt* const box = BoxIn(target);
+  options.want_similarity = options.want_similarity || by_sam || box != nullptr;
   ASSIGN_OR_RETURN(auto results, model_.segmenter->Segment(query_, {&target, 1}, options));
   auto border_image = v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED;
   if (by_sam) {
     const auto wanted = [this] { return !call_.given_up(); };
     ASSIGN_OR_RETURN(border_image, tools_.borders.Refine(model_, target, wanted, results.front()));
-    if (!asked_.options.want_similarity) results.front().similarity.clear();
   }
+  if (box != nullptr) response_->set_box_agreement(CutToBox(*box, results.front()));
+  if (!asked_.options.want_similarity) results.front().similarity.clear();
   const SegmentResult result = frame_.Take(target, std::move(results.front()));
   compute_ += stopwatch.Lap();
   ASSIGN_OR_RETURN(*response_->add_masks(),

@@ -45,6 +45,8 @@ class SegmentAnswer {
   SegmentAnswer(const SegmentTools& tools, QueryCall call, const v1::SegmentViewsRequest& request,
                 v1::SegmentViewsResponse* response);
   absl::Status Segment(const ModelView& target);
+  // Returns the box of the prompt if the target is its view; else nullptr.
+  const BoxPrompt* BoxIn(const ModelView& target) const;
 
   const SegmentTools tools_;
   const QueryCall call_;

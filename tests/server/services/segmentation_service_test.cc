@@ -160,6 +160,30 @@ TEST_F(SegmentationServiceTest, RefusesInvalidRequests) {
   ExpectRefused(request, "views next to a group");
 }
 
+// Squares of 30 pixels, the red one from about x = 15 and y = 17 on.
+TEST_F(SegmentationServiceTest, AnswersABoxInTheBox) {
+  auto request = Click(30);
+  v1::BoxPrompt& box = *request.mutable_prompt()->mutable_box();
+  const auto ask = [&](double x, double y, double side) {
+    box.set_x(x);
+    box.set_y(y);
+    box.set_width(side);
+    box.set_height(side);
+    return Segment(request);
+  };
+  ASSERT_OK_AND_ASSIGN(const auto whole, ask(15, 17, 31));
+  EXPECT_GT(whole.box_agreement(), 0.7);
+  EXPECT_GT(whole.masks(0).area(), 28 * 28);
+  ASSERT_OK_AND_ASSIGN(const auto part, ask(26, 28, 8));
+  EXPECT_LT(part.box_agreement(), 0.3);
+  EXPECT_GE(part.masks(0).box().x(), 21);
+  EXPECT_LE(part.masks(0).box().x() + part.masks(0).box().width(), 39);
+  EXPECT_LE(part.masks(0).area(), 18 * 18);
+  request.mutable_targets()->add_views("right.jpg");
+  ASSERT_OK_AND_ASSIGN(const auto elsewhere, ask(26, 28, 8));
+  EXPECT_FALSE(elsewhere.has_box_agreement());
+}
+
 TEST_F(SegmentationServiceTest, AnswersAViewOnceThatIsListedTwice) {
   auto request = Click(30);
   for (const char* view : {"right.jpg", "middle.jpg", "right.jpg"}) {

@@ -58,6 +58,9 @@ class Segmentation:
         scale_units: the same as a length in scene units.
         threshold: cosine above which a pixel is in the mask.
         model: name of the model that answered.
+        box_agreement: for a box whose own view was asked for, the IoU of the box and the bounding
+            box of what fits it best, which is then cut to the box; under 0.5 the model shows
+            nothing that fills the box. Else None.
     """
 
     masks: tuple[ViewMask, ...]
@@ -66,6 +69,7 @@ class Segmentation:
     threshold: float
     timing: Timing
     model: str
+    box_agreement: float | None = None
 
     @property
     def mask(self) -> npt.NDArray[np.bool_]:
@@ -146,6 +150,7 @@ def parse_segmentation(answer: segmentation_service_pb2.SegmentViewsResponse) ->
             _seconds(timing.encode),
         ),
         model=answer.model,
+        box_agreement=answer.box_agreement if answer.HasField("box_agreement") else None,
     )
 
 

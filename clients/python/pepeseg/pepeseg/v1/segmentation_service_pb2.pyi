@@ -97,7 +97,7 @@ class SegmentViewsRequest(_message.Message):
     def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., targets: _Optional[_Union[SegmentViewsRequest.Targets, _Mapping]] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ..., want_similarity: bool = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., refine_borders: bool = ..., sam_borders: bool = ...) -> None: ...
 
 class SegmentViewsResponse(_message.Message):
-    __slots__ = ["masks", "model", "scale_quantile", "scale_units", "threshold", "timing"]
+    __slots__ = ["box_agreement", "masks", "model", "scale_quantile", "scale_units", "threshold", "timing"]
     class BorderImage(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = []
     class Box(_message.Message):
@@ -142,19 +142,21 @@ class SegmentViewsResponse(_message.Message):
     BORDER_IMAGE_PHOTOGRAPH: SegmentViewsResponse.BorderImage
     BORDER_IMAGE_RENDERING: SegmentViewsResponse.BorderImage
     BORDER_IMAGE_UNSPECIFIED: SegmentViewsResponse.BorderImage
+    BOX_AGREEMENT_FIELD_NUMBER: _ClassVar[int]
     MASKS_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     SCALE_QUANTILE_FIELD_NUMBER: _ClassVar[int]
     SCALE_UNITS_FIELD_NUMBER: _ClassVar[int]
     THRESHOLD_FIELD_NUMBER: _ClassVar[int]
     TIMING_FIELD_NUMBER: _ClassVar[int]
+    box_agreement: float
     masks: _containers.RepeatedCompositeFieldContainer[SegmentViewsResponse.ViewMask]
     model: str
     scale_quantile: float
     scale_units: float
     threshold: float
     timing: _timing_pb2.QueryTiming
-    def __init__(self, masks: _Optional[_Iterable[_Union[SegmentViewsResponse.ViewMask, _Mapping]]] = ..., scale_quantile: _Optional[float] = ..., scale_units: _Optional[float] = ..., threshold: _Optional[float] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ...) -> None: ...
+    def __init__(self, masks: _Optional[_Iterable[_Union[SegmentViewsResponse.ViewMask, _Mapping]]] = ..., scale_quantile: _Optional[float] = ..., scale_units: _Optional[float] = ..., threshold: _Optional[float] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ..., box_agreement: _Optional[float] = ...) -> None: ...
 
 class StreamSegmentsRequest(_message.Message):
     __slots__ = ["segment", "sequence"]
