@@ -8,20 +8,4 @@ build=${1:?usage: demo.sh BUILD_FOLDER}
 shift
 # shellcheck source=deploy/local_server.sh
 source deploy/local_server.sh
-demo=
-
-stop() {
-  local status=$?
-  trap - EXIT
-  [[ -z $demo ]] || kill -TERM "$demo" 2>/dev/null || true
-  stop_server
-  exit "$status"
-}
-trap stop EXIT
-trap 'exit 130' INT
-trap 'exit 143' TERM
-
-join_or_start "$build"
-"$build/bin/pepeseg" demo --data tests/data/apc_shelf --out "$build/demo" "$@" &
-demo=$!  # in the background, then waited for: bash handles signals only after a foreground program ends
-wait "$demo"
+run_with_server "$build" "$build/bin/pepeseg" demo --data tests/data/apc_shelf --out "$build/demo" "$@"

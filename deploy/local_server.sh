@@ -1,8 +1,9 @@
-# To be sourced. join_or_start BUILD_FOLDER sets PEPESEG_SERVER to the server to use: the one that it
-# names already, else the one that answers on this machine's default port, else one that is started
-# there with the default data folder. stop_server ends a server that was started.
+# To be sourced. run_with_server BUILD_FOLDER PROGRAM [ARGUMENTS...] sets PEPESEG_SERVER to the server
+# to use: the one that it names already, else the one that answers on this machine's default port, else
+# one that is started there with the default data folder. Then it runs the program. When the script
+# ends, or gets a signal, the program ends, and so does a server that was started.
 # shellcheck shell=bash
-server='' server_log=''
+server='' server_log='' program=''
 
 join_or_start() {
   local build=$1 address=127.0.0.1:50051
@@ -32,8 +33,23 @@ join_or_start() {
   exit 1
 }
 
-stop_server() {
+stop() {
+  local status=$?
+  trap - EXIT
+  [[ -z $program ]] || kill -TERM "$program" 2>/dev/null || true
   if [[ -n $server ]] && kill -TERM "$server" 2>/dev/null; then
     wait "$server" || echo "the server did not stop cleanly: see $server_log" >&2
   fi
+  exit "$status"
+}
+
+run_with_server() {
+  trap stop EXIT
+  trap 'exit 130' INT
+  trap 'exit 143' TERM
+  join_or_start "$1"
+  shift
+  "$@" &
+  program=$!  # in the background, then waited for: bash handles signals only after a foreground program ends
+  wait "$program"
 }

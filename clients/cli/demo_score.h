@@ -57,7 +57,7 @@ struct DemoAnswer {
   double OtherIou() const;  // mean over the other views
 };
 
-// What a person gets for one click on a product.
+// The score of one click on a product, as the app asks.
 struct ProductScore {
   Product product;
   v1::EvaluateModelResponse::Entity scores;  // by the one-click protocol

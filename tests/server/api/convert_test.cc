@@ -156,7 +156,7 @@ TEST(TrainingOptions, DecidesEveryOptionForThePaper) {
          "num_perception_pixels",
          // Without effect in the preset, or on the result.
          "closing_share", "steps_per_chunk",
-         // Of the run.
+         // The values of the run.
          "seed"});
 }
 

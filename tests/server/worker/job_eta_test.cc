@@ -203,7 +203,7 @@ TEST(JobEta, DoesNotTakeTheTimeBeforeTheFirstStepForThatOfAStep) {
   EXPECT_THAT(eta.StageSecondsLeft(), Optional(DoubleNear(1899 * 0.05, 1e-6)));
 }
 
-// What the steps of `make demo` cost, core seconds, as measured on 2026-11-27, and the seconds
+// The cost of the steps of `make demo`, core seconds, as measured on 2026-11-27, and the seconds
 // before the first step of a stage.
 struct DemoCosts {
   double speed = 1;  // of the machine
