@@ -23,10 +23,7 @@ Pose Turned(const Pose& pose) {
   const Eigen::Quaterniond turn(0, 1, 0, 0);
   return {turn * pose.rotation, turn * pose.translation};
 }
-Pose Inverse(const Pose& pose) {
-  const Eigen::Quaterniond rotation = pose.rotation.conjugate();
-  return {rotation, -(rotation * pose.translation)};
-}
+Pose Inverse(const Pose& pose) { return pose.Inverse(); }
 // The pose in a world with the other axes.
 Pose OfTurnedWorld(const Pose& pose) {
   return {pose.rotation * Eigen::Quaterniond(0, 1, 0, 0), pose.translation};
@@ -37,17 +34,6 @@ Pose TurnedInverse(const Pose& pose) { return Turned(Inverse(pose)); }
 // from the matrix m = F c of the true pose c, so that c = F m and m = w^-1 F.
 Pose InverseOfOpenGl(const Pose& pose) { return Turned(OfTurnedWorld(Inverse(pose))); }
 Pose InverseOfOpenCv(const Pose& pose) { return OfTurnedWorld(Inverse(pose)); }
-
-std::optional<Eigen::Vector2d> Project(const PosedLens& camera, const Eigen::Vector3d& point) {
-  const Eigen::Vector3d at =
-      camera.cam_from_world.rotation * point + camera.cam_from_world.translation;
-  if (!(at.z() > 0)) return std::nullopt;
-  const Eigen::Vector2d pixel(camera.lens.fx * at.x() / at.z() + camera.lens.cx,
-                              camera.lens.fy * at.y() / at.z() + camera.lens.cy);
-  const bool inside = pixel.x() >= 0 && pixel.x() < camera.lens.width && pixel.y() >= 0 &&
-                      pixel.y() < camera.lens.height;
-  return inside ? std::optional(pixel) : std::nullopt;
-}
 
 // Returns the share of the points that a camera sees, mean over the cameras. The distortion of the
 // lens is left out.
@@ -84,6 +70,16 @@ double AsWritten(std::span<const PosedLens> cameras, std::span<const ScenePoint>
 }
 
 }  // namespace
+
+std::optional<Eigen::Vector2d> Project(const PosedLens& camera, const Eigen::Vector3d& point) {
+  const Eigen::Vector3d at = camera.cam_from_world * point;
+  if (!(at.z() > 0)) return std::nullopt;
+  const Eigen::Vector2d pixel(camera.lens.fx * at.x() / at.z() + camera.lens.cx,
+                              camera.lens.fy * at.y() / at.z() + camera.lens.cy);
+  const bool inside = pixel.x() >= 0 && pixel.x() < camera.lens.width && pixel.y() >= 0 &&
+                      pixel.y() < camera.lens.height;
+  return inside ? std::optional(pixel) : std::nullopt;
+}
 
 std::optional<PoseConvention> FindConvention(PoseFormat format, std::span<const PosedLens> cameras,
                                              std::span<const ScenePoint> points) {

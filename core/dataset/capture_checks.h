@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <optional>
 #include <span>
 #include <string>
@@ -19,6 +20,10 @@ struct PosedLens {
   Lens lens;
   Pose cam_from_world;
 };
+
+// Returns the pixel to which a camera projects a point, without the distortion of its lens, or
+// nothing if the point is behind the camera or outside of its image.
+std::optional<Eigen::Vector2d> Project(const PosedLens& camera, const Eigen::Vector3d& point);
 
 // A convention of poses that fits the points where the one that the format demands does not.
 struct PoseConvention {

@@ -1,29 +1,29 @@
 #include "core/dataset/import.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <optional>
+#include <set>
 #include <span>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "core/base/file_io.h"
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/capture_checks.h"
+#include "core/dataset/companion_files.h"
 #include "core/dataset/dataset_index.h"
-#include "core/dataset/depth_files.h"
+#include "core/dataset/depth_checks.h"
+#include "core/dataset/frame_choice.h"
 #include "core/dataset/held_out.h"
-#include "core/dataset/mask_files.h"
 #include "core/dataset/match_poses.h"
+#include "core/dataset/photo_file.h"
 #include "core/dataset/photo_poses.h"
 #include "core/dataset/view_warp.h"
 #include "core/formats/colmap.h"
-#include "core/formats/decode_image.h"
-#include "core/formats/exif.h"
 #include "core/formats/ply.h"
 #include "core/scene/camera.h"
 #include "core/scene/capture.h"
@@ -31,128 +31,113 @@
 namespace pepeseg {
 namespace {
 
-// Returns the lens scaled to the photograph's size: datasets are often shrunk after their poses
-// were found. Returns INVALID_ARGUMENT if the shapes differ by more than a pixel.
-absl::StatusOr<Lens> FitLens(const Lens& lens, const Image& photo, const std::string& name) {
-  if (photo.width == lens.width && photo.height == lens.height) return lens;
-  const double expected_height = static_cast<double>(photo.width) * lens.height / lens.width;
-  const double expected_width = static_cast<double>(photo.height) * lens.width / lens.height;
-  if (std::abs(photo.height - expected_height) > 1 && std::abs(photo.width - expected_width) > 1) {
-    return absl::InvalidArgumentError(absl::StrCat(name, ": ", photo.width, "x", photo.height,
-                                                   " pixels, its camera has ", lens.width, "x",
-                                                   lens.height));
-  }
-  return Resized(lens, photo.width, photo.height);
-}
-
-struct DecodedPhoto {
-  Image image;                       // as stored
-  std::vector<uint8_t> transparent;  // see DecodePhoto
-  int orientation = 1;               // EXIF orientation
-};
-
-absl::StatusOr<DecodedPhoto> ReadPhoto(const DatasetFile& photo) {
-  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(photo.path, photo.name, kMaxImageFileBytes));
-  const std::span span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
-  DecodedPhoto decoded;
-  ASSIGN_OR_RETURN(decoded.image, DecodePhoto(span, photo.name, &decoded.transparent));
-  decoded.orientation = ReadExifOrientation(span);
-  return decoded;
-}
-
-// Reads the masks and the depth map that a view has among the files.
-class PriorReader {
+// Warps depth maps of photographs to their views.
+class DepthWarper {
  public:
-  explicit PriorReader(const DatasetIndex& index) : index_(index) {}
-
-  // Return the priors of the view, or empty ones. `photo` is its photograph, `warp` that
-  // photograph's warp.
-  absl::StatusOr<MaskSet> ReadMasksOf(const View& view, const PhotoSize& photo,
-                                      const ViewWarp& warp) {
-    const std::string stem(WithoutSuffix(view.name));
-    if (const auto folder = index_.mask_folders.find(stem); folder != index_.mask_folders.end()) {
-      ASSIGN_OR_RETURN(const MaskSet set, ReadBinaryMasks(folder->second, photo));
-      return warp.Masks(set);
-    }
-    const auto masks = index_.masks.find(stem);
-    if (masks == index_.masks.end()) return MaskSet();
-    bool soft = false;
-    ASSIGN_OR_RETURN(const MaskSet set,
-                     ReadMasks(masks->second->path, masks->second->name, photo, &soft));
-    if (soft) soft_.push_back(masks->second->name);
-    return warp.Masks(set);
-  }
-
-  absl::StatusOr<DepthPrior> ReadDepthOf(const View& view, const PhotoSize& photo,
-                                         const ViewWarp& warp) {
+  // Returns the prior of the view for a map of its photograph; an empty one for an empty map or one
+  // without information. `file` is the map's, null without one.
+  DepthPrior ToView(const DatasetFile* file, const FloatImage& map, const View& view,
+                    const ViewWarp& warp) {
     DepthPrior prior;
-    const auto found = index_.depth.find(std::string(WithoutSuffix(view.name)));
-    if (found == index_.depth.end()) return prior;
-    const DatasetFile& file = *found->second;
-    prior.kind =
-        file.kind == FileKind::kDisparity ? DepthPrior::Kind::kDisparity : DepthPrior::Kind::kDepth;
-    ASSIGN_OR_RETURN(const FloatImage map, ReadDepthMap(file.path, file.name, prior.kind, photo));
-    // After ReadDepthMap unknown depth is NaN, before and after the warp.
+    if (file == nullptr) return prior;
+    prior.kind = file->kind == FileKind::kDisparity ? DepthPrior::Kind::kDisparity
+                                                    : DepthPrior::Kind::kDepth;
+    // Unknown depth is NaN, before and after the warp.
     std::vector<float> depth = warp.Depth(map);
     // Pixels that are not trained on must not influence the percentiles of NormalizeDepth.
     for (size_t i = 0; i < view.ignore.size(); ++i) {
       if (view.ignore[i] != 0) depth[i] = std::numeric_limits<float>::quiet_NaN();
     }
     prior.values = NormalizeDepth(std::move(depth));
-    if (prior.values.empty()) without_depth_.push_back(file.name);
+    if (prior.values.empty()) without_depth_.push_back(file->name);
     return prior;
   }
 
-  // Adds warnings that name the depth maps without information, and the masks with soft borders.
+  // Adds a warning that names the depth maps without information.
   void AddWarnings(std::vector<std::string>& warnings) const {
-    if (!without_depth_.empty()) {
-      warnings.push_back(LeftOut(without_depth_, "depth maps have one value everywhere, or none"));
-    }
-    if (!soft_.empty()) {
-      warnings.push_back(absl::StrCat(
-          soft_.size(), " label images are one mask with soft borders each, cut at half of the ",
-          "value: ", FirstNames(soft_)));
-    }
+    if (without_depth_.empty()) return;
+    warnings.push_back(LeftOut(without_depth_, "depth maps have one value everywhere, or none"));
   }
 
  private:
-  const DatasetIndex& index_;
-  std::vector<std::string> without_depth_, soft_;
+  std::vector<std::string> without_depth_;
+};
+
+// Reads masks and depth of a view, which `stem` names without suffix.
+struct Priors {
+  MaskSet masks;
+  DepthPrior depth;
+};
+absl::StatusOr<Priors> ReadPriors(const View& view, const CameraPixels& pixels,
+                                  const ViewWarp& warp, CompanionFiles& files, DepthWarper& depth) {
+  const std::string stem(WithoutSuffix(view.name));
+  Priors priors;
+  ASSIGN_OR_RETURN(const MaskSet masks, files.Masks(stem, pixels));
+  if (files.FileOf(Companion::kMasks, stem) != nullptr) priors.masks = warp.Masks(masks);
+  ASSIGN_OR_RETURN(const FloatImage map, files.Depth(stem, pixels));
+  priors.depth = depth.ToView(files.FileOf(Companion::kDepth, stem), map, view, warp);
+  return priors;
+}
+
+// The pixel frames of a dataset's files where their sizes fit both.
+struct Frames {
+  PixelFrame cameras = PixelFrame::kStored;
+  CompanionFrames companions;
 };
 
 // Reads the views, one after the other.
 class ViewReader {
  public:
-  ViewReader(const DatasetIndex& index, const PhotoPoses& poses, double image_scale)
-      : index_(index), poses_(poses), image_scale_(image_scale), priors_(index) {}
+  ViewReader(const DatasetIndex& index, const PhotoPoses& poses, Frames frames, double image_scale)
+      : poses_(poses),
+        camera_frame_(frames.cameras),
+        image_scale_(image_scale),
+        files_(index, std::move(frames.companions)) {}
 
   absl::StatusOr<View> Read(const Match& match) {
-    const std::string& name = match.photo->name;
     const auto camera = poses_.lenses.find(match.pose.camera_id);
     if (camera == poses_.lenses.end()) {
       return absl::InvalidArgumentError(
           absl::StrCat(poses_.file, ": image ", match.pose.name, " has the camera ",
                        match.pose.camera_id, ", which ", poses_.camera_file, " does not list"));
     }
-    ASSIGN_OR_RETURN(const DecodedPhoto decoded, ReadPhoto(*match.photo));
-    const Image& photo = decoded.image;
-    ASSIGN_OR_RETURN(const Lens lens, FitLens(camera->second, photo, name));
-    num_resized_ += lens.width != camera->second.width ? 1 : 0;
-    RETURN_IF_ERROR(PrepareWarp(match.pose.camera_id, lens));
+    ASSIGN_OR_RETURN(DecodedPhoto photo, ReadPhoto(*match.photo));
+    const PhotoFacts facts{photo.image.width, photo.image.height, photo.orientation};
+    ASSIGN_OR_RETURN(const FittedCamera fitted,
+                     FitCamera(camera->second, facts, camera_frame_, match.photo->name));
+    num_resized_ += fitted.lens.width != camera->second.width ? 1 : 0;
+    if (fitted.pixels.frame == PixelFrame::kUpright) {
+      // The upright pixels become the stored ones of the view.
+      turned_.push_back(match.photo->name);
+      photo = Upright(std::move(photo));
+    }
+    RETURN_IF_ERROR(PrepareWarp(match.pose.camera_id, fitted.lens));
     View view;
     view.name = match.key;
     view.camera = warp_->camera();
     view.cam_from_world = match.pose.cam_from_world;
-    view.photo = warp_->Photo(photo);
+    view.photo = warp_->Photo(photo.image);
     view.photograph = warp_->photograph();
-    view.photograph->orientation = decoded.orientation;
-    if (!decoded.transparent.empty()) view.ignore = warp_->Ignore(decoded.transparent);
-    RETURN_IF_ERROR(ReadCompanions(match, {name, photo.width, photo.height}, view));
+    view.photograph->orientation = photo.orientation;
+    if (!photo.transparent.empty()) view.ignore = warp_->Ignore(photo.transparent);
+    RETURN_IF_ERROR(ReadCompanions(fitted.pixels, view));
     return view;
   }
 
-  int num_resized() const { return num_resized_; }
-  const PriorReader& priors() const { return priors_; }
+  void AddWarnings(std::vector<std::string>& warnings) const {
+    depth_.AddWarnings(warnings);
+    files_.AddWarnings(warnings);
+    if (num_resized_ > 0) {
+      warnings.push_back(absl::StrCat(num_resized_,
+                                      " photographs have another size than their cameras, which "
+                                      "were scaled to fit"));
+    }
+    if (!turned_.empty()) {
+      warnings.push_back(absl::StrCat(
+          turned_.size(), " photographs are turned by their EXIF orientation, because their ",
+          "cameras are of the upright pixels: ", FirstNames(turned_)));
+    }
+  }
 
  private:
   // Sets warp_ to the warp of the camera. Only the last one is kept, because a warp is as large as
@@ -173,35 +158,28 @@ class ViewReader {
     return absl::OkStatus();
   }
 
-  absl::Status ReadCompanions(const Match& match, const PhotoSize& photo, View& view) {
-    const std::string stem(WithoutSuffix(match.key));
-    ASSIGN_OR_RETURN(view.masks, priors_.ReadMasksOf(view, photo, *warp_));
-    // A pixel is ignored if it is transparent, or if the mask for all views or the view's own says
-    // so.
-    const auto own = index_.ignore.find(stem);
-    std::vector<const DatasetFile*> ignore;
-    if (index_.ignore_all != nullptr) ignore.push_back(index_.ignore_all);
-    if (own != index_.ignore.end()) ignore.push_back(own->second);
-    const auto keep = index_.keep.find(stem);
-    if (keep != index_.keep.end()) ignore.push_back(keep->second);
-    for (const DatasetFile* file : ignore) {
-      ASSIGN_OR_RETURN(std::vector<uint8_t> mask, ReadIgnoreMask(file->path, file->name, photo));
-      if (keep != index_.keep.end() && file == keep->second) {
-        for (uint8_t& ignored : mask) ignored = ignored == 0 ? 1 : 0;
-      }
-      const std::vector<uint8_t> warped = warp_->Ignore(mask);
+  absl::Status ReadCompanions(const CameraPixels& pixels, View& view) {
+    const std::string stem(WithoutSuffix(view.name));
+    ASSIGN_OR_RETURN(const std::vector<uint8_t> ignored, files_.Ignored(stem, pixels));
+    if (!ignored.empty()) {
+      // Transparent pixels are ignored already.
+      const std::vector<uint8_t> warped = warp_->Ignore(ignored);
       view.ignore.resize(warped.size(), 0);
       for (size_t i = 0; i < warped.size(); ++i) view.ignore[i] |= warped[i];
     }
-    ASSIGN_OR_RETURN(view.depth, priors_.ReadDepthOf(view, photo, *warp_));
+    ASSIGN_OR_RETURN(Priors priors, ReadPriors(view, pixels, *warp_, files_, depth_));
+    view.masks = std::move(priors.masks);
+    view.depth = std::move(priors.depth);
     return absl::OkStatus();
   }
 
-  const DatasetIndex& index_;
   const PhotoPoses& poses_;
+  PixelFrame camera_frame_;
   double image_scale_;
+  CompanionFiles files_;
+  DepthWarper depth_;
   int num_resized_ = 0;
-  PriorReader priors_;
+  std::vector<std::string> turned_;
   std::optional<ViewWarp> warp_;
   uint32_t warp_camera_ = 0;
   Lens warp_lens_;
@@ -272,6 +250,23 @@ absl::Status PlaceScene(DatasetIndex& index, const PhotoPoses& poses, std::vecto
   return absl::OkStatus();
 }
 
+// Returns the frames of masks, ignore masks and depth maps where their sizes fit both.
+absl::StatusOr<CompanionFrames> ChooseFramesOfCompanions(const DatasetIndex& index,
+                                                         const PhotoPoses& poses,
+                                                         std::span<const Match> matches,
+                                                         PixelFrame cameras,
+                                                         std::span<const ScenePoint> points) {
+  std::vector<std::string> keys;
+  for (const Match& match : matches) keys.push_back(match.key);
+  std::set<Companion> kinds = {Companion::kMasks, Companion::kIgnore, Companion::kDepth};
+  ASSIGN_OR_RETURN(const std::optional<PixelFrame> depth,
+                   DepthFrameByPoints(index, poses, matches, cameras, points));
+  if (depth) kinds.erase(Companion::kDepth);
+  ASSIGN_OR_RETURN(CompanionFrames frames, ChooseCompanionFrames(index, keys, kinds));
+  if (depth) frames[Companion::kDepth] = *depth;
+  return frames;
+}
+
 }  // namespace
 
 absl::Status Validate(const ImportOptions& options) {
@@ -314,7 +309,11 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   RETURN_IF_ERROR(CheckCompanions(keys, index.depth, "depth maps", index.warnings));
   Capture capture;
   RETURN_IF_ERROR(PlaceScene(index, poses, matches, capture));
-  ViewReader reader(index, poses, options.image_scale);
+  Frames frames;
+  ASSIGN_OR_RETURN(frames.cameras, ChooseCameraFrame(poses, matches, capture.points, index));
+  ASSIGN_OR_RETURN(frames.companions,
+                   ChooseFramesOfCompanions(index, poses, matches, frames.cameras, capture.points));
+  ViewReader reader(index, poses, std::move(frames), options.image_scale);
   for (const Match& match : matches) {
     ASSIGN_OR_RETURN(View view, reader.Read(match));
     // Counted among the views that have a pose.
@@ -323,11 +322,11 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   }
   capture.warnings = std::move(index.warnings);
   if (auto warning = WarnOfIgnoredScene(capture)) capture.warnings.push_back(*std::move(warning));
-  reader.priors().AddWarnings(capture.warnings);
-  if (reader.num_resized() > 0) {
-    capture.warnings.push_back(absl::StrCat(
-        reader.num_resized(), " photographs have another size than their cameras, which ",
-        "were scaled to fit"));
+  reader.AddWarnings(capture.warnings);
+  std::vector<View*> views;
+  for (View& view : capture.views) views.push_back(&view);
+  for (std::string& warning : CorrectDepthKinds(views, capture.points)) {
+    capture.warnings.push_back(std::move(warning));
   }
   return capture;
 }
@@ -339,9 +338,11 @@ absl::StatusOr<std::vector<std::string>> ImportPriors(std::span<const DatasetFil
   ASSIGN_OR_RETURN(const DatasetIndex index, IndexPriors(files, keys));
   RETURN_IF_ERROR(CheckCompanions(keys, index.masks, "mask files", warnings));
   RETURN_IF_ERROR(CheckCompanions(keys, index.depth, "depth maps", warnings));
-  PriorReader reader(index);
-  std::vector<MaskSet> masks;
-  std::vector<DepthPrior> depths;
+  // Priors are made of upright copies of the photographs.
+  CompanionFiles companions(index, {{Companion::kMasks, PixelFrame::kUpright},
+                                    {Companion::kDepth, PixelFrame::kUpright}});
+  DepthWarper depth_warper;
+  std::vector<Priors> made;
   std::optional<ViewWarp> warp;  // that of `warped`; most views have the same lens
   const View* warped = nullptr;
   for (const View& view : capture.views) {
@@ -351,19 +352,24 @@ absl::StatusOr<std::vector<std::string>> ImportPriors(std::span<const DatasetFil
       warped = &view;
     }
     const Lens& lens = view.photograph->lens;
-    const PhotoSize photo{view.name, lens.width, lens.height};
-    ASSIGN_OR_RETURN(MaskSet mask_set, reader.ReadMasksOf(view, photo, *warp));
-    ASSIGN_OR_RETURN(DepthPrior depth, reader.ReadDepthOf(view, photo, *warp));
-    masks.push_back(std::move(mask_set));
-    depths.push_back(std::move(depth));
+    const CameraPixels pixels{
+        {view.name, lens.width, lens.height}, view.photograph->orientation, PixelFrame::kStored};
+    ASSIGN_OR_RETURN(Priors priors, ReadPriors(view, pixels, *warp, companions, depth_warper));
+    made.push_back(std::move(priors));
   }
+  std::vector<View*> with_depth;
   // Nothing can fail from here on, so the capture is changed completely or not at all.
   for (size_t i = 0; i < capture.views.size(); ++i) {
     View& view = capture.views[i];
-    if (!masks[i].empty()) view.masks = std::move(masks[i]);
-    if (!depths[i].values.empty()) view.depth = std::move(depths[i]);
+    if (!made[i].masks.empty()) view.masks = std::move(made[i].masks);
+    if (made[i].depth.values.empty()) continue;
+    view.depth = std::move(made[i].depth);
+    with_depth.push_back(&view);
   }
-  reader.AddWarnings(warnings);
+  depth_warper.AddWarnings(warnings);
+  for (std::string& warning : CorrectDepthKinds(with_depth, capture.points)) {
+    warnings.push_back(std::move(warning));
+  }
   return warnings;
 }
 

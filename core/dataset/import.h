@@ -31,6 +31,11 @@ absl::Status Validate(const ImportOptions& options);
 // the name of its photograph below images/
 // ("cam0/7.jpg"), whether or not COLMAP's names have that folder.
 //
+// Where a photograph has an EXIF orientation, its camera, masks, ignore masks and depth may each be
+// of the stored or of the upright pixels (pixel_frame.h). Sizes decide, else frame_choice.h; what
+// was taken is in the warnings. If the camera is of the upright pixels, the view is made of the
+// upright photograph, and its orientation is 1.
+//
 // Photographs without a pose, poses without a photograph, and depth maps without information are
 // left out with a warning. INVALID_ARGUMENT, naming the file and, where there is one, the index,
 // the field and the limit: a file is malformed, files contradict each other, or fewer than 2 views
@@ -41,8 +46,9 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
                                       const ImportOptions& options);
 
 // Adds masks and depth maps that were made after the import to the views of `capture`, with the
-// same result as an import that includes them, but without decoding the photographs again. Returns
-// warnings. On an error, which is as for ImportCapture, the capture stays unchanged.
+// same result as an import that includes them, but without decoding the photographs again. Files
+// whose size fits both pixel frames of a photograph are of its upright pixels. Returns warnings. On
+// an error, which is as for ImportCapture, the capture stays unchanged.
 absl::StatusOr<std::vector<std::string>> ImportPriors(std::span<const DatasetFile> files,
                                                       Capture& capture);
 

@@ -38,8 +38,8 @@ struct ModelImages {
 };
 
 // Reads the model with the most photographs; of equal ones the first. COLMAP writes several where
-// it could not join all photographs, and their coordinates differ. A model that cannot be read is
-// an error only if there is no other.
+// it could not join all photographs, and their coordinates differ. Skips models that cannot be
+// read; if none can be read, returns the error of the first.
 absl::StatusOr<ModelImages> ReadLargestModel(const DatasetIndex& index,
                                              std::vector<std::string>& warnings) {
   const PhotoNames names(index.photos);
@@ -182,6 +182,17 @@ absl::StatusOr<uint32_t> AddLens(const Lens& lens, PhotoPoses& poses) {
   const auto id = static_cast<uint32_t>(poses.lenses.size());
   poses.lenses[id] = lens;
   return id;
+}
+
+absl::StatusOr<Lens> FitLens(const Lens& lens, int width, int height, absl::string_view name) {
+  if (width == lens.width && height == lens.height) return lens;
+  const double expected_height = static_cast<double>(width) * lens.height / lens.width;
+  const double expected_width = static_cast<double>(height) * lens.width / lens.height;
+  if (std::abs(height - expected_height) > 1 && std::abs(width - expected_width) > 1) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        name, ": ", width, "x", height, " pixels, its camera has ", lens.width, "x", lens.height));
+  }
+  return Resized(lens, width, height);
 }
 
 absl::StatusOr<PhotoPoses> ReadPosesBounds(const DatasetIndex& index) {

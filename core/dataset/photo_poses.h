@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 #include "core/dataset/dataset_index.h"
 #include "core/scene/camera.h"
 #include "core/scene/lens.h"
@@ -44,6 +45,11 @@ absl::StatusOr<Pose> PoseOfAxes(const Eigen::Matrix3d& world_from_cam,
 // Returns the camera id of the lens in `poses`, and adds the lens if it is new. INVALID_ARGUMENT:
 // Validate refuses the lens.
 absl::StatusOr<uint32_t> AddLens(const Lens& lens, PhotoPoses& poses);
+
+// Returns the lens scaled to a photograph of width x height pixels, which `name` names: datasets
+// are often shrunk after their poses were found. INVALID_ARGUMENT: the shapes differ by more than a
+// pixel.
+absl::StatusOr<Lens> FitLens(const Lens& lens, int width, int height, absl::string_view name);
 
 // Reads LLFF's poses_bounds.npy: an array of floats [num_photographs, 17] with one pose for each
 // photograph, in the order of their names. The first 15 numbers of a pose are a 3x5 matrix in

@@ -10,11 +10,14 @@ namespace pepeseg {
 // The uploaded photograph that a view was made of, and how pixels of the two correspond.
 //
 // A photograph has two pixel frames. "Stored" is the order of the file: poses, masks and training
-// use it. "Upright" is the frame after the EXIF orientation, as viewers show the photograph:
+// use it, unless the import has turned the photograph upright because its camera is of the upright
+// pixels (import.h): its upright pixels then count as the stored ones. "Upright" is the frame after the EXIF orientation, as viewers show the photograph:
 // requests and responses use it (PIXEL_FRAME_PHOTOGRAPH).
 struct Photograph {
   Lens lens;            // of the stored pixels, at the size of the upload
-  int orientation = 1;  // EXIF orientation, [1, 8]. 1: stored pixels are upright
+  // EXIF orientation, [1, 8]. 1: stored pixels are upright, or count as such though the file has
+  // another orientation.
+  int orientation = 1;
   // The rectangle that the view shows, in pixels of the undistorted photograph: a pinhole with the
   // focal lengths, principal point and size of `lens`.
   int left = 0, top = 0, width = 0, height = 0;

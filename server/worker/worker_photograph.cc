@@ -66,9 +66,9 @@ absl::Status WritePhotographOutput(absl::string_view bytes) {
   return absl::OkStatus();
 }
 
-// Warps a decoded photograph to the view of the task. The task has the view as the metadata of a
-// model with this view alone.
-absl::StatusOr<Image> WarpToView(const PhotographTask& task, const Image& image) {
+// Warps a decoded photograph, whose file has an EXIF orientation, to the view of the task. The task
+// has the view as the metadata of a model with this view alone.
+absl::StatusOr<Image> WarpToView(const PhotographTask& task, Image image, int orientation) {
   Model model;
   RETURN_IF_ERROR(ParseModelFacts(task.view, model));
   if (model.views.size() != 1 || !model.views[0].photograph) {
@@ -76,6 +76,11 @@ absl::StatusOr<Image> WarpToView(const PhotographTask& task, const Image& image)
   }
   const ModelView& view = model.views[0];
   const Lens& lens = view.photograph->lens;
+  // The import records the file's orientation, or has turned the photograph upright (import.h).
+  if (view.photograph->orientation != orientation) {
+    Image upright = Upright(image, orientation);
+    if (upright.width == lens.width && upright.height == lens.height) image = std::move(upright);
+  }
   if (image.width != lens.width || image.height != lens.height) {
     return absl::InvalidArgumentError(absl::StrCat(
         task.name, ": ", image.width, "x", image.height, " pixels, the model's view is ",
@@ -92,14 +97,16 @@ absl::StatusOr<Image> DecodeInput(const PhotographTask& task, const std::string&
   }
   const std::span<const uint8_t> span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
   Image image;
+  int orientation = 1;
   if (IsHeic(span)) {  // DecodeHeic turns it upright
     ASSIGN_OR_RETURN(HeicPhoto photo, DecodeHeic(span, task.name));
     image = std::move(photo.image);
   } else {
     ASSIGN_OR_RETURN(image, DecodePhoto(span, task.name));
+    orientation = ReadExifOrientation(span);
   }
-  if (!task.view.empty()) return WarpToView(task, image);
-  if (task.upright) image = Upright(std::move(image), ReadExifOrientation(span));
+  if (!task.view.empty()) return WarpToView(task, std::move(image), orientation);
+  if (task.upright) image = Upright(std::move(image), orientation);
   return image;
 }
 

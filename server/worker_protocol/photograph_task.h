@@ -19,8 +19,8 @@ struct PhotographTask {
   // Whether to turn the image upright by its EXIF orientation.
   bool upright = false;
   // The view to which the image is warped: FormatModelFacts of a model with this view alone. Empty:
-  // the image is not warped. Not together with `upright`: a view is of the pixels as they are
-  // stored.
+  // the image is not warped. Not together with `upright`: the view says whether it is of the
+  // stored or of the upright pixels.
   std::string view;
   // Maximum longer side of the result, pixels; a larger image is shrunk to it. 0: not shrunk.
   int max_side = 0;

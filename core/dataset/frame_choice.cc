@@ -1,0 +1,373 @@
+#include "core/dataset/frame_choice.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/errors.h"
+#include "core/base/file_name.h"
+#include "core/base/status_macros.h"
+#include "core/dataset/capture_checks.h"
+#include "core/dataset/depth_checks.h"
+#include "core/dataset/photo_file.h"
+#include "core/formats/decode_image.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kExaminedSide = 384;  // longer side at which photographs are compared, pixels
+// Ratio from which one frame fits clearly better. Measured on mirrored photographs of
+// tests/data/apc_shelf: 2.3 for masks, 1.3 for ignore masks.
+constexpr double kClearlyMore = 1.15;
+constexpr double kFewestBorders = 100;  // pixels on borders, over all examined photographs
+constexpr size_t kFewestColours = 100;  // projections of points, over all examined photographs
+
+// A photograph whose two frames have the same shape.
+struct Examined {
+  std::string key;
+  const DatasetFile* file = nullptr;
+  PhotoFacts facts;
+};
+
+CameraPixels StoredPixels(const Examined& photo) {
+  return {{photo.file->name, photo.facts.width, photo.facts.height},
+          photo.facts.orientation,
+          PixelFrame::kStored};
+}
+
+// Returns at most kMaxExaminedPhotos elements, evenly spread.
+template <class T>
+std::vector<T> Spread(std::vector<T> all) {
+  const size_t step =
+      std::max<size_t>(1, (all.size() + kMaxExaminedPhotos - 1) / kMaxExaminedPhotos);
+  std::vector<T> some;
+  for (size_t i = 0; i < all.size(); i += step) some.push_back(std::move(all[i]));
+  return some;
+}
+
+// Resamples values by the nearest pixel to a grid of width x height.
+FloatImage Resampled(const FloatImage& values, int width, int height) {
+  FloatImage result{width, height, {}};
+  result.values.reserve(static_cast<size_t>(width) * height);
+  for (int64_t y = 0; y < height; ++y) {
+    const auto row = static_cast<size_t>((2 * y + 1) * values.height / (2 * int64_t{height}));
+    for (int64_t x = 0; x < width; ++x) {
+      const auto column = static_cast<size_t>((2 * x + 1) * values.width / (2 * int64_t{width}));
+      result.values.push_back(values.values[row * values.width + column]);
+    }
+  }
+  return result;
+}
+
+// The contrast of photographs across the borders of values that may belong to them, compared with
+// their contrast everywhere.
+class BorderContrast {
+ public:
+  // Adds a photograph and values of its size. `weight` returns the strength of the border between
+  // two neighbouring values, 0 for none.
+  template <class Weight>
+  void Add(const Image& photo, const FloatImage& values, const Weight& weight) {
+    for (int y = 1; y + 2 < photo.height; ++y) {
+      for (int x = 1; x + 2 < photo.width; ++x) {
+        for (const auto& [dx, dy] : {std::pair(1, 0), std::pair(0, 1)}) {
+          const double border = weight(At(values, x, y), At(values, x + dx, y + dy));
+          // Over three pixels: borders are often painted a pixel next to the edge.
+          const double contrast = Difference(photo, {x - dx, y - dy}, {x + 2 * dx, y + 2 * dy});
+          borders_ += border;
+          at_borders_ += border * contrast;
+          everywhere_ += contrast;
+          ++num_;
+        }
+      }
+    }
+  }
+
+  double borders() const { return borders_; }
+  // 1: borders do not follow the photographs.
+  double Relative() const {
+    if (borders_ <= 0 || everywhere_ <= 0) return 1;
+    return at_borders_ / borders_ / (everywhere_ / static_cast<double>(num_));
+  }
+
+ private:
+  static float At(const FloatImage& values, int x, int y) {
+    return values.values[static_cast<size_t>(y) * values.width + x];
+  }
+  static double Difference(const Image& photo, std::pair<int, int> a, std::pair<int, int> b) {
+    const auto pixel = [&photo](const std::pair<int, int>& at) {
+      return &photo.pixels[(static_cast<size_t>(at.second) * photo.width + at.first) * 3];
+    };
+    double sum = 0;
+    for (int c = 0; c < 3; ++c) sum += std::abs(pixel(a)[c] - pixel(b)[c]);
+    return sum;
+  }
+
+  double borders_ = 0, at_borders_ = 0, everywhere_ = 0;
+  int64_t num_ = 0;
+};
+
+// Compares companions of one kind with their photographs in both frames.
+class FrameTrial {
+ public:
+  explicit FrameTrial(Companion kind) : kind_(kind) {}
+
+  // `values`: of the stored photograph's shape, at any resolution.
+  void Add(const DecodedPhoto& photo, const FloatImage& values) {
+    const Image stored = ShrunkTo(photo.image, kExaminedSide);
+    const Image upright = Upright(stored, photo.orientation);
+    const FloatImage in_stored = Resampled(values, stored.width, stored.height);
+    const FloatImage in_upright = Resampled(values, upright.width, upright.height);
+    AddTo(stored_, stored, in_stored);
+    AddTo(upright_, upright, in_upright);
+    Compare(in_stored, Turned(in_upright, InverseOrientation(photo.orientation)));
+  }
+
+  // Returns true if the values are nearly the same in both frames, or there are hardly any borders.
+  bool NeedsNoChoice() const {
+    constexpr double kMostDiffering = 0.002;
+    return stored_.borders() < kFewestBorders ||
+           static_cast<double>(num_differing_) <= kMostDiffering * static_cast<double>(num_);
+  }
+
+  // Returns the frame that fits clearly better, or nothing.
+  std::optional<PixelFrame> Verdict() const {
+    const double stored = stored_.Relative(), upright = upright_.Relative();
+    if (stored > kClearlyMore * upright) return PixelFrame::kStored;
+    if (upright > kClearlyMore * stored) return PixelFrame::kUpright;
+    return std::nullopt;
+  }
+
+ private:
+  void AddTo(BorderContrast& contrast, const Image& photo, const FloatImage& values) const {
+    if (kind_ != Companion::kDepth) {
+      return contrast.Add(photo, values, [](float a, float b) { return a != b ? 1.0 : 0.0; });
+    }
+    // Slopes are no borders, nor is unknown depth.
+    constexpr float kLeastStep = 0.05F;  // of the range of depths
+    contrast.Add(photo, values,
+                 [](float a, float b) { return std::abs(a - b) > kLeastStep ? 1.0 : 0.0; });
+  }
+
+  void Compare(const FloatImage& a, const FloatImage& b) {
+    constexpr double kSameDepth = 0.02;  // of the range of depths
+    const double same = kind_ == Companion::kDepth ? kSameDepth : 0;
+    for (size_t i = 0; i < std::min(a.values.size(), b.values.size()); ++i) {
+      num_differing_ += std::abs(a.values[i] - b.values[i]) > same ? 1 : 0;
+      ++num_;
+    }
+  }
+
+  Companion kind_;
+  BorderContrast stored_, upright_;
+  int64_t num_ = 0, num_differing_ = 0;
+};
+
+// Returns what the photograph has of a kind as values of its stored shape; empty: nothing.
+absl::StatusOr<FloatImage> ValuesOf(Companion kind, const Examined& photo, CompanionFiles& files) {
+  const std::string stem(WithoutSuffix(photo.key));
+  const CameraPixels pixels = StoredPixels(photo);
+  FloatImage values{photo.facts.width, photo.facts.height, {}};
+  if (kind == Companion::kDepth) {
+    ASSIGN_OR_RETURN(FloatImage map, files.Depth(stem, pixels));
+    map.values = NormalizeDepth(std::move(map.values));
+    return map.values.empty() ? FloatImage() : map;
+  }
+  if (kind == Companion::kMasks) {
+    ASSIGN_OR_RETURN(const MaskSet masks, files.Masks(stem, pixels));
+    values.values.assign(masks.pixel_patch.begin(), masks.pixel_patch.end());
+  } else {
+    ASSIGN_OR_RETURN(const std::vector<uint8_t> ignored, files.Ignored(stem, pixels));
+    values.values.assign(ignored.begin(), ignored.end());
+  }
+  return values;
+}
+
+// Lists the photographs among `keys` whose two frames have the same shape.
+absl::StatusOr<std::vector<Examined>> AlikePhotos(const DatasetIndex& index,
+                                                  std::span<const std::string> keys) {
+  std::vector<Examined> alike;
+  for (const std::string& key : keys) {
+    Examined photo{key, index.photos.at(key), {}};
+    ASSIGN_OR_RETURN(photo.facts, ReadPhotoFacts(*photo.file));
+    if (photo.facts.orientation != 1 && StoredPixels(photo).FramesAlike()) alike.push_back(photo);
+  }
+  return alike;
+}
+
+// Decides one kind; nullopt: no photograph has it, or both frames give the same.
+absl::StatusOr<std::optional<PixelFrame>> ChooseFrame(Companion kind, const DatasetIndex& index,
+                                                      std::vector<Examined> alike) {
+  CompanionFiles files(index);
+  std::erase_if(alike, [&](const Examined& photo) {
+    return files.FileOf(kind, std::string(WithoutSuffix(photo.key))) == nullptr;
+  });
+  alike = Spread(std::move(alike));
+  FrameTrial trial(kind);
+  for (const Examined& photo : alike) {
+    ASSIGN_OR_RETURN(const FloatImage values, ValuesOf(kind, photo, files));
+    if (values.values.empty()) continue;
+    ASSIGN_OR_RETURN(const DecodedPhoto decoded, ReadPhoto(*photo.file));
+    trial.Add(decoded, values);
+  }
+  if (trial.NeedsNoChoice()) return std::optional<PixelFrame>();
+  if (const auto verdict = trial.Verdict()) return verdict;
+  const Examined& first = alike.front();
+  return Refused(
+      files.FileOf(kind, std::string(WithoutSuffix(first.key)))->name,
+      absl::StrCat("its borders fit the stored and the upright pixels of ", first.file->name,
+                   ", which has the EXIF orientation ", first.facts.orientation,
+                   ", alike. Save the photographs upright and without the tag, and make these "
+                   "files for them"));
+}
+
+// Returns the mean difference between the colours of points and those of the photograph where a
+// camera of its size sees them; nothing: it sees no point. Adds the number of points to `num`.
+double ColourDifference(const Image& photo, const PosedLens& camera,
+                        std::span<const ScenePoint> points, size_t& num) {
+  constexpr size_t kMostPoints = 2000;
+  const size_t step = std::max<size_t>(1, (points.size() + kMostPoints - 1) / kMostPoints);
+  double sum = 0;
+  for (size_t i = 0; i < points.size(); i += step) {
+    const auto at = Project(camera, points[i].position.cast<double>());
+    if (!at) continue;
+    const size_t pixel = static_cast<size_t>(at->y()) * photo.width + static_cast<size_t>(at->x());
+    for (size_t c = 0; c < 3; ++c) sum += std::abs(points[i].rgb[c] - photo.pixels[3 * pixel + c]);
+    ++num;
+  }
+  return sum;
+}
+
+// Returns the frame whose photographs have the colours of the points, or nothing.
+absl::StatusOr<std::optional<PixelFrame>> FrameByColours(const PhotoPoses& poses,
+                                                         std::span<const Match> alike,
+                                                         std::span<const ScenePoint> points) {
+  double stored_sum = 0, upright_sum = 0;
+  size_t num_stored = 0, num_upright = 0;
+  for (const Match& match : alike) {
+    ASSIGN_OR_RETURN(const DecodedPhoto photo, ReadPhoto(*match.photo));
+    const Image stored = ShrunkTo(photo.image, kExaminedSide);
+    const Image upright = Upright(stored, photo.orientation);
+    const Lens& lens = poses.lenses.at(match.pose.camera_id);
+    const auto difference = [&](const Image& image, size_t& num) {
+      const PosedLens camera = {Resized(lens, image.width, image.height),
+                                match.pose.cam_from_world};
+      return ColourDifference(image, camera, points, num);
+    };
+    stored_sum += difference(stored, num_stored);
+    upright_sum += difference(upright, num_upright);
+  }
+  if (std::min(num_stored, num_upright) < kFewestColours) return std::optional<PixelFrame>();
+  const double in_stored = stored_sum / static_cast<double>(num_stored);
+  const double in_upright = upright_sum / static_cast<double>(num_upright);
+  if (in_upright > kClearlyMore * in_stored) return std::optional(PixelFrame::kStored);
+  if (in_stored > kClearlyMore * in_upright) return std::optional(PixelFrame::kUpright);
+  return std::optional<PixelFrame>();
+}
+
+}  // namespace
+
+absl::StatusOr<CompanionFrames> ChooseCompanionFrames(const DatasetIndex& index,
+                                                      std::span<const std::string> keys,
+                                                      const std::set<Companion>& kinds) {
+  CompanionFrames frames;
+  const CompanionFiles files(index);
+  const bool any = std::ranges::any_of(keys, [&](const std::string& key) {
+    return std::ranges::any_of(kinds, [&](Companion kind) {
+      return files.FileOf(kind, std::string(WithoutSuffix(key))) != nullptr;
+    });
+  });
+  if (!any) return frames;
+  ASSIGN_OR_RETURN(const std::vector<Examined> alike, AlikePhotos(index, keys));
+  if (alike.empty()) return frames;
+  for (const Companion kind : kinds) {
+    ASSIGN_OR_RETURN(const std::optional<PixelFrame> frame, ChooseFrame(kind, index, alike));
+    if (frame) frames[kind] = *frame;
+  }
+  return frames;
+}
+
+absl::StatusOr<std::optional<PixelFrame>> DepthFrameByPoints(const DatasetIndex& index,
+                                                             const PhotoPoses& poses,
+                                                             std::span<const Match> matches,
+                                                             PixelFrame cameras,
+                                                             std::span<const ScenePoint> points) {
+  constexpr double kClearlyHigher = 0.15;
+  CompanionFiles files_stored(index),
+      files_upright(index, {{Companion::kDepth, PixelFrame::kUpright}});
+  std::vector<std::pair<Match, FittedCamera>> alike;
+  for (const Match& match : matches) {
+    const std::string stem(WithoutSuffix(match.key));
+    if (files_stored.FileOf(Companion::kDepth, stem) == nullptr) continue;
+    const auto lens = poses.lenses.find(match.pose.camera_id);
+    if (lens == poses.lenses.end()) continue;  // reported by the import
+    ASSIGN_OR_RETURN(const PhotoFacts facts, ReadPhotoFacts(*match.photo));
+    if (facts.orientation == 1) continue;
+    ASSIGN_OR_RETURN(const FittedCamera camera,
+                     FitCamera(lens->second, facts, cameras, match.photo->name));
+    if (camera.pixels.FramesAlike()) alike.emplace_back(match, camera);
+  }
+  double stored_sum = 0, upright_sum = 0;
+  int num = 0;
+  for (const auto& [match, camera] : Spread(std::move(alike))) {
+    const std::string stem(WithoutSuffix(match.key));
+    ASSIGN_OR_RETURN(const FloatImage stored, files_stored.Depth(stem, camera.pixels));
+    ASSIGN_OR_RETURN(const FloatImage upright, files_upright.Depth(stem, camera.pixels));
+    const PosedLens posed = {camera.lens, match.pose.cam_from_world};
+    const auto in_stored = DepthCorrelation(stored, posed, points);
+    const auto in_upright = DepthCorrelation(upright, posed, points);
+    if (!in_stored || !in_upright) continue;
+    stored_sum += *in_stored;
+    upright_sum += *in_upright;
+    ++num;
+  }
+  if (num == 0) return std::optional<PixelFrame>();
+  // Disparity has the opposite sign.
+  const double difference = (std::abs(stored_sum) - std::abs(upright_sum)) / num;
+  if (std::abs(difference) < kClearlyHigher) return std::optional<PixelFrame>();
+  return std::optional(difference > 0 ? PixelFrame::kStored : PixelFrame::kUpright);
+}
+
+absl::StatusOr<PixelFrame> ChooseCameraFrame(const PhotoPoses& poses,
+                                             std::span<const Match> matches,
+                                             std::span<const ScenePoint> points,
+                                             DatasetIndex& index) {
+  std::vector<Match> alike;
+  int orientation = 1;
+  for (const Match& match : matches) {
+    if (!poses.lenses.contains(match.pose.camera_id)) continue;  // reported by the import
+    ASSIGN_OR_RETURN(const PhotoFacts facts, ReadPhotoFacts(*match.photo));
+    if (facts.orientation == 1 || !StoredPixels({match.key, match.photo, facts}).FramesAlike()) {
+      continue;
+    }
+    alike.push_back(match);
+    orientation = facts.orientation;
+  }
+  if (alike.empty()) return PixelFrame::kStored;
+  const size_t num_alike = alike.size();
+  alike = Spread(std::move(alike));
+  ASSIGN_OR_RETURN(const std::optional<PixelFrame> frame, FrameByColours(poses, alike, points));
+  const std::string what =
+      absl::StrCat(num_alike, " photographs have an EXIF orientation, and their sizes do not show ",
+                   "whether their cameras are of the stored or of the upright pixels (",
+                   alike.front().photo->name, ": ", orientation, ")");
+  if (frame) {
+    index.warnings.push_back(absl::StrCat(
+        poses.file, ": ", what, "; the colours of the points fit the ", NameOf(*frame), " pixels"));
+    return *frame;
+  }
+  if (index.pose_format != PoseFormat::kColmap) {
+    return Refused(poses.file, absl::StrCat(what,
+                                            ", and there are no coloured points that decide. "
+                                            "Save the photographs as the cameras see them, "
+                                            "without the tag"));
+  }
+  index.warnings.push_back(absl::StrCat(poses.file, ": ", what,
+                                        "; they are taken as those of the stored pixels, which "
+                                        "COLMAP reads"));
+  return PixelFrame::kStored;
+}
+
+}  // namespace pepeseg
