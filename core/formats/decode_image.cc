@@ -47,17 +47,15 @@ absl::StatusOr<Decoded> Decode(std::span<const uint8_t> bytes, absl::string_view
   return decoded;
 }
 
-absl::StatusOr<Decoded> Decode(const std::filesystem::path& path, absl::string_view name,
-                               int flags) {
-  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, name, kMaxImageFileBytes));
-  const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());
-  return Decode(std::span(data, bytes.size()), name, flags);
+// Returns true for a PNG of this kind, by its header.
+bool IsGreyWithAlpha(absl::string_view png) {
+  constexpr size_t kColourType = 25;  // position in the file, PNG 11.2.2
+  return png.size() > kColourType && png[kColourType] == 4;
 }
 
 // Returns a grey value, or a colour as 24 bits.
 template <class T>
 uint32_t LabelOf(const T* channels, int num_channels) {
-  // Grey, with or without alpha.
   if (num_channels < 3) return channels[0];
   // Of 16-bit colours only the upper bytes count: PNG palettes, which label files use, have 8 bits.
   constexpr int kDrop = sizeof(T) * 8 - 8;
@@ -142,7 +140,12 @@ absl::StatusOr<Image> DecodePhoto(std::span<const uint8_t> bytes, absl::string_v
 }
 
 absl::StatusOr<LabelImage> DecodeLabels(const std::filesystem::path& path, absl::string_view name) {
-  ASSIGN_OR_RETURN(const Decoded decoded, Decode(path, name, cv::IMREAD_UNCHANGED));
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, name, kMaxImageFileBytes));
+  const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());
+  ASSIGN_OR_RETURN(Decoded decoded,
+                   Decode(std::span(data, bytes.size()), name, cv::IMREAD_UNCHANGED));
+  // imdecode() makes colours of grey values with alpha, of which only the upper bytes would count.
+  if (IsGreyWithAlpha(bytes)) cv::extractChannel(decoded.pixels, decoded.pixels, 0);
   if (decoded.header.format != ImageFormat::kPng) {
     return Refused(name, "labels must be a PNG: other formats change them");
   }
@@ -167,7 +170,8 @@ absl::StatusOr<FloatImage> DecodeGrey(const std::filesystem::path& path, absl::s
 absl::StatusOr<FloatImage> DecodeGrey(std::span<const uint8_t> bytes, absl::string_view name) {
   ASSIGN_OR_RETURN(const Decoded decoded, Decode(bytes, name, cv::IMREAD_UNCHANGED));
   if (decoded.header.format != ImageFormat::kPng) return Refused(name, "not a PNG");
-  if (decoded.pixels.channels() != 1) return Refused(name, "has colours instead of one grey value");
+  if (decoded.pixels.channels() != 1)
+    return Refused(name, "has colours or alpha instead of one grey value");
   FloatImage image{decoded.header.width, decoded.header.height, {}};
   image.values.resize(decoded.pixels.total());
   // Keeps the values: 16 bits stay 0 to 65535.

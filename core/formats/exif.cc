@@ -198,6 +198,11 @@ int ReadExifOrientation(std::span<const uint8_t> bytes) {
   return orientation >= 1 && orientation <= 8 ? static_cast<int>(orientation) : 1;
 }
 
+std::string ReadExifData(std::span<const uint8_t> bytes) {
+  const std::span<const uint8_t> tiff = FindTiff(bytes);
+  return {tiff.begin(), tiff.end()};
+}
+
 std::string WithUprightExif(std::string jpeg, std::string tiff) {
   constexpr size_t kMostBytes = 0xffff - 8;  // the length includes itself and "Exif\0\0"
   if (jpeg.size() < 2 || tiff.size() < 8 || tiff.size() > kMostBytes) return jpeg;

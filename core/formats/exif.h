@@ -25,6 +25,9 @@ ExifCamera ReadExifCamera(std::span<const uint8_t> bytes);
 // for malformed data.
 int ReadExifOrientation(std::span<const uint8_t> bytes);
 
+// Returns the EXIF data of a JPEG, PNG or WebP file, a TIFF structure; empty: it has none.
+std::string ReadExifData(std::span<const uint8_t> bytes);
+
 // Inserts EXIF data, the TIFF structure `tiff`, into a JPEG file whose pixels are upright, and sets
 // its orientation to 1. Returns the file unchanged if the data does not fit in one JPEG segment.
 std::string WithUprightExif(std::string jpeg, std::string tiff);

@@ -13,10 +13,12 @@
 #include "core/base/file_io.h"
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/companion_files.h"
 #include "core/dataset/dataset_index.h"
-#include "core/dataset/mask_files.h"
+#include "core/dataset/frame_choice.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"
+#include "core/formats/plain_copy.h"
 
 namespace pepeseg {
 namespace {
@@ -54,8 +56,12 @@ absl::StatusOr<SfmPhotograph> ReadPhotograph(const DatasetFile& file) {
   RETURN_IF_ERROR(ValidateName(file.name));
   ASSIGN_OR_RETURN(const std::string bytes, ReadFile(file.path, file.name, kMaxImageFileBytes));
   const std::span<const uint8_t> span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
-  SfmPhotograph photograph{file.name,        file.path, {},   ReadExifCamera(span),
-                           Sha256Hex(bytes), {},        false};
+  SfmPhotograph photograph;
+  photograph.name = file.name;
+  photograph.path = file.path;
+  photograph.camera = ReadExifCamera(span);
+  photograph.orientation = ReadExifOrientation(span);
+  photograph.sha256 = Sha256Hex(bytes);
   ASSIGN_OR_RETURN(photograph.header, ReadImageHeader(file.name, span));
   return photograph;
 }
@@ -67,43 +73,31 @@ absl::Status MakeFolder(const std::filesystem::path& folder) {
   return absl::InternalError(absl::StrCat("cannot make ", folder.string(), ": ", error.message()));
 }
 
-// Returns true for a PNG that COLMAP 3.8 may not read: with 16 bits, a palette or alpha.
-absl::StatusOr<bool> IsUnusualPng(const SfmPhotograph& photograph) {
-  if (photograph.header.format != ImageFormat::kPng) return false;
-  constexpr size_t kBitDepth = 24, kColourType = 25;  // positions in the file, PNG 11.2.2
+// Copies a photograph for COLMAP 3.8, which may not read PNGs with 16 bits, a palette or alpha. It
+// reads the stored pixels, so that photographs of one sensor share a camera.
+absl::Status CopyPhotograph(const SfmPhotograph& photograph, const std::filesystem::path& copy) {
   ASSIGN_OR_RETURN(const std::string bytes,
                    ReadFile(photograph.path, photograph.name, kMaxImageFileBytes));
-  constexpr char kGrey = 0, kColour = 2;
-  return bytes.size() > kColourType &&
-         (bytes[kBitDepth] != 8 || (bytes[kColourType] != kGrey && bytes[kColourType] != kColour));
-}
-
-// Copies a photograph for COLMAP, with 8 bits a channel and without alpha.
-absl::Status CopyPhotograph(const SfmPhotograph& photograph, const std::filesystem::path& copy) {
-  ASSIGN_OR_RETURN(const bool convert, IsUnusualPng(photograph));
-  if (convert) {
-    ASSIGN_OR_RETURN(const Image image, DecodePhoto(photograph.path, photograph.name, nullptr));
-    ASSIGN_OR_RETURN(const std::string png, EncodePng(image));
-    return WriteFileAtomically(copy, png);
-  }
-  std::error_code error;
-  std::filesystem::copy_file(photograph.path, copy, error);
-  if (!error) return absl::OkStatus();
-  return absl::InternalError(absl::StrCat("cannot make ", copy.string(), ": ", error.message()));
+  ASSIGN_OR_RETURN(const std::string plain,
+                   PlainCopy({reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()},
+                             photograph.name, {.upright = false, .webp = true}));
+  return WriteFileAtomically(copy, plain.empty() ? bytes : plain);
 }
 
 // Writes the union of the photograph's ignore masks, with 0 for ignored pixels and 255 for others.
 absl::Status WriteMask(const SfmPhotograph& photograph, const std::filesystem::path& path) {
   const PhotoSize size{photograph.name, photograph.header.width, photograph.header.height};
+  DatasetIndex index;
+  const std::string stem(WithoutSuffix(PhotoKey(photograph.name)));
+  // Which of them is for all photographs makes no difference to their union.
+  index.ignore_all = &photograph.ignore.front();
+  if (photograph.ignore.size() > 1) index.ignore[stem] = &photograph.ignore.back();
+  CompanionFiles files(index, {{Companion::kIgnore, photograph.ignore_frame}});
+  ASSIGN_OR_RETURN(const std::vector<uint8_t> ignored,
+                   files.Ignored(stem, {size, photograph.orientation, PixelFrame::kStored}));
   Image mask{size.width, size.height, 1, {}};
-  mask.pixels.assign(static_cast<size_t>(size.width) * size.height, 255);
-  for (const DatasetFile& file : photograph.ignore) {
-    ASSIGN_OR_RETURN(const std::vector<uint8_t> ignored,
-                     ReadIgnoreMask(file.path, file.name, size));
-    for (size_t i = 0; i < ignored.size(); ++i) {
-      if (ignored[i] != 0) mask.pixels[i] = 0;
-    }
-  }
+  mask.pixels.reserve(ignored.size());
+  for (const uint8_t value : ignored) mask.pixels.push_back(value != 0 ? 0 : 255);
   ASSIGN_OR_RETURN(const std::string png, EncodePng(mask));
   RETURN_IF_ERROR(MakeFolder(path.parent_path()));
   return WriteFileAtomically(path, png);
@@ -113,6 +107,11 @@ absl::Status WriteMask(const SfmPhotograph& photograph, const std::filesystem::p
 
 absl::StatusOr<std::vector<SfmPhotograph>> ReadSfmPhotographs(std::span<const DatasetFile> files) {
   ASSIGN_OR_RETURN(const DatasetIndex index, IndexDataset(files));
+  std::vector<std::string> keys;
+  for (const auto& [key, file] : index.photos) keys.push_back(key);
+  ASSIGN_OR_RETURN(const CompanionFrames frames,
+                   ChooseCompanionFrames(index, keys, {Companion::kIgnore}));
+  const auto frame = frames.find(Companion::kIgnore);
   std::vector<SfmPhotograph> photographs;
   photographs.reserve(index.photos.size());
   for (const auto& [key, file] : index.photos) {
@@ -121,6 +120,7 @@ absl::StatusOr<std::vector<SfmPhotograph>> ReadSfmPhotographs(std::span<const Da
     // Ignore masks belong to a photograph by its name without suffix.
     const auto own = index.ignore.find(std::string(WithoutSuffix(key)));
     if (own != index.ignore.end()) photograph.ignore.push_back(*own->second);
+    if (frame != frames.end()) photograph.ignore_frame = frame->second;
     photographs.push_back(std::move(photograph));
   }
   // By number where there is one, because sequential matching relies on the order in which they

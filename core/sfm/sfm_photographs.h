@@ -8,6 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/dataset/import.h"
+#include "core/dataset/pixel_frame.h"
 #include "core/formats/exif.h"
 #include "core/formats/image_header.h"
 
@@ -17,17 +18,19 @@ namespace pepeseg {
 struct SfmPhotograph {
   std::string name;  // the owner's name; a label, never opened as a path (DatasetFile::name)
   std::filesystem::path path;
-  ImageHeader header;
+  ImageHeader header;   // of the stored pixels, which COLMAP sees
+  int orientation = 1;  // EXIF orientation, [1, 8]
   ExifCamera camera;
   std::string sha256;
   // Ignore masks that apply to it: that of all photographs and its own. May be empty.
   std::vector<DatasetFile> ignore;
-  bool is_video_frame = false;  // true: its neighbours in order overlap with it
+  PixelFrame ignore_frame = PixelFrame::kStored;  // of ignore masks whose size fits both frames
+  bool is_video_frame = false;                    // true: its neighbours in order overlap with it
 };
 
 // Reads headers, EXIF data and digests of the photographs among the files. Sorts them by their
 // numbers ("7.jpg" before "10.jpg"). INVALID_ARGUMENT, naming the file: it is not a photograph, is
-// cut short, or is too large.
+// cut short, or is too large; or as ChooseCompanionFrames for the ignore masks.
 absl::StatusOr<std::vector<SfmPhotograph>> ReadSfmPhotographs(std::span<const DatasetFile> files);
 
 // Returns FAILED_PRECONDITION, with what to do, if there are fewer than 3 photographs with

@@ -10,8 +10,8 @@
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/mask_files.h"
-#include "core/formats/decode_image.h"
-#include "core/formats/image_header.h"
+#include "core/dataset/photo_file.h"
+#include "core/dataset/pixel_frame.h"
 #include "core/formats/rle.h"
 #include "core/priors/sam/automatic_masks.h"
 
@@ -40,7 +40,7 @@ std::string ToSamJson(const MaskSet& masks) {
 }  // namespace
 
 fs::path PhotographMasks::File(size_t number) const {
-  return folder_ / absl::StrFormat("photograph%06d.json", number + 1);
+  return folder_ / absl::StrFormat("upright%06d.json", number + 1);
 }
 
 absl::Status PhotographMasks::Prepare() const {
@@ -54,8 +54,11 @@ absl::Status PhotographMasks::Prepare() const {
 bool PhotographMasks::Has(size_t number, const DatasetFile& photograph) const {
   std::error_code ignored;
   if (!fs::is_regular_file(fs::symlink_status(File(number), ignored))) return false;
-  const auto size = ReadImageSize(photograph.path, photograph.name);
-  return size.ok() && Read(number, size->width, size->height).ok();
+  const auto facts = ReadPhotoFacts(photograph);
+  if (!facts.ok()) return false;
+  const bool exchanged = facts->orientation >= 5;
+  return exchanged ? Read(number, facts->height, facts->width).ok()
+                   : Read(number, facts->width, facts->height).ok();
 }
 
 absl::StatusOr<MaskSet> PhotographMasks::Read(size_t number, int width, int height) const {
@@ -68,13 +71,15 @@ absl::StatusOr<MaskSet> PhotographMasks::Read(size_t number, int width, int heig
 // full photograph is freed first, to save memory.
 absl::Status PhotographMasks::Make(size_t number, const DatasetFile& photograph,
                                    PromptedSegmenter& segmenter) const {
-  absl::StatusOr<Image> photo = DecodePhoto(photograph.path, photograph.name);
+  absl::StatusOr<DecodedPhoto> decoded = ReadPhoto(photograph);
   // Not an error here: the import decodes the same file and reports it by name.
-  if (!photo.ok()) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const ViewWarp shrink, Shrinking(photo->width, photo->height, image_scale_));
+  if (!decoded.ok()) return absl::OkStatus();
+  // SAM has learnt from upright pictures.
+  Image photo = Upright(*std::move(decoded)).image;
+  ASSIGN_OR_RETURN(const ViewWarp shrink, Shrinking(photo.width, photo.height, image_scale_));
   View view;
-  view.photo = shrink.Photo(*photo);
-  photo->pixels = {};
+  view.photo = shrink.Photo(photo);
+  photo.pixels = {};
   AutomaticMaskOptions options;
   options.join_embedded = false;
   ASSIGN_OR_RETURN(const AutomaticMasks made, SegmentPhotograph(segmenter, view, {}, options,
@@ -88,7 +93,7 @@ MaskSet MaskWarp::ToView(const MaskSet& masks, const View& view) {
     photograph_ = *view.photograph;
     warp_ = ViewWarp::Restore(photograph_, view.camera);
   }
-  return warp_->Masks(masks);
+  return warp_->Masks(Turned(masks, InverseOrientation(photograph_.orientation)));
 }
 
 }  // namespace pepeseg

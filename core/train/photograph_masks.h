@@ -13,9 +13,9 @@
 
 namespace pepeseg {
 
-// A folder with a file of SAM's masks for each photograph. They are masks of the photograph as its
-// file stores it, shrunk as the import shrinks it, so that they need neither pose nor lens.
-// Thread-safe for calls with different photographs.
+// A folder with a file of SAM's masks for each photograph. They are masks of the upright
+// photograph, shrunk as the import shrinks it, so that they need neither pose nor lens. Thread-safe
+// for calls with different photographs.
 class PhotographMasks {
  public:
   PhotographMasks(std::filesystem::path folder, double image_scale)
@@ -30,8 +30,8 @@ class PhotographMasks {
   // that does not decode, because that photograph gets no pose either.
   absl::Status Make(size_t number, const DatasetFile& photograph,
                     PromptedSegmenter& segmenter) const;
-  // Returns the masks of a photograph of width x height pixels, or INVALID_ARGUMENT if there are
-  // none.
+  // Returns the masks of a photograph of width x height upright pixels, or INVALID_ARGUMENT if
+  // there are none.
   absl::StatusOr<MaskSet> Read(size_t number, int width, int height) const;
 
  private:
@@ -41,8 +41,8 @@ class PhotographMasks {
   double image_scale_;
 };
 
-// Warps masks of photographs to their imported views. Keeps the last warp, because most views have
-// the same lens.
+// Warps masks of upright photographs to their imported views. Keeps the last warp, because most
+// views have the same lens.
 class MaskWarp {
  public:
   MaskSet ToView(const MaskSet& masks, const View& view);

@@ -225,9 +225,10 @@ absl::StatusOr<std::vector<MaskSet>> PhotographSegmentation::MasksOfViews(
   std::vector<MaskSet> made;
   for (const View& view : capture.views) {
     if (view.held_out) continue;
-    const Lens& lens = view.photograph->lens;  // every imported view has one
-    ASSIGN_OR_RETURN(const MaskSet masks,
-                     masks_.Read(by_key_.at(view.name), lens.width, lens.height));
+    const Photograph& photograph = *view.photograph;  // every imported view has one
+    ASSIGN_OR_RETURN(
+        const MaskSet masks,
+        masks_.Read(by_key_.at(view.name), photograph.UprightWidth(), photograph.UprightHeight()));
     made.push_back(JoinMasks(warp.ToView(masks, view), join ? view.masks : MaskSet(), view.ignore));
   }
   return made;

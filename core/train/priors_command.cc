@@ -17,6 +17,7 @@
 #include "core/base/status_macros.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/image_header.h"
+#include "core/formats/plain_copy.h"
 
 namespace pepeseg {
 namespace {
@@ -35,23 +36,20 @@ absl::Status MakeFolder(const fs::path& folder) {
   return error ? FileError(folder, "create", error.value()) : absl::OkStatus();
 }
 
-absl::StatusOr<std::string> SuffixOf(const DatasetFile& photo) {
-  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(photo.path, photo.name, kMaxImageFileBytes));
-  ASSIGN_OR_RETURN(
-      const ImageHeader header,
-      ReadImageHeader(photo.name, {reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()}));
-  return SuffixOf(header.format);
-}
-
-// Copies the photographs, so that the program cannot change the stored files.
+// Copies the photographs, upright and plain, so that the program needs to know no unusual formats
+// and cannot change the stored files.
 absl::Status LayOut(std::span<const DatasetFile> photos, const fs::path& folder) {
   RETURN_IF_ERROR(MakeFolder(folder));
   for (size_t i = 0; i < photos.size(); ++i) {
-    ASSIGN_OR_RETURN(const std::string suffix, SuffixOf(photos[i]));
-    const fs::path place = folder / (Stem(i) + suffix);
-    std::error_code error;
-    fs::copy_file(photos[i].path, place, fs::copy_options::overwrite_existing, error);
-    if (error) return FileError(place, "write", error.value());
+    ASSIGN_OR_RETURN(std::string bytes,
+                     ReadFile(photos[i].path, photos[i].name, kMaxImageFileBytes));
+    const auto span = [&bytes] {
+      return std::span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
+    };
+    ASSIGN_OR_RETURN(std::string plain, PlainCopy(span(), photos[i].name));
+    if (!plain.empty()) bytes = std::move(plain);
+    ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(photos[i].name, span()));
+    RETURN_IF_ERROR(WriteFileAtomically(folder / (Stem(i) + SuffixOf(header.format)), bytes));
   }
   return absl::OkStatus();
 }

@@ -24,7 +24,9 @@ struct PriorWants {
 //
 //   PROGRAM --photos FOLDER --out FOLDER --want masks,depth
 //
-//   --photos   000001.jpg, 000002.png, ...: the photographs that have poses, as they were uploaded
+//   --photos   000001.jpg, 000002.png, ...: the photographs that have poses, upright, as JPEGs or
+//   PNGs
+//              with 8 bits a channel and without alpha (plain_copy.h)
 //   --out      where to write. The folder exists, and is empty but for what an earlier run that was
 //              interrupted has left there, which need not be made again:
 //              masks/STEM.json or .png, depth/STEM.png, .npy or .pfm (far is large), or

@@ -22,10 +22,17 @@ inline void AppendPngChunk(const std::string& type, const std::string& body, std
   AppendBigEndian(static_cast<uint32_t>(crc), png);
 }
 
-// Returns a grey-scale PNG of `bit_depth` bits a pixel. `rows`: for each scanline a filter byte of
-// 0, then its pixels, big-endian.
-inline std::string GreyPng(uint32_t width, uint32_t height, int bit_depth,
-                           const std::string& rows) {
+// The kind of a PNG's pixels.
+struct PngKind {
+  int bit_depth = 8;             // bits a sample
+  int colour_type = 0;           // PNG's: 0 grey, 2 RGB, 3 palette, 4 grey and alpha, 6 RGBA
+  std::string palette = {};      // RGB of each entry
+  std::string transparent = {};  // content of tRNS; empty: none
+};
+
+// Returns a PNG. `rows`: for each scanline a filter byte of 0, then its samples, big-endian.
+inline std::string RawPng(uint32_t width, uint32_t height, const PngKind& kind,
+                          const std::string& rows) {
   uLongf size = compressBound(static_cast<uLong>(rows.size()));
   std::string packed(size, '\0');
   compress2(reinterpret_cast<Bytef*>(packed.data()), &size,
@@ -34,13 +41,22 @@ inline std::string GreyPng(uint32_t width, uint32_t height, int bit_depth,
   std::string header;
   AppendBigEndian(width, &header);
   AppendBigEndian(height, &header);
-  header += static_cast<char>(bit_depth);
-  header += std::string(4, '\0');  // grey, deflate, no filter, not interlaced
+  header += static_cast<char>(kind.bit_depth);
+  header += static_cast<char>(kind.colour_type);
+  header += std::string(3, '\0');  // deflate, no filter, not interlaced
   std::string png = "\x89PNG\r\n\x1a\n";
   AppendPngChunk("IHDR", header, &png);
+  if (!kind.palette.empty()) AppendPngChunk("PLTE", kind.palette, &png);
+  if (!kind.transparent.empty()) AppendPngChunk("tRNS", kind.transparent, &png);
   AppendPngChunk("IDAT", packed, &png);
   AppendPngChunk("IEND", "", &png);
   return png;
+}
+
+// Returns a grey-scale PNG of `bit_depth` bits a pixel.
+inline std::string GreyPng(uint32_t width, uint32_t height, int bit_depth,
+                           const std::string& rows) {
+  return RawPng(width, height, {.bit_depth = bit_depth}, rows);
 }
 
 // Returns a black PNG, valid at any size.

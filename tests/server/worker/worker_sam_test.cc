@@ -270,7 +270,7 @@ TEST_F(WorkerSamWithoutPosesTest, SegmentsTheViewThatReplacesAPhotographWithoutP
   EXPECT_EQ(model.views[7].name, "8.jpg");
   EXPECT_FALSE(model.views[7].held_out);
   EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
-  EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000), Not(HasSubstr("photograph000009.json")));
+  EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000), Not(HasSubstr("upright000009.json")));
 }
 
 TEST_F(WorkerSamWithoutPosesTest, StopsAtOnceIfColmapFails) {
