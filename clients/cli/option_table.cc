@@ -15,6 +15,8 @@ constexpr OptionRow kRows[] = {
     {"import.image_scale", "1", "0 to 1"},
     {"import.held_out_every", "8", "0, or 2 or more"},
     {"import.held_out_views", "", "name of a photograph, may be repeated"},
+    {"import.use_masks", "true", "true or false"},
+    {"import.use_depth", "true", "true or false"},
     {"reconstruct.num_steps", "10000", "1 to 10000000"},
     {"reconstruct.sh_degree", "3", "0 to 3"},
     {"reconstruct.ssim_weight", "0.2", "0 to 1"},

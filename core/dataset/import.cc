@@ -250,6 +250,22 @@ absl::Status PlaceScene(DatasetIndex& index, const PhotoPoses& poses, std::vecto
   return absl::OkStatus();
 }
 
+// Removes masks and depth maps that the options leave out, and warns of them.
+void LeaveOutPriors(const ImportOptions& options, DatasetIndex& index) {
+  const size_t num_masks = index.masks.size() + index.mask_folders.size();
+  if (!options.use_masks && num_masks > 0) {
+    index.warnings.push_back(absl::StrCat("the masks of ", num_masks,
+                                          " photographs are left out: import.use_masks is false"));
+    index.masks.clear();
+    index.mask_folders.clear();
+  }
+  if (!options.use_depth && !index.depth.empty()) {
+    index.warnings.push_back(absl::StrCat("the depth maps of ", index.depth.size(),
+                                          " photographs are left out: import.use_depth is false"));
+    index.depth.clear();
+  }
+}
+
 // Returns the frames of masks, ignore masks and depth maps where their sizes fit both.
 absl::StatusOr<CompanionFrames> ChooseFramesOfCompanions(const DatasetIndex& index,
                                                          const PhotoPoses& poses,
@@ -290,6 +306,7 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
                                       const ImportOptions& options) {
   RETURN_IF_ERROR(Validate(options));
   ASSIGN_OR_RETURN(DatasetIndex index, IndexDataset(files));
+  LeaveOutPriors(options, index);
   std::vector<std::string> photographs;
   for (const auto& [key, photo] : index.photos) photographs.push_back(key);
   RETURN_IF_ERROR(CheckHeldOutViews(options, photographs));

@@ -19,6 +19,10 @@ struct ImportOptions {
   // Names of the views that are held out, in place of held_out_every. Empty: held_out_every
   // decides. Each is a photograph of the dataset; at most kMaxHeldOutViews.
   std::vector<std::string> held_out_views = {};
+  // Whether the dataset's masks and depth maps are used. false: they are left out, with a warning,
+  // as if they were not among the files. Ignore masks are always used.
+  bool use_masks = true;
+  bool use_depth = true;
 };
 inline constexpr size_t kMaxHeldOutViews = 10'000;
 // Returns INVALID_ARGUMENT, naming the option, if one is out of range.

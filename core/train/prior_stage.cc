@@ -15,6 +15,26 @@ bool MayUseCommand(PriorMaker maker) {
   return maker == PriorMaker::kAuto || maker == PriorMaker::kCommand;
 }
 
+// Returns true if the dataset's masks are used. Those of transforms.json (mask_path) say what to
+// ignore and give no masks.
+bool UsesGivenMasks(const TrainingScene& scene, const ImportOptions& options) {
+  return options.use_masks && HasKind(scene.files, FileKind::kMask) &&
+         std::ranges::any_of(scene.capture.views,
+                             [](const View& view) { return !view.masks.empty(); });
+}
+
+bool UsesGivenDepth(const TrainingScene& scene, const ImportOptions& options) {
+  return options.use_depth &&
+         (HasKind(scene.files, FileKind::kDepth) || HasKind(scene.files, FileKind::kDisparity));
+}
+
+// Returns a warning that an option, which says what makes priors, has no effect on given ones.
+std::string WarningOfGiven(absl::string_view what) {
+  return absl::StrCat("priors.", what, " says what makes ", what,
+                      " where a dataset has none. This ", "one has ", what,
+                      ", which is used; import.use_", what, "=false leaves it out");
+}
+
 // Returns the photographs of the views, in the views' order, which is that of their names.
 std::vector<DatasetFile> PosedPhotographs(const TrainingScene& scene) {
   std::map<std::string, const DatasetFile*> by_key;
@@ -40,7 +60,8 @@ bool PriorStage::MayUseSam() const {
 void PriorStage::StartNextToPoses(const std::vector<DatasetFile>& files) {
   // The command is expected to make the masks if there is one: SAM would only make them twice.
   const bool by_command = settings_.priors.masks == PriorMaker::kAuto && HasCommand();
-  if (HasKind(files, FileKind::kMask) || by_command || !MayUseSam()) return;
+  const bool given = settings_.import.use_masks && HasKind(files, FileKind::kMask);
+  if (given || by_command || !MayUseSam()) return;
   segmentation_.emplace(inputs_, settings_.import, files, /*poses_are_wanted=*/true);
 }
 
@@ -49,9 +70,14 @@ std::optional<int64_t> PriorStage::NumToSegment(const Capture& capture) const {
 }
 
 absl::Status PriorStage::Run(TrainingScene& scene) {
-  const bool has_masks = HasKind(scene.files, FileKind::kMask);
-  const bool has_depth =
-      HasKind(scene.files, FileKind::kDepth) || HasKind(scene.files, FileKind::kDisparity);
+  const bool has_masks = UsesGivenMasks(scene, settings_.import);
+  const bool has_depth = UsesGivenDepth(scene, settings_.import);
+  if (has_masks && settings_.priors.masks != PriorMaker::kAuto) {
+    stages_.Warn(WarningOfGiven("masks"));
+  }
+  if (has_depth && settings_.priors.depth != PriorMaker::kAuto) {
+    stages_.Warn(WarningOfGiven("depth"));
+  }
   scene.sources["masks"] = has_masks ? "given" : "none";
   scene.sources["depth"] = has_depth ? "given" : "none";
   if (has_masks && has_depth) return stages_.Skip("priors", "given");

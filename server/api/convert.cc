@@ -8,7 +8,8 @@
 
 // Each option is named once, for both directions: it has the same name in the message and in the
 // struct. A test proves that no field is missing.
-#define PEPESEG_IMPORT_FIELDS(FIELD) FIELD(image_scale) FIELD(held_out_every)
+#define PEPESEG_IMPORT_FIELDS(FIELD) \
+  FIELD(image_scale) FIELD(held_out_every) FIELD(use_masks) FIELD(use_depth)
 #define PEPESEG_PRIOR_FIELDS(FIELD) FIELD(masks) FIELD(depth)
 // (clang-format formats lists of this length differently each time.)
 // clang-format off

@@ -284,6 +284,25 @@ struct DatasetWithPriors : SmallDataset {
   }
 };
 
+TEST(ImportCapture, LeavesMasksAndDepthOutOnRequest) {
+  const DatasetWithPriors dataset;
+  ASSERT_OK_AND_ASSIGN(const Capture used, dataset.Import());
+  EXPECT_FALSE(used.views[1].masks.empty());
+  EXPECT_FALSE(used.views[0].depth.values.empty());
+  ASSERT_OK_AND_ASSIGN(const Capture capture,
+                       dataset.Import({.use_masks = false, .use_depth = false}));
+  for (const View& view : capture.views) {
+    EXPECT_TRUE(view.masks.empty());
+    EXPECT_TRUE(view.depth.values.empty());
+    EXPECT_FALSE(view.ignore.empty());
+  }
+  EXPECT_THAT(capture.warnings,
+              ::testing::ElementsAre("the masks of 2 photographs are left out: import.use_masks is "
+                                     "false",
+                                     "the depth maps of 1 photographs are left out: "
+                                     "import.use_depth is false"));
+}
+
 TEST(ImportPriors, EqualsAnImportThatIncludesTheFiles) {
   const DatasetWithPriors dataset;
   ASSERT_OK_AND_ASSIGN(std::vector<DatasetFile> files, ListDataset(dataset.folder.path()));

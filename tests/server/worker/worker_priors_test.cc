@@ -47,9 +47,10 @@ done
 
 class WorkerPriorsTest : public WorkerTest {
  protected:
-  WorkerPriorsTest() {
-    std::erase_if(spec_.files, [](const JobSpecFile& file) {
-      return file.kind != v1::FILE_KIND_IMAGE && file.kind != v1::FILE_KIND_POSES;
+  // `given`: the scene keeps its own masks and depth.
+  explicit WorkerPriorsTest(bool given = false) {
+    std::erase_if(spec_.files, [given](const JobSpecFile& file) {
+      return !given && file.kind != v1::FILE_KIND_IMAGE && file.kind != v1::FILE_KIND_POSES;
     });
     spec_.options.mutable_reconstruct()->set_num_steps(5);
     spec_.options.mutable_features()->set_num_steps(5);
@@ -139,6 +140,37 @@ TEST_F(WorkerPriorsTest, MakesNoneIfTheOptionsExcludeThem) {
   EXPECT_TRUE(model.field.features.empty());  // it can be rendered, not segmented
 }
 
+// The scene with its own masks and depth.
+class WorkerGivenPriorsTest : public WorkerPriorsTest {
+ protected:
+  WorkerGivenPriorsTest() : WorkerPriorsTest(/*given=*/true) {
+    spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_NONE);
+    spec_.options.mutable_priors()->set_depth(v1::PRIOR_MAKER_NONE);
+  }
+};
+
+TEST_F(WorkerGivenPriorsTest, AreUsedWithAWarningWhateverTheMakerIs) {
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), UnorderedElementsAre(Pair("poses", "given"), Pair("masks", "given"),
+                                              Pair("depth", "given")));
+  EXPECT_THAT(Warnings(), ElementsAre(HasSubstr("import.use_masks=false leaves it out"),
+                                      HasSubstr("import.use_depth=false leaves it out")));
+}
+
+TEST_F(WorkerGivenPriorsTest, AreLeftOutOnRequest) {
+  spec_.options.mutable_import()->set_use_masks(false);
+  spec_.options.mutable_import()->set_use_depth(false);
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), UnorderedElementsAre(Pair("poses", "given"), Pair("masks", "none"),
+                                              Pair("depth", "none")));
+  EXPECT_THAT(Warnings(),
+              ElementsAre("the masks of 15 photographs are left out: import.use_masks is false",
+                          "the depth maps of 15 photographs are left out: import.use_depth is "
+                          "false"));
+  ASSERT_OK_AND_ASSIGN(const auto model, ReadModel(job_.attempt(1)));
+  EXPECT_TRUE(model.field.features.empty());
+}
+
 TEST_F(WorkerPriorsTest, RunsACommandForMasksAndDepth) {
   Image ramp{64, 48, 1, {}};
   for (int i = 0; i < 64 * 48; ++i) ramp.pixels.push_back(static_cast<uint8_t>(i % 64 * 4));
@@ -153,7 +185,8 @@ TEST_F(WorkerPriorsTest, RunsACommandForMasksAndDepth) {
   EXPECT_EQ(Text("photos").substr(0, 22), "000001.jpg\n000002.jpg\n");
   EXPECT_EQ(Text("want"), "masks,depth\n");
   EXPECT_THAT(Warnings(),
-              ElementsAre("the priors command make_priors made depth for 2 of 15 photographs"));
+              ElementsAre(HasSubstr("2 maps of disparity/"),
+                          "the priors command make_priors made depth for 2 of 15 photographs"));
   ASSERT_OK_AND_ASSIGN(const auto model, ReadModel(job_.attempt(1)));
   EXPECT_EQ(model.facts.at("masks"), "command make_priors");
   EXPECT_EQ(model.metrics.at("num_masks"), 15);

@@ -135,14 +135,18 @@ class FeatureOptions(_message.Message):
     def __init__(self, num_steps: _Optional[int] = ..., num_pixels: _Optional[int] = ..., num_scales: _Optional[int] = ..., learning_rate: _Optional[float] = ..., steps_per_chunk: _Optional[int] = ..., seed: _Optional[int] = ..., num_neighbors: _Optional[int] = ..., num_drawn_neighbors: _Optional[int] = ..., learning_rate_final: _Optional[float] = ..., centroid_from: _Optional[float] = ..., centroid_every: _Optional[int] = ..., centroid_pixels: _Optional[int] = ..., centroid_weight_upper: _Optional[float] = ..., centroid_weight_lower: _Optional[float] = ..., num_background_pixels: _Optional[int] = ..., perception_weight: _Optional[float] = ..., num_perception_pixels: _Optional[int] = ..., perception_threshold: _Optional[_Union[PerceptionThreshold, str]] = ..., perception_cross_view: bool = ..., scale_mapping: _Optional[_Union[ScaleMapping, str]] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., mask_share: _Optional[float] = ..., sure_views: _Optional[int] = ..., min_mask_agreement: _Optional[float] = ..., complete_masks: bool = ..., fine_first: _Optional[float] = ..., gate_layers: _Optional[int] = ..., centroid_cosine_upper: _Optional[float] = ..., centroid_cosine_lower: _Optional[float] = ..., centroid_check_masks: bool = ..., perception_fit_window: bool = ..., perception_unlabelled_only: bool = ..., perception_depth_floor: _Optional[float] = ..., perception_color_floor: _Optional[float] = ..., share_scales: bool = ..., negative_margin: _Optional[float] = ..., min_positive_cosine: _Optional[float] = ..., smooth_until: _Optional[float] = ..., max_negative_cosine: _Optional[float] = ..., joint_pair_mean: bool = ..., min_norm_alpha: _Optional[float] = ..., centroid_views: _Optional[int] = ..., centroid_masked_only: bool = ..., centroid_merge_upper: _Optional[float] = ..., centroid_merge_lower: _Optional[float] = ...) -> None: ...
 
 class ImportOptions(_message.Message):
-    __slots__ = ["held_out_every", "held_out_views", "image_scale"]
+    __slots__ = ["held_out_every", "held_out_views", "image_scale", "use_depth", "use_masks"]
     HELD_OUT_EVERY_FIELD_NUMBER: _ClassVar[int]
     HELD_OUT_VIEWS_FIELD_NUMBER: _ClassVar[int]
     IMAGE_SCALE_FIELD_NUMBER: _ClassVar[int]
+    USE_DEPTH_FIELD_NUMBER: _ClassVar[int]
+    USE_MASKS_FIELD_NUMBER: _ClassVar[int]
     held_out_every: int
     held_out_views: _containers.RepeatedScalarFieldContainer[str]
     image_scale: float
-    def __init__(self, image_scale: _Optional[float] = ..., held_out_every: _Optional[int] = ..., held_out_views: _Optional[_Iterable[str]] = ...) -> None: ...
+    use_depth: bool
+    use_masks: bool
+    def __init__(self, image_scale: _Optional[float] = ..., held_out_every: _Optional[int] = ..., held_out_views: _Optional[_Iterable[str]] = ..., use_masks: bool = ..., use_depth: bool = ...) -> None: ...
 
 class PriorOptions(_message.Message):
     __slots__ = ["depth", "masks"]
