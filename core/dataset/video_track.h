@@ -7,7 +7,7 @@
 
 namespace pepeseg {
 
-// What the header of an MP4 or MOV file says about its first video track. OpenCV 4.6 turns frames
+// How the first video track of an MP4 or MOV file is shown, by its header. OpenCV 4.6 turns frames
 // against the display matrix (its issue 22088) and decodes all colours as BT.601, so frames are
 // decoded as stored and corrected by this.
 struct VideoTrack {

@@ -1,5 +1,6 @@
 #include "core/train/estimate.h"
 
+#include "core/dataset/video_frames.h"
 #include "core/features/estimate.h"
 #include "core/priors/sam/sam_segmenter.h"
 #include "core/sfm/estimate_poses.h"
@@ -57,6 +58,9 @@ std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize datase
   // One need for each stage; stages that run one after the other do not add up.
   needs.push_back({.stage = "prepare",
                    .host_bytes = CaptureBytes(size) + kDecodingBytes * dataset.max_source_pixels});
+  if (dataset.video_megapixels > 0) {
+    needs.back().seconds = kVideoCoreSeconds * dataset.video_megapixels / tools.num_threads;
+  }
   if (!dataset.has_poses) {
     // SAM runs next to COLMAP.
     needs.push_back(

@@ -16,6 +16,9 @@ struct DatasetSize {
   TrainingSize training;
   int64_t max_source_pixels = 0;    // pixels of the largest photograph, as uploaded
   bool has_poses = false;           // false: stage "sfm" estimates them
+  // Frames of the videos times their pixels, all of which stage "prepare" reads. 0: no videos, or
+  // their length is not known.
+  double video_megapixels = 0;
   int64_t num_given_gaussians = 0;  // Gaussians given instead of stage one's. 0: none
 };
 

@@ -5,6 +5,8 @@
 #include <utility>
 
 #include "core/dataset/held_out.h"
+#include "core/dataset/video_frames.h"
+#include "core/formats/movie_boxes.h"
 #include "core/priors/sam/sam_segmenter.h"
 #include "core/sfm/sfm_options.h"
 
@@ -43,7 +45,7 @@ class Planner {
       : facts_(facts), settings_(settings), photos_(static_cast<double>(facts.num_photographs)) {}
 
   std::vector<PlannedStage> Plan() {
-    AddOnCores("prepare", kPrepare * photos_);
+    AddOnCores("prepare", kPrepare * photos_ + kVideoCoreSeconds * facts_.video_megapixels);
     if (!facts_.has_poses) AddPoses();
     AddPriors();
     if (!facts_.has_gaussians) AddReconstruction();
@@ -135,19 +137,24 @@ TrainingFacts FactsOf(const TrainingInputs& inputs, const TrainingSettings& sett
   facts.has_lpips = !inputs.tools.lpips_weights.empty();
   const auto num_cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   facts.num_threads = inputs.tools.num_threads > 0 ? inputs.tools.num_threads : num_cores;
-  int64_t num_videos = 0;
   for (const DatasetFile& file : inputs.files) {
     facts.has_poses |= file.kind == FileKind::kPoses;
-    facts.has_masks |= file.kind == FileKind::kMask;
-    facts.has_depth |= file.kind == FileKind::kDepth || file.kind == FileKind::kDisparity;
+    facts.has_masks |= settings.import.use_masks && file.kind == FileKind::kMask;
+    facts.has_depth |= settings.import.use_depth &&
+                       (file.kind == FileKind::kDepth || file.kind == FileKind::kDisparity);
     facts.has_gaussians |= file.kind == FileKind::kGaussians;
     facts.num_photographs += file.kind == FileKind::kImage ? 1 : 0;
-    num_videos += file.kind == FileKind::kVideo ? 1 : 0;
   }
-  // Without photographs among the files there are only frames. Their number is not known yet: the
-  // most that each video may give is assumed.
+  // Without photographs among the files there are only frames.
   facts.is_video = facts.num_photographs == 0;
-  facts.num_photographs += num_videos * settings.sfm.max_video_frames;
+  const int64_t max_frames = settings.sfm.max_video_frames;
+  for (const DatasetFile& file : inputs.files) {
+    if (file.kind != FileKind::kVideo) continue;
+    const MovieSize movie = ReadMovieSize(file.path);
+    facts.num_photographs += ExpectedFrames(movie.num_frames, max_frames);
+    facts.video_megapixels +=
+        1e-6 * static_cast<double>(movie.num_frames) * movie.width * movie.height;
+  }
   const double scale = settings.import.image_scale;
   facts.megapixels = scale * scale;
   return facts;

@@ -36,12 +36,13 @@ struct TrainingFacts {
   bool has_lpips = false;
   int num_threads = 1;
   int64_t num_photographs = 0;
+  double video_megapixels = 0;  // frames of the videos times their pixels; 0: unknown, or no videos
   std::optional<int64_t> num_to_segment;  // photographs left for SAM to segment. Absent: all
   double megapixels = 1;                  // mean size of a view, as it is trained on
 };
 
-// Returns the facts that are known before any file is read: a photograph is assumed to have one
-// megapixel. on_device: the backend computes on a GPU.
+// Returns the facts that are known before any photograph is read: it is assumed to have one
+// megapixel. Reads the headers of videos. on_device: the backend computes on a GPU.
 TrainingFacts FactsOf(const TrainingInputs& inputs, const TrainingSettings& settings,
                       bool on_device);
 

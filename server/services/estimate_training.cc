@@ -14,6 +14,8 @@
 #include "core/base/status_macros.h"
 #include "core/dataset/extra_files.h"
 #include "core/dataset/held_out.h"
+#include "core/dataset/video_frames.h"
+#include "core/formats/movie_boxes.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/services/file_header.h"
@@ -91,8 +93,22 @@ void LeaveOutExtraFiles(std::vector<DatasetFileRow>& files) {
 // videos give.
 struct PhotoRules {
   double image_scale;
-  int64_t num_video_frames;  // of all videos together
+  int64_t num_video_frames;  // that become photographs, of all videos together
 };
+
+// Returns how many frames of the videos become photographs, and adds all that they have to `size`.
+int64_t MeasureVideos(const ProjectBlobs& blobs, const std::vector<DatasetFileRow>& files,
+                      int64_t max_frames, DatasetSize& size) {
+  int64_t num_photos = 0;
+  for (const DatasetFileRow& file : files) {
+    if (file.kind != v1::FILE_KIND_VIDEO) continue;
+    const MovieSize movie = ReadMovieSize(blobs.Path(file.sha256));
+    num_photos += ExpectedFrames(movie.num_frames, max_frames);
+    size.video_megapixels +=
+        1e-6 * static_cast<double>(movie.num_frames) * movie.width * movie.height;
+  }
+  return num_photos;
+}
 
 // Sums the pixels of all views. Photographs whose header was not read count with the mean of the
 // others; a refused one is an error that names it.
@@ -247,8 +263,8 @@ absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_s
   RETURN_IF_ERROR(ReadMissingHeaders(store, blobs, training, wanted, files));
   const ImportOptions& import = training.settings.import;
   DatasetSize size;
-  const PhotoRules rules{import.image_scale, CountKind(files, v1::FILE_KIND_VIDEO) *
-                                                 training.settings.sfm.max_video_frames};
+  const PhotoRules rules{import.image_scale,
+                         MeasureVideos(blobs, files, training.settings.sfm.max_video_frames, size)};
   RETURN_IF_ERROR(MeasurePhotos(blobs, files, rules, size));
   size.has_poses = CountKind(files, v1::FILE_KIND_POSES) > 0;
   TrainingSize& counts = size.training;
@@ -256,12 +272,16 @@ absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_s
   counts.num_training_views = std::max<int64_t>(1, counts.num_views - held_out);
   // Names are not matched here, so a view may have several files or none; the number of views
   // bounds the count.
-  counts.num_masked_views = std::min(counts.num_views, CountKind(files, v1::FILE_KIND_MASK));
+  if (import.use_masks) {
+    counts.num_masked_views = std::min(counts.num_views, CountKind(files, v1::FILE_KIND_MASK));
+  }
   // One ignore mask may apply to all views.
   if (CountKind(files, v1::FILE_KIND_IGNORE_MASK) > 0) counts.num_ignore_views = counts.num_views;
-  counts.num_depth_views =
-      std::min(counts.num_views,
-               CountKind(files, v1::FILE_KIND_DEPTH) + CountKind(files, v1::FILE_KIND_DISPARITY));
+  if (import.use_depth) {
+    counts.num_depth_views =
+        std::min(counts.num_views,
+                 CountKind(files, v1::FILE_KIND_DEPTH) + CountKind(files, v1::FILE_KIND_DISPARITY));
+  }
   for (const DatasetFileRow& file : files) {
     int64_t& most =
         file.kind == v1::FILE_KIND_GAUSSIANS ? size.num_given_gaussians : counts.num_points;

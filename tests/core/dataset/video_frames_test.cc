@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/formats/decode_image.h"
+#include "core/formats/movie_boxes.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 #include "tests/testing/test_video.h"
@@ -158,6 +159,24 @@ TEST_F(VideoFramesTest, DecodesColoursByTheMatrixOfTheHeader) {
     const uint8_t* pixel = &shown.pixels[3 * (20 * shown.width + 20)];
     for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(pixel[i], colour[i], 6) << coefficients;
   }
+}
+
+TEST_F(VideoFramesTest, HaveTheirNumberAndSizeInTheHeader) {
+  const std::vector<Image> frames(37, Stripes(0, 0));
+  testing::WriteMp4(folder_ / "blob.mp4", frames, {});
+  const MovieSize size = ReadMovieSize(folder_ / "blob.mp4");
+  EXPECT_EQ(size.num_frames, 37);
+  EXPECT_EQ(size.width, 160);
+  EXPECT_EQ(size.height, 112);
+  Write(frames);  // AVI
+  EXPECT_EQ(ReadMovieSize(task_.path).num_frames, 0);
+  EXPECT_EQ(ReadMovieSize(folder_ / "none").num_frames, 0);
+}
+
+TEST(ExpectedFrames, AreLimitedByTheVideosLength) {
+  EXPECT_EQ(ExpectedFrames(90, 120), 90);
+  EXPECT_EQ(ExpectedFrames(900, 120), 120);
+  EXPECT_EQ(ExpectedFrames(0, 120), 120);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -51,6 +52,16 @@ TEST_F(EstimateStagesTest, ListsTheStagesThatRun) {
   dataset_.has_poses = false;
   dataset_.num_given_gaussians = 1000;
   EXPECT_THAT(Stages(), ElementsAre("prepare", "sfm", "features"));
+}
+
+TEST_F(EstimateStagesTest, CountsTheTimeToReadVideos) {
+  EXPECT_FALSE(Need("prepare").seconds.has_value());
+  dataset_.video_megapixels = 1800 * 2.07;  // a minute at 30 frames a second, 1920x1080
+  tools_.num_threads = 1;
+  const std::optional<double> minute = Need("prepare").seconds;
+  ASSERT_TRUE(minute.has_value());
+  dataset_.video_megapixels *= 10;
+  EXPECT_DOUBLE_EQ(*Need("prepare").seconds, 10 * *minute);
 }
 
 TEST_F(EstimateStagesTest, OmitsFeaturesWithoutMasks) {

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/dataset/video_frames.h"
 #include "core/priors/sam/sam_segmenter.h"
 
 namespace pepeseg {
@@ -40,6 +41,26 @@ TEST(PlanStages, OmitsStagesWhoseResultIsGiven) {
   facts.has_masks = facts.has_depth = false;
   settings.priors.masks = settings.priors.depth = PriorMaker::kNone;
   EXPECT_THAT(Names(PlanStages(facts, settings)), ElementsAre("prepare", "evaluate", "index"));
+}
+
+TEST(PlanStages, CountsTheLengthOfVideos) {
+  TrainingFacts facts;
+  facts.num_photographs = 20;
+  const double without = *Find(PlanStages(facts, {}), "prepare").seconds;
+  facts.video_megapixels = 1000;
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, {}), "prepare").seconds,
+                   without + 1000 * kVideoCoreSeconds);
+}
+
+TEST(FactsOf, LeavesOutMasksAndDepthOnRequest) {
+  TrainingInputs inputs;
+  inputs.files = {{FileKind::kMask, "masks/a.png", ""}, {FileKind::kDepth, "depth/a.png", ""}};
+  TrainingSettings settings;
+  EXPECT_TRUE(FactsOf(inputs, settings, false).has_masks);
+  EXPECT_TRUE(FactsOf(inputs, settings, false).has_depth);
+  settings.import.use_masks = settings.import.use_depth = false;
+  EXPECT_FALSE(FactsOf(inputs, settings, false).has_masks);
+  EXPECT_FALSE(FactsOf(inputs, settings, false).has_depth);
 }
 
 TEST(PlanStages, HasNoTimeForAPriorsCommand) {
