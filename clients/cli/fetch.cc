@@ -4,6 +4,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -97,6 +98,7 @@ struct ExportFlags {
   std::string file;  // to write; a folder for some formats
   std::string model = "live";
   std::string format = "ply";
+  std::string origin = "local";
   SubsetFlags subset;
   LabelQuery labels;  // its views and sam_borders
 };
@@ -121,6 +123,22 @@ absl::Status RunLabelExport(const Shell& shell, const ExportFlags& flags) {
   return absl::OkStatus();
 }
 
+// Writes what to add to the positions of a PLY to FILE.origin.json, and returns that
+// name. Returns an empty name, and removes the file of an earlier export, if it is zero.
+absl::StatusOr<std::string> WriteOrigin(const v1::ExportGaussiansResponse::Header& header,
+                                        const std::string& ply) {
+  const std::string path = ply + ".origin.json";
+  if (!header.has_origin()) {
+    std::error_code ignored;
+    std::filesystem::remove(path, ignored);
+    return std::string();
+  }
+  const v1::Vector3& origin = header.origin();
+  const nlohmann::ordered_json json = {{"origin", {origin.x(), origin.y(), origin.z()}}};
+  RETURN_IF_ERROR(WriteFile(path, json.dump() + "\n"));
+  return path;
+}
+
 // Writes the PLY and prints its size.
 absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
   ASSIGN_OR_RETURN(const v1::Subset subset, ParseSubset(flags.subset, flags.scene));
@@ -137,14 +155,21 @@ absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
   v1::ExportGaussiansRequest request;
   request.set_model(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));
   *request.mutable_subset() = subset;
+  request.set_coordinates(flags.origin == "local" ? v1::PLY_COORDINATES_LOCAL
+                                                  : v1::PLY_COORDINATES_WORLD);
   const Client client(shell.channel);
   ASSIGN_OR_RETURN(const v1::ExportGaussiansResponse::Header header,
                    client.Export(request, flags.file));
+  ASSIGN_OR_RETURN(const std::string origin, WriteOrigin(header, flags.file));
   if (shell.json) {
     PrintJson(header);
   } else {
     Print(absl::StrFormat("%s: %d Gaussians, %.1f MB, of %s", flags.file, header.num_gaussians(),
                           static_cast<double>(header.num_bytes()) * 1e-6, header.model()));
+    if (!origin.empty()) {
+      Print(absl::StrCat("positions are relative to the origin in ", origin,
+                         " and in the PLY's comment; --origin world adds it"));
+    }
   }
   return absl::OkStatus();
 }
@@ -225,6 +250,12 @@ void AddExport(CLI::App& app, Shell& shell) {
                    "ply: the Gaussians; coco, yolo, labelme or masks (PNG): the masks of the "
                    "scene's labels in its views")
       ->check(CLI::IsMember({"ply", "coco", "yolo", "labelme", "masks"}))
+      ->capture_default_str();
+  verb->add_option(
+          "--origin", flags->origin,
+          "Positions of a scene with map coordinates. local: floats relative to an origin, "
+          "which is in FILE.origin.json and in a comment of the PLY; world: doubles")
+      ->check(CLI::IsMember({"local", "world"}))
       ->capture_default_str();
   verb->add_option("--views", flags->labels.views,
                    "Views of the masks: names, all or held-out; by default all");

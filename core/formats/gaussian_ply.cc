@@ -9,6 +9,7 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "core/formats/ply.h"
@@ -18,6 +19,9 @@ namespace {
 
 constexpr int64_t kMaxGaussians = 50'000'000;
 constexpr int kNoPlane = -1;  // a property that is written as 0
+// Opacities of 1 and 0 are infinite logits, which splat-transform and spz-js write. This one is 1
+// to the last digit of a float.
+constexpr float kMostLogit = 20;
 
 // A property of the file and the plane of Gaussians that holds it.
 struct Field {
@@ -57,12 +61,18 @@ size_t BytesOf(const Field& field, const Eigen::Vector3d& origin) {
   return IsDouble(field, origin) ? sizeof(double) : sizeof(float);
 }
 
-std::string HeaderOf(const std::vector<Field>& fields, int64_t count,
-                     const Eigen::Vector3d& origin) {
-  std::string header =
-      absl::StrCat("ply\nformat binary_little_endian 1.0\nelement vertex ", count, "\n");
+// Returns the header. `added` was added to the means; `left_out` is what is still to be added to
+// them, named in a comment if it is not zero.
+std::string HeaderOf(const std::vector<Field>& fields, int64_t count, const Eigen::Vector3d& added,
+                     const Eigen::Vector3d& left_out = Eigen::Vector3d::Zero()) {
+  std::string header = "ply\nformat binary_little_endian 1.0\n";
+  if (!left_out.isZero(0)) {
+    absl::StrAppendFormat(&header, "comment pepeseg_origin %.17g %.17g %.17g\n", left_out.x(),
+                          left_out.y(), left_out.z());
+  }
+  absl::StrAppend(&header, "element vertex ", count, "\n");
   for (const Field& field : fields) {
-    const char* type = IsDouble(field, origin) ? "double" : "float";
+    const char* type = IsDouble(field, added) ? "double" : "float";
     absl::StrAppend(&header, "property ", type, " ", field.name, "\n");
   }
   return header + "end_header\n";
@@ -174,11 +184,13 @@ std::string EncodeGaussianPly(const Gaussians& gaussians, const Eigen::Vector3d&
 }
 
 GaussianPlyBlocks::GaussianPlyBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices,
-                                     const Eigen::Vector3d& origin)
-    : gaussians_(&gaussians), indices_(std::move(indices)), origin_(origin) {
+                                     const Eigen::Vector3d& origin, PlyCoordinates coordinates)
+    : gaussians_(&gaussians),
+      indices_(std::move(indices)),
+      added_(coordinates == PlyCoordinates::kWorld ? origin : Eigen::Vector3d(0, 0, 0)) {
   const std::vector<Field> fields = FieldsOf(gaussians.sh_degree);
-  header_ = HeaderOf(fields, num_gaussians(), origin);
-  row_bytes_ = static_cast<int64_t>(RowBytesOf(fields, origin));
+  header_ = HeaderOf(fields, num_gaussians(), added_, origin - added_);
+  row_bytes_ = static_cast<int64_t>(RowBytesOf(fields, added_));
   // Blocks end between vertices.
   rows_per_block_ = kMaxBlockBytes / row_bytes_;
 }
@@ -195,13 +207,9 @@ std::string GaussianPlyBlocks::Encode(int64_t block) const {
   if (block == 0) return header_;
   const int64_t first = (block - 1) * rows_per_block_;
   const int64_t count = std::min(rows_per_block_, num_gaussians() - first);
-  return EncodeRows(*gaussians_, origin_, first, count,
+  return EncodeRows(*gaussians_, added_, first, count,
                     [this](int64_t row) { return static_cast<int64_t>(indices_[row]); });
 }
-
-// Opacities of 1 and 0 are infinite logits, which splat-transform and spz-js write. This one is 1
-// to the last digit of a float.
-constexpr float kMostLogit = 20;
 
 absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
                                           const std::string& name, const Eigen::Vector3d& origin) {
@@ -218,10 +226,11 @@ absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
   }
   Gaussians gaussians = Gaussians::Zero(vertices.count, sh_degree);
   std::vector<PlyColumn> columns;
+  const Eigen::Vector3d offset = OffsetTo(origin, vertices);
   for (size_t f = 0; f < fields.size(); ++f) {
     if (fields[f].plane == kNoPlane) continue;
     const int plane = fields[f].plane;
-    columns.push_back({properties[f], gaussians.Plane(plane), plane < 3 ? origin[plane] : 0,
+    columns.push_back({properties[f], gaussians.Plane(plane), plane < 3 ? offset[plane] : 0,
                        plane == kOpacityPlane ? kMostLogit : 0});
   }
   RETURN_IF_ERROR(ReadColumns(vertices, columns));
@@ -233,7 +242,10 @@ absl::StatusOr<GaussianPlyShape> ReadGaussianPlyShape(const std::filesystem::pat
                                                       const std::string& name) {
   ASSIGN_OR_RETURN(const PlyVertices vertices, OpenGaussians(path, name));
   ASSIGN_OR_RETURN(const int sh_degree, ShDegreeOf(vertices));
-  return GaussianPlyShape{vertices.count, sh_degree};
+  const int x = vertices.Find("x");
+  const bool has_doubles =
+      x >= 0 && vertices.properties[static_cast<size_t>(x)].type == PlyType::kFloat64;
+  return GaussianPlyShape{vertices.count, sh_degree, has_doubles};
 }
 
 }  // namespace pepeseg

@@ -12,6 +12,12 @@
 
 namespace pepeseg {
 
+// Which coordinates x y z of a file are. Where the origin is zero, both are the same.
+enum class PlyCoordinates {
+  kWorld,  // of the dataset's world, as doubles, which many viewers read wrongly or not at all
+  kLocal,  // relative to the origin, as floats; the comment "pepeseg_origin X Y Z" has the origin
+};
+
 // Writes Gaussians as a PLY file in the layout of 3DGS, which splat viewers open. It is binary
 // little-endian, and a vertex has the floats
 //   x y z nx ny nz f_dc_0..2 f_rest_0.. opacity scale_0..2 rot_0..3
@@ -34,7 +40,8 @@ class GaussianPlyBlocks {
 
   // Encodes the Gaussians at `indices`, in that order. `gaussians` must outlive the object.
   GaussianPlyBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices,
-                    const Eigen::Vector3d& origin);
+                    const Eigen::Vector3d& origin,
+                    PlyCoordinates coordinates = PlyCoordinates::kWorld);
 
   int64_t num_gaussians() const { return static_cast<int64_t>(indices_.size()); }
   int64_t num_blocks() const;
@@ -45,7 +52,7 @@ class GaussianPlyBlocks {
  private:
   const Gaussians* gaussians_;
   std::vector<uint32_t> indices_;
-  Eigen::Vector3d origin_;
+  Eigen::Vector3d added_;  // to x y z
   std::string header_;
   int64_t row_bytes_ = 0;
   int64_t rows_per_block_ = 0;
@@ -53,8 +60,9 @@ class GaussianPlyBlocks {
 
 // Reads Gaussians from such a file. The properties may have any order and number type, and other
 // properties are skipped. The SH degree, 0 to 3, follows from the number of f_rest properties. The
-// means become relative to `origin`. INVALID_ARGUMENT, naming `name`: as OpenPly, the file is text,
-// a property is missing, a value is not finite, or a rotation is zero.
+// means become relative to `origin`; a comment "pepeseg_origin X Y Z" is added to them.
+// INVALID_ARGUMENT, naming `name`: as OpenPly, the file is text, a property is missing, a value is
+// not finite, or a rotation is zero.
 absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
                                           const std::string& name,
                                           const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());
@@ -63,6 +71,7 @@ absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
 struct GaussianPlyShape {
   int64_t count = 0;
   int sh_degree = 0;
+  bool has_doubles = false;  // x y z are doubles
 };
 // Reads only the header. Errors as ReadGaussianPly, except those of values.
 absl::StatusOr<GaussianPlyShape> ReadGaussianPlyShape(const std::filesystem::path& path,

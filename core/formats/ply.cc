@@ -107,7 +107,8 @@ class HeaderParser {
   explicit HeaderParser(PlyVertices& vertices) : vertices_(vertices) {}
 
   std::string TakeLine(const Words& words) {
-    if (words.empty() || words[0] == "comment" || words[0] == "obj_info") return "";
+    if (words.empty() || words[0] == "obj_info") return "";
+    if (words[0] == "comment") return TakeComment(words);
     if (words[0] == "format") return TakeFormat(words);
     if (words[0] == "element") return TakeElement(words);
     // Elements after the vertices, such as faces, are not read.
@@ -124,6 +125,20 @@ class HeaderParser {
   }
 
  private:
+  // Other comments than "pepeseg_origin X Y Z" are for people.
+  std::string TakeComment(const Words& words) {
+    if (words.size() < 2 || words[1] != "pepeseg_origin") return "";
+    Eigen::Vector3d origin;
+    bool ok = words.size() == 5;
+    for (int k = 0; ok && k < 3; ++k) {
+      ok = absl::SimpleAtod(words[static_cast<size_t>(k) + 2], &origin[k]) &&
+           std::isfinite(origin[k]);
+    }
+    if (!ok) return "its comment pepeseg_origin has no three finite numbers";
+    vertices_.origin = origin;
+    return "";
+  }
+
   std::string TakeFormat(const Words& words) {
     has_format_ = true;
     vertices_.is_text = words.size() == 3 && words[1] == "ascii";
@@ -261,6 +276,10 @@ absl::StatusOr<PlyVertices> OpenPly(const std::filesystem::path& path, const std
   return vertices;
 }
 
+Eigen::Vector3d OffsetTo(const Eigen::Vector3d& origin, const PlyVertices& vertices) {
+  return origin - vertices.origin;
+}
+
 absl::Status ReadColumns(const PlyVertices& vertices, std::span<const PlyColumn> columns) {
   if (vertices.is_text) return ReadTextColumns(vertices, columns);
   // Block by block, so that memory does not grow with the file.
@@ -295,13 +314,14 @@ absl::StatusOr<std::vector<ScenePoint>> ReadPlyPoints(const std::filesystem::pat
   constexpr float kGrey = 128;
   ASSIGN_OR_RETURN(const PlyVertices vertices, OpenPly(path, name, kMaxPoints));
   std::vector<std::vector<float>> values(6);
+  const Eigen::Vector3d offset = OffsetTo(origin, vertices);
   std::vector<PlyColumn> columns;
   for (int i = 0; i < 6; ++i) {
     // Colours are optional: points without them are grey.
     values[i].assign(static_cast<size_t>(vertices.count), kGrey);
     const int property = vertices.Find(kNames[i]);
     if (property >= 0) {
-      columns.push_back({property, values[i], i < 3 ? origin[i] : 0});
+      columns.push_back({property, values[i], i < 3 ? offset[i] : 0});
     } else if (i < 3) {
       return absl::InvalidArgumentError(absl::StrCat(name, ": has no property ", kNames[i]));
     }

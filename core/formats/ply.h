@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <filesystem>
 #include <span>
@@ -31,6 +32,9 @@ struct PlyVertices {
   int stride = 0;           // bytes of a vertex in a binary file
   int64_t data_offset = 0;  // offset in the file of the first vertex
   std::vector<PlyProperty> properties;
+  // The comment "pepeseg_origin X Y Z": what to add to the coordinates to get those of the world.
+  // Zero: there is none.
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
 
   // Returns the index of a property, or -1 if there is none of that name.
   int Find(absl::string_view property) const;
@@ -49,13 +53,16 @@ struct PlyColumn {
   double origin = 0;        // subtracted from each value, in double
   float infinity = 0;       // what infinite values become, with their sign; 0: they are refused
 };
+// Returns what to subtract from coordinates of the file so that they are relative to `origin`.
+Eigen::Vector3d OffsetTo(const Eigen::Vector3d& origin, const PlyVertices& vertices);
+
 // Reads properties of all vertices. INVALID_ARGUMENT, naming the vertex: a value is not finite, or
 // a line of an ASCII file does not have one number for each property. INTERNAL: the file cannot be
 // read.
 absl::Status ReadColumns(const PlyVertices& vertices, std::span<const PlyColumn> columns);
 
-// Reads the vertices of a PLY file as points relative to `origin`: properties x, y, z and, if the
-// file has them, red, green and blue in [0, 255] (else grey 128). Errors as OpenPly and
+// Reads the vertices of a PLY file as points relative to `origin`, see OffsetTo: properties x, y, z
+// and, if the file has them, red, green and blue in [0, 255] (else grey 128). Errors as OpenPly and
 // ReadColumns, and INVALID_ARGUMENT if x, y or z is missing or there are more than kMaxPoints.
 absl::StatusOr<std::vector<ScenePoint>> ReadPlyPoints(
     const std::filesystem::path& path, const std::string& name,

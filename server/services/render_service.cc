@@ -32,11 +32,11 @@ constexpr int64_t kMessageBytes = 2 * kChunkBytes;
 constexpr int64_t kBlocksPerTask = 16;
 
 // An ExportGaussians call. The PLY file of a whole model is sent from the disk in chunks; the
-// stream ends with DATA_LOSS if its digest is not that of the manifest. The PLY of a subset is
-// encoded twice, block by block: once for the size and the digest in the header, once to be sent.
-// That holds the indices of the subset and one block in memory, which are reserved in the models'
-// memory budget. A reader that does not take a message for StreamLimits::stuck_export loses the
-// stream.
+// stream ends with DATA_LOSS if its digest is not that of the manifest. The PLY of a subset, or of
+// a whole model in other coordinates than the stored ones, is encoded twice, block by block: once
+// for the size and the digest in the header, once to be sent. That holds the indices of the subset
+// and one block in memory, which are reserved in the models' memory budget. A reader that does not
+// take a message for StreamLimits::stuck_export loses the stream.
 class ExportGaussiansStream final : public WriteStream<v1::ExportGaussiansResponse> {
  public:
   // What the stream works on; it must outlive the stream.
@@ -48,7 +48,9 @@ class ExportGaussiansStream final : public WriteStream<v1::ExportGaussiansRespon
   ExportGaussiansStream(const Parts& parts, grpc::CallbackServerContext* call,
                         const v1::ExportGaussiansRequest& request)
       : WriteStream(&parts.runner.streams(),
-                    request.has_subset() ? &parts.runner.pools().query : &parts.runner.pools().io),
+                    request.has_subset() || request.coordinates() == v1::PLY_COORDINATES_LOCAL
+                        ? &parts.runner.pools().query
+                        : &parts.runner.pools().io),
         parts_(parts),
         call_(call),
         origin_(OriginOf(*call)),
@@ -62,6 +64,8 @@ class ExportGaussiansStream final : public WriteStream<v1::ExportGaussiansRespon
   absl::Status OpenModel();
   // Returns false if the request means all of the model.
   absl::StatusOr<bool> OpenSubset();
+  // Encodes these Gaussians; nullptr: all.
+  absl::Status EncodeSubset(ResidentModel model, const GaussianSet* subset);
   // Reserves memory for what the export holds in addition to the model: `bytes` and a chunk.
   absl::Status TakeMemory(const std::string& scene, int64_t bytes);
   // Digests some blocks of the subset. After the last one it fills the header.
@@ -107,20 +111,33 @@ absl::StatusOr<bool> ExportGaussiansStream::OpenSubset() {
   ASSIGN_OR_RETURN(const std::optional<GaussianSet> subset,
                    parts_.selections.FindSubset(model, request_.subset(), "subset"));
   if (!subset) return false;
+  RETURN_IF_ERROR(EncodeSubset(std::move(model), &*subset));
+  return true;
+}
+
+absl::Status ExportGaussiansStream::EncodeSubset(ResidentModel model, const GaussianSet* subset) {
+  const Model& of = model.segmenter->model();
   ASSIGN_OR_RETURN(const SceneChild name, ParseModelName(model.name, "model"));
-  const int64_t count = subset->count();
+  const int64_t count = subset == nullptr ? of.gaussians.count : subset->count();
   RETURN_IF_ERROR(TakeMemory(name.scene, count * static_cast<int64_t>(sizeof(uint32_t))));
   std::vector<uint32_t> indices;
   // The size is exact, so the vector takes what was reserved in the budget.
   indices.reserve(static_cast<size_t>(count));
-  for (size_t i = 0; i < subset->member.size(); ++i) {
-    if (subset->member[i] != 0) indices.push_back(static_cast<uint32_t>(i));
+  for (size_t i = 0; i < static_cast<size_t>(of.gaussians.count); ++i) {
+    if (subset == nullptr || subset->member[i] != 0) indices.push_back(static_cast<uint32_t>(i));
   }
-  const Model& of = model.segmenter->model();
-  subset_.emplace(of.gaussians, std::move(indices), of.origin);
+  const bool local = request_.coordinates() == v1::PLY_COORDINATES_LOCAL;
+  subset_.emplace(of.gaussians, std::move(indices), of.origin,
+                  local ? PlyCoordinates::kLocal : PlyCoordinates::kWorld);
+  if (local && !of.origin.isZero(0)) {
+    v1::Vector3& origin = *message_.mutable_header()->mutable_origin();
+    origin.set_x(of.origin.x());
+    origin.set_y(of.origin.y());
+    origin.set_z(of.origin.z());
+  }
   model_ = std::move(model);
   num_bytes_left_ = subset_->num_bytes();
-  return true;
+  return absl::OkStatus();
 }
 
 Stream::Step ExportGaussiansStream::DigestSome() {
@@ -145,6 +162,15 @@ absl::Status ExportGaussiansStream::OpenModel() {
   RETURN_IF_ERROR(CheckModelFolder(parts_.models.data_folder(), model.folder));
   RETURN_IF_ERROR(TakeMemory(model.scene, 0));
   const std::filesystem::path folder = parts_.models.data_folder() / model.folder;
+  if (request_.coordinates() == v1::PLY_COORDINATES_LOCAL) {
+    // The stored file is in the world. Only where it has doubles is the local one another.
+    ASSIGN_OR_RETURN(const GaussianPlyShape shape,
+                     ReadGaussianPlyShape(folder / kPlyName, kPlyName));
+    if (shape.has_doubles) {
+      ASSIGN_OR_RETURN(ResidentModel resident, parts_.models.Load(request_.model(), "model"));
+      return EncodeSubset(std::move(resident), nullptr);
+    }
+  }
   ASSIGN_OR_RETURN(const Manifest manifest, ReadManifest(folder));
   const auto entry =
       std::find_if(manifest.files.begin(), manifest.files.end(),

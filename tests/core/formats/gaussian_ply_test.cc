@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <numeric>
 #include <random>
 
 #include "core/base/file_io.h"
@@ -35,6 +36,27 @@ TEST(GaussianPly, RoundTripsBitForBit) {
     EXPECT_EQ(read.sh_degree, degree);
     EXPECT_EQ(read.planes, gaussians.planes);
   }
+}
+
+TEST(GaussianPly, HasFloatsAndACommentInLocalCoordinates) {
+  const TempFolder folder;
+  const Eigen::Vector3d origin(4e5, 5.3e6, 100.125);
+  const Gaussians gaussians = RandomGaussians(50, 1);
+  std::vector<uint32_t> all(50);
+  std::iota(all.begin(), all.end(), 0);
+  const GaussianPlyBlocks blocks(gaussians, all, origin, PlyCoordinates::kLocal);
+  std::string ply;
+  for (int64_t block = 0; block < blocks.num_blocks(); ++block) ply += blocks.Encode(block);
+  EXPECT_EQ(static_cast<int64_t>(ply.size()), blocks.num_bytes());
+  EXPECT_NE(ply.find("comment pepeseg_origin 400000 5300000 100.125\n"), std::string::npos);
+  EXPECT_NE(ply.find("property float x\n"), std::string::npos);
+  ASSERT_OK(WriteFileAtomically(folder / "a.ply", ply));
+  ASSERT_OK_AND_ASSIGN(const Gaussians read, ReadGaussianPly(folder / "a.ply", "a.ply", origin));
+  EXPECT_EQ(read.planes, gaussians.planes);
+  const size_t at = ply.find("5300000");
+  ASSERT_OK(
+      WriteFileAtomically(folder / "b.ply", ply.substr(0, at) + "north" + ply.substr(at + 7)));
+  EXPECT_STATUS(ReadGaussianPly(folder / "b.ply", "b.ply"), kInvalidArgument, "pepeseg_origin");
 }
 
 TEST(GaussianPly, UsesDoublesFarFromZero) {

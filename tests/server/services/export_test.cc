@@ -121,5 +121,14 @@ TEST_F(ExportTest, FreesMemoryOfCancelledExports) {
   EXPECT_OK(Export());
 }
 
+TEST_F(ExportTest, ExportsTheSameInBothCoordinatesNearZero) {
+  ASSERT_OK(Export());
+  const std::string stored = ply;
+  request.set_coordinates(v1::PLY_COORDINATES_LOCAL);
+  ASSERT_OK(Export());
+  EXPECT_EQ(ply, stored);
+  EXPECT_FALSE(header.has_origin());
+}
+
 }  // namespace
 }  // namespace pepeseg

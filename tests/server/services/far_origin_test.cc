@@ -3,6 +3,7 @@
 #include <cmath>
 #include <fstream>
 
+#include "core/base/digest.h"
 #include "core/formats/gaussian_ply.h"
 #include "tests/server/service_test.h"
 
@@ -35,20 +36,27 @@ struct FarOriginTest : ServiceTest {
     *request.mutable_viewpoint() = viewpoint;
     return Call(&RenderStub::RenderView, request)->png();
   }
-  std::string Export(bool only_blue) {
+  std::string Export(bool only_blue,
+                     v1::PlyCoordinates coordinates = v1::PLY_COORDINATES_UNSPECIFIED) {
     grpc::ClientContext context;
     v1::ExportGaussiansRequest request;
     request.set_model(kModel);
+    request.set_coordinates(coordinates);
     if (only_blue) {
       request.mutable_subset()->mutable_segment()->set_level(1);
       request.mutable_subset()->mutable_segment()->set_id(2);
     }
     const auto stream = running.renders->ExportGaussians(&context, request);
     std::string ply;
-    for (v1::ExportGaussiansResponse part; stream->Read(&part);) ply += part.chunk().data();
+    for (v1::ExportGaussiansResponse part; stream->Read(&part);) {
+      if (part.has_header()) header = part.header();
+      ply += part.chunk().data();
+    }
     EXPECT_OK(stream->Finish());
+    EXPECT_EQ(header.sha256(), Sha256Hex(ply));
     return ply;
   }
+  v1::ExportGaussiansResponse::Header header;  // of the last export
 };
 
 TEST_F(FarOriginTest, ListsViewsAndReadsFreeCamerasInTheWorld) {
@@ -77,6 +85,35 @@ TEST_F(FarOriginTest, ExportsInTheWorld) {
     EXPECT_EQ(relative.count, only_blue ? 10'000 : 20'000);
     for (const float z : relative.Plane(kMeanPlane + 2)) ASSERT_NEAR(z, 2, 1e-6);
     for (const float x : relative.Plane(kMeanPlane)) ASSERT_LT(std::abs(x), 1.2);
+  }
+}
+
+// Viewers read doubles wrongly or not at all.
+TEST_F(FarOriginTest, ExportsFloatsRelativeToTheOrigin) {
+  for (const bool only_blue : {false, true}) {
+    const auto path = running.folder / "export.ply";
+    const auto write = [&](const std::string& ply) {
+      std::ofstream(path, std::ios::binary) << ply;
+      return ply;
+    };
+    const std::string world = write(Export(only_blue, v1::PLY_COORDINATES_WORLD));
+    EXPECT_FALSE(header.has_origin());
+    ASSERT_OK_AND_ASSIGN(const Gaussians want, ReadGaussianPly(path, "export.ply", kOrigin));
+    const std::string local = write(Export(only_blue, v1::PLY_COORDINATES_LOCAL));
+    EXPECT_EQ(header.origin().x(), kOrigin[0]);
+    EXPECT_EQ(header.origin().z(), kOrigin[2]);
+    EXPECT_LT(local.size(), world.size());
+    EXPECT_NE(local.find("comment pepeseg_origin "), std::string::npos);
+    EXPECT_NE(local.find("property float x\n"), std::string::npos);
+    // The comment is added again when it is read, as at an upload.
+    ASSERT_OK_AND_ASSIGN(const Gaussians got, ReadGaussianPly(path, "export.ply", kOrigin));
+    ASSERT_EQ(got.count, want.count);
+    EXPECT_EQ(got.count, header.num_gaussians());
+    for (int64_t i = 0; i < got.count; ++i) {
+      for (int k = 0; k < 3; ++k) {
+        ASSERT_NEAR(got.Plane(kMeanPlane + k)[i], want.Plane(kMeanPlane + k)[i], 1e-6);
+      }
+    }
   }
 }
 

@@ -173,7 +173,9 @@ def _select(client: Client, arguments: argparse.Namespace) -> None:
 
 
 def _export(client: Client, arguments: argparse.Namespace) -> None:
-    written = client.export(arguments.file, arguments.selection, without=arguments.without)
+    written = client.export(
+        arguments.file, arguments.selection, without=arguments.without, origin=arguments.origin
+    )
     print(f"{written.path}: {written.num_gaussians} Gaussians, {written.num_bytes * 1e-6:.1f} MB")
 
 
@@ -240,6 +242,12 @@ def _add_verbs(parser: argparse.ArgumentParser) -> None:
     verb.add_argument("file", metavar="FILE", type=Path)
     verb.add_argument("--selection", type=int, help="number of a selection: only its Gaussians")
     verb.add_argument("--without", action="store_true", help="all other Gaussians in their place")
+    verb.add_argument(
+        "--origin",
+        choices=("local", "world"),
+        default="local",
+        help="map coordinates as floats relative to FILE.origin.json, or as doubles of the world",
+    )
 
 
 def _parser() -> argparse.ArgumentParser:

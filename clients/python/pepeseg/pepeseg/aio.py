@@ -138,10 +138,10 @@ class Selection(subsets.SelectionInfo):
         self._client = client
 
     async def export(
-        self, path: str | os.PathLike[str], *, without: bool = False
+        self, path: str | os.PathLike[str], *, without: bool = False, origin: str = "local"
     ) -> subsets.Export:
         """Writes its Gaussians, or (`without`) all others, as a PLY: see `Client.export`."""
-        return await self._client.export(path, self, without=without)
+        return await self._client.export(path, self, without=without, origin=origin)
 
     async def combine(self, operation: str, other: Selection) -> Selection:
         """Combines this selection, the base of the new one, with `other`.

@@ -33,9 +33,11 @@ class Selection(subsets.SelectionInfo):
         super().__init__(**dataclasses.asdict(info))
         self._client = client
 
-    def export(self, path: str | os.PathLike[str], *, without: bool = False) -> subsets.Export:
+    def export(
+        self, path: str | os.PathLike[str], *, without: bool = False, origin: str = "local"
+    ) -> subsets.Export:
         """Writes its Gaussians, or (`without`) all others, as a PLY: see `Client.export`."""
-        return self._client.export(path, self, without=without)
+        return self._client.export(path, self, without=without, origin=origin)
 
     def combine(self, operation: str, other: Selection) -> Selection:
         """Combines this selection, the base of the new one, with `other`.

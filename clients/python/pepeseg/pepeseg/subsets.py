@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import hashlib
+import json
 import os
 from pathlib import Path
 from typing import Any, BinaryIO, Union
@@ -93,6 +94,8 @@ class Export:
     num_bytes: int
     sha256: str
     model: str
+    # What to add to the positions of the PLY to get those of the world.
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 # A selection, its number or its name; or a segment. None: the whole model.
@@ -103,6 +106,10 @@ _CONTENTS = {
     "depth": render_service_pb2.RenderViewRequest.CONTENT_DEPTH,
     "segments": render_service_pb2.RenderViewRequest.CONTENT_SEGMENTS,
     "features": render_service_pb2.RenderViewRequest.CONTENT_FEATURES,
+}
+_COORDINATES = {
+    "local": render_service_pb2.PLY_COORDINATES_LOCAL,
+    "world": render_service_pb2.PLY_COORDINATES_WORLD,
 }
 
 
@@ -267,7 +274,12 @@ class _PlyFile:
 
 
 def export(
-    at: Place, path: str | os.PathLike[str], of: Subset = None, *, without: bool = False
+    at: Place,
+    path: str | os.PathLike[str],
+    of: Subset = None,
+    *,
+    without: bool = False,
+    origin: str = "local",
 ) -> Steps[Export]:
     """Fetches the model, or a subset of it, as a PLY for splat viewers.
 
@@ -277,16 +289,21 @@ def export(
     Args:
         of: a selection, its number or name, or a segment; None: all.
         without: export all other Gaussians in its place: what is left without the thing.
+        origin: positions of a scene with map coordinates. "local": floats relative to an origin,
+            which is in PATH.origin.json, in a comment of the PLY and in the result. "world": doubles,
+            which many viewers read wrongly or not at all.
 
     Raises:
         NotFoundError: no such selection.
-        InvalidArgumentError: no such segment.
+        InvalidArgumentError: no such segment, or an unknown origin.
         FailedPreconditionError: the scene has no model yet.
         DataLossError: the bytes fail their checksum.
         OSError: the file cannot be written.
     """
+    if origin not in _COORDINATES:
+        raise refused(f'origin "{origin}": one of {", ".join(_COORDINATES)} is wanted')
     request = render_service_pb2.ExportGaussiansRequest(
-        model=at.model, subset=to_subset(at, of, without)
+        model=at.model, subset=to_subset(at, of, without), coordinates=_COORDINATES[origin]
     )
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -299,4 +316,12 @@ def export(
         beside.replace(target)
     finally:
         beside.unlink(missing_ok=True)
-    return Export(target, header.num_gaussians, header.num_bytes, header.sha256, header.model)
+    offset = (header.origin.x, header.origin.y, header.origin.z)
+    side = target.with_name(target.name + ".origin.json")
+    if header.HasField("origin"):
+        side.write_text(json.dumps({"origin": offset}) + "\n", encoding="utf-8")
+    else:
+        side.unlink(missing_ok=True)  # of an earlier export
+    return Export(
+        target, header.num_gaussians, header.num_bytes, header.sha256, header.model, offset
+    )

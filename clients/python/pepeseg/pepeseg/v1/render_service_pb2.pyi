@@ -1,5 +1,6 @@
 from pepeseg.v1 import access_pb2 as _access_pb2
 from pepeseg.v1 import decomposition_pb2 as _decomposition_pb2
+from pepeseg.v1 import geometry_pb2 as _geometry_pb2
 from pepeseg.v1 import prompt_pb2 as _prompt_pb2
 from pepeseg.v1 import timing_pb2 as _timing_pb2
 from google.protobuf.internal import containers as _containers
@@ -9,14 +10,19 @@ from google.protobuf import message as _message
 from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
+PLY_COORDINATES_LOCAL: PlyCoordinates
+PLY_COORDINATES_UNSPECIFIED: PlyCoordinates
+PLY_COORDINATES_WORLD: PlyCoordinates
 
 class ExportGaussiansRequest(_message.Message):
-    __slots__ = ["model", "subset"]
+    __slots__ = ["coordinates", "model", "subset"]
+    COORDINATES_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     SUBSET_FIELD_NUMBER: _ClassVar[int]
+    coordinates: PlyCoordinates
     model: str
     subset: Subset
-    def __init__(self, model: _Optional[str] = ..., subset: _Optional[_Union[Subset, _Mapping]] = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., subset: _Optional[_Union[Subset, _Mapping]] = ..., coordinates: _Optional[_Union[PlyCoordinates, str]] = ...) -> None: ...
 
 class ExportGaussiansResponse(_message.Message):
     __slots__ = ["chunk", "header"]
@@ -28,16 +34,18 @@ class ExportGaussiansResponse(_message.Message):
         data: bytes
         def __init__(self, data: _Optional[bytes] = ..., crc32c: _Optional[int] = ...) -> None: ...
     class Header(_message.Message):
-        __slots__ = ["model", "num_bytes", "num_gaussians", "sha256"]
+        __slots__ = ["model", "num_bytes", "num_gaussians", "origin", "sha256"]
         MODEL_FIELD_NUMBER: _ClassVar[int]
         NUM_BYTES_FIELD_NUMBER: _ClassVar[int]
         NUM_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
+        ORIGIN_FIELD_NUMBER: _ClassVar[int]
         SHA256_FIELD_NUMBER: _ClassVar[int]
         model: str
         num_bytes: int
         num_gaussians: int
+        origin: _geometry_pb2.Vector3
         sha256: str
-        def __init__(self, model: _Optional[str] = ..., num_gaussians: _Optional[int] = ..., num_bytes: _Optional[int] = ..., sha256: _Optional[str] = ...) -> None: ...
+        def __init__(self, model: _Optional[str] = ..., num_gaussians: _Optional[int] = ..., num_bytes: _Optional[int] = ..., sha256: _Optional[str] = ..., origin: _Optional[_Union[_geometry_pb2.Vector3, _Mapping]] = ...) -> None: ...
     CHUNK_FIELD_NUMBER: _ClassVar[int]
     HEADER_FIELD_NUMBER: _ClassVar[int]
     chunk: ExportGaussiansResponse.Chunk
@@ -102,3 +110,6 @@ class Subset(_message.Message):
     segment: _decomposition_pb2.SegmentRef
     selection: str
     def __init__(self, selection: _Optional[str] = ..., segment: _Optional[_Union[_decomposition_pb2.SegmentRef, _Mapping]] = ..., complement: bool = ...) -> None: ...
+
+class PlyCoordinates(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
