@@ -249,6 +249,9 @@ class TestSelect:
         rest = first.export(tmp_path / "rest.ply", without=True)
         whole = client.export(tmp_path / "all.ply")
         assert rest.num_gaussians + written.num_gaussians == whole.num_gaussians
+        assert whole.origin == (0, 0, 0)  # not map coordinates: no file with an origin
+        with pytest.raises(pepeseg.InvalidArgumentError, match="local, world"):
+            client.export(tmp_path / "all.ply", origin="here")
         assert sorted(p.name for p in tmp_path.iterdir()) == ["all.ply", "cup.ply", "rest.ply"]
 
         other = client.select(
