@@ -61,7 +61,7 @@ class WithSam : public Test {
     return count;
   }
   std::filesystem::path MasksOf(const std::string& photograph) const {
-    return job_.priors() / "sam" / ("photograph" + photograph + ".json");
+    return job_.priors() / "sam" / ("upright" + photograph + ".json");
   }
 
   const std::filesystem::path sam_;
