@@ -54,9 +54,9 @@ constexpr int kNumBorderThreads = 1;
 constexpr int kNumPhotographProcesses = 4;
 constexpr size_t kMaxQueuedCalls = 1000;
 constexpr size_t kMaxQueuedUploads = 64;  // calls of up to 8 MiB; parts of streams do not count
-constexpr size_t kMaxQueuedQueries = 100;
+constexpr size_t kMaxQueuedQueries = 200;
 constexpr size_t kMaxQueuedEvaluations = 16;  // each holds its request of up to 8 MiB
-constexpr size_t kMaxQueuedBorders = 30;      // a minute of work, where each is of a new view
+constexpr size_t kMaxQueuedBorders = 60;  // a minute of work a project, where each is of a new view
 constexpr size_t kMaxQueuedPhotographs = 500;
 // A project may take half of a pool's queue, so that others find a place in it.
 WorkerPool::Limits PoolLimits(int threads, size_t queued) {

@@ -127,7 +127,10 @@ void CallRunner::Continue(WorkerPool& pool, std::shared_ptr<Rest> rest) const {
     // Runs the rest here after the pool has stopped, which waits for its tasks.
   } while (!status &&
            !pool.SubmitAlways(rest->project, [this, &pool, rest] { Continue(pool, rest); }));
-  if (status) Finish(pool, rest->call, rest->stopwatch, *std::move(status));
+  if (!status) return;
+  // Before the client has its answer: it may ask for what needs the memory of the model.
+  rest->parts = nullptr;
+  Finish(pool, rest->call, rest->stopwatch, *std::move(status));
 }
 
 void CallRunner::Finish(WorkerPool& pool, const Pending& call, Stopwatch stopwatch,
