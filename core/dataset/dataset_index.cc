@@ -192,13 +192,10 @@ TransformsReferences ReadReferences(const DatasetIndex& index) {
 // Returns the file with that name, or with a name that is the end of `path`; null if there is none.
 const DatasetFile* FileAt(const std::string& path,
                           const std::map<std::string, const DatasetFile*>& by_name) {
-  for (size_t start = 0; start != std::string::npos;) {
-    const auto found = by_name.find(path.substr(start));
-    if (found != by_name.end()) return found->second;
-    const size_t slash = path.find('/', start);
-    start = slash == std::string::npos ? slash : slash + 1;
-  }
-  return nullptr;
+  return FindBelowFolders<const DatasetFile*>(path, nullptr, [&](const std::string& name) {
+    const auto found = by_name.find(name);
+    return found == by_name.end() ? nullptr : found->second;
+  });
 }
 
 // Moves the masks that frames name from the masks and ignore masks to `keep`.
@@ -258,10 +255,9 @@ absl::Status ChoosePoints(const TransformsReferences& references, DatasetIndex& 
 
 // Gives masks, ignore masks and depth maps the name of their photograph where the two differ in
 // letters, in Unicode's form, or in a suffix in the middle ("7.jpg.png" of 7.jpg).
-void MatchCompanions(DatasetIndex& index) {
+// `stems`: names of the photographs without suffix.
+void MatchCompanions(const std::set<std::string>& stems, DatasetIndex& index) {
   const PhotoNames photos(index.photos);
-  std::set<std::string> stems;
-  for (const auto& [name, photo] : index.photos) stems.emplace(WithoutSuffix(name));
   for (auto* files : {&index.masks, &index.ignore, &index.depth}) {
     std::map<std::string, const DatasetFile*> matched;
     for (const auto& [stem, file] : *files) {
@@ -314,7 +310,7 @@ absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files) {
   const TransformsReferences references = ReadReferences(index);
   TakeKeepMasks(references, index);
   RETURN_IF_ERROR(ChoosePoints(references, index));
-  MatchCompanions(index);
+  MatchCompanions(stems, index);
   RETURN_IF_ERROR(TakeMaskFolders(stems, index));
   ListModels(models, index);
   ChoosePoses(index);

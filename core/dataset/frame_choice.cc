@@ -185,14 +185,12 @@ absl::StatusOr<FloatImage> ValuesOf(Companion kind, const Examined& photo, Compa
   return values;
 }
 
-// Lists the photographs among `keys` whose two frames have the same shape.
-absl::StatusOr<std::vector<Examined>> AlikePhotos(const DatasetIndex& index,
-                                                  std::span<const std::string> keys) {
+// Lists the photographs whose two frames have the same shape.
+std::vector<Examined> AlikePhotos(const DatasetIndex& index, const PhotoFactsByKey& facts) {
   std::vector<Examined> alike;
-  for (const std::string& key : keys) {
-    Examined photo{key, index.photos.at(key), {}};
-    ASSIGN_OR_RETURN(photo.facts, ReadPhotoFacts(*photo.file));
-    if (photo.facts.orientation != 1 && StoredPixels(photo).FramesAlike()) alike.push_back(photo);
+  for (const auto& [key, of] : facts) {
+    const Examined photo{key, index.photos.at(key), of};
+    if (of.orientation != 1 && StoredPixels(photo).FramesAlike()) alike.push_back(photo);
   }
   return alike;
 }
@@ -223,8 +221,8 @@ absl::StatusOr<std::optional<PixelFrame>> ChooseFrame(Companion kind, const Data
                    "files for them"));
 }
 
-// Returns the mean difference between the colours of points and those of the photograph where a
-// camera of its size sees them; nothing: it sees no point. Adds the number of points to `num`.
+// Returns the sum of the differences between the colours of points and those of the photograph,
+// where a camera of its size sees them. Adds the number of these points to `num`.
 double ColourDifference(const Image& photo, const PosedLens& camera,
                         std::span<const ScenePoint> points, size_t& num) {
   constexpr size_t kMostPoints = 2000;
@@ -270,18 +268,10 @@ absl::StatusOr<std::optional<PixelFrame>> FrameByColours(const PhotoPoses& poses
 }  // namespace
 
 absl::StatusOr<CompanionFrames> ChooseCompanionFrames(const DatasetIndex& index,
-                                                      std::span<const std::string> keys,
+                                                      const PhotoFactsByKey& facts,
                                                       const std::set<Companion>& kinds) {
   CompanionFrames frames;
-  const CompanionFiles files(index);
-  const bool any = std::ranges::any_of(keys, [&](const std::string& key) {
-    return std::ranges::any_of(kinds, [&](Companion kind) {
-      return files.FileOf(kind, std::string(WithoutSuffix(key))) != nullptr;
-    });
-  });
-  if (!any) return frames;
-  ASSIGN_OR_RETURN(const std::vector<Examined> alike, AlikePhotos(index, keys));
-  if (alike.empty()) return frames;
+  const std::vector<Examined> alike = AlikePhotos(index, facts);
   for (const Companion kind : kinds) {
     ASSIGN_OR_RETURN(const std::optional<PixelFrame> frame, ChooseFrame(kind, index, alike));
     if (frame) frames[kind] = *frame;
@@ -289,11 +279,9 @@ absl::StatusOr<CompanionFrames> ChooseCompanionFrames(const DatasetIndex& index,
   return frames;
 }
 
-absl::StatusOr<std::optional<PixelFrame>> DepthFrameByPoints(const DatasetIndex& index,
-                                                             const PhotoPoses& poses,
-                                                             std::span<const Match> matches,
-                                                             PixelFrame cameras,
-                                                             std::span<const ScenePoint> points) {
+absl::StatusOr<std::optional<PixelFrame>> DepthFrameByPoints(
+    const DatasetIndex& index, const PhotoPoses& poses, std::span<const Match> matches,
+    const PhotoFactsByKey& facts, PixelFrame cameras, std::span<const ScenePoint> points) {
   constexpr double kClearlyHigher = 0.15;
   CompanionFiles files_stored(index),
       files_upright(index, {{Companion::kDepth, PixelFrame::kUpright}});
@@ -303,10 +291,10 @@ absl::StatusOr<std::optional<PixelFrame>> DepthFrameByPoints(const DatasetIndex&
     if (files_stored.FileOf(Companion::kDepth, stem) == nullptr) continue;
     const auto lens = poses.lenses.find(match.pose.camera_id);
     if (lens == poses.lenses.end()) continue;  // reported by the import
-    ASSIGN_OR_RETURN(const PhotoFacts facts, ReadPhotoFacts(*match.photo));
-    if (facts.orientation == 1) continue;
+    const PhotoFacts& photo = facts.at(match.key);
+    if (photo.orientation == 1) continue;
     ASSIGN_OR_RETURN(const FittedCamera camera,
-                     FitCamera(lens->second, facts, cameras, match.photo->name));
+                     FitCamera(lens->second, photo, cameras, match.photo->name));
     if (camera.pixels.FramesAlike()) alike.emplace_back(match, camera);
   }
   double stored_sum = 0, upright_sum = 0;
@@ -332,18 +320,16 @@ absl::StatusOr<std::optional<PixelFrame>> DepthFrameByPoints(const DatasetIndex&
 
 absl::StatusOr<PixelFrame> ChooseCameraFrame(const PhotoPoses& poses,
                                              std::span<const Match> matches,
+                                             const PhotoFactsByKey& facts,
                                              std::span<const ScenePoint> points,
                                              DatasetIndex& index) {
   std::vector<Match> alike;
-  int orientation = 1;
   for (const Match& match : matches) {
     if (!poses.lenses.contains(match.pose.camera_id)) continue;  // reported by the import
-    ASSIGN_OR_RETURN(const PhotoFacts facts, ReadPhotoFacts(*match.photo));
-    if (facts.orientation == 1 || !StoredPixels({match.key, match.photo, facts}).FramesAlike()) {
-      continue;
-    }
+    const PhotoFacts& photo = facts.at(match.key);
+    if (photo.orientation == 1) continue;
+    if (!StoredPixels({match.key, match.photo, photo}).FramesAlike()) continue;
     alike.push_back(match);
-    orientation = facts.orientation;
   }
   if (alike.empty()) return PixelFrame::kStored;
   const size_t num_alike = alike.size();
@@ -352,7 +338,7 @@ absl::StatusOr<PixelFrame> ChooseCameraFrame(const PhotoPoses& poses,
   const std::string what =
       absl::StrCat(num_alike, " photographs have an EXIF orientation, and their sizes do not show ",
                    "whether their cameras are of the stored or of the upright pixels (",
-                   alike.front().photo->name, ": ", orientation, ")");
+                   alike.front().photo->name, ": ", facts.at(alike.front().key).orientation, ")");
   if (frame) {
     index.warnings.push_back(absl::StrCat(
         poses.file, ": ", what, "; the colours of the points fit the ", NameOf(*frame), " pixels"));

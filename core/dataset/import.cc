@@ -63,11 +63,12 @@ class DepthWarper {
   std::vector<std::string> without_depth_;
 };
 
-// Reads masks and depth of a view, which `stem` names without suffix.
 struct Priors {
   MaskSet masks;
   DepthPrior depth;
 };
+
+// Reads masks and depth of a view. `pixels` are those of its camera.
 absl::StatusOr<Priors> ReadPriors(const View& view, const CameraPixels& pixels,
                                   const ViewWarp& warp, CompanionFiles& files, DepthWarper& depth) {
   const std::string stem(WithoutSuffix(view.name));
@@ -266,20 +267,22 @@ void LeaveOutPriors(const ImportOptions& options, DatasetIndex& index) {
   }
 }
 
-// Returns the frames of masks, ignore masks and depth maps where their sizes fit both.
-absl::StatusOr<CompanionFrames> ChooseFramesOfCompanions(const DatasetIndex& index,
-                                                         const PhotoPoses& poses,
-                                                         std::span<const Match> matches,
-                                                         PixelFrame cameras,
-                                                         std::span<const ScenePoint> points) {
-  std::vector<std::string> keys;
-  for (const Match& match : matches) keys.push_back(match.key);
+// Chooses the frames of the files whose sizes fit both. Poses and points are relative to the
+// origin.
+absl::StatusOr<Frames> ChooseFrames(const PhotoPoses& poses, std::span<const Match> matches,
+                                    std::span<const ScenePoint> points, DatasetIndex& index) {
+  PhotoFactsByKey facts;
+  for (const Match& match : matches) {
+    ASSIGN_OR_RETURN(facts[match.key], ReadPhotoFacts(*match.photo));
+  }
+  Frames frames;
+  ASSIGN_OR_RETURN(frames.cameras, ChooseCameraFrame(poses, matches, facts, points, index));
   std::set<Companion> kinds = {Companion::kMasks, Companion::kIgnore, Companion::kDepth};
   ASSIGN_OR_RETURN(const std::optional<PixelFrame> depth,
-                   DepthFrameByPoints(index, poses, matches, cameras, points));
+                   DepthFrameByPoints(index, poses, matches, facts, frames.cameras, points));
   if (depth) kinds.erase(Companion::kDepth);
-  ASSIGN_OR_RETURN(CompanionFrames frames, ChooseCompanionFrames(index, keys, kinds));
-  if (depth) frames[Companion::kDepth] = *depth;
+  ASSIGN_OR_RETURN(frames.companions, ChooseCompanionFrames(index, facts, kinds));
+  if (depth) frames.companions[Companion::kDepth] = *depth;
   return frames;
 }
 
@@ -326,10 +329,7 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   RETURN_IF_ERROR(CheckCompanions(keys, index.depth, "depth maps", index.warnings));
   Capture capture;
   RETURN_IF_ERROR(PlaceScene(index, poses, matches, capture));
-  Frames frames;
-  ASSIGN_OR_RETURN(frames.cameras, ChooseCameraFrame(poses, matches, capture.points, index));
-  ASSIGN_OR_RETURN(frames.companions,
-                   ChooseFramesOfCompanions(index, poses, matches, frames.cameras, capture.points));
+  ASSIGN_OR_RETURN(Frames frames, ChooseFrames(poses, matches, capture.points, index));
   ViewReader reader(index, poses, std::move(frames), options.image_scale);
   for (const Match& match : matches) {
     ASSIGN_OR_RETURN(View view, reader.Read(match));
@@ -384,6 +384,7 @@ absl::StatusOr<std::vector<std::string>> ImportPriors(std::span<const DatasetFil
     with_depth.push_back(&view);
   }
   depth_warper.AddWarnings(warnings);
+  companions.AddWarnings(warnings);
   for (std::string& warning : CorrectDepthKinds(with_depth, capture.points)) {
     warnings.push_back(std::move(warning));
   }

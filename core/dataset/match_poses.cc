@@ -12,8 +12,8 @@
 namespace pepeseg {
 namespace {
 
-// Finds the photograph of each pose: the name itself where a photograph has it, else as PhotoNames
-// does. Returns a name for each pose, empty where there is no photograph.
+// Returns the photograph's name for each pose, or an empty string if it has none. Exact names take
+// precedence over those that PhotoNames finds.
 std::vector<std::string> PhotosOf(const PhotoPoses& poses, const DatasetIndex& index) {
   const PhotoNames names(index.photos);
   std::vector<std::string> keys;

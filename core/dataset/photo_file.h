@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -17,6 +19,8 @@ struct PhotoFacts {
 
 // Reads them without decoding the photograph. Errors as ReadImageSize and ReadFile.
 absl::StatusOr<PhotoFacts> ReadPhotoFacts(const DatasetFile& photo);
+
+using PhotoFactsByKey = std::map<std::string, PhotoFacts>;  // by the names in DatasetIndex::photos
 
 // A photograph as it is stored.
 struct DecodedPhoto {

@@ -45,14 +45,9 @@ PhotoNames::PhotoNames(const std::map<std::string, const DatasetFile*>& photos) 
   }
 }
 
-// Drops leading folders one by one.
 std::string PhotoNames::Find(const std::string& path) const {
-  for (size_t start = 0; start != std::string::npos;) {
-    if (std::string found = FindWhole(path.substr(start)); !found.empty()) return found;
-    const size_t slash = path.find('/', start);
-    start = slash == std::string::npos ? slash : slash + 1;
-  }
-  return "";
+  return FindBelowFolders(path, std::string(),
+                          [this](const std::string& name) { return FindWhole(name); });
 }
 
 // The name as it is first, then with other letters, then without suffix: frames often lack ".png",

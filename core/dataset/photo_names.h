@@ -13,6 +13,18 @@ namespace pepeseg {
 // UTF-8 stay as they are.
 std::string FoldName(absl::string_view name);
 
+// Calls find(name) with `path`, then with its leading folders dropped one by one, until it returns
+// something that is not `nothing`. Returns that, or `nothing`.
+template <class Found, class Find>
+Found FindBelowFolders(const std::string& path, Found nothing, const Find& find) {
+  for (size_t start = 0; start != std::string::npos;) {
+    if (Found found = find(path.substr(start)); found != nothing) return found;
+    const size_t slash = path.find('/', start);
+    start = slash == std::string::npos ? slash : slash + 1;
+  }
+  return nothing;
+}
+
 // Finds photographs by the names that other files give them.
 class PhotoNames {
  public:

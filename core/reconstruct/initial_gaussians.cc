@@ -110,7 +110,7 @@ std::vector<ScenePoint> StartingPoints(const Capture& capture, const Reconstruct
     const auto most = static_cast<size_t>(options.max_gaussians);
     // Every n-th point instead of a draw: the result does not depend on the seed.
     const size_t stride = (capture.points.size() + most - 1) / most;
-    // Of a wrong match a point may lie anywhere. A Gaussian there would never be moved or pruned.
+    // A point from a wrong match may be anywhere. A Gaussian there would never be moved or pruned.
     constexpr double kFarthest = 1000;  // in reaches
     const Eigen::Vector3d center = CenterOfCameras(capture);
     const double farthest = kFarthest * Reach(capture, capture.points);

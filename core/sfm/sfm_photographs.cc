@@ -107,21 +107,23 @@ absl::Status WriteMask(const SfmPhotograph& photograph, const std::filesystem::p
 
 absl::StatusOr<std::vector<SfmPhotograph>> ReadSfmPhotographs(std::span<const DatasetFile> files) {
   ASSIGN_OR_RETURN(const DatasetIndex index, IndexDataset(files));
-  std::vector<std::string> keys;
-  for (const auto& [key, file] : index.photos) keys.push_back(key);
-  ASSIGN_OR_RETURN(const CompanionFrames frames,
-                   ChooseCompanionFrames(index, keys, {Companion::kIgnore}));
-  const auto frame = frames.find(Companion::kIgnore);
   std::vector<SfmPhotograph> photographs;
   photographs.reserve(index.photos.size());
+  PhotoFactsByKey facts;
   for (const auto& [key, file] : index.photos) {
     ASSIGN_OR_RETURN(SfmPhotograph photograph, ReadPhotograph(*file));
     if (index.ignore_all != nullptr) photograph.ignore.push_back(*index.ignore_all);
     // Ignore masks belong to a photograph by its name without suffix.
     const auto own = index.ignore.find(std::string(WithoutSuffix(key)));
     if (own != index.ignore.end()) photograph.ignore.push_back(*own->second);
-    if (frame != frames.end()) photograph.ignore_frame = frame->second;
+    facts[key] = {photograph.header.width, photograph.header.height, photograph.orientation};
     photographs.push_back(std::move(photograph));
+  }
+  ASSIGN_OR_RETURN(const CompanionFrames frames,
+                   ChooseCompanionFrames(index, facts, {Companion::kIgnore}));
+  const auto frame = frames.find(Companion::kIgnore);
+  for (SfmPhotograph& photograph : photographs) {
+    if (frame != frames.end()) photograph.ignore_frame = frame->second;
   }
   // By number where there is one, because sequential matching relies on the order in which they
   // were taken.
