@@ -9,7 +9,7 @@
 
 namespace pepeseg {
 
-// What a program that is called must not find in a photograph.
+// What the program that gets the copy can read.
 struct PlainCopyOptions {
   bool upright = true;  // turns the pixels by the EXIF orientation; false: ignores it
   bool webp = false;    // the program reads WebP

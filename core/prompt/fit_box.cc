@@ -6,6 +6,7 @@
 #include "core/base/status_macros.h"
 #include "core/prompt/mask_grid.h"
 #include "core/prompt/resolve_prompt.h"
+#include "core/query/mask_geometry.h"
 #include "core/query/prompt.h"
 #include "core/render/feature_maps.h"
 #include "kernels/ops/render.h"
@@ -25,14 +26,8 @@ constexpr double kFillPower = 0.2;          // exponent of the share of the box 
 constexpr double kTrimmed =
     0.005;  // share of pixels trimmed at each end, so that strays do not widen a mask's box
 
-// The edges of a box, pixels.
-struct Edges {
-  double x0 = 0, y0 = 0, x1 = 0, y1 = 0;
-  double Area() const { return std::max(0.0, x1 - x0) * std::max(0.0, y1 - y0); }
-};
-
 // Returns the edges of a box in the small view, clipped to the image.
-Edges EdgesIn(const BoxPrompt& box, const SmallView& small) {
+BoxEdges EdgesIn(const BoxPrompt& box, const SmallView& small) {
   const Camera& camera = small.view.camera;
   const double f = small.factor;
   return {std::max(0.0, box.x / f), std::max(0.0, box.y / f),
@@ -40,15 +35,8 @@ Edges EdgesIn(const BoxPrompt& box, const SmallView& small) {
           std::min<double>(camera.height, (box.y + box.height) / f)};
 }
 
-double IouOf(const Edges& a, const Edges& b) {
-  const Edges both = {std::max(a.x0, b.x0), std::max(a.y0, b.y0), std::min(a.x1, b.x1),
-                      std::min(a.y1, b.y1)};
-  const double common = both.Area();
-  return common == 0 ? 0 : common / (a.Area() + b.Area() - common);
-}
-
 // Returns the pixels, y * width + x, of a grid of samples around the centre of the box.
-std::vector<int32_t> SamplesIn(const Edges& box, const Camera& camera) {
+std::vector<int32_t> SamplesIn(const BoxEdges& box, const Camera& camera) {
   std::vector<int32_t> pixels;
   pixels.reserve(kSampleSide * kSampleSide);
   for (int j = 0; j < kSampleSide; ++j) {
@@ -116,7 +104,7 @@ std::pair<int, int> Extent(std::span<const int64_t> counts, int64_t total) {
 // the set of pixels over at least t thresholds.
 class MasksInBox {
  public:
-  MasksInBox(const Camera& camera, const Edges& box, std::span<const float> thresholds)
+  MasksInBox(const Camera& camera, const BoxEdges& box, std::span<const float> thresholds)
       : camera_(camera), box_(box), thresholds_(thresholds) {
     const double margin_x = kMargin * (box.x1 - box.x0), margin_y = kMargin * (box.y1 - box.y0);
     x0_ = std::max(0, static_cast<int>(box.x0 - margin_x));
@@ -162,8 +150,8 @@ class MasksInBox {
     }
     const auto [left, right] = Extent(columns, total);
     const auto [top, bottom] = Extent(rows, total);
-    const Edges own = {double(x0_ + left), double(y0_ + top), double(x0_ + right),
-                       double(y0_ + bottom)};
+    const BoxEdges own = {double(x0_ + left), double(y0_ + top), double(x0_ + right),
+                          double(y0_ + bottom)};
     const double filled = std::min(1.0, static_cast<double>(inside) / box_.Area());
     return IouOf(own, box_) * static_cast<double>(inside) / static_cast<double>(all) *
            std::pow(filled, kFillPower);
@@ -182,7 +170,7 @@ class MasksInBox {
 
  private:
   const Camera camera_;
-  const Edges box_;
+  const BoxEdges box_;
   const std::span<const float> thresholds_;
   int x0_, y0_, x1_, y1_;  // the box with kMargin around it, clipped to the image
   std::vector<std::vector<uint8_t>> levels_;  // [candidates][pixels]
@@ -219,7 +207,7 @@ absl::StatusOr<Query> FitBox(const Segmenter& segmenter, const ModelView& view,
   RETURN_IF_ERROR(CheckBox(view, box));
   const SmallView small = SmallViewOf(view);
   const Camera& camera = small.view.camera;
-  const Edges edges = EdgesIn(box, small);
+  const BoxEdges edges = EdgesIn(box, small);
   ASSIGN_OR_RETURN(std::vector<float> features,
                    segmenter.PixelFeatures(small.view, SamplesIn(edges, camera)));
   features = Candidates(features);

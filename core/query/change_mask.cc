@@ -6,21 +6,6 @@
 #include "core/query/mask_geometry.h"
 
 namespace pepeseg {
-namespace {
-
-// The edges of a box, pixels.
-struct Edges {
-  double left, top, right, bottom;
-  double Area() const { return std::max(0.0, right - left) * std::max(0.0, bottom - top); }
-};
-
-Edges Common(const Edges& a, const Edges& b) {
-  return {std::max(a.left, b.left), std::max(a.top, b.top), std::min(a.right, b.right),
-          std::min(a.bottom, b.bottom)};
-}
-
-}  // namespace
-
 void SetMask(BinaryMask mask, SegmentResult& result) {
   result.mask = std::move(mask);
   FindBox(result.mask.pixels, result.width, result.box);
@@ -35,23 +20,22 @@ void SetMask(BinaryMask mask, SegmentResult& result) {
 }
 
 double CutToBox(const BoxPrompt& box, SegmentResult& result) {
-  const Edges view = {0, 0, static_cast<double>(result.width), static_cast<double>(result.height)};
-  const Edges asked = Common({box.x, box.y, box.x + box.width, box.y + box.height}, view);
-  const double left = result.box[0];
-  const double top = result.box[1];
-  const Edges found = {left, top, left + result.box[2], top + result.box[3]};
-  const double common = Common(asked, found).Area();
-  const double all = asked.Area() + found.Area() - common;
+  const BoxEdges asked = {std::max(0.0, box.x), std::max(0.0, box.y),
+                          std::min<double>(result.width, box.x + box.width),
+                          std::min<double>(result.height, box.y + box.height)};
+  const auto [x, y, width, height] = result.box;
+  const BoxEdges found = {double(x), double(y), double(x + width), double(y + height)};
+  const double agreement = IouOf(asked, found);
   BinaryMask cut = std::move(result.mask);
   for (size_t pixel = 0; pixel < cut.pixels.size(); ++pixel) {
-    const double x = static_cast<double>(pixel % result.width) + 0.5;
-    const double y = static_cast<double>(pixel / result.width) + 0.5;
-    const bool kept = x > asked.left - kBoxSlack && x < asked.right + kBoxSlack &&
-                      y > asked.top - kBoxSlack && y < asked.bottom + kBoxSlack;
+    const double column = static_cast<double>(pixel % result.width) + 0.5;
+    const double row = static_cast<double>(pixel / result.width) + 0.5;
+    const bool kept = column > asked.x0 - kBoxSlack && column < asked.x1 + kBoxSlack &&
+                      row > asked.y0 - kBoxSlack && row < asked.y1 + kBoxSlack;
     if (!kept) cut.pixels[pixel] = 0;
   }
   SetMask(std::move(cut), result);
-  return all > 0 ? common / all : 0;
+  return agreement;
 }
 
 }  // namespace pepeseg

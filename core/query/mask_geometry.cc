@@ -87,6 +87,13 @@ void FindBox(std::span<const uint8_t> mask, int width, int (&box)[4]) {
   std::copy(std::begin(found), std::end(found), box);
 }
 
+double IouOf(const BoxEdges& a, const BoxEdges& b) {
+  const BoxEdges both = {std::max(a.x0, b.x0), std::max(a.y0, b.y0), std::min(a.x1, b.x1),
+                         std::min(a.y1, b.y1)};
+  const double common = both.Area();
+  return common == 0 ? 0 : common / (a.Area() + b.Area() - common);
+}
+
 DeepPixel FindDeepest(std::span<const uint8_t> mask, int width, int height) {
   assert(mask.size() == static_cast<size_t>(width) * height);
   const MaskExtent bounds = BoundsOf(mask, width, height);

@@ -1,15 +1,24 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 
-// Bounding box and deepest pixel of a mask [height, width] of 0 and 1.
+// Bounding box and deepest pixel of a mask [height, width] of 0 and 1, and overlap of boxes.
 
 namespace pepeseg {
 
 // Writes x, y, width and height of the smallest box around the pixels of a mask that are 1, or
 // zeros if there are none. The mask has `width` columns.
 void FindBox(std::span<const uint8_t> mask, int width, int (&box)[4]);
+
+// The edges of a box, pixels.
+struct BoxEdges {
+  double x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  double Area() const { return std::max(0.0, x1 - x0) * std::max(0.0, y1 - y0); }
+};
+// Returns the IoU of two boxes. 0: they do not overlap.
+double IouOf(const BoxEdges& a, const BoxEdges& b);
 
 struct PixelIndex {
   int x = 0, y = 0;
