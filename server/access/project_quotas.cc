@@ -8,7 +8,6 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/base/digest.h"
 #include "core/base/status_macros.h"
 #include "server/access/method_access.h"
 #include "server/store/error_detail.h"
@@ -87,11 +86,9 @@ absl::Status ProjectQuotas::Admit(const std::string& project,
 std::optional<absl::Status> ProjectQuotas::AdmitAtOnce(const std::string& credential,
                                                        const google::protobuf::Message& request) {
   if (!IsQuery(request)) return std::nullopt;
-  // Credentials are remembered by their digests, so that the memory holds no secrets.
-  const std::string digest = Sha256Hex(credential);
   const absl::Time now = absl::Now();
   const std::lock_guard lock(mutex_);
-  const auto opened = opened_.find(digest);
+  const auto opened = opened_.find(credential);
   if (opened == opened_.end() || now - opened->second.known > kMaxStale) return std::nullopt;
   const auto known = projects_.find(opened->second.project);
   if (known == projects_.end() || now - known->second.read > kMaxStale) return std::nullopt;
@@ -101,20 +98,18 @@ std::optional<absl::Status> ProjectQuotas::AdmitAtOnce(const std::string& creden
 void ProjectQuotas::Know(const std::string& credential, const std::string& project,
                          const google::protobuf::Message& request) {
   if (!IsQuery(request)) return;
-  std::string digest = Sha256Hex(credential);
   Get(project).status().IgnoreError();  // refreshes the cache; Admit reports errors
   const absl::Time now = absl::Now();
   const std::lock_guard lock(mutex_);
   // Simple and rare: those that are forgotten cost one look into the store each.
   if (opened_.size() >= kMaxOpened) opened_.clear();
-  opened_[std::move(digest)] = {project, now};
+  opened_[credential] = {project, now};
 }
 
 std::string ProjectQuotas::OwnerOf(const std::string& credential) {
-  const std::string digest = Sha256Hex(credential);
   const std::lock_guard lock(mutex_);
-  const auto opened = opened_.find(digest);
-  return opened == opened_.end() ? absl::StrCat("credential/", digest) : opened->second.project;
+  const auto opened = opened_.find(credential);
+  return opened == opened_.end() ? absl::StrCat("credential/", credential) : opened->second.project;
 }
 
 absl::Status ProjectQuotas::AdmitQuery(const std::string& project, double per_second) {

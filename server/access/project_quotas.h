@@ -33,6 +33,9 @@ class ProjectQuotas {
   // `queries_per_second` queries a second, with bursts of up to one second's worth. UNAVAILABLE
   // with retry_after: it sends more. Other calls are always admitted.
   absl::Status Admit(const std::string& project, const google::protobuf::Message& request);
+  // In the following, `credential` is a digest of what a caller shows, so that the memory holds no
+  // secrets.
+
   // Decides like Admit, but before the call is authorised and without asking the store: for a
   // credential that `Know` has recorded and a quota that was read at most two seconds ago. Returns
   // nullopt if that is not known or the call is not a query: then call Admit after authorisation.
@@ -72,7 +75,7 @@ class ProjectQuotas {
   Store* const store_;
   std::mutex mutex_;  // guards both maps
   std::map<std::string, Project> projects_;
-  std::map<std::string, Opened> opened_;  // by the credential's SHA-256
+  std::map<std::string, Opened> opened_;  // by credential
 };
 
 }  // namespace pepeseg

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/digest.h"
 #include "core/base/status_macros.h"
 #include "server/api/error.h"
 #include "server/observe/log.h"
@@ -31,10 +32,10 @@ LogFields FieldsOf(const grpc::CallbackServerContext& context) {
   return fields;
 }
 
-// See CallRunner::Pending::credential.
+// Returns Pending::credential.
 std::optional<std::string> CredentialOf(const grpc::CallbackServerContext& context) {
   if (context.client_metadata().contains(kGatewayProjectKey)) return std::nullopt;
-  return MetadataOf(context, "authorization");
+  return Sha256Hex(MetadataOf(context, "authorization"));
 }
 
 // Returns the owner of a call's first task, before the call is authorised. What a call says of its
