@@ -232,14 +232,16 @@ WorkerExit Run(const Arguments& arguments) {
   absl::Status ready = spec.status();
   if (ready.ok()) ConfigureLogOf(*spec);
   if (ready.ok() && arguments.parent != 0) ready = EndWithParent(arguments.parent);
-  if (ready.ok()) ready = GuardGroup();
   if (ready.ok()) ready = LimitResources(spec->memory_limit, spec->num_threads);
   if (ready.ok()) YieldToServer();
   if (ready.ok()) ready = MakeTemporaryFolder(folder.temporary());
   // Opening the log reads the server's events, to continue their numbers; the sandbox refuses that.
   EventLog log = absl::CancelledError("not opened");
   if (ready.ok()) log = EventLogWriter::Open(folder.events(), spec->fence, EventPart::kWorker);
-  if (ready.ok() && spec->worker.sandbox) ready = EnterSandbox(NeedsOf(folder, *spec));
+  SandboxNeeds needs;
+  if (ready.ok()) needs = NeedsOf(folder, *spec);
+  if (ready.ok() && needs.runs_programs) ready = GuardGroup();
+  if (ready.ok() && spec->worker.sandbox) ready = EnterSandbox(needs);
   if (!ready.ok()) {
     spdlog::error("{}", ready.ToString());
     return WorkerExit::kBadSpec;
