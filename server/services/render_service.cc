@@ -48,9 +48,7 @@ class ExportGaussiansStream final : public WriteStream<v1::ExportGaussiansRespon
   ExportGaussiansStream(const Parts& parts, grpc::CallbackServerContext* call,
                         const v1::ExportGaussiansRequest& request)
       : WriteStream(&parts.runner.streams(),
-                    request.has_subset() || request.coordinates() == v1::PLY_COORDINATES_LOCAL
-                        ? &parts.runner.pools().query
-                        : &parts.runner.pools().io),
+                    request.has_subset() ? &parts.runner.pools().query : &parts.runner.pools().io),
         parts_(parts),
         call_(call),
         origin_(OriginOf(*call)),
