@@ -45,9 +45,8 @@ class Stream : public std::enable_shared_from_this<Stream> {
 
  protected:
   enum class Next { kIo, kIdle, kEnd };
-  // What to do after Work(). Work that takes long calls Wake() and returns kIdle after each part:
-  // then tasks of others have their turns in between. `status` is the status of the call if `next`
-  // is kEnd.
+  // What to do after Work(), and the status of the call if `next` is kEnd. Work that takes long
+  // calls Wake() and returns kIdle after each part, so that other projects have their turns.
   struct Step {
     Next next = Next::kIdle;
     absl::Status status;

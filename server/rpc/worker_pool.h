@@ -60,7 +60,7 @@ class LatencyWindow {
 //
 // Each task has an owner, the project that it works for. Owners whose tasks wait are served in
 // turn, one task each; the tasks of one owner run in the order in which they came. Work that takes
-// long is cut into tasks, each of which submits the next one: then nobody waits for more than one
+// long is cut into tasks, each of which submits the next one. An owner then waits for at most one
 // task of each other owner. Thread safe.
 class WorkerPool {
  public:

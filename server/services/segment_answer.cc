@@ -57,7 +57,7 @@ absl::StatusOr<std::unique_ptr<SegmentAnswer>> SegmentAnswer::Begin(
 }
 
 std::optional<absl::Status> SegmentAnswer::SegmentNext() {
-  if (call_.given_up()) return absl::CancelledError("nobody waits for the answer any more");
+  if (call_.given_up()) return absl::CancelledError("the client no longer waits for the answer");
   // The size of the answer is checked before the next view is computed.
   RETURN_IF_ERROR(Segment(asked_.targets[next_]));
   ++next_;

@@ -1,4 +1,4 @@
-// What the screen says about the answer to a prompt.
+// Describes the answer to a prompt in words for the screen.
 import { countText } from '../format';
 import type { SessionState } from './session_state';
 

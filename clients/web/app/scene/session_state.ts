@@ -1,4 +1,4 @@
-// What the screen shows of a session.
+// The state of a session that the screen shows.
 import type { Failure } from '../api/failure';
 import type { Answer, Proposal } from './answer';
 import type { Miss } from './miss';

@@ -1,5 +1,5 @@
-// What annotators should know about the masks that a scene was trained on. The server's own advice is
-// for who runs it; a training's notes have it.
+// Advice for annotators about the masks that a scene was trained on. The server's own advice, for
+// operators, is in the notes of a training.
 import type { Dataset } from '../../gen/pepeseg/v1/dataset_service_pb';
 import type { Model } from '../../gen/pepeseg/v1/scene_service_pb';
 
