@@ -79,11 +79,18 @@ std::filesystem::path PostgresqlServer::socket() const { return folder_ / ".s.PG
 
 // Turns fsync off: these tests kill the process, not the machine. Recovery would otherwise begin
 // with an fsync of a thousand files, which on a slow disk takes longer than a test waits.
+//
+// Starts the server again if it ends: after a crash it refuses to start until the last process of
+// the one before, each of which is in a process group of its own, has seen the crash and ended.
 void PostgresqlServer::Start() {
-  pid_ = Launch({programs_ + "/postgres", "-D", folder_ / "data", "-k", folder_.path(), "-c",
-                 "listen_addresses=", "-c", "max_connections=200", "-c", "fsync=off"},
-                folder_ / "log");
-  const auto answers = [this] {
+  const auto launch = [this] {
+    return Launch({programs_ + "/postgres", "-D", folder_ / "data", "-k", folder_.path(), "-c",
+                   "listen_addresses=", "-c", "max_connections=200", "-c", "fsync=off"},
+                  folder_ / "log");
+  };
+  pid_ = launch();
+  const auto answers = [&] {
+    if (waitpid(pid_, nullptr, WNOHANG) == pid_) pid_ = launch();
     try {
       const soci::session sql(soci::postgresql, Connection());
       return true;
