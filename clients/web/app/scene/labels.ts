@@ -3,7 +3,7 @@ import type { Label } from '../../gen/pepeseg/v1/label_service_pb';
 import { allPages, labels, lastId, newRequestId } from '../api/clients';
 import { steadily } from '../api/server_link';
 import { Store } from '../store';
-import { sceneIdFrom } from '../upload/dataset_files';
+import { sceneIdFrom } from '../upload/scene_id';
 import type { Answer, Mask } from './answer';
 
 const maxTries = 20;

@@ -11,10 +11,12 @@ import { goTo } from '../router';
 import { defaultTraining } from '../training/presets';
 import { TrainingChoice } from '../training/training_choice';
 import type { Dataset, DroppedFile } from '../upload/dataset_files';
-import { describe, readDataset, sceneIdFrom } from '../upload/dataset_files';
+import { readDataset } from '../upload/dataset_files';
+import { describe } from '../upload/dataset_summary';
 import type { Verdict } from '../upload/dataset_verdict';
 import { verdictOf } from '../upload/dataset_verdict';
 import { filesOfDrop, filesOfInput } from '../upload/dropped_files';
+import { sceneIdFrom } from '../upload/scene_id';
 import { beginUpload } from '../upload/uploads';
 
 function DropZone({ onFiles }: { onFiles: (files: DroppedFile[]) => void }): JSX.Element {

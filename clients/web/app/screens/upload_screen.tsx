@@ -7,7 +7,7 @@ import { Header } from '../components/header';
 import { bytesText, durationText } from '../format';
 import { goTo, Link } from '../router';
 import { useStore } from '../store';
-import { describe } from '../upload/dataset_files';
+import { describe } from '../upload/dataset_summary';
 import type { Phase, UploadState, UploadTask } from '../upload/upload_task';
 import { dropUpload, uploads, uploadsKnown } from '../upload/uploads';
 

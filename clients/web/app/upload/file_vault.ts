@@ -8,6 +8,8 @@ export interface UploadFile {
   readonly size: number;
   /** SHA-256; empty: not computed yet. */
   readonly sha256: string;
+  /** True for a MASK whose pixels of value 0 are ignored. */
+  readonly ignores?: boolean;
 }
 
 export interface UploadRecord {

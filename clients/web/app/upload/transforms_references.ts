@@ -14,7 +14,8 @@ function isObject(value: unknown): value is Record<string, unknown> {
 
 function parse(text: string): unknown {
   try {
-    return JSON.parse(text);
+    // Editors of Windows write a byte order mark, which JSON.parse refuses.
+    return JSON.parse(text.replace(/^\ufeff/, ''));
   } catch {
     return undefined; // it names no files; the server says what is wrong
   }

@@ -117,7 +117,7 @@ export class UploadTask {
     const request = {
       parent: `scenes/${sceneId}`,
       requestId: requestIdOf(files),
-      files: files.map((file) => ({ ...file, size: BigInt(file.size) })),
+      files: files.map(({ path, kind, size, sha256 }) => ({ path, kind, size: BigInt(size), sha256 })),
     };
     return steadily(() => datasets.createUpload(request, { signal: this.signal }), this.signal);
   }

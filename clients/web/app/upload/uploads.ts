@@ -40,7 +40,7 @@ async function keep(record: UploadRecord, files: readonly DatasetFile[]): Promis
 
 export async function beginUpload(upload: NewUpload): Promise<UploadTask> {
   const { files, sceneId, displayName, training } = upload;
-  const listed = files.map(({ path, kind, file }) => ({ path, kind, size: file.size, sha256: '' }));
+  const listed = files.map(({ file, ...rest }) => ({ ...rest, size: file.size, sha256: '' }));
   const id = newRequestId();
   const record = {
     id,

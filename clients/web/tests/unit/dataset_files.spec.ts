@@ -1,7 +1,11 @@
 import { expect, test } from '@playwright/test';
 import type { DroppedFile } from '../../app/upload/dataset_files';
-import { describe, kindOf, readDataset, sceneIdFrom } from '../../app/upload/dataset_files';
+import { readDataset } from '../../app/upload/dataset_files';
+import { inLayout, isReadableName, kindOf } from '../../app/upload/dataset_layout';
+import { describe } from '../../app/upload/dataset_summary';
 import { verdictOf } from '../../app/upload/dataset_verdict';
+import { sceneIdFrom } from '../../app/upload/scene_id';
+import { transformsReferences } from '../../app/upload/transforms_references';
 import { FileKind } from '../../gen/pepeseg/v1/dataset_service_pb';
 
 /** Returns a file whose content is what its name says, as far as its first bytes go. */
@@ -76,9 +80,81 @@ test('files that systems add, and the videos of Live Photos, are left out', asyn
   expect(leftOut).toEqual(['videos/IMG_1.MOV']);
 });
 
+test('a video with the name of a photograph in another folder is not a Live Photo', async () => {
+  const { files } = await readDataset(dropped('trip/images/walk.jpg', 'trip/videos/walk.mp4'));
+  expect(files.map(({ path }) => path)).toEqual(['images/walk.jpg', 'videos/walk.mp4']);
+});
+
 test('the folder "images" by itself', async () => {
   const { files } = await readDataset(dropped('images/1.jpg', 'images/2.jpg'));
   expect(files.map(({ path }) => path)).toEqual(['images/1.jpg', 'images/2.jpg']);
+});
+
+test('letters of the layout’s folders may be upper case', async () => {
+  for (const folder of ['Images', 'IMAGES', 'images']) {
+    const read = await readDataset(
+      dropped(`shelf/${folder}/a.jpg`, 'shelf/Masks/a.png', 'shelf/DEPTH/a.npy', 'shelf/Sparse/0/cameras.bin'),
+    );
+    expect(read.files.map(({ path, kind }) => [path, kind])).toEqual([
+      ['depth/a.npy', FileKind.DEPTH],
+      ['images/a.jpg', FileKind.IMAGE],
+      ['masks/a.png', FileKind.MASK],
+      ['sparse/0/cameras.bin', FileKind.POSES],
+    ]);
+    expect(read.leftOut).toEqual([]);
+  }
+  expect(inLayout('Ignore/Left/A.png')).toBe('ignore/Left/A.png');
+  expect(inLayout('Photos/A.png')).toBe('Photos/A.png');
+  expect(inLayout('Images')).toBe('Images');
+});
+
+test('the folder "IMAGES" by itself', async () => {
+  const { files } = await readDataset(dropped('IMAGES/1.jpg', 'IMAGES/2.jpg'));
+  expect(files.map(({ path }) => path)).toEqual(['images/1.jpg', 'images/2.jpg']);
+});
+
+test('the scene may be the only folder inside, up to four deep', async () => {
+  for (const inside of ['garden', 'a/b/c/garden']) {
+    const { files } = await readDataset(
+      dropped(`download/${inside}/Images/1.jpg`, `download/${inside}/masks/1.png`, 'download/.DS_Store'),
+    );
+    expect(files.map(({ path }) => path)).toEqual(['images/1.jpg', 'masks/1.png']);
+  }
+  const tooDeep = await readDataset(dropped('download/a/b/c/d/e/images/1.jpg'));
+  expect(tooDeep.files).toEqual([]);
+  const { files, leftOut } = await readDataset(dropped('two/one/images/1.jpg', 'two/other/notes.txt'));
+  expect(files).toEqual([]);
+  expect(leftOut).toEqual(['one/images/1.jpg', 'other/notes.txt']);
+});
+
+test('photographs in other folders are not taken, and the page says where they are', async () => {
+  const read = await readDataset(dropped('shop/rgb/2.jpg', 'shop/rgb/1.jpg', 'shop/seg/1.png'));
+  expect(read.files).toEqual([]);
+  expect(read.picturesElsewhere).toBe('rgb');
+  const { canUpload, faults } = verdictOf(read);
+  expect(canUpload).toBe(false);
+  expect(faults).toHaveLength(1);
+  expect(faults[0]).toContain('There are some in rgb/: drop that folder, or rename it to images.');
+  // Folders next to photographs are not looked for.
+  const some = await readDataset(dropped('shop/images/1.jpg', 'shop/rgb/1.jpg'));
+  expect([some.picturesElsewhere, some.leftOut]).toEqual([undefined, ['rgb/1.jpg']]);
+  const loose = await readDataset(dropped('shop/1.jpg', 'shop/rgb/2.jpg'));
+  expect(loose.files.map(({ path }) => path)).toEqual(['images/1.jpg']);
+});
+
+test('files whose names are not UTF-8 are left out, and named', async () => {
+  const read = await readDataset(
+    dropped('trip/1.jpg', 'trip/2.jpg', 'trip/3.jpg', 'trip/k\ufffdche.jpg', 'trip/._k\ufffd.jpg'),
+  );
+  expect(read.files).toHaveLength(3);
+  expect(read.unreadableNames).toEqual(['trip/k\ufffdche.jpg']);
+  const { tone, canTrain, faults } = verdictOf(read);
+  expect([tone, canTrain]).toEqual(['bad', true]);
+  expect(faults).toEqual([
+    'Left out, because the name is not UTF-8; rename the file: trip/k\ufffdche.jpg.',
+  ]);
+  for (const name of ['a\ud83d.jpg', '\ude00.jpg', 'a//b.jpg', '']) expect(isReadableName(name)).toBe(false);
+  for (const name of ['küche/日本 1.jpg', '😀.jpg']) expect(isReadableName(name)).toBe(true);
 });
 
 test('masks that transforms.json names are not photographs, and its points are taken', async () => {
@@ -86,12 +162,12 @@ test('masks that transforms.json names are not photographs, and its points are t
     ply_file_path: './cloud/dense.ply',
     mask_path: 'car.png',
     frames: [
-      { file_path: 'rgb/1.jpg', mask_path: 'keep/1.png' },
-      { file_path: 'rgb/2.jpg', mask_path: '..\\keep\\2.png' },
-      { file_path: 'rgb/3.jpg', mask_path: 7 },
+      { file_path: 'images/1.jpg', mask_path: 'keep/1.png' },
+      { file_path: 'images/2.jpg', mask_path: '..\\keep\\2.png' },
+      { file_path: 'images/3.jpg', mask_path: 7 },
     ],
   };
-  const files = dropped('rgb/1.jpg', 'rgb/2.jpg', 'keep/1.png', 'keep/2.png', 'keep/9.txt', 'car.png');
+  const files = dropped('images/1.jpg', 'images/2.jpg', 'keep/1.png', 'keep/2.png', 'keep/9.txt', 'car.png');
   const read = await readDataset([
     transforms(document),
     ...[...files, ...dropped('cloud/dense.ply')].map(({ path, file }) => ({
@@ -102,8 +178,8 @@ test('masks that transforms.json names are not photographs, and its points are t
   expect(read.files.map(({ path, kind }) => [path, kind])).toEqual([
     ['car.png', FileKind.MASK],
     ['cloud/dense.ply', FileKind.POINTS],
-    ['images/rgb/1.jpg', FileKind.IMAGE],
-    ['images/rgb/2.jpg', FileKind.IMAGE],
+    ['images/1.jpg', FileKind.IMAGE],
+    ['images/2.jpg', FileKind.IMAGE],
     ['keep/1.png', FileKind.MASK],
     ['keep/2.png', FileKind.MASK],
     ['transforms.json', FileKind.POSES],
@@ -111,10 +187,51 @@ test('masks that transforms.json names are not photographs, and its points are t
   expect(read.leftOut).toEqual(['keep/9.txt']);
 });
 
+test('a transforms.json may begin with a byte order mark', async () => {
+  const text = `\ufeff${JSON.stringify({ ply_file_path: 'cloud.ply' })}`;
+  const file = new Blob([text]) as File;
+  const read = await readDataset([
+    { path: 'transforms.json', file },
+    ...dropped('images/1.jpg', 'cloud.ply'),
+  ]);
+  expect(read.files.map(({ path }) => path)).toEqual([
+    'cloud.ply',
+    'images/1.jpg',
+    'transforms.json',
+  ]);
+  expect([...transformsReferences(text)]).toEqual([['cloud.ply', FileKind.POINTS]]);
+});
+
+test('masks that transforms.json names are ignore masks in the summary', async () => {
+  const document = { frames: [{ mask_path: 'masks/1.png' }, { mask_path: 'keep/2.png' }] };
+  const names = ['images/1.jpg', 'images/2.jpg', 'masks/1.png', 'keep/2.png', 'masks/2.json'];
+  const { files } = await readDataset([
+    transforms(document),
+    ...dropped(...names.map((name) => `shop/${name}`)),
+  ]);
+  expect(describe(files)).toBe('2 photographs, 1 file of poses, 1 file of masks, 2 ignore masks');
+  expect(files.filter(({ ignores }) => ignores).map(({ path, kind }) => [path, kind])).toEqual([
+    ['keep/2.png', FileKind.MASK],
+    ['masks/1.png', FileKind.MASK],
+  ]);
+});
+
+test('empty files of points are left out, as are empty files that transforms.json names', async () => {
+  const empty = (path: string) => ({ path, file: new Blob([]) as File });
+  const { files, leftOut } = await readDataset([
+    { path: 'transforms.json', file: transforms({ mask_path: 'car.png' }).file },
+    ...dropped('images/1.jpg'),
+    empty('sparse/0/points3D.bin'),
+    empty('car.png'),
+  ]);
+  expect(files.map(({ path }) => path)).toEqual(['images/1.jpg', 'transforms.json']);
+  expect(leftOut).toEqual(['car.png', 'sparse/0/points3D.bin']);
+});
+
 test('a transforms.json that is not an object names no files', async () => {
   for (const text of ['{', '[1]', '7', '{"frames": 3}']) {
     const file = new Blob([text]) as File;
-    const read = await readDataset([{ path: 'transforms.json', file }, ...dropped('a/keep.png')]);
+    const read = await readDataset([{ path: 'transforms.json', file }, ...dropped('keep.png')]);
     expect(read.files.map(({ kind }) => kind)).toEqual([FileKind.IMAGE, FileKind.POSES]);
   }
 });
