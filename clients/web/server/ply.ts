@@ -1,4 +1,4 @@
-// GET /api/ply?model=M[&selection=S][&complement=1][&download=NAME]: ExportGaussians as a file.
+// GET /api/ply?model=M[&selection=S][&complement=1]: ExportGaussians as a file.
 import type { IncomingMessage, ServerResponse } from 'node:http';
 import { create } from '@bufbuild/protobuf';
 import { Code, ConnectError } from '@connectrpc/connect';
@@ -30,7 +30,6 @@ function begin(
   header: ExportGaussiansResponse_Header,
   query: URLSearchParams,
 ): void {
-  const name = query.get('download')?.replace(/[^\w.-]/g, '_');
   response.writeHead(200, {
     'content-type': 'application/octet-stream',
     'content-length': String(header.numBytes),
@@ -40,7 +39,6 @@ function begin(
     'cache-control': query.get('model')?.endsWith('/live')
       ? 'no-store'
       : 'private, max-age=86400, immutable',
-    ...(name && { 'content-disposition': `attachment; filename="${name}"` }),
   });
 }
 

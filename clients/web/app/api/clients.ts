@@ -72,11 +72,9 @@ export function photoUrl(parent: string, { name, maxSide }: PhotoOptions = {}): 
 export interface PlyOptions {
   selection?: string;
   complement?: boolean;
-  /** Name of the file to save. */
-  download?: string;
 }
 
 export function plyUrl(model: string, options: PlyOptions = {}): string {
-  const { selection, complement, download } = options;
-  return `/api/ply?${query({ model, selection, complement: complement ? '1' : '', download })}`;
+  const { selection, complement } = options;
+  return `/api/ply?${query({ model, selection, complement: complement ? '1' : '' })}`;
 }

@@ -2,16 +2,18 @@
 import type { JSX } from 'preact';
 import { useEffect, useMemo } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
+import type { PlyOptions } from '../api/clients';
 import { plyUrl } from '../api/clients';
+import { fetchFile } from '../api/fetch_file';
 import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
-import { countText } from '../format';
-import { saveCoco, saveMasks } from '../mask/save_files';
+import { bytesText, countText } from '../format';
+import { saveBlob, saveCoco, saveMasks } from '../mask/save_files';
 import { useStore } from '../store';
 import type { SceneLabels } from './labels';
-import type { Watch } from './mask_export';
-import { MaskExport } from './mask_export';
 import { sizeOf } from './prompt';
+import type { ExportStep, Watch } from './running_export';
+import { RunningExport } from './running_export';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
 import { masksOfThings, thingsOf } from './things';
@@ -24,17 +26,25 @@ interface Props {
   views: readonly View[];
 }
 
+function stepText({ name, unit, done, total }: ExportStep): string {
+  if (total === 0) return done === 0 ? `${name} …` : `${name}: ${bytesText(done)}`;
+  if (unit === 'bytes') return `${name}: ${bytesText(done)} of ${bytesText(total)}`;
+  return `${name}: ${countText(done)} of ${countText(total)} masks`;
+}
+
 /** What an export does now, how far it is, and a button that ends it. */
-function ExportProgress({ running }: { running: MaskExport }): JSX.Element | null {
+function ExportProgress({ running }: { running: RunningExport }): JSX.Element | null {
   const { step } = useStore(running.state);
   if (!step) return null;
   const { name, done, total } = step;
+  // Without a value the bar moves to and fro.
+  const share = total > 0 ? { max: total, value: done } : {};
   return (
     <div class="row">
       <div class="export">
-        <progress max={total} value={done} aria-label={name} />
+        <progress {...share} aria-label={name} />
         <span class="quiet" role="status">
-          {name}: {countText(done)} of {countText(total)} masks
+          {stepText(step)}
         </span>
       </div>
       <button type="button" onClick={() => running.cancel()}>
@@ -49,20 +59,25 @@ export function DownloadTools(props: Props): JSX.Element {
   const state = useStore(session.state);
   const { selection } = useStore(selections.state);
   const named = useStore(labels.list);
-  const maskExport = useMemo(() => new MaskExport(), [session]);
-  useEffect(() => () => maskExport.cancel(), [maskExport]);
-  const { step, failure } = useStore(maskExport.state);
+  const running = useMemo(() => new RunningExport(), [session]);
+  useEffect(() => () => running.cancel(), [running]);
+  const { step, failure } = useStore(running.state);
   const things = thingsOf(named, state);
   const segmented = (watch: Watch) => masksOfThings(session.model, things, session.views, watch);
   const savePngs = () =>
-    maskExport.run(async (steps) => {
-      const found = await segmented(steps('Segmenting'));
-      await saveMasks(sceneId, found, steps('Writing').progress);
+    running.run(async (steps) => {
+      const found = await segmented(steps('Segmenting', 'masks'));
+      await saveMasks(sceneId, found, steps('Writing', 'masks').progress);
     });
   const saveJson = () =>
-    maskExport.run(async (steps) => {
+    running.run(async (steps) => {
       const sizes = views.map((view) => ({ view: view.view, ...sizeOf(view) }));
-      saveCoco(sceneId, sizes, await segmented(steps('Segmenting')));
+      saveCoco(sceneId, sizes, await segmented(steps('Segmenting', 'masks')));
+    });
+  const savePly = (name: string, part?: PlyOptions) =>
+    running.run(async (steps) => {
+      const url = plyUrl(session.model, part);
+      saveBlob(await fetchFile(url, steps('Downloading', 'bytes')), name);
     });
   const nothing = step !== undefined || things.length === 0;
   const what =
@@ -72,28 +87,25 @@ export function DownloadTools(props: Props): JSX.Element {
   return (
     <section aria-labelledby="download-title">
       <h2 id="download-title">Download</h2>
-      <ExportProgress running={maskExport} />
+      <ExportProgress running={running} />
       <div class="row wrap">
-        <a
-          class="button"
-          href={plyUrl(session.model, { download: `${sceneId}.ply` })}
-          download={`${sceneId}.ply`}
+        <button
+          type="button"
+          disabled={step !== undefined}
+          onClick={() => void savePly(`${sceneId}.ply`)}
         >
           <Icon name="download" />
           Scene (PLY)
-        </a>
+        </button>
         {selection && (
-          <a
-            class="button"
-            href={plyUrl(session.model, {
-              selection: selection.name,
-              download: `${sceneId}-selection.ply`,
-            })}
-            download={`${sceneId}-selection.ply`}
+          <button
+            type="button"
+            disabled={step !== undefined}
+            onClick={() => void savePly(`${sceneId}-selection.ply`, { selection: selection.name })}
           >
             <Icon name="download" />
             Selection (PLY)
-          </a>
+          </button>
         )}
         <button
           type="button"
@@ -115,7 +127,7 @@ export function DownloadTools(props: Props): JSX.Element {
       <p class="quiet">
         Masks and COCO: {what}, in all {views.length} views.
       </p>
-      <FailureNote failure={failure} close={() => maskExport.closeFailure()} />
+      <FailureNote failure={failure} close={() => running.closeFailure()} />
     </section>
   );
 }

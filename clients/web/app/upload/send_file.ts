@@ -1,5 +1,6 @@
 // Sends one file to the back end, from a byte on. XMLHttpRequest, because fetch reports no progress.
 import { Code, ConnectError } from '@connectrpc/connect';
+import { routeError } from '../api/route_error';
 
 export interface Sending {
   upload: string;
@@ -12,15 +13,6 @@ export interface Sending {
   signal: AbortSignal;
 }
 
-function errorOf(request: XMLHttpRequest): ConnectError {
-  try {
-    const body = JSON.parse(request.responseText) as { code: Code; message: string };
-    return new ConnectError(body.message, body.code);
-  } catch {
-    return new ConnectError(`the app's back end answers ${request.status}`, Code.Unavailable);
-  }
-}
-
 export function sendFile({ upload, path, offset, file, progress, signal }: Sending): Promise<void> {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
@@ -28,7 +20,7 @@ export function sendFile({ upload, path, offset, file, progress, signal }: Sendi
     request.open('PUT', `/api/file?${where}`);
     request.setRequestHeader('content-type', 'application/octet-stream');
     request.upload.onprogress = (event) => progress(offset + event.loaded);
-    request.onload = () => (request.status === 200 ? resolve() : reject(errorOf(request)));
+    request.onload = () => (request.status === 200 ? resolve() : reject(routeError(request.status, request.responseText)));
     request.onerror = () =>
       reject(new ConnectError('The server does not answer', Code.Unavailable));
     request.onabort = () => reject(new DOMException('given up', 'AbortError'));

@@ -267,9 +267,34 @@ test('an export shows how far it is, and can be cancelled', async () => {
   expect(numDownloads).toBe(0);
 });
 
+test('the download of the scene shows how far it is, and can be cancelled', async () => {
+  let numDownloads = 0;
+  const count = () => (numDownloads += 1);
+  page.on('download', count);
+  const network = await context.newCDPSession(page);
+  const slow = { offline: false, latency: 0, downloadThroughput: 300_000, uploadThroughput: -1 };
+  await network.send('Network.enable');
+  await network.send('Network.setCacheDisabled', { cacheDisabled: true });
+  await network.send('Network.emulateNetworkConditions', slow);
+  await page.getByRole('button', { name: 'Scene (PLY)' }).click();
+  const bar = page.getByRole('progressbar', { name: 'Downloading' });
+  await expect.poll(async () => Number(await bar.getAttribute('value'))).toBeGreaterThan(0);
+  await expect(page.getByText(/Downloading: [\d.]+ [kM]B of [\d.]+ MB/)).toBeVisible();
+  await expect(page.getByRole('button', { name: 'COCO (JSON)' })).toBeDisabled();
+  await screenshot(page, 'scene-download');
+  await page.getByRole('button', { name: 'Cancel' }).click();
+  await expect(bar).toHaveCount(0);
+  await expect(page.getByRole('button', { name: 'Scene (PLY)' })).toBeEnabled();
+  await network.send('Network.emulateNetworkConditions', { ...slow, downloadThroughput: -1 });
+  await network.detach();
+  await page.waitForTimeout(1000);
+  page.off('download', count);
+  expect(numDownloads).toBe(0);
+});
+
 test('downloads: the PLY is loaded again, COCO lists the labels', async () => {
   test.setTimeout(400_000);
-  const ply = await saved(page, page.getByRole('link', { name: 'Scene (PLY)' }));
+  const ply = await saved(page, page.getByRole('button', { name: 'Scene (PLY)' }));
   const count = numGaussians(ply);
   expect(count).toBeGreaterThan(1000);
 

@@ -1,4 +1,4 @@
-import { Code, ConnectError } from '@connectrpc/connect';
+import { Code } from '@connectrpc/connect';
 import { create } from '@bufbuild/protobuf';
 import { expect, test } from '@playwright/test';
 import { errorWith } from '../../contract/error_detail';
@@ -44,11 +44,14 @@ test.afterEach(() => {
   Reflect.deleteProperty(globalThis, 'window');
 });
 
-async function exported(progress: (done: number, total: number) => void = () => undefined) {
+async function exported(
+  progress: (done: number, total: number) => void = () => undefined,
+  inViews: readonly string[] = views,
+) {
   const { masksOfThings, thingsOf } = await import('../../app/scene/things');
   const things = thingsOf(labels, { prompt: undefined, granularity: {}, answer: undefined });
   const { signal } = new AbortController();
-  return masksOfThings(model, things, views, { progress, signal });
+  return masksOfThings(model, things, inViews, { progress, signal });
 }
 
 test('in a label’s own view an export has the accepted mask, byte for byte', async () => {
@@ -94,6 +97,17 @@ test('SAM places the borders of an export where the server has it', async () => 
   expect(new Set(asked.map(({ samBorders }) => samBorders))).toEqual(new Set([true]));
 });
 
+test('an export with SAM keeps to the server’s limit of 100 views a request', async () => {
+  hasSam = true;
+  labels = labels.slice(0, 1);
+  const many = Array.from({ length: 250 }, (_, i) => `${i}.jpg`);
+  const [segment] = await exported(() => undefined, many);
+  expect(asked.every(({ samBorders }) => samBorders)).toBe(true);
+  expect(Math.max(...asked.map(({ targets }) => targets.views.length))).toBeLessThanOrEqual(100);
+  expect(asked.flatMap(({ targets }) => targets.views)).toEqual(many);
+  expect(segment?.masks.map(({ view }) => view)).toEqual(many);
+});
+
 test('without labels the shown segment is exported, at its scale and threshold', async () => {
   const { thingsOf } = await import('../../app/scene/things');
   const prompt = { kind: 'box', place: { view: 'a.jpg' }, box: { x: 0, y: 0, width: 1, height: 1 } };
@@ -111,37 +125,4 @@ test('an export reports each mask that it has made', async () => {
   expect(steps[0]).toEqual([0, 10]);
   expect(steps.at(-1)).toEqual([10, 10]);
   expect(steps.length).toBeGreaterThan(4);
-});
-
-test('an export shows its steps, and ends when it is cancelled', async () => {
-  const { MaskExport } = await import('../../app/scene/mask_export');
-  const masks = new MaskExport();
-  let go: () => void = () => undefined;
-  const reached: number[] = [];
-  const running = masks.run(async (steps) => {
-    const { progress } = steps('Segmenting');
-    for (let done = 0; done < 3; ++done) {
-      progress(done, 3);
-      reached.push(done);
-      await new Promise<void>((resolve) => (go = resolve));
-    }
-  });
-  expect(masks.state.get().step).toEqual({ name: 'Segmenting', done: 0, total: 3 });
-  go();
-  await expect.poll(() => masks.state.get().step?.done).toBe(1);
-  masks.cancel();
-  expect(masks.state.get()).toEqual({ step: undefined, failure: undefined });
-  go();
-  await running;
-  expect(reached).toEqual([0, 1]);
-  expect(masks.state.get()).toEqual({ step: undefined, failure: undefined });
-});
-
-test('an export that fails says why, and the next one begins', async () => {
-  const { MaskExport } = await import('../../app/scene/mask_export');
-  const masks = new MaskExport();
-  await masks.run(() => Promise.reject(new ConnectError('the disk is full', Code.Internal)));
-  expect(masks.state.get().failure?.what).toBe('The disk is full.');
-  await masks.run(async () => undefined);
-  expect(masks.state.get()).toEqual({ step: undefined, failure: undefined });
 });

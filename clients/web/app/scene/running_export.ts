@@ -1,12 +1,17 @@
-// An export of masks: what it does now, how far it is, and its end.
+// An export that runs: what it does now, how far it is, and its end.
 import type { Failure } from '../api/failure';
 import { failureOf, isCancelled } from '../api/failure';
 import { Store } from '../store';
 
+/** What a step counts. */
+export type ExportUnit = 'masks' | 'bytes';
+
 /** A step of an export that takes long. */
 export interface ExportStep {
   readonly name: string;
+  readonly unit: ExportUnit;
   readonly done: number;
+  /** 0: not known yet. */
   readonly total: number;
 }
 
@@ -18,15 +23,15 @@ export interface ExportState {
 
 /** Follows a step, and ends it. */
 export interface Watch {
-  /** Throws if the export was cancelled. */
+  /** Throws if the export was cancelled. `total` 0: not known yet. */
   readonly progress: (done: number, total: number) => void;
   readonly signal: AbortSignal;
 }
 
 /** Returns the watch of a step of this name. */
-export type Steps = (name: string) => Watch;
+export type Steps = (name: string, unit: ExportUnit) => Watch;
 
-export class MaskExport {
+export class RunningExport {
   readonly state = new Store<ExportState>({ step: undefined, failure: undefined });
   private running: AbortController | undefined;
 
@@ -38,11 +43,11 @@ export class MaskExport {
     this.running = controller;
     this.state.set({ step: undefined, failure: undefined });
     try {
-      await work((name) => ({
+      await work((name, unit) => ({
         signal,
         progress: (done, total) => {
           signal.throwIfAborted();
-          this.state.patch({ step: { name, done, total } });
+          this.state.patch({ step: { name, unit, done, total } });
         },
       }));
     } catch (error) {
