@@ -97,32 +97,27 @@ std::string PlainPath(absl::string_view path) {
   return absl::StrJoin(parts, "/");
 }
 
-// Takes the points and masks that transforms.json names (ply_file_path, mask_path), whatever their
-// folders, from `left_out`. A file that is not such JSON names none: the server says what is wrong.
-void TakeReferences(const fs::path& root, DatasetFolder& folder) {
+// Returns the kinds of the points and masks that transforms.json names (ply_file_path, mask_path), by
+// path, whatever their folders. A file that is not such JSON names none: the server says what is
+// wrong.
+std::map<std::string, v1::FileKind> ReferencesOf(const fs::path& root) {
+  std::map<std::string, v1::FileKind> named;
   std::ifstream file(root / "transforms.json");
   const auto json = nlohmann::json::parse(file, nullptr, /*allow_exceptions=*/false);
-  if (!json.is_object()) return;
-  std::map<std::string, v1::FileKind> named;
+  if (!json.is_object()) return named;
   const auto add = [&](const nlohmann::json& object, const char* key, v1::FileKind kind) {
     const auto found = object.is_object() ? object.find(key) : object.end();
     if (found != object.end() && found->is_string()) {
-      named.emplace(PlainPath(found->get_ref<const std::string&>()), kind);
+      named.insert_or_assign(PlainPath(found->get_ref<const std::string&>()), kind);
     }
   };
-  add(json, "ply_file_path", v1::FILE_KIND_POINTS);
   add(json, "mask_path", v1::FILE_KIND_MASK);
   const auto frames = json.find("frames");
   if (frames != json.end() && frames->is_array()) {
     for (const auto& frame : *frames) add(frame, "mask_path", v1::FILE_KIND_MASK);
   }
-  std::erase_if(folder.left_out, [&](const std::string& name) {
-    const auto found = named.find(name);
-    std::error_code ignored;
-    if (found == named.end() || !fs::is_regular_file(root / name, ignored)) return false;
-    folder.files.push_back({name, found->second, root / name});
-    return true;
-  });
+  add(json, "ply_file_path", v1::FILE_KIND_POINTS);
+  return named;
 }
 
 // Returns the byte offset of the first byte that is not UTF-8, or npos.
@@ -255,15 +250,19 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::File
     return LocalFileMissing(absl::StrCat("no such folder or video: ", folder.string()));
   }
   const fs::path root = SceneFolder(folder);
+  // Before loose photographs are taken, because a mask that transforms.json names may be next to them.
+  const std::map<std::string, v1::FileKind> references = ReferencesOf(root);
   DatasetFolder result;
   auto entry = fs::recursive_directory_iterator(root, error);
   for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
     std::error_code ignored;  // a dangling link is not a regular file and is left out
     if (entry->is_directory(ignored)) continue;
-    std::string name = entry->path().lexically_relative(root).generic_string();
-    if (IsSystemFile(name)) continue;
-    name = InLayout(name);
+    const std::string below = entry->path().lexically_relative(root).generic_string();
+    if (IsSystemFile(below)) continue;
+    const std::string name = InLayout(below);
     std::optional<v1::FileKind> kind = KindOf(name, in_depth);
+    const auto reference = references.find(below);
+    if (!kind && reference != references.end()) kind = reference->second;
     // Some tools write no points at all, and the contract has no files without bytes.
     if (kind == v1::FILE_KIND_POINTS && entry->file_size(ignored) == 0) kind.reset();
     if (kind) RETURN_IF_ERROR(CheckName(name));
@@ -279,7 +278,6 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::File
   // A plain folder of photographs works, too, but only if nothing is laid out.
   if (!HasPictures(result)) TakeLoosePictures(root, result);
   LeaveOutLivePhotos(result);
-  TakeReferences(root, result);
   for (const FolderFile& file : result.files) RETURN_IF_ERROR(CheckName(file.name));
   std::sort(result.files.begin(), result.files.end(),
             [](const FolderFile& a, const FolderFile& b) { return a.name < b.name; });

@@ -178,6 +178,26 @@ TEST_F(DatasetFolderTest, TakesWhatTransformsJsonNames) {
   EXPECT_THAT(folder->left_out, ElementsAre("use/b.png"));
 }
 
+TEST_F(DatasetFolderTest, TakesNoMaskOfTransformsJsonForALoosePhotograph) {
+  for (const char* name : {"1.jpg", "2.jpg", "car.png"}) Put(name);
+  std::ofstream(root_ / "transforms.json") << R"({"mask_path": "car.png"})";
+  const auto folder = ReadDatasetFolder(root_);
+  ASSERT_OK(folder);
+  EXPECT_THAT(NamesOf(*folder),
+              ElementsAre("car.png", "images/1.jpg", "images/2.jpg", "transforms.json"));
+  EXPECT_EQ(folder->files[0].kind, v1::FILE_KIND_MASK);
+}
+
+// A byte order mark, as editors of Windows write it.
+TEST_F(DatasetFolderTest, ReadsTransformsJsonWithAByteOrderMark) {
+  Put("images/a.jpg");
+  Put("cloud.ply");
+  std::ofstream(root_ / "transforms.json") << "\xef\xbb\xbf" R"({"ply_file_path": "cloud.ply"})";
+  const auto folder = ReadDatasetFolder(root_);
+  ASSERT_OK(folder);
+  EXPECT_THAT(NamesOf(*folder), ElementsAre("cloud.ply", "images/a.jpg", "transforms.json"));
+}
+
 TEST_F(DatasetFolderTest, FindsFoldersInOtherLettersAndOneInside) {
   Put("unpacked/garden/Images/a.jpg");
   Put("unpacked/garden/Sparse/0/cameras.bin");
@@ -201,6 +221,11 @@ TEST_F(DatasetFolderTest, LeavesOutPointsWithoutBytes) {
   const auto folder = ReadDatasetFolder(root_);
   ASSERT_OK(folder);
   EXPECT_THAT(NamesOf(*folder), ElementsAre("images/a.jpg", "sparse/0/images.txt"));
+  std::ofstream(root_ / "transforms.json") << R"({"ply_file_path": "cloud.ply"})";
+  std::ofstream(root_ / "cloud.ply").flush();
+  const auto named = ReadDatasetFolder(root_);
+  ASSERT_OK(named);
+  EXPECT_THAT(named->left_out, ElementsAre("cloud.ply", "sparse/0/points3D.txt"));
 }
 
 TEST_F(DatasetFolderTest, RefusesNamesThatAreNotUtf8) {

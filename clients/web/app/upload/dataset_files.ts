@@ -65,7 +65,7 @@ function takeFile(found: Found, named: ReadonlyMap<string, FileKind>): Taken | u
   const reference = named.get(found.below);
   const kind = kindOf(path) ?? reference;
   // Some tools write no points at all, and the contract has no files without bytes.
-  const empty = found.file.size === 0 && (kind === FileKind.POINTS || reference !== undefined);
+  const empty = kind === FileKind.POINTS && found.file.size === 0;
   if (kind === undefined || empty) return undefined;
   const ignores = kind === FileKind.MASK && reference === FileKind.MASK;
   return { ...found, path, kind, ...(ignores && { ignores }) };

@@ -216,16 +216,29 @@ test('masks that transforms.json names are ignore masks in the summary', async (
   ]);
 });
 
-test('empty files of points are left out, as are empty files that transforms.json names', async () => {
+test('points without bytes are left out, wherever they are', async () => {
   const empty = (path: string) => ({ path, file: new Blob([]) as File });
   const { files, leftOut } = await readDataset([
-    { path: 'transforms.json', file: transforms({ mask_path: 'car.png' }).file },
+    { path: 'transforms.json', file: transforms({ ply_file_path: 'cloud.ply' }).file },
     ...dropped('images/1.jpg'),
     empty('sparse/0/points3D.bin'),
-    empty('car.png'),
+    empty('cloud.ply'),
   ]);
   expect(files.map(({ path }) => path)).toEqual(['images/1.jpg', 'transforms.json']);
-  expect(leftOut).toEqual(['car.png', 'sparse/0/points3D.bin']);
+  expect(leftOut).toEqual(['cloud.ply', 'sparse/0/points3D.bin']);
+});
+
+test('a mask that transforms.json names next to loose photographs is not one of them', async () => {
+  const { files } = await readDataset([
+    { path: 'transforms.json', file: transforms({ mask_path: 'car.png' }).file },
+    ...dropped('1.jpg', '2.jpg', 'car.png'),
+  ]);
+  expect(files.map(({ path, kind }) => [path, kind])).toEqual([
+    ['car.png', FileKind.MASK],
+    ['images/1.jpg', FileKind.IMAGE],
+    ['images/2.jpg', FileKind.IMAGE],
+    ['transforms.json', FileKind.POSES],
+  ]);
 });
 
 test('a transforms.json that is not an object names no files', async () => {
