@@ -21,6 +21,13 @@ export function countText(count: number | bigint): string {
   return Number(count).toLocaleString('en');
 }
 
+/** Returns a device of the server in plain words: "cpu (2 threads, AVX3)" -> "the CPU (2 threads)". */
+export function deviceText(device: string): string {
+  return device
+    .replace(/^cpu \((\d+ threads?)\b.*\)$/, 'the CPU ($1)')
+    .replace(/^cuda \d+ \((.+)\)$/, 'the GPU ($1)');
+}
+
 interface Seconds {
   readonly seconds: bigint;
   readonly nanos: number;

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepeseg import prompts, rle
+from pepeseg.border_requests import segment_with_sam
 from pepeseg.calls import Place, Steps, Unary
 from pepeseg.cameras import Viewpoint
 from pepeseg.errors import damaged
@@ -195,7 +196,7 @@ def segment(
             False: a mask is exactly the pixels above the threshold.
         sam_borders: let the server's SAM place the borders of the masks, in the photographs where
             the server has them, else in the renderings. For real photographs; takes one to
-            two seconds for a new view.
+            two seconds for a new view. Many views are requested a few at a time.
         frame: the pixels of prompt and masks: "photograph", as it was uploaded, or "view", as it
             was trained on (undistorted, cropped, shrunk). A Camera has its own.
 
@@ -219,7 +220,10 @@ def segment(
         refine_borders=refine_borders,
         sam_borders=sam_borders,
     )
-    answer = yield Unary("segmentation", "SegmentViews", request, at.scene)
+    if sam_borders:
+        answer = yield from segment_with_sam(at, request)
+    else:
+        answer = yield Unary("segmentation", "SegmentViews", request, at.scene)
     found = parse_segmentation(answer)
     if label is None or (scale, scale_units, threshold) != (None, None, None):
         return found

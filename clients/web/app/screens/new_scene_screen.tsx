@@ -146,7 +146,7 @@ export function NewSceneScreen(): JSX.Element {
     goTo(`/uploads/${task.state.get().record.id}`);
   };
   return (
-    <div class="screen">
+    <div class="screen narrow">
       <Header title="New scene" back="/" />
       <main>
         <form class="card narrow" onSubmit={(event) => void submit(event)}>

@@ -12,7 +12,7 @@ import { FailureNote } from '../components/failure_note';
 import { Header } from '../components/header';
 import { Icon } from '../components/icons';
 import { ScenePhoto } from '../components/photo';
-import { bytesText, durationText, secondsOf } from '../format';
+import { bytesText, deviceText, durationText, secondsOf } from '../format';
 import { Link } from '../router';
 import { Curve } from '../training/curve';
 import { hasEnded, jobStates, stageName, stages } from '../training/job_states';
@@ -66,9 +66,13 @@ function Now({ training }: { training: Training }): JSX.Element | null {
         {progress.eta && `, about ${durationText(secondsOf(progress.eta))} left`}
       </p>
       <p class="quiet">
-        {progress.stepsPerSecond > 0 && `${progress.stepsPerSecond.toFixed(1)} steps/s`}
-        {progress.memoryBytes > 0n && `, ${bytesText(progress.memoryBytes)} of memory`}
-        {job.device && `, on ${job.device}`}
+        {[
+          progress.stepsPerSecond > 0 && `${progress.stepsPerSecond.toFixed(1)} steps/s`,
+          progress.memoryBytes > 0n && `${bytesText(progress.memoryBytes)} of memory`,
+          job.device && `on ${deviceText(job.device)}`,
+        ]
+          .filter(Boolean)
+          .join(', ')}
       </p>
     </div>
   );
@@ -144,6 +148,15 @@ function Curves({ training }: { training: Training }): JSX.Element {
   );
 }
 
+/** Returns the scene's name as people gave it; its id while that is not known. */
+function useSceneName(scene: string | undefined): string {
+  const { value } = useAsked(
+    async (signal) => scene && (await scenes.getScene({ name: scene }, { signal })).displayName,
+    [scene],
+  );
+  return value || sceneIdOf(scene ?? '');
+}
+
 /** Returns the URL of the new model's rendering of its first view; undefined while there is none. */
 function usePreview(model: string | undefined): string | undefined {
   const { value } = useAsked(
@@ -163,6 +176,7 @@ export function TrainingScreen({ jobId }: { jobId: string }): JSX.Element {
   const [refused, setRefused] = useState<Failure>();
   const { job, notes } = training;
   const sceneId = sceneIdOf(job?.scene ?? '');
+  const sceneName = useSceneName(job?.scene);
   const cancel = async () => {
     setRefused(undefined);
     try {
@@ -175,7 +189,7 @@ export function TrainingScreen({ jobId }: { jobId: string }): JSX.Element {
   const preview = usePreview(job?.model);
   return (
     <div class="screen" data-state={job ? jobStates[job.state] : ''}>
-      <Header title={sceneId ? `Training ${sceneId}` : 'Training'} back="/">
+      <Header title={sceneName ? `Training ${sceneName}` : 'Training'} back="/">
         {running && (
           <ConfirmButton sure="Really cancel?" onConfirm={() => void cancel()}>
             Cancel

@@ -17,7 +17,7 @@ const phases: Record<Phase, string> = {
   sealing: 'Checking that all has arrived',
   done: 'Uploaded',
   failed: 'The upload has stopped',
-  'given up': 'Given up',
+  'given up': 'Cancelled',
 };
 
 export function shareOf({ doneBytes, totalBytes }: UploadState): number {
@@ -54,9 +54,11 @@ function Progress({ task }: { task: UploadTask }): JSX.Element {
         </p>
       )}
       <FailureNote failure={failure} again={() => void task.run()} />
-      <ConfirmButton class="bare" sure="Really give it up?" onConfirm={() => void giveUp()}>
-        Give up
-      </ConfirmButton>
+      <div class="row">
+        <ConfirmButton sure="Really cancel?" onConfirm={() => void giveUp()}>
+          Cancel
+        </ConfirmButton>
+      </div>
     </div>
   );
 }
@@ -66,7 +68,7 @@ export function UploadScreen({ uploadId }: { uploadId: string }): JSX.Element {
   const known = useStore(uploadsKnown);
   const task = all.find((other) => other.state.get().record.id === uploadId);
   return (
-    <div class="screen">
+    <div class="screen narrow">
       <Header title={task?.state.get().record.displayName ?? 'Upload'} back="/" />
       <main>
         {task && <Progress task={task} />}

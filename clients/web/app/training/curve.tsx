@@ -56,7 +56,7 @@ export function Curve({ title, unit = '', samples, numSteps, digits = 2 }: Props
       </svg>
       <div class="ends" aria-hidden="true">
         <span>{values.length > 1 ? `${text(low)} – ${text(high)}` : ''}</span>
-        <span>{numSteps > 0 ? `of ${numSteps.toLocaleString('en')} steps` : ''}</span>
+        <span>{numSteps > 0 ? `${numSteps.toLocaleString('en')} steps` : ''}</span>
       </div>
     </figure>
   );

@@ -70,7 +70,7 @@ export function TrainingChoice({ options, onOptions }: Props): JSX.Element {
       </div>
       <p class="quiet">{presets.find(({ preset }) => preset === options.preset)?.purpose}</p>
       <details>
-        <summary>Numbers</summary>
+        <summary>Steps and size</summary>
         <NumberField
           name="Steps of reconstruction"
           hint="as in the preset"

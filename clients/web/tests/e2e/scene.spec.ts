@@ -89,7 +89,7 @@ test('an upload resumes after a reload', async () => {
   await expect(page.getByText('15 photographs')).toBeVisible();
   await expect(page.locator('.note.good')).toBeVisible();
   await expect(page.getByRole('button', { name: 'Preview' })).toHaveAttribute('aria-pressed', 'true');
-  await page.getByText('Numbers').click();
+  await page.getByText('Steps and size').click();
   await page.getByLabel('Steps of reconstruction').fill(process.env.PEPESEG_STEPS ?? '1200');
   await page.getByLabel('Steps of features').fill(process.env.PEPESEG_FEATURE_STEPS ?? '900');
   await pictures('new-scene');
@@ -319,7 +319,7 @@ test('downloads: the PLY is loaded again, COCO lists the labels', async () => {
   await page.goto(`${stack.url}/new`);
   await page.setInputFiles('#folder', folder);
   await page.getByLabel('Name').fill('Again');
-  await page.getByText('Numbers').click();
+  await page.getByText('Steps and size').click();
   await page.getByLabel('Steps of features').fill('30');
   await page.getByLabel('Shrink photographs to').fill('0.5');
   await page.getByRole('button', { name: 'Upload and train' }).click();

@@ -1,0 +1,86 @@
+#include "clients/cli/border_requests.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <set>
+#include <string>
+
+#include "clients/cpp/status_macros.h"
+#include "google/protobuf/util/time_util.h"
+
+namespace pepeseg::client::cli {
+namespace {
+
+using Request = v1::SegmentViewsRequest;
+using Response = v1::SegmentViewsResponse;
+
+constexpr size_t kViewsAtOnce = 8;
+
+std::vector<std::string> TargetViews(const Request::Targets& targets,
+                                     const std::vector<v1::View>& views) {
+  std::vector<std::string> names;
+  if (targets.group() == Request::Targets::GROUP_UNSPECIFIED) {
+    std::set<std::string> seen;
+    for (const std::string& name : targets.views()) {
+      if (seen.insert(name).second) names.push_back(name);
+    }
+    return names;
+  }
+  const bool all = targets.group() == Request::Targets::GROUP_ALL;
+  for (const v1::View& view : views) {
+    if (all || view.held_out()) names.push_back(view.view());
+  }
+  return names;
+}
+
+void AddDuration(const google::protobuf::Duration& more, google::protobuf::Duration& sum) {
+  using google::protobuf::util::TimeUtil;
+  sum = TimeUtil::NanosecondsToDuration(TimeUtil::DurationToNanoseconds(sum) +
+                                        TimeUtil::DurationToNanoseconds(more));
+}
+
+}  // namespace
+
+std::vector<Request> PiecesOf(const Request& request, const std::vector<v1::View>& views) {
+  const bool is_group = request.targets().group() != Request::Targets::GROUP_UNSPECIFIED;
+  if (is_group && !request.targets().views().empty()) return {request};  // the server refuses both
+  const std::vector<std::string> names = TargetViews(request.targets(), views);
+  if (names.size() <= kViewsAtOnce) return {request};
+  std::vector<Request> pieces;
+  for (size_t first = 0; first < names.size(); first += kViewsAtOnce) {
+    Request& piece = pieces.emplace_back(request);
+    piece.clear_targets();
+    const size_t end = std::min(first + kViewsAtOnce, names.size());
+    for (size_t i = first; i < end; ++i) piece.mutable_targets()->add_views(names[i]);
+  }
+  return pieces;
+}
+
+void AddPiece(const Response& piece, Response& whole) {
+  whole.mutable_masks()->MergeFrom(piece.masks());
+  v1::QueryTiming& timing = *whole.mutable_timing();
+  AddDuration(piece.timing().queue(), *timing.mutable_queue());
+  AddDuration(piece.timing().load(), *timing.mutable_load());
+  AddDuration(piece.timing().compute(), *timing.mutable_compute());
+  AddDuration(piece.timing().encode(), *timing.mutable_encode());
+  if (piece.has_box_agreement()) whole.set_box_agreement(piece.box_agreement());
+}
+
+absl::StatusOr<Response> SegmentInPieces(const Client& client, const Request& request) {
+  if (!request.sam_borders()) return client.Segment(request);
+  std::vector<v1::View> views;
+  if (request.targets().group() != Request::Targets::GROUP_UNSPECIFIED) {
+    ASSIGN_OR_RETURN(views, client.ListViews(request.model()));
+  }
+  std::vector<Request> pieces = PiecesOf(request, views);
+  ASSIGN_OR_RETURN(Response whole, client.Segment(pieces.front()));
+  for (size_t i = 1; i < pieces.size(); ++i) {
+    // A new training does not mix its masks with those of the old one.
+    pieces[i].set_model(whole.model());
+    ASSIGN_OR_RETURN(const Response piece, client.Segment(pieces[i]));
+    AddPiece(piece, whole);
+  }
+  return whole;
+}
+
+}  // namespace pepeseg::client::cli
