@@ -6,7 +6,6 @@ const paths = {
   trash: 'M5 7h14M10 7V5h4v2M7 7l1 12h8l1-12',
   undo: 'M9 7L4 12l5 5M4 12h10a5 5 0 010 10',
   close: 'M6 6l12 12M18 6L6 18',
-  download: 'M12 4v11m-5-5l5 5 5-5M5 20h14',
   check: 'M5 12l5 5 9-10',
   help: 'M9 9a3 3 0 115 2c-1 1-2 1.500-2 3M12 18v.5',
   cube: 'M12 3l8 4.500v9L12 21l-8-4.500v-9zM12 12l8-4.500M12 12v9M12 12L4 7.500',

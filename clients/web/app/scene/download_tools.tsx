@@ -6,7 +6,6 @@ import type { PlyOptions } from '../api/clients';
 import { plyUrl } from '../api/clients';
 import { fetchFile } from '../api/fetch_file';
 import { FailureNote } from '../components/failure_note';
-import { Icon } from '../components/icons';
 import { bytesText, countText } from '../format';
 import { saveBlob, saveCoco, saveMasks } from '../mask/save_files';
 import { useStore } from '../store';
@@ -84,17 +83,20 @@ export function DownloadTools(props: Props): JSX.Element {
     named.length > 0
       ? `of ${named.length} ${named.length === 1 ? 'label' : 'labels'}`
       : 'of the segment';
+  const hint =
+    things.length > 0
+      ? `Masks and COCO: ${what}, in all ${views.length} views.`
+      : 'Masks and COCO: segment a thing first.';
   return (
     <section aria-labelledby="download-title">
       <h2 id="download-title">Download</h2>
       <ExportProgress running={running} />
-      <div class="row wrap">
+      <div class="downloads">
         <button
           type="button"
           disabled={step !== undefined}
           onClick={() => void savePly(`${sceneId}.ply`)}
         >
-          <Icon name="download" />
           Scene (PLY)
         </button>
         {selection && (
@@ -103,8 +105,7 @@ export function DownloadTools(props: Props): JSX.Element {
             disabled={step !== undefined}
             onClick={() => void savePly(`${sceneId}-selection.ply`, { selection: selection.name })}
           >
-            <Icon name="download" />
-            Selection (PLY)
+              Selection (PLY)
           </button>
         )}
         <button
@@ -112,7 +113,6 @@ export function DownloadTools(props: Props): JSX.Element {
           disabled={nothing}
           onClick={() => void savePngs()}
         >
-          <Icon name="download" />
           Masks (PNG)
         </button>
         <button
@@ -120,13 +120,10 @@ export function DownloadTools(props: Props): JSX.Element {
           disabled={nothing}
           onClick={() => void saveJson()}
         >
-          <Icon name="download" />
           COCO (JSON)
         </button>
       </div>
-      <p class="quiet">
-        Masks and COCO: {what}, in all {views.length} views.
-      </p>
+      <p class="quiet">{hint}</p>
       <FailureNote failure={failure} close={() => running.closeFailure()} />
     </section>
   );

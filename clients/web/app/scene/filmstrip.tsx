@@ -34,6 +34,7 @@ function Thumb({ view, photo, rendering, mask, current, onPick }: ThumbProps): J
       class="thumb"
       aria-current={current}
       aria-label={`View ${view.view}${mask && mask.area > 0 ? ', segment visible' : ''}`}
+      title={view.view}
       data-area={mask?.area ?? 0}
       onClick={onPick}
     >

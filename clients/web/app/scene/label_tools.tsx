@@ -58,7 +58,7 @@ export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
           id="label-text"
           type="text"
           maxLength={200}
-          placeholder={mask ? 'Name this segment' : 'Segment something to name it'}
+          placeholder={mask ? 'Name this segment' : 'Segment a thing first'}
           aria-label="Name of the segment"
           value={text}
           disabled={!mask}

@@ -44,6 +44,7 @@ export function PromptButtons({ session }: { session: SceneSession }): JSX.Eleme
         type="button"
         class="bare"
         aria-label="Undo"
+        title="Undo (Ctrl+Z)"
         disabled={!canUndo}
         onClick={() => session.undo()}
       >
@@ -53,6 +54,7 @@ export function PromptButtons({ session }: { session: SceneSession }): JSX.Eleme
         type="button"
         class="bare"
         aria-label="Clear"
+        title="Clear (Esc)"
         disabled={!prompt}
         onClick={() => session.clear()}
       >
@@ -152,8 +154,8 @@ export function GranularityTools({ session, hasSam }: GranularityProps): JSX.Ele
         <summary>More</summary>
         <Slider
           id="threshold"
-          name="Likeness"
-          ends={['more pixels', 'only alike ones']}
+          name="Similarity"
+          ends={['more pixels', 'only similar pixels']}
           min={-1}
           max={1}
           value={granularity.threshold ?? answer?.threshold ?? 0.5}

@@ -55,6 +55,7 @@ export function SelectionTools({ session, selections }: Props): JSX.Element {
           class="bare"
           disabled={busy || !selection}
           aria-label="Undo the last change of the selection"
+          title="Undo the last change of the selection"
           onClick={() => void selections.undo()}
         >
           <Icon name="undo" />

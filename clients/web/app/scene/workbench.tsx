@@ -175,6 +175,7 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
               type="button"
               class="bare"
               aria-label="Keyboard and mouse"
+              title="Keyboard and mouse (?)"
               onClick={() => setHelp(true)}
             >
               <Icon name="help" />

@@ -102,7 +102,9 @@ function Summary({ dataset, verdict }: { dataset: Dataset; verdict: Verdict }): 
         )}
         {leftOut.length > 0 && (
           <details>
-            <summary>{leftOut.length} files are left out</summary>
+            <summary>
+              {leftOut.length === 1 ? '1 file is' : `${leftOut.length} files are`} left out
+            </summary>
             <p class="quiet">{leftOut.slice(0, 50).join(', ')}</p>
           </details>
         )}

@@ -19,6 +19,10 @@ import { hasEnded, jobStates, stageName, stages } from '../training/job_states';
 import type { Training } from '../training/training_watch';
 import { useTraining } from '../training/training_watch';
 
+function stageTime(seconds: number): string {
+  return seconds < 1 ? '< 1 s' : durationText(seconds);
+}
+
 function Stages({ training }: { training: Training }): JSX.Element {
   const { stages: runs, job } = training;
   return (
@@ -36,12 +40,13 @@ function Stages({ training }: { training: Training }): JSX.Element {
           >
             <span class="dot">
               {state === 'done' && <Icon name="check" />}
+              {state === 'skipped' && <Icon name="minus" />}
               {state === 'broken' && <Icon name="close" />}
             </span>
             <span>{name}</span>
             <span class="quiet" title={run?.skipped}>
               {state === 'skipped' && 'not needed'}
-              {state === 'done' && run?.seconds !== undefined && durationText(run.seconds)}
+              {state === 'done' && run?.seconds !== undefined && stageTime(run.seconds)}
               {state === 'running' && 'running'}
               {broken && jobStates[job.state]}
             </span>
@@ -230,7 +235,7 @@ export function TrainingScreen({ jobId }: { jobId: string }): JSX.Element {
         {notes.length > 0 && (
           <section class="card" aria-labelledby="notes-title">
             <h2 id="notes-title">Notes</h2>
-            <ul>
+            <ul class="notes">
               {notes.map((note, i) => (
                 <li key={i}>{note}</li>
               ))}

@@ -111,7 +111,7 @@ export function after(training: Training, { sequence, event }: JobEvent): Traini
     case 'warning':
       return { ...known, notes: [...training.notes, event.value.message] };
     case 'termSkipped': {
-      const note = `${termName(event.value.term)}: ${event.value.reason}`;
+      const note = `Skipped part “${termName(event.value.term)}”: ${event.value.reason}`;
       return { ...known, notes: [...training.notes, note] };
     }
     case 'stateChanged': {

@@ -1,9 +1,9 @@
 // A scene from dropped photographs to a PLY, in Chromium, against a server that the test starts.
-import { readFileSync, rmSync } from 'node:fs';
 import { join } from 'node:path';
 import { fromBinary, toBinary } from '@bufbuild/protobuf';
 import type { BrowserContext, Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
+import { testExports } from './export_tests';
 import {
   answersPerSecond,
   clickView,
@@ -17,9 +17,7 @@ import {
   shownInSplats,
   truthOf,
 } from './on_screen';
-import { strFromU8, unzipSync } from 'fflate';
 import { ModelSchema } from '../../gen/pepeseg/v1/scene_service_pb';
-import { numGaussians, readCoco, saved, shelfWith } from './saved_files';
 import { Stack, artefacts, shelf } from './stack';
 
 test.describe.configure({ mode: 'serial' });
@@ -113,6 +111,8 @@ test('an upload resumes after a reload', async () => {
   expect(Number(await bar.getAttribute('value'))).toBeGreaterThan(0.15);
   await pictures('upload');
   await network.send('Network.emulateNetworkConditions', { ...slow, uploadThroughput: -1 });
+  // Another session sets the speed later; the settings of two of them do not mix.
+  await network.detach();
   await page.waitForURL(/\/jobs\//);
   // 49 files: but for what the reload cut off, none is sent twice.
   expect(sentBefore).toBeGreaterThan(5);
@@ -163,16 +163,12 @@ test('a click segments the book, in all views', async () => {
   console.log(
     `IoU of the click: ${ious.map((iou) => iou.toFixed(3)).join(', ')} (chosen, proposals)`,
   );
-  const best = ious.indexOf(Math.max(...ious));
-  expect(ious[best]).toBeGreaterThan(0.8);
-  if (best > 0) {
-    const then = await numAnswers(page);
-    await page
-      .locator('.chips .chip')
-      .nth(best - 1)
-      .click();
-    await settled(page, then);
-  }
+  const proposals = ious.slice(1);
+  const best = proposals.indexOf(Math.max(...proposals));
+  expect(proposals[best]).toBeGreaterThan(0.8);
+  const then = await numAnswers(page);
+  await page.locator('.chips .chip').nth(best).click();
+  await settled(page, then);
   // All fifteen views show the book.
   await expect(page.getByText('Seen in 15 views.')).toBeVisible({ timeout: 60_000 });
   // This server has no SAM, and the masks are good.
@@ -249,87 +245,7 @@ test('Esc in the name field ends the segment', async () => {
   await expect(field).toHaveValue('');
 });
 
-test('an export shows how far it is, and can be cancelled', async () => {
-  let numDownloads = 0;
-  const count = () => (numDownloads += 1);
-  page.on('download', count);
-  await page.getByRole('button', { name: 'Masks (PNG)' }).click();
-  const bar = page.getByRole('progressbar', { name: 'Segmenting' });
-  await expect(bar).toBeVisible();
-  await expect.poll(() => bar.getAttribute('value')).not.toBe('0');
-  await expect(page.getByText(/Segmenting: \d+ of 30 masks/)).toBeVisible();
-  await screenshot(page, 'scene-export');
-  await page.getByRole('button', { name: 'Cancel' }).click();
-  await expect(bar).toHaveCount(0);
-  await expect(page.getByRole('button', { name: 'Masks (PNG)' })).toBeEnabled();
-  await page.waitForTimeout(1000);
-  page.off('download', count);
-  expect(numDownloads).toBe(0);
-});
-
-test('the download of the scene shows how far it is, and can be cancelled', async () => {
-  let numDownloads = 0;
-  const count = () => (numDownloads += 1);
-  page.on('download', count);
-  const network = await context.newCDPSession(page);
-  const slow = { offline: false, latency: 0, downloadThroughput: 300_000, uploadThroughput: -1 };
-  await network.send('Network.enable');
-  await network.send('Network.setCacheDisabled', { cacheDisabled: true });
-  await network.send('Network.emulateNetworkConditions', slow);
-  await page.getByRole('button', { name: 'Scene (PLY)' }).click();
-  const bar = page.getByRole('progressbar', { name: 'Downloading' });
-  await expect.poll(async () => Number(await bar.getAttribute('value'))).toBeGreaterThan(0);
-  await expect(page.getByText(/Downloading: [\d.]+ [kM]B of [\d.]+ MB/)).toBeVisible();
-  await expect(page.getByRole('button', { name: 'COCO (JSON)' })).toBeDisabled();
-  await screenshot(page, 'scene-download');
-  await page.getByRole('button', { name: 'Cancel' }).click();
-  await expect(bar).toHaveCount(0);
-  await expect(page.getByRole('button', { name: 'Scene (PLY)' })).toBeEnabled();
-  await network.send('Network.emulateNetworkConditions', { ...slow, downloadThroughput: -1 });
-  await network.detach();
-  await page.waitForTimeout(1000);
-  page.off('download', count);
-  expect(numDownloads).toBe(0);
-});
-
-test('downloads: the PLY is loaded again, COCO lists the labels', async () => {
-  test.setTimeout(400_000);
-  const ply = await saved(page, page.getByRole('button', { name: 'Scene (PLY)' }));
-  const count = numGaussians(ply);
-  expect(count).toBeGreaterThan(1000);
-
-  const json = readCoco(await saved(page, page.getByRole('button', { name: 'COCO (JSON)' })));
-  expect(json.images).toHaveLength(15);
-  expect(json.categories.map(({ name }) => name)).toEqual([...namedAreas.keys()]);
-  expect(json.annotations.length).toBeGreaterThan(20);
-  // In the view in which they were named the accepted masks were written.
-  const own = json.annotations.filter(({ image_id }) => image_id === 1);
-  expect(own.map(({ area }) => area)).toEqual([...namedAreas.values()]);
-
-  const masks = await saved(page, page.getByRole('button', { name: 'Masks (PNG)' }));
-  const files = unzipSync(readFileSync(masks));
-  expect(JSON.parse(strFromU8(files['labels.json'] as Uint8Array))).toEqual({
-    'Bunny-book': 'Bunny book',
-    'Tissue-box': 'Tissue box',
-  });
-  expect(Object.keys(files)).toContain('Bunny-book/frame-000000.png');
-
-  // The saved PLY becomes the Gaussians of another scene, which then needs no reconstruction.
-  const folder = shelfWith(ply);
-  await page.goto(`${stack.url}/new`);
-  await page.setInputFiles('#folder', folder);
-  await page.getByLabel('Name').fill('Again');
-  await page.getByText('Steps and size').click();
-  await page.getByLabel('Steps of features').fill('30');
-  await page.getByLabel('Shrink photographs to').fill('0.5');
-  await page.getByRole('button', { name: 'Upload and train' }).click();
-  await expect(page.getByText('The scene is ready.')).toBeVisible({ timeout: 300_000 });
-  await expect(page.locator('.stages .skipped', { hasText: 'Reconstruct' })).toBeVisible();
-  await page.getByRole('link', { name: 'Back' }).click();
-  const card = page.locator('.scene-card', { hasText: 'Again' });
-  await expect(card.getByText(`${count.toLocaleString('en')} Gaussians`)).toBeVisible();
-  rmSync(folder, { recursive: true });
-});
+testExports(() => ({ stack, context, page, namedAreas }));
 
 test('pixels are the photograph’s after a training at half its size', async () => {
   await page.getByRole('link', { name: 'Again' }).click();
