@@ -7,8 +7,8 @@
 #include "pepeseg/v1/scene_service.pb.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
 
-// Requests with borders by SAM. SAM takes one to two seconds for a new view, the server takes at most
-// 100 views a request, and a call has a deadline: many views are requested a few at a time.
+// Requests with borders by SAM. SAM takes one to two seconds for a new view, the server takes at
+// most 100 views a request, and a call has a deadline: many views are requested a few at a time.
 namespace pepeseg::client::cli {
 
 // Returns requests for the target views of `request`, each view once, at most 8 views a request. A

@@ -97,8 +97,8 @@ std::string PlainPath(absl::string_view path) {
   return absl::StrJoin(parts, "/");
 }
 
-// Returns the kinds of the points and masks that transforms.json names (ply_file_path, mask_path), by
-// path, whatever their folders. A file that is not such JSON names none: the server says what is
+// Returns the kinds of the points and masks that transforms.json names (ply_file_path, mask_path),
+// by path, whatever their folders. A file that is not such JSON names none: the server says what is
 // wrong.
 std::map<std::string, v1::FileKind> ReferencesOf(const fs::path& root) {
   std::map<std::string, v1::FileKind> named;
@@ -250,7 +250,8 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::File
     return LocalFileMissing(absl::StrCat("no such folder or video: ", folder.string()));
   }
   const fs::path root = SceneFolder(folder);
-  // Before loose photographs are taken, because a mask that transforms.json names may be next to them.
+  // Before loose photographs are taken, because a mask that transforms.json names may be next to
+  // them.
   const std::map<std::string, v1::FileKind> references = ReferencesOf(root);
   DatasetFolder result;
   auto entry = fs::recursive_directory_iterator(root, error);

@@ -59,9 +59,9 @@ TEST(PiecesOf, HaveEachNamedViewOnce) {
   for (const int i : {9, 8, 7, 6, 5, 4, 3, 2, 1, 9, 8}) {
     request.mutable_targets()->add_views(absl::StrCat(i, ".jpg"));
   }
-  EXPECT_THAT(ViewsOf(PiecesOf(request, {})),
-              ElementsAre("9.jpg", "8.jpg", "7.jpg", "6.jpg", "5.jpg", "4.jpg", "3.jpg", "2.jpg",
-                          "1.jpg"));
+  EXPECT_THAT(
+      ViewsOf(PiecesOf(request, {})),
+      ElementsAre("9.jpg", "8.jpg", "7.jpg", "6.jpg", "5.jpg", "4.jpg", "3.jpg", "2.jpg", "1.jpg"));
 }
 
 TEST(PiecesOf, AreTheRequestItselfForFewViews) {

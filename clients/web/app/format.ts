@@ -21,7 +21,7 @@ export function countText(count: number | bigint): string {
   return Number(count).toLocaleString('en');
 }
 
-/** Returns a device of the server in plain words: "cpu (2 threads, AVX3)" -> "the CPU (2 threads)". */
+/** Returns a device in plain words: "cpu (2 threads, AVX3)" -> "the CPU (2 threads)". */
 export function deviceText(device: string): string {
   return device
     .replace(/^cpu \((\d+ threads?)\b.*\)$/, 'the CPU ($1)')

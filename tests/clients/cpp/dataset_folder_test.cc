@@ -192,7 +192,8 @@ TEST_F(DatasetFolderTest, TakesNoMaskOfTransformsJsonForALoosePhotograph) {
 TEST_F(DatasetFolderTest, ReadsTransformsJsonWithAByteOrderMark) {
   Put("images/a.jpg");
   Put("cloud.ply");
-  std::ofstream(root_ / "transforms.json") << "\xef\xbb\xbf" R"({"ply_file_path": "cloud.ply"})";
+  std::ofstream(root_ / "transforms.json") << "\xef\xbb\xbf"
+                                              R"({"ply_file_path": "cloud.ply"})";
   const auto folder = ReadDatasetFolder(root_);
   ASSERT_OK(folder);
   EXPECT_THAT(NamesOf(*folder), ElementsAre("cloud.ply", "images/a.jpg", "transforms.json"));

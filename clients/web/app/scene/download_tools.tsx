@@ -105,21 +105,13 @@ export function DownloadTools(props: Props): JSX.Element {
             disabled={step !== undefined}
             onClick={() => void savePly(`${sceneId}-selection.ply`, { selection: selection.name })}
           >
-              Selection (PLY)
+            Selection (PLY)
           </button>
         )}
-        <button
-          type="button"
-          disabled={nothing}
-          onClick={() => void savePngs()}
-        >
+        <button type="button" disabled={nothing} onClick={() => void savePngs()}>
           Masks (PNG)
         </button>
-        <button
-          type="button"
-          disabled={nothing}
-          onClick={() => void saveJson()}
-        >
+        <button type="button" disabled={nothing} onClick={() => void saveJson()}>
           COCO (JSON)
         </button>
       </div>

@@ -174,11 +174,7 @@ export function NewSceneScreen(): JSX.Element {
             />
             Train when everything is uploaded
           </label>
-          <button
-            type="submit"
-            class="primary"
-            disabled={!ready || name.trim() === '' || busy}
-          >
+          <button type="submit" class="primary" disabled={!ready || name.trim() === '' || busy}>
             {busy ? 'Reading …' : trains ? 'Upload and train' : 'Upload'}
           </button>
         </form>

@@ -102,7 +102,9 @@ function withoutLivePhotos(files: readonly Taken[]): Taken[] {
   const photographs = new Set(
     files.filter(({ kind }) => kind === FileKind.IMAGE).map(({ below }) => stem(below)),
   );
-  return files.filter(({ kind, below }) => kind !== FileKind.VIDEO || !photographs.has(stem(below)));
+  return files.filter(
+    ({ kind, below }) => kind !== FileKind.VIDEO || !photographs.has(stem(below)),
+  );
 }
 
 async function isAsNamed({ kind, file }: DatasetFile): Promise<boolean> {
@@ -111,7 +113,9 @@ async function isAsNamed({ kind, file }: DatasetFile): Promise<boolean> {
 }
 
 function folderOfPictures(found: readonly Found[]): string | undefined {
-  const paths = found.map(({ below }) => below).filter((path) => isPhotograph(path) || isVideo(path));
+  const paths = found
+    .map(({ below }) => below)
+    .filter((path) => isPhotograph(path) || isVideo(path));
   return paths.sort()[0]?.split('/').slice(0, -1).join('/');
 }
 
@@ -133,12 +137,16 @@ export async function readDataset(dropped: readonly DroppedFile[]): Promise<Data
   const taken = withoutLivePhotos(readable);
   const live = readable.filter((file) => !taken.includes(file));
   return {
-    files: taken
-      .map(({ below: _, ...file }) => file)
-      .sort((a, b) => (a.path < b.path ? -1 : 1)),
+    files: taken.map(({ below: _, ...file }) => file).sort((a, b) => (a.path < b.path ? -1 : 1)),
     leftOut: [...rest.map(({ below }) => below), ...live.map(({ path }) => path)].sort(),
-    notPictures: files.filter((_, i) => !asNamed[i]).map(({ path }) => path).sort(),
-    unreadableNames: ours.filter((file) => !named.includes(file)).map(({ path }) => path).sort(),
+    notPictures: files
+      .filter((_, i) => !asNamed[i])
+      .map(({ path }) => path)
+      .sort(),
+    unreadableNames: ours
+      .filter((file) => !named.includes(file))
+      .map(({ path }) => path)
+      .sort(),
     picturesElsewhere: hasPictures(files) ? undefined : folderOfPictures(rest),
   };
 }

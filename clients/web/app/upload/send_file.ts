@@ -20,7 +20,8 @@ export function sendFile({ upload, path, offset, file, progress, signal }: Sendi
     request.open('PUT', `/api/file?${where}`);
     request.setRequestHeader('content-type', 'application/octet-stream');
     request.upload.onprogress = (event) => progress(offset + event.loaded);
-    request.onload = () => (request.status === 200 ? resolve() : reject(routeError(request.status, request.responseText)));
+    request.onload = () =>
+      request.status === 200 ? resolve() : reject(routeError(request.status, request.responseText));
     request.onerror = () =>
       reject(new ConnectError('The server does not answer', Code.Unavailable));
     request.onabort = () => reject(new DOMException('given up', 'AbortError'));

@@ -117,7 +117,12 @@ export class UploadTask {
     const request = {
       parent: `scenes/${sceneId}`,
       requestId: requestIdOf(files),
-      files: files.map(({ path, kind, size, sha256 }) => ({ path, kind, size: BigInt(size), sha256 })),
+      files: files.map(({ path, kind, size, sha256 }) => ({
+        path,
+        kind,
+        size: BigInt(size),
+        sha256,
+      })),
     };
     return steadily(() => datasets.createUpload(request, { signal: this.signal }), this.signal);
   }

@@ -53,7 +53,9 @@ test('a dropped folder is the scene', async () => {
 });
 
 test('a folder of photographs alone', async () => {
-  const { files } = await readDataset(dropped('holiday/1.jpg', 'holiday/2.png', 'holiday/notes.txt'));
+  const { files } = await readDataset(
+    dropped('holiday/1.jpg', 'holiday/2.png', 'holiday/notes.txt'),
+  );
   expect(files.map(({ path }) => path)).toEqual(['images/1.jpg', 'images/2.png']);
 });
 
@@ -93,7 +95,12 @@ test('the folder "images" by itself', async () => {
 test('letters of the layout’s folders may be upper case', async () => {
   for (const folder of ['Images', 'IMAGES', 'images']) {
     const read = await readDataset(
-      dropped(`shelf/${folder}/a.jpg`, 'shelf/Masks/a.png', 'shelf/DEPTH/a.npy', 'shelf/Sparse/0/cameras.bin'),
+      dropped(
+        `shelf/${folder}/a.jpg`,
+        'shelf/Masks/a.png',
+        'shelf/DEPTH/a.npy',
+        'shelf/Sparse/0/cameras.bin',
+      ),
     );
     expect(read.files.map(({ path, kind }) => [path, kind])).toEqual([
       ['depth/a.npy', FileKind.DEPTH],
@@ -116,13 +123,19 @@ test('the folder "IMAGES" by itself', async () => {
 test('the scene may be the only folder inside, up to four deep', async () => {
   for (const inside of ['garden', 'a/b/c/garden']) {
     const { files } = await readDataset(
-      dropped(`download/${inside}/Images/1.jpg`, `download/${inside}/masks/1.png`, 'download/.DS_Store'),
+      dropped(
+        `download/${inside}/Images/1.jpg`,
+        `download/${inside}/masks/1.png`,
+        'download/.DS_Store',
+      ),
     );
     expect(files.map(({ path }) => path)).toEqual(['images/1.jpg', 'masks/1.png']);
   }
   const tooDeep = await readDataset(dropped('download/a/b/c/d/e/images/1.jpg'));
   expect(tooDeep.files).toEqual([]);
-  const { files, leftOut } = await readDataset(dropped('two/one/images/1.jpg', 'two/other/notes.txt'));
+  const { files, leftOut } = await readDataset(
+    dropped('two/one/images/1.jpg', 'two/other/notes.txt'),
+  );
   expect(files).toEqual([]);
   expect(leftOut).toEqual(['one/images/1.jpg', 'other/notes.txt']);
 });
@@ -153,7 +166,8 @@ test('files whose names are not UTF-8 are left out, and named', async () => {
   expect(faults).toEqual([
     'Left out, because the name is not UTF-8; rename the file: trip/k\ufffdche.jpg.',
   ]);
-  for (const name of ['a\ud83d.jpg', '\ude00.jpg', 'a//b.jpg', '']) expect(isReadableName(name)).toBe(false);
+  for (const name of ['a\ud83d.jpg', '\ude00.jpg', 'a//b.jpg', ''])
+    expect(isReadableName(name)).toBe(false);
   for (const name of ['küche/日本 1.jpg', '😀.jpg']) expect(isReadableName(name)).toBe(true);
 });
 
@@ -167,7 +181,14 @@ test('masks that transforms.json names are not photographs, and its points are t
       { file_path: 'images/3.jpg', mask_path: 7 },
     ],
   };
-  const files = dropped('images/1.jpg', 'images/2.jpg', 'keep/1.png', 'keep/2.png', 'keep/9.txt', 'car.png');
+  const files = dropped(
+    'images/1.jpg',
+    'images/2.jpg',
+    'keep/1.png',
+    'keep/2.png',
+    'keep/9.txt',
+    'car.png',
+  );
   const read = await readDataset([
     transforms(document),
     ...[...files, ...dropped('cloud/dense.ply')].map(({ path, file }) => ({
@@ -251,7 +272,10 @@ test('a transforms.json that is not an object names no files', async () => {
 
 test('a file that is not a photograph is left out, and named', async () => {
   const fake = { path: 'images/notes.jpg', file: new Blob(['dear diary']) as File };
-  const read = await readDataset([...dropped('images/1.jpg', 'images/2.jpg', 'images/3.jpg'), fake]);
+  const read = await readDataset([
+    ...dropped('images/1.jpg', 'images/2.jpg', 'images/3.jpg'),
+    fake,
+  ]);
   expect(read.files).toHaveLength(3);
   expect(read.notPictures).toEqual(['images/notes.jpg']);
   const { tone, canTrain, faults } = verdictOf(read);

@@ -110,7 +110,11 @@ test('an export with SAM keeps to the server’s limit of 100 views a request', 
 
 test('without labels the shown segment is exported, at its scale and threshold', async () => {
   const { thingsOf } = await import('../../app/scene/things');
-  const prompt = { kind: 'box', place: { view: 'a.jpg' }, box: { x: 0, y: 0, width: 1, height: 1 } };
+  const prompt = {
+    kind: 'box',
+    place: { view: 'a.jpg' },
+    box: { x: 0, y: 0, width: 1, height: 1 },
+  };
   const answer = { masks: new Map(), scale: 0.4, scaleUnits: 1, threshold: 0.7, computeMs: 1 };
   const state = { prompt: prompt as never, granularity: { scale: 0.9 }, answer };
   expect(thingsOf([], state)).toEqual([
