@@ -69,7 +69,7 @@ const kindNames: Record<ProposeScalesResponse_Kind, string> = {
 
 /**
  * Returns the server's proposals, smallest first, with the server's names. A proposal without a name,
- * or with the name of another one, is named by its position ("2").
+ * or with the name of another one, is named by its position ("2"); the only one is the object.
  */
 export function proposalsOf({ proposals, best }: ProposeScalesResponse): Proposal[] {
   const kinds = proposals.map(({ kind }) => kindNames[kind] ?? '');
@@ -79,7 +79,8 @@ export function proposalsOf({ proposals, best }: ProposeScalesResponse): Proposa
     const kind = kinds[i] ?? '';
     const place = String(i + 1);
     const shared = kinds.filter((other) => other === kind).length > 1;
-    const name = kind === '' ? place : shared ? `${kind} ${place}` : kind;
+    const alone = proposals.length === 1 ? kindNames[ProposeScalesResponse_Kind.OBJECT] : place;
+    const name = kind === '' ? alone : shared ? `${kind} ${place}` : kind;
     return [{ name, scale: scaleQuantile, threshold, support, best: i === best, mask: shown }];
   });
 }

@@ -116,12 +116,17 @@ export function SplatPane(props: Props): JSX.Element {
   });
   const points = prompt?.kind === 'points' && 'camera' in prompt.place ? prompt.points : [];
   const camera =
-    prompt && prompt.kind !== 'label' && 'camera' in prompt.place
-      ? prompt.place.camera
-      : undefined;
+    prompt && prompt.kind !== 'label' && 'camera' in prompt.place ? prompt.place.camera : undefined;
+  // A mask belongs to the camera for which it was made. After a move and a click it is not drawn
+  // until the new answer comes, and never if that click hits nothing.
+  const made = useRef({ mask, camera });
+  if (made.current.mask !== mask) made.current = { mask, camera };
+  const isShown = (at: FreeCamera | undefined) =>
+    !stale && at !== undefined && at === asked.current;
+  const shownMask = isShown(made.current.camera) ? mask : undefined;
   useEffect(() => {
-    if (overlay.current) paintMask(overlay.current, stale ? undefined : mask?.rle);
-  }, [mask, stale]);
+    if (overlay.current) paintMask(overlay.current, shownMask?.rle);
+  }, [shownMask]);
 
   /** Segments at a position, given as shares of width and height. */
   const ask = (x: number, y: number, negative: boolean) => {
@@ -165,13 +170,8 @@ export function SplatPane(props: Props): JSX.Element {
         onPointerUp={release}
         onKeyDown={key}
       />
-      <canvas
-        ref={overlay}
-        class="overlay"
-        aria-hidden="true"
-        data-area={stale ? 0 : (mask?.area ?? 0)}
-      />
-      {camera && !stale && (
+      <canvas ref={overlay} class="overlay" aria-hidden="true" data-area={shownMask?.area ?? 0} />
+      {camera && isShown(camera) && (
         <svg class="overlay" viewBox={`0 0 ${camera.width} ${camera.height}`} aria-hidden="true">
           {points.map(({ x, y, negative }) => (
             <circle
@@ -184,7 +184,7 @@ export function SplatPane(props: Props): JSX.Element {
           ))}
         </svg>
       )}
-      {miss && 'camera' in miss.place && miss.place.camera === asked.current && !stale && (
+      {miss && 'camera' in miss.place && isShown(miss.place.camera) && (
         <MissNote x={miss.x / miss.place.camera.width} y={miss.y / miss.place.camera.height} />
       )}
       {status === 'loading' && (

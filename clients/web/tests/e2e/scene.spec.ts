@@ -319,6 +319,8 @@ test('a click on nothing says so at its position, and the answer stays', async (
   await expect(page.getByText('Nothing to segment here')).toBeVisible({ timeout: 30_000 });
   await expect(page.getByText('Looking …')).toBeHidden();
   expect(await area()).toBe(before);
+  // The mask was made for another camera of the 3D view: there it is not drawn.
+  await expect(page.locator('.splats canvas.overlay')).toHaveAttribute('data-area', '0');
   await screenshot(page, 'scene-click-on-nothing');
 });
 

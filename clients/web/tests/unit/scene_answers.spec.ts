@@ -42,6 +42,11 @@ test('two proposals of a kind are named by their position', () => {
   expect(names).toEqual(['Part 1', 'Part 2', 'Object']);
 });
 
+test('the only proposal is the object', () => {
+  const names = ladder([9n], [ProposeScalesResponse_Kind.UNSPECIFIED], 0).map(({ name }) => name);
+  expect(names).toEqual(['Object']);
+});
+
 test('pixels are those of the photograph where its size is known', () => {
   const camera = { width: 320, height: 240 };
   expect(sizeOf(create(ViewSchema, { camera }))).toEqual({ width: 320, height: 240 });
