@@ -17,6 +17,7 @@
 #include "clients/cpp/answer_status.h"
 #include "clients/cpp/channel.h"
 #include "clients/cpp/file_bytes.h"
+#include "clients/cpp/proxy.h"
 
 namespace pepeseg::client::cli {
 namespace {
@@ -117,7 +118,7 @@ std::string GatewayAdvice(const absl::Status& status) {
 
 // Returns the remedy; "" if the message says enough.
 std::string Advice(const absl::Status& status, const std::string& server) {
-  if (IsLocalFileError(status)) return "";
+  if (IsLocalFileError(status) || IsProxyFailure(std::string(status.message()))) return "";
   const std::optional<ErrorDetail> detail = DetailOf(status);
   const std::string resource = detail ? detail->resource : "";
   if (!detail) {

@@ -6,12 +6,14 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "clients/cpp/file_bytes.h"
+#include "clients/cpp/proxy.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client {
@@ -109,6 +111,40 @@ class KeyInterceptorFactory final : public ClientInterceptorFactoryInterface {
   const std::string header_;
 };
 
+// Names the proxy in the status of a call that failed at it: gRPC's message has only an address.
+class ProxyInterceptor final : public Interceptor {
+ public:
+  ProxyInterceptor(const Proxy& proxy, const std::string& target)
+      : proxy_(proxy), target_(target) {}
+  void Intercept(InterceptorBatchMethods* methods) override {
+    if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::POST_RECV_STATUS)) {
+      grpc::Status* status = methods->GetRecvStatus();
+      if (status->error_code() == grpc::StatusCode::UNAVAILABLE) {
+        const std::string message = ExplainProxyFailure(proxy_, target_, status->error_message());
+        if (!message.empty()) *status = grpc::Status(grpc::StatusCode::UNAVAILABLE, message);
+      }
+    }
+    methods->Proceed();
+  }
+
+ private:
+  const Proxy& proxy_;  // of the factory, which the channel keeps alive, as is `target_`
+  const std::string& target_;
+};
+
+class ProxyInterceptorFactory final : public ClientInterceptorFactoryInterface {
+ public:
+  ProxyInterceptorFactory(Proxy proxy, std::string target)
+      : proxy_(std::move(proxy)), target_(std::move(target)) {}
+  Interceptor* CreateClientInterceptor(ClientRpcInfo*) override {
+    return new ProxyInterceptor(proxy_, target_);  // gRPC deletes it
+  }
+
+ private:
+  const Proxy proxy_;
+  const std::string target_;
+};
+
 }  // namespace
 
 bool IsThisMachine(const std::string& server) {
@@ -139,9 +175,12 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> OpenChannel(const std::string& se
   }
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kMaxAnswerBytes);
-  // A proxy cannot reach this machine's own addresses, and gRPC 1.51 reads no ranges in no_proxy.
-  if (IsThisMachine(target)) arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   std::vector<std::unique_ptr<ClientInterceptorFactoryInterface>> interceptors;
+  if (std::optional<Proxy> proxy = ProxyOf(target)) {
+    interceptors.push_back(std::make_unique<ProxyInterceptorFactory>(*std::move(proxy), target));
+  } else {
+    arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  }
   if (!key.empty()) interceptors.push_back(std::make_unique<KeyInterceptorFactory>(key));
   return grpc::experimental::CreateCustomChannelWithInterceptors(target, credentials, arguments,
                                                                  std::move(interceptors));

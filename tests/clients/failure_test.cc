@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "clients/cpp/file_bytes.h"
+#include "clients/cpp/proxy.h"
 #include "tests/clients/cpp/server_error.h"
 #include "tests/testing/temp_folder.h"
 
@@ -44,6 +45,16 @@ TEST(Explain, GivesTheRemedyForARefusedKey) {
   EXPECT_THAT(explain("MISSING_SCOPE"), HasSubstr("a key, or a token, that has it"));
   EXPECT_THAT(explain("NOT_YOURS"), HasSubstr("pepeseg scenes"));
   EXPECT_EQ(ExitCodeOf(FromGrpc(Refused("NO_KEY"))), 10);
+}
+
+TEST(Explain, BlamesTheProxyAndNotTheServer) {
+  const std::string refused = client::ExplainProxyFailure(
+      {"10.0.0.1:3128", "http_proxy"}, "host:1",
+      "failed to connect to all addresses; last error: UNKNOWN: ipv4:10.0.0.1:3128: HTTP proxy "
+      "returned response code 403");
+  const absl::Status status = FromGrpc({grpc::UNAVAILABLE, refused});
+  EXPECT_EQ(Explain(status, "host:1"), "pepeseg: " + refused);
+  EXPECT_EQ(ExitCodeOf(status), 5);
 }
 
 TEST(Explain, DistinguishesGatewayFromServer) {
