@@ -168,8 +168,8 @@ std::string ExplainProxyFailure(const Proxy& proxy, const std::string& target,
   }
   const size_t no_host = message.find(kNoHost);
   if (no_host != std::string::npos) {
-    return absl::StrCat(subject, "cannot be reached: ",
-                        message.substr(no_host + sizeof(kNoHost) - 1), remedy);
+    return absl::StrCat(
+        subject, "cannot be reached: ", message.substr(no_host + sizeof(kNoHost) - 1), remedy);
   }
   if (!absl::StrContains(message, kNotConnected)) return "";
   const size_t last = message.find(kLastError);

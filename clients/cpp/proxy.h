@@ -15,8 +15,8 @@ struct Proxy {
 // http_proxy names, in this order. Empty: calls go to `target` itself, because no variable names a
 // proxy by http://, `target` is this machine (by loopback address, own address or own name), or
 // no_grpc_proxy or no_proxy has its host: by the end of its name, "*", or a range such as
-// 10.0.0.0/8. These rules are those of gRPC 1.51 except for own addresses, "*" and ranges, for which
-// gRPC would use the proxy.
+// 10.0.0.0/8. These rules are those of gRPC 1.51 except for own addresses, "*" and ranges, for
+// which gRPC would use the proxy.
 std::optional<Proxy> ProxyOf(const std::string& target);
 
 // Returns a message that names `proxy` for gRPC's `message` about a connection to `target` that

@@ -151,8 +151,8 @@ std::vector<std::string> OwnHosts() {
     } else if (one->ifa_addr->sa_family == AF_INET6) {
       const auto* address = reinterpret_cast<const sockaddr_in6*>(one->ifa_addr);
       if (IN6_IS_ADDR_LINKLOCAL(&address->sin6_addr)) continue;  // needs the name of its interface
-      hosts.push_back("[" + std::string(inet_ntop(AF_INET6, &address->sin6_addr, text,
-                                                  sizeof(text))) + "]");
+      hosts.push_back(
+          "[" + std::string(inet_ntop(AF_INET6, &address->sin6_addr, text, sizeof(text))) + "]");
     }
   }
   freeifaddrs(all);
@@ -196,9 +196,10 @@ TEST_F(ProxyTest, IsNamedWhenItRefuses) {
 
 TEST_F(ProxyTest, IsNamedWhenItCannotBeReached) {
   setenv("http_proxy", "http://127.0.0.1:1", 1);
-  EXPECT_THAT(std::string(List("example.org:50051").message()),
-              AllOf(StartsWith("the proxy 127.0.0.1:1, which http_proxy names, cannot be reached: "),
-                    HasSubstr("Connection refused"), HasSubstr("example.org to no_proxy")));
+  EXPECT_THAT(
+      std::string(List("example.org:50051").message()),
+      AllOf(StartsWith("the proxy 127.0.0.1:1, which http_proxy names, cannot be reached: "),
+            HasSubstr("Connection refused"), HasSubstr("example.org to no_proxy")));
   setenv("http_proxy", "http://nosuch.invalid:3128", 1);
   EXPECT_THAT(std::string(List(kRemote).message()),
               AllOf(HasSubstr("the proxy nosuch.invalid:3128, which http_proxy names, cannot be"),

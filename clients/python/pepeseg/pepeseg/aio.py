@@ -32,6 +32,7 @@ from pepeseg.calls import (
     metadata_of,
 )
 from pepeseg.channel import Connection
+from pepeseg.proxy import Proxy
 from pepeseg.v1 import job_service_pb2
 
 P = ParamSpec("P")
@@ -41,11 +42,10 @@ T = TypeVar("T")
 class _Awaiting:
     """Runs the steps of an operation one after the other, awaiting each."""
 
-    def __init__(
-        self, channel: Any, metadata: tuple[tuple[str, str], ...], patience: float
-    ) -> None:
+    def __init__(self, channel: Any, connection: Connection, patience: float) -> None:
         self._services = Services(channel)
-        self._metadata = metadata
+        self._metadata = connection.metadata
+        self._proxy = connection.proxy
         self._patience = patience
 
     async def run(self, steps: Steps[T]) -> T:
@@ -74,7 +74,7 @@ class _Awaiting:
             async for message in call:
                 yield message
         except grpc.RpcError as error:
-            raise errors.from_rpc(error) from None
+            raise errors.from_rpc(error, self._proxy) from None
         finally:
             call.cancel()
 
@@ -99,7 +99,7 @@ class _Awaiting:
             try:
                 return await method(step.request, timeout=step.seconds, metadata=metadata)
             except grpc.RpcError as error:
-                failure = errors.from_rpc(error)
+                failure = errors.from_rpc(error, self._proxy)
             await asyncio.sleep(patience.pause_after(failure, step.repeatable))
 
     async def _send(self, step: Send) -> Any:
@@ -111,7 +111,7 @@ class _Awaiting:
             await call.done_writing()
             return await call
         except (grpc.RpcError, asyncio.InvalidStateError) as error:
-            raise await _why(call, error) from None
+            raise await _why(call, error, self._proxy) from None
         finally:
             call.cancel()
 
@@ -121,12 +121,12 @@ def _next(requests: Iterator[Any]) -> Any:
     return next(requests, None)
 
 
-async def _why(call: Any, error: Exception) -> Exception:
+async def _why(call: Any, error: Exception, proxy: Proxy | None) -> Exception:
     """Returns why a stream ended: the error of a write after its end does not say."""
     try:
         await call
     except grpc.RpcError as cause:
-        return errors.from_rpc(cause)
+        return errors.from_rpc(cause, proxy)
     return error
 
 
@@ -192,7 +192,7 @@ class Client(SceneClient):
 
     def _open(self, connection: Connection, patience: float) -> None:
         self._channel = connection.open_aio()
-        self._calls = _Awaiting(self._channel, connection.metadata, patience)
+        self._calls = _Awaiting(self._channel, connection, patience)
 
     async def run(self, steps: Steps[T]) -> T:
         """Runs the steps of an operation."""

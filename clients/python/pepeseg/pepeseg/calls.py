@@ -16,6 +16,8 @@ import time
 import grpc
 
 from pepeseg import errors
+from pepeseg.channel import Connection
+from pepeseg.proxy import Proxy
 from pepeseg.v1 import (
     dataset_service_pb2_grpc,
     evaluation_service_pb2_grpc,
@@ -161,18 +163,17 @@ class LocalFailure:
             self.error = error
             raise
 
-    def reason_of(self, error: grpc.RpcError) -> Exception:
-        return self.error or errors.from_rpc(error)
+    def reason_of(self, error: grpc.RpcError, proxy: Proxy | None) -> Exception:
+        return self.error or errors.from_rpc(error, proxy)
 
 
 class Blocking:
     """Runs the steps of an operation one after the other, blocking for each."""
 
-    def __init__(
-        self, channel: grpc.Channel, metadata: tuple[tuple[str, str], ...], patience: float
-    ) -> None:
+    def __init__(self, channel: grpc.Channel, connection: Connection, patience: float) -> None:
         self._services = Services(channel)
-        self._metadata = metadata
+        self._metadata = connection.metadata
+        self._proxy = connection.proxy
         self._patience = patience
 
     def run(self, steps: Steps[T]) -> T:
@@ -200,7 +201,7 @@ class Blocking:
         try:
             yield from call
         except grpc.RpcError as error:
-            raise errors.from_rpc(error) from None
+            raise errors.from_rpc(error, self._proxy) from None
         finally:
             call.cancel()
 
@@ -225,7 +226,7 @@ class Blocking:
             try:
                 return method(step.request, timeout=step.seconds, metadata=metadata)
             except grpc.RpcError as error:
-                failure = errors.from_rpc(error)
+                failure = errors.from_rpc(error, self._proxy)
             time.sleep(patience.pause_after(failure, step.repeatable))
 
     def _send(self, step: Send) -> Any:
@@ -234,7 +235,7 @@ class Blocking:
         try:
             return self._services.method(step)(requests, metadata=metadata)
         except grpc.RpcError as error:
-            raise requests.reason_of(error) from None
+            raise requests.reason_of(error, self._proxy) from None
 
 
 def new_request_id() -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import grpc
 
 from pepeseg.errors import refused
+from pepeseg.proxy import Proxy, proxy_of
 
 DEFAULT_SERVER = "127.0.0.1:50051"
 _HTTPS = "https://"
@@ -54,6 +55,7 @@ class Connection:
     target: str
     credentials: grpc.ChannelCredentials | None
     metadata: tuple[tuple[str, str], ...]
+    proxy: Proxy | None  # through which calls go
 
     def open(self) -> grpc.Channel:
         """Returns a channel for blocking calls. It connects with the first call."""
@@ -67,9 +69,8 @@ class Connection:
 
     def _open(self, module: Any) -> Any:
         options = list(_OPTIONS)
-        if is_this_machine(self.target):
-            # A proxy cannot reach this machine's own addresses, and gRPC 1.51 reads no ranges in
-            # no_proxy.
+        if self.proxy is None:
+            # gRPC 1.51 would use a proxy for this machine's own addresses, too.
             options.append(("grpc.enable_http_proxy", 0))
         if self.credentials is None:
             return module.insecure_channel(self.target, options=options)
@@ -149,4 +150,4 @@ def look_through(login: Login) -> Connection:
         )
     credentials = _tls_credentials(ca, certificate, certificate_key) if tls else None
     metadata = (("authorization", f"Bearer {key}"),) if key else ()
-    return Connection(target, credentials, metadata)
+    return Connection(target, credentials, metadata, proxy_of(target))

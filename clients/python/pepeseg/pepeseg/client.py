@@ -101,7 +101,7 @@ class Client(SceneClient):
 
     def _open(self, connection: Connection, patience: float) -> None:
         self._channel = connection.open()
-        self._calls = Blocking(self._channel, connection.metadata, patience)
+        self._calls = Blocking(self._channel, connection, patience)
 
     def run(self, steps: Steps[T]) -> T:
         """Runs the steps of an operation."""

@@ -14,6 +14,7 @@ from google.protobuf import message as protobuf
 import grpc
 
 from pepeseg.enum_words import stage_name
+from pepeseg.proxy import Proxy
 from pepeseg.v1 import errors_pb2, job_service_pb2
 
 _HTTP_STATUS = "Received http2 header with status: "
@@ -223,8 +224,11 @@ def start_advice(message: str) -> str:
     return f"; is a server listening there? Start one with `{shlex.quote(program)}{listen}`"
 
 
-def from_rpc(error: grpc.RpcError) -> PepesegError:
-    """Returns the exception for an error of gRPC, of a blocking or an asyncio call."""
+def from_rpc(error: grpc.RpcError, proxy: Proxy | None = None) -> PepesegError:
+    """Returns the exception for an error of gRPC, of a blocking or an asyncio call.
+
+    `proxy`: the one through which the call went, if any.
+    """
     code: grpc.StatusCode = error.code()
     message: str = error.details() or code.name
     detail = _read_detail(error.trailing_metadata())
@@ -233,7 +237,8 @@ def from_rpc(error: grpc.RpcError) -> PepesegError:
         code = _FROM_HTTP.get(status, grpc.StatusCode.UNAVAILABLE)
         message = f"a proxy on the way to the server answered with HTTP {status}"
     elif detail is None and code == grpc.StatusCode.UNAVAILABLE:
-        message += start_advice(message)
+        by_proxy = proxy.explain(message) if proxy is not None else ""
+        message = by_proxy or message + start_advice(message)
     return _CLASSES.get(code, PepesegError)(message, code, detail)
 
 
