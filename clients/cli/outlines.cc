@@ -55,14 +55,24 @@ void FillPolygon(const Polygon& polygon, const MaskScale& scale, GreyPicture& ma
   }
 }
 
-// Returns whether all pixels of one mask are in another, and not the reverse.
+// Returns whether `mask` lies in `other` and touches its border nowhere: each pixel's neighbours to
+// the left, right, above and below are in `other`, too. Strokes of one thing that overlap share the
+// thing's border, so the smaller one is not taken for a hole.
 bool IsInside(const GreyPicture& mask, const GreyPicture& other) {
-  bool equal = true;
-  for (size_t i = 0; i < mask.pixels.size(); ++i) {
-    if (mask.pixels[i] > other.pixels[i]) return false;
-    equal = equal && mask.pixels[i] == other.pixels[i];
+  const auto is_in = [&](int x, int y) {
+    if (x < 0 || y < 0 || x >= other.width || y >= other.height) return true;
+    return other.pixels[static_cast<size_t>(y) * other.width + x] != 0;
+  };
+  for (int y = 0; y < mask.height; ++y) {
+    for (int x = 0; x < mask.width; ++x) {
+      if (mask.pixels[static_cast<size_t>(y) * mask.width + x] == 0) continue;
+      if (!is_in(x, y) || !is_in(x - 1, y) || !is_in(x + 1, y) || !is_in(x, y - 1) ||
+          !is_in(x, y + 1)) {
+        return false;
+      }
+    }
   }
-  return !equal;
+  return mask.pixels != other.pixels;
 }
 
 // Adds the region of polygons to the mask.

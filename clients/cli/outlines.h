@@ -25,7 +25,8 @@ Polygon CircleOf(const OutlinePoint& centre, const OutlinePoint& point);
 // A region of a photograph.
 struct OutlineRegion {
   // The region is the union of these polygons, as COCO's own code has it. One that lies wholly
-  // inside another is a hole in it, and one inside of that hole is an island.
+  // inside another, and does not touch its border, is a hole in it; one inside of that hole is an
+  // island.
   std::vector<Polygon> polygons;
   std::optional<v1::CocoRle> rle;  // in place of polygons
 };

@@ -6,7 +6,7 @@
 
 #include "core/dataset/held_out.h"
 #include "core/dataset/video_frames.h"
-#include "core/formats/movie_boxes.h"
+#include "core/formats/movie_size.h"
 #include "core/priors/sam/sam_segmenter.h"
 #include "core/sfm/sfm_options.h"
 

@@ -15,7 +15,7 @@
 #include "core/dataset/extra_files.h"
 #include "core/dataset/held_out.h"
 #include "core/dataset/video_frames.h"
-#include "core/formats/movie_boxes.h"
+#include "core/formats/movie_size.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/services/file_header.h"

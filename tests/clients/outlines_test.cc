@@ -58,6 +58,18 @@ TEST(MaskOfEntity, UnitesPolygonsThatOverlap) {
               ElementsAre("#####", "#####", ".#...", ".#..."));
   const OutlinedEntity twice = Entity({Square(0, 0, 2, 2), Square(0, 0, 2, 2)});
   EXPECT_THAT(Scanlines(MaskOfEntity(twice, {3, 2}, {3, 2})), ElementsAre("##.", "##."));
+  const OutlinedEntity everything = Entity({Square(0, 0, 3, 2), Square(0, 0, 3, 2)});
+  EXPECT_THAT(Scanlines(MaskOfEntity(everything, {3, 2}, {3, 2})), ElementsAre("###", "###"));
+}
+
+// The right part of a thing may lie wholly in its left part: it shares the thing's border.
+TEST(MaskOfEntity, HasNoHoleWhereAStrokeTouchesTheBorderOfAnother) {
+  const OutlinedEntity strokes = Entity({Square(0, 0, 5, 4), Square(1, 0, 3, 2)});
+  EXPECT_THAT(Scanlines(MaskOfEntity(strokes, {5, 5}, {5, 5})),
+              ElementsAre("#####", "#####", "#####", "#####", "....."));
+  const OutlinedEntity at_the_left = Entity({Square(1, 0, 5, 5), Square(1, 1, 3, 3)});
+  EXPECT_THAT(Scanlines(MaskOfEntity(at_the_left, {5, 5}, {5, 5})),
+              ElementsAre(".####", ".####", ".####", ".####", ".####"));
 }
 
 TEST(MaskOfEntity, HasAHoleWhereAPolygonLiesInsideAnother) {

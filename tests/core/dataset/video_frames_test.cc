@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "core/formats/decode_image.h"
-#include "core/formats/movie_boxes.h"
+#include "core/formats/movie_size.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 #include "tests/testing/test_video.h"
@@ -169,7 +169,10 @@ TEST_F(VideoFramesTest, HaveTheirNumberAndSizeInTheHeader) {
   EXPECT_EQ(size.width, 160);
   EXPECT_EQ(size.height, 112);
   Write(frames);  // AVI
-  EXPECT_EQ(ReadMovieSize(task_.path).num_frames, 0);
+  const MovieSize avi = ReadMovieSize(task_.path);
+  EXPECT_EQ(avi.num_frames, 37);
+  EXPECT_EQ(avi.width, 160);
+  EXPECT_EQ(avi.height, 112);
   EXPECT_EQ(ReadMovieSize(folder_ / "none").num_frames, 0);
 }
 
