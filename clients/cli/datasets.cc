@@ -9,8 +9,10 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/string_view.h"
 #include "absl/time/clock.h"
 #include "clients/cli/model_summary.h"
 #include "clients/cli/progress_line.h"
@@ -25,10 +27,29 @@ namespace {
 
 constexpr size_t kMaxNames = 10;  // of files left out that are printed
 
+// Returns what a file's folder holds instead, "; depth maps are ...", or "" for another folder.
+std::string WhatIsTaken(absl::string_view name) {
+  constexpr std::pair<const char*, const char*> kFolders[] = {
+      {"images/", "photographs are .jpg, .jpeg, .png, .webp, .heic or .heif"},
+      {"masks/", "masks are .json, .png or .npy"},
+      {"ignore/", "ignore masks are .png"},
+      {"depth/", "depth maps are .png, .npy or .pfm"},
+      {"disparity/", "disparity maps are .png, .npy or .pfm"},
+      {"sparse/", "COLMAP's files are cameras, images and points3D, .bin or .txt, and not empty"}};
+  const bool in_layout = absl::StartsWith(name, "images/") || absl::StartsWith(name, "videos/");
+  if (in_layout && KindOf(name) == v1::FILE_KIND_VIDEO) {
+    return "; it has the name of a photograph, so it is that of a Live Photo";
+  }
+  for (const auto& [folder, taken] : kFolders) {
+    if (absl::StartsWith(name, folder)) return absl::StrCat("; ", taken);
+  }
+  return "";
+}
+
 // Prints the first few files that are not part of the dataset, and how many more there are.
 void NoteLeftOut(const std::vector<std::string>& names) {
   for (size_t i = 0; i < std::min(names.size(), kMaxNames); ++i) {
-    Note(absl::StrCat("left out, not part of a dataset: ", names[i]));
+    Note(absl::StrCat("left out, not part of a dataset: ", names[i], WhatIsTaken(names[i])));
   }
   if (names.size() > kMaxNames) {
     Note(absl::StrCat("... and ", names.size() - kMaxNames, " more"));

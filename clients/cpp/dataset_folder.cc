@@ -98,8 +98,8 @@ std::string PlainPath(absl::string_view path) {
 }
 
 // Returns the kinds of the points and masks that transforms.json names (ply_file_path, mask_path),
-// by path, whatever their folders. A file that is not such JSON names none: the server says what is
-// wrong.
+// by their paths in lower case, whatever their folders. A file that is not such JSON names none:
+// the server says what is wrong.
 std::map<std::string, v1::FileKind> ReferencesOf(const fs::path& root) {
   std::map<std::string, v1::FileKind> named;
   std::ifstream file(root / "transforms.json");
@@ -108,7 +108,8 @@ std::map<std::string, v1::FileKind> ReferencesOf(const fs::path& root) {
   const auto add = [&](const nlohmann::json& object, const char* key, v1::FileKind kind) {
     const auto found = object.is_object() ? object.find(key) : object.end();
     if (found != object.end() && found->is_string()) {
-      named.insert_or_assign(PlainPath(found->get_ref<const std::string&>()), kind);
+      named.insert_or_assign(absl::AsciiStrToLower(PlainPath(found->get_ref<const std::string&>())),
+                             kind);
     }
   };
   add(json, "mask_path", v1::FILE_KIND_MASK);
@@ -262,8 +263,12 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::File
     if (IsSystemFile(below)) continue;
     const std::string name = InLayout(below);
     std::optional<v1::FileKind> kind = KindOf(name, in_depth);
-    const auto reference = references.find(below);
-    if (!kind && reference != references.end()) kind = reference->second;
+    const auto reference = references.find(absl::AsciiStrToLower(below));
+    if (reference != references.end()) {
+      // A mask among the photographs is none of them.
+      const bool is_mask = kind == v1::FILE_KIND_IMAGE && reference->second == v1::FILE_KIND_MASK;
+      if (!kind || is_mask) kind = reference->second;
+    }
     // Some tools write no points at all, and the contract has no files without bytes.
     if (kind == v1::FILE_KIND_POINTS && entry->file_size(ignored) == 0) kind.reset();
     if (kind) RETURN_IF_ERROR(CheckName(name));

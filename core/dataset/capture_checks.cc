@@ -107,7 +107,7 @@ std::optional<std::string> WarnOfUnseenPoints(std::span<const PosedLens> cameras
       100 * seen);
 }
 
-std::optional<std::string> WarnOfIgnoredScene(const Capture& capture) {
+std::optional<std::string> WarnOfIgnoredScene(const Capture& capture, bool has_ignore_masks) {
   int64_t num_pixels = 0, num_ignored = 0, num_points = 0, num_hidden = 0;
   for (const View& view : capture.views) {
     num_pixels += int64_t{view.camera.width} * view.camera.height;
@@ -126,14 +126,38 @@ std::optional<std::string> WarnOfIgnoredScene(const Capture& capture) {
       num_hidden += view.ignore[y * static_cast<size_t>(view.camera.width) + x] != 0;
     }
   }
-  if (2 * num_ignored <= num_pixels && 2 * num_hidden <= num_points) return std::nullopt;
+  // Transparent pixels alone: a thing on a large empty background is usual.
+  const bool many = has_ignore_masks && 2 * num_ignored > num_pixels;
+  if (!many && 2 * num_hidden <= num_points) return std::nullopt;
   const auto percent = [](int64_t part, int64_t whole) {
     return whole > 0 ? 100 * static_cast<double>(part) / static_cast<double>(whole) : 0.0;
   };
   return absl::StrFormat(
-      "%.0f %% of the pixels are ignored, and with them %.0f %% of the points that the views show: "
-      "if the ignore masks are turned round, invert them (non-zero is what is left out)",
-      percent(num_ignored, num_pixels), percent(num_hidden, num_points));
+      "%.0f %% of the pixels are %s, and with them %.0f %% of the points that the views show: %s",
+      percent(num_ignored, num_pixels), has_ignore_masks ? "ignored" : "transparent and ignored",
+      percent(num_hidden, num_points),
+      has_ignore_masks
+          ? "if the ignore masks are turned round, invert them (non-zero is what is left out)"
+          : "if the photographs have their alpha turned round, invert it (0 is what is left out)");
+}
+
+std::optional<std::string> WarnOfKeepMasks(const Capture& capture) {
+  constexpr double kLarge = 0.5;  // share of the pixels
+  int num = 0;
+  double sum = 0;
+  for (const View& view : capture.views) {
+    if (view.masks.empty()) continue;
+    if (view.masks.num_masks > 1) return std::nullopt;
+    ++num;
+    sum += static_cast<double>(view.masks.mask_area[0]) /
+           (static_cast<double>(view.masks.width) * view.masks.height);
+  }
+  if (num < 2 || sum <= kLarge * num) return std::nullopt;
+  return absl::StrFormat(
+      "%d photographs have one mask each, which covers %.0f %% of the pixels on average, and is "
+      "taken for a segment. If it says which pixels to use, invert it and put it in ignore/, or "
+      "name it in transforms.json (mask_path)",
+      num, 100 * sum / num);
 }
 
 }  // namespace pepeseg

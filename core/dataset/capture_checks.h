@@ -45,6 +45,11 @@ std::optional<std::string> WarnOfUnseenPoints(std::span<const PosedLens> cameras
 
 // Returns a warning if more than half of the pixels of the views are ignored, or pixels that show
 // more than half of the points: masks are often turned round. Returns nothing otherwise.
-std::optional<std::string> WarnOfIgnoredScene(const Capture& capture);
+// `has_ignore_masks`: else only transparent pixels are ignored, and their number does not count.
+std::optional<std::string> WarnOfIgnoredScene(const Capture& capture, bool has_ignore_masks);
+
+// Returns a warning if each view with masks has one that covers more than half of the pixels on
+// average: such masks mostly say which pixels to use. Returns nothing otherwise.
+std::optional<std::string> WarnOfKeepMasks(const Capture& capture);
 
 }  // namespace pepeseg

@@ -103,14 +103,15 @@ absl::StatusOr<MaskSet> CompanionFiles::Masks(const std::string& stem, const Cam
   const DatasetFile* file = FileOf(Companion::kMasks, stem);
   if (file == nullptr) return MaskSet();
   const auto folder = index_.mask_folders.find(stem);
-  bool soft = false;
+  LabelNotes notes;
   const auto read = [&](const PhotoSize& size) {
-    return folder == index_.mask_folders.end() ? ReadMasks(file->path, file->name, size, &soft)
+    return folder == index_.mask_folders.end() ? ReadMasks(file->path, file->name, size, &notes)
                                                : ReadBinaryMasks(folder->second, size);
   };
   ASSIGN_OR_RETURN(const Fitted<MaskSet> masks,
                    ReadFitting<MaskSet>(Companion::kMasks, *file, pixels, read));
-  if (soft) soft_.insert(file->name);
+  if (notes.soft) soft_.insert(file->name);
+  if (notes.has_void) with_void_.insert(file->name);
   return Turned(masks.content, masks.turn);
 }
 
@@ -169,6 +170,13 @@ void CompanionFiles::AddWarnings(std::vector<std::string>& warnings) const {
     warnings.push_back(absl::StrCat(
         names.size(), " label images are one mask with soft borders each, cut at half of the ",
         "value: ", FirstNames(names)));
+  }
+  if (!with_void_.empty()) {
+    const std::vector<std::string> names(with_void_.begin(), with_void_.end());
+    warnings.push_back(
+        absl::StrCat(names.size(),
+                     " label images have borders of the value 255, which are void and in no mask: ",
+                     FirstNames(names)));
   }
   for (const auto& [what, files] : of_turned_photos_) {
     const std::vector<std::string> names(files.begin(), files.end());

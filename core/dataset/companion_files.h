@@ -69,7 +69,8 @@ class CompanionFiles {
   // Returns the file of a kind that names it in messages, or null.
   const DatasetFile* FileOf(Companion kind, const std::string& stem) const;
 
-  // Adds warnings that name the masks with soft borders, and the files that were turned.
+  // Adds warnings that name the masks with soft borders or void pixels, and the files that were
+  // turned.
   void AddWarnings(std::vector<std::string>& warnings) const;
 
  private:
@@ -87,7 +88,7 @@ class CompanionFiles {
 
   const DatasetIndex& index_;
   CompanionFrames frames_;
-  std::set<std::string> soft_;
+  std::set<std::string> soft_, with_void_;  // names of mask files
   std::map<std::pair<Companion, PixelFrame>, std::set<std::string>> of_turned_photos_;
 };
 

@@ -189,41 +189,74 @@ TransformsReferences ReadReferences(const DatasetIndex& index) {
   return ParseTransformsReferences(*text).value_or(TransformsReferences());
 }
 
-// Returns the file with that name, or with a name that is the end of `path`; null if there is none.
-const DatasetFile* FileAt(const std::string& path,
-                          const std::map<std::string, const DatasetFile*>& by_name) {
-  return FindBelowFolders<const DatasetFile*>(path, nullptr, [&](const std::string& name) {
-    const auto found = by_name.find(name);
-    return found == by_name.end() ? nullptr : found->second;
-  });
-}
+// Finds files by the paths that transforms.json gives them.
+class FilesByPath {
+ public:
+  void Add(const DatasetFile* file) {
+    by_name_.emplace(file->name, file);
+    const auto [entry, added] = by_folded_.try_emplace(FoldName(file->name), file);
+    if (!added) entry->second = nullptr;  // ambiguous
+  }
 
-// Moves the masks that frames name from the masks and ignore masks to `keep`.
+  // Returns the file with that name, or with a name that is the end of `path`; null if there is
+  // none. Exact names take precedence over those that differ as FoldName says.
+  const DatasetFile* Find(const std::string& path) const {
+    const DatasetFile* exact = FindIn(by_name_, path);
+    return exact != nullptr ? exact : FindIn(by_folded_, FoldName(path));
+  }
+
+ private:
+  using Files = std::map<std::string, const DatasetFile*>;
+  static const DatasetFile* FindIn(const Files& files, const std::string& path) {
+    return FindBelowFolders<const DatasetFile*>(path, nullptr, [&](const std::string& name) {
+      const auto found = files.find(name);
+      return found == files.end() ? nullptr : found->second;
+    });
+  }
+
+  Files by_name_, by_folded_;
+};
+
+// Moves the masks that frames name from the masks, the ignore masks and the photographs to `keep`.
 void TakeKeepMasks(const TransformsReferences& references, DatasetIndex& index) {
-  const PhotoNames photos(index.photos);
-  std::map<std::string, const DatasetFile*> by_name;
-  for (const auto* files : {&index.masks, &index.ignore}) {
-    for (const auto& [stem, file] : *files) by_name.emplace(file->name, file);
+  FilesByPath files;
+  for (const auto* kind : {&index.masks, &index.ignore, &index.photos}) {
+    for (const auto& [name, file] : *kind) files.Add(file);
+  }
+  std::set<const DatasetFile*> shown;  // photographs of frames, which are no masks
+  {
+    const PhotoNames photos(index.photos);
+    for (const auto& frame : references.frames) {
+      const auto photo = index.photos.find(photos.Find(frame.photo));
+      if (photo != index.photos.end()) shown.insert(photo->second);
+    }
   }
   std::set<std::string> missing;
-  std::set<const DatasetFile*> taken;
+  std::map<std::string, const DatasetFile*> taken;  // by path
   for (const auto& [photo, mask] : references.frames) {
     if (mask.empty()) continue;
-    const DatasetFile* file = FileAt(mask, by_name);
-    if (file == nullptr) {
+    const DatasetFile* file = files.Find(mask);
+    if (file == nullptr || shown.contains(file)) {
       missing.insert(mask);
-      continue;
+    } else {
+      taken.emplace(mask, file);
     }
-    taken.insert(file);
+  }
+  std::set<const DatasetFile*> masks;
+  for (const auto& [path, file] : taken) masks.insert(file);
+  for (auto* kind : {&index.masks, &index.ignore, &index.photos}) {
+    std::erase_if(*kind, [&](const auto& entry) { return masks.contains(entry.second); });
+  }
+  const PhotoNames photos(index.photos);
+  for (const auto& [photo, mask] : references.frames) {
+    const auto file = taken.find(mask);
     const std::string key = photos.Find(photo);
-    if (!key.empty()) index.keep[std::string(WithoutSuffix(key))] = file;
+    if (file == taken.end() || key.empty()) continue;
+    index.keep[std::string(WithoutSuffix(key))] = file->second;
   }
-  for (auto* files : {&index.masks, &index.ignore}) {
-    std::erase_if(*files, [&](const auto& entry) { return taken.contains(entry.second); });
-  }
-  if (!taken.empty()) {
+  if (!masks.empty()) {
     index.warnings.push_back(absl::StrCat(
-        taken.size(), " masks that ", index.transforms->name,
+        masks.size(), " masks that ", index.transforms->name,
         " names (mask_path) say what to use: their pixels of value 0 are ignored, and they are not "
         "segments"));
   }
@@ -236,9 +269,9 @@ void TakeKeepMasks(const TransformsReferences& references, DatasetIndex& index) 
 
 // Chooses the cloud that transforms.json names, else the only one.
 absl::Status ChoosePoints(const TransformsReferences& references, DatasetIndex& index) {
-  std::map<std::string, const DatasetFile*> by_name;
-  for (const DatasetFile* cloud : index.point_clouds) by_name.emplace(cloud->name, cloud);
-  if (!references.points.empty()) index.ply_points = FileAt(references.points, by_name);
+  FilesByPath clouds;
+  for (const DatasetFile* cloud : index.point_clouds) clouds.Add(cloud);
+  if (!references.points.empty()) index.ply_points = clouds.Find(references.points);
   if (index.ply_points != nullptr) return absl::OkStatus();
   if (index.point_clouds.size() > 1) {
     return TwoFor("point clouds", *index.point_clouds[0], *index.point_clouds[1]);
@@ -304,11 +337,11 @@ absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files) {
     index.warnings.push_back(absl::StrCat(
         num_system, " files that systems leave in folders (._NAME, .DS_Store) are left out"));
   }
+  const TransformsReferences references = ReadReferences(index);
+  TakeKeepMasks(references, index);
   if (index.photos.empty()) return absl::InvalidArgumentError("no photographs among the files");
   std::set<std::string> stems;
   for (const auto& [name, photo] : index.photos) stems.emplace(WithoutSuffix(name));
-  const TransformsReferences references = ReadReferences(index);
-  TakeKeepMasks(references, index);
   RETURN_IF_ERROR(ChoosePoints(references, index));
   MatchCompanions(stems, index);
   RETURN_IF_ERROR(TakeMaskFolders(stems, index));

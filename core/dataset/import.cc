@@ -286,6 +286,19 @@ absl::StatusOr<Frames> ChooseFrames(const PhotoPoses& poses, std::span<const Mat
   return frames;
 }
 
+// Returns a name that the poses have and one that a photograph has, for an error about poses that
+// match hardly any; "" if there are none.
+std::string NamesOfBoth(const PhotoPoses& poses, const DatasetIndex& index) {
+  if (poses.photos.empty() || index.photos.empty()) return "";
+  return absl::StrCat(". A pose is of \"", poses.photos.front().name, "\", a photograph is \"",
+                      index.photos.begin()->first, "\"");
+}
+
+bool IsIgnoredWhole(const View& view) {
+  return !view.ignore.empty() &&
+         std::ranges::all_of(view.ignore, [](uint8_t value) { return value != 0; });
+}
+
 }  // namespace
 
 absl::Status Validate(const ImportOptions& options) {
@@ -318,9 +331,9 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   ASSIGN_OR_RETURN(std::vector<Match> matches, MatchPoses(poses, index));
   // One view has no parallax, so nothing could be reconstructed.
   if (matches.size() < 2) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(matches.size(), " of ", index.photos.size(), " photographs have a pose in ",
-                     poses.file, " (", poses.photos.size(), " poses); at least 2 are needed"));
+    return absl::InvalidArgumentError(absl::StrCat(
+        matches.size(), " of ", index.photos.size(), " photographs have a pose in ", poses.file,
+        " (", poses.photos.size(), " poses); at least 2 are needed", NamesOfBoth(poses, index)));
   }
   std::vector<std::string> keys;
   for (const Match& match : matches) keys.push_back(match.key);
@@ -331,14 +344,35 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   RETURN_IF_ERROR(PlaceScene(index, poses, matches, capture));
   ASSIGN_OR_RETURN(Frames frames, ChooseFrames(poses, matches, capture.points, index));
   ViewReader reader(index, poses, std::move(frames), options.image_scale);
+  std::vector<std::string> ignored;
   for (const Match& match : matches) {
     ASSIGN_OR_RETURN(View view, reader.Read(match));
     // Counted among the views that have a pose.
     view.held_out = IsHeldOut(options, view.name, capture.views.size());
-    capture.views.push_back(std::move(view));
+    if (IsIgnoredWhole(view)) {
+      ignored.push_back(view.name);
+    } else {
+      capture.views.push_back(std::move(view));
+    }
+  }
+  if (capture.views.size() < 2) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("all pixels of ", ignored.size(), " of ", matches.size(),
+                     " photographs are ignored; at least 2 must show something. In ignore/ what is "
+                     "not 0 is left "
+                     "out; in masks that transforms.json names (mask_path), what is 0: ",
+                     FirstNames(ignored)));
+  }
+  if (!ignored.empty()) {
+    index.warnings.push_back(LeftOut(ignored, "photographs are ignored as a whole"));
   }
   capture.warnings = std::move(index.warnings);
-  if (auto warning = WarnOfIgnoredScene(capture)) capture.warnings.push_back(*std::move(warning));
+  const bool has_ignore_masks =
+      index.ignore_all != nullptr || !index.ignore.empty() || !index.keep.empty();
+  if (auto warning = WarnOfIgnoredScene(capture, has_ignore_masks)) {
+    capture.warnings.push_back(*std::move(warning));
+  }
+  if (auto warning = WarnOfKeepMasks(capture)) capture.warnings.push_back(*std::move(warning));
   reader.AddWarnings(capture.warnings);
   std::vector<View*> views;
   for (View& view : capture.views) views.push_back(&view);

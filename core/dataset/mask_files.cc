@@ -36,13 +36,13 @@ absl::StatusOr<MaskSet> ReadSamMasks(const std::filesystem::path& path, const st
 }
 
 // Reads a label image at the photograph's size. If it is one mask with soft borders, its labels
-// become 0 and 1, and `soft`, unless null, is set.
+// become 0 and 1. Sets notes->soft, unless `notes` is null.
 absl::StatusOr<LabelImage> ReadLabels(const std::filesystem::path& path, const std::string& name,
-                                      const PhotoSize& photo, bool* soft = nullptr) {
+                                      const PhotoSize& photo, LabelNotes* notes = nullptr) {
   ASSIGN_OR_RETURN(LabelImage image, DecodeLabels(path, name));
   RETURN_IF_ERROR(CheckMaskShape(name, image.width, image.height, photo));
   const std::optional<uint32_t> threshold = SoftMaskThreshold(image);
-  if (soft != nullptr) *soft = threshold.has_value();
+  if (notes != nullptr) notes->soft = threshold.has_value();
   if (threshold) {
     for (uint32_t& label : image.labels) label = label > *threshold ? 1 : 0;
   }
@@ -50,11 +50,15 @@ absl::StatusOr<LabelImage> ReadLabels(const std::filesystem::path& path, const s
   return ResizedLabels(image, photo.width, photo.height);
 }
 
-// Reads a label image. Its masks do not overlap; one mask is made for each value except 0, in the
-// order of the values.
+// Reads a label image. Its masks do not overlap; one mask is made for each value except 0 and that
+// of void pixels, in the order of the values.
 absl::StatusOr<MaskSet> ReadLabelMasks(const std::filesystem::path& path, const std::string& name,
-                                       const PhotoSize& photo, bool* soft) {
-  ASSIGN_OR_RETURN(const LabelImage image, ReadLabels(path, name, photo, soft));
+                                       const PhotoSize& photo, LabelNotes* notes) {
+  ASSIGN_OR_RETURN(LabelImage image, ReadLabels(path, name, photo, notes));
+  if (HasVoidBorders(image)) {
+    std::ranges::replace(image.labels, image.void_label, uint32_t{0});
+    if (notes != nullptr) notes->has_void = true;
+  }
   // A map: the masks are numbered in the order of the labels, which is the same in each run.
   std::map<uint32_t, std::vector<uint32_t>> pixels_of_label;
   for (size_t i = 0; i < image.labels.size(); ++i) {
@@ -147,11 +151,11 @@ absl::Status CheckMaskShape(absl::string_view where, int64_t width, int64_t heig
 }
 
 absl::StatusOr<MaskSet> ReadMasks(const std::filesystem::path& path, const std::string& name,
-                                  const PhotoSize& photo, bool* soft) {
-  if (soft != nullptr) *soft = false;
+                                  const PhotoSize& photo, LabelNotes* notes) {
+  if (notes != nullptr) *notes = {};
   const std::string suffix = Suffix(name);
   if (suffix == ".json") return ReadSamMasks(path, name, photo);
-  if (suffix == ".png") return ReadLabelMasks(path, name, photo, soft);
+  if (suffix == ".png") return ReadLabelMasks(path, name, photo, notes);
   if (suffix == ".npy") return ReadNpyMasks(path, name, photo);
   return Refused(name, "masks come as .json, .png or .npy");
 }

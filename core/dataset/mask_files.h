@@ -27,17 +27,24 @@ struct PhotoSize {
 absl::Status CheckMaskShape(absl::string_view where, int64_t width, int64_t height,
                             const PhotoSize& photo);
 
+// What was noticed in a label image.
+struct LabelNotes {
+  bool soft = false;      // it is one mask with soft borders: see SoftMaskThreshold
+  bool has_void = false;  // void pixels along borders were left out: see HasVoidBorders
+};
+
 // Reads the masks of a photograph. Their format follows from the suffix of `name`:
 //   .json  the output of SAM's automatic mask generator: a list of {"segmentation": {"size":
 //          [height, width], "counts": [run, ...] or "compressed"}}; other fields are ignored
 //   .png   a label image: each value except 0 is a mask; one mask with soft borders, see
-//          SoftMaskThreshold, is cut at half of its value
+//          SoftMaskThreshold, is cut at half of its value, and void pixels, see HasVoidBorders,
+//          are in no mask
 //   .npy   an array [masks, height, width] of booleans or bytes; 0 is outside; at most 512 MiB
-// Masks of another size than the photograph are scaled. Sets `soft`, unless null, to whether
-// borders were soft. INVALID_ARGUMENT, naming the file and the mask: it is malformed,
-// CheckMaskShape refuses a mask, or there are more than kMaxMasksOfView masks.
+// Masks of another size than the photograph are scaled. Sets `notes`, unless null.
+// INVALID_ARGUMENT, naming the file and the mask: it is malformed, CheckMaskShape refuses a mask,
+// or there are more than kMaxMasksOfView masks.
 absl::StatusOr<MaskSet> ReadMasks(const std::filesystem::path& path, const std::string& name,
-                                  const PhotoSize& photo, bool* soft = nullptr);
+                                  const PhotoSize& photo, LabelNotes* notes = nullptr);
 
 // Reads the masks of a photograph from PNGs with one binary mask each; pixels that are 0 in all
 // channels are outside. Errors as ReadMasks.

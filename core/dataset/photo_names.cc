@@ -5,6 +5,7 @@
 #include <cstdlib>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/str_replace.h"
 #include "core/base/file_name.h"
 
 namespace pepeseg {
@@ -46,7 +47,8 @@ PhotoNames::PhotoNames(const std::map<std::string, const DatasetFile*>& photos) 
 }
 
 std::string PhotoNames::Find(const std::string& path) const {
-  return FindBelowFolders(path, std::string(),
+  // Names of files have no backslashes; programs on Windows write them between folders.
+  return FindBelowFolders(absl::StrReplaceAll(path, {{"\\", "/"}}), std::string(),
                           [this](const std::string& name) { return FindWhole(name); });
 }
 

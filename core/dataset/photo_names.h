@@ -32,7 +32,8 @@ class PhotoNames {
   explicit PhotoNames(const std::map<std::string, const DatasetFile*>& photos);
 
   // Returns the photograph's name, or an empty string. `path` may have more folders in front of it,
-  // another suffix or none, and may differ as FoldName says: "../data/cam0/7" finds "cam0/7.JPG".
+  // another suffix or none, '\\' for '/', and may differ as FoldName says: "../data/cam0/7" finds
+  // "cam0/7.JPG".
   // A name that would fit two photographs finds neither.
   std::string Find(const std::string& path) const;
   // The same, but with no folder in front.

@@ -54,14 +54,20 @@ absl::Status TruthViewBuilder::AddMask(const std::string& entity, std::span<cons
   return Add(entity, pixels);
 }
 
-bool HasVoidLabel(std::span<const uint16_t> labels) {
-  bool has_void = false, has_other = false;
-  for (const uint16_t label : labels) {
-    if (label > kVoidLabel) return false;
-    has_void = has_void || label == kVoidLabel;
-    has_other = has_other || (label != 0 && label != kVoidLabel);
+std::optional<int> VoidLabelOf(std::span<const uint16_t> labels) {
+  constexpr int kHalf = (kWideVoidLabel + 1) / 2;
+  int largest = 0, second = 0;
+  for (const int label : labels) {
+    if (label > largest) {
+      second = largest;
+      largest = label;
+    } else if (label > second && label < largest) {
+      second = label;
+    }
   }
-  return has_void && has_other;
+  if (second == 0) return std::nullopt;
+  if (largest == kVoidLabel || (largest == kWideVoidLabel && second < kHalf)) return largest;
+  return std::nullopt;
 }
 
 absl::Status TruthViewBuilder::AddLabels(std::span<const uint16_t> labels,

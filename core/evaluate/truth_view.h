@@ -32,13 +32,15 @@ struct TruthView {
   std::vector<uint8_t> CountedMaskOf(absl::string_view entity) const;
 };
 
-// The label that marks void pixels in label images of PASCAL VOC, DAVIS and others.
-inline constexpr int kVoidLabel = 255;
+// The labels that mark void pixels in label images: of PASCAL VOC, DAVIS and others, and that of
+// images of 16 bits.
+inline constexpr int kVoidLabel = 255, kWideVoidLabel = 65535;
 
-// Returns whether kVoidLabel marks void pixels in a label image: it is the largest label, and there
-// is another one besides 0. Otherwise it is an entity: an image of 0 and 255 is a binary mask, and
-// an image with larger labels counts past 255.
-bool HasVoidLabel(std::span<const uint16_t> labels);
+// Returns the label of void pixels in a label image: kVoidLabel or kWideVoidLabel if it is the
+// largest label and there is another one besides 0; for kWideVoidLabel, none of the upper half of
+// its range. Returns nothing otherwise, where these labels are entities: an image of 0 and 255 is a
+// binary mask, and an image with larger labels counts past 255.
+std::optional<int> VoidLabelOf(std::span<const uint16_t> labels);
 
 // Collects the truth of a view from label images, binary masks, or both. Each function returns
 // INVALID_ARGUMENT, which names the view and the entity, if an image does not have the size of the

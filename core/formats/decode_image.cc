@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
+#include <unordered_set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -53,6 +55,36 @@ bool IsGreyWithAlpha(absl::string_view png) {
   return png.size() > kColourType && png[kColourType] == 4;
 }
 
+// Returns the 24 bits of entry 255 of a PNG's palette, blue in the lowest byte; nothing if the PNG
+// has none, entry 0 is not black, or another entry has the colour.
+std::optional<uint32_t> LastOfPalette(absl::string_view png) {
+  constexpr size_t kColourType = 25, kFirstChunk = 8, kHeader = 8, kChecksum = 4;
+  constexpr size_t kEntries = 256;
+  if (png.size() <= kColourType || png[kColourType] != 3) return std::nullopt;
+  for (size_t at = kFirstChunk; at + kHeader <= png.size();) {
+    size_t length = 0;
+    for (size_t i = 0; i < 4; ++i) length = length << 8 | static_cast<uint8_t>(png[at + i]);
+    if (png.size() - at - kHeader < length) return std::nullopt;
+    if (png.substr(at + 4, 4) == "PLTE") {
+      if (length != 3 * kEntries) return std::nullopt;
+      const auto colour = [&](size_t entry) {
+        uint32_t value = 0;
+        for (size_t c = 0; c < 3; ++c) {
+          value = value << 8 | static_cast<uint8_t>(png[at + kHeader + 3 * entry + c]);
+        }
+        return value;
+      };
+      const uint32_t last = colour(kEntries - 1);
+      for (size_t entry = 0; entry + 1 < kEntries; ++entry) {
+        if (colour(entry) == last) return std::nullopt;
+      }
+      return colour(0) == 0 ? std::optional(last) : std::nullopt;
+    }
+    at += kHeader + length + kChecksum;
+  }
+  return std::nullopt;
+}
+
 // Returns a grey value, or a colour as 24 bits.
 template <class T>
 uint32_t LabelOf(const T* channels, int num_channels) {
@@ -85,6 +117,31 @@ std::vector<uint8_t> TransparentPixels(const cv::Mat& pixels) {
     for (int x = 0; x < pixels.cols; ++x) transparent.push_back(row[x][kAlpha] < kHalf ? 1 : 0);
   }
   return transparent;
+}
+
+// Returns the alpha of each pixel as 1 where it is one half or more, else 0; empty: no alpha.
+std::vector<uint8_t> OpaquePixels(const cv::Mat& pixels) {
+  const int channels = pixels.channels();
+  if (channels != 2 && channels != 4) return {};
+  cv::Mat alpha;
+  cv::extractChannel(pixels, alpha, channels - 1);
+  const double half = alpha.depth() == CV_16U ? 0x8000 : 0x80;
+  cv::Mat opaque = alpha >= half;  // 255 or 0
+  opaque /= 255;
+  return {opaque.begin<uint8_t>(), opaque.end<uint8_t>()};
+}
+
+// Replaces the labels of a cut-out by its alpha: see DecodeLabels.
+void TakeCutOut(const std::vector<uint8_t>& opaque, std::vector<uint32_t>& labels) {
+  constexpr size_t kMostColours = 4096;
+  if (std::ranges::find(opaque, 0) == opaque.end()) return;
+  if (std::ranges::find(opaque, 1) == opaque.end()) return;
+  std::unordered_set<uint32_t> colours;
+  for (size_t i = 0; i < labels.size() && colours.size() <= kMostColours; ++i) {
+    colours.insert(labels[i]);
+  }
+  if (colours.size() > 1 && colours.size() <= kMostColours) return;
+  labels.assign(opaque.begin(), opaque.end());
 }
 
 // Returns a view of the image's pixels.
@@ -144,6 +201,7 @@ absl::StatusOr<LabelImage> DecodeLabels(const std::filesystem::path& path, absl:
   const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());
   ASSIGN_OR_RETURN(Decoded decoded,
                    Decode(std::span(data, bytes.size()), name, cv::IMREAD_UNCHANGED));
+  const std::vector<uint8_t> opaque = OpaquePixels(decoded.pixels);
   // imdecode() makes colours of grey values with alpha, of which only the upper bytes would count.
   if (IsGreyWithAlpha(bytes)) cv::extractChannel(decoded.pixels, decoded.pixels, 0);
   if (decoded.header.format != ImageFormat::kPng) {
@@ -158,6 +216,8 @@ absl::StatusOr<LabelImage> DecodeLabels(const std::filesystem::path& path, absl:
   } else {
     return Refused(name, "labels must have 8 or 16 bits");
   }
+  if (!opaque.empty()) TakeCutOut(opaque, image.labels);
+  image.void_label = LastOfPalette(bytes).value_or(image.void_label);
   return image;
 }
 
@@ -171,7 +231,9 @@ absl::StatusOr<FloatImage> DecodeGrey(std::span<const uint8_t> bytes, absl::stri
   ASSIGN_OR_RETURN(const Decoded decoded, Decode(bytes, name, cv::IMREAD_UNCHANGED));
   if (decoded.header.format != ImageFormat::kPng) return Refused(name, "not a PNG");
   if (decoded.pixels.channels() != 1)
-    return Refused(name, "has colours or alpha instead of one grey value");
+    return Refused(name,
+                   "has colours, a palette or alpha instead of one grey value a pixel; save the "
+                   "values themselves as a grey PNG");
   FloatImage image{decoded.header.width, decoded.header.height, {}};
   image.values.resize(decoded.pixels.total());
   // Keeps the values: 16 bits stay 0 to 65535.

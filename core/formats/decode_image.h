@@ -19,6 +19,9 @@ struct LabelImage {
   int width = 0;
   int height = 0;
   std::vector<uint32_t> labels;
+  // Label that marks void pixels by the convention of PASCAL VOC, if the image uses it: 255, or the
+  // colour of that entry of a palette.
+  uint32_t void_label = 255;
 };
 
 // Decodes a JPEG, PNG or WebP photograph to 8-bit RGB. Ignores the EXIF orientation, because poses
@@ -31,7 +34,9 @@ absl::StatusOr<Image> DecodePhoto(const std::filesystem::path& path, absl::strin
 absl::StatusOr<Image> DecodePhoto(std::span<const uint8_t> bytes, absl::string_view name,
                                   std::vector<uint8_t>* transparent = nullptr);
 
-// Decodes a PNG of 1 to 16 bits a channel, grey or colour, to labels. Errors as DecodePhoto, and
+// Decodes a PNG of 1 to 16 bits a channel, grey or colour, to labels. Alpha is left out, unless the
+// image is a cut-out: one colour everywhere, or more than 4096 of them, with opaque and transparent
+// pixels. Labels of a cut-out are 1 where it is opaque, else 0. Errors as DecodePhoto, and
 // INVALID_ARGUMENT for another format.
 absl::StatusOr<LabelImage> DecodeLabels(const std::filesystem::path& path, absl::string_view name);
 

@@ -70,8 +70,44 @@ std::optional<uint32_t> SoftMaskThreshold(const LabelImage& image) {
   return most / 2;
 }
 
+bool HasVoidBorders(const LabelImage& image) {
+  constexpr double kMostWide = 0.1;  // share of the void pixels
+  constexpr int kReach = 3;          // pixels
+  const uint32_t void_label = image.void_label;
+  const bool is_grey = void_label <= 0xff;
+  bool has_void = false, has_other = false;
+  for (const uint32_t label : image.labels) {
+    if (is_grey && (label > void_label || label + 1 == void_label)) return false;
+    has_void = has_void || label == void_label;
+    has_other = has_other || (label != 0 && label != void_label);
+  }
+  if (!has_void || !has_other) return false;
+  const auto is_void = [&](int x, int y) {
+    return image.labels[static_cast<size_t>(y) * image.width + x] == void_label;
+  };
+  // Whether all pixels around it are void. Pixels beyond the image do not count.
+  const auto is_wide = [&](int x, int y) {
+    for (int row = std::max(0, y - kReach); row <= std::min(image.height - 1, y + kReach); ++row) {
+      for (int column = std::max(0, x - kReach); column <= std::min(image.width - 1, x + kReach);
+           ++column) {
+        if (!is_void(column, row)) return false;
+      }
+    }
+    return true;
+  };
+  int64_t num = 0, num_wide = 0;
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) {
+      if (!is_void(x, y)) continue;
+      ++num;
+      num_wide += is_wide(x, y);
+    }
+  }
+  return static_cast<double>(num_wide) <= kMostWide * static_cast<double>(num);
+}
+
 LabelImage ResizedLabels(const LabelImage& image, int width, int height) {
-  LabelImage resized{width, height, {}};
+  LabelImage resized{width, height, {}, image.void_label};
   resized.labels.reserve(static_cast<size_t>(width) * height);
   for (int64_t y = 0; y < height; ++y) {
     // The source pixel that holds the centre of the target pixel.

@@ -159,9 +159,9 @@ class TruthReader {
                      DecodeGreyOf(to_view_.image(), proto_.labels_png(), field));
     const std::vector<uint16_t> ids(grey.values.begin(), grey.values.end());
     std::optional<int> void_label = ignore_label;
-    if (!ignore_label && !names.contains(kVoidLabel) && HasVoidLabel(ids) &&
-        !IsSoftMask(ids, grey.width, grey.height)) {
-      void_label = kVoidLabel;
+    if (!ignore_label && !IsSoftMask(ids, grey.width, grey.height)) {
+      void_label = VoidLabelOf(ids);
+      if (void_label && names.contains(*void_label)) void_label.reset();
     }
     return InField(builder_.AddLabels(to_view_.Take(ids), names, void_label), field);
   }

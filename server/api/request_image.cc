@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
+#include "absl/strings/strip.h"
 #include "core/base/status_macros.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"
@@ -28,6 +30,10 @@ absl::Status CheckSize(const ImageSize& size, const ImageOfView& image, const st
   // The usual mistake: a mask of the view where one of the photograph is expected.
   if (size == ImageSize{frame.camera().width, frame.camera().height}) {
     absl::StrAppend(&what, "; for pixels of the view ask with frame PIXEL_FRAME_VIEW");
+  } else if (size == ImageSize{frame.height(), frame.width()}) {
+    absl::StrAppend(&what,
+                    "; pixels are those of the upright photograph, as viewers show it: turn the "
+                    "image by the photograph's EXIF orientation");
   }
   return BadField(field, absl::StrCat(size.width, "x", size.height), what);
 }
@@ -113,8 +119,11 @@ absl::StatusOr<FloatImage> DecodeGreyOf(const ImageOfView& image, const std::str
   RETURN_IF_ERROR(CheckSize({header.width, header.height}, image, field));
   const std::span bytes(reinterpret_cast<const uint8_t*>(png.data()), png.size());
   auto decoded = DecodeGrey(bytes, image.name);
-  if (!decoded.ok()) return BadField(field, image.name, std::string(decoded.status().message()));
-  return decoded;
+  if (decoded.ok()) return decoded;
+  // The message names the image, as the field's error does.
+  absl::string_view why = decoded.status().message();
+  absl::ConsumePrefix(&why, absl::StrCat(image.name, ": "));
+  return BadField(field, image.name, std::string(why));
 }
 
 absl::StatusOr<BinaryMask> ReadAnyMask(const v1::MaskImage& mask, const ImageOfView& image,

@@ -199,6 +199,20 @@ TEST_F(DatasetFolderTest, ReadsTransformsJsonWithAByteOrderMark) {
   EXPECT_THAT(NamesOf(*folder), ElementsAre("cloud.ply", "images/a.jpg", "transforms.json"));
 }
 
+TEST_F(DatasetFolderTest, TakesMasksAmongThePhotographsAndInOtherLetters) {
+  for (const char* name : {"images/a.jpg", "images/a_mask.png", "Keep/b.png"}) Put(name);
+  std::ofstream(root_ / "transforms.json")
+      << R"({"frames": [{"file_path": "images/a.jpg", "mask_path": "images/a_mask.png"},
+                        {"file_path": "images/b.jpg", "mask_path": "keep/B.png"}]})";
+  const auto folder = ReadDatasetFolder(root_);
+  ASSERT_OK(folder);
+  EXPECT_THAT(NamesOf(*folder),
+              ElementsAre("Keep/b.png", "images/a.jpg", "images/a_mask.png", "transforms.json"));
+  EXPECT_EQ(folder->files[0].kind, v1::FILE_KIND_MASK);
+  EXPECT_EQ(folder->files[1].kind, v1::FILE_KIND_IMAGE);
+  EXPECT_EQ(folder->files[2].kind, v1::FILE_KIND_MASK);
+}
+
 TEST_F(DatasetFolderTest, FindsFoldersInOtherLettersAndOneInside) {
   Put("unpacked/garden/Images/a.jpg");
   Put("unpacked/garden/Sparse/0/cameras.bin");

@@ -123,7 +123,8 @@ TEST(IgnoredScene, IsWarnedOfFromHalfOfThePixelsOn) {
     dataset.points.clear();
     dataset.Write();
     ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
-    EXPECT_EQ(WarnOfIgnoredScene(capture).has_value(), width == 30);
+    EXPECT_EQ(WarnOfIgnoredScene(capture, true).has_value(), width == 30);
+    EXPECT_FALSE(WarnOfIgnoredScene(capture, false)) << "a large transparent background";
     if (width == 30) {
       EXPECT_THAT(capture.warnings,
                   ::testing::Contains(HasSubstr("75 % of the pixels are ignored")));
@@ -137,14 +138,56 @@ TEST(IgnoredScene, IsWarnedOfWhereMostPointsAreIgnored) {
   dataset.points.clear();
   dataset.Write();
   ASSERT_OK_AND_ASSIGN(Capture capture, dataset.Import());
-  EXPECT_FALSE(WarnOfIgnoredScene(capture));
+  EXPECT_FALSE(WarnOfIgnoredScene(capture, true));
   // At (5, 15) of each view, which are ignored.
   for (const View& view : capture.views) {
     const Pose world_from_cam = Inverted(view.cam_from_world);
     const Eigen::Vector3d at((5 - view.camera.cx) / view.camera.fx, 0, 1);
     capture.points.push_back({(world_from_cam * at).cast<float>(), {0, 0, 0}});
   }
-  EXPECT_TRUE(WarnOfIgnoredScene(capture));
+  EXPECT_TRUE(WarnOfIgnoredScene(capture, true));
+  const auto transparent = WarnOfIgnoredScene(capture, false);
+  ASSERT_TRUE(transparent);
+  EXPECT_THAT(*transparent, HasSubstr("alpha"));
+}
+
+TEST(IgnoredScene, IsRefusedIfNothingIsLeft) {
+  SmallDataset dataset;
+  WriteBytes(dataset.folder / "ignore_mask.png", LeftOf(40));
+  dataset.Write();
+  EXPECT_STATUS(dataset.Import(), absl::StatusCode::kInvalidArgument,
+                "all pixels of 3 of 3 photographs are ignored");
+}
+
+// Scoring such a view fails, after the training.
+TEST(IgnoredScene, LosesViewsThatAreIgnoredAsAWhole) {
+  SmallDataset dataset;
+  WriteBytes(dataset.folder / "ignore/b.png", LeftOf(40));
+  dataset.Write();
+  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
+  ASSERT_EQ(capture.views.size(), 2u);
+  EXPECT_EQ(capture.views[0].name, "a.jpg");
+  EXPECT_THAT(capture.warnings, ::testing::Contains(HasSubstr("ignored as a whole and are left "
+                                                              "out: b.jpg")));
+}
+
+// COLMAP's masks, whose white says what to use, in masks/.
+TEST(KeepMasks, AreWarnedOfWhereTheyAreTakenForSegments) {
+  for (const int width : {15, 30}) {
+    SmallDataset dataset;
+    for (const char* name : {"masks/a.jpg.png", "masks/b.jpg.png"}) {
+      WriteBytes(dataset.folder / name, LeftOf(width));
+    }
+    dataset.Write();
+    std::filesystem::remove(dataset.folder / "masks/a.json");
+    ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
+    EXPECT_THAT(capture.views[0].masks.num_masks, 1);
+    EXPECT_EQ(WarnOfKeepMasks(capture).has_value(), width == 30);
+    if (width == 30) {
+      EXPECT_THAT(capture.warnings,
+                  ::testing::Contains(HasSubstr("2 photographs have one mask each, which covers")));
+    }
+  }
 }
 
 }  // namespace

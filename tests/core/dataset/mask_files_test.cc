@@ -115,6 +115,46 @@ TEST(Masks, OfAnotherSizeAreScaledToTheirPhotograph) {
 }
 
 // A blurred mask of one thing is not a mask for each grey value.
+// A thing of label 7 left of one of label 9, and `border` pixels of 255 between them.
+Image BorderedLabels(int border) {
+  Image image{32, 8, 1, {}};
+  for (int i = 0; i < 32 * 8; ++i) {
+    const int x = i % 32;
+    image.pixels.push_back(static_cast<uint8_t>(x < 10 ? 7 : x < 10 + border ? 255 : 9));
+  }
+  return image;
+}
+
+TEST(LabelMasks, LeaveOutVoidBorders) {
+  const TempFolder folder;
+  for (const int border : {1, 5, 12}) {
+    WriteBytes(folder / "a.png", testing::Png(BorderedLabels(border)));
+    LabelNotes notes;
+    ASSERT_OK_AND_ASSIGN(const MaskSet set,
+                         ReadMasks(folder / "a.png", "a.png", {"a.jpg", 32, 8}, &notes));
+    const bool is_void = border < 12;  // a thing is wider than a border
+    EXPECT_EQ(notes.has_void, is_void) << border;
+    EXPECT_EQ(set.num_masks, is_void ? 2 : 3) << border;
+    EXPECT_EQ(set.Covers(set.num_masks - 1, 10, 4), !is_void) << border;
+    // What is left out of training is not decided by labels.
+    ASSERT_OK_AND_ASSIGN(const auto ignore,
+                         ReadIgnoreMask(folder / "a.png", "a.png", {"a.jpg", 32, 8}));
+    EXPECT_EQ(ignore[10], 1);
+  }
+}
+
+// 254 masks and one more: the last one, though small, is not void.
+TEST(LabelMasks, KeepTheLastOfASeries) {
+  Image image{64, 64, 1, {}};
+  for (int i = 0; i < 64 * 64; ++i) {
+    image.pixels.push_back(static_cast<uint8_t>(i / 64 / 4 * 16 + i % 64 / 4));
+  }
+  const TempFolder folder;
+  WriteBytes(folder / "a.png", testing::Png(image));
+  ASSERT_OK_AND_ASSIGN(const MaskSet set, ReadMasks(folder / "a.png", "a.png", {"a.jpg", 64, 64}));
+  EXPECT_EQ(set.num_masks, 255);
+}
+
 TEST(Masks, WithSoftBordersAreOne) {
   Image image{32, 8, 1, {}};
   for (int i = 0; i < 32 * 8; ++i) {
@@ -122,10 +162,11 @@ TEST(Masks, WithSoftBordersAreOne) {
   }
   const TempFolder folder;
   WriteBytes(folder / "a.png", testing::Png(image));
-  bool soft = false;
+  LabelNotes notes;
   ASSERT_OK_AND_ASSIGN(const MaskSet set,
-                       ReadMasks(folder / "a.png", "a.png", {"a.jpg", 32, 8}, &soft));
-  EXPECT_TRUE(soft);
+                       ReadMasks(folder / "a.png", "a.png", {"a.jpg", 32, 8}, &notes));
+  EXPECT_TRUE(notes.soft);
+  EXPECT_FALSE(notes.has_void);
   ASSERT_EQ(set.num_masks, 1);
   const std::vector<uint8_t> pixels = set.Extract(0).pixels;
   EXPECT_EQ(std::count(pixels.begin(), pixels.end(), 1), 8 * 16);

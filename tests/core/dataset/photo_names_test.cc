@@ -30,6 +30,7 @@ TEST(PhotoNames, FindsNamesThatDifferInSuffixCaseOrUnicodeForm) {
   EXPECT_EQ(names.Find("cam0/IMG_7"), "cam0/IMG_7.JPG");
   EXPECT_EQ(names.Find(kDecomposed), kComposed);
   EXPECT_EQ(names.Find("images/8.jpg"), "8.png");
+  EXPECT_EQ(names.Find("C:\\data\\cam0\\IMG_7.jpg"), "cam0/IMG_7.JPG") << "written on Windows";
   EXPECT_EQ(names.Find("IMG_7.JPG"), "");
   EXPECT_EQ(names.Find("9.png"), "");
 }
@@ -53,6 +54,22 @@ TEST(ImportCapture, MatchesPosesOfAnotherNameAndShowsBoth) {
   ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
   EXPECT_EQ(capture.views.size(), 3u);
   EXPECT_THAT(capture.warnings, Contains(HasSubstr("A.JPG is a.jpg, b.tif is b.jpg")));
+}
+
+TEST(ImportCapture, ShowsANameOfBothKindsWhereNoneMatch) {
+  SmallDataset dataset;
+  for (auto& image : dataset.images) image.name = "DSC" + image.name.substr(0, 1) + ".jpg";
+  dataset.Write();
+  EXPECT_STATUS(dataset.Import(), absl::StatusCode::kInvalidArgument,
+                "A pose is of \"DSCa.jpg\", a photograph is \"a.jpg\"");
+}
+
+TEST(ImportCapture, MatchesPosesThatWindowsHasWritten) {
+  SmallDataset dataset;
+  dataset.images[2].name = "sub\\c.png";
+  dataset.Write();
+  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
+  EXPECT_EQ(capture.views.size(), 3u);
 }
 
 // A pose that names a photograph exactly keeps it.

@@ -273,6 +273,21 @@ TEST_F(TransformsJsonTest, TakesMaskPathAsWhatToKeep) {
   EXPECT_THAT(capture.warnings, ::testing::Contains(HasSubstr("masks/gone.png")));
 }
 
+// The file lies among the photographs, and its path is written in other letters.
+TEST_F(TransformsJsonTest, TakesMasksAmongThePhotographs) {
+  Image keep{40, 30, 1, std::vector<uint8_t>(40 * 30, 255)};
+  keep.pixels[7] = 0;
+  testing::WriteBytes(dataset_.folder / "images/a_mask.png", testing::Png(keep));
+  std::filesystem::remove(dataset_.folder / "ignore_mask.png");
+  frames_[0].more_fields = R"(, "mask_path": "Images/A_mask.PNG")";
+  ASSERT_OK_AND_ASSIGN(const Capture capture, Import());
+  ASSERT_EQ(capture.views[0].name, "a.jpg");
+  ASSERT_EQ(capture.views[0].ignore.size(), 40u * 30);
+  EXPECT_EQ(capture.views[0].ignore[7], 1);
+  EXPECT_EQ(capture.views[0].ignore[8], 0);
+  EXPECT_THAT(capture.warnings, ::testing::Not(::testing::Contains(HasSubstr("a_mask"))));
+}
+
 // One file for all frames, which COLMAP's poses do not make a segment either.
 TEST_F(TransformsJsonTest, TakesTheMaskPathOfTheDocument) {
   SmallDataset dataset;

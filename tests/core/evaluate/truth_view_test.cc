@@ -64,13 +64,19 @@ TEST(TruthViewBuilder, IgnoresNothingWhereNoPixelHasTheVoidLabel) {
   EXPECT_EQ(truth.num_void, 0);
 }
 
-TEST(HasVoidLabel, NeedsTheLargestLabelNextToAnother) {
-  EXPECT_TRUE(HasVoidLabel(std::vector<uint16_t>{0, 3, 255}));
-  EXPECT_TRUE(HasVoidLabel(std::vector<uint16_t>{255, 254}));
-  EXPECT_FALSE(HasVoidLabel(std::vector<uint16_t>{0, 255, 255})) << "a binary mask";
-  EXPECT_FALSE(HasVoidLabel(std::vector<uint16_t>{0, 3, 255, 256})) << "ids of 16 bits";
-  EXPECT_FALSE(HasVoidLabel(std::vector<uint16_t>{0, 3, 7}));
-  EXPECT_FALSE(HasVoidLabel({}));
+TEST(VoidLabel, IsTheLargestNextToAnother) {
+  EXPECT_EQ(VoidLabelOf(std::vector<uint16_t>{0, 3, 255}), 255);
+  EXPECT_EQ(VoidLabelOf(std::vector<uint16_t>{255, 254}), 255);
+  EXPECT_FALSE(VoidLabelOf(std::vector<uint16_t>{0, 255, 255})) << "a binary mask";
+  EXPECT_FALSE(VoidLabelOf(std::vector<uint16_t>{0, 3, 255, 256})) << "ids of 16 bits";
+  EXPECT_FALSE(VoidLabelOf(std::vector<uint16_t>{0, 3, 7}));
+  EXPECT_FALSE(VoidLabelOf({}));
+}
+
+TEST(VoidLabel, MayBeTheLargestOfSixteenBits) {
+  EXPECT_EQ(VoidLabelOf(std::vector<uint16_t>{0, 3, 65535, 300}), 65535);
+  EXPECT_FALSE(VoidLabelOf(std::vector<uint16_t>{0, 65535})) << "a binary mask";
+  EXPECT_FALSE(VoidLabelOf(std::vector<uint16_t>{0, 65535, 40000})) << "ids up to the end";
 }
 
 TEST(TruthViewBuilder, NamesViewAndEntityOfWhatDoesNotFit) {

@@ -49,14 +49,14 @@ std::string Sample(int value, int bit_depth) {
   return bytes + static_cast<char>(value & 0xff);
 }
 
-std::string Pixel(std::initializer_list<int> samples, int bit_depth) {
+std::string Pixel(const std::vector<int>& samples, int bit_depth) {
   std::string bytes;
   for (const int sample : samples) bytes += Sample(sample, bit_depth);
   return bytes;
 }
 
-ImageKind Kind(const std::string& name, const PngKind& kind, std::initializer_list<int> first,
-               std::initializer_list<int> second) {
+ImageKind Kind(const std::string& name, const PngKind& kind, const std::vector<int>& first,
+               const std::vector<int>& second) {
   ImageKind result;
   result.name = name;
   result.bytes =
@@ -159,13 +159,50 @@ TEST_F(ImageKindsTest, AreLabelsMasksAndIgnoreMasks) {
   }
 }
 
+// White where it is opaque and where it is not, as programs that cut things out write it.
+TEST_F(ImageKindsTest, AreMasksByAlphaIfTheyAreCutOuts) {
+  for (const int bits : {8, 16}) {
+    const int most = bits == 16 ? 0xffff : 0xff;
+    for (const bool grey : {false, true}) {
+      const std::vector<int> colour(grey ? 1 : 3, most);
+      std::vector<int> opaque = colour, transparent = colour;
+      opaque.push_back(most);
+      transparent.push_back(0);
+      const ImageKind kind = Kind("cut-out", {bits, grey ? 4 : 6}, opaque, transparent);
+      SCOPED_TRACE(bits + 100 * grey);
+      ASSERT_OK_AND_ASSIGN(const LabelImage labels,
+                           DecodeLabels(Write(kind.bytes, "a.png"), "a.png"));
+      EXPECT_THAT(labels.labels, ElementsAre(1, 0, 1, 0));
+    }
+  }
+}
+
+TEST_F(ImageKindsTest, HaveTheColourOfTheLastPaletteEntryAsVoidLabel) {
+  const auto void_label = [&](const std::string& palette) {
+    const ImageKind kind = Kind("palette", {8, 3, palette, ""}, {0}, {255});
+    const auto labels = DecodeLabels(Write(kind.bytes, "a.png"), "a.png");
+    EXPECT_OK(labels);
+    return labels.ok() ? labels->void_label : 0;
+  };
+  std::string palette(3 * 256, '\0');
+  for (size_t i = 0; i < 256; ++i) palette[3 * i] = static_cast<char>(i);
+  palette.replace(3 * 255, 3, "\xe0\xe0\xc0");
+  EXPECT_EQ(void_label(palette), 0xe0e0c0u);
+  std::string bright = palette;
+  bright[1] = 1;
+  EXPECT_EQ(void_label(bright), 255u) << "entry 0 is no background";
+  palette.replace(3 * 254, 3, "\xe0\xe0\xc0");
+  EXPECT_EQ(void_label(palette), 255u) << "two entries have the colour";
+}
+
 TEST_F(ImageKindsTest, AreDepthIfTheyHaveOneChannel) {
   for (const ImageKind& kind : PngKinds()) {
     SCOPED_TRACE(kind.name);
     const auto map =
         ReadDepthMap(Write(kind.bytes, "a.png"), "a.png", DepthPrior::Kind::kDisparity, photo);
     if (!kind.depth) {
-      EXPECT_STATUS(map, absl::StatusCode::kInvalidArgument, "a.png: has colours or alpha");
+      EXPECT_STATUS(map, absl::StatusCode::kInvalidArgument,
+                    "a.png: has colours, a palette or alpha");
       continue;
     }
     ASSERT_OK(map);

@@ -43,8 +43,9 @@ TEST_F(EvaluateTest, RefusesFilesThatAreNotLabels) {
   expect_refused(left.Png().substr(0, left.Png().size() / 2), "not a whole PNG");
   expect_refused(testing::BlackPng(97, 64, 16), "'97x64': pixels; photograph ");
   expect_refused(testing::BlackPng(30'000, 2'000, 1), " has 96x64");
+  expect_refused(testing::BlackPng(64, 96, 16), "turn the image by the photograph's EXIF");
   const Image colour{kWidth, kHeight, 3, std::vector<uint8_t>(size_t{3} * kWidth * kHeight)};
-  expect_refused(*EncodePng(colour), "has colours or alpha instead of one grey value");
+  expect_refused(*EncodePng(colour), "has colours, a palette or alpha instead of one grey value");
   expect_refused(*EncodeJpeg({kWidth, kHeight, 1, std::vector<uint8_t>(kWidth * kHeight)}),
                  "not a whole PNG");
 }

@@ -173,8 +173,8 @@ def _scene_folder(folder: Path) -> Path:
 
 
 def _referenced(root: Path) -> dict[str, FileKind]:
-    """Returns the points and masks that transforms.json names. A file that is not such JSON names
-    none: the server says what is wrong."""
+    """Returns the points and masks that transforms.json names, by their paths in lower case. A file
+    that is not such JSON names none: the server says what is wrong."""
     try:
         document: Any = json.loads((root / "transforms.json").read_bytes())
     except (OSError, ValueError):
@@ -186,10 +186,10 @@ def _referenced(root: Path) -> dict[str, FileKind]:
     for frame in [document, *(frames if isinstance(frames, list) else [])]:
         mask = frame.get("mask_path") if isinstance(frame, dict) else None
         if isinstance(mask, str):
-            named[plain_path(mask)] = FileKind.MASK
+            named[plain_path(mask).lower()] = FileKind.MASK
     points = document.get("ply_file_path")
     if isinstance(points, str):
-        named[plain_path(points)] = FileKind.POINTS
+        named[plain_path(points).lower()] = FileKind.POINTS
     return named
 
 
@@ -279,7 +279,11 @@ def read_folder(folder: str | os.PathLike[str], depth_kind: str = "depth") -> Da
         if is_system_file(name):
             continue
         laid_out = _in_layout(name)
-        kind = kind_of(laid_out, in_depth) or referenced.get(name)
+        named = referenced.get(name.lower())
+        kind = kind_of(laid_out, in_depth) or named
+        # A mask among the photographs is none of them.
+        if kind is FileKind.IMAGE and named is FileKind.MASK:
+            kind = FileKind.MASK
         # Some tools write no points at all, and the contract has no files without bytes.
         if kind is FileKind.POINTS and (root / name).stat().st_size == 0:
             kind = None
