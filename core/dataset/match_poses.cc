@@ -4,6 +4,7 @@
 #include <set>
 #include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "core/base/file_name.h"
@@ -51,7 +52,13 @@ absl::StatusOr<std::vector<Match>> MatchPoses(const PhotoPoses& poses, DatasetIn
       without_photo.push_back(pose.name);
       continue;
     }
-    if (key != PhotoKey(pose.name)) renamed.push_back(absl::StrCat(pose.name, " is ", key));
+    const std::string named = PhotoKey(pose.name);
+    if (key != named) {
+      const bool looks_alike = FoldName(key) == FoldName(named) &&
+                               absl::AsciiStrToLower(key) != absl::AsciiStrToLower(named);
+      renamed.push_back(
+          absl::StrCat(pose.name, " is ", key, looks_alike ? " in another form of Unicode" : ""));
+    }
     matches.push_back({key, index.photos.at(key), pose});
   }
   std::vector<std::string> without_pose;

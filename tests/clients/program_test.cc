@@ -5,11 +5,13 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "tests/testing/temp_folder.h"
 
 namespace {
 
@@ -187,6 +189,22 @@ TEST(Program, ListsFilesWithTheirKindsInADryRun) {
   EXPECT_EQ(ran.exit_code, 0);
   EXPECT_THAT(ran.output, HasSubstr("POSES                  sparse/0/cameras.bin"));
   EXPECT_THAT(ran.output, HasSubstr("IGNORE_MASK            ignore_mask.png"));
+}
+
+TEST(Program, SaysWhyAFileIsLeftOut) {
+  const pepeseg::testing::TempFolder folder;
+  for (const char* name : {"images/a.jpg", "images/a.MOV", "images/b.bmp", "depth/a.tiff",
+                           "ignore/a.jpg", "notes.txt"}) {
+    std::filesystem::create_directories((folder / name).parent_path());
+    std::ofstream(folder / name) << "x";
+  }
+  const Ran ran = RunPepeseg("upload shelf --dry-run " + folder.path().string() + " 2>&1");
+  EXPECT_EQ(ran.exit_code, 0);
+  EXPECT_THAT(ran.output,
+              AllOf(HasSubstr("images/a.MOV; it has the name of a photograph"),
+                    HasSubstr("images/b.bmp; photographs are .jpg"),
+                    HasSubstr("depth/a.tiff; depth maps are .png, .npy or .pfm"),
+                    HasSubstr("ignore/a.jpg; ignore masks are .png"), HasSubstr("notes.txt\n")));
 }
 
 TEST(Program, ChecksDecompositionsAndSubsetsBeforeItCallsAServer) {

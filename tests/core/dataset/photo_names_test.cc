@@ -56,6 +56,18 @@ TEST(ImportCapture, MatchesPosesOfAnotherNameAndShowsBoth) {
   EXPECT_THAT(capture.warnings, Contains(HasSubstr("A.JPG is a.jpg, b.tif is b.jpg")));
 }
 
+// Both names look alike on a screen.
+TEST(ImportCapture, SaysWhereNamesDifferInUnicodeOnly) {
+  SmallDataset dataset;
+  dataset.images[0].name = kDecomposed;
+  dataset.Write();
+  std::filesystem::rename(dataset.folder / "images/a.jpg", dataset.folder / "images" / kComposed);
+  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
+  EXPECT_EQ(capture.views.size(), 3u);
+  EXPECT_THAT(capture.warnings, Contains(HasSubstr(std::string(kDecomposed) + " is " + kComposed +
+                                                   " in another form of Unicode")));
+}
+
 TEST(ImportCapture, ShowsANameOfBothKindsWhereNoneMatch) {
   SmallDataset dataset;
   for (auto& image : dataset.images) image.name = "DSC" + image.name.substr(0, 1) + ".jpg";

@@ -287,6 +287,18 @@ class TestUpload:
             assert kinds["pcd/fused.ply"] is FileKind.POINTS
             assert len(kinds) == 4 and dataset.left_out == []
 
+    def test_masks_may_lie_among_photographs_and_be_written_in_other_letters(self, tmp_path):
+        put(tmp_path, "images/a.png", "images/a_mask.png", "Keep/b.png")
+        (tmp_path / "transforms.json").write_text(
+            '{"frames": [{"file_path": "images/a.png", "mask_path": "images/a_mask.png"},'
+            ' {"file_path": "images/b.png", "mask_path": "keep/B.png"}]}'
+        )
+        dataset = read_folder(tmp_path)
+        kinds = {file.name: file.kind for file in dataset.files}
+        assert kinds["images/a.png"] is FileKind.IMAGE
+        assert kinds["images/a_mask.png"] is FileKind.MASK
+        assert kinds["Keep/b.png"] is FileKind.MASK and dataset.left_out == []
+
 
 class TestWhatPeopleBring:
     def test_files_of_systems_and_live_photos_are_left_out(self, tmp_path):
