@@ -141,6 +141,21 @@ std::optional<std::string> WarnOfIgnoredScene(const Capture& capture, bool has_i
           : "if the photographs have their alpha turned round, invert it (0 is what is left out)");
 }
 
+std::optional<std::string> WarnOfDarkPhotographs(const Capture& capture) {
+  constexpr uint8_t kDark = 32;
+  constexpr double kFew = 1e-3;  // share of the samples
+  int64_t num = 0, num_bright = 0;
+  for (const View& view : capture.views) {
+    num += static_cast<int64_t>(view.photo.pixels.size());
+    num_bright +=
+        std::ranges::count_if(view.photo.pixels, [](uint8_t value) { return value > kDark; });
+  }
+  if (static_cast<double>(num_bright) > kFew * static_cast<double>(num)) return std::nullopt;
+  return absl::StrCat("the photographs are nearly black: their values hardly exceed ", kDark,
+                      " of 255. If they are 16-bit files of a camera with fewer bits, scale the "
+                      "values to the whole range");
+}
+
 std::optional<std::string> WarnOfKeepMasks(const Capture& capture) {
   constexpr double kLarge = 0.5;  // share of the pixels
   int num = 0;

@@ -48,6 +48,10 @@ std::optional<std::string> WarnOfUnseenPoints(std::span<const PosedLens> cameras
 // `has_ignore_masks`: else only transparent pixels are ignored, and their number does not count.
 std::optional<std::string> WarnOfIgnoredScene(const Capture& capture, bool has_ignore_masks);
 
+// Returns a warning if nearly no pixel of the views is brighter than 32 of 255: cameras of 10 to 14
+// bits often leave the upper bits of 16-bit files empty. Returns nothing otherwise.
+std::optional<std::string> WarnOfDarkPhotographs(const Capture& capture);
+
 // Returns a warning if each view with masks has one that covers more than half of the pixels on
 // average: such masks mostly say which pixels to use. Returns nothing otherwise.
 std::optional<std::string> WarnOfKeepMasks(const Capture& capture);

@@ -372,7 +372,9 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   if (auto warning = WarnOfIgnoredScene(capture, has_ignore_masks)) {
     capture.warnings.push_back(*std::move(warning));
   }
-  if (auto warning = WarnOfKeepMasks(capture)) capture.warnings.push_back(*std::move(warning));
+  for (auto& warning : {WarnOfKeepMasks(capture), WarnOfDarkPhotographs(capture)}) {
+    if (warning) capture.warnings.push_back(*warning);
+  }
   reader.AddWarnings(capture.warnings);
   std::vector<View*> views;
   for (View& view : capture.views) views.push_back(&view);

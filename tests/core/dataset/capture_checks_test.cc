@@ -171,6 +171,22 @@ TEST(IgnoredScene, LosesViewsThatAreIgnoredAsAWhole) {
                                                               "out: b.jpg")));
 }
 
+TEST(DarkPhotographs, AreWarnedOf) {
+  SmallDataset dataset;
+  dataset.Write();
+  ASSERT_OK_AND_ASSIGN(Capture capture, dataset.Import());
+  EXPECT_FALSE(WarnOfDarkPhotographs(capture));
+  // 12 bits in files of 16 bits.
+  for (const char* name : {"images/a.jpg", "images/b.jpg", "images/sub/c.png"}) {
+    Image photo = testing::Picture(40, 30);
+    for (uint8_t& value : photo.pixels) value = static_cast<uint8_t>(value / 16);
+    const bool png = std::string(name).ends_with("png");
+    WriteBytes(dataset.folder / name, png ? Png(photo) : testing::Jpeg(photo));
+  }
+  ASSERT_OK_AND_ASSIGN(capture, dataset.Import());
+  EXPECT_THAT(capture.warnings, ::testing::Contains(HasSubstr("nearly black")));
+}
+
 // COLMAP's masks, whose white says what to use, in masks/.
 TEST(KeepMasks, AreWarnedOfWhereTheyAreTakenForSegments) {
   for (const int width : {15, 30}) {
