@@ -18,7 +18,7 @@ using Bytes = std::string_view;
 
 constexpr int64_t kMaxFrames = int64_t{1} << 40;  // beyond it, a header is malformed
 
-// Returns `value` if a video can have so many frames, else 0.
+// Returns the number of frames as a whole number; 0 if no video has as many.
 int64_t PlausibleFrames(double value) {
   return value >= 0 && value <= static_cast<double>(kMaxFrames) ? std::llround(value) : 0;
 }
