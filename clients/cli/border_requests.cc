@@ -12,7 +12,6 @@ namespace pepeseg::client::cli {
 namespace {
 
 using Request = v1::SegmentViewsRequest;
-using Response = v1::SegmentViewsResponse;
 
 constexpr size_t kViewsAtOnce = 8;
 
@@ -56,7 +55,7 @@ std::vector<Request> PiecesOf(const Request& request, const std::vector<v1::View
   return pieces;
 }
 
-void AddPiece(const Response& piece, Response& whole) {
+void AddPiece(const v1::SegmentViewsResponse& piece, v1::SegmentViewsResponse& whole) {
   whole.mutable_masks()->MergeFrom(piece.masks());
   v1::QueryTiming& timing = *whole.mutable_timing();
   AddDuration(piece.timing().queue(), *timing.mutable_queue());
@@ -66,18 +65,19 @@ void AddPiece(const Response& piece, Response& whole) {
   if (piece.has_box_agreement()) whole.set_box_agreement(piece.box_agreement());
 }
 
-absl::StatusOr<Response> SegmentInPieces(const Client& client, const Request& request) {
+absl::StatusOr<v1::SegmentViewsResponse> SegmentInPieces(const Client& client,
+                                                         const Request& request) {
   if (!request.sam_borders()) return client.Segment(request);
   std::vector<v1::View> views;
   if (request.targets().group() != Request::Targets::GROUP_UNSPECIFIED) {
     ASSIGN_OR_RETURN(views, client.ListViews(request.model()));
   }
   std::vector<Request> pieces = PiecesOf(request, views);
-  ASSIGN_OR_RETURN(Response whole, client.Segment(pieces.front()));
+  ASSIGN_OR_RETURN(v1::SegmentViewsResponse whole, client.Segment(pieces.front()));
   for (size_t i = 1; i < pieces.size(); ++i) {
     // A new training does not mix its masks with those of the old one.
     pieces[i].set_model(whole.model());
-    ASSIGN_OR_RETURN(const Response piece, client.Segment(pieces[i]));
+    ASSIGN_OR_RETURN(const v1::SegmentViewsResponse piece, client.Segment(pieces[i]));
     AddPiece(piece, whole);
   }
   return whole;
