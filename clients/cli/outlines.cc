@@ -60,8 +60,8 @@ void FillPolygon(const Polygon& polygon, const MaskScale& scale, GreyPicture& ma
 // thing's border, so the smaller one is not taken for a hole.
 bool IsInside(const GreyPicture& mask, const GreyPicture& other) {
   const auto is_in = [&](int x, int y) {
-    if (x < 0 || y < 0 || x >= other.width || y >= other.height) return true;
-    return other.pixels[static_cast<size_t>(y) * other.width + x] != 0;
+    return x >= 0 && y >= 0 && x < other.width && y < other.height &&
+           other.pixels[static_cast<size_t>(y) * other.width + x] != 0;
   };
   for (int y = 0; y < mask.height; ++y) {
     for (int x = 0; x < mask.width; ++x) {
@@ -72,7 +72,7 @@ bool IsInside(const GreyPicture& mask, const GreyPicture& other) {
       }
     }
   }
-  return mask.pixels != other.pixels;
+  return true;
 }
 
 // Adds the region of polygons to the mask.
