@@ -71,8 +71,8 @@ std::optional<uint32_t> SoftMaskThreshold(const LabelImage& image) {
 }
 
 bool HasVoidBorders(const LabelImage& image) {
-  constexpr double kMostWide = 0.1;  // share of the void pixels
-  constexpr int kReach = 3;          // pixels
+  constexpr double kMostWide = 0.1, kLeastAtThings = 0.6;  // shares of the void pixels
+  constexpr int kHalfWidth = 3, kReach = 5;                // pixels
   const uint32_t void_label = image.void_label;
   const bool is_grey = void_label <= 0xff;
   bool has_void = false, has_other = false;
@@ -82,28 +82,31 @@ bool HasVoidBorders(const LabelImage& image) {
     has_other = has_other || (label != 0 && label != void_label);
   }
   if (!has_void || !has_other) return false;
-  const auto is_void = [&](int x, int y) {
-    return image.labels[static_cast<size_t>(y) * image.width + x] == void_label;
-  };
-  // Whether all pixels around it are void. Pixels beyond the image do not count.
-  const auto is_wide = [&](int x, int y) {
-    for (int row = std::max(0, y - kReach); row <= std::min(image.height - 1, y + kReach); ++row) {
-      for (int column = std::max(0, x - kReach); column <= std::min(image.width - 1, x + kReach);
+  // Calls use(label) for the pixels at most `reach` away, until it returns true; returns whether it
+  // did. Pixels beyond the image do not count.
+  const auto any_around = [&](int x, int y, int reach, const auto& use) {
+    for (int row = std::max(0, y - reach); row <= std::min(image.height - 1, y + reach); ++row) {
+      for (int column = std::max(0, x - reach); column <= std::min(image.width - 1, x + reach);
            ++column) {
-        if (!is_void(column, row)) return false;
+        if (use(image.labels[static_cast<size_t>(row) * image.width + column])) return true;
       }
     }
-    return true;
+    return false;
   };
-  int64_t num = 0, num_wide = 0;
+  int64_t num = 0, num_wide = 0, num_at_things = 0;
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x) {
-      if (!is_void(x, y)) continue;
+      if (image.labels[static_cast<size_t>(y) * image.width + x] != void_label) continue;
       ++num;
-      num_wide += is_wide(x, y);
+      num_wide +=
+          !any_around(x, y, kHalfWidth, [&](uint32_t label) { return label != void_label; });
+      num_at_things += any_around(
+          x, y, kReach, [&](uint32_t label) { return label != 0 && label != void_label; });
     }
   }
-  return static_cast<double>(num_wide) <= kMostWide * static_cast<double>(num);
+  const auto total = static_cast<double>(num);
+  return static_cast<double>(num_wide) <= kMostWide * total &&
+         static_cast<double>(num_at_things) >= kLeastAtThings * total;
 }
 
 LabelImage ResizedLabels(const LabelImage& image, int width, int height) {

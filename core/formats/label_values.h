@@ -14,8 +14,9 @@ namespace pepeseg {
 std::optional<uint32_t> SoftMaskThreshold(const LabelImage& image);
 
 // Returns whether image.void_label marks void pixels, as along the borders of things in the label
-// images of PASCAL VOC: next to other labels, nowhere more than 7 pixels wide, and, where labels
-// are grey values, the largest one and not the last of a series.
+// images of PASCAL VOC: hardly anywhere more than 7 pixels wide, mostly within 5 pixels of another
+// label that is not 0, and, where labels are grey values, the largest one and not the last of a
+// series.
 bool HasVoidBorders(const LabelImage& image);
 
 // Returns the labels at another size by the nearest pixel.

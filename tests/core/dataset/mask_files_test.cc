@@ -143,6 +143,19 @@ TEST(LabelMasks, LeaveOutVoidBorders) {
   }
 }
 
+// A thin thing of 255, far from the other.
+TEST(LabelMasks, KeepThinThingsThatAreNoBorders) {
+  Image image{32, 8, 1, {}};
+  for (int i = 0; i < 32 * 8; ++i) {
+    const int x = i % 32;
+    image.pixels.push_back(static_cast<uint8_t>(x < 10 ? 7 : x == 20 ? 255 : 0));
+  }
+  const TempFolder folder;
+  WriteBytes(folder / "a.png", testing::Png(image));
+  ASSERT_OK_AND_ASSIGN(const MaskSet set, ReadMasks(folder / "a.png", "a.png", {"a.jpg", 32, 8}));
+  EXPECT_EQ(set.num_masks, 2);
+}
+
 // 254 masks and one more: the last one, though small, is not void.
 TEST(LabelMasks, KeepTheLastOfASeries) {
   Image image{64, 64, 1, {}};
