@@ -1,5 +1,7 @@
 #include "core/dataset/capture_checks.h"
 
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -105,6 +107,49 @@ std::optional<std::string> WarnOfUnseenPoints(std::span<const PosedLens> cameras
       "the poses do not fit the points: a camera sees %.1f %% of them. Check the convention of the "
       "poses, and whether the points are in the same coordinates",
       100 * seen);
+}
+
+std::optional<std::string> WarnOfAxesTurnedAway(PoseFormat format,
+                                                std::span<const PosedLens> cameras,
+                                                std::span<const ScenePoint> points) {
+  constexpr size_t kFewestCameras = 5;
+  constexpr double kParallel = 0.02;   // least eigenvalue; 1/3 for axes in all directions
+  constexpr double kMostMissed = 0.3;  // distance to the axes, of that to the cameras
+  constexpr double kBehind = 0.9;
+  if (points.size() >= kFewestPoints || cameras.size() < kFewestCameras) return std::nullopt;
+  // The least squares of the distances to the axes.
+  const auto num = static_cast<double>(cameras.size());
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d side = Eigen::Vector3d::Zero();
+  const auto centre_of = [](const PosedLens& camera) {
+    return camera.cam_from_world.Inverse().translation;
+  };
+  const auto axis_of = [](const PosedLens& camera) -> Eigen::Vector3d {
+    return camera.cam_from_world.rotation.conjugate() * Eigen::Vector3d::UnitZ();
+  };
+  for (const PosedLens& camera : cameras) {
+    const Eigen::Vector3d axis = axis_of(camera);
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - axis * axis.transpose();
+    sum += across;
+    side += across * centre_of(camera);
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(sum / num);
+  if (!(solver.eigenvalues()[0] > kParallel)) return std::nullopt;
+  const Eigen::Vector3d meeting = sum.ldlt().solve(side);
+  double missed = 0, distance = 0, num_behind = 0;
+  for (const PosedLens& camera : cameras) {
+    const Eigen::Vector3d to = meeting - centre_of(camera);
+    const double along = axis_of(camera).dot(to);
+    missed += (to - along * axis_of(camera)).norm();
+    distance += std::abs(along);
+    num_behind += along < 0;
+  }
+  if (missed > kMostMissed * distance || num_behind < kBehind * num) return std::nullopt;
+  return absl::StrFormat(
+      "the axes of the cameras meet behind %.0f of %.0f of them, and there are no points to check "
+      "the poses by. Unless the photographs look outwards from one place, the poses are in another "
+      "convention than the format's, such as %s",
+      num_behind, num, ConventionsOf(format).front().name);
 }
 
 std::optional<std::string> WarnOfIgnoredScene(const Capture& capture, bool has_ignore_masks) {

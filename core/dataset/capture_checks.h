@@ -43,6 +43,14 @@ std::optional<PoseConvention> FindConvention(PoseFormat format, std::span<const 
 std::optional<std::string> WarnOfUnseenPoints(std::span<const PosedLens> cameras,
                                               std::span<const ScenePoint> points);
 
+// Returns a warning if the point that the cameras' optical axes come closest to lies behind at
+// least nine tenths of them: they look away from what they were turned to, mostly because of
+// another convention of axes. For datasets with too few points for the checks above. Returns
+// nothing otherwise, or if the axes are nearly parallel or do not meet.
+std::optional<std::string> WarnOfAxesTurnedAway(PoseFormat format,
+                                                std::span<const PosedLens> cameras,
+                                                std::span<const ScenePoint> points);
+
 // Returns a warning if more than half of the pixels of the views are ignored, or pixels that show
 // more than half of the points: masks are often turned round. Returns nothing otherwise.
 // `has_ignore_masks`: else only transparent pixels are ignored, and their number does not count.

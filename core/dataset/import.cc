@@ -246,6 +246,8 @@ absl::Status PlaceScene(DatasetIndex& index, const PhotoPoses& poses, std::vecto
         poses.file, 100 * fits->as_written, fits->name, 100 * fits->seen));
   } else if (auto warning = WarnOfUnseenPoints(cameras, capture.points)) {
     index.warnings.push_back(absl::StrCat(poses.file, ": ", *warning));
+  } else if (auto turned = WarnOfAxesTurnedAway(index.pose_format, cameras, capture.points)) {
+    index.warnings.push_back(absl::StrCat(poses.file, ": ", *turned));
   }
   index.warnings.insert(index.warnings.end(), warnings.begin(), warnings.end());
   return absl::OkStatus();

@@ -109,6 +109,35 @@ TEST(PoseConvention, IsNotGuessedWherePointsAreElsewhere) {
   EXPECT_THAT(*warning, HasSubstr("a camera sees 0.0 % of them"));
 }
 
+TEST(AxesTurnedAway, AreWarnedOfWithoutPoints) {
+  Orbit orbit;
+  const auto warn = [&] {
+    return WarnOfAxesTurnedAway(PoseFormat::kTransformsJson, orbit.cameras, {});
+  };
+  EXPECT_FALSE(warn()) << "the cameras look at one place";
+  for (PosedLens& camera : orbit.cameras) {
+    camera.cam_from_world = TurnedCamera(camera.cam_from_world);
+  }
+  const auto warning = warn();
+  ASSERT_TRUE(warning);
+  EXPECT_THAT(*warning, HasSubstr("behind 12 of 12 of them"));
+  EXPECT_THAT(*warning, HasSubstr("OpenCV's camera axes"));
+  EXPECT_FALSE(WarnOfAxesTurnedAway(PoseFormat::kTransformsJson, orbit.cameras, orbit.points))
+      << "points decide";
+}
+
+TEST(AxesTurnedAway, AreNotGuessedWhereAxesDoNotMeet) {
+  Orbit forward, walk;
+  for (size_t i = 0; i < forward.cameras.size(); ++i) {
+    const auto x = static_cast<double>(i);
+    // Parallel axes; and axes in many directions from places far apart.
+    forward.cameras[i].cam_from_world = {Eigen::Quaterniond::Identity(), {x, 0, 0}};
+    walk.cameras[i].cam_from_world.translation = {50 * std::sin(7 * x), 0, 50 * std::cos(5 * x)};
+  }
+  EXPECT_FALSE(WarnOfAxesTurnedAway(PoseFormat::kColmap, forward.cameras, {}));
+  EXPECT_FALSE(WarnOfAxesTurnedAway(PoseFormat::kColmap, walk.cameras, {}));
+}
+
 // Returns a grey PNG of 40x30 pixels that is 255 up to column `width`.
 std::string LeftOf(int width) {
   Image image{40, 30, 1, std::vector<uint8_t>(40 * 30, 0)};
