@@ -282,7 +282,7 @@ absl::StatusOr<CompanionFrames> ChooseCompanionFrames(const DatasetIndex& index,
 absl::StatusOr<std::optional<PixelFrame>> DepthFrameByPoints(
     const DatasetIndex& index, const PhotoPoses& poses, std::span<const Match> matches,
     const PhotoFactsByKey& facts, PixelFrame cameras, std::span<const ScenePoint> points) {
-  constexpr double kClearlyHigher = 0.15;
+  constexpr double kClearlyHigher = 0.15, kClear = 0.3;  // correlations
   CompanionFiles files_stored(index),
       files_upright(index, {{Companion::kDepth, PixelFrame::kUpright}});
   std::vector<std::pair<Match, FittedCamera>> alike;
@@ -307,15 +307,22 @@ absl::StatusOr<std::optional<PixelFrame>> DepthFrameByPoints(
     const auto in_stored = DepthCorrelation(stored, posed, points);
     const auto in_upright = DepthCorrelation(upright, posed, points);
     if (!in_stored || !in_upright) continue;
-    stored_sum += *in_stored;
-    upright_sum += *in_upright;
+    // Positive if the values are what their folder says.
+    const bool is_disparity =
+        files_stored.FileOf(Companion::kDepth, stem)->kind == FileKind::kDisparity;
+    stored_sum += is_disparity ? -*in_stored : *in_stored;
+    upright_sum += is_disparity ? -*in_upright : *in_upright;
     ++num;
   }
   if (num == 0) return std::optional<PixelFrame>();
-  // Disparity has the opposite sign.
+  // Of either sign: disparity may be in depth/.
   const double difference = (std::abs(stored_sum) - std::abs(upright_sum)) / num;
-  if (std::abs(difference) < kClearlyHigher) return std::optional<PixelFrame>();
-  return std::optional(difference > 0 ? PixelFrame::kStored : PixelFrame::kUpright);
+  if (std::abs(difference) >= kClearlyHigher) {
+    return std::optional(difference > 0 ? PixelFrame::kStored : PixelFrame::kUpright);
+  }
+  // A floor that is turned round looks like its disparity: then the folder's name counts.
+  if (std::abs(stored_sum - upright_sum) / num < 2 * kClear) return std::optional<PixelFrame>();
+  return std::optional(stored_sum > upright_sum ? PixelFrame::kStored : PixelFrame::kUpright);
 }
 
 absl::StatusOr<PixelFrame> ChooseCameraFrame(const PhotoPoses& poses,

@@ -30,7 +30,8 @@ absl::StatusOr<CompanionFrames> ChooseCompanionFrames(const DatasetIndex& index,
                                                       const std::set<Companion>& kinds);
 
 // Returns the frame of depth maps where sizes fit both: the one whose values rank the points as
-// their depth or disparity does (depth_checks.h). Returns nothing if the points cannot decide.
+// their depth or disparity does (depth_checks.h). If one frame shows depth and the other disparity,
+// it is the one that the folder is named after. Returns nothing if the points cannot decide.
 // `cameras`: what ChooseCameraFrame returned.
 absl::StatusOr<std::optional<PixelFrame>> DepthFrameByPoints(
     const DatasetIndex& index, const PhotoPoses& poses, std::span<const Match> matches,

@@ -42,6 +42,7 @@ struct BlockScene : testing::SmallDataset {
     PixelFrame cameras = PixelFrame::kStored, companions = PixelFrame::kStored;
     int width = 96, height = 72;
     bool coloured_points = true;
+    bool floor = false;  // depth grows evenly from the top to the bottom
   };
 
   explicit BlockScene(const Frames& frames) : frames_(frames) {
@@ -68,7 +69,8 @@ struct BlockScene : testing::SmallDataset {
       WriteBytes(folder / ("images/" + name + ".jpg"),
                  WithOrientation(Jpeg(stored(picture)), orientation));
       WriteBytes(folder / ("masks/" + name + ".png"), Png(in_companion(labels)));
-      WriteBytes(folder / ("depth/" + name + ".png"), Png(in_companion(labels)));
+      WriteBytes(folder / ("depth/" + name + ".png"),
+                 Png(in_companion(frames.floor ? Floor() : labels)));
       WriteBytes(folder / ("ignore/" + name + ".png"), Png(in_companion(first)));
     }
     Write();
@@ -102,15 +104,26 @@ struct BlockScene : testing::SmallDataset {
     }
   }
 
-  // Adds points of the picture's colours at the depth 4 of camera b.
+  static int FloorDepth(int y) { return 40 + 2 * y; }
+
+  Image Floor() const {
+    Image floor{frames_.width, frames_.height, 1, {}};
+    for (int i = 0; i < frames_.width * frames_.height; ++i) {
+      floor.pixels.push_back(static_cast<uint8_t>(FloorDepth(i / frames_.width)));
+    }
+    return floor;
+  }
+
+  // Adds points of the picture's colours at the depth 4 of camera b, or at that of the floor.
   void AddPoints() {
     points.clear();
     for (int i = 0; i < 600; ++i) {
       const int x = i * 37 % frames_.width, y = i * 53 % frames_.height;
       testing::PointRecord point{static_cast<uint64_t>(i + 1)};
-      point.xyz[0] = (x + 0.5 - frames_.width / 2.0) / 80 * 4;
-      point.xyz[1] = (y + 0.5 - frames_.height / 2.0) / 80 * 4;
-      point.xyz[2] = 4;
+      const double depth = frames_.floor ? 0.04 * FloorDepth(y) : 4;
+      point.xyz[0] = (x + 0.5 - frames_.width / 2.0) / 80 * depth;
+      point.xyz[1] = (y + 0.5 - frames_.height / 2.0) / 80 * depth;
+      point.xyz[2] = depth;
       for (size_t c = 0; c < 3; ++c) {
         point.rgb[c] = frames_.coloured_points
                            ? picture.pixels[3 * static_cast<size_t>(y * frames_.width + x) + c]
@@ -164,6 +177,26 @@ TEST(PixelFrames, OfCamerasAndCompanionsAreFoundForEachOrientation) {
                                                       "orientation are of ",
                                                       NameOf(companions), " pixels"))));
         }
+      }
+    }
+  }
+}
+
+// Turned round, the depth of a floor correlates with the points as disparity does.
+TEST(PixelFrames, OfTheDepthOfAFloorAreFound) {
+  for (const int orientation : {3, 4}) {
+    for (const PixelFrame cameras : {PixelFrame::kStored, PixelFrame::kUpright}) {
+      for (const PixelFrame companions : {PixelFrame::kStored, PixelFrame::kUpright}) {
+        SCOPED_TRACE(absl::StrCat("orientation ", orientation, ", cameras ", NameOf(cameras),
+                                  ", companions ", NameOf(companions)));
+        BlockScene::Frames frames = {orientation, cameras, companions};
+        frames.floor = true;
+        const BlockScene scene(frames);
+        ASSERT_OK_AND_ASSIGN(const Capture capture, scene.Import());
+        const View& view = capture.views[1];
+        EXPECT_EQ(view.depth.kind, DepthPrior::Kind::kDepth);
+        EXPECT_NEAR(view.depth.values[95], 0, 0.05);  // right, at the top
+        EXPECT_NEAR(view.depth.values[96 * 72 - 1], 1, 0.05);
       }
     }
   }
