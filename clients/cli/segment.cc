@@ -7,7 +7,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/border_requests.h"
 #include "clients/cli/labelled_masks.h"
 #include "clients/cli/picture.h"
 #include "clients/cli/request_flags.h"
@@ -94,7 +93,7 @@ void WarnOfBox(const v1::SegmentViewsResponse& answer) {
 absl::Status RunSegment(const Shell& shell, const SegmentFlags& flags) {
   ASSIGN_OR_RETURN(const v1::SegmentViewsRequest request, BuildRequest(flags));
   const Client client(shell.channel);
-  ASSIGN_OR_RETURN(v1::SegmentViewsResponse answer, SegmentInPieces(client, request));
+  ASSIGN_OR_RETURN(v1::SegmentViewsResponse answer, client.Segment(request));
   RETURN_IF_ERROR(TakeAcceptedMask(client, request, answer));
   for (const auto& mask : answer.masks()) {
     if (!flags.out.empty()) {

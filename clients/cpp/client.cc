@@ -6,6 +6,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "clients/cpp/border_requests.h"
 #include "clients/cpp/call.h"
 #include "clients/cpp/checksums.h"
 #include "clients/cpp/file_bytes.h"
@@ -225,7 +226,23 @@ absl::StatusOr<v1::Job> Client::WatchJob(const std::string& job,
 
 absl::StatusOr<v1::SegmentViewsResponse> Client::Segment(
     const v1::SegmentViewsRequest& request) const {
-  return Ask(*segmentation_, &Segmentation::SegmentViews, SceneOf(request.model()), request);
+  const auto ask = [this](const v1::SegmentViewsRequest& piece) {
+    return Ask(*segmentation_, &Segmentation::SegmentViews, SceneOf(piece.model()), piece);
+  };
+  if (!request.sam_borders()) return ask(request);
+  std::vector<v1::View> views;
+  if (request.targets().group() != v1::SegmentViewsRequest::Targets::GROUP_UNSPECIFIED) {
+    ASSIGN_OR_RETURN(views, ListViews(request.model()));
+  }
+  std::vector<v1::SegmentViewsRequest> pieces = PiecesOf(request, views);
+  ASSIGN_OR_RETURN(v1::SegmentViewsResponse whole, ask(pieces.front()));
+  for (size_t i = 1; i < pieces.size(); ++i) {
+    // A new training does not mix its masks with those of the old one.
+    pieces[i].set_model(whole.model());
+    ASSIGN_OR_RETURN(const v1::SegmentViewsResponse piece, ask(pieces[i]));
+    AddPiece(piece, whole);
+  }
+  return whole;
 }
 
 absl::StatusOr<v1::ProposeScalesResponse> Client::ProposeScales(

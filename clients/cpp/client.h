@@ -96,6 +96,8 @@ class Client {
 
   // Queries of a model.
 
+  // With sam_borders, requests 8 views at a time (clients/cpp/border_requests.h) and returns one
+  // response. The model that answers first answers for all views.
   absl::StatusOr<v1::SegmentViewsResponse> Segment(const v1::SegmentViewsRequest& request) const;
   absl::StatusOr<v1::ProposeScalesResponse> ProposeScales(
       const v1::ProposeScalesRequest& request) const;

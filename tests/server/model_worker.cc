@@ -8,6 +8,8 @@
 //   half.model     the views are of photographs twice as large
 //   lens.model     those photographs were taken by a lens that distorts
 //   turned.model   those photographs lie on their side
+//   wide.model     eight views, 0.jpg to 7.jpg, of eight sizes from 560x420 to 784x588
+//   many.model     120 views, 0.jpg to 119.jpg, every second one held out
 //   large.model    four times as many Gaussians, of SH degree 3
 // Photographs are decoded by the worker that PEPESEG_WORKER names.
 #include <unistd.h>
@@ -18,6 +20,7 @@
 #include <filesystem>
 #include <string>
 #include <system_error>
+#include <vector>
 
 #include "core/model_files/model_file.h"
 #include "server/worker_protocol/event_log.h"
@@ -73,6 +76,30 @@ Model MakeModel(float shift, int64_t side, int sh_degree) {
   return model;
 }
 
+// Views of different sizes: their feature maps, of 15 to 30 MB, fragment a heap that keeps them.
+std::vector<ModelView> MakeWideViews() {
+  constexpr int kNumViews = 8;
+  std::vector<ModelView> views;
+  views.reserve(kNumViews);
+  for (int i = 0; i < kNumViews; ++i) {
+    ModelView view = MakeView(std::to_string(i) + ".jpg", 0.02 * i, i % 2 != 0);
+    const int width = 560 + 32 * (i * 3 % kNumViews), height = width / 4 * 3;
+    view.camera = {width, height, 0.6 * width, 0.6 * width, 0.5 * width, 0.5 * height};
+    views.push_back(view);
+  }
+  return views;
+}
+
+std::vector<ModelView> MakeManyViews() {
+  constexpr int kNumViews = 120;
+  std::vector<ModelView> views;
+  views.reserve(kNumViews);
+  for (int i = 0; i < kNumViews; ++i) {
+    views.push_back(MakeView(std::to_string(i) + ".jpg", 0.001 * i, i % 2 != 0));
+  }
+  return views;
+}
+
 // Makes a view as the import does at image_scale 0.5.
 void SetPhotographs(const std::string& name, Model& model) {
   for (ModelView& view : model.views) {
@@ -97,6 +124,8 @@ int Run(const std::string& path) {
   Model model = MakeModel(shift, large ? kLargeSide : kSide, large ? kMaxShDegree : 0);
   if (name == "far.model") model.origin = {4e5, 5.3e6, 100};
   if (name == "bare") model.field = {};
+  if (name == "many.model") model.views = MakeManyViews();
+  if (name == "wide.model") model.views = MakeWideViews();
   if (name == "half.model" || name == "lens.model" || name == "turned.model") {
     SetPhotographs(name, model);
   }

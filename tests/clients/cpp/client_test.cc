@@ -6,14 +6,17 @@
 
 #include <filesystem>
 #include <fstream>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "clients/cpp/answer_status.h"
 #include "clients/cpp/mask.h"
 #include "clients/cpp/resource_names.h"
 #include "tests/server/running_server.h"
+#include "tests/testing/fake_sam.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg::client {
@@ -28,7 +31,9 @@ struct ClientTest : ::testing::Test {
     folder.files = {{"file", v1::FILE_KIND_IMAGE, photos / "images/file"}};
   }
 
-  v1::Job TrainShelf() {
+  // Trains with a file of that name, by which the worker decides what to make.
+  v1::Job TrainShelf(const std::string& file = "file") {
+    folder.files.front().name = file;
     EXPECT_OK(client.EnsureScene("shelf"));
     const auto dataset = client.Upload("shelf", folder);
     EXPECT_OK(dataset);
@@ -71,6 +76,53 @@ TEST_F(ClientTest, TrainsAndSegments) {
   const int width = answer->masks(0).rle().width();
   EXPECT_EQ((*mask)[32 * width + 30], 1);  // red
   EXPECT_EQ((*mask)[32 * width + 66], 0);  // blue
+}
+
+// The server refuses more than 100 views with SAM's borders.
+TEST_F(ClientTest, SegmentsAnyNumberOfViewsWithBordersBySam) {
+  constexpr int kNumViews = 120;
+  const fs::path sam = running.folder / "sam";
+  testing::MakeFakeSam(sam);
+  running.options.workers.sam = sam;
+  running.Restart();
+  client = Client(running.channel);
+  ASSERT_EQ(TrainShelf("many.model").state(), v1::JOB_STATE_SUCCEEDED);
+  v1::SegmentViewsRequest request;
+  request.set_model(ModelName("shelf"));
+  *request.mutable_prompt() = ClickAt(30, 32);
+  request.mutable_prompt()->mutable_view()->set_view("0.jpg");
+  request.mutable_granularity()->set_scale_quantile(0.5);
+  request.mutable_granularity()->set_threshold(0.75);
+  request.mutable_targets()->set_group(v1::SegmentViewsRequest::Targets::GROUP_ALL);
+  request.set_sam_borders(true);
+  const auto refused = running.Call(&SegmentationStub::SegmentViews, request);
+  ASSERT_EQ(refused.status().error_code(), grpc::INVALID_ARGUMENT);
+  const auto all = client.Segment(request);
+  ASSERT_OK(all);
+  ASSERT_EQ(all->masks_size(), kNumViews);
+  std::set<std::string> views;
+  for (const auto& mask : all->masks()) {
+    views.insert(mask.view());
+    EXPECT_EQ(mask.border_image(), v1::SegmentViewsResponse::BORDER_IMAGE_RENDERING);
+    EXPECT_GT(mask.area(), 0);
+  }
+  EXPECT_EQ(views.size(), static_cast<size_t>(kNumViews));
+  EXPECT_EQ(all->model(), "scenes/shelf/models/1");
+  EXPECT_EQ(all->scale_quantile(), 0.5);
+
+  request.mutable_targets()->set_group(v1::SegmentViewsRequest::Targets::GROUP_HELD_OUT);
+  ASSERT_OK_AND_ASSIGN(const auto held_out, client.Segment(request));
+  EXPECT_EQ(held_out.masks_size(), kNumViews / 2);
+
+  request.mutable_targets()->Clear();
+  for (int i = kNumViews - 1; i >= 0; --i) {  // backwards, and each twice
+    for (int k = 0; k < 2; ++k) request.mutable_targets()->add_views(absl::StrCat(i, ".jpg"));
+  }
+  ASSERT_OK_AND_ASSIGN(const auto named, client.Segment(request));
+  ASSERT_EQ(named.masks_size(), kNumViews);
+  for (int i = 0; i < kNumViews; ++i) {
+    EXPECT_EQ(named.masks(i).view(), absl::StrCat(kNumViews - 1 - i, ".jpg"));
+  }
 }
 
 TEST_F(ClientTest, OnlyLooksUpASceneThatIsNamedWithItsProject) {

@@ -2,14 +2,12 @@
 
 #include <vector>
 
-#include "absl/status/statusor.h"
-#include "clients/cpp/client.h"
 #include "pepeseg/v1/scene_service.pb.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
 
 // Requests with borders by SAM. SAM takes one to two seconds for a new view, the server takes at
 // most 100 views a request, and a call has a deadline: many views are requested a few at a time.
-namespace pepeseg::client::cli {
+namespace pepeseg::client {
 
 // Returns requests for the target views of `request`, each view once, at most 8 views a request. A
 // request of at most 8 views, or of the prompt's view, is returned as it is. `views`: those of the
@@ -20,9 +18,4 @@ std::vector<v1::SegmentViewsRequest> PiecesOf(const v1::SegmentViewsRequest& req
 // Adds the masks, the times and the agreement with a box of `piece` to `whole`.
 void AddPiece(const v1::SegmentViewsResponse& piece, v1::SegmentViewsResponse& whole);
 
-// Calls SegmentViews for each piece of a request with sam_borders, and returns one response. Other
-// requests are one call. The model that answers first answers for all views.
-absl::StatusOr<v1::SegmentViewsResponse> SegmentInPieces(const Client& client,
-                                                         const v1::SegmentViewsRequest& request);
-
-}  // namespace pepeseg::client::cli
+}  // namespace pepeseg::client

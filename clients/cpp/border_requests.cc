@@ -1,14 +1,13 @@
-#include "clients/cli/border_requests.h"
+#include "clients/cpp/border_requests.h"
 
 #include <algorithm>
 #include <cstddef>
 #include <set>
 #include <string>
 
-#include "clients/cpp/status_macros.h"
 #include "google/protobuf/util/time_util.h"
 
-namespace pepeseg::client::cli {
+namespace pepeseg::client {
 namespace {
 
 using Request = v1::SegmentViewsRequest;
@@ -65,22 +64,4 @@ void AddPiece(const v1::SegmentViewsResponse& piece, v1::SegmentViewsResponse& w
   if (piece.has_box_agreement()) whole.set_box_agreement(piece.box_agreement());
 }
 
-absl::StatusOr<v1::SegmentViewsResponse> SegmentInPieces(const Client& client,
-                                                         const Request& request) {
-  if (!request.sam_borders()) return client.Segment(request);
-  std::vector<v1::View> views;
-  if (request.targets().group() != Request::Targets::GROUP_UNSPECIFIED) {
-    ASSIGN_OR_RETURN(views, client.ListViews(request.model()));
-  }
-  std::vector<Request> pieces = PiecesOf(request, views);
-  ASSIGN_OR_RETURN(v1::SegmentViewsResponse whole, client.Segment(pieces.front()));
-  for (size_t i = 1; i < pieces.size(); ++i) {
-    // A new training does not mix its masks with those of the old one.
-    pieces[i].set_model(whole.model());
-    ASSIGN_OR_RETURN(const v1::SegmentViewsResponse piece, client.Segment(pieces[i]));
-    AddPiece(piece, whole);
-  }
-  return whole;
-}
-
-}  // namespace pepeseg::client::cli
+}  // namespace pepeseg::client

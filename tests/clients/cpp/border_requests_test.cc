@@ -1,4 +1,4 @@
-#include "clients/cli/border_requests.h"
+#include "clients/cpp/border_requests.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 
-namespace pepeseg::client::cli {
+namespace pepeseg::client {
 namespace {
 
 using ::testing::ElementsAre;
@@ -99,4 +99,4 @@ TEST(AddPiece, AddsMasksTimesAndTheAgreementWithABox) {
 }
 
 }  // namespace
-}  // namespace pepeseg::client::cli
+}  // namespace pepeseg::client
