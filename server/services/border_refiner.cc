@@ -18,7 +18,10 @@
 namespace pepeseg {
 namespace {
 
-constexpr size_t kMostRecent = 32;  // views, of 4 MB each
+constexpr size_t kMostRecent = 32;                // views
+constexpr int64_t kViewBytes = int64_t{4} << 20;  // of an embedding
+// Of SAM's weights and their buffers, as measured (deploy/OPERATIONS.md).
+constexpr int64_t kSamBytes = int64_t{350'000'000};
 
 // Runs a `raw` task and returns its picture. INTERNAL: the answer does not have the picture's size.
 absl::StatusOr<Image> MakeImage(const PhotographProcess& process, const PhotographTask& task,
@@ -46,9 +49,14 @@ absl::Status BorderRefiner::CheckAvailable() const {
 // Loading takes a second: it is left to the first request. Clients do not learn the server's paths.
 absl::Status BorderRefiner::OpenSam() {
   if (sam_ != nullptr) return absl::OkStatus();
+  // Evicts models if there is no other room.
+  constexpr int64_t kBytes = kSamBytes + int64_t{kMostRecent} * kViewBytes;
+  ASSIGN_OR_RETURN(std::unique_ptr<ReservedMemory> memory,
+                   options_.models.TakeServerMemory(kBytes));
   auto sam = SamBorders::Open(options_.sam, options_.num_threads);
   if (sam.ok()) {
     sam_ = *std::move(sam);
+    memory_ = std::move(memory);
     spdlog::info("SAM is in memory, for borders of masks");
     return absl::OkStatus();
   }

@@ -21,7 +21,8 @@ namespace pepeseg {
 
 // Refines the borders of masks by SAM (core/priors/sam/sam_borders.h) in the photographs of views.
 // Loads SAM with the first request and keeps it: 350 MB of host memory. Keeps what SAM needs of the
-// most recent views. Thread safe; one mask is refined at a time.
+// most recent views. Both are counted in the budget of the models. Thread safe; one mask is refined
+// at a time.
 class BorderRefiner {
  public:
   // What it refers to must outlive it.
@@ -29,6 +30,7 @@ class BorderRefiner {
     std::filesystem::path sam;  // folder of SAM's files; empty: the server has none
     int num_threads = 1;        // of SAM
     Store& store;
+    ModelLoader& models;
     const BlobStore& blobs;
     const PhotographProcess& photographs;
   };
@@ -39,7 +41,8 @@ class BorderRefiner {
 
   // Refines the mask of a view of the model, and returns the image that was used. `result` must
   // have the similarity, from which its score is computed again. CANCELLED: `wanted` returned
-  // false. FAILED_PRECONDITION: SAM's files are damaged. RESOURCE_EXHAUSTED: out of memory.
+  // false. FAILED_PRECONDITION: SAM's files are damaged. RESOURCE_EXHAUSTED: out of memory, or SAM
+  // exceeds the budget of the models. UNAVAILABLE: models in use leave it no room for now.
   absl::StatusOr<v1::SegmentViewsResponse::BorderImage> Refine(const ResidentModel& model,
                                                                const ModelView& view,
                                                                absl::FunctionRef<bool()> wanted,
@@ -63,8 +66,9 @@ class BorderRefiner {
 
   const Options options_;
   std::mutex mutex_;
-  std::unique_ptr<SamBorders> sam_;  // guarded by mutex_, as the following
-  std::list<Seen> recent_;           // the most recent first
+  std::unique_ptr<ReservedMemory> memory_;  // of all below; guarded by mutex_, as the following
+  std::unique_ptr<SamBorders> sam_;
+  std::list<Seen> recent_;  // the most recent first
 };
 
 }  // namespace pepeseg

@@ -62,6 +62,9 @@ class ModelLoader {
   // the project's share of its models. RESOURCE_EXHAUSTED or UNAVAILABLE: there is no room.
   absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeAnswerMemory(const std::string& scene,
                                                                    int64_t bytes);
+  // Reserves `bytes` of host memory for something that serves all projects, out of the budget only.
+  // Errors are those of TakeAnswerMemory.
+  absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeServerMemory(int64_t bytes);
 
   Store& store() const { return options_.store; }
   ModelCache& cache() const { return *cache_; }
@@ -71,6 +74,8 @@ class ModelLoader {
   const MapCounts& map_counts() const { return map_counts_; }
 
  private:
+  absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeMemory(const ModelCache::Share& share,
+                                                             int64_t bytes);
   absl::StatusOr<ModelRow> FindLive(const std::string& scene) const;
   // Returns the share of the cache of the project that the scene belongs to.
   absl::StatusOr<ModelCache::Share> ShareOf(const std::string& scene) const;

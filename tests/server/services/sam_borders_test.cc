@@ -84,6 +84,28 @@ TEST_F(SamBordersOfModel, LieWhereTheRenderingShowsThemWithoutAPhotograph) {
   EXPECT_TRUE(answer.masks(0).has_similarity());
 }
 
+TEST_F(SamBordersOfModel, AreCountedInTheMemoryOfModels) {
+  constexpr int64_t kSamBytes = 350'000'000 + int64_t{32} * (4 << 20);
+  running.options.admin = "127.0.0.1:0";
+  running.Restart();
+  const auto reserved = [this] {
+    return Call(&AdminStub::ListResidentModels, {})->host().reserved_bytes();
+  };
+  ASSERT_OK(Segment());
+  const int64_t of_model = reserved();
+  request.set_sam_borders(true);
+  for (int i = 0; i < 2; ++i) {
+    ASSERT_OK(Segment());
+    EXPECT_EQ(reserved(), of_model + kSamBytes);
+  }
+  running.options.model_bytes = (of_model + kSamBytes / 2) * 20 / 19;
+  running.Restart();
+  EXPECT_ERROR(Segment(), grpc::UNAVAILABLE, {.reason = "NO_ROOM_NOW"});
+  EXPECT_EQ(reserved(), of_model);
+  request.set_sam_borders(false);
+  EXPECT_OK(Segment());
+}
+
 TEST_F(SamBordersOfModel, AreNotInStreams) {
   grpc::ClientContext context;
   const auto stream = running.segmentation->StreamSegments(&context);
