@@ -4,7 +4,9 @@
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/strip.h"
@@ -52,14 +54,22 @@ absl::StatusOr<OpenDatabase> Open(const ServerOptions& server) {
   return opened;
 }
 
-// Returns the audit log's entry of a change to a key.
-AuditEntry EntryOf(const std::string& verb, const KeyRow& key) {
+// Makes a change to a key, with a line in the audit log before and after it.
+absl::StatusOr<KeyRow> Change(AuditLog& audit, const std::string& verb,
+                              const std::vector<std::string>& resources,
+                              absl::FunctionRef<absl::StatusOr<KeyRow>()> change) {
   AuditEntry entry;
   entry.peer = "command line";
   entry.method = absl::StrCat("pepesegd keys ", verb);
-  entry.resources = {absl::StrCat("keys/", key.id), key.project};
-  entry.outcome = "OK";
-  return entry;
+  entry.resources = resources;
+  entry.outcome = AuditEntry::kBegun;
+  entry.call = NewAuditCall();
+  audit.WriteDurably(entry);
+  absl::StatusOr<KeyRow> key = change();
+  entry.outcome = absl::StatusCodeToString(key.status().code());
+  if (key.ok()) entry.resources = {absl::StrCat("keys/", key->id), key->project};
+  audit.Write(entry);
+  return key;
 }
 
 // Creates a key. The secret goes to standard output and everything else to standard error, so that
@@ -73,8 +83,10 @@ absl::Status Create(const ServerOptions& server, const NewKeyFlags& flags) {
     key.row.expire_time = absl::Now() + absl::Hours(24 * flags.expires_days);
   }
   ASSIGN_OR_RETURN(const OpenDatabase database, Open(server));
-  ASSIGN_OR_RETURN(const KeyRow made, database.store->keys().CreateKey(key.row));
-  database.audit->Write(EntryOf("create", made));
+  ASSIGN_OR_RETURN(
+      const KeyRow made,
+      Change(*database.audit, "create", {absl::StrCat("keys/", key.row.id), key.row.project},
+             [&] { return database.store->keys().CreateKey(key.row); }));
   absl::FPrintF(stderr, "keys/%s of project %s may %s. Its secret is not shown again:\n", made.id,
                 made.project, ScopesToText(made.scopes));
   absl::PrintF("%s\n", key.secret);
@@ -107,9 +119,9 @@ absl::Status List(const ServerOptions& server) {
 
 absl::Status Revoke(const ServerOptions& server, const std::string& name) {
   ASSIGN_OR_RETURN(const OpenDatabase database, Open(server));
-  ASSIGN_OR_RETURN(const KeyRow key,
-                   database.store->keys().RevokeKey(std::string(absl::StripPrefix(name, "keys/"))));
-  database.audit->Write(EntryOf("revoke", key));
+  const std::string id(absl::StripPrefix(name, "keys/"));
+  ASSIGN_OR_RETURN(const KeyRow key, Change(*database.audit, "revoke", {absl::StrCat("keys/", id)},
+                                            [&] { return database.store->keys().RevokeKey(id); }));
   absl::PrintF("keys/%s of project %s is revoked\n", key.id, key.project);
   return absl::OkStatus();
 }

@@ -248,7 +248,10 @@ absl::Status Server::Parts::Listen(const ServerOptions& options) {
   grpc::ServerBuilder builder;
   SetLimits(builder, {kMaxRequestBytes, options.max_connection_age});
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
-  interceptors.push_back(MakeCallInterceptors(metrics.rpc(), options.data));
+  interceptors.push_back(MakeCallInterceptors(
+      metrics.rpc(), options.data, [this](const grpc::ServerContextBase& context) {
+        return ToGrpc(authorizer->AuthorizeReflection(OriginOf(context)));
+      }));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
   ASSIGN_OR_RETURN(acceptor,
                    ConnectionAcceptor::Listen(options.listen, credentials->Make(), builder));

@@ -23,7 +23,7 @@ struct ServerOptions {
   // Address of AdminService, in the same form; empty: it is not served.
   std::string admin;
   bool insecure = false;    // allows listeners beyond this machine without encryption or keys
-  bool reflection = false;  // serves gRPC reflection, which lists all methods to anybody
+  bool reflection = false;  // serves gRPC reflection, to callers with a key
   // Data directory, created if it is missing. With SQLite for one server at a time; servers that
   // share a PostgreSQL database must share the directory, too.
   std::filesystem::path data;

@@ -3,18 +3,23 @@
 #include <fcntl.h>
 #include <spdlog/spdlog.h>
 #include <sys/file.h>
+#include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <nlohmann/json.hpp>
 #include <system_error>
 #include <utility>
 
+#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
 #include "absl/time/clock.h"
 #include "core/base/errors.h"
+#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 
 namespace pepeseg {
@@ -40,12 +45,22 @@ std::string LineOf(const AuditEntry& entry) {
     line["resources"].push_back(name.substr(0, kMaxNameBytes));
   }
   line["outcome"] = entry.outcome;
+  if (!entry.call.empty()) line["call"] = entry.call;
   if (!entry.reason.empty()) line["reason"] = entry.reason;
   // ASCII only, with other characters escaped: a client's name cannot break a line or forge one.
   return line.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace
+
+std::string NewAuditCall() {
+  std::array<char, 8> bytes;
+  // No random bits are there only early in a system's start; the time is different, too.
+  if (getentropy(bytes.data(), bytes.size()) != 0) {
+    return absl::StrCat(absl::Hex(absl::ToUnixNanos(absl::Now()), absl::kZeroPad16));
+  }
+  return absl::BytesToHexString(absl::string_view(bytes.data(), bytes.size()));
+}
 
 absl::StatusOr<std::unique_ptr<AuditLog>> AuditLog::Open(const std::filesystem::path& path,
                                                          const Limits& limits) {
@@ -64,6 +79,7 @@ absl::Status AuditLog::Reopen() {
   if (opened < 0) return FileError(path_, "cannot open", errno);
   if (descriptor_ >= 0) close(descriptor_);
   descriptor_ = opened;
+  name_is_durable_ = false;  // the file may be new
   return absl::OkStatus();
 }
 
@@ -104,7 +120,7 @@ absl::Status AuditLog::RotateWhenFull() {
   return Reopen();
 }
 
-absl::Status AuditLog::Append(const std::string& line) {
+absl::Status AuditLog::Append(const std::string& line, bool durable) {
   if (IsMoved()) RETURN_IF_ERROR(Reopen());
   RETURN_IF_ERROR(RotateWhenFull());
   // One write with O_APPEND, so that lines of several processes do not mix.
@@ -112,22 +128,31 @@ absl::Status AuditLog::Append(const std::string& line) {
   if (written != static_cast<ssize_t>(line.size())) {
     return FileError(path_, "cannot write", written < 0 ? errno : ENOSPC);
   }
+  return durable ? Sync() : absl::OkStatus();
+}
+
+absl::Status AuditLog::Sync() {
+  if (fdatasync(descriptor_) != 0) return FileError(path_, "cannot sync", errno);
+  if (!name_is_durable_) RETURN_IF_ERROR(SyncFolder(path_.parent_path()));
+  name_is_durable_ = true;
   return absl::OkStatus();
 }
 
-void AuditLog::Write(const AuditEntry& entry) { WriteLine(LineOf(entry)); }
+void AuditLog::Write(const AuditEntry& entry) { WriteLine(LineOf(entry), /*durable=*/false); }
+
+void AuditLog::WriteDurably(const AuditEntry& entry) { WriteLine(LineOf(entry), /*durable=*/true); }
 
 void AuditLog::WriteLeftOut(int64_t count, absl::Time since) {
   nlohmann::ordered_json line;
   line["time"] = TextOf(absl::Now());
   line["left_out"] = count;
   line["since"] = TextOf(since);
-  WriteLine(line.dump() + "\n");
+  WriteLine(line.dump() + "\n", /*durable=*/false);
 }
 
-void AuditLog::WriteLine(const std::string& line) {
+void AuditLog::WriteLine(const std::string& line, bool durable) {
   const std::lock_guard lock(mutex_);
-  const absl::Status status = Append(line);
+  const absl::Status status = Append(line, durable);
   // Logged once for each series of failures. A full disk does not stop the service.
   if (!status.ok() && !failing_) {
     spdlog::error("audit log: {}: calls are not recorded", std::string(status.message()));

@@ -14,17 +14,24 @@
 
 namespace pepeseg {
 
-// A call that was made or refused.
+// A line of a log: a call that was refused, or one that was made. A call that changes something has
+// two lines with the same `call`: kBegun before anything is changed, then its outcome.
 struct AuditEntry {
+  static constexpr char kBegun[] = "BEGUN";
+
   std::string key;      // id; empty: no valid key
   std::string project;  // of the key or the gateway identity
   std::string peer;     // gRPC's name for the other end of the connection
   std::string method;   // "pepeseg.v1.SceneService.GetScene"
   std::vector<std::string> resources;
-  std::string outcome;       // name of a gRPC status code
+  std::string outcome;       // kBegun, or the name of a gRPC status code
   std::string reason;        // of a refusal, as "EXPIRED_KEY"; may be empty
   std::string subject = {};  // of the gateway identity; empty: none
+  std::string call = {};     // NewAuditCall() of a call with two lines; empty: it has one line
 };
+
+// Returns a new random id for the two lines of a call.
+std::string NewAuditCall();
 
 // A file with one JSON object per line, readable by its owner only (0600). When it reaches
 // `max_bytes` it becomes PATH.1, PATH.1 becomes PATH.2 and so on, up to PATH.`kept`. Several
@@ -44,14 +51,18 @@ class AuditLog {
   AuditLog& operator=(const AuditLog&) = delete;
 
   void Write(const AuditEntry& entry);
+  // Writes a line, and returns when it is on the disk: a change that the database keeps over a
+  // power cut must not lose its line.
+  void WriteDurably(const AuditEntry& entry);
   // Writes a line for `count` entries that were left out, the first of them at `since`.
   void WriteLeftOut(int64_t count, absl::Time since);
 
  private:
-  void WriteLine(const std::string& line);
+  void WriteLine(const std::string& line, bool durable);
   AuditLog(std::filesystem::path path, const Limits& limits)
       : path_(std::move(path)), limits_(limits) {}
-  absl::Status Append(const std::string& line);
+  absl::Status Append(const std::string& line, bool durable);
+  absl::Status Sync();
   absl::Status Reopen();
   // Returns whether the open file no longer has the path, because another process rotated it.
   bool IsMoved() const;
@@ -61,6 +72,7 @@ class AuditLog {
   const Limits limits_;
   std::mutex mutex_;
   int descriptor_ = -1;
+  bool name_is_durable_ = false;  // the folder was synced since the file was opened
   bool failing_ = false;  // the last write failed; a full disk is logged once, not for every call
 };
 

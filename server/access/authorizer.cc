@@ -168,10 +168,7 @@ void Authorizer::CheckResources(const MethodAccess& access,
   }
 }
 
-// Checks in this order: identity, scope, resources. An unknown caller learns nothing about methods
-// or resources, and a caller without the scope learns nothing about resources.
-Authorizer::Verdict Authorizer::Decide(const CallOrigin& origin,
-                                       const google::protobuf::Message& request) {
+Authorizer::Verdict Authorizer::Identify(const CallOrigin& origin) {
   Verdict verdict;
   if (!require_keys_ && !origin.gateway.present) {
     verdict.caller.scopes = AllScopes();
@@ -179,8 +176,16 @@ Authorizer::Verdict Authorizer::Decide(const CallOrigin& origin,
     return verdict;
   }
   origin.gateway.present ? CheckGateway(origin, verdict) : CheckKey(origin, verdict);
-  if (!verdict.status.ok()) return verdict;
-  verdict.is_known = true;
+  verdict.is_known = verdict.status.ok();
+  return verdict;
+}
+
+// Checks in this order: identity, scope, resources. An unknown caller learns nothing about methods
+// or resources, and a caller without the scope learns nothing about resources.
+Authorizer::Verdict Authorizer::Decide(const CallOrigin& origin,
+                                       const google::protobuf::Message& request) {
+  Verdict verdict = Identify(origin);
+  if (!verdict.status.ok() || verdict.caller.sees_all_projects) return verdict;
   const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
   if (access == nullptr) {
     verdict.Refuse(Refusal(absl::StatusCode::kPermissionDenied, "NO_SCOPE",
@@ -209,13 +214,18 @@ void AddOtherNames(const google::protobuf::Message& request, AuditEntry& entry) 
   }
 }
 
-AuditEntry EntryOf(const CallOrigin& origin, const Caller& caller, const MethodAccess* access,
-                   const google::protobuf::Message& request) {
+AuditEntry EntryOf(const CallOrigin& origin, const Caller& caller) {
   AuditEntry entry;
   entry.key = caller.key;
   entry.project = caller.project;
   entry.subject = caller.subject;
   entry.peer = origin.peer;
+  return entry;
+}
+
+AuditEntry EntryOf(const CallOrigin& origin, const Caller& caller, const MethodAccess* access,
+                   const google::protobuf::Message& request) {
+  AuditEntry entry = EntryOf(origin, caller);
   entry.method = access != nullptr ? access->method : request.GetTypeName();
   if (access == nullptr) return entry;
   for (NamedResource& resource : ResourcesOf(*access, request)) {
@@ -225,14 +235,33 @@ AuditEntry EntryOf(const CallOrigin& origin, const Caller& caller, const MethodA
   return entry;
 }
 
+// Returns whether a method may change something. An operator's methods have one scope, but those
+// that only read are named so.
+bool MayChange(const MethodAccess& access) {
+  if (access.scope == v1::SCOPE_READ) return false;
+  const std::string name = access.method.substr(access.method.rfind('.') + 1);
+  return !absl::StartsWith(name, "Get") && !absl::StartsWith(name, "List");
+}
+
 }  // namespace
 
 absl::StatusOr<Caller> Authorizer::Authorize(const CallOrigin& origin,
                                              const google::protobuf::Message& request) {
   Verdict verdict = Decide(origin, request);
   if (verdict.status.ok()) return std::move(verdict.caller);
-  AuditEntry entry =
-      EntryOf(origin, verdict.caller, FindMethodAccess(*request.GetDescriptor()), request);
+  return Refused(verdict, EntryOf(origin, verdict.caller,
+                                  FindMethodAccess(*request.GetDescriptor()), request));
+}
+
+absl::Status Authorizer::AuthorizeReflection(const CallOrigin& origin) {
+  const Verdict verdict = Identify(origin);
+  if (verdict.status.ok()) return absl::OkStatus();
+  AuditEntry entry = EntryOf(origin, verdict.caller);
+  entry.method = "grpc.reflection";
+  return Refused(verdict, std::move(entry));
+}
+
+absl::Status Authorizer::Refused(const Verdict& verdict, AuditEntry entry) {
   if (entry.key.empty() && entry.subject.empty()) entry.project.clear();  // not known
   entry.outcome = absl::StatusCodeToString(verdict.status.code());
   entry.reason = verdict.reason;
@@ -242,13 +271,26 @@ absl::StatusOr<Caller> Authorizer::Authorize(const CallOrigin& origin,
   return verdict.status;
 }
 
+std::string Authorizer::Begin(const CallOrigin& origin, const Caller& caller,
+                              const google::protobuf::Message& request) {
+  const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
+  if (access == nullptr || !MayChange(*access)) return "";
+  AuditEntry entry = EntryOf(origin, caller, access, request);
+  entry.outcome = AuditEntry::kBegun;
+  entry.call = NewAuditCall();
+  audit_->WriteDurably(entry);
+  return std::move(entry.call);
+}
+
 void Authorizer::Record(const CallOrigin& origin, const Caller& caller,
-                        const google::protobuf::Message& request, const absl::Status& outcome) {
+                        const google::protobuf::Message& request, const absl::Status& outcome,
+                        const std::string& begun) {
   const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
   // Reads change nothing and are too many to record.
   if (access != nullptr && access->scope == v1::SCOPE_READ) return;
   AuditEntry entry = EntryOf(origin, caller, access, request);
   entry.outcome = absl::StatusCodeToString(outcome.code());
+  entry.call = begun;
   audit_->Write(entry);
 }
 
@@ -268,9 +310,13 @@ absl::Status Authorizer::Run(const CallOrigin& origin, const google::protobuf::M
   // The request belongs to this call, and gRPC made it non-const: it is const for handlers only.
   absl::Status status = ResolveSceneNames(
       *store_, *caller, const_cast<google::protobuf::Message&>(request));  // NOLINT
-  if (status.ok()) status = call(*caller);
-  // After the call, with its outcome. The request has scene keys by now; EntryOf writes ids.
-  Record(origin, *caller, request, status);
+  // The request has scene keys by now; EntryOf writes ids.
+  std::string begun;
+  if (status.ok()) {
+    begun = Begin(origin, *caller, request);
+    status = call(*caller);
+  }
+  Record(origin, *caller, request, status, begun);
   return status;
 }
 

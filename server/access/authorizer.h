@@ -64,22 +64,37 @@ class Authorizer {
   absl::StatusOr<Caller> Authorize(const CallOrigin& origin,
                                    const google::protobuf::Message& request);
 
-  // Records in the audit log how an authorised call ended, unless its method only reads.
+  // Returns OK if a caller may use gRPC's reflection, which needs a valid key or gateway identity
+  // of any scope, or the errors of Authorize.
+  absl::Status AuthorizeReflection(const CallOrigin& origin);
+
+  // Records in the audit log that an authorised call begins, if its method may change something.
+  // Returns what Record needs to know. Called before the call changes anything: whatever becomes of
+  // the call, its client or the server, the log then has the change.
+  std::string Begin(const CallOrigin& origin, const Caller& caller,
+                    const google::protobuf::Message& request);
+  // Records how an authorised call ended, unless its method only reads. `begun`: as Begin returned
+  // it.
   void Record(const CallOrigin& origin, const Caller& caller,
-              const google::protobuf::Message& request, const absl::Status& outcome);
+              const google::protobuf::Message& request, const absl::Status& outcome,
+              const std::string& begun);
 
   // Calls Authorize, then ResolveSceneNames, for a message of a stream.
   absl::StatusOr<Caller> AuthorizeAndResolve(const CallOrigin& origin,
                                              google::protobuf::Message& request);
 
-  // Runs a whole call: authorises it, resolves the scene names in its request, calls `call`, and
-  // records the outcome. Changes `request`, which must not be a const object.
+  // Runs a whole call: authorises it, resolves the scene names in its request, and calls `call`
+  // between Begin and Record. Changes `request`, which must not be a const object.
   absl::Status Run(const CallOrigin& origin, const google::protobuf::Message& request,
                    absl::FunctionRef<absl::Status(const Caller&)> call);
 
  private:
   struct Verdict;
+  // Finds out who calls.
+  Verdict Identify(const CallOrigin& origin);
   Verdict Decide(const CallOrigin& origin, const google::protobuf::Message& request);
+  // Records a refusal in one of the logs, and returns it.
+  absl::Status Refused(const Verdict& verdict, AuditEntry entry);
   // Looks up the call's key and sets the caller in `verdict`, or refuses.
   void CheckKey(const CallOrigin& origin, Verdict& verdict);
   // Sets the caller from the metadata of a trusted gateway, or refuses.

@@ -1,5 +1,6 @@
 #include "server/rpc/call_interceptor.h"
 
+#include <google/protobuf/message.h>
 #include <spdlog/spdlog.h>
 
 #include <map>
@@ -8,6 +9,7 @@
 #include <utility>
 
 #include "absl/strings/escaping.h"
+#include "absl/strings/match.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "server/api/error.h"
@@ -25,10 +27,14 @@ constexpr absl::Duration kSlow = absl::Seconds(10);
 
 class CallInterceptor final : public grpc::experimental::Interceptor {
  public:
+  // `check` is null unless the call is one of reflection. All must outlive the interceptor, as gRPC
+  // keeps `info`.
   CallInterceptor(RpcMetrics& metrics, const std::filesystem::path& data_folder,
-                  const ServerRpcInfo& info)
+                  const ReflectionCheck* check, ServerRpcInfo& info)
       : metrics_(metrics),
         data_folder_(data_folder),
+        check_(check),
+        info_(info),
         method_(metrics.Find(info.method())),
         unary_(info.type() == ServerRpcInfo::Type::UNARY) {
     metrics_.Begin(method_);
@@ -42,6 +48,13 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
   void Intercept(InterceptorBatchMethods* methods) override {
     if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::POST_RECV_INITIAL_METADATA)) {
       Identify(methods->GetRecvInitialMetadata());
+      if (check_ != nullptr) refused_ = (*check_)(*info_.server_context());
+    }
+    if (!refused_.ok() &&
+        methods->QueryInterceptionHookPoint(InterceptionHookPoints::POST_RECV_MESSAGE)) {
+      // The requests of gRPC's own services are protobuf messages, too. Null: there is no message.
+      auto* request = static_cast<google::protobuf::Message*>(methods->GetRecvMessage());
+      if (request != nullptr) request->Clear();
     }
     if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_INITIAL_METADATA)) {
       auto* metadata = methods->GetSendInitialMetadata();
@@ -51,10 +64,10 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
     }
     if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_STATUS)) {
       // The log gets the status as the handler made it, the client the one without private text.
-      const grpc::Status status = methods->GetSendStatus();
+      const grpc::Status status = refused_.ok() ? methods->GetSendStatus() : refused_;
       grpc::Status sent = status;
       const bool hidden = HidePrivateText({data_folder_, request_id_}, sent);
-      if (hidden) methods->ModifySendStatus(sent);
+      if (hidden || !refused_.ok()) methods->ModifySendStatus(sent);
       Answered(status, hidden);
     }
     methods->Proceed();
@@ -119,31 +132,40 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
 
   RpcMetrics& metrics_;
   const std::filesystem::path& data_folder_;
+  const ReflectionCheck* const check_;
+  ServerRpcInfo& info_;
   RpcMetrics::Method& method_;
   const bool unary_;
   const absl::Time start_ = absl::Now();
   bool answered_ = false;
   std::string request_id_, trace_id_, traceparent_;
+  grpc::Status refused_;  // by check_; OK: it is not
 };
 
 class CallInterceptors final : public grpc::experimental::ServerInterceptorFactoryInterface {
  public:
-  CallInterceptors(RpcMetrics& metrics, std::filesystem::path data_folder)
-      : metrics_(metrics), data_folder_(std::move(data_folder)) {}
+  CallInterceptors(RpcMetrics& metrics, std::filesystem::path data_folder,
+                   ReflectionCheck reflection)
+      : metrics_(metrics),
+        data_folder_(std::move(data_folder)),
+        reflection_(std::move(reflection)) {}
   grpc::experimental::Interceptor* CreateServerInterceptor(ServerRpcInfo* info) override {
-    return new CallInterceptor(metrics_, data_folder_, *info);  // gRPC deletes it
+    const bool is_reflection = absl::StartsWith(info->method(), "/grpc.reflection.");
+    const ReflectionCheck* check = is_reflection && reflection_ ? &reflection_ : nullptr;
+    return new CallInterceptor(metrics_, data_folder_, check, *info);  // gRPC deletes it
   }
 
  private:
   RpcMetrics& metrics_;
   const std::filesystem::path data_folder_;
+  const ReflectionCheck reflection_;
 };
 
 }  // namespace
 
 std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface> MakeCallInterceptors(
-    RpcMetrics& metrics, std::filesystem::path data_folder) {
-  return std::make_unique<CallInterceptors>(metrics, std::move(data_folder));
+    RpcMetrics& metrics, std::filesystem::path data_folder, ReflectionCheck reflection) {
+  return std::make_unique<CallInterceptors>(metrics, std::move(data_folder), std::move(reflection));
 }
 
 }  // namespace pepeseg

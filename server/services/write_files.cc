@@ -74,13 +74,18 @@ Stream::Step WriteFilesStream::Rehash() {
 }
 
 void WriteFilesStream::OnClosed() {
-  if (writer_ == nullptr && group_.empty()) return;
+  if (writer_ == nullptr && group_.empty() && begun_.empty()) return;
   // A pool that has stopped drops the task, whose destructors then block on this thread: the server
   // is ending, so nothing else waits for it.
   parts_.runner.pools().upload.SubmitAlways(
-      caller_ ? caller_->project : "", [parts = parts_, upload = upload_, group = std::move(group_),
-                                        writer = std::move(writer_)]() mutable {
-        Close(parts, upload, std::move(group), std::move(writer)).IgnoreError();
+      caller_ ? caller_->project : "",
+      [parts = parts_, upload = upload_, group = std::move(group_), writer = std::move(writer_),
+       origin = origin_, caller = caller_, named = std::move(named_),
+       begun = std::move(begun_)]() mutable {
+        absl::Status status = Close(parts, upload, std::move(group), std::move(writer));
+        status.Update(absl::CancelledError("the client is gone"));
+        if (begun.empty()) return;
+        parts.runner.authorizer().Record(origin, *caller, named, status, begun);
       });
 }
 
@@ -100,22 +105,28 @@ absl::Status WriteFilesStream::Authorize(v1::WriteFilesRequest& part) {
   // Every header is authorised, so that a key that is revoked ends the upload at the next file, and
   // an upload of another project is refused.
   ASSIGN_OR_RETURN(caller_, parts_.runner.authorizer().AuthorizeAndResolve(origin_, part));
-  // One line in the audit log for each upload, not for each file; now, since a stream may be cut
-  // off.
+  // The audit log has the uploads of a stream, not their files.
   if (named_.header().upload() != part.header().upload()) {
-    parts_.runner.authorizer().Record(origin_, *caller_, part, absl::OkStatus());
+    // The files before this one are of the upload before.
+    absl::Status status = group_.Commit(parts_.store, parts_.blobs);
+    RecordEnd(status);
+    RETURN_IF_ERROR(status);
+    begun_ = parts_.runner.authorizer().Begin(origin_, *caller_, part);
   }
   named_ = part;
   return absl::OkStatus();
+}
+
+void WriteFilesStream::RecordEnd(const absl::Status& status) {
+  if (begun_.empty()) return;
+  parts_.runner.authorizer().Record(origin_, *caller_, named_, status, std::exchange(begun_, {}));
 }
 
 Stream::Step WriteFilesStream::End(absl::Status status) {
   // Closes here, since OnClosed must not block. Of two errors the first one is the cause.
   // OnClosed finds nothing left to do after this.
   status.Update(Close(parts_, upload_, std::exchange(group_, {}), std::exchange(writer_, {})));
-  if (!status.ok() && named_.has_header()) {
-    parts_.runner.authorizer().Record(origin_, *caller_, named_, status);
-  }
+  RecordEnd(status);
   return {Next::kEnd, std::move(status)};
 }
 

@@ -42,8 +42,10 @@ class WriteFilesStream final : public ReadStream<v1::WriteFilesRequest> {
   absl::Status Authorize(v1::WriteFilesRequest& part);
   // Keeps what was received before the call was cut off. That blocks, so a task does it.
   void OnClosed() override;
-  // Commits what was received, and records in the audit log what ended the stream, unless it is OK.
+  // Commits what was received, and records in the audit log what ended the stream.
   Step End(absl::Status status);
+  // Records in the audit log how the upload of the newest header ended, unless that was done.
+  void RecordEnd(const absl::Status& status);
   // Hashes the bytes that are there of a file that is resumed, a part per task.
   Step Rehash();
   absl::Status Take(const v1::WriteFilesRequest& part);
@@ -63,6 +65,7 @@ class WriteFilesStream final : public ReadStream<v1::WriteFilesRequest> {
   std::optional<Caller> caller_;  // none: the call has not begun
   bool got_message_ = false;
   v1::WriteFilesRequest named_;  // the newest header, for the audit log
+  std::string begun_;            // its upload in the audit log; empty: has its outcome, or none
   // The file that is being received. Its writer is null if the bytes are stored already.
   bool in_file_ = false;
   DatasetFileRow file_;

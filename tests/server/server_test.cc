@@ -1,5 +1,6 @@
 #include "server/server.h"
 
+#include <gmock/gmock.h>
 #include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
@@ -11,10 +12,16 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "absl/time/clock.h"
+#include "server/access/api_key.h"
 #include "server/listen_rules.h"
+#include "server/store/layout.h"
+#include "server/store/store.h"
 #include "tests/server/health_check.h"
 #include "tests/server/shelf_model.h"
 
@@ -113,32 +120,90 @@ TEST(ServerProgram, ServesAndExitsCleanlyOnSigterm) {
   EXPECT_EQ(WEXITSTATUS(state), 0);
 }
 
-// Sends an empty request for reflection, and returns how the call ended.
-grpc::Status AskReflection(const std::shared_ptr<grpc::Channel>& channel) {
+struct ReflectionAnswer {
+  grpc::Status status;
+  std::string bytes;  // of the response
+};
+
+// Asks reflection for the list of services.
+ReflectionAnswer AskReflection(const std::shared_ptr<grpc::Channel>& channel,
+                               const std::string& authorization = "") {
+  constexpr char kListServices[] = "\x3a\x01*";  // field 7 of ServerReflectionRequest
   grpc::GenericStub stub(channel);
   grpc::CompletionQueue queue;
   grpc::ClientContext context;
-  const auto call = stub.PrepareUnaryCall(
-      &context, "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
-      grpc::ByteBuffer(), &queue);
-  call->StartCall();
-  grpc::ByteBuffer answer;
-  grpc::Status status;
-  call->Finish(&answer, &status, &queue);
-  void* tag = nullptr;
-  bool ok = false;
-  queue.Next(&tag, &ok);
-  return status;
+  if (!authorization.empty()) context.AddMetadata("authorization", authorization);
+  const grpc::Slice request(kListServices);
+  const auto call = stub.PrepareCall(
+      &context, "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", &queue);
+  const auto await = [&queue] {
+    void* tag = nullptr;
+    bool ok = false;
+    return queue.Next(&tag, &ok) && ok;
+  };
+  call->StartCall(&queue);
+  if (await()) {
+    call->Write(grpc::ByteBuffer(&request, 1), &queue);
+    await();
+    call->WritesDone(&queue);
+    await();
+  }
+  ReflectionAnswer answer;
+  grpc::ByteBuffer response;
+  do {
+    std::vector<grpc::Slice> slices;
+    if (response.Dump(&slices).ok()) {
+      for (const grpc::Slice& slice : slices) {
+        answer.bytes.append(reinterpret_cast<const char*>(slice.begin()), slice.size());
+      }
+    }
+    call->Read(&response, &queue);
+  } while (await());
+  call->Finish(&answer.status, &queue);
+  await();
+  return answer;
 }
 
 TEST(ServerProgram, ServesReflectionOnlyIfAskedTo) {
   const testing::TempFolder without, with;
   const Program silent(without);
   ASSERT_GT(silent.port, 0);
-  EXPECT_EQ(AskReflection(ConnectTo(silent.port)).error_code(), grpc::StatusCode::UNIMPLEMENTED);
+  EXPECT_ERROR(AskReflection(ConnectTo(silent.port)).status, grpc::UNIMPLEMENTED);
   const Program open(with, PEPESEG_FAKE_WORKER, {"--reflection"});
   ASSERT_GT(open.port, 0);
-  EXPECT_OK(AskReflection(ConnectTo(open.port)));
+  const ReflectionAnswer answer = AskReflection(ConnectTo(open.port));
+  EXPECT_OK(answer.status);
+  EXPECT_THAT(answer.bytes, ::testing::HasSubstr("pepeseg.v1.SceneService"));
+}
+
+TEST(ServerProgram, ServesReflectionWithAKeyOnly) {
+  const testing::TempFolder folder;
+  std::string secret;
+  {
+    ASSERT_OK_AND_ASSIGN(NewKey key, MakeKey());
+    key.row.project = "lab";
+    key.row.scopes = ScopeBit(v1::SCOPE_READ);
+    std::filesystem::create_directories(folder / "data");
+    ASSERT_OK_AND_ASSIGN(const auto store,
+                         Store::Open("sqlite:" + DatabasePath(folder / "data").string()));
+    ASSERT_OK(store->keys().CreateKey(key.row));
+    secret = key.secret;
+  }
+  const Program program(folder, PEPESEG_FAKE_WORKER, {"--reflection", "--require-keys"});
+  ASSERT_GT(program.port, 0);
+  const auto channel = ConnectTo(program.port);
+  const ReflectionAnswer answer = AskReflection(channel, "Bearer " + secret);
+  EXPECT_OK(answer.status);
+  EXPECT_THAT(answer.bytes, ::testing::HasSubstr("pepeseg.v1.SceneService"));
+  for (const std::string& wrong : {std::string(), "Bearer " + MakeKey()->secret}) {
+    const ReflectionAnswer refused = AskReflection(channel, wrong);
+    EXPECT_ERROR(refused.status, grpc::UNAUTHENTICATED,
+                 {.reason = wrong.empty() ? "NO_KEY" : "BAD_KEY"});
+    EXPECT_THAT(refused.bytes, ::testing::Not(::testing::HasSubstr("pepeseg")));
+  }
+  std::ifstream file(RefusalPath(folder / "data"));
+  const std::string refusals{std::istreambuf_iterator<char>(file), {}};
+  EXPECT_THAT(refusals, ::testing::HasSubstr("grpc.reflection"));
 }
 
 v1::Job TrainOn(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene,

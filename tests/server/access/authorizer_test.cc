@@ -227,6 +227,29 @@ TEST_F(AuthorizerTest, RecordsCallsThatChangeSomething) {
   EXPECT_EQ(all.find(key_.row.sha256), std::string::npos);
 }
 
+// A server that is killed during the call leaves this line.
+TEST_F(AuthorizerTest, RecordsAChangeBeforeItIsMade) {
+  const CallOrigin origin = Key(AllScopes());
+  v1::DeleteSceneRequest remove;
+  remove.set_name("scenes/mine");
+  nlohmann::json begun;
+  ASSERT_OK(authorizer_.Run(origin, remove, [&](const Caller&) {
+    begun = LastLine();
+    return absl::OkStatus();
+  }));
+  EXPECT_EQ(begun["method"], "pepeseg.v1.SceneService.DeleteScene");
+  EXPECT_EQ(begun["resources"], nlohmann::json({"scenes/mine"}));
+  EXPECT_EQ(begun["outcome"], "BEGUN");
+  EXPECT_EQ(LastLine()["outcome"], "OK");
+  EXPECT_EQ(LastLine()["call"], begun["call"]);
+  // Operators' calls that only read have one line.
+  ASSERT_OK(authorizer_.Run(origin, v1::ListResidentModelsRequest(), [&](const Caller&) {
+    EXPECT_EQ(LastLine()["call"], begun["call"]);
+    return absl::OkStatus();
+  }));
+  EXPECT_FALSE(LastLine().contains("call"));
+}
+
 TEST_F(AuthorizerTest, DoesNotRunRefusedCalls) {
   bool ran = false;
   const auto note = [&](const Caller&) {

@@ -3,11 +3,15 @@
 #include <sys/wait.h>
 
 #include <cstdio>
+#include <fstream>
+#include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
+#include "server/store/layout.h"
 #include "tests/server/access/keyed_server.h"
 #include "tests/testing/status_testing.h"
 
@@ -76,6 +80,18 @@ TEST(KeysCommand, CreatesAndRevokesKeysOfARunningServer) {
   EXPECT_EQ(RunKeys(data, "revoke " + name).code, 0);
   EXPECT_ERROR(ListScenes(running, secret), grpc::UNAUTHENTICATED);
   EXPECT_NE(RunKeys(data, "list").text.find("revoked"), std::string::npos);
+
+  std::ifstream file(AuditPath(data));
+  std::vector<std::string> outcomes;
+  for (std::string line; std::getline(file, line);) {
+    const auto entry = nlohmann::json::parse(line);
+    EXPECT_EQ(entry["resources"][0], name);
+    outcomes.push_back(
+        absl::StrCat(entry["method"].get<std::string>(), " ", entry["outcome"].get<std::string>()));
+  }
+  EXPECT_EQ(outcomes,
+            (std::vector<std::string>{"pepesegd keys create BEGUN", "pepesegd keys create OK",
+                                      "pepesegd keys revoke BEGUN", "pepesegd keys revoke OK"}));
 }
 
 TEST(KeysCommand, RefusesInvalidArguments) {

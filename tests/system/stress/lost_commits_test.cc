@@ -2,12 +2,16 @@
 // applied. Each COMMIT of a scene's life in turn with PEPESEG_STRESS=full, otherwise every 23rd.
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <iostream>
 #include <map>
+#include <nlohmann/json.hpp>
+#include <string>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "server/store/layout.h"
 #include "server/store/soci.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/store/commit_cutter.h"
@@ -57,7 +61,26 @@ class LostCommits : public ::testing::Test {
     if (cutter_.has_cut()) ++report.num_cut;
     if (!server.alive()) return "the server has ended: " + server.Log();
     if (!status.ok()) return absl::StrCat(status.ToString(), "\n", server.Log());
-    return FindDoubles(url, folder / "data");
+    return FindDoubles(url, folder / "data") + FindUnrecorded(folder / "data");
+  }
+
+  // The audit log has the creation of the scene, and a second line of each call that it has: the
+  // server decides what became of a call, also of one whose COMMIT was not answered.
+  static std::string FindUnrecorded(const std::filesystem::path& data) {
+    std::map<std::string, int> num_lines;  // by call
+    bool created = false;
+    std::ifstream file(AuditPath(data));
+    for (std::string text; std::getline(file, text);) {
+      const auto line = nlohmann::json::parse(text);
+      if (line.contains("call")) ++num_lines[line["call"].get<std::string>()];
+      created |= line["method"] == "pepeseg.v1.SceneService.CreateScene" &&
+                 line["resources"] == nlohmann::json({"first"});
+    }
+    std::string wrong = created ? "" : "the creation of the scene is not in the audit log";
+    for (const auto& [call, count] : num_lines) {
+      if (count != 2) absl::StrAppend(&wrong, " ", count, " lines of call ", call);
+    }
+    return wrong;
   }
 
   // Each object of a life exists exactly once.
