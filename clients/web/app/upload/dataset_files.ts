@@ -53,7 +53,7 @@ function hasPictures(files: readonly DatasetFile[]): boolean {
   return files.some(({ kind }) => kind === FileKind.IMAGE || kind === FileKind.VIDEO);
 }
 
-/** Returns the kinds of the files that transforms.json names, by path. */
+/** Returns the kinds of the files that transforms.json names, by path in lower case. */
 async function referencesOf(found: readonly Found[]): Promise<ReadonlyMap<string, FileKind>> {
   const transforms = found.find(({ below }) => below === 'transforms.json');
   return transforms ? transformsReferences(await transforms.file.text()) : new Map();
@@ -62,8 +62,11 @@ async function referencesOf(found: readonly Found[]): Promise<ReadonlyMap<string
 /** Returns the file as a part of the dataset; undefined if it is none. */
 function takeFile(found: Found, named: ReadonlyMap<string, FileKind>): Taken | undefined {
   const path = inLayout(found.below);
-  const reference = named.get(found.below);
-  const kind = kindOf(path) ?? reference;
+  const reference = named.get(found.below.toLowerCase());
+  const byName = kindOf(path);
+  // A mask among the photographs is none of them.
+  const isMask = byName === FileKind.IMAGE && reference === FileKind.MASK;
+  const kind = isMask ? reference : (byName ?? reference);
   // Some tools write no points at all, and the contract has no files without bytes.
   const empty = kind === FileKind.POINTS && found.file.size === 0;
   if (kind === undefined || empty) return undefined;

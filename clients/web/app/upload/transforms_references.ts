@@ -22,7 +22,8 @@ function parse(text: string): unknown {
 }
 
 /**
- * Returns the kind of each file that transforms.json names by `mask_path` or `ply_file_path`, by path.
+ * Returns the kind of each file that transforms.json names by `mask_path` or `ply_file_path`, by path
+ * in lower case: names may differ from those of the files in the case of letters.
  * The masks are sent as MASK: the server finds them by the same references, ignores their pixels of
  * value 0, and never takes them for segments.
  */
@@ -31,7 +32,7 @@ export function transformsReferences(text: string): ReadonlyMap<string, FileKind
   const document = parse(text);
   if (!isObject(document)) return named;
   const add = (path: unknown, kind: FileKind) => {
-    if (typeof path === 'string') named.set(plainPath(path), kind);
+    if (typeof path === 'string') named.set(plainPath(path).toLowerCase(), kind);
   };
   const { frames } = document;
   for (const frame of [document, ...(Array.isArray(frames) ? frames : [])]) {

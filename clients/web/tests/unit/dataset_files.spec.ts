@@ -262,6 +262,45 @@ test('a mask that transforms.json names next to loose photographs is not one of 
   ]);
 });
 
+test('a mask that transforms.json names in images/ is not a photograph', async () => {
+  const document = {
+    frames: [
+      { file_path: 'images/a.jpg', mask_path: 'images/a_mask.png' },
+      { file_path: 'images/b.jpg', mask_path: 'keep/B.png' },
+    ],
+  };
+  const names = ['images/a.jpg', 'images/a_mask.png', 'images/b.jpg', 'keep/b.png'];
+  const { files, leftOut } = await readDataset([
+    transforms(document),
+    ...dropped(...names.map((name) => `shop/${name}`)),
+  ]);
+  expect(files.map(({ path, kind, ignores }) => [path, kind, ignores ?? false])).toEqual([
+    ['images/a.jpg', FileKind.IMAGE, false],
+    ['images/a_mask.png', FileKind.MASK, true],
+    ['images/b.jpg', FileKind.IMAGE, false],
+    ['keep/b.png', FileKind.MASK, true],
+    ['transforms.json', FileKind.POSES, false],
+  ]);
+  expect(leftOut).toEqual([]);
+});
+
+test('transforms.json and the folder may differ in the case of letters', async () => {
+  const document = {
+    ply_file_path: 'Cloud.PLY',
+    frames: [{ file_path: 'images/1.jpg', mask_path: 'Images/1_Mask.PNG' }],
+  };
+  const { files } = await readDataset([
+    transforms(document),
+    ...dropped('shop/IMAGES/1.jpg', 'shop/IMAGES/1_mask.png', 'shop/cloud.ply'),
+  ]);
+  expect(files.map(({ path, kind }) => [path, kind])).toEqual([
+    ['cloud.ply', FileKind.POINTS],
+    ['images/1.jpg', FileKind.IMAGE],
+    ['images/1_mask.png', FileKind.MASK],
+    ['transforms.json', FileKind.POSES],
+  ]);
+});
+
 test('a transforms.json that is not an object names no files', async () => {
   for (const text of ['{', '[1]', '7', '{"frames": 3}']) {
     const file = new Blob([text]) as File;
