@@ -307,6 +307,21 @@ void MatchCompanions(const std::set<std::string>& stems, DatasetIndex& index) {
 
 std::string PhotoKey(absl::string_view name) { return std::string(WithoutFolder(name, "images")); }
 
+int64_t CountSegmentMasks(std::span<const DatasetFile> files) {
+  DatasetIndex index;
+  for (const DatasetFile& file : files) {
+    // By whole names: IndexDataset refuses two files with one purpose, which is nothing to report
+    // here.
+    if (IsSystemFile(file.name)) continue;
+    if (file.kind == FileKind::kMask) index.masks[file.name] = &file;
+    if (file.kind == FileKind::kIgnoreMask) index.ignore[file.name] = &file;
+    if (file.kind == FileKind::kImage) index.photos[PhotoKey(file.name)] = &file;
+    if (file.kind == FileKind::kPoses && Suffix(file.name) == ".json") index.transforms = &file;
+  }
+  if (!index.masks.empty()) TakeKeepMasks(ReadReferences(index), index);
+  return static_cast<int64_t>(index.masks.size());
+}
+
 absl::StatusOr<DatasetIndex> IndexPriors(std::span<const DatasetFile> files,
                                          std::span<const std::string> photographs) {
   DatasetIndex index;

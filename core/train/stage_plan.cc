@@ -4,6 +4,7 @@
 #include <thread>
 #include <utility>
 
+#include "core/dataset/dataset_index.h"
 #include "core/dataset/held_out.h"
 #include "core/dataset/video_frames.h"
 #include "core/formats/movie_size.h"
@@ -139,12 +140,12 @@ TrainingFacts FactsOf(const TrainingInputs& inputs, const TrainingSettings& sett
   facts.num_threads = inputs.tools.num_threads > 0 ? inputs.tools.num_threads : num_cores;
   for (const DatasetFile& file : inputs.files) {
     facts.has_poses |= file.kind == FileKind::kPoses;
-    facts.has_masks |= settings.import.use_masks && file.kind == FileKind::kMask;
     facts.has_depth |= settings.import.use_depth &&
                        (file.kind == FileKind::kDepth || file.kind == FileKind::kDisparity);
     facts.has_gaussians |= file.kind == FileKind::kGaussians;
     facts.num_photographs += file.kind == FileKind::kImage ? 1 : 0;
   }
+  facts.has_masks = settings.import.use_masks && CountSegmentMasks(inputs.files) > 0;
   // Without photographs among the files there are only frames.
   facts.is_video = facts.num_photographs == 0;
   const int64_t max_frames = settings.sfm.max_video_frames;

@@ -42,7 +42,8 @@ struct TrainingFacts {
 };
 
 // Returns the facts that are known before any photograph is read: it is assumed to have one
-// megapixel. Reads the headers of videos. on_device: the backend computes on a GPU.
+// megapixel. Reads transforms.json and the headers of videos. on_device: the backend computes on a
+// GPU.
 TrainingFacts FactsOf(const TrainingInputs& inputs, const TrainingSettings& settings,
                       bool on_device);
 

@@ -13,6 +13,7 @@
 #include "server/api/mask_advice.h"
 #include "server/api/resource_name.h"
 #include "server/api/rows_to_proto.h"
+#include "server/services/segment_masks.h"
 #include "server/services/upload_files.h"
 #include "server/services/upload_rules.h"
 #include "server/services/write_files.h"
@@ -120,8 +121,14 @@ absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* up
 
 absl::Status DatasetServiceRpc::FillDataset(const DatasetRow& row, v1::Dataset* dataset) const {
   *dataset = ToProto(row);
-  ASSIGN_OR_RETURN(const bool has_masks,
+  ASSIGN_OR_RETURN(bool has_masks,
                    store_.files().HasFileOfKind(row.scene, row.number, v1::FILE_KIND_MASK));
+  // No advice is needed where the server makes masks.
+  if (has_masks && !options_.has_mask_maker) {
+    ASSIGN_OR_RETURN(const auto files, store_.files().ListDatasetFiles(row.scene, row.number));
+    ASSIGN_OR_RETURN(const std::string project, store_.scenes().ProjectOfScene(row.scene));
+    has_masks = CountSegmentMasks(blobs_, project, files) > 0;
+  }
   for (std::string& advice : AdviceOnDataset(has_masks, options_.has_mask_maker)) {
     dataset->add_advice(std::move(advice));
   }

@@ -19,6 +19,7 @@
 #include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/services/file_header.h"
+#include "server/services/segment_masks.h"
 #include "server/worker_protocol/job_stage.h"
 
 namespace pepeseg {
@@ -272,11 +273,14 @@ absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_s
   counts.num_training_views = std::max<int64_t>(1, counts.num_views - held_out);
   // Names are not matched here, so a view may have several files or none; the number of views
   // bounds the count.
-  if (import.use_masks) {
-    counts.num_masked_views = std::min(counts.num_views, CountKind(files, v1::FILE_KIND_MASK));
+  const int64_t num_masks = CountKind(files, v1::FILE_KIND_MASK);
+  const int64_t num_segment_masks =
+      num_masks > 0 ? CountSegmentMasks(blob_store, project, files) : 0;
+  if (import.use_masks) counts.num_masked_views = std::min(counts.num_views, num_segment_masks);
+  // One ignore mask may apply to all views. Masks without segments are ignore masks.
+  if (CountKind(files, v1::FILE_KIND_IGNORE_MASK) > 0 || num_segment_masks < num_masks) {
+    counts.num_ignore_views = counts.num_views;
   }
-  // One ignore mask may apply to all views.
-  if (CountKind(files, v1::FILE_KIND_IGNORE_MASK) > 0) counts.num_ignore_views = counts.num_views;
   if (import.use_depth) {
     counts.num_depth_views =
         std::min(counts.num_views,

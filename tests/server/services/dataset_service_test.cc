@@ -112,6 +112,24 @@ TEST_F(DatasetServiceTest, AdvisesMasksIfADatasetHasNone) {
   EXPECT_TRUE(advice({photograph}).empty()) << "the server makes masks by its command";
 }
 
+TEST_F(DatasetServiceTest, AdvisesMasksIfAllMasksSayWhatToIgnore) {
+  const TestFile poses{"transforms.json",
+                       R"({"frames": [{"file_path": "images/1.jpg", "mask_path": "keep/1.png"}]})",
+                       v1::FILE_KIND_POSES};
+  const TestFile photograph{"images/1.jpg", "x"};
+  const TestFile keep{"keep/1.png", "y", v1::FILE_KIND_MASK};
+  const TestFile mask{"masks/1.png", "z", v1::FILE_KIND_MASK};
+  const auto num_advice = [this](const std::string& dataset) {
+    v1::GetDatasetRequest request;
+    request.set_name(dataset);
+    return Call(&DatasetStub::GetDataset, request)->advice_size();
+  };
+  EXPECT_EQ(num_advice(running.UploadAndSeal("shelf", {poses, photograph, keep})), 1);
+  EXPECT_EQ(num_advice(running.UploadAndSeal("shelf", {poses, photograph, keep, mask})), 0);
+  EXPECT_EQ(num_advice(running.UploadAndSeal("shelf", {photograph, keep})), 0)
+      << "nothing names it";
+}
+
 TEST_F(DatasetServiceTest, SeparatesFoldersOfScenesThatDifferInCase) {
   const std::vector<TestFile> files = {{"images/1.jpg", "one"}};
   for (const char* scene : {"fern_2", "Fern_2", "FERN.2"}) {

@@ -133,6 +133,23 @@ TEST_F(EstimateTrainingTest, AddsTheFeaturesStageForMasks) {
   EXPECT_GT(estimate.stages(2).device_bytes(), 0);
 }
 
+TEST_F(EstimateTrainingTest, CountsNoMasksThatSayWhatToIgnore) {
+  std::vector<TestFile> files = Photos();
+  files.back() = {"transforms.json",
+                  R"({"frames": [{"file_path": "images/0.png", "mask_path": "./Keep/0.png"}]})",
+                  v1::FILE_KIND_POSES};
+  files.push_back({"keep/0.png", testing::BlackPng(400, 300, 8), v1::FILE_KIND_MASK});
+  ASSERT_OK_AND_ASSIGN(const auto named, Estimate(running.UploadAndSeal("shelf", files)));
+  EXPECT_EQ(named.num_mask_files(), 0);
+  files.push_back({"masks/0.png", testing::BlackPng(400, 300, 8), v1::FILE_KIND_MASK});
+  ASSERT_OK_AND_ASSIGN(const auto both, Estimate(running.UploadAndSeal("shelf", files)));
+  EXPECT_EQ(both.num_mask_files(), 1);
+  // SAM makes the masks where there are none.
+  InstallSam();
+  ASSERT_OK_AND_ASSIGN(const auto made, Estimate("scenes/shelf/datasets/1"));
+  EXPECT_EQ(made.stages(1).stage(), v1::JOB_STAGE_PRIORS);
+}
+
 TEST_F(EstimateTrainingTest, RefusesTrainingsThatDoNotFitBeforeTheyAreQueued) {
   const std::string dataset = running.UploadAndSeal("shelf", Photos());
   v1::TrainingOptions options;
