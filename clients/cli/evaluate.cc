@@ -233,10 +233,9 @@ void AddTruthFlags(CLI::App& verb, EvaluateFlags& flags) {
                   "where an image has other ids as well and none over 255")
       ->check(CLI::Range(1, 65535));
   verb.add_option("--names", flags.truth.names, "JSON file with the entities' names by id");
-  verb.add_option("--views", flags.truth.views,
-                  "Views to score: names, or a file with one a line; default: held-out views")
-      ->allow_extra_args(false)
-      ->delimiter(',');
+  AddNamesFlag(verb, "--views", flags.truth.views,
+               "Names of the views to score; by default the held-out ones")
+      ->allow_extra_args(false);
   verb.add_flag("--trained-views", flags.truth.trained_views,
                 "Also score views that the model was trained on, as some protocols do");
 }

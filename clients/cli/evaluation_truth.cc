@@ -7,10 +7,8 @@
 #include <set>
 #include <utility>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
 #include "clients/cli/outline_files.h"
 #include "clients/cli/picture.h"
 #include "clients/cli/scene_truth.h"
@@ -43,18 +41,6 @@ std::vector<fs::path> PngsOf(const fs::path& folder) {
   }
   std::sort(files.begin(), files.end());
   return files;
-}
-
-// Returns the names that --views lists, by themselves or in a file.
-absl::StatusOr<std::vector<std::string>> ListedViews(const TruthFlags& flags) {
-  if (flags.views.size() != 1 || !IsFile(flags.views[0])) return flags.views;
-  ASSIGN_OR_RETURN(const std::string text, ReadFile(flags.views[0]));
-  std::vector<std::string> names;
-  for (const absl::string_view line : absl::StrSplit(text, '\n')) {
-    const absl::string_view name = absl::StripAsciiWhitespace(line);
-    if (!name.empty()) names.emplace_back(name);
-  }
-  return names;
 }
 
 // Returns "; did you mean ...?" with the views whose names are like a name, "" if there are none.
@@ -199,12 +185,11 @@ int VoidIdOf(const v1::EvaluateModelRequest& request, const std::set<int>& ids) 
 
 absl::StatusOr<std::vector<v1::View>> ViewsToScore(const TruthFlags& flags,
                                                    const std::vector<v1::View>& views) {
-  ASSIGN_OR_RETURN(const std::vector<std::string> listed, ListedViews(flags));
   std::vector<v1::View> chosen;
   for (const v1::View& view : views) {
-    if (listed.empty() && (view.held_out() || flags.trained_views)) chosen.push_back(view);
+    if (flags.views.empty() && (view.held_out() || flags.trained_views)) chosen.push_back(view);
   }
-  for (const std::string& name : listed) {
+  for (const std::string& name : flags.views) {
     const auto found = std::find_if(views.begin(), views.end(), [&](const v1::View& view) {
       return view.view() == name || fs::path(view.view()).replace_extension("") == name;
     });

@@ -19,13 +19,12 @@ struct TruthFlags {
   std::filesystem::path folder;    // or a file of outlines
   std::filesystem::path ignore;    // a PNG for all views, or a folder of STEM.png; empty: none
   std::string names;               // a JSON file with names by id; empty: none
-  std::vector<std::string> views;  // names, or one file with a name a line; empty: held-out views
+  std::vector<std::string> views;  // names; empty: held-out views
   bool trained_views = false;      // reads views that were trained on, too
 };
 
 // Returns the views among `views` to score. INVALID_ARGUMENT: a view that the user names is
-// unknown, or was trained on and trained views are not wanted. LocalFileError: the list cannot be
-// read.
+// unknown, or was trained on and trained views are not wanted.
 absl::StatusOr<std::vector<v1::View>> ViewsToScore(const TruthFlags& flags,
                                                    const std::vector<v1::View>& views);
 

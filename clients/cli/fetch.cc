@@ -213,7 +213,7 @@ void AddRender(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<RenderFlags>();
   CLI::App* verb = app.add_subcommand("render", "Render a model from its views");
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
-  verb->add_option("--views", flags->views, "Names of views; by default all");
+  AddNamesFlag(*verb, "--views", flags->views, "Names of views; by default all");
   verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
   verb->add_option("--out", flags->out, "Folder for STEM.png")->capture_default_str();
   verb->add_option(
@@ -257,8 +257,8 @@ void AddExport(CLI::App& app, Shell& shell) {
           "which is in FILE.origin.json and in a comment of the PLY; world: doubles")
       ->check(CLI::IsMember({"local", "world"}))
       ->capture_default_str();
-  verb->add_option("--views", flags->labels.views,
-                   "Views of the masks: names, all or held-out; by default all");
+  AddNamesFlag(*verb, "--views", flags->labels.views,
+               "Views of the masks: names, all or held-out; by default all");
   verb->add_flag("!--no-sam-borders", flags->labels.sam_borders,
                  "Leave the borders of the masks to the model where the server has SAM");
   AddSubsetFlags(*verb, flags->subset);

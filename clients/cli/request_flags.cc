@@ -1,7 +1,9 @@
 #include "clients/cli/request_flags.h"
 
 #include <map>
+#include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
@@ -41,6 +43,32 @@ absl::StatusOr<v1::PointsPrompt> ParsePoints(const PromptFlags& flags) {
 }
 
 }  // namespace
+
+std::vector<std::string> ReadNames(const std::string& value) {
+  const absl::StatusOr<std::string> text = ReadFile(value);
+  const bool is_list = text.ok() && text->find('\0') == std::string::npos;
+  std::vector<std::string> names;
+  for (absl::string_view name : absl::StrSplit(is_list ? *text : value, is_list ? '\n' : ',')) {
+    name = absl::StripAsciiWhitespace(name);
+    if (!name.empty()) names.emplace_back(name);
+  }
+  return names;
+}
+
+CLI::Option* AddNamesFlag(CLI::App& verb, const std::string& flag, std::vector<std::string>& names,
+                          const std::string& help) {
+  const auto read = [&names](const std::vector<std::string>& values) {
+    names.clear();
+    for (const std::string& value : values) {
+      for (std::string& name : ReadNames(value)) names.push_back(std::move(name));
+    }
+  };
+  return verb
+      .add_option_function<std::vector<std::string>>(
+          flag, read,
+          help + "; separated by commas, or the option repeated, or a text file with one a line")
+      ->type_name("FILE|NAMES");
+}
 
 absl::StatusOr<v1::PointsPrompt::Point> ParsePoint(const std::string& text, bool negative) {
   const std::vector<std::string> parts = absl::StrSplit(text, ',');

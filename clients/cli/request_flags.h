@@ -24,6 +24,15 @@ absl::StatusOr<v1::BoxPrompt> ParseBox(const std::string& text);
 // Sets `frame` to its default, photograph.
 CLI::Option* AddFrameFlag(CLI::App& verb, v1::PixelFrame& frame);
 
+// Reads the names that one value of an option has: those in a text file, one a line, if there is a
+// file of that name, otherwise the value's parts between commas. Empty names are dropped. A file
+// with a zero byte, such as a photograph, is not text: its own name is meant.
+std::vector<std::string> ReadNames(const std::string& value);
+// Adds an option of names, which may be repeated; each value is read by ReadNames. `help` says what
+// the names are of, and how the option reads them is added to it.
+CLI::Option* AddNamesFlag(CLI::App& verb, const std::string& flag, std::vector<std::string>& names,
+                          const std::string& help);
+
 // A prompt: what is pointed at, in which view of which model.
 struct PromptFlags {
   std::string scene;

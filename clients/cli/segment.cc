@@ -165,8 +165,8 @@ void AddSegment(CLI::App& app, Shell& shell) {
   CLI::App* verb = app.add_subcommand("segment", "Segment what a click means, in any view");
   AddAnyPromptFlags(*verb, flags->prompt);
   AddGranularityFlags(*verb, flags->granularity);
-  verb->add_option("--views", flags->targets,
-                   "Views to segment: names, all or held-out; by default the view of the prompt");
+  AddNamesFlag(*verb, "--views", flags->targets,
+               "Views to segment: names, all or held-out; by default the view of the prompt");
   verb->add_flag("!--no-refine-borders", flags->refine_borders,
                  "Masks are exactly the pixels above the threshold");
   verb->add_flag(

@@ -3,14 +3,13 @@
 
 #include <memory>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_split.h"
 #include "clients/cli/jobs.h"
 #include "clients/cli/model_summary.h"
 #include "clients/cli/option_table.h"
+#include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/text_table.h"
 #include "clients/cpp/client.h"
@@ -87,16 +86,6 @@ absl::Status RunEstimate(const Shell& shell, const TrainingFlags& flags) {
 
 }  // namespace
 
-std::vector<std::string> ReadNames(const std::string& value) {
-  const absl::StatusOr<std::string> text = ReadFile(value);
-  std::vector<std::string> names;
-  for (absl::string_view name : absl::StrSplit(text.ok() ? *text : value, text.ok() ? '\n' : ',')) {
-    name = absl::StripAsciiWhitespace(name);
-    if (!name.empty()) names.emplace_back(name);
-  }
-  return names;
-}
-
 std::vector<std::string> Settings(const TrainingFlags& flags) {
   std::vector<std::string> settings;
   if (!flags.preset.empty()) settings.push_back("preset=" + flags.preset);
@@ -143,12 +132,9 @@ void AddTrainingFlags(CLI::App& verb, TrainingFlags& flags) {
                   "Number of steps of the feature training");
   verb.add_option("--image-scale", flags.image_scale,
                   "Factor by which the photographs are shrunk, (0, 1]");
-  verb.add_option_function<std::string>(
-          "--held-out-views",
-          [&flags](const std::string& value) { flags.held_out_views = ReadNames(value); },
-          "Photographs to hold out of training, in place of every n-th: their names separated by "
-          "commas, or a text file with one name a line")
-      ->type_name("FILE|NAMES");
+  AddNamesFlag(verb, "--held-out-views", flags.held_out_views,
+               "Photographs to hold out of training, in place of every n-th")
+      ->allow_extra_args(false);
   verb.add_option("-o,--option", flags.settings,
                   "Any option; `pepeseg train SCENE --list-options` lists them")
       ->type_name("NAME=VALUE")

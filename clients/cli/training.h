@@ -23,10 +23,6 @@ struct TrainingFlags {
 };
 void AddTrainingFlags(CLI::App& verb, TrainingFlags& flags);
 
-// Reads names of photographs: those in a text file, one a line, if there is a file of that name,
-// otherwise the value's parts between commas. Empty names are dropped.
-std::vector<std::string> ReadNames(const std::string& value);
-
 // Returns all options of the flags as NAME=VALUE, in the order in which they are to be set:
 // `settings` come last and win.
 std::vector<std::string> Settings(const TrainingFlags& flags);

@@ -8,6 +8,7 @@
 #include "clients/cli/evaluate.h"
 #include "clients/cli/evaluation_truth.h"
 #include "clients/cli/picture.h"
+#include "clients/cli/request_flags.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -55,7 +56,7 @@ TEST_F(TruthFolder, ScoresHeldOutViewsUnlessTheUserNamesOthers) {
   EXPECT_THAT(Chosen(), ElementsAre("a.jpg", "b/c.jpg", "d.jpg"));
   flags.views = {"d.jpg", "b/c"};
   EXPECT_THAT(Chosen(), ElementsAre("d.jpg", "b/c.jpg"));
-  flags.views = {Write("views.txt", "b/c.jpg\n\n a.jpg \n")};
+  flags.views = ReadNames(Write("views.txt", "b/c.jpg\n\n a.jpg \n"));
   EXPECT_THAT(Chosen(), ElementsAre("b/c.jpg", "a.jpg"));
   flags.views = {"nowhere.jpg"};
   EXPECT_THAT(Chosen(), ElementsAre("the model has no view \"nowhere.jpg\""));

@@ -90,6 +90,24 @@ TEST(Program, ListsChoicesByName) {
   }
 }
 
+// No server answers: the command lines are accepted, and fail at the connection.
+TEST(Program, TakesListsAndRepetitionsInAllOptionsOfNames) {
+  for (const auto& [verb, option] : {std::pair("segment shelf --view a -p 1,2", "--views"),
+                                     {"render shelf", "--views"},
+                                     {"export shelf out --format coco", "--views"},
+                                     {"evaluate shelf /tmp", "--views"},
+                                     {"train shelf", "--held-out-views"},
+                                     {"estimate shelf", "--held-out-views"}}) {
+    for (const std::string& names :
+         {absl::StrCat(option, " a,b"), absl::StrCat(option, " a ", option, " b,c")}) {
+      const Ran ran = RunPepeseg(absl::StrCat(verb, " ", names, " 2>&1"));
+      EXPECT_EQ(ran.exit_code, 5) << verb << " " << names << ": " << ran.output;
+    }
+    const std::string name = std::string(verb).substr(0, std::string(verb).find(' '));
+    EXPECT_THAT(RunPepeseg(name + " --help").output, HasSubstr("separated by commas, or"));
+  }
+}
+
 TEST(Program, RefusesOptionsOfAnotherFormatOfExport) {
   const Ran gaussians = RunPepeseg("export shelf a.json --format coco --selection 1 2>&1");
   EXPECT_EQ(gaussians.exit_code, 4);

@@ -127,7 +127,8 @@ def _stem(view: str) -> str:
 
 
 def _segment(client: Client, arguments: argparse.Namespace) -> None:
-    group = arguments.views[0] if arguments.views in (["all"], ["held-out"]) else None
+    views = [view for value in arguments.views for view in value.split(",") if view]
+    group = views[0] if views in (["all"], ["held-out"]) else None
     found = client.segment(
         arguments.view,
         points=arguments.point or None,
@@ -136,7 +137,7 @@ def _segment(client: Client, arguments: argparse.Namespace) -> None:
         label=arguments.label,
         scale=arguments.scale,
         threshold=arguments.threshold,
-        targets=group or arguments.views or None,
+        targets=group or views or None,
     )
     print(f"{found.model}  scale {found.scale:.3f}  threshold {found.threshold:.3f}")
     if arguments.out is not None:
@@ -226,7 +227,12 @@ def _add_verbs(parser: argparse.ArgumentParser) -> None:
     verb.add_argument("--box", type=_BOX, metavar="X,Y,WIDTH,HEIGHT")
     verb.add_argument("--label", help="id of a label, in place of a view and points")
     verb.add_argument(
-        "--views", nargs="+", default=[], help="views to segment: names, all or held-out"
+        "--views",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="views to segment: names, all or held-out; separated by spaces or commas, or the option "
+        "repeated",
     )
     verb.add_argument("--out", type=Path, help="folder for STEM_mask.png")
     for name, do, text in (
