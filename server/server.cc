@@ -237,7 +237,7 @@ void Server::Parts::MakeQueryServices(int num_threads) {
   selected = std::make_unique<Selections>(*store, models->data_folder());
   selections = std::make_unique<SelectionServiceRpc>(*runner, *models, *selected);
   renders = std::make_unique<RenderServiceRpc>(*runner, *models, *selected);
-  evaluations = std::make_unique<EvaluationServiceRpc>(*runner, *models);
+  evaluations = std::make_unique<EvaluationServiceRpc>(*runner, *models, *blobs, photographs);
 }
 
 absl::Status Server::Parts::Listen(const ServerOptions& options) {

@@ -167,8 +167,10 @@ std::vector<std::pair<std::string, std::vector<double>>> Columns(
 }  // namespace
 
 std::vector<std::string> EvaluationTable(const Evaluated& response) {
-  if (response.has_sam_agreement()) return SamTable(response);
-  std::vector<std::string> lines = TextTable(EntityRows(response));
+  std::vector<std::string> lines =
+      response.has_sam_agreement() ? SamTable(response) : TextTable(EntityRows(response));
+  lines.insert(lines.end(), response.notes().begin(), response.notes().end());
+  if (response.has_sam_agreement()) return lines;
   const std::vector<std::string> foot = FootOf(response);
   lines.insert(lines.end(), foot.begin(), foot.end());
   return lines;

@@ -96,9 +96,15 @@ absl::StatusOr<std::vector<TruthLevel>> FindTruthAt(const fs::path& path) {
 
 absl::Status AddOutlines(const OutlinedPhotograph& outlines, const PixelSize& size,
                          v1::ViewTruth& truth) {
-  RETURN_IF_ERROR(CheckShape(outlines.file, outlines.size, size));
+  PixelSize drawn = size;
+  const PixelSize transposed = {size.height, size.width};
+  const absl::Status status = CheckShape(outlines.file, outlines.size, size);
+  if (!status.ok()) {
+    if (!CheckShape(outlines.file, outlines.size, transposed).ok()) return status;
+    drawn = transposed;
+  }
   for (const OutlinedEntity& entity : outlines.entities) {
-    const GreyPicture mask = MaskOfEntity(entity, outlines.size, size);
+    const GreyPicture mask = MaskOfEntity(entity, outlines.size, drawn);
     v1::EntityMask& added = *truth.add_masks();
     added.set_entity(entity.name);
     *added.mutable_mask()->mutable_rle() = EncodeRle(mask.pixels, mask.width, mask.height);

@@ -38,8 +38,10 @@ absl::StatusOr<std::vector<TruthLevel>> FindTruth(const std::filesystem::path& d
 // label images or masks, which exclude outlines. Returns errors as FindTruth does.
 absl::StatusOr<std::vector<TruthLevel>> FindTruthAt(const std::filesystem::path& path);
 
-// Adds the masks of the entities that are outlined in a photograph, in images of `size` pixels.
-// INVALID_ARGUMENT: the image that was drawn on has another shape.
+// Adds the masks of the entities that are outlined in a photograph, in images of `size` pixels. If
+// only the stored pixels of a photograph on its side have the shape of the image that was drawn on,
+// the masks have their size: the server turns them by the EXIF orientation. INVALID_ARGUMENT: the
+// image that was drawn on has another shape.
 absl::Status AddOutlines(const OutlinedPhotograph& outlines, const PixelSize& size,
                          v1::ViewTruth& truth);
 

@@ -12,17 +12,13 @@
 #include "core/base/status_macros.h"
 #include "core/dataset/capture_checks.h"
 #include "core/dataset/depth_checks.h"
+#include "core/dataset/frame_trial.h"
 #include "core/dataset/photo_file.h"
 #include "core/formats/decode_image.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr int kExaminedSide = 384;  // longer side at which photographs are compared, pixels
-// Ratio from which one frame fits clearly better. Measured on mirrored photographs of
-// tests/data/apc_shelf: 2.3 for masks, 1.3 for ignore masks.
-constexpr double kClearlyMore = 1.15;
-constexpr double kFewestBorders = 100;  // pixels on borders, over all examined photographs
 constexpr size_t kFewestColours = 100;  // projections of points, over all examined photographs
 
 // A photograph whose two frames have the same shape.
@@ -47,123 +43,6 @@ std::vector<T> Spread(std::vector<T> all) {
   for (size_t i = 0; i < all.size(); i += step) some.push_back(std::move(all[i]));
   return some;
 }
-
-// Resamples values by the nearest pixel to a grid of width x height.
-FloatImage Resampled(const FloatImage& values, int width, int height) {
-  FloatImage result{width, height, {}};
-  result.values.reserve(static_cast<size_t>(width) * height);
-  for (int64_t y = 0; y < height; ++y) {
-    const auto row = static_cast<size_t>((2 * y + 1) * values.height / (2 * int64_t{height}));
-    for (int64_t x = 0; x < width; ++x) {
-      const auto column = static_cast<size_t>((2 * x + 1) * values.width / (2 * int64_t{width}));
-      result.values.push_back(values.values[row * values.width + column]);
-    }
-  }
-  return result;
-}
-
-// The contrast of photographs across the borders of values that may belong to them, compared with
-// their contrast everywhere.
-class BorderContrast {
- public:
-  // Adds a photograph and values of its size. `weight` returns the strength of the border between
-  // two neighbouring values, 0 for none.
-  template <class Weight>
-  void Add(const Image& photo, const FloatImage& values, const Weight& weight) {
-    for (int y = 1; y + 2 < photo.height; ++y) {
-      for (int x = 1; x + 2 < photo.width; ++x) {
-        for (const auto& [dx, dy] : {std::pair(1, 0), std::pair(0, 1)}) {
-          const double border = weight(At(values, x, y), At(values, x + dx, y + dy));
-          // Over three pixels: borders are often painted a pixel next to the edge.
-          const double contrast = Difference(photo, {x - dx, y - dy}, {x + 2 * dx, y + 2 * dy});
-          borders_ += border;
-          at_borders_ += border * contrast;
-          everywhere_ += contrast;
-          ++num_;
-        }
-      }
-    }
-  }
-
-  double borders() const { return borders_; }
-  // 1: borders do not follow the photographs.
-  double Relative() const {
-    if (borders_ <= 0 || everywhere_ <= 0) return 1;
-    return at_borders_ / borders_ / (everywhere_ / static_cast<double>(num_));
-  }
-
- private:
-  static float At(const FloatImage& values, int x, int y) {
-    return values.values[static_cast<size_t>(y) * values.width + x];
-  }
-  static double Difference(const Image& photo, std::pair<int, int> a, std::pair<int, int> b) {
-    const auto pixel = [&photo](const std::pair<int, int>& at) {
-      return &photo.pixels[(static_cast<size_t>(at.second) * photo.width + at.first) * 3];
-    };
-    double sum = 0;
-    for (int c = 0; c < 3; ++c) sum += std::abs(pixel(a)[c] - pixel(b)[c]);
-    return sum;
-  }
-
-  double borders_ = 0, at_borders_ = 0, everywhere_ = 0;
-  int64_t num_ = 0;
-};
-
-// Compares companions of one kind with their photographs in both frames.
-class FrameTrial {
- public:
-  explicit FrameTrial(Companion kind) : kind_(kind) {}
-
-  // `values`: of the stored photograph's shape, at any resolution.
-  void Add(const DecodedPhoto& photo, const FloatImage& values) {
-    const Image stored = ShrunkTo(photo.image, kExaminedSide);
-    const Image upright = Upright(stored, photo.orientation);
-    const FloatImage in_stored = Resampled(values, stored.width, stored.height);
-    const FloatImage in_upright = Resampled(values, upright.width, upright.height);
-    AddTo(stored_, stored, in_stored);
-    AddTo(upright_, upright, in_upright);
-    Compare(in_stored, Turned(in_upright, InverseOrientation(photo.orientation)));
-  }
-
-  // Returns true if the values are nearly the same in both frames, or there are hardly any borders.
-  bool NeedsNoChoice() const {
-    constexpr double kMostDiffering = 0.002;
-    return stored_.borders() < kFewestBorders ||
-           static_cast<double>(num_differing_) <= kMostDiffering * static_cast<double>(num_);
-  }
-
-  // Returns the frame that fits clearly better, or nothing.
-  std::optional<PixelFrame> Verdict() const {
-    const double stored = stored_.Relative(), upright = upright_.Relative();
-    if (stored > kClearlyMore * upright) return PixelFrame::kStored;
-    if (upright > kClearlyMore * stored) return PixelFrame::kUpright;
-    return std::nullopt;
-  }
-
- private:
-  void AddTo(BorderContrast& contrast, const Image& photo, const FloatImage& values) const {
-    if (kind_ != Companion::kDepth) {
-      return contrast.Add(photo, values, [](float a, float b) { return a != b ? 1.0 : 0.0; });
-    }
-    // Slopes are no borders, nor is unknown depth.
-    constexpr float kLeastStep = 0.05F;  // of the range of depths
-    contrast.Add(photo, values,
-                 [](float a, float b) { return std::abs(a - b) > kLeastStep ? 1.0 : 0.0; });
-  }
-
-  void Compare(const FloatImage& a, const FloatImage& b) {
-    constexpr double kSameDepth = 0.02;  // of the range of depths
-    const double same = kind_ == Companion::kDepth ? kSameDepth : 0;
-    for (size_t i = 0; i < std::min(a.values.size(), b.values.size()); ++i) {
-      num_differing_ += std::abs(a.values[i] - b.values[i]) > same ? 1 : 0;
-      ++num_;
-    }
-  }
-
-  Companion kind_;
-  BorderContrast stored_, upright_;
-  int64_t num_ = 0, num_differing_ = 0;
-};
 
 // Returns what the photograph has of a kind as values of its stored shape; empty: nothing.
 absl::StatusOr<FloatImage> ValuesOf(Companion kind, const Examined& photo, CompanionFiles& files) {
@@ -203,15 +82,16 @@ absl::StatusOr<std::optional<PixelFrame>> ChooseFrame(Companion kind, const Data
     return files.FileOf(kind, std::string(WithoutSuffix(photo.key))) == nullptr;
   });
   alike = Spread(std::move(alike));
-  FrameTrial trial(kind);
+  FrameTrial trial(kind == Companion::kDepth ? FrameTrial::Values::kDepth
+                                             : FrameTrial::Values::kLabels);
   for (const Examined& photo : alike) {
     ASSIGN_OR_RETURN(const FloatImage values, ValuesOf(kind, photo, files));
     if (values.values.empty()) continue;
     ASSIGN_OR_RETURN(const DecodedPhoto decoded, ReadPhoto(*photo.file));
-    trial.Add(decoded, values);
+    trial.Add(decoded.image, decoded.orientation, values);
   }
   if (trial.NeedsNoChoice()) return std::optional<PixelFrame>();
-  if (const auto verdict = trial.Verdict()) return verdict;
+  if (const auto verdict = trial.Verdict(kClearlyMore)) return verdict;
   const Examined& first = alike.front();
   return Refused(
       files.FileOf(kind, std::string(WithoutSuffix(first.key)))->name,

@@ -74,7 +74,8 @@ absl::StatusOr<const TruthView*> ViewOfPrompt(std::span<const TruthView> views,
 
 absl::StatusOr<EntityPrompt> ReadOne(const v1::EntityPrompt& proto, v1::PixelFrame frame,
                                      std::span<const TruthView> views,
-                                     const SegmentRequestReader& reader, const std::string& field) {
+                                     const SegmentRequestReader& reader, const TruthFrames& frames,
+                                     const std::string& field) {
   EntityPrompt prompt = {proto.entity(), proto.view(), {}};
   if (proto.what_case() == v1::EntityPrompt::kLabelId) {
     // Access is checked for the model alone, so a label is one of the model's scene.
@@ -92,7 +93,8 @@ absl::StatusOr<EntityPrompt> ReadOne(const v1::EntityPrompt& proto, v1::PixelFra
     return prompt;
   }
   ASSIGN_OR_RETURN(const TruthView* truth, ViewOfPrompt(views, prompt.view, field));
-  ASSIGN_OR_RETURN(prompt.shape, ReadShape(proto, *truth, ImageOf(truth->view, frame), field));
+  const ImageOfView image = frames.Image(truth->view, frame, TruthFrames::Kind::kPrompt);
+  ASSIGN_OR_RETURN(prompt.shape, ReadShape(proto, *truth, image, field));
   return prompt;
 }
 
@@ -100,7 +102,8 @@ absl::StatusOr<EntityPrompt> ReadOne(const v1::EntityPrompt& proto, v1::PixelFra
 
 absl::StatusOr<std::vector<EntityPrompt>> ReadEntityPrompts(const v1::EvaluateModelRequest& request,
                                                             std::span<const TruthView> views,
-                                                            const SegmentRequestReader& reader) {
+                                                            const SegmentRequestReader& reader,
+                                                            const TruthFrames& frames) {
   const bool makes_its_own = request.options().protocol() == v1::EVALUATION_PROTOCOL_CLICKS;
   if (makes_its_own && request.prompts_size() > 0) {
     return BadField("prompts", absl::StrCat(request.prompts_size()),
@@ -118,7 +121,8 @@ absl::StatusOr<std::vector<EntityPrompt>> ReadEntityPrompts(const v1::EvaluateMo
     if (!seen.insert(proto.entity()).second) {
       return BadField(field + ".entity", proto.entity(), "has a prompt already");
     }
-    ASSIGN_OR_RETURN(prompts.emplace_back(), ReadOne(proto, request.frame(), views, reader, field));
+    ASSIGN_OR_RETURN(prompts.emplace_back(),
+                     ReadOne(proto, request.frame(), views, reader, frames, field));
   }
   return prompts;
 }

@@ -43,7 +43,9 @@ absl::Status InField(const absl::Status& status, const std::string& field) {
 // Takes images of a request to one view. Keeps the mapping, which costs a search for each pixel.
 class ToViewPixels {
  public:
-  ToViewPixels(const ModelView& view, v1::PixelFrame frame) : image_(ImageOf(view, frame)) {}
+  ToViewPixels(const ModelView& view, v1::PixelFrame frame, const TruthFrames& frames)
+      : image_(frames.Image(view, frame, TruthFrames::Kind::kTruth)),
+        ignore_image_(frames.Image(view, frame, TruthFrames::Kind::kIgnore)) {}
 
   const ImageOfView& image() const { return image_; }
 
@@ -62,14 +64,14 @@ class ToViewPixels {
                                                   const std::string& field) const {
     std::vector<uint8_t> ignore;
     if (png.empty()) return ignore;
-    ASSIGN_OR_RETURN(const FloatImage grey, DecodeGreyOf(image_, png, field));
+    ASSIGN_OR_RETURN(const FloatImage grey, DecodeGreyOf(ignore_image_, png, field));
     ignore.reserve(grey.values.size());
     for (const float value : grey.values) ignore.push_back(value != 0 ? 1 : 0);
     return image_.frame.TakeIgnoreToView(ignore);
   }
 
  private:
-  const ImageOfView image_;
+  const ImageOfView image_, ignore_image_;
   std::optional<std::vector<int32_t>> pixels_;
 };
 
@@ -145,8 +147,12 @@ bool IsSoftMask(const std::vector<uint16_t>& ids, int width, int height) {
 // Reads the truth of one view.
 class TruthReader {
  public:
-  TruthReader(const v1::ViewTruth& proto, std::string field, ModelView view, v1::PixelFrame frame)
-      : proto_(proto), field_(std::move(field)), to_view_(view, frame), builder_(std::move(view)) {}
+  TruthReader(const v1::ViewTruth& proto, std::string field, ModelView view, v1::PixelFrame frame,
+              const TruthFrames& frames)
+      : proto_(proto),
+        field_(std::move(field)),
+        to_view_(view, frame, frames),
+        builder_(std::move(view)) {}
 
   // ignore_label: EvaluateModelRequest.ignore_label. The image, not the part of it that the view
   // shows, decides what is void.
@@ -220,7 +226,7 @@ absl::Status ReadSamMasks(const v1::SamViewMasks& proto, const std::string& fiel
 
 absl::StatusOr<std::vector<TruthView>> ReadTruthViews(
     const v1::EvaluateModelRequest& request, const Model& model,
-    absl::FunctionRef<absl::Status()> check_wanted) {
+    absl::FunctionRef<absl::Status()> check_wanted, const TruthFrames& frames) {
   RETURN_IF_ERROR(CheckFrame(request.frame()));
   RETURN_IF_ERROR(EvaluatedViews::CheckCount(request.views_size(), "views"));
   ASSIGN_OR_RETURN(const auto names, ReadEntityNames(request));
@@ -232,7 +238,7 @@ absl::StatusOr<std::vector<TruthView>> ReadTruthViews(
     const v1::ViewTruth& proto = request.views(i);
     const std::string field = absl::StrCat("views[", i, "]");
     ASSIGN_OR_RETURN(ModelView view, views.Find(proto.view(), field + ".view"));
-    TruthReader reader(proto, field, std::move(view), request.frame());
+    TruthReader reader(proto, field, std::move(view), request.frame(), frames);
     RETURN_IF_ERROR(reader.ReadLabels(names, ignore_label));
     for (int m = 0; m < proto.masks_size(); ++m) {
       RETURN_IF_ERROR(check_wanted());
@@ -248,7 +254,8 @@ absl::StatusOr<std::vector<TruthView>> ReadTruthViews(
 
 absl::StatusOr<std::vector<SamView>> ReadSamViews(const v1::EvaluateModelRequest& request,
                                                   const Model& model,
-                                                  absl::FunctionRef<absl::Status()> check_wanted) {
+                                                  absl::FunctionRef<absl::Status()> check_wanted,
+                                                  const TruthFrames& frames) {
   RETURN_IF_ERROR(CheckFrame(request.frame()));
   RETURN_IF_ERROR(EvaluatedViews::CheckCount(request.sam_views_size(), "sam_views"));
   EvaluatedViews views(request, model);
@@ -258,7 +265,7 @@ absl::StatusOr<std::vector<SamView>> ReadSamViews(const v1::EvaluateModelRequest
     const std::string field = absl::StrCat("sam_views[", i, "]");
     SamView& sam = read.emplace_back();
     ASSIGN_OR_RETURN(sam.view, views.Find(proto.view(), field + ".view"));
-    ToViewPixels to_view(sam.view, request.frame());
+    ToViewPixels to_view(sam.view, request.frame(), frames);
     RETURN_IF_ERROR(ReadSamMasks(proto, field, views, to_view, check_wanted, sam));
     views.AddBitsets(static_cast<int64_t>(sam.masks.patch_bits.size()) * 8);
     ASSIGN_OR_RETURN(sam.ignore, to_view.ReadIgnore(proto.ignore_png(), field + ".ignore_png"));

@@ -10,6 +10,7 @@
 #include "absl/strings/string_view.h"
 #include "absl/strings/strip.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/pixel_frame.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"
 #include "core/formats/image_header.h"
@@ -26,6 +27,7 @@ constexpr size_t kMaxPngBytes = size_t{4} << 20;
 absl::Status CheckSize(const ImageSize& size, const ImageOfView& image, const std::string& field) {
   const PhotographFrame& frame = image.frame;
   if (size == ImageSize{frame.width(), frame.height()}) return absl::OkStatus();
+  if (image.FitsStored(size.width, size.height)) return absl::OkStatus();
   std::string what = absl::StrCat("pixels; ", image.name, " has ", image.Size());
   // The usual mistake: a mask of the view where one of the photograph is expected.
   if (size == ImageSize{frame.camera().width, frame.camera().height}) {
@@ -61,6 +63,8 @@ absl::StatusOr<BinaryMask> MaskFromRle(const v1::CocoRle& rle, const ImageOfView
   if (!pixels.ok()) return refused(pixels.status());
   BinaryMask mask = {std::vector<uint8_t>(static_cast<size_t>(rle.width()) * rle.height())};
   for (const uint32_t pixel : *pixels) mask.pixels[pixel] = 1;
+  const int turn = image.TurnOf(rle.width(), rle.height());
+  mask.pixels = Turned(mask.pixels, rle.width(), rle.height(), turn);
   return mask;
 }
 
@@ -86,6 +90,18 @@ absl::Status CheckFrame(v1::PixelFrame frame) {
 
 std::string ImageOfView::Size() const { return absl::StrCat(frame.width(), "x", frame.height()); }
 
+bool ImageOfView::FitsStored(int64_t width, int64_t height) const {
+  constexpr int kFirstTransposed = 5;  // EXIF orientations from here on exchange the sides
+  if (orientation == 1) return false;
+  return orientation < kFirstTransposed ? width == frame.width() && height == frame.height()
+                                        : width == frame.height() && height == frame.width();
+}
+
+int ImageOfView::TurnOf(int64_t width, int64_t height) const {
+  const bool fits_frame = width == frame.width() && height == frame.height();
+  return FitsStored(width, height) && (is_stored || !fits_frame) ? orientation : 1;
+}
+
 ImageOfView ImageOf(const ModelView& view, v1::PixelFrame frame) {
   if (view.name.empty()) return {PhotographFrame(view), "the free camera"};
   if (frame != v1::PIXEL_FRAME_VIEW) {
@@ -107,7 +123,11 @@ SegmentResult AnswerFrame::Take(const ModelView& view, SegmentResult result) {
 
 ImageSize SizeOf(const v1::MaskImage& image) {
   if (image.has_rle()) return {image.rle().width(), image.rle().height()};
-  const auto header = ReadPngHeader(image.png(), "", "");
+  return SizeOfPng(image.png());
+}
+
+ImageSize SizeOfPng(const std::string& png) {
+  const auto header = ReadPngHeader(png, "", "");
   return header.ok() ? ImageSize{header->width, header->height} : ImageSize{};
 }
 
@@ -119,7 +139,7 @@ absl::StatusOr<FloatImage> DecodeGreyOf(const ImageOfView& image, const std::str
   RETURN_IF_ERROR(CheckSize({header.width, header.height}, image, field));
   const std::span bytes(reinterpret_cast<const uint8_t*>(png.data()), png.size());
   auto decoded = DecodeGrey(bytes, image.name);
-  if (decoded.ok()) return decoded;
+  if (decoded.ok()) return Turned(*decoded, image.TurnOf(header.width, header.height));
   // The message names the image, as the field's error does.
   absl::string_view why = decoded.status().message();
   absl::ConsumePrefix(&why, absl::StrCat(image.name, ": "));

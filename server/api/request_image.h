@@ -27,9 +27,18 @@ absl::Status CheckFrame(v1::PixelFrame frame);
 struct ImageOfView {
   PhotographFrame frame;  // for PIXEL_FRAME_VIEW its photograph is the view itself
   std::string name;       // for messages: photograph "a.jpg", view "a.jpg", or the free camera
+  // EXIF orientation of the photograph's file, [1, 8], where images of a request may be of its
+  // stored pixels (core/dataset/pixel_frame.h); else 1.
+  int orientation = 1;
+  bool is_stored = false;  // images whose size fits both frames are of the stored pixels
 
   // Returns the size in pixels as text: "640x480".
   std::string Size() const;
+  // Returns whether an image of this size fits the stored pixels of a photograph that is turned.
+  bool FitsStored(int64_t width, int64_t height) const;
+  // Returns the EXIF orientation that turns an image of a request with this size to `frame`; 1: it
+  // is not turned.
+  int TurnOf(int64_t width, int64_t height) const;
 };
 ImageOfView ImageOf(const ModelView& view, v1::PixelFrame frame);
 
@@ -54,12 +63,15 @@ struct ImageSize {
   bool operator==(const ImageSize&) const = default;
 };
 ImageSize SizeOf(const v1::MaskImage& image);
+ImageSize SizeOfPng(const std::string& png);
 
-// Decodes a grey PNG of the size of `image`. The header is checked before anything is decoded.
+// Decodes a grey PNG of the size of `image`, or of its stored pixels, from which it is turned. The
+// header is checked before anything is decoded.
 absl::StatusOr<FloatImage> DecodeGreyOf(const ImageOfView& image, const std::string& png,
                                         const std::string& field);
 
-// Reads a mask of the size of `image`, which may be empty.
+// Reads a mask of the size of `image`, or of its stored pixels, from which it is turned. It may be
+// empty.
 absl::StatusOr<BinaryMask> ReadAnyMask(const v1::MaskImage& mask, const ImageOfView& image,
                                        const std::string& field);
 // Reads a mask of the size of `image` with at least one pixel.

@@ -8,12 +8,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/dataset/dataset_index.h"
 #include "core/model_files/model_facts.h"
 #include "core/priors/sam/sam_networks.h"
 #include "core/query/change_mask.h"
-#include "pepeseg/v1/dataset_service.pb.h"
 #include "server/api/error.h"
+#include "server/services/stored_photographs.h"
 
 namespace pepeseg {
 namespace {
@@ -22,19 +21,6 @@ constexpr size_t kMostRecent = 32;                // views
 constexpr int64_t kViewBytes = int64_t{4} << 20;  // of an embedding
 // Of SAM's weights and their buffers, as measured (deploy/OPERATIONS.md).
 constexpr int64_t kSamBytes = int64_t{350'000'000};
-
-// Runs a `raw` task and returns its picture. INTERNAL: the answer does not have the picture's size.
-absl::StatusOr<Image> MakeImage(const PhotographProcess& process, const PhotographTask& task,
-                                const std::filesystem::path& blob,
-                                absl::FunctionRef<bool()> wanted) {
-  ASSIGN_OR_RETURN(const PhotographPicture picture, MakePicture(process, task, blob, wanted));
-  std::string bytes(static_cast<size_t>(picture.num_bytes), '\0');
-  const int64_t num_expected = int64_t{3} * picture.width * picture.height;
-  if (picture.num_bytes != num_expected || !picture.file.ReadAt(picture.offset, bytes)) {
-    return absl::InternalError("the decoder's answer does not have the size of its picture");
-  }
-  return Image{picture.width, picture.height, 3, {bytes.begin(), bytes.end()}};
-}
 
 }  // namespace
 
@@ -72,25 +58,18 @@ absl::StatusOr<Image> BorderRefiner::Photograph(const ResidentModel& model, cons
   if (view.name.empty() || !view.photograph) {
     return absl::NotFoundError("the view has no photograph");
   }
-  ASSIGN_OR_RETURN(const ModelRow row,
-                   options_.store.models().GetModel(model.row.scene, model.row.number));
-  ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
-                   options_.store.files().ListDatasetFiles(row.scene, row.dataset));
-  ASSIGN_OR_RETURN(const std::string project, options_.store.scenes().ProjectOfScene(row.scene));
-  for (const DatasetFileRow& file : files) {
-    if (file.kind != v1::FILE_KIND_IMAGE || PhotoKey(file.path) != view.name) continue;
-    Model one;
-    one.views = {view};
-    PhotographTask task;
-    task.name = file.path;
-    task.sha256 = file.sha256;
-    task.view = FormatModelFacts(one);
-    task.max_side = kSamFrame;
-    task.raw = true;
-    return MakeImage(options_.photographs, task, options_.blobs.Path({project, file.sha256}),
-                     wanted);
-  }
-  return absl::NotFoundError("the dataset has no such photograph");
+  StoredPhotographs photographs(options_.store, options_.blobs, options_.photographs, model.row,
+                                wanted);
+  ASSIGN_OR_RETURN(const DatasetFileRow file, photographs.Find(view));
+  Model one;
+  one.views = {view};
+  PhotographTask task;
+  task.name = file.path;
+  task.sha256 = file.sha256;
+  task.view = FormatModelFacts(one);
+  task.max_side = kSamFrame;
+  task.raw = true;
+  return MakeImage(options_.photographs, task, photographs.PathOf(file), wanted);
 }
 
 absl::StatusOr<const BorderRefiner::Seen*> BorderRefiner::See(const ResidentModel& model,

@@ -1,5 +1,6 @@
 #include "server/services/evaluation_service.h"
 
+#include <string>
 #include <utility>
 
 #include "absl/functional/function_ref.h"
@@ -10,6 +11,8 @@
 #include "server/api/evaluation_prompts.h"
 #include "server/api/evaluation_views.h"
 #include "server/api/segment_request.h"
+#include "server/api/truth_frames.h"
+#include "server/services/stored_photographs.h"
 
 namespace pepeseg {
 
@@ -18,22 +21,25 @@ namespace {
 // Reads what a request asks of its model.
 absl::StatusOr<EvaluationRequest> ReadRequest(const v1::EvaluateModelRequest& request,
                                               const SegmentRequestReader& reader,
+                                              const TruthFrames& frames,
                                               absl::FunctionRef<absl::Status()> check_wanted) {
   EvaluationRequest read;
   read.accept_trained_views = request.options().accept_trained_views();
   if (request.options().protocol() == v1::EVALUATION_PROTOCOL_SAM_AGREEMENT) {
-    ASSIGN_OR_RETURN(read.sam_views, ReadSamViews(request, reader.model(), check_wanted));
+    ASSIGN_OR_RETURN(read.sam_views, ReadSamViews(request, reader.model(), check_wanted, frames));
     return read;
   }
-  ASSIGN_OR_RETURN(read.views, ReadTruthViews(request, reader.model(), check_wanted));
-  ASSIGN_OR_RETURN(read.prompts, ReadEntityPrompts(request, read.views, reader));
+  ASSIGN_OR_RETURN(read.views, ReadTruthViews(request, reader.model(), check_wanted, frames));
+  ASSIGN_OR_RETURN(read.prompts, ReadEntityPrompts(request, read.views, reader, frames));
   return read;
 }
 
 }  // namespace
 
-EvaluationServiceRpc::EvaluationServiceRpc(const CallRunner& runner, ModelLoader& models)
-    : runner_(runner), models_(models) {}
+EvaluationServiceRpc::EvaluationServiceRpc(const CallRunner& runner, ModelLoader& models,
+                                           const BlobStore& blobs,
+                                           const PhotographProcess& photographs)
+    : runner_(runner), models_(models), blobs_(blobs), photographs_(photographs) {}
 
 absl::Status EvaluationServiceRpc::Evaluate(const UnaryCall& call,
                                             const v1::EvaluateModelRequest& request,
@@ -44,7 +50,11 @@ absl::Status EvaluationServiceRpc::Evaluate(const UnaryCall& call,
   const auto check_wanted = [&] { return call.CheckWanted(); };
   RETURN_IF_ERROR(check_wanted());
   const SegmentRequestReader reader(model.segmenter->model(), model.row, models_.store());
-  ASSIGN_OR_RETURN(EvaluationRequest asked, ReadRequest(request, reader, check_wanted));
+  const auto wanted = [&] { return call.CheckWanted().ok(); };
+  StoredPhotographs photographs(models_.store(), blobs_, photographs_, model.row, wanted);
+  ASSIGN_OR_RETURN(const TruthFrames frames,
+                   TruthFrames::Choose(request, reader.model(), photographs, check_wanted));
+  ASSIGN_OR_RETURN(EvaluationRequest asked, ReadRequest(request, reader, frames, check_wanted));
   // The time that is reported is that of the scores alone: decoding images is not part of it.
   Stopwatch stopwatch;
   ASSIGN_OR_RETURN(const EvaluationResult result,
@@ -53,6 +63,7 @@ absl::Status EvaluationServiceRpc::Evaluate(const UnaryCall& call,
   FillEvaluation(result, request.frame(), model.segmenter->model(), response);
   *response->mutable_options() = ToProto(options, request.options().accept_trained_views());
   response->set_model(model.name);
+  for (std::string& note : frames.Notes()) response->add_notes(std::move(note));
   return CheckAnswerSize(response->ByteSizeLong());
 }
 

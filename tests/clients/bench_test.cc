@@ -47,7 +47,7 @@ TEST(EvaluateRequestOf, DrawsOutlinesInTheSizeOfThePhotograph) {
   const auto mask = DecodeRle(request->views(0).masks(0).mask().rle());
   ASSERT_OK(mask);
   EXPECT_THAT(*mask, ::testing::ElementsAre(0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0));
-  const auto other = EvaluateRequestOf(folder.path(), (*levels)[0], "m", {HeldOut("a.jpg", 4, 6)});
+  const auto other = EvaluateRequestOf(folder.path(), (*levels)[0], "m", {HeldOut("a.jpg", 4, 8)});
   EXPECT_THAT(std::string(other.status().message()),
               ::testing::HasSubstr("a.json: 8x6 pixels, which is not the shape of the photograph"));
 }

@@ -85,6 +85,16 @@ TEST(EvaluationTable, SaysHowManyVoidPixelsWereLeftOut) {
               Contains("1234 void pixels of the label images were left out of all scores"));
 }
 
+TEST(EvaluationTable, ShowsNotes) {
+  Response response = TwoEntities();
+  response.add_notes("the truth of 2 views is turned");
+  EXPECT_THAT(EvaluationTable(response), Contains("the truth of 2 views is turned"));
+  Response sam;
+  sam.mutable_sam_agreement();
+  sam.add_notes("the truth of 3 views is turned");
+  EXPECT_THAT(EvaluationTable(sam), Contains("the truth of 3 views is turned"));
+}
+
 TEST(EvaluationTable, ShowsClicks) {
   Response response;
   response.mutable_options()->set_protocol(v1::EVALUATION_PROTOCOL_CLICKS);

@@ -112,6 +112,14 @@ TEST_F(OutlinedTruth, IsNotReadWhereAViewHasALabelImage) {
   EXPECT_THAT(Added(), HasSubstr("expected a.png or masks in a/, or outlines")) << "of other views";
 }
 
+// As of a photograph that lies on its side: the server knows its EXIF orientation.
+TEST_F(OutlinedTruth, IsDrawnInTheStoredPixelsIfOnlyTheseHaveItsShape) {
+  Write("outlined/coco.json", "a.jpg", 2, 4);
+  EXPECT_EQ(Added(), "a.jpg cup ##..##..##..##..##..##..##..##..");
+  EXPECT_EQ(request.views(0).masks(0).mask().rle().width(), 4);
+  EXPECT_EQ(request.views(0).masks(0).mask().rle().height(), 8);
+}
+
 TEST_F(OutlinedTruth, IsRefusedInAnotherShapeAndForAnotherFrame) {
   Write("outlined/coco.json", "a.jpg", 4, 4);
   EXPECT_THAT(Added(), HasSubstr("coco.json: 4x4 pixels, which is not the shape of the photograph, "

@@ -160,6 +160,7 @@ class Evaluation:
         seconds: time of the evaluation on the server.
         num_void_pixels: pixels of the views that the ids of the truth mark as void; they were left
             out of all scores.
+        notes: sentences on how the truth was read: which images were turned upright.
     """
 
     entities: dict[str, EntityScores]
@@ -171,6 +172,7 @@ class Evaluation:
     seconds: float
     model: str
     num_void_pixels: int
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -309,6 +311,7 @@ def _parse_evaluation(answer: v1.EvaluateModelResponse) -> Evaluation:
         seconds=answer.compute.seconds + answer.compute.nanos * 1e-9,
         model=answer.model,
         num_void_pixels=answer.num_void_pixels,
+        notes=tuple(answer.notes),
     )
 
 

@@ -84,7 +84,7 @@ class EvaluateModelRequest(_message.Message):
     def __init__(self, model: _Optional[str] = ..., views: _Optional[_Iterable[_Union[ViewTruth, _Mapping]]] = ..., entity_names: _Optional[_Mapping[int, str]] = ..., prompts: _Optional[_Iterable[_Union[EntityPrompt, _Mapping]]] = ..., sam_views: _Optional[_Iterable[_Union[SamViewMasks, _Mapping]]] = ..., options: _Optional[_Union[EvaluationOptions, _Mapping]] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., ignore_label: _Optional[int] = ...) -> None: ...
 
 class EvaluateModelResponse(_message.Message):
-    __slots__ = ["categories", "compute", "entities", "left_out", "model", "num_void_pixels", "options", "sam_agreement", "scene"]
+    __slots__ = ["categories", "compute", "entities", "left_out", "model", "notes", "num_void_pixels", "options", "sam_agreement", "scene"]
     class Choice(_message.Message):
         __slots__ = ["mean", "scale_quantile", "threshold", "views"]
         MEAN_FIELD_NUMBER: _ClassVar[int]
@@ -200,6 +200,7 @@ class EvaluateModelResponse(_message.Message):
     ENTITIES_FIELD_NUMBER: _ClassVar[int]
     LEFT_OUT_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
+    NOTES_FIELD_NUMBER: _ClassVar[int]
     NUM_VOID_PIXELS_FIELD_NUMBER: _ClassVar[int]
     OPTIONS_FIELD_NUMBER: _ClassVar[int]
     SAM_AGREEMENT_FIELD_NUMBER: _ClassVar[int]
@@ -209,11 +210,12 @@ class EvaluateModelResponse(_message.Message):
     entities: _containers.RepeatedCompositeFieldContainer[EvaluateModelResponse.Entity]
     left_out: _containers.RepeatedScalarFieldContainer[str]
     model: str
+    notes: _containers.RepeatedScalarFieldContainer[str]
     num_void_pixels: int
     options: EvaluationOptions
     sam_agreement: EvaluateModelResponse.SamAgreement
     scene: EvaluateModelResponse.GroupScores
-    def __init__(self, entities: _Optional[_Iterable[_Union[EvaluateModelResponse.Entity, _Mapping]]] = ..., left_out: _Optional[_Iterable[str]] = ..., categories: _Optional[_Iterable[_Union[EvaluateModelResponse.GroupScores, _Mapping]]] = ..., scene: _Optional[_Union[EvaluateModelResponse.GroupScores, _Mapping]] = ..., sam_agreement: _Optional[_Union[EvaluateModelResponse.SamAgreement, _Mapping]] = ..., options: _Optional[_Union[EvaluationOptions, _Mapping]] = ..., compute: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., model: _Optional[str] = ..., num_void_pixels: _Optional[int] = ...) -> None: ...
+    def __init__(self, entities: _Optional[_Iterable[_Union[EvaluateModelResponse.Entity, _Mapping]]] = ..., left_out: _Optional[_Iterable[str]] = ..., categories: _Optional[_Iterable[_Union[EvaluateModelResponse.GroupScores, _Mapping]]] = ..., scene: _Optional[_Union[EvaluateModelResponse.GroupScores, _Mapping]] = ..., sam_agreement: _Optional[_Union[EvaluateModelResponse.SamAgreement, _Mapping]] = ..., options: _Optional[_Union[EvaluationOptions, _Mapping]] = ..., compute: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., model: _Optional[str] = ..., num_void_pixels: _Optional[int] = ..., notes: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class EvaluationOptions(_message.Message):
     __slots__ = ["accept_trained_views", "clicks", "fixed_threshold", "label_propagation", "min_pixels", "promptable", "protocol", "refine_borders", "sam_agreement", "scales", "score_reference", "thresholds"]
