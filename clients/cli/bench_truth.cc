@@ -30,14 +30,15 @@ absl::StatusOr<GreyPicture> ReadLabels(const fs::path& path) {
   return labels;
 }
 
-// Returns a label image as a PNG of the photograph's size.
+// Returns a label image as a PNG of FittingSize.
 absl::StatusOr<std::string> LabelsPng(const fs::path& path, const PixelSize& photograph) {
   ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path));
   const auto wide = DecodeGrey16(bytes, path.string());
   if (wide.ok() && PixelSize{wide->width, wide->height} == photograph) return bytes;
   ASSIGN_OR_RETURN(const GreyPicture labels, ReadLabels(path));
-  RETURN_IF_ERROR(CheckShape(path, {labels.width, labels.height}, photograph));
-  return EncodePng(Resized(labels, photograph.width, photograph.height));
+  ASSIGN_OR_RETURN(const PixelSize size,
+                   FittingSize(path, {labels.width, labels.height}, photograph));
+  return EncodePng(Resized(labels, size.width, size.height));
 }
 
 }  // namespace

@@ -96,15 +96,9 @@ absl::StatusOr<std::vector<TruthLevel>> FindTruthAt(const fs::path& path) {
 
 absl::Status AddOutlines(const OutlinedPhotograph& outlines, const PixelSize& size,
                          v1::ViewTruth& truth) {
-  PixelSize drawn = size;
-  const PixelSize transposed = {size.height, size.width};
-  const absl::Status status = CheckShape(outlines.file, outlines.size, size);
-  if (!status.ok()) {
-    if (!CheckShape(outlines.file, outlines.size, transposed).ok()) return status;
-    drawn = transposed;
-  }
+  ASSIGN_OR_RETURN(const PixelSize fitting, FittingSize(outlines.file, outlines.size, size));
   for (const OutlinedEntity& entity : outlines.entities) {
-    const GreyPicture mask = MaskOfEntity(entity, outlines.size, drawn);
+    const GreyPicture mask = MaskOfEntity(entity, outlines.size, fitting);
     v1::EntityMask& added = *truth.add_masks();
     added.set_entity(entity.name);
     *added.mutable_mask()->mutable_rle() = EncodeRle(mask.pixels, mask.width, mask.height);
@@ -112,9 +106,12 @@ absl::Status AddOutlines(const OutlinedPhotograph& outlines, const PixelSize& si
   return absl::OkStatus();
 }
 
-absl::Status CheckShape(const fs::path& path, const PixelSize& image, const PixelSize& photograph) {
-  const double step = static_cast<double>(image.width) / photograph.width;
-  if (std::abs(image.height / step - photograph.height) <= 1) return absl::OkStatus();
+absl::StatusOr<PixelSize> FittingSize(const fs::path& path, const PixelSize& image,
+                                      const PixelSize& photograph) {
+  for (const PixelSize& size : {photograph, PixelSize{photograph.height, photograph.width}}) {
+    const double step = static_cast<double>(image.width) / size.width;
+    if (std::abs(image.height / step - size.height) <= 1) return size;
+  }
   return absl::InvalidArgumentError(
       absl::StrCat(path.string(), ": ", image.width, "x", image.height,
                    " pixels, which is not the shape of the photograph, ", photograph.width, "x",

@@ -38,16 +38,16 @@ absl::StatusOr<std::vector<TruthLevel>> FindTruth(const std::filesystem::path& d
 // label images or masks, which exclude outlines. Returns errors as FindTruth does.
 absl::StatusOr<std::vector<TruthLevel>> FindTruthAt(const std::filesystem::path& path);
 
-// Adds the masks of the entities that are outlined in a photograph, in images of `size` pixels. If
-// only the stored pixels of a photograph on its side have the shape of the image that was drawn on,
-// the masks have their size: the server turns them by the EXIF orientation. INVALID_ARGUMENT: the
-// image that was drawn on has another shape.
+// Adds the masks of the entities that are outlined in a photograph of `size` pixels, in images of
+// FittingSize. Returns its errors.
 absl::Status AddOutlines(const OutlinedPhotograph& outlines, const PixelSize& size,
                          v1::ViewTruth& truth);
 
-// Returns INVALID_ARGUMENT, with the path, unless both sides of an image have the same scale, up to
-// the rounding of one pixel.
-absl::Status CheckShape(const std::filesystem::path& path, const PixelSize& image,
-                        const PixelSize& photograph);
+// Returns the size to which an image of a photograph is scaled: the photograph's or, if only that
+// has the image's shape, the one with its sides exchanged. Such an image is of the stored pixels of
+// a photograph that lies on its side: the server turns it by the EXIF orientation.
+// INVALID_ARGUMENT, with the path: the image has neither shape, up to the rounding of one pixel.
+absl::StatusOr<PixelSize> FittingSize(const std::filesystem::path& path, const PixelSize& image,
+                                      const PixelSize& photograph);
 
 }  // namespace pepeseg::client::cli

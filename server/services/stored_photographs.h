@@ -7,6 +7,7 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
+#include "server/api/resource_name.h"
 #include "server/api/truth_frames.h"
 #include "server/data/blob_store.h"
 #include "server/jobs/photograph_process.h"

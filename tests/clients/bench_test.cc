@@ -52,6 +52,16 @@ TEST(EvaluateRequestOf, DrawsOutlinesInTheSizeOfThePhotograph) {
               ::testing::HasSubstr("a.json: 8x6 pixels, which is not the shape of the photograph"));
 }
 
+// As of photographs on their side: the server knows their EXIF orientation.
+TEST(EvaluateRequestOf, LeavesLabelsOfTheStoredPixelsOnTheirSide) {
+  const testing::TempFolder folder;
+  WriteLabels(folder.path() / "labels/a.png", 8, 4, 3);
+  const TruthLevel level{"labels", folder.path() / "labels", {{3, "cup"}}};
+  const auto request = EvaluateRequestOf(folder.path(), level, "m", {HeldOut("a.jpg", 8, 16)});
+  ASSERT_OK(request);
+  EXPECT_EQ(request->views(0).labels_png(), EncodePng({16, 8, std::vector<uint8_t>(128, 3)}));
+}
+
 TEST(EvaluateRequestOf, ResizesLabelsToTheirViews) {
   const testing::TempFolder folder;
   WriteLabels(folder.path() / "labels/a.png", 8, 6, 3);
