@@ -97,8 +97,7 @@ cuda-test: $(BUILD)/CMakeCache.txt packages
 	tests/kernels/cuda_test.sh $(BUILD) tests/bench/results/cuda_tests.md
 
 bench: $(BUILD)/CMakeCache.txt packages
-	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_step_bench pepeseg_mask_bench pepesegd \
-	  pepeseg-worker
+	cmake --build $(BUILD) -j $(JOBS) --target benchmarks pepesegd pepeseg-worker
 	$(BUILD)/bin/pepeseg_step_bench
 	tests/bench/python_mask_bench.py $(BUILD)/bin
 
