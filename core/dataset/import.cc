@@ -1,7 +1,6 @@
 #include "core/dataset/import.h"
 
 #include <algorithm>
-#include <limits>
 #include <optional>
 #include <set>
 #include <span>
@@ -11,7 +10,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "core/base/file_name.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/capture_checks.h"
 #include "core/dataset/companion_files.h"
@@ -22,6 +20,7 @@
 #include "core/dataset/match_poses.h"
 #include "core/dataset/photo_file.h"
 #include "core/dataset/photo_poses.h"
+#include "core/dataset/view_reader.h"
 #include "core/dataset/view_warp.h"
 #include "core/formats/colmap.h"
 #include "core/formats/ply.h"
@@ -30,161 +29,6 @@
 
 namespace pepeseg {
 namespace {
-
-// Warps depth maps of photographs to their views.
-class DepthWarper {
- public:
-  // Returns the prior of the view for a map of its photograph; an empty one for an empty map or one
-  // without information. `file` is the map's, null without one.
-  DepthPrior ToView(const DatasetFile* file, const FloatImage& map, const View& view,
-                    const ViewWarp& warp) {
-    DepthPrior prior;
-    if (file == nullptr) return prior;
-    prior.kind = file->kind == FileKind::kDisparity ? DepthPrior::Kind::kDisparity
-                                                    : DepthPrior::Kind::kDepth;
-    // Unknown depth is NaN, before and after the warp.
-    std::vector<float> depth = warp.Depth(map);
-    // Pixels that are not trained on must not influence the percentiles of NormalizeDepth.
-    for (size_t i = 0; i < view.ignore.size(); ++i) {
-      if (view.ignore[i] != 0) depth[i] = std::numeric_limits<float>::quiet_NaN();
-    }
-    prior.values = NormalizeDepth(std::move(depth));
-    if (prior.values.empty()) without_depth_.push_back(file->name);
-    return prior;
-  }
-
-  // Adds a warning that names the depth maps without information.
-  void AddWarnings(std::vector<std::string>& warnings) const {
-    if (without_depth_.empty()) return;
-    warnings.push_back(LeftOut(without_depth_, "depth maps have one value everywhere, or none"));
-  }
-
- private:
-  std::vector<std::string> without_depth_;
-};
-
-struct Priors {
-  MaskSet masks;
-  DepthPrior depth;
-};
-
-// Reads masks and depth of a view. `pixels` are those of its camera.
-absl::StatusOr<Priors> ReadPriors(const View& view, const CameraPixels& pixels,
-                                  const ViewWarp& warp, CompanionFiles& files, DepthWarper& depth) {
-  const std::string stem(WithoutSuffix(view.name));
-  Priors priors;
-  ASSIGN_OR_RETURN(const MaskSet masks, files.Masks(stem, pixels));
-  if (files.FileOf(Companion::kMasks, stem) != nullptr) priors.masks = warp.Masks(masks);
-  ASSIGN_OR_RETURN(const FloatImage map, files.Depth(stem, pixels));
-  priors.depth = depth.ToView(files.FileOf(Companion::kDepth, stem), map, view, warp);
-  return priors;
-}
-
-// The pixel frames of a dataset's files where their sizes fit both.
-struct Frames {
-  PixelFrame cameras = PixelFrame::kStored;
-  CompanionFrames companions;
-};
-
-// Reads the views, one after the other.
-class ViewReader {
- public:
-  ViewReader(const DatasetIndex& index, const PhotoPoses& poses, Frames frames, double image_scale)
-      : poses_(poses),
-        camera_frame_(frames.cameras),
-        image_scale_(image_scale),
-        files_(index, std::move(frames.companions)) {}
-
-  absl::StatusOr<View> Read(const Match& match) {
-    const auto camera = poses_.lenses.find(match.pose.camera_id);
-    if (camera == poses_.lenses.end()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(poses_.file, ": image ", match.pose.name, " has the camera ",
-                       match.pose.camera_id, ", which ", poses_.camera_file, " does not list"));
-    }
-    ASSIGN_OR_RETURN(DecodedPhoto photo, ReadPhoto(*match.photo));
-    const PhotoFacts facts{photo.image.width, photo.image.height, photo.orientation};
-    ASSIGN_OR_RETURN(const FittedCamera fitted,
-                     FitCamera(camera->second, facts, camera_frame_, match.photo->name));
-    num_resized_ += fitted.lens.width != camera->second.width ? 1 : 0;
-    if (fitted.pixels.frame == PixelFrame::kUpright) {
-      // The upright pixels become the stored ones of the view.
-      turned_.push_back(match.photo->name);
-      photo = Upright(std::move(photo));
-    }
-    RETURN_IF_ERROR(PrepareWarp(match.pose.camera_id, fitted.lens));
-    View view;
-    view.name = match.key;
-    view.camera = warp_->camera();
-    view.cam_from_world = match.pose.cam_from_world;
-    view.photo = warp_->Photo(photo.image);
-    view.photograph = warp_->photograph();
-    view.photograph->orientation = photo.orientation;
-    if (!photo.transparent.empty()) view.ignore = warp_->Ignore(photo.transparent);
-    RETURN_IF_ERROR(ReadCompanions(fitted.pixels, view));
-    return view;
-  }
-
-  void AddWarnings(std::vector<std::string>& warnings) const {
-    depth_.AddWarnings(warnings);
-    files_.AddWarnings(warnings);
-    if (num_resized_ > 0) {
-      warnings.push_back(absl::StrCat(num_resized_,
-                                      " photographs have another size than their cameras, which "
-                                      "were scaled to fit"));
-    }
-    if (!turned_.empty()) {
-      warnings.push_back(absl::StrCat(
-          turned_.size(), " photographs are turned by their EXIF orientation, because their ",
-          "cameras are of the upright pixels: ", FirstNames(turned_)));
-    }
-  }
-
- private:
-  // Sets warp_ to the warp of the camera. Only the last one is kept, because a warp is as large as
-  // a photograph; views of one camera mostly follow each other.
-  absl::Status PrepareWarp(uint32_t camera_id, const Lens& lens) {
-    if (warp_ && warp_camera_ == camera_id && warp_lens_.width == lens.width &&
-        warp_lens_.height == lens.height) {
-      return absl::OkStatus();
-    }
-    absl::StatusOr<ViewWarp> warp = ViewWarp::Create(lens, image_scale_);
-    if (!warp.ok()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(poses_.camera_file, ": camera ", camera_id, ": ", warp.status().message()));
-    }
-    warp_ = std::move(warp).value();
-    warp_camera_ = camera_id;
-    warp_lens_ = lens;
-    return absl::OkStatus();
-  }
-
-  absl::Status ReadCompanions(const CameraPixels& pixels, View& view) {
-    const std::string stem(WithoutSuffix(view.name));
-    ASSIGN_OR_RETURN(const std::vector<uint8_t> ignored, files_.Ignored(stem, pixels));
-    if (!ignored.empty()) {
-      // Transparent pixels are ignored already.
-      const std::vector<uint8_t> warped = warp_->Ignore(ignored);
-      view.ignore.resize(warped.size(), 0);
-      for (size_t i = 0; i < warped.size(); ++i) view.ignore[i] |= warped[i];
-    }
-    ASSIGN_OR_RETURN(Priors priors, ReadPriors(view, pixels, *warp_, files_, depth_));
-    view.masks = std::move(priors.masks);
-    view.depth = std::move(priors.depth);
-    return absl::OkStatus();
-  }
-
-  const PhotoPoses& poses_;
-  PixelFrame camera_frame_;
-  double image_scale_;
-  CompanionFiles files_;
-  DepthWarper depth_;
-  int num_resized_ = 0;
-  std::vector<std::string> turned_;
-  std::optional<ViewWarp> warp_;
-  uint32_t warp_camera_ = 0;
-  Lens warp_lens_;
-};
 
 // Reads the initial points: of the point cloud if there is one, else of the COLMAP model.
 absl::StatusOr<std::vector<ScenePoint>> ReadPoints(const DatasetIndex& index,
@@ -271,13 +115,14 @@ void LeaveOutPriors(const ImportOptions& options, DatasetIndex& index) {
 
 // Chooses the frames of the files whose sizes fit both. Poses and points are relative to the
 // origin.
-absl::StatusOr<Frames> ChooseFrames(const PhotoPoses& poses, std::span<const Match> matches,
-                                    std::span<const ScenePoint> points, DatasetIndex& index) {
+absl::StatusOr<DatasetFrames> ChooseFrames(const PhotoPoses& poses, std::span<const Match> matches,
+                                           std::span<const ScenePoint> points,
+                                           DatasetIndex& index) {
   PhotoFactsByKey facts;
   for (const Match& match : matches) {
     ASSIGN_OR_RETURN(facts[match.key], ReadPhotoFacts(*match.photo));
   }
-  Frames frames;
+  DatasetFrames frames;
   ASSIGN_OR_RETURN(frames.cameras, ChooseCameraFrame(poses, matches, facts, points, index));
   std::set<Companion> kinds = {Companion::kMasks, Companion::kIgnore, Companion::kDepth};
   ASSIGN_OR_RETURN(const std::optional<PixelFrame> depth,
@@ -299,6 +144,35 @@ std::string NamesOfBoth(const PhotoPoses& poses, const DatasetIndex& index) {
 bool IsIgnoredWhole(const View& view) {
   return !view.ignore.empty() &&
          std::ranges::all_of(view.ignore, [](uint8_t value) { return value != 0; });
+}
+
+// Reads the views of the matches. Photographs that are ignored as a whole are left out, with a
+// warning.
+absl::Status ReadViews(std::span<const Match> matches, const ImportOptions& options,
+                       ViewReader& reader, Capture& capture, std::vector<std::string>& warnings) {
+  std::vector<std::string> ignored;
+  for (const Match& match : matches) {
+    ASSIGN_OR_RETURN(View view, reader.Read(match));
+    // Counted among the views that have a pose.
+    view.held_out = IsHeldOut(options, view.name, capture.views.size());
+    if (IsIgnoredWhole(view)) {
+      ignored.push_back(view.name);
+    } else {
+      capture.views.push_back(std::move(view));
+    }
+  }
+  if (capture.views.size() < 2) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("all pixels of ", ignored.size(), " of ", matches.size(),
+                     " photographs are ignored; at least 2 must show something. In ignore/ what is "
+                     "not 0 is left "
+                     "out; in masks that transforms.json names (mask_path), what is 0: ",
+                     FirstNames(ignored)));
+  }
+  if (!ignored.empty()) {
+    warnings.push_back(LeftOut(ignored, "photographs are ignored as a whole"));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -344,30 +218,9 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   RETURN_IF_ERROR(CheckCompanions(keys, index.depth, "depth maps", index.warnings));
   Capture capture;
   RETURN_IF_ERROR(PlaceScene(index, poses, matches, capture));
-  ASSIGN_OR_RETURN(Frames frames, ChooseFrames(poses, matches, capture.points, index));
+  ASSIGN_OR_RETURN(DatasetFrames frames, ChooseFrames(poses, matches, capture.points, index));
   ViewReader reader(index, poses, std::move(frames), options.image_scale);
-  std::vector<std::string> ignored;
-  for (const Match& match : matches) {
-    ASSIGN_OR_RETURN(View view, reader.Read(match));
-    // Counted among the views that have a pose.
-    view.held_out = IsHeldOut(options, view.name, capture.views.size());
-    if (IsIgnoredWhole(view)) {
-      ignored.push_back(view.name);
-    } else {
-      capture.views.push_back(std::move(view));
-    }
-  }
-  if (capture.views.size() < 2) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("all pixels of ", ignored.size(), " of ", matches.size(),
-                     " photographs are ignored; at least 2 must show something. In ignore/ what is "
-                     "not 0 is left "
-                     "out; in masks that transforms.json names (mask_path), what is 0: ",
-                     FirstNames(ignored)));
-  }
-  if (!ignored.empty()) {
-    index.warnings.push_back(LeftOut(ignored, "photographs are ignored as a whole"));
-  }
+  RETURN_IF_ERROR(ReadViews(matches, options, reader, capture, index.warnings));
   capture.warnings = std::move(index.warnings);
   const bool has_ignore_masks =
       index.ignore_all != nullptr || !index.ignore.empty() || !index.keep.empty();
@@ -397,7 +250,7 @@ absl::StatusOr<std::vector<std::string>> ImportPriors(std::span<const DatasetFil
   CompanionFiles companions(index, {{Companion::kMasks, PixelFrame::kUpright},
                                     {Companion::kDepth, PixelFrame::kUpright}});
   DepthWarper depth_warper;
-  std::vector<Priors> made;
+  std::vector<ViewPriors> made;
   std::optional<ViewWarp> warp;  // that of `warped`; most views have the same lens
   const View* warped = nullptr;
   for (const View& view : capture.views) {
@@ -409,7 +262,7 @@ absl::StatusOr<std::vector<std::string>> ImportPriors(std::span<const DatasetFil
     const Lens& lens = view.photograph->lens;
     const CameraPixels pixels{
         {view.name, lens.width, lens.height}, view.photograph->orientation, PixelFrame::kStored};
-    ASSIGN_OR_RETURN(Priors priors, ReadPriors(view, pixels, *warp, companions, depth_warper));
+    ASSIGN_OR_RETURN(ViewPriors priors, ReadPriors(view, pixels, *warp, companions, depth_warper));
     made.push_back(std::move(priors));
   }
   std::vector<View*> with_depth;
