@@ -10,7 +10,7 @@ PEPESEG_FUZZ_MESSAGE(evaluate_request, pepeseg::v1::EvaluateModelRequest) {
   const auto wanted = [] { return absl::OkStatus(); };
   const pepeseg::Model& model = small.segmenter().model();
   const auto views = pepeseg::ReadTruthViews(message, model, wanted);
-  if (views.ok()) (void)pepeseg::ReadEntityPrompts(message, *views, small.reader());
+  if (views.ok()) (void)pepeseg::ReadEntityPrompts(message, *views, small.reader(), {});
   (void)pepeseg::ReadSamViews(message, model, wanted);
   const auto options = pepeseg::EvaluationOptionsFromProto(message.options());
   if (!options.ok()) return;
