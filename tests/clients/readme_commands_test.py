@@ -26,7 +26,7 @@ import time
 
 MARKER = "<!-- tests run this -->"
 PAGES = ("README.md", "clients/cli/README.md")
-STEPS = {"reconstruct": 400, "features": 300}
+STEPS = {"reconstruct": 150, "features": 150}
 VIEWS = 15
 SIZE = (640, 480)  # of the photographs, and so of every mask
 
