@@ -65,8 +65,10 @@ class Exposition {
   int port() const;
 
  private:
-  explicit Exposition(std::unique_ptr<prometheus::Exposer> exposer);
+  Exposition(std::unique_ptr<prometheus::Exposer> exposer, std::string host);
+
   std::unique_ptr<prometheus::Exposer> exposer_;
+  const std::string host_;  // numeric
 };
 
 }  // namespace pepeseg
