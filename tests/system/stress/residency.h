@@ -10,8 +10,9 @@ namespace pepeseg {
 struct ResidencyStressSettings {
   std::string worker;  // path of model_worker.cc's program
   int num_models = 20;
-  int num_resident = 5;  // number of models that fit the budget
-  int num_threads = 8;   // threads that make queries
+  // Number of models that fit the budget: each query in progress and the operator's pin hold one.
+  int num_resident = 9;
+  int num_threads = 8;  // threads that make queries
   absl::Duration duration;
 };
 

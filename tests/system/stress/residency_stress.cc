@@ -1,4 +1,4 @@
-// pepeseg_residency_stress [SECONDS]: queries twenty models within a memory budget for five.
+// pepeseg_residency_stress [SECONDS]: queries twenty models within a memory budget for nine.
 #include <gtest/gtest.h>
 
 #include <cstdio>

@@ -11,7 +11,7 @@ TEST(Residency, AnswersCorrectlyWithinTheBudgetWithMoreModelsThanFit) {
   settings.worker = PEPESEG_MODEL_WORKER;
   settings.num_models = 6;
   settings.num_resident = 4;
-  settings.num_threads = 4;
+  settings.num_threads = 3;
   settings.duration = absl::Seconds(2);
   const ResidencyStressReport report = RunResidencyStress(settings);
   SCOPED_TRACE(report.ToString());
