@@ -195,7 +195,7 @@ absl::StatusOr<std::optional<PixelFrame>> DepthFrameByPoints(
     ++num;
   }
   if (num == 0) return std::optional<PixelFrame>();
-  // Of either sign: disparity may be in depth/.
+  // A correlation may have either sign, because depth/ may hold disparity.
   const double difference = (std::abs(stored_sum) - std::abs(upright_sum)) / num;
   if (std::abs(difference) >= kClearlyHigher) {
     return std::optional(difference > 0 ? PixelFrame::kStored : PixelFrame::kUpright);

@@ -27,7 +27,7 @@ struct PhotoSize {
 absl::Status CheckMaskShape(absl::string_view where, int64_t width, int64_t height,
                             const PhotoSize& photo);
 
-// What was noticed in a label image.
+// What ReadMasks found in a label image.
 struct LabelNotes {
   bool soft = false;      // it is one mask with soft borders: see SoftMaskThreshold
   bool has_void = false;  // void pixels along borders were left out: see HasVoidBorders

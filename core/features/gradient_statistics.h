@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <vector>
 
-// What is usual in the surroundings of a pixel: mean and standard deviation of the gradients there,
-// which are the thresholds of the perception loss (METHOD.md section 3, "Perception loss").
+// Mean and standard deviation of the gradients around a pixel. The perception loss takes its
+// thresholds from them (METHOD.md section 3, "Perception loss").
 namespace pepeseg {
 
 // Computes mean and standard deviation of the numbers added.

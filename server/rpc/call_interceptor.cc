@@ -52,7 +52,7 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
     }
     if (!refused_.ok() &&
         methods->QueryInterceptionHookPoint(InterceptionHookPoints::POST_RECV_MESSAGE)) {
-      // The requests of gRPC's own services are protobuf messages, too. Null: there is no message.
+      // gRPC's own services have protobuf messages, too. Null: the client sends no more of them.
       auto* request = static_cast<google::protobuf::Message*>(methods->GetRecvMessage());
       if (request != nullptr) request->Clear();
     }

@@ -16,7 +16,7 @@ namespace pepeseg {
 inline constexpr char kRequestIdKey[] = "x-request-id";
 inline constexpr char kTraceparentKey[] = "traceparent";
 
-// Decides whether the caller may use gRPC's reflection, whose service is gRPC's and asks nobody.
+// Decides whether the caller may use gRPC's reflection. That service checks no keys itself.
 // Called on the thread that will answer the call; may block.
 using ReflectionCheck = std::function<grpc::Status(const grpc::ServerContextBase&)>;
 

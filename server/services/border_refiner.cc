@@ -35,7 +35,7 @@ absl::Status BorderRefiner::CheckAvailable() const {
 // Loading takes a second: it is left to the first request. Clients do not learn the server's paths.
 absl::Status BorderRefiner::OpenSam() {
   if (sam_ != nullptr) return absl::OkStatus();
-  // Evicts models if there is no other room.
+  // Makes room by evicting models if it has to.
   constexpr int64_t kBytes = kSamBytes + int64_t{kMostRecent} * kViewBytes;
   ASSIGN_OR_RETURN(std::unique_ptr<ReservedMemory> memory,
                    options_.models.TakeServerMemory(kBytes));

@@ -136,7 +136,7 @@ TEST(LabelMasks, LeaveOutVoidBorders) {
     EXPECT_EQ(notes.has_void, is_void) << border;
     EXPECT_EQ(set.num_masks, is_void ? 2 : 3) << border;
     EXPECT_EQ(set.Covers(set.num_masks - 1, 10, 4), !is_void) << border;
-    // What is left out of training is not decided by labels.
+    // Read as an ignore mask, the file has no void pixels.
     ASSERT_OK_AND_ASSIGN(const auto ignore,
                          ReadIgnoreMask(folder / "a.png", "a.png", {"a.jpg", 32, 8}));
     EXPECT_EQ(ignore[10], 1);

@@ -1,4 +1,4 @@
-// What a dataset has, in words.
+// The summary of a dataset: how many files of each kind it has, in words.
 import { FileKind } from '../../gen/pepeseg/v1/dataset_service_pb';
 
 const words: readonly [kind: FileKind, one: string, many: string][] = [
