@@ -75,13 +75,15 @@ bool HasVoidBorders(const LabelImage& image) {
   constexpr int kHalfWidth = 3, kReach = 5;                // pixels
   const uint32_t void_label = image.void_label;
   const bool is_grey = void_label <= 0xff;
-  bool has_void = false, has_other = false;
+  int64_t num = 0;
+  bool has_other = false;
   for (const uint32_t label : image.labels) {
     if (is_grey && (label > void_label || label + 1 == void_label)) return false;
-    has_void = has_void || label == void_label;
+    num += label == void_label;
     has_other = has_other || (label != 0 && label != void_label);
   }
-  if (!has_void || !has_other) return false;
+  if (num == 0 || !has_other) return false;
+  const auto total = static_cast<double>(num);
   // Calls use(label) for the pixels at most `reach` away, until it returns true; returns whether it
   // did. Pixels beyond the image do not count.
   const auto any_around = [&](int x, int y, int reach, const auto& use) {
@@ -93,20 +95,19 @@ bool HasVoidBorders(const LabelImage& image) {
     }
     return false;
   };
-  int64_t num = 0, num_wide = 0, num_at_things = 0;
+  int64_t num_wide = 0, num_at_things = 0;
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x) {
       if (image.labels[static_cast<size_t>(y) * image.width + x] != void_label) continue;
-      ++num;
       num_wide +=
           !any_around(x, y, kHalfWidth, [&](uint32_t label) { return label != void_label; });
+      // A wide area is soon known, and takes longest to look through.
+      if (static_cast<double>(num_wide) > kMostWide * total) return false;
       num_at_things += any_around(
           x, y, kReach, [&](uint32_t label) { return label != 0 && label != void_label; });
     }
   }
-  const auto total = static_cast<double>(num);
-  return static_cast<double>(num_wide) <= kMostWide * total &&
-         static_cast<double>(num_at_things) >= kLeastAtThings * total;
+  return static_cast<double>(num_at_things) >= kLeastAtThings * total;
 }
 
 LabelImage ResizedLabels(const LabelImage& image, int width, int height) {
