@@ -8,89 +8,13 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/priors/sam/onnx_fields.h"
 
 namespace pepeseg {
 namespace {
 
 // The graph is edited on the wire format of protobuf: fields that are not changed are copied as
-// bytes, so that neither onnx.proto nor the protobuf library is needed, and no weight is parsed.
-
-// Field numbers of onnx.proto, and wire types.
-constexpr uint64_t kModelGraph = 7;
-constexpr uint64_t kGraphNode = 1, kGraphInitializer = 5, kGraphInput = 11, kGraphOutput = 12,
-                   kGraphValueInfo = 13;
-constexpr uint64_t kNodeInput = 1, kNodeOutput = 2;
-constexpr uint64_t kTensorName = 8;
-constexpr uint64_t kVarint = 0, kFixed64 = 1, kBytes = 2, kFixed32 = 5;
-
-struct Field {
-  uint64_t number = 0;
-  std::string_view content;  // bytes of a kBytes field; empty for other wire types
-  std::string_view whole;    // the field with its tag
-};
-
-// Reads the fields of a message one after the other. Views point into the message's bytes.
-class FieldReader {
- public:
-  explicit FieldReader(std::string_view bytes) : rest_(bytes) {}
-
-  // Returns nullopt at the end, and when the bytes are not a message: see ok().
-  std::optional<Field> Next() {
-    if (rest_.empty() || !ok_) return std::nullopt;
-    const std::string_view start = rest_;
-    Field field;
-    // Tag: field number << 3 | wire type. Groups (3 and 4) are obsolete and not in ONNX.
-    const uint64_t tag = Varint();
-    field.number = tag >> 3;
-    switch (tag & 7) {
-      case kVarint:
-        Varint();
-        break;
-      case kFixed64:
-        Take(8);
-        break;
-      case kBytes:
-        field.content = Take(Varint());
-        break;
-      case kFixed32:
-        Take(4);
-        break;
-      default:
-        ok_ = false;
-    }
-    field.whole = start.substr(0, start.size() - rest_.size());
-    return ok_ ? std::optional(field) : std::nullopt;
-  }
-  bool ok() const { return ok_; }
-
- private:
-  uint64_t Varint() {
-    uint64_t value = 0;
-    // At most 10 bytes: a longer number is refused instead of shifted out of range.
-    for (int shift = 0; shift < 64; shift += 7) {
-      if (rest_.empty()) break;
-      const auto byte = static_cast<uint8_t>(rest_.front());
-      rest_.remove_prefix(1);
-      value |= static_cast<uint64_t>(byte & 127) << shift;
-      if (byte < 128) return value;
-    }
-    ok_ = false;
-    return 0;
-  }
-  std::string_view Take(uint64_t size) {
-    // A length that exceeds the message is that of a damaged or hostile file.
-    if (size > rest_.size()) {
-      ok_ = false;
-      return {};
-    }
-    const std::string_view taken = rest_.substr(0, size);
-    rest_.remove_prefix(size);
-    return taken;
-  }
-
-  std::string_view rest_;
-  bool ok_ = true;
-};
+// bytes, and no weight is parsed.
 
 void AppendVarint(uint64_t value, std::string& out) {
   for (; value >= 128; value >>= 7) out.push_back(static_cast<char>(value | 128));
@@ -137,8 +61,8 @@ class Graph {
   // Returns false when the bytes are not a message. Drops the graph's inputs, outputs and shapes of
   // inner tensors; the latter would be wrong after the edit and are optional.
   bool Parse(std::string_view bytes) {
-    FieldReader fields(bytes);
-    while (const std::optional<Field> field = fields.Next()) {
+    OnnxFieldReader fields(bytes);
+    while (const std::optional<OnnxField> field = fields.Next()) {
       if (field->number == kGraphNode) {
         if (!ParseNode(field->content)) return false;
       } else if (field->number != kGraphInput && field->number != kGraphOutput &&
@@ -206,8 +130,8 @@ class Graph {
  private:
   bool ParseNode(std::string_view bytes) {
     Node node;
-    FieldReader fields(bytes);
-    while (const std::optional<Field> field = fields.Next()) {
+    OnnxFieldReader fields(bytes);
+    while (const std::optional<OnnxField> field = fields.Next()) {
       if (field->number == kNodeInput) {
         node.inputs.push_back(field->content);
       } else if (field->number == kNodeOutput) {
@@ -220,8 +144,8 @@ class Graph {
     return fields.ok();
   }
   void ParseInitializer(std::string_view bytes) {
-    FieldReader fields(bytes);
-    while (const std::optional<Field> field = fields.Next()) {
+    OnnxFieldReader fields(bytes);
+    while (const std::optional<OnnxField> field = fields.Next()) {
       if (field->number == kTensorName) initializers_.insert(field->content);
     }
   }
@@ -237,8 +161,8 @@ absl::StatusOr<std::string> EditOnnxGraph(std::string_view model, const OnnxGrap
                                           absl::string_view name) {
   std::string edited;
   bool has_graph = false;
-  FieldReader fields(model);
-  while (const std::optional<Field> field = fields.Next()) {
+  OnnxFieldReader fields(model);
+  while (const std::optional<OnnxField> field = fields.Next()) {
     if (field->number != kModelGraph) {
       edited.append(field->whole);
       continue;
