@@ -12,6 +12,7 @@
 #include "kernels/ops/cluster.h"
 #include "kernels/ops/density.h"
 #include "kernels/ops/feature.h"
+#include "kernels/ops/match.h"
 #include "kernels/ops/refine.h"
 #include "kernels/ops/render.h"
 #include "kernels/ops/rows.h"
@@ -165,6 +166,8 @@ class Backend {
   virtual void LevelOverlaps(const LevelOverlapsArgs& args) = 0;
   // Clustering (kernels/ops/cluster.h).
   virtual void SpanningTree(const SpanningTreeArgs& args) = 0;
+  // Poses (kernels/ops/match.h).
+  virtual void MatchDescriptors(const MatchDescriptorsArgs& args) = 0;
 
  private:
   std::mutex exclusive_use_;

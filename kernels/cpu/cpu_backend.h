@@ -75,6 +75,7 @@ class CpuBackend final : public Backend {
   void RefineBorder(const RefineBorderArgs& args) override;
   void LevelOverlaps(const LevelOverlapsArgs& args) override;
   void SpanningTree(const SpanningTreeArgs& args) override;
+  void MatchDescriptors(const MatchDescriptorsArgs& args) override;
 
  private:
   // Keeps the error if there is none yet. From any thread.

@@ -9,7 +9,8 @@ namespace pepeseg {
 #if HWY_ARCH_X86
 namespace N_AVX3 {
 const SimdKernels& GetSimdKernels();
-}
+const SimdKernels& GetSimdKernelsVnni();
+}  // namespace N_AVX3
 namespace N_AVX2 {
 const SimdKernels& GetSimdKernels();
 }
@@ -17,9 +18,11 @@ namespace N_SSE4 {
 const SimdKernels& GetSimdKernels();
 }
 
-// SSE4 (x86-64-v2) is assumed without a test.
+// SSE4 (x86-64-v2) is assumed without a test. VNNI is used where all extensions of Ice Lake are,
+// which Highway calls AVX3_DL.
 const SimdKernels& BestSimdKernels() {
   const auto targets = hwy::SupportedTargets();
+  if ((targets & HWY_AVX3_DL) != 0) return N_AVX3::GetSimdKernelsVnni();
   if ((targets & HWY_AVX3) != 0) return N_AVX3::GetSimdKernels();
   if ((targets & HWY_AVX2) != 0) return N_AVX2::GetSimdKernels();
   return N_SSE4::GetSimdKernels();

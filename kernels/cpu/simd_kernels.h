@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <span>
 
+#include "kernels/math/match.h"
 #include "kernels/math/ssim.h"
 #include "kernels/ops/cluster.h"
 #include "kernels/ops/feature.h"
@@ -191,6 +192,26 @@ struct ColumnRange {
   int32_t first, end;  // multiples of kTreeColumns
 };
 
+// MatchDescriptors (kernels/cpu/simd/match.cc).
+
+inline constexpr int kMatchPadding = 32;  // numbers of columns are padded to a multiple of this
+inline constexpr int kMatchPackedWords = kDescriptorBytes / 2;  // int32 of a packed column, at most
+
+// The descriptors of two blocks, one as rows, the other as columns. `padded` is num_columns rounded
+// up to kMatchPadding.
+struct MatchJob {
+  const uint8_t* rows;  // [num_rows, 128]
+  int32_t num_rows;
+  const uint8_t* columns;  // [num_columns, 128]
+  int32_t num_columns;
+  bool is_packed;          // whether `packed` and `bias` hold these columns from an earlier job
+  void* packed;            // [padded, kMatchPackedWords] int32, working memory
+  int32_t* bias;           // [padded] working memory
+  int32_t* column_states;  // [3, padded] working memory
+  NearestDots* of_row;     // [num_rows] out
+  NearestDots* of_column;  // [num_columns] out
+};
+
 // The table.
 struct SimdKernels {
   const char* name;  // of the instruction set, for reports
@@ -230,6 +251,8 @@ struct SimdKernels {
   void (*relax_columns)(const RelaxJob& job, ColumnRange columns);
   // Returns the least of `padded` values, a multiple of kTreeColumns, of which none is NaN.
   float (*least_of)(const float* values, int32_t padded);
+  // Finds the two largest dot products of each row with the columns, and of each column.
+  void (*nearest_descriptors)(const MatchJob& job);
 };
 
 // Returns the kernels of the best instruction set that this machine has.

@@ -132,6 +132,7 @@ class CudaBackend final : public Backend {
   void RefineBorder(const RefineBorderArgs& args) override;
   void LevelOverlaps(const LevelOverlapsArgs& args) override;
   void SpanningTree(const SpanningTreeArgs& args) override;
+  void MatchDescriptors(const MatchDescriptorsArgs& args) override;
 
  private:
   // Held by an op while it launches, so that its launches follow each other on the stream whatever

@@ -2,11 +2,11 @@
 
 #include <cstdint>
 
-// Products of small matrices on the tensor cores, to about the precision of float. The tensor cores
-// take tf32, floats with 11 significant bits, so each factor is split into a high and a low part
-// and three products are added: high * high, low * high and high * low. All 32 lanes of a warp must
-// call them together. Sums within an instruction have an order fixed by the hardware: the same in
-// every run on the same kind of device.
+// Products of small matrices on the tensor cores: of bytes, exactly, and of floats, to about the
+// precision of float. For floats the tensor cores take tf32, floats with 11 significant bits, so
+// each factor is split into a high and a low part and three products are added: high * high, low *
+// high and high * low. All 32 lanes of a warp must call them together. Sums within an instruction
+// have an order fixed by the hardware: the same in every run on the same kind of device.
 
 namespace pepeseg {
 
@@ -30,6 +30,19 @@ __device__ inline void Multiply(const uint32_t (&a)[4], const uint32_t (&b)[2], 
   asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 "
       "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
       : "+f"(sum[0]), "+f"(sum[1]), "+f"(sum[2]), "+f"(sum[3])
+      : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b[0]), "r"(b[1]));
+}
+
+// sum += a b, 16 x 32 bytes times 32 x 8, exactly, spread over a warp. A register holds four
+// adjacent bytes. With i = lane / 4 and j = lane % 4 a lane has
+//   a: (i, 4 j ..), (i + 8, 4 j ..), (i, 16 + 4 j ..), (i + 8, 16 + 4 j ..)
+//   b: (4 j .., i), (16 + 4 j .., i)
+//   sum: (i, 2 j), (i, 2 j + 1), (i + 8, 2 j), (i + 8, 2 j + 1).
+__device__ inline void MultiplyBytes(const uint32_t (&a)[4], const uint32_t (&b)[2],
+                                     int32_t (&sum)[4]) {
+  asm("mma.sync.aligned.m16n8k32.row.col.s32.u8.u8.s32 "
+      "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
+      : "+r"(sum[0]), "+r"(sum[1]), "+r"(sum[2]), "+r"(sum[3])
       : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b[0]), "r"(b[1]));
 }
 

@@ -21,6 +21,7 @@ std::unique_ptr<Backend> MakeCpu(int64_t target) {
 }  // namespace
 
 std::unique_ptr<Backend> MakeCpuAvx3() { return MakeCpu(HWY_AVX3); }
+std::unique_ptr<Backend> MakeCpuVnni() { return MakeCpu(HWY_AVX3_DL); }
 std::unique_ptr<Backend> MakeCpuAvx2() { return MakeCpu(HWY_AVX2); }
 std::unique_ptr<Backend> MakeCpuSse4() { return MakeCpu(HWY_SSE4); }
 

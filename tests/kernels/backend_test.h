@@ -19,6 +19,7 @@ struct BackendCase {
 
 // Make the CPU backend with one instruction set; nullptr if this machine lacks it.
 std::unique_ptr<Backend> MakeCpuAvx3();
+std::unique_ptr<Backend> MakeCpuVnni();  // AVX-512 with VNNI
 std::unique_ptr<Backend> MakeCpuAvx2();
 std::unique_ptr<Backend> MakeCpuSse4();
 // Makes the CUDA backend. Returns nullptr without a device, which is a failure of the test with

@@ -11,9 +11,21 @@ const SimdKernels& GetSimdKernels() {
       FeatureCatchUpRange,    FeatureRowsRange, FeatureUpdateRange, SmoothFeaturesRange,
       SmoothBackwardRange,    GatePixels,       PairRows,           PairRowsVjp,
       PerceptionUnits,        PerceptionRows,   SimilarityRange,    NearestNeighbours,
-      RelaxColumns,           LeastOf};
+      RelaxColumns,           LeastOf,          NearestDescriptors};
   return kKernels;
 }
+
+#if HWY_TARGET == HWY_AVX3
+const SimdKernels& GetSimdKernelsVnni() {
+  static const SimdKernels kKernels = [] {
+    SimdKernels kernels = GetSimdKernels();
+    kernels.name = "N_AVX3_DL";
+    kernels.nearest_descriptors = NearestDescriptorsVnni;
+    return kernels;
+  }();
+  return kKernels;
+}
+#endif
 
 }  // namespace HWY_NAMESPACE
 }  // namespace pepeseg

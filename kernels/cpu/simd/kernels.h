@@ -9,6 +9,10 @@ namespace HWY_NAMESPACE {
 
 // Returns the table of this instruction set. The functions below are its members, described there.
 const SimdKernels& GetSimdKernels();
+#if HWY_TARGET == HWY_AVX3
+// Returns the table for machines with AVX-512 VNNI.
+const SimdKernels& GetSimdKernelsVnni();
+#endif
 
 void BlendTile(const TileSplats& tile, const ImageColors& image);
 void BlendTileBackward(const TileSplats& tile, const ImageGrads& image, SplatGrad* slot_grad);
@@ -32,6 +36,10 @@ void SimilarityRange(const SimilarityArgs& args, const float* query_units, Featu
 void NearestNeighbours(const NearestJob& job, FeatureRange range);
 void RelaxColumns(const RelaxJob& job, ColumnRange range);
 float LeastOf(const float* values, int32_t padded);
+void NearestDescriptors(const MatchJob& job);
+#if HWY_TARGET == HWY_AVX3
+void NearestDescriptorsVnni(const MatchJob& job);
+#endif
 
 }  // namespace HWY_NAMESPACE
 }  // namespace pepeseg
