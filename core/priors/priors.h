@@ -9,7 +9,9 @@ namespace pepeseg {
 // Source of masks or depth maps for a dataset that brings none.
 enum class PriorMaker {
   // The operator's command if there is one and it succeeds; else SAM, for masks and where it is
-  // installed; else the built-in method.
+  // installed; else the built-in method. Depth is then made with built-in masks only, which it
+  // gives better borders: next to other masks it gains nothing
+  // (tests/bench/results/bare_photographs.md).
   kAuto = 0,
   kNone = 1,
   kEmbedded = 2,        // the built-in method, see EmbedPriors

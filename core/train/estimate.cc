@@ -62,21 +62,22 @@ std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize datase
     needs.back().seconds = kVideoCoreSeconds * dataset.video_megapixels / tools.num_threads;
   }
   if (!dataset.has_poses) {
-    // SAM runs next to COLMAP.
+    // SAM runs next to COLMAP, and next to stage one.
     needs.push_back(
         {.stage = "sfm",
          .host_bytes = SfmHostBytes(dataset.max_source_pixels, /*num_threads=*/0) + sam_bytes});
+  }
+  if (dataset.num_given_gaussians == 0) {
+    const MemoryNeed need = EstimateReconstruct(backend, size, settings.reconstruct);
+    needs.push_back({.stage = "reconstruct",
+                     .host_bytes = need.host_bytes + sam_bytes,
+                     .device_bytes = need.device_bytes});
   }
   if (by_sam) {  // the time of other makers of priors is not known
     const double core_seconds = kSamCoreSeconds * static_cast<double>(size.num_views);
     needs.push_back({.stage = "priors",
                      .host_bytes = CaptureBytes(size) + sam_bytes,
                      .seconds = core_seconds / tools.num_threads});
-  }
-  if (dataset.num_given_gaussians == 0) {
-    const MemoryNeed need = EstimateReconstruct(backend, size, settings.reconstruct);
-    needs.push_back(
-        {.stage = "reconstruct", .host_bytes = need.host_bytes, .device_bytes = need.device_bytes});
   }
   if (size.num_masked_views > 0) needs.push_back(NeedOfFeatures(backend, dataset, settings));
   return needs;

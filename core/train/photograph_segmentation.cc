@@ -17,7 +17,7 @@ namespace pepeseg {
 namespace {
 
 // Increase of the nice value of low-priority threads. Where both want a core, such a thread gets
-// about a tenth of the time that a thread of COLMAP's gets.
+// about a tenth of the time that a thread of another stage gets.
 constexpr int kNicer = 10;
 
 int NumThreads(const TrainingTools& tools) {
@@ -42,11 +42,11 @@ absl::Status OutOfMemory(const TrainingTools& tools) {
 PhotographSegmentation::PhotographSegmentation(const TrainingInputs& inputs,
                                                const ImportOptions& import,
                                                const std::vector<DatasetFile>& files,
-                                               bool poses_are_wanted)
+                                               bool next_to_other_stages)
     : inputs_(inputs),
       masks_(inputs.folders.priors / "sam", import.image_scale),
       num_threads_(NumThreads(inputs.tools)),
-      first_priority_(poses_are_wanted ? Priority::kLow : Priority::kOfProcess) {
+      first_priority_(next_to_other_stages ? Priority::kLow : Priority::kOfProcess) {
   std::map<std::string, const DatasetFile*> sorted;
   for (const DatasetFile& file : files) {
     if (file.kind == FileKind::kImage) sorted[PhotoKey(file.name)] = &file;
@@ -57,7 +57,7 @@ PhotographSegmentation::PhotographSegmentation(const TrainingInputs& inputs,
     tasks_.push_back({*file});
     // The import's rule, applied to all photographs. COLMAP may leave some out, so WaitFor queues
     // again what the real views need.
-    if (poses_are_wanted && !IsHeldOut(import, key, task)) queue_.push_back(task);
+    if (next_to_other_stages && !IsHeldOut(import, key, task)) queue_.push_back(task);
   }
   StartThreads(first_priority_);
 }

@@ -29,24 +29,24 @@ namespace pepeseg {
 // Share of the work of stage "priors" that is done when the wait for SAM's masks starts.
 inline constexpr double kShareBeforeSam = 0.1;
 
-// Segments a training's photographs by SAM on threads of its own, while other stages run, because a
-// photograph can be segmented before its pose is known. The masks are kept in `folders.priors` for
-// later runs.
+// Segments a training's photographs by SAM on threads of its own, while other stages run: a
+// photograph can be segmented before its pose is known, and stage one needs no masks. The masks are
+// kept in `folders.priors` for later runs.
 //
 // Threads: the training's thread calls the methods. The object's threads take photographs from a
 // queue, at most SamPhotographsAtOnce() at a time; one mutex guards the queue and the states.
-// Threads that were started while poses are wanted have a low priority, which the system lets no
-// thread raise again. When GiveMasks starts, each of them finishes its photograph and ends, and
-// threads of the process's priority take over.
+// Threads that run next to other stages have a low priority, which the system lets no thread raise
+// again. When GiveMasks starts, each of them finishes its photograph and ends, and threads of the
+// process's priority take over.
 class PhotographSegmentation {
  public:
   // Starts the threads. files: those of the dataset; the photographs among them are segmented.
   //
-  // poses_are_wanted: true while COLMAP estimates the poses. The photographs that will be trained
-  // on if all get a pose are then segmented meanwhile, on the time that COLMAP leaves of the cores;
+  // next_to_other_stages: true while other stages run. The photographs that will be trained on if
+  // all get a pose are then segmented meanwhile, on the time that these stages leave of the cores;
   // those that will be held out are not. False: nothing is segmented before GiveMasks.
   PhotographSegmentation(const TrainingInputs& inputs, const ImportOptions& import,
-                         const std::vector<DatasetFile>& files, bool poses_are_wanted);
+                         const std::vector<DatasetFile>& files, bool next_to_other_stages);
   // Interrupts the network and joins the threads.
   ~PhotographSegmentation();
 

@@ -57,12 +57,12 @@ bool PriorStage::MayUseSam() const {
   return !inputs_.tools.sam.empty() && (maker == PriorMaker::kAuto || AsksForSam(maker));
 }
 
-void PriorStage::StartNextToPoses(const std::vector<DatasetFile>& files) {
+void PriorStage::StartSam(const std::vector<DatasetFile>& files) {
   // The command is expected to make the masks if there is one: SAM would only make them twice.
   const bool by_command = settings_.priors.masks == PriorMaker::kAuto && HasCommand();
   const bool given = settings_.import.use_masks && HasKind(files, FileKind::kMask);
-  if (given || by_command || !MayUseSam()) return;
-  segmentation_.emplace(inputs_, settings_.import, files, /*poses_are_wanted=*/true);
+  if (given || by_command || !MayUseSam() || segmentation_) return;
+  segmentation_.emplace(inputs_, settings_.import, files, /*next_to_other_stages=*/true);
 }
 
 std::optional<int64_t> PriorStage::NumToSegment(const Capture& capture) const {
@@ -80,11 +80,12 @@ absl::Status PriorStage::Run(TrainingScene& scene) {
   }
   scene.sources["masks"] = has_masks ? "given" : "none";
   scene.sources["depth"] = has_depth ? "given" : "none";
-  if (has_masks && has_depth) return stages_.Skip("priors", "given");
   // Uploaded priors always win: only what the dataset lacks is made.
-  const PriorWants asked = {!has_masks && settings_.priors.masks != PriorMaker::kNone,
-                            !has_depth && settings_.priors.depth != PriorMaker::kNone};
-  if (!asked.any()) return stages_.Skip("priors", "left out");
+  const bool masks = !has_masks && settings_.priors.masks != PriorMaker::kNone;
+  const PriorMaker depth = settings_.priors.depth;
+  const bool depth_has_use = depth != PriorMaker::kAuto || HasCommand() || masks;
+  const PriorWants asked = {masks, !has_depth && depth != PriorMaker::kNone && depth_has_use};
+  if (!asked.any()) return stages_.Skip("priors", has_masks ? "given" : "left out");
   RETURN_IF_ERROR(stages_.Start("priors"));
   RETURN_IF_ERROR(MakeByCommand(asked, scene));
   RETURN_IF_ERROR(MakeOthers(asked, scene));
@@ -160,18 +161,18 @@ absl::Status PriorStage::MakeOthers(PriorWants asked, TrainingScene& scene) {
   };
   const PriorMaker maker = settings_.priors.masks;
   const bool masks = wants(asked.masks, "masks", maker);
-  const bool depth = wants(asked.depth, "depth", settings_.priors.depth);
   const bool by_sam = masks && MayUseSam();
   if (masks && inputs_.tools.sam.empty() && AsksForSam(maker)) {
     stages_.Warn("SAM: this server no longer has it. The job continues with the built-in masks.");
   }
   if (by_sam && !segmentation_) {
-    segmentation_.emplace(inputs_, settings_.import, scene.files, /*poses_are_wanted=*/false);
+    segmentation_.emplace(inputs_, settings_.import, scene.files, /*next_to_other_stages=*/false);
   }
   // SAM's masks replace built-in ones, which are made only to be joined with them, or if SAM fails.
   const bool embedded = masks && (!by_sam || maker == PriorMaker::kSamAndEmbedded);
-  RETURN_IF_ERROR(Embed({embedded, depth}, by_sam ? kShareBeforeSam : 1, scene.capture));
-  if (depth && Counts(scene.capture)["num_depth_maps"] > 0) scene.sources["depth"] = "embedded";
+  const bool depth = wants(asked.depth, "depth", settings_.priors.depth) &&
+                     (embedded || settings_.priors.depth == PriorMaker::kEmbedded);
+  RETURN_IF_ERROR(Embed({embedded, depth}, by_sam ? kShareBeforeSam : 1, scene));
   if (!masks) return absl::OkStatus();
   if (by_sam) RETURN_IF_ERROR(TakeMasksOfSam(scene));
   if (scene.sources["masks"] == "none" && Counts(scene.capture)["num_masks"] > 0) {
@@ -183,17 +184,21 @@ absl::Status PriorStage::MakeOthers(PriorWants asked, TrainingScene& scene) {
 
 // Makes built-in masks or depth. share: the part of the stage's work that this is, for the
 // progress.
-absl::Status PriorStage::Embed(EmbeddedPriors what, double share, Capture& capture) {
+absl::Status PriorStage::Embed(EmbeddedPriors what, double share, TrainingScene& scene) {
   if (!what.masks && !what.depth) return absl::OkStatus();
-  return EmbedPriors(what, inputs_.tools.num_threads, capture, [&](int done, int num_views) {
-    StepReport report = {.stage = "priors",
-                         .step = done,
-                         .num_steps = num_views,
-                         .activity = MakingActivity(what.masks, what.depth),
-                         .unit = "photographs"};
-    if (share < 1) report.share = share * done / num_views;
-    return stages_.Step(report);
-  });
+  RETURN_IF_ERROR(
+      EmbedPriors(what, inputs_.tools.num_threads, scene.capture, [&](int done, int num_views) {
+        StepReport report = {.stage = "priors",
+                             .step = done,
+                             .num_steps = num_views,
+                             .activity = MakingActivity(what.masks, what.depth),
+                             .unit = "photographs"};
+        if (share < 1) report.share = share * done / num_views;
+        return stages_.Step(report);
+      }));
+  if (what.depth && Counts(scene.capture)["num_depth_maps"] > 0)
+    scene.sources["depth"] = "embedded";
+  return absl::OkStatus();
 }
 
 // Waits for SAM's masks and gives them to the views. If SAM fails, warns and makes built-in masks.
@@ -207,7 +212,9 @@ absl::Status PriorStage::TakeMasksOfSam(TrainingScene& scene) {
     return absl::OkStatus();
   }
   stages_.Warn(absl::StrCat(status.message(), ". The job continues with the built-in masks."));
-  return Embed({.masks = true}, 1, scene.capture);
+  const bool depth =
+      settings_.priors.depth == PriorMaker::kAuto && scene.sources["depth"] == "none";
+  return Embed({.masks = true, .depth = depth}, 1, scene);
 }
 
 }  // namespace pepeseg

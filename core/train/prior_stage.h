@@ -24,9 +24,9 @@ class PriorStage {
   PriorStage(const TrainingInputs& inputs, const TrainingSettings& settings, StageLog& stages)
       : inputs_(inputs), settings_(settings), stages_(stages) {}
 
-  // Starts to segment the photographs among `files` on threads of its own if SAM is expected to
-  // make the masks. To be called when COLMAP is about to estimate poses, which it runs next to.
-  void StartNextToPoses(const std::vector<DatasetFile>& files);
+  // Starts to segment the photographs among `files` on threads of its own, next to the stages
+  // before this one, if SAM is expected to make the masks. Does nothing when called again.
+  void StartSam(const std::vector<DatasetFile>& files);
   // Returns the number of training photographs that SAM has still to segment; nullopt: SAM has not
   // started.
   std::optional<int64_t> NumToSegment(const Capture& capture) const;
@@ -43,7 +43,7 @@ class PriorStage {
   absl::Status RecordMade(const std::vector<DatasetFile>& made, bool masks, TrainingScene& scene);
   absl::Status MakeOthers(PriorWants asked, TrainingScene& scene);
   absl::Status TakeMasksOfSam(TrainingScene& scene);
-  absl::Status Embed(EmbeddedPriors what, double share, Capture& capture);
+  absl::Status Embed(EmbeddedPriors what, double share, TrainingScene& scene);
   bool MayUseSam() const;
   bool HasCommand() const { return !inputs_.tools.priors_command.program.empty(); }
 

@@ -33,10 +33,29 @@ bool ByCommand(PriorMaker maker, const TrainingFacts& facts) {
   return maker == PriorMaker::kCommand || (maker == PriorMaker::kAuto && facts.has_priors_command);
 }
 
-// Returns true if SAM is expected to make the masks: where it may and the command does not.
-bool BySam(PriorMaker maker, const TrainingFacts& facts) {
-  return facts.has_sam && !ByCommand(maker, facts) &&
-         (maker == PriorMaker::kAuto || AsksForSam(maker));
+// What stage "priors" is expected to make, and by which means.
+struct ExpectedPriors {
+  bool by_command = false;  // masks or depth
+  bool by_sam = false;
+  bool built_in_masks = false, built_in_depth = false;
+  bool any() const { return by_command || by_sam || built_in_masks || built_in_depth; }
+};
+
+ExpectedPriors Expect(const TrainingFacts& facts, const PriorOptions& priors) {
+  ExpectedPriors expected;
+  if (!facts.has_masks && priors.masks != PriorMaker::kNone) {
+    expected.by_command = ByCommand(priors.masks, facts);
+    expected.by_sam = !expected.by_command && facts.has_sam &&
+                      (priors.masks == PriorMaker::kAuto || AsksForSam(priors.masks));
+    expected.built_in_masks = !expected.by_command && !expected.by_sam;
+  }
+  if (!facts.has_depth && priors.depth != PriorMaker::kNone) {
+    const bool by_command = ByCommand(priors.depth, facts);
+    expected.by_command |= by_command;
+    expected.built_in_depth =
+        !by_command && (priors.depth == PriorMaker::kEmbedded || expected.built_in_masks);
+  }
+  return expected;
 }
 
 // Lists the stages in the order in which Train runs them.
@@ -48,9 +67,11 @@ class Planner {
   std::vector<PlannedStage> Plan() {
     AddOnCores("prepare", kPrepare * photos_ + kVideoCoreSeconds * facts_.video_megapixels);
     if (!facts_.has_poses) AddPoses();
-    AddPriors();
+    const bool priors_first = PriorsComeFirst(facts_, settings_.priors);
+    if (priors_first) AddPriors();
     if (!facts_.has_gaussians) AddReconstruction();
     AddScores();
+    if (!priors_first) AddPriors();
     if (facts_.has_masks || settings_.priors.masks != PriorMaker::kNone) AddFeatures();
     AddOnCores("index", kIndex);
     return std::move(stages_);
@@ -78,19 +99,28 @@ class Planner {
   }
 
   void AddPriors() {
-    const PriorOptions& priors = settings_.priors;
-    const bool masks = !facts_.has_masks && priors.masks != PriorMaker::kNone;
-    const bool depth = !facts_.has_depth && priors.depth != PriorMaker::kNone;
-    if (!masks && !depth) return;
+    const ExpectedPriors expected = Expect(facts_, settings_.priors);
+    if (!expected.any()) return;
     const double pixels = photos_ * facts_.megapixels;
-    const double to_segment =
-        facts_.num_to_segment ? static_cast<double>(*facts_.num_to_segment) : photos_;
-    const double sam = masks && BySam(priors.masks, facts_) ? to_segment * kSamCoreSeconds : 0;
-    AddOnCores("priors",
-               sam + pixels * ((masks ? kEmbeddedMasks : 0) + (depth ? kEmbeddedDepth : 0)));
-    const bool by_command =
-        (masks && ByCommand(priors.masks, facts_)) || (depth && ByCommand(priors.depth, facts_));
-    if (by_command) stages_.back().seconds.reset();  // the speed of the program is unknown
+    AddOnCores("priors", SamCoreSeconds(expected) +
+                             pixels * ((expected.built_in_masks ? kEmbeddedMasks : 0) +
+                                       (expected.built_in_depth ? kEmbeddedDepth : 0)));
+    // The speed of the operator's program is unknown.
+    if (expected.by_command) stages_.back().seconds.reset();
+  }
+
+  // What SAM has still to do when its stage starts. Where a GPU computes stage one, SAM has the
+  // cores meanwhile.
+  double SamCoreSeconds(const ExpectedPriors& expected) const {
+    if (!expected.by_sam) return 0;
+    if (facts_.num_to_segment) {
+      return static_cast<double>(*facts_.num_to_segment) * kSamCoreSeconds;
+    }
+    double meanwhile = 0;
+    for (const PlannedStage& stage : stages_) {
+      if (stage.on_device) meanwhile += stage.seconds.value_or(0);
+    }
+    return std::max(0.0, photos_ * kSamCoreSeconds - Threads() * meanwhile);
   }
 
   // The first steps train on photographs at a quarter, then at half of their width and height: see
@@ -175,11 +205,13 @@ std::vector<PlannedStage> PlanStages(const TrainingFacts& facts, const TrainingS
   return Planner(facts, settings).Plan();
 }
 
+bool PriorsComeFirst(const TrainingFacts& facts, const PriorOptions& priors) {
+  const ExpectedPriors expected = Expect(facts, priors);
+  return expected.by_command || !expected.any();
+}
+
 bool RunsPrograms(const TrainingFacts& facts, const PriorOptions& priors) {
-  if (!facts.has_poses) return true;
-  if (!facts.has_priors_command) return false;
-  return (!facts.has_masks && ByCommand(priors.masks, facts)) ||
-         (!facts.has_depth && ByCommand(priors.depth, facts));
+  return !facts.has_poses || (facts.has_priors_command && Expect(facts, priors).by_command);
 }
 
 }  // namespace pepeseg

@@ -55,6 +55,11 @@ void SetViews(const Capture& capture, TrainingFacts& facts);
 // stage has measured its pace, only the ratios matter.
 std::vector<PlannedStage> PlanStages(const TrainingFacts& facts, const TrainingSettings& settings);
 
+// Returns true if stage "priors" runs before stage one: where the operator's command is expected to
+// make something, or nothing is to be made. Else it runs after the scores, and SAM computes
+// meanwhile.
+bool PriorsComeFirst(const TrainingFacts& facts, const PriorOptions& priors);
+
 // Returns true if stage "sfm" or "priors" may start a program: COLMAP, or the priors command.
 bool RunsPrograms(const TrainingFacts& facts, const PriorOptions& priors);
 

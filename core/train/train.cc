@@ -31,8 +31,8 @@
 namespace pepeseg {
 namespace {
 
-// One training. After Open, each public method is a stage, called in the order of declaration.
-// Stages up to "priors" add to scene_, later ones to model_.
+// One training. After Open, each public method is a stage, called in the order of declaration, but
+// for MakePriors. It and the stages before it add to scene_, the others to model_.
 class Training {
  public:
   Training(const TrainingInputs& inputs, const TrainingSettings& settings, Backend& backend,
@@ -49,6 +49,7 @@ class Training {
   absl::Status Open();
   absl::Status Prepare();
   absl::Status EstimatePoses();
+  bool PriorsComeFirst() const { return pepeseg::PriorsComeFirst(facts_, settings_.priors); }
   absl::Status MakePriors();
   absl::Status ReconstructScene();
   absl::Status EvaluateScene();
@@ -69,7 +70,7 @@ class Training {
   void ResumeAt(const StageCheckpoints* checkpoints, const char* metric);
   absl::Status CheckDevice() const;
   void DescribeModel();
-  void CopyMetrics();
+  void CopyFindings();
   absl::Status WriteModelTo(const std::filesystem::path& folder);
 
   const TrainingInputs& inputs_;
@@ -93,9 +94,10 @@ absl::StatusOr<TrainedModel> Train(const TrainingInputs& inputs, const TrainingS
   RETURN_IF_ERROR(training.Open());
   RETURN_IF_ERROR(training.Prepare());
   RETURN_IF_ERROR(training.EstimatePoses());
-  RETURN_IF_ERROR(training.MakePriors());
+  if (training.PriorsComeFirst()) RETURN_IF_ERROR(training.MakePriors());
   RETURN_IF_ERROR(training.ReconstructScene());
   RETURN_IF_ERROR(training.EvaluateScene());
+  if (!training.PriorsComeFirst()) RETURN_IF_ERROR(training.MakePriors());
   RETURN_IF_ERROR(training.TrainFeatures());
   return std::move(training).Index();
 }
@@ -136,13 +138,13 @@ absl::Status Training::Prepare() {
 }
 
 // Stage "sfm": estimates poses, lenses and sparse points by structure from motion, unless poses are
-// given. SAM can segment photographs meanwhile, because masks of photographs need no poses.
+// given. SAM segments photographs meanwhile and during stage one, because that needs neither.
 absl::Status Training::EstimatePoses() {
+  priors_.StartSam(scene_.files);
   if (HasKind(scene_.files, FileKind::kPoses)) {
     scene_.sources["poses"] = "given";
     return stages_.Skip("sfm", "given");
   }
-  priors_.StartNextToPoses(scene_.files);
   RETURN_IF_ERROR(stages_.Start("sfm"));
   ASSIGN_OR_RETURN(PosesMade made,
                    AppendPoses(inputs_, settings_.sfm, photographs_, stages_, scene_.files));
@@ -163,12 +165,11 @@ absl::Status Training::ImportViews() {
 }
 
 // Stage "priors": makes the masks that stage two is trained on, and the depth that losses of both
-// stages use.
+// stages use. Only depth of the operator's command has a use in stage one.
 absl::Status Training::MakePriors() {
   facts_.num_to_segment = priors_.NumToSegment(scene_.capture);
   if (facts_.num_to_segment) {
-    observer_.Log(absl::StrCat("SAM: ", *facts_.num_to_segment,
-                               " photographs are left when their poses are known"));
+    observer_.Log(absl::StrCat("SAM: ", *facts_.num_to_segment, " photographs are left"));
     Plan();
   }
   return priors_.Run(scene_);
@@ -328,7 +329,7 @@ absl::StatusOr<TrainedModel> Training::Index() && {
   RemoveIntermediates(inputs_.folders);
   if (StageCheckpoints* checkpoints = observer_.checkpoints("features")) checkpoints->Remove();
   RETURN_IF_ERROR(stages_.End());
-  CopyMetrics();
+  CopyFindings();
   return TrainedModel{std::move(model_), std::move(scene_.sources)};
 }
 
@@ -371,17 +372,17 @@ void Training::DescribeModel() {
   model_.origin = scene_.capture.origin;
   model_.scene_radius = SceneRadius(scene_.capture);
   model_.facts = inputs_.facts;
-  for (const auto& [what, source] : scene_.sources) model_.facts[what] = source;
   model_.facts["device"] = backend_.name();
 }
 
-// Copies the metrics of the stages so far to the model.
-void Training::CopyMetrics() {
+// Copies the metrics of the stages so far, and the sources of their inputs, to the model.
+void Training::CopyFindings() {
   for (const auto& [name, value] : stages_.metrics()) model_.metrics[name] = value;
+  for (const auto& [what, source] : scene_.sources) model_.facts[what] = source;
 }
 
 absl::Status Training::WriteModelTo(const std::filesystem::path& folder) {
-  CopyMetrics();
+  CopyFindings();
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) return FileError(folder, "create", error.value());

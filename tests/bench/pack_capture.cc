@@ -15,16 +15,6 @@
 namespace pepeseg {
 namespace {
 
-// Returns the levels `part` and `object`.
-absl::Status PackCrowdedScene(const std::string& path) {
-  testing::CrowdedScene scene = testing::MakeCrowdedScene();
-  CapturePack pack;
-  pack.capture = std::move(scene.capture);
-  pack.truth = {{"part", std::move(scene.parts.entities), std::move(scene.parts.labels)},
-                {"object", std::move(scene.objects.entities), std::move(scene.objects.labels)}};
-  return WriteCapturePack(path, pack);
-}
-
 struct PackOptions {
   ImportOptions import;
   bool disparity = false;      // depth/ holds disparity
@@ -38,6 +28,17 @@ absl::Status Embed(const EmbeddedPriors& what, Capture& capture) {
     if (what.depth) view.depth = {};
   }
   return EmbedPriors(what, 0, capture, [](int, int) { return absl::OkStatus(); });
+}
+
+// Returns the levels `part` and `object`.
+absl::Status PackCrowdedScene(const std::string& path, const PackOptions& options) {
+  testing::CrowdedScene scene = testing::MakeCrowdedScene();
+  CapturePack pack;
+  pack.capture = std::move(scene.capture);
+  RETURN_IF_ERROR(Embed(options.embedded, pack.capture));
+  pack.truth = {{"part", std::move(scene.parts.entities), std::move(scene.parts.labels)},
+                {"object", std::move(scene.objects.entities), std::move(scene.objects.labels)}};
+  return WriteCapturePack(path, pack);
 }
 
 // Adds the embedded masks that do not duplicate a mask of the dataset, as training on SAM's masks
@@ -99,8 +100,9 @@ int main(int argc, char** argv) {
     std::cerr << "FOLDER PACK or --crowded PACK\n";
     return 1;
   }
-  const absl::Status status = crowded_pack.empty() ? pepeseg::PackDataset(folder, pack, options)
-                                                   : pepeseg::PackCrowdedScene(crowded_pack);
+  const absl::Status status = crowded_pack.empty()
+                                  ? pepeseg::PackDataset(folder, pack, options)
+                                  : pepeseg::PackCrowdedScene(crowded_pack, options);
   if (!status.ok()) std::cerr << status << "\n";
   return status.ok() ? 0 : 1;
 }

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "core/priors/sam/sam_segmenter.h"
+
 namespace pepeseg {
 namespace {
 
@@ -72,13 +74,14 @@ TEST_F(EstimateStagesTest, OmitsFeaturesWithoutMasks) {
   EXPECT_THAT(Stages(), ElementsAre("prepare", "reconstruct", "features"));
 }
 
-TEST_F(EstimateStagesTest, CountsSamNextToColmapAndInItsOwnStage) {
+TEST_F(EstimateStagesTest, CountsSamInTheStagesThatItRunsNextToAndInItsOwn) {
   dataset_.training.num_masked_views = 0;
   dataset_.has_poses = false;
-  const StageNeed without = Need("sfm");
+  const int64_t poses = Need("sfm").host_bytes, stage_one = Need("reconstruct").host_bytes;
   tools_.has_sam = true;
-  EXPECT_THAT(Stages(), ElementsAre("prepare", "sfm", "priors", "reconstruct", "features"));
-  EXPECT_GT(Need("sfm").host_bytes, without.host_bytes);
+  EXPECT_THAT(Stages(), ElementsAre("prepare", "sfm", "reconstruct", "priors", "features"));
+  EXPECT_EQ(Need("sfm").host_bytes - poses, SamHostBytes(tools_.num_threads));
+  EXPECT_EQ(Need("reconstruct").host_bytes - stage_one, SamHostBytes(tools_.num_threads));
   const double on_one_core = *Need("priors").seconds;
   tools_.num_threads = 4;
   EXPECT_DOUBLE_EQ(*Need("priors").seconds, on_one_core / 4);

@@ -12,7 +12,9 @@
 namespace pepeseg {
 namespace {
 
+using ::testing::Contains;
 using ::testing::ElementsAre;
+using ::testing::Not;
 
 std::vector<std::string> Names(const std::vector<PlannedStage>& stages) {
   std::vector<std::string> names;
@@ -34,7 +36,7 @@ TEST(PlanStages, OmitsStagesWhoseResultIsGiven) {
   TrainingSettings settings;
   EXPECT_THAT(
       Names(PlanStages(facts, settings)),
-      ElementsAre("prepare", "sfm", "priors", "reconstruct", "evaluate", "features", "index"));
+      ElementsAre("prepare", "sfm", "reconstruct", "evaluate", "priors", "features", "index"));
   facts.has_poses = facts.has_masks = facts.has_depth = true;
   EXPECT_THAT(Names(PlanStages(facts, settings)),
               ElementsAre("prepare", "reconstruct", "evaluate", "features", "index"));
@@ -90,20 +92,57 @@ TEST(PlanStages, HasNoTimeForAPriorsCommand) {
   EXPECT_TRUE(Find(PlanStages(facts, settings), "priors").seconds.has_value());
 }
 
-TEST(PlanStages, AddsTheTimeOfSam) {
+TEST(PlanStages, HasTheTimeOfSam) {
   TrainingFacts facts;
   facts.num_photographs = 20;
   TrainingSettings settings;
   const double embedded = *Find(PlanStages(facts, settings), "priors").seconds;
   facts.has_sam = true;
-  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds,
-                   embedded + 20 * kSamCoreSeconds);
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds, 20 * kSamCoreSeconds);
   settings.priors.masks = PriorMaker::kEmbedded;
   EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds, embedded);
   settings.priors.masks = PriorMaker::kSam;
   facts.num_threads = 4;
-  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds,
-                   (embedded + 20 * kSamCoreSeconds) / 4);
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds, 20 * kSamCoreSeconds / 4);
+}
+
+TEST(PlanStages, CountsWhatSamDoesWhileAGpuComputesStageOne) {
+  TrainingFacts facts;
+  facts.num_photographs = 20;
+  facts.has_sam = facts.on_device = true;
+  facts.num_threads = 4;
+  TrainingSettings settings;
+  const std::vector<PlannedStage> plan = PlanStages(facts, settings);
+  EXPECT_DOUBLE_EQ(*Find(plan, "priors").seconds,
+                   20 * kSamCoreSeconds / 4 - *Find(plan, "reconstruct").seconds);
+  settings.reconstruct.num_steps *= 100;
+  EXPECT_EQ(*Find(PlanStages(facts, settings), "priors").seconds, 0);
+  facts.num_to_segment = 8;  // known when the stage starts
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds, 8 * kSamCoreSeconds / 4);
+}
+
+TEST(PlanStages, MakesDepthOnlyWhereItHasAUse) {
+  TrainingFacts facts;
+  facts.num_photographs = 20;
+  TrainingSettings settings;
+  const double both = *Find(PlanStages(facts, settings), "priors").seconds;
+  settings.priors.depth = PriorMaker::kNone;
+  EXPECT_LT(*Find(PlanStages(facts, settings), "priors").seconds, both);
+  facts.has_masks = true;
+  settings.priors.depth = PriorMaker::kAuto;
+  EXPECT_THAT(Names(PlanStages(facts, settings)), Not(Contains("priors")));
+  settings.priors.depth = PriorMaker::kEmbedded;
+  EXPECT_THAT(Names(PlanStages(facts, settings)), Contains("priors"));
+}
+
+TEST(PlanStages, HasPriorsBeforeStageOneWhereACommandMakesThem) {
+  TrainingFacts facts;
+  facts.num_photographs = 20;
+  facts.has_priors_command = true;
+  EXPECT_THAT(Names(PlanStages(facts, {})), ElementsAre("prepare", "sfm", "priors", "reconstruct",
+                                                        "evaluate", "features", "index"));
+  EXPECT_TRUE(PriorsComeFirst(facts, {}));
+  EXPECT_FALSE(PriorsComeFirst(facts, {.masks = PriorMaker::kSam, .depth = PriorMaker::kNone}));
 }
 
 TEST(PlanStages, CountsOnlyPhotographsThatSamHasStillToSegment) {

@@ -122,8 +122,8 @@ TEST_F(WorkerPriorsTest, MakesEmbeddedPriorsWithoutACommand) {
         event.progress().stage() == v1::JOB_STAGE_PRIORS && event.progress().step() == 13;
     if (event.term_skipped().term() == v1::JobEvent::TermSkipped::TERM_DEPTH) {
       skips_depth = true;
-      EXPECT_EQ(event.term_skipped().reason(),
-                "the depth priors were made from the points that training starts from");
+      // Made after stage one: it comes from the points that stage one starts from.
+      EXPECT_EQ(event.term_skipped().reason(), "no training view has a depth prior");
     }
   }
   EXPECT_TRUE(shows_progress);

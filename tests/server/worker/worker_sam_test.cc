@@ -90,8 +90,7 @@ class WorkerSamTest : public WithSam<WorkerTest> {
 
 TEST_F(WorkerSamTest, MakesMasksOfTheTrainingViews) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
-  EXPECT_THAT(Sources(),
-              AllOf(Contains(Pair("masks", "sam")), Contains(Pair("depth", "embedded"))));
+  EXPECT_THAT(Sources(), AllOf(Contains(Pair("masks", "sam")), Contains(Pair("depth", "none"))));
   EXPECT_THAT(Warnings(), IsEmpty());
   std::vector<int64_t> steps;
   for (const v1::JobEvent& event : Events()) {
@@ -148,10 +147,16 @@ TEST_F(WorkerSamTest, FallsBackIfMemoryIsShort) {
   ExpectEmbeddedBecause("out of memory: it needs about ");
 }
 
-TEST_F(WorkerSamTest, KeepsTheMasksOfFinishedPhotographs) {
+TEST_F(WorkerSamTest, SegmentsDuringStageOneAndKeepsFinishedPhotographs) {
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto first = Launch(getpid());
-  ASSERT_TRUE(testing::Eventually([&] { return NumSegmentingSteps() > 0; }));
+  // Next to stage one the networks run at a low priority: on a busy machine they take their time.
+  ASSERT_TRUE(testing::Eventually(
+      [&] {
+        return std::filesystem::exists(MasksOf("000002")) ||
+               std::filesystem::exists(MasksOf("000003"));
+      },
+      absl::Minutes(4)));
   first->Signal(SIGTERM);
   const WorkerEnd end = WaitFor(*first);
   EXPECT_EQ(end.exit_code, static_cast<int>(WorkerExit::kCancelled));
@@ -163,7 +168,7 @@ TEST_F(WorkerSamTest, KeepsTheMasksOfFinishedPhotographs) {
   // Masks in a damaged file are made again.
   std::ofstream(MasksOf("000015")) << "[{";
 
-  const int before = NumSegmentingSteps();
+  EXPECT_EQ(NumSegmentingSteps(), 0) << "stage one was to run still";
   spec_.options.mutable_reconstruct()->set_num_steps(5);
   spec_.fence = 2;
   const auto second = Launch(getpid());
@@ -171,11 +176,12 @@ TEST_F(WorkerSamTest, KeepsTheMasksOfFinishedPhotographs) {
     if (std::filesystem::exists(kept)) {
       EXPECT_EQ(std::filesystem::last_write_time(kept), written);
     }
-    return NumSegmentingSteps() > before;
+    return NumSegmentingSteps() > 0;
   }));
   ExpectExit(WaitFor(*second), WorkerExit::kSucceeded);
   EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
-  EXPECT_THAT(Warnings(), IsEmpty());
+  // The checkpoint of stage one had another number of steps.
+  EXPECT_THAT(Warnings(), ElementsAre(HasSubstr("is of other files or options")));
   EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000),
               HasSubstr("were segmented by an earlier attempt"));
 }
