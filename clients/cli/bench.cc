@@ -39,6 +39,7 @@ struct BenchFlags {
   int num_seeds = 3;  // each plan is trained with seeds 1 to this
   std::string image_scale;
   std::string depth_kind = "depth";
+  bool photographs_alone = false;     // the server makes poses, masks and depth
   std::vector<std::string> settings;  // NAME=VALUE, of every training
   std::vector<std::string> facts;     // NAME=VALUE, copied to the record
 };
@@ -156,8 +157,13 @@ absl::Status RunBench(const Shell& shell, const BenchFlags& flags) {
   // Fail before the trainings, not after them, if the record cannot be written.
   RETURN_IF_ERROR(OutputFile::Create(record_file).status());
   const Stopwatch watch;
-  ASSIGN_OR_RETURN(const DatasetFolder folder,
+  ASSIGN_OR_RETURN(DatasetFolder folder,
                    ReadDatasetFolder(flags.folder, DepthKind(flags.depth_kind)));
+  if (flags.photographs_alone) {
+    std::erase_if(folder.files, [](const FolderFile& file) {
+      return file.kind != v1::FILE_KIND_IMAGE && file.kind != v1::FILE_KIND_VIDEO;
+    });
+  }
   RETURN_IF_ERROR(client.EnsureScene(scene));
   ASSIGN_OR_RETURN(const v1::Dataset dataset, UploadFolder(client, scene, folder));
   record.upload_seconds = watch.Seconds();
@@ -174,9 +180,9 @@ absl::Status RunBench(const Shell& shell, const BenchFlags& flags) {
   return absl::OkStatus();
 }
 
-// The stages of a job in the order in which they run.
-constexpr const char* kStages[] = {"prepare",  "sfm",      "priors", "reconstruct",
-                                   "evaluate", "features", "index"};
+// The stages of a job.
+constexpr const char* kStages[] = {"prepare", "sfm",      "reconstruct", "evaluate",
+                                   "priors",  "features", "index"};
 
 // Returns the mean scores of a granularity level.
 Json LevelJson(const v1::EvaluateModelResponse& scores) {
@@ -257,6 +263,8 @@ void AddBench(CLI::App& app, Shell& shell) {
   verb->add_option("--image-scale", flags->image_scale,
                    "Factor by which the photographs are shrunk, (0, 1]");
   AddDepthKindFlag(*verb, flags->depth_kind);
+  verb->add_flag("--photographs-alone", flags->photographs_alone,
+                 "Upload nothing but the photographs, so that the server makes poses and masks");
   verb->add_option("-o,--option", flags->settings, "Any option, for every training")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
