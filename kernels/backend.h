@@ -13,6 +13,7 @@
 #include "kernels/ops/density.h"
 #include "kernels/ops/feature.h"
 #include "kernels/ops/match.h"
+#include "kernels/ops/network.h"
 #include "kernels/ops/refine.h"
 #include "kernels/ops/render.h"
 #include "kernels/ops/rows.h"
@@ -168,6 +169,13 @@ class Backend {
   virtual void SpanningTree(const SpanningTreeArgs& args) = 0;
   // Poses (kernels/ops/match.h).
   virtual void MatchDescriptors(const MatchDescriptorsArgs& args) = 0;
+  // Image networks (kernels/ops/network.h).
+  virtual void PrepareFrame(const PrepareFrameArgs& args) = 0;
+  virtual void Linear(const LinearArgs& args) = 0;
+  virtual void LayerNorm(const LayerNormArgs& args) = 0;
+  virtual void Convolve3x3(const Convolve3x3Args& args) = 0;
+  virtual void DepthwiseConvolve(const DepthwiseConvolveArgs& args) = 0;
+  virtual void WindowAttention(const WindowAttentionArgs& args) = 0;
 
  private:
   std::mutex exclusive_use_;

@@ -76,6 +76,12 @@ class CpuBackend final : public Backend {
   void LevelOverlaps(const LevelOverlapsArgs& args) override;
   void SpanningTree(const SpanningTreeArgs& args) override;
   void MatchDescriptors(const MatchDescriptorsArgs& args) override;
+  void PrepareFrame(const PrepareFrameArgs& args) override;
+  void Linear(const LinearArgs& args) override;
+  void LayerNorm(const LayerNormArgs& args) override;
+  void Convolve3x3(const Convolve3x3Args& args) override;
+  void DepthwiseConvolve(const DepthwiseConvolveArgs& args) override;
+  void WindowAttention(const WindowAttentionArgs& args) override;
 
  private:
   // Keeps the error if there is none yet. From any thread.

@@ -7,6 +7,7 @@
 #include "kernels/math/ssim.h"
 #include "kernels/ops/cluster.h"
 #include "kernels/ops/feature.h"
+#include "kernels/ops/network.h"
 #include "kernels/ops/render.h"
 #include "kernels/ops/similarity.h"
 #include "kernels/ops/smooth.h"
@@ -212,6 +213,24 @@ struct MatchJob {
   NearestDots* of_column;  // [num_columns] out
 };
 
+// Layers of networks (kernels/cpu/simd/network.cc).
+
+inline constexpr int kNetworkRows = 32;  // rows of a task of Linear and Convolve3x3
+
+// products = rows weights, of kNetworkRows rows.
+struct RowsProduct {
+  int in, out;           // `out` is a multiple of 8
+  const float* rows;     // [kNetworkRows, in]
+  const float* weights;  // [in, out]
+  float* products;       // [kNetworkRows, out] out
+};
+
+// Working memory of a task of WindowAttention, padded for any number of lanes.
+struct AttentionScratch {
+  float keys[kHeadSize][kMaxWindowTokens + 16];  // by channel
+  float scores[kMaxWindowTokens + 16];
+};
+
 // The table.
 struct SimdKernels {
   const char* name;  // of the instruction set, for reports
@@ -253,6 +272,13 @@ struct SimdKernels {
   float (*least_of)(const float* values, int32_t padded);
   // Finds the two largest dot products of each row with the columns, and of each column.
   void (*nearest_descriptors)(const MatchJob& job);
+  // Layers of networks. activate: of `count` values, a multiple of 8, in place. depthwise_scanline:
+  // scanline y of the output. window_attention: one head of one window.
+  void (*multiply_rows)(const RowsProduct& job);
+  void (*activate)(Activation activation, float* values, int64_t count);
+  void (*depthwise_scanline)(const DepthwiseConvolveArgs& args, int image, int y);
+  void (*window_attention)(const WindowAttentionArgs& args, int64_t window, int head,
+                           AttentionScratch& scratch);
 };
 
 // Returns the kernels of the best instruction set that this machine has.

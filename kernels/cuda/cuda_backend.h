@@ -133,6 +133,12 @@ class CudaBackend final : public Backend {
   void LevelOverlaps(const LevelOverlapsArgs& args) override;
   void SpanningTree(const SpanningTreeArgs& args) override;
   void MatchDescriptors(const MatchDescriptorsArgs& args) override;
+  void PrepareFrame(const PrepareFrameArgs& args) override;
+  void Linear(const LinearArgs& args) override;
+  void LayerNorm(const LayerNormArgs& args) override;
+  void Convolve3x3(const Convolve3x3Args& args) override;
+  void DepthwiseConvolve(const DepthwiseConvolveArgs& args) override;
+  void WindowAttention(const WindowAttentionArgs& args) override;
 
  private:
   // Held by an op while it launches, so that its launches follow each other on the stream whatever

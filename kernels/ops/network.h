@@ -10,7 +10,8 @@
 //
 // Activations are rows of channels: one row a place of an image, in reading order, images one after
 // the other (NHWC), or one row a token. Numbers of channels are multiples of 8. All values of a
-// call have the same precision, but outputs may also be floats; biases are always floats. Sums, and
+// call have the same precision, but Linear, Convolve3x3 and LayerNorm may write floats; biases are
+// always floats. Sums, and
 // everything between reading and writing, are floats. The CPU backend takes floats only. Results of
 // an image do not depend on the number of images.
 
@@ -29,21 +30,21 @@ struct WindowGrid {
   int num_images = 0, height = 0, width = 0;  // places
   int side = 0;                               // of a window, places
 
-  int down() const { return (height + side - 1) / side; }  // windows of an image
-  int across() const { return (width + side - 1) / side; }
-  int tokens() const { return side * side; }  // of a window
-  int64_t num_windows() const { return int64_t{num_images} * down() * across(); }
-  int64_t num_tokens() const { return num_windows() * tokens(); }
-  int64_t num_places() const { return int64_t{num_images} * height * width; }
+  constexpr int down() const { return (height + side - 1) / side; }  // windows of an image
+  constexpr int across() const { return (width + side - 1) / side; }
+  constexpr int tokens() const { return side * side; }  // of a window
+  constexpr int64_t num_windows() const { return int64_t{num_images} * down() * across(); }
+  constexpr int64_t num_tokens() const { return num_windows() * tokens(); }
+  constexpr int64_t num_places() const { return int64_t{num_images} * height * width; }
 };
 
 // output = activation(norm(input) weights + bias + residual), row by row.
 struct LinearArgs {
   int64_t rows = 0;  // of the product: of tokens where rows are gathered or scattered
   int in = 0, out = 0;
-  ConstNetworkSpan input;        // [rows, in]
-  ConstNetworkSpan weights;      // [in, out]
-  DeviceSpan<const float> bias;  // [out]; empty: 0
+  ConstNetworkSpan input = {};        // [rows, in]
+  ConstNetworkSpan weights = {};      // [in, out]
+  DeviceSpan<const float> bias = {};  // [out]; empty: 0
 
   // Normalises each input row to mean 0 and variance 1 before the product; scale and shift of a
   // LayerNorm belong into weights and bias. The row itself is multiplied, and then corrected by its
@@ -51,26 +52,26 @@ struct LinearArgs {
   // variance.
   bool normalize = false;
   float epsilon = 1e-5f;
-  DeviceSpan<const float> column_sums;  // [out] where rows are normalised
+  DeviceSpan<const float> column_sums = {};  // [out] where rows are normalised
 
   // gather: `input` is the images of `windows`, [places, in]; padding is read as rows of zeros.
   // scatter: `residual` and `output` are those images, [places, out]; padding is dropped.
   bool gather = false, scatter = false;
-  WindowGrid windows;
+  WindowGrid windows = {};
 
-  ConstNetworkSpan residual;  // [rows, out]; empty: 0. May be the memory of `output`
+  ConstNetworkSpan residual = {};  // [rows, out]; empty: 0. May be the memory of `output`
   Activation activation = Activation::kNone;
-  NetworkSpan output;  // [rows, out]
+  NetworkSpan output = {};  // [rows, out]
 };
 
 // output = input, each row normalised to mean 0 and variance 1, times scale plus shift.
 struct LayerNormArgs {
   int64_t rows = 0;
   int channels = 0;
-  ConstNetworkSpan input;                // [rows, channels]
-  DeviceSpan<const float> scale, shift;  // [channels]
+  ConstNetworkSpan input = {};                     // [rows, channels]
+  DeviceSpan<const float> scale = {}, shift = {};  // [channels]
   float epsilon = 1e-5f;
-  NetworkSpan output;  // [rows, channels]; may be the memory of `input`
+  NetworkSpan output = {};  // [rows, channels]; may be the memory of `input`
 };
 
 // Places of the output of a 3x3 convolution along a side: zeros surround the image by one place.
@@ -80,22 +81,22 @@ constexpr int ConvolvedExtent(int extent, int stride) { return (extent - 1) / st
 struct Convolve3x3Args {
   int num_images = 0, height = 0, width = 0;  // of the input
   int in = 0, out = 0, stride = 1;            // stride: 1 or 2
-  ConstNetworkSpan input;                     // [images, height, width, in]
-  ConstNetworkSpan weights;                   // [3 down, 3 across, in, out]
-  DeviceSpan<const float> bias;               // [out]; empty: 0
+  ConstNetworkSpan input = {};                // [images, height, width, in]
+  ConstNetworkSpan weights = {};              // [3 down, 3 across, in, out]
+  DeviceSpan<const float> bias = {};          // [out]; empty: 0
   Activation activation = Activation::kNone;
-  NetworkSpan output;  // [images, ConvolvedExtent of height, and of width, out]
+  NetworkSpan output = {};  // [images, ConvolvedExtent of height, and of width, out]
 };
 
 // As Convolve3x3, each channel by itself.
 struct DepthwiseConvolveArgs {
   int num_images = 0, height = 0, width = 0;  // of the input
   int channels = 0, stride = 1;               // stride: 1 or 2
-  ConstNetworkSpan input;                     // [images, height, width, channels]
-  DeviceSpan<const float> weights;            // [3 down, 3 across, channels]
-  DeviceSpan<const float> bias;               // [channels]
+  ConstNetworkSpan input = {};                // [images, height, width, channels]
+  DeviceSpan<const float> weights = {};       // [3 down, 3 across, channels]
+  DeviceSpan<const float> bias = {};          // [channels]
   Activation activation = Activation::kNone;
-  NetworkSpan output;  // [images, ConvolvedExtent of height, and of width, channels]
+  NetworkSpan output = {};  // [images, ConvolvedExtent of height, and of width, channels]
 };
 
 inline constexpr int kHeadSize = 32;  // channels of a head of WindowAttention
@@ -106,11 +107,11 @@ struct WindowAttentionArgs {
   int64_t num_windows = 0;
   int tokens = 0;  // of a window, at most kMaxWindowTokens
   int heads = 0;
-  ConstNetworkSpan qkv;  // [windows, tokens, heads, q k v, kHeadSize]
+  ConstNetworkSpan qkv = {};  // [windows, tokens, heads, q k v, kHeadSize]
   // [heads, tokens, bias_stride] by query and key; bias_stride is at least `tokens`, and even.
-  ConstNetworkSpan bias;
+  ConstNetworkSpan bias = {};
   int bias_stride = 0;
-  NetworkSpan output;  // [windows, tokens, heads, kHeadSize]
+  NetworkSpan output = {};  // [windows, tokens, heads, kHeadSize]
 };
 
 inline constexpr int kFrameChannels = 8;
@@ -120,10 +121,10 @@ inline constexpr int kFrameChannels = 8;
 // is red, green and blue, (value - mean) / deviation, and zeros; padding to the right or below is
 // all zeros.
 struct PrepareFrameArgs {
-  DeviceSpan<const uint8_t> photo;  // [height, width, 3] RGB
+  DeviceSpan<const uint8_t> photo = {};  // [height, width, 3] RGB
   int height = 0, width = 0;
-  int extent = 0;      // side of the frame, pixels
-  NetworkSpan output;  // [extent, extent, kFrameChannels]
+  int extent = 0;           // side of the frame, pixels
+  NetworkSpan output = {};  // [extent, extent, kFrameChannels]
 };
 
 }  // namespace pepeseg

@@ -5,13 +5,33 @@ namespace HWY_NAMESPACE {
 
 // Positional: in the order of the members of SimdKernels.
 const SimdKernels& GetSimdKernels() {
-  static constexpr SimdKernels kKernels = {
-      HWY_STR(HWY_NAMESPACE), BlendTile,        BlendTileBackward,  PixelWeights,
-      BlendFeatures,          ProjectGaussians, UpdateParameters,   ImageLossBand,
-      FeatureCatchUpRange,    FeatureRowsRange, FeatureUpdateRange, SmoothFeaturesRange,
-      SmoothBackwardRange,    GatePixels,       PairRows,           PairRowsVjp,
-      PerceptionUnits,        PerceptionRows,   SimilarityRange,    NearestNeighbours,
-      RelaxColumns,           LeastOf,          NearestDescriptors};
+  static constexpr SimdKernels kKernels = {HWY_STR(HWY_NAMESPACE),
+                                           BlendTile,
+                                           BlendTileBackward,
+                                           PixelWeights,
+                                           BlendFeatures,
+                                           ProjectGaussians,
+                                           UpdateParameters,
+                                           ImageLossBand,
+                                           FeatureCatchUpRange,
+                                           FeatureRowsRange,
+                                           FeatureUpdateRange,
+                                           SmoothFeaturesRange,
+                                           SmoothBackwardRange,
+                                           GatePixels,
+                                           PairRows,
+                                           PairRowsVjp,
+                                           PerceptionUnits,
+                                           PerceptionRows,
+                                           SimilarityRange,
+                                           NearestNeighbours,
+                                           RelaxColumns,
+                                           LeastOf,
+                                           NearestDescriptors,
+                                           MultiplyRows,
+                                           Activate,
+                                           DepthwiseScanline,
+                                           AttendWindow};
   return kKernels;
 }
 

@@ -40,6 +40,11 @@ void NearestDescriptors(const MatchJob& job);
 #if HWY_TARGET == HWY_AVX3
 void NearestDescriptorsVnni(const MatchJob& job);
 #endif
+void MultiplyRows(const RowsProduct& job);
+void Activate(Activation activation, float* values, int64_t count);
+void DepthwiseScanline(const DepthwiseConvolveArgs& args, int image, int y);
+void AttendWindow(const WindowAttentionArgs& args, int64_t window, int head,
+                  AttentionScratch& scratch);
 
 }  // namespace HWY_NAMESPACE
 }  // namespace pepeseg
