@@ -17,6 +17,7 @@
 #include "kernels/ops/refine.h"
 #include "kernels/ops/render.h"
 #include "kernels/ops/rows.h"
+#include "kernels/ops/sift.h"
 #include "kernels/ops/similarity.h"
 #include "kernels/ops/smooth.h"
 
@@ -167,7 +168,8 @@ class Backend {
   virtual void LevelOverlaps(const LevelOverlapsArgs& args) = 0;
   // Clustering (kernels/ops/cluster.h).
   virtual void SpanningTree(const SpanningTreeArgs& args) = 0;
-  // Poses (kernels/ops/match.h).
+  // Poses (kernels/ops/sift.h, match.h).
+  virtual void ExtractSift(const ExtractSiftArgs& args) = 0;
   virtual void MatchDescriptors(const MatchDescriptorsArgs& args) = 0;
   // Image networks (kernels/ops/network.h).
   virtual void PrepareFrame(const PrepareFrameArgs& args) = 0;

@@ -82,6 +82,7 @@ class CpuBackend final : public Backend {
   void Convolve3x3(const Convolve3x3Args& args) override;
   void DepthwiseConvolve(const DepthwiseConvolveArgs& args) override;
   void WindowAttention(const WindowAttentionArgs& args) override;
+  void ExtractSift(const ExtractSiftArgs& args) override;
 
  private:
   // Keeps the error if there is none yet. From any thread.

@@ -231,6 +231,37 @@ struct AttentionScratch {
   float scores[kMaxWindowTokens + 16];
 };
 
+// SIFT (kernels/cpu/simd/sift.cc). Rows are scanlines that can be read and written up to a multiple
+// of 16.
+
+// One scanline of a blur: down over the rows about it into `line`, then across.
+struct SiftBlurRow {
+  const float* const* rows;  // [2 radius + 1] scanlines, those beyond the border repeated
+  const float* taps;         // [radius + 1] at distances 0..radius
+  int radius;                // 0..kMaxSiftRadius
+  int width;
+  float* line;  // working memory, with `radius` floats before it and radius + 16 after its end
+  float* out;
+};
+
+// A scanline of a difference of Gaussians and what surrounds it.
+struct SiftExtremaRow {
+  const float* dog[3][3];  // [finer, own, coarser difference][scanline above, own, below]
+  int width;               // loads reach 17 floats beyond it
+  float threshold;         // least absolute value
+};
+
+// A point in a level of an octave, in pixels of which the first has its centre at (0, 0).
+struct SiftWindow {
+  const float* level;  // [height, stride], with 16 readable floats before it and after its end
+  int64_t stride;
+  int width, height;
+  float x, y, sigma;
+};
+struct SiftDirection {
+  float angle, cosine, sine;  // angle in [0, 2 pi)
+};
+
 // The table.
 struct SimdKernels {
   const char* name;  // of the instruction set, for reports
@@ -279,6 +310,17 @@ struct SimdKernels {
   void (*depthwise_scanline)(const DepthwiseConvolveArgs& args, int image, int y);
   void (*window_attention)(const WindowAttentionArgs& args, int64_t window, int head,
                            AttentionScratch& scratch);
+  void (*blur_sift_row)(const SiftBlurRow& row);
+  // Subtracts neighbouring levels: kSiftLevels scanlines in, one less out.
+  void (*sift_differences)(const float* const* levels, int width, float* const* out);
+  // Writes the columns in [1, width - 1) at which the middle scanline is greater, or less, than all
+  // its 26 neighbours. Returns their number, at most width / 2.
+  int (*sift_extrema)(const SiftExtremaRow& row, int32_t* columns);
+  // Writes the smoothed histogram of directions, [kOrientationBins].
+  void (*sift_directions)(const SiftWindow& window, float* histogram);
+  // Writes the descriptor, [kSiftDescriptorSize].
+  void (*sift_descriptor)(const SiftWindow& window, const SiftDirection& direction,
+                          uint8_t* descriptor);
 };
 
 // Returns the kernels of the best instruction set that this machine has.

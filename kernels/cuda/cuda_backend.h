@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "kernels/backend.h"
+#include "kernels/sift_scales.h"
 
 namespace pepeseg {
 
@@ -139,6 +140,7 @@ class CudaBackend final : public Backend {
   void Convolve3x3(const Convolve3x3Args& args) override;
   void DepthwiseConvolve(const DepthwiseConvolveArgs& args) override;
   void WindowAttention(const WindowAttentionArgs& args) override;
+  void ExtractSift(const ExtractSiftArgs& args) override;
 
  private:
   // Held by an op while it launches, so that its launches follow each other on the stream whatever
@@ -174,6 +176,22 @@ class CudaBackend final : public Backend {
   // Temporary: the next op reuses it, ordered by the stream. nullptr if it has to grow and cannot,
   // which is an error.
   void* Temporary(size_t num_bytes);
+
+  // Parts of ExtractSift (sift.cu).
+  struct SiftSearch {
+    std::span<SiftOctave> octaves;  // of the photograph
+    int first, end;                 // those to search
+    int which;                      // index of SiftScratch::points
+    std::span<int64_t> counts;      // points of each scale, added to
+  };
+  int FindSiftPoints(const ExtractSiftArgs& args, const SiftSearch& search);
+  struct SiftSelection {
+    std::span<const SiftOctave> octaves;
+    int num_found[2];        // extrema in SiftScratch::points
+    int finest;              // scale
+    int count, num_coarser;  // points that are kept, and those of octaves 0 to 2 among them
+  };
+  void DescribeSiftPoints(const ExtractSiftArgs& args, const SiftSelection& selection);
 
   DensityCounts DecideFates(const PlanDensityArgs& args, DeviceSpan<uint8_t> fate);
 

@@ -31,7 +31,12 @@ const SimdKernels& GetSimdKernels() {
                                            MultiplyRows,
                                            Activate,
                                            DepthwiseScanline,
-                                           AttendWindow};
+                                           AttendWindow,
+                                           BlurSiftRow,
+                                           SiftDifferences,
+                                           SiftExtrema,
+                                           SiftDirections,
+                                           SiftDescriptor};
   return kKernels;
 }
 

@@ -45,6 +45,11 @@ void Activate(Activation activation, float* values, int64_t count);
 void DepthwiseScanline(const DepthwiseConvolveArgs& args, int image, int y);
 void AttendWindow(const WindowAttentionArgs& args, int64_t window, int head,
                   AttentionScratch& scratch);
+void BlurSiftRow(const SiftBlurRow& row);
+void SiftDifferences(const float* const* levels, int width, float* const* out);
+int SiftExtrema(const SiftExtremaRow& row, int32_t* columns);
+void SiftDirections(const SiftWindow& window, float* histogram);
+void SiftDescriptor(const SiftWindow& window, const SiftDirection& direction, uint8_t* descriptor);
 
 }  // namespace HWY_NAMESPACE
 }  // namespace pepeseg
