@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/functional/function_ref.h"
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/scene/capture.h"
+#include "core/sfm/features/features.h"
+#include "kernels/backend.h"
+
+// Features of photographs by ExtractSift (kernels/ops/sift.h), as COLMAP 3.8 would find them but
+// for how it decodes JPEGs (tests/bench/results/features_sift.md).
+namespace pepeseg {
+
+// A photograph whose features are wanted.
+struct FeaturePhotograph {
+  std::string name;  // of the owner, for messages
+  std::filesystem::path path;
+  // Returns the pixels that are not to be used, [height, width] of the stored photograph, 1; or
+  // none. Called from another thread. Empty: all pixels are used.
+  std::function<absl::StatusOr<std::vector<uint8_t>>()> ignored;
+};
+
+struct FeatureOptions {
+  int max_features = 3000;  // of a photograph, see ExtractSiftArgs. > 0
+  int max_side = 2000;      // photographs are shrunk to this longer side, pixels. 0: they are not
+  int num_threads = 0;      // that decode; 0: one for each core, at most 8
+};
+
+// Reports the number of photographs that are done. Called on the calling thread. An error ends the
+// extraction.
+using FeatureProgressFn = absl::FunctionRef<absl::Status(int64_t num_done)>;
+
+// Finds the features of the photographs, in pixels of the stored photographs. Photographs are
+// decoded by threads while the backend works on those before them; a few are in memory at a time.
+// Results depend on the backend, but not on the number of threads.
+//
+// Returns the first error by the order of the photographs: those of DecodePhoto and `ignored`;
+// INVALID_ARGUMENT for ignored pixels of another size; those of the backend (TakeStatus); or that
+// of `progress`.
+absl::StatusOr<std::vector<SfmFeatures>> ExtractFeatures(
+    Backend& backend, std::span<const FeaturePhotograph> photographs, const FeatureOptions& options,
+    FeatureProgressFn progress);
+
+// Returns the luma of an image, as COLMAP's reader makes it: Rec. 709 weights, rounded. A grey
+// image is returned as it is.
+Image GreyOf(Image image);
+
+}  // namespace pepeseg
