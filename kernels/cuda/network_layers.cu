@@ -98,14 +98,22 @@ __global__ void __launch_bounds__(kBlock)
   }
 #pragma unroll
   for (int r = 0; r < kRows; ++r) {
+    // The loads of a row are under way together: zeros outside instead of branches.
+    float row[kColumns][4] = {};
     const int from_y = y * kStride - 1 + r;
-    if (from_y < 0 || from_y >= args.height) continue;
+    const bool row_inside = from_y >= 0 && from_y < args.height;
 #pragma unroll
     for (int s = 0; s < kColumns; ++s) {
       const int from_x = x * kStride - 1 + s;
-      if (from_x < 0 || from_x >= args.width) continue;
-      float value[4];
-      LoadValues<4>(input + (int64_t{from_y} * args.width + from_x) * args.channels, value);
+      const bool inside = row_inside && from_x >= 0 && from_x < args.width;
+      const int64_t at = inside ? (int64_t{from_y} * args.width + from_x) * args.channels : 0;
+      LoadValues<4>(input + at, row[s]);
+#pragma unroll
+      for (float& value : row[s]) value = inside ? value : 0.0f;
+    }
+#pragma unroll
+    for (int s = 0; s < kColumns; ++s) {
+      const float(&value)[4] = row[s];
       // Adds the value to each output that has it under one of its taps.
 #pragma unroll
       for (int tap = 0; tap < 9; ++tap) {

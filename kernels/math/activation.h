@@ -4,6 +4,15 @@
 
 namespace pepeseg {
 
+// Returns a / b, on a GPU to 2 ulp by the hardware's reciprocal; b is in [1, 2^126].
+template <class T>
+PEPESEG_HD T Quotient(T a, T b) {
+  return a / b;
+}
+#ifdef __CUDA_ARCH__
+PEPESEG_HD float Quotient(float a, float b) { return __fdividef(a, b); }
+#endif
+
 // Returns erf(x) to 3e-7: a rational function of x^2 times x, fitted on [-3.95, 3.95] for the least
 // relative error (2e-8 in exact arithmetic). Beyond, erf is 1 within 3e-8. No branch and no
 // exponential, so that it costs the same in vector lanes and on a GPU.
@@ -22,7 +31,7 @@ PEPESEG_HD T Erf(T x) {
   below = MulAdd(below, t, T(1.1455769092e-1f));
   below = MulAdd(below, t, T(5.0308555365e-1f));
   below = MulAdd(below, t, T(1.0f));
-  return clamped * above / below;
+  return clamped * Quotient(above, below);
 }
 
 // Returns x / 2 (1 + erf(x / sqrt(2))) to 3e-7 of |x|.
