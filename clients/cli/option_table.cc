@@ -116,6 +116,7 @@ constexpr OptionRow kRows[] = {
     {"sfm.min_registered_share", "0.5", "0 to 1"},
     {"sfm.max_seconds", "14400", "1 to 604800"},
     {"sfm.max_video_frames", "120", "3 to 2000"},
+    {"sfm.front", "unspecified", ""},
     {"priors.masks", "unspecified", ""},
     {"priors.depth", "unspecified", ""},
     {"preset", "standard", ""},

@@ -14,7 +14,9 @@
 #include "core/base/status_macros.h"
 #include "core/model_files/manifest.h"
 #include "core/sfm/colmap_program.h"
+#include "core/sfm/front/compare_photographs.h"
 #include "core/sfm/sfm_model.h"
+#include "core/sfm/sfm_progress.h"
 #include "core/sfm/sfm_verdict.h"
 
 namespace pepeseg {
@@ -58,24 +60,55 @@ int NumExtracting(int num_threads) {
   return std::min(num_threads > 0 ? num_threads : num_cores, kMostExtracting);
 }
 
-ColmapProgress ProgressOf(int64_t num_photographs, bool sequential, const SfmOptions& options) {
-  const int64_t num_pairs = NumSfmPairs(num_photographs, sequential, options);
-  return {num_photographs, num_pairs, ExpectedSfmWork(num_photographs, num_pairs, options)};
+// By default, frames of a video are matched in sequence; so are numbered photographs where COLMAP
+// matches and there are too many to compare all pairs.
+SfmLoad LoadOf(std::span<const SfmPhotograph> photographs, const SfmOptions& options,
+               bool on_device) {
+  SfmLoad load{.num_photographs = static_cast<int64_t>(photographs.size()), .on_device = on_device};
+  double pixels = 0;
+  load.in_sequence = !photographs.empty();
+  for (const SfmPhotograph& photograph : photographs) {
+    pixels += static_cast<double>(photograph.header.width) * photograph.header.height;
+    load.in_sequence &= photograph.is_video_frame;
+  }
+  load.megapixels = 1e-6 * pixels / static_cast<double>(std::max<size_t>(photographs.size(), 1));
+  load.in_sequence |= options.front == SfmEngine::kColmap && photographs.size() > kMostExhaustive &&
+                      AreNumbered(photographs);
+  return load;
 }
+
+// Fewer rounds of bundle adjustment: 20 to 50 % less work at the same error of the poses
+// (tests/bench/results/poses.md). One thread: poses that do not depend on the number of threads,
+// at no cost, as the mapper's own part is one thread.
+const Words kOwnMapping = {"--Mapper.num_threads",
+                           "1",
+                           "--Mapper.ba_global_images_ratio",
+                           "1.3",
+                           "--Mapper.ba_global_points_ratio",
+                           "1.3",
+                           "--Mapper.ba_global_max_num_iterations",
+                           "20",
+                           "--Mapper.ba_global_max_refinements",
+                           "2",
+                           "--Mapper.ba_local_max_num_iterations",
+                           "15",
+                           "--Mapper.ba_local_max_refinements",
+                           "1"};
 
 // One run of the stage. EstimatePoses calls the public methods in their order.
 class PoseEstimation {
  public:
   PoseEstimation(std::span<const SfmPhotograph> photographs, const SfmPlaces& places,
-                 const SfmOptions& options, ProgressFn progress)
+                 const SfmOptions& options, const SfmRun& run)
       : photographs_(photographs),
         places_(places),
         options_(options),
-        on_progress_(progress),
+        run_(run),
         deadline_(absl::Now() + absl::Seconds(options.max_seconds)),
         safe_names_(SafeNames(photographs)),
-        progress_(
-            ProgressOf(static_cast<int64_t>(photographs.size()), MatchesSequentially(), options)) {}
+        load_(LoadOf(photographs, options, !run.backend.memory().is_host)),
+        progress_(load_.num_photographs, NumSfmPairs(load_, options).compared,
+                  ExpectedSfmWork(load_, options)) {}
 
   absl::Status OpenProgram();
   absl::Status LayOutPhotographs();
@@ -86,8 +119,13 @@ class PoseEstimation {
 
  private:
   absl::Status Run(const ColmapProgram::Command& command);
+  absl::Status MatchByOwnFront();
+  absl::Status MatchByColmap();
+  absl::Status TookTooLong(const std::string& doing) const;
   absl::Status Report();
-  bool MatchesSequentially() const;
+  bool MatchesSequentially() const {
+    return ComparisonFor(load_, options_).choice == PairChoice::kInSequence;
+  }
   Words MatchingWords() const;
   SfmEvidence Evidence() const;
   // Returns the option for COLMAP; -1: one thread for each core.
@@ -95,17 +133,20 @@ class PoseEstimation {
     return std::to_string(places_.num_threads > 0 ? places_.num_threads : -1);
   }
   std::string Database() const { return (places_.work / "database.db").string(); }
+  std::string OwnDatabase() const { return (places_.work / "own.db").string(); }
   std::string Images() const { return (places_.work / "images").string(); }
 
   std::span<const SfmPhotograph> photographs_;
   const SfmPlaces& places_;
   const SfmOptions& options_;
-  ProgressFn on_progress_;
+  const SfmRun& run_;
   absl::Time deadline_;
   std::vector<std::string> safe_names_;  // names of the photographs in COLMAP, see SafeNames
-  ColmapProgress progress_;
+  SfmLoad load_;
+  SfmProgress progress_;
   std::optional<ColmapProgram> program_;
   bool any_mask_ = false;
+  bool has_own_pairs_ = false;  // the own front has written OwnDatabase()
   std::vector<SfmModel> models_;
 };
 
@@ -117,7 +158,7 @@ absl::Status PoseEstimation::Report() {
   report.activity = progress_.activity();
   report.unit = progress_.unit();
   report.share = progress_.share();
-  return on_progress_(report);
+  return run_.progress(report);
 }
 
 // Runs a command and reports its progress. Explains a timeout in terms of the options.
@@ -128,9 +169,13 @@ absl::Status PoseEstimation::Run(const ColmapProgram::Command& command) {
         return Report();
       });
   if (!absl::IsDeadlineExceeded(status)) return status;
+  return TookTooLong("COLMAP was at its " + command.name);
+}
+
+absl::Status PoseEstimation::TookTooLong(const std::string& doing) const {
   return absl::DeadlineExceededError(absl::StrCat(
       "poses of ", photographs_.size(), " photographs were not found within ", options_.max_seconds,
-      " s (sfm.max_seconds), COLMAP was at its ", command.name,
+      " s (sfm.max_seconds), ", doing,
       ": allow more, upload fewer photographs, or have fewer features (sfm.max_features)"));
 }
 
@@ -162,18 +207,6 @@ absl::Status PoseEstimation::ExtractFeatures() {
   return JudgeFeatures(Evidence(), options_);
 }
 
-// By default, frames of a video are matched sequentially, and numbered photographs as well if there
-// are too many to compare all pairs.
-bool PoseEstimation::MatchesSequentially() const {
-  if (options_.matching != SfmMatching::kByCapture) {
-    return options_.matching == SfmMatching::kSequential;
-  }
-  const bool frames =
-      std::all_of(photographs_.begin(), photographs_.end(),
-                  [](const SfmPhotograph& photograph) { return photograph.is_video_frame; });
-  return frames || (photographs_.size() > kMostExhaustive && AreNumbered(photographs_));
-}
-
 Words PoseEstimation::MatchingWords() const {
   if (MatchesSequentially()) {
     return {"--SequentialMatching.overlap", std::to_string(options_.sequential_overlap),
@@ -185,6 +218,39 @@ Words PoseEstimation::MatchingWords() const {
 }
 
 absl::Status PoseEstimation::MatchFeatures() {
+  if (options_.front == SfmEngine::kColmap) return MatchByColmap();
+  return MatchByOwnFront();
+}
+
+// With SfmEngine::kAuto, COLMAP does it if the own front fails, as with a database of another
+// version.
+absl::Status PoseEstimation::MatchByOwnFront() {
+  ComparisonOptions comparison = ComparisonFor(load_, options_);
+  comparison.feature_side = kFeatureSide;
+  comparison.num_threads = places_.num_threads;
+  absl::Status stopped;  // by the caller or the deadline, which is no failure of the front
+  const absl::Status status = CompareInDatabase(
+      run_.backend, Database(), OwnDatabase(), comparison, [&](const ComparisonProgress& progress) {
+        if (progress.choosing) {
+          progress_.Score(progress.done, progress.total);
+        } else {
+          progress_.Compare(progress.done, progress.total);
+        }
+        stopped = absl::Now() > deadline_ ? TookTooLong("at matching features") : Report();
+        return stopped;
+      });
+  if (status.ok() || !stopped.ok() || options_.front == SfmEngine::kOwn) {
+    has_own_pairs_ = status.ok();
+    return status;
+  }
+  run_.warn(
+      absl::StrCat("COLMAP matches the photographs, which takes longer, because pepeseg's "
+                   "matcher failed: ",
+                   status.message()));
+  return MatchByColmap();
+}
+
+absl::Status PoseEstimation::MatchByColmap() {
   Words words = {
       "--database_path", Database(), "--SiftMatching.use_gpu", "0", "--SiftMatching.num_threads",
       Threads()};
@@ -199,10 +265,21 @@ absl::Status PoseEstimation::Map() {
   std::filesystem::create_directory(models, error);
   // random_seed: RANSAC is repeatable with one thread. min_model_size: by default COLMAP drops
   // small models, but JudgeModels needs them to find a second place.
-  const Words words = {
-      "--random_seed",        "1",       "--database_path",         Database(),
-      "--image_path",         Images(),  "--output_path",           models.string(),
-      "--Mapper.num_threads", Threads(), "--Mapper.min_model_size", "3"};
+  Words words = {"--random_seed",
+                 "1",
+                 "--database_path",
+                 has_own_pairs_ ? OwnDatabase() : Database(),
+                 "--image_path",
+                 Images(),
+                 "--output_path",
+                 models.string(),
+                 "--Mapper.min_model_size",
+                 "3"};
+  if (has_own_pairs_) {
+    words.insert(words.end(), kOwnMapping.begin(), kOwnMapping.end());
+  } else {
+    words.insert(words.end(), {"--Mapper.num_threads", Threads()});
+  }
   RETURN_IF_ERROR(Run({"mapper", words, "failed to create sparse model"}));
   ASSIGN_OR_RETURN(models_, ReadSfmModels(models));
   return JudgeModels(Evidence(), options_);
@@ -251,10 +328,10 @@ absl::Status PoseEstimation::KeepLargestModel() {
 
 absl::StatusOr<EstimatedPoses> EstimatePoses(std::span<const SfmPhotograph> photographs,
                                              const SfmPlaces& places, const SfmOptions& options,
-                                             ProgressFn progress) {
+                                             const SfmRun& run) {
   RETURN_IF_ERROR(Validate(options));
   RETURN_IF_ERROR(CheckEnough(photographs));
-  PoseEstimation estimation(photographs, places, options, progress);
+  PoseEstimation estimation(photographs, places, options, run);
   RETURN_IF_ERROR(estimation.OpenProgram());
   // From here on the working folder is removed on every way out: it holds copies of the
   // photographs.

@@ -4,10 +4,13 @@
 #include <span>
 #include <string>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 #include "core/base/progress.h"
 #include "core/sfm/sfm_options.h"
 #include "core/sfm/sfm_photographs.h"
+#include "kernels/backend.h"
 
 namespace pepeseg {
 
@@ -27,18 +30,27 @@ struct EstimatedPoses {
   double reprojection_error = 0;  // mean over the points, pixels
 };
 
-// Estimates poses, lenses and sparse points of the photographs with COLMAP (written for 3.8) as a
-// child process: features -> matches -> incremental mapping. Leaves the largest model in
-// `places.result`. Uses no GPU. Calls `progress` on this thread about every 50 ms while a command
-// runs; an error that it returns kills the program and is returned. With one thread the same
-// photographs give the same poses; with several, the random draws of RANSAC depend on timing.
+// What a run of the stage uses and calls, on the calling thread.
+struct SfmRun {
+  Backend& backend;     // matches features
+  ProgressFn progress;  // called several times a second; an error that it returns ends the stage
+  absl::FunctionRef<void(absl::string_view)>
+      warn;  // called if COLMAP does what the own front failed to
+};
+
+// Estimates poses, lenses and sparse points of the photographs: features by COLMAP (written
+// for 3.8) as a child process -> matches by the own front (core/sfm/front) or by COLMAP -> COLMAP's
+// incremental mapping. Leaves the largest model in `places.result`. With the own front the same
+// photographs give the same poses, whatever the number of threads; COLMAP's matcher draws depending
+// on timing unless it has one thread.
 //
 // FAILED_PRECONDITION, with what to do: the program is not found, or the photographs do not suffice
 // (CheckEnough, JudgeFeatures, JudgeModels). DEADLINE_EXCEEDED: it took longer than
-// options.max_seconds. INTERNAL, with its last lines: the program failed.
+// options.max_seconds. INTERNAL, with its last lines: the program failed. Errors of
+// CompareInDatabase with SfmEngine::kOwn. Errors of run.progress.
 absl::StatusOr<EstimatedPoses> EstimatePoses(std::span<const SfmPhotograph> photographs,
                                              const SfmPlaces& places, const SfmOptions& options,
-                                             ProgressFn progress);
+                                             const SfmRun& run);
 
 // Returns the peak host memory of EstimatePoses in bytes: SIFT's image pyramids of the photographs
 // that are processed at the same time. `max_pixels` is the size of the largest photograph.

@@ -4,20 +4,31 @@
 
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
+#include "core/sfm/front/pair_selection.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr double kExtractingSeconds = 1.5;  // for each photograph
-constexpr double kMatchingSeconds = 0.3;  // for each pair with `kFeatures` features per photograph
-constexpr double kFeatures = 3000;
-constexpr double kMappingSeconds = 0.7;  // for each photograph
+// Core seconds. Photographs are shrunk to kFeatureSide before features are extracted.
+constexpr double kExtracting = 1.35;     // for each megapixel
+constexpr double kMostMegapixels = 3;    // of a photograph that was shrunk
+constexpr double kColmapMatch = 1.1e-4;  // for each pair and feature: an approximate search
+constexpr double kOwnMatch = 5e-10;      // for each pair of features of a pair
+constexpr double kOwnScore = 5e-10;      // the same, with 256 features of either photograph
+constexpr double kVerify = 1e-3;         // for each pair
+constexpr double kMapping = 0.006;       // for each pair of photographs, compared or not
+constexpr double kDeviceShare = 0.02;    // of the products' time, on a GPU
+constexpr double kLargest = 256;
+// Numbers of photographs of which all pairs are compared.
+constexpr size_t kMostOnCores = 80, kMostOnDevice = 600;
 
 }  // namespace
 
 absl::Status Validate(const SfmOptions& options) {
   RETURN_IF_ERROR(CheckInRange("matching", static_cast<int>(options.matching), 0,
                                static_cast<int>(SfmMatching::kSequential)));
+  RETURN_IF_ERROR(CheckInRange("front", static_cast<int>(options.front), 0,
+                               static_cast<int>(SfmEngine::kColmap)));
   RETURN_IF_ERROR(CheckInRange("max_features", options.max_features, 128, 32768));
   RETURN_IF_ERROR(CheckInRange("sequential_overlap", options.sequential_overlap, 1, 100));
   RETURN_IF_ERROR(CheckInRange("max_seconds", options.max_seconds, 1, 7 * 24 * 3600));
@@ -25,27 +36,43 @@ absl::Status Validate(const SfmOptions& options) {
   return CheckInRange("min_registered_share", options.min_registered_share, 0.0, 1.0);
 }
 
-int64_t NumSfmPairs(int64_t num_photographs, bool sequential, const SfmOptions& options) {
-  const int64_t n = num_photographs;
-  const int64_t all = n * (n - 1) / 2;
-  if (!sequential) return all;
-  // The next `sequential_overlap` photographs and, beyond them, those at distances that are powers
-  // of two (COLMAP's quadratic_overlap).
-  // An upper bound: the last photographs have fewer successors. Limited to all pairs below.
-  int64_t pairs = n * options.sequential_overlap;
-  for (int64_t distance = 1; distance < n; distance *= 2) {
-    if (distance > options.sequential_overlap) pairs += n - distance;
+ComparisonOptions ComparisonFor(const SfmLoad& load, const SfmOptions& options) {
+  ComparisonOptions comparison;
+  const bool by_capture = options.matching == SfmMatching::kByCapture;
+  if (options.matching == SfmMatching::kExhaustive) comparison.choice = PairChoice::kAll;
+  if (options.matching == SfmMatching::kSequential || (by_capture && load.in_sequence)) {
+    comparison.choice = PairChoice::kInSequence;
   }
-  return std::min(all, pairs);
+  comparison.overlap = static_cast<size_t>(options.sequential_overlap);
+  comparison.max_all = load.on_device ? kMostOnDevice : kMostOnCores;
+  return comparison;
 }
 
-SfmWork ExpectedSfmWork(int64_t num_photographs, int64_t num_pairs, const SfmOptions& options) {
-  const auto n = static_cast<double>(num_photographs);
-  // A pair compares each feature of one photograph with each of the other.
-  const double features = options.max_features / kFeatures;
-  return {.extracting = kExtractingSeconds * n,
-          .matching = kMatchingSeconds * static_cast<double>(num_pairs) * features * features,
-          .mapping = kMappingSeconds * n};
+NumPairs NumSfmPairs(const SfmLoad& load, const SfmOptions& options) {
+  ComparisonOptions comparison = ComparisonFor(load, options);
+  if (options.front != SfmEngine::kColmap) return ExpectedPairs(load.num_photographs, comparison);
+  // COLMAP selects no pairs: all, or neighbours and those at distances that are powers of two.
+  const bool in_sequence = comparison.choice == PairChoice::kInSequence;
+  const auto n = static_cast<size_t>(load.num_photographs);
+  const auto pairs =
+      in_sequence ? NeighborPairs(n, comparison.overlap, /*powers=*/true) : AllPairs(n);
+  return {0, static_cast<int64_t>(pairs.size())};
+}
+
+SfmWork ExpectedSfmWork(const SfmLoad& load, const SfmOptions& options) {
+  const auto n = static_cast<double>(load.num_photographs);
+  const double features = options.max_features;
+  const NumPairs pairs = NumSfmPairs(load, options);
+  const auto compared = static_cast<double>(pairs.compared);
+  const double share = load.on_device ? kDeviceShare : 1;
+  SfmWork work;
+  work.extracting = kExtracting * std::min(load.megapixels, kMostMegapixels) * n;
+  work.choosing = share * kOwnScore * 2 * kLargest * features * static_cast<double>(pairs.scored);
+  work.matching = options.front == SfmEngine::kColmap
+                      ? kColmapMatch * features * compared
+                      : (share * kOwnMatch * features * features + kVerify) * compared;
+  work.mapping = kMapping * n * n;
+  return work;
 }
 
 }  // namespace pepeseg

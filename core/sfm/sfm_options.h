@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "absl/status/status.h"
+#include "core/sfm/front/compare_photographs.h"
 
 namespace pepeseg {
 
@@ -11,6 +12,13 @@ enum class SfmMatching {
   kByCapture = 0,   // sequential for frames of videos and for large numbered captures
   kExhaustive = 1,  // all with all
   kSequential = 2,  // each with its neighbours in the order of their numbers, and a few far ones
+};
+
+// Who does a part of the stage.
+enum class SfmEngine {
+  kAuto = 0,    // pepeseg, and COLMAP if that fails
+  kOwn = 1,     // pepeseg; the stage fails if that fails
+  kColmap = 2,  // COLMAP
 };
 
 // Options of stage "sfm", which estimates the poses of photographs.
@@ -27,23 +35,37 @@ struct SfmOptions {
   int max_seconds = 4 * 3600;
   // Maximum number of frames taken from a video, spread over its duration. [3, 2000].
   int max_video_frames = 120;
+  // Who matches features and verifies the matches (core/sfm/front). COLMAP's mapper runs with fewer
+  // rounds of bundle adjustment on own matches, see estimate_poses.cc.
+  SfmEngine front = SfmEngine::kAuto;
 };
 
 // Returns INVALID_ARGUMENT, naming the option, its value and its range, if one is out of range.
 absl::Status Validate(const SfmOptions& options);
 
+// What the work of the stage depends on.
+struct SfmLoad {
+  int64_t num_photographs = 0;
+  double megapixels = 1;     // of a photograph
+  bool in_sequence = false;  // photographs are frames of a video
+  bool on_device = false;    // a GPU matches
+};
+
+// Returns how the own front compares the photographs, but for its number of threads.
+ComparisonOptions ComparisonFor(const SfmLoad& load, const SfmOptions& options);
+
+// Returns the number of pairs of photographs that are scored, and of those that are compared.
+// `load` says whether COLMAP matches in sequence as well.
+NumPairs NumSfmPairs(const SfmLoad& load, const SfmOptions& options);
+
 // Expected work of the parts of stage "sfm" in core seconds. It weighs the parts in the progress of
 // the stage and in estimates.
 struct SfmWork {
-  double extracting = 0, matching = 0, mapping = 0;
-  double sum() const { return extracting + matching + mapping; }
+  double extracting = 0, choosing = 0, matching = 0, mapping = 0;
+  double sum() const { return extracting + choosing + matching + mapping; }
 };
 
-// Returns the number of pairs of photographs that are compared, sequentially or all with all.
-int64_t NumSfmPairs(int64_t num_photographs, bool sequential, const SfmOptions& options);
-
-// Returns the expected work. The constants are measurements of
-// tests/bench/results/bare_photographs.md (1 Mpx, 20 and 50 photographs, two cores).
-SfmWork ExpectedSfmWork(int64_t num_photographs, int64_t num_pairs, const SfmOptions& options);
+// Returns the expected work. The constants are measurements of tests/bench/results/poses.md.
+SfmWork ExpectedSfmWork(const SfmLoad& load, const SfmOptions& options);
 
 }  // namespace pepeseg

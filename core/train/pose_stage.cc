@@ -1,6 +1,7 @@
 #include "core/train/pose_stage.h"
 
 #include <filesystem>
+#include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -16,7 +17,7 @@ namespace {
 absl::StatusOr<EstimatedPoses> FindOrEstimate(const TrainingInputs& inputs,
                                               const SfmOptions& options,
                                               const std::vector<SfmPhotograph>& photographs,
-                                              StageLog& stages) {
+                                              Backend& backend, StageLog& stages) {
   const TrainingFolders& folders = inputs.folders;
   // An unreadable or damaged folder is the same as none: the next one is tried.
   for (const std::filesystem::path& run : folders.earlier) {
@@ -27,8 +28,9 @@ absl::StatusOr<EstimatedPoses> FindOrEstimate(const TrainingInputs& inputs,
   }
   const SfmPlaces places{inputs.tools.colmap, folders.run / "sfm", folders.run / kPosesFolder,
                          folders.sfm_log, inputs.tools.num_threads};
-  return EstimatePoses(photographs, places, options,
-                       [&](const StepReport& report) { return stages.StepIfNew(report); });
+  const auto progress = [&](const StepReport& report) { return stages.StepIfNew(report); };
+  const auto warn = [&](absl::string_view message) { stages.Warn(std::string(message)); };
+  return EstimatePoses(photographs, places, options, {backend, progress, warn});
 }
 
 }  // namespace
@@ -51,10 +53,11 @@ absl::StatusOr<std::vector<SfmPhotograph>> PhotographsWithoutPoses(
 
 absl::StatusOr<PosesMade> AppendPoses(const TrainingInputs& inputs, const SfmOptions& options,
                                       const std::vector<SfmPhotograph>& photographs,
-                                      StageLog& stages, std::vector<DatasetFile>& files) {
+                                      Backend& backend, StageLog& stages,
+                                      std::vector<DatasetFile>& files) {
   const Polling polling(stages.observer());
   ASSIGN_OR_RETURN(const EstimatedPoses poses,
-                   FindOrEstimate(inputs, options, photographs, stages));
+                   FindOrEstimate(inputs, options, photographs, backend, stages));
   // From here on they are files of the dataset like uploaded ones.
   files.push_back({FileKind::kPoses, "sparse/0/cameras.bin", poses.cameras});
   files.push_back({FileKind::kPoses, "sparse/0/images.bin", poses.images});

@@ -10,6 +10,7 @@
 #include "core/sfm/sfm_photographs.h"
 #include "core/train/stage_log.h"
 #include "core/train/training_inputs.h"
+#include "kernels/backend.h"
 
 namespace pepeseg {
 
@@ -29,6 +30,7 @@ struct PosesMade {
 // with them to `files`. Reports steps of stage "sfm". Returns the errors of EstimatePoses.
 absl::StatusOr<PosesMade> AppendPoses(const TrainingInputs& inputs, const SfmOptions& options,
                                       const std::vector<SfmPhotograph>& photographs,
-                                      StageLog& stages, std::vector<DatasetFile>& files);
+                                      Backend& backend, StageLog& stages,
+                                      std::vector<DatasetFile>& files);
 
 }  // namespace pepeseg

@@ -92,10 +92,14 @@ class Planner {
   }
 
   void AddPoses() {
-    // Stage "sfm" decides later whether numbered photographs are matched in their order.
-    const bool sequential = settings_.sfm.matching == SfmMatching::kSequential || facts_.is_video;
-    const int64_t num_pairs = NumSfmPairs(facts_.num_photographs, sequential, settings_.sfm);
-    AddOnCores("sfm", ExpectedSfmWork(facts_.num_photographs, num_pairs, settings_.sfm).sum());
+    const SfmLoad load{.num_photographs = facts_.num_photographs,
+                       .megapixels = facts_.megapixels,
+                       .in_sequence = facts_.is_video,
+                       .on_device = facts_.on_device};
+    const SfmWork work = ExpectedSfmWork(load, settings_.sfm);
+    // The mapper is one thread.
+    stages_.push_back(
+        {.name = "sfm", .seconds = (work.sum() - work.mapping) / Threads() + work.mapping});
   }
 
   void AddPriors() {

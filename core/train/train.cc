@@ -147,7 +147,7 @@ absl::Status Training::EstimatePoses() {
   }
   RETURN_IF_ERROR(stages_.Start("sfm"));
   ASSIGN_OR_RETURN(PosesMade made,
-                   AppendPoses(inputs_, settings_.sfm, photographs_, stages_, scene_.files));
+                   AppendPoses(inputs_, settings_.sfm, photographs_, backend_, stages_, scene_.files));
   scene_.sources["poses"] = made.source;
   RETURN_IF_ERROR(ImportViews());
   made.metrics.merge(Counts(scene_.capture));

@@ -1,5 +1,6 @@
 #include "core/sfm/front/colmap_database.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <map>
@@ -244,6 +245,25 @@ absl::StatusOr<DatabaseFeatures> ReadDatabaseFeatures(const std::filesystem::pat
           absl::StrCat(image.name, " has other numbers of keypoints and of descriptors"));
     }
   }
+  return features;
+}
+
+DatabaseFeatures SortedByName(DatabaseFeatures features) {
+  std::sort(features.images.begin(), features.images.end(),
+            [](const DatabaseImage& a, const DatabaseImage& b) { return a.name < b.name; });
+  std::map<size_t, size_t> new_index;  // of the cameras, in the order of their first photographs
+  std::vector<DatabaseCamera> cameras;
+  for (size_t i = 0; i < features.images.size(); ++i) {
+    DatabaseImage& image = features.images[i];
+    image.id = static_cast<int64_t>(i) + 1;
+    const auto [found, is_new] = new_index.try_emplace(image.camera, cameras.size());
+    if (is_new) {
+      cameras.push_back(features.cameras[image.camera]);
+      cameras.back().id = static_cast<int64_t>(cameras.size());
+    }
+    image.camera = found->second;
+  }
+  features.cameras = std::move(cameras);
   return features;
 }
 

@@ -50,6 +50,10 @@ struct ComparedPair {
 // read.
 absl::StatusOr<DatabaseFeatures> ReadDatabaseFeatures(const std::filesystem::path& path);
 
+// Returns the same with the photographs sorted by name, and ids from 1. COLMAP's own order depends
+// on the timing of its threads, and its mapper on the order.
+DatabaseFeatures SortedByName(DatabaseFeatures features);
+
 // Creates a database with features; there must be no file of that name. INTERNAL: it cannot be
 // written.
 absl::Status CreateDatabase(const std::filesystem::path& path, const DatabaseFeatures& features);

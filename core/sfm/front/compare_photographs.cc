@@ -156,6 +156,17 @@ absl::StatusOr<std::vector<ComparedPair>> ComparePhotographs(Backend& backend,
   return Comparison(backend, features, options, progress).Run();
 }
 
+absl::Status CompareInDatabase(Backend& backend, const std::filesystem::path& from,
+                               const std::filesystem::path& to, const ComparisonOptions& options,
+                               ComparisonProgressFn progress) {
+  ASSIGN_OR_RETURN(DatabaseFeatures read, ReadDatabaseFeatures(from));
+  const DatabaseFeatures features = SortedByName(std::move(read));
+  ASSIGN_OR_RETURN(const std::vector<ComparedPair> pairs,
+                   ComparePhotographs(backend, features, options, progress));
+  RETURN_IF_ERROR(CreateDatabase(to, features));
+  return WritePairs(to, features, pairs);
+}
+
 NumPairs ExpectedPairs(int64_t num_photographs, const ComparisonOptions& options) {
   const int64_t n = num_photographs, all = n * (n - 1) / 2;
   const bool in_sequence = options.choice == PairChoice::kInSequence;

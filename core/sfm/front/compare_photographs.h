@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <vector>
 
 #include "absl/functional/function_ref.h"
@@ -44,6 +45,13 @@ absl::StatusOr<std::vector<ComparedPair>> ComparePhotographs(Backend& backend,
                                                              const DatabaseFeatures& features,
                                                              const ComparisonOptions& options,
                                                              ComparisonProgressFn progress);
+
+// Reads the features of a COLMAP database, compares the photographs, and creates a database `to`
+// with the features (SortedByName) and the pairs. `from` stays as it is. Errors of
+// ReadDatabaseFeatures, ComparePhotographs, CreateDatabase and WritePairs.
+absl::Status CompareInDatabase(Backend& backend, const std::filesystem::path& from,
+                               const std::filesystem::path& to, const ComparisonOptions& options,
+                               ComparisonProgressFn progress);
 
 // Returns the number of pairs that are scored, and an estimate of those that are compared.
 struct NumPairs {

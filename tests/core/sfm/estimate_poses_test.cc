@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <memory>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
@@ -37,7 +38,8 @@ class EstimatePosesTest : public ::testing::Test {
   absl::StatusOr<EstimatedPoses> Estimate(const SfmOptions& options = {}) {
     const auto photographs = ReadSfmPhotographs(files_);
     EXPECT_OK(photographs);
-    return EstimatePoses(*photographs, places_, options, [&](const StepReport& report) {
+    const auto warn = [&](absl::string_view message) { warnings_.emplace_back(message); };
+    const auto progress = [&](const StepReport& report) {
       if (activities_.empty() || activities_.back() != report.activity) {
         activities_.emplace_back(report.activity);
         last_step_ = 0;
@@ -49,10 +51,13 @@ class EstimatePosesTest : public ::testing::Test {
       last_share_ = report.share;
       return cancel_at_ >= 0 && report.step >= cancel_at_ ? absl::CancelledError("enough")
                                                           : absl::OkStatus();
-    });
+    };
+    return EstimatePoses(*photographs, places_, options, {*backend_, progress, warn});
   }
 
   testing::TempFolder folder_;
+  std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
+  std::vector<std::string> warnings_;
   SfmPlaces places_;
   std::vector<DatasetFile> files_;
   std::vector<std::string> activities_;  // in the order of the reports
@@ -87,6 +92,49 @@ TEST_F(EstimatePosesTest, FindsTheCameraCentres) {
   EXPECT_EQ(again.program, poses.program);
   std::filesystem::remove(places_.result / "manifest.json");
   EXPECT_STATUS(ReadEstimatedPoses(places_.result), absl::StatusCode::kNotFound, "manifest");
+}
+
+TEST_F(EstimatePosesTest, FindsTheSamePosesWithAnyNumberOfThreads) {
+  for (const View& view : testing::PhotographPlace(testing::PlaceArc(5), 1)) Add(view.photo);
+  std::string bytes[2];
+  for (const int num_threads : {1, 2}) {
+    last_share_ = 0;
+    places_.num_threads = num_threads;
+    ASSERT_OK_AND_ASSIGN(const EstimatedPoses poses, Estimate());
+    std::ifstream file(poses.images, std::ios::binary);
+    bytes[num_threads - 1].assign(std::istreambuf_iterator<char>(file), {});
+  }
+  EXPECT_FALSE(bytes[0].empty());
+  EXPECT_EQ(bytes[0], bytes[1]);
+  EXPECT_THAT(warnings_, ::testing::IsEmpty());
+}
+
+TEST_F(EstimatePosesTest, MatchesByColmapOnRequest) {
+  for (const View& view : testing::PhotographPlace(testing::PlaceArc(3), 1)) Add(view.photo);
+  SfmOptions options;
+  options.front = SfmEngine::kColmap;
+  ASSERT_OK_AND_ASSIGN(const EstimatedPoses poses, Estimate(options));
+  EXPECT_EQ(poses.num_registered, 3);
+}
+
+// The real COLMAP, after whose feature extraction the database says that it is of version 3.9.
+TEST_F(EstimatePosesTest, MatchesByColmapIfTheOwnFrontCannotReadItsDatabase) {
+  for (const View& view : testing::PhotographPlace(testing::PlaceArc(3), 1)) Add(view.photo);
+  places_.program = folder_ / "newer";
+  std::ofstream(places_.program)
+      << "#!/bin/sh\ncolmap \"$@\" || exit 1\n"
+         "if [ $1 = feature_extractor ]; then\n"
+         "printf '\\017\\074' | dd of=$3 bs=1 seek=62 conv=notrunc 2>/dev/null\nfi\n";
+  std::filesystem::permissions(places_.program, std::filesystem::perms::owner_all);
+  SfmOptions options;
+  options.front = SfmEngine::kOwn;
+  EXPECT_STATUS(Estimate(options), kFailed, "of version 3900, not of COLMAP 3.8");
+  EXPECT_THAT(warnings_, ::testing::IsEmpty());
+  last_share_ = 0;
+  options.front = SfmEngine::kAuto;
+  ASSERT_OK_AND_ASSIGN(const EstimatedPoses poses, Estimate(options));
+  EXPECT_EQ(poses.num_registered, 3);
+  EXPECT_THAT(warnings_, ::testing::ElementsAre(::testing::HasSubstr("of version 3900")));
 }
 
 TEST_F(EstimatePosesTest, RejectsBlurredPhotographs) {
