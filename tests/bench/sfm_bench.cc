@@ -1,0 +1,223 @@
+// Estimates the poses of scenes from their photographs alone, and compares them with the given
+// ones (sparse/0/images). Prints a table in Markdown. Core seconds include those of COLMAP. Usage:
+//   pepeseg_sfm_bench [--front own,colmap] [--every n] [--seeds n] [--threads n] SCENE...
+// --every n: only each n-th photograph. --seeds n: n runs, of which all but the first see the
+// photographs in another order. --ignore 0: without ignore masks. --seconds n: time limit of a run.
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <map>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_split.h"
+#include "core/base/status_macros.h"
+#include "core/dataset/dataset_files.h"
+#include "core/formats/colmap.h"
+#include "core/sfm/estimate_poses.h"
+#include "tests/bench/bench_backend.h"
+
+namespace pepeseg {
+namespace {
+
+struct Flags {
+  std::vector<std::string> fronts = {"own", "colmap"}, scenes;
+  size_t every = 1;
+  int num_seeds = 1, num_threads = 0, max_seconds = 4 * 3600;
+  bool use_ignore = true;
+};
+
+// Core seconds of this process and of the children that have ended.
+double CoreSeconds() {
+  rusage usage{};
+  getrusage(RUSAGE_CHILDREN, &usage);
+  const auto seconds = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+  };
+  return CoreNow() + seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+struct PoseErrors {
+  double centers = 0;  // root mean square over that of the true centres' radius
+  double degrees = 0;  // mean angle between rotations
+};
+
+// Compares after the similarity that fits the estimated centres best to the given ones (Umeyama,
+// PAMI 1991).
+PoseErrors Compare(const std::vector<Pose>& estimated, const std::vector<Pose>& given) {
+  const auto n = static_cast<Eigen::Index>(given.size());
+  Eigen::Matrix3Xd from(3, n), to(3, n);
+  const auto center = [](const Pose& pose) -> Eigen::Vector3d {
+    return -(pose.rotation.conjugate() * pose.translation);
+  };
+  for (Eigen::Index i = 0; i < n; ++i) {
+    from.col(i) = center(estimated[i]);
+    to.col(i) = center(given[i]);
+  }
+  const Eigen::Matrix4d similarity = Eigen::umeyama(from, to, /*with_scaling=*/true);
+  const Eigen::Matrix3d scaled = similarity.topLeftCorner<3, 3>();
+  const Eigen::Quaterniond world(Eigen::Matrix3d(scaled / std::cbrt(scaled.determinant())));
+  const Eigen::Matrix3Xd moved = (scaled * from).colwise() + similarity.topRightCorner<3, 1>();
+  const Eigen::Vector3d mean = to.rowwise().mean();
+  PoseErrors errors;
+  errors.centers = std::sqrt((moved - to).squaredNorm() / (to.colwise() - mean).squaredNorm());
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Eigen::Quaterniond turned = estimated[i].rotation * world.conjugate();
+    errors.degrees +=
+        turned.angularDistance(given[i].rotation) * 180 / M_PI / static_cast<double>(n);
+  }
+  return errors;
+}
+
+struct Measured {
+  std::map<std::string, double> core;  // by the activity of the stage
+  double sum = 0, wall = 0;
+  int64_t num_registered = 0;
+  double reprojection_error = 0;
+  PoseErrors errors;
+};
+
+absl::StatusOr<std::map<std::string, Pose>> GivenPoses(const std::filesystem::path& scene) {
+  const std::filesystem::path folder = scene / "sparse" / "0";
+  std::filesystem::path path = folder / "images.bin";
+  if (!std::filesystem::exists(path)) path = folder / "images.txt";
+  ASSIGN_OR_RETURN(const auto images, ReadColmapImages(path, path.filename().string()));
+  std::map<std::string, Pose> poses;
+  for (const ColmapImage& image : images) {
+    poses[std::filesystem::path(image.name).filename().string()] = image.cam_from_world;
+  }
+  return poses;
+}
+
+absl::StatusOr<Measured> Run(const std::vector<SfmPhotograph>& photographs,
+                             const std::map<std::string, Pose>& given, const Flags& flags,
+                             SfmEngine front) {
+  const std::filesystem::path folder =
+      std::filesystem::temp_directory_path() / ("pepeseg_sfm_bench." + std::to_string(getpid()));
+  std::filesystem::create_directories(folder);
+  const SfmPlaces places{"colmap", folder / "work", folder / "result", folder / "log",
+                         flags.num_threads};
+  SfmOptions options;
+  options.front = front;
+  options.max_seconds = flags.max_seconds;
+  const auto backend = MakeCpuBackend(flags.num_threads);
+  Measured measured;
+  const double wall = Now(), start = CoreSeconds();
+  double since = start;
+  std::string activity;
+  const auto note = [&](const std::string& next) {
+    if (next == activity) return;
+    measured.core[activity.empty() ? "finding features in" : activity] += CoreSeconds() - since;
+    since = CoreSeconds();
+    activity = next;
+  };
+  const auto progress = [&](const StepReport& report) {
+    note(std::string(report.activity));
+    return absl::OkStatus();
+  };
+  const auto warn = [](absl::string_view text) {
+    std::fprintf(stderr, "%s\n", std::string(text).c_str());
+  };
+  const absl::StatusOr<EstimatedPoses> poses =
+      EstimatePoses(photographs, places, options, {*backend, progress, warn});
+  note("end");
+  measured.sum = CoreSeconds() - start;
+  measured.wall = Now() - wall;
+  if (poses.ok()) {
+    measured.num_registered = poses->num_registered;
+    measured.reprojection_error = poses->reprojection_error;
+    ASSIGN_OR_RETURN(const auto images, ReadColmapImages(poses->images, "images.bin"));
+    std::vector<Pose> estimated, truth;
+    for (const ColmapImage& image : images) {
+      const auto found = given.find(std::filesystem::path(image.name).filename().string());
+      if (found == given.end()) continue;
+      estimated.push_back(image.cam_from_world);
+      truth.push_back(found->second);
+    }
+    if (truth.size() >= 3) measured.errors = Compare(estimated, truth);
+  }
+  std::error_code ignored;
+  std::filesystem::remove_all(folder, ignored);
+  RETURN_IF_ERROR(poses.status());
+  return measured;
+}
+
+absl::Status MeasureScene(const std::string& scene, const Flags& flags) {
+  ASSIGN_OR_RETURN(const auto files, ListDataset(scene));
+  ASSIGN_OR_RETURN(const auto given, GivenPoses(scene));
+  ASSIGN_OR_RETURN(const std::vector<SfmPhotograph> all, ReadSfmPhotographs(files));
+  std::vector<SfmPhotograph> photographs;
+  for (size_t i = 0; i < all.size(); i += flags.every) {
+    photographs.push_back(all[i]);
+    if (!flags.use_ignore) photographs.back().ignore.clear();
+  }
+  const std::string name = std::filesystem::path(scene).filename().string();
+  for (int seed = 0; seed < flags.num_seeds; ++seed) {
+    std::mt19937 random(static_cast<uint32_t>(seed));
+    if (seed > 0) std::shuffle(photographs.begin(), photographs.end(), random);
+    for (const std::string& front : flags.fronts) {
+      absl::StatusOr<Measured> run =
+          Run(photographs, given, flags, front == "own" ? SfmEngine::kOwn : SfmEngine::kColmap);
+      if (!run.ok()) {
+        std::printf("| %s %zu | %s | %d | %s |\n", name.c_str(), photographs.size(), front.c_str(),
+                    seed, std::string(run.status().message()).c_str());
+        continue;
+      }
+      const double matching = run->core["choosing among"] + run->core["matching"];
+      std::printf(
+          "| %s %zu | %s | %d | %.1f | %.2f | %.1f | %.1f | %.1f | %lld | %.3f %% | %.3f |\n",
+          name.c_str(), photographs.size(), front.c_str(), seed, run->core["finding features in"],
+          matching, run->core["placing"], run->sum, run->wall,
+          static_cast<long long>(run->num_registered), 100 * run->errors.centers,
+          run->errors.degrees);
+      std::fflush(stdout);
+    }
+  }
+  return absl::OkStatus();
+}
+
+int Main(const Flags& flags) {
+  std::printf(
+      "| scene, photographs | front | seed | features, core s | matches, core s | mapping, core s "
+      "| "
+      "sum | wall s | registered | centres | rotation, degrees |\n"
+      "|---|---|---|---|---|---|---|---|---|---|---|\n");
+  for (const std::string& scene : flags.scenes) {
+    const absl::Status status = MeasureScene(scene, flags);
+    if (status.ok()) continue;
+    std::fprintf(stderr, "%s: %s\n", scene.c_str(), std::string(status.message()).c_str());
+    return 1;
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace pepeseg
+
+int main(int argc, char** argv) {
+  pepeseg::Flags flags;
+  for (int i = 1; i < argc; ++i) {
+    const std::string flag = argv[i];
+    if (!flag.starts_with("--")) {
+      flags.scenes.push_back(flag);
+      continue;
+    }
+    const std::string value = ++i < argc ? argv[i] : "";
+    if (flag == "--front") flags.fronts = absl::StrSplit(value, ',');
+    if (flag == "--every") flags.every = static_cast<size_t>(std::max(1, std::atoi(value.c_str())));
+    if (flag == "--seeds") flags.num_seeds = std::atoi(value.c_str());
+    if (flag == "--threads") flags.num_threads = std::atoi(value.c_str());
+    if (flag == "--seconds") flags.max_seconds = std::atoi(value.c_str());
+    if (flag == "--ignore") flags.use_ignore = value != "0";
+  }
+  return pepeseg::Main(flags);
+}
