@@ -74,13 +74,17 @@ __global__ void __launch_bounds__(128) HalfKernel(WindowAttentionArgs args) {
                          (int64_t{head} * args.tokens + query) * args.bias_stride;
 #pragma unroll
     for (int n = 0; n < 2 * kSixteens; ++n) {
-#pragma unroll
-      for (int e = 0; e < 2; ++e) {
-        const int key = n * 8 + 2 * j + e;
-        float& score = scores[n][2 * half + e];
-        score = key < args.tokens ? score * kScale + __half2float(bias[key]) : kLeast;
-        most[half] = fmaxf(most[half], score);
+      // The stride is even, so a pair lies within the row if its first key does.
+      const int key = n * 8 + 2 * j;
+      float2 pair = {0, 0};
+      if (key < args.tokens) {
+        pair = __half22float2(*reinterpret_cast<const __half2*>(bias + key));
       }
+      float& first = scores[n][2 * half];
+      float& second = scores[n][2 * half + 1];
+      first = key < args.tokens ? first * kScale + pair.x : kLeast;
+      second = key + 1 < args.tokens ? second * kScale + pair.y : kLeast;
+      most[half] = fmaxf(most[half], fmaxf(first, second));
     }
     most[half] = fmaxf(most[half], __shfl_xor_sync(~0u, most[half], 1));
     most[half] = fmaxf(most[half], __shfl_xor_sync(~0u, most[half], 2));

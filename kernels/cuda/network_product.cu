@@ -143,29 +143,14 @@ struct RowSums {
   }
 };
 
-// Bias, normalisation, residual and activation of 8 channels of a row of the output.
+// What the 8 channels of a thread need in each of its rows of the output.
+struct ColumnValues {
+  float bias[8] = {}, sums[8] = {};
+};
+
+// Activates 8 channels of a row of the output and stores them from index `at` on.
 template <class T>
-__device__ inline void FinishValues(const ProductParams& p, float (&values)[8], float mean,
-                                    float scale, int64_t row, int column) {
-  if (p.normalize) {
-    float sums[8];
-    LoadValues<8>(p.column_sums + column, sums);
-#pragma unroll
-    for (int k = 0; k < 8; ++k) values[k] = (values[k] - mean * sums[k]) * scale;
-  }
-  if (p.bias != nullptr) {
-    float bias[8];
-    LoadValues<8>(p.bias + column, bias);
-#pragma unroll
-    for (int k = 0; k < 8; ++k) values[k] += bias[k];
-  }
-  const int64_t at = row * p.out + column;
-  if (p.residual != nullptr) {
-    float residual[8];
-    LoadValues<8>(static_cast<const T*>(p.residual) + at, residual);
-#pragma unroll
-    for (int k = 0; k < 8; ++k) values[k] += residual[k];
-  }
+__device__ inline void StoreActivated(const ProductParams& p, float (&values)[8], int64_t at) {
   if (p.activation == Activation::kGelu) {
 #pragma unroll
     for (float& value : values) value = Gelu(value);
@@ -237,15 +222,44 @@ __global__ void __launch_bounds__(kThreads) ProductKernel(const __grid_constant_
     row_scale[thread] = rsqrtf(fmaxf(row_sums.squares / p.in - mean * mean, 0.0f) + p.epsilon);
   }
   __syncthreads();
-  for (int vector = thread; vector < kRows * (kColumns / 8); vector += kThreads) {
-    const int row = vector / (kColumns / 8), column = vector % (kColumns / 8) * 8;
-    if (first_row + row >= p.rows || first_column + column >= p.out) continue;
-    const int to = p.scatter ? PlaceOfToken(p.windows, first_row + row) : first_row + row;
-    if (to < 0) continue;
-    float values[8];
-    LoadValues<8>(memory.sums + row * kSumPitch + column, values);
-    FinishValues<T>(p, values, p.normalize ? row_mean[row] : 0, p.normalize ? row_scale[row] : 0,
-                    to, first_column + column);
+  // A thread has the same 8 channels of every 16th row, four of them at once, so that the loads of
+  // residuals are under way together.
+  const int within = thread % (kColumns / 8) * 8, column = first_column + within;
+  if (column >= p.out) return;
+  ColumnValues columns;
+  if (p.bias != nullptr) LoadValues<8>(p.bias + column, columns.bias);
+  if (p.normalize) LoadValues<8>(p.column_sums + column, columns.sums);
+  constexpr int kApart = kThreads / (kColumns / 8), kAtOnce = 4;
+  for (int first = thread / (kColumns / 8); first < kRows; first += kApart * kAtOnce) {
+    float values[kAtOnce][8];
+    int64_t at[kAtOnce];
+#pragma unroll
+    for (int k = 0; k < kAtOnce; ++k) {
+      const int row = first + k * kApart;
+      const bool inside = first_row + row < p.rows;
+      const int to =
+          inside && p.scatter ? PlaceOfToken(p.windows, first_row + row) : first_row + row;
+      at[k] = inside && to >= 0 ? int64_t{to} * p.out + column : -1;
+      if (at[k] >= 0 && p.residual != nullptr) {
+        LoadValues<8>(static_cast<const T*>(p.residual) + at[k], values[k]);
+      } else {
+#pragma unroll
+        for (float& value : values[k]) value = 0;
+      }
+    }
+#pragma unroll
+    for (int k = 0; k < kAtOnce; ++k) {
+      const int row = first + k * kApart;
+      const float mean = p.normalize ? row_mean[row] : 0;
+      const float scale = p.normalize ? row_scale[row] : 1;
+      float product[8];
+      LoadValues<8>(memory.sums + row * kSumPitch + within, product);
+#pragma unroll
+      for (int c = 0; c < 8; ++c) {
+        values[k][c] += (product[c] - mean * columns.sums[c]) * scale + columns.bias[c];
+      }
+      if (at[k] >= 0) StoreActivated<T>(p, values[k], at[k]);
+    }
   }
 }
 
