@@ -9,11 +9,13 @@
 #include <string>
 #include <vector>
 
+#include "kernels/ops/cell_masks.h"
 #include "kernels/ops/cluster.h"
 #include "kernels/ops/density.h"
 #include "kernels/ops/feature.h"
 #include "kernels/ops/match.h"
 #include "kernels/ops/network.h"
+#include "kernels/ops/prompt_network.h"
 #include "kernels/ops/refine.h"
 #include "kernels/ops/render.h"
 #include "kernels/ops/rows.h"
@@ -178,6 +180,17 @@ class Backend {
   virtual void Convolve3x3(const Convolve3x3Args& args) = 0;
   virtual void DepthwiseConvolve(const DepthwiseConvolveArgs& args) = 0;
   virtual void WindowAttention(const WindowAttentionArgs& args) = 0;
+  // The decoder of SAM (kernels/ops/prompt_network.h).
+  virtual void PromptTokens(const PromptTokensArgs& args) = 0;
+  virtual void AddToPlaces(const AddToPlacesArgs& args) = 0;
+  virtual void UpdateTokens(const UpdateTokensArgs& args) = 0;
+  virtual void AttendToPlaces(const AttendToPlacesArgs& args) = 0;
+  virtual void UpdatePlaces(const UpdatePlacesArgs& args) = 0;
+  virtual void TokenHeads(const TokenHeadsArgs& args) = 0;
+  virtual void UpscaleMasks(const UpscaleMasksArgs& args) = 0;
+  // Masks of cells (kernels/ops/cell_masks.h).
+  virtual void SuppressMasks(const SuppressMasksArgs& args) = 0;
+  virtual void EnlargeMasks(const EnlargeMasksArgs& args) = 0;
 
  private:
   std::mutex exclusive_use_;

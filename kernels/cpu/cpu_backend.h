@@ -83,6 +83,15 @@ class CpuBackend final : public Backend {
   void DepthwiseConvolve(const DepthwiseConvolveArgs& args) override;
   void WindowAttention(const WindowAttentionArgs& args) override;
   void ExtractSift(const ExtractSiftArgs& args) override;
+  void PromptTokens(const PromptTokensArgs& args) override;
+  void AddToPlaces(const AddToPlacesArgs& args) override;
+  void UpdateTokens(const UpdateTokensArgs& args) override;
+  void AttendToPlaces(const AttendToPlacesArgs& args) override;
+  void UpdatePlaces(const UpdatePlacesArgs& args) override;
+  void TokenHeads(const TokenHeadsArgs& args) override;
+  void UpscaleMasks(const UpscaleMasksArgs& args) override;
+  void SuppressMasks(const SuppressMasksArgs& args) override;
+  void EnlargeMasks(const EnlargeMasksArgs& args) override;
 
  private:
   // Keeps the error if there is none yet. From any thread.

@@ -141,6 +141,15 @@ class CudaBackend final : public Backend {
   void DepthwiseConvolve(const DepthwiseConvolveArgs& args) override;
   void WindowAttention(const WindowAttentionArgs& args) override;
   void ExtractSift(const ExtractSiftArgs& args) override;
+  void PromptTokens(const PromptTokensArgs& args) override;
+  void AddToPlaces(const AddToPlacesArgs& args) override;
+  void UpdateTokens(const UpdateTokensArgs& args) override;
+  void AttendToPlaces(const AttendToPlacesArgs& args) override;
+  void UpdatePlaces(const UpdatePlacesArgs& args) override;
+  void TokenHeads(const TokenHeadsArgs& args) override;
+  void UpscaleMasks(const UpscaleMasksArgs& args) override;
+  void SuppressMasks(const SuppressMasksArgs& args) override;
+  void EnlargeMasks(const EnlargeMasksArgs& args) override;
 
  private:
   // Held by an op while it launches, so that its launches follow each other on the stream whatever
