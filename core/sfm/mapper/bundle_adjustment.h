@@ -1,0 +1,31 @@
+#pragma once
+
+#include <span>
+
+#include "core/sfm/mapper/global_model.h"
+#include "kernels/cpu/parallel_for.h"
+
+namespace pepeseg {
+
+struct BundleOptions {
+  int max_steps = 20;
+  bool fix_rotations = false;
+  bool fix_lenses = false;     // focal length and k1
+  double loss_scale = 1;       // pixels: soft L1, 2 s^2 (sqrt(1 + r^2 / s^2) - 1)
+  double min_decrease = 1e-5;  // ends when the cost falls by less than this share
+};
+
+struct BundleSummary {
+  double first_cost = 0, last_cost = 0;
+  int num_steps = 0;
+};
+
+// Minimises reprojection errors over the registered poses, the points and the lenses' focal length
+// and k1 (Triggs et al. 2000): Levenberg-Marquardt in double; points are eliminated, the cameras
+// solved by a dense Cholesky decomposition. Each photograph's rows of the reduced matrix are summed
+// by one task in the order of its observations, so the result does not depend on the number of
+// threads.
+BundleSummary AdjustBundle(std::span<const MapperPhotograph> photographs,
+                           const BundleOptions& options, ThreadPool& pool, GlobalModel& model);
+
+}  // namespace pepeseg

@@ -1,0 +1,250 @@
+#include "core/sfm/mapper/map_globally.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/sfm/mapper/bundle_adjustment.h"
+#include "core/sfm/mapper/focal_search.h"
+#include "core/sfm/mapper/global_positions.h"
+#include "core/sfm/mapper/rotation_averaging.h"
+#include "core/sfm/mapper/tracks.h"
+#include "core/sfm/mapper/triangulation.h"
+#include "core/sfm/mapper/view_graph.h"
+#include "kernels/cpu/parallel_for.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kFewestPhotographs = 3;
+constexpr int kFewestObservations = 15;  // of a registered photograph
+constexpr double kMaxPositionDifference = 0.01;
+// EXIF's focal length is replaced by a reliable search that differs by more than this share.
+constexpr double kExifTolerance = 0.1;
+// One round: the error up to which observations are triangulated, then kept, pixels.
+struct Round {
+  double triangulate, keep;
+};
+constexpr Round kRounds[] = {{12, 8}, {6, 4}, {4, 2}};
+constexpr double kMinAngle = 1.5;  // degrees
+
+absl::Status CheckArguments(std::span<const MapperPhotograph> photographs,
+                            std::span<const VerifiedPair> pairs) {
+  std::vector<const MapperPhotograph*> first_of;
+  for (const MapperPhotograph& photograph : photographs) {
+    if (photograph.camera_group < 0 || photograph.width <= 0 || photograph.height <= 0) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("photograph \"", photograph.name, "\": no size or camera group"));
+    }
+    const auto group = static_cast<size_t>(photograph.camera_group);
+    if (group >= photographs.size()) {
+      return absl::InvalidArgumentError(absl::StrCat("photograph \"", photograph.name,
+                                                     "\": camera group ", group, " of at most ",
+                                                     photographs.size()));
+    }
+    if (first_of.size() <= group) first_of.resize(group + 1);
+    if (!first_of[group]) first_of[group] = &photograph;
+    if (first_of[group]->width != photograph.width ||
+        first_of[group]->height != photograph.height) {
+      return absl::InvalidArgumentError(absl::StrCat("photographs \"", first_of[group]->name,
+                                                     "\" and \"", photograph.name,
+                                                     "\" of one camera group differ in size"));
+    }
+  }
+  for (const VerifiedPair& pair : pairs) {
+    if (pair.first >= photographs.size() || pair.second >= photographs.size() ||
+        pair.first == pair.second) {
+      return absl::InvalidArgumentError(absl::StrCat("pair of photographs ", pair.first, " and ",
+                                                     pair.second, ", there are ",
+                                                     photographs.size()));
+    }
+    for (const FeatureMatch& match : pair.geometry.inliers) {
+      if (match.first >= photographs[pair.first].keypoints.size() ||
+          match.second >= photographs[pair.second].keypoints.size()) {
+        return absl::InvalidArgumentError(absl::StrCat("a match of photographs ", pair.first,
+                                                       " and ", pair.second,
+                                                       " names a feature that they do not have"));
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
+// One mapping. MapGlobally calls the methods in their order, and stops at the first gate.
+class GlobalMapping {
+ public:
+  GlobalMapping(std::span<const MapperPhotograph> photographs, std::span<const VerifiedPair> pairs,
+                const MapperOptions& options)
+      : photographs_(photographs), pairs_(pairs), options_(options), pool_(options.num_threads) {}
+
+  MapperGate FindLenses();
+  MapperGate FindRotations();
+  MapperGate FindPositionsOfCameras();
+  void Adjust(const Round& round);
+  MapperGate Judge();
+
+  MapperResult result;
+
+ private:
+  std::vector<WorldRay> SelectRays(int& num_points) const;
+  void DropWeakPhotographs();
+
+  std::span<const MapperPhotograph> photographs_;
+  std::span<const VerifiedPair> pairs_;
+  MapperOptions options_;
+  ThreadPool pool_;
+  std::vector<ViewEdge> all_edges_;
+  std::vector<bool> component_;  // of all edges
+  AveragedRotations averaged_;
+  std::vector<Track> tracks_;
+};
+
+MapperGate GlobalMapping::FindLenses() {
+  std::vector<GroupLens>& lenses = result.model.lenses;
+  std::vector<double> exif;
+  for (const MapperPhotograph& photograph : photographs_) {
+    const auto group = static_cast<size_t>(photograph.camera_group);
+    if (lenses.size() <= group) lenses.resize(group + 1), exif.resize(group + 1, 0.0);
+    lenses[group].width = photograph.width, lenses[group].height = photograph.height;
+    exif[group] = std::max(exif[group], photograph.focal);
+  }
+  if (TurnsOnTheSpot(photographs_, pairs_, exif)) return MapperGate::kTurn;
+  for (size_t group = 0; group < lenses.size(); ++group) {
+    const FocalEstimate found = SearchFocal(photographs_, pairs_, static_cast<int>(group));
+    const bool trusted =
+        exif[group] > 0 &&
+        (!found.is_reliable || std::abs(found.focal / exif[group] - 1) < kExifTolerance);
+    if (!trusted && !found.is_reliable) return MapperGate::kFocal;
+    lenses[group].focal = trusted ? exif[group] : found.focal;
+  }
+  return MapperGate::kPassed;
+}
+
+MapperGate GlobalMapping::FindRotations() {
+  all_edges_ = BuildViewGraph(photographs_, pairs_, result.model.lenses, options_.max_error, pool_);
+  component_ = LargestComponent(photographs_.size(), all_edges_);
+  averaged_ = AverageRotations(photographs_.size(), all_edges_);
+  const auto num_known = std::count(averaged_.is_known.begin(), averaged_.is_known.end(), true);
+  if (num_known < kFewestPhotographs) return MapperGate::kTooFew;
+  const bool any_direction = std::any_of(averaged_.edges.begin(), averaged_.edges.end(),
+                                         [](const ViewEdge& e) { return e.has_direction; });
+  if (!any_direction) return MapperGate::kTurn;
+  tracks_ = BuildTracks(photographs_, averaged_.edges);
+  return MapperGate::kPassed;
+}
+
+// Selects rays of long tracks, numbered by the selected tracks.
+std::vector<WorldRay> GlobalMapping::SelectRays(int& num_points) const {
+  std::vector<WorldRay> rays;
+  num_points = 0;
+  for (const uint32_t t : SelectTracks(photographs_, tracks_, options_.tracks_per_photograph)) {
+    for (const Observation& o : tracks_[t]) {
+      const GroupLens& lens = result.model.lenses[photographs_[o.photograph].camera_group];
+      const Eigen::Vector3d seen = lens.Normalised(PixelOf(photographs_, o)).homogeneous();
+      rays.push_back({o.photograph, static_cast<uint32_t>(num_points),
+                      (averaged_.rotations[o.photograph].transpose() * seen).normalized()});
+    }
+    ++num_points;
+  }
+  return rays;
+}
+
+MapperGate GlobalMapping::FindPositionsOfCameras() {
+  int num_points = 0;
+  const std::vector<WorldRay> rays = SelectRays(num_points);
+  GlobalPositions found[2];
+  const auto num_cameras = static_cast<int>(photographs_.size());
+  pool_.ParallelFor(2, [&](int64_t i, int) {
+    PositionOptions options;
+    options.seed = options_.seed + static_cast<uint64_t>(i);
+    found[i] = FindPositions(num_cameras, num_points, rays, options);
+  });
+  result.position_difference =
+      PositionDifference(found[0].cameras, found[1].cameras, averaged_.is_known);
+  const GlobalPositions& best = found[found[1].cost < found[0].cost];
+  result.model.poses.resize(photographs_.size());
+  for (size_t i = 0; i < photographs_.size(); ++i) {
+    if (!averaged_.is_known[i]) continue;
+    const Eigen::Matrix3d& rotation = averaged_.rotations[i];
+    result.model.poses[i] = {rotation, -rotation * best.cameras[i], true};
+  }
+  return result.position_difference < kMaxPositionDifference ? MapperGate::kPassed
+                                                             : MapperGate::kPositions;
+}
+
+// A pose with few observations is not determined by them.
+void GlobalMapping::DropWeakPhotographs() {
+  std::vector<int> counts(photographs_.size(), 0);
+  for (const MappedPoint& point : result.model.points) {
+    for (const Observation& o : point.track) ++counts[o.photograph];
+  }
+  for (size_t i = 0; i < photographs_.size(); ++i) {
+    if (counts[i] < kFewestObservations) result.model.poses[i].is_registered = false;
+  }
+  for (MappedPoint& point : result.model.points) {
+    std::erase_if(point.track, [&](const Observation& o) {
+      return !result.model.poses[o.photograph].is_registered;
+    });
+  }
+  std::erase_if(result.model.points, [](const MappedPoint& p) { return p.track.size() < 2; });
+}
+
+void GlobalMapping::Adjust(const Round& round) {
+  GlobalModel& model = result.model;
+  const bool first = &round == &kRounds[0];
+  TriangulationOptions triangulation;
+  triangulation.max_error = round.triangulate;
+  triangulation.min_angle = kMinAngle;
+  model.points = Triangulate(photographs_, tracks_, model, triangulation, pool_);
+  DropWeakPhotographs();
+  BundleOptions bundle;
+  if (first) {
+    bundle.max_steps = 5;
+    bundle.fix_rotations = bundle.fix_lenses = true;
+    AdjustBundle(photographs_, bundle, pool_, model);
+    bundle = {};
+  }
+  AdjustBundle(photographs_, bundle, pool_, model);
+  FilterPoints(photographs_, round.keep, kMinAngle, model);
+  DropWeakPhotographs();
+}
+
+MapperGate GlobalMapping::Judge() {
+  FilterPoints(photographs_, kRounds[2].keep, kMinAngle, result.model);
+  if (result.model.points.empty()) return MapperGate::kRegistered;
+  result.measures = MeasureModel(photographs_, result.model, all_edges_, tracks_, component_);
+  return JudgeMeasures(result.measures);
+}
+
+}  // namespace
+
+absl::StatusOr<MapperResult> MapGlobally(std::span<const MapperPhotograph> photographs,
+                                         std::span<const VerifiedPair> pairs,
+                                         const MapperOptions& options,
+                                         absl::FunctionRef<absl::Status(double share)> progress) {
+  RETURN_IF_ERROR(CheckArguments(photographs, pairs));
+  GlobalMapping mapping(photographs, pairs, options);
+  mapping.result.model.poses.resize(photographs.size());
+  MapperGate& gate = mapping.result.gate;
+  if ((gate = mapping.FindLenses()) != MapperGate::kPassed) return std::move(mapping.result);
+  RETURN_IF_ERROR(progress(0.05));
+  if ((gate = mapping.FindRotations()) != MapperGate::kPassed) return std::move(mapping.result);
+  RETURN_IF_ERROR(progress(0.2));
+  gate = mapping.FindPositionsOfCameras();
+  if (gate != MapperGate::kPassed) return std::move(mapping.result);
+  double share = 0.4;
+  for (const Round& round : kRounds) {
+    RETURN_IF_ERROR(progress(share));
+    mapping.Adjust(round);
+    share += 0.2;
+  }
+  gate = mapping.Judge();
+  RETURN_IF_ERROR(progress(1));
+  return std::move(mapping.result);
+}
+
+}  // namespace pepeseg

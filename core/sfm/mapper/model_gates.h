@@ -1,0 +1,55 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/sfm/mapper/global_model.h"
+#include "core/sfm/mapper/tracks.h"
+#include "core/sfm/mapper/view_graph.h"
+
+namespace pepeseg {
+
+// Why a global model is not used.
+enum class MapperGate {
+  kPassed,
+  kTooFew,        // fewer than three photographs are connected
+  kTurn,          // the photographs were taken from one spot
+  kFocal,         // the pairs do not determine a focal length
+  kPositions,     // two seeds led to different positions
+  kRegistered,    // photographs of the connected ones lack a pose
+  kReprojection,  // features are far from their points
+  kPairs,         // pairs disagree with the poses
+  kLens,          // a focal length or a distortion that no lens has
+  kAngles,        // rays to most points are nearly parallel
+  kInFront,       // points are behind cameras
+  kFolded,        // photographs should share points by their poses, but do not match
+};
+
+// Returns a phrase for logs: "photographs from one spot".
+std::string_view GateName(MapperGate gate);
+
+// What the gates measure. Shares are in [0, 1].
+struct ModelMeasures {
+  double registered_share = 0;             // of the largest component
+  double median_error = 0;                 // pixels, of the points' whole tracks
+  double error_90 = 0;                     // 0.9 quantile of the same
+  double agreeing_pairs = 0;               // of pairs with at least 30 inliers
+  double angle_share = 0;                  // of points: an angle of at least 2 degrees
+  double in_front_share = 0;               // of observations of the points' whole tracks
+  double matched_share = 0;                // of pairs that should share 30 points: are edges
+  double least_focal = 0, most_focal = 0;  // over the longer side
+  double most_k1 = 0;                      // largest |k1|
+};
+
+// `edges`: all pairs with a relative pose, whether or not they were used. `tracks`: as built,
+// before observations were dropped. `component`: the photographs that should be registered.
+ModelMeasures MeasureModel(std::span<const MapperPhotograph> photographs, const GlobalModel& model,
+                           std::span<const ViewEdge> edges, std::span<const Track> tracks,
+                           const std::vector<bool>& component);
+
+// Returns the first gate that the measures fail, or kPassed.
+MapperGate JudgeMeasures(const ModelMeasures& measures);
+
+}  // namespace pepeseg
