@@ -6,27 +6,15 @@
 
 #include "core/base/status_macros.h"
 #include "core/priors/sam/grid_mask.h"
+#include "core/priors/sam/mask_proposals.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr float kStabilityOffset = 1;  // logits, see AutomaticMaskOptions::min_stability
-constexpr double kDuplicateIou = 0.8;  // IoU with a better mask over which a mask is dropped
 constexpr size_t kMaxRemainders = 32;  // most remainders of a photograph
-constexpr double kMinArea = 0.0005;    // smallest mask, as a share of the photograph
-constexpr double kMaxArea = 0.95;      // largest mask, as a share of the photograph
-constexpr size_t kPromptsPerRun = 4;   // most prompts of one run of the segmenter
 
-// A mask that the segmenter answered with.
-struct Candidate {
-  GridMask mask;
-  float iou = 0, stability = 0;        // see AutomaticMaskOptions::min_iou
-  size_t cell = 0;                     // cell of the prompt's point
-  std::vector<int8_t> quarter_logits;  // [height, width], see QuarterLogits
-};
-
-// The segmentation of one photograph: Ask collects candidates; KeepSure, KeepFillers and
-// AskForRemainders move the good ones to kept_, in this order; Take returns them as masks.
+// The segmentation of one photograph: Propose and AskForRemainders move good masks to kept_, in
+// this order; Take returns them at the photograph's size.
 class PhotographSegmenter {
  public:
   PhotographSegmenter(PromptedSegmenter& segmenter, const View& view,
@@ -36,16 +24,11 @@ class PhotographSegmenter {
         view_(view),
         options_(options),
         progress_(progress),
-        grid_(AnswerGrid(view.photo.width, view.photo.height)),
-        settled_(num_cells()) {}
+        grid_(AnswerGrid(view.photo.width, view.photo.height)) {}
 
-  // Prompts at each point and collects the candidates. skip_settled: not at points that a small
-  // sure mask already holds.
-  absl::Status Ask(const std::vector<PromptPoint>& points, bool skip_settled);
-  // Keeps the sure candidates, those with the highest IoU first, without duplicates.
-  void KeepSure();
-  // Keeps the other candidates, the best first, whose point no kept mask holds. Drops the rest.
-  void KeepFillers();
+  // Prompts at the points, first at those that settled masks never make needless, and keeps the
+  // masks that the segmenter proposes.
+  absl::Status Propose(std::vector<PromptPoint> always, std::vector<PromptPoint> unsettled);
   // Prompts for the remainders of kept masks that hold other kept masks, and keeps good answers.
   absl::Status AskForRemainders();
   // Returns the kept masks at the photograph's size, then those of `embedded` unless it is null.
@@ -57,14 +40,9 @@ class PhotographSegmenter {
     SegmenterPrompt prompt;  // two points in the rest, and a negative one in the inner mask
   };
 
-  size_t num_cells() const { return static_cast<size_t>(grid_.width) * grid_.height; }
-  size_t CellOf(const PromptPoint& point) const;
+  ProposalRequest Request() const;
   PromptPoint CentreOf(const cv::Point& cell, bool positive) const;
   absl::StatusOr<PromptAnswers> Run(std::span<const SegmenterPrompt> prompts);
-  absl::Status AskBatch(std::span<const SegmenterPrompt> prompts);
-  Candidate Read(const PromptAnswers& answers, size_t prompt, size_t mask) const;
-  bool HasGoodArea(const GridMask& mask) const;
-  bool IsSure(const Candidate& candidate) const;
   bool IsKept(const GridMask& mask) const;
   std::vector<Remainder> FindRemainders() const;
   void TakeRemainders(const PromptAnswers& answers, std::span<const Remainder> remainders);
@@ -74,19 +52,30 @@ class PhotographSegmenter {
   const AutomaticMaskOptions& options_;
   absl::FunctionRef<absl::Status()> progress_;
   const PromptAnswers grid_;
-  std::vector<Candidate> candidates_, kept_;
-  std::vector<uint8_t> settled_;  // [cells] 1: a small sure mask holds the cell
+  std::vector<ProposedMask> kept_;
   int num_prompts_ = 0;
 };
 
-size_t PhotographSegmenter::CellOf(const PromptPoint& point) const {
-  const auto cell = [&](float at, int count) {
-    return std::clamp(static_cast<int>(at * grid_.cells_per_pixel), 0, count - 1);
-  };
-  // Points are in pixels of the photograph, the first pixel's centre at 0.5; cells follow in
-  // reading order.
-  return static_cast<size_t>(cell(point.y, grid_.height)) * grid_.width +
-         cell(point.x, grid_.width);
+ProposalRequest PhotographSegmenter::Request() const {
+  ProposalRequest request;
+  request.grid = grid_;
+  request.settled_area = options_.settled_area;
+  request.min_iou = options_.min_iou;
+  request.min_stability = options_.min_stability;
+  request.min_filler_iou = options_.min_filler_iou;
+  request.min_filler_stability = options_.min_filler_stability;
+  return request;
+}
+
+absl::Status PhotographSegmenter::Propose(std::vector<PromptPoint> always,
+                                          std::vector<PromptPoint> unsettled) {
+  ProposalRequest request = Request();
+  request.always = std::move(always);
+  request.unsettled = std::move(unsettled);
+  ASSIGN_OR_RETURN(Proposals proposals, segmenter_.Propose(request, progress_));
+  num_prompts_ += proposals.num_prompts;
+  kept_ = std::move(proposals.kept);
+  return absl::OkStatus();
 }
 
 PromptPoint PhotographSegmenter::CentreOf(const cv::Point& cell, bool positive) const {
@@ -102,99 +91,10 @@ absl::StatusOr<PromptAnswers> PhotographSegmenter::Run(std::span<const Segmenter
   return segmenter_.Segment(prompts);
 }
 
-bool PhotographSegmenter::HasGoodArea(const GridMask& mask) const {
-  const double share = static_cast<double>(mask.area()) / static_cast<double>(num_cells());
-  // Shares of the grid, which covers the whole photograph.
-  return mask.area() > 0 && share >= kMinArea && share <= kMaxArea;
-}
-
-bool PhotographSegmenter::IsSure(const Candidate& candidate) const {
-  return candidate.iou >= options_.min_iou && candidate.stability >= options_.min_stability;
-}
-
-Candidate PhotographSegmenter::Read(const PromptAnswers& answers, size_t prompt,
-                                    size_t mask) const {
-  const std::span<const float> logits = answers.Logits(prompt, mask);
-  Candidate candidate;
-  candidate.mask = GridMask(logits, 0);
-  candidate.iou = answers.Iou(prompt, mask);
-  // Stability as in SAM: the area at the threshold +kStabilityOffset over that at
-  // -kStabilityOffset.
-  const GridMask wide(logits, -kStabilityOffset);
-  if (wide.area() > 0) {
-    candidate.stability = static_cast<float>(GridMask(logits, kStabilityOffset).area()) /
-                          static_cast<float>(wide.area());
-  }
-  return candidate;
-}
-
-absl::Status PhotographSegmenter::AskBatch(std::span<const SegmenterPrompt> prompts) {
-  ASSIGN_OR_RETURN(const PromptAnswers answers, Run(prompts));
-  for (size_t prompt = 0; prompt < prompts.size(); ++prompt) {
-    // Mask 0 is for prompts of several points.
-    for (size_t mask = 1; mask < PromptAnswers::kMasks; ++mask) {
-      if (answers.Iou(prompt, mask) < options_.min_filler_iou) continue;
-      Candidate candidate = Read(answers, prompt, mask);
-      if (candidate.stability < options_.min_filler_stability) continue;
-      if (!HasGoodArea(candidate.mask)) continue;
-      candidate.cell = CellOf(prompts[prompt][0]);
-      // A byte a cell: the candidates of a photograph are kept in memory together.
-      candidate.quarter_logits = QuarterLogits(answers.Logits(prompt, mask));
-      const bool small = static_cast<double>(candidate.mask.area()) <
-                         options_.settled_area * static_cast<double>(num_cells());
-      for (size_t cell = 0; small && IsSure(candidate) && cell < num_cells(); ++cell) {
-        settled_[cell] |= static_cast<uint8_t>(candidate.mask.Holds(cell));
-      }
-      candidates_.push_back(std::move(candidate));
-    }
-  }
-  return absl::OkStatus();
-}
-
-absl::Status PhotographSegmenter::Ask(const std::vector<PromptPoint>& points, bool skip_settled) {
-  std::vector<SegmenterPrompt> batch;
-  for (size_t i = 0; i < points.size(); ++i) {
-    const size_t cell = CellOf(points[i]);
-    if (!skip_settled || settled_[cell] == 0) batch.push_back({points[i]});
-    const bool full = batch.size() == kPromptsPerRun;
-    if (batch.empty() || (!full && i + 1 < points.size())) continue;
-    RETURN_IF_ERROR(AskBatch(batch));
-    batch.clear();
-  }
-  return absl::OkStatus();
-}
-
 bool PhotographSegmenter::IsKept(const GridMask& mask) const {
-  return std::any_of(kept_.begin(), kept_.end(),
-                     [&](const Candidate& other) { return mask.Iou(other.mask) > kDuplicateIou; });
-}
-
-void PhotographSegmenter::KeepSure() {
-  // Stable, so that answers with equal IoUs keep the order of the prompts and the result is the
-  // same in each run.
-  std::stable_sort(candidates_.begin(), candidates_.end(),
-                   [](const Candidate& a, const Candidate& b) { return a.iou > b.iou; });
-  std::vector<Candidate> rest;
-  for (Candidate& candidate : candidates_) {
-    if (!IsSure(candidate)) {
-      rest.push_back(std::move(candidate));
-    } else if (!IsKept(candidate.mask)) {
-      kept_.push_back(std::move(candidate));
-    }
-  }
-  candidates_ = std::move(rest);
-}
-
-// KeepSure has sorted the candidates that are left.
-void PhotographSegmenter::KeepFillers() {
-  for (Candidate& candidate : candidates_) {
-    const bool held = std::any_of(kept_.begin(), kept_.end(), [&](const Candidate& other) {
-      return other.mask.Holds(candidate.cell);
-    });
-    // A filler only covers what no better mask does: its own prompt's point must be free.
-    if (!held && !IsKept(candidate.mask)) kept_.push_back(std::move(candidate));
-  }
-  candidates_.clear();
+  return std::any_of(kept_.begin(), kept_.end(), [&](const ProposedMask& other) {
+    return mask.Iou(other.mask) > kDuplicateMaskIou;
+  });
 }
 
 // Looks at all ordered pairs of kept masks. A rest that is too small, nearly the whole outer mask,
@@ -203,8 +103,8 @@ std::vector<PhotographSegmenter::Remainder> PhotographSegmenter::FindRemainders(
   constexpr double kInside = 0.9;    // share of the inner mask that the outer one holds
   constexpr double kMinShare = 0.1;  // smallest rest, as a share of the outer mask
   std::vector<Remainder> remainders;
-  for (const Candidate& outer : kept_) {
-    for (const Candidate& inner : kept_) {
+  for (const ProposedMask& outer : kept_) {
+    for (const ProposedMask& inner : kept_) {
       if (remainders.size() == kMaxRemainders) return remainders;
       const auto inner_area = static_cast<double>(inner.mask.area());
       if (&inner == &outer || inner.mask.area() >= outer.mask.area()) continue;
@@ -213,8 +113,8 @@ std::vector<PhotographSegmenter::Remainder> PhotographSegmenter::FindRemainders(
       const double share =
           static_cast<double>(remainder.rest.area()) / static_cast<double>(outer.mask.area());
       // The IoU of the rest with the outer mask is `share`, because the rest lies in it.
-      if (share < kMinShare || share > kDuplicateIou) continue;
-      if (!HasGoodArea(remainder.rest) || IsKept(remainder.rest)) continue;
+      if (share < kMinShare || share > kDuplicateMaskIou) continue;
+      if (!Request().HasGoodArea(remainder.rest.area()) || IsKept(remainder.rest)) continue;
       const auto cells = DeepestCells(remainder.rest.Image(grid_.width, grid_.height), 2);
       if (cells.size() < 2) continue;
       for (const cv::Point& cell : cells) remainder.prompt.push_back(CentreOf(cell, true));
@@ -232,16 +132,17 @@ void PhotographSegmenter::TakeRemainders(const PromptAnswers& answers,
                                          std::span<const Remainder> remainders) {
   for (size_t prompt = 0; prompt < remainders.size(); ++prompt) {
     double best_iou = options_.min_remainder_iou;
-    Candidate best;
+    ProposedMask best;
     for (size_t mask = 0; mask < PromptAnswers::kMasks; ++mask) {
-      Candidate candidate = Read(answers, prompt, mask);
+      ProposedMask candidate = ReadMask(answers, prompt, mask);
       const double iou = candidate.mask.Iou(remainders[prompt].rest);
       if (iou <= best_iou) continue;
       best_iou = iou;
       best = std::move(candidate);
       best.quarter_logits = QuarterLogits(answers.Logits(prompt, mask));
     }
-    if (HasGoodArea(best.mask) && !IsKept(best.mask)) kept_.push_back(std::move(best));
+    if (Request().HasGoodArea(best.mask.area()) && !IsKept(best.mask))
+      kept_.push_back(std::move(best));
   }
 }
 
@@ -261,8 +162,8 @@ absl::Status PhotographSegmenter::AskForRemainders() {
 }
 
 AutomaticMasks PhotographSegmenter::Take(const MaskSet* embedded) const {
-  MaskSetBuilder builder(view_.photo.width, view_.photo.height, kDuplicateIou);
-  for (const Candidate& candidate : kept_) {
+  MaskSetBuilder builder(view_.photo.width, view_.photo.height, kDuplicateMaskIou);
+  for (const ProposedMask& candidate : kept_) {
     builder.Add(PixelsOfLogits(candidate.quarter_logits, grid_, view_));
   };
   MaskSet masks = std::move(builder).Build();
@@ -281,18 +182,15 @@ absl::StatusOr<AutomaticMasks> SegmentPhotograph(PromptedSegmenter& segmenter, c
   RETURN_IF_ERROR(progress());
   RETURN_IF_ERROR(segmenter.SetPhotograph(view.photo));
   PhotographSegmenter run(segmenter, view, options, progress);
-  if (options.region_points) {
-    RETURN_IF_ERROR(run.Ask(RegionPoints(embedded), /*skip_settled=*/false));
-  }
-  RETURN_IF_ERROR(run.Ask(GridPoints(view.photo, options.points_per_side), /*skip_settled=*/true));
-  run.KeepSure();
-  run.KeepFillers();
+  RETURN_IF_ERROR(
+      run.Propose(options.region_points ? RegionPoints(embedded) : std::vector<PromptPoint>(),
+                  GridPoints(view.photo, options.points_per_side)));
   RETURN_IF_ERROR(run.AskForRemainders());
   return run.Take(options.join_embedded ? &embedded : nullptr);
 }
 
 MaskSet JoinMasks(const MaskSet& first, const MaskSet& second, std::span<const uint8_t> ignore) {
-  MaskSetBuilder builder(first.width, first.height, kDuplicateIou);
+  MaskSetBuilder builder(first.width, first.height, kDuplicateMaskIou);
   // Of duplicates the mask that was added first stays: those of `first` win.
   for (const MaskSet* set : {&first, &second}) {
     for (int k = 0; k < set->num_masks; ++k) {

@@ -17,6 +17,19 @@ GridMask::GridMask(std::span<const float> logits, float threshold)
   }
 }
 
+GridMask::GridMask(std::span<const uint32_t> square, int extent, int width, int height)
+    : bits_((static_cast<size_t>(width) * height + 63) / 64, 0) {
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const size_t from = static_cast<size_t>(y) * extent + x;
+      if ((square[from / 32] >> (from % 32) & 1) == 0) continue;
+      const size_t to = static_cast<size_t>(y) * width + x;
+      bits_[to / 64] |= uint64_t{1} << (to % 64);
+      ++area_;
+    }
+  }
+}
+
 int64_t GridMask::Common(const GridMask& other) const {
   assert(bits_.size() == other.bits_.size());
   int64_t common = 0;

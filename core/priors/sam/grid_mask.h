@@ -17,6 +17,9 @@ class GridMask {
   GridMask() = default;
   // Holds the cells with a logit over `threshold`.
   GridMask(std::span<const float> logits, float threshold);
+  // Holds the cells of the first `width` columns and `height` rows of a square of `extent` cells a
+  // side whose bits are set; extent is a multiple of 32.
+  GridMask(std::span<const uint32_t> square, int extent, int width, int height);
 
   int64_t area() const { return area_; }  // cells
   bool Holds(size_t cell) const { return (bits_[cell / 64] >> (cell % 64) & 1) != 0; }

@@ -3,6 +3,7 @@
 #include <span>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/scene/capture.h"
@@ -35,6 +36,9 @@ struct PromptAnswers {
   float Iou(size_t prompt, size_t mask) const { return ious[prompt * kMasks + mask]; }
 };
 
+struct ProposalRequest;
+struct Proposals;
+
 // A network that segments what points in a photograph refer to, as SAM does (Kirillov et al. 2023).
 // Not thread-safe.
 class PromptedSegmenter {
@@ -46,6 +50,11 @@ class PromptedSegmenter {
   virtual absl::Status SetPhotograph(const Image& photo) = 0;
   // Answers at least one prompt, all with the same number of points. Call SetPhotograph first.
   virtual absl::StatusOr<PromptAnswers> Segment(std::span<const SegmenterPrompt> prompts) = 0;
+  // Prompts at points and returns the masks that are worth keeping (mask_proposals.h). Calls
+  // `progress` from time to time and returns its error. ProposeBySegmenting, unless overridden by a
+  // segmenter that keeps its logits on a device.
+  virtual absl::StatusOr<Proposals> Propose(const ProposalRequest& request,
+                                            absl::FunctionRef<absl::Status()> progress);
 };
 
 // Returns the grid of PromptAnswers for a photograph of this size, without answers.
