@@ -96,7 +96,8 @@ sam-test: $(BUILD)/CMakeCache.txt packages
 cuda-test: $(BUILD)/CMakeCache.txt packages
 	cmake --build $(BUILD) -j $(JOBS) --target kernels_render_test kernels_image_loss_test \
 	  kernels_depth_loss_test kernels_refine_test kernels_features_test kernels_cluster_test \
-	  core_features_test stress_numerics_test
+	  kernels_network_test kernels_match_test kernels_sift_test kernels_prompt_network_test \
+	  kernels_cell_masks_test core_features_test core_sam_encoder_test stress_numerics_test
 	tests/kernels/cuda_test.sh $(BUILD) tests/bench/results/cuda_tests.md
 
 bench: $(BUILD)/CMakeCache.txt packages

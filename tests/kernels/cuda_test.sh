@@ -14,7 +14,8 @@ build=$1 summary=$2
 commit=${3:-$(git rev-parse --short HEAD)$(git diff --quiet HEAD || echo ' with changes')}
 logs=$build/cuda-test
 kernels=(kernels_render_test kernels_image_loss_test kernels_depth_loss_test kernels_refine_test
-  kernels_features_test kernels_cluster_test kernels_network_test)
+  kernels_features_test kernels_cluster_test kernels_network_test kernels_match_test
+  kernels_sift_test kernels_prompt_network_test kernels_cell_masks_test)
 others=(core_features_test core_sam_encoder_test stress_numerics_test)
 # Tests left out under each sanitizer. Whole trainings and images of a megapixel take minutes under
 # both, trees of 16,384 points take minutes under racecheck, and none of them runs a kernel that no
