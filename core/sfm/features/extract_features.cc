@@ -172,8 +172,8 @@ Image GreyOf(Image image) {
 }
 
 absl::StatusOr<std::vector<SfmFeatures>> ExtractFeatures(
-    Backend& backend, std::span<const FeaturePhotograph> photographs, const FeatureOptions& options,
-    FeatureProgressFn progress) {
+    Backend& backend, std::span<const FeaturePhotograph> photographs,
+    const SfmFeatureOptions& options, SfmFeatureProgressFn progress) {
   std::vector<SfmFeatures> all;
   if (photographs.empty()) return all;
   const int num_cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));

@@ -27,7 +27,8 @@ struct FeaturePhotograph {
   std::function<absl::StatusOr<std::vector<uint8_t>>()> ignored;
 };
 
-struct FeatureOptions {
+// Not FeatureOptions, which are those of stage two.
+struct SfmFeatureOptions {
   int max_features = 3000;  // of a photograph, see ExtractSiftArgs. > 0
   int max_side = 2000;      // photographs are shrunk to this longer side, pixels. 0: they are not
   int num_threads = 0;      // that decode; 0: one for each core, at most 8
@@ -35,7 +36,7 @@ struct FeatureOptions {
 
 // Reports the number of photographs that are done. Called on the calling thread. An error ends the
 // extraction.
-using FeatureProgressFn = absl::FunctionRef<absl::Status(int64_t num_done)>;
+using SfmFeatureProgressFn = absl::FunctionRef<absl::Status(int64_t num_done)>;
 
 // Finds the features of the photographs, in pixels of the stored photographs. Photographs are
 // decoded by threads while the backend works on those before them; a few are in memory at a time.
@@ -45,8 +46,8 @@ using FeatureProgressFn = absl::FunctionRef<absl::Status(int64_t num_done)>;
 // INVALID_ARGUMENT for ignored pixels of another size; those of the backend (TakeStatus); or that
 // of `progress`.
 absl::StatusOr<std::vector<SfmFeatures>> ExtractFeatures(
-    Backend& backend, std::span<const FeaturePhotograph> photographs, const FeatureOptions& options,
-    FeatureProgressFn progress);
+    Backend& backend, std::span<const FeaturePhotograph> photographs,
+    const SfmFeatureOptions& options, SfmFeatureProgressFn progress);
 
 // Returns the luma of an image, as COLMAP's reader makes it: Rec. 709 weights, rounded. A grey
 // image is returned as it is.

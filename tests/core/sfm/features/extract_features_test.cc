@@ -37,7 +37,7 @@ class ExtractFeaturesTest : public ::testing::Test {
     std::ofstream(path, std::ios::binary) << EncodePng(image).value_or("");
     photographs_.push_back({"images/" + path.filename().string() + ".png", path, nullptr});
   }
-  absl::StatusOr<std::vector<SfmFeatures>> Extract(const FeatureOptions& options = {}) {
+  absl::StatusOr<std::vector<SfmFeatures>> Extract(const SfmFeatureOptions& options = {}) {
     num_done_.clear();
     return ExtractFeatures(*backend_, photographs_, options, [&](int64_t done) {
       num_done_.push_back(done);
