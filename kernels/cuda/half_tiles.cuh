@@ -22,6 +22,10 @@ __device__ inline void MultiplyHalves(uint32_t a0, uint32_t a1, uint32_t a2, uin
       : "+f"(sum[0]), "+f"(sum[1]), "+f"(sum[2]), "+f"(sum[3])
       : "r"(a0), "r"(a1), "r"(a2), "r"(a3), "r"(b0), "r"(b1));
 }
+__device__ inline void MultiplyHalves(const uint32_t (&a)[4], uint32_t b0, uint32_t b1,
+                                      float (&sum)[4]) {
+  MultiplyHalves(a[0], a[1], a[2], a[3], b0, b1, sum);
+}
 
 // Loads four matrices of 8 x 8 halves from shared memory. Lane k passes the address of row k % 8 of
 // matrix k / 8, 16 bytes. A lane gets elements (i, 2j) and (i, 2j + 1) of each.

@@ -4,11 +4,12 @@
 
 #include <cstdint>
 
+#include "kernels/cuda/half_tiles.cuh"
 #include "kernels/cuda/tensor_core.cuh"
 
 // Tiles of two matrices in shared memory, their way there, and products of their 16 x 8 parts on
-// the tensor cores: of Halves, and of floats in two parts each (tensor_core.cuh). With i = lane / 4
-// and j = lane % 4 a lane has of a sum: (i, 2 j), (i, 2 j + 1), (i + 8, 2 j), (i + 8, 2 j + 1).
+// the tensor cores: of halves (half_tiles.cuh), and of floats in two parts each (tensor_core.cuh).
+// Both have sums as half_tiles.cuh says.
 
 namespace pepeseg {
 
@@ -24,38 +25,6 @@ __device__ inline void CommitCopies() { asm volatile("cp.async.commit_group;" ::
 template <int kPending>
 __device__ inline void WaitForCopies() {
   asm volatile("cp.async.wait_group %0;" ::"n"(kPending) : "memory");
-}
-
-// Loads four 8 x 8 matrices of Halves; lane l gives the address of row l % 8 of matrix l / 8. A
-// lane gets (i, 2 j) and (i, 2 j + 1) of each, or of its transpose.
-__device__ inline void LoadMatrices(const __half* row, uint32_t (&out)[4]) {
-  const auto from = static_cast<uint32_t>(__cvta_generic_to_shared(row));
-  asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 {%0, %1, %2, %3}, [%4];"
-               : "=r"(out[0]), "=r"(out[1]), "=r"(out[2]), "=r"(out[3])
-               : "r"(from)
-               : "memory");
-}
-__device__ inline void LoadTransposed(const __half* row, uint32_t (&out)[4]) {
-  const auto from = static_cast<uint32_t>(__cvta_generic_to_shared(row));
-  asm volatile("ldmatrix.sync.aligned.m8n8.x4.trans.shared.b16 {%0, %1, %2, %3}, [%4];"
-               : "=r"(out[0]), "=r"(out[1]), "=r"(out[2]), "=r"(out[3])
-               : "r"(from)
-               : "memory");
-}
-
-// sum += a b, 16 x 16 Halves times 16 x 8. a holds (i, 2 j ..), (i + 8, 2 j ..), (i, 2 j + 8 ..),
-// (i + 8, 2 j + 8 ..); b holds (2 j .., i) and (2 j + 8 .., i).
-__device__ inline void MultiplyHalves(const uint32_t (&a)[4], uint32_t b0, uint32_t b1,
-                                      float (&sum)[4]) {
-  asm("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 "
-      "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
-      : "+f"(sum[0]), "+f"(sum[1]), "+f"(sum[2]), "+f"(sum[3])
-      : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
-}
-
-__device__ inline uint32_t PackHalves(float low, float high) {
-  const __half2 both = __floats2half2_rn(low, high);
-  return *reinterpret_cast<const uint32_t*>(&both);
 }
 
 // kCount values from memory aligned to their size, as floats, and back.
