@@ -33,10 +33,33 @@ void Normalize(const float* from, int count, float epsilon, float* to) {
   }
 }
 
-// Working memory of a thread: the rows of a task and their products.
-struct RowMemory {
-  std::vector<float> rows, products;
+// A product of rows, which a function reads, with weights [in, out].
+struct RowProduct {
+  int64_t num_rows;
+  int in, out;
+  const float* weights;
 };
+
+// Multiplies rows in tasks of kNetworkRows. read(r, to) fills in row r, [in]; write(r, row) takes
+// its product, [out], which it may change.
+template <class Read, class Write>
+void MultiplyRows(ThreadPool& pool, const SimdKernels& simd, const RowProduct& product, Read read,
+                  Write write) {
+  struct Memory {
+    std::vector<float> rows, products;
+  };
+  std::vector<Memory> memory(pool.num_threads());
+  pool.ParallelFor(NumTasks(product.num_rows), [&](int64_t task, int thread) {
+    std::vector<float>&rows = memory[thread].rows, &products = memory[thread].products;
+    rows.resize(int64_t{kNetworkRows} * product.in);
+    products.resize(int64_t{kNetworkRows} * product.out);
+    const int64_t first = task * kNetworkRows;
+    const int64_t end = std::min(product.num_rows, first + kNetworkRows);
+    for (int64_t r = first; r < end; ++r) read(r, &rows[(r - first) * product.in]);
+    simd.multiply_rows({product.in, product.out, rows.data(), product.weights, products.data()});
+    for (int64_t r = first; r < end; ++r) write(r, &products[(r - first) * product.out]);
+  });
+}
 
 // Copies row r of a Linear, or zeros where it is padding.
 void ReadRow(const LinearArgs& args, int64_t r, float* to) {
@@ -98,24 +121,17 @@ void CpuBackend::Linear(const LinearArgs& args) {
   assert(args.in % 8 == 0 && args.out % 8 == 0);
   if (!AreFloats({args.input, args.weights, args.residual, args.output})) Fail({kOnlyFloats, true});
   if (failed()) return;
-  std::vector<RowMemory> memory(pool_.num_threads());
-  pool_.ParallelFor(NumTasks(args.rows), [&](int64_t task, int thread) {
-    auto& [rows, products] = memory[thread];
-    rows.resize(int64_t{kNetworkRows} * args.in);
-    products.resize(int64_t{kNetworkRows} * args.out);
-    const int64_t first = task * kNetworkRows, end = std::min(args.rows, first + kNetworkRows);
-    for (int64_t r = first; r < end; ++r) ReadRow(args, r, &rows[(r - first) * args.in]);
-    simd_.multiply_rows({args.in, args.out, rows.data(), FloatsOf(args.weights), products.data()});
-    for (int64_t r = first; r < end; ++r) {
-      const int64_t to = args.scatter ? PlaceOfToken(args.windows, static_cast<int>(r)) : r;
-      if (to < 0) continue;
-      float* row = &products[(r - first) * args.out];
-      if (!args.bias.empty()) AddTo(args.bias.data, args.out, row);
-      if (!args.residual.empty()) AddTo(FloatsOf(args.residual) + to * args.out, args.out, row);
-      simd_.activate(args.activation, row, args.out);
-      std::copy_n(row, args.out, FloatsOf(args.output) + to * args.out);
-    }
-  });
+  MultiplyRows(
+      pool_, simd_, {args.rows, args.in, args.out, FloatsOf(args.weights)},
+      [&](int64_t r, float* to) { ReadRow(args, r, to); },
+      [&](int64_t r, float* row) {
+        const int64_t to = args.scatter ? PlaceOfToken(args.windows, static_cast<int>(r)) : r;
+        if (to < 0) return;
+        if (!args.bias.empty()) AddTo(args.bias.data, args.out, row);
+        if (!args.residual.empty()) AddTo(FloatsOf(args.residual) + to * args.out, args.out, row);
+        simd_.activate(args.activation, row, args.out);
+        std::copy_n(row, args.out, FloatsOf(args.output) + to * args.out);
+      });
 }
 
 void CpuBackend::LayerNorm(const LayerNormArgs& args) {
@@ -135,24 +151,16 @@ void CpuBackend::Convolve3x3(const Convolve3x3Args& args) {
   assert(args.in % 8 == 0 && args.out % 8 == 0);
   if (!AreFloats({args.input, args.weights, args.output})) Fail({kOnlyFloats, true});
   if (failed()) return;
-  const int in = 9 * args.in;
   const int64_t num_rows = int64_t{args.num_images} * ConvolvedExtent(args.height, args.stride) *
                            ConvolvedExtent(args.width, args.stride);
-  std::vector<RowMemory> memory(pool_.num_threads());
-  pool_.ParallelFor(NumTasks(num_rows), [&](int64_t task, int thread) {
-    auto& [rows, products] = memory[thread];
-    rows.resize(int64_t{kNetworkRows} * in);
-    products.resize(int64_t{kNetworkRows} * args.out);
-    const int64_t first = task * kNetworkRows, end = std::min(num_rows, first + kNetworkRows);
-    for (int64_t r = first; r < end; ++r) ReadNeighborhood(args, r, &rows[(r - first) * in]);
-    simd_.multiply_rows({in, args.out, rows.data(), FloatsOf(args.weights), products.data()});
-    for (int64_t r = first; r < end; ++r) {
-      float* row = &products[(r - first) * args.out];
-      if (!args.bias.empty()) AddTo(args.bias.data, args.out, row);
-      simd_.activate(args.activation, row, args.out);
-      std::copy_n(row, args.out, FloatsOf(args.output) + r * args.out);
-    }
-  });
+  MultiplyRows(
+      pool_, simd_, {num_rows, 9 * args.in, args.out, FloatsOf(args.weights)},
+      [&](int64_t r, float* to) { ReadNeighborhood(args, r, to); },
+      [&](int64_t r, float* row) {
+        if (!args.bias.empty()) AddTo(args.bias.data, args.out, row);
+        simd_.activate(args.activation, row, args.out);
+        std::copy_n(row, args.out, FloatsOf(args.output) + r * args.out);
+      });
 }
 
 void CpuBackend::DepthwiseConvolve(const DepthwiseConvolveArgs& args) {
