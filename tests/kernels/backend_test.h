@@ -26,15 +26,17 @@ std::unique_ptr<Backend> MakeCpuSse4();
 // PEPESEG_REQUIRE_CUDA=1 in the environment.
 std::unique_ptr<Backend> MakeCuda();
 
-// Base of tests on every backend. Skips those that this machine lacks, and fails if an error is
-// left at the end.
-class BackendTest : public ::testing::TestWithParam<BackendCase> {
+// Base of tests on every backend, whose parameter is a BackendCase or a struct derived from it.
+// Skips the backends that this machine lacks, and fails if an error is left at the end.
+template <class Case>
+class BackendTestOf : public ::testing::TestWithParam<Case> {
  protected:
   void SetUp() override {
-    backend_ = GetParam().make();
+    const BackendCase& backend = this->GetParam();
+    backend_ = backend.make();
     if (backend_ != nullptr) return;
-    if (HasFailure()) FAIL();  // GTEST_SKIP would not stop a failed test from running
-    GTEST_SKIP() << "this machine has no " << GetParam().name;
+    if (this->HasFailure()) FAIL();  // GTEST_SKIP would not stop a failed test from running
+    GTEST_SKIP() << "this machine has no " << backend.name;
   }
 
   void TearDown() override {
@@ -45,6 +47,7 @@ class BackendTest : public ::testing::TestWithParam<BackendCase> {
 
   std::unique_ptr<Backend> backend_;
 };
+using BackendTest = BackendTestOf<BackendCase>;
 
 // Base of tests that compare the CUDA backend with the CPU's. Skipped without a device.
 class CudaAndCpuTest : public ::testing::Test {

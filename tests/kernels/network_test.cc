@@ -16,24 +16,11 @@
 namespace pepeseg {
 namespace {
 
-struct NetworkCase {
-  BackendCase backend;
+struct NetworkCase : BackendCase {
   Precision precision;
 };
-class NetworkTest : public ::testing::TestWithParam<NetworkCase> {
+class NetworkTest : public BackendTestOf<NetworkCase> {
  protected:
-  void SetUp() override {
-    backend_ = GetParam().backend.make();
-    if (backend_ != nullptr) return;
-    if (HasFailure()) FAIL();
-    GTEST_SKIP() << "this machine has no " << GetParam().backend.name;
-  }
-  void TearDown() override {
-    if (backend_ == nullptr) return;
-    backend_->Sync();
-    EXPECT_EQ(backend_->error(), "");
-  }
-
   Precision precision() const { return GetParam().precision; }
   NetworkBuffer Values(int64_t count, uint64_t seed, float scale = 1) {
     std::vector<float> values = RandomValues(count, seed);
@@ -60,20 +47,18 @@ class NetworkTest : public ::testing::TestWithParam<NetworkCase> {
     EXPECT_LE(error, largest * (precision() == Precision::kHalf ? 2e-3 : 1e-5));
     EXPECT_GT(largest, 0.1);
   }
-
-  std::unique_ptr<Backend> backend_;
 };
 std::string NetworkName(const ::testing::TestParamInfo<NetworkCase>& info) {
-  return std::string(info.param.backend.name) +
-         (info.param.precision == Precision::kHalf ? "Half" : "");
+  return std::string(info.param.name) + (info.param.precision == Precision::kHalf ? "Half" : "");
 }
-INSTANTIATE_TEST_SUITE_P(Backends, NetworkTest,
-                         ::testing::Values(NetworkCase{{"CpuAvx3", MakeCpuAvx3}, Precision::kFloat},
-                                           NetworkCase{{"CpuAvx2", MakeCpuAvx2}, Precision::kFloat},
-                                           NetworkCase{{"CpuSse4", MakeCpuSse4}, Precision::kFloat},
-                                           NetworkCase{{"Cuda", MakeCuda}, Precision::kFloat},
-                                           NetworkCase{{"Cuda", MakeCuda}, Precision::kHalf}),
-                         NetworkName);
+auto NetworkCases() {
+  return ::testing::Values(NetworkCase{{"CpuAvx3", MakeCpuAvx3}, Precision::kFloat},
+                           NetworkCase{{"CpuAvx2", MakeCpuAvx2}, Precision::kFloat},
+                           NetworkCase{{"CpuSse4", MakeCpuSse4}, Precision::kFloat},
+                           NetworkCase{{"Cuda", MakeCuda}, Precision::kFloat},
+                           NetworkCase{{"Cuda", MakeCuda}, Precision::kHalf});
+}
+INSTANTIATE_TEST_SUITE_P(Backends, NetworkTest, NetworkCases(), NetworkName);
 
 // Runs a Linear on random values and compares it. Residuals and biases where `args` asks for them
 // by a non-zero size.
@@ -119,13 +104,7 @@ class LinearTest : public NetworkTest {
                                                residual.Download()}));
   }
 };
-INSTANTIATE_TEST_SUITE_P(Backends, LinearTest,
-                         ::testing::Values(NetworkCase{{"CpuAvx3", MakeCpuAvx3}, Precision::kFloat},
-                                           NetworkCase{{"CpuAvx2", MakeCpuAvx2}, Precision::kFloat},
-                                           NetworkCase{{"CpuSse4", MakeCpuSse4}, Precision::kFloat},
-                                           NetworkCase{{"Cuda", MakeCuda}, Precision::kFloat},
-                                           NetworkCase{{"Cuda", MakeCuda}, Precision::kHalf}),
-                         NetworkName);
+INSTANTIATE_TEST_SUITE_P(Backends, LinearTest, NetworkCases(), NetworkName);
 
 TEST_P(LinearTest, IsTheProductOfRowsAndWeights) {
   Check({.rows = 1, .in = 8, .out = 8});

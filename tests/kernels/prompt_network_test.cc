@@ -27,28 +27,14 @@ constexpr int kSize = kPromptChannels;
 
 // A backend and the kind of its factors, with the error that rounding to this kind explains, as a
 // share of the largest value.
-struct NetworkCase {
-  const char* name;
-  std::unique_ptr<Backend> (*make)();
+struct NetworkCase : BackendCase {
   Precision precision;
   double tolerance;
 };
 std::unique_ptr<Backend> MakeCpu() { return MakeCpuBackend(2); }
 
-class PromptNetworkTest : public ::testing::TestWithParam<NetworkCase> {
+class PromptNetworkTest : public BackendTestOf<NetworkCase> {
  protected:
-  void SetUp() override {
-    backend_ = GetParam().make();
-    if (backend_ != nullptr) return;
-    if (HasFailure()) FAIL();
-    GTEST_SKIP() << "this machine has no " << GetParam().name;
-  }
-  void TearDown() override {
-    if (backend_ == nullptr) return;
-    backend_->Sync();
-    EXPECT_EQ(backend_->error(), "");
-  }
-
   // Memory that lives as long as the test.
   DeviceSpan<float> Put(const std::vector<float>& values) {
     return floats_.emplace_back(*backend_, std::span<const float>(values)).span();
@@ -109,17 +95,17 @@ class PromptNetworkTest : public ::testing::TestWithParam<NetworkCase> {
     EXPECT_LE(error, GetParam().tolerance * largest);
   }
 
-  std::unique_ptr<Backend> backend_;
   std::list<Buffer<float>> floats_;
   std::list<NetworkBuffer> factors_;
 };
 
-INSTANTIATE_TEST_SUITE_P(Kinds, PromptNetworkTest,
-                         ::testing::Values(NetworkCase{"CpuFloat", MakeCpu, Precision::kFloat,
-                                                       1e-5},
-                                           NetworkCase{"CpuHalf", MakeCpu, Precision::kHalf, 3e-3},
-                                           NetworkCase{"Cuda", MakeCuda, Precision::kHalf, 3e-3}),
-                         [](const auto& info) { return std::string(info.param.name); });
+std::string CaseName(const ::testing::TestParamInfo<NetworkCase>& info) { return info.param.name; }
+INSTANTIATE_TEST_SUITE_P(
+    Kinds, PromptNetworkTest,
+    ::testing::Values(NetworkCase{{"CpuFloat", MakeCpu}, Precision::kFloat, 1e-5},
+                      NetworkCase{{"CpuHalf", MakeCpu}, Precision::kHalf, 3e-3},
+                      NetworkCase{{"Cuda", MakeCuda}, Precision::kHalf, 3e-3}),
+    CaseName);
 
 // Concatenates the prompts' rows.
 std::vector<double> Joined(const std::vector<Rows>& prompts) {
@@ -275,12 +261,12 @@ class PromptCrossTest : public PromptNetworkTest {
     ExpectNear(Get(updated), Joined(want));
   }
 };
-INSTANTIATE_TEST_SUITE_P(Kinds, PromptCrossTest,
-                         ::testing::Values(NetworkCase{"CpuFloat", MakeCpu, Precision::kFloat,
-                                                       1e-5},
-                                           NetworkCase{"CpuHalf", MakeCpu, Precision::kHalf, 3e-3},
-                                           NetworkCase{"Cuda", MakeCuda, Precision::kHalf, 3e-3}),
-                         [](const auto& info) { return std::string(info.param.name); });
+INSTANTIATE_TEST_SUITE_P(
+    Kinds, PromptCrossTest,
+    ::testing::Values(NetworkCase{{"CpuFloat", MakeCpu}, Precision::kFloat, 1e-5},
+                      NetworkCase{{"CpuHalf", MakeCpu}, Precision::kHalf, 3e-3},
+                      NetworkCase{{"Cuda", MakeCuda}, Precision::kHalf, 3e-3}),
+    CaseName);
 
 TEST_P(PromptCrossTest, AttendsFromTokensToSharedPlaces) { RunTokensToPlaces({3, 7, 64, true}); }
 TEST_P(PromptCrossTest, AttendsFromTokensToPlacesOfTheirOwn) {
@@ -449,12 +435,12 @@ class PromptUpscaleTest : public PromptNetworkTest {
     }
   }
 };
-INSTANTIATE_TEST_SUITE_P(Kinds, PromptUpscaleTest,
-                         ::testing::Values(NetworkCase{"CpuFloat", MakeCpu, Precision::kFloat,
-                                                       1e-5},
-                                           NetworkCase{"CpuHalf", MakeCpu, Precision::kHalf, 3e-3},
-                                           NetworkCase{"Cuda", MakeCuda, Precision::kHalf, 4e-3}),
-                         [](const auto& info) { return std::string(info.param.name); });
+INSTANTIATE_TEST_SUITE_P(
+    Kinds, PromptUpscaleTest,
+    ::testing::Values(NetworkCase{{"CpuFloat", MakeCpu}, Precision::kFloat, 1e-5},
+                      NetworkCase{{"CpuHalf", MakeCpu}, Precision::kHalf, 3e-3},
+                      NetworkCase{{"Cuda", MakeCuda}, Precision::kHalf, 4e-3}),
+    CaseName);
 
 TEST_P(PromptUpscaleTest, UpscalesPlacesToMasks) { Run({2, 8, 32, 32}); }
 TEST_P(PromptUpscaleTest, CountsOnlyCellsOfThePhotograph) {
