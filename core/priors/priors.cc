@@ -43,6 +43,10 @@ bool AsksForSam(PriorMaker maker) {
   return maker == PriorMaker::kSam || maker == PriorMaker::kSamAndEmbedded;
 }
 
+bool ExpectsSam(PriorMaker masks, bool has_command, bool has_sam) {
+  return has_sam && (AsksForSam(masks) || (masks == PriorMaker::kAuto && !has_command));
+}
+
 // The makers are ordered so that those of depth come first: SAM makes masks only.
 absl::Status Validate(const PriorOptions& options) {
   for (const auto& [name, maker] : {std::pair{"masks", options.masks}, {"depth", options.depth}}) {

@@ -22,6 +22,10 @@ enum class PriorMaker {
 
 // Returns true for kSam and kSamAndEmbedded.
 bool AsksForSam(PriorMaker maker);
+// Returns true if SAM is expected to make the masks: where it is installed and either asked for, or
+// free to be used and the operator has no command. It also makes them if a command fails, which is
+// not expected.
+bool ExpectsSam(PriorMaker masks, bool has_command, bool has_sam);
 
 // Options of the priors stage.
 struct PriorOptions {

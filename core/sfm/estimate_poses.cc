@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/file_io.h"
+#include "core/base/num_threads.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/manifest.h"
 #include "core/sfm/colmap_program.h"
@@ -54,11 +55,7 @@ struct Removal {
 };
 
 // Returns the number of threads that extract features.
-int NumExtracting(int num_threads) {
-  const int num_cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  // 0 threads: one for each core.
-  return std::min(num_threads > 0 ? num_threads : num_cores, kMostExtracting);
-}
+int NumExtracting(int num_threads) { return std::min(NumThreads(num_threads), kMostExtracting); }
 
 // By default, frames of a video are matched in sequence; so are numbered photographs where COLMAP
 // matches and there are too many to compare all pairs.
@@ -228,7 +225,8 @@ absl::Status PoseEstimation::MatchByOwnFront() {
   ComparisonOptions comparison = ComparisonFor(load_, options_);
   comparison.feature_side = kFeatureSide;
   comparison.num_threads = places_.num_threads;
-  absl::Status stopped;  // by the caller or the deadline, which is no failure of the front
+  // Set when the caller or the deadline ends the comparison. The front has not failed then.
+  absl::Status stopped;
   const absl::Status status = CompareInDatabase(
       run_.backend, Database(), OwnDatabase(), comparison, [&](const ComparisonProgress& progress) {
         if (progress.choosing) {

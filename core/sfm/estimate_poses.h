@@ -30,7 +30,7 @@ struct EstimatedPoses {
   double reprojection_error = 0;  // mean over the points, pixels
 };
 
-// What a run of the stage uses and calls, on the calling thread.
+// The arithmetic of a run of the stage, and its reports. All are called on the calling thread.
 struct SfmRun {
   Backend& backend;     // matches features
   ProgressFn progress;  // called several times a second; an error that it returns ends the stage

@@ -11,14 +11,6 @@ namespace {
 // Bytes for each pixel of a photograph while it is decoded and undistorted, next to the capture.
 constexpr int64_t kDecodingBytes = 16;
 
-// Returns true if SAM is expected to make the masks. It also makes them if a priors command fails,
-// which is not expected.
-bool MasksBySam(const PriorOptions& priors, bool has_masks, const EstimateTools& tools) {
-  if (!tools.has_sam || has_masks) return false;
-  return (priors.masks == PriorMaker::kAuto && !tools.has_priors_command) ||
-         AsksForSam(priors.masks);
-}
-
 // Counts priors that will be made as if they had been uploaded. Built-in depth does not count: it
 // is made from the points that stage one starts from and has no part in it.
 void ExpectPriors(const PriorOptions& priors, bool has_command, TrainingSize& size) {
@@ -51,7 +43,8 @@ std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize datase
                                       const TrainingSettings& settings,
                                       const EstimateTools& tools) {
   TrainingSize& size = dataset.training;
-  const bool by_sam = MasksBySam(settings.priors, size.num_masked_views > 0, tools);
+  const bool by_sam = size.num_masked_views == 0 &&
+                      ExpectsSam(settings.priors.masks, tools.has_priors_command, tools.has_sam);
   const int64_t sam_bytes = by_sam ? SamHostBytes(tools.num_threads) : 0;
   ExpectPriors(settings.priors, tools.has_priors_command, size);
   std::vector<StageNeed> needs;

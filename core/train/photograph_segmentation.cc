@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/num_threads.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/dataset_index.h"
 #include "core/dataset/held_out.h"
@@ -20,18 +21,13 @@ namespace {
 // about a tenth of the time that a thread of another stage gets.
 constexpr int kNicer = 10;
 
-int NumThreads(const TrainingTools& tools) {
-  if (tools.num_threads > 0) return tools.num_threads;
-  return static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-}
-
 // Lowers the priority of this thread and of the threads that it starts. Does nothing if the system
 // refuses.
 void LowerPriority() { setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + kNicer); }
 
 absl::Status OutOfMemory(const TrainingTools& tools) {
   return absl::ResourceExhaustedError(absl::StrCat(
-      "SAM: out of memory: it needs about ", SamHostBytes(NumThreads(tools)) >> 20,
+      "SAM: out of memory: it needs about ", SamHostBytes(NumThreads(tools.num_threads)) >> 20,
       " MiB besides the photographs, and the job may take ", tools.memory_limit >> 20, " MiB"));
 }
 
@@ -45,7 +41,7 @@ PhotographSegmentation::PhotographSegmentation(const TrainingInputs& inputs,
                                                bool next_to_other_stages)
     : inputs_(inputs),
       masks_(inputs.folders.priors / "sam", import.image_scale),
-      num_threads_(NumThreads(inputs.tools)),
+      num_threads_(NumThreads(inputs.tools.num_threads)),
       first_priority_(next_to_other_stages ? Priority::kLow : Priority::kOfProcess) {
   std::map<std::string, const DatasetFile*> sorted;
   for (const DatasetFile& file : files) {

@@ -58,10 +58,10 @@ bool PriorStage::MayUseSam() const {
 }
 
 void PriorStage::StartSam(const std::vector<DatasetFile>& files) {
-  // The command is expected to make the masks if there is one: SAM would only make them twice.
-  const bool by_command = settings_.priors.masks == PriorMaker::kAuto && HasCommand();
   const bool given = settings_.import.use_masks && HasKind(files, FileKind::kMask);
-  if (given || by_command || !MayUseSam() || segmentation_) return;
+  const bool expected =
+      ExpectsSam(settings_.priors.masks, HasCommand(), !inputs_.tools.sam.empty());
+  if (given || !expected || segmentation_) return;
   segmentation_.emplace(inputs_, settings_.import, files, /*next_to_other_stages=*/true);
 }
 

@@ -1,9 +1,9 @@
 #include "core/train/stage_plan.h"
 
 #include <algorithm>
-#include <thread>
 #include <utility>
 
+#include "core/base/num_threads.h"
 #include "core/dataset/dataset_index.h"
 #include "core/dataset/held_out.h"
 #include "core/dataset/video_frames.h"
@@ -45,8 +45,7 @@ ExpectedPriors Expect(const TrainingFacts& facts, const PriorOptions& priors) {
   ExpectedPriors expected;
   if (!facts.has_masks && priors.masks != PriorMaker::kNone) {
     expected.by_command = ByCommand(priors.masks, facts);
-    expected.by_sam = !expected.by_command && facts.has_sam &&
-                      (priors.masks == PriorMaker::kAuto || AsksForSam(priors.masks));
+    expected.by_sam = ExpectsSam(priors.masks, facts.has_priors_command, facts.has_sam);
     expected.built_in_masks = !expected.by_command && !expected.by_sam;
   }
   if (!facts.has_depth && priors.depth != PriorMaker::kNone) {
@@ -170,8 +169,7 @@ TrainingFacts FactsOf(const TrainingInputs& inputs, const TrainingSettings& sett
   facts.has_sam = !inputs.tools.sam.empty();
   facts.on_device = on_device;
   facts.has_lpips = !inputs.tools.lpips_weights.empty();
-  const auto num_cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  facts.num_threads = inputs.tools.num_threads > 0 ? inputs.tools.num_threads : num_cores;
+  facts.num_threads = NumThreads(inputs.tools.num_threads);
   for (const DatasetFile& file : inputs.files) {
     facts.has_poses |= file.kind == FileKind::kPoses;
     facts.has_depth |= settings.import.use_depth &&

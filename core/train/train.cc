@@ -146,8 +146,8 @@ absl::Status Training::EstimatePoses() {
     return stages_.Skip("sfm", "given");
   }
   RETURN_IF_ERROR(stages_.Start("sfm"));
-  ASSIGN_OR_RETURN(PosesMade made,
-                   AppendPoses(inputs_, settings_.sfm, photographs_, backend_, stages_, scene_.files));
+  ASSIGN_OR_RETURN(PosesMade made, AppendPoses(inputs_, settings_.sfm, photographs_, backend_,
+                                               stages_, scene_.files));
   scene_.sources["poses"] = made.source;
   RETURN_IF_ERROR(ImportViews());
   made.metrics.merge(Counts(scene_.capture));

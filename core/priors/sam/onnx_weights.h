@@ -28,9 +28,8 @@ class OnnxWeights {
   // Reads a model file of at most 1 GiB. Returns also the errors of ReadFile.
   static absl::StatusOr<OnnxWeights> Read(const std::filesystem::path& file);
 
-  // Returns input `index` of the node that makes tensor `output`. Returns INVALID_ARGUMENT when
-  // there is no such node or input, the input is not a weight, its shape differs, or it was already
-  // read.
+  // Returns input `index` of the node that makes tensor `output`. Returns INVALID_ARGUMENT if
+  // that node or input does not exist, is not a weight, has another shape, or has been read before.
   absl::StatusOr<std::vector<float>> Input(absl::string_view output, int index,
                                            std::span<const int64_t> shape);
   absl::StatusOr<std::vector<float>> Input(absl::string_view output, int index,

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/backend_turn.h"
+#include "core/base/num_threads.h"
 #include "core/base/status_macros.h"
 #include "core/formats/decode_image.h"
 
@@ -176,9 +177,8 @@ absl::StatusOr<std::vector<SfmFeatures>> ExtractFeatures(
     const SfmFeatureOptions& options, SfmFeatureProgressFn progress) {
   std::vector<SfmFeatures> all;
   if (photographs.empty()) return all;
-  const int num_cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  const int num_threads = options.num_threads > 0 ? options.num_threads : num_cores;
-  DecodingQueue queue(photographs, options.max_side, std::min(num_threads, kMostDecoding));
+  DecodingQueue queue(photographs, options.max_side,
+                      std::min(NumThreads(options.num_threads), kMostDecoding));
   FeatureExtractor extractor(backend, options.max_features);
   for (size_t i = 0; i < photographs.size(); ++i) {
     ASSIGN_OR_RETURN(const DecodedPhotograph decoded, queue.Take());
