@@ -32,7 +32,7 @@ struct DatabaseImage {
   SfmFeatures features;
 };
 
-// What feature extraction leaves.
+// The photographs of a capture after feature extraction.
 struct DatabaseFeatures {
   std::vector<DatabaseCamera> cameras;
   std::vector<DatabaseImage> images;  // ids ascend

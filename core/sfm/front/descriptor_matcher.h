@@ -48,7 +48,7 @@ class DescriptorMatcher {
   Buffer<int32_t> match_limits_, score_limits_;
   // Block i: all features of photograph i. Block n + i: its largest.
   std::vector<int64_t> block_first_;
-  // Of the last call.
+  // Results of the last call: the matches of pair i start at pair_first_[i].
   std::vector<int64_t> pair_first_;
   std::vector<DescriptorMatch> matches_;
 };

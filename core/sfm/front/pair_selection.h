@@ -61,14 +61,15 @@ class PairSelection {
   // AllPairs. Pairs that were handed out before are not counted.
   std::vector<PhotographPair> Next(size_t count);
   // Returns the next `count` best pairs of each photograph that is outside the largest group or at
-  // a bridge. Empty: there is no such photograph, or no pair left.
+  // a bridge. Empty: there is no such photograph, or all its pairs have been taken.
   std::vector<PhotographPair> NextAtCuts(const PhotographGroups& groups, size_t count);
 
  private:
   std::vector<PhotographPair> NextOf(const std::vector<size_t>& photographs, size_t count);
 
   size_t num_photographs_;
-  // Of each photograph: the others, best scores first; how many of them have been looked at.
+  // For each photograph: the other photographs, best score first, and the first of them that has
+  // not been looked at.
   std::vector<std::vector<size_t>> ranked_;
   std::vector<size_t> next_;
   std::set<PhotographPair> taken_;

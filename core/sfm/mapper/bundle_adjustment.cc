@@ -27,7 +27,8 @@ struct Linear {
   Eigen::Vector2d residual;
 };
 
-// What elimination needs of a point. `lens` couples it with its camera groups.
+// Terms of the normal equations from which a point is eliminated. `lens` couples it with its
+// camera groups.
 struct PointEquations {
   Eigen::Matrix3d inverse;
   Eigen::Vector3d gradient;

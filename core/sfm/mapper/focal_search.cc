@@ -106,7 +106,7 @@ bool TurnsOnTheSpot(std::span<const MapperPhotograph> photographs,
   for (int i = 0; i < kNumCandidates; ++i) {
     double turned = 0;
     for (const VerifiedPair& pair : pairs) {
-      // A general pair with a homography by chance is no turn.
+      // A general pair may have a homography by chance: it is not a turn on the spot.
       if (IsGeneral(pair.geometry)) continue;
       const MapperPhotograph &a = photographs[pair.first], &b = photographs[pair.second];
       const auto camera = [&](const MapperPhotograph& photograph) {

@@ -7,7 +7,7 @@
 
 namespace pepeseg {
 
-// What the pairs of a camera group say of its focal length.
+// The focal length of a camera group, estimated from its pairs.
 struct FocalEstimate {
   double focal = 0;     // pixels; 0: not found
   int num_pairs = 0;    // general pairs that voted
