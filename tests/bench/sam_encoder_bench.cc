@@ -13,6 +13,7 @@
 
 #include "core/priors/sam/encoder_network.h"
 #include "kernels/half.h"
+#include "tests/testing/relative_rms.h"
 
 namespace pepeseg {
 namespace {
@@ -40,17 +41,6 @@ std::vector<float> ReadHalves(const std::filesystem::path& path) {
     values[i] = FloatFromHalf(half);
   }
   return values;
-}
-
-// Error relative to the root mean square of `want`.
-double RelativeRms(std::span<const float> got, std::span<const float> want) {
-  double error = 0, sum = 0;
-  for (size_t i = 0; i < want.size(); ++i) {
-    const double x = static_cast<double>(want[i]), d = static_cast<double>(got[i]) - x;
-    error += d * d;
-    sum += x * x;
-  }
-  return std::sqrt(error / sum);
 }
 
 std::unique_ptr<Backend> MakeBackend(bool cpu, std::vector<KernelTime>* times) {
@@ -117,7 +107,7 @@ int RunPrecision(const char* onnx, const std::vector<Image>& photos,
     if (!status.ok()) std::printf("%s\n", std::string(status.message()).c_str());
     alone.push_back(embeddings.Download());
     std::printf("  photograph %d (%d x %d): relative rms error %.3g\n", static_cast<int>(k),
-                photo->width, photo->height, RelativeRms(alone.back(), want[k]));
+                photo->width, photo->height, testing::RelativeRms(alone.back(), want[k]));
   }
   if (cpu) return 0;
   std::vector<const Image*> batch;

@@ -25,6 +25,7 @@
 #include "core/formats/colmap.h"
 #include "core/sfm/estimate_poses.h"
 #include "tests/bench/bench_backend.h"
+#include "tests/testing/textured_place.h"
 
 namespace pepeseg {
 namespace {
@@ -51,29 +52,24 @@ struct PoseErrors {
   double degrees = 0;  // mean angle between rotations
 };
 
-// Compares after the similarity that fits the estimated centres best to the given ones (Umeyama,
-// PAMI 1991).
+// Compares after the similarity that fits the estimated centres best to the given ones.
 PoseErrors Compare(const std::vector<Pose>& estimated, const std::vector<Pose>& given) {
-  const auto n = static_cast<Eigen::Index>(given.size());
-  Eigen::Matrix3Xd from(3, n), to(3, n);
-  const auto center = [](const Pose& pose) -> Eigen::Vector3d {
-    return -(pose.rotation.conjugate() * pose.translation);
+  const auto centers = [](const std::vector<Pose>& poses) {
+    std::vector<Eigen::Vector3d> of_poses;
+    for (const Pose& pose : poses) {
+      of_poses.push_back(-(pose.rotation.conjugate() * pose.translation));
+    }
+    return of_poses;
   };
-  for (Eigen::Index i = 0; i < n; ++i) {
-    from.col(i) = center(estimated[i]);
-    to.col(i) = center(given[i]);
-  }
-  const Eigen::Matrix4d similarity = Eigen::umeyama(from, to, /*with_scaling=*/true);
-  const Eigen::Matrix3d scaled = similarity.topLeftCorner<3, 3>();
+  const std::vector<Eigen::Vector3d> from = centers(estimated), to = centers(given);
+  const Eigen::Matrix3d scaled = testing::FitSimilarity(from, to).topLeftCorner<3, 3>();
   const Eigen::Quaterniond world(Eigen::Matrix3d(scaled / std::cbrt(scaled.determinant())));
-  const Eigen::Matrix3Xd moved = (scaled * from).colwise() + similarity.topRightCorner<3, 1>();
-  const Eigen::Vector3d mean = to.rowwise().mean();
   PoseErrors errors;
-  errors.centers = std::sqrt((moved - to).squaredNorm() / (to.colwise() - mean).squaredNorm());
-  for (Eigen::Index i = 0; i < n; ++i) {
+  errors.centers = testing::CenterError(from, to);
+  for (size_t i = 0; i < given.size(); ++i) {
     const Eigen::Quaterniond turned = estimated[i].rotation * world.conjugate();
     errors.degrees +=
-        turned.angularDistance(given[i].rotation) * 180 / M_PI / static_cast<double>(n);
+        turned.angularDistance(given[i].rotation) * 180 / M_PI / static_cast<double>(given.size());
   }
   return errors;
 }

@@ -113,11 +113,16 @@ Image Blurred(const Image& photo, int radius) {
   return blurred;
 }
 
+Eigen::Matrix4d FitSimilarity(std::span<const Eigen::Vector3d> estimated,
+                              std::span<const Eigen::Vector3d> truth) {
+  assert(estimated.size() == truth.size() && truth.size() >= 3);
+  return Eigen::umeyama(Columns(estimated), Columns(truth), /*with_scaling=*/true);
+}
+
 double CenterError(std::span<const Eigen::Vector3d> estimated,
                    std::span<const Eigen::Vector3d> truth) {
-  assert(estimated.size() == truth.size() && truth.size() >= 3);
+  const Eigen::Matrix4d similarity = FitSimilarity(estimated, truth);
   const Eigen::Matrix3Xd from = Columns(estimated), to = Columns(truth);
-  const Eigen::Matrix4d similarity = Eigen::umeyama(from, to, /*with_scaling=*/true);
   const Eigen::Matrix3Xd moved =
       (similarity.topLeftCorner<3, 3>() * from).colwise() + similarity.topRightCorner<3, 1>();
   const Eigen::Vector3d mean = to.rowwise().mean();

@@ -21,10 +21,13 @@ ViewArc PlaceArc(int num_views);
 // Returns the photograph out of focus: each pixel is the mean of those up to `radius` away.
 Image Blurred(const Image& photo, int radius);
 
-// Returns the error of estimated camera centres after the similarity (rotation, translation, scale)
-// that fits them best to the true ones: the root mean square distance, divided by the root mean
-// square distance of the true centres from their mean. S. Umeyama, "Least-squares estimation of
-// transformation parameters between two point patterns", PAMI 1991.
+// Returns the similarity (rotation, scale, translation) that moves estimated camera centres best to
+// the true ones, at least three. S. Umeyama, "Least-squares estimation of transformation parameters
+// between two point patterns", PAMI 1991.
+Eigen::Matrix4d FitSimilarity(std::span<const Eigen::Vector3d> estimated,
+                              std::span<const Eigen::Vector3d> truth);
+// Returns the error of estimated camera centres after FitSimilarity: the root mean square distance,
+// divided by the root mean square distance of the true centres from their mean.
 double CenterError(std::span<const Eigen::Vector3d> estimated,
                    std::span<const Eigen::Vector3d> truth);
 

@@ -14,6 +14,7 @@
 #include "core/priors/sam/onnx_weights.h"
 #include "core/priors/sam/sam_networks.h"
 #include "tests/kernels/backend_test.h"
+#include "tests/testing/relative_rms.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -66,16 +67,6 @@ std::vector<float> Embed(EncoderNetwork& network, const std::vector<const Image*
   NetworkBuffer embeddings;
   EXPECT_OK(network.Encode(photos, &embeddings));
   return embeddings.Download();
-}
-
-double RelativeRms(std::span<const float> got, std::span<const float> want) {
-  double error = 0, sum = 0;
-  for (size_t i = 0; i < want.size(); ++i) {
-    const double x = static_cast<double>(want[i]), d = static_cast<double>(got[i]) - x;
-    error += d * d;
-    sum += x * x;
-  }
-  return std::sqrt(error / sum);
 }
 
 TEST(EncoderNetwork, ReadsEachWeightOnce) {
@@ -143,7 +134,7 @@ TEST_F(CudaTinyEncoderTest, MatchesTheCpu) {
        {std::pair(Precision::kFloat, 1e-5), {Precision::kHalf, 2e-3}}) {
     ASSERT_OK_AND_ASSIGN(const auto on_cuda,
                          EncoderNetwork::Make(TinyShape(), RandomWeights, *cuda_, precision));
-    EXPECT_LT(RelativeRms(Embed(*on_cuda, {&photo}), want), limit);
+    EXPECT_LT(testing::RelativeRms(Embed(*on_cuda, {&photo}), want), limit);
   }
 }
 
@@ -199,12 +190,12 @@ TEST(RealSamEncoder, MatchesOnnxRuntime) {
   const auto cpu = MakeCpuBackend(0);
   ASSERT_OK_AND_ASSIGN(const auto network,
                        EncoderNetwork::Load(sam / "encoder.onnx", *cpu, Precision::kFloat));
-  EXPECT_LT(RelativeRms(Embed(*network, {&photo}), want), 1e-5);
+  EXPECT_LT(testing::RelativeRms(Embed(*network, {&photo}), want), 1e-5);
   const auto cuda = MakeCuda();
   if (cuda == nullptr) return;
   ASSERT_OK_AND_ASSIGN(const auto on_cuda,
                        EncoderNetwork::Load(sam / "encoder.onnx", *cuda, Precision::kHalf));
-  EXPECT_LT(RelativeRms(Embed(*on_cuda, {&photo}), want), 3e-3);
+  EXPECT_LT(testing::RelativeRms(Embed(*on_cuda, {&photo}), want), 3e-3);
 }
 
 }  // namespace
