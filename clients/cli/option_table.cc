@@ -117,6 +117,7 @@ constexpr OptionRow kRows[] = {
     {"sfm.max_seconds", "14400", "1 to 604800"},
     {"sfm.max_video_frames", "120", "3 to 2000"},
     {"sfm.front", "unspecified", ""},
+    {"sfm.features", "unspecified", ""},
     {"priors.masks", "unspecified", ""},
     {"priors.depth", "unspecified", ""},
     {"preset", "standard", ""},

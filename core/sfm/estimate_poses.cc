@@ -9,12 +9,14 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "core/base/file_io.h"
 #include "core/base/num_threads.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/manifest.h"
 #include "core/sfm/colmap_program.h"
+#include "core/sfm/features/extract_features.h"
 #include "core/sfm/front/compare_photographs.h"
 #include "core/sfm/sfm_model.h"
 #include "core/sfm/sfm_progress.h"
@@ -92,6 +94,20 @@ const Words kOwnMapping = {"--Mapper.num_threads",
                            "--Mapper.ba_local_max_refinements",
                            "1"};
 
+// Returns features as the text that `colmap feature_importer` reads.
+std::string FeatureText(const SfmFeatures& features) {
+  std::string text = absl::StrCat(features.size(), " ", SfmFeatures::kDescriptorSize, "\n");
+  for (size_t i = 0; i < features.size(); ++i) {
+    const Keypoint& k = features.keypoints[i];
+    absl::StrAppendFormat(&text, "%.9g %.9g %.9g %.9g", k.x, k.y, k.scale, k.angle);
+    for (int j = 0; j < SfmFeatures::kDescriptorSize; ++j) {
+      absl::StrAppend(&text, " ", features.descriptors[i * SfmFeatures::kDescriptorSize + j]);
+    }
+    text += "\n";
+  }
+  return text;
+}
+
 // One run of the stage. EstimatePoses calls the public methods in their order.
 class PoseEstimation {
  public:
@@ -116,6 +132,9 @@ class PoseEstimation {
 
  private:
   absl::Status Run(const ColmapProgram::Command& command);
+  absl::Status ExtractByColmap();
+  absl::Status ExtractByOwnFeatures();
+  Words ReaderWords() const;
   absl::Status MatchByOwnFront();
   absl::Status MatchByColmap();
   absl::Status TookTooLong(const std::string& doing) const;
@@ -187,21 +206,54 @@ absl::Status PoseEstimation::LayOutPhotographs() {
 }
 
 absl::Status PoseEstimation::ExtractFeatures() {
-  Words words = {"--database_path", Database(), "--image_path", Images(),
-                 // On llff_fern and fox RADIAL gives the same camera centres. OPENCV takes 1.4 to
-                 // 1.7 times as long to map, and may fit noise if there are few photographs.
-                 "--ImageReader.camera_model", "SIMPLE_RADIAL",
-                 "--ImageReader.single_camera_per_folder", "1",  //
-                 "--SiftExtraction.use_gpu", "0",                //
-                 "--SiftExtraction.max_image_size", std::to_string(kFeatureSide),
-                 "--SiftExtraction.num_threads",
-                 std::to_string(NumExtracting(places_.num_threads)),  //
-                 "--SiftExtraction.max_num_features", std::to_string(options_.max_features)};
+  RETURN_IF_ERROR(options_.features == SfmEngine::kOwn ? ExtractByOwnFeatures()
+                                                       : ExtractByColmap());
+  return JudgeFeatures(Evidence(), options_);
+}
+
+Words PoseEstimation::ReaderWords() const {
+  return {"--database_path", Database(), "--image_path", Images(),
+          // On llff_fern and fox RADIAL gives the same camera centres. OPENCV takes 1.4 to 1.7
+          // times as long to map, and may fit noise if there are few photographs.
+          "--ImageReader.camera_model", "SIMPLE_RADIAL",  //
+          "--ImageReader.single_camera_per_folder", "1"};
+}
+
+absl::Status PoseEstimation::ExtractByColmap() {
+  Words words = ReaderWords();
+  words.insert(words.end(),
+               {"--SiftExtraction.use_gpu", "0",  //
+                "--SiftExtraction.max_image_size", std::to_string(kFeatureSide),
+                "--SiftExtraction.num_threads", std::to_string(NumExtracting(places_.num_threads)),
+                "--SiftExtraction.max_num_features", std::to_string(options_.max_features)});
   if (any_mask_) {
     words.insert(words.end(), {"--ImageReader.mask_path", (places_.work / "masks").string()});
   }
-  RETURN_IF_ERROR(Run({"feature_extractor", words, ""}));
-  return JudgeFeatures(Evidence(), options_);
+  return Run({"feature_extractor", words, ""});
+}
+
+// COLMAP imports the features as text, so that it chooses cameras and focal lengths as ever.
+absl::Status PoseEstimation::ExtractByOwnFeatures() {
+  std::vector<FeaturePhotograph> inputs;
+  for (const SfmPhotograph& photograph : photographs_) {
+    inputs.push_back(
+        {photograph.name, photograph.path, [&photograph] { return IgnoredPixels(photograph); }});
+  }
+  const SfmFeatureOptions options{options_.max_features, kFeatureSide, places_.num_threads};
+  const std::filesystem::path texts = places_.work / "features";
+  const auto take = [&](size_t index, const SfmFeatures& features) -> absl::Status {
+    if (absl::Now() > deadline_) return TookTooLong("at finding features");
+    const std::filesystem::path text = texts / (safe_names_[index] + ".txt");
+    std::error_code error;
+    std::filesystem::create_directories(text.parent_path(), error);
+    RETURN_IF_ERROR(WriteFileAtomically(text, FeatureText(features)));
+    progress_.Extract(safe_names_[index], static_cast<int64_t>(features.size()));
+    return Report();
+  };
+  RETURN_IF_ERROR(pepeseg::ExtractFeatures(run_.backend, inputs, options, take));
+  Words words = ReaderWords();
+  words.insert(words.end(), {"--import_path", texts.string()});
+  return Run({"feature_importer", words, ""});
 }
 
 Words PoseEstimation::MatchingWords() const {

@@ -39,10 +39,10 @@ struct SfmRun {
 };
 
 // Estimates poses, lenses and sparse points of the photographs: features by COLMAP (written
-// for 3.8) as a child process -> matches by the own front (core/sfm/front) or by COLMAP -> COLMAP's
-// incremental mapping. Leaves the largest model in `places.result`. With the own front the same
-// photographs give the same poses, whatever the number of threads; COLMAP's matcher draws depending
-// on timing unless it has one thread.
+// for 3.8) as a child process, or by core/sfm/features -> matches by the own front (core/sfm/front)
+// or by COLMAP -> COLMAP's incremental mapping. Leaves the largest model in `places.result`. With
+// the own front the same photographs give the same poses, whatever the number of threads; COLMAP's
+// matcher draws depending on timing unless it has one thread.
 //
 // FAILED_PRECONDITION, with what to do: the program is not found, or the photographs do not suffice
 // (CheckEnough, JudgeFeatures, JudgeModels). DEADLINE_EXCEEDED: it took longer than

@@ -11,6 +11,7 @@ namespace {
 
 // Core seconds. Photographs are shrunk to kFeatureSide before features are extracted.
 constexpr double kExtracting = 1.35;     // for each megapixel
+constexpr double kOwnExtracting = 0.15;  // the same by own features, with decoding
 constexpr double kMostMegapixels = 3;    // of a photograph that was shrunk
 constexpr double kColmapMatch = 1.1e-4;  // for each pair and feature: an approximate search
 constexpr double kOwnMatch = 5e-10;      // for each pair of features of a pair
@@ -28,6 +29,8 @@ absl::Status Validate(const SfmOptions& options) {
   RETURN_IF_ERROR(CheckInRange("matching", static_cast<int>(options.matching), 0,
                                static_cast<int>(SfmMatching::kSequential)));
   RETURN_IF_ERROR(CheckInRange("front", static_cast<int>(options.front), 0,
+                               static_cast<int>(SfmEngine::kColmap)));
+  RETURN_IF_ERROR(CheckInRange("features", static_cast<int>(options.features), 0,
                                static_cast<int>(SfmEngine::kColmap)));
   RETURN_IF_ERROR(CheckInRange("max_features", options.max_features, 128, 32768));
   RETURN_IF_ERROR(CheckInRange("sequential_overlap", options.sequential_overlap, 1, 100));
@@ -66,7 +69,9 @@ SfmWork ExpectedSfmWork(const SfmLoad& load, const SfmOptions& options) {
   const auto compared = static_cast<double>(pairs.compared);
   const double share = load.on_device ? kDeviceShare : 1;
   SfmWork work;
-  work.extracting = kExtracting * std::min(load.megapixels, kMostMegapixels) * n;
+  const bool own_features = options.features == SfmEngine::kOwn;
+  work.extracting = (own_features ? kOwnExtracting : kExtracting) *
+                    std::min(load.megapixels, kMostMegapixels) * n;
   work.choosing = share * kOwnScore * 2 * kLargest * features * static_cast<double>(pairs.scored);
   work.matching = options.front == SfmEngine::kColmap
                       ? kColmapMatch * features * compared

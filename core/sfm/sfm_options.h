@@ -38,6 +38,9 @@ struct SfmOptions {
   // Who matches features and verifies the matches (core/sfm/front). COLMAP's mapper runs with fewer
   // rounds of bundle adjustment on own matches, see estimate_poses.cc.
   SfmEngine front = SfmEngine::kAuto;
+  // Who finds features (core/sfm/features). kAuto is COLMAP until own features are confirmed on
+  // more captures (tests/bench/results/features_sift.md).
+  SfmEngine features = SfmEngine::kAuto;
 };
 
 // Returns INVALID_ARGUMENT, naming the option, its value and its range, if one is out of range.

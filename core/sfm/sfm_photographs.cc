@@ -86,16 +86,8 @@ absl::Status CopyPhotograph(const SfmPhotograph& photograph, const std::filesyst
 
 // Writes the union of the photograph's ignore masks, with 0 for ignored pixels and 255 for others.
 absl::Status WriteMask(const SfmPhotograph& photograph, const std::filesystem::path& path) {
-  const PhotoSize size{photograph.name, photograph.header.width, photograph.header.height};
-  DatasetIndex index;
-  const std::string stem(WithoutSuffix(PhotoKey(photograph.name)));
-  // Which of them is for all photographs makes no difference to their union.
-  index.ignore_all = &photograph.ignore.front();
-  if (photograph.ignore.size() > 1) index.ignore[stem] = &photograph.ignore.back();
-  CompanionFiles files(index, {{Companion::kIgnore, photograph.ignore_frame}});
-  ASSIGN_OR_RETURN(const std::vector<uint8_t> ignored,
-                   files.Ignored(stem, {size, photograph.orientation, PixelFrame::kStored}));
-  Image mask{size.width, size.height, 1, {}};
+  ASSIGN_OR_RETURN(const std::vector<uint8_t> ignored, IgnoredPixels(photograph));
+  Image mask{photograph.header.width, photograph.header.height, 1, {}};
   mask.pixels.reserve(ignored.size());
   for (const uint8_t value : ignored) mask.pixels.push_back(value != 0 ? 0 : 255);
   ASSIGN_OR_RETURN(const std::string png, EncodePng(mask));
@@ -150,6 +142,18 @@ bool AreNumbered(std::span<const SfmPhotograph> photographs) {
   return std::all_of(photographs.begin(), photographs.end(), [](const SfmPhotograph& photograph) {
     return NumberedName(photograph.name).numbered;
   });
+}
+
+absl::StatusOr<std::vector<uint8_t>> IgnoredPixels(const SfmPhotograph& photograph) {
+  if (photograph.ignore.empty()) return std::vector<uint8_t>();
+  const PhotoSize size{photograph.name, photograph.header.width, photograph.header.height};
+  DatasetIndex index;
+  const std::string stem(WithoutSuffix(PhotoKey(photograph.name)));
+  // Which of them is for all photographs makes no difference to their union.
+  index.ignore_all = &photograph.ignore.front();
+  if (photograph.ignore.size() > 1) index.ignore[stem] = &photograph.ignore.back();
+  CompanionFiles files(index, {{Companion::kIgnore, photograph.ignore_frame}});
+  return files.Ignored(stem, {size, photograph.orientation, PixelFrame::kStored});
 }
 
 std::vector<std::string> SafeNames(std::span<const SfmPhotograph> photographs) {

@@ -40,6 +40,10 @@ absl::Status CheckEnough(std::span<const SfmPhotograph> photographs);
 // Returns true if every name ends in a number, as cameras and video tools name files.
 bool AreNumbered(std::span<const SfmPhotograph> photographs);
 
+// Returns the pixels that the photograph's ignore masks exclude, [height, width] of the stored
+// pixels, 1; none if it has no ignore masks. Errors as CompanionFiles::Ignored.
+absl::StatusOr<std::vector<uint8_t>> IgnoredPixels(const SfmPhotograph& photograph);
+
 // Returns the names for COLMAP, relative to its folder of photographs: "c1/000001.jpg". The folder
 // is one camera, which photographs of equal size and equal EXIF camera share. The number is the
 // photograph's index + 1, so that each folder sorts like the photographs. The suffix is that of the

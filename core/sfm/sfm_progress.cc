@@ -80,6 +80,11 @@ void SfmProgress::Reach(Part part, int64_t done, int64_t of) {
   if (work_.sum() > 0) share_ = std::max(share_, work / work_.sum());
 }
 
+void SfmProgress::Extract(const std::string& name, int64_t num_features) {
+  num_features_[name] = num_features;
+  Reach(kExtracting, static_cast<int64_t>(num_features_.size()), num_photographs_);
+}
+
 void SfmProgress::Compare(int64_t done, int64_t total) {
   by_pairs_ |= part_ <= kMatching;
   num_pairs_ = total;  // it may find more pairs to compare

@@ -21,6 +21,9 @@ class SfmProgress {
 
   // Reads one line of output.
   void Read(absl::string_view line);
+  // Takes the number of features of a photograph that the own extraction has done, by its name in
+  // COLMAP.
+  void Extract(const std::string& name, int64_t num_features);
   // Takes the progress of the own matcher: `done` of `total` pairs are scored, or matched and
   // verified.
   void Score(int64_t done, int64_t total) { Reach(kChoosing, done, total); }

@@ -15,7 +15,8 @@
 // clang-format off
 #define PEPESEG_SFM_FIELDS(FIELD) \
   FIELD(matching) FIELD(max_features) FIELD(sequential_overlap) \
-  FIELD(min_registered_share) FIELD(max_seconds) FIELD(max_video_frames) FIELD(front)
+  FIELD(min_registered_share) FIELD(max_seconds) FIELD(max_video_frames) FIELD(front) \
+  FIELD(features)
 #define PEPESEG_RECONSTRUCT_FIELDS(FIELD) \
   FIELD(num_steps) \
   FIELD(sh_degree) \

@@ -172,23 +172,21 @@ Image GreyOf(Image image) {
   return grey;
 }
 
-absl::StatusOr<std::vector<SfmFeatures>> ExtractFeatures(
-    Backend& backend, std::span<const FeaturePhotograph> photographs,
-    const SfmFeatureOptions& options, SfmFeatureProgressFn progress) {
-  std::vector<SfmFeatures> all;
-  if (photographs.empty()) return all;
+absl::Status ExtractFeatures(Backend& backend, std::span<const FeaturePhotograph> photographs,
+                             const SfmFeatureOptions& options, TakeFeaturesFn take) {
+  if (photographs.empty()) return absl::OkStatus();
   DecodingQueue queue(photographs, options.max_side,
                       std::min(NumThreads(options.num_threads), kMostDecoding));
   FeatureExtractor extractor(backend, options.max_features);
   for (size_t i = 0; i < photographs.size(); ++i) {
     ASSIGN_OR_RETURN(const DecodedPhotograph decoded, queue.Take());
-    ASSIGN_OR_RETURN(SfmFeatures features, InTurn(backend, [&]() -> absl::StatusOr<SfmFeatures> {
+    ASSIGN_OR_RETURN(const SfmFeatures features,
+                     InTurn(backend, [&]() -> absl::StatusOr<SfmFeatures> {
                        return extractor.Extract(decoded);
                      }));
-    all.push_back(std::move(features));
-    RETURN_IF_ERROR(progress(static_cast<int64_t>(i) + 1));
+    RETURN_IF_ERROR(take(i, features));
   }
-  return all;
+  return absl::OkStatus();
 }
 
 }  // namespace pepeseg

@@ -34,20 +34,19 @@ struct SfmFeatureOptions {
   int num_threads = 0;      // that decode; 0: one for each core, at most 8
 };
 
-// Reports the number of photographs that are done. Called on the calling thread. An error ends the
-// extraction.
-using SfmFeatureProgressFn = absl::FunctionRef<absl::Status(int64_t num_done)>;
+// Takes the features of a photograph, by its index, in pixels of the stored photograph. Called on
+// the calling thread, in the order of the photographs. An error ends the extraction.
+using TakeFeaturesFn = absl::FunctionRef<absl::Status(size_t index, const SfmFeatures& features)>;
 
-// Finds the features of the photographs, in pixels of the stored photographs. Photographs are
+// Finds the features of the photographs and calls `take` for each. Photographs are
 // decoded by threads while the backend works on those before them; a few are in memory at a time.
 // Results depend on the backend, but not on the number of threads.
 //
 // Returns the first error by the order of the photographs: those of DecodePhoto and `ignored`;
-// INVALID_ARGUMENT for ignored pixels of another size; those of the backend (TakeStatus); or that
-// of `progress`.
-absl::StatusOr<std::vector<SfmFeatures>> ExtractFeatures(
-    Backend& backend, std::span<const FeaturePhotograph> photographs,
-    const SfmFeatureOptions& options, SfmFeatureProgressFn progress);
+// INVALID_ARGUMENT for ignored pixels of another size; those of the backend (TakeStatus); those of
+// `take`.
+absl::Status ExtractFeatures(Backend& backend, std::span<const FeaturePhotograph> photographs,
+                             const SfmFeatureOptions& options, TakeFeaturesFn take);
 
 // Returns the luma of an image, as COLMAP's reader makes it: Rec. 709 weights, rounded. A grey
 // image is returned as it is.

@@ -109,6 +109,25 @@ TEST_F(EstimatePosesTest, FindsTheSamePosesWithAnyNumberOfThreads) {
   EXPECT_THAT(warnings_, ::testing::IsEmpty());
 }
 
+TEST_F(EstimatePosesTest, FindsTheCameraCentresWithOwnFeatures) {
+  const std::vector<View> views = testing::PhotographPlace(testing::PlaceArc(5), 1);
+  for (const View& view : views) Add(view.photo);
+  SfmOptions options;
+  options.features = SfmEngine::kOwn;
+  std::string bytes[2];
+  for (const int num_threads : {1, 2}) {
+    last_share_ = 0;
+    places_.num_threads = num_threads;
+    ASSERT_OK_AND_ASSIGN(const EstimatedPoses poses, Estimate(options));
+    EXPECT_EQ(poses.num_registered, 5);
+    EXPECT_LT(poses.reprojection_error, 1.0);
+    std::ifstream file(poses.images, std::ios::binary);
+    bytes[num_threads - 1].assign(std::istreambuf_iterator<char>(file), {});
+  }
+  EXPECT_EQ(bytes[0], bytes[1]);
+  EXPECT_THAT(activities_, ::testing::Contains("finding features in"));
+}
+
 TEST_F(EstimatePosesTest, MatchesByColmapOnRequest) {
   for (const View& view : testing::PhotographPlace(testing::PlaceArc(3), 1)) Add(view.photo);
   SfmOptions options;

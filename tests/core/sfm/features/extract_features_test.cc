@@ -39,10 +39,17 @@ class ExtractFeaturesTest : public ::testing::Test {
   }
   absl::StatusOr<std::vector<SfmFeatures>> Extract(const SfmFeatureOptions& options = {}) {
     num_done_.clear();
-    return ExtractFeatures(*backend_, photographs_, options, [&](int64_t done) {
+    std::vector<SfmFeatures> all;
+    const auto take = [&](size_t index, const SfmFeatures& features) {
+      EXPECT_EQ(index, all.size());
+      all.push_back(features);
+      const auto done = static_cast<int64_t>(all.size());
       num_done_.push_back(done);
       return done == cancel_at_ ? absl::CancelledError("enough") : absl::OkStatus();
-    });
+    };
+    const absl::Status status = ExtractFeatures(*backend_, photographs_, options, take);
+    if (!status.ok()) return status;
+    return all;
   }
 
   testing::TempFolder folder_;
