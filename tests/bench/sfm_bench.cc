@@ -1,6 +1,7 @@
 // Estimates the poses of scenes from their photographs alone, and compares them with the given
 // ones (sparse/0/images). Prints a table in Markdown. Core seconds include those of COLMAP. Usage:
-//   pepeseg_sfm_bench [--front own,colmap] [--every n] [--seeds n] [--threads n] SCENE...
+//   pepeseg_sfm_bench [--front own,colmap] [--features colmap|own] [--every n] [--seeds n]
+//   [--threads n] SCENE...
 // --every n: only each n-th photograph. --seeds n: n runs, of which all but the first see the
 // photographs in another order. --ignore 0: without ignore masks. --seconds n: time limit of a run.
 
@@ -32,6 +33,7 @@ namespace {
 
 struct Flags {
   std::vector<std::string> fronts = {"own", "colmap"}, scenes;
+  SfmEngine features = SfmEngine::kColmap;
   size_t every = 1;
   int num_seeds = 1, num_threads = 0, max_seconds = 4 * 3600;
   bool use_ignore = true;
@@ -104,6 +106,7 @@ absl::StatusOr<Measured> Run(const std::vector<SfmPhotograph>& photographs,
                          flags.num_threads};
   SfmOptions options;
   options.front = front;
+  options.features = flags.features;
   options.max_seconds = flags.max_seconds;
   const auto backend = MakeCpuBackend(flags.num_threads);
   Measured measured;
@@ -208,6 +211,9 @@ int main(int argc, char** argv) {
       continue;
     }
     const std::string value = ++i < argc ? argv[i] : "";
+    if (flag == "--features") {
+      flags.features = value == "own" ? pepeseg::SfmEngine::kOwn : pepeseg::SfmEngine::kColmap;
+    }
     if (flag == "--front") flags.fronts = absl::StrSplit(value, ',');
     if (flag == "--every") flags.every = static_cast<size_t>(std::max(1, std::atoi(value.c_str())));
     if (flag == "--seeds") flags.num_seeds = std::atoi(value.c_str());
