@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 #include <optional>
+#include <string_view>
 #include <system_error>
 #include <thread>
 #include <utility>
@@ -18,6 +19,7 @@
 #include "core/sfm/colmap_program.h"
 #include "core/sfm/features/extract_features.h"
 #include "core/sfm/front/compare_photographs.h"
+#include "core/sfm/incremental_mapping.h"
 #include "core/sfm/sfm_model.h"
 #include "core/sfm/sfm_progress.h"
 #include "core/sfm/sfm_verdict.h"
@@ -76,24 +78,6 @@ SfmLoad LoadOf(std::span<const SfmPhotograph> photographs, const SfmOptions& opt
   return load;
 }
 
-// Fewer rounds of bundle adjustment: 20 to 50 % less work at the same error of the poses
-// (tests/bench/results/poses.md). One thread: poses that do not depend on the number of threads,
-// at no cost, as the mapper's own part is one thread.
-const Words kOwnMapping = {"--Mapper.num_threads",
-                           "1",
-                           "--Mapper.ba_global_images_ratio",
-                           "1.3",
-                           "--Mapper.ba_global_points_ratio",
-                           "1.3",
-                           "--Mapper.ba_global_max_num_iterations",
-                           "20",
-                           "--Mapper.ba_global_max_refinements",
-                           "2",
-                           "--Mapper.ba_local_max_num_iterations",
-                           "15",
-                           "--Mapper.ba_local_max_refinements",
-                           "1"};
-
 // Returns features as the text that `colmap feature_importer` reads.
 std::string FeatureText(const SfmFeatures& features) {
   std::string text = absl::StrCat(features.size(), " ", SfmFeatures::kDescriptorSize, "\n");
@@ -144,6 +128,7 @@ class PoseEstimation {
   }
   Words MatchingWords() const;
   SfmEvidence Evidence() const;
+  std::vector<size_t> IndicesOf(const Words& names) const;
   // Returns the option for COLMAP; -1: one thread for each core.
   std::string Threads() const {
     return std::to_string(places_.num_threads > 0 ? places_.num_threads : -1);
@@ -162,7 +147,7 @@ class PoseEstimation {
   SfmProgress progress_;
   std::optional<ColmapProgram> program_;
   bool any_mask_ = false;
-  bool has_own_pairs_ = false;  // the own front has written OwnDatabase()
+  std::optional<ComparedDatabase> compared_;  // if the own front has written OwnDatabase()
   std::vector<SfmModel> models_;
 };
 
@@ -279,7 +264,7 @@ absl::Status PoseEstimation::MatchByOwnFront() {
   comparison.num_threads = places_.num_threads;
   // Set when the caller or the deadline ends the comparison. The front has not failed then.
   absl::Status stopped;
-  const absl::Status status = CompareInDatabase(
+  absl::StatusOr<ComparedDatabase> compared = CompareInDatabase(
       run_.backend, Database(), OwnDatabase(), comparison, [&](const ComparisonProgress& progress) {
         if (progress.choosing) {
           progress_.Score(progress.done, progress.total);
@@ -289,14 +274,15 @@ absl::Status PoseEstimation::MatchByOwnFront() {
         stopped = absl::Now() > deadline_ ? TookTooLong("at matching features") : Report();
         return stopped;
       });
-  if (status.ok() || !stopped.ok() || options_.front == SfmEngine::kOwn) {
-    has_own_pairs_ = status.ok();
-    return status;
+  if (compared.ok()) {
+    compared_ = *std::move(compared);
+    return absl::OkStatus();
   }
+  if (!stopped.ok() || options_.front == SfmEngine::kOwn) return compared.status();
   run_.warn(
       absl::StrCat("COLMAP matches the photographs, which takes longer, because pepeseg's "
                    "matcher failed: ",
-                   status.message()));
+                   compared.status().message()));
   return MatchByColmap();
 }
 
@@ -310,53 +296,45 @@ absl::Status PoseEstimation::MatchByColmap() {
 }
 
 absl::Status PoseEstimation::Map() {
-  const std::filesystem::path models = places_.work / "models";
-  std::error_code error;
-  std::filesystem::create_directory(models, error);
-  // random_seed: RANSAC is repeatable with one thread. min_model_size: by default COLMAP drops
-  // small models, but JudgeModels needs them to find a second place.
-  Words words = {"--random_seed",
-                 "1",
-                 "--database_path",
-                 has_own_pairs_ ? OwnDatabase() : Database(),
-                 "--image_path",
-                 Images(),
-                 "--output_path",
-                 models.string(),
-                 "--Mapper.min_model_size",
-                 "3"};
-  if (has_own_pairs_) {
-    words.insert(words.end(), kOwnMapping.begin(), kOwnMapping.end());
-  } else {
-    words.insert(words.end(), {"--Mapper.num_threads", Threads()});
+  MappingInput input{compared_ ? OwnDatabase() : Database(), Images(), places_.work / "models",
+                     Threads(), compared_ ? &*compared_ : nullptr};
+  RETURN_IF_ERROR(MakeEmptyFolder(input.models));
+  ASSIGN_OR_RETURN(MappedModels mapped,
+                   MapIncrementally(input, [this](const auto& command) { return Run(command); }));
+  models_ = std::move(mapped.models);
+  RETURN_IF_ERROR(JudgeModels(Evidence(), options_));
+  if (!mapped.agreement.IsPlausible()) {
+    run_.warn(DescribeDisagreement(Evidence(), mapped.agreement.agreeing,
+                                   mapped.agreement.disagreeing,
+                                   IndicesOf(mapped.agreement.doubtful)));
   }
-  RETURN_IF_ERROR(Run({"mapper", words, "failed to create sparse model"}));
-  ASSIGN_OR_RETURN(models_, ReadSfmModels(models));
-  return JudgeModels(Evidence(), options_);
+  return absl::OkStatus();
+}
+
+// Returns the indices of photographs by their names in COLMAP.
+std::vector<size_t> PoseEstimation::IndicesOf(const Words& names) const {
+  std::map<std::string_view, size_t> index;
+  for (size_t i = 0; i < safe_names_.size(); ++i) index[safe_names_[i]] = i;
+  std::vector<size_t> found;
+  for (const std::string& name : names) {
+    if (const auto at = index.find(name); at != index.end()) found.push_back(at->second);
+  }
+  return found;
 }
 
 // Collects what is known so far, with the owner's names in place of COLMAP's.
 SfmEvidence PoseEstimation::Evidence() const {
   SfmEvidence evidence;
-  std::map<std::string, size_t> index;
   for (size_t i = 0; i < photographs_.size(); ++i) {
     evidence.names.push_back(photographs_[i].name);
     const auto features = progress_.num_features().find(safe_names_[i]);
     // A photograph that COLMAP could not read has no entry.
     evidence.num_features.push_back(features == progress_.num_features().end() ? 0
                                                                                : features->second);
-    index[safe_names_[i]] = i;
   }
   evidence.num_connected = progress_.num_connected();
   // Models hold COLMAP's names, the verdict speaks of photographs by index.
-  for (const SfmModel& model : models_) {
-    std::vector<size_t>& members = evidence.models.emplace_back();
-    for (const std::string& name : model.names) {
-      if (const auto found = index.find(name); found != index.end()) {
-        members.push_back(found->second);
-      }
-    }
-  }
+  for (const SfmModel& model : models_) evidence.models.push_back(IndicesOf(model.names));
   return evidence;
 }
 

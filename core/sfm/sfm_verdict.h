@@ -28,4 +28,9 @@ absl::Status JudgeFeatures(const SfmEvidence& evidence, const SfmOptions& option
 // counts, the first names, and what to do about the likely cause.
 absl::Status JudgeModels(const SfmEvidence& evidence, const SfmOptions& options);
 
+// Returns a warning that a model contradicts matches of its photographs (ModelAgreement): their
+// share, the names of `doubtful` photographs, and what to do.
+std::string DescribeDisagreement(const SfmEvidence& evidence, int64_t agreeing, int64_t disagreeing,
+                                 const std::vector<size_t>& doubtful);
+
 }  // namespace pepeseg

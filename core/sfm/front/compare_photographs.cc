@@ -156,15 +156,20 @@ absl::StatusOr<std::vector<ComparedPair>> ComparePhotographs(Backend& backend,
   return Comparison(backend, features, options, progress).Run();
 }
 
-absl::Status CompareInDatabase(Backend& backend, const std::filesystem::path& from,
-                               const std::filesystem::path& to, const ComparisonOptions& options,
-                               ComparisonProgressFn progress) {
+absl::StatusOr<ComparedDatabase> CompareInDatabase(Backend& backend,
+                                                   const std::filesystem::path& from,
+                                                   const std::filesystem::path& to,
+                                                   const ComparisonOptions& options,
+                                                   ComparisonProgressFn progress) {
   ASSIGN_OR_RETURN(DatabaseFeatures read, ReadDatabaseFeatures(from));
-  const DatabaseFeatures features = SortedByName(std::move(read));
-  ASSIGN_OR_RETURN(const std::vector<ComparedPair> pairs,
-                   ComparePhotographs(backend, features, options, progress));
-  RETURN_IF_ERROR(CreateDatabase(to, features));
-  return WritePairs(to, features, pairs);
+  ComparedDatabase compared{SortedByName(std::move(read)), {}, options.feature_side};
+  ASSIGN_OR_RETURN(compared.pairs,
+                   ComparePhotographs(backend, compared.features, options, progress));
+  RETURN_IF_ERROR(CreateDatabase(to, compared.features));
+  RETURN_IF_ERROR(WritePairs(to, compared.features, compared.pairs));
+  for (DatabaseImage& image : compared.features.images) image.features.descriptors = {};
+  for (ComparedPair& pair : compared.pairs) pair.matches = {};
+  return compared;
 }
 
 NumPairs ExpectedPairs(int64_t num_photographs, const ComparisonOptions& options) {

@@ -46,12 +46,21 @@ absl::StatusOr<std::vector<ComparedPair>> ComparePhotographs(Backend& backend,
                                                              const ComparisonOptions& options,
                                                              ComparisonProgressFn progress);
 
+// What CompareInDatabase found, without descriptors and matches that were not verified.
+struct ComparedDatabase {
+  DatabaseFeatures features;
+  std::vector<ComparedPair> pairs;
+  double feature_side = 0;  // see ComparisonOptions
+};
+
 // Reads the features of a COLMAP database, compares the photographs, and creates a database `to`
 // with the features (SortedByName) and the pairs. `from` stays as it is. Errors of
 // ReadDatabaseFeatures, ComparePhotographs, CreateDatabase and WritePairs.
-absl::Status CompareInDatabase(Backend& backend, const std::filesystem::path& from,
-                               const std::filesystem::path& to, const ComparisonOptions& options,
-                               ComparisonProgressFn progress);
+absl::StatusOr<ComparedDatabase> CompareInDatabase(Backend& backend,
+                                                   const std::filesystem::path& from,
+                                                   const std::filesystem::path& to,
+                                                   const ComparisonOptions& options,
+                                                   ComparisonProgressFn progress);
 
 // Returns the number of pairs that are scored, and an estimate of those that are compared.
 struct NumPairs {
