@@ -35,7 +35,7 @@ struct SfmRun {
   Backend& backend;     // matches features
   ProgressFn progress;  // called several times a second; an error that it returns ends the stage
   absl::FunctionRef<void(absl::string_view)>
-      warn;  // called if COLMAP does what the own front failed to
+      warn;  // called if COLMAP does what pepeseg failed to, or if poses are doubtful
 };
 
 // Estimates poses, lenses and sparse points of the photographs: features by COLMAP (written

@@ -127,14 +127,12 @@ absl::Status JudgeModels(const SfmEvidence& evidence, const SfmOptions& options)
 std::string DescribeDisagreement(const SfmEvidence& evidence, int64_t agreeing, int64_t disagreeing,
                                  const std::vector<size_t>& doubtful) {
   const int64_t sum = std::max<int64_t>(agreeing + disagreeing, 1);
-  const std::string which = doubtful.empty() ? "some photographs may"
-                                             : absl::StrCat(doubtful.size(), " photographs (",
-                                                            Names(evidence, doubtful), ") may");
-  return absl::StrCat(
-      "the poses contradict ", 100 * disagreeing / sum,
-      " % of what photographs have in common, so ", which,
-      " be misplaced: the scene repeats a pattern, such as a wallpaper, or has equal "
-      "things; add photographs between those, or leave them out");
+  const std::string which =
+      doubtful.empty() ? "" : absl::StrCat(" (", Names(evidence, doubtful), ")");
+  return absl::StrCat("the poses contradict ", 100 * disagreeing / sum,
+                      " % of what photographs have in common, so some photographs", which,
+                      " may be misplaced: the scene repeats a pattern, such as a wallpaper, or has "
+                      "equal things; add photographs between those, or leave them out");
 }
 
 }  // namespace pepeseg

@@ -1,6 +1,6 @@
 // Estimates the poses of scenes from their photographs alone, and compares them with the given
 // ones (sparse/0/images). Prints a table in Markdown. Core seconds include those of COLMAP. Usage:
-//   pepeseg_sfm_bench [--front own,colmap] [--features colmap|own] [--every n] [--seeds n]
+//   pepeseg_sfm_bench [--front own,colmap] [--features own|colmap|auto] [--every n] [--seeds n]
 //   [--threads n] SCENE...
 // --every n: only each n-th photograph. --seeds n: n runs, of which all but the first see the
 // photographs in another order. --ignore 0: without ignore masks. --seconds n: time limit of a run.
@@ -33,7 +33,7 @@ namespace {
 
 struct Flags {
   std::vector<std::string> fronts = {"own", "colmap"}, scenes;
-  SfmEngine features = SfmEngine::kColmap;
+  SfmEngine features = SfmEngine::kAuto;
   size_t every = 1;
   int num_seeds = 1, num_threads = 0, max_seconds = 4 * 3600;
   bool use_ignore = true;
@@ -212,7 +212,9 @@ int main(int argc, char** argv) {
     }
     const std::string value = ++i < argc ? argv[i] : "";
     if (flag == "--features") {
-      flags.features = value == "own" ? pepeseg::SfmEngine::kOwn : pepeseg::SfmEngine::kColmap;
+      flags.features = value == "own"      ? pepeseg::SfmEngine::kOwn
+                       : value == "colmap" ? pepeseg::SfmEngine::kColmap
+                                           : pepeseg::SfmEngine::kAuto;
     }
     if (flag == "--front") flags.fronts = absl::StrSplit(value, ',');
     if (flag == "--every") flags.every = static_cast<size_t>(std::max(1, std::atoi(value.c_str())));

@@ -95,5 +95,15 @@ TEST(SfmOptions, NameTheOptionThatIsOutOfRange) {
   EXPECT_STATUS(Validate(options), absl::StatusCode::kInvalidArgument, "min_registered_share");
 }
 
+TEST(SfmVerdict, NamesPhotographsThatContradictTheMatches) {
+  SfmEvidence evidence;
+  evidence.names = {"a.jpg", "b.jpg", "c.jpg"};
+  const std::string text = DescribeDisagreement(evidence, 80, 20, {1});
+  EXPECT_THAT(text, ::testing::HasSubstr("contradict 20 %"));
+  EXPECT_THAT(text, ::testing::HasSubstr("some photographs (b.jpg) may be misplaced"));
+  EXPECT_THAT(DescribeDisagreement(evidence, 80, 20, {}),
+              ::testing::HasSubstr("some photographs may be misplaced"));
+}
+
 }  // namespace
 }  // namespace pepeseg
