@@ -41,7 +41,7 @@ std::vector<uint8_t> ResizedTo(const std::vector<uint8_t>& ignored, const Decode
 }
 
 absl::StatusOr<DecodedPhotograph> Decode(const FeaturePhotograph& photograph, int max_side) {
-  ASSIGN_OR_RETURN(Image image, DecodePhoto(photograph.path, photograph.name));
+  ASSIGN_OR_RETURN(Image image, DecodeLuma(photograph.path, photograph.name));
   DecodedPhotograph decoded;
   decoded.width = image.width;
   decoded.height = image.height;

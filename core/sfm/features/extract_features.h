@@ -42,7 +42,7 @@ using TakeFeaturesFn = absl::FunctionRef<absl::Status(size_t index, const SfmFea
 // decoded by threads while the backend works on those before them; a few are in memory at a time.
 // Results depend on the backend, but not on the number of threads.
 //
-// Returns the first error by the order of the photographs: those of DecodePhoto and `ignored`;
+// Returns the first error by the order of the photographs: those of DecodeLuma and `ignored`;
 // INVALID_ARGUMENT for ignored pixels of another size; those of the backend (TakeStatus); those of
 // `take`.
 absl::Status ExtractFeatures(Backend& backend, std::span<const FeaturePhotograph> photographs,
