@@ -36,7 +36,7 @@ struct SfmOptions {
   // Maximum number of frames taken from a video, spread over its duration. [3, 2000].
   int max_video_frames = 120;
   // Who matches features and verifies the matches (core/sfm/front). COLMAP's mapper runs with fewer
-  // rounds of bundle adjustment on own matches, see estimate_poses.cc.
+  // rounds of bundle adjustment on own matches, see incremental_mapping.cc.
   SfmEngine front = SfmEngine::kAuto;
   // Who finds features (core/sfm/features). kAuto is COLMAP until own features are confirmed on
   // more captures (tests/bench/results/features_sift.md).
