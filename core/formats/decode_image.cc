@@ -196,19 +196,6 @@ absl::StatusOr<Image> DecodePhoto(std::span<const uint8_t> bytes, absl::string_v
   return image;
 }
 
-absl::StatusOr<Image> DecodeLuma(const std::filesystem::path& path, absl::string_view name) {
-  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, name, kMaxImageFileBytes));
-  const std::span data(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
-  ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(name, data));
-  if (header.format != ImageFormat::kJpeg) return DecodePhoto(data, name);
-  ASSIGN_OR_RETURN(const Decoded decoded,
-                   Decode(data, name, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION));
-  Image image{decoded.header.width, decoded.header.height, 1, {}};
-  image.pixels.resize(static_cast<size_t>(image.width) * image.height);
-  decoded.pixels.copyTo(cv::Mat(image.height, image.width, CV_8UC1, image.pixels.data()));
-  return image;
-}
-
 absl::StatusOr<LabelImage> DecodeLabels(const std::filesystem::path& path, absl::string_view name) {
   ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, name, kMaxImageFileBytes));
   const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());

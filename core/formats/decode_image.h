@@ -34,11 +34,6 @@ absl::StatusOr<Image> DecodePhoto(const std::filesystem::path& path, absl::strin
 absl::StatusOr<Image> DecodePhoto(std::span<const uint8_t> bytes, absl::string_view name,
                                   std::vector<uint8_t>* transparent = nullptr);
 
-// Decodes the luma of a JPEG as the file stores it, one channel; photographs of other formats as
-// DecodePhoto does. Luma made of decoded colours has errors of the interpolated chroma. Errors as
-// DecodePhoto.
-absl::StatusOr<Image> DecodeLuma(const std::filesystem::path& path, absl::string_view name);
-
 // Decodes a PNG of 1 to 16 bits a channel, grey or colour, to labels. Alpha is left out, unless the
 // image is a cut-out: one colour everywhere, or more than 4096 of them, with opaque and transparent
 // pixels. Labels of a cut-out are 1 where it is opaque, else 0. Errors as DecodePhoto, and

@@ -12,6 +12,7 @@
 #include "core/base/num_threads.h"
 #include "core/base/status_macros.h"
 #include "core/formats/decode_image.h"
+#include "core/formats/decode_luma.h"
 
 namespace pepeseg {
 namespace {
@@ -45,7 +46,7 @@ absl::StatusOr<DecodedPhotograph> Decode(const FeaturePhotograph& photograph, in
   DecodedPhotograph decoded;
   decoded.width = image.width;
   decoded.height = image.height;
-  decoded.grey = ShrunkTo(GreyOf(std::move(image)), max_side);
+  decoded.grey = ShrunkTo(std::move(image), max_side);
   if (!photograph.ignored) return decoded;
   ASSIGN_OR_RETURN(const std::vector<uint8_t> ignored, photograph.ignored());
   if (ignored.empty()) return decoded;
@@ -157,20 +158,6 @@ class FeatureExtractor {
 };
 
 }  // namespace
-
-Image GreyOf(Image image) {
-  if (image.channels == 1) return image;
-  Image grey{image.width, image.height, 1, {}};
-  grey.pixels.reserve(static_cast<size_t>(image.width) * image.height);
-  for (size_t i = 0; i + 2 < image.pixels.size(); i += image.channels) {
-    // FreeImage's weights, which COLMAP uses.
-    const float luma = 0.2126f * static_cast<float>(image.pixels[i]) +
-                       0.7152f * static_cast<float>(image.pixels[i + 1]) +
-                       0.0722f * static_cast<float>(image.pixels[i + 2]);
-    grey.pixels.push_back(static_cast<uint8_t>(luma + 0.5f));
-  }
-  return grey;
-}
 
 absl::Status ExtractFeatures(Backend& backend, std::span<const FeaturePhotograph> photographs,
                              const SfmFeatureOptions& options, TakeFeaturesFn take) {

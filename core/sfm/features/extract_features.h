@@ -14,8 +14,8 @@
 #include "core/sfm/features/features.h"
 #include "kernels/backend.h"
 
-// Features of photographs by ExtractSift (kernels/ops/sift.h), as COLMAP 3.8 would find them but
-// for how it decodes JPEGs (tests/bench/results/features_sift.md).
+// Features of photographs by ExtractSift (kernels/ops/sift.h), as COLMAP 3.8 finds them
+// (tests/bench/results/features_sift.md).
 namespace pepeseg {
 
 // A photograph whose features are wanted.
@@ -47,9 +47,5 @@ using TakeFeaturesFn = absl::FunctionRef<absl::Status(size_t index, const SfmFea
 // `take`.
 absl::Status ExtractFeatures(Backend& backend, std::span<const FeaturePhotograph> photographs,
                              const SfmFeatureOptions& options, TakeFeaturesFn take);
-
-// Returns the luma of an image, as COLMAP's reader makes it: Rec. 709 weights, rounded. A grey
-// image is returned as it is.
-Image GreyOf(Image image);
 
 }  // namespace pepeseg

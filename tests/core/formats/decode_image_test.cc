@@ -129,25 +129,6 @@ TEST(DecodePhoto, IgnoresTheOrientationTag) {
   EXPECT_EQ(image.height, 35);
 }
 
-// Red 200, green 30, blue 60 is 84.3 by the weights of JPEG.
-TEST(DecodeLuma, ReadsThatOfAJpegAndTheColoursOfAPng) {
-  Image flat{48, 32, 3, {}};
-  for (int i = 0; i < 48 * 32; ++i) flat.pixels.insert(flat.pixels.end(), {200, 30, 60});
-  const TempFolder folder;
-  WriteBytes(folder / "a.jpg", Jpeg(flat));
-  ASSERT_OK_AND_ASSIGN(const Image luma, DecodeLuma(folder / "a.jpg", "a.jpg"));
-  EXPECT_EQ(luma.width, 48);
-  EXPECT_EQ(luma.height, 32);
-  EXPECT_EQ(luma.channels, 1);
-  ASSERT_EQ(luma.pixels.size(), 48u * 32);
-  for (const uint8_t value : luma.pixels) ASSERT_NEAR(value, 84, 1);
-  WriteBytes(folder / "a.png", Png(flat));
-  ASSERT_OK_AND_ASSIGN(const Image colours, DecodeLuma(folder / "a.png", "a.png"));
-  EXPECT_EQ(colours.pixels, flat.pixels);
-  WriteBytes(folder / "cut.jpg", Jpeg(flat).substr(0, 200));
-  EXPECT_STATUS(DecodeLuma(folder / "cut.jpg", "cut.jpg"), kInvalidArgument, "cut.jpg: ");
-}
-
 TEST(DecodePhoto, RejectsFilesThatAreCutShort) {
   for (const std::string& good : {Jpeg(Picture(200, 150)), Png(Picture(200, 150))}) {
     for (int twentieth = 0; twentieth < 20; ++twentieth) {

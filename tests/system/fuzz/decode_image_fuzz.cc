@@ -1,4 +1,5 @@
 #include "core/formats/decode_image.h"
+#include "core/formats/decode_luma.h"
 #include "core/formats/image_header.h"
 #include "tests/system/fuzz/fuzz_target.h"
 #include "tests/system/fuzz/memory_file.h"
@@ -14,6 +15,10 @@ PEPESEG_FUZZ_TARGET(decode_image) {
   const auto photo = pepeseg::DecodePhoto(path, "a.jpg");
   if (photo.ok()) {
     pepeseg::fuzz::Expect(header.ok() && photo->width == header->width, "the header's width");
+  }
+  const auto luma = pepeseg::DecodeLuma(path, "a.jpg");
+  if (luma.ok()) {
+    pepeseg::fuzz::Expect(header.ok() && luma->width == header->width, "the header's width");
   }
   (void)pepeseg::DecodeLabels(path, "a.png");
   (void)pepeseg::DecodeGrey(path, "a.png");

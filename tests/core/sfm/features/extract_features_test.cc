@@ -135,10 +135,5 @@ TEST_F(ExtractFeaturesTest, StopsWhereProgressReturnsAnError) {
   EXPECT_EQ(num_done_.back(), 3);
 }
 
-TEST(GreyOf, WeighsColoursAsRec709) {
-  const Image grey = GreyOf({4, 1, 3, {255, 0, 0, 0, 255, 0, 0, 0, 255, 255, 255, 255}});
-  EXPECT_THAT(grey.pixels, ::testing::ElementsAre(54, 182, 18, 255));
-}
-
 }  // namespace
 }  // namespace pepeseg
