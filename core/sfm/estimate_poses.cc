@@ -119,18 +119,28 @@ absl::Status PoseEstimation::FindFeatures() {
                          safe_names_,
                          Images(),
                          any_mask_ ? places_.work / "masks" : std::filesystem::path(),
-                         places_.work / "features",
+                         places_.work / "sensors",
                          Database(),
                          options_.max_features,
                          places_.num_threads};
-  RETURN_IF_ERROR(options_.features == SfmEngine::kOwn
-                      ? FindOwnFeatures(task, run_.backend, *program_, watch_)
-                      : FindFeaturesByColmap(task, *program_, watch_));
+  absl::Status status = options_.features == SfmEngine::kColmap
+                            ? FindFeaturesByColmap(task, *program_, watch_)
+                            : FindOwnFeatures(task, run_.backend, *program_, watch_);
+  // An INVALID_ARGUMENT is about a photograph, which COLMAP could not use either.
+  if (!status.ok() && !watch_.stopped() && options_.features == SfmEngine::kAuto &&
+      !absl::IsInvalidArgument(status)) {
+    run_.warn(
+        absl::StrCat("COLMAP finds the features of the photographs, which takes longer, because "
+                     "pepeseg failed to: ",
+                     status.message()));
+    std::error_code ignored;  // COLMAP would add to what is there
+    std::filesystem::remove(task.database, ignored);
+    status = FindFeaturesByColmap(task, *program_, watch_);
+  }
+  RETURN_IF_ERROR(status);
   return JudgeFeatures(Evidence(), options_);
 }
 
-// With SfmEngine::kAuto, COLMAP does it if the own front fails, as with a database of another
-// version.
 absl::Status PoseEstimation::MatchFeatures() {
   const MatchingTask task{Database(), OwnDatabase(), load_, places_.num_threads};
   if (options_.front != SfmEngine::kColmap) {
@@ -228,8 +238,8 @@ absl::StatusOr<EstimatedPoses> EstimatePoses(std::span<const SfmPhotograph> phot
   return ReadEstimatedPoses(places.result);
 }
 
-int64_t SfmHostBytes(int64_t max_pixels, int num_threads) {
-  return FeatureHostBytes(max_pixels, num_threads);
+int64_t SfmHostBytes(int64_t max_pixels, int num_threads, const SfmOptions& options) {
+  return FeatureHostBytes(max_pixels, num_threads, options.features == SfmEngine::kColmap);
 }
 
 absl::StatusOr<EstimatedPoses> ReadEstimatedPoses(const std::filesystem::path& result) {

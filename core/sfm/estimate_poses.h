@@ -32,17 +32,17 @@ struct EstimatedPoses {
 
 // The arithmetic of a run of the stage, and its reports. All are called on the calling thread.
 struct SfmRun {
-  Backend& backend;     // matches features
+  Backend& backend;     // finds and matches features
   ProgressFn progress;  // called several times a second; an error that it returns ends the stage
   absl::FunctionRef<void(absl::string_view)>
       warn;  // called if COLMAP does what pepeseg failed to, or if poses are doubtful
 };
 
-// Estimates poses, lenses and sparse points of the photographs: features by COLMAP (written
-// for 3.8) as a child process, or by core/sfm/features -> matches by the own front (core/sfm/front)
-// or by COLMAP -> COLMAP's incremental mapping. Leaves the largest model in `places.result`. With
-// the own front the same photographs give the same poses, whatever the number of threads; COLMAP's
-// matcher draws depending on timing unless it has one thread.
+// Estimates poses, lenses and sparse points of the photographs: features (core/sfm/features)
+// -> matches (core/sfm/front) -> incremental mapping by COLMAP (written for 3.8) as a child
+// process. COLMAP also does the first two if pepeseg fails to, or on request. Leaves the largest
+// model in `places.result`. With the own front the same photographs give the same poses, whatever
+// the number of threads; COLMAP's matcher draws depending on timing unless it has one thread.
 //
 // FAILED_PRECONDITION, with what to do: the program is not found, or the photographs do not suffice
 // (CheckEnough, JudgeFeatures, JudgeModels). DEADLINE_EXCEEDED: it took longer than
@@ -52,9 +52,9 @@ absl::StatusOr<EstimatedPoses> EstimatePoses(std::span<const SfmPhotograph> phot
                                              const SfmPlaces& places, const SfmOptions& options,
                                              const SfmRun& run);
 
-// Returns the peak host memory of EstimatePoses in bytes: SIFT's image pyramids of the photographs
-// that are processed at the same time. `max_pixels` is the size of the largest photograph.
-int64_t SfmHostBytes(int64_t max_pixels, int num_threads);
+// Returns the peak host memory of EstimatePoses in bytes: that of finding features, unless COLMAP
+// has to do it in pepeseg's place. `max_pixels` is the size of the largest photograph.
+int64_t SfmHostBytes(int64_t max_pixels, int num_threads, const SfmOptions& options);
 
 // Reads what an earlier EstimatePoses left in `result`. NOT_FOUND: it did not finish. Other errors:
 // the files are damaged (VerifyManifest, ReadSfmModel).

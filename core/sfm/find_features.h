@@ -23,7 +23,7 @@ struct FeatureTask {
   std::span<const std::string> safe_names;  // see SafeNames
   std::filesystem::path images;             // the folder that LayOut filled
   std::filesystem::path masks;              // the same; empty: no photograph has a mask
-  std::filesystem::path texts;              // a folder for features on their way to COLMAP
+  std::filesystem::path sensors;            // a folder for LookUpSensors
   std::filesystem::path database;           // created
   int max_features = 0;                     // see SfmOptions
   int num_threads = 0;                      // 0: one for each core
@@ -33,13 +33,14 @@ struct FeatureTask {
 absl::Status FindFeaturesByColmap(const FeatureTask& task, const ColmapProgram& program,
                                   SfmWatch& watch);
 
-// Finds features by ExtractFeatures (core/sfm/features). COLMAP imports them, so that it chooses
-// cameras and focal lengths as ever. Errors of ExtractFeatures and of SfmWatch.
+// Finds features by ExtractFeatures (core/sfm/features), and the cameras that COLMAP 3.8 would have
+// (StartingCameras). FAILED_PRECONDITION: `program` is of another version, whose databases may be
+// different. Errors of ExtractFeatures, LookUpSensors, CreateDatabase and SfmWatch.
 absl::Status FindOwnFeatures(const FeatureTask& task, Backend& backend,
                              const ColmapProgram& program, SfmWatch& watch);
 
-// Returns the peak host memory of either in bytes. `max_pixels` is the size of the largest
-// photograph.
-int64_t FeatureHostBytes(int64_t max_pixels, int num_threads);
+// Returns the peak host memory in bytes, by COLMAP or by pepeseg. `max_pixels` is the size of the
+// largest photograph.
+int64_t FeatureHostBytes(int64_t max_pixels, int num_threads, bool by_colmap);
 
 }  // namespace pepeseg

@@ -12,6 +12,7 @@ namespace {
 // Core seconds. Photographs are shrunk to kFeatureSide before features are extracted.
 constexpr double kExtracting = 1.35;     // for each megapixel
 constexpr double kOwnExtracting = 0.15;  // the same by own features, with decoding
+constexpr double kDecoding = 0.01;       // the same, where a GPU finds the features
 constexpr double kMostMegapixels = 3;    // of a photograph that was shrunk
 constexpr double kColmapMatch = 1.1e-4;  // for each pair and feature: an approximate search
 constexpr double kOwnMatch = 5e-10;      // for each pair of features of a pair
@@ -69,9 +70,11 @@ SfmWork ExpectedSfmWork(const SfmLoad& load, const SfmOptions& options) {
   const auto compared = static_cast<double>(pairs.compared);
   const double share = load.on_device ? kDeviceShare : 1;
   SfmWork work;
-  const bool own_features = options.features == SfmEngine::kOwn;
-  work.extracting = (own_features ? kOwnExtracting : kExtracting) *
-                    std::min(load.megapixels, kMostMegapixels) * n;
+  const bool own_features = options.features != SfmEngine::kColmap;
+  const double extracting = !own_features    ? kExtracting
+                            : load.on_device ? kDecoding
+                                             : kOwnExtracting;
+  work.extracting = extracting * std::min(load.megapixels, kMostMegapixels) * n;
   work.choosing = share * kOwnScore * 2 * kLargest * features * static_cast<double>(pairs.scored);
   work.matching = options.front == SfmEngine::kColmap
                       ? kColmapMatch * features * compared

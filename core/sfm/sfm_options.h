@@ -38,8 +38,7 @@ struct SfmOptions {
   // Who matches features and verifies the matches (core/sfm/front). COLMAP's mapper runs with fewer
   // rounds of bundle adjustment on own matches, see incremental_mapping.cc.
   SfmEngine front = SfmEngine::kAuto;
-  // Who finds features (core/sfm/features). kAuto is COLMAP until own features are confirmed on
-  // more captures (tests/bench/results/features_sift.md).
+  // Who finds features (core/sfm/features).
   SfmEngine features = SfmEngine::kAuto;
 };
 
@@ -51,7 +50,7 @@ struct SfmLoad {
   int64_t num_photographs = 0;
   double megapixels = 1;     // of a photograph
   bool in_sequence = false;  // photographs are frames of a video
-  bool on_device = false;    // a GPU matches
+  bool on_device = false;    // a GPU finds and matches features
 };
 
 // Returns how the own front compares the photographs, but for its number of threads.

@@ -156,21 +156,28 @@ absl::StatusOr<std::vector<uint8_t>> IgnoredPixels(const SfmPhotograph& photogra
   return files.Ignored(stem, {size, photograph.orientation, PixelFrame::kStored});
 }
 
-std::vector<std::string> SafeNames(std::span<const SfmPhotograph> photographs) {
-  // Photographs with equal keys were taken with one lens at one setting, so COLMAP may estimate one
-  // camera for all of them.
+std::vector<size_t> CameraIndices(std::span<const SfmPhotograph> photographs) {
   using Key = std::tuple<int, int, std::string, std::string, double, int>;
   std::map<Key, size_t> cameras;
-  std::vector<std::string> names;
-  names.reserve(photographs.size());
+  std::vector<size_t> indices;
+  indices.reserve(photographs.size());
   for (const SfmPhotograph& photograph : photographs) {
     const ExifCamera& exif = photograph.camera;
     const Key key(photograph.header.width, photograph.header.height, exif.maker, exif.model,
                   exif.focal_length, exif.focal_length_35_mm);
+    indices.push_back(cameras.try_emplace(key, cameras.size()).first->second);
+  }
+  return indices;
+}
+
+std::vector<std::string> SafeNames(std::span<const SfmPhotograph> photographs) {
+  const std::vector<size_t> cameras = CameraIndices(photographs);
+  std::vector<std::string> names;
+  names.reserve(photographs.size());
+  for (size_t i = 0; i < photographs.size(); ++i) {
     // A folder for each camera: COLMAP is run with single_camera_per_folder.
-    const size_t camera = cameras.try_emplace(key, cameras.size() + 1).first->second;
-    names.push_back(absl::StrFormat("c%d/%06d%s", camera, names.size() + 1,
-                                    SuffixOf(photograph.header.format)));
+    names.push_back(absl::StrFormat("c%d/%06d%s", cameras[i] + 1, i + 1,
+                                    SuffixOf(photographs[i].header.format)));
   }
   return names;
 }

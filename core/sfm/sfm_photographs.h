@@ -44,8 +44,13 @@ bool AreNumbered(std::span<const SfmPhotograph> photographs);
 // pixels, 1; none if it has no ignore masks. Errors as CompanionFiles::Ignored.
 absl::StatusOr<std::vector<uint8_t>> IgnoredPixels(const SfmPhotograph& photograph);
 
+// Returns the index of each photograph's camera, from 0 in the order of their first photographs.
+// Photographs of equal size and equal EXIF camera share one: they were taken with one lens at one
+// setting.
+std::vector<size_t> CameraIndices(std::span<const SfmPhotograph> photographs);
+
 // Returns the names for COLMAP, relative to its folder of photographs: "c1/000001.jpg". The folder
-// is one camera, which photographs of equal size and equal EXIF camera share. The number is the
+// is the camera, by its index + 1. The number is the
 // photograph's index + 1, so that each folder sorts like the photographs. The suffix is that of the
 // format. The owner's names never reach the file system.
 std::vector<std::string> SafeNames(std::span<const SfmPhotograph> photographs);

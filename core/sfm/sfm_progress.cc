@@ -78,6 +78,7 @@ void SfmProgress::Reach(Part part, int64_t done, int64_t of) {
   double work = parts[part] * static_cast<double>(done) / static_cast<double>(of);
   for (int before = 0; before < part; ++before) work += parts[before];
   if (work_.sum() > 0) share_ = std::max(share_, work / work_.sum());
+  if (part == kMapping && done == of) share_ = 1;  // whatever the sum rounds to
 }
 
 void SfmProgress::Extract(const std::string& name, int64_t num_features) {

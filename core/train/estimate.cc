@@ -58,7 +58,8 @@ std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize datase
     // SAM runs next to COLMAP, and next to stage one.
     needs.push_back(
         {.stage = "sfm",
-         .host_bytes = SfmHostBytes(dataset.max_source_pixels, /*num_threads=*/0) + sam_bytes});
+         .host_bytes =
+             SfmHostBytes(dataset.max_source_pixels, /*num_threads=*/0, settings.sfm) + sam_bytes});
   }
   if (dataset.num_given_gaussians == 0) {
     const MemoryNeed need = EstimateReconstruct(backend, size, settings.reconstruct);

@@ -1,7 +1,8 @@
 // Estimates the poses of scenes from their photographs alone, and compares them with the given
 // ones (sparse/0/images). Prints a table in Markdown. Core seconds include those of COLMAP. Usage:
-//   pepeseg_sfm_bench [--front own,colmap] [--features own|colmap|auto] [--every n] [--seeds n]
+//   pepeseg_sfm_bench [--front own,colmap] [--features own|colmap] [--every n] [--seeds n]
 //   [--threads n] SCENE...
+// --features: who finds the features; default: who matches them (--front).
 // --every n: only each n-th photograph. --seeds n: n runs, of which all but the first see the
 // photographs in another order. --ignore 0: without ignore masks. --seconds n: time limit of a run.
 
@@ -33,7 +34,7 @@ namespace {
 
 struct Flags {
   std::vector<std::string> fronts = {"own", "colmap"}, scenes;
-  SfmEngine features = SfmEngine::kAuto;
+  SfmEngine features = SfmEngine::kAuto;  // that of the front
   size_t every = 1;
   int num_seeds = 1, num_threads = 0, max_seconds = 4 * 3600;
   bool use_ignore = true;
@@ -106,7 +107,7 @@ absl::StatusOr<Measured> Run(const std::vector<SfmPhotograph>& photographs,
                          flags.num_threads};
   SfmOptions options;
   options.front = front;
-  options.features = flags.features;
+  options.features = flags.features == SfmEngine::kAuto ? front : flags.features;
   options.max_seconds = flags.max_seconds;
   const auto backend = MakeCpuBackend(flags.num_threads);
   Measured measured;

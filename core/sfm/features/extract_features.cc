@@ -17,7 +17,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kMostDecoding = 8;  // threads
+constexpr int kMostDecoding = 16;  // threads
 
 // A photograph as the op takes it.
 struct DecodedPhotograph {
@@ -159,19 +159,19 @@ class FeatureExtractor {
 
 }  // namespace
 
+int NumDecoding(int num_threads) { return std::min(NumThreads(num_threads), kMostDecoding); }
+
 absl::Status ExtractFeatures(Backend& backend, std::span<const FeaturePhotograph> photographs,
                              const SfmFeatureOptions& options, TakeFeaturesFn take) {
   if (photographs.empty()) return absl::OkStatus();
-  DecodingQueue queue(photographs, options.max_side,
-                      std::min(NumThreads(options.num_threads), kMostDecoding));
+  DecodingQueue queue(photographs, options.max_side, NumDecoding(options.num_threads));
   FeatureExtractor extractor(backend, options.max_features);
   for (size_t i = 0; i < photographs.size(); ++i) {
     ASSIGN_OR_RETURN(const DecodedPhotograph decoded, queue.Take());
-    ASSIGN_OR_RETURN(const SfmFeatures features,
-                     InTurn(backend, [&]() -> absl::StatusOr<SfmFeatures> {
+    ASSIGN_OR_RETURN(SfmFeatures features, InTurn(backend, [&]() -> absl::StatusOr<SfmFeatures> {
                        return extractor.Extract(decoded);
                      }));
-    RETURN_IF_ERROR(take(i, features));
+    RETURN_IF_ERROR(take(i, std::move(features)));
   }
   return absl::OkStatus();
 }

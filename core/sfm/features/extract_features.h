@@ -31,12 +31,16 @@ struct FeaturePhotograph {
 struct SfmFeatureOptions {
   int max_features = 3000;  // of a photograph, see ExtractSiftArgs. > 0
   int max_side = 2000;      // photographs are shrunk to this longer side, pixels. 0: they are not
-  int num_threads = 0;      // that decode; 0: one for each core, at most 8
+  int num_threads = 0;      // that decode, see NumDecoding
 };
+
+// Returns the number of threads that decode photographs. 0: one for each core. At most 16, because
+// each has a photograph in memory.
+int NumDecoding(int num_threads);
 
 // Takes the features of a photograph, by its index, in pixels of the stored photograph. Called on
 // the calling thread, in the order of the photographs. An error ends the extraction.
-using TakeFeaturesFn = absl::FunctionRef<absl::Status(size_t index, const SfmFeatures& features)>;
+using TakeFeaturesFn = absl::FunctionRef<absl::Status(size_t index, SfmFeatures features)>;
 
 // Finds the features of the photographs and calls `take` for each. Photographs are
 // decoded by threads while the backend works on those before them; a few are in memory at a time.
