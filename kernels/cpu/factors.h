@@ -37,6 +37,15 @@ inline void Store(const NetworkSpan& span, int64_t i, float value) {
   }
 }
 
+// Writes values from `first` on.
+inline void StoreAll(const NetworkSpan& span, int64_t first, const float* values, int64_t count) {
+  if (span.precision == Precision::kFloat) {
+    std::copy_n(values, count, static_cast<float*>(span.data) + first);
+  } else {
+    for (int64_t i = 0; i < count; ++i) Store(span, first + i, values[i]);
+  }
+}
+
 // Returns a . b.
 inline float Dot(const float* a, const float* b, int size) {
   // Eight sums, so that the compiler can use vectors; their number sets the order of additions.

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
+#include <memory>
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
@@ -24,57 +24,123 @@ int64_t FirstPlace(const ConstNetworkSpan& places, int num_places, int64_t promp
   return places.size == one ? 0 : prompt * one;
 }
 
-// Upscales one place of a prompt to its cells' logits of all masks.
+// Writes the transpose of from, [rows, columns]. Strides: values between two rows of either. Writes
+// run along rows, because rows that are a power of two apart share few sets of the cache.
+void Transpose(const float* from, int rows, int columns, int64_t from_stride, float* to,
+               int64_t to_stride) {
+  for (int column = 0; column < columns; ++column) {
+    for (int row = 0; row < rows; ++row) {
+      to[column * to_stride + row] = from[row * from_stride + column];
+    }
+  }
+}
+
+// sums = a + b, of `count` values.
+void Add(const float* a, const float* b, int count, float* sums) {
+  for (int i = 0; i < count; ++i) sums[i] = a[i] + b[i];
+}
+
+// Adds the bias, [size], to each of `count` rows.
+void AddBias(const float* bias, int size, int count, float* rows) {
+  for (int row = 0; row < count; ++row) Add(rows + row * size, bias, size, rows + row * size);
+}
+
+// Returns rows [prompts, rows, 256] with each prompt's transposed: [prompts, 256, rows].
+std::vector<float> TransposedRows(const Factors& rows, int num_prompts, int num_rows) {
+  std::vector<float> columns(static_cast<size_t>(num_prompts) * num_rows * kSize);
+  for (int64_t first = 0; first < static_cast<int64_t>(columns.size());
+       first += int64_t{num_rows} * kSize) {
+    Transpose(rows.data() + first, num_rows, kSize, kSize, &columns[first], num_rows);
+  }
+  return columns;
+}
+
+// Upscales kNetworkRows places of a prompt to their cells' logits of all masks.
 class PlaceUpscale {
  public:
-  explicit PlaceUpscale(const UpscaleMasksArgs& args)
-      : args_(args), first_(args.first), second_(args.second) {}
+  PlaceUpscale(const SimdKernels& simd, const UpscaleMasksArgs& args)
+      : simd_(simd), args_(args), first_(kFirst * kSize), second_(kSecond * kUpscaledChannels) {
+    const Factors first(args.first), second(args.second);
+    Transpose(first.data(), kFirst, kSize, kSize, first_.data(), kFirst);
+    Transpose(second.data(), kSecond, kUpscaledChannels, kUpscaledChannels, second_.data(),
+              kSecond);
+  }
 
-  void Run(const float* place, const float* products,
-           float (&logits)[kPromptMasks][kCellsPerPlace]) const {
-    for (int quarter = 0; quarter < 4; ++quarter) {
-      float middle[kUpscaledChannels];
-      for (int out = 0; out < kUpscaledChannels; ++out) {
-        const float* weight = first_.data() + (quarter * kUpscaledChannels + out) * kSize;
-        middle[out] = args_.first_bias[out] + Dot(place, weight, kSize);
-      }
-      Normalize(args_.norm, kUpscaledChannels, kUpscaleEpsilon, middle);
-      for (float& x : middle) x = Gelu(x);
-      for (int part = 0; part < 4; ++part) {
-        // The bits of `quarter` and `part` are the cell's: y high, x low.
-        const int y = quarter / 2 * 2 + part / 2, x = quarter % 2 * 2 + part % 2;
-        float cell[kMaskChannels];
-        for (int out = 0; out < kMaskChannels; ++out) {
-          const float* weight = second_.data() + (part * kMaskChannels + out) * kUpscaledChannels;
-          cell[out] = Gelu(args_.second_bias[out] + Dot(middle, weight, kUpscaledChannels));
-        }
-        for (int mask = 0; mask < kPromptMasks; ++mask) {
-          logits[mask][4 * y + x] = Dot(cell, products + mask * kMaskChannels, kMaskChannels);
-        }
-      }
+  // Cells of a place are in the order of quarters and, in each, of their quarters.
+  static constexpr int kCells = kNetworkRows * kCellsPerPlace;
+  struct Memory {
+    float middle[kNetworkRows * 4 * kUpscaledChannels];
+    float cells[kCells * kMaskChannels];
+    float logits[kCells * kPromptMasks];  // [places, cells, masks] out
+  };
+
+  void Run(const float* places, const float* products, Memory& memory) const {
+    constexpr int kQuarters = 4 * kNetworkRows;
+    float* middle = memory.middle;
+    simd_.multiply_rows({kSize, kFirst, places, first_.data(), middle});
+    AddBias(args_.first_bias.data, kUpscaledChannels, kQuarters, middle);
+    simd_.normalize_rows(args_.norm, kUpscaledChannels, kUpscaleEpsilon, middle, kQuarters);
+    simd_.activate(Activation::kGelu, middle, kQuarters * kUpscaledChannels);
+    for (int row = 0; row < kQuarters; row += kNetworkRows) {
+      simd_.multiply_rows({kUpscaledChannels, kSecond, middle + row * kUpscaledChannels,
+                           second_.data(), memory.cells + row * kSecond});
     }
+    AddBias(args_.second_bias.data, kMaskChannels, kCells, memory.cells);
+    simd_.activate(Activation::kGelu, memory.cells, kCells * kMaskChannels);
+    simd_.mask_logits(memory.cells, kCells, products, memory.logits);
   }
 
  private:
+  static constexpr int kFirst = 4 * kUpscaledChannels, kSecond = 4 * kMaskChannels;
+
+  const SimdKernels& simd_;
   const UpscaleMasksArgs& args_;
-  const Factors first_, second_;
+  std::vector<float> first_, second_;  // weights, [in, out]
 };
 
-// Writes what UpscaleMasksArgs asks for of one mask's logits, [4 side, 4 side].
-void WriteMask(const UpscaleMasksArgs& args, int64_t mask, const std::vector<float>& logits) {
-  const int extent = 4 * args.side;
+// Copies the logits of kNetworkRows places from `place` on to squares of the masks, [masks, 4 side,
+// 4 side].
+void Place(const float* logits, int place, int side, float* squares) {
+  const int extent = 4 * side;
   const int64_t num_cells = int64_t{extent} * extent;
+  for (int i = 0; i < kNetworkRows; ++i, ++place) {
+    for (int cell = 0; cell < kCellsPerPlace; ++cell, logits += kPromptMasks) {
+      // Bits of a cell: y and x of its quarter, then y and x within it.
+      const int y = place / side * 4 + (cell >> 3) * 2 + (cell >> 1 & 1);
+      const int x = place % side * 4 + (cell >> 2 & 1) * 2 + (cell & 1);
+      float* at = squares + int64_t{y} * extent + x;
+      for (int mask = 0; mask < kPromptMasks; ++mask) at[mask * num_cells] = logits[mask];
+    }
+  }
+}
+
+// Rounds to the nearest whole number, halves away from 0.
+int8_t Rounded(float x) { return static_cast<int8_t>(x + (x < 0 ? -0.5f : 0.5f)); }
+
+// Writes what UpscaleMasksArgs asks for of one mask's logits, [4 side, 4 side].
+void WriteMask(const UpscaleMasksArgs& args, int64_t mask, const float* logits) {
+  const int extent = 4 * args.side;
+  const int64_t first = mask * extent * extent;
+  if (!args.logits.empty()) {
+    std::copy_n(logits, int64_t{extent} * extent, args.logits.data + first);
+  }
   int32_t over[3] = {};
-  for (int64_t i = 0; i < num_cells; ++i) {
-    const float logit = logits[i];
-    const int64_t at = mask * num_cells + i;
-    if (!args.logits.empty()) args.logits[at] = logit;
-    args.quarters[at] = static_cast<int8_t>(std::lround(std::clamp(logit * 4, -127.0f, 127.0f)));
-    const bool counted = i % extent < args.width && i / extent < args.height;
-    if (i % 32 == 0) args.bits[at / 32] = 0;
-    if (!counted) continue;
-    if (logit > 0) args.bits[at / 32] |= uint32_t{1} << (i % 32);
-    for (int k = 0; k < 3; ++k) over[k] += logit > static_cast<float>(k - 1) ? 1 : 0;
+  for (int y = 0; y < extent; ++y) {
+    const float* row = logits + int64_t{y} * extent;
+    int8_t* quarters = args.quarters.data + first + int64_t{y} * extent;
+    for (int x = 0; x < extent; ++x) {
+      quarters[x] = Rounded(std::clamp(row[x] * 4, -127.0f, 127.0f));
+    }
+    const int width = y < args.height ? args.width : 0;
+    uint32_t* bits = args.bits.data + (first + int64_t{y} * extent) / 32;
+    for (int x = 0; x < extent; x += 32) {
+      uint32_t word = 0;
+      for (int k = 0; k < std::clamp(width - x, 0, 32); ++k) {
+        word |= uint32_t{row[x + k] > 0} << k;
+        for (int at = 0; at < 3; ++at) over[at] += row[x + k] > static_cast<float>(at - 1) ? 1 : 0;
+      }
+      bits[x / 32] = word;
+    }
   }
   std::copy_n(over, 3, args.areas.data + mask * 3);
 }
@@ -84,112 +150,93 @@ void WriteMask(const UpscaleMasksArgs& args, int64_t mask, const std::vector<flo
 void CpuBackend::AddToPlaces(const AddToPlacesArgs& args) {
   if (failed()) return;
   const Factors places(args.places);
-  for (int64_t i = 0; i < args.places.size; ++i) {
-    Store(args.sum, i, places.data()[i] + args.offsets[i % args.offsets.size]);
+  std::vector<float> sums(args.places.size);
+  for (int64_t first = 0; first < args.places.size; first += args.offsets.size) {
+    Add(places.data() + first, args.offsets.data, static_cast<int>(args.offsets.size),
+        &sums[first]);
   }
+  StoreAll(args.sum, 0, sums.data(), args.places.size);
 }
 
-// A task is a row of a prompt.
+// A task is a part of a prompt's places: the scores of all rows, then their weighted sums.
 void CpuBackend::AttendToPlaces(const AttendToPlacesArgs& args) {
   if (failed()) return;
   const int num_rows = TokenRows(args.num_tokens), num_parts = PlaceParts(args.num_places);
   const int part_size = args.num_places / num_parts;
   const Factors places(args.places), positions(args.positions), rows(args.rows);
-  pool_.ParallelFor(int64_t{args.num_prompts} * num_rows, [&](int64_t task, int) {
-    const int64_t prompt = task / num_rows, row = task % num_rows;
-    const float* place = places.data() + FirstPlace(args.places, args.num_places, prompt);
-    const float* key = rows.data() + task * kSize;
-    for (int part = 0; part < num_parts; ++part) {
-      std::vector<float> score(part_size);
-      float with[kSize], best = -std::numeric_limits<float>::infinity();
-      for (int i = 0; i < part_size; ++i) {
-        const int64_t first = (int64_t{part} * part_size + i) * kSize;
-        for (int c = 0; c < kSize; ++c) with[c] = place[first + c] + positions.data()[first + c];
-        score[i] = Dot(with, key, kSize);
-        best = std::max(best, score[i]);
-      }
-      const int64_t at = (prompt * num_parts + part) * num_rows + row;
-      float* sum = args.sums.sums.data + at * kSize;
-      std::fill_n(sum, kSize, 0.0f);
-      float total = 0;
-      for (int i = 0; i < part_size; ++i) {
-        const float weight = std::exp(score[i] - best);
-        total += weight;
-        const float* x = place + (int64_t{part} * part_size + i) * kSize;
-        for (int c = 0; c < kSize; ++c) sum[c] += weight * x[c];
-      }
-      args.sums.best[at] = best;
-      args.sums.total[at] = total;
+  const std::vector<float> columns = TransposedRows(rows, args.num_prompts, num_rows);
+  std::vector<std::vector<float>> scores(pool_.num_threads());
+  pool_.ParallelFor(int64_t{args.num_prompts} * num_parts, [&](int64_t task, int thread) {
+    const int64_t prompt = task / num_parts, part = task % num_parts;
+    const float* place =
+        places.data() + FirstPlace(args.places, args.num_places, prompt) + part * part_size * kSize;
+    const float* position = positions.data() + part * part_size * kSize;
+    std::vector<float>& score = scores[thread];  // [rows, part_size]
+    score.resize(int64_t{num_rows} * part_size);
+    float with[kNetworkRows * kSize], products[kNetworkRows * kPromptHeads * kMaxTokens];
+    for (int i = 0; i < part_size; i += kNetworkRows) {
+      Add(place + i * kSize, position + i * kSize, kNetworkRows * kSize, with);
+      simd_.multiply_rows(
+          {kSize, num_rows, with, columns.data() + prompt * num_rows * kSize, products});
+      Transpose(products, kNetworkRows, num_rows, num_rows, score.data() + i, part_size);
+    }
+    const int64_t first = task * num_rows;
+    for (int row = 0; row < num_rows; ++row) {
+      simd_.exp_row(score.data() + int64_t{row} * part_size, part_size,
+                    args.sums.best.data[first + row], args.sums.total.data[first + row]);
+    }
+    for (int row = 0; row < num_rows; row += kNetworkRows) {
+      simd_.multiply_rows({part_size, kSize, score.data() + int64_t{row} * part_size, place,
+                           args.sums.sums.data + (first + row) * kSize});
     }
   });
 }
 
-// A task is a row of 64 places of a prompt. `updated` may be the memory of `places`.
+// A task is kNetworkRows places of a prompt. `updated` may be the memory of `places`.
 void CpuBackend::UpdatePlaces(const UpdatePlacesArgs& args) {
   if (failed()) return;
-  constexpr int kTask = 64;
-  const int num_tasks = args.num_places / kTask, num_rows = TokenRows(args.num_tokens);
-  const int slots = TokenSlots(args.num_tokens);
+  const int num_tasks = args.num_places / kNetworkRows, num_rows = TokenRows(args.num_tokens);
   const Factors places(args.places), positions(args.positions), keys(args.keys);
   const Factors values(args.values);
+  const std::vector<float> columns = TransposedRows(keys, args.num_prompts, num_rows);
   pool_.ParallelFor(int64_t{args.num_prompts} * num_tasks, [&](int64_t task, int) {
-    const int64_t prompt = task / num_tasks;
-    const int64_t from = FirstPlace(args.places, args.num_places, prompt);
-    const float* key = keys.data() + prompt * num_rows * kSize;
-    const float* value = values.data() + prompt * num_rows * kSize;
-    const float* bias = args.bias.data + prompt * num_rows;
-    for (int64_t i = task % num_tasks * kTask; i < (task % num_tasks + 1) * kTask; ++i) {
-      const float* place = places.data() + from + i * kSize;
-      float with[kSize], x[kSize];
-      for (int c = 0; c < kSize; ++c) {
-        with[c] = place[c] + positions.data()[i * kSize + c];
-        x[c] = place[c] + args.out_bias[c];
-      }
-      for (int row = 0; row < num_rows; row += slots) {
-        float weight[kMaxTokens], best = -std::numeric_limits<float>::infinity(), total = 0;
-        for (int k = 0; k < args.num_tokens; ++k) {
-          weight[k] = bias[row + k] + Dot(with, key + (row + k) * kSize, kSize);
-          best = std::max(best, weight[k]);
-        }
-        for (int k = 0; k < args.num_tokens; ++k) {
-          weight[k] = std::exp(weight[k] - best);
-          total += weight[k];
-        }
-        for (int k = 0; k < args.num_tokens; ++k) {
-          const float share = weight[k] / total;
-          for (int c = 0; c < kSize; ++c) x[c] += share * value[(row + k) * kSize + c];
-        }
-      }
-      Normalize(args.norm, kSize, kPlaceEpsilon, x);
-      const int64_t to = (prompt * args.num_places + i) * kSize;
-      for (int c = 0; c < kSize; ++c) Store(args.updated, to + c, x[c]);
-    }
+    const int64_t prompt = task / num_tasks, i = task % num_tasks * kNetworkRows;
+    const float* place =
+        places.data() + FirstPlace(args.places, args.num_places, prompt) + i * kSize;
+    float x[kNetworkRows * kSize], scores[kNetworkRows * kPromptHeads * kMaxTokens];
+    float weights[kNetworkRows * kPromptHeads * kMaxTokens];
+    Add(place, positions.data() + i * kSize, kNetworkRows * kSize, x);
+    simd_.multiply_rows({kSize, num_rows, x, columns.data() + prompt * num_rows * kSize, scores});
+    Transpose(scores, kNetworkRows, num_rows, num_rows, weights, kNetworkRows);
+    simd_.softmax_slots({num_rows, TokenSlots(args.num_tokens), args.num_tokens,
+                         args.bias.data + prompt * num_rows, weights});
+    Transpose(weights, num_rows, kNetworkRows, kNetworkRows, scores, num_rows);
+    simd_.multiply_rows({num_rows, kSize, scores, values.data() + prompt * num_rows * kSize, x});
+    Add(x, place, kNetworkRows * kSize, x);
+    AddBias(args.out_bias.data, kSize, kNetworkRows, x);
+    simd_.normalize_rows(args.norm, kSize, kPlaceEpsilon, x, kNetworkRows);
+    const int64_t to = (prompt * args.num_places + i) * kSize;
+    StoreAll(args.updated, to, x, kNetworkRows * kSize);
   });
 }
 
 // A task is a prompt.
 void CpuBackend::UpscaleMasks(const UpscaleMasksArgs& args) {
   if (failed()) return;
-  const int extent = 4 * args.side;
+  const int num_places = args.side * args.side;
+  const int64_t num_cells = int64_t{num_places} * kCellsPerPlace;
   const Factors places(args.places);
-  const PlaceUpscale upscale(args);
+  const PlaceUpscale upscale(simd_, args);
   pool_.ParallelFor(args.num_prompts, [&](int64_t prompt, int) {
-    std::vector<float> logits[kPromptMasks];
-    for (std::vector<float>& mask : logits) mask.resize(static_cast<size_t>(extent) * extent);
+    const auto memory = std::make_unique<PlaceUpscale::Memory>();
+    std::vector<float> squares(kPromptMasks * num_cells);
     const float* products = args.products.data + prompt * kPromptMasks * kMaskChannels;
-    for (int place = 0; place < args.side * args.side; ++place) {
-      float cells[kPromptMasks][kCellsPerPlace];
-      upscale.Run(places.data() + (prompt * args.side * args.side + place) * kSize, products,
-                  cells);
-      const int top = place / args.side * 4, left = place % args.side * 4;
-      for (int mask = 0; mask < kPromptMasks; ++mask) {
-        for (int i = 0; i < kCellsPerPlace; ++i) {
-          logits[mask][(top + i / 4) * extent + left + i % 4] = cells[mask][i];
-        }
-      }
+    for (int place = 0; place < num_places; place += kNetworkRows) {
+      upscale.Run(places.data() + (prompt * num_places + place) * kSize, products, *memory);
+      Place(memory->logits, place, args.side, squares.data());
     }
     for (int mask = 0; mask < kPromptMasks; ++mask) {
-      WriteMask(args, prompt * kPromptMasks + mask, logits[mask]);
+      WriteMask(args, prompt * kPromptMasks + mask, squares.data() + mask * num_cells);
     }
   });
 }

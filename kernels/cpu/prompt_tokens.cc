@@ -9,7 +9,7 @@
 #include "kernels/ops/prompt_network.h"
 
 // The tokens' side of SAM's decoder: PromptTokens, UpdateTokens and TokenHeads
-// (kernels/ops/prompt_network.h). A task is a prompt.
+// (kernels/ops/prompt_network.h). A task is one prompt, or a few.
 
 namespace pepeseg {
 namespace {
@@ -23,8 +23,34 @@ class Layer {
  public:
   explicit Layer(const PromptLinear& linear) : weight_(linear.weight), bias_(linear.bias) {}
 
-  // Returns the layer's outputs for each row of x.
-  Rows operator()(const Rows& x, int num_rows) const {
+  // Returns the layer's outputs for each row of x, at most kNetworkRows.
+  Rows operator()(const SimdKernels& simd, const Rows& x, int num_rows) const {
+    const int num_out = static_cast<int>(bias_.size);
+    const int num_in = static_cast<int>(x.size()) / num_rows;
+    Rows y(static_cast<size_t>(num_rows) * num_out);
+    // The weights are the rows of the product and the tokens its columns, so that the weights need
+    // no transposition.
+    Rows columns(static_cast<size_t>(num_in) * kNetworkRows), products(kNetworkRows * kNetworkRows);
+    for (int row = 0; row < num_rows; ++row) {
+      for (int in = 0; in < num_in; ++in) {
+        columns[static_cast<size_t>(in) * kNetworkRows + row] =
+            x[static_cast<size_t>(row) * num_in + in];
+      }
+    }
+    for (int first = 0; first < num_out; first += kNetworkRows) {
+      simd.multiply_rows({num_in, kNetworkRows, weight_.data() + int64_t{first} * num_in,
+                          columns.data(), products.data()});
+      for (int row = 0; row < num_rows; ++row) {
+        for (int out = 0; out < kNetworkRows; ++out) {
+          y[static_cast<size_t>(row) * num_out + first + out] =
+              bias_[first + out] + products[out * kNetworkRows + row];
+        }
+      }
+    }
+    return y;
+  }
+  // The same for few rows, and for any number of outputs.
+  Rows ByDots(const Rows& x, int num_rows) const {
     const int num_out = static_cast<int>(bias_.size);
     const int num_in = static_cast<int>(x.size()) / num_rows;
     Rows y(static_cast<size_t>(num_rows) * num_out);
@@ -57,11 +83,13 @@ Rows Sum(const Rows& a, const Rows& b) {
   return sum;
 }
 
-// One prompt of UpdateTokens, with weights that all prompts share.
+// UpdateTokens for some prompts, whose tokens the layers take together, with weights that all
+// prompts share.
 class TokenUpdate {
  public:
-  explicit TokenUpdate(const UpdateTokensArgs& args)
-      : args_(args),
+  TokenUpdate(const SimdKernels& simd, const UpdateTokensArgs& args)
+      : simd_(simd),
+        args_(args),
         num_tokens_(args.num_tokens),
         slots_(TokenSlots(args.num_tokens)),
         cross_value_(args.cross.value),
@@ -79,17 +107,21 @@ class TokenUpdate {
         query_(args.query.query),
         query_key_(args.query.key) {}
 
-  void Run(int64_t prompt) const {
-    const int64_t first = prompt * num_tokens_ * kSize;
+  // Returns how many prompts Run takes at once.
+  int num_at_once() const { return kNetworkRows / num_tokens_; }
+
+  // Updates the tokens of `count` prompts from `prompt` on.
+  void Run(int64_t prompt, int count) const {
+    const int64_t first = prompt * num_tokens_ * kSize, size = int64_t{count} * num_tokens_ * kSize;
     float* const begin = args_.tokens.data + first;
-    Rows tokens(begin, begin + num_tokens_ * kSize);
+    Rows tokens(begin, begin + size);
     const float* const encoding_begin = args_.encoding.data + first;
-    const Rows encoding(encoding_begin, encoding_begin + num_tokens_ * kSize);
+    const Rows encoding(encoding_begin, encoding_begin + size);
     if (!args_.cross.value.weight.empty()) EndCross(prompt, tokens);
     if (!args_.mlp.in.weight.empty()) {
-      Rows hidden = mlp_in_(tokens, num_tokens_);
+      Rows hidden = Apply(mlp_in_, tokens);
       for (float& x : hidden) x = std::max(x, 0.0f);
-      AddAndNormalize(args_.mlp.norm, mlp_out_(hidden, num_tokens_), tokens);
+      AddAndNormalize(args_.mlp.norm, Apply(mlp_out_, hidden, kMlpChannels), tokens);
     }
     if (!args_.places.key.weight.empty()) FoldPlaces(prompt, encoding, tokens);
     if (!args_.self.query.weight.empty()) AttendToTokens(encoding, tokens);
@@ -98,6 +130,10 @@ class TokenUpdate {
   }
 
  private:
+  Rows Apply(const Layer& layer, const Rows& x, int num_in = kSize) const {
+    return layer(simd_, x, static_cast<int>(x.size()) / num_in);
+  }
+
   // Returns the mean place of a row: the parts' sums on a common scale, divided by their weights.
   std::vector<float> MeanPlace(int64_t prompt, int row) const {
     const int num_parts = args_.cross.num_parts, num_rows = kPromptHeads * slots_;
@@ -116,69 +152,90 @@ class TokenUpdate {
   }
 
   void EndCross(int64_t prompt, Rows& tokens) const {
-    Rows values(static_cast<size_t>(num_tokens_) * kCrossChannels);
-    for (int head = 0; head < kPromptHeads; ++head) {
-      for (int token = 0; token < num_tokens_; ++token) {
-        const std::vector<float> mean = MeanPlace(prompt, head * slots_ + token);
+    Rows values(tokens.size() / kSize * kCrossChannels);
+    for (size_t row = 0; row < tokens.size() / kSize; ++row) {
+      const auto token = static_cast<int>(row % num_tokens_);
+      for (int head = 0; head < kPromptHeads; ++head) {
+        const std::vector<float> mean =
+            MeanPlace(prompt + static_cast<int64_t>(row) / num_tokens_, head * slots_ + token);
         for (int k = 0; k < kCrossSize; ++k) {
           const int out = head * kCrossSize + k;
-          values[static_cast<size_t>(token) * kCrossChannels + out] =
+          values[row * kCrossChannels + out] =
               cross_value_.bias()[out] +
               Dot(mean.data(), cross_value_.weight() + static_cast<int64_t>(out) * kSize, kSize);
         }
       }
     }
-    AddAndNormalize(args_.cross.norm, cross_out_(values, num_tokens_), tokens);
+    AddAndNormalize(args_.cross.norm, Apply(cross_out_, values, kCrossChannels), tokens);
   }
 
-  // Writes scale * matrix, [256, 128], times the head's part of each token of x, [tokens, 128].
+  // Writes, for each prompt from `prompt` on, scale * matrix, [256, 128], times the head's part of
+  // each token of x, [prompts, tokens, 128].
   void Fold(int64_t prompt, const float* matrix, const Rows& x, float scale,
             const NetworkSpan& out) const {
-    for (int row = 0; row < kPromptHeads * slots_; ++row) {
-      const int head = row / slots_, token = row % slots_;
-      for (int c = 0; c < kSize; ++c) {
-        float value = 0;
-        if (token < num_tokens_) {
-          value = scale * Dot(matrix + c * kCrossChannels + head * kCrossSize,
-                              &x[static_cast<size_t>(token) * kCrossChannels + head * kCrossSize],
-                              kCrossSize);
+    const int num_rows = kPromptHeads * slots_;
+    const int64_t tokens_size = int64_t{num_tokens_} * kCrossChannels;
+    for (int64_t first = 0; first < static_cast<int64_t>(x.size());
+         first += tokens_size, ++prompt) {
+      for (int row = 0; row < num_rows; ++row) {
+        const int head = row / slots_, token = row % slots_;
+        for (int c = 0; c < kSize; ++c) {
+          float value = 0;
+          if (token < num_tokens_) {
+            value = scale * Dot(matrix + c * kCrossChannels + head * kCrossSize,
+                                &x[first + token * kCrossChannels + head * kCrossSize], kCrossSize);
+          }
+          Store(out, (prompt * num_rows + row) * kSize + c, value);
         }
-        Store(out, (prompt * kPromptHeads * slots_ + row) * kSize + c, value);
       }
     }
   }
 
   void FoldPlaces(int64_t prompt, const Rows& encoding, const Rows& tokens) const {
     constexpr float kScale = 0.25f;  // 1 / sqrt(kCrossSize)
-    const Rows keys = places_key_(Sum(tokens, encoding), num_tokens_);
+    const Rows keys = Apply(places_key_, Sum(tokens, encoding));
     Fold(prompt, places_query_.data(), keys, kScale, args_.places.keys);
-    Fold(prompt, places_out_.data(), places_value_(tokens, num_tokens_), 1, args_.places.values);
-    for (int row = 0; row < kPromptHeads * slots_; ++row) {
-      const int head = row / slots_, token = row % slots_;
-      float bias = -std::numeric_limits<float>::infinity();
-      if (token < num_tokens_) {
-        bias = kScale * Dot(args_.places.query_bias.data + head * kCrossSize,
-                            &keys[static_cast<size_t>(token) * kCrossChannels + head * kCrossSize],
-                            kCrossSize);
+    Fold(prompt, places_out_.data(), Apply(places_value_, tokens), 1, args_.places.values);
+    const int num_rows = kPromptHeads * slots_;
+    const int64_t tokens_size = int64_t{num_tokens_} * kCrossChannels;
+    for (int64_t first = 0; first < static_cast<int64_t>(keys.size());
+         first += tokens_size, ++prompt) {
+      for (int row = 0; row < num_rows; ++row) {
+        const int head = row / slots_, token = row % slots_;
+        float bias = -std::numeric_limits<float>::infinity();
+        if (token < num_tokens_) {
+          bias =
+              kScale * Dot(args_.places.query_bias.data + head * kCrossSize,
+                           &keys[first + token * kCrossChannels + head * kCrossSize], kCrossSize);
+        }
+        args_.places.bias[prompt * num_rows + row] = bias;
       }
-      args_.places.bias[prompt * kPromptHeads * slots_ + row] = bias;
     }
   }
 
   void AttendToTokens(const Rows& encoding, Rows& tokens) const {
     const bool is_first = args_.self.is_first;
     const Rows with = is_first ? tokens : Sum(tokens, encoding);
-    const Rows query = self_query_(with, num_tokens_), key = self_key_(with, num_tokens_);
-    const Rows value = self_value_(tokens, num_tokens_);
-    const float scale = 1 / std::sqrt(static_cast<float>(kSelfSize));
+    const Rows query = Apply(self_query_, with), key = Apply(self_key_, with);
+    const Rows value = Apply(self_value_, tokens);
     Rows mixed(tokens.size());
+    for (size_t first = 0; first < tokens.size(); first += size_t{kSize} * num_tokens_) {
+      Mix(&query[first], &key[first], &value[first], &mixed[first]);
+    }
+    if (is_first) std::fill(tokens.begin(), tokens.end(), 0.0f);
+    AddAndNormalize(args_.self.norm, Apply(self_out_, mixed), tokens);
+  }
+
+  // Adds to `mixed`, [tokens, 256], what the attention among one prompt's tokens mixes.
+  void Mix(const float* query, const float* key, const float* value, float* mixed) const {
+    const float scale = 1 / std::sqrt(static_cast<float>(kSelfSize));
     for (int head = 0; head < kPromptHeads; ++head) {
       for (int token = 0; token < num_tokens_; ++token) {
         const int first = token * kSize + head * kSelfSize;
         float score[kMaxTokens], best = -std::numeric_limits<float>::infinity(), total = 0;
         for (int other = 0; other < num_tokens_; ++other) {
           score[other] =
-              scale * Dot(&query[first], &key[other * kSize + head * kSelfSize], kSelfSize);
+              scale * Dot(query + first, key + other * kSize + head * kSelfSize, kSelfSize);
           best = std::max(best, score[other]);
         }
         for (int other = 0; other < num_tokens_; ++other) {
@@ -191,15 +248,13 @@ class TokenUpdate {
         for (int c = 0; c < kSelfSize; ++c) mixed[first + c] /= total;
       }
     }
-    if (is_first) std::fill(tokens.begin(), tokens.end(), 0.0f);
-    AddAndNormalize(args_.self.norm, self_out_(mixed, num_tokens_), tokens);
   }
 
   void FoldQueries(int64_t prompt, const Rows& encoding, const Rows& tokens) const {
-    Fold(prompt, query_key_.data(), query_(Sum(tokens, encoding), num_tokens_), 0.25f,
-         args_.query.rows);
+    Fold(prompt, query_key_.data(), Apply(query_, Sum(tokens, encoding)), 0.25f, args_.query.rows);
   }
 
+  const SimdKernels& simd_;
   const UpdateTokensArgs& args_;
   const int num_tokens_, slots_;
   const Layer cross_value_, cross_out_, mlp_in_, mlp_out_, places_key_, places_value_;
@@ -237,8 +292,12 @@ void CpuBackend::PromptTokens(const PromptTokensArgs& args) {
 
 void CpuBackend::UpdateTokens(const UpdateTokensArgs& args) {
   if (failed()) return;
-  const TokenUpdate update(args);
-  pool_.ParallelFor(args.num_prompts, [&](int64_t prompt, int) { update.Run(prompt); });
+  const TokenUpdate update(simd_, args);
+  const int64_t num_prompts = args.num_prompts, at_once = update.num_at_once();
+  pool_.ParallelFor((num_prompts + at_once - 1) / at_once, [&](int64_t task, int) {
+    const int64_t first = task * at_once;
+    update.Run(first, static_cast<int>(std::min(at_once, num_prompts - first)));
+  });
 }
 
 void CpuBackend::TokenHeads(const TokenHeadsArgs& args) {
@@ -250,7 +309,7 @@ void CpuBackend::TokenHeads(const TokenHeadsArgs& args) {
       const float* from = args.tokens.data + (int64_t{prompt} * args.num_tokens + token) * kSize;
       Rows x(from, from + kSize);
       for (int layer = 0; layer < 3; ++layer) {
-        x = layers[layer](x, 1);
+        x = layers[layer].ByDots(x, 1);
         for (float& value : x) value = layer < 2 ? std::max(value, 0.0f) : value;
       }
       std::copy(x.begin(), x.end(), out + prompt * stride);

@@ -8,6 +8,7 @@
 #include "kernels/ops/cluster.h"
 #include "kernels/ops/feature.h"
 #include "kernels/ops/network.h"
+#include "kernels/ops/prompt_network.h"
 #include "kernels/ops/render.h"
 #include "kernels/ops/similarity.h"
 #include "kernels/ops/smooth.h"
@@ -231,6 +232,14 @@ struct AttentionScratch {
   float scores[kMaxWindowTokens + 16];
 };
 
+// SAM's decoder (kernels/cpu/simd/prompt.cc). Softmax over the slots of each head, at each of
+// kNetworkRows places; weights of padding become 0.
+struct SlotSoftmax {
+  int num_rows, slots, num_tokens;  // TokenRows and TokenSlots of num_tokens
+  const float* bias;                // [num_rows] added to the scores
+  float* scores;                    // [num_rows, kNetworkRows] in, weights out
+};
+
 // SIFT (kernels/cpu/simd/sift.cc). Rows are scanlines that can be read and written up to a multiple
 // of 16.
 
@@ -310,6 +319,14 @@ struct SimdKernels {
   void (*depthwise_scanline)(const DepthwiseConvolveArgs& args, int image, int y);
   void (*window_attention)(const WindowAttentionArgs& args, int64_t window, int head,
                            AttentionScratch& scratch);
+  // SAM's decoder. normalize_rows: rows of `size` values, a multiple of 16, in place. exp_row:
+  // turns `count` scores, a multiple of 16, into exp(score - best), and sums these. mask_logits:
+  // cells [count, kMaskChannels] times products [kPromptMasks, kMaskChannels] to [count,
+  // kPromptMasks].
+  void (*normalize_rows)(const PromptNorm& norm, int size, float epsilon, float* rows, int count);
+  void (*exp_row)(float* scores, int count, float& best, float& total);
+  void (*softmax_slots)(const SlotSoftmax& job);
+  void (*mask_logits)(const float* cells, int count, const float* products, float* logits);
   void (*blur_sift_row)(const SiftBlurRow& row);
   // Subtracts neighbouring levels: kSiftLevels scanlines in, one less out.
   void (*sift_differences)(const float* const* levels, int width, float* const* out);

@@ -45,6 +45,10 @@ void Activate(Activation activation, float* values, int64_t count);
 void DepthwiseScanline(const DepthwiseConvolveArgs& args, int image, int y);
 void AttendWindow(const WindowAttentionArgs& args, int64_t window, int head,
                   AttentionScratch& scratch);
+void NormalizeRows(const PromptNorm& norm, int size, float epsilon, float* rows, int count);
+void ExpRow(float* scores, int count, float& best, float& total);
+void SoftmaxSlots(const SlotSoftmax& job);
+void MaskLogits(const float* cells, int count, const float* products, float* logits);
 void BlurSiftRow(const SiftBlurRow& row);
 void SiftDifferences(const float* const* levels, int width, float* const* out);
 int SiftExtrema(const SiftExtremaRow& row, int32_t* columns);

@@ -10,25 +10,52 @@ namespace pepeseg {
 namespace HWY_NAMESPACE {
 namespace {
 
-// Rows and vectors of outputs whose sums are kept in registers.
-constexpr int kRowsAtOnce = 4, kVectorsAtOnce = 2;
+// Rows and vectors of outputs whose sums are kept in registers: with AVX-512 half of its 32, so
+// that broadcasts are fewer than products.
+constexpr int kRowsAtOnce = kLanes == 16 ? 8 : 4, kVectorsAtOnce = 2;
+constexpr int kColumns = kVectorsAtOnce * kLanes;
+constexpr int kPanelRows = 256;  // of the weights that are copied together; fits the first cache
 
-// Products of kRowsAtOnce rows with the `count` columns of `weights` from its first on, at most
-// kVectorsAtOnce vectors.
-template <bool kWhole>
-PEPESEG_HD void MultiplyColumns(const RowsProduct& job, const float* rows, const float* weights,
-                                int count, float* products) {
-  Lanes sums[kRowsAtOnce][kVectorsAtOnce];
-  for (auto& row : sums) {
-    for (Lanes& sum : row) sum = Lanes(0.0f);
+// Some columns of the weights, next to each other. In place, rows of a power of two in length would
+// use few sets of the cache.
+struct Panel {
+  alignas(64) float values[kPanelRows * kColumns];
+  int count;  // rows
+};
+
+// Copies `count` columns of rows [first, first + panel.count); columns beyond are 0.
+PEPESEG_HD void CopyPanel(const RowsProduct& job, int first, int column, int count, Panel& panel) {
+  const float* from = job.weights + static_cast<int64_t>(first) * job.out + column;
+  float* to = panel.values;
+  for (int k = 0; k < panel.count; ++k, from += job.out, to += kColumns) {
+    if (count == kColumns) {
+      HWY_UNROLL(kVectorsAtOnce)
+      for (int v = 0; v < kVectorsAtOnce; ++v)
+        Lanes::Load(from + v * kLanes).Store(to + v * kLanes);
+    } else {
+      for (int c = 0; c < kColumns; ++c) to[c] = c < count ? from[c] : 0.0f;
+    }
   }
-  for (int k = 0; k < job.in; ++k) {
-    Lanes w[kVectorsAtOnce];
+}
+
+// Adds the products of kRowsAtOnce rows with the panel to sums, [kRowsAtOnce, job.out], or sets
+// them.
+PEPESEG_HD void MultiplyPanel(const RowsProduct& job, const float* rows, const Panel& panel,
+                              bool adds, int count, float* products) {
+  Lanes sums[kRowsAtOnce][kVectorsAtOnce];
+  HWY_UNROLL(kRowsAtOnce)
+  for (int r = 0; r < kRowsAtOnce; ++r) {
     HWY_UNROLL(kVectorsAtOnce)
     for (int v = 0; v < kVectorsAtOnce; ++v) {
-      const float* at = weights + static_cast<int64_t>(k) * job.out + v * kLanes;
-      w[v] = kWhole ? Lanes::Load(at) : LoadSome(at, count - v * kLanes);
+      sums[r][v] =
+          adds ? LoadSome(products + r * job.out + v * kLanes, count - v * kLanes) : Lanes(0.0f);
     }
+  }
+  const float* weights = panel.values;
+  for (int k = 0; k < panel.count; ++k, weights += kColumns) {
+    Lanes w[kVectorsAtOnce];
+    HWY_UNROLL(kVectorsAtOnce)
+    for (int v = 0; v < kVectorsAtOnce; ++v) w[v] = Lanes::Load(weights + v * kLanes);
     HWY_UNROLL(kRowsAtOnce)
     for (int r = 0; r < kRowsAtOnce; ++r) {
       const Lanes x(rows[r * job.in + k]);
@@ -36,14 +63,11 @@ PEPESEG_HD void MultiplyColumns(const RowsProduct& job, const float* rows, const
       for (int v = 0; v < kVectorsAtOnce; ++v) sums[r][v] = MulAdd(x, w[v], sums[r][v]);
     }
   }
+  HWY_UNROLL(kRowsAtOnce)
   for (int r = 0; r < kRowsAtOnce; ++r) {
+    HWY_UNROLL(kVectorsAtOnce)
     for (int v = 0; v < kVectorsAtOnce; ++v) {
-      float* at = products + r * job.out + v * kLanes;
-      if (kWhole) {
-        sums[r][v].Store(at);
-      } else {
-        StoreSome(sums[r][v], at, count - v * kLanes);
-      }
+      StoreSome(sums[r][v], products + r * job.out + v * kLanes, count - v * kLanes);
     }
   }
 }
@@ -59,17 +83,15 @@ PEPESEG_HD void ForEachVector(float* values, int64_t count, const F& f) {
 }  // namespace
 
 void MultiplyRows(const RowsProduct& job) {
-  constexpr int kColumns = kVectorsAtOnce * kLanes;
+  Panel panel;
   for (int column = 0; column < job.out; column += kColumns) {
     const int count = Min(kColumns, job.out - column);
-    for (int row = 0; row < kNetworkRows; row += kRowsAtOnce) {
-      const float* rows = job.rows + row * job.in;
-      const float* weights = job.weights + column;
-      float* products = job.products + row * job.out + column;
-      if (count == kColumns) {
-        MultiplyColumns<true>(job, rows, weights, count, products);
-      } else {
-        MultiplyColumns<false>(job, rows, weights, count, products);
+    for (int first = 0; first < job.in; first += kPanelRows) {
+      panel.count = Min(kPanelRows, job.in - first);
+      CopyPanel(job, first, column, count, panel);
+      for (int row = 0; row < kNetworkRows; row += kRowsAtOnce) {
+        MultiplyPanel(job, job.rows + row * job.in + first, panel, first > 0, count,
+                      job.products + row * job.out + column);
       }
     }
   }
