@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -23,14 +24,23 @@ namespace {
 constexpr int kFewestPhotographs = 3;
 constexpr int kFewestObservations = 15;  // of a registered photograph
 constexpr double kMaxPositionDifference = 0.01;
+// Positions come from edges with this share of the inliers of the best edges, see StrongEdges:
+// repeated textures, which hold for a wrong translation, match by few.
+constexpr double kStrongShare = 0.2;
+constexpr double kNeighbourShare = 0.5;  // the same for pairs that no right model contradicts
+constexpr double kMaxTrackError = 4;     // pixels off the epipolar lines of the first round's poses
 // EXIF's focal length is replaced by a reliable search that differs by more than this share.
 constexpr double kExifTolerance = 0.1;
+constexpr double kDefaultFocal = 1.2;  // of the longer side, as in COLMAP
+// A focal length that the adjustment changes by more than this share gets a second pass.
+constexpr double kMaxFocalChange = 0.05;
 // One round: the error up to which observations are triangulated, then kept, pixels.
 struct Round {
   double triangulate, keep;
 };
 constexpr Round kRounds[] = {{12, 8}, {6, 4}, {4, 2}};
 constexpr double kMinAngle = 1.5;  // degrees
+constexpr int kMostPasses = 3;
 
 absl::Status CheckArguments(std::span<const MapperPhotograph> photographs,
                             std::span<const VerifiedPair> pairs) {
@@ -82,9 +92,13 @@ class GlobalMapping {
       : photographs_(photographs), pairs_(pairs), options_(options), pool_(options.num_threads) {}
 
   MapperGate FindLenses();
+  // Forgets all but the lenses.
+  void Clear();
   MapperGate FindRotations();
   MapperGate FindPositionsOfCameras();
   void Adjust(const Round& round);
+  // Returns whether a focal length differs from that of `lenses` by more than kMaxFocalChange.
+  bool HasLeft(const std::vector<GroupLens>& lenses) const;
   MapperGate Judge();
 
   MapperResult result;
@@ -92,13 +106,13 @@ class GlobalMapping {
  private:
   std::vector<WorldRay> SelectRays(int& num_points) const;
   void DropWeakPhotographs();
+  int CountContradicted();
 
   std::span<const MapperPhotograph> photographs_;
   std::span<const VerifiedPair> pairs_;
   MapperOptions options_;
   ThreadPool pool_;
   std::vector<ViewEdge> all_edges_;
-  std::vector<bool> component_;  // of all edges
   AveragedRotations averaged_;
   std::vector<Track> tracks_;
 };
@@ -118,22 +132,38 @@ MapperGate GlobalMapping::FindLenses() {
     const bool trusted =
         exif[group] > 0 &&
         (!found.is_reliable || std::abs(found.focal / exif[group] - 1) < kExifTolerance);
-    if (!trusted && !found.is_reliable) return MapperGate::kFocal;
-    lenses[group].focal = trusted ? exif[group] : found.focal;
+    // The second pass corrects a bad start.
+    lenses[group].focal = trusted ? exif[group]
+                          : found.is_reliable
+                              ? found.focal
+                              : kDefaultFocal * std::max(lenses[group].width, lenses[group].height);
   }
   return MapperGate::kPassed;
 }
 
+void GlobalMapping::Clear() {
+  result.model.poses.assign(photographs_.size(), {});
+  result.model.points.clear();
+}
+
+bool GlobalMapping::HasLeft(const std::vector<GroupLens>& lenses) const {
+  for (size_t i = 0; i < lenses.size(); ++i) {
+    const double ratio = result.model.lenses[i].focal / lenses[i].focal;
+    if (!(std::abs(ratio - 1) < kMaxFocalChange)) return true;
+  }
+  return false;
+}
+
 MapperGate GlobalMapping::FindRotations() {
   all_edges_ = BuildViewGraph(photographs_, pairs_, result.model.lenses, options_.max_error, pool_);
-  component_ = LargestComponent(photographs_.size(), all_edges_);
-  averaged_ = AverageRotations(photographs_.size(), all_edges_);
+  averaged_ = AverageRotations(photographs_.size(), all_edges_, pool_);
   const auto num_known = std::count(averaged_.is_known.begin(), averaged_.is_known.end(), true);
   if (num_known < kFewestPhotographs) return MapperGate::kTooFew;
   const bool any_direction = std::any_of(averaged_.edges.begin(), averaged_.edges.end(),
-                                         [](const ViewEdge& e) { return e.has_direction; });
+                                         [](const ViewEdge& e) { return e.view.has_direction; });
   if (!any_direction) return MapperGate::kTurn;
-  tracks_ = BuildTracks(photographs_, averaged_.edges);
+  tracks_ = BuildTracks(photographs_,
+                        MatchesOf(StrongEdges(photographs_.size(), averaged_.edges, kStrongShare)));
   return MapperGate::kPassed;
 }
 
@@ -196,6 +226,10 @@ void GlobalMapping::DropWeakPhotographs() {
 void GlobalMapping::Adjust(const Round& round) {
   GlobalModel& model = result.model;
   const bool first = &round == &kRounds[0];
+  if (!first) {
+    tracks_ = BuildTracks(photographs_,
+                          AgreeingMatches(photographs_, pairs_, model, kMaxTrackError, pool_));
+  }
   TriangulationOptions triangulation;
   triangulation.max_error = round.triangulate;
   triangulation.min_angle = kMinAngle;
@@ -213,10 +247,26 @@ void GlobalMapping::Adjust(const Round& round) {
   DropWeakPhotographs();
 }
 
+// Counts the strong pairs of which less than half of the inliers agree with the model. Two places
+// that look alike fold onto each other at the cost of a few pairs of true neighbours.
+int GlobalMapping::CountContradicted() {
+  std::set<std::pair<uint32_t, uint32_t>> strong;
+  for (const ViewEdge& edge : StrongEdges(photographs_.size(), all_edges_, kNeighbourShare)) {
+    strong.emplace(edge.first, edge.second);
+  }
+  int count = 0;
+  for (const MatchedPair& pair :
+       AgreeingMatches(photographs_, pairs_, result.model, kMaxTrackError, pool_)) {
+    count += pair.matches.empty() && strong.contains({pair.first, pair.second});
+  }
+  return count;
+}
+
 MapperGate GlobalMapping::Judge() {
   FilterPoints(photographs_, kRounds[2].keep, kMinAngle, result.model);
   if (result.model.points.empty()) return MapperGate::kRegistered;
-  result.measures = MeasureModel(photographs_, result.model, all_edges_, tracks_, component_);
+  result.measures = MeasureModel(photographs_, result.model, all_edges_, tracks_);
+  result.measures.contradicted_pairs = CountContradicted();
   return JudgeMeasures(result.measures);
 }
 
@@ -228,21 +278,26 @@ absl::StatusOr<MapperResult> MapGlobally(std::span<const MapperPhotograph> photo
                                          absl::FunctionRef<absl::Status(double share)> progress) {
   RETURN_IF_ERROR(CheckArguments(photographs, pairs));
   GlobalMapping mapping(photographs, pairs, options);
-  mapping.result.model.poses.resize(photographs.size());
   MapperGate& gate = mapping.result.gate;
   if ((gate = mapping.FindLenses()) != MapperGate::kPassed) return std::move(mapping.result);
-  RETURN_IF_ERROR(progress(0.05));
-  if ((gate = mapping.FindRotations()) != MapperGate::kPassed) return std::move(mapping.result);
-  RETURN_IF_ERROR(progress(0.2));
-  gate = mapping.FindPositionsOfCameras();
-  if (gate != MapperGate::kPassed) return std::move(mapping.result);
-  double share = 0.4;
-  for (const Round& round : kRounds) {
-    RETURN_IF_ERROR(progress(share));
-    mapping.Adjust(round);
-    share += 0.2;
+  for (int pass = 0; pass < kMostPasses; ++pass) {
+    const std::vector<GroupLens> start = mapping.result.model.lenses;
+    mapping.Clear();
+    RETURN_IF_ERROR(progress(0.05));
+    if ((gate = mapping.FindRotations()) != MapperGate::kPassed) return std::move(mapping.result);
+    RETURN_IF_ERROR(progress(0.2));
+    gate = mapping.FindPositionsOfCameras();
+    if (gate != MapperGate::kPassed) return std::move(mapping.result);
+    double share = 0.4;
+    for (const Round& round : kRounds) {
+      RETURN_IF_ERROR(progress(share));
+      mapping.Adjust(round);
+      share += 0.2;
+    }
+    if (!mapping.HasLeft(start)) break;
+    gate = MapperGate::kFocal;
   }
-  gate = mapping.Judge();
+  if (gate == MapperGate::kPassed) gate = mapping.Judge();
   RETURN_IF_ERROR(progress(1));
   return std::move(mapping.result);
 }

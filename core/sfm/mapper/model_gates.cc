@@ -13,7 +13,6 @@ namespace pepeseg {
 namespace {
 
 constexpr double kRadian = std::numbers::pi / 180;
-constexpr size_t kManyInliers = 30;
 constexpr double kMaxTurnError = 3, kMaxDirectionError = 10;  // degrees
 constexpr double kLeastAngle = 2;                             // degrees
 constexpr int kSharedPoints = 30;
@@ -61,27 +60,29 @@ void MeasureTracks(std::span<const MapperPhotograph> photographs, const GlobalMo
   measures.error_90 = Quantile(errors, 0.9);
 }
 
-// Returns whether an edge's relative pose is that of the model.
-bool Agrees(const GlobalModel& model, const ViewEdge& edge) {
-  const CameraPose &a = model.poses[edge.first], &b = model.poses[edge.second];
+// Returns whether a relative pose is that of the model.
+bool Agrees(const CameraPose& a, const CameraPose& b, const ViewPose& view) {
   const Eigen::Matrix3d turn = b.rotation * a.rotation.transpose();
-  if (RotationAngle(edge.pose.rotation.transpose() * turn) > kMaxTurnError * kRadian) return false;
-  if (!edge.has_direction) return true;
+  if (RotationAngle(view.pose.rotation.transpose() * turn) > kMaxTurnError * kRadian) return false;
+  if (!view.has_direction) return true;
   const Eigen::Vector3d direction = b.rotation * (a.Centre() - b.Centre());
-  return std::atan2(direction.cross(edge.pose.translation).norm(),
-                    direction.dot(edge.pose.translation)) < kMaxDirectionError * kRadian;
+  return std::atan2(direction.cross(view.pose.translation).norm(),
+                    direction.dot(view.pose.translation)) < kMaxDirectionError * kRadian;
 }
 
 void MeasurePairs(const GlobalModel& model, std::span<const ViewEdge> edges,
                   ModelMeasures& measures) {
-  size_t num_pairs = 0, num_agreeing = 0;
+  size_t num_inliers = 0, num_agreeing = 0;
   for (const ViewEdge& edge : edges) {
-    if (edge.inliers.size() < kManyInliers) continue;
-    if (!model.poses[edge.first].is_registered || !model.poses[edge.second].is_registered) continue;
-    ++num_pairs;
-    num_agreeing += Agrees(model, edge);
+    const CameraPose &a = model.poses[edge.first], &b = model.poses[edge.second];
+    if (!a.is_registered || !b.is_registered) continue;
+    const bool agrees = Agrees(a, b, edge.view) ||
+                        std::any_of(edge.others.begin(), edge.others.end(),
+                                    [&](const ViewPose& other) { return Agrees(a, b, other); });
+    num_inliers += edge.view.inliers.size();
+    num_agreeing += agrees ? edge.view.inliers.size() : 0;
   }
-  measures.agreeing_pairs = Share(num_agreeing, num_pairs);
+  measures.agreeing_pairs = Share(num_agreeing, num_inliers);
 }
 
 // Counts for each pair of photographs the points of one that the other should see, too.
@@ -155,22 +156,23 @@ std::string_view GateName(MapperGate gate) {
 }
 
 ModelMeasures MeasureModel(std::span<const MapperPhotograph> photographs, const GlobalModel& model,
-                           std::span<const ViewEdge> edges, std::span<const Track> tracks,
-                           const std::vector<bool>& component) {
+                           std::span<const ViewEdge> edges, std::span<const Track> tracks) {
   ModelMeasures measures;
-  size_t num_members = 0, num_registered = 0;
+  std::vector<bool> matches(photographs.size(), false);
+  for (const ViewEdge& edge : edges) matches[edge.first] = matches[edge.second] = true;
+  size_t num_matching = 0, num_registered = 0;
   measures.least_focal = INFINITY;
   for (size_t i = 0; i < photographs.size(); ++i) {
-    num_members += component[i];
+    num_matching += matches[i];
     if (!model.poses[i].is_registered) continue;
-    num_registered += component[i];
+    num_registered += matches[i];
     const GroupLens& lens = model.lenses[photographs[i].camera_group];
     const double focal = lens.focal / std::max(lens.width, lens.height);
     measures.least_focal = std::min(measures.least_focal, focal);
     measures.most_focal = std::max(measures.most_focal, focal);
     measures.most_k1 = std::max(measures.most_k1, std::abs(lens.k1));
   }
-  measures.registered_share = Share(num_registered, num_members);
+  measures.registered_share = Share(num_registered, num_matching);
   MeasureTracks(photographs, model, tracks, measures);
   MeasurePairs(model, edges, measures);
   const auto wide = std::count_if(
@@ -182,13 +184,13 @@ ModelMeasures MeasureModel(std::span<const MapperPhotograph> photographs, const 
 }
 
 MapperGate JudgeMeasures(const ModelMeasures& m) {
-  if (!(m.registered_share >= 0.95)) return MapperGate::kRegistered;
+  if (!(m.registered_share >= 1)) return MapperGate::kRegistered;
   if (!(m.least_focal >= 0.4 && m.most_focal <= 3 && m.most_k1 < 0.3)) return MapperGate::kLens;
   if (!(m.in_front_share >= 0.98)) return MapperGate::kInFront;
   if (!(m.median_error < 1 && m.error_90 < 2.5)) return MapperGate::kReprojection;
-  if (!(m.agreeing_pairs >= 0.9)) return MapperGate::kPairs;
+  if (!(m.agreeing_pairs >= 0.85)) return MapperGate::kPairs;
   if (!(m.angle_share >= 0.5)) return MapperGate::kAngles;
-  if (!(m.matched_share >= 0.7)) return MapperGate::kFolded;
+  if (!(m.matched_share >= 0.7) || m.contradicted_pairs > 0) return MapperGate::kFolded;
   return MapperGate::kPassed;
 }
 

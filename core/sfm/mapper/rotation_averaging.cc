@@ -1,47 +1,28 @@
 #include "core/sfm/mapper/rotation_averaging.h"
 
+#include <Eigen/Geometry>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <numbers>
-#include <numeric>
 #include <utility>
+
+#include "core/sfm/mapper/pose_choice.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr double kMaxError = 5 * std::numbers::pi / 180;  // radians, of triangles and edges
-constexpr int kL1Steps = 5, kRobustSteps = 20;
-constexpr double kSmallest = 0.1 * std::numbers::pi / 180;  // residuals below it count alike
-constexpr double kScale = 1 * std::numbers::pi / 180;       // of the robust weights
-
-// Drops edges that are in triangles, none of which closes.
-std::vector<ViewEdge> DropOpenTriangles(size_t num_photographs, std::vector<ViewEdge> edges) {
-  // Neighbours by number, with the rotation from the photograph to the neighbour.
-  std::vector<std::map<uint32_t, Eigen::Matrix3d>> turn_to(num_photographs);
-  for (const ViewEdge& edge : edges) {
-    turn_to[edge.first][edge.second] = edge.pose.rotation;
-    turn_to[edge.second][edge.first] = edge.pose.rotation.transpose();
-  }
-  std::erase_if(edges, [&](const ViewEdge& edge) {
-    int num_triangles = 0;
-    for (const auto& [third, turn] : turn_to[edge.first]) {
-      const auto back = turn_to[third].find(edge.second);
-      if (back == turn_to[third].end()) continue;
-      ++num_triangles;
-      const Eigen::Matrix3d way = back->second * turn;
-      if (RotationAngle(edge.pose.rotation.transpose() * way) < kMaxError) return false;
-    }
-    return num_triangles > 0;
-  });
-  return edges;
-}
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kMaxTriangleError = 5 * kDegree, kMaxError = 5 * kDegree;
+constexpr int kL1Steps = 10, kRobustSteps = 20, kAverages = 3;
+constexpr double kSmallest = 0.1 * kDegree;  // residuals below it count alike
+constexpr double kScale = 1 * kDegree;       // of the robust weights
 
 // The rotations of one connected component.
 class Averaging {
  public:
-  Averaging(size_t num_photographs, std::span<const ViewEdge> edges)
+  // Chooses the poses of ambiguous edges as well, see ChooseClosest.
+  Averaging(size_t num_photographs, std::span<ViewEdge> edges)
       : edges_(edges),
         rotations_(num_photographs, Eigen::Matrix3d::Identity()),
         unknown_(num_photographs, -1) {}
@@ -49,7 +30,7 @@ class Averaging {
   std::vector<Eigen::Matrix3d> Run(const std::vector<bool>& is_known) {
     SpanTree(is_known);
     for (int step = 0; step < kL1Steps + kRobustSteps; ++step) {
-      if (Step(step < kL1Steps) < 1e-9) break;
+      if (Step(step < kL1Steps) < 1e-9 && step >= kL1Steps) break;
     }
     return rotations_;
   }
@@ -61,7 +42,7 @@ class Averaging {
   // Solves for one update of all rotations. Returns its largest angle.
   double Step(bool l1);
 
-  std::span<const ViewEdge> edges_;
+  std::span<ViewEdge> edges_;
   std::vector<Eigen::Matrix3d> rotations_;
   std::vector<int> unknown_;  // column of each photograph, or -1
   int num_unknown_ = 0;
@@ -77,16 +58,14 @@ void Averaging::SpanTree(const std::vector<bool>& is_known) {
     const ViewEdge* best = nullptr;
     for (const ViewEdge& edge : edges_) {
       if (reached[edge.first] == reached[edge.second]) continue;
-      if (!best || edge.inliers.size() > best->inliers.size()) best = &edge;
+      if (!best || edge.view.inliers.size() > best->view.inliers.size()) best = &edge;
     }
     if (!best) break;
     const bool forward = reached[best->first];
     const uint32_t added = forward ? best->second : best->first;
-    if (forward) {
-      rotations_[added] = best->pose.rotation * rotations_[best->first];
-    } else {
-      rotations_[added] = best->pose.rotation.transpose() * rotations_[best->second];
-    }
+    const Eigen::Matrix3d& turn = best->view.pose.rotation;
+    rotations_[added] = forward ? Eigen::Matrix3d(turn * rotations_[best->first])
+                                : Eigen::Matrix3d(turn.transpose() * rotations_[best->second]);
     reached[added] = true;
     unknown_[added] = num_unknown_++;
   }
@@ -96,12 +75,13 @@ double Averaging::Step(bool l1) {
   if (num_unknown_ == 0) return 0;
   std::vector<Eigen::Triplet<double>> triplets;
   Eigen::MatrixXd right = Eigen::MatrixXd::Zero(num_unknown_, 3);
-  for (const ViewEdge& edge : edges_) {
+  for (ViewEdge& edge : edges_) {
+    ChooseClosest(rotations_[edge.second] * rotations_[edge.first].transpose(), edge);
     // With R <- R exp(w), exp(-w2) R2' R12 R1 exp(w1) is the identity if w2 - w1 is the residual.
     const Eigen::Vector3d residual = VectorFromRotation(
-        rotations_[edge.second].transpose() * edge.pose.rotation * rotations_[edge.first]);
+        rotations_[edge.second].transpose() * edge.view.pose.rotation * rotations_[edge.first]);
     const double size = residual.norm();
-    double weight = std::sqrt(static_cast<double>(edge.inliers.size()));
+    auto weight = static_cast<double>(edge.view.inliers.size());
     if (l1) {
       weight /= std::max(size, kSmallest);
     } else {
@@ -133,26 +113,31 @@ double Averaging::Step(bool l1) {
   return update.rowwise().norm().maxCoeff();
 }
 
-void KeepKnown(const std::vector<bool>& is_known, std::vector<ViewEdge>& edges) {
-  std::erase_if(edges, [&](const ViewEdge& edge) { return !is_known[edge.first]; });
-}
-
 }  // namespace
 
-AveragedRotations AverageRotations(size_t num_photographs, std::vector<ViewEdge> edges) {
+AveragedRotations AverageRotations(size_t num_photographs, std::vector<ViewEdge> edges,
+                                   ThreadPool& pool) {
   AveragedRotations result;
-  result.edges = DropOpenTriangles(num_photographs, std::move(edges));
-  for (int round = 0; round < 2; ++round) {
+  result.edges = std::move(edges);
+  for (int round = 0; round < kAverages; ++round) {
+    const std::vector<TriangleSupport> found =
+        ChoosePoses(num_photographs, kMaxTriangleError, result.edges, pool);
+    std::vector<ViewEdge> kept;
+    for (size_t i = 0; i < found.size(); ++i) {
+      if (found[i].support == 0 && found[i].num_triangles > 0) continue;
+      kept.push_back(std::move(result.edges[i]));
+    }
+    result.edges = std::move(kept);
     result.is_known = LargestComponent(num_photographs, result.edges);
-    KeepKnown(result.is_known, result.edges);
     result.rotations = Averaging(num_photographs, result.edges).Run(result.is_known);
-    std::erase_if(result.edges, [&](const ViewEdge& edge) {
-      return RotationAngle(result.rotations[edge.second].transpose() * edge.pose.rotation *
-                           result.rotations[edge.first]) > kMaxError;
+    std::erase_if(result.edges, [&](ViewEdge& edge) {
+      return !result.is_known[edge.first] ||
+             ChooseClosest(result.rotations[edge.second] * result.rotations[edge.first].transpose(),
+                           edge) > kMaxError;
     });
   }
   result.is_known = LargestComponent(num_photographs, result.edges);
-  KeepKnown(result.is_known, result.edges);
+  std::erase_if(result.edges, [&](const ViewEdge& edge) { return !result.is_known[edge.first]; });
   return result;
 }
 

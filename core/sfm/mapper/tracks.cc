@@ -71,19 +71,53 @@ int CellOf(const MapperPhotograph& photograph, const Keypoint& keypoint) {
 }  // namespace
 
 std::vector<Track> BuildTracks(std::span<const MapperPhotograph> photographs,
-                               std::span<const ViewEdge> edges) {
-  std::vector<const ViewEdge*> order;
-  for (const ViewEdge& edge : edges) order.push_back(&edge);
-  std::stable_sort(order.begin(), order.end(), [](const ViewEdge* a, const ViewEdge* b) {
-    return a->inliers.size() > b->inliers.size();
+                               std::span<const MatchedPair> pairs) {
+  std::vector<const MatchedPair*> order;
+  for (const MatchedPair& pair : pairs) order.push_back(&pair);
+  std::stable_sort(order.begin(), order.end(), [](const MatchedPair* a, const MatchedPair* b) {
+    return a->matches.size() > b->matches.size();
   });
   FeatureSets sets(photographs);
-  for (const ViewEdge* edge : order) {
-    for (const FeatureMatch& match : edge->inliers) {
-      sets.Join({edge->first, match.first}, {edge->second, match.second});
+  for (const MatchedPair* pair : order) {
+    for (const FeatureMatch& match : pair->matches) {
+      sets.Join({pair->first, match.first}, {pair->second, match.second});
     }
   }
   return sets.Take();
+}
+
+std::vector<MatchedPair> MatchesOf(std::span<const ViewEdge> edges) {
+  std::vector<MatchedPair> pairs;
+  for (const ViewEdge& edge : edges) {
+    pairs.push_back({edge.first, edge.second, edge.view.inliers});
+  }
+  return pairs;
+}
+
+std::vector<MatchedPair> AgreeingMatches(std::span<const MapperPhotograph> photographs,
+                                         std::span<const VerifiedPair> pairs,
+                                         const GlobalModel& model, double max_error,
+                                         ThreadPool& pool) {
+  std::vector<MatchedPair> agreeing(pairs.size());
+  pool.ParallelFor(static_cast<int64_t>(pairs.size()), [&](int64_t i, int) {
+    const VerifiedPair& pair = pairs[i];
+    agreeing[i] = {pair.first, pair.second, {}};
+    const CameraPose &a = model.poses[pair.first], &b = model.poses[pair.second];
+    if (!a.is_registered || !b.is_registered) return;
+    const Eigen::Matrix3d turn = b.rotation * a.rotation.transpose();
+    const Eigen::Matrix3d essential = EssentialMatrix({turn, b.translation - turn * a.translation});
+    const GroupLens& first = model.lenses[photographs[pair.first].camera_group];
+    const GroupLens& second = model.lenses[photographs[pair.second].camera_group];
+    const double threshold = max_error * 2 / (first.focal + second.focal);
+    std::vector<FeatureMatch>& matches = agreeing[i].matches;
+    for (const FeatureMatch& match : pair.geometry.inliers) {
+      const PointPair points{first.Normalised(PixelOf(photographs, {pair.first, match.first})),
+                             second.Normalised(PixelOf(photographs, {pair.second, match.second}))};
+      if (SampsonSquared(essential, points) <= threshold * threshold) matches.push_back(match);
+    }
+    if (2 * matches.size() < pair.geometry.inliers.size()) matches.clear();
+  });
+  return agreeing;
 }
 
 std::vector<uint32_t> SelectTracks(std::span<const MapperPhotograph> photographs,
