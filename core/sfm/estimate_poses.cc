@@ -16,6 +16,7 @@
 #include "core/sfm/find_features.h"
 #include "core/sfm/incremental_mapping.h"
 #include "core/sfm/match_features.h"
+#include "core/sfm/pair_evidence.h"
 #include "core/sfm/sfm_model.h"
 #include "core/sfm/sfm_verdict.h"
 #include "core/sfm/sfm_watch.h"
@@ -167,9 +168,14 @@ absl::Status PoseEstimation::Map() {
                      return watch_.Run(*program_, command);
                    }));
   models_ = std::move(mapped.models);
-  RETURN_IF_ERROR(JudgeModels(Evidence(), options_));
+  const SfmEvidence evidence = Evidence();
+  RETURN_IF_ERROR(JudgeModels(evidence, options_));
+  if (const std::string unplaced = DescribeUnplaced(evidence); !unplaced.empty()) {
+    run_.warn(unplaced);
+  }
+  if (evidence.turns_on_the_spot) run_.warn(DescribeTurn(evidence));
   if (!mapped.agreement.IsPlausible()) {
-    run_.warn(DescribeDisagreement(Evidence(), mapped.agreement.agreeing,
+    run_.warn(DescribeDisagreement(evidence, mapped.agreement.agreeing,
                                    mapped.agreement.disagreeing,
                                    IndicesOf(mapped.agreement.doubtful)));
   }
@@ -198,6 +204,15 @@ SfmEvidence PoseEstimation::Evidence() const {
     evidence.num_features.push_back(features == num_features.end() ? 0 : features->second);
   }
   evidence.num_connected = watch_.progress().num_connected();
+  if (compared_) {
+    const PairEvidence pairs = JudgePairs(*compared_);
+    const std::vector<size_t> indices = IndicesOf(pairs.names);
+    evidence.num_partners.resize(photographs_.size());
+    for (size_t i = 0; i < indices.size(); ++i) {
+      evidence.num_partners[indices[i]] = pairs.num_partners[i];
+    }
+    evidence.turns_on_the_spot = pairs.turns_on_the_spot;
+  }
   // Models hold COLMAP's names, the verdict speaks of photographs by index.
   for (const SfmModel& model : models_) evidence.models.push_back(IndicesOf(model.names));
   return evidence;

@@ -128,11 +128,16 @@ absl::Status CheckEnough(std::span<const SfmPhotograph> photographs) {
   std::set<std::string> different;
   for (const SfmPhotograph& photograph : photographs) different.insert(photograph.sha256);
   if (different.size() >= kLeastPhotographs) return absl::OkStatus();
-  const std::string count =
-      different.size() == photographs.size()
-          ? absl::StrCat(photographs.size(), " photographs")
-          : absl::StrCat(photographs.size(), " photographs, of which only ", different.size(),
-                         different.size() == 1 ? " is" : " are", " different");
+  std::string count = absl::StrCat(photographs.size(), " photographs");
+  if (different.size() < photographs.size()) {
+    absl::StrAppend(&count, ", of which only ", different.size(),
+                    different.size() == 1 ? " is" : " are", " different");
+  }
+  constexpr size_t kNamed = 5;
+  for (size_t i = 0; i < std::min(photographs.size(), kNamed); ++i) {
+    absl::StrAppend(&count, i == 0 ? " (" : ", ", photographs[i].name);
+  }
+  if (!photographs.empty()) absl::StrAppend(&count, photographs.size() > kNamed ? ", ...)" : ")");
   return absl::FailedPreconditionError(absl::StrCat(
       count, ": poses are estimated from at least ", kLeastPhotographs,
       " different ones; take some 20 to 100 from places all about the scene, or upload poses"));

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <utility>
 
 namespace pepeseg::testing {
 namespace {
@@ -84,12 +85,29 @@ ViewArc PlaceArc(int num_views) {
   return arc;
 }
 
-std::vector<View> PhotographPlace(const ViewArc& arc, uint32_t seed) {
+std::vector<View> PhotographPlace(std::vector<View> views, uint32_t seed) {
   const std::vector<Surface> surfaces = Surfaces(seed);
+  for (View& view : views) TakePhoto(surfaces, seed, view);
+  return views;
+}
+
+std::vector<View> PhotographPlace(const ViewArc& arc, uint32_t seed) {
   std::vector<View> views;
-  for (int i = 0; i < arc.num_views; ++i) {
-    views.push_back(PlaceView(arc, i));
-    TakePhoto(surfaces, seed, views.back());
+  for (int i = 0; i < arc.num_views; ++i) views.push_back(PlaceView(arc, i));
+  return PhotographPlace(std::move(views), seed);
+}
+
+std::vector<View> PlaceTurn(int num_views) {
+  std::vector<View> views;
+  for (int i = 0; i < num_views; ++i) {
+    views.push_back(PlaceView(PlaceArc(1), 0));
+    const double tilt = 0.05 * (i % 2);
+    const Eigen::Quaterniond turn =
+        Eigen::AngleAxisd(0.08 * (i - num_views / 2.0), Vector3d::UnitY()) *
+        Eigen::AngleAxisd(tilt, Vector3d::UnitX());
+    Pose& pose = views.back().cam_from_world;
+    pose.rotation = turn * pose.rotation;
+    pose.translation = turn * pose.translation;
   }
   return views;
 }

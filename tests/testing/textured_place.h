@@ -14,9 +14,14 @@ namespace pepeseg::testing {
 // between photographs: boxes in front of a wall, covered by noise of several sizes. Another `seed`
 // is another place.
 std::vector<View> PhotographPlace(const ViewArc& arc, uint32_t seed);
+// Renders the photographs of these views.
+std::vector<View> PhotographPlace(std::vector<View> views, uint32_t seed);
 
 // Returns an arc of `num_views` views of 320x240 pixels, with 0.12 radians for each.
 ViewArc PlaceArc(int num_views);
+
+// Returns views from one spot, of which each is turned by 0.08 radians, and tilted.
+std::vector<View> PlaceTurn(int num_views);
 
 // Returns the photograph out of focus: each pixel is the mean of those up to `radius` away.
 Image Blurred(const Image& photo, int radius);

@@ -2,15 +2,11 @@
 
 #include <algorithm>
 #include <fstream>
-#include <functional>
-#include <memory>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/formats/colmap.h"
-#include "core/formats/encode_png.h"
-#include "tests/testing/status_testing.h"
-#include "tests/testing/temp_folder.h"
+#include "tests/core/sfm/estimate_poses_fixture.h"
 #include "tests/testing/textured_place.h"
 #include "tests/testing/time_limit.h"
 
@@ -22,52 +18,6 @@ constexpr auto kFailed = absl::StatusCode::kFailedPrecondition;
 Eigen::Vector3d CenterOf(const Pose& cam_from_world) {
   return -(cam_from_world.rotation.conjugate() * cam_from_world.translation);
 }
-
-// Runs the real COLMAP on synthetic photographs.
-class EstimatePosesTest : public ::testing::Test {
- protected:
-  EstimatePosesTest() {
-    places_ = {"colmap", folder_ / "work", folder_ / "result", folder_ / "log", 2};
-  }
-
-  void Add(const Image& photo) {
-    const std::string name = absl::StrCat("images/", files_.size(), ".jpg");
-    const std::filesystem::path path = folder_ / absl::StrCat(files_.size());
-    std::ofstream(path, std::ios::binary) << EncodeJpeg(photo, 95).value();
-    files_.push_back({FileKind::kImage, name, path});
-  }
-  absl::StatusOr<EstimatedPoses> Estimate(const SfmOptions& options = {}) {
-    const auto photographs = ReadSfmPhotographs(files_);
-    EXPECT_OK(photographs);
-    const auto warn = [&](absl::string_view message) { warnings_.emplace_back(message); };
-    const auto progress = [&](const StepReport& report) {
-      if (activities_.empty() || activities_.back() != report.activity) {
-        activities_.emplace_back(report.activity);
-        last_step_ = 0;
-      }
-      EXPECT_GE(report.step, last_step_) << report.activity;
-      EXPECT_LE(report.step, report.num_steps) << report.activity;
-      EXPECT_GE(report.share, last_share_) << report.activity;
-      last_step_ = report.step;
-      last_share_ = report.share;
-      if (report.step == 1 && at_step_one_) at_step_one_();
-      return cancel_at_ >= 0 && report.step >= cancel_at_ ? absl::CancelledError("enough")
-                                                          : absl::OkStatus();
-    };
-    return EstimatePoses(*photographs, places_, options, {*backend_, progress, warn});
-  }
-
-  testing::TempFolder folder_;
-  std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
-  std::vector<std::string> warnings_;
-  SfmPlaces places_;
-  std::vector<DatasetFile> files_;
-  std::vector<std::string> activities_;  // in the order of the reports
-  int64_t last_step_ = 0;                // of the last activity
-  double last_share_ = 0;
-  int64_t cancel_at_ = -1;
-  std::function<void()> at_step_one_;
-};
 
 TEST_F(EstimatePosesTest, FindsTheCameraCentres) {
   const std::vector<View> views = testing::PhotographPlace(testing::PlaceArc(6), 1);
@@ -180,31 +130,6 @@ TEST_F(EstimatePosesTest, MatchesByColmapIfTheOwnFrontCannotReadItsDatabase) {
   ASSERT_OK_AND_ASSIGN(const EstimatedPoses poses, Estimate(options));
   EXPECT_EQ(poses.num_registered, 3);
   EXPECT_THAT(warnings_, ::testing::ElementsAre(::testing::HasSubstr("of version 3900")));
-}
-
-TEST_F(EstimatePosesTest, RejectsBlurredPhotographs) {
-  for (const View& view : testing::PhotographPlace(testing::PlaceArc(3), 1)) {
-    Add(testing::Blurred(view.photo, 20));
-  }
-  EXPECT_STATUS(Estimate(), kFailed, "3 of 3 photographs show fewer than 100 features");
-}
-
-TEST_F(EstimatePosesTest, RejectsTwoPlaces) {
-  for (const uint32_t seed : {1u, 50u}) {
-    for (const View& view : testing::PhotographPlace(testing::PlaceArc(4), seed)) Add(view.photo);
-  }
-  EXPECT_STATUS(Estimate(), kFailed, "places that have nothing in common: 4 of 8 show one");
-}
-
-TEST_F(EstimatePosesTest, RejectsACameraThatDoesNotMove) {
-  const View view = testing::PhotographPlace(testing::PlaceArc(1), 1).front();
-  for (int i = 0; i < 4; ++i) {
-    Image photo = view.photo;
-    // Makes the files different.
-    std::fill_n(photo.pixels.begin(), 60, static_cast<uint8_t>(60 * i));
-    Add(photo);
-  }
-  EXPECT_STATUS(Estimate(), kFailed, "the camera did not move");
 }
 
 TEST_F(EstimatePosesTest, StopsWhenProgressReturnsAnError) {

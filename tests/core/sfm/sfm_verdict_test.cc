@@ -70,18 +70,46 @@ TEST(JudgeModels, DistinguishesNoMotionFromNoOverlap) {
   EXPECT_STATUS(still, kRefused, "the camera did not move");
   evidence.num_connected = 3;
   const absl::Status apart = JudgeModels(evidence, {});
-  EXPECT_STATUS(apart, kRefused, "too little of what one photograph shows is in the next");
+  EXPECT_STATUS(apart, kRefused,
+                "p0, p1, p2, p3, p4, ... have too little in common with the others");
   EXPECT_THAT(std::string(apart.message()), Not(HasSubstr("did not move")));
+  evidence.turns_on_the_spot = true;
+  EXPECT_STATUS(JudgeModels(evidence, {}), kRefused, "the camera did not move");
 }
 
-TEST(JudgeModels, NamesPhotographsWithoutPoseAndTheLikelyCause) {
+TEST(JudgeModels, NamesPhotographsWithoutPoseByCause) {
   SfmEvidence evidence = Photographs(10);
   evidence.models = {Range(6, 10)};
-  EXPECT_STATUS(JudgeModels(evidence, {}), kRefused,
-                "4 of 10 photographs, 5 are needed; not for p0, p1, p2, p3, p4, ...: too little");
-  for (size_t i = 0; i < 4; ++i) evidence.num_features[i] = 10;
-  EXPECT_STATUS(JudgeModels(evidence, {}), kRefused,
-                "4 of the photographs show too little: blurred");
+  EXPECT_STATUS(
+      JudgeModels(evidence, {}), kRefused,
+      "4 of 10 photographs, 5 are needed: p0, p1, p2, p3, p4, ... have too little in common");
+  for (const size_t i : {0, 1, 4}) evidence.num_features[i] = 600;
+  evidence.num_features[3] = 740;
+  evidence.num_partners = {0, 3, 0, 2, 0, 0, 5, 5, 5, 5};
+  const absl::Status status = JudgeModels(evidence, {});
+  EXPECT_STATUS(status, kRefused, "p0, p1, p3, p4 show fewer than 750 features: blurred");
+  EXPECT_STATUS(status, kRefused, "; p2, p5 have nothing in common with the others");
+  evidence.num_features[2] = 749;
+  evidence.num_partners[5] = 1;
+  EXPECT_STATUS(JudgeModels(evidence, {}), kRefused, "; p5 has too little in common");
+}
+
+TEST(DescribeUnplaced, NamesThemWhereEnoughOthersHaveAPose) {
+  SfmEvidence evidence = Photographs(6);
+  evidence.models = {Range(0, 6)};
+  EXPECT_EQ(DescribeUnplaced(evidence), "");
+  evidence.models = {{0, 1, 3, 4, 5}};
+  evidence.num_partners = {4, 4, 0, 4, 4, 4};
+  EXPECT_THAT(
+      DescribeUnplaced(evidence),
+      ::testing::StartsWith("no pose was found for 1 of 6 photographs: p2 has nothing in common"));
+}
+
+TEST(DescribeUnplaced, SaysSoIfNoTwoOverlap) {
+  SfmEvidence evidence = Photographs(4);
+  evidence.num_partners.assign(4, 0);
+  EXPECT_THAT(DescribeUnplaced(evidence),
+              HasSubstr("no two photographs (p0, p1, p2, p3) have enough in common"));
 }
 
 TEST(SfmOptions, NameTheOptionThatIsOutOfRange) {
