@@ -60,6 +60,32 @@ BinaryMask MaskSet::Extract(int mask) const {
   return result;
 }
 
+// Cuts the raster into runs of one cell; a mask has the runs of the cells that it covers.
+std::vector<std::vector<PixelRun>> RunsOfMasks(const MaskSet& masks,
+                                               std::span<const uint8_t> ignore) {
+  std::vector<std::vector<PixelRun>> runs(static_cast<size_t>(masks.num_masks));
+  const auto patch_of = [&](size_t pixel) {
+    return ignore.empty() || ignore[pixel] == 0 ? masks.pixel_patch[pixel] : 0;
+  };
+  const size_t num_pixels = masks.pixel_patch.size();
+  for (size_t first = 0, last = 0; first < num_pixels; first = last) {
+    const uint32_t patch = patch_of(first);
+    for (last = first + 1; last < num_pixels && patch_of(last) == patch;) ++last;
+    for (int word = 0; word < masks.words; ++word) {
+      uint64_t bits = masks.patch_bits[static_cast<size_t>(patch) * masks.words + word];
+      for (; bits != 0; bits &= bits - 1) {
+        auto& of_mask = runs[static_cast<size_t>(word * 64 + std::countr_zero(bits))];
+        if (!of_mask.empty() && of_mask.back().last == first) {
+          of_mask.back().last = static_cast<uint32_t>(last);
+        } else {
+          of_mask.push_back({static_cast<uint32_t>(first), static_cast<uint32_t>(last)});
+        }
+      }
+    }
+  }
+  return runs;
+}
+
 MaskSetBuilder::MaskSetBuilder(int width, int height, double duplicate_iou)
     : duplicate_iou_(duplicate_iou) {
   set_.width = width;
@@ -72,17 +98,17 @@ MaskSetBuilder::MaskSetBuilder(int width, int height, double duplicate_iou)
 
 // A mask splits each cell that it covers in part: its pixels move to a new cell, whose bitset is
 // that of the old one plus the new mask. Cells that it covers in full only gain the mask's bit.
-bool MaskSetBuilder::Add(std::span<const uint32_t> pixels) {
-  if (pixels.empty()) return false;
+template <class ForEachPixel>
+bool MaskSetBuilder::AddPixels(int64_t area, const ForEachPixel& for_each_pixel) {
+  if (area == 0) return false;
   inside_.resize(patch_area_.size(), 0);
   replacement_.resize(patch_area_.size());
   touched_.clear();
-  for (const uint32_t pixel : pixels) {
+  for_each_pixel([this](uint32_t pixel) {
     const uint32_t patch = set_.pixel_patch[pixel];
     if (inside_[patch]++ == 0) touched_.push_back(patch);
-  }
+  });
   // Now inside_ has the number of covered pixels of each touched cell.
-  const auto area = static_cast<int64_t>(pixels.size());
   const bool keep = !IsDuplicate(area);
   if (keep) {
     const int mask = set_.num_masks++;
@@ -91,13 +117,29 @@ bool MaskSetBuilder::Add(std::span<const uint32_t> pixels) {
     for (const uint32_t patch : touched_) {
       replacement_[patch] = PatchWith(patch, uint64_t{1} << (mask % 64), mask / 64);
     }
-    for (const uint32_t pixel : pixels) {
+    for_each_pixel([this](uint32_t pixel) {
       set_.pixel_patch[pixel] = replacement_[set_.pixel_patch[pixel]];
-    }
+    });
   }
   // Resets only the touched cells: the others are 0 already.
   for (const uint32_t patch : touched_) inside_[patch] = 0;
   return keep;
+}
+
+bool MaskSetBuilder::Add(std::span<const uint32_t> pixels) {
+  return AddPixels(static_cast<int64_t>(pixels.size()), [pixels](const auto& visit) {
+    for (const uint32_t pixel : pixels) visit(pixel);
+  });
+}
+
+bool MaskSetBuilder::AddRuns(std::span<const PixelRun> runs) {
+  int64_t area = 0;
+  for (const PixelRun& run : runs) area += run.last - run.first;
+  return AddPixels(area, [runs](const auto& visit) {
+    for (const PixelRun& run : runs) {
+      for (uint32_t pixel = run.first; pixel < run.last; ++pixel) visit(pixel);
+    }
+  });
 }
 
 // Computes the IoU with every kept mask. A mask covers a cell in full or not at all, so the

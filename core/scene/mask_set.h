@@ -11,6 +11,13 @@ struct BinaryMask {
   std::vector<uint8_t> pixels;
 };
 
+// Consecutive pixels of a raster in reading order: indices y * width + x from `first` to before
+// `last`.
+struct PixelRun {
+  uint32_t first = 0, last = 0;
+  bool operator==(const PixelRun&) const = default;
+};
+
 // The overlapping masks of one view as a map of mask cells. Pixels that are covered by the same set
 // of masks share a cell, and a cell has one bitset: the masks that cover it (METHOD.md section 0).
 // This holds thousands of masks in little more than one raster. Cell 0 is covered by no mask.
@@ -34,6 +41,11 @@ struct MaskSet {
   BinaryMask Extract(int mask) const;
 };
 
+// Returns the pixels of each mask as ascending runs that do not touch, without the pixels where
+// `ignore` is not 0: [height, width], or empty. Takes much less time than Extract for each mask.
+std::vector<std::vector<PixelRun>> RunsOfMasks(const MaskSet& masks,
+                                               std::span<const uint8_t> ignore = {});
+
 // Builds a MaskSet of masks that are each [height, width]. Drops empty masks, and those whose IoU
 // with a mask before them that was kept exceeds `duplicate_iou`.
 MaskSet BuildMaskSet(int width, int height, std::span<const BinaryMask> masks,
@@ -54,12 +66,17 @@ class MaskSetBuilder {
   // Adds the mask with these pixels: indices y * width + x, each once. Returns false if the mask
   // was dropped because it is empty or a duplicate (see BuildMaskSet).
   bool Add(std::span<const uint32_t> pixels);
+  // The same for a mask of runs, none of which may overlap another.
+  bool AddRuns(std::span<const PixelRun> runs);
   // Returns the size of all bitsets in bytes, so that callers can limit what an upload may request.
   int64_t BitsetBytes() const { return static_cast<int64_t>(set_.patch_bits.size()) * 8; }
   // Returns the set, with its cells numbered in raster order.
   MaskSet Build() &&;
 
  private:
+  // for_each_pixel calls its argument with each pixel.
+  template <class ForEachPixel>
+  bool AddPixels(int64_t area, const ForEachPixel& for_each_pixel);
   bool IsDuplicate(int64_t area) const;
   uint32_t PatchWith(uint32_t patch, uint64_t bit, int word);
   void GrowWords();

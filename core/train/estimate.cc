@@ -45,7 +45,10 @@ std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize datase
   TrainingSize& size = dataset.training;
   const bool by_sam = size.num_masked_views == 0 &&
                       ExpectsSam(settings.priors.masks, tools.has_priors_command, tools.has_sam);
+  const bool on_device = !backend.memory().is_host;
+  // The host's part is that of the CPU, which takes over where the device runs out of memory.
   const int64_t sam_bytes = by_sam ? SamHostBytes(tools.num_threads) : 0;
+  const int64_t sam_device_bytes = by_sam && on_device ? SamDeviceBytes(size.max_pixels) : 0;
   ExpectPriors(settings.priors, tools.has_priors_command, size);
   std::vector<StageNeed> needs;
   // One need for each stage; stages that run one after the other do not add up.
@@ -59,19 +62,21 @@ std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize datase
     needs.push_back(
         {.stage = "sfm",
          .host_bytes =
-             SfmHostBytes(dataset.max_source_pixels, /*num_threads=*/0, settings.sfm) + sam_bytes});
+             SfmHostBytes(dataset.max_source_pixels, /*num_threads=*/0, settings.sfm) + sam_bytes,
+         .device_bytes = sam_device_bytes});
   }
   if (dataset.num_given_gaussians == 0) {
     const MemoryNeed need = EstimateReconstruct(backend, size, settings.reconstruct);
     needs.push_back({.stage = "reconstruct",
                      .host_bytes = need.host_bytes + sam_bytes,
-                     .device_bytes = need.device_bytes});
+                     .device_bytes = need.device_bytes + sam_device_bytes});
   }
   if (by_sam) {  // the time of other makers of priors is not known
-    const double core_seconds = kSamCoreSeconds * static_cast<double>(size.num_views);
     needs.push_back({.stage = "priors",
                      .host_bytes = CaptureBytes(size) + sam_bytes,
-                     .seconds = core_seconds / tools.num_threads});
+                     .device_bytes = sam_device_bytes,
+                     .seconds = static_cast<double>(size.num_views) *
+                                SamSeconds(tools.num_threads, on_device)});
   }
   if (size.num_masked_views > 0) needs.push_back(NeedOfFeatures(backend, dataset, settings));
   return needs;

@@ -1,9 +1,11 @@
 #include "core/train/photograph_masks.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_format.h"
 #include "core/base/errors.h"
@@ -30,8 +32,13 @@ absl::StatusOr<ViewWarp> Shrinking(int width, int height, double image_scale) {
 // Writes masks as SAM's automatic mask generator does, which mask_files.h reads.
 std::string ToSamJson(const MaskSet& masks) {
   nlohmann::json list = nlohmann::json::array();
-  for (int k = 0; k < masks.num_masks; ++k) {
-    const std::string counts = EncodeCocoRle(masks.Extract(k), masks.width, masks.height);
+  BinaryMask mask;
+  for (const std::vector<PixelRun>& runs : RunsOfMasks(masks)) {
+    mask.pixels.assign(static_cast<size_t>(masks.width) * masks.height, 0);
+    for (const PixelRun& run : runs) {
+      std::fill(mask.pixels.begin() + run.first, mask.pixels.begin() + run.last, uint8_t{1});
+    }
+    const std::string counts = EncodeCocoRle(mask, masks.width, masks.height);
     list.push_back({{"segmentation", {{"size", {masks.height, masks.width}}, {"counts", counts}}}});
   }
   return list.dump();

@@ -13,6 +13,7 @@
 #include "core/dataset/dataset_index.h"
 #include "core/dataset/held_out.h"
 #include "core/priors/sam/automatic_masks.h"
+#include "kernels/cpu/parallel_for.h"
 
 namespace pepeseg {
 namespace {
@@ -21,9 +22,14 @@ namespace {
 // about a tenth of the time that a thread of another stage gets.
 constexpr int kNicer = 10;
 
-// Lowers the priority of this thread and of the threads that it starts. Does nothing if the system
-// refuses.
-void LowerPriority() { setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + kNicer); }
+// Lowers the priority of this thread and of the threads that it starts, once. Does nothing if the
+// system refuses.
+void LowerPriority() {
+  thread_local bool is_low = false;
+  if (is_low) return;
+  is_low = true;
+  setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + kNicer);
+}
 
 absl::Status OutOfMemory(const TrainingTools& tools) {
   return absl::ResourceExhaustedError(absl::StrCat(
@@ -62,12 +68,12 @@ PhotographSegmentation::~PhotographSegmentation() { Stop(); }
 
 // The first thread of the object opens the model; the others wait for it in Next.
 void PhotographSegmentation::StartThreads(Priority priority) {
-  for (int i = 0; i < SamPhotographsAtOnce(num_threads_); ++i) {
+  const bool on_device = inputs_.tools.sam_cuda_device.has_value();
+  for (int i = 0; i < SamPhotographsAtOnce(num_threads_, on_device); ++i) {
     const bool opens = threads_.empty();
     threads_.emplace_back([this, priority, opens] {
       try {
-        if (priority == Priority::kLow) LowerPriority();
-        if (opens) OpenModel();
+        if (opens) OpenModel(priority);
         Work(priority);
       } catch (const std::bad_alloc&) {  // of the standard library or OpenCV
         Fail(absl::ResourceExhaustedError("out of memory"));
@@ -87,14 +93,18 @@ void PhotographSegmentation::Stop() {
   model_.reset();
 }
 
+// Photographs that may be segmented at the same time. With mutex_ held.
+int PhotographSegmentation::AtOnce() const {
+  return SamPhotographsAtOnce(num_threads_, model_ != nullptr && model_->on_device());
+}
+
 // Verifies and loads the networks without the mutex, which takes seconds, then publishes them to
-// the threads that wait in Next.
-void PhotographSegmentation::OpenModel() {
+// the threads that wait in Next. The CPU's networks have the priority of the threads.
+void PhotographSegmentation::OpenModel(Priority priority) {
   if (const absl::Status ready = masks_.Prepare(); !ready.ok()) return Fail(ready);
-  auto model =
-      SamModel::Open(inputs_.tools.sam, {.num_threads = num_threads_,
-                                         .photographs_at_once = SamPhotographsAtOnce(num_threads_),
-                                         .cuda_device = inputs_.tools.sam_cuda_device});
+  SamOptions options = {.num_threads = num_threads_, .cuda_device = inputs_.tools.sam_cuda_device};
+  if (priority == Priority::kLow) options.before_cpu = LowerPriority;
+  auto model = SamModel::Open(inputs_.tools.sam, options);
   if (!model.ok()) return Fail(model.status());
   const std::lock_guard lock(mutex_);
   model_ = *std::move(model);
@@ -106,6 +116,7 @@ void PhotographSegmentation::OpenModel() {
 void PhotographSegmentation::Work(Priority priority) {
   std::unique_ptr<PromptedSegmenter> segmenter;
   while (const std::optional<size_t> task = Next(priority)) {
+    if (priority == Priority::kLow && !model_->on_device()) LowerPriority();
     if (segmenter == nullptr) segmenter = model_->MakeSegmenter();
     const absl::Status status = Segment(*task, *segmenter);
     if (!status.ok()) return Fail(status);
@@ -123,8 +134,7 @@ std::optional<size_t> PhotographSegmentation::Next(Priority priority) {
   };
   // Old and new threads overlap for a while; num_running_ keeps the memory within its limit.
   const auto may_begin = [&] {
-    return model_ != nullptr && !queue_.empty() &&
-           num_running_ < SamPhotographsAtOnce(num_threads_);
+    return model_ != nullptr && !queue_.empty() && num_running_ < AtOnce();
   };
   // The token also ends the wait: Stop does not notify changed_.
   changed_.wait(lock, stop_.get_token(), [&] { return ends() || may_begin(); });
@@ -217,28 +227,54 @@ absl::Status PhotographSegmentation::WaitFor(const std::vector<size_t>& tasks, S
 // be read.
 absl::StatusOr<std::vector<MaskSet>> PhotographSegmentation::MasksOfViews(
     bool join, const Capture& capture) const {
-  MaskWarp warp;
-  std::vector<MaskSet> made;
+  std::vector<const View*> views;
   for (const View& view : capture.views) {
-    if (view.held_out) continue;
-    const Photograph& photograph = *view.photograph;  // every imported view has one
-    ASSIGN_OR_RETURN(
-        const MaskSet masks,
-        masks_.Read(by_key_.at(view.name), photograph.UprightWidth(), photograph.UprightHeight()));
-    made.push_back(JoinMasks(warp.ToView(masks, view), join ? view.masks : MaskSet(), view.ignore));
+    if (!view.held_out) views.push_back(&view);
   }
-  return made;
+  ThreadPool pool(num_threads_);
+  std::vector<MaskWarp> warps(static_cast<size_t>(pool.num_threads()));
+  std::vector<absl::StatusOr<MaskSet>> made(views.size());
+  pool.ParallelFor(static_cast<int64_t>(views.size()), [&](int64_t i, int thread) {
+    try {
+      made[i] = MasksOfView(*views[i], join, warps[thread]);
+    } catch (const std::bad_alloc&) {  // of the standard library or OpenCV
+      made[i] = absl::ResourceExhaustedError("out of memory");
+    }
+  });
+  std::vector<MaskSet> masks;
+  for (absl::StatusOr<MaskSet>& of_view : made) {
+    RETURN_IF_ERROR(of_view.status());
+    masks.push_back(*std::move(of_view));
+  }
+  return masks;
+}
+
+absl::StatusOr<MaskSet> PhotographSegmentation::MasksOfView(const View& view, bool join,
+                                                            MaskWarp& warp) const {
+  const Photograph& photograph = *view.photograph;  // every imported view has one
+  ASSIGN_OR_RETURN(
+      const MaskSet masks,
+      masks_.Read(by_key_.at(view.name), photograph.UprightWidth(), photograph.UprightHeight()));
+  return JoinMasks(warp.ToView(masks, view), join ? view.masks : MaskSet(), view.ignore);
+}
+
+// A failure of CUDA is a warning: the CPU takes a thousand times as long.
+void PhotographSegmentation::ReportProcessor(StageLog& stages) {
+  std::string message;
+  bool failed = false;
+  {
+    const std::lock_guard lock(mutex_);
+    if (model_ == nullptr) return;
+    message = absl::StrCat("SAM: computed on ", model_->processor());
+    failed = model_->cuda_failed();
+  }
+  failed ? stages.Warn(message) : stages.observer().Log(message);
 }
 
 // Frees the networks before the masks are read and warped.
 absl::Status PhotographSegmentation::TakeMasks(StageLog& stages, bool join, Capture& capture) {
   RETURN_IF_ERROR(WaitFor(Trained(capture), stages));
-  {
-    const std::lock_guard lock(mutex_);
-    if (model_ != nullptr) {
-      stages.observer().Log(absl::StrCat("SAM: computed on ", model_->processor()));
-    }
-  }
+  ReportProcessor(stages);
   Stop();
   if (num_kept_ > 0) {
     stages.observer().Log(

@@ -35,16 +35,16 @@ inline constexpr double kShareBeforeSam = 0.1;
 //
 // Threads: the training's thread calls the methods. The object's threads take photographs from a
 // queue, at most SamPhotographsAtOnce() at a time; one mutex guards the queue and the states.
-// Threads that run next to other stages have a low priority, which the system lets no thread raise
-// again. When GiveMasks starts, each of them finishes its photograph and ends, and threads of the
-// process's priority take over.
+// Where the CPU computes, threads that run next to other stages have a low priority, which the
+// system lets no thread raise again. When GiveMasks starts, each of them finishes its photograph
+// and ends, and threads of the process's priority take over.
 class PhotographSegmentation {
  public:
   // Starts the threads. files: those of the dataset; the photographs among them are segmented.
   //
   // next_to_other_stages: true while other stages run. The photographs that will be trained on if
-  // all get a pose are then segmented meanwhile, on the time that these stages leave of the cores;
-  // those that will be held out are not. False: nothing is segmented before GiveMasks.
+  // all get a pose are then segmented meanwhile, by a GPU or on the time that these stages leave of
+  // the cores; those that will be held out are not. False: nothing is segmented before GiveMasks.
   PhotographSegmentation(const TrainingInputs& inputs, const ImportOptions& import,
                          const std::vector<DatasetFile>& files, bool next_to_other_stages);
   // Interrupts the network and joins the threads.
@@ -65,13 +65,15 @@ class PhotographSegmentation {
     DatasetFile photograph;
     enum { kOpen, kRuns, kDone } state = kOpen;
   };
+  // Of a thread; kLow only where the CPU computes.
   enum class Priority { kOfProcess, kLow };
 
   void StartThreads(Priority priority);
   void Stop();
+  int AtOnce() const;  // photographs
 
   // On the object's threads.
-  void OpenModel();
+  void OpenModel(Priority priority);
   void Work(Priority priority);
   std::optional<size_t> Next(Priority priority);
   absl::Status Segment(size_t task, PromptedSegmenter& segmenter);
@@ -81,7 +83,9 @@ class PhotographSegmentation {
   std::vector<size_t> Trained(const Capture& capture) const;
   int64_t CloseQueue(const std::vector<size_t>& tasks);
   absl::Status WaitFor(const std::vector<size_t>& tasks, StageLog& stages);
+  void ReportProcessor(StageLog& stages);
   absl::StatusOr<std::vector<MaskSet>> MasksOfViews(bool join, const Capture& capture) const;
+  absl::StatusOr<MaskSet> MasksOfView(const View& view, bool join, MaskWarp& warp) const;
   absl::Status TakeMasks(StageLog& stages, bool join, Capture& capture);
 
   int64_t NumDone(const std::vector<size_t>& tasks) const;  // with mutex_ held

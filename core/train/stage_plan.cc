@@ -105,25 +105,25 @@ class Planner {
     const ExpectedPriors expected = Expect(facts_, settings_.priors);
     if (!expected.any()) return;
     const double pixels = photos_ * facts_.megapixels;
-    AddOnCores("priors", SamCoreSeconds(expected) +
-                             pixels * ((expected.built_in_masks ? kEmbeddedMasks : 0) +
-                                       (expected.built_in_depth ? kEmbeddedDepth : 0)));
+    AddOnCores("priors", pixels * ((expected.built_in_masks ? kEmbeddedMasks : 0) +
+                                   (expected.built_in_depth ? kEmbeddedDepth : 0)));
+    *stages_.back().seconds += SecondsOfSam(expected);
     // The speed of the operator's program is unknown.
     if (expected.by_command) stages_.back().seconds.reset();
   }
 
-  // What SAM has still to do when its stage starts. Where a GPU computes stage one, SAM has the
-  // cores meanwhile.
-  double SamCoreSeconds(const ExpectedPriors& expected) const {
+  // What SAM has still to do when its stage starts. Before that it has what other stages leave of
+  // the processor that computes it: the cores while a GPU computes stage one, a GPU at any time
+  // after the preparation.
+  double SecondsOfSam(const ExpectedPriors& expected) const {
     if (!expected.by_sam) return 0;
-    if (facts_.num_to_segment) {
-      return static_cast<double>(*facts_.num_to_segment) * kSamCoreSeconds;
-    }
+    const double photograph = SamSeconds(std::max(1, facts_.num_threads), facts_.on_device);
+    if (facts_.num_to_segment) return static_cast<double>(*facts_.num_to_segment) * photograph;
     double meanwhile = 0;
     for (const PlannedStage& stage : stages_) {
-      if (stage.on_device) meanwhile += stage.seconds.value_or(0);
+      if (facts_.on_device && stage.name != "prepare") meanwhile += stage.seconds.value_or(0);
     }
-    return std::max(0.0, photos_ * kSamCoreSeconds - Threads() * meanwhile);
+    return std::max(0.0, photos_ * photograph - meanwhile);
   }
 
   // The first steps train on photographs at a quarter, then at half of their width and height: see

@@ -90,16 +90,17 @@ size_t CudaBackend::peak_bytes_in_use() const {
 DeviceMemory CudaBackend::memory() const {
   const std::lock_guard lock(mutex_);
   cudaSetDevice(options_.device);
-  size_t free = 0, total = 0, pooled = 0;
+  size_t free = 0, total = 0, pooled = 0, used = 0;
   cudaMemPool_t pool;
   if (cudaMemGetInfo(&free, &total) != cudaSuccess ||
       cudaDeviceGetDefaultMemPool(&pool, options_.device) != cudaSuccess ||
-      cudaMemPoolGetAttribute(pool, cudaMemPoolAttrReservedMemCurrent, &pooled) != cudaSuccess) {
+      cudaMemPoolGetAttribute(pool, cudaMemPoolAttrReservedMemCurrent, &pooled) != cudaSuccess ||
+      cudaMemPoolGetAttribute(pool, cudaMemPoolAttrUsedMemCurrent, &used) != cudaSuccess) {
     cudaGetLastError();  // a lost device reports no memory
     return {};
   }
-  // Memory that the pool keeps beyond what is in use is free for this process.
-  const size_t kept = pooled > bytes_in_use_ ? pooled - bytes_in_use_ : 0;
+  // Memory that the pool keeps beyond what is in use, by any backend, is free for this process.
+  const size_t kept = pooled > used ? pooled - used : 0;
   return {static_cast<int64_t>(free + kept), static_cast<int64_t>(total), false};
 }
 

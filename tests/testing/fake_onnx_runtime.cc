@@ -2,7 +2,7 @@
 // Its two "models" segment by colour: the encoder returns mean colours, the decoder the cells whose
 // colour is similar to that of the first point. A model file that contains "out of memory" is
 // refused as the real library refuses one that does not fit; one that contains "endless" runs until
-// it is asked to end. The only GPU is number 0.
+// it is asked to end.
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -22,9 +22,6 @@ struct Failure {
 };
 struct Session {
   bool decodes = false, endless = false;
-};
-struct CudaOptions {
-  std::string device;
 };
 struct Value {
   std::vector<int64_t> shape;
@@ -50,21 +47,6 @@ Failure* CreateCpuMemoryInfo(int, int, void** out) { return MakeObject(out); }
 Failure* DisableMemPattern(void*) { return nullptr; }
 Failure* SetIntraOpNumThreads(void*, int) { return nullptr; }
 Failure* AddSessionConfigEntry(void*, const char*, const char*) { return nullptr; }
-Failure* CreateCudaOptions(CudaOptions** out) {
-  *out = new CudaOptions;
-  return nullptr;
-}
-Failure* UpdateCudaOptions(CudaOptions* options, const char* const* keys, const char* const* values,
-                           size_t count) {
-  for (size_t i = 0; i < count; ++i) {
-    if (std::string_view(keys[i]) == "device_id") options->device = values[i];
-  }
-  return nullptr;
-}
-Failure* AppendCuda(void*, const CudaOptions* options) {
-  if (options->device == "0") return nullptr;
-  return new Failure{"there is no GPU " + options->device};
-}
 Failure* CreateSession(void*, const void* bytes, size_t size, void*, void** out) {
   const std::string_view model(static_cast<const char*>(bytes), size);
   if (model.find("out of memory") != model.npos) {
@@ -198,10 +180,6 @@ const Function* GetApi(uint32_t version) {
   set(97, Release<std::atomic<bool>>);
   set(99, Release<std::vector<int64_t>>);
   set(130, AddSessionConfigEntry);
-  set(204, AppendCuda);
-  set(205, CreateCudaOptions);
-  set(206, UpdateCudaOptions);
-  set(208, Release<CudaOptions>);
   return version <= 17 ? table : nullptr;
 }
 

@@ -24,7 +24,7 @@ class PhotographSegmenter {
         view_(view),
         options_(options),
         progress_(progress),
-        grid_(AnswerGrid(view.photo.width, view.photo.height)) {}
+        grid_(AnswerGrid(view.photo.width, view.photo.height, segmenter.extent())) {}
 
   // Prompts at the points, first at those that settled masks never make needless, and keeps the
   // masks that the segmenter proposes.
@@ -32,20 +32,13 @@ class PhotographSegmenter {
   // Prompts for the remainders of kept masks that hold other kept masks, and keeps good answers.
   absl::Status AskForRemainders();
   // Returns the kept masks at the photograph's size, then those of `embedded` unless it is null.
-  AutomaticMasks Take(const MaskSet* embedded) const;
+  absl::StatusOr<AutomaticMasks> Take(const MaskSet* embedded) const;
 
  private:
-  struct Remainder {
-    GridMask rest;           // the outer mask without the inner one
-    SegmenterPrompt prompt;  // two points in the rest, and a negative one in the inner mask
-  };
-
   ProposalRequest Request() const;
   PromptPoint CentreOf(const cv::Point& cell, bool positive) const;
-  absl::StatusOr<PromptAnswers> Run(std::span<const SegmenterPrompt> prompts);
   bool IsKept(const GridMask& mask) const;
-  std::vector<Remainder> FindRemainders() const;
-  void TakeRemainders(const PromptAnswers& answers, std::span<const Remainder> remainders);
+  std::vector<TargetedPrompt> FindRemainders() const;
 
   PromptedSegmenter& segmenter_;
   const View& view_;
@@ -85,37 +78,33 @@ PromptPoint PhotographSegmenter::CentreOf(const cv::Point& cell, bool positive) 
   return {centre(cell.x), centre(cell.y), positive};
 }
 
-absl::StatusOr<PromptAnswers> PhotographSegmenter::Run(std::span<const SegmenterPrompt> prompts) {
-  RETURN_IF_ERROR(progress_());
-  num_prompts_ += static_cast<int>(prompts.size());
-  return segmenter_.Segment(prompts);
-}
-
 bool PhotographSegmenter::IsKept(const GridMask& mask) const {
   return std::any_of(kept_.begin(), kept_.end(), [&](const ProposedMask& other) {
     return mask.Iou(other.mask) > kDuplicateMaskIou;
   });
 }
 
-// Looks at all ordered pairs of kept masks. A rest that is too small, nearly the whole outer mask,
-// or already kept is left out, as is one with room for fewer than two points.
-std::vector<PhotographSegmenter::Remainder> PhotographSegmenter::FindRemainders() const {
+// Looks at all ordered pairs of kept masks. A remainder is the outer one without the inner one; its
+// prompt has two points in it and a negative one in the inner mask. A rest that is too small,
+// nearly the whole outer mask, or already kept is left out, as is one with room for fewer than two
+// points.
+std::vector<TargetedPrompt> PhotographSegmenter::FindRemainders() const {
   constexpr double kInside = 0.9;    // share of the inner mask that the outer one holds
   constexpr double kMinShare = 0.1;  // smallest rest, as a share of the outer mask
-  std::vector<Remainder> remainders;
+  std::vector<TargetedPrompt> remainders;
   for (const ProposedMask& outer : kept_) {
     for (const ProposedMask& inner : kept_) {
       if (remainders.size() == kMaxRemainders) return remainders;
       const auto inner_area = static_cast<double>(inner.mask.area());
       if (&inner == &outer || inner.mask.area() >= outer.mask.area()) continue;
       if (static_cast<double>(inner.mask.Common(outer.mask)) < kInside * inner_area) continue;
-      Remainder remainder = {outer.mask.Without(inner.mask), {}};
+      TargetedPrompt remainder = {{}, outer.mask.Without(inner.mask)};
       const double share =
-          static_cast<double>(remainder.rest.area()) / static_cast<double>(outer.mask.area());
+          static_cast<double>(remainder.target.area()) / static_cast<double>(outer.mask.area());
       // The IoU of the rest with the outer mask is `share`, because the rest lies in it.
       if (share < kMinShare || share > kDuplicateMaskIou) continue;
-      if (!Request().HasGoodArea(remainder.rest.area()) || IsKept(remainder.rest)) continue;
-      const auto cells = DeepestCells(remainder.rest.Image(grid_.width, grid_.height), 2);
+      if (!Request().HasGoodArea(remainder.target.area()) || IsKept(remainder.target)) continue;
+      const auto cells = DeepestCells(remainder.target.Image(grid_.width, grid_.height), 2);
       if (cells.size() < 2) continue;
       for (const cv::Point& cell : cells) remainder.prompt.push_back(CentreOf(cell, true));
       const auto out = DeepestCells(inner.mask.Image(grid_.width, grid_.height), 1);
@@ -126,49 +115,30 @@ std::vector<PhotographSegmenter::Remainder> PhotographSegmenter::FindRemainders(
   return remainders;
 }
 
-// Keeps, for each remainder, the answer with the highest IoU with the rest, if that exceeds
+// Keeps, for each remainder, the answer with the highest IoU with it, if that exceeds
 // min_remainder_iou.
-void PhotographSegmenter::TakeRemainders(const PromptAnswers& answers,
-                                         std::span<const Remainder> remainders) {
-  for (size_t prompt = 0; prompt < remainders.size(); ++prompt) {
-    double best_iou = options_.min_remainder_iou;
-    ProposedMask best;
-    for (size_t mask = 0; mask < PromptAnswers::kMasks; ++mask) {
-      ProposedMask candidate = ReadMask(answers, prompt, mask);
-      const double iou = candidate.mask.Iou(remainders[prompt].rest);
-      if (iou <= best_iou) continue;
-      best_iou = iou;
-      best = std::move(candidate);
-      best.quarter_logits = QuarterLogits(answers.Logits(prompt, mask));
-    }
-    if (Request().HasGoodArea(best.mask.area()) && !IsKept(best.mask))
-      kept_.push_back(std::move(best));
-  }
-}
-
 absl::Status PhotographSegmenter::AskForRemainders() {
   // No answer can exceed an IoU of 1.
   if (options_.min_remainder_iou >= 1) return absl::OkStatus();
-  const std::vector<Remainder> remainders = FindRemainders();
-  const std::span<const Remainder> all = remainders;
-  for (size_t first = 0; first < all.size(); first += kPromptsPerRun) {
-    const auto batch = all.subspan(first, std::min(kPromptsPerRun, all.size() - first));
-    std::vector<SegmenterPrompt> prompts;
-    for (const Remainder& remainder : batch) prompts.push_back(remainder.prompt);
-    ASSIGN_OR_RETURN(const PromptAnswers answers, Run(prompts));
-    TakeRemainders(answers, batch);
+  const std::vector<TargetedPrompt> remainders = FindRemainders();
+  if (remainders.empty()) return absl::OkStatus();
+  ASSIGN_OR_RETURN(std::vector<ProposedMask> answers, segmenter_.Match(remainders, progress_));
+  num_prompts_ += static_cast<int>(remainders.size());
+  for (size_t i = 0; i < answers.size(); ++i) {
+    const GridMask& mask = answers[i].mask;
+    if (mask.area() == 0 || mask.Iou(remainders[i].target) <= options_.min_remainder_iou) continue;
+    if (Request().HasGoodArea(mask.area()) && !IsKept(mask)) kept_.push_back(std::move(answers[i]));
   }
   return absl::OkStatus();
 }
 
-AutomaticMasks PhotographSegmenter::Take(const MaskSet* embedded) const {
+absl::StatusOr<AutomaticMasks> PhotographSegmenter::Take(const MaskSet* embedded) const {
+  ASSIGN_OR_RETURN(const auto enlarged, segmenter_.Enlarge(kept_, view_));
   MaskSetBuilder builder(view_.photo.width, view_.photo.height, kDuplicateMaskIou);
-  for (const ProposedMask& candidate : kept_) {
-    builder.Add(PixelsOfLogits(candidate.quarter_logits, grid_, view_));
-  };
+  for (const std::vector<PixelRun>& runs : enlarged) builder.AddRuns(runs);
   MaskSet masks = std::move(builder).Build();
-  if (embedded == nullptr) return {std::move(masks), num_prompts_};
-  return {JoinMasks(masks, *embedded, view_.ignore), num_prompts_};
+  if (embedded == nullptr) return AutomaticMasks{std::move(masks), num_prompts_};
+  return AutomaticMasks{JoinMasks(masks, *embedded, view_.ignore), num_prompts_};
 }
 
 }  // namespace
@@ -193,15 +163,7 @@ MaskSet JoinMasks(const MaskSet& first, const MaskSet& second, std::span<const u
   MaskSetBuilder builder(first.width, first.height, kDuplicateMaskIou);
   // Of duplicates the mask that was added first stays: those of `first` win.
   for (const MaskSet* set : {&first, &second}) {
-    for (int k = 0; k < set->num_masks; ++k) {
-      const BinaryMask mask = set->Extract(k);
-      std::vector<uint32_t> pixels;
-      for (size_t i = 0; i < mask.pixels.size(); ++i) {
-        const bool ignored = !ignore.empty() && ignore[i] != 0;
-        if (mask.pixels[i] != 0 && !ignored) pixels.push_back(static_cast<uint32_t>(i));
-      }
-      builder.Add(pixels);
-    }
+    for (const std::vector<PixelRun>& runs : RunsOfMasks(*set, ignore)) builder.AddRuns(runs);
   }
   return std::move(builder).Build();
 }

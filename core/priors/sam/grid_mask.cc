@@ -17,15 +17,19 @@ GridMask::GridMask(std::span<const float> logits, float threshold)
   }
 }
 
+// Appends the rows at the end of the bits, up to 32 cells at a time.
 GridMask::GridMask(std::span<const uint32_t> square, int extent, int width, int height)
     : bits_((static_cast<size_t>(width) * height + 63) / 64, 0) {
+  size_t to = 0;
   for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      const size_t from = static_cast<size_t>(y) * extent + x;
-      if ((square[from / 32] >> (from % 32) & 1) == 0) continue;
-      const size_t to = static_cast<size_t>(y) * width + x;
-      bits_[to / 64] |= uint64_t{1} << (to % 64);
-      ++area_;
+    const auto row = square.subspan(static_cast<size_t>(y) * extent / 32, extent / 32);
+    for (int x = 0; x < width; x += 32) {
+      const int count = std::min(32, width - x);
+      const uint64_t cells = row[x / 32] & (~uint32_t{0} >> (32 - count));
+      bits_[to / 64] |= cells << (to % 64);
+      if (to % 64 + count > 64) bits_[to / 64 + 1] |= cells >> (64 - to % 64);
+      area_ += std::popcount(cells);
+      to += count;
     }
   }
 }
@@ -103,7 +107,7 @@ cv::Mat PixelsInside(const cv::Mat& logits, double cells_per_pixel, cv::Size siz
   return warped > 0;
 }
 
-std::vector<uint32_t> PixelsOfLogits(std::span<const int8_t> logits, const PromptAnswers& grid,
+std::vector<PixelRun> PixelsOfLogits(std::span<const int8_t> logits, const PromptAnswers& grid,
                                      const View& view) {
   cv::Mat cells(grid.height, grid.width, CV_32F);
   for (int y = 0; y < grid.height; ++y) {
@@ -113,15 +117,17 @@ std::vector<uint32_t> PixelsOfLogits(std::span<const int8_t> logits, const Promp
   }
   const cv::Mat inside =
       PixelsInside(cells, grid.cells_per_pixel, {view.photo.width, view.photo.height});
-  std::vector<uint32_t> pixels;
+  std::vector<PixelRun> runs;
+  uint32_t pixel = 0;
   for (int y = 0; y < inside.rows; ++y) {
-    for (int x = 0; x < inside.cols; ++x) {
-      const size_t pixel = static_cast<size_t>(y) * inside.cols + x;
+    for (int x = 0; x < inside.cols; ++x, ++pixel) {
+      if (inside.at<uint8_t>(y, x) == 0) continue;
       if (!view.ignore.empty() && view.ignore[pixel] != 0) continue;
-      if (inside.at<uint8_t>(y, x) != 0) pixels.push_back(static_cast<uint32_t>(pixel));
+      if (runs.empty() || runs.back().last != pixel) runs.push_back({pixel, pixel});
+      runs.back().last = pixel + 1;
     }
   }
-  return pixels;
+  return runs;
 }
 
 }  // namespace pepeseg

@@ -51,9 +51,9 @@ std::vector<int8_t> QuarterLogits(std::span<const float> logits);
 cv::Mat PixelsInside(const cv::Mat& logits, double cells_per_pixel, cv::Size size);
 
 // Returns the pixels of the view's photograph where the logits, [height, width] of the grid, are
-// positive, without ignored ones. Logits are interpolated between the centres of the cells, as in
-// the network's own masks.
-std::vector<uint32_t> PixelsOfLogits(std::span<const int8_t> logits, const PromptAnswers& grid,
+// positive, without ignored ones, as ascending runs. Logits are interpolated between the centres of
+// the cells, as in the network's own masks.
+std::vector<PixelRun> PixelsOfLogits(std::span<const int8_t> logits, const PromptAnswers& grid,
                                      const View& view);
 
 }  // namespace pepeseg

@@ -1,7 +1,6 @@
 #include "core/priors/sam/mask_proposals.h"
 
 #include <algorithm>
-#include <numeric>
 #include <utility>
 
 #include "core/base/status_macros.h"
@@ -108,60 +107,6 @@ class HostProposals {
   Proposals proposals_;
 };
 
-// A candidate of ProposeOnBackend, without its cells.
-struct Scored {
-  int32_t mask = 0;  // index among the decoded masks
-  int32_t area = 0;
-  int32_t cell = 0;  // bit of the prompt's point in the mask, on the decoder's square
-  ProposedMask scores;
-};
-
-// Returns the candidates in the order in which ProposeBySegmenting examines them: the sure ones,
-// then the fillers, each by IoU.
-std::vector<Scored> Candidates(const ProposalRequest& request, const DecodedMasks& masks,
-                               const std::vector<PromptPoint>& points, int extent) {
-  std::vector<float> ious(static_cast<size_t>(masks.ious.size()));
-  masks.ious.Download(ious);
-  std::vector<int32_t> areas(static_cast<size_t>(masks.areas.size()));
-  masks.areas.Download(areas);
-  std::vector<Scored> candidates;
-  for (size_t prompt = 0; prompt < points.size(); ++prompt) {
-    const size_t cell = request.CellOf(points[prompt]);
-    const size_t y = cell / request.grid.width, x = cell % request.grid.width;
-    for (size_t k = kFirstMask; k < PromptAnswers::kMasks; ++k) {
-      const size_t mask = prompt * PromptAnswers::kMasks + k;
-      const int32_t* area = &areas[mask * 3];  // over -1, 0 and 1
-      Scored scored = {
-          static_cast<int32_t>(mask), area[1], static_cast<int32_t>(y * extent + x), {}};
-      scored.scores.iou = ious[mask];
-      scored.scores.cell = cell;
-      if (area[0] > 0) {
-        scored.scores.stability = static_cast<float>(area[2]) / static_cast<float>(area[0]);
-      }
-      if (scored.scores.iou < request.min_filler_iou ||
-          scored.scores.stability < request.min_filler_stability || !request.HasGoodArea(area[1])) {
-        continue;
-      }
-      candidates.push_back(std::move(scored));
-    }
-  }
-  std::stable_sort(candidates.begin(), candidates.end(),
-                   [](const Scored& a, const Scored& b) { return a.scores.iou > b.scores.iou; });
-  std::stable_partition(candidates.begin(), candidates.end(),
-                        [&](const Scored& scored) { return request.IsSure(scored.scores); });
-  return candidates;
-}
-
-// Copies the cells of the grid from a square of `extent` cells a side.
-std::vector<int8_t> Cropped(std::span<const int8_t> square, const PromptAnswers& grid, int extent) {
-  std::vector<int8_t> cells;
-  for (int y = 0; y < grid.height; ++y) {
-    const auto row = square.subspan(static_cast<size_t>(y) * extent, grid.width);
-    cells.insert(cells.end(), row.begin(), row.end());
-  }
-  return cells;
-}
-
 }  // namespace
 
 // Points are in pixels of the photograph, the first pixel's centre at 0.5; cells follow in reading
@@ -201,64 +146,49 @@ absl::StatusOr<Proposals> ProposeBySegmenting(PromptedSegmenter& segmenter,
   return std::move(proposals).Choose();
 }
 
+absl::StatusOr<std::vector<ProposedMask>> MatchBySegmenting(
+    PromptedSegmenter& segmenter, std::span<const TargetedPrompt> prompts,
+    absl::FunctionRef<absl::Status()> progress) {
+  std::vector<ProposedMask> best(prompts.size());
+  for (size_t first = 0; first < prompts.size(); first += kPromptsPerRun) {
+    const auto batch = prompts.subspan(first, std::min(kPromptsPerRun, prompts.size() - first));
+    std::vector<SegmenterPrompt> asked;
+    for (const TargetedPrompt& prompt : batch) asked.push_back(prompt.prompt);
+    RETURN_IF_ERROR(progress());
+    ASSIGN_OR_RETURN(const PromptAnswers answers, segmenter.Segment(asked));
+    for (size_t prompt = 0; prompt < batch.size(); ++prompt) {
+      double best_iou = 0;
+      for (size_t mask = 0; mask < PromptAnswers::kMasks; ++mask) {
+        ProposedMask answer = ReadMask(answers, prompt, mask);
+        const double iou = answer.mask.Iou(batch[prompt].target);
+        if (iou <= best_iou) continue;
+        best_iou = iou;
+        answer.quarter_logits = QuarterLogits(answers.Logits(prompt, mask));
+        best[first + prompt] = std::move(answer);
+      }
+    }
+  }
+  return best;
+}
+
 absl::StatusOr<Proposals> PromptedSegmenter::Propose(const ProposalRequest& request,
                                                      absl::FunctionRef<absl::Status()> progress) {
   return ProposeBySegmenting(*this, request, progress);
 }
 
-absl::StatusOr<Proposals> ProposeOnBackend(Backend& backend, DecoderNetwork& decoder,
-                                           ConstNetworkSpan embedding,
-                                           const ProposalRequest& request) {
-  std::vector<PromptPoint> points = request.always;
-  points.insert(points.end(), request.unsettled.begin(), request.unsettled.end());
-  Proposals proposals;
-  proposals.num_prompts = static_cast<int>(points.size());
-  if (points.empty()) return proposals;
-  const int extent = decoder.extent();
-  const double scale = request.grid.cells_per_pixel * decoder.frame() / extent;
-  std::vector<DecoderPoint> prompts;
-  for (const PromptPoint& point : points) {
-    prompts.push_back({static_cast<float>(point.x * scale - 0.5),
-                       static_cast<float>(point.y * scale - 0.5), point.positive ? 1 : 0});
-    prompts.push_back({0, 0, -1});
+absl::StatusOr<std::vector<ProposedMask>> PromptedSegmenter::Match(
+    std::span<const TargetedPrompt> prompts, absl::FunctionRef<absl::Status()> progress) {
+  return MatchBySegmenting(*this, prompts, progress);
+}
+
+absl::StatusOr<std::vector<std::vector<PixelRun>>> PromptedSegmenter::Enlarge(
+    std::span<const ProposedMask> masks, const View& view) {
+  const PromptAnswers grid = AnswerGrid(view.photo.width, view.photo.height, extent());
+  std::vector<std::vector<PixelRun>> runs;
+  for (const ProposedMask& mask : masks) {
+    runs.push_back(PixelsOfLogits(mask.quarter_logits, grid, view));
   }
-  DecodedMasks masks;
-  RETURN_IF_ERROR(decoder.Decode(embedding, prompts, 2, {request.grid.width, request.grid.height},
-                                 false, masks));
-  std::vector<Scored> candidates = Candidates(request, masks, points, extent);
-  if (candidates.empty()) return proposals;
-  std::vector<int32_t> order, areas, filler_cells;
-  for (const Scored& candidate : candidates) {
-    order.push_back(candidate.mask);
-    areas.push_back(candidate.area);
-    filler_cells.push_back(request.IsSure(candidate.scores) ? -1 : candidate.cell);
-  }
-  const Buffer<int32_t> order_buffer(backend, std::span<const int32_t>(order));
-  const Buffer<int32_t> area_buffer(backend, std::span<const int32_t>(areas));
-  const Buffer<int32_t> cell_buffer(backend, std::span<const int32_t>(filler_cells));
-  const int words = extent * extent / 32;
-  Buffer<uint8_t> kept(backend, static_cast<int64_t>(order.size()));
-  Buffer<uint32_t> kept_bits(backend, static_cast<int64_t>(order.size()) * words);
-  if (!backend.error().empty()) return absl::ResourceExhaustedError("SAM: " + backend.error());
-  backend.SuppressMasks({words, masks.bits.span(), order_buffer.span(), area_buffer.span(),
-                         cell_buffer.span(), kDuplicateMaskIou, kept.span(), kept_bits.span()});
-  std::vector<uint8_t> flags(order.size());
-  kept.Download(flags);
-  std::vector<uint32_t> bits(std::accumulate(flags.begin(), flags.end(), size_t{0}) * words);
-  kept_bits.Download(bits);
-  std::vector<int8_t> square(static_cast<size_t>(extent) * extent);
-  for (size_t i = 0; i < candidates.size(); ++i) {
-    if (flags[i] == 0) continue;
-    ProposedMask mask = std::move(candidates[i].scores);
-    const size_t first = proposals.kept.size() * words;
-    mask.mask = GridMask(std::span<const uint32_t>(bits).subspan(first, words), extent,
-                         request.grid.width, request.grid.height);
-    masks.quarters.Download(square, static_cast<int64_t>(candidates[i].mask) * extent * extent);
-    mask.quarter_logits = Cropped(square, request.grid, extent);
-    proposals.kept.push_back(std::move(mask));
-  }
-  if (!backend.error().empty()) return absl::InternalError("SAM: " + backend.error());
-  return proposals;
+  return runs;
 }
 
 }  // namespace pepeseg

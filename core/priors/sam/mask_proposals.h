@@ -7,7 +7,6 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/priors/sam/decoder_network.h"
 #include "core/priors/sam/grid_mask.h"
 #include "core/priors/sam/prompted_segmenter.h"
 
@@ -27,6 +26,12 @@ struct ProposedMask {
   float iou = 0, stability = 0;        // see AutomaticMaskOptions::min_iou
   size_t cell = 0;                     // cell of the prompt's point
   std::vector<int8_t> quarter_logits;  // [height, width], see QuarterLogits
+};
+
+// A prompt, and a mask on the grid that its answer should resemble.
+struct TargetedPrompt {
+  SegmenterPrompt prompt;
+  GridMask target;
 };
 
 // Prompts of one point each, and which answers are kept. The thresholds are described at
@@ -56,18 +61,15 @@ struct Proposals {
 // Returns a mask of answers with its stability, without `cell` and `quarter_logits`.
 ProposedMask ReadMask(const PromptAnswers& answers, size_t prompt, size_t mask);
 
-// Asks a segmenter by Segment, kPromptsPerRun prompts at a time, and chooses the masks on the host.
-// Calls `progress` before each run. Returns the error of `progress` or of the segmenter.
+// PromptedSegmenter::Propose and Match by Segment, kPromptsPerRun prompts at a time, and the choice
+// of masks on the host. Call `progress` before each run. Return the error of `progress` or of the
+// segmenter.
 inline constexpr size_t kPromptsPerRun = 4;
 absl::StatusOr<Proposals> ProposeBySegmenting(PromptedSegmenter& segmenter,
                                               const ProposalRequest& request,
                                               absl::FunctionRef<absl::Status()> progress);
-
-// Asks a decoder at once, and chooses the masks on its backend: the same as ProposeBySegmenting
-// does with that decoder's logits, where the request has no settled_area, which is ignored. Only
-// the kept masks are copied to the host. Returns the errors of DecoderNetwork::Decode.
-absl::StatusOr<Proposals> ProposeOnBackend(Backend& backend, DecoderNetwork& decoder,
-                                           ConstNetworkSpan embedding,
-                                           const ProposalRequest& request);
+absl::StatusOr<std::vector<ProposedMask>> MatchBySegmenting(
+    PromptedSegmenter& segmenter, std::span<const TargetedPrompt> prompts,
+    absl::FunctionRef<absl::Status()> progress);
 
 }  // namespace pepeseg

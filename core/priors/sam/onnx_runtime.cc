@@ -42,10 +42,6 @@ enum Position {
   kReleaseTensorTypeAndShape = 99,
   kReleaseSessionOptions = 100,
   kAddSessionConfigEntry = 130,
-  kAppendCudaProvider = 204,  // ..._CUDA_V2
-  kCreateCudaProviderOptions = 205,
-  kUpdateCudaProviderOptions = 206,
-  kReleaseCudaProviderOptions = 208,
 };
 constexpr int kLogErrors = 3, kArenaAllocator = 1, kDefaultMemory = 0, kFloat = 1;
 
@@ -163,7 +159,6 @@ struct OnnxSession::State {
     return absl::Status(status.code(), absl::StrCat(name, ": ", status.message()));
   }
   absl::Status Open(std::string_view model, const OnnxSessionOptions& wanted);
-  absl::Status AppendCuda(int device, Object session_options) const;
   absl::StatusOr<OnnxTensor> Read(Object value) const;
 
   const OnnxRuntime::Calls& calls;
@@ -187,22 +182,9 @@ absl::Status OnnxSession::State::Open(std::string_view model, const OnnxSessionO
   // Threads that wait must not spin: they would take processors from other programs.
   RETURN_IF_ERROR(
       calls.Call(kAddSessionConfigEntry, options.get(), "session.intra_op.allow_spinning", "0"));
-  if (wanted.cuda_device) RETURN_IF_ERROR(AppendCuda(*wanted.cuda_device, options.get()));
   return calls.Call(kCreateSessionFromArray, calls.env.get(),
                     static_cast<const void*>(model.data()), model.size(), options.get(),
                     session.address());
-}
-
-// Written from the interface's description. Tested against a library without the provider, which
-// refuses the calls by name, but never on a GPU.
-absl::Status OnnxSession::State::AppendCuda(int device, Object session_options) const {
-  Owned options(calls.table, kReleaseCudaProviderOptions);
-  RETURN_IF_ERROR(calls.Call(kCreateCudaProviderOptions, options.address()));
-  const std::string number = std::to_string(device);
-  const char* const key = "device_id";
-  const char* const value = number.c_str();
-  RETURN_IF_ERROR(calls.Call(kUpdateCudaProviderOptions, options.get(), &key, &value, size_t{1}));
-  return calls.Call(kAppendCudaProvider, session_options, options.get());
 }
 
 absl::StatusOr<std::unique_ptr<OnnxSession>> OnnxSession::Create(

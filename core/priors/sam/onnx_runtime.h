@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -45,8 +44,6 @@ struct OnnxInput {
 
 struct OnnxSessionOptions {
   int num_threads = 1;  // threads of one run, with the caller's
-  // GPU that computes what the library's CUDA provider supports. Absent: only the CPU computes.
-  std::optional<int> cuda_device = std::nullopt;
 };
 
 // A model that is ready to run. Thread-safe: any number of threads may call it at the same time.
@@ -54,7 +51,7 @@ class OnnxSession {
  public:
   // Loads a model from its bytes, which need not outlive the call; `name` stands for them in
   // messages. `runtime` must outlive the session. Returns INVALID_ARGUMENT when the library cannot
-  // run the model or has no working CUDA provider, and RESOURCE_EXHAUSTED when out of memory.
+  // run the model, and RESOURCE_EXHAUSTED when out of memory.
   static absl::StatusOr<std::unique_ptr<OnnxSession>> Create(const OnnxRuntime& runtime,
                                                              std::string_view model,
                                                              std::string name,

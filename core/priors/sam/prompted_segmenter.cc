@@ -10,17 +10,30 @@
 
 namespace pepeseg {
 
-PromptAnswers AnswerGrid(int photo_width, int photo_height) {
+PromptAnswers AnswerGrid(int photo_width, int photo_height, int extent) {
   PromptAnswers grid;
-  // SAM answers with a square of kExtent cells a side, which the longer side of the photograph
-  // fills.
-  grid.cells_per_pixel = double{PromptAnswers::kExtent} / std::max(photo_width, photo_height);
+  // SAM answers with a square of cells, which the longer side of the photograph fills.
+  grid.cells_per_pixel = static_cast<double>(extent) / std::max(photo_width, photo_height);
   const auto cells = [&](int pixels) {
     return std::max(1, static_cast<int>(std::lround(pixels * grid.cells_per_pixel)));
   };
   grid.width = cells(photo_width);
   grid.height = cells(photo_height);
   return grid;
+}
+
+std::vector<float> WithoutPadding(std::span<const float> squares, int extent,
+                                  const PromptAnswers& grid) {
+  std::vector<float> cells;
+  const size_t square = static_cast<size_t>(extent) * extent;
+  cells.reserve(squares.size() / square * grid.width * grid.height);
+  for (size_t first = 0; first < squares.size(); first += square) {
+    for (int y = 0; y < grid.height; ++y) {
+      const auto row = squares.subspan(first + static_cast<size_t>(y) * extent, grid.width);
+      cells.insert(cells.end(), row.begin(), row.end());
+    }
+  }
+  return cells;
 }
 
 // Visits the squares with a stride near count times the golden section, which spreads any number of

@@ -37,7 +37,9 @@ struct PromptAnswers {
 };
 
 struct ProposalRequest;
+struct ProposedMask;
 struct Proposals;
+struct TargetedPrompt;
 
 // A network that segments what points in a photograph refer to, as SAM does (Kirillov et al. 2023).
 // Not thread-safe.
@@ -45,20 +47,38 @@ class PromptedSegmenter {
  public:
   virtual ~PromptedSegmenter() = default;
 
-  // Sets the RGB photograph that later prompts refer to. Returns RESOURCE_EXHAUSTED when out of
-  // memory.
+  // Cells along the longer side of the photograph in its masks.
+  virtual int extent() const { return PromptAnswers::kExtent; }
+  // Sets the RGB photograph that later prompts refer to, which must stay as it is while they do.
+  // Returns RESOURCE_EXHAUSTED when out of memory.
   virtual absl::Status SetPhotograph(const Image& photo) = 0;
   // Answers at least one prompt, all with the same number of points. Call SetPhotograph first.
   virtual absl::StatusOr<PromptAnswers> Segment(std::span<const SegmenterPrompt> prompts) = 0;
-  // Prompts at points and returns the masks that are worth keeping (mask_proposals.h). Calls
-  // `progress` from time to time and returns its error. ProposeBySegmenting, unless overridden by a
-  // segmenter that keeps its logits on a device.
+
+  // The steps of SegmentPhotograph (automatic_masks.h). Each calls `progress` from time to time and
+  // returns its error. By default the host computes them from the answers of Segment; a segmenter
+  // that keeps its logits on a device overrides them.
+  //
+  // Prompts at points and returns the masks that are worth keeping (mask_proposals.h).
   virtual absl::StatusOr<Proposals> Propose(const ProposalRequest& request,
                                             absl::FunctionRef<absl::Status()> progress);
+  // Returns for each prompt the answer that has the highest IoU with the prompt's target; its area
+  // is 0 where no answer has a cell of the target. All have the same number of points.
+  virtual absl::StatusOr<std::vector<ProposedMask>> Match(
+      std::span<const TargetedPrompt> prompts, absl::FunctionRef<absl::Status()> progress);
+  // Returns the pixels of masks of the view's photograph (PixelsOfLogits).
+  virtual absl::StatusOr<std::vector<std::vector<PixelRun>>> Enlarge(
+      std::span<const ProposedMask> masks, const View& view);
 };
 
-// Returns the grid of PromptAnswers for a photograph of this size, without answers.
-PromptAnswers AnswerGrid(int photo_width, int photo_height);
+// Returns the grid of PromptAnswers for a photograph of this size, with `extent` cells along its
+// longer side, without answers.
+PromptAnswers AnswerGrid(int photo_width, int photo_height, int extent = PromptAnswers::kExtent);
+
+// Returns the cells of the grid of squares with `extent` cells a side, [masks, extent, extent]: the
+// rest shows the padding of the network's frame.
+std::vector<float> WithoutPadding(std::span<const float> squares, int extent,
+                                  const PromptAnswers& grid);
 
 // Returns the centres of a grid of points_per_side x points_per_side squares over the photograph.
 // Neighbours are far apart in the order, so that an early answer can make a later prompt needless.

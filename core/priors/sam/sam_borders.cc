@@ -99,6 +99,7 @@ SamBorders::~SamBorders() = default;
 
 absl::StatusOr<std::unique_ptr<SamBorders>> SamBorders::Open(const std::filesystem::path& folder,
                                                              int num_threads) {
+  RETURN_IF_ERROR(CheckSamFiles(folder));
   ASSIGN_OR_RETURN(auto networks, SamNetworks::Open(folder, MaskDecoderEdit(), {num_threads}));
   return std::unique_ptr<SamBorders>(new SamBorders(std::move(networks)));
 }

@@ -18,11 +18,7 @@
 namespace pepeseg {
 namespace {
 
-// Files of a folder that deploy/sam.sh has made.
-constexpr char kSamEncoder[] = "encoder.onnx", kSamDecoder[] = "sam.onnx",
-               kSamRuntime[] = "libonnxruntime.so.1", kSamDigests[] = "SHA256SUMS";
-// CUDA provider of ONNX Runtime, which an operator may add to the folder. It has no digest.
-constexpr char kSamCudaProvider[] = "libonnxruntime_providers_cuda.so";
+constexpr char kSamDigests[] = "SHA256SUMS";
 constexpr int64_t kMaxDigestFile = 4096;  // bytes of SHA256SUMS
 constexpr int64_t kMaxModelBytes = int64_t{1} << 30;
 
@@ -76,15 +72,6 @@ absl::StatusOr<std::unique_ptr<OnnxSession>> OpenSession(const OnnxRuntime& runt
   return absl::FailedPreconditionError(session.status().message());
 }
 
-absl::Status OpenSessions(const std::filesystem::path& folder, const OnnxGraphEdit& edit,
-                          const OnnxSessionOptions& options, SamNetworks& networks) {
-  ASSIGN_OR_RETURN(networks.encoder,
-                   OpenSession(*networks.runtime, folder / kSamEncoder, options, nullptr));
-  ASSIGN_OR_RETURN(networks.decoder,
-                   OpenSession(*networks.runtime, folder / kSamDecoder, options, &edit));
-  return absl::OkStatus();
-}
-
 absl::Status CheckShape(const OnnxTensor& tensor, const std::vector<int64_t>& shape,
                         const char* model) {
   if (tensor.shape == shape) return absl::OkStatus();
@@ -127,25 +114,22 @@ absl::Status CheckSamFiles(const std::filesystem::path& folder) {
 absl::StatusOr<std::unique_ptr<const SamNetworks>> SamNetworks::Open(
     const std::filesystem::path& folder, const OnnxGraphEdit& edit,
     const OnnxSessionOptions& options) {
-  RETURN_IF_ERROR(CheckSamFiles(folder));
   auto networks = std::make_unique<SamNetworks>();
   auto runtime = OnnxRuntime::Load(folder / kSamRuntime);
   if (!runtime.ok()) {
     return absl::Status(runtime.status().code(), absl::StrCat("SAM: ", runtime.status().message()));
   }
   networks->runtime = *std::move(runtime);
-  networks->processor = "the CPU";
-  std::error_code ignored;
-  if (options.cuda_device && std::filesystem::exists(folder / kSamCudaProvider, ignored)) {
-    const absl::Status opened = OpenSessions(folder, edit, options, *networks);
-    if (opened.ok()) {
-      networks->processor = absl::StrCat("CUDA device ", *options.cuda_device);
-      return networks;
-    }
-    networks->processor = absl::StrCat("the CPU, since CUDA failed: ", opened.message());
-  }
-  RETURN_IF_ERROR(OpenSessions(folder, edit, {options.num_threads}, *networks));
+  ASSIGN_OR_RETURN(networks->encoder,
+                   OpenSession(*networks->runtime, folder / kSamEncoder, options, nullptr));
+  ASSIGN_OR_RETURN(networks->decoder,
+                   OpenSession(*networks->runtime, folder / kSamDecoder, options, &edit));
   return networks;
+}
+
+void SamNetworks::Interrupt() const {
+  encoder->Interrupt();
+  decoder->Interrupt();
 }
 
 absl::StatusOr<OnnxTensor> EmbedPhotograph(const OnnxSession& encoder, const Image& photo) {

@@ -13,8 +13,12 @@
 #include "core/priors/sam/onnx_runtime.h"
 #include "core/scene/capture.h"
 
-// The files of a small SAM with TinyViT's encoder, and how its networks are run.
+// The files of a small SAM with TinyViT's encoder, and its networks in ONNX Runtime.
 namespace pepeseg {
+
+// Files of a folder that deploy/sam.sh has made.
+inline constexpr char kSamEncoder[] = "encoder.onnx", kSamDecoder[] = "sam.onnx",
+                      kSamRuntime[] = "libonnxruntime.so.1";
 
 // Verifies the three files of a folder that deploy/sam.sh has made (encoder, decoder, ONNX Runtime)
 // against its SHA256SUMS, which has a line "DIGEST  NAME" for each. Returns NOT_FOUND when the
@@ -28,20 +32,20 @@ inline constexpr int kSamFrame = 1024;  // side of the encoder's square image, p
 inline constexpr char kSamMasks[] = "/Reshape_9_output_0";
 inline constexpr char kSamIous[] = "/iou_prediction_head/layers.2/Gemm_output_0";
 
-// The networks, ready to run.
+// The networks in ONNX Runtime on the CPU, ready to run.
 struct SamNetworks {
-  // Verifies the files and loads the networks, with the decoder's graph changed by `edit`. A
-  // session computes on the CPU if the GPU of `options`, or ONNX Runtime's CUDA provider in the
-  // folder, does not work. Returns the errors of CheckSamFiles, FAILED_PRECONDITION when the
-  // library does not load or the models are not the expected ones, and RESOURCE_EXHAUSTED when out
-  // of memory.
+  // Loads the networks, with the decoder's graph changed by `edit`, from files that the caller has
+  // verified. Returns FAILED_PRECONDITION when the library does not load or the models are not the
+  // expected ones, and RESOURCE_EXHAUSTED when out of memory.
   static absl::StatusOr<std::unique_ptr<const SamNetworks>> Open(
       const std::filesystem::path& folder, const OnnxGraphEdit& edit,
       const OnnxSessionOptions& options);
 
+  // As OnnxSession::Interrupt, for both networks.
+  void Interrupt() const;
+
   std::unique_ptr<OnnxRuntime> runtime;
   std::unique_ptr<OnnxSession> encoder, decoder;
-  std::string processor;  // as SamModel::processor()
 };
 
 // Returns the photograph's embedding, [1, 256, 64, 64]: what the decoder needs of it. Returns the

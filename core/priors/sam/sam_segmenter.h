@@ -3,63 +3,106 @@
 #include <algorithm>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/priors/sam/prompted_segmenter.h"
 
 namespace pepeseg {
 
+class DeviceSam;
 struct SamNetworks;
 
-// Returns the number of photographs to segment at the same time on `num_threads` threads. A thread
-// for each takes less processor time than several that share one, but each takes memory.
-constexpr int SamPhotographsAtOnce(int num_threads) { return std::clamp(num_threads, 1, 4); }
+// Returns the number of photographs to segment at the same time on `num_threads` threads. On the
+// CPU a thread for each takes less processor time than several that share one, but each takes
+// memory. On a GPU one is computed at a time, while other threads decode photographs and write
+// masks.
+constexpr int SamPhotographsAtOnce(int num_threads, bool on_device = false) {
+  return std::clamp(num_threads, 1, on_device ? 8 : 4);
+}
 
 // Returns an upper estimate of the host memory that SAM takes on `num_threads` threads, bytes.
-// Measured: 591, 1006 and 1870 MiB for 1, 2 and 4 photographs at a time.
+// Measured: 591, 1006 and 1870 MiB for 1, 2 and 4 photographs at a time on the CPU.
 constexpr int64_t SamHostBytes(int num_threads) {
   return (int64_t{200} << 20) + (int64_t{430} << 20) * SamPhotographsAtOnce(num_threads);
+}
+
+// Returns an upper estimate of the device memory that SAM takes on CUDA for photographs of up to
+// this many pixels, bytes, however many threads segment. Measured:
+// tests/bench/results/sam_cuda.md.
+constexpr int64_t SamDeviceBytes(int64_t max_pixels) {
+  return (int64_t{700} << 20) + 8 * max_pixels;
 }
 
 // Time that the masks of a photograph of any size take with the default AutomaticMaskOptions,
 // seconds of one core (x86-64 with AVX-512): tests/bench/results/sam_masks.md.
 inline constexpr double kSamCoreSeconds = 12;
+// On a GPU: seconds of an H200, and of a core that decodes a photograph of 2 megapixels and writes
+// its masks meanwhile. Measured: tests/bench/results/sam_cuda.md.
+inline constexpr double kSamDeviceSeconds = 0.01, kSamHostSeconds = 0.1;
+
+// Returns the time that one of many photographs takes on `num_threads` threads, seconds.
+constexpr double SamSeconds(int num_threads, bool on_device) {
+  if (!on_device) return kSamCoreSeconds / num_threads;
+  return std::max(kSamDeviceSeconds, kSamHostSeconds / SamPhotographsAtOnce(num_threads, true));
+}
 
 struct SamOptions {
-  int num_threads = 1;
-  // Photographs that the model's segmenters work on at the same time, at most `num_threads`. Each
-  // is computed on the thread that calls its segmenter; the remaining threads help all of them.
-  int photographs_at_once = 1;
-  // GPU that computes, if the folder has ONNX Runtime's CUDA provider, which an operator may add to
-  // it, and the provider works. Absent: only the CPU computes.
+  int num_threads = 1;  // of the CPU
+  // CUDA's number of the GPU that computes, if it can. Absent: the CPU computes.
   std::optional<int> cuda_device = std::nullopt;
+  // Called before the networks are opened for the CPU, on the thread that opens them and whose
+  // threads compute. May be null.
+  std::function<void()> before_cpu = nullptr;
 };
 
-// The networks of a small SAM with TinyViT's encoder, from a folder that deploy/sam.sh has made.
+// The networks of a small SAM with TinyViT's encoder, from a folder that deploy/sam.sh has made: on
+// our own CUDA kernels (device_sam.h), or in ONNX Runtime on the CPU, where at most
+// SamPhotographsAtOnce() segmenters should work at the same time. Thread-safe.
 class SamModel {
  public:
-  // Returns the errors of SamNetworks::Open. Where CUDA fails, the CPU computes: see processor().
+  // Verifies the files and loads the networks. Where CUDA fails, the CPU computes: see processor().
+  // Returns the errors of SamNetworks::Open.
   static absl::StatusOr<std::unique_ptr<SamModel>> Open(const std::filesystem::path& folder,
                                                         const SamOptions& options);
   ~SamModel();
 
   // Returns "the CPU", "CUDA device 0", or "the CPU, since CUDA failed: ..." with the reason.
-  const std::string& processor() const;
+  std::string processor() const;
+  // Most device memory that CUDA has taken so far, bytes.
+  int64_t peak_device_bytes() const;
+  // True while CUDA computes. It ends when a segmenter finds the device out of memory or broken.
+  bool on_device() const;
+  // True if CUDA was asked for and has failed.
+  bool cuda_failed() const;
 
-  // Returns a segmenter for the photographs of one thread. The model must outlive it.
-  std::unique_ptr<PromptedSegmenter> MakeSegmenter() const;
+  // Returns a segmenter for the photographs of one thread. The model must outlive it. It goes over
+  // to the CPU by itself.
+  std::unique_ptr<PromptedSegmenter> MakeSegmenter();
 
   // Makes all present and later calls to the model's segmenters return CANCELLED. Any thread may
   // call it.
-  void Interrupt() const;
+  void Interrupt();
 
  private:
-  explicit SamModel(std::unique_ptr<const SamNetworks> networks);
+  SamModel(const std::filesystem::path& folder, const SamOptions& options);
+  void OpenDevice();
+  absl::Status OpenCpu();
+  absl::StatusOr<std::unique_ptr<PromptedSegmenter>> LeaveDevice(const absl::Status& why);
 
-  std::unique_ptr<const SamNetworks> networks_;
+  const std::filesystem::path folder_;
+  const SamOptions options_;
+  std::mutex opening_;        // held while the CPU's networks are opened, which takes seconds
+  mutable std::mutex mutex_;  // guards the members below
+  std::unique_ptr<DeviceSam> device_;            // set by Open
+  std::unique_ptr<const SamNetworks> networks_;  // set at most once; null: CUDA computes
+  std::string cuda_failure_;                     // empty: none
+  bool interrupted_ = false;
 };
 
 }  // namespace pepeseg

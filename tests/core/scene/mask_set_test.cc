@@ -80,6 +80,30 @@ TEST(MaskSet, DropsDuplicatesAndEmptyMasks) {
   EXPECT_EQ(BuildMaskSet(kWidth, kHeight, masks, 0.85).mask_area, (std::vector<int64_t>{100, 240}));
 }
 
+TEST(MaskSet, IsTheSameFromRuns) {
+  const MaskSet set = BuildMaskSet(kWidth, kHeight, RandomBoxes(100));
+  MaskSetBuilder builder(kWidth, kHeight);
+  for (const std::vector<PixelRun>& runs : RunsOfMasks(set)) EXPECT_TRUE(builder.AddRuns(runs));
+  EXPECT_FALSE(builder.AddRuns({}));
+  const MaskSet again = std::move(builder).Build();
+  EXPECT_EQ(again.mask_area, set.mask_area);
+  EXPECT_EQ(again.pixel_patch, set.pixel_patch);
+  EXPECT_EQ(again.patch_bits, set.patch_bits);
+}
+
+TEST(MaskSet, HasRunsWithoutIgnoredPixels) {
+  const MaskSet set = BuildMaskSet(kWidth, kHeight, {{Box(0, 1, kWidth, 3), Box(4, 2, 8, 3)}});
+  std::vector<uint8_t> ignore(kWidth * kHeight, 0);
+  ignore[2 * kWidth + 6] = 1;
+  const auto runs = RunsOfMasks(set, ignore);
+  ASSERT_EQ(runs.size(), 2u);
+  // The second box cuts the first one's pixels in cells, not its runs.
+  EXPECT_EQ(runs[0],
+            (std::vector<PixelRun>{{kWidth, 2 * kWidth + 6}, {2 * kWidth + 7, 3 * kWidth}}));
+  EXPECT_EQ(runs[1], (std::vector<PixelRun>{{2 * kWidth + 4, 2 * kWidth + 6},
+                                            {2 * kWidth + 7, 2 * kWidth + 8}}));
+}
+
 TEST(MaskSet, KeepsCellZeroWhenAMaskCoversEveryPixel) {
   const MaskSet set = BuildMaskSet(kWidth, kHeight, std::vector{Box(0, 0, kWidth, kHeight)});
   EXPECT_EQ(set.num_patches(), 2);

@@ -106,19 +106,28 @@ TEST(PlanStages, HasTheTimeOfSam) {
   EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds, 20 * kSamCoreSeconds / 4);
 }
 
-TEST(PlanStages, CountsWhatSamDoesWhileAGpuComputesStageOne) {
+TEST(PlanStages, CountsWhatSamDoesOnAGpuNextToOtherStages) {
   TrainingFacts facts;
-  facts.num_photographs = 20;
+  facts.num_photographs = 100;
   facts.has_sam = facts.on_device = true;
-  facts.num_threads = 4;
+  facts.has_gaussians = facts.has_poses = true;  // nothing to run next to but the scores
+  facts.num_threads = 2;
+  const double all = 100 * SamSeconds(2, /*on_device=*/true);
   TrainingSettings settings;
-  const std::vector<PlannedStage> plan = PlanStages(facts, settings);
-  EXPECT_DOUBLE_EQ(*Find(plan, "priors").seconds,
-                   20 * kSamCoreSeconds / 4 - *Find(plan, "reconstruct").seconds);
-  settings.reconstruct.num_steps *= 100;
+  settings.import.held_out_every = 0;
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds, all);
+  facts.has_poses = false;
   EXPECT_EQ(*Find(PlanStages(facts, settings), "priors").seconds, 0);
   facts.num_to_segment = 8;  // known when the stage starts
-  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds, 8 * kSamCoreSeconds / 4);
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds,
+                   8 * SamSeconds(2, /*on_device=*/true));
+}
+
+TEST(SamSeconds, AreOfTheDeviceOnceEnoughThreadsFeedIt) {
+  EXPECT_DOUBLE_EQ(SamSeconds(4, /*on_device=*/false), kSamCoreSeconds / 4);
+  EXPECT_DOUBLE_EQ(SamSeconds(1, /*on_device=*/true), kSamHostSeconds);
+  EXPECT_GE(SamSeconds(64, /*on_device=*/true), kSamDeviceSeconds);
+  EXPECT_LT(SamSeconds(64, /*on_device=*/true), SamSeconds(2, /*on_device=*/true));
 }
 
 TEST(PlanStages, MakesDepthOnlyWhereItHasAUse) {

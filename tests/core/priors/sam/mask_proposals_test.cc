@@ -1,5 +1,3 @@
-#include "core/priors/sam/mask_proposals.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/priors/sam/backend_proposals.h"
 #include "tests/testing/status_testing.h"
 
 // Masks chosen on a backend against those chosen on the host from the same decoder's logits.

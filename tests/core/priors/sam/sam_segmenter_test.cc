@@ -7,7 +7,6 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <optional>
 #include <thread>
 
 #include "core/dataset/import.h"
@@ -133,7 +132,7 @@ Image Stripes(int stripe) {
 }
 
 TEST_F(SamFilesTest, SegmentSeveralPhotographsAtTheSameTime) {
-  const auto model = SamModel::Open(sam, {.num_threads = 2, .photographs_at_once = 2});
+  const auto model = SamModel::Open(sam, {.num_threads = 2});
   ASSERT_OK(model);
   const auto segment = [&model](int stripe) {
     View view;
@@ -156,18 +155,21 @@ TEST_F(SamFilesTest, SegmentSeveralPhotographsAtTheSameTime) {
   EXPECT_NE(alone[0].pixel_patch, alone[1].pixel_patch);
 }
 
-// No GPU is needed: the library in place of ONNX Runtime claims to have GPU 0.
-TEST_F(SamFilesTest, RequestCudaIfItsProviderIsInstalled) {
-  const auto processor = [this](std::optional<int> device) {
-    const auto model = SamModel::Open(sam, {.cuda_device = device});
-    return model.ok() ? (*model)->processor() : model.status().ToString();
-  };
-  EXPECT_EQ(processor(0), "the CPU");
-  std::ofstream(sam / "libonnxruntime_providers_cuda.so") << "a library";
-  EXPECT_EQ(processor(0), "CUDA device 0");
-  EXPECT_EQ(processor(std::nullopt), "the CPU");
-  EXPECT_THAT(processor(7), AllOf(HasSubstr("the CPU, since CUDA failed: "),
-                                  HasSubstr("encoder.onnx: there is no GPU 7")));
+// Without a GPU there is no device; with one, the files are not those of the networks.
+TEST_F(SamFilesTest, AreRunOnTheCpuWhereCudaFails) {
+  int num_opened = 0;
+  SamOptions options;
+  options.before_cpu = [&] { ++num_opened; };
+  ASSERT_OK_AND_ASSIGN(const auto on_cpu, SamModel::Open(sam, options));
+  EXPECT_EQ(on_cpu->processor(), "the CPU");
+  EXPECT_FALSE(on_cpu->cuda_failed());
+  options.cuda_device = 0;
+  ASSERT_OK_AND_ASSIGN(const auto model, SamModel::Open(sam, options));
+  EXPECT_THAT(model->processor(), HasSubstr("the CPU, since CUDA failed: "));
+  EXPECT_TRUE(model->cuda_failed());
+  EXPECT_FALSE(model->on_device());
+  EXPECT_EQ(num_opened, 2);
+  EXPECT_OK(model->MakeSegmenter()->SetPhotograph(Stripes(64)));
 }
 
 TEST_F(SamFilesTest, EndCallsOnInterrupt) {

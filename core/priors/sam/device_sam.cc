@@ -1,0 +1,137 @@
+#include "core/priors/sam/device_sam.h"
+
+#include <array>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/priors/sam/backend_proposals.h"
+#include "core/priors/sam/sam_networks.h"
+
+namespace pepeseg {
+namespace {
+
+// Keeps a photograph's embedding on the device.
+class DeviceSegmenter : public PromptedSegmenter {
+ public:
+  explicit DeviceSegmenter(DeviceSam& sam) : sam_(sam) {}
+
+  int extent() const override { return sam_.decoder().extent(); }
+
+  absl::Status SetPhotograph(const Image& photo) override {
+    grid_ = AnswerGrid(photo.width, photo.height, extent());
+    ASSIGN_OR_RETURN(embedding_, sam_.Embed(photo));
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<PromptAnswers> Segment(std::span<const SegmenterPrompt> prompts) override {
+    std::vector<DecoderPoint> points;
+    for (const SegmenterPrompt& prompt : prompts) {
+      AppendPrompt(prompt, grid_, sam_.decoder(), points);
+    }
+    PromptAnswers answers = grid_;
+    const absl::Status status = sam_.Run([&] { return Decode(points, prompts.size(), answers); });
+    if (!status.ok()) return status;
+    return answers;
+  }
+
+  absl::StatusOr<Proposals> Propose(const ProposalRequest& request,
+                                    absl::FunctionRef<absl::Status()> progress) override {
+    RETURN_IF_ERROR(progress());
+    return Alone<Proposals>([&] {
+      return ProposeOnBackend(sam_.backend(), sam_.decoder(), embedding_.span(), request);
+    });
+  }
+
+  absl::StatusOr<std::vector<ProposedMask>> Match(
+      std::span<const TargetedPrompt> prompts,
+      absl::FunctionRef<absl::Status()> progress) override {
+    RETURN_IF_ERROR(progress());
+    return Alone<std::vector<ProposedMask>>([&] {
+      return MatchOnBackend(sam_.backend(), sam_.decoder(), embedding_.span(), grid_, prompts);
+    });
+  }
+
+  absl::StatusOr<std::vector<std::vector<PixelRun>>> Enlarge(std::span<const ProposedMask> masks,
+                                                             const View& view) override {
+    return Alone<std::vector<std::vector<PixelRun>>>(
+        [&] { return EnlargeOnBackend(sam_.backend(), extent(), masks, view); });
+  }
+
+ private:
+  // Returns what `calls` returns, computed while no other segmenter computes.
+  template <class Result>
+  absl::StatusOr<Result> Alone(absl::FunctionRef<absl::StatusOr<Result>()> calls) {
+    absl::StatusOr<Result> result = Result();
+    const absl::Status status = sam_.Run([&] {
+      result = calls();
+      return result.status();
+    });
+    if (!status.ok()) return status;
+    return result;
+  }
+
+  // Appends the answers, with the cells of each square that show the photograph.
+  absl::Status Decode(const std::vector<DecoderPoint>& points, size_t num_prompts,
+                      PromptAnswers& answers) {
+    DecodedMasks masks;
+    RETURN_IF_ERROR(sam_.decoder().Decode(embedding_.span(), points,
+                                          static_cast<int>(points.size() / num_prompts),
+                                          {grid_.width, grid_.height}, true, masks));
+    answers.ious.resize(static_cast<size_t>(masks.ious.size()));
+    masks.ious.Download(answers.ious);
+    std::vector<float> squares(static_cast<size_t>(masks.logits.size()));
+    masks.logits.Download(squares);
+    answers.logits = WithoutPadding(squares, extent(), grid_);
+    return absl::OkStatus();
+  }
+
+  DeviceSam& sam_;
+  PromptAnswers grid_;       // grid of the photograph, without answers
+  NetworkBuffer embedding_;  // [places, channels]
+};
+
+}  // namespace
+
+DeviceSam::DeviceSam(std::unique_ptr<Backend> backend, std::unique_ptr<EncoderNetwork> encoder,
+                     std::unique_ptr<DecoderNetwork> decoder)
+    : backend_(std::move(backend)), encoder_(std::move(encoder)), decoder_(std::move(decoder)) {}
+DeviceSam::~DeviceSam() = default;
+
+absl::StatusOr<std::unique_ptr<DeviceSam>> DeviceSam::Open(const std::filesystem::path& folder,
+                                                           int cuda_device) {
+  std::string error;
+  auto backend = MakeCudaBackend({.device = cuda_device}, &error);
+  if (backend == nullptr) return absl::UnavailableError(error);
+  ASSIGN_OR_RETURN(auto encoder,
+                   EncoderNetwork::Load(folder / kSamEncoder, *backend, Precision::kHalf));
+  ASSIGN_OR_RETURN(auto decoder,
+                   DecoderNetwork::Load(folder / kSamDecoder, *backend, Precision::kHalf));
+  return std::make_unique<DeviceSam>(std::move(backend), std::move(encoder), std::move(decoder));
+}
+
+std::unique_ptr<PromptedSegmenter> DeviceSam::MakeSegmenter() {
+  return std::make_unique<DeviceSegmenter>(*this);
+}
+
+absl::StatusOr<NetworkBuffer> DeviceSam::Embed(const Image& photo) {
+  NetworkBuffer embedding;
+  const std::array<const Image*, 1> photos = {&photo};
+  RETURN_IF_ERROR(Run([&] { return encoder_->Encode(photos, &embedding); }));
+  return embedding;
+}
+
+// The backend's error says more than that of `calls`, which has it from there.
+absl::Status DeviceSam::Run(absl::FunctionRef<absl::Status()> calls) {
+  const std::lock_guard lock(mutex_);
+  if (interrupted_) return absl::CancelledError("SAM: interrupted");
+  const absl::Status status = calls();
+  const BackendError error = backend_->TakeError();
+  if (error.what.empty()) return status;
+  const std::string what = absl::StrCat("SAM: ", error.what);
+  return error.fatal ? absl::InternalError(what) : absl::ResourceExhaustedError(what);
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,251 @@
+#include "core/priors/sam/device_sam.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <memory>
+#include <random>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "core/priors/sam/automatic_masks.h"
+#include "core/priors/sam/mask_proposals.h"
+#include "tests/kernels/backend_test.h"
+#include "tests/testing/status_testing.h"
+
+// Photographs segmented on a backend's kernels, by small networks of random weights.
+
+namespace {
+
+constexpr int kUnlimited = -1;
+int allocations_left = kUnlimited;  // allocations that still succeed
+
+}  // namespace
+
+// Replaces the C library's function in this program. The CPU backend allocates with it.
+extern "C" void* aligned_alloc(size_t alignment, size_t size) {
+  if (allocations_left == 0) return nullptr;
+  if (allocations_left > 0) --allocations_left;
+  void* block = nullptr;
+  return posix_memalign(&block, alignment, size) == 0 ? block : nullptr;
+}
+
+namespace pepeseg {
+namespace {
+
+constexpr int kSmallFrame = 128;
+
+EncoderShape SmallShape() {
+  EncoderShape shape;
+  shape.frame = kSmallFrame;
+  shape.channels = {16, 16, 24, 32};
+  shape.blocks = {1, 1, 1, 1};
+  shape.heads = {0, 1, 2, 1};
+  return shape;
+}
+
+// Random weights, the same for the same name. The decoder's estimated IoUs are near 0.8.
+absl::StatusOr<std::vector<float>> SmallWeights(absl::string_view output, int index,
+                                                std::span<const int64_t> shape) {
+  int64_t count = 1;
+  for (const int64_t size : shape) count *= size;
+  // Convolutions are [out, in, down, across], matrices [in, out].
+  const int64_t terms = shape.size() == 4   ? count / shape[0]
+                        : shape.size() == 2 ? shape[0]
+                                            : int64_t{100};
+  uint64_t seed = static_cast<uint64_t>(index) + 7;
+  for (const char letter : output) seed = seed * 131 + static_cast<uint8_t>(letter);
+  std::mt19937_64 engine(seed);
+  const bool is_scale = (output.find("LayerNorm") != absl::string_view::npos && index == 1) ||
+                        output == "/output_upscaling/output_upscaling.1/Mul_output_0";
+  const bool is_iou = output == "/iou_prediction_head/layers.2/Gemm_output_0" && index == 2;
+  std::normal_distribution<double> normal(is_scale ? 1
+                                          : is_iou ? 0.8
+                                                   : 0,
+                                          1.3 / std::sqrt(static_cast<double>(terms)));
+  std::vector<float> values(static_cast<size_t>(count));
+  for (float& value : values) value = static_cast<float>(normal(engine));
+  return values;
+}
+
+View SmallView(int width, int height, uint64_t seed) {
+  std::mt19937_64 engine(seed);
+  View view;
+  view.photo = {width, height, 3, std::vector<uint8_t>(size_t{3} * width * height)};
+  // Squares of 8 pixels, so that the encoder sees borders.
+  std::vector<uint8_t> colours(size_t{3} * (width / 8 + 1) * (height / 8 + 1));
+  for (uint8_t& colour : colours) colour = static_cast<uint8_t>(engine());
+  for (int i = 0; i < width * height * 3; ++i) {
+    const int x = i / 3 % width, y = i / 3 / width;
+    view.photo.pixels[i] = colours[3 * (y / 8 * (width / 8 + 1) + x / 8) + i % 3];
+  }
+  return view;
+}
+
+// Thresholds at which random networks have sure masks, fillers and remainders.
+AutomaticMaskOptions SmallOptions() {
+  AutomaticMaskOptions options;
+  options.points_per_side = 4;
+  options.min_iou = 0.7;
+  options.min_stability = 0.05;
+  options.min_filler_iou = 0.2;
+  options.min_filler_stability = 0.02;
+  options.min_remainder_iou = 0.1;
+  return options;
+}
+
+absl::StatusOr<AutomaticMasks> Made(PromptedSegmenter& segmenter, const View& view) {
+  return SegmentPhotograph(segmenter, view, {}, SmallOptions(), [] { return absl::OkStatus(); });
+}
+
+void ExpectSameMasks(const MaskSet& a, const MaskSet& b) {
+  EXPECT_EQ(a.mask_area, b.mask_area);
+  EXPECT_EQ(a.pixel_patch, b.pixel_patch);
+  EXPECT_EQ(a.patch_bits, b.patch_bits);
+}
+
+double Iou(const BinaryMask& a, const BinaryMask& b) {
+  double common = 0, united = 0;
+  for (size_t i = 0; i < a.pixels.size(); ++i) {
+    common += a.pixels[i] & b.pixels[i];
+    united += a.pixels[i] | b.pixels[i];
+  }
+  return common / united;
+}
+
+std::unique_ptr<DeviceSam> MakeSmallSam(std::unique_ptr<Backend> backend) {
+  const Precision precision = backend->memory().is_host ? Precision::kFloat : Precision::kHalf;
+  auto encoder = EncoderNetwork::Make(SmallShape(), SmallWeights, *backend, precision);
+  EXPECT_OK(encoder);
+  auto decoder = DecoderNetwork::Make(kSmallFrame / 16, SmallWeights, *backend, precision);
+  EXPECT_OK(decoder);
+  return std::make_unique<DeviceSam>(std::move(backend), *std::move(encoder), *std::move(decoder));
+}
+
+class DeviceSamTest : public ::testing::TestWithParam<BackendCase> {
+ protected:
+  void SetUp() override {
+    auto backend = GetParam().make();
+    if (backend == nullptr && HasFailure()) FAIL();
+    if (backend == nullptr) GTEST_SKIP() << "this machine has no " << GetParam().name;
+    sam_ = MakeSmallSam(std::move(backend));
+  }
+  std::unique_ptr<DeviceSam> sam_;
+};
+std::unique_ptr<Backend> MakeTwoThreads() { return MakeCpuBackend(2); }
+INSTANTIATE_TEST_SUITE_P(Backends, DeviceSamTest,
+                         ::testing::Values(BackendCase{"Cpu", MakeTwoThreads},
+                                           BackendCase{"Cuda", MakeCuda}),
+                         BackendName);
+
+// Forwards the network's answers; the steps are those of the host.
+class HostSteps : public PromptedSegmenter {
+ public:
+  explicit HostSteps(std::unique_ptr<PromptedSegmenter> segmenter)
+      : segmenter_(std::move(segmenter)) {}
+  int extent() const override { return segmenter_->extent(); }
+  absl::Status SetPhotograph(const Image& photo) override {
+    return segmenter_->SetPhotograph(photo);
+  }
+  absl::StatusOr<PromptAnswers> Segment(std::span<const SegmenterPrompt> prompts) override {
+    num_several += prompts[0].size() > 1 ? 1 : 0;
+    return segmenter_->Segment(prompts);
+  }
+  int num_several = 0;
+
+ private:
+  std::unique_ptr<PromptedSegmenter> segmenter_;
+};
+
+TEST_P(DeviceSamTest, TakesTheStepsOfTheHost) {
+  View view = SmallView(200, 150, 1);
+  view.ignore.assign(200 * 150, 0);
+  for (int i = 0; i < 200 * 40; ++i) view.ignore[i] = i % 200 > 120 ? 1 : 0;
+  HostSteps host(sam_->MakeSegmenter());
+  ASSERT_OK_AND_ASSIGN(const AutomaticMasks want, Made(host, view));
+  ASSERT_OK_AND_ASSIGN(const AutomaticMasks got, Made(*sam_->MakeSegmenter(), view));
+  EXPECT_EQ(got.num_prompts, want.num_prompts);
+  if (sam_->backend().memory().is_host) {
+    ExpectSameMasks(got.masks, want.masks);
+  } else {
+    // CUDA rounds logits to Halves before it compares them or makes bytes of them.
+    ASSERT_EQ(got.masks.num_masks, want.masks.num_masks);
+    for (int k = 0; k < want.masks.num_masks; ++k) {
+      EXPECT_GT(Iou(got.masks.Extract(k), want.masks.Extract(k)), 0.995) << k;
+    }
+  }
+  // The case has masks and remainders.
+  EXPECT_GT(want.masks.num_masks, 3);
+  EXPECT_GT(host.num_several, 0);
+}
+
+TEST_P(DeviceSamTest, SegmentsAPhotographTheSameAloneAndNextToOthers) {
+  const std::vector<View> views = {SmallView(200, 150, 1), SmallView(90, 160, 2),
+                                   SmallView(128, 128, 3)};
+  std::vector<MaskSet> alone(views.size()), together(views.size());
+  for (size_t k = 0; k < views.size(); ++k) {
+    ASSERT_OK_AND_ASSIGN(AutomaticMasks made, Made(*sam_->MakeSegmenter(), views[k]));
+    alone[k] = std::move(made.masks);
+    EXPECT_GT(alone[k].num_masks, 0);
+  }
+  {
+    std::vector<std::jthread> threads;
+    for (size_t k = 0; k < views.size(); ++k) {
+      threads.emplace_back([&, k] {
+        const auto segmenter = sam_->MakeSegmenter();
+        for (int round = 0; round < 2; ++round) {
+          auto made = Made(*segmenter, views[k]);
+          if (made.ok()) together[k] = std::move(made->masks);
+        }
+      });
+    }
+  }
+  for (size_t k = 0; k < views.size(); ++k) ExpectSameMasks(together[k], alone[k]);
+}
+
+TEST_P(DeviceSamTest, EndsCallsOnInterrupt) {
+  const View view = SmallView(200, 150, 1);
+  const auto segmenter = sam_->MakeSegmenter();
+  ASSERT_OK(Made(*segmenter, view));
+  absl::Status status;
+  {
+    const std::jthread thread([&] {
+      while (status.ok()) status = Made(*segmenter, view).status();
+    });
+    sam_->Interrupt();
+  }
+  EXPECT_TRUE(absl::IsCancelled(status)) << status;
+  EXPECT_TRUE(absl::IsCancelled(segmenter->SetPhotograph(view.photo)));
+}
+
+// Each allocation of a photograph fails in turn, and all after it.
+TEST(DeviceSamMemory, IsOutOfMemoryForOneCall) {
+  const auto sam = MakeSmallSam(MakeTwoThreads());
+  const View view = SmallView(200, 150, 1);
+  bool failed = true;
+  for (int allowed = 0; failed; allowed += 7) {
+    SCOPED_TRACE(allowed);
+    ASSERT_LT(allowed, 400) << "the last allocation was never reached";
+    const auto segmenter = sam->MakeSegmenter();
+    allocations_left = allowed;
+    const absl::Status status = Made(*segmenter, view).status();
+    allocations_left = kUnlimited;
+    failed = !status.ok();
+    EXPECT_TRUE(status.ok() || absl::IsResourceExhausted(status)) << status;
+  }
+  ASSERT_OK_AND_ASSIGN(const AutomaticMasks after, Made(*sam->MakeSegmenter(), view));
+  const auto other = MakeSmallSam(MakeTwoThreads());
+  ASSERT_OK_AND_ASSIGN(const AutomaticMasks want, Made(*other->MakeSegmenter(), view));
+  ExpectSameMasks(after.masks, want.masks);
+}
+
+TEST(DeviceSamFiles, MustBeOnAMachineWithTheDevice) {
+  const auto opened = DeviceSam::Open("/nowhere", 1000);
+  EXPECT_TRUE(absl::IsUnavailable(opened.status())) << opened.status();
+}
+
+}  // namespace
+}  // namespace pepeseg
