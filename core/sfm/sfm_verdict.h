@@ -8,7 +8,7 @@
 #include "absl/status/status.h"
 #include "core/sfm/sfm_options.h"
 
-// Whether an attempt to estimate poses has succeeded, and what its owner is told: which photographs
+// Whether an attempt to estimate poses has succeeded, and what its owner reads: which photographs
 // failed, by their names, why, and what to do.
 namespace pepeseg {
 

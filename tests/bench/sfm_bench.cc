@@ -2,6 +2,7 @@
 // ones (sparse/0/images). Prints a table in Markdown. Core seconds include those of COLMAP. Usage:
 //   pepeseg_sfm_bench [--front own,colmap] [--features own|colmap] [--every n] [--seeds n]
 //   [--threads n] SCENE...
+// --sequence 1: the photographs are compared as frames of a video.
 // --features: who finds the features; default: who matches them (--front).
 // --every n: only each n-th photograph. --seeds n: n runs, of which all but the first see the
 // photographs in another order. --ignore 0: without ignore masks. --seconds n: time limit of a run.
@@ -37,7 +38,7 @@ struct Flags {
   SfmEngine features = SfmEngine::kAuto;  // that of the front
   size_t every = 1;
   int num_seeds = 1, num_threads = 0, max_seconds = 4 * 3600;
-  bool use_ignore = true;
+  bool use_ignore = true, in_sequence = false;
 };
 
 // Core seconds of this process and of the children that have ended.
@@ -109,6 +110,7 @@ absl::StatusOr<Measured> Run(const std::vector<SfmPhotograph>& photographs,
   options.front = front;
   options.features = flags.features == SfmEngine::kAuto ? front : flags.features;
   options.max_seconds = flags.max_seconds;
+  if (flags.in_sequence) options.matching = SfmMatching::kSequential;
   const auto backend = MakeCpuBackend(flags.num_threads);
   Measured measured;
   const double wall = Now(), start = CoreSeconds();
@@ -222,6 +224,7 @@ int main(int argc, char** argv) {
     if (flag == "--seeds") flags.num_seeds = std::atoi(value.c_str());
     if (flag == "--threads") flags.num_threads = std::atoi(value.c_str());
     if (flag == "--seconds") flags.max_seconds = std::atoi(value.c_str());
+    if (flag == "--sequence") flags.in_sequence = value == "1";
     if (flag == "--ignore") flags.use_ignore = value != "0";
   }
   return pepeseg::Main(flags);

@@ -24,6 +24,21 @@ std::vector<PhotographPair> GivenPairs(size_t num_photographs, const ComparisonO
   return NeighborPairs(num_photographs, in_sequence ? options.overlap : kBeside, in_sequence);
 }
 
+// Returns the pairs that are scored: all, or those of photographs of a sequence, evenly spread,
+// that are not compared anyway.
+std::vector<PhotographPair> ScoredPairs(size_t num_photographs, const ComparisonOptions& options) {
+  if (options.choice != PairChoice::kInSequence) return AllPairs(num_photographs);
+  const size_t most = std::max<size_t>(1, options.max_for_loops);
+  const size_t stride = std::max<size_t>(1, (num_photographs + most - 1) / most);
+  std::vector<PhotographPair> pairs;
+  for (size_t second = 0; second < num_photographs; second += stride) {
+    for (size_t first = 0; first + options.overlap < second; first += stride) {
+      pairs.push_back({first, second});
+    }
+  }
+  return pairs;
+}
+
 // One comparison. Run() is the whole of it.
 class Comparison {
  public:
@@ -77,9 +92,9 @@ void Comparison::Verify(ComparedPair& pair) const {
 
 absl::StatusOr<PairScores> Comparison::Score() {
   PairScores scores(num_photographs());
-  const std::vector<PhotographPair> all = AllPairs(num_photographs());
-  const auto total = static_cast<int64_t>(all.size());
-  for (std::span<const PhotographPair> left = all; !left.empty();) {
+  const std::vector<PhotographPair> scored = ScoredPairs(num_photographs(), options_);
+  const auto total = static_cast<int64_t>(scored.size());
+  for (std::span<const PhotographPair> left = scored; !left.empty();) {
     RETURN_IF_ERROR(progress_({true, total - static_cast<int64_t>(left.size()), total}));
     const auto batch = left.first(matcher_->BatchOf(left, /*for_score=*/true));
     ASSIGN_OR_RETURN(const std::vector<int64_t> counts, matcher_->Score(batch));
@@ -181,7 +196,9 @@ NumPairs ExpectedPairs(int64_t num_photographs, const ComparisonOptions& options
   const auto best = static_cast<int64_t>(in_sequence ? kLoops : kBest);
   const auto beside = static_cast<int64_t>(GivenPairs(static_cast<size_t>(n), options).size());
   if (beside == all) return {0, all};
-  return {all, std::min(all, beside + n * best * 7 / 10)};
+  const int64_t scored =
+      in_sequence ? static_cast<int64_t>(ScoredPairs(static_cast<size_t>(n), options).size()) : all;
+  return {scored, std::min(all, beside + n * best * 7 / 10)};
 }
 
 }  // namespace pepeseg

@@ -22,7 +22,9 @@ enum class PairChoice {
 
 struct ComparisonOptions {
   PairChoice choice = PairChoice::kAuto;
-  size_t overlap = 10;         // kInSequence: see NeighborPairs
+  size_t overlap = 10;  // kInSequence: see NeighborPairs
+  // kInSequence: maximum number of photographs, evenly spread, among which loops are looked for.
+  size_t max_for_loops = 300;
   size_t max_all = 80;         // kAuto: number of photographs of which all pairs are compared
   double feature_side = 2000;  // longer side to which photographs were shrunk for features, pixels
   int num_threads = 0;         // that verify; 0: one for each core

@@ -160,6 +160,32 @@ TEST(ComparePhotographs, FindsTheLoopOfASequence) {
   EXPECT_TRUE(std::find(verified.begin(), verified.end(), PhotographPair{0, 39}) != verified.end());
 }
 
+TEST(ComparePhotographs, LooksForLoopsAmongAFewOfALongSequence) {
+  const Photographs ring = Ring(60);
+  ComparisonOptions options;
+  options.choice = PairChoice::kInSequence;
+  options.overlap = 3;
+  options.max_for_loops = 20;  // each third photograph
+  const auto backend = MakeCpuBackend(2);
+  int64_t num_scored = 0;
+  const auto progress = [&](const ComparisonProgress& of) {
+    if (of.choosing) num_scored = of.total;
+    return absl::OkStatus();
+  };
+  ASSERT_OK_AND_ASSIGN(const auto compared,
+                       ComparePhotographs(*backend, ring.features, options, progress));
+  EXPECT_EQ(num_scored, 190 - 19);
+  EXPECT_EQ(ExpectedPairs(60, options).scored, num_scored);
+  EXPECT_LT(compared.size(), 600u);  // of 1,770
+  int num_loops = 0;
+  for (const PhotographPair& pair : Verified(compared)) {
+    if (pair.second - pair.first <= 50) continue;
+    ++num_loops;
+    EXPECT_EQ(pair.first % 3 + pair.second % 3, 0u);
+  }
+  EXPECT_GT(num_loops, 1);
+}
+
 TEST(ComparePhotographs, LeavesTwoPlacesApart) {
   Photographs both = Ring(12, 1);
   const Photographs other = Ring(12, 2);
@@ -206,6 +232,8 @@ TEST(ExpectedPairs, AreAllOfFewPhotographs) {
   options.choice = PairChoice::kInSequence;
   EXPECT_EQ(ExpectedPairs(5, options).scored, 0);
   EXPECT_EQ(ExpectedPairs(5, options).compared, 10);
+  EXPECT_EQ(ExpectedPairs(200, options).scored, 200 * 199 / 2 - (200 * 10 - 55));
+  EXPECT_LT(ExpectedPairs(2000, options).scored, 45000);
 }
 
 }  // namespace
