@@ -10,9 +10,11 @@ namespace pepeseg {
 namespace {
 
 // Core seconds. Photographs are shrunk to kFeatureSide before features are extracted.
-constexpr double kExtracting = 1.35;     // for each megapixel
-constexpr double kOwnExtracting = 0.15;  // the same by own features, with decoding
-constexpr double kDecoding = 0.01;       // the same, where a GPU finds the features
+constexpr double kExtracting = 1.35;  // for each megapixel
+constexpr double kDecoding = 0.01;    // the same for own features
+// Own features, for each photograph, and for each megapixel up to that at which the coarser octaves
+// have enough.
+constexpr double kOwnExtracting = 0.015, kOwnPyramid = 0.14, kMostPyramid = 0.75;
 constexpr double kMostMegapixels = 3;    // of a photograph that was shrunk
 constexpr double kColmapMatch = 1.1e-4;  // for each pair and feature: an approximate search
 constexpr double kOwnMatch = 5e-10;      // for each pair of features of a pair
@@ -70,11 +72,10 @@ SfmWork ExpectedSfmWork(const SfmLoad& load, const SfmOptions& options) {
   const auto compared = static_cast<double>(pairs.compared);
   const double share = load.on_device ? kDeviceShare : 1;
   SfmWork work;
-  const bool own_features = options.features != SfmEngine::kColmap;
-  const double extracting = !own_features    ? kExtracting
-                            : load.on_device ? kDecoding
-                                             : kOwnExtracting;
-  work.extracting = extracting * std::min(load.megapixels, kMostMegapixels) * n;
+  const double extracting = kExtracting * std::min(load.megapixels, kMostMegapixels);
+  const double own = kOwnExtracting + kOwnPyramid * std::min(load.megapixels, kMostPyramid);
+  const double own_extracting = kDecoding * load.megapixels + (load.on_device ? 0 : own);
+  work.extracting = n * (options.features == SfmEngine::kColmap ? extracting : own_extracting);
   work.choosing = share * kOwnScore * 2 * kLargest * features * static_cast<double>(pairs.scored);
   work.matching = options.front == SfmEngine::kColmap
                       ? kColmapMatch * features * compared

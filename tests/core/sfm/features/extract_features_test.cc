@@ -1,12 +1,15 @@
 #include "core/sfm/features/extract_features.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <fstream>
 
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
+#include "tests/testing/textured_place.h"
 
 // From photograph files to features in pixels of the stored photographs.
 
@@ -133,6 +136,46 @@ TEST_F(ExtractFeaturesTest, StopsWhereProgressReturnsAnError) {
   cancel_at_ = 3;
   EXPECT_EQ(Extract().status().code(), absl::StatusCode::kCancelled);
   EXPECT_EQ(num_done_.back(), 3);
+}
+
+// Photographs of a place, more than are decoded at a time.
+TEST(ExtractFeatures, FindsOnCudaWhatItFindsOnTheCpu) {
+  std::string error;
+  const auto cuda = MakeCudaBackend({}, &error);
+  if (cuda == nullptr) {
+    ASSERT_EQ(std::getenv("PEPESEG_REQUIRE_CUDA"), nullptr) << error;
+    GTEST_SKIP() << error;
+  }
+  const auto cpu = MakeCpuBackend(2);
+  const testing::TempFolder folder;
+  std::vector<FeaturePhotograph> photographs;
+  for (const View& view : testing::PhotographPlace(testing::PlaceArc(8), 1)) {
+    const std::string name = std::to_string(photographs.size()) + ".jpg";
+    std::ofstream(folder / name, std::ios::binary) << EncodeJpeg(view.photo, 90).value();
+    photographs.push_back({name, folder / name, nullptr});
+  }
+  std::vector<SfmFeatures> found[2];
+  for (const bool on_cuda : {false, true}) {
+    const auto take = [&](size_t, SfmFeatures features) {
+      found[on_cuda].push_back(std::move(features));
+      return absl::OkStatus();
+    };
+    SfmFeatureOptions options;
+    options.num_threads = 2;
+    ASSERT_OK(ExtractFeatures(on_cuda ? *cuda : *cpu, photographs, options, take));
+  }
+  ASSERT_EQ(found[1].size(), photographs.size());
+  for (size_t i = 0; i < photographs.size(); ++i) {
+    int num_same = 0;
+    for (const Keypoint& k : found[0][i].keypoints) {
+      num_same += std::ranges::any_of(found[1][i].keypoints, [&](const Keypoint& other) {
+        return std::hypot(other.x - k.x, other.y - k.y) < 0.1 &&
+               std::abs(other.scale / k.scale - 1) < 0.02;
+      });
+    }
+    EXPECT_GT(found[0][i].size(), 500u);
+    EXPECT_GT(num_same, 0.99 * static_cast<double>(found[0][i].size())) << i;
+  }
 }
 
 }  // namespace
