@@ -98,15 +98,20 @@ MaskSetBuilder::MaskSetBuilder(int width, int height, double duplicate_iou)
 
 // A mask splits each cell that it covers in part: its pixels move to a new cell, whose bitset is
 // that of the old one plus the new mask. Cells that it covers in full only gain the mask's bit.
-template <class ForEachPixel>
-bool MaskSetBuilder::AddPixels(int64_t area, const ForEachPixel& for_each_pixel) {
+template <class ForEachRun>
+bool MaskSetBuilder::AddMask(int64_t area, const ForEachRun& for_each_run) {
   if (area == 0) return false;
   inside_.resize(patch_area_.size(), 0);
   replacement_.resize(patch_area_.size());
   touched_.clear();
-  for_each_pixel([this](uint32_t pixel) {
-    const uint32_t patch = set_.pixel_patch[pixel];
-    if (inside_[patch]++ == 0) touched_.push_back(patch);
+  // Most neighbours share a cell: pieces of a run within one cell are counted at once.
+  for_each_run([this](uint32_t first, uint32_t last) {
+    for (uint32_t end = first; first < last; first = end) {
+      const uint32_t patch = set_.pixel_patch[first];
+      for (end = first + 1; end < last && set_.pixel_patch[end] == patch;) ++end;
+      if (inside_[patch] == 0) touched_.push_back(patch);
+      inside_[patch] += end - first;
+    }
   });
   // Now inside_ has the number of covered pixels of each touched cell.
   const bool keep = !IsDuplicate(area);
@@ -117,8 +122,10 @@ bool MaskSetBuilder::AddPixels(int64_t area, const ForEachPixel& for_each_pixel)
     for (const uint32_t patch : touched_) {
       replacement_[patch] = PatchWith(patch, uint64_t{1} << (mask % 64), mask / 64);
     }
-    for_each_pixel([this](uint32_t pixel) {
-      set_.pixel_patch[pixel] = replacement_[set_.pixel_patch[pixel]];
+    for_each_run([this](uint32_t first, uint32_t last) {
+      for (uint32_t pixel = first; pixel < last; ++pixel) {
+        set_.pixel_patch[pixel] = replacement_[set_.pixel_patch[pixel]];
+      }
     });
   }
   // Resets only the touched cells: the others are 0 already.
@@ -127,18 +134,16 @@ bool MaskSetBuilder::AddPixels(int64_t area, const ForEachPixel& for_each_pixel)
 }
 
 bool MaskSetBuilder::Add(std::span<const uint32_t> pixels) {
-  return AddPixels(static_cast<int64_t>(pixels.size()), [pixels](const auto& visit) {
-    for (const uint32_t pixel : pixels) visit(pixel);
+  return AddMask(static_cast<int64_t>(pixels.size()), [pixels](const auto& visit) {
+    for (const uint32_t pixel : pixels) visit(pixel, pixel + 1);
   });
 }
 
 bool MaskSetBuilder::AddRuns(std::span<const PixelRun> runs) {
   int64_t area = 0;
   for (const PixelRun& run : runs) area += run.last - run.first;
-  return AddPixels(area, [runs](const auto& visit) {
-    for (const PixelRun& run : runs) {
-      for (uint32_t pixel = run.first; pixel < run.last; ++pixel) visit(pixel);
-    }
+  return AddMask(area, [runs](const auto& visit) {
+    for (const PixelRun& run : runs) visit(run.first, run.last);
   });
 }
 

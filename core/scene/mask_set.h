@@ -74,9 +74,9 @@ class MaskSetBuilder {
   MaskSet Build() &&;
 
  private:
-  // for_each_pixel calls its argument with each pixel.
-  template <class ForEachPixel>
-  bool AddPixels(int64_t area, const ForEachPixel& for_each_pixel);
+  // for_each_run calls its argument with the first pixel of each run and that after its last.
+  template <class ForEachRun>
+  bool AddMask(int64_t area, const ForEachRun& for_each_run);
   bool IsDuplicate(int64_t area) const;
   uint32_t PatchWith(uint32_t patch, uint64_t bit, int word);
   void GrowWords();

@@ -80,7 +80,7 @@ PromptPoint PhotographSegmenter::CentreOf(const cv::Point& cell, bool positive) 
 
 bool PhotographSegmenter::IsKept(const GridMask& mask) const {
   return std::any_of(kept_.begin(), kept_.end(), [&](const ProposedMask& other) {
-    return mask.Iou(other.mask) > kDuplicateMaskIou;
+    return mask.IsDuplicate(other.mask, kDuplicateMaskIou);
   });
 }
 

@@ -66,21 +66,59 @@ cv::Mat GridMask::Image(int width, int height) const {
   return image;
 }
 
-// Takes the maximum of the distance to the border, clears a disc of that radius around it, and
-// repeats. The frame of zeros makes the image's rim a border.
+namespace {
+
+// Returns the squared distance of each cell from the nearest cell outside the mask; cells outside
+// the image are. Exact: down the columns first, then along the rows, where no cell farther than the
+// best one so far can be nearer. OpenCV's transform is the same, but hands each small image to all
+// cores.
+cv::Mat SquaredDepth(const cv::Mat& mask) {
+  const int width = mask.cols, height = mask.rows;
+  cv::Mat above(height, width, CV_32S), depth(height, width, CV_32S, cv::Scalar(0));
+  for (int x = 0; x < width; ++x) {
+    for (int y = 0, distance = 0; y < height; ++y) {
+      distance = mask.at<uint8_t>(y, x) == 0 ? 0 : distance + 1;
+      above.at<int>(y, x) = distance;
+    }
+    for (int y = height - 1, distance = 0; y >= 0; --y) {
+      distance = mask.at<uint8_t>(y, x) == 0 ? 0 : distance + 1;
+      int& nearest = above.at<int>(y, x);
+      nearest = std::min(nearest, distance);
+    }
+  }
+  for (int y = 0; y < height; ++y) {
+    const int* column = above.ptr<int>(y);
+    for (int x = 0; x < width; ++x) {
+      int best = column[x] * column[x];
+      for (int step = 1; step * step < best; ++step) {
+        for (const int at : {x - step, x + step}) {
+          const int other = at < 0 || at >= width ? 0 : column[at];
+          best = std::min(best, other * other + step * step);
+        }
+      }
+      depth.at<int>(y, x) = best;
+    }
+  }
+  return depth;
+}
+
+}  // namespace
+
+// Takes the maximum of the distance to the border within the mask's box, clears a disc of that
+// radius around it, and repeats.
 std::vector<cv::Point> DeepestCells(const cv::Mat& mask, int count) {
-  cv::Mat framed, depth;
-  cv::copyMakeBorder(mask, framed, 1, 1, 1, 1, cv::BORDER_CONSTANT, cv::Scalar(0));
-  cv::distanceTransform(framed, depth, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  const cv::Rect box = cv::boundingRect(mask);
   std::vector<cv::Point> cells;
+  if (box.empty()) return cells;
+  cv::Mat depth = SquaredDepth(mask(box));
   while (static_cast<int>(cells.size()) < count) {
     double deepest = 0;
     cv::Point at;
     cv::minMaxLoc(depth, nullptr, &deepest, nullptr, &at);
     if (deepest <= 0) break;
-    cells.emplace_back(at.x - 1, at.y - 1);
+    cells.push_back(at + box.tl());
     // Without the disc the next maximum would be a neighbour of this one.
-    cv::circle(depth, at, cvCeil(deepest), cv::Scalar(0), cv::FILLED);
+    cv::circle(depth, at, cvCeil(std::sqrt(deepest)), cv::Scalar(0), cv::FILLED);
   }
   return cells;
 }

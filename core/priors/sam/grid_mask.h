@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <span>
@@ -27,6 +28,11 @@ class GridMask {
   int64_t Common(const GridMask& other) const;
   // Returns the IoU, in [0, 1]; 0 where both are empty.
   double Iou(const GridMask& other) const;
+  // Returns Iou(other) > most, for 0 < most < 1. Areas alone decide most cases.
+  bool IsDuplicate(const GridMask& other, double most) const {
+    const auto smaller = static_cast<double>(std::min(area_, other.area_));
+    return smaller > most * static_cast<double>(std::max(area_, other.area_)) && Iou(other) > most;
+  }
   // Returns this mask's cells that `other` does not hold.
   GridMask Without(const GridMask& other) const;
   // Returns the mask as an image of 0 and 1, [height, width].

@@ -95,7 +95,7 @@ class HostProposals {
   bool IsKept(const GridMask& mask) const {
     const auto& kept = proposals_.kept;
     return std::any_of(kept.begin(), kept.end(), [&](const ProposedMask& other) {
-      return mask.Iou(other.mask) > kDuplicateMaskIou;
+      return mask.IsDuplicate(other.mask, kDuplicateMaskIou);
     });
   }
 
