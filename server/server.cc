@@ -212,6 +212,7 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
   EstimateTools tools;
   tools.has_priors_command = !options.workers.priors_command.empty();
   tools.has_sam = !sam.empty();
+  tools.has_lpips = !options.workers.lpips_weights.empty();
   tools.num_threads = options.num_threads > 0 ? options.num_threads : NumCores();
   scenes = std::make_unique<SceneServiceRpc>(*runner, *models, *blobs);
   datasets = std::make_unique<DatasetServiceRpc>(

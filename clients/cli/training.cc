@@ -64,6 +64,9 @@ void PrintEstimate(const v1::EstimateTrainingResponse& estimate) {
     if (stage.has_duration()) absl::StrAppendFormat(&line, "  %d s", stage.duration().seconds());
     Print(line);
   }
+  if (estimate.has_duration()) {
+    Print(absl::StrFormat("takes about %d s", estimate.duration().seconds()));
+  }
   const bool fits = estimate.need_bytes() <= estimate.have_bytes();
   Print(absl::StrFormat("needs up to %.0f MiB of %s; %.0f MiB are available: %s",
                         Mib(estimate.need_bytes()), estimate.device(), Mib(estimate.have_bytes()),

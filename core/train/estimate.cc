@@ -1,6 +1,7 @@
 #include "core/train/estimate.h"
 
-#include "core/dataset/video_frames.h"
+#include <algorithm>
+
 #include "core/features/estimate.h"
 #include "core/priors/sam/sam_segmenter.h"
 #include "core/sfm/estimate_poses.h"
@@ -22,63 +23,101 @@ void ExpectPriors(const PriorOptions& priors, bool has_command, TrainingSize& si
   if (size.num_depth_views == 0 && by_command) size.num_depth_views = size.num_views;
 }
 
-StageNeed NeedOfFeatures(const Backend& backend, const DatasetSize& dataset,
-                         const TrainingSettings& settings) {
-  const TrainingSize& size = dataset.training;
-  // The SH degree of given Gaussians is not known before they are read: the largest is assumed.
-  const bool given = dataset.num_given_gaussians > 0;
-  const int64_t num_gaussians =
-      given ? dataset.num_given_gaussians : MostGaussians(size, settings.reconstruct);
-  const int sh_degree = given ? kMaxShDegree : settings.reconstruct.sh_degree;
-  const ScratchSize scratch = TypicalScratch(num_gaussians, size.max_pixels);
-  StageNeed need{.stage = "features"};
-  need.device_bytes = FeatureDeviceBytes(backend, scratch, sh_degree, settings.features);
-  need.host_bytes = CaptureBytes(size) + FeatureHostBytes(scratch, sh_degree, settings.features);
-  return need;
-}
+// Sets the memory of the stages that need a notable amount of it.
+class MemoryEstimator {
+ public:
+  MemoryEstimator(const Backend& backend, const DatasetSize& dataset,
+                  const TrainingSettings& settings, const MemoryNeed& sam)
+      : backend_(backend), dataset_(dataset), settings_(settings), sam_(sam) {}
+
+  // Stages that run one after the other do not add up, but SAM runs next to "sfm" and
+  // "reconstruct".
+  void Estimate(StageNeed& need) const {
+    const TrainingSize& size = dataset_.training;
+    const int64_t capture_bytes = CaptureBytes(size);
+    if (need.stage == "prepare") {
+      need.host_bytes = capture_bytes + kDecodingBytes * dataset_.max_source_pixels;
+    } else if (need.stage == "sfm") {
+      need.host_bytes = SfmHostBytes(dataset_.max_source_pixels, /*num_threads=*/0, settings_.sfm) +
+                        sam_.host_bytes;
+      need.device_bytes = sam_.device_bytes;
+    } else if (need.stage == "reconstruct") {
+      const MemoryNeed memory = EstimateReconstruct(backend_, size, settings_.reconstruct);
+      need.host_bytes = memory.host_bytes + sam_.host_bytes;
+      need.device_bytes = memory.device_bytes + sam_.device_bytes;
+    } else if (need.stage == "priors") {
+      need.host_bytes = capture_bytes + sam_.host_bytes;
+      need.device_bytes = sam_.device_bytes;
+    } else if (need.stage == "features") {
+      EstimateFeatures(need);
+    }
+  }
+
+ private:
+  void EstimateFeatures(StageNeed& need) const {
+    const TrainingSize& size = dataset_.training;
+    // The SH degree of given Gaussians is not known before they are read: the largest is assumed.
+    const bool given = dataset_.num_given_gaussians > 0;
+    const int64_t num_gaussians =
+        given ? dataset_.num_given_gaussians : MostGaussians(size, settings_.reconstruct);
+    const int sh_degree = given ? kMaxShDegree : settings_.reconstruct.sh_degree;
+    const ScratchSize scratch = TypicalScratch(num_gaussians, size.max_pixels);
+    need.device_bytes = FeatureDeviceBytes(backend_, scratch, sh_degree, settings_.features);
+    need.host_bytes = CaptureBytes(size) + FeatureHostBytes(scratch, sh_degree, settings_.features);
+  }
+
+  const Backend& backend_;
+  const DatasetSize& dataset_;
+  const TrainingSettings& settings_;
+  MemoryNeed sam_;
+};
 
 }  // namespace
+
+TrainingFacts FactsOf(const Backend& backend, const DatasetSize& dataset,
+                      const TrainingSettings& settings, const EstimateTools& tools) {
+  const TrainingSize& size = dataset.training;
+  TrainingFacts facts;
+  facts.has_poses = dataset.has_poses;
+  facts.has_masks = size.num_masked_views > 0;
+  facts.has_depth = size.num_depth_views > 0;
+  facts.has_gaussians = dataset.num_given_gaussians > 0;
+  facts.is_video = dataset.is_video;
+  facts.has_priors_command = tools.has_priors_command;
+  facts.has_sam = tools.has_sam;
+  facts.has_lpips = tools.has_lpips;
+  facts.on_device = !backend.memory().is_host;
+  facts.num_threads = tools.num_threads;
+  facts.num_photographs = size.num_views;
+  facts.video_megapixels = dataset.video_megapixels;
+  const double scale = settings.import.image_scale;
+  const auto num_views = static_cast<double>(std::max<int64_t>(1, size.num_views));
+  facts.megapixels = 1e-6 * static_cast<double>(size.num_pixels) / num_views;
+  facts.photo_megapixels = facts.megapixels / (scale * scale);
+  return facts;
+}
 
 std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize dataset,
                                       const TrainingSettings& settings,
                                       const EstimateTools& tools) {
-  TrainingSize& size = dataset.training;
-  const bool by_sam = size.num_masked_views == 0 &&
+  const std::vector<PlannedStage> plan =
+      PlanStages(FactsOf(backend, dataset, settings, tools), settings);
+  const bool by_sam = dataset.training.num_masked_views == 0 &&
                       ExpectsSam(settings.priors.masks, tools.has_priors_command, tools.has_sam);
-  const bool on_device = !backend.memory().is_host;
-  // The host's part is that of the CPU, which takes over where the device runs out of memory.
-  const int64_t sam_bytes = by_sam ? SamHostBytes(tools.num_threads) : 0;
-  const int64_t sam_device_bytes = by_sam && on_device ? SamDeviceBytes(size.max_pixels) : 0;
-  ExpectPriors(settings.priors, tools.has_priors_command, size);
+  ExpectPriors(settings.priors, tools.has_priors_command, dataset.training);
+  MemoryNeed sam;
+  if (by_sam) {
+    // The host's part is that of the CPU, which takes over where the device runs out of memory.
+    sam.host_bytes = SamHostBytes(tools.num_threads);
+    const bool on_device = !backend.memory().is_host;
+    sam.device_bytes = on_device ? SamDeviceBytes(dataset.training.max_pixels) : 0;
+  }
+  const MemoryEstimator memory(backend, dataset, settings, sam);
   std::vector<StageNeed> needs;
-  // One need for each stage; stages that run one after the other do not add up.
-  needs.push_back({.stage = "prepare",
-                   .host_bytes = CaptureBytes(size) + kDecodingBytes * dataset.max_source_pixels});
-  if (dataset.video_megapixels > 0) {
-    needs.back().seconds = kVideoCoreSeconds * dataset.video_megapixels / tools.num_threads;
+  needs.reserve(plan.size());
+  for (const PlannedStage& stage : plan) {
+    memory.Estimate(needs.emplace_back(StageNeed{.stage = stage.name, .seconds = stage.seconds}));
   }
-  if (!dataset.has_poses) {
-    // SAM runs next to COLMAP, and next to stage one.
-    needs.push_back(
-        {.stage = "sfm",
-         .host_bytes =
-             SfmHostBytes(dataset.max_source_pixels, /*num_threads=*/0, settings.sfm) + sam_bytes,
-         .device_bytes = sam_device_bytes});
-  }
-  if (dataset.num_given_gaussians == 0) {
-    const MemoryNeed need = EstimateReconstruct(backend, size, settings.reconstruct);
-    needs.push_back({.stage = "reconstruct",
-                     .host_bytes = need.host_bytes + sam_bytes,
-                     .device_bytes = need.device_bytes + sam_device_bytes});
-  }
-  if (by_sam) {  // the time of other makers of priors is not known
-    needs.push_back({.stage = "priors",
-                     .host_bytes = CaptureBytes(size) + sam_bytes,
-                     .device_bytes = sam_device_bytes,
-                     .seconds = static_cast<double>(size.num_views) *
-                                SamSeconds(tools.num_threads, on_device)});
-  }
-  if (size.num_masked_views > 0) needs.push_back(NeedOfFeatures(backend, dataset, settings));
   return needs;
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/reconstruct/estimate.h"
+#include "core/train/stage_plan.h"
 #include "core/train/training_settings.h"
 #include "kernels/backend.h"
 
@@ -14,8 +15,9 @@ namespace pepeseg {
 // Size of a dataset, known from the headers of its files.
 struct DatasetSize {
   TrainingSize training;
-  int64_t max_source_pixels = 0;    // pixels of the largest photograph, as uploaded
-  bool has_poses = false;           // false: stage "sfm" estimates them
+  int64_t max_source_pixels = 0;  // pixels of the largest photograph, as uploaded
+  bool has_poses = false;         // false: stage "sfm" estimates them
+  bool is_video = false;          // all photographs are frames of videos
   // Frames of the videos times their pixels, all of which stage "prepare" reads. 0: no videos, or
   // their length is not known.
   double video_megapixels = 0;
@@ -26,19 +28,26 @@ struct DatasetSize {
 struct EstimateTools {
   bool has_priors_command = false;
   bool has_sam = false;
+  bool has_lpips = false;
   int num_threads = 1;
 };
 
-// Upper estimate of what a stage takes.
+// What a stage takes.
 struct StageNeed {
   std::string stage = {};
+  // Upper estimates; 0 for stages that need less than others before them.
   int64_t host_bytes = 0;
-  int64_t device_bytes = 0;            // allocated by Backend::Allocate
-  std::optional<double> seconds = {};  // absent: unknown before it has run
+  int64_t device_bytes = 0;  // allocated by Backend::Allocate
+  std::optional<double> seconds =
+      {};  // expected, see PlanStages. Absent: unknown before it has run
 };
 
-// Returns upper estimates for the stages that need a notable amount of memory, in the order in
-// which they run. Masks and depth that a training will make count as if they were in the dataset.
+// Returns what PlanStages needs to know of a dataset.
+TrainingFacts FactsOf(const Backend& backend, const DatasetSize& dataset,
+                      const TrainingSettings& settings, const EstimateTools& tools);
+
+// Returns what the stages take, in the order in which they run. Masks and depth that a training
+// will make count as if they were in the dataset.
 std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize dataset,
                                       const TrainingSettings& settings, const EstimateTools& tools);
 

@@ -3,11 +3,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "core/base/num_threads.h"
-#include "core/dataset/dataset_index.h"
 #include "core/dataset/held_out.h"
 #include "core/dataset/video_frames.h"
-#include "core/formats/movie_size.h"
 #include "core/priors/sam/sam_segmenter.h"
 #include "core/sfm/sfm_options.h"
 
@@ -92,7 +89,7 @@ class Planner {
 
   void AddPoses() {
     const SfmLoad load{.num_photographs = facts_.num_photographs,
-                       .megapixels = facts_.megapixels,
+                       .megapixels = facts_.photo_megapixels,
                        .in_sequence = facts_.is_video,
                        .on_device = facts_.on_device};
     const SfmWork work = ExpectedSfmWork(load, settings_.sfm);
@@ -161,47 +158,6 @@ class Planner {
 };
 
 }  // namespace
-
-TrainingFacts FactsOf(const TrainingInputs& inputs, const TrainingSettings& settings,
-                      bool on_device) {
-  TrainingFacts facts;
-  facts.has_priors_command = !inputs.tools.priors_command.program.empty();
-  facts.has_sam = !inputs.tools.sam.empty();
-  facts.on_device = on_device;
-  facts.has_lpips = !inputs.tools.lpips_weights.empty();
-  facts.num_threads = NumThreads(inputs.tools.num_threads);
-  for (const DatasetFile& file : inputs.files) {
-    facts.has_poses |= file.kind == FileKind::kPoses;
-    facts.has_depth |= settings.import.use_depth &&
-                       (file.kind == FileKind::kDepth || file.kind == FileKind::kDisparity);
-    facts.has_gaussians |= file.kind == FileKind::kGaussians;
-    facts.num_photographs += file.kind == FileKind::kImage ? 1 : 0;
-  }
-  facts.has_masks = settings.import.use_masks && CountSegmentMasks(inputs.files) > 0;
-  // Without photographs among the files there are only frames.
-  facts.is_video = facts.num_photographs == 0;
-  const int64_t max_frames = settings.sfm.max_video_frames;
-  for (const DatasetFile& file : inputs.files) {
-    if (file.kind != FileKind::kVideo) continue;
-    const MovieSize movie = ReadMovieSize(file.path);
-    facts.num_photographs += ExpectedFrames(movie.num_frames, max_frames);
-    facts.video_megapixels +=
-        1e-6 * static_cast<double>(movie.num_frames) * movie.width * movie.height;
-  }
-  const double scale = settings.import.image_scale;
-  facts.megapixels = scale * scale;
-  return facts;
-}
-
-void SetViews(const Capture& capture, TrainingFacts& facts) {
-  if (capture.views.empty()) return;
-  double pixels = 0;
-  for (const View& view : capture.views) {
-    pixels += static_cast<double>(view.photo.width) * view.photo.height;
-  }
-  facts.num_photographs = static_cast<int64_t>(capture.views.size());
-  facts.megapixels = pixels * 1e-6 / static_cast<double>(capture.views.size());
-}
 
 std::vector<PlannedStage> PlanStages(const TrainingFacts& facts, const TrainingSettings& settings) {
   return Planner(facts, settings).Plan();

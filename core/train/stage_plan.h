@@ -5,8 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "core/scene/capture.h"
-#include "core/train/training_inputs.h"
 #include "core/train/training_settings.h"
 
 namespace pepeseg {
@@ -26,7 +24,7 @@ struct PlannedStage {
   std::vector<Piece> pieces = {};  // in order; empty: all steps cost the same
 };
 
-// Facts that decide which stages run, and how long each takes.
+// Facts that decide which stages run, and how long each takes; see core/train/training_facts.h.
 struct TrainingFacts {
   bool has_poses = false, has_masks = false, has_depth = false, has_gaussians = false;
   bool is_video = false;            // all photographs are frames of videos
@@ -39,16 +37,8 @@ struct TrainingFacts {
   double video_megapixels = 0;  // frames of the videos times their pixels; 0: unknown, or no videos
   std::optional<int64_t> num_to_segment;  // photographs left for SAM to segment. Absent: all
   double megapixels = 1;                  // mean size of a view, as it is trained on
+  double photo_megapixels = 1;            // mean size of a photograph as it is stored
 };
-
-// Returns the facts that are known before any photograph is read: it is assumed to have one
-// megapixel. Reads transforms.json and the headers of videos. on_device: the backend computes on a
-// GPU.
-TrainingFacts FactsOf(const TrainingInputs& inputs, const TrainingSettings& settings,
-                      bool on_device);
-
-// Replaces the assumed number and size of photographs by those of the capture's views.
-void SetViews(const Capture& capture, TrainingFacts& facts);
 
 // Returns the stages that run, in order, with their expected times: core seconds on x86-64 with
 // AVX-512 divided by the number of threads, and seconds of an H200 where a GPU computes. Once a

@@ -26,6 +26,7 @@
 #include "core/train/prior_stage.h"
 #include "core/train/resumed_stages.h"
 #include "core/train/stage_log.h"
+#include "core/train/training_facts.h"
 #include "core/train/training_inputs.h"
 
 namespace pepeseg {

@@ -8,6 +8,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -31,6 +32,8 @@ constexpr size_t kMostHeaders = 48;
 constexpr int64_t kVideoFramePixels = 1600 * 1200;
 // Points that the stage "sfm" finds for each photograph; measured: 215 for llff_fern, 234 for fox.
 constexpr int64_t kPointsOfPhoto = 250;
+// Maximum time of a stage that is believed, seconds: the time limit of a job is far below it.
+constexpr double kMostSeconds = 1e7;
 
 // Where the bytes of a project's files are.
 struct ProjectBlobs {
@@ -164,17 +167,17 @@ Metrics ParseMetrics(const std::string& text) {
   return metrics;
 }
 
-// A training that succeeded in one attempt, and how long it took.
+// A training that succeeded in one attempt, and how long its stages took.
 struct Measured {
-  v1::TrainingOptions options;
+  TrainingSettings settings;
   Metrics metrics;
 };
 
 // Returns the newest such training of the dataset on this device with the same import options.
 absl::StatusOr<std::optional<Measured>> FindMeasured(Store& store, const std::string& device,
                                                      const WantedTraining& training) {
-  // The import options decide the size of the images, and so the time of every stage. The steps of
-  // the other stages may differ: SetDurations scales by them.
+  // The import options decide which files count, and the size of the images. Other options may
+  // differ: SetDurations scales by their expected times.
   const std::string import = ToProto(training.settings).import().SerializeAsString();
   // The first page: the newest 50 models. An older measurement is not worth more reads.
   ASSIGN_OR_RETURN(const Page<ModelRow> models, store.models().ListModels(training.scene, {}));
@@ -182,73 +185,69 @@ absl::StatusOr<std::optional<Measured>> FindMeasured(Store& store, const std::st
     if (model.device != device) continue;
     const auto job = store.jobs().GetJob(model.job);
     if (!job.ok() || job->dataset != training.dataset) continue;
-    Measured measured;
-    measured.metrics = ParseMetrics(model.metrics);
-    const bool parsed = measured.options.ParseFromString(job->effective_options);
+    Metrics metrics = ParseMetrics(model.metrics);
     // A resumed attempt has measured only the steps after its checkpoint.
-    const bool whole = !measured.metrics.contains("resumed_from_step");
-    if (parsed && whole && measured.options.import().SerializeAsString() == import) return measured;
+    if (metrics.contains("resumed_from_step")) continue;
+    v1::TrainingOptions options;
+    if (!options.ParseFromString(job->effective_options)) continue;
+    if (options.import().SerializeAsString() != import) continue;
+    const auto settings = TrainingSettingsFromProto(options);
+    if (settings.ok()) return Measured{*settings, std::move(metrics)};
   }
   return std::optional<Measured>();
 }
 
-// Sets how long a stage takes, from the measured training. `share`: steps wanted over steps
+// Replaces expected seconds by those that a training measured, times the ratio of what is expected
+// of both: `expected_then` of the measured one. Returns whether all stages that take long were
 // measured.
-void SetDuration(const std::optional<Measured>& measured, double share, Stage& stage) {
-  if (!measured) return;
-  const auto seconds = measured->metrics.find("seconds_" + NameOfStage(stage.stage()));
-  if (seconds == measured->metrics.end() || !std::isfinite(seconds->second * share)) return;
-  *stage.mutable_duration() = ToProto(absl::Seconds(seconds->second * share));
-}
-
-// Returns by how much longer the wanted steps take. A measured 0, from a damaged record, counts as
-// 1.
-double StepShare(int wanted, int measured) {
-  return static_cast<double>(wanted) / std::max(1, measured);
+bool UseMeasured(const Metrics& metrics, const std::vector<StageNeed>& expected_then,
+                 std::vector<StageNeed>& needs) {
+  std::map<std::string, double> then;
+  for (const StageNeed& need : expected_then) {
+    if (need.seconds) then[need.stage] = *need.seconds;
+  }
+  bool all = true;
+  for (StageNeed& need : needs) {
+    const auto measured = metrics.find("seconds_" + need.stage);
+    if (measured == metrics.end() || !std::isfinite(measured->second)) {
+      all &= need.stage == "prepare" || need.stage == "evaluate" || need.stage == "index";
+      continue;
+    }
+    const double expected = then.contains(need.stage) ? then[need.stage] : 0;
+    const double ratio = expected > 0 && need.seconds ? *need.seconds / expected : 1;
+    need.seconds = ratio * std::clamp(measured->second, 0.0, kMostSeconds);
+  }
+  return all;
 }
 
 void AddStages(const std::vector<StageNeed>& needs, v1::EstimateTrainingResponse& response) {
+  double sum = 0;
+  bool all_known = true;
   for (const StageNeed& need : needs) {
     Stage& stage = *response.add_stages();
     stage.set_stage(StageOfName(need.stage));
     stage.set_host_bytes(need.host_bytes);
     stage.set_device_bytes(need.device_bytes);
     if (need.seconds) *stage.mutable_duration() = ToProto(absl::Seconds(*need.seconds));
+    all_known &= need.seconds.has_value();
+    sum += need.seconds.value_or(0);
   }
-}
-
-void SetDurations(const std::optional<Measured>& measured, const TrainingSettings& settings,
-                  v1::EstimateTrainingResponse& response) {
-  if (!measured) return;
-  for (Stage& stage : *response.mutable_stages()) {
-    double share = 1;
-    if (stage.stage() == v1::JOB_STAGE_RECONSTRUCT) {
-      share =
-          StepShare(settings.reconstruct.num_steps, measured->options.reconstruct().num_steps());
-    } else if (stage.stage() == v1::JOB_STAGE_FEATURES) {
-      share = StepShare(settings.features.num_steps, measured->options.features().num_steps());
-    }
-    SetDuration(measured, share, stage);
-  }
+  if (all_known) *response.mutable_duration() = ToProto(absl::Seconds(sum));
 }
 
 // Returns a quarter more memory than the largest stage takes, on host and device together, as if
 // the device were the CPU: a cluster limits the worker's memory. Also returns three times the
-// duration of all stages: a cluster ends a job that exceeds its limits.
-WorkerShare ShareOf(const v1::EstimateTrainingResponse& estimate) {
+// duration of all stages if it was measured on this machine: a cluster ends a job that exceeds its
+// limits.
+WorkerShare ShareOf(const v1::EstimateTrainingResponse& estimate, bool is_measured) {
   constexpr int64_t kProgramBytes = int64_t{512} << 20;
   constexpr int64_t kStartSeconds = 600;
   WorkerShare share;
-  bool timed = true;
   for (const Stage& stage : estimate.stages()) {
     const int64_t bytes = stage.host_bytes() + stage.device_bytes();
     share.host_bytes = std::max(share.host_bytes, bytes + bytes / 4 + kProgramBytes);
-    // One unknown stage makes the sum meaningless as a limit. PREPARE is short enough to be
-    // covered by kStartSeconds.
-    timed &= stage.has_duration() || stage.stage() == v1::JOB_STAGE_PREPARE;
-    share.seconds += 3 * stage.duration().seconds();
   }
-  share.seconds = timed ? share.seconds + kStartSeconds : 0;
+  if (is_measured) share.seconds = 3 * estimate.duration().seconds() + kStartSeconds;
   return share;
 }
 
@@ -268,6 +267,7 @@ absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_s
                          MeasureVideos(blobs, files, training.settings.sfm.max_video_frames, size)};
   RETURN_IF_ERROR(MeasurePhotos(blobs, files, rules, size));
   size.has_poses = CountKind(files, v1::FILE_KIND_POSES) > 0;
+  size.is_video = CountKind(files, v1::FILE_KIND_IMAGE) == 0;
   TrainingSize& counts = size.training;
   const int64_t held_out = NumHeldOut(import, counts.num_views);
   counts.num_training_views = std::max<int64_t>(1, counts.num_views - held_out);
@@ -296,16 +296,22 @@ absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_s
   return size;
 }
 
-absl::StatusOr<v1::EstimateTrainingResponse> TrainingEstimator::Estimate(
+absl::StatusOr<TrainingEstimator::Estimated> TrainingEstimator::EstimateAll(
     const WantedTraining& training, CheckWanted wanted) const {
   const Backend& backend = machine_.backend;
   ASSIGN_OR_RETURN(const DatasetSize dataset, MeasureDataset(store_, blobs_, training, wanted));
-  v1::EstimateTrainingResponse response;
+  Estimated estimated;
+  v1::EstimateTrainingResponse& response = estimated.response;
   response.set_num_mask_files(dataset.training.num_masked_views);
-  AddStages(EstimateStages(backend, dataset, training.settings, machine_.tools), response);
+  std::vector<StageNeed> needs =
+      EstimateStages(backend, dataset, training.settings, machine_.tools);
   ASSIGN_OR_RETURN(const std::optional<Measured> measured,
                    FindMeasured(store_, backend.name(), training));
-  SetDurations(measured, training.settings, response);
+  if (measured) {
+    const auto then = EstimateStages(backend, dataset, measured->settings, machine_.tools);
+    estimated.is_measured = UseMeasured(measured->metrics, then, needs);
+  }
+  AddStages(needs, response);
   response.set_device(backend.name());
   const bool one_memory = backend.memory().is_host;
   for (const Stage& stage : response.stages()) {
@@ -318,23 +324,32 @@ absl::StatusOr<v1::EstimateTrainingResponse> TrainingEstimator::Estimate(
   response.set_num_views(dataset.training.num_views);
   response.set_max_pixels(dataset.training.max_pixels);
   response.set_num_points(dataset.training.num_points);
-  return response;
+  return estimated;
+}
+
+absl::StatusOr<v1::EstimateTrainingResponse> TrainingEstimator::Estimate(
+    const WantedTraining& training, CheckWanted wanted) const {
+  ASSIGN_OR_RETURN(Estimated estimated, EstimateAll(training, wanted));
+  return std::move(estimated.response);
 }
 
 absl::StatusOr<WorkerShare> TrainingEstimator::CheckFits(const WantedTraining& training,
                                                          CheckWanted wanted) const {
   // A caller who is gone gets its own error, which Estimate may have returned as one of many.
-  const auto estimate = Estimate(training, wanted);
+  const auto estimated = EstimateAll(training, wanted);
   RETURN_IF_ERROR(wanted());
-  if (!estimate.ok()) return WorkerShare();
-  if (estimate->need_bytes() <= estimate->have_bytes()) return ShareOf(*estimate);
+  if (!estimated.ok()) return WorkerShare();
+  const v1::EstimateTrainingResponse& estimate = estimated->response;
+  if (estimate.need_bytes() <= estimate.have_bytes()) {
+    return ShareOf(estimate, estimated->is_measured);
+  }
   return WithDetail(absl::ResourceExhaustedError(absl::StrCat(
-                        "the training needs up to ", estimate->need_bytes() >> 20, " MiB of ",
-                        estimate->device(), ", ", estimate->have_bytes() >> 20,
+                        "the training needs up to ", estimate.need_bytes() >> 20, " MiB of ",
+                        estimate.device(), ", ", estimate.have_bytes() >> 20,
                         " MiB are there: fewer max_gaussians or a smaller image_scale take less")),
                     {.reason = "DOES_NOT_FIT",
-                     .limit = absl::StrCat(estimate->have_bytes(), " bytes"),
-                     .value = absl::StrCat(estimate->need_bytes(), " bytes")});
+                     .limit = absl::StrCat(estimate.have_bytes(), " bytes"),
+                     .value = absl::StrCat(estimate.need_bytes(), " bytes")});
 }
 
 }  // namespace pepeseg

@@ -64,6 +64,12 @@ class TrainingEstimator {
   const EstimateTools& tools() const { return machine_.tools; }
 
  private:
+  struct Estimated {
+    v1::EstimateTrainingResponse response;
+    bool is_measured = false;  // all durations are those of an earlier training on this machine
+  };
+  absl::StatusOr<Estimated> EstimateAll(const WantedTraining& training, CheckWanted wanted) const;
+
   Store& store_;
   const BlobStore& blobs_;
   const Machine machine_;

@@ -3,11 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <fstream>
-
 #include "core/dataset/video_frames.h"
 #include "core/priors/sam/sam_segmenter.h"
-#include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
 namespace {
@@ -55,30 +52,6 @@ TEST(PlanStages, CountsTheLengthOfVideos) {
   facts.video_megapixels = 1000;
   EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, {}), "prepare").seconds,
                    without + 1000 * kVideoCoreSeconds);
-}
-
-TEST(FactsOf, LeavesOutMasksAndDepthOnRequest) {
-  TrainingInputs inputs;
-  inputs.files = {{FileKind::kMask, "masks/a.png", ""}, {FileKind::kDepth, "depth/a.png", ""}};
-  TrainingSettings settings;
-  EXPECT_TRUE(FactsOf(inputs, settings, false).has_masks);
-  EXPECT_TRUE(FactsOf(inputs, settings, false).has_depth);
-  settings.import.use_masks = settings.import.use_depth = false;
-  EXPECT_FALSE(FactsOf(inputs, settings, false).has_masks);
-  EXPECT_FALSE(FactsOf(inputs, settings, false).has_depth);
-}
-
-TEST(FactsOf, CountsNoMasksThatSayWhatToIgnore) {
-  const testing::TempFolder folder;
-  std::ofstream(folder / "transforms.json")
-      << R"({"frames": [{"file_path": "images/a.png", "mask_path": "masks/a.png"}]})";
-  TrainingInputs inputs;
-  inputs.files = {{FileKind::kImage, "images/a.png", ""},
-                  {FileKind::kPoses, "transforms.json", folder / "transforms.json"},
-                  {FileKind::kMask, "masks/a.png", ""}};
-  EXPECT_FALSE(FactsOf(inputs, TrainingSettings(), false).has_masks);
-  inputs.files.push_back({FileKind::kMask, "masks/b.png", ""});
-  EXPECT_TRUE(FactsOf(inputs, TrainingSettings(), false).has_masks);
 }
 
 TEST(PlanStages, HasNoTimeForAPriorsCommand) {

@@ -1,5 +1,7 @@
 #include "server/services/estimate_training.h"
 
+#include <gmock/gmock.h>
+#include <google/protobuf/util/time_util.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,6 +20,9 @@
 namespace pepeseg {
 namespace {
 
+using ::google::protobuf::util::TimeUtil;
+using ::testing::ElementsAre;
+
 // Black pictures suffice, since nothing is decoded.
 std::vector<TestFile> Photos() {
   std::vector<TestFile> files;
@@ -28,6 +33,12 @@ std::vector<TestFile> Photos() {
   files.push_back(
       {"sparse/0/points3D.txt", "# a comment\n1 0 0 0\n2 0 0 0\n\n3 0 0 0\n", v1::FILE_KIND_POSES});
   return files;
+}
+
+std::vector<v1::JobStage> Stages(const v1::EstimateTrainingResponse& estimate) {
+  std::vector<v1::JobStage> stages;
+  for (const auto& stage : estimate.stages()) stages.push_back(stage.stage());
+  return stages;
 }
 
 struct EstimateTrainingTest : EmptyScene {
@@ -69,10 +80,9 @@ TEST_F(EstimateTrainingTest, ReportsWhatTheHeadersAndOptionsSay) {
   EXPECT_EQ(estimate.num_points(), 3);
   EXPECT_EQ(estimate.num_mask_files(), 0);
   EXPECT_EQ(estimate.device().find("cpu (1 thread, "), 0u);
-  ASSERT_EQ(estimate.stages_size(), 3);
-  EXPECT_EQ(estimate.stages(0).stage(), v1::JOB_STAGE_PREPARE);
-  EXPECT_EQ(estimate.stages(1).stage(), v1::JOB_STAGE_RECONSTRUCT);
-  EXPECT_EQ(estimate.stages(2).stage(), v1::JOB_STAGE_FEATURES);  // of masks that are made
+  ASSERT_THAT(Stages(estimate),
+              ElementsAre(v1::JOB_STAGE_PREPARE, v1::JOB_STAGE_RECONSTRUCT, v1::JOB_STAGE_EVALUATE,
+                          v1::JOB_STAGE_PRIORS, v1::JOB_STAGE_FEATURES, v1::JOB_STAGE_INDEX));
   // At least parameters and two moments, of 59 floats each.
   EXPECT_GT(estimate.stages(1).device_bytes(), 10'000 * 3 * 59 * 4);
   int64_t most = 0;
@@ -81,7 +91,30 @@ TEST_F(EstimateTrainingTest, ReportsWhatTheHeadersAndOptionsSay) {
   }
   EXPECT_EQ(estimate.need_bytes(), most);
   EXPECT_GT(estimate.have_bytes(), estimate.need_bytes());
-  for (const auto& stage : estimate.stages()) EXPECT_FALSE(stage.has_duration());
+  double sum = 0;
+  for (const auto& stage : estimate.stages()) {
+    EXPECT_TRUE(stage.has_duration());
+    sum += TimeUtil::DurationToMilliseconds(stage.duration());
+  }
+  EXPECT_NEAR(TimeUtil::DurationToMilliseconds(estimate.duration()), sum, 10);
+}
+
+TEST_F(EstimateTrainingTest, ExpectsMoreTimeForMoreStepsAndPixels) {
+  const std::string dataset = running.UploadAndSeal("shelf", Photos());
+  const auto seconds = [&](const v1::TrainingOptions& options) {
+    return TimeUtil::DurationToMilliseconds(Estimate(dataset, options)->duration()) * 1e-3;
+  };
+  v1::TrainingOptions options;
+  options.mutable_reconstruct()->set_num_steps(10'000);
+  const double all = seconds(options);
+  options.mutable_import()->set_image_scale(0.5);
+  EXPECT_LT(seconds(options), 0.8 * all);
+  options.mutable_reconstruct()->set_num_steps(20'000);
+  EXPECT_GT(seconds(options), 1.2 * seconds([&] {
+                                v1::TrainingOptions half = options;
+                                half.mutable_reconstruct()->set_num_steps(10'000);
+                                return half;
+                              }()));
 }
 
 TEST_F(EstimateTrainingTest, EstimatesLessForSmallerPhotographsAndFewerGaussians) {
@@ -101,14 +134,15 @@ TEST_F(EstimateTrainingTest, CountsTheTimeAndMemoryOfSam) {
   const std::string dataset = running.UploadAndSeal("shelf", Photos());
   InstallSam();
   ASSERT_OK_AND_ASSIGN(const auto estimate, Estimate(dataset));
-  ASSERT_EQ(estimate.stages_size(), 4);
-  EXPECT_EQ(estimate.stages(2).stage(), v1::JOB_STAGE_PRIORS);
-  EXPECT_GT(estimate.stages(2).host_bytes(), int64_t{523} << 20);
-  EXPECT_GE(estimate.need_bytes(), estimate.stages(2).host_bytes());
-  EXPECT_EQ(estimate.stages(2).duration().seconds(), static_cast<int64_t>(4 * kSamCoreSeconds / 2));
+  const auto& priors = estimate.stages(3);
+  ASSERT_EQ(priors.stage(), v1::JOB_STAGE_PRIORS);
+  EXPECT_GT(priors.host_bytes(), int64_t{523} << 20);
+  EXPECT_GE(estimate.need_bytes(), priors.host_bytes());
+  EXPECT_EQ(priors.duration().seconds(), static_cast<int64_t>(4 * kSamCoreSeconds / 2));
   v1::TrainingOptions options;
   options.mutable_priors()->set_masks(v1::PRIOR_MAKER_EMBEDDED);
-  EXPECT_EQ(Estimate(dataset, options)->stages_size(), 3);
+  EXPECT_LT(Estimate(dataset, options)->stages(3).duration().seconds(),
+            priors.duration().seconds());
 }
 
 // SAM and COLMAP run at the same time, in two processes.
@@ -128,9 +162,10 @@ TEST_F(EstimateTrainingTest, AddsTheFeaturesStageForMasks) {
   files.push_back({"masks/0.png", testing::BlackPng(400, 300, 8), v1::FILE_KIND_MASK});
   ASSERT_OK_AND_ASSIGN(const auto estimate, Estimate(running.UploadAndSeal("shelf", files)));
   EXPECT_EQ(estimate.num_mask_files(), 1);
-  ASSERT_EQ(estimate.stages_size(), 3);
-  EXPECT_EQ(estimate.stages(2).stage(), v1::JOB_STAGE_FEATURES);
-  EXPECT_GT(estimate.stages(2).device_bytes(), 0);
+  ASSERT_THAT(Stages(estimate),
+              ElementsAre(v1::JOB_STAGE_PREPARE, v1::JOB_STAGE_RECONSTRUCT, v1::JOB_STAGE_EVALUATE,
+                          v1::JOB_STAGE_FEATURES, v1::JOB_STAGE_INDEX));
+  EXPECT_GT(estimate.stages(3).device_bytes(), 0);
 }
 
 TEST_F(EstimateTrainingTest, CountsNoMasksThatSayWhatToIgnore) {
@@ -147,7 +182,8 @@ TEST_F(EstimateTrainingTest, CountsNoMasksThatSayWhatToIgnore) {
   // SAM makes the masks where there are none.
   InstallSam();
   ASSERT_OK_AND_ASSIGN(const auto made, Estimate("scenes/shelf/datasets/1"));
-  EXPECT_EQ(made.stages(2).stage(), v1::JOB_STAGE_PRIORS);
+  ASSERT_EQ(made.stages(3).stage(), v1::JOB_STAGE_PRIORS);
+  EXPECT_GT(made.stages(3).host_bytes(), SamHostBytes(2));
 }
 
 TEST_F(EstimateTrainingTest, RefusesTrainingsThatDoNotFitBeforeTheyAreQueued) {

@@ -43,7 +43,7 @@ class EstimateTrainingRequest(_message.Message):
     def __init__(self, scene: _Optional[str] = ..., dataset: _Optional[str] = ..., options: _Optional[_Union[_training_options_pb2.TrainingOptions, _Mapping]] = ...) -> None: ...
 
 class EstimateTrainingResponse(_message.Message):
-    __slots__ = ["device", "have_bytes", "max_pixels", "need_bytes", "num_mask_files", "num_points", "num_views", "stages"]
+    __slots__ = ["device", "duration", "have_bytes", "max_pixels", "need_bytes", "num_mask_files", "num_points", "num_views", "stages"]
     class Stage(_message.Message):
         __slots__ = ["device_bytes", "duration", "host_bytes", "stage"]
         DEVICE_BYTES_FIELD_NUMBER: _ClassVar[int]
@@ -56,6 +56,7 @@ class EstimateTrainingResponse(_message.Message):
         stage: JobStage
         def __init__(self, stage: _Optional[_Union[JobStage, str]] = ..., device_bytes: _Optional[int] = ..., host_bytes: _Optional[int] = ..., duration: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ...) -> None: ...
     DEVICE_FIELD_NUMBER: _ClassVar[int]
+    DURATION_FIELD_NUMBER: _ClassVar[int]
     HAVE_BYTES_FIELD_NUMBER: _ClassVar[int]
     MAX_PIXELS_FIELD_NUMBER: _ClassVar[int]
     NEED_BYTES_FIELD_NUMBER: _ClassVar[int]
@@ -64,6 +65,7 @@ class EstimateTrainingResponse(_message.Message):
     NUM_VIEWS_FIELD_NUMBER: _ClassVar[int]
     STAGES_FIELD_NUMBER: _ClassVar[int]
     device: str
+    duration: _duration_pb2.Duration
     have_bytes: int
     max_pixels: int
     need_bytes: int
@@ -71,7 +73,7 @@ class EstimateTrainingResponse(_message.Message):
     num_points: int
     num_views: int
     stages: _containers.RepeatedCompositeFieldContainer[EstimateTrainingResponse.Stage]
-    def __init__(self, stages: _Optional[_Iterable[_Union[EstimateTrainingResponse.Stage, _Mapping]]] = ..., device: _Optional[str] = ..., need_bytes: _Optional[int] = ..., have_bytes: _Optional[int] = ..., num_views: _Optional[int] = ..., max_pixels: _Optional[int] = ..., num_points: _Optional[int] = ..., num_mask_files: _Optional[int] = ...) -> None: ...
+    def __init__(self, stages: _Optional[_Iterable[_Union[EstimateTrainingResponse.Stage, _Mapping]]] = ..., device: _Optional[str] = ..., need_bytes: _Optional[int] = ..., have_bytes: _Optional[int] = ..., num_views: _Optional[int] = ..., max_pixels: _Optional[int] = ..., num_points: _Optional[int] = ..., num_mask_files: _Optional[int] = ..., duration: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ...) -> None: ...
 
 class GetJobRequest(_message.Message):
     __slots__ = ["name"]
