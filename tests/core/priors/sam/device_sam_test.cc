@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <memory>
 #include <random>
+#include <stop_token>
 #include <string>
 #include <thread>
 #include <utility>
@@ -219,6 +220,41 @@ TEST_P(DeviceSamTest, EndsCallsOnInterrupt) {
   }
   EXPECT_TRUE(absl::IsCancelled(status)) << status;
   EXPECT_TRUE(absl::IsCancelled(segmenter->SetPhotograph(view.photo)));
+}
+
+// As a training does: another backend of the device records and runs sequences meanwhile.
+TEST(DeviceSamNextToTraining, HasTheSameMasks) {
+  auto sam_backend = MakeCuda();
+  const auto training = MakeCuda();
+  if (sam_backend == nullptr || training == nullptr) {
+    if (HasFailure()) FAIL();
+    GTEST_SKIP() << "this machine has no Cuda";
+  }
+  const auto sam = MakeSmallSam(std::move(sam_backend));
+  const View view = SmallView(200, 150, 1);
+  ASSERT_OK_AND_ASSIGN(const AutomaticMasks alone, Made(*sam->MakeSegmenter(), view));
+  {
+    const std::jthread thread([&training](const std::stop_token& stop) {
+      for (int step = 0; !stop.stop_requested(); ++step) {
+        // Sizes that grow: memory is allocated while a sequence is recorded.
+        Buffer<float> values(*training, 1000 + step), copy;
+        training->Sequence(0, [&] {
+          copy = Buffer<float>(*training, 1000 + step);
+          training->Copy(copy.span().data, values.span().data, 4000);
+        });
+        if (step % 8 == 0) training->Sync();
+      }
+    });
+    for (int round = 0; round < 5; ++round) {
+      ASSERT_OK_AND_ASSIGN(const AutomaticMasks made, Made(*sam->MakeSegmenter(), view));
+      ExpectSameMasks(made.masks, alone.masks);
+    }
+  }
+  training->Sync();
+  EXPECT_EQ(training->error(), "");
+  // Each counts what the other has in use as taken.
+  EXPECT_LE(training->memory().free_bytes,
+            training->memory().total_bytes - static_cast<int64_t>(sam->backend().bytes_in_use()));
 }
 
 // Each allocation of a photograph fails in turn, and all after it.
