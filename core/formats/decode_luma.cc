@@ -19,10 +19,11 @@
 namespace pepeseg {
 namespace {
 
+// Rounds as FreeImage does.
 uint8_t Luma(int red, int green, int blue) {
-  const float luma = 0.2126f * static_cast<float>(red) + 0.7152f * static_cast<float>(green) +
-                     0.0722f * static_cast<float>(blue);
-  return static_cast<uint8_t>(luma + 0.5f);
+  const float raised = 0.2126f * static_cast<float>(red) + 0.7152f * static_cast<float>(green) +
+                       0.0722f * static_cast<float>(blue) + 0.5f;
+  return static_cast<uint8_t>(raised);
 }
 
 // Appends the luma of a scanline of libjpeg: grey, RGB or inverted CMYK, as Adobe's programs write

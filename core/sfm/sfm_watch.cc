@@ -31,11 +31,10 @@ absl::Status SfmWatch::ReportInTime(absl::string_view doing) {
 }
 
 absl::Status SfmWatch::Run(const ColmapProgram& program, const ColmapProgram::Command& command) {
-  const absl::Status status =
-      program.Run(command, deadline_, [this](std::span<const std::string> lines) {
-        for (const std::string& line : lines) progress_.Read(line);
-        return Report();
-      });
+  absl::Status status = program.Run(command, deadline_, [this](std::span<const std::string> lines) {
+    for (const std::string& line : lines) progress_.Read(line);
+    return Report();
+  });
   if (!absl::IsDeadlineExceeded(status)) return status;
   return TookTooLong(absl::StrCat("COLMAP was at its ", command.name));
 }

@@ -54,7 +54,7 @@ std::string StoredJpeg(const Image& image, J_COLOR_SPACE space, bool progressive
     jpeg_write_scanlines(&info, &row, 1);
   }
   jpeg_finish_compress(&info);
-  const std::string jpeg(reinterpret_cast<const char*>(bytes), size);
+  std::string jpeg(reinterpret_cast<const char*>(bytes), size);
   jpeg_destroy_compress(&info);
   std::free(bytes);
   return jpeg;
