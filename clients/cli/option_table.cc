@@ -118,6 +118,7 @@ constexpr OptionRow kRows[] = {
     {"sfm.max_video_frames", "120", "3 to 2000"},
     {"sfm.front", "unspecified", ""},
     {"sfm.features", "unspecified", ""},
+    {"sfm.mapper", "unspecified", ""},
     {"priors.masks", "unspecified", ""},
     {"priors.depth", "unspecified", ""},
     {"preset", "standard", ""},

@@ -16,6 +16,7 @@
 #include "core/sfm/find_features.h"
 #include "core/sfm/incremental_mapping.h"
 #include "core/sfm/match_features.h"
+#include "core/sfm/own_mapping.h"
 #include "core/sfm/pair_evidence.h"
 #include "core/sfm/sfm_model.h"
 #include "core/sfm/sfm_verdict.h"
@@ -27,6 +28,10 @@ namespace {
 // Maximum number of photographs of which all pairs are compared (about 20,000 pairs).
 constexpr size_t kMostExhaustive = 200;
 constexpr char kProgramFile[] = "program.txt";
+constexpr char kOwnMapper[] = "pepeseg";
+// With SfmEngine::kAuto, COLMAP maps fewer photographs than this: it takes a core second, and is
+// more accurate on apc_shelf (15 photographs, tests/bench/results/poses.md).
+constexpr size_t kFewestForOwnMapper = 20;
 
 using Words = std::vector<std::string>;
 
@@ -86,11 +91,15 @@ class PoseEstimation {
   absl::Status KeepLargestModel();
 
  private:
+  std::vector<SfmPhotograph> PhotographsInDatabase() const;
+  absl::StatusOr<bool> MapByOwn();
+  absl::Status MapByColmap();
   SfmEvidence Evidence() const;
   std::vector<size_t> IndicesOf(const Words& names) const;
   std::filesystem::path Database() const { return places_.work / "database.db"; }
   std::filesystem::path OwnDatabase() const { return places_.work / "own.db"; }
   std::filesystem::path Images() const { return places_.work / "images"; }
+  std::filesystem::path Models() const { return places_.work / "models"; }
 
   std::span<const SfmPhotograph> photographs_;
   const SfmPlaces& places_;
@@ -103,6 +112,8 @@ class PoseEstimation {
   bool any_mask_ = false;
   std::optional<ComparedDatabase> compared_;  // if the own front has written OwnDatabase()
   std::vector<SfmModel> models_;
+  ModelAgreement agreement_;  // of the first model
+  std::string mapper_;        // who made them
 };
 
 absl::Status PoseEstimation::OpenProgram() {
@@ -161,24 +172,78 @@ absl::Status PoseEstimation::MatchFeatures() {
 }
 
 absl::Status PoseEstimation::Map() {
-  MappingInput input{compared_ ? OwnDatabase() : Database(), Images(), places_.work / "models",
-                     ColmapThreads(places_.num_threads), compared_ ? &*compared_ : nullptr};
-  RETURN_IF_ERROR(MakeEmptyFolder(input.models));
-  ASSIGN_OR_RETURN(MappedModels mapped, MapIncrementally(input, [this](const auto& command) {
-                     return watch_.Run(*program_, command);
-                   }));
-  models_ = std::move(mapped.models);
+  RETURN_IF_ERROR(MakeEmptyFolder(Models()));
+  ASSIGN_OR_RETURN(const bool is_mapped, MapByOwn());
+  if (!is_mapped) RETURN_IF_ERROR(MapByColmap());
   const SfmEvidence evidence = Evidence();
   RETURN_IF_ERROR(JudgeModels(evidence, options_));
   if (const std::string unplaced = DescribeUnplaced(evidence); !unplaced.empty()) {
     run_.warn(unplaced);
   }
   if (evidence.turns_on_the_spot) run_.warn(DescribeTurn(evidence));
-  if (!mapped.agreement.IsPlausible()) {
-    run_.warn(DescribeDisagreement(evidence, mapped.agreement.agreeing,
-                                   mapped.agreement.disagreeing,
-                                   IndicesOf(mapped.agreement.doubtful)));
+  if (!agreement_.IsPlausible()) {
+    run_.warn(DescribeDisagreement(evidence, agreement_.agreeing, agreement_.disagreeing,
+                                   IndicesOf(agreement_.doubtful)));
   }
+  return absl::OkStatus();
+}
+
+// Returns the photographs as their copies, in the order of the database: by their names in COLMAP.
+std::vector<SfmPhotograph> PoseEstimation::PhotographsInDatabase() const {
+  Words names;
+  for (const DatabaseImage& image : compared_->features.images) names.push_back(image.name);
+  std::vector<SfmPhotograph> photographs;
+  for (const size_t i : IndicesOf(names)) {
+    photographs.push_back(photographs_[i]);
+    photographs.back().path = Images() / safe_names_[i];
+  }
+  return photographs;
+}
+
+// Returns whether there is a model that may be used. Pairs that COLMAP compared are in its database
+// only, so that its mapper is the one for them.
+absl::StatusOr<bool> PoseEstimation::MapByOwn() {
+  if (options_.mapper == SfmEngine::kColmap) return false;
+  if (options_.mapper == SfmEngine::kAuto && photographs_.size() < kFewestForOwnMapper)
+    return false;
+  std::string refusal = "COLMAP matched the photographs";
+  if (compared_) {
+    const std::vector<SfmPhotograph> in_order = PhotographsInDatabase();
+    const OwnMappingInput input{in_order, *compared_, Models() / "own", places_.num_threads};
+    absl::StatusOr<OwnMapping> mapping = MapByOwnMapper(input, [this](double share) {
+      watch_.progress().Place(share);
+      return watch_.ReportInTime("at placing photographs");
+    });
+    if (!mapping.ok() && watch_.stopped()) return mapping.status();
+    refusal = mapping.ok() ? mapping->refusal : std::string(mapping.status().message());
+    if (refusal.empty()) {
+      models_ = std::move(mapping->mapped.models);
+      agreement_ = std::move(mapping->mapped.agreement);
+      mapper_ = kOwnMapper;
+      return true;
+    }
+  }
+  if (options_.mapper == SfmEngine::kOwn) {
+    return absl::FailedPreconditionError(absl::StrCat("pepeseg found no poses: ", refusal,
+                                                      "; leave sfm.mapper unset, so that "
+                                                      "COLMAP is tried as well, or upload poses"));
+  }
+  if (compared_) {
+    run_.warn(absl::StrCat(
+        "COLMAP places the photographs, which takes longer, because pepeseg does not: ", refusal));
+  }
+  return false;
+}
+
+absl::Status PoseEstimation::MapByColmap() {
+  const MappingInput input{compared_ ? OwnDatabase() : Database(), Images(), Models(),
+                           ColmapThreads(places_.num_threads), compared_ ? &*compared_ : nullptr};
+  ASSIGN_OR_RETURN(MappedModels mapped, MapIncrementally(input, [this](const auto& command) {
+                     return watch_.Run(*program_, command);
+                   }));
+  models_ = std::move(mapped.models);
+  agreement_ = std::move(mapped.agreement);
+  mapper_ = program_->version();
   return absl::OkStatus();
 }
 
@@ -224,7 +289,7 @@ absl::Status PoseEstimation::KeepLargestModel() {
   for (size_t i = 0; i < photographs_.size(); ++i) names[safe_names_[i]] = photographs_[i].name;
   RETURN_IF_ERROR(MakeEmptyFolder(places_.result));
   RETURN_IF_ERROR(CopyRenamed(models_.front(), names, places_.result));
-  RETURN_IF_ERROR(WriteFileAtomically(places_.result / kProgramFile, program_->version() + "\n"));
+  RETURN_IF_ERROR(WriteFileAtomically(places_.result / kProgramFile, mapper_ + "\n"));
   const Words files = {"cameras.bin", "images.bin", "points3D.bin", kProgramFile};
   ASSIGN_OR_RETURN(const Manifest manifest, BuildManifest(places_.result, files));
   RETURN_IF_ERROR(WriteManifest(places_.result, manifest));

@@ -25,7 +25,7 @@ struct SfmPlaces {
 
 struct EstimatedPoses {
   std::filesystem::path cameras, images, points;  // COLMAP's files, with the owner's image names
-  std::string program;                            // "COLMAP 3.8"
+  std::string program;                            // who placed them: "pepeseg", "COLMAP 3.8"
   int64_t num_registered = 0;
   double reprojection_error = 0;  // mean over the points, pixels
 };

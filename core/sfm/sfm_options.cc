@@ -21,6 +21,7 @@ constexpr double kOwnMatch = 5e-10;      // for each pair of features of a pair
 constexpr double kOwnScore = 5e-10;      // the same, with 256 features of either photograph
 constexpr double kVerify = 1e-3;         // for each pair
 constexpr double kMapping = 0.006;       // for each pair of photographs, compared or not
+constexpr double kOwnPlacing = 0.002;    // the same, by the own mapper
 constexpr double kDeviceShare = 0.02;    // of the products' time, on a GPU
 constexpr double kLargest = 256;
 // Numbers of photographs of which all pairs are compared.
@@ -32,6 +33,8 @@ absl::Status Validate(const SfmOptions& options) {
   RETURN_IF_ERROR(CheckInRange("matching", static_cast<int>(options.matching), 0,
                                static_cast<int>(SfmMatching::kSequential)));
   RETURN_IF_ERROR(CheckInRange("front", static_cast<int>(options.front), 0,
+                               static_cast<int>(SfmEngine::kColmap)));
+  RETURN_IF_ERROR(CheckInRange("mapper", static_cast<int>(options.mapper), 0,
                                static_cast<int>(SfmEngine::kColmap)));
   RETURN_IF_ERROR(CheckInRange("features", static_cast<int>(options.features), 0,
                                static_cast<int>(SfmEngine::kColmap)));
@@ -80,7 +83,9 @@ SfmWork ExpectedSfmWork(const SfmLoad& load, const SfmOptions& options) {
   work.matching = options.front == SfmEngine::kColmap
                       ? kColmapMatch * features * compared
                       : (share * kOwnMatch * features * features + kVerify) * compared;
-  work.mapping = kMapping * n * n;
+  const bool own_mapper =
+      options.mapper != SfmEngine::kColmap && options.front != SfmEngine::kColmap;
+  work.mapping = (own_mapper ? kOwnPlacing : kMapping) * n * n;
   return work;
 }
 

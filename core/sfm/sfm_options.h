@@ -40,6 +40,9 @@ struct SfmOptions {
   SfmEngine front = SfmEngine::kAuto;
   // Who finds features (core/sfm/features).
   SfmEngine features = SfmEngine::kAuto;
+  // Who places the photographs (core/sfm/mapper). kAuto: COLMAP if it matched them, or if there are
+  // fewer than 20.
+  SfmEngine mapper = SfmEngine::kAuto;
 };
 
 // Returns INVALID_ARGUMENT, naming the option, its value and its range, if one is out of range.

@@ -92,6 +92,12 @@ void SfmProgress::Compare(int64_t done, int64_t total) {
   Reach(kMatching, done, total);
 }
 
+void SfmProgress::Place(double share) {
+  // Only Finish completes the part: COLMAP may still have to place the photographs.
+  constexpr int64_t kSteps = 1000;
+  Reach(kMapping, std::min(kSteps - 1, static_cast<int64_t>(share * kSteps)), kSteps);
+}
+
 void SfmProgress::Finish() { Reach(kMapping, 1, 1); }
 
 // Reads "[5/20]", a count of photographs, or "[1/4, 3/4]", a position in the square of blocks,

@@ -28,6 +28,8 @@ class SfmProgress {
   // verified.
   void Score(int64_t done, int64_t total) { Reach(kChoosing, done, total); }
   void Compare(int64_t done, int64_t total);
+  // Takes the share of the own mapper's work that is done.
+  void Place(double share);
   // Marks the last part as complete.
   void Finish();
 

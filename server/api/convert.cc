@@ -16,7 +16,7 @@
 #define PEPESEG_SFM_FIELDS(FIELD) \
   FIELD(matching) FIELD(max_features) FIELD(sequential_overlap) \
   FIELD(min_registered_share) FIELD(max_seconds) FIELD(max_video_frames) FIELD(front) \
-  FIELD(features)
+  FIELD(features) FIELD(mapper)
 #define PEPESEG_RECONSTRUCT_FIELDS(FIELD) \
   FIELD(num_steps) \
   FIELD(sh_degree) \

@@ -1,9 +1,10 @@
 // Estimates the poses of scenes from their photographs alone, and compares them with the given
 // ones (sparse/0/images). Prints a table in Markdown. Core seconds include those of COLMAP. Usage:
 //   pepeseg_sfm_bench [--front own,colmap] [--features own|colmap] [--every n] [--seeds n]
-//   [--threads n] SCENE...
+//   [--mapper auto,own,colmap] [--threads n] SCENE...
 // --sequence 1: the photographs are compared as frames of a video.
 // --features: who finds the features; default: who matches them (--front).
+// --mapper: who places the photographs that pepeseg matched; default auto.
 // --every n: only each n-th photograph. --seeds n: n runs, of which all but the first see the
 // photographs in another order. --ignore 0: without ignore masks. --seconds n: time limit of a run.
 
@@ -22,6 +23,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/dataset_files.h"
@@ -36,6 +38,7 @@ namespace {
 struct Flags {
   std::vector<std::string> fronts = {"own", "colmap"}, scenes;
   SfmEngine features = SfmEngine::kAuto;  // that of the front
+  std::vector<std::string> mappers = {"auto"};
   size_t every = 1;
   int num_seeds = 1, num_threads = 0, max_seconds = 4 * 3600;
   bool use_ignore = true, in_sequence = false;
@@ -82,6 +85,7 @@ struct Measured {
   std::map<std::string, double> core;  // by the activity of the stage
   double sum = 0, wall = 0;
   int64_t num_registered = 0;
+  std::string program;  // that placed the photographs
   double reprojection_error = 0;
   PoseErrors errors;
 };
@@ -98,9 +102,13 @@ absl::StatusOr<std::map<std::string, Pose>> GivenPoses(const std::filesystem::pa
   return poses;
 }
 
+SfmEngine EngineOf(const std::string& name) {
+  return name == "own" ? SfmEngine::kOwn : name == "colmap" ? SfmEngine::kColmap : SfmEngine::kAuto;
+}
+
 absl::StatusOr<Measured> Run(const std::vector<SfmPhotograph>& photographs,
                              const std::map<std::string, Pose>& given, const Flags& flags,
-                             SfmEngine front) {
+                             SfmEngine front, SfmEngine mapper) {
   const std::filesystem::path folder =
       std::filesystem::temp_directory_path() / ("pepeseg_sfm_bench." + std::to_string(getpid()));
   std::filesystem::create_directories(folder);
@@ -108,6 +116,7 @@ absl::StatusOr<Measured> Run(const std::vector<SfmPhotograph>& photographs,
                          flags.num_threads};
   SfmOptions options;
   options.front = front;
+  options.mapper = mapper;
   options.features = flags.features == SfmEngine::kAuto ? front : flags.features;
   options.max_seconds = flags.max_seconds;
   if (flags.in_sequence) options.matching = SfmMatching::kSequential;
@@ -136,6 +145,7 @@ absl::StatusOr<Measured> Run(const std::vector<SfmPhotograph>& photographs,
   measured.wall = Now() - wall;
   if (poses.ok()) {
     measured.num_registered = poses->num_registered;
+    measured.program = poses->program;
     measured.reprojection_error = poses->reprojection_error;
     ASSIGN_OR_RETURN(const auto images, ReadColmapImages(poses->images, "images.bin"));
     std::vector<Pose> estimated, truth;
@@ -167,21 +177,25 @@ absl::Status MeasureScene(const std::string& scene, const Flags& flags) {
     std::mt19937 random(static_cast<uint32_t>(seed));
     if (seed > 0) std::shuffle(photographs.begin(), photographs.end(), random);
     for (const std::string& front : flags.fronts) {
-      absl::StatusOr<Measured> run =
-          Run(photographs, given, flags, front == "own" ? SfmEngine::kOwn : SfmEngine::kColmap);
-      if (!run.ok()) {
-        std::printf("| %s %zu | %s | %d | %s |\n", name.c_str(), photographs.size(), front.c_str(),
-                    seed, std::string(run.status().message()).c_str());
-        continue;
+      for (const std::string& mapper : flags.mappers) {
+        // Where COLMAP matches, its mapper places.
+        if (front == "colmap" && mapper != flags.mappers.front()) continue;
+        const std::string row =
+            absl::StrFormat("| %s %zu | %s | %s | %d |", name, photographs.size(), front,
+                            front == "colmap" ? "colmap" : mapper, seed);
+        absl::StatusOr<Measured> run = Run(photographs, given, flags, EngineOf(front),
+                                           front == "colmap" ? SfmEngine::kAuto : EngineOf(mapper));
+        if (!run.ok()) {
+          std::printf("%s %s |\n", row.c_str(), std::string(run.status().message()).c_str());
+          continue;
+        }
+        const double matching = run->core["choosing among"] + run->core["matching"];
+        std::printf("%s %.1f | %.2f | %.1f | %.1f | %.1f | %lld | %.3f %% | %.3f | %s |\n",
+                    row.c_str(), run->core["finding features in"], matching, run->core["placing"],
+                    run->sum, run->wall, static_cast<long long>(run->num_registered),
+                    100 * run->errors.centers, run->errors.degrees, run->program.c_str());
+        std::fflush(stdout);
       }
-      const double matching = run->core["choosing among"] + run->core["matching"];
-      std::printf(
-          "| %s %zu | %s | %d | %.1f | %.2f | %.1f | %.1f | %.1f | %lld | %.3f %% | %.3f |\n",
-          name.c_str(), photographs.size(), front.c_str(), seed, run->core["finding features in"],
-          matching, run->core["placing"], run->sum, run->wall,
-          static_cast<long long>(run->num_registered), 100 * run->errors.centers,
-          run->errors.degrees);
-      std::fflush(stdout);
     }
   }
   return absl::OkStatus();
@@ -189,10 +203,11 @@ absl::Status MeasureScene(const std::string& scene, const Flags& flags) {
 
 int Main(const Flags& flags) {
   std::printf(
-      "| scene, photographs | front | seed | features, core s | matches, core s | mapping, core s "
+      "| scene, photographs | front | mapper | seed | features, core s | matches, core s | "
+      "mapping, core s "
       "| "
-      "sum | wall s | registered | centres | rotation, degrees |\n"
-      "|---|---|---|---|---|---|---|---|---|---|---|\n");
+      "sum | wall s | registered | centres | rotation, degrees | placed by |\n"
+      "|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
   for (const std::string& scene : flags.scenes) {
     const absl::Status status = MeasureScene(scene, flags);
     if (status.ok()) continue;
@@ -214,11 +229,8 @@ int main(int argc, char** argv) {
       continue;
     }
     const std::string value = ++i < argc ? argv[i] : "";
-    if (flag == "--features") {
-      flags.features = value == "own"      ? pepeseg::SfmEngine::kOwn
-                       : value == "colmap" ? pepeseg::SfmEngine::kColmap
-                                           : pepeseg::SfmEngine::kAuto;
-    }
+    if (flag == "--features") flags.features = pepeseg::EngineOf(value);
+    if (flag == "--mapper") flags.mappers = absl::StrSplit(value, ',');
     if (flag == "--front") flags.fronts = absl::StrSplit(value, ',');
     if (flag == "--every") flags.every = static_cast<size_t>(std::max(1, std::atoi(value.c_str())));
     if (flag == "--seeds") flags.num_seeds = std::atoi(value.c_str());

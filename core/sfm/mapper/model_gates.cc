@@ -138,7 +138,7 @@ std::string_view GateName(MapperGate gate) {
     case MapperGate::kPositions:
       return "positions not determined";
     case MapperGate::kRegistered:
-      return "photographs without a pose";
+      return "photographs that match others lack a pose";
     case MapperGate::kReprojection:
       return "large reprojection errors";
     case MapperGate::kPairs:

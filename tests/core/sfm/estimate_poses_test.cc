@@ -22,10 +22,13 @@ Eigen::Vector3d CenterOf(const Pose& cam_from_world) {
 TEST_F(EstimatePosesTest, FindsTheCameraCentres) {
   const std::vector<View> views = testing::PhotographPlace(testing::PlaceArc(6), 1);
   for (const View& view : views) Add(view.photo);
-  ASSERT_OK_AND_ASSIGN(const EstimatedPoses poses, Estimate());
+  SfmOptions options;
+  options.mapper = SfmEngine::kOwn;
+  ASSERT_OK_AND_ASSIGN(const EstimatedPoses poses, Estimate(options));
   EXPECT_EQ(poses.num_registered, 6);
   EXPECT_LT(poses.reprojection_error, 1);
-  EXPECT_THAT(poses.program, ::testing::StartsWith("COLMAP "));
+  EXPECT_EQ(poses.program, "pepeseg");
+  EXPECT_THAT(warnings_, ::testing::IsEmpty());
   EXPECT_THAT(activities_, ::testing::ElementsAre("finding features in", "matching", "placing"));
   EXPECT_EQ(last_step_, 6);
   EXPECT_EQ(last_share_, 1);
@@ -52,7 +55,9 @@ TEST_F(EstimatePosesTest, FindsTheSamePosesWithAnyNumberOfThreads) {
   for (const int num_threads : {1, 2}) {
     last_share_ = 0;
     places_.num_threads = num_threads;
-    ASSERT_OK_AND_ASSIGN(const EstimatedPoses poses, Estimate());
+    SfmOptions options;
+    options.mapper = SfmEngine::kOwn;
+    ASSERT_OK_AND_ASSIGN(const EstimatedPoses poses, Estimate(options));
     std::ifstream file(poses.images, std::ios::binary);
     bytes[num_threads - 1].assign(std::istreambuf_iterator<char>(file), {});
   }
@@ -99,6 +104,27 @@ TEST_F(EstimatePosesTest, FindsFeaturesAndMatchesByColmapOnRequest) {
   options.front = SfmEngine::kColmap;
   ASSERT_OK_AND_ASSIGN(const EstimatedPoses poses, Estimate(options));
   EXPECT_EQ(poses.num_registered, 3);
+  EXPECT_THAT(poses.program, ::testing::StartsWith("COLMAP "));
+  EXPECT_THAT(warnings_, ::testing::IsEmpty());
+}
+
+TEST_F(EstimatePosesTest, PlacesFewPhotographsByColmap) {
+  for (const View& view : testing::PhotographPlace(testing::PlaceArc(4), 1)) Add(view.photo);
+  ASSERT_OK_AND_ASSIGN(const EstimatedPoses poses, Estimate());
+  EXPECT_EQ(poses.num_registered, 4);
+  EXPECT_THAT(poses.program, ::testing::StartsWith("COLMAP "));
+  EXPECT_THAT(warnings_, ::testing::IsEmpty());
+}
+
+// Two places: the own mapper leaves it to COLMAP to find the second one.
+TEST_F(EstimatePosesTest, PlacesPhotographsByColmapIfTheOwnMapperRefuses) {
+  for (const View& view : testing::PhotographPlace(testing::PlaceArc(17), 1)) Add(view.photo);
+  for (const View& view : testing::PhotographPlace(testing::PlaceArc(3), 50)) Add(view.photo);
+  ASSERT_OK_AND_ASSIGN(const EstimatedPoses poses, Estimate());
+  EXPECT_EQ(poses.num_registered, 17);
+  EXPECT_THAT(poses.program, ::testing::StartsWith("COLMAP "));
+  EXPECT_THAT(warnings_, ::testing::Contains(
+                             ::testing::HasSubstr("photographs that match others lack a pose")));
 }
 
 // COLMAP reads the database that pepeseg wrote.

@@ -22,6 +22,16 @@ TEST_F(FailedCaptures, RejectsTwoPlaces) {
   EXPECT_STATUS(Estimate(), kFailed, "places that have nothing in common: 4 of 8 show one");
 }
 
+TEST_F(FailedCaptures, FailIfOnlyTheOwnMapperMayPlaceThem) {
+  for (const uint32_t seed : {1u, 50u}) {
+    for (const View& view : testing::PhotographPlace(testing::PlaceArc(3), seed)) Add(view.photo);
+  }
+  SfmOptions options;
+  options.mapper = SfmEngine::kOwn;
+  EXPECT_STATUS(Estimate(options), kFailed, "leave sfm.mapper unset");
+  EXPECT_THAT(warnings_, ::testing::IsEmpty());
+}
+
 TEST_F(FailedCaptures, NamesTwoPhotographs) {
   for (const View& view : testing::PhotographPlace(testing::PlaceArc(2), 1)) Add(view.photo);
   EXPECT_STATUS(Estimate(), kFailed,

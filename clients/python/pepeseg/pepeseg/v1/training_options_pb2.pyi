@@ -258,9 +258,10 @@ class ReconstructOptions(_message.Message):
     def __init__(self, num_steps: _Optional[int] = ..., sh_degree: _Optional[int] = ..., ssim_weight: _Optional[float] = ..., mean_learning_rate: _Optional[float] = ..., mean_learning_rate_final: _Optional[float] = ..., log_scale_learning_rate: _Optional[float] = ..., rotation_learning_rate: _Optional[float] = ..., opacity_learning_rate: _Optional[float] = ..., sh_learning_rate: _Optional[float] = ..., densify_from: _Optional[float] = ..., densify_until: _Optional[float] = ..., densify_every: _Optional[int] = ..., densify_gradient: _Optional[float] = ..., densify_size: _Optional[float] = ..., prune_opacity: _Optional[float] = ..., opacity_reset_every: _Optional[int] = ..., max_gaussians: _Optional[int] = ..., num_random_points: _Optional[int] = ..., seed: _Optional[int] = ..., coarse_until: _Optional[float] = ..., pixels_per_gaussian: _Optional[float] = ..., opacity_decay: _Optional[float] = ..., depth_weight: _Optional[float] = ..., depth_weight_final: _Optional[float] = ..., depth_local_weight: _Optional[float] = ..., depth_local_form: _Optional[_Union[DepthLocalForm, str]] = ..., depth_window: _Optional[float] = ..., capture_kind: _Optional[_Union[CaptureKind, str]] = ..., refine_keep: _Optional[_Union[RefineKeep, str]] = ..., refine_from: _Optional[float] = ..., refine_length: _Optional[float] = ..., refine_candidates: _Optional[float] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., min_band_gain: _Optional[float] = ..., min_depth_agreement: _Optional[float] = ..., mean_learning_rate_cap: _Optional[float] = ..., prune_size: _Optional[float] = ..., disparity_as_inverse_depth: bool = ..., mean_rate_pixels: _Optional[float] = ..., rates_fall_from: _Optional[float] = ..., camera_clearance: _Optional[float] = ..., dropout: _Optional[float] = ..., dropout_until: _Optional[float] = ..., blurred_share: _Optional[float] = ..., views_at_once: _Optional[int] = ..., depth_over_alpha: bool = ...) -> None: ...
 
 class SfmOptions(_message.Message):
-    __slots__ = ["features", "front", "matching", "max_features", "max_seconds", "max_video_frames", "min_registered_share", "sequential_overlap"]
+    __slots__ = ["features", "front", "mapper", "matching", "max_features", "max_seconds", "max_video_frames", "min_registered_share", "sequential_overlap"]
     FEATURES_FIELD_NUMBER: _ClassVar[int]
     FRONT_FIELD_NUMBER: _ClassVar[int]
+    MAPPER_FIELD_NUMBER: _ClassVar[int]
     MATCHING_FIELD_NUMBER: _ClassVar[int]
     MAX_FEATURES_FIELD_NUMBER: _ClassVar[int]
     MAX_SECONDS_FIELD_NUMBER: _ClassVar[int]
@@ -269,13 +270,14 @@ class SfmOptions(_message.Message):
     SEQUENTIAL_OVERLAP_FIELD_NUMBER: _ClassVar[int]
     features: SfmEngine
     front: SfmEngine
+    mapper: SfmEngine
     matching: SfmMatching
     max_features: int
     max_seconds: int
     max_video_frames: int
     min_registered_share: float
     sequential_overlap: int
-    def __init__(self, matching: _Optional[_Union[SfmMatching, str]] = ..., max_features: _Optional[int] = ..., sequential_overlap: _Optional[int] = ..., min_registered_share: _Optional[float] = ..., max_seconds: _Optional[int] = ..., max_video_frames: _Optional[int] = ..., front: _Optional[_Union[SfmEngine, str]] = ..., features: _Optional[_Union[SfmEngine, str]] = ...) -> None: ...
+    def __init__(self, matching: _Optional[_Union[SfmMatching, str]] = ..., max_features: _Optional[int] = ..., sequential_overlap: _Optional[int] = ..., min_registered_share: _Optional[float] = ..., max_seconds: _Optional[int] = ..., max_video_frames: _Optional[int] = ..., front: _Optional[_Union[SfmEngine, str]] = ..., features: _Optional[_Union[SfmEngine, str]] = ..., mapper: _Optional[_Union[SfmEngine, str]] = ...) -> None: ...
 
 class TrainingOptions(_message.Message):
     __slots__ = ["features", "preset", "priors", "reconstruct", "sfm"]
