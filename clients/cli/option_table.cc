@@ -37,6 +37,7 @@ constexpr OptionRow kRows[] = {
     {"reconstruct.num_random_points", "20000", "1 to 10000000"},
     {"reconstruct.seed", "1", "0 to 18446744073709551615"},
     {"reconstruct.coarse_until", "0", "0 to 1"},
+    {"reconstruct.max_megapixels", "0", "0 to 1e9"},
     {"reconstruct.pixels_per_gaussian", "50", "0 to 1e9"},
     {"reconstruct.opacity_decay", "0.95", "0.01 to 1"},
     {"reconstruct.camera_clearance", "0.3", "0 to 1"},

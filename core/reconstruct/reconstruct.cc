@@ -83,6 +83,7 @@ absl::Status Validate(const ReconstructOptions& options) {
   RETURN_IF_ERROR(InRange("dropout_until", options.dropout_until, 0, 1));
   RETURN_IF_ERROR(InRange("blurred_share", options.blurred_share, 0, 1));
   RETURN_IF_ERROR(InRange("coarse_until", options.coarse_until, 0, 1));
+  RETURN_IF_ERROR(InRange("max_megapixels", options.max_megapixels, 0, 1e9));
   RETURN_IF_ERROR(ValidateDepth(options));
   RETURN_IF_ERROR(ValidateDensityControl(options));
   RETURN_IF_ERROR(ValidateRefinement(options));

@@ -88,6 +88,10 @@ struct ReconstructOptions {
   // half, at half of it in its second half. In [0, 1]. 0: full size throughout. Measured:
   // tests/bench/results/presets_h200.md.
   double coarse_until = 0;
+  // Most pixels that all steps together render, in millions. Where the steps would render more,
+  // coarse_until is raised, to at most 0.95, and pixels_per_gaussian with it (WithPixelBudget). In
+  // [0, 1e9]. 0: no limit. Measured: tests/bench/results/preview_cpu.md.
+  double max_megapixels = 0;
 
   // Depth loss (METHOD.md section 1, "Depth").
 

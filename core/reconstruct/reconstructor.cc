@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/reconstruct/blurred_views.h"
+#include "core/reconstruct/pixel_budget.h"
 
 namespace pepeseg {
 namespace {
@@ -39,22 +40,22 @@ absl::StatusOr<std::unique_ptr<Reconstructor>> Reconstructor::Create(
 Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
                              const ReconstructOptions& options)
     : backend_(backend),
-      options_(WithDepthWeight(options, capture)),
+      options_(WithPixelBudget(WithDepthWeight(options, capture), capture)),
       skipped_(SkippedTerms(options, capture)),
       scene_radius_(SceneRadius(capture)),
       random_(options.seed),
-      points_(StartingPoints(capture, options, random_)),
+      points_(StartingPoints(capture, options_, random_)),
       schedule_(options_, scene_radius_, PixelSpan(capture, points_)),
-      refiner_(backend, capture, options, schedule_),
+      refiner_(backend, capture, options_, schedule_),
       views_(backend, capture,
-             {options.coarse_until > 0, options_.depth_weight > 0,
+             {options_.coarse_until > 0, options_.depth_weight > 0,
               options.disparity_as_inverse_depth}),
       blurred_(options.blurred_share < 1 ? FindBlurred(capture) : std::vector<bool>()),
       sampler_(RoundShares(views_.size(), blurred_, options.blurred_share)),
       log_scales_(BoundLogScales(capture, points_)),
       free_space_(capture, options.camera_clearance),
       state_(backend, InitialGaussians(points_, options.sh_degree, log_scales_)),
-      densifier_(backend, options, {scene_radius_, views_.num_pixels(), state_.count()}),
+      densifier_(backend, options_, {scene_radius_, views_.num_pixels(), state_.count()}),
       depth_term_(backend, options_, views_.max_pixels()),
       queue_(backend, {options_, views_, schedule_, log_scales_, NearPlane()}, depth_term_, state_),
       needs_(options_, views_.size()) {}

@@ -6,6 +6,7 @@
 #include "core/dataset/held_out.h"
 #include "core/dataset/video_frames.h"
 #include "core/priors/sam/sam_segmenter.h"
+#include "core/reconstruct/pixel_budget.h"
 #include "core/sfm/sfm_options.h"
 
 namespace pepeseg {
@@ -126,7 +127,8 @@ class Planner {
   // The first steps train on photographs at a quarter, then at half of their width and height: see
   // ReconstructOptions::coarse_until.
   void AddReconstruction() {
-    const ReconstructOptions& options = settings_.reconstruct;
+    const ReconstructOptions options =
+        WithPixelBudget(settings_.reconstruct, 1e6 * facts_.megapixels);
     const StepCost cost = facts_.on_device ? kReconstructOnDevice : kReconstructOnCores;
     const auto coarse = static_cast<int64_t>(options.coarse_until * options.num_steps);
     const auto piece = [&](int64_t num_steps, double shrink) {

@@ -53,6 +53,7 @@ void SetPaperReconstruct(ReconstructOptions& options) {
 
   // Nothing is skipped, and photographs have their full size throughout.
   options.coarse_until = 0;
+  options.max_megapixels = 0;
   options.min_loss_fall = 0;
   options.min_band_gain = 0;
   options.min_depth_agreement = 0;
@@ -132,9 +133,12 @@ void Apply(Preset preset, ReconstructOptions& reconstruct, FeatureOptions& featu
   if (preset == Preset::kPreview) {
     reconstruct.num_steps = 2000;
     reconstruct.coarse_until = 0.5;
+    // Larger photographs are seen at full size for fewer steps: tests/bench/results/preview_cpu.md.
+    reconstruct.max_megapixels = 300;
     reconstruct.sh_degree = 1;
     reconstruct.dropout = 0;  // costs more than it gains in 2,000 steps
     features.num_steps = 1500;
+    features.num_pixels = 700;  // tests/bench/results/preview_cpu.md
   } else if (preset == Preset::kBest) {
     // Fewer Gaussians train faster and overfit less: tests/bench/results/peak_quality.md.
     reconstruct.num_steps = 30000;

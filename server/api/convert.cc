@@ -40,6 +40,7 @@
   FIELD(num_random_points) \
   FIELD(seed) \
   FIELD(coarse_until) \
+  FIELD(max_megapixels) \
   FIELD(depth_weight) \
   FIELD(depth_weight_final) \
   FIELD(depth_local_weight) \

@@ -40,6 +40,7 @@ inline void AddStageOneFlags(CLI::App& app, ReconstructOptions& stage) {
   app.add_option("--opacity-rate", stage.opacity_learning_rate);
   app.add_option("--sh-rate", stage.sh_learning_rate);
   app.add_option("--coarse-until", stage.coarse_until);
+  app.add_option("--max-megapixels", stage.max_megapixels);
   app.add_option("--depth-weight", stage.depth_weight);
   app.add_option("--depth-weight-final", stage.depth_weight_final);
   app.add_option("--depth-local-weight", stage.depth_local_weight);
