@@ -1,8 +1,9 @@
-// Compares and times SAM's masks by our CUDA kernels and by ONNX Runtime on all cores.
-//   pepeseg_sam_bench SAM_FOLDER OUT [--points N] [--cuda-only] PHOTO...
+// Compares and times SAM's masks by our kernels, on CUDA or on all cores, and by ONNX Runtime on
+// all cores.
+//   pepeseg_sam_bench SAM_FOLDER OUT [--points N] [--cpu] [--ours-only] PHOTO...
 // For each photograph: masks of both and their IoUs, sure answers to the grid's prompts, and the
-// time of each step on CUDA. Then the time of all photographs, from files to files of masks in OUT,
-// as a training makes them.
+// time of each step on our kernels. Then the time of all photographs, from files to files of masks
+// in OUT, as a training makes them.
 
 #include <algorithm>
 #include <atomic>
@@ -22,6 +23,7 @@
 #include "core/priors/sam/mask_proposals.h"
 #include "core/priors/sam/sam_segmenter.h"
 #include "core/train/photograph_masks.h"
+#include "tests/bench/bench_backend.h"
 
 namespace pepeseg {
 namespace {
@@ -29,13 +31,9 @@ namespace {
 struct BenchOptions {
   std::filesystem::path sam, out;
   AutomaticMaskOptions masks;
-  bool cuda_only = false;
+  bool cpu = false, ours_only = false;
   std::vector<std::string> photos;
 };
-
-double Now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 // Adds up the time of each step of another segmenter.
 class TimedSegmenter : public PromptedSegmenter {
@@ -99,8 +97,9 @@ void PrintAgreement(const MaskSet& want, const MaskSet& got) {
     worst = std::min(worst, best);
     num_lost += best < 0.8 ? 1 : 0;
   }
-  std::printf("  kept %d by ONNX Runtime, %d by CUDA: best IoU mean %.5f, least %.4f, lost %d\n",
-              want.num_masks, got.num_masks, sum / std::max(1, want.num_masks), worst, num_lost);
+  std::printf(
+      "  kept %d by ONNX Runtime, %d by our kernels: best IoU mean %.5f, least %.4f, lost %d\n",
+      want.num_masks, got.num_masks, sum / std::max(1, want.num_masks), worst, num_lost);
 }
 
 // Agreement of the answers to the prompts of the grids.
@@ -195,23 +194,23 @@ absl::StatusOr<View> ReadView(const std::string& photo) {
   return view;
 }
 
-absl::Status RunOnCuda(SamModel& cuda, const BenchOptions& options, std::vector<MaskSet>& made) {
-  constexpr int kRounds = 10;
-  const auto segmenter = cuda.MakeSegmenter();
+absl::Status RunOurs(SamModel& ours, const BenchOptions& options, std::vector<MaskSet>& made) {
+  const int rounds = options.cpu ? 1 : 10;
+  const auto segmenter = ours.MakeSegmenter();
   for (const std::string& photo : options.photos) {
     ASSIGN_OR_RETURN(const View view, ReadView(photo));
     RETURN_IF_ERROR(MasksOf(*segmenter, view, options).status());
     TimedSegmenter timed(*segmenter);
     AutomaticMasks masks;
     const double start = Now();
-    for (int round = 0; round < kRounds; ++round) {
+    for (int round = 0; round < rounds; ++round) {
       ASSIGN_OR_RETURN(masks, MasksOf(timed, view, options));
     }
-    std::printf("%s, %d x %d: %d masks, %d prompts, %.2f ms on CUDA:", photo.c_str(),
-                view.photo.width, view.photo.height, masks.masks.num_masks, masks.num_prompts,
-                (Now() - start) * 1e3 / kRounds);
+    std::printf("%s, %d x %d: %d masks, %d prompts, %.2f ms:", photo.c_str(), view.photo.width,
+                view.photo.height, masks.masks.num_masks, masks.num_prompts,
+                (Now() - start) * 1e3 / rounds);
     for (const auto& [step, seconds] : timed.seconds) {
-      std::printf(" %s %.2f", step.c_str(), seconds * 1e3 / kRounds);
+      std::printf(" %s %.2f", step.c_str(), seconds * 1e3 / rounds);
     }
     std::printf("\n");
     made.push_back(std::move(masks.masks));
@@ -219,11 +218,11 @@ absl::Status RunOnCuda(SamModel& cuda, const BenchOptions& options, std::vector<
   return absl::OkStatus();
 }
 
-absl::Status Compare(SamModel& cuda, SamModel& onnx, const BenchOptions& options,
+absl::Status Compare(SamModel& ours, SamModel& onnx, const BenchOptions& options,
                      const std::vector<MaskSet>& made) {
-  const auto on_cuda = cuda.MakeSegmenter(), on_cpu = onnx.MakeSegmenter();
+  const auto by_ours = ours.MakeSegmenter(), on_cpu = onnx.MakeSegmenter();
   AnswerAgreement agreement;
-  ComparedSegmenter compared(*on_cpu, *on_cuda, options.masks, agreement);
+  ComparedSegmenter compared(*on_cpu, *by_ours, options.masks, agreement);
   for (size_t k = 0; k < options.photos.size(); ++k) {
     ASSIGN_OR_RETURN(const View view, ReadView(options.photos[k]));
     ASSIGN_OR_RETURN(const AutomaticMasks want, MasksOf(compared, view, options));
@@ -235,27 +234,36 @@ absl::Status Compare(SamModel& cuda, SamModel& onnx, const BenchOptions& options
 }
 
 absl::Status Run(const BenchOptions& options) {
+  const auto core_seconds = [&](double since, int rounds) {
+    return (CoreNow() - since) / (rounds * static_cast<double>(options.photos.size()));
+  };
   const int num_threads = NumThreads(0);
   double start = Now();
-  ASSIGN_OR_RETURN(const auto cuda,
-                   SamModel::Open(options.sam, {.num_threads = num_threads, .cuda_device = 0}));
-  std::printf("%s opened in %.2f s\n", cuda->processor().c_str(), Now() - start);
+  SamOptions open = {.num_threads = num_threads};
+  if (!options.cpu) open.cuda_device = 0;
+  ASSIGN_OR_RETURN(const auto ours, SamModel::Open(options.sam, open));
+  std::printf("%s opened in %.2f s\n", ours->processor().c_str(), Now() - start);
   std::vector<MaskSet> made;
-  RETURN_IF_ERROR(RunOnCuda(*cuda, options, made));
-  ASSIGN_OR_RETURN(const double by_cuda, TimeFiles(*cuda, num_threads, options, 20));
-  std::printf("files to files on CUDA, %d threads: %.2f ms a photograph\n", num_threads,
-              by_cuda * 1e3);
+  RETURN_IF_ERROR(RunOurs(*ours, options, made));
+  double core_start = CoreNow();
+  const int rounds = options.cpu ? 1 : 20;
+  ASSIGN_OR_RETURN(const double by_ours, TimeFiles(*ours, num_threads, options, rounds));
+  std::printf("files to files by our kernels, %d threads: %.2f ms a photograph, %.2f core s\n",
+              num_threads, by_ours * 1e3, core_seconds(core_start, rounds));
   std::printf("device memory: %.0f MiB\n",
-              static_cast<double>(cuda->peak_device_bytes()) / (1 << 20));
-  if (options.cuda_only) return absl::OkStatus();
+              static_cast<double>(ours->peak_device_bytes()) / (1 << 20));
+  if (options.ours_only) return absl::OkStatus();
   start = Now();
-  ASSIGN_OR_RETURN(const auto onnx, SamModel::Open(options.sam, {.num_threads = num_threads}));
+  open = {.num_threads = num_threads, .onnx_runtime = true};
+  ASSIGN_OR_RETURN(const auto onnx, SamModel::Open(options.sam, open));
   std::printf("%s opened in %.2f s\n", onnx->processor().c_str(), Now() - start);
+  core_start = CoreNow();
   ASSIGN_OR_RETURN(const double by_onnx, TimeFiles(*onnx, num_threads, options, 1));
   std::printf(
-      "files to files by ONNX Runtime, %d threads: %.1f ms a photograph, %.1f times CUDA's\n",
-      num_threads, by_onnx * 1e3, by_onnx / by_cuda);
-  return Compare(*cuda, *onnx, options, made);
+      "files to files by ONNX Runtime, %d threads: %.1f ms a photograph, %.2f core s, %.1f times "
+      "ours\n",
+      num_threads, by_onnx * 1e3, core_seconds(core_start, 1), by_onnx / by_ours);
+  return Compare(*ours, *onnx, options, made);
 }
 
 }  // namespace
@@ -267,8 +275,10 @@ int main(int argc, char** argv) {
   std::vector<std::string> rest;
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
-    if (word == "--cuda-only") {
-      options.cuda_only = true;
+    if (word == "--ours-only") {
+      options.ours_only = true;
+    } else if (word == "--cpu") {
+      options.cpu = true;
     } else if (word == "--points" && i + 1 < argc) {
       if (!absl::SimpleAtoi(argv[++i], &options.masks.points_per_side)) return 2;
     } else {
@@ -276,7 +286,7 @@ int main(int argc, char** argv) {
     }
   }
   if (rest.size() < 3) {
-    std::printf("usage: %s SAM_FOLDER OUT [--points N] [--cuda-only] PHOTO...\n", argv[0]);
+    std::printf("usage: %s SAM_FOLDER OUT [--points N] [--cpu] [--ours-only] PHOTO...\n", argv[0]);
     return 2;
   }
   options.masks.join_embedded = false;

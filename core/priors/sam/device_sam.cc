@@ -100,16 +100,29 @@ DeviceSam::DeviceSam(std::unique_ptr<Backend> backend, std::unique_ptr<EncoderNe
     : backend_(std::move(backend)), encoder_(std::move(encoder)), decoder_(std::move(decoder)) {}
 DeviceSam::~DeviceSam() = default;
 
+namespace {
+
+absl::StatusOr<std::unique_ptr<DeviceSam>> OpenOn(std::unique_ptr<Backend> backend,
+                                                  const std::filesystem::path& folder,
+                                                  Precision precision) {
+  ASSIGN_OR_RETURN(auto encoder, EncoderNetwork::Load(folder / kSamEncoder, *backend, precision));
+  ASSIGN_OR_RETURN(auto decoder, DecoderNetwork::Load(folder / kSamDecoder, *backend, precision));
+  return std::make_unique<DeviceSam>(std::move(backend), std::move(encoder), std::move(decoder));
+}
+
+}  // namespace
+
 absl::StatusOr<std::unique_ptr<DeviceSam>> DeviceSam::Open(const std::filesystem::path& folder,
                                                            int cuda_device) {
   std::string error;
   auto backend = MakeCudaBackend({.device = cuda_device}, &error);
   if (backend == nullptr) return absl::UnavailableError(error);
-  ASSIGN_OR_RETURN(auto encoder,
-                   EncoderNetwork::Load(folder / kSamEncoder, *backend, Precision::kHalf));
-  ASSIGN_OR_RETURN(auto decoder,
-                   DecoderNetwork::Load(folder / kSamDecoder, *backend, Precision::kHalf));
-  return std::make_unique<DeviceSam>(std::move(backend), std::move(encoder), std::move(decoder));
+  return OpenOn(std::move(backend), folder, Precision::kHalf);
+}
+
+absl::StatusOr<std::unique_ptr<DeviceSam>> DeviceSam::OpenOnCpu(const std::filesystem::path& folder,
+                                                                int num_threads) {
+  return OpenOn(MakeCpuBackend(num_threads), folder, Precision::kFloat);
 }
 
 std::unique_ptr<PromptedSegmenter> DeviceSam::MakeSegmenter() {

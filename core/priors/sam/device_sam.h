@@ -24,6 +24,9 @@ class DeviceSam {
   // the file's name when it is not the expected model, and RESOURCE_EXHAUSTED when out of memory.
   static absl::StatusOr<std::unique_ptr<DeviceSam>> Open(const std::filesystem::path& folder,
                                                          int cuda_device);
+  // The same to a CPU backend of `num_threads` threads, in floats.
+  static absl::StatusOr<std::unique_ptr<DeviceSam>> OpenOnCpu(const std::filesystem::path& folder,
+                                                              int num_threads);
   // Takes networks of any source. The encoder's embedding has the decoder's places and channels,
   // and both are on `backend`.
   DeviceSam(std::unique_ptr<Backend> backend, std::unique_ptr<EncoderNetwork> encoder,

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/priors/sam/cpu_sam.h"
 #include "core/priors/sam/device_sam.h"
 #include "core/priors/sam/fallback_segmenter.h"
 #include "core/priors/sam/onnx_segmenter.h"
@@ -37,17 +38,33 @@ void SamModel::OpenDevice() {
 // Does nothing when called again. Opens without mutex_, so that Interrupt need not wait.
 absl::Status SamModel::OpenCpu() {
   const std::lock_guard opening(opening_);
-  if (networks_ != nullptr) return absl::OkStatus();  // only this method sets it
+  if (cpu_ != nullptr || networks_ != nullptr) return absl::OkStatus();  // only this sets them
   if (options_.before_cpu) options_.before_cpu();
-  // A session computes on the thread that calls it and on per_session - 1 threads of its own, so
-  // that the callers and the pool make num_threads.
+  // A segmenter computes on the thread that calls it and on per_segmenter - 1 threads of its own,
+  // so that the callers and the pool make num_threads.
   const int at_once = SamPhotographsAtOnce(options_.num_threads);
-  const int per_session = std::max(1, options_.num_threads - at_once + 1);
-  ASSIGN_OR_RETURN(auto networks, SamNetworks::Open(folder_, PointDecoderEdit(), {per_session}));
+  const int per_segmenter = std::max(1, options_.num_threads - at_once + 1);
+  auto cpu = CpuSam::Make([this, per_segmenter]() -> absl::StatusOr<std::unique_ptr<DeviceSam>> {
+    if (options_.onnx_runtime) return absl::FailedPreconditionError("SAM: ONNX Runtime computes");
+    return DeviceSam::OpenOnCpu(folder_, per_segmenter);
+  });
+  if (cpu.ok()) {
+    const std::lock_guard lock(mutex_);
+    cpu_ = *std::move(cpu);
+    if (interrupted_) cpu_->Interrupt();
+    return absl::OkStatus();
+  }
+  // Networks of another shape, which the own kernels do not know.
+  if (!absl::IsFailedPrecondition(cpu.status())) return cpu.status();
+  ASSIGN_OR_RETURN(auto networks, SamNetworks::Open(folder_, PointDecoderEdit(), {per_segmenter}));
   const std::lock_guard lock(mutex_);
   networks_ = std::move(networks);
   if (interrupted_) networks_->Interrupt();
   return absl::OkStatus();
+}
+
+std::unique_ptr<PromptedSegmenter> SamModel::MakeCpuSegmenter() {
+  return cpu_ != nullptr ? cpu_->MakeSegmenter() : MakeOnnxSegmenter(*networks_);
 }
 
 std::string SamModel::processor() const {
@@ -73,7 +90,7 @@ bool SamModel::cuda_failed() const {
 
 std::unique_ptr<PromptedSegmenter> SamModel::MakeSegmenter() {
   const std::lock_guard lock(mutex_);
-  if (networks_ != nullptr) return MakeOnnxSegmenter(*networks_);
+  if (cpu_ != nullptr || networks_ != nullptr) return MakeCpuSegmenter();
   return std::make_unique<FallbackSegmenter>(
       device_->MakeSegmenter(), [this](const absl::Status& why) { return LeaveDevice(why); });
 }
@@ -85,13 +102,15 @@ absl::StatusOr<std::unique_ptr<PromptedSegmenter>> SamModel::LeaveDevice(const a
     if (cuda_failure_.empty()) cuda_failure_ = std::string(why.message());
   }
   RETURN_IF_ERROR(OpenCpu());
-  return MakeOnnxSegmenter(*networks_);
+  const std::lock_guard lock(mutex_);
+  return MakeCpuSegmenter();
 }
 
 void SamModel::Interrupt() {
   const std::lock_guard lock(mutex_);
   interrupted_ = true;
   if (device_ != nullptr) device_->Interrupt();
+  if (cpu_ != nullptr) cpu_->Interrupt();
   if (networks_ != nullptr) networks_->Interrupt();
 }
 

@@ -15,6 +15,7 @@
 
 namespace pepeseg {
 
+class CpuSam;
 class DeviceSam;
 struct SamNetworks;
 
@@ -59,11 +60,14 @@ struct SamOptions {
   // Called before the networks are opened for the CPU, on the thread that opens them and whose
   // threads compute. May be null.
   std::function<void()> before_cpu = nullptr;
+  // Computes by ONNX Runtime on the CPU, for comparisons.
+  bool onnx_runtime = false;
 };
 
-// The networks of a small SAM with TinyViT's encoder, from a folder that deploy/sam.sh has made: on
-// our own CUDA kernels (device_sam.h), or in ONNX Runtime on the CPU, where at most
-// SamPhotographsAtOnce() segmenters should work at the same time. Thread-safe.
+// The networks of a small SAM with TinyViT's encoder, from a folder that deploy/sam.sh has made, on
+// our own kernels: on CUDA (device_sam.h), or on the CPU (cpu_sam.h), where at most
+// SamPhotographsAtOnce() segmenters should work at the same time. Other networks with the same
+// inputs and outputs run in ONNX Runtime on the CPU. Thread-safe.
 class SamModel {
  public:
   // Verifies the files and loads the networks. Where CUDA fails, the CPU computes: see processor().
@@ -93,15 +97,18 @@ class SamModel {
   SamModel(const std::filesystem::path& folder, const SamOptions& options);
   void OpenDevice();
   absl::Status OpenCpu();
+  std::unique_ptr<PromptedSegmenter> MakeCpuSegmenter();  // with mutex_ held
   absl::StatusOr<std::unique_ptr<PromptedSegmenter>> LeaveDevice(const absl::Status& why);
 
   const std::filesystem::path folder_;
   const SamOptions options_;
   std::mutex opening_;        // held while the CPU's networks are opened, which takes seconds
   mutable std::mutex mutex_;  // guards the members below
-  std::unique_ptr<DeviceSam> device_;            // set by Open
-  std::unique_ptr<const SamNetworks> networks_;  // set at most once; null: CUDA computes
-  std::string cuda_failure_;                     // empty: none
+  std::unique_ptr<DeviceSam> device_;  // set by Open
+  // At most one is set, once; none: CUDA computes.
+  std::unique_ptr<CpuSam> cpu_;
+  std::unique_ptr<const SamNetworks> networks_;
+  std::string cuda_failure_;  // empty: none
   bool interrupted_ = false;
 };
 

@@ -97,7 +97,7 @@ TEST(TrainingOptions, FillsAbsentFieldsFromThePreset) {
   ASSERT_OK_AND_ASSIGN(const auto preview, TrainingSettingsFromProto(options));
   EXPECT_LT(preview.reconstruct.num_steps, ReconstructOptions().num_steps);
   EXPECT_EQ(preview.features.num_steps, 77);
-  EXPECT_EQ(preview.features.num_pixels, FeatureOptions().num_pixels);
+  EXPECT_EQ(preview.features.num_scales, FeatureOptions().num_scales);
   EXPECT_EQ(ToProto(preview).preset(), v1::TRAINING_PRESET_PREVIEW);
   // Effective options convert to themselves.
   ASSERT_OK_AND_ASSIGN(const auto again, TrainingSettingsFromProto(ToProto(preview)));

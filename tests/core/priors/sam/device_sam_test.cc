@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/priors/sam/automatic_masks.h"
+#include "core/priors/sam/cpu_sam.h"
 #include "core/priors/sam/mask_proposals.h"
 #include "tests/kernels/backend_test.h"
 #include "tests/testing/status_testing.h"
@@ -255,6 +256,61 @@ TEST(DeviceSamNextToTraining, HasTheSameMasks) {
   // Each counts what the other has in use as taken.
   EXPECT_LE(training->memory().free_bytes,
             training->memory().total_bytes - static_cast<int64_t>(sam->backend().bytes_in_use()));
+}
+
+absl::StatusOr<std::unique_ptr<DeviceSam>> OpenSmallSam() {
+  return MakeSmallSam(MakeCpuBackend(1));
+}
+
+TEST(CpuSam, MakesTheMasksOfItsNetworks) {
+  const View view = SmallView(200, 150, 1);
+  ASSERT_OK_AND_ASSIGN(const auto sam, CpuSam::Make(OpenSmallSam));
+  ASSERT_OK_AND_ASSIGN(const AutomaticMasks got, Made(*sam->MakeSegmenter(), view));
+  const auto device = MakeSmallSam(MakeTwoThreads());
+  ASSERT_OK_AND_ASSIGN(const AutomaticMasks want, Made(*device->MakeSegmenter(), view));
+  EXPECT_GT(got.masks.num_masks, 3);
+  ExpectSameMasks(got.masks, want.masks);
+}
+
+TEST(CpuSam, OpensNetworksOnlyForSegmentersAtTheSameTime) {
+  int num_opened = 0;
+  ASSERT_OK_AND_ASSIGN(const auto sam, CpuSam::Make([&] {
+                         ++num_opened;
+                         return OpenSmallSam();
+                       }));
+  const View view = SmallView(90, 160, 2);
+  for (int round = 0; round < 3; ++round) ASSERT_OK(Made(*sam->MakeSegmenter(), view));
+  EXPECT_EQ(num_opened, 1);
+  const auto first = sam->MakeSegmenter(), second = sam->MakeSegmenter();
+  ASSERT_OK(Made(*first, view));
+  ASSERT_OK(Made(*second, view));
+  EXPECT_EQ(num_opened, 2);
+}
+
+TEST(CpuSam, ReportsWhyNetworksDoNotOpen) {
+  bool opens = true;
+  ASSERT_OK_AND_ASSIGN(const auto sam, CpuSam::Make([&]() {
+                         return opens ? OpenSmallSam() : absl::ResourceExhaustedError("no memory");
+                       }));
+  const View view = SmallView(90, 160, 2);
+  const auto first = sam->MakeSegmenter(), second = sam->MakeSegmenter();
+  ASSERT_OK(first->SetPhotograph(view.photo));
+  opens = false;
+  EXPECT_TRUE(absl::IsResourceExhausted(second->SetPhotograph(view.photo)));
+  EXPECT_TRUE(absl::IsResourceExhausted(CpuSam::Make([] {
+                                          return absl::StatusOr<std::unique_ptr<DeviceSam>>(
+                                              absl::ResourceExhaustedError("no memory"));
+                                        }).status()));
+}
+
+TEST(CpuSam, EndsCallsOfAllSegmentersOnInterrupt) {
+  const View view = SmallView(90, 160, 2);
+  ASSERT_OK_AND_ASSIGN(const auto sam, CpuSam::Make(OpenSmallSam));
+  const auto before = sam->MakeSegmenter(), after = sam->MakeSegmenter();
+  ASSERT_OK(before->SetPhotograph(view.photo));
+  sam->Interrupt();
+  EXPECT_TRUE(absl::IsCancelled(Made(*before, view).status()));
+  EXPECT_TRUE(absl::IsCancelled(after->SetPhotograph(view.photo)));
 }
 
 // Each allocation of a photograph fails in turn, and all after it.
