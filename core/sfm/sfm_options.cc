@@ -15,14 +15,15 @@ constexpr double kDecoding = 0.01;    // the same for own features
 // Own features, for each photograph, and for each megapixel up to that at which the coarser octaves
 // have enough.
 constexpr double kOwnExtracting = 0.015, kOwnPyramid = 0.14, kMostPyramid = 0.75;
-constexpr double kMostMegapixels = 3;    // of a photograph that was shrunk
-constexpr double kColmapMatch = 1.1e-4;  // for each pair and feature: an approximate search
-constexpr double kOwnMatch = 5e-10;      // for each pair of features of a pair
-constexpr double kOwnScore = 5e-10;      // the same, with 256 features of either photograph
-constexpr double kVerify = 1e-3;         // for each pair
-constexpr double kMapping = 0.006;       // for each pair of photographs, compared or not
-constexpr double kOwnPlacing = 0.002;    // the same, by the own mapper
-constexpr double kDeviceShare = 0.02;    // of the products' time, on a GPU
+constexpr double kMostMegapixels = 3;       // of a photograph that was shrunk
+constexpr double kColmapMatch = 1.1e-4;     // for each pair and feature: an approximate search
+constexpr double kOwnMatch = 5e-10;         // for each pair of features of a pair
+constexpr double kOwnScore = 5e-10;         // the same, with 256 features of either photograph
+constexpr double kVerify = 1e-3;            // for each pair
+constexpr double kMapping = 0.006;          // for each pair of photographs, compared or not
+constexpr double kOwnPlacing = 0.085;       // for each photograph, by the own mapper
+constexpr double kOwnPlacingThreads = 1.5;  // of many, its core seconds over its seconds
+constexpr double kDeviceShare = 0.02;       // of the products' time, on a GPU
 constexpr double kLargest = 256;
 // Numbers of photographs of which all pairs are compared.
 constexpr size_t kMostOnCores = 80, kMostOnDevice = 600;
@@ -85,7 +86,8 @@ SfmWork ExpectedSfmWork(const SfmLoad& load, const SfmOptions& options) {
                       : (share * kOwnMatch * features * features + kVerify) * compared;
   const bool own_mapper =
       options.mapper != SfmEngine::kColmap && options.front != SfmEngine::kColmap;
-  work.mapping = (own_mapper ? kOwnPlacing : kMapping) * n * n;
+  work.mapping = own_mapper ? kOwnPlacing * n : kMapping * n * n;
+  work.mapping_threads = own_mapper ? kOwnPlacingThreads : 1;
   return work;
 }
 

@@ -67,6 +67,7 @@ NumPairs NumSfmPairs(const SfmLoad& load, const SfmOptions& options);
 // the stage and in estimates.
 struct SfmWork {
   double extracting = 0, choosing = 0, matching = 0, mapping = 0;
+  double mapping_threads = 1;  // that the mapper uses on average where there are many; others: all
   double sum() const { return extracting + choosing + matching + mapping; }
 };
 

@@ -15,16 +15,21 @@ namespace {
 // Core seconds: kPrepare for each photograph, the others for each megapixel of the views.
 constexpr double kPrepare = 0.05, kEmbeddedMasks = 1.0, kEmbeddedDepth = 1.5, kScores = 0.5,
                  kLpips = 10;
-// Seconds of a step, and further seconds for each megapixel of the view. On the cores: seconds of
-// one core. Measured in tests/bench/results/scenes_cpu.md and presets_h200.md.
+// Seconds of a step, and further seconds for each megapixel of the view and for each million of
+// Gaussians at the end, which take no time of their own on the cores. On the cores: seconds of one
+// core. Fitted to runs of tests/bench/results/estimates.md.
 struct StepCost {
-  double step, megapixel;
+  double step, megapixel, million;
 };
-constexpr StepCost kReconstructOnCores{0.001, 0.18}, kReconstructOnDevice{0.0004, 0.0014};
-constexpr double kFeaturesOnCores = 0.02, kFeaturesOnDevice = 0.00045;
-// Core seconds for each megapixel of the views before the first step of stage two.
-constexpr double kFeatureSetup = 2.2;
+constexpr StepCost kReconstructOnCores{0.001, 0.25, 0},
+    kReconstructOnDevice{0.0005, 0.0008, 0.002};
+constexpr double kFeaturesOnCores = 0.02, kFeaturesOnDevice = 0.0003;
+// Seconds for each megapixel of the views before the first step of stage two; on the cores: of one
+// core.
+constexpr double kFeatureSetupOnCores = 2.2, kFeatureSetupOnDevice = 0.065;
 constexpr double kIndex = 0.3;
+// Seconds from a job's start to its first stage: of the process, and of CUDA.
+constexpr double kStart = 0.4;
 
 // Returns true if the priors command is expected to make the masks or depth of this maker.
 bool ByCommand(PriorMaker maker, const TrainingFacts& facts) {
@@ -63,6 +68,7 @@ class Planner {
 
   std::vector<PlannedStage> Plan() {
     AddOnCores("prepare", kPrepare * photos_ + kVideoCoreSeconds * facts_.video_megapixels);
+    *stages_.back().seconds += kStart;
     if (!facts_.has_poses) AddPoses();
     const bool priors_first = PriorsComeFirst(facts_, settings_.priors);
     if (priors_first) AddPriors();
@@ -94,9 +100,9 @@ class Planner {
                        .in_sequence = facts_.is_video,
                        .on_device = facts_.on_device};
     const SfmWork work = ExpectedSfmWork(load, settings_.sfm);
-    // The mapper is one thread.
-    stages_.push_back(
-        {.name = "sfm", .seconds = (work.sum() - work.mapping) / Threads() + work.mapping});
+    stages_.push_back({.name = "sfm",
+                       .seconds = (work.sum() - work.mapping) / Threads() +
+                                  work.mapping / std::min(Threads(), work.mapping_threads)});
   }
 
   void AddPriors() {
@@ -131,12 +137,22 @@ class Planner {
         WithPixelBudget(settings_.reconstruct, 1e6 * facts_.megapixels);
     const StepCost cost = facts_.on_device ? kReconstructOnDevice : kReconstructOnCores;
     const auto coarse = static_cast<int64_t>(options.coarse_until * options.num_steps);
+    const double gaussians = cost.million * MillionGaussians(options);
     const auto piece = [&](int64_t num_steps, double shrink) {
       const double pixels = facts_.megapixels / (shrink * shrink);
-      return PlannedStage::Piece{num_steps, cost.step + cost.megapixel * pixels};
+      return PlannedStage::Piece{num_steps, cost.step + cost.megapixel * pixels + gaussians};
     };
     AddSteps("reconstruct", {piece(coarse / 2, 4), piece(coarse - coarse / 2, 2),
                              piece(options.num_steps - coarse, 1)});
+  }
+
+  // Returns the budget of density control; see ReconstructOptions::pixels_per_gaussian.
+  double MillionGaussians(const ReconstructOptions& options) const {
+    const auto held_out = NumHeldOut(settings_.import, facts_.num_photographs);
+    const double pixels = (photos_ - static_cast<double>(held_out)) * facts_.megapixels;
+    const double most = 1e-6 * static_cast<double>(options.max_gaussians);
+    return options.pixels_per_gaussian > 0 ? std::min(most, pixels / options.pixels_per_gaussian)
+                                           : most;
   }
 
   void AddScores() {
@@ -145,12 +161,12 @@ class Planner {
     AddOnCores("evaluate", views * facts_.megapixels * (kScores + (facts_.has_lpips ? kLpips : 0)));
   }
 
-  // On the cores the first step has the cost of what is prepared before it.
+  // The first step has the cost of what is prepared before it.
   void AddFeatures() {
     const int64_t num_steps = settings_.features.num_steps;
-    if (facts_.on_device) return AddSteps("features", {{num_steps, kFeaturesOnDevice}});
-    const double setup = kFeatureSetup * photos_ * facts_.megapixels;
-    AddSteps("features", {{1, kFeaturesOnCores + setup}, {num_steps - 1, kFeaturesOnCores}});
+    const double step = facts_.on_device ? kFeaturesOnDevice : kFeaturesOnCores;
+    const double setup = facts_.on_device ? kFeatureSetupOnDevice : kFeatureSetupOnCores;
+    AddSteps("features", {{1, step + setup * photos_ * facts_.megapixels}, {num_steps - 1, step}});
   }
 
   const TrainingFacts& facts_;

@@ -59,6 +59,7 @@ class Training {
 
  private:
   void Plan() { observer_.PlanStages(PlanStages(facts_, settings_)); }
+  void ExpectLessOfSam();
   absl::Status ImportViews();
   absl::Status CheckGivenGaussians() const;
   absl::Status TakeGivenGaussians(const DatasetFile& file);
@@ -168,12 +169,19 @@ absl::Status Training::ImportViews() {
 // Stage "priors": makes the masks that stage two is trained on, and the depth that losses of both
 // stages use. Only depth of the operator's command has a use in stage one.
 absl::Status Training::MakePriors() {
-  facts_.num_to_segment = priors_.NumToSegment(scene_.capture);
+  ExpectLessOfSam();
   if (facts_.num_to_segment) {
     observer_.Log(absl::StrCat("SAM: ", *facts_.num_to_segment, " photographs are left"));
-    Plan();
   }
   return priors_.Run(scene_);
+}
+
+// Plans again if SAM has segmented photographs since the last time, or has just started.
+void Training::ExpectLessOfSam() {
+  const std::optional<int64_t> left = priors_.NumToSegment(scene_.capture);
+  if (left == facts_.num_to_segment) return;
+  facts_.num_to_segment = left;
+  Plan();
 }
 
 // Stage "reconstruct": takes the Gaussians of the dataset or trains them (METHOD.md section 1).
@@ -338,6 +346,8 @@ absl::StatusOr<TrainedModel> Training::Index() && {
 // exceeds the number of Gaussians that its memory was estimated for.
 absl::Status Training::Step(const StepReport& report) {
   RETURN_IF_ERROR(stages_.Step(report));
+  constexpr int64_t kStepsPerLook = 50;
+  if (report.stage == "reconstruct" && report.step % kStepsPerLook == 0) ExpectLessOfSam();
   if (report.stage == "reconstruct" && report.num_gaussians > settings_.reconstruct.max_gaussians) {
     return absl::InternalError(
         absl::StrCat("stage ", stages_.stage(), ", step ", report.step, ": ", report.num_gaussians,

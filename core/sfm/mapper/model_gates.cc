@@ -16,6 +16,9 @@ constexpr double kRadian = std::numbers::pi / 180;
 constexpr double kMaxTurnError = 3, kMaxDirectionError = 10;  // degrees
 constexpr double kLeastAngle = 2;                             // degrees
 constexpr int kSharedPoints = 30;
+// Features are found as precisely as a photograph is sharp, and large ones are seldom sharp to a
+// pixel: errors count in pixels of a photograph that was shrunk to this longer side.
+constexpr double kSharpSide = 1000;
 // Two photographs should share a point if they look at it from directions this close, and from
 // distances that differ by less than this factor: within SIFT's reach.
 constexpr double kMatchableAngle = 20 * kRadian;
@@ -52,7 +55,10 @@ void MeasureTracks(std::span<const MapperPhotograph> photographs, const GlobalMo
       const CameraPose& pose = model.poses[o.photograph];
       if (!pose.is_registered) continue;
       num_in_front += pose.ToCamera(point->position).z() > 0;
-      errors.push_back(ReprojectionError(photographs, model, point->position, o));
+      const MapperPhotograph& photograph = photographs[o.photograph];
+      const double pixel =
+          std::max(1.0, std::max(photograph.width, photograph.height) / kSharpSide);
+      errors.push_back(ReprojectionError(photographs, model, point->position, o) / pixel);
     }
   }
   measures.in_front_share = Share(num_in_front, errors.size());

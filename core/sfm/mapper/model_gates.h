@@ -34,7 +34,8 @@ std::string_view GateName(MapperGate gate);
 // What the gates measure. Shares are in [0, 1].
 struct ModelMeasures {
   double registered_share = 0;             // of photographs with an edge
-  double median_error = 0;                 // pixels, of the points' whole tracks
+  double median_error = 0;                 // of the points' whole tracks, pixels; of a photograph
+                                           // over 1000 pixels wide or high: as if shrunk to that
   double error_90 = 0;                     // 0.9 quantile of the same
   double agreeing_pairs = 0;               // of inliers: in pairs with a pose as the model's
   double angle_share = 0;                  // of points: an angle of at least 2 degrees

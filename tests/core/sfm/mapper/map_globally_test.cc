@@ -114,6 +114,28 @@ TEST(AdjustBundle, TakesBackADisturbance) {
   EXPECT_LT(CentreError(world, model), 0.005);
 }
 
+// Enlarged by 4 to 2560 x 1920 pixels, errors have 4 times as many pixels, of 1 / 2.56.
+TEST(MeasureModel, CountsErrorsOfLargePhotographsAsIfTheyWereShrunk) {
+  World world = MakeWorld(Arc(10));
+  GlobalModel model = Map(world).model;
+  std::vector<Track> tracks;
+  for (const MappedPoint& point : model.points) tracks.push_back(point.track);
+  const ModelMeasures small = MeasureModel(world.photographs, model, {}, tracks);
+  for (MapperPhotograph& photograph : world.photographs) {
+    photograph.width *= 4;
+    photograph.height *= 4;
+  }
+  for (std::vector<Keypoint>& keypoints : world.keypoints) {
+    for (Keypoint& k : keypoints) k.x *= 4, k.y *= 4;
+  }
+  GroupLens& lens = model.lenses[0];
+  lens = {4 * lens.width, 4 * lens.height, 4 * lens.focal, lens.k1};
+  const ModelMeasures large = MeasureModel(world.photographs, model, {}, tracks);
+  EXPECT_GT(small.median_error, 0.05);
+  EXPECT_NEAR(large.median_error, 4 / 2.56 * small.median_error, 1e-4);
+  EXPECT_NEAR(large.error_90, 4 / 2.56 * small.error_90, 1e-4);
+}
+
 ModelMeasures GoodMeasures() {
   ModelMeasures m;
   m.registered_share = m.agreeing_pairs = m.angle_share = m.in_front_share = m.matched_share = 1;
