@@ -41,8 +41,8 @@ constexpr int64_t SamDeviceBytes(int64_t max_pixels) {
 }
 
 // Time that the masks of a photograph of any size take with the default AutomaticMaskOptions,
-// seconds of one core (x86-64 with AVX-512): tests/bench/results/sam_masks.md.
-inline constexpr double kSamCoreSeconds = 12;
+// seconds of one core (x86-64 with AVX-512): tests/bench/results/estimates.md.
+inline constexpr double kSamCoreSeconds = 8;
 // On a GPU: seconds of an H200, and of a core that decodes a photograph of 2 megapixels and writes
 // its masks meanwhile. Measured: tests/bench/results/sam_cuda.md.
 inline constexpr double kSamDeviceSeconds = 0.01, kSamHostSeconds = 0.1;
