@@ -2,26 +2,11 @@
 // after it. The backend must keep the error and write nowhere without memory.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <vector>
 
 #include "tests/kernels/backend_test.h"
 #include "tests/kernels/rendered.h"
-
-namespace {
-
-constexpr int kUnlimited = -1;
-int allocations_left = kUnlimited;  // allocations that still succeed
-
-}  // namespace
-
-// Replaces the C library's function in this program. The CPU backend allocates with it.
-extern "C" void* aligned_alloc(size_t alignment, size_t size) {
-  if (allocations_left == 0) return nullptr;
-  if (allocations_left > 0) --allocations_left;
-  void* block = nullptr;
-  return posix_memalign(&block, alignment, size) == 0 ? block : nullptr;
-}
+#include "tests/testing/failing_allocations.h"
 
 namespace pepeseg {
 namespace {

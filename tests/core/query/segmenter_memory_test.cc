@@ -2,7 +2,6 @@
 // on this model and on others of the same backend must give the same results as before.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -10,23 +9,9 @@
 #include "core/base/status_macros.h"
 #include "core/prompt/resolve_prompt.h"
 #include "core/query/segmenter.h"
+#include "tests/testing/failing_allocations.h"
 #include "tests/testing/front_blobs.h"
 #include "tests/testing/status_testing.h"
-
-namespace {
-
-constexpr int kUnlimited = -1;
-int allocations_left = kUnlimited;
-
-}  // namespace
-
-// Replaces the C library's function in this program: the CPU backend allocates with it.
-extern "C" void* aligned_alloc(size_t alignment, size_t size) {
-  if (allocations_left == 0) return nullptr;
-  if (allocations_left > 0) --allocations_left;
-  void* block = nullptr;
-  return posix_memalign(&block, alignment, size) == 0 ? block : nullptr;
-}
 
 namespace pepeseg {
 namespace {

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <memory>
 #include <random>
 #include <stop_token>
@@ -16,24 +15,10 @@
 #include "core/priors/sam/cpu_sam.h"
 #include "core/priors/sam/mask_proposals.h"
 #include "tests/kernels/backend_test.h"
+#include "tests/testing/failing_allocations.h"
 #include "tests/testing/status_testing.h"
 
 // Photographs segmented on a backend's kernels, by small networks of random weights.
-
-namespace {
-
-constexpr int kUnlimited = -1;
-int allocations_left = kUnlimited;  // allocations that still succeed
-
-}  // namespace
-
-// Replaces the C library's function in this program. The CPU backend allocates with it.
-extern "C" void* aligned_alloc(size_t alignment, size_t size) {
-  if (allocations_left == 0) return nullptr;
-  if (allocations_left > 0) --allocations_left;
-  void* block = nullptr;
-  return posix_memalign(&block, alignment, size) == 0 ? block : nullptr;
-}
 
 namespace pepeseg {
 namespace {
