@@ -30,7 +30,6 @@ const Words kOwnMapping = {"--Mapper.num_threads",
                            "--Mapper.ba_local_max_refinements",
                            "1"};
 constexpr size_t kMostFurtherRuns = 3;
-constexpr double kMaxError = 4;  // pixels, where verification has 3 (compare_photographs.cc)
 
 // Runs of the mapper on one database.
 class IncrementalMapping {
@@ -52,11 +51,7 @@ class IncrementalMapping {
 
 // Returns the largest error of a match that agrees, in pixels of the photographs.
 double IncrementalMapping::MaxError() const {
-  int side = 0;
-  for (const DatabaseCamera& camera : input_.compared->features.cameras) {
-    side = std::max({side, camera.width, camera.height});
-  }
-  return kMaxError * std::max(1.0, side / input_.compared->feature_side);
+  return kMostOffEpipolar / input_.compared->FeatureScale();
 }
 
 absl::StatusOr<MappedModels> IncrementalMapping::RunOnce(const Words& options) {

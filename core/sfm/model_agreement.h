@@ -26,6 +26,10 @@ struct ModelAgreement {
   bool IsPlausible() const;
 };
 
+// Maximum distance of an agreeing match from its epipolar lines, in pixels of the photographs as
+// they were shrunk for features, where verification has 3 (compare_photographs.cc).
+inline constexpr double kMostOffEpipolar = 4;
+
 // Counts the verified matches that are at most `max_error` pixels from the epipolar lines of the
 // model's poses. Reads the model's folder: errors of ReadColmapImages and ReadColmapCameras.
 absl::StatusOr<ModelAgreement> MeasureAgreement(const DatabaseFeatures& features,

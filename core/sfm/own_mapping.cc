@@ -14,7 +14,7 @@ namespace pepeseg {
 namespace {
 
 // Pixels of the photographs as they were shrunk for features.
-constexpr double kMostOffEpipolar = 4, kMostOffPair = 3;
+constexpr double kMostOffPair = 3;
 
 // Photographs and pairs for the mapper, in pixels of the photographs as they were shrunk for
 // features: its thresholds are about those.
@@ -24,14 +24,6 @@ struct ShrunkCapture {
   std::vector<MapperPhotograph> photographs;
   std::vector<VerifiedPair> pairs;
 };
-
-double ScaleOf(const ComparedDatabase& compared) {
-  int side = 1;
-  for (const DatabaseCamera& camera : compared.features.cameras) {
-    side = std::max({side, camera.width, camera.height});
-  }
-  return std::min(1.0, compared.feature_side / side);
-}
 
 TwoViewGeometry Shrunk(TwoViewGeometry geometry, double scale) {
   const Eigen::Vector3d shrink(scale, scale, 1), enlarge(1 / scale, 1 / scale, 1);
@@ -45,7 +37,7 @@ TwoViewGeometry Shrunk(TwoViewGeometry geometry, double scale) {
 
 ShrunkCapture Shrink(const ComparedDatabase& compared) {
   ShrunkCapture capture;
-  capture.scale = ScaleOf(compared);
+  capture.scale = compared.FeatureScale();
   const auto scaled = [&](double x) { return static_cast<float>(capture.scale * x); };
   for (const DatabaseImage& image : compared.features.images) {
     std::vector<Keypoint>& keypoints = capture.keypoints.emplace_back();

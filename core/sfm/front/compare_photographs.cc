@@ -171,6 +171,14 @@ absl::StatusOr<std::vector<ComparedPair>> ComparePhotographs(Backend& backend,
   return Comparison(backend, features, options, progress).Run();
 }
 
+double ComparedDatabase::FeatureScale() const {
+  int side = 1;
+  for (const DatabaseCamera& camera : features.cameras) {
+    side = std::max({side, camera.width, camera.height});
+  }
+  return std::min(1.0, feature_side / side);
+}
+
 absl::StatusOr<ComparedDatabase> CompareInDatabase(Backend& backend,
                                                    const std::filesystem::path& from,
                                                    const std::filesystem::path& to,

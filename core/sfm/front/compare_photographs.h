@@ -53,6 +53,9 @@ struct ComparedDatabase {
   DatabaseFeatures features;
   std::vector<ComparedPair> pairs;
   double feature_side = 0;  // see ComparisonOptions
+
+  // Returns by how much the largest photographs were shrunk for features: at most 1.
+  double FeatureScale() const;
 };
 
 // Reads the features of a COLMAP database, compares the photographs, and creates a database `to`
