@@ -48,7 +48,7 @@ class JpegDecoder {
     info_.err = jpeg_std_error(&errors_);
     info_.client_data = this;
     errors_.error_exit = Fail;
-    // Damage that leaves a picture is no error, as for other decoders.
+    // Ignores warnings: a damaged file that still gives a picture is accepted, as by DecodePhoto.
     errors_.emit_message = [](j_common_ptr, int) {};
   }
   ~JpegDecoder() { jpeg_destroy_decompress(&info_); }

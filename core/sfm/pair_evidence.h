@@ -8,7 +8,7 @@
 
 namespace pepeseg {
 
-// What the verified pairs of the own front say about a capture, whatever the mapper makes of them.
+// Facts about a capture that follow from the verified pairs of the own front, without any model.
 struct PairEvidence {
   std::vector<std::string> names;     // of the photographs, in COLMAP
   std::vector<int64_t> num_partners;  // of each photograph: others with which a pair is verified

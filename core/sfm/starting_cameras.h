@@ -26,7 +26,7 @@ bool NeedsSensorSize(const ExifCamera& camera);
 
 // Asks COLMAP for the focal lengths of the cameras that need a sensor's size, and sets them. Reads
 // one photograph of each from `images`, which LayOut filled, and leaves files in `work`. Does
-// nothing if there is no such camera. Errors of SfmWatch::Run and ReadDatabaseFeatures.
+// nothing if no camera needs it. Errors of SfmWatch::Run and ReadDatabaseFeatures.
 absl::Status LookUpSensors(std::span<const SfmPhotograph> photographs,
                            const std::filesystem::path& images, const std::filesystem::path& work,
                            const ColmapProgram& program, SfmWatch& watch,

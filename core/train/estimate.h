@@ -32,7 +32,7 @@ struct EstimateTools {
   int num_threads = 1;
 };
 
-// What a stage takes.
+// Memory and time that a stage needs.
 struct StageNeed {
   std::string stage = {};
   // Upper estimates; 0 for stages that need less than others before them.

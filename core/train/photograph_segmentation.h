@@ -65,7 +65,7 @@ class PhotographSegmentation {
     DatasetFile photograph;
     enum { kOpen, kRuns, kDone } state = kOpen;
   };
-  // Of a thread; kLow only where the CPU computes.
+  // Scheduling priority of a thread. kLow is used only if the CPU computes.
   enum class Priority { kOfProcess, kLow };
 
   void StartThreads(Priority priority);

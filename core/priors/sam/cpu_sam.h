@@ -14,8 +14,8 @@ namespace pepeseg {
 
 // SAM's networks on the CPU's own kernels: each segmenter that works at the same time has networks
 // and a backend of its own, because a photograph for each thread takes less processor time than
-// threads that share one. Takes half of the time of ONNX Runtime
-// (tests/bench/results/sam_decoder.md). Thread-safe.
+// threads that share one. Takes three quarters of the time of ONNX Runtime
+// (tests/bench/results/estimates.md). Thread-safe.
 class CpuSam {
  public:
   // Opens networks for one segmenter.

@@ -44,18 +44,18 @@ absl::Status SamModel::OpenCpu() {
   // so that the callers and the pool make num_threads.
   const int at_once = SamPhotographsAtOnce(options_.num_threads);
   const int per_segmenter = std::max(1, options_.num_threads - at_once + 1);
-  auto cpu = CpuSam::Make([this, per_segmenter]() -> absl::StatusOr<std::unique_ptr<DeviceSam>> {
-    if (options_.onnx_runtime) return absl::FailedPreconditionError("SAM: ONNX Runtime computes");
-    return DeviceSam::OpenOnCpu(folder_, per_segmenter);
-  });
-  if (cpu.ok()) {
-    const std::lock_guard lock(mutex_);
-    cpu_ = *std::move(cpu);
-    if (interrupted_) cpu_->Interrupt();
-    return absl::OkStatus();
+  if (!options_.onnx_runtime) {
+    auto cpu = CpuSam::Make(
+        [this, per_segmenter] { return DeviceSam::OpenOnCpu(folder_, per_segmenter); });
+    if (cpu.ok()) {
+      const std::lock_guard lock(mutex_);
+      cpu_ = *std::move(cpu);
+      if (interrupted_) cpu_->Interrupt();
+      return absl::OkStatus();
+    }
+    // Networks of another shape, which the own kernels do not know, are for ONNX Runtime.
+    if (!absl::IsFailedPrecondition(cpu.status())) return cpu.status();
   }
-  // Networks of another shape, which the own kernels do not know.
-  if (!absl::IsFailedPrecondition(cpu.status())) return cpu.status();
   ASSIGN_OR_RETURN(auto networks, SamNetworks::Open(folder_, PointDecoderEdit(), {per_segmenter}));
   const std::lock_guard lock(mutex_);
   networks_ = std::move(networks);

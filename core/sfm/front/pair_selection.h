@@ -61,7 +61,7 @@ class PairSelection {
   // AllPairs. Pairs that were handed out before are not counted.
   std::vector<PhotographPair> Next(size_t count);
   // Returns the next `count` best pairs of each photograph that is outside the largest group or at
-  // a bridge. Empty: there is no such photograph, or all its pairs have been taken.
+  // a bridge. Returns nothing if no photograph is there, or all of their pairs were handed out.
   std::vector<PhotographPair> NextAtCuts(const PhotographGroups& groups, size_t count);
 
  private:

@@ -155,7 +155,7 @@ TEST_F(SamFilesTest, SegmentSeveralPhotographsAtTheSameTime) {
   EXPECT_NE(alone[0].pixel_patch, alone[1].pixel_patch);
 }
 
-// Without a GPU there is no device; with one, the files are not those of the networks.
+// CUDA fails on every machine: it has no GPU, or the test's files are not the networks.
 TEST_F(SamFilesTest, AreRunOnTheCpuWhereCudaFails) {
   int num_opened = 0;
   SamOptions options;
