@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <fstream>
 
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"
+#include "tests/kernels/backend_test.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 #include "tests/testing/textured_place.h"
@@ -140,11 +140,10 @@ TEST_F(ExtractFeaturesTest, StopsWhereProgressReturnsAnError) {
 
 // Photographs of a place, more than are decoded at a time.
 TEST(ExtractFeatures, FindsOnCudaWhatItFindsOnTheCpu) {
-  std::string error;
-  const auto cuda = MakeCudaBackend({}, &error);
+  const auto cuda = MakeCuda();
   if (cuda == nullptr) {
-    ASSERT_EQ(std::getenv("PEPESEG_REQUIRE_CUDA"), nullptr) << error;
-    GTEST_SKIP() << error;
+    if (HasFailure()) FAIL();
+    GTEST_SKIP() << "this machine has no Cuda";
   }
   const auto cpu = MakeCpuBackend(2);
   const testing::TempFolder folder;
