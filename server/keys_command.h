@@ -3,7 +3,7 @@
 #include <functional>
 
 #include "absl/status/status.h"
-#include "server/server.h"
+#include "server/server_options.h"
 
 namespace CLI {
 class App;

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "absl/status/status.h"
-#include "server/server.h"
+#include "server/server_options.h"
 
 namespace pepeseg {
 

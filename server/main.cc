@@ -25,6 +25,7 @@
 #include "server/flags.h"
 #include "server/keys_command.h"
 #include "server/observe/log.h"
+#include "server/server.h"
 
 namespace {
 

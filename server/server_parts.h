@@ -11,7 +11,7 @@
 #include "server/data/locked_file.h"
 #include "server/jobs/supervisor.h"
 #include "server/observe/health_monitor.h"
-#include "server/server.h"
+#include "server/server_options.h"
 #include "server/services/model_loader.h"
 #include "server/store/store.h"
 #include "server/worker_protocol/device.h"

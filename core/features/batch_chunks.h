@@ -9,7 +9,7 @@
 #include "core/features/batch_drawer.h"
 #include "core/features/perception_cues.h"
 #include "core/render/renderer.h"
-#include "kernels/cpu/parallel_for.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 

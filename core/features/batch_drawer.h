@@ -7,8 +7,8 @@
 
 #include "absl/status/statusor.h"
 #include "core/features/feature_checkpoint.h"
+#include "core/features/options.h"
 #include "core/features/random_draws.h"
-#include "core/features/train_features.h"
 #include "core/scene/capture.h"
 #include "core/scene/model.h"
 

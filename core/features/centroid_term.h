@@ -9,11 +9,14 @@
 #include "absl/status/status.h"
 #include "core/cluster/hdbscan.h"
 #include "core/features/batch_drawer.h"
-#include "core/features/train_features.h"
+#include "core/features/options.h"
 #include "core/render/renderer.h"
 #include "core/scene/mask_set.h"
 
 namespace pepeseg {
+
+// Maximum number of steps whose losses stay on the device before the host waits for them.
+inline constexpr int kMaxUnreadFeatureSteps = 64;
 
 // Share of a cluster's labelled pixels that one mask must hold for the cluster to be kept.
 inline constexpr double kMinAgreement = 0.7;

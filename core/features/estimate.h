@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "core/features/train_features.h"
+#include "core/features/options.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {

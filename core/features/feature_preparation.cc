@@ -13,8 +13,8 @@
 #include "core/features/mask_completion.h"
 #include "core/features/mask_scales.h"
 #include "core/priors/boundaries.h"
-#include "kernels/cpu/parallel_for.h"
 #include "kernels/ops/smooth.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 namespace {

@@ -12,7 +12,7 @@
 #include "core/features/feature_checkpoint.h"
 #include "core/features/feature_preparation.h"
 #include "core/features/feature_trainer.h"
-#include "core/features/train_features.h"
+#include "core/features/options.h"
 #include "core/render/renderer.h"
 
 namespace pepeseg {

@@ -5,7 +5,7 @@
 
 #include "core/features/batch_chunks.h"
 #include "core/features/centroid_term.h"
-#include "core/features/train_features.h"
+#include "core/features/options.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {

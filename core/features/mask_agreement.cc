@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "core/features/mask_scales.h"
-#include "kernels/cpu/parallel_for.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 namespace {

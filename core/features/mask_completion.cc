@@ -6,7 +6,7 @@
 
 #include "core/features/mask_candidates.h"
 #include "core/features/mask_scales.h"
-#include "kernels/cpu/parallel_for.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 namespace {

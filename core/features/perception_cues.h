@@ -7,7 +7,7 @@
 
 #include "core/features/batch_drawer.h"
 #include "core/features/near_views.h"
-#include "core/features/train_features.h"
+#include "core/features/options.h"
 #include "core/scene/capture.h"
 #include "kernels/ops/feature.h"
 

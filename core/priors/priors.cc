@@ -11,7 +11,7 @@
 #include "core/priors/embedded_depth.h"
 #include "core/priors/embedded_masks.h"
 #include "core/scene/capture.h"
-#include "kernels/cpu/parallel_for.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 namespace {

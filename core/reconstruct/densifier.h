@@ -4,7 +4,7 @@
 
 #include "absl/status/status.h"
 #include "core/reconstruct/gaussian_state.h"
-#include "core/reconstruct/reconstruct.h"
+#include "core/reconstruct/options.h"
 
 namespace pepeseg {
 

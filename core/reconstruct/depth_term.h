@@ -2,7 +2,7 @@
 
 #include <random>
 
-#include "core/reconstruct/reconstruct.h"
+#include "core/reconstruct/options.h"
 #include "core/reconstruct/training_views.h"
 #include "core/scene/capture.h"
 #include "kernels/backend.h"

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "core/reconstruct/reconstruct.h"
+#include "core/reconstruct/options.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {

@@ -3,7 +3,7 @@
 #include <random>
 #include <vector>
 
-#include "core/reconstruct/reconstruct.h"
+#include "core/reconstruct/options.h"
 #include "core/scene/capture.h"
 #include "core/scene/gaussians.h"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/reconstruct/reconstruct.h"
+#include "core/reconstruct/options.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {

@@ -12,7 +12,7 @@
 #include "core/reconstruct/free_space.h"
 #include "core/reconstruct/gaussian_state.h"
 #include "core/reconstruct/initial_gaussians.h"
-#include "core/reconstruct/reconstruct.h"
+#include "core/reconstruct/options.h"
 #include "core/reconstruct/reconstruct_checkpoint.h"
 #include "core/reconstruct/refiner.h"
 #include "core/reconstruct/scene_needs.h"

@@ -7,7 +7,7 @@
 #include "absl/status/status.h"
 #include "core/reconstruct/densifier.h"
 #include "core/reconstruct/gaussian_state.h"
-#include "core/reconstruct/reconstruct.h"
+#include "core/reconstruct/options.h"
 #include "core/reconstruct/schedule.h"
 #include "core/scene/capture.h"
 #include "kernels/backend.h"

@@ -5,7 +5,7 @@
 
 #include "core/base/progress.h"
 #include "core/reconstruct/gaussian_state.h"
-#include "core/reconstruct/reconstruct.h"
+#include "core/reconstruct/options.h"
 #include "core/reconstruct/training_views.h"
 #include "core/scene/capture.h"
 

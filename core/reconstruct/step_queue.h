@@ -8,7 +8,7 @@
 #include "core/reconstruct/depth_term.h"
 #include "core/reconstruct/gaussian_state.h"
 #include "core/reconstruct/initial_gaussians.h"
-#include "core/reconstruct/reconstruct.h"
+#include "core/reconstruct/options.h"
 #include "core/reconstruct/schedule.h"
 #include "core/reconstruct/step_results.h"
 #include "core/reconstruct/training_views.h"

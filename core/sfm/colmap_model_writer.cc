@@ -11,7 +11,7 @@
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "core/formats/decode_image.h"
-#include "kernels/cpu/parallel_for.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 namespace {

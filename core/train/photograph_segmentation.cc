@@ -13,7 +13,7 @@
 #include "core/dataset/dataset_index.h"
 #include "core/dataset/held_out.h"
 #include "core/priors/sam/automatic_masks.h"
-#include "kernels/cpu/parallel_for.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 namespace {

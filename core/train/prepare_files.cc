@@ -25,7 +25,7 @@
 #include "core/formats/heic.h"
 #include "core/formats/heic_header.h"
 #include "core/model_files/manifest.h"
-#include "kernels/cpu/parallel_for.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 namespace {

@@ -21,6 +21,7 @@
 #include "core/evaluate/lpips.h"
 #include "core/formats/gaussian_ply.h"
 #include "core/model_files/model_file.h"
+#include "core/reconstruct/reconstruct.h"
 #include "core/train/pose_stage.h"
 #include "core/train/prepare_files.h"
 #include "core/train/prior_stage.h"

@@ -2,9 +2,9 @@
 
 #include "absl/status/status.h"
 #include "core/dataset/import.h"
-#include "core/features/train_features.h"
+#include "core/features/options.h"
 #include "core/priors/priors.h"
-#include "core/reconstruct/reconstruct.h"
+#include "core/reconstruct/options.h"
 #include "core/sfm/sfm_options.h"
 
 namespace pepeseg {

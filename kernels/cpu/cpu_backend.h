@@ -6,8 +6,8 @@
 #include <string>
 
 #include "kernels/backend.h"
-#include "kernels/cpu/parallel_for.h"
 #include "kernels/cpu/simd_kernels.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 

@@ -11,12 +11,12 @@
 
 #include "kernels/backend.h"
 #include "kernels/cpu/cpu_backend.h"
-#include "kernels/cpu/parallel_for.h"
 #include "kernels/cpu/simd_kernels.h"
 #include "kernels/cpu/tile_splats.h"
 #include "kernels/half.h"
 #include "kernels/math/blend.h"
 #include "kernels/math/tile_cover.h"
+#include "kernels/thread_pool.h"
 
 // Render: projection, the list of entries, and blending; and the feature map of the same view.
 //

@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
-#include "kernels/cpu/parallel_for.h"
 #include "kernels/cpu/simd_kernels.h"
 #include "kernels/math/reach.h"
 #include "kernels/ops/cluster.h"
+#include "kernels/thread_pool.h"
 
 // The minimum spanning tree in three steps (see SpanningTree at the end): nearest neighbours,
 // Boruvka's rounds over their lists (JoinNear), and Prim's algorithm by components (GrowTree). In

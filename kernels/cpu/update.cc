@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
-#include "kernels/cpu/parallel_for.h"
 #include "kernels/cpu/simd_kernels.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 namespace {

@@ -16,7 +16,7 @@
 #include "core/evaluate/evaluate.h"
 #include "core/evaluate/image_scores.h"
 #include "core/features/feature_stage.h"
-#include "core/features/train_features.h"
+#include "core/features/options.h"
 #include "core/formats/gaussian_ply.h"
 #include "core/model_files/model_file.h"
 #include "core/prompt/propose_scales.h"

@@ -2,7 +2,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "core/reconstruct/reconstruct.h"
+#include "core/reconstruct/options.h"
 #include "core/train/training_settings.h"
 
 namespace pepeseg {

@@ -2,7 +2,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "core/features/train_features.h"
+#include "core/features/options.h"
 
 namespace pepeseg {
 

@@ -8,7 +8,7 @@
 #include "core/base/status_macros.h"
 #include "core/sfm/front/descriptor_matcher.h"
 #include "core/sfm/front/pair_selection.h"
-#include "kernels/cpu/parallel_for.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 namespace {

@@ -16,7 +16,7 @@
 #include "core/sfm/mapper/tracks.h"
 #include "core/sfm/mapper/triangulation.h"
 #include "core/sfm/mapper/view_graph.h"
-#include "kernels/cpu/parallel_for.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 namespace {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "core/sfm/mapper/view_graph.h"
-#include "kernels/cpu/parallel_for.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 

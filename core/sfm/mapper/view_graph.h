@@ -5,7 +5,7 @@
 
 #include "core/sfm/mapper/global_model.h"
 #include "core/sfm/two_view/relative_pose.h"
-#include "kernels/cpu/parallel_for.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 

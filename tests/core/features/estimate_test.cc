@@ -1,5 +1,6 @@
 #include "core/features/estimate.h"
 
+#include "core/features/train_features.h"
 #include "tests/core/features/perception_scene.h"
 #include "tests/testing/point_gaussians.h"
 #include "tests/testing/status_testing.h"

@@ -1,5 +1,6 @@
 #include "core/reconstruct/estimate.h"
 
+#include "core/reconstruct/reconstruct.h"
 #include "core/reconstruct/reconstructor.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"

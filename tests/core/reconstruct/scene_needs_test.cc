@@ -6,6 +6,7 @@
 
 #include "core/evaluate/image_scores.h"
 #include "core/reconstruct/initial_gaussians.h"
+#include "core/reconstruct/reconstruct.h"
 #include "core/reconstruct/reconstructor.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"

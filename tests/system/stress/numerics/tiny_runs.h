@@ -5,8 +5,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/features/train_features.h"
-#include "core/reconstruct/reconstruct.h"
+#include "core/base/progress.h"
+#include "core/features/options.h"
+#include "core/reconstruct/options.h"
 #include "core/scene/capture.h"
 #include "core/scene/model.h"
 #include "kernels/backend.h"

@@ -1,4 +1,4 @@
-#include "kernels/cpu/parallel_for.h"
+#include "kernels/thread_pool.h"
 
 #include <algorithm>
 
