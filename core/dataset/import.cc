@@ -1,6 +1,7 @@
 #include "core/dataset/import.h"
 
 #include <algorithm>
+#include <limits>
 #include <optional>
 #include <set>
 #include <span>
@@ -177,22 +178,18 @@ absl::Status ReadViews(std::span<const Match> matches, const ImportOptions& opti
 
 }  // namespace
 
-absl::Status Validate(const ImportOptions& options) {
-  if (!(options.image_scale > 0 && options.image_scale <= 1)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("image_scale is ", options.image_scale, ", it must be in (0, 1]"));
-  }
-  if (options.held_out_every < 0 || options.held_out_every == 1) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("held_out_every is ", options.held_out_every, ", it must be 0, or 2 or more"));
-  }
-  if (options.held_out_views.size() > kMaxHeldOutViews) {
-    return absl::InvalidArgumentError(absl::StrCat("held_out_views has ",
-                                                   options.held_out_views.size(),
-                                                   " names, the limit is ", kMaxHeldOutViews));
-  }
-  return absl::OkStatus();
+void VisitOptions(ImportOptions& o, OptionVisitor visit) {
+  constexpr size_t kMaxHeldOutViews = 10'000;
+  visit({"image_scale", &o.image_scale, Range{.low = 0, .high = 1, .open = true}});
+  // 1 would leave no view to train on.
+  visit({"held_out_every", &o.held_out_every,
+         Range{.low = 2, .high = std::numeric_limits<int>::max(), .also = 0}});
+  visit({"held_out_views", NamesField{&o.held_out_views, kMaxHeldOutViews}});
+  visit({"use_masks", &o.use_masks});
+  visit({"use_depth", &o.use_depth});
 }
+
+absl::Status Validate(const ImportOptions& options) { return CheckOptions(options); }
 
 absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
                                       const ImportOptions& options) {

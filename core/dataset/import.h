@@ -6,25 +6,29 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/base/options.h"
 #include "core/dataset/dataset_files.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {
 
 struct ImportOptions {
-  // Factor by which photographs and cameras are shrunk, with area averaging. (0, 1].
+  // Factor by which photographs and cameras are shrunk, by area averaging.
   double image_scale = 1.0;
-  // Every n-th view by name, from the first, is held out. 0: none; 1 is invalid.
+  // Every n-th view by name is held out of training, beginning with the first. 0: none.
   int held_out_every = 8;
-  // Names of the views that are held out, in place of held_out_every. Empty: held_out_every
-  // decides. Each is a photograph of the dataset; at most kMaxHeldOutViews.
+  // Names of the views that are held out, as in View.view, in place of every n-th. Empty:
+  // held_out_every decides. Each is a photograph of the dataset.
   std::vector<std::string> held_out_views = {};
-  // Whether the dataset's masks and depth maps are used. false: they are left out, with a warning,
-  // as if they were not among the files. Ignore masks are always used.
+  // Whether the masks of the dataset are used. False: they are left out, with a warning, as if they
+  // were not in the dataset; the option priors.masks then says what makes others. Ignore masks are
+  // always used.
   bool use_masks = true;
+  // Whether the depth and disparity maps of the dataset are used; as use_masks.
   bool use_depth = true;
 };
-inline constexpr size_t kMaxHeldOutViews = 10'000;
+// Passes each option with its range to `visit`.
+void VisitOptions(ImportOptions& options, OptionVisitor visit);
 // Returns INVALID_ARGUMENT, naming the option, if one is out of range.
 absl::Status Validate(const ImportOptions& options);
 

@@ -2,66 +2,74 @@
 
 #include <cmath>
 
-#include "absl/strings/str_cat.h"
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
 #include "kernels/ops/feature.h"
 #include "kernels/ops/smooth.h"
 
 namespace pepeseg {
-namespace {
 
-template <class T>
-absl::Status CheckRange(const char* name, T value, T low, T high) {
-  return CheckInRange(absl::StrCat("features: ", name), value, low, high);
+void VisitOptions(FeatureOptions& o, OptionVisitor visit) {
+  constexpr double kMaxCosine = 0.9999;
+  visit({"num_steps", &o.num_steps, Range{1, 10'000'000}});
+  visit({"num_pixels", &o.num_pixels, Range{2, 16'384}});  // 2: a pair takes two pixels
+  visit({"mask_share", &o.mask_share, Range{0, 1}});
+  visit({"num_background_pixels", &o.num_background_pixels, Range{0, 16'384}});
+  visit({"num_scales", &o.num_scales, Range{1, kMaxScales}});
+  visit({"fine_first", &o.fine_first, Range{0, 0.9}});
+  visit({"negative_margin", &o.negative_margin, Range{0, 0.9}});
+  visit({"min_positive_cosine", &o.min_positive_cosine, Range{-1, 1}});
+  visit({"max_negative_cosine", &o.max_negative_cosine, Range{-1, 1}});
+  visit({"joint_pair_mean", &o.joint_pair_mean});
+  visit({"min_norm_alpha", &o.min_norm_alpha, Range{0, 1}});
+  visit({"scale_mapping",
+         WordsOf<ScaleMapping>(&o.scale_mapping, {{"quantiles", ScaleMapping::kQuantiles},
+                                                  {"even", ScaleMapping::kEven},
+                                                  {"min_max", ScaleMapping::kMinMax}})});
+  // Over 0, because the schedule is a power of learning_rate_final / learning_rate.
+  visit({"learning_rate", &o.learning_rate, Range{1e-8, 1}});
+  visit({"learning_rate_final", &o.learning_rate_final, Range{1e-8, 1}});
+  visit({"gate_layers", &o.gate_layers, Range{1, 2}});
+  visit({"num_neighbors", &o.num_neighbors, Range{1, kMaxNeighbors}});
+  visit({"num_drawn_neighbors", &o.num_drawn_neighbors, Range{1, kMaxNeighbors}});
+  visit({"smooth_until", &o.smooth_until, Range{0, 1}});
+  visit({"centroid_from", &o.centroid_from, Range{0, 1}});
+  visit({"centroid_every", &o.centroid_every, Range{1, 10'000'000}});
+  visit({"centroid_pixels", &o.centroid_pixels, Range{1, 65'536}});
+  visit({"centroid_views", &o.centroid_views, Range{1, 1000}});
+  visit({"centroid_masked_only", &o.centroid_masked_only});
+  visit({"centroid_weight_upper", &o.centroid_weight_upper, Range{0, 100}});
+  visit({"centroid_weight_lower", &o.centroid_weight_lower, Range{0, 100}});
+  visit({"centroid_cosine_upper", &o.centroid_cosine_upper, Range{0, kMaxCosine}});
+  visit({"centroid_cosine_lower", &o.centroid_cosine_lower, Range{0, kMaxCosine}});
+  visit({"centroid_merge_upper", &o.centroid_merge_upper, Range{0, kMaxCosine}});
+  visit({"centroid_merge_lower", &o.centroid_merge_lower, Range{0, kMaxCosine}});
+  visit({"centroid_check_masks", &o.centroid_check_masks});
+  visit({"perception_weight", &o.perception_weight, Range{0, 100}});
+  visit({"num_perception_pixels", &o.num_perception_pixels, Range{1, 16'384}});
+  visit({"perception_threshold",
+         WordsOf<PerceptionThreshold>(&o.perception_threshold,
+                                      {{"differences", PerceptionThreshold::kDifferences},
+                                       {"gradients", PerceptionThreshold::kGradients},
+                                       {"windows", PerceptionThreshold::kWindows}})});
+  visit({"perception_cross_view", &o.perception_cross_view});
+  visit({"perception_fit_window", &o.perception_fit_window});
+  visit({"perception_unlabelled_only", &o.perception_unlabelled_only});
+  visit({"perception_depth_floor", &o.perception_depth_floor, Range{0, 1}});
+  visit({"perception_color_floor", &o.perception_color_floor, Range{0, 1}});
+  visit({"min_mask_agreement", &o.min_mask_agreement, Range{0, 1}});
+  visit({"complete_masks", &o.complete_masks});
+  visit({"share_scales", &o.share_scales});
+  visit({"steps_per_chunk", &o.steps_per_chunk, Range{1, 100'000}});
+  visit({"min_loss_fall", &o.min_loss_fall, Range{0, 1}});
+  visit({"closing_share", &o.closing_share, Range{0, 1}});
+  visit({"sure_views", &o.sure_views, Range{0, 64}});
+  visit({"seed", &o.seed});
 }
 
-}  // namespace
-
 absl::Status Validate(const FeatureOptions& options) {
-  RETURN_IF_ERROR(CheckRange("num_steps", options.num_steps, 1, 10'000'000));
-  // 2: a pair takes two pixels.
-  RETURN_IF_ERROR(CheckRange("num_pixels", options.num_pixels, 2, 16'384));
-  RETURN_IF_ERROR(CheckRange("mask_share", options.mask_share, 0.0, 1.0));
-  RETURN_IF_ERROR(CheckRange("num_background_pixels", options.num_background_pixels, 0, 16'384));
-  RETURN_IF_ERROR(CheckRange("num_scales", options.num_scales, 1, kMaxScales));
-  RETURN_IF_ERROR(CheckRange("fine_first", options.fine_first, 0.0, 0.9));
-  RETURN_IF_ERROR(CheckRange("negative_margin", options.negative_margin, 0.0f, 0.9f));
-  RETURN_IF_ERROR(CheckRange("min_positive_cosine", options.min_positive_cosine, -1.0f, 1.0f));
-  RETURN_IF_ERROR(CheckRange("max_negative_cosine", options.max_negative_cosine, -1.0f, 1.0f));
-  RETURN_IF_ERROR(CheckRange("min_norm_alpha", options.min_norm_alpha, 0.0f, 1.0f));
-  RETURN_IF_ERROR(CheckRange("scale_mapping", static_cast<int>(options.scale_mapping), 1, 3));
-  RETURN_IF_ERROR(CheckRange("learning_rate_final", options.learning_rate_final, 1e-8f, 1.0f));
-  RETURN_IF_ERROR(CheckRange("centroid_from", options.centroid_from, 0.0, 1.0));
-  RETURN_IF_ERROR(CheckRange("centroid_every", options.centroid_every, 1, 10'000'000));
-  RETURN_IF_ERROR(CheckRange("centroid_pixels", options.centroid_pixels, 1, 65'536));
-  RETURN_IF_ERROR(CheckRange("centroid_views", options.centroid_views, 1, 1000));
-  RETURN_IF_ERROR(CheckRange("centroid_merge_upper", options.centroid_merge_upper, 0.0f, 0.9999f));
-  RETURN_IF_ERROR(CheckRange("centroid_merge_lower", options.centroid_merge_lower, 0.0f, 0.9999f));
-  RETURN_IF_ERROR(CheckRange("centroid_weight_upper", options.centroid_weight_upper, 0.0f, 100.0f));
-  RETURN_IF_ERROR(CheckRange("centroid_weight_lower", options.centroid_weight_lower, 0.0f, 100.0f));
-  RETURN_IF_ERROR(
-      CheckRange("centroid_cosine_upper", options.centroid_cosine_upper, 0.0f, 0.9999f));
-  RETURN_IF_ERROR(
-      CheckRange("centroid_cosine_lower", options.centroid_cosine_lower, 0.0f, 0.9999f));
-  RETURN_IF_ERROR(CheckRange("perception_weight", options.perception_weight, 0.0f, 100.0f));
-  RETURN_IF_ERROR(CheckRange("num_perception_pixels", options.num_perception_pixels, 1, 16'384));
-  RETURN_IF_ERROR(
-      CheckRange("perception_threshold", static_cast<int>(options.perception_threshold), 1, 3));
-  RETURN_IF_ERROR(CheckRange("perception_depth_floor", options.perception_depth_floor, 0.0f, 1.0f));
-  RETURN_IF_ERROR(CheckRange("perception_color_floor", options.perception_color_floor, 0.0f, 1.0f));
-  RETURN_IF_ERROR(CheckRange("min_mask_agreement", options.min_mask_agreement, 0.0, 1.0));
-  RETURN_IF_ERROR(CheckRange("gate_layers", options.gate_layers, 1, 2));
-  RETURN_IF_ERROR(CheckRange("num_neighbors", options.num_neighbors, 1, kMaxNeighbors));
-  RETURN_IF_ERROR(
-      CheckRange("num_drawn_neighbors", options.num_drawn_neighbors, 1, options.num_neighbors));
-  RETURN_IF_ERROR(CheckRange("smooth_until", options.smooth_until, 0.0, 1.0));
-  // Over 0, because the schedule is a power of learning_rate_final / learning_rate.
-  RETURN_IF_ERROR(CheckRange("learning_rate", options.learning_rate, 1e-8f, 1.0f));
-  RETURN_IF_ERROR(CheckRange("min_loss_fall", options.min_loss_fall, 0.0, 1.0));
-  RETURN_IF_ERROR(CheckRange("sure_views", options.sure_views, 0, 64));
-  RETURN_IF_ERROR(CheckRange("closing_share", options.closing_share, 0.0, 1.0));
-  return CheckRange("steps_per_chunk", options.steps_per_chunk, 1, 100'000);
+  RETURN_IF_ERROR(CheckOptions(options));
+  return CheckInRange("num_drawn_neighbors", options.num_drawn_neighbors, 1, options.num_neighbors);
 }
 
 int NumSmoothedSteps(const FeatureOptions& options) {

@@ -47,19 +47,21 @@ bool ExpectsSam(PriorMaker masks, bool has_command, bool has_sam) {
   return has_sam && (AsksForSam(masks) || (masks == PriorMaker::kAuto && !has_command));
 }
 
-// The makers are ordered so that those of depth come first: SAM makes masks only.
-absl::Status Validate(const PriorOptions& options) {
-  for (const auto& [name, maker] : {std::pair{"masks", options.masks}, {"depth", options.depth}}) {
-    // kAuto is the lowest value, kCommand the last that depth may have.
-    const bool masks = name == std::string_view("masks");
-    const PriorMaker last = masks ? PriorMaker::kSamAndEmbedded : PriorMaker::kCommand;
-    if (maker >= PriorMaker::kAuto && maker <= last) continue;
-    return absl::InvalidArgumentError(absl::StrCat(
-        name, " is ", static_cast<int>(maker), ", it must be none, embedded",
-        masks ? ", command, sam or sam and embedded" : " or command", ", or left out"));
-  }
-  return absl::OkStatus();
+void VisitOptions(PriorOptions& o, OptionVisitor visit) {
+  visit({"masks",
+         WordsOf<PriorMaker>(&o.masks, {{"auto", PriorMaker::kAuto},
+                                        {"none", PriorMaker::kNone},
+                                        {"embedded", PriorMaker::kEmbedded},
+                                        {"command", PriorMaker::kCommand},
+                                        {"sam", PriorMaker::kSam},
+                                        {"sam_and_embedded", PriorMaker::kSamAndEmbedded}})});
+  visit({"depth", WordsOf<PriorMaker>(&o.depth, {{"auto", PriorMaker::kAuto},
+                                                 {"none", PriorMaker::kNone},
+                                                 {"embedded", PriorMaker::kEmbedded},
+                                                 {"command", PriorMaker::kCommand}})});
 }
+
+absl::Status Validate(const PriorOptions& options) { return CheckOptions(options); }
 
 // Works on as many views at a time as the pool has threads, so that progress is reported, and can
 // end the call, between two groups.

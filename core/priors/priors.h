@@ -2,6 +2,7 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
+#include "core/base/options.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {
@@ -29,9 +30,13 @@ bool ExpectsSam(PriorMaker masks, bool has_command, bool has_sam);
 
 // Options of the priors stage.
 struct PriorOptions {
+  // What makes the masks of a dataset that has none, or whose masks are not used.
   PriorMaker masks = PriorMaker::kAuto;
+  // What makes the depth maps of a dataset that has none, or whose maps are not used. Never SAM.
   PriorMaker depth = PriorMaker::kAuto;
 };
+// Passes each option with its words to `visit`.
+void VisitOptions(PriorOptions& options, OptionVisitor visit);
 // Returns INVALID_ARGUMENT for a value outside the enum, and for SAM as the maker of depth.
 absl::Status Validate(const PriorOptions& options);
 

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "core/base/errors.h"
-#include "core/base/status_macros.h"
 #include "core/sfm/front/pair_selection.h"
 
 namespace pepeseg {
@@ -30,21 +28,27 @@ constexpr size_t kMostOnCores = 80, kMostOnDevice = 600;
 
 }  // namespace
 
-absl::Status Validate(const SfmOptions& options) {
-  RETURN_IF_ERROR(CheckInRange("matching", static_cast<int>(options.matching), 0,
-                               static_cast<int>(SfmMatching::kSequential)));
-  RETURN_IF_ERROR(CheckInRange("front", static_cast<int>(options.front), 0,
-                               static_cast<int>(SfmEngine::kColmap)));
-  RETURN_IF_ERROR(CheckInRange("mapper", static_cast<int>(options.mapper), 0,
-                               static_cast<int>(SfmEngine::kColmap)));
-  RETURN_IF_ERROR(CheckInRange("features", static_cast<int>(options.features), 0,
-                               static_cast<int>(SfmEngine::kColmap)));
-  RETURN_IF_ERROR(CheckInRange("max_features", options.max_features, 128, 32768));
-  RETURN_IF_ERROR(CheckInRange("sequential_overlap", options.sequential_overlap, 1, 100));
-  RETURN_IF_ERROR(CheckInRange("max_seconds", options.max_seconds, 1, 7 * 24 * 3600));
-  RETURN_IF_ERROR(CheckInRange("max_video_frames", options.max_video_frames, 3, 2000));
-  return CheckInRange("min_registered_share", options.min_registered_share, 0.0, 1.0);
+void VisitOptions(SfmOptions& o, OptionVisitor visit) {
+  const auto engine = [](SfmEngine* field) {
+    return WordsOf<SfmEngine>(
+        field,
+        {{"auto", SfmEngine::kAuto}, {"own", SfmEngine::kOwn}, {"colmap", SfmEngine::kColmap}});
+  };
+  visit(
+      {"matching", WordsOf<SfmMatching>(&o.matching, {{"auto", SfmMatching::kByCapture},
+                                                      {"exhaustive", SfmMatching::kExhaustive},
+                                                      {"sequential", SfmMatching::kSequential}})});
+  visit({"max_features", &o.max_features, Range{128, 32'768}});
+  visit({"sequential_overlap", &o.sequential_overlap, Range{1, 100}});
+  visit({"min_registered_share", &o.min_registered_share, Range{0, 1}});
+  visit({"max_seconds", &o.max_seconds, Range{1, 7 * 24 * 3600}});
+  visit({"max_video_frames", &o.max_video_frames, Range{3, 2000}});
+  visit({"front", engine(&o.front)});
+  visit({"features", engine(&o.features)});
+  visit({"mapper", engine(&o.mapper)});
 }
+
+absl::Status Validate(const SfmOptions& options) { return CheckOptions(options); }
 
 ComparisonOptions ComparisonFor(const SfmLoad& load, const SfmOptions& options) {
   ComparisonOptions comparison;

@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "absl/status/status.h"
+#include "core/base/options.h"
 #include "core/sfm/front/compare_photographs.h"
 
 namespace pepeseg {
@@ -23,27 +24,30 @@ enum class SfmEngine {
 
 // Options of stage "sfm", which estimates the poses of photographs.
 struct SfmOptions {
+  // Which photographs are matched with each other.
   SfmMatching matching = SfmMatching::kByCapture;
   // Number of SIFT features of a photograph, the largest first; those of the size at which the
-  // number is reached are all kept. The time of matching grows with its square. [128, 32768].
+  // number is reached are all kept. The time of matching grows with its square.
   int max_features = 3000;
-  // Sequential matching: number of following photographs that each is compared with. [1, 100].
+  // Sequential matching: number of following photographs that each is compared with.
   int sequential_overlap = 10;
-  // Minimum share of the photographs that must get a pose, or else the stage fails. [0, 1].
+  // Minimum share of the photographs that must get a pose, or else the stage fails.
   double min_registered_share = 0.5;
-  // Time limit of the whole stage, seconds of wall-clock time. [1, 604800].
+  // Time limit of the whole stage, seconds of wall-clock time.
   int max_seconds = 4 * 3600;
-  // Maximum number of frames taken from a video, spread over its duration. [3, 2000].
+  // Maximum number of frames taken from a video, spread over its duration.
   int max_video_frames = 120;
   // Who matches features and verifies the matches (core/sfm/front). COLMAP's mapper runs with fewer
   // rounds of bundle adjustment on own matches, see incremental_mapping.cc.
   SfmEngine front = SfmEngine::kAuto;
   // Who finds features (core/sfm/features).
   SfmEngine features = SfmEngine::kAuto;
-  // Who places the photographs (core/sfm/mapper). kAuto: COLMAP if it matched them, or if there are
+  // Who places the photographs (core/sfm/mapper). auto: COLMAP if it matched them, or if there are
   // fewer than 20.
   SfmEngine mapper = SfmEngine::kAuto;
 };
+// Passes each option with its range to `visit`.
+void VisitOptions(SfmOptions& options, OptionVisitor visit);
 
 // Returns INVALID_ARGUMENT, naming the option, its value and its range, if one is out of range.
 absl::Status Validate(const SfmOptions& options);

@@ -37,23 +37,24 @@ row() {
 }
 
 common=("$@")
-stage_one=(--depth-weight -1 --refine-keep 2)
-masks=(--perception-weight 0 --centroid-upper 0 --centroid-lower 0 --background-pixels 0)
-centroids=(--centroid-upper 0 --centroid-lower 0)
+stage_one=(-o reconstruct.depth_weight=-1 -o reconstruct.refine_keep=shrink)
+centroids=(-o features.centroid_weight_upper=0 -o features.centroid_weight_lower=0)
+perception=(-o features.perception_weight=0)
+masks=("${perception[@]}" "${centroids[@]}" -o features.num_background_pixels=0)
 
 echo '| | level | mIoU / mBIoU | oracle | stage two s | Gaussians | PSNR |'
 echo '|---|---|---|---|---|---|---|'
 row 'masks only' plain "${masks[@]}"
-row '+ background' plain "${centroids[@]}" --perception-weight 0
+row '+ background' plain "${centroids[@]}" "${perception[@]}"
 row '+ perception' plain "${centroids[@]}"
 row '+ centroids: all by default' plain
 row 'all, depth and refinement in stage one' pepe "${stage_one[@]}"
-row 'all, perception without other views' plain --no-cross-view
-row 'all, masks not completed' plain --complete-masks 0
-row 'all, each mask its own scale' plain --share-scales 0
+row 'all, perception without other views' plain -o features.perception_cross_view=false
+row 'all, masks not completed' plain -o features.complete_masks=false
+row 'all, each mask its own scale' plain -o features.share_scales=false
 row '1/4 of the views, masks only' plain4 --keep-views 0.25 "${masks[@]}"
 row '1/4 of the views, all' plain4 --keep-views 0.25
 row '1/4 of the views, all, depth and refinement' pepe4 --keep-views 0.25 "${stage_one[@]}"
 row '30 % fewer masks, masks only' plain --keep-masks 0.7 "${masks[@]}"
 row '30 % fewer masks, all' plain --keep-masks 0.7
-row '30 % fewer masks, not completed' plain --keep-masks 0.7 --complete-masks 0
+row '30 % fewer masks, not completed' plain --keep-masks 0.7 -o features.complete_masks=false

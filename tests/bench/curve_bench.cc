@@ -12,12 +12,12 @@
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/capture_faults.h"
 #include "tests/bench/capture_pack.h"
-#include "tests/bench/stage_one_flags.h"
+#include "tests/bench/stage_flags.h"
 
 namespace pepeseg {
 namespace {
 
-struct BenchOptions {
+struct BenchOptions : StageOptions {
   std::string pack;
   std::string device = "cpu";
   std::string name = "run";
@@ -26,8 +26,6 @@ struct BenchOptions {
   bool strip_masks = false;
   CaptureFaults faults;
   bool kernels = false;
-  ReconstructOptions reconstruct;
-  FeatureOptions features;  // set by presets only
 };
 
 // Mean scores, and the PSNR of each view.
@@ -118,8 +116,7 @@ int main(int argc, char** argv) {
   pepeseg::AddFaultFlags(app, options.faults);
   app.add_flag("--no-masks", options.strip_masks);
   app.add_flag("--kernels", options.kernels, "device time by kernel; slows the run");
-  pepeseg::AddPresetFlag(app, options.reconstruct, options.features);
-  pepeseg::AddStageOneFlags(app, options.reconstruct);
+  pepeseg::AddStageFlags(app, options);
   CLI11_PARSE(app, argc, argv);
   const absl::Status status = pepeseg::Run(options);
   if (!status.ok()) std::cerr << status << "\n";

@@ -24,14 +24,13 @@
 #include "core/prompt/resolve_prompt.h"
 #include "core/query/segmenter.h"
 #include "core/reconstruct/reconstruct.h"
+#include "tests/bench/stage_flags.h"
 
 namespace pepeseg {
 namespace {
 
-struct BenchOptions {
+struct BenchOptions : StageOptions {
   std::string folder, gaussians;
-  ReconstructOptions reconstruct;
-  FeatureOptions features;
   std::string device = "cpu";  // or cuda
   int num_threads = 0;
   std::vector<int> smooth = {0};         // neighbours to average; 0: features as trained
@@ -245,21 +244,7 @@ int main(int argc, char** argv) {
   pepeseg::BenchOptions options;
   app.add_option("folder", options.folder)->required();
   app.add_option("--gaussians", options.gaussians);
-  app.add_option("--reconstruct-steps", options.reconstruct.num_steps);
-  app.add_option("--coarse-until", options.reconstruct.coarse_until);
-  app.add_option("--sh", options.reconstruct.sh_degree);
-  app.add_option("--max-gaussians", options.reconstruct.max_gaussians);
-  app.add_option("--ssim-weight", options.reconstruct.ssim_weight);
-  app.add_option("--mean-rate", options.reconstruct.mean_learning_rate);
-  app.add_option("--mean-rate-final", options.reconstruct.mean_learning_rate_final);
-  app.add_option("--sh-rate", options.reconstruct.sh_learning_rate);
-  app.add_option("--refine-keep", options.reconstruct.refine_keep, "1 none, 2 shrink, 3 split");
-  app.add_option("--densify-gradient", options.reconstruct.densify_gradient);
-  app.add_option("--steps", options.features.num_steps);
-  app.add_option("--pixels", options.features.num_pixels);
-  app.add_option("--scales", options.features.num_scales);
-  app.add_option("--rate", options.features.learning_rate);
-  app.add_option("--seed", options.features.seed);
+  pepeseg::AddStageFlags(app, options);
   app.add_option("--device", options.device, "cpu or cuda");
   app.add_option("--threads", options.num_threads);
   app.add_option("--pictures", options.pictures);

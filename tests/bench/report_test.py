@@ -169,10 +169,6 @@ class Variants(unittest.TestCase):
         (row,) = variants.tell("fern", [{"name": "first", "rows": rows}], "")
         self.assertEqual(row[2:7], ["-", "30.00", "-", "-", "-"])
 
-    def test_leaves_out_flags_with_their_values(self):
-        flags = ["--min-loss-fall", "0", "--feature-loss-fall", "0"]
-        self.assertEqual(variants.without(flags, variants.FEATURE_FLAGS), ["--min-loss-fall", "0"])
-
     def test_the_last_row_of_a_seed_is_its_end(self):
         rows = [{"seed": "1", "step": "5"}, {"seed": "1", "step": "9"}, {"seed": "2", "step": "9"}]
         self.assertEqual([row["step"] for row in variants.last_of_each_seed(rows)], ["9", "9"])

@@ -17,16 +17,15 @@
 #include "core/formats/encode_png.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/scene/camera.h"
-#include "tests/bench/stage_one_flags.h"
+#include "tests/bench/stage_flags.h"
 
 namespace pepeseg {
 namespace {
 
-struct BenchOptions {
+struct BenchOptions : StageOptions {
   std::string folder;
   bool disparity = false;  // depth/ holds disparity
   ImportOptions import;
-  ReconstructOptions reconstruct;
   int num_threads = 0;
   std::string lpips;    // ONNX file; empty: not measured
   std::string renders;  // folder; empty: none
@@ -56,7 +55,7 @@ class Stopwatch {
 };
 
 void AddOptions(CLI::App& app, BenchOptions& options) {
-  AddStageOneFlags(app, options.reconstruct);
+  AddStageFlags(app, options);
   app.add_option("folder", options.folder)->required();
   app.add_flag("--disparity", options.disparity, "depth/ holds disparity");
   app.add_option("--image-scale", options.import.image_scale);

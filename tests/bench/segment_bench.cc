@@ -29,14 +29,13 @@
 #include "tests/bench/prompt_scores.h"
 #include "tests/bench/protocol_scores.h"
 #include "tests/bench/segment_rows.h"
-#include "tests/bench/stage_one_flags.h"
-#include "tests/bench/stage_two_flags.h"
+#include "tests/bench/stage_flags.h"
 #include "tests/bench/truth_views.h"
 
 namespace pepeseg {
 namespace {
 
-struct BenchOptions {
+struct BenchOptions : StageOptions {
   std::string pack, gaussians, field, dump, turn;
   std::string device = "cpu";
   std::string name = "run";
@@ -52,8 +51,6 @@ struct BenchOptions {
   bool clicks = false;
   bool decompose = false;
   bool rows_only = false;
-  ReconstructOptions reconstruct;
-  FeatureOptions features;
   EvaluationOptions protocol;
   ClickOptions click_protocol;
 };
@@ -286,9 +283,7 @@ absl::Status Run(const BenchOptions& options) {
 int main(int argc, char** argv) {
   CLI::App app("Segmentation of a capture pack, scored by the one-click protocol");
   pepeseg::BenchOptions options;
-  pepeseg::AddPresetFlag(app, options.reconstruct, options.features);
-  pepeseg::AddStageOneFlags(app, options.reconstruct);
-  pepeseg::AddStageTwoFlags(app, options.features);
+  pepeseg::AddStageFlags(app, options);
   app.add_option("pack", options.pack)->required();
   app.add_option("--gaussians", options.gaussians,
                  "PLY with stage one's result: read if it is there, else written after stage one");

@@ -18,7 +18,8 @@ import sys
 
 import measured
 
-# Flags of both programs, flags of pepeseg_segment_bench only, and whether they affect stage one.
+# Flags of each variant, and the first stage that they affect. Packs without ground truth have no
+# stage two.
 STAGE_ONE, STAGE_TWO = "one", "two"
 VARIANTS = {
     "robustness": [
@@ -29,33 +30,26 @@ VARIANTS = {
         ("views turned by {pose_noise} px", STAGE_ONE, ["--pose-noise", "{pose_noise}"]),
         ("depth upside down", STAGE_ONE, ["--invert-depth"]),
         ("no depth", STAGE_ONE, ["--no-depth"]),
-        ("depth loss", STAGE_ONE, ["--depth-weight", "-1"]),
-        ("depth loss, depth upside down", STAGE_ONE, ["--invert-depth", "--depth-weight", "-1"]),
+        ("depth loss", STAGE_ONE, ["-o", "reconstruct.depth_weight=-1"]),
+        ("depth loss, depth upside down", STAGE_ONE, ["--invert-depth", "-o",
+                                                      "reconstruct.depth_weight=-1"]),
     ],
     "skips": [
         ("all skips", STAGE_ONE, []),
-        ("all steps of stage one", STAGE_ONE, ["--min-loss-fall", "0"]),
-        ("all bands", STAGE_ONE, ["--min-band-gain", "0"]),
-        ("all steps of stage two", STAGE_TWO, ["--feature-loss-fall", "0"]),
-        ("no skips", STAGE_ONE, ["--min-loss-fall", "0", "--min-band-gain", "0",
-                                 "--feature-loss-fall", "0"]),
+        ("all steps of stage one", STAGE_ONE, ["-o", "reconstruct.min_loss_fall=0"]),
+        ("all bands", STAGE_ONE, ["-o", "reconstruct.min_band_gain=0"]),
+        ("all steps of stage two", STAGE_TWO, ["-o", "features.min_loss_fall=0"]),
+        ("no skips", STAGE_ONE, ["-o", "reconstruct.min_loss_fall=0",
+                                 "-o", "reconstruct.min_band_gain=0",
+                                 "-o", "features.min_loss_fall=0"]),
     ],
 }
-# Flags that pepeseg_curve_bench does not have.
-FEATURE_FLAGS = {"--feature-loss-fall"}
-
 
 def has_truth(program, pack):
     """Returns whether pepeseg_segment_bench takes the pack: it refuses packs without ground truth."""
     done = subprocess.run([program, pack, "--steps", "0"], capture_output=True, text=True,
                           check=False)
     return "no ground truth" not in done.stderr
-
-
-def without(flags, left_out):
-    """Returns flags, each with one value, without some of them."""
-    pairs = zip(flags[::2], flags[1::2]) if len(flags) % 2 == 0 else [(flag,) for flag in flags]
-    return [word for pair in pairs if pair[0] not in left_out for word in pair]
 
 
 def run_bench(command):
@@ -160,8 +154,6 @@ def measure(arguments):
         record["packs"][scene] = []
         for title, flags in variants_of(arguments.table, truth, arguments):
             own = arguments.flags if truth else [*arguments.flags, "--scores", "1"]
-            if not truth:
-                flags = without(flags, FEATURE_FLAGS)
             rows, comments = run_bench([os.path.join(arguments.programs, program), pack, *own,
                                         *flags])
             rows = read_rows(rows if truth else last_of_each_seed(rows))

@@ -239,7 +239,7 @@ TEST(TrainingOptions, RefusesSamAsAMakerOfDepth) {
   const auto refused = TrainingSettingsFromProto(options).status();
   EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
   EXPECT_EQ(refused.message(),
-            "options.priors: depth is 4, it must be none, embedded or command, or left out");
+            "options.priors: depth is 4, must be auto, none, embedded or command");
 }
 
 TEST(SimilarityMap, IsLittleEndianInt16) {
