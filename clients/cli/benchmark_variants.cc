@@ -10,9 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "clients/cli/benchmark_photographs.h"
 #include "clients/cpp/file_bytes.h"
-#include "clients/cpp/option_setting.h"
 #include "clients/cpp/status_macros.h"
-#include "pepeseg/v1/training_options.pb.h"
 
 namespace pepeseg::client::cli {
 namespace {
@@ -121,12 +119,6 @@ std::vector<BenchmarkVariant> AblationVariants() {
     variants.push_back(
         {absl::StrCat("T = ", t), {absl::StrCat("features.centroid_every=", t)}, ""});
   }
-  std::erase_if(variants, [](const BenchmarkVariant& variant) {
-    v1::TrainingOptions options;
-    return std::any_of(
-        variant.settings.begin(), variant.settings.end(),
-        [&](const std::string& setting) { return !SetOption(setting, options).ok(); });
-  });
   return variants;
 }
 

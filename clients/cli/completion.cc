@@ -11,7 +11,6 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
-#include "clients/cli/option_table.h"
 #include "clients/cli/shell.h"
 #include "clients/cpp/nearest_names.h"
 
@@ -59,13 +58,6 @@ std::vector<std::string> ChoicesOf(const CLI::Option& option) {
   return absl::StrSplit(type.substr(begin + 1, end - begin - 1), ',');
 }
 
-// Returns "reconstruct.num_steps=", ...
-std::vector<std::string> TrainingOptionNames() {
-  std::vector<std::string> names;
-  for (const OptionRow& row : OptionRows()) names.push_back(std::string(row.name) + "=");
-  return names;
-}
-
 // Returns true for -o,--option, whose values are NAME=VALUE.
 bool IsTrainingOption(const CLI::Option& option) { return option.check_lname("option"); }
 
@@ -88,24 +80,22 @@ std::vector<std::string> WordsOf(const CLI::App& verb) {
   return words;
 }
 
-// Returns the values that an option is completed with; empty: it takes any value, or none.
-std::vector<std::string> ValuesOf(const CLI::Option& option) {
-  return IsTrainingOption(option) ? TrainingOptionNames() : ChoicesOf(option);
-}
-
 // Returns "(preview standard best)", or zsh's function for file names if there are no values.
 std::string ZshAction(const std::vector<std::string>& values) {
   return values.empty() ? "_files" : absl::StrCat("(", absl::StrJoin(values, " "), ")");
 }
 
-// Appends lines "    train:--preset) values='preview standard best' ;;".
+// Appends lines "    train:--preset) values='preview standard best' ;;". The options of a training
+// are the server's: the script asks it, for at most three seconds.
 void AppendValueCases(const CLI::App& verb, const std::string& name, std::string& script) {
   for (const CLI::Option* option : OptionsOf(verb)) {
-    const std::vector<std::string> values = ValuesOf(*option);
-    if (values.empty() || !option->nonpositional()) continue;
+    const std::string values = IsTrainingOption(*option)
+                                   ? "$(_pepeseg_options)"
+                                   : absl::StrCat("'", absl::StrJoin(ChoicesOf(*option), " "), "'");
+    if (values == "''" || !option->nonpositional()) continue;
     const std::string prefix = name + ":";
     absl::StrAppend(&script, "    ", prefix, absl::StrJoin(NamesOf(*option), "|" + prefix),
-                    ") values='", absl::StrJoin(values, " "), "' ;;\n");
+                    ") values=", values, " ;;\n");
   }
 }
 
@@ -124,6 +114,10 @@ std::string BashScript(const CLI::App& app) {
   return absl::StrReplaceAll(
       R"(# Completion of pepeseg for bash:
 #   pepeseg completion bash > ~/.local/share/bash-completion/completions/pepeseg
+_pepeseg_options() {
+  timeout 3 "${COMP_WORDS[0]}" train - --list-options 2>/dev/null |
+    sed -n 's/^\([a-z_]*[.][a-z_]*\) .*/\1=/p'
+}
 _pepeseg() {
   local current=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]}
   local verb= word= words= values=
@@ -165,7 +159,7 @@ std::string ZshText(const std::string& text) {
 // Appends lines "'*--preset[Which options]:value:(preview standard best)'".
 void AppendZshSpecs(const CLI::App& verb, const std::string& indent, std::string& script) {
   for (const CLI::Option* option : OptionsOf(verb)) {
-    const std::string value = TakesValue(*option) ? ":value:" + ZshAction(ValuesOf(*option)) : "";
+    const std::string value = TakesValue(*option) ? ":value:" + ZshAction(ChoicesOf(*option)) : "";
     for (const std::string& name : NamesOf(*option)) {
       absl::StrAppend(&script, indent, "'*", name, "[", ZshText(option->get_description()), "]",
                       value, "'\n");

@@ -8,7 +8,6 @@
 #include "absl/strings/str_format.h"
 #include "clients/cli/jobs.h"
 #include "clients/cli/model_summary.h"
-#include "clients/cli/option_table.h"
 #include "clients/cli/request_flags.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/text_table.h"
@@ -26,13 +25,35 @@ struct TrainFlags : TrainingFlags {
   bool list_options = false;  // print the options and train nothing
 };
 
+// Prints each option of the server with its default and range, and below it what it does.
+absl::Status ListOptions(const Shell& shell, const TrainFlags& flags) {
+  v1::TrainingOptions preset;
+  if (!flags.preset.empty()) RETURN_IF_ERROR(SetOption("preset=" + flags.preset, preset));
+  v1::ListTrainingOptionsRequest request;
+  if (preset.has_preset()) request.set_preset(preset.preset());
+  ASSIGN_OR_RETURN(const v1::ListTrainingOptionsResponse response,
+                   Client(shell.channel).ListTrainingOptions(request));
+  if (shell.json) {
+    PrintJson(response);
+    return absl::OkStatus();
+  }
+  std::vector<TableRow> rows = {{"OPTION", "DEFAULT", "RANGE"}};
+  for (const v1::TrainingOption& option : response.options()) {
+    rows.push_back({option.name(), option.default_value(), option.range()});
+  }
+  const std::vector<std::string> lines = TextTable(rows);
+  Print(lines.front());
+  for (int i = 0; i < response.options_size(); ++i) {
+    Print(lines[i + 1]);
+    Print("    " + response.options(i).description());
+  }
+  return absl::OkStatus();
+}
+
 // Queues a training and follows it to its end. Standard output gets the result only: the job's name
 // goes to standard error, unless it is the result (--detach).
 absl::Status RunTrain(const Shell& shell, const TrainFlags& flags) {
-  if (flags.list_options) {
-    for (const std::string& line : OptionTable()) Print(line);
-    return absl::OkStatus();
-  }
+  if (flags.list_options) return ListOptions(shell, flags);
   const Client client(shell.channel);
   const std::string scene = SceneName(flags.scene);
   ASSIGN_OR_RETURN(const std::string dataset, DatasetName(client, scene, flags.dataset));
@@ -149,7 +170,7 @@ void AddTrain(CLI::App& app, Shell& shell) {
   CLI::App* verb = app.add_subcommand("train", "Train a model of a scene");
   AddTrainingFlags(*verb, *flags);
   verb->add_flag("--list-options", flags->list_options,
-                 "List all options with their defaults and ranges, and exit");
+                 "List all options of the server with their defaults and ranges, and exit");
   verb->add_flag("--detach", flags->detach, "Print the name of the job and exit");
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunTrain(shell, *flags); }; });
 }

@@ -189,6 +189,11 @@ absl::StatusOr<v1::EstimateTrainingResponse> Client::EstimateTraining(
   return Ask(*jobs_, &Jobs::EstimateTraining, request.scene(), request);
 }
 
+absl::StatusOr<v1::ListTrainingOptionsResponse> Client::ListTrainingOptions(
+    const v1::ListTrainingOptionsRequest& request) const {
+  return Ask(*jobs_, &Jobs::ListTrainingOptions, "", request);
+}
+
 absl::StatusOr<v1::Job> Client::GetJob(const std::string& job) const {
   v1::GetJobRequest request;
   request.set_name(JobName(job));

@@ -84,6 +84,8 @@ class Client {
   absl::StatusOr<v1::Job> Train(v1::TrainSceneRequest request) const;
   absl::StatusOr<v1::EstimateTrainingResponse> EstimateTraining(
       const v1::EstimateTrainingRequest& request) const;
+  absl::StatusOr<v1::ListTrainingOptionsResponse> ListTrainingOptions(
+      const v1::ListTrainingOptionsRequest& request) const;
   absl::StatusOr<v1::Job> GetJob(const std::string& job) const;
   absl::StatusOr<v1::ListJobsResponse> ListJobs(const std::string& scene = "") const;
   absl::StatusOr<v1::Job> CancelJob(const std::string& job) const;

@@ -1,210 +1,131 @@
 #include "server/api/convert.h"
 
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/text_format.h>
+
+#include <map>
 #include <string>
-#include <type_traits>
+#include <utility>
+#include <vector>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
+#include "core/base/errors.h"
 #include "core/base/status_macros.h"
+#include "core/train/training_options.h"
 
-// Each option is named once, for both directions: it has the same name in the message and in the
-// struct. A test proves that no field is missing.
-#define PEPESEG_IMPORT_FIELDS(FIELD) \
-  FIELD(image_scale) FIELD(held_out_every) FIELD(use_masks) FIELD(use_depth)
-#define PEPESEG_PRIOR_FIELDS(FIELD) FIELD(masks) FIELD(depth)
-// (clang-format formats lists of this length differently each time.)
-// clang-format off
-#define PEPESEG_SFM_FIELDS(FIELD) \
-  FIELD(matching) FIELD(max_features) FIELD(sequential_overlap) \
-  FIELD(min_registered_share) FIELD(max_seconds) FIELD(max_video_frames) FIELD(front) \
-  FIELD(features) FIELD(mapper)
-#define PEPESEG_RECONSTRUCT_FIELDS(FIELD) \
-  FIELD(num_steps) \
-  FIELD(sh_degree) \
-  FIELD(ssim_weight) \
-  FIELD(mean_learning_rate) \
-  FIELD(mean_learning_rate_final) \
-  FIELD(mean_rate_pixels) \
-  FIELD(rates_fall_from) \
-  FIELD(log_scale_learning_rate) \
-  FIELD(rotation_learning_rate) \
-  FIELD(opacity_learning_rate) \
-  FIELD(sh_learning_rate) \
-  FIELD(densify_from) \
-  FIELD(densify_until) \
-  FIELD(densify_every) \
-  FIELD(densify_gradient) \
-  FIELD(densify_size) \
-  FIELD(prune_opacity) \
-  FIELD(opacity_reset_every) \
-  FIELD(max_gaussians) \
-  FIELD(num_random_points) \
-  FIELD(seed) \
-  FIELD(coarse_until) \
-  FIELD(max_megapixels) \
-  FIELD(depth_weight) \
-  FIELD(depth_weight_final) \
-  FIELD(depth_local_weight) \
-  FIELD(depth_local_form) \
-  FIELD(depth_window) \
-  FIELD(capture_kind) \
-  FIELD(refine_keep) \
-  FIELD(refine_from) \
-  FIELD(refine_length) \
-  FIELD(refine_candidates) \
-  FIELD(min_loss_fall) \
-  FIELD(closing_share) \
-  FIELD(min_band_gain) \
-  FIELD(min_depth_agreement) \
-  FIELD(pixels_per_gaussian) \
-  FIELD(opacity_decay) \
-  FIELD(camera_clearance) \
-  FIELD(dropout) \
-  FIELD(dropout_until) \
-  FIELD(blurred_share) \
-  FIELD(views_at_once) \
-  FIELD(mean_learning_rate_cap) \
-  FIELD(prune_size) \
-  FIELD(disparity_as_inverse_depth) \
-  FIELD(depth_over_alpha)
-#define PEPESEG_FEATURE_FIELDS(FIELD) \
-  FIELD(num_steps) \
-  FIELD(num_pixels) \
-  FIELD(mask_share) \
-  FIELD(sure_views) \
-  FIELD(min_mask_agreement) \
-  FIELD(complete_masks) \
-  FIELD(share_scales) \
-  FIELD(fine_first) \
-  FIELD(negative_margin) \
-  FIELD(min_positive_cosine) \
-  FIELD(num_background_pixels) \
-  FIELD(num_scales) \
-  FIELD(scale_mapping) \
-  FIELD(learning_rate) \
-  FIELD(learning_rate_final) \
-  FIELD(num_neighbors) \
-  FIELD(smooth_until) \
-  FIELD(num_drawn_neighbors) \
-  FIELD(centroid_from) \
-  FIELD(centroid_every) \
-  FIELD(centroid_pixels) \
-  FIELD(centroid_weight_upper) \
-  FIELD(centroid_weight_lower) \
-  FIELD(perception_weight) \
-  FIELD(num_perception_pixels) \
-  FIELD(perception_threshold) \
-  FIELD(perception_cross_view) \
-  FIELD(steps_per_chunk) \
-  FIELD(min_loss_fall) \
-  FIELD(closing_share) \
-  FIELD(seed) \
-  FIELD(gate_layers) \
-  FIELD(centroid_cosine_upper) \
-  FIELD(centroid_cosine_lower) \
-  FIELD(centroid_check_masks) \
-  FIELD(perception_fit_window) \
-  FIELD(perception_unlabelled_only) \
-  FIELD(perception_depth_floor) \
-  FIELD(perception_color_floor) \
-  FIELD(max_negative_cosine) \
-  FIELD(joint_pair_mean) \
-  FIELD(min_norm_alpha) \
-  FIELD(centroid_views) \
-  FIELD(centroid_masked_only) \
-  FIELD(centroid_merge_upper) \
-  FIELD(centroid_merge_lower)
-// clang-format on
-
-// The casts are for enums, which have the same numbers in the message and in the struct.
-#define PEPESEG_OVERLAY(name)                    \
-  if (IsGiven(proto.has_##name(), proto.name())) \
-    options->name = static_cast<decltype(options->name)>(proto.name());
-#define PEPESEG_SET(name) proto->set_##name(static_cast<decltype(proto->name())>(options.name));
-
+// The fields of v1::TrainingOptions have the names that core gives its options: they are found by
+// reflection, and read and set as text, as `advanced` is.
 namespace pepeseg {
 namespace {
 
-// UNSPECIFIED, the zero of an enum, means the default, as if the field were absent. The zero of a
-// number is a value.
-template <typename Value>
-bool IsGiven(bool present, Value value) {
-  if constexpr (std::is_enum_v<Value>) return present && static_cast<int>(value) != 0;
-  return present;
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+using google::protobuf::TextFormat;
+
+// Returns what the names of an enum's values begin with: "SFM_MATCHING_".
+std::string PrefixOf(const google::protobuf::EnumDescriptor& type) {
+  return std::string(absl::StripSuffix(type.value(0)->name(), "UNSPECIFIED"));
 }
 
-void OverlayImport(const v1::ImportOptions& proto, ImportOptions* options) {
-  PEPESEG_IMPORT_FIELDS(PEPESEG_OVERLAY)
-  // A repeated field is given if it is not empty.
-  if (proto.held_out_views().empty()) return;
-  options->held_out_views.assign(proto.held_out_views().begin(), proto.held_out_views().end());
+// Returns the values of a field as core's options take them: numbers, "true", and the words of
+// enums, which are their names in lower case without the prefix. Empty: the field is absent or
+// UNSPECIFIED.
+std::vector<std::string> TextsOf(const Message& message, const FieldDescriptor& field) {
+  const auto& reflection = *message.GetReflection();
+  std::vector<std::string> texts;
+  if (field.is_repeated()) {  // only lists of text
+    for (int i = 0; i < reflection.FieldSize(message, &field); ++i) {
+      texts.push_back(reflection.GetRepeatedString(message, &field, i));
+    }
+    return texts;
+  }
+  if (!reflection.HasField(message, &field)) return texts;
+  std::string& text = texts.emplace_back();
+  TextFormat::PrintFieldValueToString(message, &field, -1, &text);
+  if (field.enum_type() == nullptr) return texts;
+  if (reflection.GetEnumValue(message, &field) == 0) return {};
+  text = absl::AsciiStrToLower(absl::StripPrefix(text, PrefixOf(*field.enum_type())));
+  return texts;
 }
-void OverlayPriors(const v1::PriorOptions& proto, PriorOptions* options) {
-  PEPESEG_PRIOR_FIELDS(PEPESEG_OVERLAY)
-}
-void OverlaySfm(const v1::SfmOptions& proto, SfmOptions* options) {
-  PEPESEG_SFM_FIELDS(PEPESEG_OVERLAY)
-}
-void OverlayReconstruct(const v1::ReconstructOptions& proto, ReconstructOptions* options) {
-  PEPESEG_RECONSTRUCT_FIELDS(PEPESEG_OVERLAY)
-}
-void OverlayFeatures(const v1::FeatureOptions& proto, FeatureOptions* options) {
-  PEPESEG_FEATURE_FIELDS(PEPESEG_OVERLAY)
-}
-void SetImport(const ImportOptions& options, v1::ImportOptions* proto) {
-  PEPESEG_IMPORT_FIELDS(PEPESEG_SET)
-  for (const std::string& view : options.held_out_views) proto->add_held_out_views(view);
-}
-void SetPriors(const PriorOptions& options, v1::PriorOptions* proto) {
-  PEPESEG_PRIOR_FIELDS(PEPESEG_SET)
-}
-void SetSfm(const SfmOptions& options, v1::SfmOptions* proto) { PEPESEG_SFM_FIELDS(PEPESEG_SET) }
-void SetReconstruct(const ReconstructOptions& options, v1::ReconstructOptions* proto) {
-  PEPESEG_RECONSTRUCT_FIELDS(PEPESEG_SET)
-}
-void SetFeatures(const FeatureOptions& options,
-                 v1::FeatureOptions* proto){PEPESEG_FEATURE_FIELDS(PEPESEG_SET)}
 
-// Puts the name of the options' message before the error of a stage.
-absl::Status Below(const std::string& message, const absl::Status& status) {
-  if (status.ok()) return status;
-  return {status.code(), absl::StrCat("options.", message, ": ", status.message())};
+// Sets the options that have a field in `message`, which the names of all of them begin with:
+// "import.".
+absl::Status SetFields(const Message& message, const std::string& prefix,
+                       TrainingSettings& settings) {
+  for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
+    const FieldDescriptor& field = *message.GetDescriptor()->field(i);
+    for (const std::string& text : TextsOf(message, field)) {
+      RETURN_IF_ERROR(SetByName(settings, prefix + field.name(), text));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status SetAll(const v1::TrainingOptions& proto, TrainingSettings& settings) {
+  const auto& reflection = *proto.GetReflection();
+  for (int i = 0; i < proto.GetDescriptor()->field_count(); ++i) {
+    const FieldDescriptor& field = *proto.GetDescriptor()->field(i);
+    if (field.message_type() == nullptr || field.is_repeated()) continue;
+    RETURN_IF_ERROR(SetFields(reflection.GetMessage(proto, &field), field.name() + ".", settings));
+  }
+  // In an order that does not depend on how the map is stored.
+  const std::map<std::string, std::string> advanced(proto.advanced().begin(),
+                                                    proto.advanced().end());
+  for (const auto& [name, text] : advanced) {
+    RETURN_IF_ERROR(WithPrefix("advanced: ", SetByName(settings, name, text)));
+  }
+  return absl::OkStatus();
+}
+
+// Sets a field from the text of core's option. A word that the enum lacks is one for UNSPECIFIED.
+void SetField(const Option& option, const FieldDescriptor& field, Message& message) {
+  if (const auto* list = std::get_if<NamesField>(&option.field)) {
+    for (const std::string& name : *list->names) {
+      message.GetReflection()->AddString(&message, &field, name);
+    }
+    return;
+  }
+  std::string text = TextOf(option).value;
+  if (const auto* type = field.enum_type()) {
+    const auto* value =
+        type->FindValueByName(absl::StrCat(PrefixOf(*type), absl::AsciiStrToUpper(text)));
+    text = value == nullptr ? type->value(0)->name() : value->name();
+  }
+  TextFormat::ParseFieldValueFromString(text, &field, &message);
 }
 
 }  // namespace
 
-void Overlay(const v1::TrainingOptions& proto, TrainingSettings* settings) {
-  if (IsGiven(proto.has_preset(), proto.preset())) {
-    settings->preset = static_cast<Preset>(proto.preset());
-  }
-  // The preset comes first, so that options that are given override it.
-  Apply(settings->preset, settings->reconstruct, settings->features);
-  OverlayImport(proto.import(), &settings->import);
-  OverlayPriors(proto.priors(), &settings->priors);
-  OverlaySfm(proto.sfm(), &settings->sfm);
-  OverlayReconstruct(proto.reconstruct(), &settings->reconstruct);
-  OverlayFeatures(proto.features(), &settings->features);
-}
-
 absl::StatusOr<TrainingSettings> TrainingSettingsFromProto(const v1::TrainingOptions& proto) {
   TrainingSettings settings;
-  Overlay(proto, &settings);
-  RETURN_IF_ERROR(Below("preset", Validate(settings.preset)));
-  RETURN_IF_ERROR(Below("import", Validate(settings.import)));
-  RETURN_IF_ERROR(Below("priors", Validate(settings.priors)));
-  RETURN_IF_ERROR(Below("sfm", Validate(settings.sfm)));
-  RETURN_IF_ERROR(Below("reconstruct", Validate(settings.reconstruct)));
-  RETURN_IF_ERROR(Below("features", Validate(settings.features)));
+  // UNSPECIFIED means the default, as if the field were absent.
+  if (proto.preset() != v1::TRAINING_PRESET_UNSPECIFIED) {
+    settings.preset = static_cast<Preset>(proto.preset());
+  }
+  // The preset comes first, so that options that are given override it.
+  Apply(settings.preset, settings.reconstruct, settings.features);
+  RETURN_IF_ERROR(WithPrefix("options.", SetAll(proto, settings)));
+  RETURN_IF_ERROR(WithPrefix("options.", Validate(settings)));
   return settings;
 }
 
 v1::TrainingOptions ToProto(const TrainingSettings& settings) {
   v1::TrainingOptions proto;
   proto.set_preset(static_cast<v1::TrainingPreset>(settings.preset));
-  SetImport(settings.import, proto.mutable_import());
-  SetPriors(settings.priors, proto.mutable_priors());
-  SetSfm(settings.sfm, proto.mutable_sfm());
-  SetReconstruct(settings.reconstruct, proto.mutable_reconstruct());
-  SetFeatures(settings.features, proto.mutable_features());
+  TrainingSettings copy = settings;  // rows point to members that can be set
+  VisitOptions(copy, [&](const Option& option) {
+    const std::pair<std::string, std::string> name = absl::StrSplit(option.name, '.');
+    const FieldDescriptor* part = proto.GetDescriptor()->FindFieldByName(name.first);
+    const FieldDescriptor* field = part->message_type()->FindFieldByName(name.second);
+    if (field == nullptr) {
+      (*proto.mutable_advanced())[option.name] = TextOf(option).value;
+    } else {
+      SetField(option, *field, *proto.GetReflection()->MutableMessage(&proto, part));
+    }
+  });
   return proto;
 }
 

@@ -19,12 +19,10 @@
 // Conversions between messages of the contract and types of core that server and worker both need.
 namespace pepeseg {
 
-// Applies the preset, if one is given, then copies each field that is present to `settings`. Checks
-// nothing.
-void Overlay(const v1::TrainingOptions& proto, TrainingSettings* settings);
-// Returns the defaults, overlaid with `proto`. INVALID_ARGUMENT names the field and its range.
+// Returns the defaults, with the preset of `proto`, its fields and then its `advanced` options
+// applied. INVALID_ARGUMENT names the option and its range.
 absl::StatusOr<TrainingSettings> TrainingSettingsFromProto(const v1::TrainingOptions& proto);
-// Returns a message in which every field is present.
+// Returns a message with every option: in its field, or in `advanced` if it has none.
 v1::TrainingOptions ToProto(const TrainingSettings& settings);
 
 // Returns INVALID_ARGUMENT for UNSPECIFIED and for numbers that are not values of the enum.

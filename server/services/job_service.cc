@@ -1,5 +1,8 @@
 #include "server/services/job_service.h"
 
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,6 +13,7 @@
 #include "core/base/status_macros.h"
 #include "core/dataset/dataset_index.h"
 #include "core/dataset/held_out.h"
+#include "core/train/training_options.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/api/resource_name.h"
@@ -34,6 +38,17 @@ absl::StatusOr<WantedTraining> WantedFromRequest(const Request& request) {
   return wanted;
 }
 
+// Returns the message's bytes, which are the same for the same options in any order.
+std::string StableBytes(const v1::TrainingOptions& options) {
+  std::string bytes;
+  google::protobuf::io::StringOutputStream stream(&bytes);
+  google::protobuf::io::CodedOutputStream coded(&stream);
+  coded.SetSerializationDeterministic(true);
+  options.SerializeToCodedStream(&coded);
+  coded.Trim();
+  return bytes;
+}
+
 // Returns the record of a job to be queued. Checks what depends on the request alone.
 absl::StatusOr<JobRow> JobFromRequest(const v1::TrainSceneRequest& request,
                                       const WantedTraining& wanted) {
@@ -43,8 +58,8 @@ absl::StatusOr<JobRow> JobFromRequest(const v1::TrainSceneRequest& request,
   job.dataset = wanted.dataset;
   // Both forms are kept: `options`, as the client sent them, recognise a repeated request even
   // after a default has changed; `effective_options` are those the worker runs with.
-  job.options = request.options().SerializeAsString();
-  job.effective_options = ToProto(wanted.settings).SerializeAsString();
+  job.options = StableBytes(request.options());
+  job.effective_options = StableBytes(ToProto(wanted.settings));
   job.request_id = request.request_id();
   return job;
 }
@@ -191,6 +206,30 @@ grpc::ServerUnaryReactor* JobServiceRpc::TrainScene(grpc::CallbackServerContext*
   return runner_.Run(runner_.pools().io, {call, request},
                      [this, request, response](const UnaryCall& unary) {
                        return Train(*request, unary, response);
+                     });
+}
+
+absl::Status JobServiceRpc::ListOptions(const v1::ListTrainingOptionsRequest& request,
+                                        v1::ListTrainingOptionsResponse* response) const {
+  v1::TrainingOptions preset;
+  if (request.has_preset()) preset.set_preset(request.preset());
+  ASSIGN_OR_RETURN(const TrainingSettings settings, TrainingSettingsFromProto(preset));
+  for (const OptionText& option : pepeseg::ListOptions(settings)) {
+    v1::TrainingOption& added = *response->add_options();
+    added.set_name(option.name);
+    added.set_default_value(option.value);
+    added.set_range(option.range);
+    added.set_description(std::string(OptionDescriptions().at(option.name)));
+  }
+  return absl::OkStatus();
+}
+
+grpc::ServerUnaryReactor* JobServiceRpc::ListTrainingOptions(
+    grpc::CallbackServerContext* call, const v1::ListTrainingOptionsRequest* request,
+    v1::ListTrainingOptionsResponse* response) {
+  return runner_.Run(runner_.pools().io, {call, request},
+                     [this, request, response](const UnaryCall& /*unary*/) {
+                       return ListOptions(*request, response);
                      });
 }
 

@@ -28,6 +28,9 @@ class JobServiceRpc final : public v1::JobService::CallbackService {
   grpc::ServerUnaryReactor* TrainScene(grpc::CallbackServerContext* call,
                                        const v1::TrainSceneRequest* request,
                                        v1::Job* response) override;
+  grpc::ServerUnaryReactor* ListTrainingOptions(grpc::CallbackServerContext* call,
+                                                const v1::ListTrainingOptionsRequest* request,
+                                                v1::ListTrainingOptionsResponse* response) override;
   grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* call,
                                    const v1::GetJobRequest* request, v1::Job* response) override;
   grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* call,
@@ -54,6 +57,8 @@ class JobServiceRpc final : public v1::JobService::CallbackService {
   // count. Looks at sizes only; a training reads all bytes.
   absl::Status CheckFilesStored(const std::string& scene, int64_t dataset,
                                 const std::vector<DatasetFileRow>& files) const;
+  absl::Status ListOptions(const v1::ListTrainingOptionsRequest& request,
+                           v1::ListTrainingOptionsResponse* response) const;
   absl::Status Train(const v1::TrainSceneRequest& request, const UnaryRequest& call,
                      v1::Job* response) const;
 

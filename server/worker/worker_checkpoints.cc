@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "core/base/digest.h"
 #include "core/base/errors.h"
+#include "core/base/options.h"
 #include "core/base/status_macros.h"
 
 namespace pepeseg {
@@ -21,6 +22,16 @@ constexpr size_t kGenerations = 2;
 // Checkpoints by steps take at most 1 / kMaxCostShare of the time.
 constexpr int kMaxCostShare = 20;
 constexpr char kSuffix[] = ".ckpt";
+
+// Returns the options as lines "NAME=VALUE".
+template <class Options>
+std::string TextOf(const Options& options) {
+  std::string text;
+  for (const OptionText& option : ListOptions(options)) {
+    absl::StrAppend(&text, option.name, "=", option.value, "\n");
+  }
+  return text;
+}
 
 }  // namespace
 
@@ -147,15 +158,15 @@ void WorkerCheckpoints::Remove() const {
   for (const Candidate& candidate : FindAll()) std::filesystem::remove(candidate.path, ignored);
 }
 
-std::string ReconstructIdentity(const JobSpec& spec, const v1::TrainingOptions& effective) {
+std::string ReconstructIdentity(const JobSpec& spec, const TrainingSettings& settings) {
   Sha256 digest;
   // Each field follows its length, so that different lists of fields never give the same bytes.
   const auto add = [&](const std::string& field) {
     digest.Add(absl::StrCat(field.size(), ":"));
     digest.Add(field);
   };
-  add(effective.import().SerializeAsString());
-  add(effective.reconstruct().SerializeAsString());
+  add(TextOf(settings.import));
+  add(TextOf(settings.reconstruct));
   for (const JobSpecFile& file : spec.files) {
     add(file.name);
     add(absl::StrCat(file.kind));
@@ -164,10 +175,10 @@ std::string ReconstructIdentity(const JobSpec& spec, const v1::TrainingOptions& 
   return digest.Hex();
 }
 
-std::string FeatureIdentity(const JobSpec& spec, const v1::TrainingOptions& effective) {
+std::string FeatureIdentity(const JobSpec& spec, const TrainingSettings& settings) {
   Sha256 digest;
-  digest.Add(ReconstructIdentity(spec, effective));
-  digest.Add(effective.features().SerializeAsString());
+  digest.Add(ReconstructIdentity(spec, settings));
+  digest.Add(TextOf(settings.features));
   return digest.Hex();
 }
 

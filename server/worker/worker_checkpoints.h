@@ -12,6 +12,7 @@
 #include "absl/status/statusor.h"
 #include "core/model_files/checkpoint.h"
 #include "core/train/training_observer.h"
+#include "core/train/training_settings.h"
 #include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {
@@ -65,7 +66,7 @@ class WorkerCheckpoints final : public StageCheckpoints {
 };
 
 // Return the digest of the files and options that stage one depends on, and that stage two does.
-std::string ReconstructIdentity(const JobSpec& spec, const v1::TrainingOptions& effective);
-std::string FeatureIdentity(const JobSpec& spec, const v1::TrainingOptions& effective);
+std::string ReconstructIdentity(const JobSpec& spec, const TrainingSettings& settings);
+std::string FeatureIdentity(const JobSpec& spec, const TrainingSettings& settings);
 
 }  // namespace pepeseg

@@ -67,10 +67,9 @@ JobObserver::JobObserver(const WorkerJob& job, const TrainingSettings& settings)
     : stop_(job.stop),
       progress_(job.log),
       reconstruct_checkpoints_(job.folder, job.spec, "reconstruct",
-                               ReconstructIdentity(job.spec, ToProto(settings)),
+                               ReconstructIdentity(job.spec, settings),
                                [this](const std::string& message) { Warn(message); }),
-      feature_checkpoints_(job.folder, job.spec, "features",
-                           FeatureIdentity(job.spec, ToProto(settings)),
+      feature_checkpoints_(job.folder, job.spec, "features", FeatureIdentity(job.spec, settings),
                            [this](const std::string& message) { Warn(message); }) {}
 
 void JobObserver::PlanStages(std::vector<PlannedStage> stages) {

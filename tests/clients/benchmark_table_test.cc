@@ -7,8 +7,6 @@
 #include <fstream>
 
 #include "clients/cli/benchmark_variants.h"
-#include "clients/cpp/option_setting.h"
-#include "pepeseg/v1/training_options.pb.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -194,15 +192,7 @@ TEST(RunRecord, WeightsTheAgreementWithSamByItsMasks) {
   EXPECT_DOUBLE_EQ(run.sam_best_iou, 0.8);
 }
 
-TEST(BenchmarkVariants, HaveOptionsOfTheContract) {
-  ASSERT_GE(AblationVariants().size(), 13u);
-  for (const BenchmarkVariant& variant : AblationVariants()) {
-    for (const std::string& setting : variant.settings) {
-      v1::TrainingOptions options;
-      EXPECT_OK(SetOption(setting, options)) << setting;
-    }
-  }
-}
+TEST(BenchmarkVariants, AreTheRowsOfThePaper) { ASSERT_GE(AblationVariants().size(), 13u); }
 
 }  // namespace
 }  // namespace pepeseg::client::cli

@@ -34,7 +34,12 @@ expect --preset pepeseg train shelf --pre
 expect preview pepeseg train shelf --preset ''
 expect best pepeseg train shelf --preset b
 refuse preview pepeseg train shelf --preset b
-expect reconstruct.num_steps= pepeseg train shelf -o recon
+# The names of options are the server's.
+mkdir bin
+printf '#!/bin/sh\necho "$*" >>asked\necho "OPTION  DEFAULT"\necho "reconstruct.num_steps  10000"\necho "    Number of steps."\n' >bin/pepeseg
+chmod +x bin/pepeseg
+PATH=$work/bin:$PATH expect reconstruct.num_steps= pepeseg train shelf -o recon
+grep -qx -- 'train - --list-options' asked || fail 'the options were not asked for'
 expect --point pepeseg segment shelf --po
 expect --server pepeseg segment shelf --ser
 expect depth pepeseg --server host:1 render shelf --content d

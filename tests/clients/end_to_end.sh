@@ -22,6 +22,12 @@ expect 3 pepeseg datasets shelf 3
 expect 6 pepeseg datasets shelf --delete-upload 2
 expect 6 pepeseg segment shelf --view frame-000000.jpg --point 400,240
 expect 4 pepeseg train shelf --steps 0
+grep -q 'reconstruct.num_steps is "0", must be in \[1, 10000000\]' "$work/errors" || fail 'no range'
+expect 4 pepeseg train shelf -o features.smoth_until=0
+grep -q 'did you mean features.smooth_until?' "$work/errors" || fail 'no option like it is proposed'
+expect 0 pepeseg train shelf --list-options --preset best
+grep -Eq '^features.smooth_until +0.65 +\[0, 1\]$' "$work/output" || fail 'an option is not listed'
+grep -q '^    Share of num_steps in which features are smoothed' "$work/output" || fail 'no description'
 expect 0 pepeseg train shelf --steps 60 --feature-steps 30 --image-scale 0.25 \
   -o features.num_pixels=200
 grep -Eq '^frame-000008.jpg +[0-9.]+ +[0-9.]+$' "$work/output" || fail 'train prints no scores of the views'

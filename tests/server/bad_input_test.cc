@@ -42,7 +42,7 @@ class BadInputTest : public ::testing::Test {
     options.mutable_import()->set_image_scale(0.125);
     options.mutable_reconstruct()->set_num_steps(5);
     options.mutable_features()->set_num_steps(5);
-    options.mutable_features()->set_num_pixels(50);
+    (*options.mutable_advanced())["features.num_pixels"] = "50";
     return options;
   }
 

@@ -1,12 +1,16 @@
 #include "server/api/convert.h"
 
-#include <google/protobuf/text_format.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
-#include <limits>
+#include <map>
 #include <set>
+#include <string>
+#include <variant>
+#include <vector>
 
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "core/train/training_options.h"
 #include "server/api/request_image.h"
 #include "server/store/error_detail.h"
 #include "tests/testing/status_testing.h"
@@ -17,77 +21,133 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-// Sets each number of the message, and of messages in it, to a value that is not the default.
-void SetEveryField(Message* message, int* next) {
-  const auto* reflection = message->GetReflection();
-  for (int i = 0; i < message->GetDescriptor()->field_count(); ++i) {
-    const FieldDescriptor* field = message->GetDescriptor()->field(i);
-    const int value = (*next)++;
-    if (field->is_repeated()) {  // only lists of text
-      reflection->AddString(message, field, std::to_string(value));
-      continue;
-    }
-    switch (field->cpp_type()) {
-      case FieldDescriptor::CPPTYPE_MESSAGE:
-        SetEveryField(reflection->MutableMessage(message, field), next);
-        break;
-      case FieldDescriptor::CPPTYPE_INT32:
-        reflection->SetInt32(message, field, value);
-        break;
-      case FieldDescriptor::CPPTYPE_INT64:
-        reflection->SetInt64(message, field, value);
-        break;
-      case FieldDescriptor::CPPTYPE_UINT64:
-        reflection->SetUInt64(message, field, static_cast<uint64_t>(value));
-        break;
-      case FieldDescriptor::CPPTYPE_FLOAT:
-        reflection->SetFloat(message, field, static_cast<float>(value));
-        break;
-      case FieldDescriptor::CPPTYPE_DOUBLE:
-        reflection->SetDouble(message, field, value);
-        break;
-      case FieldDescriptor::CPPTYPE_BOOL:
-        reflection->SetBool(message, field, false);  // by default they are true
-        break;
-      case FieldDescriptor::CPPTYPE_ENUM:  // which keeps numbers that it does not know
-        reflection->SetEnumValue(message, field, value);
-        break;
-      default:
-        FAIL() << field->full_name() << " has a type that this test does not know";
+// Returns "import.image_scale", ... for all fields of the message.
+std::set<std::string> FieldNames() {
+  std::set<std::string> names;
+  const auto* type = v1::TrainingOptions::descriptor();
+  for (int i = 0; i < type->field_count(); ++i) {
+    const auto* part = type->field(i)->message_type();
+    if (part == nullptr || type->field(i)->is_repeated()) continue;
+    for (int k = 0; k < part->field_count(); ++k) {
+      names.insert(type->field(i)->name() + "." + part->field(k)->name());
     }
   }
+  return names;
 }
 
-void CheckEveryFieldPresent(const Message& message) {
-  const auto* reflection = message.GetReflection();
-  for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
-    const FieldDescriptor* field = message.GetDescriptor()->field(i);
-    if (field->is_repeated()) continue;  // empty by default
-    EXPECT_TRUE(reflection->HasField(message, field)) << field->full_name();
-    if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
-      CheckEveryFieldPresent(reflection->GetMessage(message, field));
-    }
+// Returns all options as "NAME=VALUE".
+std::vector<std::string> Lines(const TrainingSettings& settings) {
+  std::vector<std::string> lines;
+  for (const OptionText& option : ListOptions(settings)) {
+    lines.push_back(option.name + "=" + option.value);
   }
+  return lines;
 }
 
-TEST(TrainingOptions, ConvertsEveryFieldToSettingsAndBack) {
-  v1::TrainingOptions wanted;
-  int next = 100'001;  // no default's value
-  SetEveryField(&wanted, &next);
-  ASSERT_GT(next, 100'027) << "there are more options than this";
+// Returns settings in which no option has its default.
+TrainingSettings Changed() {
   TrainingSettings settings;
-  Overlay(wanted, &settings);
-  EXPECT_EQ(ToProto(settings).DebugString(), wanted.DebugString());
+  VisitOptions(settings, [](const Option& option) {
+    if (const auto* field = std::get_if<WordField>(&option.field)) {
+      const auto& words = field->words;
+      EXPECT_OK(SetOption(option, TextOf(option).value == words[1].first
+                                      ? words[2 % words.size()].first
+                                      : words[1].first));
+    } else if (const auto* on = std::get_if<bool*>(&option.field)) {
+      **on = !**on;
+    } else if (std::get_if<NamesField>(&option.field) != nullptr) {
+      EXPECT_OK(SetOption(option, "a, b.jpg"));
+      EXPECT_OK(SetOption(option, "c.jpg"));
+    } else if (std::get_if<uint64_t*>(&option.field) != nullptr) {
+      EXPECT_OK(SetOption(option, "18446744073709551615"));
+    } else {
+      const std::string high = absl::StrCat(option.range.high);
+      const std::string before = TextOf(option).value;
+      for (const std::string& text :
+           {std::string("0.3"), std::string("3"), std::string("2"), high}) {
+        if (SetOption(option, text).ok() && TextOf(option).value != before) break;
+      }
+      EXPECT_NE(TextOf(option).value, before) << option.name;
+    }
+  });
+  return settings;
 }
 
-TEST(TrainingOptions, KeepsDefaultsOfAbsentFields) {
-  TrainingSettings settings;
-  Overlay(v1::TrainingOptions(), &settings);
+TEST(TrainingOptions, HaveAnOptionForEachField) {
+  std::set<std::string> options;
+  for (const OptionText& option : ListOptions(TrainingSettings())) options.insert(option.name);
+  for (const std::string& field : FieldNames()) EXPECT_TRUE(options.contains(field)) << field;
+  EXPECT_LE(FieldNames().size(), 25u);
+}
+
+TEST(TrainingOptions, ConvertEveryOptionToTheMessageAndBack) {
+  const TrainingSettings settings = Changed();
+  const v1::TrainingOptions proto = ToProto(settings);
+  EXPECT_EQ(proto.advanced_size() + FieldNames().size(), ListOptions(settings).size());
+  EXPECT_EQ(proto.features().seed(), ~uint64_t{0});
+  EXPECT_EQ(proto.import().held_out_views_size(), 2);
+  ASSERT_OK_AND_ASSIGN(const TrainingSettings read, TrainingSettingsFromProto(proto));
+  EXPECT_EQ(Lines(read), Lines(settings));
+}
+
+TEST(TrainingOptions, KeepDefaultsOfAbsentFields) {
+  ASSERT_OK_AND_ASSIGN(const TrainingSettings settings, TrainingSettingsFromProto({}));
+  EXPECT_EQ(Lines(settings), Lines(TrainingSettings()));
   const v1::TrainingOptions effective = ToProto(settings);
-  CheckEveryFieldPresent(effective);
   EXPECT_EQ(effective.reconstruct().num_steps(), ReconstructOptions().num_steps);
-  EXPECT_EQ(effective.features().learning_rate(), FeatureOptions().learning_rate);
   EXPECT_EQ(effective.import().held_out_every(), ImportOptions().held_out_every);
+  EXPECT_EQ(effective.advanced().at("features.smooth_until"), "0.5");
+  EXPECT_TRUE(effective.sfm().has_matching());
+  EXPECT_EQ(effective.sfm().matching(), v1::SFM_MATCHING_UNSPECIFIED);
+}
+
+TEST(TrainingOptions, TakeEveryValueOfTheEnums) {
+  v1::TrainingOptions options;
+  for (int i = 1; i < v1::SfmEngine_ARRAYSIZE; ++i) {
+    options.mutable_sfm()->set_front(static_cast<v1::SfmEngine>(i));
+    ASSERT_OK_AND_ASSIGN(const auto settings, TrainingSettingsFromProto(options));
+    EXPECT_EQ(static_cast<int>(settings.sfm.front), i);
+  }
+  for (int i = 1; i < v1::SfmMatching_ARRAYSIZE; ++i) {
+    options.mutable_sfm()->set_matching(static_cast<v1::SfmMatching>(i));
+    ASSERT_OK_AND_ASSIGN(const auto settings, TrainingSettingsFromProto(options));
+    EXPECT_EQ(static_cast<int>(settings.sfm.matching), i);
+  }
+  for (int i = 1; i < v1::PriorMaker_ARRAYSIZE; ++i) {
+    options.mutable_priors()->set_masks(static_cast<v1::PriorMaker>(i));
+    ASSERT_OK_AND_ASSIGN(const auto settings, TrainingSettingsFromProto(options));
+    EXPECT_EQ(static_cast<int>(settings.priors.masks), i);
+  }
+}
+
+TEST(TrainingOptions, SetAdvancedOptionsLast) {
+  v1::TrainingOptions options;
+  options.set_preset(v1::TRAINING_PRESET_BEST);
+  options.mutable_features()->set_num_steps(7);
+  (*options.mutable_advanced())["features.num_steps"] = "8";
+  (*options.mutable_advanced())["features.smooth_until"] = "0.25";
+  ASSERT_OK_AND_ASSIGN(const auto settings, TrainingSettingsFromProto(options));
+  EXPECT_EQ(settings.features.num_steps, 8);
+  EXPECT_EQ(settings.features.smooth_until, 0.25);
+  EXPECT_EQ(settings.reconstruct.dropout, 0.2f);
+}
+
+TEST(TrainingOptions, RefuseAdvancedOptionsByNameAndRange) {
+  const auto refused = [](const char* name, const char* text) {
+    v1::TrainingOptions options;
+    (*options.mutable_advanced())[name] = text;
+    const absl::Status status = TrainingSettingsFromProto(options).status();
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+    return std::string(status.message());
+  };
+  EXPECT_EQ(refused("features.smoth_until", "0"),
+            "options.advanced: unknown option \"features.smoth_until\"; did you mean "
+            "features.smooth_until?");
+  EXPECT_EQ(refused("features.smooth_until", "2"),
+            "options.advanced: features.smooth_until is \"2\", must be in [0, 1]");
+  EXPECT_EQ(refused("features.num_drawn_neighbors", "5"),
+            "options.features.num_drawn_neighbors is 5, must be in [1, 4]");
+  EXPECT_NE(refused("preset", "best").find("unknown option"), std::string::npos);
 }
 
 TEST(TrainingOptions, FillsAbsentFieldsFromThePreset) {
@@ -108,17 +168,15 @@ TEST(TrainingOptions, FillsAbsentFieldsFromThePreset) {
   EXPECT_GT(best.reconstruct.num_steps, ReconstructOptions().num_steps);
 }
 
-// Lists the names of the fields in which two messages differ.
-std::set<std::string> DifferingFields(const Message& one, const Message& other) {
-  std::set<std::string> names;
-  for (int i = 0; i < one.GetDescriptor()->field_count(); ++i) {
-    const FieldDescriptor* field = one.GetDescriptor()->field(i);
-    std::string a, b;
-    google::protobuf::TextFormat::PrintFieldValueToString(one, field, -1, &a);
-    google::protobuf::TextFormat::PrintFieldValueToString(other, field, -1, &b);
-    if (a != b) names.insert(field->name());
+// Returns the options of one stage, "reconstruct." or "features.", by name.
+std::map<std::string, std::string> OptionsOf(const std::string& stage,
+                                             const TrainingSettings& settings) {
+  std::map<std::string, std::string> options;
+  for (const OptionText& option : ListOptions(settings)) {
+    if (absl::StartsWith(option.name, stage))
+      options[option.name.substr(stage.size())] = option.value;
   }
-  return names;
+  return options;
 }
 
 // A new option must be decided on for the preset "paper": it differs from the default there, or it
@@ -126,19 +184,17 @@ std::set<std::string> DifferingFields(const Message& one, const Message& other) 
 TEST(TrainingOptions, DecidesEveryOptionForThePaper) {
   v1::TrainingOptions options;
   options.set_preset(v1::TRAINING_PRESET_PAPER);
-  const v1::TrainingOptions paper = ToProto(*TrainingSettingsFromProto(options));
-  const v1::TrainingOptions standard = ToProto(*TrainingSettingsFromProto({}));
-  const auto check = [](const Message& of_paper, const Message& of_standard,
-                        std::set<std::string> decided) {
-    for (const std::string& name : DifferingFields(of_paper, of_standard)) {
-      EXPECT_TRUE(decided.insert(name).second) << name << " is listed, but differs";
-    }
-    for (int i = 0; i < of_paper.GetDescriptor()->field_count(); ++i) {
-      const std::string& name = of_paper.GetDescriptor()->field(i)->name();
+  const TrainingSettings paper = *TrainingSettingsFromProto(options);
+  const auto check = [&](const std::string& stage, std::set<std::string> decided) {
+    const auto of_standard = OptionsOf(stage, TrainingSettings());
+    for (const auto& [name, value] : OptionsOf(stage, paper)) {
+      if (of_standard.at(name) != value) {
+        EXPECT_TRUE(decided.insert(name).second) << name << " is listed, but differs";
+      }
       EXPECT_TRUE(decided.contains(name)) << "training_settings.cc does not decide on " << name;
     }
   };
-  check(paper.reconstruct(), standard.reconstruct(),
+  check("reconstruct.",
         {"sh_degree", "ssim_weight", "mean_learning_rate", "log_scale_learning_rate",
          "rotation_learning_rate", "opacity_learning_rate", "sh_learning_rate", "densify_from",
          "densify_every", "densify_gradient", "densify_size", "prune_opacity", "prune_size",
@@ -148,16 +204,15 @@ TEST(TrainingOptions, DecidesEveryOptionForThePaper) {
          "opacity_decay", "closing_share", "dropout_until",
          // Of the run or the capture.
          "num_random_points", "seed", "capture_kind"});
-  check(paper.features(), standard.features(),
-        {"num_steps", "num_pixels", "num_scales", "centroid_from", "centroid_every",
-         "centroid_pixels", "centroid_cosine_upper", "centroid_merge_upper", "perception_weight",
-         "perception_unlabelled_only", "min_mask_agreement",
-         // Not printed.
-         "num_perception_pixels",
-         // Without effect in the preset, or on the result.
-         "closing_share", "steps_per_chunk",
-         // The values of the run.
-         "seed"});
+  check("features.", {"num_steps", "num_pixels", "num_scales", "centroid_from", "centroid_every",
+                      "centroid_pixels", "centroid_cosine_upper", "centroid_merge_upper",
+                      "perception_weight", "perception_unlabelled_only", "min_mask_agreement",
+                      // Not printed.
+                      "num_perception_pixels",
+                      // Without effect in the preset, or on the result.
+                      "closing_share", "steps_per_chunk",
+                      // The values of the run.
+                      "seed"});
 }
 
 TEST(TrainingOptions, EqualsTheDefaultsForStandard) {
@@ -183,6 +238,7 @@ int UnspecifyEveryEnum(Message* message) {
   int count = 0;
   for (int i = 0; i < message->GetDescriptor()->field_count(); ++i) {
     const FieldDescriptor* field = message->GetDescriptor()->field(i);
+    if (field->is_repeated()) continue;
     if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
       count += UnspecifyEveryEnum(reflection->MutableMessage(message, field));
     } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_ENUM) {
@@ -195,7 +251,7 @@ int UnspecifyEveryEnum(Message* message) {
 
 TEST(TrainingOptions, TakesUnspecifiedEnumsAsAbsent) {
   v1::TrainingOptions options;
-  EXPECT_GE(UnspecifyEveryEnum(&options), 8);
+  EXPECT_EQ(UnspecifyEveryEnum(&options), 7);
   const auto unspecified = TrainingSettingsFromProto(options);
   const auto absent = TrainingSettingsFromProto({});
   ASSERT_OK(unspecified);
@@ -205,18 +261,16 @@ TEST(TrainingOptions, TakesUnspecifiedEnumsAsAbsent) {
 
 TEST(TrainingOptions, KeepsAZeroThatIsNoEnum) {
   v1::TrainingOptions options;
-  options.mutable_reconstruct()->set_depth_local_weight(0);
-  TrainingSettings settings;
-  Overlay(options, &settings);
-  EXPECT_EQ(settings.reconstruct.depth_local_weight, 0);
-  ASSERT_NE(ReconstructOptions().depth_local_weight, 0) << "the test needs another default";
+  options.mutable_import()->set_held_out_every(0);
+  EXPECT_EQ(TrainingSettingsFromProto(options)->import.held_out_every, 0);
+  ASSERT_NE(ImportOptions().held_out_every, 0) << "the test needs another default";
 }
 
 TEST(TrainingOptions, NamesTheFieldThatIsOutOfRange) {
   v1::TrainingOptions options;
   options.mutable_import()->set_image_scale(1.5);
   EXPECT_STATUS(TrainingSettingsFromProto(options), absl::StatusCode::kInvalidArgument,
-                "image_scale");
+                "options.import.image_scale is \"1.5\", must be in (0, 1]");
 }
 
 TEST(TrainingOptions, RefusesAnInvalidMakerOfPriors) {
@@ -230,7 +284,8 @@ TEST(TrainingOptions, RefusesAnInvalidMakerOfPriors) {
   options.mutable_priors()->set_masks(static_cast<v1::PriorMaker>(6));
   const auto refused = TrainingSettingsFromProto(options).status();
   EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
-  EXPECT_EQ(refused.message().find("options.priors: masks is 6"), 0u) << refused;
+  EXPECT_EQ(refused.message().find("options.priors.masks is \"6\", must be auto, none"), 0u)
+      << refused;
 }
 
 TEST(TrainingOptions, RefusesSamAsAMakerOfDepth) {
@@ -239,7 +294,7 @@ TEST(TrainingOptions, RefusesSamAsAMakerOfDepth) {
   const auto refused = TrainingSettingsFromProto(options).status();
   EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
   EXPECT_EQ(refused.message(),
-            "options.priors: depth is 4, must be auto, none, embedded or command");
+            "options.priors.depth is \"sam\", must be auto, none, embedded or command");
 }
 
 TEST(SimilarityMap, IsLittleEndianInt16) {

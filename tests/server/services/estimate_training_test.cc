@@ -190,7 +190,8 @@ TEST_F(EstimateTrainingTest, RefusesTrainingsThatDoNotFitBeforeTheyAreQueued) {
   const std::string dataset = running.UploadAndSeal("shelf", Photos());
   v1::TrainingOptions options;
   options.mutable_reconstruct()->set_max_gaussians(100'000'000);
-  options.mutable_reconstruct()->set_pixels_per_gaussian(0);  // else the budget is the limit
+  (*options.mutable_advanced())["reconstruct.pixels_per_gaussian"] =
+      "0";  // else the budget is the limit
   ASSERT_OK_AND_ASSIGN(const auto estimate, Estimate(dataset, options));
   ASSERT_GT(estimate.need_bytes(), estimate.have_bytes()) << "this machine takes anything";
   for (const bool validate_only : {true, false}) {

@@ -2,6 +2,7 @@
 
 #include <thread>
 
+#include "core/train/training_options.h"
 #include "kernels/host_memory.h"
 #include "server/server_parts.h"
 #include "server/worker_protocol/job_folder.h"
@@ -45,6 +46,46 @@ struct JobServiceTest : EmptyScene {
   }
 };
 
+TEST_F(JobServiceTest, ListsEveryOptionWithTheDefaultsOfAPreset) {
+  v1::ListTrainingOptionsRequest request;
+  ASSERT_OK_AND_ASSIGN(const auto standard, Call(&JobStub::ListTrainingOptions, request));
+  EXPECT_EQ(static_cast<size_t>(standard.options_size()), ListOptions(TrainingSettings()).size());
+  request.set_preset(v1::TRAINING_PRESET_PREVIEW);
+  ASSERT_OK_AND_ASSIGN(const auto preview, Call(&JobStub::ListTrainingOptions, request));
+  ASSERT_EQ(preview.options_size(), standard.options_size());
+  for (int i = 0; i < preview.options_size(); ++i) {
+    const v1::TrainingOption& option = preview.options(i);
+    EXPECT_NE(option.description(), "") << option.name();
+    if (option.name() != "reconstruct.num_steps") continue;
+    EXPECT_EQ(option.default_value(), "2000");
+    EXPECT_EQ(standard.options(i).default_value(), "10000");
+    EXPECT_EQ(option.range(), "[1, 10000000]");
+  }
+  request.set_preset(static_cast<v1::TrainingPreset>(9));
+  EXPECT_ERROR(Call(&JobStub::ListTrainingOptions, request), grpc::INVALID_ARGUMENT,
+               {.message = "options.preset is 9"});
+}
+
+TEST_F(JobServiceTest, TakesTheSameOptionsInAnyOrderForARepeatedRequest) {
+  auto request = Request("fine");
+  request.set_request_id("5c2cf5a2-9be0-4f39-a0cb-5f0e9dd0b6c1");
+  auto& advanced = *request.mutable_options()->mutable_advanced();
+  for (int i = 0; i < 2; ++i) {
+    advanced.clear();
+    for (const char* name : {"features.smooth_until", "features.mask_share", "features.fine_first",
+                             "reconstruct.dropout", "reconstruct.densify_until"}) {
+      if (i == 0) advanced[name] = "0.25";
+    }
+    for (const char* name :
+         {"reconstruct.densify_until", "reconstruct.dropout", "features.fine_first",
+          "features.mask_share", "features.smooth_until"}) {
+      advanced[name] = "0.25";
+    }
+    ASSERT_OK_AND_ASSIGN(const auto job, Train(request));
+    EXPECT_EQ(job.name(), "jobs/j1");
+  }
+}
+
 TEST_F(JobServiceTest, TrainsAndReportsEverything) {
   auto request = Request("fine");
   request.mutable_options()->mutable_reconstruct()->set_num_steps(77);
@@ -52,7 +93,7 @@ TEST_F(JobServiceTest, TrainsAndReportsEverything) {
   EXPECT_EQ(job.name(), "jobs/j1");
   EXPECT_EQ(job.device(), "");  // not started yet
   EXPECT_EQ(job.effective_options().reconstruct().num_steps(), 77);
-  EXPECT_TRUE(job.effective_options().features().has_learning_rate());
+  EXPECT_EQ(job.effective_options().advanced().at("features.learning_rate"), "0.01");
   const Watched watched = Watch(job.name());
   ASSERT_OK(watched.status);
   ASSERT_GE(watched.events.size(), 1u);

@@ -22,7 +22,7 @@ class WorkerCheckpointTest : public WorkerTest {
  protected:
   WorkerCheckpointTest() {
     spec_.options.mutable_reconstruct()->set_num_steps(400);
-    spec_.options.mutable_reconstruct()->set_densify_every(50);
+    (*spec_.options.mutable_advanced())["reconstruct.densify_every"] = "50";
     spec_.checkpoint_steps = 10;
   }
 

@@ -43,10 +43,10 @@ class WorkerTest : public ::testing::Test {
     // 80x60 pixels and few steps: all stages run, and quality does not matter.
     spec_.options.mutable_import()->set_image_scale(0.125);
     spec_.options.mutable_reconstruct()->set_num_steps(60);
-    spec_.options.mutable_reconstruct()->set_num_random_points(500);
+    (*spec_.options.mutable_advanced())["reconstruct.num_random_points"] = "500";
     spec_.options.mutable_features()->set_num_steps(20);
-    spec_.options.mutable_features()->set_num_pixels(200);
-    spec_.options.mutable_features()->set_steps_per_chunk(20);
+    (*spec_.options.mutable_advanced())["features.num_pixels"] = "200";
+    (*spec_.options.mutable_advanced())["features.steps_per_chunk"] = "20";
   }
 
   // Writes the spec with the digest of each file, as the supervisor does. Keeps digests that are

@@ -54,7 +54,7 @@ class WorkerPriorsTest : public WorkerTest {
     });
     spec_.options.mutable_reconstruct()->set_num_steps(5);
     spec_.options.mutable_features()->set_num_steps(5);
-    spec_.options.mutable_features()->set_steps_per_chunk(5);
+    (*spec_.options.mutable_advanced())["features.steps_per_chunk"] = "5";
     std::filesystem::create_directories(Shared(""));
   }
 
@@ -107,7 +107,7 @@ class WorkerPriorsTest : public WorkerTest {
 };
 
 TEST_F(WorkerPriorsTest, MakesEmbeddedPriorsWithoutACommand) {
-  spec_.options.mutable_reconstruct()->set_depth_weight(-1);
+  (*spec_.options.mutable_advanced())["reconstruct.depth_weight"] = "-1";
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Sources(), UnorderedElementsAre(Pair("poses", "given"), Pair("masks", "embedded"),
                                               Pair("depth", "embedded")));

@@ -36,7 +36,7 @@ class WithSam : public Test {
   WithSam() : sam_(folder_.path() / "sam") {
     spec_.options.mutable_reconstruct()->set_num_steps(5);
     spec_.options.mutable_features()->set_num_steps(5);
-    spec_.options.mutable_features()->set_steps_per_chunk(5);
+    (*spec_.options.mutable_advanced())["features.steps_per_chunk"] = "5";
     testing::MakeFakeSam(sam_);
     spec_.worker.sam = sam_;
   }

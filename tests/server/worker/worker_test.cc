@@ -145,7 +145,7 @@ TEST_F(WorkerTest, ReportsALackOfMemory) {
   std::erase_if(spec_.files, [](const JobSpecFile& file) {
     return file.name.find("points3D") != std::string::npos;
   });
-  spec_.options.mutable_reconstruct()->set_num_random_points(10'000'000);
+  (*spec_.options.mutable_advanced())["reconstruct.num_random_points"] = "10000000";
   spec_.options.mutable_reconstruct()->set_max_gaussians(10'000'000);
   ExpectExit(Run(), WorkerExit::kFailed);
   ASSERT_OK_AND_ASSIGN(const auto result, job_.ReadResult(1));

@@ -29,7 +29,7 @@ TEST_F(JobFolderTest, ReadsASpecAsWritten) {
   spec.files = {{"images/ä \"quoted\".jpg", 1, "/blobs/ab", "ab"},
                 {"sparse/0/images.bin", 2, "/b", ""}};
   spec.options.mutable_reconstruct()->set_seed(18446744073709551615u);
-  spec.options.mutable_reconstruct()->set_mean_learning_rate(1.6e-4f);
+  (*spec.options.mutable_advanced())["reconstruct.mean_learning_rate"] = "1.6e-4";
   spec.device = "cuda:1";
   spec.num_threads = 4;
   spec.memory_limit = int64_t{1} << 40;
@@ -56,7 +56,7 @@ TEST_F(JobFolderTest, ReadsASpecAsWritten) {
   EXPECT_EQ(read.files[0].name, spec.files[0].name);
   EXPECT_EQ(read.files[1].kind, 2);
   EXPECT_EQ(read.files[1].path, "/b");
-  EXPECT_EQ(read.options.SerializeAsString(), spec.options.SerializeAsString());
+  EXPECT_EQ(read.options.DebugString(), spec.options.DebugString());
   EXPECT_EQ(read.num_threads, 4);
   EXPECT_EQ(read.memory_limit, spec.memory_limit);
   EXPECT_EQ(read.worker, spec.worker);

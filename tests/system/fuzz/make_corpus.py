@@ -242,8 +242,10 @@ def make_requests():
         % (digest, digest)))
     put("train_request", "options", message("TrainSceneRequest", (
         'scene: "scenes/shelf" dataset: "scenes/shelf/datasets/1" options { import { image_scale: '
-        "0.5 } reconstruct { num_steps: 100 sh_degree: 1 max_gaussians: 5000 } features { "
-        "num_steps: 5 num_pixels: 50 } sfm { max_features: 100 } priors { masks: PRIOR_MAKER_NONE } }")))
+        "0.5 } reconstruct { num_steps: 100 max_gaussians: 5000 } features { num_steps: 5 } "
+        "sfm { max_features: 128 } priors { masks: PRIOR_MAKER_NONE } "
+        'advanced { key: "reconstruct.sh_degree" value: "1" } '
+        'advanced { key: "features.scale_mapping" value: "even" } }')))
     put("train_request", "defaults", message("TrainSceneRequest", 'scene: "scenes/shelf"'))
     png_text = "".join("\\%03o" % b for b in png(32, 32))
     prompts = {
@@ -319,6 +321,7 @@ def make_calls(evaluate):
         "RenderView": MODEL + 'viewpoint { view: "middle.jpg" } content: CONTENT_DEPTH',
         "ExportGaussians": MODEL + "subset { segment { level: 1 id: 1 } }",
         "ListJobs": "page_size: 3", "GetModel": 'name: "scenes/shelf/models/live"', "ListScenes": "page_size: 3",
+        "ListTrainingOptions": "preset: TRAINING_PRESET_BEST",
         "ListViews": 'parent: "scenes/shelf/models/live"',
     }
     for index, (method, kind) in enumerate(services()):

@@ -106,8 +106,8 @@ v1::TrainingOptions FewSteps() {
   options.mutable_import()->set_image_scale(0.125);
   options.mutable_reconstruct()->set_num_steps(60);
   options.mutable_features()->set_num_steps(20);
-  options.mutable_features()->set_num_pixels(200);
-  options.mutable_features()->set_steps_per_chunk(20);
+  (*options.mutable_advanced())["features.num_pixels"] = "200";
+  (*options.mutable_advanced())["features.steps_per_chunk"] = "20";
   return options;
 }
 

@@ -28,8 +28,8 @@ v1::TrainingOptions Options() {
   options.mutable_import()->set_image_scale(0.25);
   options.mutable_reconstruct()->set_num_steps(1500);
   options.mutable_features()->set_num_steps(300);
-  options.mutable_features()->set_num_pixels(300);
-  options.mutable_features()->set_steps_per_chunk(50);
+  (*options.mutable_advanced())["features.num_pixels"] = "300";
+  (*options.mutable_advanced())["features.steps_per_chunk"] = "50";
   return options;
 }
 

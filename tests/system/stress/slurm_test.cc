@@ -47,8 +47,8 @@ class SlurmTest : public ::testing::Test {
     options.mutable_import()->set_image_scale(0.25);
     options.mutable_reconstruct()->set_num_steps(num_steps);
     options.mutable_features()->set_num_steps(100);
-    options.mutable_features()->set_num_pixels(300);
-    options.mutable_features()->set_steps_per_chunk(50);
+    (*options.mutable_advanced())["features.num_pixels"] = "300";
+    (*options.mutable_advanced())["features.steps_per_chunk"] = "50";
     const auto job = client.Train("shelf", dataset.value_or(""), options);
     EXPECT_OK(job);
     return job.ok() ? job->name() : "";

@@ -44,7 +44,6 @@ from pepeseg.png import Picture
 from pepeseg.scenes import Model, Scene
 from pepeseg.segmentation import Proposal, Segmentation, ViewMask
 from pepeseg.subsets import Decomposition, Export, Level, Segment
-from pepeseg.training import option_names
 from pepeseg.upload import SealedDataset
 
 __version__ = "0.1.0"
@@ -96,7 +95,6 @@ __all__ = [
     "View",
     "ViewMask",
     "aio",
-    "option_names",
     "read_folder",
     "stage_name",
     "term_name",

@@ -230,6 +230,7 @@ class Client(SceneClient):
     start_training = awaited(training.start_training)
     wait = awaited(of_jobs.wait)
     estimate = awaited(training.estimate)
+    list_options = awaited(training.list_options)
     cancel = awaited(of_jobs.cancel)
     jobs = awaited(of_jobs.list_jobs)
 

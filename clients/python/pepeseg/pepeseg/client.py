@@ -139,6 +139,7 @@ class Client(SceneClient):
     start_training = blocking(training.start_training)
     wait = blocking(of_jobs.wait)
     estimate = blocking(training.estimate)
+    list_options = blocking(training.list_options)
     cancel = blocking(of_jobs.cancel)
     jobs = blocking(of_jobs.list_jobs)
 

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-import difflib
-from typing import Any, Union
+from typing import Union
 
-from google.protobuf import json_format
-from google.protobuf.message import Message
 import grpc
 
 from pepeseg import errors
@@ -22,47 +19,29 @@ Options = Mapping[str, Union[bool, int, float, str, Sequence[str]]]
 PRESETS = ("preview", "standard", "best", "paper")
 
 
-def option_names() -> list[str]:
-    """Returns the names of all options, such as "reconstruct.num_steps" and "preset"."""
-    names = []
-    for field in training_options_pb2.TrainingOptions.DESCRIPTOR.fields:
-        if field.message_type is None:
-            names.append(field.name)
-        else:
-            names += [f"{field.name}.{option.name}" for option in field.message_type.fields]
-    return names
-
-
-def _enum_name(field: Any, value: str) -> str:
-    """Returns an enum's value by its name, with or without the prefix of all values: "patch"."""
-    wanted = value.upper()
-    for known in field.enum_type.values:
-        if known.name == wanted or known.name.endswith("_" + wanted):
-            name: str = known.name
-            return name
-    return value
+def _text(value: object) -> str:
+    """Returns a value as the server reads it: True is "true"."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def to_options(options: Options) -> training_options_pb2.TrainingOptions:
+    """Returns the message for options by name. The server, which lists them, reads the values."""
     message = training_options_pb2.TrainingOptions()
     for name, value in options.items():
-        stage, _, option = name.rpartition(".")
-        parent = getattr(message, stage, None) if stage else message
-        fields = parent.DESCRIPTOR.fields_by_name if isinstance(parent, Message) else {}
-        field = fields.get(option)
-        if field is None or field.message_type is not None:
-            near = difflib.get_close_matches(name, option_names(), n=3)
-            meant = f"; did you mean {' or '.join(near)}?" if near else ""
-            raise errors.refused(f'no option "{name}"{meant} option_names() lists all')
-        if field.enum_type is not None:
-            value = _enum_name(field, str(value))
-        if field.label == field.LABEL_REPEATED and isinstance(value, str):
-            value = [value]
-        try:
-            json_format.ParseDict({option: value}, parent)
-        except json_format.ParseError as error:
-            raise errors.refused(f'option {name}: "{value}" is refused: {error}') from error
+        if name == "preset":
+            message.preset = _preset(str(value))
+        elif name == "import.held_out_views":
+            views = [value] if isinstance(value, str) else value
+            getattr(message, "import").held_out_views.extend(views)
+        else:
+            message.advanced[name] = _text(value)
     return message
+
+
+def _preset(name: str) -> training_options_pb2.TrainingPreset:
+    if name not in PRESETS:
+        raise errors.refused(f'preset "{name}": must be one of {", ".join(PRESETS)}')
+    return training_options_pb2.TrainingPreset.Value(f"TRAINING_PRESET_{name.upper()}")
 
 
 def _merge(
@@ -72,8 +51,6 @@ def _merge(
     image_scale: float | None,
     options: Options | None,
 ) -> training_options_pb2.TrainingOptions:
-    if preset is not None and preset not in PRESETS:
-        raise errors.refused(f'preset "{preset}": must be one of {", ".join(PRESETS)}')
     short = {
         "preset": preset,
         "reconstruct.num_steps": steps,
@@ -117,7 +94,7 @@ def start_training(
             None: "standard".
         steps, feature_steps: number of steps of the reconstruction and of the feature training.
         image_scale: factor by which the photographs are shrunk, (0, 1].
-        options: any option by name, such as {"reconstruct.sh_degree": 2}; `option_names()` lists
+        options: any option by name, such as {"reconstruct.sh_degree": 2}; `list_options()` lists
             all.
         dataset: number or name; None: the newest.
 
@@ -195,3 +172,20 @@ def estimate(
         "jobs", "EstimateTraining", request, at.scene
     )
     return answer
+
+
+def list_options(
+    at: Place, *, preset: str | None = None
+) -> Steps[list[job_service_pb2.TrainingOption]]:
+    """Lists every option of a training: name, default_value, range and description.
+
+    Args:
+        preset: whose values are the defaults; None: "standard".
+    """
+    request = job_service_pb2.ListTrainingOptionsRequest()
+    if preset is not None:
+        request.preset = _preset(preset)
+    answer: job_service_pb2.ListTrainingOptionsResponse = yield Unary(
+        "jobs", "ListTrainingOptions", request, at.scene
+    )
+    return list(answer.options)

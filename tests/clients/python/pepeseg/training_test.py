@@ -14,46 +14,47 @@ from pepeseg.v1 import job_service_pb2, training_options_pb2
 
 
 class TestOptions:
-    def test_every_name_is_an_option(self):
-        names = pepeseg.option_names()
-        assert {"reconstruct.num_steps", "features.seed", "preset"} <= set(names)
-        assert len(names) == len(set(names)) > 50
+    def test_every_option_is_listed_with_its_default_and_range(self, client):
+        options = {option.name: option for option in client.list_options()}
+        assert options["features.smooth_until"].default_value == "0.5"
+        assert options["features.smooth_until"].range == "[0, 1]"
+        assert "smoothed" in options["features.smooth_until"].description
+        best = {option.name: option.default_value for option in client.list_options(preset="best")}
+        assert best["features.smooth_until"] == "0.65" and len(best) == len(options) > 100
 
     def test_takes_values_of_every_type(self):
         options = to_options(
             {
                 "reconstruct.num_steps": 7,
                 "reconstruct.depth_local_form": "patch",
-                "reconstruct.seed": "11",
                 "features.perception_cross_view": False,
                 "import.image_scale": 0.5,
+                "import.held_out_views": ["a.jpg", "b.jpg"],
                 "preset": "preview",
             }
         )
-        assert options.reconstruct.num_steps == 7
-        assert options.reconstruct.depth_local_form == training_options_pb2.DEPTH_LOCAL_FORM_PATCH
-        assert options.reconstruct.seed == 11
-        assert options.features.HasField("perception_cross_view")
+        assert dict(options.advanced) == {
+            "reconstruct.num_steps": "7",
+            "reconstruct.depth_local_form": "patch",
+            "features.perception_cross_view": "false",
+            "import.image_scale": "0.5",
+        }
         assert options.preset == training_options_pb2.TRAINING_PRESET_PREVIEW
-        assert getattr(options, "import").image_scale == 0.5
+        assert getattr(options, "import").held_out_views == ["a.jpg", "b.jpg"]
 
     @pytest.mark.parametrize(
-        "name, value",
+        "name, value, message",
         [
-            ("steps", 1),
-            ("reconstruct", 1),
-            ("reconstruct.none", 1),
-            ("preset.none", 1),
-            ("reconstruct.num_steps", "many"),
+            ("steps", 1, "unknown option"),
+            ("reconstruct", 1, "unknown option"),
+            ("reconstruct.num_step", 1, "mean reconstruct.num_steps"),
+            ("reconstruct.num_steps", "many", r"must be in \[1, 10000000\]"),
+            ("features.smooth_until", 2, r"must be in \[0, 1\]"),
         ],
     )
-    def test_unknown_options_and_values_are_refused_before_sending(self, name, value):
-        with pytest.raises(pepeseg.InvalidArgumentError, match=name):
-            to_options({name: value})
-
-    def test_a_similar_option_is_suggested(self):
-        with pytest.raises(pepeseg.InvalidArgumentError, match="mean reconstruct.num_steps"):
-            to_options({"reconstruct.num_step": 1})
+    def test_unknown_options_and_values_are_refused(self, client, name, value, message):
+        with pytest.raises(pepeseg.InvalidArgumentError, match=message):
+            client.estimate(options={name: value})
 
     def test_presets_have_the_names_of_the_contract(self, client):
         names = training_options_pb2.TrainingPreset.keys()

@@ -284,6 +284,18 @@ class ListJobsResponse(_message.Message):
     next_page_token: str
     def __init__(self, jobs: _Optional[_Iterable[_Union[Job, _Mapping]]] = ..., next_page_token: _Optional[str] = ...) -> None: ...
 
+class ListTrainingOptionsRequest(_message.Message):
+    __slots__ = ["preset"]
+    PRESET_FIELD_NUMBER: _ClassVar[int]
+    preset: _training_options_pb2.TrainingPreset
+    def __init__(self, preset: _Optional[_Union[_training_options_pb2.TrainingPreset, str]] = ...) -> None: ...
+
+class ListTrainingOptionsResponse(_message.Message):
+    __slots__ = ["options"]
+    OPTIONS_FIELD_NUMBER: _ClassVar[int]
+    options: _containers.RepeatedCompositeFieldContainer[TrainingOption]
+    def __init__(self, options: _Optional[_Iterable[_Union[TrainingOption, _Mapping]]] = ...) -> None: ...
+
 class TrainSceneRequest(_message.Message):
     __slots__ = ["dataset", "options", "request_id", "scene", "validate_only"]
     DATASET_FIELD_NUMBER: _ClassVar[int]
@@ -297,6 +309,18 @@ class TrainSceneRequest(_message.Message):
     scene: str
     validate_only: bool
     def __init__(self, scene: _Optional[str] = ..., dataset: _Optional[str] = ..., options: _Optional[_Union[_training_options_pb2.TrainingOptions, _Mapping]] = ..., request_id: _Optional[str] = ..., validate_only: bool = ...) -> None: ...
+
+class TrainingOption(_message.Message):
+    __slots__ = ["default_value", "description", "name", "range"]
+    DEFAULT_VALUE_FIELD_NUMBER: _ClassVar[int]
+    DESCRIPTION_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    RANGE_FIELD_NUMBER: _ClassVar[int]
+    default_value: str
+    description: str
+    name: str
+    range: str
+    def __init__(self, name: _Optional[str] = ..., default_value: _Optional[str] = ..., range: _Optional[str] = ..., description: _Optional[str] = ...) -> None: ...
 
 class WatchJobRequest(_message.Message):
     __slots__ = ["after_sequence", "name"]

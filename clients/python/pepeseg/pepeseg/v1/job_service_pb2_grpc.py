@@ -26,6 +26,11 @@ class JobServiceStub(object):
                 request_serializer=pepeseg_dot_v1_dot_job__service__pb2.EstimateTrainingRequest.SerializeToString,
                 response_deserializer=pepeseg_dot_v1_dot_job__service__pb2.EstimateTrainingResponse.FromString,
                 )
+        self.ListTrainingOptions = channel.unary_unary(
+                '/pepeseg.v1.JobService/ListTrainingOptions',
+                request_serializer=pepeseg_dot_v1_dot_job__service__pb2.ListTrainingOptionsRequest.SerializeToString,
+                response_deserializer=pepeseg_dot_v1_dot_job__service__pb2.ListTrainingOptionsResponse.FromString,
+                )
         self.GetJob = channel.unary_unary(
                 '/pepeseg.v1.JobService/GetJob',
                 request_serializer=pepeseg_dot_v1_dot_job__service__pb2.GetJobRequest.SerializeToString,
@@ -76,6 +81,13 @@ class JobServiceServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
+    def ListTrainingOptions(self, request, context):
+        """Lists every option of a training, with its default, range and description.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
     def GetJob(self, request, context):
         """Returns a job with its newest progress.
         """
@@ -120,6 +132,11 @@ def add_JobServiceServicer_to_server(servicer, server):
                     servicer.EstimateTraining,
                     request_deserializer=pepeseg_dot_v1_dot_job__service__pb2.EstimateTrainingRequest.FromString,
                     response_serializer=pepeseg_dot_v1_dot_job__service__pb2.EstimateTrainingResponse.SerializeToString,
+            ),
+            'ListTrainingOptions': grpc.unary_unary_rpc_method_handler(
+                    servicer.ListTrainingOptions,
+                    request_deserializer=pepeseg_dot_v1_dot_job__service__pb2.ListTrainingOptionsRequest.FromString,
+                    response_serializer=pepeseg_dot_v1_dot_job__service__pb2.ListTrainingOptionsResponse.SerializeToString,
             ),
             'GetJob': grpc.unary_unary_rpc_method_handler(
                     servicer.GetJob,
@@ -184,6 +201,23 @@ class JobService(object):
         return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.JobService/EstimateTraining',
             pepeseg_dot_v1_dot_job__service__pb2.EstimateTrainingRequest.SerializeToString,
             pepeseg_dot_v1_dot_job__service__pb2.EstimateTrainingResponse.FromString,
+            options, channel_credentials,
+            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
+
+    @staticmethod
+    def ListTrainingOptions(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.JobService/ListTrainingOptions',
+            pepeseg_dot_v1_dot_job__service__pb2.ListTrainingOptionsRequest.SerializeToString,
+            pepeseg_dot_v1_dot_job__service__pb2.ListTrainingOptionsResponse.FromString,
             options, channel_credentials,
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
 
