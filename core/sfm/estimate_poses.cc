@@ -29,9 +29,6 @@ namespace {
 constexpr size_t kMostExhaustive = 200;
 constexpr char kProgramFile[] = "program.txt";
 constexpr char kOwnMapper[] = "pepeseg";
-// With SfmEngine::kAuto, COLMAP maps fewer photographs than this: it takes a core second, and is
-// more accurate on apc_shelf (15 photographs, tests/bench/results/poses.md).
-constexpr size_t kFewestForOwnMapper = 20;
 
 using Words = std::vector<std::string>;
 
@@ -204,8 +201,10 @@ std::vector<SfmPhotograph> PoseEstimation::PhotographsInDatabase() const {
 // only, so that its mapper is the one for them.
 absl::StatusOr<bool> PoseEstimation::MapByOwn() {
   if (options_.mapper == SfmEngine::kColmap) return false;
-  if (options_.mapper == SfmEngine::kAuto && photographs_.size() < kFewestForOwnMapper)
+  if (options_.mapper == SfmEngine::kAuto &&
+      static_cast<int64_t>(photographs_.size()) < kFewestForOwnMapper) {
     return false;
+  }
   std::string refusal = "COLMAP matched the photographs";
   if (compared_) {
     const std::vector<SfmPhotograph> in_order = PhotographsInDatabase();

@@ -70,6 +70,7 @@ void Enlarge(const ComparedDatabase& compared, double scale, GlobalModel& model)
     lens.width = compared.features.cameras[i].width;
     lens.height = compared.features.cameras[i].height;
     lens.focal /= scale;
+    lens.shift /= scale;
   }
 }
 

@@ -88,8 +88,10 @@ SfmWork ExpectedSfmWork(const SfmLoad& load, const SfmOptions& options) {
   work.matching = options.front == SfmEngine::kColmap
                       ? kColmapMatch * features * compared
                       : (share * kOwnMatch * features * features + kVerify) * compared;
+  const bool by_number =
+      options.mapper == SfmEngine::kAuto && load.num_photographs < kFewestForOwnMapper;
   const bool own_mapper =
-      options.mapper != SfmEngine::kColmap && options.front != SfmEngine::kColmap;
+      options.mapper != SfmEngine::kColmap && options.front != SfmEngine::kColmap && !by_number;
   work.mapping = own_mapper ? kOwnPlacing * n : kMapping * n * n;
   work.mapping_threads = own_mapper ? kOwnPlacingThreads : 1;
   return work;

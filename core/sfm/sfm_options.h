@@ -22,6 +22,10 @@ enum class SfmEngine {
   kColmap = 2,  // COLMAP
 };
 
+// With SfmEngine::kAuto, COLMAP maps fewer photographs than this, in less than a core second: the
+// own mapper was not compared on fewer (tests/bench/results/poses.md).
+inline constexpr int64_t kFewestForOwnMapper = 10;
+
 // Options of stage "sfm", which estimates the poses of photographs.
 struct SfmOptions {
   // Which photographs are matched with each other.
@@ -43,7 +47,7 @@ struct SfmOptions {
   // Who finds features (core/sfm/features).
   SfmEngine features = SfmEngine::kAuto;
   // Who places the photographs (core/sfm/mapper). auto: COLMAP if it matched them, or if there are
-  // fewer than 20.
+  // fewer than 10.
   SfmEngine mapper = SfmEngine::kAuto;
 };
 // Passes each option with its range to `visit`.

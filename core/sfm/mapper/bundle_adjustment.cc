@@ -14,15 +14,18 @@ namespace {
 
 using Matrix2x3 = Eigen::Matrix<double, 2, 3>;
 using Matrix2x6 = Eigen::Matrix<double, 2, 6>;
-using Matrix2x2 = Eigen::Matrix2d;
 using Matrix6x3 = Eigen::Matrix<double, 6, 3>;
 
 constexpr int64_t kPointsPerTask = 256;
+// Unknowns of a lens: focal length, k1, and the principal point.
+constexpr int kLens = 4;
+using Matrix2xL = Eigen::Matrix<double, 2, kLens>;
+using MatrixLx3 = Eigen::Matrix<double, kLens, 3>;
 
 // The linearised observation of a point. Rows are scaled by the root of the loss's weight.
 struct Linear {
   Matrix2x6 pose;
-  Matrix2x2 lens;
+  Matrix2xL lens;
   Matrix2x3 point;
   Eigen::Vector2d residual;
 };
@@ -32,7 +35,7 @@ struct Linear {
 struct PointEquations {
   Eigen::Matrix3d inverse;
   Eigen::Vector3d gradient;
-  std::vector<std::pair<int, Eigen::Matrix<double, 2, 3>>> lens;
+  std::vector<std::pair<int, MatrixLx3>> lens;
 };
 
 // An adjustment of one model.
@@ -48,7 +51,7 @@ class Bundle {
       members_.push_back(static_cast<uint32_t>(i));
     }
     lens_begin_ = static_cast<Eigen::Index>(6 * members_.size());
-    size_ = lens_begin_ + static_cast<Eigen::Index>(2 * model.lenses.size());
+    size_ = lens_begin_ + static_cast<Eigen::Index>(kLens * model.lenses.size());
     seen_by_.resize(photographs.size());
     begin_.push_back(0);
     for (uint32_t p = 0; p < model.points.size(); ++p) {
@@ -75,14 +78,19 @@ class Bundle {
     });
   }
   int GroupOf(const Observation& o) const { return photographs_[o.photograph].camera_group; }
-  Eigen::Index LensColumn(int group) const { return lens_begin_ + 2 * group; }
+  bool FreesCentre(size_t group) const {
+    return group < options_.free_centres.size() && options_.free_centres[group];
+  }
+  Eigen::Index LensColumn(int group) const { return lens_begin_ + kLens * group; }
 
   double Cost();
   void Linearise(const Observation& o, const Eigen::Vector3d& position, Linear& linear) const;
   void EliminatePoint(uint32_t p, double damping);
   void FillLensRows(double damping);
   void FillPhotograph(uint32_t photograph, double damping);
+  // Builds the reduced equations and solves them.
   bool Solve(double damping, Eigen::VectorXd& step);
+  std::vector<Eigen::Vector2d> CentreDeviations(double cost);
   void Apply(const Eigen::VectorXd& step);
 
   std::span<const MapperPhotograph> photographs_;
@@ -148,6 +156,8 @@ void Bundle::Linearise(const Observation& o, const Eigen::Vector3d& position,
     // The focal length's step is relative.
     linear.lens.col(0) = root * lens.focal * factor * u;
     linear.lens.col(1) = root * lens.focal * rr * u;
+    linear.lens.rightCols<2>().setZero();
+    if (FreesCentre(GroupOf(o))) linear.lens.rightCols<2>() = root * Eigen::Matrix2d::Identity();
   }
   linear.residual *= root;
 }
@@ -166,7 +176,7 @@ void Bundle::EliminatePoint(uint32_t p, double damping) {
     auto found = std::find_if(equations.lens.begin(), equations.lens.end(),
                               [&](const auto& entry) { return entry.first == group; });
     if (found == equations.lens.end()) {
-      found = equations.lens.insert(found, {group, Eigen::Matrix<double, 2, 3>::Zero()});
+      found = equations.lens.insert(found, {group, MatrixLx3::Zero()});
     }
     found->second += linear.lens.transpose() * linear.point;
   }
@@ -178,23 +188,24 @@ void Bundle::EliminatePoint(uint32_t p, double damping) {
 void Bundle::FillLensRows(double damping) {
   for (size_t i = 0; i < observations_.size(); ++i) {
     const Eigen::Index column = LensColumn(GroupOf(observations_[i]));
-    matrix_.block<2, 2>(column, column) += linear_[i].lens.transpose() * linear_[i].lens;
-    right_.segment<2>(column) -= linear_[i].lens.transpose() * linear_[i].residual;
+    matrix_.block<kLens, kLens>(column, column) += linear_[i].lens.transpose() * linear_[i].lens;
+    right_.segment<kLens>(column) -= linear_[i].lens.transpose() * linear_[i].residual;
   }
   for (size_t g = 0; g < model_.lenses.size(); ++g) {
-    for (Eigen::Index i = LensColumn(static_cast<int>(g)); i < LensColumn(static_cast<int>(g)) + 2;
-         ++i) {
+    for (Eigen::Index i = LensColumn(static_cast<int>(g));
+         i < LensColumn(static_cast<int>(g)) + kLens; ++i) {
       // A lens that nothing moves keeps its place.
       matrix_(i, i) += damping * matrix_(i, i) + (matrix_(i, i) > 0 ? 1e-12 : 1.0);
     }
   }
   for (const PointEquations& equations : equations_) {
     for (const auto& [a, coupling_a] : equations.lens) {
-      const Eigen::Matrix<double, 2, 3> reach = coupling_a * equations.inverse;
-      right_.segment<2>(LensColumn(a)) += reach * equations.gradient;
+      const MatrixLx3 reach = coupling_a * equations.inverse;
+      right_.segment<kLens>(LensColumn(a)) += reach * equations.gradient;
       for (const auto& [b, coupling_b] : equations.lens) {
         if (b >= a) {
-          matrix_.block<2, 2>(LensColumn(a), LensColumn(b)) -= reach * coupling_b.transpose();
+          matrix_.block<kLens, kLens>(LensColumn(a), LensColumn(b)) -=
+              reach * coupling_b.transpose();
         }
       }
     }
@@ -210,7 +221,7 @@ void Bundle::FillPhotograph(uint32_t photograph, double damping) {
     const Linear& linear = linear_[i];
     own += linear.pose.transpose() * linear.pose;
     right_.segment<6>(row) -= linear.pose.transpose() * linear.residual;
-    matrix_.block<6, 2>(row, own_lens) += linear.pose.transpose() * linear.lens;
+    matrix_.block<6, kLens>(row, own_lens) += linear.pose.transpose() * linear.lens;
   }
   for (int k = 0; k < 6; ++k) own(k, k) += damping * own(k, k) + (own(k, k) > 0 ? 1e-12 : 1.0);
   matrix_.block<6, 6>(row, row) += own;
@@ -221,7 +232,7 @@ void Bundle::FillPhotograph(uint32_t photograph, double damping) {
     const Matrix6x3 reach = coupling * equations.inverse;
     right_.segment<6>(row).noalias() += reach * equations.gradient;
     for (const auto& [group, lens] : equations.lens) {
-      matrix_.block<6, 2>(row, LensColumn(group)).noalias() -= reach * lens.transpose();
+      matrix_.block<6, kLens>(row, LensColumn(group)).noalias() -= reach * lens.transpose();
     }
     for (uint32_t j = begin_[p]; j < begin_[p + 1]; ++j) {
       const Eigen::Index other = column_[observations_[j].photograph];
@@ -247,6 +258,28 @@ bool Bundle::Solve(double damping, Eigen::VectorXd& step) {
   return step.allFinite();
 }
 
+// Reads the variances of the lenses from the inverse of the undamped reduced matrix.
+std::vector<Eigen::Vector2d> Bundle::CentreDeviations(double cost) {
+  std::vector<Eigen::Vector2d> deviations(model_.lenses.size(),
+                                          Eigen::Vector2d::Constant(INFINITY));
+  const auto free = 2 * static_cast<double>(observations_.size()) -
+                    3 * static_cast<double>(equations_.size()) - static_cast<double>(size_);
+  if (options_.free_centres.empty() || options_.fix_lenses || free <= 0) return deviations;
+  // Positions, rotation and scale of the whole are free: a little damping makes it invertible.
+  if (Eigen::VectorXd step; !Solve(1e-9, step)) return deviations;
+  const Eigen::Map<const Eigen::MatrixXd> lower(matrix_.data(), size_, size_);
+  const Eigen::LLT<Eigen::MatrixXd> solver(lower);
+  for (size_t g = 0; g < deviations.size(); ++g) {
+    if (!FreesCentre(g)) continue;
+    for (int k = 0; k < 2; ++k) {
+      const Eigen::Index column = LensColumn(static_cast<int>(g)) + 2 + k;
+      const double variance = solver.solve(Eigen::VectorXd::Unit(size_, column))[column];
+      deviations[g][k] = std::sqrt(variance * cost / free);
+    }
+  }
+  return deviations;
+}
+
 void Bundle::Apply(const Eigen::VectorXd& step) {
   ForPoints([&](uint32_t p, int64_t) {
     const PointEquations& equations = equations_[p];
@@ -255,7 +288,7 @@ void Bundle::Apply(const Eigen::VectorXd& step) {
       const Linear& linear = linear_[i];
       pulled -= linear.point.transpose() *
                 (linear.pose * step.segment<6>(column_[observations_[i].photograph]) +
-                 linear.lens * step.segment<2>(LensColumn(GroupOf(observations_[i]))));
+                 linear.lens * step.segment<kLens>(LensColumn(GroupOf(observations_[i]))));
     }
     model_.points[p].position += equations.inverse * pulled;
   });
@@ -271,6 +304,7 @@ void Bundle::Apply(const Eigen::VectorXd& step) {
     const Eigen::Index column = LensColumn(static_cast<int>(g));
     model_.lenses[g].focal *= std::exp(step[column]);
     model_.lenses[g].k1 += step[column + 1];
+    if (FreesCentre(g)) model_.lenses[g].shift += step.segment<2>(column + 2);
   }
 }
 
@@ -303,6 +337,7 @@ BundleSummary Bundle::Run() {
     if (damping > 1e4) break;
   }
   summary.last_cost = cost;
+  summary.centre_deviations = CentreDeviations(cost);
   return summary;
 }
 

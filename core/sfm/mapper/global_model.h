@@ -26,14 +26,14 @@ struct VerifiedPair {
   TwoViewGeometry geometry;
 };
 
-// COLMAP's SIMPLE_RADIAL: x = f (1 + k r^2) u + c, with u on the plane z = 1, r = |u|. The
-// principal point c is the centre.
+// COLMAP's SIMPLE_RADIAL: x = f (1 + k r^2) u + c, with u on the plane z = 1, r = |u|.
 struct GroupLens {
   int width = 0, height = 0;
   double focal = 0;  // pixels
   double k1 = 0;
+  Eigen::Vector2d shift = Eigen::Vector2d::Zero();  // of the principal point off the centre, pixels
 
-  Eigen::Vector2d Centre() const { return {width / 2.0, height / 2.0}; }
+  Eigen::Vector2d Centre() const { return Eigen::Vector2d(width / 2.0, height / 2.0) + shift; }
   // Returns the image of a point in camera coordinates with z > 0.
   Eigen::Vector2d Project(const Eigen::Vector3d& point) const {
     const Eigen::Vector2d u = point.head<2>() / point.z();

@@ -29,11 +29,12 @@ struct MapperResult {
 
 // Maps all photographs at once: focal lengths, relative poses, rotation averaging, positions from
 // two seeds by the strong pairs, and three rounds of triangulation and bundle adjustment, the last
-// two by all matches that agree with the first (METHOD.md, section on poses). Starts again where
-// the adjustment changes a focal length much. Then judges the model. Depends on the arguments only,
-// not on the number of threads. `progress` gets the share of the work that is done; an error that
-// it returns ends the mapping and is returned. INVALID_ARGUMENT: an index is out of range, or
-// photographs of one camera group differ in size.
+// two by all matches that agree with the poses so far (METHOD.md, section on poses). Starts again
+// where the adjustment changes a focal length much. Places photographs that have no pose yet by the
+// points that they show, and frees principal points that the photographs determine. Then judges the
+// model. Depends on the arguments only, not on the number of threads. `progress` gets the share of
+// the work that is done; an error that it returns ends the mapping and is returned.
+// INVALID_ARGUMENT: an index is out of range, or photographs of one camera group differ in size.
 absl::StatusOr<MapperResult> MapGlobally(std::span<const MapperPhotograph> photographs,
                                          std::span<const VerifiedPair> pairs,
                                          const MapperOptions& options,

@@ -10,7 +10,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kOneDegree = std::numbers::pi / 180;
 
 struct Ray {
   Observation observation;
@@ -77,7 +77,7 @@ class TrackPoint {
     for (size_t i = 0; i < rays_.size(); i += stride) {
       for (size_t j = i + stride; j < rays_.size(); j += stride) {
         const double angle = Angle(rays_[i].direction, rays_[j].direction);
-        if (angle > options_.min_angle * kDegree) pairs.push_back({angle, i, j});
+        if (angle > options_.min_angle * kOneDegree) pairs.push_back({angle, i, j});
       }
     }
     std::stable_sort(pairs.begin(), pairs.end(),
@@ -187,7 +187,7 @@ double LargestAngle(const GlobalModel& model, const MappedPoint& point) {
     for (size_t j = i + 1; j < rays.size(); ++j)
       largest = std::max(largest, Angle(rays[i], rays[j]));
   }
-  return largest / kDegree;
+  return largest / kOneDegree;
 }
 
 }  // namespace pepeseg
