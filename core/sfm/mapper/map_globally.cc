@@ -228,8 +228,8 @@ void GlobalMapping::PlaceOthers() {
   }
 }
 
-// Frees the principal points that are off the centre for sure. Others stay there: photographs that
-// look one way hardly tell a shift from a turn.
+// Frees the principal points that are off the centre for sure. Others stay there: in photographs
+// that look one way, a shift hardly differs from a turn.
 void GlobalMapping::FreeCentres() {
   GlobalModel trial = result.model;
   BundleOptions bundle;
