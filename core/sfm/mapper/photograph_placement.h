@@ -3,7 +3,7 @@
 #include <span>
 
 #include "core/sfm/mapper/global_model.h"
-#include "kernels/cpu/parallel_for.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 
