@@ -2,6 +2,7 @@
 #include <cmath>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
@@ -69,15 +70,16 @@ class PlaceUpscale {
   // Cells of a place are in the order of quarters and, in each, of their quarters.
   static constexpr int kCells = kNetworkRows * kCellsPerPlace;
   struct Memory {
+    float places[kNetworkRows * kSize];  // in
     float middle[kNetworkRows * 4 * kUpscaledChannels];
     float cells[kCells * kMaskChannels];
     float logits[kCells * kPromptMasks];  // [places, cells, masks] out
   };
 
-  void Run(const float* places, const float* products, Memory& memory) const {
+  void Run(const float* products, Memory& memory) const {
     constexpr int kQuarters = 4 * kNetworkRows;
     float* middle = memory.middle;
-    simd_.multiply_rows({kSize, kFirst, places, first_.data(), middle});
+    simd_.multiply_rows({kSize, kFirst, memory.places, first_.data(), middle});
     AddBias(args_.first_bias.data, kUpscaledChannels, kQuarters, middle);
     simd_.normalize_rows(args_.norm, kUpscaledChannels, kUpscaleEpsilon, middle, kQuarters);
     simd_.activate(Activation::kGelu, middle, kQuarters * kUpscaledChannels);
@@ -98,12 +100,22 @@ class PlaceUpscale {
   std::vector<float> first_, second_;  // weights, [in, out]
 };
 
-// Copies the logits of kNetworkRows places from `place` on to squares of the masks, [masks, 4 side,
-// 4 side].
-void Place(const float* logits, int place, int side, float* squares) {
+// Returns the places of a square with cells that show the photograph, in reading order.
+std::vector<int32_t> ShownPlaces(const UpscaleMasksArgs& args) {
+  std::vector<int32_t> shown;
+  for (int place = 0; place < args.side * args.side; ++place) {
+    if (place / args.side * 4 < args.height && place % args.side * 4 < args.width) {
+      shown.push_back(place);
+    }
+  }
+  return shown;
+}
+
+// Copies the logits of places on to squares of the masks, [masks, 4 side, 4 side].
+void Place(const float* logits, std::span<const int32_t> places, int side, float* squares) {
   const int extent = 4 * side;
   const int64_t num_cells = int64_t{extent} * extent;
-  for (int i = 0; i < kNetworkRows; ++i, ++place) {
+  for (const int32_t place : places) {
     for (int cell = 0; cell < kCellsPerPlace; ++cell, logits += kPromptMasks) {
       // Bits of a cell: y and x of its quarter, then y and x within it.
       const int y = place / side * 4 + (cell >> 3) * 2 + (cell >> 1 & 1);
@@ -114,11 +126,9 @@ void Place(const float* logits, int place, int side, float* squares) {
   }
 }
 
-// Rounds to the nearest whole number, halves away from 0.
-int8_t Rounded(float x) { return static_cast<int8_t>(x + (x < 0 ? -0.5f : 0.5f)); }
-
 // Writes what UpscaleMasksArgs asks for of one mask's logits, [4 side, 4 side].
-void WriteMask(const UpscaleMasksArgs& args, int64_t mask, const float* logits) {
+void WriteMask(const SimdKernels& simd, const UpscaleMasksArgs& args, int64_t mask,
+               const float* logits) {
   const int extent = 4 * args.side;
   const int64_t first = mask * extent * extent;
   if (!args.logits.empty()) {
@@ -126,21 +136,9 @@ void WriteMask(const UpscaleMasksArgs& args, int64_t mask, const float* logits) 
   }
   int32_t over[3] = {};
   for (int y = 0; y < extent; ++y) {
-    const float* row = logits + int64_t{y} * extent;
-    int8_t* quarters = args.quarters.data + first + int64_t{y} * extent;
-    for (int x = 0; x < extent; ++x) {
-      quarters[x] = Rounded(std::clamp(row[x] * 4, -127.0f, 127.0f));
-    }
-    const int width = y < args.height ? args.width : 0;
-    uint32_t* bits = args.bits.data + (first + int64_t{y} * extent) / 32;
-    for (int x = 0; x < extent; x += 32) {
-      uint32_t word = 0;
-      for (int k = 0; k < std::clamp(width - x, 0, 32); ++k) {
-        word |= uint32_t{row[x + k] > 0} << k;
-        for (int at = 0; at < 3; ++at) over[at] += row[x + k] > static_cast<float>(at - 1) ? 1 : 0;
-      }
-      bits[x / 32] = word;
-    }
+    const int64_t cell = first + int64_t{y} * extent;
+    simd.quantize_mask({logits + int64_t{y} * extent, extent, y < args.height ? args.width : 0,
+                        args.quarters.data + cell, args.bits.data + cell / 32, over});
   }
   std::copy_n(over, 3, args.areas.data + mask * 3);
 }
@@ -227,16 +225,23 @@ void CpuBackend::UpscaleMasks(const UpscaleMasksArgs& args) {
   const int64_t num_cells = int64_t{num_places} * kCellsPerPlace;
   const Factors places(args.places);
   const PlaceUpscale upscale(simd_, args);
+  const std::vector<int32_t> shown = ShownPlaces(args);
   pool_.ParallelFor(args.num_prompts, [&](int64_t prompt, int) {
     const auto memory = std::make_unique<PlaceUpscale::Memory>();
     std::vector<float> squares(kPromptMasks * num_cells);
     const float* products = args.products.data + prompt * kPromptMasks * kMaskChannels;
-    for (int place = 0; place < num_places; place += kNetworkRows) {
-      upscale.Run(places.data() + (prompt * num_places + place) * kSize, products, *memory);
-      Place(memory->logits, place, args.side, squares.data());
+    for (size_t first = 0; first < shown.size(); first += kNetworkRows) {
+      const auto some =
+          std::span(shown).subspan(first, std::min(size_t{kNetworkRows}, shown.size() - first));
+      for (size_t i = 0; i < some.size(); ++i) {
+        std::copy_n(places.data() + (prompt * num_places + some[i]) * kSize, kSize,
+                    memory->places + i * kSize);
+      }
+      upscale.Run(products, *memory);
+      Place(memory->logits, some, args.side, squares.data());
     }
     for (int mask = 0; mask < kPromptMasks; ++mask) {
-      WriteMask(args, prompt * kPromptMasks + mask, squares.data() + mask * num_cells);
+      WriteMask(simd_, args, prompt * kPromptMasks + mask, squares.data() + mask * num_cells);
     }
   });
 }

@@ -240,6 +240,16 @@ struct SlotSoftmax {
   float* scores;                    // [num_rows, kNetworkRows] in, weights out
 };
 
+// A scanline of a decoded mask.
+struct MaskRow {
+  const float* logits;  // [count]
+  int count;            // a multiple of 32
+  int shown;            // cells that show the photograph: the first ones
+  int8_t* quarters;     // [count] out: quarters of a logit, rounded, within +-127
+  uint32_t* bits;       // [count / 32] out: logit > 0 where the cell is shown
+  int32_t* over;        // [3] in and out: adds the shown cells with logits over -1, 0 and 1
+};
+
 // SIFT (kernels/cpu/simd/sift.cc). Rows are scanlines that can be read and written up to a multiple
 // of 16.
 
@@ -327,6 +337,7 @@ struct SimdKernels {
   void (*exp_row)(float* scores, int count, float& best, float& total);
   void (*softmax_slots)(const SlotSoftmax& job);
   void (*mask_logits)(const float* cells, int count, const float* products, float* logits);
+  void (*quantize_mask)(const MaskRow& row);
   void (*blur_sift_row)(const SiftBlurRow& row);
   // Subtracts neighbouring levels: kSiftLevels scanlines in, one less out.
   void (*sift_differences)(const float* const* levels, int width, float* const* out);

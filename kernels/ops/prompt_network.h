@@ -168,7 +168,8 @@ struct TokenHeadsArgs {
 
 // Upscales places to 4 x 4 cells: two transposed convolutions of 2 x 2 with stride 2, the first
 // followed by a LayerNorm, both by a GELU (with erf), and the product with the prompt's masks.
-// Cells form a square of 4 side cells; cells right of `width` and below `height` are not counted.
+// Cells form a square of 4 side cells; cells right of `width` and below `height` are not counted,
+// and their logits and quarters are unspecified.
 struct UpscaleMasksArgs {
   int num_prompts = 0;
   int side = 0;                  // of the square of places: 8, 16, 32 or 64

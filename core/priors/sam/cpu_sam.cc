@@ -3,10 +3,11 @@
 #include <utility>
 
 #include "core/base/status_macros.h"
+#include "core/priors/sam/mask_proposals.h"
 
 namespace pepeseg {
 
-// Proposes masks by the host's steps of PromptedSegmenter.
+// Enlarges masks by the host's step, OpenCV's, which is the fastest on the CPU.
 class CpuSegmenter : public PromptedSegmenter {
  public:
   explicit CpuSegmenter(CpuSam& owner) : owner_(owner) {}
@@ -26,6 +27,17 @@ class CpuSegmenter : public PromptedSegmenter {
   }
   absl::StatusOr<PromptAnswers> Segment(std::span<const SegmenterPrompt> prompts) override {
     return calls_->Segment(prompts);
+  }
+  absl::StatusOr<Proposals> Propose(const ProposalRequest& request,
+                                    absl::FunctionRef<absl::Status()> progress) override {
+    // Only the host's steps can leave prompts out.
+    if (request.settled_area > 0) return PromptedSegmenter::Propose(request, progress);
+    return calls_->Propose(request, progress);
+  }
+  absl::StatusOr<std::vector<ProposedMask>> Match(
+      std::span<const TargetedPrompt> prompts,
+      absl::FunctionRef<absl::Status()> progress) override {
+    return calls_->Match(prompts, progress);
   }
 
  private:

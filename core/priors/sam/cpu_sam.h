@@ -25,8 +25,7 @@ class CpuSam {
 
   // Returns a segmenter for the photographs of one thread. This must outlive it. Its networks are
   // those that another segmenter has left, or opened by its first SetPhotograph, which returns the
-  // error of that. Logits are examined on the host, a few prompts at a time, so that calls end soon
-  // after Interrupt.
+  // error of that.
   std::unique_ptr<PromptedSegmenter> MakeSegmenter();
 
   // Makes all present and later calls to the segmenters return CANCELLED, each after at most the

@@ -11,7 +11,7 @@
 
 namespace pepeseg {
 
-// Memory of a run over kDecodedAtOnce prompts at most; grows only.
+// Memory of a run over DecodedAtOnce() prompts at most; grows only.
 struct DecoderNetwork::Scratch {
   Buffer<float> points;
   Buffer<int32_t> labels;
@@ -228,7 +228,7 @@ absl::Status DecoderNetwork::Run(std::span<const DecoderPoint> points, int num_p
   masks.areas.Reserve(backend, num_masks * 3);
   masks.logits.Reserve(backend, with_logits ? num_masks * cells : 0);
   const int64_t places = int64_t{side()} * side();
-  const int at_once = std::min(kDecodedAtOnce, num_prompts);
+  const int at_once = std::min(DecodedAtOnce(layers_->precision), num_prompts);
   const int64_t rows = int64_t{at_once} * TokenRows(num_tokens);
   const int64_t tokens = int64_t{at_once} * num_tokens * kPromptChannels;
   Scratch& s = *scratch_;
@@ -257,8 +257,9 @@ absl::Status DecoderNetwork::Run(std::span<const DecoderPoint> points, int num_p
   s.labels.Reserve(backend, static_cast<int64_t>(labels.size()));
   s.labels.Upload(labels);
   RETURN_IF_ERROR(ErrorOf(backend));
-  for (int first = 0; first < num_prompts; first += kDecodedAtOnce) {
-    RunChunk(first, std::min(kDecodedAtOnce, num_prompts - first), num_points, grid, masks);
+  for (int first = 0; first < num_prompts; first += at_once) {
+    if (end_ != nullptr && *end_) return absl::CancelledError("SAM: interrupted");
+    RunChunk(first, std::min(at_once, num_prompts - first), num_points, grid, masks);
   }
   return ErrorOf(backend);
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -71,6 +72,10 @@ class DecoderNetwork {
                               std::span<const float> mask, const DecoderGrid& grid,
                               DecodedMasks& masks);
 
+  // From now on Decode returns CANCELLED, after at most the prompts that it computes at the same
+  // time, once the flag is true. The flag must outlive the network.
+  void EndWhen(const std::atomic<bool>* flag) { end_ = flag; }
+
  private:
   struct Scratch;
   explicit DecoderNetwork(std::unique_ptr<DecoderLayers> layers);
@@ -82,11 +87,14 @@ class DecoderNetwork {
 
   std::unique_ptr<DecoderLayers> layers_;
   std::unique_ptr<Scratch> scratch_;
+  const std::atomic<bool>* end_ = nullptr;
 };
 
-// Prompts that Decode computes at the same time, and upper estimate of its memory next to the
-// answers, bytes: the places of as many prompts, their sums, and the weights.
-inline constexpr int kDecodedAtOnce = 128;
+// Returns the prompts that Decode computes at the same time. In floats the CPU computes: more
+// prompts would only take memory there, 4 MB of places each.
+constexpr int DecodedAtOnce(Precision precision) { return precision == Precision::kHalf ? 128 : 4; }
+// Upper estimate of Decode's memory on CUDA next to the answers, bytes: the places of as many
+// prompts, their sums, and the weights.
 inline constexpr int64_t kDecoderBytes = int64_t{360} << 20;
 
 }  // namespace pepeseg

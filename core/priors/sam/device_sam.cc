@@ -97,7 +97,9 @@ class DeviceSegmenter : public PromptedSegmenter {
 
 DeviceSam::DeviceSam(std::unique_ptr<Backend> backend, std::unique_ptr<EncoderNetwork> encoder,
                      std::unique_ptr<DecoderNetwork> decoder)
-    : backend_(std::move(backend)), encoder_(std::move(encoder)), decoder_(std::move(decoder)) {}
+    : backend_(std::move(backend)), encoder_(std::move(encoder)), decoder_(std::move(decoder)) {
+  decoder_->EndWhen(&interrupted_);
+}
 DeviceSam::~DeviceSam() = default;
 
 namespace {

@@ -36,6 +36,7 @@ const SimdKernels& GetSimdKernels() {
                                            ExpRow,
                                            SoftmaxSlots,
                                            MaskLogits,
+                                           QuantizeMask,
                                            BlurSiftRow,
                                            SiftDifferences,
                                            SiftExtrema,

@@ -49,6 +49,7 @@ void NormalizeRows(const PromptNorm& norm, int size, float epsilon, float* rows,
 void ExpRow(float* scores, int count, float& best, float& total);
 void SoftmaxSlots(const SlotSoftmax& job);
 void MaskLogits(const float* cells, int count, const float* products, float* logits);
+void QuantizeMask(const MaskRow& row);
 void BlurSiftRow(const SiftBlurRow& row);
 void SiftDifferences(const float* const* levels, int width, float* const* out);
 int SiftExtrema(const SiftExtremaRow& row, int32_t* columns);

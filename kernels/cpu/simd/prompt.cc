@@ -87,5 +87,31 @@ void MaskLogits(const float* cells, int count, const float* products, float* log
   }
 }
 
+void QuantizeMask(const MaskRow& row) {
+  const FloatTag d;
+  const hn::Rebind<int8_t, FloatTag> bytes;
+  for (int word = 0; word < row.count / 32; ++word) {
+    // Bits of the cells over each threshold, without those that are not shown.
+    uint32_t over[3] = {};
+    for (int bit = 0; bit < 32; bit += kLanes) {
+      const int x = 32 * word + bit;
+      const Lanes logits = Lanes::Load(row.logits + x);
+      const Lanes quarters = Max(Lanes(-127.0f), Min(Lanes(127.0f), logits * Lanes(4.0f)));
+      // Halves are rounded away from 0.
+      const auto half = hn::CopySign(hn::Set(d, 0.5f), quarters.v);
+      hn::StoreU(hn::DemoteTo(bytes, hn::ConvertTo(IntTag(), hn::Add(quarters.v, half))), bytes,
+                 row.quarters + x);
+      const int shown = Max(0, Min(kLanes, row.shown - x));
+      const uint32_t counted = (uint32_t{1} << shown) - 1;
+      for (int at = 0; at < 3; ++at) {
+        const Lanes threshold(static_cast<float>(at - 1));
+        over[at] |= (BitsOf(threshold < logits) & counted) << bit;
+      }
+    }
+    row.bits[word] = over[1];
+    for (int at = 0; at < 3; ++at) row.over[at] += __builtin_popcount(over[at]);
+  }
+}
+
 }  // namespace HWY_NAMESPACE
 }  // namespace pepeseg
