@@ -22,7 +22,8 @@ struct ShrunkCapture {
   double scale = 1;  // at most 1
   std::vector<std::vector<Keypoint>> keypoints;
   std::vector<MapperPhotograph> photographs;
-  std::vector<VerifiedPair> pairs;
+  std::vector<VerifiedPair> pairs;          // that match
+  std::vector<PhotographIndices> compared;  // all
 };
 
 TwoViewGeometry Shrunk(TwoViewGeometry geometry, double scale) {
@@ -55,6 +56,7 @@ ShrunkCapture Shrink(const ComparedDatabase& compared) {
          knows_focal ? capture.scale * camera.params[0] : 0, capture.keypoints[i]});
   }
   for (const ComparedPair& pair : compared.pairs) {
+    capture.compared.emplace_back(pair.first, pair.second);
     if (pair.geometry.inliers.empty()) continue;
     capture.pairs.push_back({static_cast<uint32_t>(pair.first), static_cast<uint32_t>(pair.second),
                              Shrunk(pair.geometry, capture.scale)});
@@ -82,6 +84,7 @@ absl::StatusOr<OwnMapping> MapByOwnMapper(const OwnMappingInput& input,
   MapperOptions options;
   options.num_threads = input.num_threads;
   options.max_error = kMostOffPair;
+  options.compared = capture.compared;
   ASSIGN_OR_RETURN(MapperResult found,
                    MapGlobally(capture.photographs, capture.pairs, options, progress));
   OwnMapping mapping;

@@ -270,7 +270,8 @@ int GlobalMapping::CountContradicted() {
 MapperGate GlobalMapping::Judge() {
   FilterPoints(photographs_, kRounds[2].keep, kMinAngle, result.model);
   if (result.model.points.empty()) return MapperGate::kRegistered;
-  result.measures = MeasureModel(photographs_, result.model, all_edges_, tracks_);
+  result.measures =
+      MeasureModel(photographs_, result.model, all_edges_, tracks_, options_.compared);
   result.measures.contradicted_pairs = CountContradicted();
   return JudgeMeasures(result.measures);
 }

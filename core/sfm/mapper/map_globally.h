@@ -16,6 +16,8 @@ struct MapperOptions {
   uint64_t seed = 1;                // of the positions' start
   double max_error = 3;             // pixels: of the pairs' inliers
   int tracks_per_photograph = 200;  // for the positions
+  // Pairs of photographs that were compared, whether or not they matched; empty: all were.
+  std::span<const PhotographIndices> compared = {};
 };
 
 // What MapGlobally found. The model is complete only if `gate` is kPassed; else the field says

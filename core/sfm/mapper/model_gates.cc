@@ -93,9 +93,11 @@ void MeasurePairs(const GlobalModel& model, std::span<const ViewEdge> edges,
 
 // Counts for each pair of photographs the points of one that the other should see, too.
 void MeasureSharing(std::span<const MapperPhotograph> photographs, const GlobalModel& model,
-                    std::span<const ViewEdge> edges, ModelMeasures& measures) {
-  std::set<std::pair<uint32_t, uint32_t>> matched;
+                    std::span<const ViewEdge> edges, std::span<const PhotographIndices> compared,
+                    ModelMeasures& measures) {
+  std::set<PhotographIndices> matched, tried;
   for (const ViewEdge& edge : edges) matched.insert(std::minmax(edge.first, edge.second));
+  for (const auto& [first, second] : compared) tried.insert(std::minmax(first, second));
   std::map<std::pair<uint32_t, uint32_t>, int> shared;
   for (const MappedPoint& point : model.points) {
     for (uint32_t i = 0; i < photographs.size(); ++i) {
@@ -122,7 +124,7 @@ void MeasureSharing(std::span<const MapperPhotograph> photographs, const GlobalM
   }
   size_t num_pairs = 0, num_matched = 0;
   for (const auto& [pair, count] : shared) {
-    if (count < kSharedPoints) continue;
+    if (count < kSharedPoints || (!tried.empty() && !tried.contains(pair))) continue;
     ++num_pairs;
     num_matched += matched.count(pair);
   }
@@ -162,7 +164,8 @@ std::string_view GateName(MapperGate gate) {
 }
 
 ModelMeasures MeasureModel(std::span<const MapperPhotograph> photographs, const GlobalModel& model,
-                           std::span<const ViewEdge> edges, std::span<const Track> tracks) {
+                           std::span<const ViewEdge> edges, std::span<const Track> tracks,
+                           std::span<const PhotographIndices> compared) {
   ModelMeasures measures;
   std::vector<bool> matches(photographs.size(), false);
   for (const ViewEdge& edge : edges) matches[edge.first] = matches[edge.second] = true;
@@ -185,7 +188,7 @@ ModelMeasures MeasureModel(std::span<const MapperPhotograph> photographs, const 
       model.points.begin(), model.points.end(),
       [&](const MappedPoint& point) { return LargestAngle(model, point) >= kLeastAngle; });
   measures.angle_share = Share(static_cast<size_t>(wide), model.points.size());
-  MeasureSharing(photographs, model, edges, measures);
+  MeasureSharing(photographs, model, edges, compared, measures);
   return measures;
 }
 

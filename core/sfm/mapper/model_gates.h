@@ -3,6 +3,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "core/sfm/mapper/global_model.h"
@@ -40,16 +41,22 @@ struct ModelMeasures {
   double agreeing_pairs = 0;               // of inliers: in pairs with a pose as the model's
   double angle_share = 0;                  // of points: an angle of at least 2 degrees
   double in_front_share = 0;               // of observations of the points' whole tracks
-  double matched_share = 0;                // of pairs that should share 30 points: are edges
+  double matched_share = 0;                // of compared pairs that should share 30 points: are
+                                           // edges
   double least_focal = 0, most_focal = 0;  // over the longer side
   int contradicted_pairs = 0;              // strong pairs, of which most inliers disagree
   double most_k1 = 0;                      // largest |k1|
 };
 
+// Indices of two photographs, in any order.
+using PhotographIndices = std::pair<uint32_t, uint32_t>;
+
 // `edges`: all pairs with a relative pose, whether or not they were used. `tracks`: as built,
-// before observations were dropped.
+// before observations were dropped. `compared`: pairs whose photographs were matched, with or
+// without success; empty: all were.
 ModelMeasures MeasureModel(std::span<const MapperPhotograph> photographs, const GlobalModel& model,
-                           std::span<const ViewEdge> edges, std::span<const Track> tracks);
+                           std::span<const ViewEdge> edges, std::span<const Track> tracks,
+                           std::span<const PhotographIndices> compared = {});
 
 // Returns the first gate that the measures fail, or kPassed. Every photograph with an edge must be
 // registered: COLMAP may do that where this mapper cannot, or find a second place. 85 % of the

@@ -9,6 +9,7 @@
 #include "core/sfm/mapper/model_gates.h"
 #include "core/sfm/mapper/pose_choice.h"
 #include "tests/core/sfm/mapper/photographed_world.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -141,6 +142,22 @@ TEST(MeasureModel, FindsPhotographsThatShouldMatch) {
   const ModelMeasures measures = MeasureModel(world.photographs, result.model, edges, {});
   EXPECT_LT(measures.matched_share, 0.7);
   EXPECT_GT(result.measures.matched_share, 0.95);
+}
+
+// Of many photographs only some pairs are compared: the others say nothing about the model.
+TEST(MeasureModel, ExpectsNoMatchesOfPairsThatWereNotCompared) {
+  World world = MakeWorld(Arc(14));
+  std::erase_if(world.pairs, [](const VerifiedPair& pair) { return pair.second - pair.first > 1; });
+  EXPECT_EQ(Map(world).gate, MapperGate::kFolded);
+  std::vector<PhotographIndices> compared;
+  for (const VerifiedPair& pair : world.pairs) compared.emplace_back(pair.second, pair.first);
+  MapperOptions options;
+  options.compared = compared;
+  ASSERT_OK_AND_ASSIGN(const MapperResult result,
+                       MapGlobally(world.photographs, world.pairs, options,
+                                   [](double) { return absl::OkStatus(); }));
+  EXPECT_EQ(result.gate, MapperGate::kPassed) << GateName(result.gate);
+  EXPECT_EQ(result.measures.matched_share, 1);
 }
 
 TEST(MeasureModel, FindsPairsThatDisagree) {
