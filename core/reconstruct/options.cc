@@ -25,7 +25,8 @@ void VisitOptions(ReconstructOptions& o, OptionVisitor visit) {
   visit({"dropout_until", &o.dropout_until, kShare});
   visit({"blurred_share", &o.blurred_share, kShare});
   visit({"coarse_until", &o.coarse_until, kShare});
-  visit({"max_megapixels", &o.max_megapixels, kSize});
+  visit({"megapixels_per_step", &o.megapixels_per_step, kSize});
+  visit({"full_size_visits", &o.full_size_visits, Range{0, 1'000'000}});
   visit({"depth_weight", &o.depth_weight, Range{.low = 0, .high = 10, .also = -1}});
   visit({"depth_weight_final", &o.depth_weight_final, Range{0, 10}});
   visit({"depth_local_weight", &o.depth_local_weight, Range{0, 10}});

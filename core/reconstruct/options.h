@@ -82,10 +82,13 @@ struct ReconstructOptions {
   // half, at half of it in its second half. 0: full size throughout. Measured:
   // tests/bench/results/presets_h200.md.
   double coarse_until = 0;
-  // Most pixels that all steps together render, in millions. Where the steps would render
-  // more, coarse_until is raised, to at most 0.95, and pixels_per_gaussian with it
-  // (WithPixelBudget). 0: no limit. Measured: tests/bench/results/preview_cpu.md.
-  double max_megapixels = 0;
+  // Most megapixels that a step renders on average. Where steps would render more, coarse_until
+  // is raised, to at most 0.95, and pixels_per_gaussian with it (WithPixelBudget). 0: no limit.
+  // Measured: tests/bench/results/coarse_start.md, preview_cpu.md.
+  double megapixels_per_step = 0.3;
+  // Steps at full size that megapixels_per_step leaves to each photograph on average, as far as
+  // num_steps suffices. Measured: tests/bench/results/coarse_start.md.
+  int full_size_visits = 80;
 
   // Depth loss (METHOD.md section 1, "Depth").
 

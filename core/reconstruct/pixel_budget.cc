@@ -12,25 +12,28 @@ constexpr double kCoarseShare = (1.0 / 16 + 1.0 / 4) / 2;
 
 }  // namespace
 
-ReconstructOptions WithPixelBudget(ReconstructOptions options, double view_pixels) {
+ReconstructOptions WithPixelBudget(ReconstructOptions options, const ViewPixels& views) {
   const double before = options.coarse_until;
-  if (options.max_megapixels <= 0 || view_pixels <= 0 || before >= kMaxCoarseUntil) return options;
-  const double all = options.num_steps * view_pixels;  // pixels without coarse steps
-  const double needed = (1 - 1e6 * options.max_megapixels / all) / (1 - kCoarseShare);
-  options.coarse_until = std::clamp(needed, before, kMaxCoarseUntil);
+  if (options.megapixels_per_step <= 0 || views.pixels <= 0) return options;
+  const double needed = (1 - 1e6 * options.megapixels_per_step / views.pixels) / (1 - kCoarseShare);
+  const double visits = options.full_size_visits * views.num_views;
+  const double allowed = std::min(kMaxCoarseUntil, 1 - visits / options.num_steps);
+  options.coarse_until = std::max(before, std::min(needed, allowed));
+  if (options.coarse_until == before) return options;
   const double raised = (options.coarse_until - before) / (1 - before);
   options.pixels_per_gaussian *= std::pow(4, raised);
   return options;
 }
 
 ReconstructOptions WithPixelBudget(const ReconstructOptions& options, const Capture& capture) {
-  double pixels = 0, num_views = 0;
+  ViewPixels views;
   for (const View& view : capture.views) {
     if (view.held_out) continue;
-    pixels += static_cast<double>(view.camera.width) * view.camera.height;
-    ++num_views;
+    views.pixels += static_cast<double>(view.camera.width) * view.camera.height;
+    ++views.num_views;
   }
-  return WithPixelBudget(options, num_views > 0 ? pixels / num_views : 0);
+  if (views.num_views > 0) views.pixels /= views.num_views;
+  return WithPixelBudget(options, views);
 }
 
 }  // namespace pepeseg

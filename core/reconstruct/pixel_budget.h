@@ -5,16 +5,21 @@
 
 namespace pepeseg {
 
-// Largest coarse_until that a budget of pixels leads to. The last steps must see photographs at
+// Largest coarse_until that a limit on pixels leads to. The last steps must see photographs at
 // full size: Gaussians that have only seen half of it are too thin there
 // (tests/bench/results/preview_cpu.md).
 inline constexpr double kMaxCoarseUntil = 0.95;
 
-// Returns the options with coarse_until raised until all steps together render at most
-// options.max_megapixels, but not over kMaxCoarseUntil, and with pixels_per_gaussian raised with
-// it, by up to 4: a photograph at half of its size has a quarter of the pixels. Unchanged where
-// max_megapixels is 0 or the steps have fewer pixels. view_pixels: mean pixels of a training view.
-ReconstructOptions WithPixelBudget(ReconstructOptions options, double view_pixels);
+// Training views, and the mean of their pixels.
+struct ViewPixels {
+  double num_views = 0, pixels = 0;
+};
+
+// Returns the options with coarse_until raised until steps render at most megapixels_per_step on
+// average, but only as far as full_size_visits and kMaxCoarseUntil allow, and with
+// pixels_per_gaussian raised with it, by up to 4: a photograph at half of its size has a quarter of
+// the pixels. Unchanged where megapixels_per_step is 0 or the steps have fewer pixels.
+ReconstructOptions WithPixelBudget(ReconstructOptions options, const ViewPixels& views);
 // The same for the training views of a capture.
 ReconstructOptions WithPixelBudget(const ReconstructOptions& options, const Capture& capture);
 

@@ -21,8 +21,7 @@ constexpr double kPrepare = 0.05, kEmbeddedMasks = 1.0, kEmbeddedDepth = 1.5, kS
 struct StepCost {
   double step, megapixel, million;
 };
-constexpr StepCost kReconstructOnCores{0.001, 0.25, 0},
-    kReconstructOnDevice{0.0005, 0.0008, 0.002};
+constexpr StepCost kReconstructOnCores{0.001, 0.25, 0}, kReconstructOnDevice{0.0005, 0.0008, 0.002};
 constexpr double kFeaturesOnCores = 0.02, kFeaturesOnDevice = 0.0003;
 // Seconds for each megapixel of the views before the first step of stage two; on the cores: of one
 // core.
@@ -134,7 +133,7 @@ class Planner {
   // ReconstructOptions::coarse_until.
   void AddReconstruction() {
     const ReconstructOptions options =
-        WithPixelBudget(settings_.reconstruct, 1e6 * facts_.megapixels);
+        WithPixelBudget(settings_.reconstruct, {TrainingViews(), 1e6 * facts_.megapixels});
     const StepCost cost = facts_.on_device ? kReconstructOnDevice : kReconstructOnCores;
     const auto coarse = static_cast<int64_t>(options.coarse_until * options.num_steps);
     const double gaussians = cost.million * MillionGaussians(options);
@@ -146,10 +145,14 @@ class Planner {
                              piece(options.num_steps - coarse, 1)});
   }
 
+  double TrainingViews() const {
+    const auto held_out = NumHeldOut(settings_.import, facts_.num_photographs);
+    return photos_ - static_cast<double>(held_out);
+  }
+
   // Returns the budget of density control; see ReconstructOptions::pixels_per_gaussian.
   double MillionGaussians(const ReconstructOptions& options) const {
-    const auto held_out = NumHeldOut(settings_.import, facts_.num_photographs);
-    const double pixels = (photos_ - static_cast<double>(held_out)) * facts_.megapixels;
+    const double pixels = TrainingViews() * facts_.megapixels;
     const double most = 1e-6 * static_cast<double>(options.max_gaussians);
     return options.pixels_per_gaussian > 0 ? std::min(most, pixels / options.pixels_per_gaussian)
                                            : most;

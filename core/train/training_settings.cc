@@ -53,7 +53,7 @@ void SetPaperReconstruct(ReconstructOptions& options) {
 
   // Nothing is skipped, and photographs have their full size throughout.
   options.coarse_until = 0;
-  options.max_megapixels = 0;
+  options.megapixels_per_step = 0;
   options.min_loss_fall = 0;
   options.min_band_gain = 0;
   options.min_depth_agreement = 0;
@@ -134,7 +134,8 @@ void Apply(Preset preset, ReconstructOptions& reconstruct, FeatureOptions& featu
     reconstruct.num_steps = 2000;
     reconstruct.coarse_until = 0.5;
     // Larger photographs are seen at full size for fewer steps: tests/bench/results/preview_cpu.md.
-    reconstruct.max_megapixels = 300;
+    reconstruct.megapixels_per_step = 0.15;
+    reconstruct.full_size_visits = 0;
     reconstruct.sh_degree = 1;
     reconstruct.dropout = 0;  // costs more than it gains in 2,000 steps
     features.num_steps = 1500;
@@ -143,6 +144,7 @@ void Apply(Preset preset, ReconstructOptions& reconstruct, FeatureOptions& featu
     // Fewer Gaussians train faster and overfit less: tests/bench/results/peak_quality.md.
     reconstruct.num_steps = 30000;
     reconstruct.pixels_per_gaussian = 75;
+    reconstruct.megapixels_per_step = 0;  // not measured with as many steps
     reconstruct.log_scale_learning_rate = 7.5e-3f;
     reconstruct.opacity_learning_rate = 3.5e-2f;
     // Photographs that are few or noisy: tests/bench/results/peak_quality.md.

@@ -5,13 +5,13 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kViewPixels = 1e6;
+constexpr ViewPixels kViews = {5, 1e6};
 
-// Returns the pixels that the steps of these options render, in millions, as Schedule::ShrinkAt
-// shrinks photographs.
+// Returns the megapixels that steps of these options render on average, as Schedule::ShrinkAt
+// shrinks photographs of a megapixel.
 double Megapixels(const ReconstructOptions& options) {
   const double coarse = options.coarse_until;
-  return options.num_steps * (coarse / 2 / 16 + coarse / 2 / 4 + (1 - coarse));
+  return coarse / 2 / 16 + coarse / 2 / 4 + (1 - coarse);
 }
 
 ReconstructOptions Options() {
@@ -19,45 +19,56 @@ ReconstructOptions Options() {
   options.num_steps = 1000;
   options.coarse_until = 0.5;
   options.pixels_per_gaussian = 50;
+  options.full_size_visits = 0;
   return options;
 }
 
 TEST(PixelBudget, KeepsTheScheduleOfStepsThatFit) {
   ReconstructOptions options = Options();
-  options.max_megapixels = Megapixels(options) + 1;
-  EXPECT_EQ(WithPixelBudget(options, kViewPixels).coarse_until, 0.5);
-  EXPECT_EQ(WithPixelBudget(options, kViewPixels).pixels_per_gaussian, 50);
+  options.megapixels_per_step = Megapixels(options) + 0.001;
+  EXPECT_EQ(WithPixelBudget(options, kViews).coarse_until, 0.5);
+  EXPECT_EQ(WithPixelBudget(options, kViews).pixels_per_gaussian, 50);
 }
 
 TEST(PixelBudget, IsUnlimitedAtZero) {
   ReconstructOptions options = Options();
-  options.max_megapixels = 0;
-  EXPECT_EQ(WithPixelBudget(options, 1e9).coarse_until, 0.5);
-  EXPECT_EQ(WithPixelBudget(options, 1e9).pixels_per_gaussian, 50);
+  options.megapixels_per_step = 0;
+  EXPECT_EQ(WithPixelBudget(options, {5, 1e9}).coarse_until, 0.5);
+  EXPECT_EQ(WithPixelBudget(options, {5, 1e9}).pixels_per_gaussian, 50);
 }
 
 TEST(PixelBudget, IsSpentByTheRaisedSchedule) {
   ReconstructOptions options = Options();
-  for (const double budget : {500.0, 400.0, 300.0}) {
-    options.max_megapixels = budget;
-    EXPECT_NEAR(Megapixels(WithPixelBudget(options, kViewPixels)), budget, 1e-6);
+  for (const double budget : {0.5, 0.4, 0.3}) {
+    options.megapixels_per_step = budget;
+    EXPECT_NEAR(Megapixels(WithPixelBudget(options, kViews)), budget, 1e-9);
   }
 }
 
 TEST(PixelBudget, LeavesTheLastStepsAtFullSize) {
   ReconstructOptions options = Options();
-  options.max_megapixels = 1;
-  EXPECT_EQ(WithPixelBudget(options, kViewPixels).coarse_until, kMaxCoarseUntil);
+  options.megapixels_per_step = 0.001;
+  EXPECT_EQ(WithPixelBudget(options, kViews).coarse_until, kMaxCoarseUntil);
   options.coarse_until = 0.98;
-  EXPECT_EQ(WithPixelBudget(options, kViewPixels).coarse_until, 0.98);
+  EXPECT_EQ(WithPixelBudget(options, kViews).coarse_until, 0.98);
+}
+
+TEST(PixelBudget, LeavesEachPhotographItsStepsAtFullSize) {
+  ReconstructOptions options = Options();
+  options.megapixels_per_step = 0.001;
+  options.full_size_visits = 40;  // of 5 photographs in 1,000 steps: a fifth
+  EXPECT_DOUBLE_EQ(WithPixelBudget(options, kViews).coarse_until, 0.8);
+  options.full_size_visits = 150;
+  EXPECT_EQ(WithPixelBudget(options, kViews).coarse_until, 0.5);
+  EXPECT_EQ(WithPixelBudget(options, kViews).pixels_per_gaussian, 50);
 }
 
 // From coarse_until 0.5 to 0.75 is half of the way to 1, where the factor would be 4.
 TEST(PixelBudget, GivesAGaussianMorePixelsWithEachStepMoved) {
   ReconstructOptions options = Options();
-  options.max_megapixels = 1000 * (1 - 0.75 * 27 / 32);
-  EXPECT_NEAR(WithPixelBudget(options, kViewPixels).coarse_until, 0.75, 1e-9);
-  EXPECT_NEAR(WithPixelBudget(options, kViewPixels).pixels_per_gaussian, 100, 1e-6);
+  options.megapixels_per_step = 1 - 0.75 * 27 / 32;
+  EXPECT_NEAR(WithPixelBudget(options, kViews).coarse_until, 0.75, 1e-9);
+  EXPECT_NEAR(WithPixelBudget(options, kViews).pixels_per_gaussian, 100, 1e-6);
 }
 
 TEST(PixelBudget, CountsThePixelsOfTrainingViews) {
@@ -70,9 +81,9 @@ TEST(PixelBudget, CountsThePixelsOfTrainingViews) {
     capture.views.push_back(view);
   }
   ReconstructOptions options = Options();
-  options.max_megapixels = 600;
+  options.megapixels_per_step = 0.6;
   EXPECT_EQ(WithPixelBudget(options, capture).coarse_until,
-            WithPixelBudget(options, 2e6).coarse_until);
+            WithPixelBudget(options, {2, 2e6}).coarse_until);
   EXPECT_GT(WithPixelBudget(options, capture).coarse_until, 0.5);
 }
 

@@ -319,7 +319,7 @@ TEST(ValidateReconstructOptions, NamesEachFieldThatIsOutOfRange) {
       {"opacity_learning_rate", [=](Options& o) { o.opacity_learning_rate = nan; }},
       {"sh_learning_rate", [](Options& o) { o.sh_learning_rate = -1e-9f; }},
       {"coarse_until", [](Options& o) { o.coarse_until = 1.1; }},
-      {"max_megapixels", [](Options& o) { o.max_megapixels = -1; }},
+      {"megapixels_per_step", [](Options& o) { o.megapixels_per_step = -1; }},
       {"depth_weight", [](Options& o) { o.depth_weight = -0.5f; }},
       {"depth_weight", [=](Options& o) { o.depth_weight = nan; }},
       {"depth_weight_final", [](Options& o) { o.depth_weight_final = -1; }},

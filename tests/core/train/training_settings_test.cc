@@ -89,7 +89,7 @@ TEST_F(PaperPreset, HasNoneOfOurAdditions) {
   EXPECT_EQ(reconstruct_.pixels_per_gaussian, 0) << "budget, opacity decay";
   EXPECT_EQ(reconstruct_.mean_learning_rate_cap, 0) << "cap by the span of a pixel";
   EXPECT_EQ(reconstruct_.coarse_until, 0) << "smaller photographs first";
-  EXPECT_EQ(reconstruct_.max_megapixels, 0) << "budget of pixels";
+  EXPECT_EQ(reconstruct_.megapixels_per_step, 0) << "limit on pixels";
   EXPECT_EQ(reconstruct_.camera_clearance, 0) << "free space in front of cameras";
   EXPECT_EQ(reconstruct_.dropout, 0);
   EXPECT_EQ(reconstruct_.blurred_share, 1);

@@ -199,7 +199,7 @@ TEST(TrainingOptions, DecidesEveryOptionForThePaper) {
          "rotation_learning_rate", "opacity_learning_rate", "sh_learning_rate", "densify_from",
          "densify_every", "densify_gradient", "densify_size", "prune_opacity", "prune_size",
          "opacity_reset_every", "depth_local_form", "depth_window", "refine_from",
-         "refine_candidates", "coarse_until", "max_megapixels",
+         "refine_candidates", "coarse_until", "megapixels_per_step", "full_size_visits",
          // Without effect in the preset.
          "opacity_decay", "closing_share", "dropout_until",
          // Of the run or the capture.

@@ -54,16 +54,16 @@ class PriorOptions(_message.Message):
     def __init__(self, masks: _Optional[_Union[PriorMaker, str]] = ..., depth: _Optional[_Union[PriorMaker, str]] = ...) -> None: ...
 
 class ReconstructOptions(_message.Message):
-    __slots__ = ["max_gaussians", "max_megapixels", "num_steps", "seed"]
+    __slots__ = ["max_gaussians", "megapixels_per_step", "num_steps", "seed"]
     MAX_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
-    MAX_MEGAPIXELS_FIELD_NUMBER: _ClassVar[int]
+    MEGAPIXELS_PER_STEP_FIELD_NUMBER: _ClassVar[int]
     NUM_STEPS_FIELD_NUMBER: _ClassVar[int]
     SEED_FIELD_NUMBER: _ClassVar[int]
     max_gaussians: int
-    max_megapixels: float
+    megapixels_per_step: float
     num_steps: int
     seed: int
-    def __init__(self, num_steps: _Optional[int] = ..., max_gaussians: _Optional[int] = ..., max_megapixels: _Optional[float] = ..., seed: _Optional[int] = ...) -> None: ...
+    def __init__(self, num_steps: _Optional[int] = ..., max_gaussians: _Optional[int] = ..., megapixels_per_step: _Optional[float] = ..., seed: _Optional[int] = ...) -> None: ...
 
 class SfmOptions(_message.Message):
     __slots__ = ["features", "front", "mapper", "matching", "max_features", "max_seconds", "max_video_frames", "min_registered_share", "sequential_overlap"]
