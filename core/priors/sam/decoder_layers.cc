@@ -126,7 +126,12 @@ class LayerReader {
   absl::Status Downscale(const std::string& conv, const std::string& norm, int in, int out,
                          MaskDownscaling& to) {
     const std::string at = "/mask_downscaling/mask_downscaling.";
-    ASSIGN_OR_RETURN(to.weight, Values(at + conv + "/Conv_output_0", 1, {out, in, 2, 2}));
+    ASSIGN_OR_RETURN(const auto weight, Values(at + conv + "/Conv_output_0", 1, {out, in, 2, 2}));
+    to.weight.resize(weight.size());
+    for (size_t k = 0; k < weight.size(); ++k) {
+      const size_t quarter = k % 4, channel = k / 4 % in, o = k / 4 / in;
+      to.weight[(quarter * in + channel) * out + o] = weight[k];
+    }
     ASSIGN_OR_RETURN(to.bias, Values(at + conv + "/Conv_output_0", 2, {out}));
     ASSIGN_OR_RETURN(to.scale, Values(at + norm + "/Mul_output_0", 0, {out, 1, 1}));
     ASSIGN_OR_RETURN(to.shift, Values(at + norm + "/Add_1_output_0", 1, {out, 1, 1}));
@@ -141,32 +146,39 @@ class LayerReader {
   const Precision precision_;
 };
 
-// Convolves planes of a square, [side, side, in], to half the side, then LayerNorm and GELU.
+// Normalises the channels of a place by LayerNorm and applies GELU.
+void NormalizePlace(const MaskDownscaling& layer, float* place) {
+  const auto count = static_cast<float>(layer.num_out);
+  float mean = 0, variance = 0;
+  for (int o = 0; o < layer.num_out; ++o) mean += place[o] / count;
+  for (int o = 0; o < layer.num_out; ++o) {
+    variance += (place[o] - mean) * (place[o] - mean) / count;
+  }
+  const float scale = 1 / std::sqrt(variance + 1e-6F);
+  for (int o = 0; o < layer.num_out; ++o) {
+    const float x = (place[o] - mean) * scale * layer.scale[o] + layer.shift[o];
+    place[o] = 0.5F * x * (1 + std::erf(x / std::numbers::sqrt2_v<float>));
+  }
+}
+
+// Convolves planes of a square, [side, side, in], to half the side, then LayerNorm and GELU. Sums
+// all output channels of a value at once, so that the loop over them is vectorised.
 std::vector<float> Downscaled(const MaskDownscaling& layer, const std::vector<float>& from,
                               int side) {
   const int half = side / 2;
   std::vector<float> to(static_cast<size_t>(half) * half * layer.num_out);
   for (int place = 0; place < half * half; ++place) {
     float* out = &to[static_cast<size_t>(place) * layer.num_out];
-    double mean = 0, variance = 0;
-    for (int o = 0; o < layer.num_out; ++o) {
-      double sum = layer.bias[o];
-      for (int in = 0; in < layer.num_in; ++in) {
-        for (int quarter = 0; quarter < 4; ++quarter) {
-          const int y = place / half * 2 + quarter / 2, x = place % half * 2 + quarter % 2;
-          sum += layer.weight[(static_cast<size_t>(o) * layer.num_in + in) * 4 + quarter] *
-                 from[(static_cast<size_t>(y) * side + x) * layer.num_in + in];
-        }
+    std::copy(layer.bias.begin(), layer.bias.end(), out);
+    const float* weight = layer.weight.data();
+    for (int quarter = 0; quarter < 4; ++quarter) {
+      const int y = place / half * 2 + quarter / 2, x = place % half * 2 + quarter % 2;
+      const float* value = &from[(static_cast<size_t>(y) * side + x) * layer.num_in];
+      for (int in = 0; in < layer.num_in; ++in, weight += layer.num_out) {
+        for (int o = 0; o < layer.num_out; ++o) out[o] += weight[o] * value[in];
       }
-      out[o] = static_cast<float>(sum);
-      mean += sum / layer.num_out;
     }
-    for (int o = 0; o < layer.num_out; ++o) variance += std::pow(out[o] - mean, 2) / layer.num_out;
-    for (int o = 0; o < layer.num_out; ++o) {
-      const double x =
-          (out[o] - mean) / std::sqrt(variance + 1e-6) * layer.scale[o] + layer.shift[o];
-      out[o] = static_cast<float>(0.5 * x * (1 + std::erf(x / std::numbers::sqrt2)));
-    }
+    NormalizePlace(layer, out);
   }
   return to;
 }
@@ -194,11 +206,12 @@ absl::Status ReadPrompts(LayerReader& reader, DecoderLayers& layers) {
                                 layers.fixed_tokens));
   RETURN_IF_ERROR(reader.Floats("/Mul_9_output_0", 1, {1, kPromptChannels, 1, 1}, layers.no_mask));
   RETURN_IF_ERROR(reader.Downscale("0", "1", 1, 4, layers.mask_layers[0]));
-  RETURN_IF_ERROR(reader.Downscale("3", "4", 4, 16, layers.mask_layers[1]));
+  RETURN_IF_ERROR(reader.Downscale("3", "4", 4, kMaskPlanes, layers.mask_layers[1]));
   const std::string last_mask = "/mask_downscaling/mask_downscaling.6/Conv_output_0";
-  ASSIGN_OR_RETURN(layers.mask_weight, reader.Values(last_mask, 1, {kPromptChannels, 16, 1, 1}));
-  ASSIGN_OR_RETURN(layers.mask_bias, reader.Values(last_mask, 2, {kPromptChannels}));
-  return absl::OkStatus();
+  ASSIGN_OR_RETURN(const auto weight,
+                   reader.Values(last_mask, 1, {kPromptChannels, kMaskPlanes, 1, 1}));
+  layers.mask_weight = reader.Put(TurnedMatrix(weight, kPromptChannels, kMaskPlanes));
+  return reader.Floats(last_mask, 2, {kPromptChannels}, layers.mask_bias);
 }
 
 // Upscaling, hypernetworks and the head of IoUs.
@@ -243,19 +256,10 @@ absl::Status DecoderLayers::Read(WeightSource weights) {
   return ErrorOf(backend);
 }
 
-std::vector<float> EmbedMask(const DecoderLayers& layers, std::span<const float> mask) {
-  std::vector<float> planes(mask.begin(), mask.end());
-  planes = Downscaled(layers.mask_layers[0], planes, 4 * layers.side);
-  planes = Downscaled(layers.mask_layers[1], planes, 2 * layers.side);
-  std::vector<float> embedding(static_cast<size_t>(layers.side) * layers.side * kPromptChannels);
-  for (size_t i = 0; i < embedding.size(); ++i) {
-    const float* weight = &layers.mask_weight[i % kPromptChannels * 16];
-    const float* plane = &planes[i / kPromptChannels * 16];
-    float sum = layers.mask_bias[i % kPromptChannels];
-    for (int k = 0; k < 16; ++k) sum += weight[k] * plane[k];
-    embedding[i] = sum;
-  }
-  return embedding;
+std::vector<float> DownscaledMask(const DecoderLayers& layers, std::span<const float> mask) {
+  const std::vector<float> logits(mask.begin(), mask.end());
+  return Downscaled(layers.mask_layers[1],
+                    Downscaled(layers.mask_layers[0], logits, 4 * layers.side), 2 * layers.side);
 }
 
 absl::Status ErrorOf(const Backend& backend) {

@@ -42,7 +42,8 @@ struct TwoWayLayer {
 
 // A 2 x 2 convolution with stride 2 of a mask prompt, on the host.
 struct MaskDownscaling {
-  std::vector<float> weight, bias, scale, shift;  // [out, in, 2, 2]
+  std::vector<float> weight;              // [2 down, 2 across, in, out]
+  std::vector<float> bias, scale, shift;  // [out]
   int num_in = 0, num_out = 0;
 };
 
@@ -63,15 +64,18 @@ struct DecoderLayers {
   PromptNormLayer upscaling_norm = {};
   std::array<std::array<PromptLinearLayer, 3>, 1 + kPromptMasks> heads = {};  // the IoUs' first
   std::array<MaskDownscaling, 2> mask_layers = {};
-  std::vector<float> mask_weight, mask_bias;  // [256, 16], [256]
+  NetworkBuffer mask_weight;  // [kMaskPlanes, 256]
+  Buffer<float> mask_bias;    // [256]
 
   // Reads all weights, or returns the first error of `weights` or of the backend.
   absl::Status Read(WeightSource weights);
 };
 
-// Returns the embedding of a mask prompt, [places, 256]. mask: logits, [4 side, 4 side]. On the
-// host.
-std::vector<float> EmbedMask(const DecoderLayers& layers, std::span<const float> mask);
+inline constexpr int kMaskPlanes = 16;  // channels of a mask prompt before its last convolution
+
+// Returns a mask prompt after its two convolutions with stride 2, [places, kMaskPlanes], computed
+// on the host: 5 MMAC. mask: logits, [4 side, 4 side].
+std::vector<float> DownscaledMask(const DecoderLayers& layers, std::span<const float> mask);
 
 // Returns the error that the backend keeps: RESOURCE_EXHAUSTED for a lack of memory, else INTERNAL.
 absl::Status ErrorOf(const Backend& backend);

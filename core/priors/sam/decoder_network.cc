@@ -15,7 +15,8 @@ namespace pepeseg {
 struct DecoderNetwork::Scratch {
   Buffer<float> points;
   Buffer<int32_t> labels;
-  Buffer<float> encoding, tokens, products, offsets;
+  Buffer<float> encoding, tokens, products;
+  NetworkBuffer planes;        // [places, kMaskPlanes] of a mask prompt
   NetworkBuffer start;         // [places, 256]: the embedding and that of the mask, or of none
   NetworkBuffer places;        // [prompts, places, 256]
   NetworkBuffer rows;          // [prompts, rows, 256] for AttendToPlaces
@@ -31,6 +32,7 @@ DecoderNetwork::DecoderNetwork(std::unique_ptr<DecoderLayers> layers)
 DecoderNetwork::~DecoderNetwork() = default;
 
 int DecoderNetwork::side() const { return layers_->side; }
+Precision DecoderNetwork::precision() const { return layers_->precision; }
 
 absl::StatusOr<std::unique_ptr<DecoderNetwork>> DecoderNetwork::Make(int side, WeightSource weights,
                                                                      Backend& backend,
@@ -78,19 +80,32 @@ absl::Status DecoderNetwork::Decode(ConstNetworkSpan embedding,
   return Run(points, num_points, grid, with_logits, masks);
 }
 
+// The last convolution of the mask is a product, and the photograph's embedding its residual.
 absl::Status DecoderNetwork::DecodeWithMask(ConstNetworkSpan embedding,
                                             std::span<const DecoderPoint> points,
                                             std::span<const float> mask, const DecoderGrid& grid,
                                             DecodedMasks& masks) {
-  Backend& backend = layers_->backend;
-  const std::vector<float> offsets = EmbedMask(*layers_, mask);
-  scratch_->offsets.Reserve(backend, static_cast<int64_t>(offsets.size()));
-  scratch_->offsets.Upload(offsets);
-  if (scratch_->start.size() == 0) {
-    scratch_->start = NetworkBuffer(backend, layers_->precision, embedding.size);
+  const DecoderLayers& l = *layers_;
+  if (std::cmp_not_equal(mask.size(), extent() * extent())) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("SAM: a mask prompt has ", mask.size(), " logits, not ", extent() * extent()));
   }
-  RETURN_IF_ERROR(ErrorOf(backend));
-  backend.AddToPlaces({embedding, scratch_->offsets.span(), scratch_->start.span()});
+  Scratch& s = *scratch_;
+  const std::vector<float> planes = DownscaledMask(l, mask);
+  if (s.planes.size() == 0) {
+    s.planes = NetworkBuffer(l.backend, l.precision, static_cast<int64_t>(planes.size()));
+  }
+  if (s.start.size() == 0) s.start = NetworkBuffer(l.backend, l.precision, embedding.size);
+  RETURN_IF_ERROR(ErrorOf(l.backend));
+  s.planes.Upload(planes);
+  l.backend.Linear({.rows = int64_t{side()} * side(),
+                    .in = kMaskPlanes,
+                    .out = kPromptChannels,
+                    .input = s.planes.span(),
+                    .weights = l.mask_weight.span(),
+                    .bias = l.mask_bias.span(),
+                    .residual = embedding,
+                    .output = s.start.span()});
   return Run(points, static_cast<int>(points.size()), grid, /*with_logits=*/true, masks);
 }
 

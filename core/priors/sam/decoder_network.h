@@ -59,6 +59,7 @@ class DecoderNetwork {
   int side() const;
   int extent() const { return 4 * side(); }
   int frame() const { return 16 * side(); }
+  Precision precision() const;
 
   // Answers prompts for the photograph with this embedding, [places, 256]. All prompts have
   // `num_points` points. Does not wait for the device, unless a buffer grows. Returns
@@ -67,7 +68,9 @@ class DecoderNetwork {
   absl::Status Decode(ConstNetworkSpan embedding, std::span<const DecoderPoint> points,
                       int num_points, const DecoderGrid& grid, bool with_logits,
                       DecodedMasks& masks);
-  // The same for one prompt of points and a mask: logits [extent, extent].
+  // The same for one prompt of points, without a padding point, and a mask: logits
+  // [extent, extent], which take the place of the embedding of "no mask". Returns also
+  // INVALID_ARGUMENT for a mask of another size.
   absl::Status DecodeWithMask(ConstNetworkSpan embedding, std::span<const DecoderPoint> points,
                               std::span<const float> mask, const DecoderGrid& grid,
                               DecodedMasks& masks);

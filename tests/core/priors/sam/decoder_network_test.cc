@@ -80,6 +80,106 @@ TEST(DecoderNetwork, AnswersAPromptAloneAsAmongOthers) {
   }
 }
 
+std::vector<float> WeightOf(const std::string& output, int index, std::vector<int64_t> shape) {
+  return RandomWeights(output, index, shape).value();
+}
+
+// Returns the embedding of a mask prompt, [places, 256], by the formulas of SAM's mask_downscaling.
+std::vector<double> ReferenceMaskEmbedding(const std::vector<float>& mask) {
+  std::vector<double> planes(mask.begin(), mask.end());
+  int side = 4 * kTinySide, num_in = 1;
+  for (const int layer : {0, 3}) {
+    const std::string at = "/mask_downscaling/mask_downscaling.";
+    const std::string conv = at + std::to_string(layer) + "/Conv_output_0",
+                      norm = at + std::to_string(layer + 1);
+    const int num_out = layer == 0 ? 4 : 16, half = side / 2;
+    const auto weight = WeightOf(conv, 1, {num_out, num_in, 2, 2});
+    const auto bias = WeightOf(conv, 2, {num_out});
+    const auto scale = WeightOf(norm + "/Mul_output_0", 0, {num_out, 1, 1});
+    const auto shift = WeightOf(norm + "/Add_1_output_0", 1, {num_out, 1, 1});
+    std::vector<double> next(static_cast<size_t>(half) * half * num_out);
+    for (int place = 0; place < half * half; ++place) {
+      double* out = &next[static_cast<size_t>(place) * num_out];
+      double mean = 0, variance = 0;
+      for (int o = 0; o < num_out; ++o) {
+        out[o] = bias[o];
+        for (int k = 0; k < num_in * 4; ++k) {
+          const int y = place / half * 2 + k % 4 / 2, x = place % half * 2 + k % 2;
+          out[o] += weight[static_cast<size_t>(o) * num_in * 4 + k] *
+                    planes[(static_cast<size_t>(y) * side + x) * num_in + k / 4];
+        }
+        mean += out[o] / num_out;
+      }
+      for (int o = 0; o < num_out; ++o) variance += (out[o] - mean) * (out[o] - mean) / num_out;
+      for (int o = 0; o < num_out; ++o) {
+        const double x = (out[o] - mean) / std::sqrt(variance + 1e-6) * scale[o] + shift[o];
+        out[o] = x / 2 * (1 + std::erf(x / std::sqrt(2.0)));
+      }
+    }
+    planes = next;
+    side = half;
+    num_in = num_out;
+  }
+  const std::string last = "/mask_downscaling/mask_downscaling.6/Conv_output_0";
+  const auto weight = WeightOf(last, 1, {kPromptChannels, 16, 1, 1});
+  const auto bias = WeightOf(last, 2, {kPromptChannels});
+  std::vector<double> embedding(static_cast<size_t>(kTinySize));
+  for (size_t i = 0; i < embedding.size(); ++i) {
+    const size_t c = i % kPromptChannels, place = i / kPromptChannels;
+    embedding[i] = bias[c];
+    for (size_t k = 0; k < 16; ++k) embedding[i] += weight[c * 16 + k] * planes[place * 16 + k];
+  }
+  return embedding;
+}
+
+// A mask takes the place of the embedding of "no mask": an embedding that has the difference has
+// the same answers without one.
+TEST(DecoderNetwork, TakesAMaskInPlaceOfNone) {
+  const auto backend = MakeCpuBackend(2);
+  ASSERT_OK_AND_ASSIGN(const auto decoder,
+                       DecoderNetwork::Make(kTinySide, RandomWeights, *backend, Precision::kFloat));
+  const std::vector<float> values = RandomValues(kTinySize, 1, 5);
+  const std::vector<float> mask = RandomValues(int64_t{16} * kTinySide * kTinySide, 5, 6);
+  const std::vector<double> of_mask = ReferenceMaskEmbedding(mask);
+  ASSERT_OK_AND_ASSIGN(
+      const std::vector<float> of_none,
+      RandomWeights("/Mul_9_output_0", 1, std::vector<int64_t>{1, kPromptChannels, 1, 1}));
+  std::vector<float> shifted;
+  for (size_t i = 0; i < values.size(); ++i) {
+    shifted.push_back(static_cast<float>(values[i] + of_mask[i] - of_none[i % kPromptChannels]));
+  }
+  const NetworkBuffer plain(*backend, Precision::kFloat, std::span<const float>(values));
+  const NetworkBuffer with_mask(*backend, Precision::kFloat, std::span<const float>(shifted));
+  const std::vector<DecoderPoint> points = {{40, 30, 1}, {20, 20, 2}, {90, 80, 3}};
+  DecodedMasks got, want, without;
+  EXPECT_OK(decoder->DecodeWithMask(plain.span(), points, mask, {32, 24}, got));
+  EXPECT_OK(decoder->Decode(with_mask.span(), points, 3, {32, 24}, true, want));
+  EXPECT_OK(decoder->Decode(plain.span(), points, 3, {32, 24}, true, without));
+  const std::vector<float> logits = Logits(got), expected = Logits(want), other = Logits(without);
+  ASSERT_EQ(logits.size(), expected.size());
+  double largest = 0, error = 0, difference = 0;
+  for (size_t i = 0; i < logits.size(); ++i) {
+    largest = std::max<double>(largest, std::abs(expected[i]));
+    error = std::max<double>(error, std::abs(logits[i] - expected[i]));
+    difference = std::max<double>(difference, std::abs(logits[i] - other[i]));
+  }
+  EXPECT_LT(error, 1e-4 * largest);
+  EXPECT_GT(difference, 0.1 * largest);
+}
+
+TEST(DecoderNetwork, RefusesAMaskOfAnotherSize) {
+  const auto backend = MakeCpuBackend(1);
+  ASSERT_OK_AND_ASSIGN(const auto decoder,
+                       DecoderNetwork::Make(kTinySide, RandomWeights, *backend, Precision::kFloat));
+  const NetworkBuffer embedding(*backend, Precision::kFloat, kTinySize);
+  const std::vector<DecoderPoint> points = {{40, 30, 1}};
+  const std::vector<float> mask(16 * kTinySide * kTinySide - 1);
+  DecodedMasks masks;
+  const absl::Status status =
+      decoder->DecodeWithMask(embedding.span(), points, mask, {32, 32}, masks);
+  EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+}
+
 TEST(DecoderNetwork, RefusesMoreTokensThanItHolds) {
   const auto backend = MakeCpuBackend(1);
   ASSERT_OK_AND_ASSIGN(const auto decoder,
