@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "kernels/half.h"
-
 namespace pepeseg {
 
 NetworkBuffer::NetworkBuffer(Backend& backend, Precision precision, std::span<const float> values)
@@ -31,6 +29,26 @@ std::vector<float> NetworkBuffer::Download() const {
   bytes_.Download(std::as_writable_bytes(std::span(halves)));
   std::ranges::transform(halves, values.begin(), FloatFromHalf);
   return values;
+}
+
+void NetworkBuffer::UploadHalves(std::span<const Half> values) {
+  if (precision_ == Precision::kHalf) {
+    bytes_.Upload(std::as_bytes(values), 0);
+    return;
+  }
+  std::vector<float> floats(values.size());
+  std::ranges::transform(values, floats.begin(), FloatFromHalf);
+  Upload(floats);
+}
+
+std::vector<Half> NetworkBuffer::DownloadHalves() const {
+  std::vector<Half> halves(size());
+  if (precision_ == Precision::kHalf) {
+    bytes_.Download(std::as_writable_bytes(std::span(halves)));
+    return halves;
+  }
+  std::ranges::transform(Download(), halves.begin(), HalfFromFloat);
+  return halves;
 }
 
 }  // namespace pepeseg

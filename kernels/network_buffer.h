@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "kernels/buffer.h"
+#include "kernels/half.h"
 
 // Values of neural networks: activations and weights, in one of two formats that is chosen when the
 // program runs.
@@ -63,9 +64,13 @@ class NetworkBuffer {
   void Resize(int64_t size) { bytes_.Resize(size * BytesOf(precision_)); }
   // Copies `values`, rounded to the precision, to the elements from `first` on.
   void Upload(std::span<const float> values, int64_t first = 0);
+  // Copies `values`, as floats if the precision is that, to the first elements.
+  void UploadHalves(std::span<const Half> values);
   // Returns all values. Blocks until the ops that write them have run. Zeros if the buffer got no
   // memory.
   std::vector<float> Download() const;
+  // Returns them as Halves: the stored ones, or floats rounded.
+  std::vector<Half> DownloadHalves() const;
 
   int64_t size() const { return bytes_.size() / BytesOf(precision_); }
   Precision precision() const { return precision_; }

@@ -231,8 +231,8 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
 }
 
 void Server::Parts::MakeQueryServices(int num_threads) {
-  borders = std::make_unique<BorderRefiner>(
-      BorderRefiner::Options{sam, num_threads, *store, *models, *blobs, photographs});
+  borders = std::make_unique<BorderRefiner>(BorderRefiner::Options{
+      sam, num_threads, CudaDevice(device.id), *store, *models, *blobs, photographs});
   segmentation = std::make_unique<SegmentationServiceRpc>(*runner, *models, *borders);
   labels = std::make_unique<LabelServiceRpc>(*runner, *models);
   selected = std::make_unique<Selections>(*store, models->data_folder());

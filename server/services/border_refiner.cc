@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <utility>
 #include <vector>
 
@@ -18,8 +19,9 @@ namespace pepeseg {
 namespace {
 
 constexpr size_t kMostRecent = 32;                // views
-constexpr int64_t kViewBytes = int64_t{4} << 20;  // of an embedding
-// Of SAM's weights and their buffers, as measured (deploy/OPERATIONS.md).
+constexpr int64_t kViewBytes = int64_t{2} << 20;  // of an embedding
+// Of SAM's weights and their buffers on the CPU, as measured (deploy/OPERATIONS.md). Also reserved
+// where a GPU computes, because the CPU takes over if that fails.
 constexpr int64_t kSamBytes = int64_t{350'000'000};
 
 }  // namespace
@@ -32,18 +34,34 @@ absl::Status BorderRefiner::CheckAvailable() const {
       "NO_SAM", "sam");
 }
 
+// Takes the memory for SAM on the GPU or, where that has no room, on the CPU alone. Evicts models
+// that are not in use if it has to. `options` gets the GPU.
+absl::StatusOr<std::unique_ptr<ReservedMemory>> BorderRefiner::TakeMemory(SamOptions& options) {
+  MemoryBytes bytes = {kSamBytes + int64_t{kMostRecent} * kViewBytes, 0};
+  if (options_.cuda_device) {
+    bytes.device = SamDeviceBytes(int64_t{kSamFrame} * kSamFrame);
+    auto taken = options_.models.TakeServerMemory(bytes);
+    if (taken.ok()) {
+      options.cuda_device = options_.cuda_device;
+      return taken;
+    }
+    spdlog::warn("SAM computes borders of masks on the CPU: {}", taken.status().ToString());
+    bytes.device = 0;
+  }
+  return options_.models.TakeServerMemory(bytes);
+}
+
 // Loading takes a second: it is left to the first request. Clients do not learn the server's paths.
 absl::Status BorderRefiner::OpenSam() {
   if (sam_ != nullptr) return absl::OkStatus();
-  // Makes room by evicting models if it has to.
-  constexpr int64_t kBytes = kSamBytes + int64_t{kMostRecent} * kViewBytes;
-  ASSIGN_OR_RETURN(std::unique_ptr<ReservedMemory> memory,
-                   options_.models.TakeServerMemory(kBytes));
-  auto sam = SamBorders::Open(options_.sam, options_.num_threads);
+  SamOptions sam_options = {.num_threads = options_.num_threads};
+  ASSIGN_OR_RETURN(std::unique_ptr<ReservedMemory> memory, TakeMemory(sam_options));
+  auto sam = SamBorders::Open(options_.sam, sam_options);
   if (sam.ok()) {
     sam_ = *std::move(sam);
     memory_ = std::move(memory);
-    spdlog::info("SAM is in memory, for borders of masks");
+    spdlog::info("SAM is in memory, for borders of masks, on {}", sam_->processor());
+    reported_failure_ = sam_->cuda_failed();
     return absl::OkStatus();
   }
   spdlog::error("sam_borders: {}", sam.status().ToString());
@@ -51,6 +69,13 @@ absl::Status BorderRefiner::OpenSam() {
     return absl::ResourceExhaustedError("SAM does not fit into the server's memory");
   }
   return absl::FailedPreconditionError("SAM cannot be loaded: the server's log says why");
+}
+
+// Warns once when the GPU has failed.
+void BorderRefiner::ReportProcessor() {
+  if (reported_failure_ || !sam_->cuda_failed()) return;
+  reported_failure_ = true;
+  spdlog::warn("SAM computes borders of masks on {}", sam_->processor());
 }
 
 absl::StatusOr<Image> BorderRefiner::Photograph(const ResidentModel& model, const ModelView& view,
@@ -95,6 +120,9 @@ absl::StatusOr<const BorderRefiner::Seen*> BorderRefiner::See(const ResidentMode
     seen.image = v1::SegmentViewsResponse::BORDER_IMAGE_RENDERING;
   }
   ASSIGN_OR_RETURN(seen.embedding, sam_->Embed(*image));
+  // The photograph may be shrunk; masks have the size of the view.
+  seen.embedding.width = view.camera.width;
+  seen.embedding.height = view.camera.height;
   recent_.push_front(std::move(seen));
   if (recent_.size() > kMostRecent) recent_.pop_back();
   return &recent_.front();
@@ -108,8 +136,8 @@ absl::StatusOr<v1::SegmentViewsResponse::BorderImage> BorderRefiner::Refine(
   RETURN_IF_ERROR(CheckAvailable());
   RETURN_IF_ERROR(OpenSam());
   ASSIGN_OR_RETURN(const Seen* seen, See(model, view, wanted));
-  ASSIGN_OR_RETURN(BinaryMask mask,
-                   sam_->Refine(seen->embedding, result.mask, result.width, result.height));
+  ASSIGN_OR_RETURN(BinaryMask mask, sam_->Refine(seen->embedding, result.mask));
+  ReportProcessor();
   SetMask(std::move(mask), result);
   return seen->image;
 }

@@ -4,12 +4,14 @@
 #include <list>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/priors/sam/sam_borders.h"
+#include "core/priors/sam/sam_embedding.h"
 #include "core/query/view_features.h"
 #include "core/scene/model.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
@@ -20,15 +22,18 @@
 namespace pepeseg {
 
 // Refines the borders of masks by SAM (core/priors/sam/sam_borders.h) in the photographs of views.
-// Loads SAM with the first request and keeps it: 350 MB of host memory. Keeps what SAM needs of the
-// most recent views. Both are counted in the budget of the models. Thread safe; one mask is refined
-// at a time.
+// Loads SAM with the first request and keeps it, on the GPU where there is one with room for it:
+// 350 MB of host memory, and on a GPU 700 MiB of its memory. Where the GPU fails or is out of
+// memory, the CPU takes over for good, and the log says so once. Keeps what SAM needs of the most
+// recent views. All is counted in the budget of the models. Thread safe; one mask is refined at a
+// time.
 class BorderRefiner {
  public:
   // What it refers to must outlive it.
   struct Options {
     std::filesystem::path sam;  // folder of SAM's files; empty: the server has none
     int num_threads = 1;        // of SAM
+    std::optional<int> cuda_device = std::nullopt;  // of SAM; absent: the CPU
     Store& store;
     ModelLoader& models;
     const BlobStore& blobs;
@@ -52,12 +57,14 @@ class BorderRefiner {
   // What SAM needs of a view's image.
   struct Seen {
     std::string key;  // of model and view; empty: a free camera
-    OnnxTensor embedding;
+    SamEmbedding embedding;
     v1::SegmentViewsResponse::BorderImage image =
         v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED;
   };
 
   absl::Status OpenSam();
+  absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeMemory(SamOptions& options);
+  void ReportProcessor();
   // Returns what SAM needs of the view, from the cache or computed.
   absl::StatusOr<const Seen*> See(const ResidentModel& model, const ModelView& view,
                                   absl::FunctionRef<bool()> wanted);
@@ -68,7 +75,8 @@ class BorderRefiner {
   std::mutex mutex_;
   std::unique_ptr<ReservedMemory> memory_;  // of all below; guarded by mutex_, as the following
   std::unique_ptr<SamBorders> sam_;
-  std::list<Seen> recent_;  // the most recent first
+  bool reported_failure_ = false;  // of the GPU
+  std::list<Seen> recent_;         // the most recent first
 };
 
 }  // namespace pepeseg

@@ -113,16 +113,16 @@ absl::StatusOr<ResidentModel> ModelLoader::LoadWithFeatures(const std::string& n
 absl::StatusOr<std::unique_ptr<ReservedMemory>> ModelLoader::TakeAnswerMemory(
     const std::string& scene, int64_t bytes) {
   ASSIGN_OR_RETURN(const ModelCache::Share share, ShareOf(scene));
-  return TakeMemory(share, bytes);
+  return TakeMemory(share, {bytes, 0});
 }
 
-absl::StatusOr<std::unique_ptr<ReservedMemory>> ModelLoader::TakeServerMemory(int64_t bytes) {
+absl::StatusOr<std::unique_ptr<ReservedMemory>> ModelLoader::TakeServerMemory(
+    const MemoryBytes& bytes) {
   return TakeMemory({}, bytes);
 }
 
 absl::StatusOr<std::unique_ptr<ReservedMemory>> ModelLoader::TakeMemory(
-    const ModelCache::Share& share, int64_t bytes) {
-  const MemoryBytes need = {bytes, 0};
+    const ModelCache::Share& share, const MemoryBytes& need) {
   auto taken = cache_->TakeMemory(need, share);
   if (!absl::IsResourceExhausted(taken.status()) && !absl::IsUnavailable(taken.status())) {
     return taken;

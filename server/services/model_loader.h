@@ -12,6 +12,7 @@
 #include "kernels/backend.h"
 #include "server/access/project_quotas.h"
 #include "server/api/resource_name.h"
+#include "server/residency/memory_budget.h"
 #include "server/residency/resident_cache.h"
 #include "server/store/store.h"
 
@@ -62,9 +63,9 @@ class ModelLoader {
   // the project's share of its models. RESOURCE_EXHAUSTED or UNAVAILABLE: there is no room.
   absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeAnswerMemory(const std::string& scene,
                                                                    int64_t bytes);
-  // Reserves `bytes` of host memory for something that serves all projects, out of the budget only.
-  // Errors are those of TakeAnswerMemory.
-  absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeServerMemory(int64_t bytes);
+  // Reserves memory of host and device for something that serves all projects, out of the budget
+  // only. Errors are those of TakeAnswerMemory.
+  absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeServerMemory(const MemoryBytes& bytes);
 
   Store& store() const { return options_.store; }
   ModelCache& cache() const { return *cache_; }
@@ -75,7 +76,7 @@ class ModelLoader {
 
  private:
   absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeMemory(const ModelCache::Share& share,
-                                                             int64_t bytes);
+                                                             const MemoryBytes& need);
   absl::StatusOr<ModelRow> FindLive(const std::string& scene) const;
   // Returns the share of the cache of the project that the scene belongs to.
   absl::StatusOr<ModelCache::Share> ShareOf(const std::string& scene) const;

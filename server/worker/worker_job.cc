@@ -3,7 +3,6 @@
 #include <google/protobuf/util/json_util.h>
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <optional>
 #include <set>
@@ -13,7 +12,6 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "absl/strings/numbers.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/extra_files.h"
 #include "core/train/train.h"
@@ -126,13 +124,6 @@ void JobObserver::ReportDamagedFile(const std::string& sha256) { damaged_files_.
 StageCheckpoints* JobObserver::checkpoints(const std::string& stage) {
   if (stage == "reconstruct") return &reconstruct_checkpoints_;
   return stage == "features" ? &feature_checkpoints_ : nullptr;
-}
-
-// Returns N for "cuda:N", and 0 for "cuda" (worker_protocol/device.h); nothing for "cpu".
-std::optional<int> CudaDevice(const std::string& device) {
-  int number = 0;
-  if (!device.starts_with("cuda")) return std::nullopt;
-  return absl::SimpleAtoi(device.substr(std::min(device.size(), size_t{5})), &number) ? number : 0;
 }
 
 // Returns the folders of this attempt and, as those of earlier runs, of all attempts with a lower

@@ -42,4 +42,9 @@ absl::StatusOr<Device> OpenDevice(const std::string& wanted, int num_threads) {
   return absl::FailedPreconditionError(absl::StrCat("device ", wanted, ": ", error));
 }
 
+std::optional<int> CudaDevice(const std::string& id) {
+  const absl::StatusOr<int> index = CudaIndex(id);
+  return index.ok() ? std::optional(*index) : std::nullopt;
+}
+
 }  // namespace pepeseg

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -22,5 +23,8 @@ struct Device {
 // INVALID_ARGUMENT: `wanted` is another word. FAILED_PRECONDITION, with the reason: a CUDA device
 // was named and is not available.
 absl::StatusOr<Device> OpenDevice(const std::string& wanted, int num_threads);
+
+// Returns N for a Device::id "cuda:N", 0 for "cuda", and nothing for "cpu".
+std::optional<int> CudaDevice(const std::string& id);
 
 }  // namespace pepeseg

@@ -57,9 +57,9 @@ class BorderScorer {
     for (const Border border : {kPlain, kPhotograph, kRendering}) {
       BinaryMask mask = results[0].mask;
       if (border != kPlain) {
-        ASSIGN_OR_RETURN(const OnnxTensor* embedding, EmbeddingOf(in.view, border));
+        ASSIGN_OR_RETURN(const SamEmbedding* embedding, EmbeddingOf(in.view, border));
         const double start = Now();
-        ASSIGN_OR_RETURN(mask, sam_.Refine(*embedding, mask, width, height));
+        ASSIGN_OR_RETURN(mask, sam_.Refine(*embedding, mask));
         refining_.seconds += Now() - start;
         ++refining_.count;
       }
@@ -69,8 +69,8 @@ class BorderScorer {
   }
 
  private:
-  absl::StatusOr<const OnnxTensor*> EmbeddingOf(const ModelView& view, Border border) {
-    OnnxTensor& embedding = embeddings_[{view.name, border}];
+  absl::StatusOr<const SamEmbedding*> EmbeddingOf(const ModelView& view, Border border) {
+    SamEmbedding& embedding = embeddings_[{view.name, border}];
     if (!embedding.values.empty()) return &embedding;
     Image image = *photographs_.at(view.name);
     if (border == kRendering) {
@@ -86,7 +86,7 @@ class BorderScorer {
   const SamBorders& sam_;
   const Segmenter& segmenter_;
   std::map<std::string, const Image*> photographs_;
-  std::map<std::pair<std::string, Border>, OnnxTensor> embeddings_;
+  std::map<std::pair<std::string, Border>, SamEmbedding> embeddings_;
   Cost embedding_, refining_;
 };
 
@@ -144,7 +144,8 @@ absl::Status Run(const BenchOptions& options) {
     model.views.push_back({view.name, view.camera, view.cam_from_world, view.held_out});
   }
   ASSIGN_OR_RETURN(const auto segmenter, Segmenter::Create(*backend, std::move(model)));
-  ASSIGN_OR_RETURN(const auto sam, SamBorders::Open(options.sam, options.num_threads));
+  ASSIGN_OR_RETURN(const auto sam,
+                   SamBorders::Open(options.sam, {.num_threads = options.num_threads}));
   for (const TruthLevel& level : pack.truth) {
     RETURN_IF_ERROR(PrintLevel(*sam, *segmenter, pack, level));
   }

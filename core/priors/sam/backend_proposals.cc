@@ -137,15 +137,33 @@ std::vector<ProposedMask*> PointersTo(std::vector<ProposedMask>& masks) {
 
 }  // namespace
 
+namespace {
+
+// Returns a point in pixels of the frame, whose first pixel has its centre at 0.
+DecoderPoint InFrame(const PromptPoint& point, int32_t label, const PromptAnswers& grid,
+                     const DecoderNetwork& decoder) {
+  const double scale = grid.cells_per_pixel * decoder.frame() / decoder.extent();
+  return {static_cast<float>(point.x * scale - 0.5), static_cast<float>(point.y * scale - 0.5),
+          label};
+}
+
+}  // namespace
+
 void AppendPrompt(const SegmenterPrompt& prompt, const PromptAnswers& grid,
                   const DecoderNetwork& decoder, std::vector<DecoderPoint>& points) {
-  // Pixels of the frame, whose first pixel has its centre at 0.
-  const double scale = grid.cells_per_pixel * decoder.frame() / decoder.extent();
   for (const PromptPoint& point : prompt) {
-    points.push_back({static_cast<float>(point.x * scale - 0.5),
-                      static_cast<float>(point.y * scale - 0.5), point.positive ? 1 : 0});
+    points.push_back(InFrame(point, point.positive ? 1 : 0, grid, decoder));
   }
   points.push_back({0, 0, -1});
+}
+
+void AppendPrompt(const MaskPrompt& prompt, const PromptAnswers& grid,
+                  const DecoderNetwork& decoder, std::vector<DecoderPoint>& points) {
+  for (const PromptPoint& point : prompt.points) {
+    points.push_back(InFrame(point, point.positive ? 1 : 0, grid, decoder));
+  }
+  points.push_back(InFrame(prompt.first_corner, 2, grid, decoder));
+  points.push_back(InFrame(prompt.last_corner, 3, grid, decoder));
 }
 
 absl::StatusOr<Proposals> ProposeOnBackend(Backend& backend, DecoderNetwork& decoder,

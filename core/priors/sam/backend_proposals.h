@@ -31,5 +31,8 @@ absl::StatusOr<std::vector<std::vector<PixelRun>>> EnlargeOnBackend(
 // Appends a prompt and the padding point that SAM expects at the end of a prompt without a box.
 void AppendPrompt(const SegmenterPrompt& prompt, const PromptAnswers& grid,
                   const DecoderNetwork& decoder, std::vector<DecoderPoint>& points);
+// Appends the points and the box of a prompt by a mask, which need no padding point.
+void AppendPrompt(const MaskPrompt& prompt, const PromptAnswers& grid,
+                  const DecoderNetwork& decoder, std::vector<DecoderPoint>& points);
 
 }  // namespace pepeseg

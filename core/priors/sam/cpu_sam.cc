@@ -16,11 +16,16 @@ class CpuSegmenter : public PromptedSegmenter {
   }
 
   absl::Status SetPhotograph(const Image& photo) override {
-    if (sam_ == nullptr) {
-      ASSIGN_OR_RETURN(sam_, owner_.Take());
-      calls_ = sam_->MakeSegmenter();
-    }
+    RETURN_IF_ERROR(TakeNetworks());
     return calls_->SetPhotograph(photo);
+  }
+  absl::Status SetEmbedding(const SamEmbedding& embedding) override {
+    RETURN_IF_ERROR(TakeNetworks());
+    return calls_->SetEmbedding(embedding);
+  }
+  absl::StatusOr<SamEmbedding> Embedding() override { return calls_->Embedding(); }
+  absl::StatusOr<PromptAnswers> SegmentByMask(const MaskPrompt& prompt) override {
+    return calls_->SegmentByMask(prompt);
   }
   int extent() const override {
     return calls_ == nullptr ? PromptAnswers::kExtent : calls_->extent();
@@ -41,6 +46,13 @@ class CpuSegmenter : public PromptedSegmenter {
   }
 
  private:
+  absl::Status TakeNetworks() {
+    if (sam_ != nullptr) return absl::OkStatus();
+    ASSIGN_OR_RETURN(sam_, owner_.Take());
+    calls_ = sam_->MakeSegmenter();
+    return absl::OkStatus();
+  }
+
   CpuSam& owner_;
   DeviceSam* sam_ = nullptr;
   std::unique_ptr<PromptedSegmenter> calls_;  // of sam_

@@ -24,8 +24,8 @@ class CpuSam {
   static absl::StatusOr<std::unique_ptr<CpuSam>> Make(Open open);
 
   // Returns a segmenter for the photographs of one thread. This must outlive it. Its networks are
-  // those that another segmenter has left, or opened by its first SetPhotograph, which returns the
-  // error of that.
+  // those that another segmenter has left, or opened by its first SetPhotograph or SetEmbedding,
+  // which returns the error of that.
   std::unique_ptr<PromptedSegmenter> MakeSegmenter();
 
   // Makes all present and later calls to the segmenters return CANCELLED, each after at most the

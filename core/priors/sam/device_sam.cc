@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/priors/sam/backend_proposals.h"
+#include "core/priors/sam/decoder_layers.h"
 #include "core/priors/sam/sam_networks.h"
 
 namespace pepeseg {
@@ -21,7 +22,7 @@ class DeviceSegmenter : public PromptedSegmenter {
   int extent() const override { return sam_.decoder().extent(); }
 
   absl::Status SetPhotograph(const Image& photo) override {
-    grid_ = AnswerGrid(photo.width, photo.height, extent());
+    SetSize(photo.width, photo.height);
     ASSIGN_OR_RETURN(embedding_, sam_.Embed(photo));
     return absl::OkStatus();
   }
@@ -31,10 +32,46 @@ class DeviceSegmenter : public PromptedSegmenter {
     for (const SegmenterPrompt& prompt : prompts) {
       AppendPrompt(prompt, grid_, sam_.decoder(), points);
     }
-    PromptAnswers answers = grid_;
-    const absl::Status status = sam_.Run([&] { return Decode(points, prompts.size(), answers); });
-    if (!status.ok()) return status;
-    return answers;
+    return Alone<PromptAnswers>([&] {
+      return Answers([&](DecodedMasks& masks) {
+        return sam_.decoder().Decode(embedding_.span(), points,
+                                     static_cast<int>(points.size() / prompts.size()),
+                                     {grid_.width, grid_.height}, true, masks);
+      });
+    });
+  }
+
+  absl::StatusOr<SamEmbedding> Embedding() override {
+    return Alone<SamEmbedding>([&]() -> absl::StatusOr<SamEmbedding> {
+      return SamEmbedding{width_, height_, embedding_.DownloadHalves()};
+    });
+  }
+
+  absl::Status SetEmbedding(const SamEmbedding& embedding) override {
+    const int64_t size = sam_.encoder().shape().embedding_size();
+    if (std::cmp_not_equal(embedding.values.size(), size)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("SAM: an embedding has ", embedding.values.size(), " values, not ", size));
+    }
+    SetSize(embedding.width, embedding.height);
+    return sam_.Run([&] {
+      if (embedding_.size() != size) {
+        embedding_ = NetworkBuffer(sam_.backend(), sam_.decoder().precision(), size);
+      }
+      if (embedding_.size() == size) embedding_.UploadHalves(embedding.values);
+      return ErrorOf(sam_.backend());
+    });
+  }
+
+  absl::StatusOr<PromptAnswers> SegmentByMask(const MaskPrompt& prompt) override {
+    std::vector<DecoderPoint> points;
+    AppendPrompt(prompt, grid_, sam_.decoder(), points);
+    return Alone<PromptAnswers>([&] {
+      return Answers([&](DecodedMasks& masks) {
+        return sam_.decoder().DecodeWithMask(embedding_.span(), points, prompt.logits,
+                                             {grid_.width, grid_.height}, masks);
+      });
+    });
   }
 
   absl::StatusOr<Proposals> Propose(const ProposalRequest& request,
@@ -73,24 +110,30 @@ class DeviceSegmenter : public PromptedSegmenter {
     return result;
   }
 
-  // Appends the answers, with the cells of each square that show the photograph.
-  absl::Status Decode(const std::vector<DecoderPoint>& points, size_t num_prompts,
-                      PromptAnswers& answers) {
+  void SetSize(int width, int height) {
+    width_ = width;
+    height_ = height;
+    grid_ = AnswerGrid(width, height, extent());
+  }
+
+  // Returns what `decode` makes, with the cells of each square that show the photograph.
+  absl::StatusOr<PromptAnswers> Answers(
+      absl::FunctionRef<absl::Status(DecodedMasks& masks)> decode) {
     DecodedMasks masks;
-    RETURN_IF_ERROR(sam_.decoder().Decode(embedding_.span(), points,
-                                          static_cast<int>(points.size() / num_prompts),
-                                          {grid_.width, grid_.height}, true, masks));
+    RETURN_IF_ERROR(decode(masks));
+    PromptAnswers answers = grid_;
     answers.ious.resize(static_cast<size_t>(masks.ious.size()));
     masks.ious.Download(answers.ious);
     std::vector<float> squares(static_cast<size_t>(masks.logits.size()));
     masks.logits.Download(squares);
     answers.logits = WithoutPadding(squares, extent(), grid_);
-    return absl::OkStatus();
+    return answers;
   }
 
   DeviceSam& sam_;
-  PromptAnswers grid_;       // grid of the photograph, without answers
-  NetworkBuffer embedding_;  // [places, channels]
+  int width_ = 0, height_ = 0;  // of the photograph, pixels
+  PromptAnswers grid_;          // grid of the photograph, without answers
+  NetworkBuffer embedding_;     // [places, channels]
 };
 
 }  // namespace

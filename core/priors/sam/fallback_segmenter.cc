@@ -12,7 +12,7 @@ bool FallbackSegmenter::GoesOver(const absl::Status& status) const {
 absl::Status FallbackSegmenter::GoOver(const absl::Status& why) {
   ASSIGN_OR_RETURN(current_, other_(why));
   other_ = nullptr;
-  return current_->SetPhotograph(*photo_);
+  return photo_ != nullptr ? current_->SetPhotograph(*photo_) : current_->SetEmbedding(*embedding_);
 }
 
 template <class Call>
@@ -25,6 +25,7 @@ auto FallbackSegmenter::Repeated(const Call& call) -> decltype(call()) {
 
 absl::Status FallbackSegmenter::SetPhotograph(const Image& photo) {
   photo_ = &photo;
+  embedding_ = nullptr;
   const absl::Status status = current_->SetPhotograph(photo);
   return GoesOver(status) ? GoOver(status) : status;
 }
@@ -46,6 +47,21 @@ absl::StatusOr<std::vector<ProposedMask>> FallbackSegmenter::Match(
 absl::StatusOr<std::vector<std::vector<PixelRun>>> FallbackSegmenter::Enlarge(
     std::span<const ProposedMask> masks, const View& view) {
   return Repeated([&] { return current_->Enlarge(masks, view); });
+}
+
+absl::StatusOr<SamEmbedding> FallbackSegmenter::Embedding() {
+  return Repeated([&] { return current_->Embedding(); });
+}
+
+absl::Status FallbackSegmenter::SetEmbedding(const SamEmbedding& embedding) {
+  embedding_ = &embedding;
+  photo_ = nullptr;
+  const absl::Status status = current_->SetEmbedding(embedding);
+  return GoesOver(status) ? GoOver(status) : status;
+}
+
+absl::StatusOr<PromptAnswers> FallbackSegmenter::SegmentByMask(const MaskPrompt& prompt) {
+  return Repeated([&] { return current_->SegmentByMask(prompt); });
 }
 
 }  // namespace pepeseg

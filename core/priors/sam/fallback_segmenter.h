@@ -32,6 +32,9 @@ class FallbackSegmenter : public PromptedSegmenter {
       std::span<const TargetedPrompt> prompts, absl::FunctionRef<absl::Status()> progress) override;
   absl::StatusOr<std::vector<std::vector<PixelRun>>> Enlarge(std::span<const ProposedMask> masks,
                                                              const View& view) override;
+  absl::StatusOr<SamEmbedding> Embedding() override;
+  absl::Status SetEmbedding(const SamEmbedding& embedding) override;
+  absl::StatusOr<PromptAnswers> SegmentByMask(const MaskPrompt& prompt) override;
 
  private:
   bool GoesOver(const absl::Status& status) const;
@@ -40,8 +43,10 @@ class FallbackSegmenter : public PromptedSegmenter {
   auto Repeated(const Call& call) -> decltype(call());
 
   std::unique_ptr<PromptedSegmenter> current_;
-  Other other_;                   // null: current_ is the other one
-  const Image* photo_ = nullptr;  // of SetPhotograph
+  Other other_;  // null: current_ is the other one
+  // The one that was set last; the other is null.
+  const Image* photo_ = nullptr;
+  const SamEmbedding* embedding_ = nullptr;
 };
 
 }  // namespace pepeseg

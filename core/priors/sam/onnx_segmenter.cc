@@ -12,14 +12,16 @@ namespace {
 
 constexpr int kExtent = PromptAnswers::kExtent;
 constexpr int kMasks = PromptAnswers::kMasks;
-constexpr float kPadding = -1;  // label of a padding point
+// Labels of points: padding, and the two corners of a box.
+constexpr float kPadding = -1, kFirstCorner = 2, kLastCorner = 3;
+constexpr int64_t kChannels = 256, kPlaces = 4096;  // of an embedding
 
 class OnnxSegmenter : public PromptedSegmenter {
  public:
   explicit OnnxSegmenter(const SamNetworks& networks) : networks_(networks) {}
 
   absl::Status SetPhotograph(const Image& photo) override {
-    grid_ = AnswerGrid(photo.width, photo.height);
+    SetSize(photo.width, photo.height);
     ASSIGN_OR_RETURN(embedding_, EmbedPhotograph(*networks_.encoder, photo));
     return absl::OkStatus();
   }
@@ -35,6 +37,79 @@ class OnnxSegmenter : public PromptedSegmenter {
         OnnxInput{"image_embeddings", embedding_.shape, embedding_.values},
         OnnxInput{"point_coords", {num_prompts, num_points, 2}, points},
         OnnxInput{"point_labels", {num_prompts, num_points}, labels}};
+    return Answers(inputs, num_prompts);
+  }
+
+  // The network's channels are planes, those of an embedding rows.
+  absl::StatusOr<SamEmbedding> Embedding() override {
+    SamEmbedding embedding = {width_, height_, std::vector<Half>(embedding_.values.size())};
+    for (int64_t i = 0; i < kPlaces * kChannels; ++i) {
+      embedding.values[i] =
+          HalfFromFloat(embedding_.values[i % kChannels * kPlaces + i / kChannels]);
+    }
+    return embedding;
+  }
+
+  absl::Status SetEmbedding(const SamEmbedding& embedding) override {
+    if (std::cmp_not_equal(embedding.values.size(), kPlaces * kChannels)) {
+      return absl::InvalidArgumentError("SAM: an embedding has another size");
+    }
+    SetSize(embedding.width, embedding.height);
+    embedding_.shape = {1, kChannels, 64, 64};
+    embedding_.values.resize(embedding.values.size());
+    for (int64_t i = 0; i < kPlaces * kChannels; ++i) {
+      embedding_.values[i % kChannels * kPlaces + i / kChannels] =
+          FloatFromHalf(embedding.values[i]);
+    }
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<PromptAnswers> SegmentByMask(const MaskPrompt& prompt) override {
+    std::vector<float> points, labels;
+    for (const PromptPoint& point : prompt.points) {
+      AppendPoint(point, point.positive ? 1 : 0, points, labels);
+    }
+    AppendPoint(prompt.first_corner, kFirstCorner, points, labels);
+    AppendPoint(prompt.last_corner, kLastCorner, points, labels);
+    const auto num_points = static_cast<int64_t>(labels.size());
+    const std::array<float, 1> has_mask = {1};
+    const std::array<OnnxInput, 5> inputs = {
+        OnnxInput{"image_embeddings", embedding_.shape, embedding_.values},
+        OnnxInput{"point_coords", {1, num_points, 2}, points},
+        OnnxInput{"point_labels", {1, num_points}, labels},
+        OnnxInput{"mask_input", {1, 1, kExtent, kExtent}, prompt.logits},
+        OnnxInput{"has_mask_input", {1}, has_mask}};
+    return Answers(inputs, 1);
+  }
+
+ private:
+  void SetSize(int width, int height) {
+    width_ = width;
+    height_ = height;
+    grid_ = AnswerGrid(width, height);
+  }
+
+  // Appends a point in pixels of the frame, whose first pixel has its centre at 0.
+  void AppendPoint(const PromptPoint& point, float label, std::vector<float>& points,
+                   std::vector<float>& labels) const {
+    const double scale = grid_.cells_per_pixel * kSamFrame / kExtent;
+    points.push_back(static_cast<float>(point.x * scale - 0.5));
+    points.push_back(static_cast<float>(point.y * scale - 0.5));
+    labels.push_back(label);
+  }
+
+  // SAM expects a padding point at the end of a prompt without a box.
+  void AppendPrompt(const SegmenterPrompt& prompt, std::vector<float>& points,
+                    std::vector<float>& labels) const {
+    for (const PromptPoint& point : prompt) {
+      AppendPoint(point, point.positive ? 1 : 0, points, labels);
+    }
+    points.insert(points.end(), {0, 0});
+    labels.push_back(kPadding);
+  }
+
+  absl::StatusOr<PromptAnswers> Answers(std::span<const OnnxInput> inputs,
+                                        int64_t num_prompts) const {
     ASSIGN_OR_RETURN(std::vector<OnnxTensor> outputs,
                      RunSamDecoder(*networks_.decoder, inputs, num_prompts));
     PromptAnswers answers = grid_;
@@ -43,24 +118,10 @@ class OnnxSegmenter : public PromptedSegmenter {
     return answers;
   }
 
- private:
-  // Appends a prompt in pixels of the frame, whose first pixel has its centre at 0. SAM expects a
-  // padding point at the end of a prompt without a box.
-  void AppendPrompt(const SegmenterPrompt& prompt, std::vector<float>& points,
-                    std::vector<float>& labels) const {
-    const double scale = grid_.cells_per_pixel * kSamFrame / kExtent;
-    for (const PromptPoint& point : prompt) {
-      points.push_back(static_cast<float>(point.x * scale - 0.5));
-      points.push_back(static_cast<float>(point.y * scale - 0.5));
-      labels.push_back(point.positive ? 1.0F : 0.0F);
-    }
-    points.insert(points.end(), {0, 0});
-    labels.push_back(kPadding);
-  }
-
   const SamNetworks& networks_;
-  PromptAnswers grid_;    // grid of the photograph, without answers
-  OnnxTensor embedding_;  // [1, 256, 64, 64], the photograph's
+  int width_ = 0, height_ = 0;  // of the photograph, pixels
+  PromptAnswers grid_;          // grid of the photograph, without answers
+  OnnxTensor embedding_;        // [1, 256, 64, 64], the photograph's
 };
 
 }  // namespace
@@ -76,6 +137,17 @@ OnnxGraphEdit PointDecoderEdit() {
   edit.inputs = {{"image_embeddings", {1, 256, 64, 64}},
                  {"point_coords", {-1, -1, 2}},
                  {"point_labels", {-1, -1}}};
+  edit.outputs = {{kSamMasks, {-1, kMasks, kExtent, kExtent}}, {kSamIous, {-1, kMasks}}};
+  return edit;
+}
+
+OnnxGraphEdit MaskDecoderEdit() {
+  OnnxGraphEdit edit;
+  edit.inputs = {{"image_embeddings", {1, 256, 64, 64}},
+                 {"point_coords", {1, -1, 2}},
+                 {"point_labels", {1, -1}},
+                 {"mask_input", {1, 1, kExtent, kExtent}},
+                 {"has_mask_input", {1}}};
   edit.outputs = {{kSamMasks, {-1, kMasks, kExtent, kExtent}}, {kSamIous, {-1, kMasks}}};
   return edit;
 }

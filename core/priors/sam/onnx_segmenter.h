@@ -15,9 +15,14 @@ namespace pepeseg {
 // to save a fifth of the time. The branch for masks as prompts is dropped.
 OnnxGraphEdit PointDecoderEdit();
 
-// Returns a segmenter for the photographs of one thread, by networks with that edit, which must
-// outlive it. The encoder runs once a photograph and its embedding is kept; the decoder runs for
-// each batch of prompts.
+// Returns the changes for prompts by masks: all four masks and their IoUs become outputs, and the
+// inputs are those for one prompt of points and a mask.
+OnnxGraphEdit MaskDecoderEdit();
+
+// Returns a segmenter for the photographs of one thread, by networks with one of the edits, which
+// must outlive it. The encoder runs once a photograph and its embedding is kept; the decoder runs
+// for each batch of prompts. It answers Segment with PointDecoderEdit only, and SegmentByMask with
+// MaskDecoderEdit only.
 std::unique_ptr<PromptedSegmenter> MakeOnnxSegmenter(const SamNetworks& networks);
 
 }  // namespace pepeseg

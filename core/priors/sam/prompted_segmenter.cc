@@ -10,6 +10,16 @@
 
 namespace pepeseg {
 
+absl::StatusOr<SamEmbedding> PromptedSegmenter::Embedding() {
+  return absl::UnimplementedError("this segmenter gives no embedding");
+}
+absl::Status PromptedSegmenter::SetEmbedding(const SamEmbedding&) {
+  return absl::UnimplementedError("this segmenter takes no embedding");
+}
+absl::StatusOr<PromptAnswers> PromptedSegmenter::SegmentByMask(const MaskPrompt&) {
+  return absl::UnimplementedError("this segmenter takes no mask as a prompt");
+}
+
 PromptAnswers AnswerGrid(int photo_width, int photo_height, int extent) {
   PromptAnswers grid;
   // SAM answers with a square of cells, which the longer side of the photograph fills.

@@ -6,6 +6,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/priors/sam/sam_embedding.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {
@@ -16,6 +17,13 @@ struct PromptPoint {
   bool positive = true;  // false: the mask must not hold the point
 };
 using SegmenterPrompt = std::vector<PromptPoint>;
+
+// A mask with its box and points in it, which the segmenter is to improve.
+struct MaskPrompt {
+  SegmenterPrompt points;
+  PromptPoint first_corner, last_corner;  // of the box
+  std::vector<float> logits;              // [extent, extent], positive inside the mask
+};
 
 // A prompted segmenter's answers to a batch of prompts: kMasks masks for each, on a grid of
 // width x height cells over the photograph, with kExtent cells along its longer side.
@@ -54,6 +62,16 @@ class PromptedSegmenter {
   virtual absl::Status SetPhotograph(const Image& photo) = 0;
   // Answers at least one prompt, all with the same number of points. Call SetPhotograph first.
   virtual absl::StatusOr<PromptAnswers> Segment(std::span<const SegmenterPrompt> prompts) = 0;
+
+  // The three calls below are UNIMPLEMENTED unless a segmenter overrides them.
+  //
+  // Returns what SetPhotograph has computed.
+  virtual absl::StatusOr<SamEmbedding> Embedding();
+  // Sets the photograph by its embedding, which must stay as it is while prompts refer to it.
+  // Returns INVALID_ARGUMENT for one of another size, and the errors of SetPhotograph.
+  virtual absl::Status SetEmbedding(const SamEmbedding& embedding);
+  // Answers one prompt by a mask, whose mask 0 is the one to use.
+  virtual absl::StatusOr<PromptAnswers> SegmentByMask(const MaskPrompt& prompt);
 
   // The steps of SegmentPhotograph (automatic_masks.h). Each calls `progress` from time to time and
   // returns its error. By default the host computes them from the answers of Segment; a segmenter

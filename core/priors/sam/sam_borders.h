@@ -2,44 +2,53 @@
 
 #include <filesystem>
 #include <memory>
-#include <span>
+#include <string>
+#include <utility>
 
 #include "absl/status/statusor.h"
-#include "core/priors/sam/onnx_runtime.h"
+#include "core/priors/sam/prompted_segmenter.h"
+#include "core/priors/sam/sam_embedding.h"
+#include "core/priors/sam/sam_segmenter.h"
 #include "core/scene/capture.h"
 #include "core/scene/mask_set.h"
 
 namespace pepeseg {
 
-struct SamNetworks;
+// Returns the mask, [height, width] of the segmenter's photograph, with its border as the segmenter
+// sees it. Pixels farther from the border than 2 % of the image's diagonal stay. The mask stays as
+// it is where the segmenter sees another thing: one with an IoU of less than 0.7. Returns the
+// errors of SegmentByMask.
+absl::StatusOr<BinaryMask> RefineBorder(PromptedSegmenter& segmenter, const BinaryMask& mask,
+                                        int width, int height);
 
 // Moves the borders of masks to those that SAM's decoder sees in an image, prompted by the mask
 // itself (METHOD.md section 4, "Borders by SAM"). Measured: tests/bench/results/borders.md.
-// Thread-safe.
+// Thread-safe; each call that computes on the CPU next to another one takes memory of its own.
 class SamBorders {
  public:
-  // Loads the networks from a folder that deploy/sam.sh has made. They compute on the calling
-  // thread and, with more than one thread, on threads of their own. Returns the errors of
-  // SamNetworks::Open.
+  // Opens the networks of a folder that deploy/sam.sh has made, see SamModel. Returns the errors of
+  // SamModel::Open.
   static absl::StatusOr<std::unique_ptr<SamBorders>> Open(const std::filesystem::path& folder,
-                                                          int num_threads);
-  ~SamBorders();
+                                                          SamOptions options);
 
-  // Returns what Refine needs of an RGB image: 4 MB. Takes about a second of a core. Returns
-  // RESOURCE_EXHAUSTED when out of memory.
-  absl::StatusOr<OnnxTensor> Embed(const Image& image) const;
+  // Returns what Refine needs of an RGB image. Takes about half a second of a core, or 2 ms of a
+  // GPU. Returns RESOURCE_EXHAUSTED when out of memory.
+  absl::StatusOr<SamEmbedding> Embed(const Image& image) const;
 
-  // Returns the mask, [height, width] of the image with this embedding, with its border as SAM sees
-  // it. Pixels farther from the border than 2 % of the image's diagonal stay. The mask stays as it
-  // is where SAM sees another thing: one with an IoU of less than 0.7. Takes about 0.05 s of a
-  // core. Returns the errors of Embed.
-  absl::StatusOr<BinaryMask> Refine(const OnnxTensor& embedding, const BinaryMask& mask, int width,
-                                    int height) const;
+  // Returns the mask, which has the size of the embedding, as RefineBorder does. Takes about 0.05 s
+  // of a core. Returns the errors of Embed, and INVALID_ARGUMENT for an embedding of another SAM's
+  // size.
+  absl::StatusOr<BinaryMask> Refine(const SamEmbedding& embedding, const BinaryMask& mask) const;
+
+  // Of the networks, see SamModel.
+  const std::string& encoder_digest() const { return model_->encoder_digest(); }
+  std::string processor() const { return model_->processor(); }
+  bool cuda_failed() const { return model_->cuda_failed(); }
 
  private:
-  explicit SamBorders(std::unique_ptr<const SamNetworks> networks);
+  explicit SamBorders(std::unique_ptr<SamModel> model) : model_(std::move(model)) {}
 
-  std::unique_ptr<const SamNetworks> networks_;
+  const std::unique_ptr<SamModel> model_;
 };
 
 }  // namespace pepeseg

@@ -79,11 +79,10 @@ absl::Status CheckShape(const OnnxTensor& tensor, const std::vector<int64_t>& sh
       absl::StrCat("SAM: ", model, ": not the expected model: an output has another shape"));
 }
 
-}  // namespace
-
-// A missing SHA256SUMS means that SAM is not installed; everything else that is wrong means that
-// the installation is damaged.
-absl::Status CheckSamFiles(const std::filesystem::path& folder) {
+// Returns the digests of the three files by name. A missing SHA256SUMS means that SAM is not
+// installed; everything else that is wrong means that the installation is damaged.
+absl::StatusOr<std::map<std::string, std::string>> ReadSamDigests(
+    const std::filesystem::path& folder) {
   const std::filesystem::path list = folder / kSamDigests;
   const absl::StatusOr<std::string> text = ReadFile(list, list.string(), kMaxDigestFile);
   if (absl::IsNotFound(text.status())) {
@@ -100,8 +99,17 @@ absl::Status CheckSamFiles(const std::filesystem::path& folder) {
     digests[words.second] = words.first;
   }
   for (const char* name : {kSamEncoder, kSamDecoder, kSamRuntime}) {
-    const std::filesystem::path file = folder / name;
     if (!digests.contains(name)) return Bad(list, absl::StrCat("has no line for ", name));
+  }
+  return digests;
+}
+
+}  // namespace
+
+absl::Status CheckSamFiles(const std::filesystem::path& folder) {
+  ASSIGN_OR_RETURN(auto digests, ReadSamDigests(folder));
+  for (const char* name : {kSamEncoder, kSamDecoder, kSamRuntime}) {
+    const std::filesystem::path file = folder / name;
     const absl::StatusOr<std::string> digest = Sha256OfFile(file);
     if (!digest.ok()) return Bad(file, digest.status().message());
     if (*digest == digests[name]) continue;
@@ -109,6 +117,11 @@ absl::Status CheckSamFiles(const std::filesystem::path& folder) {
                                   " as in SHA256SUMS"));
   }
   return absl::OkStatus();
+}
+
+absl::StatusOr<std::string> SamEncoderDigest(const std::filesystem::path& folder) {
+  ASSIGN_OR_RETURN(auto digests, ReadSamDigests(folder));
+  return digests[kSamEncoder];
 }
 
 absl::StatusOr<std::unique_ptr<const SamNetworks>> SamNetworks::Open(

@@ -26,6 +26,10 @@ inline constexpr char kSamEncoder[] = "encoder.onnx", kSamDecoder[] = "sam.onnx"
 // when a file is missing or differs. Reads 90 MB.
 absl::Status CheckSamFiles(const std::filesystem::path& folder);
 
+// Returns the SHA-256 of the encoder as SHA256SUMS has it: embeddings are of one encoder.
+// Returns the errors of CheckSamFiles.
+absl::StatusOr<std::string> SamEncoderDigest(const std::filesystem::path& folder);
+
 inline constexpr int kSamFrame = 1024;  // side of the encoder's square image, pixels
 // Tensors of the decoder's graph: all four masks, [prompts, 4, 256, 256], and their estimated IoUs,
 // [prompts, 4].

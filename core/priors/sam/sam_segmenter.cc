@@ -21,6 +21,7 @@ absl::StatusOr<std::unique_ptr<SamModel>> SamModel::Open(const std::filesystem::
                                                          const SamOptions& options) {
   RETURN_IF_ERROR(CheckSamFiles(folder));
   std::unique_ptr<SamModel> model(new SamModel(folder, options));
+  ASSIGN_OR_RETURN(model->encoder_digest_, SamEncoderDigest(folder));
   if (options.cuda_device) model->OpenDevice();
   if (model->device_ == nullptr) RETURN_IF_ERROR(model->OpenCpu());
   return model;
@@ -42,7 +43,7 @@ absl::Status SamModel::OpenCpu() {
   if (options_.before_cpu) options_.before_cpu();
   // A segmenter computes on the thread that calls it and on per_segmenter - 1 threads of its own,
   // so that the callers and the pool make num_threads.
-  const int at_once = SamPhotographsAtOnce(options_.num_threads);
+  const int at_once = options_.mask_prompts ? 1 : SamPhotographsAtOnce(options_.num_threads);
   const int per_segmenter = std::max(1, options_.num_threads - at_once + 1);
   if (!options_.onnx_runtime) {
     auto cpu = CpuSam::Make(
@@ -56,7 +57,8 @@ absl::Status SamModel::OpenCpu() {
     // Networks of another shape, which the own kernels do not know, are for ONNX Runtime.
     if (!absl::IsFailedPrecondition(cpu.status())) return cpu.status();
   }
-  ASSIGN_OR_RETURN(auto networks, SamNetworks::Open(folder_, PointDecoderEdit(), {per_segmenter}));
+  const OnnxGraphEdit edit = options_.mask_prompts ? MaskDecoderEdit() : PointDecoderEdit();
+  ASSIGN_OR_RETURN(auto networks, SamNetworks::Open(folder_, edit, {per_segmenter}));
   const std::lock_guard lock(mutex_);
   networks_ = std::move(networks);
   if (interrupted_) networks_->Interrupt();

@@ -62,6 +62,9 @@ struct SamOptions {
   std::function<void()> before_cpu = nullptr;
   // Computes by ONNX Runtime on the CPU, for comparisons.
   bool onnx_runtime = false;
+  // Segmenters answer prompts by masks, one photograph at a time on all threads; those that compute
+  // by ONNX Runtime then answer no others.
+  bool mask_prompts = false;
 };
 
 // The networks of a small SAM with TinyViT's encoder, from a folder that deploy/sam.sh has made, on
@@ -76,6 +79,8 @@ class SamModel {
                                                         const SamOptions& options);
   ~SamModel();
 
+  // SHA-256 of encoder.onnx: embeddings of models with the same one can be exchanged.
+  const std::string& encoder_digest() const { return encoder_digest_; }
   // Returns "the CPU", "CUDA device 0", or "the CPU, since CUDA failed: ..." with the reason.
   std::string processor() const;
   // Most device memory that CUDA has taken so far, bytes.
@@ -102,8 +107,9 @@ class SamModel {
 
   const std::filesystem::path folder_;
   const SamOptions options_;
-  std::mutex opening_;        // held while the CPU's networks are opened, which takes seconds
-  mutable std::mutex mutex_;  // guards the members below
+  std::string encoder_digest_;  // set by Open
+  std::mutex opening_;          // held while the CPU's networks are opened, which takes seconds
+  mutable std::mutex mutex_;    // guards the members below
   std::unique_ptr<DeviceSam> device_;  // set by Open
   // At most one is set, once; none: CUDA computes.
   std::unique_ptr<CpuSam> cpu_;

@@ -85,7 +85,7 @@ TEST_F(SamBordersOfModel, LieWhereTheRenderingShowsThemWithoutAPhotograph) {
 }
 
 TEST_F(SamBordersOfModel, AreCountedInTheMemoryOfModels) {
-  constexpr int64_t kSamBytes = 350'000'000 + int64_t{32} * (4 << 20);
+  constexpr int64_t kSamBytes = 350'000'000 + int64_t{32} * (2 << 20);
   running.options.admin = "127.0.0.1:0";
   running.Restart();
   const auto reserved = [this] {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <random>
@@ -193,6 +194,77 @@ TEST_P(DeviceSamTest, SegmentsAPhotographTheSameAloneAndNextToOthers) {
   for (size_t k = 0; k < views.size(); ++k) ExpectSameMasks(together[k], alone[k]);
 }
 
+// A prompt by the mask of a rectangle of the photograph.
+MaskPrompt SmallMaskPrompt(const Image& photo, int extent) {
+  const auto at = [&](double x, double y) {
+    return PromptPoint{static_cast<float>(x * photo.width), static_cast<float>(y * photo.height)};
+  };
+  MaskPrompt prompt = {{at(0.4, 0.5), at(0.3, 0.4)}, at(0.2, 0.3), at(0.6, 0.7), {}};
+  for (int i = 0; i < extent * extent; ++i) {
+    const int x = i % extent, y = i / extent;
+    const bool inside = x >= extent / 5 && x < extent * 3 / 5 && y > extent / 4 && y < extent / 2;
+    prompt.logits.push_back(inside ? 6 : -6);
+  }
+  return prompt;
+}
+
+// Embeddings are rounded to Halves; on CUDA they are Halves.
+TEST_P(DeviceSamTest, SegmentsByAnEmbeddingAsByItsPhotograph) {
+  const View view = SmallView(200, 150, 1);
+  const auto first = sam_->MakeSegmenter(), second = sam_->MakeSegmenter();
+  ASSERT_OK(first->SetPhotograph(view.photo));
+  ASSERT_OK_AND_ASSIGN(const SamEmbedding embedding, first->Embedding());
+  EXPECT_EQ(embedding.width, 200);
+  EXPECT_EQ(embedding.height, 150);
+  ASSERT_EQ(std::ssize(embedding.values), SmallShape().embedding_size());
+  // Another photograph first, so that the second segmenter has an embedding to replace.
+  ASSERT_OK(second->SetPhotograph(SmallView(90, 160, 2).photo));
+  ASSERT_OK(second->SetEmbedding(embedding));
+  const MaskPrompt prompt = SmallMaskPrompt(view.photo, first->extent());
+  ASSERT_OK_AND_ASSIGN(const PromptAnswers want, first->SegmentByMask(prompt));
+  ASSERT_OK_AND_ASSIGN(const PromptAnswers got, second->SegmentByMask(prompt));
+  ASSERT_EQ(want.ious.size(), 4U);
+  ASSERT_EQ(want.logits.size(), size_t{4} * want.width * want.height);
+  ASSERT_EQ(got.logits.size(), want.logits.size());
+  float largest = 0, error = 0;
+  for (size_t i = 0; i < want.logits.size(); ++i) {
+    largest = std::max(largest, std::abs(want.logits[i]));
+    error = std::max(error, std::abs(want.logits[i] - got.logits[i]));
+  }
+  if (sam_->backend().memory().is_host) {
+    EXPECT_LT(error, 0.01F * largest);
+    EXPECT_GT(error, 0);
+  } else {
+    EXPECT_EQ(error, 0);
+  }
+}
+
+TEST_P(DeviceSamTest, SegmentsByMasksAsTheCpuDoes) {
+  const View view = SmallView(200, 150, 1);
+  const auto cpu_sam = MakeSmallSam(MakeCpuBackend(1));
+  const auto cpu = cpu_sam->MakeSegmenter(), other = sam_->MakeSegmenter();
+  ASSERT_OK(cpu->SetPhotograph(view.photo));
+  ASSERT_OK_AND_ASSIGN(const SamEmbedding embedding, cpu->Embedding());
+  ASSERT_OK(cpu->SetEmbedding(embedding));
+  ASSERT_OK(other->SetEmbedding(embedding));
+  const MaskPrompt prompt = SmallMaskPrompt(view.photo, cpu->extent());
+  ASSERT_OK_AND_ASSIGN(const PromptAnswers want, cpu->SegmentByMask(prompt));
+  ASSERT_OK_AND_ASSIGN(const PromptAnswers got, other->SegmentByMask(prompt));
+  ASSERT_EQ(got.logits.size(), want.logits.size());
+  float largest = 0, error = 0;
+  for (size_t i = 0; i < want.logits.size(); ++i) {
+    largest = std::max(largest, std::abs(want.logits[i]));
+    error = std::max(error, std::abs(want.logits[i] - got.logits[i]));
+  }
+  EXPECT_LT(error, (sam_->backend().memory().is_host ? 1e-5F : 0.02F) * largest);
+}
+
+TEST_P(DeviceSamTest, RefusesAnEmbeddingOfAnotherSize) {
+  const SamEmbedding embedding = {200, 150, std::vector<Half>(100)};
+  const absl::Status status = sam_->MakeSegmenter()->SetEmbedding(embedding);
+  EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+}
+
 TEST_P(DeviceSamTest, EndsCallsOnInterrupt) {
   const View view = SmallView(200, 150, 1);
   const auto segmenter = sam_->MakeSegmenter();
@@ -255,6 +327,20 @@ TEST(CpuSam, MakesTheMasksOfItsNetworks) {
   ASSERT_OK_AND_ASSIGN(const AutomaticMasks want, Made(*device->MakeSegmenter(), view));
   EXPECT_GT(got.masks.num_masks, 3);
   ExpectSameMasks(got.masks, want.masks);
+}
+
+TEST(CpuSam, TakesNetworksForAnEmbedding) {
+  const View view = SmallView(200, 150, 1);
+  ASSERT_OK_AND_ASSIGN(const auto sam, CpuSam::Make(OpenSmallSam));
+  SamEmbedding embedding;
+  {
+    const auto segmenter = sam->MakeSegmenter();
+    ASSERT_OK(segmenter->SetPhotograph(view.photo));
+    ASSERT_OK_AND_ASSIGN(embedding, segmenter->Embedding());
+  }
+  const auto segmenter = sam->MakeSegmenter();
+  ASSERT_OK(segmenter->SetEmbedding(embedding));
+  EXPECT_OK(segmenter->SegmentByMask(SmallMaskPrompt(view.photo, segmenter->extent())));
 }
 
 TEST(CpuSam, OpensNetworksOnlyForSegmentersAtTheSameTime) {

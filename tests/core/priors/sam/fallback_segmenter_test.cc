@@ -29,6 +29,19 @@ class RecordingSegmenter : public PromptedSegmenter {
     if (!status.ok()) return status;
     return PromptAnswers();
   }
+  absl::StatusOr<SamEmbedding> Embedding() override {
+    const absl::Status status = Call("give embedding");
+    if (!status.ok()) return status;
+    return SamEmbedding();
+  }
+  absl::Status SetEmbedding(const SamEmbedding& embedding) override {
+    return Call("embedding " + std::to_string(embedding.width));
+  }
+  absl::StatusOr<PromptAnswers> SegmentByMask(const MaskPrompt&) override {
+    const absl::Status status = Call("segment by mask");
+    if (!status.ok()) return status;
+    return PromptAnswers();
+  }
 
  private:
   absl::Status Call(const std::string& call) {
@@ -75,6 +88,18 @@ TEST_F(FallbackTest, GivesThePhotographToTheOtherOnce) {
   EXPECT_OK(segmenter.SetPhotograph(photo));
   EXPECT_OK(segmenter.Propose({}, [] { return absl::OkStatus(); }));
   EXPECT_EQ(calls, (std::vector<std::string>{"CPU: photograph 7"}));
+}
+
+TEST_F(FallbackTest, GivesTheEmbeddingToTheOther) {
+  FallbackSegmenter segmenter = Make(absl::ResourceExhaustedError("out of memory"), 2);
+  const SamEmbedding embedding = {9, 5, {}};
+  EXPECT_OK(segmenter.SetPhotograph(photo));
+  EXPECT_OK(segmenter.SetEmbedding(embedding));
+  EXPECT_OK(segmenter.SegmentByMask({}));
+  EXPECT_OK(segmenter.Embedding());
+  EXPECT_EQ(calls,
+            (std::vector<std::string>{"GPU: photograph 7", "GPU: embedding 9", "CPU: embedding 9",
+                                      "CPU: segment by mask", "CPU: give embedding"}));
 }
 
 TEST_F(FallbackTest, ReturnsOtherErrors) {

@@ -53,11 +53,11 @@ class SamBordersTest : public ::testing::Test {
     }
   }
   BinaryMask Refined(const BinaryMask& mask) {
-    const auto borders = SamBorders::Open(folder_path_, 1);
+    const auto borders = SamBorders::Open(folder_path_, {});
     if (!borders.ok()) return {};
     const auto embedding = (*borders)->Embed(image_);
     if (!embedding.ok()) return {};
-    return (*borders)->Refine(*embedding, mask, kPhotoWidth, kPhotoHeight).value_or(BinaryMask());
+    return (*borders)->Refine(*embedding, mask).value_or(BinaryMask());
   }
 
   testing::TempFolder folder_;
@@ -98,12 +98,12 @@ TEST_F(SamBordersTest, StayWhereThereAreNone) {
 }
 
 TEST_F(SamBordersTest, AreRefusedWithoutGoodFiles) {
-  EXPECT_TRUE(absl::IsNotFound(SamBorders::Open(folder_ / "none", 1).status()));
+  EXPECT_TRUE(absl::IsNotFound(SamBorders::Open(folder_ / "none", {}).status()));
   testing::ReplaceSamFile(folder_path_, "sam.onnx", "another model");
-  EXPECT_TRUE(absl::IsFailedPrecondition(SamBorders::Open(folder_path_, 1).status()));
+  EXPECT_TRUE(absl::IsFailedPrecondition(SamBorders::Open(folder_path_, {}).status()));
   testing::ReplaceSamFile(folder_path_, "sam.onnx", testing::FakeDecoder());
   testing::ReplaceSamFile(folder_path_, "encoder.onnx", "out of memory");
-  EXPECT_TRUE(absl::IsResourceExhausted(SamBorders::Open(folder_path_, 1).status()));
+  EXPECT_TRUE(absl::IsResourceExhausted(SamBorders::Open(folder_path_, {}).status()));
 }
 
 // Returns the pixels within `radius` of the mask, along each axis.
@@ -131,15 +131,14 @@ TEST(RealSamBorders, FindTheBordersOfGrownMasks) {
   ASSERT_OK_AND_ASSIGN(auto capture, ImportCapture(files, {}));
   const View& view = capture.views[0];
   const int width = view.photo.width, height = view.photo.height;
-  ASSERT_OK_AND_ASSIGN(const auto borders, SamBorders::Open(folder, 2));
+  ASSERT_OK_AND_ASSIGN(const auto borders, SamBorders::Open(folder, {.num_threads = 2}));
   ASSERT_OK_AND_ASSIGN(const auto embedding, borders->Embed(view.photo));
   int num_masks = 0;
   double before = 0, after = 0;
   for (int k = 0; k < view.masks.num_masks; ++k) {
     if (view.masks.mask_area[k] < 4000) continue;
     const BinaryMask mask = view.masks.Extract(k), grown = Grown(mask, width, height, 4);
-    ASSERT_OK_AND_ASSIGN(const BinaryMask refined,
-                         borders->Refine(embedding, grown, width, height));
+    ASSERT_OK_AND_ASSIGN(const BinaryMask refined, borders->Refine(embedding, grown));
     before += Iou(grown, mask);
     after += Iou(refined, mask);
     ++num_masks;
