@@ -151,6 +151,12 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
       ->capture_default_str();
   const std::map<std::string, bool> on_off = {{"on", true}, {"off", false}};
   app.add_option(
+         "--keep-embeddings", server.workers.keep_embeddings,
+         "on: what SAM needs of a photograph is kept with the model, 2 MB a photograph, for "
+         "requests with sam_borders; off: it is computed when it is needed")
+      ->transform(CLI::CheckedTransformer(on_off))
+      ->type_name("on|off");
+  app.add_option(
          "--sandbox", server.workers.sandbox,
          "on: workers, which read what clients upload, have no network, read only their job's "
          "files and the system's libraries, and write only below their job's folder; off: for a "

@@ -11,6 +11,7 @@
 #include "core/base/errors.h"
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/dataset_index.h"
 #include "core/dataset/mask_files.h"
 #include "core/dataset/photo_file.h"
 #include "core/dataset/pixel_frame.h"
@@ -77,7 +78,8 @@ absl::StatusOr<MaskSet> PhotographMasks::Read(size_t number, int width, int heig
 // Segments the shrunk photograph, so that masks are as large as those of the imported view. The
 // full photograph is freed first, to save memory.
 absl::Status PhotographMasks::Make(size_t number, const DatasetFile& photograph,
-                                   PromptedSegmenter& segmenter) const {
+                                   PromptedSegmenter& segmenter,
+                                   const EmbeddingOrigin* origin) const {
   absl::StatusOr<DecodedPhoto> decoded = ReadPhoto(photograph);
   // Not an error here: the import decodes the same file and reports it by name.
   if (!decoded.ok()) return absl::OkStatus();
@@ -91,7 +93,28 @@ absl::Status PhotographMasks::Make(size_t number, const DatasetFile& photograph,
   options.join_embedded = false;
   ASSIGN_OR_RETURN(const AutomaticMasks made, SegmentPhotograph(segmenter, view, {}, options,
                                                                 [] { return absl::OkStatus(); }));
+  if (origin != nullptr) {
+    const absl::StatusOr<SamEmbedding> embedding = segmenter.Embedding();
+    if (absl::IsCancelled(embedding.status())) return embedding.status();
+    // Without the file, who needs the embedding computes it again.
+    if (embedding.ok()) {
+      const fs::path file = folder_ / EmbeddingFileName(PhotoKey(photograph.name));
+      WriteEmbedding(file, *embedding, *origin).IgnoreError();
+    }
+  }
   return WriteFileAtomically(File(number), ToSamJson(made.masks));
+}
+
+int MoveEmbeddings(const fs::path& from, const std::vector<View>& views, const fs::path& to) {
+  int count = 0;
+  std::error_code error;
+  fs::create_directories(to, error);
+  for (const View& view : views) {
+    const std::string name = EmbeddingFileName(view.name);
+    fs::rename(from / name, to / name, error);
+    if (!error) ++count;
+  }
+  return count;
 }
 
 // The warp depends on the lens and the crop of the photograph and on the view's camera.

@@ -37,6 +37,16 @@ absl::Status OutOfMemory(const TrainingTools& tools) {
       " MiB besides the photographs, and the job may take ", tools.memory_limit >> 20, " MiB"));
 }
 
+// Returns the declared SHA-256 of the uploaded photographs by their keys.
+std::map<std::string, std::string> DigestsOf(const TrainingInputs& inputs) {
+  std::map<std::string, std::string> digests;
+  for (size_t i = 0; i < inputs.sha256.size(); ++i) {
+    const DatasetFile& file = inputs.files[i];
+    if (file.kind == FileKind::kImage) digests[PhotoKey(file.name)] = inputs.sha256[i];
+  }
+  return digests;
+}
+
 }  // namespace
 
 // Tasks are sorted by the photographs' keys, as views are, so that the expected held-out views are
@@ -46,17 +56,18 @@ PhotographSegmentation::PhotographSegmentation(const TrainingInputs& inputs,
                                                const std::vector<DatasetFile>& files,
                                                bool next_to_other_stages)
     : inputs_(inputs),
-      masks_(inputs.folders.priors / "sam", import.image_scale),
+      masks_(SamFolder(inputs.folders), import.image_scale),
       num_threads_(NumThreads(inputs.tools.num_threads)),
       first_priority_(next_to_other_stages ? Priority::kLow : Priority::kOfProcess) {
   std::map<std::string, const DatasetFile*> sorted;
   for (const DatasetFile& file : files) {
     if (file.kind == FileKind::kImage) sorted[PhotoKey(file.name)] = &file;
   }
+  std::map<std::string, std::string> digests = DigestsOf(inputs);
   for (const auto& [key, file] : sorted) {
     const size_t task = tasks_.size();
     by_key_[key] = task;
-    tasks_.push_back({*file});
+    tasks_.push_back({*file, digests[key]});
     // The import's rule, applied to all photographs. COLMAP may leave some out, so WaitFor queues
     // again what the real views need.
     if (next_to_other_stages && !IsHeldOut(import, key, task)) queue_.push_back(task);
@@ -150,7 +161,11 @@ std::optional<size_t> PhotographSegmentation::Next(Priority priority) {
 absl::Status PhotographSegmentation::Segment(size_t task, PromptedSegmenter& segmenter) {
   const DatasetFile& photograph = tasks_[task].photograph;
   const bool kept = masks_.Has(task, photograph);
-  if (!kept) RETURN_IF_ERROR(masks_.Make(task, photograph, segmenter));
+  if (!kept) {
+    const EmbeddingOrigin origin = {model_->encoder_digest(), tasks_[task].sha256};
+    RETURN_IF_ERROR(masks_.Make(task, photograph, segmenter,
+                                inputs_.tools.keep_embeddings ? &origin : nullptr));
+  }
   const std::lock_guard lock(mutex_);
   tasks_[task].state = Task::kDone;
   num_kept_ += kept ? 1 : 0;

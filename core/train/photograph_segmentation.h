@@ -31,7 +31,8 @@ inline constexpr double kShareBeforeSam = 0.1;
 
 // Segments a training's photographs by SAM on threads of its own, while other stages run: a
 // photograph can be segmented before its pose is known, and stage one needs no masks. The masks are
-// kept in `folders.priors` for later runs.
+// kept in `folders.priors` for later runs, and so are the embeddings, which Training::Index moves
+// to the model's folder.
 //
 // Threads: the training's thread calls the methods. The object's threads take photographs from a
 // queue, at most SamPhotographsAtOnce() at a time; one mutex guards the queue and the states.
@@ -63,6 +64,7 @@ class PhotographSegmentation {
  private:
   struct Task {
     DatasetFile photograph;
+    std::string sha256;  // of the uploaded file; empty: not known
     enum { kOpen, kRuns, kDone } state = kOpen;
   };
   // Scheduling priority of a thread. kLow is used only if the CPU computes.

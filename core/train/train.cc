@@ -22,6 +22,7 @@
 #include "core/formats/gaussian_ply.h"
 #include "core/model_files/model_file.h"
 #include "core/reconstruct/reconstruct.h"
+#include "core/train/photograph_masks.h"
 #include "core/train/pose_stage.h"
 #include "core/train/prepare_files.h"
 #include "core/train/prior_stage.h"
@@ -75,6 +76,7 @@ class Training {
   void DescribeModel();
   void CopyFindings();
   absl::Status WriteModelTo(const std::filesystem::path& folder);
+  void KeepEmbeddings();
 
   const TrainingInputs& inputs_;
   const TrainingSettings& settings_;
@@ -335,6 +337,7 @@ absl::StatusOr<TrainedModel> Training::Index() && {
   // Linux counts ru_maxrss in KiB.
   model_.metrics["peak_memory_bytes"] = static_cast<double>(usage.ru_maxrss) * 1024;
   // Written before anything is removed: a crash in between leaves too much, never too little.
+  KeepEmbeddings();
   RETURN_IF_ERROR(WriteModelTo(inputs_.folders.run));
   RemoveIntermediates(inputs_.folders);
   if (StageCheckpoints* checkpoints = observer_.checkpoints("features")) checkpoints->Remove();
@@ -391,6 +394,18 @@ void Training::DescribeModel() {
 void Training::CopyFindings() {
   for (const auto& [name, value] : stages_.metrics()) model_.metrics[name] = value;
   for (const auto& [what, source] : scene_.sources) model_.facts[what] = source;
+}
+
+// Moves the embeddings of photographs to the model's folder, before its manifest is there. The
+// manifest does not list them: a model is whole without them.
+void Training::KeepEmbeddings() {
+  const int count =
+      MoveEmbeddings(SamFolder(inputs_.folders), scene_.capture.views, inputs_.folders.run);
+  if (count == 0) return;
+  observer_.Log(
+      absl::StrFormat("SAM: the embeddings of %d photographs are kept with the model: "
+                      "%.0f MB",
+                      count, 1e-6 * static_cast<double>(count * kEmbeddingFileBytes)));
 }
 
 absl::Status Training::WriteModelTo(const std::filesystem::path& folder) {

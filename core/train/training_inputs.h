@@ -45,6 +45,7 @@ struct TrainingTools {
   PriorsCommand priors_command;
   std::filesystem::path sam;            // folder that deploy/sam.sh has made; empty: no SAM
   std::optional<int> sam_cuda_device;   // absent: SAM computes on the CPU
+  bool keep_embeddings = true;          // of photographs by SAM, with the model
   std::filesystem::path lpips_weights;  // ONNX, see core/evaluate/lpips.h; empty: no LPIPS
   int num_threads = 0;                  // 0: as many as there are cores
   int64_t memory_limit = 0;  // bytes that this process may allocate, for messages; 0: unlimited
@@ -75,6 +76,11 @@ bool HasKind(std::span<const DatasetFile> files, FileKind kind);
 
 // Returns the metrics "num_views", "num_points", "num_masks" and "num_depth_maps" of a capture.
 std::map<std::string, double> Counts(const Capture& capture);
+
+// Returns the folder of what SAM has made of photographs.
+inline std::filesystem::path SamFolder(const TrainingFolders& folders) {
+  return folders.priors / "sam";
+}
 
 // Returns the folder `name` of the newest run in which every file agrees with the folder's
 // manifest; nullopt: there is none.

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -13,6 +14,7 @@
 #include "core/priors/sam/sam_networks.h"
 #include "core/query/change_mask.h"
 #include "server/api/error.h"
+#include "server/services/kept_embedding.h"
 #include "server/services/stored_photographs.h"
 
 namespace pepeseg {
@@ -97,19 +99,38 @@ absl::StatusOr<Image> BorderRefiner::Photograph(const ResidentModel& model, cons
   return MakeImage(options_.photographs, task, photographs.PathOf(file), wanted);
 }
 
-absl::StatusOr<const BorderRefiner::Seen*> BorderRefiner::See(const ResidentModel& model,
-                                                              const ModelView& view,
-                                                              absl::FunctionRef<bool()> wanted) {
+// The dataset of a model does not change. Where it has no such photograph, which then was a frame
+// of a video, or is deleted, the model's folder alone says whose the embedding is.
+absl::StatusOr<SamEmbedding> BorderRefiner::ReadKept(const ResidentModel& model,
+                                                     const ModelView& view,
+                                                     absl::FunctionRef<bool()> wanted) const {
+  if (view.name.empty() || !view.photograph) {
+    return absl::NotFoundError("the view has no photograph");
+  }
+  ASSIGN_OR_RETURN(const ModelRow row,
+                   options_.store.models().GetModel(model.row.scene, model.row.number));
+  const std::filesystem::path folder = options_.models.data_folder() / row.folder;
+  // Spares the database a list of files.
+  std::error_code ignored;
+  if (!std::filesystem::exists(folder / EmbeddingFileName(view.name), ignored)) {
+    return absl::NotFoundError("the training has kept no embedding");
+  }
+  EmbeddingOrigin origin = {sam_->encoder_digest(), ""};
+  StoredPhotographs photographs(options_.store, options_.blobs, options_.photographs, model.row,
+                                wanted);
+  const absl::StatusOr<DatasetFileRow> file = photographs.Find(view);
+  if (file.ok()) origin.photograph = file->sha256;
+  auto embedding = ReadKeptEmbedding(folder, view, origin);
+  if (!embedding.ok() && !absl::IsNotFound(embedding.status())) {
+    spdlog::warn("SAM: a kept embedding is not used: {}", embedding.status().ToString());
+  }
+  return embedding;
+}
+
+absl::StatusOr<BorderRefiner::Seen> BorderRefiner::Compute(const ResidentModel& model,
+                                                           const ModelView& view,
+                                                           absl::FunctionRef<bool()> wanted) const {
   Seen seen;
-  // Not model.name: scenes of two projects may have one id.
-  if (!view.name.empty()) {
-    seen.key = absl::StrCat(model.row.scene, "/", model.row.number, "/", view.name);
-  }
-  for (auto at = recent_.begin(); at != recent_.end(); ++at) {
-    if (seen.key.empty() || at->key != seen.key) continue;
-    recent_.splice(recent_.begin(), recent_, at);
-    return &recent_.front();
-  }
   absl::StatusOr<Image> image = Photograph(model, view, wanted);
   if (absl::IsCancelled(image.status())) return image.status();
   seen.image = v1::SegmentViewsResponse::BORDER_IMAGE_PHOTOGRAPH;
@@ -123,6 +144,32 @@ absl::StatusOr<const BorderRefiner::Seen*> BorderRefiner::See(const ResidentMode
   // The photograph may be shrunk; masks have the size of the view.
   seen.embedding.width = view.camera.width;
   seen.embedding.height = view.camera.height;
+  return seen;
+}
+
+absl::StatusOr<const BorderRefiner::Seen*> BorderRefiner::See(const ResidentModel& model,
+                                                              const ModelView& view,
+                                                              absl::FunctionRef<bool()> wanted) {
+  std::string key;
+  // Not model.name: scenes of two projects may have one id.
+  if (!view.name.empty()) {
+    key = absl::StrCat(model.row.scene, "/", model.row.number, "/", view.name);
+  }
+  for (auto at = recent_.begin(); at != recent_.end(); ++at) {
+    if (key.empty() || at->key != key) continue;
+    recent_.splice(recent_.begin(), recent_, at);
+    return &recent_.front();
+  }
+  Seen seen;
+  auto kept = ReadKept(model, view, wanted);
+  if (kept.ok()) {
+    seen.embedding = *std::move(kept);
+    seen.image = v1::SegmentViewsResponse::BORDER_IMAGE_PHOTOGRAPH;
+    seen.kept = true;
+  } else {
+    ASSIGN_OR_RETURN(seen, Compute(model, view, wanted));
+  }
+  seen.key = std::move(key);
   recent_.push_front(std::move(seen));
   if (recent_.size() > kMostRecent) recent_.pop_back();
   return &recent_.front();
@@ -136,7 +183,9 @@ absl::StatusOr<v1::SegmentViewsResponse::BorderImage> BorderRefiner::Refine(
   RETURN_IF_ERROR(CheckAvailable());
   RETURN_IF_ERROR(OpenSam());
   ASSIGN_OR_RETURN(const Seen* seen, See(model, view, wanted));
-  ASSIGN_OR_RETURN(BinaryMask mask, sam_->Refine(seen->embedding, result.mask));
+  ASSIGN_OR_RETURN(BinaryMask mask,
+                   seen->kept ? RefineInPhotograph(*sam_, seen->embedding, view, result.mask)
+                              : sam_->Refine(seen->embedding, result.mask));
   ReportProcessor();
   SetMask(std::move(mask), result);
   return seen->image;

@@ -24,9 +24,10 @@ namespace pepeseg {
 // Refines the borders of masks by SAM (core/priors/sam/sam_borders.h) in the photographs of views.
 // Loads SAM with the first request and keeps it, on the GPU where there is one with room for it:
 // 350 MB of host memory, and on a GPU 700 MiB of its memory. Where the GPU fails or is out of
-// memory, the CPU takes over for good, and the log says so once. Keeps what SAM needs of the most
-// recent views. All is counted in the budget of the models. Thread safe; one mask is refined at a
-// time.
+// memory, the CPU takes over for good, and the log says so once. Takes what SAM needs of a
+// photograph from the model's folder, if the training has kept it there, or else computes it; keeps
+// that of the most recent views. All is counted in the budget of the models. Thread safe; one mask
+// is refined at a time.
 class BorderRefiner {
  public:
   // What it refers to must outlive it.
@@ -58,6 +59,7 @@ class BorderRefiner {
   struct Seen {
     std::string key;  // of model and view; empty: a free camera
     SamEmbedding embedding;
+    bool kept = false;  // by the training: it is of the photograph, and not of the view
     v1::SegmentViewsResponse::BorderImage image =
         v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED;
   };
@@ -68,6 +70,11 @@ class BorderRefiner {
   // Returns what SAM needs of the view, from the cache or computed.
   absl::StatusOr<const Seen*> See(const ResidentModel& model, const ModelView& view,
                                   absl::FunctionRef<bool()> wanted);
+  // Reads what the training has kept. Damaged or missing files are errors, which the log has.
+  absl::StatusOr<SamEmbedding> ReadKept(const ResidentModel& model, const ModelView& view,
+                                        absl::FunctionRef<bool()> wanted) const;
+  absl::StatusOr<Seen> Compute(const ResidentModel& model, const ModelView& view,
+                               absl::FunctionRef<bool()> wanted) const;
   absl::StatusOr<Image> Photograph(const ResidentModel& model, const ModelView& view,
                                    absl::FunctionRef<bool()> wanted) const;
 

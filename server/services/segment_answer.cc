@@ -10,6 +10,7 @@
 #include "core/query/change_mask.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
+#include "server/rpc/call_runner.h"
 
 namespace pepeseg {
 namespace {

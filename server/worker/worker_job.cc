@@ -144,6 +144,7 @@ TrainingTools ToolsOf(const JobSpec& spec) {
   tools.priors_command = {spec.worker.priors_command, absl::Seconds(spec.worker.priors_seconds)};
   tools.sam = spec.worker.sam;
   tools.sam_cuda_device = CudaDevice(spec.device);
+  tools.keep_embeddings = spec.worker.keep_embeddings;
   tools.lpips_weights = spec.worker.lpips_weights;
   tools.num_threads = spec.num_threads;
   tools.memory_limit = MemoryLimit();

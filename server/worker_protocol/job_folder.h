@@ -21,12 +21,14 @@
 //   work/events-FENCE.log    its progress
 //   work/pulse-FENCE         touched by the worker: its heartbeat
 //   work/sfm.log             COLMAP's output, where it estimated poses
-//   work/attempt-FENCE/      the model, once its manifest is there; reconstruct/: stage one's
+//   work/attempt-FENCE/      the model, once its manifest is there, with embeddings of its
+//                            photographs (core/priors/sam/embedding_file.h); reconstruct/: stage one's
 //                            result; checkpoints/: state of the stages; frames/ of videos, heic/
 //                            and poses/ of stage sfm: each whole once its own manifest is there
 //   work/priors/             files of the priors command, and how it ended
-//                            (core/train/priors_command.h); sam/: SAM's masks of the
-//                            photographs that are done (photograph_segmentation.h)
+//                            (core/train/priors_command.h); sam/: SAM's masks and
+//                            embeddings of the photographs that are done
+//                            (photograph_segmentation.h)
 //   work/tmp/                TMPDIR of the worker, and of the programs that it runs
 //   work/result-FENCE.json   how the attempt ended (job_spec.h)
 namespace pepeseg {

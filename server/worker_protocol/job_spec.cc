@@ -48,6 +48,7 @@ Json Encode(const WorkerOptions& options) {
           {"priors_command", options.priors_command},
           {"priors_seconds", options.priors_seconds},
           {"sam", options.sam.string()},
+          {"keep_embeddings", options.keep_embeddings},
           {"lpips_weights", options.lpips_weights.string()},
           {"log_format", options.log_format}};
 }
@@ -61,6 +62,8 @@ WorkerOptions DecodeWorkerOptions(const Json& json) {
   options.priors_command = json.at("priors_command").get<std::string>();
   options.priors_seconds = json.at("priors_seconds").get<int64_t>();
   options.sam = json.at("sam").get<std::string>();
+  // Specs of older versions do not have it.
+  options.keep_embeddings = json.value("keep_embeddings", true);
   options.lpips_weights = json.at("lpips_weights").get<std::string>();
   options.log_format = json.at("log_format").get<std::string>();
   return options;

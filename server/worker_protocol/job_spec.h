@@ -30,6 +30,7 @@ struct WorkerOptions {
   // Folder of SAM's files (CheckSamFiles), which workers verify before they use them;
   // empty: none.
   std::filesystem::path sam;
+  bool keep_embeddings = true;          // of photographs by SAM, with the model
   std::filesystem::path lpips_weights;  // ONNX file, see core/evaluate/lpips.h; empty: no LPIPS
   std::string log_format = "text";      // format of the worker's log, as LogFormatOf takes it
 

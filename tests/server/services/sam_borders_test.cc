@@ -1,7 +1,18 @@
+#include "core/priors/sam/sam_borders.h"
+
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <span>
+
+#include "core/base/digest.h"
+#include "core/base/file_io.h"
+#include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"
 #include "core/formats/rle.h"
+#include "core/priors/sam/embedding_file.h"
+#include "core/priors/sam/sam_networks.h"
+#include "server/store/layout.h"
 #include "tests/server/access/keyed_server.h"
 #include "tests/server/shelf_model.h"
 #include "tests/testing/fake_sam.h"
@@ -104,6 +115,58 @@ TEST_F(SamBordersOfModel, AreCountedInTheMemoryOfModels) {
   EXPECT_EQ(reserved(), of_model);
   request.set_sam_borders(false);
   EXPECT_OK(Segment());
+}
+
+// The model's folder has an embedding of a photograph whose square lies three pixels to the left.
+struct KeptEmbeddings : SamBordersOfModel {
+  KeptEmbeddings() {
+    for (const auto& entry :
+         std::filesystem::recursive_directory_iterator(JobsFolder(running.options.data))) {
+      if (entry.path().filename() != "model.json") continue;
+      const auto facts = ReadFile(entry.path(), "model.json", 1 << 20);
+      EXPECT_OK(facts);
+      // Only models/2 has a photograph.
+      if (facts->find("\"photograph\"") != facts->npos) model = entry.path().parent_path();
+    }
+    request.set_sam_borders(true);
+  }
+  void Write(const EmbeddingOrigin& origin) const {
+    const auto borders = SamBorders::Open(sam, {});
+    ASSERT_OK(borders);
+    const std::string jpeg = MovedSquare(-3);
+    ASSERT_OK_AND_ASSIGN(
+        const Image photo,
+        DecodePhoto(std::span(reinterpret_cast<const uint8_t*>(jpeg.data()), jpeg.size()),
+                    "moved"));
+    ASSERT_OK_AND_ASSIGN(SamEmbedding embedding, (*borders)->Embed(photo));
+    ASSERT_OK(WriteEmbedding(model / EmbeddingFileName("middle.jpg"), embedding, origin));
+  }
+  // Returns the left edge of the mask, as a server that has seen no photograph places it.
+  int LeftEdge() {
+    running.Restart();
+    const auto answer = Segment();
+    if (!answer.ok()) return -1;
+    EXPECT_EQ(answer->masks(0).border_image(), v1::SegmentViewsResponse::BORDER_IMAGE_PHOTOGRAPH);
+    return answer->masks(0).box().x();
+  }
+
+  std::filesystem::path model;  // folder of models/2
+};
+
+TEST_F(KeptEmbeddings, AreUsedIfTheyAreWholeAndOfThePhotograph) {
+  ASSERT_OK_AND_ASSIGN(const std::string encoder, SamEncoderDigest(sam));
+  const EmbeddingOrigin origin = {encoder, Sha256Hex(MovedSquare())};
+  EXPECT_NEAR(LeftEdge(), 17, 1);  // there is none
+  Write(origin);
+  EXPECT_NEAR(LeftEdge(), 12, 1);
+  for (const EmbeddingOrigin& other : {EmbeddingOrigin{Sha256Hex("another"), origin.photograph},
+                                       EmbeddingOrigin{encoder, Sha256Hex("another")}}) {
+    Write(other);
+    EXPECT_NEAR(LeftEdge(), 17, 1);
+  }
+  Write(origin);
+  std::filesystem::resize_file(model / EmbeddingFileName("middle.jpg"), 1'000'000);
+  EXPECT_NEAR(LeftEdge(), 17, 1);
 }
 
 TEST_F(SamBordersOfModel, AreNotInStreams) {

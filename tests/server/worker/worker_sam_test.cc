@@ -4,7 +4,10 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/time.h"
+#include "core/dataset/dataset_index.h"
 #include "core/model_files/model_file.h"
+#include "core/priors/sam/embedding_file.h"
+#include "core/priors/sam/sam_networks.h"
 #include "tests/server/worker/worker_sfm_fixture.h"
 #include "tests/testing/colmap_files.h"
 #include "tests/testing/eventually.h"
@@ -101,6 +104,44 @@ TEST_F(WorkerSamTest, MakesMasksOfTheTrainingViews) {
   }
   EXPECT_THAT(steps, Contains(13));
   EXPECT_FALSE(std::filesystem::exists(job_.priors()));
+}
+
+TEST_F(WorkerSamTest, KeepsTheEmbeddingsOfTheTrainingViewsWithTheModel) {
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  ASSERT_OK_AND_ASSIGN(const std::string encoder, SamEncoderDigest(sam_));
+  ASSERT_OK_AND_ASSIGN(const auto model, ReadModel(job_.attempt(spec_.fence)));
+  int num_kept = 0;
+  for (const ModelView& view : model.views) {
+    const auto photograph = std::ranges::find_if(spec_.files, [&](const JobSpecFile& file) {
+      return file.kind == v1::FILE_KIND_IMAGE && PhotoKey(file.name) == view.name;
+    });
+    ASSERT_NE(photograph, spec_.files.end()) << view.name;
+    const auto embedding = ReadEmbedding(job_.attempt(spec_.fence) / EmbeddingFileName(view.name),
+                                         {encoder, photograph->sha256});
+    if (view.held_out) {
+      EXPECT_TRUE(absl::IsNotFound(embedding.status())) << view.name;
+      continue;
+    }
+    ASSERT_OK(embedding) << view.name;
+    EXPECT_EQ(embedding->width, view.camera.width);
+    EXPECT_EQ(embedding->height, view.camera.height);
+    ++num_kept;
+  }
+  EXPECT_EQ(num_kept, 13);
+  ASSERT_OK_AND_ASSIGN(const JobResult result, job_.ReadResult(spec_.fence));
+  EXPECT_GT(result.num_bytes, 13 * kEmbeddingFileBytes);
+  EXPECT_LT(result.num_bytes, 14 * kEmbeddingFileBytes);
+  EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000),
+              HasSubstr("the embeddings of 13 photographs are kept with the model: 27 MB"));
+}
+
+TEST_F(WorkerSamTest, KeepsNoEmbeddingsIfTheOperatorDoesNotWantThem) {
+  spec_.worker.keep_embeddings = false;
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
+  for (const auto& entry : std::filesystem::directory_iterator(job_.attempt(spec_.fence))) {
+    EXPECT_THAT(entry.path().filename().string(), Not(HasSubstr("embedding")));
+  }
 }
 
 TEST_F(WorkerSamTest, AddsItsMasksToEmbeddedOnesIfRequested) {

@@ -42,6 +42,7 @@ TEST_F(JobFolderTest, ReadsASpecAsWritten) {
                  .priors_command = "/opt/\"priors\"",
                  .priors_seconds = 9,
                  .sam = "/opt/sam",
+                 .keep_embeddings = false,
                  .lpips_weights = "/opt/lpips.onnx",
                  .log_format = "json"};
   ASSERT_OK(job_.WriteSpec(spec));

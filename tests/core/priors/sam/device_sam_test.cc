@@ -15,6 +15,7 @@
 #include "core/priors/sam/automatic_masks.h"
 #include "core/priors/sam/cpu_sam.h"
 #include "core/priors/sam/mask_proposals.h"
+#include "tests/core/priors/sam/small_sam.h"
 #include "tests/kernels/backend_test.h"
 #include "tests/testing/failing_allocations.h"
 #include "tests/testing/status_testing.h"
@@ -23,55 +24,6 @@
 
 namespace pepeseg {
 namespace {
-
-constexpr int kSmallFrame = 128;
-
-EncoderShape SmallShape() {
-  EncoderShape shape;
-  shape.frame = kSmallFrame;
-  shape.channels = {16, 16, 24, 32};
-  shape.blocks = {1, 1, 1, 1};
-  shape.heads = {0, 1, 2, 1};
-  return shape;
-}
-
-// Random weights, the same for the same name. The decoder's estimated IoUs are near 0.8.
-absl::StatusOr<std::vector<float>> SmallWeights(absl::string_view output, int index,
-                                                std::span<const int64_t> shape) {
-  int64_t count = 1;
-  for (const int64_t size : shape) count *= size;
-  // Convolutions are [out, in, down, across], matrices [in, out].
-  const int64_t terms = shape.size() == 4   ? count / shape[0]
-                        : shape.size() == 2 ? shape[0]
-                                            : int64_t{100};
-  uint64_t seed = static_cast<uint64_t>(index) + 7;
-  for (const char letter : output) seed = seed * 131 + static_cast<uint8_t>(letter);
-  std::mt19937_64 engine(seed);
-  const bool is_scale = (output.find("LayerNorm") != absl::string_view::npos && index == 1) ||
-                        output == "/output_upscaling/output_upscaling.1/Mul_output_0";
-  const bool is_iou = output == "/iou_prediction_head/layers.2/Gemm_output_0" && index == 2;
-  std::normal_distribution<double> normal(is_scale ? 1
-                                          : is_iou ? 0.8
-                                                   : 0,
-                                          1.3 / std::sqrt(static_cast<double>(terms)));
-  std::vector<float> values(static_cast<size_t>(count));
-  for (float& value : values) value = static_cast<float>(normal(engine));
-  return values;
-}
-
-View SmallView(int width, int height, uint64_t seed) {
-  std::mt19937_64 engine(seed);
-  View view;
-  view.photo = {width, height, 3, std::vector<uint8_t>(size_t{3} * width * height)};
-  // Squares of 8 pixels, so that the encoder sees borders.
-  std::vector<uint8_t> colours(size_t{3} * (width / 8 + 1) * (height / 8 + 1));
-  for (uint8_t& colour : colours) colour = static_cast<uint8_t>(engine());
-  for (int i = 0; i < width * height * 3; ++i) {
-    const int x = i / 3 % width, y = i / 3 / width;
-    view.photo.pixels[i] = colours[3 * (y / 8 * (width / 8 + 1) + x / 8) + i % 3];
-  }
-  return view;
-}
 
 // Thresholds at which random networks have sure masks, fillers and remainders.
 AutomaticMaskOptions SmallOptions() {
@@ -104,15 +56,6 @@ double Iou(const BinaryMask& a, const BinaryMask& b) {
   return common / united;
 }
 
-std::unique_ptr<DeviceSam> MakeSmallSam(std::unique_ptr<Backend> backend) {
-  const Precision precision = backend->memory().is_host ? Precision::kFloat : Precision::kHalf;
-  auto encoder = EncoderNetwork::Make(SmallShape(), SmallWeights, *backend, precision);
-  EXPECT_OK(encoder);
-  auto decoder = DecoderNetwork::Make(kSmallFrame / 16, SmallWeights, *backend, precision);
-  EXPECT_OK(decoder);
-  return std::make_unique<DeviceSam>(std::move(backend), *std::move(encoder), *std::move(decoder));
-}
-
 class DeviceSamTest : public ::testing::TestWithParam<BackendCase> {
  protected:
   void SetUp() override {
@@ -123,7 +66,6 @@ class DeviceSamTest : public ::testing::TestWithParam<BackendCase> {
   }
   std::unique_ptr<DeviceSam> sam_;
 };
-std::unique_ptr<Backend> MakeTwoThreads() { return MakeCpuBackend(2); }
 INSTANTIATE_TEST_SUITE_P(Backends, DeviceSamTest,
                          ::testing::Values(BackendCase{"Cpu", MakeTwoThreads},
                                            BackendCase{"Cuda", MakeCuda}),
@@ -194,77 +136,6 @@ TEST_P(DeviceSamTest, SegmentsAPhotographTheSameAloneAndNextToOthers) {
   for (size_t k = 0; k < views.size(); ++k) ExpectSameMasks(together[k], alone[k]);
 }
 
-// A prompt by the mask of a rectangle of the photograph.
-MaskPrompt SmallMaskPrompt(const Image& photo, int extent) {
-  const auto at = [&](double x, double y) {
-    return PromptPoint{static_cast<float>(x * photo.width), static_cast<float>(y * photo.height)};
-  };
-  MaskPrompt prompt = {{at(0.4, 0.5), at(0.3, 0.4)}, at(0.2, 0.3), at(0.6, 0.7), {}};
-  for (int i = 0; i < extent * extent; ++i) {
-    const int x = i % extent, y = i / extent;
-    const bool inside = x >= extent / 5 && x < extent * 3 / 5 && y > extent / 4 && y < extent / 2;
-    prompt.logits.push_back(inside ? 6 : -6);
-  }
-  return prompt;
-}
-
-// Embeddings are rounded to Halves; on CUDA they are Halves.
-TEST_P(DeviceSamTest, SegmentsByAnEmbeddingAsByItsPhotograph) {
-  const View view = SmallView(200, 150, 1);
-  const auto first = sam_->MakeSegmenter(), second = sam_->MakeSegmenter();
-  ASSERT_OK(first->SetPhotograph(view.photo));
-  ASSERT_OK_AND_ASSIGN(const SamEmbedding embedding, first->Embedding());
-  EXPECT_EQ(embedding.width, 200);
-  EXPECT_EQ(embedding.height, 150);
-  ASSERT_EQ(std::ssize(embedding.values), SmallShape().embedding_size());
-  // Another photograph first, so that the second segmenter has an embedding to replace.
-  ASSERT_OK(second->SetPhotograph(SmallView(90, 160, 2).photo));
-  ASSERT_OK(second->SetEmbedding(embedding));
-  const MaskPrompt prompt = SmallMaskPrompt(view.photo, first->extent());
-  ASSERT_OK_AND_ASSIGN(const PromptAnswers want, first->SegmentByMask(prompt));
-  ASSERT_OK_AND_ASSIGN(const PromptAnswers got, second->SegmentByMask(prompt));
-  ASSERT_EQ(want.ious.size(), 4U);
-  ASSERT_EQ(want.logits.size(), size_t{4} * want.width * want.height);
-  ASSERT_EQ(got.logits.size(), want.logits.size());
-  float largest = 0, error = 0;
-  for (size_t i = 0; i < want.logits.size(); ++i) {
-    largest = std::max(largest, std::abs(want.logits[i]));
-    error = std::max(error, std::abs(want.logits[i] - got.logits[i]));
-  }
-  if (sam_->backend().memory().is_host) {
-    EXPECT_LT(error, 0.01F * largest);
-    EXPECT_GT(error, 0);
-  } else {
-    EXPECT_EQ(error, 0);
-  }
-}
-
-TEST_P(DeviceSamTest, SegmentsByMasksAsTheCpuDoes) {
-  const View view = SmallView(200, 150, 1);
-  const auto cpu_sam = MakeSmallSam(MakeCpuBackend(1));
-  const auto cpu = cpu_sam->MakeSegmenter(), other = sam_->MakeSegmenter();
-  ASSERT_OK(cpu->SetPhotograph(view.photo));
-  ASSERT_OK_AND_ASSIGN(const SamEmbedding embedding, cpu->Embedding());
-  ASSERT_OK(cpu->SetEmbedding(embedding));
-  ASSERT_OK(other->SetEmbedding(embedding));
-  const MaskPrompt prompt = SmallMaskPrompt(view.photo, cpu->extent());
-  ASSERT_OK_AND_ASSIGN(const PromptAnswers want, cpu->SegmentByMask(prompt));
-  ASSERT_OK_AND_ASSIGN(const PromptAnswers got, other->SegmentByMask(prompt));
-  ASSERT_EQ(got.logits.size(), want.logits.size());
-  float largest = 0, error = 0;
-  for (size_t i = 0; i < want.logits.size(); ++i) {
-    largest = std::max(largest, std::abs(want.logits[i]));
-    error = std::max(error, std::abs(want.logits[i] - got.logits[i]));
-  }
-  EXPECT_LT(error, (sam_->backend().memory().is_host ? 1e-5F : 0.02F) * largest);
-}
-
-TEST_P(DeviceSamTest, RefusesAnEmbeddingOfAnotherSize) {
-  const SamEmbedding embedding = {200, 150, std::vector<Half>(100)};
-  const absl::Status status = sam_->MakeSegmenter()->SetEmbedding(embedding);
-  EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
-}
-
 TEST_P(DeviceSamTest, EndsCallsOnInterrupt) {
   const View view = SmallView(200, 150, 1);
   const auto segmenter = sam_->MakeSegmenter();
@@ -329,20 +200,6 @@ TEST(CpuSam, MakesTheMasksOfItsNetworks) {
   ExpectSameMasks(got.masks, want.masks);
 }
 
-TEST(CpuSam, TakesNetworksForAnEmbedding) {
-  const View view = SmallView(200, 150, 1);
-  ASSERT_OK_AND_ASSIGN(const auto sam, CpuSam::Make(OpenSmallSam));
-  SamEmbedding embedding;
-  {
-    const auto segmenter = sam->MakeSegmenter();
-    ASSERT_OK(segmenter->SetPhotograph(view.photo));
-    ASSERT_OK_AND_ASSIGN(embedding, segmenter->Embedding());
-  }
-  const auto segmenter = sam->MakeSegmenter();
-  ASSERT_OK(segmenter->SetEmbedding(embedding));
-  EXPECT_OK(segmenter->SegmentByMask(SmallMaskPrompt(view.photo, segmenter->extent())));
-}
-
 TEST(CpuSam, OpensNetworksOnlyForSegmentersAtTheSameTime) {
   int num_opened = 0;
   ASSERT_OK_AND_ASSIGN(const auto sam, CpuSam::Make([&] {
@@ -403,6 +260,37 @@ TEST(DeviceSamMemory, IsOutOfMemoryForOneCall) {
   const auto other = MakeSmallSam(MakeTwoThreads());
   ASSERT_OK_AND_ASSIGN(const AutomaticMasks want, Made(*other->MakeSegmenter(), view));
   ExpectSameMasks(after.masks, want.masks);
+}
+
+TEST(DeviceSamMemory, IsOutOfMemoryForOneMaskPrompt) {
+  const Image photo = SmallView(200, 150, 1).photo;
+  const auto sam = MakeSmallSam(MakeTwoThreads());
+  const auto first = sam->MakeSegmenter();
+  ASSERT_OK(first->SetPhotograph(photo));
+  ASSERT_OK_AND_ASSIGN(const SamEmbedding embedding, first->Embedding());
+  const MaskPrompt prompt = SmallMaskPrompt(photo, first->extent());
+  bool failed = true;
+  int num_failures = 0;
+  for (int allowed = 0; failed; ++allowed) {
+    SCOPED_TRACE(allowed);
+    ASSERT_LT(allowed, 100) << "the last allocation was never reached";
+    const auto segmenter = sam->MakeSegmenter();
+    allocations_left = allowed;
+    absl::Status status = segmenter->SetEmbedding(embedding);
+    if (status.ok()) status = segmenter->SegmentByMask(prompt).status();
+    allocations_left = kUnlimited;
+    failed = !status.ok();
+    num_failures += failed ? 1 : 0;
+    EXPECT_TRUE(status.ok() || absl::IsResourceExhausted(status)) << status;
+  }
+  EXPECT_GT(num_failures, 5);
+  const auto other = MakeSmallSam(MakeTwoThreads());
+  const auto second = other->MakeSegmenter();
+  ASSERT_OK(first->SetEmbedding(embedding));
+  ASSERT_OK(second->SetEmbedding(embedding));
+  ASSERT_OK_AND_ASSIGN(const PromptAnswers after, first->SegmentByMask(prompt));
+  ASSERT_OK_AND_ASSIGN(const PromptAnswers want, second->SegmentByMask(prompt));
+  EXPECT_EQ(after.logits, want.logits);
 }
 
 TEST(DeviceSamFiles, MustBeOnAMachineWithTheDevice) {

@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
+#include <ctime>
 #include <functional>
+#include <string>
 
 #include "core/dataset/import.h"
+#include "core/priors/sam/embedding_file.h"
 #include "tests/testing/fake_sam.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
@@ -97,6 +100,16 @@ TEST_F(SamBordersTest, StayWhereThereAreNone) {
   }
 }
 
+TEST_F(SamBordersTest, ArePlacedByTheCpuWithoutADevice) {
+  ASSERT_OK_AND_ASSIGN(const auto borders, SamBorders::Open(folder_path_, {.cuda_device = 1000}));
+  EXPECT_TRUE(borders->cuda_failed());
+  EXPECT_EQ(borders->processor().find("the CPU, since CUDA failed"), 0U);
+  ASSERT_OK_AND_ASSIGN(const auto embedding, borders->Embed(image_));
+  const BinaryMask mask = MaskWhere([](int x, int y) { return InSquare(x, y, 6); });
+  ASSERT_OK_AND_ASSIGN(const BinaryMask refined, borders->Refine(embedding, mask));
+  EXPECT_GT(Iou(refined, square_), 0.99);
+}
+
 TEST_F(SamBordersTest, AreRefusedWithoutGoodFiles) {
   EXPECT_TRUE(absl::IsNotFound(SamBorders::Open(folder_ / "none", {}).status()));
   testing::ReplaceSamFile(folder_path_, "sam.onnx", "another model");
@@ -145,6 +158,54 @@ TEST(RealSamBorders, FindTheBordersOfGrownMasks) {
   }
   ASSERT_GE(num_masks, 10);
   EXPECT_GT(after / num_masks, before / num_masks + 0.03);
+}
+
+// Returns the seconds of processor time that this process has taken.
+double CoreSeconds() {
+  timespec time{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+// Compares borders by an embedding from a file with those by ONNX Runtime, which computes it.
+TEST(RealSamBorders, AreTheSameByAKeptEmbedding) {
+  const char* sam = std::getenv("PEPESEG_SAM");
+  if (sam == nullptr) GTEST_SKIP() << "PEPESEG_SAM names no folder";
+  ASSERT_OK_AND_ASSIGN(const auto files, ListDataset(PEPESEG_TEST_DATA "/apc_shelf"));
+  ASSERT_OK_AND_ASSIGN(auto capture, ImportCapture(files, {}));
+  const View& view = capture.views[0];
+  const int width = view.photo.width, height = view.photo.height;
+  ASSERT_OK_AND_ASSIGN(const auto borders, SamBorders::Open(sam, {.num_threads = 1}));
+  const testing::TempFolder folder;
+  const EmbeddingOrigin origin = {borders->encoder_digest(), ""};
+  const double start = CoreSeconds();
+  ASSERT_OK_AND_ASSIGN(const auto computed, borders->Embed(view.photo));
+  const double embedding_seconds = CoreSeconds() - start;
+  const double write_start = CoreSeconds();
+  ASSERT_OK(WriteEmbedding(folder / "kept", computed, origin));
+  RecordProperty("write_ms", std::to_string(1e3 * (CoreSeconds() - write_start)));
+  ASSERT_OK_AND_ASSIGN(const auto onnx,
+                       SamModel::Open(sam, {.onnx_runtime = true, .mask_prompts = true}));
+  const auto reference = onnx->MakeSegmenter();
+  ASSERT_OK(reference->SetPhotograph(view.photo));
+  int num_masks = 0, num_moved = 0;
+  double kept_seconds = 0;
+  for (int k = 0; k < view.masks.num_masks; ++k) {
+    if (view.masks.mask_area[k] < 4000) continue;
+    const BinaryMask grown = Grown(view.masks.Extract(k), width, height, 4);
+    const double before = CoreSeconds();
+    ASSERT_OK_AND_ASSIGN(const auto kept, ReadEmbedding(folder / "kept", origin));
+    ASSERT_OK_AND_ASSIGN(const BinaryMask refined, borders->Refine(kept, grown));
+    kept_seconds += CoreSeconds() - before;
+    ASSERT_OK_AND_ASSIGN(const BinaryMask want, RefineBorder(*reference, grown, width, height));
+    EXPECT_GT(Iou(refined, want), 0.99) << k;
+    num_moved += want.pixels != grown.pixels ? 1 : 0;
+    ++num_masks;
+  }
+  ASSERT_GE(num_moved, 10);
+  const double first_border = kept_seconds / num_masks;
+  RecordProperty("ratio", std::to_string((embedding_seconds + first_border) / first_border));
+  EXPECT_LT(first_border, 0.25 * (embedding_seconds + first_border));
 }
 
 }  // namespace
