@@ -267,11 +267,10 @@ std::vector<Eigen::Vector2d> Bundle::CentreDeviations(double cost) {
   if (options_.free_centres.empty() || options_.fix_lenses || free <= 0) return deviations;
   // Positions, rotation and scale of the whole are free: a little damping makes it invertible.
   if (Eigen::VectorXd step; !Solve(1e-9, step)) return deviations;
-  const Eigen::Map<const Eigen::MatrixXd> lower(matrix_.data(), size_, size_);
-  const Eigen::LLT<Eigen::MatrixXd> solver(lower);
+  const Eigen::LLT<Eigen::MatrixXd> solver(
+      Eigen::Map<const Eigen::MatrixXd>(matrix_.data(), size_, size_));
   for (size_t g = 0; g < deviations.size(); ++g) {
-    if (!FreesCentre(g)) continue;
-    for (int k = 0; k < 2; ++k) {
+    for (int k = 0; k < 2 && FreesCentre(g); ++k) {
       const Eigen::Index column = LensColumn(static_cast<int>(g)) + 2 + k;
       const double variance = solver.solve(Eigen::VectorXd::Unit(size_, column))[column];
       deviations[g][k] = std::sqrt(variance * cost / free);
