@@ -199,9 +199,9 @@ TEST(TrainingOptions, DecidesEveryOptionForThePaper) {
          "rotation_learning_rate", "opacity_learning_rate", "sh_learning_rate", "densify_from",
          "densify_every", "densify_gradient", "densify_size", "prune_opacity", "prune_size",
          "opacity_reset_every", "depth_local_form", "depth_window", "refine_from",
-         "refine_candidates", "coarse_until", "megapixels_per_step", "full_size_visits",
+         "refine_candidates", "coarse_until",
          // Without effect in the preset.
-         "opacity_decay", "closing_share", "dropout_until",
+         "opacity_decay", "closing_share", "dropout_until", "full_size_visits",
          // Of the run or the capture.
          "num_random_points", "seed", "capture_kind"});
   check("features.", {"num_steps", "num_pixels", "num_scales", "centroid_from", "centroid_every",
