@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/reconstruct/gaussian_state.h"
+#include "core/reconstruct/pixel_budget.h"
 #include "core/reconstruct/step_queue.h"
 #include "core/scene/capture.h"
 #include "kernels/buffer.h"
@@ -15,6 +16,13 @@ namespace {
 // Assumed number of Gaussians whose bounding squares cover a pixel. 87 reproduces the 279 entries
 // for each pixel that tests/bench/results/step_cpu.md measured.
 constexpr double kOverlap = 100;
+
+// Returns the options that the training uses for photographs of this size.
+ReconstructOptions Budgeted(const TrainingSize& size, const ReconstructOptions& options) {
+  const auto num_views = static_cast<double>(std::max<int64_t>(1, size.num_views));
+  return WithPixelBudget(options, {static_cast<double>(size.num_training_views),
+                                   static_cast<double>(size.num_pixels) / num_views});
+}
 
 bool ControlsDensity(const ReconstructOptions& options) {
   return options.densify_until > options.densify_from;
@@ -82,8 +90,9 @@ int64_t RefinerBytes(const Backend& backend, const TrainingSize& size,
 int64_t MostGaussians(const TrainingSize& size, const ReconstructOptions& options) {
   const int64_t first = FirstGaussians(size, options);
   if (!ControlsDensity(options)) return first;
-  if (options.pixels_per_gaussian <= 0) return options.max_gaussians;
-  const double budget = static_cast<double>(TrainingPixels(size)) / options.pixels_per_gaussian;
+  const double pixels_per_gaussian = Budgeted(size, options).pixels_per_gaussian;
+  if (pixels_per_gaussian <= 0) return options.max_gaussians;
+  const double budget = static_cast<double>(TrainingPixels(size)) / pixels_per_gaussian;
   return std::max(
       first, static_cast<int64_t>(std::min(budget, static_cast<double>(options.max_gaussians))));
 }
@@ -115,7 +124,8 @@ int64_t CaptureBytes(const TrainingSize& size) {
 }
 
 MemoryNeed EstimateReconstruct(const Backend& backend, const TrainingSize& size,
-                               const ReconstructOptions& options) {
+                               const ReconstructOptions& given) {
+  const ReconstructOptions options = Budgeted(size, given);
   const int64_t first = FirstGaussians(size, options), most = MostGaussians(size, options);
   // Density control builds the next state while the present one exists. Its plan has a source, a
   // flag, a mean and scales for each Gaussian.

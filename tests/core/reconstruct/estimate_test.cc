@@ -1,5 +1,7 @@
 #include "core/reconstruct/estimate.h"
 
+#include <cmath>
+
 #include "core/reconstruct/reconstruct.h"
 #include "core/reconstruct/reconstructor.h"
 #include "tests/testing/status_testing.h"
@@ -32,6 +34,7 @@ struct Case {
   int sh_degree;
   double coarse_until, densify_until;
   double pixels_per_gaussian;
+  double megapixels_per_step = 0;
 };
 
 class EstimateTest : public ::testing::TestWithParam<Case> {};
@@ -53,6 +56,8 @@ TEST_P(EstimateTest, IsATightUpperBoundOfATraining) {
   options.coarse_until = c.coarse_until;
   options.max_gaussians = c.max_gaussians;
   options.pixels_per_gaussian = c.pixels_per_gaussian;
+  options.megapixels_per_step = c.megapixels_per_step;
+  options.full_size_visits = 0;
   options.refine_keep = RefineKeep::kShrink;
   options.dropout = 0;  // the estimate counts what a step without it renders
   const auto backend = MakeCpuBackend(2);
@@ -74,7 +79,8 @@ INSTANTIATE_TEST_SUITE_P(Sizes, EstimateTest,
                                            Case{"many", 96, 72, 6000, 2, 0, 0.9, 0},
                                            Case{"coarse", 192, 144, 5000, 3, 0.5, 0.9, 0},
                                            Case{"fixed", 192, 144, 1'000'000, 1, 0, 0, 50},
-                                           Case{"budgeted", 192, 144, 1'000'000, 3, 0, 0.85, 50}),
+                                           Case{"budgeted", 192, 144, 1'000'000, 3, 0, 0.85, 50},
+                                           Case{"shrunk", 384, 288, 3000, 3, 0, 0.85, 50, 0.03}),
                          [](const auto& info) { return std::string(info.param.name); });
 
 TEST(Estimate, GrowsWithWhatItDependsOn) {
@@ -94,6 +100,11 @@ TEST(Estimate, GrowsWithWhatItDependsOn) {
   more = options;
   more.coarse_until = 0.5;
   EXPECT_TRUE(grows(size, more));
+  // Steps that render a tenth of the pixels: photographs at half and a quarter of their size, too.
+  more = options;
+  more.megapixels_per_step = 0.03;
+  more.full_size_visits = 0;
+  EXPECT_TRUE(grows(size, more));
   for (int64_t TrainingSize::*field :
        {&TrainingSize::num_training_views, &TrainingSize::num_pixels, &TrainingSize::max_pixels,
         &TrainingSize::num_masked_views, &TrainingSize::num_ignore_views,
@@ -102,6 +113,18 @@ TEST(Estimate, GrowsWithWhatItDependsOn) {
     larger.*field += larger.*field / 2 + 1;
     EXPECT_TRUE(grows(larger, options));
   }
+}
+
+// Photographs seen smaller have fewer Gaussians, as WithPixelBudget has it.
+TEST(Estimate, CountsTheGaussiansOfTheLimitOnPixels) {
+  const TrainingSize size = {10, 8, 10 * 300'000, 300'000, 500, 0, 0, 0};
+  ReconstructOptions options;
+  options.full_size_visits = 0;
+  options.megapixels_per_step = 0;
+  EXPECT_EQ(MostGaussians(size, options), 8 * 300'000 / 50);
+  options.megapixels_per_step = 0.001;  // coarse_until 0.95
+  EXPECT_NEAR(static_cast<double>(MostGaussians(size, options)),
+              8 * 300'000 / (50 * std::pow(4, 0.95)), 1);
 }
 
 }  // namespace
