@@ -79,8 +79,8 @@ struct ReconstructOptions {
   // tests/bench/results/blur.md.
   double blurred_share = 0.25;
   // Share of num_steps trained on smaller photographs: at a quarter of their size in its first
-  // half, at half of it in its second half. 0: full size throughout. Measured:
-  // tests/bench/results/presets_h200.md.
+  // half, at half of it in its second half; megapixels_per_step may raise it. 0: full size
+  // throughout. Measured: tests/bench/results/presets_h200.md.
   double coarse_until = 0;
   // Most megapixels that a step renders on average. Where steps would render more, coarse_until
   // is raised, to at most 0.95, and pixels_per_gaussian with it (WithPixelBudget). 0: no limit.
@@ -146,10 +146,11 @@ struct ReconstructOptions {
   // Maximum number of Gaussians.
   int64_t max_gaussians = 1'000'000;
   // Pixels of the training photographs for each Gaussian of the budget, which max_gaussians
-  // limits. Density control approaches the budget linearly between densify_from and
-  // densify_until, draws the Gaussians that it densifies, and keeps those that it splits. 0:
-  // the density control of 3DGS, with a fixed threshold, opacity resets, and splits into two.
-  // Measured: tests/bench/results/h200_desk.md and tests/bench/results/peak_quality.md.
+  // limits; more where megapixels_per_step raises coarse_until. Density control approaches the
+  // budget linearly between densify_from and densify_until, draws the Gaussians that it densifies,
+  // and keeps those that it splits. 0: the density control of 3DGS, with a fixed threshold, opacity
+  // resets, and splits into two. Measured: tests/bench/results/h200_desk.md and
+  // tests/bench/results/peak_quality.md.
   double pixels_per_gaussian = 50;
   // Radius of the space in front of each training camera in which no Gaussian may be, in scene
   // radii; at most half of the distance of the nearest points. All around a training camera,

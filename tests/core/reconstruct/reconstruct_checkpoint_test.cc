@@ -81,6 +81,28 @@ TEST(ReconstructCheckpoint, ResumesToTheSameBytesAsAnUnbrokenRun) {
   }
 }
 
+// The limit on pixels raises coarse_until from a third to two thirds, both before and after a
+// break.
+TEST(ReconstructCheckpoint, ResumesWithTheSameLimitOnPixels) {
+  const Capture capture = SyntheticCapture();
+  const Camera& camera = capture.views[0].camera;
+  ReconstructOptions options = Options();
+  options.megapixels_per_step = 1e-6 * camera.width * camera.height * (1 - 2.0 / 3 * 27 / 32);
+  options.full_size_visits = 0;
+  const auto backend = MakeCpuBackend(2);
+  ASSERT_OK_AND_ASSIGN(const auto unbroken, Reconstructor::Create(*backend, capture, options));
+  StepTo(*unbroken, 45);
+  const ReconstructCheckpoint checkpoint = WriteAndRead(unbroken->Save().value());
+  StepTo(*unbroken, 90, 45);
+  ASSERT_OK_AND_ASSIGN(const auto resumed,
+                       Reconstructor::Resume(*backend, capture, options, checkpoint));
+  StepTo(*resumed, 90, 45);
+  EXPECT_EQ(resumed->Result().planes, unbroken->Result().planes);
+  const auto unlimited = Fresh(*backend);
+  StepTo(*unlimited, 90);
+  EXPECT_NE(resumed->Result().planes, unlimited->Result().planes);
+}
+
 TEST(ReconstructCheckpoint, ContinuesTheReports) {
   const auto backend = MakeCpuBackend(2);
   ASSERT_OK_AND_ASSIGN(const auto resumed, Reconstructor::Resume(*backend, SyntheticCapture(),
