@@ -15,14 +15,15 @@
 namespace pepeseg {
 namespace {
 
-// Returns the three names that are nearest to `name`, the nearest first.
+// Returns the three names that are nearest to `name`, the nearest first. Of a long name, the
+// beginning is compared: the time of a comparison grows with its length.
 std::vector<std::string> Nearest(const std::string& name, std::span<const std::string> names) {
-  constexpr size_t kNamed = 3;
+  constexpr size_t kNamed = 3, kLongest = 300;
   std::vector<std::pair<size_t, std::string>> ranked;
   for (const std::string& other : names) {
     // A missing suffix or folder is the usual mistake: it counts as nearer than any typing error.
     const bool part = WithoutSuffix(other) == name || absl::EndsWith(other, "/" + name);
-    ranked.emplace_back(part ? 0 : 1 + EditDistance(name, other), other);
+    ranked.emplace_back(part ? 0 : 1 + EditDistance(name.substr(0, kLongest), other), other);
   }
   std::sort(ranked.begin(), ranked.end());
   std::vector<std::string> nearest;
@@ -60,7 +61,9 @@ bool IsHeldOut(const ImportOptions& options, absl::string_view view, size_t inde
 
 int64_t NumHeldOut(const ImportOptions& options, int64_t num_views) {
   if (!options.held_out_views.empty()) {
-    return std::min(num_views, static_cast<int64_t>(options.held_out_views.size()));
+    std::set<std::string> held_out;
+    for (const std::string& view : options.held_out_views) held_out.insert(PhotoKey(view));
+    return std::min(num_views, static_cast<int64_t>(held_out.size()));
   }
   // Views 0, n, 2 n ...: rounded up.
   const int64_t every = options.held_out_every;

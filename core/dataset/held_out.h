@@ -20,7 +20,8 @@ absl::Status CheckHeldOutViews(const ImportOptions& options,
 // Returns true if the view is held out. `index` is its position among all views by name.
 bool IsHeldOut(const ImportOptions& options, absl::string_view view, size_t index);
 
-// Returns the number of views that are held out of `num_views`.
+// Returns the number of views that are held out of `num_views`. A name that is given twice counts
+// once.
 int64_t NumHeldOut(const ImportOptions& options, int64_t num_views);
 
 }  // namespace pepeseg

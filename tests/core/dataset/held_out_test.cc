@@ -21,6 +21,7 @@ TEST(HeldOutViews, TakeThePlaceOfEveryNth) {
   EXPECT_FALSE(IsHeldOut(options, "sub/c.png", 2));
   EXPECT_EQ(NumHeldOut(options, 3), 1);
   EXPECT_TRUE(IsHeldOut({.held_out_every = 2}, "sub/c.png", 2));
+  EXPECT_EQ(NumHeldOut({.held_out_views = {"a.jpg", "a.jpg", "b.jpg"}}, 3), 2);
   EXPECT_EQ(NumHeldOut({.held_out_every = 2}, 3), 2);
   EXPECT_EQ(NumHeldOut({.held_out_every = 0}, 3), 0);
 }
