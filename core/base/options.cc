@@ -60,6 +60,21 @@ bool Parse(absl::string_view text, T& value) {
   }
 }
 
+// Returns what the brackets of a range follow: numbers "in" it or, where the text is not a number
+// of this type, which type that is.
+template <class T>
+absl::string_view BeforeBracket(const T* /*field*/, absl::string_view text) {
+  T value = {};
+  if (Parse(text, value)) return "in ";
+  return std::is_integral_v<T> ? "a whole number in " : "a number in ";
+}
+absl::string_view BeforeBracket(const WordField& /*field*/, absl::string_view /*text*/) {
+  return "";
+}
+absl::string_view BeforeBracket(const NamesField& /*field*/, absl::string_view /*text*/) {
+  return "";
+}
+
 // Returns "a, b or c".
 std::string AnyOf(const std::vector<std::pair<std::string, int>>& words) {
   std::string text;
@@ -138,13 +153,25 @@ std::string AllowedText(const Option& option, absl::string_view in) {
                     option.field);
 }
 
+// Longest text of a user that messages have, and that is compared with names, bytes.
+constexpr size_t kLongestText = 100;
+
+// Returns the text in quotes. Of a longer one, the beginning, cut between characters of UTF-8.
+std::string Quoted(absl::string_view text) {
+  if (text.size() <= kLongestText) return absl::StrCat("\"", text, "\"");
+  size_t end = kLongestText;
+  while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0) == 0x80) --end;
+  return absl::StrCat("\"", text.substr(0, end), "...\"");
+}
+
 absl::string_view LastPart(absl::string_view name) { return name.substr(name.rfind('.') + 1); }
 
-// Returns whether `name` may have been meant by `word`: one typing error for each three characters,
-// or a part of its last part.
+// Returns whether `name` may have been meant by `word`: one typing error for each three characters
+// of the word's last part, or that part in the name's last part.
 bool IsNear(absl::string_view word, absl::string_view name) {
-  if (EditDistance(word, name) <= std::max<size_t>(1, word.size() / 3)) return true;
+  if (word.size() > kLongestText) return false;
   const absl::string_view part = LastPart(word);
+  if (EditDistance(word, name) <= std::max<size_t>(1, part.size() / 3)) return true;
   return part.size() > 2 && absl::StrContains(LastPart(name), part);
 }
 
@@ -171,8 +198,15 @@ absl::Status SetOption(const Option& option, absl::string_view text) {
   const bool set = std::visit(
       [&](const auto& field) { return SetField(field, option.range, text); }, option.field);
   if (set) return absl::OkStatus();
+  if (const auto* list = std::get_if<NamesField>(&option.field)) {
+    return absl::InvalidArgumentError(
+        text.empty() ? absl::StrCat(option.name, " has an empty name")
+                     : absl::StrCat(option.name, " has more than ", list->max_names, " names"));
+  }
+  const absl::string_view in =
+      std::visit([&](const auto& field) { return BeforeBracket(field, text); }, option.field);
   return absl::InvalidArgumentError(
-      absl::StrCat(option.name, " is \"", text, "\", must be ", AllowedText(option, "in ")));
+      absl::StrCat(option.name, " is ", Quoted(text), ", must be ", AllowedText(option, in)));
 }
 
 absl::Status UnknownOption(absl::string_view name, const std::vector<std::string>& names) {
@@ -185,7 +219,7 @@ absl::Status UnknownOption(absl::string_view name, const std::vector<std::string
   near.resize(std::min(near.size(), kNamed));
   const std::string meant = absl::StrJoin(
       near, " or ", [](std::string* out, const auto& one) { out->append(one.second); });
-  return absl::InvalidArgumentError(absl::StrCat("unknown option \"", name, "\"",
+  return absl::InvalidArgumentError(absl::StrCat("unknown option ", Quoted(name),
                                                  meant.empty() ? "" : "; did you mean ", meant,
                                                  meant.empty() ? "" : "?"));
 }

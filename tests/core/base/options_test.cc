@@ -136,6 +136,37 @@ TEST(SetByName, LeavesTheOptionWhenItRefusesTheText) {
             "colour is \"blue\", must be red, green or dark_blue");
 }
 
+TEST(SetByName, SaysWhichTypeOfNumberItTakes) {
+  DummyOptions options;
+  const auto message = [&](const char* name, const char* text) {
+    return std::string(SetByName(options, name, text).message());
+  };
+  EXPECT_EQ(message("count", "1.5"), "count is \"1.5\", must be a whole number in [1, 10000000]");
+  EXPECT_EQ(message("count", "1e4"), "count is \"1e4\", must be a whole number in [1, 10000000]");
+  EXPECT_EQ(message("share", "0,5"), "share is \"0,5\", must be a number in (0, 1]");
+  EXPECT_EQ(message("weight", ""), "weight is \"\", must be -1 or a number in [0, 10]");
+  EXPECT_EQ(message("weight", "11"), "weight is \"11\", must be -1 or in [0, 10]");
+  EXPECT_EQ(message("on", "2"), "on is \"2\", must be true or false");
+}
+
+TEST(SetByName, LimitsTheNamesOfAList) {
+  DummyOptions options = {.views = {"a", "b"}};
+  EXPECT_EQ(SetByName(options, "views", "c").message(), "views has more than 2 names");
+  EXPECT_EQ(SetByName(options, "views", "").message(), "views has an empty name");
+  EXPECT_THAT(options.views, ElementsAre("a", "b"));
+}
+
+// A megabyte of name or value takes no time and ends in a short message of whole characters.
+TEST(SetByName, CutsLongTextInMessages) {
+  DummyOptions options;
+  std::string text = "x";
+  for (int i = 0; i < 500'000; ++i) text += "ä";
+  const std::string cut = "x" + text.substr(1, 98) + "...\"";
+  EXPECT_EQ(SetByName(options, text, "1").message(), "unknown option \"" + cut);
+  EXPECT_EQ(SetByName(options, "colour", text).message(),
+            "colour is \"" + cut + ", must be red, green or dark_blue");
+}
+
 TEST(SetByName, ProposesTheNearestNames) {
   DummyOptions options;
   const auto message = [&](const char* name) {
@@ -164,6 +195,9 @@ TEST(VisitPart, PutsThePartsNameBeforeItsOptions) {
   EXPECT_STATUS(CheckOptions(whole), absl::StatusCode::kInvalidArgument, "second.count is 0");
   EXPECT_THAT(std::string(SetByName(whole, "third.share", "1").message()),
               HasSubstr("did you mean first.share or second.share?"));
+  // The part's name does not let more errors pass: first.rate is three letters away.
+  EXPECT_EQ(SetByName(whole, "first.shre", "1").message(),
+            "unknown option \"first.shre\"; did you mean first.share?");
 }
 
 }  // namespace

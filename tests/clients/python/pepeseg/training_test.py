@@ -48,7 +48,7 @@ class TestOptions:
             ("steps", 1, "unknown option"),
             ("reconstruct", 1, "unknown option"),
             ("reconstruct.num_step", 1, "mean reconstruct.num_steps"),
-            ("reconstruct.num_steps", "many", r"must be in \[1, 10000000\]"),
+            ("reconstruct.num_steps", "many", r"must be a whole number in \[1, 10000000\]"),
             ("features.smooth_until", 2, r"must be in \[0, 1\]"),
         ],
     )
