@@ -115,7 +115,11 @@ std::string BashScript(const CLI::App& app) {
       R"(# Completion of pepeseg for bash:
 #   pepeseg completion bash > ~/.local/share/bash-completion/completions/pepeseg
 _pepeseg_options() {
-  timeout 3 "${COMP_WORDS[0]}" train - --list-options 2>/dev/null |
+  local server=()
+  if [[ ${COMP_LINE-} =~ [[:space:]]--server[=[:space:]]+([^[:space:]]+) ]]; then
+    server=(--server "${BASH_REMATCH[1]}")
+  fi
+  timeout 3 "${COMP_WORDS[0]}" "${server[@]}" train --list-options 2>/dev/null |
     sed -n 's/^\([a-z_]*[.][a-z_]*\) .*/\1=/p'
 }
 _pepeseg() {

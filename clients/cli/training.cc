@@ -160,7 +160,7 @@ void AddTrainingFlags(CLI::App& verb, TrainingFlags& flags) {
                "Photographs to hold out of training, in place of every n-th")
       ->allow_extra_args(false);
   verb.add_option("-o,--option", flags.settings,
-                  "Any option; `pepeseg train SCENE --list-options` lists them")
+                  "Any option; `pepeseg train --list-options` lists them")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
 }
@@ -169,10 +169,14 @@ void AddTrain(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<TrainFlags>();
   CLI::App* verb = app.add_subcommand("train", "Train a model of a scene");
   AddTrainingFlags(*verb, *flags);
+  verb->get_option("SCENE")->required(false)->description("Id of the scene; for a training");
   verb->add_flag("--list-options", flags->list_options,
                  "List all options of the server with their defaults and ranges, and exit");
   verb->add_flag("--detach", flags->detach, "Print the name of the job and exit");
-  verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunTrain(shell, *flags); }; });
+  verb->callback([flags, &shell] {
+    if (flags->scene.empty() && !flags->list_options) throw CLI::RequiredError("SCENE");
+    shell.verb = [&, flags] { return RunTrain(shell, *flags); };
+  });
 }
 
 void AddEstimate(CLI::App& app, Shell& shell) {

@@ -39,7 +39,14 @@ mkdir bin
 printf '#!/bin/sh\necho "$*" >>asked\necho "OPTION  DEFAULT"\necho "reconstruct.num_steps  10000"\necho "    Number of steps."\n' >bin/pepeseg
 chmod +x bin/pepeseg
 PATH=$work/bin:$PATH expect reconstruct.num_steps= pepeseg train shelf -o recon
-grep -qx -- 'train - --list-options' asked || fail 'the options were not asked for'
+grep -qx -- 'train --list-options' asked || fail 'the options were not asked for'
+for line in 'pepeseg --server host:1 train shelf -o recon' 'pepeseg train shelf --server=host:1 -o recon'; do
+  rm asked
+  # Bash splits words at ":" and "=".
+  read -ra parts <<<"$(sed 's/[:=]/ & /g' <<<"$line")"
+  COMP_LINE=$line PATH=$work/bin:$PATH expect reconstruct.num_steps= "${parts[@]}"
+  grep -qx -- '--server host:1 train --list-options' asked || fail "another server was asked: $line"
+done
 expect --point pepeseg segment shelf --po
 expect --server pepeseg segment shelf --ser
 expect depth pepeseg --server host:1 render shelf --content d

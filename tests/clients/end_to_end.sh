@@ -25,7 +25,7 @@ expect 4 pepeseg train shelf --steps 0
 grep -q 'reconstruct.num_steps is "0", must be in \[1, 10000000\]' "$work/errors" || fail 'no range'
 expect 4 pepeseg train shelf -o features.smoth_until=0
 grep -q 'did you mean features.smooth_until?' "$work/errors" || fail 'no option like it is proposed'
-expect 0 pepeseg train shelf --list-options --preset best
+expect 0 pepeseg train --list-options --preset best
 grep -Eq '^features.smooth_until +0.65 +\[0, 1\]$' "$work/output" || fail 'an option is not listed'
 grep -q '^    Share of num_steps in which features are smoothed' "$work/output" || fail 'no description'
 expect 0 pepeseg train shelf --steps 60 --feature-steps 30 --image-scale 0.25 \
