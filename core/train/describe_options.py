@@ -4,7 +4,8 @@
 describe_options.py OUTPUT PREFIX:STRUCT:HEADER...
 
 The comment above a member is the description of the option PREFIX.MEMBER. A member without a
-comment, and a struct that is not in its header, are errors.
+comment, a line that is neither a comment nor "TYPE MEMBER = DEFAULT;", and a struct that is not in
+its header are errors.
 """
 
 import json
@@ -39,9 +40,11 @@ def members(header, struct):
         if line.startswith("//"):
             comment.append(line[2:].strip())
             continue
-        if member is not None and not comment:
+        if line and member is None:
+            sys.exit(f'{header}: {struct}: "{line}" is not one line "TYPE MEMBER = DEFAULT;"')
+        if line and not comment:
             sys.exit(f"{header}: {struct}::{member[1]} has no comment above it")
-        if member is not None:
+        if line:
             yield member[1], " ".join(comment)
         comment = []
 
