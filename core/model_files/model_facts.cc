@@ -200,7 +200,7 @@ std::string FormatModelFacts(const Model& model) {
                    {"facts", model.facts},
                    {"views", std::move(views)}};
   const Eigen::Vector3d& o = model.origin;
-  // Left out where it is zero, as in files of older versions.
+  // Left out where it is zero.
   if (!o.isZero(0)) document["origin"] = {o.x(), o.y(), o.z()};
   // Replaces invalid UTF-8. By default dump() throws.
   return document.dump(1, ' ', false, json::error_handler_t::replace) + "\n";

@@ -21,8 +21,8 @@ namespace pepeseg {
 //                              "orientation": 6, "part": [left, top, width, height]}}]}
 // "rotation" and "translation" are cam_from_world relative to the origin, which is zero if "origin"
 // is missing. (The model's PLY file is in the world of the dataset.) Metrics that are not finite,
-// missing scores and missing photographs are left out. Models by older versions lack newer keys,
-// and older versions ignore keys that they do not know.
+// missing scores and missing photographs are left out. Unknown keys are ignored, so that a key can
+// be added without a new version.
 std::string FormatModelFacts(const Model& model);
 
 // Parses such a text and sets the metadata of `model`. DATA_LOSS, naming the key or view: it is

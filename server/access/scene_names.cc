@@ -65,7 +65,7 @@ absl::StatusOr<std::string> OrNoKey(absl::StatusOr<std::string> key, const std::
 
 // Returns the key for a caller who sees all projects and does not name one.
 absl::StatusOr<std::string> OnlyKey(Store& store, const std::string& id, const std::string& field) {
-  // The default project first, so that names from before there were projects keep their meaning.
+  // The default project first, so that another project cannot change what a name means there.
   absl::StatusOr<std::string> of_default = store.scenes().FindScene(kDefaultProject, id);
   if (!absl::IsNotFound(of_default.status())) return of_default;
   ASSIGN_OR_RETURN(const std::vector<SceneRow> scenes, store.scenes().FindScenes(id));

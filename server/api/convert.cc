@@ -200,7 +200,7 @@ v1::View ToProto(const ModelView& view) {
   *pose.mutable_translation() = VectorToProto({t.x(), t.y(), t.z()});
   proto.set_held_out(view.held_out);
   const auto& photograph = view.photograph;
-  // A model of an older version has no photographs: its views are then the only frame.
+  // A view without a photograph is the only frame of its pixels.
   proto.set_photograph_width(photograph ? photograph->UprightWidth() : view.camera.width);
   proto.set_photograph_height(photograph ? photograph->UprightHeight() : view.camera.height);
   if (view.scores) *proto.mutable_scores() = ToProto(*view.scores);

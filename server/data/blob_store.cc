@@ -4,19 +4,15 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <system_error>
 #include <vector>
 
-#include "absl/strings/ascii.h"
-#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/digest.h"
 #include "core/base/errors.h"
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
-#include "server/store/rows.h"
 
 namespace pepeseg {
 namespace {
@@ -49,46 +45,6 @@ absl::Status MakeBlobFolders(const fs::path& data, const std::string& project) {
     if (error) return FileError(path, "cannot make the folder", error.value());
   }
   return SyncFolder(folder);
-}
-
-// Returns whether a name is two hex digits: the name of a folder of blobs, in a project's folder
-// or, before there were projects, in blobs/ itself.
-bool IsPrefix(const std::string& name) {
-  return name.size() == 2 && std::all_of(name.begin(), name.end(), [](char c) {
-           return absl::ascii_isdigit(c) || (c >= 'a' && c <= 'f');
-         });
-}
-
-// Returns the blobs directly in a folder. A project's folder has none, even if the project's name
-// looks like a folder of blobs.
-std::vector<fs::path> BlobsIn(const fs::path& folder) {
-  std::vector<fs::path> blobs;
-  std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error)) {
-    std::error_code ignored;
-    const bool whole = entry->path().filename().string().size() == kDigestLength;
-    if (whole && entry->is_regular_file(ignored)) blobs.push_back(entry->path());
-  }
-  return blobs;
-}
-
-// Moves the blobs directly in a folder of blobs/ to the default project.
-absl::Status MoveToDefaultProject(const fs::path& data, const fs::path& folder) {
-  const std::vector<fs::path> blobs = BlobsIn(folder);
-  if (blobs.empty()) return absl::OkStatus();
-  const fs::path target = BlobFolderOf(data, kDefaultProject) / folder.filename();
-  RETURN_IF_ERROR(MakeFolders(target));
-  std::error_code error;
-  for (const fs::path& blob : blobs) {
-    fs::rename(blob, target / blob.filename(), error);
-    // Another server on the directory may be moving the same blobs.
-    const bool gone = error == std::errc::no_such_file_or_directory;
-    if (error && !gone) return FileError(blob, "cannot move to its project", error.value());
-  }
-  RETURN_IF_ERROR(SyncFolder(target));
-  fs::remove(folder, error);  // fails unless it is empty
-  return absl::OkStatus();
 }
 
 // An open blob; the descriptor is negative if it could not be opened.
@@ -135,14 +91,6 @@ absl::StatusOr<std::unique_ptr<BlobStore>> BlobStore::Open(const fs::path& data)
   RETURN_IF_ERROR(MakeFolders(BlobFolder(data)));
   RETURN_IF_ERROR(MakeFolders(PartialFolder(data)));
   RETURN_IF_ERROR(MakeFolders(BlobLockPath(data, "").parent_path()));
-  std::vector<fs::path> folders;
-  std::error_code error;
-  for (fs::directory_iterator entry(BlobFolder(data), error), end; !error && entry != end;
-       entry.increment(error)) {
-    if (IsPrefix(entry->path().filename().string())) folders.push_back(entry->path());
-  }
-  if (error) return FileError(BlobFolder(data), "cannot list the folder", error.value());
-  for (const fs::path& folder : folders) RETURN_IF_ERROR(MoveToDefaultProject(data, folder));
   return std::unique_ptr<BlobStore>(new BlobStore(data));
 }
 

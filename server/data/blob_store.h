@@ -21,8 +21,7 @@ namespace pepeseg {
 // directory. Thread safe. Calls block on the disk.
 class BlobStore {
  public:
-  // Creates the folders. Moves blobs from before there were projects to the default project; if
-  // that is interrupted, the next start resumes it.
+  // Creates the folders.
   static absl::StatusOr<std::unique_ptr<BlobStore>> Open(const std::filesystem::path& data);
 
   // Returns whether the blob is stored, with this size.

@@ -58,8 +58,8 @@ absl::Status ReadSome(const ProjectBlobs& blobs, const std::vector<DatasetFileRo
   return absl::OkStatus();
 }
 
-// Reads headers that the store does not have, and stores what they say. They are missing in
-// datasets of an earlier version, and for files whose bytes were there before their upload.
+// Reads headers that the store does not have, and stores what they say. They are missing
+// for files whose bytes were there before their upload.
 absl::Status ReadMissingHeaders(Store& store, const ProjectBlobs& blobs,
                                 const WantedTraining& training, CheckWanted wanted,
                                 std::vector<DatasetFileRow>& files) {

@@ -121,8 +121,8 @@ absl::StatusOr<std::string> FindView(const Parent& parent, const v1::GetPhotogra
     if (view.name != photograph) continue;
     if (!view.photograph) {
       return WithResource(absl::FailedPreconditionError(absl::StrCat(
-                              request.parent(), " does not know the lenses of its photographs: it ",
-                              "was trained by an older server; train the scene again")),
+                              request.parent(), " does not know the lenses of its photographs: ",
+                              "train the scene again")),
                           "NO_LENS", request.parent());
     }
     // The decoder process gets this view only: its task must not grow with the number of views.

@@ -79,6 +79,20 @@ absl::Status CheckSqliteFile(soci::session& sql) {
       absl::StrCat("damaged: a record of ", table, " refers to a record that does not exist"));
 }
 
+// Returns FAILED_PRECONDITION, with what to do, unless this program can use a schema of `version`.
+absl::Status CheckVersion(int version) {
+  if (version == kSchemaVersion) return absl::OkStatus();
+  const absl::string_view remedy =
+      version > kSchemaVersion
+          ? "a newer pepesegd has written it: install that one, or restore a backup that this one "
+            "can read"
+          : "a pepesegd from before the first release has written it, and there is no migration: "
+            "start with a new data directory and an empty database, and train the scenes again";
+  return absl::FailedPreconditionError(absl::StrCat("the database has schema version ", version,
+                                                    ", and this program needs version ",
+                                                    kSchemaVersion, "; ", remedy));
+}
+
 // A transaction that rolls back unless committed. In SQLite it takes the write lock at once
 // (IMMEDIATE): one that asks for the lock later is refused if another process has written
 // meanwhile.
@@ -173,7 +187,7 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Open(const std::string& url)
         "database: expected sqlite:PATH without quotes, or postgresql:CONNINFO");
   }
   absl::Status opened = database->Connect(num_connections);
-  if (opened.ok()) opened = database->Upgrade();
+  if (opened.ok()) opened = database->Prepare();
   if (opened.ok()) return database;
   if (!absl::IsDataLoss(opened)) return opened;
   const std::string name = database->shared() ? "the PostgreSQL database" : url;
@@ -256,32 +270,24 @@ absl::Status Database::Repeat(const std::function<absl::Status(soci::session&)>&
   }
 }
 
-// Runs all missing steps of the schema in one transaction, so that an upgrade that fails leaves the
-// old version.
-absl::Status Database::Upgrade() {
+// Creates the schema in an empty database, or checks the version of the one that is there. All in
+// one transaction, so that a start that fails leaves an empty database.
+absl::Status Database::Prepare() {
   return Transact([this](soci::session& sql) {
-    // One server upgrades at a time; SQLite has only one server anyway.
-    constexpr int64_t kUpgradeLock = 0x706570657365;
+    // One server creates the schema, and those that start at the same time wait for it. In SQLite
+    // the transaction has the write lock.
+    constexpr int64_t kSchemaLock = 0x706570657365;
     if (shared()) {
-      // Serializable would take its snapshot before the lock, and not see another server's upgrade.
+      // Serializable would take its snapshot before the lock, and not see another server's schema.
       sql << "SET TRANSACTION ISOLATION LEVEL READ COMMITTED";
-      sql << "SELECT pg_advisory_xact_lock(:key)", soci::use(kUpgradeLock);
+      sql << "SELECT pg_advisory_xact_lock(:key)", soci::use(kSchemaLock);
     }
     sql << "CREATE TABLE IF NOT EXISTS schema_version (version INTEGER NOT NULL)";
     int version = 0;
     sql << "SELECT COALESCE(MAX(version), 0) FROM schema_version", soci::into(version);
-    if (version > kSchemaVersion) {
-      return absl::FailedPreconditionError(
-          absl::StrCat("the database has schema version ", version, ", this program knows up to ",
-                       kSchemaVersion, ": a newer program has written it"));
-    }
-    for (int next = version + 1; next <= kSchemaVersion; ++next) {
-      for (const char* statement : SchemaStep(next)) sql << statement;
-      if (shared()) {
-        for (const char* statement : PostgresqlSchemaStep(next)) sql << statement;
-      }
-      sql << "INSERT INTO schema_version (version) VALUES (:v)", soci::use(next);
-    }
+    if (version != 0) return CheckVersion(version);
+    for (const std::string& statement : SchemaStatements()) sql << statement;
+    sql << "INSERT INTO schema_version (version) VALUES (:v)", soci::use(kSchemaVersion);
     return absl::OkStatus();
   });
 }

@@ -18,9 +18,9 @@ namespace pepeseg {
 class Database {
  public:
   // `url`: "sqlite:PATH", or "postgresql:" followed by libpq's "host=db dbname=pepeseg" or by the
-  // rest of a "postgresql://" URI. Upgrades the schema to this program's version. UNAVAILABLE: no
-  // connection. DATA_LOSS: SQLite's own checks find the file damaged. FAILED_PRECONDITION: a newer
-  // program has written the database.
+  // rest of a "postgresql://" URI. Creates the schema in an empty database. UNAVAILABLE: no
+  // connection. DATA_LOSS: SQLite's own checks find the file damaged. FAILED_PRECONDITION: the
+  // schema has another version than kSchemaVersion.
   static absl::StatusOr<std::unique_ptr<Database>> Open(const std::string& url);
 
   // Runs `body` in a serializable transaction; commits if it returns OK, else rolls back. Runs it
@@ -75,7 +75,7 @@ class Database {
   Database(const soci::backend_factory& backend, std::string connection, size_t num_connections)
       : backend_(&backend), connection_(std::move(connection)), pool_(num_connections) {}
   absl::Status Connect(size_t num_connections);
-  absl::Status Upgrade();
+  absl::Status Prepare();
   absl::Status Repeat(const std::function<absl::Status(soci::session&)>& body, bool in_transaction);
   Run RunOnce(const std::function<absl::Status(soci::session&)>& body, bool in_transaction);
 

@@ -14,7 +14,7 @@
 // jobs/{id}, keys/{id}.
 namespace pepeseg {
 
-// The project of callers on a server without keys, and of scenes from before there were projects.
+// The project of callers on a server without keys.
 inline constexpr char kDefaultProject[] = "default";
 
 struct ProjectRow {

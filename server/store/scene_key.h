@@ -8,8 +8,8 @@
 //
 // Scene ids are unique within a project only. Tables, folders and, once a call is authorised,
 // resource names therefore hold a scene's key in place of its id. The key is the id itself if no
-// other scene has that key (always so for scenes from before ids were per project), else
-// "NUMBER@ID", where the number is unique in the database. No id contains '@'.
+// other scene has that key, else "NUMBER@ID", where the number is unique in the database. No id
+// contains '@'.
 namespace pepeseg {
 
 // Returns whether `id` may be a project's id: 1 to 63 lower-case letters, digits and '-', starting

@@ -1,18 +1,19 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 namespace pepeseg {
 
-// The schema is built in steps, which are never edited once released. They are SQL that both SQLite
-// and PostgreSQL accept. Times are microseconds since 1970 UTC, 0: not yet. Serialised messages are
-// stored as base64.
+// Version of the schema in schema.sql. A database of another version is refused: there are no
+// migrations before the first release. Versions below 9 were those of development.
 inline constexpr int kSchemaVersion = 9;
 
-// Returns the statements that lead from version `to - 1` to `to`, in [1, kSchemaVersion].
-std::vector<const char*> SchemaStep(int to);
-// Returns further statements for PostgreSQL, to run after SchemaStep's: they widen columns, whose
-// lengths SQLite does not limit.
-std::vector<const char*> PostgresqlSchemaStep(int to);
+// The text of schema.sql, which CMake embeds.
+extern const char kSchemaText[];
+
+// Returns the statements of kSchemaText in order, without comments and final ';'. A comment is all
+// from "--" to the end of its line: no string of the text may contain "--" or ';'.
+std::vector<std::string> SchemaStatements();
 
 }  // namespace pepeseg

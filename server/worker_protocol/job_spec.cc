@@ -62,8 +62,7 @@ WorkerOptions DecodeWorkerOptions(const Json& json) {
   options.priors_command = json.at("priors_command").get<std::string>();
   options.priors_seconds = json.at("priors_seconds").get<int64_t>();
   options.sam = json.at("sam").get<std::string>();
-  // Specs of older versions do not have it.
-  options.keep_embeddings = json.value("keep_embeddings", true);
+  options.keep_embeddings = json.at("keep_embeddings").get<bool>();
   options.lpips_weights = json.at("lpips_weights").get<std::string>();
   options.log_format = json.at("log_format").get<std::string>();
   return options;
@@ -78,7 +77,7 @@ JobSpec DecodeSpec(const Json& json) {
   spec.checkpoint_seconds = json.at("checkpoint_seconds").get<int64_t>();
   spec.checkpoint_steps = json.at("checkpoint_steps").get<int64_t>();
   spec.memory_limit = json.at("memory_limit").get<int64_t>();
-  spec.traceparent = json.value("traceparent", "");
+  spec.traceparent = json.at("traceparent").get<std::string>();
   spec.lease_seconds = json.at("lease_seconds").get<int64_t>();
   spec.worker = DecodeWorkerOptions(json.at("worker"));
   for (const Json& file : json.at("files")) {
@@ -97,7 +96,7 @@ JobResult DecodeResult(const Json& json) {
   result.num_gaussians = json.at("num_gaussians").get<int64_t>();
   result.num_bytes = json.at("num_bytes").get<int64_t>();
   result.sources = json.at("sources").get<std::map<std::string, std::string>>();
-  result.damaged = json.value("damaged", std::vector<std::string>());
+  result.damaged = json.at("damaged").get<std::vector<std::string>>();
   return result;
 }
 

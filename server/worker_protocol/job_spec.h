@@ -59,8 +59,7 @@ struct JobSpec {
   int64_t checkpoint_steps = 1000;
   // Maximum host memory, bytes. 0: all memory of the machine or control group.
   int64_t memory_limit = 0;
-  // W3C trace context of the request that created the job; empty: unknown. Specs of older versions
-  // do not have it.
+  // W3C trace context of the request that created the job; empty: unknown.
   std::string traceparent;
   // Lease duration: the worker ends when lease-FENCE is not touched for this long (heartbeat.h). 0:
   // no other server can claim the job.

@@ -64,7 +64,7 @@ TEST(FeatureFile, RoundTripsAGateOfTwoLayersAsVersion2) {
     const std::string bytes = ReadFile(folder / name, name, 1 << 20).value();
     return int{bytes[8]};
   };
-  EXPECT_EQ(version("one"), 1);  // programs from before version 2 still read it
+  EXPECT_EQ(version("one"), 1);  // a gate of one layer
   EXPECT_EQ(version("two"), 2);
   field.gate.pop_back();
   EXPECT_STATUS(WriteFeatureFile(folder / "two", field), kInvalidArgument,

@@ -171,25 +171,5 @@ TEST_F(BlobStoreTest, CountsOnlyCommittedBytes) {
   EXPECT_TRUE(store->ListPartial(upload).empty());
 }
 
-TEST(BlobStore, MovesBlobsFromBeforeProjects) {
-  const testing::TempFolder data;
-  const fs::path old = BlobFolder(data.path()) / "ba" / kAbc;
-  fs::create_directories(old.parent_path());
-  std::ofstream(old) << "abc";
-  ASSERT_OK_AND_ASSIGN(auto store, BlobStore::Open(data.path()));
-  EXPECT_TRUE(store->Has({"default", kAbc}, 3));
-  EXPECT_FALSE(fs::exists(old.parent_path()));
-  // An earlier move was interrupted half-way, and a project has a name like a folder of blobs.
-  fs::create_directories(old.parent_path());
-  std::ofstream(old) << "abc";
-  const fs::path own = BlobPath(data.path(), {"ba", kAbc});
-  fs::create_directories(own.parent_path());
-  std::ofstream(own) << "abc";
-  store = *BlobStore::Open(data.path());
-  EXPECT_TRUE(store->Has({"default", kAbc}, 3));
-  EXPECT_TRUE(store->Has({"ba", kAbc}, 3));
-  EXPECT_EQ(CountFiles(data.path()), 2);
-}
-
 }  // namespace
 }  // namespace pepeseg

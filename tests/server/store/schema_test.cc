@@ -1,85 +1,187 @@
 #include "server/store/schema.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <latch>
+#include <map>
+#include <thread>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "core/base/file_io.h"
 #include "server/store/soci.h"
 #include "server/store/store.h"
+#include "tests/server/store/test_database.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
 namespace {
 
-// Writes a database with the schema of the first release, a finished job and its model.
-void WriteFirstVersion(const std::string& path) {
-  soci::session sql(soci::sqlite3, absl::StrCat("dbname=\"", path, "\""));
-  sql << "CREATE TABLE schema_version (version INTEGER NOT NULL)";
-  for (const char* statement : SchemaStep(1)) sql << statement;
-  sql << "INSERT INTO schema_version (version) VALUES (1)";
-  sql << "INSERT INTO scenes VALUES ('a', 'A', '', 1, 2, 2)";
-  sql << "INSERT INTO datasets VALUES ('a', 1, 1, '', 1, 2, 0, 0)";
-  sql << "INSERT INTO jobs VALUES (1, 'a', 1, 2, 'index', '', '', '', 1, 0, 0, '', 1, 3, 4, 5)";
-  sql << "INSERT INTO models VALUES ('a', 1, 'j1', 'jobs/j1/attempt-1', '{}', 7, 8, 5)";
-  sql << "UPDATE job_numbers SET next_job = 2";
-  sql << "INSERT INTO dataset_files VALUES ('a', 1, 'images/1.jpg', 1, 20, 'aa', 1)";
-  sql << "INSERT INTO dataset_files VALUES ('a', 1, 'images/2.jpg', 1, 20, 'aa', 1)";
+using ::testing::HasSubstr;
+using ::testing::MatchesRegex;
+
+// By name of a table, its columns in order. By name of an index, the name of its table.
+using SchemaMap = std::map<std::string, std::vector<std::string>>;
+
+// A connection to the database of a URL for Store::Open.
+class Connection {
+ public:
+  explicit Connection(const std::string& url)
+      : is_sqlite_(absl::StartsWith(url, "sqlite:")),
+        sql_(is_sqlite_ ? soci::session(soci::sqlite3,
+                                        absl::StrCat("dbname=\"", url.substr(7), "\" timeout=10"))
+                        : soci::session(soci::postgresql, url.substr(11))) {}
+
+  // Returns the texts that a query with one column selects.
+  std::vector<std::string> Select(const std::string& query) {
+    std::vector<std::string> texts;
+    std::string text;
+    soci::statement select = (sql_.prepare << query, soci::into(text));
+    select.execute();
+    while (select.fetch()) texts.push_back(text);
+    return texts;
+  }
+
+  void Execute(const std::string& statement) { sql_ << statement; }
+
+  // Returns all tables and indexes, but those indexes that a constraint of a table makes.
+  SchemaMap List() {
+    SchemaMap found;
+    const std::string tables =
+        is_sqlite_ ? "SELECT name FROM sqlite_master WHERE type = 'table'"
+                   : "SELECT tablename::text FROM pg_tables WHERE schemaname = current_schema()";
+    for (const std::string& table : Select(tables)) found[table] = Columns(table);
+    const std::string indexes =
+        is_sqlite_ ? "SELECT name || ' ' || tbl_name FROM sqlite_master"
+                     " WHERE type = 'index' AND sql IS NOT NULL"
+                   : "SELECT indexname || ' ' || tablename FROM pg_indexes WHERE schemaname ="
+                     " current_schema() AND NOT EXISTS (SELECT 1 FROM pg_constraint c JOIN pg_class"
+                     " i ON i.oid = c.conindid WHERE i.relname = indexname AND i.relnamespace ="
+                     " current_schema()::regnamespace)";
+    for (const std::string& index : Select(indexes)) {
+      const std::vector<std::string> names = absl::StrSplit(index, ' ');
+      found[names.at(0)] = {names.at(1)};
+    }
+    return found;
+  }
+
+ private:
+  std::vector<std::string> Columns(const std::string& table) {
+    if (is_sqlite_) {
+      return Select(absl::StrCat("SELECT name FROM pragma_table_info('", table, "') ORDER BY cid"));
+    }
+    return Select(
+        absl::StrCat("SELECT column_name::text FROM information_schema.columns WHERE table_schema ="
+                     " current_schema() AND table_name = '",
+                     table, "' ORDER BY ordinal_position"));
+  }
+
+  const bool is_sqlite_;
+  soci::session sql_;
+};
+
+// Returns the tables and indexes of the text, and schema_version.
+SchemaMap Expected() {
+  SchemaMap expected = {{"schema_version", {"version"}}};
+  for (const std::string& statement : SchemaStatements()) {
+    const std::vector<std::string> words = absl::StrSplit(statement, ' ');
+    if (absl::StartsWith(statement, "CREATE INDEX")) expected[words.at(2)] = {words.at(4)};
+    if (absl::StartsWith(statement, "CREATE UNIQUE INDEX")) expected[words.at(3)] = {words.at(5)};
+    if (!absl::StartsWith(statement, "CREATE TABLE")) continue;
+    std::vector<std::string>& columns = expected[words.at(2)];
+    const size_t begin = statement.find('(') + 1;
+    const std::string body = statement.substr(begin, statement.rfind(')') - begin);
+    for (const absl::string_view line : absl::StrSplit(body, '\n')) {
+      const std::vector<std::string> parts =
+          absl::StrSplit(absl::StripAsciiWhitespace(line), ' ', absl::SkipEmpty());
+      if (parts.empty() || parts[0] == "PRIMARY" || parts[0] == "FOREIGN") continue;
+      columns.push_back(parts[0]);
+    }
+  }
+  return expected;
 }
 
-TEST(Schema, UpgradesTheFirstVersionWithItsRecords) {
-  const testing::TempFolder folder;
-  const std::string path = (folder.path() / "store.db").string();
-  WriteFirstVersion(path);
-  ASSERT_OK_AND_ASSIGN(const auto store, Store::Open("sqlite:" + path));
-  ASSERT_OK_AND_ASSIGN(const auto job, store->jobs().GetJob("j1"));
-  EXPECT_EQ(job.state, JobState::kSucceeded);
-  EXPECT_EQ(job.device, "");  // not recorded then
-  const auto model = store->models().GetLiveModel("a");
-  ASSERT_OK(model);
-  EXPECT_EQ(model->num_gaussians, 7);
-  EXPECT_EQ(model->device, "");
-  EXPECT_EQ(model->sources, "");
-  ASSERT_OK_AND_ASSIGN(const auto file, store->files().GetDatasetFile("a", 1, "images/1.jpg"));
-  EXPECT_EQ(file.header, HeaderState::kUnread);
-  EXPECT_EQ(store->quotas().GetUsage("default")->stored_bytes, 20 + 8) << "a blob and a model";
-  JobRow next;
-  next.scene = "a";
-  next.dataset = 1;
-  ASSERT_OK(store->jobs().CreateJob(next));
-  EXPECT_EQ((**store->queue().ClaimJob("cuda 0 (X)")).device, "cuda 0 (X)");
+TEST(Schema, IsTheTextOfTheFile) {
+  const std::string path = PEPESEG_SCHEMA_FILE;
+  EXPECT_EQ(*ReadFile(path, path, 1 << 20), kSchemaText);
+  const std::vector<std::string> statements = SchemaStatements();
+  EXPECT_EQ(statements.size(), 25u) << "13 tables, 10 indexes, 2 records";
+  for (const std::string& statement : statements) {
+    EXPECT_THAT(statement, MatchesRegex("(CREATE|INSERT)[^;:]*[)']")) << "no comment, no ';'";
+  }
 }
 
-TEST(Schema, KeepsIdsOfOldScenesAsKeysAndFreesThemForOtherProjects) {
+TEST(Schema, IsThatOfANewDatabase) {
   const testing::TempFolder folder;
-  const std::string path = (folder.path() / "store.db").string();
-  WriteFirstVersion(path);
-  ASSERT_OK_AND_ASSIGN(const auto store, Store::Open("sqlite:" + path));
-  EXPECT_EQ(*store->scenes().FindScene("default", "a"), "a");
-  EXPECT_EQ(store->scenes().GetScene("a")->display_name, "A");
-  EXPECT_TRUE(absl::IsAlreadyExists(store->scenes().CreateScene({"a", "", "", {}}).status()));
-  ASSERT_OK_AND_ASSIGN(const auto theirs, store->scenes().CreateScene({"a", "", "", {}, "lab"}));
-  EXPECT_NE(theirs.key, "a");
-  EXPECT_OK(store->models().GetLiveModel("a"));
-  EXPECT_FALSE(store->models().GetLiveModel(theirs.key).ok());
+  const std::string url = testing::NewTestDatabase(folder.path());
+  ASSERT_OK(Store::Open(url));
+  Connection database(url);
+  EXPECT_EQ(database.List(), Expected());
+  EXPECT_THAT(database.Select("SELECT CAST(version AS VARCHAR(9)) FROM schema_version"),
+              ::testing::ElementsAre(absl::StrCat(kSchemaVersion)));
 }
 
-TEST(Schema, AddsLabelsAndSelectionsToOldScenesAndModels) {
+TEST(Schema, StaysWhenAServerStartsAgain) {
   const testing::TempFolder folder;
-  const std::string path = (folder.path() / "store.db").string();
-  WriteFirstVersion(path);
-  ASSERT_OK_AND_ASSIGN(const auto store, Store::Open("sqlite:" + path));
-  LabelRow label;
-  label.scene = "a";
-  label.id = "cup";
-  EXPECT_OK(store->labels().CreateLabel(label));
-  const auto number = store->selections().TakeSelectionNumber("a");
-  ASSERT_OK(number);
-  EXPECT_EQ(*number, 1);
-  SelectionRow selection;
-  selection.scene = "a";
-  selection.number = *number;
-  selection.model = 1;
-  EXPECT_OK(store->selections().CreateSelection(selection));
+  const std::string url = testing::NewTestDatabase(folder.path());
+  ASSERT_OK((*Store::Open(url))->scenes().CreateScene({"a", "A", "", {}}));
+  ASSERT_OK_AND_ASSIGN(const auto store, Store::Open(url));
+  EXPECT_OK(store->scenes().FindScene(kDefaultProject, "a"));
+  EXPECT_EQ(Connection(url).List(), Expected());
+}
+
+TEST(Schema, RefusesAnotherVersion) {
+  const testing::TempFolder folder;
+  const std::string url = testing::NewTestDatabase(folder.path());
+  ASSERT_OK((*Store::Open(url))->scenes().CreateScene({"a", "A", "", {}}));
+  const auto set = [&url](int version) {
+    Connection(url).Execute(absl::StrCat("UPDATE schema_version SET version = ", version));
+  };
+  set(kSchemaVersion + 1);
+  const absl::Status newer = Store::Open(url).status();
+  EXPECT_EQ(newer.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(newer.message(),
+              HasSubstr(absl::StrCat("schema version ", kSchemaVersion + 1,
+                                     ", and this program needs version ", kSchemaVersion)));
+  EXPECT_THAT(newer.message(), HasSubstr("restore a backup that this one can read"));
+  set(kSchemaVersion - 1);
+  const absl::Status older = Store::Open(url).status();
+  EXPECT_EQ(older.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(older.message(), HasSubstr("start with a new data directory and an empty database"));
+  // The refusals changed nothing.
+  set(kSchemaVersion);
+  ASSERT_OK_AND_ASSIGN(const auto store, Store::Open(url));
+  EXPECT_OK(store->scenes().FindScene(kDefaultProject, "a"));
+}
+
+TEST(Schema, IsMadeOnceByServersThatStartTogether) {
+  constexpr int kNumServers = 4;
+  const testing::TempFolder folder;
+  for (int round = 0; round < 5; ++round) {
+    const std::string url = testing::NewTestDatabase(folder.path());
+    std::vector<absl::Status> opened(kNumServers);
+    std::latch together(kNumServers);
+    std::vector<std::jthread> servers;
+    for (absl::Status& status : opened) {
+      servers.emplace_back([&] {
+        together.arrive_and_wait();
+        status = Store::Open(url).status();
+      });
+    }
+    servers.clear();  // joins them
+    for (const absl::Status& status : opened) EXPECT_OK(status);
+    Connection database(url);
+    EXPECT_EQ(database.List(), Expected());
+    for (const char* table : {"schema_version", "job_numbers", "scene_numbers"}) {
+      const std::string count = "SELECT CAST(COUNT(*) AS VARCHAR(9)) FROM ";
+      EXPECT_THAT(database.Select(count + table), ::testing::ElementsAre("1")) << table;
+    }
+  }
 }
 
 }  // namespace

@@ -274,8 +274,7 @@ TEST_F(WorkerEventsTest, AreReadFromPartToPart) {
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("3:c"));
 }
 
-// In an earlier version the server opened that file to append to it, and a worker could make it
-// truncate any file.
+// A server that followed a link there, to append to the file, could be made to truncate any file.
 TEST_F(WorkerEventsTest, AreNeitherReadNorWrittenThroughLinks) {
   const std::filesystem::path victim = folder_ / "audit.log";
   for (const bool fifo : {false, true}) {

@@ -69,7 +69,8 @@ class UnreadableFiles : public ::testing::Test {
             /*may_end=*/true};
   }
 
-  // Makes the dataset like one of an earlier version, whose files an estimate reads again.
+  // Makes the dataset like one whose bytes were there before its upload: an estimate reads the
+  // headers of its files.
   void ForgetHeaders() const {
     soci::session sql(soci::sqlite3, absl::StrCat("dbname=\"", DatabasePath(data_).string(), "\""));
     sql << "UPDATE dataset_files SET header = 0, width = 0, height = 0, num_points = 0";

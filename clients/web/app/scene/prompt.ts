@@ -9,7 +9,7 @@ import { SegmentViewsRequestSchema } from '../../gen/pepeseg/v1/segmentation_ser
 /** Returns the size, in pixels, of the frame of a view's prompts and masks: its photograph's. */
 export function sizeOf(view: View): { readonly width: number; readonly height: number } {
   const { photographWidth, photographHeight, camera } = view;
-  // Models of older servers do not have the photograph's size: then the frame is the view's.
+  // A view without a photograph: the frame is the view's.
   if (photographWidth > 0 && photographHeight > 0) {
     return { width: photographWidth, height: photographHeight };
   }
