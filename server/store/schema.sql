@@ -1,9 +1,9 @@
--- All tables and indexes of pepesegd, but for schema_version, which database.cc makes first. Whoever
--- changes this file also changes kSchemaVersion (schema.h), which says how the file is read.
+-- All tables and indexes of pepesegd, but for schema_version, which database.cc makes first. A
+-- change of this file is a new kSchemaVersion (schema.h, which also says how this file is read).
 --
 -- SQLite and PostgreSQL accept the same text. SQLite does not limit the length of a VARCHAR.
--- VARCHAR(83) holds the key of a scene (scene_key.h): a number of up to 19 digits, one character and
--- an id. Times are microseconds since 1970 UTC, 0: not yet. Serialised messages are stored as
+-- VARCHAR(83) holds the key of a scene (scene_key.h): a number of up to 19 digits, one character
+-- and an id. Times are microseconds since 1970 UTC, 0: not yet. Serialised messages are stored as
 -- base64. A column has a DEFAULT if the INSERT leaves it out.
 
 -- Identity of this database, one record after the first start. The data directory has it, too.
