@@ -40,7 +40,7 @@ class SamBorders {
   // size.
   absl::StatusOr<BinaryMask> Refine(const SamEmbedding& embedding, const BinaryMask& mask) const;
 
-  // Of the networks, see SamModel.
+  // As SamModel's functions of these names.
   const std::string& encoder_digest() const { return model_->encoder_digest(); }
   std::string processor() const { return model_->processor(); }
   bool cuda_failed() const { return model_->cuda_failed(); }

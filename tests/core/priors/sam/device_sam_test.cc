@@ -56,16 +56,7 @@ double Iou(const BinaryMask& a, const BinaryMask& b) {
   return common / united;
 }
 
-class DeviceSamTest : public ::testing::TestWithParam<BackendCase> {
- protected:
-  void SetUp() override {
-    auto backend = GetParam().make();
-    if (backend == nullptr && HasFailure()) FAIL();
-    if (backend == nullptr) GTEST_SKIP() << "this machine has no " << GetParam().name;
-    sam_ = MakeSmallSam(std::move(backend));
-  }
-  std::unique_ptr<DeviceSam> sam_;
-};
+class DeviceSamTest : public SmallSamTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, DeviceSamTest,
                          ::testing::Values(BackendCase{"Cpu", MakeTwoThreads},
                                            BackendCase{"Cuda", MakeCuda}),

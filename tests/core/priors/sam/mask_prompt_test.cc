@@ -14,20 +14,23 @@
 namespace pepeseg {
 namespace {
 
-class MaskPromptTest : public ::testing::TestWithParam<BackendCase> {
- protected:
-  void SetUp() override {
-    auto backend = GetParam().make();
-    if (backend == nullptr && HasFailure()) FAIL();
-    if (backend == nullptr) GTEST_SKIP() << "this machine has no " << GetParam().name;
-    sam_ = MakeSmallSam(std::move(backend));
-  }
-  std::unique_ptr<DeviceSam> sam_;
-};
+class MaskPromptTest : public SmallSamTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, MaskPromptTest,
                          ::testing::Values(BackendCase{"Cpu", MakeTwoThreads},
                                            BackendCase{"Cuda", MakeCuda}),
                          BackendName);
+
+struct LogitError {
+  float error, largest;  // largest difference, and largest logit that is wanted
+};
+LogitError LargestError(const PromptAnswers& got, const PromptAnswers& want) {
+  LogitError result = {0, 0};
+  for (size_t i = 0; i < want.logits.size(); ++i) {
+    result.largest = std::max(result.largest, std::abs(want.logits[i]));
+    result.error = std::max(result.error, std::abs(want.logits[i] - got.logits[i]));
+  }
+  return result;
+}
 
 // Embeddings are rounded to Halves; on CUDA they are Halves.
 TEST_P(MaskPromptTest, SegmentsByAnEmbeddingAsByItsPhotograph) {
@@ -47,11 +50,7 @@ TEST_P(MaskPromptTest, SegmentsByAnEmbeddingAsByItsPhotograph) {
   ASSERT_EQ(want.ious.size(), 4U);
   ASSERT_EQ(want.logits.size(), size_t{4} * want.width * want.height);
   ASSERT_EQ(got.logits.size(), want.logits.size());
-  float largest = 0, error = 0;
-  for (size_t i = 0; i < want.logits.size(); ++i) {
-    largest = std::max(largest, std::abs(want.logits[i]));
-    error = std::max(error, std::abs(want.logits[i] - got.logits[i]));
-  }
+  const auto [error, largest] = LargestError(got, want);
   if (sam_->backend().memory().is_host) {
     EXPECT_LT(error, 0.01F * largest);
     EXPECT_GT(error, 0);
@@ -72,11 +71,7 @@ TEST_P(MaskPromptTest, SegmentsByMasksAsTheCpuDoes) {
   ASSERT_OK_AND_ASSIGN(const PromptAnswers want, cpu->SegmentByMask(prompt));
   ASSERT_OK_AND_ASSIGN(const PromptAnswers got, other->SegmentByMask(prompt));
   ASSERT_EQ(got.logits.size(), want.logits.size());
-  float largest = 0, error = 0;
-  for (size_t i = 0; i < want.logits.size(); ++i) {
-    largest = std::max(largest, std::abs(want.logits[i]));
-    error = std::max(error, std::abs(want.logits[i] - got.logits[i]));
-  }
+  const auto [error, largest] = LargestError(got, want);
   EXPECT_LT(error, (sam_->backend().memory().is_host ? 1e-5F : 0.02F) * largest);
 }
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/priors/sam/device_sam.h"
+#include "tests/kernels/backend_test.h"
 #include "tests/testing/status_testing.h"
 
 // Small networks of random weights, and photographs for them.
@@ -75,6 +76,18 @@ inline std::unique_ptr<DeviceSam> MakeSmallSam(std::unique_ptr<Backend> backend)
 }
 
 inline std::unique_ptr<Backend> MakeTwoThreads() { return MakeCpuBackend(2); }
+
+// Tests of a small SAM on the backends, which skip a device that the machine does not have.
+class SmallSamTest : public ::testing::TestWithParam<BackendCase> {
+ protected:
+  void SetUp() override {
+    auto backend = GetParam().make();
+    if (backend == nullptr && HasFailure()) FAIL();
+    if (backend == nullptr) GTEST_SKIP() << "this machine has no " << GetParam().name;
+    sam_ = MakeSmallSam(std::move(backend));
+  }
+  std::unique_ptr<DeviceSam> sam_;
+};
 
 // A prompt by the mask of a rectangle of the photograph.
 inline MaskPrompt SmallMaskPrompt(const Image& photo, int extent) {
