@@ -32,7 +32,7 @@ help:
 	@echo '               compute-sanitizer; the summary is tests/bench/results/cuda_tests.md'
 	@echo 'make bench     compile the programs that measure; measure the kernels, and the Python client'
 	@echo '               against the C++ one'
-	@echo 'make curves    error against time of a scene (SCENE=folder, CURVES="options of pepeseg bench"):'
+	@echo 'make curves    error against time of a scene (SCENE=folder, CURVES="options of pepeseg-benchmark curves"):'
 	@echo '               record, table and plots in $(BUILD)/curves; hours'
 	@echo 'make stress    extremes and long runs of the numerics, kills, full disks, flipped bits,'
 	@echo '               overload, a cluster, and ten minutes'
@@ -70,11 +70,11 @@ build: $(BUILD)/CMakeCache.txt packages
 	cmake --build $(BUILD) -j $(JOBS)
 
 demo: demo-configuration packages
-	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg
+	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg pepeseg-benchmark
 	deploy/demo.sh $(BUILD)
 
 demo-photos: demo-configuration packages
-	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg
+	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg pepeseg-benchmark
 	deploy/demo.sh $(BUILD) --photos
 
 test: build
@@ -107,7 +107,7 @@ bench: $(BUILD)/CMakeCache.txt packages
 
 curves: $(BUILD)/CMakeCache.txt
 	@deploy/packages.sh deploy/packages/build.txt deploy/packages/bench.txt
-	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg
+	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg pepeseg-benchmark
 	PYTHON=/usr/bin/python3 tests/bench/bench.sh $(BUILD) $(BUILD)/curves $(SCENE) $(CURVES)
 
 # Each suite is limited in count and time; the short forms are part of `make test`.

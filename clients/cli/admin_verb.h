@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "absl/status/status.h"
-#include "clients/cli/shell.h"
+#include "clients/terminal/shell.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 
 // Verbs that call the AdminService. A server offers it on a listener of its own, whose address is

@@ -9,10 +9,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/mask_polygons.h"
-#include "clients/cli/view_picture.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/mask.h"
 #include "clients/cpp/status_macros.h"
+#include "clients/terminal/view_picture.h"
 
 namespace pepeseg::client::cli {
 namespace {

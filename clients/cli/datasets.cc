@@ -1,7 +1,5 @@
 // The verbs "upload", and "datasets", which lists the datasets of a scene, describes one, or
 // deletes an unfinished upload.
-#include "clients/cli/datasets.h"
-
 #include <algorithm>
 #include <memory>
 #include <string>
@@ -14,13 +12,14 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/string_view.h"
 #include "absl/time/clock.h"
-#include "clients/cli/model_summary.h"
-#include "clients/cli/progress_line.h"
-#include "clients/cli/shell.h"
-#include "clients/cli/text_table.h"
+#include "clients/cli/verbs.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
+#include "clients/terminal/model_summary.h"
+#include "clients/terminal/shell.h"
+#include "clients/terminal/text_table.h"
+#include "clients/terminal/training_run.h"
 
 namespace pepeseg::client::cli {
 namespace {
@@ -137,29 +136,6 @@ absl::Status RunDatasets(const Shell& shell, const DatasetsFlags& flags) {
 }
 
 }  // namespace
-
-absl::StatusOr<v1::Dataset> UploadFolder(const Client& client, const std::string& scene,
-                                         const DatasetFolder& folder) {
-  ProgressLine line;
-  UploadProgress progress;
-  progress.bytes = [&line](int64_t num_there, int64_t num_bytes) {
-    line.Show(UploadText(num_there, num_bytes, line.columns()), num_there == num_bytes);
-  };
-  progress.note = [&line](const std::string& what) { line.Say(what); };
-  return client.Upload(scene, folder, progress);
-}
-
-void AddDepthKindFlag(CLI::App& verb, std::string& depth_kind) {
-  verb.add_option("--depth-kind", depth_kind,
-                  "Kind of the files in depth/: \"depth\" (far is large, 0 unknown) or "
-                  "\"disparity\" (near is large), which files in disparity/ always are")
-      ->check(CLI::IsMember({"depth", "disparity"}))
-      ->capture_default_str();
-}
-
-v1::FileKind DepthKind(const std::string& depth_kind) {
-  return depth_kind == "depth" ? v1::FILE_KIND_DEPTH : v1::FILE_KIND_DISPARITY;
-}
 
 void AddUpload(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<UploadFlags>();

@@ -10,22 +10,24 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/request_flags.h"
-#include "clients/cli/shell.h"
-#include "clients/cli/view_picture.h"
+#include "clients/cli/verbs.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
+#include "clients/terminal/shell.h"
+#include "clients/terminal/view_picture.h"
 
 namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using Response = v1::DecomposeModelResponse;
+using Decomposed = v1::DecomposeModelResponse;
 
 // Appends the segments of `level` whose parent is `parent`, each followed by its own children.
-void AddSegmentsOf(const Response& answer, int level, int parent, std::vector<std::string>& lines) {
+void AddSegmentsOf(const Decomposed& answer, int level, int parent,
+                   std::vector<std::string>& lines) {
   const std::string indent(static_cast<size_t>(2 * (answer.levels_size() - level)), ' ');
-  for (const Response::Segment& segment : answer.levels(level).segments()) {
+  for (const Decomposed::Segment& segment : answer.levels(level).segments()) {
     if (segment.parent() != parent) continue;
     const std::string name = absl::StrCat(indent, level, ":", segment.id());
     const v1::Vector3 &min = segment.box().min(), &max = segment.box().max();
@@ -56,7 +58,7 @@ struct DecomposeFlags {
 };
 
 // Returns the level to write, or INVALID_ARGUMENT if the decomposition has no such level.
-absl::StatusOr<int> ChooseLevel(const DecomposeFlags& flags, const Response& answer) {
+absl::StatusOr<int> ChooseLevel(const DecomposeFlags& flags, const Decomposed& answer) {
   if (flags.level < answer.levels_size()) {
     return flags.level < 0 ? answer.levels_size() / 2 : flags.level;
   }
@@ -66,14 +68,14 @@ absl::StatusOr<int> ChooseLevel(const DecomposeFlags& flags, const Response& ans
 
 // Writes level_N/segment_ID.ply for each segment of a level.
 absl::Status WriteSegments(const Client& client, const DecomposeFlags& flags,
-                           const Response& answer, int level) {
+                           const Decomposed& answer, int level) {
   const fs::path folder = fs::path(flags.out) / absl::StrCat("level_", level);
   v1::ExportGaussiansRequest request;
   request.set_model(answer.model());
   v1::SegmentRef& segment = *request.mutable_subset()->mutable_segment();
   for (const auto& of_level : answer.levels()) segment.add_scales(of_level.scale_quantile());
   segment.set_level(level);
-  for (const Response::Segment& written : answer.levels(level).segments()) {
+  for (const Decomposed::Segment& written : answer.levels(level).segments()) {
     segment.set_id(written.id());
     const fs::path file = folder / absl::StrCat("segment_", written.id(), ".ply");
     RETURN_IF_ERROR(client.Export(request, file.string()).status());
@@ -82,7 +84,7 @@ absl::Status WriteSegments(const Client& client, const DecomposeFlags& flags,
 }
 
 // Writes, for each view, STEM_ids.png (16-bit grey, as the server renders it) and STEM_colors.png.
-absl::Status WriteViews(const Client& client, const DecomposeFlags& flags, const Response& answer,
+absl::Status WriteViews(const Client& client, const DecomposeFlags& flags, const Decomposed& answer,
                         int level) {
   v1::RenderViewRequest request;
   request.set_model(answer.model());
@@ -108,7 +110,7 @@ absl::Status RunDecompose(const Shell& shell, const DecomposeFlags& flags) {
   v1::DecomposeModelRequest request;
   request.set_model(ModelName(flags.scene, flags.model));
   request.mutable_scales()->Add(flags.scales.begin(), flags.scales.end());
-  ASSIGN_OR_RETURN(const Response answer, client.Decompose(request));
+  ASSIGN_OR_RETURN(const Decomposed answer, client.Decompose(request));
   ASSIGN_OR_RETURN(const int level, ChooseLevel(flags, answer));
   if (shell.json) {
     PrintJson(answer);
@@ -125,11 +127,11 @@ absl::Status RunDecompose(const Shell& shell, const DecomposeFlags& flags) {
 
 }  // namespace
 
-std::vector<std::string> SegmentTree(const Response& answer) {
+std::vector<std::string> SegmentTree(const Decomposed& answer) {
   std::vector<std::string> lines = {answer.model()};
   lines.reserve(static_cast<size_t>(answer.levels_size()) + 1);
   for (int i = 0; i < answer.levels_size(); ++i) {
-    const Response::Level& level = answer.levels(i);
+    const Decomposed::Level& level = answer.levels(i);
     lines.push_back(absl::StrFormat(
         "level %d  scale %.3g (%.4g scene units)  %d segments  %d Gaussians in none", i,
         level.scale_quantile(), level.scale_units(), level.segments_size(),

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "clients/cli/picture.h"
+#include "clients/terminal/picture.h"
 #include "pepeseg/v1/decomposition.pb.h"
 
 // How the verb "decompose" shows a decomposition.

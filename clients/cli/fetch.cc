@@ -12,12 +12,14 @@
 #include "clients/cli/annotation_files.h"
 #include "clients/cli/labelled_masks.h"
 #include "clients/cli/request_flags.h"
-#include "clients/cli/shell.h"
-#include "clients/cli/view_picture.h"
+#include "clients/cli/verbs.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
+#include "clients/terminal/flags.h"
+#include "clients/terminal/shell.h"
+#include "clients/terminal/view_picture.h"
 
 namespace pepeseg::client::cli {
 namespace {

@@ -1,6 +1,4 @@
 // The verbs "watch", "cancel" and "jobs".
-#include "clients/cli/jobs.h"
-
 #include <map>
 #include <memory>
 #include <set>
@@ -9,82 +7,17 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "clients/cli/failure.h"
-#include "clients/cli/model_summary.h"
-#include "clients/cli/progress_line.h"
-#include "clients/cli/shell.h"
-#include "clients/cli/text_table.h"
+#include "clients/cli/verbs.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
+#include "clients/terminal/model_summary.h"
+#include "clients/terminal/progress_line.h"
+#include "clients/terminal/shell.h"
+#include "clients/terminal/text_table.h"
+#include "clients/terminal/training_run.h"
 
 namespace pepeseg::client::cli {
 namespace {
-
-// Returns "reconstruct done in 12.3 s  METRIC VALUE", or "sfm         skipped: given".
-std::string StageEndedText(const v1::JobEvent::StageEnded& ended) {
-  const std::string stage = WordOf(ended.stage());
-  std::string text =
-      ended.skipped().empty()
-          ? absl::StrFormat("%-11s done in %.1f s", stage, SecondsOf(ended.elapsed()))
-          : absl::StrFormat("%-11s skipped: %s", stage, ended.skipped());
-  for (const auto& [name, value] : ended.metrics()) {
-    absl::StrAppendFormat(&text, "  %s %.4g", name, value);
-  }
-  return text;
-}
-
-// Returns "reconstruct depth skipped: REASON, from step 1200 on; saves 300 steps, about 4.5 s".
-std::string TermSkippedText(const v1::JobEvent::TermSkipped& skipped) {
-  std::string text = absl::StrFormat("%-11s %s skipped: %s", WordOf(skipped.stage()),
-                                     WordOf(skipped.term()), skipped.reason());
-  if (skipped.step() > 0) absl::StrAppendFormat(&text, ", from step %d on", skipped.step());
-  if (skipped.saved_steps() > 0) {
-    absl::StrAppendFormat(&text, "; saves %d steps, about %.1f s", skipped.saved_steps(),
-                          SecondsOf(skipped.saved()));
-  }
-  return text;
-}
-
-// Shows an event on standard error.
-void ShowEvent(const v1::JobEvent& event, ProgressLine& line) {
-  switch (event.event_case()) {
-    case v1::JobEvent::kSnapshot:
-      if (event.snapshot().state() == v1::JOB_STATE_QUEUED) line.Say("queued");
-      if (event.snapshot().has_progress()) {
-        line.Show(ProgressText(event.snapshot().progress(), line.columns()));
-      }
-      break;
-    case v1::JobEvent::kProgress: {
-      const v1::JobProgress& progress = event.progress();
-      line.Show(ProgressText(progress, line.columns()), progress.step() >= progress.num_steps());
-      break;
-    }
-    case v1::JobEvent::kStageEnded:
-      line.Say(StageEndedText(event.stage_ended()));
-      break;
-    case v1::JobEvent::kTermSkipped:
-      line.Say(TermSkippedText(event.term_skipped()));
-      break;
-    case v1::JobEvent::kWarning:
-      line.Say("warning: " + event.warning().message());
-      break;
-    default:
-      break;
-  }
-}
-
-// Returns an error unless the job succeeded.
-absl::Status Outcome(const v1::Job& job) {
-  const std::string word = WordOf(job.stage());
-  const std::string stage = word.empty() ? "" : absl::StrCat(" in stage ", word);
-  if (job.state() == v1::JOB_STATE_FAILED) {
-    return JobFailed(absl::StrCat(job.name(), " failed", stage, ": ", job.error().message()));
-  }
-  if (job.state() == v1::JOB_STATE_CANCELLED) {
-    return JobCancelled(absl::StrCat(job.name(), " was cancelled", stage));
-  }
-  return absl::OkStatus();
-}
 
 struct WatchFlags {
   std::string job;
@@ -167,19 +100,6 @@ absl::Status RunJobs(const Shell& shell, const std::string& scene) {
 }
 
 }  // namespace
-
-absl::StatusOr<v1::Job> WatchJob(const Client& client, const std::string& job, EventFn on_event) {
-  ProgressLine line;
-  const auto show = [&](const v1::JobEvent& event) {
-    ShowEvent(event, line);
-    on_event(event);
-  };
-  ASSIGN_OR_RETURN(const v1::Job ended, client.WatchJob(job, show, [&] {
-    line.Say("the connection to the server was lost; trying again");
-  }));
-  RETURN_IF_ERROR(Outcome(ended));
-  return ended;
-}
 
 void AddWatch(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<WatchFlags>();

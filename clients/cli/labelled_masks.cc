@@ -12,14 +12,14 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/progress_line.h"
-#include "clients/cli/shell.h"
-#include "clients/cli/view_picture.h"
 #include "clients/cpp/answer_status.h"
 #include "clients/cpp/mask.h"
 #include "clients/cpp/nearest_names.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
+#include "clients/terminal/progress_line.h"
+#include "clients/terminal/shell.h"
+#include "clients/terminal/view_picture.h"
 
 namespace pepeseg::client::cli {
 namespace {

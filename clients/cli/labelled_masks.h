@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "clients/cli/picture.h"
 #include "clients/cpp/client.h"
+#include "clients/terminal/picture.h"
 #include "pepeseg/v1/label_service.pb.h"
 #include "pepeseg/v1/prompt.pb.h"
 #include "pepeseg/v1/segmentation_service.pb.h"

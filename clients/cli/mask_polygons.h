@@ -3,8 +3,7 @@
 #include <span>
 #include <vector>
 
-#include "clients/cli/outlines.h"
-#include "clients/cli/picture.h"
+#include "clients/terminal/picture.h"
 
 // Polygons of masks, for tools that do not read run lengths.
 namespace pepeseg::client::cli {

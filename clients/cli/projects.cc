@@ -16,10 +16,11 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "clients/cli/admin_verb.h"
-#include "clients/cli/shell.h"
-#include "clients/cli/text_table.h"
+#include "clients/cli/verbs.h"
 #include "clients/cpp/call.h"
 #include "clients/cpp/status_macros.h"
+#include "clients/terminal/shell.h"
+#include "clients/terminal/text_table.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 
 namespace pepeseg::client::cli {

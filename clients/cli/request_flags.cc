@@ -1,7 +1,5 @@
 #include "clients/cli/request_flags.h"
 
-#include <map>
-#include <utility>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
@@ -9,6 +7,7 @@
 #include "absl/strings/str_split.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
+#include "clients/terminal/flags.h"
 
 namespace pepeseg::client::cli {
 namespace {
@@ -43,76 +42,6 @@ absl::StatusOr<v1::PointsPrompt> ParsePoints(const PromptFlags& flags) {
 }
 
 }  // namespace
-
-std::vector<std::string> ReadNames(const std::string& value) {
-  const absl::StatusOr<std::string> text = ReadFile(value);
-  const bool is_list = text.ok() && text->find('\0') == std::string::npos;
-  std::vector<std::string> names;
-  for (absl::string_view name : absl::StrSplit(is_list ? *text : value, is_list ? '\n' : ',')) {
-    name = absl::StripAsciiWhitespace(name);
-    if (!name.empty()) names.emplace_back(name);
-  }
-  return names;
-}
-
-CLI::Option* AddNamesFlag(CLI::App& verb, const std::string& flag, std::vector<std::string>& names,
-                          const std::string& help) {
-  const auto read = [&names](const std::vector<std::string>& values) {
-    names.clear();
-    for (const std::string& value : values) {
-      for (std::string& name : ReadNames(value)) names.push_back(std::move(name));
-    }
-  };
-  return verb
-      .add_option_function<std::vector<std::string>>(
-          flag, read,
-          help + "; separated by commas, or the option repeated, or a text file with one a line")
-      ->type_name("FILE|NAMES");
-}
-
-absl::StatusOr<v1::PointsPrompt::Point> ParsePoint(const std::string& text, bool negative) {
-  const std::vector<std::string> parts = absl::StrSplit(text, ',');
-  v1::PointsPrompt::Point point;
-  double x = 0;
-  double y = 0;
-  if (parts.size() != 2 || !absl::SimpleAtod(parts[0], &x) || !absl::SimpleAtod(parts[1], &y)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("point \"", text, "\": expected x,y in pixels, such as 320,240"));
-  }
-  point.set_x(x);
-  point.set_y(y);
-  point.set_negative(negative);
-  return point;
-}
-
-absl::StatusOr<v1::BoxPrompt> ParseBox(const std::string& text) {
-  const std::vector<std::string> parts = absl::StrSplit(text, ',');
-  double numbers[4] = {};
-  bool good = parts.size() == 4;
-  for (size_t i = 0; good && i < 4; ++i) good = absl::SimpleAtod(parts[i], &numbers[i]);
-  if (!good) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "box \"", text, "\": expected x,y,width,height in pixels, such as 100,80,240,160"));
-  }
-  v1::BoxPrompt box;
-  box.set_x(numbers[0]), box.set_y(numbers[1]);
-  box.set_width(numbers[2]), box.set_height(numbers[3]);
-  return box;
-}
-
-CLI::Option* AddFrameFlag(CLI::App& verb, v1::PixelFrame& frame) {
-  // The callback runs during parsing, when the locals of this function are gone.
-  static const std::map<std::string, v1::PixelFrame> frames = {
-      {"photograph", v1::PIXEL_FRAME_PHOTOGRAPH}, {"view", v1::PIXEL_FRAME_VIEW}};
-  frame = v1::PIXEL_FRAME_PHOTOGRAPH;
-  return verb
-      .add_option_function<std::string>(
-          "--frame", [&frame](const std::string& name) { frame = frames.at(name); },
-          "Pixels are those of the uploaded photograph, or of the view trained on, which is "
-          "undistorted, cropped and shrunk")
-      ->check(CLI::IsMember({"photograph", "view"}))
-      ->default_str("photograph");
-}
 
 void AddPromptFlags(CLI::App& verb, PromptFlags& flags) {
   verb.add_option("SCENE", flags.scene, "Id of the scene")->required();
@@ -178,37 +107,6 @@ absl::StatusOr<v1::Prompt> ParsePrompt(const PromptFlags& flags) {
     ASSIGN_OR_RETURN(*prompt.mutable_points(), ParsePoints(flags));
   }
   return prompt;
-}
-
-std::string KindName(v1::ProposeScalesResponse::Kind kind) {
-  switch (kind) {
-    case v1::ProposeScalesResponse::KIND_PART:
-      return "part";
-    case v1::ProposeScalesResponse::KIND_OBJECT:
-      return "object";
-    case v1::ProposeScalesResponse::KIND_GROUP:
-      return "group";
-    default:
-      return "";
-  }
-}
-
-const std::map<std::string, v1::EvaluationProtocol>& ProtocolsByName() {
-  static const auto& protocols = *new std::map<std::string, v1::EvaluationProtocol>{
-      {"prompt", v1::EVALUATION_PROTOCOL_PROMPT},
-      {"label-propagation", v1::EVALUATION_PROTOCOL_LABEL_PROPAGATION},
-      {"label-propagation-pixels", v1::EVALUATION_PROTOCOL_LABEL_PROPAGATION_PIXELS},
-      {"promptable", v1::EVALUATION_PROTOCOL_PROMPTABLE},
-      {"clicks", v1::EVALUATION_PROTOCOL_CLICKS},
-      {"sam-agreement", v1::EVALUATION_PROTOCOL_SAM_AGREEMENT}};
-  return protocols;
-}
-
-std::string ProtocolName(v1::EvaluationProtocol protocol) {
-  for (const auto& [name, named] : ProtocolsByName()) {
-    if (named == protocol) return name;
-  }
-  return "";
 }
 
 void AddScalesFlag(CLI::App& verb, std::vector<double>& scales) {

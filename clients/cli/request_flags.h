@@ -1,13 +1,11 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <map>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "clients/cpp/resource_names.h"
-#include "pepeseg/v1/evaluation_service.pb.h"
 #include "pepeseg/v1/prompt.pb.h"
 #include "pepeseg/v1/render_service.pb.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
@@ -15,23 +13,6 @@
 // Flags that several verbs share, and the parts of a request that they become. Each Add function
 // adds flags to a verb; parsing the command line fills the struct, which must outlive the parser.
 namespace pepeseg::client::cli {
-
-// Parses a point "120,88.5" and a box "10,20,100,80". INVALID_ARGUMENT: it is malformed.
-absl::StatusOr<v1::PointsPrompt::Point> ParsePoint(const std::string& text, bool negative);
-absl::StatusOr<v1::BoxPrompt> ParseBox(const std::string& text);
-
-// Adds --frame photograph|view: the image whose pixels points, boxes, masks and pictures are in.
-// Sets `frame` to its default, photograph.
-CLI::Option* AddFrameFlag(CLI::App& verb, v1::PixelFrame& frame);
-
-// Reads the names that one value of an option has: those in a text file, one a line, if there is a
-// file of that name, otherwise the value's parts between commas. Empty names are dropped. A file
-// with a zero byte, such as a photograph, is not text: its own name is meant.
-std::vector<std::string> ReadNames(const std::string& value);
-// Adds an option of names, which may be repeated; each value is read by ReadNames. `help` says what
-// the names are of, and how the option reads them is added to it.
-CLI::Option* AddNamesFlag(CLI::App& verb, const std::string& flag, std::vector<std::string>& names,
-                          const std::string& help);
 
 // A prompt: what is pointed at, in which view of which model.
 struct PromptFlags {
@@ -59,14 +40,6 @@ struct GranularityFlags {
 };
 void AddGranularityFlags(CLI::App& verb, GranularityFlags& flags);
 v1::Granularity ToGranularity(const GranularityFlags& flags);
-
-// Returns "part", "object" or "group"; "" for another kind of proposal.
-std::string KindName(v1::ProposeScalesResponse::Kind kind);
-
-// Returns the protocols of an evaluation by the values of --protocol, such as "label-propagation".
-const std::map<std::string, v1::EvaluationProtocol>& ProtocolsByName();
-// Returns the value of --protocol for a protocol.
-std::string ProtocolName(v1::EvaluationProtocol protocol);
 
 // Adds --scales: the scales of a decomposition.
 void AddScalesFlag(CLI::App& verb, std::vector<double>& scales);

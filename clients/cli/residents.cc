@@ -6,12 +6,13 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/admin_verb.h"
-#include "clients/cli/shell.h"
-#include "clients/cli/text_table.h"
+#include "clients/cli/verbs.h"
 #include "clients/cpp/answer_status.h"
 #include "clients/cpp/call.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
+#include "clients/terminal/shell.h"
+#include "clients/terminal/text_table.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 
 namespace pepeseg::client::cli {

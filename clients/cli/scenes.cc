@@ -6,12 +6,13 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
-#include "clients/cli/model_summary.h"
-#include "clients/cli/shell.h"
-#include "clients/cli/text_table.h"
+#include "clients/cli/verbs.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
+#include "clients/terminal/model_summary.h"
+#include "clients/terminal/shell.h"
+#include "clients/terminal/text_table.h"
 
 namespace pepeseg::client::cli {
 namespace {

@@ -8,11 +8,13 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/labelled_masks.h"
-#include "clients/cli/picture.h"
 #include "clients/cli/request_flags.h"
-#include "clients/cli/shell.h"
-#include "clients/cli/view_picture.h"
+#include "clients/cli/verbs.h"
 #include "clients/cpp/status_macros.h"
+#include "clients/terminal/flags.h"
+#include "clients/terminal/picture.h"
+#include "clients/terminal/shell.h"
+#include "clients/terminal/view_picture.h"
 
 namespace pepeseg::client::cli {
 namespace {
@@ -120,7 +122,7 @@ void PrintAnswer(const v1::ProposeScalesResponse& answer) {
     Print(
         absl::StrFormat("%c %-6s  scale %.2f (%.4g scene units)  threshold %.2f  %8d px  "
                         "support %.2f  stability %.2f",
-                        i == answer.best() ? '*' : ' ', KindName(proposal.kind()),
+                        i == answer.best() ? '*' : ' ', WordOf(proposal.kind()),
                         proposal.scale_quantile(), proposal.scale_units(), proposal.threshold(),
                         proposal.mask().area(), proposal.support(), proposal.stability()));
   }

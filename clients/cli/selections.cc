@@ -6,12 +6,13 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/picture.h"
 #include "clients/cli/request_flags.h"
-#include "clients/cli/shell.h"
-#include "clients/cli/view_picture.h"
+#include "clients/cli/verbs.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/status_macros.h"
+#include "clients/terminal/picture.h"
+#include "clients/terminal/shell.h"
+#include "clients/terminal/view_picture.h"
 
 namespace pepeseg::client::cli {
 namespace {

@@ -19,12 +19,13 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "clients/cli/admin_verb.h"
-#include "clients/cli/progress_line.h"
-#include "clients/cli/shell.h"
-#include "clients/cli/text_table.h"
+#include "clients/cli/verbs.h"
 #include "clients/cpp/answer_status.h"
 #include "clients/cpp/call.h"
 #include "clients/cpp/status_macros.h"
+#include "clients/terminal/progress_line.h"
+#include "clients/terminal/shell.h"
+#include "clients/terminal/text_table.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 
 namespace pepeseg::client::cli {

@@ -1,24 +1,82 @@
 // The verbs "train" and "estimate".
-#include "clients/cli/training.h"
-
 #include <memory>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/jobs.h"
-#include "clients/cli/model_summary.h"
-#include "clients/cli/request_flags.h"
-#include "clients/cli/shell.h"
-#include "clients/cli/text_table.h"
+#include "clients/cli/verbs.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/option_setting.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
+#include "clients/terminal/flags.h"
+#include "clients/terminal/model_summary.h"
+#include "clients/terminal/shell.h"
+#include "clients/terminal/text_table.h"
+#include "clients/terminal/training_run.h"
 
 namespace pepeseg::client::cli {
 namespace {
+
+// Flags of the verbs that train or estimate a training. "": not given.
+struct TrainingFlags {
+  std::string scene;
+  std::string dataset;                // number or name
+  std::vector<std::string> settings;  // NAME=VALUE, see SetOption
+  std::string preset;
+  std::string steps;                        // short for reconstruct.num_steps
+  std::string feature_steps;                // short for features.num_steps
+  std::string image_scale;                  // short for import.image_scale
+  std::vector<std::string> held_out_views;  // names of photographs, for import.held_out_views
+};
+
+// Returns all options of the flags as NAME=VALUE, in the order in which they are to be set:
+// `settings` come last and win.
+std::vector<std::string> Settings(const TrainingFlags& flags) {
+  std::vector<std::string> settings;
+  if (!flags.preset.empty()) settings.push_back("preset=" + flags.preset);
+  if (!flags.steps.empty()) settings.push_back("reconstruct.num_steps=" + flags.steps);
+  if (!flags.feature_steps.empty()) settings.push_back("features.num_steps=" + flags.feature_steps);
+  if (!flags.image_scale.empty()) settings.push_back("import.image_scale=" + flags.image_scale);
+  for (const std::string& view : flags.held_out_views) {
+    settings.push_back("import.held_out_views=" + view);
+  }
+  settings.insert(settings.end(), flags.settings.begin(), flags.settings.end());
+  return settings;
+}
+
+// Returns the resource name of a dataset given by number or name ("2": "scenes/shelf/datasets/2"),
+// or of the newest one for "". FAILED_PRECONDITION: the scene has no dataset.
+absl::StatusOr<std::string> DatasetName(const Client& client, const std::string& scene,
+                                        const std::string& dataset) {
+  if (absl::StrContains(dataset, "/")) return dataset;
+  if (!dataset.empty()) return absl::StrCat(scene, "/datasets/", dataset);
+  ASSIGN_OR_RETURN(const v1::Dataset newest, client.NewestDataset(scene));
+  return newest.name();
+}
+
+void AddTrainingFlags(CLI::App& verb, TrainingFlags& flags) {
+  verb.add_option("SCENE", flags.scene, "Id of the scene")->required();
+  verb.add_option("--dataset", flags.dataset, "Number of the dataset; the newest by default");
+  verb.add_option("--preset", flags.preset,
+                  "Values of the options that are not given: preview, a first model as soon as "
+                  "possible; standard, the defaults; best, the best model, however long it takes; "
+                  "paper, the recipe of PePESeg3D as printed, to compare with")
+      ->check(CLI::IsMember({"preview", "standard", "best", "paper"}));
+  verb.add_option("--steps", flags.steps, "Number of steps of the reconstruction");
+  verb.add_option("--feature-steps", flags.feature_steps,
+                  "Number of steps of the feature training");
+  verb.add_option("--image-scale", flags.image_scale,
+                  "Factor by which the photographs are shrunk, (0, 1]");
+  AddNamesFlag(verb, "--held-out-views", flags.held_out_views,
+               "Photographs to hold out of training, in place of every n-th")
+      ->allow_extra_args(false);
+  verb.add_option("-o,--option", flags.settings,
+                  "Any option; `pepeseg train --list-options` lists them")
+      ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
+}
 
 struct TrainFlags : TrainingFlags {
   bool detach = false;        // do not wait for the end of the job
@@ -109,61 +167,6 @@ absl::Status RunEstimate(const Shell& shell, const TrainingFlags& flags) {
 }
 
 }  // namespace
-
-std::vector<std::string> Settings(const TrainingFlags& flags) {
-  std::vector<std::string> settings;
-  if (!flags.preset.empty()) settings.push_back("preset=" + flags.preset);
-  if (!flags.steps.empty()) settings.push_back("reconstruct.num_steps=" + flags.steps);
-  if (!flags.feature_steps.empty()) settings.push_back("features.num_steps=" + flags.feature_steps);
-  if (!flags.image_scale.empty()) settings.push_back("import.image_scale=" + flags.image_scale);
-  for (const std::string& view : flags.held_out_views) {
-    settings.push_back("import.held_out_views=" + view);
-  }
-  settings.insert(settings.end(), flags.settings.begin(), flags.settings.end());
-  return settings;
-}
-
-absl::StatusOr<std::string> DatasetName(const Client& client, const std::string& scene,
-                                        const std::string& dataset) {
-  if (absl::StrContains(dataset, "/")) return dataset;
-  if (!dataset.empty()) return absl::StrCat(scene, "/datasets/", dataset);
-  ASSIGN_OR_RETURN(const v1::Dataset newest, client.NewestDataset(scene));
-  return newest.name();
-}
-
-absl::StatusOr<v1::Job> StartTraining(const Client& client, const std::string& scene,
-                                      const std::string& dataset,
-                                      const std::vector<std::string>& settings) {
-  v1::TrainSceneRequest request;
-  request.set_scene(scene);
-  request.set_dataset(dataset);
-  for (const std::string& setting : settings) {
-    RETURN_IF_ERROR(SetOption(setting, *request.mutable_options()));
-  }
-  return client.Train(std::move(request));
-}
-
-void AddTrainingFlags(CLI::App& verb, TrainingFlags& flags) {
-  verb.add_option("SCENE", flags.scene, "Id of the scene")->required();
-  verb.add_option("--dataset", flags.dataset, "Number of the dataset; the newest by default");
-  verb.add_option("--preset", flags.preset,
-                  "Values of the options that are not given: preview, a first model as soon as "
-                  "possible; standard, the defaults; best, the best model, however long it takes; "
-                  "paper, the recipe of PePESeg3D as printed, to compare with")
-      ->check(CLI::IsMember({"preview", "standard", "best", "paper"}));
-  verb.add_option("--steps", flags.steps, "Number of steps of the reconstruction");
-  verb.add_option("--feature-steps", flags.feature_steps,
-                  "Number of steps of the feature training");
-  verb.add_option("--image-scale", flags.image_scale,
-                  "Factor by which the photographs are shrunk, (0, 1]");
-  AddNamesFlag(verb, "--held-out-views", flags.held_out_views,
-               "Photographs to hold out of training, in place of every n-th")
-      ->allow_extra_args(false);
-  verb.add_option("-o,--option", flags.settings,
-                  "Any option; `pepeseg train --list-options` lists them")
-      ->type_name("NAME=VALUE")
-      ->allow_extra_args(false);
-}
 
 void AddTrain(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<TrainFlags>();

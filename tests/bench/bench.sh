@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Runs `pepeseg bench` on a server that it starts, then makes the table and the plots.
-#   bench.sh BUILD_FOLDER OUT_FOLDER DATASET_FOLDER [OPTIONS OF pepeseg bench...]
+# Runs `pepeseg-benchmark curves` on a server that it starts, then makes the table and the plots.
+#   bench.sh BUILD_FOLDER OUT_FOLDER DATASET_FOLDER [OPTIONS OF pepeseg-benchmark curves...]
 # PEPESEGD_FLAGS: flags of the server, such as --device=cuda. The plots need python3-matplotlib
 # (deploy/packages/bench.txt).
 set -euo pipefail
@@ -11,6 +11,6 @@ shift 2
 python=${PYTHON:-python3}
 fact() { (cd "$here" && "$python" -c "import measured; print(measured.$1())"); }
 "$here/../../deploy/with_server.sh" "$build" "$out" \
-  "$build/bin/pepeseg" bench --out "$out" --fact "machine=$(fact machine)" \
+  "$build/bin/pepeseg-benchmark" curves --out "$out" --fact "machine=$(fact machine)" \
   --fact "commit=$(fact commit)" --fact "settings=${*:2}" "$@"
 "$python" "$here/report.py" --out "$out" --plots "$out/record.json"

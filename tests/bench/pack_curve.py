@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Measures error against time on a capture pack: the record of `pepeseg bench`, without a server.
+"""Measures error against time on a capture pack: the record of `pepeseg-benchmark curves`, without a server.
 
     pack_curve.py --programs build/bin --out FOLDER PACK [-- FLAG...]
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes tables and plots from records of `pepeseg bench`.
+"""Makes tables and plots from records of `pepeseg-benchmark curves`.
 
     report.py --out FOLDER [--plots] RECORD.json...
 

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "clients/cli/outline_files.h"
-#include "clients/cli/outlines.h"
+#include "clients/benchmark/outline_files.h"
+#include "clients/benchmark/outlines.h"
 #include "clients/cpp/mask.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"

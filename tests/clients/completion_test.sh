@@ -51,7 +51,7 @@ expect --point pepeseg segment shelf --po
 expect --server pepeseg segment shelf --ser
 expect depth pepeseg --server host:1 render shelf --content d
 expect zsh pepeseg completion ''
-expect label-propagation pepeseg evaluate shelf labels --protocol lab
+expect photograph pepeseg segment shelf --frame ph
 expect yolo pepeseg export shelf out --format ''
 # Only names are offered, never what a choice is stored as, and each is accepted.
 if grep -E "values='[^']*->" "$work/completion.bash"; then fail 'a choice is completed with its number'; fi

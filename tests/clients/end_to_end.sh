@@ -119,14 +119,14 @@ expect 0 pepeseg render shelf --views frame-000003.jpg --segment 0:1 --without -
 expect 0 pepeseg export shelf "$work/piece.ply" --segment 0:1
 expect 4 pepeseg export shelf "$work/none.ply" --segment 0:9999
 [[ ! -e $work/none.ply && ! -e $work/none.ply.part ]] || fail 'a refused export leaves a file'
-expect 0 pepeseg evaluate shelf "$dataset/labels" --ignore "$dataset/ignore_mask.png"
+expect 0 pepeseg-benchmark evaluate shelf "$dataset/labels" --ignore "$dataset/ignore_mask.png"
 grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail 'evaluate prints no scores at a quarter of the size'
 cp "$work/output" "$work/refined"
-expect 0 pepeseg evaluate shelf "$dataset/labels" --ignore "$dataset/ignore_mask.png" --no-refine-borders
+expect 0 pepeseg-benchmark evaluate shelf "$dataset/labels" --ignore "$dataset/ignore_mask.png" --no-refine-borders
 if cmp -s "$work/output" "$work/refined"; then fail 'plain borders have the same scores'; fi
-expect 4 pepeseg evaluate shelf "$dataset/labels" --frame view
+expect 4 pepeseg-benchmark evaluate shelf "$dataset/labels" --frame view
 grep -q '640x480.*has 160x120' "$work/errors" || fail 'labels of another size are not refused'
-expect 3 pepeseg evaluate shelf "$dataset/images"
+expect 3 pepeseg-benchmark evaluate shelf "$dataset/images"
 mkdir "$work/folder"
 expect 4 pepeseg export shelf "$work/folder"
 grep -q "$work/folder: Is a directory" "$work/errors" || fail 'the error of the system is not reported'
@@ -142,32 +142,32 @@ expect 0 pepeseg upload given "$work/given"
 expect 0 pepeseg train given --feature-steps 30 -o features.num_pixels=200
 grep -q 'reconstruct skipped: given' "$work/errors" || fail 'given Gaussians are not used'
 echo '{"48": "chenille stems"}' >"$work/names.json"
-expect 0 pepeseg evaluate given "$dataset/labels" --ignore "$dataset/ignore_mask.png" \
+expect 0 pepeseg-benchmark evaluate given "$dataset/labels" --ignore "$dataset/ignore_mask.png" \
   --names "$work/names.json"
 grep -Eq '^chenille stems +1 +[01]\.[0-9]{3} ' "$work/output" || fail 'evaluate prints no scores of an entity'
 grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail 'evaluate prints no mean score'
-expect 0 pepeseg --json evaluate given "$dataset/labels"
+expect 0 pepeseg-benchmark --json evaluate given "$dataset/labels"
 grep -q '"boundary_iou":' "$work/output" || fail 'evaluate prints no JSON'
-expect 0 pepeseg evaluate given given/1 "$dataset/labels" --ignore "$dataset/ignore_mask.png"
+expect 0 pepeseg-benchmark evaluate given given/1 "$dataset/labels" --ignore "$dataset/ignore_mask.png"
 grep -Eq '^standard deviation +0\.000 ' "$work/output" || fail 'one model twice has a deviation'
-expect 0 pepeseg evaluate given "$dataset/labels" --protocol clicks --max-clicks 3
+expect 0 pepeseg-benchmark evaluate given "$dataset/labels" --protocol clicks --max-clicks 3
 grep -Eq '^mean of 4 +[1-3]\.[0-9]{2} ' "$work/output" || fail 'evaluate counts no clicks'
-expect 0 pepeseg evaluate given "$dataset/labels" --names "$work/names.json" --ignore-label 48
+expect 0 pepeseg-benchmark evaluate given "$dataset/labels" --names "$work/names.json" --ignore-label 48
 grep -Eq '^[0-9]+ void pixels of the label images were left out' "$work/output" ||
   fail 'evaluate does not say how many void pixels were left out'
 ! grep -q '^chenille stems' "$work/output" || fail 'an ignored label is scored'
 for protocol in label-propagation label-propagation-pixels promptable; do
-  expect 0 pepeseg evaluate given "$dataset/labels" --protocol $protocol --reference frame-000000.jpg
+  expect 0 pepeseg-benchmark evaluate given "$dataset/labels" --protocol $protocol --reference frame-000000.jpg
   grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail "evaluate scores nothing by $protocol"
 done
 mkdir -p "$work/masks/frame-000008"
 cp "$dataset/ignore_mask.png" "$work/masks/frame-000008/border.png"
-expect 0 pepeseg evaluate given "$work/masks" --prompt border@frame-000000.jpg:points:440,280
+expect 0 pepeseg-benchmark evaluate given "$work/masks" --prompt border@frame-000000.jpg:points:440,280
 grep -Eq '^border +1 +- ' "$work/output" || fail 'a choice is made on a reference without truth'
-expect 0 pepeseg evaluate given "$work/masks" --protocol sam-agreement
+expect 0 pepeseg-benchmark evaluate given "$work/masks" --protocol sam-agreement
 grep -Eq '^all masks +1 ' "$work/output" || fail 'evaluate does not compare with masks of SAM'
 
-expect 0 pepeseg bench "$dataset" --out "$work/bench" --presets none --steps 40 --seeds 1 \
+expect 0 pepeseg-benchmark curves "$dataset" --out "$work/bench" --presets none --steps 40 --seeds 1 \
   --image-scale 0.25 -o features.num_pixels=200
 for wanted in '"psnr": [0-9]' '"miou": [0-9]' '"core_seconds": ' '"name": "40 steps"'; do
   grep -q "$wanted" "$work/bench/record.json" || fail "the record of bench has no $wanted"

@@ -1,4 +1,4 @@
-#include "clients/cli/failure.h"
+#include "clients/terminal/failure.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "clients/cli/model_summary.h"
+#include "clients/terminal/model_summary.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

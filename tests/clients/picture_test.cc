@@ -1,4 +1,4 @@
-#include "clients/cli/picture.h"
+#include "clients/terminal/picture.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,8 +6,8 @@
 
 #include <array>
 
-#include "clients/cli/view_picture.h"
 #include "clients/cpp/file_bytes.h"
+#include "clients/terminal/view_picture.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg::client::cli {

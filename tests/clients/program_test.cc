@@ -24,9 +24,9 @@ struct Ran {
   std::string output;
 };
 
-// Runs the program through the shell. Nothing listens on port 1, its default server.
-Ran RunPepeseg(const std::string& arguments) {
-  const std::string command = "PEPESEG_SERVER=127.0.0.1:1 " PEPESEG_PROGRAM " " + arguments;
+// Runs a program through the shell. Nothing listens on port 1, its default server.
+Ran Run(const std::string& program, const std::string& arguments) {
+  const std::string command = absl::StrCat("PEPESEG_SERVER=127.0.0.1:1 ", program, " ", arguments);
   FILE* pipe = popen(command.c_str(), "r");
   Ran ran;
   char buffer[4096];
@@ -38,12 +38,17 @@ Ran RunPepeseg(const std::string& arguments) {
   return ran;
 }
 
+Ran RunPepeseg(const std::string& arguments) { return Run(PEPESEG_PROGRAM, arguments); }
+Ran RunBenchmark(const std::string& arguments) {
+  return Run(PEPESEG_PROGRAM "-benchmark", arguments);
+}
+
 TEST(Program, ListsVerbsAndExitCodesInItsHelp) {
   const Ran ran = RunPepeseg("--help");
   EXPECT_EQ(ran.exit_code, 0);
   for (const char* verb : {"upload", "train", "watch", "cancel", "jobs", "scenes", "segment",
-                           "render", "label", "labels", "select", "selections", "combine",
-                           "evaluate", "export", "demo", "models", "completion", "Exit codes"}) {
+                           "render", "label", "labels", "select", "selections", "combine", "export",
+                           "models", "completion", "Exit codes"}) {
     EXPECT_THAT(ran.output, HasSubstr(verb));
   }
 }
@@ -55,7 +60,6 @@ TEST(Program, RefusesWrongCommandLines) {
                                 "upload shelf",
                                 "segment shelf --view a",
                                 "segment shelf --view a --point 1,2 --scale 7",
-                                "evaluate shelf",
                                 "scenes --delete",
                                 "models",
                                 "models shelf --delete",
@@ -79,9 +83,7 @@ TEST(Program, RefusesWrongCommandLines) {
 
 TEST(Program, ListsChoicesByName) {
   for (const auto& [arguments, choices] :
-       {std::pair("evaluate shelf labels --protocol nonsense",
-                  "clicks,label-propagation,label-propagation-pixels,prompt,"),
-        {"export shelf out --format nonsense", "ply,coco,yolo,labelme,masks"},
+       {std::pair("export shelf out --format nonsense", "ply,coco,yolo,labelme,masks"),
         {"train shelf --preset nonsense", "preview,standard,best,paper"},
         {"segment shelf --view a -p 1,2 --frame nonsense", "photograph,view"}}) {
     const Ran ran = RunPepeseg(std::string(arguments) + " 2>&1");
@@ -95,7 +97,6 @@ TEST(Program, TakesListsAndRepetitionsInAllOptionsOfNames) {
   for (const auto& [verb, option] : {std::pair("segment shelf --view a -p 1,2", "--views"),
                                      {"render shelf", "--views"},
                                      {"export shelf out --format coco", "--views"},
-                                     {"evaluate shelf /tmp", "--views"},
                                      {"train shelf", "--held-out-views"},
                                      {"estimate shelf", "--held-out-views"}}) {
     for (const std::string& names :
@@ -161,8 +162,6 @@ TEST(Program, RefusesBadValuesBeforeItCallsAServer) {
   EXPECT_EQ(RunPepeseg("select shelf --view a --point 1x2 2>&1").exit_code, 4);
   EXPECT_EQ(RunPepeseg("label shelf cup --view a --point 1x2 2>&1").exit_code, 4);
   EXPECT_EQ(RunPepeseg("label shelf cup --view a --mask /nowhere 2>&1").exit_code, 3);
-  EXPECT_EQ(RunPepeseg("evaluate shelf /nowhere 2>&1").exit_code, 3);
-  EXPECT_EQ(RunPepeseg("evaluate shelf / --names /dev/null 2>&1").exit_code, 4);
   EXPECT_EQ(RunPepeseg("train shelf --dataset 1 -o reconstruct.num_steps 2>&1").exit_code, 4);
   const Ran ran = RunPepeseg("train shelf --dataset 1 -o preset=quick 2>&1");
   EXPECT_EQ(ran.exit_code, 4);
@@ -173,9 +172,7 @@ TEST(Program, NamesLocalFilesThatCannotBeRead) {
   for (const char* arguments :
        {"upload shelf /nowhere", "segment shelf --view a --mask /nowhere.png",
         "select shelf --view a --mask /nowhere.png", "label shelf cup --view a --mask /nowhere.png",
-        "evaluate shelf /nowhere", "evaluate shelf / --names /nowhere.json",
-        "scenes --key-file /nowhere.key", "scenes --tls --ca /nowhere.pem", "bench /nowhere",
-        "demo --data /nowhere"}) {
+        "scenes --key-file /nowhere.key", "scenes --tls --ca /nowhere.pem"}) {
     const Ran ran = RunPepeseg(std::string(arguments) + " 2>&1");
     EXPECT_EQ(ran.exit_code, 3) << arguments;
     EXPECT_THAT(ran.output, AllOf(HasSubstr("/nowhere"), Not(HasSubstr("pepeseg scenes"))));
@@ -186,14 +183,38 @@ TEST(Program, NamesLocalFilesThatCannotBeRead) {
 }
 
 TEST(Program, RefusesUnwritableOutputsBeforeItCallsAServer) {
-  for (const char* arguments :
-       {"export shelf /dev/null/x.ply", "bench " PEPESEG_TEST_DATA "/apc_shelf --out /dev/null/x",
-        "demo --data " PEPESEG_TEST_DATA "/apc_shelf --out /dev/null/x"}) {
-    const Ran ran = RunPepeseg(std::string(arguments) + " 2>&1");
-    EXPECT_EQ(ran.exit_code, 3) << arguments << ran.output;
+  for (const Ran& ran :
+       {RunPepeseg("export shelf /dev/null/x.ply 2>&1"),
+        RunBenchmark("curves " PEPESEG_TEST_DATA "/apc_shelf --out /dev/null/x 2>&1"),
+        RunBenchmark("demo --data " PEPESEG_TEST_DATA "/apc_shelf --out /dev/null/x 2>&1")}) {
+    EXPECT_EQ(ran.exit_code, 3) << ran.output;
     EXPECT_THAT(ran.output, AllOf(HasSubstr("Not a directory"), HasSubstr("/dev/null"),
                                   Not(HasSubstr("gateway"))));
   }
+}
+
+TEST(BenchmarkProgram, ListsItsVerbsAndRefusesWrongCommandLines) {
+  const Ran help = RunBenchmark("--help");
+  EXPECT_EQ(help.exit_code, 0);
+  for (const char* text : {"demo", "evaluate", "suite", "curves", "Exit codes"}) {
+    EXPECT_THAT(help.output, HasSubstr(text));
+  }
+  for (const char* arguments : {"", "upload", "evaluate shelf", "suite nvos"}) {
+    EXPECT_EQ(RunBenchmark(std::string(arguments) + " 2>&1").exit_code, 2) << arguments;
+  }
+  EXPECT_THAT(RunBenchmark("evaluate shelf labels --protocol nonsense 2>&1").output,
+              HasSubstr("clicks,label-propagation,label-propagation-pixels,prompt,"));
+  EXPECT_EQ(RunBenchmark("evaluate shelf /tmp --views a,b --views c 2>&1").exit_code, 5);
+}
+
+TEST(BenchmarkProgram, NamesLocalFilesThatCannotBeRead) {
+  for (const char* arguments : {"evaluate shelf /nowhere", "evaluate shelf / --names /nowhere.json",
+                                "curves /nowhere", "demo --data /nowhere"}) {
+    const Ran ran = RunBenchmark(std::string(arguments) + " 2>&1");
+    EXPECT_EQ(ran.exit_code, 3) << arguments;
+    EXPECT_THAT(ran.output, AllOf(HasSubstr("/nowhere"), Not(HasSubstr("pepeseg scenes"))));
+  }
+  EXPECT_EQ(RunBenchmark("evaluate shelf / --names /dev/null 2>&1").exit_code, 4);
 }
 
 TEST(Program, ListsFilesWithTheirKindsInADryRun) {

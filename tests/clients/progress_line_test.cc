@@ -1,4 +1,4 @@
-#include "clients/cli/progress_line.h"
+#include "clients/terminal/progress_line.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

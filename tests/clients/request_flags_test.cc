@@ -5,6 +5,7 @@
 
 #include <fstream>
 
+#include "clients/terminal/flags.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

@@ -1,4 +1,4 @@
-#include "clients/cli/text_table.h"
+#include "clients/terminal/text_table.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,6 +1,6 @@
 # To be sourced by a script that runs the real programs, with their folder in $programs. Starts
 # pepesegd, and stops it when the script ends. Sets $work, a folder that is removed then, and
-# PEPESEG_SERVER, and defines fail, pepeseg and expect.
+# PEPESEG_SERVER, and defines fail, pepeseg, pepeseg-benchmark and expect.
 # shellcheck shell=bash
 : "${programs:?the folder of the programs}"
 work=$(mktemp -d)
@@ -22,6 +22,7 @@ for _ in {1..200}; do [[ -s $work/port ]] && break; sleep 0.1; done
 PEPESEG_SERVER=127.0.0.1:$(cat "$work/port")
 export PEPESEG_SERVER
 pepeseg() { "$programs/pepeseg" "$@"; }
+pepeseg-benchmark() { "$programs/pepeseg-benchmark" "$@"; }
 expect() {  # expect EXIT_CODE COMMAND...: runs a command and checks its exit code
   local code=0
   "${@:2}" >"$work/output" 2>"$work/errors" || code=$?

@@ -24,7 +24,7 @@ forbid 'no RPC in core or kernels' "$rpc" core kernels
 forbid 'kernels depend on nothing of ours' 'core/|server/|clients/|tests/' kernels
 forbid 'core depends on kernels only' 'server/|clients/|tests/' core
 forbid 'clients use the contract only' 'core/|kernels/|server/|tests/' clients
-forbid 'the client library knows no command line' 'clients/cli' clients/cpp
+forbid 'the client library knows no command line' 'clients/(benchmark|cli|terminal)/' clients/cpp
 forbid 'server does not use clients or tests' 'clients/|tests/' server
 forbid 'Eigen belongs in core' 'Eigen/' kernels clients
 forbid 'no logging in kernels' 'spdlog/' kernels
