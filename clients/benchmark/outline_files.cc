@@ -15,32 +15,33 @@ namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
+using ParsedJson = nlohmann::json;
 
 constexpr int kMaxImageSide = 16384;
 constexpr double kMaxPosition = 1e6;  // of a point, on both sides of 0
 
 // Returns the member of an object; null if it has none, or is not an object.
-const Json& Member(const Json& json, const char* name) {
-  static const Json null;
+const ParsedJson& Member(const ParsedJson& json, const char* name) {
+  static const ParsedJson null;
   const auto found = json.is_object() ? json.find(name) : json.end();
   return found == json.end() ? null : *found;
 }
 
 // Returns the text of a value. Bytes that are not UTF-8 are replaced.
-std::string TextOf(const Json& json) {
-  return json.dump(-1, ' ', true, Json::error_handler_t::replace);
+std::string TextOf(const ParsedJson& json) {
+  return json.dump(-1, ' ', true, ParsedJson::error_handler_t::replace);
 }
 
 // Returns at most 60 characters of that text, for errors.
-std::string Shown(const Json& json) {
+std::string Shown(const ParsedJson& json) {
   const std::string text = TextOf(json);
   return text.size() <= 60 ? text : text.substr(0, 57) + "...";
 }
 
 // Returns true if all values are positions that an image may have around it.
-bool ArePositions(const Json& values) {
-  return values.is_array() && std::all_of(values.begin(), values.end(), [](const Json& value) {
+bool ArePositions(const ParsedJson& values) {
+  return values.is_array() &&
+         std::all_of(values.begin(), values.end(), [](const ParsedJson& value) {
            return value.is_number() && std::abs(value.get<double>()) <= kMaxPosition;
          });
 }
@@ -48,7 +49,7 @@ bool ArePositions(const Json& values) {
 // Reads one file. Errors name it and the part that is malformed.
 class OutlineReader {
  public:
-  OutlineReader(fs::path file, std::string name, Json json)
+  OutlineReader(fs::path file, std::string name, ParsedJson json)
       : file_(std::move(file)), name_(std::move(name)), json_(std::move(json)) {}
 
   absl::StatusOr<std::vector<OutlinedPhotograph>> LabelMe();
@@ -70,28 +71,28 @@ class OutlineReader {
     return Bad(part.kind, " ", part.index, ": ", text...);
   }
 
-  absl::StatusOr<PixelSize> Size(const Json& json, const char* width, const char* height,
+  absl::StatusOr<PixelSize> Size(const ParsedJson& json, const char* width, const char* height,
                                  const std::string& where) const;
-  absl::StatusOr<Polygon> Points(const Json& json, const Part& part) const;
-  absl::StatusOr<OutlineRegion> ShapeRegion(const Json& shape, const Part& part) const;
-  absl::StatusOr<OutlineRegion> AnnotationRegion(const Json& annotation, const Part& part,
+  absl::StatusOr<Polygon> Points(const ParsedJson& json, const Part& part) const;
+  absl::StatusOr<OutlineRegion> ShapeRegion(const ParsedJson& shape, const Part& part) const;
+  absl::StatusOr<OutlineRegion> AnnotationRegion(const ParsedJson& annotation, const Part& part,
                                                  const PixelSize& size) const;
   // Adds a region to the entity of its label and instance. INVALID_ARGUMENT: one of them is
   // malformed, or the photograph has the label already and both have no instance.
-  absl::Status Add(const Part& part, const Json& label, const Json& instance, OutlineRegion region,
-                   OutlinedPhotograph& photograph);
+  absl::Status Add(const Part& part, const ParsedJson& label, const ParsedJson& instance,
+                   OutlineRegion region, OutlinedPhotograph& photograph);
 
   const fs::path file_;
   const std::string name_;
-  const Json json_;
+  const ParsedJson json_;
   std::map<std::pair<const OutlinedPhotograph*, std::string>, size_t> unnumbered_;  // their parts
 };
 
-absl::StatusOr<PixelSize> OutlineReader::Size(const Json& json, const char* width,
+absl::StatusOr<PixelSize> OutlineReader::Size(const ParsedJson& json, const char* width,
                                               const char* height, const std::string& where) const {
   PixelSize size;
   for (const auto& [name, side] : {std::pair(width, &size.width), {height, &size.height}}) {
-    const Json& value = Member(json, name);
+    const ParsedJson& value = Member(json, name);
     if (!value.is_number_integer() || value < 1 || value > kMaxImageSide) {
       return Bad(where, name, " is ", Shown(value),
                  ": expected the size of the image in pixels, 1 to ", kMaxImageSide);
@@ -102,10 +103,10 @@ absl::StatusOr<PixelSize> OutlineReader::Size(const Json& json, const char* widt
 }
 
 // Returns points of LabelMe, [[x, y], ...].
-absl::StatusOr<Polygon> OutlineReader::Points(const Json& json, const Part& part) const {
+absl::StatusOr<Polygon> OutlineReader::Points(const ParsedJson& json, const Part& part) const {
   Polygon points;
   if (!json.is_array()) return BadPart(part, "points is ", Shown(json), ": expected [[x, y], ...]");
-  for (const Json& point : json) {
+  for (const ParsedJson& point : json) {
     if (!ArePositions(point) || point.size() != 2) {
       return BadPart(part, "point ", points.size(), " is ", Shown(point),
                      ": expected [x, y] in pixels");
@@ -115,9 +116,9 @@ absl::StatusOr<Polygon> OutlineReader::Points(const Json& json, const Part& part
   return points;
 }
 
-absl::StatusOr<OutlineRegion> OutlineReader::ShapeRegion(const Json& shape,
+absl::StatusOr<OutlineRegion> OutlineReader::ShapeRegion(const ParsedJson& shape,
                                                          const Part& part) const {
-  const Json& type = Member(shape, "shape_type");
+  const ParsedJson& type = Member(shape, "shape_type");
   ASSIGN_OR_RETURN(const Polygon points, Points(Member(shape, "points"), part));
   if (type == "rectangle" || type == "circle") {
     if (points.size() != 2) {
@@ -140,8 +141,9 @@ absl::StatusOr<OutlineRegion> OutlineReader::ShapeRegion(const Json& shape,
   return OutlineRegion{{points}, {}};
 }
 
-absl::Status OutlineReader::Add(const Part& part, const Json& label, const Json& instance,
-                                OutlineRegion region, OutlinedPhotograph& photograph) {
+absl::Status OutlineReader::Add(const Part& part, const ParsedJson& label,
+                                const ParsedJson& instance, OutlineRegion region,
+                                OutlinedPhotograph& photograph) {
   if (!label.is_string() || label.get<std::string>().empty()) {
     return BadPart(part, "the label is ", Shown(label), ": expected the name of a thing");
   }
@@ -172,7 +174,7 @@ absl::Status OutlineReader::Add(const Part& part, const Json& label, const Json&
 
 absl::StatusOr<std::vector<OutlinedPhotograph>> OutlineReader::LabelMe() {
   OutlinedPhotograph photograph{name_, file_, {}, {}};
-  const Json& shapes = Member(json_, "shapes");
+  const ParsedJson& shapes = Member(json_, "shapes");
   if (!shapes.is_array()) return Bad("shapes is ", Shown(shapes), ": expected a list");
   ASSIGN_OR_RETURN(photograph.size, Size(json_, "imageWidth", "imageHeight", ""));
   for (size_t i = 0; i < shapes.size(); ++i) {
@@ -184,10 +186,10 @@ absl::StatusOr<std::vector<OutlinedPhotograph>> OutlineReader::LabelMe() {
   return std::vector<OutlinedPhotograph>{std::move(photograph)};
 }
 
-absl::StatusOr<OutlineRegion> OutlineReader::AnnotationRegion(const Json& annotation,
+absl::StatusOr<OutlineRegion> OutlineReader::AnnotationRegion(const ParsedJson& annotation,
                                                               const Part& part,
                                                               const PixelSize& size) const {
-  const Json& json = Member(annotation, "segmentation");
+  const ParsedJson& json = Member(annotation, "segmentation");
   if (json.is_object()) {
     OutlineRegion region{{}, RleOf(json)};
     if (!region.rle || PixelSize{region.rle->width(), region.rle->height()} != size) {
@@ -203,7 +205,7 @@ absl::StatusOr<OutlineRegion> OutlineReader::AnnotationRegion(const Json& annota
                    ": expected polygons or run lengths; outline the thing, a box is not enough");
   }
   OutlineRegion region;
-  for (const Json& flat : json) {
+  for (const ParsedJson& flat : json) {
     if (!ArePositions(flat) || flat.size() < 6 || flat.size() % 2 != 0) {
       return BadPart(part, "polygon ", region.polygons.size(), " is ", Shown(flat),
                      ": expected [x, y, x, y, ...] of at least 3 points");
@@ -217,11 +219,11 @@ absl::StatusOr<OutlineRegion> OutlineReader::AnnotationRegion(const Json& annota
 }
 
 // Returns the instance that an annotation is of; null if it has none.
-const Json& InstanceOf(const Json& annotation) {
-  static const Json none;
-  for (const Json* object : {&annotation, &Member(annotation, "attributes")}) {
+const ParsedJson& InstanceOf(const ParsedJson& annotation) {
+  static const ParsedJson none;
+  for (const ParsedJson* object : {&annotation, &Member(annotation, "attributes")}) {
     for (const char* name : {"track_id", "instance_id"}) {
-      if (const Json& instance = Member(*object, name); !instance.is_null()) return instance;
+      if (const ParsedJson& instance = Member(*object, name); !instance.is_null()) return instance;
     }
   }
   return none;
@@ -230,10 +232,10 @@ const Json& InstanceOf(const Json& annotation) {
 absl::StatusOr<std::vector<OutlinedPhotograph>> OutlineReader::Coco() {
   std::vector<OutlinedPhotograph> photographs;
   std::map<std::string, size_t> image_of;  // by id
-  std::map<std::string, Json> label_of;
-  for (const Json& image : Member(json_, "images")) {
+  std::map<std::string, ParsedJson> label_of;
+  for (const ParsedJson& image : Member(json_, "images")) {
     const std::string where = absl::StrCat("image ", photographs.size(), ": ");
-    const Json& name = Member(image, "file_name");
+    const ParsedJson& name = Member(image, "file_name");
     if (!name.is_string()) {
       return Bad(where, "file_name is ", Shown(name), ": expected the name of a photograph");
     }
@@ -241,12 +243,12 @@ absl::StatusOr<std::vector<OutlinedPhotograph>> OutlineReader::Coco() {
     image_of[TextOf(Member(image, "id"))] = photographs.size();
     photographs.push_back({name.get<std::string>(), file_, size, {}});
   }
-  for (const Json& category : Member(json_, "categories")) {
+  for (const ParsedJson& category : Member(json_, "categories")) {
     label_of[TextOf(Member(category, "id"))] = Member(category, "name");
   }
-  const Json& annotations = Member(json_, "annotations");
+  const ParsedJson& annotations = Member(json_, "annotations");
   for (size_t i = 0; i < annotations.size(); ++i) {
-    const Json& annotation = annotations[i];
+    const ParsedJson& annotation = annotations[i];
     const Part part{"annotation", i};
     const std::string image_id = TextOf(Member(annotation, "image_id"));
     const std::string category_id = TextOf(Member(annotation, "category_id"));
@@ -264,9 +266,9 @@ absl::StatusOr<std::vector<OutlinedPhotograph>> OutlineReader::Coco() {
 
 }  // namespace
 
-std::optional<v1::CocoRle> RleOf(const Json& json) {
-  const Json& size = Member(json, "size");
-  const Json& counts = Member(json, "counts");
+std::optional<v1::CocoRle> RleOf(const ParsedJson& json) {
+  const ParsedJson& size = Member(json, "size");
+  const ParsedJson& counts = Member(json, "counts");
   if (!size.is_array() || size.size() != 2 || !size[0].is_number_integer() ||
       !size[1].is_number_integer() || (!counts.is_string() && !counts.is_array())) {
     return std::nullopt;
@@ -279,7 +281,7 @@ std::optional<v1::CocoRle> RleOf(const Json& json) {
     return rle;
   }
   std::vector<int64_t> runs;
-  for (const Json& run : counts) {
+  for (const ParsedJson& run : counts) {
     if (!run.is_number_integer()) return std::nullopt;
     runs.push_back(run.get<int64_t>());
   }
@@ -300,7 +302,7 @@ absl::StatusOr<std::vector<OutlinedPhotograph>> ReadOutlines(const fs::path& pat
   std::vector<OutlinedPhotograph> all;
   for (const fs::path& file : files) {
     ASSIGN_OR_RETURN(const std::string text, ReadFile(file));
-    Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+    ParsedJson json = ParsedJson::parse(text, nullptr, /*allow_exceptions=*/false);
     const bool label_me = !Member(json, "shapes").is_null();
     const bool coco = Member(json, "images").is_array() && Member(json, "annotations").is_array();
     if (!label_me && !coco) {

@@ -13,4 +13,5 @@ fact() { (cd "$here" && "$python" -c "import measured; print(measured.$1())"); }
 "$here/../../deploy/with_server.sh" "$build" "$out" \
   "$build/bin/pepeseg-benchmark" curves --out "$out" --fact "machine=$(fact machine)" \
   --fact "commit=$(fact commit)" --fact "settings=${*:2}" "$@"
-"$python" "$here/report.py" --out "$out" --plots "$out/record.json"
+"$python" "$here/report.py" --out "$out" "$out/record.json"
+"$python" "$here/plots.py" curves --out "$out" "$out/record.json"

@@ -40,6 +40,13 @@ def spread(values, decimals):
     return f"{text} ({min(values):.{decimals}f} to {max(values):.{decimals}f})"
 
 
+def deviation(values):
+    """Returns the standard deviation over the values; 0 of one."""
+    if len(values) < 2:
+        return 0
+    return math.sqrt(sum((value - mean(values)) ** 2 for value in values) / (len(values) - 1))
+
+
 def exponent(sizes, costs):
     """Returns b of the least-squares line log(cost) = a + b log(size)."""
     if len(sizes) < 2:

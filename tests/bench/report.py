@@ -1,10 +1,9 @@
 #!/usr/bin/env python3
-"""Makes tables and plots from records of `pepeseg-benchmark curves`.
+"""Makes tables from records of `pepeseg-benchmark curves`.
 
-    report.py --out FOLDER [--plots] RECORD.json...
+    report.py --out FOLDER RECORD.json...
 
-Writes FOLDER/curves.md; with --plots (python3-matplotlib) FOLDER/psnr.svg and FOLDER/miou.svg, one
-line a record.
+Writes FOLDER/curves.md. plots.py draws the same records.
 """
 
 import argparse
@@ -116,22 +115,77 @@ def tables(records):
     return lines
 
 
+def read_records(paths):
+    records = []
+    for path in paths:
+        with open(path, encoding="utf-8") as file:
+            records.append(json.load(file))
+    return records
+
+
+def read_runs(path):
+    """Returns the runs in record.jsonl of `pepeseg-benchmark suite` that have the benchmark and the
+    protocol of the newest one."""
+    with open(path, encoding="utf-8") as file:
+        runs = [json.loads(line) for line in file if line.strip()]
+    return [run for run in runs
+            if all(run[key] == runs[-1][key] for key in ("benchmark", "protocol"))]
+
+
+# The choices of the scale, the most useful first, with what they used.
+CHOICES = {"automatic": "chosen without any truth", "reference": "chosen on the reference view",
+           "paper": "chosen on the truth of the scored views"}
+MAX_SERIES_WITH_ENTITIES = 4
+
+
+def _series_of(run, same_options):
+    if same_options:
+        return run["variant"] or "plain"
+    return ", ".join(filter(None, [run["options"], run["variant"]]))
+
+
+def entity_panels(runs):
+    """Returns the choice of the scale, the labels of the series, and (scene, rows) of each scene.
+
+    A row is (entity, values), with the IoU of each seed, percent, for each series: the best first,
+    then the mean. Runs of one variant with the same options are a series. All values have the same
+    choice, the first of CHOICES that was measured. Of more than 4 series only the means are there.
+    """
+    for choice in CHOICES:
+        if any(level[choice]["known"] for run in runs for level in run["levels"]):
+            break
+    else:
+        raise SystemExit("no run has scores")
+    same_options = len({run["options"] for run in runs}) == 1
+    series = list(dict.fromkeys(_series_of(run, same_options) for run in runs))
+    scenes = {}
+    for run in runs:
+        number = series.index(_series_of(run, same_options))
+        for level in run["levels"]:
+            rows = scenes.setdefault(f"{run['scene']} {level['name']}".strip(), {})
+            values = [(entity["name"], entity[choice]) for entity in level["entities"]
+                      if entity[choice] >= 0 and len(series) <= MAX_SERIES_WITH_ENTITIES]
+            if level[choice]["known"]:
+                values.append(("", level[choice]["iou"]))
+            for name, iou in values:
+                rows.setdefault(name, [[] for _ in series])[number].append(100 * iou)
+
+    def rank(row):
+        first = next(filter(None, row[1]))
+        return (row[0] == "", -measured.mean(first), row[0])
+    return CHOICES[choice], series, [
+        (scene, [(name or "mean", values) for name, values in sorted(rows.items(), key=rank)])
+        for scene, rows in sorted(scenes.items()) if rows]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("records", nargs="+")
     parser.add_argument("--out", required=True)
-    parser.add_argument("--plots", action="store_true")
     arguments = parser.parse_args()
-    records = []
-    for path in arguments.records:
-        with open(path, encoding="utf-8") as file:
-            records.append(json.load(file))
     os.makedirs(arguments.out, exist_ok=True)
     with open(os.path.join(arguments.out, "curves.md"), "w", encoding="utf-8") as file:
-        file.write("\n".join(tables(records)) + "\n")
-    if arguments.plots:
-        import report_plots  # pylint: disable=import-outside-toplevel  (needs matplotlib)
-        report_plots.draw(records, arguments.out)
+        file.write("\n".join(tables(read_records(arguments.records))) + "\n")
 
 
 if __name__ == "__main__":

@@ -105,6 +105,57 @@ class Report(unittest.TestCase):
         self.assertTrue(report.tables([without]))
 
 
+def scored_run(scene, seed, entities, options="preset=best", variant=""):
+    """A line of record.jsonl. `entities`: IoU of the automatic choice by name; none: unknown."""
+    mean = {"known": bool(entities), "iou": measured.mean(list(entities.values()) or [0])}
+    return {"benchmark": "lerf-mask", "scene": scene, "variant": variant, "seed": seed,
+            "protocol": "prompt", "options": options,
+            "levels": [{"name": "", "automatic": mean, "reference": {"known": False},
+                        "paper": {"known": True, "iou": 0.9},
+                        "entities": [{"name": name, "automatic": iou, "reference": -1, "paper": 1}
+                                     for name, iou in (entities or {"cat": -1}).items()]}]}
+
+
+class Entities(unittest.TestCase):
+    def test_the_best_entity_is_first_and_the_mean_last(self):
+        choice, series, panels = report.entity_panels(
+            [scored_run("ramen", 1, {"egg": 0.25, "spoon": 0, "bowl": 1})])
+        self.assertIn("without any truth", choice)
+        self.assertEqual(series, ["plain"])
+        ((scene, rows),) = panels
+        self.assertEqual((scene, [name for name, _ in rows]),
+                         ("ramen", ["bowl", "egg", "spoon", "mean"]))
+        self.assertEqual(rows[1][1], [[25]])
+
+    def test_seeds_are_values_of_one_bar(self):
+        _, _, panels = report.entity_panels(
+            [scored_run("ramen", seed, {"egg": iou}) for seed, iou in ((1, 0.6), (2, 0.8), (3, 0.7))])
+        values = panels[0][1][0][1][0]
+        self.assertAlmostEqual(measured.mean(values), 70)
+        self.assertAlmostEqual(measured.deviation(values), 10)
+        self.assertEqual(measured.deviation([3]), 0)
+
+    def test_presets_and_variants_are_series(self):
+        runs = [scored_run("ramen", 1, {"egg": 0.6}), scored_run("ramen", 1, {"egg": 0.5}, "fast"),
+                scored_run("ramen", 1, {"plate": 0.2}, variant="k = 8")]
+        _, series, panels = report.entity_panels(runs)
+        self.assertEqual(series, ["preset=best", "fast", "preset=best, k = 8"])
+        self.assertEqual(panels[0][1][:2], [("egg", [[60], [50], []]), ("plate", [[], [], [20]])])
+
+    def test_many_series_have_their_means_only(self):
+        runs = [scored_run("ramen", 1, {"egg": 0.1 * k}, variant=f"k = {k}") for k in range(5)]
+        _, _, panels = report.entity_panels(runs)
+        self.assertEqual([name for name, _ in panels[0][1]], ["mean"])
+
+    def test_choices_of_the_scale_are_never_mixed(self):
+        other = scored_run("sofa", 1, {})
+        _, _, panels = report.entity_panels([scored_run("ramen", 1, {"egg": 0.6}), other])
+        self.assertEqual([scene for scene, _ in panels], ["ramen"])
+        choice, _, panels = report.entity_panels([other])
+        self.assertIn("truth of the scored views", choice)
+        self.assertEqual(panels, [("sofa", [("cat", [[100]]), ("mean", [[90]])])])
+
+
 class PackCurve(unittest.TestCase):
     ROW = {"seed": "2", "PSNR": "30.5", "SSIM": "0.9", "Gaussians": "100", "stage one s": "3",
            "stage one core s": "5", "MB": "7"}

@@ -1,4 +1,4 @@
-#include "clients/benchmark/bench_truth.h"
+#include "clients/benchmark/held_out_request.h"
 
 #include "absl/strings/str_cat.h"
 #include "clients/cpp/file_bytes.h"

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "clients/benchmark/benchmark_scene.h"
+#include "clients/benchmark/suite_scene.h"
 #include "pepeseg/v1/evaluation_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 

@@ -1,4 +1,4 @@
-#include "clients/benchmark/benchmark_variants.h"
+#include "clients/benchmark/suite_variants.h"
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
@@ -8,7 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "clients/benchmark/benchmark_photographs.h"
+#include "clients/benchmark/suite_photographs.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
 

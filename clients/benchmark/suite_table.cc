@@ -1,4 +1,4 @@
-#include "clients/benchmark/benchmark_table.h"
+#include "clients/benchmark/suite_table.h"
 
 #include <algorithm>
 #include <functional>

@@ -1,4 +1,4 @@
-#include "clients/benchmark/benchmark_run.h"
+#include "clients/benchmark/suite_run.h"
 
 #include <algorithm>
 #include <optional>
@@ -6,8 +6,8 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "clients/benchmark/bench_truth.h"
-#include "clients/benchmark/benchmark_request.h"
+#include "clients/benchmark/held_out_request.h"
+#include "clients/benchmark/suite_request.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
 #include "clients/terminal/picture.h"

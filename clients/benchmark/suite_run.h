@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "clients/benchmark/benchmark_record.h"
-#include "clients/benchmark/benchmark_scene.h"
-#include "clients/benchmark/benchmark_variants.h"
+#include "clients/benchmark/suite_record.h"
+#include "clients/benchmark/suite_scene.h"
+#include "clients/benchmark/suite_variants.h"
 #include "clients/cpp/client.h"
 
 // One run of a benchmark: a training and its scores.

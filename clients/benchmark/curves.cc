@@ -1,6 +1,6 @@
 // The verb "curves": trains a dataset with several lengths, presets and seeds, and scores each
 // model.
-#include "clients/benchmark/bench.h"
+#include "clients/benchmark/curves.h"
 
 #include <filesystem>
 #include <memory>
@@ -10,7 +10,7 @@
 #include "absl/strings/str_split.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "clients/benchmark/bench_truth.h"
+#include "clients/benchmark/held_out_request.h"
 #include "clients/benchmark/verbs.h"
 #include "clients/cpp/dataset_folder.h"
 #include "clients/cpp/file_bytes.h"

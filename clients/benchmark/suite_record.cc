@@ -1,4 +1,4 @@
-#include "clients/benchmark/benchmark_record.h"
+#include "clients/benchmark/suite_record.h"
 
 #include <algorithm>
 #include <tuple>

@@ -1,4 +1,4 @@
-#include "clients/benchmark/bench.h"
+#include "clients/benchmark/curves.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "clients/benchmark/bench_truth.h"
+#include "clients/benchmark/held_out_request.h"
 #include "clients/cpp/mask.h"
 #include "tests/clients/benchmark/label_me_file.h"
 #include "tests/testing/status_testing.h"

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "clients/benchmark/benchmark_scene.h"
+#include "clients/benchmark/suite_scene.h"
 
 // Variations of a benchmark's trainings: parts of the method left out, constants changed, and
 // poorer inputs.

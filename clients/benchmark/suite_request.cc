@@ -1,4 +1,4 @@
-#include "clients/benchmark/benchmark_request.h"
+#include "clients/benchmark/suite_request.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "clients/benchmark/benchmark_scene.h"
+#include "clients/benchmark/suite_scene.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <fstream>
 
-#include "clients/benchmark/benchmark_photographs.h"
-#include "clients/benchmark/benchmark_request.h"
-#include "clients/benchmark/benchmark_variants.h"
+#include "clients/benchmark/suite_photographs.h"
+#include "clients/benchmark/suite_request.h"
+#include "clients/benchmark/suite_variants.h"
 #include "clients/terminal/picture.h"
 #include "tests/testing/benchmark_miniatures.h"
 #include "tests/testing/status_testing.h"

@@ -1,4 +1,4 @@
-#include "clients/benchmark/benchmark_photographs.h"
+#include "clients/benchmark/suite_photographs.h"
 
 #include <algorithm>
 #include <map>

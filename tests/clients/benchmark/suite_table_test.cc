@@ -1,4 +1,4 @@
-#include "clients/benchmark/benchmark_table.h"
+#include "clients/benchmark/suite_table.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <fstream>
 
-#include "clients/benchmark/benchmark_variants.h"
+#include "clients/benchmark/suite_variants.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

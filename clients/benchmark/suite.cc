@@ -7,14 +7,13 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "clients/benchmark/benchmark_plot.h"
-#include "clients/benchmark/benchmark_record.h"
-#include "clients/benchmark/benchmark_request.h"
-#include "clients/benchmark/benchmark_run.h"
-#include "clients/benchmark/benchmark_scene.h"
-#include "clients/benchmark/benchmark_table.h"
-#include "clients/benchmark/benchmark_variants.h"
 #include "clients/benchmark/evaluation_table.h"
+#include "clients/benchmark/suite_record.h"
+#include "clients/benchmark/suite_request.h"
+#include "clients/benchmark/suite_run.h"
+#include "clients/benchmark/suite_scene.h"
+#include "clients/benchmark/suite_table.h"
+#include "clients/benchmark/suite_variants.h"
 #include "clients/benchmark/verbs.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/file_bytes.h"
@@ -118,9 +117,9 @@ class BenchmarkSession {
     if (!published.empty()) RETURN_IF_ERROR(WriteFile(out / "published.csv", Csv(published)));
     const std::string json = nlohmann::json(runs).dump();
     RETURN_IF_ERROR(WriteFile(out / "table.json", json + "\n"));
-    RETURN_IF_ERROR(WritePlot());
-    Note(absl::StrCat("table.md, .csv and .json, entities.svg, record.jsonl and pictures/ are in ",
-                      flags_.out));
+    Note(absl::StrCat("table.md, .csv and .json, record.jsonl and pictures/ are in ", flags_.out));
+    Note(absl::StrCat("A plot: tests/bench/plots.py entities ", Quoted(out / "record.jsonl"),
+                      " --out entities.svg"));
     if (shell_.json) {
       Print(json);
       return absl::OkStatus();
@@ -133,22 +132,6 @@ class BenchmarkSession {
   }
 
  private:
-  // Writes the plot of all runs in the record, also with other presets and variants, of the scenes
-  // and the protocol asked for.
-  absl::Status WritePlot() const {
-    std::vector<ScoredRun> runs;
-    for (const ScoredRun& run : record_.runs()) {
-      const bool plotted =
-          std::any_of(runs_of_now_.begin(), runs_of_now_.end(), [&](const ScoredRun& asked) {
-            return run.benchmark == asked.benchmark && run.protocol == asked.protocol &&
-                   run.scene == asked.scene;
-          });
-      if (plotted) runs.push_back(run);
-    }
-    const std::string plot = EntityPlot(plan_.benchmark, runs);
-    return plot.empty() ? absl::OkStatus() : WriteFile(fs::path(flags_.out) / "entities.svg", plot);
-  }
-
   // Returns the dataset of the scene, which is uploaded once for all seeds and options.
   absl::StatusOr<std::string> Upload(const BenchmarkScene& scene, const BenchmarkVariant& variant) {
     const std::string key =

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "clients/benchmark/benchmark_record.h"
-#include "clients/benchmark/benchmark_scene.h"
+#include "clients/benchmark/suite_record.h"
+#include "clients/benchmark/suite_scene.h"
 #include "clients/terminal/text_table.h"
 
 // Tables of a benchmark's runs. Three choices of the scale are kept apart in all of them:

@@ -1,4 +1,4 @@
-#include "clients/benchmark/benchmark_scene.h"
+#include "clients/benchmark/suite_scene.h"
 
 #include <algorithm>
 #include <array>
@@ -10,8 +10,8 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "clients/benchmark/benchmark_photographs.h"
 #include "clients/benchmark/outlines.h"
+#include "clients/benchmark/suite_photographs.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/nearest_names.h"
 #include "clients/cpp/status_macros.h"
