@@ -18,6 +18,7 @@
 #include "core/evaluate/sam_agreement.h"
 #include "core/query/segmenter.h"
 
+// The door of this folder: callers of evaluations include this header alone.
 namespace pepeseg {
 
 // How entities are asked for and scored (METHOD.md section 5).

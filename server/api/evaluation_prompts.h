@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/evaluate/evaluation_task.h"
+#include "core/evaluate/evaluate.h"
 #include "pepeseg/v1/evaluation_service.pb.h"
 #include "server/api/segment_request.h"
 #include "server/api/truth_frames.h"

@@ -5,8 +5,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/evaluate/sam_agreement.h"
-#include "core/evaluate/truth_view.h"
+#include "core/evaluate/evaluate.h"
 #include "pepeseg/v1/evaluation_service.pb.h"
 #include "server/api/truth_frames.h"
 

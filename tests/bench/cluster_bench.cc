@@ -3,7 +3,6 @@
 //   pepeseg_cluster_bench [--device cpu|cuda] [--points n]
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -16,6 +15,7 @@
 #include "core/cluster/hdbscan.h"
 #include "kernels/backend.h"
 #include "tests/bench/bench_backend.h"
+#include "tests/bench/bench_clock.h"
 
 namespace pepeseg {
 namespace {
@@ -23,12 +23,6 @@ namespace {
 constexpr int kNumClusters = 30;
 constexpr int kRepeats = 7;
 constexpr HdbscanOptions kOptions;
-
-double NowMs() {
-  return std::chrono::duration<double, std::milli>(
-             std::chrono::steady_clock::now().time_since_epoch())
-      .count();
-}
 
 // Every tenth point has a direction of its own.
 std::vector<float> UnitVectors(int count) {

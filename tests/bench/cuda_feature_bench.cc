@@ -3,7 +3,6 @@
 //   pepeseg_cuda_feature_bench [pixels] [scales] [gaussians] [entries a row] [steps]
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -13,6 +12,7 @@
 #include <vector>
 
 #include "kernels/backend.h"
+#include "tests/bench/bench_clock.h"
 
 namespace pepeseg {
 namespace {
@@ -23,12 +23,6 @@ constexpr int kNumObjects = 10, kPartsOfObject = 6;
 struct BenchSize {
   int num_pixels, num_scales, num_gaussians, row_entries, num_steps;
 };
-
-double NowMs() {
-  return std::chrono::duration<double, std::milli>(
-             std::chrono::steady_clock::now().time_since_epoch())
-      .count();
-}
 
 template <class T>
 Buffer<T> Upload(Backend& backend, const std::vector<T>& values) {

@@ -3,25 +3,19 @@
 //   pepeseg_cuda_step_bench [gaussians] [width] [height] [steps]
 
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "tests/bench/bench_clock.h"
 #include "tests/bench/room_training.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr int kNumViews = RoomTraining::kNumViews;
-
-double NowMs() {
-  return std::chrono::duration<double, std::milli>(
-             std::chrono::steady_clock::now().time_since_epoch())
-      .count();
-}
 
 // Returns the time of a step, median over repeats, with steps queued one after another.
 double StepMs(Backend& backend, RoomTraining& training, int num_steps) {

@@ -2,7 +2,6 @@
 // the milliseconds of each response. python_mask_bench.py measures the Python client and runs this
 // program.
 //   pepeseg_mask_bench SERVER FILE REPEATS     FILE: a serialised SegmentViewsRequest
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
@@ -10,15 +9,14 @@
 #include "clients/cpp/channel.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/mask.h"
+#include "tests/bench/bench_clock.h"
 
 namespace pepeseg::client {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 // Returns milliseconds, or < 0 after a failure, which it prints to standard error.
 double AskOnce(const Client& client, const v1::SegmentViewsRequest& request) {
-  const Clock::time_point start = Clock::now();
+  const double start = NowMs();
   const auto answer = client.Segment(request);
   if (!answer.ok() || answer->masks().empty()) {
     std::fprintf(stderr, "%s\n", answer.status().ToString().c_str());
@@ -29,7 +27,7 @@ double AskOnce(const Client& client, const v1::SegmentViewsRequest& request) {
     std::fprintf(stderr, "%s\n", mask.status().ToString().c_str());
     return -1;
   }
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  return NowMs() - start;
 }
 
 int Run(const char* server, const char* file, int repeats) {

@@ -3,7 +3,6 @@
 // the capture's own; and the time to make them.
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <map>
@@ -19,6 +18,7 @@
 #include "core/priors/sam/sam_segmenter.h"
 #include "core/scene/capture.h"
 #include "tests/bench/answer_cache.h"
+#include "tests/bench/bench_clock.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/mask_scores.h"
 
@@ -76,10 +76,6 @@ double RankCorrelation(const std::vector<float>& depth, const DepthPrior& given)
   }
   const double sign = given.kind == DepthPrior::Kind::kDisparity ? -1 : 1;
   return sign * ab / std::sqrt(aa * bb);
-}
-
-double Seconds(std::chrono::steady_clock::time_point since) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
 }
 
 // One way of prompting SAM, in a comparison.
@@ -140,9 +136,9 @@ class PriorsBench {
       View& view = pack_.capture.views[i];
       ++num_views_;
       if (!options_.given_masks) AddDepth(view);
-      const auto start = std::chrono::steady_clock::now();
+      const double start = Now();
       if (!options_.given_masks) view.masks = EmbeddedMasks(view, options_.max_masks).masks;
-      mask_seconds_ += Seconds(start);
+      mask_seconds_ += Now() - start;
       AddMasks(i);
     }
     Print();
@@ -151,9 +147,9 @@ class PriorsBench {
  private:
   // Compares embedded depth with the capture's own, and gives the view the depth of --depth.
   void AddDepth(View& view) {
-    const auto start = std::chrono::steady_clock::now();
+    const double start = Now();
     const std::vector<float> depth = EmbeddedDepth(view, pack_.capture.points);
-    depth_seconds_ += Seconds(start);
+    depth_seconds_ += Now() - start;
     if (!depth.empty() && HasDepthPrior(view)) {
       const auto known =
           std::count_if(depth.begin(), depth.end(), [](float z) { return std::isfinite(z); });

@@ -1,7 +1,6 @@
 #include "tests/bench/prompt_scores.h"
 
 #include <algorithm>
-#include <chrono>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,6 +12,7 @@
 #include "core/prompt/resolve_prompt.h"
 #include "core/query/prompt.h"
 #include "core/select/select_gaussians.h"
+#include "tests/bench/bench_clock.h"
 #include "tests/bench/truth_views.h"
 
 namespace pepeseg {
@@ -70,10 +70,9 @@ class EntityScorer {
   absl::Status AddFirstProposal(const ProposalScore& first,
                                 std::span<const std::vector<TruthView>> levels,
                                 PromptScores& sum) const {
-    const auto start = std::chrono::steady_clock::now();
+    const double start = NowMs();
     RETURN_IF_ERROR(ResolvePrompt(segmenter_, Click(), {}).status());
-    const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
-    sum.choosing_ms += took.count();
+    sum.choosing_ms += NowMs() - start;
     ASSIGN_OR_RETURN(const Query query,
                      ResolvePrompt(segmenter_, Click(), {first.scale, first.threshold}));
     ASSIGN_OR_RETURN(const double thing, ScoreAsAnyThing(query, levels));

@@ -5,7 +5,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <optional>
@@ -15,6 +14,7 @@
 
 #include "pepeseg/v1/scene_service.grpc.pb.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
+#include "tests/bench/bench_clock.h"
 
 namespace pepeseg {
 namespace {
@@ -27,12 +27,6 @@ struct BenchOptions {
   int num_clients = 64;
   double seconds = 5;
 };
-
-double NowMs() {
-  return std::chrono::duration<double, std::milli>(
-             std::chrono::steady_clock::now().time_since_epoch())
-      .count();
-}
 
 void PrintRow(const char* name, std::vector<double> ms, double server_ms) {
   if (ms.empty()) return;

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Tests the scripts that make tables from measurements; needs no matplotlib."""
 
+import argparse
 import math
 import os
 import sys
@@ -189,6 +190,15 @@ class Scaling(unittest.TestCase):
 
 
 class Variants(unittest.TestCase):
+    def test_ablations_of_stage_two_share_a_geometry(self):
+        arguments = argparse.Namespace(out="out", mask_noise="3", pose_noise="0.5")
+        flags = dict(variants.variants_of("ablation", "desk", True, arguments))
+        self.assertEqual(flags["all by default"], ["--gaussians", "out/desk.ply"])
+        self.assertNotIn("--gaussians", flags["depth and refinement in stage one"])
+        row = {"seed": "1", "PSNR": "30", "Gaussians": "5", "stage one s": "read",
+               "stage one core s": "0"}
+        self.assertEqual(variants.read_rows([row], shared_geometry=True)[0]["seconds"], 0)
+
     BASE = [{"seed": 1, "level": "part", "psnr": 30.0, "miou": 90.0, "mbiou": 80.0, "seconds": 1,
              "core_seconds": 2.0, "feature_seconds": 1, "feature_core_seconds": 2.0},
             {"seed": 2, "level": "part", "psnr": 32.0, "miou": 92.0, "mbiou": 80.0, "seconds": 1,

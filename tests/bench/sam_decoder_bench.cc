@@ -7,7 +7,6 @@
 // logits, so that the second command needs no ONNX Runtime.
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -21,6 +20,7 @@
 #include "core/priors/sam/prompted_segmenter.h"
 #include "core/priors/sam/sam_networks.h"
 #include "tests/bench/bench_backend.h"
+#include "tests/bench/bench_clock.h"
 
 namespace pepeseg {
 namespace {
@@ -174,12 +174,11 @@ void Time(Backend& backend, DecoderNetwork& decoder, ConstNetworkSpan embedding,
   double best = 1e9;
   for (int run = 0; run < 6; ++run) {
     backend.Sync();
-    const auto start = std::chrono::steady_clock::now();
+    const double start = NowMs();
     const absl::Status status = decoder.Decode(embedding, points, 2, {256, 192}, false, masks);
     backend.Sync();
     if (!status.ok()) std::printf("%s\n", std::string(status.message()).c_str());
-    const std::chrono::duration<double, std::milli> ms = std::chrono::steady_clock::now() - start;
-    best = std::min(best, ms.count());
+    best = std::min(best, NowMs() - start);
   }
   std::printf("%d prompts: %.3f ms, %.0f MiB on the device\n", num_prompts, best,
               static_cast<double>(backend.peak_bytes_in_use()) / (1 << 20));

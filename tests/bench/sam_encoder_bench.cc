@@ -2,7 +2,6 @@
 //   pepeseg_sam_encoder_bench ENCODER_ONNX REFERENCES [cpu]        on CUDA, or on the CPU
 // REFERENCES is a folder that pepeseg_sam_references has written.
 
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -13,6 +12,7 @@
 
 #include "core/priors/sam/encoder_network.h"
 #include "kernels/half.h"
+#include "tests/bench/bench_clock.h"
 #include "tests/testing/relative_rms.h"
 
 namespace pepeseg {
@@ -58,11 +58,10 @@ double BestTime(EncoderNetwork& network, Backend& backend, std::span<const Image
   NetworkBuffer embeddings;
   for (int k = 0; k < rounds; ++k) {
     backend.Sync();
-    const auto start = std::chrono::steady_clock::now();
+    const double start = NowMs();
     if (!network.Encode(photos, &embeddings).ok()) return -1;
     backend.Sync();
-    const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
-    best = std::min(best, took.count());
+    best = std::min(best, NowMs() - start);
   }
   return best;
 }

@@ -27,7 +27,6 @@
 #include "tests/bench/decomposition_scores.h"
 #include "tests/bench/granularity.h"
 #include "tests/bench/prompt_scores.h"
-#include "tests/bench/protocol_scores.h"
 #include "tests/bench/segment_rows.h"
 #include "tests/bench/stage_flags.h"
 #include "tests/bench/truth_views.h"
@@ -36,7 +35,7 @@ namespace pepeseg {
 namespace {
 
 struct BenchOptions : StageOptions {
-  std::string pack, gaussians, field, dump, turn;
+  std::string pack, gaussians, field, turn;
   std::string device = "cpu";
   std::string name = "run";
   int num_threads = 0;
@@ -47,7 +46,6 @@ struct BenchOptions : StageOptions {
   bool kernels = false;
   bool granularity = false;
   bool prompts = false;
-  bool protocols = false;
   bool clicks = false;
   bool decompose = false;
   bool rows_only = false;
@@ -193,7 +191,6 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
   }
   ASSIGN_OR_RETURN(const auto segmenter, Segmenter::Create(backend, std::move(model)));
   if (options.decompose) RETURN_IF_ERROR(PrintDecomposition(*segmenter, pack));
-  if (options.protocols) RETURN_IF_ERROR(PrintMaskAgreement(*segmenter, pack.capture));
   for (const TruthLevel& level : pack.truth) {
     const double evaluate_start = Now();
     EvaluationRequest request;
@@ -214,9 +211,6 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
     if (options.prompts) {
       RETURN_IF_ERROR(PrintPrompts(*segmenter, pack, row, options.protocol.task));
     }
-    if (options.protocols) {
-      RETURN_IF_ERROR(PrintProtocols(*segmenter, request.views, level.name));
-    }
     if (options.clicks) {
       EvaluationOptions by_clicks = options.protocol;
       by_clicks.protocol = Protocol::kClicks;
@@ -224,9 +218,6 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
       ASSIGN_OR_RETURN(const EvaluationResult clicks,
                        Evaluate(*segmenter, request, by_clicks, GoOn));
       PrintClicks(row, options.click_protocol, clicks, options.entities);
-    }
-    if (!options.dump.empty()) {
-      RETURN_IF_ERROR(DumpMasks(*segmenter, request.views, row, options.dump));
     }
   }
   return absl::OkStatus();
@@ -246,10 +237,7 @@ void LeaveUnscored(int num_views, CapturePack& pack) {
 absl::Status Run(const BenchOptions& options) {
   RETURN_IF_ERROR(Validate(options.protocol));
   ASSIGN_OR_RETURN(CapturePack pack, ReadCapturePack(options.pack));
-  if (pack.truth.empty() && !options.protocols) {
-    return absl::InvalidArgumentError(
-        "the pack has no ground truth; only --protocols measures without one");
-  }
+  if (pack.truth.empty()) return absl::InvalidArgumentError("the pack has no ground truth");
   std::vector<KernelTime> times;
   Spoil(options.faults, pack);
   LeaveUnscored(options.num_unscored, pack);
@@ -306,9 +294,6 @@ int main(int argc, char** argv) {
                "also measure clusters by scale on the held-out views");
   app.add_flag("--prompts", options.prompts,
                "also score prompts without a scale: mask, box and 3D selection");
-  app.add_flag("--protocols", options.protocols,
-               "also run the protocols of the field's benchmarks: label propagation, promptable, "
-               "clicks, agreement with the masks of held-out views");
   app.add_flag("--clicks", options.clicks,
                "also measure clicks until IoU 0.9, and IoU after 1, 2 and 3 clicks; by entity with "
                "--entities");
@@ -316,7 +301,6 @@ int main(int argc, char** argv) {
   app.add_flag("--decompose", options.decompose,
                "how the levels of a decomposition agree with the truth's, too");
   app.add_flag("--rows-only", options.rows_only, "omit the heading of the table");
-  app.add_option("--dump", options.dump, "folder for an image of every mask");
   app.add_flag("--kernels", options.kernels, "device time by kernel; slows the run");
   app.add_flag("--entities", options.entities, "also print a line for each entity");
   CLI11_PARSE(app, argc, argv);

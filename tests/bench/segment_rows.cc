@@ -1,12 +1,8 @@
 #include "tests/bench/segment_rows.h"
 
-#include <algorithm>
 #include <cstdio>
-#include <fstream>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/status_macros.h"
-#include "core/prompt/resolve_prompt.h"
 #include "tests/bench/truth_views.h"
 
 namespace pepeseg {
@@ -96,36 +92,6 @@ void PrintClicks(const SegmentRow& row, const ClickOptions& options, const Evalu
     }
     std::printf("\n");
   }
-}
-
-absl::Status DumpMasks(const Segmenter& segmenter, const std::vector<TruthView>& views,
-                       const SegmentRow& row, const std::string& folder) {
-  for (const EntityScores& score : row.scores.entities) {
-    const auto reference = std::ranges::find_if(
-        views, [&](const TruthView& view) { return view.view.name == score.reference; });
-    const ChoiceScores chosen = ChosenFor(score);
-    const std::vector<PointPrompt> click = {score.click.value_or(PointPrompt())};
-    ASSIGN_OR_RETURN(const Query query, ResolvePrompt(segmenter, {reference->view, click},
-                                                      {chosen.scale, chosen.threshold}));
-    for (const TruthView& view : views) {
-      const ModelView target[] = {view.view};
-      ASSIGN_OR_RETURN(const auto results, segmenter.Segment(query, target));
-      const SegmentResult& result = results[0];
-      std::ofstream file(absl::StrCat(folder, "/", row.level->name, "_", IdOf(score.name), "_",
-                                      view.view.name, ".ppm"),
-                         std::ios::binary);
-      file << "P6 " << result.width << " " << result.height << " 255\n";
-      const std::vector<uint8_t> truth = MaskIn(view, score.name);
-      for (size_t i = 0; i < truth.size(); ++i) {
-        const bool got = result.mask.pixels[i] != 0, want = truth[i] != 0;
-        const char rgb[3] = {static_cast<char>(got ? 255 : 0),
-                             static_cast<char>(got && want ? 255 : 0),
-                             static_cast<char>(want ? 255 : 0)};
-        file.write(rgb, 3);
-      }
-    }
-  }
-  return absl::OkStatus();
 }
 
 }  // namespace pepeseg

@@ -4,11 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "core/evaluate/evaluate.h"
-#include "core/query/segmenter.h"
 #include "core/scene/gaussians.h"
-#include "core/scene/model.h"
 #include "tests/bench/capture_pack.h"
 
 namespace pepeseg {
@@ -42,9 +39,4 @@ void PrintEntities(const SegmentRow& row);
 // each entity and its answers.
 void PrintClicks(const SegmentRow& row, const ClickOptions& options, const EvaluationResult& scores,
                  bool by_entity);
-// Writes a PPM for each entity and view: white where the mask is right, red where it covers too
-// much, blue where too little.
-absl::Status DumpMasks(const Segmenter& segmenter, const std::vector<TruthView>& views,
-                       const SegmentRow& row, const std::string& folder);
-
 }  // namespace pepeseg

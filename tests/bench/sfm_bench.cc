@@ -45,14 +45,7 @@ struct Flags {
 };
 
 // Core seconds of this process and of the children that have ended.
-double CoreSeconds() {
-  rusage usage{};
-  getrusage(RUSAGE_CHILDREN, &usage);
-  const auto seconds = [](const timeval& time) {
-    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
-  };
-  return CoreNow() + seconds(usage.ru_utime) + seconds(usage.ru_stime);
-}
+double CoreSeconds() { return CoreNow() + CoreSecondsOf(RUSAGE_CHILDREN); }
 
 struct PoseErrors {
   double centers = 0;  // root mean square over that of the true centres' radius

@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
 """Compares variants of a training on capture packs with the first one: scores and time.
 
-    variants.py robustness|skips --programs build/bin --out FOLDER PACK... [-- FLAG...]
+    variants.py ablation|robustness|skips --programs build/bin --out FOLDER PACK... [-- FLAG...]
 
+ablation: stage two without terms of its loss, on one geometry that FOLDER keeps; then the depth loss
+and the refinement of stage one.
 robustness: fewer views and masks, bent masks, turned views, depth upside down (capture_faults.h).
 skips: each part that a training skips if the scene does not need it is never skipped, one at a time
 and all together. A pack with ground truth is trained and scored by pepeseg_segment_bench, a pack
@@ -21,7 +23,22 @@ import measured
 # Flags of each variant, and the first stage that they affect. Packs without ground truth have no
 # stage two.
 STAGE_ONE, STAGE_TWO = "one", "two"
+NO_CENTROIDS = ["-o", "features.centroid_weight_upper=0", "-o", "features.centroid_weight_lower=0"]
+NO_PERCEPTION = ["-o", "features.perception_weight=0"]
 VARIANTS = {
+    "ablation": [
+        ("all by default", STAGE_TWO, []),
+        ("masks only", STAGE_TWO, [*NO_PERCEPTION, *NO_CENTROIDS,
+                                   "-o", "features.num_background_pixels=0"]),
+        ("masks and background", STAGE_TWO, [*NO_PERCEPTION, *NO_CENTROIDS]),
+        ("no centroids", STAGE_TWO, NO_CENTROIDS),
+        ("perception without other views", STAGE_TWO,
+         ["-o", "features.perception_cross_view=false"]),
+        ("masks not completed", STAGE_TWO, ["-o", "features.complete_masks=false"]),
+        ("each mask its own scale", STAGE_TWO, ["-o", "features.share_scales=false"]),
+        ("depth and refinement in stage one", STAGE_ONE,
+         ["-o", "reconstruct.depth_weight=-1", "-o", "reconstruct.refine_keep=shrink"]),
+    ],
     "robustness": [
         ("as it is", STAGE_ONE, []),
         ("1/4 of the views", STAGE_ONE, ["--keep-views", "0.25"]),
@@ -64,14 +81,15 @@ def last_of_each_seed(rows):
     return list({row["seed"]: row for row in rows}.values())
 
 
-def read_rows(rows):
-    """Returns the numbers in the rows of either program."""
+def read_rows(rows, shared_geometry=False):
+    """Returns the numbers in the rows of either program; of runs that share their geometry, the
+    seconds of stage two alone."""
     numbers = []
     for row in rows:
         read = {"seed": int(row["seed"]), "psnr": float(row["PSNR"]),
                 "num_gaussians": int(row["Gaussians"]),
-                "core_seconds": float(row["stage one core s"]),
-                "seconds": float(row["stage one s"])}
+                "core_seconds": 0 if shared_geometry else float(row["stage one core s"]),
+                "seconds": 0 if shared_geometry else float(row["stage one s"])}
         if "level" in row:
             read["level"] = row["level"]
             read["miou"] = 100 * float(row["mIoU"])
@@ -135,11 +153,14 @@ def table(record):
     return lines + measured.markdown(HEADING, rows)
 
 
-def variants_of(name, truth, arguments):
+def variants_of(name, scene, truth, arguments):
     for title, stage, flags in VARIANTS[name]:
         words = {"mask_noise": arguments.mask_noise, "pose_noise": arguments.pose_noise}
-        if truth or stage == STAGE_ONE:
-            yield title.format(**words), [flag.format(**words) for flag in flags]
+        if not truth and stage == STAGE_TWO:
+            continue
+        shared = name == "ablation" and stage == STAGE_TWO
+        geometry = ["--gaussians", os.path.join(arguments.out, scene + ".ply")] if shared else []
+        yield title.format(**words), geometry + [flag.format(**words) for flag in flags]
 
 
 def measure(arguments):
@@ -152,11 +173,11 @@ def measure(arguments):
         truth = has_truth(os.path.join(arguments.programs, "pepeseg_segment_bench"), pack)
         program = "pepeseg_segment_bench" if truth else "pepeseg_curve_bench"
         record["packs"][scene] = []
-        for title, flags in variants_of(arguments.table, truth, arguments):
+        for title, flags in variants_of(arguments.table, scene, truth, arguments):
             own = arguments.flags if truth else [*arguments.flags, "--scores", "1"]
             rows, comments = run_bench([os.path.join(arguments.programs, program), pack, *own,
                                         *flags])
-            rows = read_rows(rows if truth else last_of_each_seed(rows))
+            rows = read_rows(rows if truth else last_of_each_seed(rows), "--gaussians" in flags)
             print(scene, title, rows, file=sys.stderr, flush=True)
             record["packs"][scene].append({"name": title, "flags": flags, "rows": rows,
                                            "told": comments})

@@ -26,6 +26,8 @@ forbid 'core depends on kernels only' 'server/|clients/|tests/' core
 forbid 'clients use the contract only' 'core/|kernels/|server/|tests/' clients
 forbid 'the client library knows no command line' 'clients/(benchmark|cli|terminal)/' clients/cpp
 forbid 'server does not use clients or tests' 'clients/|tests/' server
+forbid 'server evaluates through core/evaluate/evaluate.h' \
+  'core/evaluate/(click|entity|evaluation_|image|label|mask|prompt|reference|sam|truth|view)' server
 forbid 'Eigen belongs in core' 'Eigen/' kernels clients
 forbid 'no logging in kernels' 'spdlog/' kernels
 forbid 'OpenCV belongs in core/formats, core/dataset, core/priors and LPIPS' 'opencv' \
