@@ -8,10 +8,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/time/clock.h"
+#include "core/base/status_macros.h"
 #include "server/access/api_key.h"
 #include "server/access/scene_names.h"
 #include "server/store/error_detail.h"
-#include "server/store/scene_key.h"
 
 namespace pepeseg {
 namespace {
@@ -229,7 +229,7 @@ AuditEntry EntryOf(const CallOrigin& origin, const Caller& caller, const MethodA
   entry.method = access != nullptr ? access->method : request.GetTypeName();
   if (access == nullptr) return entry;
   for (NamedResource& resource : ResourcesOf(*access, request)) {
-    entry.resources.push_back(WithSceneIds(resource.name));
+    entry.resources.push_back(std::move(resource.name));
   }
   if (access->resources.empty()) AddOtherNames(request, entry);
   return entry;
@@ -294,29 +294,24 @@ void Authorizer::Record(const CallOrigin& origin, const Caller& caller,
   audit_->Write(entry);
 }
 
-absl::StatusOr<Caller> Authorizer::AuthorizeAndResolve(const CallOrigin& origin,
-                                                       google::protobuf::Message& request) {
-  absl::StatusOr<Caller> caller = Authorize(origin, request);
-  if (!caller.ok()) return caller;
-  const absl::Status resolved = ResolveSceneNames(*store_, *caller, request);
-  if (!resolved.ok()) return resolved;
-  return caller;
+absl::StatusOr<AuthorizedCaller> Authorizer::AuthorizeAndResolve(
+    const CallOrigin& origin, const google::protobuf::Message& request) {
+  ASSIGN_OR_RETURN(Caller caller, Authorize(origin, request));
+  ASSIGN_OR_RETURN(NamedScenes scenes, ResolveSceneNames(*store_, caller, request));
+  return AuthorizedCaller{std::move(caller), std::move(scenes)};
 }
 
 absl::Status Authorizer::Run(const CallOrigin& origin, const google::protobuf::Message& request,
-                             absl::FunctionRef<absl::Status(const Caller&)> call) {
-  const absl::StatusOr<Caller> caller = Authorize(origin, request);
-  if (!caller.ok()) return caller.status();
-  // The request belongs to this call, and gRPC made it non-const: it is const for handlers only.
-  absl::Status status = ResolveSceneNames(
-      *store_, *caller, const_cast<google::protobuf::Message&>(request));  // NOLINT
-  // The request has scene keys by now; EntryOf writes ids.
+                             absl::FunctionRef<absl::Status(const AuthorizedCaller&)> call) {
+  ASSIGN_OR_RETURN(const Caller caller, Authorize(origin, request));
+  absl::StatusOr<NamedScenes> scenes = ResolveSceneNames(*store_, caller, request);
+  absl::Status status = scenes.status();
   std::string begun;
   if (status.ok()) {
-    begun = Begin(origin, *caller, request);
-    status = call(*caller);
+    begun = Begin(origin, caller, request);
+    status = call({caller, *std::move(scenes)});
   }
-  Record(origin, *caller, request, status, begun);
+  Record(origin, caller, request, status, begun);
   return status;
 }
 

@@ -12,6 +12,7 @@
 #include "server/access/audit_log.h"
 #include "server/access/gateway_identity.h"
 #include "server/access/method_access.h"
+#include "server/api/resource_name.h"
 #include "server/store/store.h"
 
 namespace grpc {
@@ -39,6 +40,11 @@ struct Caller {
 
   // Returns the project whose scenes and jobs lists show; empty: all projects.
   std::string visible_project() const { return sees_all_projects ? "" : project; }
+};
+
+// A caller, and the scenes that the request names.
+struct AuthorizedCaller : Caller {
+  NamedScenes scenes;
 };
 
 // Decides whether a call is allowed, by the rules of access.proto, before anything else looks at
@@ -80,13 +86,13 @@ class Authorizer {
               const std::string& begun);
 
   // Calls Authorize, then ResolveSceneNames, for a message of a stream.
-  absl::StatusOr<Caller> AuthorizeAndResolve(const CallOrigin& origin,
-                                             google::protobuf::Message& request);
+  absl::StatusOr<AuthorizedCaller> AuthorizeAndResolve(const CallOrigin& origin,
+                                                       const google::protobuf::Message& request);
 
   // Runs a whole call: authorises it, resolves the scene names in its request, and calls `call`
-  // between Begin and Record. Changes `request`, which must not be a const object.
+  // between Begin and Record.
   absl::Status Run(const CallOrigin& origin, const google::protobuf::Message& request,
-                   absl::FunctionRef<absl::Status(const Caller&)> call);
+                   absl::FunctionRef<absl::Status(const AuthorizedCaller&)> call);
 
  private:
   struct Verdict;

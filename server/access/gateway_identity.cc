@@ -11,7 +11,7 @@
 #include "absl/strings/string_view.h"
 #include "core/base/status_macros.h"
 #include "server/access/api_key.h"
-#include "server/store/scene_key.h"
+#include "server/store/resource_id.h"
 
 namespace pepeseg {
 namespace {

@@ -101,20 +101,4 @@ std::vector<NamedResource> ResourcesOf(const MethodAccess& access,
   return resources;
 }
 
-void SetResource(const MethodAccess& access, const std::string& field, const std::string& name,
-                 google::protobuf::Message& request) {
-  for (const FieldPath& path : access.resources) {
-    if (path.name != field) continue;
-    google::protobuf::Message* message = &request;
-    for (const FieldDescriptor* part : path.fields) {
-      const google::protobuf::Reflection& reflection = *message->GetReflection();
-      if (part->message_type() == nullptr) {
-        reflection.SetString(message, part, name);
-      } else {
-        message = reflection.MutableMessage(message, part);
-      }
-    }
-  }
-}
-
 }  // namespace pepeseg

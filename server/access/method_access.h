@@ -38,8 +38,4 @@ const MethodAccess* FindMethodAccess(const google::protobuf::Descriptor& request
 std::vector<NamedResource> ResourcesOf(const MethodAccess& access,
                                        const google::protobuf::Message& request);
 
-// Sets the name in the field `field`, which must be one that ResourcesOf returned.
-void SetResource(const MethodAccess& access, const std::string& field, const std::string& name,
-                 google::protobuf::Message& request);
-
 }  // namespace pepeseg

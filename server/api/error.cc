@@ -10,7 +10,6 @@
 #include "core/base/errors.h"
 #include "core/query/prompt.h"
 #include "server/api/convert.h"
-#include "server/store/scene_key.h"
 #include "server/worker_protocol/client_text.h"
 
 namespace pepeseg {
@@ -36,7 +35,7 @@ ErrorDetail ClientDetail(const absl::Status& status) {
         IsNothingThere(status) ? "NOTHING_THERE" : absl::StatusCodeToString(status.code());
   }
   for (std::string* text : {&detail.field, &detail.resource, &detail.limit, &detail.value}) {
-    *text = Utf8Prefix(WithSceneIds(*text), kMaxValueBytes);
+    *text = Utf8Prefix(*text, kMaxValueBytes);
   }
   return detail;
 }
@@ -186,8 +185,7 @@ v1::Status ToProto(const absl::Status& status) {
   v1::Status proto;
   if (status.ok()) return proto;
   proto.set_code(static_cast<int>(status.code()));
-  proto.set_message(
-      Utf8Prefix(WithSceneIds(std::string(status.message())), kMaxStatusMessageBytes));
+  proto.set_message(Utf8Prefix(std::string(status.message()), kMaxStatusMessageBytes));
   SetDetail(ClientDetail(status), proto);
   // The mark is the only trace of privacy that survives the conversion. HidePrivateText replaces
   // the details of every marked status, so it never reaches a client.

@@ -4,13 +4,14 @@
 #include <charconv>
 #include <string>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "server/api/error.h"
-#include "server/store/scene_key.h"
+#include "server/store/resource_id.h"
 
 namespace pepeseg {
 namespace {
@@ -34,10 +35,10 @@ int64_t ParseNumber(std::string_view text) {
   return error == std::errc() && end == text.data() + text.size() ? number : 0;
 }
 
-std::vector<std::string> Parts(const std::string& name) {
+std::vector<std::string> Parts(std::string_view name) {
   // No name of the right form is as long, and the parts of a longer text need not be made.
   if (name.size() > kMaxNameBytes) return {};
-  return absl::StrSplit(name, '/');
+  return absl::StrSplit(absl::string_view(name.data(), name.size()), '/');
 }
 
 }  // namespace
@@ -58,41 +59,69 @@ absl::Status CheckDisplayName(const std::string& name, const std::string& field)
                   absl::StrCat("bytes; allowed are ", kMaxDisplayNameBytes));
 }
 
-absl::StatusOr<std::string> ParseSceneName(const std::string& name, const std::string& field) {
-  const auto parts = Parts(name);
-  if (parts.size() != 2 || parts[0] != "scenes" || !IsSceneKey(parts[1])) {
-    return BadField(field, name, "not of the form scenes/{scene}");
+std::optional<SceneNameParts> SplitSceneName(std::string_view name) {
+  std::vector<std::string> parts = Parts(name);
+  SceneNameParts split;
+  if (parts.size() >= 4 && parts[0] == "projects") {
+    if (!IsRfc1034Label(parts[1])) return std::nullopt;
+    split.project = std::move(parts[1]);
+    parts.erase(parts.begin(), parts.begin() + 2);
   }
-  return parts[1];
+  if (parts.size() < 2 || parts[0] != "scenes" || !IsResourceId(parts[1])) return std::nullopt;
+  split.name = std::move(parts[1]);
+  split.rest.assign(parts.begin() + 2, parts.end());
+  return split;
 }
 
-absl::StatusOr<SceneChild> ParseChildName(const std::string& name, const std::string& collection,
-                                          const std::string& field) {
-  const auto parts = Parts(name);
-  if (parts.size() != 4 || parts[0] != "scenes" || !IsSceneKey(parts[1]) ||
-      parts[2] != collection || ParseNumber(parts[3]) == 0) {
-    return BadField(field, name,
-                    absl::StrCat("not of the form scenes/{scene}/", collection, "/{number}"));
-  }
-  return SceneChild{parts[1], ParseNumber(parts[3])};
+void NamedScenes::Add(const SceneNameParts& parts, SceneRef scene) {
+  scenes_.insert_or_assign({parts.project, parts.name}, std::move(scene));
 }
 
-absl::StatusOr<SceneChild> ParseModelName(const std::string& name, const std::string& field) {
-  const auto parts = Parts(name);
-  if (parts.size() == 4 && parts[0] == "scenes" && IsSceneKey(parts[1]) && parts[2] == "models" &&
-      parts[3] == "live") {
-    return SceneChild{parts[1], kLiveModel};
-  }
-  return ParseChildName(name, "models", field);
+std::optional<NamedScenes::Found> NamedScenes::Find(const std::string& name) const {
+  std::optional<SceneNameParts> parts = SplitSceneName(name);
+  if (!parts) return std::nullopt;
+  const auto found = scenes_.find({parts->project, parts->name});
+  // Not found: the caller must not name a project.
+  if (found == scenes_.end()) return std::nullopt;
+  return Found{found->second, std::move(parts->rest)};
 }
 
-absl::StatusOr<SceneLabel> ParseLabelName(const std::string& name, const std::string& field) {
-  const auto parts = Parts(name);
-  if (parts.size() != 4 || parts[0] != "scenes" || !IsSceneKey(parts[1]) || parts[2] != "labels" ||
-      !IsResourceId(parts[3])) {
-    return BadField(field, name, "not of the form scenes/{scene}/labels/{label}");
+absl::StatusOr<SceneRef> NamedScenes::Scene(const std::string& name,
+                                            const std::string& field) const {
+  std::optional<Found> found = Find(name);
+  if (found && found->rest.empty()) return std::move(found->scene);
+  return BadField(field, name, "not of the form scenes/{scene}");
+}
+
+absl::StatusOr<SceneChild> NamedScenes::Child(const std::string& name,
+                                              const std::string& collection,
+                                              const std::string& field) const {
+  std::optional<Found> found = Find(name);
+  if (found && found->rest.size() == 2 && found->rest[0] == collection &&
+      ParseNumber(found->rest[1]) != 0) {
+    return SceneChild{std::move(found->scene), ParseNumber(found->rest[1])};
   }
-  return SceneLabel{parts[1], parts[3]};
+  return BadField(field, name,
+                  absl::StrCat("not of the form scenes/{scene}/", collection, "/{number}"));
+}
+
+absl::StatusOr<SceneChild> NamedScenes::Model(const std::string& name,
+                                              const std::string& field) const {
+  std::optional<Found> found = Find(name);
+  if (found && found->rest == std::vector<std::string>{"models", "live"}) {
+    return SceneChild{std::move(found->scene), kLiveModel};
+  }
+  return Child(name, "models", field);
+}
+
+absl::StatusOr<SceneLabel> NamedScenes::Label(const std::string& name,
+                                              const std::string& field) const {
+  std::optional<Found> found = Find(name);
+  if (found && found->rest.size() == 2 && found->rest[0] == "labels" &&
+      IsResourceId(found->rest[1])) {
+    return SceneLabel{std::move(found->scene), std::move(found->rest[1])};
+  }
+  return BadField(field, name, "not of the form scenes/{scene}/labels/{label}");
 }
 
 absl::StatusOr<std::string> ParseJobName(const std::string& name, const std::string& field) {
@@ -104,23 +133,6 @@ absl::StatusOr<std::string> ParseJobName(const std::string& name, const std::str
     return BadField(field, name, "not of the form jobs/j{number}");
   }
   return parts[1];
-}
-
-std::string SceneName(const std::string& scene) {
-  return absl::StrCat("scenes/", SceneIdOf(scene));
-}
-
-std::string ChildName(const std::string& scene, const std::string& collection, int64_t number) {
-  return absl::StrCat(SceneName(scene), "/", collection, "/", number);
-}
-
-std::string KeyedChildName(const std::string& scene, const std::string& collection,
-                           int64_t number) {
-  return absl::StrCat("scenes/", scene, "/", collection, "/", number);
-}
-
-std::string LabelName(const std::string& scene, const std::string& id) {
-  return absl::StrCat(SceneName(scene), "/labels/", id);
 }
 
 std::string JobName(const std::string& job) { return absl::StrCat("jobs/", job); }

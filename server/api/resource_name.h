@@ -1,28 +1,30 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <optional>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/store/scene_ref.h"
 
-// Parses and makes resource names. When a request reaches its handler, its scenes' ids have been
-// replaced by keys (server/access/scene_names.h): the parsers return keys, and `scene` is a key
-// everywhere in this file. Names that are made are for clients and have ids, except for
-// KeyedChildName. The parsers return INVALID_ARGUMENT, which names `field`, for anything that is
-// not exactly of the form.
+// Reads resource names. The functions that read one return INVALID_ARGUMENT, which names `field`,
+// for anything that is not exactly of the form.
 namespace pepeseg {
 
 inline constexpr int64_t kLiveModel = 0;
 
 // A numbered child of a scene.
 struct SceneChild {
-  std::string scene;
+  SceneRef scene;
   int64_t number = 0;
 };
 
 // A label of a scene.
 struct SceneLabel {
-  std::string scene;
+  SceneRef scene;
   std::string id;
 };
 
@@ -33,23 +35,47 @@ absl::Status CheckProject(const std::string& id, const std::string& field);
 // Returns INVALID_ARGUMENT for a name of more than 256 bytes.
 absl::Status CheckDisplayName(const std::string& name, const std::string& field);
 
-// Parses "scenes/{scene}"; returns the scene.
-absl::StatusOr<std::string> ParseSceneName(const std::string& name, const std::string& field);
-// Parses "scenes/{scene}/COLLECTION/{number}" with a number from 1.
-absl::StatusOr<SceneChild> ParseChildName(const std::string& name, const std::string& collection,
-                                          const std::string& field);
-// Parses "scenes/{scene}/models/{number}", where the number may be "live": kLiveModel.
-absl::StatusOr<SceneChild> ParseModelName(const std::string& name, const std::string& field);
-// Parses "scenes/{scene}/labels/{label}".
-absl::StatusOr<SceneLabel> ParseLabelName(const std::string& name, const std::string& field);
+// A resource name of a scene or of something in it, taken apart.
+struct SceneNameParts {
+  std::string project;            // of "projects/{project}/" before the scene; empty: not given
+  std::string name;               // of the scene
+  std::vector<std::string> rest;  // what follows the scene
+};
+// Returns the parts of "[projects/{project}/]scenes/{scene}[/...]", or nullopt if a name has
+// another form, as that of a job.
+std::optional<SceneNameParts> SplitSceneName(std::string_view name);
+
+// The scenes that the resource names of a request mean. They were resolved once, when the call was
+// authorised (server/access/scene_names.h); handlers read the names of their requests by it.
+class NamedScenes {
+ public:
+  // Adds what the scene in `parts` was resolved to.
+  void Add(const SceneNameParts& parts, SceneRef scene);
+
+  // Reads "scenes/{scene}".
+  absl::StatusOr<SceneRef> Scene(const std::string& name, const std::string& field) const;
+  // Reads "scenes/{scene}/COLLECTION/{number}" with a number from 1.
+  absl::StatusOr<SceneChild> Child(const std::string& name, const std::string& collection,
+                                   const std::string& field) const;
+  // Reads "scenes/{scene}/models/{number}", where the number may be "live": kLiveModel.
+  absl::StatusOr<SceneChild> Model(const std::string& name, const std::string& field) const;
+  // Reads "scenes/{scene}/labels/{label}".
+  absl::StatusOr<SceneLabel> Label(const std::string& name, const std::string& field) const;
+
+ private:
+  // Returns the scene and the parts after it.
+  struct Found {
+    SceneRef scene;
+    std::vector<std::string> rest;
+  };
+  std::optional<Found> Find(const std::string& name) const;
+
+  std::map<std::pair<std::string, std::string>, SceneRef>
+      scenes_;  // by project, as given, and name
+};
+
 // Parses "jobs/{job}"; returns the id, which is "j" and digits.
 absl::StatusOr<std::string> ParseJobName(const std::string& name, const std::string& field);
-
-std::string SceneName(const std::string& scene);
-std::string ChildName(const std::string& scene, const std::string& collection, int64_t number);
-// Returns the name with the scene's key instead of its id, for ParseChildName.
-std::string KeyedChildName(const std::string& scene, const std::string& collection, int64_t number);
-std::string LabelName(const std::string& scene, const std::string& id);
 std::string JobName(const std::string& job);
 
 }  // namespace pepeseg

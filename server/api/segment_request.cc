@@ -28,13 +28,19 @@ absl::Status CheckEncoding(v1::MaskEncoding encoding) {
 }
 
 // Returns the id of a label, which is given by its id or by its whole name.
-absl::StatusOr<std::string> LabelId(const std::string& label, const std::string& scene,
+absl::StatusOr<std::string> LabelId(const std::string& label, const SceneRef& scene,
                                     const std::string& field) {
   // An id has no slash, and is looked up as it is: one that cannot exist is NOT_FOUND.
   if (label.find('/') == std::string::npos) return label;
-  ASSIGN_OR_RETURN(SceneLabel named, ParseLabelName(label, field));
-  if (named.scene != scene) return BadField(field, label, "a label of another scene");
-  return std::move(named.id);
+  std::optional<SceneNameParts> name = SplitSceneName(label);
+  if (!name || name->rest.size() != 2 || name->rest[0] != "labels") {
+    return BadField(field, label, "not of the form scenes/{scene}/labels/{label}");
+  }
+  // A name without a project is of the model's.
+  if (name->name != scene.name || (!name->project.empty() && name->project != scene.project)) {
+    return BadField(field, label, "a label of another scene");
+  }
+  return std::move(name->rest[1]);
 }
 
 v1::ProposeScalesResponse::Kind ProtoKind(ProposalKind kind) {
@@ -118,7 +124,7 @@ absl::StatusOr<Prompt> PromptOfLabel(const LabelRow& label, const Model& model,
 
 absl::StatusOr<Prompt> SegmentRequestReader::ReadLabel(const std::string& label,
                                                        const std::string& field) const {
-  const std::string& scene = number_.scene;
+  const SceneRef& scene = number_.scene;
   ASSIGN_OR_RETURN(const std::string id, LabelId(label, scene, field));
   const auto row = store_.labels().GetLabel(scene, id);
   if (!row.ok()) return WithResource(row.status(), "NO_SUCH_LABEL", LabelName(scene, id));

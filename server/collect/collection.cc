@@ -29,13 +29,12 @@ UploadName UploadOf(const fs::path& folder) {
   const std::string name = folder.filename().string();
   const size_t hyphen = name.rfind('-');
   UploadName upload;
-  upload.project = folder.parent_path().filename().string();
+  upload.scene.project = folder.parent_path().filename().string();
   if (hyphen == std::string::npos || !absl::SimpleAtoi(name.substr(hyphen + 1), &upload.number)) {
     upload.number = 0;
     return upload;
   }
-  upload.scene = SceneOfFolderName(name.substr(0, hyphen));
-  if (upload.scene.empty()) upload.number = 0;
+  if (!absl::SimpleAtoi(name.substr(0, hyphen), &upload.scene.id)) upload.number = 0;
   return upload;
 }
 
@@ -52,7 +51,7 @@ absl::StatusOr<absl::Duration> SinceLastWrite(const Collection& collection, cons
   for (const DatasetFileRow& file : files) {
     // A complete file has left the upload's folder; its blob has the time of its last write.
     // Another upload may have brought it, which only makes this one look younger.
-    const fs::path blob = BlobPath(data, {name.project, file.sha256});
+    const fs::path blob = BlobPath(data, {name.scene.project, file.sha256});
     std::error_code error;
     if (fs::exists(blob, error)) since = std::min(since, AgeOf(blob));
   }
@@ -93,10 +92,7 @@ bool IsBeingWritten(const fs::path& folder) {
 
 // Deletes an upload if it is old enough and nothing of it is being written.
 absl::Status CollectUpload(Collection& collection, const DatasetRow& row) {
-  const auto project = collection.store.scenes().ProjectOfScene(row.scene);
-  if (absl::IsNotFound(project.status())) return absl::OkStatus();  // deleted meanwhile
-  RETURN_IF_ERROR(project.status());
-  const UploadName name{*project, row.scene, row.number};
+  const UploadName name{row.scene, row.number};
   ASSIGN_OR_RETURN(const absl::Duration since, SinceLastWrite(collection, row, name));
   const fs::path folder = PartialFolderOf(collection.options.data, name);
   if (since < collection.options.upload_age || IsBeingWritten(folder)) return absl::OkStatus();
@@ -112,13 +108,14 @@ absl::Status CollectUpload(Collection& collection, const DatasetRow& row) {
 
 // Returns whether the upload is open and of the project that its folder names.
 absl::StatusOr<bool> IsOpen(Collection& collection, const UploadName& upload) {
-  const auto row = collection.store.datasets().GetDataset(upload.scene, upload.number);
+  const auto scene = collection.store.scenes().FindSceneById(upload.scene.id);
+  if (absl::IsNotFound(scene.status())) return false;
+  RETURN_IF_ERROR(scene.status());
+  if (scene->project != upload.scene.project) return false;
+  const auto row = collection.store.datasets().GetDataset(*scene, upload.number);
   if (absl::IsNotFound(row.status())) return false;
   RETURN_IF_ERROR(row.status());
-  const auto project = collection.store.scenes().ProjectOfScene(upload.scene);
-  if (absl::IsNotFound(project.status())) return false;
-  RETURN_IF_ERROR(project.status());
-  return row->state == DatasetState::kOpen && *project == upload.project;
+  return row->state == DatasetState::kOpen;
 }
 
 // Returns the blobs on the disk that are at least options.file_age old.

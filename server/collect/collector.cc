@@ -77,8 +77,8 @@ absl::Status CollectJobs(Collection& collection) {
 template <typename HasRow>
 absl::Status CollectNumbered(Collection& collection, const fs::path& folder, HasRow has_row) {
   for (const fs::path& of_scene : EntriesOf(folder)) {
-    const std::string scene = SceneOfFolderName(of_scene.filename().string());
-    if (scene.empty()) continue;
+    SceneRef scene;
+    if (!absl::SimpleAtoi(of_scene.filename().string(), &scene.id)) continue;
     for (const fs::path& file : EntriesOf(of_scene)) {
       int64_t number = 0;
       if (!absl::SimpleAtoi(file.stem().string(), &number)) continue;
@@ -107,13 +107,13 @@ absl::Status CollectAll(Collection& collection) {
   CollectDamaged(collection);
   RETURN_IF_ERROR(CollectJobs(collection));
   RETURN_IF_ERROR(CollectNumbered(collection, SelectionsFolder(data),
-                                  [&](const std::string& scene, int64_t number) {
+                                  [&](const SceneRef& scene, int64_t number) {
                                     return store.selections().GetSelection(scene, number).status();
                                   }));
-  RETURN_IF_ERROR(CollectNumbered(collection, DatasetsFolder(data),
-                                  [&](const std::string& scene, int64_t number) {
-                                    return store.datasets().GetDataset(scene, number).status();
-                                  }));
+  RETURN_IF_ERROR(
+      CollectNumbered(collection, DatasetsFolder(data), [&](const SceneRef& scene, int64_t number) {
+        return store.datasets().GetDataset(scene, number).status();
+      }));
   CollectTemporaries(collection);
   return absl::OkStatus();
 }

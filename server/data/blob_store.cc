@@ -164,13 +164,13 @@ std::map<std::string, int64_t> BlobStore::ListPartial(const UploadName& upload) 
 absl::StatusOr<std::shared_ptr<BlobWriter>> BlobStore::Begin(const UploadName& upload,
                                                              const std::string& sha256,
                                                              int64_t size) {
-  const BlobName blob{upload.project, sha256};
+  const BlobName blob{upload.scene.project, sha256};
   if (Has(blob, size)) return nullptr;
   const fs::path folder = PartialFolderOf(data_, upload);
   RETURN_IF_ERROR(MakeFolders(folder));
   std::error_code unknown;
   if (!fs::is_directory(Path(blob).parent_path(), unknown)) {
-    RETURN_IF_ERROR(MakeBlobFolders(data_, upload.project));
+    RETURN_IF_ERROR(MakeBlobFolders(data_, upload.scene.project));
   }
   absl::StatusOr<LockedFile> file = LockedFile::TryAlone(folder / sha256);
   if (absl::IsNotFound(file.status())) {  // the collector has removed the empty folder

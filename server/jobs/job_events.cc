@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/store/scene_key.h"
+#include "server/store/scene_ref.h"
 #include "server/worker_protocol/event_log.h"
 
 namespace pepeseg {
@@ -68,7 +68,7 @@ absl::Status AppendState(const JobFolder& folder, const JobRow& job) {
         absl::StatusCodeToString(static_cast<absl::StatusCode>(job.error_code)));
   }
   if (job.model != 0) {
-    change.set_model(absl::StrCat("scenes/", SceneIdOf(job.scene), "/models/", job.model));
+    change.set_model(ChildName(job.scene, "models", job.model));
   }
   const bool begins = job.state == JobState::kRunning;
   return AppendEvent(folder, job, begins ? EventPart::kBefore : EventPart::kAfter,

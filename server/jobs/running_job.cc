@@ -110,7 +110,7 @@ absl::Status RunningJob::WriteSpec() const {
   }
   ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
                    context_.store.files().ListDatasetFiles(job_.scene, job_.dataset));
-  ASSIGN_OR_RETURN(const std::string project, context_.store.scenes().ProjectOfScene(job_.scene));
+  const std::string& project = job_.scene.project;
   for (const DatasetFileRow& file : files) {
     spec.files.push_back(
         {file.path, file.kind, context_.options.file_path(project, file).string(), file.sha256});
@@ -237,7 +237,7 @@ absl::Status RunningJob::StartCheck() {
   if (!context_.options.check_files) return absl::OkStatus();
   ASSIGN_OR_RETURN(std::vector<DatasetFileRow> files,
                    context_.store.files().ListDatasetFiles(job_.scene, job_.dataset));
-  ASSIGN_OR_RETURN(const std::string project, context_.store.scenes().ProjectOfScene(job_.scene));
+  const std::string& project = job_.scene.project;
   const std::set<std::string> named(result->damaged.begin(), result->damaged.end());
   std::erase_if(files, [&](const DatasetFileRow& file) { return !named.contains(file.sha256); });
   num_damaged_ = context_.options.check_files(project, std::move(files));
@@ -330,7 +330,7 @@ absl::Status RunningJob::CommitModel(const JobResult& result) {
   model.num_gaussians = result.num_gaussians;
   model.num_bytes = result.num_bytes;
   ASSIGN_OR_RETURN(model, context_.store.queue().CommitModel(job_.id, job_.fence, model));
-  spdlog::info("jobs/{}: made scenes/{}/models/{}", job_.id, job_.scene, model.number);
+  spdlog::info("jobs/{}: made {}", job_.id, ChildName(job_.scene, "models", model.number));
   return absl::OkStatus();
 }
 

@@ -34,14 +34,14 @@ class ResidentCache {
   // Where a value comes from. Its functions are called without a lock, and only if the value is not
   // resident.
   struct Source {
-    std::string name;  // for Visit
+    std::string name, owner;  // for Visit
     // Returns the most that the value will take, which is reserved before the load.
     std::function<absl::StatusOr<MemoryBytes>()> need;
     std::function<absl::StatusOr<std::unique_ptr<Value>>()> load;
     std::function<absl::StatusOr<Share>()> share = {};  // empty: the value has no owner
   };
   struct Info {
-    const std::string& name;
+    const std::string &name, &owner;
     MemoryBytes bytes;
     bool pinned;
     absl::Time last_use;
@@ -89,7 +89,7 @@ class ResidentCache {
   using Resident = ResidentValue<Value>;
   // The state of a key that is loaded or being loaded.
   struct Entry {
-    std::string name;
+    std::string name, owner;
     std::shared_ptr<Resident> resident;  // null while it is being loaded
     absl::Status error;
     bool loading = true;
@@ -253,6 +253,7 @@ absl::StatusOr<typename ResidentCache<Value>::Handle> ResidentCache<Value>::Acqu
   }
   const auto entry = std::make_shared<Entry>();
   entry->name = source.name;
+  entry->owner = source.owner;
   entries_[key] = entry;
   lock.unlock();
   auto resident = Load(source);
@@ -315,7 +316,7 @@ void ResidentCache<Value>::Visit(absl::FunctionRef<void(const Info&, const Value
   for (const auto& [key, entry] : entries_) {
     if (entry->loading) continue;
     const std::shared_ptr<Resident>& resident = entry->resident;
-    visit({entry->name, resident->bytes, entry->pinned, entry->last_use_time,
+    visit({entry->name, entry->owner, resident->bytes, entry->pinned, entry->last_use_time,
            resident.use_count() - 1},
           *resident->value);
   }

@@ -103,13 +103,13 @@ grpc::ServerUnaryReactor* CallRunner::Submit(WorkerPool& pool, const UnaryReques
   return reactor;
 }
 
-absl::Status CallRunner::Authorized(const Pending& call,
-                                    absl::FunctionRef<absl::Status(const Caller&)> handler) const {
+absl::Status CallRunner::Authorized(
+    const Pending& call, absl::FunctionRef<absl::Status(const AuthorizedCaller&)> handler) const {
   const UnaryRequest& request = call.request;
   const LogFields fields = FieldsOf(*request.context);
   const LogScope scope(fields);
   return authorizer_.Run(OriginOf(*request.context), *request.message,
-                         [&](const Caller& caller) -> absl::Status {
+                         [&](const AuthorizedCaller& caller) -> absl::Status {
                            // Only now is the credential known to be valid.
                            if (call.credential)
                              quotas_.Know(*call.credential, caller.project, *request.message);

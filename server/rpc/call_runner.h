@@ -37,7 +37,10 @@ struct UnaryRequest {
 // A unary call on its pool thread, authorised.
 struct UnaryCall : UnaryRequest {
   absl::Duration queued;  // how long it waited for the thread
-  const Caller& caller;
+  const AuthorizedCaller& caller;
+
+  // The scenes that the request names.
+  const NamedScenes& scenes() const { return caller.scenes; }
 };
 
 // Measures the parts of a call, one after the other.
@@ -77,7 +80,8 @@ class CallRunner {
     return Submit(pool, request, [this, &pool, handler = std::move(handler)](const Pending& call) {
       const absl::Duration queued = absl::Now() - call.start;
       const Stopwatch stopwatch;
-      Finish(pool, call, stopwatch, Authorized(call, [&](const Caller& caller) -> absl::Status {
+      Finish(pool, call, stopwatch,
+             Authorized(call, [&](const AuthorizedCaller& caller) -> absl::Status {
                return handler(UnaryCall{call.request, queued, caller});
              }));
     });
@@ -93,12 +97,13 @@ class CallRunner {
     return Submit(pool, request, [this, &pool, handler = std::move(handler)](const Pending& call) {
       const absl::Duration queued = absl::Now() - call.start;
       auto rest = std::make_shared<Rest>(Rest{call});
-      const absl::Status begun = Authorized(call, [&](const Caller& caller) -> absl::Status {
-        rest->project = caller.project;
-        auto parts = handler(UnaryCall{call.request, queued, caller});
-        if (parts.ok()) rest->parts = *std::move(parts);
-        return parts.status();
-      });
+      const absl::Status begun =
+          Authorized(call, [&](const AuthorizedCaller& caller) -> absl::Status {
+            rest->project = caller.project;
+            auto parts = handler(UnaryCall{call.request, queued, caller});
+            if (parts.ok()) rest->parts = *std::move(parts);
+            return parts.status();
+          });
       if (!begun.ok()) return Finish(pool, call, rest->stopwatch, begun);
       Continue(pool, std::move(rest));
     });
@@ -136,7 +141,7 @@ class CallRunner {
   bool AdmitAtOnce(const WorkerPool& pool, Pending& call) const;
   // Authorises the call and has the handler answer it. On a thread of the pool.
   absl::Status Authorized(const Pending& call,
-                          absl::FunctionRef<absl::Status(const Caller&)> handler) const;
+                          absl::FunctionRef<absl::Status(const AuthorizedCaller&)> handler) const;
   // Computes the next part, and queues the one after it.
   void Continue(WorkerPool& pool, std::shared_ptr<Rest> rest) const;
   // Ends the call and records its time.

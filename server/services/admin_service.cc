@@ -11,14 +11,13 @@
 #include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/api/resource_name.h"
-#include "server/store/scene_key.h"
 
 namespace pepeseg {
 namespace {
 
 v1::ResidentModel Describe(const ModelCache::Info& info, const Segmenter& segmenter) {
   v1::ResidentModel model;
-  model.set_name(WithSceneIds(info.name));
+  model.set_name(info.name);
   model.set_host_bytes(info.bytes.host);
   model.set_device_bytes(info.bytes.device);
   model.set_pinned(info.pinned);
@@ -32,27 +31,22 @@ v1::ResidentModel Describe(const ModelCache::Info& info, const Segmenter& segmen
 void FillDescription(const ModelCache& models, const SceneChild& model,
                      v1::ResidentModel* response) {
   response->set_name(ChildName(model.scene, "models", model.number));
-  const std::string name = KeyedChildName(model.scene, "models", model.number);
   models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
     // Not found: the model was evicted just now, and the answer has its name only.
-    if (info.name == name) *response = Describe(info, segmenter);
+    const bool found = info.name == response->name() && info.owner == model.scene.project;
+    if (found) *response = Describe(info, segmenter);
   });
 }
 
 // Puts the project before the names of models that have the same name.
-absl::Status TellApart(Store& store, const std::vector<std::string>& scenes,
-                       v1::ListResidentModelsResponse* response) {
+void TellApart(const std::vector<std::string>& projects, v1::ListResidentModelsResponse* response) {
   std::map<std::string, int> num_of_name;
   for (const v1::ResidentModel& model : response->models()) ++num_of_name[model.name()];
   for (int i = 0; i < response->models_size(); ++i) {
     v1::ResidentModel& model = *response->mutable_models(i);
     if (num_of_name.at(model.name()) == 1) continue;
-    const absl::StatusOr<std::string> project = store.scenes().ProjectOfScene(scenes[i]);
-    if (absl::IsNotFound(project.status())) continue;  // deleted just now
-    RETURN_IF_ERROR(project.status());
-    model.set_name(absl::StrCat("projects/", *project, "/", model.name()));
+    model.set_name(absl::StrCat("projects/", projects[i], "/", model.name()));
   }
-  return absl::OkStatus();
 }
 
 void SetUse(int64_t reserved, int64_t limit, v1::MemoryUse* use) {
@@ -70,16 +64,16 @@ AdminServiceRpc::AdminServiceRpc(Operations& operations, WorkerPool& pool)
       projects_(runner_.quotas(), models_) {}
 
 absl::StatusOr<ModelRow> AdminServiceRpc::FindNamed(const std::string& name) const {
-  ASSIGN_OR_RETURN(const std::string keyed, ResolveOperatorsName(models_.store(), name, "name"));
-  return models_.Find(keyed, "name");
+  ASSIGN_OR_RETURN(const NamedScenes scenes, ResolveOperatorsName(models_.store(), name, "name"));
+  return models_.Find(scenes, name, "name");
 }
 
 absl::Status AdminServiceRpc::Load(const v1::LoadModelRequest& request,
                                    v1::ResidentModel* response) {
   // Held until the answer is filled in, so that it is not evicted before.
-  ASSIGN_OR_RETURN(const std::string name,
+  ASSIGN_OR_RETURN(const NamedScenes scenes,
                    ResolveOperatorsName(models_.store(), request.name(), "name"));
-  ASSIGN_OR_RETURN(const ResidentModel model, models_.Load(name, "name"));
+  ASSIGN_OR_RETURN(const ResidentModel model, models_.Load(scenes, request.name(), "name"));
   FillDescription(models_.cache(), model.row, response);
   response->set_queries_in_flight(response->queries_in_flight() - 1);  // this call is not a query
   return absl::OkStatus();
@@ -87,9 +81,8 @@ absl::Status AdminServiceRpc::Load(const v1::LoadModelRequest& request,
 
 absl::Status AdminServiceRpc::Pin(const v1::PinModelRequest& request, v1::ResidentModel* response) {
   ASSIGN_OR_RETURN(const ModelRow row, FindNamed(request.name()));
-  const std::string name = KeyedChildName(row.scene, "models", row.number);
   // Held, so that the model is not evicted before it is pinned.
-  ASSIGN_OR_RETURN(const ResidentModel held, models_.Load(name, "name"));
+  ASSIGN_OR_RETURN(const ResidentModel held, models_.Load({row.scene, row.number}));
   RETURN_IF_ERROR(SetPinned(row, true, response));
   response->set_queries_in_flight(response->queries_in_flight() - 1);  // this call is not a query
   return absl::OkStatus();
@@ -105,7 +98,7 @@ absl::Status AdminServiceRpc::SetPinned(const ModelRow& row, bool pinned,
                                         v1::ResidentModel* response) {
   const absl::Status status = models_.cache().SetPinned(ResidentKey(row), pinned);
   if (!status.ok()) {
-    return WithResource(status, "NOT_RESIDENT", KeyedChildName(row.scene, "models", row.number));
+    return WithResource(status, "NOT_RESIDENT", ChildName(row.scene, "models", row.number));
   }
   FillDescription(models_.cache(), {row.scene, row.number}, response);
   return absl::OkStatus();
@@ -128,14 +121,12 @@ absl::Status AdminServiceRpc::SetDraining(bool draining, v1::ServerStatus* respo
 
 absl::Status AdminServiceRpc::List(v1::ListResidentModelsResponse* response) const {
   const ModelCache& models = models_.cache();
-  std::vector<std::string> scenes;
+  std::vector<std::string> projects;
   models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
     *response->add_models() = Describe(info, segmenter);
-    // The cache's names have scene keys, from which TellApart finds the project.
-    const absl::StatusOr<SceneChild> row = ParseModelName(info.name, "name");
-    scenes.push_back(row.ok() ? row->scene : "");
+    projects.push_back(info.owner);
   });
-  RETURN_IF_ERROR(TellApart(models_.store(), scenes, response));
+  TellApart(projects, response);
   const MemoryBytes used = models.bytes_in_use(), limit = models.budget().usable();
   SetUse(used.host, limit.host, response->mutable_host());
   if (!models.budget().one_memory()) {

@@ -151,9 +151,9 @@ absl::StatusOr<const BorderRefiner::Seen*> BorderRefiner::See(const ResidentMode
                                                               const ModelView& view,
                                                               absl::FunctionRef<bool()> wanted) {
   std::string key;
-  // Not model.name: scenes of two projects may have one id.
+  // Not model.name: scenes of two projects may have one name.
   if (!view.name.empty()) {
-    key = absl::StrCat(model.row.scene, "/", model.row.number, "/", view.name);
+    key = absl::StrCat(model.row.scene.id, "/", model.row.number, "/", view.name);
   }
   for (auto at = recent_.begin(); at != recent_.end(); ++at) {
     if (key.empty() || at->key != key) continue;

@@ -103,8 +103,8 @@ absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* up
   upload->set_sealed(row.state == DatasetState::kSealed);
   if (upload->sealed()) return absl::OkStatus();
   ASSIGN_OR_RETURN(const auto files, store_.files().ListDatasetFiles(row.scene, row.number));
-  ASSIGN_OR_RETURN(const std::string project, store_.scenes().ProjectOfScene(row.scene));
-  const auto partial = blobs_.ListPartial({project, row.scene, row.number});
+  const std::string& project = row.scene.project;
+  const auto partial = blobs_.ListPartial({row.scene, row.number});
   for (const DatasetFileRow& file : files) {
     // The disk is asked, not the record: the bytes may have come with another upload, and a client
     // must not send them twice.
@@ -126,8 +126,7 @@ absl::Status DatasetServiceRpc::FillDataset(const DatasetRow& row, v1::Dataset* 
   // No advice is needed where the server makes masks.
   if (has_masks && !options_.has_mask_maker) {
     ASSIGN_OR_RETURN(const auto files, store_.files().ListDatasetFiles(row.scene, row.number));
-    ASSIGN_OR_RETURN(const std::string project, store_.scenes().ProjectOfScene(row.scene));
-    has_masks = CountSegmentMasks(blobs_, project, files) > 0;
+    has_masks = CountSegmentMasks(blobs_, row.scene.project, files) > 0;
   }
   for (std::string& advice : AdviceOnDataset(has_masks, options_.has_mask_maker)) {
     dataset->add_advice(std::move(advice));
@@ -135,17 +134,16 @@ absl::Status DatasetServiceRpc::FillDataset(const DatasetRow& row, v1::Dataset* 
   return absl::OkStatus();
 }
 
-absl::Status DatasetServiceRpc::Create(const v1::CreateUploadRequest& request,
+absl::Status DatasetServiceRpc::Create(const UnaryCall& call,
+                                       const v1::CreateUploadRequest& request,
                                        v1::Upload* response) const {
-  ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
+  ASSIGN_OR_RETURN(const SceneRef scene, call.scenes().Scene(request.parent(), "parent"));
   RETURN_IF_ERROR(CheckRequestId(request.request_id()));
   ASSIGN_OR_RETURN(auto files, CheckUploadFiles(request));
-  const auto project = store_.scenes().ProjectOfScene(scene);
-  if (!project.ok()) return WithResource(project.status(), "", request.parent());
   // A stored blob that this upload names need not be sent. The lock keeps the collector from
   // removing it, if nothing else refers to it, before the record is there.
-  ASSIGN_OR_RETURN(const LockedFile hold, blobs_.Hold(*project));
-  FindStored(blobs_, *project, files);
+  ASSIGN_OR_RETURN(const LockedFile hold, blobs_.Hold(scene.project));
+  FindStored(blobs_, scene.project, files);
   ASSIGN_OR_RETURN(const auto admit, CheckRoom(blobs_, files));
   const auto row = store_.datasets().CreateDataset(scene, request.request_id(), files, admit);
   if (!row.ok()) return WithResource(row.status(), "", request.parent());
@@ -155,18 +153,19 @@ absl::Status DatasetServiceRpc::Create(const v1::CreateUploadRequest& request,
 grpc::ServerUnaryReactor* DatasetServiceRpc::CreateUpload(grpc::CallbackServerContext* call,
                                                           const v1::CreateUploadRequest* request,
                                                           v1::Upload* response) {
-  return runner_.Run(
-      runner_.pools().upload, {call, request},
-      [this, request, response](const UnaryCall&) { return Create(*request, response); });
+  return runner_.Run(runner_.pools().upload, {call, request},
+                     [this, request, response](const UnaryCall& unary) {
+                       return Create(unary, *request, response);
+                     });
 }
 
 grpc::ServerUnaryReactor* DatasetServiceRpc::GetUpload(grpc::CallbackServerContext* call,
                                                        const v1::GetUploadRequest* request,
                                                        v1::Upload* response) {
   return runner_.Run(runner_.pools().upload, {call, request},
-                     [this, request, response](const UnaryCall&) {
+                     [this, request, response](const UnaryCall& unary) {
                        ASSIGN_OR_RETURN(const SceneChild upload,
-                                        ParseChildName(request->name(), "uploads", "name"));
+                                        unary.scenes().Child(request->name(), "uploads", "name"));
                        const auto row = store_.datasets().GetDataset(upload.scene, upload.number);
                        if (!row.ok())
                          return WithResource(row.status(), "NO_SUCH_UPLOAD", request->name());
@@ -174,12 +173,10 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::GetUpload(grpc::CallbackServerConte
                      });
 }
 
-absl::Status DatasetServiceRpc::Delete(const v1::DeleteUploadRequest& request) const {
-  ASSIGN_OR_RETURN(const SceneChild upload, ParseChildName(request.name(), "uploads", "name"));
-  const auto project = store_.scenes().ProjectOfScene(upload.scene);
-  if (!project.ok()) return WithResource(project.status(), "NO_SUCH_UPLOAD", request.name());
-  const absl::Status deleted =
-      pepeseg::DeleteUpload(store_, blobs_, {*project, upload.scene, upload.number});
+absl::Status DatasetServiceRpc::Delete(const UnaryCall& call,
+                                       const v1::DeleteUploadRequest& request) const {
+  ASSIGN_OR_RETURN(const SceneChild upload, call.scenes().Child(request.name(), "uploads", "name"));
+  const absl::Status deleted = pepeseg::DeleteUpload(store_, blobs_, {upload.scene, upload.number});
   return WithResource(deleted, absl::IsNotFound(deleted) ? "NO_SUCH_UPLOAD" : "SEALED",
                       request.name());
 }
@@ -188,7 +185,7 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::DeleteUpload(grpc::CallbackServerCo
                                                           const v1::DeleteUploadRequest* request,
                                                           google::protobuf::Empty*) {
   return runner_.Run(runner_.pools().upload, {call, request},
-                     [this, request](const UnaryCall&) { return Delete(*request); });
+                     [this, request](const UnaryCall& unary) { return Delete(unary, *request); });
 }
 
 grpc::ServerReadReactor<v1::WriteFilesRequest>* DatasetServiceRpc::WriteFiles(
@@ -199,17 +196,16 @@ grpc::ServerReadReactor<v1::WriteFilesRequest>* DatasetServiceRpc::WriteFiles(
   return stream.get();  // owns itself until OnDone
 }
 
-absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
+absl::Status DatasetServiceRpc::Seal(const UnaryCall& call, const v1::SealUploadRequest& request,
                                      v1::Dataset* response) const {
-  ASSIGN_OR_RETURN(const SceneChild upload, ParseChildName(request.name(), "uploads", "name"));
+  ASSIGN_OR_RETURN(const SceneChild upload, call.scenes().Child(request.name(), "uploads", "name"));
   Store& store = store_;
   ASSIGN_OR_RETURN(DatasetRow row, store.datasets().GetDataset(upload.scene, upload.number));
   // Sealing a sealed upload returns it, so that a client may retry.
   if (row.state == DatasetState::kOpen) {
     ASSIGN_OR_RETURN(auto files, store.files().ListDatasetFiles(upload.scene, upload.number));
-    ASSIGN_OR_RETURN(const std::string project, store.scenes().ProjectOfScene(upload.scene));
     std::vector<DatasetFileRow> found;
-    const absl::Status complete = FindFiles(blobs_, project, files, found);
+    const absl::Status complete = FindFiles(blobs_, upload.scene.project, files, found);
     if (!complete.ok()) return WithResource(complete, "FILES_MISSING", request.name());
     // Before the record: a crash in between leaves a manifest that the next SealUpload writes
     // again, and no sealed dataset is without one.
@@ -217,7 +213,7 @@ absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
     const auto sealed = store.datasets().SealDataset(upload.scene, upload.number, found);
     if (!sealed.ok()) return WithResource(sealed.status(), "FILES_MISSING", request.name());
     // Partial files whose bytes another upload has brought.
-    blobs_.RemovePartial({project, upload.scene, upload.number});
+    blobs_.RemovePartial({upload.scene, upload.number});
     row = *sealed;
   }
   return FillDataset(row, response);
@@ -226,14 +222,16 @@ absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
 grpc::ServerUnaryReactor* DatasetServiceRpc::SealUpload(grpc::CallbackServerContext* call,
                                                         const v1::SealUploadRequest* request,
                                                         v1::Dataset* response) {
-  return runner_.Run(
-      runner_.pools().upload, {call, request},
-      [this, request, response](const UnaryCall&) { return Seal(*request, response); });
+  return runner_.Run(runner_.pools().upload, {call, request},
+                     [this, request, response](const UnaryCall& unary) {
+                       return Seal(unary, *request, response);
+                     });
 }
 
-absl::Status DatasetServiceRpc::Get(const v1::GetDatasetRequest& request,
+absl::Status DatasetServiceRpc::Get(const UnaryCall& call, const v1::GetDatasetRequest& request,
                                     v1::Dataset* response) const {
-  ASSIGN_OR_RETURN(const SceneChild dataset, ParseChildName(request.name(), "datasets", "name"));
+  ASSIGN_OR_RETURN(const SceneChild dataset,
+                   call.scenes().Child(request.name(), "datasets", "name"));
   auto row = store_.datasets().GetDataset(dataset.scene, dataset.number);
   // An upload that is not sealed has the number of the dataset that it may become.
   if (row.ok() && row->state != DatasetState::kSealed) {
@@ -248,15 +246,15 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::GetDataset(grpc::CallbackServerCont
                                                         v1::Dataset* response) {
   return runner_.Run(
       runner_.pools().io, {call, request},
-      [this, request, response](const UnaryCall&) { return Get(*request, response); });
+      [this, request, response](const UnaryCall& unary) { return Get(unary, *request, response); });
 }
 
 grpc::ServerUnaryReactor* DatasetServiceRpc::ListDatasets(grpc::CallbackServerContext* call,
                                                           const v1::ListDatasetsRequest* request,
                                                           v1::ListDatasetsResponse* response) {
   return runner_.Run(
-      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall&) {
-        ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
+      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall& unary) {
+        ASSIGN_OR_RETURN(const SceneRef scene, unary.scenes().Scene(request->parent(), "parent"));
         ASSIGN_OR_RETURN(const PageRequest page,
                          PageFromProto(request->page_size(), request->page_token()));
         ASSIGN_OR_RETURN(const Page<DatasetRow> datasets,

@@ -42,13 +42,16 @@ class DatasetServiceRpc final : public v1::DatasetService::CallbackService {
       grpc::CallbackServerContext* call, const v1::GetPhotographRequest* request) override;
 
  private:
-  absl::Status Create(const v1::CreateUploadRequest& request, v1::Upload* response) const;
+  absl::Status Create(const UnaryCall& call, const v1::CreateUploadRequest& request,
+                      v1::Upload* response) const;
   // Fills in what ToProto does, and advice on masks.
   absl::Status FillDataset(const DatasetRow& row, v1::Dataset* dataset) const;
   absl::Status FillUpload(const DatasetRow& row, v1::Upload* upload) const;
-  absl::Status Delete(const v1::DeleteUploadRequest& request) const;
-  absl::Status Get(const v1::GetDatasetRequest& request, v1::Dataset* response) const;
-  absl::Status Seal(const v1::SealUploadRequest& request, v1::Dataset* response) const;
+  absl::Status Delete(const UnaryCall& call, const v1::DeleteUploadRequest& request) const;
+  absl::Status Get(const UnaryCall& call, const v1::GetDatasetRequest& request,
+                   v1::Dataset* response) const;
+  absl::Status Seal(const UnaryCall& call, const v1::SealUploadRequest& request,
+                    v1::Dataset* response) const;
 
   const CallRunner& runner_;
   const ModelLoader& models_;

@@ -258,7 +258,7 @@ absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_s
   ASSIGN_OR_RETURN(std::vector<DatasetFileRow> files,
                    store.files().ListDatasetFiles(training.scene, training.dataset));
   LeaveOutExtraFiles(files);
-  ASSIGN_OR_RETURN(const std::string project, store.scenes().ProjectOfScene(training.scene));
+  const std::string& project = training.scene.project;
   const ProjectBlobs blobs{blob_store, project};
   RETURN_IF_ERROR(ReadMissingHeaders(store, blobs, training, wanted, files));
   const ImportOptions& import = training.settings.import;

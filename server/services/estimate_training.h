@@ -17,7 +17,7 @@ namespace pepeseg {
 
 // A training as it would be queued.
 struct WantedTraining {
-  std::string scene;    // its key
+  SceneRef scene;       // its key
   int64_t dataset = 0;  // number of the dataset in the scene
   TrainingSettings settings;
 };

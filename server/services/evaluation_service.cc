@@ -46,7 +46,8 @@ absl::Status EvaluationServiceRpc::Evaluate(const UnaryCall& call,
                                             v1::EvaluateModelResponse* response) const {
   // Options before the model, so that a wrong request does not load one.
   ASSIGN_OR_RETURN(const EvaluationOptions options, EvaluationOptionsFromProto(request.options()));
-  ASSIGN_OR_RETURN(const ResidentModel model, models_.LoadWithFeatures(request.model(), "model"));
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   models_.LoadWithFeatures(call.scenes(), request.model(), "model"));
   const auto check_wanted = [&] { return call.CheckWanted(); };
   RETURN_IF_ERROR(check_wanted());
   const SegmentRequestReader reader(model.segmenter->model(), model.row, models_.store());

@@ -52,13 +52,14 @@ struct Parent {
   std::filesystem::path model;
 };
 
-absl::StatusOr<Parent> FindParent(const ModelLoader& models, const std::string& name) {
+absl::StatusOr<Parent> FindParent(const ModelLoader& models, const NamedScenes& scenes,
+                                  const std::string& name) {
   // A model stands for the dataset that it was trained on.
   if (!absl::StrContains(name, "/models/")) {
-    ASSIGN_OR_RETURN(const SceneChild dataset, ParseChildName(name, "datasets", "parent"));
+    ASSIGN_OR_RETURN(const SceneChild dataset, scenes.Child(name, "datasets", "parent"));
     return Parent{dataset, {}};
   }
-  ASSIGN_OR_RETURN(const ModelRow model, models.Find(name, "parent"));
+  ASSIGN_OR_RETURN(const ModelRow model, models.Find(scenes, name, "parent"));
   return Parent{{model.scene, model.dataset}, models.data_folder() / model.folder};
 }
 
@@ -187,15 +188,16 @@ absl::Status GetPhotographStream::StartMaking(const PhotographTask& task,
 }
 
 absl::Status GetPhotographStream::Open() {
-  ASSIGN_OR_RETURN(const Caller caller,
+  ASSIGN_OR_RETURN(const AuthorizedCaller caller,
                    parts_.runner.authorizer().AuthorizeAndResolve(origin_, request_));
   RETURN_IF_ERROR(Admit(OwnerOf(caller, origin_)));
   RETURN_IF_ERROR(parts_.runner.quotas().Admit(caller.project, request_));
   RETURN_IF_ERROR(CheckPhotographRequest(request_));
-  ASSIGN_OR_RETURN(const Parent parent, FindParent(parts_.models, request_.parent()));
+  ASSIGN_OR_RETURN(const Parent parent,
+                   FindParent(parts_.models, caller.scenes, request_.parent()));
   ASSIGN_OR_RETURN(const auto files,
                    ListFiles(parts_.models.store(), parent.dataset, request_.parent()));
-  ASSIGN_OR_RETURN(project_, parts_.models.store().scenes().ProjectOfScene(parent.dataset.scene));
+  project_ = parent.dataset.scene.project;
   ASSIGN_OR_RETURN(row_, FindPhotograph(files, request_));
   const DatasetFileRow& file = row_;
   // Compares the size only; the digest is checked while the file is read.

@@ -25,11 +25,12 @@ namespace {
 
 // Reads scene, dataset and options of a request to train, or to estimate a training.
 template <class Request>
-absl::StatusOr<WantedTraining> WantedFromRequest(const Request& request) {
+absl::StatusOr<WantedTraining> WantedFromRequest(const NamedScenes& scenes,
+                                                 const Request& request) {
   WantedTraining wanted;
-  ASSIGN_OR_RETURN(wanted.scene, ParseSceneName(request.scene(), "scene"));
+  ASSIGN_OR_RETURN(wanted.scene, scenes.Scene(request.scene(), "scene"));
   ASSIGN_OR_RETURN(const SceneChild dataset,
-                   ParseChildName(request.dataset(), "datasets", "dataset"));
+                   scenes.Child(request.dataset(), "datasets", "dataset"));
   if (dataset.scene != wanted.scene) {
     return BadField("dataset", request.dataset(), absl::StrCat("not of ", request.scene()));
   }
@@ -123,7 +124,7 @@ JobServiceRpc::JobServiceRpc(const CallRunner& runner, const Options& options)
       supervisor_(options.supervisor),
       estimator_(options.store, options.blobs, options.machine) {}
 
-absl::Status JobServiceRpc::CheckSealed(const std::string& scene, int64_t dataset) const {
+absl::Status JobServiceRpc::CheckSealed(const SceneRef& scene, int64_t dataset) const {
   const std::string name = ChildName(scene, "datasets", dataset);
   const auto row = store_.datasets().GetDataset(scene, dataset);
   if (!row.ok()) return WithResource(row.status(), "NO_SUCH_DATASET", name);
@@ -142,9 +143,9 @@ absl::Status JobServiceRpc::CheckRunnable(const WantedTraining& training) const 
   return CheckFilesStored(training.scene, training.dataset, files);
 }
 
-absl::Status JobServiceRpc::CheckFilesStored(const std::string& scene, int64_t dataset,
+absl::Status JobServiceRpc::CheckFilesStored(const SceneRef& scene, int64_t dataset,
                                              const std::vector<DatasetFileRow>& files) const {
-  ASSIGN_OR_RETURN(const std::string project, store_.scenes().ProjectOfScene(scene));
+  const std::string& project = scene.project;
   std::vector<std::string> healed, gone;
   const DatasetFileRow* first = nullptr;
   int num_missing = 0;
@@ -168,9 +169,9 @@ absl::Status JobServiceRpc::CheckFilesStored(const std::string& scene, int64_t d
       "FILES_MISSING", first->path);
 }
 
-absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, const UnaryRequest& call,
+absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, const UnaryCall& call,
                                   v1::Job* response) const {
-  ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(request));
+  ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(call.scenes(), request));
   ASSIGN_OR_RETURN(JobRow wanted, JobFromRequest(request, training));
   wanted.traceparent = TraceparentOf(*call.context);
   RETURN_IF_ERROR(CheckRunnable(training));
@@ -254,7 +255,7 @@ grpc::ServerUnaryReactor* JobServiceRpc::ListJobs(grpc::CallbackServerContext* c
         JobStore::JobFilter filter;
         filter.project = unary.caller.visible_project();
         if (!request->scene().empty()) {
-          ASSIGN_OR_RETURN(filter.scene, ParseSceneName(request->scene(), "scene"));
+          ASSIGN_OR_RETURN(filter.scene, unary.scenes().Scene(request->scene(), "scene"));
         }
         ASSIGN_OR_RETURN(filter.state, StateFromProto(request->state()));
         ASSIGN_OR_RETURN(const PageRequest page,
@@ -301,7 +302,8 @@ grpc::ServerUnaryReactor* JobServiceRpc::EstimateTraining(
     v1::EstimateTrainingResponse* response) {
   return runner_.Run(
       runner_.pools().io, {call, request}, [this, request, response](const UnaryCall& unary) {
-        ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(*request));
+        ASSIGN_OR_RETURN(const WantedTraining training,
+                         WantedFromRequest(unary.scenes(), *request));
         RETURN_IF_ERROR(CheckRunnable(training));
         auto estimate = estimator_.Estimate(training, [&unary] { return unary.CheckWanted(); });
         RETURN_IF_ERROR(estimate.status());

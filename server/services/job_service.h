@@ -50,16 +50,16 @@ class JobServiceRpc final : public v1::JobService::CallbackService {
   // the server has the programs that it asks for, the dataset is sealed, its files are there, and
   // held-out views are among them.
   absl::Status CheckRunnable(const WantedTraining& training) const;
-  absl::Status CheckSealed(const std::string& scene, int64_t dataset) const;
+  absl::Status CheckSealed(const SceneRef& scene, int64_t dataset) const;
   // Checks whether all files, those of a sealed dataset, are there: a damaged blob may have been
   // set aside since. FAILED_PRECONDITION names the first file that is missing, and says how many
   // are. Also updates the store, so that files that any upload of the project has brought again
   // count. Looks at sizes only; a training reads all bytes.
-  absl::Status CheckFilesStored(const std::string& scene, int64_t dataset,
+  absl::Status CheckFilesStored(const SceneRef& scene, int64_t dataset,
                                 const std::vector<DatasetFileRow>& files) const;
   absl::Status ListOptions(const v1::ListTrainingOptionsRequest& request,
                            v1::ListTrainingOptionsResponse* response) const;
-  absl::Status Train(const v1::TrainSceneRequest& request, const UnaryRequest& call,
+  absl::Status Train(const v1::TrainSceneRequest& request, const UnaryCall& call,
                      v1::Job* response) const;
 
   const CallRunner& runner_;

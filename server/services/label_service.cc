@@ -56,15 +56,15 @@ struct GivenLabel {
 };
 
 // Reads a label; its view and mask are checked against the live model.
-absl::StatusOr<GivenLabel> ReadLabel(ModelLoader& models, const v1::CreateLabelRequest& request) {
+absl::StatusOr<GivenLabel> ReadLabel(ModelLoader& models, const UnaryCall& call,
+                                     const v1::CreateLabelRequest& request) {
   GivenLabel given;
   LabelRow& row = given.row;
-  ASSIGN_OR_RETURN(row.scene, ParseSceneName(request.parent(), "parent"));
+  ASSIGN_OR_RETURN(row.scene, call.scenes().Scene(request.parent(), "parent"));
   RETURN_IF_ERROR(CheckCreate(request));
   RETURN_IF_ERROR(CheckFrame(request.frame()));
   const v1::Label& label = request.label();
-  ASSIGN_OR_RETURN(const ResidentModel model,
-                   models.Load(request.parent() + "/models/live", "parent"));
+  ASSIGN_OR_RETURN(const ResidentModel model, models.Load({row.scene, kLiveModel}));
   ASSIGN_OR_RETURN(const ModelView view,
                    FindView(label.view(), model.segmenter->model(), "label.view"));
   const ImageOfView image = ImageOf(view, request.frame());
@@ -87,9 +87,9 @@ absl::StatusOr<GivenLabel> ReadLabel(ModelLoader& models, const v1::CreateLabelR
 }
 
 // Loads the live model if it is not in memory.
-absl::Status AnswerCreateLabel(ModelLoader& models, const v1::CreateLabelRequest& request,
-                               v1::Label* response) {
-  ASSIGN_OR_RETURN(const GivenLabel given, ReadLabel(models, request));
+absl::Status AnswerCreateLabel(ModelLoader& models, const UnaryCall& call,
+                               const v1::CreateLabelRequest& request, v1::Label* response) {
+  ASSIGN_OR_RETURN(const GivenLabel given, ReadLabel(models, call, request));
   const LabelRow& label = given.row;
   const auto made = models.store().labels().CreateLabel(label);
   if (absl::IsAlreadyExists(made.status())) {
@@ -105,17 +105,16 @@ absl::Status AnswerCreateLabel(ModelLoader& models, const v1::CreateLabelRequest
 
 // Returns the mask as the view of the live model shows it, in the frame of the request. Loads the
 // model, too.
-absl::Status AnswerGetLabel(ModelLoader& models, const v1::GetLabelRequest& request,
-                            v1::Label* response) {
-  ASSIGN_OR_RETURN(const SceneLabel label, ParseLabelName(request.name(), "name"));
+absl::Status AnswerGetLabel(ModelLoader& models, const UnaryCall& call,
+                            const v1::GetLabelRequest& request, v1::Label* response) {
+  ASSIGN_OR_RETURN(const SceneLabel label, call.scenes().Label(request.name(), "name"));
   RETURN_IF_ERROR(CheckFrame(request.frame()));
   const auto row = models.store().labels().GetLabel(label.scene, label.id);
   if (absl::IsNotFound(row.status())) {
     return WithResource(row.status(), "NO_SUCH_LABEL", request.name());
   }
   RETURN_IF_ERROR(row.status());
-  ASSIGN_OR_RETURN(const ResidentModel model,
-                   models.Load(absl::StrCat("scenes/", label.scene, "/models/live"), "name"));
+  ASSIGN_OR_RETURN(const ResidentModel model, models.Load({label.scene, kLiveModel}));
   ASSIGN_OR_RETURN(Prompt prompt, PromptOfLabel(*row, model.segmenter->model(), model.row));
   SegmentResult stored;
   stored.mask = std::move(std::get<BinaryMask>(prompt.what));
@@ -127,9 +126,10 @@ absl::Status AnswerGetLabel(ModelLoader& models, const v1::GetLabelRequest& requ
   return absl::OkStatus();
 }
 
-absl::Status AnswerListLabels(Store& store, const v1::ListLabelsRequest& request,
+absl::Status AnswerListLabels(Store& store, const UnaryCall& call,
+                              const v1::ListLabelsRequest& request,
                               v1::ListLabelsResponse* response) {
-  ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
+  ASSIGN_OR_RETURN(const SceneRef scene, call.scenes().Scene(request.parent(), "parent"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
   ASSIGN_OR_RETURN(const Page<LabelRow> labels, store.labels().ListLabels(scene, page));
@@ -138,8 +138,9 @@ absl::Status AnswerListLabels(Store& store, const v1::ListLabelsRequest& request
   return absl::OkStatus();
 }
 
-absl::Status AnswerDeleteLabel(Store& store, const v1::DeleteLabelRequest& request) {
-  ASSIGN_OR_RETURN(const SceneLabel label, ParseLabelName(request.name(), "name"));
+absl::Status AnswerDeleteLabel(Store& store, const UnaryCall& call,
+                               const v1::DeleteLabelRequest& request) {
+  ASSIGN_OR_RETURN(const SceneLabel label, call.scenes().Label(request.name(), "name"));
   absl::Status deleted = store.labels().DeleteLabel(label.scene, label.id);
   if (absl::IsNotFound(deleted)) return WithResource(deleted, "NO_SUCH_LABEL", request.name());
   return deleted;
@@ -154,8 +155,8 @@ grpc::ServerUnaryReactor* LabelServiceRpc::CreateLabel(grpc::CallbackServerConte
                                                        const v1::CreateLabelRequest* request,
                                                        v1::Label* response) {
   return runner_.Run(runner_.pools().query, {call, request},
-                     [this, request, response](const UnaryCall&) {
-                       return AnswerCreateLabel(models_, *request, response);
+                     [this, request, response](const UnaryCall& unary) {
+                       return AnswerCreateLabel(models_, unary, *request, response);
                      });
 }
 
@@ -163,8 +164,8 @@ grpc::ServerUnaryReactor* LabelServiceRpc::GetLabel(grpc::CallbackServerContext*
                                                     const v1::GetLabelRequest* request,
                                                     v1::Label* response) {
   return runner_.Run(runner_.pools().query, {call, request},
-                     [this, request, response](const UnaryCall&) {
-                       return AnswerGetLabel(models_, *request, response);
+                     [this, request, response](const UnaryCall& unary) {
+                       return AnswerGetLabel(models_, unary, *request, response);
                      });
 }
 
@@ -172,16 +173,16 @@ grpc::ServerUnaryReactor* LabelServiceRpc::ListLabels(grpc::CallbackServerContex
                                                       const v1::ListLabelsRequest* request,
                                                       v1::ListLabelsResponse* response) {
   return runner_.Run(runner_.pools().io, {call, request},
-                     [this, request, response](const UnaryCall&) {
-                       return AnswerListLabels(models_.store(), *request, response);
+                     [this, request, response](const UnaryCall& unary) {
+                       return AnswerListLabels(models_.store(), unary, *request, response);
                      });
 }
 
 grpc::ServerUnaryReactor* LabelServiceRpc::DeleteLabel(grpc::CallbackServerContext* call,
                                                        const v1::DeleteLabelRequest* request,
                                                        google::protobuf::Empty*) {
-  return runner_.Run(runner_.pools().io, {call, request}, [this, request](const UnaryCall&) {
-    return AnswerDeleteLabel(models_.store(), *request);
+  return runner_.Run(runner_.pools().io, {call, request}, [this, request](const UnaryCall& unary) {
+    return AnswerDeleteLabel(models_.store(), unary, *request);
   });
 }
 

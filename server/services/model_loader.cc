@@ -37,9 +37,9 @@ absl::Status WithBytes(const absl::Status& status, const MemoryBytes& need,
 
 }  // namespace
 
-absl::StatusOr<ModelCache::Share> ModelLoader::ShareOf(const std::string& scene) const {
+absl::StatusOr<ModelCache::Share> ModelLoader::ShareOf(const std::string& project) const {
   ModelCache::Share share;
-  ASSIGN_OR_RETURN(share.owner, options_.store.scenes().ProjectOfScene(scene));
+  share.owner = project;
   ASSIGN_OR_RETURN(const Quota quota, options_.quotas.Get(share.owner));
   share.limit = quota.resident_bytes;
   share.error = [limit = share.limit](int64_t need) {
@@ -48,7 +48,7 @@ absl::StatusOr<ModelCache::Share> ModelLoader::ShareOf(const std::string& scene)
   return share;
 }
 
-absl::StatusOr<ModelRow> ModelLoader::FindLive(const std::string& scene) const {
+absl::StatusOr<ModelRow> ModelLoader::FindLive(const SceneRef& scene) const {
   auto model = options_.store.models().GetLiveModel(scene);
   if (absl::IsFailedPrecondition(model.status())) {
     const auto job = options_.store.jobs().FindActiveJob(scene);
@@ -59,22 +59,36 @@ absl::StatusOr<ModelRow> ModelLoader::FindLive(const std::string& scene) const {
   return model;
 }
 
-absl::StatusOr<ModelRow> ModelLoader::Find(const std::string& name,
+absl::StatusOr<ModelRow> ModelLoader::Find(const NamedScenes& scenes, const std::string& name,
                                            const std::string& field) const {
-  ASSIGN_OR_RETURN(const SceneChild model, ParseModelName(name, field));
+  ASSIGN_OR_RETURN(const SceneChild model, scenes.Model(name, field));
+  return Find(model);
+}
+
+absl::StatusOr<ModelRow> ModelLoader::Find(const SceneChild& model) const {
   // "live" is resolved at each call, so that a new model is used by the next request.
   if (model.number == kLiveModel) return FindLive(model.scene);
   auto row = options_.store.models().GetModel(model.scene, model.number);
-  if (absl::IsNotFound(row.status())) return WithResource(row.status(), "NO_SUCH_MODEL", name);
+  if (absl::IsNotFound(row.status())) {
+    return WithResource(row.status(), "NO_SUCH_MODEL",
+                        ChildName(model.scene, "models", model.number));
+  }
   return row;
 }
 
-absl::StatusOr<ResidentModel> ModelLoader::Load(const std::string& name, const std::string& field) {
-  ASSIGN_OR_RETURN(const ModelRow row, Find(name, field));
+absl::StatusOr<ResidentModel> ModelLoader::Load(const NamedScenes& scenes, const std::string& name,
+                                                const std::string& field) {
+  ASSIGN_OR_RETURN(const SceneChild model, scenes.Model(name, field));
+  return Load(model);
+}
+
+absl::StatusOr<ResidentModel> ModelLoader::Load(const SceneChild& model) {
+  ASSIGN_OR_RETURN(const ModelRow row, Find(model));
   MemoryBytes need;
   const std::filesystem::path folder = options_.data_folder / row.folder;
   ModelCache::Source source;
-  source.name = KeyedChildName(row.scene, "models", row.number);
+  source.name = ChildName(row.scene, "models", row.number);
+  source.owner = row.scene.project;
   source.need = [&]() -> absl::StatusOr<MemoryBytes> {
     // The folder's name comes from the database, so it is checked to lie in the data folder before
     // it is opened.
@@ -89,7 +103,7 @@ absl::StatusOr<ResidentModel> ModelLoader::Load(const std::string& name, const s
   };
   // The callbacks run before Acquire returns, and only if the model is not in memory: a hit costs
   // no read of the disk or of the quota.
-  source.share = [&] { return ShareOf(row.scene); };
+  source.share = [&] { return ShareOf(row.scene.project); };
   auto segmenter = cache_->Acquire(ResidentKey(row), source);
   // An UNAVAILABLE of the database is private and says nothing about memory.
   const bool no_room = absl::IsResourceExhausted(segmenter.status()) ||
@@ -99,20 +113,20 @@ absl::StatusOr<ResidentModel> ModelLoader::Load(const std::string& name, const s
     return WithBytes(WithPrefix(source.name + ": ", segmenter.status()), need, cache_->budget());
   }
   RETURN_IF_ERROR(segmenter.status());
-  return ResidentModel{
-      ChildName(row.scene, "models", row.number), *std::move(segmenter), {row.scene, row.number}};
+  return ResidentModel{source.name, *std::move(segmenter), {row.scene, row.number}};
 }
 
-absl::StatusOr<ResidentModel> ModelLoader::LoadWithFeatures(const std::string& name,
+absl::StatusOr<ResidentModel> ModelLoader::LoadWithFeatures(const NamedScenes& scenes,
+                                                            const std::string& name,
                                                             const std::string& field) {
-  ASSIGN_OR_RETURN(ResidentModel model, Load(name, field));
+  ASSIGN_OR_RETURN(ResidentModel model, Load(scenes, name, field));
   RETURN_IF_ERROR(CheckFeatures(model));
   return model;
 }
 
 absl::StatusOr<std::unique_ptr<ReservedMemory>> ModelLoader::TakeAnswerMemory(
-    const std::string& scene, int64_t bytes) {
-  ASSIGN_OR_RETURN(const ModelCache::Share share, ShareOf(scene));
+    const std::string& project, int64_t bytes) {
+  ASSIGN_OR_RETURN(const ModelCache::Share share, ShareOf(project));
   return TakeMemory(share, {bytes, 0});
 }
 

@@ -33,8 +33,8 @@ absl::Status CheckFeatures(const ResidentModel& model);
 // Returns the key of a model in the cache.
 std::string ResidentKey(const ModelRow& model);
 
-// Finds the models that requests name, and loads them into memory. Names are checked: errors name
-// `field`. Thread safe; all calls block on the store.
+// Finds the models that requests name, and loads them into memory. Calls with a name check it:
+// errors name `field`. Thread safe; all calls block on the store.
 class ModelLoader {
  public:
   // What it refers to must outlive the loader.
@@ -49,19 +49,24 @@ class ModelLoader {
 
   // Returns the record of a model, where the name ".../models/live" means the newest one.
   // FAILED_PRECONDITION: the scene has no model yet; the detail names the scene's active job.
-  absl::StatusOr<ModelRow> Find(const std::string& name, const std::string& field) const;
+  absl::StatusOr<ModelRow> Find(const SceneChild& model) const;
+  absl::StatusOr<ModelRow> Find(const NamedScenes& scenes, const std::string& name,
+                                const std::string& field) const;
 
   // Returns a model in memory, and loads it if necessary, which takes long. UNAVAILABLE with the
   // bytes needed and available, and a time to retry: models in use leave no room for now.
   // RESOURCE_EXHAUSTED: the model cannot fit.
-  absl::StatusOr<ResidentModel> Load(const std::string& name, const std::string& field);
+  absl::StatusOr<ResidentModel> Load(const SceneChild& model);
+  absl::StatusOr<ResidentModel> Load(const NamedScenes& scenes, const std::string& name,
+                                     const std::string& field);
   // Loads a model for a query of its features. In addition to the errors of Load,
   // FAILED_PRECONDITION: see CheckFeatures.
-  absl::StatusOr<ResidentModel> LoadWithFeatures(const std::string& name, const std::string& field);
+  absl::StatusOr<ResidentModel> LoadWithFeatures(const NamedScenes& scenes, const std::string& name,
+                                                 const std::string& field);
 
-  // Reserves `bytes` of host memory for an answer about a model of the scene, out of the budget and
-  // the project's share of its models. RESOURCE_EXHAUSTED or UNAVAILABLE: there is no room.
-  absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeAnswerMemory(const std::string& scene,
+  // Reserves `bytes` of host memory for an answer about a model of the project, out of the budget
+  // and the project's share of its models. RESOURCE_EXHAUSTED or UNAVAILABLE: there is no room.
+  absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeAnswerMemory(const std::string& project,
                                                                    int64_t bytes);
   // Reserves memory of host and device for something that serves all projects, out of the budget
   // only. Errors are those of TakeAnswerMemory.
@@ -77,9 +82,9 @@ class ModelLoader {
  private:
   absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeMemory(const ModelCache::Share& share,
                                                              const MemoryBytes& need);
-  absl::StatusOr<ModelRow> FindLive(const std::string& scene) const;
-  // Returns the share of the cache of the project that the scene belongs to.
-  absl::StatusOr<ModelCache::Share> ShareOf(const std::string& scene) const;
+  absl::StatusOr<ModelRow> FindLive(const SceneRef& scene) const;
+  // Returns the project's share of the cache.
+  absl::StatusOr<ModelCache::Share> ShareOf(const std::string& project) const;
 
   const Options options_;
   MapCounts map_counts_;  // outlives the models in the cache

@@ -129,11 +129,12 @@ absl::Status CheckRequest(const v1::RenderViewRequest& request) {
 }
 
 // Returns for each Gaussian 1 if it is in the overlay's subset, else 0.
-absl::StatusOr<std::vector<int32_t>> ReadMembers(const Selections& selections,
+absl::StatusOr<std::vector<int32_t>> ReadMembers(const NamedScenes& scenes,
+                                                 const Selections& selections,
                                                  const ResidentModel& model,
                                                  const v1::Subset& subset) {
   ASSIGN_OR_RETURN(const std::optional<GaussianSet> members,
-                   selections.FindSubset(model, subset, "overlay_subset"));
+                   selections.FindSubset(scenes, model, subset, "overlay_subset"));
   // Here "all of the model" would tint the whole picture, so it is refused.
   if (!members) return BadField("overlay_subset", "", "neither a selection nor a segment");
   return std::vector<int32_t>(members->member.begin(), members->member.end());
@@ -156,7 +157,8 @@ absl::Status ReadOverlay(const v1::MaskImage& mask, RenderQuery& query) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<RenderQuery> ReadQuery(const Selections& selections, const ResidentModel& model,
+absl::StatusOr<RenderQuery> ReadQuery(const NamedScenes& scenes, const Selections& selections,
+                                      const ResidentModel& model,
                                       const v1::RenderViewRequest& request) {
   RETURN_IF_ERROR(CheckRequest(request));
   RenderQuery query;
@@ -175,12 +177,12 @@ absl::StatusOr<RenderQuery> ReadQuery(const Selections& selections, const Reside
       !(query.feature_scale >= 0 && query.feature_scale <= 1)) {
     return BadField("feature_scale", absl::StrCat(query.feature_scale), "not in [0, 1]");
   }
-  ASSIGN_OR_RETURN(query.subset, selections.FindSubset(model, request.subset(), "subset"));
+  ASSIGN_OR_RETURN(query.subset, selections.FindSubset(scenes, model, request.subset(), "subset"));
   if (request.has_overlay_mask()) {
     RETURN_IF_ERROR(ReadOverlay(request.overlay_mask(), query));
   } else if (request.has_overlay_subset()) {
     ASSIGN_OR_RETURN(query.overlay_members,
-                     ReadMembers(selections, model, request.overlay_subset()));
+                     ReadMembers(scenes, selections, model, request.overlay_subset()));
   }
   return query;
 }
@@ -347,14 +349,15 @@ absl::Status RenderToFit(const UnaryCall& call, const Segmenter& segmenter,
 absl::Status RenderAnswers::Render(const UnaryCall& call, const v1::RenderViewRequest& request,
                                    v1::RenderViewResponse* response) const {
   Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(const ResidentModel model, models_.Load(request.model(), "model"));
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   models_.Load(call.scenes(), request.model(), "model"));
   if (request.content() == v1::RenderViewRequest::CONTENT_SEGMENTS ||
       request.content() == v1::RenderViewRequest::CONTENT_FEATURES) {
     RETURN_IF_ERROR(CheckFeatures(model));
   }
   *response->mutable_timing()->mutable_queue() = ToProto(call.queued);
   *response->mutable_timing()->mutable_load() = ToProto(stopwatch.Lap());
-  ASSIGN_OR_RETURN(const RenderQuery query, ReadQuery(selections_, model, request));
+  ASSIGN_OR_RETURN(const RenderQuery query, ReadQuery(call.scenes(), selections_, model, request));
   RETURN_IF_ERROR(RenderToFit(call, *model.segmenter, query, request.content(), response));
   response->set_model(model.name);
   return CheckAnswerSize(response->ByteSizeLong());

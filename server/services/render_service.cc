@@ -65,7 +65,7 @@ class ExportGaussiansStream final : public WriteStream<v1::ExportGaussiansRespon
   // Encodes these Gaussians; nullptr: all.
   absl::Status EncodeSubset(ResidentModel model, const GaussianSet* subset);
   // Reserves memory for what the export holds in addition to the model: `bytes` and a chunk.
-  absl::Status TakeMemory(const std::string& scene, int64_t bytes);
+  absl::Status TakeMemory(const SceneRef& scene, int64_t bytes);
   // Digests some blocks of the subset. After the last one it fills the header.
   Step DigestSome();
   absl::Status FillChunk();
@@ -74,6 +74,7 @@ class ExportGaussiansStream final : public WriteStream<v1::ExportGaussiansRespon
   const Parts parts_;
   grpc::CallbackServerContext* const call_;
   const CallOrigin origin_;
+  AuthorizedCaller caller_;
   v1::ExportGaussiansRequest request_;  // has scene keys instead of ids once it is authorised
   bool opened_ = false;
   std::unique_ptr<ReservedMemory> memory_;
@@ -89,25 +90,26 @@ class ExportGaussiansStream final : public WriteStream<v1::ExportGaussiansRespon
 
 absl::Status ExportGaussiansStream::Open() {
   opened_ = true;
-  ASSIGN_OR_RETURN(const Caller caller,
-                   parts_.runner.authorizer().AuthorizeAndResolve(origin_, request_));
-  RETURN_IF_ERROR(Admit(OwnerOf(caller, origin_)));
-  RETURN_IF_ERROR(parts_.runner.quotas().Admit(caller.project, request_));
+  ASSIGN_OR_RETURN(caller_, parts_.runner.authorizer().AuthorizeAndResolve(origin_, request_));
+  RETURN_IF_ERROR(Admit(OwnerOf(caller_, origin_)));
+  RETURN_IF_ERROR(parts_.runner.quotas().Admit(caller_.project, request_));
   // Quotas and memory are taken before anything is sent, so that a refusal is the call's status.
   ASSIGN_OR_RETURN(const bool is_subset, OpenSubset());
   return is_subset ? absl::OkStatus() : OpenModel();
 }
 
-absl::Status ExportGaussiansStream::TakeMemory(const std::string& scene, int64_t bytes) {
-  ASSIGN_OR_RETURN(memory_, parts_.models.TakeAnswerMemory(scene, bytes + kMessageBytes));
+absl::Status ExportGaussiansStream::TakeMemory(const SceneRef& scene, int64_t bytes) {
+  ASSIGN_OR_RETURN(memory_, parts_.models.TakeAnswerMemory(scene.project, bytes + kMessageBytes));
   return absl::OkStatus();
 }
 
 absl::StatusOr<bool> ExportGaussiansStream::OpenSubset() {
   if (!request_.has_subset()) return false;
-  ASSIGN_OR_RETURN(ResidentModel model, parts_.models.Load(request_.model(), "model"));
-  ASSIGN_OR_RETURN(const std::optional<GaussianSet> subset,
-                   parts_.selections.FindSubset(model, request_.subset(), "subset"));
+  ASSIGN_OR_RETURN(ResidentModel model,
+                   parts_.models.Load(caller_.scenes, request_.model(), "model"));
+  ASSIGN_OR_RETURN(
+      const std::optional<GaussianSet> subset,
+      parts_.selections.FindSubset(caller_.scenes, model, request_.subset(), "subset"));
   if (!subset) return false;
   RETURN_IF_ERROR(EncodeSubset(std::move(model), &*subset));
   return true;
@@ -115,9 +117,8 @@ absl::StatusOr<bool> ExportGaussiansStream::OpenSubset() {
 
 absl::Status ExportGaussiansStream::EncodeSubset(ResidentModel model, const GaussianSet* subset) {
   const Model& of = model.segmenter->model();
-  ASSIGN_OR_RETURN(const SceneChild name, ParseModelName(model.name, "model"));
   const int64_t count = subset == nullptr ? of.gaussians.count : subset->count();
-  RETURN_IF_ERROR(TakeMemory(name.scene, count * static_cast<int64_t>(sizeof(uint32_t))));
+  RETURN_IF_ERROR(TakeMemory(model.row.scene, count * static_cast<int64_t>(sizeof(uint32_t))));
   std::vector<uint32_t> indices;
   // The size is exact, so the vector takes what was reserved in the budget.
   indices.reserve(static_cast<size_t>(count));
@@ -156,7 +157,8 @@ Stream::Step ExportGaussiansStream::DigestSome() {
 }
 
 absl::Status ExportGaussiansStream::OpenModel() {
-  ASSIGN_OR_RETURN(const ModelRow model, parts_.models.Find(request_.model(), "model"));
+  ASSIGN_OR_RETURN(const ModelRow model,
+                   parts_.models.Find(caller_.scenes, request_.model(), "model"));
   RETURN_IF_ERROR(CheckModelFolder(parts_.models.data_folder(), model.folder));
   RETURN_IF_ERROR(TakeMemory(model.scene, 0));
   const std::filesystem::path folder = parts_.models.data_folder() / model.folder;
@@ -165,7 +167,8 @@ absl::Status ExportGaussiansStream::OpenModel() {
     ASSIGN_OR_RETURN(const GaussianPlyShape shape,
                      ReadGaussianPlyShape(folder / kPlyName, kPlyName));
     if (shape.has_doubles) {
-      ASSIGN_OR_RETURN(ResidentModel resident, parts_.models.Load(request_.model(), "model"));
+      ASSIGN_OR_RETURN(ResidentModel resident,
+                       parts_.models.Load(caller_.scenes, request_.model(), "model"));
       return EncodeSubset(std::move(resident), nullptr);
     }
   }

@@ -38,7 +38,7 @@ struct SceneRemains {
 
 // Must run before the records are deleted. What appears in between, such as a job that ends, is
 // left to the collector.
-absl::StatusOr<SceneRemains> FindRemains(Store& store, const std::string& scene) {
+absl::StatusOr<SceneRemains> FindRemains(Store& store, const SceneRef& scene) {
   SceneRemains remains;
   PageRequest page{1000, ""};
   do {
@@ -51,10 +51,9 @@ absl::StatusOr<SceneRemains> FindRemains(Store& store, const std::string& scene)
     for (const ModelRow& model : models.rows) remains.resident_keys.push_back(ResidentKey(model));
     page.page_token = models.next_page_token;
   } while (!page.page_token.empty());
-  ASSIGN_OR_RETURN(const std::string project, store.scenes().ProjectOfScene(scene));
   ASSIGN_OR_RETURN(const auto uploads, store.datasets().ListOpenUploads(absl::InfiniteFuture()));
   for (const DatasetRow& upload : uploads) {
-    if (upload.scene == scene) remains.uploads.push_back({project, scene, upload.number});
+    if (upload.scene == scene) remains.uploads.push_back({scene, upload.number});
   }
   return remains;
 }
@@ -76,10 +75,10 @@ absl::StatusOr<std::vector<std::string>> FindSelectionFiles(Store& store, const 
 // Returns what must precede the name of a scene to make it unique: "projects/{project}/" for a
 // caller who sees all projects, if another project has a scene of this id; else nothing. Names
 // without a project mean the default project, so its scenes need no prefix.
-absl::StatusOr<std::string> PrefixOf(Store& store, const SceneRow& row, const Caller& caller) {
-  if (!caller.sees_all_projects || row.project == kDefaultProject) return std::string();
-  ASSIGN_OR_RETURN(const std::vector<SceneRow> scenes, store.scenes().FindScenes(row.id));
-  return scenes.size() < 2 ? std::string() : absl::StrCat("projects/", row.project, "/");
+absl::StatusOr<std::string> PrefixOf(Store& store, const SceneRef& scene, const Caller& caller) {
+  if (!caller.sees_all_projects || scene.project == kDefaultProject) return std::string();
+  ASSIGN_OR_RETURN(const std::vector<SceneRef> scenes, store.scenes().FindScenes(scene.name));
+  return scenes.size() < 2 ? std::string() : absl::StrCat("projects/", scene.project, "/");
 }
 
 // Fills a page of the model's views. A page token is the index of the page's first view.
@@ -115,23 +114,23 @@ SceneServiceRpc::SceneServiceRpc(const CallRunner& runner, ModelLoader& models, 
 
 absl::Status SceneServiceRpc::FillScene(const SceneRow& row, const Caller& caller,
                                         v1::Scene* scene) const {
-  ASSIGN_OR_RETURN(const std::string prefix, PrefixOf(store_, row, caller));
-  scene->set_name(prefix + SceneName(row.key));
+  ASSIGN_OR_RETURN(const std::string prefix, PrefixOf(store_, row.scene, caller));
+  scene->set_name(prefix + SceneName(row.scene));
   scene->set_display_name(row.display_name);
   *scene->mutable_create_time() = ToProto(row.create_time);
-  const auto model = store_.models().GetLiveModel(row.key);
+  const auto model = store_.models().GetLiveModel(row.scene);
   if (model.ok()) {
-    scene->set_live_model(prefix + ChildName(row.key, "models", model->number));
+    scene->set_live_model(prefix + ChildName(row.scene, "models", model->number));
     // FAILED_PRECONDITION means that the scene has no model yet.
   } else if (!absl::IsFailedPrecondition(model.status())) {
     return model.status();
   }
-  ASSIGN_OR_RETURN(const auto job, store_.jobs().FindActiveJob(row.key));
+  ASSIGN_OR_RETURN(const auto job, store_.jobs().FindActiveJob(row.scene));
   if (job.has_value()) scene->set_active_job(JobName(job->id));
   return absl::OkStatus();
 }
 
-absl::Status SceneServiceRpc::DeleteWithRemains(const std::string& scene) {
+absl::Status SceneServiceRpc::DeleteWithRemains(const SceneRef& scene) {
   // The records go first: if the server is killed afterwards, files without a record are left,
   // which the collector removes. The other order would leave records without files.
   ASSIGN_OR_RETURN(const SceneRemains remains, FindRemains(store_, scene));
@@ -149,14 +148,13 @@ absl::Status SceneServiceRpc::DeleteWithRemains(const std::string& scene) {
   for (const std::string& job : remains.jobs) {
     RemoveBeneath(models_.data_folder(), std::filesystem::path("jobs") / job).IgnoreError();
   }
-  std::filesystem::remove_all(DatasetsFolder(models_.data_folder()) / SceneFolderName(scene),
-                              ignored);
+  std::filesystem::remove_all(DatasetFolder(models_.data_folder(), scene), ignored);
   std::filesystem::remove_all(models_.data_folder() / SelectionFolder(scene), ignored);
   return absl::OkStatus();
 }
 
-absl::Status SceneServiceRpc::DeleteModelWithFiles(const std::string& name) {
-  ASSIGN_OR_RETURN(const ModelRow row, models_.Find(name, "name"));
+absl::Status SceneServiceRpc::DeleteModelWithFiles(const SceneChild& model) {
+  ASSIGN_OR_RETURN(const ModelRow row, models_.Find(model));
   // Before the deletion, whose cascade removes the records of the selections.
   ASSIGN_OR_RETURN(const auto selections, FindSelectionFiles(store_, row));
   RETURN_IF_ERROR(store_.models().DeleteModel(row.scene, row.number));
@@ -177,13 +175,12 @@ grpc::ServerUnaryReactor* SceneServiceRpc::CreateScene(grpc::CallbackServerConte
                      [this, request, response](const UnaryCall& unary) {
                        RETURN_IF_ERROR(CheckCreate(*request));
                        SceneRow row;
-                       row.id = request->scene_id();
                        row.display_name = request->scene().display_name();
                        row.request_id = request->request_id();
-                       row.project = unary.caller.project;
+                       row.scene = {0, unary.caller.project, request->scene_id()};
                        const auto scene = store_.scenes().CreateScene(row);
                        if (absl::IsAlreadyExists(scene.status())) {
-                         return WithResource(scene.status(), "SCENE_EXISTS", SceneName(row.id));
+                         return WithResource(scene.status(), "SCENE_EXISTS", SceneName(row.scene));
                        }
                        RETURN_IF_ERROR(scene.status());
                        return FillScene(*scene, unary.caller, response);
@@ -195,7 +192,7 @@ grpc::ServerUnaryReactor* SceneServiceRpc::GetScene(grpc::CallbackServerContext*
                                                     v1::Scene* response) {
   return runner_.Run(runner_.pools().io, {call, request},
                      [this, request, response](const UnaryCall& unary) {
-                       const auto scene = ParseSceneName(request->name(), "name");
+                       const auto scene = unary.scenes().Scene(request->name(), "name");
                        RETURN_IF_ERROR(scene.status());
                        const auto row = store_.scenes().GetScene(*scene);
                        if (!row.ok())
@@ -224,8 +221,8 @@ grpc::ServerUnaryReactor* SceneServiceRpc::ListScenes(grpc::CallbackServerContex
 grpc::ServerUnaryReactor* SceneServiceRpc::DeleteScene(grpc::CallbackServerContext* call,
                                                        const v1::DeleteSceneRequest* request,
                                                        google::protobuf::Empty*) {
-  return runner_.Run(runner_.pools().io, {call, request}, [this, request](const UnaryCall&) {
-    const auto scene = ParseSceneName(request->name(), "name");
+  return runner_.Run(runner_.pools().io, {call, request}, [this, request](const UnaryCall& unary) {
+    const auto scene = unary.scenes().Scene(request->name(), "name");
     RETURN_IF_ERROR(scene.status());
     return DeleteWithRemains(*scene);
   });
@@ -234,21 +231,22 @@ grpc::ServerUnaryReactor* SceneServiceRpc::DeleteScene(grpc::CallbackServerConte
 grpc::ServerUnaryReactor* SceneServiceRpc::ListViews(grpc::CallbackServerContext* call,
                                                      const v1::ListViewsRequest* request,
                                                      v1::ListViewsResponse* response) {
-  return runner_.Run(
-      runner_.pools().query, {call, request}, [this, request, response](const UnaryCall&) {
-        ASSIGN_OR_RETURN(const PageRequest page,
-                         PageFromProto(request->page_size(), request->page_token()));
-        ASSIGN_OR_RETURN(const ResidentModel model, models_.Load(request->parent(), "parent"));
-        return FillViews(model.segmenter->model(), page, response);
-      });
+  return runner_.Run(runner_.pools().query, {call, request},
+                     [this, request, response](const UnaryCall& unary) {
+                       ASSIGN_OR_RETURN(const PageRequest page,
+                                        PageFromProto(request->page_size(), request->page_token()));
+                       ASSIGN_OR_RETURN(const ResidentModel model,
+                                        models_.Load(unary.scenes(), request->parent(), "parent"));
+                       return FillViews(model.segmenter->model(), page, response);
+                     });
 }
 
 grpc::ServerUnaryReactor* SceneServiceRpc::GetModel(grpc::CallbackServerContext* call,
                                                     const v1::GetModelRequest* request,
                                                     v1::Model* response) {
   return runner_.Run(runner_.pools().io, {call, request},
-                     [this, request, response](const UnaryCall&) {
-                       const auto row = models_.Find(request->name(), "name");
+                     [this, request, response](const UnaryCall& unary) {
+                       const auto row = models_.Find(unary.scenes(), request->name(), "name");
                        RETURN_IF_ERROR(row.status());
                        *response = ToProto(*row);
                        return absl::OkStatus();
@@ -258,17 +256,19 @@ grpc::ServerUnaryReactor* SceneServiceRpc::GetModel(grpc::CallbackServerContext*
 grpc::ServerUnaryReactor* SceneServiceRpc::DeleteModel(grpc::CallbackServerContext* call,
                                                        const v1::DeleteModelRequest* request,
                                                        google::protobuf::Empty*) {
-  return runner_.Run(runner_.pools().io, {call, request}, [this, request](const UnaryCall&) {
-    return DeleteModelWithFiles(request->name());
-  });
+  return runner_.Run(
+      runner_.pools().io, {call, request}, [this, request](const UnaryCall& unary) -> absl::Status {
+        ASSIGN_OR_RETURN(const SceneChild model, unary.scenes().Model(request->name(), "name"));
+        return DeleteModelWithFiles(model);
+      });
 }
 
 grpc::ServerUnaryReactor* SceneServiceRpc::ListModels(grpc::CallbackServerContext* call,
                                                       const v1::ListModelsRequest* request,
                                                       v1::ListModelsResponse* response) {
   return runner_.Run(
-      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall&) {
-        ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
+      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall& unary) {
+        ASSIGN_OR_RETURN(const SceneRef scene, unary.scenes().Scene(request->parent(), "parent"));
         ASSIGN_OR_RETURN(const PageRequest page,
                          PageFromProto(request->page_size(), request->page_token()));
         ASSIGN_OR_RETURN(const Page<ModelRow> models, store_.models().ListModels(scene, page));

@@ -41,8 +41,8 @@ class SceneServiceRpc final : public v1::SceneService::CallbackService {
  private:
   absl::Status FillScene(const SceneRow& row, const Caller& caller, v1::Scene* scene) const;
   // Deletes a scene or a model, and its files and models in memory.
-  absl::Status DeleteWithRemains(const std::string& scene);
-  absl::Status DeleteModelWithFiles(const std::string& name);
+  absl::Status DeleteWithRemains(const SceneRef& scene);
+  absl::Status DeleteModelWithFiles(const SceneChild& model);
 
   const CallRunner& runner_;
   ModelLoader& models_;

@@ -43,7 +43,8 @@ absl::StatusOr<std::unique_ptr<SegmentAnswer>> SegmentAnswer::Begin(
   if (request.sam_borders()) RETURN_IF_ERROR(tools.borders.CheckAvailable());
   auto answer = absl::WrapUnique(new SegmentAnswer(tools, std::move(call), request, response));
   Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(answer->model_, tools.models.LoadWithFeatures(request.model(), "model"));
+  ASSIGN_OR_RETURN(answer->model_,
+                   tools.models.LoadWithFeatures(answer->call_.scenes, request.model(), "model"));
   v1::QueryTiming& timing = *response->mutable_timing();
   *timing.mutable_queue() = ToProto(answer->call_.queued);
   *timing.mutable_load() = ToProto(stopwatch.Lap());

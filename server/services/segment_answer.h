@@ -24,6 +24,7 @@ struct SegmentTools {
 // A query on its pool thread, from a unary call or a stream.
 struct QueryCall {
   absl::Duration queued;           // how long it waited for the thread
+  NamedScenes scenes;              // that the request names
   std::function<bool()> given_up;  // returns whether the client no longer waits for the answer
 };
 

@@ -41,7 +41,7 @@ class StreamSegmentsCall final
  private:
   Step Work(bool io_ok) override;
   // Authorises a request, or the call itself while there is no request.
-  absl::Status Authorize(v1::StreamSegmentsRequest& request);
+  absl::Status Authorize(const v1::StreamSegmentsRequest& request);
   // Begins the answer to `request_`, in `message_`.
   absl::Status BeginAnswer();
   // Computes the next view of the answer.
@@ -53,22 +53,20 @@ class StreamSegmentsCall final
   const SegmentTools tools_;
   const CallOrigin origin_;
   const absl::Time begin_ = absl::Now();
-  bool admitted_ = false;  // the caller may use this stream
-  bool asked_ = false;     // a request has come
-  std::string project_;    // the caller's
+  bool admitted_ = false;    // the caller may use this stream
+  bool asked_ = false;       // a request has come
+  AuthorizedCaller caller_;  // of the newest request
   // The request that is being answered.
   v1::StreamSegmentsRequest request_;
   absl::Time answer_begin_;
   std::unique_ptr<SegmentAnswer> answer_;  // null: none is being computed
 };
 
-absl::Status StreamSegmentsCall::Authorize(v1::StreamSegmentsRequest& request) {
-  const auto caller = runner_.authorizer().AuthorizeAndResolve(origin_, request);
-  if (!caller.ok()) return caller.status();
-  project_ = caller->project;
+absl::Status StreamSegmentsCall::Authorize(const v1::StreamSegmentsRequest& request) {
+  ASSIGN_OR_RETURN(caller_, runner_.authorizer().AuthorizeAndResolve(origin_, request));
   absl::Status status;
   // The stream is counted once, for the first caller; later requests are authorised only.
-  if (!admitted_) status = Admit(OwnerOf(*caller, origin_));
+  if (!admitted_) status = Admit(OwnerOf(caller_, origin_));
   admitted_ = status.ok();
   return status;
 }
@@ -78,12 +76,13 @@ absl::Status StreamSegmentsCall::BeginAnswer() {
   message_.set_sequence(request_.sequence());
   answer_begin_ = absl::Now();
   // Each request of a stream counts as a query.
-  RETURN_IF_ERROR(runner_.quotas().Admit(project_, request_));
+  RETURN_IF_ERROR(runner_.quotas().Admit(caller_.project, request_));
   if (request_.segment().sam_borders()) {
     return BadField("segment.sam_borders", "true",
                     "takes too long for a stream of answers; call SegmentViews");
   }
-  const QueryCall call = {absl::ZeroDuration(), [this] { return cancelled() || superseded(); }};
+  const QueryCall call = {absl::ZeroDuration(), caller_.scenes,
+                          [this] { return cancelled() || superseded(); }};
   ASSIGN_OR_RETURN(
       answer_, SegmentAnswer::Begin(tools_, call, request_.segment(), message_.mutable_segment()));
   return absl::OkStatus();
@@ -144,7 +143,8 @@ absl::Status SegmentationServiceRpc::Propose(const UnaryCall& call,
                                              const v1::ProposeScalesRequest& request,
                                              v1::ProposeScalesResponse* response) const {
   Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(const ResidentModel model, models_.LoadWithFeatures(request.model(), "model"));
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   models_.LoadWithFeatures(call.scenes(), request.model(), "model"));
   v1::QueryTiming& timing = *response->mutable_timing();
   *timing.mutable_queue() = ToProto(call.queued);
   *timing.mutable_load() = ToProto(stopwatch.Lap());
@@ -174,7 +174,8 @@ absl::Status SegmentationServiceRpc::Decompose(const UnaryCall& call,
                                                v1::DecomposeModelResponse* response) const {
   ASSIGN_OR_RETURN(const std::vector<double> scales, ReadScales(request.scales(), "scales"));
   Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(const ResidentModel model, models_.LoadWithFeatures(request.model(), "model"));
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   models_.LoadWithFeatures(call.scenes(), request.model(), "model"));
   v1::QueryTiming& timing = *response->mutable_timing();
   *timing.mutable_queue() = ToProto(call.queued);
   *timing.mutable_load() = ToProto(stopwatch.Lap());
@@ -204,7 +205,8 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::SegmentViews(
       pool, {call, request},
       [this, request, response](const UnaryCall& unary) -> absl::StatusOr<AnswerParts> {
         const UnaryRequest asked = unary;
-        const QueryCall query = {unary.queued, [asked] { return !asked.CheckWanted().ok(); }};
+        const QueryCall query = {unary.queued, unary.scenes(),
+                                 [asked] { return !asked.CheckWanted().ok(); }};
         ASSIGN_OR_RETURN(std::shared_ptr<SegmentAnswer> answer,
                          SegmentAnswer::Begin({models_, borders_}, query, *request, response));
         return [answer = std::move(answer)] { return answer->SegmentNext(); };

@@ -107,7 +107,7 @@ absl::Status SelectionServiceRpc::Create(const UnaryCall& call,
                                          v1::Selection* response) const {
   // A repeated request is answered from its record before the model is loaded, even if "live" means
   // a newer model by now.
-  ASSIGN_OR_RETURN(const SceneChild named, ParseModelName(request.model(), "model"));
+  ASSIGN_OR_RETURN(const SceneChild named, call.scenes().Model(request.model(), "model"));
   RETURN_IF_ERROR(CheckCreate(request));
   SelectionRow row;
   row.scene = named.scene;
@@ -117,12 +117,14 @@ absl::Status SelectionServiceRpc::Create(const UnaryCall& call,
     *response = ToProto(*earlier);
     return absl::OkStatus();
   }
-  ASSIGN_OR_RETURN(const ResidentModel model, models_.LoadWithFeatures(request.model(), "model"));
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   models_.LoadWithFeatures(call.scenes(), request.model(), "model"));
   RETURN_IF_ERROR(call.CheckWanted());
   GaussianSet base;
   if (!request.base().empty()) {
-    ASSIGN_OR_RETURN(base, selections_.Find(request.base(), model.row, "base"));
-    ASSIGN_OR_RETURN(const SceneChild of, ParseChildName(request.base(), "selections", "base"));
+    ASSIGN_OR_RETURN(base, selections_.Find(call.scenes(), request.base(), model.row, "base"));
+    ASSIGN_OR_RETURN(const SceneChild of,
+                     call.scenes().Child(request.base(), "selections", "base"));
     row.base = of.number;
   }
   ASSIGN_OR_RETURN(const GaussianSet added, SelectSource(call, model, request));
@@ -133,11 +135,13 @@ absl::Status SelectionServiceRpc::Create(const UnaryCall& call,
   return absl::OkStatus();
 }
 
-absl::Status SelectionServiceRpc::Combine(const v1::CombineSelectionsRequest& request,
+absl::Status SelectionServiceRpc::Combine(const UnaryCall& call,
+                                          const v1::CombineSelectionsRequest& request,
                                           v1::Selection* response) const {
   RETURN_IF_ERROR(CheckOperation(request.operation()));
   RETURN_IF_ERROR(CheckRequestId(request.request_id()));
-  ASSIGN_OR_RETURN(const SceneChild first, ParseChildName(request.first(), "selections", "first"));
+  ASSIGN_OR_RETURN(const SceneChild first,
+                   call.scenes().Child(request.first(), "selections", "first"));
   SelectionRow row;
   row.scene = first.scene;
   row.base = first.number;
@@ -147,46 +151,50 @@ absl::Status SelectionServiceRpc::Combine(const v1::CombineSelectionsRequest& re
     *response = ToProto(*earlier);
     return absl::OkStatus();
   }
-  ASSIGN_OR_RETURN(const SelectionRow base, selections_.FindRow(request.first(), "first"));
+  ASSIGN_OR_RETURN(const SelectionRow base, selections_.FindRow(first));
   // Both sets must be of the model of `first`; Find refuses `second` otherwise.
   const SceneChild of = {base.scene, base.model};
-  ASSIGN_OR_RETURN(const GaussianSet a, selections_.Find(request.first(), of, "first"));
-  ASSIGN_OR_RETURN(const GaussianSet b, selections_.Find(request.second(), of, "second"));
+  ASSIGN_OR_RETURN(const GaussianSet a,
+                   selections_.Find(call.scenes(), request.first(), of, "first"));
+  ASSIGN_OR_RETURN(const GaussianSet b,
+                   selections_.Find(call.scenes(), request.second(), of, "second"));
   ASSIGN_OR_RETURN(const GaussianSet set,
                    Apply(OrDefault(request.operation(), v1::SET_OPERATION_UNION), a, b));
   // The model is loaded only for the bounds of the result, so a model without features does.
-  ASSIGN_OR_RETURN(const ResidentModel model,
-                   models_.Load(KeyedChildName(of.scene, "models", of.number), "first"));
+  ASSIGN_OR_RETURN(const ResidentModel model, models_.Load(of));
   ASSIGN_OR_RETURN(row, selections_.Record(model, set, row));
   *response = ToProto(row);
   return absl::OkStatus();
 }
 
-absl::Status SelectionServiceRpc::Undo(const v1::UndoSelectionRequest& request,
+absl::Status SelectionServiceRpc::Undo(const UnaryCall& call,
+                                       const v1::UndoSelectionRequest& request,
                                        v1::Selection* response) const {
-  ASSIGN_OR_RETURN(const SelectionRow row, selections_.FindRow(request.name(), "name"));
+  ASSIGN_OR_RETURN(const SelectionRow row,
+                   selections_.FindRow(call.scenes(), request.name(), "name"));
   if (row.base == 0) {
     return WithResource(absl::FailedPreconditionError(
                             absl::StrCat(request.name(), " was not made from another selection")),
                         "NO_BASE", request.name());
   }
-  const std::string base_name = KeyedChildName(row.scene, "selections", row.base);
   // NOT_FOUND if the base was deleted: selections refer to their base by number only.
-  ASSIGN_OR_RETURN(const SelectionRow base, selections_.FindRow(base_name, "name"));
+  ASSIGN_OR_RETURN(const SelectionRow base, selections_.FindRow({row.scene, row.base}));
   *response = ToProto(base);
   return absl::OkStatus();
 }
 
-absl::Status SelectionServiceRpc::Get(const v1::GetSelectionRequest& request,
+absl::Status SelectionServiceRpc::Get(const UnaryCall& call, const v1::GetSelectionRequest& request,
                                       v1::Selection* response) const {
-  ASSIGN_OR_RETURN(const SelectionRow row, selections_.FindRow(request.name(), "name"));
+  ASSIGN_OR_RETURN(const SelectionRow row,
+                   selections_.FindRow(call.scenes(), request.name(), "name"));
   *response = ToProto(row);
   return absl::OkStatus();
 }
 
-absl::Status SelectionServiceRpc::List(const v1::ListSelectionsRequest& request,
+absl::Status SelectionServiceRpc::List(const UnaryCall& call,
+                                       const v1::ListSelectionsRequest& request,
                                        v1::ListSelectionsResponse* response) const {
-  ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
+  ASSIGN_OR_RETURN(const SceneRef scene, call.scenes().Scene(request.parent(), "parent"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
   ASSIGN_OR_RETURN(const Page<SelectionRow> rows,
@@ -196,8 +204,10 @@ absl::Status SelectionServiceRpc::List(const v1::ListSelectionsRequest& request,
   return absl::OkStatus();
 }
 
-absl::Status SelectionServiceRpc::Delete(const v1::DeleteSelectionRequest& request) const {
-  ASSIGN_OR_RETURN(const SelectionRow row, selections_.FindRow(request.name(), "name"));
+absl::Status SelectionServiceRpc::Delete(const UnaryCall& call,
+                                         const v1::DeleteSelectionRequest& request) const {
+  ASSIGN_OR_RETURN(const SelectionRow row,
+                   selections_.FindRow(call.scenes(), request.name(), "name"));
   return selections_.Delete(row);
 }
 
@@ -213,17 +223,19 @@ grpc::ServerUnaryReactor* SelectionServiceRpc::CreateSelection(
 grpc::ServerUnaryReactor* SelectionServiceRpc::CombineSelections(
     grpc::CallbackServerContext* call, const v1::CombineSelectionsRequest* request,
     v1::Selection* response) {
-  return runner_.Run(
-      runner_.pools().query, {call, request},
-      [this, request, response](const UnaryCall&) { return Combine(*request, response); });
+  return runner_.Run(runner_.pools().query, {call, request},
+                     [this, request, response](const UnaryCall& unary) {
+                       return Combine(unary, *request, response);
+                     });
 }
 
 grpc::ServerUnaryReactor* SelectionServiceRpc::UndoSelection(
     grpc::CallbackServerContext* call, const v1::UndoSelectionRequest* request,
     v1::Selection* response) {
-  return runner_.Run(
-      runner_.pools().io, {call, request},
-      [this, request, response](const UnaryCall&) { return Undo(*request, response); });
+  return runner_.Run(runner_.pools().io, {call, request},
+                     [this, request, response](const UnaryCall& unary) {
+                       return Undo(unary, *request, response);
+                     });
 }
 
 grpc::ServerUnaryReactor* SelectionServiceRpc::GetSelection(grpc::CallbackServerContext* call,
@@ -231,22 +243,23 @@ grpc::ServerUnaryReactor* SelectionServiceRpc::GetSelection(grpc::CallbackServer
                                                             v1::Selection* response) {
   return runner_.Run(
       runner_.pools().io, {call, request},
-      [this, request, response](const UnaryCall&) { return Get(*request, response); });
+      [this, request, response](const UnaryCall& unary) { return Get(unary, *request, response); });
 }
 
 grpc::ServerUnaryReactor* SelectionServiceRpc::ListSelections(
     grpc::CallbackServerContext* call, const v1::ListSelectionsRequest* request,
     v1::ListSelectionsResponse* response) {
-  return runner_.Run(
-      runner_.pools().io, {call, request},
-      [this, request, response](const UnaryCall&) { return List(*request, response); });
+  return runner_.Run(runner_.pools().io, {call, request},
+                     [this, request, response](const UnaryCall& unary) {
+                       return List(unary, *request, response);
+                     });
 }
 
 grpc::ServerUnaryReactor* SelectionServiceRpc::DeleteSelection(
     grpc::CallbackServerContext* call, const v1::DeleteSelectionRequest* request,
     google::protobuf::Empty*) {
   return runner_.Run(runner_.pools().io, {call, request},
-                     [this, request](const UnaryCall&) { return Delete(*request); });
+                     [this, request](const UnaryCall& unary) { return Delete(unary, *request); });
 }
 
 }  // namespace pepeseg

@@ -39,12 +39,15 @@ class SelectionServiceRpc final : public v1::SelectionService::CallbackService {
   // Answer the calls. All of them block.
   absl::Status Create(const UnaryCall& call, const v1::CreateSelectionRequest& request,
                       v1::Selection* response) const;
-  absl::Status Combine(const v1::CombineSelectionsRequest& request, v1::Selection* response) const;
-  absl::Status Undo(const v1::UndoSelectionRequest& request, v1::Selection* response) const;
-  absl::Status Get(const v1::GetSelectionRequest& request, v1::Selection* response) const;
-  absl::Status List(const v1::ListSelectionsRequest& request,
+  absl::Status Combine(const UnaryCall& call, const v1::CombineSelectionsRequest& request,
+                       v1::Selection* response) const;
+  absl::Status Undo(const UnaryCall& call, const v1::UndoSelectionRequest& request,
+                    v1::Selection* response) const;
+  absl::Status Get(const UnaryCall& call, const v1::GetSelectionRequest& request,
+                   v1::Selection* response) const;
+  absl::Status List(const UnaryCall& call, const v1::ListSelectionsRequest& request,
                     v1::ListSelectionsResponse* response) const;
-  absl::Status Delete(const v1::DeleteSelectionRequest& request) const;
+  absl::Status Delete(const UnaryCall& call, const v1::DeleteSelectionRequest& request) const;
   // Return the Gaussians that a request selects, by a prompt or as a segment.
   absl::StatusOr<GaussianSet> SelectPrompted(const UnaryCall& call, const ResidentModel& model,
                                              const v1::CreateSelectionRequest& request) const;

@@ -36,17 +36,23 @@ absl::Status WithRequest(const absl::Status& status, const SelectionRow& row) {
 
 }  // namespace
 
-absl::StatusOr<SelectionRow> Selections::FindRow(const std::string& name,
+absl::StatusOr<SelectionRow> Selections::FindRow(const NamedScenes& scenes, const std::string& name,
                                                  const std::string& field) const {
-  ASSIGN_OR_RETURN(const SceneChild selection, ParseChildName(name, "selections", field));
-  auto row = store_.selections().GetSelection(selection.scene, selection.number);
-  if (absl::IsNotFound(row.status())) return WithResource(row.status(), "NO_SUCH_SELECTION", name);
-  return row;
+  ASSIGN_OR_RETURN(const SceneChild selection, scenes.Child(name, "selections", field));
+  return FindRow(selection);
 }
 
-absl::StatusOr<GaussianSet> Selections::Find(const std::string& name, const SceneChild& model,
+absl::StatusOr<SelectionRow> Selections::FindRow(const SceneChild& selection) const {
+  auto row = store_.selections().GetSelection(selection.scene, selection.number);
+  if (!absl::IsNotFound(row.status())) return row;
+  return WithResource(row.status(), "NO_SUCH_SELECTION",
+                      ChildName(selection.scene, "selections", selection.number));
+}
+
+absl::StatusOr<GaussianSet> Selections::Find(const NamedScenes& scenes, const std::string& name,
+                                             const SceneChild& model,
                                              const std::string& field) const {
-  ASSIGN_OR_RETURN(const SelectionRow row, FindRow(name, field));
+  ASSIGN_OR_RETURN(const SelectionRow row, FindRow(scenes, name, field));
   if (row.scene != model.scene || row.model != model.number) {
     const std::string its_model = ChildName(row.scene, "models", row.model);
     return WithResource(absl::FailedPreconditionError(
@@ -65,13 +71,14 @@ absl::StatusOr<GaussianSet> Selections::Find(const std::string& name, const Scen
   return set;
 }
 
-absl::StatusOr<std::optional<GaussianSet>> Selections::FindSubset(const ResidentModel& model,
+absl::StatusOr<std::optional<GaussianSet>> Selections::FindSubset(const NamedScenes& scenes,
+                                                                  const ResidentModel& model,
                                                                   const v1::Subset& subset,
                                                                   const std::string& field) const {
   GaussianSet found;
   switch (subset.of_case()) {
     case v1::Subset::kSelection: {
-      ASSIGN_OR_RETURN(found, Find(subset.selection(), model.row, field + ".selection"));
+      ASSIGN_OR_RETURN(found, Find(scenes, subset.selection(), model.row, field + ".selection"));
       break;
     }
     case v1::Subset::kSegment: {

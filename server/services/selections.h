@@ -25,17 +25,20 @@ class Selections {
 
   // Returns the record of a selection that a request names. INVALID_ARGUMENT names `field` if it is
   // not such a name; NOT_FOUND.
-  absl::StatusOr<SelectionRow> FindRow(const std::string& name, const std::string& field) const;
+  absl::StatusOr<SelectionRow> FindRow(const NamedScenes& scenes, const std::string& name,
+                                       const std::string& field) const;
+  absl::StatusOr<SelectionRow> FindRow(const SceneChild& selection) const;
 
   // Returns the Gaussians of a selection of `model`. In addition to the errors of FindRow:
   // FAILED_PRECONDITION: the selection is of another model. DATA_LOSS: the file is damaged.
-  absl::StatusOr<GaussianSet> Find(const std::string& name, const SceneChild& model,
-                                   const std::string& field) const;
+  absl::StatusOr<GaussianSet> Find(const NamedScenes& scenes, const std::string& name,
+                                   const SceneChild& model, const std::string& field) const;
 
   // Returns the Gaussians of a loaded model that `subset` names, or nullopt if it means all of
   // them. Errors are those of Find and FindSegment, below `field`; INVALID_ARGUMENT also for the
   // complement of nothing.
-  absl::StatusOr<std::optional<GaussianSet>> FindSubset(const ResidentModel& model,
+  absl::StatusOr<std::optional<GaussianSet>> FindSubset(const NamedScenes& scenes,
+                                                        const ResidentModel& model,
                                                         const v1::Subset& subset,
                                                         const std::string& field) const;
 

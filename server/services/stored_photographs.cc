@@ -36,7 +36,7 @@ absl::Status StoredPhotographs::List() {
   ASSIGN_OR_RETURN(const ModelRow row, store_.models().GetModel(model_.scene, model_.number));
   ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
                    store_.files().ListDatasetFiles(row.scene, row.dataset));
-  ASSIGN_OR_RETURN(project_, store_.scenes().ProjectOfScene(row.scene));
+  project_ = row.scene.project;
   files_.emplace();
   for (const DatasetFileRow& file : files) {
     if (file.kind == v1::FILE_KIND_IMAGE) files_->emplace(PhotoKey(file.path), file);

@@ -138,7 +138,7 @@ absl::Status WriteGroup::Commit(Store& store, BlobStore& blobs) {
   std::vector<std::string> digests;
   for (const DatasetFileRow& row : rows) digests.push_back(row.sha256);
   // What cannot be removed now is left to the collector.
-  RemoveUnnamedBlobs(store, blobs, upload_.project, digests).IgnoreError();
+  RemoveUnnamedBlobs(store, blobs, upload_.scene.project, digests).IgnoreError();
   return marked;
 }
 
@@ -151,7 +151,7 @@ absl::Status DeleteUpload(Store& store, BlobStore& blobs, const UploadName& uplo
   std::vector<std::string> digests;
   digests.reserve(files.size());
   for (const DatasetFileRow& file : files) digests.push_back(file.sha256);
-  return RemoveUnnamedBlobs(store, blobs, upload.project, digests);
+  return RemoveUnnamedBlobs(store, blobs, upload.scene.project, digests);
 }
 
 absl::Status RemoveUnnamedBlobs(Store& store, BlobStore& blobs, const std::string& project,

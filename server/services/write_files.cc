@@ -96,11 +96,11 @@ absl::Duration WriteFilesStream::io_limit() const {
 absl::Status WriteFilesStream::BeginCall() {
   ASSIGN_OR_RETURN(const Caller caller, parts_.runner.authorizer().Authorize(
                                             origin_, v1::WriteFilesRequest::default_instance()));
-  caller_ = caller;
+  caller_ = {caller, {}};
   return Admit(OwnerOf(caller, origin_));
 }
 
-absl::Status WriteFilesStream::Authorize(v1::WriteFilesRequest& part) {
+absl::Status WriteFilesStream::Authorize(const v1::WriteFilesRequest& part) {
   if (!part.has_header()) return absl::OkStatus();
   // Every header is authorised, so that a key that is revoked ends the upload at the next file, and
   // an upload of another project is refused.
@@ -143,7 +143,7 @@ absl::Status WriteFilesStream::Take(const v1::WriteFilesRequest& part) {
 
 absl::Status WriteFilesStream::BeginFile(const v1::WriteFilesRequest::Header& header) {
   ASSIGN_OR_RETURN(const SceneChild upload,
-                   ParseChildName(header.upload(), "uploads", "header.upload"));
+                   caller_->scenes.Child(header.upload(), "uploads", "header.upload"));
   RETURN_IF_ERROR(FindFile(header, upload));
   // A file with the same bytes may be complete and wait in the group: then they need not be sent.
   if (group_.Holds(file_.sha256, file_.size)) {
@@ -194,11 +194,10 @@ absl::Status WriteFilesStream::ListFrom(const std::string& path, const std::stri
     return WithResource(absl::FailedPreconditionError(absl::StrCat(name, " is sealed")), "SEALED",
                         name);
   }
-  ASSIGN_OR_RETURN(const std::string project, store.scenes().ProjectOfScene(upload.scene));
   ASSIGN_OR_RETURN(auto files,
                    store.files().ListDatasetFilesFrom(upload.scene, upload.number, path, kListed));
   for (DatasetFileRow& file : files) listed_.emplace(file.path, std::move(file));
-  upload_ = {project, upload.scene, upload.number};
+  upload_ = {upload.scene, upload.number};
   return absl::OkStatus();
 }
 

@@ -39,7 +39,7 @@ class WriteFilesStream final : public ReadStream<v1::WriteFilesRequest> {
   // Checks key and scope of the caller, before anything is read.
   absl::Status BeginCall();
   // Authorises a header, which names an upload; other parts need no authorisation.
-  absl::Status Authorize(v1::WriteFilesRequest& part);
+  absl::Status Authorize(const v1::WriteFilesRequest& part);
   // Keeps what was received before the call was cut off. That blocks, so a task does it.
   void OnClosed() override;
   // Commits what was received, and records in the audit log what ended the stream.
@@ -62,7 +62,7 @@ class WriteFilesStream final : public ReadStream<v1::WriteFilesRequest> {
   const Parts parts_;
   const CallOrigin origin_;
   v1::WriteFilesResponse* const response_;
-  std::optional<Caller> caller_;  // none: the call has not begun
+  std::optional<AuthorizedCaller> caller_;  // none: the call has not begun
   bool got_message_ = false;
   v1::WriteFilesRequest named_;  // the newest header, for the audit log
   std::string begun_;            // its upload in the audit log; empty: has its outcome, or none

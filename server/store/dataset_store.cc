@@ -13,19 +13,20 @@ namespace pepeseg {
 namespace {
 
 // Returns datasets of a scene for which "number `condition` `key`" holds, ordered by number.
-std::vector<DatasetRow> SelectDatasets(soci::session& sql, const std::string& scene,
+std::vector<DatasetRow> SelectDatasets(soci::session& sql, const SceneRef& scene,
                                        const std::string& condition, int64_t key, int64_t limit) {
   DatasetRow row;
+  row.scene = scene;
   int state = 0;
   int64_t create_time = 0;
   int64_t seal_time = 0;
   soci::statement select =
-      (sql.prepare << "SELECT scene, number, state, request_id, create_time, seal_time, num_files,"
+      (sql.prepare << "SELECT number, state, request_id, create_time, seal_time, num_files,"
                       " num_bytes FROM datasets WHERE scene = :scene AND number "
                    << condition << " :key ORDER BY number LIMIT :limit",
-       soci::into(row.scene), soci::into(row.number), soci::into(state), soci::into(row.request_id),
+       soci::into(row.number), soci::into(state), soci::into(row.request_id),
        soci::into(create_time), soci::into(seal_time), soci::into(row.num_files),
-       soci::into(row.num_bytes), soci::use(scene), soci::use(key), soci::use(limit));
+       soci::into(row.num_bytes), soci::use(scene.id), soci::use(key), soci::use(limit));
   select.execute();
   std::vector<DatasetRow> rows;
   while (select.fetch()) {
@@ -57,7 +58,7 @@ absl::StatusOr<DatasetRow> FindEarlier(soci::session& sql, const DatasetRow& wan
   if (wanted.request_id.empty()) return DatasetRow();
   int64_t number = 0;
   sql << "SELECT number FROM datasets WHERE scene = :scene AND request_id = :request",
-      soci::use(wanted.scene), soci::use(wanted.request_id), soci::into(number);
+      soci::use(wanted.scene.id), soci::use(wanted.request_id), soci::into(number);
   if (!sql.got_data()) return DatasetRow();
   FileQuery query;
   query.scene = wanted.scene;
@@ -80,7 +81,7 @@ DatasetRow InsertDataset(soci::session& sql, DatasetRow row,
   row.seal_time = FromMicros(0);
   sql << "INSERT INTO datasets (scene, number, state, request_id, create_time, seal_time,"
          " num_files, num_bytes) VALUES (:scene, :number, 0, :request, :time, 0, :files, :bytes)",
-      soci::use(row.scene), soci::use(row.number), soci::use(row.request_id), soci::use(now),
+      soci::use(row.scene.id), soci::use(row.number), soci::use(row.request_id), soci::use(now),
       soci::use(row.num_files), soci::use(row.num_bytes);
   InsertFiles(sql, row, files);
   return row;
@@ -102,13 +103,13 @@ absl::StatusOr<DatasetRow> Seal(soci::session& sql, const DatasetRow& dataset) {
   }
   const int64_t now = absl::ToUnixMicros(absl::Now());
   sql << "UPDATE datasets SET state = 1, seal_time = :now WHERE scene = :scene AND number = :n",
-      soci::use(now), soci::use(dataset.scene), soci::use(dataset.number);
+      soci::use(now), soci::use(dataset.scene.id), soci::use(dataset.number);
   return SelectDataset(sql, dataset.scene, dataset.number);
 }
 
 }  // namespace
 
-absl::StatusOr<DatasetRow> SelectDataset(soci::session& sql, const std::string& scene,
+absl::StatusOr<DatasetRow> SelectDataset(soci::session& sql, const SceneRef& scene,
                                          int64_t number) {
   RETURN_IF_ERROR(CheckScene(sql, scene));
   std::vector<DatasetRow> rows = SelectDatasets(sql, scene, "=", number, 1);
@@ -118,7 +119,7 @@ absl::StatusOr<DatasetRow> SelectDataset(soci::session& sql, const std::string& 
   return rows[0];
 }
 
-absl::StatusOr<DatasetRow> DatasetStore::CreateDataset(const std::string& scene,
+absl::StatusOr<DatasetRow> DatasetStore::CreateDataset(const SceneRef& scene,
                                                        const std::string& request_id,
                                                        const std::vector<DatasetFileRow>& files,
                                                        const std::function<absl::Status()>& admit) {
@@ -138,21 +139,21 @@ absl::StatusOr<DatasetRow> DatasetStore::CreateDataset(const std::string& scene,
                  [](const DatasetFileRow& file) { return file.stored; });
     // Files whose bytes are there already count as stored from now on. The blob may have no record,
     // for example if the server was killed after publishing it.
-    InsertBlobs(sql, SelectProjectOf(sql, scene), stored);
+    InsertBlobs(sql, scene.project, stored);
     // Checked after the insertion, so that the dataset counts. An error rolls all of it back.
-    RETURN_IF_ERROR(CheckUploadQuotas(sql, scene, defaults_));
+    RETURN_IF_ERROR(CheckUploadQuotas(sql, scene.project, defaults_));
     return made;
   });
 }
 
-absl::StatusOr<DatasetRow> DatasetStore::GetDataset(const std::string& scene, int64_t number) {
+absl::StatusOr<DatasetRow> DatasetStore::GetDataset(const SceneRef& scene, int64_t number) {
   return database_.Query<DatasetRow>(
       [&](soci::session& sql) { return SelectDataset(sql, scene, number); });
 }
 
-absl::StatusOr<Page<DatasetRow>> DatasetStore::ListDatasets(const std::string& scene,
+absl::StatusOr<Page<DatasetRow>> DatasetStore::ListDatasets(const SceneRef& scene,
                                                             const PageRequest& page) {
-  const std::string list = absl::StrCat("datasets/", scene);
+  const std::string list = absl::StrCat("datasets/", scene.id);
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
   ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, 0));
   return database_.Query<Page<DatasetRow>>(
@@ -170,12 +171,12 @@ absl::StatusOr<Page<DatasetRow>> DatasetStore::ListDatasets(const std::string& s
       });
 }
 
-absl::StatusOr<DatasetRow> DatasetStore::SealDataset(const std::string& scene, int64_t number,
+absl::StatusOr<DatasetRow> DatasetStore::SealDataset(const SceneRef& scene, int64_t number,
                                                      const std::vector<DatasetFileRow>& found) {
   return database_.Query<DatasetRow>([&](soci::session& sql) -> absl::StatusOr<DatasetRow> {
     ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
     if (dataset.state == DatasetState::kOpen) {
-      InsertBlobs(sql, SelectProjectOf(sql, scene), found);
+      InsertBlobs(sql, scene.project, found);
       RETURN_IF_ERROR(MarkStored(sql, dataset, found));
     }
     return Seal(sql, dataset);
@@ -189,10 +190,12 @@ absl::StatusOr<std::vector<DatasetRow>> DatasetStore::ListOpenUploads(absl::Time
     DatasetRow row;
     int64_t create_time = 0;
     soci::statement select =
-        (sql.prepare << "SELECT scene, number, create_time, num_files, num_bytes FROM datasets"
-                        " WHERE state = 0 AND create_time < :before ORDER BY scene, number",
-         soci::into(row.scene), soci::into(row.number), soci::into(create_time),
-         soci::into(row.num_files), soci::into(row.num_bytes), soci::use(before));
+        (sql.prepare << "SELECT s.id, s.project, s.name, d.number, d.create_time, d.num_files,"
+                        " d.num_bytes FROM datasets d JOIN scenes s ON s.id = d.scene"
+                        " WHERE d.state = 0 AND d.create_time < :before ORDER BY s.id, d.number",
+         soci::into(row.scene.id), soci::into(row.scene.project), soci::into(row.scene.name),
+         soci::into(row.number), soci::into(create_time), soci::into(row.num_files),
+         soci::into(row.num_bytes), soci::use(before));
     select.execute();
     Rows rows;
     while (select.fetch()) {
@@ -203,16 +206,16 @@ absl::StatusOr<std::vector<DatasetRow>> DatasetStore::ListOpenUploads(absl::Time
   });
 }
 
-absl::Status DatasetStore::DeleteUpload(const std::string& scene, int64_t number) {
+absl::Status DatasetStore::DeleteUpload(const SceneRef& scene, int64_t number) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
     ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
     // An upload may be sealed between the collector's look at its age and this transaction.
     if (dataset.state == DatasetState::kSealed) {
       return absl::FailedPreconditionError(
-          absl::StrCat("scenes/", scene, "/uploads/", number, " is sealed"));
+          absl::StrCat(ChildName(scene, "uploads", number), " is sealed"));
     }
     sql << "DELETE FROM datasets WHERE scene = :scene AND number = :number",
-        soci::use(dataset.scene), soci::use(number);  // its files are deleted by cascade
+        soci::use(dataset.scene.id), soci::use(number);  // its files are deleted by cascade
     return absl::OkStatus();
   });
 }

@@ -17,7 +17,7 @@ int64_t UpdateFiles(soci::session& sql, const std::string& columns, const Datase
   // without a table.
   BatchStatement update(
       sql, {"UPDATE dataset_files SET " + columns + " FROM (",
-            "SELECT CAST(? AS VARCHAR(83)) AS scene, CAST(? AS BIGINT) AS dataset,"
+            "SELECT CAST(? AS BIGINT) AS scene, CAST(? AS BIGINT) AS dataset,"
             " CAST(? AS TEXT) AS path, CAST(? AS VARCHAR(64)) AS sha256,"
             " CAST(? AS INTEGER) AS header, CAST(? AS INTEGER) AS width,"
             " CAST(? AS INTEGER) AS height, CAST(? AS BIGINT) AS num_points",
@@ -25,7 +25,7 @@ int64_t UpdateFiles(soci::session& sql, const std::string& columns, const Datase
             ") AS v WHERE dataset_files.scene = v.scene AND dataset_files.dataset = v.dataset AND"
             " dataset_files.path = v.path AND dataset_files.sha256 = v.sha256"});
   for (const DatasetFileRow& file : files) {
-    update.Add({dataset.scene, dataset.number, file.path, file.sha256,
+    update.Add({dataset.scene.id, dataset.number, file.path, file.sha256,
                 static_cast<int64_t>(file.header), int64_t{file.width}, int64_t{file.height},
                 file.num_points});
   }
@@ -37,8 +37,8 @@ constexpr char kHeaderColumns[] =
 
 }  // namespace
 
-std::string DatasetName(const std::string& scene, int64_t number) {
-  return absl::StrCat("scenes/", scene, "/datasets/", number);
+std::string DatasetName(const SceneRef& scene, int64_t number) {
+  return ChildName(scene, "datasets", number);
 }
 
 std::vector<DatasetFileRow> SelectFiles(soci::session& sql, const FileQuery& query) {
@@ -51,7 +51,7 @@ std::vector<DatasetFileRow> SelectFiles(soci::session& sql, const FileQuery& que
                    << query.condition << " :key ORDER BY path LIMIT :limit",
        soci::into(row.path), soci::into(row.kind), soci::into(row.size), soci::into(row.sha256),
        soci::into(stored), soci::into(header), soci::into(row.width), soci::into(row.height),
-       soci::into(row.num_points), soci::use(query.scene), soci::use(query.dataset),
+       soci::into(row.num_points), soci::use(query.scene.id), soci::use(query.dataset),
        soci::use(query.key), soci::use(query.limit));
   select.execute();
   std::vector<DatasetFileRow> rows;
@@ -67,11 +67,11 @@ void InsertFiles(soci::session& sql, const DatasetRow& dataset,
                  const std::vector<DatasetFileRow>& files) {
   BatchStatement insert(
       sql, {"INSERT INTO dataset_files (scene, dataset, path, kind, size, sha256, stored) VALUES ",
-            "(CAST(? AS VARCHAR(83)), CAST(? AS BIGINT), CAST(? AS TEXT), CAST(? AS INTEGER),"
+            "(CAST(? AS BIGINT), CAST(? AS BIGINT), CAST(? AS TEXT), CAST(? AS INTEGER),"
             " CAST(? AS BIGINT), CAST(? AS VARCHAR(64)), CAST(? AS INTEGER))",
             ", ", ""});
   for (const DatasetFileRow& file : files) {
-    insert.Add({dataset.scene, dataset.number, file.path, int64_t{file.kind}, file.size,
+    insert.Add({dataset.scene.id, dataset.number, file.path, int64_t{file.kind}, file.size,
                 file.sha256, int64_t{file.stored ? 1 : 0}});
   }
   insert.Finish();
@@ -98,7 +98,7 @@ absl::Status MarkStored(soci::session& sql, const DatasetRow& dataset,
                                           " files that were written"));
 }
 
-absl::StatusOr<std::vector<DatasetFileRow>> FileStore::ListDatasetFiles(const std::string& scene,
+absl::StatusOr<std::vector<DatasetFileRow>> FileStore::ListDatasetFiles(const SceneRef& scene,
                                                                         int64_t number) {
   using Files = std::vector<DatasetFileRow>;
   return database_.Query<Files>([&](soci::session& sql) -> absl::StatusOr<Files> {
@@ -110,7 +110,7 @@ absl::StatusOr<std::vector<DatasetFileRow>> FileStore::ListDatasetFiles(const st
   });
 }
 
-absl::StatusOr<DatasetFileRow> FileStore::GetDatasetFile(const std::string& scene, int64_t number,
+absl::StatusOr<DatasetFileRow> FileStore::GetDatasetFile(const SceneRef& scene, int64_t number,
                                                          const std::string& path) {
   return database_.Query<DatasetFileRow>([&](soci::session& sql) -> absl::StatusOr<DatasetFileRow> {
     ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
@@ -123,18 +123,20 @@ absl::StatusOr<DatasetFileRow> FileStore::GetDatasetFile(const std::string& scen
   });
 }
 
-absl::StatusOr<bool> FileStore::HasFileOfKind(const std::string& scene, int64_t number, int kind) {
+absl::StatusOr<bool> FileStore::HasFileOfKind(const SceneRef& scene, int64_t number, int kind) {
   return database_.Read<bool>([&](soci::session& sql) -> absl::StatusOr<bool> {
     int found = 0;
     sql << "SELECT 1 FROM dataset_files WHERE scene = :scene AND dataset = :dataset"
            " AND kind = :kind LIMIT 1",
-        soci::use(scene), soci::use(number), soci::use(kind), soci::into(found);
+        soci::use(scene.id), soci::use(number), soci::use(kind), soci::into(found);
     return sql.got_data();
   });
 }
 
-absl::StatusOr<std::vector<DatasetFileRow>> FileStore::ListDatasetFilesFrom(
-    const std::string& scene, int64_t number, const std::string& path, int64_t limit) {
+absl::StatusOr<std::vector<DatasetFileRow>> FileStore::ListDatasetFilesFrom(const SceneRef& scene,
+                                                                            int64_t number,
+                                                                            const std::string& path,
+                                                                            int64_t limit) {
   using Files = std::vector<DatasetFileRow>;
   return database_.Read<Files>([&](soci::session& sql) -> absl::StatusOr<Files> {
     return SelectFiles(sql, {scene, number, "path >=", path, limit});
@@ -147,7 +149,7 @@ absl::Status FileStore::MarkFilesStored(const UploadName& upload,
   // count. So the refusal is returned separately.
   absl::Status refused;
   RETURN_IF_ERROR(database_.Transact([&](soci::session& sql) -> absl::Status {
-    InsertBlobs(sql, upload.project, files);
+    InsertBlobs(sql, upload.scene.project, files);
     // NOT_FOUND: the upload was deleted while its files were written. The blobs then count until
     // the collector removes them.
     const auto dataset = SelectDataset(sql, upload.scene, upload.number);
@@ -188,7 +190,7 @@ absl::Status FileStore::SetDigestsStored(const std::string& project,
   });
 }
 
-absl::Status FileStore::SetFileHeaders(const std::string& scene, int64_t number,
+absl::Status FileStore::SetFileHeaders(const SceneRef& scene, int64_t number,
                                        const std::vector<DatasetFileRow>& files) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
     DatasetRow dataset;

@@ -21,16 +21,16 @@ class FileStore {
   explicit FileStore(Database& database) : database_(database) {}
 
   // Returns all files, ordered by path.
-  absl::StatusOr<std::vector<DatasetFileRow>> ListDatasetFiles(const std::string& scene,
+  absl::StatusOr<std::vector<DatasetFileRow>> ListDatasetFiles(const SceneRef& scene,
                                                                int64_t number);
-  absl::StatusOr<DatasetFileRow> GetDatasetFile(const std::string& scene, int64_t number,
+  absl::StatusOr<DatasetFileRow> GetDatasetFile(const SceneRef& scene, int64_t number,
                                                 const std::string& path);
   // Returns whether a dataset has a file of `kind` (pepeseg.v1.FileKind); false if the dataset does
   // not exist.
-  absl::StatusOr<bool> HasFileOfKind(const std::string& scene, int64_t number, int kind);
+  absl::StatusOr<bool> HasFileOfKind(const SceneRef& scene, int64_t number, int kind);
   // Returns up to `limit` files with paths >= `path`, ordered by path; none if the dataset does not
   // exist.
-  absl::StatusOr<std::vector<DatasetFileRow>> ListDatasetFilesFrom(const std::string& scene,
+  absl::StatusOr<std::vector<DatasetFileRow>> ListDatasetFilesFrom(const SceneRef& scene,
                                                                    int64_t number,
                                                                    const std::string& path,
                                                                    int64_t limit);
@@ -40,7 +40,7 @@ class FileStore {
   // errors, since they are on the disk.
   absl::Status MarkFilesStored(const UploadName& upload, const std::vector<DatasetFileRow>& files);
   // Stores what the files' headers say.
-  absl::Status SetFileHeaders(const std::string& scene, int64_t number,
+  absl::Status SetFileHeaders(const SceneRef& scene, int64_t number,
                               const std::vector<DatasetFileRow>& files);
   // Sets `stored` of every file of the project with one of these digests, in sealed datasets too:
   // false when its bytes were found damaged, true when they were uploaded again. The headers of

@@ -289,7 +289,7 @@ absl::StatusOr<ModelRow> JobQueue::CommitModel(const std::string& id, int64_t fe
            "num_gaussians,"
            " num_bytes, create_time) VALUES (:scene, :number, :job, :device, :folder, :metrics, "
            ":sources, :count, :bytes, :now)",
-        soci::use(row.scene), soci::use(row.number), soci::use(row.job), soci::use(row.device),
+        soci::use(row.scene.id), soci::use(row.number), soci::use(row.job), soci::use(row.device),
         soci::use(row.folder), soci::use(row.metrics), soci::use(row.sources),
         soci::use(row.num_gaussians), soci::use(row.num_bytes), soci::use(now);
     job.state = JobState::kSucceeded;

@@ -35,7 +35,7 @@ absl::StatusOr<JobRow> FindEarlier(soci::session& sql, const JobRow& wanted) {
   if (wanted.request_id.empty()) return JobRow();
   int64_t number = 0;
   sql << "SELECT number FROM jobs WHERE scene = :scene AND request_id = :request",
-      soci::use(wanted.scene), soci::use(wanted.request_id), soci::into(number);
+      soci::use(wanted.scene.id), soci::use(wanted.request_id), soci::into(number);
   if (!sql.got_data()) return JobRow();
   ASSIGN_OR_RETURN(JobRow earlier, SelectJob(sql, absl::StrCat("j", number)));
   // The options as the client sent them: effective ones would differ after a default has changed.
@@ -52,14 +52,14 @@ absl::Status CheckStartable(soci::session& sql, const JobRow& job) {
   ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, job.scene, job.dataset));
   if (dataset.state != DatasetState::kSealed) {
     return absl::FailedPreconditionError(
-        absl::StrCat("scenes/", job.scene, "/datasets/", job.dataset, " is not sealed"));
+        absl::StrCat(DatasetName(job.scene, job.dataset), " is not sealed"));
   }
   const JobRow active = SelectActiveJob(sql, job.scene);
   if (active.id.empty()) return absl::OkStatus();
   // The index active_jobs enforces the same against a job that another server inserts at this
   // moment.
   return absl::AbortedError(
-      absl::StrCat("scenes/", job.scene, " is already being trained by jobs/", active.id));
+      absl::StrCat(SceneName(job.scene), " is already being trained by jobs/", active.id));
 }
 
 absl::StatusOr<JobRow> InsertJob(soci::session& sql, const JobRow& job) {
@@ -78,7 +78,7 @@ absl::StatusOr<JobRow> InsertJob(soci::session& sql, const JobRow& job) {
          ":dataset,"
          " 0, '', :options, :effective, :request, 0, :bytes, :seconds, 0, 0, '', 0, :now, 0, 0,"
          " :traceparent)",
-      soci::use(number), soci::use(job.scene), soci::use(job.dataset), soci::use(options),
+      soci::use(number), soci::use(job.scene.id), soci::use(job.dataset), soci::use(options),
       soci::use(effective), soci::use(job.request_id), soci::use(job.host_bytes),
       soci::use(job.seconds), soci::use(now), soci::use(job.traceparent);
   return SelectJob(sql, absl::StrCat("j", number));
@@ -88,13 +88,11 @@ absl::StatusOr<JobRow> InsertJob(soci::session& sql, const JobRow& job) {
 // placeholders would vary.
 absl::StatusOr<std::string> WhereOf(const JobStore::JobFilter& filter) {
   std::string where;
-  // Needs no escaping: ListJobs runs the query only if a scene has this key.
-  if (!filter.scene.empty()) absl::StrAppend(&where, "scene = '", filter.scene, "' AND ");
+  if (filter.scene) absl::StrAppend(&where, "scene = ", filter.scene->id, " AND ");
   if (filter.state) absl::StrAppend(&where, "state = ", static_cast<int>(*filter.state), " AND ");
   if (filter.project.empty()) return where;
   ASSIGN_OR_RETURN(const std::string of_project, OfProject(filter.project));
-  absl::StrAppend(&where, "scene IN (SELECT id FROM scenes WHERE ", of_project, "1 = 1) AND ");
-  return where;
+  return where + of_project;
 }
 
 }  // namespace
@@ -113,14 +111,14 @@ std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_orde
   std::string effective;
   soci::statement select =
       (sql.prepare
-           << "SELECT number, scene, dataset, state, stage, device, options, effective_options,"
-              " request_id, fence, lease_owner, lease_end, launch, crashes, server_ends, "
-              "not_before,"
-              " host_bytes, seconds,"
-              " cancel_requested, error_code, error_message, model, create_time, start_time, "
-              "end_time, traceparent FROM jobs WHERE "
+           << "SELECT number, scene, scenes.project, scenes.name, dataset, state, stage, device,"
+              " options, effective_options, jobs.request_id, fence, lease_owner, lease_end, launch,"
+              " crashes, server_ends, not_before, host_bytes, seconds, cancel_requested,"
+              " error_code, error_message, model, jobs.create_time, start_time, end_time,"
+              " traceparent FROM jobs JOIN scenes ON scenes.id = jobs.scene WHERE "
            << where_order << " LIMIT :limit",
-       soci::into(row.number), soci::into(row.scene), soci::into(row.dataset), soci::into(state),
+       soci::into(row.number), soci::into(row.scene.id), soci::into(row.scene.project),
+       soci::into(row.scene.name), soci::into(row.dataset), soci::into(state),
        soci::into(row.stage), soci::into(row.device), soci::into(options), soci::into(effective),
        soci::into(row.request_id), soci::into(row.fence), soci::into(row.lease_owner),
        soci::into(lease_end), soci::into(row.launch), soci::into(row.crashes),
@@ -153,10 +151,10 @@ absl::StatusOr<JobRow> SelectJob(soci::session& sql, const std::string& id) {
   return rows[0];
 }
 
-JobRow SelectActiveJob(soci::session& sql, const std::string& scene) {
+JobRow SelectActiveJob(soci::session& sql, const SceneRef& scene) {
   int64_t number = 0;
   // At most one, by the index active_jobs. 0 is QUEUED, 1 is RUNNING.
-  sql << "SELECT number FROM jobs WHERE scene = :scene AND state IN (0, 1)", soci::use(scene),
+  sql << "SELECT number FROM jobs WHERE scene = :scene AND state IN (0, 1)", soci::use(scene.id),
       soci::into(number);
   if (!sql.got_data()) return JobRow();
   return SelectJobs(sql, "number = :number", number, 1).at(0);
@@ -172,7 +170,7 @@ absl::StatusOr<JobRow> JobStore::CreateJob(const JobRow& job) {
     RETURN_IF_ERROR(CheckStartable(sql, job));
     ASSIGN_OR_RETURN(JobRow made, InsertJob(sql, job));
     // Checked after the insertion, so that the job counts. An error rolls it back.
-    RETURN_IF_ERROR(CheckQueueQuota(sql, job.scene, defaults_));
+    RETURN_IF_ERROR(CheckQueueQuota(sql, job.scene.project, defaults_));
     return made;
   });
 }
@@ -184,13 +182,13 @@ absl::StatusOr<JobRow> JobStore::GetJob(const std::string& id) {
 absl::StatusOr<Page<JobRow>> JobStore::ListJobs(const JobFilter& filter, const PageRequest& page) {
   const std::string list =
       // The token is bound to the filter: a page of another list would skip or repeat jobs.
-      absl::StrCat("jobs/", filter.scene, "/", filter.state ? static_cast<int>(*filter.state) : -1,
-                   "/", filter.project);
+      absl::StrCat("jobs/", filter.scene ? filter.scene->id : 0, "/",
+                   filter.state ? static_cast<int>(*filter.state) : -1, "/", filter.project);
   ASSIGN_OR_RETURN(const std::string where, WhereOf(filter));
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
   ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewest));
   return database_.Query<Page<JobRow>>([&](soci::session& sql) -> absl::StatusOr<Page<JobRow>> {
-    if (!filter.scene.empty()) RETURN_IF_ERROR(CheckScene(sql, filter.scene));
+    if (filter.scene) RETURN_IF_ERROR(CheckScene(sql, *filter.scene));
     Page<JobRow> answer;
     answer.rows =
         SelectJobs(sql, where + "number < :key ORDER BY number DESC", key, start.limit + 1);
@@ -202,7 +200,7 @@ absl::StatusOr<Page<JobRow>> JobStore::ListJobs(const JobFilter& filter, const P
   });
 }
 
-absl::StatusOr<std::optional<JobRow>> JobStore::FindActiveJob(const std::string& scene) {
+absl::StatusOr<std::optional<JobRow>> JobStore::FindActiveJob(const SceneRef& scene) {
   using Found = std::optional<JobRow>;
   return database_.Query<Found>([&](soci::session& sql) -> absl::StatusOr<Found> {
     RETURN_IF_ERROR(CheckScene(sql, scene));

@@ -24,14 +24,14 @@ class JobStore {
   absl::StatusOr<JobRow> CreateJob(const JobRow& job);
   absl::StatusOr<JobRow> GetJob(const std::string& id);
   struct JobFilter {
-    std::string scene;              // empty: all scenes
+    std::optional<SceneRef> scene;  // nullopt: all scenes
     std::optional<JobState> state;  // nullopt: any state
     std::string project = {};       // empty: all projects
   };
   // Lists jobs, newest first.
   absl::StatusOr<Page<JobRow>> ListJobs(const JobFilter& filter, const PageRequest& page);
   // Returns the scene's QUEUED or RUNNING job, or nullopt.
-  absl::StatusOr<std::optional<JobRow>> FindActiveJob(const std::string& scene);
+  absl::StatusOr<std::optional<JobRow>> FindActiveJob(const SceneRef& scene);
   // Returns the number of the next job. No job of this database has had it or a higher one.
   absl::StatusOr<int64_t> NextJobNumber();
   // Returns the project of a job. NOT_FOUND: there is no such job. INVALID_ARGUMENT: no job can

@@ -4,7 +4,7 @@
 #include "absl/strings/str_join.h"
 #include "core/base/status_macros.h"
 #include "server/store/database.h"
-#include "server/store/scene_key.h"
+#include "server/store/resource_id.h"
 #include "server/store/store_sql.h"
 
 namespace pepeseg {
@@ -12,24 +12,21 @@ namespace {
 
 constexpr int64_t kMaxLabelsNamed = 20;  // in an error message
 
-std::string LabelName(const std::string& scene, const std::string& id) {
-  return absl::StrCat("scenes/", scene, "/labels/", id);
-}
-
 // Returns labels of a scene for which `condition`, followed by the start's key, holds, ordered by
 // id.
-std::vector<LabelRow> SelectLabels(soci::session& sql, const std::string& scene,
+std::vector<LabelRow> SelectLabels(soci::session& sql, const SceneRef& scene,
                                    const std::string& condition, const PageStart& start) {
   LabelRow row;
+  row.scene = scene;
   int64_t create_time = 0;
   soci::statement select =
-      (sql.prepare << "SELECT scene, id, text, view, width, height, counts, area, request_id,"
+      (sql.prepare << "SELECT id, text, view, width, height, counts, area, request_id,"
                       " create_time FROM labels WHERE scene = :scene AND "
                    << condition << " :key ORDER BY id LIMIT :limit",
-       soci::into(row.scene), soci::into(row.id), soci::into(row.text), soci::into(row.view),
-       soci::into(row.width), soci::into(row.height), soci::into(row.counts), soci::into(row.area),
-       soci::into(row.request_id), soci::into(create_time), soci::use(scene), soci::use(start.key),
-       soci::use(start.limit));
+       soci::into(row.id), soci::into(row.text), soci::into(row.view), soci::into(row.width),
+       soci::into(row.height), soci::into(row.counts), soci::into(row.area),
+       soci::into(row.request_id), soci::into(create_time), soci::use(scene.id),
+       soci::use(start.key), soci::use(start.limit));
   select.execute();
   std::vector<LabelRow> rows;
   while (select.fetch()) {
@@ -39,7 +36,7 @@ std::vector<LabelRow> SelectLabels(soci::session& sql, const std::string& scene,
   return rows;
 }
 
-absl::Status NoLabelError(soci::session& sql, const std::string& scene, const std::string& id) {
+absl::Status NoLabelError(soci::session& sql, const SceneRef& scene, const std::string& id) {
   std::vector<std::string> ids;
   // A mistyped label is the usual error, so the message lists those that exist.
   for (const LabelRow& label : SelectLabels(sql, scene, "id >", {kMaxLabelsNamed, ""})) {
@@ -51,7 +48,7 @@ absl::Status NoLabelError(soci::session& sql, const std::string& scene, const st
                    absl::StrJoin(ids, ", "), ids.size() == kMaxLabelsNamed ? " and others" : ""));
 }
 
-absl::StatusOr<LabelRow> SelectLabel(soci::session& sql, const std::string& scene,
+absl::StatusOr<LabelRow> SelectLabel(soci::session& sql, const SceneRef& scene,
                                      const std::string& id) {
   RETURN_IF_ERROR(CheckScene(sql, scene));
   const std::vector<LabelRow> rows = SelectLabels(sql, scene, "id =", {1, id});
@@ -87,7 +84,7 @@ absl::StatusOr<LabelRow> InsertLabel(soci::session& sql, const LabelRow& label) 
   sql << "INSERT INTO labels (scene, id, text, view, width, height, counts, area, request_id,"
          " create_time) VALUES (:scene, :id, :text, :view, :width, :height, :counts, :area,"
          " :request, :now)",
-      soci::use(row.scene), soci::use(row.id), soci::use(row.text), soci::use(row.view),
+      soci::use(row.scene.id), soci::use(row.id), soci::use(row.text), soci::use(row.view),
       soci::use(row.width), soci::use(row.height), soci::use(row.counts), soci::use(row.area),
       soci::use(row.request_id), soci::use(now);
   return row;
@@ -102,13 +99,13 @@ absl::StatusOr<LabelRow> LabelStore::CreateLabel(const LabelRow& label) {
   return database_.Query<LabelRow>([&](soci::session& sql) { return InsertLabel(sql, label); });
 }
 
-absl::StatusOr<LabelRow> LabelStore::GetLabel(const std::string& scene, const std::string& id) {
+absl::StatusOr<LabelRow> LabelStore::GetLabel(const SceneRef& scene, const std::string& id) {
   return database_.Query<LabelRow>([&](soci::session& sql) { return SelectLabel(sql, scene, id); });
 }
 
-absl::StatusOr<Page<LabelRow>> LabelStore::ListLabels(const std::string& scene,
+absl::StatusOr<Page<LabelRow>> LabelStore::ListLabels(const SceneRef& scene,
                                                       const PageRequest& page) {
-  const std::string list = absl::StrCat("labels/", scene);
+  const std::string list = absl::StrCat("labels/", scene.id);
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
   return database_.Query<Page<LabelRow>>([&](soci::session& sql) -> absl::StatusOr<Page<LabelRow>> {
     RETURN_IF_ERROR(CheckScene(sql, scene));
@@ -122,10 +119,10 @@ absl::StatusOr<Page<LabelRow>> LabelStore::ListLabels(const std::string& scene,
   });
 }
 
-absl::Status LabelStore::DeleteLabel(const std::string& scene, const std::string& id) {
+absl::Status LabelStore::DeleteLabel(const SceneRef& scene, const std::string& id) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
     ASSIGN_OR_RETURN(const LabelRow label, SelectLabel(sql, scene, id));
-    sql << "DELETE FROM labels WHERE scene = :scene AND id = :id", soci::use(label.scene),
+    sql << "DELETE FROM labels WHERE scene = :scene AND id = :id", soci::use(label.scene.id),
         soci::use(label.id);
     return absl::OkStatus();
   });

@@ -19,10 +19,10 @@ class LabelStore {
   // is not IsResourceId. ALREADY_EXISTS: a label of another request has the id.
   absl::StatusOr<LabelRow> CreateLabel(const LabelRow& label);
   // NOT_FOUND also names up to 20 labels of the scene.
-  absl::StatusOr<LabelRow> GetLabel(const std::string& scene, const std::string& id);
+  absl::StatusOr<LabelRow> GetLabel(const SceneRef& scene, const std::string& id);
   // Lists labels by id.
-  absl::StatusOr<Page<LabelRow>> ListLabels(const std::string& scene, const PageRequest& page);
-  absl::Status DeleteLabel(const std::string& scene, const std::string& id);
+  absl::StatusOr<Page<LabelRow>> ListLabels(const SceneRef& scene, const PageRequest& page);
+  absl::Status DeleteLabel(const SceneRef& scene, const std::string& id);
 
  private:
   Database& database_;

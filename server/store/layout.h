@@ -5,9 +5,11 @@
 #include <string>
 #include <string_view>
 
+#include "server/store/scene_ref.h"
+
 // The layout of the server's data directory. Only ids that the server made, numbers, digests and
 // ids that follow a strict rule become parts of a path, never a name that a client chose freely.
-// SCENE is the SceneFolderName of a scene's key.
+// SCENE is SceneRef::id.
 //
 //   lock                      held by the one server that uses the directory
 //   pepeseg.db                the SQLite database
@@ -81,51 +83,16 @@ inline std::filesystem::path PartialFolder(const std::filesystem::path& data) {
   return data / "partial";
 }
 
-// Returns a folder name for a scene's key. Names of different keys also differ in file systems that
-// ignore case: a capital becomes '_' and its lower-case letter, '_' becomes "__", '.' becomes "_-".
-// Keys of lower-case letters, digits, '-' and '@' stay as they are.
-inline std::string SceneFolderName(std::string_view scene) {
-  std::string name;
-  for (const char c : scene) {
-    if (c == '_' || c == '.') {
-      name += c == '_' ? "__" : "_-";
-    } else if (c >= 'A' && c <= 'Z') {
-      name += {'_', static_cast<char>(c - 'A' + 'a')};
-    } else {
-      name += c;
-    }
-  }
-  return name;
-}
-
-// Returns the key whose SceneFolderName is `name`, or "" if there is none.
-inline std::string SceneOfFolderName(std::string_view name) {
-  std::string scene;
-  for (size_t i = 0; i < name.size(); ++i) {
-    if (name[i] != '_') {
-      scene += name[i];
-    } else if (const char next = ++i < name.size() ? name[i] : '\0'; next == '_' || next == '-') {
-      scene += next == '_' ? '_' : '.';
-    } else if (next >= 'a' && next <= 'z') {
-      scene += static_cast<char>(next - 'a' + 'A');
-    } else {
-      return "";
-    }
-  }
-  return SceneFolderName(scene) == name ? scene : "";
-}
-
 // Identifies an upload: a dataset that is still open.
 struct UploadName {
-  std::string project;
-  std::string scene;
+  SceneRef scene;
   int64_t number = 0;
 };
 
 inline std::filesystem::path PartialFolderOf(const std::filesystem::path& data,
                                              const UploadName& upload) {
-  return PartialFolder(data) / upload.project /
-         (SceneFolderName(upload.scene) + "-" + std::to_string(upload.number));
+  return PartialFolder(data) / upload.scene.project /
+         (std::to_string(upload.scene.id) + "-" + std::to_string(upload.number));
 }
 
 // Returns the file next to a partial upload that says how many of its bytes are committed.
@@ -147,18 +114,23 @@ inline std::filesystem::path DatasetsFolder(const std::filesystem::path& data) {
   return data / "datasets";
 }
 
+inline std::filesystem::path DatasetFolder(const std::filesystem::path& data,
+                                           const SceneRef& scene) {
+  return DatasetsFolder(data) / std::to_string(scene.id);
+}
+
 inline std::filesystem::path SelectionsFolder(const std::filesystem::path& data) {
   return data / "selections";
 }
 
 inline std::filesystem::path DatasetManifestPath(const std::filesystem::path& data,
-                                                 std::string_view scene, int64_t number) {
-  return data / "datasets" / SceneFolderName(scene) / (std::to_string(number) + ".json");
+                                                 const SceneRef& scene, int64_t number) {
+  return DatasetFolder(data, scene) / (std::to_string(number) + ".json");
 }
 
 // Returns a path relative to the data directory.
-inline std::filesystem::path SelectionFolder(std::string_view scene) {
-  return std::filesystem::path("selections") / SceneFolderName(scene);
+inline std::filesystem::path SelectionFolder(const SceneRef& scene) {
+  return std::filesystem::path("selections") / std::to_string(scene.id);
 }
 
 }  // namespace pepeseg

@@ -19,20 +19,21 @@ constexpr char kDatasetOfJob[] =
     " 0)";
 
 // Returns models of a scene for which "number `condition` `key`" holds, newest first.
-std::vector<ModelRow> SelectModels(soci::session& sql, const std::string& scene,
+std::vector<ModelRow> SelectModels(soci::session& sql, const SceneRef& scene,
                                    const std::string& condition, const PageStart& start,
                                    int64_t key) {
   ModelRow row;
+  row.scene = scene;
   int64_t create_time = 0;
   soci::statement select =
-      (sql.prepare << "SELECT scene, number, job, " << kDatasetOfJob
+      (sql.prepare << "SELECT number, job, " << kDatasetOfJob
                    << ", device, folder, metrics, sources, num_gaussians,"
                       " num_bytes, create_time FROM models WHERE scene = :scene AND number "
                    << condition << " :key ORDER BY number DESC LIMIT :limit",
-       soci::into(row.scene), soci::into(row.number), soci::into(row.job), soci::into(row.dataset),
-       soci::into(row.device), soci::into(row.folder), soci::into(row.metrics),
-       soci::into(row.sources), soci::into(row.num_gaussians), soci::into(row.num_bytes),
-       soci::into(create_time), soci::use(scene), soci::use(key), soci::use(start.limit));
+       soci::into(row.number), soci::into(row.job), soci::into(row.dataset), soci::into(row.device),
+       soci::into(row.folder), soci::into(row.metrics), soci::into(row.sources),
+       soci::into(row.num_gaussians), soci::into(row.num_bytes), soci::into(create_time),
+       soci::use(scene.id), soci::use(key), soci::use(start.limit));
   select.execute();
   std::vector<ModelRow> rows;
   while (select.fetch()) {
@@ -42,33 +43,32 @@ std::vector<ModelRow> SelectModels(soci::session& sql, const std::string& scene,
   return rows;
 }
 
-absl::Status NoModelError(soci::session& sql, const std::string& scene) {
+absl::Status NoModelError(soci::session& sql, const SceneRef& scene) {
   // The message says which job will make a model, since that is what the client wants to know next.
   const JobRow active = SelectActiveJob(sql, scene);
   return absl::FailedPreconditionError(
-      absl::StrCat("scenes/", scene, " has no model yet",
+      absl::StrCat(SceneName(scene), " has no model yet",
                    active.id.empty() ? ": train it first"
                                      : absl::StrCat(": jobs/", active.id, " is making one")));
 }
 
 }  // namespace
 
-absl::StatusOr<ModelRow> SelectModel(soci::session& sql, const std::string& scene, int64_t number) {
+absl::StatusOr<ModelRow> SelectModel(soci::session& sql, const SceneRef& scene, int64_t number) {
   std::vector<ModelRow> rows = SelectModels(sql, scene, "=", {1, ""}, number);
   if (rows.empty()) {
     RETURN_IF_ERROR(CheckScene(sql, scene));
-    return absl::NotFoundError(
-        absl::StrCat("scenes/", scene, "/models/", number, " does not exist"));
+    return absl::NotFoundError(absl::StrCat(ChildName(scene, "models", number), " does not exist"));
   }
   return rows[0];
 }
 
-absl::StatusOr<ModelRow> ModelStore::GetModel(const std::string& scene, int64_t number) {
+absl::StatusOr<ModelRow> ModelStore::GetModel(const SceneRef& scene, int64_t number) {
   return database_.Read<ModelRow>(
       [&](soci::session& sql) { return SelectModel(sql, scene, number); });
 }
 
-absl::StatusOr<ModelRow> ModelStore::GetLiveModel(const std::string& scene) {
+absl::StatusOr<ModelRow> ModelStore::GetLiveModel(const SceneRef& scene) {
   return database_.Read<ModelRow>([&](soci::session& sql) -> absl::StatusOr<ModelRow> {
     std::vector<ModelRow> rows = SelectModels(sql, scene, "<", {1, ""}, kNewestModel);
     if (!rows.empty()) return rows[0];  // one SELECT: every query looks up its model here
@@ -77,9 +77,9 @@ absl::StatusOr<ModelRow> ModelStore::GetLiveModel(const std::string& scene) {
   });
 }
 
-absl::StatusOr<Page<ModelRow>> ModelStore::ListModels(const std::string& scene,
+absl::StatusOr<Page<ModelRow>> ModelStore::ListModels(const SceneRef& scene,
                                                       const PageRequest& page) {
-  const std::string list = absl::StrCat("models/", scene);
+  const std::string list = absl::StrCat("models/", scene.id);
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
   ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewestModel));
   return database_.Query<Page<ModelRow>>([&](soci::session& sql) -> absl::StatusOr<Page<ModelRow>> {
@@ -96,11 +96,12 @@ absl::StatusOr<Page<ModelRow>> ModelStore::ListModels(const std::string& scene,
   });
 }
 
-absl::Status ModelStore::DeleteModel(const std::string& scene, int64_t number) {
+absl::Status ModelStore::DeleteModel(const SceneRef& scene, int64_t number) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
     // In the same transaction as the deletion, so that of two deletions one is NOT_FOUND.
     ASSIGN_OR_RETURN(const ModelRow model, SelectModel(sql, scene, number));
-    sql << "DELETE FROM models WHERE scene = :scene AND number = :number", soci::use(model.scene),
+    sql << "DELETE FROM models WHERE scene = :scene AND number = :number",
+        soci::use(model.scene.id),
         soci::use(number);  // its selections are deleted by cascade
     return absl::OkStatus();
   });

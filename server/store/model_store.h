@@ -16,13 +16,13 @@ class ModelStore {
  public:
   explicit ModelStore(Database& database) : database_(database) {}
 
-  absl::StatusOr<ModelRow> GetModel(const std::string& scene, int64_t number);
+  absl::StatusOr<ModelRow> GetModel(const SceneRef& scene, int64_t number);
   // Returns the scene's newest model. FAILED_PRECONDITION: there is none; names the active job.
-  absl::StatusOr<ModelRow> GetLiveModel(const std::string& scene);
+  absl::StatusOr<ModelRow> GetLiveModel(const SceneRef& scene);
   // Lists models, newest first.
-  absl::StatusOr<Page<ModelRow>> ListModels(const std::string& scene, const PageRequest& page);
+  absl::StatusOr<Page<ModelRow>> ListModels(const SceneRef& scene, const PageRequest& page);
   // Deletes a model with its selections.
-  absl::Status DeleteModel(const std::string& scene, int64_t number);
+  absl::Status DeleteModel(const SceneRef& scene, int64_t number);
 
  private:
   Database& database_;

@@ -4,7 +4,7 @@
 #include "core/base/status_macros.h"
 #include "server/store/database.h"
 #include "server/store/quota.h"
-#include "server/store/scene_key.h"
+#include "server/store/resource_id.h"
 #include "server/store/store_sql.h"
 
 namespace pepeseg {

@@ -105,12 +105,6 @@ absl::Status QuotaError(const std::string& name, int64_t need, int64_t limit) {
        .value = absl::StrCat(need)});
 }
 
-std::string SelectProjectOf(soci::session& sql, const std::string& scene) {
-  std::string project;
-  sql << "SELECT project FROM scenes WHERE id = :id", soci::use(scene), soci::into(project);
-  return project;
-}
-
 Quota SelectUsage(soci::session& sql, const std::string& project) {
   Quota used;
   used.stored_bytes = SumStoredBytes(sql, project);
@@ -120,9 +114,8 @@ Quota SelectUsage(soci::session& sql, const std::string& project) {
   return used;
 }
 
-absl::Status CheckUploadQuotas(soci::session& sql, const std::string& scene,
+absl::Status CheckUploadQuotas(soci::session& sql, const std::string& project,
                                const Quota& defaults) {
-  const std::string project = SelectProjectOf(sql, scene);
   const Quota quota = SelectInForce(sql, project, defaults);
   if (quota.open_uploads > 0) {
     RETURN_IF_ERROR(CheckOne("open_uploads", CountOpenUploads(sql, project), quota.open_uploads));
@@ -131,8 +124,8 @@ absl::Status CheckUploadQuotas(soci::session& sql, const std::string& scene,
   return CheckOne("stored_bytes", SumStoredBytes(sql, project), quota.stored_bytes);
 }
 
-absl::Status CheckQueueQuota(soci::session& sql, const std::string& scene, const Quota& defaults) {
-  const std::string project = SelectProjectOf(sql, scene);
+absl::Status CheckQueueQuota(soci::session& sql, const std::string& project,
+                             const Quota& defaults) {
   const Quota quota = SelectInForce(sql, project, defaults);
   if (quota.stored_bytes > 0) {
     // The size of the model is not known yet: reserve one byte.
@@ -142,9 +135,8 @@ absl::Status CheckQueueQuota(soci::session& sql, const std::string& scene, const
   return CheckOne("queued_jobs", CountJobs(sql, project, kQueued), quota.queued_jobs);
 }
 
-absl::Status CheckSelectionQuota(soci::session& sql, const std::string& scene,
+absl::Status CheckSelectionQuota(soci::session& sql, const std::string& project,
                                  const Quota& defaults) {
-  const std::string project = SelectProjectOf(sql, scene);
   const Quota quota = SelectInForce(sql, project, defaults);
   if (quota.stored_bytes == 0) return absl::OkStatus();
   return CheckOne("stored_bytes", SumStoredBytes(sql, project), quota.stored_bytes);

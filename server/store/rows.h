@@ -7,11 +7,11 @@
 
 #include "absl/time/time.h"
 #include "server/store/quota.h"
+#include "server/store/scene_ref.h"
 
-// The store's records as plain values. `scene` is a scene's key in all of them. server/api builds
-// resource names from them: scenes/{scene}, scenes/{scene}/datasets/{number},
-// scenes/{scene}/models/{number}, scenes/{scene}/labels/{id}, scenes/{scene}/selections/{number},
-// jobs/{id}, keys/{id}.
+// The store's records as plain values. server/api builds resource names from them: scenes/{scene},
+// scenes/{scene}/datasets/{number}, scenes/{scene}/models/{number}, scenes/{scene}/labels/{id},
+// scenes/{scene}/selections/{number}, jobs/{id}, keys/{id}.
 namespace pepeseg {
 
 // The project of callers on a server without keys.
@@ -36,19 +36,17 @@ struct KeyRow {
 };
 
 struct SceneRow {
-  std::string id;  // IsResourceId; unique within its project
+  SceneRef scene;
   std::string display_name;
   std::string request_id;  // of the create call; empty: none
   absl::Time create_time;
-  std::string project = kDefaultProject;
-  std::string key = {};  // its name in other records and in the store's calls: see scene_key.h
 };
 
 enum class DatasetState { kOpen = 0, kSealed = 1 };  // numbers are stored: never renumber
 
 // A set of files. Open: an upload in progress. Sealed: immutable, can be trained on.
 struct DatasetRow {
-  std::string scene;
+  SceneRef scene;
   int64_t number = 0;  // from 1, never reused
   DatasetState state = DatasetState::kOpen;
   std::string request_id;
@@ -98,7 +96,7 @@ inline bool IsTerminal(JobState state) {
 struct JobRow {
   std::string id;      // "j" and the number
   int64_t number = 0;  // from 1, in order of creation
-  std::string scene;
+  SceneRef scene;
   int64_t dataset = 0;  // number of a sealed dataset of the scene
   JobState state = JobState::kQueued;
   std::string stage;              // "prepare", "reconstruct", ...; empty before the first
@@ -129,7 +127,7 @@ struct JobRow {
 
 // The immutable result of a job; the one with the highest number is the scene's live model.
 struct ModelRow {
-  std::string scene;
+  SceneRef scene;
   int64_t number = 0;  // from 1, never reused
   std::string job;
   int64_t dataset = 0;  // number of the dataset that it was trained on; 0: not known
@@ -144,7 +142,7 @@ struct ModelRow {
 
 // A name for the object that a mask of a view shows.
 struct LabelRow {
-  std::string scene;
+  SceneRef scene;
   std::string id;    // IsResourceId
   std::string text;  // UTF-8
   std::string view;
@@ -157,7 +155,7 @@ struct LabelRow {
 
 // A subset of a model's Gaussians.
 struct SelectionRow {
-  std::string scene;
+  SceneRef scene;
   int64_t number = 0;                  // from 1, never reused
   int64_t model = 0;                   // number of the model
   int64_t model_gaussians = 0;         // number of Gaussians in the model

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -11,29 +12,28 @@ namespace pepeseg {
 
 class Database;
 
-// Scenes. See Store for what holds for all calls. Clients name a scene by its id within a project;
-// all calls but CreateScene, FindScene and FindScenes name it by its key (scene_key.h).
+// Scenes. See Store for what holds for all calls. Clients name a scene by its name within a
+// project, and all calls but those that find it by its SceneRef.
 class SceneStore {
  public:
   explicit SceneStore(Database& database) : database_(database) {}
 
-  // Creates a scene from `id`, `display_name`, `request_id` (unique within the project) and
-  // `project`. INVALID_ARGUMENT: the id is not IsResourceId, or the project is not an RFC 1034
-  // label. ALREADY_EXISTS: a scene of the project has the id.
+  // Creates a scene from project and name of `scene`, display_name and request_id, which is unique
+  // within the project. INVALID_ARGUMENT: the name is not IsResourceId, or the project is not an
+  // RFC 1034 label. ALREADY_EXISTS: a scene of the project has the name.
   absl::StatusOr<SceneRow> CreateScene(const SceneRow& scene);
-  // Returns a scene's key. NOT_FOUND: the project has no scene with this id, even if others have.
-  absl::StatusOr<std::string> FindScene(const std::string& project, const std::string& id);
-  // Returns up to ten scenes with this id in all projects, ordered by project.
-  absl::StatusOr<std::vector<SceneRow>> FindScenes(const std::string& id);
-  absl::StatusOr<SceneRow> GetScene(const std::string& key);
-  // Lists scenes by id. `project`: empty for all projects.
+  // NOT_FOUND: the project has no scene with this name, even if others have.
+  absl::StatusOr<SceneRef> FindScene(const std::string& project, const std::string& name);
+  // Returns up to ten scenes with this name in all projects, ordered by project.
+  absl::StatusOr<std::vector<SceneRef>> FindScenes(const std::string& name);
+  // Returns the scene with this SceneRef::id.
+  absl::StatusOr<SceneRef> FindSceneById(int64_t id);
+  absl::StatusOr<SceneRow> GetScene(const SceneRef& scene);
+  // Lists scenes by name. `project`: empty for all projects.
   absl::StatusOr<Page<SceneRow>> ListScenes(const PageRequest& page,
                                             const std::string& project = "");
   // Deletes a scene with all that belongs to it. FAILED_PRECONDITION: a job of it is active.
-  absl::Status DeleteScene(const std::string& key);
-  // Returns the project of a scene. NOT_FOUND: there is no such scene. INVALID_ARGUMENT: no scene
-  // can have this key.
-  absl::StatusOr<std::string> ProjectOfScene(const std::string& key);
+  absl::Status DeleteScene(const SceneRef& scene);
 
  private:
   Database& database_;

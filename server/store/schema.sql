@@ -1,10 +1,9 @@
 -- All tables and indexes of pepesegd, but for schema_version, which database.cc makes first. A
 -- change of this file is a new kSchemaVersion (schema.h, which also says how this file is read).
 --
--- SQLite and PostgreSQL accept the same text. SQLite does not limit the length of a VARCHAR.
--- VARCHAR(83) holds the key of a scene (scene_key.h): a number of up to 19 digits, one character
--- and an id. Times are microseconds since 1970 UTC, 0: not yet. Serialised messages are stored as
--- base64. A column has a DEFAULT if the INSERT leaves it out.
+-- SQLite and PostgreSQL accept the same text. SQLite does not limit the length of a VARCHAR. Times
+-- are microseconds since 1970 UTC, 0: not yet. Serialised messages are stored as base64. A column
+-- has a DEFAULT if the INSERT leaves it out.
 
 -- Identity of this database, one record after the first start. The data directory has it, too.
 CREATE TABLE database_identity (id VARCHAR(32) NOT NULL);
@@ -34,11 +33,11 @@ CREATE TABLE api_keys (
 );
 CREATE INDEX keys_by_project ON api_keys (project, id);
 
--- id: the scene's key, to which all other tables refer. name: the id that clients use, unique
--- within the project. next_dataset, next_model, next_selection: the next number of a resource. A
--- number is part of a resource's name, so it is never used twice, not even after a deletion.
+-- id: all other tables refer to it. name: the id that clients use, unique within the project.
+-- next_dataset, next_model, next_selection: the next number of a resource. A number is part of a
+-- resource's name, so it is never used twice, not even after a deletion.
 CREATE TABLE scenes (
-  id VARCHAR(83) PRIMARY KEY,
+  id BIGINT PRIMARY KEY,
   project VARCHAR(63) NOT NULL,
   name VARCHAR(63) NOT NULL,
   display_name TEXT NOT NULL,
@@ -53,12 +52,12 @@ CREATE UNIQUE INDEX scenes_by_name ON scenes (project, name);
 -- the same time. '' means that the client gave none.
 CREATE UNIQUE INDEX scene_requests ON scenes (project, request_id) WHERE request_id <> '';
 
--- The next number in a scene's key, one record.
+-- The next id of a scene, one record.
 CREATE TABLE scene_numbers (next_scene BIGINT NOT NULL);
 INSERT INTO scene_numbers (next_scene) VALUES (1);
 
 CREATE TABLE datasets (
-  scene VARCHAR(83) NOT NULL REFERENCES scenes (id) ON DELETE CASCADE,
+  scene BIGINT NOT NULL REFERENCES scenes (id) ON DELETE CASCADE,
   number BIGINT NOT NULL,
   state INTEGER NOT NULL,
   request_id TEXT NOT NULL,
@@ -72,7 +71,7 @@ CREATE UNIQUE INDEX dataset_requests ON datasets (scene, request_id) WHERE reque
 
 -- header, width, height, num_points: facts from the header of the stored file (DatasetFileRow).
 CREATE TABLE dataset_files (
-  scene VARCHAR(83) NOT NULL,
+  scene BIGINT NOT NULL,
   dataset BIGINT NOT NULL,
   path TEXT NOT NULL,
   kind INTEGER NOT NULL,
@@ -102,7 +101,7 @@ CREATE TABLE blobs (
 -- that holds it, the time from which another server may claim it, and the launcher's name for it.
 CREATE TABLE jobs (
   number BIGINT PRIMARY KEY,
-  scene VARCHAR(83) NOT NULL REFERENCES scenes (id) ON DELETE CASCADE,
+  scene BIGINT NOT NULL REFERENCES scenes (id) ON DELETE CASCADE,
   dataset BIGINT NOT NULL,
   state INTEGER NOT NULL,
   stage TEXT NOT NULL,
@@ -138,7 +137,7 @@ CREATE TABLE job_numbers (next_job BIGINT NOT NULL);
 INSERT INTO job_numbers (next_job) VALUES (1);
 
 CREATE TABLE models (
-  scene VARCHAR(83) NOT NULL REFERENCES scenes (id) ON DELETE CASCADE,
+  scene BIGINT NOT NULL REFERENCES scenes (id) ON DELETE CASCADE,
   number BIGINT NOT NULL,
   job TEXT NOT NULL,
   device TEXT NOT NULL,
@@ -153,7 +152,7 @@ CREATE TABLE models (
 
 -- counts: COCO's compressed run lengths.
 CREATE TABLE labels (
-  scene VARCHAR(83) NOT NULL REFERENCES scenes (id) ON DELETE CASCADE,
+  scene BIGINT NOT NULL REFERENCES scenes (id) ON DELETE CASCADE,
   id VARCHAR(63) NOT NULL,
   text TEXT NOT NULL,
   view TEXT NOT NULL,
@@ -170,7 +169,7 @@ CREATE UNIQUE INDEX label_requests ON labels (scene, request_id) WHERE request_i
 -- base: number of another selection of the scene, which may have been deleted; 0: none. The bounds
 -- are 0 if nothing is selected. num_bytes: size of the selection's file.
 CREATE TABLE selections (
-  scene VARCHAR(83) NOT NULL,
+  scene BIGINT NOT NULL,
   number BIGINT NOT NULL,
   model BIGINT NOT NULL,
   model_gaussians BIGINT NOT NULL,

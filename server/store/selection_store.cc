@@ -13,28 +13,29 @@ namespace {
 
 constexpr int64_t kNewestSelection = std::numeric_limits<int64_t>::max();
 
-std::string SelectionName(const std::string& scene, int64_t number) {
-  return absl::StrCat("scenes/", scene, "/selections/", number);
+std::string SelectionName(const SceneRef& scene, int64_t number) {
+  return ChildName(scene, "selections", number);
 }
 
 // Returns selections of a scene for which "number `condition` `key`" holds, newest first.
-std::vector<SelectionRow> SelectSelections(soci::session& sql, const std::string& scene,
+std::vector<SelectionRow> SelectSelections(soci::session& sql, const SceneRef& scene,
                                            const std::string& condition, const PageStart& start,
                                            int64_t key) {
   SelectionRow row;
+  row.scene = scene;
   int64_t create_time = 0;
   soci::statement select =
       (sql.prepare
-           << "SELECT scene, number, model, model_gaussians, num_gaussians, min_x, min_y,"
+           << "SELECT number, model, model_gaussians, num_gaussians, min_x, min_y,"
               " min_z, max_x, max_y, max_z, base, file, num_bytes, request_id,"
               " request_digest, create_time FROM selections WHERE scene = :scene AND number "
            << condition << " :key ORDER BY number DESC LIMIT :limit",
-       soci::into(row.scene), soci::into(row.number), soci::into(row.model),
-       soci::into(row.model_gaussians), soci::into(row.num_gaussians), soci::into(row.min[0]),
-       soci::into(row.min[1]), soci::into(row.min[2]), soci::into(row.max[0]),
-       soci::into(row.max[1]), soci::into(row.max[2]), soci::into(row.base), soci::into(row.file),
+       soci::into(row.number), soci::into(row.model), soci::into(row.model_gaussians),
+       soci::into(row.num_gaussians), soci::into(row.min[0]), soci::into(row.min[1]),
+       soci::into(row.min[2]), soci::into(row.max[0]), soci::into(row.max[1]),
+       soci::into(row.max[2]), soci::into(row.base), soci::into(row.file),
        soci::into(row.num_bytes), soci::into(row.request_id), soci::into(row.request_digest),
-       soci::into(create_time), soci::use(scene), soci::use(key), soci::use(start.limit));
+       soci::into(create_time), soci::use(scene.id), soci::use(key), soci::use(start.limit));
   select.execute();
   std::vector<SelectionRow> rows;
   while (select.fetch()) {
@@ -44,7 +45,7 @@ std::vector<SelectionRow> SelectSelections(soci::session& sql, const std::string
   return rows;
 }
 
-absl::StatusOr<SelectionRow> SelectSelection(soci::session& sql, const std::string& scene,
+absl::StatusOr<SelectionRow> SelectSelection(soci::session& sql, const SceneRef& scene,
                                              int64_t number) {
   RETURN_IF_ERROR(CheckScene(sql, scene));
   const std::vector<SelectionRow> rows = SelectSelections(sql, scene, "=", {1, ""}, number);
@@ -56,14 +57,13 @@ absl::StatusOr<SelectionRow> SelectSelection(soci::session& sql, const std::stri
 
 // Returns the selection that an earlier call with this request_id made, or nullopt. ALREADY_EXISTS:
 // the earlier request had another digest.
-absl::StatusOr<std::optional<SelectionRow>> FindEarlier(soci::session& sql,
-                                                        const std::string& scene,
+absl::StatusOr<std::optional<SelectionRow>> FindEarlier(soci::session& sql, const SceneRef& scene,
                                                         const std::string& request_id,
                                                         const std::string& request_digest) {
   if (request_id.empty()) return std::nullopt;
   int64_t number = 0;
   sql << "SELECT number FROM selections WHERE scene = :scene AND request_id = :request",
-      soci::use(scene), soci::use(request_id), soci::into(number);
+      soci::use(scene.id), soci::use(request_id), soci::into(number);
   if (!sql.got_data()) return std::nullopt;
   ASSIGN_OR_RETURN(SelectionRow earlier, SelectSelection(sql, scene, number));
   if (earlier.request_digest == request_digest) return earlier;
@@ -90,19 +90,19 @@ absl::StatusOr<SelectionRow> InsertSelection(soci::session& sql, const Selection
          " request_digest, create_time)"
          " VALUES (:scene, :number, :model, :all, :num, :min_x, :min_y, :min_z, :max_x, :max_y,"
          " :max_z, :base, :file, :bytes, :request, :digest, :now)",
-      soci::use(row.scene), soci::use(row.number), soci::use(row.model),
+      soci::use(row.scene.id), soci::use(row.number), soci::use(row.model),
       soci::use(row.model_gaussians), soci::use(row.num_gaussians), soci::use(row.min[0]),
       soci::use(row.min[1]), soci::use(row.min[2]), soci::use(row.max[0]), soci::use(row.max[1]),
       soci::use(row.max[2]), soci::use(row.base), soci::use(row.file), soci::use(row.num_bytes),
       soci::use(row.request_id), soci::use(row.request_digest), soci::use(now);
   // After the insertion, so that the selection counts. An error rolls it back.
-  RETURN_IF_ERROR(CheckSelectionQuota(sql, row.scene, defaults));
+  RETURN_IF_ERROR(CheckSelectionQuota(sql, row.scene.project, defaults));
   return row;
 }
 
 }  // namespace
 
-absl::StatusOr<int64_t> SelectionStore::TakeSelectionNumber(const std::string& scene) {
+absl::StatusOr<int64_t> SelectionStore::TakeSelectionNumber(const SceneRef& scene) {
   return database_.Query<int64_t>([&](soci::session& sql) -> absl::StatusOr<int64_t> {
     RETURN_IF_ERROR(CheckScene(sql, scene));
     return TakeNumber(sql, scene, "next_selection");
@@ -110,7 +110,7 @@ absl::StatusOr<int64_t> SelectionStore::TakeSelectionNumber(const std::string& s
 }
 
 absl::StatusOr<std::optional<SelectionRow>> SelectionStore::FindSelectionOfRequest(
-    const std::string& scene, const std::string& request_id, const std::string& request_digest) {
+    const SceneRef& scene, const std::string& request_id, const std::string& request_digest) {
   using Found = std::optional<SelectionRow>;
   return database_.Query<Found>([&](soci::session& sql) -> absl::StatusOr<Found> {
     RETURN_IF_ERROR(CheckScene(sql, scene));
@@ -123,15 +123,14 @@ absl::StatusOr<SelectionRow> SelectionStore::CreateSelection(const SelectionRow&
       [&](soci::session& sql) { return InsertSelection(sql, selection, defaults_); });
 }
 
-absl::StatusOr<SelectionRow> SelectionStore::GetSelection(const std::string& scene,
-                                                          int64_t number) {
+absl::StatusOr<SelectionRow> SelectionStore::GetSelection(const SceneRef& scene, int64_t number) {
   return database_.Query<SelectionRow>(
       [&](soci::session& sql) { return SelectSelection(sql, scene, number); });
 }
 
-absl::StatusOr<Page<SelectionRow>> SelectionStore::ListSelections(const std::string& scene,
+absl::StatusOr<Page<SelectionRow>> SelectionStore::ListSelections(const SceneRef& scene,
                                                                   const PageRequest& page) {
-  const std::string list = absl::StrCat("selections/", scene);
+  const std::string list = absl::StrCat("selections/", scene.id);
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
   ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewestSelection));
   return database_.Query<Page<SelectionRow>>(
@@ -147,11 +146,11 @@ absl::StatusOr<Page<SelectionRow>> SelectionStore::ListSelections(const std::str
       });
 }
 
-absl::Status SelectionStore::DeleteSelection(const std::string& scene, int64_t number) {
+absl::Status SelectionStore::DeleteSelection(const SceneRef& scene, int64_t number) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
     ASSIGN_OR_RETURN(const SelectionRow row, SelectSelection(sql, scene, number));
-    sql << "DELETE FROM selections WHERE scene = :scene AND number = :number", soci::use(row.scene),
-        soci::use(row.number);
+    sql << "DELETE FROM selections WHERE scene = :scene AND number = :number",
+        soci::use(row.scene.id), soci::use(row.number);
     return absl::OkStatus();
   });
 }

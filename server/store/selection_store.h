@@ -19,22 +19,21 @@ class SelectionStore {
   SelectionStore(Database& database, const Quota& defaults)
       : database_(database), defaults_(defaults) {}
 
-  absl::StatusOr<int64_t> TakeSelectionNumber(const std::string& scene);
+  absl::StatusOr<int64_t> TakeSelectionNumber(const SceneRef& scene);
   // Returns what an earlier CreateSelection with this request_id made, so that a retry need not
   // compute it again; nullopt if there was none or request_id is empty. ALREADY_EXISTS: the earlier
   // one has another digest.
   absl::StatusOr<std::optional<SelectionRow>> FindSelectionOfRequest(
-      const std::string& scene, const std::string& request_id, const std::string& request_digest);
+      const SceneRef& scene, const std::string& request_id, const std::string& request_digest);
   // Creates a selection from all fields but create_time. If the returned number differs from the
   // given one, it is that of a selection that the same request_id made meanwhile. NOT_FOUND: the
   // model or the base is gone. RESOURCE_EXHAUSTED: the project's quota of stored bytes.
   absl::StatusOr<SelectionRow> CreateSelection(const SelectionRow& selection);
-  absl::StatusOr<SelectionRow> GetSelection(const std::string& scene, int64_t number);
+  absl::StatusOr<SelectionRow> GetSelection(const SceneRef& scene, int64_t number);
   // Lists selections, newest first.
-  absl::StatusOr<Page<SelectionRow>> ListSelections(const std::string& scene,
-                                                    const PageRequest& page);
+  absl::StatusOr<Page<SelectionRow>> ListSelections(const SceneRef& scene, const PageRequest& page);
   // Deletes a selection; those made from it stay.
-  absl::Status DeleteSelection(const std::string& scene, int64_t number);
+  absl::Status DeleteSelection(const SceneRef& scene, int64_t number);
 
  private:
   Database& database_;

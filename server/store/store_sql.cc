@@ -8,7 +8,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/store/scene_key.h"
+#include "server/store/resource_id.h"
 
 namespace pepeseg {
 namespace {
@@ -29,19 +29,20 @@ absl::StatusOr<std::string> OfProject(const std::string& project) {
   return absl::StrCat("project = '", project, "' AND ");
 }
 
-absl::Status CheckScene(soci::session& sql, const std::string& scene) {
+absl::Status CheckScene(soci::session& sql, const SceneRef& scene) {
   int count = 0;
-  sql << "SELECT COUNT(*) FROM scenes WHERE id = :id", soci::use(scene), soci::into(count);
-  if (count == 0) return absl::NotFoundError(absl::StrCat("scenes/", scene, " does not exist"));
+  sql << "SELECT COUNT(*) FROM scenes WHERE id = :id", soci::use(scene.id), soci::into(count);
+  if (count == 0) return absl::NotFoundError(absl::StrCat(SceneName(scene), " does not exist"));
   return absl::OkStatus();
 }
 
-int64_t TakeNumber(soci::session& sql, const std::string& scene, const std::string& column) {
+int64_t TakeNumber(soci::session& sql, const SceneRef& scene, const std::string& column) {
   int64_t next = 0;
   // Update first, then read: the update locks the scene's record until the end of the transaction.
   sql << "UPDATE scenes SET " << column << " = " << column << " + 1 WHERE id = :id",
-      soci::use(scene);
-  sql << "SELECT " << column << " FROM scenes WHERE id = :id", soci::use(scene), soci::into(next);
+      soci::use(scene.id);
+  sql << "SELECT " << column << " FROM scenes WHERE id = :id", soci::use(scene.id),
+      soci::into(next);
   return next - 1;
 }
 

@@ -22,24 +22,23 @@ namespace pepeseg {
 // not an RFC 1034 label; a label contains nothing to escape.
 absl::StatusOr<std::string> OfProject(const std::string& project);
 
-// Returns NOT_FOUND "scenes/KEY does not exist" unless the scene exists.
-absl::Status CheckScene(soci::session& sql, const std::string& scene);
+// Returns NOT_FOUND "scenes/{scene} does not exist" unless the scene exists.
+absl::Status CheckScene(soci::session& sql, const SceneRef& scene);
 // Return a record, or NOT_FOUND.
-absl::StatusOr<DatasetRow> SelectDataset(soci::session& sql, const std::string& scene,
-                                         int64_t number);
-absl::StatusOr<ModelRow> SelectModel(soci::session& sql, const std::string& scene, int64_t number);
+absl::StatusOr<DatasetRow> SelectDataset(soci::session& sql, const SceneRef& scene, int64_t number);
+absl::StatusOr<ModelRow> SelectModel(soci::session& sql, const SceneRef& scene, int64_t number);
 absl::StatusOr<JobRow> SelectJob(soci::session& sql, const std::string& id);
 // Returns up to `limit` jobs. `where_order`: the query after WHERE, with one placeholder for `key`.
 std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_order, int64_t key,
                                int64_t limit);
 // Returns the scene's QUEUED or RUNNING job; its id is empty if there is none.
-JobRow SelectActiveJob(soci::session& sql, const std::string& scene);
+JobRow SelectActiveJob(soci::session& sql, const SceneRef& scene);
 
 // Returns "scenes/SCENE/datasets/NUMBER".
-std::string DatasetName(const std::string& scene, int64_t number);
+std::string DatasetName(const SceneRef& scene, int64_t number);
 // Which files of a dataset to select: those for which `condition`, followed by `key`, holds.
 struct FileQuery {
-  std::string scene;
+  SceneRef scene;
   int64_t dataset = 0;
   std::string condition = "path <>";  // by default all files, since no path is empty
   std::string key = {};
@@ -85,7 +84,7 @@ class BatchStatement {
 };
 
 // Increments a counter column of a scene and returns its old value.
-int64_t TakeNumber(soci::session& sql, const std::string& scene, const std::string& column);
+int64_t TakeNumber(soci::session& sql, const SceneRef& scene, const std::string& column);
 
 // Convert between absl::Time and a column of microseconds since 1970. 0 and InfinitePast mean "not
 // yet"; the largest number and InfiniteFuture mean "never".
