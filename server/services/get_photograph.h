@@ -68,7 +68,7 @@ class GetPhotographStream final : public WriteStream<v1::GetPhotographResponse> 
   const Parts parts_;
   grpc::CallbackServerContext* const call_;
   const CallOrigin origin_;
-  v1::GetPhotographRequest request_;  // has scene keys instead of ids once it is authorised
+  v1::GetPhotographRequest request_;
   Phase phase_ = Phase::kNew;
   std::mutex made_mutex_;
   std::optional<absl::StatusOr<PhotographPicture>> made_;  // guarded by made_mutex_

@@ -75,7 +75,7 @@ class ExportGaussiansStream final : public WriteStream<v1::ExportGaussiansRespon
   grpc::CallbackServerContext* const call_;
   const CallOrigin origin_;
   AuthorizedCaller caller_;
-  v1::ExportGaussiansRequest request_;  // has scene keys instead of ids once it is authorised
+  v1::ExportGaussiansRequest request_;
   bool opened_ = false;
   std::unique_ptr<ReservedMemory> memory_;
   std::ifstream file_;                       // the PLY of a whole model

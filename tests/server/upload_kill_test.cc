@@ -54,7 +54,7 @@ TEST(UploadKill, ResumesWithLessThan33MiBSentAgain) {
   int64_t offset = 0;
   for (const int64_t target : {20 * kMiB, 45 * kMiB, 90 * kMiB}) {
     const auto partial =
-        PartialFolderOf(folder / "data", {"default", "shelf", 1}) / Sha256Hex(file.bytes);
+        PartialFolderOf(folder / "data", {{1, "default", "shelf"}, 1}) / Sha256Hex(file.bytes);
     std::thread killer([&] {
       EXPECT_TRUE(testing::Eventually([&] {
         std::error_code error;

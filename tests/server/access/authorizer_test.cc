@@ -12,6 +12,7 @@
 #include "pepeseg/v1/scene_service.pb.h"
 #include "server/access/api_key.h"
 #include "server/store/error_detail.h"
+#include "tests/server/store/scene_of.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -36,10 +37,7 @@ class AuthorizerTest : public ::testing::Test {
     CreateScene("theirs", "other");
   }
   void CreateScene(const std::string& id, const std::string& project) {
-    SceneRow scene;
-    scene.id = id;
-    scene.project = project;
-    EXPECT_OK(store_->scenes().CreateScene(scene));
+    EXPECT_OK(store_->scenes().CreateScene(NewScene(id, "", "", project)));
   }
   CallOrigin With(const std::string& header) { return {"test", {header}}; }
   // Creates a key of the project "lab".
@@ -183,7 +181,7 @@ TEST_F(AuthorizerTest, AnswersTheSameForScenesOfOthersAndMissingOnes) {
 TEST_F(AuthorizerTest, NoticesASceneThatAnotherProjectCreatedAgain) {
   const CallOrigin origin = Key(kEverythingOfAProject);
   ASSERT_OK(authorizer_.Authorize(origin, Get("scenes/mine")));
-  ASSERT_OK(store_->scenes().DeleteScene("mine"));
+  ASSERT_OK(store_->scenes().DeleteScene(SceneOf(*store_, "mine")));
   EXPECT_FALSE(authorizer_.Authorize(origin, Get("scenes/mine")).ok());
   CreateScene("mine", "other");
   EXPECT_FALSE(authorizer_.Authorize(origin, Get("scenes/mine")).ok());

@@ -10,6 +10,7 @@
 #include "server/access/api_key.h"
 #include "server/access/authorizer.h"
 #include "server/store/error_detail.h"
+#include "tests/server/store/scene_of.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -58,10 +59,7 @@ class GatewayCallTest : public ::testing::Test {
  protected:
   GatewayCallTest() {
     for (const auto& [id, project] : {std::pair("mine", "lab"), std::pair("theirs", "other")}) {
-      SceneRow scene;
-      scene.id = id;
-      scene.project = project;
-      EXPECT_OK(store_->scenes().CreateScene(scene));
+      EXPECT_OK(store_->scenes().CreateScene(NewScene(id, "", "", project)));
     }
   }
   // Returns a call over a connection with this certificate.

@@ -79,8 +79,8 @@ TEST_F(Keys, SeeOnlyScenesAndJobsOfTheirProject) {
   running.options.access.require_keys = false;
   running.Restart();
   EXPECT_EQ(ListScenes(nobody),
-            (std::vector<std::string>{"scenes/annex", "scenes/one", "projects/other/scenes/shelf",
-                                      "scenes/shelf", "scenes/two"}));
+            (std::vector<std::string>{"scenes/annex", "scenes/one", "scenes/shelf",
+                                      "projects/other/scenes/shelf", "scenes/two"}));
   EXPECT_OK(GetScene("shelf", nobody)) << "the default project's";
   EXPECT_EQ(CountJobs(nobody), 1);
   EXPECT_OK(GetScene("annex", nobody));

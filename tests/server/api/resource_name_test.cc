@@ -2,11 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include <set>
 #include <string>
-#include <vector>
 
-#include "server/store/layout.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {
@@ -37,40 +34,36 @@ TEST(CheckProject, AcceptsRfc1034LabelsOnly) {
   }
 }
 
-TEST(SceneFolderName, DiffersBetweenIdsAlsoWithoutCase) {
-  EXPECT_EQ(SceneFolderName("apc-shelf2"), "apc-shelf2");
-  std::set<std::string> folders;
-  const std::vector<std::string> ids = {"fern",  "Fern",  "_fern", "FERN", "fe_rn", "fe.rn",
-                                        "fe-rn", "fe_-n", "fe.n",  "a..b", "a_.b",  "a.tmp-1"};
-  for (const std::string& id : ids) {
-    const std::string folder = SceneFolderName(id);
-    EXPECT_EQ(SceneOfFolderName(folder), id);
-    EXPECT_EQ(folder.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-_"), std::string::npos)
-        << folder;
-    EXPECT_TRUE(folders.insert(folder).second) << folder;
-  }
-  for (const char* none : {"", "_", "a_", "a_1", "Fern", "a.b"}) {
-    EXPECT_EQ(SceneOfFolderName(none), "") << none;
-  }
+// The scene "a", as a request names it with and without its project.
+NamedScenes SceneA() {
+  NamedScenes scenes;
+  scenes.Add({"", "a", {}}, {7, "lab", "a"});
+  scenes.Add({"lab", "a", {}}, {7, "lab", "a"});
+  return scenes;
 }
 
-TEST(ResourceNames, ParseWhatTheyPrint) {
-  EXPECT_EQ(*ParseSceneName(SceneName("shelf"), "name"), "shelf");
-  ASSERT_OK_AND_ASSIGN(const auto child,
-                       ParseChildName(ChildName("shelf", "datasets", 12), "datasets", "name"));
-  EXPECT_EQ(child.scene, "shelf");
+TEST(NamedScenes, ReadsTheNamesOfResources) {
+  const NamedScenes scenes = SceneA();
+  ASSERT_OK_AND_ASSIGN(const SceneRef a, scenes.Scene("scenes/a", "name"));
+  EXPECT_EQ(a.id, 7);
+  ASSERT_OK_AND_ASSIGN(const SceneChild child,
+                       scenes.Child(ChildName(a, "datasets", 12), "datasets", "name"));
+  EXPECT_EQ(child.scene, a);
   EXPECT_EQ(child.number, 12);
-  ASSERT_OK_AND_ASSIGN(const auto label, ParseLabelName(LabelName("shelf", "red-cup"), "name"));
-  EXPECT_EQ(label.scene, "shelf");
+  ASSERT_OK_AND_ASSIGN(const SceneLabel label, scenes.Label(LabelName(a, "red-cup"), "name"));
+  EXPECT_EQ(label.scene, a);
   EXPECT_EQ(label.id, "red-cup");
+  EXPECT_EQ(scenes.Model("projects/lab/scenes/a/models/3", "model")->number, 3);
+  EXPECT_EQ(scenes.Model("scenes/a/models/live", "model")->number, kLiveModel);
   EXPECT_EQ(*ParseJobName(JobName("j7"), "name"), "j7");
-  EXPECT_EQ(ParseModelName("scenes/shelf/models/3", "model")->number, 3);
-  EXPECT_EQ(ParseModelName("scenes/shelf/models/live", "model")->number, kLiveModel);
 }
 
-TEST(ResourceNames, RefuseEverythingElse) {
-  for (const char* bad : {"", "shelf", "scenes/", "scenes/a/", "scenes/../x", "scenes/.a", "/a"}) {
-    const auto name = ParseSceneName(bad, "scene");
+TEST(NamedScenes, RefusesEverythingElse) {
+  const NamedScenes scenes = SceneA();
+  for (const char* bad :
+       {"", "shelf", "scenes/", "scenes/a/", "scenes/../x", "scenes/.a", "/a", "scenes/b",
+        "projects/other/scenes/a", "projects/lab/scenes", "projects/a", "scenes/7@a"}) {
+    const auto name = scenes.Scene(bad, "scene");
     EXPECT_TRUE(absl::IsInvalidArgument(name.status())) << bad;
     EXPECT_NE(name.status().message().find("scene: '"), std::string::npos) << name.status();
   }
@@ -78,7 +71,7 @@ TEST(ResourceNames, RefuseEverythingElse) {
        {"scenes/a/datasets/0", "scenes/a/datasets/01", "scenes/a/datasets/-1",
         "scenes/a/datasets/+1", "scenes/a/datasets/1x", "scenes/a/datasets/", "scenes/a/models/1",
         "scenes/a/datasets/99999999999999999999", "scenes/a/datasets/1/x"}) {
-    EXPECT_TRUE(absl::IsInvalidArgument(ParseChildName(bad, "datasets", "name").status())) << bad;
+    EXPECT_TRUE(absl::IsInvalidArgument(scenes.Child(bad, "datasets", "name").status())) << bad;
   }
   for (const char* bad : {"jobs/", "jobs/7", "jobs/j", "jobs/j0", "jobs/j1/x", "jobs/j../../x"}) {
     EXPECT_TRUE(absl::IsInvalidArgument(ParseJobName(bad, "name").status())) << bad;
@@ -86,10 +79,10 @@ TEST(ResourceNames, RefuseEverythingElse) {
   for (const char* bad :
        {"", "cup", "scenes/a/labels/", "scenes/a/labels/_cup", "scenes/a/labels/..",
         "scenes/a/models/cup", "scenes/../labels/cup", "scenes/a/labels/cup/x"}) {
-    EXPECT_TRUE(absl::IsInvalidArgument(ParseLabelName(bad, "name").status())) << bad;
+    EXPECT_TRUE(absl::IsInvalidArgument(scenes.Label(bad, "name").status())) << bad;
   }
-  EXPECT_FALSE(ParseModelName("scenes/a/models/dead", "model").ok());
-  EXPECT_FALSE(ParseSceneName("scenes/" + std::string(1 << 20, 'a'), "name").ok());
+  EXPECT_FALSE(scenes.Model("scenes/a/models/dead", "model").ok());
+  EXPECT_FALSE(scenes.Scene("scenes/" + std::string(1 << 20, 'a'), "name").ok());
 }
 
 }  // namespace

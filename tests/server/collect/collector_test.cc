@@ -10,6 +10,7 @@
 #include "absl/time/clock.h"
 #include "server/data/locked_file.h"
 #include "server/store/layout.h"
+#include "tests/server/store/scene_of.h"
 #include "tests/server/store/test_database.h"
 #include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
@@ -32,9 +33,7 @@ struct CollectorTest : ::testing::Test {
     MakeScene("a");
   }
 
-  void MakeScene(const std::string& id) {
-    ASSERT_OK(store->scenes().CreateScene({id, "", "", {}}));
-  }
+  void MakeScene(const std::string& id) { ASSERT_OK(store->scenes().CreateScene(NewScene(id))); }
   // Writes a file whose modification time is `age` ago.
   fs::path Write(const fs::path& path, absl::Duration age, const std::string& bytes = "bytes") {
     std::error_code taken;  // a collector on another thread may remove it in between
@@ -47,17 +46,17 @@ struct CollectorTest : ::testing::Test {
     return Write(BlobPath(data, {project, Digest(number)}), age);
   }
   void Upload(const std::string& scene, int number, bool seal = false) {
-    const auto made =
-        store->datasets().CreateDataset(scene, "", {{"f", 1, 5, Digest(number), true}});
+    const auto made = store->datasets().CreateDataset(SceneOf(*store, scene), "",
+                                                      {{"f", 1, 5, Digest(number), true}});
     ASSERT_OK(made);
     if (!seal) return;
-    ASSERT_OK(store->datasets().SealDataset(scene, made->number));
+    ASSERT_OK(store->datasets().SealDataset(SceneOf(*store, scene), made->number));
   }
   // Creates the job "j1" with a model.
   void MakeModel() {
     Upload("a", 7, true);
     JobRow job;
-    job.scene = "a";
+    job.scene = SceneOf(*store, "a");
     job.dataset = 1;
     ASSERT_OK(store->jobs().CreateJob(job));
     ASSERT_TRUE(store->queue().ClaimJob("cpu")->has_value());
@@ -108,14 +107,14 @@ TEST_F(CollectorTest, RemovesDeletedBlobsAtOnceAndStopsCountingThem) {
   Upload("b", 2, true);
   const fs::path deleted = WriteBlob(1, absl::ZeroDuration());
   const fs::path kept = WriteBlob(2, absl::ZeroDuration());
-  ASSERT_OK(store->scenes().DeleteScene("a"));
+  ASSERT_OK(store->scenes().DeleteScene(SceneOf(*store, "a")));
   EXPECT_EQ(store->quotas().GetUsage("default")->stored_bytes, 10);
   EXPECT_EQ(Run().num_files, 1);
   EXPECT_FALSE(fs::exists(deleted));
   EXPECT_TRUE(fs::exists(kept));
   EXPECT_EQ(store->quotas().GetUsage("default")->stored_bytes, 5);
   // As after a crash between the removal of a blob and that of its record.
-  ASSERT_OK(store->scenes().DeleteScene("b"));
+  ASSERT_OK(store->scenes().DeleteScene(SceneOf(*store, "b")));
   fs::remove_all(BlobFolder(data));
   Run();
   EXPECT_EQ(store->quotas().GetUsage("default")->stored_bytes, 0);
@@ -124,11 +123,13 @@ TEST_F(CollectorTest, RemovesDeletedBlobsAtOnceAndStopsCountingThem) {
 TEST_F(CollectorTest, RemovesPartialFilesOfUploadsThatAreGone) {
   Upload("a", 1, true);
   Upload("a", 2);
-  const fs::path sealed = Write(PartialFolderOf(data, {"default", "a", 1}) / Digest(1), {});
+  const fs::path sealed = Write(PartialFolderOf(data, {SceneOf(*store, "a"), 1}) / Digest(1), {});
   const fs::path length = Write(LengthPath(sealed), {});
-  const fs::path open = Write(PartialFolderOf(data, {"default", "a", 2}) / Digest(2), {});
-  const fs::path gone = Write(PartialFolderOf(data, {"default", "no-such", 1}) / Digest(3), {});
-  const fs::path busy = Write(PartialFolderOf(data, {"default", "no-such", 2}) / Digest(3), {});
+  const fs::path open = Write(PartialFolderOf(data, {SceneOf(*store, "a"), 2}) / Digest(2), {});
+  const fs::path gone =
+      Write(PartialFolderOf(data, {SceneOf(*store, "no-such"), 1}) / Digest(3), {});
+  const fs::path busy =
+      Write(PartialFolderOf(data, {SceneOf(*store, "no-such"), 2}) / Digest(3), {});
   {
     const auto writer = LockedFile::TryAlone(busy);
     ASSERT_OK(writer);
@@ -148,16 +149,17 @@ TEST_F(CollectorTest, DeletesUploadsWithoutARecentWrite) {
   absl::SleepFor(absl::Milliseconds(50));
   // The first upload has had no recent write. A file of the second is being written, a file of the
   // third was stored just now, and the fourth is sealed.
-  Write(PartialFolderOf(data, {"default", "a", 1}) / Digest(1), absl::Hours(1));
+  Write(PartialFolderOf(data, {SceneOf(*store, "a"), 1}) / Digest(1), absl::Hours(1));
   const fs::path busy =
-      Write(PartialFolderOf(data, {"default", "a", 2}) / Digest(2), absl::Hours(1));
+      Write(PartialFolderOf(data, {SceneOf(*store, "a"), 2}) / Digest(2), absl::Hours(1));
   WriteBlob(3, -absl::Hours(1));
   const auto writer = LockedFile::TryAlone(busy);
   ASSERT_OK(writer);
   EXPECT_EQ(Run().num_uploads, 1);
-  EXPECT_TRUE(absl::IsNotFound(store->datasets().GetDataset("a", 1).status()));
-  EXPECT_FALSE(fs::exists(PartialFolderOf(data, {"default", "a", 1})));
-  for (int i = 2; i <= 4; ++i) EXPECT_OK(store->datasets().GetDataset("a", i)) << i;
+  EXPECT_TRUE(absl::IsNotFound(store->datasets().GetDataset(SceneOf(*store, "a"), 1).status()));
+  EXPECT_FALSE(fs::exists(PartialFolderOf(data, {SceneOf(*store, "a"), 1})));
+  for (int i = 2; i <= 4; ++i)
+    EXPECT_OK(store->datasets().GetDataset(SceneOf(*store, "a"), i)) << i;
   EXPECT_TRUE(fs::exists(busy));
 }
 
@@ -169,11 +171,11 @@ TEST_F(CollectorTest, KeepsModelsAndLogsOfJobs) {
   EXPECT_EQ(Run().num_files, 1);
   EXPECT_TRUE(fs::exists(model) && fs::exists(log));
   EXPECT_FALSE(fs::exists(attempt));
-  ASSERT_OK(store->models().DeleteModel("a", 1));
+  ASSERT_OK(store->models().DeleteModel(SceneOf(*store, "a"), 1));
   Run();
   EXPECT_FALSE(fs::exists(model));
   EXPECT_TRUE(fs::exists(log));
-  ASSERT_OK(store->scenes().DeleteScene("a"));
+  ASSERT_OK(store->scenes().DeleteScene(SceneOf(*store, "a")));
   Run();
   EXPECT_FALSE(fs::exists(data / "jobs/j1"));
 }
@@ -181,7 +183,7 @@ TEST_F(CollectorTest, KeepsModelsAndLogsOfJobs) {
 TEST_F(CollectorTest, LeavesRunningJobsAlone) {
   Upload("a", 7, true);
   JobRow job;
-  job.scene = "a";
+  job.scene = SceneOf(*store, "a");
   job.dataset = 1;
   ASSERT_OK(store->jobs().CreateJob(job));
   ASSERT_TRUE(store->queue().ClaimJob("cpu")->has_value());
@@ -193,18 +195,19 @@ TEST_F(CollectorTest, LeavesRunningJobsAlone) {
 TEST_F(CollectorTest, RemovesFilesWithoutARecord) {
   MakeModel();
   SelectionRow selection;
-  selection.scene = "a";
-  ASSERT_OK_AND_ASSIGN(selection.number, store->selections().TakeSelectionNumber("a"));
+  selection.scene = SceneOf(*store, "a");
+  ASSERT_OK_AND_ASSIGN(selection.number,
+                       store->selections().TakeSelectionNumber(SceneOf(*store, "a")));
   selection.model = 1;
   ASSERT_OK(store->selections().CreateSelection(selection));
   const absl::Duration old = absl::Hours(25);
-  const fs::path kept = Write(data / "selections/a/1", old);
-  const fs::path coming = Write(data / "selections/a/2", absl::Hours(1));
-  const fs::path lost = Write(data / "selections/a/3", old);
-  const fs::path manifest = Write(data / "datasets/a/1.json", old);
-  const fs::path stray = Write(data / "datasets/b/1.json", old);
-  const fs::path half = Write(data / "selections/a/3.tmp-abcdef", old);
-  const fs::path writing = Write(data / "selections/a/4.tmp-abcdef", absl::Hours(1));
+  const fs::path kept = Write(data / "selections/1/1", old);
+  const fs::path coming = Write(data / "selections/1/2", absl::Hours(1));
+  const fs::path lost = Write(data / "selections/1/3", old);
+  const fs::path manifest = Write(data / "datasets/1/1.json", old);
+  const fs::path stray = Write(data / "datasets/2/1.json", old);
+  const fs::path half = Write(data / "selections/1/3.tmp-abcdef", old);
+  const fs::path writing = Write(data / "selections/1/4.tmp-abcdef", absl::Hours(1));
   EXPECT_EQ(Run().num_files, 3);
   EXPECT_TRUE(fs::exists(kept) && fs::exists(coming) && fs::exists(manifest) &&
               fs::exists(writing));
@@ -212,13 +215,13 @@ TEST_F(CollectorTest, RemovesFilesWithoutARecord) {
 }
 
 TEST_F(CollectorTest, RemovesTemporariesOfADeadServerIfThereIsNoOther) {
-  const fs::path dead = Write(data / "datasets/a/1.json.tmp-abcdef", absl::Minutes(1));
+  const fs::path dead = Write(data / "datasets/1/1.json.tmp-abcdef", absl::Minutes(1));
   const fs::path of_job = Write(data / "jobs/j0/spec-1.json.tmp-abcdef", absl::Minutes(1));
   Run();
   EXPECT_TRUE(fs::exists(dead)) << "another server may be writing it";
   options.alone = true;
   Collector collector(*store, options);
-  const fs::path writing = Write(data / "datasets/a/2.json.tmp-abcdef", absl::ZeroDuration());
+  const fs::path writing = Write(data / "datasets/1/2.json.tmp-abcdef", absl::ZeroDuration());
   ASSERT_OK(collector.Run());
   EXPECT_FALSE(fs::exists(dead));
   EXPECT_TRUE(fs::exists(of_job) && fs::exists(writing));

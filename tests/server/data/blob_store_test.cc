@@ -44,7 +44,7 @@ struct BlobStoreTest : ::testing::Test {
   }
 
   const testing::TempFolder data;
-  const UploadName upload{"lab", "shelf", 1};
+  const UploadName upload{{1, "lab", "shelf"}, 1};
   const BlobName abc{"lab", kAbc};
   std::unique_ptr<BlobStore> store;
 };
@@ -107,7 +107,7 @@ TEST_F(BlobStoreTest, ResumesWhereAWriterEnded) {
   }
   ASSERT_EQ(store->ListPartial(upload).size(), 1u);
   EXPECT_EQ(store->ListPartial(upload).at(kAbc), 2);
-  EXPECT_TRUE(store->ListPartial({"lab", "shelf", 2}).empty());
+  EXPECT_TRUE(store->ListPartial({{1, "lab", "shelf"}, 2}).empty());
   store = *BlobStore::Open(data.path());  // files that others write stay
   const auto writer = Begin(kAbc, 3, 2);
   ASSERT_OK(writer->Append("c"));
@@ -135,7 +135,7 @@ TEST_F(BlobStoreTest, AllowsOneWriterAtATimeAcrossServers) {
   auto writer = Begin(kAbc, 3);
   EXPECT_TRUE(absl::IsAborted(store->Begin(upload, kAbc, 3).status()));
   EXPECT_TRUE(absl::IsAborted(other->Begin(upload, kAbc, 3).status()));
-  EXPECT_OK(other->Begin({"lab", "shelf", 2}, kAbc, 3).status()) << "another upload's";
+  EXPECT_OK(other->Begin({{1, "lab", "shelf"}, 2}, kAbc, 3).status()) << "another upload's";
   ASSERT_OK(writer->Append("abc"));
   ASSERT_OK(writer->Commit());
   EXPECT_EQ(*other->Begin(upload, kAbc, 3), nullptr);

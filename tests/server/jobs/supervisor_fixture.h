@@ -11,6 +11,7 @@
 #include "server/jobs/supervisor.h"
 #include "server/store/store.h"
 #include "server/worker_protocol/event_log.h"
+#include "tests/server/store/scene_of.h"
 #include "tests/server/store/test_database.h"
 #include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
@@ -45,11 +46,12 @@ class SupervisorTest : public ::testing::Test {
   // Submits a job of a new scene, whose worker does what `act` says. Returns its id.
   std::string Submit(const std::string& act) {
     const std::string scene = absl::StrCat("s", ++num_scenes_);
-    EXPECT_OK(store_->scenes().CreateScene({scene, "", "", {}}));
-    EXPECT_OK(store_->datasets().CreateDataset(scene, "", {{act, 1, 3, "00", true}}));
-    EXPECT_OK(store_->datasets().SealDataset(scene, 1));
+    EXPECT_OK(store_->scenes().CreateScene(NewScene(scene)));
+    EXPECT_OK(
+        store_->datasets().CreateDataset(SceneOf(*store_, scene), "", {{act, 1, 3, "00", true}}));
+    EXPECT_OK(store_->datasets().SealDataset(SceneOf(*store_, scene), 1));
     JobRow job;
-    job.scene = scene;
+    job.scene = SceneOf(*store_, scene);
     job.dataset = 1;
     const auto submitted = supervisor_->Submit(job);
     EXPECT_OK(submitted);

@@ -26,7 +26,7 @@ using Cache = ResidentCache<Thing>;
 MemoryBudget HostBudget(int64_t usable) { return {{usable * 20 / 19, 0}, true}; }
 
 Cache::Source Load(int value, int64_t num_bytes, std::atomic<int>* count = nullptr) {
-  return {"thing " + std::to_string(value),
+  return {"thing " + std::to_string(value), "",
           [=] {
             return MemoryBytes{num_bytes, 0};
           },

@@ -86,7 +86,7 @@ TEST_F(DatasetServiceTest, TakesFilesAndSeals) {
   std::ostringstream stored;
   stored << std::ifstream(blob, std::ios::binary).rdbuf();
   EXPECT_EQ(stored.str(), files[0].bytes);
-  std::ifstream file(DatasetManifestPath(running.options.data, "shelf", 1));
+  std::ifstream file(DatasetManifestPath(running.options.data, {1, "default", "shelf"}, 1));
   const auto manifest = nlohmann::json::parse(file);
   EXPECT_EQ(manifest["files"].size(), 3u);
   EXPECT_EQ(manifest["files"][2]["path"], "sparse/0/cameras.bin");
@@ -236,7 +236,8 @@ TEST_F(DatasetServiceTest, SealsOnlyCompleteUploads) {
   const std::string upload = Begin({one, two});
   ASSERT_OK(running.Write(FileParts(upload, one)));
   EXPECT_ERROR(Seal(upload), grpc::FAILED_PRECONDITION, {.message = "images/2.jpg"});
-  EXPECT_FALSE(std::filesystem::exists(DatasetManifestPath(running.options.data, "shelf", 1)));
+  EXPECT_FALSE(std::filesystem::exists(
+      DatasetManifestPath(running.options.data, {1, "default", "shelf"}, 1)));
   ASSERT_OK(running.Write(FileParts(upload, two)));
   ASSERT_OK(Seal(upload));
   EXPECT_ERROR(running.Write(FileParts(upload, two)), grpc::FAILED_PRECONDITION);

@@ -12,6 +12,7 @@
 #include "core/priors/sam/sam_segmenter.h"
 #include "server/store/layout.h"
 #include "tests/server/service_test.h"
+#include "tests/server/store/scene_of.h"
 #include "tests/server/store/test_database.h"
 #include "tests/testing/fake_sam.h"
 #include "tests/testing/png_bytes.h"
@@ -285,7 +286,7 @@ TEST(MeasureDataset, StopsWhenTheCallerIsGone) {
   const testing::TempFolder folder;
   const auto store = *Store::Open(testing::NewTestDatabase(folder.path()));
   const auto blobs = *BlobStore::Open(folder / "data");
-  ASSERT_OK(store->scenes().CreateScene({"a", "", "", {}}));
+  ASSERT_OK(store->scenes().CreateScene(NewScene("a")));
   std::vector<DatasetFileRow> files;
   for (int i = 0; i < 3; ++i) {
     const std::string bytes = testing::BlackPng(40 + i, 30, 8);
@@ -295,19 +296,21 @@ TEST(MeasureDataset, StopsWhenTheCallerIsGone) {
     std::filesystem::create_directories(path.parent_path());
     std::ofstream(path, std::ios::binary) << bytes;
   }
-  ASSERT_OK(store->datasets().CreateDataset("a", "", files));
+  ASSERT_OK(store->datasets().CreateDataset(SceneOf(*store, "a"), "", files));
   int num_asked = 0;
   const auto wanted = [&num_asked] {
     return ++num_asked > 2 ? absl::CancelledError("the client is gone") : absl::OkStatus();
   };
-  EXPECT_TRUE(absl::IsCancelled(MeasureDataset(*store, *blobs, {"a", 1, {}}, wanted).status()));
+  EXPECT_TRUE(absl::IsCancelled(
+      MeasureDataset(*store, *blobs, {SceneOf(*store, "a"), 1, {}}, wanted).status()));
   EXPECT_EQ(num_asked, 3);
-  ASSERT_OK_AND_ASSIGN(files, store->files().ListDatasetFiles("a", 1));
+  ASSERT_OK_AND_ASSIGN(files, store->files().ListDatasetFiles(SceneOf(*store, "a"), 1));
   EXPECT_EQ(files[0].width, 40);
   EXPECT_EQ(files[1].header, HeaderState::kRead);
   EXPECT_EQ(files[2].header, HeaderState::kUnread);
-  ASSERT_OK_AND_ASSIGN(const DatasetSize size, MeasureDataset(*store, *blobs, {"a", 1, {}},
-                                                              [] { return absl::OkStatus(); }));
+  ASSERT_OK_AND_ASSIGN(const DatasetSize size,
+                       MeasureDataset(*store, *blobs, {SceneOf(*store, "a"), 1, {}},
+                                      [] { return absl::OkStatus(); }));
   EXPECT_EQ(size.max_source_pixels, 42 * 30);
 }
 

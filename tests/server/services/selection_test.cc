@@ -49,7 +49,7 @@ struct SelectionTest : ShelfModel {
     return Call(&SelectionStub::DeleteSelection, Named{name});
   }
   std::filesystem::path File(int number) const {
-    return running.options.data / SelectionFolder("shelf") / std::to_string(number);
+    return running.options.data / SelectionFolder({1, "default", "shelf"}) / std::to_string(number);
   }
 };
 

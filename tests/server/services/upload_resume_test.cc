@@ -59,8 +59,8 @@ TEST_F(UploadResumeTest, KeepsWhatCameBeforeACallWasCutOff) {
     v1::WriteFilesResponse response;
     const auto stream = running.datasets->WriteFiles(&context, &response);
     for (const auto& part : Parts(0, 4'000'000)) ASSERT_TRUE(stream->Write(part));
-    const auto partial =
-        PartialFolderOf(running.options.data, {"default", "shelf", 1}) / Declare(file).sha256();
+    const auto partial = PartialFolderOf(running.options.data, {{1, "default", "shelf"}, 1}) /
+                         Declare(file).sha256();
     ASSERT_TRUE(Eventually([&] {
       std::error_code error;
       return std::filesystem::file_size(partial, error) >= 4'000'000 && !error;

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "server/store/store.h"
+#include "tests/server/store/scene_of.h"
 #include "tests/server/store/test_database.h"
 #include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
@@ -30,11 +31,12 @@ class StoreQueueTest : public ::testing::Test {
   // Creates a queued job of a new scene and returns its id.
   std::string Queue(Store& store) {
     const std::string scene = absl::StrCat("s", ++num_scenes_);
-    EXPECT_OK(store.scenes().CreateScene({scene, "", "", {}}));
-    EXPECT_OK(store.datasets().CreateDataset(scene, "", {{"a.jpg", 1, 3, "00", true}}));
-    EXPECT_OK(store.datasets().SealDataset(scene, 1));
+    EXPECT_OK(store.scenes().CreateScene(NewScene(scene)));
+    EXPECT_OK(
+        store.datasets().CreateDataset(SceneOf(store, scene), "", {{"a.jpg", 1, 3, "00", true}}));
+    EXPECT_OK(store.datasets().SealDataset(SceneOf(store, scene), 1));
     JobRow job;
-    job.scene = scene;
+    job.scene = SceneOf(store, scene);
     job.dataset = 1;
     const auto made = store.jobs().CreateJob(job);
     EXPECT_OK(made);
@@ -203,13 +205,14 @@ TEST_F(StoreQueueTest, GivesEachJobToOneOfManyClaimers) {
 TEST_F(StoreQueueTest, GivesEachNumberOnceToConcurrentCallers) {
   const auto a = Open("a", absl::Seconds(60));
   const auto b = Open("b", absl::Seconds(60));
-  ASSERT_OK(a->scenes().CreateScene({"s", "", "", {}}));
+  ASSERT_OK(a->scenes().CreateScene(NewScene("s")));
+  const SceneRef scene = SceneOf(*a, "s");
   std::vector<int64_t> numbers[2];
   std::thread threads[2];
   for (int i = 0; i < 2; ++i) {
     threads[i] = std::thread([&, i] {
       for (int k = 0; k < 50; ++k) {
-        const auto number = (i == 0 ? a : b)->selections().TakeSelectionNumber("s");
+        const auto number = (i == 0 ? a : b)->selections().TakeSelectionNumber(scene);
         ASSERT_OK(number);
         numbers[i].push_back(*number);
       }
@@ -225,20 +228,20 @@ TEST(Store, ReconnectsWhenPostgresqlComesBack) {
   testing::PostgresqlServer server;
   auto store = Store::Open(server.NewDatabase(), {"a", absl::Seconds(60)});
   ASSERT_OK(store);
-  ASSERT_OK((*store)->scenes().CreateScene({"s", "", "", {}}));
+  ASSERT_OK((*store)->scenes().CreateScene(NewScene("s")));
   server.Crash();
   absl::Status away;  // the backend of the connection may answer once more before it ends
   EXPECT_TRUE(testing::Eventually(
       [&] {
-        away = (*store)->scenes().GetScene("s").status();
+        away = (*store)->scenes().GetScene(SceneOf(**store, "s")).status();
         return !away.ok();
       },
       absl::Seconds(2)));
   EXPECT_TRUE(absl::IsUnavailable(away)) << away;
   EXPECT_THAT(std::string(away.message()), HasSubstr("database"));
   server.Restart();
-  EXPECT_OK((*store)->scenes().GetScene("s"));  // what was committed is there
-  EXPECT_OK((*store)->scenes().CreateScene({"t", "", "", {}}));
+  EXPECT_OK((*store)->scenes().GetScene(SceneOf(**store, "s")));  // what was committed is there
+  EXPECT_OK((*store)->scenes().CreateScene(NewScene("t")));
 }
 
 }  // namespace

@@ -48,7 +48,8 @@ TEST_F(StoreTest, LetsOneOfManyThreadsCreateAJob) {
 
 TEST_F(StoreTest, RefusesToTrainAnOpenDataset) {
   MakeScene("a");
-  ASSERT_OK(store_->datasets().CreateDataset("a", "", {{"x", 1, 10, "aa", false}}));
+  ASSERT_OK(
+      store_->datasets().CreateDataset(SceneOf(*store_, "a"), "", {{"x", 1, 10, "aa", false}}));
   EXPECT_EQ(Train("a").status().code(), absl::StatusCode::kFailedPrecondition);
 }
 
@@ -78,8 +79,8 @@ TEST_F(StoreTest, ClaimsTheOldestJobFirstWithARisingFence) {
 TEST_F(StoreTest, CommitsAModelWithItsJob) {
   MakeTrainable("a");
   ASSERT_OK(Train("a"));
-  EXPECT_STATUS(store_->models().GetLiveModel("a"), absl::StatusCode::kFailedPrecondition,
-                "jobs/j1");
+  EXPECT_STATUS(store_->models().GetLiveModel(SceneOf(*store_, "a")),
+                absl::StatusCode::kFailedPrecondition, "jobs/j1");
   ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
   ModelRow model;
   model.folder = "jobs/j1/attempt-1";
@@ -89,7 +90,7 @@ TEST_F(StoreTest, CommitsAModelWithItsJob) {
   Reopen();
   EXPECT_EQ(store_->jobs().GetJob("j1")->state, JobState::kSucceeded);
   EXPECT_EQ(store_->jobs().GetJob("j1")->model, 1);
-  ASSERT_OK_AND_ASSIGN(const auto live, store_->models().GetLiveModel("a"));
+  ASSERT_OK_AND_ASSIGN(const auto live, store_->models().GetLiveModel(SceneOf(*store_, "a")));
   EXPECT_EQ(live.folder, model.folder);
   EXPECT_EQ(live.metrics, model.metrics);
   EXPECT_EQ(live.job, "j1");
@@ -103,14 +104,19 @@ TEST_F(StoreTest, NewestModelIsLiveAndNumbersAreNotReused) {
     ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
     ASSERT_OK(store_->queue().CommitModel(job.id, 1, {}));
   }
-  EXPECT_EQ(store_->models().GetLiveModel("a")->number, 3);
-  const auto page = store_->models().ListModels("a", {2, ""});
+  EXPECT_EQ(store_->models().GetLiveModel(SceneOf(*store_, "a"))->number, 3);
+  const auto page = store_->models().ListModels(SceneOf(*store_, "a"), {2, ""});
   ASSERT_EQ(page->rows.size(), 2u);
   EXPECT_EQ(page->rows[0].number, 3);
-  EXPECT_EQ(store_->models().ListModels("a", {2, page->next_page_token})->rows.at(0).number, 1);
-  ASSERT_OK(store_->models().DeleteModel("a", 3));
-  EXPECT_EQ(store_->models().GetLiveModel("a")->number, 2);
-  EXPECT_EQ(store_->models().DeleteModel("a", 3).code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(store_->models()
+                .ListModels(SceneOf(*store_, "a"), {2, page->next_page_token})
+                ->rows.at(0)
+                .number,
+            1);
+  ASSERT_OK(store_->models().DeleteModel(SceneOf(*store_, "a"), 3));
+  EXPECT_EQ(store_->models().GetLiveModel(SceneOf(*store_, "a"))->number, 2);
+  EXPECT_EQ(store_->models().DeleteModel(SceneOf(*store_, "a"), 3).code(),
+            absl::StatusCode::kNotFound);
   const auto job = Train("a");
   ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
   EXPECT_EQ(store_->queue().CommitModel(job->id, 1, {})->number, 4);
@@ -158,9 +164,9 @@ TEST_F(StoreTest, ListsJobsNewestFirstByFilter) {
   ASSERT_EQ(all->rows.size(), 2u);
   EXPECT_EQ(all->rows[0].id, "j3");
   EXPECT_EQ(store_->jobs().ListJobs({}, {2, all->next_page_token})->rows.at(0).id, "j1");
-  EXPECT_EQ(store_->jobs().ListJobs({"b", {}}, {})->rows.at(0).id, "j2");
-  EXPECT_EQ(store_->jobs().ListJobs({"", JobState::kRunning}, {})->rows.size(), 1u);
-  EXPECT_EQ(store_->jobs().ListJobs({"x' OR 1=1", {}}, {}).status().code(),
+  EXPECT_EQ(store_->jobs().ListJobs({SceneOf(*store_, "b"), {}}, {})->rows.at(0).id, "j2");
+  EXPECT_EQ(store_->jobs().ListJobs({std::nullopt, JobState::kRunning}, {})->rows.size(), 1u);
+  EXPECT_EQ(store_->jobs().ListJobs({SceneOf(*store_, "none"), {}}, {}).status().code(),
             absl::StatusCode::kNotFound);
 }
 

@@ -7,18 +7,29 @@ using absl::StatusCode::kAlreadyExists;
 using absl::StatusCode::kInvalidArgument;
 using absl::StatusCode::kNotFound;
 
-class StoreLabelsTest : public testing::TrainedStoreTest {};
-
-LabelRow Cup(const std::string& id = "cup", const std::string& request_id = "") {
-  return {"a", id, "A c\xc3\xbcp", "left/0.jpg", 96, 64, "0`0:o1", 17, request_id, {}};
-}
+class StoreLabelsTest : public testing::TrainedStoreTest {
+ protected:
+  LabelRow Cup(const std::string& id = "cup", const std::string& request_id = "") {
+    return {SceneOf(*store_, "a"),
+            id,
+            "A c\xc3\xbcp",
+            "left/0.jpg",
+            96,
+            64,
+            "0`0:o1",
+            17,
+            request_id,
+            {}};
+  }
+};
 
 TEST_F(StoreLabelsTest, KeepsEveryColumnAfterReopening) {
   ASSERT_OK_AND_ASSIGN(const LabelRow made, store_->labels().CreateLabel(Cup("cup", "r1")));
   EXPECT_NEAR(absl::ToDoubleSeconds(absl::Now() - made.create_time), 0, 60);
   Reopen();
-  ASSERT_OK_AND_ASSIGN(const LabelRow found, store_->labels().GetLabel("a", "cup"));
-  EXPECT_EQ(found.scene, "a");
+  ASSERT_OK_AND_ASSIGN(const LabelRow found,
+                       store_->labels().GetLabel(SceneOf(*store_, "a"), "cup"));
+  EXPECT_EQ(found.scene.name, "a");
   EXPECT_EQ(found.id, "cup");
   EXPECT_EQ(found.text, "A c\xc3\xbcp");
   EXPECT_EQ(found.view, "left/0.jpg");
@@ -35,7 +46,7 @@ TEST_F(StoreLabelsTest, RefusesInvalidIdsAndUnknownScenes) {
     EXPECT_STATUS(store_->labels().CreateLabel(Cup(id)), kInvalidArgument, "label id");
   }
   LabelRow label = Cup();
-  label.scene = "none";
+  label.scene = SceneOf(*store_, "none");
   EXPECT_STATUS(store_->labels().CreateLabel(label), kNotFound, "scenes/none");
 }
 
@@ -50,7 +61,7 @@ TEST_F(StoreLabelsTest, ReturnsTheSameLabelToARetryAndRefusesAnotherRequest) {
   other.counts = "1";
   EXPECT_STATUS(store_->labels().CreateLabel(other), kAlreadyExists, "'r1'");
   LabelRow elsewhere = Cup("cup", "r1");
-  elsewhere.scene = "b";
+  elsewhere.scene = SceneOf(*store_, "b");
   EXPECT_OK(store_->labels().CreateLabel(elsewhere));
 }
 
@@ -60,38 +71,43 @@ TEST_F(StoreLabelsTest, ListsByIdInPages) {
   PageRequest page = {2, ""};
   int num_pages = 0;
   do {
-    ASSERT_OK_AND_ASSIGN(const auto labels, store_->labels().ListLabels("a", page));
+    ASSERT_OK_AND_ASSIGN(const auto labels,
+                         store_->labels().ListLabels(SceneOf(*store_, "a"), page));
     for (const LabelRow& label : labels.rows) ids += label.id;
     page.page_token = labels.next_page_token;
     ++num_pages;
   } while (!page.page_token.empty());
   EXPECT_EQ(ids, "abcde");
   EXPECT_EQ(num_pages, 3);
-  ASSERT_OK_AND_ASSIGN(const auto none, store_->labels().ListLabels("b", {}));
+  ASSERT_OK_AND_ASSIGN(const auto none, store_->labels().ListLabels(SceneOf(*store_, "b"), {}));
   EXPECT_TRUE(none.rows.empty());
-  ASSERT_OK_AND_ASSIGN(const auto first, store_->labels().ListLabels("a", {1, ""}));
-  EXPECT_STATUS(store_->labels().ListLabels("b", {1, first.next_page_token}), kInvalidArgument,
-                "page_token");
+  ASSERT_OK_AND_ASSIGN(const auto first,
+                       store_->labels().ListLabels(SceneOf(*store_, "a"), {1, ""}));
+  EXPECT_STATUS(store_->labels().ListLabels(SceneOf(*store_, "b"), {1, first.next_page_token}),
+                kInvalidArgument, "page_token");
 }
 
 TEST_F(StoreLabelsTest, NamesExistingLabelsWhenOneIsMissing) {
-  EXPECT_STATUS(store_->labels().GetLabel("a", "cup"), kNotFound, "the scene has no labels");
+  EXPECT_STATUS(store_->labels().GetLabel(SceneOf(*store_, "a"), "cup"), kNotFound,
+                "the scene has no labels");
   ASSERT_OK(store_->labels().CreateLabel(Cup("mug")));
   ASSERT_OK(store_->labels().CreateLabel(Cup("plate")));
-  EXPECT_STATUS(store_->labels().GetLabel("a", "cup"), kNotFound,
+  EXPECT_STATUS(store_->labels().GetLabel(SceneOf(*store_, "a"), "cup"), kNotFound,
                 "scenes/a/labels/cup does not exist; the scene has mug, plate");
-  EXPECT_STATUS(store_->labels().GetLabel("none", "cup"), kNotFound, "scenes/none does not exist");
+  EXPECT_STATUS(store_->labels().GetLabel(SceneOf(*store_, "none"), "cup"), kNotFound,
+                "scenes/none does not exist");
 }
 
 TEST_F(StoreLabelsTest, DeletesLabelsSinglyOrWithTheirScene) {
   ASSERT_OK(store_->labels().CreateLabel(Cup("cup")));
   ASSERT_OK(store_->labels().CreateLabel(Cup("mug")));
-  ASSERT_OK(store_->labels().DeleteLabel("a", "cup"));
-  EXPECT_STATUS(store_->labels().DeleteLabel("a", "cup"), kNotFound, "scenes/a/labels/cup");
-  EXPECT_OK(store_->labels().GetLabel("a", "mug"));
-  ASSERT_OK(store_->scenes().DeleteScene("a"));
-  ASSERT_OK(store_->scenes().CreateScene({"a", "", "", {}}));
-  EXPECT_STATUS(store_->labels().GetLabel("a", "mug"), kNotFound, "no labels");
+  ASSERT_OK(store_->labels().DeleteLabel(SceneOf(*store_, "a"), "cup"));
+  EXPECT_STATUS(store_->labels().DeleteLabel(SceneOf(*store_, "a"), "cup"), kNotFound,
+                "scenes/a/labels/cup");
+  EXPECT_OK(store_->labels().GetLabel(SceneOf(*store_, "a"), "mug"));
+  ASSERT_OK(store_->scenes().DeleteScene(SceneOf(*store_, "a")));
+  ASSERT_OK(store_->scenes().CreateScene(NewScene("a")));
+  EXPECT_STATUS(store_->labels().GetLabel(SceneOf(*store_, "a"), "mug"), kNotFound, "no labels");
 }
 
 }  // namespace

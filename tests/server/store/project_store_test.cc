@@ -5,8 +5,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "server/store/scene_key.h"
 #include "server/store/store.h"
+#include "tests/server/store/scene_of.h"
 #include "tests/server/store/test_database.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
@@ -31,12 +31,9 @@ struct StoreKeys : ::testing::Test {
   }
   void CreateScene(const std::string& id, const std::string& project,
                    const std::string& request_id = "") {
-    SceneRow scene;
-    scene.id = id;
-    scene.project = project;
-    scene.request_id = request_id;
-    ASSERT_OK_AND_ASSIGN(const auto made, store->scenes().CreateScene(scene));
-    EXPECT_EQ(made.project, project);
+    ASSERT_OK_AND_ASSIGN(const SceneRow made,
+                         store->scenes().CreateScene(NewScene(id, "", request_id, project)));
+    EXPECT_EQ(made.scene.project, project);
   }
 
   testing::TempFolder folder;
@@ -88,18 +85,21 @@ TEST_F(StoreKeys, ListsKeysByProjectInPages) {
 TEST_F(StoreKeys, FindsTheProjectOfScenesAndJobs) {
   CreateScene("a", "lab", "request");
   CreateScene("b", "other", "request");  // the request_id is its own
-  EXPECT_EQ(*store->scenes().ProjectOfScene("a"), "lab");
-  EXPECT_EQ(*store->scenes().ProjectOfScene("b"), "other");
-  EXPECT_TRUE(absl::IsNotFound(store->scenes().ProjectOfScene("c").status()));
-  EXPECT_TRUE(absl::IsInvalidArgument(store->scenes().ProjectOfScene("../a").status()));
+  EXPECT_EQ(store->scenes().FindScene("lab", "a")->project, "lab");
+  ASSERT_OK_AND_ASSIGN(const SceneRef b, store->scenes().FindScene("other", "b"));
+  EXPECT_EQ(*store->scenes().FindSceneById(b.id), b);
+  EXPECT_TRUE(absl::IsNotFound(store->scenes().FindScene("lab", "b").status()));
+  EXPECT_TRUE(absl::IsNotFound(store->scenes().FindSceneById(b.id + 1).status()));
+  EXPECT_TRUE(absl::IsInvalidArgument(store->scenes().FindScene("lab", "../a").status()));
   ASSERT_EQ(store->scenes().ListScenes({}, "lab")->rows.size(), 1u);
-  EXPECT_EQ(store->scenes().ListScenes({}, "lab")->rows[0].id, "a");
+  EXPECT_EQ(store->scenes().ListScenes({}, "lab")->rows[0].scene.name, "a");
   EXPECT_EQ(store->scenes().ListScenes({})->rows.size(), 2u);
   for (const char* scene : {"a", "b"}) {
-    ASSERT_OK(store->datasets().CreateDataset(scene, "", {{"x.jpg", 1, 3, "00", true}}));
-    ASSERT_OK(store->datasets().SealDataset(scene, 1));
+    ASSERT_OK(
+        store->datasets().CreateDataset(SceneOf(*store, scene), "", {{"x.jpg", 1, 3, "00", true}}));
+    ASSERT_OK(store->datasets().SealDataset(SceneOf(*store, scene), 1));
     JobRow job;
-    job.scene = scene;
+    job.scene = SceneOf(*store, scene);
     job.dataset = 1;
     ASSERT_OK(store->jobs().CreateJob(job));
   }
@@ -113,7 +113,7 @@ TEST_F(StoreKeys, FindsTheProjectOfScenesAndJobs) {
   filter.project = "other";
   ASSERT_EQ(store->jobs().ListJobs(filter, {})->rows.size(), 1u);
   EXPECT_EQ(store->jobs().ListJobs(filter, {})->rows[0].id, "j2");
-  filter.scene = "a";
+  filter.scene = SceneOf(*store, "a");
   EXPECT_EQ(store->jobs().ListJobs(filter, {})->rows.size(), 0u);
   EXPECT_EQ(store->jobs().ListJobs({}, {})->rows.size(), 2u);
 }
@@ -122,53 +122,37 @@ TEST_F(StoreKeys, AllowsTheSameSceneIdInSeveralProjects) {
   CreateScene("a", "lab");
   CreateScene("a", "other");
   CreateScene("b", "other");
-  const std::string key = *store->scenes().FindScene("other", "a");
-  EXPECT_EQ(*store->scenes().FindScene("lab", "a"), "a") << "as before ids were the project's own";
-  EXPECT_NE(key, "a");
-  EXPECT_EQ(SceneIdOf(key), "a");
-  EXPECT_EQ(store->scenes().GetScene(key)->id, "a");
-  EXPECT_EQ(*store->scenes().ProjectOfScene(key), "other");
-  EXPECT_EQ(*store->scenes().ProjectOfScene("a"), "lab");
+  ASSERT_OK_AND_ASSIGN(const SceneRef ours, store->scenes().FindScene("lab", "a"));
+  ASSERT_OK_AND_ASSIGN(const SceneRef theirs, store->scenes().FindScene("other", "a"));
+  EXPECT_NE(ours.id, theirs.id);
+  EXPECT_EQ(store->scenes().GetScene(theirs)->scene, theirs);
   EXPECT_TRUE(absl::IsNotFound(store->scenes().FindScene("lab", "b").status()));
   EXPECT_TRUE(absl::IsNotFound(store->scenes().FindScene("default", "a").status()));
-  EXPECT_EQ(store->scenes().CreateScene({"a", "", "", {}, "other"}).status().message(),
+  EXPECT_EQ(store->scenes().CreateScene(NewScene("a", "", "", "other")).status().message(),
             "scenes/a exists already");
   EXPECT_EQ(store->scenes().FindScenes("a")->size(), 2u);
   // Records of one scene do not belong to the other.
-  ASSERT_OK(store->datasets().CreateDataset(key, "", {{"x.jpg", 1, 3, "00", true}}));
-  EXPECT_TRUE(absl::IsNotFound(store->datasets().GetDataset("a", 1).status()));
-  ASSERT_OK(store->scenes().DeleteScene("a"));
-  EXPECT_OK(store->datasets().GetDataset(key, 1));
+  ASSERT_OK(store->datasets().CreateDataset(theirs, "", {{"x.jpg", 1, 3, "00", true}}));
+  EXPECT_TRUE(absl::IsNotFound(store->datasets().GetDataset(ours, 1).status()));
+  ASSERT_OK(store->scenes().DeleteScene(ours));
+  EXPECT_OK(store->datasets().GetDataset(theirs, 1));
   CreateScene("a", "lab");
-  EXPECT_OK(store->scenes().GetScene(*store->scenes().FindScene("lab", "a")));
+  EXPECT_NE(store->scenes().FindScene("lab", "a")->id, ours.id) << "ids are never used twice";
 }
 
 TEST_F(StoreKeys, ListsScenesWithTheSameIdInPages) {
   for (const char* project : {"lab", "other", "third"}) CreateScene("a", project);
   CreateScene("A", "lab");
   CreateScene("a-b", "lab");
-  std::set<std::string> keys;
+  std::set<int64_t> ids;
   PageRequest page{1, ""};
   do {
     ASSERT_OK_AND_ASSIGN(const auto scenes, store->scenes().ListScenes(page));
     ASSERT_EQ(scenes.rows.size(), 1u);
-    EXPECT_TRUE(keys.insert(scenes.rows[0].key).second);
+    EXPECT_TRUE(ids.insert(scenes.rows[0].scene.id).second);
     page.page_token = scenes.next_page_token;
-  } while (!page.page_token.empty() && keys.size() < 10);
-  EXPECT_EQ(keys.size(), 5u);
-}
-
-TEST(SceneKey, ContainsTheId) {
-  const std::string key = MakeSceneKey(17, "Fern-2");
-  EXPECT_EQ(key, "17@Fern-2");
-  EXPECT_EQ(SceneIdOf(key), "Fern-2");
-  EXPECT_EQ(SceneIdOf("17"), "17");
-  EXPECT_TRUE(IsSceneKey(key) && IsSceneKey("Fern-2") && IsSceneKey("17"));
-  for (const char* bad : {"", "@a", "x@a", "17@", "17@@a", "17@../a", "-1@a"}) {
-    EXPECT_FALSE(IsSceneKey(bad)) << bad;
-  }
-  EXPECT_EQ(WithSceneIds("scenes/17@a/models/1 is of scenes/18@b, not of scenes/c: 3@4"),
-            "scenes/a/models/1 is of scenes/b, not of scenes/c: 3@4");
+  } while (!page.page_token.empty() && ids.size() < 10);
+  EXPECT_EQ(ids.size(), 5u);
 }
 
 TEST_F(StoreKeys, StoresQuotasOfProjects) {

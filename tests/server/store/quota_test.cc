@@ -10,6 +10,7 @@
 #include "core/base/status_macros.h"
 #include "server/store/error_detail.h"
 #include "server/store/store.h"
+#include "tests/server/store/scene_of.h"
 #include "tests/server/store/test_database.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
@@ -26,22 +27,20 @@ struct StoreQuotas : ::testing::Test {
   }
 
   void MakeScene(const std::string& id, const std::string& project) {
-    SceneRow scene;
-    scene.id = id;
-    scene.project = project;
-    ASSERT_OK(store->scenes().CreateScene(scene));
+    ASSERT_OK(store->scenes().CreateScene(NewScene(id, "", "", project)));
   }
   absl::Status Upload(const std::string& scene, const Files& files,
                       const std::string& request_id = "") {
-    return store->datasets().CreateDataset(scene, request_id, files).status();
+    return store->datasets().CreateDataset(SceneOf(*store, scene), request_id, files).status();
   }
   absl::Status Train(const std::string& scene) {
     const auto dataset = store->datasets().CreateDataset(
-        scene, "", {{"a.jpg", 1, 3, absl::StrCat("job", scene), true}});
+        SceneOf(*store, scene), "", {{"a.jpg", 1, 3, absl::StrCat("job", scene), true}});
     RETURN_IF_ERROR(dataset.status());
-    RETURN_IF_ERROR(store->datasets().SealDataset(scene, dataset->number).status());
+    RETURN_IF_ERROR(
+        store->datasets().SealDataset(SceneOf(*store, scene), dataset->number).status());
     JobRow job;
-    job.scene = scene;
+    job.scene = SceneOf(*store, scene);
     job.dataset = dataset->number;
     return store->jobs().CreateJob(job).status();
   }
@@ -60,7 +59,7 @@ TEST_F(StoreQuotas, CountsBytesOncePerDigestFromTheirDeclarationOn) {
   ASSERT_OK(store->quotas().SetProjectQuota("lab", {100, 0, 0, 0, 0, 0}));
   ASSERT_OK(Upload("a", {{"1", 1, 60, "d1", false}, {"copy", 1, 60, "d1", false}}, "r1"));
   EXPECT_EQ(store->quotas().GetUsage("lab")->stored_bytes, 60);
-  ASSERT_OK(store->files().MarkFilesStored({"lab", "a", 1}, {{"1", 1, 60, "d1"}}));
+  ASSERT_OK(store->files().MarkFilesStored({SceneOf(*store, "a"), 1}, {{"1", 1, 60, "d1"}}));
   EXPECT_EQ(store->quotas().GetUsage("lab")->stored_bytes, 60)
       << "the copy needs no bytes of its own";
   ExpectQuota(Upload("b", {{"2", 1, 41, "d2", false}, {"1", 1, 60, "d1", true}}), "stored_bytes",
@@ -77,7 +76,7 @@ TEST_F(StoreQuotas, CountsAMadeUpDigestInEachUpload) {
   ASSERT_OK(store->quotas().SetProjectQuota("lab", {100, 0, 0, 0, 0, 0}));
   ASSERT_OK(Upload("a", {{"1", 1, 60, "made up", false}}));
   ExpectQuota(Upload("b", {{"1", 1, 60, "made up", false}}), "stored_bytes", "120", "100");
-  ASSERT_OK(store->scenes().DeleteScene("a"));
+  ASSERT_OK(store->scenes().DeleteScene(SceneOf(*store, "a")));
   EXPECT_OK(Upload("b", {{"1", 1, 60, "made up", false}})) << "what was never stored goes at once";
 }
 
@@ -90,12 +89,12 @@ TEST_F(StoreQuotas, CountsADigestDeclaredWithAnotherSize) {
 TEST_F(StoreQuotas, CountsDeletedBlobsUntilTheyAreCollected) {
   ASSERT_OK(store->quotas().SetProjectQuota("lab", {100, 0, 0, 0, 0, 0}));
   ASSERT_OK(Upload("a", {{"1", 1, 60, "d1", true}}));
-  ASSERT_OK(store->datasets().SealDataset("a", 1));
-  ASSERT_OK(store->scenes().DeleteScene("a"));
+  ASSERT_OK(store->datasets().SealDataset(SceneOf(*store, "a"), 1));
+  ASSERT_OK(store->scenes().DeleteScene(SceneOf(*store, "a")));
   EXPECT_EQ(store->quotas().GetUsage("lab")->stored_bytes, 60);
   ExpectQuota(Upload("b", {{"2", 1, 60, "d2", false}}), "stored_bytes", "120", "100");
   EXPECT_OK(Upload("b", {{"1", 1, 60, "d1", true}})) << "it is there";
-  ASSERT_OK(store->scenes().DeleteScene("b"));
+  ASSERT_OK(store->scenes().DeleteScene(SceneOf(*store, "b")));
   ASSERT_OK(store->files().ForgetBlobs("lab", {"d1"}));
   EXPECT_EQ(store->quotas().GetUsage("lab")->stored_bytes, 0);
   EXPECT_OK(Upload("c", {{"2", 1, 60, "d2", false}}));
@@ -104,9 +103,9 @@ TEST_F(StoreQuotas, CountsDeletedBlobsUntilTheyAreCollected) {
 // A stream may complete a blob after its upload was deleted.
 TEST_F(StoreQuotas, CountsBlobsOfUploadsThatAreGone) {
   ASSERT_OK(Upload("a", {{"1", 1, 60, "d1", false}}));
-  ASSERT_OK(store->scenes().DeleteScene("a"));
-  EXPECT_TRUE(
-      absl::IsNotFound(store->files().MarkFilesStored({"lab", "a", 1}, {{"1", 1, 60, "d1"}})));
+  const SceneRef scene = SceneOf(*store, "a");
+  ASSERT_OK(store->scenes().DeleteScene(scene));
+  EXPECT_TRUE(absl::IsNotFound(store->files().MarkFilesStored({scene, 1}, {{"1", 1, 60, "d1"}})));
   EXPECT_EQ(store->quotas().GetUsage("lab")->stored_bytes, 60);
 }
 
@@ -121,21 +120,21 @@ TEST_F(StoreQuotas, CountsModelsAndSelections) {
   ASSERT_OK(store->queue().CommitModel(job->id, job->fence, model));
   EXPECT_EQ(store->quotas().GetUsage("lab")->stored_bytes, 83);
   SelectionRow selection;
-  selection.scene = "a";
+  selection.scene = SceneOf(*store, "a");
   selection.model = 1;
-  selection.number = *store->selections().TakeSelectionNumber("a");
+  selection.number = *store->selections().TakeSelectionNumber(SceneOf(*store, "a"));
   selection.num_bytes = 18;
   ExpectQuota(store->selections().CreateSelection(selection).status(), "stored_bytes", "101",
               "100");
   selection.num_bytes = 17;
   ASSERT_OK(store->selections().CreateSelection(selection));
-  EXPECT_EQ(store->selections().GetSelection("a", 1)->num_bytes, 17);
+  EXPECT_EQ(store->selections().GetSelection(SceneOf(*store, "a"), 1)->num_bytes, 17);
   ExpectQuota(Upload("b", {{"2", 1, 1, "d2", false}}), "stored_bytes", "101", "100");
   JobRow next;
-  next.scene = "a";
+  next.scene = SceneOf(*store, "a");
   next.dataset = 1;
   ExpectQuota(store->jobs().CreateJob(next).status(), "stored_bytes", "101", "100");
-  ASSERT_OK(store->selections().DeleteSelection("a", 1));
+  ASSERT_OK(store->selections().DeleteSelection(SceneOf(*store, "a"), 1));
   EXPECT_OK(store->jobs().CreateJob(next)) << "there is room for some of a model";
   EXPECT_EQ(store->quotas().GetUsage("lab")->stored_bytes, 83);
 }
@@ -145,7 +144,7 @@ TEST_F(StoreQuotas, CountsOpenUploadsUntilTheyAreSealed) {
   ASSERT_OK(Upload("a", {{"1", 1, 3, "d1", true}}));
   ExpectQuota(Upload("b", {{"1", 1, 3, "d1", true}}), "open_uploads", "2", "1");
   EXPECT_OK(Upload("x", {{"1", 1, 3, "d1", true}}));
-  ASSERT_OK(store->datasets().SealDataset("a", 1));
+  ASSERT_OK(store->datasets().SealDataset(SceneOf(*store, "a"), 1));
   EXPECT_OK(Upload("b", {{"1", 1, 3, "d1", true}}));
   ASSERT_OK(store->quotas().SetProjectQuota("lab", {0, 2, 0, 0, 0, 0}));
   EXPECT_OK(Upload("c", {{"1", 1, 3, "d1", true}}));
@@ -166,15 +165,15 @@ TEST_F(StoreQuotas, PassesOverJobsOfAProjectAtItsQuota) {
   ASSERT_OK(store->quotas().SetProjectQuota("lab", {0, 0, 0, 1, 0, 0}));
   for (const char* scene : {"a", "b", "x"}) ASSERT_OK(Train(scene));
   const auto first = *store->queue().ClaimJob("cpu");
-  EXPECT_EQ(first->scene, "a");
+  EXPECT_EQ(first->scene.name, "a");
   const auto second = *store->queue().ClaimJob("cpu");
   ASSERT_TRUE(second.has_value());
-  EXPECT_EQ(second->scene, "x");
+  EXPECT_EQ(second->scene.name, "x");
   EXPECT_FALSE((*store->queue().ClaimJob("cpu")).has_value());
   ASSERT_OK(store->queue().EndJob(first->id, first->fence, absl::CancelledError("")));
   const auto third = *store->queue().ClaimJob("cpu");
   ASSERT_TRUE(third.has_value());
-  EXPECT_EQ(third->scene, "b");
+  EXPECT_EQ(third->scene.name, "b");
   // With a default for all projects, and no value of its own.
   ASSERT_OK(store->quotas().SetProjectQuota("lab", {}));
   store->SetDefaultQuota({0, 0, 0, 1, 0, 0});
@@ -190,15 +189,15 @@ TEST_F(StoreQuotas, AnswersTheQueriesOfTheCollector) {
   ASSERT_OK(Upload("x", {{"1", 1, 3, "d3", true}}));
   EXPECT_THAT(*store->files().ListDigests("lab"), ::testing::ElementsAre("d1", "d2"));
   EXPECT_TRUE(store->files().ListDigests("nobody")->empty());
-  ASSERT_OK(store->datasets().SealDataset("a", 1));
+  ASSERT_OK(store->datasets().SealDataset(SceneOf(*store, "a"), 1));
   EXPECT_TRUE(store->datasets().ListOpenUploads(absl::Now() - absl::Hours(1))->empty());
   ASSERT_OK_AND_ASSIGN(const auto open,
                        store->datasets().ListOpenUploads(absl::Now() + absl::Hours(1)));
   ASSERT_EQ(open.size(), 2u);
-  EXPECT_EQ(open[0].scene, "b");
-  EXPECT_TRUE(absl::IsFailedPrecondition(store->datasets().DeleteUpload("a", 1)));
-  EXPECT_OK(store->datasets().DeleteUpload("b", 1));
-  EXPECT_TRUE(absl::IsNotFound(store->datasets().DeleteUpload("b", 1)));
+  EXPECT_EQ(open[0].scene.name, "b");
+  EXPECT_TRUE(absl::IsFailedPrecondition(store->datasets().DeleteUpload(SceneOf(*store, "a"), 1)));
+  EXPECT_OK(store->datasets().DeleteUpload(SceneOf(*store, "b"), 1));
+  EXPECT_TRUE(absl::IsNotFound(store->datasets().DeleteUpload(SceneOf(*store, "b"), 1)));
   EXPECT_EQ(*store->jobs().NextJobNumber(), 1);
   ASSERT_OK(Train("c"));
   EXPECT_EQ(*store->jobs().NextJobNumber(), 2);

@@ -15,6 +15,7 @@
 #include "core/base/file_io.h"
 #include "server/store/soci.h"
 #include "server/store/store.h"
+#include "tests/server/store/scene_of.h"
 #include "tests/server/store/test_database.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
@@ -129,7 +130,7 @@ TEST(Schema, IsThatOfANewDatabase) {
 TEST(Schema, StaysWhenAServerStartsAgain) {
   const testing::TempFolder folder;
   const std::string url = testing::NewTestDatabase(folder.path());
-  ASSERT_OK((*Store::Open(url))->scenes().CreateScene({"a", "A", "", {}}));
+  ASSERT_OK((*Store::Open(url))->scenes().CreateScene(NewScene("a", "A", "")));
   ASSERT_OK_AND_ASSIGN(const auto store, Store::Open(url));
   EXPECT_OK(store->scenes().FindScene(kDefaultProject, "a"));
   EXPECT_EQ(Connection(url).List(), Expected());
@@ -138,7 +139,7 @@ TEST(Schema, StaysWhenAServerStartsAgain) {
 TEST(Schema, RefusesAnotherVersion) {
   const testing::TempFolder folder;
   const std::string url = testing::NewTestDatabase(folder.path());
-  ASSERT_OK((*Store::Open(url))->scenes().CreateScene({"a", "A", "", {}}));
+  ASSERT_OK((*Store::Open(url))->scenes().CreateScene(NewScene("a", "A", "")));
   const auto set = [&url](int version) {
     Connection(url).Execute(absl::StrCat("UPDATE schema_version SET version = ", version));
   };

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "server/store/store.h"
+#include "tests/server/store/scene_of.h"
 #include "tests/server/store/test_database.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
@@ -25,19 +26,20 @@ class StoreTest : public ::testing::Test {
   }
 
   void MakeScene(const std::string& id) {
-    ASSERT_OK(store_->scenes().CreateScene({id, "Name of " + id, "", {}}));
+    ASSERT_OK(store_->scenes().CreateScene(NewScene(id, "Name of " + id, "")));
   }
 
   // Creates a scene with the sealed dataset 1.
   void MakeTrainable(const std::string& id) {
     MakeScene(id);
-    ASSERT_OK(store_->datasets().CreateDataset(id, "", {{"images/a.jpg", 1, 3, "00", true}}));
-    ASSERT_OK(store_->datasets().SealDataset(id, 1));
+    ASSERT_OK(store_->datasets().CreateDataset(SceneOf(*store_, id), "",
+                                               {{"images/a.jpg", 1, 3, "00", true}}));
+    ASSERT_OK(store_->datasets().SealDataset(SceneOf(*store_, id), 1));
   }
 
   absl::StatusOr<JobRow> Train(const std::string& scene, const std::string& request_id = "") {
     JobRow job;
-    job.scene = scene;
+    job.scene = SceneOf(*store_, scene);
     job.dataset = 1;
     job.options = std::string("\0opt\xff", 5);
     job.effective_options = "effective";

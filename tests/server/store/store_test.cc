@@ -14,9 +14,9 @@ namespace {
 
 TEST_F(StoreTest, KeepsScenesAfterReopening) {
   ASSERT_OK_AND_ASSIGN(const auto made,
-                       store_->scenes().CreateScene({"kitchen", "The kitchen", "r1", {}}));
+                       store_->scenes().CreateScene(NewScene("kitchen", "The kitchen", "r1")));
   Reopen();
-  ASSERT_OK_AND_ASSIGN(const auto found, store_->scenes().GetScene("kitchen"));
+  ASSERT_OK_AND_ASSIGN(const auto found, store_->scenes().GetScene(SceneOf(*store_, "kitchen")));
   EXPECT_EQ(found.display_name, "The kitchen");
   EXPECT_EQ(found.create_time, made.create_time);
   EXPECT_NEAR(absl::ToDoubleSeconds(absl::Now() - found.create_time), 0, 60);
@@ -26,18 +26,18 @@ TEST_F(StoreTest, RefusesInvalidIds) {
   const std::vector<std::string> bad = {"",     ".",   "..",  ".a",  "-a", "_a",
                                         "../x", "a/b", "a'b", "a b", "ä",  std::string(64, 'a')};
   for (const std::string& id : bad) {
-    const auto status = store_->scenes().CreateScene({id, "", "", {}}).status();
+    const auto status = store_->scenes().CreateScene(NewScene(id)).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << id;
   }
-  EXPECT_OK(store_->scenes().CreateScene({std::string(63, 'a'), "", "", {}}));
+  EXPECT_OK(store_->scenes().CreateScene(NewScene(std::string(63, 'a'))));
 }
 
 TEST_F(StoreTest, CreatesOneSceneForARepeatedRequest) {
-  ASSERT_OK(store_->scenes().CreateScene({"a", "x", "r1", {}}));
-  EXPECT_OK(store_->scenes().CreateScene({"a", "x", "r1", {}}));
-  EXPECT_EQ(store_->scenes().CreateScene({"b", "x", "r1", {}}).status().code(),
+  ASSERT_OK(store_->scenes().CreateScene(NewScene("a", "x", "r1")));
+  EXPECT_OK(store_->scenes().CreateScene(NewScene("a", "x", "r1")));
+  EXPECT_EQ(store_->scenes().CreateScene(NewScene("b", "x", "r1")).status().code(),
             absl::StatusCode::kAlreadyExists);
-  EXPECT_EQ(store_->scenes().CreateScene({"a", "x", "r2", {}}).status().code(),
+  EXPECT_EQ(store_->scenes().CreateScene(NewScene("a", "x", "r2")).status().code(),
             absl::StatusCode::kAlreadyExists);
   EXPECT_EQ(store_->scenes().ListScenes({})->rows.size(), 1u);
 }
@@ -50,7 +50,7 @@ TEST_F(StoreTest, ListsEachSceneOnceInPages) {
   do {
     ASSERT_OK_AND_ASSIGN(const auto got, store_->scenes().ListScenes(page));
     EXPECT_LE(got.rows.size(), 3u);
-    for (const SceneRow& row : got.rows) seen.push_back(row.id);
+    for (const SceneRow& row : got.rows) seen.push_back(row.scene.name);
     page.page_token = got.next_page_token;
   } while (!page.page_token.empty());
   EXPECT_THAT(seen, ::testing::ElementsAre("s0", "s1", "s2", "s3", "s4", "s5", "s6"));
@@ -73,12 +73,15 @@ TEST_F(StoreTest, RefusesTokensOfOtherLists) {
 TEST_F(StoreTest, DeletesOnlyIdleScenes) {
   MakeTrainable("a");
   ASSERT_OK(Train("a"));
-  EXPECT_EQ(store_->scenes().DeleteScene("a").code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(store_->scenes().DeleteScene(SceneOf(*store_, "a")).code(),
+            absl::StatusCode::kFailedPrecondition);
   ASSERT_OK(store_->queue().RequestCancel("j1"));
-  ASSERT_OK(store_->scenes().DeleteScene("a"));
-  EXPECT_EQ(store_->scenes().GetScene("a").status().code(), absl::StatusCode::kNotFound);
+  ASSERT_OK(store_->scenes().DeleteScene(SceneOf(*store_, "a")));
+  EXPECT_EQ(store_->scenes().GetScene(SceneOf(*store_, "a")).status().code(),
+            absl::StatusCode::kNotFound);
   EXPECT_EQ(store_->jobs().GetJob("j1").status().code(), absl::StatusCode::kNotFound);
-  EXPECT_EQ(store_->datasets().GetDataset("a", 1).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(store_->datasets().GetDataset(SceneOf(*store_, "a"), 1).status().code(),
+            absl::StatusCode::kNotFound);
   MakeTrainable("a");
   EXPECT_EQ(Train("a")->id, "j2");
 }

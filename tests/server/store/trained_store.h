@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "server/store/store.h"
+#include "tests/server/store/scene_of.h"
 #include "tests/server/store/test_database.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
@@ -18,16 +19,17 @@ class TrainedStoreTest : public ::testing::Test {
  protected:
   void SetUp() override {
     Reopen();
-    ASSERT_OK(store_->scenes().CreateScene({"b", "", "", {}}));
+    ASSERT_OK(store_->scenes().CreateScene(NewScene("b")));
     MakeTrained("a");
   }
   void MakeTrained(const std::string& scene) {
-    ASSERT_OK(store_->scenes().CreateScene({scene, "", "", {}}));
-    ASSERT_OK(store_->datasets().CreateDataset(scene, "", {{"images/a.jpg", 1, 3, "00", true}}));
-    ASSERT_OK(store_->datasets().SealDataset(scene, 1));
+    ASSERT_OK(store_->scenes().CreateScene(NewScene(scene)));
+    ASSERT_OK(store_->datasets().CreateDataset(SceneOf(*store_, scene), "",
+                                               {{"images/a.jpg", 1, 3, "00", true}}));
+    ASSERT_OK(store_->datasets().SealDataset(SceneOf(*store_, scene), 1));
     for (int i = 0; i < 2; ++i) {
       JobRow job;
-      job.scene = scene;
+      job.scene = SceneOf(*store_, scene);
       job.dataset = 1;
       ASSERT_OK_AND_ASSIGN(job, store_->jobs().CreateJob(job));
       ASSERT_OK(store_->queue().ClaimJob("cpu"));

@@ -3,7 +3,7 @@
 #include "server/access/api_key.h"
 #include "server/api/resource_name.h"
 #include "server/services/upload_rules.h"
-#include "server/store/scene_key.h"
+#include "server/store/resource_id.h"
 #include "server/store/store_sql.h"
 #include "tests/system/fuzz/fuzz_target.h"
 
@@ -11,20 +11,25 @@ namespace {
 
 void ReadResourceNames(const std::string& text) {
   using pepeseg::fuzz::Expect;
-  if (const auto scene = pepeseg::ParseSceneName(text, "name"); scene.ok()) {
-    Expect("scenes/" + *scene == text && pepeseg::IsSceneKey(*scene), "the same scene");
-    Expect(scene->find_first_of("/'%\\") == std::string::npos && scene->front() != '.',
-           "a scene that is no path");
-  }
-  if (const auto model = pepeseg::ParseModelName(text, "name"); model.ok()) {
-    Expect(model->number >= pepeseg::kLiveModel, "a number");
-  }
-  if (const auto child = pepeseg::ParseChildName(text, "datasets", "name"); child.ok()) {
-    Expect(pepeseg::KeyedChildName(child->scene, "datasets", child->number) == text,
-           "the same child");
-  }
-  if (const auto label = pepeseg::ParseLabelName(text, "name"); label.ok()) {
-    Expect("scenes/" + label->scene + "/labels/" + label->id == text, "the same label");
+  if (const auto parts = pepeseg::SplitSceneName(text); parts.has_value()) {
+    const pepeseg::SceneRef scene{1, parts->project, parts->name};
+    Expect(pepeseg::IsResourceId(scene.name), "an id that is no path");
+    pepeseg::NamedScenes scenes;
+    scenes.Add(*parts, scene);
+    const std::string project = parts->project.empty() ? "" : "projects/" + parts->project + "/";
+    if (const auto read = scenes.Scene(text, "name"); read.ok()) {
+      Expect(project + pepeseg::SceneName(*read) == text, "the same scene");
+    }
+    if (const auto model = scenes.Model(text, "name"); model.ok()) {
+      Expect(model->number >= pepeseg::kLiveModel, "a number");
+    }
+    if (const auto child = scenes.Child(text, "datasets", "name"); child.ok()) {
+      Expect(project + pepeseg::ChildName(child->scene, "datasets", child->number) == text,
+             "the same child");
+    }
+    if (const auto label = scenes.Label(text, "name"); label.ok()) {
+      Expect(project + pepeseg::LabelName(label->scene, label->id) == text, "the same label");
+    }
   }
   if (const auto job = pepeseg::ParseJobName(text, "name"); job.ok()) {
     Expect(pepeseg::JobName(*job) == text, "the same job");

@@ -22,9 +22,9 @@ Model ThreeViews() {
   return model;
 }
 
-LabelRow RedLabel() {
+LabelRow RedLabel(const SceneRef& scene) {
   LabelRow label;
-  label.scene = "shelf";
+  label.scene = scene;
   label.id = "red";
   label.view = "front";
   label.width = label.height = kSide;
@@ -43,10 +43,10 @@ SmallModel::SmallModel() : backend_(MakeCpuBackend(1)) {
   auto store = Store::Open("sqlite:" + (folder_ / "store.db").string());
   Expect(store.ok(), "a store");
   store_ = *std::move(store);
-  SceneRow scene;
-  scene.id = "shelf";
-  Expect(store_->scenes().CreateScene(scene).ok(), "a scene");
-  Expect(store_->labels().CreateLabel(RedLabel()).ok(), "a label");
+  const auto scene = store_->scenes().CreateScene({{0, kDefaultProject, "shelf"}, "", "", {}});
+  Expect(scene.ok(), "a scene");
+  scene_ = scene->scene;
+  Expect(store_->labels().CreateLabel(RedLabel(scene_)).ok(), "a label");
 }
 
 }  // namespace pepeseg::fuzz

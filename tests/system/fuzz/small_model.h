@@ -17,12 +17,13 @@ class SmallModel {
   SmallModel();
 
   const Segmenter& segmenter() const { return *segmenter_; }
-  SegmentRequestReader reader() const { return {segmenter_->model(), {"shelf", 1}, *store_}; }
+  SegmentRequestReader reader() const { return {segmenter_->model(), {scene_, 1}, *store_}; }
 
  private:
   testing::TempFolder folder_;
   std::unique_ptr<Backend> backend_;
   std::unique_ptr<Store> store_;
+  SceneRef scene_;
   std::unique_ptr<Segmenter> segmenter_;
 };
 

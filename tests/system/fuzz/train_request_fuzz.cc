@@ -8,8 +8,8 @@
 // Options that are accepted are accepted again as the job stores them, and can be estimated.
 PEPESEG_FUZZ_MESSAGE(train_request, pepeseg::v1::TrainSceneRequest) {
   using pepeseg::fuzz::Expect;
-  (void)pepeseg::ParseSceneName(message.scene(), "scene");
-  (void)pepeseg::ParseChildName(message.dataset(), "datasets", "dataset");
+  (void)pepeseg::SplitSceneName(message.scene());
+  (void)pepeseg::SplitSceneName(message.dataset());
   const auto settings = pepeseg::TrainingSettingsFromProto(message.options());
   if (!settings.ok()) return;
   const auto stored = pepeseg::ToProto(*settings);

@@ -5,7 +5,7 @@
 #include "tests/system/fuzz/fuzz_message.h"
 
 PEPESEG_FUZZ_MESSAGE(upload_request, pepeseg::v1::CreateUploadRequest) {
-  (void)pepeseg::ParseSceneName(message.parent(), "parent");
+  (void)pepeseg::SplitSceneName(message.parent());
   (void)pepeseg::CheckRequestId(message.request_id());
   const auto files = pepeseg::CheckUploadFiles(message);
   if (!files.ok()) return;

@@ -15,6 +15,7 @@
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "server/store/store.h"
+#include "tests/server/store/scene_of.h"
 #include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
@@ -28,12 +29,14 @@ constexpr int kNumScenes = 12;
 const PageRequest kAll{1000, ""};
 
 // Makes a scene with a model, a label and a selection.
-void Fill(Store& store, const std::string& scene) {
-  ASSERT_OK(store.scenes().CreateScene({scene, "the scene " + scene, "make " + scene, {}}));
+void Fill(Store& store, const std::string& name) {
+  ASSERT_OK_AND_ASSIGN(const SceneRow made, store.scenes().CreateScene(NewScene(
+                                                name, "the scene " + name, "make " + name)));
+  const SceneRef& scene = made.scene;
   std::vector<DatasetFileRow> files;
   for (int i = 0; i < 10; ++i) {
     const std::string path = absl::StrCat("images/", i, ".jpg");
-    files.push_back({path, 1, 1000 + i, Sha256Hex(scene + path), true});
+    files.push_back({path, 1, 1000 + i, Sha256Hex(name + path), true});
   }
   ASSERT_OK(store.datasets().CreateDataset(scene, "upload", files));
   ASSERT_OK(store.datasets().SealDataset(scene, 1));
@@ -56,20 +59,20 @@ void Fill(Store& store, const std::string& scene) {
   selection.number = number;
   selection.model = 1;
   selection.model_gaussians = 20000;
-  selection.file = absl::StrCat("selections/", scene, "/", number);
+  selection.file = absl::StrCat("selections/", scene.id, "/", number);
   ASSERT_OK(store.selections().CreateSelection(selection));
   KeyRow key;
-  key.id = Sha256Hex(scene).substr(0, 16);
+  key.id = Sha256Hex(name).substr(0, 16);
   key.project = "lab";
-  key.sha256 = Sha256Hex("key of " + scene);
+  key.sha256 = Sha256Hex("key of " + name);
   key.scopes = 14;
   ASSERT_OK(store.keys().CreateKey(key));
 }
 
-absl::Status TellScene(Store& store, const std::string& scene, std::string& all) {
+absl::Status TellScene(Store& store, const SceneRef& scene, std::string& all) {
   ASSIGN_OR_RETURN(const auto datasets, store.datasets().ListDatasets(scene, kAll));
   for (const DatasetRow& row : datasets.rows) {
-    absl::StrAppend(&all, row.scene, row.number, row.request_id, row.num_files, row.num_bytes,
+    absl::StrAppend(&all, row.scene.id, row.number, row.request_id, row.num_files, row.num_bytes,
                     absl::FormatTime(row.seal_time));
     ASSIGN_OR_RETURN(const auto files, store.files().ListDatasetFiles(scene, row.number));
     for (const DatasetFileRow& file : files) {
@@ -78,7 +81,7 @@ absl::Status TellScene(Store& store, const std::string& scene, std::string& all)
   }
   ASSIGN_OR_RETURN(const auto models, store.models().ListModels(scene, kAll));
   for (const ModelRow& row : models.rows) {
-    absl::StrAppend(&all, row.scene, row.number, row.job, row.device, row.folder, row.metrics,
+    absl::StrAppend(&all, row.scene.id, row.number, row.job, row.device, row.folder, row.metrics,
                     row.sources, row.num_gaussians, row.num_bytes,
                     absl::FormatTime(row.create_time));
   }
@@ -103,14 +106,14 @@ absl::StatusOr<std::string> TellAll(const std::string& url) {
   std::string all;
   ASSIGN_OR_RETURN(const auto scenes, store->scenes().ListScenes(kAll));
   for (const SceneRow& row : scenes.rows) {
-    absl::StrAppend(&all, row.id, row.display_name, row.request_id, row.project,
-                    absl::FormatTime(row.create_time));
-    RETURN_IF_ERROR(store->scenes().GetScene(row.id).status());
-    RETURN_IF_ERROR(TellScene(*store, row.id, all));
+    absl::StrAppend(&all, row.scene.id, row.scene.name, row.display_name, row.request_id,
+                    row.scene.project, absl::FormatTime(row.create_time));
+    RETURN_IF_ERROR(store->scenes().GetScene(row.scene).status());
+    RETURN_IF_ERROR(TellScene(*store, row.scene, all));
   }
   ASSIGN_OR_RETURN(const auto jobs, store->jobs().ListJobs({}, kAll));
   for (const JobRow& row : jobs.rows) {
-    absl::StrAppend(&all, row.id, row.scene, row.dataset, static_cast<int>(row.state), row.stage,
+    absl::StrAppend(&all, row.id, row.scene.id, row.dataset, static_cast<int>(row.state), row.stage,
                     row.device, row.options, row.effective_options, row.request_id, row.fence,
                     row.launch, row.crashes, row.server_ends, row.error_code, row.error_message,
                     row.model, absl::FormatTime(row.create_time), absl::FormatTime(row.start_time),
