@@ -5,16 +5,17 @@
 #include <limits>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
+#include "core/base/stage.h"
 
 namespace pepeseg {
 
 // A part of a stage that is skipped, because this scene does not need it or its options disable it.
-struct SkippedTerm {
-  // "depth", "refinement", "bands", "steps"; "background", "centroids", "perception"
-  std::string term;
+struct SkippedPart {
+  Part part;
   std::string reason;       // for a person
   int64_t step = 0;         // number of steps done when that was decided; 0: at the start
   int64_t saved_steps = 0;  // steps that are not run because of it
@@ -23,8 +24,7 @@ struct SkippedTerm {
 // Progress of a stage, reported after each step. NaN: not measured in this step. `num_gaussians`
 // is the current number; the counts after it run from the start of the stage.
 struct StepReport {
-  std::string_view stage;  // "sfm", "priors", "reconstruct", "features"
-  int64_t step = 0;        // from 1
+  int64_t step = 0;  // from 1
   int64_t num_steps = 0;
   double loss = std::numeric_limits<double>::quiet_NaN();
   double psnr = std::numeric_limits<double>::quiet_NaN();  // of the training view of this step, dB
@@ -41,6 +41,9 @@ struct StepReport {
   // Share of the stage's work that is done, in [0, 1]. NaN: step / num_steps.
   double share = std::numeric_limits<double>::quiet_NaN();
 };
+
+// Reports of consecutive steps, the oldest first.
+using StepReports = std::vector<StepReport>;
 
 // Called after each step, on the thread of the stage. An error that it returns, such as CANCELLED,
 // ends the stage with that error.

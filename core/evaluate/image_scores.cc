@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
@@ -112,9 +113,7 @@ ImageScores Mean(std::span<const ViewScores> scores) {
   return mean;
 }
 
-std::map<std::string, double> RecordScores(std::span<const ViewScores> scores, Model& model) {
-  // No held-out views: the model then has no scores, instead of means of nothing.
-  if (scores.empty()) return {};
+void RecordScores(std::span<const ViewScores> scores, Model& model) {
   std::map<std::string, const ImageScores*> by_view;
   for (const ViewScores& view : scores) by_view[view.view] = &view.scores;
   for (ModelView& view : model.views) {
@@ -122,10 +121,6 @@ std::map<std::string, double> RecordScores(std::span<const ViewScores> scores, M
       view.scores = *found->second;
     }
   }
-  const ImageScores mean = Mean(scores);
-  std::map<std::string, double> metrics = {{"psnr", mean.psnr}, {"ssim", mean.ssim}};
-  if (mean.lpips) metrics["lpips"] = *mean.lpips;
-  return metrics;
 }
 
 }  // namespace pepeseg

@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -37,8 +36,7 @@ absl::StatusOr<std::vector<ViewScores>> ScoreHeldOut(Backend& backend, const Cap
 // one.
 ImageScores Mean(std::span<const ViewScores> scores);
 
-// Stores the scores with the model's views of the same names. Returns their means as metrics of the
-// model: "psnr" (dB), "ssim" and, if it was measured, "lpips"; empty without scores.
-std::map<std::string, double> RecordScores(std::span<const ViewScores> scores, Model& model);
+// Stores the scores with the model's views of the same names.
+void RecordScores(std::span<const ViewScores> scores, Model& model);
 
 }  // namespace pepeseg

@@ -182,19 +182,20 @@ bool Any(const std::vector<DrawableView>& views, HasPixels has_pixels) {
 }
 
 // Lists the parts of the loss that are left out, each with the reason.
-std::vector<SkippedTerm> SkippedTerms(const Capture& capture, const FeatureOptions& options,
+std::vector<SkippedPart> SkippedParts(const Capture& capture, const FeatureOptions& options,
                                       const PreparedFeatures& prepared) {
-  std::vector<SkippedTerm> skipped;
+  std::vector<SkippedPart> skipped;
   if (!Any(prepared.views, [](const auto& view) { return !view.background.empty(); })) {
-    skipped.push_back({"background", options.num_background_pixels == 0
-                                         ? "num_background_pixels is 0"
-                                         : "everything seen is under a mask in at least one view"});
+    skipped.push_back(
+        {Part::kBackground, options.num_background_pixels == 0
+                                ? "num_background_pixels is 0"
+                                : "everything seen is under a mask in at least one view"});
   }
   if (options.centroid_weight_upper == 0 && options.centroid_weight_lower == 0) {
-    skipped.push_back({"centroids", "both centroid weights are 0"});
+    skipped.push_back({Part::kCentroids, "both centroid weights are 0"});
   }
   if (prepared.cues == nullptr) {
-    skipped.push_back({"perception", WhyNoPerception(capture, options)});
+    skipped.push_back({Part::kPerception, WhyNoPerception(capture, options)});
   }
   return skipped;
 }
@@ -236,7 +237,7 @@ absl::StatusOr<PreparedFeatures> PrepareFeatures(const Capture& capture, const G
     prepared.cues = std::make_unique<PerceptionCues>(capture, *prepared.cross_view, prepared.views,
                                                      std::move(edges), options);
   }
-  prepared.skipped = SkippedTerms(capture, options, prepared);
+  prepared.skipped = SkippedParts(capture, options, prepared);
   prepared.neighbors = neighbors.get();
   prepared.features = features.get();
   return prepared;

@@ -31,7 +31,7 @@ struct PreparedFeatures {
   // Null if the perception loss is left out.
   std::unique_ptr<CrossView> cross_view;
   std::unique_ptr<PerceptionCues> cues;
-  std::vector<SkippedTerm> skipped;  // parts of the loss that are left out
+  std::vector<SkippedPart> skipped;  // parts of the loss that are left out
 };
 
 // Measures, compares and completes the masks of the capture (METHOD.md section 2), and lists what

@@ -164,7 +164,7 @@ void FeatureStage::ReviewLosses(std::span<const double> losses) {
   trainer_->LeaveOut(left_out_after_, num_left_out_);
   batches_->Skip(num_saved);
   skipped_.push_back(
-      {"steps",
+      {Part::kSteps,
        absl::StrCat("the loss has stopped falling: ", closing, " steps close the schedule"), step_,
        num_saved});
 }
@@ -179,8 +179,7 @@ absl::StatusOr<std::vector<StepReport>> FeatureStage::Reports(
       return absl::InternalError(
           absl::StrCat("features: step ", step, ": loss ", losses[i], " ", backend_.error()));
     }
-    reports.push_back({.stage = "features",
-                       .step = step,
+    reports.push_back({.step = step,
                        .num_steps = num_steps(),
                        .loss = losses[i],
                        .num_gaussians = num_gaussians_});

@@ -40,7 +40,7 @@ class FeatureStage {
   int step() const { return step_; }
   // Returns the parts that are left out, in the order in which that was decided. After Resume,
   // steps that were left out before the checkpoint are not listed.
-  const std::vector<SkippedTerm>& skipped() const { return skipped_; }
+  const std::vector<SkippedPart>& skipped() const { return skipped_; }
   // Returns whether all steps are done.
   bool done() const { return step_ == num_steps(); }
   // Returns how well the capture's masks agree across views, see MaskQuality.
@@ -76,7 +76,7 @@ class FeatureStage {
   const Capture& capture_;
   const FeatureOptions options_;
   const int64_t num_gaussians_;
-  std::vector<SkippedTerm> skipped_;
+  std::vector<SkippedPart> skipped_;
   Renderer scene_;
   FeatureField field_;  // scale_quantiles and confidence; the rest is in the trainer
   Buffer<int32_t> neighbors_;

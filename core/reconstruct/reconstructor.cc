@@ -41,7 +41,7 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
                              const ReconstructOptions& options)
     : backend_(backend),
       options_(WithPixelBudget(WithDepthWeight(options, capture), capture)),
-      skipped_(SkippedTerms(options, capture)),
+      skipped_(SkippedParts(options, capture)),
       scene_radius_(SceneRadius(capture)),
       random_(options.seed),
       points_(StartingPoints(capture, options_, random_)),
@@ -263,7 +263,7 @@ void Reconstructor::DropUnneededParts() {
   const SceneNeeds::Decision decision = needs_.Decide(position_ - 1);
   if (decision.leave_out_depth && !depth_term_.left_out()) {
     depth_term_.LeaveOut();
-    skipped_.push_back({"depth",
+    skipped_.push_back({Part::kDepth,
                         "the depth priors do not agree with the depth of what the photographs show",
                         step_});
   }
@@ -271,7 +271,7 @@ void Reconstructor::DropUnneededParts() {
     const int earned =
         SufficientShDegree(backend_, views_, NearPlane(), state_, options_.min_band_gain);
     if (earned < state_.sh_degree()) {
-      skipped_.push_back({"bands",
+      skipped_.push_back({Part::kBands,
                           absl::StrCat("spherical harmonics of degrees over ", earned,
                                        " gain less than ", options_.min_band_gain, " dB"),
                           step_});
@@ -281,7 +281,7 @@ void Reconstructor::DropUnneededParts() {
   if (decision.close) {
     const auto closing = static_cast<int>(std::lround(options_.closing_share * options_.num_steps));
     const int saved = options_.num_steps - closing - position_;
-    skipped_.push_back({"steps",
+    skipped_.push_back({Part::kSteps,
                         absl::StrCat("the loss of the training views has stopped falling: ",
                                      closing, " steps close the schedule"),
                         step_, saved});
@@ -322,7 +322,6 @@ absl::StatusOr<StepReport> Reconstructor::Report() const {
     return absl::InternalError(absl::StrCat("step ", step_, ": ", error));
   }
   StepReport report;
-  report.stage = "reconstruct";
   report.step = step_;
   report.num_steps = step_ + options_.num_steps - position_;
   report.num_gaussians = state_.count();

@@ -45,7 +45,7 @@ class Reconstructor {
 
   // Skipped parts of the stage, in the order of the decisions. After Resume, parts skipped before
   // the checkpoint are missing.
-  const std::vector<SkippedTerm>& skipped() const { return skipped_; }
+  const std::vector<SkippedPart>& skipped() const { return skipped_; }
   // By training view, whether its photograph is blurred (blurred_views.h) and trained on less for
   // it. Empty: none is.
   const std::vector<bool>& blurred() const { return blurred_; }
@@ -84,7 +84,7 @@ class Reconstructor {
 
   Backend& backend_;
   const ReconstructOptions options_;
-  std::vector<SkippedTerm> skipped_;
+  std::vector<SkippedPart> skipped_;
   const double scene_radius_;
   std::mt19937_64 random_;
   const std::vector<ScenePoint> points_;

@@ -81,18 +81,18 @@ class DegreeMeter {
 
 // The depth loss is skipped where no view has a prior, and where priors are made of the starting
 // points.
-std::vector<SkippedTerm> SkippedTerms(const ReconstructOptions& options, const Capture& capture) {
-  std::vector<SkippedTerm> skipped;
+std::vector<SkippedPart> SkippedParts(const ReconstructOptions& options, const Capture& capture) {
+  std::vector<SkippedPart> skipped;
   if (options.depth_weight != 0 && !HasTrainingGeometry(capture)) {
     skipped.push_back(
-        {"depth", HasTrainingDepth(capture)
-                      ? "the depth priors were made from the points that training starts from"
-                      : "no training view has a depth prior"});
+        {Part::kDepth, HasTrainingDepth(capture)
+                           ? "the depth priors were made from the points that training starts from"
+                           : "no training view has a depth prior"});
   }
   const bool has_masks = std::ranges::any_of(
       capture.views, [](const View& view) { return !view.held_out && !view.masks.empty(); });
   if (options.refine_keep != RefineKeep::kNone && !has_masks) {
-    skipped.push_back({"refinement", "no training view has masks"});
+    skipped.push_back({Part::kRefinement, "no training view has masks"});
   }
   return skipped;
 }

@@ -13,7 +13,7 @@ namespace pepeseg {
 
 // Returns the parts of stage one that the options want but the capture lacks what they need, with
 // the reason. options: as given to the stage.
-std::vector<SkippedTerm> SkippedTerms(const ReconstructOptions& options, const Capture& capture);
+std::vector<SkippedPart> SkippedParts(const ReconstructOptions& options, const Capture& capture);
 
 // Decides whether the depth priors fit the scene at all (METHOD.md section 1, "Depth"): a prior
 // that is upside down, constant or noise teaches nothing and costs a rendered channel.

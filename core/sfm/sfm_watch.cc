@@ -15,7 +15,6 @@ SfmWatch::SfmWatch(const SfmLoad& load, const SfmOptions& options, ProgressFn re
 
 absl::Status SfmWatch::Report() {
   StepReport report;
-  report.stage = "sfm";
   report.step = progress_.step();
   report.num_steps = progress_.num_steps();
   report.activity = progress_.activity();

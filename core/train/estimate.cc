@@ -35,21 +35,31 @@ class MemoryEstimator {
   void Estimate(StageNeed& need) const {
     const TrainingSize& size = dataset_.training;
     const int64_t capture_bytes = CaptureBytes(size);
-    if (need.stage == "prepare") {
-      need.host_bytes = capture_bytes + kDecodingBytes * dataset_.max_source_pixels;
-    } else if (need.stage == "sfm") {
-      need.host_bytes = SfmHostBytes(dataset_.max_source_pixels, /*num_threads=*/0, settings_.sfm) +
-                        sam_.host_bytes;
-      need.device_bytes = sam_.device_bytes;
-    } else if (need.stage == "reconstruct") {
-      const MemoryNeed memory = EstimateReconstruct(backend_, size, settings_.reconstruct);
-      need.host_bytes = memory.host_bytes + sam_.host_bytes;
-      need.device_bytes = memory.device_bytes + sam_.device_bytes;
-    } else if (need.stage == "priors") {
-      need.host_bytes = capture_bytes + sam_.host_bytes;
-      need.device_bytes = sam_.device_bytes;
-    } else if (need.stage == "features") {
-      EstimateFeatures(need);
+    switch (need.stage) {
+      case Stage::kPrepare:
+        need.host_bytes = capture_bytes + kDecodingBytes * dataset_.max_source_pixels;
+        return;
+      case Stage::kSfm:
+        need.host_bytes =
+            SfmHostBytes(dataset_.max_source_pixels, /*num_threads=*/0, settings_.sfm) +
+            sam_.host_bytes;
+        need.device_bytes = sam_.device_bytes;
+        return;
+      case Stage::kReconstruct: {
+        const MemoryNeed memory = EstimateReconstruct(backend_, size, settings_.reconstruct);
+        need.host_bytes = memory.host_bytes + sam_.host_bytes;
+        need.device_bytes = memory.device_bytes + sam_.device_bytes;
+        return;
+      }
+      case Stage::kPriors:
+        need.host_bytes = capture_bytes + sam_.host_bytes;
+        need.device_bytes = sam_.device_bytes;
+        return;
+      case Stage::kFeatures:
+        return EstimateFeatures(need);
+      case Stage::kEvaluate:
+      case Stage::kIndex:
+        return;
     }
   }
 
@@ -116,7 +126,7 @@ std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize datase
   std::vector<StageNeed> needs;
   needs.reserve(plan.size());
   for (const PlannedStage& stage : plan) {
-    memory.Estimate(needs.emplace_back(StageNeed{.stage = stage.name, .seconds = stage.seconds}));
+    memory.Estimate(needs.emplace_back(StageNeed{.stage = stage.stage, .seconds = stage.seconds}));
   }
   return needs;
 }

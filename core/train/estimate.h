@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "core/reconstruct/estimate.h"
@@ -34,7 +33,7 @@ struct EstimateTools {
 
 // Memory and time that a stage needs.
 struct StageNeed {
-  std::string stage = {};
+  Stage stage = Stage::kPrepare;
   // Upper estimates; 0 for stages that need less than others before them.
   int64_t host_bytes = 0;
   int64_t device_bytes = 0;  // allocated by Backend::Allocate

@@ -228,8 +228,7 @@ absl::Status PhotographSegmentation::WaitFor(const std::vector<size_t>& tasks, S
     }
     const double left = std::max<double>(1, static_cast<double>(num_photographs - num_before));
     const double share = 1 - static_cast<double>(num_photographs - num_done) / left;
-    RETURN_IF_ERROR(stages.Step({.stage = "priors",
-                                 .step = num_done,
+    RETURN_IF_ERROR(stages.Step({.step = num_done,
                                  .num_steps = num_photographs,
                                  .activity = "segmenting",
                                  .unit = "photographs",

@@ -63,9 +63,9 @@ absl::StatusOr<PosesMade> AppendPoses(const TrainingInputs& inputs, const SfmOpt
   files.push_back({FileKind::kPoses, "sparse/0/images.bin", poses.images});
   files.push_back({FileKind::kPoints, "sparse/0/points3D.bin", poses.points});
   return PosesMade{poses.program,
-                   {{"num_registered", static_cast<double>(poses.num_registered)},
-                    {"num_photographs", static_cast<double>(photographs.size())},
-                    {"reprojection_error", poses.reprojection_error}}};
+                   {.num_photographs = static_cast<double>(photographs.size()),
+                    .num_registered = static_cast<double>(poses.num_registered),
+                    .reprojection_error = poses.reprojection_error}};
 }
 
 }  // namespace pepeseg

@@ -10,6 +10,7 @@
 #include "core/sfm/sfm_photographs.h"
 #include "core/train/stage_log.h"
 #include "core/train/training_inputs.h"
+#include "core/train/training_metrics.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {
@@ -22,8 +23,8 @@ absl::StatusOr<std::vector<SfmPhotograph>> PhotographsWithoutPoses(
 
 // Origin and quality of estimated poses.
 struct PosesMade {
-  std::string source;         // the program and its version
-  StageLog::Metrics metrics;  // "num_registered", "num_photographs", "reprojection_error"
+  std::string program;      // with its version
+  TrainingMetrics metrics;  // num_registered, num_photographs, reprojection_error
 };
 
 // Estimates the photographs' poses, or takes them from an earlier run, and appends COLMAP's files

@@ -102,7 +102,6 @@ absl::StatusOr<std::filesystem::path> ConvertAll(const TrainingFolders& folders,
   std::vector<std::string> names;
   for (const size_t index : heic) {
     StepReport report;
-    report.stage = "prepare";
     report.step = static_cast<int64_t>(names.size());
     report.num_steps = static_cast<int64_t>(heic.size());
     report.activity = "converting";
@@ -147,11 +146,8 @@ absl::Status WriteFrames(const std::filesystem::path& folder,
   for (size_t i = 0; i < videos.size(); ++i) {
     const VideoTask task{videos[i].path, videos[i].name, folder, FramePrefix(i), max_frames};
     const auto report = [&](int64_t done, int64_t num_frames) {
-      return stages.StepIfNew({.stage = "prepare",
-                               .step = done,
-                               .num_steps = num_frames,
-                               .activity = "extracting",
-                               .unit = "frames"});
+      return stages.StepIfNew(
+          {.step = done, .num_steps = num_frames, .activity = "extracting", .unit = "frames"});
     };
     ASSIGN_OR_RETURN(const std::vector<VideoFrame> frames, ExtractFrames(task, report));
     for (const VideoFrame& frame : frames) names.push_back(frame.path.filename().string());

@@ -78,24 +78,23 @@ absl::Status PriorStage::Run(TrainingScene& scene) {
   if (has_depth && settings_.priors.depth != PriorMaker::kAuto) {
     stages_.Warn(WarningOfGiven("depth"));
   }
-  scene.sources["masks"] = has_masks ? "given" : "none";
-  scene.sources["depth"] = has_depth ? "given" : "none";
+  scene.sources.masks = {has_masks ? Source::Kind::kGiven : Source::Kind::kNone};
+  scene.sources.depth = {has_depth ? Source::Kind::kGiven : Source::Kind::kNone};
   // Uploaded priors always win: only what the dataset lacks is made.
   const bool masks = !has_masks && settings_.priors.masks != PriorMaker::kNone;
   const PriorMaker depth = settings_.priors.depth;
   const bool depth_has_use = depth != PriorMaker::kAuto || HasCommand() || masks;
   const PriorWants asked = {masks, !has_depth && depth != PriorMaker::kNone && depth_has_use};
-  if (!asked.any()) return stages_.Skip("priors", has_masks ? "given" : "left out");
-  RETURN_IF_ERROR(stages_.Start("priors"));
+  if (!asked.any()) return stages_.Skip(Stage::kPriors, has_masks ? "given" : "left out");
+  RETURN_IF_ERROR(stages_.Start(Stage::kPriors));
   RETURN_IF_ERROR(MakeByCommand(asked, scene));
   RETURN_IF_ERROR(MakeOthers(asked, scene));
-  StageLog::Metrics counts = Counts(scene.capture);
-  return stages_.End(
-      {{"num_masks", counts["num_masks"]}, {"num_depth_maps", counts["num_depth_maps"]}});
+  const TrainingMetrics counts = Counts(scene.capture);
+  return stages_.End({.num_masks = counts.num_masks, .num_depth_maps = counts.num_depth_maps});
 }
 
 // Runs the command if it may or must make something. If it need not succeed, its failure is a
-// warning and the sources stay "none", so that MakeOthers takes over.
+// warning and the sources stay kNone, so that MakeOthers takes over.
 absl::Status PriorStage::MakeByCommand(PriorWants asked, TrainingScene& scene) {
   const PriorOptions& options = settings_.priors;
   const PriorWants wants = {asked.masks && MayUseCommand(options.masks),
@@ -144,7 +143,9 @@ absl::Status PriorStage::RecordMade(const std::vector<DatasetFile>& made, bool m
         return masks == (file.kind == FileKind::kMask);
       }));
   const size_t num_views = scene.capture.views.size();
-  if (count > 0) scene.sources[what] = source;
+  if (count > 0) {
+    (masks ? scene.sources.masks : scene.sources.depth) = {Source::Kind::kProgram, source};
+  }
   if (count == num_views) return absl::OkStatus();
   const std::string message = absl::StrCat("the priors ", source, " made ", what, " for ", count,
                                            " of ", num_views, " photographs");
@@ -156,11 +157,11 @@ absl::Status PriorStage::RecordMade(const std::vector<DatasetFile>& made, bool m
 // Makes what the command did not: depth by the built-in method, masks by SAM, the built-in method,
 // or both.
 absl::Status PriorStage::MakeOthers(PriorWants asked, TrainingScene& scene) {
-  const auto wants = [&scene](bool asked_for, const char* what, PriorMaker maker) {
-    return asked_for && maker != PriorMaker::kCommand && scene.sources[what] == "none";
+  const auto wants = [](bool asked_for, const Source& source, PriorMaker maker) {
+    return asked_for && maker != PriorMaker::kCommand && source.none();
   };
   const PriorMaker maker = settings_.priors.masks;
-  const bool masks = wants(asked.masks, "masks", maker);
+  const bool masks = wants(asked.masks, scene.sources.masks, maker);
   const bool by_sam = masks && MayUseSam();
   if (masks && inputs_.tools.sam.empty() && AsksForSam(maker)) {
     stages_.Warn("SAM: this server no longer has it. The job continues with the built-in masks.");
@@ -170,15 +171,14 @@ absl::Status PriorStage::MakeOthers(PriorWants asked, TrainingScene& scene) {
   }
   // SAM's masks replace built-in ones, which are made only to be joined with them, or if SAM fails.
   const bool embedded = masks && (!by_sam || maker == PriorMaker::kSamAndEmbedded);
-  const bool depth = wants(asked.depth, "depth", settings_.priors.depth) &&
+  const bool depth = wants(asked.depth, scene.sources.depth, settings_.priors.depth) &&
                      (embedded || settings_.priors.depth == PriorMaker::kEmbedded);
   RETURN_IF_ERROR(Embed({embedded, depth}, by_sam ? kShareBeforeSam : 1, scene));
   if (!masks) return absl::OkStatus();
   if (by_sam) RETURN_IF_ERROR(TakeMasksOfSam(scene));
-  if (scene.sources["masks"] == "none" && Counts(scene.capture)["num_masks"] > 0) {
-    scene.sources["masks"] = "embedded";
-  }
-  if (scene.sources["masks"] != "none") stages_.observer().MadeMasks(scene.sources["masks"]);
+  Source& source = scene.sources.masks;
+  if (source.none() && Counts(scene.capture).num_masks > 0) source = {Source::Kind::kEmbedded};
+  if (!source.none()) stages_.observer().MadeMasks(source);
   return absl::OkStatus();
 }
 
@@ -188,16 +188,16 @@ absl::Status PriorStage::Embed(EmbeddedPriors what, double share, TrainingScene&
   if (!what.masks && !what.depth) return absl::OkStatus();
   RETURN_IF_ERROR(
       EmbedPriors(what, inputs_.tools.num_threads, scene.capture, [&](int done, int num_views) {
-        StepReport report = {.stage = "priors",
-                             .step = done,
+        StepReport report = {.step = done,
                              .num_steps = num_views,
                              .activity = MakingActivity(what.masks, what.depth),
                              .unit = "photographs"};
         if (share < 1) report.share = share * done / num_views;
         return stages_.Step(report);
       }));
-  if (what.depth && Counts(scene.capture)["num_depth_maps"] > 0)
-    scene.sources["depth"] = "embedded";
+  if (what.depth && Counts(scene.capture).num_depth_maps > 0) {
+    scene.sources.depth = {Source::Kind::kEmbedded};
+  }
   return absl::OkStatus();
 }
 
@@ -208,12 +208,11 @@ absl::Status PriorStage::TakeMasksOfSam(TrainingScene& scene) {
   segmentation_.reset();
   if (absl::IsCancelled(status)) return status;
   if (status.ok()) {
-    scene.sources["masks"] = join ? "sam and embedded" : "sam";
+    scene.sources.masks = {join ? Source::Kind::kSamAndEmbedded : Source::Kind::kSam};
     return absl::OkStatus();
   }
   stages_.Warn(absl::StrCat(status.message(), ". The job continues with the built-in masks."));
-  const bool depth =
-      settings_.priors.depth == PriorMaker::kAuto && scene.sources["depth"] == "none";
+  const bool depth = settings_.priors.depth == PriorMaker::kAuto && scene.sources.depth.none();
   return Embed({.masks = true, .depth = depth}, 1, scene);
 }
 

@@ -58,7 +58,6 @@ absl::Status LayOut(std::span<const DatasetFile> photos, const fs::path& folder)
 std::optional<StepReport> ParseProgress(const std::string& line) {
   const std::vector<absl::string_view> words = absl::StrSplit(line, ' ', absl::SkipWhitespace());
   StepReport report;
-  report.stage = "priors";
   if (words.size() != 3 || words[0] != "progress" || !absl::SimpleAtoi(words[1], &report.step) ||
       !absl::SimpleAtoi(words[2], &report.num_steps)) {
     return std::nullopt;

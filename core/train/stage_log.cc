@@ -31,14 +31,16 @@ double CoreSeconds() {
 
 }  // namespace
 
-absl::Status StageLog::Start(const std::string& stage) {
+absl::Status StageLog::Start(Stage stage) {
   stage_ = stage;
   num_skipped_ = 0;
   last_step_ = 0;
   last_activity_ = {};
   core_seconds_before_ = CoreSeconds();
   start_ = std::chrono::steady_clock::now();
-  if (observer_.IsCancelled()) return absl::CancelledError("stopped before stage " + stage);
+  if (observer_.IsCancelled()) {
+    return absl::CancelledError(absl::StrCat("stopped before stage ", NameOf(stage)));
+  }
   return observer_.StartStage(stage);
 }
 
@@ -46,32 +48,33 @@ absl::Status StageLog::Start(const std::string& stage) {
 absl::Status StageLog::Finish(StageEnd end) {
   const auto passed = std::chrono::steady_clock::now() - start_;
   end.stage = stage_;
-  end.metrics["seconds_" + stage_] = std::chrono::duration<double>(passed).count();
-  end.metrics["core_seconds_" + stage_] = CoreSeconds() - core_seconds_before_;
-  for (const auto& [name, value] : end.metrics) metrics_[name] = value;
+  const auto index = static_cast<size_t>(stage_);
+  end.metrics.seconds[index] = std::chrono::duration<double>(passed).count();
+  end.metrics.core_seconds[index] = CoreSeconds() - core_seconds_before_;
+  metrics_.Merge(end.metrics);
   return observer_.EndStage(end);
 }
 
-absl::Status StageLog::End(const Metrics& metrics) { return Finish({.metrics = metrics}); }
+absl::Status StageLog::End(const TrainingMetrics& metrics) { return Finish({.metrics = metrics}); }
 
-absl::Status StageLog::EndScored(const Metrics& metrics, std::vector<ViewScores> views) {
+absl::Status StageLog::EndScored(const TrainingMetrics& metrics, std::vector<ViewScores> views) {
   return Finish({.metrics = metrics, .views = std::move(views)});
 }
 
-absl::Status StageLog::EndSkipped(const Metrics& metrics, const std::string& why) {
+absl::Status StageLog::EndSkipped(const TrainingMetrics& metrics, const std::string& why) {
   return Finish({.metrics = metrics, .skipped = why});
 }
 
 // A skipped stage has no times: it did not run.
-absl::Status StageLog::Skip(const std::string& stage, const std::string& why) {
+absl::Status StageLog::Skip(Stage stage, const std::string& why) {
   RETURN_IF_ERROR(Start(stage));
   return observer_.EndStage({.stage = stage, .skipped = why});
 }
 
 absl::Status StageLog::Step(const StepReport& report) {
   if (observer_.IsCancelled()) {
-    return absl::CancelledError(absl::StrCat("stopped in stage ", stage_, " at step ", report.step,
-                                             " of ", report.num_steps));
+    return absl::CancelledError(absl::StrCat("stopped in stage ", NameOf(stage_), " at step ",
+                                             report.step, " of ", report.num_steps));
   }
   return observer_.Step(report);
 }
@@ -85,7 +88,7 @@ absl::Status StageLog::StepIfNew(const StepReport& report) {
   return Step(report);
 }
 
-absl::Status StageLog::ReportSkipped(std::span<const SkippedTerm> skipped) {
+absl::Status StageLog::ReportSkipped(std::span<const SkippedPart> skipped) {
   // The lists of a stage only grow, so that those already reported are at their front.
   while (num_skipped_ < skipped.size()) {
     RETURN_IF_ERROR(observer_.SkipPart(skipped[num_skipped_++]));

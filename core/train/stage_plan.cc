@@ -66,7 +66,7 @@ class Planner {
       : facts_(facts), settings_(settings), photos_(static_cast<double>(facts.num_photographs)) {}
 
   std::vector<PlannedStage> Plan() {
-    AddOnCores("prepare", kPrepare * photos_ + kVideoCoreSeconds * facts_.video_megapixels);
+    AddOnCores(Stage::kPrepare, kPrepare * photos_ + kVideoCoreSeconds * facts_.video_megapixels);
     *stages_.back().seconds += kStart;
     if (!facts_.has_poses) AddPoses();
     const bool priors_first = PriorsComeFirst(facts_, settings_.priors);
@@ -75,22 +75,22 @@ class Planner {
     AddScores();
     if (!priors_first) AddPriors();
     if (facts_.has_masks || settings_.priors.masks != PriorMaker::kNone) AddFeatures();
-    AddOnCores("index", kIndex);
+    AddOnCores(Stage::kIndex, kIndex);
     return std::move(stages_);
   }
 
  private:
   double Threads() const { return std::max(1, facts_.num_threads); }
-  void AddOnCores(const char* name, double core_seconds) {
-    stages_.push_back({.name = name, .seconds = core_seconds / Threads()});
+  void AddOnCores(Stage stage, double core_seconds) {
+    stages_.push_back({.stage = stage, .seconds = core_seconds / Threads()});
   }
-  void AddSteps(const char* name, std::vector<PlannedStage::Piece> pieces) {
+  void AddSteps(Stage stage, std::vector<PlannedStage::Piece> pieces) {
     double seconds = 0;
     for (PlannedStage::Piece& piece : pieces) {
       if (!facts_.on_device) piece.seconds_per_step /= Threads();
       seconds += static_cast<double>(piece.num_steps) * piece.seconds_per_step;
     }
-    stages_.push_back({name, seconds, facts_.on_device, std::move(pieces)});
+    stages_.push_back({stage, seconds, facts_.on_device, std::move(pieces)});
   }
 
   void AddPoses() {
@@ -99,7 +99,7 @@ class Planner {
                        .in_sequence = facts_.is_video,
                        .on_device = facts_.on_device};
     const SfmWork work = ExpectedSfmWork(load, settings_.sfm);
-    stages_.push_back({.name = "sfm",
+    stages_.push_back({.stage = Stage::kSfm,
                        .seconds = (work.sum() - work.mapping) / Threads() +
                                   work.mapping / std::min(Threads(), work.mapping_threads)});
   }
@@ -108,8 +108,8 @@ class Planner {
     const ExpectedPriors expected = Expect(facts_, settings_.priors);
     if (!expected.any()) return;
     const double pixels = photos_ * facts_.megapixels;
-    AddOnCores("priors", pixels * ((expected.built_in_masks ? kEmbeddedMasks : 0) +
-                                   (expected.built_in_depth ? kEmbeddedDepth : 0)));
+    AddOnCores(Stage::kPriors, pixels * ((expected.built_in_masks ? kEmbeddedMasks : 0) +
+                                         (expected.built_in_depth ? kEmbeddedDepth : 0)));
     *stages_.back().seconds += SecondsOfSam(expected);
     // The speed of the operator's program is unknown.
     if (expected.by_command) stages_.back().seconds.reset();
@@ -124,7 +124,8 @@ class Planner {
     if (facts_.num_to_segment) return static_cast<double>(*facts_.num_to_segment) * photograph;
     double meanwhile = 0;
     for (const PlannedStage& stage : stages_) {
-      if (facts_.on_device && stage.name != "prepare") meanwhile += stage.seconds.value_or(0);
+      if (facts_.on_device && stage.stage != Stage::kPrepare)
+        meanwhile += stage.seconds.value_or(0);
     }
     return std::max(0.0, photos_ * photograph - meanwhile);
   }
@@ -141,8 +142,8 @@ class Planner {
       const double pixels = facts_.megapixels / (shrink * shrink);
       return PlannedStage::Piece{num_steps, cost.step + cost.megapixel * pixels + gaussians};
     };
-    AddSteps("reconstruct", {piece(coarse / 2, 4), piece(coarse - coarse / 2, 2),
-                             piece(options.num_steps - coarse, 1)});
+    AddSteps(Stage::kReconstruct, {piece(coarse / 2, 4), piece(coarse - coarse / 2, 2),
+                                   piece(options.num_steps - coarse, 1)});
   }
 
   double TrainingViews() const {
@@ -161,7 +162,8 @@ class Planner {
   void AddScores() {
     const auto photos = static_cast<int64_t>(photos_);
     const auto views = static_cast<double>(NumHeldOut(settings_.import, photos));
-    AddOnCores("evaluate", views * facts_.megapixels * (kScores + (facts_.has_lpips ? kLpips : 0)));
+    AddOnCores(Stage::kEvaluate,
+               views * facts_.megapixels * (kScores + (facts_.has_lpips ? kLpips : 0)));
   }
 
   // The first step has the cost of what is prepared before it.
@@ -169,7 +171,8 @@ class Planner {
     const int64_t num_steps = settings_.features.num_steps;
     const double step = facts_.on_device ? kFeaturesOnDevice : kFeaturesOnCores;
     const double setup = facts_.on_device ? kFeatureSetupOnDevice : kFeatureSetupOnCores;
-    AddSteps("features", {{1, step + setup * photos_ * facts_.megapixels}, {num_steps - 1, step}});
+    AddSteps(Stage::kFeatures,
+             {{1, step + setup * photos_ * facts_.megapixels}, {num_steps - 1, step}});
   }
 
   const TrainingFacts& facts_;

@@ -2,9 +2,9 @@
 
 #include <cstdint>
 #include <optional>
-#include <string>
 #include <vector>
 
+#include "core/base/stage.h"
 #include "core/train/training_settings.h"
 
 namespace pepeseg {
@@ -17,7 +17,7 @@ struct PlannedStage {
     double seconds_per_step = 0;
   };
 
-  std::string name;
+  Stage stage = Stage::kPrepare;
   // Expected time on the processor that `on_device` names, seconds. Absent: unknown before it runs.
   std::optional<double> seconds = {};
   bool on_device = false;          // true: computes on a GPU; false: on the host's cores

@@ -67,11 +67,12 @@ class Training {
   absl::Status TakeGivenGaussians(const DatasetFile& file);
   absl::Status TrainGaussians();
   std::optional<Gaussians> FindEarlierGaussians();
-  void WarnOfWrongPoses(const StageLog::Metrics& means);
+  void WarnOfWrongPoses(const TrainingMetrics& means);
   void WarnOfBlurred(const std::vector<bool>& blurred);
   absl::StatusOr<Gaussians> RunStageOne();
   absl::Status Step(const StepReport& report);
-  void ResumeAt(const StageCheckpoints* checkpoints, const char* metric);
+  void ResumeAt(const StageCheckpoints* checkpoints,
+                TrainingMetrics::Number TrainingMetrics::*metric);
   absl::Status CheckDevice() const;
   void DescribeModel();
   void CopyFindings();
@@ -128,7 +129,7 @@ absl::Status Training::CheckGivenGaussians() const {
 // Stage "prepare": verifies the files, and converts HEIC photographs and videos to JPEGs, which all
 // later stages read.
 absl::Status Training::Prepare() {
-  RETURN_IF_ERROR(stages_.Start("prepare"));
+  RETURN_IF_ERROR(stages_.Start(Stage::kPrepare));
   RETURN_IF_ERROR(VerifyFiles(inputs_, observer_));
   RETURN_IF_ERROR(CheckGivenGaussians());
   RETURN_IF_ERROR(ConvertHeicPhotographs(inputs_.folders, stages_, scene_.files));
@@ -136,7 +137,7 @@ absl::Status Training::Prepare() {
       AppendVideoFrames(inputs_.folders, settings_.sfm.max_video_frames, stages_, scene_.files));
   if (!HasKind(scene_.files, FileKind::kPoses)) {
     ASSIGN_OR_RETURN(photographs_, PhotographsWithoutPoses(scene_.files, inputs_.folders));
-    return stages_.End({{"num_photographs", static_cast<double>(photographs_.size())}});
+    return stages_.End({.num_photographs = static_cast<double>(photographs_.size())});
   }
   RETURN_IF_ERROR(ImportViews());
   return stages_.End(Counts(scene_.capture));
@@ -147,15 +148,15 @@ absl::Status Training::Prepare() {
 absl::Status Training::EstimatePoses() {
   priors_.StartSam(scene_.files);
   if (HasKind(scene_.files, FileKind::kPoses)) {
-    scene_.sources["poses"] = "given";
-    return stages_.Skip("sfm", "given");
+    scene_.sources.poses = {Source::Kind::kGiven};
+    return stages_.Skip(Stage::kSfm, "given");
   }
-  RETURN_IF_ERROR(stages_.Start("sfm"));
+  RETURN_IF_ERROR(stages_.Start(Stage::kSfm));
   ASSIGN_OR_RETURN(PosesMade made, AppendPoses(inputs_, settings_.sfm, photographs_, backend_,
                                                stages_, scene_.files));
-  scene_.sources["poses"] = made.source;
+  scene_.sources.poses = {Source::Kind::kProgram, made.program};
   RETURN_IF_ERROR(ImportViews());
-  made.metrics.merge(Counts(scene_.capture));
+  made.metrics.Merge(Counts(scene_.capture));
   return stages_.End(made.metrics);
 }
 
@@ -189,7 +190,7 @@ void Training::ExpectLessOfSam() {
 
 // Stage "reconstruct": takes the Gaussians of the dataset or trains them (METHOD.md section 1).
 absl::Status Training::ReconstructScene() {
-  RETURN_IF_ERROR(stages_.Start("reconstruct"));
+  RETURN_IF_ERROR(stages_.Start(Stage::kReconstruct));
   DescribeModel();
   // Given Gaussians are not trained, whatever the settings say.
   for (const DatasetFile& file : inputs_.files) {
@@ -204,7 +205,7 @@ absl::Status Training::TakeGivenGaussians(const DatasetFile& file) {
     return absl::InvalidArgumentError(file.name + ": has no Gaussians");
   }
   model_.facts["gaussians"] = "given as " + file.name;
-  return stages_.EndSkipped({{"num_gaussians", static_cast<double>(model_.gaussians.count)}},
+  return stages_.EndSkipped({.num_gaussians = static_cast<double>(model_.gaussians.count)},
                             "given");
 }
 
@@ -218,8 +219,9 @@ absl::Status Training::TrainGaussians() {
     ASSIGN_OR_RETURN(model_.gaussians, RunStageOne());
   }
   RETURN_IF_ERROR(WriteModelTo(inputs_.folders.run / kReconstructFolder));
-  if (StageCheckpoints* checkpoints = observer_.checkpoints("reconstruct")) checkpoints->Remove();
-  return stages_.End({{"num_gaussians", static_cast<double>(model_.gaussians.count)}});
+  if (StageCheckpoints* checkpoints = observer_.checkpoints(Stage::kReconstruct))
+    checkpoints->Remove();
+  return stages_.End({.num_gaussians = static_cast<double>(model_.gaussians.count)});
 }
 
 // Returns the Gaussians of an earlier run, which had the same files, options and seed.
@@ -251,11 +253,11 @@ void Training::WarnOfBlurred(const std::vector<bool>& blurred) {
 // Trains from the farthest checkpoint. Each step is followed by a report, which can cancel the
 // training, and by a checkpoint when one is due.
 absl::StatusOr<Gaussians> Training::RunStageOne() {
-  StageCheckpoints* checkpoints = observer_.checkpoints("reconstruct");
+  StageCheckpoints* checkpoints = observer_.checkpoints(Stage::kReconstruct);
   ASSIGN_OR_RETURN(
       const std::unique_ptr<Reconstructor> stage,
       StartReconstruction(checkpoints, backend_, scene_.capture, settings_.reconstruct));
-  ResumeAt(checkpoints, "resumed_from_step");
+  ResumeAt(checkpoints, &TrainingMetrics::resumed_from_step);
   WarnOfBlurred(stage->blurred());
   RETURN_IF_ERROR(stages_.ReportSkipped(stage->skipped()));
   absl::StatusOr<Gaussians> gaussians = [&] {
@@ -273,44 +275,48 @@ absl::StatusOr<Gaussians> Training::RunStageOne() {
 // Stage "evaluate": renders the held-out views, which are never trained on, and compares them with
 // their photographs (METHOD.md section 5).
 absl::Status Training::EvaluateScene() {
-  RETURN_IF_ERROR(stages_.Start("evaluate"));
+  RETURN_IF_ERROR(stages_.Start(Stage::kEvaluate));
   ASSIGN_OR_RETURN(std::vector<ViewScores> scores,
                    scorer_.Score(backend_, scene_.capture, model_.gaussians,
                                  [this](const std::string& message) { stages_.Warn(message); }));
   RETURN_IF_ERROR(CheckDevice());
-  const StageLog::Metrics means = RecordScores(scores, model_);
+  RecordScores(scores, model_);
+  TrainingMetrics means;
+  if (!scores.empty()) {
+    const ImageScores mean = Mean(scores);
+    means = {.psnr = mean.psnr, .ssim = mean.ssim, .lpips = mean.lpips};
+  }
   WarnOfWrongPoses(means);
   return stages_.EndScored(means, std::move(scores));
 }
 
 // Warns where the renderings have nothing in common with the photographs, which masks cannot cause.
 // After a few steps they have not either.
-void Training::WarnOfWrongPoses(const StageLog::Metrics& means) {
+void Training::WarnOfWrongPoses(const TrainingMetrics& means) {
   constexpr double kNothingInCommon = 12;  // dB
   constexpr int kFewSteps = 300;
   if (settings_.reconstruct.num_steps < kFewSteps) return;
-  const auto psnr = means.find("psnr");
-  if (psnr == means.end() || psnr->second >= kNothingInCommon) return;
+  if (!means.psnr || *means.psnr >= kNothingInCommon) return;
   stages_.Warn(absl::StrFormat(
       "the held-out views are rendered at %.1f dB: the model does not show the scene. The likely "
       "cause are camera poses in another convention (axes, or the inverse), of other photographs, "
       "or that do not fit the points; masks are not the cause",
-      psnr->second));
+      *means.psnr));
 }
 
 // Stage "features": trains the feature of each Gaussian and the scale gate, with the Gaussians
 // fixed (METHOD.md sections 2 and 3). The loop is that of RunStageOne.
 absl::Status Training::TrainFeatures() {
-  if (stages_.metrics().at("num_masks") == 0) {
+  if (stages_.metrics().num_masks == 0) {
     observer_.Log("no masks: the model can be rendered, not segmented");
     return absl::OkStatus();
   }
-  RETURN_IF_ERROR(stages_.Start("features"));
-  StageCheckpoints* checkpoints = observer_.checkpoints("features");
+  RETURN_IF_ERROR(stages_.Start(Stage::kFeatures));
+  StageCheckpoints* checkpoints = observer_.checkpoints(Stage::kFeatures);
   ASSIGN_OR_RETURN(
       const std::unique_ptr<FeatureStage> stage,
       StartFeatures(checkpoints, backend_, scene_.capture, model_.gaussians, settings_.features));
-  ResumeAt(checkpoints, "features_resumed_from_step");
+  ResumeAt(checkpoints, &TrainingMetrics::features_resumed_from_step);
   RETURN_IF_ERROR(stages_.ReportSkipped(stage->skipped()));
   absl::StatusOr<FeatureField> field = [&] {
     const Polling polling(observer_);
@@ -322,28 +328,27 @@ absl::Status Training::TrainFeatures() {
   RETURN_IF_ERROR(field.status());
   RETURN_IF_ERROR(CheckDevice());
   model_.field = *std::move(field);
-  StageLog::Metrics metrics;
-  if (stage->mask_quality()) metrics["mask_quality"] = *stage->mask_quality();
-  return stages_.End(metrics);
+  return stages_.End({.mask_quality = stage->mask_quality()});
 }
 
 // Stage "index": writes the model, then removes what earlier stages and runs left, because only the
 // model's files are needed from here on.
 absl::StatusOr<TrainedModel> Training::Index() && {
-  RETURN_IF_ERROR(stages_.Start("index"));
+  RETURN_IF_ERROR(stages_.Start(Stage::kIndex));
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
-  model_.metrics["peak_device_bytes"] = static_cast<double>(backend_.peak_bytes_in_use());
   // Linux counts ru_maxrss in KiB.
-  model_.metrics["peak_memory_bytes"] = static_cast<double>(usage.ru_maxrss) * 1024;
+  stages_.Add({.peak_device_bytes = static_cast<double>(backend_.peak_bytes_in_use()),
+               .peak_memory_bytes = static_cast<double>(usage.ru_maxrss) * 1024});
   // Written before anything is removed: a crash in between leaves too much, never too little.
   KeepEmbeddings();
   RETURN_IF_ERROR(WriteModelTo(inputs_.folders.run));
   RemoveIntermediates(inputs_.folders);
-  if (StageCheckpoints* checkpoints = observer_.checkpoints("features")) checkpoints->Remove();
+  if (StageCheckpoints* checkpoints = observer_.checkpoints(Stage::kFeatures))
+    checkpoints->Remove();
   RETURN_IF_ERROR(stages_.End());
   CopyFindings();
-  return TrainedModel{std::move(model_), std::move(scene_.sources)};
+  return TrainedModel{std::move(model_), scene_.sources};
 }
 
 // Reports a step of stage one or two. Returns the observer's error, and INTERNAL when stage one
@@ -351,28 +356,33 @@ absl::StatusOr<TrainedModel> Training::Index() && {
 absl::Status Training::Step(const StepReport& report) {
   RETURN_IF_ERROR(stages_.Step(report));
   constexpr int64_t kStepsPerLook = 50;
-  if (report.stage == "reconstruct" && report.step % kStepsPerLook == 0) ExpectLessOfSam();
-  if (report.stage == "reconstruct" && report.num_gaussians > settings_.reconstruct.max_gaussians) {
-    return absl::InternalError(
-        absl::StrCat("stage ", stages_.stage(), ", step ", report.step, ": ", report.num_gaussians,
-                     " Gaussians exceed max_gaussians, ", settings_.reconstruct.max_gaussians));
+  if (stages_.stage() == Stage::kReconstruct && report.step % kStepsPerLook == 0) ExpectLessOfSam();
+  if (stages_.stage() == Stage::kReconstruct &&
+      report.num_gaussians > settings_.reconstruct.max_gaussians) {
+    return absl::InternalError(absl::StrCat(
+        "stage ", NameOf(stages_.stage()), ", step ", report.step, ": ", report.num_gaussians,
+        " Gaussians exceed max_gaussians, ", settings_.reconstruct.max_gaussians));
   }
   return absl::OkStatus();
 }
 
 // Reports and records as a metric the step that a stage resumes from; does nothing at step 0.
-void Training::ResumeAt(const StageCheckpoints* checkpoints, const char* metric) {
+void Training::ResumeAt(const StageCheckpoints* checkpoints,
+                        TrainingMetrics::Number TrainingMetrics::*metric) {
   const int64_t step = checkpoints == nullptr ? 0 : checkpoints->first_step();
   if (step == 0) return;
   observer_.ResumeStage(step);
-  model_.metrics[metric] = static_cast<double>(step);
+  TrainingMetrics resumed;
+  resumed.*metric = static_cast<double>(step);
+  stages_.Add(resumed);
 }
 
 // Returns INTERNAL with the device's error. Device errors are asynchronous and the backend keeps
 // the first one, so that each stage checks it before its result is used.
 absl::Status Training::CheckDevice() const {
   if (backend_.error().empty()) return absl::OkStatus();
-  return absl::InternalError(absl::StrCat("stage ", stages_.stage(), ": ", backend_.error()));
+  return absl::InternalError(
+      absl::StrCat("stage ", NameOf(stages_.stage()), ": ", backend_.error()));
 }
 
 // Fills in all of the model that is known before stage one.
@@ -392,8 +402,8 @@ void Training::DescribeModel() {
 
 // Copies the metrics of the stages so far, and the sources of their inputs, to the model.
 void Training::CopyFindings() {
-  for (const auto& [name, value] : stages_.metrics()) model_.metrics[name] = value;
-  for (const auto& [what, source] : scene_.sources) model_.facts[what] = source;
+  for (const auto& [name, value] : stages_.metrics().ByName()) model_.metrics[name] = value;
+  for (const auto& [what, source] : ByName(scene_.sources)) model_.facts[what] = source;
 }
 
 // Moves the embeddings of photographs to the model's folder, before its manifest is there. The

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <map>
-#include <string>
-
 #include "absl/status/statusor.h"
 #include "core/scene/model.h"
 #include "core/train/training_inputs.h"
@@ -15,8 +12,7 @@ namespace pepeseg {
 // A model as it was written, and its origins.
 struct TrainedModel {
   Model model;
-  // Where "poses", "masks" and "depth" came from, see TrainingScene::sources.
-  std::map<std::string, std::string> sources;
+  Sources sources;
 };
 
 // Trains a model from the files of a dataset and writes it to `inputs.folders.run`. The stages, in

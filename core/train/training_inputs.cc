@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <system_error>
+#include <utility>
 
 #include "core/base/errors.h"
 #include "core/model_files/manifest.h"
@@ -53,16 +54,33 @@ bool HasKind(std::span<const DatasetFile> files, FileKind kind) {
                      [kind](const DatasetFile& file) { return file.kind == kind; });
 }
 
-std::map<std::string, double> Counts(const Capture& capture) {
-  double num_masks = 0, num_depth_maps = 0;
-  for (const View& view : capture.views) {
-    num_masks += view.masks.num_masks;
-    num_depth_maps += view.depth.values.empty() ? 0 : 1;
+std::string TextOf(const Source& source) {
+  switch (source.kind) {
+    case Source::Kind::kUnknown:
+      return "";
+    case Source::Kind::kNone:
+      return "none";
+    case Source::Kind::kGiven:
+      return "given";
+    case Source::Kind::kEmbedded:
+      return "embedded";
+    case Source::Kind::kSam:
+      return "sam";
+    case Source::Kind::kSamAndEmbedded:
+      return "sam and embedded";
+    case Source::Kind::kProgram:
+      return source.program;
   }
-  return {{"num_views", static_cast<double>(capture.views.size())},
-          {"num_points", static_cast<double>(capture.points.size())},
-          {"num_masks", num_masks},
-          {"num_depth_maps", num_depth_maps}};
+  return "";
+}
+
+std::map<std::string, std::string> ByName(const Sources& sources) {
+  std::map<std::string, std::string> named;
+  for (const auto& [name, source] :
+       {std::pair("poses", &sources.poses), {"masks", &sources.masks}, {"depth", &sources.depth}}) {
+    if (source->kind != Source::Kind::kUnknown) named[name] = TextOf(*source);
+  }
+  return named;
 }
 
 }  // namespace pepeseg

@@ -61,21 +61,35 @@ struct TrainingInputs {
   std::map<std::string, std::string> facts;  // added to Model::facts
 };
 
+// Where an input of stage one or two came from.
+struct Source {
+  enum class Kind { kUnknown, kNone, kGiven, kEmbedded, kSam, kSamAndEmbedded, kProgram };
+
+  Kind kind = Kind::kUnknown;  // kUnknown: the stage that decides it has not run
+  std::string program = {};    // kProgram: "command NAME", or what estimated the poses
+
+  bool none() const { return kind == Kind::kNone; }
+};
+struct Sources {
+  Source poses, masks, depth;
+};
+
+// Returns the source as models and clients name it: "none", "given", "embedded", "sam", "sam and
+// embedded" or the program; empty for kUnknown.
+std::string TextOf(const Source& source);
+// Returns the texts of the known sources under "poses", "masks" and "depth".
+std::map<std::string, std::string> ByName(const Sources& sources);
+
 // Input of stage one, filled in by the stages before it.
 struct TrainingScene {
   // Files of the dataset, and those made from it: frames, poses, priors.
   std::vector<DatasetFile> files = {};
   Capture capture = {};  // empty until poses are known
-  // Where "poses", "masks" and "depth" came from: "given", "none", "embedded", "sam", "command
-  // NAME", or the program that estimated the poses.
-  std::map<std::string, std::string> sources = {};
+  Sources sources = {};
 };
 
 // Returns true if one of the files is of this kind.
 bool HasKind(std::span<const DatasetFile> files, FileKind kind);
-
-// Returns the metrics "num_views", "num_points", "num_masks" and "num_depth_maps" of a capture.
-std::map<std::string, double> Counts(const Capture& capture);
 
 // Returns the folder of what SAM has made of photographs.
 inline std::filesystem::path SamFolder(const TrainingFolders& folders) {

@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <map>
 #include <string>
 #include <vector>
 
@@ -12,6 +11,8 @@
 #include "core/evaluate/image_scores.h"
 #include "core/model_files/checkpoint.h"
 #include "core/train/stage_plan.h"
+#include "core/train/training_inputs.h"
+#include "core/train/training_metrics.h"
 
 namespace pepeseg {
 
@@ -39,9 +40,8 @@ class StageCheckpoints {
 
 // How a stage ended.
 struct StageEnd {
-  std::string stage = {};
-  // Measurements of the stage's result, with "seconds_STAGE" and "core_seconds_STAGE".
-  std::map<std::string, double> metrics = {};
+  Stage stage = Stage::kPrepare;
+  TrainingMetrics metrics = {};        // of the stage's result, and its times
   std::string skipped = {};            // why it did not run, such as "given"; empty: it ran
   std::vector<ViewScores> views = {};  // scores of the held-out views; stage "evaluate" only
 };
@@ -55,19 +55,18 @@ class TrainingObserver {
 
   // Receives the stages that are expected to run, for an ETA. Called again when more is known.
   virtual void PlanStages(std::vector<PlannedStage>) {}
-  virtual absl::Status StartStage(const std::string& /*stage*/) { return absl::OkStatus(); }
+  virtual absl::Status StartStage(Stage) { return absl::OkStatus(); }
   // The stage starts after the `step` steps that an earlier run has done.
   virtual void ResumeStage(int64_t /*step*/) {}
   virtual absl::Status Step(const StepReport&) { return absl::OkStatus(); }
-  virtual absl::Status SkipPart(const SkippedTerm&) { return absl::OkStatus(); }
+  virtual absl::Status SkipPart(const SkippedPart&) { return absl::OkStatus(); }
   virtual absl::Status EndStage(const StageEnd&) { return absl::OkStatus(); }
 
   // Receive a sentence for the owner of the training, or for the operator of the machine.
   virtual void Warn(const std::string& /*message*/) {}
   virtual void Log(const std::string& /*message*/) {}
-  // Reports that stage "priors" has made masks without the operator's command: `source` is "sam",
-  // "embedded" or "sam and embedded".
-  virtual void MadeMasks(const std::string& /*source*/) {}
+  // Reports that stage "priors" has made masks without the operator's command.
+  virtual void MadeMasks(const Source&) {}
   // Receives the declared SHA-256 of a file whose bytes are damaged or gone.
   virtual void ReportDamagedFile(const std::string& /*sha256*/) {}
 
@@ -78,9 +77,9 @@ class TrainingObserver {
   // at any instruction.
   virtual void SetPolling(bool /*polling*/) {}
 
-  // Returns the checkpoints of stage "reconstruct" or "features", owned by the observer. Null: none
-  // are kept.
-  virtual StageCheckpoints* checkpoints(const std::string& /*stage*/) { return nullptr; }
+  // Returns the checkpoints of kReconstruct or kFeatures, owned by the observer. Null: none are
+  // kept.
+  virtual StageCheckpoints* checkpoints(Stage) { return nullptr; }
 };
 
 // Sets polling while it is in scope.

@@ -152,7 +152,6 @@ absl::Status MeasurePhotos(const ProjectBlobs& blobs, const std::vector<DatasetF
   return absl::OkStatus();
 }
 
-using Stage = v1::EstimateTrainingResponse::Stage;
 using Metrics = std::map<std::string, double>;
 
 // Returns the numbers among a model's metrics. Text that is not JSON has none: an estimate without
@@ -202,15 +201,16 @@ absl::StatusOr<std::optional<Measured>> FindMeasured(Store& store, const std::st
 // measured.
 bool UseMeasured(const Metrics& metrics, const std::vector<StageNeed>& expected_then,
                  std::vector<StageNeed>& needs) {
-  std::map<std::string, double> then;
+  std::map<Stage, double> then;
   for (const StageNeed& need : expected_then) {
     if (need.seconds) then[need.stage] = *need.seconds;
   }
   bool all = true;
   for (StageNeed& need : needs) {
-    const auto measured = metrics.find("seconds_" + need.stage);
+    const auto measured = metrics.find(absl::StrCat("seconds_", NameOf(need.stage)));
     if (measured == metrics.end() || !std::isfinite(measured->second)) {
-      all &= need.stage == "prepare" || need.stage == "evaluate" || need.stage == "index";
+      all &= need.stage == Stage::kPrepare || need.stage == Stage::kEvaluate ||
+             need.stage == Stage::kIndex;
       continue;
     }
     const double expected = then.contains(need.stage) ? then[need.stage] : 0;
@@ -224,8 +224,8 @@ void AddStages(const std::vector<StageNeed>& needs, v1::EstimateTrainingResponse
   double sum = 0;
   bool all_known = true;
   for (const StageNeed& need : needs) {
-    Stage& stage = *response.add_stages();
-    stage.set_stage(StageOfName(need.stage));
+    v1::EstimateTrainingResponse::Stage& stage = *response.add_stages();
+    stage.set_stage(ToProto(need.stage));
     stage.set_host_bytes(need.host_bytes);
     stage.set_device_bytes(need.device_bytes);
     if (need.seconds) *stage.mutable_duration() = ToProto(absl::Seconds(*need.seconds));
@@ -243,7 +243,7 @@ WorkerShare ShareOf(const v1::EstimateTrainingResponse& estimate, bool is_measur
   constexpr int64_t kProgramBytes = int64_t{512} << 20;
   constexpr int64_t kStartSeconds = 600;
   WorkerShare share;
-  for (const Stage& stage : estimate.stages()) {
+  for (const auto& stage : estimate.stages()) {
     const int64_t bytes = stage.host_bytes() + stage.device_bytes();
     share.host_bytes = std::max(share.host_bytes, bytes + bytes / 4 + kProgramBytes);
   }
@@ -314,7 +314,7 @@ absl::StatusOr<TrainingEstimator::Estimated> TrainingEstimator::EstimateAll(
   AddStages(needs, response);
   response.set_device(backend.name());
   const bool one_memory = backend.memory().is_host;
-  for (const Stage& stage : response.stages()) {
+  for (const auto& stage : response.stages()) {
     // Stages run one after the other, so the largest counts. On a device that is the host both
     // kinds come out of the same memory.
     const int64_t need = stage.device_bytes() + (one_memory ? stage.host_bytes() : 0);

@@ -45,13 +45,13 @@ double WorkUntil(const PlannedStage& stage, int64_t steps) {
 void JobEta::Plan(std::vector<PlannedStage> stages) {
   stages_ = std::move(stages);
   const auto running = std::find_if(stages_.begin(), stages_.end(),
-                                    [this](const PlannedStage& s) { return s.name == name_; });
+                                    [this](const PlannedStage& s) { return s.stage == running_; });
   current_ = running == stages_.end() ? -1 : static_cast<int>(running - stages_.begin());
 }
 
-void JobEta::StartStage(const std::string& name, double now) {
+void JobEta::StartStage(Stage stage, double now) {
   EndStage(now);
-  name_ = name;
+  running_ = stage;
   stage_start_ = now;
   Plan(std::move(stages_));
 }

@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "core/train/stage_plan.h"
@@ -23,12 +22,12 @@ namespace pepeseg {
 class JobEta {
  public:
   // Sets the stages that run, in order. May be called again when more is known; the running stage
-  // is then found by its name.
+  // is then found again.
   void Plan(std::vector<PlannedStage> stages);
 
   // Ends the running stage and starts another. A stage that is not in the plan gets no number, and
   // no estimate of the job.
-  void StartStage(const std::string& name, double now);
+  void StartStage(Stage stage, double now);
   void EndStage(double now);
 
   // Records that the running stage, which an earlier attempt left after `first_step` steps, has
@@ -59,8 +58,8 @@ class JobEta {
   std::optional<double> RawSecondsLeft() const;
 
   std::vector<PlannedStage> stages_;
-  std::string name_;  // name of the running stage
-  int current_ = -1;  // its index in stages_
+  std::optional<Stage> running_;  // absent: none has started
+  int current_ = -1;              // its index in stages_
   double stage_start_ = 0;
   double elapsed_ = 0;          // seconds of the running stage up to its newest step
   double done_ = 0, left_ = 1;  // shares of its expected work that are done, and that remain

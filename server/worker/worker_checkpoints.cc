@@ -35,11 +35,11 @@ std::string TextOf(const Options& options) {
 
 }  // namespace
 
-WorkerCheckpoints::WorkerCheckpoints(const JobFolder& folder, const JobSpec& spec,
-                                     std::string stage, std::string identity, Warn warn)
+WorkerCheckpoints::WorkerCheckpoints(const JobFolder& folder, const JobSpec& spec, Stage stage,
+                                     std::string identity, Warn warn)
     : folder_(folder),
       spec_(spec),
-      stage_(std::move(stage)),
+      stage_(NameOf(stage)),
       identity_(std::move(identity)),
       warn_(std::move(warn)) {}
 

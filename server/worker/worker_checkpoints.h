@@ -10,6 +10,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/base/stage.h"
 #include "core/model_files/checkpoint.h"
 #include "core/train/training_observer.h"
 #include "core/train/training_settings.h"
@@ -27,8 +28,8 @@ class WorkerCheckpoints final : public StageCheckpoints {
 
   // `identity`: digest of the files and options that the state depends on. Checkpoints with another
   // one are not used. Calls `warn` for each file that cannot be used or written, with the reason.
-  WorkerCheckpoints(const JobFolder& folder, const JobSpec& spec, std::string stage,
-                    std::string identity, Warn warn);
+  WorkerCheckpoints(const JobFolder& folder, const JobSpec& spec, Stage stage, std::string identity,
+                    Warn warn);
 
   void Resume(absl::FunctionRef<absl::Status(const Checkpoint& file)> use) override;
   int64_t first_step() const override { return first_step_; }

@@ -38,23 +38,23 @@ class JobObserver final : public TrainingObserver {
   const std::vector<std::string>& damaged_files() const { return damaged_files_; }
 
   void PlanStages(std::vector<PlannedStage> stages) override;
-  absl::Status StartStage(const std::string& stage) override;
+  absl::Status StartStage(Stage stage) override;
   void ResumeStage(int64_t step) override;
   absl::Status Step(const StepReport& report) override;
-  absl::Status SkipPart(const SkippedTerm& skipped) override;
+  absl::Status SkipPart(const SkippedPart& skipped) override;
   absl::Status EndStage(const StageEnd& end) override;
   void Warn(const std::string& message) override;
   void Log(const std::string& message) override;
-  void MadeMasks(const std::string& source) override;
+  void MadeMasks(const Source& source) override;
   void ReportDamagedFile(const std::string& sha256) override;
   bool IsCancelled() const override { return stop_.stop; }
   void SetPolling(bool polling) override { stop_.polled = polling; }
-  StageCheckpoints* checkpoints(const std::string& stage) override;
+  StageCheckpoints* checkpoints(Stage stage) override;
 
  private:
   StopSwitch& stop_;
   WorkerProgress progress_;
-  std::string stage_;
+  const char* stage_ = "";  // name of the running stage
   WorkerCheckpoints reconstruct_checkpoints_, feature_checkpoints_;
   std::vector<std::string> damaged_files_;
 };
@@ -64,19 +64,20 @@ class JobObserver final : public TrainingObserver {
 JobObserver::JobObserver(const WorkerJob& job, const TrainingSettings& settings)
     : stop_(job.stop),
       progress_(job.log),
-      reconstruct_checkpoints_(job.folder, job.spec, "reconstruct",
+      reconstruct_checkpoints_(job.folder, job.spec, Stage::kReconstruct,
                                ReconstructIdentity(job.spec, settings),
                                [this](const std::string& message) { Warn(message); }),
-      feature_checkpoints_(job.folder, job.spec, "features", FeatureIdentity(job.spec, settings),
+      feature_checkpoints_(job.folder, job.spec, Stage::kFeatures,
+                           FeatureIdentity(job.spec, settings),
                            [this](const std::string& message) { Warn(message); }) {}
 
 void JobObserver::PlanStages(std::vector<PlannedStage> stages) {
   progress_.Plan(std::move(stages));
 }
 
-absl::Status JobObserver::StartStage(const std::string& stage) {
-  stage_ = stage;
-  spdlog::info("stage {} begins", stage);
+absl::Status JobObserver::StartStage(Stage stage) {
+  stage_ = NameOf(stage);
+  spdlog::info("stage {} begins", stage_);
   return progress_.StartStage(stage);
 }
 
@@ -84,9 +85,9 @@ void JobObserver::ResumeStage(int64_t step) { progress_.ResumeAt(step); }
 
 absl::Status JobObserver::Step(const StepReport& report) { return progress_.Step(report); }
 
-absl::Status JobObserver::SkipPart(const SkippedTerm& skipped) {
+absl::Status JobObserver::SkipPart(const SkippedPart& skipped) {
   spdlog::info("stage {}, step {}: {} skipped: {} ({} steps saved)", stage_, skipped.step,
-               skipped.term, skipped.reason, skipped.saved_steps);
+               NameOf(skipped.part), skipped.reason, skipped.saved_steps);
   return progress_.SkipPart(skipped);
 }
 
@@ -101,8 +102,8 @@ absl::Status JobObserver::EndStage(const StageEnd& end) {
     *scores.mutable_scores() = ToProto(view.scores);
   }
   if (!end.skipped.empty()) spdlog::info("stage {} skipped: {}", stage_, end.skipped);
-  if (const auto seconds = end.metrics.find("seconds_" + stage_); seconds != end.metrics.end()) {
-    spdlog::info("stage {} took {:.2f} s", stage_, seconds->second);
+  if (const auto seconds = end.metrics.seconds[static_cast<size_t>(end.stage)]) {
+    spdlog::info("stage {} took {:.2f} s", stage_, *seconds);
   }
   return progress_.EndStage(end.metrics, std::move(event));
 }
@@ -115,15 +116,15 @@ void JobObserver::Warn(const std::string& message) {
 void JobObserver::Log(const std::string& message) { spdlog::info("{}", message); }
 
 // Warns if the masks of that source may be poor, and says how to get better ones.
-void JobObserver::MadeMasks(const std::string& source) {
-  for (const std::string& advice : AdviceOnModel({{"masks", source}})) Warn(advice);
+void JobObserver::MadeMasks(const Source& source) {
+  for (const std::string& advice : AdviceOnModel({{"masks", TextOf(source)}})) Warn(advice);
 }
 
 void JobObserver::ReportDamagedFile(const std::string& sha256) { damaged_files_.push_back(sha256); }
 
-StageCheckpoints* JobObserver::checkpoints(const std::string& stage) {
-  if (stage == "reconstruct") return &reconstruct_checkpoints_;
-  return stage == "features" ? &feature_checkpoints_ : nullptr;
+StageCheckpoints* JobObserver::checkpoints(Stage stage) {
+  if (stage == Stage::kReconstruct) return &reconstruct_checkpoints_;
+  return stage == Stage::kFeatures ? &feature_checkpoints_ : nullptr;
 }
 
 // Returns the folders of this attempt and, as those of earlier runs, of all attempts with a lower
@@ -164,7 +165,7 @@ std::map<std::string, std::string> FactsOf(const JobSpec& spec, const TrainingSe
 JobResult ResultOf(TrainedModel trained, int64_t num_bytes) {
   JobResult result;
   result.metrics = std::move(trained.model.metrics);
-  result.sources = std::move(trained.sources);
+  result.sources = ByName(trained.sources);
   result.num_gaussians = trained.model.gaussians.count;
   result.num_bytes = num_bytes;
   return result;

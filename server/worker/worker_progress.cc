@@ -49,7 +49,7 @@ double WorkerProgress::seconds_in_stage() const { return Seconds(Clock::now() - 
 
 double WorkerProgress::Now() const { return Seconds(Clock::now().time_since_epoch()); }
 
-absl::Status WorkerProgress::StartStage(const std::string& stage) {
+absl::Status WorkerProgress::StartStage(Stage stage) {
   stage_ = stage;
   activity_.clear();
   stage_start_ = Clock::now();
@@ -60,29 +60,29 @@ absl::Status WorkerProgress::StartStage(const std::string& stage) {
   psnr_sum_ = 0;
   num_psnr_ = 0;
   v1::JobEvent event;
-  event.mutable_stage_started()->set_stage(StageOfName(stage));
+  event.mutable_stage_started()->set_stage(ToProto(stage));
   return log_.Append(std::move(event));
 }
 
 void WorkerProgress::ResumeAt(int64_t step) { first_step_ = last_step_ = step; }
 
-absl::Status WorkerProgress::EndStage(const std::map<std::string, double>& metrics,
+absl::Status WorkerProgress::EndStage(const TrainingMetrics& metrics,
                                       v1::JobEvent::StageEnded end) {
-  end.set_stage(StageOfName(stage_));
+  end.set_stage(ToProto(stage_));
   eta_.EndStage(Now());
   *end.mutable_elapsed() = ToProto(seconds_in_stage());
-  for (const auto& [name, value] : metrics) (*end.mutable_metrics())[name] = value;
+  for (const auto& [name, value] : metrics.ByName()) (*end.mutable_metrics())[name] = value;
   v1::JobEvent event;
   *event.mutable_stage_ended() = std::move(end);
   return log_.Append(std::move(event));
 }
 
 // Estimates the time that the skipped steps would have taken at the pace of the stage so far.
-absl::Status WorkerProgress::SkipPart(const SkippedTerm& skipped) {
+absl::Status WorkerProgress::SkipPart(const SkippedPart& skipped) {
   v1::JobEvent event;
   v1::JobEvent::TermSkipped& part = *event.mutable_term_skipped();
-  part.set_stage(StageOfName(stage_));
-  part.set_term(TermOfName(skipped.term));
+  part.set_stage(ToProto(stage_));
+  part.set_term(ToProto(skipped.part));
   part.set_reason(skipped.reason);
   part.set_step(skipped.step);
   const int64_t num_done = skipped.step - first_step_;
@@ -122,7 +122,7 @@ absl::Status WorkerProgress::Step(const StepReport& report) {
 
 v1::JobProgress WorkerProgress::Describe(const StepReport& report) {
   v1::JobProgress progress;
-  progress.set_stage(StageOfName(stage_));
+  progress.set_stage(ToProto(stage_));
   progress.set_step(report.step);
   progress.set_num_steps(report.num_steps);
   if (std::isfinite(report.loss)) progress.set_loss(report.loss);

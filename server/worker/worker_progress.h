@@ -1,7 +1,6 @@
 #pragma once
 
 #include <chrono>
-#include <map>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -9,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "core/base/progress.h"
+#include "core/train/training_metrics.h"
 #include "server/worker/job_eta.h"
 #include "server/worker_protocol/event_log.h"
 
@@ -30,17 +30,16 @@ class WorkerProgress {
   // events have no ETA of the job and no number of the stage.
   void Plan(std::vector<PlannedStage> stages) { eta_.Plan(std::move(stages)); }
 
-  absl::Status StartStage(const std::string& stage);
+  absl::Status StartStage(Stage stage);
   // Records that an earlier attempt did the first `step` steps of the stage. They do not count for
   // its pace.
   void ResumeAt(int64_t step);
   absl::Status Step(const StepReport& report);
   // Ends the stage with an event. `metrics`: what the stage measured of its result. `end`: the
   // other fields of the event.
-  absl::Status EndStage(const std::map<std::string, double>& metrics,
-                        v1::JobEvent::StageEnded end = {});
+  absl::Status EndStage(const TrainingMetrics& metrics, v1::JobEvent::StageEnded end = {});
   // Reports a part of the running stage that is skipped.
-  absl::Status SkipPart(const SkippedTerm& skipped);
+  absl::Status SkipPart(const SkippedPart& skipped);
   absl::Status Warn(const std::string& message);
 
   double seconds_in_stage() const;
@@ -52,7 +51,7 @@ class WorkerProgress {
 
   EventLogWriter& log_;
   Clock::duration interval_;
-  std::string stage_;
+  Stage stage_ = Stage::kPrepare;
   Clock::time_point stage_start_ = Clock::now();
   Clock::time_point last_event_;
   int64_t first_step_ = 0;  // number of steps that an earlier attempt did

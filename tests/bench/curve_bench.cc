@@ -68,10 +68,11 @@ absl::Status Train(Backend& backend, const Capture& capture, const BenchOptions&
     start = Now();
     core_start = CoreNow();
   }
-  for (const SkippedTerm& skipped : reconstructor->skipped()) {
+  for (const SkippedPart& skipped : reconstructor->skipped()) {
     std::printf("# %s, seed %d, step %d: %s skipped: %s; saves %d steps\n", options.name.c_str(),
-                static_cast<int>(seed), static_cast<int>(skipped.step), skipped.term.c_str(),
-                skipped.reason.c_str(), static_cast<int>(skipped.saved_steps));
+                static_cast<int>(seed), static_cast<int>(skipped.step),
+                std::string(NameOf(skipped.part)).c_str(), skipped.reason.c_str(),
+                static_cast<int>(skipped.saved_steps));
   }
   return absl::OkStatus();
 }

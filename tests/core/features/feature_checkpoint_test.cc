@@ -102,8 +102,8 @@ TEST(FeatureStage, LeavesOutStepsAfterConvergenceAlsoWhenResumed) {
                          last = r;
                          return absl::OkStatus();
                        }));
-  const SkippedTerm& steps = unbroken->skipped().back();
-  EXPECT_EQ(steps.term, "steps");
+  const SkippedPart& steps = unbroken->skipped().back();
+  EXPECT_EQ(steps.part, Part::kSteps);
   EXPECT_EQ(steps.step, 1000);  // the end of the second window
   EXPECT_EQ(steps.saved_steps, 400);
   EXPECT_EQ(last.step, 1600);
@@ -134,8 +134,8 @@ TEST(FeatureStage, JudgesConvergenceOnlyAfterFineMasksWentFirst) {
   ASSERT_OK_AND_ASSIGN(const auto stage,
                        FeatureStage::Create(*backend, Synthetic(), Points(), options));
   ASSERT_OK(FinishFeatures(*stage, Proceed));
-  const SkippedTerm& steps = stage->skipped().back();
-  EXPECT_EQ(steps.term, "steps");
+  const SkippedPart& steps = stage->skipped().back();
+  EXPECT_EQ(steps.part, Part::kSteps);
   EXPECT_EQ(steps.step, 2000);
   EXPECT_EQ(steps.saved_steps, 240);
 }

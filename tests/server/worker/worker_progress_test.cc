@@ -20,7 +20,7 @@ class WorkerProgressTest : public ::testing::Test {
   // Reports ten steps with a PSNR of 1, 2, ... 10 dB.
   std::vector<v1::JobProgress> TakeTenSteps(WorkerProgress::Clock::duration interval) {
     WorkerProgress progress(*log_, interval);
-    EXPECT_OK(progress.StartStage("reconstruct"));
+    EXPECT_OK(progress.StartStage(Stage::kReconstruct));
     for (int step = 1; step <= 10; ++step) {
       StepReport report;
       report.step = step;
@@ -49,7 +49,7 @@ TEST_F(WorkerProgressTest, ReportsEveryStepThatIsDue) {
 
 TEST_F(WorkerProgressTest, ReportsTheCounters) {
   WorkerProgress progress(*log_, std::chrono::nanoseconds(0));
-  ASSERT_OK(progress.StartStage("reconstruct"));
+  ASSERT_OK(progress.StartStage(Stage::kReconstruct));
   StepReport report;
   report.step = 1;
   report.num_steps = 10;
@@ -71,9 +71,8 @@ TEST_F(WorkerProgressTest, ReportsTheCounters) {
 
 TEST_F(WorkerProgressTest, ReportsActivityAndUnit) {
   WorkerProgress progress(*log_, std::chrono::hours(1));
-  ASSERT_OK(progress.StartStage("sfm"));
-  StepReport report{.stage = "sfm",
-                    .step = 20,
+  ASSERT_OK(progress.StartStage(Stage::kSfm));
+  StepReport report{.step = 20,
                     .num_steps = 20,
                     .activity = "finding features in",
                     .unit = "photographs",
@@ -104,11 +103,11 @@ TEST_F(WorkerProgressTest, ReportsActivityAndUnit) {
 
 TEST_F(WorkerProgressTest, ReportsTheStagesNumberAndTheJobsEta) {
   WorkerProgress progress(*log_, std::chrono::nanoseconds(0));
-  progress.Plan({{.name = "prepare", .seconds = 1},
-                 {.name = "reconstruct", .seconds = 1},
-                 {.name = "index", .seconds = 1}});
-  ASSERT_OK(progress.StartStage("reconstruct"));
-  StepReport report{.stage = "reconstruct", .step = 1, .num_steps = 2};
+  progress.Plan({{.stage = Stage::kPrepare, .seconds = 1},
+                 {.stage = Stage::kReconstruct, .seconds = 1},
+                 {.stage = Stage::kIndex, .seconds = 1}});
+  ASSERT_OK(progress.StartStage(Stage::kReconstruct));
+  StepReport report{.step = 1, .num_steps = 2};
   ASSERT_OK(progress.Step(report));
   std::this_thread::sleep_for(std::chrono::milliseconds(1100));
   ASSERT_OK(progress.Step(report));
@@ -125,8 +124,8 @@ TEST_F(WorkerProgressTest, ReportsTheStagesNumberAndTheJobsEta) {
 
 TEST_F(WorkerProgressTest, ReportsASkippedPartAndItsStage) {
   WorkerProgress progress(*log_);
-  ASSERT_OK(progress.StartStage("features"));
-  ASSERT_OK(progress.SkipPart({"perception", "no training view has a depth prior"}));
+  ASSERT_OK(progress.StartStage(Stage::kFeatures));
+  ASSERT_OK(progress.SkipPart({Part::kPerception, "no training view has a depth prior"}));
   EventLogReader reader(path_);
   const auto events = reader.Read();
   ASSERT_EQ(events->size(), 2u);
@@ -138,11 +137,11 @@ TEST_F(WorkerProgressTest, ReportsASkippedPartAndItsStage) {
 
 TEST_F(WorkerProgressTest, ReportsTheTimeThatSkippedStepsSave) {
   WorkerProgress progress(*log_);
-  ASSERT_OK(progress.StartStage("reconstruct"));
+  ASSERT_OK(progress.StartStage(Stage::kReconstruct));
   progress.ResumeAt(1000);
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
   const double before = progress.seconds_in_stage();
-  ASSERT_OK(progress.SkipPart({"steps", "the loss has stopped falling", 1100, 300}));
+  ASSERT_OK(progress.SkipPart({Part::kSteps, "the loss has stopped falling", 1100, 300}));
   const double after = progress.seconds_in_stage();
   const auto events = EventLogReader(path_).Read();
   ASSERT_TRUE(events.ok() && !events->empty());
@@ -157,7 +156,7 @@ TEST_F(WorkerProgressTest, ReportsTheTimeThatSkippedStepsSave) {
 
 TEST_F(WorkerProgressTest, MeasuresThePaceSinceAResume) {
   WorkerProgress progress(*log_, std::chrono::hours(1));
-  ASSERT_OK(progress.StartStage("reconstruct"));
+  ASSERT_OK(progress.StartStage(Stage::kReconstruct));
   progress.ResumeAt(1000);
   StepReport report;
   report.step = 1001;

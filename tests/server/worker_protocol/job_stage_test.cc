@@ -33,15 +33,19 @@ TEST(JobStage, IsUnspecifiedForOtherNames) {
   EXPECT_EQ(NameOfStage(static_cast<v1::JobStage>(77)), "");
 }
 
-TEST(SkippedTerm, ConvertsEveryTermToItsNameAndBack) {
-  for (int number = 1; number < Skipped::Term_ARRAYSIZE; ++number) {
-    const auto term = static_cast<Skipped::Term>(number);
-    const std::string name = NameOfTerm(term);
-    EXPECT_EQ(absl::StrCat("TERM_", absl::AsciiStrToUpper(name)), Skipped::Term_Name(term));
-    EXPECT_EQ(TermOfName(name), term);
+TEST(JobStage, ConvertsEveryStageOfCore) {
+  for (int number = 0; number < kNumStages; ++number) {
+    const auto stage = static_cast<Stage>(number);
+    EXPECT_EQ(NameOfStage(ToProto(stage)), NameOf(stage));
   }
-  EXPECT_EQ(TermOfName("colour"), Skipped::TERM_UNSPECIFIED);
-  EXPECT_EQ(NameOfTerm(Skipped::TERM_UNSPECIFIED), "");
+}
+
+TEST(SkippedPart, HasTheNameOfItsTerm) {
+  for (int number = 0; number < kNumParts; ++number) {
+    const auto part = static_cast<Part>(number);
+    EXPECT_EQ(absl::StrCat("TERM_", absl::AsciiStrToUpper(NameOf(part))),
+              Skipped::Term_Name(ToProto(part)));
+  }
 }
 
 }  // namespace

@@ -37,7 +37,7 @@ struct StageOneRun {
   Gaussians gaussians;
   std::vector<double> losses;  // one for each report
   StepReport last;
-  std::vector<SkippedTerm> skipped;
+  std::vector<SkippedPart> skipped;
   double psnr = 0;  // PSNR of the held-out views, dB; 0: there are none
   // Adam's moments of all planes.
   float largest_moment1 = 0, largest_moment2 = 0;
