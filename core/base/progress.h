@@ -31,10 +31,10 @@ struct StepReport {
   int64_t num_gaussians = 0;
   int64_t num_culled_degenerate = 0;
   int64_t num_skipped_gradients = 0;
-  int64_t num_void_renders = 0;    // overflowed renders: steps repeated, see RenderArgs::entry_room
-  int64_t num_refined = 0;         // Gaussians that refinement shortened
-  int64_t num_refine_split = 0;    // Gaussians that refinement added
-  int64_t num_skipped_depths = 0;  // steps in which the view's depth could not be fitted
+  int64_t num_overflowed_renders = 0;  // steps repeated, see RenderArgs::entry_room
+  int64_t num_refined = 0;             // Gaussians that refinement shortened
+  int64_t num_refine_split = 0;        // Gaussians that refinement added
+  int64_t num_skipped_depths = 0;      // steps in which the view's depth could not be fitted
   double depth_loss = std::numeric_limits<double>::quiet_NaN();  // weighted; not part of `loss`
   // Words for "matching 19 of 60 pairs"; they must be literals. Both empty: a plain count of steps.
   std::string_view activity = {}, unit = {};

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/random_state.h"
 #include "core/features/mask_scales.h"
 #include "core/features/random_draws.h"
 #include "kernels/ops/smooth.h"
@@ -90,9 +91,9 @@ std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
   return views;
 }
 
-BatchDrawer::BatchDrawer(const FeatureField& field, std::vector<DrawableView> views,
+BatchDrawer::BatchDrawer(const FeatureField& field, const std::vector<DrawableView>& views,
                          const FeatureOptions& options)
-    : field_(field), views_(std::move(views)), options_(options), random_(options.seed) {}
+    : field_(field), views_(views), options_(options), random_(options.seed) {}
 
 BatchDrawer::Draft BatchDrawer::Next() {
   if (views_left_.empty()) {

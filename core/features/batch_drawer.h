@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/features/feature_checkpoint.h"
+#include "core/features/checkpoint.h"
 #include "core/features/options.h"
 #include "core/features/random_draws.h"
 #include "core/scene/capture.h"
@@ -67,8 +67,8 @@ std::vector<const MaskSet*> OwnMasks(const Capture& capture);
 // a batch depends on its draft alone, so that batches can be drawn in parallel.
 class BatchDrawer {
  public:
-  // The views' masks and the field must outlive it. Of the field it reads scale_quantiles.
-  BatchDrawer(const FeatureField& field, std::vector<DrawableView> views,
+  // The field and the views must outlive it. Of the field it reads scale_quantiles.
+  BatchDrawer(const FeatureField& field, const std::vector<DrawableView>& views,
               const FeatureOptions& options);
 
   struct Draft {
@@ -89,8 +89,6 @@ class BatchDrawer {
   // of a drawer of these views.
   absl::Status Restore(const DrawerState& state, int step);
 
-  const std::vector<DrawableView>& views() const { return views_; }
-
  private:
   using Random = std::mt19937_64;
 
@@ -106,7 +104,7 @@ class BatchDrawer {
   void Label(const DrawableView& view, std::span<const uint32_t> patches, PixelBatch& batch) const;
 
   const FeatureField& field_;
-  std::vector<DrawableView> views_;
+  const std::vector<DrawableView>& views_;
   FeatureOptions options_;
   Random random_;
   int step_ = 0;                 // of the next draft

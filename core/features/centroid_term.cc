@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/random_state.h"
 #include "core/base/status_macros.h"
 #include "core/features/mask_scales.h"
 #include "core/features/random_draws.h"
@@ -234,24 +235,26 @@ absl::Status CentroidTerm::Restore(const CentroidState& state) {
   return SetState(state.random, random_);
 }
 
-void CentroidTerm::AddGradients(const StepSpans& spans, int unread_step) {
+// Of the labelled pixels alone.
+void CentroidTerm::AddGradients(const RowChunk::Step& step, const Spans& spans, int unread_step) {
+  const int64_t num_labelled = int64_t{step.batch->num_labelled} * kFeatureSize;
   for (size_t i = 0; i < levels_.size(); ++i) {
     if (levels_[i].centroids.empty()) continue;
     // A slot for each step and scale, so that the host need not wait after each step.
     const auto at = static_cast<int64_t>(unread_step * levels_.size() + i) * kNumCentroidSums;
-    backend_.CentroidLoss({.pixel_features = spans.pixel_features,
+    backend_.CentroidLoss({.pixel_features = spans.pixel_features.Subspan(0, num_labelled),
                            .centroids = levels_[i].centroids.span(),
                            .gate = spans.gate,
                            .scale = levels_[i].scale,
                            .min_cosine = levels_[i].min_cosine,
                            .weight = levels_[i].weight,
-                           .pixel_grad = spans.pixel_grad,
+                           .pixel_grad = spans.pixel_grad.Subspan(0, num_labelled),
                            .gate_grad = spans.gate_grad,
                            .sums = sums_.span().Subspan(at, kNumCentroidSums)});
   }
 }
 
-std::vector<double> CentroidTerm::ReadLosses(int num_steps) const {
+std::vector<double> CentroidTerm::ReadLosses(int num_steps) {
   std::vector<double> losses(static_cast<size_t>(num_steps));
   if (!active()) return losses;
   std::vector<double> sums(losses.size() * levels_.size() * kNumCentroidSums);

@@ -9,14 +9,12 @@
 #include "absl/status/status.h"
 #include "core/cluster/hdbscan.h"
 #include "core/features/batch_drawer.h"
+#include "core/features/loss_term.h"
 #include "core/features/options.h"
 #include "core/render/renderer.h"
 #include "core/scene/mask_set.h"
 
 namespace pepeseg {
-
-// Maximum number of steps whose losses stay on the device before the host waits for them.
-inline constexpr int kMaxUnreadFeatureSteps = 64;
 
 // Share of a cluster's labelled pixels that one mask must hold for the cluster to be kept.
 inline constexpr double kMinAgreement = 0.7;
@@ -61,7 +59,7 @@ class CentroidBank {
 // (upper) and a small (lower) scale, and the clusters' means go into a bank of each scale. Pixels
 // whose gated feature is near a centroid of a bank are pulled onto it. A scale whose weight is 0 is
 // left out.
-class CentroidTerm {
+class CentroidTerm final : public LossTerm {
  public:
   // All arguments but the options must outlive it.
   CentroidTerm(Backend& backend, const Capture& capture, Renderer& scene,
@@ -78,21 +76,9 @@ class CentroidTerm {
   // DATA_LOSS: `state` has no valid random state.
   absl::Status Restore(const CentroidState& state);
 
-  // Returns whether any scale has a centroid.
-  bool active() const;
-
-  // What a step adds its gradients to, in backend memory.
-  struct StepSpans {
-    DeviceSpan<const float> pixel_features;  // [labelled pixels, 32]
-    DeviceSpan<const float> gate;            // see CentroidLossArgs
-    DeviceSpan<float> pixel_grad;            // [labelled pixels, 32] added to
-    DeviceSpan<float> gate_grad;             // as gate; added to
-  };
-  // Adds the gradients of the loss, and keeps the step's sums for ReadLosses in the slot
-  // `unread_step`, in [0, kMaxUnreadFeatureSteps).
-  void AddGradients(const StepSpans& spans, int unread_step);
-  // Returns the weighted losses of the slots 0 .. num_steps - 1. Waits for the device.
-  std::vector<double> ReadLosses(int num_steps) const;
+  bool IsIn(const RowChunk::Step&) const override { return active(); }
+  void AddGradients(const RowChunk::Step& step, const Spans& spans, int unread_step) override;
+  std::vector<double> ReadLosses(int num_steps) override;
 
  private:
   // The loss at one scale.
@@ -106,6 +92,8 @@ class CentroidTerm {
     Buffer<float> centroids;  // the bank, in backend memory
   };
 
+  // Returns whether any scale has a centroid.
+  bool active() const;
   void UploadBank(Level& level);
   // Does for one view what Refresh says.
   absl::Status MergeView(const DrawableView& view, DeviceSpan<const float> features,

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "core/features/feature_trainer.h"
+#include "core/features/feature_optimizer.h"
 #include "core/render/renderer.h"
 #include "kernels/buffer.h"
 
@@ -41,7 +41,7 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
   const int64_t sample = BytesOfRow(rows.first, rows.alpha) + 2 * kTypicalRow * entry +
                          reached * (2 + options.num_drawn_neighbors + 2) * kInt + kLabels;
   // A Gaussian takes its planes, five vectors of 32 numbers (feature, smoothed feature, two
-  // moments, and the copy that FeatureTrainer::Export smooths), its length, its last step and its
+  // moments, and the copy that FeatureOptimizer::Export smooths), its length, its last step and its
   // neighbours. A view takes colour, alpha and depth.
   const int64_t gaussian =
       (NumPlanes(sh_degree) + 5 * kFeatureSize + 1) * kFloat + (1 + options.num_neighbors) * kInt;

@@ -4,11 +4,8 @@
 #include <cstdint>
 #include <random>
 #include <span>
-#include <sstream>
-#include <string>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "core/scene/mask_set.h"
 
 namespace pepeseg {
@@ -26,22 +23,6 @@ inline float DrawBetween(float low, float high, std::mt19937_64& random) {
 // at most 2^32.
 inline size_t DrawIndex(size_t count, std::mt19937_64& random) {
   return static_cast<size_t>((random() >> 32) * count >> 32);
-}
-
-// Returns the state of the engine as text, for checkpoints.
-inline std::string StateOf(const std::mt19937_64& random) {
-  std::ostringstream text;
-  text << random;
-  return text.str();
-}
-// Sets the engine to a state from StateOf. DATA_LOSS: `text` is not such a state; the engine is
-// left as it was.
-inline absl::Status SetState(const std::string& text, std::mt19937_64& random) {
-  std::istringstream in(text);
-  std::mt19937_64 read;
-  if (!(in >> read)) return absl::DataLossError("the state of the random numbers is damaged");
-  random = read;
-  return absl::OkStatus();
 }
 
 // Draws pixels of a view mask by mask, so that a small part gets as many samples as a wall. A

@@ -21,19 +21,19 @@ int StepsAtOnce(const Backend& backend, const ReconstructOptions& options, int64
   return static_cast<int>(std::clamp<int64_t>(needed, 1, most));
 }
 
-StepQueue::StepQueue(Backend& backend, const StepContext& context, DepthTerm& depth_term,
+StepQueue::StepQueue(Backend& backend, const PreparedScene& scene, DepthTerm& depth_term,
                      GaussianState& gaussians)
     : backend_(backend),
-      context_(context),
+      scene_(scene),
       depth_term_(depth_term),
       gaussians_(gaussians),
-      slots_(MakeSlots(backend, context)),
+      slots_(MakeSlots(backend, scene)),
       results_(backend, steps_at_once()),
-      entry_capacities_(context.views.size()) {}
+      entry_capacities_(scene.views.size()) {}
 
-std::deque<StepQueue::Slot> StepQueue::MakeSlots(Backend& backend, const StepContext& context) {
-  const int64_t max_pixels = context.views.max_pixels();
-  const int num_slots = StepsAtOnce(backend, context.options, max_pixels);
+std::deque<StepQueue::Slot> StepQueue::MakeSlots(Backend& backend, const PreparedScene& scene) {
+  const int64_t max_pixels = scene.views.max_pixels();
+  const int num_slots = StepsAtOnce(backend, scene.options, max_pixels);
   std::deque<Slot> slots;
   for (int slot = 0; slot < num_slots; ++slot) slots.emplace_back(backend, max_pixels);
   return slots;
@@ -47,7 +47,7 @@ bool StepQueue::allocated() const {
 
 // Returns the SH degree in use: degrees may have been pruned.
 int StepQueue::ShDegreeAt(int position) const {
-  return std::min(context_.schedule.ShDegreeAt(position), gaussians_.sh_degree());
+  return std::min(scene_.schedule.ShDegreeAt(position), gaussians_.sh_degree());
 }
 
 void StepQueue::Train(std::span<const StepInput> steps) {
@@ -99,7 +99,7 @@ void StepQueue::Queue(std::span<const StepInput> steps, std::span<const int64_t>
 // Forward pass, loss and backward pass on one view.
 void StepQueue::QueueGradient(const StepInput& input, int sh_degree, int64_t entry_capacity,
                               Slot& slot) {
-  const TrainingView& view = context_.views.At(input.view, input.shrink);
+  const TrainingView& view = scene_.views.At(input.view, input.shrink);
   const int64_t size = 3 * int64_t{view.pinhole.width} * view.pinhole.height;
   const auto color = slot.color.span().Subspan(0, size);
   const auto color_grad = slot.color_grad.span().Subspan(0, size);
@@ -107,7 +107,7 @@ void StepQueue::QueueGradient(const StepInput& input, int sh_degree, int64_t ent
 
   backend_.Render({.gaussians = gaussians_.parameters(),
                    .view = view.pinhole,
-                   .near_plane = context_.near_plane,
+                   .near_plane = scene_.near_plane,
                    .active_sh_degree = sh_degree,
                    .dropout = input.dropout,
                    .scratch = &slot.scratch,
@@ -122,7 +122,7 @@ void StepQueue::QueueGradient(const StepInput& input, int sh_degree, int64_t ent
                       .color = color,
                       .target = view.photo.span(),
                       .ignore = view.ignore.span(),
-                      .ssim_weight = context_.options.ssim_weight,
+                      .ssim_weight = scene_.options.ssim_weight,
                       .color_grad = color_grad,
                       .sums = slot.loss_sums.span().Subspan(0, kNumImageLossSums)});
   depth_term_.Compare(view, input.depth,
@@ -138,16 +138,16 @@ void StepQueue::QueueGradient(const StepInput& input, int sh_degree, int64_t ent
 void StepQueue::QueueUpdates(std::span<const StepInput> steps) {
   std::vector<UpdateStep> updates;
   for (size_t k = 0; k < steps.size(); ++k) {
-    updates.push_back({.view = context_.views.At(steps[k].view, steps[k].shrink).pinhole,
+    updates.push_back({.view = scene_.views.At(steps[k].view, steps[k].shrink).pinhole,
                        .dropout = steps[k].dropout,
                        .scratch = &slots_[k].scratch});
   }
   const int position = steps.front().position;
   backend_.Update({.steps = updates,
                    .active_sh_degree = ShDegreeAt(position),
-                   .learning_rates = context_.schedule.RatesAt(position),
-                   .min_log_scale = context_.log_scales.min,
-                   .max_log_scale = context_.log_scales.max,
+                   .learning_rates = scene_.schedule.RatesAt(position),
+                   .min_log_scale = scene_.log_scales.min,
+                   .max_log_scale = scene_.log_scales.max,
                    .gaussians = gaussians_.parameters(),
                    .moment1 = gaussians_.moment1(),
                    .moment2 = gaussians_.moment2(),

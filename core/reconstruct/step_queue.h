@@ -7,11 +7,9 @@
 
 #include "core/reconstruct/depth_term.h"
 #include "core/reconstruct/gaussian_state.h"
-#include "core/reconstruct/initial_gaussians.h"
 #include "core/reconstruct/options.h"
-#include "core/reconstruct/schedule.h"
+#include "core/reconstruct/preparation.h"
 #include "core/reconstruct/step_results.h"
-#include "core/reconstruct/training_views.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {
@@ -21,22 +19,13 @@ namespace pepeseg {
 // `max_pixels` need to fill a device. 1 with a depth loss, whose images all steps share.
 int StepsAtOnce(const Backend& backend, const ReconstructOptions& options, int64_t max_pixels);
 
-// Inputs of all steps of stage one. They do not change while it trains.
-struct StepContext {
-  const ReconstructOptions& options;  // with depth_weight filled in, see WithDepthWeight
-  const TrainingViews& views;
-  const Schedule& schedule;
-  LogScaleBounds log_scales;
-  float near_plane;  // scene units
-};
-
 // Does steps of stage one on the device (METHOD.md section 1): render, loss and backward pass of
 // each, then Adam. The host is ahead of the device; Pop returns what a step reported once the
 // device has finished it. To be used by one thread at a time. All that is passed to the constructor
 // must outlive it.
 class StepQueue {
  public:
-  StepQueue(Backend& backend, const StepContext& context, DepthTerm& depth_term,
+  StepQueue(Backend& backend, const PreparedScene& scene, DepthTerm& depth_term,
             GaussianState& gaussians);
 
   // False: the backend is out of memory.
@@ -67,14 +56,14 @@ class StepQueue {
     Buffer<double> loss_sums;         // [kNumLossSums]
   };
 
-  static std::deque<Slot> MakeSlots(Backend& backend, const StepContext& context);
+  static std::deque<Slot> MakeSlots(Backend& backend, const PreparedScene& scene);
   void Queue(std::span<const StepInput> steps, std::span<const int64_t> entry_capacities);
   void QueueGradient(const StepInput& input, int sh_degree, int64_t entry_capacity, Slot& slot);
   void QueueUpdates(std::span<const StepInput> steps);
   int ShDegreeAt(int position) const;
 
   Backend& backend_;
-  const StepContext context_;
+  const PreparedScene& scene_;
   DepthTerm& depth_term_;
   GaussianState& gaussians_;
   std::deque<Slot> slots_;  // one for each step that is done at once

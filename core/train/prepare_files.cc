@@ -22,6 +22,7 @@
 #include "core/base/status_macros.h"
 #include "core/dataset/video_frames.h"
 #include "core/formats/decode_image.h"
+#include "core/formats/gaussian_ply.h"
 #include "core/formats/heic.h"
 #include "core/formats/heic_header.h"
 #include "core/model_files/manifest.h"
@@ -169,6 +170,14 @@ std::optional<size_t> VideoOf(absl::string_view frame_file, size_t num_videos) {
 }  // namespace
 
 // Lists damaged files in the order of the inputs, so that the message does not depend on threads.
+absl::Status CheckGivenGaussians(const std::vector<DatasetFile>& files) {
+  for (const DatasetFile& file : files) {
+    if (file.kind != FileKind::kGaussians) continue;
+    RETURN_IF_ERROR(ReadGaussianPly(file.path, file.name).status());
+  }
+  return absl::OkStatus();
+}
+
 absl::Status VerifyFiles(const TrainingInputs& inputs, TrainingObserver& observer) {
   if (inputs.sha256.empty()) return absl::OkStatus();
   std::vector<StoredFile> stored = DistinctFiles(inputs);

@@ -21,6 +21,10 @@ namespace pepeseg {
 // INTERNAL, with the name, for a file that cannot be read: its bytes may be good.
 absl::Status VerifyFiles(const TrainingInputs& inputs, TrainingObserver& observer);
 
+// Reads given Gaussians before any stage runs, so that a bad file is an error at once. Returns the
+// errors of ReadGaussianPly.
+absl::Status CheckGivenGaussians(const std::vector<DatasetFile>& files);
+
 // Converts each HEIC photograph among `files` to a JPEG in this run's folder, or takes the JPEGs of
 // an earlier run that has converted all. Changes the files' paths to the JPEGs and keeps their
 // names, so that everything afterwards, COLMAP and priors commands too, reads the JPEGs. Reports

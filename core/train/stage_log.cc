@@ -11,6 +11,7 @@
 namespace pepeseg {
 namespace {
 
+constexpr int64_t kStepsPerLook = 50;
 constexpr size_t kMaxWarnings = 100;  // most warnings of one list; further ones are only counted
 
 // Returns the user and system time of this process and of the programs that it has run, summed over
@@ -33,6 +34,7 @@ double CoreSeconds() {
 
 absl::Status StageLog::Start(Stage stage) {
   stage_ = stage;
+  look_ = nullptr;
   num_skipped_ = 0;
   last_step_ = 0;
   last_activity_ = {};
@@ -71,12 +73,20 @@ absl::Status StageLog::Skip(Stage stage, const std::string& why) {
   return observer_.EndStage({.stage = stage, .skipped = why});
 }
 
+void StageLog::ResumeAt(int64_t step) {
+  observer_.ResumeStage(step);
+  (stage_ == Stage::kReconstruct ? metrics_.resumed_from_step
+                                 : metrics_.features_resumed_from_step) = static_cast<double>(step);
+}
+
 absl::Status StageLog::Step(const StepReport& report) {
   if (observer_.IsCancelled()) {
     return absl::CancelledError(absl::StrCat("stopped in stage ", NameOf(stage_), " at step ",
                                              report.step, " of ", report.num_steps));
   }
-  return observer_.Step(report);
+  RETURN_IF_ERROR(observer_.Step(report));
+  if (look_ && report.step % kStepsPerLook == 0) look_();
+  return absl::OkStatus();
 }
 
 // Cancellation is checked in every call, also when there is nothing new to report.

@@ -2,6 +2,8 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -40,6 +42,10 @@ class StageLog {
   // Reports a stage that need not run, because of `why` ("given").
   absl::Status Skip(Stage stage, const std::string& why);
 
+  // Reports and records the step, over 0, that stage one or two resumes from.
+  void ResumeAt(int64_t step);
+  // Calls `look` after every 50th step of the running stage.
+  void LookEveryFewSteps(std::function<void()> look) { look_ = std::move(look); }
   // Reports a step of the stage. Returns CANCELLED when the training was cancelled.
   absl::Status Step(const StepReport& report);
   // Does the same for a caller that calls more often than once a step: reports only if the step or
@@ -50,6 +56,9 @@ class StageLog {
   absl::Status ReportSkipped(std::span<const SkippedPart> skipped);
 
   void Warn(const std::string& message) { observer_.Warn(message); }
+  void WarnIf(const std::optional<std::string>& message) {
+    if (message) Warn(*message);
+  }
   // Warns with the first 100 messages and the number of further ones.
   void WarnOfAll(std::span<const std::string> messages);
 
@@ -58,7 +67,8 @@ class StageLog {
 
   TrainingObserver& observer_;
   Stage stage_ = Stage::kPrepare;
-  size_t num_skipped_ = 0;  // skipped parts reported in the stage
+  std::function<void()> look_;  // empty: there is nothing to look at
+  size_t num_skipped_ = 0;      // skipped parts reported in the stage
   std::chrono::steady_clock::time_point start_;
   int64_t last_step_ = 0;           // of the previous StepIfNew
   std::string_view last_activity_;  // of the previous StepIfNew

@@ -8,25 +8,23 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <system_error>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
-#include "core/base/errors.h"
 #include "core/base/status_macros.h"
 #include "core/evaluate/image_scores.h"
 #include "core/evaluate/lpips.h"
+#include "core/features/trainer.h"
 #include "core/formats/gaussian_ply.h"
 #include "core/model_files/model_file.h"
-#include "core/reconstruct/reconstruct.h"
-#include "core/train/photograph_masks.h"
+#include "core/reconstruct/trainer.h"
+#include "core/train/model_writing.h"
 #include "core/train/pose_stage.h"
 #include "core/train/prepare_files.h"
 #include "core/train/prior_stage.h"
-#include "core/train/resumed_stages.h"
+#include "core/train/run_stage.h"
+#include "core/train/scene_warnings.h"
 #include "core/train/stage_log.h"
 #include "core/train/training_facts.h"
 #include "core/train/training_inputs.h"
@@ -63,21 +61,11 @@ class Training {
   void Plan() { observer_.PlanStages(PlanStages(facts_, settings_)); }
   void ExpectLessOfSam();
   absl::Status ImportViews();
-  absl::Status CheckGivenGaussians() const;
   absl::Status TakeGivenGaussians(const DatasetFile& file);
   absl::Status TrainGaussians();
-  std::optional<Gaussians> FindEarlierGaussians();
-  void WarnOfWrongPoses(const TrainingMetrics& means);
-  void WarnOfBlurred(const std::vector<bool>& blurred);
   absl::StatusOr<Gaussians> RunStageOne();
-  absl::Status Step(const StepReport& report);
-  void ResumeAt(const StageCheckpoints* checkpoints,
-                TrainingMetrics::Number TrainingMetrics::*metric);
   absl::Status CheckDevice() const;
-  void DescribeModel();
-  void CopyFindings();
   absl::Status WriteModelTo(const std::filesystem::path& folder);
-  void KeepEmbeddings();
 
   const TrainingInputs& inputs_;
   const TrainingSettings& settings_;
@@ -117,21 +105,12 @@ absl::Status Training::Open() {
   return absl::OkStatus();
 }
 
-// Reads given Gaussians before any stage runs, so that a bad file is an error at once.
-absl::Status Training::CheckGivenGaussians() const {
-  for (const DatasetFile& file : inputs_.files) {
-    if (file.kind != FileKind::kGaussians) continue;
-    RETURN_IF_ERROR(ReadGaussianPly(file.path, file.name).status());
-  }
-  return absl::OkStatus();
-}
-
 // Stage "prepare": verifies the files, and converts HEIC photographs and videos to JPEGs, which all
 // later stages read.
 absl::Status Training::Prepare() {
   RETURN_IF_ERROR(stages_.Start(Stage::kPrepare));
   RETURN_IF_ERROR(VerifyFiles(inputs_, observer_));
-  RETURN_IF_ERROR(CheckGivenGaussians());
+  RETURN_IF_ERROR(CheckGivenGaussians(inputs_.files));
   RETURN_IF_ERROR(ConvertHeicPhotographs(inputs_.folders, stages_, scene_.files));
   RETURN_IF_ERROR(
       AppendVideoFrames(inputs_.folders, settings_.sfm.max_video_frames, stages_, scene_.files));
@@ -191,7 +170,7 @@ void Training::ExpectLessOfSam() {
 // Stage "reconstruct": takes the Gaussians of the dataset or trains them (METHOD.md section 1).
 absl::Status Training::ReconstructScene() {
   RETURN_IF_ERROR(stages_.Start(Stage::kReconstruct));
-  DescribeModel();
+  model_ = DescribeModel(inputs_, scene_.capture, backend_);
   // Given Gaussians are not trained, whatever the settings say.
   for (const DatasetFile& file : inputs_.files) {
     if (file.kind == FileKind::kGaussians) return TakeGivenGaussians(file);
@@ -212,7 +191,7 @@ absl::Status Training::TakeGivenGaussians(const DatasetFile& file) {
 // Writes the result to a folder of its own until there is a model, so that a later run need not
 // train again. Its checkpoints are removed only after that.
 absl::Status Training::TrainGaussians() {
-  std::optional<Gaussians> earlier = FindEarlierGaussians();
+  std::optional<Gaussians> earlier = FindEarlierGaussians(inputs_.folders, observer_);
   if (earlier) {
     model_.gaussians = *std::move(earlier);
   } else {
@@ -224,50 +203,15 @@ absl::Status Training::TrainGaussians() {
   return stages_.End({.num_gaussians = static_cast<double>(model_.gaussians.count)});
 }
 
-// Returns the Gaussians of an earlier run, which had the same files, options and seed.
-std::optional<Gaussians> Training::FindEarlierGaussians() {
-  for (const std::filesystem::path& run : inputs_.folders.earlier) {
-    absl::StatusOr<Model> earlier = ReadModel(run / kReconstructFolder);
-    if (!earlier.ok()) continue;
-    observer_.Log(absl::StrCat("stage one was done by ", run.filename().string()));
-    return std::move(earlier->gaussians);
-  }
-  return std::nullopt;
-}
-
-// Names the photographs that stage one trains on less.
-void Training::WarnOfBlurred(const std::vector<bool>& blurred) {
-  std::vector<std::string> names;
-  size_t number = 0;  // among the training views
-  for (const View& view : scene_.capture.views) {
-    if (view.held_out) continue;
-    if (number < blurred.size() && blurred[number]) names.push_back(view.name);
-    ++number;
-  }
-  if (names.empty()) return;
-  stages_.Warn(absl::StrCat(names.size(), " of ", number,
-                            " photographs are blurred and count less: ", absl::StrJoin(names, ", "),
-                            "; sharp ones of the same places make a better model"));
-}
-
-// Trains from the farthest checkpoint. Each step is followed by a report, which can cancel the
-// training, and by a checkpoint when one is due.
+// Trains from the farthest checkpoint. SAM computes meanwhile, so that the plan is made again.
 absl::StatusOr<Gaussians> Training::RunStageOne() {
   StageCheckpoints* checkpoints = observer_.checkpoints(Stage::kReconstruct);
-  ASSIGN_OR_RETURN(
-      const std::unique_ptr<Reconstructor> stage,
-      StartReconstruction(checkpoints, backend_, scene_.capture, settings_.reconstruct));
-  ResumeAt(checkpoints, &TrainingMetrics::resumed_from_step);
-  WarnOfBlurred(stage->blurred());
-  RETURN_IF_ERROR(stages_.ReportSkipped(stage->skipped()));
-  absl::StatusOr<Gaussians> gaussians = [&] {
-    const Polling polling(observer_);
-    return FinishReconstruction(*stage, [&](const StepReport& report) {
-      RETURN_IF_ERROR(stages_.ReportSkipped(stage->skipped()));
-      return SaveStep(Step(report), report.step, *stage, checkpoints);
-    });
-  }();
-  RETURN_IF_ERROR(gaussians.status());
+  ASSIGN_OR_RETURN(const auto trainer,
+                   ResumeOrCreate<GaussianTrainer>(checkpoints, stages_, backend_, scene_.capture,
+                                                   settings_.reconstruct));
+  stages_.WarnIf(WarningOfBlurred(scene_.capture, trainer->blurred()));
+  stages_.LookEveryFewSteps([this] { ExpectLessOfSam(); });
+  ASSIGN_OR_RETURN(Gaussians gaussians, RunStage(*trainer, checkpoints, stages_));
   RETURN_IF_ERROR(CheckDevice());
   return gaussians;
 }
@@ -281,31 +225,15 @@ absl::Status Training::EvaluateScene() {
                                  [this](const std::string& message) { stages_.Warn(message); }));
   RETURN_IF_ERROR(CheckDevice());
   RecordScores(scores, model_);
-  TrainingMetrics means;
-  if (!scores.empty()) {
-    const ImageScores mean = Mean(scores);
-    means = {.psnr = mean.psnr, .ssim = mean.ssim, .lpips = mean.lpips};
+  const TrainingMetrics means = MeansOf(scores);
+  if (means.psnr) {
+    stages_.WarnIf(WarningOfWrongPoses(settings_.reconstruct.num_steps, *means.psnr));
   }
-  WarnOfWrongPoses(means);
   return stages_.EndScored(means, std::move(scores));
 }
 
-// Warns where the renderings have nothing in common with the photographs, which masks cannot cause.
-// After a few steps they have not either.
-void Training::WarnOfWrongPoses(const TrainingMetrics& means) {
-  constexpr double kNothingInCommon = 12;  // dB
-  constexpr int kFewSteps = 300;
-  if (settings_.reconstruct.num_steps < kFewSteps) return;
-  if (!means.psnr || *means.psnr >= kNothingInCommon) return;
-  stages_.Warn(absl::StrFormat(
-      "the held-out views are rendered at %.1f dB: the model does not show the scene. The likely "
-      "cause are camera poses in another convention (axes, or the inverse), of other photographs, "
-      "or that do not fit the points; masks are not the cause",
-      *means.psnr));
-}
-
 // Stage "features": trains the feature of each Gaussian and the scale gate, with the Gaussians
-// fixed (METHOD.md sections 2 and 3). The loop is that of RunStageOne.
+// fixed (METHOD.md sections 2 and 3).
 absl::Status Training::TrainFeatures() {
   if (stages_.metrics().num_masks == 0) {
     observer_.Log("no masks: the model can be rendered, not segmented");
@@ -313,22 +241,12 @@ absl::Status Training::TrainFeatures() {
   }
   RETURN_IF_ERROR(stages_.Start(Stage::kFeatures));
   StageCheckpoints* checkpoints = observer_.checkpoints(Stage::kFeatures);
-  ASSIGN_OR_RETURN(
-      const std::unique_ptr<FeatureStage> stage,
-      StartFeatures(checkpoints, backend_, scene_.capture, model_.gaussians, settings_.features));
-  ResumeAt(checkpoints, &TrainingMetrics::features_resumed_from_step);
-  RETURN_IF_ERROR(stages_.ReportSkipped(stage->skipped()));
-  absl::StatusOr<FeatureField> field = [&] {
-    const Polling polling(observer_);
-    return FinishFeatures(*stage, [&](const StepReport& report) {
-      RETURN_IF_ERROR(stages_.ReportSkipped(stage->skipped()));
-      return SaveStep(Step(report), stage->step(), *stage, checkpoints);
-    });
-  }();
-  RETURN_IF_ERROR(field.status());
+  ASSIGN_OR_RETURN(const auto trainer,
+                   ResumeOrCreate<FeatureTrainer>(checkpoints, stages_, backend_, scene_.capture,
+                                                  model_.gaussians, settings_.features));
+  ASSIGN_OR_RETURN(model_.field, RunStage(*trainer, checkpoints, stages_));
   RETURN_IF_ERROR(CheckDevice());
-  model_.field = *std::move(field);
-  return stages_.End({.mask_quality = stage->mask_quality()});
+  return stages_.End({.mask_quality = trainer->mask_quality()});
 }
 
 // Stage "index": writes the model, then removes what earlier stages and runs left, because only the
@@ -341,40 +259,14 @@ absl::StatusOr<TrainedModel> Training::Index() && {
   stages_.Add({.peak_device_bytes = static_cast<double>(backend_.peak_bytes_in_use()),
                .peak_memory_bytes = static_cast<double>(usage.ru_maxrss) * 1024});
   // Written before anything is removed: a crash in between leaves too much, never too little.
-  KeepEmbeddings();
+  KeepEmbeddings(inputs_.folders, scene_.capture, observer_);
   RETURN_IF_ERROR(WriteModelTo(inputs_.folders.run));
   RemoveIntermediates(inputs_.folders);
   if (StageCheckpoints* checkpoints = observer_.checkpoints(Stage::kFeatures))
     checkpoints->Remove();
   RETURN_IF_ERROR(stages_.End());
-  CopyFindings();
+  CopyFindings(stages_.metrics(), scene_.sources, model_);
   return TrainedModel{std::move(model_), scene_.sources};
-}
-
-// Reports a step of stage one or two. Returns the observer's error, and INTERNAL when stage one
-// exceeds the number of Gaussians that its memory was estimated for.
-absl::Status Training::Step(const StepReport& report) {
-  RETURN_IF_ERROR(stages_.Step(report));
-  constexpr int64_t kStepsPerLook = 50;
-  if (stages_.stage() == Stage::kReconstruct && report.step % kStepsPerLook == 0) ExpectLessOfSam();
-  if (stages_.stage() == Stage::kReconstruct &&
-      report.num_gaussians > settings_.reconstruct.max_gaussians) {
-    return absl::InternalError(absl::StrCat(
-        "stage ", NameOf(stages_.stage()), ", step ", report.step, ": ", report.num_gaussians,
-        " Gaussians exceed max_gaussians, ", settings_.reconstruct.max_gaussians));
-  }
-  return absl::OkStatus();
-}
-
-// Reports and records as a metric the step that a stage resumes from; does nothing at step 0.
-void Training::ResumeAt(const StageCheckpoints* checkpoints,
-                        TrainingMetrics::Number TrainingMetrics::*metric) {
-  const int64_t step = checkpoints == nullptr ? 0 : checkpoints->first_step();
-  if (step == 0) return;
-  observer_.ResumeStage(step);
-  TrainingMetrics resumed;
-  resumed.*metric = static_cast<double>(step);
-  stages_.Add(resumed);
 }
 
 // Returns INTERNAL with the device's error. Device errors are asynchronous and the backend keeps
@@ -385,45 +277,10 @@ absl::Status Training::CheckDevice() const {
       absl::StrCat("stage ", NameOf(stages_.stage()), ": ", backend_.error()));
 }
 
-// Fills in all of the model that is known before stage one.
-void Training::DescribeModel() {
-  for (const View& view : scene_.capture.views) {
-    model_.views.push_back({.name = view.name,
-                            .camera = view.camera,
-                            .cam_from_world = view.cam_from_world,
-                            .held_out = view.held_out,
-                            .photograph = view.photograph});
-  }
-  model_.origin = scene_.capture.origin;
-  model_.scene_radius = SceneRadius(scene_.capture);
-  model_.facts = inputs_.facts;
-  model_.facts["device"] = backend_.name();
-}
-
-// Copies the metrics of the stages so far, and the sources of their inputs, to the model.
-void Training::CopyFindings() {
-  for (const auto& [name, value] : stages_.metrics().ByName()) model_.metrics[name] = value;
-  for (const auto& [what, source] : ByName(scene_.sources)) model_.facts[what] = source;
-}
-
-// Moves the embeddings of photographs to the model's folder, before its manifest is there. The
-// manifest does not list them: a model is whole without them.
-void Training::KeepEmbeddings() {
-  const int count =
-      MoveEmbeddings(SamFolder(inputs_.folders), scene_.capture.views, inputs_.folders.run);
-  if (count == 0) return;
-  observer_.Log(
-      absl::StrFormat("SAM: the embeddings of %d photographs are kept with the model: "
-                      "%.0f MB",
-                      count, 1e-6 * static_cast<double>(count * kEmbeddingFileBytes)));
-}
-
+// Writes the model as far as it is known.
 absl::Status Training::WriteModelTo(const std::filesystem::path& folder) {
-  CopyFindings();
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) return FileError(folder, "create", error.value());
-  return WriteModel(folder, model_);
+  CopyFindings(stages_.metrics(), scene_.sources, model_);
+  return pepeseg::WriteModelTo(folder, model_);
 }
 
 }  // namespace

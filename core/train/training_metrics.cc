@@ -54,6 +54,12 @@ std::map<std::string, double> TrainingMetrics::ByName() const {
   return named;
 }
 
+TrainingMetrics MeansOf(std::span<const ViewScores> scores) {
+  if (scores.empty()) return {};
+  const ImageScores mean = Mean(scores);
+  return {.psnr = mean.psnr, .ssim = mean.ssim, .lpips = mean.lpips};
+}
+
 TrainingMetrics Counts(const Capture& capture) {
   double num_masks = 0, num_depth_maps = 0;
   for (const View& view : capture.views) {

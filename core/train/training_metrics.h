@@ -3,9 +3,11 @@
 #include <array>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 
 #include "core/base/stage.h"
+#include "core/evaluate/image_scores.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {
@@ -35,6 +37,8 @@ struct TrainingMetrics {
   std::map<std::string, double> ByName() const;
 };
 
+// Returns the mean scores; nothing is measured without scores.
+TrainingMetrics MeansOf(std::span<const ViewScores> scores);
 // Returns the numbers of views, points, masks and depth maps of a capture.
 TrainingMetrics Counts(const Capture& capture);
 

@@ -8,7 +8,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/evaluate/image_scores.h"
-#include "core/reconstruct/reconstructor.h"
+#include "core/reconstruct/trainer.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/capture_faults.h"
 #include "tests/bench/capture_pack.h"
@@ -48,27 +48,28 @@ absl::Status Train(Backend& backend, const Capture& capture, const BenchOptions&
   stage.seed = seed;
   double seconds = 0, start = Now();
   double core_seconds = 0, core_start = CoreNow();
-  ASSIGN_OR_RETURN(const auto reconstructor, Reconstructor::Create(backend, capture, stage));
-  while (!reconstructor->done()) {
-    ASSIGN_OR_RETURN(const StepReport report, reconstructor->Step());
+  ASSIGN_OR_RETURN(const auto trainer, GaussianTrainer::Create(backend, capture, stage));
+  while (!trainer->done()) {
+    ASSIGN_OR_RETURN(const StepReports reports, trainer->Step());
+    const StepReport& report = reports.back();
     const auto scores_due = [&](int64_t step) {
       return step * options.num_scores / stage.num_steps;
     };
-    if (scores_due(report.step) == scores_due(report.step - 1) && !reconstructor->done()) continue;
+    if (scores_due(report.step) == scores_due(report.step - 1) && !trainer->done()) continue;
     backend.Sync();
     seconds += Now() - start;
     core_seconds += CoreNow() - core_start;
-    ASSIGN_OR_RETURN(const std::string cells, Score(backend, capture, reconstructor->Result()));
+    ASSIGN_OR_RETURN(const std::string cells, Score(backend, capture, trainer->Result()));
     std::printf("| %s | %d | %d | %.2f | %ld | %s | %.4f | %ld | %.0f | %.2f |\n",
                 options.name.c_str(), static_cast<int>(seed), static_cast<int>(report.step),
                 seconds, static_cast<long>(report.num_gaussians), cells.c_str(), report.loss,
-                static_cast<long>(report.num_void_renders),
+                static_cast<long>(report.num_overflowed_renders),
                 1e-6 * static_cast<double>(backend.bytes_in_use()), core_seconds);
     std::fflush(stdout);
     start = Now();
     core_start = CoreNow();
   }
-  for (const SkippedPart& skipped : reconstructor->skipped()) {
+  for (const SkippedPart& skipped : trainer->skipped()) {
     std::printf("# %s, seed %d, step %d: %s skipped: %s; saves %d steps\n", options.name.c_str(),
                 static_cast<int>(seed), static_cast<int>(skipped.step),
                 std::string(NameOf(skipped.part)).c_str(), skipped.reason.c_str(),

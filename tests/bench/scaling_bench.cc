@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "core/base/status_macros.h"
-#include "core/features/feature_stage.h"
-#include "core/reconstruct/reconstructor.h"
+#include "core/features/trainer.h"
+#include "core/reconstruct/trainer.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/testing/crowded_capture.h"
 
@@ -114,26 +114,26 @@ FeatureOptions StageTwo(int num_steps) {
 absl::StatusOr<Gaussians> MeasureStageOne(Backend& backend, const Capture& capture, int num_steps,
                                           Measured& measured) {
   const Stopwatch setup;
-  ASSIGN_OR_RETURN(const auto reconstructor,
-                   Reconstructor::Create(backend, capture, StageOne(num_steps)));
+  ASSIGN_OR_RETURN(const auto trainer,
+                   GaussianTrainer::Create(backend, capture, StageOne(num_steps)));
   backend.Sync();
   measured.setup = setup.Elapsed();
   const Stopwatch steps;
-  while (!reconstructor->done()) RETURN_IF_ERROR(reconstructor->Step().status());
+  while (!trainer->done()) RETURN_IF_ERROR(trainer->Step().status());
   backend.Sync();
   measured.steps = steps.Elapsed();
-  return reconstructor->Result();
+  return trainer->Result();
 }
 
 absl::Status MeasureStageTwo(Backend& backend, const Capture& capture, const Gaussians& gaussians,
                              int num_steps, Measured& measured) {
   const Stopwatch preparation;
   ASSIGN_OR_RETURN(const auto stage,
-                   FeatureStage::Create(backend, capture, gaussians, StageTwo(num_steps)));
+                   FeatureTrainer::Create(backend, capture, gaussians, StageTwo(num_steps)));
   backend.Sync();
   measured.preparation = preparation.Elapsed();
   const Stopwatch steps;
-  while (!stage->done()) RETURN_IF_ERROR(stage->Advance().status());
+  while (!stage->done()) RETURN_IF_ERROR(stage->Step().status());
   backend.Sync();
   measured.feature_steps = steps.Elapsed();
   return absl::OkStatus();

@@ -15,12 +15,11 @@
 #include "core/base/status_macros.h"
 #include "core/evaluate/evaluate.h"
 #include "core/evaluate/image_scores.h"
-#include "core/features/feature_stage.h"
 #include "core/features/options.h"
+#include "core/features/trainer.h"
 #include "core/formats/gaussian_ply.h"
 #include "core/model_files/model_file.h"
 #include "core/prompt/propose_scales.h"
-#include "core/reconstruct/reconstruct.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/capture_faults.h"
 #include "tests/bench/capture_pack.h"
@@ -30,6 +29,7 @@
 #include "tests/bench/segment_rows.h"
 #include "tests/bench/stage_flags.h"
 #include "tests/bench/truth_views.h"
+#include "tests/testing/run_trainers.h"
 
 namespace pepeseg {
 namespace {
@@ -95,7 +95,7 @@ absl::StatusOr<Geometry> GetGeometry(Backend& backend, const Capture& capture,
     stage.seed = seed;
     const double start = Now(), core_start = CoreNow();
     ASSIGN_OR_RETURN(geometry.gaussians,
-                     Reconstruct(backend, capture, stage, CountTo(geometry.num_steps)));
+                     testing::TrainGaussians(backend, capture, stage, CountTo(geometry.num_steps)));
     geometry.seconds = Now() - start;
     geometry.core_seconds = CoreNow() - core_start;
     if (!options.gaussians.empty()) {
@@ -118,8 +118,8 @@ absl::StatusOr<FeatureField> GetField(Backend& backend, const Capture& capture,
     return ReadFeatureFile(options.field, options.field);
   }
   ASSIGN_OR_RETURN(const auto training,
-                   FeatureStage::Create(backend, capture, geometry.gaussians, stage));
-  ASSIGN_OR_RETURN(FeatureField field, FinishFeatures(*training, CountTo(num_steps)));
+                   FeatureTrainer::Create(backend, capture, geometry.gaussians, stage));
+  ASSIGN_OR_RETURN(FeatureField field, RunSteps(*training, CountTo(num_steps)));
   if (training->mask_quality()) std::printf("# mask quality %.4f\n", *training->mask_quality());
   if (!options.field.empty()) RETURN_IF_ERROR(WriteFeatureFile(options.field, field));
   return field;

@@ -29,11 +29,13 @@ struct Drawn {
     field.scale_quantiles = ScaleQuantiles(all);
     capture.views[3].ignore.assign(capture.views[3].masks.pixel_patch.size(), 0);
     for (size_t i = 0; i < 3000; ++i) capture.views[3].ignore[i] = 1;
-    drawer.emplace(field, MakeDrawableViews(capture, OwnMasks(capture), scales), options);
+    views = MakeDrawableViews(capture, OwnMasks(capture), scales);
+    drawer.emplace(field, views, options);
   }
   Capture capture;
   std::vector<std::vector<float>> scales;
   FeatureField field;
+  std::vector<DrawableView> views;
   std::optional<BatchDrawer> drawer;
 };
 

@@ -8,7 +8,7 @@
 #include <set>
 #include <vector>
 
-#include "core/features/feature_checkpoint.h"
+#include "core/features/checkpoint.h"
 #include "kernels/buffer.h"
 #include "tests/core/features/blob_scene.h"
 #include "tests/testing/status_testing.h"

@@ -1,8 +1,8 @@
 #include "core/features/estimate.h"
 
-#include "core/features/train_features.h"
 #include "tests/core/features/perception_scene.h"
 #include "tests/testing/point_gaussians.h"
+#include "tests/testing/run_trainers.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 
@@ -22,8 +22,8 @@ TEST(EstimateFeatures, BoundsTheMemoryOfATrainingWithinAFactorOfTwoAndAHalf) {
     options.num_pixels = 200;
     options.steps_per_chunk = steps_per_chunk;
     const auto backend = MakeCpuBackend(2);
-    ASSERT_OK(TrainFeatures(*backend, capture, gaussians, options,
-                            [](const StepReport&) { return absl::OkStatus(); }));
+    ASSERT_OK(testing::TrainFeatures(*backend, capture, gaussians, options,
+                                     [](const StepReport&) { return absl::OkStatus(); }));
     // The sizes of a render, which stage one estimates: here those of this capture.
     const int64_t num_pixels = 96 * 72, num_tiles = 6 * 5;
     const ScratchSize scratch = {gaussians.count, 12 * gaussians.count, num_tiles, num_pixels};

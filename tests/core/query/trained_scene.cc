@@ -3,8 +3,7 @@
 #include <utility>
 
 #include "core/base/status_macros.h"
-#include "core/features/train_features.h"
-#include "core/reconstruct/reconstruct.h"
+#include "tests/testing/run_trainers.h"
 
 namespace pepeseg::testing {
 
@@ -27,11 +26,11 @@ absl::StatusOr<Model> TrainModel(const SyntheticScene& scene) {
   const auto go_on = [](const StepReport&) { return absl::OkStatus(); };
   Model model;
   ASSIGN_OR_RETURN(model.gaussians,
-                   Reconstruct(*backend, scene.capture, {.num_steps = 400}, go_on));
-  ASSIGN_OR_RETURN(
-      model.field,
-      TrainFeatures(*backend, scene.capture, model.gaussians,
-                    {.num_steps = 600, .num_pixels = 200, .num_scales = 6, .seed = 2}, go_on));
+                   testing::TrainGaussians(*backend, scene.capture, {.num_steps = 400}, go_on));
+  ASSIGN_OR_RETURN(model.field,
+                   testing::TrainFeatures(
+                       *backend, scene.capture, model.gaussians,
+                       {.num_steps = 600, .num_pixels = 200, .num_scales = 6, .seed = 2}, go_on));
   model.scene_radius = SceneRadius(scene.capture);
   for (const View& view : scene.capture.views) {
     model.views.push_back({view.name, view.camera, view.cam_from_world, view.held_out});

@@ -6,7 +6,7 @@
 #include <set>
 #include <vector>
 
-#include "core/reconstruct/reconstructor.h"
+#include "core/reconstruct/trainer.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/textured_place.h"
 
@@ -91,7 +91,7 @@ TEST(FindBlurred, FindsNothingAmongFewViews) {
   EXPECT_EQ(NumbersOf(FindBlurred(capture)), (std::set<size_t>{}));
 }
 
-TEST(Reconstructor, LeavesBlurredViewsOutOfItsRounds) {
+TEST(GaussianTrainer, LeavesBlurredViewsOutOfItsRounds) {
   Capture capture = Place(10);
   Blur(capture.views[4], 2);
   const auto backend = MakeCpuBackend(1);
@@ -103,10 +103,10 @@ TEST(Reconstructor, LeavesBlurredViewsOutOfItsRounds) {
     int num_rounds = 0;
     for (uint64_t seed = 1; seed <= 20; ++seed) {
       options.seed = seed;
-      const auto reconstructor = Reconstructor::Create(*backend, capture, options);
-      if (!reconstructor.ok()) return -1;
-      if (!(*reconstructor)->Step().ok()) return -1;
-      const auto checkpoint = (*reconstructor)->Save();
+      const auto trainer = GaussianTrainer::Create(*backend, capture, options);
+      if (!trainer.ok()) return -1;
+      if (!(*trainer)->Step().ok()) return -1;
+      const auto checkpoint = (*trainer)->Save();
       if (!checkpoint.ok()) return -1;
       // The first of a round of 9, or of 8, was drawn.
       num_rounds += checkpoint->views_left.size() == 8;

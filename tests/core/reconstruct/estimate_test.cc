@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "core/reconstruct/reconstruct.h"
-#include "core/reconstruct/reconstructor.h"
+#include "core/reconstruct/trainer.h"
+#include "tests/testing/run_trainers.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 
@@ -61,9 +61,9 @@ TEST_P(EstimateTest, IsATightUpperBoundOfATraining) {
   options.refine_keep = RefineKeep::kShrink;
   options.dropout = 0;  // the estimate counts what a step without it renders
   const auto backend = MakeCpuBackend(2);
-  ASSERT_OK_AND_ASSIGN(
-      const Gaussians result,
-      Reconstruct(*backend, capture, options, [](const StepReport&) { return absl::OkStatus(); }));
+  ASSERT_OK_AND_ASSIGN(const Gaussians result,
+                       testing::TrainGaussians(*backend, capture, options,
+                                               [](const StepReport&) { return absl::OkStatus(); }));
   const TrainingSize size = SizeOf(capture);
   EXPECT_GE(result.count, MostGaussians(size, options) * 9 / 10);
   const MemoryNeed need = EstimateReconstruct(*backend, size, options);

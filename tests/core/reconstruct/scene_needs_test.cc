@@ -6,8 +6,8 @@
 
 #include "core/evaluate/image_scores.h"
 #include "core/reconstruct/initial_gaussians.h"
-#include "core/reconstruct/reconstruct.h"
-#include "core/reconstruct/reconstructor.h"
+#include "core/reconstruct/trainer.h"
+#include "tests/testing/run_trainers.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 
@@ -41,15 +41,15 @@ struct Trained {
 };
 Trained Train(const Capture& capture, const ReconstructOptions& options) {
   const auto backend = MakeCpuBackend(2);
-  const auto reconstructor = Reconstructor::Create(*backend, capture, options).value();
+  const auto trainer = GaussianTrainer::Create(*backend, capture, options).value();
   Trained out;
-  while (!reconstructor->done()) {
-    const auto report = reconstructor->Step();
+  while (!trainer->done()) {
+    const auto report = trainer->Step();
     EXPECT_OK(report);
-    out.last = *report;
+    out.last = report->back();
   }
-  out.gaussians = reconstructor->Result();
-  out.skipped = reconstructor->skipped();
+  out.gaussians = trainer->Result();
+  out.skipped = trainer->skipped();
   return out;
 }
 
@@ -124,13 +124,13 @@ TEST(SceneNeeds, DecidesTheSameInAResumedRun) {
     ASSERT_NE(Find(unbroken, part), nullptr) << NameOf(part);
   }
   const auto backend = MakeCpuBackend(1);
-  const auto reconstructor = Reconstructor::Create(*backend, capture, options).value();
+  const auto trainer = GaussianTrainer::Create(*backend, capture, options).value();
   int64_t step = 0;
   for (const int64_t broken_after : {499, 500, 731, 1000, 1003}) {
-    for (; step < broken_after; ++step) ASSERT_OK(reconstructor->Step());
-    ASSERT_OK_AND_ASSIGN(const ReconstructCheckpoint checkpoint, reconstructor->Save());
+    for (; step < broken_after; ++step) ASSERT_OK(trainer->Step());
+    ASSERT_OK_AND_ASSIGN(const GaussianCheckpoint checkpoint, trainer->Save());
     ASSERT_OK_AND_ASSIGN(const auto resumed,
-                         Reconstructor::Resume(*backend, capture, options, checkpoint));
+                         GaussianTrainer::Resume(*backend, capture, options, checkpoint));
     while (!resumed->done()) ASSERT_OK(resumed->Step());
     EXPECT_EQ(resumed->Result().planes, unbroken.gaussians.planes) << "after " << broken_after;
   }
@@ -181,9 +181,10 @@ Gaussians Trained(Backend& backend) {
   ReconstructOptions options;
   options.num_steps = 150;
   options.sh_degree = 0;
-  const Gaussians flat = Reconstruct(backend, SmallSynthetic(), options, [](const StepReport&) {
-                           return absl::OkStatus();
-                         }).value();
+  const Gaussians flat =
+      testing::TrainGaussians(backend, SmallSynthetic(), options, [](const StepReport&) {
+        return absl::OkStatus();
+      }).value();
   Gaussians out = Gaussians::Zero(flat.count, kMaxShDegree);
   std::copy(flat.planes.begin(), flat.planes.end(), out.planes.begin());
   return out;

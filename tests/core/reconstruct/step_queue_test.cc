@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/evaluate/image_scores.h"
-#include "core/reconstruct/reconstructor.h"
+#include "core/reconstruct/trainer.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 
@@ -28,13 +28,13 @@ ReconstructOptions Options(int views_at_once) {
 }
 
 // Returns the steps done after each call of Step.
-std::vector<int64_t> StepsDone(Reconstructor& reconstructor) {
+std::vector<int64_t> StepsDone(GaussianTrainer& trainer) {
   std::vector<int64_t> done;
-  while (!reconstructor.done()) {
-    const auto report = reconstructor.Step();
+  while (!trainer.done()) {
+    const auto report = trainer.Step();
     EXPECT_OK(report);
     if (!report.ok()) break;
-    done.push_back(report->step);
+    done.push_back(report->back().step);
   }
   return done;
 }
@@ -54,9 +54,9 @@ TEST(StepsAtOnce, AreOneWithADepthLoss) {
 
 TEST(StepsAtOnce, EndWhereDensityControlIsDue) {
   const auto backend = MakeCpuBackend(2);
-  ASSERT_OK_AND_ASSIGN(const auto reconstructor,
-                       Reconstructor::Create(*backend, SyntheticCapture(), Options(4)));
-  const std::vector<int64_t> done = StepsDone(*reconstructor);
+  ASSERT_OK_AND_ASSIGN(const auto trainer,
+                       GaussianTrainer::Create(*backend, SyntheticCapture(), Options(4)));
+  const std::vector<int64_t> done = StepsDone(*trainer);
   ASSERT_GE(done.size(), 6u);
   EXPECT_EQ(std::vector<int64_t>(done.begin(), done.begin() + 6),
             (std::vector<int64_t>{4, 8, 10, 14, 18, 20}));
@@ -66,14 +66,14 @@ TEST(StepsAtOnce, EndWhereDensityControlIsDue) {
 TEST(StepsAtOnce, ResumeToTheSameBytes) {
   const auto backend = MakeCpuBackend(2);
   ASSERT_OK_AND_ASSIGN(const auto unbroken,
-                       Reconstructor::Create(*backend, SyntheticCapture(), Options(4)));
+                       GaussianTrainer::Create(*backend, SyntheticCapture(), Options(4)));
   ASSERT_OK_AND_ASSIGN(const auto broken,
-                       Reconstructor::Create(*backend, SyntheticCapture(), Options(4)));
+                       GaussianTrainer::Create(*backend, SyntheticCapture(), Options(4)));
   for (int call = 0; call < 5; ++call) ASSERT_OK(broken->Step());
-  ASSERT_OK_AND_ASSIGN(const ReconstructCheckpoint checkpoint, broken->Save());
+  ASSERT_OK_AND_ASSIGN(const GaussianCheckpoint checkpoint, broken->Save());
   EXPECT_EQ(checkpoint.counters.step, 18);
-  ASSERT_OK_AND_ASSIGN(const auto resumed,
-                       Reconstructor::Resume(*backend, SyntheticCapture(), Options(4), checkpoint));
+  ASSERT_OK_AND_ASSIGN(const auto resumed, GaussianTrainer::Resume(*backend, SyntheticCapture(),
+                                                                   Options(4), checkpoint));
   StepsDone(*unbroken);
   StepsDone(*resumed);
   EXPECT_EQ(resumed->Result().planes, unbroken->Result().planes);
@@ -86,9 +86,9 @@ TEST(StepsAtOnce, DoWhatStepsOneAfterTheOtherDo) {
   const auto psnr_of = [&](int views_at_once) {
     ReconstructOptions options = Options(views_at_once);
     options.num_steps = 200;
-    const auto reconstructor = Reconstructor::Create(*backend, SyntheticCapture(), options).value();
-    StepsDone(*reconstructor);
-    const Gaussians gaussians = reconstructor->Result();
+    const auto trainer = GaussianTrainer::Create(*backend, SyntheticCapture(), options).value();
+    StepsDone(*trainer);
+    const Gaussians gaussians = trainer->Result();
     return Mean(ScoreHeldOut(*backend, SyntheticCapture(), gaussians).value()).psnr;
   };
   const double one = psnr_of(1), four = psnr_of(4);

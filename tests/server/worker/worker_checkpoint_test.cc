@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "core/model_files/checkpoint.h"
-#include "core/reconstruct/reconstruct_checkpoint.h"
+#include "core/reconstruct/checkpoint.h"
 #include "tests/server/worker/worker_fixture.h"
 #include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"
@@ -192,7 +192,7 @@ TEST_F(WorkerCheckpointTest, DoesNotResumeFromNan) {
   ASSERT_GE(paths.size(), 2u);
   for (const std::filesystem::path& path : paths) {
     ASSERT_OK_AND_ASSIGN(const auto file, ReadCheckpoint(path));
-    ASSERT_OK_AND_ASSIGN(auto checkpoint, ReconstructCheckpointOf(file.sections));
+    ASSERT_OK_AND_ASSIGN(auto checkpoint, GaussianCheckpoint::Read(file.sections));
     checkpoint.gaussians.moment2[5] = std::numeric_limits<float>::quiet_NaN();
     const CheckpointHeader header = file.header;
     ASSERT_OK(WriteCheckpoint(path, header, SectionsOf(checkpoint)));

@@ -57,7 +57,7 @@ TEST_F(WorkerProgressTest, ReportsTheCounters) {
   report.num_skipped_gradients = 4;
   report.depth_loss = 0.25;
   report.num_skipped_depths = 6;
-  report.num_void_renders = 5;
+  report.num_overflowed_renders = 5;
   ASSERT_OK(progress.Step(report));
   const auto events = EventLogReader(path_).Read();
   ASSERT_TRUE(events.ok() && !events->empty());

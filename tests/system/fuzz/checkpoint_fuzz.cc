@@ -1,8 +1,8 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/digest.h"
-#include "core/features/feature_checkpoint.h"
+#include "core/features/checkpoint.h"
 #include "core/model_files/checkpoint.h"
-#include "core/reconstruct/reconstruct_checkpoint.h"
+#include "core/reconstruct/checkpoint.h"
 #include "tests/system/fuzz/fuzz_target.h"
 #include "tests/system/fuzz/memory_file.h"
 
@@ -11,9 +11,9 @@ namespace {
 void Read(const std::string& path) {
   const auto checkpoint = pepeseg::ReadCheckpoint(path);
   if (!checkpoint.ok()) return;
-  const auto reconstruct = pepeseg::ReconstructCheckpointOf(checkpoint->sections);
+  const auto reconstruct = pepeseg::GaussianCheckpoint::Read(checkpoint->sections);
   if (reconstruct.ok()) (void)pepeseg::Validate(*reconstruct);
-  const auto features = pepeseg::FeatureCheckpointOf(checkpoint->sections);
+  const auto features = pepeseg::FeatureCheckpoint::Read(checkpoint->sections);
   if (features.ok()) (void)pepeseg::Validate(*features);
 }
 

@@ -8,9 +8,9 @@
 #include "core/base/status_macros.h"
 #include "core/evaluate/evaluate.h"
 #include "core/evaluate/image_scores.h"
-#include "core/features/feature_stage.h"
+#include "core/features/trainer.h"
 #include "core/reconstruct/initial_gaussians.h"
-#include "core/reconstruct/reconstructor.h"
+#include "core/reconstruct/trainer.h"
 
 namespace pepeseg::testing {
 namespace {
@@ -108,11 +108,12 @@ FeatureOptions TinyFeatures(int num_steps) {
 
 absl::StatusOr<StageOneRun> RunStageOne(Backend& backend, const Capture& capture,
                                         const ReconstructOptions& options) {
-  ASSIGN_OR_RETURN(const auto stage, Reconstructor::Create(backend, capture, options));
+  ASSIGN_OR_RETURN(const auto stage, GaussianTrainer::Create(backend, capture, options));
   StageOneRun run;
   int num_unmeasured = 0;  // steps before the first result of the device was read
   while (!stage->done()) {
-    ASSIGN_OR_RETURN(run.last, stage->Step());
+    ASSIGN_OR_RETURN(const StepReports reports, stage->Step());
+    run.last = reports.back();
     if (run.losses.empty() && std::isnan(run.last.loss)) {
       ++num_unmeasured;
     } else {
@@ -123,7 +124,7 @@ absl::StatusOr<StageOneRun> RunStageOne(Backend& backend, const Capture& capture
   EXPECT_TRUE(std::ranges::all_of(run.losses, [](double loss) { return std::isfinite(loss); }));
   EXPECT_EQ(run.last.num_skipped_gradients, 0);
   EXPECT_EQ(run.last.num_culled_degenerate, 0);
-  ASSIGN_OR_RETURN(const ReconstructCheckpoint checkpoint, stage->Save());
+  ASSIGN_OR_RETURN(const GaussianCheckpoint checkpoint, stage->Save());
   ExpectSoundRows(checkpoint.gaussians, run);
   ExpectLogScalesWithinBounds(capture, options, stage->Result());
   run.gaussians = stage->Result();
@@ -138,13 +139,13 @@ absl::StatusOr<StageOneRun> RunStageOne(Backend& backend, const Capture& capture
 
 absl::StatusOr<StageTwoRun> RunStageTwo(Backend& backend, const Capture& capture,
                                         const Gaussians& gaussians, const FeatureOptions& options) {
-  ASSIGN_OR_RETURN(const auto stage, FeatureStage::Create(backend, capture, gaussians, options));
+  ASSIGN_OR_RETURN(const auto stage, FeatureTrainer::Create(backend, capture, gaussians, options));
   StageTwoRun run;
   while (!stage->done()) {
-    ASSIGN_OR_RETURN(const std::vector<StepReport> reports, stage->Advance());
+    ASSIGN_OR_RETURN(const StepReports reports, stage->Step());
     for (const StepReport& report : reports) run.losses.push_back(report.loss);
   }
-  run.field = stage->Export();
+  run.field = stage->Result();
   EXPECT_TRUE(std::ranges::all_of(run.losses, [](double loss) { return std::isfinite(loss); }));
   EXPECT_TRUE(AllFinite(run.field.features));
   EXPECT_TRUE(AllFinite(run.field.gate));

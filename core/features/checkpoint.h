@@ -34,8 +34,8 @@ struct FeatureRowsState {
 // options. A stage resumes from it as if it had never stopped; on the CPU it ends with the same
 // bytes.
 //
-// A new member must be added to VisitSections in feature_checkpoint.cc, and saved and restored by
-// FeatureStage.
+// A new member must be added to VisitSections in checkpoint.cc, and saved and restored by
+// FeatureTrainer.
 struct FeatureCheckpoint {
   struct Counters {
     int64_t step = 0;            // steps done
@@ -49,14 +49,14 @@ struct FeatureCheckpoint {
   DrawerState drawer;          // before the current chunk
   CentroidState centroids;
   FeatureRowsState rows;
+
+  // Reads a checkpoint from its sections. DATA_LOSS: a section is missing, unknown, of another
+  // version or of a size that does not fit, or a number is not finite.
+  static absl::StatusOr<FeatureCheckpoint> Read(std::span<const CheckpointSection> sections);
 };
 
 // Returns the sections to write. They refer to the checkpoint's memory.
 std::vector<CheckpointSection> SectionsOf(const FeatureCheckpoint& checkpoint);
-
-// Reads a checkpoint from its sections. DATA_LOSS: a section is missing, unknown, of another
-// version or of a size that does not fit, or a number is not finite.
-absl::StatusOr<FeatureCheckpoint> FeatureCheckpointOf(std::span<const CheckpointSection> sections);
 
 // Returns DATA_LOSS if a counter is out of range, sizes disagree, or a number is not finite.
 absl::Status Validate(const FeatureCheckpoint& checkpoint);

@@ -1,4 +1,4 @@
-#include "core/features/batch_chunks.h"
+#include "core/features/row_chunk.h"
 
 #include <map>
 #include <utility>

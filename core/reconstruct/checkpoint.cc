@@ -1,4 +1,4 @@
-#include "core/reconstruct/reconstruct_checkpoint.h"
+#include "core/reconstruct/checkpoint.h"
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
@@ -56,15 +56,15 @@ absl::Status ValidateRows(const GaussianRows& rows) {
 
 }  // namespace
 
-std::vector<CheckpointSection> SectionsOf(const ReconstructCheckpoint& checkpoint) {
+std::vector<CheckpointSection> SectionsOf(const GaussianCheckpoint& checkpoint) {
   std::vector<CheckpointSection> sections;
   VisitSections(checkpoint, SectionWriter{sections});
   return sections;
 }
 
-absl::StatusOr<ReconstructCheckpoint> ReconstructCheckpointOf(
+absl::StatusOr<GaussianCheckpoint> GaussianCheckpoint::Read(
     std::span<const CheckpointSection> sections) {
-  ReconstructCheckpoint checkpoint;
+  GaussianCheckpoint checkpoint;
   const SectionReader reader(sections);
   VisitSections(checkpoint, reader);
   RETURN_IF_ERROR(reader.Finish());
@@ -72,7 +72,7 @@ absl::StatusOr<ReconstructCheckpoint> ReconstructCheckpointOf(
   return checkpoint;
 }
 
-absl::Status Validate(const ReconstructCheckpoint& checkpoint) {
+absl::Status Validate(const GaussianCheckpoint& checkpoint) {
   if (checkpoint.counters.step < 0) {
     return absl::DataLossError(absl::StrCat("step ", checkpoint.counters.step, " is negative"));
   }

@@ -1,11 +1,12 @@
-#include "core/features/feature_checkpoint.h"
+#include "core/features/checkpoint.h"
 
 #include <gtest/gtest.h>
 
 #include <limits>
 
-#include "core/features/feature_stage.h"
+#include "core/features/trainer.h"
 #include "tests/testing/point_gaussians.h"
+#include "tests/testing/run_trainers.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 #include "tests/testing/temp_folder.h"
@@ -36,8 +37,8 @@ const Gaussians& Points() {
   return gaussians;
 }
 
-std::unique_ptr<FeatureStage> Fresh(Backend& backend) {
-  return FeatureStage::Create(backend, Synthetic(), Points(), kOptions).value();
+std::unique_ptr<FeatureTrainer> Fresh(Backend& backend) {
+  return FeatureTrainer::Create(backend, Synthetic(), Points(), kOptions).value();
 }
 
 absl::Status Proceed(const StepReport&) { return absl::OkStatus(); }
@@ -45,7 +46,7 @@ absl::Status Proceed(const StepReport&) { return absl::OkStatus(); }
 FeatureCheckpoint CheckpointAt(int step) {
   const auto backend = MakeCpuBackend(2);
   const auto stage = Fresh(*backend);
-  while (stage->step() < step) EXPECT_OK(stage->Advance());
+  while (stage->step() < step) EXPECT_OK(stage->Step());
   return stage->Save().value();
 }
 
@@ -56,7 +57,7 @@ FeatureCheckpoint WriteAndRead(const FeatureCheckpoint& checkpoint) {
   EXPECT_OK(WriteCheckpoint(path, {"features", "", 0}, SectionsOf(checkpoint)));
   const auto file = ReadCheckpoint(path);
   EXPECT_OK(file);
-  auto read = FeatureCheckpointOf(file->sections);
+  auto read = FeatureCheckpoint::Read(file->sections);
   EXPECT_OK(read);
   return *std::move(read);
 }
@@ -64,17 +65,17 @@ FeatureCheckpoint WriteAndRead(const FeatureCheckpoint& checkpoint) {
 TEST(FeatureCheckpoint, ResumesToTheBytesOfAnUnbrokenRun) {
   const auto backend = MakeCpuBackend(2);
   const auto unbroken = Fresh(*backend);
-  ASSERT_OK_AND_ASSIGN(const FeatureField want, FinishFeatures(*unbroken, Proceed));
+  ASSERT_OK_AND_ASSIGN(const FeatureField want, RunSteps(*unbroken, Proceed));
   // At the start, within chunks and at their ends, around the end of smoothing and the first
   // refresh of the centroids, and at the end.
   for (const int step : {0, 1, 6, 7, 8, 14, 19, 20, 21, 23, 24, 25, 31, 39, 40}) {
     SCOPED_TRACE(step);
     const FeatureCheckpoint checkpoint = WriteAndRead(CheckpointAt(step));
     const auto other = MakeCpuBackend(1);
-    ASSERT_OK_AND_ASSIGN(const auto resumed,
-                         FeatureStage::Resume(*other, Synthetic(), Points(), kOptions, checkpoint));
+    ASSERT_OK_AND_ASSIGN(const auto resumed, FeatureTrainer::Resume(*other, Synthetic(), Points(),
+                                                                    kOptions, checkpoint));
     EXPECT_EQ(resumed->step(), step);
-    ASSERT_OK_AND_ASSIGN(const FeatureField got, FinishFeatures(*resumed, Proceed));
+    ASSERT_OK_AND_ASSIGN(const FeatureField got, RunSteps(*resumed, Proceed));
     EXPECT_EQ(got.features, want.features);
     EXPECT_EQ(got.gate, want.gate);
     EXPECT_EQ(got.scale_quantiles, want.scale_quantiles);
@@ -93,12 +94,12 @@ constexpr FeatureOptions kConverging = {.num_steps = 2000,
                                         .min_loss_fall = 1,
                                         .closing_share = 0.3};
 
-TEST(FeatureStage, LeavesOutStepsAfterConvergenceAlsoWhenResumed) {
+TEST(FeatureTrainer, LeavesOutStepsAfterConvergenceAlsoWhenResumed) {
   const auto backend = MakeCpuBackend(2);
   ASSERT_OK_AND_ASSIGN(const auto unbroken,
-                       FeatureStage::Create(*backend, Synthetic(), Points(), kConverging));
+                       FeatureTrainer::Create(*backend, Synthetic(), Points(), kConverging));
   StepReport last;
-  ASSERT_OK_AND_ASSIGN(const FeatureField want, FinishFeatures(*unbroken, [&](const StepReport& r) {
+  ASSERT_OK_AND_ASSIGN(const FeatureField want, RunSteps(*unbroken, [&](const StepReport& r) {
                          last = r;
                          return absl::OkStatus();
                        }));
@@ -109,14 +110,14 @@ TEST(FeatureStage, LeavesOutStepsAfterConvergenceAlsoWhenResumed) {
   EXPECT_EQ(last.step, 1600);
   EXPECT_EQ(last.num_steps, 1600);
   ASSERT_OK_AND_ASSIGN(const auto stage,
-                       FeatureStage::Create(*backend, Synthetic(), Points(), kConverging));
+                       FeatureTrainer::Create(*backend, Synthetic(), Points(), kConverging));
   for (const int step : {499, 500, 999, 1000, 1001, 1350}) {
     SCOPED_TRACE(step);
-    while (stage->step() < step) ASSERT_OK(stage->Advance());
+    while (stage->step() < step) ASSERT_OK(stage->Step());
     ASSERT_OK_AND_ASSIGN(const FeatureCheckpoint checkpoint, stage->Save());
-    ASSERT_OK_AND_ASSIGN(const auto resumed, FeatureStage::Resume(*backend, Synthetic(), Points(),
-                                                                  kConverging, checkpoint));
-    ASSERT_OK_AND_ASSIGN(const FeatureField got, FinishFeatures(*resumed, Proceed));
+    ASSERT_OK_AND_ASSIGN(const auto resumed, FeatureTrainer::Resume(*backend, Synthetic(), Points(),
+                                                                    kConverging, checkpoint));
+    ASSERT_OK_AND_ASSIGN(const FeatureField got, RunSteps(*resumed, Proceed));
     EXPECT_EQ(resumed->step(), 1600);
     EXPECT_EQ(got.features, want.features);
     EXPECT_EQ(got.gate, want.gate);
@@ -125,29 +126,29 @@ TEST(FeatureStage, LeavesOutStepsAfterConvergenceAlsoWhenResumed) {
 
 // Fine masks go first until step 700, that is in the first two windows of 500 steps. The third is
 // the first that counts, and the fourth the first that is compared.
-TEST(FeatureStage, JudgesConvergenceOnlyAfterFineMasksWentFirst) {
+TEST(FeatureTrainer, JudgesConvergenceOnlyAfterFineMasksWentFirst) {
   const auto backend = MakeCpuBackend(2);
   FeatureOptions options = kConverging;
   options.num_steps = 2800;
   options.fine_first = 0.25;
   options.closing_share = 0.2;
   ASSERT_OK_AND_ASSIGN(const auto stage,
-                       FeatureStage::Create(*backend, Synthetic(), Points(), options));
-  ASSERT_OK(FinishFeatures(*stage, Proceed));
+                       FeatureTrainer::Create(*backend, Synthetic(), Points(), options));
+  ASSERT_OK(RunSteps(*stage, Proceed));
   const SkippedPart& steps = stage->skipped().back();
   EXPECT_EQ(steps.part, Part::kSteps);
   EXPECT_EQ(steps.step, 2000);
   EXPECT_EQ(steps.saved_steps, 240);
 }
 
-TEST(FeatureStage, DoesAllStepsWithoutAMinLossFall) {
+TEST(FeatureTrainer, DoesAllStepsWithoutAMinLossFall) {
   const auto backend = MakeCpuBackend(2);
   FeatureOptions options = kConverging;
   options.num_steps = 1200;
   options.min_loss_fall = 0;
   ASSERT_OK_AND_ASSIGN(const auto stage,
-                       FeatureStage::Create(*backend, Synthetic(), Points(), options));
-  ASSERT_OK(FinishFeatures(*stage, Proceed));
+                       FeatureTrainer::Create(*backend, Synthetic(), Points(), options));
+  ASSERT_OK(RunSteps(*stage, Proceed));
   EXPECT_EQ(stage->step(), 1200);
 }
 
@@ -156,7 +157,7 @@ TEST(FeatureCheckpoint, IsTheSameWhenSavedAgainAfterResuming) {
   EXPECT_FALSE(first.centroids.upper.empty() && first.centroids.lower.empty());
   const auto backend = MakeCpuBackend(2);
   ASSERT_OK_AND_ASSIGN(const auto stage,
-                       FeatureStage::Resume(*backend, Synthetic(), Points(), kOptions, first));
+                       FeatureTrainer::Resume(*backend, Synthetic(), Points(), kOptions, first));
   ASSERT_OK_AND_ASSIGN(const FeatureCheckpoint again, stage->Save());
   EXPECT_EQ(again.drawer.random, first.drawer.random);
   EXPECT_EQ(again.drawer.views_left, first.drawer.views_left);
@@ -170,7 +171,7 @@ TEST(FeatureCheckpoint, RefusesStatesThatDoNotFit) {
   const FeatureCheckpoint good = CheckpointAt(9);
   const auto backend = MakeCpuBackend(1);
   const auto resume = [&](const FeatureCheckpoint& checkpoint) {
-    return FeatureStage::Resume(*backend, Synthetic(), Points(), kOptions, checkpoint).status();
+    return FeatureTrainer::Resume(*backend, Synthetic(), Points(), kOptions, checkpoint).status();
   };
   EXPECT_OK(resume(good));
   FeatureCheckpoint bad = good;
@@ -181,7 +182,7 @@ TEST(FeatureCheckpoint, RefusesStatesThatDoNotFit) {
   EXPECT_STATUS(resume(bad), absl::StatusCode::kDataLoss, "gate has 63 values");
   FeatureOptions two_layers = kOptions;
   two_layers.gate_layers = 2;
-  EXPECT_STATUS(FeatureStage::Resume(*backend, Synthetic(), Points(), two_layers, good).status(),
+  EXPECT_STATUS(FeatureTrainer::Resume(*backend, Synthetic(), Points(), two_layers, good).status(),
                 absl::StatusCode::kDataLoss, "the gate has 64 numbers");
   bad = good;
   bad.counters.step = 41;
@@ -203,14 +204,14 @@ TEST(FeatureCheckpoint, RefusesStatesThatDoNotFit) {
 TEST(FeatureCheckpoint, RefusesUnknownAndMissingSections) {
   const FeatureCheckpoint checkpoint = CheckpointAt(3);
   std::vector<CheckpointSection> sections = SectionsOf(checkpoint);
-  EXPECT_OK(FeatureCheckpointOf(sections));
+  EXPECT_OK(FeatureCheckpoint::Read(sections));
   sections.push_back({"new", 1, ""});
-  EXPECT_STATUS(FeatureCheckpointOf(sections), absl::StatusCode::kDataLoss, "sections");
+  EXPECT_STATUS(FeatureCheckpoint::Read(sections), absl::StatusCode::kDataLoss, "sections");
   sections.pop_back();
   sections[0].version = 99;
-  EXPECT_STATUS(FeatureCheckpointOf(sections), absl::StatusCode::kDataLoss, "version 99");
+  EXPECT_STATUS(FeatureCheckpoint::Read(sections), absl::StatusCode::kDataLoss, "version 99");
   sections.erase(sections.begin());
-  EXPECT_STATUS(FeatureCheckpointOf(sections), absl::StatusCode::kDataLoss, "missing");
+  EXPECT_STATUS(FeatureCheckpoint::Read(sections), absl::StatusCode::kDataLoss, "missing");
 }
 
 }  // namespace

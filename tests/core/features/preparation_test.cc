@@ -1,4 +1,4 @@
-#include "core/features/feature_preparation.h"
+#include "core/features/preparation.h"
 
 #include <gtest/gtest.h>
 
@@ -17,8 +17,7 @@ namespace {
 class PrepareFeaturesTest : public ::testing::Test {
  protected:
   PreparedFeatures Prepare(const FeatureOptions& options) {
-    Renderer frozen(*backend_, scene_.gaussians, SceneRadius(capture()));
-    auto prepared = PrepareFeatures(capture(), scene_.gaussians, frozen, options);
+    auto prepared = PrepareFeatures(*backend_, capture(), scene_.gaussians, options);
     EXPECT_OK(prepared);
     return *std::move(prepared);
   }

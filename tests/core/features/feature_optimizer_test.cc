@@ -1,4 +1,4 @@
-#include "core/features/feature_trainer.h"
+#include "core/features/feature_optimizer.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,5 @@
-#include "core/features/train_features.h"
+
+#include "core/features/trainer.h"
 
 #include <gtest/gtest.h>
 
@@ -7,15 +8,15 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
-#include "core/features/feature_preparation.h"
-#include "core/features/feature_stage.h"
 #include "core/features/mask_scales.h"
+#include "core/features/preparation.h"
 #include "core/render/renderer.h"
 #include "kernels/gaussian_planes.h"
 #include "tests/core/features/blob_scene.h"
 #include "tests/core/features/perception_scene.h"
 #include "tests/kernels/backend_test.h"
 #include "tests/testing/point_gaussians.h"
+#include "tests/testing/run_trainers.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 
@@ -44,14 +45,15 @@ Capture CaptureWithGaps() {
   return capture;
 }
 
-TEST(TrainFeatures, ReturnsTheSameBytesForAnyNumberOfThreads) {
+TEST(FeatureTrainer, ReturnsTheSameBytesForAnyNumberOfThreads) {
   const Capture capture = CaptureWithGaps();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
   ASSERT_OK_AND_ASSIGN(const FeatureField one,
-                       TrainFeatures(*MakeCpuBackend(1), capture, gaussians, kShort, Go));
+                       testing::TrainFeatures(*MakeCpuBackend(1), capture, gaussians, kShort, Go));
   for (const int threads : {2, 3}) {
-    ASSERT_OK_AND_ASSIGN(const FeatureField other,
-                         TrainFeatures(*MakeCpuBackend(threads), capture, gaussians, kShort, Go));
+    ASSERT_OK_AND_ASSIGN(
+        const FeatureField other,
+        testing::TrainFeatures(*MakeCpuBackend(threads), capture, gaussians, kShort, Go));
     EXPECT_EQ(one.features, other.features);
     EXPECT_EQ(one.confidence, other.confidence);
     EXPECT_EQ(one.gate, other.gate);
@@ -61,18 +63,18 @@ TEST(TrainFeatures, ReturnsTheSameBytesForAnyNumberOfThreads) {
 
 // Two layers resume from checkpoints, do not depend on the number of threads, and every number of
 // the gate learns.
-TEST(TrainFeatures, TrainsAGateOfTwoLayers) {
+TEST(FeatureTrainer, TrainsAGateOfTwoLayers) {
   const Capture capture = CaptureWithGaps();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
   FeatureOptions options = kShort;
   options.gate_layers = 2;
   const auto backend = MakeCpuBackend(2);
   ASSERT_OK_AND_ASSIGN(const auto stage,
-                       FeatureStage::Create(*backend, capture, gaussians, options));
-  const std::vector<float> initial = stage->Export().gate;
-  for (int i = 0; i < 5; ++i) ASSERT_OK(stage->Advance());
+                       FeatureTrainer::Create(*backend, capture, gaussians, options));
+  const std::vector<float> initial = stage->Result().gate;
+  for (int i = 0; i < 5; ++i) ASSERT_OK(stage->Step());
   ASSERT_OK_AND_ASSIGN(const FeatureCheckpoint checkpoint, stage->Save());
-  ASSERT_OK_AND_ASSIGN(const FeatureField field, FinishFeatures(*stage, Go));
+  ASSERT_OK_AND_ASSIGN(const FeatureField field, RunSteps(*stage, Go));
   ASSERT_EQ(field.gate.size(), static_cast<size_t>(kTwoLayerGateSize));
   EXPECT_EQ(initial.size(), field.gate.size());
   int num_moved = 0;
@@ -80,33 +82,33 @@ TEST(TrainFeatures, TrainsAGateOfTwoLayers) {
   // Hidden units that are 0 at all scales do not learn.
   EXPECT_GT(num_moved, kTwoLayerGateSize / 2);
   const auto one_thread = MakeCpuBackend(1);
-  ASSERT_OK_AND_ASSIGN(const auto resumed,
-                       FeatureStage::Resume(*one_thread, capture, gaussians, options, checkpoint));
-  ASSERT_OK_AND_ASSIGN(const FeatureField again, FinishFeatures(*resumed, Go));
+  ASSERT_OK_AND_ASSIGN(const auto resumed, FeatureTrainer::Resume(*one_thread, capture, gaussians,
+                                                                  options, checkpoint));
+  ASSERT_OK_AND_ASSIGN(const FeatureField again, RunSteps(*resumed, Go));
   EXPECT_EQ(again.gate, field.gate);
   EXPECT_EQ(again.features, field.features);
 }
 
-TEST(TrainFeatures, DoesNotDependOnTheChunkSize) {
+TEST(FeatureTrainer, DoesNotDependOnTheChunkSize) {
   const Capture capture = SmallCapture();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
   const auto backend = MakeCpuBackend(2);
   FeatureOptions options = kShort;
   ASSERT_OK_AND_ASSIGN(const FeatureField a,
-                       TrainFeatures(*backend, capture, gaussians, options, Go));
+                       testing::TrainFeatures(*backend, capture, gaussians, options, Go));
   options.steps_per_chunk = 1000;
   ASSERT_OK_AND_ASSIGN(const FeatureField b,
-                       TrainFeatures(*backend, capture, gaussians, options, Go));
+                       testing::TrainFeatures(*backend, capture, gaussians, options, Go));
   EXPECT_EQ(a.features, b.features);
 }
 
-TEST(TrainFeatures, ReportsAConfidenceForEachFeature) {
+TEST(FeatureTrainer, ReportsAConfidenceForEachFeature) {
   Capture capture = SmallCapture();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
   const auto backend = MakeCpuBackend(2);
   FeatureOptions options = kShort;
   ASSERT_OK_AND_ASSIGN(const FeatureField field,
-                       TrainFeatures(*backend, capture, gaussians, options, Go));
+                       testing::TrainFeatures(*backend, capture, gaussians, options, Go));
   ASSERT_EQ(static_cast<int64_t>(field.confidence.size()), gaussians.count);
   int64_t num_confident = 0, num_doubtful = 0;
   for (int64_t i = 0; i < gaussians.count; ++i) {
@@ -122,7 +124,7 @@ TEST(TrainFeatures, ReportsAConfidenceForEachFeature) {
   EXPECT_GT(num_doubtful, 100);
   options.sure_views = 0;
   ASSERT_OK_AND_ASSIGN(const FeatureField alike,
-                       TrainFeatures(*backend, capture, gaussians, options, Go));
+                       testing::TrainFeatures(*backend, capture, gaussians, options, Go));
   EXPECT_TRUE(alike.confidence.empty());
   EXPECT_EQ(alike.features, field.features);
 }
@@ -135,17 +137,17 @@ double FirstLoss(float opacity, float min_norm_alpha) {
   options.num_steps = 1;
   options.min_norm_alpha = min_norm_alpha;
   double loss = -1;
-  EXPECT_OK(TrainFeatures(*MakeCpuBackend(1), scene.capture, scene.gaussians, options,
-                          [&](const StepReport& report) {
-                            loss = report.loss;
-                            return absl::OkStatus();
-                          }));
+  EXPECT_OK(testing::TrainFeatures(*MakeCpuBackend(1), scene.capture, scene.gaussians, options,
+                                   [&](const StepReport& report) {
+                                     loss = report.loss;
+                                     return absl::OkStatus();
+                                   }));
   return loss;
 }
 
 // The feature of a pixel is at most as long as its alpha, so the norm loss of a pixel whose alpha
 // is 0.7 is at least 0.09.
-TEST(TrainFeatures, CountsPixelsInTheNormLossWhoseAlphaIsOverTheMinimum) {
+TEST(FeatureTrainer, CountsPixelsInTheNormLossWhoseAlphaIsOverTheMinimum) {
   const float faint = 0.847f, opaque = 20;  // logits; 0.847 is that of 0.7
   EXPECT_GT(FirstLoss(faint, 0), FirstLoss(faint, 0.9f) + 0.09);
   EXPECT_EQ(FirstLoss(faint, 0.71f), FirstLoss(faint, 0.9f)) << "no alpha is over 0.71";
@@ -154,7 +156,7 @@ TEST(TrainFeatures, CountsPixelsInTheNormLossWhoseAlphaIsOverTheMinimum) {
   EXPECT_EQ(FirstLoss(opaque, 0), FirstLoss(opaque, 0.05f)) << "no alpha is under 0.05";
 }
 
-TEST(TrainFeatures, LowersTheLossAndNormalisesFeatures) {
+TEST(FeatureTrainer, LowersTheLossAndNormalisesFeatures) {
   const Capture capture = SmallCapture();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
   FeatureOptions options = kShort;
@@ -167,8 +169,9 @@ TEST(TrainFeatures, LowersTheLossAndNormalisesFeatures) {
     (report.step <= 20 ? first : last) += report.step <= 20 || report.step > 180 ? report.loss : 0;
     return absl::OkStatus();
   };
-  ASSERT_OK_AND_ASSIGN(const FeatureField field,
-                       TrainFeatures(*MakeCpuBackend(2), capture, gaussians, options, progress));
+  ASSERT_OK_AND_ASSIGN(
+      const FeatureField field,
+      testing::TrainFeatures(*MakeCpuBackend(2), capture, gaussians, options, progress));
   EXPECT_LT(last, first);
   EXPECT_EQ(field.scale_quantiles.size(), 1000u);
   int64_t num_trained = 0;
@@ -187,7 +190,7 @@ Eigen::Map<const Eigen::VectorXf> FeatureOf(const FeatureField& field, int64_t g
 
 // Each Gaussian has a twin at its side, which is its only neighbour. Smoothed, twins have one
 // feature.
-TEST(TrainFeatures, LetsNeighborsDifferAfterTheEndOfSmoothing) {
+TEST(FeatureTrainer, LetsNeighborsDifferAfterTheEndOfSmoothing) {
   const Capture capture = SmallCapture();
   const Gaussians points = testing::PointGaussians(capture, 0.06f);
   std::vector<int64_t> twice;
@@ -200,7 +203,7 @@ TEST(TrainFeatures, LetsNeighborsDifferAfterTheEndOfSmoothing) {
     options.num_drawn_neighbors = 2;
     options.smooth_until = smooth_until;
     const FeatureField field =
-        TrainFeatures(*MakeCpuBackend(2), capture, gaussians, options, Go).value();
+        testing::TrainFeatures(*MakeCpuBackend(2), capture, gaussians, options, Go).value();
     float most = 0;
     for (int64_t i = 0; i < gaussians.count; i += 2) {
       most = std::max(most, (FeatureOf(field, i) - FeatureOf(field, i + 1)).norm());
@@ -213,12 +216,12 @@ TEST(TrainFeatures, LetsNeighborsDifferAfterTheEndOfSmoothing) {
 
 // A Gaussian that no photograph shows gets the mean feature of those around it that were sampled,
 // also where smoothing has ended. Of those around it, some were not: hence not the mean of all.
-TEST(TrainFeatures, GivesUnseenGaussiansTheFeatureOfTheirNeighbors) {
+TEST(FeatureTrainer, GivesUnseenGaussiansTheFeatureOfTheirNeighbors) {
   const Capture capture = SmallCapture();
   Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
   for (int64_t i = 0; i < gaussians.count; i += 10) gaussians.Plane(kOpacityPlane)[i] = -20;
   ASSERT_OK_AND_ASSIGN(const FeatureField field,
-                       TrainFeatures(*MakeCpuBackend(2), capture, gaussians, kShort, Go));
+                       testing::TrainFeatures(*MakeCpuBackend(2), capture, gaussians, kShort, Go));
   const std::vector<int32_t> nearest = NearestNeighbors(gaussians, kShort.num_neighbors);
   int num_filled = 0;
   for (int64_t i = 0; i < gaussians.count; i += 10) {
@@ -237,16 +240,17 @@ TEST(TrainFeatures, GivesUnseenGaussiansTheFeatureOfTheirNeighbors) {
 // Compares the whole stage. A pair whose cosine rounds to the other side of a threshold changes a
 // loss by about 3e-3, which may grow to 6e-2 at a single later step while the features still have a
 // cosine of 0.9999. Noise of 1e-7 to 1e-5 has the same effect on the CPU.
-TEST(TrainFeatures, OnCudaLearnsWhatTheCpuLearns) {
+TEST(FeatureTrainer, OnCudaLearnsWhatTheCpuLearns) {
   const auto cuda = MakeCuda();
   if (cuda == nullptr) GTEST_SKIP() << "this machine has no Cuda";
   const Capture capture = CaptureWithGaps();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
   const auto train = [&](Backend& backend, double& mean_loss) {
-    return TrainFeatures(backend, capture, gaussians, kShort, [&](const StepReport& report) {
-      mean_loss += report.loss / kShort.num_steps;
-      return absl::OkStatus();
-    });
+    return testing::TrainFeatures(backend, capture, gaussians, kShort,
+                                  [&](const StepReport& report) {
+                                    mean_loss += report.loss / kShort.num_steps;
+                                    return absl::OkStatus();
+                                  });
   };
   double loss = 0, cuda_loss = 0, again = 0;
   ASSERT_OK_AND_ASSIGN(const FeatureField want, train(*MakeCpuBackend(2), loss));
@@ -267,7 +271,7 @@ TEST(TrainFeatures, OnCudaLearnsWhatTheCpuLearns) {
 std::vector<std::string> SkippedOf(const Capture& capture, const FeatureOptions& options) {
   const auto backend = MakeCpuBackend(2);
   const auto stage =
-      FeatureStage::Create(*backend, capture, testing::PointGaussians(capture, 0.06f), options);
+      FeatureTrainer::Create(*backend, capture, testing::PointGaussians(capture, 0.06f), options);
   EXPECT_OK(stage.status());
   std::vector<std::string> lines;
   for (const SkippedPart& skipped : (*stage)->skipped()) {
@@ -276,7 +280,7 @@ std::vector<std::string> SkippedOf(const Capture& capture, const FeatureOptions&
   return lines;
 }
 
-TEST(FeatureStage, ReportsThePartsThatItSkips) {
+TEST(FeatureTrainer, ReportsThePartsThatItSkips) {
   using Lines = std::vector<std::string>;
   EXPECT_EQ(SkippedOf(CaptureWithGaps(), kShort), Lines());
   EXPECT_EQ(SkippedOf(SmallCapture(), kShort),
@@ -289,20 +293,20 @@ TEST(FeatureStage, ReportsThePartsThatItSkips) {
                                                           "perception: perception_weight is 0"}));
 }
 
-TEST(TrainFeatures, ReturnsTheErrorOfTheCallback) {
+TEST(FeatureTrainer, ReturnsTheErrorOfTheCallback) {
   const Capture capture = SmallCapture();
   const auto stop = [](const StepReport& report) {
     return report.step < 3 ? absl::OkStatus() : absl::CancelledError("enough");
   };
-  EXPECT_STATUS(TrainFeatures(*MakeCpuBackend(1), capture, testing::PointGaussians(capture, 0.06f),
-                              kShort, stop),
+  EXPECT_STATUS(testing::TrainFeatures(*MakeCpuBackend(1), capture,
+                                       testing::PointGaussians(capture, 0.06f), kShort, stop),
                 absl::StatusCode::kCancelled, "enough");
 }
 
-TEST(TrainFeatures, FailsWithoutMasks) {
+TEST(FeatureTrainer, FailsWithoutMasks) {
   const Capture capture = testing::MakeSyntheticScene({.with_masks = false}).capture;
-  EXPECT_STATUS(TrainFeatures(*MakeCpuBackend(1), capture, testing::PointGaussians(capture, 0.06f),
-                              kShort, Go),
+  EXPECT_STATUS(testing::TrainFeatures(*MakeCpuBackend(1), capture,
+                                       testing::PointGaussians(capture, 0.06f), kShort, Go),
                 absl::StatusCode::kFailedPrecondition, "no training view has a mask");
 }
 

@@ -1,4 +1,5 @@
-#include "core/reconstruct/reconstruct.h"
+
+#include "core/reconstruct/trainer.h"
 
 #include <cmath>
 #include <functional>
@@ -7,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/evaluate/image_scores.h"
-#include "core/reconstruct/reconstructor.h"
+#include "tests/testing/run_trainers.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 
@@ -29,26 +30,27 @@ ReconstructOptions ShortRun(int num_steps) {
   return options;
 }
 
-TEST(Reconstruct, TenStepsMatchTheGoldenRun) {
+TEST(GaussianTrainer, TenStepsMatchTheGoldenRun) {
   const auto backend = MakeCpuBackend(2);
   ReconstructOptions options = ShortRun(10);
   std::vector<double> losses;
-  ASSERT_OK(Reconstruct(*backend, SyntheticCapture(), options, [&](const StepReport& report) {
-    losses.push_back(report.loss);
-    return absl::OkStatus();
-  }));
+  ASSERT_OK(
+      testing::TrainGaussians(*backend, SyntheticCapture(), options, [&](const StepReport& report) {
+        losses.push_back(report.loss);
+        return absl::OkStatus();
+      }));
   const std::vector<double> golden = {0.264153, 0.266786, 0.256161, 0.251873, 0.245337,
                                       0.2484,   0.237859, 0.229753, 0.233776, 0.221568};
   EXPECT_THAT(losses, ::testing::Pointwise(::testing::DoubleNear(2e-5), golden));
 }
 
-TEST(Reconstruct, LeavesOutGaussiansUntilTheShareOfTheSteps) {
+TEST(GaussianTrainer, LeavesOutGaussiansUntilTheShareOfTheSteps) {
   const auto backend = MakeCpuBackend(2);
   const auto result_of = [&](float dropout, double until) {
     ReconstructOptions options = ShortRun(20);
     options.dropout = dropout;
     options.dropout_until = until;
-    return Reconstruct(*backend, SyntheticCapture(), options, Ignore).value();
+    return testing::TrainGaussians(*backend, SyntheticCapture(), options, Ignore).value();
   };
   const Gaussians none = result_of(0, 1);
   EXPECT_EQ(result_of(0.1f, 0).planes, none.planes);
@@ -56,7 +58,7 @@ TEST(Reconstruct, LeavesOutGaussiansUntilTheShareOfTheSteps) {
   EXPECT_NE(result_of(0.1f, 0.5).planes, result_of(0.1f, 1).planes);
 }
 
-TEST(Reconstruct, GivesTheSameBytesForAnyThreadCountAndRun) {
+TEST(GaussianTrainer, GivesTheSameBytesForAnyThreadCountAndRun) {
   ReconstructOptions options = ShortRun(120);
   options.coarse_until = 0.3;
   options.opacity_reset_every = 50;
@@ -66,7 +68,7 @@ TEST(Reconstruct, GivesTheSameBytesForAnyThreadCountAndRun) {
   for (const int num_threads : {1, 2, 2}) {
     const auto backend = MakeCpuBackend(num_threads);
     ASSERT_OK_AND_ASSIGN(Gaussians result,
-                         Reconstruct(*backend, SyntheticCapture(), options, Ignore));
+                         testing::TrainGaussians(*backend, SyntheticCapture(), options, Ignore));
     results.push_back(std::move(result));
   }
   EXPECT_GT(results[0].count, 700);  // density control took part
@@ -75,19 +77,19 @@ TEST(Reconstruct, GivesTheSameBytesForAnyThreadCountAndRun) {
   options.seed = 2;
   const auto backend = MakeCpuBackend(2);
   ASSERT_OK_AND_ASSIGN(const Gaussians other,
-                       Reconstruct(*backend, SyntheticCapture(), options, Ignore));
+                       testing::TrainGaussians(*backend, SyntheticCapture(), options, Ignore));
   EXPECT_NE(other.planes, results[0].planes);
 }
 
-TEST(Reconstruct, LearnsTheSyntheticScene) {
+TEST(GaussianTrainer, LearnsTheSyntheticScene) {
   const auto backend = MakeCpuBackend(2);
   StepReport last;
-  ASSERT_OK_AND_ASSIGN(
-      const Gaussians gaussians,
-      Reconstruct(*backend, SyntheticCapture(), ShortRun(400), [&](const StepReport& report) {
-        last = report;
-        return absl::OkStatus();
-      }));
+  ASSERT_OK_AND_ASSIGN(const Gaussians gaussians,
+                       testing::TrainGaussians(*backend, SyntheticCapture(), ShortRun(400),
+                                               [&](const StepReport& report) {
+                                                 last = report;
+                                                 return absl::OkStatus();
+                                               }));
   ASSERT_OK_AND_ASSIGN(const auto scores, ScoreHeldOut(*backend, SyntheticCapture(), gaussians));
   RecordProperty("psnr", std::to_string(Mean(scores).psnr));
   EXPECT_GT(Mean(scores).psnr, 26);  // 28.0 when this was written
@@ -101,7 +103,7 @@ TEST(Reconstruct, LearnsTheSyntheticScene) {
   EXPECT_GT(last.psnr, 20);
 }
 
-TEST(Reconstruct, RefinesAtTheBordersOfMasks) {
+TEST(GaussianTrainer, RefinesAtTheBordersOfMasks) {
   const auto backend = MakeCpuBackend(2);
   ReconstructOptions options = ShortRun(150);
   options.densify_until = 0.9;
@@ -111,11 +113,13 @@ TEST(Reconstruct, RefinesAtTheBordersOfMasks) {
     options.refine_keep = keep;
     StepReport last;
     std::vector<int64_t> refining;
-    ASSERT_OK(Reconstruct(*backend, SyntheticCapture(), options, [&](const StepReport& report) {
-      if (report.num_refined > last.num_refined) refining.push_back(report.step);
-      last = report;
-      return absl::OkStatus();
-    }));
+    ASSERT_OK(testing::TrainGaussians(*backend, SyntheticCapture(), options,
+                                      [&](const StepReport& report) {
+                                        if (report.num_refined > last.num_refined)
+                                          refining.push_back(report.step);
+                                        last = report;
+                                        return absl::OkStatus();
+                                      }));
     EXPECT_EQ(last.num_refined > 0, keep != RefineKeep::kNone);
     EXPECT_EQ(last.num_refine_split > 0, keep == RefineKeep::kSplit);
     if (keep == RefineKeep::kNone) continue;
@@ -125,19 +129,20 @@ TEST(Reconstruct, RefinesAtTheBordersOfMasks) {
   }
 }
 
-TEST(Reconstruct, LearnsWithoutPoints) {
+TEST(GaussianTrainer, LearnsWithoutPoints) {
   Capture capture = SyntheticCapture();
   capture.points.clear();
   const auto backend = MakeCpuBackend(2);
   ReconstructOptions options = ShortRun(300);
   options.num_random_points = 1500;
-  ASSERT_OK_AND_ASSIGN(const Gaussians gaussians, Reconstruct(*backend, capture, options, Ignore));
+  ASSERT_OK_AND_ASSIGN(const Gaussians gaussians,
+                       testing::TrainGaussians(*backend, capture, options, Ignore));
   ASSERT_OK_AND_ASSIGN(const auto scores, ScoreHeldOut(*backend, capture, gaussians));
   EXPECT_GT(Mean(scores).psnr, 21);  // 23.0 when this was written
 }
 
 // Without SSIM, whose windows reach from other pixels into ignored ones.
-TEST(Reconstruct, DoesNotDependOnIgnoredPixelsOrHeldOutViews) {
+TEST(GaussianTrainer, DoesNotDependOnIgnoredPixelsOrHeldOutViews) {
   ReconstructOptions options = ShortRun(40);
   options.ssim_weight = 0;
   Capture capture = SyntheticCapture();
@@ -151,8 +156,10 @@ TEST(Reconstruct, DoesNotDependOnIgnoredPixelsOrHeldOutViews) {
     for (size_t i = 0; i < num; ++i) view.photo.pixels[i] ^= 0xff;
   }
   const auto backend = MakeCpuBackend(2);
-  ASSERT_OK_AND_ASSIGN(const Gaussians a, Reconstruct(*backend, capture, options, Ignore));
-  ASSERT_OK_AND_ASSIGN(const Gaussians b, Reconstruct(*backend, spoiled, options, Ignore));
+  ASSERT_OK_AND_ASSIGN(const Gaussians a,
+                       testing::TrainGaussians(*backend, capture, options, Ignore));
+  ASSERT_OK_AND_ASSIGN(const Gaussians b,
+                       testing::TrainGaussians(*backend, spoiled, options, Ignore));
   EXPECT_EQ(a.planes, b.planes);
 }
 
@@ -168,7 +175,7 @@ DepthRun RunWithDepth(const Capture& capture, ReconstructOptions options, float 
   options.depth_weight = options.depth_weight_final = weight;
   const auto backend = MakeCpuBackend(2);
   DepthRun run;
-  EXPECT_OK(Reconstruct(*backend, capture, options, [&](const StepReport& report) {
+  EXPECT_OK(testing::TrainGaussians(*backend, capture, options, [&](const StepReport& report) {
     if (report.step > options.num_steps - 20) run.error += report.depth_loss / (20 * weight);
     run.num_skipped = report.num_skipped_depths;
     return absl::OkStatus();
@@ -187,21 +194,21 @@ void ExpectPulls(DepthPrior::Kind kind, DepthLocalForm form) {
   EXPECT_EQ(pulled.num_skipped, 0);
 }
 
-TEST(Reconstruct, FollowsADisparityPriorInWindows) {
+TEST(GaussianTrainer, FollowsADisparityPriorInWindows) {
   ExpectPulls(DepthPrior::Kind::kDisparity, DepthLocalForm::kWindows);
 }
 
-TEST(Reconstruct, FollowsADepthPriorInPatches) {
+TEST(GaussianTrainer, FollowsADepthPriorInPatches) {
   ExpectPulls(DepthPrior::Kind::kDepth, DepthLocalForm::kPatch);
 }
 
-TEST(Reconstruct, CountsViewsWithADisagreeingPrior) {
+TEST(GaussianTrainer, CountsViewsWithADisagreeingPrior) {
   Capture capture = WithDepth(DepthPrior::Kind::kDisparity);
   for (View& view : capture.views) view.depth.kind = DepthPrior::Kind::kDepth;
   EXPECT_EQ(RunWithDepth(capture, ShortRun(12), 0.1f).num_skipped, 12);
 }
 
-TEST(Reconstruct, GivesTheSameBytesForAnyThreadCountWithDepth) {
+TEST(GaussianTrainer, GivesTheSameBytesForAnyThreadCountWithDepth) {
   ReconstructOptions options = ShortRun(60);
   options.coarse_until = 0.5;
   const Capture capture = WithDepth(DepthPrior::Kind::kDisparity);
@@ -210,7 +217,8 @@ TEST(Reconstruct, GivesTheSameBytesForAnyThreadCountWithDepth) {
     std::vector<Gaussians> results;
     for (const int num_threads : {1, 2}) {
       const auto backend = MakeCpuBackend(num_threads);
-      ASSERT_OK_AND_ASSIGN(Gaussians result, Reconstruct(*backend, capture, options, Ignore));
+      ASSERT_OK_AND_ASSIGN(Gaussians result,
+                           testing::TrainGaussians(*backend, capture, options, Ignore));
       results.push_back(std::move(result));
     }
     EXPECT_EQ(results[0].planes, results[1].planes);
@@ -219,16 +227,16 @@ TEST(Reconstruct, GivesTheSameBytesForAnyThreadCountWithDepth) {
 
 std::vector<std::string> SkippedOf(const Capture& capture, const ReconstructOptions& options) {
   const auto backend = MakeCpuBackend(2);
-  const auto reconstructor = Reconstructor::Create(*backend, capture, options);
-  EXPECT_OK(reconstructor.status());
+  const auto trainer = GaussianTrainer::Create(*backend, capture, options);
+  EXPECT_OK(trainer.status());
   std::vector<std::string> lines;
-  for (const SkippedPart& skipped : (*reconstructor)->skipped()) {
+  for (const SkippedPart& skipped : (*trainer)->skipped()) {
     lines.push_back(absl::StrCat(NameOf(skipped.part), ": ", skipped.reason));
   }
   return lines;
 }
 
-TEST(Reconstructor, ReportsSkippedParts) {
+TEST(GaussianTrainer, ReportsSkippedParts) {
   using Lines = std::vector<std::string>;
   ReconstructOptions options = ShortRun(30);
   EXPECT_EQ(SkippedOf(WithDepth(DepthPrior::Kind::kDisparity), options), Lines());
@@ -240,26 +248,26 @@ TEST(Reconstructor, ReportsSkippedParts) {
   EXPECT_EQ(SkippedOf(bare, options), Lines()) << "not wanted, so not missed";
 }
 
-TEST(Reconstruct, IgnoresPriorsWithoutADepthWeight) {
+TEST(GaussianTrainer, IgnoresPriorsWithoutADepthWeight) {
   ReconstructOptions options = ShortRun(30);
   options.depth_weight = 0;
   const auto backend = MakeCpuBackend(2);
   ASSERT_OK_AND_ASSIGN(const Gaussians with,
-                       Reconstruct(*backend, WithDepth(DepthPrior::Kind::kDisparity), options,
-                                   [](const StepReport& report) {
-                                     EXPECT_TRUE(std::isnan(report.depth_loss));
-                                     return absl::OkStatus();
-                                   }));
+                       testing::TrainGaussians(*backend, WithDepth(DepthPrior::Kind::kDisparity),
+                                               options, [](const StepReport& report) {
+                                                 EXPECT_TRUE(std::isnan(report.depth_loss));
+                                                 return absl::OkStatus();
+                                               }));
   ASSERT_OK_AND_ASSIGN(const Gaussians without,
-                       Reconstruct(*backend, SyntheticCapture(), options, Ignore));
+                       testing::TrainGaussians(*backend, SyntheticCapture(), options, Ignore));
   EXPECT_EQ(with.planes, without.planes);
 }
 
-TEST(Reconstruct, EndsWithTheErrorOfItsProgress) {
+TEST(GaussianTrainer, EndsWithTheErrorOfItsProgress) {
   const auto backend = MakeCpuBackend(1);
   int64_t num_calls = 0;
   const auto result =
-      Reconstruct(*backend, SyntheticCapture(), ShortRun(50), [&](const StepReport& r) {
+      testing::TrainGaussians(*backend, SyntheticCapture(), ShortRun(50), [&](const StepReport& r) {
         num_calls = r.step;
         return r.step == 7 ? absl::CancelledError("stop asked for") : absl::OkStatus();
       });
@@ -267,27 +275,27 @@ TEST(Reconstruct, EndsWithTheErrorOfItsProgress) {
   EXPECT_EQ(num_calls, 7);
 }
 
-TEST(Reconstruct, RefusesCapturesItCannotTrainOn) {
+TEST(GaussianTrainer, RefusesCapturesItCannotTrainOn) {
   const auto backend = MakeCpuBackend(1);
   ReconstructOptions bad;
   bad.num_steps = 0;
-  EXPECT_STATUS(Reconstruct(*backend, SyntheticCapture(), bad, Ignore),
+  EXPECT_STATUS(testing::TrainGaussians(*backend, SyntheticCapture(), bad, Ignore),
                 absl::StatusCode::kInvalidArgument, "num_steps");
   Capture capture = SyntheticCapture();
   for (View& view : capture.views) view.held_out = true;
-  EXPECT_STATUS(Reconstruct(*backend, capture, ShortRun(5), Ignore),
+  EXPECT_STATUS(testing::TrainGaussians(*backend, capture, ShortRun(5), Ignore),
                 absl::StatusCode::kFailedPrecondition, "no training view");
   capture = SyntheticCapture();
   capture.views[1].photo.pixels.resize(10);
-  EXPECT_STATUS(Reconstruct(*backend, capture, ShortRun(5), Ignore),
+  EXPECT_STATUS(testing::TrainGaussians(*backend, capture, ShortRun(5), Ignore),
                 absl::StatusCode::kFailedPrecondition, capture.views[1].name);
   capture = SyntheticCapture();
   capture.views[2].ignore.assign(5, 0);
-  EXPECT_STATUS(Reconstruct(*backend, capture, ShortRun(5), Ignore),
+  EXPECT_STATUS(testing::TrainGaussians(*backend, capture, ShortRun(5), Ignore),
                 absl::StatusCode::kFailedPrecondition, "ignore mask");
   capture = SyntheticCapture();
   capture.views[1].depth.values.assign(5, 0);
-  EXPECT_STATUS(Reconstruct(*backend, capture, ShortRun(5), Ignore),
+  EXPECT_STATUS(testing::TrainGaussians(*backend, capture, ShortRun(5), Ignore),
                 absl::StatusCode::kFailedPrecondition, "depth prior");
 }
 

@@ -12,12 +12,12 @@
 
 namespace pepeseg {
 
-// Everything that Reconstructor::Step depends on besides the capture and the options. Stage one
+// Everything that GaussianTrainer::Step depends on besides the capture and the options. Stage one
 // resumes from it as if it had never stopped, on the CPU with the same bytes as a result.
 //
-// A new member must be visited in reconstruct_checkpoint.cc and restored by Reconstructor::Resume.
+// A new member must be visited in checkpoint.cc, and saved and restored by GaussianTrainer.
 // A section whose layout or meaning changes gets the next version there.
-struct ReconstructCheckpoint {
+struct GaussianCheckpoint {
   struct Counters {
     int64_t step = 0;  // steps done
     int64_t num_culled_degenerate = 0;
@@ -31,21 +31,20 @@ struct ReconstructCheckpoint {
   };
   Counters counters;
   std::vector<double> needs;        // SceneNeeds::Save
-  std::string random;               // std::mt19937_64 in its text form
+  std::string random;               // std::mt19937_64 as text, see StateOf
   std::vector<int32_t> views_left;  // ViewSampler::left
   GaussianRows gaussians;
+
+  // Reads a checkpoint from its sections. Returns DATA_LOSS when a section is missing, unknown, of
+  // another version or of a wrong size, or where Validate fails.
+  static absl::StatusOr<GaussianCheckpoint> Read(std::span<const CheckpointSection> sections);
 };
 
 // Returns the sections of the checkpoint's file. They point into `checkpoint`, which must outlive
 // them.
-std::vector<CheckpointSection> SectionsOf(const ReconstructCheckpoint& checkpoint);
-
-// Reads a checkpoint from its sections. Returns DATA_LOSS when a section is missing, unknown, of
-// another version or of a wrong size, or where Validate fails.
-absl::StatusOr<ReconstructCheckpoint> ReconstructCheckpointOf(
-    std::span<const CheckpointSection> sections);
+std::vector<CheckpointSection> SectionsOf(const GaussianCheckpoint& checkpoint);
 
 // Returns DATA_LOSS when counters are out of range, sizes disagree or a number is not finite.
-absl::Status Validate(const ReconstructCheckpoint& checkpoint);
+absl::Status Validate(const GaussianCheckpoint& checkpoint);
 
 }  // namespace pepeseg

@@ -1,10 +1,10 @@
-#include "core/reconstruct/reconstruct_checkpoint.h"
+#include "core/reconstruct/checkpoint.h"
 
 #include <cmath>
 #include <limits>
 #include <set>
 
-#include "core/reconstruct/reconstructor.h"
+#include "core/reconstruct/trainer.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 #include "tests/testing/temp_folder.h"
@@ -34,34 +34,34 @@ ReconstructOptions Options() {
   return options;
 }
 
-std::unique_ptr<Reconstructor> Fresh(Backend& backend) {
-  return Reconstructor::Create(backend, SyntheticCapture(), Options()).value();
+std::unique_ptr<GaussianTrainer> Fresh(Backend& backend) {
+  return GaussianTrainer::Create(backend, SyntheticCapture(), Options()).value();
 }
 
-void StepTo(Reconstructor& reconstructor, int step, int from = 0) {
-  for (int i = from; i < step; ++i) ASSERT_OK(reconstructor.Step());
+void StepTo(GaussianTrainer& trainer, int step, int from = 0) {
+  for (int i = from; i < step; ++i) ASSERT_OK(trainer.Step());
 }
 
-ReconstructCheckpoint CheckpointAt(int step) {
+GaussianCheckpoint CheckpointAt(int step) {
   const auto backend = MakeCpuBackend(2);
-  const auto reconstructor = Fresh(*backend);
-  StepTo(*reconstructor, step);
-  return reconstructor->Save().value();
+  const auto trainer = Fresh(*backend);
+  StepTo(*trainer, step);
+  return trainer->Save().value();
 }
 
 // Writes the checkpoint to a file and reads it, as another process would.
-ReconstructCheckpoint WriteAndRead(const ReconstructCheckpoint& checkpoint) {
+GaussianCheckpoint WriteAndRead(const GaussianCheckpoint& checkpoint) {
   const testing::TempFolder folder;
   const std::filesystem::path path = folder.path() / "checkpoint";
   EXPECT_OK(WriteCheckpoint(path, {"reconstruct", "", 0}, SectionsOf(checkpoint)));
   const auto file = ReadCheckpoint(path);
   EXPECT_OK(file);
-  auto read = ReconstructCheckpointOf(file->sections);
+  auto read = GaussianCheckpoint::Read(file->sections);
   EXPECT_OK(read);
   return *std::move(read);
 }
 
-TEST(ReconstructCheckpoint, ResumesToTheSameBytesAsAnUnbrokenRun) {
+TEST(GaussianCheckpoint, ResumesToTheSameBytesAsAnUnbrokenRun) {
   const auto backend = MakeCpuBackend(2);
   const auto unbroken = Fresh(*backend);
   StepTo(*unbroken, 90);
@@ -70,11 +70,11 @@ TEST(ReconstructCheckpoint, ResumesToTheSameBytesAsAnUnbrokenRun) {
   // Breaks at the start, inside and at the end of both coarse phases, around each kind of density
   // control, and at the end.
   for (const int step : {0, 7, 15, 16, 24, 25, 26, 30, 31, 38, 39, 40, 41, 75, 89, 90}) {
-    const ReconstructCheckpoint checkpoint = WriteAndRead(CheckpointAt(step));
+    const GaussianCheckpoint checkpoint = WriteAndRead(CheckpointAt(step));
     // Resumes with another number of threads, as on another machine.
     const auto other = MakeCpuBackend(1);
-    ASSERT_OK_AND_ASSIGN(const auto resumed,
-                         Reconstructor::Resume(*other, SyntheticCapture(), Options(), checkpoint));
+    ASSERT_OK_AND_ASSIGN(const auto resumed, GaussianTrainer::Resume(*other, SyntheticCapture(),
+                                                                     Options(), checkpoint));
     StepTo(*resumed, 90, step);
     EXPECT_TRUE(resumed->done());
     EXPECT_EQ(resumed->Result().planes, expected.planes) << "broken off after step " << step;
@@ -83,19 +83,19 @@ TEST(ReconstructCheckpoint, ResumesToTheSameBytesAsAnUnbrokenRun) {
 
 // The limit on pixels raises coarse_until from a third to two thirds, both before and after a
 // break.
-TEST(ReconstructCheckpoint, ResumesWithTheSameLimitOnPixels) {
+TEST(GaussianCheckpoint, ResumesWithTheSameLimitOnPixels) {
   const Capture capture = SyntheticCapture();
   const Camera& camera = capture.views[0].camera;
   ReconstructOptions options = Options();
   options.megapixels_per_step = 1e-6 * camera.width * camera.height * (1 - 2.0 / 3 * 27 / 32);
   options.full_size_visits = 0;
   const auto backend = MakeCpuBackend(2);
-  ASSERT_OK_AND_ASSIGN(const auto unbroken, Reconstructor::Create(*backend, capture, options));
+  ASSERT_OK_AND_ASSIGN(const auto unbroken, GaussianTrainer::Create(*backend, capture, options));
   StepTo(*unbroken, 45);
-  const ReconstructCheckpoint checkpoint = WriteAndRead(unbroken->Save().value());
+  const GaussianCheckpoint checkpoint = WriteAndRead(unbroken->Save().value());
   StepTo(*unbroken, 90, 45);
   ASSERT_OK_AND_ASSIGN(const auto resumed,
-                       Reconstructor::Resume(*backend, capture, options, checkpoint));
+                       GaussianTrainer::Resume(*backend, capture, options, checkpoint));
   StepTo(*resumed, 90, 45);
   EXPECT_EQ(resumed->Result().planes, unbroken->Result().planes);
   const auto unlimited = Fresh(*backend);
@@ -103,15 +103,17 @@ TEST(ReconstructCheckpoint, ResumesWithTheSameLimitOnPixels) {
   EXPECT_NE(resumed->Result().planes, unlimited->Result().planes);
 }
 
-TEST(ReconstructCheckpoint, ContinuesTheReports) {
+TEST(GaussianCheckpoint, ContinuesTheReports) {
   const auto backend = MakeCpuBackend(2);
-  ASSERT_OK_AND_ASSIGN(const auto resumed, Reconstructor::Resume(*backend, SyntheticCapture(),
-                                                                 Options(), CheckpointAt(33)));
-  ASSERT_OK_AND_ASSIGN(const StepReport report, resumed->Step());
+  ASSERT_OK_AND_ASSIGN(const auto resumed, GaussianTrainer::Resume(*backend, SyntheticCapture(),
+                                                                   Options(), CheckpointAt(33)));
+  ASSERT_OK_AND_ASSIGN(const StepReports reports, resumed->Step());
+  const StepReport& report = reports.back();
   EXPECT_EQ(report.step, 34);
   const auto unbroken = Fresh(*backend);
   StepTo(*unbroken, 33);
-  ASSERT_OK_AND_ASSIGN(const StepReport expected, unbroken->Step());
+  ASSERT_OK_AND_ASSIGN(const StepReports wanted, unbroken->Step());
+  const StepReport& expected = wanted.back();
   EXPECT_EQ(report.loss, expected.loss);
   EXPECT_EQ(report.psnr, expected.psnr);
   EXPECT_EQ(report.num_gaussians, expected.num_gaussians);
@@ -120,7 +122,7 @@ TEST(ReconstructCheckpoint, ContinuesTheReports) {
   EXPECT_EQ(report.num_refine_split, expected.num_refine_split);
 }
 
-TEST(ReconstructCheckpoint, SavingDoesNotChangeTheRun) {
+TEST(GaussianCheckpoint, SavingDoesNotChangeTheRun) {
   const auto backend = MakeCpuBackend(2);
   const auto saved = Fresh(*backend);
   for (int step = 0; step < 60; ++step) {
@@ -132,29 +134,29 @@ TEST(ReconstructCheckpoint, SavingDoesNotChangeTheRun) {
   EXPECT_EQ(saved->Result().planes, untouched->Result().planes);
 }
 
-TEST(ReconstructCheckpoint, RequiresExactlyItsSections) {
-  const ReconstructCheckpoint checkpoint = CheckpointAt(3);
+TEST(GaussianCheckpoint, RequiresExactlyItsSections) {
+  const GaussianCheckpoint checkpoint = CheckpointAt(3);
   const std::vector<CheckpointSection> sections = SectionsOf(checkpoint);
   std::set<std::string> names;
   for (size_t i = 0; i < sections.size(); ++i) {
     EXPECT_TRUE(names.insert(sections[i].name).second) << sections[i].name;
     std::vector<CheckpointSection> without = sections;
     without.erase(without.begin() + static_cast<std::ptrdiff_t>(i));
-    EXPECT_STATUS(ReconstructCheckpointOf(without), absl::StatusCode::kDataLoss, sections[i].name);
+    EXPECT_STATUS(GaussianCheckpoint::Read(without), absl::StatusCode::kDataLoss, sections[i].name);
     std::vector<CheckpointSection> newer = sections;
     newer[i].version += 1;
-    EXPECT_STATUS(ReconstructCheckpointOf(newer), absl::StatusCode::kDataLoss, "version");
+    EXPECT_STATUS(GaussianCheckpoint::Read(newer), absl::StatusCode::kDataLoss, "version");
   }
   std::vector<CheckpointSection> more = sections;
   more.push_back({"from_the_future", 1, ""});
-  EXPECT_STATUS(ReconstructCheckpointOf(more), absl::StatusCode::kDataLoss, "knows");
+  EXPECT_STATUS(GaussianCheckpoint::Read(more), absl::StatusCode::kDataLoss, "knows");
   std::vector<CheckpointSection> twice = sections;
   twice.push_back(sections[0]);
-  EXPECT_STATUS(ReconstructCheckpointOf(twice), absl::StatusCode::kDataLoss, "knows");
+  EXPECT_STATUS(GaussianCheckpoint::Read(twice), absl::StatusCode::kDataLoss, "knows");
 }
 
-TEST(ReconstructCheckpoint, RefusesSectionsOfAnotherSize) {
-  const ReconstructCheckpoint checkpoint = CheckpointAt(33);
+TEST(GaussianCheckpoint, RefusesSectionsOfAnotherSize) {
+  const GaussianCheckpoint checkpoint = CheckpointAt(33);
   const std::vector<CheckpointSection> sections = SectionsOf(checkpoint);
   for (size_t i = 0; i < sections.size(); ++i) {
     // These two may have any size; Resume checks their content.
@@ -163,37 +165,37 @@ TEST(ReconstructCheckpoint, RefusesSectionsOfAnotherSize) {
       std::vector<CheckpointSection> shorter = sections;
       shorter[i].bytes.remove_suffix(cut);
       SCOPED_TRACE(sections[i].name);
-      EXPECT_STATUS(ReconstructCheckpointOf(shorter), absl::StatusCode::kDataLoss,
+      EXPECT_STATUS(GaussianCheckpoint::Read(shorter), absl::StatusCode::kDataLoss,
                     sections[i].name);
     }
   }
 }
 
-TEST(ReconstructCheckpoint, RefusesNumbersThatAreNotFinite) {
-  const ReconstructCheckpoint good = CheckpointAt(3);
+TEST(GaussianCheckpoint, RefusesNumbersThatAreNotFinite) {
+  const GaussianCheckpoint good = CheckpointAt(3);
   EXPECT_OK(Validate(good));
   const auto backend = MakeCpuBackend(1);
   for (const float bad : {kNan, kInf, -kInf}) {
     for (std::vector<float> GaussianRows::*plane :
          {&GaussianRows::parameters, &GaussianRows::moment1, &GaussianRows::moment2,
           &GaussianRows::grad_sum, &GaussianRows::square_sum}) {
-      ReconstructCheckpoint checkpoint = good;
+      GaussianCheckpoint checkpoint = good;
       (checkpoint.gaussians.*plane).back() = bad;
       EXPECT_STATUS(Validate(checkpoint), absl::StatusCode::kDataLoss, "not finite");
-      EXPECT_STATUS(ReconstructCheckpointOf(SectionsOf(checkpoint)), absl::StatusCode::kDataLoss,
+      EXPECT_STATUS(GaussianCheckpoint::Read(SectionsOf(checkpoint)), absl::StatusCode::kDataLoss,
                     "not finite");
-      EXPECT_STATUS(Reconstructor::Resume(*backend, SyntheticCapture(), Options(), checkpoint),
+      EXPECT_STATUS(GaussianTrainer::Resume(*backend, SyntheticCapture(), Options(), checkpoint),
                     absl::StatusCode::kDataLoss, "not finite");
     }
   }
 }
 
-TEST(ReconstructCheckpoint, RefusesToResumeAnotherRun) {
-  const ReconstructCheckpoint good = CheckpointAt(60);
+TEST(GaussianCheckpoint, RefusesToResumeAnotherRun) {
+  const GaussianCheckpoint good = CheckpointAt(60);
   const auto backend = MakeCpuBackend(1);
-  const auto expect = [&](const ReconstructCheckpoint& checkpoint,
-                          const ReconstructOptions& options, const char* why) {
-    EXPECT_STATUS(Reconstructor::Resume(*backend, SyntheticCapture(), options, checkpoint),
+  const auto expect = [&](const GaussianCheckpoint& checkpoint, const ReconstructOptions& options,
+                          const char* why) {
+    EXPECT_STATUS(GaussianTrainer::Resume(*backend, SyntheticCapture(), options, checkpoint),
                   absl::StatusCode::kDataLoss, why);
   };
   ReconstructOptions shorter = Options();
@@ -203,14 +205,14 @@ TEST(ReconstructCheckpoint, RefusesToResumeAnotherRun) {
   flatter.sh_degree = 1;
   expect(good, flatter, "degree");
   for (const std::vector<int32_t>& views : {std::vector<int32_t>{-1}, {10}, {3, 4, 3}}) {
-    ReconstructCheckpoint bad = good;
+    GaussianCheckpoint bad = good;
     bad.views_left = views;
     expect(bad, Options(), "view");
   }
   for (const char* random : {"", "1 2 3", "x"}) {
-    ReconstructCheckpoint bad = good;
+    GaussianCheckpoint bad = good;
     bad.random = random;
-    expect(bad, Options(), "the random engine's state cannot be parsed");
+    expect(bad, Options(), "the state of the random numbers is damaged");
   }
 }
 

@@ -1,11 +1,15 @@
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
-#include "core/features/batch_chunks.h"
 #include "core/features/centroid_term.h"
+#include "core/features/checkpoint.h"
 #include "core/features/options.h"
+#include "core/features/perception_term.h"
+#include "core/features/preparation.h"
+#include "core/features/row_chunk.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {
@@ -31,21 +35,24 @@ inline double ShareOfFall(int done, int num_steps, const LeftOutSteps& left_out)
 // Returns whether all 32 numbers of a Gaussian are 0. rows: [num_gaussians, 32].
 bool IsZero(std::span<const float> rows, int64_t gaussian);
 
-// Features, gate and optimiser (lazy Adam, see FeatureState) in backend memory, and the update of
-// one batch. Not thread safe.
-class FeatureTrainer {
+// Returns random features to begin with, [num_gaussians, 32]. Takes a while, uses no device.
+std::vector<float> InitialFeatures(int64_t num_gaussians, const FeatureOptions& options);
+
+// Features, gate and optimiser (lazy Adam, see FeatureState) in backend memory, the losses, and the
+// update of one batch. Not thread safe.
+class FeatureOptimizer {
  public:
-  // Returns random features to begin with, [num_gaussians, 32]. Takes a while, uses no device.
-  static std::vector<float> InitialFeatures(int64_t num_gaussians, const FeatureOptions& options);
+  // The backend and `prepared` must outlive it. initial: see InitialFeatures.
+  FeatureOptimizer(Backend& backend, const PreparedFeatures& prepared,
+                   std::span<const float> initial, const FeatureOptions& options);
+  FeatureOptimizer(const FeatureOptimizer&) = delete;
+  FeatureOptimizer& operator=(const FeatureOptimizer&) = delete;
 
-  // The backend, the graph's buffers and the centroid term must outlive it. initial:
-  // [num_gaussians, 32].
-  FeatureTrainer(Backend& backend, std::span<const float> initial, const NeighborGraph& graph,
-                 CentroidTerm& centroids, const FeatureOptions& options);
+  int64_t num_gaussians() const { return num_gaussians_; }
 
-  // Shortens the schedule: the num_left_out steps after the first num_done are not done, and the
-  // learning rate falls the faster in the rest. See ShareOfFall.
-  void LeaveOut(int num_done, int num_left_out);
+  // Shortens the schedule: the learning rate falls the faster in the remaining steps. See
+  // ShareOfFall.
+  void LeaveOut(const LeftOutSteps& steps);
 
   // Queues one update and waits for nothing. At most kMaxUnreadFeatureSteps calls may lie between
   // two calls of ReadLosses.
@@ -53,16 +60,18 @@ class FeatureTrainer {
   // Ends smoothing: from the next step on, each Gaussian learns a feature of its own. It begins
   // with the smoothed one, where a neighbour has been touched by a sample. Waits for the device.
   void EndSmoothing();
-  // Has the centroid term cluster a view by the features, smoothed unless smoothing has ended.
-  // Waits for the device.
-  absl::Status RefreshCentroids();
+  // Where it is due before this step, counted from 0, has the centroid term cluster a view by the
+  // features, smoothed unless smoothing has ended, and waits for the device.
+  absl::Status RefreshCentroids(int step);
   // Returns the losses of the steps since the last call, each before its update. Waits for the
   // device.
   std::vector<double> ReadLosses();
 
   FeatureRowsState Save() const;
+  CentroidState SaveCentroids() const { return centroids_.Save(); }
   // Continues from the state saved after `step` updates, which must be of as many Gaussians.
-  void Restore(const FeatureRowsState& rows, int step);
+  // DATA_LOSS: see CentroidTerm::Restore.
+  absl::Status Restore(const FeatureRowsState& rows, const CentroidState& centroids, int step);
 
   // Brings all features up to date and fills field.features and field.gate. The features are
   // normalised. Those that no sample ever touched, and all unless smoothing has ended, are smoothed
@@ -71,8 +80,11 @@ class FeatureTrainer {
   void Export(FeatureField& field);
 
  private:
-  // Adds the gradients of the perception loss, if the step has pairs.
-  void AddPerception(const RowChunk::Step& step);
+  // Returns the kind of a step: steps of one kind run the same ops. In [0, 8).
+  int KindOf(const RowChunk::Step& step) const;
+  void QueueOps(const RowChunk::Step& step);
+  // Sets the size of the batch's buffers. The gradients of unlabelled pixels become 0.
+  void ReserveBatch(const RowChunk::Step& step);
   // Smooths all features over the drawn neighbours into smoothed_.
   void SmoothAll(DeviceSpan<const float> features, uint32_t drawn);
   // Returns all features, up to date; 0 where no sample has touched the Gaussian yet.
@@ -83,8 +95,10 @@ class FeatureTrainer {
 
   Backend& backend_;
   int64_t num_gaussians_;  // N
-  NeighborGraph graph_;
-  CentroidTerm& centroids_;
+  const NeighborGraph graph_;
+  CentroidTerm centroids_;
+  PerceptionTerm perception_;
+  const std::array<LossTerm*, 2> terms_ = {&centroids_, &perception_};
   int step_ = 0;  // updates done
   bool smooths_;  // false after EndSmoothing
   const FeatureOptions options_;
@@ -96,10 +110,8 @@ class FeatureTrainer {
   Buffer<float> gate_, gate_moment1_, gate_moment2_, gate_grad_;  // see NumGateNumbers
   // The batch: [pixels, 32] and [Gaussians that it reaches, 32].
   Buffer<float> pixel_features_, pixel_grad_, sum_grad_;
-  Buffer<double> sums_;             // [kMaxUnreadFeatureSteps, kNumPairLossSums]
-  Buffer<double> perception_loss_;  // [kMaxUnreadFeatureSteps] 0 where a step has no pair
-  float perception_weight_;
-  int num_unread_ = 0;  // steps since the last ReadLosses
+  Buffer<double> sums_;  // [kMaxUnreadFeatureSteps, kNumPairLossSums]
+  int num_unread_ = 0;   // steps since the last ReadLosses
 };
 
 }  // namespace pepeseg

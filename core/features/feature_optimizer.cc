@@ -1,9 +1,10 @@
-#include "core/features/feature_trainer.h"
+#include "core/features/feature_optimizer.h"
 
 #include <algorithm>
 #include <cmath>
 #include <random>
 
+#include "core/base/status_macros.h"
 #include "kernels/math/gate.h"
 #include "kernels/ops/smooth.h"
 
@@ -11,6 +12,7 @@ namespace pepeseg {
 namespace {
 
 constexpr float kInitialDeviation = 0.01f;  // of each number of a feature
+constexpr int kFirstSequence = 200;  // first key for Backend::Sequence; stage one has smaller ones
 // Keeps these random numbers apart from the drawer's.
 constexpr uint64_t kStream = 0x9e3779b97f4a7c15u;
 
@@ -83,18 +85,17 @@ bool IsZero(std::span<const float> rows, int64_t gaussian) {
                              [](float x) { return x == 0; });
 }
 
-std::vector<float> FeatureTrainer::InitialFeatures(int64_t num_gaussians,
-                                                   const FeatureOptions& options) {
+std::vector<float> InitialFeatures(int64_t num_gaussians, const FeatureOptions& options) {
   return NormalNumbers(num_gaussians * kFeatureSize, kInitialDeviation, options.seed ^ kStream);
 }
 
-FeatureTrainer::FeatureTrainer(Backend& backend, std::span<const float> initial,
-                               const NeighborGraph& graph, CentroidTerm& centroids,
-                               const FeatureOptions& options)
+FeatureOptimizer::FeatureOptimizer(Backend& backend, const PreparedFeatures& prepared,
+                                   std::span<const float> initial, const FeatureOptions& options)
     : backend_(backend),
       num_gaussians_(static_cast<int64_t>(initial.size()) / kFeatureSize),
-      graph_(graph),
-      centroids_(centroids),
+      graph_(prepared.graph()),
+      centroids_(backend, prepared.capture, *prepared.scene, prepared.views, options),
+      perception_(backend, options.perception_weight),
       smooths_(Smooths(options, 0)),
       options_(options),
       features_(backend, initial),
@@ -107,30 +108,49 @@ FeatureTrainer::FeatureTrainer(Backend& backend, std::span<const float> initial,
       gate_moment1_(backend, NumGateNumbers(options)),
       gate_moment2_(backend, NumGateNumbers(options)),
       gate_grad_(backend, NumGateNumbers(options)),
-      sums_(backend, int64_t{kMaxUnreadFeatureSteps} * kNumPairLossSums),
-      perception_loss_(backend, kMaxUnreadFeatureSteps),
-      perception_weight_(options.perception_weight) {
+      sums_(backend, int64_t{kMaxUnreadFeatureSteps} * kNumPairLossSums) {
   rates_.learning_rate = options.learning_rate;
   correction_ = Buffer<float>(backend, std::span<const float>(Corrections(rates_, options, {})));
   rates_.correction = correction_.span();
   gate_.Upload(InitialGate(options));
 }
 
-void FeatureTrainer::LeaveOut(int num_done, int num_left_out) {
-  correction_.Upload(Corrections(rates_, options_, {num_done, num_left_out}));
+void FeatureOptimizer::LeaveOut(const LeftOutSteps& steps) {
+  correction_.Upload(Corrections(rates_, options_, steps));
+}
+
+void FeatureOptimizer::Train(const RowChunk::Step& step) {
+  backend_.Sequence(kFirstSequence + KindOf(step), [&] { QueueOps(step); });
+}
+
+// A bit for each part of QueueOps that not all steps have. A backend may reuse the graph of the
+// last step of the same kind.
+int FeatureOptimizer::KindOf(const RowChunk::Step& step) const {
+  int kind = step.neighbors.gaussian.empty() ? 0 : 1;
+  for (const LossTerm* term : terms_) kind = 2 * kind + (term->IsIn(step) ? 1 : 0);
+  return kind;
+}
+
+// PairLoss writes the gradients of the labelled pixels, and the terms add to those of all.
+void FeatureOptimizer::ReserveBatch(const RowChunk::Step& step) {
+  const auto num_pixels = static_cast<int64_t>(step.batch->pixels.size());
+  pixel_features_.Reserve(backend_, num_pixels * kFeatureSize);
+  pixel_grad_.Reserve(backend_, num_pixels * kFeatureSize);
+  sum_grad_.Reserve(backend_, step.columns.gaussian.size * kFeatureSize);
+  const int64_t num_labelled = int64_t{step.batch->num_labelled} * kFeatureSize;
+  const DeviceSpan<float> unlabelled =
+      pixel_grad_.span().Subspan(num_labelled, pixel_grad_.size() - num_labelled);
+  if (!unlabelled.empty()) backend_.Zero(unlabelled.data, unlabelled.size * sizeof(float));
 }
 
 // The order of the ops matters: catch up and smooth what the batch reads, blend the features of its
 // pixels, let PairLoss overwrite the gradients of the labelled pixels and the gate, add the other
-// two losses to them, then go back through smoothing into the update. The kernels run in the order
+// losses to them, then go back through smoothing into the update. The kernels run in the order
 // in which they are queued.
-void FeatureTrainer::Train(const RowChunk::Step& step) {
+void FeatureOptimizer::QueueOps(const RowChunk::Step& step) {
   const PixelBatch& batch = *step.batch;
-  const auto num_pixels = static_cast<int64_t>(batch.pixels.size());
   const int64_t num_labelled = int64_t{batch.num_labelled} * kFeatureSize;
-  pixel_features_.Reserve(backend_, num_pixels * kFeatureSize);
-  pixel_grad_.Reserve(backend_, num_pixels * kFeatureSize);
-  sum_grad_.Reserve(backend_, step.columns.gaussian.size * kFeatureSize);
+  ReserveBatch(step);
   if (!step.neighbors.gaussian.empty()) {
     backend_.FeatureCatchUp({step.neighbors.gaussian, rates_, step_, State()});
     backend_.SmoothFeatures({.graph = graph_,
@@ -160,10 +180,11 @@ void FeatureTrainer::Train(const RowChunk::Step& step) {
        .pixel_grad = pixel_grad_.span().Subspan(0, num_labelled),
        .gate_grad = gate_grad_.span(),
        .sums = sums_.span().Subspan(int64_t{num_unread_} * kNumPairLossSums, kNumPairLossSums)});
-  centroids_.AddGradients({pixel_features_.span().Subspan(0, num_labelled), gate_.span(),
-                           pixel_grad_.span().Subspan(0, num_labelled), gate_grad_.span()},
-                          num_unread_);
-  AddPerception(step);
+  const LossTerm::Spans spans = {pixel_features_.span(), gate_.span(), pixel_grad_.span(),
+                                 gate_grad_.span()};
+  for (LossTerm* term : terms_) {
+    if (term->IsIn(step)) term->AddGradients(step, spans, num_unread_);
+  }
   ++num_unread_;
   backend_.SmoothBackward({.columns = step.columns,
                            .pixel_grad = pixel_grad_.span(),
@@ -182,28 +203,7 @@ void FeatureTrainer::Train(const RowChunk::Step& step) {
                           .gate_moment2 = gate_moment2_.span()});
 }
 
-// PairLoss has written the gradients of the labelled pixels only; those of the others are cleared
-// first.
-void FeatureTrainer::AddPerception(const RowChunk::Step& step) {
-  const int64_t num_labelled = int64_t{step.batch->num_labelled} * kFeatureSize;
-  const DeviceSpan<float> unlabelled =
-      pixel_grad_.span().Subspan(num_labelled, pixel_grad_.size() - num_labelled);
-  if (!unlabelled.empty()) backend_.Zero(unlabelled.data, unlabelled.size * sizeof(float));
-  if (step.pair_other.empty()) return;
-  backend_.PerceptionLoss({.pixel_features = pixel_features_.span(),
-                           .first = step.pair_first,
-                           .other = step.pair_other,
-                           .cues = step.pair_cues,
-                           .share = step.pair_share,
-                           .scales = step.scales,
-                           .gate = gate_.span(),
-                           .weight = perception_weight_,
-                           .pixel_grad = pixel_grad_.span(),
-                           .gate_grad = gate_grad_.span(),
-                           .loss = perception_loss_.span().Subspan(num_unread_, 1)});
-}
-
-std::vector<double> FeatureTrainer::ReadLosses() {
+std::vector<double> FeatureOptimizer::ReadLosses() {
   std::vector<double> sums(static_cast<size_t>(num_unread_) * kNumPairLossSums);
   sums_.Download(std::span<double>(sums));
   std::vector<double> losses;
@@ -221,18 +221,18 @@ std::vector<double> FeatureTrainer::ReadLosses() {
                                                         mean(kNegativeLoss, kNumNegatives);
     losses.push_back(pairs + mean(kNormLoss, kNumNormPixels));
   }
-  const std::vector<double> centroid_losses = centroids_.ReadLosses(num_unread_);
-  std::vector<double> perception_losses(losses.size());
-  perception_loss_.Download(std::span<double>(perception_losses));
-  perception_loss_.Zero();
-  for (size_t i = 0; i < losses.size(); ++i) {
-    losses[i] += centroid_losses[i] + double{perception_weight_} * perception_losses[i];
+  std::vector<double> of_terms(losses.size());
+  for (LossTerm* term : terms_) {
+    const std::vector<double> of_term = term->ReadLosses(num_unread_);
+    for (size_t i = 0; i < losses.size(); ++i) of_terms[i] += of_term[i];
   }
+  for (size_t i = 0; i < losses.size(); ++i) losses[i] += of_terms[i];
   num_unread_ = 0;
   return losses;
 }
 
-absl::Status FeatureTrainer::RefreshCentroids() {
+absl::Status FeatureOptimizer::RefreshCentroids(int step) {
+  if (!centroids_.Due(step)) return absl::OkStatus();
   backend_.FeatureCatchUp({{}, rates_, step_, State()});
   SmoothAll(features_.span(), smooths_ ? AllNeighbors(graph_) : kItselfOnly);
   std::vector<float> gate(static_cast<size_t>(gate_.size()));
@@ -240,7 +240,7 @@ absl::Status FeatureTrainer::RefreshCentroids() {
   return centroids_.Refresh(smoothed_.span(), gate);
 }
 
-FeatureRowsState FeatureTrainer::Save() const {
+FeatureRowsState FeatureOptimizer::Save() const {
   const auto download = [](const auto& buffer, auto& values) {
     values.resize(static_cast<size_t>(buffer.size()));
     buffer.Download(std::span(values));
@@ -256,7 +256,8 @@ FeatureRowsState FeatureTrainer::Save() const {
   return rows;
 }
 
-void FeatureTrainer::Restore(const FeatureRowsState& rows, int step) {
+absl::Status FeatureOptimizer::Restore(const FeatureRowsState& rows, const CentroidState& centroids,
+                                       int step) {
   // The corrections are not saved: they follow from the options and LeaveOut.
   step_ = step;
   smooths_ = Smooths(options_, step);
@@ -267,9 +268,10 @@ void FeatureTrainer::Restore(const FeatureRowsState& rows, int step) {
   gate_.Upload(rows.gate);
   gate_moment1_.Upload(rows.gate_moment1);
   gate_moment2_.Upload(rows.gate_moment2);
+  return centroids_.Restore(centroids);
 }
 
-void FeatureTrainer::SmoothAll(DeviceSpan<const float> features, uint32_t drawn) {
+void FeatureOptimizer::SmoothAll(DeviceSpan<const float> features, uint32_t drawn) {
   backend_.SmoothFeatures({.graph = graph_,
                            .drawn = drawn,
                            .gaussian = {},
@@ -278,7 +280,7 @@ void FeatureTrainer::SmoothAll(DeviceSpan<const float> features, uint32_t drawn)
                            .inv_length = inv_length_.span()});
 }
 
-std::vector<float> FeatureTrainer::TouchedFeatures() {
+std::vector<float> FeatureOptimizer::TouchedFeatures() {
   backend_.FeatureCatchUp({{}, rates_, step_, State()});
   std::vector<float> features(static_cast<size_t>(features_.size())), moment2(features.size());
   features_.Download(std::span<float>(features));
@@ -291,7 +293,7 @@ std::vector<float> FeatureTrainer::TouchedFeatures() {
   return features;
 }
 
-void FeatureTrainer::EndSmoothing() {
+void FeatureOptimizer::EndSmoothing() {
   if (!smooths_) return;
   smooths_ = false;
   const Buffer<float> touched(backend_, std::span<const float>(TouchedFeatures()));
@@ -303,7 +305,7 @@ void FeatureTrainer::EndSmoothing() {
   features_.Upload(std::span<const float>(features));
 }
 
-void FeatureTrainer::Export(FeatureField& field) {
+void FeatureOptimizer::Export(FeatureField& field) {
   std::vector<float> own = TouchedFeatures();
   const Buffer<float> on_device(backend_, std::span<const float>(own));
   field.features.resize(own.size());

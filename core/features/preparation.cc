@@ -1,4 +1,4 @@
-#include "core/features/feature_preparation.h"
+#include "core/features/preparation.h"
 
 #include <algorithm>
 #include <future>
@@ -7,7 +7,6 @@
 #include <string>
 #include <utility>
 
-#include "core/features/feature_trainer.h"
 #include "core/features/gaussian_coverage.h"
 #include "core/features/mask_agreement.h"
 #include "core/features/mask_completion.h"
@@ -202,24 +201,26 @@ std::vector<SkippedPart> SkippedParts(const Capture& capture, const FeatureOptio
 
 }  // namespace
 
-absl::StatusOr<PreparedFeatures> PrepareFeatures(const Capture& capture, const Gaussians& gaussians,
-                                                 Renderer& scene, const FeatureOptions& options) {
-  // Both take a while and use no device: they run while the device renders.
+absl::StatusOr<PreparedFeatures> PrepareFeatures(Backend& backend, const Capture& capture,
+                                                 const Gaussians& gaussians,
+                                                 const FeatureOptions& options) {
+  // Takes a while and uses no device: runs while the device renders.
   auto neighbors = std::async(std::launch::async,
                               [&] { return NearestNeighbors(gaussians, options.num_neighbors); });
-  auto features = std::async(std::launch::async, [&] {
-    return FeatureTrainer::InitialFeatures(gaussians.count, options);
-  });
   // The order matters: scales and the kept depths come from the renders, agreement needs the kept
   // depths, the views need the final masks and scales, and the cues need the views' unlabelled
   // pixels.
   const bool wants_perception = WantsPerception(capture, options);
-  PreparedFeatures prepared;
+  PreparedFeatures prepared{
+      .capture = capture,
+      .scene = std::make_unique<Renderer>(backend, gaussians, SceneRadius(capture)),
+      .num_neighbors = options.num_neighbors};
+  Renderer& scene = *prepared.scene;
   prepared.reprojection = std::make_unique<Reprojection>(capture, TrainedViews(capture));
   std::vector<std::vector<float>> mask_scales =
       MeasureViews(capture, scene, *prepared.reprojection);
   const std::vector<const MaskSet*> masks = ReconcileMasks(capture, options, mask_scales, prepared);
-  prepared.scale_quantiles = ScaleKnots(mask_scales, options.scale_mapping);
+  prepared.field.scale_quantiles = ScaleKnots(mask_scales, options.scale_mapping);
   prepared.views = MakeDrawableViews(capture, masks, mask_scales);
   if (prepared.views.empty()) {
     return absl::FailedPreconditionError(
@@ -227,7 +228,7 @@ absl::StatusOr<PreparedFeatures> PrepareFeatures(const Capture& capture, const G
         "rendered");
   }
   if (options.sure_views > 0) {
-    prepared.confidence = FeatureConfidence(capture, scene, options.sure_views);
+    prepared.field.confidence = FeatureConfidence(capture, scene, options.sure_views);
   }
   AddUncovered(capture, masks, scene, options, prepared.views);
   std::vector<std::vector<uint8_t>> edges =
@@ -238,8 +239,7 @@ absl::StatusOr<PreparedFeatures> PrepareFeatures(const Capture& capture, const G
                                                      std::move(edges), options);
   }
   prepared.skipped = SkippedParts(capture, options, prepared);
-  prepared.neighbors = neighbors.get();
-  prepared.features = features.get();
+  prepared.neighbors = Buffer<int32_t>(backend, std::span<const int32_t>(neighbors.get()));
   return prepared;
 }
 

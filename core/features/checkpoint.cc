@@ -1,4 +1,4 @@
-#include "core/features/feature_checkpoint.h"
+#include "core/features/checkpoint.h"
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
@@ -49,7 +49,8 @@ std::vector<CheckpointSection> SectionsOf(const FeatureCheckpoint& checkpoint) {
   return sections;
 }
 
-absl::StatusOr<FeatureCheckpoint> FeatureCheckpointOf(std::span<const CheckpointSection> sections) {
+absl::StatusOr<FeatureCheckpoint> FeatureCheckpoint::Read(
+    std::span<const CheckpointSection> sections) {
   FeatureCheckpoint checkpoint;
   const SectionReader reader(sections);
   VisitSections(checkpoint, reader);
@@ -75,7 +76,7 @@ absl::Status Validate(const FeatureCheckpoint& checkpoint) {
   RETURN_IF_ERROR(CheckNumbers("features", rows.features, count * kFeatureSize));
   RETURN_IF_ERROR(CheckNumbers("moment1", rows.moment1, count * kFeatureSize));
   RETURN_IF_ERROR(CheckNumbers("moment2", rows.moment2, count * kFeatureSize));
-  // FeatureStage::Resume compares the size with the options.
+  // FeatureTrainer::Resume compares the size with the options.
   const int gate_size = rows.gate.size() == kTwoLayerGateSize ? kTwoLayerGateSize : kGateSize;
   RETURN_IF_ERROR(CheckNumbers("gate", rows.gate, gate_size));
   RETURN_IF_ERROR(CheckNumbers("gate_moment1", rows.gate_moment1, gate_size));
