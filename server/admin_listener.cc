@@ -14,17 +14,12 @@ namespace pepeseg {
 namespace {
 
 constexpr absl::string_view kUnix = "unix:";
-constexpr int kNumThreads = 2;  // loading a model occupies one of them for seconds
-constexpr size_t kMaxQueuedAdminCalls = 100;
 // Maximum size of a message. Requests are small, but lists of models or jobs may be long.
 constexpr int kMaxAdminRequestBytes = 4 << 20;
 
 }  // namespace
 
-AdminListener::AdminListener(Operations& operations)
-    : pool_(std::make_unique<WorkerPool>(
-          WorkerPool::Limits{.threads = kNumThreads, .queued = kMaxQueuedAdminCalls})),
-      service_(operations, *pool_) {}
+AdminListener::AdminListener(Operations& operations) : service_(operations) {}
 
 absl::StatusOr<std::unique_ptr<AdminListener>> AdminListener::Start(const Listener& where,
                                                                     Operations& operations,
@@ -72,7 +67,6 @@ void AdminListener::Shutdown(absl::Time deadline) {
   if (acceptor_ != nullptr) acceptor_->Stop();
   server_->Shutdown(absl::ToChronoTime(deadline));
   server_->Wait();
-  pool_->Stop();
 }
 
 }  // namespace pepeseg

@@ -16,8 +16,7 @@
 namespace pepeseg {
 
 // Serves AdminService on its own address, so that a network may reach the other services and not
-// this one. It has its own threads, so that operators get answers when the other pools are full.
-// Operations and metrics must outlive it.
+// this one. Operations and metrics must outlive it.
 class AdminListener {
  public:
   struct Listener {
@@ -43,7 +42,6 @@ class AdminListener {
   // Hands the connections of socket_ to gRPC.
   void ServeSocket(std::unique_ptr<Acceptor> acceptor);
 
-  std::unique_ptr<WorkerPool> pool_;
   AdminServiceRpc service_;
   std::unique_ptr<ConnectionAcceptor> acceptor_;
   std::unique_ptr<grpc::Server> server_;

@@ -87,12 +87,13 @@ void ServerGauges::AddServer(Samples& samples) const {
 
 void ServerGauges::AddPools(Samples& samples) const {
   const WorkerPools& all = operations_.runner().pools();
-  const std::array<std::pair<const char*, WorkerPool::Use>, 5> pools = {
+  const std::array<std::pair<const char*, WorkerPool::Use>, 6> pools = {
       {{"io", all.io.use()},
        {"upload", all.upload.use()},
        {"query", all.query.use()},
        {"evaluation", all.evaluation.use()},
-       {"border", all.border.use()}}};
+       {"border", all.border.use()},
+       {"admin", all.admin.use()}}};
   const auto add = [&](auto value) {
     for (const auto& [name, use] : pools) samples.Add(Value(value(use)), {{"pool", name}});
   };

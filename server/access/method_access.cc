@@ -41,8 +41,9 @@ std::optional<FieldPath> Resolve(const Descriptor& request, const std::string& n
 
 void AddMethod(const google::protobuf::MethodDescriptor& method, Table& table) {
   const v1::Access& option = method.options().GetExtension(v1::access);
-  MethodAccess access{method.full_name(), option.scope(), {}};
-  if (access.scope == v1::SCOPE_UNSPECIFIED) return;  // not in the table: nobody may call it
+  MethodAccess access{method.full_name(), option.scope(), option.pool(), {}};
+  if (access.scope == v1::SCOPE_UNSPECIFIED || access.pool == v1::POOL_UNSPECIFIED)
+    return;  // not in the table: nobody may call it
   for (const std::string& name : option.resources()) {
     auto path = Resolve(*method.input_type(), name);
     // A wrong path in the contract: the method gets no entry, so nobody may call it, rather than

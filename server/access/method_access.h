@@ -7,8 +7,8 @@
 
 #include "pepeseg/v1/access.pb.h"
 
-// The contract's option `access` (access.proto) of each method: the scope that a call needs, and
-// the fields of its request that name resources.
+// The contract's option `access` (access.proto) of each method: the scope that a call needs, the
+// fields of its request that name resources, and the threads that run it.
 namespace pepeseg {
 
 // A string field, possibly in nested messages: "prompt.label".
@@ -20,6 +20,7 @@ struct FieldPath {
 struct MethodAccess {
   std::string method;  // "pepeseg.v1.SceneService.GetScene"
   v1::Scope scope = v1::SCOPE_UNSPECIFIED;
+  v1::Pool pool = v1::POOL_UNSPECIFIED;
   std::vector<FieldPath> resources;
 };
 
@@ -30,7 +31,8 @@ struct NamedResource {
 };
 
 // Returns the option of the method with this request type; every method has its own. Returns null
-// if no method has it, or if the option lacks a scope or names a field that does not exist.
+// if no method has it, or if the option lacks a scope or
+// a pool, or names a field that does not exist.
 const MethodAccess* FindMethodAccess(const google::protobuf::Descriptor& request);
 
 // Returns the resources that a request names, in the order of the option. Fields that are absent or

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/digest.h"
 #include "core/base/status_macros.h"
+#include "server/access/method_access.h"
 #include "server/api/error.h"
 #include "server/observe/log.h"
 #include "server/rpc/call_interceptor.h"
@@ -67,6 +68,12 @@ absl::Status UnaryRequest::CheckWanted() const {
 
 std::string TraceparentOf(const grpc::CallbackServerContext& context) {
   return MetadataOf(context, kTraceparentKey);
+}
+
+WorkerPool& CallRunner::PoolOf(const google::protobuf::Message& request) const {
+  const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
+  // A method without access is refused on any pool.
+  return pools_.Of(access == nullptr ? v1::POOL_IO : access->pool);
 }
 
 bool CallRunner::AdmitAtOnce(const WorkerPool& pool, Pending& call) const {

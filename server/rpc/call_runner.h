@@ -70,13 +70,13 @@ class CallRunner {
       : authorizer_(authorizer), quotas_(quotas), streams_(streams), pools_(pools) {}
 
   // Answers a unary call with the status that `handler`, an absl::Status(const UnaryCall&), returns
-  // on a thread of the pool. The handler fills the response before it returns. It is not called if
-  // the authorizer or the quotas refuse the call, nor if the call was cancelled or its deadline
-  // passed while it was queued. Quotas that are known refuse a call before it waits for a thread.
-  // UNAVAILABLE: the pool's queue is full, or it drains.
+  // on a thread of the pool that the contract names for the method. The handler fills the response
+  // before it returns. It is not called if the authorizer or the quotas refuse the call, nor if the
+  // call was cancelled or its deadline passed while it was queued. Quotas that are known refuse a
+  // call before it waits for a thread. UNAVAILABLE: the pool's queue is full, or it drains.
   template <typename Handler>
-  grpc::ServerUnaryReactor* Run(WorkerPool& pool, const UnaryRequest& request,
-                                Handler handler) const {
+  grpc::ServerUnaryReactor* Run(const UnaryRequest& request, Handler handler) const {
+    WorkerPool& pool = PoolOf(*request.message);
     return Submit(pool, request, [this, &pool, handler = std::move(handler)](const Pending& call) {
       const absl::Duration queued = absl::Now() - call.start;
       const Stopwatch stopwatch;
@@ -87,10 +87,10 @@ class CallRunner {
     });
   }
 
-  // Answers a call like Run, in parts: `handler`, an absl::StatusOr<AnswerParts>(const UnaryCall&),
-  // does the first one. The others take their turn in the pool for the caller's project, so that a
-  // long answer does not keep a thread from other projects. For methods that only read: the audit
-  // log does not see how the call ends.
+  // Answers a call like Run, on the given pool and in parts: `handler`, an
+  // absl::StatusOr<AnswerParts>(const UnaryCall&), does the first one. The others take their turn
+  // in the pool for the caller's project, so that a long answer does not keep a thread from other
+  // projects. For methods that only read: the audit log does not see how the call ends.
   template <typename Handler>
   grpc::ServerUnaryReactor* RunInParts(WorkerPool& pool, const UnaryRequest& request,
                                        Handler handler) const {
@@ -115,6 +115,8 @@ class CallRunner {
   WorkerPools& pools() const { return pools_; }
 
  private:
+  WorkerPool& PoolOf(const google::protobuf::Message& request) const;
+
   // A call that is not answered yet.
   struct Pending {
     UnaryRequest request;
@@ -155,3 +157,16 @@ class CallRunner {
 };
 
 }  // namespace pepeseg
+
+// In a service with a member `runner_`: declares a unary method, absl::Status METHOD(const
+// UnaryCall&, const REQUEST&, RESPONSE*), which may block, and defines the override of gRPC's
+// method of the same name, which has CallRunner::Run call it.
+#define PEPESEG_UNARY(METHOD, REQUEST, RESPONSE)                                                 \
+  absl::Status METHOD(const ::pepeseg::UnaryCall& call, const REQUEST& request,                  \
+                      RESPONSE* response) const;                                                 \
+  grpc::ServerUnaryReactor* METHOD(grpc::CallbackServerContext* context, const REQUEST* request, \
+                                   RESPONSE* response) override {                                \
+    return runner_.Run({context, request}, [=, this](const ::pepeseg::UnaryCall& call) {         \
+      return METHOD(call, *request, response);                                                   \
+    });                                                                                          \
+  }

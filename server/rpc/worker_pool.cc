@@ -167,4 +167,19 @@ void WorkerPool::Run() {
   }
 }
 
+WorkerPool& WorkerPools::Of(v1::Pool pool) {
+  switch (pool) {
+    case v1::POOL_UPLOAD:
+      return upload;
+    case v1::POOL_QUERY:
+      return query;
+    case v1::POOL_EVALUATION:
+      return evaluation;
+    case v1::POOL_ADMIN:
+      return admin;
+    default:
+      return io;
+  }
+}
+
 }  // namespace pepeseg

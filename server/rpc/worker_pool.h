@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "absl/time/time.h"
+#include "pepeseg/v1/access.pb.h"
 
 namespace pepeseg {
 
@@ -138,14 +139,18 @@ struct WorkerPools {
   WorkerPool query;       // calls that compute
   WorkerPool evaluation;  // calls that compute for long
   WorkerPool border;      // calls that wait for SAM, which answers one at a time
+  WorkerPool admin;       // calls of operators
 
+  // Returns the pool by the name that the contract gives it.
+  WorkerPool& Of(v1::Pool pool);
+  // Of all pools but `admin`, whose calls are answered until the end.
   void SetDraining(bool draining) {
     for (WorkerPool* pool : {&io, &upload, &query, &evaluation, &border}) {
       pool->SetDraining(draining);
     }
   }
   void Stop() {
-    for (WorkerPool* pool : {&io, &upload, &query, &evaluation, &border}) pool->Stop();
+    for (WorkerPool* pool : {&io, &upload, &query, &evaluation, &border, &admin}) pool->Stop();
   }
 };
 

@@ -56,9 +56,8 @@ void SetUse(int64_t reserved, int64_t limit, v1::MemoryUse* use) {
 
 }  // namespace
 
-AdminServiceRpc::AdminServiceRpc(Operations& operations, WorkerPool& pool)
+AdminServiceRpc::AdminServiceRpc(Operations& operations)
     : operations_(operations),
-      pool_(pool),
       runner_(operations.runner()),
       models_(operations.models()),
       projects_(runner_.quotas(), models_) {}
@@ -68,8 +67,9 @@ absl::StatusOr<ModelRow> AdminServiceRpc::FindNamed(const std::string& name) con
   return models_.Find(scenes, name, "name");
 }
 
-absl::Status AdminServiceRpc::Load(const v1::LoadModelRequest& request,
-                                   v1::ResidentModel* response) {
+absl::Status AdminServiceRpc::LoadModel(const UnaryCall& /*call*/,
+                                        const v1::LoadModelRequest& request,
+                                        v1::ResidentModel* response) const {
   // Held until the answer is filled in, so that it is not evicted before.
   ASSIGN_OR_RETURN(const NamedScenes scenes,
                    ResolveOperatorsName(models_.store(), request.name(), "name"));
@@ -79,7 +79,9 @@ absl::Status AdminServiceRpc::Load(const v1::LoadModelRequest& request,
   return absl::OkStatus();
 }
 
-absl::Status AdminServiceRpc::Pin(const v1::PinModelRequest& request, v1::ResidentModel* response) {
+absl::Status AdminServiceRpc::PinModel(const UnaryCall& /*call*/,
+                                       const v1::PinModelRequest& request,
+                                       v1::ResidentModel* response) const {
   ASSIGN_OR_RETURN(const ModelRow row, FindNamed(request.name()));
   // Held, so that the model is not evicted before it is pinned.
   ASSIGN_OR_RETURN(const ResidentModel held, models_.Load({row.scene, row.number}));
@@ -88,14 +90,15 @@ absl::Status AdminServiceRpc::Pin(const v1::PinModelRequest& request, v1::Reside
   return absl::OkStatus();
 }
 
-absl::Status AdminServiceRpc::Unpin(const v1::UnpinModelRequest& request,
-                                    v1::ResidentModel* response) {
+absl::Status AdminServiceRpc::UnpinModel(const UnaryCall& /*call*/,
+                                         const v1::UnpinModelRequest& request,
+                                         v1::ResidentModel* response) const {
   ASSIGN_OR_RETURN(const ModelRow row, FindNamed(request.name()));
   return SetPinned(row, false, response);
 }
 
 absl::Status AdminServiceRpc::SetPinned(const ModelRow& row, bool pinned,
-                                        v1::ResidentModel* response) {
+                                        v1::ResidentModel* response) const {
   const absl::Status status = models_.cache().SetPinned(ResidentKey(row), pinned);
   if (!status.ok()) {
     return WithResource(status, "NOT_RESIDENT", ChildName(row.scene, "models", row.number));
@@ -104,7 +107,9 @@ absl::Status AdminServiceRpc::SetPinned(const ModelRow& row, bool pinned,
   return absl::OkStatus();
 }
 
-absl::Status AdminServiceRpc::Unload(const v1::UnloadModelRequest& request) {
+absl::Status AdminServiceRpc::UnloadModel(const UnaryCall& /*call*/,
+                                          const v1::UnloadModelRequest& request,
+                                          google::protobuf::Empty* /*response*/) const {
   ASSIGN_OR_RETURN(const ModelRow row, FindNamed(request.name()));
   const std::string name = ChildName(row.scene, "models", row.number);
   const absl::Status status = models_.cache().Unload(ResidentKey(row));
@@ -114,12 +119,14 @@ absl::Status AdminServiceRpc::Unload(const v1::UnloadModelRequest& request) {
   return WithResource(named, absl::IsNotFound(status) ? "NOT_RESIDENT" : "PINNED", name);
 }
 
-absl::Status AdminServiceRpc::SetDraining(bool draining, v1::ServerStatus* response) {
+absl::Status AdminServiceRpc::SetDraining(bool draining, v1::ServerStatus* response) const {
   operations_.SetDraining(draining);
   return operations_.FillStatus(response);
 }
 
-absl::Status AdminServiceRpc::List(v1::ListResidentModelsResponse* response) const {
+absl::Status AdminServiceRpc::ListResidentModels(const UnaryCall& /*call*/,
+                                                 const v1::ListResidentModelsRequest& /*request*/,
+                                                 v1::ListResidentModelsResponse* response) const {
   const ModelCache& models = models_.cache();
   std::vector<std::string> projects;
   models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
@@ -138,112 +145,57 @@ absl::Status AdminServiceRpc::List(v1::ListResidentModelsResponse* response) con
   return absl::OkStatus();
 }
 
-grpc::ServerUnaryReactor* AdminServiceRpc::LoadModel(grpc::CallbackServerContext* call,
-                                                     const v1::LoadModelRequest* request,
-                                                     v1::ResidentModel* response) {
-  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
-    return Load(*request, response);
-  });
+absl::Status AdminServiceRpc::CreateKey(const UnaryCall& /*call*/,
+                                        const v1::CreateKeyRequest& request,
+                                        v1::CreateKeyResponse* response) const {
+  return projects_.CreateKey(request, response);
 }
 
-grpc::ServerUnaryReactor* AdminServiceRpc::UnloadModel(grpc::CallbackServerContext* call,
-                                                       const v1::UnloadModelRequest* request,
-                                                       google::protobuf::Empty* /*response*/) {
-  return runner_.Run(pool_, {call, request},
-                     [this, request](const UnaryCall&) { return Unload(*request); });
+absl::Status AdminServiceRpc::GetKey(const UnaryCall& /*call*/, const v1::GetKeyRequest& request,
+                                     v1::ApiKey* response) const {
+  return projects_.GetKey(request, response);
 }
 
-grpc::ServerUnaryReactor* AdminServiceRpc::PinModel(grpc::CallbackServerContext* call,
-                                                    const v1::PinModelRequest* request,
-                                                    v1::ResidentModel* response) {
-  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
-    return Pin(*request, response);
-  });
+absl::Status AdminServiceRpc::ListKeys(const UnaryCall& /*call*/,
+                                       const v1::ListKeysRequest& request,
+                                       v1::ListKeysResponse* response) const {
+  return projects_.ListKeys(request, response);
 }
 
-grpc::ServerUnaryReactor* AdminServiceRpc::UnpinModel(grpc::CallbackServerContext* call,
-                                                      const v1::UnpinModelRequest* request,
-                                                      v1::ResidentModel* response) {
-  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
-    return Unpin(*request, response);
-  });
+absl::Status AdminServiceRpc::RevokeKey(const UnaryCall& /*call*/,
+                                        const v1::RevokeKeyRequest& request,
+                                        v1::ApiKey* response) const {
+  return projects_.RevokeKey(request, response);
 }
 
-grpc::ServerUnaryReactor* AdminServiceRpc::ListResidentModels(
-    grpc::CallbackServerContext* call, const v1::ListResidentModelsRequest* request,
-    v1::ListResidentModelsResponse* response) {
-  return runner_.Run(pool_, {call, request},
-                     [this, response](const UnaryCall&) { return List(response); });
+absl::Status AdminServiceRpc::GetProjectUsage(const UnaryCall& /*call*/,
+                                              const v1::GetProjectUsageRequest& request,
+                                              v1::ProjectUsage* response) const {
+  return projects_.GetProjectUsage(request, response);
 }
 
-grpc::ServerUnaryReactor* AdminServiceRpc::CreateKey(grpc::CallbackServerContext* call,
-                                                     const v1::CreateKeyRequest* request,
-                                                     v1::CreateKeyResponse* response) {
-  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
-    return projects_.CreateKey(*request, response);
-  });
+absl::Status AdminServiceRpc::UpdateQuota(const UnaryCall& /*call*/,
+                                          const v1::UpdateQuotaRequest& request,
+                                          v1::ProjectUsage* response) const {
+  return projects_.UpdateQuota(request, response);
 }
 
-grpc::ServerUnaryReactor* AdminServiceRpc::GetKey(grpc::CallbackServerContext* call,
-                                                  const v1::GetKeyRequest* request,
-                                                  v1::ApiKey* response) {
-  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
-    return projects_.GetKey(*request, response);
-  });
+absl::Status AdminServiceRpc::GetServerStatus(const UnaryCall& /*call*/,
+                                              const v1::GetServerStatusRequest& /*request*/,
+                                              v1::ServerStatus* response) const {
+  return operations_.FillStatus(response);
 }
 
-grpc::ServerUnaryReactor* AdminServiceRpc::ListKeys(grpc::CallbackServerContext* call,
-                                                    const v1::ListKeysRequest* request,
-                                                    v1::ListKeysResponse* response) {
-  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
-    return projects_.ListKeys(*request, response);
-  });
+absl::Status AdminServiceRpc::DrainServer(const UnaryCall& /*call*/,
+                                          const v1::DrainServerRequest& /*request*/,
+                                          v1::ServerStatus* response) const {
+  return SetDraining(true, response);
 }
 
-grpc::ServerUnaryReactor* AdminServiceRpc::RevokeKey(grpc::CallbackServerContext* call,
-                                                     const v1::RevokeKeyRequest* request,
-                                                     v1::ApiKey* response) {
-  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
-    return projects_.RevokeKey(*request, response);
-  });
-}
-
-grpc::ServerUnaryReactor* AdminServiceRpc::GetProjectUsage(
-    grpc::CallbackServerContext* call, const v1::GetProjectUsageRequest* request,
-    v1::ProjectUsage* response) {
-  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
-    return projects_.GetProjectUsage(*request, response);
-  });
-}
-
-grpc::ServerUnaryReactor* AdminServiceRpc::UpdateQuota(grpc::CallbackServerContext* call,
-                                                       const v1::UpdateQuotaRequest* request,
-                                                       v1::ProjectUsage* response) {
-  return runner_.Run(pool_, {call, request}, [this, request, response](const UnaryCall&) {
-    return projects_.UpdateQuota(*request, response);
-  });
-}
-
-grpc::ServerUnaryReactor* AdminServiceRpc::GetServerStatus(
-    grpc::CallbackServerContext* call, const v1::GetServerStatusRequest* request,
-    v1::ServerStatus* response) {
-  return runner_.Run(pool_, {call, request}, [this, response](const UnaryCall&) {
-    return operations_.FillStatus(response);
-  });
-}
-
-grpc::ServerUnaryReactor* AdminServiceRpc::DrainServer(grpc::CallbackServerContext* call,
-                                                       const v1::DrainServerRequest* request,
-                                                       v1::ServerStatus* response) {
-  return runner_.Run(pool_, {call, request},
-                     [this, response](const UnaryCall&) { return SetDraining(true, response); });
-}
-
-grpc::ServerUnaryReactor* AdminServiceRpc::ResumeServer(grpc::CallbackServerContext* call,
-                                                        const v1::ResumeServerRequest* request,
-                                                        v1::ServerStatus* response) {
-  return runner_.Run(pool_, {call, request},
-                     [this, response](const UnaryCall&) { return SetDraining(false, response); });
+absl::Status AdminServiceRpc::ResumeServer(const UnaryCall& /*call*/,
+                                           const v1::ResumeServerRequest& /*request*/,
+                                           v1::ServerStatus* response) const {
+  return SetDraining(false, response);
 }
 
 }  // namespace pepeseg

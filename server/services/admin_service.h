@@ -14,65 +14,32 @@ namespace pepeseg {
 // state.
 class AdminServiceRpc final : public v1::AdminService::CallbackService {
  public:
-  // `pool` runs the calls of this service. Both must outlive it.
-  AdminServiceRpc(Operations& operations, WorkerPool& pool);
+  // `operations` must outlive it.
+  explicit AdminServiceRpc(Operations& operations);
 
-  grpc::ServerUnaryReactor* LoadModel(grpc::CallbackServerContext* call,
-                                      const v1::LoadModelRequest* request,
-                                      v1::ResidentModel* response) override;
-  grpc::ServerUnaryReactor* UnloadModel(grpc::CallbackServerContext* call,
-                                        const v1::UnloadModelRequest* request,
-                                        google::protobuf::Empty* response) override;
-  grpc::ServerUnaryReactor* PinModel(grpc::CallbackServerContext* call,
-                                     const v1::PinModelRequest* request,
-                                     v1::ResidentModel* response) override;
-  grpc::ServerUnaryReactor* UnpinModel(grpc::CallbackServerContext* call,
-                                       const v1::UnpinModelRequest* request,
-                                       v1::ResidentModel* response) override;
-  grpc::ServerUnaryReactor* ListResidentModels(grpc::CallbackServerContext* call,
-                                               const v1::ListResidentModelsRequest* request,
-                                               v1::ListResidentModelsResponse* response) override;
-  grpc::ServerUnaryReactor* CreateKey(grpc::CallbackServerContext* call,
-                                      const v1::CreateKeyRequest* request,
-                                      v1::CreateKeyResponse* response) override;
-  grpc::ServerUnaryReactor* GetKey(grpc::CallbackServerContext* call,
-                                   const v1::GetKeyRequest* request, v1::ApiKey* response) override;
-  grpc::ServerUnaryReactor* ListKeys(grpc::CallbackServerContext* call,
-                                     const v1::ListKeysRequest* request,
-                                     v1::ListKeysResponse* response) override;
-  grpc::ServerUnaryReactor* RevokeKey(grpc::CallbackServerContext* call,
-                                      const v1::RevokeKeyRequest* request,
-                                      v1::ApiKey* response) override;
-  grpc::ServerUnaryReactor* GetProjectUsage(grpc::CallbackServerContext* call,
-                                            const v1::GetProjectUsageRequest* request,
-                                            v1::ProjectUsage* response) override;
-  grpc::ServerUnaryReactor* UpdateQuota(grpc::CallbackServerContext* call,
-                                        const v1::UpdateQuotaRequest* request,
-                                        v1::ProjectUsage* response) override;
-  grpc::ServerUnaryReactor* GetServerStatus(grpc::CallbackServerContext* call,
-                                            const v1::GetServerStatusRequest* request,
-                                            v1::ServerStatus* response) override;
-  grpc::ServerUnaryReactor* DrainServer(grpc::CallbackServerContext* call,
-                                        const v1::DrainServerRequest* request,
-                                        v1::ServerStatus* response) override;
-  grpc::ServerUnaryReactor* ResumeServer(grpc::CallbackServerContext* call,
-                                         const v1::ResumeServerRequest* request,
-                                         v1::ServerStatus* response) override;
+  PEPESEG_UNARY(LoadModel, v1::LoadModelRequest, v1::ResidentModel)
+  PEPESEG_UNARY(UnloadModel, v1::UnloadModelRequest, google::protobuf::Empty)
+  PEPESEG_UNARY(PinModel, v1::PinModelRequest, v1::ResidentModel)
+  PEPESEG_UNARY(UnpinModel, v1::UnpinModelRequest, v1::ResidentModel)
+  PEPESEG_UNARY(ListResidentModels, v1::ListResidentModelsRequest, v1::ListResidentModelsResponse)
+  PEPESEG_UNARY(CreateKey, v1::CreateKeyRequest, v1::CreateKeyResponse)
+  PEPESEG_UNARY(GetKey, v1::GetKeyRequest, v1::ApiKey)
+  PEPESEG_UNARY(ListKeys, v1::ListKeysRequest, v1::ListKeysResponse)
+  PEPESEG_UNARY(RevokeKey, v1::RevokeKeyRequest, v1::ApiKey)
+  PEPESEG_UNARY(GetProjectUsage, v1::GetProjectUsageRequest, v1::ProjectUsage)
+  PEPESEG_UNARY(UpdateQuota, v1::UpdateQuotaRequest, v1::ProjectUsage)
+  PEPESEG_UNARY(GetServerStatus, v1::GetServerStatusRequest, v1::ServerStatus)
+  PEPESEG_UNARY(DrainServer, v1::DrainServerRequest, v1::ServerStatus)
+  PEPESEG_UNARY(ResumeServer, v1::ResumeServerRequest, v1::ServerStatus)
 
  private:
-  absl::Status Load(const v1::LoadModelRequest& request, v1::ResidentModel* response);
-  absl::Status Pin(const v1::PinModelRequest& request, v1::ResidentModel* response);
-  absl::Status Unpin(const v1::UnpinModelRequest& request, v1::ResidentModel* response);
   // Pins or unpins a model that is in memory, and describes it. NOT_FOUND: it is not.
-  absl::Status SetPinned(const ModelRow& row, bool pinned, v1::ResidentModel* response);
-  absl::Status Unload(const v1::UnloadModelRequest& request);
-  absl::Status SetDraining(bool draining, v1::ServerStatus* response);
-  absl::Status List(v1::ListResidentModelsResponse* response) const;
+  absl::Status SetPinned(const ModelRow& row, bool pinned, v1::ResidentModel* response) const;
+  absl::Status SetDraining(bool draining, v1::ServerStatus* response) const;
   // Returns the record of a model by the name that an operator uses (ResolveOperatorsName).
   absl::StatusOr<ModelRow> FindNamed(const std::string& name) const;
 
   Operations& operations_;
-  WorkerPool& pool_;
   const CallRunner& runner_;
   ModelLoader& models_;
   const ProjectAnswers projects_;

@@ -134,9 +134,9 @@ absl::Status DatasetServiceRpc::FillDataset(const DatasetRow& row, v1::Dataset* 
   return absl::OkStatus();
 }
 
-absl::Status DatasetServiceRpc::Create(const UnaryCall& call,
-                                       const v1::CreateUploadRequest& request,
-                                       v1::Upload* response) const {
+absl::Status DatasetServiceRpc::CreateUpload(const UnaryCall& call,
+                                             const v1::CreateUploadRequest& request,
+                                             v1::Upload* response) const {
   ASSIGN_OR_RETURN(const SceneRef scene, call.scenes().Scene(request.parent(), "parent"));
   RETURN_IF_ERROR(CheckRequestId(request.request_id()));
   ASSIGN_OR_RETURN(auto files, CheckUploadFiles(request));
@@ -150,42 +150,22 @@ absl::Status DatasetServiceRpc::Create(const UnaryCall& call,
   return FillUpload(*row, response);
 }
 
-grpc::ServerUnaryReactor* DatasetServiceRpc::CreateUpload(grpc::CallbackServerContext* call,
-                                                          const v1::CreateUploadRequest* request,
-                                                          v1::Upload* response) {
-  return runner_.Run(runner_.pools().upload, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       return Create(unary, *request, response);
-                     });
+absl::Status DatasetServiceRpc::GetUpload(const UnaryCall& call,
+                                          const v1::GetUploadRequest& request,
+                                          v1::Upload* response) const {
+  ASSIGN_OR_RETURN(const SceneChild upload, call.scenes().Child(request.name(), "uploads", "name"));
+  const auto row = store_.datasets().GetDataset(upload.scene, upload.number);
+  if (!row.ok()) return WithResource(row.status(), "NO_SUCH_UPLOAD", request.name());
+  return FillUpload(*row, response);
 }
 
-grpc::ServerUnaryReactor* DatasetServiceRpc::GetUpload(grpc::CallbackServerContext* call,
-                                                       const v1::GetUploadRequest* request,
-                                                       v1::Upload* response) {
-  return runner_.Run(runner_.pools().upload, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       ASSIGN_OR_RETURN(const SceneChild upload,
-                                        unary.scenes().Child(request->name(), "uploads", "name"));
-                       const auto row = store_.datasets().GetDataset(upload.scene, upload.number);
-                       if (!row.ok())
-                         return WithResource(row.status(), "NO_SUCH_UPLOAD", request->name());
-                       return FillUpload(*row, response);
-                     });
-}
-
-absl::Status DatasetServiceRpc::Delete(const UnaryCall& call,
-                                       const v1::DeleteUploadRequest& request) const {
+absl::Status DatasetServiceRpc::DeleteUpload(const UnaryCall& call,
+                                             const v1::DeleteUploadRequest& request,
+                                             google::protobuf::Empty* /*response*/) const {
   ASSIGN_OR_RETURN(const SceneChild upload, call.scenes().Child(request.name(), "uploads", "name"));
   const absl::Status deleted = pepeseg::DeleteUpload(store_, blobs_, {upload.scene, upload.number});
   return WithResource(deleted, absl::IsNotFound(deleted) ? "NO_SUCH_UPLOAD" : "SEALED",
                       request.name());
-}
-
-grpc::ServerUnaryReactor* DatasetServiceRpc::DeleteUpload(grpc::CallbackServerContext* call,
-                                                          const v1::DeleteUploadRequest* request,
-                                                          google::protobuf::Empty*) {
-  return runner_.Run(runner_.pools().upload, {call, request},
-                     [this, request](const UnaryCall& unary) { return Delete(unary, *request); });
 }
 
 grpc::ServerReadReactor<v1::WriteFilesRequest>* DatasetServiceRpc::WriteFiles(
@@ -196,8 +176,9 @@ grpc::ServerReadReactor<v1::WriteFilesRequest>* DatasetServiceRpc::WriteFiles(
   return stream.get();  // owns itself until OnDone
 }
 
-absl::Status DatasetServiceRpc::Seal(const UnaryCall& call, const v1::SealUploadRequest& request,
-                                     v1::Dataset* response) const {
+absl::Status DatasetServiceRpc::SealUpload(const UnaryCall& call,
+                                           const v1::SealUploadRequest& request,
+                                           v1::Dataset* response) const {
   ASSIGN_OR_RETURN(const SceneChild upload, call.scenes().Child(request.name(), "uploads", "name"));
   Store& store = store_;
   ASSIGN_OR_RETURN(DatasetRow row, store.datasets().GetDataset(upload.scene, upload.number));
@@ -219,17 +200,9 @@ absl::Status DatasetServiceRpc::Seal(const UnaryCall& call, const v1::SealUpload
   return FillDataset(row, response);
 }
 
-grpc::ServerUnaryReactor* DatasetServiceRpc::SealUpload(grpc::CallbackServerContext* call,
-                                                        const v1::SealUploadRequest* request,
-                                                        v1::Dataset* response) {
-  return runner_.Run(runner_.pools().upload, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       return Seal(unary, *request, response);
-                     });
-}
-
-absl::Status DatasetServiceRpc::Get(const UnaryCall& call, const v1::GetDatasetRequest& request,
-                                    v1::Dataset* response) const {
+absl::Status DatasetServiceRpc::GetDataset(const UnaryCall& call,
+                                           const v1::GetDatasetRequest& request,
+                                           v1::Dataset* response) const {
   ASSIGN_OR_RETURN(const SceneChild dataset,
                    call.scenes().Child(request.name(), "datasets", "name"));
   auto row = store_.datasets().GetDataset(dataset.scene, dataset.number);
@@ -241,32 +214,20 @@ absl::Status DatasetServiceRpc::Get(const UnaryCall& call, const v1::GetDatasetR
   return FillDataset(*row, response);
 }
 
-grpc::ServerUnaryReactor* DatasetServiceRpc::GetDataset(grpc::CallbackServerContext* call,
-                                                        const v1::GetDatasetRequest* request,
-                                                        v1::Dataset* response) {
-  return runner_.Run(
-      runner_.pools().io, {call, request},
-      [this, request, response](const UnaryCall& unary) { return Get(unary, *request, response); });
-}
-
-grpc::ServerUnaryReactor* DatasetServiceRpc::ListDatasets(grpc::CallbackServerContext* call,
-                                                          const v1::ListDatasetsRequest* request,
-                                                          v1::ListDatasetsResponse* response) {
-  return runner_.Run(
-      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall& unary) {
-        ASSIGN_OR_RETURN(const SceneRef scene, unary.scenes().Scene(request->parent(), "parent"));
-        ASSIGN_OR_RETURN(const PageRequest page,
-                         PageFromProto(request->page_size(), request->page_token()));
-        ASSIGN_OR_RETURN(const Page<DatasetRow> datasets,
-                         store_.datasets().ListDatasets(scene, page));
-        for (const DatasetRow& row : datasets.rows) {
-          // The store lists sealed datasets only; this keeps the answer right if that changes.
-          if (row.state != DatasetState::kSealed) continue;
-          RETURN_IF_ERROR(FillDataset(row, response->add_datasets()));
-        }
-        response->set_next_page_token(datasets.next_page_token);
-        return absl::OkStatus();
-      });
+absl::Status DatasetServiceRpc::ListDatasets(const UnaryCall& call,
+                                             const v1::ListDatasetsRequest& request,
+                                             v1::ListDatasetsResponse* response) const {
+  ASSIGN_OR_RETURN(const SceneRef scene, call.scenes().Scene(request.parent(), "parent"));
+  ASSIGN_OR_RETURN(const PageRequest page,
+                   PageFromProto(request.page_size(), request.page_token()));
+  ASSIGN_OR_RETURN(const Page<DatasetRow> datasets, store_.datasets().ListDatasets(scene, page));
+  for (const DatasetRow& row : datasets.rows) {
+    // The store lists sealed datasets only; this keeps the answer right if that changes.
+    if (row.state != DatasetState::kSealed) continue;
+    RETURN_IF_ERROR(FillDataset(row, response->add_datasets()));
+  }
+  response->set_next_page_token(datasets.next_page_token);
+  return absl::OkStatus();
 }
 
 grpc::ServerWriteReactor<v1::GetPhotographResponse>* DatasetServiceRpc::GetPhotograph(

@@ -18,40 +18,21 @@ class DatasetServiceRpc final : public v1::DatasetService::CallbackService {
   DatasetServiceRpc(const CallRunner& runner, const ModelLoader& models, BlobStore& blobs,
                     const Options& options);
 
-  grpc::ServerUnaryReactor* CreateUpload(grpc::CallbackServerContext* call,
-                                         const v1::CreateUploadRequest* request,
-                                         v1::Upload* response) override;
-  grpc::ServerUnaryReactor* GetUpload(grpc::CallbackServerContext* call,
-                                      const v1::GetUploadRequest* request,
-                                      v1::Upload* response) override;
-  grpc::ServerUnaryReactor* DeleteUpload(grpc::CallbackServerContext* call,
-                                         const v1::DeleteUploadRequest* request,
-                                         google::protobuf::Empty* response) override;
+  PEPESEG_UNARY(CreateUpload, v1::CreateUploadRequest, v1::Upload)
+  PEPESEG_UNARY(GetUpload, v1::GetUploadRequest, v1::Upload)
+  PEPESEG_UNARY(DeleteUpload, v1::DeleteUploadRequest, google::protobuf::Empty)
   grpc::ServerReadReactor<v1::WriteFilesRequest>* WriteFiles(
       grpc::CallbackServerContext* call, v1::WriteFilesResponse* response) override;
-  grpc::ServerUnaryReactor* SealUpload(grpc::CallbackServerContext* call,
-                                       const v1::SealUploadRequest* request,
-                                       v1::Dataset* response) override;
-  grpc::ServerUnaryReactor* GetDataset(grpc::CallbackServerContext* call,
-                                       const v1::GetDatasetRequest* request,
-                                       v1::Dataset* response) override;
-  grpc::ServerUnaryReactor* ListDatasets(grpc::CallbackServerContext* call,
-                                         const v1::ListDatasetsRequest* request,
-                                         v1::ListDatasetsResponse* response) override;
+  PEPESEG_UNARY(SealUpload, v1::SealUploadRequest, v1::Dataset)
+  PEPESEG_UNARY(GetDataset, v1::GetDatasetRequest, v1::Dataset)
+  PEPESEG_UNARY(ListDatasets, v1::ListDatasetsRequest, v1::ListDatasetsResponse)
   grpc::ServerWriteReactor<v1::GetPhotographResponse>* GetPhotograph(
       grpc::CallbackServerContext* call, const v1::GetPhotographRequest* request) override;
 
  private:
-  absl::Status Create(const UnaryCall& call, const v1::CreateUploadRequest& request,
-                      v1::Upload* response) const;
   // Fills in what ToProto does, and advice on masks.
   absl::Status FillDataset(const DatasetRow& row, v1::Dataset* dataset) const;
   absl::Status FillUpload(const DatasetRow& row, v1::Upload* upload) const;
-  absl::Status Delete(const UnaryCall& call, const v1::DeleteUploadRequest& request) const;
-  absl::Status Get(const UnaryCall& call, const v1::GetDatasetRequest& request,
-                   v1::Dataset* response) const;
-  absl::Status Seal(const UnaryCall& call, const v1::SealUploadRequest& request,
-                    v1::Dataset* response) const;
 
   const CallRunner& runner_;
   const ModelLoader& models_;

@@ -41,9 +41,9 @@ EvaluationServiceRpc::EvaluationServiceRpc(const CallRunner& runner, ModelLoader
                                            const PhotographProcess& photographs)
     : runner_(runner), models_(models), blobs_(blobs), photographs_(photographs) {}
 
-absl::Status EvaluationServiceRpc::Evaluate(const UnaryCall& call,
-                                            const v1::EvaluateModelRequest& request,
-                                            v1::EvaluateModelResponse* response) const {
+absl::Status EvaluationServiceRpc::EvaluateModel(const UnaryCall& call,
+                                                 const v1::EvaluateModelRequest& request,
+                                                 v1::EvaluateModelResponse* response) const {
   // Options before the model, so that a wrong request does not load one.
   ASSIGN_OR_RETURN(const EvaluationOptions options, EvaluationOptionsFromProto(request.options()));
   ASSIGN_OR_RETURN(const ResidentModel model,
@@ -66,15 +66,6 @@ absl::Status EvaluationServiceRpc::Evaluate(const UnaryCall& call,
   response->set_model(model.name);
   for (std::string& note : frames.Notes()) response->add_notes(std::move(note));
   return CheckAnswerSize(response->ByteSizeLong());
-}
-
-grpc::ServerUnaryReactor* EvaluationServiceRpc::EvaluateModel(
-    grpc::CallbackServerContext* call, const v1::EvaluateModelRequest* request,
-    v1::EvaluateModelResponse* response) {
-  return runner_.Run(runner_.pools().evaluation, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       return Evaluate(unary, *request, response);
-                     });
 }
 
 }  // namespace pepeseg

@@ -15,14 +15,9 @@ class EvaluationServiceRpc final : public v1::EvaluationService::CallbackService
   EvaluationServiceRpc(const CallRunner& runner, ModelLoader& models, const BlobStore& blobs,
                        const PhotographProcess& photographs);
 
-  grpc::ServerUnaryReactor* EvaluateModel(grpc::CallbackServerContext* call,
-                                          const v1::EvaluateModelRequest* request,
-                                          v1::EvaluateModelResponse* response) override;
+  PEPESEG_UNARY(EvaluateModel, v1::EvaluateModelRequest, v1::EvaluateModelResponse)
 
  private:
-  absl::Status Evaluate(const UnaryCall& call, const v1::EvaluateModelRequest& request,
-                        v1::EvaluateModelResponse* response) const;
-
   const CallRunner& runner_;
   ModelLoader& models_;
   const BlobStore& blobs_;

@@ -169,8 +169,8 @@ absl::Status JobServiceRpc::CheckFilesStored(const SceneRef& scene, int64_t data
       "FILES_MISSING", first->path);
 }
 
-absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, const UnaryCall& call,
-                                  v1::Job* response) const {
+absl::Status JobServiceRpc::TrainScene(const UnaryCall& call, const v1::TrainSceneRequest& request,
+                                       v1::Job* response) const {
   ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(call.scenes(), request));
   ASSIGN_OR_RETURN(JobRow wanted, JobFromRequest(request, training));
   wanted.traceparent = TraceparentOf(*call.context);
@@ -201,17 +201,9 @@ absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, const Un
   return absl::OkStatus();
 }
 
-grpc::ServerUnaryReactor* JobServiceRpc::TrainScene(grpc::CallbackServerContext* call,
-                                                    const v1::TrainSceneRequest* request,
-                                                    v1::Job* response) {
-  return runner_.Run(runner_.pools().io, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       return Train(*request, unary, response);
-                     });
-}
-
-absl::Status JobServiceRpc::ListOptions(const v1::ListTrainingOptionsRequest& request,
-                                        v1::ListTrainingOptionsResponse* response) const {
+absl::Status JobServiceRpc::ListTrainingOptions(const UnaryCall& /*call*/,
+                                                const v1::ListTrainingOptionsRequest& request,
+                                                v1::ListTrainingOptionsResponse* response) const {
   v1::TrainingOptions preset;
   if (request.has_preset()) preset.set_preset(request.preset());
   ASSIGN_OR_RETURN(const TrainingSettings settings, TrainingSettingsFromProto(preset));
@@ -225,68 +217,47 @@ absl::Status JobServiceRpc::ListOptions(const v1::ListTrainingOptionsRequest& re
   return absl::OkStatus();
 }
 
-grpc::ServerUnaryReactor* JobServiceRpc::ListTrainingOptions(
-    grpc::CallbackServerContext* call, const v1::ListTrainingOptionsRequest* request,
-    v1::ListTrainingOptionsResponse* response) {
-  return runner_.Run(runner_.pools().io, {call, request},
-                     [this, request, response](const UnaryCall& /*unary*/) {
-                       return ListOptions(*request, response);
-                     });
+absl::Status JobServiceRpc::GetJob(const UnaryCall& /*call*/, const v1::GetJobRequest& request,
+                                   v1::Job* response) const {
+  ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name(), "name"));
+  auto snapshot = ReadJob(store_, supervisor_, id);
+  RETURN_IF_ERROR(snapshot.status());
+  *response = std::move(snapshot->job);
+  return absl::OkStatus();
 }
 
-grpc::ServerUnaryReactor* JobServiceRpc::GetJob(grpc::CallbackServerContext* call,
-                                                const v1::GetJobRequest* request,
-                                                v1::Job* response) {
-  return runner_.Run(
-      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall&) {
-        ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name(), "name"));
-        auto snapshot = ReadJob(store_, supervisor_, id);
-        RETURN_IF_ERROR(snapshot.status());
-        *response = std::move(snapshot->job);
-        return absl::OkStatus();
-      });
+absl::Status JobServiceRpc::ListJobs(const UnaryCall& call, const v1::ListJobsRequest& request,
+                                     v1::ListJobsResponse* response) const {
+  JobStore::JobFilter filter;
+  filter.project = call.caller.visible_project();
+  if (!request.scene().empty()) {
+    ASSIGN_OR_RETURN(filter.scene, call.scenes().Scene(request.scene(), "scene"));
+  }
+  ASSIGN_OR_RETURN(filter.state, StateFromProto(request.state()));
+  ASSIGN_OR_RETURN(const PageRequest page,
+                   PageFromProto(request.page_size(), request.page_token()));
+  ASSIGN_OR_RETURN(const Page<JobRow> jobs, store_.jobs().ListJobs(filter, page));
+  for (const JobRow& row : jobs.rows) {
+    v1::Job* job = response->add_jobs();
+    *job = ToProto(row);
+    // The store has no progress: it comes from the job's event log. A log that cannot be read
+    // must not fail the list.
+    if (row.state != JobState::kRunning) continue;
+    const auto newest = supervisor_.FindNewest(row.id);
+    if (newest.ok() && newest->progress.has_value()) *job->mutable_progress() = *newest->progress;
+  }
+  response->set_next_page_token(jobs.next_page_token);
+  return absl::OkStatus();
 }
 
-grpc::ServerUnaryReactor* JobServiceRpc::ListJobs(grpc::CallbackServerContext* call,
-                                                  const v1::ListJobsRequest* request,
-                                                  v1::ListJobsResponse* response) {
-  return runner_.Run(
-      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall& unary) {
-        JobStore::JobFilter filter;
-        filter.project = unary.caller.visible_project();
-        if (!request->scene().empty()) {
-          ASSIGN_OR_RETURN(filter.scene, unary.scenes().Scene(request->scene(), "scene"));
-        }
-        ASSIGN_OR_RETURN(filter.state, StateFromProto(request->state()));
-        ASSIGN_OR_RETURN(const PageRequest page,
-                         PageFromProto(request->page_size(), request->page_token()));
-        ASSIGN_OR_RETURN(const Page<JobRow> jobs, store_.jobs().ListJobs(filter, page));
-        for (const JobRow& row : jobs.rows) {
-          v1::Job* job = response->add_jobs();
-          *job = ToProto(row);
-          // The store has no progress: it comes from the job's event log. A log that cannot be read
-          // must not fail the list.
-          if (row.state != JobState::kRunning) continue;
-          const auto newest = supervisor_.FindNewest(row.id);
-          if (newest.ok() && newest->progress.has_value())
-            *job->mutable_progress() = *newest->progress;
-        }
-        response->set_next_page_token(jobs.next_page_token);
-        return absl::OkStatus();
-      });
-}
-
-grpc::ServerUnaryReactor* JobServiceRpc::CancelJob(grpc::CallbackServerContext* call,
-                                                   const v1::CancelJobRequest* request,
-                                                   v1::Job* response) {
-  return runner_.Run(
-      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall&) {
-        ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name(), "name"));
-        const auto row = supervisor_.Cancel(id);
-        if (!row.ok()) return WithResource(row.status(), "NO_SUCH_JOB", request->name());
-        *response = ToProto(*row);
-        return absl::OkStatus();
-      });
+absl::Status JobServiceRpc::CancelJob(const UnaryCall& /*call*/,
+                                      const v1::CancelJobRequest& request,
+                                      v1::Job* response) const {
+  ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name(), "name"));
+  const auto row = supervisor_.Cancel(id);
+  if (!row.ok()) return WithResource(row.status(), "NO_SUCH_JOB", request.name());
+  *response = ToProto(*row);
+  return absl::OkStatus();
 }
 
 grpc::ServerWriteReactor<v1::JobEvent>* JobServiceRpc::WatchJob(
@@ -297,19 +268,15 @@ grpc::ServerWriteReactor<v1::JobEvent>* JobServiceRpc::WatchJob(
   return stream.get();  // owns itself until OnDone
 }
 
-grpc::ServerUnaryReactor* JobServiceRpc::EstimateTraining(
-    grpc::CallbackServerContext* call, const v1::EstimateTrainingRequest* request,
-    v1::EstimateTrainingResponse* response) {
-  return runner_.Run(
-      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall& unary) {
-        ASSIGN_OR_RETURN(const WantedTraining training,
-                         WantedFromRequest(unary.scenes(), *request));
-        RETURN_IF_ERROR(CheckRunnable(training));
-        auto estimate = estimator_.Estimate(training, [&unary] { return unary.CheckWanted(); });
-        RETURN_IF_ERROR(estimate.status());
-        *response = *std::move(estimate);
-        return absl::OkStatus();
-      });
+absl::Status JobServiceRpc::EstimateTraining(const UnaryCall& call,
+                                             const v1::EstimateTrainingRequest& request,
+                                             v1::EstimateTrainingResponse* response) const {
+  ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(call.scenes(), request));
+  RETURN_IF_ERROR(CheckRunnable(training));
+  auto estimate = estimator_.Estimate(training, [&call] { return call.CheckWanted(); });
+  RETURN_IF_ERROR(estimate.status());
+  *response = *std::move(estimate);
+  return absl::OkStatus();
 }
 
 }  // namespace pepeseg

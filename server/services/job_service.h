@@ -25,25 +25,15 @@ class JobServiceRpc final : public v1::JobService::CallbackService {
   };
   JobServiceRpc(const CallRunner& runner, const Options& options);
 
-  grpc::ServerUnaryReactor* TrainScene(grpc::CallbackServerContext* call,
-                                       const v1::TrainSceneRequest* request,
-                                       v1::Job* response) override;
-  grpc::ServerUnaryReactor* ListTrainingOptions(grpc::CallbackServerContext* call,
-                                                const v1::ListTrainingOptionsRequest* request,
-                                                v1::ListTrainingOptionsResponse* response) override;
-  grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* call,
-                                   const v1::GetJobRequest* request, v1::Job* response) override;
-  grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* call,
-                                     const v1::ListJobsRequest* request,
-                                     v1::ListJobsResponse* response) override;
-  grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* call,
-                                      const v1::CancelJobRequest* request,
-                                      v1::Job* response) override;
+  PEPESEG_UNARY(TrainScene, v1::TrainSceneRequest, v1::Job)
+  PEPESEG_UNARY(ListTrainingOptions, v1::ListTrainingOptionsRequest,
+                v1::ListTrainingOptionsResponse)
+  PEPESEG_UNARY(GetJob, v1::GetJobRequest, v1::Job)
+  PEPESEG_UNARY(ListJobs, v1::ListJobsRequest, v1::ListJobsResponse)
+  PEPESEG_UNARY(CancelJob, v1::CancelJobRequest, v1::Job)
   grpc::ServerWriteReactor<v1::JobEvent>* WatchJob(grpc::CallbackServerContext* call,
                                                    const v1::WatchJobRequest* request) override;
-  grpc::ServerUnaryReactor* EstimateTraining(grpc::CallbackServerContext* call,
-                                             const v1::EstimateTrainingRequest* request,
-                                             v1::EstimateTrainingResponse* response) override;
+  PEPESEG_UNARY(EstimateTraining, v1::EstimateTrainingRequest, v1::EstimateTrainingResponse)
 
  private:
   // Returns FAILED_PRECONDITION, NOT_FOUND or INVALID_ARGUMENT unless the training can be queued:
@@ -57,10 +47,6 @@ class JobServiceRpc final : public v1::JobService::CallbackService {
   // count. Looks at sizes only; a training reads all bytes.
   absl::Status CheckFilesStored(const SceneRef& scene, int64_t dataset,
                                 const std::vector<DatasetFileRow>& files) const;
-  absl::Status ListOptions(const v1::ListTrainingOptionsRequest& request,
-                           v1::ListTrainingOptionsResponse* response) const;
-  absl::Status Train(const v1::TrainSceneRequest& request, const UnaryCall& call,
-                     v1::Job* response) const;
 
   const CallRunner& runner_;
   Store& store_;

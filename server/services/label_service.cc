@@ -86,12 +86,18 @@ absl::StatusOr<GivenLabel> ReadLabel(ModelLoader& models, const UnaryCall& call,
   return given;
 }
 
+}  // namespace
+
+LabelServiceRpc::LabelServiceRpc(const CallRunner& runner, ModelLoader& models)
+    : runner_(runner), models_(models) {}
+
 // Loads the live model if it is not in memory.
-absl::Status AnswerCreateLabel(ModelLoader& models, const UnaryCall& call,
-                               const v1::CreateLabelRequest& request, v1::Label* response) {
-  ASSIGN_OR_RETURN(const GivenLabel given, ReadLabel(models, call, request));
+absl::Status LabelServiceRpc::CreateLabel(const UnaryCall& call,
+                                          const v1::CreateLabelRequest& request,
+                                          v1::Label* response) const {
+  ASSIGN_OR_RETURN(const GivenLabel given, ReadLabel(models_, call, request));
   const LabelRow& label = given.row;
-  const auto made = models.store().labels().CreateLabel(label);
+  const auto made = models_.store().labels().CreateLabel(label);
   if (absl::IsAlreadyExists(made.status())) {
     return WithResource(made.status(), "LABEL_EXISTS", LabelName(label.scene, label.id));
   }
@@ -105,16 +111,16 @@ absl::Status AnswerCreateLabel(ModelLoader& models, const UnaryCall& call,
 
 // Returns the mask as the view of the live model shows it, in the frame of the request. Loads the
 // model, too.
-absl::Status AnswerGetLabel(ModelLoader& models, const UnaryCall& call,
-                            const v1::GetLabelRequest& request, v1::Label* response) {
+absl::Status LabelServiceRpc::GetLabel(const UnaryCall& call, const v1::GetLabelRequest& request,
+                                       v1::Label* response) const {
   ASSIGN_OR_RETURN(const SceneLabel label, call.scenes().Label(request.name(), "name"));
   RETURN_IF_ERROR(CheckFrame(request.frame()));
-  const auto row = models.store().labels().GetLabel(label.scene, label.id);
+  const auto row = models_.store().labels().GetLabel(label.scene, label.id);
   if (absl::IsNotFound(row.status())) {
     return WithResource(row.status(), "NO_SUCH_LABEL", request.name());
   }
   RETURN_IF_ERROR(row.status());
-  ASSIGN_OR_RETURN(const ResidentModel model, models.Load({label.scene, kLiveModel}));
+  ASSIGN_OR_RETURN(const ResidentModel model, models_.Load({label.scene, kLiveModel}));
   ASSIGN_OR_RETURN(Prompt prompt, PromptOfLabel(*row, model.segmenter->model(), model.row));
   SegmentResult stored;
   stored.mask = std::move(std::get<BinaryMask>(prompt.what));
@@ -126,64 +132,25 @@ absl::Status AnswerGetLabel(ModelLoader& models, const UnaryCall& call,
   return absl::OkStatus();
 }
 
-absl::Status AnswerListLabels(Store& store, const UnaryCall& call,
-                              const v1::ListLabelsRequest& request,
-                              v1::ListLabelsResponse* response) {
+absl::Status LabelServiceRpc::ListLabels(const UnaryCall& call,
+                                         const v1::ListLabelsRequest& request,
+                                         v1::ListLabelsResponse* response) const {
   ASSIGN_OR_RETURN(const SceneRef scene, call.scenes().Scene(request.parent(), "parent"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
-  ASSIGN_OR_RETURN(const Page<LabelRow> labels, store.labels().ListLabels(scene, page));
+  ASSIGN_OR_RETURN(const Page<LabelRow> labels, models_.store().labels().ListLabels(scene, page));
   for (const LabelRow& row : labels.rows) *response->add_labels() = WithoutMask(row);
   response->set_next_page_token(labels.next_page_token);
   return absl::OkStatus();
 }
 
-absl::Status AnswerDeleteLabel(Store& store, const UnaryCall& call,
-                               const v1::DeleteLabelRequest& request) {
+absl::Status LabelServiceRpc::DeleteLabel(const UnaryCall& call,
+                                          const v1::DeleteLabelRequest& request,
+                                          google::protobuf::Empty* /*response*/) const {
   ASSIGN_OR_RETURN(const SceneLabel label, call.scenes().Label(request.name(), "name"));
-  absl::Status deleted = store.labels().DeleteLabel(label.scene, label.id);
+  absl::Status deleted = models_.store().labels().DeleteLabel(label.scene, label.id);
   if (absl::IsNotFound(deleted)) return WithResource(deleted, "NO_SUCH_LABEL", request.name());
   return deleted;
-}
-
-}  // namespace
-
-LabelServiceRpc::LabelServiceRpc(const CallRunner& runner, ModelLoader& models)
-    : runner_(runner), models_(models) {}
-
-grpc::ServerUnaryReactor* LabelServiceRpc::CreateLabel(grpc::CallbackServerContext* call,
-                                                       const v1::CreateLabelRequest* request,
-                                                       v1::Label* response) {
-  return runner_.Run(runner_.pools().query, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       return AnswerCreateLabel(models_, unary, *request, response);
-                     });
-}
-
-grpc::ServerUnaryReactor* LabelServiceRpc::GetLabel(grpc::CallbackServerContext* call,
-                                                    const v1::GetLabelRequest* request,
-                                                    v1::Label* response) {
-  return runner_.Run(runner_.pools().query, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       return AnswerGetLabel(models_, unary, *request, response);
-                     });
-}
-
-grpc::ServerUnaryReactor* LabelServiceRpc::ListLabels(grpc::CallbackServerContext* call,
-                                                      const v1::ListLabelsRequest* request,
-                                                      v1::ListLabelsResponse* response) {
-  return runner_.Run(runner_.pools().io, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       return AnswerListLabels(models_.store(), unary, *request, response);
-                     });
-}
-
-grpc::ServerUnaryReactor* LabelServiceRpc::DeleteLabel(grpc::CallbackServerContext* call,
-                                                       const v1::DeleteLabelRequest* request,
-                                                       google::protobuf::Empty*) {
-  return runner_.Run(runner_.pools().io, {call, request}, [this, request](const UnaryCall& unary) {
-    return AnswerDeleteLabel(models_.store(), unary, *request);
-  });
 }
 
 }  // namespace pepeseg

@@ -13,18 +13,10 @@ class LabelServiceRpc final : public v1::LabelService::CallbackService {
   // Both must outlive it.
   LabelServiceRpc(const CallRunner& runner, ModelLoader& models);
 
-  grpc::ServerUnaryReactor* CreateLabel(grpc::CallbackServerContext* call,
-                                        const v1::CreateLabelRequest* request,
-                                        v1::Label* response) override;
-  grpc::ServerUnaryReactor* GetLabel(grpc::CallbackServerContext* call,
-                                     const v1::GetLabelRequest* request,
-                                     v1::Label* response) override;
-  grpc::ServerUnaryReactor* ListLabels(grpc::CallbackServerContext* call,
-                                       const v1::ListLabelsRequest* request,
-                                       v1::ListLabelsResponse* response) override;
-  grpc::ServerUnaryReactor* DeleteLabel(grpc::CallbackServerContext* call,
-                                        const v1::DeleteLabelRequest* request,
-                                        google::protobuf::Empty* response) override;
+  PEPESEG_UNARY(CreateLabel, v1::CreateLabelRequest, v1::Label)
+  PEPESEG_UNARY(GetLabel, v1::GetLabelRequest, v1::Label)
+  PEPESEG_UNARY(ListLabels, v1::ListLabelsRequest, v1::ListLabelsResponse)
+  PEPESEG_UNARY(DeleteLabel, v1::DeleteLabelRequest, google::protobuf::Empty)
 
  private:
   const CallRunner& runner_;

@@ -240,13 +240,10 @@ RenderServiceRpc::RenderServiceRpc(const CallRunner& runner, ModelLoader& models
                                    const Selections& selections)
     : runner_(runner), models_(models), selections_(selections) {}
 
-grpc::ServerUnaryReactor* RenderServiceRpc::RenderView(grpc::CallbackServerContext* call,
-                                                       const v1::RenderViewRequest* request,
-                                                       v1::RenderViewResponse* response) {
-  return runner_.Run(runner_.pools().query, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       return answers_.Render(unary, *request, response);
-                     });
+absl::Status RenderServiceRpc::RenderView(const UnaryCall& call,
+                                          const v1::RenderViewRequest& request,
+                                          v1::RenderViewResponse* response) const {
+  return answers_.Render(call, request, response);
 }
 
 grpc::ServerWriteReactor<v1::ExportGaussiansResponse>* RenderServiceRpc::ExportGaussians(

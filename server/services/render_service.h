@@ -14,9 +14,7 @@ class RenderServiceRpc final : public v1::RenderService::CallbackService {
   // All must outlive it.
   RenderServiceRpc(const CallRunner& runner, ModelLoader& models, const Selections& selections);
 
-  grpc::ServerUnaryReactor* RenderView(grpc::CallbackServerContext* call,
-                                       const v1::RenderViewRequest* request,
-                                       v1::RenderViewResponse* response) override;
+  PEPESEG_UNARY(RenderView, v1::RenderViewRequest, v1::RenderViewResponse)
   grpc::ServerWriteReactor<v1::ExportGaussiansResponse>* ExportGaussians(
       grpc::CallbackServerContext* call, const v1::ExportGaussiansRequest* request) override;
 

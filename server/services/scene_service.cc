@@ -130,7 +130,7 @@ absl::Status SceneServiceRpc::FillScene(const SceneRow& row, const Caller& calle
   return absl::OkStatus();
 }
 
-absl::Status SceneServiceRpc::DeleteWithRemains(const SceneRef& scene) {
+absl::Status SceneServiceRpc::DeleteWithRemains(const SceneRef& scene) const {
   // The records go first: if the server is killed afterwards, files without a record are left,
   // which the collector removes. The other order would leave records without files.
   ASSIGN_OR_RETURN(const SceneRemains remains, FindRemains(store_, scene));
@@ -153,7 +153,7 @@ absl::Status SceneServiceRpc::DeleteWithRemains(const SceneRef& scene) {
   return absl::OkStatus();
 }
 
-absl::Status SceneServiceRpc::DeleteModelWithFiles(const SceneChild& model) {
+absl::Status SceneServiceRpc::DeleteModelWithFiles(const SceneChild& model) const {
   ASSIGN_OR_RETURN(const ModelRow row, models_.Find(model));
   // Before the deletion, whose cascade removes the records of the selections.
   ASSIGN_OR_RETURN(const auto selections, FindSelectionFiles(store_, row));
@@ -168,114 +168,87 @@ absl::Status SceneServiceRpc::DeleteModelWithFiles(const SceneChild& model) {
   return absl::OkStatus();
 }
 
-grpc::ServerUnaryReactor* SceneServiceRpc::CreateScene(grpc::CallbackServerContext* call,
-                                                       const v1::CreateSceneRequest* request,
-                                                       v1::Scene* response) {
-  return runner_.Run(runner_.pools().io, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       RETURN_IF_ERROR(CheckCreate(*request));
-                       SceneRow row;
-                       row.display_name = request->scene().display_name();
-                       row.request_id = request->request_id();
-                       row.scene = {0, unary.caller.project, request->scene_id()};
-                       const auto scene = store_.scenes().CreateScene(row);
-                       if (absl::IsAlreadyExists(scene.status())) {
-                         return WithResource(scene.status(), "SCENE_EXISTS", SceneName(row.scene));
-                       }
-                       RETURN_IF_ERROR(scene.status());
-                       return FillScene(*scene, unary.caller, response);
-                     });
+absl::Status SceneServiceRpc::CreateScene(const UnaryCall& call,
+                                          const v1::CreateSceneRequest& request,
+                                          v1::Scene* response) const {
+  RETURN_IF_ERROR(CheckCreate(request));
+  SceneRow row;
+  row.display_name = request.scene().display_name();
+  row.request_id = request.request_id();
+  row.scene = {0, call.caller.project, request.scene_id()};
+  const auto scene = store_.scenes().CreateScene(row);
+  if (absl::IsAlreadyExists(scene.status())) {
+    return WithResource(scene.status(), "SCENE_EXISTS", SceneName(row.scene));
+  }
+  RETURN_IF_ERROR(scene.status());
+  return FillScene(*scene, call.caller, response);
 }
 
-grpc::ServerUnaryReactor* SceneServiceRpc::GetScene(grpc::CallbackServerContext* call,
-                                                    const v1::GetSceneRequest* request,
-                                                    v1::Scene* response) {
-  return runner_.Run(runner_.pools().io, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       const auto scene = unary.scenes().Scene(request->name(), "name");
-                       RETURN_IF_ERROR(scene.status());
-                       const auto row = store_.scenes().GetScene(*scene);
-                       if (!row.ok())
-                         return WithResource(row.status(), "NO_SUCH_SCENE", request->name());
-                       return FillScene(*row, unary.caller, response);
-                     });
+absl::Status SceneServiceRpc::GetScene(const UnaryCall& call, const v1::GetSceneRequest& request,
+                                       v1::Scene* response) const {
+  const auto scene = call.scenes().Scene(request.name(), "name");
+  RETURN_IF_ERROR(scene.status());
+  const auto row = store_.scenes().GetScene(*scene);
+  if (!row.ok()) return WithResource(row.status(), "NO_SUCH_SCENE", request.name());
+  return FillScene(*row, call.caller, response);
 }
 
-grpc::ServerUnaryReactor* SceneServiceRpc::ListScenes(grpc::CallbackServerContext* call,
-                                                      const v1::ListScenesRequest* request,
-                                                      v1::ListScenesResponse* response) {
-  return runner_.Run(
-      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall& unary) {
-        ASSIGN_OR_RETURN(const PageRequest page,
-                         PageFromProto(request->page_size(), request->page_token()));
-        ASSIGN_OR_RETURN(const Page<SceneRow> scenes,
-                         store_.scenes().ListScenes(page, unary.caller.visible_project()));
-        for (const SceneRow& row : scenes.rows) {
-          RETURN_IF_ERROR(FillScene(row, unary.caller, response->add_scenes()));
-        }
-        response->set_next_page_token(scenes.next_page_token);
-        return absl::OkStatus();
-      });
+absl::Status SceneServiceRpc::ListScenes(const UnaryCall& call,
+                                         const v1::ListScenesRequest& request,
+                                         v1::ListScenesResponse* response) const {
+  ASSIGN_OR_RETURN(const PageRequest page,
+                   PageFromProto(request.page_size(), request.page_token()));
+  ASSIGN_OR_RETURN(const Page<SceneRow> scenes,
+                   store_.scenes().ListScenes(page, call.caller.visible_project()));
+  for (const SceneRow& row : scenes.rows) {
+    RETURN_IF_ERROR(FillScene(row, call.caller, response->add_scenes()));
+  }
+  response->set_next_page_token(scenes.next_page_token);
+  return absl::OkStatus();
 }
 
-grpc::ServerUnaryReactor* SceneServiceRpc::DeleteScene(grpc::CallbackServerContext* call,
-                                                       const v1::DeleteSceneRequest* request,
-                                                       google::protobuf::Empty*) {
-  return runner_.Run(runner_.pools().io, {call, request}, [this, request](const UnaryCall& unary) {
-    const auto scene = unary.scenes().Scene(request->name(), "name");
-    RETURN_IF_ERROR(scene.status());
-    return DeleteWithRemains(*scene);
-  });
+absl::Status SceneServiceRpc::DeleteScene(const UnaryCall& call,
+                                          const v1::DeleteSceneRequest& request,
+                                          google::protobuf::Empty* /*response*/) const {
+  const auto scene = call.scenes().Scene(request.name(), "name");
+  RETURN_IF_ERROR(scene.status());
+  return DeleteWithRemains(*scene);
 }
 
-grpc::ServerUnaryReactor* SceneServiceRpc::ListViews(grpc::CallbackServerContext* call,
-                                                     const v1::ListViewsRequest* request,
-                                                     v1::ListViewsResponse* response) {
-  return runner_.Run(runner_.pools().query, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       ASSIGN_OR_RETURN(const PageRequest page,
-                                        PageFromProto(request->page_size(), request->page_token()));
-                       ASSIGN_OR_RETURN(const ResidentModel model,
-                                        models_.Load(unary.scenes(), request->parent(), "parent"));
-                       return FillViews(model.segmenter->model(), page, response);
-                     });
+absl::Status SceneServiceRpc::ListViews(const UnaryCall& call, const v1::ListViewsRequest& request,
+                                        v1::ListViewsResponse* response) const {
+  ASSIGN_OR_RETURN(const PageRequest page,
+                   PageFromProto(request.page_size(), request.page_token()));
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   models_.Load(call.scenes(), request.parent(), "parent"));
+  return FillViews(model.segmenter->model(), page, response);
 }
 
-grpc::ServerUnaryReactor* SceneServiceRpc::GetModel(grpc::CallbackServerContext* call,
-                                                    const v1::GetModelRequest* request,
-                                                    v1::Model* response) {
-  return runner_.Run(runner_.pools().io, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       const auto row = models_.Find(unary.scenes(), request->name(), "name");
-                       RETURN_IF_ERROR(row.status());
-                       *response = ToProto(*row);
-                       return absl::OkStatus();
-                     });
+absl::Status SceneServiceRpc::GetModel(const UnaryCall& call, const v1::GetModelRequest& request,
+                                       v1::Model* response) const {
+  const auto row = models_.Find(call.scenes(), request.name(), "name");
+  RETURN_IF_ERROR(row.status());
+  *response = ToProto(*row);
+  return absl::OkStatus();
 }
 
-grpc::ServerUnaryReactor* SceneServiceRpc::DeleteModel(grpc::CallbackServerContext* call,
-                                                       const v1::DeleteModelRequest* request,
-                                                       google::protobuf::Empty*) {
-  return runner_.Run(
-      runner_.pools().io, {call, request}, [this, request](const UnaryCall& unary) -> absl::Status {
-        ASSIGN_OR_RETURN(const SceneChild model, unary.scenes().Model(request->name(), "name"));
-        return DeleteModelWithFiles(model);
-      });
+absl::Status SceneServiceRpc::DeleteModel(const UnaryCall& call,
+                                          const v1::DeleteModelRequest& request,
+                                          google::protobuf::Empty* /*response*/) const {
+  ASSIGN_OR_RETURN(const SceneChild model, call.scenes().Model(request.name(), "name"));
+  return DeleteModelWithFiles(model);
 }
 
-grpc::ServerUnaryReactor* SceneServiceRpc::ListModels(grpc::CallbackServerContext* call,
-                                                      const v1::ListModelsRequest* request,
-                                                      v1::ListModelsResponse* response) {
-  return runner_.Run(
-      runner_.pools().io, {call, request}, [this, request, response](const UnaryCall& unary) {
-        ASSIGN_OR_RETURN(const SceneRef scene, unary.scenes().Scene(request->parent(), "parent"));
-        ASSIGN_OR_RETURN(const PageRequest page,
-                         PageFromProto(request->page_size(), request->page_token()));
-        ASSIGN_OR_RETURN(const Page<ModelRow> models, store_.models().ListModels(scene, page));
-        for (const ModelRow& row : models.rows) *response->add_models() = ToProto(row);
-        response->set_next_page_token(models.next_page_token);
-        return absl::OkStatus();
-      });
+absl::Status SceneServiceRpc::ListModels(const UnaryCall& call,
+                                         const v1::ListModelsRequest& request,
+                                         v1::ListModelsResponse* response) const {
+  ASSIGN_OR_RETURN(const SceneRef scene, call.scenes().Scene(request.parent(), "parent"));
+  ASSIGN_OR_RETURN(const PageRequest page,
+                   PageFromProto(request.page_size(), request.page_token()));
+  ASSIGN_OR_RETURN(const Page<ModelRow> models, store_.models().ListModels(scene, page));
+  for (const ModelRow& row : models.rows) *response->add_models() = ToProto(row);
+  response->set_next_page_token(models.next_page_token);
+  return absl::OkStatus();
 }
 
 }  // namespace pepeseg

@@ -13,36 +13,20 @@ class SceneServiceRpc final : public v1::SceneService::CallbackService {
   // All must outlive it.
   SceneServiceRpc(const CallRunner& runner, ModelLoader& models, BlobStore& blobs);
 
-  grpc::ServerUnaryReactor* CreateScene(grpc::CallbackServerContext* call,
-                                        const v1::CreateSceneRequest* request,
-                                        v1::Scene* response) override;
-  grpc::ServerUnaryReactor* GetScene(grpc::CallbackServerContext* call,
-                                     const v1::GetSceneRequest* request,
-                                     v1::Scene* response) override;
-  grpc::ServerUnaryReactor* ListScenes(grpc::CallbackServerContext* call,
-                                       const v1::ListScenesRequest* request,
-                                       v1::ListScenesResponse* response) override;
-  grpc::ServerUnaryReactor* DeleteScene(grpc::CallbackServerContext* call,
-                                        const v1::DeleteSceneRequest* request,
-                                        google::protobuf::Empty* response) override;
-  grpc::ServerUnaryReactor* ListViews(grpc::CallbackServerContext* call,
-                                      const v1::ListViewsRequest* request,
-                                      v1::ListViewsResponse* response) override;
-  grpc::ServerUnaryReactor* GetModel(grpc::CallbackServerContext* call,
-                                     const v1::GetModelRequest* request,
-                                     v1::Model* response) override;
-  grpc::ServerUnaryReactor* DeleteModel(grpc::CallbackServerContext* call,
-                                        const v1::DeleteModelRequest* request,
-                                        google::protobuf::Empty* response) override;
-  grpc::ServerUnaryReactor* ListModels(grpc::CallbackServerContext* call,
-                                       const v1::ListModelsRequest* request,
-                                       v1::ListModelsResponse* response) override;
+  PEPESEG_UNARY(CreateScene, v1::CreateSceneRequest, v1::Scene)
+  PEPESEG_UNARY(GetScene, v1::GetSceneRequest, v1::Scene)
+  PEPESEG_UNARY(ListScenes, v1::ListScenesRequest, v1::ListScenesResponse)
+  PEPESEG_UNARY(DeleteScene, v1::DeleteSceneRequest, google::protobuf::Empty)
+  PEPESEG_UNARY(ListViews, v1::ListViewsRequest, v1::ListViewsResponse)
+  PEPESEG_UNARY(GetModel, v1::GetModelRequest, v1::Model)
+  PEPESEG_UNARY(DeleteModel, v1::DeleteModelRequest, google::protobuf::Empty)
+  PEPESEG_UNARY(ListModels, v1::ListModelsRequest, v1::ListModelsResponse)
 
  private:
   absl::Status FillScene(const SceneRow& row, const Caller& caller, v1::Scene* scene) const;
   // Deletes a scene or a model, and its files and models in memory.
-  absl::Status DeleteWithRemains(const SceneRef& scene);
-  absl::Status DeleteModelWithFiles(const SceneChild& model);
+  absl::Status DeleteWithRemains(const SceneRef& scene) const;
+  absl::Status DeleteModelWithFiles(const SceneChild& model) const;
 
   const CallRunner& runner_;
   ModelLoader& models_;

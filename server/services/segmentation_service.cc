@@ -139,9 +139,9 @@ SegmentationServiceRpc::SegmentationServiceRpc(const CallRunner& runner, ModelLo
                                                BorderRefiner& borders)
     : runner_(runner), models_(models), borders_(borders) {}
 
-absl::Status SegmentationServiceRpc::Propose(const UnaryCall& call,
-                                             const v1::ProposeScalesRequest& request,
-                                             v1::ProposeScalesResponse* response) const {
+absl::Status SegmentationServiceRpc::ProposeScales(const UnaryCall& call,
+                                                   const v1::ProposeScalesRequest& request,
+                                                   v1::ProposeScalesResponse* response) const {
   Stopwatch stopwatch;
   ASSIGN_OR_RETURN(const ResidentModel model,
                    models_.LoadWithFeatures(call.scenes(), request.model(), "model"));
@@ -169,9 +169,9 @@ absl::Status SegmentationServiceRpc::Propose(const UnaryCall& call,
   return CheckAnswerSize(response->ByteSizeLong());
 }
 
-absl::Status SegmentationServiceRpc::Decompose(const UnaryCall& call,
-                                               const v1::DecomposeModelRequest& request,
-                                               v1::DecomposeModelResponse* response) const {
+absl::Status SegmentationServiceRpc::DecomposeModel(const UnaryCall& call,
+                                                    const v1::DecomposeModelRequest& request,
+                                                    v1::DecomposeModelResponse* response) const {
   ASSIGN_OR_RETURN(const std::vector<double> scales, ReadScales(request.scales(), "scales"));
   Stopwatch stopwatch;
   ASSIGN_OR_RETURN(const ResidentModel model,
@@ -219,24 +219,6 @@ SegmentationServiceRpc::StreamSegments(grpc::CallbackServerContext* call) {
                                                            OriginOf(*call));
   stream->BeginReading();
   return stream.get();  // owns itself until OnDone
-}
-
-grpc::ServerUnaryReactor* SegmentationServiceRpc::ProposeScales(
-    grpc::CallbackServerContext* call, const v1::ProposeScalesRequest* request,
-    v1::ProposeScalesResponse* response) {
-  return runner_.Run(runner_.pools().query, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       return Propose(unary, *request, response);
-                     });
-}
-
-grpc::ServerUnaryReactor* SegmentationServiceRpc::DecomposeModel(
-    grpc::CallbackServerContext* call, const v1::DecomposeModelRequest* request,
-    v1::DecomposeModelResponse* response) {
-  return runner_.Run(runner_.pools().evaluation, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       return Decompose(unary, *request, response);
-                     });
 }
 
 }  // namespace pepeseg

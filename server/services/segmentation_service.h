@@ -20,19 +20,10 @@ class SegmentationServiceRpc final : public v1::SegmentationService::CallbackSer
                                          v1::SegmentViewsResponse* response) override;
   grpc::ServerBidiReactor<v1::StreamSegmentsRequest, v1::StreamSegmentsResponse>* StreamSegments(
       grpc::CallbackServerContext* call) override;
-  grpc::ServerUnaryReactor* ProposeScales(grpc::CallbackServerContext* call,
-                                          const v1::ProposeScalesRequest* request,
-                                          v1::ProposeScalesResponse* response) override;
-  grpc::ServerUnaryReactor* DecomposeModel(grpc::CallbackServerContext* call,
-                                           const v1::DecomposeModelRequest* request,
-                                           v1::DecomposeModelResponse* response) override;
+  PEPESEG_UNARY(ProposeScales, v1::ProposeScalesRequest, v1::ProposeScalesResponse)
+  PEPESEG_UNARY(DecomposeModel, v1::DecomposeModelRequest, v1::DecomposeModelResponse)
 
  private:
-  absl::Status Propose(const UnaryCall& call, const v1::ProposeScalesRequest& request,
-                       v1::ProposeScalesResponse* response) const;
-  absl::Status Decompose(const UnaryCall& call, const v1::DecomposeModelRequest& request,
-                         v1::DecomposeModelResponse* response) const;
-
   const CallRunner& runner_;
   ModelLoader& models_;
   BorderRefiner& borders_;

@@ -102,9 +102,9 @@ absl::StatusOr<GaussianSet> SelectionServiceRpc::SelectSource(
   }
 }
 
-absl::Status SelectionServiceRpc::Create(const UnaryCall& call,
-                                         const v1::CreateSelectionRequest& request,
-                                         v1::Selection* response) const {
+absl::Status SelectionServiceRpc::CreateSelection(const UnaryCall& call,
+                                                  const v1::CreateSelectionRequest& request,
+                                                  v1::Selection* response) const {
   // A repeated request is answered from its record before the model is loaded, even if "live" means
   // a newer model by now.
   ASSIGN_OR_RETURN(const SceneChild named, call.scenes().Model(request.model(), "model"));
@@ -135,9 +135,9 @@ absl::Status SelectionServiceRpc::Create(const UnaryCall& call,
   return absl::OkStatus();
 }
 
-absl::Status SelectionServiceRpc::Combine(const UnaryCall& call,
-                                          const v1::CombineSelectionsRequest& request,
-                                          v1::Selection* response) const {
+absl::Status SelectionServiceRpc::CombineSelections(const UnaryCall& call,
+                                                    const v1::CombineSelectionsRequest& request,
+                                                    v1::Selection* response) const {
   RETURN_IF_ERROR(CheckOperation(request.operation()));
   RETURN_IF_ERROR(CheckRequestId(request.request_id()));
   ASSIGN_OR_RETURN(const SceneChild first,
@@ -167,9 +167,9 @@ absl::Status SelectionServiceRpc::Combine(const UnaryCall& call,
   return absl::OkStatus();
 }
 
-absl::Status SelectionServiceRpc::Undo(const UnaryCall& call,
-                                       const v1::UndoSelectionRequest& request,
-                                       v1::Selection* response) const {
+absl::Status SelectionServiceRpc::UndoSelection(const UnaryCall& call,
+                                                const v1::UndoSelectionRequest& request,
+                                                v1::Selection* response) const {
   ASSIGN_OR_RETURN(const SelectionRow row,
                    selections_.FindRow(call.scenes(), request.name(), "name"));
   if (row.base == 0) {
@@ -183,17 +183,18 @@ absl::Status SelectionServiceRpc::Undo(const UnaryCall& call,
   return absl::OkStatus();
 }
 
-absl::Status SelectionServiceRpc::Get(const UnaryCall& call, const v1::GetSelectionRequest& request,
-                                      v1::Selection* response) const {
+absl::Status SelectionServiceRpc::GetSelection(const UnaryCall& call,
+                                               const v1::GetSelectionRequest& request,
+                                               v1::Selection* response) const {
   ASSIGN_OR_RETURN(const SelectionRow row,
                    selections_.FindRow(call.scenes(), request.name(), "name"));
   *response = ToProto(row);
   return absl::OkStatus();
 }
 
-absl::Status SelectionServiceRpc::List(const UnaryCall& call,
-                                       const v1::ListSelectionsRequest& request,
-                                       v1::ListSelectionsResponse* response) const {
+absl::Status SelectionServiceRpc::ListSelections(const UnaryCall& call,
+                                                 const v1::ListSelectionsRequest& request,
+                                                 v1::ListSelectionsResponse* response) const {
   ASSIGN_OR_RETURN(const SceneRef scene, call.scenes().Scene(request.parent(), "parent"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
@@ -204,62 +205,12 @@ absl::Status SelectionServiceRpc::List(const UnaryCall& call,
   return absl::OkStatus();
 }
 
-absl::Status SelectionServiceRpc::Delete(const UnaryCall& call,
-                                         const v1::DeleteSelectionRequest& request) const {
+absl::Status SelectionServiceRpc::DeleteSelection(const UnaryCall& call,
+                                                  const v1::DeleteSelectionRequest& request,
+                                                  google::protobuf::Empty* /*response*/) const {
   ASSIGN_OR_RETURN(const SelectionRow row,
                    selections_.FindRow(call.scenes(), request.name(), "name"));
   return selections_.Delete(row);
-}
-
-grpc::ServerUnaryReactor* SelectionServiceRpc::CreateSelection(
-    grpc::CallbackServerContext* call, const v1::CreateSelectionRequest* request,
-    v1::Selection* response) {
-  return runner_.Run(runner_.pools().query, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       return Create(unary, *request, response);
-                     });
-}
-
-grpc::ServerUnaryReactor* SelectionServiceRpc::CombineSelections(
-    grpc::CallbackServerContext* call, const v1::CombineSelectionsRequest* request,
-    v1::Selection* response) {
-  return runner_.Run(runner_.pools().query, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       return Combine(unary, *request, response);
-                     });
-}
-
-grpc::ServerUnaryReactor* SelectionServiceRpc::UndoSelection(
-    grpc::CallbackServerContext* call, const v1::UndoSelectionRequest* request,
-    v1::Selection* response) {
-  return runner_.Run(runner_.pools().io, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       return Undo(unary, *request, response);
-                     });
-}
-
-grpc::ServerUnaryReactor* SelectionServiceRpc::GetSelection(grpc::CallbackServerContext* call,
-                                                            const v1::GetSelectionRequest* request,
-                                                            v1::Selection* response) {
-  return runner_.Run(
-      runner_.pools().io, {call, request},
-      [this, request, response](const UnaryCall& unary) { return Get(unary, *request, response); });
-}
-
-grpc::ServerUnaryReactor* SelectionServiceRpc::ListSelections(
-    grpc::CallbackServerContext* call, const v1::ListSelectionsRequest* request,
-    v1::ListSelectionsResponse* response) {
-  return runner_.Run(runner_.pools().io, {call, request},
-                     [this, request, response](const UnaryCall& unary) {
-                       return List(unary, *request, response);
-                     });
-}
-
-grpc::ServerUnaryReactor* SelectionServiceRpc::DeleteSelection(
-    grpc::CallbackServerContext* call, const v1::DeleteSelectionRequest* request,
-    google::protobuf::Empty*) {
-  return runner_.Run(runner_.pools().io, {call, request},
-                     [this, request](const UnaryCall& unary) { return Delete(unary, *request); });
 }
 
 }  // namespace pepeseg

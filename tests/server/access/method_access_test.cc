@@ -28,6 +28,8 @@ TEST(MethodAccess, CoversEveryMethodOfThePackage) {
     EXPECT_EQ(access->method, method->full_name());
     const v1::Access& option = method->options().GetExtension(v1::access);
     EXPECT_EQ(access->scope, option.scope());
+    EXPECT_EQ(access->pool, option.pool());
+    EXPECT_EQ(access->pool == v1::POOL_ADMIN, method->service()->name() == "AdminService");
     EXPECT_EQ(access->resources.size(), static_cast<size_t>(option.resources_size()));
   }
 }
