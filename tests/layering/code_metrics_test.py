@@ -38,30 +38,9 @@ void Pepe::Member(void) noexcept {
 '''
 
 TREE = {
-    "server/rpc/service.cc": '#include "server/rpc/answer.h"\n'
-                             "Status SegmentationService::SegmentViews(Context* c) { return Answer(c); }\n"
-                             "Status SegmentationService::Other(Context* c) { return Unrelated(c); }\n",
-    "server/rpc/answer.h": "Status Answer(Context* c);\nStatus Elsewhere(Context* c);\n"
-                           "struct Asked {\n  int value() const { return 0; }\n"
-                           "  Status Abstract(int a) = 0;\n};\n",
-    "server/rpc/answer.cc": '#include "server/rpc/answer.h"\n#include "core/io/load.h"\n'
-                            "Status Answer(Context* c) {\n"
-                            "  return Load(c) + Elsewhere(c) + Asked(c).value() + Abstract(c);\n}\n",
-    "server/rpc/elsewhere.cc": '#include "server/rpc/answer.h"\n'
-                               "Status Elsewhere(Context* c) { return 0; }\n",
-    "server/rpc/derived.cc": '#include "server/rpc/answer.h"\n'
-                             "Status Derived::Abstract(int a) { return 0; }\n",
-    "server/api/elsewhere.cc": '#include "server/rpc/answer.h"\n'
-                               "Status Elsewhere(Context* c) { return 1; }\n",
-    "core/io/load.h": "inline int Load(int a) { return a; }\ninline int Unused() { return 0; }\n"
-                      "struct LoadOptions {\n  int a = 0, b = 1;\n  std::map<int, int> c = {{1, 2}};\n"
-                      "  absl::Status Validate() const;\n  enum class Kind { kX, kY };\n"
-                      "  Kind kind = Kind::kX;\n};\n",
-    "core/io/far.cc": "Status Unrelated(Context* c) { return 0; }\n",
-    "proto/pepeseg/v1/a.proto": "message AOptions {\n  int32 a = 1;  // = 2;\n"
-                                "  optional int32 b = 2 [deprecated = true];\n}\n",
-    "build/.ninja_log": "# ninja log v5\n0\t30000\t1\tserver/a.o\taa\n0\t30000\t1\tserver/a.d\taa\n"
-                        "5000\t65000\t1\tkernels/b.cu.o\tbb\n",
+    "server/rpc/answer.h": "Status Answer(Context* c);\n",
+    "server/rpc/answer.cc": "Status Answer(Context* c) {\n  return 0;\n}\n",
+    "core/io/load.h": "inline int Load(int a) { return a; }\ninline int Unused() { return 0; }\n",
 }
 failures = []
 
@@ -72,11 +51,10 @@ def expect(what, actual, expected):
 
 
 def test_functions():
-    found = code_metrics.find_functions("a.cc", HARD)
-    expect("functions", [(f.owner, f.name, f.lines, f.parameters) for f in found],
-           [("Pair", "Pair", 1, 2), ("Pair", "value", 1, 0), ("Pair", "operator==", 1, 1),
-            ("", "Long", 8, 2), ("Pepe", "Member", 2, 0)])
-    expect("calls", found[3].calls & {"use", "Inner", "for", "if"}, {"use", "Inner"})
+    found = code_metrics.find_functions(HARD)
+    expect("functions", [(f.name, f.lines, f.parameters) for f in found],
+           [("Pair", 1, 2), ("value", 1, 0), ("operator==", 1, 1), ("Long", 8, 2),
+            ("Member", 2, 0)])
     expect("comments", code_metrics.count_comments(HARD), (3, len(HARD.splitlines())))
 
 
@@ -91,15 +69,10 @@ def test_tree():
             path = pathlib.Path(root, name)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text)
-        done = subprocess.run([sys.executable, code_metrics.__file__, root, "--details",
-                               "--ninja-log", str(pathlib.Path(root, "build/.ninja_log"))],
-                              text=True, capture_output=True, check=True)
-    for row in ("| units | 7 | 0 |", "| files | 8 | 0 |", "| files of 40 lines or fewer | 100 % |",
-                "| functions | 10 | 0 |", "| folder cycles | 0 | 0 |",
-                "followed through: answering | 3 |", "| all of them | 4 |",
-                "fields of 1 structs ...Options | 4 |", "fields of 1 messages ...Options | 2 |",
-                "| build, minutes of all steps | 1.5 |", "| of which CUDA | 1.0 |",
-                "| kernels/b.cu.o | 60.0 |"):
+        done = subprocess.run([sys.executable, code_metrics.__file__, root], text=True,
+                              capture_output=True, check=True)
+    for row in ("| units | 2 | 0 |", "| files | 3 | 0 |", "| files of 40 lines or fewer | 100 % |",
+                "| functions | 3 | 0 |"):
         if row not in done.stdout:
             failures.append(f"lacks {row}\n{done.stdout}")
 
