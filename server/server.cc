@@ -280,8 +280,7 @@ absl::Status Server::Parts::Listen(const ServerOptions& options) {
 void Server::Parts::StartSelfProbe(const ServerOptions& options) {
   ListenerProbeOptions probe;
   probe.listening = acceptor->descriptor();
-  probe.certificate = [this] { return credentials->texts(); };
-  probe.on_port = [this](int port) { acceptor->SetProbePort(port); };
+  probe.on_address = [this](const std::string& address) { acceptor->SetProbe(address); };
   SelfProbe::Pace pace;
   pace.interval = options.self_probe;
   self_probe = std::make_unique<SelfProbe>(

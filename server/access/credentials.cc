@@ -93,12 +93,6 @@ std::shared_ptr<grpc::ServerCredentials> ListenerCredentials::Make() const {
   return grpc::experimental::TlsServerCredentials(options);
 }
 
-std::optional<CertificateTexts> ListenerCredentials::texts() const {
-  if (provider_ == nullptr) return std::nullopt;
-  const std::lock_guard lock(mutex_);
-  return texts_;
-}
-
 absl::Status ListenerCredentials::Load() {
   ASSIGN_OR_RETURN(CertificateTexts texts, ReadCertificateFiles(options_));
   if (texts == texts_) return absl::OkStatus();

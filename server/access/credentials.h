@@ -7,7 +7,6 @@
 #include <ctime>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <string>
 #include <thread>
 
@@ -55,8 +54,6 @@ class ListenerCredentials {
 
   // Returns credentials for one listener.
   std::shared_ptr<grpc::ServerCredentials> Make() const;
-  // Returns the texts in use, or nullopt without encryption.
-  std::optional<CertificateTexts> texts() const;
 
  private:
   explicit ListenerCredentials(AccessOptions options) : options_(std::move(options)) {}

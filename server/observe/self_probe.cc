@@ -2,7 +2,6 @@
 
 #include <spdlog/spdlog.h>
 
-#include <csignal>
 #include <string>
 #include <utility>
 
@@ -25,11 +24,6 @@ SelfProbe::~SelfProbe() {
 }
 
 void SelfProbe::Run() {
-  // OpenSSL may write to a socket whose other end is closed; that must not raise SIGPIPE.
-  sigset_t pipe;
-  sigemptyset(&pipe);
-  sigaddset(&pipe, SIGPIPE);
-  pthread_sigmask(SIG_BLOCK, &pipe, nullptr);
   int num_failures = 0;
   std::unique_lock lock(mutex_);
   while (!stop_.wait_for(lock, absl::ToChronoMilliseconds(pace_.interval),

@@ -1,7 +1,6 @@
 #include "server/rpc/connection_acceptor.h"
 
 #include <grpcpp/resource_quota.h>
-#include <netinet/in.h>
 #include <poll.h>
 #include <spdlog/spdlog.h>
 #include <sys/eventfd.h>
@@ -17,6 +16,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
 
@@ -57,15 +57,6 @@ int64_t DescriptorLimit() {
   return static_cast<int64_t>(limit.rlim_cur);
 }
 
-// 0: it has none, or no address at all.
-int PeerPort(const sockaddr_storage& peer) {
-  if (peer.ss_family == AF_INET) {
-    return ntohs(reinterpret_cast<const sockaddr_in&>(peer).sin_port);
-  }
-  if (peer.ss_family != AF_INET6) return 0;
-  return ntohs(reinterpret_cast<const sockaddr_in6&>(peer).sin6_port);
-}
-
 }  // namespace
 
 int64_t ReservedDescriptors(int64_t limit) { return std::min<int64_t>(limit / 4, 8192); }
@@ -85,6 +76,9 @@ absl::StatusOr<std::unique_ptr<ConnectionAcceptor>> ConnectionAcceptor::Listen(
   acceptor->grpc_ = builder.experimental().AddExternalConnectionAcceptor(
       grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD,
       std::move(credentials));
+  acceptor->grpc_without_tls_ = builder.experimental().AddExternalConnectionAcceptor(
+      grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD,
+      grpc::InsecureServerCredentials());
   return acceptor;
 }
 
@@ -132,10 +126,10 @@ void ConnectionAcceptor::AcceptFrom(int listening) {
       if (errno != EAGAIN) poll(nullptr, 0, kAcceptPauseMs);
       return;
     }
-    const int port = PeerPort(peer);
+    const bool is_probe = IsProbe(peer, size);
     // The probe must get through even then: otherwise a full server would look like a dead
     // listener.
-    if (connection >= first_reserved && (port == 0 || port != probe_port_)) {
+    if (connection >= first_reserved && !is_probe) {
       Refuse(connection);
       continue;
     }
@@ -143,8 +137,18 @@ void ConnectionAcceptor::AcceptFrom(int listening) {
     // gRPC owns the descriptor from here on, also on an error.
     accepted.listener_fd = listening;
     accepted.fd = connection;
-    grpc_->HandleNewConnection(&accepted);
+    (is_probe ? grpc_without_tls_ : grpc_)->HandleNewConnection(&accepted);
   }
+}
+
+void ConnectionAcceptor::SetProbe(const std::string& address) {
+  const std::lock_guard lock(probe_mutex_);
+  probe_ = address;
+}
+
+bool ConnectionAcceptor::IsProbe(const sockaddr_storage& peer, socklen_t size) {
+  const std::lock_guard lock(probe_mutex_);
+  return !probe_.empty() && absl::string_view(reinterpret_cast<const char*>(&peer), size) == probe_;
 }
 
 void ConnectionAcceptor::Refuse(int connection) {

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <grpcpp/server_builder.h>
+#include <sys/socket.h>
 
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <thread>
 
@@ -39,8 +41,10 @@ class ConnectionAcceptor {
   int port() const { return sockets_.port(); }  // 0: a Unix socket
   // One of the listening sockets, for ListenerProbe; valid until Stop().
   int descriptor() const { return sockets_.descriptors().front(); }
-  // A connection from this local port may use the reserve. 0: none may.
-  void SetProbePort(int port) { probe_port_ = port; }
+  // Sets the address of the socket of ListenerProbe, as getsockname() has it; empty: none. Its
+  // connection may use the reserve, and is served without TLS. No other socket has that address
+  // while the probe's is open.
+  void SetProbe(const std::string& address);
   int64_t num_refused() const { return num_refused_; }
 
  private:
@@ -52,12 +56,14 @@ class ConnectionAcceptor {
   // Accepts what waits at the socket.
   void AcceptFrom(int listening);
   void Refuse(int connection);
+  bool IsProbe(const sockaddr_storage& peer, socklen_t size);
 
   ListeningSockets sockets_;
   const int stop_event_;
-  std::unique_ptr<GrpcAcceptor> grpc_;
+  std::unique_ptr<GrpcAcceptor> grpc_, grpc_without_tls_;
   std::atomic<bool> stopping_ = false;
-  std::atomic<int> probe_port_ = 0;
+  std::mutex probe_mutex_;
+  std::string probe_;  // guarded by probe_mutex_
   std::atomic<int64_t> num_refused_ = 0;
   int64_t num_logged_ = 0;  // of num_refused_, those that the log has reported
   absl::Time last_log_ = absl::InfinitePast();

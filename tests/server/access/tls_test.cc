@@ -107,16 +107,15 @@ void ExpectReachable(ServerOptions options) {
 }
 
 TEST_F(Tls, SelfProbeReachesTheListener) {
-  ExpectReachable(ServerOptions());
+  ServerOptions local;
+  local.listen = "unix:" + (folder / "socket").string();
+  ExpectReachable(local);
+  options.listen = "0.0.0.0:0";
   ExpectReachable(options);
 }
 
 TEST_F(Tls, SelfProbeReachesAListenerThatRequiresCertificates) {
   DemandClientCertificates();
-  // The client CA did not sign the server's certificate, with which the probe calls: the server
-  // hangs up, which shows that it can be reached.
-  ExpectReachable(options);
-  std::ofstream(options.access.tls_client_ca, std::ios::trunc) << authority.certificate();
   ExpectReachable(options);
 }
 
@@ -125,11 +124,24 @@ TEST_F(Tls, ProbeFailsIfNothingAnswers) {
   ListenerProbeOptions probe;
   probe.listening = mute.descriptors().front();
   probe.timeout = absl::Milliseconds(200);
-  EXPECT_EQ(ProbeListener(probe).message(), "read: no answer");
-  for (const std::string& client_ca : {std::string(), clients.certificate()}) {
-    probe.certificate = [&] { return CertificateTexts{issued.certificate, issued.key, client_ca}; };
-    EXPECT_EQ(ProbeListener(probe).message(), "TLS handshake: no answer");
+  std::vector<std::string> addresses;
+  probe.on_address = [&](const std::string& address) { addresses.push_back(address); };
+  EXPECT_EQ(ProbeListener(probe).message(), "health: no answer");
+  ASSERT_EQ(addresses.size(), 2u);
+  EXPECT_FALSE(addresses[0].empty());
+  EXPECT_TRUE(addresses[1].empty());
+  mute.Close();
+  EXPECT_FALSE(ProbeListener(probe).ok());
+}
+
+// TLS is left out for the probe's own socket alone.
+TEST_F(Tls, RefusesConnectionsWithoutTlsWhileTheProbeRuns) {
+  options.self_probe = absl::Milliseconds(1);
+  Start();
+  for (int i = 0; i < 50; ++i) {
+    EXPECT_EQ(List(grpc::InsecureChannelCredentials()), grpc::UNAVAILABLE);
   }
+  EXPECT_EQ(List(Trusting(authority)), grpc::OK);
 }
 
 TEST_F(Tls, AcceptsIdentitiesFromTheGatewaysCertificateOnly) {
