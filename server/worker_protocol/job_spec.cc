@@ -11,6 +11,18 @@
 #include "server/worker_protocol/client_text.h"
 
 namespace pepeseg {
+
+// The fields of the files, in both directions; a field that is missing or of another type throws.
+// Apart are JobSpec::options, a message, and JobResult::status.
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WorkerOptions, sandbox, sandbox_reads, pass_environment, colmap,
+                                   priors_command, priors_seconds, sam, keep_embeddings,
+                                   lpips_weights, log_format)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(JobSpecFile, name, kind, path, sha256)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(JobSpec, job, fence, files, device, num_threads,
+                                   checkpoint_seconds, checkpoint_steps, memory_limit, traceparent,
+                                   lease_seconds, worker)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(JobResult, metrics, num_gaussians, num_bytes, sources, damaged)
+
 namespace {
 
 using Json = nlohmann::json;
@@ -40,63 +52,10 @@ absl::StatusOr<T> Decode(const std::filesystem::path& path, const Json& json,
   }
 }
 
-Json Encode(const WorkerOptions& options) {
-  return {{"sandbox", options.sandbox},
-          {"sandbox_reads", options.sandbox_reads},
-          {"pass_environment", options.pass_environment},
-          {"colmap", options.colmap},
-          {"priors_command", options.priors_command},
-          {"priors_seconds", options.priors_seconds},
-          {"sam", options.sam.string()},
-          {"keep_embeddings", options.keep_embeddings},
-          {"lpips_weights", options.lpips_weights.string()},
-          {"log_format", options.log_format}};
-}
-
-WorkerOptions DecodeWorkerOptions(const Json& json) {
-  WorkerOptions options;
-  options.sandbox = json.at("sandbox").get<bool>();
-  options.sandbox_reads = json.at("sandbox_reads").get<std::vector<std::string>>();
-  options.pass_environment = json.at("pass_environment").get<std::vector<std::string>>();
-  options.colmap = json.at("colmap").get<std::string>();
-  options.priors_command = json.at("priors_command").get<std::string>();
-  options.priors_seconds = json.at("priors_seconds").get<int64_t>();
-  options.sam = json.at("sam").get<std::string>();
-  options.keep_embeddings = json.at("keep_embeddings").get<bool>();
-  options.lpips_weights = json.at("lpips_weights").get<std::string>();
-  options.log_format = json.at("log_format").get<std::string>();
-  return options;
-}
-
-JobSpec DecodeSpec(const Json& json) {
-  JobSpec spec;
-  spec.job = json.at("job").get<std::string>();
-  spec.fence = json.at("fence").get<int64_t>();
-  spec.device = json.at("device").get<std::string>();
-  spec.num_threads = json.at("num_threads").get<int>();
-  spec.checkpoint_seconds = json.at("checkpoint_seconds").get<int64_t>();
-  spec.checkpoint_steps = json.at("checkpoint_steps").get<int64_t>();
-  spec.memory_limit = json.at("memory_limit").get<int64_t>();
-  spec.traceparent = json.at("traceparent").get<std::string>();
-  spec.lease_seconds = json.at("lease_seconds").get<int64_t>();
-  spec.worker = DecodeWorkerOptions(json.at("worker"));
-  for (const Json& file : json.at("files")) {
-    spec.files.push_back({file.at("name").get<std::string>(), file.at("kind").get<int>(),
-                          file.at("path").get<std::string>(),
-                          file.at("sha256").get<std::string>()});
-  }
-  return spec;
-}
-
 JobResult DecodeResult(const Json& json) {
-  JobResult result;
+  JobResult result = json.get<JobResult>();
   result.status = absl::Status(static_cast<absl::StatusCode>(json.at("code").get<int>()),
                                ClientText(json.at("message").get<std::string>()));
-  result.metrics = json.at("metrics").get<std::map<std::string, double>>();
-  result.num_gaussians = json.at("num_gaussians").get<int64_t>();
-  result.num_bytes = json.at("num_bytes").get<int64_t>();
-  result.sources = json.at("sources").get<std::map<std::string, std::string>>();
-  result.damaged = json.at("damaged").get<std::vector<std::string>>();
   return result;
 }
 
@@ -134,28 +93,15 @@ absl::StatusOr<std::string> FormatJobSpec(const JobSpec& spec) {
   if (!google::protobuf::util::MessageToJsonString(spec.options, &options).ok()) {
     return absl::InternalError("the training options have no JSON form");
   }
-  Json json = {{"job", spec.job},
-               {"fence", spec.fence},
-               {"device", spec.device},
-               {"num_threads", spec.num_threads},
-               {"checkpoint_seconds", spec.checkpoint_seconds},
-               {"checkpoint_steps", spec.checkpoint_steps},
-               {"memory_limit", spec.memory_limit},
-               {"traceparent", spec.traceparent},
-               {"lease_seconds", spec.lease_seconds},
-               {"worker", Encode(spec.worker)},
-               {"options", Json::parse(options, nullptr, false)},
-               {"files", Json::array()}};
-  for (const JobSpecFile& file : spec.files) {
-    json["files"].push_back(
-        {{"name", file.name}, {"kind", file.kind}, {"path", file.path}, {"sha256", file.sha256}});
-  }
+  Json json = spec;
+  json["options"] = Json::parse(options, nullptr, false);
   return Dump(json);
 }
 
 absl::StatusOr<JobSpec> ParseJobSpec(const std::filesystem::path& file, const std::string& text) {
   ASSIGN_OR_RETURN(const Json json, ParseJson(file, text));
-  ASSIGN_OR_RETURN(JobSpec spec, Decode(file, json, &DecodeSpec));
+  ASSIGN_OR_RETURN(JobSpec spec,
+                   Decode<JobSpec>(file, json, [](const Json& of) { return of.get<JobSpec>(); }));
   const std::string options = json.value("options", Json::object()).dump();
   if (!google::protobuf::util::JsonStringToMessage(options, &spec.options).ok()) {
     return absl::DataLossError(file.string() + ": options are not training options");
@@ -164,13 +110,10 @@ absl::StatusOr<JobSpec> ParseJobSpec(const std::filesystem::path& file, const st
 }
 
 std::string FormatJobResult(const JobResult& result) {
-  const Json json = {{"code", static_cast<int>(result.status.code())},
-                     {"message", std::string(result.status.message())},
-                     {"metrics", FiniteMetrics(result.metrics)},
-                     {"num_gaussians", result.num_gaussians},
-                     {"num_bytes", result.num_bytes},
-                     {"sources", result.sources},
-                     {"damaged", result.damaged}};
+  Json json = result;
+  json["metrics"] = FiniteMetrics(result.metrics);
+  json["code"] = static_cast<int>(result.status.code());
+  json["message"] = std::string(result.status.message());
   return Dump(json);
 }
 

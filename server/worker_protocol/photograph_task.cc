@@ -5,6 +5,9 @@
 #include <nlohmann/json.hpp>
 
 namespace pepeseg {
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PhotographTask, name, sha256, upright, view, max_side, raw)
+
 namespace {
 
 using Json = nlohmann::json;
@@ -25,22 +28,13 @@ static_assert(sizeof(PhotographHeaderBytes) == kPhotographHeaderBytes);
 }  // namespace
 
 std::string FormatPhotographTask(const PhotographTask& task) {
-  const Json json = {{"name", task.name}, {"sha256", task.sha256},     {"upright", task.upright},
-                     {"view", task.view}, {"max_side", task.max_side}, {"raw", task.raw}};
-  return json.dump(-1, ' ', /*ensure_ascii=*/true, Json::error_handler_t::replace);
+  return Json(task).dump(-1, ' ', /*ensure_ascii=*/true, Json::error_handler_t::replace);
 }
 
 absl::StatusOr<PhotographTask> ParsePhotographTask(absl::string_view text) {
   const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
   try {
-    PhotographTask task;
-    task.name = json.at("name").get<std::string>();
-    task.sha256 = json.at("sha256").get<std::string>();
-    task.upright = json.at("upright").get<bool>();
-    task.view = json.at("view").get<std::string>();
-    task.max_side = json.at("max_side").get<int>();
-    task.raw = json.at("raw").get<bool>();
-    return task;
+    return json.get<PhotographTask>();
   } catch (const Json::exception& error) {
     return absl::InvalidArgumentError(std::string("not a photograph task: ") + error.what());
   }

@@ -111,6 +111,7 @@ TEST_F(Tls, SelfProbeReachesTheListener) {
   local.listen = "unix:" + (folder / "socket").string();
   ExpectReachable(local);
   options.listen = "0.0.0.0:0";
+  options.access.require_keys = true;
   ExpectReachable(options);
 }
 
