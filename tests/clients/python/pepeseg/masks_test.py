@@ -92,10 +92,6 @@ class TestPng:
         Image.fromarray(pixels).save(file, "PNG")
         assert np.array_equal(png.decode(file.getvalue()), pixels)
 
-    def test_reads_every_filter(self):
-        pixels = np.random.default_rng(5).integers(0, 256, (5, 7, 3), dtype=np.uint8)
-        assert np.array_equal(png.decode(filtered(pixels)), pixels)
-
     @pytest.mark.parametrize("dtype", [np.bool_, np.uint8, np.uint16])
     def test_another_program_reads_our_files(self, dtype):
         pixels = np.random.default_rng(5).integers(0, 2, (5, 7)).astype(dtype)
@@ -109,33 +105,5 @@ class TestPng:
                 png.decode(bad)
         file = io.BytesIO()
         Image.new("RGBA", (2, 2)).save(file, "PNG")
-        with pytest.raises(pepeseg.DataLossError, match="colour type 6"):
+        with pytest.raises(pepeseg.DataLossError, match="RGBA"):
             png.decode(file.getvalue())
-
-
-def filtered(pixels):
-    """Returns a PNG whose scanlines have the filters 0 to 4, by the definitions of the format."""
-    import struct
-    import zlib
-
-    height, width, _ = pixels.shape
-    wide = np.zeros((height + 1, width + 1, 3), np.int64)
-    wide[1:, 1:] = pixels
-    x, a, b, c = wide[1:, 1:], wide[1:, :-1], wide[:-1, 1:], wide[:-1, :-1]
-    p = a + b - c
-    pa, pb, pc = abs(p - a), abs(p - b), abs(p - c)
-    paeth = np.where((pa <= pb) & (pa <= pc), a, np.where(pb <= pc, b, c))
-    predicted = [0 * a, a, b, (a + b) // 2, paeth]
-    body = b"".join(
-        bytes([row]) + ((x - predicted[row])[row] % 256).astype(np.uint8).tobytes()
-        for row in range(5)
-    )
-
-    def chunk(kind, data):
-        return (
-            struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        )
-
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    end = chunk(b"IDAT", zlib.compress(body)) + chunk(b"IEND", b"")
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + end
