@@ -1,5 +1,6 @@
 // The verb "completion": prints a script that completes command lines in bash or zsh. The script is
-// generated from the parser, so that it has every verb, option and value.
+// generated from the parser, so that it has every verb, option and value. zsh runs it by its own
+// bashcompinit.
 #include <algorithm>
 #include <memory>
 #include <vector>
@@ -47,11 +48,6 @@ std::vector<std::string> WordsOf(const CLI::App& verb) {
   return words;
 }
 
-// Returns "(preview standard best)", or zsh's function for file names if there are no values.
-std::string ZshAction(const std::vector<std::string>& values) {
-  return values.empty() ? "_files" : absl::StrCat("(", absl::StrJoin(values, " "), ")");
-}
-
 // Appends lines "    train:--preset) values='preview standard best' ;;". The options of a training
 // are the server's: the script asks it, for at most three seconds.
 void AppendValueCases(const CLI::App& verb, const std::string& name, std::string& script) {
@@ -68,20 +64,24 @@ void AppendValueCases(const CLI::App& verb, const std::string& name, std::string
 
 // The function _pepeseg finds the verb among the words before the cursor, then completes the value
 // of the option before the cursor, or else a verb, an option or a file name.
-std::string BashScript(const CLI::App& app) {
+std::string Script(const CLI::App& app) {
   std::vector<std::string> names;
   std::string values, words;
   for (const CLI::App* verb : VerbsOf(app)) {
     names.push_back(verb->get_name());
     AppendValueCases(*verb, verb->get_name(), values);
-    absl::StrAppend(&words, "    ", verb->get_name(), ") words='",
+    absl::StrAppend(&words, "    ", verb->get_name(), ") offered='",
                     absl::StrJoin(WordsOf(*verb), " "), "' ;;\n");
   }
   const std::string own = absl::StrJoin(LongNamesOf(app), " ");
   return absl::StrReplaceAll(
-      R"(# Completion of pepeseg for bash:
+      R"(#compdef pepeseg
+# Completion of pepeseg for bash:
 #   pepeseg completion bash > ~/.local/share/bash-completion/completions/pepeseg
+# and for zsh: put it as _pepeseg into a folder of $fpath, or source it.
+if [[ -n ${ZSH_VERSION-} ]]; then autoload -U +X bashcompinit && bashcompinit; fi
 _pepeseg_options() {
+  [[ -z ${ZSH_VERSION-} ]] || setopt localoptions bash_rematch
   local server=()
   if [[ ${COMP_LINE-} =~ [[:space:]]--server[=[:space:]]+([^[:space:]]+) ]]; then
     server=(--server "${BASH_REMATCH[1]}")
@@ -91,8 +91,8 @@ _pepeseg_options() {
 }
 _pepeseg() {
   local current=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]}
-  local verb= word= words= values=
-  for word in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do
+  local verb= word= offered= values=
+  for word in "${COMP_WORDS[@]:1:$((COMP_CWORD - 1))}"; do
     case $word in
     @BARRED@) verb=$word; break ;;
     esac
@@ -105,76 +105,24 @@ _pepeseg() {
     return
   fi
   case $verb in
-    '') words='@NAMES@' ;;
+    '') offered='@NAMES@' ;;
 @WORDS@  esac
-  COMPREPLY=($(compgen -W "$words @OWN@" -- "$current"))
+  COMPREPLY=($(compgen -W "$offered @OWN@" -- "$current"))
   if [[ -n $verb && $current != -* ]]; then
-    COMPREPLY=($(compgen -W "$words" -- "$current" | grep -v '^-') $(compgen -f -- "$current"))
+    COMPREPLY=($(compgen -W "$offered" -- "$current" | grep -v '^-') $(compgen -f -- "$current"))
   fi
 }
 complete -o filenames -F _pepeseg pepeseg
+# The first call of zsh, which has read this file for it.
+if [[ -n ${ZSH_VERSION-} && ${funcstack[1]-} == _pepeseg ]]; then
+  _bash_complete -o filenames -F _pepeseg
+fi
 )",
       {{"@BARRED@", absl::StrJoin(names, "|")},
        {"@NAMES@", absl::StrJoin(names, " ")},
        {"@VALUES@", values},
        {"@WORDS@", words},
        {"@OWN@", own}});
-}
-
-// Escapes a description for the brackets of a zsh spec within single quotes.
-std::string ZshText(const std::string& text) {
-  return absl::StrReplaceAll(
-      text, {{"'", "'\\''"}, {"[", "("}, {"]", ")"}, {":", ","}, {"\\", ""}, {"\n", " "}});
-}
-
-// Appends lines "'*--preset[Which options]:value:(preview standard best)'".
-void AppendZshSpecs(const CLI::App& verb, const std::string& indent, std::string& script) {
-  for (const CLI::Option* option : OptionsOf(verb)) {
-    const std::string value = TakesValue(*option) ? ":value:" + ZshAction(ChoicesOf(*option)) : "";
-    for (const std::string& name : NamesOf(*option)) {
-      absl::StrAppend(&script, indent, "'*", name, "[", ZshText(option->get_description()), "]",
-                      value, "'\n");
-    }
-  }
-}
-
-std::string ZshScript(const CLI::App& app) {
-  std::string verbs, own, cases;
-  AppendZshSpecs(app, "    ", own);
-  for (const CLI::App* verb : VerbsOf(app)) {
-    absl::StrAppend(&verbs, "    '", verb->get_name(), ":", ZshText(verb->get_description()),
-                    "'\n");
-    std::string specs;
-    AppendZshSpecs(*verb, "      ", specs);
-    std::vector<std::string> choices;
-    for (const std::string& word : WordsOf(*verb)) {
-      if (word[0] != '-') choices.push_back(word);
-    }
-    absl::StrAppend(&cases, "    ", verb->get_name(), ") specs=(\n", specs,
-                    "      '*:word:", ZshAction(choices), "') ;;\n");
-  }
-  return absl::StrReplaceAll(R"(#compdef pepeseg
-# Completion of pepeseg for zsh: put it as _pepeseg into a folder of $fpath, or source it.
-_pepeseg() {
-  local state verb
-  local -a verbs own specs
-  verbs=(
-@VERBS@  )
-  own=(
-@OWN@  )
-  _arguments -C $own '1:verb:->verb' '*::word:->word'
-  case $state in
-  verb) _describe verb verbs ;;
-  word)
-    verb=$words[1]
-    case $verb in
-@CASES@    esac
-    _arguments $own $specs ;;
-  esac
-}
-if [[ $funcstack[1] == _pepeseg ]]; then _pepeseg "$@"; else compdef _pepeseg pepeseg; fi
-)",
-                             {{"@VERBS@", verbs}, {"@OWN@", own}, {"@CASES@", cases}});
 }
 
 }  // namespace
@@ -187,7 +135,7 @@ void AddCompletion(CLI::App& app, Shell& shell) {
       ->check(CLI::IsMember({"bash", "zsh"}));
   verb->callback([name, &app, &shell] {
     shell.verb = [name, &app] {
-      Print(*name == "bash" ? BashScript(app) : ZshScript(app));
+      Print(Script(app));
       return absl::OkStatus();
     };
   });

@@ -67,7 +67,22 @@ done
 
 "$pepeseg" completion zsh >"$work/_pepeseg"
 head -1 "$work/_pepeseg" | grep -qx '#compdef pepeseg' || fail 'the zsh script has no #compdef'
-if command -v zsh >/dev/null; then zsh -n "$work/_pepeseg" || fail 'zsh refuses the script'; fi
+if command -v zsh >/dev/null; then
+  for case in 'tr train' 'train shelf --preset b best' 'segment shelf --po --point'; do
+    read -ra parts <<<"pepeseg $case"
+    # As zsh's bashcompinit calls the function.
+    zsh -fc 'autoload -U compinit && compinit -u -d "$1/dump" && source "$1/_pepeseg" || exit 1
+      shift
+      as_zsh_does() {
+        emulate -L sh
+        COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)) COMP_LINE="$*" COMPREPLY=()
+        _pepeseg
+        printf "%s\n" "${COMPREPLY[@]}"
+      }
+      as_zsh_does "$@"' zsh "$work" "${parts[@]:0:${#parts[@]}-1}" | grep -xF -- "${parts[-1]}" >/dev/null ||
+      fail "zsh: no ${parts[-1]} after: $case"
+  done
+fi
 code=0
 "$pepeseg" completion fish >/dev/null 2>&1 || code=$?
 ((code == 2)) || fail "an unknown shell is not refused: exit code $code"
