@@ -55,13 +55,10 @@ copy() {
   ((status == 0 || status == 24)) || fail "rsync left with $status"
 }
 
-# A scene's folder (SceneFolderName of server/store/layout.h).
-folder="replace(replace(scene, '_', '__'), '.', '_-')"
-for letter in {A..Z}; do folder="replace($folder, '$letter', '_${letter,}')"; done
 # Paths below the data directory that must exist. Sealed datasets are 1 (server/store/rows.h); files
 # that are not stored were found damaged and set aside.
 named="SELECT folder || '/manifest.json' FROM models UNION ALL SELECT file FROM selections UNION ALL
-  SELECT 'datasets/' || $folder || '/' || number || '.json' FROM datasets WHERE state = 1 UNION ALL
+  SELECT 'datasets/' || scene || '/' || number || '.json' FROM datasets WHERE state = 1 UNION ALL
   SELECT DISTINCT 'blobs/' || s.project || '/' || substr(f.sha256, 1, 2) || '/' || f.sha256
   FROM dataset_files f JOIN datasets d ON d.scene = f.scene AND d.number = f.dataset
   JOIN scenes s ON s.id = f.scene WHERE d.state = 1 AND f.stored = 1"
