@@ -9,9 +9,9 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/evaluate/mask_scores.h"
-#include "core/prompt/resolve_prompt.h"
 #include "core/query/mask_geometry.h"
 #include "core/query/prompt.h"
+#include "core/query/resolve_prompt.h"
 
 namespace pepeseg {
 namespace {

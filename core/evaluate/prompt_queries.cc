@@ -4,8 +4,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/prompt/resolve_prompt.h"
 #include "core/query/prompt.h"
+#include "core/query/resolve_prompt.h"
 
 namespace pepeseg {
 namespace {

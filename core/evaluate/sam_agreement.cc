@@ -6,9 +6,9 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/evaluate/mask_scores.h"
-#include "core/prompt/propose_scales.h"
 #include "core/query/mask_geometry.h"
 #include "core/query/prompt.h"
+#include "core/query/propose_scales.h"
 
 namespace pepeseg {
 namespace {

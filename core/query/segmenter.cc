@@ -5,7 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/backend_turn.h"
 #include "core/base/status_macros.h"
-#include "core/decompose/decompose.h"
+#include "core/query/decompose.h"
 #include "core/query/prompt.h"
 #include "core/render/feature_maps.h"
 #include "core/render/renderer.h"

@@ -7,7 +7,7 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
-#include "core/decompose/decomposition.h"
+#include "core/query/decomposition.h"
 #include "core/query/prompt.h"
 #include "core/query/view_features.h"
 #include "core/render/feature_maps.h"

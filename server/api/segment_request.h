@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/prompt/propose_scales.h"
 #include "core/query/prompt.h"
+#include "core/query/propose_scales.h"
 #include "core/scene/model.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
 #include "server/api/resource_name.h"

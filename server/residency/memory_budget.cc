@@ -4,7 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/decompose/decomposition.h"
+#include "core/query/decomposition.h"
 #include "core/reconstruct/estimate.h"
 #include "core/render/feature_maps.h"
 #include "kernels/buffer.h"

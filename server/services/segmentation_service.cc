@@ -10,7 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/prompt/propose_scales.h"
+#include "core/query/propose_scales.h"
 #include "server/api/convert.h"
 #include "server/api/decomposition.h"
 #include "server/api/error.h"

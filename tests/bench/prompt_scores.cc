@@ -8,10 +8,10 @@
 #include "core/base/status_macros.h"
 #include "core/evaluate/entity_queries.h"
 #include "core/evaluate/mask_scores.h"
-#include "core/prompt/propose_scales.h"
-#include "core/prompt/resolve_prompt.h"
 #include "core/query/prompt.h"
-#include "core/select/select_gaussians.h"
+#include "core/query/propose_scales.h"
+#include "core/query/resolve_prompt.h"
+#include "core/query/select_gaussians.h"
 #include "tests/bench/bench_clock.h"
 #include "tests/bench/truth_views.h"
 

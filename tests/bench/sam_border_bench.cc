@@ -19,7 +19,7 @@
 #include "core/formats/gaussian_ply.h"
 #include "core/model_files/model_file.h"
 #include "core/priors/sam/sam_borders.h"
-#include "core/prompt/resolve_prompt.h"
+#include "core/query/resolve_prompt.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/truth_views.h"

@@ -3,7 +3,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/prompt/mask_grid.h"
+#include "core/query/mask_grid.h"
 
 namespace pepeseg::testing {
 

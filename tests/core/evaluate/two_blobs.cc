@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "core/prompt/resolve_prompt.h"
+#include "core/query/resolve_prompt.h"
 #include "tests/testing/point_gaussians.h"
 #include "tests/testing/status_testing.h"
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/base/status_macros.h"
-#include "core/prompt/resolve_prompt.h"
+#include "core/query/resolve_prompt.h"
 #include "core/query/segmenter.h"
 #include "tests/testing/failing_allocations.h"
 #include "tests/testing/front_blobs.h"

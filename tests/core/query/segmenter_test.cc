@@ -7,8 +7,8 @@
 #include <thread>
 
 #include "core/base/status_macros.h"
-#include "core/prompt/resolve_prompt.h"
 #include "core/query/mask_geometry.h"
+#include "core/query/resolve_prompt.h"
 #include "tests/testing/front_blobs.h"
 #include "tests/testing/point_gaussians.h"
 #include "tests/testing/status_testing.h"

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/evaluate/mask_scores.h"
-#include "core/prompt/resolve_prompt.h"
+#include "core/query/resolve_prompt.h"
 #include "core/query/segmenter.h"
 #include "tests/core/query/trained_scene.h"
 #include "tests/testing/status_testing.h"

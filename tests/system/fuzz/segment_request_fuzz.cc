@@ -1,4 +1,4 @@
-#include "core/prompt/resolve_prompt.h"
+#include "core/query/resolve_prompt.h"
 #include "server/api/segment_request.h"
 #include "tests/system/fuzz/fuzz_message.h"
 #include "tests/system/fuzz/small_model.h"

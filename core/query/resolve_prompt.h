@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/prompt/mask_grid.h"
 #include "core/query/mask_geometry.h"
+#include "core/query/mask_grid.h"
 #include "core/query/prompt.h"
 #include "core/query/segmenter.h"
 

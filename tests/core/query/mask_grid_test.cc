@@ -1,4 +1,4 @@
-#include "core/prompt/mask_grid.h"
+#include "core/query/mask_grid.h"
 
 #include <gtest/gtest.h>
 

@@ -7,9 +7,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/prompt/mask_grid.h"
-#include "core/prompt/resolve_prompt.h"
+#include "core/query/mask_grid.h"
 #include "core/query/prompt.h"
+#include "core/query/resolve_prompt.h"
 #include "core/render/feature_maps.h"
 #include "kernels/ops/render.h"
 

@@ -7,7 +7,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/decompose/decomposition.h"
+#include "core/query/decomposition.h"
 #include "core/render/renderer.h"
 #include "core/scene/model.h"
 #include "kernels/backend.h"

@@ -1,4 +1,4 @@
-#include "core/prompt/propose_scales.h"
+#include "core/query/propose_scales.h"
 
 #include <algorithm>
 #include <cstdint>
@@ -6,8 +6,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/prompt/mask_grid.h"
-#include "core/prompt/resolve_prompt.h"
+#include "core/query/mask_grid.h"
+#include "core/query/resolve_prompt.h"
 
 namespace pepeseg {
 namespace {

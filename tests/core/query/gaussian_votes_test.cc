@@ -1,4 +1,4 @@
-#include "core/select/gaussian_votes.h"
+#include "core/query/gaussian_votes.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "core/decompose/decompose.h"
+#include "core/query/decompose.h"
 
 #include <algorithm>
 #include <cassert>

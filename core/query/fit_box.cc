@@ -4,10 +4,10 @@
 #include <vector>
 
 #include "core/base/status_macros.h"
-#include "core/prompt/mask_grid.h"
-#include "core/prompt/resolve_prompt.h"
 #include "core/query/mask_geometry.h"
+#include "core/query/mask_grid.h"
 #include "core/query/prompt.h"
+#include "core/query/resolve_prompt.h"
 #include "core/render/feature_maps.h"
 #include "kernels/ops/render.h"
 

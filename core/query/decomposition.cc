@@ -1,4 +1,4 @@
-#include "core/decompose/decomposition.h"
+#include "core/query/decomposition.h"
 
 #include <algorithm>
 #include <limits>

@@ -1,4 +1,4 @@
-#include "core/select/select_gaussians.h"
+#include "core/query/select_gaussians.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <numeric>
 
 #include "core/evaluate/mask_scores.h"
-#include "core/prompt/resolve_prompt.h"
+#include "core/query/resolve_prompt.h"
 #include "tests/core/query/trained_scene.h"
 #include "tests/testing/front_blobs.h"
 #include "tests/testing/status_testing.h"

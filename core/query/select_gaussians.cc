@@ -1,4 +1,4 @@
-#include "core/select/select_gaussians.h"
+#include "core/query/select_gaussians.h"
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -12,8 +12,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/query/gaussian_votes.h"
 #include "core/scene/gaussians.h"
-#include "core/select/gaussian_votes.h"
 
 namespace pepeseg {
 namespace {

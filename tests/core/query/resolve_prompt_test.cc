@@ -1,4 +1,4 @@
-#include "core/prompt/resolve_prompt.h"
+#include "core/query/resolve_prompt.h"
 
 #include <gtest/gtest.h>
 

@@ -1,8 +1,8 @@
-#include "core/prompt/propose_scales.h"
+#include "core/query/propose_scales.h"
 
 #include <gtest/gtest.h>
 
-#include "core/prompt/resolve_prompt.h"
+#include "core/query/resolve_prompt.h"
 #include "tests/testing/front_blobs.h"
 #include "tests/testing/status_testing.h"
 
