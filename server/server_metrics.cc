@@ -135,7 +135,7 @@ void ServerGauges::AddModels(Samples& samples) const {
   const ModelLoader& loader = operations_.models();
   const ModelCache& models = loader.cache();
   int64_t num_models = 0;
-  models.Visit([&](const ModelCache::Info&, const Segmenter&) { ++num_models; });
+  models.Visit([&](const ModelCache::Info&, const SceneModel&) { ++num_models; });
   const MemoryBytes used = models.bytes_in_use(), limit = models.budget().usable();
   const bool two = !models.budget().one_memory();
   samples.Gauge("pepeseg_resident_models", "Models in memory.");

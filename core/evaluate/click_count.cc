@@ -16,7 +16,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kMostClicks = static_cast<int>(kMaxPromptPoints);
+constexpr int kMostClicks = 256;
 
 // An entity in one view. The spans must outlive the simulation.
 struct ClickTarget {

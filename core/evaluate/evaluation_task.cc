@@ -48,7 +48,7 @@ class PromptChecker {
   absl::Status operator()(const DeepestClick&) const { return NeedsMask(); }
   absl::Status operator()(const OwnMask&) const { return NeedsMask(); }
   absl::Status operator()(const std::vector<PointPrompt>& points) const {
-    return CheckPoints(view_, points);
+    return CheckPoints(ImageOf(view_), points);
   }
   absl::Status operator()(const PointMean& mean) const {
     const bool all_positive = std::all_of(mean.points.begin(), mean.points.end(),
@@ -56,15 +56,15 @@ class PromptChecker {
     if (!all_positive) {
       return absl::InvalidArgumentError("a mean of points has a negative point");
     }
-    return CheckPoints(view_, mean.points);
+    return CheckPoints(ImageOf(view_), mean.points);
   }
   absl::Status operator()(const Scribbles& scribbles) const {
-    RETURN_IF_ERROR(CheckMask(view_, scribbles.positive));
+    RETURN_IF_ERROR(CheckMask(ImageOf(view_), scribbles.positive));
     if (scribbles.negative.pixels.empty()) return absl::OkStatus();
-    return CheckMask(view_, scribbles.negative);
+    return CheckMask(ImageOf(view_), scribbles.negative);
   }
-  absl::Status operator()(const BoxPrompt& box) const { return CheckBox(view_, box); }
-  absl::Status operator()(const BinaryMask& mask) const { return CheckMask(view_, mask); }
+  absl::Status operator()(const BoxPrompt& box) const { return CheckBox(ImageOf(view_), box); }
+  absl::Status operator()(const BinaryMask& mask) const { return CheckMask(ImageOf(view_), mask); }
 
  private:
   absl::Status NeedsMask() const {

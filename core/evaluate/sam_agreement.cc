@@ -8,7 +8,7 @@
 #include "core/evaluate/mask_scores.h"
 #include "core/query/mask_geometry.h"
 #include "core/query/prompt.h"
-#include "core/query/propose_scales.h"
+#include "core/query/propose.h"
 
 namespace pepeseg {
 namespace {
@@ -48,15 +48,16 @@ absl::StatusOr<SamMaskScore> ScoreOne(const Segmenter& segmenter, const SamView&
   const Camera& camera = sam.view.camera;
   const PixelIndex pixel = DeepestPixel(mask, camera.width, camera.height);
   score.click = {pixel.x + 0.5, pixel.y + 0.5, true};
-  auto proposed = ProposeScales(segmenter, sam.view, {&score.click, 1},
-                                {std::max(num_proposals, kDefaultProposals), segment});
+  const auto proposed = Propose(segmenter, {.prompt = {sam.view, PointsPrompt{score.click}},
+                                            .max_count = std::max(num_proposals, kDefaultProposals),
+                                            .frame = FrameKind::kView,
+                                            .options = segment});
   if (IsNothingThere(proposed.status())) return score;
   RETURN_IF_ERROR(proposed.status());
-  std::stable_sort(proposed->ladder.begin(), proposed->ladder.end(),
-                   [](const auto& a, const auto& b) { return a.support > b.support; });
-  const size_t count = std::min(static_cast<size_t>(num_proposals), proposed->ladder.size());
+  const std::vector<size_t> order = proposed->candidates.BySupport();
+  const size_t count = std::min(static_cast<size_t>(num_proposals), order.size());
   for (size_t i = 0; i < count; ++i) {
-    const double iou = Iou(proposed->ladder[i].result.mask.pixels, mask, sam.ignore);
+    const double iou = Iou(proposed->masks[order[i]].mask.pixels, mask, sam.ignore);
     if (i == 0) score.first_iou = iou;
     score.best_iou = std::max(score.best_iou, iou);
   }

@@ -62,7 +62,7 @@ double CosineOf(const float* a, const float* b) {
 // Returns the distinct features, the most frequent first, at most kMaxCandidates. Features within
 // kSameCosine of an earlier one join its group; pixels on which hardly anything was rendered are
 // left out.
-std::vector<float> Candidates(std::span<const float> features) {
+std::vector<float> DistinctFeatures(std::span<const float> features) {
   struct Group {
     size_t first;
     int size;
@@ -204,13 +204,14 @@ void LookAt(const MasksInBox& masks, double scale, std::span<const float> thresh
 
 absl::StatusOr<Query> FitBox(const Segmenter& segmenter, const ModelView& view,
                              const BoxPrompt& box, const Granularity& granularity) {
-  RETURN_IF_ERROR(CheckBox(view, box));
+  RETURN_IF_ERROR(CheckView(view));
+  RETURN_IF_ERROR(CheckBox(ImageOf(view), box));
   const SmallView small = SmallViewOf(view);
   const Camera& camera = small.view.camera;
   const BoxEdges edges = EdgesIn(box, small);
   ASSIGN_OR_RETURN(std::vector<float> features,
                    segmenter.PixelFeatures(small.view, SamplesIn(edges, camera)));
-  features = Candidates(features);
+  features = DistinctFeatures(features);
   if (features.empty()) {
     return NothingThereError(
         "nothing with a feature is rendered in the box; draw it about an object that a mask "

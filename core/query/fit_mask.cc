@@ -235,7 +235,8 @@ class MaskFitter {
 
 absl::StatusOr<Query> FitMask(const Segmenter& segmenter, const ModelView& view,
                               const BinaryMask& mask, const Granularity& granularity) {
-  RETURN_IF_ERROR(CheckMask(view, mask));
+  RETURN_IF_ERROR(CheckView(view));
+  RETURN_IF_ERROR(CheckMask(ImageOf(view), mask));
   const SmallView small = SmallViewOf(view);
   std::vector<uint8_t> shrunk = Shrunk(mask, view.camera.width, small);
   const std::vector<int32_t> samples = SamplesOf(shrunk);

@@ -4,6 +4,7 @@
 #include <cassert>
 #include <iterator>
 #include <limits>
+#include <utility>
 #include <vector>
 
 namespace pepeseg {
@@ -125,6 +126,38 @@ DeepPixel FindDeepest(std::span<const uint8_t> mask, int width, int height) {
                      bounds.top + y - 1};
   }
   return deepest;
+}
+
+void SetMask(BinaryMask mask, SegmentResult& result) {
+  result.mask = std::move(mask);
+  FindBox(result.mask.pixels, result.width, result.box);
+  result.area = 0;
+  double sum = 0;
+  for (size_t pixel = 0; pixel < result.mask.pixels.size(); ++pixel) {
+    if (result.mask.pixels[pixel] == 0) continue;
+    ++result.area;
+    sum += result.similarity[pixel];
+  }
+  result.score = result.area > 0 ? sum / static_cast<double>(result.area) : 0;
+}
+
+double CutToBox(const BoxPrompt& box, SegmentResult& result) {
+  const BoxEdges asked = {std::max(0.0, box.x), std::max(0.0, box.y),
+                          std::min<double>(result.width, box.x + box.width),
+                          std::min<double>(result.height, box.y + box.height)};
+  const auto [x, y, width, height] = result.box;
+  const BoxEdges found = {double(x), double(y), double(x + width), double(y + height)};
+  const double agreement = IouOf(asked, found);
+  BinaryMask cut = std::move(result.mask);
+  for (size_t pixel = 0; pixel < cut.pixels.size(); ++pixel) {
+    const double column = static_cast<double>(pixel % result.width) + 0.5;
+    const double row = static_cast<double>(pixel / result.width) + 0.5;
+    const bool kept = column > asked.x0 - kBoxSlack && column < asked.x1 + kBoxSlack &&
+                      row > asked.y0 - kBoxSlack && row < asked.y1 + kBoxSlack;
+    if (!kept) cut.pixels[pixel] = 0;
+  }
+  SetMask(std::move(cut), result);
+  return agreement;
 }
 
 PixelIndex DeepestPixel(std::span<const uint8_t> mask, int width, int height) {

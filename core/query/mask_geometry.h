@@ -4,7 +4,11 @@
 #include <cstdint>
 #include <span>
 
-// Bounding box and deepest pixel of a mask [height, width] of 0 and 1, and overlap of boxes.
+#include "core/query/prompt.h"
+#include "core/query/view_features.h"
+
+// Bounding box and deepest pixel of a mask [height, width] of 0 and 1, overlap of boxes, and
+// changes of the mask of a result.
 
 namespace pepeseg {
 
@@ -35,5 +39,18 @@ struct DeepPixel {
 DeepPixel FindDeepest(std::span<const uint8_t> mask, int width, int height);
 // Returns only the pixel of FindDeepest. The mask must not be empty.
 PixelIndex DeepestPixel(std::span<const uint8_t> mask, int width, int height);
+
+// Sets the mask of a result, and the area, box and score that follow from it. The result must have
+// the similarity of each pixel.
+void SetMask(BinaryMask mask, SegmentResult& result);
+
+// How far the answer to a box may reach beyond it, pixels of the view. Boxes are drawn by hand.
+inline constexpr double kBoxSlack = 5;
+
+// Cuts the mask of the answer to a box, in the view of the box, to the box and kBoxSlack around it.
+// Returns the IoU of the box, as far as it lies in the view, and the mask's bounding box before the
+// cut: low where the model shows nothing that fills the box. The result must have the similarity of
+// each pixel.
+double CutToBox(const BoxPrompt& box, SegmentResult& result);
 
 }  // namespace pepeseg

@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 #include <iterator>
+#include <numeric>
 #include <span>
 #include <tuple>
 #include <utility>
@@ -27,38 +28,39 @@ void SumFromTop(int32_t* counts, int side) {
   }
 }
 
-// Minimum IoU of a rung's mask with the most stable cell of its plateau. The best rung keeps its
-// mask exactly, because that mask answers the click.
+// Minimum IoU of a candidate's mask with the most stable cell of its plateau. The best one keeps
+// its mask exactly, because that mask answers the click.
 constexpr double kSameAsBest = 0.9999, kSameAsOther = 0.9;
 
-// A cell that may represent a plateau on the ladder.
-struct Candidate {
+// A cell that may represent a plateau among the candidates.
+struct Rung {
   MaskGrid::Cell cell;
   size_t plateau = 0;
   int64_t area = 0;
   double value = 0;  // support of the plateau times the IoU with its most stable cell
 };
 
-// The best sum of values of a partial ladder that ends at a candidate, and the index of the
-// candidate next to it; -1: none.
+// The best sum of values of a partial list that ends at a rung, and the index of the rung next to
+// it; -1: none.
 struct Reach {
   double value = 0;
   int next = -1;
 };
 
-// Returns whether `large` may stand on a ladder above `small`.
-bool Holds(const MaskGrid& masks, const Candidate& large, const Candidate& small) {
+// Returns whether `large` may come after `small`.
+bool Holds(const MaskGrid& masks, const Rung& large, const Rung& small) {
   return small.cell.scale <= large.cell.scale &&
-         static_cast<double>(large.area) >= Ladder::kMinGrowth * static_cast<double>(small.area) &&
+         static_cast<double>(large.area) >=
+             Candidates::kMinGrowth * static_cast<double>(small.area) &&
          static_cast<double>(masks.Common(small.cell, large.cell)) >=
-             Ladder::kMinHeld * static_cast<double>(small.area);
+             Candidates::kMinHeld * static_cast<double>(small.area);
 }
 
 // Returns all cells that may represent one of the plateaus, the smallest mask first.
-std::vector<Candidate> FindCandidates(const MaskGrid& masks,
-                                      std::span<const MaskGrid::Plateau> plateaus, size_t best) {
+std::vector<Rung> FindRungs(const MaskGrid& masks, std::span<const MaskGrid::Plateau> plateaus,
+                            size_t best) {
   const double one_cell = 1.0 / (masks.num_scales() * masks.num_thresholds());
-  std::vector<Candidate> found;
+  std::vector<Rung> found;
   for (size_t p = 0; p < plateaus.size(); ++p) {
     if (p != best && plateaus[p].support < 1.5 * one_cell) continue;
     for (int scale = 0; scale < masks.num_scales(); ++scale) {
@@ -70,46 +72,54 @@ std::vector<Candidate> FindCandidates(const MaskGrid& masks,
       }
     }
   }
-  std::sort(found.begin(), found.end(), [](const Candidate& a, const Candidate& b) {
+  std::sort(found.begin(), found.end(), [](const Rung& a, const Rung& b) {
     return std::tie(a.area, a.cell.scale, a.cell.threshold, a.plateau) <
            std::tie(b.area, b.cell.scale, b.cell.threshold, b.plateau);
   });
   return found;
 }
 
-// Returns, for each candidate, the best partial ladder of smaller candidates (`down`) or of larger
-// ones, by dynamic programming over the candidates in order of area.
-std::vector<Reach> FindReaches(const MaskGrid& masks, std::span<const Candidate> candidates,
-                               bool down) {
-  const auto num = static_cast<int>(candidates.size());
-  std::vector<Reach> reaches(candidates.size());
+// Returns, for each rung, the best partial list of smaller rungs (`down`) or of larger ones, by
+// dynamic programming over the rungs in order of area.
+std::vector<Reach> FindReaches(const MaskGrid& masks, std::span<const Rung> rungs, bool down) {
+  const auto num = static_cast<int>(rungs.size());
+  std::vector<Reach> reaches(rungs.size());
   for (int step = 0; step < num; ++step) {
     const int i = down ? step : num - 1 - step;
     for (int before = 0; before < step; ++before) {
       const int j = down ? before : num - 1 - before;
       if (reaches[j].value <= reaches[i].value) continue;
-      const Candidate& large = candidates[down ? i : j];
-      if (Holds(masks, large, candidates[down ? j : i])) reaches[i] = {reaches[j].value, j};
+      const Rung& large = rungs[down ? i : j];
+      if (Holds(masks, large, rungs[down ? j : i])) reaches[i] = {reaches[j].value, j};
     }
-    reaches[i].value += candidates[i].value;
+    reaches[i].value += rungs[i].value;
   }
   return reaches;
 }
 
-// Removes the rungs with the least support, but not the best one.
-void Shorten(size_t max_count, Ladder& ladder) {
-  while (ladder.rungs.size() > max_count) {
+// Removes the candidates with the least support, but not the best one.
+void Shorten(size_t max_count, Candidates& candidates) {
+  std::vector<Candidate>& list = candidates.list;
+  while (list.size() > max_count) {
     int least = -1;
-    for (int i = 0; i < static_cast<int>(ladder.rungs.size()); ++i) {
-      if (i == ladder.best) continue;
-      if (least < 0 || ladder.rungs[i].support < ladder.rungs[least].support) least = i;
+    for (int i = 0; i < static_cast<int>(list.size()); ++i) {
+      if (i == candidates.best) continue;
+      if (least < 0 || list[i].support < list[least].support) least = i;
     }
-    ladder.rungs.erase(ladder.rungs.begin() + least);
-    if (least < ladder.best) --ladder.best;
+    list.erase(list.begin() + least);
+    if (least < candidates.best) --candidates.best;
   }
 }
 
 }  // namespace
+
+std::vector<size_t> Candidates::BySupport() const {
+  std::vector<size_t> order(list.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [this](size_t a, size_t b) { return list[a].support > list[b].support; });
+  return order;
+}
 
 GranularityGrid GridOf(const Granularity& granularity) {
   GranularityGrid grid;
@@ -149,7 +159,8 @@ SmallView SmallViewOf(const ModelView& view) {
   return small;
 }
 
-MaskGrid::MaskGrid(LevelCounts counts) : counts_(std::move(counts)) {
+MaskGrid::MaskGrid(LevelCounts counts, GranularityGrid grid)
+    : grid_(std::move(grid)), counts_(std::move(counts)) {
   const size_t side = counts_.num_thresholds + 1;
   assert(counts_.pixels.size() ==
          side * side * static_cast<size_t>(counts_.num_scales) * counts_.num_scales);
@@ -158,9 +169,6 @@ MaskGrid::MaskGrid(LevelCounts counts) : counts_(std::move(counts)) {
   }
   stability_ = Stabilities();
 }
-
-int MaskGrid::num_scales() const { return counts_.num_scales; }
-int MaskGrid::num_thresholds() const { return counts_.num_thresholds; }
 
 size_t MaskGrid::IndexOf(const Cell& cell) const {
   return static_cast<size_t>(cell.scale) * counts_.num_thresholds + cell.threshold;
@@ -174,6 +182,11 @@ MaskGrid::Cell MaskGrid::CellAt(size_t index) const {
 int64_t MaskGrid::Area(const Cell& cell) const { return Common(cell, cell); }
 
 double MaskGrid::Stability(const Cell& cell) const { return stability_[IndexOf(cell)]; }
+
+Candidate MaskGrid::CandidateAt(const Cell& cell, double support) const {
+  return {grid_.scales[cell.scale], double{grid_.thresholds[cell.threshold]}, Stability(cell),
+          support};
+}
 
 int64_t MaskGrid::Common(const Cell& a, const Cell& b) const {
   if (a.scale > b.scale) return Common(b, a);
@@ -229,32 +242,31 @@ std::vector<MaskGrid::Plateau> MaskGrid::FindPlateaus(int64_t min_area, int max_
   return plateaus;
 }
 
-Ladder FindLadder(const MaskGrid& masks, std::span<const MaskGrid::Plateau> plateaus, size_t best,
-                  int max_count) {
-  const std::vector<Candidate> candidates = FindCandidates(masks, plateaus, best);
-  const std::vector<Reach> down = FindReaches(masks, candidates, true);
-  const std::vector<Reach> up = FindReaches(masks, candidates, false);
+Candidates FindCandidates(const MaskGrid& masks, std::span<const MaskGrid::Plateau> plateaus,
+                          size_t best, int max_count) {
+  const std::vector<Rung> rungs = FindRungs(masks, plateaus, best);
+  const std::vector<Reach> down = FindReaches(masks, rungs, true);
+  const std::vector<Reach> up = FindReaches(masks, rungs, false);
   int through = -1;
   double best_value = 0;
-  for (int i = 0; i < static_cast<int>(candidates.size()); ++i) {
-    const double value = down[i].value + up[i].value - candidates[i].value;
-    if (candidates[i].plateau == best && (through < 0 || value > best_value)) {
+  for (int i = 0; i < static_cast<int>(rungs.size()); ++i) {
+    const double value = down[i].value + up[i].value - rungs[i].value;
+    if (rungs[i].plateau == best && (through < 0 || value > best_value)) {
       through = i;
       best_value = value;
     }
   }
-  Ladder ladder;
-  if (through < 0) return ladder;
-  const auto rung = [&](int i) {
-    const Candidate& at = candidates[i];
-    return MaskGrid::Plateau{at.cell, masks.Stability(at.cell), plateaus[at.plateau].support};
+  Candidates candidates;
+  if (through < 0) return candidates;
+  const auto add = [&](int i) {
+    candidates.list.push_back(masks.CandidateAt(rungs[i].cell, plateaus[rungs[i].plateau].support));
   };
-  for (int i = through; i >= 0; i = down[i].next) ladder.rungs.push_back(rung(i));
-  std::reverse(ladder.rungs.begin(), ladder.rungs.end());
-  ladder.best = static_cast<int>(ladder.rungs.size()) - 1;
-  for (int i = up[through].next; i >= 0; i = up[i].next) ladder.rungs.push_back(rung(i));
-  Shorten(static_cast<size_t>(max_count), ladder);
-  return ladder;
+  for (int i = through; i >= 0; i = down[i].next) add(i);
+  std::reverse(candidates.list.begin(), candidates.list.end());
+  candidates.best = static_cast<int>(candidates.list.size()) - 1;
+  for (int i = up[through].next; i >= 0; i = up[i].next) add(i);
+  Shorten(static_cast<size_t>(max_count), candidates);
+  return candidates;
 }
 
 }  // namespace pepeseg

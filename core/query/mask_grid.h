@@ -36,12 +36,34 @@ struct SmallView {
 // Returns the view shrunk by the smallest whole factor that leaves at most kMaxLookPixels.
 SmallView SmallViewOf(const ModelView& view);
 
+// A scale and a threshold at which a prompt shows something stable.
+struct Candidate {
+  double scale = 0;      // quantile, [0, 1]
+  double threshold = 0;  // cosine, [-1, 1]
+  double stability = 0;  // [0, 1], see MaskGrid::Stability
+  double support = 0;    // (0, 1], share of all scales and thresholds that show the same mask
+};
+// The things that a prompt may mean, smallest first: a part, the object that has it, a group.
+struct Candidates {
+  // Each mask has at least kMinGrowth times the area of the one before, holds at least kMinHeld of
+  // its pixels, and has the same scale or a larger one.
+  std::vector<Candidate> list;
+  int best = 0;  // index of the one that ResolvePrompt chooses
+
+  // Returns the indices of the candidates, most support first; of equal ones the smaller first.
+  std::vector<size_t> BySupport() const;
+
+  static constexpr double kMinGrowth = 1.5;
+  static constexpr double kMinHeld = 0.95;
+};
+
 // The masks of one prompt on a grid of scales and thresholds, and which of them are stable. A mask
 // that hardly changes over many scales and thresholds shows a thing; one that changes with every
 // step does not (METHOD.md section 4, "Scale proposals").
 class MaskGrid {
  public:
-  explicit MaskGrid(LevelCounts counts);
+  // counts: of the scales and thresholds of `grid`.
+  MaskGrid(LevelCounts counts, GranularityGrid grid);
 
   struct Cell {
     int scale = 0, threshold = 0;  // indices
@@ -54,8 +76,8 @@ class MaskGrid {
   int64_t Common(const Cell& a, const Cell& b) const;
   // Returns the mean IoU of the cell's mask with those of its neighbours on the grid, [0, 1].
   double Stability(const Cell& cell) const;
-  int num_scales() const;
-  int num_thresholds() const;
+  int num_scales() const { return counts_.num_scales; }
+  int num_thresholds() const { return counts_.num_thresholds; }
 
   struct Plateau {
     Cell cell;             // the most stable cell that shows this mask
@@ -67,6 +89,8 @@ class MaskGrid {
   // Returns at most `max_count` distinct masks of at least `min_area` pixels, most support first.
   // Greedy: takes the most stable cell left and removes all cells that show the same mask.
   std::vector<Plateau> FindPlateaus(int64_t min_area, int max_count) const;
+  // Returns the granularity of a cell, whose mask has this support.
+  Candidate CandidateAt(const Cell& cell, double support) const;
 
  private:
   std::vector<double> Stabilities() const;
@@ -74,28 +98,18 @@ class MaskGrid {
   size_t IndexOf(const Cell& cell) const;
   Cell CellAt(size_t index) const;
 
+  GranularityGrid grid_;
   LevelCounts counts_;             // cumulative: pixels whose levels are at least these
   std::vector<double> stability_;  // [num_scales, num_thresholds]
 };
 
-// The things that a prompt may mean, smallest first: a part, the object that has it, a group.
-struct Ladder {
-  // Each has at least kMinGrowth times the area of the one before, holds at least kMinHeld of its
-  // pixels, and has the same scale or a larger one.
-  std::vector<MaskGrid::Plateau> rungs;
-  int best = 0;  // index of the rung that the ladder was required to contain
-
-  static constexpr double kMinGrowth = 1.5;
-  static constexpr double kMinHeld = 0.95;
-};
-
-// Returns the ladder with the most total support among those that contain the plateau at index
-// `best` of `plateaus` (all plateaus of MaskGrid::FindPlateaus). It has at most `max_count` rungs,
-// and none if there are no plateaus. Many cells of the grid may show the same mask: each rung names
-// a cell that keeps the ladder nested. The best rung's cell shows the mask of its plateau's most
-// stable cell, the other cells have an IoU of at least 0.9 with theirs. A plateau of a single cell
-// is a rung only if it is the best.
-Ladder FindLadder(const MaskGrid& masks, std::span<const MaskGrid::Plateau> plateaus, size_t best,
-                  int max_count);
+// Returns the candidates with the most total support among those that contain the plateau at index
+// `best` of `plateaus` (all plateaus of MaskGrid::FindPlateaus): at most `max_count`, and none if
+// there are no plateaus. Many cells of the grid may show the same mask: each candidate is a cell
+// that keeps the list nested. The best one's cell shows the mask of its plateau's most stable cell,
+// the other cells have an IoU of at least 0.9 with theirs. A plateau of a single cell is a
+// candidate only if it is the best.
+Candidates FindCandidates(const MaskGrid& masks, std::span<const MaskGrid::Plateau> plateaus,
+                          size_t best, int max_count);
 
 }  // namespace pepeseg

@@ -3,108 +3,173 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
-#include "core/base/errors.h"
+#include "absl/strings/str_split.h"
 #include "core/base/status_macros.h"
 #include "kernels/ops/render.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr double kMinQuaternionNorm = 1e-6;
-constexpr char kNothingThere[] = "pepeseg.core/nothing-there";  // type URL of the payload
+constexpr char kNothingThere[] = "pepeseg.core/nothing-there";  // type URLs of payloads
+constexpr char kFault[] = "pepeseg.core/fault";                 // PART \0 VALUE \0 LIMIT
+constexpr absl::string_view kNul("\0", 1);
 
-std::string NameOf(const ModelView& view) {
-  return view.name.empty() ? "the free camera" : absl::StrCat("view ", view.name);
+absl::Status BadPart(const std::string& part, const std::string& what) {
+  return FaultError({part, "", what});
 }
 
-absl::Status CheckPoint(const ModelView& view, const PointPrompt& point, size_t index) {
-  const Camera& camera = view.camera;
-  if (point.x >= 0 && point.x < camera.width && point.y >= 0 && point.y < camera.height) {
-    return absl::OkStatus();
+absl::Status CheckRange(const std::string& part, double value, double low, double high) {
+  if (value >= low && value <= high) return absl::OkStatus();  // false for NaN
+  return FaultError({part, absl::StrCat(value), absl::StrCat("not in [", low, ", ", high, "]")});
+}
+
+absl::Status CheckFinite(const std::string& part, double value) {
+  if (std::isfinite(value)) return absl::OkStatus();
+  return BadPart(part, absl::StrCat(value, " is not finite"));
+}
+
+absl::Status CheckPose(const Pose& pose) {
+  const Eigen::Quaterniond& q = pose.rotation;
+  const std::string rotation = "cam_from_world.rotation",
+                    translation = "cam_from_world.translation";
+  for (const auto& [name, value] :
+       {std::pair{".w", q.w()}, {".x", q.x()}, {".y", q.y()}, {".z", q.z()}}) {
+    RETURN_IF_ERROR(CheckFinite(rotation + name, value));
   }
-  return absl::InvalidArgumentError(absl::StrCat("point ", index, " is at (", point.x, ", ",
-                                                 point.y, "), outside of ", NameOf(view), " of ",
-                                                 camera.width, "x", camera.height, " pixels"));
+  if (!(std::abs(q.norm() - 1) <= kMaxNormError)) {
+    return BadPart(rotation,
+                   absl::StrCat("norm ", q.norm(), " instead of 1 within ", kMaxNormError));
+  }
+  const Eigen::Vector3d& t = pose.translation;
+  for (const auto& [name, value] : {std::pair{".x", t.x()}, {".y", t.y()}, {".z", t.z()}}) {
+    RETURN_IF_ERROR(CheckFinite(translation + name, value));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace
 
-absl::Status CheckView(const ModelView& view) {
+std::string PromptImage::Size() const { return absl::StrCat(width, "x", height); }
+
+PromptImage ImageOf(const ModelView& view) {
+  return {view.name.empty() ? "the free camera" : absl::StrCat("view \"", view.name, "\""),
+          view.camera.width, view.camera.height};
+}
+
+absl::Status FaultError(const PromptFault& fault) {
+  std::string message = absl::StrCat(fault.value, " ", fault.limit);
+  if (fault.is_number()) message = absl::StrCat(fault.part, " is ", fault.value, ", ", fault.limit);
+  if (fault.value.empty()) {
+    message = absl::StrCat(fault.part, fault.part.empty() ? "" : ": ", fault.limit);
+  }
+  absl::Status status = absl::InvalidArgumentError(message);
+  status.SetPayload(kFault,
+                    absl::Cord(absl::StrCat(fault.part, kNul, fault.value, kNul, fault.limit)));
+  return status;
+}
+
+std::optional<PromptFault> FaultOf(const absl::Status& status) {
+  const absl::optional<absl::Cord> payload = status.GetPayload(kFault);
+  if (!payload) return std::nullopt;
+  const std::vector<std::string> parts = absl::StrSplit(std::string(*payload), kNul);
+  return PromptFault{parts[0], parts[1], parts[2]};
+}
+
+absl::Status CheckCamera(const ModelView& view) {
   const Camera& c = view.camera;
-  const std::string name = NameOf(view);
+  const int64_t most = view.name.empty() ? kMaxFreePixels : kMaxViewPixels;
   if (c.width < 1 || c.height < 1 || c.width > kMaxViewSide || c.height > kMaxViewSide ||
-      int64_t{c.width} * c.height > kMaxViewPixels) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(name, ": size is ", c.width, "x", c.height, ", must be 1..", kMaxViewSide,
-                     " a side and at most ", kMaxViewPixels, " pixels"));
+      int64_t{c.width} * c.height > most) {
+    return BadPart("camera", absl::StrCat(c.width, " x ", c.height, " pixels, allowed are 1..",
+                                          kMaxViewSide, " each and ", most, " in all"));
   }
-  constexpr double kMaxFocal = 1e7;
-  RETURN_IF_ERROR(CheckInRange(absl::StrCat(name, ": fx"), c.fx, 1e-3, kMaxFocal));
-  RETURN_IF_ERROR(CheckInRange(absl::StrCat(name, ": fy"), c.fy, 1e-3, kMaxFocal));
-  RETURN_IF_ERROR(CheckInRange(absl::StrCat(name, ": cx"), c.cx, -kMaxFocal, kMaxFocal));
-  RETURN_IF_ERROR(CheckInRange(absl::StrCat(name, ": cy"), c.cy, -kMaxFocal, kMaxFocal));
-  const Pose& pose = view.cam_from_world;
-  const double norm = pose.rotation.norm();
-  if (!std::isfinite(norm) || norm < kMinQuaternionNorm) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(name, ": the rotation's quaternion has norm ", norm, ", must be a rotation"));
-  }
-  if (!pose.translation.allFinite()) {
-    return absl::InvalidArgumentError(absl::StrCat(name, ": the translation is not finite"));
-  }
-  return absl::OkStatus();
+  constexpr double kMinFocal = 1e-3, kMaxFocal = 1e7;
+  RETURN_IF_ERROR(CheckRange("camera.fx", c.fx, kMinFocal, kMaxFocal));
+  RETURN_IF_ERROR(CheckRange("camera.fy", c.fy, kMinFocal, kMaxFocal));
+  RETURN_IF_ERROR(CheckRange("camera.cx", c.cx, -kMaxFocal, kMaxFocal));
+  return CheckRange("camera.cy", c.cy, -kMaxFocal, kMaxFocal);
 }
 
-absl::Status CheckScale(double scale) { return CheckInRange("scale", scale, 0.0, 1.0); }
-
-absl::Status CheckThreshold(double threshold) {
-  return CheckInRange("threshold", threshold, -1.0, 1.0);
+absl::Status CheckView(const ModelView& view) {
+  RETURN_IF_ERROR(CheckCamera(view));
+  return CheckPose(view.cam_from_world);
 }
 
-absl::Status CheckPoints(const ModelView& view, std::span<const PointPrompt> points) {
-  RETURN_IF_ERROR(CheckView(view));
-  if (std::none_of(points.begin(), points.end(),
-                   [](const PointPrompt& point) { return point.positive; })) {
-    return absl::InvalidArgumentError("the prompt has no positive point");
-  }
-  if (points.size() > kMaxPromptPoints) {
-    return absl::InvalidArgumentError(absl::StrCat("the prompt has ", points.size(),
-                                                   " points, must be at most ", kMaxPromptPoints));
-  }
-  for (size_t i = 0; i < points.size(); ++i) RETURN_IF_ERROR(CheckPoint(view, points[i], i));
-  return absl::OkStatus();
+absl::Status CheckScale(double scale) { return CheckRange("scale_quantile", scale, 0, 1); }
+
+absl::Status CheckThreshold(double threshold) { return CheckRange("threshold", threshold, -1, 1); }
+
+absl::Status CheckGranularity(const Granularity& granularity) {
+  if (granularity.scale) RETURN_IF_ERROR(CheckScale(*granularity.scale));
+  if (!granularity.threshold) return absl::OkStatus();
+  return CheckThreshold(*granularity.threshold);
 }
 
-absl::Status CheckBox(const ModelView& view, const BoxPrompt& box) {
-  RETURN_IF_ERROR(CheckView(view));
-  const Camera& camera = view.camera;
+absl::Status CheckPoints(const PromptImage& image, std::span<const PointPrompt> points) {
+  for (size_t i = 0; i < points.size(); ++i) {
+    const auto [x, y, positive] = points[i];
+    if (x >= 0 && x < image.width && y >= 0 && y < image.height) continue;
+    const std::string part = absl::StrCat("points[", i, "]");
+    if (!std::isfinite(x) || !std::isfinite(y)) {
+      return BadPart(part, absl::StrCat("(", x, ", ", y, ") is not finite"));
+    }
+    return FaultError({part, absl::StrCat("point ", x, ",", y),
+                       absl::StrCat("is outside ", image.name, " (", image.Size(), ")")});
+  }
+  // Negative points only take away from what positive ones select.
+  const bool any_positive = std::any_of(points.begin(), points.end(),
+                                        [](const PointPrompt& point) { return point.positive; });
+  return any_positive ? absl::OkStatus() : BadPart("points", "no positive point among them");
+}
+
+absl::Status CheckBox(const PromptImage& image, const BoxPrompt& box) {
+  PromptFault fault = {"", absl::StrCat("box ", box.x, ",", box.y, " ", box.width, "x", box.height),
+                       ""};
   const bool finite = std::isfinite(box.x) && std::isfinite(box.y) && std::isfinite(box.width) &&
                       std::isfinite(box.height);
-  if (finite && box.width > 0 && box.height > 0 && box.x < camera.width && box.y < camera.height &&
-      box.x + box.width > 0 && box.y + box.height > 0) {
+  // A box may reach over the border, as one that is drawn by hand does, but not lie outside.
+  if (!finite || box.width <= 0 || box.height <= 0) {
+    fault.limit = "is not finite, or is empty";
+  } else if (box.x >= image.width || box.y >= image.height || box.x + box.width <= 0 ||
+             box.y + box.height <= 0) {
+    fault.limit = absl::StrCat("is outside ", image.name, " (", image.Size(), ")");
+  } else {
     return absl::OkStatus();
   }
-  return absl::InvalidArgumentError(
-      absl::StrCat("the box is at (", box.x, ", ", box.y, ") and has ", box.width, "x", box.height,
-                   " pixels, must be finite, not empty and overlap ", NameOf(view), " of ",
-                   camera.width, "x", camera.height, " pixels"));
+  return FaultError(fault);
 }
 
-absl::Status CheckMask(const ModelView& view, const BinaryMask& mask) {
-  RETURN_IF_ERROR(CheckView(view));
-  const auto num_pixels = static_cast<size_t>(view.camera.width) * view.camera.height;
-  if (mask.pixels.size() != num_pixels) {
-    return absl::InvalidArgumentError(absl::StrCat("the mask has ", mask.pixels.size(),
-                                                   " pixels, must have the ", num_pixels, " of ",
-                                                   NameOf(view)));
+absl::Status CheckMask(const PromptImage& image, const BinaryMask& mask) {
+  const auto num_pixels = static_cast<size_t>(image.width) * image.height;
+  if (mask.pixels.size() == num_pixels) return CheckNotEmpty(mask);
+  return BadPart("", absl::StrCat("the mask has ", mask.pixels.size(), " pixels, must have the ",
+                                  num_pixels, " of ", image.name));
+}
+
+absl::Status CheckShape(const PromptImage& image, const Shape& shape) {
+  return std::visit(
+      Overloaded{[&](const PointsPrompt& points) {
+                   if (!points.empty() && points.size() <= kMaxPromptPoints) {
+                     return CheckPoints(image, points);
+                   }
+                   return BadPart("points", absl::StrCat(points.size(), " points, allowed are 1..",
+                                                         kMaxPromptPoints));
+                 },
+                 [&](const BoxPrompt& box) { return CheckBox(image, box); },
+                 [&](const BinaryMask& mask) { return CheckMask(image, mask); }},
+      shape);
+}
+
+absl::Status CheckNotEmpty(const BinaryMask& mask) {
+  // An empty mask selects nothing, and its mean feature would be undefined.
+  if (std::ranges::any_of(mask.pixels, [](uint8_t pixel) { return pixel != 0; })) {
+    return absl::OkStatus();
   }
-  if (std::all_of(mask.pixels.begin(), mask.pixels.end(), [](uint8_t p) { return p == 0; })) {
-    return absl::InvalidArgumentError("the mask of the prompt is empty");
-  }
-  return absl::OkStatus();
+  return BadPart("", "no pixel is in the mask");
 }
 
 absl::Status CheckQuery(const Query& query) {
@@ -123,6 +188,12 @@ absl::Status CheckQuery(const Query& query) {
 
 absl::Status NothingThereError(absl::string_view message) {
   absl::Status status = absl::InvalidArgumentError(message);
+  status.SetPayload(kNothingThere, absl::Cord());
+  return status;
+}
+
+absl::Status NothingThereError(const PromptFault& fault) {
+  absl::Status status = FaultError(fault);
   status.SetPayload(kNothingThere, absl::Cord());
   return status;
 }

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <variant>
 #include <vector>
 
@@ -13,27 +14,42 @@
 
 namespace pepeseg {
 
-// Limits of a view and of a prompt, which the checks below enforce.
+// Limits of views and prompts, which the checks below enforce. The contract documents them.
 inline constexpr int kMaxViewSide = 16'384;
 inline constexpr int64_t kMaxViewPixels = 64'000'000;
-inline constexpr size_t kMaxPromptPoints = 256;
+inline constexpr int64_t kMaxFreePixels = 16'000'000;  // of a free camera, which anybody may send
+inline constexpr double kMaxNormError = 1e-3;          // of a quaternion: decimals, floats
+// Each point takes a part of the time of a query.
+inline constexpr size_t kMaxPromptPoints = 64;
 
 struct PointPrompt {
-  double x = 0, y = 0;  // pixels of the prompt's view, in [0, width) x [0, height)
+  double x = 0, y = 0;  // pixels of the prompt's image, in [0, width) x [0, height)
   bool positive = true;
 };
+// At least one is positive.
+using PointsPrompt = std::vector<PointPrompt>;
 
 // Stands for the thing that fills the box.
 struct BoxPrompt {
-  double x = 0, y = 0, width = 0, height = 0;  // pixels of the prompt's view
+  double x = 0, y = 0, width = 0, height = 0;  // pixels of the prompt's image, which it overlaps
 };
 
-// Points, a box or a mask in a view, which stand for a thing to segment.
+// A mask has the size of the prompt's image and at least one pixel. A kind that is added here does
+// not compile until each std::visit answers it.
+using Shape = std::variant<PointsPrompt, BoxPrompt, BinaryMask>;
+// Makes one visitor from a function for each kind.
+template <class... Kinds>
+struct Overloaded : Kinds... {
+  using Kinds::operator()...;
+};
+template <class... Kinds>
+Overloaded(Kinds...) -> Overloaded<Kinds...>;
+
+// A shape in a view, which stands for a thing to segment. In pixels of the view, unless it is read
+// for a Frame.
 struct Prompt {
   ModelView view;
-  // Limits: at least one positive point, at most kMaxPromptPoints; a box that overlaps the view; a
-  // mask of the view's size with at least one pixel.
-  std::variant<std::vector<PointPrompt>, BoxPrompt, BinaryMask> what;
+  Shape what;
 };
 
 // The size of the thing that is meant, and how similar its pixels are. Absent values are chosen.
@@ -51,20 +67,53 @@ struct Query {
   double threshold = 0.75;        // cosine, [-1, 1]
 };
 
-// Each returns INVALID_ARGUMENT, which names the field, its value and its limits, unless the
-// argument is valid.
+// The image that a prompt is drawn in: a view, or its photograph (Frame).
+struct PromptImage {
+  std::string name;  // for messages: view "a.jpg", photograph "a.jpg", the free camera
+  int width = 0, height = 0;
+
+  // Returns the size in pixels as text: "640x480".
+  std::string Size() const;
+};
+PromptImage ImageOf(const ModelView& view);
+
+// What is wrong with a part of a prompt, a view or a granularity. A status has it as a payload.
+struct PromptFault {
+  std::string part;  // "points[3]", "camera.fx", "threshold"; empty: the whole
+  // What is wrong: "point 7,5", "is outside ..."; or a number, "7", "not in [0, 1]"; or no value,
+  // "is required".
+  std::string value, limit;
+
+  bool is_number() const { return !value.empty() && value.find(' ') == std::string::npos; }
+};
+// Returns INVALID_ARGUMENT with the fault.
+absl::Status FaultError(const PromptFault& fault);
+// Returns the fault of an error, or nothing if it has none.
+std::optional<PromptFault> FaultOf(const absl::Status& status);
+
+// The checks. Each returns the error of a fault unless its argument is valid.
+//
+// A view without a name is a free camera, of at most kMaxFreePixels.
+absl::Status CheckCamera(const ModelView& view);
 absl::Status CheckView(const ModelView& view);
+absl::Status CheckGranularity(const Granularity& granularity);
 absl::Status CheckScale(double scale);
 absl::Status CheckThreshold(double threshold);
-absl::Status CheckPoints(const ModelView& view, std::span<const PointPrompt> points);
-absl::Status CheckBox(const ModelView& view, const BoxPrompt& box);
-absl::Status CheckMask(const ModelView& view, const BinaryMask& mask);
+// Refuses points outside the image, and points of which none is positive.
+absl::Status CheckPoints(const PromptImage& image, std::span<const PointPrompt> points);
+absl::Status CheckBox(const PromptImage& image, const BoxPrompt& box);
+absl::Status CheckMask(const PromptImage& image, const BinaryMask& mask);
+// Checks what a user gives: also refuses more than kMaxPromptPoints.
+absl::Status CheckShape(const PromptImage& image, const Shape& shape);
+// Refuses a mask without a pixel.
+absl::Status CheckNotEmpty(const BinaryMask& mask);
 absl::Status CheckQuery(const Query& query);
 
 // Returns INVALID_ARGUMENT for a valid prompt where the model shows no Gaussian with a feature, as
 // in the background or where no mask covered anything in training. IsNothingThere distinguishes it
 // from other errors by a payload of the status.
 absl::Status NothingThereError(absl::string_view message);
+absl::Status NothingThereError(const PromptFault& fault);
 bool IsNothingThere(const absl::Status& status);
 
 }  // namespace pepeseg

@@ -70,11 +70,8 @@ class ClickFollower {
     return Choose();
   }
 
-  GranularityLadder FindRungs(int max_count) const {
-    const Ladder ladder = FindLadder(*masks_, plateaus_, chosen_, max_count);
-    GranularityLadder found = {{}, ladder.best};
-    for (const MaskGrid::Plateau& rung : ladder.rungs) found.rungs.push_back(GranularityOf(rung));
-    return found;
+  Candidates Found(int max_count) const {
+    return FindCandidates(*masks_, plateaus_, chosen_, max_count);
   }
 
  private:
@@ -83,12 +80,8 @@ class ClickFollower {
     return {std::min(camera.width - 1, static_cast<int>(point.x) / small_.factor),
             std::min(camera.height - 1, static_cast<int>(point.y) / small_.factor)};
   }
-  StableGranularity GranularityOf(const MaskGrid::Plateau& plateau) const {
-    return {grid_.scales[plateau.cell.scale], double{grid_.thresholds[plateau.cell.threshold]},
-            plateau.stability, plateau.support};
-  }
   absl::StatusOr<std::vector<uint8_t>> MaskOf(const MaskGrid::Plateau& plateau) const {
-    const StableGranularity at = GranularityOf(plateau);
+    const Candidate at = masks_->CandidateAt(plateau.cell, plateau.support);
     const Query query = {query_.features, query_.positive, at.scale, at.threshold};
     ASSIGN_OR_RETURN(auto results, segmenter_.Segment(query, {&small_.view, 1}));
     return std::move(results[0].mask.pixels);
@@ -112,7 +105,7 @@ class ClickFollower {
   absl::Status Compare() {
     ASSIGN_OR_RETURN(LevelCounts counts,
                      segmenter_.CountLevels(query_, grid_.scales, grid_.thresholds, small_.view));
-    masks_.emplace(std::move(counts));
+    masks_.emplace(std::move(counts), grid_);
     plateaus_ = masks_->FindPlateaus(kMinArea, std::numeric_limits<int>::max());
     chosen_ = 0;
     return absl::OkStatus();
@@ -153,18 +146,16 @@ class ClickFollower {
 };
 
 absl::StatusOr<Query> ResolvePoints(const Segmenter& segmenter, const ModelView& view,
-                                    const std::vector<PointPrompt>& points,
-                                    const Granularity& granularity) {
+                                    const PointsPrompt& points, const Granularity& granularity) {
   ASSIGN_OR_RETURN(ClickedFeatures clicks, FindClickedFeatures(segmenter, view, points));
   Query& query = clicks.query;
   query.scale = granularity.scale.value_or(query.scale);
   query.threshold = granularity.threshold.value_or(query.threshold);
   if (granularity.scale && granularity.threshold) return query;
-  ASSIGN_OR_RETURN(const GranularityLadder ladder,
+  ASSIGN_OR_RETURN(const Candidates found,
                    FindGranularities(segmenter, clicks, GridOf(granularity), 1));
-  if (ladder.rungs.empty())
-    return query;  // masks of under 16 pixels at any scale: keep the defaults
-  const StableGranularity& best = ladder.rungs[ladder.best];
+  if (found.list.empty()) return query;  // masks of under 16 pixels at any scale: keep the defaults
+  const Candidate& best = found.list[found.best];
   query.scale = best.scale;
   query.threshold = granularity.threshold.value_or(best.threshold);
   return query;
@@ -174,15 +165,16 @@ absl::StatusOr<Query> ResolvePoints(const Segmenter& segmenter, const ModelView&
 
 absl::StatusOr<Query> ResolvePrompt(const Segmenter& segmenter, const Prompt& prompt,
                                     const Granularity& granularity) {
-  if (granularity.scale) RETURN_IF_ERROR(CheckScale(*granularity.scale));
-  if (granularity.threshold) RETURN_IF_ERROR(CheckThreshold(*granularity.threshold));
-  if (const auto* mask = std::get_if<BinaryMask>(&prompt.what)) {
-    return FitMask(segmenter, prompt.view, *mask, granularity);
-  }
-  if (const auto* box = std::get_if<BoxPrompt>(&prompt.what)) {
-    return FitBox(segmenter, prompt.view, *box, granularity);
-  }
-  return ResolvePoints(segmenter, prompt.view, std::get<0>(prompt.what), granularity);
+  RETURN_IF_ERROR(CheckGranularity(granularity));
+  const ModelView& view = prompt.view;
+  return std::visit(
+      Overloaded{
+          [&](const PointsPrompt& points) {
+            return ResolvePoints(segmenter, view, points, granularity);
+          },
+          [&](const BoxPrompt& box) { return FitBox(segmenter, view, box, granularity); },
+          [&](const BinaryMask& mask) { return FitMask(segmenter, view, mask, granularity); }},
+      prompt.what);
 }
 
 absl::StatusOr<ClickedFeatures> FindClickedFeatures(const Segmenter& segmenter,
@@ -194,9 +186,9 @@ absl::StatusOr<ClickedFeatures> FindClickedFeatures(const Segmenter& segmenter,
   return clicks;
 }
 
-absl::StatusOr<GranularityLadder> FindGranularities(const Segmenter& segmenter,
-                                                    const ClickedFeatures& clicks,
-                                                    const GranularityGrid& grid, int max_count) {
+absl::StatusOr<Candidates> FindGranularities(const Segmenter& segmenter,
+                                             const ClickedFeatures& clicks,
+                                             const GranularityGrid& grid, int max_count) {
   std::vector<size_t> order(clicks.points.size());
   std::iota(order.begin(), order.end(), size_t{0});
   const auto first =
@@ -207,7 +199,7 @@ absl::StatusOr<GranularityLadder> FindGranularities(const Segmenter& segmenter,
   ClickFollower follower(segmenter, clicks, grid);
   RETURN_IF_ERROR(follower.Start(all.first(all.size() - num_corrections)));
   for (const size_t point : all.last(num_corrections)) RETURN_IF_ERROR(follower.Correct(point));
-  return follower.FindRungs(max_count);
+  return follower.Found(max_count);
 }
 
 double ClickPlausibility(const PixelClick& click, std::span<const uint8_t> before,

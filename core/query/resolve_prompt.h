@@ -39,18 +39,6 @@ absl::StatusOr<Query> FitBox(const Segmenter& segmenter, const ModelView& view,
 
 // Scale and threshold of a prompt of points (METHOD.md section 4, "Points").
 
-// A scale and a threshold that show something stable.
-struct StableGranularity {
-  double scale = 0, threshold = 0;
-  double stability = 0;  // see MaskGrid::Stability
-  double support = 0;    // see MaskGrid::Plateau
-};
-// The stable granularities that points may mean in their view, see Ladder.
-struct GranularityLadder {
-  std::vector<StableGranularity> rungs;
-  int best = 0;
-};
-
 // Points of a view, and the features under them. The first positive point is answered first; the
 // others correct the answer, in their order.
 struct ClickedFeatures {
@@ -63,15 +51,15 @@ absl::StatusOr<ClickedFeatures> FindClickedFeatures(const Segmenter& segmenter,
                                                     const ModelView& view,
                                                     std::span<const PointPrompt> points);
 
-// Returns what the points may mean, at most `max_count` rungs. For one point the best rung is the
+// Returns what the points may mean, at most `max_count` candidates. For one point the best is the
 // mask with the most support. A further point that the mask so far does not answer compares the
-// masks of all points so far again: the best rung is then the one that ClickPlausibility and
-// support favour. Of more than 9 points, all but the last 8 are answered together. Returns no rung
+// masks of all points so far again: the best is then the one that ClickPlausibility and
+// support favour. Of more than 9 points, all but the last 8 are answered together. Returns none
 // if no mask has 16 pixels of the small view at any scale. Errors are those of
 // Segmenter::CountLevels.
-absl::StatusOr<GranularityLadder> FindGranularities(const Segmenter& segmenter,
-                                                    const ClickedFeatures& clicks,
-                                                    const GranularityGrid& grid, int max_count);
+absl::StatusOr<Candidates> FindGranularities(const Segmenter& segmenter,
+                                             const ClickedFeatures& clicks,
+                                             const GranularityGrid& grid, int max_count);
 
 // A click on a pixel of a view.
 struct PixelClick {

@@ -100,7 +100,8 @@ absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Query& query
 
 absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(
     const ModelView& view, std::span<const PointPrompt> points) const {
-  RETURN_IF_ERROR(CheckPoints(view, points));
+  RETURN_IF_ERROR(CheckView(view));
+  RETURN_IF_ERROR(CheckPoints(ImageOf(view), points));
   std::vector<int32_t> pixels;
   pixels.reserve(points.size());
   for (const PointPrompt& point : points) {

@@ -124,7 +124,7 @@ struct Pointing {
   double x, y;    // centre of the pixel
   int32_t pixel;  // y * width + x
 
-  bool operator()(const std::vector<PointPrompt>& points) const {
+  bool operator()(const PointsPrompt& points) const {
     for (const PointPrompt& point : points) {
       if (point.positive && std::hypot(point.x - x, point.y - y) <= kPointRadius) return true;
     }
@@ -268,35 +268,36 @@ std::vector<int32_t> ConnectedParts(const Gaussians& gaussians, std::span<const 
   return part;
 }
 
-absl::StatusOr<GaussianSet> SelectGaussians(const Segmenter& segmenter, const SelectTask& task,
+absl::StatusOr<GaussianSet> SelectGaussians(const Segmenter& segmenter,
+                                            const SelectRequest& request, const Query& query,
                                             absl::FunctionRef<absl::Status()> before_view) {
-  if (task.num_views < 1) {
+  if (request.num_views < 1) {
     return absl::InvalidArgumentError(
-        absl::StrCat("num_views is ", task.num_views, ", must be at least 1"));
+        absl::StrCat("num_views is ", request.num_views, ", must be at least 1"));
   }
   const Gaussians& gaussians = segmenter.model().gaussians;
   GaussianVotes votes(gaussians.count);
   RETURN_IF_ERROR(before_view());
   ASSIGN_OR_RETURN(const SegmentResult prompted,
-                   AddVotes(segmenter, task.query, task.prompt.view, votes));
+                   AddVotes(segmenter, query, request.prompt.view, votes));
   // An empty mask in the prompted view: there is no centre by which to choose other views.
   if (prompted.box[2] == 0) {
     return GaussianSet{std::vector<uint8_t>(static_cast<size_t>(gaussians.count))};
   }
   const std::vector<ModelView> others =
-      VotingViews(segmenter.model().views, task.prompt.view.name, votes.CenterInside(gaussians),
-                  static_cast<size_t>(task.num_views - 1));
+      VotingViews(segmenter.model().views, request.prompt.view.name, votes.CenterInside(gaussians),
+                  static_cast<size_t>(request.num_views - 1));
   for (const ModelView& view : others) {
     RETURN_IF_ERROR(before_view());
-    RETURN_IF_ERROR(AddVotes(segmenter, task.query, view, votes).status());
+    RETURN_IF_ERROR(AddVotes(segmenter, query, view, votes).status());
   }
   std::vector<int32_t> members;
   for (int32_t i = 0; i < gaussians.count; ++i) {
     if (votes.Inside(i)) members.push_back(i);
   }
   ASSIGN_OR_RETURN(const std::vector<float> shown,
-                   ShownWeights(segmenter, task.prompt, prompted.mask));
-  GaussianSet set = KeepParts(gaussians, members, shown, task.keep_disconnected);
+                   ShownWeights(segmenter, request.prompt, prompted.mask));
+  GaussianSet set = KeepParts(gaussians, members, shown, request.keep_disconnected);
   AddUnseen(gaussians, votes, set);
   return set;
 }

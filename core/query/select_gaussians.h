@@ -16,9 +16,9 @@ namespace pepeseg {
 
 inline constexpr int kDefaultVotingViews = 16;
 
-struct SelectTask {
+struct SelectRequest {
   Prompt prompt;
-  Query query;  // from ResolvePrompt
+  Granularity granularity = {};
   // Maximum number of views that vote, at least 1: the view of the prompt, and VotingViews around
   // what its mask shows.
   int num_views = kDefaultVotingViews;
@@ -38,7 +38,8 @@ std::vector<int32_t> PromptedPixels(const Prompt& prompt, size_t max_count);
 // reach from one mean to the other along the line between them.
 std::vector<int32_t> ConnectedParts(const Gaussians& gaussians, std::span<const int32_t> selected);
 
-// Selects the Gaussians of a query in 3D (METHOD.md section 4, "Selection in 3D").
+// Selects the Gaussians of a query, which is that of the prompt, in 3D (METHOD.md section 4,
+// "Selection in 3D").
 // - Views vote: a Gaussian is a member if they see more of it inside the masks of the query than
 //   outside, see GaussianVotes.
 // - Of the ConnectedParts of the members, those are kept that the prompted pixels show, or the
@@ -51,7 +52,8 @@ std::vector<int32_t> ConnectedParts(const Gaussians& gaussians, std::span<const 
 // threads. Calls `before_view` before each view; an error that it returns (such as CANCELLED) ends
 // the selection with that error. INVALID_ARGUMENT: num_views < 1. Other errors are those of
 // Segmenter.
-absl::StatusOr<GaussianSet> SelectGaussians(const Segmenter& segmenter, const SelectTask& task,
+absl::StatusOr<GaussianSet> SelectGaussians(const Segmenter& segmenter,
+                                            const SelectRequest& request, const Query& query,
                                             absl::FunctionRef<absl::Status()> before_view);
 
 }  // namespace pepeseg

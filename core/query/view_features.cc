@@ -125,6 +125,7 @@ absl::StatusOr<SegmentResult> ViewFeatures::SegmentView(const Query& query,
                            .sums = sums_.span()});
   }
   SegmentResult result;
+  result.view = target.name;
   result.width = target.camera.width;
   result.height = target.camera.height;
   result.scale = query.scale;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -22,9 +23,13 @@ struct SegmentOptions {
   bool refine_borders = false;   // see RefineBorderArgs; the score is that of the refined mask
 };
 
+// The image by which the border of a mask was placed, other than by its features.
+enum class BorderImage { kNone, kPhotograph, kRendering };
+
 // The mask of a query in one view.
 struct SegmentResult {
-  BinaryMask mask;  // [height, width] of the target view
+  std::string view;  // name of the target view
+  BinaryMask mask;   // [height, width] of the target view
   int width = 0, height = 0;
   int64_t area = 0;               // pixels in the mask
   double score = 0;               // mean similarity inside the mask, cosine
@@ -33,6 +38,8 @@ struct SegmentResult {
   double threshold = 0;           // cosine used
   int box[4] = {};                // x, y, width, height of the mask, pixels; zeros if it is empty
   std::vector<float> similarity;  // [height, width] cosines; empty unless requested
+  BorderImage border_image = BorderImage::kNone;
+  std::optional<double> box_agreement;  // of the view of a box prompt, see CutToBox
 };
 
 // Pixel counts from which the overlap of any two masks of one prompt follows. The masks are those

@@ -99,8 +99,8 @@ Response::Choice ChoiceToProto(const ChoiceScores& choice) {
   return proto;
 }
 
-Response::Click ClickToProto(const PointPrompt& click, const PhotographFrame& frame) {
-  const Eigen::Vector2d place = frame.FromView({click.x, click.y});
+Response::Click ClickToProto(const PointPrompt& click, const Frame& frame) {
+  const Eigen::Vector2d place = frame.FromView(Eigen::Vector2d(click.x, click.y));
   Response::Click proto;
   proto.set_x(place.x());
   proto.set_y(place.y());
@@ -108,8 +108,7 @@ Response::Click ClickToProto(const PointPrompt& click, const PhotographFrame& fr
   return proto;
 }
 
-void FillClicks(const EntityClicks& clicks, const PhotographFrame& frame,
-                Response::Entity& entity) {
+void FillClicks(const EntityClicks& clicks, const Frame& frame, Response::Entity& entity) {
   entity.set_reached(clicks.reached);
   entity.set_num_clicks(clicks.num_clicks);
   for (const ClickAnswer& answer : clicks.answers) {
@@ -129,8 +128,7 @@ void FillChoices(const EntityScores& scores, Response::Entity& entity) {
   entity.mutable_iou_by_scale()->Assign(scores.iou_by_scale.begin(), scores.iou_by_scale.end());
 }
 
-void FillEntity(const EntityScores& scores, const PhotographFrame& frame,
-                Response::Entity& entity) {
+void FillEntity(const EntityScores& scores, const Frame& frame, Response::Entity& entity) {
   entity.set_name(scores.name);
   entity.set_category(scores.category);
   entity.set_reference_view(scores.reference);
@@ -234,7 +232,7 @@ void FillEvaluation(const EvaluationResult& result, v1::PixelFrame frame, const 
     const auto view = std::find_if(
         model.views.begin(), model.views.end(),
         [&](const ModelView& candidate) { return candidate.name == scores.reference; });
-    FillEntity(scores, ImageOf(*view, frame).frame, *response->add_entities());
+    FillEntity(scores, Frame(*view, FrameKindFromProto(frame)), *response->add_entities());
     with_clicks |= scores.clicks.has_value();
   }
   response->mutable_left_out()->Assign(result.left_out.begin(), result.left_out.end());

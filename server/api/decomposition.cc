@@ -39,7 +39,7 @@ absl::Status CheckLevelField(int32_t level, size_t num_levels, const std::string
                   absl::StrCat("no level of ", num_levels, ", which are counted from 0"));
 }
 
-absl::StatusOr<GaussianSet> FindSegment(const Segmenter& segmenter, const v1::SegmentRef& segment,
+absl::StatusOr<GaussianSet> FindSegment(const SceneModel& model, const v1::SegmentRef& segment,
                                         const std::string& field) {
   ASSIGN_OR_RETURN(const std::vector<double> scales,
                    ReadScales(segment.scales(), field + ".scales"));
@@ -56,7 +56,7 @@ absl::StatusOr<GaussianSet> FindSegment(const Segmenter& segmenter, const v1::Se
     ASSIGN_OR_RETURN(found, MembersOf(whole, segment.level(), segment.id()));
     return absl::OkStatus();
   };
-  RETURN_IF_ERROR(segmenter.WithDecomposition(scales, find));
+  RETURN_IF_ERROR(model.Decompose(scales, find));
   return found;
 }
 

@@ -6,8 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/query/segmenter.h"
-#include "core/scene/gaussians.h"
+#include "core/query/scene_model.h"
 #include "google/protobuf/repeated_field.h"
 #include "pepeseg/v1/decomposition.pb.h"
 
@@ -23,7 +22,7 @@ absl::Status CheckLevelField(int32_t level, size_t num_levels, const std::string
 
 // Returns the Gaussians of a segment. Decomposes the model at the segment's scales if that has not
 // been done, which takes long.
-absl::StatusOr<GaussianSet> FindSegment(const Segmenter& segmenter, const v1::SegmentRef& segment,
+absl::StatusOr<GaussianSet> FindSegment(const SceneModel& model, const v1::SegmentRef& segment,
                                         const std::string& field);
 
 v1::DecomposeModelResponse::Level LevelToProto(const Decomposition::Level& level,

@@ -1,6 +1,7 @@
 #include "server/api/error.h"
 
 #include <algorithm>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -8,7 +9,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/errors.h"
-#include "core/query/prompt.h"
+#include "core/query/scene_model.h"
 #include "server/api/convert.h"
 #include "server/worker_protocol/client_text.h"
 
@@ -137,6 +138,21 @@ absl::Status BadField(const std::string& field, const std::string& value, const 
                               .value = Utf8Prefix(value, kMaxValueBytes)};
   return WithDetail(
       absl::InvalidArgumentError(absl::StrCat(field, ": '", detail.value, "': ", what)), detail);
+}
+
+absl::Status AtField(const absl::Status& status, const std::string& field) {
+  const std::optional<PromptFault> fault = FaultOf(status);
+  if (!fault) return status;
+  ErrorDetail detail;
+  detail.field = fault->part.empty() ? field : absl::StrCat(field, ".", fault->part);
+  if (fault->is_number()) return BadField(detail.field, fault->value, fault->limit);
+  detail.reason = IsNothingThere(status) ? "NOTHING_THERE" : "BAD_FIELD";
+  detail.value = fault->value;
+  if (!fault->value.empty()) detail.limit = fault->limit;
+  // A message with the value says what it is about.
+  const std::string message = fault->value.empty() ? absl::StrCat(detail.field, ": ", fault->limit)
+                                                   : std::string(status.message());
+  return WithDetail(absl::InvalidArgumentError(message), detail);
 }
 
 absl::Status WithResource(const absl::Status& status, const std::string& reason,

@@ -20,6 +20,11 @@ namespace pepeseg {
 // Returns INVALID_ARGUMENT "FIELD: 'VALUE': WHAT", with the parts in the detail.
 absl::Status BadField(const std::string& field, const std::string& value, const std::string& what);
 
+// Returns an error of core's checks of prompts, views and granularities (core/query/prompt.h) with
+// its part at or below `field` in the detail: "point 7,5 is outside ...", or "FIELD: WHAT". Other
+// statuses stay.
+absl::Status AtField(const absl::Status& status, const std::string& field);
+
 // Returns `status` with a detail that names the resource that is missing or in the way.
 absl::Status WithResource(const absl::Status& status, const std::string& reason,
                           const std::string& resource);

@@ -9,60 +9,73 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/api/error.h"
-#include "server/api/request_geometry.h"
 #include "server/api/request_image.h"
 
 namespace pepeseg {
 namespace {
 
-absl::StatusOr<BinaryMask> MaskInView(const v1::MaskImage& mask, const ImageOfView& image,
-                                      const std::string& field) {
-  ASSIGN_OR_RETURN(BinaryMask read, ReadMask(mask, image, field));
-  return TakeToView(std::move(read), image, field);
-}
+// Reads what is shown in one view.
+class ShapeReader {
+ public:
+  ShapeReader(const TruthView& truth, const Frame& image) : truth_(truth), image_(image) {}
 
-absl::StatusOr<PointMean> ReadPointMean(const v1::PointsPrompt& proto, const ImageOfView& image,
-                                        const std::string& field) {
-  ASSIGN_OR_RETURN(std::vector<PointPrompt> points, ReadPoints(proto, image, field));
-  for (size_t i = 0; i < points.size(); ++i) {
-    if (points[i].positive) continue;
-    return BadField(absl::StrCat(field, ".points[", i, "].negative"), "true",
-                    "a mean has positive points only");
+  // Everything but a label, which its caller reads.
+  absl::StatusOr<PromptShape> Read(const v1::EntityPrompt& proto, const std::string& field) const {
+    switch (proto.what_case()) {
+      case v1::EntityPrompt::kPoints:
+        return Points(proto.points(), field + ".points");
+      case v1::EntityPrompt::kPointMean:
+        return Mean(proto.point_mean(), field + ".point_mean");
+      case v1::EntityPrompt::kScribbles:
+        return Strokes(proto.scribbles(), field + ".scribbles");
+      case v1::EntityPrompt::kBox:
+        return InView<BoxPrompt>(BoxFromProto(proto.box()), field + ".box");
+      case v1::EntityPrompt::kMask:
+        return Mask(proto.mask(), field + ".mask");
+      case v1::EntityPrompt::kOwnMask:
+        if (truth_.IndexOf(proto.entity())) return OwnMask{};
+        return BadField(field + ".own_mask", truth_.view.name, "has no mask of the entity");
+      default:
+        return BadField(field, "",
+                        "no points, point_mean, scribbles, box, mask, own_mask or label_id");
+    }
   }
-  return PointMean{std::move(points)};
-}
 
-absl::StatusOr<Scribbles> ReadScribbles(const v1::EntityPrompt::Scribbles& proto,
-                                        const ImageOfView& image, const std::string& field) {
-  Scribbles scribbles;
-  ASSIGN_OR_RETURN(scribbles.positive, MaskInView(proto.positive(), image, field + ".positive"));
-  if (!proto.has_negative()) return scribbles;
-  ASSIGN_OR_RETURN(scribbles.negative, MaskInView(proto.negative(), image, field + ".negative"));
-  return scribbles;
-}
-
-// Reads what is shown in a view; a label is read by its caller.
-absl::StatusOr<PromptShape> ReadShape(const v1::EntityPrompt& proto, const TruthView& truth,
-                                      const ImageOfView& image, const std::string& field) {
-  switch (proto.what_case()) {
-    case v1::EntityPrompt::kPoints:
-      return ReadPoints(proto.points(), image, field + ".points");
-    case v1::EntityPrompt::kPointMean:
-      return ReadPointMean(proto.point_mean(), image, field + ".point_mean");
-    case v1::EntityPrompt::kScribbles:
-      return ReadScribbles(proto.scribbles(), image, field + ".scribbles");
-    case v1::EntityPrompt::kBox:
-      return ReadBox(proto.box(), image, field + ".box");
-    case v1::EntityPrompt::kMask:
-      return MaskInView(proto.mask(), image, field + ".mask");
-    case v1::EntityPrompt::kOwnMask:
-      if (truth.IndexOf(proto.entity())) return OwnMask{};
-      return BadField(field + ".own_mask", truth.view.name, "has no mask of the entity");
-    default:
-      return BadField(field, "",
-                      "no points, point_mean, scribbles, box, mask, own_mask or label_id");
+ private:
+  template <class Kind>
+  absl::StatusOr<Kind> InView(Kind shape, const std::string& field) const {
+    ASSIGN_OR_RETURN(Prompt prompt, ToViewAt(image_, {truth_.view, std::move(shape)}, field));
+    return std::get<Kind>(std::move(prompt.what));
   }
-}
+  absl::StatusOr<PointsPrompt> Points(const v1::PointsPrompt& proto,
+                                      const std::string& field) const {
+    return InView<PointsPrompt>(PointsFromProto(proto), field);
+  }
+  absl::StatusOr<BinaryMask> Mask(const v1::MaskImage& proto, const std::string& field) const {
+    ASSIGN_OR_RETURN(BinaryMask mask, ReadMask(proto, image_, field));
+    return InView<BinaryMask>(std::move(mask), field);
+  }
+  absl::StatusOr<PointMean> Mean(const v1::PointsPrompt& proto, const std::string& field) const {
+    ASSIGN_OR_RETURN(PointsPrompt points, Points(proto, field));
+    for (size_t i = 0; i < points.size(); ++i) {
+      if (points[i].positive) continue;
+      return BadField(absl::StrCat(field, ".points[", i, "].negative"), "true",
+                      "a mean has positive points only");
+    }
+    return PointMean{std::move(points)};
+  }
+  absl::StatusOr<Scribbles> Strokes(const v1::EntityPrompt::Scribbles& proto,
+                                    const std::string& field) const {
+    Scribbles scribbles;
+    ASSIGN_OR_RETURN(scribbles.positive, Mask(proto.positive(), field + ".positive"));
+    if (!proto.has_negative()) return scribbles;
+    ASSIGN_OR_RETURN(scribbles.negative, Mask(proto.negative(), field + ".negative"));
+    return scribbles;
+  }
+
+  const TruthView& truth_;
+  const Frame& image_;
+};
 
 absl::StatusOr<const TruthView*> ViewOfPrompt(std::span<const TruthView> views,
                                               const std::string& name, const std::string& field) {
@@ -93,8 +106,8 @@ absl::StatusOr<EntityPrompt> ReadOne(const v1::EntityPrompt& proto, v1::PixelFra
     return prompt;
   }
   ASSIGN_OR_RETURN(const TruthView* truth, ViewOfPrompt(views, prompt.view, field));
-  const ImageOfView image = frames.Image(truth->view, frame, TruthFrames::Kind::kPrompt);
-  ASSIGN_OR_RETURN(prompt.shape, ReadShape(proto, *truth, image, field));
+  const Frame image = frames.Image(truth->view, frame, TruthFrames::Kind::kPrompt);
+  ASSIGN_OR_RETURN(prompt.shape, ShapeReader(*truth, image).Read(proto, field));
   return prompt;
 }
 

@@ -47,12 +47,12 @@ class ToViewPixels {
       : image_(frames.Image(view, frame, TruthFrames::Kind::kTruth)),
         ignore_image_(frames.Image(view, frame, TruthFrames::Kind::kIgnore)) {}
 
-  const ImageOfView& image() const { return image_; }
+  const Frame& image() const { return image_; }
 
   template <class T>
   std::vector<T> Take(const std::vector<T>& values) {
-    if (image_.frame.is_view()) return values;
-    if (!pixels_) pixels_ = image_.frame.PixelsOfView();
+    if (image_.is_view()) return values;
+    if (!pixels_) pixels_ = image_.PixelsOfView();
     std::vector<T> taken;
     taken.reserve(pixels_->size());
     for (const int32_t pixel : *pixels_) taken.push_back(values[static_cast<size_t>(pixel)]);
@@ -67,11 +67,11 @@ class ToViewPixels {
     ASSIGN_OR_RETURN(const FloatImage grey, DecodeGreyOf(ignore_image_, png, field));
     ignore.reserve(grey.values.size());
     for (const float value : grey.values) ignore.push_back(value != 0 ? 1 : 0);
-    return image_.frame.TakeIgnoreToView(ignore);
+    return image_.TakeIgnoreToView(ignore);
   }
 
  private:
-  const ImageOfView image_, ignore_image_;
+  const Frame image_, ignore_image_;
   std::optional<std::vector<int32_t>> pixels_;
 };
 
@@ -177,7 +177,7 @@ class TruthReader {
     const std::string field = absl::StrCat(field_, ".masks[", index, "]");
     RETURN_IF_ERROR(CheckEntityName(mask.entity(), field + ".entity"));
     ASSIGN_OR_RETURN(const BinaryMask read,
-                     ReadAnyMask(mask.mask(), to_view_.image(), field + ".mask"));
+                     pepeseg::ReadMask(mask.mask(), to_view_.image(), field + ".mask"));
     return InField(builder_.AddMask(mask.entity(), to_view_.Take(read.pixels)), field);
   }
 
@@ -207,7 +207,7 @@ absl::Status ReadSamMasks(const v1::SamViewMasks& proto, const std::string& fiel
     const v1::SamViewMasks::SamMask& mask = proto.masks(m);
     const std::string of_mask = absl::StrCat(field, ".masks[", m, "]");
     ASSIGN_OR_RETURN(const BinaryMask read,
-                     ReadAnyMask(mask.mask(), to_view.image(), of_mask + ".mask"));
+                     ReadMask(mask.mask(), to_view.image(), of_mask + ".mask"));
     const std::vector<uint8_t> in_view = to_view.Take(read.pixels);
     std::vector<uint32_t> pixels;
     for (size_t i = 0; i < in_view.size(); ++i) {

@@ -10,10 +10,8 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/formats/rle.h"
-#include "core/scene/camera.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
-#include "server/api/request_geometry.h"
 #include "server/api/request_image.h"
 
 namespace pepeseg {
@@ -65,15 +63,62 @@ bool RefinesBorders(const Request& request) {
 
 }  // namespace
 
-v1::ProposeScalesResponse::Proposal ProposalToProto(const ScaleProposal& proposal) {
-  v1::ProposeScalesResponse::Proposal proto;
-  proto.set_scale_quantile(proposal.result.scale);
-  proto.set_threshold(proposal.result.threshold);
-  proto.set_scale_units(proposal.result.scale_units);
-  proto.set_support(proposal.support);
-  proto.set_stability(proposal.stability);
-  proto.set_kind(ProtoKind(proposal.kind));
-  return proto;
+absl::Status FillProposals(const Proposals& proposals, v1::MaskEncoding encoding,
+                           v1::ProposeScalesResponse* response) {
+  const auto& [list, best] = proposals.candidates;
+  for (size_t i = 0; i < list.size(); ++i) {
+    const SegmentResult& mask = proposals.masks[i];
+    v1::ProposeScalesResponse::Proposal& proto = *response->add_proposals();
+    proto.set_scale_quantile(mask.scale);
+    proto.set_threshold(mask.threshold);
+    proto.set_scale_units(mask.scale_units);
+    proto.set_support(list[i].support);
+    proto.set_stability(list[i].stability);
+    const auto count = static_cast<int>(list.size());
+    proto.set_kind(ProtoKind(KindOf(static_cast<int>(i), count, best)));
+    ASSIGN_OR_RETURN(*proto.mutable_mask(), EncodeMask(mask, encoding));
+  }
+  response->set_best(best);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<ModelView> FreeViewFromProto(const v1::Viewpoint::FreeCamera& proto,
+                                            const std::string& field) {
+  const auto required = [&](const char* name) {
+    return AtField(FaultError({absl::StrCat("cam_from_world.", name), "", "is required"}), field);
+  };
+  const v1::PinholeCamera& camera = proto.camera();
+  ModelView view;
+  view.camera = {camera.width(), camera.height(), camera.fx(),
+                 camera.fy(),    camera.cx(),     camera.cy()};
+  RETURN_IF_ERROR(AtField(CheckCamera(view), field));
+  if (!proto.cam_from_world().has_rotation()) return required("rotation");
+  if (!proto.cam_from_world().has_translation()) return required("translation");
+  const v1::Quaternion& q = proto.cam_from_world().rotation();
+  const v1::Vector3& t = proto.cam_from_world().translation();
+  view.cam_from_world = {{q.w(), q.x(), q.y(), q.z()}, {t.x(), t.y(), t.z()}};
+  RETURN_IF_ERROR(AtField(CheckView(view), field));
+  // Decimals and single precision leave a small error of the norm.
+  view.cam_from_world.rotation.normalize();
+  return view;
+}
+
+PointsPrompt PointsFromProto(const v1::PointsPrompt& proto) {
+  PointsPrompt points;
+  for (const v1::PointsPrompt::Point& point : proto.points()) {
+    points.push_back({point.x(), point.y(), !point.negative()});
+  }
+  return points;
+}
+
+BoxPrompt BoxFromProto(const v1::BoxPrompt& proto) {
+  return {proto.x(), proto.y(), proto.width(), proto.height()};
+}
+
+absl::StatusOr<Prompt> ToViewAt(const Frame& frame, Prompt prompt, const std::string& field) {
+  auto in_view = frame.ToView(std::move(prompt));
+  if (!in_view.ok()) return AtField(in_view.status(), field);
+  return in_view;
 }
 
 absl::StatusOr<ModelView> FindView(const std::string& name, const Model& model,
@@ -141,20 +186,17 @@ absl::StatusOr<Prompt> SegmentRequestReader::ReadPrompt(const v1::Prompt& prompt
   }
   Prompt read;
   ASSIGN_OR_RETURN(read.view, FindViewpoint(prompt.view(), model_, field + ".view"));
-  const ImageOfView image = ImageOf(read.view, frame);
+  const Frame pixels(read.view, FrameKindFromProto(frame));
   switch (prompt.what_case()) {
-    case v1::Prompt::kPoints: {
-      ASSIGN_OR_RETURN(read.what, ReadPoints(prompt.points(), image, field + ".points"));
-      return read;
-    }
-    case v1::Prompt::kBox: {
-      ASSIGN_OR_RETURN(read.what, ReadBox(prompt.box(), image, field + ".box"));
-      return read;
-    }
+    case v1::Prompt::kPoints:
+      read.what = PointsFromProto(prompt.points());
+      return ToViewAt(pixels, std::move(read), field + ".points");
+    case v1::Prompt::kBox:
+      read.what = BoxFromProto(prompt.box());
+      return ToViewAt(pixels, std::move(read), field + ".box");
     case v1::Prompt::kMask: {
-      ASSIGN_OR_RETURN(BinaryMask mask, ReadMask(prompt.mask(), image, field + ".mask"));
-      ASSIGN_OR_RETURN(read.what, TakeToView(std::move(mask), image, field + ".mask"));
-      return read;
+      ASSIGN_OR_RETURN(read.what, ReadMask(prompt.mask(), pixels, field + ".mask"));
+      return ToViewAt(pixels, std::move(read), field + ".mask");
     }
     default:
       return BadField(field, "", "no points, box, mask or label");
@@ -166,9 +208,6 @@ absl::StatusOr<Granularity> SegmentRequestReader::ReadGranularity(
   Granularity read;
   if (granularity.scale_case() == v1::Granularity::kScaleQuantile) {
     read.scale = granularity.scale_quantile();
-    if (!(*read.scale >= 0 && *read.scale <= 1)) {
-      return BadField(field + ".scale_quantile", absl::StrCat(*read.scale), "not in [0, 1]");
-    }
   } else if (granularity.scale_case() == v1::Granularity::kScaleUnits) {
     const double units = granularity.scale_units();
     if (!std::isfinite(units) || units <= 0) {
@@ -177,12 +216,8 @@ absl::StatusOr<Granularity> SegmentRequestReader::ReadGranularity(
     // Inside, a scale is a quantile of the model's own scales; lengths are converted here.
     read.scale = QuantileOfScale(model_.field, units);
   }
-  if (granularity.has_threshold()) {
-    read.threshold = granularity.threshold();
-    if (!(*read.threshold >= -1 && *read.threshold <= 1)) {
-      return BadField(field + ".threshold", absl::StrCat(*read.threshold), "not in [-1, 1]");
-    }
-  }
+  if (granularity.has_threshold()) read.threshold = granularity.threshold();
+  RETURN_IF_ERROR(AtField(CheckGranularity(read), field));
   return read;
 }
 
@@ -228,25 +263,24 @@ absl::StatusOr<std::vector<ModelView>> SegmentRequestReader::FindTargets(
   return views;
 }
 
-absl::StatusOr<SegmentQuery> SegmentRequestReader::Read(
+absl::StatusOr<SegmentRequest> SegmentRequestReader::Read(
     const v1::SegmentViewsRequest& request) const {
   RETURN_IF_ERROR(CheckEncoding(request.mask_encoding()));
-  SegmentQuery query;
-  ASSIGN_OR_RETURN(query.prompt, ReadPrompt(request.prompt(), request.frame()));
-  ASSIGN_OR_RETURN(query.granularity, ReadGranularity(request.granularity(), "granularity"));
-  ASSIGN_OR_RETURN(query.targets, FindTargets(request, query.prompt.view));
-  query.options = {.want_similarity = request.want_similarity(),
-                   .refine_borders = RefinesBorders(request)};
-  return query;
+  SegmentRequest read;
+  ASSIGN_OR_RETURN(read.prompt, ReadPrompt(request.prompt(), request.frame()));
+  ASSIGN_OR_RETURN(read.granularity, ReadGranularity(request.granularity(), "granularity"));
+  ASSIGN_OR_RETURN(read.targets, FindTargets(request, read.prompt.view));
+  read.frame = FrameKindFromProto(request.frame());
+  read.options = {.want_similarity = request.want_similarity(),
+                  .refine_borders = RefinesBorders(request)};
+  return read;
 }
 
-absl::StatusOr<ProposalQuery> SegmentRequestReader::Read(
+absl::StatusOr<ProposeRequest> SegmentRequestReader::Read(
     const v1::ProposeScalesRequest& request) const {
   RETURN_IF_ERROR(CheckEncoding(request.mask_encoding()));
-  ASSIGN_OR_RETURN(Prompt prompt, ReadPrompt(request.prompt(), request.frame()));
-  const auto* points = std::get_if<std::vector<PointPrompt>>(&prompt.what);
-  // A box, mask or label already says how large the object is.
-  if (points == nullptr) return BadField("prompt", "", "only points have proposals");
+  ProposeRequest read;
+  ASSIGN_OR_RETURN(read.prompt, ReadPrompt(request.prompt(), request.frame()));
   const int wanted = request.max_proposals();
   // Each proposal has a mask in the answer.
   constexpr int kMostProposals = 16;
@@ -254,10 +288,10 @@ absl::StatusOr<ProposalQuery> SegmentRequestReader::Read(
     return BadField("max_proposals", absl::StrCat(wanted),
                     absl::StrCat("not in [0, ", kMostProposals, "]"));
   }
-  return ProposalQuery{std::move(prompt.view),
-                       *points,
-                       wanted == 0 ? kDefaultProposals : wanted,
-                       {.refine_borders = RefinesBorders(request)}};
+  if (wanted > 0) read.max_count = wanted;
+  read.frame = FrameKindFromProto(request.frame());
+  read.options = {.refine_borders = RefinesBorders(request)};
+  return read;
 }
 
 }  // namespace pepeseg

@@ -4,9 +4,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/query/prompt.h"
-#include "core/query/propose_scales.h"
-#include "core/scene/model.h"
+#include "core/query/scene_model.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
 #include "server/api/resource_name.h"
 #include "server/store/store.h"
@@ -27,24 +25,18 @@ absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Mo
 absl::StatusOr<Prompt> PromptOfLabel(const LabelRow& label, const Model& model,
                                      const SceneChild& number);
 
-// A SegmentViewsRequest.
-struct SegmentQuery {
-  Prompt prompt;
-  Granularity granularity;
-  std::vector<ModelView> targets;  // the views to segment, at least one
-  SegmentOptions options;
-};
+// Reads a camera that is not one of the model's, see CheckView for its limits.
+absl::StatusOr<ModelView> FreeViewFromProto(const v1::Viewpoint::FreeCamera& proto,
+                                            const std::string& field);
+// Converts points and boxes, of any values.
+PointsPrompt PointsFromProto(const v1::PointsPrompt& proto);
+BoxPrompt BoxFromProto(const v1::BoxPrompt& proto);
+// Takes a prompt, which is in pixels of the frame, to its view: Frame::ToView.
+absl::StatusOr<Prompt> ToViewAt(const Frame& frame, Prompt prompt, const std::string& field);
 
-// A ProposeScalesRequest.
-struct ProposalQuery {
-  ModelView view;
-  std::vector<PointPrompt> points;
-  int max_proposals;
-  SegmentOptions options;
-};
-
-// Returns everything but the mask.
-v1::ProposeScalesResponse::Proposal ProposalToProto(const ScaleProposal& proposal);
+// Returns the proposals with their masks.
+absl::Status FillProposals(const Proposals& proposals, v1::MaskEncoding encoding,
+                           v1::ProposeScalesResponse* response);
 
 // Reads the parts of requests about one model. The model and the store, which has the scene's
 // labels, must outlive it.
@@ -54,13 +46,12 @@ class SegmentRequestReader {
   SegmentRequestReader(const Model& model, const SceneChild& number, Store& store)
       : model_(model), number_(number), store_(store) {}
 
-  absl::StatusOr<SegmentQuery> Read(const v1::SegmentViewsRequest& request) const;
-  absl::StatusOr<ProposalQuery> Read(const v1::ProposeScalesRequest& request) const;
+  absl::StatusOr<SegmentRequest> Read(const v1::SegmentViewsRequest& request) const;
+  absl::StatusOr<ProposeRequest> Read(const v1::ProposeScalesRequest& request) const;
 
-  // Reads a prompt in the pixels of `frame` as one in the pixels of its view. A label is read as
-  // its mask. Refuses points and boxes outside the image, or outside the part of it that the view
-  // shows. NOT_FOUND: no such label. FAILED_PRECONDITION: the model does not have the view of the
-  // label. Blocks on the store.
+  // Reads a prompt in the pixels of `frame` as one in the pixels of its view, see Frame::ToView. A
+  // label is read as its mask. NOT_FOUND: no such label. FAILED_PRECONDITION: the model does not
+  // have the view of the label. Blocks on the store.
   absl::StatusOr<Prompt> ReadPrompt(const v1::Prompt& prompt, v1::PixelFrame frame) const;
   absl::StatusOr<Granularity> ReadGranularity(const v1::Granularity& granularity,
                                               const std::string& field) const;

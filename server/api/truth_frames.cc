@@ -72,11 +72,10 @@ std::vector<ImageSize> SizesOf(const ImagesOfView& images) {
 
 // Returns one value for each pixel, which is the same where all images are the same; nothing if
 // there is none of the size of `image`, or one is malformed.
-absl::StatusOr<std::optional<FloatImage>> ValuesOf(const ImagesOfView& images,
-                                                   const ImageOfView& image,
+absl::StatusOr<std::optional<FloatImage>> ValuesOf(const ImagesOfView& images, const Frame& image,
                                                    absl::FunctionRef<absl::Status()> check_wanted) {
   constexpr uint32_t kFactor = 131, kPrime = 16'777'213;  // exact in float
-  const int width = image.frame.width(), height = image.frame.height();
+  const int width = image.width(), height = image.height();
   std::vector<uint32_t> mixed(static_cast<size_t>(width) * height, 0);
   size_t num = 0;
   const auto mix = [&](const auto& values) {
@@ -94,7 +93,7 @@ absl::StatusOr<std::optional<FloatImage>> ValuesOf(const ImagesOfView& images,
   }
   for (size_t m = 0; m < std::min(images.masks.size(), kMostMasks); ++m) {
     RETURN_IF_ERROR(check_wanted());
-    const auto mask = ReadAnyMask(*images.masks[m], image, "");
+    const auto mask = ReadMask(*images.masks[m], image, "");
     if (!mask.ok()) return std::optional<FloatImage>();
     mix(mask->pixels);
   }
@@ -119,7 +118,7 @@ absl::StatusOr<std::optional<PixelFrame>> FrameOf(const std::vector<const Images
   FrameTrial trial(FrameTrial::Values::kLabels);
   for (const ImagesOfView* images : Spread(alike)) {
     const ModelView& view = *images->view;
-    const ImageOfView image = ImageOf(view, v1::PIXEL_FRAME_PHOTOGRAPH);
+    const Frame image(view);
     ASSIGN_OR_RETURN(const auto values, ValuesOf(*images, image, check_wanted));
     if (!values) continue;
     RETURN_IF_ERROR(check_wanted());
@@ -171,8 +170,8 @@ absl::StatusOr<TruthFrames> TruthFrames::Choose(const v1::EvaluateModelRequest& 
     std::vector<const ImagesOfView*> alike;
     for (const auto& [name, of_view] : by_view) {
       if (!frames.orientations_.contains(name)) continue;
-      const ImageOfView image = frames.Image(*of_view.view, request.frame(), kind);
-      if (image.FitsStored(image.frame.width(), image.frame.height())) alike.push_back(&of_view);
+      const Frame image = frames.Image(*of_view.view, request.frame(), kind);
+      if (image.FitsStored(image.width(), image.height())) alike.push_back(&of_view);
     }
     ASSIGN_OR_RETURN(const std::optional<PixelFrame> frame,
                      FrameOf(alike, frames.orientations_, photographs, check_wanted));
@@ -180,7 +179,7 @@ absl::StatusOr<TruthFrames> TruthFrames::Choose(const v1::EvaluateModelRequest& 
     if (follows || frame == PixelFrame::kStored) frames.stored_.insert(kind);
     for (const auto& [name, of_view] : by_view) {
       if (of_view.view == nullptr) continue;
-      const ImageOfView image = frames.Image(*of_view.view, request.frame(), kind);
+      const Frame image = frames.Image(*of_view.view, request.frame(), kind);
       const std::vector<ImageSize> sizes = SizesOf(of_view);
       const bool is_turned = std::ranges::any_of(
           sizes, [&](const ImageSize& size) { return image.TurnOf(size.width, size.height) != 1; });
@@ -190,12 +189,10 @@ absl::StatusOr<TruthFrames> TruthFrames::Choose(const v1::EvaluateModelRequest& 
   return frames;
 }
 
-ImageOfView TruthFrames::Image(const ModelView& view, v1::PixelFrame frame, Kind kind) const {
-  ImageOfView image = ImageOf(view, frame);
+Frame TruthFrames::Image(const ModelView& view, v1::PixelFrame frame, Kind kind) const {
+  Frame image(view, FrameKindFromProto(frame));
   const auto found = orientations_.find(view.name);
-  if (found == orientations_.end()) return image;
-  image.orientation = found->second;
-  image.is_stored = stored_.contains(kind);
+  if (found != orientations_.end()) image.AcceptStored(found->second, stored_.contains(kind));
   return image;
 }
 

@@ -45,7 +45,7 @@ class TruthFrames {
                                             absl::FunctionRef<absl::Status()> check_wanted);
 
   // Returns the image that a kind of images of the view are in the pixels of.
-  ImageOfView Image(const ModelView& view, v1::PixelFrame frame, Kind kind) const;
+  Frame Image(const ModelView& view, v1::PixelFrame frame, Kind kind) const;
 
   // Returns a sentence for each kind of which images are turned, with the names of their views.
   std::vector<std::string> Notes() const;

@@ -15,7 +15,7 @@
 namespace pepeseg {
 namespace {
 
-v1::ResidentModel Describe(const ModelCache::Info& info, const Segmenter& segmenter) {
+v1::ResidentModel Describe(const ModelCache::Info& info, const SceneModel& resident) {
   v1::ResidentModel model;
   model.set_name(info.name);
   model.set_host_bytes(info.bytes.host);
@@ -23,18 +23,18 @@ v1::ResidentModel Describe(const ModelCache::Info& info, const Segmenter& segmen
   model.set_pinned(info.pinned);
   *model.mutable_last_use_time() = ToProto(info.last_use);
   model.set_queries_in_flight(info.num_handles);
-  model.set_cached_maps(segmenter.num_maps());
-  model.set_num_renders(segmenter.num_renders());
+  model.set_cached_maps(resident.segmenter().num_maps());
+  model.set_num_renders(resident.segmenter().num_renders());
   return model;
 }
 
 void FillDescription(const ModelCache& models, const SceneChild& model,
                      v1::ResidentModel* response) {
   response->set_name(ChildName(model.scene, "models", model.number));
-  models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
+  models.Visit([&](const ModelCache::Info& info, const SceneModel& resident) {
     // Not found: the model was evicted just now, and the answer has its name only.
     const bool found = info.name == response->name() && info.owner == model.scene.project;
-    if (found) *response = Describe(info, segmenter);
+    if (found) *response = Describe(info, resident);
   });
 }
 
@@ -129,8 +129,8 @@ absl::Status AdminServiceRpc::ListResidentModels(const UnaryCall& /*call*/,
                                                  v1::ListResidentModelsResponse* response) const {
   const ModelCache& models = models_.cache();
   std::vector<std::string> projects;
-  models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
-    *response->add_models() = Describe(info, segmenter);
+  models.Visit([&](const ModelCache::Info& info, const SceneModel& resident) {
+    *response->add_models() = Describe(info, resident);
     projects.push_back(info.owner);
   });
   TellApart(projects, response);

@@ -12,7 +12,6 @@
 #include "core/base/status_macros.h"
 #include "core/model_files/model_facts.h"
 #include "core/priors/sam/sam_networks.h"
-#include "core/query/change_mask.h"
 #include "server/api/error.h"
 #include "server/services/kept_embedding.h"
 #include "server/services/stored_photographs.h"
@@ -133,12 +132,12 @@ absl::StatusOr<BorderRefiner::Seen> BorderRefiner::Compute(const ResidentModel& 
   Seen seen;
   absl::StatusOr<Image> image = Photograph(model, view, wanted);
   if (absl::IsCancelled(image.status())) return image.status();
-  seen.image = v1::SegmentViewsResponse::BORDER_IMAGE_PHOTOGRAPH;
+  seen.image = BorderImage::kPhotograph;
   if (!image.ok()) {
     // Any other error leaves the rendering, and the answer says so.
     spdlog::debug("SAM: view {}: {}", view.name, image.status().ToString());
-    ASSIGN_OR_RETURN(image, model.segmenter->RenderColor(view));
-    seen.image = v1::SegmentViewsResponse::BORDER_IMAGE_RENDERING;
+    ASSIGN_OR_RETURN(image, model->segmenter().RenderColor(view));
+    seen.image = BorderImage::kRendering;
   }
   ASSIGN_OR_RETURN(seen.embedding, sam_->Embed(*image));
   // The photograph may be shrunk; masks have the size of the view.
@@ -164,7 +163,7 @@ absl::StatusOr<const BorderRefiner::Seen*> BorderRefiner::See(const ResidentMode
   auto kept = ReadKept(model, view, wanted);
   if (kept.ok()) {
     seen.embedding = *std::move(kept);
-    seen.image = v1::SegmentViewsResponse::BORDER_IMAGE_PHOTOGRAPH;
+    seen.image = BorderImage::kPhotograph;
     seen.kept = true;
   } else {
     ASSIGN_OR_RETURN(seen, Compute(model, view, wanted));
@@ -175,20 +174,39 @@ absl::StatusOr<const BorderRefiner::Seen*> BorderRefiner::See(const ResidentMode
   return &recent_.front();
 }
 
-absl::StatusOr<v1::SegmentViewsResponse::BorderImage> BorderRefiner::Refine(
-    const ResidentModel& model, const ModelView& view, absl::FunctionRef<bool()> wanted,
-    SegmentResult& result) {
+// Refines the masks of one model.
+class BorderRefiner::ModelRule final : public BorderRule {
+ public:
+  ModelRule(BorderRefiner& refiner, const ResidentModel& model)
+      : refiner_(refiner), model_(model) {}
+  absl::Status Refine(const ModelView& view, const WantedCheck& check,
+                      SegmentResult& result) override {
+    return refiner_.Refine(model_, view, check, result);
+  }
+
+ private:
+  BorderRefiner& refiner_;
+  const ResidentModel& model_;
+};
+
+std::unique_ptr<BorderRule> BorderRefiner::RuleFor(const ResidentModel& model) {
+  return std::make_unique<ModelRule>(*this, model);
+}
+
+absl::Status BorderRefiner::Refine(const ResidentModel& model, const ModelView& view,
+                                   const WantedCheck& check, SegmentResult& result) {
   const std::lock_guard lock(mutex_);
-  if (!wanted()) return absl::CancelledError("nobody waits for the mask");
+  RETURN_IF_ERROR(check());
   RETURN_IF_ERROR(CheckAvailable());
   RETURN_IF_ERROR(OpenSam());
-  ASSIGN_OR_RETURN(const Seen* seen, See(model, view, wanted));
+  ASSIGN_OR_RETURN(const Seen* seen, See(model, view, [&] { return check().ok(); }));
   ASSIGN_OR_RETURN(BinaryMask mask,
                    seen->kept ? RefineInPhotograph(*sam_, seen->embedding, view, result.mask)
                               : sam_->Refine(seen->embedding, result.mask));
   ReportProcessor();
   SetMask(std::move(mask), result);
-  return seen->image;
+  result.border_image = seen->image;
+  return absl::OkStatus();
 }
 
 }  // namespace pepeseg

@@ -12,9 +12,7 @@
 #include "absl/status/statusor.h"
 #include "core/priors/sam/sam_borders.h"
 #include "core/priors/sam/sam_embedding.h"
-#include "core/query/view_features.h"
-#include "core/scene/model.h"
-#include "pepeseg/v1/segmentation_service.pb.h"
+#include "core/query/scene_model.h"
 #include "server/data/blob_store.h"
 #include "server/jobs/photograph_process.h"
 #include "server/services/model_loader.h"
@@ -45,14 +43,11 @@ class BorderRefiner {
   // Returns FAILED_PRECONDITION if the server has no SAM.
   absl::Status CheckAvailable() const;
 
-  // Refines the mask of a view of the model, and returns the image that was used. `result` must
-  // have the similarity, from which its score is computed again. CANCELLED: `wanted` returned
-  // false. FAILED_PRECONDITION: SAM's files are damaged. RESOURCE_EXHAUSTED: out of memory, or SAM
-  // exceeds the budget of the models. UNAVAILABLE: models in use leave it no room for now.
-  absl::StatusOr<v1::SegmentViewsResponse::BorderImage> Refine(const ResidentModel& model,
-                                                               const ModelView& view,
-                                                               absl::FunctionRef<bool()> wanted,
-                                                               SegmentResult& result);
+  // Returns the rule that refines masks of the model, which must outlive it as this must. Errors of
+  // the rule: those of `check`. FAILED_PRECONDITION: SAM's files are damaged. RESOURCE_EXHAUSTED:
+  // out of memory, or SAM exceeds the budget of the models. UNAVAILABLE: models in use leave it no
+  // room for now.
+  std::unique_ptr<BorderRule> RuleFor(const ResidentModel& model);
 
  private:
   // What SAM needs of a view's image.
@@ -60,9 +55,12 @@ class BorderRefiner {
     std::string key;  // of model and view; empty: a free camera
     SamEmbedding embedding;
     bool kept = false;  // by the training: it is of the photograph, and not of the view
-    v1::SegmentViewsResponse::BorderImage image =
-        v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED;
+    BorderImage image = BorderImage::kNone;
   };
+  class ModelRule;
+
+  absl::Status Refine(const ResidentModel& model, const ModelView& view, const WantedCheck& check,
+                      SegmentResult& result);
 
   absl::Status OpenSam();
   absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeMemory(SamOptions& options);

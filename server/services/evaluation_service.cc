@@ -50,7 +50,7 @@ absl::Status EvaluationServiceRpc::EvaluateModel(const UnaryCall& call,
                    models_.LoadWithFeatures(call.scenes(), request.model(), "model"));
   const auto check_wanted = [&] { return call.CheckWanted(); };
   RETURN_IF_ERROR(check_wanted());
-  const SegmentRequestReader reader(model.segmenter->model(), model.row, models_.store());
+  const SegmentRequestReader reader(model->model(), model.row, models_.store());
   const auto wanted = [&] { return call.CheckWanted().ok(); };
   StoredPhotographs photographs(models_.store(), blobs_, photographs_, model.row, wanted);
   ASSIGN_OR_RETURN(const TruthFrames frames,
@@ -59,9 +59,9 @@ absl::Status EvaluationServiceRpc::EvaluateModel(const UnaryCall& call,
   // The time that is reported is that of the scores alone: decoding images is not part of it.
   Stopwatch stopwatch;
   ASSIGN_OR_RETURN(const EvaluationResult result,
-                   pepeseg::Evaluate(*model.segmenter, std::move(asked), options, check_wanted));
+                   pepeseg::Evaluate(model->segmenter(), std::move(asked), options, check_wanted));
   *response->mutable_compute() = ToProto(stopwatch.Lap());
-  FillEvaluation(result, request.frame(), model.segmenter->model(), response);
+  FillEvaluation(result, request.frame(), model->model(), response);
   *response->mutable_options() = ToProto(options, request.options().accept_trained_views());
   response->set_model(model.name);
   for (std::string& note : frames.Notes()) response->add_notes(std::move(note));

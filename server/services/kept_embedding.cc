@@ -7,15 +7,14 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/query/photograph_frame.h"
-#include "core/query/photograph_images.h"
+#include "core/query/scene_model.h"
 
 namespace pepeseg {
 namespace {
 
 // Returns whether an image of this size can be the frame's photograph, shrunk: each side is rounded
 // to pixels by itself.
-bool IsOfShape(const SamEmbedding& image, const PhotographFrame& frame) {
+bool IsOfShape(const SamEmbedding& image, const Frame& frame) {
   const int64_t across = int64_t{image.width} * frame.height();
   const int64_t down = int64_t{image.height} * frame.width();
   return std::abs(across - down) <= std::max(frame.width(), frame.height());
@@ -28,18 +27,19 @@ absl::StatusOr<SamEmbedding> ReadKeptEmbedding(const std::filesystem::path& mode
                                                const EmbeddingOrigin& origin) {
   const std::filesystem::path file = model / EmbeddingFileName(view.name);
   ASSIGN_OR_RETURN(SamEmbedding embedding, ReadEmbedding(file, origin));
-  if (IsOfShape(embedding, PhotographFrame(view))) return embedding;
+  if (IsOfShape(embedding, Frame(view))) return embedding;
   return absl::DataLossError(absl::StrCat(file.string(), ": is of a photograph of another shape"));
 }
 
 absl::StatusOr<BinaryMask> RefineInPhotograph(const SamBorders& sam, const SamEmbedding& embedding,
                                               const ModelView& view, const BinaryMask& mask) {
-  const PhotographFrame frame(view);
+  Frame frame(view);
   const int width = embedding.width, height = embedding.height;
   if (frame.is_shrunk() && width == view.camera.width && height == view.camera.height) {
     return sam.Refine(embedding, mask);
   }
-  const BinaryMask before = MaskInPhotograph(mask, ViewPlaces(frame, width, height));
+  frame.ResizeTo(width, height);
+  const BinaryMask before = frame.FromView(mask);
   ASSIGN_OR_RETURN(const BinaryMask after, sam.Refine(embedding, before));
   BinaryMask refined = mask;
   const std::vector<int32_t> pixels = frame.PixelsOfView();

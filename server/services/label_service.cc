@@ -65,23 +65,21 @@ absl::StatusOr<GivenLabel> ReadLabel(ModelLoader& models, const UnaryCall& call,
   RETURN_IF_ERROR(CheckFrame(request.frame()));
   const v1::Label& label = request.label();
   ASSIGN_OR_RETURN(const ResidentModel model, models.Load({row.scene, kLiveModel}));
-  ASSIGN_OR_RETURN(const ModelView view,
-                   FindView(label.view(), model.segmenter->model(), "label.view"));
-  const ImageOfView image = ImageOf(view, request.frame());
-  ASSIGN_OR_RETURN(BinaryMask mask, ReadMask(label.mask(), image, "label.mask"));
-  given.mask = RleToProto(mask, image.frame.width(), image.frame.height());
-  // Counted before the mask is taken to the view, so the area is in the pixels of the client's
-  // frame.
+  ASSIGN_OR_RETURN(const ModelView view, FindView(label.view(), model->model(), "label.view"));
+  const Frame frame(view, FrameKindFromProto(request.frame()));
+  ASSIGN_OR_RETURN(BinaryMask mask, ReadMask(label.mask(), frame, "label.mask"));
+  given.mask = RleToProto(mask, frame.width(), frame.height());
+  // In the pixels of the client's frame.
   row.area = std::count(mask.pixels.begin(), mask.pixels.end(), 1);
   // Stored in the pixels of the view, which prompts use; the frame of later requests may be another
   // one.
-  ASSIGN_OR_RETURN(mask, TakeToView(std::move(mask), image, "label.mask"));
+  ASSIGN_OR_RETURN(Prompt in_view, ToViewAt(frame, {view, std::move(mask)}, "label.mask"));
   row.id = request.label_id();
   row.text = label.text().empty() ? row.id : label.text();
   row.view = view.name;
   row.width = view.camera.width;
   row.height = view.camera.height;
-  row.counts = EncodeCocoRle(mask, row.width, row.height);
+  row.counts = EncodeCocoRle(std::get<BinaryMask>(in_view.what), row.width, row.height);
   row.request_id = request.request_id();
   return given;
 }
@@ -121,14 +119,11 @@ absl::Status LabelServiceRpc::GetLabel(const UnaryCall& call, const v1::GetLabel
   }
   RETURN_IF_ERROR(row.status());
   ASSIGN_OR_RETURN(const ResidentModel model, models_.Load({label.scene, kLiveModel}));
-  ASSIGN_OR_RETURN(Prompt prompt, PromptOfLabel(*row, model.segmenter->model(), model.row));
-  SegmentResult stored;
-  stored.mask = std::move(std::get<BinaryMask>(prompt.what));
-  stored.width = prompt.view.camera.width;
-  stored.height = prompt.view.camera.height;
-  const SegmentResult taken = AnswerFrame(request.frame()).Take(prompt.view, std::move(stored));
+  ASSIGN_OR_RETURN(const Prompt prompt, PromptOfLabel(*row, model->model(), model.row));
+  const Frame frame(prompt.view, FrameKindFromProto(request.frame()));
   *response = WithoutMask(*row);
-  *response->mutable_mask()->mutable_rle() = RleToProto(taken.mask, taken.width, taken.height);
+  *response->mutable_mask()->mutable_rle() =
+      RleToProto(frame.FromView(std::get<BinaryMask>(prompt.what)), frame.width(), frame.height());
   return absl::OkStatus();
 }
 

@@ -97,23 +97,23 @@ absl::StatusOr<ResidentModel> ModelLoader::Load(const SceneChild& model) {
     need = BytesOfModel(options_.backend, shape);
     return need;
   };
-  source.load = [&]() -> absl::StatusOr<std::unique_ptr<Segmenter>> {
+  source.load = [&]() -> absl::StatusOr<std::unique_ptr<SceneModel>> {
     ASSIGN_OR_RETURN(Model model, ReadModel(folder));
-    return Segmenter::Create(options_.backend, std::move(model), &map_counts_);
+    return SceneModel::Create(options_.backend, std::move(model), &map_counts_);
   };
   // The callbacks run before Acquire returns, and only if the model is not in memory: a hit costs
   // no read of the disk or of the quota.
   source.share = [&] { return ShareOf(row.scene.project); };
-  auto segmenter = cache_->Acquire(ResidentKey(row), source);
+  auto loaded = cache_->Acquire(ResidentKey(row), source);
   // An UNAVAILABLE of the database is private and says nothing about memory.
-  const bool no_room = absl::IsResourceExhausted(segmenter.status()) ||
-                       (absl::IsUnavailable(segmenter.status()) && !IsPrivate(segmenter.status()));
+  const bool no_room = absl::IsResourceExhausted(loaded.status()) ||
+                       (absl::IsUnavailable(loaded.status()) && !IsPrivate(loaded.status()));
   if (no_room) {
     // The error of a quota has a detail of its own, which WithBytes keeps.
-    return WithBytes(WithPrefix(source.name + ": ", segmenter.status()), need, cache_->budget());
+    return WithBytes(WithPrefix(source.name + ": ", loaded.status()), need, cache_->budget());
   }
-  RETURN_IF_ERROR(segmenter.status());
-  return ResidentModel{source.name, *std::move(segmenter), {row.scene, row.number}};
+  RETURN_IF_ERROR(loaded.status());
+  return ResidentModel{source.name, *std::move(loaded), {row.scene, row.number}};
 }
 
 absl::StatusOr<ResidentModel> ModelLoader::LoadWithFeatures(const NamedScenes& scenes,
@@ -145,7 +145,7 @@ absl::StatusOr<std::unique_ptr<ReservedMemory>> ModelLoader::TakeMemory(
 }
 
 absl::Status CheckFeatures(const ResidentModel& model) {
-  if (model.segmenter->has_features()) return absl::OkStatus();
+  if (model->has_features()) return absl::OkStatus();
   return WithResource(
       absl::FailedPreconditionError(absl::StrCat(
           model.name,

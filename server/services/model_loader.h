@@ -8,8 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/query/segmenter.h"
-#include "kernels/backend.h"
+#include "core/query/scene_model.h"
 #include "server/access/project_quotas.h"
 #include "server/api/resource_name.h"
 #include "server/residency/memory_budget.h"
@@ -18,12 +17,15 @@
 
 namespace pepeseg {
 
-using ModelCache = ResidentCache<Segmenter>;
+using ModelCache = ResidentCache<SceneModel>;
 
-// A model in memory; it stays there for as long as `segmenter` is held.
+// A model in memory; it stays there for as long as `loaded` is held.
 struct ResidentModel {
+  const SceneModel& operator*() const { return *loaded; }
+  const SceneModel* operator->() const { return &*loaded; }
+
   std::string name;  // for clients
-  ModelCache::Handle segmenter;
+  ModelCache::Handle loaded;
   SceneChild row;
 };
 

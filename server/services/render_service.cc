@@ -116,7 +116,7 @@ absl::StatusOr<bool> ExportGaussiansStream::OpenSubset() {
 }
 
 absl::Status ExportGaussiansStream::EncodeSubset(ResidentModel model, const GaussianSet* subset) {
-  const Model& of = model.segmenter->model();
+  const Model& of = model->model();
   const int64_t count = subset == nullptr ? of.gaussians.count : subset->count();
   RETURN_IF_ERROR(TakeMemory(model.row.scene, count * static_cast<int64_t>(sizeof(uint32_t))));
   std::vector<uint32_t> indices;

@@ -221,7 +221,7 @@ absl::Status SceneServiceRpc::ListViews(const UnaryCall& call, const v1::ListVie
                    PageFromProto(request.page_size(), request.page_token()));
   ASSIGN_OR_RETURN(const ResidentModel model,
                    models_.Load(call.scenes(), request.parent(), "parent"));
-  return FillViews(model.segmenter->model(), page, response);
+  return FillViews(model->model(), page, response);
 }
 
 absl::Status SceneServiceRpc::GetModel(const UnaryCall& call, const v1::GetModelRequest& request,

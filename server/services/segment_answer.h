@@ -1,6 +1,5 @@
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <optional>
 
@@ -8,8 +7,6 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
-#include "server/api/request_image.h"
-#include "server/api/segment_request.h"
 #include "server/services/border_refiner.h"
 #include "server/services/model_loader.h"
 
@@ -23,9 +20,9 @@ struct SegmentTools {
 
 // A query on its pool thread, from a unary call or a stream.
 struct QueryCall {
-  absl::Duration queued;           // how long it waited for the thread
-  NamedScenes scenes;              // that the request names
-  std::function<bool()> given_up;  // returns whether the client no longer waits for the answer
+  absl::Duration queued;  // how long it waited for the thread
+  NamedScenes scenes;     // that the request names
+  WantedCheck check;      // whether the client still waits for the answer
 };
 
 // The answer to a SegmentViewsRequest, computed one view at a time, so that a thread can turn to
@@ -39,26 +36,18 @@ class SegmentAnswer {
       v1::SegmentViewsResponse* response);
 
   // Segments the next view. Returns nullopt if there are more, else how the answer ends.
-  // CANCELLED: the client does not wait.
   std::optional<absl::Status> SegmentNext();
 
  private:
-  SegmentAnswer(const SegmentTools& tools, QueryCall call, const v1::SegmentViewsRequest& request,
-                v1::SegmentViewsResponse* response);
-  absl::Status Segment(const ModelView& target);
-  // Returns the box of the prompt if the target is its view; else nullptr.
-  const BoxPrompt* BoxIn(const ModelView& target) const;
+  SegmentAnswer(const v1::SegmentViewsRequest& request, v1::SegmentViewsResponse* response)
+      : request_(request), response_(response) {}
 
-  const SegmentTools tools_;
-  const QueryCall call_;
   const v1::SegmentViewsRequest& request_;
   v1::SegmentViewsResponse* const response_;
   ResidentModel model_;
-  SegmentQuery asked_;
-  Query query_;  // asked_.prompt, resolved
-  AnswerFrame frame_;
-  size_t next_ = 0;       // the next of asked_.targets
-  size_t num_bytes_ = 0;  // of the masks so far
+  std::unique_ptr<BorderRule> borders_;  // refers to the model; null: the model's own borders
+  std::optional<SegmentedViews> views_;  // refers to both
+  size_t num_bytes_ = 0;                 // of the masks so far
   absl::Duration compute_;
   absl::Duration encode_;
 };

@@ -10,11 +10,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/query/propose_scales.h"
 #include "server/api/convert.h"
 #include "server/api/decomposition.h"
 #include "server/api/error.h"
-#include "server/api/request_image.h"
 #include "server/api/segment_request.h"
 #include "server/rpc/stream.h"
 #include "server/rpc/stream_registry.h"
@@ -81,8 +79,11 @@ absl::Status StreamSegmentsCall::BeginAnswer() {
     return BadField("segment.sam_borders", "true",
                     "takes too long for a stream of answers; call SegmentViews");
   }
-  const QueryCall call = {absl::ZeroDuration(), caller_.scenes,
-                          [this] { return cancelled() || superseded(); }};
+  const auto check = [this] {
+    return cancelled() || superseded() ? absl::CancelledError("a newer request has come")
+                                       : absl::OkStatus();
+  };
+  const QueryCall call = {absl::ZeroDuration(), caller_.scenes, check};
   ASSIGN_OR_RETURN(
       answer_, SegmentAnswer::Begin(tools_, call, request_.segment(), message_.mutable_segment()));
   return absl::OkStatus();
@@ -149,22 +150,13 @@ absl::Status SegmentationServiceRpc::ProposeScales(const UnaryCall& call,
   *timing.mutable_queue() = ToProto(call.queued);
   *timing.mutable_load() = ToProto(stopwatch.Lap());
   RETURN_IF_ERROR(call.CheckWanted());  // a load takes long
-  const SegmentRequestReader reader(model.segmenter->model(), model.row, models_.store());
-  ASSIGN_OR_RETURN(const ProposalQuery query, reader.Read(request));
-  ASSIGN_OR_RETURN(const ScaleProposals proposals,
-                   pepeseg::ProposeScales(*model.segmenter, query.view, query.points,
-                                          {query.max_proposals, query.options}));
+  const SegmentRequestReader reader(model->model(), model.row, models_.store());
+  ASSIGN_OR_RETURN(const ProposeRequest asked, reader.Read(request));
+  const absl::StatusOr<Proposals> proposals = model->Propose(asked);
+  RETURN_IF_ERROR(AtField(proposals.status(), "prompt"));
   *timing.mutable_compute() = ToProto(stopwatch.Lap());
-  AnswerFrame frame(request.frame());
-  for (const ScaleProposal& proposal : proposals.ladder) {
-    v1::ProposeScalesResponse::Proposal& out = *response->add_proposals();
-    out = ProposalToProto(proposal);
-    ASSIGN_OR_RETURN(*out.mutable_mask(),
-                     EncodeMask(query.view.name, frame.Take(query.view, proposal.result),
-                                request.mask_encoding()));
-  }
+  RETURN_IF_ERROR(FillProposals(*proposals, request.mask_encoding(), response));
   *timing.mutable_encode() = ToProto(stopwatch.Lap());
-  response->set_best(proposals.best);
   response->set_model(model.name);
   return CheckAnswerSize(response->ByteSizeLong());
 }
@@ -182,10 +174,10 @@ absl::Status SegmentationServiceRpc::DecomposeModel(const UnaryCall& call,
   // A decomposition that was begun is finished, even if the client is gone: it is kept for the next
   // request.
   RETURN_IF_ERROR(call.CheckWanted());
-  RETURN_IF_ERROR(model.segmenter->WithDecomposition(scales, [&](const Decomposition& whole) {
+  RETURN_IF_ERROR(model->Decompose(scales, [&](const Decomposition& whole) {
     *timing.mutable_compute() = ToProto(stopwatch.Lap());
     for (const Decomposition::Level& level : whole.levels) {
-      *response->add_levels() = LevelToProto(level, model.segmenter->model());
+      *response->add_levels() = LevelToProto(level, model->model());
     }
     return absl::OkStatus();
   }));
@@ -206,7 +198,7 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::SegmentViews(
       [this, request, response](const UnaryCall& unary) -> absl::StatusOr<AnswerParts> {
         const UnaryRequest asked = unary;
         const QueryCall query = {unary.queued, unary.scenes(),
-                                 [asked] { return !asked.CheckWanted().ok(); }};
+                                 [asked] { return asked.CheckWanted(); }};
         ASSIGN_OR_RETURN(std::shared_ptr<SegmentAnswer> answer,
                          SegmentAnswer::Begin({models_, borders_}, query, *request, response));
         return [answer = std::move(answer)] { return answer->SegmentNext(); };

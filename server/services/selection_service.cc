@@ -6,9 +6,6 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/digest.h"
 #include "core/base/status_macros.h"
-#include "core/query/resolve_prompt.h"
-#include "core/query/select_gaussians.h"
-#include "core/scene/gaussians.h"
 #include "server/api/convert.h"
 #include "server/api/decomposition.h"
 #include "server/api/error.h"
@@ -78,15 +75,13 @@ SelectionServiceRpc::SelectionServiceRpc(const CallRunner& runner, ModelLoader& 
 absl::StatusOr<GaussianSet> SelectionServiceRpc::SelectPrompted(
     const UnaryCall& call, const ResidentModel& model,
     const v1::CreateSelectionRequest& request) const {
-  const SegmentRequestReader reader(model.segmenter->model(), model.row, models_.store());
-  SelectTask task;
-  ASSIGN_OR_RETURN(task.prompt, reader.ReadPrompt(request.prompt(), request.frame()));
-  ASSIGN_OR_RETURN(const Granularity granularity,
-                   reader.ReadGranularity(request.granularity(), "granularity"));
-  ASSIGN_OR_RETURN(task.query, ResolvePrompt(*model.segmenter, task.prompt, granularity));
-  if (request.num_views() != 0) task.num_views = request.num_views();
-  task.keep_disconnected = request.keep_disconnected();
-  return SelectGaussians(*model.segmenter, task, [&] { return call.CheckWanted(); });
+  const SegmentRequestReader reader(model->model(), model.row, models_.store());
+  SelectRequest asked;
+  ASSIGN_OR_RETURN(asked.prompt, reader.ReadPrompt(request.prompt(), request.frame()));
+  ASSIGN_OR_RETURN(asked.granularity, reader.ReadGranularity(request.granularity(), "granularity"));
+  if (request.num_views() != 0) asked.num_views = request.num_views();
+  asked.keep_disconnected = request.keep_disconnected();
+  return model->Select(asked, [&] { return call.CheckWanted(); });
 }
 
 absl::StatusOr<GaussianSet> SelectionServiceRpc::SelectSource(
@@ -96,7 +91,7 @@ absl::StatusOr<GaussianSet> SelectionServiceRpc::SelectSource(
     case v1::CreateSelectionRequest::kPrompt:
       return SelectPrompted(call, model, request);
     case v1::CreateSelectionRequest::kSegment:
-      return FindSegment(*model.segmenter, request.segment(), "segment");
+      return FindSegment(*model, request.segment(), "segment");
     default:
       return BadField("prompt", "", "neither a prompt nor a segment");
   }

@@ -83,7 +83,7 @@ absl::StatusOr<std::optional<GaussianSet>> Selections::FindSubset(const NamedSce
     }
     case v1::Subset::kSegment: {
       RETURN_IF_ERROR(CheckFeatures(model));
-      ASSIGN_OR_RETURN(found, FindSegment(*model.segmenter, subset.segment(), field + ".segment"));
+      ASSIGN_OR_RETURN(found, FindSegment(*model, subset.segment(), field + ".segment"));
       break;
     }
     default:
@@ -108,7 +108,7 @@ absl::StatusOr<SelectionRow> Selections::Record(const ResidentModel& model, cons
   row.model = model.row.number;
   row.model_gaussians = static_cast<int64_t>(set.member.size());
   row.num_gaussians = set.count();
-  const SetBounds bounds = BoundsOf(model.segmenter->model().gaussians, set);
+  const SetBounds bounds = BoundsOf(model->model().gaussians, set);
   for (int axis = 0; axis < 3 && !bounds.empty(); ++axis) {
     row.min[axis] = bounds.min[axis];
     row.max[axis] = bounds.max[axis];

@@ -9,7 +9,7 @@
 #include "core/evaluate/entity_queries.h"
 #include "core/evaluate/mask_scores.h"
 #include "core/query/prompt.h"
-#include "core/query/propose_scales.h"
+#include "core/query/propose.h"
 #include "core/query/resolve_prompt.h"
 #include "core/query/select_gaussians.h"
 #include "tests/bench/bench_clock.h"
@@ -46,18 +46,18 @@ class EntityScorer {
 
   absl::StatusOr<EntityProposals> Propose() const {
     EntityProposals score;
-    auto proposed = ProposeScales(segmenter_, reference_.view, {&click_, 1});
+    const auto proposed =
+        pepeseg::Propose(segmenter_, {.prompt = Click(), .frame = FrameKind::kView});
     if (IsNothingThere(proposed.status())) return score;
     RETURN_IF_ERROR(proposed.status());
-    std::stable_sort(proposed->ladder.begin(), proposed->ladder.end(),
-                     [](const auto& a, const auto& b) { return a.support > b.support; });
     const std::vector<uint8_t> mask = reference_.MaskOf(entity_.name);
-    for (const ScaleProposal& proposal : proposed->ladder) {
-      const SegmentResult& result = proposal.result;
+    for (const size_t i : proposed->candidates.BySupport()) {
+      const SegmentResult& result = proposed->masks[i];
       ASSIGN_OR_RETURN(const Query query,
                        ResolvePrompt(segmenter_, Click(), {result.scale, result.threshold}));
       ASSIGN_OR_RETURN(const double iou, Score(query));
-      score.proposals.push_back({result.scale, result.threshold, proposal.support,
+      score.proposals.push_back({result.scale, result.threshold,
+                                 proposed->candidates.list[i].support,
                                  Iou(result.mask.pixels, mask, reference_.ignore), iou});
     }
     const std::span<const ProposalScore> all = score.proposals;
@@ -89,7 +89,7 @@ class EntityScorer {
                      ResolvePrompt(segmenter_, {reference_.view, BoxOf(mask)}, {}));
     ASSIGN_OR_RETURN(const double box_iou, Score(of_box));
     sum.box_iou += box_iou;
-    return AddSelection({{reference_.view, mask}, of_mask}, sum);
+    return AddSelection({.prompt = {reference_.view, mask}}, of_mask, sum);
   }
 
  private:
@@ -147,16 +147,17 @@ class EntityScorer {
     return best;
   }
 
-  absl::Status AddSelection(const SelectTask& select, PromptScores& sum) const {
+  absl::Status AddSelection(const SelectRequest& select, const Query& query,
+                            PromptScores& sum) const {
     ASSIGN_OR_RETURN(const GaussianSet set,
-                     SelectGaussians(segmenter_, select, [] { return absl::OkStatus(); }));
+                     SelectGaussians(segmenter_, select, query, [] { return absl::OkStatus(); }));
     const std::vector<int32_t> ids(set.member.begin(), set.member.end());
     const auto num_scored = static_cast<double>(entity_.scored.size());
     for (const size_t v : entity_.scored) {
       const TruthView& truth = task_.views[v];
       ASSIGN_OR_RETURN(const std::vector<int32_t> shown, segmenter_.RenderIds(truth.view, ids));
       const std::vector<uint8_t> back(shown.begin(), shown.end());
-      ASSIGN_OR_RETURN(const auto masks, segmenter_.Segment(select.query, {&truth.view, 1}));
+      ASSIGN_OR_RETURN(const auto masks, segmenter_.Segment(query, {&truth.view, 1}));
       sum.selection_iou += Iou(back, truth.MaskOf(entity_.name), truth.ignore) / num_scored;
       sum.selection_against_masks += Iou(back, masks[0].mask.pixels) / num_scored;
     }

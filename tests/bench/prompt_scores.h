@@ -13,7 +13,7 @@ namespace pepeseg {
 struct ProposalScore {
   double scale = 0;          // quantile, [0, 1]
   double threshold = 0;      // cosine
-  double support = 0;        // see ScaleProposal
+  double support = 0;        // see Candidate
   double reference_iou = 0;  // on the clicked view
   double iou = 0;            // mean over the scored views
 };
@@ -26,7 +26,7 @@ struct EntityProposals {
 };
 
 // Runs the best-of-three protocol on an entity of a task: a person clicks its deepest pixel once,
-// looks at the masks of ProposeScales and takes the best one. SAM's three masks for a click are
+// looks at the masks of Propose and takes the best one. SAM's three masks for a click are
 // scored in this way (Kirillov et al. 2023, section 7.1).
 absl::StatusOr<EntityProposals> ScoreProposals(const Segmenter& segmenter,
                                                const EvaluationTask& task,

@@ -19,7 +19,7 @@
 #include "core/features/trainer.h"
 #include "core/formats/gaussian_ply.h"
 #include "core/model_files/model_file.h"
-#include "core/query/propose_scales.h"
+#include "core/query/propose.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/capture_faults.h"
 #include "tests/bench/capture_pack.h"

@@ -10,7 +10,7 @@ namespace pepeseg::testing {
 inline std::vector<float> ScaleThresholds() { return {0.5f, 0.6f, 0.7f, 0.8f, 0.9f}; }
 
 // Counts the masks of similarity maps at ScaleThresholds() pixel by pixel, as a reference for the
-// product's own counting. Add() one scale after the other.
+// product's own counting. Add() one scale after the other: 0, 1, 2, ...
 class Scales {
  public:
   void Add(const std::vector<float>& positive, const std::vector<float>& negative) {
@@ -35,7 +35,9 @@ class Scales {
         }
       }
     }
-    return MaskGrid(std::move(counts));
+    GranularityGrid grid = {{}, ScaleThresholds()};
+    for (size_t k = 0; k < num; ++k) grid.scales.push_back(static_cast<double>(k));
+    return {std::move(counts), std::move(grid)};
   }
 
  private:

@@ -108,9 +108,10 @@ TEST(MakeTask, NamesTheViewOrEntityThatDoesNotFit) {
   expect_refused(with_prompts({MaskPrompt("mug", "a"), MaskPrompt("mug", "b")}),
                  "the prompt of entity \"mug\" in view \"b\": the entity has a prompt already");
   expect_refused(with_prompts({{"mug", "a", BinaryMask{{1, 1}}}}), "the mask has 2 pixels");
-  expect_refused(with_prompts({{"mug", "a", BoxPrompt{30, 0, 4, 4}}}), "the box is at (30, 0)");
+  expect_refused(with_prompts({{"mug", "a", BoxPrompt{30, 0, 4, 4}}}),
+                 "box 30,0 4x4 is outside view \"a\"");
   expect_refused(with_prompts({{"mug", "a", std::vector<PointPrompt>{{3, 25, true}}}}),
-                 "point 0 is at (3, 25)");
+                 "point 3,25 is outside view \"a\"");
   expect_refused(with_prompts({{"mug", "a", PointMean{{{3, 2, true}, {3, 3, false}}}}}),
                  "a mean of points has a negative point");
   expect_refused(with_prompts({{"mug", "a", Scribbles{{Rows(0, 1)}, {{1}}}}}),

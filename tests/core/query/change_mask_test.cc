@@ -1,8 +1,8 @@
-#include "core/query/change_mask.h"
-
 #include <gtest/gtest.h>
 
 #include <numeric>
+
+#include "core/query/mask_geometry.h"
 
 namespace pepeseg {
 namespace {

@@ -129,44 +129,50 @@ Map Squares(const std::vector<Square>& squares) {
 
 constexpr int kAll = std::numeric_limits<int>::max();
 
-// Returns the ladder through the plateau with the most support.
-Ladder LadderOf(const MaskGrid& grid, int64_t min_area, int max_count) {
-  return FindLadder(grid, grid.FindPlateaus(min_area, kAll), 0, max_count);
+// Returns the candidates with the plateau that has the most support.
+Candidates CandidatesOf(const MaskGrid& grid, int64_t min_area, int max_count) {
+  return FindCandidates(grid, grid.FindPlateaus(min_area, kAll), 0, max_count);
 }
 
-std::vector<int64_t> Areas(const MaskGrid& grid, const Ladder& ladder) {
+MaskGrid::Cell CellOf(const Candidate& candidate) {
+  const auto at =
+      std::find(kThresholds.begin(), kThresholds.end(), static_cast<float>(candidate.threshold));
+  return {static_cast<int>(candidate.scale), static_cast<int>(at - kThresholds.begin())};
+}
+
+std::vector<int64_t> Areas(const MaskGrid& grid, const Candidates& candidates) {
   std::vector<int64_t> areas;
-  for (const auto& rung : ladder.rungs) areas.push_back(grid.Area(rung.cell));
+  for (const Candidate& candidate : candidates.list) areas.push_back(grid.Area(CellOf(candidate)));
   return areas;
 }
 
-TEST(Ladder, ListsPartObjectAndGroupSmallestFirst) {
+TEST(Candidates, ListsPartObjectAndGroupSmallestFirst) {
   testing::Scales scales;
   for (int k = 0; k < 3; ++k) scales.Add(Squares({{8, 0.95f}}), kNothing);
   for (int k = 0; k < 5; ++k) scales.Add(Squares({{16, 0.95f}}), kNothing);
   for (int k = 0; k < 2; ++k) scales.Add(Squares({{32, 0.95f}}), kNothing);
   const MaskGrid grid = scales.Grid();
-  const Ladder ladder = LadderOf(grid, 8, 5);
-  EXPECT_EQ(Areas(grid, ladder), (std::vector<int64_t>{64, 256, 1024}));
-  EXPECT_EQ(ladder.best, 1);
-  EXPECT_NEAR(ladder.rungs[1].support, 0.5, 1e-9);
+  const Candidates found = CandidatesOf(grid, 8, 5);
+  EXPECT_EQ(Areas(grid, found), (std::vector<int64_t>{64, 256, 1024}));
+  EXPECT_EQ(found.best, 1);
+  EXPECT_NEAR(found.list[1].support, 0.5, 1e-9);
 }
 
 // The part is most stable at large scales, the object is shown at all of them.
-TEST(Ladder, ChoosesCellsWhoseScalesDoNotDecrease) {
+TEST(Candidates, ChoosesCellsWhoseScalesDoNotDecrease) {
   testing::Scales scales;
   for (int k = 0; k < 3; ++k) scales.Add(Squares({{8, 0.85f}, {16, 0.75f}}), kNothing);
   for (int k = 0; k < 7; ++k) scales.Add(Squares({{8, 0.95f}, {16, 0.65f}}), kNothing);
   const MaskGrid grid = scales.Grid();
   const std::vector<MaskGrid::Plateau> plateaus = grid.FindPlateaus(8, 5);
   ASSERT_EQ(plateaus.size(), 2u);
-  const Ladder ladder = LadderOf(grid, 8, 5);
-  ASSERT_EQ(Areas(grid, ladder), (std::vector<int64_t>{64, 256}));
-  EXPECT_LE(ladder.rungs[0].cell.scale, ladder.rungs[1].cell.scale);
-  EXPECT_GT(ladder.rungs[0].cell.threshold, ladder.rungs[1].cell.threshold);
+  const Candidates found = CandidatesOf(grid, 8, 5);
+  ASSERT_EQ(Areas(grid, found), (std::vector<int64_t>{64, 256}));
+  EXPECT_LE(found.list[0].scale, found.list[1].scale);
+  EXPECT_GT(found.list[0].threshold, found.list[1].threshold);
 }
 
-TEST(Ladder, ContainsTheRequiredPlateau) {
+TEST(Candidates, ContainsTheRequiredPlateau) {
   testing::Scales scales;
   Map beside = kNothing;
   for (int y = 20; y < 40; ++y) std::fill_n(beside.begin() + y * kSide + 20, 20, 0.95f);
@@ -175,22 +181,22 @@ TEST(Ladder, ContainsTheRequiredPlateau) {
   const MaskGrid grid = scales.Grid();
   const std::vector<MaskGrid::Plateau> plateaus = grid.FindPlateaus(8, kAll);
   ASSERT_EQ(plateaus.size(), 2u);
-  const Ladder ladder = FindLadder(grid, plateaus, 1, 5);
-  EXPECT_EQ(Areas(grid, ladder), (std::vector<int64_t>{400}));
-  EXPECT_EQ(ladder.best, 0);
+  const Candidates found = FindCandidates(grid, plateaus, 1, 5);
+  EXPECT_EQ(Areas(grid, found), (std::vector<int64_t>{400}));
+  EXPECT_EQ(found.best, 0);
 }
 
-TEST(Ladder, LeavesOutAPartShownOnlyAtLargerScales) {
+TEST(Candidates, LeavesOutAPartShownOnlyAtLargerScales) {
   testing::Scales scales;
   for (int k = 0; k < 6; ++k) scales.Add(Squares({{16, 0.95f}}), kNothing);
   for (int k = 0; k < 4; ++k) scales.Add(Squares({{8, 0.95f}}), kNothing);
   const MaskGrid grid = scales.Grid();
-  const Ladder ladder = LadderOf(grid, 8, 5);
-  EXPECT_EQ(Areas(grid, ladder), (std::vector<int64_t>{256}));
-  EXPECT_EQ(ladder.best, 0);
+  const Candidates found = CandidatesOf(grid, 8, 5);
+  EXPECT_EQ(Areas(grid, found), (std::vector<int64_t>{256}));
+  EXPECT_EQ(found.best, 0);
 }
 
-TEST(Ladder, LeavesOutMasksThatGrowTooLittleOrDoNotNest) {
+TEST(Candidates, LeavesOutMasksThatGrowTooLittleOrDoNotNest) {
   testing::Scales scales;
   Map beside = kNothing;
   for (int y = 20; y < 40; ++y) std::fill_n(beside.begin() + y * kSide + 20, 20, 0.95f);
@@ -199,25 +205,25 @@ TEST(Ladder, LeavesOutMasksThatGrowTooLittleOrDoNotNest) {
   for (int k = 0; k < 3; ++k) scales.Add(beside, kNothing);
   const MaskGrid grid = scales.Grid();
   ASSERT_EQ(grid.FindPlateaus(8, 5).size(), 3u);
-  EXPECT_EQ(Areas(grid, LadderOf(grid, 8, 5)), (std::vector<int64_t>{256}));
+  EXPECT_EQ(Areas(grid, CandidatesOf(grid, 8, 5)), (std::vector<int64_t>{256}));
 }
 
-TEST(Ladder, KeepsTheBestAndThoseWithTheMostSupport) {
+TEST(Candidates, KeepsTheBestAndThoseWithTheMostSupport) {
   testing::Scales scales;
   for (int k = 0; k < 2; ++k) scales.Add(Squares({{8, 0.95f}}), kNothing);
   for (int k = 0; k < 3; ++k) scales.Add(Squares({{16, 0.95f}}), kNothing);
   for (int k = 0; k < 5; ++k) scales.Add(Squares({{32, 0.95f}}), kNothing);
   const MaskGrid grid = scales.Grid();
-  const Ladder two = LadderOf(grid, 8, 2);
+  const Candidates two = CandidatesOf(grid, 8, 2);
   EXPECT_EQ(Areas(grid, two), (std::vector<int64_t>{256, 1024}));
   EXPECT_EQ(two.best, 1);
-  const Ladder one = LadderOf(grid, 8, 1);
+  const Candidates one = CandidatesOf(grid, 8, 1);
   EXPECT_EQ(Areas(grid, one), (std::vector<int64_t>{1024}));
   EXPECT_EQ(one.best, 0);
 }
 
 // Holds for random similarity maps.
-TEST(Ladder, EachRungHoldsTheOneBefore) {
+TEST(Candidates, EachHoldsTheOneBefore) {
   std::mt19937 random(11);
   for (int round = 0; round < 200; ++round) {
     testing::Scales scales;
@@ -229,14 +235,14 @@ TEST(Ladder, EachRungHoldsTheOneBefore) {
       scales.Add(Squares(squares), kNothing);
     }
     const MaskGrid grid = scales.Grid();
-    const Ladder ladder = LadderOf(grid, 16, 16);
+    const Candidates found = CandidatesOf(grid, 16, 16);
     const std::vector<MaskGrid::Plateau> plateaus = grid.FindPlateaus(16, 1);
-    ASSERT_EQ(ladder.rungs.empty(), plateaus.empty());
+    ASSERT_EQ(found.list.empty(), plateaus.empty());
     if (plateaus.empty()) continue;
-    EXPECT_EQ(ladder.rungs[ladder.best].support, plateaus[0].support);
-    EXPECT_GE(grid.Iou(ladder.rungs[ladder.best].cell, plateaus[0].cell), 0.9999);
-    for (size_t i = 1; i < ladder.rungs.size(); ++i) {
-      const MaskGrid::Cell small = ladder.rungs[i - 1].cell, large = ladder.rungs[i].cell;
+    EXPECT_EQ(found.list[found.best].support, plateaus[0].support);
+    EXPECT_GE(grid.Iou(CellOf(found.list[found.best]), plateaus[0].cell), 0.9999);
+    for (size_t i = 1; i < found.list.size(); ++i) {
+      const MaskGrid::Cell small = CellOf(found.list[i - 1]), large = CellOf(found.list[i]);
       EXPECT_LE(small.scale, large.scale);
       EXPECT_GE(grid.Area(large), 1.5 * grid.Area(small));
       EXPECT_GE(grid.Common(small, large), 0.95 * grid.Area(small));
@@ -244,10 +250,10 @@ TEST(Ladder, EachRungHoldsTheOneBefore) {
   }
 }
 
-TEST(Ladder, IsEmptyWithoutAMask) {
+TEST(Candidates, IsEmptyWithoutAMask) {
   testing::Scales scales;
   scales.Add(kNothing, kNothing);
-  EXPECT_TRUE(LadderOf(scales.Grid(), 1, 3).rungs.empty());
+  EXPECT_TRUE(CandidatesOf(scales.Grid(), 1, 3).list.empty());
 }
 
 }  // namespace

@@ -59,11 +59,11 @@ TEST_F(ResolvePromptTest, TakesTheBestProposalForPointsWithoutAGranularity) {
                        FindClickedFeatures(*segmenter_, view_, kLeftPoint));
   ASSERT_OK_AND_ASSIGN(const Query query, ResolvePrompt(*segmenter_, {view_, kLeftPoint}, {}));
   for (const int max_count : {1, 5}) {
-    ASSERT_OK_AND_ASSIGN(const GranularityLadder ladder,
+    ASSERT_OK_AND_ASSIGN(const Candidates found,
                          FindGranularities(*segmenter_, clicks, GridOf({}), max_count));
-    ASSERT_FALSE(ladder.rungs.empty());
-    EXPECT_EQ(query.scale, ladder.rungs[ladder.best].scale);
-    EXPECT_EQ(query.threshold, ladder.rungs[ladder.best].threshold);
+    ASSERT_FALSE(found.list.empty());
+    EXPECT_EQ(query.scale, found.list[found.best].scale);
+    EXPECT_EQ(query.threshold, found.list[found.best].threshold);
   }
 }
 
@@ -113,16 +113,16 @@ TEST_F(ResolvePromptTest, RendersNoViewTwice) {
 }
 
 TEST_F(ResolvePromptTest, RefusesInvalidBoxesAndMasks) {
-  EXPECT_STATUS(Mask(BoxPrompt{NAN, 1, 5, 5}), kInvalidArgument, "the box is at (nan, 1)");
-  EXPECT_STATUS(Mask(BoxPrompt{1, 1, 0, 5}), kInvalidArgument, "not empty");
-  EXPECT_STATUS(Mask(BoxPrompt{48, 1, 5, 5}), kInvalidArgument, "overlap view front");
+  EXPECT_STATUS(Mask(BoxPrompt{NAN, 1, 5, 5}), kInvalidArgument, "box nan,1 5x5 is not finite");
+  EXPECT_STATUS(Mask(BoxPrompt{1, 1, 0, 5}), kInvalidArgument, "is empty");
+  EXPECT_STATUS(Mask(BoxPrompt{48, 1, 5, 5}), kInvalidArgument, "is outside view \"front\"");
   EXPECT_STATUS(Mask(BoxPrompt{1, 1, 2, 2}), kInvalidArgument, "nothing with a feature");
   EXPECT_STATUS(Mask(BinaryMask{}), kInvalidArgument, "the mask has 0 pixels");
   BinaryMask mask = {std::vector<uint8_t>(size_t{kSize} * kSize)};
-  EXPECT_STATUS(Mask(mask), kInvalidArgument, "the mask of the prompt is empty");
+  EXPECT_STATUS(Mask(mask), kInvalidArgument, "no pixel is in the mask");
   mask.pixels[0] = 1;
   EXPECT_STATUS(Mask(mask), kInvalidArgument, "nothing with a feature is rendered under the mask");
-  EXPECT_STATUS(Mask(kLeftPoint, {.scale = 7}), kInvalidArgument, "scale is 7");
+  EXPECT_STATUS(Mask(kLeftPoint, {.scale = 7}), kInvalidArgument, "scale_quantile is 7");
   EXPECT_STATUS(Mask(kLeftPoint, {.threshold = NAN}), kInvalidArgument, "threshold is nan");
 }
 
@@ -215,7 +215,7 @@ class ClickGranularityTest : public ::testing::Test {
     EXPECT_OK(clicks);
     const auto ladder = FindGranularities(*segmenter_, *clicks, GridOf({}), 5);
     EXPECT_OK(ladder);
-    const StableGranularity& best = ladder->rungs[ladder->best];
+    const Candidate& best = ladder->list[ladder->best];
     const Query query = {clicks->query.features, clicks->query.positive, best.scale,
                          best.threshold};
     const auto results = segmenter_->Segment(query, {&view_, 1});

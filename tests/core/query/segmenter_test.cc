@@ -223,7 +223,7 @@ TEST_F(SegmenterTest, SimilarityToThePointFeaturesIsThatOfTheQuery) {
   EXPECT_STATUS(segmenter_->PointFeatures(view, std::vector<PointPrompt>{{1.5, 1.5, true}}),
                 absl::StatusCode::kInvalidArgument, "nothing with a feature is rendered there");
   EXPECT_STATUS(segmenter_->Similarity(features, 1.5, view), absl::StatusCode::kInvalidArgument,
-                "scale is 1.5");
+                "scale_quantile is 1.5");
   EXPECT_STATUS(segmenter_->Similarity(std::vector<float>(31), 0.5, view),
                 absl::StatusCode::kInvalidArgument, "31 feature values");
 }
@@ -234,21 +234,21 @@ TEST_F(SegmenterTest, RefusesPromptsItCannotAnswer) {
   points_ = {{kLeftX, kY, false}};
   ExpectInvalid("no positive point");
   points_ = {{kLeftX, kY, true}, {48, 3, true}};
-  ExpectInvalid("point 1 is at (48, 3), outside of view front of 48x48 pixels");
+  ExpectInvalid("point 48,3 is outside view \"front\" (48x48)");
   points_ = {{NAN, 3, true}};
-  ExpectInvalid("point 0 is at (nan, 3)");
+  ExpectInvalid("points[0]: (nan, 3) is not finite");
   points_ = {{-0.1, 3, true}};
-  ExpectInvalid("point 0");
+  ExpectInvalid("point -0.1,3 is outside");
   points_ = {{1.5, 1.5, true}};
   ExpectInvalid("nothing with a feature is rendered there");
   points_ = {{kLeftX, kY, true}};
   scale_ = 1.01;
-  ExpectInvalid("scale is 1.01, must be in [0, 1]");
+  ExpectInvalid("scale_quantile is 1.01, not in [0, 1]");
   scale_ = NAN;
-  ExpectInvalid("scale is nan");
+  ExpectInvalid("scale_quantile is nan");
   scale_ = 0.5;
   threshold_ = -1.5;
-  ExpectInvalid("threshold is -1.5, must be in [-1, 1]");
+  ExpectInvalid("threshold is -1.5, not in [-1, 1]");
 }
 
 TEST_F(SegmenterTest, RefusesInvalidCameras) {
@@ -259,20 +259,20 @@ TEST_F(SegmenterTest, RefusesInvalidCameras) {
   };
   ModelView view = good;
   view.camera.fx = NAN;
-  expect_refused(view, "view front: fx is nan");
+  expect_refused(view, "camera.fx is nan");
   view = good;
   view.camera.width = 1 << 20;
-  expect_refused(view, "size is 1048576x48");
+  expect_refused(view, "camera: 1048576 x 48 pixels");
   view = good;
   view.camera.height = 0;
-  expect_refused(view, "size is 48x0");
+  expect_refused(view, "camera: 48 x 0 pixels");
   view = good;
   view.cam_from_world.rotation.coeffs().setZero();
   expect_refused(view, "rotation");
   view = good;
   view.cam_from_world.translation.y() = INFINITY;
   view.name.clear();
-  expect_refused(view, "the free camera: the translation is not finite");
+  expect_refused(view, "cam_from_world.translation");
 }
 
 TEST(SegmenterCreate, RefusesAModelWithoutItsFeatures) {
@@ -355,7 +355,7 @@ TEST_F(SegmenterRender, FeaturesHaveOneColourInAllViews) {
     EXPECT_NEAR(At(other, 24 * kSide + 24)[k], At(front, kRight)[k], 1);
   }
   EXPECT_STATUS(segmenter_->RenderFeatures(view_, NAN), absl::StatusCode::kInvalidArgument,
-                "scale is nan");
+                "scale_quantile is nan");
 }
 
 TEST_F(SegmenterRender, IdsAndFeaturesOfASubsetAreOfItAlone) {
@@ -388,9 +388,9 @@ TEST_F(SegmenterRender, RefusesInvalidViewsScalesAndSubsets) {
                 kInvalid, "scale 0 is 2");
   ModelView bad = view_;
   bad.camera.width = 0;
-  EXPECT_STATUS(segmenter_->RenderDepth(bad), kInvalid, "size is 0x48");
-  EXPECT_STATUS(segmenter_->RenderFeatures(bad, 0.5), kInvalid, "size is 0x48");
-  EXPECT_STATUS(segmenter_->RenderIds(bad, ids_), kInvalid, "size is 0x48");
+  EXPECT_STATUS(segmenter_->RenderDepth(bad), kInvalid, "0 x 48 pixels");
+  EXPECT_STATUS(segmenter_->RenderFeatures(bad, 0.5), kInvalid, "0 x 48 pixels");
+  EXPECT_STATUS(segmenter_->RenderIds(bad, ids_), kInvalid, "0 x 48 pixels");
 }
 
 TEST_F(SegmenterRender, SubsetsFromSeveralThreadsDoNotMix) {

@@ -97,15 +97,12 @@ class SelectTrainedTest : public ::testing::Test {
     ASSERT_OK_AND_ASSIGN(model_, testing::TrainModel(scene_));
     ASSERT_OK_AND_ASSIGN(segmenter_, Segmenter::Create(*backend_, model_));
   }
-  // Returns the task of a click on an object in view v.
-  absl::StatusOr<SelectTask> Click(size_t v, int label) const {
-    SelectTask task;
+  // Returns the request of a click on an object in view v.
+  SelectRequest Click(size_t v, int label) const {
+    SelectRequest task;
     task.prompt.view = model_.views[v];
     task.prompt.what = std::vector<PointPrompt>{
         testing::DeepestPoint(scene_.labels[v], label, model_.views[v].camera.width)};
-    auto query = ResolvePrompt(*segmenter_, task.prompt, {0.5, 0.75});
-    if (!query.ok()) return query.status();
-    task.query = *query;
     return task;
   }
 
@@ -117,11 +114,13 @@ class SelectTrainedTest : public ::testing::Test {
 
 TEST_F(SelectTrainedTest, RendersBackToTheMasks) {
   for (int label = 1; label <= testing::kNumObjects; ++label) {
-    ASSERT_OK_AND_ASSIGN(const SelectTask task, Click(3, label));
-    ASSERT_OK_AND_ASSIGN(const GaussianSet set, SelectGaussians(*segmenter_, task, Continue));
+    const SelectRequest click = Click(3, label);
+    ASSERT_OK_AND_ASSIGN(const Query query, ResolvePrompt(*segmenter_, click.prompt, {0.5, 0.75}));
+    ASSERT_OK_AND_ASSIGN(const GaussianSet set,
+                         SelectGaussians(*segmenter_, click, query, Continue));
     double sum = 0;
     for (const ModelView& view : model_.views) {
-      ASSERT_OK_AND_ASSIGN(const auto results, segmenter_->Segment(task.query, {&view, 1}));
+      ASSERT_OK_AND_ASSIGN(const auto results, segmenter_->Segment(query, {&view, 1}));
       const double iou = Iou(RenderBack(*segmenter_, view, set), results[0].mask.pixels);
       // One object is all but hidden in some views: there a pixel is 4 % of the mask, and only the
       // mean is held.
@@ -136,12 +135,14 @@ TEST_F(SelectTrainedTest, RendersBackToTheMasks) {
 }
 
 TEST_F(SelectTrainedTest, DoesNotDependOnTheNumberOfThreads) {
-  ASSERT_OK_AND_ASSIGN(const SelectTask task, Click(3, testing::kGreenBall));
-  ASSERT_OK_AND_ASSIGN(const GaussianSet set, SelectGaussians(*segmenter_, task, Continue));
+  const SelectRequest click = Click(3, testing::kGreenBall);
+  ASSERT_OK_AND_ASSIGN(const Query query, ResolvePrompt(*segmenter_, click.prompt, {0.5, 0.75}));
+  ASSERT_OK_AND_ASSIGN(const GaussianSet set, SelectGaussians(*segmenter_, click, query, Continue));
   for (const int num_threads : {1, 5}) {
     const auto backend = MakeCpuBackend(num_threads);
     ASSERT_OK_AND_ASSIGN(const auto segmenter, Segmenter::Create(*backend, model_));
-    ASSERT_OK_AND_ASSIGN(const GaussianSet again, SelectGaussians(*segmenter, task, Continue));
+    ASSERT_OK_AND_ASSIGN(const GaussianSet again,
+                         SelectGaussians(*segmenter, click, query, Continue));
     EXPECT_EQ(again.member, set.member) << num_threads;
   }
 }
@@ -180,12 +181,14 @@ class SelectCubesTest : public ::testing::Test {
   absl::StatusOr<GaussianSet> Select() {
     auto segmenter = Segmenter::Create(*backend_, model_);
     if (!segmenter.ok()) return segmenter.status();
-    task_.prompt.view = model_.views[0];
-    task_.prompt.what = std::vector<PointPrompt>{click_};
-    task_.query.features = {1};
-    task_.query.features.resize(32);
-    task_.query.positive = {1};
-    return SelectGaussians(**segmenter, task_, [this] {
+    request_.prompt.view = model_.views[0];
+    request_.prompt.what = std::vector<PointPrompt>{click_};
+    Query query;
+    query.features = {1};
+    query.features.resize(32);
+    query.positive = {1};
+    query.threshold = threshold_;
+    return SelectGaussians(**segmenter, request_, query, [this] {
       ++num_views_;
       return num_views_ > stop_after_ ? absl::CancelledError("gone") : absl::OkStatus();
     });
@@ -195,7 +198,8 @@ class SelectCubesTest : public ::testing::Test {
   const Eigen::Vector3f left_ = {-0.5f, 0, 3}, right_ = {0.5f, 0, 3};
   const std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
   Model model_;
-  SelectTask task_;
+  SelectRequest request_;
+  double threshold_ = Query().threshold;
   PointPrompt click_ = {17.5, 24.5, true};
   int num_views_ = 0, stop_after_ = 100;
 };
@@ -231,7 +235,7 @@ TEST_F(SelectCubesTest, KeepsDisconnectedPartsOnRequest) {
   ASSERT_OK_AND_ASSIGN(const GaussianSet clicked, Select());
   EXPECT_EQ(CountIn(clicked, 0, 216), 216);
   EXPECT_EQ(CountIn(clicked, 216, 432), 0);
-  task_.keep_disconnected = true;
+  request_.keep_disconnected = true;
   ASSERT_OK_AND_ASSIGN(const GaussianSet all, Select());
   EXPECT_EQ(all.count(), 432);
 }
@@ -239,7 +243,7 @@ TEST_F(SelectCubesTest, KeepsDisconnectedPartsOnRequest) {
 TEST_F(SelectCubesTest, AlwaysRemovesFloaters) {
   AddCube(left_, 8, 0);
   AddCube(right_, 1, 0);
-  task_.keep_disconnected = true;
+  request_.keep_disconnected = true;
   ASSERT_OK_AND_ASSIGN(const GaussianSet set, Select());
   EXPECT_EQ(CountIn(set, 0, 512), 512);
   EXPECT_EQ(set.member[512], 0);
@@ -247,7 +251,7 @@ TEST_F(SelectCubesTest, AlwaysRemovesFloaters) {
 
 TEST_F(SelectCubesTest, SelectsNothingForAnEmptyMask) {
   AddCube(left_, 4, 0);
-  task_.query.threshold = 1;
+  threshold_ = 1;
   ASSERT_OK_AND_ASSIGN(const GaussianSet set, Select());
   EXPECT_EQ(set.member, std::vector<uint8_t>(64));
   EXPECT_EQ(num_views_, 1);
@@ -259,13 +263,13 @@ TEST_F(SelectCubesTest, CallsBackBeforeEachViewAndReturnsItsError) {
     model_.views.push_back(model_.views[0]);
     model_.views.back().name = name;
   }
-  task_.num_views = 3;
+  request_.num_views = 3;
   ASSERT_OK(Select());
   EXPECT_EQ(num_views_, 3);
   num_views_ = 0;
   stop_after_ = 2;
   EXPECT_STATUS(Select(), absl::StatusCode::kCancelled, "gone");
-  task_.num_views = 0;
+  request_.num_views = 0;
   EXPECT_STATUS(Select(), absl::StatusCode::kInvalidArgument, "num_views is 0");
 }
 

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "core/base/digest.h"
-#include "core/query/photograph_frame.h"
+#include "core/query/scene_model.h"
 #include "tests/testing/fake_sam.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
@@ -51,11 +51,11 @@ struct KeptEmbeddingTest : ::testing::Test {
   }
   // Returns the view's mask of the square and `margin` pixels of the photograph around it.
   BinaryMask MaskInView(double margin) const {
-    const PhotographFrame frame(view);
+    const Frame frame(view);
     BinaryMask mask;
     for (int i = 0; i < view.camera.width * view.camera.height; ++i) {
-      const Eigen::Vector2d place = frame.FromView(
-          {i % view.camera.width + 0.5, static_cast<double>(i / view.camera.width) + 0.5});
+      const Eigen::Vector2d place = frame.FromView(Eigen::Vector2d(
+          i % view.camera.width + 0.5, static_cast<double>(i / view.camera.width) + 0.5));
       mask.pixels.push_back(InSquare(place.x(), place.y(), margin) ? 1 : 0);
     }
     return mask;

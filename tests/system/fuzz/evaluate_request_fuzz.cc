@@ -8,7 +8,7 @@
 PEPESEG_FUZZ_MESSAGE(evaluate_request, pepeseg::v1::EvaluateModelRequest) {
   static pepeseg::fuzz::SmallModel small;
   const auto wanted = [] { return absl::OkStatus(); };
-  const pepeseg::Model& model = small.segmenter().model();
+  const pepeseg::Model& model = small.model().model();
   const auto views = pepeseg::ReadTruthViews(message, model, wanted);
   if (views.ok()) (void)pepeseg::ReadEntityPrompts(message, *views, small.reader(), {});
   (void)pepeseg::ReadSamViews(message, model, wanted);

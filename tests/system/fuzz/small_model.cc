@@ -37,9 +37,9 @@ LabelRow RedLabel(const SceneRef& scene) {
 }  // namespace
 
 SmallModel::SmallModel() : backend_(MakeCpuBackend(1)) {
-  auto segmenter = Segmenter::Create(*backend_, ThreeViews());
-  Expect(segmenter.ok(), "a segmenter");
-  segmenter_ = *std::move(segmenter);
+  auto model = SceneModel::Create(*backend_, ThreeViews());
+  Expect(model.ok(), "a model");
+  model_ = *std::move(model);
   auto store = Store::Open("sqlite:" + (folder_ / "store.db").string());
   Expect(store.ok(), "a store");
   store_ = *std::move(store);

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "core/query/segmenter.h"
+#include "core/query/scene_model.h"
 #include "kernels/backend.h"
 #include "server/api/segment_request.h"
 #include "server/store/store.h"
@@ -16,15 +16,15 @@ class SmallModel {
  public:
   SmallModel();
 
-  const Segmenter& segmenter() const { return *segmenter_; }
-  SegmentRequestReader reader() const { return {segmenter_->model(), {scene_, 1}, *store_}; }
+  const SceneModel& model() const { return *model_; }
+  SegmentRequestReader reader() const { return {model_->model(), {scene_, 1}, *store_}; }
 
  private:
   testing::TempFolder folder_;
   std::unique_ptr<Backend> backend_;
   std::unique_ptr<Store> store_;
   SceneRef scene_;
-  std::unique_ptr<Segmenter> segmenter_;
+  std::unique_ptr<SceneModel> model_;
 };
 
 }  // namespace pepeseg::fuzz

@@ -1,4 +1,4 @@
-#include "core/query/photograph_frame.h"
+#include "core/query/frame.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,6 @@
 #include <string>
 
 #include "core/dataset/view_warp.h"
-#include "core/query/photograph_images.h"
 #include "tests/core/query/warped_view.h"
 #include "tests/testing/lens_cases.h"
 #include "tests/testing/status_testing.h"
@@ -27,33 +26,33 @@ Lens Pinhole() {
   return lens;
 }
 
-TEST(PhotographFrame, IsTheViewWhereNothingWasRecordedOrWarped) {
+TEST(Frame, IsTheViewWhereNothingWasRecordedOrWarped) {
   ModelView view;
   view.camera = {96, 64, 60, 60, 48, 32};
-  const PhotographFrame without(view);
+  const Frame without(view);
   EXPECT_TRUE(without.is_view());
   EXPECT_EQ(without.width(), 96);
   EXPECT_EQ(without.ToView(Vector2d(3.25, 4.5)), Vector2d(3.25, 4.5));
-  EXPECT_TRUE(PhotographFrame(WarpedView(Pinhole(), 1)).is_view());
-  EXPECT_FALSE(PhotographFrame(WarpedView(Pinhole(), 0.5)).is_view());
-  EXPECT_FALSE(PhotographFrame(WarpedView(Pinhole(), 1, 3)).is_view());
-  EXPECT_FALSE(PhotographFrame(WarpedView(DistortingLenses()[0].MakeLens(), 1)).is_view());
+  EXPECT_TRUE(Frame(WarpedView(Pinhole(), 1)).is_view());
+  EXPECT_FALSE(Frame(WarpedView(Pinhole(), 0.5)).is_view());
+  EXPECT_FALSE(Frame(WarpedView(Pinhole(), 1, 3)).is_view());
+  EXPECT_FALSE(Frame(WarpedView(DistortingLenses()[0].MakeLens(), 1)).is_view());
 }
 
-TEST(PhotographFrame, ScalesWhereTheLensIsStraight) {
-  const PhotographFrame frame(WarpedView(Pinhole(), 0.5));
+TEST(Frame, ScalesWhereTheLensIsStraight) {
+  const Frame frame(WarpedView(Pinhole(), 0.5));
   EXPECT_EQ(frame.width(), 160);
-  EXPECT_EQ(frame.FromView({40, 30}), Vector2d(80, 60));
+  EXPECT_EQ(frame.FromView(Vector2d(40, 30)), Vector2d(80, 60));
   EXPECT_EQ(frame.ToView(Vector2d(159.5, 119.5)), Vector2d(79.75, 59.75));
   EXPECT_FALSE(frame.ToView(Vector2d(160.5, 3)).has_value());
 }
 
-TEST(PhotographFrame, MapsThereAndBackThroughEveryLens) {
+TEST(Frame, MapsThereAndBackThroughEveryLens) {
   for (const LensCase& c : DistortingLenses()) {
     for (const int orientation : {1, 6}) {
       SCOPED_TRACE(std::string(NameOf(c.model)));
       const ModelView view = WarpedView(c.MakeLens(), 0.5, orientation);
-      const PhotographFrame frame(view);
+      const Frame frame(view);
       EXPECT_EQ(frame.width(), orientation == 1 ? 160 : 120);
       for (int y = 0; y < view.camera.height; ++y) {
         for (int x = 0; x < view.camera.width; ++x) {
@@ -71,15 +70,15 @@ TEST(PhotographFrame, MapsThereAndBackThroughEveryLens) {
   }
 }
 
-TEST(PhotographFrame, ShowsNoPlaceThatTheViewLacks) {
+TEST(Frame, ShowsNoPlaceThatTheViewLacks) {
   // A barrel lens: a pinhole of its size shows less of the world than the corners do.
-  const PhotographFrame frame(WarpedView(DistortingLenses()[0].MakeLens(), 1));
+  const Frame frame(WarpedView(DistortingLenses()[0].MakeLens(), 1));
   EXPECT_FALSE(frame.ToView(Vector2d(0.5, 0.5)).has_value());
   EXPECT_FALSE(frame.ToView(Vector2d(-5, 60)).has_value());
   EXPECT_TRUE(frame.ToView(Vector2d(80, 60)).has_value());
 }
 
-TEST(PhotographFrame, ShowsTheSamePixelsAsTheImport) {
+TEST(Frame, ShowsTheSamePixelsAsTheImport) {
   std::vector<Lens> lenses = {Pinhole()};
   for (const LensCase& c : DistortingLenses()) lenses.push_back(c.MakeLens());
   for (const Lens& lens : lenses) {
@@ -96,8 +95,7 @@ TEST(PhotographFrame, ShowsTheSamePixelsAsTheImport) {
       ASSERT_OK_AND_ASSIGN(const ViewWarp warp, ViewWarp::Create(lens, image_scale));
       const MaskSet warped = warp.Masks(BuildMaskSet(lens.width, lens.height, bits, 1.0));
       ASSERT_EQ(warped.num_masks, kBits);
-      const std::vector<int32_t> pixels =
-          PhotographFrame(WarpedView(lens, image_scale)).PixelsOfView();
+      const std::vector<int32_t> pixels = Frame(WarpedView(lens, image_scale)).PixelsOfView();
       ASSERT_EQ(pixels.size(), warped.pixel_patch.size());
       for (int i = 0; i < static_cast<int>(pixels.size()); ++i) {
         int32_t expected = 0;
@@ -111,16 +109,16 @@ TEST(PhotographFrame, ShowsTheSamePixelsAsTheImport) {
   }
 }
 
-TEST(PhotographFrame, TurnsThePixelsThatAViewShows) {
-  const std::vector<int32_t> pixels = PhotographFrame(WarpedView(Pinhole(), 1, 6)).PixelsOfView();
+TEST(Frame, TurnsThePixelsThatAViewShows) {
+  const std::vector<int32_t> pixels = Frame(WarpedView(Pinhole(), 1, 6)).PixelsOfView();
   // 120 pixels wide: the stored first row is at the right.
   EXPECT_EQ(pixels[0], 119);
   EXPECT_EQ(pixels[1], 120 + 119);
   EXPECT_EQ(pixels[160], 118);
 }
 
-TEST(PhotographFrame, TakesABoxToWhatTheViewShowsOfIt) {
-  const PhotographFrame half(WarpedView(Pinhole(), 0.5));
+TEST(Frame, TakesABoxToWhatTheViewShowsOfIt) {
+  const Frame half(WarpedView(Pinhole(), 0.5));
   const std::optional<BoxPrompt> scaled = half.ToView(BoxPrompt{-10, 20, 50, 40});
   ASSERT_TRUE(scaled.has_value());
   EXPECT_NEAR(scaled->x, 0, 1e-9);
@@ -132,7 +130,7 @@ TEST(PhotographFrame, TakesABoxToWhatTheViewShowsOfIt) {
   for (const LensCase& c : DistortingLenses()) {
     SCOPED_TRACE(std::string(NameOf(c.model)));
     const ModelView view = WarpedView(c.MakeLens(), 0.5);
-    const PhotographFrame frame(view);
+    const Frame frame(view);
     for (const BoxPrompt& box :
          {BoxPrompt{50, 30, 40, 50}, BoxPrompt{-20, 70, 90, 80}, BoxPrompt{0, 0, 160, 120}}) {
       const std::optional<BoxPrompt> in_view = frame.ToView(box);
@@ -140,7 +138,7 @@ TEST(PhotographFrame, TakesABoxToWhatTheViewShowsOfIt) {
       double left = 1e9, right = -1e9, top = 1e9, bottom = -1e9;
       for (double y = 0; y <= view.camera.height; y += 0.25) {
         for (double x = 0; x <= view.camera.width; x += 0.25) {
-          const Vector2d place = frame.FromView({x, y});
+          const Vector2d place = frame.FromView(Vector2d(x, y));
           if (place.x() < box.x || place.y() < box.y || place.x() > box.x + box.width ||
               place.y() > box.y + box.height) {
             continue;
@@ -158,16 +156,15 @@ TEST(PhotographFrame, TakesABoxToWhatTheViewShowsOfIt) {
 }
 
 // Compares the grid with Newton's method for each pixel.
-TEST(ViewPlaces, AreWithinATenthOfAPixelOfTheInverse) {
+TEST(Frame, FindsPlacesWithinATenthOfAPixelOfTheInverse) {
   for (const LensCase& c : DistortingLenses()) {
     for (const int orientation : {1, 8}) {
       SCOPED_TRACE(std::string(NameOf(c.model)));
-      const PhotographFrame frame(WarpedView(c.MakeLens(), 1, orientation));
-      const ViewPlaces places(frame, frame.width(), frame.height());
+      const Frame frame(WarpedView(c.MakeLens(), 1, orientation));
       std::vector<Vector2f> row(frame.width());
       int num_shown = 0;
       for (int y = 0; y < frame.height(); ++y) {
-        places.Row(y, row);
+        frame.PlacesOfRow(y, row);
         for (int x = 0; x < frame.width(); ++x) {
           const std::optional<Vector2d> exact = frame.ToView(Vector2d(x + 0.5, y + 0.5));
           const bool shown = !std::isnan(row[x].x());

@@ -1,5 +1,3 @@
-#include "core/query/photograph_images.h"
-
 #include <algorithm>
 #include <array>
 #include <cassert>
@@ -7,6 +5,7 @@
 #include <limits>
 #include <optional>
 
+#include "core/query/frame.h"
 #include "core/query/mask_geometry.h"
 
 namespace pepeseg {
@@ -18,7 +17,7 @@ using Eigen::Vector2f;
 // Returns the distance between two nodes, pixels of the photograph. The error of linear
 // interpolation grows with the square of the distance and with the curvature of the lens mapping,
 // which is inversely proportional to the focal length in pixels.
-double GridStep(const PhotographFrame& frame) {
+double GridStep(const Frame& frame) {
   constexpr double kOfFocal = 0.13;  // gives 8 pixels at a focal length of 500
   const Camera& camera = frame.camera();
   const double enlarged = static_cast<double>(std::max(frame.width(), frame.height())) /
@@ -29,24 +28,6 @@ double GridStep(const PhotographFrame& frame) {
 Vector2f Nowhere() { return Vector2f::Constant(std::numeric_limits<float>::quiet_NaN()); }
 
 bool IsSomewhere(const Vector2f& place) { return !std::isnan(place.x()); }
-
-// Calls `use` with the index of each pixel of the photograph that the view shows, and its position
-// in the view.
-template <class Use>
-void ForEachShown(const ViewPlaces& places, Use use) {
-  std::vector<Vector2f> row(places.width());
-  for (int y = 0; y < places.height(); ++y) {
-    places.Row(y, row);
-    for (int x = 0; x < places.width(); ++x) {
-      if (std::isnan(row[x].x())) continue;
-      use(static_cast<size_t>(y) * places.width() + x, row[x]);
-    }
-  }
-}
-
-size_t NumPixels(const ViewPlaces& places) {
-  return static_cast<size_t>(places.width()) * places.height();
-}
 
 size_t PixelOfView(const Camera& camera, const Vector2f& place) {
   return static_cast<size_t>(place.y()) * camera.width + static_cast<size_t>(place.x());
@@ -117,71 +98,96 @@ struct Taps {
   }
 };
 
-template <class T>
-std::vector<T> TakeNearest(std::span<const T> values, const ViewPlaces& places) {
-  std::vector<T> result(NumPixels(places), T{0});
-  const Camera& camera = places.frame().camera();
-  ForEachShown(places, [&](size_t pixel, const Vector2f& place) {
-    result[pixel] = values[PixelOfView(camera, place)];
-  });
-  return result;
-}
-
 }  // namespace
 
-ViewPlaces::ViewPlaces(const PhotographFrame& frame, int width, int height)
-    : frame_(frame), width_(width), height_(height) {
-  if (!frame_.is_straight()) MakeGrid();
+BinaryMask Resized(const BinaryMask& mask, const ImageSize& from, const ImageSize& to) {
+  if (from == to) return mask;
+  BinaryMask resized;
+  resized.pixels.reserve(static_cast<size_t>(to.width * to.height));
+  for (int64_t y = 0; y < to.height; ++y) {
+    // The source pixel under the centre of the target pixel: (y + 1/2) * from / to, rounded down.
+    const int64_t row = (2 * y + 1) * from.height / (2 * to.height);
+    for (int64_t x = 0; x < to.width; ++x) {
+      const int64_t column = (2 * x + 1) * from.width / (2 * to.width);
+      resized.pixels.push_back(mask.pixels[row * from.width + column]);
+    }
+  }
+  return resized;
 }
 
-Vector2d ViewPlaces::InPhotograph(double x, double y) const {
-  return {x * frame_.width() / width_, y * frame_.height() / height_};
+ModelView AtSize(const ModelView& view, int width, int height) {
+  ModelView resized = view;
+  const double sx = static_cast<double>(width) / view.camera.width;
+  const double sy = static_cast<double>(height) / view.camera.height;
+  Camera& camera = resized.camera;
+  camera = {width, height, camera.fx * sx, camera.fy * sy, camera.cx * sx, camera.cy * sy};
+  return resized;
 }
 
-void ViewPlaces::MakeGrid() {
-  const double grid_step = GridStep(frame_);
-  const double share = std::min(1.0, static_cast<double>(width_) / frame_.width());
-  step_ = std::max(1, static_cast<int>(grid_step * share));
-  columns_ = (width_ + step_ - 1) / step_ + 1;
-  const int rows = (height_ + step_ - 1) / step_ + 1;
+struct Frame::Grid {
+  int step = 1, columns = 0;    // pixels between nodes; nodes per grid row
+  std::vector<Vector2f> nodes;  // [rows, columns]
+};
+
+void Frame::ResizeTo(int width, int height) {
+  out_width_ = width;
+  out_height_ = height;
+  grid_.reset();
+}
+
+Vector2d Frame::InPhotograph(double x, double y) const {
+  return {x * width() / out_width_, y * height() / out_height_};
+}
+
+const Frame::Grid& Frame::MakeGrid() const {
+  if (grid_ != nullptr) return *grid_;
+  const auto grid = std::make_shared<Grid>();
+  const double grid_step = GridStep(*this);
+  const double share = std::min(1.0, static_cast<double>(out_width_) / width());
+  const int step = grid->step = std::max(1, static_cast<int>(grid_step * share));
+  grid->columns = (out_width_ + step - 1) / step + 1;
+  const int rows = (out_height_ + step - 1) / step + 1;
   // A node at most this far outside the view may still be next to a visible pixel.
   const double margin = 3 * grid_step;
-  const Camera& camera = frame_.camera();
-  nodes_.reserve(static_cast<size_t>(columns_) * rows);
+  grid->nodes.reserve(static_cast<size_t>(grid->columns) * rows);
   for (int j = 0; j < rows; ++j) {
     std::optional<Vector2d> last;
-    for (int i = 0; i < columns_; ++i) {
+    for (int i = 0; i < grid->columns; ++i) {
       const Vector2d* near = last ? &*last : nullptr;
-      const auto place = frame_.Invert(InPhotograph(i * step_, j * step_), near);
+      const auto place = Invert(InPhotograph(i * step, j * step), near);
       const bool usable = place && place->x() > -margin && place->y() > -margin &&
-                          place->x() < camera.width + margin && place->y() < camera.height + margin;
-      nodes_.push_back(usable ? place->cast<float>() : Nowhere());
+                          place->x() < camera_.width + margin &&
+                          place->y() < camera_.height + margin;
+      grid->nodes.push_back(usable ? place->cast<float>() : Nowhere());
       last = usable ? place : std::nullopt;
     }
   }
+  grid_ = grid;
+  return *grid_;
 }
 
-Vector2f ViewPlaces::Exact(int x, int y) const {
-  const std::optional<Vector2d> place = frame_.ToView(InPhotograph(x + 0.5, y + 0.5));
+Vector2f Frame::Exact(int x, int y) const {
+  const std::optional<Vector2d> place = ToView(InPhotograph(x + 0.5, y + 0.5));
   return place ? place->cast<float>() : Nowhere();
 }
 
 // Writes the pixels of scanline y in one column of grid cells: bilinear if all four nodes are
 // known, exact if some are, none otherwise.
-void ViewPlaces::CellRow(int column, int y, std::span<Vector2f> places) const {
-  const int row = y / step_, first = column * step_;
-  const int end = std::min(first + step_, width_);
-  const Vector2f* node = &nodes_[static_cast<size_t>(row) * columns_ + column];
-  const std::array<const Vector2f*, 4> corners = {node, node + 1, node + columns_,
-                                                  node + columns_ + 1};
+void Frame::CellRow(int column, int y, std::span<Vector2f> places) const {
+  const Grid& grid = MakeGrid();
+  const int step = grid.step, row = y / step, first = column * step;
+  const int end = std::min(first + step, out_width_);
+  const Vector2f* node = &grid.nodes[static_cast<size_t>(row) * grid.columns + column];
+  const std::array<const Vector2f*, 4> corners = {node, node + 1, node + grid.columns,
+                                                  node + grid.columns + 1};
   const auto known = std::count_if(corners.begin(), corners.end(),
                                    [](const Vector2f* corner) { return IsSomewhere(*corner); });
   if (known < 4) {
     for (int x = first; x < end; ++x) places[x] = known == 0 ? Nowhere() : Exact(x, y);
     return;
   }
-  const auto size = static_cast<float>(step_);
-  const float below = (static_cast<float>(y - row * step_) + 0.5f) / size;
+  const auto size = static_cast<float>(step);
+  const float below = (static_cast<float>(y - row * step) + 0.5f) / size;
   const Vector2f left = *corners[0] + below * (*corners[2] - *corners[0]);
   const Vector2f right = *corners[1] + below * (*corners[3] - *corners[1]);
   const Vector2f move = (right - left) / size;
@@ -191,22 +197,23 @@ void ViewPlaces::CellRow(int column, int y, std::span<Vector2f> places) const {
 }
 
 // Without distortion the positions of a scanline lie on a line at equal distances.
-void ViewPlaces::StraightRow(int y, std::span<Vector2f> places) const {
-  const std::optional<Vector2d> first = frame_.Invert(InPhotograph(0.5, y + 0.5));
-  const std::optional<Vector2d> second = frame_.Invert(InPhotograph(1.5, y + 0.5));
+void Frame::StraightRow(int y, std::span<Vector2f> places) const {
+  const std::optional<Vector2d> first = Invert(InPhotograph(0.5, y + 0.5));
+  const std::optional<Vector2d> second = Invert(InPhotograph(1.5, y + 0.5));
   const Vector2d move = *second - *first;
-  for (int x = 0; x < width_; ++x) places[x] = (*first + x * move).cast<float>();
+  for (int x = 0; x < out_width_; ++x) places[x] = (*first + x * move).cast<float>();
 }
 
-void ViewPlaces::Row(int y, std::span<Vector2f> places) const {
-  assert(static_cast<int>(places.size()) == width_);
-  if (nodes_.empty()) {
+void Frame::PlacesOfRow(int y, std::span<Vector2f> places) const {
+  assert(static_cast<int>(places.size()) == out_width_);
+  if (is_straight()) {
     StraightRow(y, places);
   } else {
-    for (int column = 0; column + 1 < columns_; ++column) CellRow(column, y, places);
+    const int columns = MakeGrid().columns;
+    for (int column = 0; column + 1 < columns; ++column) CellRow(column, y, places);
   }
-  const Camera& camera = frame_.camera();
-  const auto right = static_cast<float>(camera.width), bottom = static_cast<float>(camera.height);
+  const auto right = static_cast<float>(camera_.width);
+  const auto bottom = static_cast<float>(camera_.height);
   for (Vector2f& place : places) {
     // False for NaN.
     const bool shown = place.x() >= 0 && place.y() >= 0 && place.x() < right && place.y() < bottom;
@@ -214,37 +221,56 @@ void ViewPlaces::Row(int y, std::span<Vector2f> places) const {
   }
 }
 
-BinaryMask MaskInPhotograph(const BinaryMask& mask, const ViewPlaces& places) {
-  BinaryMask result = {std::vector<uint8_t>(NumPixels(places), 0)};
-  const Camera& camera = places.frame().camera();
-  const std::vector<uint8_t> counts = CountAround(mask, camera);
-  ForEachShown(places, [&](size_t pixel, const Vector2f& place) {
-    const uint8_t around = counts[PixelOfView(camera, place)];
-    if (around == 0) return;
-    result.pixels[pixel] = around == 9 || IsInSmoothed(mask, camera, place) ? 1 : 0;
+// Calls `use` with the index of each pixel of the photograph that the view shows, and its position
+// in the view.
+template <class Use>
+void Frame::ForEachShown(Use use) const {
+  std::vector<Vector2f> row(out_width_);
+  for (int y = 0; y < out_height_; ++y) {
+    PlacesOfRow(y, row);
+    for (int x = 0; x < out_width_; ++x) {
+      if (IsSomewhere(row[x])) use(static_cast<size_t>(y) * out_width_ + x, row[x]);
+    }
+  }
+}
+
+template <class T>
+std::vector<T> Frame::TakeNearest(std::span<const T> values) const {
+  std::vector<T> result(NumPixels(), T{0});
+  ForEachShown([&](size_t pixel, const Vector2f& place) {
+    result[pixel] = values[PixelOfView(camera_, place)];
   });
   return result;
 }
 
-SegmentResult InPhotograph(const SegmentResult& result, const ViewPlaces& places) {
-  SegmentResult mapped = result;
-  mapped.mask = MaskInPhotograph(result.mask, places);
-  mapped.width = places.width();
-  mapped.height = places.height();
-  mapped.area = std::count(mapped.mask.pixels.begin(), mapped.mask.pixels.end(), 1);
-  FindBox(mapped.mask.pixels, mapped.width, mapped.box);
-  if (mapped.area == 0) mapped.score = 0;
-  if (!result.similarity.empty()) {
-    mapped.similarity = ValuesInPhotograph(result.similarity, places);
-  }
-  return mapped;
+BinaryMask Frame::FromView(const BinaryMask& mask) const {
+  if (HasSamePixels()) return mask;
+  BinaryMask result = {std::vector<uint8_t>(NumPixels(), 0)};
+  const std::vector<uint8_t> counts = CountAround(mask, camera_);
+  ForEachShown([&](size_t pixel, const Vector2f& place) {
+    const uint8_t around = counts[PixelOfView(camera_, place)];
+    if (around == 0) return;
+    result.pixels[pixel] = around == 9 || IsInSmoothed(mask, camera_, place) ? 1 : 0;
+  });
+  return result;
 }
 
-std::vector<float> ValuesInPhotograph(std::span<const float> values, const ViewPlaces& places) {
-  std::vector<float> result(NumPixels(places), 0);
-  const Camera& camera = places.frame().camera();
-  ForEachShown(places, [&](size_t pixel, const Vector2f& place) {
-    const Taps taps(camera, place);
+SegmentResult Frame::FromView(SegmentResult result) const {
+  if (HasSamePixels()) return result;
+  result.mask = FromView(result.mask);
+  result.width = out_width_;
+  result.height = out_height_;
+  result.area = std::count(result.mask.pixels.begin(), result.mask.pixels.end(), 1);
+  FindBox(result.mask.pixels, result.width, result.box);
+  if (result.area == 0) result.score = 0;
+  if (!result.similarity.empty()) result.similarity = ValuesFromView(result.similarity);
+  return result;
+}
+
+std::vector<float> Frame::ValuesFromView(std::span<const float> values) const {
+  std::vector<float> result(NumPixels(), 0);
+  ForEachShown([&](size_t pixel, const Vector2f& place) {
+    const Taps taps(camera_, place);
     float sum = 0;
     for (int i = 0; i < 4; ++i) sum += taps.weights[i] * values[taps.pixels[i]];
     result[pixel] = sum;
@@ -252,13 +278,12 @@ std::vector<float> ValuesInPhotograph(std::span<const float> values, const ViewP
   return result;
 }
 
-Image ColorsInPhotograph(const Image& image, const ViewPlaces& places) {
+Image Frame::FromView(const Image& image) const {
   const int channels = image.channels;
-  Image result = {places.width(), places.height(), channels, {}};
-  result.pixels.resize(NumPixels(places) * channels, 0);
-  const Camera& camera = places.frame().camera();
-  ForEachShown(places, [&](size_t pixel, const Vector2f& place) {
-    const Taps taps(camera, place);
+  Image result = {out_width_, out_height_, channels, {}};
+  result.pixels.resize(NumPixels() * channels, 0);
+  ForEachShown([&](size_t pixel, const Vector2f& place) {
+    const Taps taps(camera_, place);
     for (int k = 0; k < channels; ++k) {
       float sum = 0.5f;
       for (int i = 0; i < 4; ++i)
@@ -269,12 +294,12 @@ Image ColorsInPhotograph(const Image& image, const ViewPlaces& places) {
   return result;
 }
 
-std::vector<float> NearestInPhotograph(std::span<const float> values, const ViewPlaces& places) {
-  return TakeNearest(values, places);
+std::vector<float> Frame::NearestFromView(std::span<const float> values) const {
+  return TakeNearest(values);
 }
 
-std::vector<int32_t> NearestInPhotograph(std::span<const int32_t> ids, const ViewPlaces& places) {
-  return TakeNearest(ids, places);
+std::vector<int32_t> Frame::NearestFromView(std::span<const int32_t> ids) const {
+  return TakeNearest(ids);
 }
 
 }  // namespace pepeseg

@@ -1,11 +1,10 @@
-#include "server/api/request_geometry.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
 #include "server/api/convert.h"
+#include "server/api/segment_request.h"
 #include "server/store/error_detail.h"
 #include "tests/testing/status_testing.h"
 
@@ -89,23 +88,6 @@ TEST(FreeCamera, NeedsARotationAndATranslation) {
   ExpectRefused(camera, "cam_from_world.translation");
   camera.clear_cam_from_world();
   ExpectRefused(camera, "cam_from_world.rotation");
-}
-
-TEST(PointsPrompt, NeedsAPositiveFinitePoint) {
-  v1::PointsPrompt points;
-  EXPECT_TRUE(absl::IsInvalidArgument(PointsFromProto(points).status()));
-  points.add_points()->set_negative(true);
-  EXPECT_TRUE(absl::IsInvalidArgument(PointsFromProto(points).status()));
-  points.add_points()->set_x(2.5);
-  ASSERT_OK_AND_ASSIGN(const auto read, PointsFromProto(points));
-  EXPECT_FALSE(read[0].positive);
-  EXPECT_TRUE(read[1].positive);
-  EXPECT_EQ(read[1].x, 2.5);
-  points.mutable_points(0)->set_y(std::nan(""));
-  EXPECT_TRUE(absl::IsInvalidArgument(PointsFromProto(points).status()));
-  points.Clear();
-  for (int i = 0; i < 65; ++i) points.add_points();
-  EXPECT_TRUE(absl::IsInvalidArgument(PointsFromProto(points).status()));
 }
 
 }  // namespace

@@ -1,10 +1,14 @@
-#include "core/query/photograph_frame.h"
+#include "core/query/frame.h"
 
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
 namespace {
@@ -83,31 +87,114 @@ int NearestPixel(float place, int size) {
 
 }  // namespace
 
-PhotographFrame::PhotographFrame(const ModelView& view)
-    : camera_(view.camera),
-      photograph_(view.photograph),
-      width_(photograph_ ? photograph_->UprightWidth() : camera_.width),
-      height_(photograph_ ? photograph_->UprightHeight() : camera_.height),
-      is_view_(is_shrunk() && width_ == camera_.width && height_ == camera_.height) {}
+Frame::Frame(const ModelView& view, FrameKind kind) : image_(ImageOf(view)), camera_(view.camera) {
+  if (kind == FrameKind::kPhotograph) photograph_ = view.photograph;
+  if (kind == FrameKind::kPhotograph && !view.name.empty()) {
+    image_.name = absl::StrCat("photograph \"", view.name, "\"");
+  }
+  if (photograph_) {
+    image_.width = photograph_->UprightWidth();
+    image_.height = photograph_->UprightHeight();
+  }
+  is_view_ = is_shrunk() && width() == camera_.width && height() == camera_.height;
+  ResizeTo(width(), height());
+}
 
-Vector2d PhotographFrame::PinholePixel(const Vector2d& place) const {
+Frame Frame::Resized(const ImageSize& size) const {
+  ModelView view;
+  view.camera = {static_cast<int>(size.width), static_cast<int>(size.height)};
+  Frame resized(view, FrameKind::kView);
+  resized.image_.name = image_.name;
+  return resized;
+}
+
+bool Frame::MapsAs(const Frame& other) const {
+  return camera_ == other.camera_ && photograph_ == other.photograph_;
+}
+
+void Frame::AcceptStored(int orientation, bool is_stored) {
+  orientation_ = orientation;
+  is_stored_ = is_stored;
+}
+
+bool Frame::FitsStored(int64_t width, int64_t height) const {
+  constexpr int kFirstTransposed = 5;  // EXIF orientations from here on exchange the sides
+  if (orientation_ == 1) return false;
+  return orientation_ < kFirstTransposed ? width == image_.width && height == image_.height
+                                         : width == image_.height && height == image_.width;
+}
+
+int Frame::TurnOf(int64_t width, int64_t height) const {
+  const bool fits_frame = width == image_.width && height == image_.height;
+  return FitsStored(width, height) && (is_stored_ || !fits_frame) ? orientation_ : 1;
+}
+
+// The click was valid, but the model cannot know what is there.
+absl::Status Frame::NotShown(const std::string& part, const std::string& value) const {
+  return NothingThereError(
+      {part, value,
+       absl::StrCat("is in a part of ", image_.name, " (", image_.Size(),
+                    ") that the model was not trained on: its lens was undistorted and the border "
+                    "cut off")});
+}
+
+absl::StatusOr<Shape> Frame::Take(const PointsPrompt& points) const {
+  PointsPrompt taken = points;
+  for (size_t i = 0; i < taken.size(); ++i) {
+    const std::optional<Vector2d> in_view = ToView(Vector2d(taken[i].x, taken[i].y));
+    if (!in_view) {
+      return NotShown(absl::StrCat("points[", i, "]"),
+                      absl::StrCat("point ", taken[i].x, ",", taken[i].y));
+    }
+    taken[i].x = in_view->x();
+    taken[i].y = in_view->y();
+  }
+  return taken;
+}
+
+absl::StatusOr<Shape> Frame::Take(const BoxPrompt& box) const {
+  const std::optional<BoxPrompt> in_view = ToView(box);
+  if (in_view) return *in_view;
+  return NotShown("", absl::StrCat("box ", box.x, ",", box.y, " ", box.width, "x", box.height));
+}
+
+absl::StatusOr<Shape> Frame::Take(const BinaryMask& mask) const {
+  BinaryMask taken;
+  for (const int32_t pixel : PixelsOfView()) taken.pixels.push_back(mask.pixels[pixel]);
+  if (CheckNotEmpty(taken).ok()) return taken;
+  return FaultError({"", "",
+                     absl::StrCat("no pixel of the mask is in the part of ", image_.name,
+                                  " that the model was trained on, or the mask is too small for "
+                                  "it")});
+}
+
+absl::StatusOr<Prompt> Frame::ToView(Prompt prompt) const {
+  RETURN_IF_ERROR(CheckShape(image_, prompt.what));
+  // The pixels of a prompt stay exactly as they are.
+  if (is_view_) return prompt;
+  ASSIGN_OR_RETURN(prompt.what,
+                   std::visit([this](const auto& shape) { return Take(shape); }, prompt.what));
+  return prompt;
+}
+
+Vector2d Frame::PinholePixel(const Vector2d& place) const {
   return {photograph_->left + place.x() * photograph_->width / camera_.width,
           photograph_->top + place.y() * photograph_->height / camera_.height};
 }
 
-Vector2d PhotographFrame::PlaceOfPinholePixel(const Vector2d& pixel) const {
+Vector2d Frame::PlaceOfPinholePixel(const Vector2d& pixel) const {
   return {(pixel.x() - photograph_->left) * camera_.width / photograph_->width,
           (pixel.y() - photograph_->top) * camera_.height / photograph_->height};
 }
 
-Vector2d PhotographFrame::FromView(const Vector2d& place) const {
+Vector2d Frame::FromView(const Vector2d& place) const {
   if (is_view_) return place;
   const Vector2d pixel = PinholePixel(place);
   const Lens& lens = photograph_->lens;
   return photograph_->ToUpright(is_straight() ? pixel : lens.Project(lens.PinholeRay(pixel)));
 }
 
-std::optional<Vector2d> PhotographFrame::Invert(const Vector2d& place, const Vector2d* near) const {
+std::optional<Vector2d> Frame::Invert(const Vector2d& place, const Vector2d* near) const {
   if (is_view_) return place;
   const Vector2d stored = photograph_->ToStored(place);
   if (is_straight()) return PlaceOfPinholePixel(stored);
@@ -123,7 +210,7 @@ std::optional<Vector2d> PhotographFrame::Invert(const Vector2d& place, const Vec
   return PlaceOfPinholePixel(*pixel);
 }
 
-std::optional<Vector2d> PhotographFrame::ToView(const Vector2d& place) const {
+std::optional<Vector2d> Frame::ToView(const Vector2d& place) const {
   const std::optional<Vector2d> found = Invert(place);
   const Vector2d size(camera_.width, camera_.height);
   if (!found || !IsWithin(*found, Vector2d::Zero(), size)) return std::nullopt;
@@ -133,10 +220,10 @@ std::optional<Vector2d> PhotographFrame::ToView(const Vector2d& place) const {
 
 // The visible part of the box is bounded by sides of the box inside the view and sides of the view
 // inside the box.
-std::optional<BoxPrompt> PhotographFrame::ToView(const BoxPrompt& box) const {
+std::optional<BoxPrompt> Frame::ToView(const BoxPrompt& box) const {
   const Vector2d low = Vector2d(box.x, box.y).cwiseMax(0);
   const Vector2d high =
-      Vector2d(box.x + box.width, box.y + box.height).cwiseMin(Vector2d(width_, height_));
+      Vector2d(box.x + box.width, box.y + box.height).cwiseMin(Vector2d(width(), height()));
   if (!((high - low).minCoeff() > 0)) return std::nullopt;
   Bounds bounds;
   WalkAround(low, high, [&](const Vector2d& place) {
@@ -151,17 +238,17 @@ std::optional<BoxPrompt> PhotographFrame::ToView(const BoxPrompt& box) const {
 
 // Returns the pixel of the photograph at a pixel of the part that the view shows. Repeats the
 // import's arithmetic, including its rounding to float, so that masks match exactly.
-int32_t PhotographFrame::PixelAt(int part_x, int part_y) const {
+int32_t Frame::PixelAt(int part_x, int part_y) const {
   const Lens& lens = photograph_->lens;
   const Vector2d pixel(photograph_->left + part_x + 0.5, photograph_->top + part_y + 0.5);
   const Vector2d place = is_straight() ? pixel : lens.Project(lens.PinholeRay(pixel));
   const Vector2d stored(NearestPixel(static_cast<float>(place.x()), lens.width) + 0.5,
                         NearestPixel(static_cast<float>(place.y()), lens.height) + 0.5);
   const Vector2d upright = photograph_->ToUpright(stored);
-  return static_cast<int32_t>(upright.y()) * width_ + static_cast<int32_t>(upright.x());
+  return static_cast<int32_t>(upright.y()) * width() + static_cast<int32_t>(upright.x());
 }
 
-std::vector<int32_t> PhotographFrame::PixelsOfView() const {
+std::vector<int32_t> Frame::PixelsOfView() const {
   std::vector<int32_t> pixels(static_cast<size_t>(camera_.width) * camera_.height);
   if (!photograph_) {
     std::iota(pixels.begin(), pixels.end(), 0);
@@ -178,7 +265,7 @@ std::vector<int32_t> PhotographFrame::PixelsOfView() const {
   return pixels;
 }
 
-std::vector<uint8_t> PhotographFrame::TakeIgnoreToView(const std::vector<uint8_t>& ignore) const {
+std::vector<uint8_t> Frame::TakeIgnoreToView(const std::vector<uint8_t>& ignore) const {
   if (is_view_) return ignore;
   std::vector<uint8_t> taken(static_cast<size_t>(camera_.width) * camera_.height, 0);
   // First and last of `to` pixels that pixel `at` of `from` overlaps, along one axis.

@@ -1,0 +1,76 @@
+#include "core/query/scene_model.h"
+
+#include <utility>
+#include <variant>
+
+#include "absl/memory/memory.h"
+#include "core/base/status_macros.h"
+#include "core/query/resolve_prompt.h"
+
+namespace pepeseg {
+namespace {
+
+// Returns the box of a prompt, or null for other prompts.
+const BoxPrompt* BoxOf(const Shape& shape) {
+  return std::visit(Overloaded{[](const BoxPrompt& box) { return &box; },
+                               [](const PointsPrompt&) -> const BoxPrompt* { return nullptr; },
+                               [](const BinaryMask&) -> const BoxPrompt* { return nullptr; }},
+                    shape);
+}
+
+}  // namespace
+
+absl::StatusOr<SegmentResult> SegmentedViews::Next() {
+  RETURN_IF_ERROR(check_());
+  const ModelView& target = request_.targets[next_++];
+  // A free camera has no name, and is a target only if it is the prompt's.
+  const BoxPrompt* const box =
+      target.name == request_.prompt.view.name ? BoxOf(request_.prompt.what) : nullptr;
+  SegmentOptions options = request_.options;
+  options.want_similarity |= request_.borders != nullptr || box != nullptr;
+  ASSIGN_OR_RETURN(auto results, segmenter_->Segment(query_, {&target, 1}, options));
+  SegmentResult& result = results.front();
+  if (request_.borders != nullptr) {
+    RETURN_IF_ERROR(request_.borders->Refine(target, check_, result));
+  }
+  if (box != nullptr) result.box_agreement = CutToBox(*box, result);
+  if (!request_.options.want_similarity) result.similarity.clear();
+  Frame frame(target, request_.frame);
+  if (!frame_ || !frame_->MapsAs(frame)) frame_ = std::move(frame);
+  return frame_->FromView(std::move(result));
+}
+
+absl::StatusOr<std::unique_ptr<SceneModel>> SceneModel::Create(Backend& backend, Model model,
+                                                               MapCounts* counts) {
+  ASSIGN_OR_RETURN(auto segmenter, Segmenter::Create(backend, std::move(model), counts));
+  return absl::WrapUnique(new SceneModel(std::move(segmenter)));
+}
+
+absl::StatusOr<SegmentedViews> SceneModel::Segment(SegmentRequest request,
+                                                   WantedCheck check) const {
+  ASSIGN_OR_RETURN(Query query, ResolvePrompt(*segmenter_, request.prompt, request.granularity));
+  return SegmentedViews(*segmenter_, std::move(request), std::move(query), std::move(check));
+}
+
+absl::StatusOr<Proposals> SceneModel::Propose(const ProposeRequest& request) const {
+  return pepeseg::Propose(*segmenter_, request);
+}
+
+absl::StatusOr<GaussianSet> SceneModel::Select(const SelectRequest& request,
+                                               const WantedCheck& check) const {
+  ASSIGN_OR_RETURN(const Query query,
+                   ResolvePrompt(*segmenter_, request.prompt, request.granularity));
+  return SelectGaussians(*segmenter_, request, query, check);
+}
+
+absl::Status SceneModel::Decompose(
+    std::span<const double> scales,
+    absl::FunctionRef<absl::Status(const Decomposition&)> use) const {
+  return segmenter_->WithDecomposition(scales, use);
+}
+
+absl::StatusOr<RenderedView> SceneModel::Render(const RenderRequest& request) const {
+  return RenderFrame(*segmenter_, request);
+}
+
+}  // namespace pepeseg

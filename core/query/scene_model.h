@@ -1,0 +1,108 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "absl/functional/function_ref.h"
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/query/decomposition.h"
+#include "core/query/frame.h"
+#include "core/query/mask_geometry.h"
+#include "core/query/prompt.h"
+#include "core/query/propose.h"
+#include "core/query/render_view.h"
+#include "core/query/segmenter.h"
+#include "core/query/select_gaussians.h"
+#include "core/scene/gaussians.h"
+#include "core/scene/model.h"
+#include "kernels/backend.h"
+
+// The door of this folder: what a model in memory answers. The protocols of core/evaluate, which
+// ask for features, use Segmenter.
+
+namespace pepeseg {
+
+// Returns OK while an answer is wanted; else the error that ends the work, such as CANCELLED. Is
+// called before each view.
+using WantedCheck = std::function<absl::Status()>;
+
+// Places the borders of masks by other means than the model, such as the photographs.
+class BorderRule {
+ public:
+  virtual ~BorderRule() = default;
+  // Changes the mask of a view, by SetMask, and sets border_image. The result has the similarity.
+  // May call `check` at any time and return its error.
+  virtual absl::Status Refine(const ModelView& view, const WantedCheck& check,
+                              SegmentResult& result) = 0;
+};
+
+struct SegmentRequest {
+  Prompt prompt;
+  Granularity granularity;
+  std::vector<ModelView> targets;            // views to segment, at least one
+  FrameKind frame = FrameKind::kPhotograph;  // of the masks
+  SegmentOptions options;
+  // Decides the borders of the masks; must outlive the answer. Null: they are as segmented.
+  BorderRule* borders = nullptr;
+};
+
+// The masks of a prompt in its target views, computed one by one, so that a thread can turn to
+// other work in between. The model must outlive it. For one thread at a time.
+class SegmentedViews {
+ public:
+  // query: of the prompt.
+  SegmentedViews(const Segmenter& segmenter, SegmentRequest request, Query query, WantedCheck check)
+      : segmenter_(&segmenter),
+        request_(std::move(request)),
+        query_(std::move(query)),
+        check_(std::move(check)) {}
+
+  // Returns whether all targets are segmented.
+  bool done() const { return next_ == request_.targets.size(); }
+  // Returns the mask of the next target, in pixels of the frame. In the view of a box prompt it is
+  // cut to the box, see CutToBox. Errors are those of `check`, of the border rule and of
+  // Segmenter::Segment. Must not be done.
+  absl::StatusOr<SegmentResult> Next();
+
+ private:
+  const Segmenter* segmenter_;
+  SegmentRequest request_;
+  Query query_;
+  WantedCheck check_;
+  size_t next_ = 0;
+  std::optional<Frame> frame_;  // of the last target: views of one camera mostly follow each other
+};
+
+// A model in memory. Thread safe. Any call may return the errors of the device, see Segmenter.
+class SceneModel {
+ public:
+  // Loads a model onto the device, see Segmenter::Create. The backend must outlive the model.
+  static absl::StatusOr<std::unique_ptr<SceneModel>> Create(Backend& backend, Model model,
+                                                            MapCounts* counts = nullptr);
+
+  const Model& model() const { return segmenter_->model(); }
+  const Segmenter& segmenter() const { return *segmenter_; }
+  // Returns whether the model has a trained feature field; without one, nothing is found in it.
+  bool has_features() const { return segmenter_->has_features(); }
+
+  // Chooses the granularity where the request has none, see ResolvePrompt for the errors, and
+  // returns the masks to come.
+  absl::StatusOr<SegmentedViews> Segment(SegmentRequest request, WantedCheck check) const;
+  absl::StatusOr<Proposals> Propose(const ProposeRequest& request) const;
+  // See SelectGaussians. Errors are also those of ResolvePrompt.
+  absl::StatusOr<GaussianSet> Select(const SelectRequest& request, const WantedCheck& check) const;
+  // See Segmenter::WithDecomposition.
+  absl::Status Decompose(std::span<const double> scales,
+                         absl::FunctionRef<absl::Status(const Decomposition&)> use) const;
+  absl::StatusOr<RenderedView> Render(const RenderRequest& request) const;
+
+ private:
+  explicit SceneModel(std::unique_ptr<Segmenter> segmenter) : segmenter_(std::move(segmenter)) {}
+  const std::unique_ptr<Segmenter> segmenter_;
+};
+
+}  // namespace pepeseg

@@ -1,0 +1,114 @@
+#include "core/query/prompt.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "core/query/frame.h"
+#include "tests/core/query/warped_view.h"
+#include "tests/testing/lens_cases.h"
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+const PromptImage kImage = {"view \"a\"", 64, 48};
+
+// Expects an error with a fault in this part.
+void ExpectFault(const absl::Status& status, const std::string& part, const std::string& message) {
+  EXPECT_STATUS(status, absl::StatusCode::kInvalidArgument, message);
+  const std::optional<PromptFault> fault = FaultOf(status);
+  ASSERT_TRUE(fault.has_value()) << status;
+  EXPECT_EQ(fault->part, part);
+}
+
+TEST(CheckShape, NeedsAPositiveFinitePointInTheImage) {
+  PointsPrompt points;
+  ExpectFault(CheckShape(kImage, points), "points", "0 points, allowed are 1..64");
+  points.push_back({2, 3, false});
+  ExpectFault(CheckShape(kImage, points), "points", "no positive point");
+  points.push_back({2.5, 3, true});
+  EXPECT_OK(CheckShape(kImage, points));
+  points[0].y = kNan;
+  ExpectFault(CheckShape(kImage, points), "points[0]", "is not finite");
+  points[0].y = 48;
+  ExpectFault(CheckShape(kImage, points), "points[0]", "point 2,48 is outside view \"a\" (64x48)");
+  points.assign(kMaxPromptPoints, {1, 1, true});
+  EXPECT_OK(CheckShape(kImage, points));
+  points.push_back({1, 1, true});
+  ExpectFault(CheckShape(kImage, points), "points", "65 points");
+  EXPECT_OK(CheckPoints(kImage, points));  // an evaluation may click more often
+}
+
+TEST(CheckShape, NeedsABoxThatOverlapsTheImage) {
+  EXPECT_OK(CheckShape(kImage, BoxPrompt{-5, -5, 6, 6}));
+  ExpectFault(CheckShape(kImage, BoxPrompt{-5, -5, 5, 6}), "", "is outside view \"a\"");
+  ExpectFault(CheckShape(kImage, BoxPrompt{kNan, 1, 5, 6}), "", "is not finite, or is empty");
+  ExpectFault(CheckShape(kImage, BoxPrompt{1, 1, 5, -1}), "", "is not finite, or is empty");
+}
+
+TEST(CheckShape, NeedsAMaskOfTheImageWithAPixel) {
+  BinaryMask mask = {std::vector<uint8_t>(64 * 48)};
+  ExpectFault(CheckShape(kImage, mask), "", "no pixel is in the mask");
+  mask.pixels[7] = 1;
+  EXPECT_OK(CheckShape(kImage, mask));
+  mask.pixels.pop_back();
+  ExpectFault(CheckShape(kImage, mask), "", "must have the 3072 of view \"a\"");
+}
+
+TEST(CheckView, LimitsAFreeCameraMoreThanAView) {
+  ModelView view;
+  view.camera = {4001, 4000, 50, 50, 32, 24};
+  ExpectFault(CheckView(view), "camera", "16000000 in all");
+  view.name = "a";
+  EXPECT_OK(CheckView(view));
+  view.camera.width = 16'001;
+  ExpectFault(CheckView(view), "camera", "64000000 in all");
+  view.camera.width = 64;
+  view.camera.fy = 0;
+  ExpectFault(CheckView(view), "camera.fy", "camera.fy is 0");
+  view.camera.fy = 50;
+  view.cam_from_world.rotation.w() = 1.0009;
+  EXPECT_OK(CheckView(view));
+  view.cam_from_world.rotation.w() = 1.0011;
+  ExpectFault(CheckView(view), "cam_from_world.rotation", "norm 1.0011");
+  view.cam_from_world.rotation.w() = 1;
+  view.cam_from_world.translation.y() = kNan;
+  ExpectFault(CheckView(view), "cam_from_world.translation.y", "is not finite");
+}
+
+TEST(CheckGranularity, NamesThePartOutOfRange) {
+  EXPECT_OK(CheckGranularity({}));
+  EXPECT_OK(CheckGranularity({0, -1}));
+  ExpectFault(CheckGranularity({.scale = 1.5}), "scale_quantile", "scale_quantile is 1.5");
+  ExpectFault(CheckGranularity({.threshold = kNan}), "threshold", "threshold is nan");
+}
+
+TEST(FramePrompt, IsTakenToTheViewOrRefused) {
+  ModelView view = testing::WarpedView(testing::DistortingLenses()[0].MakeLens(), 0.5);
+  view.name = "a";
+  const Frame frame(view);
+  ASSERT_OK_AND_ASSIGN(const Prompt taken,
+                       frame.ToView(Prompt{view, PointsPrompt{{80, 60, true}}}));
+  const PointPrompt point = std::get<PointsPrompt>(taken.what)[0];
+  EXPECT_NEAR((frame.FromView(Eigen::Vector2d(point.x, point.y)) - Eigen::Vector2d(80, 60)).norm(),
+              0, 1e-5);
+  const absl::Status corner = frame.ToView(Prompt{view, PointsPrompt{{0.5, 0.5, true}}}).status();
+  ExpectFault(corner, "points[0]", "point 0.5,0.5 is in a part of photograph");
+  EXPECT_TRUE(IsNothingThere(corner));
+  EXPECT_TRUE(IsNothingThere(frame.ToView(Prompt{view, BoxPrompt{0, 0, 1, 1}}).status()));
+  BinaryMask mask = {std::vector<uint8_t>(static_cast<size_t>(frame.width()) * frame.height())};
+  mask.pixels[0] = 1;
+  ExpectFault(frame.ToView(Prompt{view, mask}).status(), "", "no pixel of the mask");
+  // In pixels of the view, all stays as it is.
+  const Frame same(view, FrameKind::kView);
+  ASSERT_OK_AND_ASSIGN(const Prompt kept,
+                       same.ToView(Prompt{view, PointsPrompt{{0.5, 0.25, true}}}));
+  EXPECT_EQ(std::get<PointsPrompt>(kept.what)[0].y, 0.25);
+}
+
+}  // namespace
+}  // namespace pepeseg
