@@ -122,7 +122,7 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
                  "auto, cpu, cuda or cuda:N; auto: CUDA if there is a device, else the CPU")
       ->capture_default_str();
   app.add_option("--lpips-weights", server.workers.lpips_weights,
-                 "ONNX file of LPIPS, exported as in README.md, which scores held-out views")
+                 "ONNX file of LPIPS, exported as in OPERATIONS.md, which scores held-out views")
       ->type_name("FILE");
   app.add_option(
          "--priors-command", server.workers.priors_command,

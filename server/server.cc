@@ -170,7 +170,7 @@ absl::Status Server::Parts::OpenStorage(const ServerOptions& options) {
 absl::Status Server::Parts::OpenCompute(const ServerOptions& options) {
   // Weights that cannot be read are refused now, and not by the first job.
   if (const std::filesystem::path& weights = options.workers.lpips_weights; !weights.empty()) {
-    RETURN_IF_ERROR(Lpips::Open(weights).status());
+    RETURN_IF_ERROR(Lpips::Open(weights, /*num_threads=*/1).status());
   }
   ASSIGN_OR_RETURN(device, OpenDevice(options.device, options.num_threads));
   device_memory = TrainingMemory(options, *device.backend);

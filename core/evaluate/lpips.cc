@@ -1,62 +1,50 @@
 #include "core/evaluate/lpips.h"
 
+#include <array>
 #include <cmath>
-#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/file_io.h"
+#include "core/base/num_threads.h"
 #include "core/base/status_macros.h"
-#include "opencv2/dnn.hpp"
 
 namespace pepeseg {
 namespace {
 
 constexpr int64_t kMaxWeightsBytes = int64_t{1} << 30;
 
-// Returns interleaved values as planes [1, 3, height, width] in [-1, 1]. Multiplying by `scale`
-// brings the values to [0, 1].
+// Returns interleaved values as planes [3, height, width] in [-1, 1]. Multiplying by `scale` brings
+// the values to [0, 1].
 template <class T>
-cv::Mat Blob(int width, int height, std::span<const T> pixels, float scale) {
-  const int sizes[] = {1, 3, height, width};
-  cv::Mat blob(4, sizes, CV_32F);
-  const size_t num_pixels = static_cast<size_t>(width) * height;
-  auto* planes = blob.ptr<float>();
-  for (size_t i = 0; i < 3 * num_pixels; ++i) {
+std::vector<float> Planes(std::span<const T> pixels, float scale) {
+  const size_t num_pixels = pixels.size() / 3;
+  std::vector<float> planes(pixels.size());
+  for (size_t i = 0; i < pixels.size(); ++i) {
     planes[i % 3 * num_pixels + i / 3] = 2 * scale * static_cast<float>(pixels[i]) - 1;
   }
-  return blob;
-}
-
-// Returns the reason alone: OpenCV's full message has a line break and a source location before it.
-std::string ReasonOf(const cv::Exception& error) {
-  return error.err.empty() ? error.what() : error.err;
+  return planes;
 }
 
 }  // namespace
 
-struct Lpips::Network {
-  cv::dnn::Net net;
-};
-
-Lpips::Lpips(std::unique_ptr<Network> network) : network_(std::move(network)) {}
-Lpips::Lpips(Lpips&& other) noexcept = default;
-Lpips& Lpips::operator=(Lpips&& other) noexcept = default;
-Lpips::~Lpips() = default;
-
-absl::StatusOr<Lpips> Lpips::Open(const std::filesystem::path& weights) {
+absl::StatusOr<Lpips> Lpips::Open(const std::filesystem::path& weights, int num_threads) {
   const std::string name = weights.string();
   ASSIGN_OR_RETURN(const std::string bytes, ReadFile(weights, name, kMaxWeightsBytes));
-  auto network = std::make_unique<Network>();
-  try {
-    network->net = cv::dnn::readNetFromONNX(bytes.data(), bytes.size());
-  } catch (const cv::Exception& error) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(name, ": not an ONNX network that OpenCV reads: ", ReasonOf(error)));
+  Lpips lpips;
+  auto runtime = OnnxRuntime::Load(weights.parent_path() / kOnnxLibrary);
+  if (!runtime.ok()) {
+    return absl::Status(
+        runtime.status().code(),
+        absl::StrCat(
+            "LPIPS: ", runtime.status().message(),
+            "; put the weights into the folder that deploy/sam.sh has made, which has it"));
   }
-  Lpips lpips(std::move(network));
+  lpips.runtime_ = *std::move(runtime);
+  ASSIGN_OR_RETURN(lpips.network_,
+                   OnnxSession::Create(*lpips.runtime_, bytes, name, {NumThreads(num_threads)}));
   constexpr int kProbeSize = 64;
   const Image black{kProbeSize, kProbeSize, 3,
                     std::vector<uint8_t>(3 * kProbeSize * kProbeSize, 0)};
@@ -65,8 +53,7 @@ absl::StatusOr<Lpips> Lpips::Open(const std::filesystem::path& weights) {
   for (size_t i = 0; i < rendering.size(); i += 2) rendering[i] = 1;
   const absl::StatusOr<double> different = lpips.Distance(black, rendering);
   for (const auto& distance : {equal, different}) {
-    if (distance.ok()) continue;
-    return absl::InvalidArgumentError(absl::StrCat(name, ": ", distance.status().message()));
+    if (!distance.ok()) return absl::InvalidArgumentError(distance.status().message());
   }
   if (!(std::abs(*equal) < 1e-4 && *different > 1e-4)) {
     return absl::InvalidArgumentError(absl::StrCat(
@@ -75,31 +62,28 @@ absl::StatusOr<Lpips> Lpips::Open(const std::filesystem::path& weights) {
   return lpips;
 }
 
-absl::StatusOr<double> Lpips::Distance(const Image& photo, std::span<const float> rendering) {
-  std::vector<cv::Mat> maps;
-  try {
-    cv::dnn::Net& net = network_->net;
-    net.setInput(Blob<uint8_t>(photo.width, photo.height, photo.pixels, 1.0f / 255), "photo");
-    net.setInput(Blob<float>(photo.width, photo.height, rendering, 1.0f), "rendering");
-    net.forward(maps, net.getUnconnectedOutLayersNames());
-  } catch (const cv::Exception& error) {
+absl::StatusOr<double> Lpips::Distance(const Image& photo, std::span<const float> rendering) const {
+  const std::vector<float> a = Planes<uint8_t>(photo.pixels, 1.0f / 255);
+  const std::vector<float> b = Planes<float>(rendering, 1.0f);
+  const std::vector<int64_t> shape = {1, 3, photo.height, photo.width};
+  const std::array<OnnxInput, 2> inputs = {OnnxInput{"photo", shape, a},
+                                           OnnxInput{"rendering", shape, b}};
+  constexpr std::array<const char*, 1> kOutputs = {"distance"};
+  const absl::StatusOr<std::vector<OnnxTensor>> outputs = network_->Run(inputs, kOutputs);
+  if (!outputs.ok()) {
     return absl::InternalError(absl::StrCat("the network fails on images of ", photo.width, "x",
-                                            photo.height, ": ", ReasonOf(error)));
+                                            photo.height, ": ", outputs.status().message()));
   }
-  double distance = 0;
-  for (const cv::Mat& map : maps) {
-    if (map.type() != CV_32F || map.empty()) return absl::InternalError("an output has no floats");
-    distance += std::accumulate(map.begin<float>(), map.end<float>(), 0.0) /
-                static_cast<double>(map.total());
-  }
-  if (!std::isfinite(distance)) return absl::InternalError("the network's answer is not finite");
-  return distance;
+  const std::vector<float>& distance = outputs->front().values;
+  if (distance.size() == 1 && std::isfinite(distance[0])) return double{distance[0]};
+  return absl::InternalError("the network's answer is not a finite number");
 }
 
-absl::StatusOr<HeldOutScorer> HeldOutScorer::Create(const std::filesystem::path& lpips_weights) {
+absl::StatusOr<HeldOutScorer> HeldOutScorer::Create(const std::filesystem::path& lpips_weights,
+                                                    int num_threads) {
   HeldOutScorer scorer;
   if (lpips_weights.empty()) return scorer;
-  ASSIGN_OR_RETURN(scorer.lpips_, Lpips::Open(lpips_weights));
+  ASSIGN_OR_RETURN(scorer.lpips_, Lpips::Open(lpips_weights, num_threads));
   return scorer;
 }
 

@@ -100,7 +100,8 @@ namespace {
 
 // Opens the LPIPS weights first, so that wrong weights are an error at once and not after an hour.
 absl::Status Training::Open() {
-  ASSIGN_OR_RETURN(scorer_, HeldOutScorer::Create(inputs_.tools.lpips_weights));
+  ASSIGN_OR_RETURN(scorer_,
+                   HeldOutScorer::Create(inputs_.tools.lpips_weights, inputs_.tools.num_threads));
   Plan();
   return absl::OkStatus();
 }

@@ -26,6 +26,7 @@
 #include "core/base/child_process.h"
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
+#include "core/onnx/onnx_runtime.h"
 #include "core/train/stage_plan.h"
 #include "core/train/training_facts.h"
 #include "server/api/convert.h"
@@ -209,7 +210,10 @@ SandboxNeeds NeedsOf(const JobFolder& folder, const JobSpec& spec) {
   needs.writes = {folder.work()};
   for (const JobSpecFile& file : spec.files) needs.reads.emplace_back(file.path);
   const WorkerOptions& options = spec.worker;
-  if (!options.lpips_weights.empty()) needs.reads.push_back(options.lpips_weights);
+  if (!options.lpips_weights.empty()) {
+    needs.reads.push_back(options.lpips_weights);
+    needs.reads.push_back(options.lpips_weights.parent_path() / kOnnxLibrary);
+  }
   if (!options.sam.empty()) needs.reads.push_back(options.sam);
   needs.runs_programs = MayRunPrograms(folder, spec);
   needs.programs = {options.priors_command};

@@ -11,6 +11,7 @@
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"
 #include "tests/testing/eventually.h"
+#include "tests/testing/fake_sam.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 #include "tests/testing/time_limit.h"
@@ -182,7 +183,8 @@ TEST_F(EndToEndTest, UsesUploadedGaussiansInsteadOfStageOne) {
 
 TEST_F(EndToEndTest, MeasuresLpipsIfThereAreWeights) {
   server_->Terminate();
-  Restart({"--lpips-weights=" PEPESEG_TEST_DATA "/lpips/tiny.onnx"});
+  const testing::TempFolder lpips;
+  Restart({"--lpips-weights=" + testing::MakeLpips(lpips.path()).string()});
   v1::TrainingOptions options = QuickOptions();
   options.mutable_features()->set_num_steps(10);
   const std::string job = Train("shelf", UploadShelf("shelf"), options);

@@ -1,8 +1,9 @@
-// A library in place of ONNX Runtime, with the part of its C interface that core/priors/sam uses.
-// Its two "models" segment by colour: the encoder returns mean colours, the decoder the cells whose
-// colour is similar to that of the first point. A model file that contains "out of memory" is
-// refused as the real library refuses one that does not fit; one that contains "endless" runs until
-// it is asked to end.
+// A library in place of ONNX Runtime, with the part of its C interface that core/onnx uses. Two of
+// its "models" segment by colour: the encoder returns mean colours, the decoder the cells whose
+// colour is similar to that of the first point. A model with an input "rendering" returns the mean
+// difference of its two inputs. A model file that contains "out of memory" is refused as the real
+// library refuses one that does not fit, and one that contains "no network" as one that it cannot
+// read; one that contains "endless" runs until it is asked to end.
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -21,7 +22,7 @@ struct Failure {
   std::string message;
 };
 struct Session {
-  bool decodes = false, endless = false;
+  bool decodes = false, compares = false, endless = false;
 };
 struct Value {
   std::vector<int64_t> shape;
@@ -52,7 +53,9 @@ Failure* CreateSession(void*, const void* bytes, size_t size, void*, void** out)
   if (model.find("out of memory") != model.npos) {
     return new Failure{"Failed to allocate memory for requested buffer of size 1"};
   }
-  *out = new Session{model.find("point_coords") != model.npos, model.find("endless") != model.npos};
+  if (model.find("no network") != model.npos) return new Failure{"Protobuf parsing failed."};
+  *out = new Session{model.find("point_coords") != model.npos,
+                     model.find("rendering") != model.npos, model.find("endless") != model.npos};
   return nullptr;
 }
 Failure* CreateTensor(void*, void* data, size_t, const int64_t* shape, size_t rank, int,
@@ -121,6 +124,16 @@ void Decode(const Value& colours, const Value& points, Value& logits, Value& iou
   }
 }
 
+Value* Compare(const Value& a, const Value& b) {
+  int64_t count = 1;
+  for (const int64_t size : a.shape) count *= size;
+  Value* difference = MakeValue({1, 1, 1, 1});
+  for (int64_t i = 0; i < count; ++i) {
+    difference->data[0] += std::abs(a.data[i] - b.data[i]) / static_cast<float>(count);
+  }
+  return difference;
+}
+
 Failure* CreateRunOptions(std::atomic<bool>** out) {
   *out = new std::atomic<bool>(false);
   return nullptr;
@@ -134,6 +147,10 @@ Failure* Run(Session* session, std::atomic<bool>* terminate, const char* const*,
              Value* const* inputs, size_t, const char* const*, size_t, void** outputs) {
   if (session->endless) terminate->wait(false);
   if (*terminate) return new Failure{"Exiting due to terminate flag being set to true."};
+  if (session->compares) {
+    outputs[0] = Compare(*inputs[0], *inputs[1]);
+    return nullptr;
+  }
   if (!session->decodes) {
     outputs[0] = Encode(*inputs[0]);
     return nullptr;

@@ -49,6 +49,16 @@ void MakeFakeSam(const fs::path& folder) {
   WriteDigests(folder);
 }
 
+fs::path MakeLpips(const fs::path& folder, const fs::path& runtime) {
+  const fs::path library =
+      runtime.empty() ? fs::path(PEPESEG_FAKE_ONNX_RUNTIME) : runtime / "libonnxruntime.so.1";
+  fs::create_directories(folder);
+  fs::copy_file(library, folder / "libonnxruntime.so.1", fs::copy_options::overwrite_existing);
+  fs::copy_file(PEPESEG_TEST_DATA "/lpips/tiny.onnx", folder / "lpips.onnx",
+                fs::copy_options::overwrite_existing);
+  return folder / "lpips.onnx";
+}
+
 void ReplaceSamFile(const fs::path& folder, const std::string& name, const std::string& bytes) {
   fs::remove(folder / name);
   std::ofstream(folder / name, std::ios::binary) << bytes;

@@ -8,6 +8,11 @@ namespace pepeseg::testing {
 // Makes a folder like deploy/sam.sh's, with fake_onnx_runtime.cc as its library.
 void MakeFakeSam(const std::filesystem::path& folder);
 
+// Puts the network of tests/data/lpips into a folder, next to a library: that of the folder
+// `runtime`, or fake_onnx_runtime.cc if it is empty. Returns the network's path.
+std::filesystem::path MakeLpips(const std::filesystem::path& folder,
+                                const std::filesystem::path& runtime = {});
+
 // Replaces a file in such a folder, and its digest in SHA256SUMS.
 void ReplaceSamFile(const std::filesystem::path& folder, const std::string& name,
                     const std::string& bytes);

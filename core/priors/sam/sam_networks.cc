@@ -98,7 +98,7 @@ absl::StatusOr<std::map<std::string, std::string>> ReadSamDigests(
         absl::StrSplit(line, absl::MaxSplits("  ", 1));
     digests[words.second] = words.first;
   }
-  for (const char* name : {kSamEncoder, kSamDecoder, kSamRuntime}) {
+  for (const char* name : {kSamEncoder, kSamDecoder, kOnnxLibrary}) {
     if (!digests.contains(name)) return Bad(list, absl::StrCat("has no line for ", name));
   }
   return digests;
@@ -108,7 +108,7 @@ absl::StatusOr<std::map<std::string, std::string>> ReadSamDigests(
 
 absl::Status CheckSamFiles(const std::filesystem::path& folder) {
   ASSIGN_OR_RETURN(auto digests, ReadSamDigests(folder));
-  for (const char* name : {kSamEncoder, kSamDecoder, kSamRuntime}) {
+  for (const char* name : {kSamEncoder, kSamDecoder, kOnnxLibrary}) {
     const std::filesystem::path file = folder / name;
     const absl::StatusOr<std::string> digest = Sha256OfFile(file);
     if (!digest.ok()) return Bad(file, digest.status().message());
@@ -128,7 +128,7 @@ absl::StatusOr<std::unique_ptr<const SamNetworks>> SamNetworks::Open(
     const std::filesystem::path& folder, const OnnxGraphEdit& edit,
     const OnnxSessionOptions& options) {
   auto networks = std::make_unique<SamNetworks>();
-  auto runtime = OnnxRuntime::Load(folder / kSamRuntime);
+  auto runtime = OnnxRuntime::Load(folder / kOnnxLibrary);
   if (!runtime.ok()) {
     return absl::Status(runtime.status().code(), absl::StrCat("SAM: ", runtime.status().message()));
   }

@@ -9,16 +9,15 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/onnx/onnx_runtime.h"
 #include "core/priors/sam/onnx_graph.h"
-#include "core/priors/sam/onnx_runtime.h"
 #include "core/scene/capture.h"
 
 // The files of a small SAM with TinyViT's encoder, and its networks in ONNX Runtime.
 namespace pepeseg {
 
 // Files of a folder that deploy/sam.sh has made.
-inline constexpr char kSamEncoder[] = "encoder.onnx", kSamDecoder[] = "sam.onnx",
-                      kSamRuntime[] = "libonnxruntime.so.1";
+inline constexpr char kSamEncoder[] = "encoder.onnx", kSamDecoder[] = "sam.onnx";
 
 // Verifies the three files of a folder that deploy/sam.sh has made (encoder, decoder, ONNX Runtime)
 // against its SHA256SUMS, which has a line "DIGEST  NAME" for each. Returns NOT_FOUND when the

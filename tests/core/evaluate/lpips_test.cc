@@ -5,14 +5,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
 
+#include "tests/testing/fake_sam.h"
 #include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
-
-constexpr char kTiny[] = PEPESEG_TEST_DATA "/lpips/tiny.onnx";
 
 using Features = std::array<double, 2>;
 
@@ -73,8 +74,12 @@ double Reference(const Image& photo, std::span<const float> rendering) {
   return MeanError(a.fine, b.fine, {0.5, 0.25}) + MeanError(a.coarse, b.coarse, {0.125, 1});
 }
 
-TEST(Lpips, MatchesTheNetworkAtEverySize) {
-  ASSERT_OK_AND_ASSIGN(Lpips lpips, Lpips::Open(kTiny));
+// The network of tests/data/lpips in the real library, which is in the folder PEPESEG_SAM.
+TEST(RealLpips, MatchesTheNetworkAtEverySize) {
+  const char* sam = std::getenv("PEPESEG_SAM");
+  if (sam == nullptr) GTEST_SKIP() << "PEPESEG_SAM names no folder";
+  const testing::TempFolder folder;
+  ASSERT_OK_AND_ASSIGN(const Lpips lpips, Lpips::Open(testing::MakeLpips(folder.path(), sam), 2));
   for (const auto& [width, height] :
        {std::pair{64, 64}, {48, 32}, {640, 480}, {31, 75}, {64, 64}}) {
     const Image photo = testing::Picture(width, height);
@@ -86,32 +91,53 @@ TEST(Lpips, MatchesTheNetworkAtEverySize) {
   }
 }
 
-TEST(Lpips, IsZeroForEqualImages) {
-  ASSERT_OK_AND_ASSIGN(Lpips lpips, Lpips::Open(kTiny));
-  const Image photo = testing::Picture(40, 30);
-  std::vector<float> rendering;
-  for (const uint8_t value : photo.pixels) rendering.push_back(static_cast<float>(value) / 255);
-  ASSERT_OK_AND_ASSIGN(const double distance, lpips.Distance(photo, rendering));
-  EXPECT_NEAR(distance, 0, 1e-9);
-}
-
-TEST(Lpips, RefusesFilesThatAreNotSuchANetwork) {
+TEST(RealLpips, RefusesFilesThatAreNotSuchANetwork) {
+  const char* sam = std::getenv("PEPESEG_SAM");
+  if (sam == nullptr) GTEST_SKIP() << "PEPESEG_SAM names no folder";
   using absl::StatusCode::kInvalidArgument;
   const testing::TempFolder folder;
+  const std::filesystem::path weights = testing::MakeLpips(folder.path(), sam);
   const auto open = [&](const std::string& bytes) {
-    testing::WriteBytes(folder / "weights.onnx", bytes);
-    return Lpips::Open(folder / "weights.onnx").status();
+    testing::WriteBytes(weights, bytes);
+    return Lpips::Open(weights, 1).status();
   };
-  EXPECT_EQ(Lpips::Open(folder / "none.onnx").status().code(), absl::StatusCode::kNotFound);
-  EXPECT_STATUS(open("no network"), kInvalidArgument, "weights.onnx: ");
-  std::string bytes = testing::ReadBytes(kTiny);
-  EXPECT_OK(open(bytes));
-  EXPECT_STATUS(open(bytes.substr(0, bytes.size() / 2)), kInvalidArgument, "weights.onnx: ");
-  // The input names of a plain LPIPS export from torch.
+  std::string bytes = testing::ReadBytes(weights);
+  EXPECT_STATUS(open("no network"), kInvalidArgument, "lpips.onnx: ");
+  EXPECT_STATUS(open(bytes.substr(0, bytes.size() / 2)), kInvalidArgument, "lpips.onnx: ");
+  // The input names of an export that does not name them.
   for (size_t at = 0; (at = bytes.find("photo", at)) != std::string::npos; ++at) {
     bytes.replace(at, 5, "input");
   }
   EXPECT_STATUS(open(bytes), kInvalidArgument, "photo");
+}
+
+// These run with a library in place of ONNX Runtime, whose distance is the mean difference.
+class LpipsTest : public ::testing::Test {
+ protected:
+  const testing::TempFolder folder_;
+  const std::filesystem::path weights_ = testing::MakeLpips(folder_.path());
+};
+
+TEST_F(LpipsTest, ComparesImagesBetweenMinusOneAndOne) {
+  ASSERT_OK_AND_ASSIGN(const Lpips lpips, Lpips::Open(weights_, 1));
+  const Image photo = testing::Picture(40, 30);
+  std::vector<float> rendering;
+  for (const uint8_t value : photo.pixels) rendering.push_back(static_cast<float>(value) / 255);
+  ASSERT_OK_AND_ASSIGN(const double equal, lpips.Distance(photo, rendering));
+  EXPECT_NEAR(equal, 0, 1e-6);
+  for (float& value : rendering) value += 0.25f;
+  ASSERT_OK_AND_ASSIGN(const double different, lpips.Distance(photo, rendering));
+  EXPECT_NEAR(different, 0.5, 1e-4);
+}
+
+TEST_F(LpipsTest, NamesWhatIsMissing) {
+  EXPECT_EQ(Lpips::Open(folder_ / "none.onnx", 1).status().code(), absl::StatusCode::kNotFound);
+  testing::WriteBytes(weights_, "no network");
+  EXPECT_STATUS(Lpips::Open(weights_, 1), absl::StatusCode::kInvalidArgument, "lpips.onnx: ");
+  const testing::TempFolder without_library;
+  testing::WriteBytes(without_library / "lpips.onnx", "no network");
+  EXPECT_STATUS(Lpips::Open(without_library / "lpips.onnx", 1),
+                absl::StatusCode::kFailedPrecondition, "deploy/sam.sh");
 }
 
 }  // namespace

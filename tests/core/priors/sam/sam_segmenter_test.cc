@@ -10,8 +10,8 @@
 #include <thread>
 
 #include "core/dataset/import.h"
+#include "core/onnx/onnx_runtime.h"
 #include "core/priors/sam/automatic_masks.h"
-#include "core/priors/sam/onnx_runtime.h"
 #include "core/priors/sam/sam_networks.h"
 #include "tests/testing/fake_sam.h"
 #include "tests/testing/status_testing.h"

@@ -1,4 +1,4 @@
-#include "core/priors/sam/onnx_runtime.h"
+#include "core/onnx/onnx_runtime.h"
 
 #include <dlfcn.h>
 

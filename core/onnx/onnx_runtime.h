@@ -13,6 +13,9 @@
 
 namespace pepeseg {
 
+// The file's name in the folder that deploy/sam.sh has made.
+inline constexpr char kOnnxLibrary[] = "libonnxruntime.so.1";
+
 // Microsoft's ONNX Runtime as a library that is loaded at run time: neither its headers nor its
 // library are needed to build or start pepeseg.
 class OnnxRuntime {
