@@ -87,9 +87,11 @@ sam:
 
 sam-test: $(BUILD)/CMakeCache.txt packages
 	deploy/sam.sh $(BUILD)/sam
-	cmake --build $(BUILD) -j $(JOBS) --target core_sam_test core_sam_encoder_test worker_test
+	cmake --build $(BUILD) -j $(JOBS) --target core_sam_test core_sam_encoder_test \
+	  core_evaluate_test worker_test
 	PEPESEG_SAM=$(abspath $(BUILD)/sam) $(BUILD)/bin/core_sam_test
 	PEPESEG_SAM=$(abspath $(BUILD)/sam) $(BUILD)/bin/core_sam_encoder_test
+	PEPESEG_SAM=$(abspath $(BUILD)/sam) $(BUILD)/bin/core_evaluate_test --gtest_filter='RealLpips*'
 	PEPESEG_SAM=$(abspath $(BUILD)/sam) $(BUILD)/bin/worker_test --gtest_filter='WorkerSam*'
 
 # Run it after a change to kernels/cuda, and commit the summary with the change.

@@ -63,7 +63,7 @@ void VisitOptions(FeatureOptions& o, OptionVisitor visit) {
   visit({"steps_per_chunk", &o.steps_per_chunk, Range{1, 100'000}});
   visit({"min_loss_fall", &o.min_loss_fall, Range{0, 1}});
   visit({"closing_share", &o.closing_share, Range{0, 1}});
-  visit({"sure_views", &o.sure_views, Range{0, 64}});
+  visit({"min_confident_views", &o.min_confident_views, Range{0, 64}});
   visit({"seed", &o.seed});
 }
 

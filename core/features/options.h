@@ -148,7 +148,7 @@ struct FeatureOptions {
   // Minimum number of training views (and at least a sixth of them) that must see a Gaussian before
   // its feature gets full blending weight; with fewer the weight is smaller, which suppresses
   // floaters, see FeatureConfidence. 0: all features have full weight.
-  int sure_views = 8;
+  int min_confident_views = 8;
   // Seed of all random draws of the stage.
   uint64_t seed = 1;
 };

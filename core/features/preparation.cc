@@ -227,8 +227,8 @@ absl::StatusOr<PreparedFeatures> PrepareFeatures(Backend& backend, const Capture
         "features: no training view has a mask of at least 8 pixels on which something is "
         "rendered");
   }
-  if (options.sure_views > 0) {
-    prepared.field.confidence = FeatureConfidence(capture, scene, options.sure_views);
+  if (options.min_confident_views > 0) {
+    prepared.field.confidence = FeatureConfidence(capture, scene, options.min_confident_views);
   }
   AddUncovered(capture, masks, scene, options, prepared.views);
   std::vector<std::vector<uint8_t>> edges =

@@ -110,7 +110,7 @@ void SetPaperFeatures(FeatureOptions& options) {
   options.centroid_merge_lower = 0.9f;
   options.centroid_check_masks = false;
 
-  options.sure_views = 0;
+  options.min_confident_views = 0;
   options.min_loss_fall = 0;
 }
 

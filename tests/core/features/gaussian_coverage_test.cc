@@ -36,10 +36,10 @@ struct Scene {
       capture.points.push_back({position, {255, 255, 255}});
     }
   }
-  std::vector<float> Confidence(int sure_views) {
+  std::vector<float> Confidence(int min_confident_views) {
     const Gaussians gaussians = testing::PointGaussians(capture, 0.2f);
     Renderer frozen(*backend, gaussians, 1);
-    return FeatureConfidence(capture, frozen, sure_views);
+    return FeatureConfidence(capture, frozen, min_confident_views);
   }
 
   std::unique_ptr<Backend> backend = MakeCpuBackend(2);

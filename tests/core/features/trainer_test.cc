@@ -122,7 +122,7 @@ TEST(FeatureTrainer, ReportsAConfidenceForEachFeature) {
   }
   EXPECT_GT(num_confident, 100);
   EXPECT_GT(num_doubtful, 100);
-  options.sure_views = 0;
+  options.min_confident_views = 0;
   ASSERT_OK_AND_ASSIGN(const FeatureField alike,
                        testing::TrainFeatures(*backend, capture, gaussians, options, Go));
   EXPECT_TRUE(alike.confidence.empty());
@@ -314,8 +314,9 @@ TEST(FeatureOptions, NameTheFieldThatIsOutOfRange) {
   EXPECT_OK(Validate(FeatureOptions()));
   EXPECT_STATUS(Validate(FeatureOptions{.num_steps = 0}), absl::StatusCode::kInvalidArgument,
                 "num_steps is 0");
-  EXPECT_STATUS(Validate(FeatureOptions{.sure_views = -1}), absl::StatusCode::kInvalidArgument,
-                "sure_views is -1, must be in [0, 64]");
+  EXPECT_STATUS(Validate(FeatureOptions{.min_confident_views = -1}),
+                absl::StatusCode::kInvalidArgument,
+                "min_confident_views is -1, must be in [0, 64]");
   EXPECT_STATUS(Validate(FeatureOptions{.min_mask_agreement = 1.5}),
                 absl::StatusCode::kInvalidArgument, "min_mask_agreement");
   EXPECT_STATUS(Validate(FeatureOptions{.mask_share = 1.5}), absl::StatusCode::kInvalidArgument,

@@ -114,7 +114,7 @@ TEST_F(PaperPreset, HasNoneOfOurAdditions) {
   EXPECT_EQ(features_.perception_depth_floor, 0) << "floor of the thresholds";
   EXPECT_EQ(features_.perception_color_floor, 0) << "floor of the thresholds";
   EXPECT_FALSE(features_.centroid_check_masks) << "check of clusters by masks";
-  EXPECT_EQ(features_.sure_views, 0) << "feature confidence";
+  EXPECT_EQ(features_.min_confident_views, 0) << "feature confidence";
   EXPECT_EQ(features_.min_loss_fall, 0) << "end by convergence";
 }
 
