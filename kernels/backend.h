@@ -109,8 +109,9 @@ class Backend {
   virtual int64_t ScratchBytes(const ScratchSize& size) const = 0;
 
   // Runs `ops`, which calls ops of this backend that do not wait on the host (see
-  // RenderArgs::entry_room). On CUDA they are recorded and launched as one graph; the graph of the
-  // same key is kept and updated with what has changed. `ops` is called once, before this returns.
+  // RenderArgs::tile_entry_capacity). On CUDA they are recorded and launched as one graph; the
+  // graph of the same key is kept and updated with what has changed. `ops` is called once, before
+  // this returns.
   virtual void Sequence(int key, const std::function<void()>& ops) = 0;
   // Runs `parts`, each of which calls ops of this backend. A part must not write what another one
   // reads or writes. On CUDA, within a Sequence, the device may run up to num_branches() parts at

@@ -45,7 +45,7 @@ enum RenderCounter {
   kNumCulledDegenerate,
   kNumTileEntries,          // (Gaussian, tile) pairs
   kNumSkippedGradientRows,  // Gaussians left out of Update because their gradient was not finite
-  kNumVoidRenders,          // overflowed renders since the scratch was made, see RenderArgs; CPU: 0
+  kNumOverflowedRenders,    // overflowed renders since the scratch was made, see RenderArgs; CPU: 0
   kNumRenderCounters,
 };
 

@@ -31,7 +31,7 @@ struct StepReport {
   int64_t num_gaussians = 0;
   int64_t num_culled_degenerate = 0;
   int64_t num_skipped_gradients = 0;
-  int64_t num_overflowed_renders = 0;  // steps repeated, see RenderArgs::entry_room
+  int64_t num_overflowed_renders = 0;  // steps repeated, see RenderArgs::tile_entry_capacity
   int64_t num_refined = 0;             // Gaussians that refinement shortened
   int64_t num_refine_split = 0;        // Gaussians that refinement added
   int64_t num_skipped_depths = 0;      // steps in which the view's depth could not be fitted

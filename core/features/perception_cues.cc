@@ -182,10 +182,10 @@ PerceptionCues::Usual PerceptionCues::UsualAbout(const PixelBatch& batch, int32_
     // The last column and scanline are left out for both kinds: kGradients reads one pixel further.
     if (x < 0 || y < 0 || x + 1 >= width || y + 1 >= height) continue;
     const int64_t at = int64_t{y} * width + x;
-    const int64_t beside = gradients ? at + (i % 2 == 0 ? 1 : width) : pixel;
-    const float difference = std::abs(view.depth.values[at] - view.depth.values[beside]);
+    const int64_t neighbor = gradients ? at + (i % 2 == 0 ? 1 : width) : pixel;
+    const float difference = std::abs(view.depth.values[at] - view.depth.values[neighbor]);
     if (!std::isnan(difference)) depth[i + 1].Add(difference);
-    color[i + 1].Add(ColorDifference(view.photo, at, beside));
+    color[i + 1].Add(ColorDifference(view.photo, at, neighbor));
   }
   Usual usual = {};
   for (size_t k = 0; k < radii.size(); ++k) {

@@ -116,7 +116,7 @@ void StepQueue::QueueGradient(const StepInput& input, int sh_degree, int64_t ent
                    .alpha = depth.alpha,
                    .depth = depth.depth,
                    .inverse_depth = depth.inverse_depth,
-                   .entry_room = entry_capacity});
+                   .tile_entry_capacity = entry_capacity});
   backend_.ImageLoss({.width = view.pinhole.width,
                       .height = view.pinhole.height,
                       .color = color,

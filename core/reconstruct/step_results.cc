@@ -28,8 +28,8 @@ StepResult StepResults::Pop() {
   std::ranges::copy(loss_sums_.Pop(), result.loss_sums.begin());
   std::ranges::copy(counters_.Pop(), result.counters.begin());
   int64_t& num_overflowed = num_overflowed_renders_[static_cast<size_t>(step.slot)];
-  result.overflowed = result.counters[kNumVoidRenders] > num_overflowed;
-  num_overflowed = result.counters[kNumVoidRenders];
+  result.overflowed = result.counters[kNumOverflowedRenders] > num_overflowed;
+  num_overflowed = result.counters[kNumOverflowedRenders];
   return result;
 }
 

@@ -33,7 +33,7 @@ struct StepResult {
   std::array<double, kNumLossSums> loss_sums = {};
   std::array<int64_t, kNumRenderCounters> counters = {};
   // The render overflowed its tile-entry capacity, so that the step changed nothing: see
-  // RenderArgs::entry_room.
+  // RenderArgs::tile_entry_capacity.
   bool overflowed = false;
 };
 
@@ -127,7 +127,7 @@ class StepResults {
 };
 
 // Tile-entry capacity of the next render of each view, predicted from the entries that its last
-// render needed, so that the host need not wait for the count: see RenderArgs::entry_room.
+// render needed, so that the host need not wait for the count: see RenderArgs::tile_entry_capacity.
 class TileEntryCapacities {
  public:
   explicit TileEntryCapacities(int num_views) : visits_(static_cast<size_t>(num_views)) {}

@@ -38,7 +38,7 @@ def message(body):
     return b'\0' + len(body).to_bytes(4, 'big') + body
 
 
-def question(service):
+def query(service):
     headers = (METHOD_POST + SCHEME_HTTPS + field(PATH, '/grpc.health.v1.Health/Check') +
                field(AUTHORITY, 'gateway') + field(CONTENT_TYPE, 'application/grpc') +
                b'\0' + text('te') + text('trailers'))
@@ -49,7 +49,7 @@ def question(service):
 
 def main():
     service = sys.argv[1] if len(sys.argv) > 1 else ''
-    print('tcp-check send-binary', question(service).hex())
+    print('tcp-check send-binary', query(service).hex())
     print('tcp-check expect binary', message(SERVING).hex())
 
 

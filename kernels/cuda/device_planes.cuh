@@ -51,8 +51,8 @@ __device__ inline Splat ToSplat(const SplatWords& w) {
 }
 
 // Tile-entry capacity of a render, and the counters from which each kernel reads on the device
-// whether the render overflowed (see RenderArgs::entry_room). The host does not know it when it
-// launches.
+// whether the render overflowed (see RenderArgs::tile_entry_capacity). The host does not know it
+// when it launches.
 struct Room {
   const int64_t* counters;
   int64_t entries;

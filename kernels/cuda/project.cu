@@ -284,8 +284,9 @@ void CudaBackend::ProjectGaussians(const RenderArgs& args) {
   const size_t progress_bytes = (1 + 2 * size_t{static_cast<unsigned>(num_blocks)}) * 8;
   auto* progress = static_cast<uint64_t*>(Temporary(progress_bytes));
   if (!error_.empty()) return;
-  // All counters but kNumVoidRenders, which counts overflowed renders since the scratch was made.
-  Zero(scratch.counters.span().data, kNumVoidRenders * sizeof(int64_t));
+  // All counters but kNumOverflowedRenders, which counts overflowed renders since the scratch was
+  // made.
+  Zero(scratch.counters.span().data, kNumOverflowedRenders * sizeof(int64_t));
   Zero(scratch.counters.span().data + kLargestDepth, sizeof(int64_t));
   Zero(progress, progress_bytes);
   if (num_blocks == 0) {

@@ -42,7 +42,7 @@ struct BlendParams {
   int32_t* bucket_tile;
   float4* bucket_color;
   float* bucket_depth;
-  int64_t* num_void_renders;  // counter of overflowed renders
+  int64_t* num_overflowed_renders;  // counter of overflowed renders
 };
 
 // Shared memory of a block: the splats of 256 entries as words (SplatWords), and their extents.
@@ -132,7 +132,7 @@ __global__ void __launch_bounds__(kTilePixels) BlendKernel(BlendParams p) {
     p.bucket_tile[first_bucket + k] = tile;
   }
   // One thread of the launch counts an overflowed render.
-  if (tile == 0 && threadIdx.x == 0 && p.room.IsVoid()) ++*p.num_void_renders;
+  if (tile == 0 && threadIdx.x == 0 && p.room.IsVoid()) ++*p.num_overflowed_renders;
 
   PixelSum sum = {{0, 0, 0, 1}, 0, 0, x >= p.tiles.width || y >= p.tiles.height};
   SplatWords loaded = LoadEntry(p, first, end);
@@ -171,7 +171,7 @@ SortKeyBits CudaBackend::MakeRoom(const RenderArgs& args) {
   const int64_t num_tiles = int64_t{scratch.num_tiles_x} * scratch.num_tiles_y;
   const uint32_t nearest = std::bit_cast<uint32_t>(std::max(args.near_plane, 0.0f));
   SortKeyBits bits = {nearest, 31};
-  int64_t num_entries = args.entry_room;
+  int64_t num_entries = args.tile_entry_capacity;
   if (num_entries == 0) {
     Keep(cudaMemcpyAsync(pinned_counters_, scratch.counters.span().data,
                          kNumCudaCounters * sizeof(int64_t), cudaMemcpyDeviceToHost, stream_),
@@ -243,7 +243,7 @@ void CudaBackend::Render(const RenderArgs& args) {
                         args.depth.data};
   params.pixel_transmittance = scratch.pixel_transmittance.span().data;
   params.pixel_last_entry = scratch.pixel_last_entry.span().data;
-  params.num_void_renders = scratch.counters.span().data + kNumVoidRenders;
+  params.num_overflowed_renders = scratch.counters.span().data + kNumOverflowedRenders;
   if (args.for_backward) {
     params.pixel_color = reinterpret_cast<float4*>(scratch.cuda.pixel_color.span().data);
     params.pixel_depth = scratch.cuda.pixel_depth.span().data;

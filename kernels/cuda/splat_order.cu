@@ -192,7 +192,7 @@ void CudaBackend::ListTileEntries(const RenderArgs& args, const SortKeyBits& bit
   if (!error_.empty()) return;
   if (num_visible > 0 && num_entries > 0) {
     // The sort covers the capacity. Keys beyond the entries are all ones, above any tile and depth.
-    if (args.entry_room > 0) {
+    if (args.tile_entry_capacity > 0) {
       Keep(cudaMemsetAsync(sort_keys, 0xff, num_entries * sizeof(uint64_t), stream_),
            "filling the sort keys");
     }

@@ -57,11 +57,11 @@ struct RenderArgs {
   // their sizes are then bounds, and the counters hold the numbers.
   //
   // If the capacity is too small the render overflows: the images are black, RenderBackward
-  // and Update change nothing, and counters[kNumVoidRenders] rises by one. The caller reads the
-  // counters when convenient and repeats an overflowed render with 0.
+  // and Update change nothing, and counters[kNumOverflowedRenders] rises by one. The caller reads
+  // the counters when convenient and repeats an overflowed render with 0.
   //
   // The CPU backend ignores this field and always makes room.
-  int64_t entry_room = 0;
+  int64_t tile_entry_capacity = 0;
 };
 
 // Photometric loss of one view: (1 - ssim_weight) * L1 + ssim_weight * (1 - SSIM), each a mean over

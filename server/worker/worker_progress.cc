@@ -35,7 +35,7 @@ v1::JobProgress::Diagnostics DiagnosticsOf(const StepReport& report) {
   v1::JobProgress::Diagnostics diagnostics;
   diagnostics.set_num_culled_degenerate(report.num_culled_degenerate);
   diagnostics.set_num_skipped_gradients(report.num_skipped_gradients);
-  diagnostics.set_num_void_renders(report.num_overflowed_renders);
+  diagnostics.set_num_overflowed_renders(report.num_overflowed_renders);
   diagnostics.set_num_refined(report.num_refined);
   diagnostics.set_num_refine_split(report.num_refine_split);
   if (std::isfinite(report.depth_loss)) diagnostics.set_depth_loss(report.depth_loss);

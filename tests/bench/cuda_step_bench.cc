@@ -109,15 +109,15 @@ int Main(std::span<char*> argv) {
     training.Step(0);
     const double first_loss = loss();
     const auto ample = static_cast<int64_t>(1.25 * workload.most_entries);
-    for (const int64_t entry_room : {int64_t{0}, ample}) {
-      training.set_entry_room(entry_room);
+    for (const int64_t tile_entry_capacity : {int64_t{0}, ample}) {
+      training.set_tile_entry_capacity(tile_entry_capacity);
       std::printf("step: %.3f ms (%s)\n", StepMs(*backend, training, num_steps),
-                  entry_room > 0 ? "a quarter more entry capacity than needed"
-                                 : "growing the entry capacity");
+                  tile_entry_capacity > 0 ? "a quarter more entry capacity than needed"
+                                          : "growing the entry capacity");
     }
     training.Step(0);
     std::printf("L1 %.4f -> %.4f, %lld overflowed renders, %.0f MB in use\n", first_loss, loss(),
-                static_cast<long long>(training.Counters()[kNumVoidRenders]),
+                static_cast<long long>(training.Counters()[kNumOverflowedRenders]),
                 1e-6 * static_cast<double>(backend->bytes_in_use()));
     if (!backend->error().empty()) std::printf("ERROR %s\n", backend->error().c_str());
   }

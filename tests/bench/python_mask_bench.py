@@ -34,12 +34,12 @@ def parse_arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def time_python(client, view, repeats, **question):
+def time_python(client, view, repeats, **query):
     """Returns the milliseconds of each response."""
     times = []
     for _ in range(repeats):
         start = time.perf_counter()
-        mask = client.segment(view, **question).mask
+        mask = client.segment(view, **query).mask
         times.append((time.perf_counter() - start) * 1e3)
         assert mask.any()
     return times
@@ -52,15 +52,15 @@ def time_cpp(program, address, request, repeats):
     return [float(line) for line in done.stdout.split()]
 
 
-def write_request(client, path, view, question):
+def write_request(client, path, view, query):
     """Returns the same request as a message."""
     from pepeseg import prompts
     from pepeseg.v1 import prompt_pb2, segmentation_service_pb2
 
     request = segmentation_service_pb2.SegmentViewsRequest(
         model=client.place.model,
-        prompt=prompts.prompt(view, question["points"], None, None, None, None),
-        granularity=prompts.granularity(question["scale"], None, question["threshold"]),
+        prompt=prompts.prompt(view, query["points"], None, None, None, None),
+        granularity=prompts.granularity(query["scale"], None, query["threshold"]),
         mask_encoding=prompt_pb2.MASK_ENCODING_COCO_RLE,
     )
     path.write_bytes(request.SerializeToString())
@@ -75,17 +75,17 @@ def enlarged(camera, factor):
     )
 
 
-def compare(arguments, client, address, view, question):
+def compare(arguments, client, address, view, query):
     """Returns the median milliseconds of the Python and the C++ client, run alternately, and the
     median of the rounds' ratios."""
     program = arguments.programs / "pepeseg_mask_bench"
     with tempfile.TemporaryDirectory() as folder:
         request = Path(folder) / "request"
-        write_request(client, request, view, question)
-        time_python(client, view, 10, **question)
+        write_request(client, request, view, query)
+        time_python(client, view, 10, **query)
         python, cpp, ratios = [], [], []
         for _ in range(arguments.rounds):
-            ours = time_python(client, view, arguments.repeats, **question)
+            ours = time_python(client, view, arguments.repeats, **query)
             theirs = time_cpp(program, address, request, arguments.repeats)
             python += ours
             cpp += theirs
@@ -111,8 +111,8 @@ def main() -> int:
                 print("| pixels | Python ms | C++ ms | ratio |\n|---|---|---|---|")
                 for name, where, factor in (("640x480", view, 1), ("1152x864", large, 1.8)):
                     click = [[440 * factor, 280 * factor]]
-                    question = {"points": click, "scale": 0.3, "threshold": 0.75}
-                    python, cpp, ratio = compare(arguments, client, server.address, where, question)
+                    query = {"points": click, "scale": 0.3, "threshold": 0.75}
+                    python, cpp, ratio = compare(arguments, client, server.address, where, query)
                     print(f"| {name} | {python:.2f} | {cpp:.2f} | {ratio:.2f} |", flush=True)
                     worst = max(worst, ratio)
         finally:

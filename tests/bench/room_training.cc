@@ -56,7 +56,7 @@ void RoomTraining::Render(int view) {
   args.gaussians = Planes(gaussians_);
   args.view = RoomView(view, kNumViews, width_, height_);
   args.active_sh_degree = kMaxShDegree;
-  args.entry_room = entry_room_;
+  args.tile_entry_capacity = tile_entry_capacity_;
   args.scratch = &scratch_;
   args.color = color_.span();
   backend_.Render(args);

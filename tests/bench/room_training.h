@@ -22,7 +22,9 @@ class RoomTraining {
   void Update(int view);
 
   // Tile-entry capacity, CUDA backend only, see RenderArgs.
-  void set_entry_room(int64_t entry_room) { entry_room_ = entry_room; }
+  void set_tile_entry_capacity(int64_t tile_entry_capacity) {
+    tile_entry_capacity_ = tile_entry_capacity;
+  }
   std::vector<int64_t> Counters() const;
   std::vector<double> Sums() const;  // of the last ImageLoss
   std::vector<float> Gaussians() const;
@@ -37,7 +39,7 @@ class RoomTraining {
   Backend& backend_;
   int64_t count_;
   int width_, height_;
-  int64_t entry_room_ = 0;
+  int64_t tile_entry_capacity_ = 0;
   Buffer<float> gaussians_, moment1_, moment2_;
   Buffer<int32_t> num_steps_;
   Buffer<float> mean2d_grad_, square_sum_;

@@ -160,10 +160,10 @@ struct Bytes {
   std::vector<float> color, gaussians, moment2;
 };
 // Trains five steps with this tile-entry capacity.
-Bytes Train(Backend& backend, const HostGaussians& host, int64_t entry_room) {
+Bytes Train(Backend& backend, const HostGaussians& host, int64_t tile_entry_capacity) {
   Rendered scene(backend, host, TestView(200, 150));
   for (int step = 0; step < 5; ++step) {
-    scene.entry_room = entry_room;
+    scene.tile_entry_capacity = tile_entry_capacity;
     scene.Render();
     scene.Backward(RandomValues(3 * 200 * 150, step));
     backend.Update(scene.MakeUpdateArgs());
@@ -188,7 +188,7 @@ TEST_F(CudaAgainstCpuTest, GivesTheSameBytesEachTimeAndWithAGivenCapacity) {
 Bytes TrainInSequences(Backend& backend, const HostGaussians& host, bool in_sequences) {
   Rendered scene(backend, host, TestView(200, 150));
   constexpr int64_t kRoom = 1'000'000;
-  scene.entry_room = kRoom;
+  scene.tile_entry_capacity = kRoom;
   for (int step = 0; step < 6; ++step) {
     scene.view = step % 3 == 2 ? TestView(120, 150) : TestView(200, 150);
     const auto num_values = int64_t{3} * scene.view.width * scene.view.height;
@@ -224,7 +224,7 @@ std::vector<Bytes> TrainInBranches(Backend& backend, const HostGaussians& host, 
   std::vector<std::unique_ptr<Rendered>> scenes;
   for (int part = 0; part < num_parts; ++part) {
     scenes.push_back(std::make_unique<Rendered>(backend, host, TestView(200 - 10 * part, 150)));
-    scenes.back()->entry_room = 1'000'000;
+    scenes.back()->tile_entry_capacity = 1'000'000;
   }
   for (int step = 0; step < 3; ++step) {
     std::vector<Buffer<float>> color_grads;
@@ -280,10 +280,10 @@ TEST_F(CudaAgainstCpuTest, ChangesNothingAfterAnOverflowedRender) {
     for (int k = 0; k < 3; ++k) host.At(kLogScalePlane + k, i) = std::log(0.3f);
   }
   scene.gaussians.Upload(host.planes);
-  scene.entry_room = num_entries;
+  scene.tile_entry_capacity = num_entries;
   scene.Render();
   EXPECT_GT(scene.Counter(kNumTileEntries), 4 * num_entries);
-  EXPECT_EQ(scene.Counter(kNumVoidRenders), 1);
+  EXPECT_EQ(scene.Counter(kNumOverflowedRenders), 1);
   for (const float alpha : Download(scene.alpha)) ASSERT_EQ(alpha, 0);
   scene.Backward(RandomValues(3 * 200 * 150, 1));
   cuda_->Update(scene.MakeUpdateArgs());
@@ -302,11 +302,11 @@ TEST_F(CudaAgainstCpuTest, ChangesNothingAfterAnOverflowedRender) {
   EXPECT_EQ(Download(other.num_steps), std::vector<int32_t>(500, 1));
 
   // Making room repeats the render, and that many entries are then enough capacity.
-  scene.entry_room = 0;
+  scene.tile_entry_capacity = 0;
   scene.Render();
-  scene.entry_room = scene.Counter(kNumTileEntries);
+  scene.tile_entry_capacity = scene.Counter(kNumTileEntries);
   scene.Render();
-  EXPECT_EQ(scene.Counter(kNumVoidRenders), 1);
+  EXPECT_EQ(scene.Counter(kNumOverflowedRenders), 1);
   scene.Backward(RandomValues(3 * 200 * 150, 1));
   cuda_->Update(scene.MakeUpdateArgs());
   EXPECT_NE(Download(scene.gaussians), host.planes);

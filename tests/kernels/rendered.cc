@@ -23,7 +23,7 @@ void Rendered::Render() {
   args.near_plane = near_plane;
   args.active_sh_degree = host.sh_degree;
   args.dropout = dropout;
-  args.entry_room = entry_room;
+  args.tile_entry_capacity = tile_entry_capacity;
   args.scratch = &scratch;
   args.color = color.span();
   args.alpha = alpha.span();

@@ -29,7 +29,7 @@ struct Rendered {
   float near_plane = 0.05f;
   bool inverse_depth = false;
   bool for_backward = true;
-  int64_t entry_room = 0;
+  int64_t tile_entry_capacity = 0;
   Dropout dropout;
   Buffer<float> gaussians, moment1, moment2;
   Buffer<int32_t> num_steps;

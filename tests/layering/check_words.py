@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Looks for the words of glossary.tsv in comments, strings and documents.
+"""Looks for the words of glossary.tsv in comments, strings, documents and identifiers of C++.
 
 check_words.py ROOT                    exit 1 if a folder has more of them than its allowance
 check_words.py ROOT --list [FOLDER]    every word that is found, with the word to write instead
@@ -7,7 +7,8 @@ check_words.py ROOT --lower            lowers allowances to what is found; never
 
 glossary_allowance.tsv has a line "FOLDER<TAB>COUNT" for each folder that still has such words; a file
 counts for the folder that it is in. A folder without a line may have none. Allowances shrink only:
-whoever removes words lowers them in the same commit. Identifiers are not looked at.
+whoever removes words lowers them in the same commit. In identifiers "mask_cell" and "MaskCell" are
+the words "mask cell".
 """
 import collections
 import os
@@ -45,12 +46,13 @@ def read_glossary(path):
 
 
 def texts(root, file):
-    """Returns (line, text) of a document, or of the comments and strings of a source."""
+    """Returns (line, text) of a document, or of the comments, strings and identifiers of a source."""
     if file.endswith(".md"):
         return [(1, source_text.read(root, file))]
     pieces = source_text.pieces_of(root, file)
     strings = [piece for piece in pieces if piece.kind == "string"]
-    return [(p.line, p.text) for p in source_text.join_comments(pieces) + strings]
+    prose = [(p.line, p.text) for p in source_text.join_comments(pieces) + strings]
+    return prose + source_text.names_of(root, file)
 
 
 def find_words(root, words):

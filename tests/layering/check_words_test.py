@@ -52,6 +52,8 @@ def expect_allowed(file, content):
 def test_where_words_are_found():
     expect_found("a.md", "One.\nLoaded anew.\n", 2, "anew")
     expect_found("core/a.h", "int a;\n// The client is told.\n", 2, "told")
+    expect_found("core/a.h", "int a;\nint num_void_renders = 0;\n", 2, "void renders")
+    expect_found("core/a.cc", "void AskForNewGrains();\n", 1, "Grains")
     expect_found("core/a.h", "// It is not heard\n// of.\n", 1, "not heard of")
     expect_found("core/a.cc", 'f("\\"a\\" is no checkpoint");\n', 1, "is no checkpoint")
     expect_found("core/a.cc", 'f(R"(two\nbeside)");\n', 2, "beside")
@@ -64,7 +66,8 @@ def test_where_words_are_found():
 
 
 def test_what_is_no_finding():
-    expect_allowed("core/a.cc", "int told = question(anew);\n#include \"told.h\"\n")
+    expect_allowed("core/a.cc", "int toll = IsThatOfANewDatabase();\n#include \"told.h\"\n")
+    expect_allowed("core/a.ts", "const told = question(anew);\n")
     expect_allowed("a.md", "There is no checkpoint. Besides, so many as can.\n")
     expect_allowed("core/a.h", "// Tells parts apart; the view in question; a stand-in.\n")
     expect_allowed("node_modules/a.md", "told\n")

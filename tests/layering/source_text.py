@@ -67,6 +67,20 @@ def c_pieces(text, templates):
     return pieces
 
 
+def names_of(root, path):
+    """Returns (line, words) of each identifier of a C++ source: (7, "num mask cells")."""
+    if os.path.splitext(path)[1] not in (".h", ".cc", ".cu", ".cuh"):
+        return []
+    # What is no code becomes blank, so that lines keep their numbers.
+    code = C_TOKEN.sub(lambda match: re.sub(r"[^\n]", " ", match.group(0)), read(root, path))
+    names = []
+    for number, line in enumerate(code.split("\n"), 1):
+        if not line.startswith("#include"):
+            names += [(number, re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|_+", " ", name).strip())
+                      for name in re.findall(r"\b[A-Za-z_]\w*", line)]
+    return names
+
+
 def python_pieces(text):
     """Comments, docstrings (as comments) and strings of a Python file."""
     pieces, statement_begins = [], True

@@ -250,11 +250,11 @@ TEST(ServerProgram, StopsInOrderOnSigterm) {
   kill(program.pid, SIGTERM);
   ASSERT_TRUE(testing::Eventually([&] { return CheckHealth(channel, "") != kServing; }));
   // The first query loads the model, so it is still in progress when the streams end.
-  const auto question = Click<v1::ProposeScalesRequest>(30);
+  const auto query = Click<v1::ProposeScalesRequest>(30);
   int num_answered = 0;
   grpc::Status last;
   do {
-    last = CallOver(channel, &SegmentationStub::ProposeScales, question);
+    last = CallOver(channel, &SegmentationStub::ProposeScales, query);
     num_answered += last.ok() ? 1 : 0;
   } while (last.ok());
   EXPECT_GT(num_answered, 0);

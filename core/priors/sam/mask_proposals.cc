@@ -76,14 +76,14 @@ class HostProposals {
         candidate.cell = request_.CellOf(prompts[prompt][0]);
         // A byte a cell: the candidates of a photograph are kept in memory together.
         candidate.quarter_logits = QuarterLogits(answers.Logits(prompt, mask));
-        Settle(candidate);
+        AddSettled(candidate);
         candidates_.push_back(std::move(candidate));
       }
     }
     return absl::OkStatus();
   }
 
-  void Settle(const ProposedMask& candidate) {
+  void AddSettled(const ProposedMask& candidate) {
     const bool small = static_cast<double>(candidate.mask.area()) <
                        request_.settled_area * static_cast<double>(settled_.size());
     if (!small || !request_.IsSure(candidate)) return;

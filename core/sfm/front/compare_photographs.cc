@@ -13,15 +13,15 @@
 namespace pepeseg {
 namespace {
 
-constexpr size_t kBest = 12;     // pairs of a photograph in each round of the selection
-constexpr size_t kLoops = 6;     // the same for photographs in sequence
-constexpr size_t kBeside = 2;    // neighbours that are compared whatever their score
-constexpr double kMaxError = 3;  // pixels of the photograph as it was shrunk for features
+constexpr size_t kBest = 12;         // pairs of a photograph in each round of the selection
+constexpr size_t kLoops = 6;         // the same for photographs in sequence
+constexpr size_t kNumNeighbors = 2;  // neighbours that are compared whatever their score
+constexpr double kMaxError = 3;      // pixels of the photograph as it was shrunk for features
 
 // Returns the pairs that are compared whatever their scores.
 std::vector<PhotographPair> GivenPairs(size_t num_photographs, const ComparisonOptions& options) {
   const bool in_sequence = options.choice == PairChoice::kInSequence;
-  return NeighborPairs(num_photographs, in_sequence ? options.overlap : kBeside, in_sequence);
+  return NeighborPairs(num_photographs, in_sequence ? options.overlap : kNumNeighbors, in_sequence);
 }
 
 // Returns the pairs that are scored: all, or those of photographs of a sequence, evenly spread,
@@ -202,11 +202,11 @@ NumPairs ExpectedPairs(int64_t num_photographs, const ComparisonOptions& options
   if (!in_sequence && n <= static_cast<int64_t>(options.max_all)) return {0, all};
   // Two photographs often choose each other, so that a photograph's best pairs count about 0.7.
   const auto best = static_cast<int64_t>(in_sequence ? kLoops : kBest);
-  const auto beside = static_cast<int64_t>(GivenPairs(static_cast<size_t>(n), options).size());
-  if (beside == all) return {0, all};
+  const auto num_given = static_cast<int64_t>(GivenPairs(static_cast<size_t>(n), options).size());
+  if (num_given == all) return {0, all};
   const int64_t scored =
       in_sequence ? static_cast<int64_t>(ScoredPairs(static_cast<size_t>(n), options).size()) : all;
-  return {scored, std::min(all, beside + n * best * 7 / 10)};
+  return {scored, std::min(all, num_given + n * best * 7 / 10)};
 }
 
 }  // namespace pepeseg

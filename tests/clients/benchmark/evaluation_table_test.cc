@@ -52,7 +52,7 @@ Response TwoEntities() {
   return response;
 }
 
-TEST(EvaluationTable, TellsNumbersThatUsedTheScoredTruthApart) {
+TEST(EvaluationTable, SeparatesNumbersThatUsedTheScoredTruth) {
   EXPECT_THAT(
       EvaluationTable(TwoEntities()),
       ElementsAre(

@@ -201,7 +201,7 @@ TEST_F(OutlineFiles, OfLabelMeMayHaveRectanglesAndCircles) {
   EXPECT_THAT(NamesAndAreas(), ElementsAre("box 6", "ball 12"));
 }
 
-TEST_F(OutlineFiles, OfLabelMeAreRefusedIfTwoThingsCannotBeToldApart) {
+TEST_F(OutlineFiles, OfLabelMeAreRefusedIfTwoThingsLookAlike) {
   WriteShapes("a.json",
               {Shape("mug", "null", 0), Shape("lid", "null", 0), Shape("mug", "null", 4)});
   EXPECT_THAT(Refusal(), AllOf(HasSubstr("a.json: shapes 0 and 2 are both \"mug\" and have no "

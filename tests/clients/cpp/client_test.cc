@@ -167,10 +167,10 @@ TEST_F(ClientTest, DeletesUploadsThatAreNotSealed) {
 
 TEST_F(ClientTest, ReturnsTheMaskOfALabel) {
   ASSERT_EQ(TrainShelf().state(), v1::JOB_STATE_SUCCEEDED);
-  v1::SegmentViewsRequest question;
-  question.set_model(ModelName("shelf"));
-  *question.mutable_prompt() = ClickAt(30, 32);
-  const auto answer = client.Segment(question);
+  v1::SegmentViewsRequest query;
+  query.set_model(ModelName("shelf"));
+  *query.mutable_prompt() = ClickAt(30, 32);
+  const auto answer = client.Segment(query);
   ASSERT_OK(answer);
   v1::CreateLabelRequest request;
   request.set_parent("shelf");

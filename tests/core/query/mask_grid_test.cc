@@ -174,10 +174,10 @@ TEST(Candidates, ChoosesCellsWhoseScalesDoNotDecrease) {
 
 TEST(Candidates, ContainsTheRequiredPlateau) {
   testing::Scales scales;
-  Map beside = kNothing;
-  for (int y = 20; y < 40; ++y) std::fill_n(beside.begin() + y * kSide + 20, 20, 0.95f);
+  Map next_to = kNothing;
+  for (int y = 20; y < 40; ++y) std::fill_n(next_to.begin() + y * kSide + 20, 20, 0.95f);
   for (int k = 0; k < 5; ++k) scales.Add(Squares({{16, 0.95f}}), kNothing);
-  for (int k = 0; k < 2; ++k) scales.Add(beside, kNothing);
+  for (int k = 0; k < 2; ++k) scales.Add(next_to, kNothing);
   const MaskGrid grid = scales.Grid();
   const std::vector<MaskGrid::Plateau> plateaus = grid.FindPlateaus(8, kAll);
   ASSERT_EQ(plateaus.size(), 2u);
@@ -198,11 +198,11 @@ TEST(Candidates, LeavesOutAPartShownOnlyAtLargerScales) {
 
 TEST(Candidates, LeavesOutMasksThatGrowTooLittleOrDoNotNest) {
   testing::Scales scales;
-  Map beside = kNothing;
-  for (int y = 20; y < 40; ++y) std::fill_n(beside.begin() + y * kSide + 20, 20, 0.95f);
+  Map next_to = kNothing;
+  for (int y = 20; y < 40; ++y) std::fill_n(next_to.begin() + y * kSide + 20, 20, 0.95f);
   for (int k = 0; k < 5; ++k) scales.Add(Squares({{16, 0.95f}}), kNothing);
   for (int k = 0; k < 3; ++k) scales.Add(Squares({{19, 0.95f}}), kNothing);  // 1.41 times
-  for (int k = 0; k < 3; ++k) scales.Add(beside, kNothing);
+  for (int k = 0; k < 3; ++k) scales.Add(next_to, kNothing);
   const MaskGrid grid = scales.Grid();
   ASSERT_EQ(grid.FindPlateaus(8, 5).size(), 3u);
   EXPECT_EQ(Areas(grid, CandidatesOf(grid, 8, 5)), (std::vector<int64_t>{256}));

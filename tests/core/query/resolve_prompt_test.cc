@@ -182,8 +182,8 @@ TEST(ClickPlausibility, FallsWithWhatAPositiveClickLoses) {
 }
 
 TEST(ClickPlausibility, FallsWithWhatANegativeClickAdds) {
-  const Rectangle beside = {30, 20, 40, 30};
-  EXPECT_NEAR(Plausibility({kOnHandle, false}, MaskOf({kCup, kHandle}), MaskOf({kCup, beside})),
+  const Rectangle next_to = {30, 20, 40, 30};
+  EXPECT_NEAR(Plausibility({kOnHandle, false}, MaskOf({kCup, kHandle}), MaskOf({kCup, next_to})),
               0.5, 1e-9);
 }
 

@@ -348,9 +348,9 @@ TEST_F(SegmenterRender, FeaturesHaveOneColourInAllViews) {
   ASSERT_OK_AND_ASSIGN(const Image front, segmenter_->RenderFeatures(view_, 0.5));
   EXPECT_EQ(At(front, 0)[0], 0) << "black where nothing is";
   EXPECT_GT(std::abs(At(front, kLeft)[0] - At(front, kRight)[0]), 200) << "the first component";
-  ModelView beside = view_;
-  beside.cam_from_world.translation = {-0.5, 0, 0};  // the right blob is in the middle
-  ASSERT_OK_AND_ASSIGN(const Image other, segmenter_->RenderFeatures(beside, 0.5));
+  ModelView next_to = view_;
+  next_to.cam_from_world.translation = {-0.5, 0, 0};  // the right blob is in the middle
+  ASSERT_OK_AND_ASSIGN(const Image other, segmenter_->RenderFeatures(next_to, 0.5));
   for (int k = 0; k < 3; ++k) {
     EXPECT_NEAR(At(other, 24 * kSide + 24)[k], At(front, kRight)[k], 1);
   }

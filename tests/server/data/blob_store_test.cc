@@ -124,10 +124,10 @@ TEST_F(BlobStoreTest, RefusesOtherOffsets) {
     EXPECT_TRUE(absl::IsOutOfRange(writer->Start(offset))) << offset;
   }
   EXPECT_EQ(store->ListPartial(upload).at(kAbc), 2) << "it stays";
-  const auto anew = Begin(kAbc, 3, 0);
+  const auto again = Begin(kAbc, 3, 0);
   EXPECT_TRUE(store->ListPartial(upload).empty());
-  ASSERT_OK(anew->Append("abc"));
-  EXPECT_OK(anew->Commit());
+  ASSERT_OK(again->Append("abc"));
+  EXPECT_OK(again->Commit());
 }
 
 TEST_F(BlobStoreTest, AllowsOneWriterAtATimeAcrossServers) {

@@ -273,11 +273,11 @@ TEST_F(SupervisorTest, PausesLongerAfterEachCrashWithoutDelayingOtherJobs) {
   EXPECT_EQ(end.state, JobState::kFailed);
   EXPECT_EQ(end.fence, 3);
   EXPECT_GE(absl::Now() - start, absl::Milliseconds(1200));
-  bool told = false;
+  bool reported = false;
   for (const v1::JobEvent& event : EventsOf(crash)) {
-    told |= event.warning().message().find("it is tried again in 1 s") != std::string::npos;
+    reported |= event.warning().message().find("it is tried again in 1 s") != std::string::npos;
   }
-  EXPECT_TRUE(told);
+  EXPECT_TRUE(reported);
 }
 
 TEST_F(SupervisorTest, RestartsACrashedWorker) {

@@ -36,7 +36,7 @@ Model CloudBeforeAView(int width, int height) {
   return model;
 }
 
-TEST(BytesOfModel, HoldTheModelAndAllThatQuestionsLeave) {
+TEST(BytesOfModel, HoldTheModelAndAllThatQueriesLeave) {
   const auto backend = MakeCpuBackend(1);
   const Model model = CloudBeforeAView(320, 240);
   const MemoryBytes bytes = BytesOfModel(*backend, {kCount, kDegree, int64_t{320} * 240});

@@ -62,10 +62,10 @@ TEST_F(StreamLimitsTest, EndsStreamsWithoutAFirstMessage) {
   const absl::Time start = absl::Now();
   const auto upload = BeginUpload(full);
   const auto context = With(full);
-  const auto questions = running.segmentation->StreamSegments(context.get());
+  const auto queries = running.segmentation->StreamSegments(context.get());
   v1::StreamSegmentsResponse answer;
-  EXPECT_FALSE(questions->Read(&answer));
-  for (const grpc::Status& status : {upload->stream->Finish(), questions->Finish()}) {
+  EXPECT_FALSE(queries->Read(&answer));
+  for (const grpc::Status& status : {upload->stream->Finish(), queries->Finish()}) {
     EXPECT_ERROR(status, grpc::DEADLINE_EXCEEDED, {.reason = "TOO_SLOW"});
   }
   EXPECT_GE(absl::Now() - start, absl::Seconds(1));
@@ -88,19 +88,19 @@ TEST_F(StreamLimitsTest, EndsAnExportThatIsNotRead) {
 
 TEST_F(StreamLimitsTest, LetsStreamsPauseAfterTheFirstMessage) {
   const auto context = With(full);
-  const auto questions = running.segmentation->StreamSegments(context.get());
+  const auto queries = running.segmentation->StreamSegments(context.get());
   v1::StreamSegmentsRequest request;
   request.mutable_segment()->set_model("scenes/shelf/models/1");
   v1::StreamSegmentsResponse answer;
   for (int i = 1; i <= 2; ++i) {
     request.set_sequence(i);
-    ASSERT_TRUE(questions->Write(request));
-    ASSERT_TRUE(questions->Read(&answer));
+    ASSERT_TRUE(queries->Write(request));
+    ASSERT_TRUE(queries->Read(&answer));
     EXPECT_EQ(answer.sequence(), i);
     if (i == 1) absl::SleepFor(absl::Seconds(4));
   }
-  questions->WritesDone();
-  EXPECT_OK(questions->Finish());
+  queries->WritesDone();
+  EXPECT_OK(queries->Finish());
 }
 
 }  // namespace

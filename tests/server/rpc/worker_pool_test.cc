@@ -132,10 +132,10 @@ TEST(LatencyWindow, ReportsTheLastTenSecondsWithinTenPercent) {
   for (int i = 0; i < 20; ++i) window.Record(absl::Seconds(3), now - absl::Seconds(10));
   window.Record(absl::Seconds(100), now - absl::Seconds(11));  // too long ago
   window.Record(absl::Seconds(100), now);                      // in the current second
-  const auto told = LatencyWindow::Summarize(now, window);
-  EXPECT_DOUBLE_EQ(told.per_second, 100);
-  EXPECT_NEAR(absl::ToDoubleMilliseconds(told.p50), 20, 2);
-  EXPECT_NEAR(absl::ToDoubleMilliseconds(told.p99), 3000, 300);
+  const auto reported = LatencyWindow::Summarize(now, window);
+  EXPECT_DOUBLE_EQ(reported.per_second, 100);
+  EXPECT_NEAR(absl::ToDoubleMilliseconds(reported.p50), 20, 2);
+  EXPECT_NEAR(absl::ToDoubleMilliseconds(reported.p99), 3000, 300);
   EXPECT_EQ(LatencyWindow::Summarize(now + absl::Minutes(1), window).per_second, 0);
 }
 

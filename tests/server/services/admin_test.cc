@@ -228,7 +228,7 @@ TEST_F(AdminTest, IsServedOnItsOwnListenerOnly) {
   EXPECT_EQ(running.server->admin_port(), 0);
 }
 
-TEST(AdminListener, RefusesOtherMachinesUnlessToldTo) {
+TEST(AdminListener, RefusesOtherMachinesByDefault) {
   const testing::TempFolder folder;
   ServerOptions options;
   options.data = folder.path();

@@ -101,7 +101,7 @@ TEST_F(SelectionTest, UnitesSubtractsAndIntersects) {
   EXPECT_EQ(replaced.base(), Name(3));
 }
 
-TEST_F(SelectionTest, ReplacesIfToldOrIfCreatedWithoutAnOperation) {
+TEST_F(SelectionTest, ReplacesOnRequestOrWithoutAnOperation) {
   const int64_t num_red = Select(Red())->num_gaussians();
   auto request = Blue();
   request.set_operation(v1::SET_OPERATION_REPLACE);

@@ -29,13 +29,13 @@ class WorkerProgressTest : public ::testing::Test {
       report.psnr = step;
       EXPECT_OK(progress.Step(report));
     }
-    std::vector<v1::JobProgress> told;
+    std::vector<v1::JobProgress> reported;
     EventLogReader reader(path_);
     const auto events = reader.Read();
     for (const v1::JobEvent& event : *events) {
-      if (event.has_progress()) told.push_back(event.progress());
+      if (event.has_progress()) reported.push_back(event.progress());
     }
-    return told;
+    return reported;
   }
 
   testing::TempFolder folder_;
@@ -61,12 +61,12 @@ TEST_F(WorkerProgressTest, ReportsTheCounters) {
   ASSERT_OK(progress.Step(report));
   const auto events = EventLogReader(path_).Read();
   ASSERT_TRUE(events.ok() && !events->empty());
-  const v1::JobProgress::Diagnostics& told = events->back().progress().diagnostics();
-  EXPECT_EQ(told.num_culled_degenerate(), 3);
-  EXPECT_EQ(told.num_skipped_gradients(), 4);
-  EXPECT_EQ(told.depth_loss(), 0.25);
-  EXPECT_EQ(told.num_skipped_depths(), 6);
-  EXPECT_EQ(told.num_void_renders(), 5);
+  const v1::JobProgress::Diagnostics& reported = events->back().progress().diagnostics();
+  EXPECT_EQ(reported.num_culled_degenerate(), 3);
+  EXPECT_EQ(reported.num_skipped_gradients(), 4);
+  EXPECT_EQ(reported.depth_loss(), 0.25);
+  EXPECT_EQ(reported.num_skipped_depths(), 6);
+  EXPECT_EQ(reported.num_overflowed_renders(), 5);
 }
 
 TEST_F(WorkerProgressTest, ReportsActivityAndUnit) {
@@ -87,18 +87,19 @@ TEST_F(WorkerProgressTest, ReportsActivityAndUnit) {
   ASSERT_OK(progress.Step(report)) << "the first of an activity is reported at once";
   const auto events = EventLogReader(path_).Read();
   ASSERT_EQ(events->size(), 3u);
-  const v1::JobProgress& told = events->back().progress();
-  EXPECT_EQ(told.activity(), "matching");
-  EXPECT_EQ(told.unit(), "pairs");
-  EXPECT_EQ(told.step(), 19);
-  EXPECT_EQ(told.num_steps(), 60);
-  EXPECT_GE(told.steps_per_second(), 0);
+  const v1::JobProgress& reported = events->back().progress();
+  EXPECT_EQ(reported.activity(), "matching");
+  EXPECT_EQ(reported.unit(), "pairs");
+  EXPECT_EQ(reported.step(), 19);
+  EXPECT_EQ(reported.num_steps(), 60);
+  EXPECT_GE(reported.steps_per_second(), 0);
   const auto seconds = [](const google::protobuf::Duration& time) {
     return static_cast<double>(time.seconds()) + 1e-9 * time.nanos();
   };
-  EXPECT_NEAR(seconds(told.eta()), seconds(told.elapsed()), 0.01) << "half of the work is done";
-  EXPECT_FALSE(told.has_job_eta());
-  EXPECT_EQ(told.stage_number(), 0) << "nothing was planned";
+  EXPECT_NEAR(seconds(reported.eta()), seconds(reported.elapsed()), 0.01)
+      << "half of the work is done";
+  EXPECT_FALSE(reported.has_job_eta());
+  EXPECT_EQ(reported.stage_number(), 0) << "nothing was planned";
 }
 
 TEST_F(WorkerProgressTest, ReportsTheStagesNumberAndTheJobsEta) {
@@ -114,12 +115,13 @@ TEST_F(WorkerProgressTest, ReportsTheStagesNumberAndTheJobsEta) {
   const auto events = EventLogReader(path_).Read();
   ASSERT_EQ(events->size(), 3u);
   EXPECT_FALSE(events->at(1).progress().has_job_eta()) << "no pace yet";
-  const v1::JobProgress& told = events->back().progress();
-  EXPECT_EQ(told.stage_number(), 2);
-  EXPECT_EQ(told.num_stages(), 3);
-  ASSERT_TRUE(told.has_job_eta());
-  EXPECT_GE(told.job_eta().seconds(), 3);  // 1.1 s of the stage, and 2.2 times the 1 s of "index"
-  EXPECT_LE(told.job_eta().seconds(), 10);
+  const v1::JobProgress& reported = events->back().progress();
+  EXPECT_EQ(reported.stage_number(), 2);
+  EXPECT_EQ(reported.num_stages(), 3);
+  ASSERT_TRUE(reported.has_job_eta());
+  EXPECT_GE(reported.job_eta().seconds(),
+            3);  // 1.1 s of the stage, and 2.2 times the 1 s of "index"
+  EXPECT_LE(reported.job_eta().seconds(), 10);
 }
 
 TEST_F(WorkerProgressTest, ReportsASkippedPartAndItsStage) {
@@ -164,35 +166,35 @@ TEST_F(WorkerProgressTest, MeasuresThePaceSinceAResume) {
   ASSERT_OK(progress.Step(report));
   const auto events = EventLogReader(path_).Read();
   ASSERT_TRUE(events.ok() && events->size() == 2);  // the stage's start, and its first step
-  const v1::JobProgress& told = events->back().progress();
+  const v1::JobProgress& reported = events->back().progress();
   const auto seconds = [](const google::protobuf::Duration& duration) {
     return static_cast<double>(duration.seconds()) + duration.nanos() * 1e-9;
   };
-  EXPECT_NEAR(seconds(told.eta()), 2 * seconds(told.elapsed()), 1e-5);
+  EXPECT_NEAR(seconds(reported.eta()), 2 * seconds(reported.elapsed()), 1e-5);
 }
 
 TEST_F(WorkerProgressTest, AlwaysReportsTheFirstAndTheLastStep) {
-  const auto told = TakeTenSteps(std::chrono::hours(1));
-  ASSERT_EQ(told.size(), 2u);
-  EXPECT_EQ(told[0].step(), 1);
-  EXPECT_EQ(told[1].step(), 10);
-  EXPECT_EQ(told[1].stage(), v1::JOB_STAGE_RECONSTRUCT);
-  EXPECT_EQ(told[1].eta().seconds(), 0);
-  EXPECT_GT(told[1].memory_bytes(), 0);
+  const auto reported = TakeTenSteps(std::chrono::hours(1));
+  ASSERT_EQ(reported.size(), 2u);
+  EXPECT_EQ(reported[0].step(), 1);
+  EXPECT_EQ(reported[1].step(), 10);
+  EXPECT_EQ(reported[1].stage(), v1::JOB_STAGE_RECONSTRUCT);
+  EXPECT_EQ(reported[1].eta().seconds(), 0);
+  EXPECT_GT(reported[1].memory_bytes(), 0);
 }
 
 TEST_F(WorkerProgressTest, AveragesPsnrSinceTheLastReport) {
-  const auto told = TakeTenSteps(std::chrono::hours(1));
-  ASSERT_EQ(told.size(), 2u);
-  EXPECT_DOUBLE_EQ(told[0].psnr(), 1);
-  EXPECT_DOUBLE_EQ(told[1].psnr(), 6);  // the mean of 2, 3, ... 10
+  const auto reported = TakeTenSteps(std::chrono::hours(1));
+  ASSERT_EQ(reported.size(), 2u);
+  EXPECT_DOUBLE_EQ(reported[0].psnr(), 1);
+  EXPECT_DOUBLE_EQ(reported[1].psnr(), 6);  // the mean of 2, 3, ... 10
 }
 
 TEST_F(WorkerProgressTest, OmitsWhatWasNotMeasured) {
-  const auto told = TakeTenSteps(std::chrono::hours(1));
-  ASSERT_EQ(told.size(), 2u);
-  EXPECT_DOUBLE_EQ(told[0].loss(), 0.5);
-  EXPECT_FALSE(told[1].has_loss());
+  const auto reported = TakeTenSteps(std::chrono::hours(1));
+  ASSERT_EQ(reported.size(), 2u);
+  EXPECT_DOUBLE_EQ(reported[0].loss(), 0.5);
+  EXPECT_FALSE(reported[1].has_loss());
 }
 
 }  // namespace

@@ -31,20 +31,20 @@ class EventLogTest : public ::testing::Test {
   }
 
   // Returns the events as "1:first" and so on.
-  static std::vector<std::string> Told(const std::vector<v1::JobEvent>& events) {
-    std::vector<std::string> told;
-    told.reserve(events.size());
+  static std::vector<std::string> Reported(const std::vector<v1::JobEvent>& events) {
+    std::vector<std::string> reported;
+    reported.reserve(events.size());
     for (const v1::JobEvent& event : events) {
-      told.push_back(std::to_string(event.sequence()) + ":" + event.warning().message());
+      reported.push_back(std::to_string(event.sequence()) + ":" + event.warning().message());
     }
-    return told;
+    return reported;
   }
 
   std::vector<std::string> ReadAll(int64_t after = 0) {
     EventLogReader reader(path_, after);
     const auto events = reader.Read();
     EXPECT_OK(events);
-    return Told(*events);
+    return Reported(*events);
   }
 
   void Flip(int64_t offset) {
@@ -103,12 +103,12 @@ TEST_F(EventLogTest, ReadsWhileTheWriterAppends) {
   EXPECT_TRUE(reader.Read()->empty());  // the file does not exist yet
   auto writer = EventLogWriter::Open(path_);
   ASSERT_OK((*writer)->Append(Warning("a")));
-  EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
+  EXPECT_THAT(Reported(*reader.Read()), ElementsAre("1:a"));
   EXPECT_TRUE(reader.Read()->empty());
   ASSERT_OK((*writer)->Append(Warning("b")));
   ASSERT_OK((*writer)->Append(Warning("c")));
-  EXPECT_THAT(Told(*reader.Read(1)), ElementsAre("2:b"));
-  EXPECT_THAT(Told(*reader.Read(1)), ElementsAre("3:c"));
+  EXPECT_THAT(Reported(*reader.Read(1)), ElementsAre("2:b"));
+  EXPECT_THAT(Reported(*reader.Read(1)), ElementsAre("3:c"));
 }
 
 TEST_F(EventLogTest, IgnoresATornTailAndCutsItWhenReopened) {
@@ -130,7 +130,7 @@ TEST_F(EventLogTest, ReportsAFlippedByteAfterTheEventsBeforeIt) {
   Append({"b", "c"});
   Flip(first + 10);
   EventLogReader reader(path_);
-  EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
+  EXPECT_THAT(Reported(*reader.Read()), ElementsAre("1:a"));
   EXPECT_STATUS(reader.Read(), absl::StatusCode::kDataLoss, path_.string());
   Append({"d"});
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:d"));
@@ -177,10 +177,10 @@ TEST_F(AttemptLogTest, IgnoresEventsWrittenAfterALostClaim) {
 TEST_F(AttemptLogTest, ReadsOnInTheNextAttempt) {
   EventLogReader reader(path_);
   ASSERT_OK(Open(1)->Append(Warning("a")));
-  EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
+  EXPECT_THAT(Reported(*reader.Read()), ElementsAre("1:a"));
   EXPECT_TRUE(reader.Read()->empty());
   ASSERT_OK(Open(2)->Append(Warning("b")));
-  EXPECT_THAT(Told(*reader.Read()), ElementsAre("2:b"));
+  EXPECT_THAT(Reported(*reader.Read()), ElementsAre("2:b"));
   EXPECT_EQ(reader.fence(), 2);
 }
 
@@ -188,7 +188,7 @@ TEST_F(AttemptLogTest, ReadsOnInTheNextAttemptAfterABrokenRecord) {
   Append({"a", "b"});
   Flip(static_cast<int64_t>(std::filesystem::file_size(path_)) - 1);
   EventLogReader alone(path_);
-  EXPECT_THAT(Told(*alone.Read()), ElementsAre("1:a"));
+  EXPECT_THAT(Reported(*alone.Read()), ElementsAre("1:a"));
   EXPECT_EQ(alone.Read().status().code(), absl::StatusCode::kDataLoss);
   ASSERT_OK(Open(1)->Append(Warning("c")));
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:c"));
@@ -264,14 +264,14 @@ TEST_F(WorkerEventsTest, AreReadBetweenThoseOfTheServer) {
 TEST_F(WorkerEventsTest, AreReadFromPartToPart) {
   EventLogReader reader(path_);
   EXPECT_OK(Warn(1, EventPart::kBefore, "a"));
-  EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
+  EXPECT_THAT(Reported(*reader.Read()), ElementsAre("1:a"));
   ASSERT_OK_AND_ASSIGN(const auto worker, EventLogWriter::Open(path_, 1, EventPart::kWorker));
   EXPECT_TRUE(reader.Read()->empty());
   EXPECT_OK(worker->Append(Warning("b")));
-  EXPECT_THAT(Told(*reader.Read()), ElementsAre("2:b"));
+  EXPECT_THAT(Reported(*reader.Read()), ElementsAre("2:b"));
   EXPECT_OK(Warn(1, EventPart::kAfter, "c"));
   EXPECT_OK(worker->Append(Warning("stale")));
-  EXPECT_THAT(Told(*reader.Read()), ElementsAre("3:c"));
+  EXPECT_THAT(Reported(*reader.Read()), ElementsAre("3:c"));
 }
 
 // A server that followed a link there, to append to the file, could be made to truncate any file.

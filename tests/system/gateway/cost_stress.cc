@@ -110,7 +110,7 @@ TEST_F(OneServer, AnswersThroughTheGatewayHardlySlower) {
   ASSERT_OK_AND_ASSIGN(const v1::Job job, client.Train("s0", dataset, {}));
   ASSERT_OK(client.WaitForJob(job.name()));
   const auto ask = [](v1::SegmentationService::Stub& stub) {
-    const v1::SegmentViewsRequest request = SteadyLoad::Question("s0");
+    const v1::SegmentViewsRequest request = SteadyLoad::SmallQuery("s0");
     grpc::ClientContext context;
     context.AddMetadata("x-scene", "s0");
     v1::SegmentViewsResponse response;

@@ -65,7 +65,7 @@ struct LoadedFleet : ::testing::Test {
       context.AddMetadata("x-scene", SteadyLoad::SceneId(i));
       v1::SegmentViewsResponse response;
       const grpc::Status status =
-          stub->SegmentViews(&context, SteadyLoad::Question(SteadyLoad::SceneId(i)), &response);
+          stub->SegmentViews(&context, SteadyLoad::SmallQuery(SteadyLoad::SceneId(i)), &response);
       ASSERT_OK(status);
     }
   }
@@ -148,13 +148,13 @@ struct FourServers : LoadedFleet {
     const auto channel = fleet.Connect("");
     grpc::GenericStub stub(channel);
     const grpc::Slice nothing("");
-    const grpc::ByteBuffer question(&nothing, 1);
+    const grpc::ByteBuffer query(&nothing, 1);
     for (int i = 0; i < 1000; ++i) {
       grpc::CompletionQueue queue;
       grpc::ClientContext context;
       context.AddMetadata("x-scene", absl::StrCat("scene-", i));
       const auto call =
-          stub.PrepareUnaryCall(&context, "/grpc.health.v1.Health/Check", question, &queue);
+          stub.PrepareUnaryCall(&context, "/grpc.health.v1.Health/Check", query, &queue);
       call->StartCall();
       grpc::ByteBuffer answer;
       grpc::Status status;

@@ -40,8 +40,8 @@ struct SteadyLoad::Call {
   v1::SegmentViewsResponse response;
 };
 
-v1::SegmentViewsRequest SteadyLoad::Question(const std::string& scene) {
-  v1::SegmentViewsRequest request = ::pepeseg::Question();
+v1::SegmentViewsRequest SteadyLoad::SmallQuery(const std::string& scene) {
+  v1::SegmentViewsRequest request = ::pepeseg::SmallQuery();
   request.set_model(absl::StrCat("scenes/", scene, "/models/live"));
   return request;
 }
@@ -62,7 +62,7 @@ void SteadyLoad::Run(int num_scenes, absl::Duration pause) {
     auto call = std::make_shared<Call>();
     call->stub = stubs_[static_cast<size_t>(i) % stubs_.size()].get();
     call->scene = SceneId(static_cast<int>(i % num_scenes));
-    call->request = Question(call->scene);
+    call->request = SmallQuery(call->scene);
     ++num_open_;
     Start(std::move(call));
   }

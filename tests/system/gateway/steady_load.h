@@ -40,7 +40,7 @@ class SteadyLoad {
 
   static std::string SceneId(int i) { return "s" + std::to_string(i); }
   // Returns a click on the red square of model_worker.cc's models.
-  static v1::SegmentViewsRequest Question(const std::string& scene);
+  static v1::SegmentViewsRequest SmallQuery(const std::string& scene);
 
  private:
   struct Call;

@@ -142,19 +142,19 @@ TEST_F(FlippedBitsTest, AreDetectedInAnEventLog) {
   }
   const auto read = [&] {
     EventLogReader reader(path);
-    std::vector<std::string> told;
+    std::vector<std::string> reported;
     while (true) {
       const auto events = reader.Read();
-      if (!events.ok() || events->empty()) return told;
-      for (const v1::JobEvent& event : *events) told.push_back(event.SerializeAsString());
+      if (!events.ok() || events->empty()) return reported;
+      for (const v1::JobEvent& event : *events) reported.push_back(event.SerializeAsString());
     }
   };
   const std::vector<std::string> whole = read();
   ASSERT_EQ(whole.size(), 30u);
   FlipEach(path, [&]() -> absl::StatusOr<std::string> {
-    const std::vector<std::string> told = read();
-    EXPECT_LE(told.size(), whole.size());
-    for (size_t i = 0; i < told.size(); ++i) EXPECT_EQ(told[i], whole[i]);
+    const std::vector<std::string> reported = read();
+    EXPECT_LE(reported.size(), whole.size());
+    for (size_t i = 0; i < reported.size(); ++i) EXPECT_EQ(reported[i], whole[i]);
     return std::string();
   });
 }

@@ -69,7 +69,7 @@ void Fill(Store& store, const std::string& name) {
   ASSERT_OK(store.keys().CreateKey(key));
 }
 
-absl::Status TellScene(Store& store, const SceneRef& scene, std::string& all) {
+absl::Status DescribeScene(Store& store, const SceneRef& scene, std::string& all) {
   ASSIGN_OR_RETURN(const auto datasets, store.datasets().ListDatasets(scene, kAll));
   for (const DatasetRow& row : datasets.rows) {
     absl::StrAppend(&all, row.scene.id, row.number, row.request_id, row.num_files, row.num_bytes,
@@ -101,7 +101,7 @@ absl::Status TellScene(Store& store, const SceneRef& scene, std::string& all) {
 }
 
 // Returns all answers of the store as a text.
-absl::StatusOr<std::string> TellAll(const std::string& url) {
+absl::StatusOr<std::string> DescribeAll(const std::string& url) {
   ASSIGN_OR_RETURN(const auto store, Store::Open(url));
   std::string all;
   ASSIGN_OR_RETURN(const auto scenes, store->scenes().ListScenes(kAll));
@@ -109,7 +109,7 @@ absl::StatusOr<std::string> TellAll(const std::string& url) {
     absl::StrAppend(&all, row.scene.id, row.scene.name, row.display_name, row.request_id,
                     row.scene.project, absl::FormatTime(row.create_time));
     RETURN_IF_ERROR(store->scenes().GetScene(row.scene).status());
-    RETURN_IF_ERROR(TellScene(*store, row.scene, all));
+    RETURN_IF_ERROR(DescribeScene(*store, row.scene, all));
   }
   ASSIGN_OR_RETURN(const auto jobs, store->jobs().ListJobs({}, kAll));
   for (const JobRow& row : jobs.rows) {
@@ -132,10 +132,10 @@ absl::StatusOr<std::string> TellAll(const std::string& url) {
 
 struct FlipReport {
   int refused = 0;    // DATA_LOSS at the start
-  int told = 0;       // another error, at the start or from a call
+  int reported = 0;   // another error, at the start or from a call
   int unchanged = 0;  // all answers are the same as before
   int unnoticed = 0;  // some answer differs
-  int sum() const { return refused + told + unchanged + unnoticed; }
+  int sum() const { return refused + reported + unchanged + unnoticed; }
 };
 
 class FlippedDatabase : public ::testing::Test {
@@ -159,7 +159,7 @@ class FlippedDatabase : public ::testing::Test {
     };
     const std::string url = "sqlite:" + copy.string();
     write(files);
-    const auto whole = TellAll(url);
+    const auto whole = DescribeAll(url);
     EXPECT_OK(whole);
     FlipReport report;
     std::mt19937_64 random(7);
@@ -169,18 +169,18 @@ class FlippedDatabase : public ::testing::Test {
       const size_t bit = random() % (8 * text.size());
       text[bit / 8] = static_cast<char>(text[bit / 8] ^ (1 << (bit % 8)));
       write(bytes);
-      const auto answer = TellAll(url);
+      const auto answer = DescribeAll(url);
       if (absl::IsDataLoss(answer.status())) {
         ++report.refused;
       } else if (!answer.ok()) {
-        ++report.told;
+        ++report.reported;
       } else {
         ++(*answer == *whole ? report.unchanged : report.unnoticed);
       }
     }
     std::cout << "'" << flipped << "', " << files.at(flipped).size() << " bytes: refused "
-              << report.refused << ", told " << report.told << ", unchanged " << report.unchanged
-              << ", unnoticed " << report.unnoticed << "\n";
+              << report.refused << ", reported " << report.reported << ", unchanged "
+              << report.unchanged << ", unnoticed " << report.unnoticed << "\n";
     return report;
   }
 

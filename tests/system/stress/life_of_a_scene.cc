@@ -53,7 +53,7 @@ bool WriteFile(grpc::ClientWriter<v1::WriteFilesRequest>& stream, const std::str
   return open && stream.Write(part);
 }
 
-v1::SegmentViewsRequest Question(const std::string& model) {
+v1::SegmentViewsRequest SmallQuery(const std::string& model) {
   v1::SegmentViewsRequest request;
   request.set_model(model);
   request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
@@ -211,7 +211,7 @@ absl::Status LifeOfAScene::Train(Stubs& stubs) {
 absl::Status LifeOfAScene::Ask(Stubs& stubs) {
   v1::SegmentViewsResponse response;
   RETURN_IF_ERROR(Stubs::Call(*stubs.segmentation, &v1::SegmentationService::Stub::SegmentViews,
-                              Question(absl::StrCat(scene_, "/models/live")), &response));
+                              SmallQuery(absl::StrCat(scene_, "/models/live")), &response));
   RETURN_IF_ERROR(Remember(model_, response.model(), "live model"));
   if (response.masks_size() != 1) return Wrong("no mask");
   return Remember(mask_, response.masks(0).rle().SerializeAsString(), "mask");
@@ -233,10 +233,10 @@ absl::Status LifeOfAScene::Keep(Stubs& stubs) {
     RETURN_IF_ERROR(Remember(label_, label.name(), "label"));
   }
   v1::CreateSelectionRequest select;
-  const v1::SegmentViewsRequest question = Question(model_);
+  const v1::SegmentViewsRequest query = SmallQuery(model_);
   select.set_model(model_);
-  *select.mutable_prompt() = question.prompt();
-  *select.mutable_granularity() = question.granularity();
+  *select.mutable_prompt() = query.prompt();
+  *select.mutable_granularity() = query.granularity();
   select.set_request_id("select");
   v1::Selection selection;
   RETURN_IF_ERROR(Stubs::Call(*stubs.selections, &Selections::CreateSelection, select, &selection));

@@ -73,13 +73,13 @@ double LoadedServer::Metric(const std::string& name) {
 namespace {
 
 // Makes queries for `duration`, kNumWays at a time.
-std::vector<Calls::Outcome> AskQuestions(v1::SegmentationService::Stub& stub,
-                                         absl::Duration duration) {
-  const v1::SegmentViewsRequest question = Question();
+std::vector<Calls::Outcome> SendQueries(v1::SegmentationService::Stub& stub,
+                                        absl::Duration duration) {
+  const v1::SegmentViewsRequest query = SmallQuery();
   const auto ask = [&](Calls& calls, const std::function<void(const grpc::Status&)>& next) {
     calls.Begin<v1::SegmentViewsResponse>(
         [&](auto* context, auto* response, auto done) {
-          stub.async()->SegmentViews(context, &question, response, std::move(done));
+          stub.async()->SegmentViews(context, &query, response, std::move(done));
         },
         next);
   };
@@ -139,13 +139,13 @@ WatchersReport RunWatchers(LoadedServer& server, int num_watchers, int num_round
   WatchersReport report;
   // Makes queries for `phase` and returns the times of their answers.
   const auto ask = [&] {
-    const auto outcomes = AskQuestions(*asking, phase);
+    const auto outcomes = SendQueries(*asking, phase);
     std::vector<absl::Duration> times = TimesOf(outcomes, grpc::OK);
     report.num_queries += static_cast<int64_t>(outcomes.size());
     report.num_failed += static_cast<int64_t>(outcomes.size() - times.size());
     return times;
   };
-  AskQuestions(*asking, absl::Seconds(1));  // loads the model
+  SendQueries(*asking, absl::Seconds(1));  // loads the model
   Watchers watchers(server, num_watchers);
   report.watchers_cpu = -CpuInASecond();
   watchers.Open();
@@ -177,14 +177,14 @@ WatchersReport RunWatchers(LoadedServer& server, int num_watchers, int num_round
 OverloadReport RunOverload(LoadedServer& server, double factor, absl::Duration duration) {
   const auto asking = v1::SegmentationService::NewStub(ConnectTo(server.running.server->port()));
   const auto other = v1::SegmentationService::NewStub(ConnectTo(server.running.server->port()));
-  const v1::ProposeScalesRequest question = LongQuestion();
+  const v1::ProposeScalesRequest query = LongQuery();
   std::atomic<int64_t> turn = 0;
   const auto ask = [&](Calls& calls, const std::function<void(const grpc::Status&)>& next) {
     calls.Begin<v1::ProposeScalesResponse>(
         [&](auto* context, auto* response, auto done) {
           // Two connections, since one takes 256 calls at a time.
           auto& stub = turn++ % 2 == 0 ? asking : other;
-          stub->async()->ProposeScales(context, &question, response, std::move(done));
+          stub->async()->ProposeScales(context, &query, response, std::move(done));
         },
         next);
   };
@@ -218,7 +218,7 @@ OverloadReport RunOverload(LoadedServer& server, double factor, absl::Duration d
   report.refusal_p50 = Quantile(refused, 0.5);
   for (const Calls::Outcome& outcome : answered) {
     if (outcome.status.ok()) continue;
-    report.all_told_when_to_retry &= DetailOf(outcome.status).has_retry_after();
+    report.all_had_a_retry_time &= DetailOf(outcome.status).has_retry_after();
   }
   return report;
 }

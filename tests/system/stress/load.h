@@ -50,7 +50,7 @@ struct OverloadReport {
   double peak_per_second = 0, goodput_per_second = 0, offered_per_second = 0;
   int64_t num_refused = 0, num_failed = 0;  // failed: neither answered nor refused
   absl::Duration refusal_p50;
-  bool all_told_when_to_retry = true;
+  bool all_had_a_retry_time = true;
 };
 OverloadReport RunOverload(LoadedServer& server, double factor, absl::Duration duration);
 

@@ -22,7 +22,7 @@ namespace pepeseg {
 
 inline constexpr char kModel[] = "scenes/shelf/models/live";
 
-inline v1::SegmentViewsRequest Question() {
+inline v1::SegmentViewsRequest SmallQuery() {
   v1::SegmentViewsRequest request;
   request.set_model(kModel);
   request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
@@ -34,10 +34,10 @@ inline v1::SegmentViewsRequest Question() {
   return request;
 }
 
-inline v1::ProposeScalesRequest LongQuestion() {
+inline v1::ProposeScalesRequest LongQuery() {
   v1::ProposeScalesRequest request;
   request.set_model(kModel);
-  *request.mutable_prompt() = Question().prompt();
+  *request.mutable_prompt() = SmallQuery().prompt();
   return request;
 }
 

@@ -23,7 +23,7 @@ CancelsReport RunCancels(LoadedServer& server, int num_calls) {
   const auto channel = ConnectTo(server.running.server->port());
   const auto jobs = v1::JobService::NewStub(channel);
   const auto asking = v1::SegmentationService::NewStub(channel);
-  const v1::ProposeScalesRequest question = LongQuestion();
+  const v1::ProposeScalesRequest query = LongQuery();
   CancelsReport report;
   while (report.num_cancelled < num_calls) {
     // The first rounds fill caches of gRPC and the allocator.
@@ -34,7 +34,7 @@ CancelsReport RunCancels(LoadedServer& server, int num_calls) {
     for (int i = 0; i < kAtATime / 2; ++i) {
       watchers.push_back(std::make_unique<Watcher>(*jobs, server.idle_job, num_open));
       calls.Begin<v1::ProposeScalesResponse>([&](auto* context, auto* response, auto done) {
-        asking->async()->ProposeScales(context, &question, response, std::move(done));
+        asking->async()->ProposeScales(context, &query, response, std::move(done));
         context->TryCancel();
       });
       if (i % 2 == 0) watchers.back()->Cancel();
@@ -104,7 +104,7 @@ namespace {
 v1::Selection SelectHalf(LoadedServer& server, const std::string& model) {
   v1::CreateSelectionRequest request;
   request.set_model(model);
-  *request.mutable_prompt() = Question().prompt();
+  *request.mutable_prompt() = SmallQuery().prompt();
   return *server.running.Call(&SelectionStub::CreateSelection, request);
 }
 
@@ -158,7 +158,7 @@ namespace {
 
 // Repeats a call, as clients do, while the first tasks of the streams fill the queue: the server
 // then answers UNAVAILABLE with a time to wait.
-grpc::Status AskAsTold(v1::JobService::Stub& jobs, const std::string& name) {
+grpc::Status AskAsPlanned(v1::JobService::Stub& jobs, const std::string& name) {
   const absl::Time deadline = absl::Now() + absl::Seconds(30);
   v1::GetJobRequest request;
   request.set_name(name);
@@ -196,7 +196,7 @@ CrowdReport RunCrowd(LoadedServer& server, int num_streams) {
   while (beyond->Read(&event)) {
   }
   report.beyond = beyond->Finish();
-  report.meanwhile = AskAsTold(*stubs.front(), server.idle_job);
+  report.meanwhile = AskAsPlanned(*stubs.front(), server.idle_job);
   for (const auto& watcher : watchers) watcher->Cancel();
   EXPECT_TRUE(testing::Eventually([&] { return num_open == 0; }));
   report.num_streams_after = server.AwaitStreams(0);

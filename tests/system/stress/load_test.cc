@@ -87,7 +87,7 @@ TEST(Load, OverloadIsRefusedFastAndOtherCallsAreAnswered) {
     EXPECT_GE(report.goodput_per_second, 0.7 * report.peak_per_second);
   }
   EXPECT_LT(report.refusal_p50, testing::TimeLimit(absl::Milliseconds(20)));
-  EXPECT_TRUE(report.all_told_when_to_retry);
+  EXPECT_TRUE(report.all_had_a_retry_time);
 }
 
 TEST(Load, CancelledCallsLeaveNoStreamAndNoCall) {

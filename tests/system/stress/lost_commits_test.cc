@@ -28,7 +28,7 @@ using testing::PepesegdProcess;
 
 struct CommitReport {
   int64_t num_commits = 0, num_tried = 0, num_cut = 0;
-  int64_t num_told = 0;  // lives that got an error, and continued
+  int64_t num_reported = 0;  // lives that got an error, and continued
   absl::Duration slowest;
   std::vector<std::string> broken;
 };
@@ -48,7 +48,7 @@ class LostCommits : public ::testing::Test {
     cutter_.Arm(number, cut);
     const absl::Time start = absl::Now();
     absl::Status status = life.Run(server.channel());
-    if (!status.ok()) ++report.num_told;
+    if (!status.ok()) ++report.num_reported;
     for (int i = 0; absl::IsUnavailable(status) && i < 10; ++i) {
       absl::SleepFor(absl::Milliseconds(20));
       status = life.Run(server.channel());
@@ -119,7 +119,7 @@ class LostCommits : public ::testing::Test {
     }
     report.num_commits = num_commits;
     std::cout << num_commits << " commits, " << report.num_tried << " tried, " << report.num_cut
-              << " cut, " << report.num_told << " told, slowest "
+              << " cut, " << report.num_reported << " reported, slowest "
               << absl::FormatDuration(report.slowest) << "; broken: " << report.broken.size()
               << "\n"
               << absl::StrJoin(report.broken, "\n") << "\n";

@@ -21,7 +21,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kNumQuestions = 6;  // queries of a model
+constexpr int kNumQueries = 6;  // queries of a model
 
 int64_t Rss() {
   std::ifstream file("/proc/self/statm");
@@ -32,16 +32,16 @@ int64_t Rss() {
 
 std::string ModelName(int model) { return absl::StrCat("scenes/m", model, "/models/1"); }
 
-v1::SegmentViewsRequest QuestionOf(int model, int question) {
+v1::SegmentViewsRequest QueryOf(int model, int query) {
   v1::SegmentViewsRequest request;
   request.set_model(ModelName(model));
   request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
   auto& point = *request.mutable_prompt()->mutable_points()->add_points();
-  point.set_x(question % 2 == 0 ? 39 : 75);  // a point inside a square of every model
+  point.set_x(query % 2 == 0 ? 39 : 75);  // a point inside a square of every model
   point.set_y(32);
   request.mutable_granularity()->set_scale_quantile(0.5);
-  request.mutable_granularity()->set_threshold(question < 2 ? 0.75 : 0.5);
-  if (question >= 4) {
+  request.mutable_granularity()->set_threshold(query < 2 ? 0.75 : 0.5);
+  if (query >= 4) {
     request.mutable_targets()->set_group(v1::SegmentViewsRequest::Targets::GROUP_HELD_OUT);
   }
   return request;
@@ -92,7 +92,7 @@ class ResidencyStress {
   void Operate(absl::Time end);
   void SampleUntil(absl::Time end);
   void UnloadAll();
-  std::vector<std::string> Ask(int model, int question);
+  std::vector<std::string> Ask(int model, int query);
   v1::ListResidentModelsResponse List();
   void CountError(const grpc::Status& status);
 
@@ -115,8 +115,8 @@ void ResidencyStress::MakeModels() {
 // Records the answers of each model alone in memory.
 void ResidencyStress::RecordAnswers() {
   for (int model = 0; model < settings_.num_models; ++model) {
-    for (int question = 0; question < kNumQuestions; ++question) {
-      want_[{model, question}] = Ask(model, question);
+    for (int query = 0; query < kNumQueries; ++query) {
+      want_[{model, query}] = Ask(model, query);
     }
     UnloadAll();
   }
@@ -124,11 +124,11 @@ void ResidencyStress::RecordAnswers() {
   EXPECT_EQ(report_.num_failed, 0) << report_.first_error;
 }
 
-std::vector<std::string> ResidencyStress::Ask(int model, int question) {
+std::vector<std::string> ResidencyStress::Ask(int model, int query) {
   grpc::ClientContext context;
   v1::SegmentViewsResponse response;
   const grpc::Status status =
-      running_.segmentation->SegmentViews(&context, QuestionOf(model, question), &response);
+      running_.segmentation->SegmentViews(&context, QueryOf(model, query), &response);
   std::vector<std::string> masks;
   masks.reserve(response.masks_size());
   for (const v1::SegmentViewsResponse::ViewMask& mask : response.masks())
@@ -190,8 +190,8 @@ void ResidencyStress::AskUntil(absl::Time end, int thread) {
   int64_t num_queries = 0, num_wrong = 0;
   while (absl::Now() < end) {
     const int model = static_cast<int>(engine() % settings_.num_models);
-    const int question = static_cast<int>(engine() % kNumQuestions);
-    num_wrong += Ask(model, question) != want_.at({model, question}) ? 1 : 0;
+    const int query = static_cast<int>(engine() % kNumQueries);
+    num_wrong += Ask(model, query) != want_.at({model, query}) ? 1 : 0;
     ++num_queries;
   }
   const std::lock_guard lock(mutex_);

@@ -47,7 +47,7 @@ class SmallDisk {
   const std::filesystem::path path_;
 };
 
-bool TellsOfSpace(const absl::Status& status) {
+bool ReportsSpace(const absl::Status& status) {
   return absl::IsResourceExhausted(status) || absl::StrContains(status.message(), "disk is full") ||
          absl::StrContains(status.message(), "No space left");
 }
@@ -64,7 +64,7 @@ absl::Status LiveOn(int kib) {
     testing::PepesegdProcess server(data, options);
     if (server.alive()) {
       met = life.Run(server.channel());
-      EXPECT_TRUE(met.ok() || TellsOfSpace(met)) << kib << " KiB: " << met << server.Log();
+      EXPECT_TRUE(met.ok() || ReportsSpace(met)) << kib << " KiB: " << met << server.Log();
       EXPECT_TRUE(server.alive());
       disk.Grow(kEnoughKiB);
       absl::Status again;
@@ -72,7 +72,7 @@ absl::Status LiveOn(int kib) {
       // try.
       EXPECT_TRUE(testing::Eventually([&] {
         again = life.Run(server.channel());
-        return !TellsOfSpace(again);
+        return !ReportsSpace(again);
       }));
       EXPECT_OK(again) << kib << " KiB, then enough: " << server.Log();
     }

@@ -33,7 +33,7 @@ using testing::ServiceClient;
 using Answers = std::map<std::string, absl::StatusOr<std::string>>;
 
 template <typename T>
-absl::StatusOr<std::string> Told(const absl::StatusOr<T>& answer) {
+absl::StatusOr<std::string> Reported(const absl::StatusOr<T>& answer) {
   if (!answer.ok()) return answer.status();
   return answer->DebugString();  // bytes of a map have any order
 }
@@ -117,15 +117,15 @@ class UnreadableFiles : public ::testing::Test {
     const absl::Status checked = life_.Check(channel);
     answers.emplace("check", checked.ok() ? absl::StatusOr<std::string>("") : checked);
     EXPECT_FALSE(life_.found_wrong()) << checked;
-    answers.emplace("job", Told(client.GetJob(life_.job())));
+    answers.emplace("job", Reported(client.GetJob(life_.job())));
     answers.emplace("events", Events(client, life_.job()));
-    answers.emplace("model", Told(client.GetModel(life_.model())));
+    answers.emplace("model", Reported(client.GetModel(life_.model())));
     answers.emplace("render", client.Render(life_.model(), "middle.jpg").status().ok()
                                   ? absl::StatusOr<std::string>("drawn")
                                   : client.Render(life_.model(), "middle.jpg").status());
     answers.emplace("export", client.Export(life_.model()));
     answers.emplace("export of a selection", ExportSelected(channel));
-    answers.emplace("estimate", Told(client.Estimate("scenes/shelf", dataset_, {})));
+    answers.emplace("estimate", Reported(client.Estimate("scenes/shelf", dataset_, {})));
     return answers;
   }
 
@@ -170,11 +170,11 @@ TEST_F(UnreadableFiles, FailOnlyTheRequestsThatNeedThem) {
   const std::optional<Answers> healthy = Serve({});
   ASSERT_TRUE(healthy.has_value());
   for (const auto& [call, answer] : *healthy) EXPECT_OK(answer) << call;
-  std::set<std::string> told_of;
+  std::set<std::string> reported;
   for (const auto& [kind, name] : kinds) {
     SCOPED_TRACE(name);
     const auto answers = Serve({"PEPESEG_FAULT=unreadable-from:1", "PEPESEG_FAULT_FILE=" + name});
-    std::string told = answers.has_value() ? "" : "does not start";
+    std::string reported = answers.has_value() ? "" : "does not start";
     for (const auto& [call, answer] : answers.value_or(Answers())) {
       if (answer.ok()) {
         EXPECT_EQ(*answer, *healthy->at(call)) << call;
@@ -182,17 +182,18 @@ TEST_F(UnreadableFiles, FailOnlyTheRequestsThatNeedThem) {
       }
       EXPECT_TRUE(absl::IsInternal(answer.status()) || absl::IsDataLoss(answer.status()))
           << call << ": " << answer.status();
-      absl::StrAppend(&told, told.empty() ? "" : ", ", call, ": ",
+      absl::StrAppend(&reported, reported.empty() ? "" : ", ", call, ": ",
                       absl::StatusCodeToString(answer.status().code()));
     }
-    std::cout << name << ": " << (told.empty() ? "nobody needs it" : told) << "\n";
-    if (!told.empty()) told_of.insert(kind);
+    std::cout << name << ": " << (reported.empty() ? "nobody needs it" : reported) << "\n";
+    if (!reported.empty()) reported.insert(kind);
   }
-  EXPECT_THAT(told_of, ::testing::IsSupersetOf(std::vector<std::string>{
-                           "/pepeseg.db", "/selections/#/#", "/jobs/j#/events-#.log",
-                           "/jobs/j#/attempt-#/manifest.json", "/jobs/j#/attempt-#/model.json",
-                           "/jobs/j#/attempt-#/gaussians.ply", "/jobs/j#/attempt-#/features.bin"}));
-  EXPECT_THAT(told_of, ::testing::Contains(::testing::StartsWith("/blobs/")));
+  EXPECT_THAT(reported,
+              ::testing::IsSupersetOf(std::vector<std::string>{
+                  "/pepeseg.db", "/selections/#/#", "/jobs/j#/events-#.log",
+                  "/jobs/j#/attempt-#/manifest.json", "/jobs/j#/attempt-#/model.json",
+                  "/jobs/j#/attempt-#/gaussians.ply", "/jobs/j#/attempt-#/features.bin"}));
+  EXPECT_THAT(reported, ::testing::Contains(::testing::StartsWith("/blobs/")));
   // Without faults, the answers are the same as before.
   const std::optional<Answers> after = Serve({});
   ASSERT_TRUE(after.has_value());

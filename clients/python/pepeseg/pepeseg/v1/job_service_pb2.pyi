@@ -214,22 +214,22 @@ class JobEvent(_message.Message):
 class JobProgress(_message.Message):
     __slots__ = ["activity", "diagnostics", "elapsed", "eta", "job_eta", "loss", "memory_bytes", "num_gaussians", "num_stages", "num_steps", "psnr", "stage", "stage_number", "step", "steps_per_second", "unit"]
     class Diagnostics(_message.Message):
-        __slots__ = ["depth_loss", "num_culled_degenerate", "num_refine_split", "num_refined", "num_skipped_depths", "num_skipped_gradients", "num_void_renders"]
+        __slots__ = ["depth_loss", "num_culled_degenerate", "num_overflowed_renders", "num_refine_split", "num_refined", "num_skipped_depths", "num_skipped_gradients"]
         DEPTH_LOSS_FIELD_NUMBER: _ClassVar[int]
         NUM_CULLED_DEGENERATE_FIELD_NUMBER: _ClassVar[int]
+        NUM_OVERFLOWED_RENDERS_FIELD_NUMBER: _ClassVar[int]
         NUM_REFINED_FIELD_NUMBER: _ClassVar[int]
         NUM_REFINE_SPLIT_FIELD_NUMBER: _ClassVar[int]
         NUM_SKIPPED_DEPTHS_FIELD_NUMBER: _ClassVar[int]
         NUM_SKIPPED_GRADIENTS_FIELD_NUMBER: _ClassVar[int]
-        NUM_VOID_RENDERS_FIELD_NUMBER: _ClassVar[int]
         depth_loss: float
         num_culled_degenerate: int
+        num_overflowed_renders: int
         num_refine_split: int
         num_refined: int
         num_skipped_depths: int
         num_skipped_gradients: int
-        num_void_renders: int
-        def __init__(self, num_culled_degenerate: _Optional[int] = ..., num_skipped_gradients: _Optional[int] = ..., num_void_renders: _Optional[int] = ..., num_refined: _Optional[int] = ..., num_refine_split: _Optional[int] = ..., depth_loss: _Optional[float] = ..., num_skipped_depths: _Optional[int] = ...) -> None: ...
+        def __init__(self, num_culled_degenerate: _Optional[int] = ..., num_skipped_gradients: _Optional[int] = ..., num_overflowed_renders: _Optional[int] = ..., num_refined: _Optional[int] = ..., num_refine_split: _Optional[int] = ..., depth_loss: _Optional[float] = ..., num_skipped_depths: _Optional[int] = ...) -> None: ...
     ACTIVITY_FIELD_NUMBER: _ClassVar[int]
     DIAGNOSTICS_FIELD_NUMBER: _ClassVar[int]
     ELAPSED_FIELD_NUMBER: _ClassVar[int]

@@ -17,7 +17,7 @@ from pepeseg.v1 import access_pb2 as pepeseg_dot_v1_dot_access__pb2
 from pepeseg.v1 import prompt_pb2 as pepeseg_dot_v1_dot_prompt__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1epepeseg/v1/label_service.proto\x12\npepeseg.v1\x1a\x1bgoogle/protobuf/empty.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x17pepeseg/v1/prompt.proto\"\x95\x01\n\x05Label\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0c\n\x04text\x18\x02 \x01(\t\x12\x0c\n\x04view\x18\x03 \x01(\t\x12#\n\x04mask\x18\x04 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x12\x0c\n\x04\x61rea\x18\x05 \x01(\x03\x12/\n\x0b\x63reate_time\x18\x06 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\"\x93\x01\n\x12\x43reateLabelRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x10\n\x08label_id\x18\x02 \x01(\t\x12 \n\x05label\x18\x03 \x01(\x0b\x32\x11.pepeseg.v1.Label\x12\x12\n\nrequest_id\x18\x04 \x01(\t\x12%\n\x05\x66rame\x18\x05 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\"F\n\x0fGetLabelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\x12%\n\x05\x66rame\x18\x02 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\"J\n\x11ListLabelsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"P\n\x12ListLabelsResponse\x12!\n\x06labels\x18\x01 \x03(\x0b\x32\x11.pepeseg.v1.Label\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\"\n\x12\x44\x65leteLabelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t2\xdc\x02\n\x0cLabelService\x12P\n\x0b\x43reateLabel\x12\x1e.pepeseg.v1.CreateLabelRequest\x1a\x11.pepeseg.v1.Label\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x06parent\x12H\n\x08GetLabel\x12\x1b.pepeseg.v1.GetLabelRequest\x1a\x11.pepeseg.v1.Label\"\x0c\x8a\xe2\x18\x08\x08\x01\x12\x04name\x12[\n\nListLabels\x12\x1d.pepeseg.v1.ListLabelsRequest\x1a\x1e.pepeseg.v1.ListLabelsResponse\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x06parent\x12S\n\x0b\x44\x65leteLabel\x12\x1e.pepeseg.v1.DeleteLabelRequest\x1a\x16.google.protobuf.Empty\"\x0c\x8a\xe2\x18\x08\x08\x02\x12\x04nameb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1epepeseg/v1/label_service.proto\x12\npepeseg.v1\x1a\x1bgoogle/protobuf/empty.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x17pepeseg/v1/prompt.proto\"\x95\x01\n\x05Label\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0c\n\x04text\x18\x02 \x01(\t\x12\x0c\n\x04view\x18\x03 \x01(\t\x12#\n\x04mask\x18\x04 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x12\x0c\n\x04\x61rea\x18\x05 \x01(\x03\x12/\n\x0b\x63reate_time\x18\x06 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\"\x93\x01\n\x12\x43reateLabelRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x10\n\x08label_id\x18\x02 \x01(\t\x12 \n\x05label\x18\x03 \x01(\x0b\x32\x11.pepeseg.v1.Label\x12\x12\n\nrequest_id\x18\x04 \x01(\t\x12%\n\x05\x66rame\x18\x05 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\"F\n\x0fGetLabelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\x12%\n\x05\x66rame\x18\x02 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\"J\n\x11ListLabelsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"P\n\x12ListLabelsResponse\x12!\n\x06labels\x18\x01 \x03(\x0b\x32\x11.pepeseg.v1.Label\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\"\n\x12\x44\x65leteLabelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t2\xe4\x02\n\x0cLabelService\x12R\n\x0b\x43reateLabel\x12\x1e.pepeseg.v1.CreateLabelRequest\x1a\x11.pepeseg.v1.Label\"\x10\x8a\xe2\x18\x0c\x08\x02\x12\x06parent\x18\x03\x12J\n\x08GetLabel\x12\x1b.pepeseg.v1.GetLabelRequest\x1a\x11.pepeseg.v1.Label\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x03\x12]\n\nListLabels\x12\x1d.pepeseg.v1.ListLabelsRequest\x1a\x1e.pepeseg.v1.ListLabelsResponse\"\x10\x8a\xe2\x18\x0c\x08\x01\x12\x06parent\x18\x01\x12U\n\x0b\x44\x65leteLabel\x12\x1e.pepeseg.v1.DeleteLabelRequest\x1a\x16.google.protobuf.Empty\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x01\x62\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.label_service_pb2', globals())
@@ -25,13 +25,13 @@ if _descriptor._USE_C_DESCRIPTORS == False:
 
   DESCRIPTOR._options = None
   _LABELSERVICE.methods_by_name['CreateLabel']._options = None
-  _LABELSERVICE.methods_by_name['CreateLabel']._serialized_options = b'\212\342\030\n\010\002\022\006parent'
+  _LABELSERVICE.methods_by_name['CreateLabel']._serialized_options = b'\212\342\030\014\010\002\022\006parent\030\003'
   _LABELSERVICE.methods_by_name['GetLabel']._options = None
-  _LABELSERVICE.methods_by_name['GetLabel']._serialized_options = b'\212\342\030\010\010\001\022\004name'
+  _LABELSERVICE.methods_by_name['GetLabel']._serialized_options = b'\212\342\030\n\010\001\022\004name\030\003'
   _LABELSERVICE.methods_by_name['ListLabels']._options = None
-  _LABELSERVICE.methods_by_name['ListLabels']._serialized_options = b'\212\342\030\n\010\001\022\006parent'
+  _LABELSERVICE.methods_by_name['ListLabels']._serialized_options = b'\212\342\030\014\010\001\022\006parent\030\001'
   _LABELSERVICE.methods_by_name['DeleteLabel']._options = None
-  _LABELSERVICE.methods_by_name['DeleteLabel']._serialized_options = b'\212\342\030\010\010\002\022\004name'
+  _LABELSERVICE.methods_by_name['DeleteLabel']._serialized_options = b'\212\342\030\n\010\002\022\004name\030\001'
   _LABEL._serialized_start=159
   _LABEL._serialized_end=308
   _CREATELABELREQUEST._serialized_start=311
@@ -45,5 +45,5 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _DELETELABELREQUEST._serialized_start=690
   _DELETELABELREQUEST._serialized_end=724
   _LABELSERVICE._serialized_start=727
-  _LABELSERVICE._serialized_end=1075
+  _LABELSERVICE._serialized_end=1083
 # @@protoc_insertion_point(module_scope)
