@@ -56,7 +56,7 @@ absl::StatusOr<FloatImage> ValuesOf(Companion kind, const Examined& photo, Compa
   }
   if (kind == Companion::kMasks) {
     ASSIGN_OR_RETURN(const MaskSet masks, files.Masks(stem, pixels));
-    values.values.assign(masks.pixel_patch.begin(), masks.pixel_patch.end());
+    values.values.assign(masks.pixel_cell.begin(), masks.pixel_cell.end());
   } else {
     ASSIGN_OR_RETURN(const std::vector<uint8_t> ignored, files.Ignored(stem, pixels));
     values.values.assign(ignored.begin(), ignored.end());

@@ -28,12 +28,12 @@ absl::Status CheckTruth(const TruthView& truth, bool accept_trained) {
   const Camera& camera = truth.view.camera;
   const size_t num_pixels = static_cast<size_t>(camera.width) * camera.height;
   const bool sizes_fit = truth.entities.size() == static_cast<size_t>(truth.masks.num_masks) &&
-                         (truth.entities.empty() || truth.masks.pixel_patch.size() == num_pixels) &&
+                         (truth.entities.empty() || truth.masks.pixel_cell.size() == num_pixels) &&
                          (truth.ignore.empty() || truth.ignore.size() == num_pixels);
   if (!sizes_fit) {
     return absl::InvalidArgumentError(absl::StrCat(
         "view \"", truth.view.name, "\": ", truth.entities.size(), " names for ",
-        truth.masks.num_masks, " masks of ", truth.masks.pixel_patch.size(), " pixels, ",
+        truth.masks.num_masks, " masks of ", truth.masks.pixel_cell.size(), " pixels, ",
         truth.ignore.size(), " ignore values; the view has ", num_pixels, " pixels"));
   }
   return CheckHeldOut(truth.view, accept_trained);

@@ -25,13 +25,13 @@ absl::Status CheckSamView(const SamView& sam) {
   const size_t num_pixels = static_cast<size_t>(camera.width) * camera.height;
   const auto num_masks = static_cast<size_t>(sam.masks.num_masks);
   const auto fits = [](size_t size, size_t wanted) { return size == 0 || size == wanted; };
-  if (fits(sam.masks.pixel_patch.size(), num_pixels) && fits(sam.ignore.size(), num_pixels) &&
+  if (fits(sam.masks.pixel_cell.size(), num_pixels) && fits(sam.ignore.size(), num_pixels) &&
       fits(sam.predicted_iou.size(), num_masks) && fits(sam.stability.size(), num_masks)) {
     return absl::OkStatus();
   }
   return absl::InvalidArgumentError(
       absl::StrCat("view \"", sam.view.name, "\": ", num_masks, " masks of ",
-                   sam.masks.pixel_patch.size(), " pixels with ", sam.predicted_iou.size(),
+                   sam.masks.pixel_cell.size(), " pixels with ", sam.predicted_iou.size(),
                    " predicted IoUs, ", sam.stability.size(), " stability scores and ",
                    sam.ignore.size(), " ignore values; the view has ", num_pixels, " pixels"));
 }

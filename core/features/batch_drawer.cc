@@ -35,10 +35,10 @@ std::vector<float> PatchWeights(const MaskSet& masks, std::span<const float> mas
   // 1 / A(p) of METHOD.md section 3 ("Contrastive loss"): w_pq is the product of those of p and q,
   // scaled in the batch.
   std::vector<float> weights;
-  for (int patch = 0; patch < masks.num_patches(); ++patch) {
+  for (int cell = 0; cell < masks.num_cells(); ++cell) {
     double area = 0;
     int count = 0;
-    ForEachMaskIn(PatchBits(masks, patch), [&](int mask) {
+    ForEachMaskIn(CellBits(masks, cell), [&](int mask) {
       if (mask_scales[mask] <= kNoScale) return;
       area += static_cast<double>(masks.mask_area[mask]);
       ++count;
@@ -77,10 +77,10 @@ std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
         static_cast<int>(i), masks[i], mask_scales[i], mask_scales[i], {}, {}, {}, {}, {}};
     std::erase_if(drawable.sorted_scales, [](float scale) { return scale <= kNoScale; });
     std::sort(drawable.sorted_scales.begin(), drawable.sorted_scales.end());
-    drawable.patch_weight = PatchWeights(*masks[i], mask_scales[i]);
+    drawable.cell_weight = PatchWeights(*masks[i], mask_scales[i]);
     // In reading order: PixelsByMask needs ascending pixels, and draws index this list.
-    for (size_t pixel = 0; pixel < masks[i]->pixel_patch.size(); ++pixel) {
-      if (drawable.patch_weight[masks[i]->pixel_patch[pixel]] <= 0) continue;
+    for (size_t pixel = 0; pixel < masks[i]->pixel_cell.size(); ++pixel) {
+      if (drawable.cell_weight[masks[i]->pixel_cell[pixel]] <= 0) continue;
       if (!view.ignore.empty() && view.ignore[pixel] != 0) continue;
       drawable.pixels.push_back(static_cast<int32_t>(pixel));
     }
@@ -121,11 +121,11 @@ PixelBatch BatchDrawer::Draw(const Draft& draft) const {
   PixelBatch batch;
   batch.view = view.view;
   batch.scene_scales = DrawScales(view, draft.step, random);
-  const std::vector<uint32_t> patches = DrawPixels(view, batch, random);
+  const std::vector<uint32_t> cells = DrawPixels(view, batch, random);
   DrawBackground(view, batch, random);
   batch.num_labelled = static_cast<int>(batch.pixels.size());
   DrawUnlabelled(view, batch, random);
-  Label(view, patches, batch);
+  Label(view, cells, batch);
   for (const float scale : batch.scene_scales) {
     batch.scales.push_back(static_cast<float>(QuantileOfScale(field_, scale)));
   }
@@ -168,20 +168,20 @@ std::vector<uint32_t> BatchDrawer::DrawPixels(const DrawableView& view, PixelBat
   const MaskSet& masks = *view.masks;
   // Labels depend on the mask cell alone, so they are made once a cell and not once a pixel.
   std::unordered_map<uint32_t, int32_t> number;  // mask cell of the view -> of the batch
-  std::vector<uint32_t> patches;
+  std::vector<uint32_t> cells;
   const long num_by_mask = std::lround(options_.mask_share * options_.num_pixels);
   for (int i = 0; i < options_.num_pixels; ++i) {
     const int32_t pixel = view.pixels[i < num_by_mask ? view.pixels_by_mask.Draw(random)
                                                       : DrawIndex(view.pixels.size(), random)];
-    const uint32_t patch = masks.pixel_patch[pixel];
-    const auto [at, is_new] = number.emplace(patch, static_cast<int32_t>(patches.size()));
-    if (is_new) patches.push_back(patch);
+    const uint32_t cell = masks.pixel_cell[pixel];
+    const auto [at, is_new] = number.emplace(cell, static_cast<int32_t>(cells.size()));
+    if (is_new) cells.push_back(cell);
     batch.pixels.push_back(pixel);
-    batch.patch.push_back(at->second);
-    batch.weight.push_back(view.patch_weight[patch]);
+    batch.cell.push_back(at->second);
+    batch.weight.push_back(view.cell_weight[cell]);
   }
-  batch.num_patches = static_cast<int>(patches.size());
-  return patches;
+  batch.num_cells = static_cast<int>(cells.size());
+  return cells;
 }
 
 // Adds the background as one more mask cell, which the view does not have. It counts as a mask of
@@ -193,10 +193,10 @@ void BatchDrawer::DrawBackground(const DrawableView& view, PixelBatch& batch,
   const float weight = 1 / (static_cast<float>(masks.width) * static_cast<float>(masks.height));
   for (int i = 0; i < options_.num_background_pixels; ++i) {
     batch.pixels.push_back(view.background[DrawIndex(view.background.size(), random)]);
-    batch.patch.push_back(batch.num_patches);
+    batch.cell.push_back(batch.num_cells);
     batch.weight.push_back(weight);
   }
-  ++batch.num_patches;
+  ++batch.num_cells;
 }
 
 void BatchDrawer::DrawUnlabelled(const DrawableView& view, PixelBatch& batch,
@@ -207,19 +207,19 @@ void BatchDrawer::DrawUnlabelled(const DrawableView& view, PixelBatch& batch,
   }
 }
 
-void BatchDrawer::Label(const DrawableView& view, std::span<const uint32_t> patches,
+void BatchDrawer::Label(const DrawableView& view, std::span<const uint32_t> cells,
                         PixelBatch& batch) const {
   const MaskSet& masks = *view.masks;
   const auto words = static_cast<size_t>(masks.words);
-  const bool has_background = static_cast<size_t>(batch.num_patches) > patches.size();
+  const bool has_background = static_cast<size_t>(batch.num_cells) > cells.size();
   // The bit of the background follows the masks' bits, which may take one word more.
   const size_t all_words = has_background ? static_cast<size_t>(masks.num_masks) / 64 + 1 : words;
   batch.label_words = static_cast<int>(all_words);
-  batch.labels.resize(batch.scene_scales.size() * batch.num_patches * all_words);
+  batch.labels.resize(batch.scene_scales.size() * batch.num_cells * all_words);
   std::span<uint64_t> out = batch.labels;
   for (const float scale : batch.scene_scales) {
-    for (const uint32_t patch : patches) {
-      ScaleLabels(PatchBits(masks, patch), view.mask_scales, scale, out.first(words));
+    for (const uint32_t cell : cells) {
+      ScaleLabels(CellBits(masks, cell), view.mask_scales, scale, out.first(words));
       out = out.subspan(all_words);
     }
     if (!has_background) continue;

@@ -30,10 +30,10 @@ struct PixelBatch {
   std::vector<int32_t> pixels;
   int num_labelled = 0;
   std::vector<float> weight;        // [labelled] 1 / mean area of the masks over the pixel
-  std::vector<int32_t> patch;       // [labelled] -> mask cell of this batch
-  int num_patches = 0;              // mask cells; the last one is the background, if it is drawn
+  std::vector<int32_t> cell;        // [labelled] -> mask cell of this batch
+  int num_cells = 0;                // mask cells; the last one is the background, if it is drawn
   int label_words = 1;              // 64-bit words of a label
-  std::vector<uint64_t> labels;     // [num_scales, num_patches, label_words] see ScaleLabels
+  std::vector<uint64_t> labels;     // [num_scales, num_cells, label_words] see ScaleLabels
   std::vector<float> scales;        // [num_scales] query scales, [0, 1]
   std::vector<float> scene_scales;  // [num_scales] the same in scene units
   PairLists pairs;                  // empty where the perception loss is left out
@@ -49,7 +49,7 @@ struct DrawableView {
   std::vector<float> sorted_scales;      // the scales over 0, ascending
   std::vector<int32_t> pixels;           // under a mask that has a scale, not ignored; ascending
   PixelsByMask pixels_by_mask;           // over `pixels`
-  std::vector<float> patch_weight;       // [num_patches] 1 / mean area of the masks with a scale
+  std::vector<float> cell_weight;        // [num_cells] 1 / mean area of the masks with a scale
   std::vector<int32_t> background = {};  // UncoveredPixels::background, if it is drawn
   std::vector<int32_t> unlabelled = {};  // other uncovered pixels, for the perception loss
 };
@@ -95,13 +95,13 @@ class BatchDrawer {
   // Returns num_scales scales, scene units.
   std::vector<float> DrawScales(const DrawableView& view, int step, Random& random) const;
   // Draws the pixels under masks. Returns the view's mask cells that they lie in; their order is
-  // that of PixelBatch::patch.
+  // that of PixelBatch::cell.
   std::vector<uint32_t> DrawPixels(const DrawableView& view, PixelBatch& batch,
                                    Random& random) const;
   void DrawBackground(const DrawableView& view, PixelBatch& batch, Random& random) const;
   void DrawUnlabelled(const DrawableView& view, PixelBatch& batch, Random& random) const;
   // Fills in the labels of the mask cells at each scale.
-  void Label(const DrawableView& view, std::span<const uint32_t> patches, PixelBatch& batch) const;
+  void Label(const DrawableView& view, std::span<const uint32_t> cells, PixelBatch& batch) const;
 
   const FeatureField& field_;
   const std::vector<DrawableView>& views_;

@@ -68,8 +68,8 @@ Clusters KeepAgreeing(const Clusters& clusters, const MaskSet& masks,
   std::vector<uint64_t> labels(masks.words);
   for (size_t i = 0; i < pixels.size(); ++i) {
     if (clusters.labels[i] == kNoise) continue;
-    const uint32_t patch = masks.pixel_patch[pixels[i]];
-    ScaleLabels(PatchBits(masks, patch), mask_scales, scale, labels);
+    const uint32_t cell = masks.pixel_cell[pixels[i]];
+    ScaleLabels(CellBits(masks, cell), mask_scales, scale, labels);
     votes.Add(clusters.labels[i], labels);
   }
   Clusters kept = clusters;

@@ -15,7 +15,7 @@ constexpr double kMaxCoverage = 0.1;        // of a background pixel, see Covera
 constexpr double kMinAlpha = 0.5;           // of a pixel whose coverage is known
 
 // Cell 0 of a MaskSet is covered by no mask.
-bool IsCovered(const MaskSet& masks, int32_t pixel) { return masks.pixel_patch[pixel] != 0; }
+bool IsCovered(const MaskSet& masks, int32_t pixel) { return masks.pixel_cell[pixel] != 0; }
 
 // Measures which share of each Gaussian lies under masks, over all views: the blending weights in
 // covered pixels, divided by those in all pixels.

@@ -84,13 +84,13 @@ CountedView Count(const Capture& capture, int number, const Reprojection& reproj
     for (int x = 0; x < masks.width; x += stride) {
       const int32_t pixel = y * masks.width + x;
       if (!view.ignore.empty() && view.ignore[pixel] != 0) continue;
-      const std::span<const uint64_t> own = PatchBits(masks, masks.pixel_patch[pixel]);
+      const std::span<const uint64_t> own = CellBits(masks, masks.pixel_cell[pixel]);
       ForEachMaskIn(own, [&](int mask) { ++counted.num_cells[mask]; });
       const Reprojection::Sight sight = reprojection.Look(number, pixel);
       for (size_t i = 0; i < near.size(); ++i) {
         if (sight[i] == Reprojection::kUnknown) continue;
         const MaskSet& others = capture.views[near[i]].masks;
-        counted.overlaps[i].Add(own, PatchBits(others, others.pixel_patch[sight[i]]));
+        counted.overlaps[i].Add(own, CellBits(others, others.pixel_cell[sight[i]]));
       }
     }
   }

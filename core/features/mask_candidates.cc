@@ -60,7 +60,7 @@ std::vector<MaskCandidates::Cell> MaskCandidates::Cells(const Capture& capture, 
     for (int x = 0; x < view.masks.width; x += stride) {
       const int32_t pixel = y * view.masks.width + x;
       if (!view.ignore.empty() && view.ignore[pixel] != 0) continue;
-      cells.push_back({view.masks.pixel_patch[pixel], reprojection.Look(number, pixel)});
+      cells.push_back({view.masks.pixel_cell[pixel], reprojection.Look(number, pixel)});
     }
   }
   return cells;
@@ -72,7 +72,7 @@ void MaskCandidates::ListAt(const Capture& capture, std::span<const int> near, c
   for (size_t i = 0; i < near.size(); ++i) {
     if (cell.sight[i] == Reprojection::kUnknown) continue;
     const MaskSet& masks = capture.views[near[i]].masks;
-    ForEachMaskIn(PatchBits(masks, masks.pixel_patch[cell.sight[i]]), [&](int mask) {
+    ForEachMaskIn(CellBits(masks, masks.pixel_cell[cell.sight[i]]), [&](int mask) {
       if (number_of_[i][mask] >= 0) candidates.push_back(number_of_[i][mask]);
     });
   }
@@ -89,7 +89,7 @@ void MaskCandidates::FindLacking(const Capture& capture, int view, std::span<con
   std::vector<int> here;
   for (const Cell& cell : cells) {
     ListAt(capture, near, cell, here);
-    const std::span<const uint64_t> bits = PatchBits(masks, cell.own_patch);
+    const std::span<const uint64_t> bits = CellBits(masks, cell.own_patch);
     for (size_t i = 0; i < near.size(); ++i) {
       if (cell.sight[i] == Reprojection::kUnknown) continue;
       ForEachMaskIn(bits, [&](int mask) { ++own[i * num_own + mask]; });

@@ -16,8 +16,8 @@ constexpr size_t kMinPixels = 8;  // of an added mask, as MaskScales requires
 // Returns the pixels under each mask of a view.
 std::vector<std::vector<uint32_t>> PixelsOf(const MaskSet& masks) {
   std::vector<std::vector<uint32_t>> pixels(masks.num_masks);
-  for (size_t pixel = 0; pixel < masks.pixel_patch.size(); ++pixel) {
-    ForEachMaskIn(PatchBits(masks, masks.pixel_patch[pixel]),
+  for (size_t pixel = 0; pixel < masks.pixel_cell.size(); ++pixel) {
+    ForEachMaskIn(CellBits(masks, masks.pixel_cell[pixel]),
                   [&](int mask) { pixels[mask].push_back(static_cast<uint32_t>(pixel)); });
   }
   return pixels;
@@ -31,7 +31,7 @@ struct Voter {
 
   // Returns whether the mask covers a pixel of the near view.
   bool HasUnderMask(int32_t pixel) const {
-    const std::span<const uint64_t> bits = PatchBits(*masks, masks->pixel_patch[pixel]);
+    const std::span<const uint64_t> bits = CellBits(*masks, masks->pixel_cell[pixel]);
     return (bits[mask / 64] >> (mask % 64) & 1) != 0;
   }
 };
@@ -54,7 +54,7 @@ std::vector<std::vector<uint32_t>> Vote(const View& view, int number,
                                         const Reprojection& reprojection,
                                         std::span<const std::vector<Voter>> groups) {
   std::vector<std::vector<uint32_t>> pixels(groups.size());
-  const auto num_pixels = static_cast<int32_t>(view.masks.pixel_patch.size());
+  const auto num_pixels = static_cast<int32_t>(view.masks.pixel_cell.size());
   for (int32_t pixel = 0; pixel < num_pixels; ++pixel) {
     const Reprojection::Sight sight = reprojection.Look(number, pixel);
     for (size_t group = 0; group < groups.size(); ++group) {

@@ -139,13 +139,13 @@ std::vector<float> MinMaxScales(std::vector<float> scales) {
   return EvenKnots(std::move(scales), 1);
 }
 
-void ScaleLabels(std::span<const uint64_t> patch_bits, std::span<const float> mask_scales,
+void ScaleLabels(std::span<const uint64_t> cell_bits, std::span<const float> mask_scales,
                  float scale, std::span<uint64_t> out) {
   // METHOD.md section 3, "Labels": all masks with s_M < s, and the finest of the others.
   std::fill(out.begin(), out.end(), uint64_t{0});
   int finest = -1;  // of the masks that are not smaller; the first of equal ones
   const auto keep = [&](int mask) { out[mask / 64] |= uint64_t{1} << (mask % 64); };
-  ForEachMaskIn(patch_bits, [&](int mask) {
+  ForEachMaskIn(cell_bits, [&](int mask) {
     if (mask_scales[mask] <= kNoScale) return;
     if (mask_scales[mask] < scale) {
       keep(mask);

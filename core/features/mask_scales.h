@@ -10,7 +10,7 @@
 
 // The masks that stage two learns from: their sizes in space, and which of them count at a scale
 // (METHOD.md section 2 and section 3, "Labels"). A mask cell is a set of pixels under the same
-// masks, a patch of MaskSet.
+// masks, a cell of MaskSet.
 
 namespace pepeseg {
 
@@ -20,10 +20,10 @@ inline constexpr int kNumScaleKnots = 1000;  // length of FeatureField::scale_qu
 // Returns whether stage two learns from a view.
 inline bool IsTrained(const View& view) { return !view.held_out && !view.masks.empty(); }
 
-// Returns the bitset of the masks of a mask cell, [masks.words]. 0 <= patch < masks.num_patches().
-inline std::span<const uint64_t> PatchBits(const MaskSet& masks, size_t patch) {
+// Returns the bitset of the masks of a mask cell, [masks.words]. 0 <= cell < masks.num_cells().
+inline std::span<const uint64_t> CellBits(const MaskSet& masks, size_t cell) {
   const auto words = static_cast<size_t>(masks.words);
-  return std::span(masks.patch_bits).subspan(patch * words, words);
+  return std::span(masks.cell_bits).subspan(cell * words, words);
 }
 
 // Calls fn(mask) for each mask in a bitset over a view's masks, ascending.
@@ -60,9 +60,9 @@ std::vector<float> MinMaxScales(std::vector<float> scales);
 // cell that are smaller than `scale`, and the finest of its other masks. Two pixels belong together
 // (G = 1) if and only if their labels intersect. Masks without a scale take no part.
 //
-// patch_bits: [words] of the cell, see PatchBits. mask_scales: [num_masks] scene units. scale:
+// cell_bits: [words] of the cell, see CellBits. mask_scales: [num_masks] scene units. scale:
 // scene units. out: [words], overwritten.
-void ScaleLabels(std::span<const uint64_t> patch_bits, std::span<const float> mask_scales,
+void ScaleLabels(std::span<const uint64_t> cell_bits, std::span<const float> mask_scales,
                  float scale, std::span<uint64_t> out);
 
 }  // namespace pepeseg

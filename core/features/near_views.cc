@@ -119,9 +119,9 @@ CrossView::CrossView(const Reprojection& reprojection, const std::vector<Drawabl
     if (seen_.size() <= static_cast<size_t>(drawn.view)) seen_.resize(drawn.view + 1);
     Seen& seen = seen_[drawn.view];
     seen.masks = &masks;
-    for (int patch = 0; patch < masks.num_patches(); ++patch) {
+    for (int cell = 0; cell < masks.num_cells(); ++cell) {
       std::vector<MaskAt>& of_patch = seen.patch_masks.emplace_back();
-      ForEachMaskIn(PatchBits(masks, patch), [&](int mask) {
+      ForEachMaskIn(CellBits(masks, cell), [&](int mask) {
         if (drawn.mask_scales[mask] > kNoScale) of_patch.push_back({mask, drawn.mask_scales[mask]});
       });
       // Ascending scales for FinestFrom. Stable: of masks with equal scales the first counts as the
@@ -141,7 +141,7 @@ CrossView::Sight CrossView::Look(int number, int32_t pixel) const {
     const auto other = static_cast<size_t>(near[i]);
     if (pixels[i] == Reprojection::kUnknown || other >= seen_.size()) continue;
     if (seen_[other].masks == nullptr) continue;
-    sight[i] = static_cast<int32_t>(seen_[other].masks->pixel_patch[pixels[i]]);
+    sight[i] = static_cast<int32_t>(seen_[other].masks->pixel_cell[pixels[i]]);
   }
   return sight;
 }

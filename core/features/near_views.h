@@ -97,7 +97,7 @@ class CrossView {
   // A view that is drawn.
   struct Seen {
     const MaskSet* masks = nullptr;                // null: the view is not drawn
-    std::vector<std::vector<MaskAt>> patch_masks;  // [num_patches] masks with a scale, by scale
+    std::vector<std::vector<MaskAt>> patch_masks;  // [num_cells] masks with a scale, by scale
   };
 
   // Returns the scales, as bits, at which two mask cells of one view belong together.

@@ -273,8 +273,8 @@ class PerceptionCues::Judge {
     const auto words = static_cast<size_t>(batch_.label_words);
     uint32_t same = 0;
     for (size_t k = 0; k < radii_.size(); ++k) {
-      const uint64_t* at = batch_.labels.data() + k * batch_.num_patches * words;
-      const uint64_t *of_p = at + batch_.patch[p] * words, *of_q = at + batch_.patch[q] * words;
+      const uint64_t* at = batch_.labels.data() + k * batch_.num_cells * words;
+      const uint64_t *of_p = at + batch_.cell[p] * words, *of_q = at + batch_.cell[q] * words;
       uint64_t common = 0;
       for (size_t word = 0; word < words; ++word) common |= of_p[word] & of_q[word];
       same |= static_cast<uint32_t>(common != 0) << k;

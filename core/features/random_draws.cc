@@ -12,9 +12,9 @@ PixelsByMask::PixelsByMask(const MaskSet& masks, std::span<const float> mask_sca
   // Neighbouring pixels mostly lie in one mask cell, so the masks are read once a run of a cell.
   const auto size = static_cast<int64_t>(pixels.size());
   for (int64_t first = 0, end = 0; first < size; first = end) {
-    const auto patch = static_cast<size_t>(masks.pixel_patch[pixels[first]]);
-    while (end < size && static_cast<size_t>(masks.pixel_patch[pixels[end]]) == patch) ++end;
-    ForEachMaskIn(PatchBits(masks, patch), [&](int mask) {
+    const auto cell = static_cast<size_t>(masks.pixel_cell[pixels[first]]);
+    while (end < size && static_cast<size_t>(masks.pixel_cell[pixels[end]]) == cell) ++end;
+    ForEachMaskIn(CellBits(masks, cell), [&](int mask) {
       if (mask_scales[mask] > kNoScale) Append(first, end - first, masks_[mask]);
     });
   }

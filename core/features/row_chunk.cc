@@ -80,7 +80,7 @@ absl::Status RowChunk::Refill(std::vector<PixelBatch> batches, const Capture& ca
 // small ones.
 void RowChunk::UploadBatches(Backend& backend) {
   std::vector<float> weight, scales, share;
-  std::vector<int32_t> patch, pair_first, pair_other;
+  std::vector<int32_t> cell, pair_first, pair_other;
   std::vector<PairCues> cues;
   std::vector<uint64_t> labels;
   for (size_t i = 0; i < batches_.size(); ++i) {
@@ -96,12 +96,12 @@ void RowChunk::UploadBatches(Backend& backend) {
     Append(pairs.cues, cues);
     Append(pairs.share, share);
     Append(batches_[i].weight, weight);
-    Append(batches_[i].patch, patch);
+    Append(batches_[i].cell, cell);
     Append(batches_[i].labels, labels);
     Append(batches_[i].scales, scales);
   }
   UploadTo(backend, weight, weight_);
-  UploadTo(backend, patch, patch_);
+  UploadTo(backend, cell, cell_);
   UploadTo(backend, labels, labels_);
   UploadTo(backend, scales, scales_);
   UploadTo(backend, pair_first, pair_first_);
@@ -158,7 +158,7 @@ RowChunk::Step RowChunk::Next() {
                   range(view.first_neighbor)),
           SpanFrom(view.rows.alpha, view.first_row[number], count),
           SpanFrom(weight_, place.pixel, batch.weight.size()),
-          SpanFrom(patch_, place.pixel, batch.patch.size()),
+          SpanFrom(cell_, place.pixel, batch.cell.size()),
           SpanFrom(labels_, place.label, batch.labels.size()),
           SpanFrom(scales_, place.scale, batch.scales.size()),
           SpanFrom(pair_first_, place.pair_first, batch.pairs.first.size()),

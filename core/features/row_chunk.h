@@ -24,8 +24,8 @@ class RowChunk {
     ColumnSpan neighbors;           // rows of neighbours of the columns' Gaussians, by neighbour
     DeviceSpan<const float> alpha;  // [S] accumulated alpha
     // The members of the batch with these names, and those of its pairs.
-    DeviceSpan<const float> weight;   // [labelled]
-    DeviceSpan<const int32_t> patch;  // [labelled]
+    DeviceSpan<const float> weight;  // [labelled]
+    DeviceSpan<const int32_t> cell;  // [labelled]
     DeviceSpan<const uint64_t> labels;
     DeviceSpan<const float> scales;
     DeviceSpan<const int32_t> pair_first, pair_other;
@@ -73,7 +73,7 @@ class RowChunk {
   std::vector<Place> places_;  // of each batch
   std::vector<ViewRows> views_;
   Buffer<float> weight_, scales_, pair_share_;
-  Buffer<int32_t> patch_, pair_first_, pair_other_;
+  Buffer<int32_t> cell_, pair_first_, pair_other_;
   Buffer<PairCues> pair_cues_;
   Buffer<uint64_t> labels_;
   Buffer<int32_t> row_first_, row_gaussian_;  // output of NeighborRows for the current view

@@ -39,15 +39,15 @@ ViewMasks::Masks ViewMasks::Upload(Backend& backend, const MaskSet& masks) {
     }
   };
   out.words = masks.words;
-  upload(masks.pixel_patch, out.pixel_patch);
-  upload(masks.patch_bits, out.patch_bits);
+  upload(masks.pixel_cell, out.pixel_cell);
+  upload(masks.cell_bits, out.cell_bits);
   upload(masks.mask_area, out.mask_area);
   return out;
 }
 
 PatchMap ViewMasks::At(int view) const {
   const Masks& masks = views_[view];
-  return {masks.words, masks.pixel_patch.span(), masks.patch_bits.span(), masks.mask_area.span()};
+  return {masks.words, masks.pixel_cell.span(), masks.cell_bits.span(), masks.mask_area.span()};
 }
 
 // The window's start and length are shares of num_steps. A start at which photographs are still

@@ -28,8 +28,8 @@ class ViewMasks {
  private:
   struct Masks {
     int words = 0;
-    Buffer<uint32_t> pixel_patch;
-    Buffer<uint64_t> patch_bits;
+    Buffer<uint32_t> pixel_cell;
+    Buffer<uint64_t> cell_bits;
     Buffer<int64_t> mask_area;
   };
 

@@ -12,19 +12,19 @@ namespace {
 // Renumbers the cells in raster order, with cell 0 (no mask) first, and drops those without a
 // pixel.
 void RenumberPatches(MaskSet& set) {
-  std::vector<uint32_t> renumbered(set.num_patches(), 0);
-  std::vector<uint64_t> bits(set.patch_bits.begin(), set.patch_bits.begin() + set.words);
+  std::vector<uint32_t> renumbered(set.num_cells(), 0);
+  std::vector<uint64_t> bits(set.cell_bits.begin(), set.cell_bits.begin() + set.words);
   uint32_t next = 1;
-  for (uint32_t& patch : set.pixel_patch) {
-    if (patch == 0) continue;
-    if (renumbered[patch] == 0) {
-      renumbered[patch] = next++;
-      const auto row = set.patch_bits.begin() + static_cast<ptrdiff_t>(patch) * set.words;
+  for (uint32_t& cell : set.pixel_cell) {
+    if (cell == 0) continue;
+    if (renumbered[cell] == 0) {
+      renumbered[cell] = next++;
+      const auto row = set.cell_bits.begin() + static_cast<ptrdiff_t>(cell) * set.words;
       bits.insert(bits.end(), row, row + set.words);
     }
-    patch = renumbered[patch];
+    cell = renumbered[cell];
   }
-  set.patch_bits = std::move(bits);
+  set.cell_bits = std::move(bits);
 }
 
 // Returns the indices of the mask's pixels.
@@ -40,8 +40,8 @@ std::vector<uint32_t> SetPixels(const BinaryMask& mask) {
 
 std::span<const uint64_t> MaskSet::BitsAt(int x, int y) const {
   assert(x >= 0 && x < width && y >= 0 && y < height);
-  const size_t patch = pixel_patch.empty() ? 0 : pixel_patch[static_cast<size_t>(y) * width + x];
-  return {patch_bits.data() + patch * words, static_cast<size_t>(words)};
+  const size_t cell = pixel_cell.empty() ? 0 : pixel_cell[static_cast<size_t>(y) * width + x];
+  return {cell_bits.data() + cell * words, static_cast<size_t>(words)};
 }
 
 bool MaskSet::Covers(int mask, int x, int y) const {
@@ -52,9 +52,9 @@ bool MaskSet::Covers(int mask, int x, int y) const {
 BinaryMask MaskSet::Extract(int mask) const {
   assert(mask >= 0 && mask < num_masks);
   BinaryMask result;
-  result.pixels.reserve(pixel_patch.size());
-  for (const uint32_t patch : pixel_patch) {
-    const uint64_t word = patch_bits[static_cast<size_t>(patch) * words + mask / 64];
+  result.pixels.reserve(pixel_cell.size());
+  for (const uint32_t cell : pixel_cell) {
+    const uint64_t word = cell_bits[static_cast<size_t>(cell) * words + mask / 64];
     result.pixels.push_back(word >> (mask % 64) & 1);
   }
   return result;
@@ -65,14 +65,14 @@ std::vector<std::vector<PixelRun>> RunsOfMasks(const MaskSet& masks,
                                                std::span<const uint8_t> ignore) {
   std::vector<std::vector<PixelRun>> runs(static_cast<size_t>(masks.num_masks));
   const auto patch_of = [&](size_t pixel) {
-    return ignore.empty() || ignore[pixel] == 0 ? masks.pixel_patch[pixel] : 0;
+    return ignore.empty() || ignore[pixel] == 0 ? masks.pixel_cell[pixel] : 0;
   };
-  const size_t num_pixels = masks.pixel_patch.size();
+  const size_t num_pixels = masks.pixel_cell.size();
   for (size_t first = 0, last = 0; first < num_pixels; first = last) {
-    const uint32_t patch = patch_of(first);
-    for (last = first + 1; last < num_pixels && patch_of(last) == patch;) ++last;
+    const uint32_t cell = patch_of(first);
+    for (last = first + 1; last < num_pixels && patch_of(last) == cell;) ++last;
     for (int word = 0; word < masks.words; ++word) {
-      uint64_t bits = masks.patch_bits[static_cast<size_t>(patch) * masks.words + word];
+      uint64_t bits = masks.cell_bits[static_cast<size_t>(cell) * masks.words + word];
       for (; bits != 0; bits &= bits - 1) {
         auto& of_mask = runs[static_cast<size_t>(word * 64 + std::countr_zero(bits))];
         if (!of_mask.empty() && of_mask.back().last == first) {
@@ -91,8 +91,8 @@ MaskSetBuilder::MaskSetBuilder(int width, int height, double duplicate_iou)
   set_.width = width;
   set_.height = height;
   set_.words = 1;
-  set_.pixel_patch.assign(static_cast<size_t>(width) * height, 0);
-  set_.patch_bits.assign(1, 0);
+  set_.pixel_cell.assign(static_cast<size_t>(width) * height, 0);
+  set_.cell_bits.assign(1, 0);
   patch_area_.assign(1, static_cast<int64_t>(width) * height);
 }
 
@@ -107,10 +107,10 @@ bool MaskSetBuilder::AddMask(int64_t area, const ForEachRun& for_each_run) {
   // Most neighbours share a cell: pieces of a run within one cell are counted at once.
   for_each_run([this](uint32_t first, uint32_t last) {
     for (uint32_t end = first; first < last; first = end) {
-      const uint32_t patch = set_.pixel_patch[first];
-      for (end = first + 1; end < last && set_.pixel_patch[end] == patch;) ++end;
-      if (inside_[patch] == 0) touched_.push_back(patch);
-      inside_[patch] += end - first;
+      const uint32_t cell = set_.pixel_cell[first];
+      for (end = first + 1; end < last && set_.pixel_cell[end] == cell;) ++end;
+      if (inside_[cell] == 0) touched_.push_back(cell);
+      inside_[cell] += end - first;
     }
   });
   // Now inside_ has the number of covered pixels of each touched cell.
@@ -119,17 +119,17 @@ bool MaskSetBuilder::AddMask(int64_t area, const ForEachRun& for_each_run) {
     const int mask = set_.num_masks++;
     if (mask / 64 >= set_.words) GrowWords();
     set_.mask_area.push_back(area);
-    for (const uint32_t patch : touched_) {
-      replacement_[patch] = PatchWith(patch, uint64_t{1} << (mask % 64), mask / 64);
+    for (const uint32_t cell : touched_) {
+      replacement_[cell] = PatchWith(cell, uint64_t{1} << (mask % 64), mask / 64);
     }
     for_each_run([this](uint32_t first, uint32_t last) {
       for (uint32_t pixel = first; pixel < last; ++pixel) {
-        set_.pixel_patch[pixel] = replacement_[set_.pixel_patch[pixel]];
+        set_.pixel_cell[pixel] = replacement_[set_.pixel_cell[pixel]];
       }
     });
   }
   // Resets only the touched cells: the others are 0 already.
-  for (const uint32_t patch : touched_) inside_[patch] = 0;
+  for (const uint32_t cell : touched_) inside_[cell] = 0;
   return keep;
 }
 
@@ -151,11 +151,11 @@ bool MaskSetBuilder::AddRuns(std::span<const PixelRun> runs) {
 // intersection is the sum of `inside_` over the touched cells that the other mask covers.
 bool MaskSetBuilder::IsDuplicate(int64_t area) const {
   std::vector<int64_t> common(set_.num_masks, 0);
-  for (const uint32_t patch : touched_) {
+  for (const uint32_t cell : touched_) {
     for (int word = 0; word < set_.words; ++word) {
-      uint64_t bits = set_.patch_bits[static_cast<size_t>(patch) * set_.words + word];
+      uint64_t bits = set_.cell_bits[static_cast<size_t>(cell) * set_.words + word];
       for (; bits != 0; bits &= bits - 1) {
-        common[word * 64 + std::countr_zero(bits)] += inside_[patch];
+        common[word * 64 + std::countr_zero(bits)] += inside_[cell];
       }
     }
   }
@@ -168,40 +168,40 @@ bool MaskSetBuilder::IsDuplicate(int64_t area) const {
   return false;
 }
 
-// Adds the bit of the new mask to the pixels of `patch` that it covers, and returns their cell:
-// `patch` itself if the mask covers all of it, else a new cell. Cell 0 is always split, because it
+// Adds the bit of the new mask to the pixels of `cell` that it covers, and returns their cell:
+// `cell` itself if the mask covers all of it, else a new cell. Cell 0 is always split, because it
 // must remain the cell without masks even when it has no pixel left.
-uint32_t MaskSetBuilder::PatchWith(uint32_t patch, uint64_t bit, int word) {
+uint32_t MaskSetBuilder::PatchWith(uint32_t cell, uint64_t bit, int word) {
   const size_t words = set_.words;
-  if (patch != 0 && inside_[patch] == patch_area_[patch]) {
-    set_.patch_bits[patch * words + word] |= bit;
-    return patch;
+  if (cell != 0 && inside_[cell] == patch_area_[cell]) {
+    set_.cell_bits[cell * words + word] |= bit;
+    return cell;
   }
   const auto added = static_cast<uint32_t>(patch_area_.size());
-  patch_area_[patch] -= inside_[patch];
-  patch_area_.push_back(inside_[patch]);
+  patch_area_[cell] -= inside_[cell];
+  patch_area_.push_back(inside_[cell]);
   for (size_t i = 0; i < words; ++i) {
-    const uint64_t bits = set_.patch_bits[patch * words + i];
-    set_.patch_bits.push_back(bits);
+    const uint64_t bits = set_.cell_bits[cell * words + i];
+    set_.cell_bits.push_back(bits);
   }
-  set_.patch_bits[added * words + word] |= bit;
+  set_.cell_bits[added * words + word] |= bit;
   return added;
 }
 
 // Makes room for 64 more masks in every bitset.
 void MaskSetBuilder::GrowWords() {
-  const size_t patches = patch_area_.size();
+  const size_t cells = patch_area_.size();
   const size_t words = set_.words;
-  std::vector<uint64_t> grown(patches * (words + 1), 0);
-  for (size_t patch = 0; patch < patches; ++patch) {
-    std::copy_n(&set_.patch_bits[patch * words], words, &grown[patch * (words + 1)]);
+  std::vector<uint64_t> grown(cells * (words + 1), 0);
+  for (size_t cell = 0; cell < cells; ++cell) {
+    std::copy_n(&set_.cell_bits[cell * words], words, &grown[cell * (words + 1)]);
   }
-  set_.patch_bits = std::move(grown);
+  set_.cell_bits = std::move(grown);
   ++set_.words;
 }
 
 MaskSet MaskSetBuilder::Build() && {
-  if (set_.num_masks == 0) set_.pixel_patch.clear();
+  if (set_.num_masks == 0) set_.pixel_cell.clear();
   RenumberPatches(set_);
   return std::move(set_);
 }
@@ -221,20 +221,20 @@ MaskSet ResampleMaskSet(const MaskSet& masks, int width, int height,
   assert(source_pixel.size() == static_cast<size_t>(width) * height);
   // Pixels of one cell have the same masks after resampling as well, so each mask is put together
   // from the resampled pixels of its cells.
-  std::vector<std::vector<uint32_t>> pixels_of_patch(masks.num_patches());
+  std::vector<std::vector<uint32_t>> pixels_of_patch(masks.num_cells());
   if (!masks.empty()) {
     for (size_t i = 0; i < source_pixel.size(); ++i) {
-      const uint32_t patch = masks.pixel_patch[source_pixel[i]];
-      if (patch != 0) pixels_of_patch[patch].push_back(static_cast<uint32_t>(i));
+      const uint32_t cell = masks.pixel_cell[source_pixel[i]];
+      if (cell != 0) pixels_of_patch[cell].push_back(static_cast<uint32_t>(i));
     }
   }
   MaskSetBuilder builder(width, height, /*duplicate_iou=*/1.0);
   for (int mask = 0; mask < masks.num_masks; ++mask) {
     std::vector<uint32_t> pixels;
-    for (int patch = 1; patch < masks.num_patches(); ++patch) {
-      const uint64_t word = masks.patch_bits[static_cast<size_t>(patch) * masks.words + mask / 64];
+    for (int cell = 1; cell < masks.num_cells(); ++cell) {
+      const uint64_t word = masks.cell_bits[static_cast<size_t>(cell) * masks.words + mask / 64];
       if ((word >> (mask % 64) & 1) == 0) continue;
-      pixels.insert(pixels.end(), pixels_of_patch[patch].begin(), pixels_of_patch[patch].end());
+      pixels.insert(pixels.end(), pixels_of_patch[cell].begin(), pixels_of_patch[cell].end());
     }
     builder.Add(pixels);
   }

@@ -21,18 +21,17 @@ struct PixelRun {
 // The overlapping masks of one view as a map of mask cells. Pixels that are covered by the same set
 // of masks share a cell, and a cell has one bitset: the masks that cover it (METHOD.md section 0).
 // This holds thousands of masks in little more than one raster. Cell 0 is covered by no mask.
-// Identifiers call a mask cell a "patch".
 struct MaskSet {
   int width = 0;
   int height = 0;
   int num_masks = 0;
-  int words = 0;                      // 64-bit words of a bitset: max(1, ceil(num_masks / 64))
-  std::vector<uint32_t> pixel_patch;  // [height, width], cell of each pixel; empty without masks
-  std::vector<uint64_t> patch_bits;   // [num_patches, words]: bit m is set if mask m covers it
-  std::vector<int64_t> mask_area;     // [num_masks], pixels
+  int words = 0;                     // 64-bit words of a bitset: max(1, ceil(num_masks / 64))
+  std::vector<uint32_t> pixel_cell;  // [height, width], cell of each pixel; empty without masks
+  std::vector<uint64_t> cell_bits;   // [num_cells, words]: bit m is set if mask m covers it
+  std::vector<int64_t> mask_area;    // [num_masks], pixels
 
   bool empty() const { return num_masks == 0; }
-  int num_patches() const { return words == 0 ? 0 : static_cast<int>(patch_bits.size()) / words; }
+  int num_cells() const { return words == 0 ? 0 : static_cast<int>(cell_bits.size()) / words; }
   // Returns the bitset of the masks that cover a pixel. 0 <= x < width, 0 <= y < height.
   std::span<const uint64_t> BitsAt(int x, int y) const;
   // Returns true if the mask covers the pixel. 0 <= mask < num_masks.
@@ -69,7 +68,7 @@ class MaskSetBuilder {
   // The same for a mask of runs, none of which may overlap another.
   bool AddRuns(std::span<const PixelRun> runs);
   // Returns the size of all bitsets in bytes, so that callers can limit what an upload may request.
-  int64_t BitsetBytes() const { return static_cast<int64_t>(set_.patch_bits.size()) * 8; }
+  int64_t BitsetBytes() const { return static_cast<int64_t>(set_.cell_bits.size()) * 8; }
   // Returns the set, with its cells numbered in raster order.
   MaskSet Build() &&;
 
@@ -78,16 +77,16 @@ class MaskSetBuilder {
   template <class ForEachRun>
   bool AddMask(int64_t area, const ForEachRun& for_each_run);
   bool IsDuplicate(int64_t area) const;
-  uint32_t PatchWith(uint32_t patch, uint64_t bit, int word);
+  uint32_t PatchWith(uint32_t cell, uint64_t bit, int word);
   void GrowWords();
 
   double duplicate_iou_;
   MaskSet set_;
-  std::vector<int64_t> patch_area_;  // [num_patches], pixels
+  std::vector<int64_t> patch_area_;  // [num_cells], pixels
   // State of Add, kept between calls to reuse its memory:
-  std::vector<int64_t> inside_;        // [num_patches], pixels of the cell that the mask covers
+  std::vector<int64_t> inside_;        // [num_cells], pixels of the cell that the mask covers
   std::vector<uint32_t> touched_;      // cells with inside_ > 0
-  std::vector<uint32_t> replacement_;  // [num_patches], the cell that those pixels move to
+  std::vector<uint32_t> replacement_;  // [num_cells], the cell that those pixels move to
 };
 
 }  // namespace pepeseg

@@ -24,7 +24,7 @@ struct PairPlan {
   void ScaleWeights(const PairLossArgs& args);
 
   std::vector<float> psi_, pixel_weight_, unit_, unit_by_channel_, unit_grad_;
-  std::vector<int32_t> patch_;
+  std::vector<int32_t> cell_;
   std::vector<uint32_t> agrees_;
 };
 
@@ -51,7 +51,7 @@ PairPlan::PairPlan(const PairLossArgs& args) : job() {
   LimitDraws(args);
   ScaleWeights(args);
   job.psi = psi_.data();
-  job.patch = patch_.data();
+  job.cell = cell_.data();
   job.agrees = agrees_.data();
   job.pixel_weight = pixel_weight_.data();
   job.unit = unit_.data();
@@ -71,17 +71,17 @@ void PairPlan::GateScales(const PairLossArgs& args) {
 // Compares the labels of all pairs of mask cells at all scales, so that the loop over pixel pairs
 // needs only a table look-up. Padding pixels are in cell 0; they are masked out later.
 void PairPlan::ComparePatches(const PairLossArgs& args) {
-  patch_.assign(job.padded, 0);
-  std::copy_n(args.pixel_patch.data, job.num_pixels, patch_.begin());
-  const int64_t num_patches = args.num_patches, words = args.label_words;
-  agrees_.assign(num_patches * num_patches, 0);
+  cell_.assign(job.padded, 0);
+  std::copy_n(args.pixel_cell.data, job.num_pixels, cell_.begin());
+  const int64_t num_cells = args.num_cells, words = args.label_words;
+  agrees_.assign(num_cells * num_cells, 0);
   for (int scale = 0; scale < job.num_scales; ++scale) {
-    const uint64_t* labels = args.labels.data + scale * num_patches * words;
-    for (int64_t a = 0; a < num_patches; ++a) {
-      for (int64_t b = 0; b < num_patches; ++b) {
+    const uint64_t* labels = args.labels.data + scale * num_cells * words;
+    for (int64_t a = 0; a < num_cells; ++a) {
+      for (int64_t b = 0; b < num_cells; ++b) {
         uint64_t common = 0;
         for (int64_t w = 0; w < words; ++w) common |= labels[a * words + w] & labels[b * words + w];
-        agrees_[a * num_patches + b] |= static_cast<uint32_t>(common != 0) << scale;
+        agrees_[a * num_cells + b] |= static_cast<uint32_t>(common != 0) << scale;
       }
     }
   }
@@ -90,15 +90,15 @@ void PairPlan::ComparePatches(const PairLossArgs& args) {
 // Chooses the limits of the hash so that the draw yields the wanted number of easy pairs on
 // average. Pairs are counted by mask cell.
 void PairPlan::LimitDraws(const PairLossArgs& args) {
-  std::vector<double> num_pixels(args.num_patches);
-  for (int p = 0; p < job.num_pixels; ++p) ++num_pixels[args.pixel_patch[p]];
+  std::vector<double> num_pixels(args.num_cells);
+  for (int p = 0; p < job.num_pixels; ++p) ++num_pixels[args.pixel_cell[p]];
   const uint32_t all = (1u << job.num_scales) - 1u;  // agreement at every scale
   double hard = 0, positive = 0, negative = 0;
-  for (int a = 0; a < args.num_patches; ++a) {
+  for (int a = 0; a < args.num_cells; ++a) {
     for (int b = 0; b <= a; ++b) {
       const double pairs =
           a == b ? num_pixels[a] * (num_pixels[a] - 1) / 2 : num_pixels[a] * num_pixels[b];
-      const uint32_t agrees = agrees_[int64_t{a} * args.num_patches + b];
+      const uint32_t agrees = agrees_[int64_t{a} * args.num_cells + b];
       (agrees == all ? positive : agrees == 0 ? negative : hard) += pairs;
     }
   }

@@ -115,8 +115,8 @@ struct PairJob {
   const PairLossArgs* args;
   int num_pixels, padded, num_scales;
   const float* psi;                 // [scales, 32]
-  const int32_t* patch;             // [padded]
-  const uint32_t* agrees;           // [patches, patches] of mask cells; bit k: G at scale k
+  const int32_t* cell;              // [padded]
+  const uint32_t* agrees;           // [cells, cells]; bit k: G at scale k
   float weight_base, weight_slope;  // w = base + slope * product of the pixels' weights
   const float* pixel_weight;        // [padded]
   // A constant positive (negative) pair is drawn if its 31-bit hash is below the limit.

@@ -196,7 +196,7 @@ PairWork TakePairWork(const PairLossArgs& args, Arena& arena) {
   work.num_pixels = static_cast<int>(args.pixel_weight.size);
   work.num_scales = static_cast<int>(args.scales.size);
   work.padded = (work.num_pixels + kPairPad - 1) / kPairPad * kPairPad;
-  const int64_t padded = work.padded, scales = work.num_scales, patches = args.num_patches;
+  const int64_t padded = work.padded, scales = work.num_scales, cells = args.num_cells;
   work.counts = arena.Take<PairCounts>(1);
   work.weights = arena.Take<PairWeights>(1);
   work.psi = arena.Take<float>(scales * kFeatureSize);
@@ -206,7 +206,7 @@ PairWork TakePairWork(const PairLossArgs& args, Arena& arena) {
   work.unit_grad = arena.Take<float>(kPairSplits * scales * padded * kFeatureSize);
   work.psi_grad = arena.Take<float>(NumPixelBlocks(work) * scales * kFeatureSize);
   work.norm_loss = arena.Take<double>(NumPixelBlocks(work));
-  work.agrees = arena.Take<uint32_t>(patches * patches);
+  work.agrees = arena.Take<uint32_t>(cells * cells);
   return work;
 }
 

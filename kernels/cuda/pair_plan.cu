@@ -107,7 +107,7 @@ __device__ void GatePixel(const PairWork& work, int p) {
 
 // Returns G of two mask cells: bit k is set if their labels at scale k intersect.
 __device__ uint32_t AgreesOf(const PairWork& work, int a, int b) {
-  const int64_t words = work.args.label_words, stride = work.args.num_patches * words;
+  const int64_t words = work.args.label_words, stride = work.args.num_cells * words;
   const uint64_t *of_a = work.args.labels.data + a * words, *of_b = of_a + (b - a) * words;
   uint32_t agrees = 0;
   for (int64_t w = 0; w < words; ++w) {
@@ -128,14 +128,14 @@ struct PixelClasses {
 
 // Adds the pixels of the batch to `classes`, which is in shared memory. `agrees_row` is the cell's
 // row of `agrees`.
-__device__ void CountClasses(const PairWork& work, const uint32_t* agrees_row, int patch,
+__device__ void CountClasses(const PairWork& work, const uint32_t* agrees_row, int cell,
                              PixelClasses& classes) {
   const uint32_t all = (1u << work.num_scales) - 1u;
   PixelClasses own = {};
   for (int p = static_cast<int>(threadIdx.x); p < work.num_pixels; p += kBlock) {
-    const int other = work.args.pixel_patch.data[p];
+    const int other = work.args.pixel_cell.data[p];
     const uint32_t agrees = agrees_row[other];
-    own.own += other == patch ? 1 : 0;
+    own.own += other == cell ? 1 : 0;
     own.positive += agrees == all ? 1 : 0;
     own.negative += agrees == 0 ? 1 : 0;
     own.hard += agrees != all && agrees != 0 ? 1 : 0;
@@ -148,18 +148,18 @@ __device__ void CountClasses(const PairWork& work, const uint32_t* agrees_row, i
 
 // Writes a mask cell's row of `agrees` and counts the ordered pairs of its pixels with all other
 // pixels. One block a cell.
-__device__ void ComparePatch(const PairWork& work, int patch) {
+__device__ void ComparePatch(const PairWork& work, int cell) {
   __shared__ PixelClasses classes;
-  uint32_t* row = work.agrees + int64_t{patch} * work.args.num_patches;
+  uint32_t* row = work.agrees + int64_t{cell} * work.args.num_cells;
   if (threadIdx.x == 0) classes = {};
-  for (int b = static_cast<int>(threadIdx.x); b < work.args.num_patches; b += kBlock) {
-    row[b] = AgreesOf(work, patch, b);
+  for (int b = static_cast<int>(threadIdx.x); b < work.args.num_cells; b += kBlock) {
+    row[b] = AgreesOf(work, cell, b);
   }
   __syncthreads();
-  CountClasses(work, row, patch, classes);
+  CountClasses(work, row, cell, classes);
   __syncthreads();
   if (threadIdx.x != 0 || classes.own == 0) return;
-  const uint32_t all = (1u << work.num_scales) - 1u, agrees = row[patch];
+  const uint32_t all = (1u << work.num_scales) - 1u, agrees = row[cell];
   // has_itself: the pixels counted include the pixel p of the pair itself.
   const auto add = [&](unsigned long long& pairs, int count, bool has_itself) {
     const int others = count - static_cast<int>(has_itself);
@@ -171,16 +171,16 @@ __device__ void ComparePatch(const PairWork& work, int patch) {
 }
 
 __global__ void __launch_bounds__(kBlock) PlanKernel(PairWork work) {
-  const int block = static_cast<int>(blockIdx.x), num_patches = work.args.num_patches;
+  const int block = static_cast<int>(blockIdx.x), num_cells = work.args.num_cells;
   if (block == 0) return SurveyPixels(work);
-  if (block <= num_patches) return ComparePatch(work, block - 1);
-  GatePixel(work, (block - 1 - num_patches) * kWarps + static_cast<int>(threadIdx.x) / 32);
+  if (block <= num_cells) return ComparePatch(work, block - 1);
+  GatePixel(work, (block - 1 - num_cells) * kWarps + static_cast<int>(threadIdx.x) / 32);
 }
 
 }  // namespace
 
 void LaunchPairPlan(const PairWork& work, cudaStream_t stream) {
-  const int num_blocks = 1 + work.args.num_patches + NumBlocks(work.padded, kWarps);
+  const int num_blocks = 1 + work.args.num_cells + NumBlocks(work.padded, kWarps);
   PlanKernel<<<num_blocks, kBlock, 0, stream>>>(work);
 }
 

@@ -123,14 +123,13 @@ __device__ void LoadSides(const PairWork& work, int first_row, int first_column,
 // Looks up G of the lane's pairs at all scales. Pixels of the padding take the mask cell of the
 // last pixel; Choose rejects their pairs.
 __device__ void BeginPairs(const PairWork& work, Pairs& pairs) {
-  const int32_t* patch = work.args.pixel_patch.data;
+  const int32_t* cell = work.args.pixel_cell.data;
   const int last = work.num_pixels - 1;
   pairs.violates = 0;
 #pragma unroll
   for (int at = 0; at < kPairs; ++at) {
-    const int64_t row = patch[min(pairs.RowOf(at), last)];
-    pairs.bits[at] =
-        work.agrees[row * work.args.num_patches + patch[min(pairs.ColumnOf(at), last)]];
+    const int64_t row = cell[min(pairs.RowOf(at), last)];
+    pairs.bits[at] = work.agrees[row * work.args.num_cells + cell[min(pairs.ColumnOf(at), last)]];
     pairs.positive[at] = pairs.negative[at] = 0;
   }
 }

@@ -59,7 +59,7 @@ struct PairWork {
   PairWeights* weights;     // [1]
   float* psi;               // [scales, 32] the gate
   float* inv_norm;          // [scales, padded] 1 / |psi * F|, 0 in the padding
-  uint32_t* agrees;         // [num_patches, num_patches] bit k: G at scale k
+  uint32_t* agrees;         // [num_cells, num_cells] bit k: G at scale k
   PairBits* plan;           // [padded, padded] symmetric
   PairLossPart* tile_part;  // [tiles]
   // Gradient of the normalised gated feature of each pixel, divided by psi, by part of the sum.

@@ -21,16 +21,16 @@ inline constexpr float kMinRefinementAlpha = 0.5f;  // fainter pixels have no de
 
 // The masks of a view as the formulas read them; see PatchMap of kernels/ops/refine.h.
 struct PatchMapView {
-  int width, height;            // pixels
-  int words, num_masks;         // 64-bit words of a bitset, number of masks
-  const uint32_t* pixel_patch;  // [H, W] -> mask cell
-  const uint64_t* patch_bits;   // [cells, words] masks of each cell
-  const int64_t* mask_area;     // [num_masks] pixels
+  int width, height;           // pixels
+  int words, num_masks;        // 64-bit words of a bitset, number of masks
+  const uint32_t* pixel_cell;  // [H, W] -> mask cell
+  const uint64_t* cell_bits;   // [cells, words] masks of each cell
+  const int64_t* mask_area;    // [num_masks] pixels
 
   // Bitset of the masks that cover a pixel.
   PEPESEG_HD const uint64_t* BitsAt(int x, int y) const {
-    return patch_bits +
-           static_cast<int64_t>(pixel_patch[static_cast<int64_t>(y) * width + x]) * words;
+    return cell_bits +
+           static_cast<int64_t>(pixel_cell[static_cast<int64_t>(y) * width + x]) * words;
   }
 };
 
@@ -41,8 +41,8 @@ PatchMapView MakePatchMapView(const Masks& masks, const View& view) {
           view.height,
           masks.words,
           static_cast<int>(masks.mask_area.size),
-          masks.pixel_patch.data,
-          masks.patch_bits.data,
+          masks.pixel_cell.data,
+          masks.cell_bits.data,
           masks.mask_area.data};
 }
 

@@ -85,9 +85,9 @@ struct PairLossArgs {
   DeviceSpan<const float> pixel_features;  // [S, 32] F
   DeviceSpan<const float> pixel_weight;    // [S] 1 / A(p), A the mean area of the masks over p
   DeviceSpan<const float> pixel_alpha;     // [S] accumulated alpha
-  DeviceSpan<const int32_t> pixel_patch;   // [S] -> mask cell: pixels with the same labels
-  DeviceSpan<const uint64_t> labels;       // [num_scales, num_patches, label_words] bitsets
-  int num_patches = 0;                     // mask cells of the batch
+  DeviceSpan<const int32_t> pixel_cell;    // [S] -> mask cell: pixels with the same labels
+  DeviceSpan<const uint64_t> labels;       // [num_scales, num_cells, label_words] bitsets
+  int num_cells = 0;                       // mask cells of the batch
   int label_words = 1;                     // 64-bit words of a bitset
   DeviceSpan<const float> scales;          // [num_scales] quantile scales in [0, 2]; 1..kMaxScales
   DeviceSpan<const float> gate;            // [kGateSize] or [kTwoLayerGateSize]

@@ -14,10 +14,10 @@ namespace pepeseg {
 // bitset with one bit for each mask: bit m % 64 of word m / 64. See MaskSet in
 // core/scene/mask_set.h.
 struct PatchMap {
-  int words = 0;                           // 64-bit words of a bitset
-  DeviceSpan<const uint32_t> pixel_patch;  // [H, W] -> mask cell
-  DeviceSpan<const uint64_t> patch_bits;   // [num_patches, words] masks of each cell
-  DeviceSpan<const int64_t> mask_area;     // [num_masks] pixels; empty: nothing is refined
+  int words = 0;                          // 64-bit words of a bitset
+  DeviceSpan<const uint32_t> pixel_cell;  // [H, W] -> mask cell
+  DeviceSpan<const uint64_t> cell_bits;   // [num_cells, words] masks of each cell
+  DeviceSpan<const int64_t> mask_area;    // [num_masks] pixels; empty: nothing is refined
 };
 
 enum RefineCount {

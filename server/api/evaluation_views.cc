@@ -267,7 +267,7 @@ absl::StatusOr<std::vector<SamView>> ReadSamViews(const v1::EvaluateModelRequest
     ASSIGN_OR_RETURN(sam.view, views.Find(proto.view(), field + ".view"));
     ToViewPixels to_view(sam.view, request.frame(), frames);
     RETURN_IF_ERROR(ReadSamMasks(proto, field, views, to_view, check_wanted, sam));
-    views.AddBitsets(static_cast<int64_t>(sam.masks.patch_bits.size()) * 8);
+    views.AddBitsets(static_cast<int64_t>(sam.masks.cell_bits.size()) * 8);
     ASSIGN_OR_RETURN(sam.ignore, to_view.ReadIgnore(proto.ignore_png(), field + ".ignore_png"));
   }
   return read;

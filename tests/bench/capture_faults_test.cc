@@ -39,7 +39,7 @@ TEST(Spoil, WithoutFaultsNothingChanges) {
   for (size_t v = 0; v < before.capture.views.size(); ++v) {
     const View &was = before.capture.views[v], &is = after.capture.views[v];
     EXPECT_EQ(is.name, was.name);
-    EXPECT_EQ(is.masks.pixel_patch, was.masks.pixel_patch);
+    EXPECT_EQ(is.masks.pixel_cell, was.masks.pixel_cell);
     EXPECT_EQ(is.depth.values, was.depth.values);
     EXPECT_EQ(is.cam_from_world.rotation.coeffs(), was.cam_from_world.rotation.coeffs());
     EXPECT_EQ(after.truth[0].labels[v], before.truth[0].labels[v]);
@@ -65,16 +65,16 @@ TEST(Spoil, BendsMasksByAboutTheNoiseAskedFor) {
   const CapturePack before = SmallPack(), after = Spoilt({.mask_noise = 2});
   const View &was = before.capture.views[1], &is = after.capture.views[1];
   int64_t changed = 0, covered = 0;
-  for (size_t i = 0; i < was.masks.pixel_patch.size(); ++i) {
+  for (size_t i = 0; i < was.masks.pixel_cell.size(); ++i) {
     const int x = static_cast<int>(i) % was.camera.width,
               y = static_cast<int>(i) / was.camera.width;
     const auto bits_were = was.masks.BitsAt(x, y), bits_are = is.masks.BitsAt(x, y);
-    covered += was.masks.pixel_patch[i] != 0;
+    covered += was.masks.pixel_cell[i] != 0;
     changed += !std::ranges::equal(bits_were, bits_are);
   }
   EXPECT_GT(changed, covered / 20);
   EXPECT_LT(changed, covered);
-  EXPECT_EQ(before.capture.views[0].masks.pixel_patch, after.capture.views[0].masks.pixel_patch);
+  EXPECT_EQ(before.capture.views[0].masks.pixel_cell, after.capture.views[0].masks.pixel_cell);
 }
 
 TEST(Spoil, TurnsTheTrainingViewsByAboutTheNoiseAskedFor) {

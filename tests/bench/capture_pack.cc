@@ -79,8 +79,8 @@ void WalkView(PackFile& file, View& view) {
   file.Value(view.masks.height);
   file.Value(view.masks.num_masks);
   file.Value(view.masks.words);
-  file.Array(view.masks.pixel_patch);
-  file.Array(view.masks.patch_bits);
+  file.Array(view.masks.pixel_cell);
+  file.Array(view.masks.cell_bits);
   file.Array(view.masks.mask_area);
   file.Value(view.depth.kind);
   file.Array(view.depth.values);

@@ -34,7 +34,7 @@ Buffer<T> Upload(Backend& backend, const std::vector<T>& values) {
 struct Batch {
   Batch(Backend& backend, const BenchSize& size, uint64_t seed);
 
-  Buffer<int32_t> first, gaussian, patch;
+  Buffer<int32_t> first, gaussian, cell;
   Buffer<float> row_weight, pixel_weight, alpha, scales;
   Buffer<uint64_t> labels;
   int num_scales;
@@ -57,11 +57,11 @@ Batch::Batch(Backend& backend, const BenchSize& size, uint64_t seed) : num_scale
   std::mt19937_64 random(seed);
   const auto uniform = [&] { return static_cast<float>(random() >> 40) * 0x1p-24f; };
   constexpr int kPatches = kNumObjects * kPartsOfObject;
-  std::vector<int32_t> firsts = {0}, gaussians, patches;
+  std::vector<int32_t> firsts = {0}, gaussians, cells;
   std::vector<float> weights, pixel_weights, alphas, scale_values;
   for (int p = 0; p < size.num_pixels; ++p) {
-    patches.push_back(static_cast<int32_t>(random() % kPatches));
-    pixel_weights.push_back(1 / (200.0f + 100.0f * static_cast<float>(patches.back())));
+    cells.push_back(static_cast<int32_t>(random() % kPatches));
+    pixel_weights.push_back(1 / (200.0f + 100.0f * static_cast<float>(cells.back())));
     alphas.push_back(0.85f + 0.15f * uniform());
     const int count = size.row_entries / 2 + static_cast<int>(random() % (size.row_entries + 1));
     for (int e = 0; e < count; ++e) {
@@ -81,7 +81,7 @@ Batch::Batch(Backend& backend, const BenchSize& size, uint64_t seed) : num_scale
   }
   first = Upload(backend, firsts);
   gaussian = Upload(backend, gaussians);
-  patch = Upload(backend, patches);
+  cell = Upload(backend, cells);
   row_weight = Upload(backend, weights);
   pixel_weight = Upload(backend, pixel_weights);
   alpha = Upload(backend, alphas);
@@ -135,9 +135,9 @@ class Training {
     backend_.PairLoss({.pixel_features = pixel_features_.span(),
                        .pixel_weight = batch.pixel_weight.span(),
                        .pixel_alpha = batch.alpha.span(),
-                       .pixel_patch = batch.patch.span(),
+                       .pixel_cell = batch.cell.span(),
                        .labels = batch.labels.span(),
-                       .num_patches = kNumObjects * kPartsOfObject,
+                       .num_cells = kNumObjects * kPartsOfObject,
                        .label_words = 1,
                        .scales = batch.scales.span(),
                        .gate = gate_.span(),

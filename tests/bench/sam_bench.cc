@@ -84,8 +84,8 @@ void PrintAgreement(const MaskSet& want, const MaskSet& got) {
     const BinaryMask mask = want.Extract(k);
     std::vector<int64_t> common(static_cast<size_t>(got.num_masks));
     for (size_t i = 0; i < mask.pixels.size(); ++i) {
-      if (mask.pixels[i] == 0 || got.pixel_patch.empty()) continue;
-      const uint64_t* bits = &got.patch_bits[static_cast<size_t>(got.pixel_patch[i]) * got.words];
+      if (mask.pixels[i] == 0 || got.pixel_cell.empty()) continue;
+      const uint64_t* bits = &got.cell_bits[static_cast<size_t>(got.pixel_cell[i]) * got.words];
       for (int m = 0; m < got.num_masks; ++m) common[m] += bits[m / 64] >> (m % 64) & 1;
     }
     double best = 0;

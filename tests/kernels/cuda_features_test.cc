@@ -127,7 +127,7 @@ std::vector<float> Train(Backend& backend, int num_steps) {
   const Buffer<float> weight = Upload(backend, {batch.weight.begin(), batch.weight.end()});
   const Buffer<float> alpha = Upload(backend, {batch.alpha.begin(), batch.alpha.end()});
   const Buffer<float> scales = Upload(backend, {batch.scales.begin(), batch.scales.end()});
-  const Buffer<int32_t> patch(backend, std::span<const int32_t>(batch.patch));
+  const Buffer<int32_t> cell(backend, std::span<const int32_t>(batch.cell));
   const Buffer<uint64_t> labels(backend, std::span<const uint64_t>(batch.labels));
   const Buffer<float> correction = Upload(backend, std::vector<float>(num_steps + 1, 1.0f));
   FeatureRates rates;
@@ -144,9 +144,9 @@ std::vector<float> Train(Backend& backend, int num_steps) {
     backend.PairLoss({.pixel_features = pixel_features.span(),
                       .pixel_weight = weight.span(),
                       .pixel_alpha = alpha.span(),
-                      .pixel_patch = patch.span(),
+                      .pixel_cell = cell.span(),
                       .labels = labels.span(),
-                      .num_patches = batch.num_patches,
+                      .num_cells = batch.num_cells,
                       .label_words = batch.label_words,
                       .scales = scales.span(),
                       .gate = gate.span(),

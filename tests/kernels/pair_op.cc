@@ -31,7 +31,7 @@ PairOpResult RunPairLoss(Backend& backend, const PairBatch& batch, float easy_sh
   const Buffer<float> alpha = Upload(backend, Floats(batch.alpha));
   const Buffer<float> scales = Upload(backend, Floats(batch.scales));
   const Buffer<float> gate = Upload(backend, Floats(batch.gate));
-  const Buffer<int32_t> patch(backend, std::span<const int32_t>(batch.patch));
+  const Buffer<int32_t> cell(backend, std::span<const int32_t>(batch.cell));
   const Buffer<uint64_t> labels(backend, std::span<const uint64_t>(batch.labels));
   Buffer<float> pixel_grad(backend, features.size()), gate_grad(backend, gate.size());
   Buffer<double> sums(backend, kNumPairLossSums);
@@ -39,9 +39,9 @@ PairOpResult RunPairLoss(Backend& backend, const PairBatch& batch, float easy_sh
   args.pixel_features = features.span();
   args.pixel_weight = weight.span();
   args.pixel_alpha = alpha.span();
-  args.pixel_patch = patch.span();
+  args.pixel_cell = cell.span();
   args.labels = labels.span();
-  args.num_patches = batch.num_patches;
+  args.num_cells = batch.num_cells;
   args.label_words = batch.label_words;
   args.scales = scales.span();
   args.gate = gate.span();
@@ -64,13 +64,13 @@ PairOpResult RunPairLoss(Backend& backend, const PairBatch& batch, float easy_sh
 PairBatch PatchesBatch(int size0, int size1, int size2) {
   const int num_pixels = size0 + size1 + size2;
   PairBatch batch = RandomPairBatch(num_pixels, 2, 1, 5);
-  batch.num_patches = 3;
+  batch.num_cells = 3;
   // By scale, then cell: 0 and 1 share a label at the first scale only.
   batch.labels = {1, 1, 2, 1, 4, 2};
   for (int i = 0; i < num_pixels; ++i) {
-    batch.patch[i] = i < size0 ? 0 : (i < size0 + size1 ? 1 : 2);
+    batch.cell[i] = i < size0 ? 0 : (i < size0 + size1 ? 1 : 2);
     for (int k = 0; k < kFeatureSize; ++k) {
-      batch.features[i * kFeatureSize + k] = k == batch.patch[i] ? 1 : 0;
+      batch.features[i * kFeatureSize + k] = k == batch.cell[i] ? 1 : 0;
     }
   }
   return batch;

@@ -16,8 +16,8 @@ constexpr int kSize = kFeatureSize;
 bool Agree(const PairBatch& batch, int scale, int p, int q) {
   const int words = batch.label_words;
   for (int w = 0; w < words; ++w) {
-    const uint64_t a = batch.labels[(scale * batch.num_patches + batch.patch[p]) * words + w];
-    const uint64_t b = batch.labels[(scale * batch.num_patches + batch.patch[q]) * words + w];
+    const uint64_t a = batch.labels[(scale * batch.num_cells + batch.cell[p]) * words + w];
+    const uint64_t b = batch.labels[(scale * batch.num_cells + batch.cell[q]) * words + w];
     if ((a & b) != 0) return true;
   }
   return false;
@@ -177,21 +177,21 @@ PairBatch RandomPairBatch(int num_pixels, int num_scales, int label_words, uint6
   std::normal_distribution<double> normal;
   batch.num_pixels = num_pixels;
   batch.num_scales = num_scales;
-  batch.num_patches = std::min(num_pixels, 6);
+  batch.num_cells = std::min(num_pixels, 6);
   batch.label_words = label_words;
   for (int i = 0; i < num_pixels * kSize; ++i) {
     batch.features.push_back(static_cast<float>(0.3 * normal(engine) + 0.1));
   }
   for (int i = 0; i < kGateSize; ++i) batch.gate.push_back(static_cast<float>(normal(engine)));
   for (int i = 0; i < num_pixels; ++i) {
-    batch.patch.push_back(static_cast<int32_t>(engine() % batch.num_patches));
-    batch.weight.push_back(static_cast<float>(1 / (50 + 1000.0 * batch.patch.back())));
+    batch.cell.push_back(static_cast<int32_t>(engine() % batch.num_cells));
+    batch.weight.push_back(static_cast<float>(1 / (50 + 1000.0 * batch.cell.back())));
     batch.alpha.push_back(static_cast<float>(0.7 + 0.3 * uniform(engine)));
   }
   for (int i = 0; i < num_scales; ++i) {
     batch.scales.push_back(static_cast<float>(1.2 * uniform(engine)));
   }
-  for (int i = 0; i < num_scales * batch.num_patches * label_words; ++i) {
+  for (int i = 0; i < num_scales * batch.num_cells * label_words; ++i) {
     // Few bits, so that both intersecting and disjoint labels are frequent.
     batch.labels.push_back(uint64_t{1} << (engine() % 3) | uint64_t{engine() % 2} << 40);
   }

@@ -9,10 +9,10 @@ namespace pepeseg {
 
 // A batch for PairLoss on the host, in double. Easy pairs are either all drawn or none.
 struct PairBatch {
-  int num_pixels = 0, num_scales = 0, num_patches = 0, label_words = 1;
+  int num_pixels = 0, num_scales = 0, num_cells = 0, label_words = 1;
   std::vector<double> features, gate;  // [S, 32], [kGateSize] or [kTwoLayerGateSize]
   std::vector<double> weight, alpha, scales;
-  std::vector<int32_t> patch;
+  std::vector<int32_t> cell;
   std::vector<uint64_t> labels;
   float negative_margin = 0;
   bool every_pair = false;  // false: hard and wrong pairs only

@@ -15,8 +15,8 @@ Refined::Refined(Backend& backend, const HostGaussians& scene, const PinholeView
       counts(backend, kNumRefineCounts) {
   // One mask cell for each pixel: the map need not be minimal.
   const int64_t num_pixels = int64_t{view.width} * view.height;
-  std::vector<uint32_t> patches(num_pixels);
-  std::iota(patches.begin(), patches.end(), 0);
+  std::vector<uint32_t> cells(num_pixels);
+  std::iota(cells.begin(), cells.end(), 0);
   std::vector<uint64_t> bits(num_pixels * words);
   std::vector<int64_t> areas;
   for (size_t mask = 0; mask < masks.size(); ++mask) {
@@ -25,8 +25,8 @@ Refined::Refined(Backend& backend, const HostGaussians& scene, const PinholeView
     }
     areas.push_back(std::count(masks[mask].begin(), masks[mask].end(), 1));
   }
-  pixel_patch = Buffer<uint32_t>(backend, std::span<const uint32_t>(patches));
-  patch_bits = Buffer<uint64_t>(backend, std::span<const uint64_t>(bits));
+  pixel_cell = Buffer<uint32_t>(backend, std::span<const uint32_t>(cells));
+  cell_bits = Buffer<uint64_t>(backend, std::span<const uint64_t>(bits));
   mask_area = Buffer<int64_t>(backend, std::span<const int64_t>(areas));
   refinable.Upload(std::vector<int32_t>(scene.count, 1));
   const std::vector<float> sevens(scene.planes.size(), 7);
@@ -39,7 +39,7 @@ Refined::Refined(Backend& backend, const HostGaussians& scene, const PinholeView
 RefineGaussiansArgs Refined::MakeArgs() {
   RefineGaussiansArgs args;
   args.view = rendered.view;
-  args.masks = {words, pixel_patch.span(), patch_bits.span(), mask_area.span()};
+  args.masks = {words, pixel_cell.span(), cell_bits.span(), mask_area.span()};
   args.alpha = rendered.alpha.span();
   args.depth = rendered.depth.span();
   args.candidate_share = 1;

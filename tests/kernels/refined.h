@@ -35,8 +35,8 @@ struct Refined {
 
   Rendered rendered;
   int words;
-  Buffer<uint32_t> pixel_patch;
-  Buffer<uint64_t> patch_bits;
+  Buffer<uint32_t> pixel_cell;
+  Buffer<uint64_t> cell_bits;
   Buffer<int64_t> mask_area;
   Buffer<int32_t> refinable;
   RefineScratch scratch;

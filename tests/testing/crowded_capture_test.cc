@@ -119,8 +119,8 @@ TEST(CrowdedScene, IsTheSameOnEveryCall) {
   for (size_t v = 0; v < a.capture.views.size(); ++v) {
     const View &x = a.capture.views[v], &y = b.capture.views[v];
     EXPECT_EQ(x.photo.pixels, y.photo.pixels);
-    EXPECT_EQ(x.masks.pixel_patch, y.masks.pixel_patch);
-    EXPECT_EQ(x.masks.patch_bits, y.masks.patch_bits);
+    EXPECT_EQ(x.masks.pixel_cell, y.masks.pixel_cell);
+    EXPECT_EQ(x.masks.cell_bits, y.masks.cell_bits);
     EXPECT_EQ(x.depth.values, y.depth.values);
     EXPECT_EQ(x.cam_from_world.rotation.coeffs(), y.cam_from_world.rotation.coeffs());
   }

@@ -84,9 +84,9 @@ struct Choice {
 PEPESEG_HD void ChooseLanes(const PairJob& job, int p, int q, const float (*cosine)[kPairColumns],
                             int offset, Choice& choice) {
   const IntTag d;
-  const uint32_t* row = job.agrees + int64_t{job.patch[p]} * job.args->num_patches;
-  const auto patch = hn::LoadU(d, job.patch + q);
-  const auto agrees = hn::GatherIndex(d, reinterpret_cast<const int32_t*>(row), patch);
+  const uint32_t* row = job.agrees + int64_t{job.cell[p]} * job.args->num_cells;
+  const auto cell = hn::LoadU(d, job.cell + q);
+  const auto agrees = hn::GatherIndex(d, reinterpret_cast<const int32_t*>(row), cell);
   const auto negative = hn::Eq(agrees, hn::Zero(d));
   const auto positive = hn::Eq(agrees, hn::Set(d, (1 << job.num_scales) - 1));
   const auto limit =

@@ -322,8 +322,8 @@ TEST(ImportPriors, EqualsAnImportThatIncludesTheFiles) {
   EXPECT_GT(capture.views[1].masks.num_masks, 3);
   for (size_t i = 0; i < capture.views.size(); ++i) {
     const View &made = capture.views[i], &given = whole.views[i];
-    EXPECT_EQ(made.masks.pixel_patch, given.masks.pixel_patch) << made.name;
-    EXPECT_EQ(made.masks.patch_bits, given.masks.patch_bits) << made.name;
+    EXPECT_EQ(made.masks.pixel_cell, given.masks.pixel_cell) << made.name;
+    EXPECT_EQ(made.masks.cell_bits, given.masks.cell_bits) << made.name;
     EXPECT_EQ(made.depth.kind, given.depth.kind) << made.name;
     ASSERT_EQ(made.depth.values.size(), given.depth.values.size()) << made.name;
     for (size_t k = 0; k < given.depth.values.size(); ++k) {

@@ -27,7 +27,7 @@ struct Drawn {
       all.insert(all.end(), scales[i].begin(), scales[i].end());
     }
     field.scale_quantiles = ScaleQuantiles(all);
-    capture.views[3].ignore.assign(capture.views[3].masks.pixel_patch.size(), 0);
+    capture.views[3].ignore.assign(capture.views[3].masks.pixel_cell.size(), 0);
     for (size_t i = 0; i < 3000; ++i) capture.views[3].ignore[i] = 1;
     views = MakeDrawableViews(capture, OwnMasks(capture), scales);
     drawer.emplace(field, views, options);
@@ -58,7 +58,7 @@ TEST(BatchDrawer, DrawsOnlyPixelsUnderMasksThatAreNotIgnored) {
     const View& view = drawn.capture.views[batch.view];
     ASSERT_EQ(batch.pixels.size(), 200u);
     for (const int32_t pixel : batch.pixels) {
-      EXPECT_NE(view.masks.pixel_patch[pixel], 0u);
+      EXPECT_NE(view.masks.pixel_cell[pixel], 0u);
       EXPECT_TRUE(view.ignore.empty() || view.ignore[pixel] == 0);
     }
   }
@@ -115,7 +115,7 @@ TEST(BatchDrawer, DrawsScalesFromBelowTheSmallestMaskToBeyondTheLargest) {
     const double smallest = QuantileOfScale(drawn.field, 0.3 + 0.01 * batch.view + 1e-6);
     EXPECT_LE(batch.scales.back(), smallest + 1e-6);
     EXPECT_EQ(batch.labels.size(),
-              size_t{10} * batch.num_patches * static_cast<size_t>(batch.label_words));
+              size_t{10} * batch.num_cells * static_cast<size_t>(batch.label_words));
   }
 }
 

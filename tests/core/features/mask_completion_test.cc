@@ -143,8 +143,8 @@ TEST(MaskCompletion, RestoresARemovedMaskAndIsDeterministic) {
   ASSERT_EQ(completed[view].added_scales.size(), 1u);
   EXPECT_GT(Iou(completed[view].masks.Extract(completed[view].masks.num_masks - 1), missing), 0.7);
   for (size_t i = 0; i < completed.size(); ++i) {
-    EXPECT_EQ(completed[i].masks.pixel_patch, again[i].masks.pixel_patch);
-    EXPECT_EQ(completed[i].masks.patch_bits, again[i].masks.patch_bits);
+    EXPECT_EQ(completed[i].masks.pixel_cell, again[i].masks.pixel_cell);
+    EXPECT_EQ(completed[i].masks.cell_bits, again[i].masks.cell_bits);
     EXPECT_EQ(completed[i].added_scales, again[i].added_scales);
   }
 }

@@ -42,7 +42,7 @@ TEST_F(CrossViewTest, FindsMostOfAnObjectUnderMasksOfOtherViews) {
   int num_known = 0;
   for (const int32_t pixel : pixels) {
     const CrossView::Sight sight = cross_view_.Look(view_, pixel);
-    num_known += std::ranges::any_of(sight, [](int32_t patch) { return patch > 0; });
+    num_known += std::ranges::any_of(sight, [](int32_t cell) { return cell > 0; });
   }
   EXPECT_GT(num_known, 0.9 * static_cast<double>(pixels.size()));
 }
@@ -91,7 +91,7 @@ TEST_F(CrossViewTest, KnowsNothingWithoutOtherViews) {
   scene_.views.resize(1);
   const CrossView alone(scene_.reprojection, scene_.views);
   const CrossView::Sight sight = alone.Look(scene_.views[0].view, scene_.views[0].pixels[0]);
-  for (const int32_t patch : sight) EXPECT_EQ(patch, CrossView::kUnknown);
+  for (const int32_t cell : sight) EXPECT_EQ(cell, CrossView::kUnknown);
 }
 
 }  // namespace

@@ -78,7 +78,7 @@ PixelBatch GridBatch(const Prepared& prepared) {
     for (int y = 1; y < kHeight; y += 3) {
       for (int x = 1; x < kWidth; x += 3) {
         const int32_t pixel = y * kWidth + x;
-        const bool covered = prepared.capture.views[0].masks.pixel_patch[pixel] != 0;
+        const bool covered = prepared.capture.views[0].masks.pixel_cell[pixel] != 0;
         if (covered != labelled || (!covered && prepared.edges[pixel] != 0)) continue;
         batch.pixels.push_back(pixel);
       }
@@ -199,8 +199,8 @@ TEST_F(PerceptionCuesTest, ListsLabelledPairsWhereMasksAgreeWithTheCue) {
   const Prepared prepared(std::move(capture), {{0.5f, 0.5f}});
   PixelBatch batch = GridBatch(prepared);
   const auto is_lower = [&](int32_t p) { return batch.pixels[p] / kWidth >= kCut; };
-  for (int p = 0; p < batch.num_labelled; ++p) batch.patch.push_back(is_lower(p) ? 1 : 0);
-  batch.num_patches = 2;
+  for (int p = 0; p < batch.num_labelled; ++p) batch.cell.push_back(is_lower(p) ? 1 : 0);
+  batch.num_cells = 2;
   for (size_t scale = 0; scale < batch.scales.size(); ++scale) {
     batch.labels.insert(batch.labels.end(), {1, 2});  // a mask each
   }

@@ -92,7 +92,7 @@ TEST_F(PrepareFeaturesTest, LeavesOutMasksUnderTheMinimumAgreement) {
   const MaskSet own = capture().views[view].masks;
   std::vector<BinaryMask> masks;
   for (int mask = 0; mask < own.num_masks; ++mask) masks.push_back(own.Extract(mask));
-  BinaryMask stray = {std::vector<uint8_t>(own.pixel_patch.size())};
+  BinaryMask stray = {std::vector<uint8_t>(own.pixel_cell.size())};
   for (int y = own.height / 2; y < own.height; ++y) {
     for (int x = own.width / 2 - 6; x < own.width / 2 + 6; ++x) {
       stray.pixels[static_cast<size_t>(y) * own.width + x] = 1;

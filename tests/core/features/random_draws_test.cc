@@ -14,7 +14,7 @@ namespace pepeseg {
 namespace {
 
 std::vector<int32_t> AllPixels(const MaskSet& masks) {
-  std::vector<int32_t> pixels(masks.pixel_patch.size());
+  std::vector<int32_t> pixels(masks.pixel_cell.size());
   std::iota(pixels.begin(), pixels.end(), 0);
   return pixels;
 }
@@ -41,7 +41,7 @@ class PixelsByMaskTest : public ::testing::Test {
 TEST_F(PixelsByMaskTest, DrawsOnlyPixelsUnderMasks) {
   const PixelsByMask by_mask(*masks_, scales_, AllPixels(*masks_));
   ASSERT_FALSE(by_mask.empty());
-  for (int i = 0; i < 2000; ++i) EXPECT_NE(masks_->pixel_patch[by_mask.Draw(random_)], 0u);
+  for (int i = 0; i < 2000; ++i) EXPECT_NE(masks_->pixel_cell[by_mask.Draw(random_)], 0u);
 }
 
 // A pixel is expected with the probability 1 / (masks * area), summed over the masks that cover it.
@@ -81,7 +81,7 @@ TEST_F(PixelsByMaskTest, DrawsOnlyFromTheGivenPixels) {
   for (int i = 0; i < 500; ++i) {
     const size_t place = by_mask.Draw(random_);
     ASSERT_LT(place, some.size());
-    EXPECT_NE(masks_->pixel_patch[some[place]], 0u);
+    EXPECT_NE(masks_->pixel_cell[some[place]], 0u);
   }
   EXPECT_TRUE(PixelsByMask(*masks_, scales_, {}).empty());
 }

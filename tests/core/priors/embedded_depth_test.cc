@@ -146,7 +146,7 @@ TEST(EmbedPriors, DoesNotDependOnTheNumberOfThreads) {
   EXPECT_OK(EmbedPriors({true, true}, 1, one.capture, proceed));
   EXPECT_OK(EmbedPriors({true, true}, 2, two.capture, proceed));
   for (size_t i = 0; i < one.capture.views.size(); ++i) {
-    EXPECT_EQ(one.capture.views[i].masks.pixel_patch, two.capture.views[i].masks.pixel_patch);
+    EXPECT_EQ(one.capture.views[i].masks.pixel_cell, two.capture.views[i].masks.pixel_cell);
   }
 }
 

@@ -82,7 +82,7 @@ TEST(EmbeddedMasks, LeaveOutIgnoredPixels) {
   ASSERT_FALSE(masks.empty());
   for (size_t i = 0; i < view.ignore.size(); ++i) {
     if (view.ignore[i] != 0) {
-      ASSERT_EQ(masks.pixel_patch[i], 0u);
+      ASSERT_EQ(masks.pixel_cell[i], 0u);
     }
   }
   EXPECT_GT(BestIou(masks, [](int x, int y) { return IsObject(x, y) && x < 100; }), 0.85);

@@ -96,7 +96,7 @@ TEST(Frame, ShowsTheSamePixelsAsTheImport) {
       const MaskSet warped = warp.Masks(BuildMaskSet(lens.width, lens.height, bits, 1.0));
       ASSERT_EQ(warped.num_masks, kBits);
       const std::vector<int32_t> pixels = Frame(WarpedView(lens, image_scale)).PixelsOfView();
-      ASSERT_EQ(pixels.size(), warped.pixel_patch.size());
+      ASSERT_EQ(pixels.size(), warped.pixel_cell.size());
       for (int i = 0; i < static_cast<int>(pixels.size()); ++i) {
         int32_t expected = 0;
         for (int bit = 0; bit < kBits; ++bit) {

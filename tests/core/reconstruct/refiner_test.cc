@@ -188,7 +188,7 @@ TEST(ViewMasks, HoldsTheMaskCellsOfTheTrainingViews) {
   const PatchMap map = view_masks.At(1);
   EXPECT_EQ(map.words, 1);
   const uint64_t want[] = {0b01, 0b11, 0b10, 0};
-  for (int i = 0; i < 4; ++i) EXPECT_EQ(map.patch_bits[map.pixel_patch[i]], want[i]);
+  for (int i = 0; i < 4; ++i) EXPECT_EQ(map.cell_bits[map.pixel_cell[i]], want[i]);
   EXPECT_EQ(map.mask_area[0], 2);
   EXPECT_EQ(map.mask_area[1], 2);
 }

@@ -43,21 +43,21 @@ void ExpectConsistent(const MaskSet& set) {
       for (int mask = 0; mask < set.num_masks; ++mask) {
         if (set.Covers(mask, x, y)) covering.insert(mask);
       }
-      const uint32_t patch = set.pixel_patch[static_cast<size_t>(y) * set.width + x];
-      EXPECT_EQ(masks_of_patch.try_emplace(patch, covering).first->second, covering);
-      EXPECT_EQ(patch_of_masks.try_emplace(covering, patch).first->second, patch);
-      EXPECT_EQ(patch == 0, covering.empty());
+      const uint32_t cell = set.pixel_cell[static_cast<size_t>(y) * set.width + x];
+      EXPECT_EQ(masks_of_patch.try_emplace(cell, covering).first->second, covering);
+      EXPECT_EQ(patch_of_masks.try_emplace(covering, cell).first->second, cell);
+      EXPECT_EQ(cell == 0, covering.empty());
     }
   }
   const int unused = masks_of_patch.contains(0) ? 0 : 1;
-  EXPECT_EQ(set.num_patches(), static_cast<int>(masks_of_patch.size()) + unused);
+  EXPECT_EQ(set.num_cells(), static_cast<int>(masks_of_patch.size()) + unused);
 }
 
 TEST(MaskSet, ReturnsTheMasksItWasBuiltFrom) {
   const std::vector<BinaryMask> masks = {Box(0, 0, 10, 10), Box(5, 5, 15, 12), Box(6, 6, 8, 8)};
   const MaskSet set = BuildMaskSet(kWidth, kHeight, masks);
   ASSERT_EQ(set.num_masks, 3);
-  EXPECT_EQ(set.num_patches(), 5);  // no mask; first; first and second; all three; second
+  EXPECT_EQ(set.num_cells(), 5);  // no mask; first; first and second; all three; second
   EXPECT_EQ(set.mask_area, (std::vector<int64_t>{100, 70, 4}));
   for (int mask = 0; mask < 3; ++mask) EXPECT_EQ(set.Extract(mask).pixels, masks[mask].pixels);
   ExpectConsistent(set);
@@ -87,8 +87,8 @@ TEST(MaskSet, IsTheSameFromRuns) {
   EXPECT_FALSE(builder.AddRuns({}));
   const MaskSet again = std::move(builder).Build();
   EXPECT_EQ(again.mask_area, set.mask_area);
-  EXPECT_EQ(again.pixel_patch, set.pixel_patch);
-  EXPECT_EQ(again.patch_bits, set.patch_bits);
+  EXPECT_EQ(again.pixel_cell, set.pixel_cell);
+  EXPECT_EQ(again.cell_bits, set.cell_bits);
 }
 
 TEST(MaskSet, HasRunsWithoutIgnoredPixels) {
@@ -106,7 +106,7 @@ TEST(MaskSet, HasRunsWithoutIgnoredPixels) {
 
 TEST(MaskSet, KeepsCellZeroWhenAMaskCoversEveryPixel) {
   const MaskSet set = BuildMaskSet(kWidth, kHeight, std::vector{Box(0, 0, kWidth, kHeight)});
-  EXPECT_EQ(set.num_patches(), 2);
+  EXPECT_EQ(set.num_cells(), 2);
   EXPECT_EQ(set.BitsAt(3, 3)[0], 1u);
   ExpectConsistent(set);
 }
@@ -114,7 +114,7 @@ TEST(MaskSet, KeepsCellZeroWhenAMaskCoversEveryPixel) {
 TEST(MaskSet, IsEmptyWithoutMasks) {
   const MaskSet set = BuildMaskSet(kWidth, kHeight, {});
   EXPECT_TRUE(set.empty());
-  EXPECT_TRUE(set.pixel_patch.empty());
+  EXPECT_TRUE(set.pixel_cell.empty());
   EXPECT_EQ(set.BitsAt(1, 1)[0], 0u);
 }
 

@@ -249,7 +249,7 @@ TEST(SegmentPhotograph, EndsWithTheErrorOfItsProgress) {
 TEST(SegmentPhotograph, ReturnsTheSameMasksEachTime) {
   DrawingSegmenter segmenter({{kSmall}, {kBig}, {kFar}});
   const MaskSet first = Segment(segmenter, Grid(12)).masks;
-  EXPECT_EQ(Segment(segmenter, Grid(12)).masks.pixel_patch, first.pixel_patch);
+  EXPECT_EQ(Segment(segmenter, Grid(12)).masks.pixel_cell, first.pixel_cell);
 }
 
 constexpr int kSetWidth = 8, kSetHeight = 4;  // of the masks that JoinMasks joins

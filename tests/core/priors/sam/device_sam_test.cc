@@ -43,8 +43,8 @@ absl::StatusOr<AutomaticMasks> Made(PromptedSegmenter& segmenter, const View& vi
 
 void ExpectSameMasks(const MaskSet& a, const MaskSet& b) {
   EXPECT_EQ(a.mask_area, b.mask_area);
-  EXPECT_EQ(a.pixel_patch, b.pixel_patch);
-  EXPECT_EQ(a.patch_bits, b.patch_bits);
+  EXPECT_EQ(a.pixel_cell, b.pixel_cell);
+  EXPECT_EQ(a.cell_bits, b.cell_bits);
 }
 
 double Iou(const BinaryMask& a, const BinaryMask& b) {

@@ -150,9 +150,9 @@ TEST_F(SamFilesTest, SegmentSeveralPhotographsAtTheSameTime) {
   for (int i = 0; i < 2; ++i) {
     EXPECT_GT(alone[i].num_masks, 0);
     EXPECT_EQ(alone[i].mask_area, together[i].mask_area);
-    EXPECT_EQ(alone[i].pixel_patch, together[i].pixel_patch);
+    EXPECT_EQ(alone[i].pixel_cell, together[i].pixel_cell);
   }
-  EXPECT_NE(alone[0].pixel_patch, alone[1].pixel_patch);
+  EXPECT_NE(alone[0].pixel_cell, alone[1].pixel_cell);
 }
 
 // CUDA fails on every machine: it has no GPU, or the test's files are not the networks.

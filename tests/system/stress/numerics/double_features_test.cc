@@ -39,7 +39,7 @@ Batch RandomBatch(uint64_t seed) {
     // Pixels of a mask cell see the same Gaussians, as those on one part of an object do.
     for (int e = 0; e < kRowLength; ++e) {
       const auto other = static_cast<int32_t>(random() % 5);
-      batch.row_gaussian.push_back((part + 5 * batch.pairs.patch[p] + other) % kNumGaussians);
+      batch.row_gaussian.push_back((part + 5 * batch.pairs.cell[p] + other) % kNumGaussians);
       batch.row_weight.push_back(uniform(random));
     }
     batch.row_first.push_back(static_cast<int32_t>(batch.row_gaussian.size()));
@@ -139,15 +139,15 @@ class SingleFeatures {
     const Buffer<float> weight = Upload(backend_, Floats(pairs.weight));
     const Buffer<float> alpha = Upload(backend_, Floats(pairs.alpha));
     const Buffer<float> scales = Upload(backend_, Floats(pairs.scales));
-    const Buffer<int32_t> patch(backend_, std::span<const int32_t>(pairs.patch));
+    const Buffer<int32_t> cell(backend_, std::span<const int32_t>(pairs.cell));
     const Buffer<uint64_t> labels(backend_, std::span<const uint64_t>(pairs.labels));
     Buffer<double> sums(backend_, kNumPairLossSums);
     backend_.PairLoss({.pixel_features = pixel_features.span(),
                        .pixel_weight = weight.span(),
                        .pixel_alpha = alpha.span(),
-                       .pixel_patch = patch.span(),
+                       .pixel_cell = cell.span(),
                        .labels = labels.span(),
-                       .num_patches = pairs.num_patches,
+                       .num_cells = pairs.num_cells,
                        .label_words = pairs.label_words,
                        .scales = scales.span(),
                        .gate = gate_.span(),
