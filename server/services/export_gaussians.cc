@@ -1,0 +1,171 @@
+#include "server/services/export_gaussians.h"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/model_files/manifest.h"
+#include "server/api/error.h"
+#include "server/worker_protocol/job_folder.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kChunkBytes = int64_t{1} << 20;
+constexpr char kPlyName[] = "gaussians.ply";
+// The message that is being filled, and gRPC's copy of the one that is being sent.
+constexpr int64_t kMessageBytes = 2 * kChunkBytes;
+// Blocks that a task digests, so that a large subset does not monopolise a thread of the pool.
+constexpr int64_t kBlocksPerTask = 16;
+
+}  // namespace
+
+absl::Status ExportGaussiansStream::Open() {
+  opened_ = true;
+  ASSIGN_OR_RETURN(caller_, parts_.runner.authorizer().AuthorizeAndResolve(origin_, request_));
+  RETURN_IF_ERROR(Admit(OwnerOf(caller_, origin_)));
+  RETURN_IF_ERROR(parts_.runner.quotas().Admit(caller_.project, request_));
+  // Quotas and memory are taken before anything is sent, so that a refusal is the call's status.
+  ASSIGN_OR_RETURN(const bool is_subset, OpenSubset());
+  return is_subset ? absl::OkStatus() : OpenModel();
+}
+
+absl::Status ExportGaussiansStream::TakeMemory(const SceneRef& scene, int64_t bytes) {
+  ASSIGN_OR_RETURN(memory_, parts_.models.TakeAnswerMemory(scene.project, bytes + kMessageBytes));
+  return absl::OkStatus();
+}
+
+absl::StatusOr<bool> ExportGaussiansStream::OpenSubset() {
+  if (!request_.has_subset()) return false;
+  ASSIGN_OR_RETURN(ResidentModel model,
+                   parts_.models.Load(caller_.scenes, request_.model(), "model"));
+  ASSIGN_OR_RETURN(
+      const std::optional<GaussianSet> subset,
+      parts_.selections.FindSubset(caller_.scenes, model, request_.subset(), "subset"));
+  if (!subset) return false;
+  RETURN_IF_ERROR(EncodeSubset(std::move(model), &*subset));
+  return true;
+}
+
+absl::Status ExportGaussiansStream::EncodeSubset(ResidentModel model, const GaussianSet* subset) {
+  const Model& of = model->model();
+  const int64_t count = subset == nullptr ? of.gaussians.count : subset->count();
+  RETURN_IF_ERROR(TakeMemory(model.row.scene, count * static_cast<int64_t>(sizeof(uint32_t))));
+  std::vector<uint32_t> indices;
+  // The size is exact, so the vector takes what was reserved in the budget.
+  indices.reserve(static_cast<size_t>(count));
+  for (size_t i = 0; i < static_cast<size_t>(of.gaussians.count); ++i) {
+    if (subset == nullptr || subset->member[i] != 0) indices.push_back(static_cast<uint32_t>(i));
+  }
+  const bool local = request_.coordinates() == v1::PLY_COORDINATES_LOCAL;
+  subset_.emplace(of.gaussians, std::move(indices), of.origin,
+                  local ? PlyCoordinates::kLocal : PlyCoordinates::kWorld);
+  if (local && !of.origin.isZero(0)) {
+    v1::Vector3& origin = *message_.mutable_header()->mutable_origin();
+    origin.set_x(of.origin.x());
+    origin.set_y(of.origin.y());
+    origin.set_z(of.origin.z());
+  }
+  model_ = std::move(model);
+  num_bytes_left_ = subset_->num_bytes();
+  return absl::OkStatus();
+}
+
+Stream::Step ExportGaussiansStream::DigestSome() {
+  const int64_t end = std::min(num_digested_ + kBlocksPerTask, subset_->num_blocks());
+  // The header has the digest of bytes that come after it, so all blocks are encoded before the
+  // first is sent, and again to be sent. Storing them would take as much memory as the file.
+  for (; num_digested_ < end; ++num_digested_) digest_.Add(subset_->Encode(num_digested_));
+  if (end < subset_->num_blocks()) {
+    Wake();  // again, after what waits for the pool
+    return {Next::kIdle, absl::OkStatus()};
+  }
+  v1::ExportGaussiansResponse::Header& header = *message_.mutable_header();
+  header.set_model(model_->name);
+  header.set_num_gaussians(subset_->num_gaussians());
+  header.set_num_bytes(subset_->num_bytes());
+  header.set_sha256(digest_.Hex());
+  return {Next::kIo, absl::OkStatus()};
+}
+
+absl::Status ExportGaussiansStream::OpenModel() {
+  ASSIGN_OR_RETURN(const ModelRow model,
+                   parts_.models.Find(caller_.scenes, request_.model(), "model"));
+  RETURN_IF_ERROR(CheckModelFolder(parts_.models.data_folder(), model.folder));
+  RETURN_IF_ERROR(TakeMemory(model.scene, 0));
+  const std::filesystem::path folder = parts_.models.data_folder() / model.folder;
+  if (request_.coordinates() == v1::PLY_COORDINATES_LOCAL) {
+    // The stored file is in the world. Only where it has doubles is the local one another.
+    ASSIGN_OR_RETURN(const GaussianPlyShape shape,
+                     ReadGaussianPlyShape(folder / kPlyName, kPlyName));
+    if (shape.has_doubles) {
+      ASSIGN_OR_RETURN(ResidentModel resident,
+                       parts_.models.Load(caller_.scenes, request_.model(), "model"));
+      return EncodeSubset(std::move(resident), nullptr);
+    }
+  }
+  ASSIGN_OR_RETURN(const Manifest manifest, ReadManifest(folder));
+  const auto entry =
+      std::find_if(manifest.files.begin(), manifest.files.end(),
+                   [](const ManifestEntry& listed) { return listed.name == kPlyName; });
+  if (entry == manifest.files.end()) {
+    return absl::DataLossError(absl::StrCat(kPlyName, ": not in the model's manifest"));
+  }
+  // The digest in the header is the manifest's, and FillBytes compares the bytes with it at the
+  // end. A file that cannot be opened fails at the first read.
+  sha256_ = entry->sha256;
+  num_bytes_left_ = entry->size;
+  file_.open(folder / kPlyName, std::ios::binary);
+  v1::ExportGaussiansResponse::Header& header = *message_.mutable_header();
+  header.set_model(ChildName(model.scene, "models", model.number));
+  header.set_num_gaussians(model.num_gaussians);
+  header.set_num_bytes(entry->size);
+  header.set_sha256(entry->sha256);
+  return absl::OkStatus();
+}
+
+absl::Status ExportGaussiansStream::FillBytes(std::string& bytes) {
+  if (subset_) {
+    bytes = subset_->Encode(next_block_++);
+    return absl::OkStatus();
+  }
+  const int64_t size = std::min(kChunkBytes, num_bytes_left_);
+  bytes.resize(static_cast<size_t>(size));
+  if (!file_.read(bytes.data(), size)) {
+    return absl::DataLossError(absl::StrCat(kPlyName, ": cannot be read to its end"));
+  }
+  // A subset's bytes are not checked again: they come from memory, not from the disk.
+  digest_.Add(bytes);
+  if (size == num_bytes_left_ && digest_.Hex() != sha256_) {
+    return absl::DataLossError(absl::StrCat(kPlyName, ": fails its checksum"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status ExportGaussiansStream::FillChunk() {
+  v1::ExportGaussiansResponse::Chunk& chunk = *message_.mutable_chunk();
+  RETURN_IF_ERROR(FillBytes(*chunk.mutable_data()));
+  chunk.set_crc32c(Crc32c(chunk.data()));
+  num_bytes_left_ -= static_cast<int64_t>(chunk.data().size());
+  return absl::OkStatus();
+}
+
+Stream::Step ExportGaussiansStream::Work(bool) {
+  absl::Status status;
+  if (!opened_) {
+    status = Open();
+    if (status.ok() && subset_) return DigestSome();
+  } else if (subset_ && num_digested_ < subset_->num_blocks()) {
+    return DigestSome();
+  } else if (num_bytes_left_ == 0) {
+    return {Next::kEnd, absl::OkStatus()};
+  } else {
+    status = FillChunk();
+  }
+  if (!status.ok()) return {Next::kEnd, std::move(status)};
+  return {Next::kIo, absl::OkStatus()};
+}
+
+}  // namespace pepeseg
