@@ -170,7 +170,7 @@ TEST_F(UnreadableFiles, FailOnlyTheRequestsThatNeedThem) {
   const std::optional<Answers> healthy = Serve({});
   ASSERT_TRUE(healthy.has_value());
   for (const auto& [call, answer] : *healthy) EXPECT_OK(answer) << call;
-  std::set<std::string> reported;
+  std::set<std::string> needed;  // kinds of files
   for (const auto& [kind, name] : kinds) {
     SCOPED_TRACE(name);
     const auto answers = Serve({"PEPESEG_FAULT=unreadable-from:1", "PEPESEG_FAULT_FILE=" + name});
@@ -186,14 +186,13 @@ TEST_F(UnreadableFiles, FailOnlyTheRequestsThatNeedThem) {
                       absl::StatusCodeToString(answer.status().code()));
     }
     std::cout << name << ": " << (reported.empty() ? "nobody needs it" : reported) << "\n";
-    if (!reported.empty()) reported.insert(kind);
+    if (!reported.empty()) needed.insert(kind);
   }
-  EXPECT_THAT(reported,
-              ::testing::IsSupersetOf(std::vector<std::string>{
-                  "/pepeseg.db", "/selections/#/#", "/jobs/j#/events-#.log",
-                  "/jobs/j#/attempt-#/manifest.json", "/jobs/j#/attempt-#/model.json",
-                  "/jobs/j#/attempt-#/gaussians.ply", "/jobs/j#/attempt-#/features.bin"}));
-  EXPECT_THAT(reported, ::testing::Contains(::testing::StartsWith("/blobs/")));
+  EXPECT_THAT(needed, ::testing::IsSupersetOf(std::vector<std::string>{
+                          "/pepeseg.db", "/selections/#/#", "/jobs/j#/events-#.log",
+                          "/jobs/j#/attempt-#/manifest.json", "/jobs/j#/attempt-#/model.json",
+                          "/jobs/j#/attempt-#/gaussians.ply", "/jobs/j#/attempt-#/features.bin"}));
+  EXPECT_THAT(needed, ::testing::Contains(::testing::StartsWith("/blobs/")));
   // Without faults, the answers are the same as before.
   const std::optional<Answers> after = Serve({});
   ASSERT_TRUE(after.has_value());
