@@ -31,6 +31,7 @@ absl::StatusOr<SceneRef> FindOnly(Store& store, const std::string& name, const s
   if (scenes.empty()) return of_default;
   if (scenes.size() == 1) return scenes[0];
   std::vector<std::string> projects;
+  projects.reserve(scenes.size());
   for (const SceneRef& scene : scenes) projects.push_back(scene.project);
   return WithDetail(
       absl::FailedPreconditionError(absl::StrCat(

@@ -161,6 +161,7 @@ class CallRunner {
 // In a service with a member `runner_`: declares a unary method, absl::Status METHOD(const
 // UnaryCall&, const REQUEST&, RESPONSE*), which may block, and defines the override of gRPC's
 // method of the same name, which has CallRunner::Run call it.
+// NOLINTBEGIN(bugprone-macro-parentheses): the arguments are types.
 #define PEPESEG_UNARY(METHOD, REQUEST, RESPONSE)                                                 \
   absl::Status METHOD(const ::pepeseg::UnaryCall& call, const REQUEST& request,                  \
                       RESPONSE* response) const;                                                 \
@@ -170,3 +171,4 @@ class CallRunner {
       return METHOD(call, *request, response);                                                   \
     });                                                                                          \
   }
+// NOLINTEND(bugprone-macro-parentheses)
