@@ -235,7 +235,7 @@ absl::Status CentroidTerm::Restore(const CentroidState& state) {
   return SetState(state.random, random_);
 }
 
-// Of the labelled pixels alone.
+// Only the labelled pixels, which come first, count.
 void CentroidTerm::AddGradients(const RowChunk::Step& step, const Spans& spans, int unread_step) {
   const int64_t num_labelled = int64_t{step.batch->num_labelled} * kFeatureSize;
   for (size_t i = 0; i < levels_.size(); ++i) {

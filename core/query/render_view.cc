@@ -18,7 +18,7 @@ int ShrunkSide(int side, double share) {
   return std::max(1, static_cast<int>(std::lround(side * share)));
 }
 
-// What is rendered, and how it becomes the image.
+// The rendered view, and its frame in the image.
 struct Canvas {
   ModelView view;              // the view to render
   std::optional<Frame> frame;  // maps it to the image; none: the same pixels

@@ -66,7 +66,7 @@ absl::StatusOr<DatasetRow> FindEarlier(soci::session& sql, const DatasetRow& wan
   if (!SameFiles(SelectFiles(sql, query), files)) {
     return absl::AlreadyExistsError(
         absl::StrCat("request_id '", wanted.request_id, "' was used to create ",
-                     DatasetName(wanted.scene, number), " of other files"));
+                     ChildName(wanted.scene, "datasets", number), " of other files"));
   }
   return SelectDataset(sql, wanted.scene, number);
 }
@@ -98,8 +98,8 @@ absl::StatusOr<DatasetRow> Seal(soci::session& sql, const DatasetRow& dataset) {
   const std::vector<DatasetFileRow> missing = SelectFiles(sql, query);
   if (!missing.empty()) {
     return absl::FailedPreconditionError(absl::StrCat(
-        DatasetName(dataset.scene, dataset.number), ": ", missing.size(), " of ", dataset.num_files,
-        " files are not uploaded, the first is '", missing[0].path, "'"));
+        ChildName(dataset.scene, "datasets", dataset.number), ": ", missing.size(), " of ",
+        dataset.num_files, " files are not uploaded, the first is '", missing[0].path, "'"));
   }
   const int64_t now = absl::ToUnixMicros(absl::Now());
   sql << "UPDATE datasets SET state = 1, seal_time = :now WHERE scene = :scene AND number = :n",
@@ -114,7 +114,8 @@ absl::StatusOr<DatasetRow> SelectDataset(soci::session& sql, const SceneRef& sce
   RETURN_IF_ERROR(CheckScene(sql, scene));
   std::vector<DatasetRow> rows = SelectDatasets(sql, scene, "=", number, 1);
   if (rows.empty()) {
-    return absl::NotFoundError(absl::StrCat(DatasetName(scene, number), " does not exist"));
+    return absl::NotFoundError(
+        absl::StrCat(ChildName(scene, "datasets", number), " does not exist"));
   }
   return rows[0];
 }

@@ -37,10 +37,6 @@ constexpr char kHeaderColumns[] =
 
 }  // namespace
 
-std::string DatasetName(const SceneRef& scene, int64_t number) {
-  return ChildName(scene, "datasets", number);
-}
-
 std::vector<DatasetFileRow> SelectFiles(soci::session& sql, const FileQuery& query) {
   DatasetFileRow row;
   int stored = 0;
@@ -93,8 +89,8 @@ absl::Status MarkStored(soci::session& sql, const DatasetRow& dataset,
   const std::string columns = absl::StrCat("stored = 1, ", kHeaderColumns);
   const int64_t num_found = UpdateFiles(sql, columns, dataset, files);
   if (num_found == static_cast<int64_t>(files.size())) return absl::OkStatus();
-  return absl::NotFoundError(absl::StrCat(DatasetName(dataset.scene, dataset.number), " has ",
-                                          num_found, " of the ", files.size(),
+  return absl::NotFoundError(absl::StrCat(ChildName(dataset.scene, "datasets", dataset.number),
+                                          " has ", num_found, " of the ", files.size(),
                                           " files that were written"));
 }
 
@@ -117,7 +113,7 @@ absl::StatusOr<DatasetFileRow> FileStore::GetDatasetFile(const SceneRef& scene, 
     std::vector<DatasetFileRow> rows = SelectFiles(sql, {dataset.scene, number, "path =", path, 1});
     if (rows.empty()) {
       return absl::NotFoundError(
-          absl::StrCat(DatasetName(scene, number), " has no file '", path, "'"));
+          absl::StrCat(ChildName(scene, "datasets", number), " has no file '", path, "'"));
     }
     return rows[0];
   });
@@ -157,7 +153,7 @@ absl::Status FileStore::MarkFilesStored(const UploadName& upload,
     if (!refused.ok()) return absl::OkStatus();
     if (dataset->state == DatasetState::kSealed) {
       refused = absl::FailedPreconditionError(
-          absl::StrCat(DatasetName(upload.scene, upload.number), " is sealed"));
+          absl::StrCat(ChildName(upload.scene, "datasets", upload.number), " is sealed"));
       return absl::OkStatus();
     }
     refused = MarkStored(sql, *dataset, files);

@@ -52,7 +52,7 @@ absl::Status CheckStartable(soci::session& sql, const JobRow& job) {
   ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, job.scene, job.dataset));
   if (dataset.state != DatasetState::kSealed) {
     return absl::FailedPreconditionError(
-        absl::StrCat(DatasetName(job.scene, job.dataset), " is not sealed"));
+        absl::StrCat(ChildName(job.scene, "datasets", job.dataset), " is not sealed"));
   }
   const JobRow active = SelectActiveJob(sql, job.scene);
   if (active.id.empty()) return absl::OkStatus();

@@ -13,10 +13,6 @@ namespace {
 
 constexpr int64_t kNewestSelection = std::numeric_limits<int64_t>::max();
 
-std::string SelectionName(const SceneRef& scene, int64_t number) {
-  return ChildName(scene, "selections", number);
-}
-
 // Returns selections of a scene for which "number `condition` `key`" holds, newest first.
 std::vector<SelectionRow> SelectSelections(soci::session& sql, const SceneRef& scene,
                                            const std::string& condition, const PageStart& start,
@@ -50,7 +46,8 @@ absl::StatusOr<SelectionRow> SelectSelection(soci::session& sql, const SceneRef&
   RETURN_IF_ERROR(CheckScene(sql, scene));
   const std::vector<SelectionRow> rows = SelectSelections(sql, scene, "=", {1, ""}, number);
   if (rows.empty()) {
-    return absl::NotFoundError(absl::StrCat(SelectionName(scene, number), " does not exist"));
+    return absl::NotFoundError(
+        absl::StrCat(ChildName(scene, "selections", number), " does not exist"));
   }
   return rows[0];
 }
@@ -68,7 +65,7 @@ absl::StatusOr<std::optional<SelectionRow>> FindEarlier(soci::session& sql, cons
   ASSIGN_OR_RETURN(SelectionRow earlier, SelectSelection(sql, scene, number));
   if (earlier.request_digest == request_digest) return earlier;
   return absl::AlreadyExistsError(absl::StrCat("request_id '", request_id, "' was used to create ",
-                                               SelectionName(scene, number),
+                                               ChildName(scene, "selections", number),
                                                " by asking for something else"));
 }
 

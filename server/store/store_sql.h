@@ -34,8 +34,6 @@ std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_orde
 // Returns the scene's QUEUED or RUNNING job; its id is empty if there is none.
 JobRow SelectActiveJob(soci::session& sql, const SceneRef& scene);
 
-// Returns "scenes/SCENE/datasets/NUMBER".
-std::string DatasetName(const SceneRef& scene, int64_t number);
 // Which files of a dataset to select: those for which `condition`, followed by `key`, holds.
 struct FileQuery {
   SceneRef scene;
