@@ -13,7 +13,8 @@ inline constexpr int kMaxUnreadFeatureSteps = 64;
 // A loss of stage two besides the pair loss, to whose gradients it adds its own.
 class LossTerm {
  public:
-  // What a term reads and adds to, in backend memory. S pixels, the labelled ones first.
+  // The inputs of a term and the gradients that it adds to, in backend memory. S pixels, the
+  // labelled ones first.
   struct Spans {
     DeviceSpan<const float> pixel_features;  // [S, 32]
     DeviceSpan<const float> gate;            // see CentroidLossArgs

@@ -19,8 +19,8 @@
 
 namespace pepeseg {
 
-// What stage two computes before its first step. It does not change while it trains. The views and
-// the cues refer to other members; moving the whole keeps them valid.
+// The inputs of stage two, computed before its first step and constant while it trains. The views
+// and the cues refer to other members; moving the whole keeps them valid.
 struct PreparedFeatures {
   const Capture& capture;
   std::unique_ptr<Renderer> scene = {};       // of the Gaussians

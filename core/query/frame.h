@@ -29,7 +29,7 @@ BinaryMask Resized(const BinaryMask& mask, const ImageSize& from, const ImageSiz
 // Returns the same view at another size in pixels.
 ModelView AtSize(const ModelView& view, int width, int height);
 
-// Whose pixels a request and its answer count. A free camera has its own, whatever the frame.
+// The image whose pixels a request and its answer use. A free camera always uses its own.
 enum class FrameKind { kPhotograph, kView };
 
 // Maps between the pixels of an uploaded photograph, upright, and of the view made from it.

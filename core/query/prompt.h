@@ -77,11 +77,11 @@ struct PromptImage {
 };
 PromptImage ImageOf(const ModelView& view);
 
-// What is wrong with a part of a prompt, a view or a granularity. A status has it as a payload.
+// An invalid part of a prompt, a view or a granularity, as the payload of a status.
 struct PromptFault {
   std::string part;  // "points[3]", "camera.fx", "threshold"; empty: the whole
-  // What is wrong: "point 7,5", "is outside ..."; or a number, "7", "not in [0, 1]"; or no value,
-  // "is required".
+  // The value and the rule that it breaks: "point 7,5" and "is outside ...", or "7" and
+  // "not in [0, 1]". No value: "" and "is required".
   std::string value, limit;
 
   bool is_number() const { return !value.empty() && value.find(' ') == std::string::npos; }

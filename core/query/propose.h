@@ -19,7 +19,7 @@ struct ProposeRequest {
   SegmentOptions options = {};               // of the masks
 };
 
-// What the points of a prompt may mean.
+// Masks that the points of a prompt may stand for.
 struct Proposals {
   Candidates candidates;
   std::vector<SegmentResult> masks;  // [candidates] in the prompt's view

@@ -22,7 +22,8 @@ struct RenderRequest {
   RenderContent content = RenderContent::kColor;
   double share = 1;                   // size of the image, of that of the frame, (0, 1]
   std::optional<GaussianSet> subset;  // renders only these Gaussians; absent: all
-  // Of kColor: tints the pixels of a mask of any size, or those to which a set contributes most.
+  // With kColor only: tints the pixels of a mask of any size, or those to which a set contributes
+  // most.
   std::optional<BinaryMask> overlay;
   ImageSize overlay_size;
   std::optional<GaussianSet> overlay_set;
