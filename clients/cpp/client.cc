@@ -8,7 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "clients/cpp/border_requests.h"
 #include "clients/cpp/call.h"
-#include "clients/cpp/checksums.h"
+#include "clients/cpp/digest.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
 
@@ -69,7 +69,7 @@ bool IsAway(const absl::Status& status) {
 }
 
 // Appends the chunks of an export to `file` and returns its header, the first message of the
-// stream. DATA_LOSS: a chunk fails its CRC, or the whole its size or SHA-256.
+// stream. DATA_LOSS: the whole fails its size or SHA-256.
 absl::StatusOr<Header> Receive(grpc::ClientReader<v1::ExportGaussiansResponse>& stream,
                                OutputFile& file) {
   Header header;
@@ -79,14 +79,9 @@ absl::StatusOr<Header> Receive(grpc::ClientReader<v1::ExportGaussiansResponse>& 
   while (stream.Read(&part)) {
     if (part.has_header()) header = part.header();
     if (!part.has_chunk()) continue;
-    const std::string& data = part.chunk().data();
-    if (Crc32c(data) != part.chunk().crc32c()) {
-      return absl::DataLossError(absl::StrCat("bytes ", size, " to ", size + data.size(),
-                                              " of the PLY fail their checksum"));
-    }
-    sha256.Add(data);
-    size += static_cast<int64_t>(data.size());
-    RETURN_IF_ERROR(file.Append(data));
+    sha256.Add(part.chunk());
+    size += static_cast<int64_t>(part.chunk().size());
+    RETURN_IF_ERROR(file.Append(part.chunk()));
   }
   RETURN_IF_ERROR(FromGrpc(stream.Finish()));
   if (size != header.num_bytes() || sha256.Finish() != header.sha256()) {

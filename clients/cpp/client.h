@@ -75,8 +75,8 @@ class Client {
     v1::GetPhotographResponse::Header header;
     std::string bytes;  // an image file of type header.content_type()
   };
-  // Returns a photograph of a dataset or a model. DATA_LOSS: its bytes fail their checksum, or some
-  // are missing.
+  // Returns a photograph of a dataset or a model. DATA_LOSS: the stored file fails its
+  // SHA-256, or bytes are missing.
   absl::StatusOr<Photograph> GetPhotograph(const v1::GetPhotographRequest& request) const;
 
   // Jobs.

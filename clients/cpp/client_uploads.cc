@@ -17,8 +17,8 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "clients/cpp/call.h"
-#include "clients/cpp/checksums.h"
 #include "clients/cpp/client.h"
+#include "clients/cpp/digest.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
 
@@ -90,9 +90,7 @@ absl::StatusOr<bool> SendFile(FileStream& stream, const std::string& upload, con
     bytes.read(piece.data(), static_cast<std::streamsize>(piece.size()));
     const auto size = static_cast<size_t>(bytes.gcount());
     if (size == 0) break;
-    v1::WriteFilesRequest::Chunk* chunk = request.mutable_chunk();
-    chunk->set_data(piece.data(), size);
-    chunk->set_crc32c(Crc32c(chunk->data()));
+    request.set_chunk(piece.data(), size);
     // A chunk that may be the last leaves together with the end.
     const bool last = size < piece.size();
     if (!stream->Write(request, last ? buffered : grpc::WriteOptions())) return false;
@@ -289,14 +287,7 @@ absl::StatusOr<Client::Photograph> Client::GetPhotograph(
   v1::GetPhotographResponse part;
   while (stream->Read(&part)) {
     if (part.has_header()) photograph.header = part.header();
-    if (!part.has_chunk()) continue;
-    const std::string& data = part.chunk().data();
-    if (Crc32c(data) != part.chunk().crc32c()) {
-      call.Cancel();
-      return absl::DataLossError(absl::StrCat("bytes from ", photograph.bytes.size(),
-                                              " on of the photograph fail their checksum"));
-    }
-    photograph.bytes += data;
+    photograph.bytes += part.chunk();
   }
   RETURN_IF_ERROR(FromGrpc(stream->Finish()));
   if (static_cast<int64_t>(photograph.bytes.size()) != photograph.header.num_bytes()) {

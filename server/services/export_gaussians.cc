@@ -145,10 +145,9 @@ absl::Status ExportGaussiansStream::FillBytes(std::string& bytes) {
 }
 
 absl::Status ExportGaussiansStream::FillChunk() {
-  v1::ExportGaussiansResponse::Chunk& chunk = *message_.mutable_chunk();
-  RETURN_IF_ERROR(FillBytes(*chunk.mutable_data()));
-  chunk.set_crc32c(Crc32c(chunk.data()));
-  num_bytes_left_ -= static_cast<int64_t>(chunk.data().size());
+  std::string& chunk = *message_.mutable_chunk();
+  RETURN_IF_ERROR(FillBytes(chunk));
+  num_bytes_left_ -= static_cast<int64_t>(chunk.size());
   return absl::OkStatus();
 }
 

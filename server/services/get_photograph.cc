@@ -238,18 +238,17 @@ absl::StatusOr<bool> GetPhotographStream::TakePicture() {
 
 absl::Status GetPhotographStream::FillChunk() {
   const int64_t size = std::min(kPhotographChunkBytes, num_bytes_left_);
-  v1::GetPhotographResponse::Chunk& chunk = *message_.mutable_chunk();
-  chunk.mutable_data()->resize(static_cast<size_t>(size));
-  if (!file_->ReadAt(offset_, *chunk.mutable_data())) {
+  std::string& chunk = *message_.mutable_chunk();
+  chunk.resize(static_cast<size_t>(size));
+  if (!file_->ReadAt(offset_, chunk)) {
     return absl::DataLossError(absl::StrCat(row_.path, ": cannot be read to its end"));
   }
-  chunk.set_crc32c(Crc32c(chunk.data()));
   offset_ += size;
   num_bytes_left_ -= size;
   // A picture has no digest. The file of an original is checked while it is sent, so the client
   // learns of damage at the end, as DATA_LOSS.
   if (sha256_.empty()) return absl::OkStatus();
-  digest_.Add(chunk.data());
+  digest_.Add(chunk);
   if (num_bytes_left_ == 0 && digest_.Hex() != sha256_) {
     return absl::DataLossError(absl::StrCat(row_.path, ": the stored file fails its SHA-256"));
   }

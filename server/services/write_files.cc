@@ -3,7 +3,6 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/digest.h"
 #include "core/base/status_macros.h"
 #include "server/api/error.h"
 #include "server/api/resource_name.h"
@@ -223,30 +222,22 @@ absl::Status WriteFilesStream::StartAt(const v1::WriteFilesRequest::Header& head
                      .value = absl::StrCat(header.offset())});
 }
 
-absl::Status WriteFilesStream::TakeChunk(const v1::WriteFilesRequest::Chunk& chunk) {
-  if (chunk.data().empty() || chunk.data().size() > kMaxChunkBytes) {
-    return absl::InvalidArgumentError(absl::StrCat("a chunk of ", chunk.data().size(),
-                                                   " bytes, allowed are 1..", kMaxChunkBytes));
+absl::Status WriteFilesStream::TakeChunk(const std::string& chunk) {
+  if (chunk.empty() || chunk.size() > kMaxChunkBytes) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("a chunk of ", chunk.size(), " bytes, allowed are 1..", kMaxChunkBytes));
   }
-  // Detects damage on the way before the bytes reach the file. The SHA-256 at the end would detect
-  // it too, but only after the whole file has been sent.
-  const uint32_t crc = Crc32c(chunk.data());
-  if (crc != chunk.crc32c()) {
-    return absl::DataLossError(absl::StrCat("the chunk at byte ", file_bytes_, " has the CRC-32C ",
-                                            absl::Hex(crc, absl::kZeroPad8), ", sent was ",
-                                            absl::Hex(chunk.crc32c(), absl::kZeroPad8)));
-  }
-  // A stored file's chunks are counted and checked like others, so that a client's error shows.
-  file_bytes_ += static_cast<int64_t>(chunk.data().size());
-  sent_bytes_ += static_cast<int64_t>(chunk.data().size());
+  // A stored file's chunks are counted like others, so that a client's error shows.
+  file_bytes_ += static_cast<int64_t>(chunk.size());
+  sent_bytes_ += static_cast<int64_t>(chunk.size());
   if (writer_ == nullptr) return absl::OkStatus();
-  unchecked_bytes_ += static_cast<int64_t>(chunk.data().size());
+  unchecked_bytes_ += static_cast<int64_t>(chunk.size());
   if (unchecked_bytes_ >= kCheckedBytes) {
     // NOT_FOUND ends the stream: the collector or a client has deleted the upload.
     RETURN_IF_ERROR(parts_.store.datasets().GetDataset(upload_.scene, upload_.number).status());
     unchecked_bytes_ = 0;
   }
-  return writer_->Append(chunk.data());
+  return writer_->Append(chunk);
 }
 
 absl::Status WriteFilesStream::EndFile() {

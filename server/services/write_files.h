@@ -56,7 +56,7 @@ class WriteFilesStream final : public ReadStream<v1::WriteFilesRequest> {
   // FAILED_PRECONDITION: the upload is sealed.
   absl::Status ListFrom(const std::string& path, const std::string& name, const SceneChild& upload);
   absl::Status StartAt(const v1::WriteFilesRequest::Header& header);
-  absl::Status TakeChunk(const v1::WriteFilesRequest::Chunk& chunk);
+  absl::Status TakeChunk(const std::string& chunk);
   absl::Status EndFile();
 
   const Parts parts_;

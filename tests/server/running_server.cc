@@ -46,8 +46,7 @@ v1::WriteFilesRequest HeaderPart(const std::string& upload, const std::string& p
 
 v1::WriteFilesRequest ChunkPart(const std::string& bytes) {
   v1::WriteFilesRequest part;
-  part.mutable_chunk()->set_data(bytes);
-  part.mutable_chunk()->set_crc32c(Crc32c(bytes));
+  part.set_chunk(bytes);
   return part;
 }
 

@@ -95,8 +95,7 @@ absl::Status ServiceClient::WriteFiles(const v1::Upload& upload,
     stream->Write(request);
     for (size_t offset = 0; offset < file.bytes.size(); offset += kChunkBytes) {
       const std::string data = file.bytes.substr(offset, kChunkBytes);
-      request.mutable_chunk()->set_data(data);
-      request.mutable_chunk()->set_crc32c(Crc32c(data));
+      request.set_chunk(data);
       stream->Write(request);
       sent += data.size();
       if (sent < max_bytes) continue;
@@ -122,8 +121,7 @@ absl::Status ServiceClient::SendFrom(const v1::Upload& upload, const ClientFile&
   bool open = stream->Write(request);
   const auto end = static_cast<size_t>(range.second);
   for (auto at = static_cast<size_t>(range.first); open && at < end; at += kChunkBytes) {
-    request.mutable_chunk()->set_data(file.bytes.substr(at, std::min(kChunkBytes, end - at)));
-    request.mutable_chunk()->set_crc32c(Crc32c(request.chunk().data()));
+    request.set_chunk(file.bytes.substr(at, std::min(kChunkBytes, end - at)));
     open = stream->Write(request);
   }
   if (end == file.bytes.size()) {
@@ -244,7 +242,7 @@ absl::StatusOr<std::string> ServiceClient::Export(const std::string& model) {
   v1::ExportGaussiansResponse part;
   while (stream->Read(&part)) {
     if (part.has_header()) header = part.header();
-    if (part.has_chunk()) ply += part.chunk().data();
+    if (part.has_chunk()) ply += part.chunk();
   }
   const grpc::Status status = stream->Finish();
   if (!status.ok()) return ToStatus(status);

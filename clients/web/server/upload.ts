@@ -9,7 +9,6 @@ import { WriteFilesRequestSchema } from '../gen/pepeseg/v1/dataset_service_pb';
 import { abortedWith, need, queryOf, sendError } from './answer';
 import type { BackEnd } from './back_end';
 import { routing } from './channel';
-import { crc32c } from './crc32c';
 import { passedOn } from './passed_on';
 
 const chunkBytes = 1 << 20;
@@ -49,7 +48,7 @@ async function* messages(request: IncomingMessage): AsyncGenerator<WriteFilesReq
   };
   yield part({ case: 'header', value: header as never });
   for await (const data of pieces(request)) {
-    yield part({ case: 'chunk', value: { data, crc32c: crc32c(data) } as never });
+    yield part({ case: 'chunk', value: data });
   }
   yield part({ case: 'end', value: {} as never });
 }

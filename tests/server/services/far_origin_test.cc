@@ -50,7 +50,7 @@ struct FarOriginTest : ServiceTest {
     std::string ply;
     for (v1::ExportGaussiansResponse part; stream->Read(&part);) {
       if (part.has_header()) header = part.header();
-      ply += part.chunk().data();
+      ply += part.chunk();
     }
     EXPECT_OK(stream->Finish());
     EXPECT_EQ(header.sha256(), Sha256Hex(ply));

@@ -72,8 +72,7 @@ double UploadRate(const std::shared_ptr<grpc::Channel>& channel, const std::stri
   part.mutable_header()->set_upload(upload.name());
   part.mutable_header()->set_path("a.jpg");
   stream->Write(part);
-  part.mutable_chunk()->set_data(chunk);
-  part.mutable_chunk()->set_crc32c(Crc32c(chunk));
+  part.set_chunk(chunk);
   for (int64_t i = 0; i < num_chunks; ++i) {
     if (!stream->Write(part)) break;
   }

@@ -45,8 +45,7 @@ bool WriteFile(grpc::ClientWriter<v1::WriteFilesRequest>& stream, const std::str
   part.mutable_header()->set_path(file.path);
   bool open = stream.Write(part);
   for (size_t begin = 0; open && begin < file.bytes.size(); begin += kChunk) {
-    part.mutable_chunk()->set_data(file.bytes.substr(begin, kChunk));
-    part.mutable_chunk()->set_crc32c(Crc32c(part.chunk().data()));
+    part.set_chunk(file.bytes.substr(begin, kChunk));
     open = stream.Write(part);
   }
   part.mutable_end();

@@ -96,7 +96,7 @@ class UnreadableFiles : public ::testing::Test {
     request.mutable_subset()->set_selection(life_.selection());
     const auto stream = stub->ExportGaussians(&context, request);
     std::string ply;
-    for (v1::ExportGaussiansResponse part; stream->Read(&part);) ply += part.chunk().data();
+    for (v1::ExportGaussiansResponse part; stream->Read(&part);) ply += part.chunk();
     const grpc::Status status = stream->Finish();
     if (status.ok()) return Sha256Hex(ply);
     return absl::Status(static_cast<absl::StatusCode>(status.error_code()), status.error_message());

@@ -12,7 +12,6 @@ import warnings
 
 from pepeseg import errors
 from pepeseg.calls import Pause, Place, Send, Steps, Unary, Work, all_pages, new_request_id
-from pepeseg.crc32c import crc32c
 from pepeseg.dataset import Dataset, DatasetFile, read_folder
 from pepeseg.progress import Bar
 from pepeseg.scenes import create_scene
@@ -126,7 +125,7 @@ class _Rest:
             with open(file.path, "rb") as stream:
                 stream.seek(offset)
                 while piece := stream.read(_CHUNK_BYTES):
-                    yield request(chunk=request.Chunk(data=piece, crc32c=crc32c(piece)))
+                    yield request(chunk=piece)
                     done += len(piece)
                     self._tell(done, self.num_bytes)
             yield request(end=request.End())

@@ -9,7 +9,6 @@ import { Code, ConnectError } from '@connectrpc/connect';
 import { expect, test } from '@playwright/test';
 import type { BackEnd } from '../../server/back_end';
 import type { Config } from '../../server/config';
-import { crc32c } from '../../server/crc32c';
 import { createWebServer } from '../../server/web_server';
 
 /** More bytes than the sockets on the way buffer. */
@@ -39,7 +38,7 @@ async function* endlessPly(_: unknown, { signal }: { signal: AbortSignal }) {
     yield { part: { case: 'header', value: { numBytes: 1n << 40n, sha256: '', numGaussians: 1n } } };
     for (;;) {
       await Promise.race([gone, new Promise((resolve) => setTimeout(resolve, 1))]);
-      yield { part: { case: 'chunk', value: { data, crc32c: crc32c(data) } } };
+      yield { part: { case: 'chunk', value: data } };
     }
   } finally {
     upstream.open -= 1;
@@ -55,7 +54,7 @@ async function* endlessPhotograph(_: unknown, { signal }: { signal: AbortSignal 
     yield { part: { case: 'header', value: { numBytes: 1n << 40n, contentType: 'image/jpeg' } } };
     for (;;) {
       await Promise.race([gone, new Promise((resolve) => setTimeout(resolve, 1))]);
-      yield { part: { case: 'chunk', value: { data, crc32c: crc32c(data) } } };
+      yield { part: { case: 'chunk', value: data } };
     }
   } finally {
     upstream.open -= 1;

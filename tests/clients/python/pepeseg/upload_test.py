@@ -9,7 +9,6 @@ import pytest
 import pepeseg
 from conftest import SHELF, Pepesegd
 from pepeseg import importers
-from pepeseg.crc32c import crc32c
 from pepeseg.dataset import FileKind, kind_of, read_folder
 
 MIB = 1 << 20
@@ -19,26 +18,6 @@ def put(root, *names):
     for name in names:
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_bytes(os.fsencode(name))
-
-
-class TestCrc32c:
-    def test_published_values(self):
-        # RFC 3720, B.4, and the check value of the catalogues.
-        assert crc32c(b"123456789") == 0xE3069283
-        assert crc32c(b"\0" * 32) == 0x8A9136AA
-        assert crc32c(b"\xff" * 32) == 0x62A8AB43
-        assert crc32c(bytes(range(32))) == 0x46DD794E
-        assert crc32c(b"") == 0
-
-    def test_every_length_matches_the_bitwise_definition(self):
-        for length in [*range(70), 1023, 4096, 131_071, 131_072, 131_073]:
-            data = os.urandom(length)
-            register = 0xFFFFFFFF
-            for byte in data:
-                register ^= byte
-                for _ in range(8):
-                    register = (register >> 1) ^ (0x82F63B78 if register & 1 else 0)
-            assert crc32c(data) == register ^ 0xFFFFFFFF, length
 
 
 class TestFolder:

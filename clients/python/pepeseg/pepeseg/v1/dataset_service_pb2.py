@@ -17,7 +17,7 @@ from pepeseg.v1 import access_pb2 as pepeseg_dot_v1_dot_access__pb2
 from pepeseg.v1 import prompt_pb2 as pepeseg_dot_v1_dot_prompt__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n pepeseg/v1/dataset_service.proto\x12\npepeseg.v1\x1a\x1bgoogle/protobuf/empty.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x17pepeseg/v1/prompt.proto\"a\n\x0f\x46ileDeclaration\x12\x0c\n\x04path\x18\x01 \x01(\t\x12\"\n\x04kind\x18\x02 \x01(\x0e\x32\x14.pepeseg.v1.FileKind\x12\x0c\n\x04size\x18\x03 \x01(\x03\x12\x0e\n\x06sha256\x18\x04 \x01(\t\"\x81\x02\n\x06Upload\x12\x0c\n\x04name\x18\x01 \x01(\t\x12/\n\x0b\x63reate_time\x18\x02 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x11\n\tnum_files\x18\x03 \x01(\x03\x12\x11\n\tnum_bytes\x18\x04 \x01(\x03\x12\x15\n\rmissing_files\x18\x05 \x03(\t\x12\x0e\n\x06sealed\x18\x06 \x01(\x08\x12\x35\n\rpartial_files\x18\x07 \x03(\x0b\x32\x1e.pepeseg.v1.Upload.PartialFile\x1a\x34\n\x0bPartialFile\x12\x0c\n\x04path\x18\x01 \x01(\t\x12\x17\n\x0f\x63ommitted_bytes\x18\x02 \x01(\x03\"\xad\x01\n\x07\x44\x61taset\x12\x0c\n\x04name\x18\x01 \x01(\t\x12/\n\x0b\x63reate_time\x18\x02 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12-\n\tseal_time\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x11\n\tnum_files\x18\x04 \x01(\x03\x12\x11\n\tnum_bytes\x18\x05 \x01(\x03\x12\x0e\n\x06\x61\x64vice\x18\x06 \x03(\t\"e\n\x13\x43reateUploadRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12*\n\x05\x66iles\x18\x02 \x03(\x0b\x32\x1b.pepeseg.v1.FileDeclaration\x12\x12\n\nrequest_id\x18\x03 \x01(\t\" \n\x10GetUploadRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"#\n\x13\x44\x65leteUploadRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"\xa1\x02\n\x11WriteFilesRequest\x12\x36\n\x06header\x18\x01 \x01(\x0b\x32$.pepeseg.v1.WriteFilesRequest.HeaderH\x00\x12\x34\n\x05\x63hunk\x18\x02 \x01(\x0b\x32#.pepeseg.v1.WriteFilesRequest.ChunkH\x00\x12\x30\n\x03\x65nd\x18\x03 \x01(\x0b\x32!.pepeseg.v1.WriteFilesRequest.EndH\x00\x1a\x36\n\x06Header\x12\x0e\n\x06upload\x18\x01 \x01(\t\x12\x0c\n\x04path\x18\x02 \x01(\t\x12\x0e\n\x06offset\x18\x03 \x01(\x03\x1a%\n\x05\x43hunk\x12\x0c\n\x04\x64\x61ta\x18\x01 \x01(\x0c\x12\x0e\n\x06\x63rc32c\x18\x02 \x01(\x07\x1a\x05\n\x03\x45ndB\x06\n\x04part\":\n\x12WriteFilesResponse\x12\x11\n\tnum_files\x18\x01 \x01(\x03\x12\x11\n\tnum_bytes\x18\x02 \x01(\x03\"!\n\x11SealUploadRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"!\n\x11GetDatasetRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"L\n\x13ListDatasetsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"V\n\x14ListDatasetsResponse\x12%\n\x08\x64\x61tasets\x18\x01 \x03(\x0b\x32\x13.pepeseg.v1.Dataset\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\x85\x01\n\x14GetPhotographRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x12\n\nphotograph\x18\x02 \x01(\t\x12%\n\x05\x66rame\x18\x03 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x12\x10\n\x08max_side\x18\x04 \x01(\x05\x12\x10\n\x08original\x18\x05 \x01(\x08\"\x8e\x02\n\x15GetPhotographResponse\x12:\n\x06header\x18\x01 \x01(\x0b\x32(.pepeseg.v1.GetPhotographResponse.HeaderH\x00\x12\x38\n\x05\x63hunk\x18\x02 \x01(\x0b\x32\'.pepeseg.v1.GetPhotographResponse.ChunkH\x00\x1aP\n\x06Header\x12\r\n\x05width\x18\x01 \x01(\x05\x12\x0e\n\x06height\x18\x02 \x01(\x05\x12\x14\n\x0c\x63ontent_type\x18\x03 \x01(\t\x12\x11\n\tnum_bytes\x18\x04 \x01(\x03\x1a%\n\x05\x43hunk\x12\x0c\n\x04\x64\x61ta\x18\x01 \x01(\x0c\x12\x0e\n\x06\x63rc32c\x18\x02 \x01(\x07\x42\x06\n\x04part*\xf0\x01\n\x08\x46ileKind\x12\x19\n\x15\x46ILE_KIND_UNSPECIFIED\x10\x00\x12\x13\n\x0f\x46ILE_KIND_IMAGE\x10\x01\x12\x13\n\x0f\x46ILE_KIND_POSES\x10\x02\x12\x12\n\x0e\x46ILE_KIND_MASK\x10\x03\x12\x19\n\x15\x46ILE_KIND_IGNORE_MASK\x10\x04\x12\x13\n\x0f\x46ILE_KIND_DEPTH\x10\x05\x12\x14\n\x10\x46ILE_KIND_POINTS\x10\x06\x12\x17\n\x13\x46ILE_KIND_DISPARITY\x10\x07\x12\x17\n\x13\x46ILE_KIND_GAUSSIANS\x10\x08\x12\x13\n\x0f\x46ILE_KIND_VIDEO\x10\t2\xea\x05\n\x0e\x44\x61tasetService\x12U\n\x0c\x43reateUpload\x12\x1f.pepeseg.v1.CreateUploadRequest\x1a\x12.pepeseg.v1.Upload\"\x10\x8a\xe2\x18\x0c\x08\x02\x12\x06parent\x18\x02\x12M\n\tGetUpload\x12\x1c.pepeseg.v1.GetUploadRequest\x1a\x12.pepeseg.v1.Upload\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x02\x12W\n\x0c\x44\x65leteUpload\x12\x1f.pepeseg.v1.DeleteUploadRequest\x1a\x16.google.protobuf.Empty\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x02\x12\x66\n\nWriteFiles\x12\x1d.pepeseg.v1.WriteFilesRequest\x1a\x1e.pepeseg.v1.WriteFilesResponse\"\x17\x8a\xe2\x18\x13\x08\x02\x12\rheader.upload\x18\x02(\x01\x12P\n\nSealUpload\x12\x1d.pepeseg.v1.SealUploadRequest\x1a\x13.pepeseg.v1.Dataset\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x02\x12P\n\nGetDataset\x12\x1d.pepeseg.v1.GetDatasetRequest\x1a\x13.pepeseg.v1.Dataset\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x01\x12\x63\n\x0cListDatasets\x12\x1f.pepeseg.v1.ListDatasetsRequest\x1a .pepeseg.v1.ListDatasetsResponse\"\x10\x8a\xe2\x18\x0c\x08\x01\x12\x06parent\x18\x01\x12h\n\rGetPhotograph\x12 .pepeseg.v1.GetPhotographRequest\x1a!.pepeseg.v1.GetPhotographResponse\"\x10\x8a\xe2\x18\x0c\x08\x01\x12\x06parent\x18\x01\x30\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n pepeseg/v1/dataset_service.proto\x12\npepeseg.v1\x1a\x1bgoogle/protobuf/empty.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x17pepeseg/v1/prompt.proto\"a\n\x0f\x46ileDeclaration\x12\x0c\n\x04path\x18\x01 \x01(\t\x12\"\n\x04kind\x18\x02 \x01(\x0e\x32\x14.pepeseg.v1.FileKind\x12\x0c\n\x04size\x18\x03 \x01(\x03\x12\x0e\n\x06sha256\x18\x04 \x01(\t\"\x81\x02\n\x06Upload\x12\x0c\n\x04name\x18\x01 \x01(\t\x12/\n\x0b\x63reate_time\x18\x02 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x11\n\tnum_files\x18\x03 \x01(\x03\x12\x11\n\tnum_bytes\x18\x04 \x01(\x03\x12\x15\n\rmissing_files\x18\x05 \x03(\t\x12\x0e\n\x06sealed\x18\x06 \x01(\x08\x12\x35\n\rpartial_files\x18\x07 \x03(\x0b\x32\x1e.pepeseg.v1.Upload.PartialFile\x1a\x34\n\x0bPartialFile\x12\x0c\n\x04path\x18\x01 \x01(\t\x12\x17\n\x0f\x63ommitted_bytes\x18\x02 \x01(\x03\"\xad\x01\n\x07\x44\x61taset\x12\x0c\n\x04name\x18\x01 \x01(\t\x12/\n\x0b\x63reate_time\x18\x02 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12-\n\tseal_time\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x11\n\tnum_files\x18\x04 \x01(\x03\x12\x11\n\tnum_bytes\x18\x05 \x01(\x03\x12\x0e\n\x06\x61\x64vice\x18\x06 \x03(\t\"e\n\x13\x43reateUploadRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12*\n\x05\x66iles\x18\x02 \x03(\x0b\x32\x1b.pepeseg.v1.FileDeclaration\x12\x12\n\nrequest_id\x18\x03 \x01(\t\" \n\x10GetUploadRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"#\n\x13\x44\x65leteUploadRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"\xd5\x01\n\x11WriteFilesRequest\x12\x36\n\x06header\x18\x01 \x01(\x0b\x32$.pepeseg.v1.WriteFilesRequest.HeaderH\x00\x12\x0f\n\x05\x63hunk\x18\x02 \x01(\x0cH\x00\x12\x30\n\x03\x65nd\x18\x03 \x01(\x0b\x32!.pepeseg.v1.WriteFilesRequest.EndH\x00\x1a\x36\n\x06Header\x12\x0e\n\x06upload\x18\x01 \x01(\t\x12\x0c\n\x04path\x18\x02 \x01(\t\x12\x0e\n\x06offset\x18\x03 \x01(\x03\x1a\x05\n\x03\x45ndB\x06\n\x04part\":\n\x12WriteFilesResponse\x12\x11\n\tnum_files\x18\x01 \x01(\x03\x12\x11\n\tnum_bytes\x18\x02 \x01(\x03\"!\n\x11SealUploadRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"!\n\x11GetDatasetRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"L\n\x13ListDatasetsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"V\n\x14ListDatasetsResponse\x12%\n\x08\x64\x61tasets\x18\x01 \x03(\x0b\x32\x13.pepeseg.v1.Dataset\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\x85\x01\n\x14GetPhotographRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x12\n\nphotograph\x18\x02 \x01(\t\x12%\n\x05\x66rame\x18\x03 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x12\x10\n\x08max_side\x18\x04 \x01(\x05\x12\x10\n\x08original\x18\x05 \x01(\x08\"\xbe\x01\n\x15GetPhotographResponse\x12:\n\x06header\x18\x01 \x01(\x0b\x32(.pepeseg.v1.GetPhotographResponse.HeaderH\x00\x12\x0f\n\x05\x63hunk\x18\x02 \x01(\x0cH\x00\x1aP\n\x06Header\x12\r\n\x05width\x18\x01 \x01(\x05\x12\x0e\n\x06height\x18\x02 \x01(\x05\x12\x14\n\x0c\x63ontent_type\x18\x03 \x01(\t\x12\x11\n\tnum_bytes\x18\x04 \x01(\x03\x42\x06\n\x04part*\xf0\x01\n\x08\x46ileKind\x12\x19\n\x15\x46ILE_KIND_UNSPECIFIED\x10\x00\x12\x13\n\x0f\x46ILE_KIND_IMAGE\x10\x01\x12\x13\n\x0f\x46ILE_KIND_POSES\x10\x02\x12\x12\n\x0e\x46ILE_KIND_MASK\x10\x03\x12\x19\n\x15\x46ILE_KIND_IGNORE_MASK\x10\x04\x12\x13\n\x0f\x46ILE_KIND_DEPTH\x10\x05\x12\x14\n\x10\x46ILE_KIND_POINTS\x10\x06\x12\x17\n\x13\x46ILE_KIND_DISPARITY\x10\x07\x12\x17\n\x13\x46ILE_KIND_GAUSSIANS\x10\x08\x12\x13\n\x0f\x46ILE_KIND_VIDEO\x10\t2\xea\x05\n\x0e\x44\x61tasetService\x12U\n\x0c\x43reateUpload\x12\x1f.pepeseg.v1.CreateUploadRequest\x1a\x12.pepeseg.v1.Upload\"\x10\x8a\xe2\x18\x0c\x08\x02\x12\x06parent\x18\x02\x12M\n\tGetUpload\x12\x1c.pepeseg.v1.GetUploadRequest\x1a\x12.pepeseg.v1.Upload\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x02\x12W\n\x0c\x44\x65leteUpload\x12\x1f.pepeseg.v1.DeleteUploadRequest\x1a\x16.google.protobuf.Empty\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x02\x12\x66\n\nWriteFiles\x12\x1d.pepeseg.v1.WriteFilesRequest\x1a\x1e.pepeseg.v1.WriteFilesResponse\"\x17\x8a\xe2\x18\x13\x08\x02\x12\rheader.upload\x18\x02(\x01\x12P\n\nSealUpload\x12\x1d.pepeseg.v1.SealUploadRequest\x1a\x13.pepeseg.v1.Dataset\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x02\x12P\n\nGetDataset\x12\x1d.pepeseg.v1.GetDatasetRequest\x1a\x13.pepeseg.v1.Dataset\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x01\x12\x63\n\x0cListDatasets\x12\x1f.pepeseg.v1.ListDatasetsRequest\x1a .pepeseg.v1.ListDatasetsResponse\"\x10\x8a\xe2\x18\x0c\x08\x01\x12\x06parent\x18\x01\x12h\n\rGetPhotograph\x12 .pepeseg.v1.GetPhotographRequest\x1a!.pepeseg.v1.GetPhotographResponse\"\x10\x8a\xe2\x18\x0c\x08\x01\x12\x06parent\x18\x01\x30\x01\x62\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.dataset_service_pb2', globals())
@@ -40,8 +40,8 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _DATASETSERVICE.methods_by_name['ListDatasets']._serialized_options = b'\212\342\030\014\010\001\022\006parent\030\001'
   _DATASETSERVICE.methods_by_name['GetPhotograph']._options = None
   _DATASETSERVICE.methods_by_name['GetPhotograph']._serialized_options = b'\212\342\030\014\010\001\022\006parent\030\001'
-  _FILEKIND._serialized_start=1867
-  _FILEKIND._serialized_end=2107
+  _FILEKIND._serialized_start=1711
+  _FILEKIND._serialized_end=1951
   _FILEDECLARATION._serialized_start=160
   _FILEDECLARATION._serialized_end=257
   _UPLOAD._serialized_start=260
@@ -57,31 +57,27 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _DELETEUPLOADREQUEST._serialized_start=832
   _DELETEUPLOADREQUEST._serialized_end=867
   _WRITEFILESREQUEST._serialized_start=870
-  _WRITEFILESREQUEST._serialized_end=1159
-  _WRITEFILESREQUEST_HEADER._serialized_start=1051
-  _WRITEFILESREQUEST_HEADER._serialized_end=1105
-  _WRITEFILESREQUEST_CHUNK._serialized_start=1107
-  _WRITEFILESREQUEST_CHUNK._serialized_end=1144
-  _WRITEFILESREQUEST_END._serialized_start=1146
-  _WRITEFILESREQUEST_END._serialized_end=1151
-  _WRITEFILESRESPONSE._serialized_start=1161
-  _WRITEFILESRESPONSE._serialized_end=1219
-  _SEALUPLOADREQUEST._serialized_start=1221
-  _SEALUPLOADREQUEST._serialized_end=1254
-  _GETDATASETREQUEST._serialized_start=1256
-  _GETDATASETREQUEST._serialized_end=1289
-  _LISTDATASETSREQUEST._serialized_start=1291
-  _LISTDATASETSREQUEST._serialized_end=1367
-  _LISTDATASETSRESPONSE._serialized_start=1369
-  _LISTDATASETSRESPONSE._serialized_end=1455
-  _GETPHOTOGRAPHREQUEST._serialized_start=1458
-  _GETPHOTOGRAPHREQUEST._serialized_end=1591
-  _GETPHOTOGRAPHRESPONSE._serialized_start=1594
-  _GETPHOTOGRAPHRESPONSE._serialized_end=1864
-  _GETPHOTOGRAPHRESPONSE_HEADER._serialized_start=1737
-  _GETPHOTOGRAPHRESPONSE_HEADER._serialized_end=1817
-  _GETPHOTOGRAPHRESPONSE_CHUNK._serialized_start=1107
-  _GETPHOTOGRAPHRESPONSE_CHUNK._serialized_end=1144
-  _DATASETSERVICE._serialized_start=2110
-  _DATASETSERVICE._serialized_end=2856
+  _WRITEFILESREQUEST._serialized_end=1083
+  _WRITEFILESREQUEST_HEADER._serialized_start=1014
+  _WRITEFILESREQUEST_HEADER._serialized_end=1068
+  _WRITEFILESREQUEST_END._serialized_start=1070
+  _WRITEFILESREQUEST_END._serialized_end=1075
+  _WRITEFILESRESPONSE._serialized_start=1085
+  _WRITEFILESRESPONSE._serialized_end=1143
+  _SEALUPLOADREQUEST._serialized_start=1145
+  _SEALUPLOADREQUEST._serialized_end=1178
+  _GETDATASETREQUEST._serialized_start=1180
+  _GETDATASETREQUEST._serialized_end=1213
+  _LISTDATASETSREQUEST._serialized_start=1215
+  _LISTDATASETSREQUEST._serialized_end=1291
+  _LISTDATASETSRESPONSE._serialized_start=1293
+  _LISTDATASETSRESPONSE._serialized_end=1379
+  _GETPHOTOGRAPHREQUEST._serialized_start=1382
+  _GETPHOTOGRAPHREQUEST._serialized_end=1515
+  _GETPHOTOGRAPHRESPONSE._serialized_start=1518
+  _GETPHOTOGRAPHRESPONSE._serialized_end=1708
+  _GETPHOTOGRAPHRESPONSE_HEADER._serialized_start=1620
+  _GETPHOTOGRAPHRESPONSE_HEADER._serialized_end=1700
+  _DATASETSERVICE._serialized_start=1954
+  _DATASETSERVICE._serialized_end=2700
 # @@protoc_insertion_point(module_scope)

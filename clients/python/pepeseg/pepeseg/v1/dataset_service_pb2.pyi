@@ -86,13 +86,6 @@ class GetPhotographRequest(_message.Message):
 
 class GetPhotographResponse(_message.Message):
     __slots__ = ["chunk", "header"]
-    class Chunk(_message.Message):
-        __slots__ = ["crc32c", "data"]
-        CRC32C_FIELD_NUMBER: _ClassVar[int]
-        DATA_FIELD_NUMBER: _ClassVar[int]
-        crc32c: int
-        data: bytes
-        def __init__(self, data: _Optional[bytes] = ..., crc32c: _Optional[int] = ...) -> None: ...
     class Header(_message.Message):
         __slots__ = ["content_type", "height", "num_bytes", "width"]
         CONTENT_TYPE_FIELD_NUMBER: _ClassVar[int]
@@ -106,9 +99,9 @@ class GetPhotographResponse(_message.Message):
         def __init__(self, width: _Optional[int] = ..., height: _Optional[int] = ..., content_type: _Optional[str] = ..., num_bytes: _Optional[int] = ...) -> None: ...
     CHUNK_FIELD_NUMBER: _ClassVar[int]
     HEADER_FIELD_NUMBER: _ClassVar[int]
-    chunk: GetPhotographResponse.Chunk
+    chunk: bytes
     header: GetPhotographResponse.Header
-    def __init__(self, header: _Optional[_Union[GetPhotographResponse.Header, _Mapping]] = ..., chunk: _Optional[_Union[GetPhotographResponse.Chunk, _Mapping]] = ...) -> None: ...
+    def __init__(self, header: _Optional[_Union[GetPhotographResponse.Header, _Mapping]] = ..., chunk: _Optional[bytes] = ...) -> None: ...
 
 class GetUploadRequest(_message.Message):
     __slots__ = ["name"]
@@ -167,13 +160,6 @@ class Upload(_message.Message):
 
 class WriteFilesRequest(_message.Message):
     __slots__ = ["chunk", "end", "header"]
-    class Chunk(_message.Message):
-        __slots__ = ["crc32c", "data"]
-        CRC32C_FIELD_NUMBER: _ClassVar[int]
-        DATA_FIELD_NUMBER: _ClassVar[int]
-        crc32c: int
-        data: bytes
-        def __init__(self, data: _Optional[bytes] = ..., crc32c: _Optional[int] = ...) -> None: ...
     class End(_message.Message):
         __slots__ = []
         def __init__(self) -> None: ...
@@ -189,10 +175,10 @@ class WriteFilesRequest(_message.Message):
     CHUNK_FIELD_NUMBER: _ClassVar[int]
     END_FIELD_NUMBER: _ClassVar[int]
     HEADER_FIELD_NUMBER: _ClassVar[int]
-    chunk: WriteFilesRequest.Chunk
+    chunk: bytes
     end: WriteFilesRequest.End
     header: WriteFilesRequest.Header
-    def __init__(self, header: _Optional[_Union[WriteFilesRequest.Header, _Mapping]] = ..., chunk: _Optional[_Union[WriteFilesRequest.Chunk, _Mapping]] = ..., end: _Optional[_Union[WriteFilesRequest.End, _Mapping]] = ...) -> None: ...
+    def __init__(self, header: _Optional[_Union[WriteFilesRequest.Header, _Mapping]] = ..., chunk: _Optional[bytes] = ..., end: _Optional[_Union[WriteFilesRequest.End, _Mapping]] = ...) -> None: ...
 
 class WriteFilesResponse(_message.Message):
     __slots__ = ["num_bytes", "num_files"]

@@ -119,11 +119,11 @@ class DatasetServiceServicer(object):
         time (otherwise: ABORTED).
 
         OUT_OF_RANGE: the offset is not the committed one (value: the offset, limit: the committed
-        offset). RESOURCE_EXHAUSTED: the project's quota or the disk is full. DATA_LOSS: a chunk fails
-        its CRC, or a file its SHA-256. INVALID_ARGUMENT: more or fewer bytes than declared, or
-        messages out of order. NOT_FOUND: the upload does not list the file. FAILED_PRECONDITION: the
-        upload is sealed. An error ends the stream; files that ended before it are kept. If the upload
-        is deleted meanwhile, nothing is kept.
+        offset). RESOURCE_EXHAUSTED: the project's quota or the disk is full. DATA_LOSS: a file fails its
+        SHA-256. INVALID_ARGUMENT: more or fewer bytes than declared, or messages out of order.
+        NOT_FOUND: the upload does not list the file. FAILED_PRECONDITION: the upload is sealed. An error
+        ends the stream; files that ended before it are kept. If the upload is deleted meanwhile, nothing
+        is kept.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

@@ -26,13 +26,6 @@ class ExportGaussiansRequest(_message.Message):
 
 class ExportGaussiansResponse(_message.Message):
     __slots__ = ["chunk", "header"]
-    class Chunk(_message.Message):
-        __slots__ = ["crc32c", "data"]
-        CRC32C_FIELD_NUMBER: _ClassVar[int]
-        DATA_FIELD_NUMBER: _ClassVar[int]
-        crc32c: int
-        data: bytes
-        def __init__(self, data: _Optional[bytes] = ..., crc32c: _Optional[int] = ...) -> None: ...
     class Header(_message.Message):
         __slots__ = ["model", "num_bytes", "num_gaussians", "origin", "sha256"]
         MODEL_FIELD_NUMBER: _ClassVar[int]
@@ -48,9 +41,9 @@ class ExportGaussiansResponse(_message.Message):
         def __init__(self, model: _Optional[str] = ..., num_gaussians: _Optional[int] = ..., num_bytes: _Optional[int] = ..., sha256: _Optional[str] = ..., origin: _Optional[_Union[_geometry_pb2.Vector3, _Mapping]] = ...) -> None: ...
     CHUNK_FIELD_NUMBER: _ClassVar[int]
     HEADER_FIELD_NUMBER: _ClassVar[int]
-    chunk: ExportGaussiansResponse.Chunk
+    chunk: bytes
     header: ExportGaussiansResponse.Header
-    def __init__(self, header: _Optional[_Union[ExportGaussiansResponse.Header, _Mapping]] = ..., chunk: _Optional[_Union[ExportGaussiansResponse.Chunk, _Mapping]] = ...) -> None: ...
+    def __init__(self, header: _Optional[_Union[ExportGaussiansResponse.Header, _Mapping]] = ..., chunk: _Optional[bytes] = ...) -> None: ...
 
 class RenderViewRequest(_message.Message):
     __slots__ = ["content", "decomposition_scales", "feature_scale", "frame", "level", "max_side", "model", "overlay_mask", "overlay_subset", "subset", "viewpoint"]

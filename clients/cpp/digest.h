@@ -9,9 +9,6 @@
 
 namespace pepeseg::client {
 
-// Returns the CRC-32C (Castagnoli), which the contract demands for each chunk.
-uint32_t Crc32c(std::string_view bytes);
-
 struct FileDigest {
   int64_t size = 0;    // bytes
   std::string sha256;  // 64 lower-case hex digits
