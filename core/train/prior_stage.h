@@ -9,9 +9,9 @@
 #include "core/priors/priors.h"
 #include "core/train/photograph_segmentation.h"
 #include "core/train/priors_command.h"
+#include "core/train/settings/training_settings.h"
 #include "core/train/stage_log.h"
 #include "core/train/training_inputs.h"
-#include "core/train/training_settings.h"
 
 namespace pepeseg {
 

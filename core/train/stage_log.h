@@ -48,8 +48,8 @@ class StageLog {
   void LookEveryFewSteps(std::function<void()> look) { look_ = std::move(look); }
   // Reports a step of the stage. Returns CANCELLED when the training was cancelled.
   absl::Status Step(const StepReport& report);
-  // Does the same for a caller that calls more often than once a step: reports only if the step or
-  // the activity differs from the previous call's.
+  // Does the same for a caller that calls more often than once per step: reports only if the step
+  // or the activity differs from the previous call's.
   absl::Status StepIfNew(const StepReport& report);
   // Reports the parts in `skipped` that were not reported before in this stage. The list only
   // grows.

@@ -2,9 +2,9 @@
 
 #include "absl/status/statusor.h"
 #include "core/scene/model.h"
+#include "core/train/settings/training_settings.h"
 #include "core/train/training_inputs.h"
 #include "core/train/training_observer.h"
-#include "core/train/training_settings.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {

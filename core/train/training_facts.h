@@ -1,9 +1,9 @@
 #pragma once
 
 #include "core/scene/capture.h"
-#include "core/train/stage_plan.h"
+#include "core/train/settings/stage_plan.h"
+#include "core/train/settings/training_settings.h"
 #include "core/train/training_inputs.h"
-#include "core/train/training_settings.h"
 
 namespace pepeseg {
 

@@ -32,7 +32,7 @@ void RemoveIntermediates(const TrainingFolders& folders) {
     std::filesystem::remove_all(run, ignored);
   }
   std::filesystem::remove_all(folders.priors, ignored);
-  // Of this run only the intermediate folders go: the model lies next to them.
+  // Only the intermediate folders of this run go: the model lies next to them.
   for (const char* name : {kHeicFolder, kFramesFolder, kPosesFolder, kReconstructFolder}) {
     std::filesystem::remove_all(folders.run / name, ignored);
   }

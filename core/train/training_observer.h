@@ -10,7 +10,7 @@
 #include "core/base/progress.h"
 #include "core/evaluate/image_scores.h"
 #include "core/model_files/checkpoint.h"
-#include "core/train/stage_plan.h"
+#include "core/train/settings/stage_plan.h"
 #include "core/train/training_inputs.h"
 #include "core/train/training_metrics.h"
 

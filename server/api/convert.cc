@@ -14,7 +14,7 @@
 #include "absl/strings/strip.h"
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
-#include "core/train/training_options.h"
+#include "core/train/settings/training_options.h"
 
 // The fields of v1::TrainingOptions have the names that core gives its options: they are found by
 // reflection, and read and set as text, as `advanced` is.
@@ -151,7 +151,7 @@ absl::StatusOr<FileKind> FileKindFromProto(v1::FileKind kind) {
       return FileKind::kVideo;
     default:
       return absl::InvalidArgumentError(
-          absl::StrCat("kind: ", static_cast<int>(kind), " is no kind of file"));
+          absl::StrCat("kind: ", static_cast<int>(kind), " is not a kind of file"));
   }
 }
 

@@ -8,7 +8,7 @@
 #include "absl/time/time.h"
 #include "core/dataset/import.h"
 #include "core/scene/model.h"
-#include "core/train/training_settings.h"
+#include "core/train/settings/training_settings.h"
 #include "google/protobuf/duration.pb.h"
 #include "google/protobuf/timestamp.pb.h"
 #include "pepeseg/v1/dataset_service.pb.h"

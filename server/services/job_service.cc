@@ -13,7 +13,7 @@
 #include "core/base/status_macros.h"
 #include "core/dataset/dataset_index.h"
 #include "core/dataset/held_out.h"
-#include "core/train/training_options.h"
+#include "core/train/settings/training_options.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/api/resource_name.h"

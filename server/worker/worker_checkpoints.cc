@@ -75,7 +75,7 @@ std::vector<WorkerCheckpoints::Candidate> WorkerCheckpoints::Find(int64_t fence)
 
 std::vector<WorkerCheckpoints::Candidate> WorkerCheckpoints::FindAll() const {
   std::vector<Candidate> all;
-  // Of equal steps, the newest attempt's comes first: the sort below is stable.
+  // The newest attempt's of equal steps comes first: the sort below is stable.
   for (int64_t fence = spec_.fence; fence > 0; --fence) {
     const std::vector<Candidate> found = Find(fence);
     all.insert(all.end(), found.begin(), found.end());

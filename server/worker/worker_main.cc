@@ -27,7 +27,7 @@
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
 #include "core/onnx/onnx_runtime.h"
-#include "core/train/stage_plan.h"
+#include "core/train/settings/stage_plan.h"
 #include "core/train/training_facts.h"
 #include "server/api/convert.h"
 #include "server/observe/log.h"

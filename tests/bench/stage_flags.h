@@ -3,7 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
-#include "core/train/training_settings.h"
+#include "core/train/settings/training_settings.h"
 #include "tests/bench/option_flags.h"
 
 namespace pepeseg {

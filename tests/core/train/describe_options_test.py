@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Tests core/train/describe_options.py: no member of an options struct is passed over.
+"""Tests core/train/settings/describe_options.py: no member of an options struct is passed over.
 
 describe_options_test.py DESCRIBE_OPTIONS_PY
 """

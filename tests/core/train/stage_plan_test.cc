@@ -1,4 +1,4 @@
-#include "core/train/stage_plan.h"
+#include "core/train/settings/stage_plan.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

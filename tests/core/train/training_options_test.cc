@@ -1,4 +1,4 @@
-#include "core/train/training_options.h"
+#include "core/train/settings/training_options.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "core/train/training_settings.h"
+#include "core/train/settings/training_settings.h"
 
 #include <gtest/gtest.h>
 

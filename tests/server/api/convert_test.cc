@@ -10,7 +10,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "core/train/training_options.h"
+#include "core/train/settings/training_options.h"
 #include "server/api/request_image.h"
 #include "server/store/error_detail.h"
 #include "tests/testing/status_testing.h"
@@ -202,7 +202,7 @@ TEST(TrainingOptions, DecidesEveryOptionForThePaper) {
          "refine_candidates", "coarse_until",
          // Without effect in the preset.
          "opacity_decay", "closing_share", "dropout_until", "full_size_visits",
-         // Of the run or the capture.
+         // Options of the run or the capture.
          "num_random_points", "seed", "capture_kind"});
   check("features.", {"num_steps", "num_pixels", "num_scales", "centroid_from", "centroid_every",
                       "centroid_pixels", "centroid_cosine_upper", "centroid_merge_upper",

@@ -10,7 +10,7 @@ namespace {
 TEST_F(EvaluateTest, RefusesViewsThatCannotBeScored) {
   auto request = Request();
   request.mutable_views(1)->set_view("nowhere.jpg");
-  ExpectRefused(request, "views[1].view", "'nowhere.jpg': no view of the model");
+  ExpectRefused(request, "views[1].view", "'nowhere.jpg': not a view of the model");
   request.mutable_views(1)->set_view("middle.jpg");
   ExpectRefused(request, "views[1].view", "'middle.jpg': was trained on");
   request.mutable_options()->set_accept_trained_views(true);
@@ -78,7 +78,7 @@ TEST_F(EvaluateTest, RefusesPromptsThatDoNotFit) {
   expect_refused([](auto&) {}, "",
                  "no points, point_mean, scribbles, box, mask, own_mask or label_id");
   expect_refused([](auto& p) { p.set_entity("cup"); }, ".entity", "no view has a mask");
-  expect_refused([](auto& p) { p.set_view("middle.jpg"); }, ".view", "no view of the request");
+  expect_refused([](auto& p) { p.set_view("middle.jpg"); }, ".view", "not a view of the request");
   expect_refused([](auto& p) { p.mutable_points(); }, ".points.points", "0 points");
   expect_refused([](auto& p) { SetPoint(96, 1, *p.mutable_points()); }, ".points.points[0]",
                  "is outside photograph");

@@ -2,7 +2,7 @@
 
 #include <thread>
 
-#include "core/train/training_options.h"
+#include "core/train/settings/training_options.h"
 #include "kernels/host_memory.h"
 #include "server/server_parts.h"
 #include "server/worker_protocol/job_folder.h"

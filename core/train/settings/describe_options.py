@@ -12,8 +12,8 @@ import json
 import re
 import sys
 
-SOURCE = """// Made by core/train/describe_options.py.
-#include "core/train/training_options.h"
+SOURCE = """// Made by core/train/settings/describe_options.py.
+#include "core/train/settings/training_options.h"
 
 namespace pepeseg {
 

@@ -1,4 +1,4 @@
-#include "core/train/stage_plan.h"
+#include "core/train/settings/stage_plan.h"
 
 #include <algorithm>
 #include <utility>

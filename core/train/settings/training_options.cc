@@ -1,4 +1,4 @@
-#include "core/train/training_options.h"
+#include "core/train/settings/training_options.h"
 
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"

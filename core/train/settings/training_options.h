@@ -5,7 +5,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/string_view.h"
 #include "core/base/options.h"
-#include "core/train/training_settings.h"
+#include "core/train/settings/training_settings.h"
 
 namespace pepeseg {
 

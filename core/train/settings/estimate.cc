@@ -1,4 +1,4 @@
-#include "core/train/estimate.h"
+#include "core/train/settings/estimate.h"
 
 #include <algorithm>
 

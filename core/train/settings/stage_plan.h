@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/base/stage.h"
-#include "core/train/training_settings.h"
+#include "core/train/settings/training_settings.h"
 
 namespace pepeseg {
 

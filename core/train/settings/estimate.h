@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "core/reconstruct/estimate.h"
-#include "core/train/stage_plan.h"
-#include "core/train/training_settings.h"
+#include "core/train/settings/stage_plan.h"
+#include "core/train/settings/training_settings.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {
