@@ -152,7 +152,7 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
   const std::map<std::string, bool> on_off = {{"on", true}, {"off", false}};
   app.add_option(
          "--keep-embeddings", server.workers.keep_embeddings,
-         "on: what SAM needs of a photograph is kept with the model, 2 MB a photograph, for "
+         "on: what SAM needs of a photograph is kept with the model, 2 MB per photograph, for "
          "requests with sam_borders; off: it is computed when it is needed")
       ->transform(CLI::CheckedTransformer(on_off))
       ->type_name("on|off");

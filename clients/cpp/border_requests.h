@@ -6,12 +6,12 @@
 #include "pepeseg/v1/segmentation_service.pb.h"
 
 // Requests with borders by SAM. SAM takes one to two seconds for a new view, the server takes at
-// most 100 views a request, and a call has a deadline: many views are requested a few at a time.
+// most 100 views per request, and a call has a deadline: many views are requested a few at a time.
 namespace pepeseg::client {
 
-// Returns requests for the target views of `request`, each view once, at most 8 views a request. A
-// request of at most 8 views, or of the prompt's view, is returned as it is. `views`: those of the
-// model, in its order; read only if the targets are a group.
+// Returns requests for the target views of `request`, each view once, at most 8 views per request.
+// A request of at most 8 views, or of the prompt's view, is returned as it is. `views`: those of
+// the model, in its order; read only if the targets are a group.
 std::vector<v1::SegmentViewsRequest> PiecesOf(const v1::SegmentViewsRequest& request,
                                               const std::vector<v1::View>& views);
 

@@ -23,7 +23,7 @@ std::string SceneId(const std::string& resource) {
 // Returns a name that the error quotes as that of a view; "" if it is about something else.
 std::string UnknownView(const absl::Status& status, const ErrorDetail& detail) {
   if (absl::IsInvalidArgument(status) &&
-      absl::StrContains(status.message(), "no view of the model")) {
+      absl::StrContains(status.message(), "not a view of the model")) {
     return detail.value;
   }
   constexpr absl::string_view kPhotograph = "photograph \"";

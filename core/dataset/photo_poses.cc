@@ -202,7 +202,7 @@ absl::StatusOr<PhotoPoses> ReadPosesBounds(const DatasetIndex& index) {
   ASSIGN_OR_RETURN(const NpyTable table, ParseNpyTable(name, bytes));
   if (table.num_columns != kPosesBoundsColumns) {
     return absl::InvalidArgumentError(absl::StrCat(name, ": has ", table.num_columns,
-                                                   " numbers a photograph, LLFF's have ",
+                                                   " numbers per photograph, LLFF's have ",
                                                    kPosesBoundsColumns));
   }
   // The file has no names, so its poses can only be matched by their order.

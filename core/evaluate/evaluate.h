@@ -35,8 +35,8 @@ struct EvaluationOptions {
   Protocol protocol = Protocol::kPrompt;
   // Scales (quantiles, [0, 1]) to choose from, ascending.
   std::vector<double> scales = {0.01, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0};
-  // Of protocol kPrompt: thresholds (cosines, [-1, 1]) to choose from, ascending, and the threshold
-  // of iou_by_scale. Other protocols have min_cosine for both.
+  // For protocol kPrompt: thresholds (cosines, [-1, 1]) to choose from, ascending, and the
+  // threshold of iou_by_scale. Other protocols have min_cosine for both.
   std::vector<double> thresholds = {0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95};
   double fixed_threshold = 0.75;
   // Refines the borders of the masks that are scored. Scales and thresholds are chosen without it,

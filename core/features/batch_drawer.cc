@@ -166,7 +166,7 @@ std::vector<float> BatchDrawer::DrawScales(const DrawableView& view, int step,
 std::vector<uint32_t> BatchDrawer::DrawPixels(const DrawableView& view, PixelBatch& batch,
                                               Random& random) const {
   const MaskSet& masks = *view.masks;
-  // Labels depend on the mask cell alone, so they are made once a cell and not once a pixel.
+  // Labels depend on the mask cell alone, so they are made once per cell and not per pixel.
   std::unordered_map<uint32_t, int32_t> number;  // mask cell of the view -> of the batch
   std::vector<uint32_t> cells;
   const long num_by_mask = std::lround(options_.mask_share * options_.num_pixels);

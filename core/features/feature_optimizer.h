@@ -60,8 +60,8 @@ class FeatureOptimizer {
   // Ends smoothing: from the next step on, each Gaussian learns a feature of its own. It begins
   // with the smoothed one, where a neighbour has been touched by a sample. Waits for the device.
   void EndSmoothing();
-  // Where it is due before this step, counted from 0, has the centroid term cluster a view by the
-  // features, smoothed unless smoothing has ended, and waits for the device.
+  // Clusters a view by the features, smoothed unless smoothing has ended, for the centroid term if
+  // that is due before this step, counted from 0. Waits for the device.
   absl::Status RefreshCentroids(int step);
   // Returns the losses of the steps since the last call, each before its update. Waits for the
   // device.

@@ -20,7 +20,7 @@ struct MaskOfView {
   int mask = 0;
 };
 
-// How well a mask agrees with the masks of the near views (METHOD.md section 2, "Masks that
+// Agreement of a mask with the masks of the near views (METHOD.md section 2, "Masks that
 // disagree"). A view sees a mask if it sees at least half of its grid cells, and at least 6.
 struct MaskAgreement {
   int num_seen = 0;  // near views that see the mask

@@ -14,7 +14,7 @@ enum class ScaleMapping {
   kMinMax = 3,     // linear from the smallest mask to the largest, as the paper prints it
 };
 
-// What the perception loss compares a difference of depth or colour between two pixels with.
+// Thresholds of the perception loss for differences of depth or colour between two pixels.
 enum class PerceptionThreshold {
   kDifferences = 1,  // differences between each of the two and the pixels around it
   kGradients = 2,    // differences between adjacent pixels around each of the two, sampled
@@ -41,12 +41,12 @@ struct FeatureOptions {
   // gradient that separates two features is zero where they are equal. 0: all masks from the first
   // step, as in the paper. Measured: tests/bench/results/fine_first.md.
   double fine_first = 0.3;
-  // Cosine up to which two pixels that belong apart are left alone. At most 32 features can be
+  // Negative pairs below this cosine are not pushed further apart. At most 32 features can be
   // mutually orthogonal; a margin lets many more objects coexist. 0: as in the paper. Measured:
   // tests/bench/results/margin.md.
   float negative_margin = 0.2f;
-  // Cosine under which a pair of pixels that belongs together counts in every step, however many
-  // such pairs there are; the others are drawn. -1: no pair counts for its cosine, as in the paper.
+  // Positive pairs of pixels below this cosine count in every step, however many such pairs there
+  // are; the others are drawn. -1: no pair counts for its cosine, as in the paper.
   // SAGA's code has 0.75. Measured: tests/bench/results/margin.md.
   float min_positive_cosine = 0.9f;
   // Cosine over which a pair of pixels that belongs apart counts in every step; the others are
@@ -58,7 +58,7 @@ struct FeatureOptions {
   // Alpha over which a pixel counts in the norm loss. 0: all pixels that show anything, as in the
   // paper.
   float min_norm_alpha = 0.9f;
-  // How the size of a mask in the scene maps to its scale.
+  // Mapping from the size of a mask in the scene to its scale.
   ScaleMapping scale_mapping = ScaleMapping::kQuantiles;
   // Learning rate of Adam at the first step; it falls exponentially.
   float learning_rate = 1e-2f;
@@ -111,7 +111,7 @@ struct FeatureOptions {
   float perception_weight = 0.2f;
   // Number of further pixels sampled in a step for the perception loss.
   int num_perception_pixels = 128;
-  // How the similarity thresholds for depth and colour are derived.
+  // Rule for the similarity thresholds of depth and colour.
   PerceptionThreshold perception_threshold = PerceptionThreshold::kDifferences;
   // Whether the masks of other views override the similarity of depth and colour.
   bool perception_cross_view = true;
@@ -138,7 +138,7 @@ struct FeatureOptions {
   // ShareScales. False: each mask has its own. Measured: tests/bench/results/priors.md.
   bool share_scales = true;
   // Number of steps whose samples are drawn together, so that each view is rasterised once for
-  // them. Their blend rows are kept, 1 to 3 MB a step.
+  // them. Their blend rows are kept, 1 to 3 MB per step.
   int steps_per_chunk = 750;
   // Smallest relative fall of the loss over a window of at least 500 steps. With less, the rest of
   // the schedule is compressed into closing_share of the steps. 0: all steps are done.

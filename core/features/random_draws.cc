@@ -9,7 +9,7 @@ namespace pepeseg {
 PixelsByMask::PixelsByMask(const MaskSet& masks, std::span<const float> mask_scales,
                            std::span<const int32_t> pixels)
     : masks_(mask_scales.size()) {
-  // Neighbouring pixels mostly lie in one mask cell, so the masks are read once a run of a cell.
+  // Neighbouring pixels mostly lie in one mask cell, so the masks are read once per run of a cell.
   const auto size = static_cast<int64_t>(pixels.size());
   for (int64_t first = 0, end = 0; first < size; first = end) {
     const auto cell = static_cast<size_t>(masks.pixel_cell[pixels[first]]);

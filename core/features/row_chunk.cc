@@ -64,7 +64,7 @@ absl::Status RowChunk::Refill(std::vector<PixelBatch> batches, const Capture& ca
     view.first_row.push_back(static_cast<int32_t>(pixels.size()));
     view.rows = scene.Rows(capture.views[number], pixels);
     ListColumns(scene.backend(), graph, scene.num_gaussians(), drawn, view);
-    // A backend that is out of memory leaves buffers empty: checked once a view, before a step
+    // A backend that is out of memory leaves buffers empty: checked once per view, before a step
     // reads them.
     if (const std::string error = scene.backend().error(); !error.empty()) {
       return absl::ResourceExhaustedError(

@@ -16,7 +16,7 @@ namespace pepeseg {
 // batches; the Gaussians that each batch reaches are listed for all batches of the view at once.
 class RowChunk {
  public:
-  // What one step reads. S is the number of pixels of its batch.
+  // Input of one step. S is the number of pixels of its batch.
   struct Step {
     const PixelBatch* batch;
     RowSpan rows;                   // blend rows of the pixels
@@ -56,7 +56,7 @@ class RowChunk {
     // [batches of the view + 1] the first row, column and neighbour column of each batch.
     std::vector<int32_t> first_row, first_column, first_neighbor;
   };
-  // Where a batch is found.
+  // Place of a batch.
   struct Place {
     size_t view, number;  // index in views_, index among the batches of that view
     // Index of its first value in the buffers that hold all batches.

@@ -42,7 +42,7 @@ class FeatureTrainer {
   // Skipped parts, in the order of the decisions. After Resume, steps skipped before the checkpoint
   // are missing.
   const std::vector<SkippedPart>& skipped() const { return skipped_; }
-  // How well the capture's masks agree across views, see MaskQuality.
+  // Agreement of the capture's masks across views, see MaskQuality.
   std::optional<double> mask_quality() const { return prepared_.mask_quality; }
 
   // Does as many steps as the backend queues before the host waits (one if it does not queue), and

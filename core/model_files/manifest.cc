@@ -51,12 +51,6 @@ bool Manifest::Lists(absl::string_view name) const {
                      [name](const ManifestEntry& entry) { return entry.name == name; });
 }
 
-int64_t Manifest::TotalBytes() const {
-  int64_t total = 0;
-  for (const ManifestEntry& entry : files) total += entry.size;
-  return total;
-}
-
 absl::StatusOr<Manifest> BuildManifest(const std::filesystem::path& folder,
                                        std::span<const std::string> names) {
   Manifest manifest;

@@ -27,7 +27,6 @@ struct Manifest {
   std::vector<ManifestEntry> files;
 
   bool Lists(absl::string_view name) const;
-  int64_t TotalBytes() const;
 };
 
 // Computes size and digest of the named files of the folder. NOT_FOUND: one does not exist.

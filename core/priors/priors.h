@@ -30,9 +30,9 @@ bool ExpectsSam(PriorMaker masks, bool has_command, bool has_sam);
 
 // Options of the priors stage.
 struct PriorOptions {
-  // What makes the masks of a dataset that has none, or whose masks are not used.
+  // Maker of the masks of a dataset that has none, or whose masks are not used.
   PriorMaker masks = PriorMaker::kAuto;
-  // What makes the depth maps of a dataset that has none, or whose maps are not used. Never SAM.
+  // Maker of the depth maps of a dataset that has none, or whose maps are not used. Never SAM.
   PriorMaker depth = PriorMaker::kAuto;
 };
 // Passes each option with its words to `visit`.

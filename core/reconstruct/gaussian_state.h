@@ -25,7 +25,7 @@ struct GaussianRows {
 
 // The Gaussians that stage one trains (METHOD.md section 1), in backend memory: parameters, Adam's
 // moments and step counts, and the statistics of density control. Values lie in planes [plane,
-// stride], one number a Gaussian in each; the stride exceeds the count, so that Gaussians can be
+// stride], one number per Gaussian in each; the stride exceeds the count, so that Gaussians can be
 // added without a new allocation. To be used by one thread at a time.
 class GaussianState {
  public:

@@ -68,7 +68,7 @@ struct ReconstructOptions {
   // fixed.
   float sh_learning_rate = 2.5e-3f;
   // Share of the Gaussians that each step leaves out (Park et al. 2025, "DropGaussian"), so
-  // that what one photograph shows cannot rest on a few Gaussians before its camera. 0: none.
+  // that no photograph can be explained by a few Gaussians close to its camera. 0: none.
   // Measured: tests/bench/results/dropout.md.
   float dropout = 0.1f;
   // Share of num_steps after which all Gaussians are rendered, as they will be in the end.

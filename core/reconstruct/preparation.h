@@ -14,7 +14,7 @@
 
 namespace pepeseg {
 
-// What stage one computes before its first step. It does not change while it trains.
+// Results of stage one before its first step. They do not change while it trains.
 struct PreparedScene {
   // The backend must outlive it, the capture need not. random: the engine of the stage, from which
   // starting points are drawn if the capture has none.

@@ -13,7 +13,7 @@
 
 namespace pepeseg {
 
-// What a step trained on; enough to repeat it.
+// Input of a step; enough to repeat it.
 struct StepInput {
   int position = 0;           // of the schedule
   int view = 0;               // index among the training views
@@ -27,7 +27,7 @@ struct StepInput {
 inline constexpr int kFirstDepthSum = kNumImageLossSums;
 inline constexpr int kNumLossSums = kFirstDepthSum + kNumDepthLossSums;
 
-// What a step reported, read once the device has finished it.
+// Report of a step, read once the device has finished it.
 struct StepResult {
   StepInput input;
   std::array<double, kNumLossSums> loss_sums = {};

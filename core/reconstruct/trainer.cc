@@ -153,7 +153,7 @@ absl::StatusOr<StepReports> GaussianTrainer::Step() {
 
   const int last = end - 1;
   const bool densify = densifier_.Due(last);
-  // What follows changes the Gaussians or reads the losses: all steps must have been done, those
+  // The rest changes the Gaussians or reads the losses: all steps must have been done, those
   // whose render overflowed repeated, on the Gaussians that they were queued for.
   if (ChangesGaussiansAfter(last)) ReadAll();
   if (densify) {

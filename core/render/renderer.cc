@@ -16,7 +16,7 @@ constexpr double kNearPlane = 0.01;  // share of the scene radius, as in stage o
 constexpr float kHiddenLogit = -20;
 constexpr float kMinDepthAlpha = 0.5f;    // accumulated alpha up to which a pixel has no depth
 constexpr float kMinIdAlpha = 0.5f;       // smallest sum of weights of a pixel that shows a segment
-constexpr int64_t kBandPixels = 524'288;  // about 200 MB: 50 entries a pixel of 8 bytes each
+constexpr int64_t kBandPixels = 524'288;  // about 200 MB: 50 entries per pixel of 8 bytes each
 
 // Sums of weights by id for one pixel. A pixel shows few ids, so that a list is searched.
 class Votes {

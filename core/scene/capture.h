@@ -20,7 +20,7 @@ struct Image {
   std::vector<uint8_t> pixels;
 };
 
-// An image of one float a pixel, row-major [height, width], top scanline first.
+// An image of one float per pixel, row-major [height, width], top scanline first.
 struct FloatImage {
   int width = 0;
   int height = 0;

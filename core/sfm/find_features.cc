@@ -14,11 +14,11 @@
 namespace pepeseg {
 namespace {
 
-// Maximum number of threads that extract features in COLMAP. Each takes kColmapBytes a pixel (602
-// MB measured at 2.07 Mpx).
+// Maximum number of threads that extract features in COLMAP. Each takes kColmapBytes per pixel
+// (602 MB measured at 2.07 Mpx).
 constexpr int kMostExtracting = 8;
 constexpr int64_t kColmapBytes = 300;
-// Bytes a pixel of the one photograph in which own features are found (SiftScratch), and of each
+// Bytes per pixel of the one photograph in which own features are found (SiftScratch), and of each
 // that is decoded.
 constexpr int64_t kOwnBytes = 130;
 constexpr int64_t kDecodingBytes = 12;

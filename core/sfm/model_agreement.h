@@ -13,7 +13,7 @@
 
 namespace pepeseg {
 
-// How well a model agrees with the verified matches of its photographs, which the mapper used in
+// Agreement of a model with the verified matches of its photographs, which the mapper used in
 // part. Repeated patterns, such as a wallpaper, give wrong matches in any model: 6 to 8 % of all on
 // fox, up to 34 % of one photograph on fruit_table. Misplaced photographs contradict the true ones:
 // 14 to 30 % of all, or more than 40 % of one photograph.

@@ -28,7 +28,7 @@ inline constexpr int64_t kFewestForOwnMapper = 10;
 
 // Options of stage "sfm", which estimates the poses of photographs.
 struct SfmOptions {
-  // Which photographs are matched with each other.
+  // Rule for the photographs that are matched with each other.
   SfmMatching matching = SfmMatching::kByCapture;
   // Number of SIFT features of a photograph, the largest first; those of the size at which the
   // number is reached are all kept. The time of matching grows with its square.
@@ -56,7 +56,7 @@ void VisitOptions(SfmOptions& options, OptionVisitor visit);
 // Returns INVALID_ARGUMENT, naming the option, its value and its range, if one is out of range.
 absl::Status Validate(const SfmOptions& options);
 
-// What the work of the stage depends on.
+// Numbers on which the work of the stage depends.
 struct SfmLoad {
   int64_t num_photographs = 0;
   double megapixels = 1;     // of a photograph

@@ -58,7 +58,7 @@ class SfmProgress {
   int64_t num_photographs_, num_pairs_;
   SfmWork work_;
   Part part_ = kNone;
-  // How matching is reported: true: in pairs; false: photograph by photograph.
+  // Unit in which matching is reported: true: pairs; false: photographs.
   bool by_pairs_ = false;
   int64_t step_ = 0, num_steps_ = 0;
   double share_ = 0;

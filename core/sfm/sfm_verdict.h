@@ -12,7 +12,7 @@
 // failed, by their names, why, and what to do.
 namespace pepeseg {
 
-// What an attempt to estimate poses has found so far.
+// Findings of an attempt to estimate poses, so far.
 struct SfmEvidence {
   std::vector<std::string> names;     // of the photographs, as their owner named them
   std::vector<int64_t> num_features;  // of each photograph

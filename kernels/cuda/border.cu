@@ -7,7 +7,7 @@
 #include "kernels/math/border.h"
 #include "kernels/ops/similarity.h"
 
-// RefineBorder (kernels/ops/similarity.h). A warp has 32 pixels in a row, of which few are open to
+// RefineBorder (kernels/ops/similarity.h). A warp owns 32 pixels in a row, of which few are open to
 // change. It decides those one after the other, with a channel of the feature a lane; lanes 0 to 2
 // also have a channel of the colour. The window of 5 x 5 pixels is first looked at with a pixel a
 // lane, and kept as bits. Warps share nothing, so there is no __syncthreads. A pixel that changes
@@ -19,7 +19,7 @@ namespace {
 
 constexpr int kBlock = 256;
 constexpr int kSide = 2 * kBorderRadius + 1;  // of the window, pixels
-static_assert(kSide * kSide <= 32 && kFeatureSize == 32, "a lane has a pixel, then a channel");
+static_assert(kSide * kSide <= 32 && kFeatureSize == 32, "one lane per pixel, then per channel");
 
 struct BorderParams {
   int width, height;

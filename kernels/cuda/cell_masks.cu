@@ -12,12 +12,13 @@
 // SuppressMasks and EnlargeMasks (kernels/ops/cell_masks.h).
 //
 // SuppressMasks, three kernels:
-//   PairKernel  a warp has a pair of candidates and writes whether the better one makes the other
+//   PairKernel  one warp per pair of candidates writes whether the better one makes the other
 //               needless: a bit of a matrix, set by an atomic. Most pairs end at their areas.
-//   ScanKernel  one warp examines the candidates in order. A lane has words of the set of needless
+//   ScanKernel  one warp examines the candidates in order. A lane keeps words of the set of
+//   needless
 //               candidates; each kept one adds its row of the matrix.
 //   CopyKernel  a block copies the bits of a kept mask to its place.
-// EnlargeMasks: RunsKernel, a warp a scanline of a mask, is launched twice: it counts runs, and
+// EnlargeMasks: RunsKernel, one warp per scanline of a mask, is launched twice: it counts runs, and
 // after a scan over the counts writes them. Lanes have neighbouring pixels; a ballot gives the
 // warp all of them, and a run begins where a bit differs from the one before.
 

@@ -5,11 +5,11 @@
 
 // CentroidLoss (CentroidLossArgs in kernels/ops/feature.h; METHOD.md section 3, "Centroids").
 // Launches, ordered by the stream:
-//   NearKernel  a warp has a pixel: its nearest centroid above min_cosine. A lane has every 32nd
-//               centroid; the pixel's unit vector is in shared memory, a row a warp (__syncwarp);
-//               shuffles find the best lane, of equal cosines the first centroid
+//   NearKernel  one warp per pixel: its nearest centroid above min_cosine. Lane i tests centroids
+//               i, i + 32, ...; the pixel's unit vector is in shared memory, a row per warp
+//               (__syncwarp); shuffles find the best lane, on ties that of the first centroid
 //   SumKernel   one block: loss and count, as a tree in shared memory (__syncthreads)
-//   GradKernel  a warp has a pixel, a lane a channel: gradients of the feature and of psi
+//   GradKernel  one warp per pixel, one lane per channel: gradients of the feature and of psi
 //   GateKernel  one block: the gradients of psi over the pixels, then of the gate
 // There are no atomics, and all sums have a fixed order: the same in every run.
 
@@ -49,7 +49,7 @@ __global__ void __launch_bounds__(kBlock) NearKernel(CentroidLossArgs args, Near
     for (int c = 0; c < kFeatureSize; ++c) cosine = MulAdd(units[warp][c], centroid[c], cosine);
     if (cosine > best.cosine) best = {k, cosine};
   }
-  // Of equal cosines the first centroid wins.
+  // The first centroid with the largest cosine wins.
   for (int offset = 16; offset > 0; offset /= 2) {
     const Near other = {__shfl_xor_sync(~0u, best.index, offset),
                         __shfl_xor_sync(~0u, best.cosine, offset)};

@@ -86,7 +86,7 @@ __device__ inline EntryRange ColumnOf(const ColumnSpan& columns, int64_t i) {
           columns.weight.size == 0 ? nullptr : columns.weight.data};
 }
 
-static_assert(kGateHidden == kFeatureSize, "a lane has a channel and a hidden unit");
+static_assert(kGateHidden == kFeatureSize, "one lane per channel and hidden unit");
 static_assert(kTwoLayerGateSize == TwoLayerGateSize(kFeatureSize));
 
 // Channel `channel` of psi at a scale.

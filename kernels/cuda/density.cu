@@ -13,14 +13,14 @@
 // kernels/math/density.h).
 //
 // PlanDensity: which Gaussians there are next, and where. Launches, ordered by the stream:
-//   FateKernel         a thread has a Gaussian: its fate; and the number of each fate
-//   sort, LimitKernel  only if there is no space for all: a thread has one of the Gaussians with
+//   FateKernel         one thread per Gaussian: its fate; and the number of each fate
+//   sort, LimitKernel  only if there is no space for all: one thread per Gaussian with one of
 //                      the smallest keys, which is not densified
 //   CountKernel, running sum
-//                      a thread has a Gaussian: where its descendants are listed
-//   RowKernel          a thread has a Gaussian: source, mean and log scales of its descendants
+//                      one thread per Gaussian: where its descendants are listed
+//   RowKernel          one thread per Gaussian: source, mean and log scales of its descendants
 //   BoxKernel, MortonKernel, sort, OrderKernel
-//                      a thread has a descendant: Morton order of the means
+//                      one thread per descendant: Morton order of the means
 //
 // The host waits for the number of each fate, once or twice, as it has to size the outputs.
 //
@@ -29,7 +29,7 @@
 // stable and random numbers are hashes of seed and index, so results are the same in every run.
 //
 // GatherRows: copies the Gaussians that PlanDensity lists
-// into new planes. One launch; a thread has one Gaussian in one plane. Writes coalesce; reads do as
+// into new planes. One launch; one thread per Gaussian in one plane. Writes coalesce; reads do as
 // far as neighbours in the new order were neighbours in the old one. Nothing is shared or summed.
 
 namespace pepeseg {
@@ -146,7 +146,7 @@ __device__ float FromOrdered(int32_t bits) {
 }
 
 // Lowers and raises `box`, the smallest x, y, z and then the largest, as ordered integers. NaN
-// takes no part. One atomic a warp and bound.
+// takes no part. One atomic per warp and bound.
 __global__ void __launch_bounds__(kBlock)
     BoxKernel(const float* moved, int64_t num_rows, int32_t* box) {
   const int64_t i = ThreadIndex();

@@ -10,8 +10,8 @@
 // kernels/math/depth.h). Launches, ordered by the stream:
 //   GatherKernel    Dhat of each pixel, and its moments with the prior summed by block
 //   FitKernel       one block: the sums of the blocks, and the fit of the view and of the rectangle
-//   RowSumsKernel   windows only; a block has a scanline: running sums of the moments along it
-//   CompareKernel   a thread has a column of 16 scanlines: residuals and gradients
+//   RowSumsKernel   windows only; one block per scanline: running sums of the moments along it
+//   CompareKernel   one thread per column of 16 scanlines: residuals and gradients
 //   StoreSumsKernel one block: the sums of the errors of all blocks
 // The host waits for nothing: each kernel reads from the device whether the view carries a fit.
 //

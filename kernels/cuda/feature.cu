@@ -10,18 +10,18 @@
 // The features of Gaussians, from and to sampled pixels (kernels/ops/feature.h; METHOD.md section
 // 3).
 //
-// FeatureRows: F(p) = sum_i w_pi fbar_i. A warp has a pixel, a lane a channel, which it sums in the
-// order of the row's entries: the same in every run. Blocks are four warps that share nothing.
+// FeatureRows: F(p) = sum_i w_pi fbar_i. One warp per pixel, one lane per channel, which it sums in
+// the order of the row's entries: the same in every run. Blocks are four warps that share nothing.
 //
 // FeatureCatchUp and FeatureUpdate: lazy Adam on the
 // features that a batch touches, and Adam on the gate. The formula of the replay of missed steps is
 // at FeatureState.
 //
-// A warp has a Gaussian, a lane a channel of its feature and moments; a block is eight warps that
-// share nothing. In FeatureUpdate the last block has the gate, a thread a number. Sums over
-// channels, and over the terms of the replay, are shuffles over the warp; the gradient of a feature
-// is gathered over its column in the order of the entries. No Gaussian is listed twice, so there
-// are no atomics, and results are the same in every run.
+// One warp per Gaussian, one lane per channel of its feature and moments; a block is eight warps
+// that share nothing. In FeatureUpdate the last block has the gate, one thread per number. Sums
+// over channels, and over the terms of the replay, are shuffles over the warp; the gradient of a
+// feature is gathered over its column in the order of the entries. No Gaussian is listed twice, so
+// there are no atomics, and results are the same in every run.
 
 namespace pepeseg {
 namespace {

@@ -11,7 +11,7 @@
 namespace pepeseg {
 
 // sum += a b, 16 x 16 halves times 16 x 8, spread over a warp; a word has two halves, the first in
-// its low bits. With i = lane / 4 and j = lane % 4 a lane has
+// its low bits. With i = lane / 4 and j = lane % 4 a lane holds
 //   a: (i, 2j), (i + 8, 2j), (i, 2j + 8), (i + 8, 2j + 8), and the column right of each
 //   b: (2j, i), (2j + 8, i), and the row below each
 //   sum: (i, 2j), (i, 2j + 1), (i + 8, 2j), (i + 8, 2j + 1).

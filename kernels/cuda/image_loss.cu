@@ -12,7 +12,7 @@
 //   SumPartialsKernel  one block: the sums of the blocks
 //   LossGradKernel     the maps filtered again: a pixel gathers from all windows that hold it
 //
-// In MomentKernel and LossGradKernel a block has a tile of 32x32 pixels of one channel. It loads
+// MomentKernel and LossGradKernel: one block per tile of 32x32 pixels of one channel. It loads
 // the tile and a margin of 5 pixels into shared memory, filters along x into a second array there,
 // and then each thread filters a column of 4 pixels along y. __syncthreads separates the three. The
 // window is separable, so a pixel takes 22 taps and not 121.
@@ -24,7 +24,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kTile = 32;  // pixels a side of a block's tile
+constexpr int kTile = 32;  // pixels per side of a block's tile
 constexpr int kWide = kTile + 2 * kSsimRadius;
 // Floats between scanlines. A warp filters 4 scanlines at 8 columns that are 4 apart; with 45
 // floats, 13 modulo 32, these 32 reads meet different banks.

@@ -9,16 +9,16 @@
 
 // MatchDescriptors (kernels/ops/match.h).
 //
-// NearestKernel: a block has 128 descriptors of one side of a pair (rows) and compares them with
+// NearestKernel: a block owns 128 descriptors of one side of a pair (rows) and compares them with
 // all of the other side (columns); gridDim is (blocks of rows, pairs, 2 directions). Both
 // directions are computed, which costs less than exchanging the best of columns between blocks. A
-// warp has 32 rows and keeps their bytes in registers for the whole pass. Columns come in tiles of
+// warp owns 32 rows and keeps their bytes in registers for the whole pass. Columns come in tiles of
 // 64 through shared memory, two tiles at a time: while the block works on one, the other arrives by
 // cp.async. A barrier after each tile separates its readers from the copy that overwrites it. The
 // tensor cores add products of bytes to integers (m16n8k32); a thread merges each product into the
 // best two of its four rows in registers, and at the end the four threads of a row merge theirs.
 //
-// MutualKernel: a thread has a row of a pair. There are no atomics, and integers add exactly.
+// MutualKernel: one thread per row of a pair. There are no atomics, and integers add exactly.
 
 namespace pepeseg {
 namespace {
@@ -113,7 +113,7 @@ __device__ void OfferColumns(const RowBytes& rows, const uint8_t* columns, int32
   }
 }
 
-// The nearest of a row, of which four adjacent lanes have a part each.
+// The nearest of a row, of which four adjacent lanes hold a part each.
 __device__ NearestDots MergeLanes(NearestDots nearest) {
 #pragma unroll
   for (int distance = 1; distance < 4; distance *= 2) {

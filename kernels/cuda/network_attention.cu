@@ -3,13 +3,13 @@
 #include "kernels/cuda/cuda_backend.h"
 #include "kernels/cuda/network_tile.cuh"
 
-// WindowAttention (kernels/ops/network.h). A block has up to 64 queries of one head of one window.
+// WindowAttention (kernels/ops/network.h). A block owns up to 64 queries of one head of one window.
 //
 // HalfKernel: keys and values of the window lie in shared memory, and each of the four warps has 16
 // queries. Their scores with all keys stay in registers, as a softmax over rows that four lanes
 // share, and become the left matrix of the product with the values as they are.
 //
-// FloatKernel, the exact mode: a thread has a query. Keys and values pass through shared memory 64
+// FloatKernel, the exact mode: one thread per query. Keys and values pass through shared memory 64
 // at a time; the softmax rescales its sums when a larger score comes.
 
 namespace pepeseg {

@@ -8,9 +8,9 @@
 // PrepareFrame, LayerNorm and DepthwiseConvolve (kernels/ops/network.h): layers that read each
 // value a few times at most and are bound by memory.
 //
-// FrameKernel: a thread has a pixel of the frame. LayerNormKernel: a warp has a row. A lane has its
+// FrameKernel: one thread per pixel of the frame. LayerNormKernel: one warp per row. A lane owns
 // channels in units of 4, and the sums of lanes are added by shuffles. DepthwiseKernel: a thread
-// has 4 channels of a part of 2 scanlines and 4 columns of the output, so that it reads 24 values
+// owns 4 channels of a part of 2 scanlines and 4 columns of the output, so that it reads 24 values
 // of a channel for 8 of the output with stride 1; neighbours find the others in the L1 cache.
 // Nothing is in shared memory.
 
@@ -68,7 +68,7 @@ __global__ void __launch_bounds__(kBlock) LayerNormKernel(LayerNormArgs args) {
   }
 }
 
-constexpr int kTall = 2, kWide = 4;  // part of the output that a thread has
+constexpr int kTall = 2, kWide = 4;  // part of the output that a thread owns
 
 template <class T, int kStride>
 __global__ void __launch_bounds__(kBlock)

@@ -9,8 +9,8 @@
 
 // Linear and Convolve3x3 (kernels/ops/network.h).
 //
-// ProductKernel: a block has kRows x kColumns of the output and runs over the inner dimension in
-// steps of kStep. Its four warps have a quarter each, two down and two across. Tiles of both
+// ProductKernel: a block owns kRows x kColumns of the output and runs over the inner dimension in
+// steps of kStep. Its four warps own a quarter each, two down and two across. Tiles of both
 // matrices go to shared memory by asynchronous copies, kStages steps ahead; the copies gather: rows
 // of windows, or for each tap of a convolution the place it reads, with zeros outside. So one
 // barrier a step suffices: before it a thread waits for its own copies of that step, and after it
@@ -222,7 +222,7 @@ __global__ void __launch_bounds__(kThreads) ProductKernel(const __grid_constant_
     row_scale[thread] = rsqrtf(fmaxf(row_sums.squares / p.in - mean * mean, 0.0f) + p.epsilon);
   }
   __syncthreads();
-  // A thread has the same 8 channels of every 16th row, four of them at once, so that the loads of
+  // A thread owns the same 8 channels of every 16th row, four of them at once, so that the loads of
   // residuals are under way together.
   const int within = thread % (kColumns / 8) * 8, column = first_column + within;
   if (column >= p.out) return;

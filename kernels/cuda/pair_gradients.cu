@@ -10,13 +10,13 @@
 // q) that the bits of the plan and the weights generate on the fly, and one over (q, channel). It
 // runs on the tensor cores, in tf32 with each factor split in two (tensor_core.cuh).
 //
-// A block has 128 pixels p, two scales and one of kPairSplits parts of the pixels q; a warp has 32
-// of the p and all 32 channels, a lane 4 of the p against 2 channels of each 8. The block takes 32
-// q at a time: its threads load their features and inverse norms, split them, and store them to one
-// of two buffers in shared memory (Columns), while all warps multiply the other. One __syncthreads
-// per 32 q is enough: it separates the stores to a buffer from its reads, and the reads of the
-// buffer before last from the stores that replace it. Words of the plan go straight to registers, a
-// batch ahead.
+// A block owns 128 pixels p, two scales and one of kPairSplits parts of the pixels q; a warp
+// owns 32 of the p and all 32 channels, a lane 4 of the p against 2 channels of each 8. The block
+// takes 32 q at a time: its threads load their features and inverse norms, split them, and store
+// them to one of two buffers in shared memory (Columns), while all warps multiply the other. One
+// __syncthreads per 32 q is enough: it separates the stores to a buffer from its reads, and the
+// reads of the buffer before last from the stores that replace it. Words of the plan go straight to
+// registers, a batch ahead.
 //
 // Each sum is in one thread's registers, over q in a fixed order, and the parts have places of
 // their own, which pair_loss.cu adds in order: results are the same in every run.

@@ -10,9 +10,9 @@
 // last two passes are in this file.
 //
 // PixelGradientKernel: the gradient of each pixel's feature and of the gate, through the gated and
-// normalised features at all scales (GatedUnitVjp of kernels/math/feature.h), and the norm term. A
-// warp has a pixel, a lane a channel; a block is kPixelWarps warps. Norms are shuffles over the
-// warp. Shared memory holds the gradients of psi and the norm term of each warp; after one
+// normalised features at all scales (GatedUnitVjp of kernels/math/feature.h), and the norm term.
+// One warp per pixel, one lane per channel; a block is kPixelWarps warps. Norms are shuffles over
+// the warp. Shared memory holds the gradients of psi and the norm term of each warp; after one
 // __syncthreads the block adds them over its warps and stores them for SumKernel. All sums have a
 // fixed order: over the parts of pair_gradients.cu, the scales, the warps.
 //

@@ -7,10 +7,10 @@
 // First pass of PairLoss: everything that does not need cosines. One launch with three kinds of
 // blocks, which do not depend on each other:
 //   block 0           psi, the scaling of the weights, and the number of pixels in the norm term
-//   one a mask cell   G of the cell with every cell at all scales (a thread has a cell), then the
-//                     number of its pixels' pairs with all pixels by G (a thread has every 256th
-//                     pixel)
-//   the others        a warp has a pixel, a lane a channel: 1 / |psi * F| at all scales
+//   one per mask cell G of the cell with every cell at all scales (one thread per cell), then the
+//                     number of its pixels' pairs with all pixels by G (every 256th
+//                     pixel per thread)
+//   the others        one warp per pixel, one lane per channel: 1 / |psi * F| at all scales
 // Pixels of a mask cell have the same labels, so G is compared by cell and not by pixel.
 //
 // __syncthreads separates the steps within a block. Counts are integer atomics, within the block in

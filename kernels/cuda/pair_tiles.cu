@@ -7,10 +7,10 @@
 // Second pass of PairLoss: the cosines of all pairs p < q at all scales, the plan of which pairs
 // count, and the losses.
 //
-// A block has a tile of 32x32 pairs on or above the diagonal, a warp 16x16 of them, a lane eight,
-// at all scales: whether a pair counts depends on its cosines at all scales, so they are in one
-// thread. A cosine is sum_k psi_k^2 F_pk F_qk times both inverse norms (pair_plan.cu). The sums are
-// products of matrices on the tensor cores, in tf32 with each factor split in two
+// One block per tile of 32x32 pairs on or above the diagonal, 16x16 of them per warp, eight per
+// lane, at all scales: whether a pair counts depends on its cosines at all scales, so they are in
+// one thread. A cosine is sum_k psi_k^2 F_pk F_qk times both inverse norms (pair_plan.cu). The sums
+// are products of matrices on the tensor cores, in tf32 with each factor split in two
 // (tensor_core.cuh), to about the precision of float. Only the side of p changes with the scale;
 // that of q is split once.
 //
@@ -204,7 +204,7 @@ __device__ void Choose(const PairWork& work, const DrawLimits& limits, int at, P
       PairHash(static_cast<uint32_t>(p), static_cast<uint32_t>(q), work.args.pair_seed);
   const bool drawn = hash < (agrees == 0 ? limits.negative : limits.positive);
   const bool violates = (pairs.violates >> at & 1u) != 0;
-  // Of a tile on the diagonal only the pairs above the diagonal count.
+  // In a tile on the diagonal only the pairs above the diagonal count.
   const bool counts = (hard || drawn || violates) && p < q && q < work.num_pixels;
   const uint32_t pulls = counts ? agrees : 0, pushes = counts ? ~agrees & all : 0;
   pairs.bits[at] = pulls | (pairs.bits[at] & pushes << kPushShift);

@@ -46,7 +46,7 @@ using PairBits = uint32_t;
 inline constexpr int kPushShift = 16;
 static_assert(kMaxScales <= kPushShift);
 
-inline constexpr int kPairTile = 32;   // pixels a side of a tile of pairs
+inline constexpr int kPairTile = 32;   // pixels per side of a tile of pairs
 inline constexpr int kPairSplits = 6;  // parts into which the sum over the other pixels q is split
 inline constexpr int kPairPad = 128;   // pixels are padded to a multiple of this
 inline constexpr int kPixelWarps = 8;  // pixels, and warps, a block of PixelGradientKernel

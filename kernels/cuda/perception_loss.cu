@@ -6,7 +6,7 @@
 // PerceptionLoss (PerceptionLossArgs in kernels/ops/feature.h; METHOD.md section 3, "Perception
 // loss"; terms in kernels/math/feature.h). Two launches, ordered by the stream.
 //
-// PairKernel: a block has kPixels pixels, one after the other, a warp one scale, a lane a channel.
+// PairKernel: a block takes kPixels pixels, one by one: one warp per scale, one lane per channel.
 // It goes through the pairs of the pixel; norms and cosines are shuffles over the warp. Each pair
 // is listed under both of its pixels, so a pixel's gradient is complete without atomics. Shared
 // memory holds the gradients of the scales, which warp 0 adds to pixel_grad; __syncthreads before

@@ -11,7 +11,7 @@
 // each reaches (tile_cover.h), and compacts those that reach one, in the order of their index, in
 // one launch.
 //
-// A thread has one Gaussian, a block 256 neighbouring ones. A block takes its number from an atomic
+// One thread per Gaussian, 256 neighbouring ones per block. A block takes its number from an atomic
 // ticket, so that blocks are numbered in the order in which they start and SumOfBlocksBefore cannot
 // wait for a block that has not started. Ranks within a warp come from shuffles, those of the warps
 // from shared memory (BlockSums), those of the blocks from a running sum over the launch: one

@@ -10,9 +10,9 @@
 // AddToPlaces and AttendToPlaces (kernels/ops/prompt_network.h) on the tensor cores; see
 // prompt_places.cuh.
 //
-// AttendKernel: a block has a part of the places of a prompt and a group. Shared memory: the
+// AttendKernel: a block owns a part of the places of a prompt and a group. Shared memory: the
 // group's rows; the tile's places; weights of the tile [64 places, 64 rows]; the largest scores.
-// The sums [64 rows, 256] are in registers, 64 channels a warp, and are rescaled when a score
+// The sums [64 rows, 256] are in registers, 64 channels per warp, and are rescaled when a score
 // exceeds the largest (online softmax). A tile has four phases, separated by __syncthreads: scores
 // by place and the largest of each warp; the largest of the block (64 threads, a row each); weights
 // by place; sums by channel. Parts are merged by UpdateTokens, in their order.

@@ -8,7 +8,7 @@
 #include "kernels/ops/prompt_network.h"
 
 // What AttendToPlaces and UpdatePlaces (kernels/ops/prompt_network.h) share. Both walk over places
-// in tiles of 64: a block has four warps, a warp has 16 places. Rows of tokens come in groups of
+// in tiles of 64: a block is four warps, a warp owns 16 places. Rows of tokens come in groups of
 // 64: all eight heads of 8 slots, or four heads of 16.
 //
 // Places are the rows of a in MultiplyHalves: lane 4i + j has, of places i and i + 8, the channels

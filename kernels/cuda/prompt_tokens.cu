@@ -10,7 +10,7 @@
 
 // PromptTokens and TokenHeads (kernels/ops/prompt_network.h); UpdateTokens is in update_tokens.cu.
 //
-// HeadsKernel: a block has a prompt (y) and a head (x): the IoUs or a mask. A warp computes an
+// HeadsKernel: one block per prompt (y) and head (x): the IoUs or a mask. A warp computes an
 // output, a lane eight factors; activations stay floats.
 
 namespace pepeseg {

@@ -9,7 +9,7 @@
 #include "kernels/math/refine.h"
 
 // RefineGaussians (RefineGaussiansArgs in kernels/ops/refine.h; METHOD.md section 1, "Refinement";
-// formulas in kernels/math/refine.h). In all kernels a thread has one visible Gaussian. Launches,
+// formulas in kernels/math/refine.h). All kernels: one thread per visible Gaussian. Launches,
 // ordered by the stream; the host waits for nothing:
 //   RankKernel     key of each Gaussian: the gap to the rendered depth above its index
 //   radix sort     of the keys by gap, by cub; the key at the candidate share is the limit
@@ -61,9 +61,9 @@ __device__ void Count(int64_t* count, bool counts) {
   }
 }
 
-// The bits of the gap to the rendered depth, which order as the gap does, above the index among the
-// visible, which orders equal gaps. kNoCandidate: not refinable, not in the image, or the pixel has
-// no depth.
+// Returns the sort key: the bits of the (non-negative) gap to the rendered depth in the high word,
+// the index among the visible in the low word to break ties. kNoCandidate: not refinable, not in
+// the image, or the pixel has no depth.
 __device__ uint64_t CandidateKey(const RefineParams& p, int64_t visible) {
   if (visible >= p.room.counters[kNumVisible] || p.room.IsVoid()) return kNoCandidate;
   if (p.refinable[p.visible_gaussian[visible]] == 0) return kNoCandidate;

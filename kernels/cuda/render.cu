@@ -9,7 +9,8 @@
 // Render (RenderArgs in kernels/ops/render.h; METHOD.md section 1, "Rendering"): sizes the scratch,
 // runs project.cu and splat_order.cu, and blends the tiles front to back (kernels/math/blend.h).
 //
-// BlendKernel: a block has a tile, a warp a cell of 8x4 pixels (blend_tile.cuh), a thread a pixel.
+// BlendKernel: one block per tile, one warp per cell of 8x4 pixels (blend_tile.cuh), one thread per
+// pixel.
 // The block goes through the entries of the tile in batches of 256: each thread loads one entry
 // into registers while the batch before is blended, and stores it to shared memory between two
 // barriers. The first of them, __syncthreads_and, also ends the loop once all pixels are opaque.

@@ -6,17 +6,17 @@
 // RenderBackward (RenderBackwardArgs in kernels/ops/render.h): from the gradients of the pixels to
 // those of the splats, by the formulas of kernels/math/blend.h. Two launches.
 //
-// BackwardKernel: a warp has a bucket of up to 128 entries of one tile, and is a block of its own;
-// a lane has eight pixels of the tile, one in each cell. It goes through the entries from back to
+// BackwardKernel: one warp, a block of its own, per bucket of up to 128 entries of one tile;
+// a lane owns eight pixels of the tile, one in each cell. It goes through the entries from back to
 // front in groups of 32, whose splats are in shared memory (WarpBatch; __syncwarp before and after
 // they are replaced). For each entry the lanes compute the terms of their pixels, and shuffles sum
 // them over the warp (SumOverWarp). The sums of an entry go to its slot. Buckets are independent,
 // because the forward pass has stored the state of each pixel at their ends (render.cu).
 // Transmittances before a splat are recovered by division by 1 - alpha >= 0.01.
 //
-// SumSlotsKernel: six threads have a splat, each two numbers of its slots. They add the slots of
+// SumSlotsKernel: six threads per splat, two numbers of its slots each. They add the slots of
 // the splat, which are its tiles from the top left, in registers; shared memory and one
-// __syncthreads hand the sums to one thread a splat, which turns them into gradients.
+// __syncthreads hand the sums to one thread per splat, which turns them into gradients.
 //
 // No float is added by an atomic. A slot is written by one warp, as a tree over lanes of sums over
 // the cells in their order, and slots are added in their order: gradients are the same in every
@@ -275,7 +275,7 @@ __global__ void __launch_bounds__(32 * kBackwardWarps) BackwardKernel(BackwardPa
   }
 }
 
-constexpr int kSumParts = kSlotSize / 2;  // threads a splat, two sums each
+constexpr int kSumParts = kSlotSize / 2;  // threads per splat, two sums each
 constexpr int kSplatsABlock = 64;
 constexpr int kSlotsAtOnce = 4;  // loads in flight at once
 

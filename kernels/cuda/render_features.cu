@@ -7,11 +7,11 @@
 // RenderFeatures (RenderFeaturesArgs in kernels/ops/render.h; METHOD.md section 4): the feature of
 // each pixel, blended with the weights of colour, as halves.
 //
-// A warp has a cell of 8x4 pixels of a tile (blend_tile.cuh), a lane a pixel with its 32 sums in
-// registers; a block is two warps, which do not wait for each other. The warp takes the entries of
-// the tile in groups of 32: lane k loads splat k into shared memory and tests it against the cell,
-// the whole warp loads the features of those that reach the cell, 32 floats at a time, and then
-// each lane blends them in order. __syncwarp separates writing the group (FeatureBatch) from
+// One warp per cell of 8x4 pixels of a tile (blend_tile.cuh), one lane per pixel with its 32 sums
+// in registers; a block is two warps, which do not wait for each other. The warp takes the entries
+// of the tile in groups of 32: lane k loads splat k into shared memory and tests it against the
+// cell, the whole warp loads the features of those that reach the cell, 32 floats at a time, and
+// then each lane blends them in order. __syncwarp separates writing the group (FeatureBatch) from
 // reading it.
 //
 // Each pixel is summed by one thread in the order of the entries, with the decisions of Render

@@ -19,7 +19,7 @@
 // twice, first to count the entries of each row, then, after a running sum by cub and a wait of the
 // host that sizes the outputs, to store them.
 //
-// A warp has one pixel, a lane one entry of its tile. A block is four such warps, which share
+// One warp per pixel, one lane per entry of its tile. A block is four such warps, which share
 // nothing. Shuffles make the running product of 1 - alpha over the lanes, which is the
 // transmittance before each entry, and the ballot of the lanes that blend gives the place of each
 // in the row. Both runs must decide alike, or a row would overrun its place: they execute the same
@@ -31,7 +31,7 @@
 //
 // TransposeRows: the entries of sparse rows, grouped by Gaussian, so that the backward pass gathers
 // and needs no atomics. Launches, ordered by the stream:
-//   ListKernel    a warp has a row, a lane every 32nd of its entries: lists the key (group,
+//   ListKernel    one warp per row, every 32nd of its entries per lane: lists the key (group,
 //                 Gaussian) and the value (row, weight)
 //   radix sort    of the pairs by key, by cub; stable, so that rows ascend within a column
 //   selection     of the first entry of each key, by cub: where the columns begin

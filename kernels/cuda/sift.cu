@@ -18,9 +18,9 @@
 
 // SIFT on the device (kernels/ops/sift.h). Launches, ordered by the stream:
 //   BuildSiftOctave   the blurred images of an octave (sift_pyramid.cu)
-//   SearchKernel      a warp has 32 neighbouring pixels, a lane one: a bit for each extremum
+//   SearchKernel      a warp owns 32 neighbouring pixels, a lane one: a bit for each extremum
 //   running sum       of the bits of words, by cub; the host waits for their number
-//   RefineKernel      a thread has a word: fits its extrema, and counts the points of each scale
+//   RefineKernel      one thread per word: fits its extrema, and counts the points of each scale
 //   selection         of the points of the scales that are kept, by cub
 //   two sorts         by scale, and by y and x, by cub; both are stable
 //   directions, running sum of their numbers, descriptors (sift_windows.cu)

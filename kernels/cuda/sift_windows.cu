@@ -3,7 +3,7 @@
 #include "kernels/cuda/cuda_backend.h"
 #include "kernels/cuda/sift_windows.cuh"
 
-// Directions and descriptors of SIFT: a warp has a point, its lanes the pixels of the window about
+// Directions and descriptors of SIFT: one warp per point, its lanes the pixels of the window about
 // it. Each lane adds its pixels to a histogram of its own in shared memory, [bins][32 lanes], so
 // that lanes never share a bank and no atomics are needed. Then each lane sums some bins over the
 // histograms of all lanes, always in the same order. Warps share nothing.

@@ -8,24 +8,24 @@
 #include "kernels/ops/similarity.h"
 
 // Similarity, SegmentPixels and LevelOverlaps (kernels/ops/similarity.h; METHOD.md section 4):
-// cosines of the pixels of a cached feature map with queries. In each kernel but OverlapKernel a
-// thread has a pixel, whose 32 channels are in registers, and the block has the gated queries in
+// cosines of the pixels of a cached feature map with queries. Each kernel but OverlapKernel has
+// one thread per pixel, whose 32 channels are in registers; the block keeps the gated queries in
 // shared memory:
 //   cos(psi f, psi q) = sum_k f_k (psi_k^2 q_k / |psi q|) / |psi f|.
 // Channels are summed by one thread in their order: the same in every run.
 //
-// Similarity: the cosine of each pixel to each query. A block has 256 pixels and up to 32 queries
-// (blockIdx.y). It first gates its queries into shared memory, a warp a query, and meets at
+// Similarity: the cosine of each pixel to each query. A block owns 256 pixels and up to 32 queries
+// (blockIdx.y). It first gates its queries into shared memory, one warp per query, and meets at
 // __syncthreads; after it threads share nothing.
 //
-// SegmentPixels: the mask of a query. A thread has a pixel. The block first gates all queries, at
+// SegmentPixels: the mask of a query. One thread per pixel. The block first gates all queries, at
 // most 256, into 32 KiB of dynamic shared memory (GateQueries, which ends with __syncthreads).
-// Counts and similarities are added over the warp and then by one atomic a warp; similarities are
+// Counts and similarities are added over the warp and then by one atomic per warp; similarities are
 // rounded to integers first, so the sums are exact in any order and the same in every run.
 //
 // LevelOverlaps: the threshold level of each pixel at each scale, and how many pixels have each
 // pair of levels at each pair of scales. Two launches, ordered by the stream:
-//   LevelKernel    a thread has a pixel at scale blockIdx.y; gated queries are in up to 32 KiB of
+//   LevelKernel    one thread per pixel at scale blockIdx.y; gated queries are in up to 32 KiB of
 //                  dynamic shared memory (GateQueries)
 //   OverlapKernel  blockIdx.y is the first scale; a thread takes every k-th pixel and counts it
 //                  against all scales from the first on. A block clears its counts in shared

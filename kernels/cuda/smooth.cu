@@ -9,11 +9,11 @@
 // NeighborRows, SmoothFeatures and SmoothBackward (kernels/ops/smooth.h; METHOD.md section 3,
 // "Smoothing"; formulas in kernels/math/feature.h).
 //
-// NeighborRowsKernel: a thread has a Gaussian and lists its drawn neighbours. SmoothKernel and
-// BackwardKernel: a warp has a Gaussian, a lane a channel; norms and dot products are shuffles over
-// the warp (channel.cuh). Blocks are eight warps that share nothing, and there are no atomics: a
-// Gaussian is summed by one warp, over its neighbours or its column in their order, so results are
-// the same in every run.
+// NeighborRowsKernel: one thread per Gaussian lists its drawn neighbours. SmoothKernel and
+// BackwardKernel: one warp per Gaussian, one lane per channel; norms and dot products are shuffles
+// over the warp (channel.cuh). Blocks are eight warps that share nothing, and there are no atomics:
+// a Gaussian is summed by one warp, over its neighbours or its column in their order, so results
+// are the same in every run.
 
 namespace pepeseg {
 namespace {

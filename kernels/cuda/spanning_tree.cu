@@ -14,7 +14,7 @@
 // neighbours where these decide them, and from a scan of all points where they do not
 // (tree_distances.cu).
 //
-// In all kernels of this file a thread has one point (or one listed row, or one edge). A round is
+// All kernels of this file: one thread per point (or listed row, or edge). A round is
 // seven launches, and the stream is the only barrier between them. Within a launch threads
 // communicate by integer atomics: minima (Lower), and counters that give out places in a list. The
 // exception is NameKernel, see there.
@@ -142,7 +142,7 @@ __global__ void __launch_bounds__(kBlock) TakeScansKernel(TreeWork w) {
   Lower(w.least_weight + w.component[point], WeightOf(scanned));
 }
 
-// Of the edges of least weight of each component, finds the first in the order of edges.
+// Finds the first, in the order of edges, of each component's edges of least weight.
 __global__ void __launch_bounds__(kBlock) LeastPairKernel(TreeWork w) {
   const int point = ThreadPoint();
   if (point >= w.num_points || w.counts->done != 0) return;

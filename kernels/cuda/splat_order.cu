@@ -11,10 +11,10 @@
 
 // Second part of Render: lists the (Gaussian, tile) entries, sorts them by tile and then by depth,
 // and finds the entries and the buckets of each tile. Four launches, ordered by the stream:
-//   ListKernel    a thread has a visible splat; splats with at least kManyTiles tiles are listed by
+//   ListKernel    one thread per visible splat; splats with at least kManyTiles tiles are listed by
 //                 all lanes of its warp, one such splat after the other (ballot and shuffles)
 //   radix sort    of (key, slot) pairs by cub; stable
-//   RangeKernel   a thread has an entry: its splat, and the tiles that begin at it
+//   RangeKernel   one thread per entry: its splat, and the tiles that begin at it
 //   BucketKernel  one block: a scan over the tiles, and their order by number of buckets
 // ListKernel writes the entries of a splat to slots next to each other, from its first_slot on
 // (found in project.cu). entry_slot maps sorted entries back to slots, so that gradients are summed

@@ -34,7 +34,7 @@ __device__ inline void Multiply(const uint32_t (&a)[4], const uint32_t (&b)[2], 
 }
 
 // sum += a b, 16 x 32 bytes times 32 x 8, exactly, spread over a warp. A register holds four
-// adjacent bytes. With i = lane / 4 and j = lane % 4 a lane has
+// adjacent bytes. With i = lane / 4 and j = lane % 4 a lane holds
 //   a: (i, 4 j ..), (i + 8, 4 j ..), (i, 16 + 4 j ..), (i + 8, 16 + 4 j ..)
 //   b: (4 j .., i), (16 + 4 j .., i)
 //   sum: (i, 2 j), (i, 2 j + 1), (i + 8, 2 j), (i + 8, 2 j + 1).

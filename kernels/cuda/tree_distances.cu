@@ -7,10 +7,10 @@
 // Squared distances between all pairs of points of 32 channels, for SpanningTree: the lists of
 // nearest neighbours, and scans for the least edge to another component.
 //
-// A block has 32 points as rows and goes through columns, 128 at a time: NearestKernel through all
+// A block owns 32 points as rows and goes through columns, 128 at a time: NearestKernel through all
 // points, ScanKernel through its share of them (blockIdx.y). Both are in shared memory (Points); a
-// warp has 8 of the rows, a lane one column of each 32. LoadColumns replaces the columns; it starts
-// and ends with __syncthreads. A distance is summed by one thread, channel by channel
+// warp owns 8 of the rows, a lane one column of each 32. LoadColumns replaces the columns; it
+// starts and ends with __syncthreads. A distance is summed by one thread, channel by channel
 // (kernels/math/reach.h), so that it is the same in both kernels and bitwise symmetric.
 //
 // NearestKernel: each warp keeps a sorted list for each of its rows, an element a lane; the ballot

@@ -12,7 +12,7 @@
 // projection (project.cu) and steps of Adam (kernels/math/adam.h) in one pass over the planes of
 // the Gaussians, so that gradients are never written to global memory.
 //
-// A thread has one Gaussian, visible or not. For each step it puts the gradients into its own
+// One thread per Gaussian, visible or not. For each step it puts the gradients into its own
 // column of shared memory (StepGradients), and then goes through the planes in groups of
 // kPlanesAtOnce, which it loads and stores once for all steps. Threads share nothing and need no
 // barrier. The counter of skipped Gaussians is an integer atomic. Results are the same in every

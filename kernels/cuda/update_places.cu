@@ -9,8 +9,8 @@
 
 // UpdatePlaces (kernels/ops/prompt_network.h) on the tensor cores; see prompt_places.cuh.
 //
-// UpdateKernel: a block has 256 places of a prompt, four tiles. Shared memory: keys and values of a
-// group. A warp needs nothing of the other warps: its 16 places with 256 channels each are in
+// UpdateKernel: a block owns 256 places of a prompt, four tiles. Shared memory: keys and values of
+// a group. A warp needs nothing of the other warps: its 16 places with 256 channels each are in
 // registers as floats from the sum to the LayerNorm.
 
 namespace pepeseg {
@@ -19,7 +19,7 @@ namespace {
 using namespace prompt_places;  // NOLINT(google-build-using-namespace)
 
 constexpr int kTilesOfBlock = 4;  // of UpdateKernel
-// Accumulator tile 4 c + k of a lane has channels 32 c + 8 j + 2 k and the next: those that the
+// Accumulator tile 4 c + k of a lane holds channels 32 c + 8 j + 2 k and the next: those that the
 // lane loads and stores at once. The values' columns are permuted in shared memory to match.
 constexpr int kChannelTiles = kPromptChannels / 8;
 

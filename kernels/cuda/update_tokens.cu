@@ -10,8 +10,8 @@
 
 // UpdateTokens (kernels/ops/prompt_network.h).
 //
-// UpdateKernel: a block has a prompt, whose up to 16 tokens are the rows of a in MultiplyHalves,
-// and eight warps, each of which has a head where heads are separate. Weights are read from global
+// UpdateKernel: one block per prompt, whose up to 16 tokens are the rows of a in MultiplyHalves,
+// and eight warps, each of which owns a head where heads are separate. Weights are read from global
 // memory, where they stay in the L2 cache for all prompts. Shared memory:
 //   tokens  [16, 256] float, with rows of zeros after the last token
 //   input   [16, 256] half, factors of the next product
@@ -164,8 +164,8 @@ __device__ void AddAndNormalize(const __half* x, int x_stride, const HalfLayer& 
   __syncthreads();
 }
 
-// Merges the parts of each row's sums into the mean place. A warp has a row at a time, a lane eight
-// channels.
+// Merges the parts of each row's sums into the mean place. A warp takes a row at a time, a lane
+// eight channels.
 __device__ void MergeParts(const TokenParams& p, TokenShared& shared) {
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   const int num_rows = kPromptHeads * p.slots;

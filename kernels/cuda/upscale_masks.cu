@@ -11,7 +11,7 @@
 // UpscaleMasks (kernels/ops/prompt_network.h) in one kernel: nothing between places and logits is
 // stored in global memory.
 //
-// A block has 256 places of a prompt, whole rows of the square, and eight warps; a warp has 16
+// A block owns 256 places of a prompt, whole rows of the square, and eight warps; a warp owns 16
 // places at a time. Transposed convolutions of 2 x 2 with stride 2 do not overlap: each of the four
 // quarters of a place is a product with weights of its own. For each quarter the block copies the
 // weights of the first convolution to shared memory; a warp computes the 64 channels of its places
@@ -20,7 +20,7 @@
 // the tensor cores; what one leaves in a lane is what the next takes as factor a.
 //
 // Logits go to shared memory as halves [mask, place, cell], and from there, when all warps are
-// done, to bytes, bits and counts: a thread has four cells of a row of a place, and eight lanes a
+// done, to bytes, bits and counts: a thread owns four cells of a row of a place, and eight lanes a
 // word of bits. Counts are added by atomics on integers.
 
 namespace pepeseg {

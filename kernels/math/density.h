@@ -92,7 +92,7 @@ PEPESEG_HD Vec3<T> ChildMean(const GaussianShape<T>& shape, Vec3<T> normal) {
   return shape.mean + RotationFromQuaternion(shape.rotation) * Scale(deviation, normal);
 }
 
-// Cells of a box, 2^21 an axis, which a Morton code numbers so that neighbours in space are mostly
+// Cells of a box, 2^21 per axis, which a Morton code numbers so that neighbours in space are mostly
 // neighbours in memory.
 struct MortonGrid {
   double min[3];             // corner of the box, scene units
@@ -118,7 +118,7 @@ PEPESEG_HD uint64_t SpreadBits(uint64_t x) {
   x = (x | x << 4) & 0x10c30c30c30c30c3;
   return (x | x << 2) & 0x1249249249249249;
 }
-// Morton code of a position x, y, z: 21 bits an axis, interleaved, x lowest. A coordinate that is
+// Morton code of a position x, y, z: 21 bits per axis, interleaved, x lowest. A coordinate that is
 // not finite, or outside the box, counts as cell 0.
 PEPESEG_HD uint64_t MortonCode(const MortonGrid& grid, const float* place) {
   constexpr double kLast = (1 << kMortonBits) - 1;

@@ -75,7 +75,7 @@ template <class T>
 PEPESEG_HD PrincipalAxis<T> MajorAxis(const Sym2<T>& cov) {
   const T mid = T(0.5f) * (cov.xx + cov.yy), half = T(0.5f) * (cov.xx - cov.yy);
   const T root = Sqrt(half * half + cov.xy * cov.xy);
-  // Of the two forms of the eigenvector, the one in which nothing cancels.
+  // Uses the form of the eigenvector in which nothing cancels.
   const bool wide = half >= T(0);
   const T x = wide ? half + root : cov.xy, y = wide ? cov.xy : root - half;
   const T norm = Sqrt(x * x + y * y);

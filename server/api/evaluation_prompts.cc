@@ -81,7 +81,7 @@ absl::StatusOr<const TruthView*> ViewOfPrompt(std::span<const TruthView> views,
                                               const std::string& name, const std::string& field) {
   const auto found = std::find_if(views.begin(), views.end(),
                                   [&](const TruthView& truth) { return truth.view.name == name; });
-  if (found == views.end()) return BadField(field + ".view", name, "no view of the request");
+  if (found == views.end()) return BadField(field + ".view", name, "not a view of the request");
   return &*found;
 }
 

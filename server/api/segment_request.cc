@@ -125,7 +125,7 @@ absl::StatusOr<ModelView> FindView(const std::string& name, const Model& model,
                                    const std::string& field) {
   const auto found = std::find_if(model.views.begin(), model.views.end(),
                                   [&](const ModelView& view) { return view.name == name; });
-  if (found == model.views.end()) return BadField(field, name, "no view of the model");
+  if (found == model.views.end()) return BadField(field, name, "not a view of the model");
   return *found;
 }
 

@@ -24,7 +24,7 @@ absl::Status CheckKind(const char* kind, int64_t need, int64_t used, int64_t usa
 }
 
 constexpr auto kFloat = static_cast<int64_t>(sizeof(float));
-// Bytes a pixel of the outputs that a segmenter keeps for the next query: colours, alpha and depth,
+// Bytes per pixel of the outputs that a segmenter keeps for the next query: colours, alpha and depth,
 // a mask before and after its border is refined, and its similarities.
 constexpr int64_t kPixelBytes = 3 * kFloat + 2 * kFloat + 2 + kFloat;
 constexpr int64_t kFixedHostBytes = 1 << 20;  // views, facts, scale quantiles

@@ -143,7 +143,7 @@ struct WorkerPools {
 
   // Returns the pool by the name that the contract gives it.
   WorkerPool& Of(v1::Pool pool);
-  // Of all pools but `admin`, whose calls are answered until the end.
+  // Drains all pools but `admin`, whose calls are answered until the end.
   void SetDraining(bool draining) {
     for (WorkerPool* pool : {&io, &upload, &query, &evaluation, &border}) {
       pool->SetDraining(draining);

@@ -118,7 +118,7 @@ bool IsTextPoints(const DatasetFileRow& file) { return absl::EndsWith(file.path,
 }  // namespace
 
 bool HasHeader(const DatasetFileRow& file) {
-  // Of the poses, only COLMAP's points say how many points there are.
+  // Among poses, only COLMAP's points say how many points there are.
   return file.kind == v1::FILE_KIND_IMAGE || file.kind == v1::FILE_KIND_POINTS ||
          file.kind == v1::FILE_KIND_GAUSSIANS ||
          (file.kind == v1::FILE_KIND_POSES && (IsBinaryPoints(file) || IsTextPoints(file)));

@@ -66,11 +66,11 @@ int Main(const Flags& flags) {
                                .matches = &matches});
     backend->Sync();
     const double scale = 1000 / static_cast<double>(pairs.size());
-    std::printf("%s: %d features, %zu pairs: %.3f ms wall, %.3f core ms a pair",
+    std::printf("%s: %d features, %zu pairs: %.3f ms wall, %.3f core ms per pair",
                 backend->name().c_str(), flags.num_features, pairs.size(), (Now() - wall) * scale,
                 (CoreNow() - core) * scale);
     for (const KernelTime& time : times) {
-      std::printf("; %s %.4f ms a pair", time.name.c_str(), time.ms * scale / 1000);
+      std::printf("; %s %.4f ms per pair", time.name.c_str(), time.ms * scale / 1000);
     }
     std::printf("\n");
   }

@@ -250,7 +250,7 @@ class SamBench {
   void Print() const {
     std::printf("%d views; embedding %.2f s, prompt %.4f s of processors\n\n", num_views_,
                 cache_.seconds_per_photograph(), cache_.seconds_per_prompt());
-    std::printf("| masks | prompts | processor s | masks a view |");
+    std::printf("| masks | prompts | processor s | masks per view |");
     for (const auto& [level, sum] : given_.of_level()) std::printf(" %s |", level.c_str());
     std::printf("\n");
     PrintRow("the dataset's", given_, 0, 0);

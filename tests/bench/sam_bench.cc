@@ -252,9 +252,10 @@ absl::Status Run(const BenchOptions& options) {
   for (const bool keep : {false, true, false, true}) {
     core_start = CoreNow();
     ASSIGN_OR_RETURN(by_ours, TimeFiles(*ours, num_threads, options, rounds, keep));
-    std::printf("files to files by our kernels, %d threads%s: %.2f ms a photograph, %.2f core s\n",
-                num_threads, keep ? ", with embeddings" : "", by_ours * 1e3,
-                core_seconds(core_start, rounds));
+    std::printf(
+        "files to files by our kernels, %d threads%s: %.2f ms per photograph, %.2f core s\n",
+        num_threads, keep ? ", with embeddings" : "", by_ours * 1e3,
+        core_seconds(core_start, rounds));
   }
   std::printf("device memory: %.0f MiB\n",
               static_cast<double>(ours->peak_device_bytes()) / (1 << 20));
@@ -266,7 +267,7 @@ absl::Status Run(const BenchOptions& options) {
   core_start = CoreNow();
   ASSIGN_OR_RETURN(const double by_onnx, TimeFiles(*onnx, num_threads, options, 1, false));
   std::printf(
-      "files to files by ONNX Runtime, %d threads: %.1f ms a photograph, %.2f core s, %.1f times "
+      "files to files by ONNX Runtime, %d threads: %.1f ms per photograph, %.2f core s, %.1f times "
       "ours\n",
       num_threads, by_onnx * 1e3, core_seconds(core_start, 1), by_onnx / by_ours);
   return Compare(*ours, *onnx, options, made);

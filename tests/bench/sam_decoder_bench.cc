@@ -194,7 +194,7 @@ void TimeOnCores(DecoderNetwork& decoder, ConstNetworkSpan embedding, DecodedMas
     const absl::Status status = decoder.Decode(embedding, points, 2, {256, 192}, true, masks);
     if (!status.ok()) std::printf("%s\n", std::string(status.message()).c_str());
   }
-  std::printf("%.1f core ms a prompt\n", 1e3 * (CoreNow() - start) / (kCalls * kPrompts));
+  std::printf("%.1f core ms per prompt\n", 1e3 * (CoreNow() - start) / (kCalls * kPrompts));
 }
 
 absl::Status Run(const std::string& sam, const std::string& path, bool cpu) {
@@ -237,7 +237,7 @@ absl::Status Run(const std::string& sam, const std::string& path, bool cpu) {
       Time(*backend, **decoder, embedding.span(), num_prompts, masks);
     }
     for (const KernelTime& time : times) {
-      std::printf("  %-20s %8.3f ms a run, %d launches\n", time.name.c_str(), time.ms / 6,
+      std::printf("  %-20s %8.3f ms per run, %d launches\n", time.name.c_str(), time.ms / 6,
                   static_cast<int>(time.calls / 6));
     }
     if (!backend->error().empty()) return absl::InternalError(backend->error());

@@ -124,7 +124,7 @@ int RunPrecision(const char* onnx, const std::vector<Image>& photos,
               static_cast<double>(backend->peak_bytes_in_use()) / 1e6);
   const double one = BestTime(network, *backend, std::span(batch).first(1), 20);
   const double eight = BestTime(network, *backend, batch, 10);
-  std::printf("  batch 1: %.3f ms, batch 8: %.3f ms a photograph\n", one, eight / 8);
+  std::printf("  batch 1: %.3f ms, batch 8: %.3f ms per photograph\n", one, eight / 8);
   PrintKernels(onnx, precision, std::span<const Image* const>(batch).first(1));
   PrintKernels(onnx, precision, batch);
   return 0;

@@ -51,7 +51,7 @@ class Stopwatch {
 };
 
 struct Measured {
-  double masks_a_view = 0;
+  double masks_per_view = 0;
   Seconds setup, steps;                // stage one
   Seconds preparation, feature_steps;  // stage two
   int64_t bytes = 0;
@@ -146,7 +146,7 @@ absl::StatusOr<Measured> Measure(const BenchOptions& options, const Size& size) 
   const Capture capture = MakeCapture(size);
   Measured measured;
   for (const View& view : capture.views) {
-    measured.masks_a_view += static_cast<double>(view.masks.num_masks) / size.views;
+    measured.masks_per_view += static_cast<double>(view.masks.num_masks) / size.views;
   }
   ASSIGN_OR_RETURN(const Gaussians gaussians,
                    MeasureStageOne(*backend, capture, options.num_steps, measured));
@@ -170,7 +170,7 @@ double SecondsOf(const Measured& measured, const BenchOptions& options) {
 void PrintRow(const std::string& dimension, const Size& size, const Measured& measured,
               int num_steps) {
   std::printf("| %s | %d | %d | %d | %.1f |", dimension.c_str(), size.views,
-              size.width * (size.width * 3 / 4), size.gaussians, measured.masks_a_view);
+              size.width * (size.width * 3 / 4), size.gaussians, measured.masks_per_view);
   const double ms = 1e3 / num_steps;
   std::printf(" %.3f | %.3f | %.2f | %.2f |", measured.setup.wall, measured.setup.core,
               ms * measured.steps.wall, ms * measured.steps.core);

@@ -161,7 +161,7 @@ absl::StatusOr<AutomaticMasks> SegmentPhotograph(PromptedSegmenter& segmenter, c
 
 MaskSet JoinMasks(const MaskSet& first, const MaskSet& second, std::span<const uint8_t> ignore) {
   MaskSetBuilder builder(first.width, first.height, kDuplicateMaskIou);
-  // Of duplicates the mask that was added first stays: those of `first` win.
+  // The first of duplicate masks stays: those of `first` win.
   for (const MaskSet* set : {&first, &second}) {
     for (const std::vector<PixelRun>& runs : RunsOfMasks(*set, ignore)) builder.AddRuns(runs);
   }

@@ -24,8 +24,8 @@ struct AutomaticMaskOptions {
   double min_iou = 0.8, min_stability = 0.85;
   // The same thresholds for fillers: masks of points that no sure mask holds.
   double min_filler_iou = 0.7, min_filler_stability = 0.7;
-  // Where a mask holds another, the remainder is prompted for. IoU with the remainder over which
-  // the answer is kept. 1: remainders are not prompted for.
+  // Minimum IoU of an answer with the remainder of a mask that holds another, for which it was
+  // prompted. 1: remainders are not prompted for.
   double min_remainder_iou = 0.6;
   bool join_embedded = true;  // add the embedded masks that are not duplicates of a better one
 };

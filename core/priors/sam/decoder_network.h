@@ -96,8 +96,5 @@ class DecoderNetwork {
 // Returns the prompts that Decode computes at the same time. In floats the CPU computes: more
 // prompts would only take memory there, 4 MB of places each.
 constexpr int DecodedAtOnce(Precision precision) { return precision == Precision::kHalf ? 128 : 4; }
-// Upper estimate of Decode's memory on CUDA next to the answers, bytes: the places of as many
-// prompts, their sums, and the weights.
-inline constexpr int64_t kDecoderBytes = int64_t{360} << 20;
 
 }  // namespace pepeseg

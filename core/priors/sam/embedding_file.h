@@ -23,7 +23,7 @@ namespace pepeseg {
 // Size of a file for SAM's 64 x 64 places of 256 channels, bytes.
 inline constexpr int64_t kEmbeddingFileBytes = (int64_t{2} << 20) + 156;
 
-// What an embedding was computed from: SHA-256 as 64 hexadecimal digits.
+// Source of an embedding: SHA-256 as 64 hexadecimal digits.
 struct EmbeddingOrigin {
   std::string encoder;
   std::string photograph;  // of the uploaded file; empty: not known, as for a frame of a video

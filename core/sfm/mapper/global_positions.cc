@@ -32,7 +32,7 @@ class PositionSearch {
   GlobalPositions Run();
 
  private:
-  // What elimination leaves of a point, for the back substitution.
+  // Remainder of a point after elimination, for the back substitution.
   struct PointBlock {
     Eigen::Matrix3d inverse;
     Eigen::Vector3d gradient;
@@ -52,7 +52,7 @@ class PositionSearch {
   std::vector<Eigen::Vector3d> cameras_, points_;
   std::vector<double> factors_;
   std::vector<uint32_t> begin_;  // first ray of each point
-  // Of each ray, with its factor eliminated: curvature and gradient in X - c.
+  // For each ray, with its factor eliminated: curvature and gradient in X - c.
   std::vector<Eigen::Matrix3d> curvature_;
   std::vector<Eigen::Vector3d> gradient_;
 };

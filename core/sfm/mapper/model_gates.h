@@ -32,7 +32,7 @@ enum class MapperGate {
 // Returns a phrase for logs: "photographs from one spot".
 std::string_view GateName(MapperGate gate);
 
-// What the gates measure. Shares are in [0, 1].
+// Measurements of the gates. Shares are in [0, 1].
 struct ModelMeasures {
   double registered_share = 0;             // of photographs with an edge
   double median_error = 0;                 // of the points' whole tracks, pixels; of a photograph

@@ -9,7 +9,7 @@
 
 namespace pepeseg {
 
-// What two photographs are to each other, with the numbers of COLMAP 3.8's column `config`.
+// Relation of two photographs, with the numbers of COLMAP 3.8's column `config`.
 enum class TwoViewKind {
   kDegenerate = 1,         // too few inliers, or all of them on a line or at one place
   kCalibrated = 2,         // the essential matrix fits, focal lengths are known

@@ -22,7 +22,7 @@ PEPESEG_HD bool HasPair(const PerceptionJob& job, int64_t pixel) {
   return job.args->first.data[pixel] < job.args->first.data[pixel + 1];
 }
 
-// Of unit vectors.
+// For unit vectors.
 PEPESEG_HD float Cosine(const FeatureLanes& a, const FeatureLanes& b) {
   Lanes sum(0.0f);
   for (int k = 0; k < kVectors; ++k) sum = MulAdd(a.v[k], b.v[k], sum);

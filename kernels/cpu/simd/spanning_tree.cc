@@ -98,7 +98,7 @@ PEPESEG_HD void RelaxTile(const RelaxJob& job, const Tile& tile, int first_row, 
     HWY_UNROLL(kTileVectors)
     for (int v = 0; v < kTileVectors; ++v) {
       const Lanes squared = MutualReach(tile.squared[i][v], core[v], row_core);
-      // Of two equal edges from one column, the one to the lower point comes first.
+      // The edge to the lower point comes first of two equal ones from one column.
       const auto lower = hn::RebindMask(d, hn::Lt(point, reach.from[v]));
       const auto same = hn::Eq(squared.v, reach.squared[v].v);
       const auto nearer = hn::Or(hn::Lt(squared.v, reach.squared[v].v), hn::And(same, lower));

@@ -71,7 +71,7 @@ TEST_F(PosesBoundsTest, RejectsAnotherNumberOfPhotographs) {
 TEST_F(PosesBoundsTest, RejectsAnotherShape) {
   const std::string bytes = testing::BytesOf<double>(rows_);
   EXPECT_STATUS(ImportBytes(NpyOf(NpyDict("<f8", "(17, 3)"), bytes)), kInvalidArgument,
-                "has 3 numbers a photograph, LLFF's have 17");
+                "has 3 numbers per photograph, LLFF's have 17");
   EXPECT_STATUS(ImportBytes(NpyOf(NpyDict("<f8", "(3, 17, 1)"), bytes)), kInvalidArgument, "shape");
   EXPECT_STATUS(ImportBytes(NpyOf(NpyDict("<f8", "(4000000000, 17)"), bytes)), kInvalidArgument,
                 "the limit is");

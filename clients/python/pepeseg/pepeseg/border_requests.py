@@ -1,6 +1,6 @@
 """Requests with borders by SAM: many views are requested a few at a time.
 
-SAM takes one to two seconds for a new view. The server takes at most 100 views a request, and a
+SAM takes one to two seconds for a new view. The server takes at most 100 views per request, and a
 call ends after CALL_SECONDS.
 """
 

@@ -18,7 +18,7 @@ _SCENE = re.compile(r"(?:projects/[^/]+/)?scenes/([^/ ]+)")
 
 def _unknown_view(error: PepesegError) -> str:
     """Returns the name of the view that the error is about; "" if it is about something else."""
-    if isinstance(error, InvalidArgumentError) and "no view of the model" in error.message:
+    if isinstance(error, InvalidArgumentError) and "not a view of the model" in error.message:
         return error.value
     found = _PHOTOGRAPH.match(error.message) if error.reason == "NO_SUCH_PHOTOGRAPH" else None
     return found[1] if found else ""

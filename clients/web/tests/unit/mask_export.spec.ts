@@ -97,7 +97,7 @@ test('SAM places the borders of an export where the server has it', async () => 
   expect(new Set(asked.map(({ samBorders }) => samBorders))).toEqual(new Set([true]));
 });
 
-test('an export with SAM keeps to the server’s limit of 100 views a request', async () => {
+test('an export with SAM keeps to the server’s limit of 100 views per request', async () => {
   hasSam = true;
   labels = labels.slice(0, 1);
   const many = Array.from({ length: 250 }, (_, i) => `${i}.jpg`);

@@ -144,7 +144,7 @@ TEST(MeasureModel, FindsPhotographsThatShouldMatch) {
   EXPECT_GT(result.measures.matched_share, 0.95);
 }
 
-// Of many photographs only some pairs are compared: the others say nothing about the model.
+// Only some pairs of many photographs are compared: the others say nothing about the model.
 TEST(MeasureModel, ExpectsNoMatchesOfPairsThatWereNotCompared) {
   World world = MakeWorld(Arc(14));
   std::erase_if(world.pairs, [](const VerifiedPair& pair) { return pair.second - pair.first > 1; });
