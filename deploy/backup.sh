@@ -55,7 +55,7 @@ copy() {
   ((status == 0 || status == 24)) || fail "rsync left with $status"
 }
 
-# Paths below the data directory that must exist. Sealed datasets are 1 (server/store/rows.h); files
+# Paths below the data directory that must exist. Sealed datasets are 1 (server/store/records.h); files
 # that are not stored were found damaged and set aside.
 named="SELECT folder || '/manifest.json' FROM models UNION ALL SELECT file FROM selections UNION ALL
   SELECT 'datasets/' || scene || '/' || number || '.json' FROM datasets WHERE state = 1 UNION ALL

@@ -55,9 +55,9 @@ absl::StatusOr<OpenDatabase> Open(const ServerOptions& server) {
 }
 
 // Makes a change to a key, with a line in the audit log before and after it.
-absl::StatusOr<KeyRow> Change(AuditLog& audit, const std::string& verb,
-                              const std::vector<std::string>& resources,
-                              absl::FunctionRef<absl::StatusOr<KeyRow>()> change) {
+absl::StatusOr<KeyRecord> Change(AuditLog& audit, const std::string& verb,
+                                 const std::vector<std::string>& resources,
+                                 absl::FunctionRef<absl::StatusOr<KeyRecord>()> change) {
   AuditEntry entry;
   entry.peer = "command line";
   entry.method = absl::StrCat("pepesegd keys ", verb);
@@ -65,7 +65,7 @@ absl::StatusOr<KeyRow> Change(AuditLog& audit, const std::string& verb,
   entry.outcome = AuditEntry::kBegun;
   entry.call = NewAuditCall();
   audit.WriteDurably(entry);
-  absl::StatusOr<KeyRow> key = change();
+  absl::StatusOr<KeyRecord> key = change();
   entry.outcome = absl::StatusCodeToString(key.status().code());
   if (key.ok()) entry.resources = {absl::StrCat("keys/", key->id), key->project};
   audit.Write(entry);
@@ -76,17 +76,17 @@ absl::StatusOr<KeyRow> Change(AuditLog& audit, const std::string& verb,
 // a script can capture the secret.
 absl::Status Create(const ServerOptions& server, const NewKeyFlags& flags) {
   ASSIGN_OR_RETURN(NewKey key, MakeKey());
-  key.row.project = flags.project;
-  key.row.display_name = flags.name;
-  ASSIGN_OR_RETURN(key.row.scopes, ScopesFromText(flags.scopes));
+  key.record.project = flags.project;
+  key.record.display_name = flags.name;
+  ASSIGN_OR_RETURN(key.record.scopes, ScopesFromText(flags.scopes));
   if (flags.expires_days > 0) {
-    key.row.expire_time = absl::Now() + absl::Hours(24 * flags.expires_days);
+    key.record.expire_time = absl::Now() + absl::Hours(24 * flags.expires_days);
   }
   ASSIGN_OR_RETURN(const OpenDatabase database, Open(server));
   ASSIGN_OR_RETURN(
-      const KeyRow made,
-      Change(*database.audit, "create", {absl::StrCat("keys/", key.row.id), key.row.project},
-             [&] { return database.store->keys().CreateKey(key.row); }));
+      const KeyRecord made,
+      Change(*database.audit, "create", {absl::StrCat("keys/", key.record.id), key.record.project},
+             [&] { return database.store->keys().CreateKey(key.record); }));
   absl::FPrintF(stderr, "keys/%s of project %s may %s. Its secret is not shown again:\n", made.id,
                 made.project, ScopesToText(made.scopes));
   absl::PrintF("%s\n", key.secret);
@@ -94,7 +94,7 @@ absl::Status Create(const ServerOptions& server, const NewKeyFlags& flags) {
 }
 
 // Returns whether the key is valid, until when, or why not.
-std::string StateOf(const KeyRow& key) {
+std::string StateOf(const KeyRecord& key) {
   if (IsRevoked(key)) return "revoked";
   if (IsExpired(key, absl::Now())) return "expired";
   if (key.expire_time == absl::InfinitePast()) return "valid";
@@ -107,8 +107,8 @@ absl::Status List(const ServerOptions& server) {
   ASSIGN_OR_RETURN(const OpenDatabase database, Open(server));
   PageRequest page{1000, ""};
   do {
-    ASSIGN_OR_RETURN(const Page<KeyRow> keys, database.store->keys().ListKeys("", page));
-    for (const KeyRow& key : keys.rows) {
+    ASSIGN_OR_RETURN(const Page<KeyRecord> keys, database.store->keys().ListKeys("", page));
+    for (const KeyRecord& key : keys.records) {
       absl::PrintF("keys/%s  %-16s  %-24s  %-22s  \"%s\"\n", key.id, key.project,
                    ScopesToText(key.scopes), StateOf(key), key.display_name);
     }
@@ -120,8 +120,9 @@ absl::Status List(const ServerOptions& server) {
 absl::Status Revoke(const ServerOptions& server, const std::string& name) {
   ASSIGN_OR_RETURN(const OpenDatabase database, Open(server));
   const std::string id(absl::StripPrefix(name, "keys/"));
-  ASSIGN_OR_RETURN(const KeyRow key, Change(*database.audit, "revoke", {absl::StrCat("keys/", id)},
-                                            [&] { return database.store->keys().RevokeKey(id); }));
+  ASSIGN_OR_RETURN(const KeyRecord key,
+                   Change(*database.audit, "revoke", {absl::StrCat("keys/", id)},
+                          [&] { return database.store->keys().RevokeKey(id); }));
   absl::PrintF("keys/%s of project %s is revoked\n", key.id, key.project);
   return absl::OkStatus();
 }

@@ -11,7 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
-#include "core/evaluate/lpips.h"
+#include "core/evaluate/evaluate.h"
 #include "server/access/audit_log.h"
 #include "server/access/authorizer.h"
 #include "server/access/credentials.h"
@@ -170,13 +170,13 @@ absl::Status Server::Parts::OpenStorage(const ServerOptions& options) {
 absl::Status Server::Parts::OpenCompute(const ServerOptions& options) {
   // Weights that cannot be read are refused now, and not by the first job.
   if (const std::filesystem::path& weights = options.workers.lpips_weights; !weights.empty()) {
-    RETURN_IF_ERROR(Lpips::Open(weights, /*num_threads=*/1).status());
+    RETURN_IF_ERROR(CheckLpips(weights));
   }
   ASSIGN_OR_RETURN(device, OpenDevice(options.device, options.num_threads));
   device_memory = TrainingMemory(options, *device.backend);
   LogDevice(device, device_memory);
   models = std::make_unique<ModelLoader>(
-      ModelLoader::Options{options.data, *store, *quotas, *device.backend},
+      ModelLoader::Dependencies{options.data, *store, *quotas, *device.backend},
       MakeModelCache(options, *device.backend));
   return absl::OkStatus();
 }
@@ -189,11 +189,11 @@ absl::Status Server::Parts::StartJobs(const ServerOptions& options) {
                    FindPriorsCommand(options.workers.priors_command));
   job_options.workers.priors_command = command.string();
   job_options.file_path = [of = blobs.get()](const std::string& project,
-                                             const DatasetFileRow& file) {
+                                             const DatasetFileRecord& file) {
     return of->Path({project, file.sha256});
   };
   job_options.check_files = [of = checker.get()](const std::string& project,
-                                                 std::vector<DatasetFileRow> files) {
+                                                 std::vector<DatasetFileRecord> files) {
     return of->Check(project, std::move(files));
   };
   job_options.on_event = [this](const std::string& job, const v1::JobEvent& event) {
@@ -210,8 +210,8 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
   photographs.failed = &failed_photographs;
   runner = std::make_unique<CallRunner>(*authorizer, *quotas, *streams, pools);
   health = MakeHealthMonitor(*store, *device.backend, options.data);
-  operations =
-      std::make_unique<Operations>(Operations::Parts{*runner, *models, *supervisor, *health});
+  operations = std::make_unique<Operations>(
+      Operations::Dependencies{*runner, *models, *supervisor, *health});
   EstimateTools tools;
   tools.has_priors_command = !options.workers.priors_command.empty();
   tools.has_sam = !sam.empty();
@@ -220,11 +220,11 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
   scenes = std::make_unique<SceneServiceRpc>(*runner, *models, *blobs);
   datasets = std::make_unique<DatasetServiceRpc>(
       *runner, *models, *blobs,
-      DatasetServiceRpc::Options{tools.has_priors_command || tools.has_sam,
-                                 {&photograph_pool, &photographs, checker.get()}});
+      DatasetServiceRpc::Dependencies{tools.has_priors_command || tools.has_sam,
+                                      {&photograph_pool, &photographs, checker.get()}});
   jobs = std::make_unique<JobServiceRpc>(
-      *runner,
-      JobServiceRpc::Options{*store, *blobs, *supervisor, {*device.backend, device_memory, tools}});
+      *runner, JobServiceRpc::Dependencies{
+                   *store, *blobs, *supervisor, {*device.backend, device_memory, tools}});
   MakeQueryServices(tools.num_threads);
   if (!options.admin.empty()) {
     ASSIGN_OR_RETURN(admin, AdminListener::Start({options.admin, credentials->Make()}, *operations,
@@ -234,7 +234,7 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
 }
 
 void Server::Parts::MakeQueryServices(int num_threads) {
-  borders = std::make_unique<BorderRefiner>(BorderRefiner::Options{
+  borders = std::make_unique<BorderRefiner>(BorderRefiner::Dependencies{
       sam, num_threads, CudaDevice(device.id), *store, *models, *blobs, photographs});
   segmentation = std::make_unique<SegmentationServiceRpc>(*runner, *models, *borders);
   labels = std::make_unique<LabelServiceRpc>(*runner, *models);

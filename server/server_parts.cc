@@ -15,7 +15,7 @@
 #include "core/base/child_process.h"
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
-#include "core/priors/sam/sam_networks.h"
+#include "core/priors/sam/sam_borders.h"
 #include "kernels/host_memory.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
 #include "pepeseg/v1/evaluation_service.grpc.pb.h"

@@ -7,7 +7,7 @@
 #include <numeric>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/backend_turn.h"
+#include "core/base/device_lock.h"
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
 

@@ -6,7 +6,9 @@
 #include <utility>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "core/base/file_name.h"
 
 namespace pepeseg {
@@ -95,6 +97,19 @@ absl::StatusOr<std::vector<DatasetFile>> ListDataset(const std::filesystem::path
   std::sort(files.begin(), files.end(),
             [](const DatasetFile& a, const DatasetFile& b) { return a.name < b.name; });
   return files;
+}
+
+std::string PhotoKey(absl::string_view name) { return std::string(WithoutFolder(name, "images")); }
+
+bool IsFrameOf(absl::string_view video, absl::string_view photograph) {
+  const absl::string_view name = WithoutFolder(WithoutFolder(video, "videos"), "images");
+  return absl::StartsWith(photograph, absl::StrCat(WithoutSuffix(name), "_"));
+}
+
+std::string FirstNames(std::span<const std::string> names) {
+  constexpr size_t kNamed = 5;
+  const std::string first = absl::StrJoin(names.first(std::min(names.size(), kNamed)), ", ");
+  return names.size() > kNamed ? absl::StrCat(first, ", ...") : first;
 }
 
 }  // namespace pepeseg

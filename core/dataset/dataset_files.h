@@ -1,10 +1,14 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <set>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {
@@ -49,5 +53,42 @@ struct DatasetFile {
 // INVALID_ARGUMENT: it has neither photographs nor videos. INTERNAL: it cannot be listed.
 absl::StatusOr<std::vector<DatasetFile>> ListDataset(
     const std::filesystem::path& folder, DepthPrior::Kind depth_folder = DepthPrior::Kind::kDepth);
+
+// Returns those of a dataset's file names that are not the owner's work and are left out:
+//   - files that systems and devices add to folders, see IsSystemFile;
+//   - the video of a Live Photo, IMG_1.MOV next to IMG_1.HEIC: it lasts three seconds and shows the
+//     same as the photograph. Both may be below images/ or videos/.
+// `names` are relative, with '/'. Clients leave out the same files, but not all clients are ours.
+std::set<std::string> ExtraFiles(std::span<const std::string> names);
+
+// Returns the number of files of the kind kMask that may hold segments: transforms.json, if there
+// is one and it can be read, names the others by mask_path, and they say what to ignore. Of other
+// files than transforms.json only kind and name count.
+int64_t CountSegmentMasks(std::span<const DatasetFile> files);
+
+// Returns the name of a photograph in the index and in views: without a leading "images/", which
+// COLMAP's names may or may not have.
+std::string PhotoKey(absl::string_view name);
+
+// Returns true if a photograph of this key is named as a frame of the video: "walk_000123.jpg" is
+// one of "videos/walk.mp4".
+bool IsFrameOf(absl::string_view video, absl::string_view photograph);
+
+// Lists the first names: "a.jpg, b.jpg, ...".
+std::string FirstNames(std::span<const std::string> names);
+
+// What the header of a file says.
+struct FileFacts {
+  int width = 0, height = 0;  // of a photograph as it is stored, pixels
+  int64_t num_points = 0;     // points or Gaussians; estimated for COLMAP's text format
+};
+
+// Returns true if ReadFileFacts reads files of this kind and name: photographs, points (PLY files
+// and COLMAP's points3D) and Gaussians.
+bool HasFacts(FileKind kind, absl::string_view name);
+
+// Reads the header of such a file. Reads at most 1 MiB of it and decodes nothing. INVALID_ARGUMENT,
+// naming the file: its header is refused. INTERNAL or NOT_FOUND: it cannot be read.
+absl::StatusOr<FileFacts> ReadFileFacts(const DatasetFile& file);
 
 }  // namespace pepeseg

@@ -305,8 +305,6 @@ void MatchCompanions(const std::set<std::string>& stems, DatasetIndex& index) {
 
 }  // namespace
 
-std::string PhotoKey(absl::string_view name) { return std::string(WithoutFolder(name, "images")); }
-
 int64_t CountSegmentMasks(std::span<const DatasetFile> files) {
   DatasetIndex index;
   for (const DatasetFile& file : files) {

@@ -57,13 +57,4 @@ absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files);
 absl::StatusOr<DatasetIndex> IndexPriors(std::span<const DatasetFile> files,
                                          std::span<const std::string> photographs);
 
-// Returns the number of files of the kind kMask that may hold segments: transforms.json, if there
-// is one and it can be read, names the others by mask_path, and they say what to ignore. Of other
-// files than transforms.json only kind and name count.
-int64_t CountSegmentMasks(std::span<const DatasetFile> files);
-
-// Returns the name of a photograph in the index and in views: without a leading "images/", which
-// COLMAP's names may or may not have.
-std::string PhotoKey(absl::string_view name);
-
 }  // namespace pepeseg

@@ -13,8 +13,8 @@
 #include "core/base/file_io.h"
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
-#include "core/formats/decode_image.h"
 #include "core/formats/image_header.h"
+#include "core/formats/images.h"
 #include "core/formats/npy.h"
 
 namespace pepeseg {

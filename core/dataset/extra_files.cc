@@ -1,10 +1,9 @@
-#include "core/dataset/extra_files.h"
-
 #include <algorithm>
 #include <initializer_list>
 
 #include "absl/strings/ascii.h"
 #include "core/base/file_name.h"
+#include "core/dataset/dataset_files.h"
 
 namespace pepeseg {
 namespace {

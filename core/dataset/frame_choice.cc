@@ -12,9 +12,9 @@
 #include "core/base/status_macros.h"
 #include "core/dataset/capture_checks.h"
 #include "core/dataset/depth_checks.h"
-#include "core/dataset/frame_trial.h"
 #include "core/dataset/photo_file.h"
-#include "core/formats/decode_image.h"
+#include "core/dataset/pixel_frame.h"
+#include "core/formats/images.h"
 
 namespace pepeseg {
 namespace {

@@ -18,8 +18,6 @@
 // kMaxExaminedPhotos photographs, evenly spread.
 namespace pepeseg {
 
-inline constexpr int kMaxExaminedPhotos = 8;
-
 // Returns the frame of each kind of companion that photographs with an EXIF orientation have: the
 // one in which the borders of masks, or the steps of depth, lie on edges of the photographs.
 // `facts`: of the photographs that are used. Kinds that are not in `kinds`, or whose content does

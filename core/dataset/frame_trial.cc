@@ -1,11 +1,10 @@
-#include "core/dataset/frame_trial.h"
-
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <utility>
 
-#include "core/formats/decode_image.h"
+#include "core/dataset/pixel_frame.h"
+#include "core/formats/images.h"
 
 namespace pepeseg {
 namespace {

@@ -1,5 +1,3 @@
-#include "core/dataset/held_out.h"
-
 #include <algorithm>
 #include <set>
 #include <utility>
@@ -11,6 +9,7 @@
 #include "core/base/edit_distance.h"
 #include "core/base/file_name.h"
 #include "core/dataset/dataset_index.h"
+#include "core/dataset/import.h"
 
 namespace pepeseg {
 namespace {

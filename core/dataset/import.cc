@@ -17,7 +17,6 @@
 #include "core/dataset/dataset_index.h"
 #include "core/dataset/depth_checks.h"
 #include "core/dataset/frame_choice.h"
-#include "core/dataset/held_out.h"
 #include "core/dataset/match_poses.h"
 #include "core/dataset/photo_file.h"
 #include "core/dataset/photo_poses.h"

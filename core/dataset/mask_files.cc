@@ -12,8 +12,7 @@
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/sam_masks.h"
-#include "core/formats/decode_image.h"
-#include "core/formats/label_values.h"
+#include "core/formats/images.h"
 #include "core/formats/npy.h"
 
 namespace pepeseg {

@@ -104,12 +104,6 @@ absl::Status CheckCompanions(const std::vector<std::string>& keys,
   return absl::OkStatus();
 }
 
-std::string FirstNames(std::span<const std::string> names) {
-  constexpr size_t kNamed = 5;
-  const std::string first = absl::StrJoin(names.first(std::min(names.size(), kNamed)), ", ");
-  return names.size() > kNamed ? absl::StrCat(first, ", ...") : first;
-}
-
 std::string LeftOut(std::span<const std::string> names, absl::string_view what) {
   return absl::StrCat(names.size(), " ", what, " and are left out: ", FirstNames(names));
 }

@@ -32,9 +32,6 @@ absl::Status CheckCompanions(const std::vector<std::string>& keys,
                              const std::map<std::string, const DatasetFile*>& companions,
                              absl::string_view what, std::vector<std::string>& warnings);
 
-// Lists the first names: "a.jpg, b.jpg, ...".
-std::string FirstNames(std::span<const std::string> names);
-
 // Returns a warning such as "3 photographs have no pose and are left out: a.jpg, b.jpg, c.jpg".
 std::string LeftOut(std::span<const std::string> names, absl::string_view what);
 

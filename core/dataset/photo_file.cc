@@ -7,9 +7,9 @@
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/pixel_frame.h"
-#include "core/formats/decode_image.h"
 #include "core/formats/exif.h"
 #include "core/formats/image_header.h"
+#include "core/formats/images.h"
 
 namespace pepeseg {
 namespace {

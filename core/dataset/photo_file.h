@@ -2,12 +2,15 @@
 
 #include <cstdint>
 #include <map>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 #include "core/dataset/dataset_files.h"
 #include "core/scene/capture.h"
+#include "core/scene/model.h"
 
 namespace pepeseg {
 
@@ -34,5 +37,11 @@ absl::StatusOr<DecodedPhoto> ReadPhoto(const DatasetFile& photo);
 
 // Turns a photograph upright. Its orientation becomes 1.
 DecodedPhoto Upright(DecodedPhoto photo);
+
+// Decodes the bytes of a photograph, HEIC among them, in that form. Decoders of foreign formats
+// run: only processes in a sandbox may call it. Errors as DecodePhoto and
+// DecodeHeic, and INVALID_ARGUMENT if the photograph does not have the size that the view expects.
+absl::StatusOr<Image> FormPhotograph(std::span<const uint8_t> bytes, absl::string_view name,
+                                     const PhotographForm& form);
 
 }  // namespace pepeseg

@@ -12,9 +12,9 @@
 #include "core/base/status_macros.h"
 #include "core/dataset/photo_names.h"
 #include "core/formats/colmap.h"
-#include "core/formats/decode_image.h"
 #include "core/formats/file_json.h"
 #include "core/formats/image_header.h"
+#include "core/formats/images.h"
 #include "core/formats/transforms_references.h"
 #include "nlohmann/json.hpp"
 

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -80,5 +81,8 @@ struct EvaluationResult {
 absl::StatusOr<EvaluationResult> Evaluate(const Segmenter& segmenter, EvaluationRequest request,
                                           const EvaluationOptions& options,
                                           absl::FunctionRef<absl::Status()> check_cancelled);
+
+// Returns the error of Lpips::Open for the weights of a network for LPIPS.
+absl::Status CheckLpips(const std::filesystem::path& weights);
 
 }  // namespace pepeseg

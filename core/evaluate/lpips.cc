@@ -30,6 +30,10 @@ std::vector<float> Planes(std::span<const T> pixels, float scale) {
 
 }  // namespace
 
+absl::Status CheckLpips(const std::filesystem::path& weights) {
+  return Lpips::Open(weights, /*num_threads=*/1).status();
+}
+
 absl::StatusOr<Lpips> Lpips::Open(const std::filesystem::path& weights, int num_threads) {
   const std::string name = weights.string();
   ASSIGN_OR_RETURN(const std::string bytes, ReadFile(weights, name, kMaxWeightsBytes));

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "core/base/backend_turn.h"
+#include "core/base/device_lock.h"
 #include "core/base/status_macros.h"
 #include "core/evaluate/entity_queries.h"
 
@@ -36,7 +36,7 @@ absl::StatusOr<const ScaleClusters*> ViewClusters::At(double scale) {
   const std::vector<float> units =
       GatedUnits(features_, segmenter_->model().field.gate, static_cast<float>(scale));
   Backend& backend = segmenter_->backend();
-  ASSIGN_OR_RETURN(Clusters clusters, InTurn(backend, [&] {
+  ASSIGN_OR_RETURN(Clusters clusters, WithDeviceLock(backend, [&] {
                      return Hdbscan(backend, std::span<const float>(units), kHdbscan);
                    }));
   std::vector<float> centroids = CentroidsOf(clusters, scale);

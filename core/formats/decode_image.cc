@@ -1,5 +1,3 @@
-#include "core/formats/decode_image.h"
-
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -12,6 +10,7 @@
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "core/formats/image_header.h"
+#include "core/formats/images.h"
 #include "opencv2/imgcodecs.hpp"
 #include "opencv2/imgproc.hpp"
 

@@ -8,9 +8,9 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
-#include "core/formats/encode_png.h"
 #include "core/formats/exif.h"
 #include "core/formats/image_header.h"
+#include "core/formats/images.h"
 
 namespace pepeseg {
 namespace {

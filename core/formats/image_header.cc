@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/formats/heic_header.h"
@@ -337,6 +338,16 @@ absl::StatusOr<ImageHeader> ReadSize(HeaderReader& file) {
 }
 
 }  // namespace
+
+const char* ContentTypeOf(absl::string_view start) {
+  if (absl::StartsWith(start, "\xff\xd8\xff")) return "image/jpeg";
+  if (absl::StartsWith(start, "\x89PNG")) return "image/png";
+  if (start.size() >= 12 && absl::StartsWith(start, "RIFF") && start.substr(8, 4) == "WEBP") {
+    return "image/webp";
+  }
+  const auto* data = reinterpret_cast<const uint8_t*>(start.data());
+  return IsHeic({data, start.size()}) ? "image/heic" : "application/octet-stream";
+}
 
 const char* SuffixOf(ImageFormat format) {
   switch (format) {

@@ -17,6 +17,10 @@ enum class ImageFormat { kJpeg, kPng, kWebp, kHeic };
 // Returns ".jpg", ".png", ".webp" or ".heic".
 const char* SuffixOf(ImageFormat format);
 
+// Returns the content type of a file by its first 16 bytes, such as "image/jpeg", or
+// "application/octet-stream" if it is not an image.
+const char* ContentTypeOf(absl::string_view start);
+
 // Format and size of an image, in stored pixels (for HEIC: as shown).
 struct ImageHeader {
   ImageFormat format = ImageFormat::kJpeg;

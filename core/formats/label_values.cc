@@ -1,8 +1,8 @@
-#include "core/formats/label_values.h"
-
 #include <algorithm>
 #include <cstdlib>
 #include <set>
+
+#include "core/formats/images.h"
 
 namespace pepeseg {
 namespace {

@@ -4,10 +4,9 @@
 #include <utility>
 
 #include "core/base/status_macros.h"
-#include "core/formats/decode_image.h"
-#include "core/formats/encode_png.h"
 #include "core/formats/exif.h"
 #include "core/formats/image_header.h"
+#include "core/formats/images.h"
 
 namespace pepeseg {
 namespace {

@@ -112,17 +112,22 @@ absl::Status VerifyManifest(const std::filesystem::path& folder, const Manifest&
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::string> ReadListedFile(const std::filesystem::path& folder,
-                                           const std::string& name, int64_t max_bytes) {
+absl::StatusOr<ManifestEntry> FindListed(const std::filesystem::path& folder,
+                                         const std::string& name) {
   ASSIGN_OR_RETURN(const Manifest manifest, ReadManifest(folder));
   const auto listed = std::find_if(manifest.files.begin(), manifest.files.end(),
                                    [&](const ManifestEntry& entry) { return entry.name == name; });
-  if (listed == manifest.files.end())
-    return Damaged(folder / name, "its manifest lists no such file");
+  if (listed != manifest.files.end()) return *listed;
+  return Damaged(folder / name, "its manifest lists no such file");
+}
+
+absl::StatusOr<std::string> ReadListedFile(const std::filesystem::path& folder,
+                                           const std::string& name, int64_t max_bytes) {
+  ASSIGN_OR_RETURN(const ManifestEntry listed, FindListed(folder, name));
   absl::StatusOr<std::string> text = ReadFile(folder / name, name, max_bytes);
   if (absl::IsNotFound(text.status())) return Damaged(folder / name, "it is not there");
   RETURN_IF_ERROR(text.status());
-  if (Sha256Hex(*text) != listed->sha256) {
+  if (Sha256Hex(*text) != listed.sha256) {
     return Damaged(folder / name, "its checksum differs from its manifest's");
   }
   return text;

@@ -42,6 +42,11 @@ absl::StatusOr<Manifest> ReadManifest(const std::filesystem::path& folder);
 // Returns DATA_LOSS, naming the file, if a listed file is missing or has another size or digest.
 absl::Status VerifyManifest(const std::filesystem::path& folder, const Manifest& manifest);
 
+// Returns what the folder's manifest says of a file. DATA_LOSS: it is not listed. Other errors as
+// ReadManifest.
+absl::StatusOr<ManifestEntry> FindListed(const std::filesystem::path& folder,
+                                         const std::string& name);
+
 // Reads one file that the folder's manifest lists, and verifies its digest. DATA_LOSS: it is not
 // listed, missing or changed. Other errors as ReadFile and ReadManifest.
 absl::StatusOr<std::string> ReadListedFile(const std::filesystem::path& folder,

@@ -147,6 +147,26 @@ absl::StatusOr<ModelShape> ReadModelShape(const std::filesystem::path& folder) {
   return shape;
 }
 
+absl::StatusOr<std::vector<ModelView>> ReadModelViews(const std::filesystem::path& folder) {
+  ASSIGN_OR_RETURN(const std::string text, ReadListedFile(folder, kFactsName, kMaxFactsBytes));
+  Model model;
+  RETURN_IF_ERROR(ParseModelFacts(text, model));
+  return std::move(model.views);
+}
+
+std::string FormatView(const ModelView& view) {
+  Model one;
+  one.views = {view};
+  return FormatModelFacts(one);
+}
+
+absl::StatusOr<ModelView> ParseView(absl::string_view text) {
+  Model one;
+  RETURN_IF_ERROR(ParseModelFacts(text, one));
+  if (one.views.size() == 1) return std::move(one.views[0]);
+  return absl::DataLossError("the text has not one view");
+}
+
 absl::StatusOr<Model> ReadModel(const std::filesystem::path& folder) {
   ASSIGN_OR_RETURN(const Manifest manifest, ReadManifest(folder));
   // Features are optional: a model without them can be rendered, but not segmented.

@@ -3,9 +3,12 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/model_files/manifest.h"
+#include "core/scene/gaussians.h"
 #include "core/scene/model.h"
 
 namespace pepeseg {
@@ -15,12 +18,6 @@ namespace pepeseg {
 // INVALID_ARGUMENT: the number of features differs from the number of Gaussians.
 absl::Status WriteModel(const std::filesystem::path& folder, const Model& model);
 
-// The numbers that determine the size of a model in memory.
-struct ModelShape {
-  int64_t num_gaussians = 0;
-  int sh_degree = 0;
-  int64_t max_view_pixels = 0;  // of the largest view; 0: no views
-};
 // Reads the shape from model.json and the header of gaussians.ply alone. DATA_LOSS: one of them is
 // missing or malformed.
 absl::StatusOr<ModelShape> ReadModelShape(const std::filesystem::path& folder);
@@ -28,6 +25,12 @@ absl::StatusOr<ModelShape> ReadModelShape(const std::filesystem::path& folder);
 // Reads a model and verifies its manifest; files that it does not list are ignored. NOT_FOUND:
 // there is no manifest. DATA_LOSS: a file is missing, malformed or fails its checksum.
 absl::StatusOr<Model> ReadModel(const std::filesystem::path& folder);
+
+// Reads the views of a model, from model.json alone, and verifies its digest. Errors as ReadModel.
+absl::StatusOr<std::vector<ModelView>> ReadModelViews(const std::filesystem::path& folder);
+// Formats a view as model.json has it, and parses such a text. DATA_LOSS: it is malformed.
+std::string FormatView(const ModelView& view);
+absl::StatusOr<ModelView> ParseView(absl::string_view text);
 
 inline constexpr int kFeatureDim = 32;  // numbers of a feature
 
@@ -51,5 +54,21 @@ absl::Status WriteFeatureFile(const std::filesystem::path& path, const FeatureFi
 // version or is cut short.
 absl::StatusOr<FeatureField> ReadFeatureFile(const std::filesystem::path& path,
                                              const std::string& name);
+
+// Writes a selection as a file, atomically. Its format, little-endian without padding:
+//   char[8]   "PPSGSELE"
+//   uint32    version, 1
+//   uint32    0
+//   uint64    num_gaussians of the model, at most 50,000,000
+//   uint8     bits[(num_gaussians + 7) / 8]: bit i % 8 of byte i / 8 is 1 if Gaussian i is a
+//   member;
+//             unused bits of the last byte are 0
+//   char[64]  SHA-256 of all bytes before, lower-case hexadecimal
+absl::Status WriteSelectionFile(const std::filesystem::path& path, const GaussianSet& set);
+
+// Reads such a file. DATA_LOSS, naming `name`: there is no such file, it is malformed or of another
+// version, or its checksum is wrong.
+absl::StatusOr<GaussianSet> ReadSelectionFile(const std::filesystem::path& path,
+                                              const std::string& name);
 
 }  // namespace pepeseg

@@ -1,5 +1,3 @@
-#include "core/model_files/selection_file.h"
-
 #include <cstdint>
 #include <string_view>
 
@@ -8,6 +6,7 @@
 #include "core/base/digest.h"
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
+#include "core/model_files/model_file.h"
 
 namespace pepeseg {
 namespace {

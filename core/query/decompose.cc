@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/base/backend_turn.h"
+#include "core/base/device_lock.h"
 #include "core/base/status_macros.h"
 #include "core/cluster/hdbscan.h"
 #include "core/scene/camera.h"
@@ -110,7 +110,7 @@ absl::StatusOr<std::vector<int32_t>> FindPieces(Backend& backend, const Model& m
   // not, goes to the piece with the nearest mean.
   const std::vector<uint8_t> seen = SeenEnough(visible);
   const std::vector<float> points = PointsToCluster(units, seen);
-  ASSIGN_OR_RETURN(const Clusters clusters, InTurn(backend, [&] {
+  ASSIGN_OR_RETURN(const Clusters clusters, WithDeviceLock(backend, [&] {
                      return Hdbscan(backend, std::span<const float>(points), kPieces);
                    }));
   const std::vector<float> means = ClusterMeans(points, clusters);

@@ -40,6 +40,28 @@ class BorderRule {
                               SegmentResult& result) = 0;
 };
 
+// Bytes of the host's memory and of the device's memory.
+struct MemoryBytes {
+  int64_t host = 0, device = 0;
+
+  MemoryBytes& operator+=(const MemoryBytes& other) {
+    host += other.host;
+    device += other.device;
+    return *this;
+  }
+  MemoryBytes& operator-=(const MemoryBytes& other) {
+    host -= other.host;
+    device -= other.device;
+    return *this;
+  }
+};
+
+// Returns an upper bound of what a Segmenter of such a model takes on the host and on the backend:
+// Gaussians and features, the decompositions and feature maps that it may keep, and the scratch of
+// a render of MostPixels pixels (Backend::ScratchBytes). What a single query takes in addition,
+// such as blend rows or a larger view, is not counted: it is freed with the query.
+MemoryBytes BytesOfModel(const Backend& backend, const ModelShape& shape);
+
 struct SegmentRequest {
   Prompt prompt;
   Granularity granularity;

@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/backend_turn.h"
+#include "core/base/device_lock.h"
 #include "core/base/status_macros.h"
 #include "core/query/decompose.h"
 #include "core/query/prompt.h"
@@ -51,7 +51,7 @@ struct Segmenter::State {
   // than every view of the model took.
   template <typename Work>
   auto WithDevice(Work work) {
-    return InTurn(backend, [&] {
+    return WithDeviceLock(backend, [&] {
       auto answer = work();
       renderer.ReleaseOversized();
       features.ReleaseOversized();
@@ -72,7 +72,7 @@ absl::StatusOr<std::unique_ptr<Segmenter>> Segmenter::Create(Backend& backend, M
     model.field.features.assign(static_cast<size_t>(model.gaussians.count) * kFeatureSize, 0);
   }
   RETURN_IF_ERROR(CheckModel(model));
-  return InTurn(backend, [&]() -> absl::StatusOr<std::unique_ptr<Segmenter>> {
+  return WithDeviceLock(backend, [&]() -> absl::StatusOr<std::unique_ptr<Segmenter>> {
     return std::unique_ptr<Segmenter>(
         new Segmenter(std::make_unique<State>(backend, std::move(model), counts)));
   });

@@ -33,7 +33,7 @@ class Segmenter {
   ~Segmenter();
 
   const Model& model() const;
-  // Returns the backend, for work on the same device under the device lock (InTurn).
+  // Returns the backend, for work on the same device under the device lock (WithDeviceLock).
   Backend& backend() const;
   // Returns whether the model has a trained feature field.
   bool has_features() const;

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/backend_turn.h"
+#include "core/base/device_lock.h"
 #include "core/base/status_macros.h"
 #include "core/query/mask_geometry.h"
 #include "kernels/buffer.h"

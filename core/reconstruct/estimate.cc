@@ -6,16 +6,13 @@
 #include "core/reconstruct/gaussian_state.h"
 #include "core/reconstruct/pixel_budget.h"
 #include "core/reconstruct/step_queue.h"
+#include "core/render/renderer.h"
 #include "core/scene/capture.h"
 #include "kernels/buffer.h"
 #include "kernels/math/blend.h"
 
 namespace pepeseg {
 namespace {
-
-// Assumed number of Gaussians whose bounding squares cover a pixel. 87 reproduces the 279 entries
-// for each pixel that tests/bench/results/step_cpu.md measured.
-constexpr double kOverlap = 100;
 
 // Returns the options that the training uses for photographs of this size.
 ReconstructOptions Budgeted(const TrainingSize& size, const ReconstructOptions& options) {
@@ -95,23 +92,6 @@ int64_t MostGaussians(const TrainingSize& size, const ReconstructOptions& option
   const double budget = static_cast<double>(TrainingPixels(size)) / pixels_per_gaussian;
   return std::max(
       first, static_cast<int64_t>(std::min(budget, static_cast<double>(options.max_gaussians))));
-}
-
-// With P = num_pixels / num_gaussians, the bounding square of a Gaussian is sqrt(kOverlap P) pixels
-// wide and touches 1 + width / kTileSize tiles a side on average.
-ScratchSize TypicalScratch(int64_t num_gaussians, int64_t num_pixels) {
-  const auto count = static_cast<double>(std::max<int64_t>(1, num_gaussians));
-  const double width = std::sqrt(kOverlap * static_cast<double>(num_pixels) / count);
-  const double tiles_a_side = 1 + width / kTileSize;
-  ScratchSize size;
-  size.num_gaussians = num_gaussians;
-  // Tiles at two edges reach beyond the image.
-  size.num_tiles = num_pixels / (kTileSize * kTileSize) * 5 / 4 + 64;
-  // A Gaussian has at most one entry in each tile.
-  size.num_entries = static_cast<int64_t>(
-      count * std::min(tiles_a_side * tiles_a_side, static_cast<double>(size.num_tiles)));
-  size.num_pixels = num_pixels;
-  return size;
 }
 
 int64_t CaptureBytes(const TrainingSize& size) {

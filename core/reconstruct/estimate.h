@@ -29,10 +29,6 @@ struct MemoryNeed {
 // Returns the largest number of Gaussians that density control allows.
 int64_t MostGaussians(const TrainingSize& size, const ReconstructOptions& options);
 
-// Returns the scratch of a render of one view with `num_gaussians` visible Gaussians. It assumes an
-// overlap above what the measured scenes have (step_cpu.md); large, faint Gaussians may need more.
-ScratchSize TypicalScratch(int64_t num_gaussians, int64_t num_pixels);
-
 // Returns the size of the capture in host memory, bytes.
 int64_t CaptureBytes(const TrainingSize& size);
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/backend_turn.h"
+#include "core/base/device_lock.h"
 #include "core/base/order_statistics.h"
 #include "core/base/status_macros.h"
 #include "core/scene/camera.h"

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "kernels/buffer.h"
+#include "kernels/math/blend.h"
 
 namespace pepeseg {
 namespace {
@@ -14,8 +15,11 @@ constexpr double kNearPlane = 0.01;  // share of the scene radius, as in stage o
 // Opacity logit of a hidden Gaussian. Its opacity of 2e-9 reaches 1 / 255 in no pixel, so that it
 // is culled.
 constexpr float kHiddenLogit = -20;
-constexpr float kMinDepthAlpha = 0.5f;    // accumulated alpha up to which a pixel has no depth
-constexpr float kMinIdAlpha = 0.5f;       // smallest sum of weights of a pixel that shows a segment
+constexpr float kMinDepthAlpha = 0.5f;  // accumulated alpha up to which a pixel has no depth
+constexpr float kMinIdAlpha = 0.5f;     // smallest sum of weights of a pixel that shows a segment
+// Assumed number of Gaussians whose bounding squares cover a pixel. 87 reproduces the 279 entries
+// for each pixel that tests/bench/results/step_cpu.md measured.
+constexpr double kOverlap = 100;
 constexpr int64_t kBandPixels = 524'288;  // about 200 MB: 50 entries per pixel of 8 bytes each
 
 // Sums of weights by id for one pixel. A pixel shows few ids, so that a list is searched.
@@ -80,6 +84,23 @@ std::vector<int32_t> IdsOfRows(const PixelRows& rows, std::span<const int32_t> i
 
 int64_t MostPixels(int64_t max_view_pixels) {
   return std::max(max_view_pixels, int64_t{1920} * 1080);
+}
+
+// With P = num_pixels / num_gaussians, the bounding square of a Gaussian is sqrt(kOverlap P) pixels
+// wide and touches 1 + width / kTileSize tiles a side on average.
+ScratchSize TypicalScratch(int64_t num_gaussians, int64_t num_pixels) {
+  const auto count = static_cast<double>(std::max<int64_t>(1, num_gaussians));
+  const double width = std::sqrt(kOverlap * static_cast<double>(num_pixels) / count);
+  const double tiles_a_side = 1 + width / kTileSize;
+  ScratchSize size;
+  size.num_gaussians = num_gaussians;
+  // Tiles at two edges reach beyond the image.
+  size.num_tiles = num_pixels / (kTileSize * kTileSize) * 5 / 4 + 64;
+  // A Gaussian has at most one entry in each tile.
+  size.num_entries = static_cast<int64_t>(
+      count * std::min(tiles_a_side * tiles_a_side, static_cast<double>(size.num_tiles)));
+  size.num_pixels = num_pixels;
+  return size;
 }
 
 Renderer::Renderer(Backend& backend, const Gaussians& gaussians, double scene_radius)

@@ -52,6 +52,10 @@ std::vector<int32_t> IdsOfRows(const PixelRows& rows, std::span<const int32_t> i
 // largest view: at least a full-HD screen, because free cameras fill a screen.
 int64_t MostPixels(int64_t max_view_pixels);
 
+// Returns the scratch of a render of one view with `num_gaussians` visible Gaussians. It assumes an
+// overlap above what the measured scenes have (step_cpu.md); large, faint Gaussians may need more.
+ScratchSize TypicalScratch(int64_t num_gaussians, int64_t num_pixels);
+
 // Renders Gaussians that do not change, from copies in backend memory. For one thread at a time.
 // The backend must outlive it and reports errors (Backend::error, TakeStatus): results of a call
 // during which the backend failed, or had failed before, are zeros or empty.

@@ -48,6 +48,15 @@ struct ModelView {
   std::optional<Photograph> photograph = std::nullopt;
 };
 
+// How a photograph is turned and shrunk, see FormPhotograph.
+struct PhotographForm {
+  // The view that the photograph is warped to; it says whether it is of the stored or of the
+  // upright pixels. Absent: it is not warped, but turned upright if `upright`.
+  std::optional<ModelView> view = std::nullopt;
+  bool upright = false;
+  int max_side = 0;  // longer side of the result, pixels; larger images are shrunk to it. 0: none
+};
+
 // A trained model. It holds everything that a query needs; the photographs are not needed.
 struct Model {
   Gaussians gaussians;
@@ -58,6 +67,13 @@ struct Model {
   double scene_radius = 1;                // see SceneRadius; the near plane is at 0.01 of it
   std::map<std::string, double> metrics;  // "psnr", "ssim" (held out), "seconds_reconstruct", ...
   std::map<std::string, std::string> facts;  // options in effect, seed, versions, device
+};
+
+// The numbers that determine the size of a model in memory.
+struct ModelShape {
+  int64_t num_gaussians = 0;
+  int sh_degree = 0;
+  int64_t max_view_pixels = 0;  // of the largest view; 0: no views
 };
 
 // Returns the number of pixels of the largest view, or 0 if there are no views.

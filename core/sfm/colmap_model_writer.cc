@@ -10,7 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
-#include "core/formats/decode_image.h"
+#include "core/formats/images.h"
 #include "kernels/thread_pool.h"
 
 namespace pepeseg {

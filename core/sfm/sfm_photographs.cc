@@ -16,8 +16,7 @@
 #include "core/dataset/companion_files.h"
 #include "core/dataset/dataset_index.h"
 #include "core/dataset/frame_choice.h"
-#include "core/formats/decode_image.h"
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "core/formats/plain_copy.h"
 
 namespace pepeseg {

@@ -8,8 +8,8 @@
 #include "absl/status/statusor.h"
 #include "core/dataset/import.h"
 #include "core/dataset/view_warp.h"
-#include "core/priors/sam/embedding_file.h"
 #include "core/priors/sam/prompted_segmenter.h"
+#include "core/priors/sam/sam_embedding.h"
 #include "core/scene/capture.h"
 #include "core/scene/mask_set.h"
 

@@ -11,7 +11,7 @@
 #include "core/base/num_threads.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/dataset_index.h"
-#include "core/dataset/held_out.h"
+#include "core/dataset/import.h"
 #include "core/priors/sam/automatic_masks.h"
 #include "kernels/thread_pool.h"
 

@@ -21,10 +21,10 @@
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/video_frames.h"
-#include "core/formats/decode_image.h"
 #include "core/formats/gaussian_ply.h"
 #include "core/formats/heic.h"
 #include "core/formats/heic_header.h"
+#include "core/formats/images.h"
 #include "core/model_files/manifest.h"
 #include "kernels/thread_pool.h"
 

@@ -286,4 +286,17 @@ absl::Status Training::WriteModelTo(const std::filesystem::path& folder) {
 
 }  // namespace
 
+bool MayRunPrograms(const TrainingInputs& inputs, const TrainingSettings& settings) {
+  return RunsPrograms(FactsOf(inputs, settings, /*on_device=*/false), settings.priors);
+}
+
+std::vector<std::filesystem::path> FilesOf(const TrainingTools& tools) {
+  std::vector<std::filesystem::path> files;
+  if (!tools.lpips_weights.empty()) {
+    files = {tools.lpips_weights, tools.lpips_weights.parent_path() / kOnnxLibrary};
+  }
+  if (!tools.sam.empty()) files.push_back(tools.sam);
+  return files;
+}
+
 }  // namespace pepeseg

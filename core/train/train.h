@@ -1,5 +1,8 @@
 #pragma once
 
+#include <filesystem>
+#include <vector>
+
 #include "absl/status/statusor.h"
 #include "core/scene/model.h"
 #include "core/train/settings/training_settings.h"
@@ -35,5 +38,12 @@ struct TrainedModel {
 // CANCELLED when the observer cancelled. Throws std::bad_alloc, as the standard library does.
 absl::StatusOr<TrainedModel> Train(const TrainingInputs& inputs, const TrainingSettings& settings,
                                    Backend& backend, TrainingObserver& observer);
+
+// Returns true if the training may start a program: COLMAP, or the priors command. Reads headers of
+// the files.
+bool MayRunPrograms(const TrainingInputs& inputs, const TrainingSettings& settings);
+// Returns the files and folders that a training reads besides those of its dataset and of programs:
+// networks and their libraries.
+std::vector<std::filesystem::path> FilesOf(const TrainingTools& tools);
 
 }  // namespace pepeseg

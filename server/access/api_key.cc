@@ -39,8 +39,8 @@ absl::StatusOr<NewKey> MakeKey() {
   const absl::string_view random(bytes.data(), bytes.size());
   NewKey key;
   key.secret = absl::StrCat(kPrefix, absl::WebSafeBase64Escape(random.substr(0, kSecretBytes)));
-  key.row.id = absl::BytesToHexString(random.substr(kSecretBytes));
-  key.row.sha256 = DigestOfSecret(key.secret);
+  key.record.id = absl::BytesToHexString(random.substr(kSecretBytes));
+  key.record.sha256 = DigestOfSecret(key.secret);
   // Unlike memset, it is not optimised away.
   OPENSSL_cleanse(bytes.data(), bytes.size());
   return key;

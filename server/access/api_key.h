@@ -5,13 +5,13 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "pepeseg/v1/access.pb.h"
-#include "server/store/rows.h"
+#include "server/store/records.h"
 
 namespace pepeseg {
 
 // A new key. The secret is returned to whoever asked for the key, and is stored nowhere.
 struct NewKey {
-  KeyRow row;          // id and sha256 only
+  KeyRecord record;    // id and sha256 only
   std::string secret;  // "pk_" and 256 random bits, as web-safe base64
 };
 
@@ -25,12 +25,12 @@ std::string DigestOfSecret(const std::string& secret);
 // Compares in constant time, which does not reveal where the two differ.
 bool SameDigest(const std::string& a, const std::string& b);
 
-inline bool IsExpired(const KeyRow& key, absl::Time now) {
+inline bool IsExpired(const KeyRecord& key, absl::Time now) {
   return key.expire_time != absl::InfinitePast() && key.expire_time <= now;
 }
-inline bool IsRevoked(const KeyRow& key) { return key.revoke_time != absl::InfinitePast(); }
+inline bool IsRevoked(const KeyRecord& key) { return key.revoke_time != absl::InfinitePast(); }
 
-// Bits of KeyRow::scopes.
+// Bits of KeyRecord::scopes.
 inline int ScopeBit(v1::Scope scope) { return 1 << static_cast<int>(scope); }
 inline int AllScopes() {
   return ScopeBit(v1::SCOPE_READ) | ScopeBit(v1::SCOPE_WRITE) | ScopeBit(v1::SCOPE_TRAIN) |

@@ -53,14 +53,6 @@ absl::Status MissingScopeError(v1::Scope scope) {
                     {.reason = "MISSING_SCOPE", .limit = v1::Scope_Name(scope)});
 }
 
-// The message does not contain the name, and is the same for a resource of another project and for
-// one that does not exist, so that nobody learns which names others use.
-absl::Status NotYoursError(const std::string& field) {
-  return WithDetail(absl::PermissionDeniedError(
-                        absl::StrCat(field, ": nothing of the key's project has this name")),
-                    {.reason = "NOT_YOURS", .field = field});
-}
-
 }  // namespace
 
 CallOrigin OriginOf(const grpc::ServerContextBase& context) {
@@ -84,6 +76,9 @@ struct Authorizer::Verdict {
   std::string reason;  // of a refusal, for the log only; may say more than `status` reveals
   Caller caller;
   bool is_known = false;  // the caller's key or gateway is valid
+  // The scenes that the request names. An error for a caller who sees all projects is the call's,
+  // and no refusal.
+  absl::StatusOr<NamedScenes> scenes = NamedScenes();
 
   void Refuse(absl::Status error, const std::string& why) {
     status = std::move(error);
@@ -103,7 +98,7 @@ void Authorizer::CheckKey(const CallOrigin& origin, Verdict& verdict) {
     return verdict.Refuse(BadKeyError(), "MALFORMED_KEY");
   }
   const std::string digest = DigestOfSecret(secret);
-  const absl::StatusOr<KeyRow> key = store_->keys().FindKeyByDigest(digest);
+  const absl::StatusOr<KeyRecord> key = store_->keys().FindKeyByDigest(digest);
   if (absl::IsNotFound(key.status())) return verdict.Refuse(BadKeyError(), "UNKNOWN_KEY");
   // The database cannot be asked: an error of its own, since the key may be valid.
   if (!key.ok()) return verdict.Refuse(key.status(), "");
@@ -138,34 +133,23 @@ void Authorizer::CheckGateway(const CallOrigin& origin, Verdict& verdict) const 
   verdict.caller.subject = identity->subject;
 }
 
-absl::StatusOr<bool> Authorizer::IsOf(const std::string& project, const std::string& resource) {
-  const std::vector<std::string> parts = absl::StrSplit(resource, '/');
-  absl::Status found = absl::InvalidArgumentError("not the name of a scene, its parts or a job");
-  if (parts.size() >= 2 && parts[0] == "scenes") {
-    found = store_->scenes().FindScene(project, parts[1]).status();
-  } else if (parts.size() >= 2 && parts[0] == "jobs") {
-    const absl::StatusOr<std::string> of = store_->jobs().ProjectOfJob(parts[1]);
-    // Job ids are unique over all projects, so the job's scene decides.
-    if (of.ok()) return *of == project;
-    found = of.status();
-  }
-  if (absl::IsNotFound(found)) return false;
-  if (!found.ok()) return found;
-  return true;
-}
-
 void Authorizer::CheckResources(const MethodAccess& access,
                                 const google::protobuf::Message& request, Verdict& verdict) {
   for (const NamedResource& resource : ResourcesOf(access, request)) {
-    const absl::StatusOr<bool> is_theirs = IsOf(verdict.caller.project, resource.name);
+    const std::vector<std::string> parts = absl::StrSplit(resource.name, '/');
+    if (parts.size() < 2 || parts[0] != "jobs") continue;
+    // Job ids are unique over all projects, so the job's scene decides.
+    const absl::StatusOr<std::string> of = store_->jobs().ProjectOfJob(parts[1]);
     // Malformed names are left to the handler's validation; rejecting them here would reveal
     // nothing extra.
-    if (absl::IsInvalidArgument(is_theirs.status())) continue;
-    if (!is_theirs.ok()) return verdict.Refuse(is_theirs.status(), "");
-    if (!*is_theirs) {
+    if (absl::IsInvalidArgument(of.status())) continue;
+    if (absl::IsNotFound(of.status()) || (of.ok() && *of != verdict.caller.project)) {
       return verdict.Refuse(NotYoursError(resource.field), "NOT_YOURS");
     }
+    if (!of.ok()) return verdict.Refuse(of.status(), "");
   }
+  const absl::Status& found = verdict.scenes.status();
+  if (!found.ok()) verdict.Refuse(found, absl::IsPermissionDenied(found) ? "NOT_YOURS" : "");
 }
 
 Authorizer::Verdict Authorizer::Identify(const CallOrigin& origin) {
@@ -185,7 +169,11 @@ Authorizer::Verdict Authorizer::Identify(const CallOrigin& origin) {
 Authorizer::Verdict Authorizer::Decide(const CallOrigin& origin,
                                        const google::protobuf::Message& request) {
   Verdict verdict = Identify(origin);
-  if (!verdict.status.ok() || verdict.caller.sees_all_projects) return verdict;
+  if (!verdict.status.ok()) return verdict;
+  if (verdict.caller.sees_all_projects) {
+    verdict.scenes = ResolveSceneNames(*store_, verdict.caller, request);
+    return verdict;
+  }
   const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
   if (access == nullptr) {
     verdict.Refuse(Refusal(absl::StatusCode::kPermissionDenied, "NO_SCOPE",
@@ -194,6 +182,7 @@ Authorizer::Verdict Authorizer::Decide(const CallOrigin& origin,
   } else if ((verdict.caller.scopes & ScopeBit(access->scope)) == 0) {
     verdict.Refuse(MissingScopeError(access->scope), "MISSING_SCOPE");
   } else if (access->scope != v1::SCOPE_OPERATE) {  // operators' calls are for all projects
+    verdict.scenes = ResolveSceneNames(*store_, verdict.caller, request);
     CheckResources(*access, request, verdict);
   }
   return verdict;
@@ -245,12 +234,19 @@ bool MayChange(const MethodAccess& access) {
 
 }  // namespace
 
-absl::StatusOr<Caller> Authorizer::Authorize(const CallOrigin& origin,
-                                             const google::protobuf::Message& request) {
+absl::StatusOr<Authorizer::Verdict> Authorizer::Admit(const CallOrigin& origin,
+                                                      const google::protobuf::Message& request) {
   Verdict verdict = Decide(origin, request);
-  if (verdict.status.ok()) return std::move(verdict.caller);
+  if (verdict.status.ok()) return verdict;
   return Refused(verdict, EntryOf(origin, verdict.caller,
                                   FindMethodAccess(*request.GetDescriptor()), request));
+}
+
+absl::StatusOr<AuthorizedCaller> Authorizer::Authorize(const CallOrigin& origin,
+                                                       const google::protobuf::Message& request) {
+  ASSIGN_OR_RETURN(Verdict verdict, Admit(origin, request));
+  RETURN_IF_ERROR(verdict.scenes.status());
+  return AuthorizedCaller{std::move(verdict.caller), *std::move(verdict.scenes)};
 }
 
 absl::Status Authorizer::AuthorizeReflection(const CallOrigin& origin) {
@@ -294,24 +290,16 @@ void Authorizer::Record(const CallOrigin& origin, const Caller& caller,
   audit_->Write(entry);
 }
 
-absl::StatusOr<AuthorizedCaller> Authorizer::AuthorizeAndResolve(
-    const CallOrigin& origin, const google::protobuf::Message& request) {
-  ASSIGN_OR_RETURN(Caller caller, Authorize(origin, request));
-  ASSIGN_OR_RETURN(NamedScenes scenes, ResolveSceneNames(*store_, caller, request));
-  return AuthorizedCaller{std::move(caller), std::move(scenes)};
-}
-
 absl::Status Authorizer::Run(const CallOrigin& origin, const google::protobuf::Message& request,
                              absl::FunctionRef<absl::Status(const AuthorizedCaller&)> call) {
-  ASSIGN_OR_RETURN(const Caller caller, Authorize(origin, request));
-  absl::StatusOr<NamedScenes> scenes = ResolveSceneNames(*store_, caller, request);
-  absl::Status status = scenes.status();
+  ASSIGN_OR_RETURN(Verdict verdict, Admit(origin, request));
+  absl::Status status = verdict.scenes.status();
   std::string begun;
   if (status.ok()) {
-    begun = Begin(origin, caller, request);
-    status = call({caller, *std::move(scenes)});
+    begun = Begin(origin, verdict.caller, request);
+    status = call({verdict.caller, *std::move(verdict.scenes)});
   }
-  Record(origin, caller, request, status, begun);
+  Record(origin, verdict.caller, request, status, begun);
   return status;
 }
 

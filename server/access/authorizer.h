@@ -34,7 +34,7 @@ CallOrigin OriginOf(const grpc::ServerContextBase& context);
 struct Caller {
   std::string project = kDefaultProject;
   std::string key;                 // id; empty: no key
-  int scopes = 0;                  // as KeyRow::scopes
+  int scopes = 0;                  // as KeyRecord::scopes
   std::string subject;             // of the gateway identity; empty: none
   bool sees_all_projects = false;  // the server requires no keys
 
@@ -52,9 +52,9 @@ struct AuthorizedCaller : Caller {
 // gone for the next call. Blocks on the store. Thread safe.
 class Authorizer {
  public:
-  // `require_keys`: if false, everybody may do everything. `trusted_gateway`: name in the client
-  // certificate of the gateway that may say who calls; empty: none may. `refusals` records calls
-  // that are refused for want of a valid key or gateway identity, `audit` all others.
+  // `require_keys`: if false, everybody may do everything. `trusted_gateway`: certificate name of
+  // the gateway whose identity metadata is trusted; empty: none. Calls without a valid key or
+  // gateway identity go to `refusals`, all others to `audit`.
   Authorizer(Store* store, AuditLog* audit, RefusalLog* refusals, bool require_keys,
              std::string trusted_gateway = "")
       : store_(store),
@@ -63,12 +63,13 @@ class Authorizer {
         require_keys_(require_keys),
         trusted_gateway_(std::move(trusted_gateway)) {}
 
-  // Returns who calls, or UNAUTHENTICATED or PERMISSION_DENIED, both with an ErrorDetail and
-  // recorded in one of the logs, or the store's error if it cannot be asked. A request that names
+  // Returns who calls and the scenes that the request names, or UNAUTHENTICATED or
+  // PERMISSION_DENIED, both with an ErrorDetail and recorded in one of the logs, or the store's
+  // error if it cannot be asked, or those of ResolveSceneNames. A request that names
   // no resource, such as a default instance, has only key and scope checked; this is all that is
   // known when a stream begins.
-  absl::StatusOr<Caller> Authorize(const CallOrigin& origin,
-                                   const google::protobuf::Message& request);
+  absl::StatusOr<AuthorizedCaller> Authorize(const CallOrigin& origin,
+                                             const google::protobuf::Message& request);
 
   // Returns OK if a caller may use gRPC's reflection, which needs a valid key or gateway identity
   // of any scope, or the errors of Authorize.
@@ -85,12 +86,7 @@ class Authorizer {
               const google::protobuf::Message& request, const absl::Status& outcome,
               const std::string& begun);
 
-  // Calls Authorize, then ResolveSceneNames, for a message of a stream.
-  absl::StatusOr<AuthorizedCaller> AuthorizeAndResolve(const CallOrigin& origin,
-                                                       const google::protobuf::Message& request);
-
-  // Runs a whole call: authorises it, resolves the scene names in its request, and calls `call`
-  // between Begin and Record.
+  // Runs a whole call: authorises it, and calls `call` between Begin and Record.
   absl::Status Run(const CallOrigin& origin, const google::protobuf::Message& request,
                    absl::FunctionRef<absl::Status(const AuthorizedCaller&)> call);
 
@@ -99,6 +95,8 @@ class Authorizer {
   // Finds out who calls.
   Verdict Identify(const CallOrigin& origin);
   Verdict Decide(const CallOrigin& origin, const google::protobuf::Message& request);
+  // Returns the decision that allows the call, or records the refusal and returns it.
+  absl::StatusOr<Verdict> Admit(const CallOrigin& origin, const google::protobuf::Message& request);
   // Records a refusal in one of the logs, and returns it.
   absl::Status Refused(const Verdict& verdict, AuditEntry entry);
   // Looks up the call's key and sets the caller in `verdict`, or refuses.
@@ -108,8 +106,6 @@ class Authorizer {
   // Refuses unless all resources that the request names are of the caller's project.
   void CheckResources(const MethodAccess& access, const google::protobuf::Message& request,
                       Verdict& verdict);
-  // Returns whether the resource is of the project. INVALID_ARGUMENT: the name is malformed.
-  absl::StatusOr<bool> IsOf(const std::string& project, const std::string& resource);
 
   Store* const store_;
   AuditLog* const audit_;

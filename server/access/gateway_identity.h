@@ -27,7 +27,7 @@ GatewayMetadata GatewayMetadataOf(const grpc::ServerContextBase& context);
 // The identity of a caller, as a gateway has established it.
 struct GatewayIdentity {
   std::string project;  // RFC 1034 label
-  int scopes = 0;       // as KeyRow::scopes; never SCOPE_OPERATE
+  int scopes = 0;       // as KeyRecord::scopes; never SCOPE_OPERATE
   std::string subject;  // printable ASCII, not empty
 };
 

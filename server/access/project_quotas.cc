@@ -61,10 +61,10 @@ absl::StatusOr<Quota> ProjectQuotas::Get(const std::string& project) {
     const auto known = projects_.find(project);
     if (known != projects_.end() && now - known->second.read < kMaxAge) return known->second.quota;
   }
-  ASSIGN_OR_RETURN(const ProjectRow row, store_->quotas().GetProject(project));
+  ASSIGN_OR_RETURN(const ProjectRecord record, store_->quotas().GetProject(project));
   const std::lock_guard lock(mutex_);
   Project& known = projects_[project];
-  known.quota = InForce(row.quota, store_->default_quota());
+  known.quota = InForce(record.quota, store_->default_quota());
   known.read = now;
   return known.quota;
 }

@@ -12,6 +12,15 @@
 #include "server/store/error_detail.h"
 
 namespace pepeseg {
+
+// The message does not contain the name, and is the same for a resource of another project and for
+// one that does not exist, so that nobody learns which names others use.
+absl::Status NotYoursError(const std::string& field) {
+  return WithDetail(absl::PermissionDeniedError(
+                        absl::StrCat(field, ": nothing of the key's project has this name")),
+                    {.reason = "NOT_YOURS", .field = field});
+}
+
 namespace {
 
 // Returns the scene of this name, with the id 0 if the project has none.
@@ -53,6 +62,7 @@ absl::Status Resolve(Store& store, const Caller& caller, const NamedResource& re
   } else {
     const std::string& project = parts->project.empty() ? caller.project : parts->project;
     ASSIGN_OR_RETURN(scene, FindOrNone(store, project, parts->name));
+    if (scene.id == 0 && !caller.sees_all_projects) return NotYoursError(resource.field);
   }
   scenes.Add(*parts, std::move(scene));
   return absl::OkStatus();

@@ -3,6 +3,7 @@
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/text_format.h>
 
+#include <algorithm>
 #include <map>
 #include <string>
 #include <utility>
@@ -14,7 +15,7 @@
 #include "absl/strings/strip.h"
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
-#include "core/train/settings/training_options.h"
+#include "core/train/settings/training_settings.h"
 
 // The fields of v1::TrainingOptions have the names that core gives its options: they are found by
 // reflection, and read and set as text, as `advanced` is.
@@ -24,6 +25,9 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using google::protobuf::TextFormat;
+
+// Maximum size of a name and of a value in `advanced`: a number, a word, or a photograph's name.
+constexpr size_t kMaxOptionBytes = 1024;
 
 // Returns what the names of an enum's values begin with: "SFM_MATCHING_".
 std::string PrefixOf(const google::protobuf::EnumDescriptor& type) {
@@ -75,6 +79,11 @@ absl::Status SetAll(const v1::TrainingOptions& proto, TrainingSettings& settings
   const std::map<std::string, std::string> advanced(proto.advanced().begin(),
                                                     proto.advanced().end());
   for (const auto& [name, text] : advanced) {
+    if (const size_t size = std::max(name.size(), text.size()); size > kMaxOptionBytes) {
+      return absl::InvalidArgumentError(absl::StrCat("advanced: ", name.substr(0, 64), ": ", size,
+                                                     " bytes exceed the limit of ",
+                                                     kMaxOptionBytes));
+    }
     RETURN_IF_ERROR(WithPrefix("advanced: ", SetByName(settings, name, text)));
   }
   return absl::OkStatus();

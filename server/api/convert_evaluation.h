@@ -2,7 +2,6 @@
 
 #include "absl/status/statusor.h"
 #include "core/evaluate/evaluate.h"
-#include "core/scene/model.h"
 #include "pepeseg/v1/evaluation_service.pb.h"
 
 // Conversions of the options and the scores of EvaluateModel.

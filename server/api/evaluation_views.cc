@@ -9,7 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/formats/label_values.h"
+#include "core/formats/images.h"
 #include "server/api/error.h"
 #include "server/api/request_image.h"
 #include "server/api/segment_request.h"

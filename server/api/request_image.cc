@@ -11,9 +11,8 @@
 #include "absl/strings/strip.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/pixel_frame.h"
-#include "core/formats/decode_image.h"
-#include "core/formats/encode_png.h"
 #include "core/formats/image_header.h"
+#include "core/formats/images.h"
 #include "core/formats/rle.h"
 #include "server/api/error.h"
 

@@ -145,7 +145,7 @@ absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Mo
   }
 }
 
-absl::StatusOr<Prompt> PromptOfLabel(const LabelRow& label, const Model& model,
+absl::StatusOr<Prompt> PromptOfLabel(const LabelRecord& label, const Model& model,
                                      const SceneChild& number) {
   const auto view = std::find_if(model.views.begin(), model.views.end(),
                                  [&](const ModelView& v) { return v.name == label.view; });
@@ -171,9 +171,9 @@ absl::StatusOr<Prompt> SegmentRequestReader::ReadLabel(const std::string& label,
                                                        const std::string& field) const {
   const SceneRef& scene = number_.scene;
   ASSIGN_OR_RETURN(const std::string id, LabelId(label, scene, field));
-  const auto row = store_.labels().GetLabel(scene, id);
-  if (!row.ok()) return WithResource(row.status(), "NO_SUCH_LABEL", LabelName(scene, id));
-  return PromptOfLabel(*row, model_, number_);
+  const auto record = store_.labels().GetLabel(scene, id);
+  if (!record.ok()) return WithResource(record.status(), "NO_SUCH_LABEL", LabelName(scene, id));
+  return PromptOfLabel(*record, model_, number_);
 }
 
 absl::StatusOr<Prompt> SegmentRequestReader::ReadPrompt(const v1::Prompt& prompt,

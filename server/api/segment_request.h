@@ -22,7 +22,7 @@ absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Mo
 
 // Returns a label as a prompt in its view, whose mask has the view's size. FAILED_PRECONDITION: the
 // model, which `number` names, does not have the view.
-absl::StatusOr<Prompt> PromptOfLabel(const LabelRow& label, const Model& model,
+absl::StatusOr<Prompt> PromptOfLabel(const LabelRecord& label, const Model& model,
                                      const SceneChild& number);
 
 // Reads a camera that is not one of the model's, see CheckView for its limits.

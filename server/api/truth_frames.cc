@@ -8,10 +8,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/dataset/frame_choice.h"
-#include "core/dataset/frame_trial.h"
-#include "core/dataset/match_poses.h"
-#include "core/formats/decode_image.h"
+#include "core/dataset/dataset_files.h"
+#include "core/dataset/pixel_frame.h"
+#include "core/formats/images.h"
 
 namespace pepeseg {
 namespace {

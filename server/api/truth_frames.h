@@ -8,8 +8,6 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/scene/capture.h"
-#include "core/scene/model.h"
 #include "pepeseg/v1/evaluation_service.pb.h"
 #include "server/api/request_image.h"
 

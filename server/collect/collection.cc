@@ -8,10 +8,10 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
-#include "core/base/beneath_folder.h"
 #include "core/base/status_macros.h"
 #include "server/data/locked_file.h"
 #include "server/store/layout.h"
+#include "server/worker_protocol/beneath_folder.h"
 
 namespace pepeseg {
 
@@ -39,16 +39,16 @@ UploadName UploadOf(const fs::path& folder) {
 }
 
 // Returns the time since the upload was created, or since bytes of one of its files came last.
-absl::StatusOr<absl::Duration> SinceLastWrite(const Collection& collection, const DatasetRow& row,
-                                              const UploadName& name) {
+absl::StatusOr<absl::Duration> SinceLastWrite(const Collection& collection,
+                                              const DatasetRecord& record, const UploadName& name) {
   const fs::path& data = collection.options.data;
-  absl::Duration since = absl::Now() - row.create_time;
+  absl::Duration since = absl::Now() - record.create_time;
   for (const fs::path& file : EntriesOf(PartialFolderOf(data, name))) {
     since = std::min(since, AgeOf(file));
   }
   ASSIGN_OR_RETURN(const auto files,
-                   collection.store.files().ListDatasetFiles(row.scene, row.number));
-  for (const DatasetFileRow& file : files) {
+                   collection.store.files().ListDatasetFiles(record.scene, record.number));
+  for (const DatasetFileRecord& file : files) {
     // A complete file has left the upload's folder; its blob has the time of its last write.
     // Another upload may have brought it, which only makes this one look younger.
     const fs::path blob = BlobPath(data, {name.scene.project, file.sha256});
@@ -91,13 +91,14 @@ bool IsBeingWritten(const fs::path& folder) {
 }
 
 // Deletes an upload if it is old enough and nothing of it is being written.
-absl::Status CollectUpload(Collection& collection, const DatasetRow& row) {
-  const UploadName name{row.scene, row.number};
-  ASSIGN_OR_RETURN(const absl::Duration since, SinceLastWrite(collection, row, name));
+absl::Status CollectUpload(Collection& collection, const DatasetRecord& record) {
+  const UploadName name{record.scene, record.number};
+  ASSIGN_OR_RETURN(const absl::Duration since, SinceLastWrite(collection, record, name));
   const fs::path folder = PartialFolderOf(collection.options.data, name);
   if (since < collection.options.upload_age || IsBeingWritten(folder)) return absl::OkStatus();
   // The record first: a stream that starts now finds no upload.
-  const absl::Status deleted = collection.store.datasets().DeleteUpload(row.scene, row.number);
+  const absl::Status deleted =
+      collection.store.datasets().DeleteUpload(record.scene, record.number);
   // It was sealed, or deleted with its scene, meanwhile.
   if (absl::IsFailedPrecondition(deleted) || absl::IsNotFound(deleted)) return absl::OkStatus();
   RETURN_IF_ERROR(deleted);
@@ -108,14 +109,14 @@ absl::Status CollectUpload(Collection& collection, const DatasetRow& row) {
 
 // Returns whether the upload is open and of the project that its folder names.
 absl::StatusOr<bool> IsOpen(Collection& collection, const UploadName& upload) {
-  const auto scene = collection.store.scenes().FindSceneById(upload.scene.id);
+  const auto scene = collection.store.scenes().GetScene(upload.scene);
   if (absl::IsNotFound(scene.status())) return false;
   RETURN_IF_ERROR(scene.status());
-  if (scene->project != upload.scene.project) return false;
-  const auto row = collection.store.datasets().GetDataset(*scene, upload.number);
-  if (absl::IsNotFound(row.status())) return false;
-  RETURN_IF_ERROR(row.status());
-  return row->state == DatasetState::kOpen;
+  if (scene->scene.project != upload.scene.project) return false;
+  const auto record = collection.store.datasets().GetDataset(scene->scene, upload.number);
+  if (absl::IsNotFound(record.status())) return false;
+  RETURN_IF_ERROR(record.status());
+  return record->state == DatasetState::kOpen;
 }
 
 // Returns the blobs on the disk that are at least options.file_age old.
@@ -253,7 +254,7 @@ void CollectTemporaries(Collection& collection) {
 absl::Status CollectUploads(Collection& collection) {
   const absl::Time before = absl::Now() - collection.options.upload_age;
   ASSIGN_OR_RETURN(const auto uploads, collection.store.datasets().ListOpenUploads(before));
-  for (const DatasetRow& row : uploads) RETURN_IF_ERROR(CollectUpload(collection, row));
+  for (const DatasetRecord& record : uploads) RETURN_IF_ERROR(CollectUpload(collection, record));
   return absl::OkStatus();
 }
 

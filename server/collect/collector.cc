@@ -41,10 +41,11 @@ absl::Status CheckDatabase(const Collection& collection) {
 
 // Removes the working files of a job that has ended. Its logs stay, and its model as long as the
 // model has a record.
-absl::Status CollectAttempts(Collection& collection, const JobRow& job, const fs::path& folder) {
+absl::Status CollectAttempts(Collection& collection, const JobRecord& job, const fs::path& folder) {
   std::string keep;
   if (job.model != 0) {
-    const absl::StatusOr<ModelRow> model = collection.store.models().GetModel(job.scene, job.model);
+    const absl::StatusOr<ModelRecord> model =
+        collection.store.models().GetModel(job.scene, job.model);
     if (!model.ok() && !absl::IsNotFound(model.status())) return model.status();
     if (model.ok()) keep = fs::path(model->folder).filename().string();
   }
@@ -59,7 +60,8 @@ absl::Status CollectAttempts(Collection& collection, const JobRow& job, const fs
 absl::Status CollectJobs(Collection& collection) {
   for (const fs::path& folder : EntriesOf(JobsFolder(collection.options.data))) {
     if (JobNumberOf(folder) == 0) continue;
-    const absl::StatusOr<JobRow> job = collection.store.jobs().GetJob(folder.filename().string());
+    const absl::StatusOr<JobRecord> job =
+        collection.store.jobs().GetJob(folder.filename().string());
     if (absl::IsNotFound(job.status())) {
       collection.RemoveAll(folder);
       continue;
@@ -71,11 +73,11 @@ absl::Status CollectJobs(Collection& collection) {
   return absl::OkStatus();
 }
 
-// Removes the files of `folder` without a record, as has_row(scene, number) returns it. The folder
-// has a folder for each scene, with files named by a number. A file is written before its record,
-// so only files of at least options.file_age are removed.
-template <typename HasRow>
-absl::Status CollectNumbered(Collection& collection, const fs::path& folder, HasRow has_row) {
+// Removes the files of `folder` without a record, as has_record(scene, number) returns it. The
+// folder has a folder for each scene, with files named by a number. A file is written before its
+// record, so only files of at least options.file_age are removed.
+template <typename HasRecord>
+absl::Status CollectNumbered(Collection& collection, const fs::path& folder, HasRecord has_record) {
   for (const fs::path& of_scene : EntriesOf(folder)) {
     SceneRef scene;
     if (!absl::SimpleAtoi(of_scene.filename().string(), &scene.id)) continue;
@@ -83,11 +85,11 @@ absl::Status CollectNumbered(Collection& collection, const fs::path& folder, Has
       int64_t number = 0;
       if (!absl::SimpleAtoi(file.stem().string(), &number)) continue;
       if (AgeOf(file) < collection.options.file_age) continue;
-      const absl::Status row = has_row(scene, number);
-      if (absl::IsNotFound(row)) {
+      const absl::Status record = has_record(scene, number);
+      if (absl::IsNotFound(record)) {
         collection.Remove(file);
       } else {
-        RETURN_IF_ERROR(row);
+        RETURN_IF_ERROR(record);
       }
     }
     std::error_code ignored;

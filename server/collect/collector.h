@@ -26,7 +26,7 @@ struct CollectorOptions {
   absl::Duration upload_age = absl::Hours(7 * 24);
 };
 
-// What one run has removed.
+// Files and records that one run has removed.
 struct Collected {
   int64_t num_files = 0;
   int64_t num_bytes = 0;

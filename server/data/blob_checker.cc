@@ -22,7 +22,7 @@ BlobChecker::~BlobChecker() {
 }
 
 std::shared_future<int> BlobChecker::Check(const std::string& project,
-                                           std::vector<DatasetFileRow> files) {
+                                           std::vector<DatasetFileRecord> files) {
   Task task{project, std::move(files), {}};
   std::shared_future<int> num_damaged = task.num_damaged.get_future().share();
   {
@@ -51,7 +51,7 @@ void BlobChecker::Run() {
 int BlobChecker::CheckAll(const Task& task) const {
   std::set<std::string> checked;
   std::vector<std::string> damaged;
-  for (const DatasetFileRow& file : task.files) {
+  for (const DatasetFileRecord& file : task.files) {
     if (stopping_ || !checked.insert(file.sha256).second) continue;
     const absl::Status whole = blobs_.Verify({task.project, file.sha256}, stopping_);
     if (absl::IsDataLoss(whole)) {

@@ -29,12 +29,12 @@ class BlobChecker {
 
   // Queues these files of a project. The future gets the number of their distinct blobs that are
   // damaged or missing; 0 if the checker was stopped before. Does not block.
-  std::shared_future<int> Check(const std::string& project, std::vector<DatasetFileRow> files);
+  std::shared_future<int> Check(const std::string& project, std::vector<DatasetFileRecord> files);
 
  private:
   struct Task {
     std::string project;
-    std::vector<DatasetFileRow> files;
+    std::vector<DatasetFileRecord> files;
     std::promise<int> num_damaged;
   };
   void Run();

@@ -23,7 +23,7 @@ static_assert(v1::JOB_STATE_CANCELLED == static_cast<int>(JobState::kCancelled) 
 
 // The log of each attempt has a part that the server writes before the worker, one of the worker,
 // and one of the server after it, so that no file has two writers.
-absl::Status AppendEvent(const JobFolder& folder, const JobRow& job, EventPart part,
+absl::Status AppendEvent(const JobFolder& folder, const JobRecord& job, EventPart part,
                          v1::JobEvent event) {
   RETURN_IF_ERROR(folder.Make());
   ASSIGN_OR_RETURN(const std::unique_ptr<EventLogWriter> log,
@@ -51,13 +51,14 @@ absl::StatusOr<v1::JobState> ReadNewestState(const JobFolder& folder) {
   }
 }
 
-absl::Status AppendWarning(const JobFolder& folder, const JobRow& job, const std::string& message) {
+absl::Status AppendWarning(const JobFolder& folder, const JobRecord& job,
+                           const std::string& message) {
   v1::JobEvent event;
   event.mutable_warning()->set_message(message);
   return AppendEvent(folder, job, EventPart::kAfter, std::move(event));
 }
 
-absl::Status AppendState(const JobFolder& folder, const JobRow& job) {
+absl::Status AppendState(const JobFolder& folder, const JobRecord& job) {
   v1::JobEvent event;
   v1::JobEvent::StateChanged& change = *event.mutable_state_changed();
   change.set_state(ToProto(job.state));

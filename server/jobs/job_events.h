@@ -5,7 +5,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "pepeseg/v1/job_service.pb.h"
-#include "server/store/rows.h"
+#include "server/store/records.h"
 #include "server/worker_protocol/job_folder.h"
 
 // The server's own events in a job's log: the state RUNNING before the worker's events, every other
@@ -15,9 +15,10 @@ namespace pepeseg {
 
 // Appends an event with the job's state; with the error of a job that has FAILED, and the name of a
 // new model.
-absl::Status AppendState(const JobFolder& folder, const JobRow& job);
+absl::Status AppendState(const JobFolder& folder, const JobRecord& job);
 // Appends a warning after the worker's events.
-absl::Status AppendWarning(const JobFolder& folder, const JobRow& job, const std::string& message);
+absl::Status AppendWarning(const JobFolder& folder, const JobRecord& job,
+                           const std::string& message);
 
 // Returns the newest state in the log; JOB_STATE_UNSPECIFIED: it has none. Stops at a broken record
 // and logs it. INTERNAL: the disk failed.

@@ -6,7 +6,7 @@
 namespace pepeseg {
 
 // Removes its entry from the list when it is destroyed.
-class JobFeed::HeldWatch : public Supervisor::Watch {
+class JobFeed::HeldWatch : public Watch {
  public:
   HeldWatch(std::shared_ptr<Watches> watches, std::list<WatchEntry>::iterator entry)
       : watches_(std::move(watches)), entry_(entry) {}
@@ -23,12 +23,12 @@ class JobFeed::HeldWatch : public Supervisor::Watch {
   std::list<WatchEntry>::iterator entry_;
 };
 
-void JobFeed::SetNewest(const std::string& job, const Supervisor::Newest& newest) {
+void JobFeed::SetNewest(const std::string& job, const Newest& newest) {
   const std::lock_guard lock(mutex_);
   newest_[job] = newest;
 }
 
-std::optional<Supervisor::Newest> JobFeed::FindNewest(const std::string& job) const {
+std::optional<JobFeed::Newest> JobFeed::FindNewest(const std::string& job) const {
   const std::lock_guard lock(mutex_);
   const auto found = newest_.find(job);
   return found == newest_.end() ? std::nullopt : std::optional(found->second);
@@ -55,12 +55,12 @@ absl::Status JobFeed::FindObstacle(const std::string& job, bool queued) const {
   return found == obstacles_.end() ? absl::OkStatus() : found->second;
 }
 
-void JobFeed::KeepObstaclesOf(const std::vector<JobRow>& held) {
+void JobFeed::KeepObstaclesOf(const std::vector<JobRecord>& held) {
   const std::lock_guard lock(mutex_);
   std::erase_if(obstacles_, [&](const auto& obstacle) {
     return !obstacle.first.empty() &&
            std::none_of(held.begin(), held.end(),
-                        [&](const JobRow& row) { return row.id == obstacle.first; });
+                        [&](const JobRecord& record) { return record.id == obstacle.first; });
   });
 }
 
@@ -70,8 +70,8 @@ void JobFeed::Forget(const std::string& job) {
   obstacles_.erase(job);
 }
 
-std::unique_ptr<Supervisor::Watch> JobFeed::AddWatch(const std::string& job,
-                                                     std::function<void()> changed) {
+std::unique_ptr<JobFeed::Watch> JobFeed::AddWatch(const std::string& job,
+                                                  std::function<void()> changed) {
   const std::lock_guard lock(watches_->mutex);
   const auto entry = watches_->list.insert(watches_->list.end(), {job, std::move(changed)});
   return std::make_unique<HeldWatch>(watches_, entry);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <list>
 #include <map>
@@ -10,8 +11,8 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "server/jobs/supervisor.h"
-#include "server/store/store.h"
+#include "pepeseg/v1/job_service.pb.h"
+#include "server/store/records.h"
 
 namespace pepeseg {
 
@@ -20,11 +21,21 @@ namespace pepeseg {
 // store or the disk.
 class JobFeed {
  public:
+  struct Newest {
+    int64_t sequence = 0;                     // number of the job's newest event; 0: there is none
+    std::optional<v1::JobProgress> progress;  // the newest one among its events
+  };
+  // Is destroyed to end the calls.
+  class Watch {
+   public:
+    virtual ~Watch() = default;
+  };
+
   JobFeed() : watches_(std::make_shared<Watches>()) {}
 
-  void SetNewest(const std::string& job, const Supervisor::Newest& newest);
+  void SetNewest(const std::string& job, const Newest& newest);
   // Returns the newest event of a job that runs here; none: it does not.
-  std::optional<Supervisor::Newest> FindNewest(const std::string& job) const;
+  std::optional<Newest> FindNewest(const std::string& job) const;
 
   // Records that `error` has stopped the start or the end of `job`, and notifies its watches. An
   // empty `job` stands for every queued job.
@@ -33,14 +44,13 @@ class JobFeed {
   // See Supervisor::FindObstacle.
   absl::Status FindObstacle(const std::string& job, bool queued) const;
   // Removes the obstacles of all jobs that are not in `held`, except the one of the queue.
-  void KeepObstaclesOf(const std::vector<JobRow>& held);
+  void KeepObstaclesOf(const std::vector<JobRecord>& held);
 
   // Removes the newest event and the obstacle of a job that no longer runs here.
   void Forget(const std::string& job);
 
   // See Supervisor::AddWatch. A watch may outlive the feed, since both own the list of watches.
-  std::unique_ptr<Supervisor::Watch> AddWatch(const std::string& job,
-                                              std::function<void()> changed);
+  std::unique_ptr<Watch> AddWatch(const std::string& job, std::function<void()> changed);
   // Calls `changed` of each watch of `job`; of all watches if `job` is empty.
   void Notify(const std::string& job) const;
 
@@ -56,7 +66,7 @@ class JobFeed {
   class HeldWatch;
 
   mutable std::mutex mutex_;  // guards newest_ and obstacles_; never held together with a watch's
-  std::map<std::string, Supervisor::Newest> newest_;
+  std::map<std::string, Newest> newest_;
   std::map<std::string, absl::Status> obstacles_;  // by job; "": of the queue
   const std::shared_ptr<Watches> watches_;
 };

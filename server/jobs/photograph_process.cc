@@ -141,7 +141,8 @@ absl::StatusOr<PhotographPicture> MakePicture(const PhotographProcess& process,
   if (!wanted()) return NotWanted();
   if (process.failed == nullptr) return Decode(process, task, blob, wanted);
   // The file may decode and not fit the view of a model.
-  const std::string key = absl::StrCat(task.sha256, task.view);
+  const std::string key =
+      absl::StrCat(task.sha256, task.form.view ? FormatView(*task.form.view) : "");
   RETURN_IF_ERROR(process.failed->Find(key, absl::Now()));
   auto picture = Decode(process, task, blob, wanted);
   if (absl::IsInvalidArgument(picture.status())) {

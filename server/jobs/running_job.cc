@@ -13,6 +13,7 @@
 #include "core/base/status_macros.h"
 #include "server/jobs/job_events.h"
 #include "server/jobs/launcher.h"
+#include "server/jobs/supervisor.h"
 #include "server/worker_protocol/client_text.h"
 #include "server/worker_protocol/job_stage.h"
 
@@ -36,17 +37,17 @@ bool IsShortage(const absl::Status& status) {
 
 }  // namespace
 
-RunningJob::RunningJob(const Context& context, JobRow job, JobFolder folder)
-    : context_(context),
+RunningJob::RunningJob(const Dependencies& deps, JobRecord job, JobFolder folder)
+    : deps_(deps),
       job_(std::move(job)),
       folder_(std::move(folder)),
       log_(folder_.events()),
       heartbeat_(folder_.heartbeat(job_.fence)) {}
 
-absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& context,
-                                                              const JobRow& job) {
-  const JobFolder folder(context.options.data_folder / "jobs" / job.id);
-  auto running = std::unique_ptr<RunningJob>(new RunningJob(context, job, folder));
+absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Dependencies& deps,
+                                                              const JobRecord& job) {
+  const JobFolder folder(deps.options.data_folder / "jobs" / job.id);
+  auto running = std::unique_ptr<RunningJob>(new RunningJob(deps, job, folder));
   // WriteSpec reads the database, so it comes first: if it fails, no event has been written.
   RETURN_IF_ERROR(running->WriteSpec());
   RETURN_IF_ERROR(AppendState(folder, job));
@@ -58,12 +59,12 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
   // The time for the first heartbeat starts now. The lease file is there before the worker looks at
   // it.
   running->heartbeat_.Expect();
-  ASSIGN_OR_RETURN(running->worker_, context.launcher.Launch(running->Command()));
+  ASSIGN_OR_RETURN(running->worker_, deps.launcher.Launch(running->Command()));
   // From here on another server can follow the worker. A server that is killed between the launch
   // and this record leaves a cluster job that nobody follows.
   if (const std::string launch = running->worker_->launch(); !launch.empty()) {
     running->job_.launch = launch;
-    const absl::Status recorded = context.store.queue().SetJobLaunch(job.id, job.fence, launch);
+    const absl::Status recorded = deps.store.queue().SetJobLaunch(job.id, job.fence, launch);
     if (!recorded.ok()) {
       // Nobody could follow it, and the next attempt to start would launch a second one.
       running->worker_->Kill();
@@ -75,12 +76,12 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
   return running;
 }
 
-absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Adopt(const Context& context,
-                                                              const JobRow& job) {
-  const JobFolder folder(context.options.data_folder / "jobs" / job.id);
-  auto running = std::unique_ptr<RunningJob>(new RunningJob(context, job, folder));
+absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Adopt(const Dependencies& deps,
+                                                              const JobRecord& job) {
+  const JobFolder folder(deps.options.data_folder / "jobs" / job.id);
+  auto running = std::unique_ptr<RunningJob>(new RunningJob(deps, job, folder));
   // The folder, the spec and the RUNNING event are those of the holder before.
-  ASSIGN_OR_RETURN(running->worker_, context.launcher.Attach(job.launch));
+  ASSIGN_OR_RETURN(running->worker_, deps.launcher.Attach(job.launch));
   running->FollowLog();
   running->follows_live_ = true;
   Touch(folder.lease(job.fence));
@@ -92,35 +93,34 @@ absl::Status RunningJob::WriteSpec() const {
   JobSpec spec;
   spec.job = job_.id;
   spec.fence = job_.fence;
-  spec.device = context_.options.device;
-  spec.num_threads = context_.options.num_threads;
-  spec.memory_limit = context_.options.memory_limit;
-  spec.checkpoint_seconds = context_.options.launch.checkpoint_seconds;
+  spec.device = deps_.options.device;
+  spec.num_threads = deps_.options.num_threads;
+  spec.memory_limit = deps_.options.memory_limit;
+  spec.checkpoint_seconds = deps_.options.launch.checkpoint_seconds;
   spec.traceparent = job_.traceparent;
-  spec.worker = context_.options.workers;
+  spec.worker = deps_.options.workers;
   // A worker on a cluster outlives this server: the next holder follows it.
-  const bool ends_with_holder =
-      context_.options.launch.launcher == LaunchOptions::Launcher::kProcess;
-  const absl::Duration lease = context_.store.holder().lease;
+  const bool ends_with_holder = deps_.options.launch.launcher == LaunchOptions::Launcher::kProcess;
+  const absl::Duration lease = deps_.store.holder().lease;
   if (ends_with_holder && lease != absl::InfiniteDuration()) {
     spec.lease_seconds = absl::ToInt64Seconds(lease);
   }
   if (!spec.options.ParseFromString(job_.effective_options)) {
     return absl::DataLossError("the job's stored options are not training options");
   }
-  ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
-                   context_.store.files().ListDatasetFiles(job_.scene, job_.dataset));
+  ASSIGN_OR_RETURN(const std::vector<DatasetFileRecord> files,
+                   deps_.store.files().ListDatasetFiles(job_.scene, job_.dataset));
   const std::string& project = job_.scene.project;
-  for (const DatasetFileRow& file : files) {
+  for (const DatasetFileRecord& file : files) {
     spec.files.push_back(
-        {file.path, file.kind, context_.options.file_path(project, file).string(), file.sha256});
+        {file.path, file.kind, deps_.options.file_path(project, file).string(), file.sha256});
   }
   RETURN_IF_ERROR(folder_.Make());
   return folder_.WriteSpec(spec);
 }
 
 WorkerCommand RunningJob::Command() const {
-  const SupervisorOptions& options = context_.options;
+  const SupervisorOptions& options = deps_.options;
   WorkerCommand command;
   command.job = job_.id;
   command.program = options.worker;
@@ -141,27 +141,28 @@ bool RunningJob::FollowLog() {
     if (event.has_stage_started()) stage_ = NameOfStage(event.stage_started().stage());
     // Events that were in the log when this server began to follow are not reported: metrics would
     // count them twice.
-    if (follows_live_ && context_.options.on_event) context_.options.on_event(job_.id, event);
+    if (follows_live_ && deps_.options.on_event) deps_.options.on_event(job_.id, event);
   }
   // The store has the stage for listings only, so an error is ignored: the next event tries again.
   if (stage_ == job_.stage || worker_ == nullptr) return true;
-  const absl::Status recorded = context_.store.queue().SetJobStage(job_.id, job_.fence, stage_);
+  const absl::Status recorded = deps_.store.queue().SetJobStage(job_.id, job_.fence, stage_);
   if (recorded.ok()) job_.stage = stage_;
   return true;
 }
 
-void RunningJob::Held(const JobRow& row) {
-  if (row.fence != job_.fence) {
-    spdlog::info("jobs/{}: {} was started again, as attempt {}", job_.id, job_.launch, row.fence);
+void RunningJob::RenewLease(const JobRecord& record) {
+  if (record.fence != job_.fence) {
+    spdlog::info("jobs/{}: {} was started again, as attempt {}", job_.id, job_.launch,
+                 record.fence);
     // Slurm has restarted the worker, which took the fence itself (JobQueue::TakeNextFence).
-    heartbeat_ = HeartbeatWatch(folder_.heartbeat(row.fence));
+    heartbeat_ = HeartbeatWatch(folder_.heartbeat(record.fence));
   }
-  job_ = row;
+  job_ = record;
   Touch(folder_.lease(job_.fence));
 }
 
 absl::Duration RunningJob::HeartbeatTimeout() const {
-  return absl::Seconds(context_.options.launch.lease_seconds);
+  return absl::Seconds(deps_.options.launch.lease_seconds);
 }
 
 void RunningJob::KillIfTimedOut() {
@@ -234,13 +235,13 @@ absl::Status RunningJob::StartCheck() {
   if (!result.ok() || !absl::IsDataLoss(result->status) || result->damaged.empty()) {
     return absl::OkStatus();
   }
-  if (!context_.options.check_files) return absl::OkStatus();
-  ASSIGN_OR_RETURN(std::vector<DatasetFileRow> files,
-                   context_.store.files().ListDatasetFiles(job_.scene, job_.dataset));
+  if (!deps_.options.check_files) return absl::OkStatus();
+  ASSIGN_OR_RETURN(std::vector<DatasetFileRecord> files,
+                   deps_.store.files().ListDatasetFiles(job_.scene, job_.dataset));
   const std::string& project = job_.scene.project;
   const std::set<std::string> named(result->damaged.begin(), result->damaged.end());
-  std::erase_if(files, [&](const DatasetFileRow& file) { return !named.contains(file.sha256); });
-  num_damaged_ = context_.options.check_files(project, std::move(files));
+  std::erase_if(files, [&](const DatasetFileRecord& file) { return !named.contains(file.sha256); });
+  num_damaged_ = deps_.options.check_files(project, std::move(files));
   return absl::OkStatus();
 }
 
@@ -315,7 +316,7 @@ EndedAttempt RunningJob::DescribeAttempt() const {
   attempt.progress = folder_.HasSaved(job_.fence);
   if (!crashed_ || lease_lost_) return attempt;
   attempt.end = AttemptEnd::kCrashed;
-  const std::vector<absl::Duration>& pauses = context_.options.launch.crash_pauses;
+  const std::vector<absl::Duration>& pauses = deps_.options.launch.crash_pauses;
   // The pause grows with each crash in a row; the last one repeats.
   const auto before = static_cast<size_t>(attempt.progress ? 0 : job_.crashes);
   attempt.pause = pauses[std::min(before, pauses.size() - 1)];
@@ -323,20 +324,20 @@ EndedAttempt RunningJob::DescribeAttempt() const {
 }
 
 absl::Status RunningJob::CommitModel(const JobResult& result) {
-  ModelRow model;
+  ModelRecord model;
   model.folder = absl::StrCat("jobs/", job_.id, "/", folder_.model(job_.fence).filename().string());
   model.metrics = MetricsToJson(result.metrics);
   model.sources = SourcesToJson(result.sources);
   model.num_gaussians = result.num_gaussians;
   model.num_bytes = result.num_bytes;
-  ASSIGN_OR_RETURN(model, context_.store.queue().CommitModel(job_.id, job_.fence, model));
+  ASSIGN_OR_RETURN(model, deps_.store.queue().CommitModel(job_.id, job_.fence, model));
   spdlog::info("jobs/{}: made {}", job_.id, ChildName(job_.scene, "models", model.number));
   return absl::OkStatus();
 }
 
 absl::Status RunningJob::WriteOutcome(const absl::Status& outcome, const JobResult& result,
                                       bool requeue) {
-  Store& store = context_.store;
+  Store& store = deps_.store;
   if (outcome.ok()) {
     RETURN_IF_ERROR(CommitModel(result));
     ASSIGN_OR_RETURN(job_, store.jobs().GetJob(job_.id));
@@ -365,9 +366,9 @@ absl::Status RunningJob::Finish(bool requeue) {
     if (!absl::IsAborted(written)) return written;
     // ABORTED also comes when the outcome was written before, and only the database's answer was
     // lost: then the job has this fence and is no longer RUNNING.
-    ASSIGN_OR_RETURN(const JobRow row, context_.store.jobs().GetJob(job_.id));
-    if (row.fence != job_.fence || row.state == JobState::kRunning) return written;
-    job_ = row;
+    ASSIGN_OR_RETURN(const JobRecord record, deps_.store.jobs().GetJob(job_.id));
+    if (record.fence != job_.fence || record.state == JobState::kRunning) return written;
+    job_ = record;
   }
   if (job_.state != JobState::kSucceeded) {
     spdlog::warn("jobs/{}: attempt {} ended: {}", job_.id, job_.fence, outcome.ToString());

@@ -13,13 +13,14 @@
 #include "absl/time/time.h"
 #include "pepeseg/v1/job_service.pb.h"
 #include "server/jobs/launcher.h"
-#include "server/jobs/supervisor.h"
 #include "server/store/store.h"
 #include "server/worker_protocol/event_log.h"
 #include "server/worker_protocol/heartbeat.h"
 #include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {
+
+struct SupervisorOptions;  // supervisor.h
 
 // The pause between tries of an operation that keeps failing: 1 s after the first failure, doubled
 // by each further one, at most 10 s. Not thread safe.
@@ -49,29 +50,29 @@ class RetryPause {
 // supervisor's thread only.
 class RunningJob {
  public:
-  struct Context {
+  struct Dependencies {
     Store& store;
     const SupervisorOptions& options;
     Launcher& launcher;
   };
   // Writes the spec of a claimed job and launches its worker. On an error the job is still RUNNING
   // in the store.
-  static absl::StatusOr<std::unique_ptr<RunningJob>> Start(const Context& context,
-                                                           const JobRow& job);
+  static absl::StatusOr<std::unique_ptr<RunningJob>> Start(const Dependencies& deps,
+                                                           const JobRecord& job);
   // Follows the worker that job.launch names, which another server has launched.
-  static absl::StatusOr<std::unique_ptr<RunningJob>> Adopt(const Context& context,
-                                                           const JobRow& job);
+  static absl::StatusOr<std::unique_ptr<RunningJob>> Adopt(const Dependencies& deps,
+                                                           const JobRecord& job);
 
-  const JobRow& job() const { return job_; }
+  const JobRecord& job() const { return job_; }
   const std::optional<v1::JobProgress>& progress() const { return progress_; }
   int64_t sequence() const { return sequence_; }
 
   // Reads new events, and records a new stage in the store. Returns whether there were events.
   bool FollowLog();
 
-  // Takes the store's newest record of the job, which this server still holds, and touches the
-  // worker's lease file. The record has another fence where Slurm has restarted the worker.
-  void Held(const JobRow& row);
+  // Adopts the job's latest record after its lease was renewed, and touches the worker's lease
+  // file. The record has another fence where Slurm has restarted the worker.
+  void RenewLease(const JobRecord& record);
   // Kills a worker on this machine whose heartbeat has timed out: it hangs, or is suspended.
   void KillIfTimedOut();
 
@@ -95,7 +96,7 @@ class RunningJob {
   RetryPause& end_pause() { return end_pause_; }
 
  private:
-  RunningJob(const Context& context, JobRow job, JobFolder folder);
+  RunningJob(const Dependencies& deps, JobRecord job, JobFolder folder);
   absl::Duration HeartbeatTimeout() const;
   absl::Status WriteSpec() const;
   WorkerCommand Command() const;
@@ -112,8 +113,8 @@ class RunningJob {
   absl::Status CommitModel(const JobResult& result);
   void RemoveLeftovers() const;
 
-  Context context_;
-  JobRow job_;
+  Dependencies deps_;
+  JobRecord job_;
   JobFolder folder_;
   EventLogReader log_;
   HeartbeatWatch heartbeat_;

@@ -58,7 +58,7 @@ absl::StatusOr<std::vector<std::string>> RunSlurm(const std::string& name,
       absl::StrCat(name, " ", Describe(end), ": ", absl::StrJoin(answer, "; ")));
 }
 
-// What squeue last reported of a job.
+// squeue's last report of a job.
 struct QueueEntry {
   std::string state;  // "PENDING", "RUNNING" ...
   int missed = 0;     // number of lists in a row without the job

@@ -13,7 +13,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/supervisor_loop.h"
 #include "server/worker_protocol/job_isolation.h"
 
 namespace pepeseg {
@@ -57,8 +56,7 @@ std::string StartTime(int64_t pid) {
 
 }  // namespace
 
-Supervisor::Supervisor(std::unique_ptr<Loop> loop) : loop_(std::move(loop)) {}
-Supervisor::~Supervisor() = default;
+Supervisor::~Supervisor() { Stop(absl::Now()); }
 
 absl::StatusOr<std::unique_ptr<Supervisor>> Supervisor::Start(Store& store,
                                                               SupervisorOptions options) {
@@ -67,41 +65,45 @@ absl::StatusOr<std::unique_ptr<Supervisor>> Supervisor::Start(Store& store,
                                " is not a program; jobs need pepeseg-worker");
   }
   ReportSandbox(options);
-  auto loop = std::make_unique<Loop>(store, std::move(options));
+  std::unique_ptr<Supervisor> supervisor(new Supervisor(store, std::move(options)));
   // Before the thread starts, so that no job is claimed while this server's old ones are taken
   // over.
-  RETURN_IF_ERROR(loop->Recover());
-  loop->StartThread();
-  return std::unique_ptr<Supervisor>(new Supervisor(std::move(loop)));
+  RETURN_IF_ERROR(supervisor->Recover());
+  supervisor->StartThread();
+  return supervisor;
 }
 
-absl::StatusOr<JobRow> Supervisor::Submit(const JobRow& job) {
-  ASSIGN_OR_RETURN(JobRow made, loop_->store().jobs().CreateJob(job));
-  loop_->Wake();
+absl::StatusOr<JobRecord> Supervisor::Submit(const JobRecord& job) {
+  ASSIGN_OR_RETURN(JobRecord made, store_.jobs().CreateJob(job));
+  Wake();
   return made;
 }
 
-absl::StatusOr<JobRow> Supervisor::Cancel(const std::string& job) {
-  ASSIGN_OR_RETURN(JobRow row, loop_->store().queue().RequestCancel(job));
+absl::StatusOr<JobRecord> Supervisor::Cancel(const std::string& job) {
+  ASSIGN_OR_RETURN(JobRecord record, store_.queue().RequestCancel(job));
   // The database has the request first: if this server is killed now, the next holder of the job
-  // sees it. Another server's job is stopped by its holder (Loop::KeepLeases).
-  if (row.cancel_requested) loop_->RequestCancel(row.id);
-  return row;
+  // sees it. Another server's job is stopped by its holder (KeepLeases).
+  if (record.cancel_requested) {
+    {
+      const std::lock_guard lock(mutex_);
+      cancels_.insert(record.id);
+    }
+    Wake();
+  }
+  return record;
 }
 
-void Supervisor::StopClaiming() { loop_->SetClaiming(false); }
+void Supervisor::StopClaiming() { SetClaiming(false); }
 
-void Supervisor::ResumeClaiming() { loop_->SetClaiming(true); }
-
-void Supervisor::Stop(absl::Time deadline) { loop_->StopThread(deadline); }
+void Supervisor::ResumeClaiming() { SetClaiming(true); }
 
 EventLogReader Supervisor::ReadEvents(const std::string& job, int64_t after_sequence) const {
-  return EventLogReader(loop_->FolderOf(job).events(), after_sequence);
+  return EventLogReader(FolderOf(job).events(), after_sequence);
 }
 
 // Reads the whole log of a job that does not run here: it is finished, queued, or another server's.
 absl::StatusOr<Supervisor::Newest> Supervisor::FindNewest(const std::string& job) const {
-  if (std::optional<Newest> running = loop_->feed().FindNewest(job)) return *running;
+  if (std::optional<Newest> running = feed_.FindNewest(job)) return *running;
   Newest newest;
   EventLogReader reader = ReadEvents(job, 0);
   while (true) {
@@ -115,16 +117,16 @@ absl::StatusOr<Supervisor::Newest> Supervisor::FindNewest(const std::string& job
 }
 
 std::optional<Supervisor::Newest> Supervisor::FindRunning(const std::string& job) const {
-  return loop_->feed().FindNewest(job);
+  return feed_.FindNewest(job);
 }
 
 absl::Status Supervisor::FindObstacle(const std::string& job, bool queued) const {
-  return loop_->feed().FindObstacle(job, queued);
+  return feed_.FindObstacle(job, queued);
 }
 
 std::unique_ptr<Supervisor::Watch> Supervisor::AddWatch(const std::string& job,
                                                         std::function<void()> changed) {
-  return loop_->feed().AddWatch(job, std::move(changed));
+  return feed_.AddWatch(job, std::move(changed));
 }
 
 std::string HolderName() {

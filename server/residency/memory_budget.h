@@ -9,33 +9,10 @@
 #include <utility>
 
 #include "absl/status/status.h"
-#include "core/model_files/model_file.h"
-#include "kernels/backend.h"
+#include "core/query/scene_model.h"
 
-// What models take of the memories of host and device, how much may be taken, and who holds it.
+// Memory of host and device that models take: the budget, and who holds how much of it.
 namespace pepeseg {
-
-// Bytes of the host's memory and of the device's memory.
-struct MemoryBytes {
-  int64_t host = 0, device = 0;
-
-  MemoryBytes& operator+=(const MemoryBytes& other) {
-    host += other.host;
-    device += other.device;
-    return *this;
-  }
-  MemoryBytes& operator-=(const MemoryBytes& other) {
-    host -= other.host;
-    device -= other.device;
-    return *this;
-  }
-};
-
-// Returns an upper bound of what a Segmenter of such a model takes on the host and on the backend:
-// Gaussians and features, the decompositions and feature maps that it may keep, and the scratch of
-// a render of MostPixels pixels (Backend::ScratchBytes). What a single query takes in addition,
-// such as blend rows or a larger view, is not counted: it is freed with the query.
-MemoryBytes BytesOfModel(const Backend& backend, const ModelShape& shape);
 
 // How much of the two memories may be reserved: 95 % of each limit. The rest is left for memory
 // that is not counted, such as the scratch of queries and the gaps between blocks.
@@ -60,7 +37,7 @@ class MemoryBudget {
   bool one_memory_;
 };
 
-// Whose a value is, and how much all values of that owner may take together.
+// The owner of a value, and the limit on all values of that owner together.
 struct MemoryShare {
   std::string owner;
   int64_t limit = 0;  // bytes of the memory in which the owner takes more; 0: unlimited
@@ -88,7 +65,7 @@ class MemoryLedger {
   std::map<std::string, MemoryBytes> used_by_;  // has only owners who have taken something
 };
 
-// What a cache and its values share. It lives as long as the last of them.
+// State that a cache and its values share. It lives as long as the last of them.
 struct ResidencyState {
   struct Counts {
     int64_t num_loads = 0, num_evictions = 0;

@@ -122,8 +122,8 @@ class CallRunner {
     UnaryRequest request;
     grpc::ServerUnaryReactor* reactor;
     absl::Time start = absl::Now();
-    // What the quotas know the caller by. None: a gateway says who calls, which counts only once
-    // the gateway's certificate has been checked.
+    // Credential that identifies the caller to the quotas. Unset if a gateway states the identity,
+    // because that is trusted only after its certificate is verified.
     std::optional<std::string> credential = {};
     bool admitted = false;  // by the quotas
   };

@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "absl/status/statusor.h"
-#include "core/base/beneath_folder.h"
+#include "server/worker_protocol/beneath_folder.h"
 
 namespace pepeseg {
 

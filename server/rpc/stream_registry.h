@@ -31,7 +31,7 @@ struct StreamLimits {
   absl::Duration stuck_export = absl::Seconds(60);
 };
 
-// Whose a stream is. An empty name has no limit.
+// The owner of a stream. An empty name has no limit.
 struct StreamOwner {
   std::string project;
   std::string peer;

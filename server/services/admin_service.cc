@@ -62,7 +62,7 @@ AdminServiceRpc::AdminServiceRpc(Operations& operations)
       models_(operations.models()),
       projects_(runner_.quotas(), models_) {}
 
-absl::StatusOr<ModelRow> AdminServiceRpc::FindNamed(const std::string& name) const {
+absl::StatusOr<ModelRecord> AdminServiceRpc::FindNamed(const std::string& name) const {
   ASSIGN_OR_RETURN(const NamedScenes scenes, ResolveOperatorsName(models_.store(), name, "name"));
   return models_.Find(scenes, name, "name");
 }
@@ -74,7 +74,7 @@ absl::Status AdminServiceRpc::LoadModel(const UnaryCall& /*call*/,
   ASSIGN_OR_RETURN(const NamedScenes scenes,
                    ResolveOperatorsName(models_.store(), request.name(), "name"));
   ASSIGN_OR_RETURN(const ResidentModel model, models_.Load(scenes, request.name(), "name"));
-  FillDescription(models_.cache(), model.row, response);
+  FillDescription(models_.cache(), model.id, response);
   response->set_queries_in_flight(response->queries_in_flight() - 1);  // this call is not a query
   return absl::OkStatus();
 }
@@ -82,10 +82,10 @@ absl::Status AdminServiceRpc::LoadModel(const UnaryCall& /*call*/,
 absl::Status AdminServiceRpc::PinModel(const UnaryCall& /*call*/,
                                        const v1::PinModelRequest& request,
                                        v1::ResidentModel* response) const {
-  ASSIGN_OR_RETURN(const ModelRow row, FindNamed(request.name()));
+  ASSIGN_OR_RETURN(const ModelRecord record, FindNamed(request.name()));
   // Held, so that the model is not evicted before it is pinned.
-  ASSIGN_OR_RETURN(const ResidentModel held, models_.Load({row.scene, row.number}));
-  RETURN_IF_ERROR(SetPinned(row, true, response));
+  ASSIGN_OR_RETURN(const ResidentModel held, models_.Load({record.scene, record.number}));
+  RETURN_IF_ERROR(SetPinned(record, true, response));
   response->set_queries_in_flight(response->queries_in_flight() - 1);  // this call is not a query
   return absl::OkStatus();
 }
@@ -93,26 +93,26 @@ absl::Status AdminServiceRpc::PinModel(const UnaryCall& /*call*/,
 absl::Status AdminServiceRpc::UnpinModel(const UnaryCall& /*call*/,
                                          const v1::UnpinModelRequest& request,
                                          v1::ResidentModel* response) const {
-  ASSIGN_OR_RETURN(const ModelRow row, FindNamed(request.name()));
-  return SetPinned(row, false, response);
+  ASSIGN_OR_RETURN(const ModelRecord record, FindNamed(request.name()));
+  return SetPinned(record, false, response);
 }
 
-absl::Status AdminServiceRpc::SetPinned(const ModelRow& row, bool pinned,
+absl::Status AdminServiceRpc::SetPinned(const ModelRecord& record, bool pinned,
                                         v1::ResidentModel* response) const {
-  const absl::Status status = models_.cache().SetPinned(ResidentKey(row), pinned);
+  const absl::Status status = models_.cache().SetPinned(ResidentKey(record), pinned);
   if (!status.ok()) {
-    return WithResource(status, "NOT_RESIDENT", ChildName(row.scene, "models", row.number));
+    return WithResource(status, "NOT_RESIDENT", ChildName(record.scene, "models", record.number));
   }
-  FillDescription(models_.cache(), {row.scene, row.number}, response);
+  FillDescription(models_.cache(), {record.scene, record.number}, response);
   return absl::OkStatus();
 }
 
 absl::Status AdminServiceRpc::UnloadModel(const UnaryCall& /*call*/,
                                           const v1::UnloadModelRequest& request,
                                           google::protobuf::Empty* /*response*/) const {
-  ASSIGN_OR_RETURN(const ModelRow row, FindNamed(request.name()));
-  const std::string name = ChildName(row.scene, "models", row.number);
-  const absl::Status status = models_.cache().Unload(ResidentKey(row));
+  ASSIGN_OR_RETURN(const ModelRecord record, FindNamed(request.name()));
+  const std::string name = ChildName(record.scene, "models", record.number);
+  const absl::Status status = models_.cache().Unload(ResidentKey(record));
   if (status.ok()) return absl::OkStatus();
   // NOT_FOUND: not in memory. Any other error: the model is pinned.
   const absl::Status named(status.code(), absl::StrCat(name, ": ", status.message()));

@@ -34,10 +34,10 @@ class AdminServiceRpc final : public v1::AdminService::CallbackService {
 
  private:
   // Pins or unpins a model that is in memory, and describes it. NOT_FOUND: it is not.
-  absl::Status SetPinned(const ModelRow& row, bool pinned, v1::ResidentModel* response) const;
+  absl::Status SetPinned(const ModelRecord& record, bool pinned, v1::ResidentModel* response) const;
   absl::Status SetDraining(bool draining, v1::ServerStatus* response) const;
   // Returns the record of a model by the name that an operator uses (ResolveOperatorsName).
-  absl::StatusOr<ModelRow> FindNamed(const std::string& name) const;
+  absl::StatusOr<ModelRecord> FindNamed(const std::string& name) const;
 
   Operations& operations_;
   const CallRunner& runner_;

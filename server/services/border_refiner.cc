@@ -10,8 +10,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/model_files/model_facts.h"
-#include "core/priors/sam/sam_networks.h"
 #include "server/api/error.h"
 #include "server/services/kept_embedding.h"
 #include "server/services/stored_photographs.h"
@@ -21,14 +19,14 @@ namespace {
 
 constexpr size_t kMostRecent = 32;                // views
 constexpr int64_t kViewBytes = int64_t{2} << 20;  // of an embedding
-// Of SAM's weights and their buffers on the CPU, as measured (deploy/OPERATIONS.md). Also reserved
-// where a GPU computes, because the CPU takes over if that fails.
+// SAM's weights and their buffers on the CPU, bytes, as measured (deploy/OPERATIONS.md). Also
+// reserved where a GPU computes, because the CPU takes over if that fails.
 constexpr int64_t kSamBytes = int64_t{350'000'000};
 
 }  // namespace
 
 absl::Status BorderRefiner::CheckAvailable() const {
-  if (!options_.sam.empty()) return absl::OkStatus();
+  if (!deps_.sam.empty()) return absl::OkStatus();
   return WithResource(
       absl::FailedPreconditionError("sam_borders: this server has no SAM, which its operator can "
                                     "install (deploy/sam.sh); leave the field out"),
@@ -39,25 +37,25 @@ absl::Status BorderRefiner::CheckAvailable() const {
 // that are not in use if it has to. `options` gets the GPU.
 absl::StatusOr<std::unique_ptr<ReservedMemory>> BorderRefiner::TakeMemory(SamOptions& options) {
   MemoryBytes bytes = {kSamBytes + int64_t{kMostRecent} * kViewBytes, 0};
-  if (options_.cuda_device) {
+  if (deps_.cuda_device) {
     bytes.device = SamDeviceBytes(int64_t{kSamFrame} * kSamFrame);
-    auto taken = options_.models.TakeServerMemory(bytes);
+    auto taken = deps_.models.TakeServerMemory(bytes);
     if (taken.ok()) {
-      options.cuda_device = options_.cuda_device;
+      options.cuda_device = deps_.cuda_device;
       return taken;
     }
     spdlog::warn("SAM computes borders of masks on the CPU: {}", taken.status().ToString());
     bytes.device = 0;
   }
-  return options_.models.TakeServerMemory(bytes);
+  return deps_.models.TakeServerMemory(bytes);
 }
 
 // Loading takes a second: it is left to the first request. Clients do not learn the server's paths.
 absl::Status BorderRefiner::OpenSam() {
   if (sam_ != nullptr) return absl::OkStatus();
-  SamOptions sam_options = {.num_threads = options_.num_threads};
+  SamOptions sam_options = {.num_threads = deps_.num_threads};
   ASSIGN_OR_RETURN(std::unique_ptr<ReservedMemory> memory, TakeMemory(sam_options));
-  auto sam = SamBorders::Open(options_.sam, sam_options);
+  auto sam = SamBorders::Open(deps_.sam, sam_options);
   if (sam.ok()) {
     sam_ = *std::move(sam);
     memory_ = std::move(memory);
@@ -84,18 +82,15 @@ absl::StatusOr<Image> BorderRefiner::Photograph(const ResidentModel& model, cons
   if (view.name.empty() || !view.photograph) {
     return absl::NotFoundError("the view has no photograph");
   }
-  StoredPhotographs photographs(options_.store, options_.blobs, options_.photographs, model.row,
-                                wanted);
-  ASSIGN_OR_RETURN(const DatasetFileRow file, photographs.Find(view));
-  Model one;
-  one.views = {view};
+  StoredPhotographs photographs(deps_.store, deps_.blobs, deps_.photographs, model.id, wanted);
+  ASSIGN_OR_RETURN(const DatasetFileRecord file, photographs.Find(view));
   PhotographTask task;
   task.name = file.path;
   task.sha256 = file.sha256;
-  task.view = FormatModelFacts(one);
-  task.max_side = kSamFrame;
+  task.form.view = view;
+  task.form.max_side = kSamFrame;
   task.raw = true;
-  return MakeImage(options_.photographs, task, photographs.PathOf(file), wanted);
+  return MakeImage(deps_.photographs, task, photographs.PathOf(file), wanted);
 }
 
 // The dataset of a model does not change. Where it has no such photograph, which then was a frame
@@ -106,18 +101,17 @@ absl::StatusOr<SamEmbedding> BorderRefiner::ReadKept(const ResidentModel& model,
   if (view.name.empty() || !view.photograph) {
     return absl::NotFoundError("the view has no photograph");
   }
-  ASSIGN_OR_RETURN(const ModelRow row,
-                   options_.store.models().GetModel(model.row.scene, model.row.number));
-  const std::filesystem::path folder = options_.models.data_folder() / row.folder;
+  ASSIGN_OR_RETURN(const ModelRecord record,
+                   deps_.store.models().GetModel(model.id.scene, model.id.number));
+  const std::filesystem::path folder = deps_.models.data_folder() / record.folder;
   // Spares the database a list of files.
   std::error_code ignored;
   if (!std::filesystem::exists(folder / EmbeddingFileName(view.name), ignored)) {
     return absl::NotFoundError("the training has kept no embedding");
   }
   EmbeddingOrigin origin = {sam_->encoder_digest(), ""};
-  StoredPhotographs photographs(options_.store, options_.blobs, options_.photographs, model.row,
-                                wanted);
-  const absl::StatusOr<DatasetFileRow> file = photographs.Find(view);
+  StoredPhotographs photographs(deps_.store, deps_.blobs, deps_.photographs, model.id, wanted);
+  const absl::StatusOr<DatasetFileRecord> file = photographs.Find(view);
   if (file.ok()) origin.photograph = file->sha256;
   auto embedding = ReadKeptEmbedding(folder, view, origin);
   if (!embedding.ok() && !absl::IsNotFound(embedding.status())) {
@@ -126,50 +120,48 @@ absl::StatusOr<SamEmbedding> BorderRefiner::ReadKept(const ResidentModel& model,
   return embedding;
 }
 
-absl::StatusOr<BorderRefiner::Seen> BorderRefiner::Compute(const ResidentModel& model,
-                                                           const ModelView& view,
-                                                           absl::FunctionRef<bool()> wanted) const {
-  Seen seen;
+absl::StatusOr<BorderRefiner::ViewEmbedding> BorderRefiner::Compute(
+    const ResidentModel& model, const ModelView& view, absl::FunctionRef<bool()> wanted) const {
+  ViewEmbedding found;
   absl::StatusOr<Image> image = Photograph(model, view, wanted);
   if (absl::IsCancelled(image.status())) return image.status();
-  seen.image = BorderImage::kPhotograph;
+  found.image = BorderImage::kPhotograph;
   if (!image.ok()) {
     // Any other error leaves the rendering, and the answer says so.
     spdlog::debug("SAM: view {}: {}", view.name, image.status().ToString());
     ASSIGN_OR_RETURN(image, model->segmenter().RenderColor(view));
-    seen.image = BorderImage::kRendering;
+    found.image = BorderImage::kRendering;
   }
-  ASSIGN_OR_RETURN(seen.embedding, sam_->Embed(*image));
+  ASSIGN_OR_RETURN(found.embedding, sam_->Embed(*image));
   // The photograph may be shrunk; masks have the size of the view.
-  seen.embedding.width = view.camera.width;
-  seen.embedding.height = view.camera.height;
-  return seen;
+  found.embedding.width = view.camera.width;
+  found.embedding.height = view.camera.height;
+  return found;
 }
 
-absl::StatusOr<const BorderRefiner::Seen*> BorderRefiner::See(const ResidentModel& model,
-                                                              const ModelView& view,
-                                                              absl::FunctionRef<bool()> wanted) {
+absl::StatusOr<const BorderRefiner::ViewEmbedding*> BorderRefiner::FindEmbedding(
+    const ResidentModel& model, const ModelView& view, absl::FunctionRef<bool()> wanted) {
   std::string key;
   // Not model.name: scenes of two projects may have one name.
   if (!view.name.empty()) {
-    key = absl::StrCat(model.row.scene.id, "/", model.row.number, "/", view.name);
+    key = absl::StrCat(model.id.scene.id, "/", model.id.number, "/", view.name);
   }
   for (auto at = recent_.begin(); at != recent_.end(); ++at) {
     if (key.empty() || at->key != key) continue;
     recent_.splice(recent_.begin(), recent_, at);
     return &recent_.front();
   }
-  Seen seen;
+  ViewEmbedding found;
   auto kept = ReadKept(model, view, wanted);
   if (kept.ok()) {
-    seen.embedding = *std::move(kept);
-    seen.image = BorderImage::kPhotograph;
-    seen.kept = true;
+    found.embedding = *std::move(kept);
+    found.image = BorderImage::kPhotograph;
+    found.kept = true;
   } else {
-    ASSIGN_OR_RETURN(seen, Compute(model, view, wanted));
+    ASSIGN_OR_RETURN(found, Compute(model, view, wanted));
   }
-  seen.key = std::move(key);
-  recent_.push_front(std::move(seen));
+  found.key = std::move(key);
+  recent_.push_front(std::move(found));
   if (recent_.size() > kMostRecent) recent_.pop_back();
   return &recent_.front();
 }
@@ -199,13 +191,14 @@ absl::Status BorderRefiner::Refine(const ResidentModel& model, const ModelView& 
   RETURN_IF_ERROR(check());
   RETURN_IF_ERROR(CheckAvailable());
   RETURN_IF_ERROR(OpenSam());
-  ASSIGN_OR_RETURN(const Seen* seen, See(model, view, [&] { return check().ok(); }));
+  ASSIGN_OR_RETURN(const ViewEmbedding* found,
+                   FindEmbedding(model, view, [&] { return check().ok(); }));
   ASSIGN_OR_RETURN(BinaryMask mask,
-                   seen->kept ? RefineInPhotograph(*sam_, seen->embedding, view, result.mask)
-                              : sam_->Refine(seen->embedding, result.mask));
+                   found->kept ? RefineInPhotograph(*sam_, found->embedding, view, result.mask)
+                               : sam_->Refine(found->embedding, result.mask));
   ReportProcessor();
   SetMask(std::move(mask), result);
-  result.border_image = seen->image;
+  result.border_image = found->image;
   return absl::OkStatus();
 }
 

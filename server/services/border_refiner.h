@@ -11,7 +11,6 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/priors/sam/sam_borders.h"
-#include "core/priors/sam/sam_embedding.h"
 #include "core/query/scene_model.h"
 #include "server/data/blob_store.h"
 #include "server/jobs/photograph_process.h"
@@ -28,8 +27,8 @@ namespace pepeseg {
 // is refined at a time.
 class BorderRefiner {
  public:
-  // What it refers to must outlive it.
-  struct Options {
+  // All must outlive it.
+  struct Dependencies {
     std::filesystem::path sam;  // folder of SAM's files; empty: the server has none
     int num_threads = 1;        // of SAM
     std::optional<int> cuda_device = std::nullopt;  // of SAM; absent: the CPU
@@ -38,7 +37,7 @@ class BorderRefiner {
     const BlobStore& blobs;
     const PhotographProcess& photographs;
   };
-  explicit BorderRefiner(const Options& options) : options_(options) {}
+  explicit BorderRefiner(const Dependencies& deps) : deps_(deps) {}
 
   // Returns FAILED_PRECONDITION if the server has no SAM.
   absl::Status CheckAvailable() const;
@@ -50,8 +49,8 @@ class BorderRefiner {
   std::unique_ptr<BorderRule> RuleFor(const ResidentModel& model);
 
  private:
-  // What SAM needs of a view's image.
-  struct Seen {
+  // SAM's embedding of a view's image.
+  struct ViewEmbedding {
     std::string key;  // of model and view; empty: a free camera
     SamEmbedding embedding;
     bool kept = false;  // by the training: it is of the photograph, and not of the view
@@ -66,22 +65,23 @@ class BorderRefiner {
   absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeMemory(SamOptions& options);
   void ReportProcessor();
   // Returns what SAM needs of the view, from the cache or computed.
-  absl::StatusOr<const Seen*> See(const ResidentModel& model, const ModelView& view,
-                                  absl::FunctionRef<bool()> wanted);
+  absl::StatusOr<const ViewEmbedding*> FindEmbedding(const ResidentModel& model,
+                                                     const ModelView& view,
+                                                     absl::FunctionRef<bool()> wanted);
   // Reads what the training has kept. Damaged or missing files are errors, which the log has.
   absl::StatusOr<SamEmbedding> ReadKept(const ResidentModel& model, const ModelView& view,
                                         absl::FunctionRef<bool()> wanted) const;
-  absl::StatusOr<Seen> Compute(const ResidentModel& model, const ModelView& view,
-                               absl::FunctionRef<bool()> wanted) const;
+  absl::StatusOr<ViewEmbedding> Compute(const ResidentModel& model, const ModelView& view,
+                                        absl::FunctionRef<bool()> wanted) const;
   absl::StatusOr<Image> Photograph(const ResidentModel& model, const ModelView& view,
                                    absl::FunctionRef<bool()> wanted) const;
 
-  const Options options_;
+  const Dependencies deps_;
   std::mutex mutex_;
   std::unique_ptr<ReservedMemory> memory_;  // of all below; guarded by mutex_, as the following
   std::unique_ptr<SamBorders> sam_;
-  bool reported_failure_ = false;  // of the GPU
-  std::list<Seen> recent_;         // the most recent first
+  bool reported_failure_ = false;    // of the GPU
+  std::list<ViewEmbedding> recent_;  // the most recent first
 };
 
 }  // namespace pepeseg

@@ -11,9 +11,9 @@
 #include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/api/mask_advice.h"
+#include "server/api/records_to_proto.h"
 #include "server/api/resource_name.h"
-#include "server/api/rows_to_proto.h"
-#include "server/services/segment_masks.h"
+#include "server/services/file_header.h"
 #include "server/services/upload_files.h"
 #include "server/services/upload_rules.h"
 #include "server/services/write_files.h"
@@ -23,18 +23,19 @@ namespace pepeseg {
 namespace {
 
 // Writes what a dataset consists of, so that the data directory can be read without the database.
-absl::Status WriteDatasetManifest(const std::filesystem::path& data_folder, const DatasetRow& row,
-                                  const std::vector<DatasetFileRow>& files) {
+absl::Status WriteDatasetManifest(const std::filesystem::path& data_folder,
+                                  const DatasetRecord& record,
+                                  const std::vector<DatasetFileRecord>& files) {
   nlohmann::json manifest = {{"version", 1},
-                             {"dataset", ChildName(row.scene, "datasets", row.number)},
+                             {"dataset", ChildName(record.scene, "datasets", record.number)},
                              {"files", nlohmann::json::array()}};
-  for (const DatasetFileRow& file : files) {
+  for (const DatasetFileRecord& file : files) {
     manifest["files"].push_back({{"path", file.path},
                                  {"kind", v1::FileKind_Name(static_cast<v1::FileKind>(file.kind))},
                                  {"size", file.size},
                                  {"sha256", file.sha256}});
   }
-  const auto path = DatasetManifestPath(data_folder, row.scene, row.number);
+  const auto path = DatasetManifestPath(data_folder, record.scene, record.number);
   std::error_code error;
   std::filesystem::create_directories(path.parent_path(), error);
   if (error) return FileError(path.parent_path(), "cannot make the folder", error.value());
@@ -43,19 +44,19 @@ absl::Status WriteDatasetManifest(const std::filesystem::path& data_folder, cons
 
 // Sets `stored` of the files whose bytes the project has.
 void FindStored(const BlobStore& blobs, const std::string& project,
-                std::vector<DatasetFileRow>& files) {
-  for (DatasetFileRow& file : files) file.stored = blobs.Has({project, file.sha256}, file.size);
+                std::vector<DatasetFileRecord>& files) {
+  for (DatasetFileRecord& file : files) file.stored = blobs.Has({project, file.sha256}, file.size);
 }
 
 // Returns FAILED_PRECONDITION unless the project has the bytes of all files. Adds to `found` the
 // files whose records do not say so yet: the bytes may have been uploaded under another path, or
 // for another dataset.
 absl::Status FindFiles(const BlobStore& blobs, const std::string& project,
-                       const std::vector<DatasetFileRow>& files,
-                       std::vector<DatasetFileRow>& found) {
-  const DatasetFileRow* first = nullptr;
+                       const std::vector<DatasetFileRecord>& files,
+                       std::vector<DatasetFileRecord>& found) {
+  const DatasetFileRecord* first = nullptr;
   int64_t num_missing = 0;
-  for (const DatasetFileRow& file : files) {
+  for (const DatasetFileRecord& file : files) {
     if (!blobs.Has({project, file.sha256}, file.size)) {
       if (num_missing++ == 0) first = &file;
     } else if (!file.stored) {
@@ -70,10 +71,10 @@ absl::Status FindFiles(const BlobStore& blobs, const std::string& project,
 
 // Returns a check, for Store::CreateDataset, whether the disk has room for the files that are not
 // stored. Others may fill the disk later: then writing the files fails, and can be resumed.
-absl::StatusOr<std::function<absl::Status()>> CheckRoom(const BlobStore& blobs,
-                                                        const std::vector<DatasetFileRow>& files) {
+absl::StatusOr<std::function<absl::Status()>> CheckRoom(
+    const BlobStore& blobs, const std::vector<DatasetFileRecord>& files) {
   std::map<std::string, int64_t> missing;
-  for (const DatasetFileRow& file : files) {
+  for (const DatasetFileRecord& file : files) {
     if (!file.stored) missing[file.sha256] = file.size;
   }
   int64_t need = 0;
@@ -92,20 +93,20 @@ absl::StatusOr<std::function<absl::Status()>> CheckRoom(const BlobStore& blobs,
 }  // namespace
 
 DatasetServiceRpc::DatasetServiceRpc(const CallRunner& runner, const ModelLoader& models,
-                                     BlobStore& blobs, const Options& options)
-    : runner_(runner), models_(models), store_(models.store()), blobs_(blobs), options_(options) {}
+                                     BlobStore& blobs, const Dependencies& deps)
+    : runner_(runner), models_(models), store_(models.store()), blobs_(blobs), deps_(deps) {}
 
-absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* upload) const {
-  upload->set_name(ChildName(row.scene, "uploads", row.number));
-  *upload->mutable_create_time() = ToProto(row.create_time);
-  upload->set_num_files(row.num_files);
-  upload->set_num_bytes(row.num_bytes);
-  upload->set_sealed(row.state == DatasetState::kSealed);
+absl::Status DatasetServiceRpc::FillUpload(const DatasetRecord& record, v1::Upload* upload) const {
+  upload->set_name(ChildName(record.scene, "uploads", record.number));
+  *upload->mutable_create_time() = ToProto(record.create_time);
+  upload->set_num_files(record.num_files);
+  upload->set_num_bytes(record.num_bytes);
+  upload->set_sealed(record.state == DatasetState::kSealed);
   if (upload->sealed()) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const auto files, store_.files().ListDatasetFiles(row.scene, row.number));
-  const std::string& project = row.scene.project;
-  const auto partial = blobs_.ListPartial({row.scene, row.number});
-  for (const DatasetFileRow& file : files) {
+  ASSIGN_OR_RETURN(const auto files, store_.files().ListDatasetFiles(record.scene, record.number));
+  const std::string& project = record.scene.project;
+  const auto partial = blobs_.ListPartial({record.scene, record.number});
+  for (const DatasetFileRecord& file : files) {
     // The disk is asked, not the record: the bytes may have come with another upload, and a client
     // must not send them twice.
     if (blobs_.Has({project, file.sha256}, file.size)) continue;
@@ -119,16 +120,18 @@ absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* up
   return absl::OkStatus();
 }
 
-absl::Status DatasetServiceRpc::FillDataset(const DatasetRow& row, v1::Dataset* dataset) const {
-  *dataset = ToProto(row);
+absl::Status DatasetServiceRpc::FillDataset(const DatasetRecord& record,
+                                            v1::Dataset* dataset) const {
+  *dataset = ToProto(record);
   ASSIGN_OR_RETURN(bool has_masks,
-                   store_.files().HasFileOfKind(row.scene, row.number, v1::FILE_KIND_MASK));
+                   store_.files().HasFileOfKind(record.scene, record.number, v1::FILE_KIND_MASK));
   // No advice is needed where the server makes masks.
-  if (has_masks && !options_.has_mask_maker) {
-    ASSIGN_OR_RETURN(const auto files, store_.files().ListDatasetFiles(row.scene, row.number));
-    has_masks = CountSegmentMasks(blobs_, row.scene.project, files) > 0;
+  if (has_masks && !deps_.has_mask_maker) {
+    ASSIGN_OR_RETURN(const auto files,
+                     store_.files().ListDatasetFiles(record.scene, record.number));
+    has_masks = CountSegmentMasks(blobs_, record.scene.project, files) > 0;
   }
-  for (std::string& advice : AdviceOnDataset(has_masks, options_.has_mask_maker)) {
+  for (std::string& advice : AdviceOnDataset(has_masks, deps_.has_mask_maker)) {
     dataset->add_advice(std::move(advice));
   }
   return absl::OkStatus();
@@ -145,18 +148,18 @@ absl::Status DatasetServiceRpc::CreateUpload(const UnaryCall& call,
   ASSIGN_OR_RETURN(const LockedFile hold, blobs_.Hold(scene.project));
   FindStored(blobs_, scene.project, files);
   ASSIGN_OR_RETURN(const auto admit, CheckRoom(blobs_, files));
-  const auto row = store_.datasets().CreateDataset(scene, request.request_id(), files, admit);
-  if (!row.ok()) return WithResource(row.status(), "", request.parent());
-  return FillUpload(*row, response);
+  const auto record = store_.datasets().CreateDataset(scene, request.request_id(), files, admit);
+  if (!record.ok()) return WithResource(record.status(), "", request.parent());
+  return FillUpload(*record, response);
 }
 
 absl::Status DatasetServiceRpc::GetUpload(const UnaryCall& call,
                                           const v1::GetUploadRequest& request,
                                           v1::Upload* response) const {
   ASSIGN_OR_RETURN(const SceneChild upload, call.scenes().Child(request.name(), "uploads", "name"));
-  const auto row = store_.datasets().GetDataset(upload.scene, upload.number);
-  if (!row.ok()) return WithResource(row.status(), "NO_SUCH_UPLOAD", request.name());
-  return FillUpload(*row, response);
+  const auto record = store_.datasets().GetDataset(upload.scene, upload.number);
+  if (!record.ok()) return WithResource(record.status(), "NO_SUCH_UPLOAD", request.name());
+  return FillUpload(*record, response);
 }
 
 absl::Status DatasetServiceRpc::DeleteUpload(const UnaryCall& call,
@@ -171,7 +174,7 @@ absl::Status DatasetServiceRpc::DeleteUpload(const UnaryCall& call,
 grpc::ServerReadReactor<v1::WriteFilesRequest>* DatasetServiceRpc::WriteFiles(
     grpc::CallbackServerContext* call, v1::WriteFilesResponse* response) {
   const auto stream = std::make_shared<WriteFilesStream>(
-      WriteFilesStream::Parts{runner_, store_, blobs_}, OriginOf(*call), response);
+      WriteFilesStream::Dependencies{runner_, store_, blobs_}, OriginOf(*call), response);
   stream->Begin();
   return stream.get();  // owns itself until OnDone
 }
@@ -181,23 +184,23 @@ absl::Status DatasetServiceRpc::SealUpload(const UnaryCall& call,
                                            v1::Dataset* response) const {
   ASSIGN_OR_RETURN(const SceneChild upload, call.scenes().Child(request.name(), "uploads", "name"));
   Store& store = store_;
-  ASSIGN_OR_RETURN(DatasetRow row, store.datasets().GetDataset(upload.scene, upload.number));
+  ASSIGN_OR_RETURN(DatasetRecord record, store.datasets().GetDataset(upload.scene, upload.number));
   // Sealing a sealed upload returns it, so that a client may retry.
-  if (row.state == DatasetState::kOpen) {
+  if (record.state == DatasetState::kOpen) {
     ASSIGN_OR_RETURN(auto files, store.files().ListDatasetFiles(upload.scene, upload.number));
-    std::vector<DatasetFileRow> found;
+    std::vector<DatasetFileRecord> found;
     const absl::Status complete = FindFiles(blobs_, upload.scene.project, files, found);
     if (!complete.ok()) return WithResource(complete, "FILES_MISSING", request.name());
     // Before the record: a crash in between leaves a manifest that the next SealUpload writes
     // again, and no sealed dataset is without one.
-    RETURN_IF_ERROR(WriteDatasetManifest(models_.data_folder(), row, files));
+    RETURN_IF_ERROR(WriteDatasetManifest(models_.data_folder(), record, files));
     const auto sealed = store.datasets().SealDataset(upload.scene, upload.number, found);
     if (!sealed.ok()) return WithResource(sealed.status(), "FILES_MISSING", request.name());
     // Partial files whose bytes another upload has brought.
     blobs_.RemovePartial({upload.scene, upload.number});
-    row = *sealed;
+    record = *sealed;
   }
-  return FillDataset(row, response);
+  return FillDataset(record, response);
 }
 
 absl::Status DatasetServiceRpc::GetDataset(const UnaryCall& call,
@@ -205,13 +208,13 @@ absl::Status DatasetServiceRpc::GetDataset(const UnaryCall& call,
                                            v1::Dataset* response) const {
   ASSIGN_OR_RETURN(const SceneChild dataset,
                    call.scenes().Child(request.name(), "datasets", "name"));
-  auto row = store_.datasets().GetDataset(dataset.scene, dataset.number);
+  auto record = store_.datasets().GetDataset(dataset.scene, dataset.number);
   // An upload that is not sealed has the number of the dataset that it may become.
-  if (row.ok() && row->state != DatasetState::kSealed) {
-    row = absl::NotFoundError(absl::StrCat(request.name(), " is not sealed yet"));
+  if (record.ok() && record->state != DatasetState::kSealed) {
+    record = absl::NotFoundError(absl::StrCat(request.name(), " is not sealed yet"));
   }
-  if (!row.ok()) return WithResource(row.status(), "NO_SUCH_DATASET", request.name());
-  return FillDataset(*row, response);
+  if (!record.ok()) return WithResource(record.status(), "NO_SUCH_DATASET", request.name());
+  return FillDataset(*record, response);
 }
 
 absl::Status DatasetServiceRpc::ListDatasets(const UnaryCall& call,
@@ -220,11 +223,11 @@ absl::Status DatasetServiceRpc::ListDatasets(const UnaryCall& call,
   ASSIGN_OR_RETURN(const SceneRef scene, call.scenes().Scene(request.parent(), "parent"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
-  ASSIGN_OR_RETURN(const Page<DatasetRow> datasets, store_.datasets().ListDatasets(scene, page));
-  for (const DatasetRow& row : datasets.rows) {
+  ASSIGN_OR_RETURN(const Page<DatasetRecord> datasets, store_.datasets().ListDatasets(scene, page));
+  for (const DatasetRecord& record : datasets.records) {
     // The store lists sealed datasets only; this keeps the answer right if that changes.
-    if (row.state != DatasetState::kSealed) continue;
-    RETURN_IF_ERROR(FillDataset(row, response->add_datasets()));
+    if (record.state != DatasetState::kSealed) continue;
+    RETURN_IF_ERROR(FillDataset(record, response->add_datasets()));
   }
   response->set_next_page_token(datasets.next_page_token);
   return absl::OkStatus();
@@ -233,7 +236,7 @@ absl::Status DatasetServiceRpc::ListDatasets(const UnaryCall& call,
 grpc::ServerWriteReactor<v1::GetPhotographResponse>* DatasetServiceRpc::GetPhotograph(
     grpc::CallbackServerContext* call, const v1::GetPhotographRequest* request) {
   const auto stream = std::make_shared<GetPhotographStream>(
-      GetPhotographStream::Parts{runner_, models_, blobs_, options_.decoders}, call, *request);
+      GetPhotographStream::Dependencies{runner_, models_, blobs_, deps_.decoders}, call, *request);
   stream->Begin();
   return stream.get();  // owns itself until OnDone
 }

@@ -10,13 +10,13 @@ namespace pepeseg {
 // Answers calls about uploads, datasets and their photographs.
 class DatasetServiceRpc final : public v1::DatasetService::CallbackService {
  public:
-  struct Options {
+  struct Dependencies {
     bool has_mask_maker = false;  // the server has SAM or a priors command
     PhotographDecoders decoders;
   };
   // All must outlive it. The blobs' records are in the store of `models`.
   DatasetServiceRpc(const CallRunner& runner, const ModelLoader& models, BlobStore& blobs,
-                    const Options& options);
+                    const Dependencies& deps);
 
   PEPESEG_UNARY(CreateUpload, v1::CreateUploadRequest, v1::Upload)
   PEPESEG_UNARY(GetUpload, v1::GetUploadRequest, v1::Upload)
@@ -31,14 +31,14 @@ class DatasetServiceRpc final : public v1::DatasetService::CallbackService {
 
  private:
   // Fills in what ToProto does, and advice on masks.
-  absl::Status FillDataset(const DatasetRow& row, v1::Dataset* dataset) const;
-  absl::Status FillUpload(const DatasetRow& row, v1::Upload* upload) const;
+  absl::Status FillDataset(const DatasetRecord& record, v1::Dataset* dataset) const;
+  absl::Status FillUpload(const DatasetRecord& record, v1::Upload* upload) const;
 
   const CallRunner& runner_;
   const ModelLoader& models_;
   Store& store_;
   BlobStore& blobs_;
-  const Options options_;
+  const Dependencies deps_;
 };
 
 }  // namespace pepeseg

@@ -13,14 +13,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/dataset/extra_files.h"
-#include "core/dataset/held_out.h"
-#include "core/dataset/video_frames.h"
-#include "core/formats/movie_size.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/services/file_header.h"
-#include "server/services/segment_masks.h"
 #include "server/worker_protocol/job_stage.h"
 
 namespace pepeseg {
@@ -28,10 +23,6 @@ namespace {
 
 // Headers read in one call, of photographs and of point files each.
 constexpr size_t kMostHeaders = 48;
-// Size of a frame of a video: frames are shrunk to 1600 pixels on the longer side.
-constexpr int64_t kVideoFramePixels = 1600 * 1200;
-// Points that the stage "sfm" finds for each photograph; measured: 215 for llff_fern, 234 for fox.
-constexpr int64_t kPointsOfPhoto = 250;
 // Maximum time of a stage that is believed, seconds: the time limit of a job is far below it.
 constexpr double kMostSeconds = 1e7;
 
@@ -45,13 +36,13 @@ struct ProjectBlobs {
 };
 
 // Reads up to kMostHeaders of the files' headers, evenly spread, and adds those files to `read`.
-absl::Status ReadSome(const ProjectBlobs& blobs, const std::vector<DatasetFileRow*>& files,
-                      CheckWanted wanted, std::vector<DatasetFileRow>& read) {
+absl::Status ReadSome(const ProjectBlobs& blobs, const std::vector<DatasetFileRecord*>& files,
+                      CheckWanted wanted, std::vector<DatasetFileRecord>& read) {
   // Evenly spread over the list: photographs of one camera or one session lie next to each other.
   const size_t num_read = std::min(files.size(), kMostHeaders);
   for (size_t i = 0; i < num_read; ++i) {
     RETURN_IF_ERROR(wanted());
-    DatasetFileRow& file = *files[i * files.size() / num_read];
+    DatasetFileRecord& file = *files[i * files.size() / num_read];
     RETURN_IF_ERROR(ReadFileHeader(blobs.Path(file.sha256), file));
     read.push_back(file);
   }
@@ -62,13 +53,13 @@ absl::Status ReadSome(const ProjectBlobs& blobs, const std::vector<DatasetFileRo
 // for files whose bytes were there before their upload.
 absl::Status ReadMissingHeaders(Store& store, const ProjectBlobs& blobs,
                                 const WantedTraining& training, CheckWanted wanted,
-                                std::vector<DatasetFileRow>& files) {
-  std::vector<DatasetFileRow*> photos, points;
-  for (DatasetFileRow& file : files) {
+                                std::vector<DatasetFileRecord>& files) {
+  std::vector<DatasetFileRecord*> photos, points;
+  for (DatasetFileRecord& file : files) {
     if (file.header != HeaderState::kUnread || !HasHeader(file)) continue;
     (file.kind == v1::FILE_KIND_IMAGE ? photos : points).push_back(&file);
   }
-  std::vector<DatasetFileRow> read;
+  std::vector<DatasetFileRecord> read;
   absl::Status status = ReadSome(blobs, photos, wanted, read);
   if (status.ok()) status = ReadSome(blobs, points, wanted, read);
   // Stored even if a later header failed or the call was cancelled, so that the next call does not
@@ -79,77 +70,13 @@ absl::Status ReadMissingHeaders(Store& store, const ProjectBlobs& blobs,
   return status;
 }
 
-int64_t CountKind(const std::vector<DatasetFileRow>& files, v1::FileKind kind) {
-  return std::count_if(files.begin(), files.end(),
-                       [kind](const DatasetFileRow& file) { return file.kind == kind; });
-}
-
 // Removes the files that a training leaves out.
-void LeaveOutExtraFiles(std::vector<DatasetFileRow>& files) {
+void LeaveOutExtraFiles(std::vector<DatasetFileRecord>& files) {
   std::vector<std::string> names;
   names.reserve(files.size());
-  for (const DatasetFileRow& file : files) names.push_back(file.path);
+  for (const DatasetFileRecord& file : files) names.push_back(file.path);
   const std::set<std::string> extra = ExtraFiles(names);
-  std::erase_if(files, [&](const DatasetFileRow& file) { return extra.contains(file.path); });
-}
-
-// What the training options say about photographs: how they are shrunk, and how many frames the
-// videos give.
-struct PhotoRules {
-  double image_scale;
-  int64_t num_video_frames;  // that become photographs, of all videos together
-};
-
-// Returns how many frames of the videos become photographs, and adds all that they have to `size`.
-int64_t MeasureVideos(const ProjectBlobs& blobs, const std::vector<DatasetFileRow>& files,
-                      int64_t max_frames, DatasetSize& size) {
-  int64_t num_photos = 0;
-  for (const DatasetFileRow& file : files) {
-    if (file.kind != v1::FILE_KIND_VIDEO) continue;
-    const MovieSize movie = ReadMovieSize(blobs.Path(file.sha256));
-    num_photos += ExpectedFrames(movie.num_frames, max_frames);
-    size.video_megapixels +=
-        1e-6 * static_cast<double>(movie.num_frames) * movie.width * movie.height;
-  }
-  return num_photos;
-}
-
-// Sums the pixels of all views. Photographs whose header was not read count with the mean of the
-// others; a refused one is an error that names it.
-absl::Status MeasurePhotos(const ProjectBlobs& blobs, const std::vector<DatasetFileRow>& files,
-                           const PhotoRules& rules, DatasetSize& size) {
-  std::vector<const DatasetFileRow*> photos;
-  for (const DatasetFileRow& file : files) {
-    if (file.kind == v1::FILE_KIND_IMAGE) photos.push_back(&file);
-  }
-  if (photos.empty() && rules.num_video_frames == 0) {
-    return absl::InvalidArgumentError("the dataset has no photograph");
-  }
-  int64_t sum = 0;
-  int64_t num_known = 0;
-  for (const DatasetFileRow* photo : photos) {
-    if (photo->header == HeaderState::kRefused) return RefusalOf(blobs.Path(photo->sha256), *photo);
-    if (photo->header == HeaderState::kUnread) continue;
-    const int64_t pixels = int64_t{photo->width} * photo->height;
-    sum += pixels;
-    ++num_known;
-    size.max_source_pixels = std::max(size.max_source_pixels, pixels);
-  }
-  if (rules.num_video_frames > 0) {
-    size.max_source_pixels = std::max(size.max_source_pixels, kVideoFramePixels);
-  }
-  // `image_scale` shrinks both sides, so the pixels shrink by its square.
-  const auto scaled = [&rules](double pixels) {
-    return static_cast<int64_t>(std::ceil(pixels * rules.image_scale * rules.image_scale));
-  };
-  const double mean =
-      static_cast<double>(sum) / static_cast<double>(std::max<int64_t>(1, num_known));
-  const auto video_pixels = static_cast<double>(rules.num_video_frames * kVideoFramePixels);
-  TrainingSize& training = size.training;
-  training.num_views = static_cast<int64_t>(photos.size()) + rules.num_video_frames;
-  training.num_pixels = scaled(mean * static_cast<double>(photos.size()) + video_pixels);
-  training.max_pixels = scaled(static_cast<double>(size.max_source_pixels));
-  return absl::OkStatus();
+  std::erase_if(files, [&](const DatasetFileRecord& file) { return extra.contains(file.path); });
 }
 
 using Metrics = std::map<std::string, double>;
@@ -179,8 +106,8 @@ absl::StatusOr<std::optional<Measured>> FindMeasured(Store& store, const std::st
   // differ: SetDurations scales by their expected times.
   const std::string import = ToProto(training.settings).import().SerializeAsString();
   // The first page: the newest 50 models. An older measurement is not worth more reads.
-  ASSIGN_OR_RETURN(const Page<ModelRow> models, store.models().ListModels(training.scene, {}));
-  for (const ModelRow& model : models.rows) {
+  ASSIGN_OR_RETURN(const Page<ModelRecord> models, store.models().ListModels(training.scene, {}));
+  for (const ModelRecord& model : models.records) {
     if (model.device != device) continue;
     const auto job = store.jobs().GetJob(model.job);
     if (!job.ok() || job->dataset != training.dataset) continue;
@@ -255,45 +182,25 @@ WorkerShare ShareOf(const v1::EstimateTrainingResponse& estimate, bool is_measur
 
 absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blob_store,
                                            const WantedTraining& training, CheckWanted wanted) {
-  ASSIGN_OR_RETURN(std::vector<DatasetFileRow> files,
+  ASSIGN_OR_RETURN(std::vector<DatasetFileRecord> files,
                    store.files().ListDatasetFiles(training.scene, training.dataset));
   LeaveOutExtraFiles(files);
-  const std::string& project = training.scene.project;
-  const ProjectBlobs blobs{blob_store, project};
+  const ProjectBlobs blobs{blob_store, training.scene.project};
   RETURN_IF_ERROR(ReadMissingHeaders(store, blobs, training, wanted, files));
-  const ImportOptions& import = training.settings.import;
-  DatasetSize size;
-  const PhotoRules rules{import.image_scale,
-                         MeasureVideos(blobs, files, training.settings.sfm.max_video_frames, size)};
-  RETURN_IF_ERROR(MeasurePhotos(blobs, files, rules, size));
-  size.has_poses = CountKind(files, v1::FILE_KIND_POSES) > 0;
-  size.is_video = CountKind(files, v1::FILE_KIND_IMAGE) == 0;
-  TrainingSize& counts = size.training;
-  const int64_t held_out = NumHeldOut(import, counts.num_views);
-  counts.num_training_views = std::max<int64_t>(1, counts.num_views - held_out);
-  // Names are not matched here, so a view may have several files or none; the number of views
-  // bounds the count.
-  const int64_t num_masks = CountKind(files, v1::FILE_KIND_MASK);
+  std::vector<MeasuredFile> measured;
+  bool has_masks = false;
+  for (const DatasetFileRecord& record : files) {
+    const std::filesystem::path blob = blobs.Path(record.sha256);
+    if (record.kind == v1::FILE_KIND_IMAGE && record.header == HeaderState::kRefused) {
+      return RefusalOf(blob, record);
+    }
+    has_masks |= record.kind == v1::FILE_KIND_MASK;
+    measured.push_back(
+        {StoredFile(record, blob), {record.width, record.height, record.num_points}});
+  }
   const int64_t num_segment_masks =
-      num_masks > 0 ? CountSegmentMasks(blob_store, project, files) : 0;
-  if (import.use_masks) counts.num_masked_views = std::min(counts.num_views, num_segment_masks);
-  // One ignore mask may apply to all views. Masks without segments are ignore masks.
-  if (CountKind(files, v1::FILE_KIND_IGNORE_MASK) > 0 || num_segment_masks < num_masks) {
-    counts.num_ignore_views = counts.num_views;
-  }
-  if (import.use_depth) {
-    counts.num_depth_views =
-        std::min(counts.num_views,
-                 CountKind(files, v1::FILE_KIND_DEPTH) + CountKind(files, v1::FILE_KIND_DISPARITY));
-  }
-  for (const DatasetFileRow& file : files) {
-    int64_t& most =
-        file.kind == v1::FILE_KIND_GAUSSIANS ? size.num_given_gaussians : counts.num_points;
-    most = std::max(most, file.num_points);
-  }
-  // Without poses, the stage "sfm" finds the points.
-  if (!size.has_poses) counts.num_points = kPointsOfPhoto * counts.num_views;
-  return size;
+      has_masks ? CountSegmentMasks(blob_store, blobs.project, files) : 0;
+  return SizeOf(measured, num_segment_masks, training.settings);
 }
 
 absl::StatusOr<TrainingEstimator::Estimated> TrainingEstimator::EstimateAll(

@@ -33,7 +33,7 @@ using CheckWanted = absl::FunctionRef<absl::Status()>;
 absl::StatusOr<DatasetSize> MeasureDataset(Store& store, const BlobStore& blobs,
                                            const WantedTraining& training, CheckWanted wanted);
 
-// What a worker needs, with a reserve.
+// Memory and time that a worker needs, with a reserve.
 struct WorkerShare {
   int64_t host_bytes = 0;  // 0: unknown
   int64_t seconds = 0;     // 0: unknown

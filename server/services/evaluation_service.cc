@@ -50,9 +50,9 @@ absl::Status EvaluationServiceRpc::EvaluateModel(const UnaryCall& call,
                    models_.LoadWithFeatures(call.scenes(), request.model(), "model"));
   const auto check_wanted = [&] { return call.CheckWanted(); };
   RETURN_IF_ERROR(check_wanted());
-  const SegmentRequestReader reader(model->model(), model.row, models_.store());
+  const SegmentRequestReader reader(model->model(), model.id, models_.store());
   const auto wanted = [&] { return call.CheckWanted().ok(); };
-  StoredPhotographs photographs(models_.store(), blobs_, photographs_, model.row, wanted);
+  StoredPhotographs photographs(models_.store(), blobs_, photographs_, model.id, wanted);
   ASSIGN_OR_RETURN(const TruthFrames frames,
                    TruthFrames::Choose(request, reader.model(), photographs, check_wanted));
   ASSIGN_OR_RETURN(EvaluationRequest asked, ReadRequest(request, reader, frames, check_wanted));

@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/model_files/manifest.h"
+#include "core/model_files/model_file.h"
 #include "server/api/error.h"
 #include "server/worker_protocol/job_folder.h"
 
@@ -24,26 +24,25 @@ constexpr int64_t kBlocksPerTask = 16;
 
 absl::Status ExportGaussiansStream::Open() {
   opened_ = true;
-  ASSIGN_OR_RETURN(caller_, parts_.runner.authorizer().AuthorizeAndResolve(origin_, request_));
+  ASSIGN_OR_RETURN(caller_, deps_.runner.authorizer().Authorize(origin_, request_));
   RETURN_IF_ERROR(Admit(OwnerOf(caller_, origin_)));
-  RETURN_IF_ERROR(parts_.runner.quotas().Admit(caller_.project, request_));
+  RETURN_IF_ERROR(deps_.runner.quotas().Admit(caller_.project, request_));
   // Quotas and memory are taken before anything is sent, so that a refusal is the call's status.
   ASSIGN_OR_RETURN(const bool is_subset, OpenSubset());
   return is_subset ? absl::OkStatus() : OpenModel();
 }
 
 absl::Status ExportGaussiansStream::TakeMemory(const SceneRef& scene, int64_t bytes) {
-  ASSIGN_OR_RETURN(memory_, parts_.models.TakeAnswerMemory(scene.project, bytes + kMessageBytes));
+  ASSIGN_OR_RETURN(memory_, deps_.models.TakeAnswerMemory(scene.project, bytes + kMessageBytes));
   return absl::OkStatus();
 }
 
 absl::StatusOr<bool> ExportGaussiansStream::OpenSubset() {
   if (!request_.has_subset()) return false;
   ASSIGN_OR_RETURN(ResidentModel model,
-                   parts_.models.Load(caller_.scenes, request_.model(), "model"));
-  ASSIGN_OR_RETURN(
-      const std::optional<GaussianSet> subset,
-      parts_.selections.FindSubset(caller_.scenes, model, request_.subset(), "subset"));
+                   deps_.models.Load(caller_.scenes, request_.model(), "model"));
+  ASSIGN_OR_RETURN(const std::optional<GaussianSet> subset,
+                   deps_.selections.FindSubset(caller_.scenes, model, request_.subset(), "subset"));
   if (!subset) return false;
   RETURN_IF_ERROR(EncodeSubset(std::move(model), &*subset));
   return true;
@@ -52,7 +51,7 @@ absl::StatusOr<bool> ExportGaussiansStream::OpenSubset() {
 absl::Status ExportGaussiansStream::EncodeSubset(ResidentModel model, const GaussianSet* subset) {
   const Model& of = model->model();
   const int64_t count = subset == nullptr ? of.gaussians.count : subset->count();
-  RETURN_IF_ERROR(TakeMemory(model.row.scene, count * static_cast<int64_t>(sizeof(uint32_t))));
+  RETURN_IF_ERROR(TakeMemory(model.id.scene, count * static_cast<int64_t>(sizeof(uint32_t))));
   std::vector<uint32_t> indices;
   // The size is exact, so the vector takes what was reserved in the budget.
   indices.reserve(static_cast<size_t>(count));
@@ -91,38 +90,32 @@ Stream::Step ExportGaussiansStream::DigestSome() {
 }
 
 absl::Status ExportGaussiansStream::OpenModel() {
-  ASSIGN_OR_RETURN(const ModelRow model,
-                   parts_.models.Find(caller_.scenes, request_.model(), "model"));
-  RETURN_IF_ERROR(CheckModelFolder(parts_.models.data_folder(), model.folder));
+  ASSIGN_OR_RETURN(const ModelRecord model,
+                   deps_.models.Find(caller_.scenes, request_.model(), "model"));
+  RETURN_IF_ERROR(CheckModelFolder(deps_.models.data_folder(), model.folder));
   RETURN_IF_ERROR(TakeMemory(model.scene, 0));
-  const std::filesystem::path folder = parts_.models.data_folder() / model.folder;
+  const std::filesystem::path folder = deps_.models.data_folder() / model.folder;
   if (request_.coordinates() == v1::PLY_COORDINATES_LOCAL) {
     // The stored file is in the world. Only where it has doubles is the local one another.
     ASSIGN_OR_RETURN(const GaussianPlyShape shape,
                      ReadGaussianPlyShape(folder / kPlyName, kPlyName));
     if (shape.has_doubles) {
       ASSIGN_OR_RETURN(ResidentModel resident,
-                       parts_.models.Load(caller_.scenes, request_.model(), "model"));
+                       deps_.models.Load(caller_.scenes, request_.model(), "model"));
       return EncodeSubset(std::move(resident), nullptr);
     }
   }
-  ASSIGN_OR_RETURN(const Manifest manifest, ReadManifest(folder));
-  const auto entry =
-      std::find_if(manifest.files.begin(), manifest.files.end(),
-                   [](const ManifestEntry& listed) { return listed.name == kPlyName; });
-  if (entry == manifest.files.end()) {
-    return absl::DataLossError(absl::StrCat(kPlyName, ": not in the model's manifest"));
-  }
+  ASSIGN_OR_RETURN(const ManifestEntry entry, FindListed(folder, kPlyName));
   // The digest in the header is the manifest's, and FillBytes compares the bytes with it at the
   // end. A file that cannot be opened fails at the first read.
-  sha256_ = entry->sha256;
-  num_bytes_left_ = entry->size;
+  sha256_ = entry.sha256;
+  num_bytes_left_ = entry.size;
   file_.open(folder / kPlyName, std::ios::binary);
   v1::ExportGaussiansResponse::Header& header = *message_.mutable_header();
   header.set_model(ChildName(model.scene, "models", model.number));
   header.set_num_gaussians(model.num_gaussians);
-  header.set_num_bytes(entry->size);
-  header.set_sha256(entry->sha256);
+  header.set_num_bytes(entry.size);
+  header.set_sha256(entry.sha256);
   return absl::OkStatus();
 }
 

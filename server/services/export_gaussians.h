@@ -29,24 +29,24 @@ namespace pepeseg {
 // take a message for StreamLimits::stuck_export loses the stream.
 class ExportGaussiansStream final : public WriteStream<v1::ExportGaussiansResponse> {
  public:
-  // What the stream works on; it must outlive the stream.
-  struct Parts {
+  // All must outlive the stream.
+  struct Dependencies {
     const CallRunner& runner;
     ModelLoader& models;
     const Selections& selections;
   };
-  ExportGaussiansStream(const Parts& parts, grpc::CallbackServerContext* call,
+  ExportGaussiansStream(const Dependencies& deps, grpc::CallbackServerContext* call,
                         const v1::ExportGaussiansRequest& request)
-      : WriteStream(&parts.runner.streams(),
-                    request.has_subset() ? &parts.runner.pools().query : &parts.runner.pools().io),
-        parts_(parts),
+      : WriteStream(&deps.runner.streams(),
+                    request.has_subset() ? &deps.runner.pools().query : &deps.runner.pools().io),
+        deps_(deps),
         call_(call),
         origin_(OriginOf(*call)),
         request_(request) {}
 
  private:
   Step Work(bool io_ok) override;
-  absl::Duration io_limit() const override { return parts_.runner.streams().limits().stuck_export; }
+  absl::Duration io_limit() const override { return deps_.runner.streams().limits().stuck_export; }
   void CancelCall() override { call_->TryCancel(); }
   absl::Status Open();
   absl::Status OpenModel();
@@ -61,7 +61,7 @@ class ExportGaussiansStream final : public WriteStream<v1::ExportGaussiansRespon
   absl::Status FillChunk();
   absl::Status FillBytes(std::string& bytes);
 
-  const Parts parts_;
+  const Dependencies deps_;
   grpc::CallbackServerContext* const call_;
   const CallOrigin origin_;
   AuthorizedCaller caller_;

@@ -7,12 +7,10 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/digest.h"
-#include "core/base/file_name.h"
 #include "core/base/status_macros.h"
-#include "core/dataset/dataset_index.h"
-#include "core/formats/heic_header.h"
-#include "core/model_files/manifest.h"
-#include "core/model_files/model_facts.h"
+#include "core/dataset/dataset_files.h"
+#include "core/formats/image_header.h"
+#include "core/model_files/model_file.h"
 #include "server/api/error.h"
 #include "server/api/resource_name.h"
 
@@ -21,8 +19,6 @@ namespace {
 
 constexpr int64_t kPhotographChunkBytes = int64_t{1} << 20;
 constexpr int kMaxPhotographSide = 16384;
-// Limit on the size of model.json, so that a damaged one does not fill the memory.
-constexpr int64_t kMaxModelFactsBytes = int64_t{256} << 20;
 // How long a thread waits for a damaged file to be checked. Longer checks are awaited by later
 // ticks.
 constexpr std::chrono::milliseconds kShortCheck{100};
@@ -59,37 +55,30 @@ absl::StatusOr<Parent> FindParent(const ModelLoader& models, const NamedScenes& 
     ASSIGN_OR_RETURN(const SceneChild dataset, scenes.Child(name, "datasets", "parent"));
     return Parent{dataset, {}};
   }
-  ASSIGN_OR_RETURN(const ModelRow model, models.Find(scenes, name, "parent"));
+  ASSIGN_OR_RETURN(const ModelRecord model, models.Find(scenes, name, "parent"));
   return Parent{{model.scene, model.dataset}, models.data_folder() / model.folder};
 }
 
-absl::StatusOr<std::vector<DatasetFileRow>> ListFiles(Store& store, const SceneChild& dataset,
-                                                      const std::string& parent) {
-  const auto row = store.datasets().GetDataset(dataset.scene, dataset.number);
-  if (absl::IsNotFound(row.status())) {
-    return WithResource(row.status(), "NO_SUCH_DATASET", parent);
+absl::StatusOr<std::vector<DatasetFileRecord>> ListFiles(Store& store, const SceneChild& dataset,
+                                                         const std::string& parent) {
+  const auto record = store.datasets().GetDataset(dataset.scene, dataset.number);
+  if (absl::IsNotFound(record.status())) {
+    return WithResource(record.status(), "NO_SUCH_DATASET", parent);
   }
-  RETURN_IF_ERROR(row.status());
-  if (row->state != DatasetState::kSealed) {
+  RETURN_IF_ERROR(record.status());
+  if (record->state != DatasetState::kSealed) {
     return WithResource(absl::NotFoundError(absl::StrCat(parent, " is not sealed")),
                         "NO_SUCH_DATASET", parent);
   }
   return store.files().ListDatasetFiles(dataset.scene, dataset.number);
 }
 
-// Returns whether `photograph` is named as a frame of the video: "walk_000123.jpg" is one of
-// "videos/walk.mp4".
-bool IsFrameOf(const DatasetFileRow& video, const std::string& photograph) {
-  const absl::string_view name = WithoutFolder(WithoutFolder(video.path, "videos"), "images");
-  return absl::StartsWith(photograph, absl::StrCat(WithoutSuffix(name), "_"));
-}
-
-absl::StatusOr<DatasetFileRow> FindPhotograph(const std::vector<DatasetFileRow>& files,
-                                              const v1::GetPhotographRequest& request) {
-  const DatasetFileRow* found = nullptr;
+absl::StatusOr<DatasetFileRecord> FindPhotograph(const std::vector<DatasetFileRecord>& files,
+                                                 const v1::GetPhotographRequest& request) {
+  const DatasetFileRecord* found = nullptr;
   std::string why = "the dataset has no such photograph";
-  for (const DatasetFileRow& file : files) {
-    if (file.kind == v1::FILE_KIND_VIDEO && IsFrameOf(file, request.photograph())) {
+  for (const DatasetFileRecord& file : files) {
+    if (file.kind == v1::FILE_KIND_VIDEO && IsFrameOf(file.path, request.photograph())) {
       why =
           absl::StrCat("it is a frame of ", file.path, ": only files that were uploaded come back");
     }
@@ -107,18 +96,15 @@ absl::StatusOr<DatasetFileRow> FindPhotograph(const std::vector<DatasetFileRow>&
       "NO_SUCH_PHOTOGRAPH", request.parent());
 }
 
-// Returns the model's view of a photograph in the form that PhotographTask::view has.
-absl::StatusOr<std::string> FindView(const Parent& parent, const v1::GetPhotographRequest& request,
-                                     const std::string& photograph) {
+// Returns the model's view of a photograph.
+absl::StatusOr<ModelView> FindView(const Parent& parent, const v1::GetPhotographRequest& request,
+                                   const std::string& photograph) {
   if (parent.model.empty()) {
     return BadField("frame", v1::PixelFrame_Name(request.frame()),
                     "a dataset has no views: name a model as the parent");
   }
-  ASSIGN_OR_RETURN(const std::string text,
-                   ReadListedFile(parent.model, "model.json", kMaxModelFactsBytes));
-  Model model;
-  RETURN_IF_ERROR(ParseModelFacts(text, model));
-  for (const ModelView& view : model.views) {
+  ASSIGN_OR_RETURN(const std::vector<ModelView> views, ReadModelViews(parent.model));
+  for (const ModelView& view : views) {
     if (view.name != photograph) continue;
     if (!view.photograph) {
       return WithResource(absl::FailedPreconditionError(absl::StrCat(
@@ -126,29 +112,14 @@ absl::StatusOr<std::string> FindView(const Parent& parent, const v1::GetPhotogra
                               "train the scene again")),
                           "NO_LENS", request.parent());
     }
-    // The decoder process gets this view only: its task must not grow with the number of views.
-    Model one;
-    one.views = {view};
-    return FormatModelFacts(one);
+    return view;
   }
   return BadField("photograph", photograph, "the model has no such view");
 }
 
-// Returns the content type of a file by its first bytes.
-std::string ContentType(absl::string_view start) {
-  if (absl::StartsWith(start, "\xff\xd8\xff")) return "image/jpeg";
-  if (absl::StartsWith(start, "\x89PNG")) return "image/png";
-  if (start.size() >= 12 && absl::StartsWith(start, "RIFF") && start.substr(8, 4) == "WEBP") {
-    return "image/webp";
-  }
-  const auto* data = reinterpret_cast<const uint8_t*>(start.data());
-  if (IsHeic({data, start.size()})) return "image/heic";
-  return "application/octet-stream";
-}
-
 }  // namespace
 
-absl::Status GetPhotographStream::OpenOriginal(const DatasetFileRow& file,
+absl::Status GetPhotographStream::OpenOriginal(const DatasetFileRecord& file,
                                                const std::filesystem::path& blob) {
   ASSIGN_OR_RETURN(file_, OpenFile::ForReading(blob, file.path));
   std::string start(static_cast<size_t>(std::min<int64_t>(file.size, 16)), '\0');
@@ -162,7 +133,7 @@ absl::Status GetPhotographStream::OpenOriginal(const DatasetFileRow& file,
     header.set_width(file.width);
     header.set_height(file.height);
   }
-  header.set_content_type(ContentType(start));
+  header.set_content_type(ContentTypeOf(start));
   header.set_num_bytes(file.size);
   phase_ = Phase::kSending;
   return absl::OkStatus();
@@ -173,11 +144,11 @@ absl::Status GetPhotographStream::StartMaking(const PhotographTask& task,
   phase_ = Phase::kMaking;
   // The task holds the stream, which therefore outlives it. It hands its result over under
   // made_mutex_, since a tick may run Work() at the same time.
-  const bool taken = parts_.decoders.pool->Submit(
+  const bool taken = deps_.decoders.pool->Submit(
       project_,
       [self = std::static_pointer_cast<GetPhotographStream>(shared_from_this()), task, blob] {
         absl::StatusOr<PhotographPicture> made = MakePicture(
-            *self->parts_.decoders.process, task, blob, [&self] { return !self->cancelled(); });
+            *self->deps_.decoders.process, task, blob, [&self] { return !self->cancelled(); });
         {
           const std::lock_guard lock(self->made_mutex_);
           self->made_ = std::move(made);
@@ -189,31 +160,30 @@ absl::Status GetPhotographStream::StartMaking(const PhotographTask& task,
 
 absl::Status GetPhotographStream::Open() {
   ASSIGN_OR_RETURN(const AuthorizedCaller caller,
-                   parts_.runner.authorizer().AuthorizeAndResolve(origin_, request_));
+                   deps_.runner.authorizer().Authorize(origin_, request_));
   RETURN_IF_ERROR(Admit(OwnerOf(caller, origin_)));
-  RETURN_IF_ERROR(parts_.runner.quotas().Admit(caller.project, request_));
+  RETURN_IF_ERROR(deps_.runner.quotas().Admit(caller.project, request_));
   RETURN_IF_ERROR(CheckPhotographRequest(request_));
-  ASSIGN_OR_RETURN(const Parent parent,
-                   FindParent(parts_.models, caller.scenes, request_.parent()));
+  ASSIGN_OR_RETURN(const Parent parent, FindParent(deps_.models, caller.scenes, request_.parent()));
   ASSIGN_OR_RETURN(const auto files,
-                   ListFiles(parts_.models.store(), parent.dataset, request_.parent()));
+                   ListFiles(deps_.models.store(), parent.dataset, request_.parent()));
   project_ = parent.dataset.scene.project;
   ASSIGN_OR_RETURN(row_, FindPhotograph(files, request_));
-  const DatasetFileRow& file = row_;
+  const DatasetFileRecord& file = row_;
   // Compares the size only; the digest is checked while the file is read.
-  if (!parts_.blobs.Has({project_, file.sha256}, file.size)) {
+  if (!deps_.blobs.Has({project_, file.sha256}, file.size)) {
     return absl::DataLossError(
         absl::StrCat(file.path, ": the stored file is missing or has another size"));
   }
-  const std::filesystem::path blob = parts_.blobs.Path({project_, file.sha256});
+  const std::filesystem::path blob = deps_.blobs.Path({project_, file.sha256});
   if (request_.original()) return OpenOriginal(file, blob);
   PhotographTask task;
   task.name = file.path;
   task.sha256 = file.sha256;
-  task.max_side = request_.max_side();
-  task.upright = request_.frame() != v1::PIXEL_FRAME_VIEW;
-  if (!task.upright) {
-    ASSIGN_OR_RETURN(task.view, FindView(parent, request_, PhotoKey(file.path)));
+  task.form.max_side = request_.max_side();
+  task.form.upright = request_.frame() != v1::PIXEL_FRAME_VIEW;
+  if (!task.form.upright) {
+    ASSIGN_OR_RETURN(task.form.view, FindView(parent, request_, PhotoKey(file.path)));
   }
   return StartMaking(task, blob);
 }
@@ -262,7 +232,7 @@ Stream::Step GetPhotographStream::Fail(absl::Status status) {
   phase_ = Phase::kChecking;
   failure_ = std::move(status);
   // Later calls of Fail come from ticks and find the check under way.
-  if (!check_.valid()) check_ = parts_.decoders.checker->Check(project_, {row_});
+  if (!check_.valid()) check_ = deps_.decoders.checker->Check(project_, {row_});
   if (check_.wait_for(kShortCheck) != std::future_status::ready) {
     return {Next::kIdle, absl::OkStatus()};  // until the next tick
   }

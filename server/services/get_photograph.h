@@ -21,7 +21,7 @@
 
 namespace pepeseg {
 
-// What decodes photographs.
+// The pool and the program that decode photographs.
 struct PhotographDecoders {
   WorkerPool* pool;                  // each thread waits for one process
   const PhotographProcess* process;  // how a process is started
@@ -34,17 +34,17 @@ struct PhotographDecoders {
 // set aside, before the call ends with DATA_LOSS: then the next upload asks for it again.
 class GetPhotographStream final : public WriteStream<v1::GetPhotographResponse> {
  public:
-  // What the stream works on; it must outlive the stream.
-  struct Parts {
+  // All must outlive the stream.
+  struct Dependencies {
     const CallRunner& runner;
     const ModelLoader& models;
     const BlobStore& blobs;
     PhotographDecoders decoders;
   };
-  GetPhotographStream(const Parts& parts, grpc::CallbackServerContext* call,
+  GetPhotographStream(const Dependencies& deps, grpc::CallbackServerContext* call,
                       const v1::GetPhotographRequest& request)
-      : WriteStream(&parts.runner.streams(), &parts.runner.pools().io),
-        parts_(parts),
+      : WriteStream(&deps.runner.streams(), &deps.runner.pools().io),
+        deps_(deps),
         call_(call),
         origin_(OriginOf(*call)),
         request_(request) {}
@@ -54,10 +54,10 @@ class GetPhotographStream final : public WriteStream<v1::GetPhotographResponse> 
 
   Step Work(bool io_ok) override;
   // A reader that takes nothing for this time loses the stream, which frees the file on the disk.
-  absl::Duration io_limit() const override { return parts_.runner.streams().limits().stuck_export; }
+  absl::Duration io_limit() const override { return deps_.runner.streams().limits().stuck_export; }
   void CancelCall() override { call_->TryCancel(); }
   absl::Status Open();
-  absl::Status OpenOriginal(const DatasetFileRow& file, const std::filesystem::path& blob);
+  absl::Status OpenOriginal(const DatasetFileRecord& file, const std::filesystem::path& blob);
   absl::Status StartMaking(const PhotographTask& task, const std::filesystem::path& blob);
   // Returns false while the picture is not there yet.
   absl::StatusOr<bool> TakePicture();
@@ -65,7 +65,7 @@ class GetPhotographStream final : public WriteStream<v1::GetPhotographResponse> 
   // Ends the call with `status`, after the stored file was checked if it may be damaged.
   Step Fail(absl::Status status);
 
-  const Parts parts_;
+  const Dependencies deps_;
   grpc::CallbackServerContext* const call_;
   const CallOrigin origin_;
   v1::GetPhotographRequest request_;
@@ -76,8 +76,8 @@ class GetPhotographStream final : public WriteStream<v1::GetPhotographResponse> 
   int64_t offset_ = 0;                                     // the next byte to send
   int64_t num_bytes_left_ = 0;
   std::string project_;
-  DatasetFileRow row_;  // the photograph's record; the path is empty until it is found
-  std::string sha256_;  // the digest of an original; empty for a picture
+  DatasetFileRecord row_;  // the photograph's record; the path is empty until it is found
+  std::string sha256_;     // the digest of an original; empty for a picture
   Sha256 digest_;
   absl::Status failure_;           // the error of the call, while its file is checked
   std::shared_future<int> check_;  // number of damaged files

@@ -11,13 +11,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/dataset/dataset_index.h"
-#include "core/dataset/held_out.h"
-#include "core/train/settings/training_options.h"
+#include "core/train/settings/training_settings.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
+#include "server/api/records_to_proto.h"
 #include "server/api/resource_name.h"
-#include "server/api/rows_to_proto.h"
 #include "server/services/watch_job.h"
 
 namespace pepeseg {
@@ -51,10 +49,10 @@ std::string StableBytes(const v1::TrainingOptions& options) {
 }
 
 // Returns the record of a job to be queued. Checks what depends on the request alone.
-absl::StatusOr<JobRow> JobFromRequest(const v1::TrainSceneRequest& request,
-                                      const WantedTraining& wanted) {
+absl::StatusOr<JobRecord> JobFromRequest(const v1::TrainSceneRequest& request,
+                                         const WantedTraining& wanted) {
   RETURN_IF_ERROR(CheckRequestId(request.request_id()));
-  JobRow job;
+  JobRecord job;
   job.scene = wanted.scene;
   job.dataset = wanted.dataset;
   // Both forms are kept: `options`, as the client sent them, recognise a repeated request even
@@ -103,10 +101,10 @@ absl::StatusOr<std::optional<JobState>> StateFromProto(v1::JobState state) {
 
 // Returns INVALID_ARGUMENT, with names like it, for a held-out view that the dataset does not have.
 // Frames of videos have no names yet: the training checks them.
-absl::Status CheckSplit(const ImportOptions& import, const std::vector<DatasetFileRow>& files) {
+absl::Status CheckSplit(const ImportOptions& import, const std::vector<DatasetFileRecord>& files) {
   if (import.held_out_views.empty()) return absl::OkStatus();
   std::vector<std::string> photographs;
-  for (const DatasetFileRow& file : files) {
+  for (const DatasetFileRecord& file : files) {
     if (file.kind == v1::FILE_KIND_VIDEO) return absl::OkStatus();
     if (file.kind == v1::FILE_KIND_IMAGE) photographs.push_back(PhotoKey(file.path));
   }
@@ -117,18 +115,18 @@ absl::Status CheckSplit(const ImportOptions& import, const std::vector<DatasetFi
 
 }  // namespace
 
-JobServiceRpc::JobServiceRpc(const CallRunner& runner, const Options& options)
+JobServiceRpc::JobServiceRpc(const CallRunner& runner, const Dependencies& deps)
     : runner_(runner),
-      store_(options.store),
-      blobs_(options.blobs),
-      supervisor_(options.supervisor),
-      estimator_(options.store, options.blobs, options.machine) {}
+      store_(deps.store),
+      blobs_(deps.blobs),
+      supervisor_(deps.supervisor),
+      estimator_(deps.store, deps.blobs, deps.machine) {}
 
 absl::Status JobServiceRpc::CheckSealed(const SceneRef& scene, int64_t dataset) const {
   const std::string name = ChildName(scene, "datasets", dataset);
-  const auto row = store_.datasets().GetDataset(scene, dataset);
-  if (!row.ok()) return WithResource(row.status(), "NO_SUCH_DATASET", name);
-  if (row->state == DatasetState::kSealed) return absl::OkStatus();
+  const auto record = store_.datasets().GetDataset(scene, dataset);
+  if (!record.ok()) return WithResource(record.status(), "NO_SUCH_DATASET", name);
+  if (record->state == DatasetState::kSealed) return absl::OkStatus();
   return WithResource(absl::FailedPreconditionError(absl::StrCat(name, " is not sealed")),
                       "NOT_SEALED", name);
 }
@@ -137,19 +135,19 @@ absl::Status JobServiceRpc::CheckRunnable(const WantedTraining& training) const 
   const EstimateTools& tools = estimator_.tools();
   RETURN_IF_ERROR(CheckPriors(training.settings.priors, tools.has_priors_command, tools.has_sam));
   RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
-  ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
+  ASSIGN_OR_RETURN(const std::vector<DatasetFileRecord> files,
                    store_.files().ListDatasetFiles(training.scene, training.dataset));
   RETURN_IF_ERROR(CheckSplit(training.settings.import, files));
   return CheckFilesStored(training.scene, training.dataset, files);
 }
 
 absl::Status JobServiceRpc::CheckFilesStored(const SceneRef& scene, int64_t dataset,
-                                             const std::vector<DatasetFileRow>& files) const {
+                                             const std::vector<DatasetFileRecord>& files) const {
   const std::string& project = scene.project;
   std::vector<std::string> healed, gone;
-  const DatasetFileRow* first = nullptr;
+  const DatasetFileRecord* first = nullptr;
   int num_missing = 0;
-  for (const DatasetFileRow& file : files) {
+  for (const DatasetFileRecord& file : files) {
     // The disk decides, and the records follow: bytes that another upload has brought again heal
     // the file, and bytes that the blob checker has set aside are marked as gone.
     const bool there = blobs_.Has({project, file.sha256}, file.size);
@@ -172,7 +170,7 @@ absl::Status JobServiceRpc::CheckFilesStored(const SceneRef& scene, int64_t data
 absl::Status JobServiceRpc::TrainScene(const UnaryCall& call, const v1::TrainSceneRequest& request,
                                        v1::Job* response) const {
   ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(call.scenes(), request));
-  ASSIGN_OR_RETURN(JobRow wanted, JobFromRequest(request, training));
+  ASSIGN_OR_RETURN(JobRecord wanted, JobFromRequest(request, training));
   wanted.traceparent = TraceparentOf(*call.context);
   RETURN_IF_ERROR(CheckRunnable(training));
   ASSIGN_OR_RETURN(const WorkerShare share,
@@ -204,6 +202,9 @@ absl::Status JobServiceRpc::TrainScene(const UnaryCall& call, const v1::TrainSce
 absl::Status JobServiceRpc::ListTrainingOptions(const UnaryCall& /*call*/,
                                                 const v1::ListTrainingOptionsRequest& request,
                                                 v1::ListTrainingOptionsResponse* response) const {
+  if (!v1::TrainingPreset_IsValid(request.preset())) {
+    return BadField("preset", absl::StrCat(static_cast<int>(request.preset())), "is not a preset");
+  }
   v1::TrainingOptions preset;
   if (request.has_preset()) preset.set_preset(request.preset());
   ASSIGN_OR_RETURN(const TrainingSettings settings, TrainingSettingsFromProto(preset));
@@ -236,14 +237,14 @@ absl::Status JobServiceRpc::ListJobs(const UnaryCall& call, const v1::ListJobsRe
   ASSIGN_OR_RETURN(filter.state, StateFromProto(request.state()));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
-  ASSIGN_OR_RETURN(const Page<JobRow> jobs, store_.jobs().ListJobs(filter, page));
-  for (const JobRow& row : jobs.rows) {
+  ASSIGN_OR_RETURN(const Page<JobRecord> jobs, store_.jobs().ListJobs(filter, page));
+  for (const JobRecord& record : jobs.records) {
     v1::Job* job = response->add_jobs();
-    *job = ToProto(row);
+    *job = ToProto(record);
     // The store has no progress: it comes from the job's event log. A log that cannot be read
     // must not fail the list.
-    if (row.state != JobState::kRunning) continue;
-    const auto newest = supervisor_.FindNewest(row.id);
+    if (record.state != JobState::kRunning) continue;
+    const auto newest = supervisor_.FindNewest(record.id);
     if (newest.ok() && newest->progress.has_value()) *job->mutable_progress() = *newest->progress;
   }
   response->set_next_page_token(jobs.next_page_token);
@@ -254,16 +255,16 @@ absl::Status JobServiceRpc::CancelJob(const UnaryCall& /*call*/,
                                       const v1::CancelJobRequest& request,
                                       v1::Job* response) const {
   ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name(), "name"));
-  const auto row = supervisor_.Cancel(id);
-  if (!row.ok()) return WithResource(row.status(), "NO_SUCH_JOB", request.name());
-  *response = ToProto(*row);
+  const auto record = supervisor_.Cancel(id);
+  if (!record.ok()) return WithResource(record.status(), "NO_SUCH_JOB", request.name());
+  *response = ToProto(*record);
   return absl::OkStatus();
 }
 
 grpc::ServerWriteReactor<v1::JobEvent>* JobServiceRpc::WatchJob(
     grpc::CallbackServerContext* call, const v1::WatchJobRequest* request) {
   const auto stream = std::make_shared<WatchJobStream>(
-      WatchJobStream::Parts{runner_, store_, supervisor_}, OriginOf(*call), *request);
+      WatchJobStream::Dependencies{runner_, store_, supervisor_}, OriginOf(*call), *request);
   stream->Begin();
   return stream.get();  // owns itself until OnDone
 }

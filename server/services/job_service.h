@@ -17,13 +17,13 @@ namespace pepeseg {
 class JobServiceRpc final : public v1::JobService::CallbackService {
  public:
   // All must outlive it.
-  struct Options {
+  struct Dependencies {
     Store& store;
     const BlobStore& blobs;
     Supervisor& supervisor;
     TrainingEstimator::Machine machine;
   };
-  JobServiceRpc(const CallRunner& runner, const Options& options);
+  JobServiceRpc(const CallRunner& runner, const Dependencies& deps);
 
   PEPESEG_UNARY(TrainScene, v1::TrainSceneRequest, v1::Job)
   PEPESEG_UNARY(ListTrainingOptions, v1::ListTrainingOptionsRequest,
@@ -46,7 +46,7 @@ class JobServiceRpc final : public v1::JobService::CallbackService {
   // are. Also updates the store, so that files that any upload of the project has brought again
   // count. Looks at sizes only; a training reads all bytes.
   absl::Status CheckFilesStored(const SceneRef& scene, int64_t dataset,
-                                const std::vector<DatasetFileRow>& files) const;
+                                const std::vector<DatasetFileRecord>& files) const;
 
   const CallRunner& runner_;
   Store& store_;

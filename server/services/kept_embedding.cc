@@ -7,7 +7,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/query/scene_model.h"
 
 namespace pepeseg {
 namespace {

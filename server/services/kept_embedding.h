@@ -3,10 +3,8 @@
 #include <filesystem>
 
 #include "absl/status/statusor.h"
-#include "core/priors/sam/embedding_file.h"
 #include "core/priors/sam/sam_borders.h"
-#include "core/scene/mask_set.h"
-#include "core/scene/model.h"
+#include "core/query/scene_model.h"
 
 // Embeddings that a training has kept with its model (core/train/photograph_segmentation.h). They
 // are of upright photographs with the distortion of the lens, at the size of views.

@@ -10,9 +10,9 @@
 #include "core/formats/rle.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
+#include "server/api/records_to_proto.h"
 #include "server/api/request_image.h"
 #include "server/api/resource_name.h"
-#include "server/api/rows_to_proto.h"
 #include "server/api/segment_request.h"
 
 namespace pepeseg {
@@ -20,22 +20,22 @@ namespace {
 
 constexpr size_t kMaxTextBytes = 256;
 
-v1::Label WithoutMask(const LabelRow& row) {
+v1::Label WithoutMask(const LabelRecord& record) {
   v1::Label proto;
-  proto.set_name(LabelName(row.scene, row.id));
-  proto.set_text(row.text);
-  proto.set_view(row.view);
-  proto.set_area(row.area);
-  *proto.mutable_create_time() = ToProto(row.create_time);
+  proto.set_name(LabelName(record.scene, record.id));
+  proto.set_text(record.text);
+  proto.set_view(record.view);
+  proto.set_area(record.area);
+  *proto.mutable_create_time() = ToProto(record.create_time);
   return proto;
 }
 
 // Returns the mask of a label as it is stored, in the pixels of the view.
-v1::CocoRle StoredRle(const LabelRow& row) {
+v1::CocoRle StoredRle(const LabelRecord& record) {
   v1::CocoRle rle;
-  rle.set_width(row.width);
-  rle.set_height(row.height);
-  rle.set_counts(row.counts);
+  rle.set_width(record.width);
+  rle.set_height(record.height);
+  rle.set_counts(record.counts);
   return rle;
 }
 
@@ -51,36 +51,36 @@ absl::Status CheckCreate(const v1::CreateLabelRequest& request) {
 
 // A label as the client gave it and as it is stored.
 struct GivenLabel {
-  LabelRow row;      // with the mask in the view
-  v1::CocoRle mask;  // in the frame of the request
+  LabelRecord record;  // with the mask in the view
+  v1::CocoRle mask;    // in the frame of the request
 };
 
 // Reads a label; its view and mask are checked against the live model.
 absl::StatusOr<GivenLabel> ReadLabel(ModelLoader& models, const UnaryCall& call,
                                      const v1::CreateLabelRequest& request) {
   GivenLabel given;
-  LabelRow& row = given.row;
-  ASSIGN_OR_RETURN(row.scene, call.scenes().Scene(request.parent(), "parent"));
+  LabelRecord& record = given.record;
+  ASSIGN_OR_RETURN(record.scene, call.scenes().Scene(request.parent(), "parent"));
   RETURN_IF_ERROR(CheckCreate(request));
   RETURN_IF_ERROR(CheckFrame(request.frame()));
   const v1::Label& label = request.label();
-  ASSIGN_OR_RETURN(const ResidentModel model, models.Load({row.scene, kLiveModel}));
+  ASSIGN_OR_RETURN(const ResidentModel model, models.Load({record.scene, kLiveModel}));
   ASSIGN_OR_RETURN(const ModelView view, FindView(label.view(), model->model(), "label.view"));
   const Frame frame(view, FrameKindFromProto(request.frame()));
   ASSIGN_OR_RETURN(BinaryMask mask, ReadMask(label.mask(), frame, "label.mask"));
   given.mask = RleToProto(mask, frame.width(), frame.height());
   // In the pixels of the client's frame.
-  row.area = std::count(mask.pixels.begin(), mask.pixels.end(), 1);
+  record.area = std::count(mask.pixels.begin(), mask.pixels.end(), 1);
   // Stored in the pixels of the view, which prompts use; the frame of later requests may be another
   // one.
   ASSIGN_OR_RETURN(Prompt in_view, ToViewAt(frame, {view, std::move(mask)}, "label.mask"));
-  row.id = request.label_id();
-  row.text = label.text().empty() ? row.id : label.text();
-  row.view = view.name;
-  row.width = view.camera.width;
-  row.height = view.camera.height;
-  row.counts = EncodeCocoRle(std::get<BinaryMask>(in_view.what), row.width, row.height);
-  row.request_id = request.request_id();
+  record.id = request.label_id();
+  record.text = label.text().empty() ? record.id : label.text();
+  record.view = view.name;
+  record.width = view.camera.width;
+  record.height = view.camera.height;
+  record.counts = EncodeCocoRle(std::get<BinaryMask>(in_view.what), record.width, record.height);
+  record.request_id = request.request_id();
   return given;
 }
 
@@ -94,7 +94,7 @@ absl::Status LabelServiceRpc::CreateLabel(const UnaryCall& call,
                                           const v1::CreateLabelRequest& request,
                                           v1::Label* response) const {
   ASSIGN_OR_RETURN(const GivenLabel given, ReadLabel(models_, call, request));
-  const LabelRow& label = given.row;
+  const LabelRecord& label = given.record;
   const auto made = models_.store().labels().CreateLabel(label);
   if (absl::IsAlreadyExists(made.status())) {
     return WithResource(made.status(), "LABEL_EXISTS", LabelName(label.scene, label.id));
@@ -113,15 +113,15 @@ absl::Status LabelServiceRpc::GetLabel(const UnaryCall& call, const v1::GetLabel
                                        v1::Label* response) const {
   ASSIGN_OR_RETURN(const SceneLabel label, call.scenes().Label(request.name(), "name"));
   RETURN_IF_ERROR(CheckFrame(request.frame()));
-  const auto row = models_.store().labels().GetLabel(label.scene, label.id);
-  if (absl::IsNotFound(row.status())) {
-    return WithResource(row.status(), "NO_SUCH_LABEL", request.name());
+  const auto record = models_.store().labels().GetLabel(label.scene, label.id);
+  if (absl::IsNotFound(record.status())) {
+    return WithResource(record.status(), "NO_SUCH_LABEL", request.name());
   }
-  RETURN_IF_ERROR(row.status());
+  RETURN_IF_ERROR(record.status());
   ASSIGN_OR_RETURN(const ResidentModel model, models_.Load({label.scene, kLiveModel}));
-  ASSIGN_OR_RETURN(const Prompt prompt, PromptOfLabel(*row, model->model(), model.row));
+  ASSIGN_OR_RETURN(const Prompt prompt, PromptOfLabel(*record, model->model(), model.id));
   const Frame frame(prompt.view, FrameKindFromProto(request.frame()));
-  *response = WithoutMask(*row);
+  *response = WithoutMask(*record);
   *response->mutable_mask()->mutable_rle() =
       RleToProto(frame.FromView(std::get<BinaryMask>(prompt.what)), frame.width(), frame.height());
   return absl::OkStatus();
@@ -133,8 +133,9 @@ absl::Status LabelServiceRpc::ListLabels(const UnaryCall& call,
   ASSIGN_OR_RETURN(const SceneRef scene, call.scenes().Scene(request.parent(), "parent"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
-  ASSIGN_OR_RETURN(const Page<LabelRow> labels, models_.store().labels().ListLabels(scene, page));
-  for (const LabelRow& row : labels.rows) *response->add_labels() = WithoutMask(row);
+  ASSIGN_OR_RETURN(const Page<LabelRecord> labels,
+                   models_.store().labels().ListLabels(scene, page));
+  for (const LabelRecord& record : labels.records) *response->add_labels() = WithoutMask(record);
   response->set_next_page_token(labels.next_page_token);
   return absl::OkStatus();
 }

@@ -40,7 +40,7 @@ absl::Status WithBytes(const absl::Status& status, const MemoryBytes& need,
 absl::StatusOr<ModelCache::Share> ModelLoader::ShareOf(const std::string& project) const {
   ModelCache::Share share;
   share.owner = project;
-  ASSIGN_OR_RETURN(const Quota quota, options_.quotas.Get(share.owner));
+  ASSIGN_OR_RETURN(const Quota quota, deps_.quotas.Get(share.owner));
   share.limit = quota.resident_bytes;
   share.error = [limit = share.limit](int64_t need) {
     return QuotaError("resident_bytes", need, limit);
@@ -48,10 +48,10 @@ absl::StatusOr<ModelCache::Share> ModelLoader::ShareOf(const std::string& projec
   return share;
 }
 
-absl::StatusOr<ModelRow> ModelLoader::FindLive(const SceneRef& scene) const {
-  auto model = options_.store.models().GetLiveModel(scene);
+absl::StatusOr<ModelRecord> ModelLoader::FindLive(const SceneRef& scene) const {
+  auto model = deps_.store.models().GetLiveModel(scene);
   if (absl::IsFailedPrecondition(model.status())) {
-    const auto job = options_.store.jobs().FindActiveJob(scene);
+    const auto job = deps_.store.jobs().FindActiveJob(scene);
     // The job is advice only: if it cannot be read, the error is the same without its name.
     const bool active = job.ok() && job->has_value();
     return WithResource(model.status(), "NO_MODEL", active ? JobName((*job)->id) : "");
@@ -59,21 +59,21 @@ absl::StatusOr<ModelRow> ModelLoader::FindLive(const SceneRef& scene) const {
   return model;
 }
 
-absl::StatusOr<ModelRow> ModelLoader::Find(const NamedScenes& scenes, const std::string& name,
-                                           const std::string& field) const {
+absl::StatusOr<ModelRecord> ModelLoader::Find(const NamedScenes& scenes, const std::string& name,
+                                              const std::string& field) const {
   ASSIGN_OR_RETURN(const SceneChild model, scenes.Model(name, field));
   return Find(model);
 }
 
-absl::StatusOr<ModelRow> ModelLoader::Find(const SceneChild& model) const {
+absl::StatusOr<ModelRecord> ModelLoader::Find(const SceneChild& model) const {
   // "live" is resolved at each call, so that a new model is used by the next request.
   if (model.number == kLiveModel) return FindLive(model.scene);
-  auto row = options_.store.models().GetModel(model.scene, model.number);
-  if (absl::IsNotFound(row.status())) {
-    return WithResource(row.status(), "NO_SUCH_MODEL",
+  auto record = deps_.store.models().GetModel(model.scene, model.number);
+  if (absl::IsNotFound(record.status())) {
+    return WithResource(record.status(), "NO_SUCH_MODEL",
                         ChildName(model.scene, "models", model.number));
   }
-  return row;
+  return record;
 }
 
 absl::StatusOr<ResidentModel> ModelLoader::Load(const NamedScenes& scenes, const std::string& name,
@@ -83,28 +83,28 @@ absl::StatusOr<ResidentModel> ModelLoader::Load(const NamedScenes& scenes, const
 }
 
 absl::StatusOr<ResidentModel> ModelLoader::Load(const SceneChild& model) {
-  ASSIGN_OR_RETURN(const ModelRow row, Find(model));
+  ASSIGN_OR_RETURN(const ModelRecord record, Find(model));
   MemoryBytes need;
-  const std::filesystem::path folder = options_.data_folder / row.folder;
+  const std::filesystem::path folder = deps_.data_folder / record.folder;
   ModelCache::Source source;
-  source.name = ChildName(row.scene, "models", row.number);
-  source.owner = row.scene.project;
+  source.name = ChildName(record.scene, "models", record.number);
+  source.owner = record.scene.project;
   source.need = [&]() -> absl::StatusOr<MemoryBytes> {
     // The folder's name comes from the database, so it is checked to lie in the data folder before
     // it is opened.
-    RETURN_IF_ERROR(CheckModelFolder(options_.data_folder, row.folder));
+    RETURN_IF_ERROR(CheckModelFolder(deps_.data_folder, record.folder));
     ASSIGN_OR_RETURN(const ModelShape shape, ReadModelShape(folder));
-    need = BytesOfModel(options_.backend, shape);
+    need = BytesOfModel(deps_.backend, shape);
     return need;
   };
   source.load = [&]() -> absl::StatusOr<std::unique_ptr<SceneModel>> {
     ASSIGN_OR_RETURN(Model model, ReadModel(folder));
-    return SceneModel::Create(options_.backend, std::move(model), &map_counts_);
+    return SceneModel::Create(deps_.backend, std::move(model), &map_counts_);
   };
   // The callbacks run before Acquire returns, and only if the model is not in memory: a hit costs
   // no read of the disk or of the quota.
-  source.share = [&] { return ShareOf(row.scene.project); };
-  auto loaded = cache_->Acquire(ResidentKey(row), source);
+  source.share = [&] { return ShareOf(record.scene.project); };
+  auto loaded = cache_->Acquire(ResidentKey(record), source);
   // An UNAVAILABLE of the database is private and says nothing about memory.
   const bool no_room = absl::IsResourceExhausted(loaded.status()) ||
                        (absl::IsUnavailable(loaded.status()) && !IsPrivate(loaded.status()));
@@ -113,7 +113,7 @@ absl::StatusOr<ResidentModel> ModelLoader::Load(const SceneChild& model) {
     return WithBytes(WithPrefix(source.name + ": ", loaded.status()), need, cache_->budget());
   }
   RETURN_IF_ERROR(loaded.status());
-  return ResidentModel{source.name, *std::move(loaded), {row.scene, row.number}};
+  return ResidentModel{source.name, *std::move(loaded), {record.scene, record.number}};
 }
 
 absl::StatusOr<ResidentModel> ModelLoader::LoadWithFeatures(const NamedScenes& scenes,
@@ -155,6 +155,6 @@ absl::Status CheckFeatures(const ResidentModel& model) {
 
 // The folder is that of the job's attempt, which is unique. The name is not: a scene that is
 // deleted and created again counts its models from 1 again.
-std::string ResidentKey(const ModelRow& model) { return model.folder; }
+std::string ResidentKey(const ModelRecord& model) { return model.folder; }
 
 }  // namespace pepeseg

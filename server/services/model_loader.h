@@ -26,34 +26,34 @@ struct ResidentModel {
 
   std::string name;  // for clients
   ModelCache::Handle loaded;
-  SceneChild row;
+  SceneChild id;
 };
 
 // Returns FAILED_PRECONDITION for a model that was trained without masks, so has no features.
 absl::Status CheckFeatures(const ResidentModel& model);
 
 // Returns the key of a model in the cache.
-std::string ResidentKey(const ModelRow& model);
+std::string ResidentKey(const ModelRecord& model);
 
 // Finds the models that requests name, and loads them into memory. Calls with a name check it:
 // errors name `field`. Thread safe; all calls block on the store.
 class ModelLoader {
  public:
-  // What it refers to must outlive the loader.
-  struct Options {
+  // All must outlive the loader.
+  struct Dependencies {
     std::filesystem::path data_folder;
     Store& store;
     ProjectQuotas& quotas;
     Backend& backend;
   };
-  ModelLoader(const Options& options, std::unique_ptr<ModelCache> cache)
-      : options_(options), cache_(std::move(cache)) {}
+  ModelLoader(const Dependencies& deps, std::unique_ptr<ModelCache> cache)
+      : deps_(deps), cache_(std::move(cache)) {}
 
   // Returns the record of a model, where the name ".../models/live" means the newest one.
   // FAILED_PRECONDITION: the scene has no model yet; the detail names the scene's active job.
-  absl::StatusOr<ModelRow> Find(const SceneChild& model) const;
-  absl::StatusOr<ModelRow> Find(const NamedScenes& scenes, const std::string& name,
-                                const std::string& field) const;
+  absl::StatusOr<ModelRecord> Find(const SceneChild& model) const;
+  absl::StatusOr<ModelRecord> Find(const NamedScenes& scenes, const std::string& name,
+                                   const std::string& field) const;
 
   // Returns a model in memory, and loads it if necessary, which takes long. UNAVAILABLE with the
   // bytes needed and available, and a time to retry: models in use leave no room for now.
@@ -74,21 +74,21 @@ class ModelLoader {
   // only. Errors are those of TakeAnswerMemory.
   absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeServerMemory(const MemoryBytes& bytes);
 
-  Store& store() const { return options_.store; }
+  Store& store() const { return deps_.store; }
   ModelCache& cache() const { return *cache_; }
-  Backend& backend() const { return options_.backend; }
-  const std::filesystem::path& data_folder() const { return options_.data_folder; }
+  Backend& backend() const { return deps_.backend; }
+  const std::filesystem::path& data_folder() const { return deps_.data_folder; }
   // How often feature maps were rendered and found, over all models.
   const MapCounts& map_counts() const { return map_counts_; }
 
  private:
   absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeMemory(const ModelCache::Share& share,
                                                              const MemoryBytes& need);
-  absl::StatusOr<ModelRow> FindLive(const SceneRef& scene) const;
+  absl::StatusOr<ModelRecord> FindLive(const SceneRef& scene) const;
   // Returns the project's share of the cache.
   absl::StatusOr<ModelCache::Share> ShareOf(const std::string& project) const;
 
-  const Options options_;
+  const Dependencies deps_;
   MapCounts map_counts_;  // outlives the models in the cache
   const std::unique_ptr<ModelCache> cache_;
 };

@@ -8,7 +8,7 @@
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
 #include "server/api/convert.h"
-#include "server/api/rows_to_proto.h"
+#include "server/api/records_to_proto.h"
 #include "server/observe/process_use.h"
 #include "server/rpc/stream_registry.h"
 
@@ -29,20 +29,20 @@ void FillPool(v1::ServerStatus::Work work, const WorkerPool& pool, v1::ServerSta
 
 }  // namespace
 
-Operations::Operations(const Parts& parts) : parts_(parts), start_time_(absl::Now()) {}
+Operations::Operations(const Dependencies& deps) : deps_(deps), start_time_(absl::Now()) {}
 
 std::string Operations::version() { return PEPESEG_VERSION; }
 
 void Operations::SetDraining(bool draining) {
   const std::lock_guard lock(draining_mutex_);
-  if (parts_.health.draining() != draining) {
+  if (deps_.health.draining() != draining) {
     spdlog::info(draining ? "draining: nothing new is taken" : "no longer draining");
   }
   // Health first, so that no call is refused while health still reports SERVING.
-  parts_.health.SetDraining(draining);
-  parts_.runner.pools().SetDraining(draining);
-  parts_.runner.streams().SetDraining(draining);
-  draining ? parts_.supervisor.StopClaiming() : parts_.supervisor.ResumeClaiming();
+  deps_.health.SetDraining(draining);
+  deps_.runner.pools().SetDraining(draining);
+  deps_.runner.streams().SetDraining(draining);
+  draining ? deps_.supervisor.StopClaiming() : deps_.supervisor.ResumeClaiming();
 }
 
 void Operations::FillProcess(v1::ServerStatus* response) const {
@@ -50,17 +50,17 @@ void Operations::FillProcess(v1::ServerStatus* response) const {
   response->set_resident_bytes(use.resident_bytes);
   response->set_num_descriptors(use.num_descriptors);
   response->set_num_threads(use.num_threads);
-  response->set_disk_free_bytes(DiskFreeBytes(parts_.models.data_folder()));
+  response->set_disk_free_bytes(DiskFreeBytes(deps_.models.data_folder()));
 }
 
 absl::Status Operations::FillJobs(v1::ServerStatus* response) const {
-  Store& store = parts_.models.store();
-  ASSIGN_OR_RETURN(const std::vector<JobRow> running, store.queue().ListRunningJobs());
+  Store& store = deps_.models.store();
+  ASSIGN_OR_RETURN(const std::vector<JobRecord> running, store.queue().ListRunningJobs());
   for (size_t i = 0; i < std::min(running.size(), kMaxJobs); ++i) {
     v1::Job& job = *response->add_running_jobs();
     job = ToProto(running[i]);
     // Jobs of other servers that share the database have no progress here.
-    const auto newest = parts_.supervisor.FindRunning(running[i].id);
+    const auto newest = deps_.supervisor.FindRunning(running[i].id);
     if (newest && newest->progress) *job.mutable_progress() = *newest->progress;
   }
   ASSIGN_OR_RETURN(Store::Counts counts, store.CountAll());
@@ -69,18 +69,18 @@ absl::Status Operations::FillJobs(v1::ServerStatus* response) const {
 }
 
 absl::Status Operations::FillStatus(v1::ServerStatus* response) const {
-  const WorkerPools& pools = parts_.runner.pools();
+  const WorkerPools& pools = deps_.runner.pools();
   response->set_version(version());
-  response->set_device(parts_.models.backend().name());
+  response->set_device(deps_.models.backend().name());
   *response->mutable_start_time() = ToProto(start_time_);
-  response->set_draining(parts_.health.draining());
+  response->set_draining(deps_.health.draining());
   FillProcess(response);
   FillPool(v1::ServerStatus::WORK_IO, pools.io, response);
   FillPool(v1::ServerStatus::WORK_QUERY, pools.query, response);
   FillPool(v1::ServerStatus::WORK_EVALUATION, pools.evaluation, response);
   FillPool(v1::ServerStatus::WORK_UPLOAD, pools.upload, response);
   FillPool(v1::ServerStatus::WORK_BORDER, pools.border, response);
-  response->set_num_streams(static_cast<int32_t>(parts_.runner.streams().size()));
+  response->set_num_streams(static_cast<int32_t>(deps_.runner.streams().size()));
   const LatencyWindow::Quantiles queries =
       LatencyWindow::Summarize(absl::Now(), pools.query.latencies(), pools.evaluation.latencies());
   response->set_queries_per_second(queries.per_second);

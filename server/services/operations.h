@@ -16,14 +16,14 @@ namespace pepeseg {
 // A server as its operator sees it: what it is, what it does, and whether it drains. Thread safe.
 class Operations {
  public:
-  // What is shown and drained; all must outlive the object.
-  struct Parts {
+  // The parts that are shown and drained; all must outlive the object.
+  struct Dependencies {
     const CallRunner& runner;  // of the services that drain
     ModelLoader& models;
     Supervisor& supervisor;
     HealthMonitor& health;
   };
-  explicit Operations(const Parts& parts);
+  explicit Operations(const Dependencies& deps);
 
   // Begins or ends draining. While it drains, health reports NOT_SERVING, new calls and streams are
   // refused and no job is started; calls and jobs under way continue.
@@ -32,10 +32,10 @@ class Operations {
   // Describes what the server is and does now. Blocks on the store.
   absl::Status FillStatus(v1::ServerStatus* response) const;
 
-  const CallRunner& runner() const { return parts_.runner; }
-  ModelLoader& models() const { return parts_.models; }
-  Supervisor& supervisor() const { return parts_.supervisor; }
-  const HealthMonitor& health() const { return parts_.health; }
+  const CallRunner& runner() const { return deps_.runner; }
+  ModelLoader& models() const { return deps_.models; }
+  Supervisor& supervisor() const { return deps_.supervisor; }
+  const HealthMonitor& health() const { return deps_.health; }
   absl::Time start_time() const { return start_time_; }
   static std::string version();
 
@@ -43,7 +43,7 @@ class Operations {
   void FillProcess(v1::ServerStatus* response) const;
   absl::Status FillJobs(v1::ServerStatus* response) const;
 
-  const Parts parts_;
+  const Dependencies deps_;
   const absl::Time start_time_;
   std::mutex draining_mutex_;  // serialises SetDraining
 };

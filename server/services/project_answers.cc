@@ -14,8 +14,8 @@
 #include "server/access/api_key.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
+#include "server/api/records_to_proto.h"
 #include "server/api/resource_name.h"
-#include "server/api/rows_to_proto.h"
 
 namespace pepeseg {
 namespace {
@@ -24,21 +24,21 @@ constexpr std::string_view kCollection = "keys/";
 // Hex digits of a key's id; the secret is not part of it.
 constexpr size_t kIdLength = 16;
 
-v1::ApiKey KeyToProto(const KeyRow& row) {
+v1::ApiKey KeyToProto(const KeyRecord& record) {
   v1::ApiKey key;
-  key.set_name(absl::StrCat("keys/", row.id));
-  key.set_project(row.project);
-  key.set_display_name(row.display_name);
+  key.set_name(absl::StrCat("keys/", record.id));
+  key.set_project(record.project);
+  key.set_display_name(record.display_name);
   for (int scope = v1::SCOPE_READ; scope <= v1::SCOPE_OPERATE; ++scope) {
-    if ((row.scopes & ScopeBit(static_cast<v1::Scope>(scope))) != 0) {
+    if ((record.scopes & ScopeBit(static_cast<v1::Scope>(scope))) != 0) {
       key.add_scopes(static_cast<v1::Scope>(scope));
     }
   }
-  *key.mutable_create_time() = ToProto(row.create_time);
-  if (row.expire_time != absl::InfinitePast())
-    *key.mutable_expire_time() = ToProto(row.expire_time);
-  if (row.revoke_time != absl::InfinitePast())
-    *key.mutable_revoke_time() = ToProto(row.revoke_time);
+  *key.mutable_create_time() = ToProto(record.create_time);
+  if (record.expire_time != absl::InfinitePast())
+    *key.mutable_expire_time() = ToProto(record.expire_time);
+  if (record.revoke_time != absl::InfinitePast())
+    *key.mutable_revoke_time() = ToProto(record.revoke_time);
   return key;
 }
 
@@ -106,11 +106,11 @@ absl::Status ProjectAnswers::CreateKey(const v1::CreateKeyRequest& request,
   ASSIGN_OR_RETURN(const int scopes, ScopesFromProto(request));
   ASSIGN_OR_RETURN(const absl::Time expire_time, ExpiryFromProto(request));
   ASSIGN_OR_RETURN(NewKey key, MakeKey());
-  key.row.project = request.project();
-  key.row.display_name = request.display_name();
-  key.row.scopes = scopes;
-  key.row.expire_time = expire_time;
-  ASSIGN_OR_RETURN(const KeyRow made, store_.keys().CreateKey(key.row));
+  key.record.project = request.project();
+  key.record.display_name = request.display_name();
+  key.record.scopes = scopes;
+  key.record.expire_time = expire_time;
+  ASSIGN_OR_RETURN(const KeyRecord made, store_.keys().CreateKey(key.record));
   *response->mutable_key() = KeyToProto(made);
   // The only time that the secret is sent: the store has its digest.
   response->set_secret(key.secret);
@@ -130,8 +130,8 @@ absl::Status ProjectAnswers::ListKeys(const v1::ListKeysRequest& request,
   if (!request.project().empty()) RETURN_IF_ERROR(CheckProject(request.project(), "project"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
-  ASSIGN_OR_RETURN(const Page<KeyRow> keys, store_.keys().ListKeys(request.project(), page));
-  for (const KeyRow& row : keys.rows) *response->add_keys() = KeyToProto(row);
+  ASSIGN_OR_RETURN(const Page<KeyRecord> keys, store_.keys().ListKeys(request.project(), page));
+  for (const KeyRecord& record : keys.records) *response->add_keys() = KeyToProto(record);
   response->set_next_page_token(keys.next_page_token);
   return absl::OkStatus();
 }

@@ -11,7 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "server/api/convert.h"
 #include "server/api/decomposition.h"
 #include "server/api/error.h"

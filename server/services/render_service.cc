@@ -19,7 +19,7 @@ absl::Status RenderServiceRpc::RenderView(const UnaryCall& call,
 grpc::ServerWriteReactor<v1::ExportGaussiansResponse>* RenderServiceRpc::ExportGaussians(
     grpc::CallbackServerContext* call, const v1::ExportGaussiansRequest* request) {
   const auto stream = std::make_shared<ExportGaussiansStream>(
-      ExportGaussiansStream::Parts{runner_, models_, selections_}, call, *request);
+      ExportGaussiansStream::Dependencies{runner_, models_, selections_}, call, *request);
   stream->Begin();
   return stream.get();  // owns itself until OnDone
 }

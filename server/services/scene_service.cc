@@ -8,14 +8,13 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/beneath_folder.h"
 #include "core/base/status_macros.h"
-#include "core/scene/camera.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
+#include "server/api/records_to_proto.h"
 #include "server/api/resource_name.h"
-#include "server/api/rows_to_proto.h"
 #include "server/store/layout.h"
+#include "server/worker_protocol/beneath_folder.h"
 
 namespace pepeseg {
 namespace {
@@ -28,7 +27,7 @@ absl::Status CheckCreate(const v1::CreateSceneRequest& request) {
   return CheckRequestId(request.request_id());
 }
 
-// What is left of a scene after its records were deleted: folders of its jobs, partial uploads, and
+// The remains of a scene after its records were deleted: folders of its jobs, partial uploads, and
 // models in memory.
 struct SceneRemains {
   std::vector<std::string> jobs;
@@ -43,28 +42,30 @@ absl::StatusOr<SceneRemains> FindRemains(Store& store, const SceneRef& scene) {
   PageRequest page{1000, ""};
   do {
     ASSIGN_OR_RETURN(const auto jobs, store.jobs().ListJobs({scene, std::nullopt}, page));
-    for (const JobRow& job : jobs.rows) remains.jobs.push_back(job.id);
+    for (const JobRecord& job : jobs.records) remains.jobs.push_back(job.id);
     page.page_token = jobs.next_page_token;
   } while (!page.page_token.empty());
   do {
     ASSIGN_OR_RETURN(const auto models, store.models().ListModels(scene, page));
-    for (const ModelRow& model : models.rows) remains.resident_keys.push_back(ResidentKey(model));
+    for (const ModelRecord& model : models.records)
+      remains.resident_keys.push_back(ResidentKey(model));
     page.page_token = models.next_page_token;
   } while (!page.page_token.empty());
   ASSIGN_OR_RETURN(const auto uploads, store.datasets().ListOpenUploads(absl::InfiniteFuture()));
-  for (const DatasetRow& upload : uploads) {
+  for (const DatasetRecord& upload : uploads) {
     if (upload.scene == scene) remains.uploads.push_back({scene, upload.number});
   }
   return remains;
 }
 
 // Returns the files of a model's selections, relative to the data directory.
-absl::StatusOr<std::vector<std::string>> FindSelectionFiles(Store& store, const ModelRow& model) {
+absl::StatusOr<std::vector<std::string>> FindSelectionFiles(Store& store,
+                                                            const ModelRecord& model) {
   std::vector<std::string> files;
   PageRequest page{1000, ""};
   do {
     ASSIGN_OR_RETURN(const auto selections, store.selections().ListSelections(model.scene, page));
-    for (const SelectionRow& selection : selections.rows) {
+    for (const SelectionRecord& selection : selections.records) {
       if (selection.model == model.number) files.push_back(selection.file);
     }
     page.page_token = selections.next_page_token;
@@ -112,20 +113,20 @@ absl::Status FillViews(const Model& model, const PageRequest& page,
 SceneServiceRpc::SceneServiceRpc(const CallRunner& runner, ModelLoader& models, BlobStore& blobs)
     : runner_(runner), models_(models), store_(models.store()), blobs_(blobs) {}
 
-absl::Status SceneServiceRpc::FillScene(const SceneRow& row, const Caller& caller,
+absl::Status SceneServiceRpc::FillScene(const SceneRecord& record, const Caller& caller,
                                         v1::Scene* scene) const {
-  ASSIGN_OR_RETURN(const std::string prefix, PrefixOf(store_, row.scene, caller));
-  scene->set_name(prefix + SceneName(row.scene));
-  scene->set_display_name(row.display_name);
-  *scene->mutable_create_time() = ToProto(row.create_time);
-  const auto model = store_.models().GetLiveModel(row.scene);
+  ASSIGN_OR_RETURN(const std::string prefix, PrefixOf(store_, record.scene, caller));
+  scene->set_name(prefix + SceneName(record.scene));
+  scene->set_display_name(record.display_name);
+  *scene->mutable_create_time() = ToProto(record.create_time);
+  const auto model = store_.models().GetLiveModel(record.scene);
   if (model.ok()) {
-    scene->set_live_model(prefix + ChildName(row.scene, "models", model->number));
+    scene->set_live_model(prefix + ChildName(record.scene, "models", model->number));
     // FAILED_PRECONDITION means that the scene has no model yet.
   } else if (!absl::IsFailedPrecondition(model.status())) {
     return model.status();
   }
-  ASSIGN_OR_RETURN(const auto job, store_.jobs().FindActiveJob(row.scene));
+  ASSIGN_OR_RETURN(const auto job, store_.jobs().FindActiveJob(record.scene));
   if (job.has_value()) scene->set_active_job(JobName(job->id));
   return absl::OkStatus();
 }
@@ -154,13 +155,13 @@ absl::Status SceneServiceRpc::DeleteWithRemains(const SceneRef& scene) const {
 }
 
 absl::Status SceneServiceRpc::DeleteModelWithFiles(const SceneChild& model) const {
-  ASSIGN_OR_RETURN(const ModelRow row, models_.Find(model));
+  ASSIGN_OR_RETURN(const ModelRecord record, models_.Find(model));
   // Before the deletion, whose cascade removes the records of the selections.
-  ASSIGN_OR_RETURN(const auto selections, FindSelectionFiles(store_, row));
-  RETURN_IF_ERROR(store_.models().DeleteModel(row.scene, row.number));
-  models_.cache().Drop(ResidentKey(row));  // queries under way still hold it
+  ASSIGN_OR_RETURN(const auto selections, FindSelectionFiles(store_, record));
+  RETURN_IF_ERROR(store_.models().DeleteModel(record.scene, record.number));
+  models_.cache().Drop(ResidentKey(record));  // queries under way still hold it
   // The model is gone already. Files that cannot be removed are removed by the collector.
-  RemoveBeneath(models_.data_folder(), row.folder).IgnoreError();
+  RemoveBeneath(models_.data_folder(), record.folder).IgnoreError();
   std::error_code ignored;
   for (const std::string& file : selections) {
     std::filesystem::remove(models_.data_folder() / file, ignored);
@@ -172,13 +173,13 @@ absl::Status SceneServiceRpc::CreateScene(const UnaryCall& call,
                                           const v1::CreateSceneRequest& request,
                                           v1::Scene* response) const {
   RETURN_IF_ERROR(CheckCreate(request));
-  SceneRow row;
-  row.display_name = request.scene().display_name();
-  row.request_id = request.request_id();
-  row.scene = {0, call.caller.project, request.scene_id()};
-  const auto scene = store_.scenes().CreateScene(row);
+  SceneRecord record;
+  record.display_name = request.scene().display_name();
+  record.request_id = request.request_id();
+  record.scene = {0, call.caller.project, request.scene_id()};
+  const auto scene = store_.scenes().CreateScene(record);
   if (absl::IsAlreadyExists(scene.status())) {
-    return WithResource(scene.status(), "SCENE_EXISTS", SceneName(row.scene));
+    return WithResource(scene.status(), "SCENE_EXISTS", SceneName(record.scene));
   }
   RETURN_IF_ERROR(scene.status());
   return FillScene(*scene, call.caller, response);
@@ -188,9 +189,9 @@ absl::Status SceneServiceRpc::GetScene(const UnaryCall& call, const v1::GetScene
                                        v1::Scene* response) const {
   const auto scene = call.scenes().Scene(request.name(), "name");
   RETURN_IF_ERROR(scene.status());
-  const auto row = store_.scenes().GetScene(*scene);
-  if (!row.ok()) return WithResource(row.status(), "NO_SUCH_SCENE", request.name());
-  return FillScene(*row, call.caller, response);
+  const auto record = store_.scenes().GetScene(*scene);
+  if (!record.ok()) return WithResource(record.status(), "NO_SUCH_SCENE", request.name());
+  return FillScene(*record, call.caller, response);
 }
 
 absl::Status SceneServiceRpc::ListScenes(const UnaryCall& call,
@@ -198,10 +199,10 @@ absl::Status SceneServiceRpc::ListScenes(const UnaryCall& call,
                                          v1::ListScenesResponse* response) const {
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
-  ASSIGN_OR_RETURN(const Page<SceneRow> scenes,
+  ASSIGN_OR_RETURN(const Page<SceneRecord> scenes,
                    store_.scenes().ListScenes(page, call.caller.visible_project()));
-  for (const SceneRow& row : scenes.rows) {
-    RETURN_IF_ERROR(FillScene(row, call.caller, response->add_scenes()));
+  for (const SceneRecord& record : scenes.records) {
+    RETURN_IF_ERROR(FillScene(record, call.caller, response->add_scenes()));
   }
   response->set_next_page_token(scenes.next_page_token);
   return absl::OkStatus();
@@ -226,9 +227,9 @@ absl::Status SceneServiceRpc::ListViews(const UnaryCall& call, const v1::ListVie
 
 absl::Status SceneServiceRpc::GetModel(const UnaryCall& call, const v1::GetModelRequest& request,
                                        v1::Model* response) const {
-  const auto row = models_.Find(call.scenes(), request.name(), "name");
-  RETURN_IF_ERROR(row.status());
-  *response = ToProto(*row);
+  const auto record = models_.Find(call.scenes(), request.name(), "name");
+  RETURN_IF_ERROR(record.status());
+  *response = ToProto(*record);
   return absl::OkStatus();
 }
 
@@ -245,8 +246,8 @@ absl::Status SceneServiceRpc::ListModels(const UnaryCall& call,
   ASSIGN_OR_RETURN(const SceneRef scene, call.scenes().Scene(request.parent(), "parent"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
-  ASSIGN_OR_RETURN(const Page<ModelRow> models, store_.models().ListModels(scene, page));
-  for (const ModelRow& row : models.rows) *response->add_models() = ToProto(row);
+  ASSIGN_OR_RETURN(const Page<ModelRecord> models, store_.models().ListModels(scene, page));
+  for (const ModelRecord& record : models.records) *response->add_models() = ToProto(record);
   response->set_next_page_token(models.next_page_token);
   return absl::OkStatus();
 }

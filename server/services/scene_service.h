@@ -23,7 +23,7 @@ class SceneServiceRpc final : public v1::SceneService::CallbackService {
   PEPESEG_UNARY(ListModels, v1::ListModelsRequest, v1::ListModelsResponse)
 
  private:
-  absl::Status FillScene(const SceneRow& row, const Caller& caller, v1::Scene* scene) const;
+  absl::Status FillScene(const SceneRecord& record, const Caller& caller, v1::Scene* scene) const;
   // Deletes a scene or a model, and its files and models in memory.
   absl::Status DeleteWithRemains(const SceneRef& scene) const;
   absl::Status DeleteModelWithFiles(const SceneChild& model) const;

@@ -38,7 +38,7 @@ absl::StatusOr<std::unique_ptr<SegmentAnswer>> SegmentAnswer::Begin(
   *response->mutable_timing()->mutable_queue() = ToProto(call.queued);
   const ResidentModel& model = answer->model_;
   *response->mutable_timing()->mutable_load() = ToProto(stopwatch.Lap());
-  const SegmentRequestReader reader(model->model(), model.row, tools.models.store());
+  const SegmentRequestReader reader(model->model(), model.id, tools.models.store());
   ASSIGN_OR_RETURN(SegmentRequest asked, reader.Read(request));
   if (request.sam_borders()) {
     RETURN_IF_ERROR(CheckBorderTargets(asked.targets.size()));

@@ -61,7 +61,7 @@ class StreamSegmentsCall final
 };
 
 absl::Status StreamSegmentsCall::Authorize(const v1::StreamSegmentsRequest& request) {
-  ASSIGN_OR_RETURN(caller_, runner_.authorizer().AuthorizeAndResolve(origin_, request));
+  ASSIGN_OR_RETURN(caller_, runner_.authorizer().Authorize(origin_, request));
   absl::Status status;
   // The stream is counted once, for the first caller; later requests are authorised only.
   if (!admitted_) status = Admit(OwnerOf(caller_, origin_));
@@ -150,7 +150,7 @@ absl::Status SegmentationServiceRpc::ProposeScales(const UnaryCall& call,
   *timing.mutable_queue() = ToProto(call.queued);
   *timing.mutable_load() = ToProto(stopwatch.Lap());
   RETURN_IF_ERROR(call.CheckWanted());  // a load takes long
-  const SegmentRequestReader reader(model->model(), model.row, models_.store());
+  const SegmentRequestReader reader(model->model(), model.id, models_.store());
   ASSIGN_OR_RETURN(const ProposeRequest asked, reader.Read(request));
   const absl::StatusOr<Proposals> proposals = model->Propose(asked);
   RETURN_IF_ERROR(AtField(proposals.status(), "prompt"));

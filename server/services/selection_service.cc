@@ -9,7 +9,7 @@
 #include "server/api/convert.h"
 #include "server/api/decomposition.h"
 #include "server/api/error.h"
-#include "server/api/rows_to_proto.h"
+#include "server/api/records_to_proto.h"
 #include "server/api/segment_request.h"
 
 namespace pepeseg {
@@ -58,12 +58,12 @@ absl::Status CheckCreate(const v1::CreateSelectionRequest& request) {
 // Sets request_id, and the digest by which a repeated request is recognised: of all other fields,
 // and of the type, since requests of two types may have the same bytes.
 template <typename Request>
-void SetRequest(Request request, SelectionRow* row) {
-  row->request_id = request.request_id();
+void SetRequest(Request request, SelectionRecord* record) {
+  record->request_id = request.request_id();
   request.clear_request_id();
   // The bytes of a serialised message are the same within one version of the program, which
   // suffices for retries.
-  row->request_digest = Sha256Hex(request.GetTypeName() + "\n" + request.SerializeAsString());
+  record->request_digest = Sha256Hex(request.GetTypeName() + "\n" + request.SerializeAsString());
 }
 
 }  // namespace
@@ -75,7 +75,7 @@ SelectionServiceRpc::SelectionServiceRpc(const CallRunner& runner, ModelLoader& 
 absl::StatusOr<GaussianSet> SelectionServiceRpc::SelectPrompted(
     const UnaryCall& call, const ResidentModel& model,
     const v1::CreateSelectionRequest& request) const {
-  const SegmentRequestReader reader(model->model(), model.row, models_.store());
+  const SegmentRequestReader reader(model->model(), model.id, models_.store());
   SelectRequest asked;
   ASSIGN_OR_RETURN(asked.prompt, reader.ReadPrompt(request.prompt(), request.frame()));
   ASSIGN_OR_RETURN(asked.granularity, reader.ReadGranularity(request.granularity(), "granularity"));
@@ -104,10 +104,10 @@ absl::Status SelectionServiceRpc::CreateSelection(const UnaryCall& call,
   // a newer model by now.
   ASSIGN_OR_RETURN(const SceneChild named, call.scenes().Model(request.model(), "model"));
   RETURN_IF_ERROR(CheckCreate(request));
-  SelectionRow row;
-  row.scene = named.scene;
-  SetRequest(request, &row);
-  ASSIGN_OR_RETURN(const auto earlier, selections_.FindEarlier(row));
+  SelectionRecord record;
+  record.scene = named.scene;
+  SetRequest(request, &record);
+  ASSIGN_OR_RETURN(const auto earlier, selections_.FindEarlier(record));
   if (earlier.has_value()) {
     *response = ToProto(*earlier);
     return absl::OkStatus();
@@ -117,16 +117,16 @@ absl::Status SelectionServiceRpc::CreateSelection(const UnaryCall& call,
   RETURN_IF_ERROR(call.CheckWanted());
   GaussianSet base;
   if (!request.base().empty()) {
-    ASSIGN_OR_RETURN(base, selections_.Find(call.scenes(), request.base(), model.row, "base"));
+    ASSIGN_OR_RETURN(base, selections_.Find(call.scenes(), request.base(), model.id, "base"));
     ASSIGN_OR_RETURN(const SceneChild of,
                      call.scenes().Child(request.base(), "selections", "base"));
-    row.base = of.number;
+    record.base = of.number;
   }
   ASSIGN_OR_RETURN(const GaussianSet added, SelectSource(call, model, request));
   ASSIGN_OR_RETURN(const GaussianSet set,
                    Apply(OrDefault(request.operation(), v1::SET_OPERATION_REPLACE), base, added));
-  ASSIGN_OR_RETURN(row, selections_.Record(model, set, row));
-  *response = ToProto(row);
+  ASSIGN_OR_RETURN(record, selections_.Record(model, set, record));
+  *response = ToProto(record);
   return absl::OkStatus();
 }
 
@@ -137,16 +137,16 @@ absl::Status SelectionServiceRpc::CombineSelections(const UnaryCall& call,
   RETURN_IF_ERROR(CheckRequestId(request.request_id()));
   ASSIGN_OR_RETURN(const SceneChild first,
                    call.scenes().Child(request.first(), "selections", "first"));
-  SelectionRow row;
-  row.scene = first.scene;
-  row.base = first.number;
-  SetRequest(request, &row);
-  ASSIGN_OR_RETURN(const auto earlier, selections_.FindEarlier(row));
+  SelectionRecord record;
+  record.scene = first.scene;
+  record.base = first.number;
+  SetRequest(request, &record);
+  ASSIGN_OR_RETURN(const auto earlier, selections_.FindEarlier(record));
   if (earlier.has_value()) {
     *response = ToProto(*earlier);
     return absl::OkStatus();
   }
-  ASSIGN_OR_RETURN(const SelectionRow base, selections_.FindRow(first));
+  ASSIGN_OR_RETURN(const SelectionRecord base, selections_.FindRecord(first));
   // Both sets must be of the model of `first`; Find refuses `second` otherwise.
   const SceneChild of = {base.scene, base.model};
   ASSIGN_OR_RETURN(const GaussianSet a,
@@ -157,23 +157,23 @@ absl::Status SelectionServiceRpc::CombineSelections(const UnaryCall& call,
                    Apply(OrDefault(request.operation(), v1::SET_OPERATION_UNION), a, b));
   // The model is loaded only for the bounds of the result, so a model without features does.
   ASSIGN_OR_RETURN(const ResidentModel model, models_.Load(of));
-  ASSIGN_OR_RETURN(row, selections_.Record(model, set, row));
-  *response = ToProto(row);
+  ASSIGN_OR_RETURN(record, selections_.Record(model, set, record));
+  *response = ToProto(record);
   return absl::OkStatus();
 }
 
 absl::Status SelectionServiceRpc::UndoSelection(const UnaryCall& call,
                                                 const v1::UndoSelectionRequest& request,
                                                 v1::Selection* response) const {
-  ASSIGN_OR_RETURN(const SelectionRow row,
-                   selections_.FindRow(call.scenes(), request.name(), "name"));
-  if (row.base == 0) {
+  ASSIGN_OR_RETURN(const SelectionRecord record,
+                   selections_.FindRecord(call.scenes(), request.name(), "name"));
+  if (record.base == 0) {
     return WithResource(absl::FailedPreconditionError(
                             absl::StrCat(request.name(), " was not made from another selection")),
                         "NO_BASE", request.name());
   }
   // NOT_FOUND if the base was deleted: selections refer to their base by number only.
-  ASSIGN_OR_RETURN(const SelectionRow base, selections_.FindRow({row.scene, row.base}));
+  ASSIGN_OR_RETURN(const SelectionRecord base, selections_.FindRecord({record.scene, record.base}));
   *response = ToProto(base);
   return absl::OkStatus();
 }
@@ -181,9 +181,9 @@ absl::Status SelectionServiceRpc::UndoSelection(const UnaryCall& call,
 absl::Status SelectionServiceRpc::GetSelection(const UnaryCall& call,
                                                const v1::GetSelectionRequest& request,
                                                v1::Selection* response) const {
-  ASSIGN_OR_RETURN(const SelectionRow row,
-                   selections_.FindRow(call.scenes(), request.name(), "name"));
-  *response = ToProto(row);
+  ASSIGN_OR_RETURN(const SelectionRecord record,
+                   selections_.FindRecord(call.scenes(), request.name(), "name"));
+  *response = ToProto(record);
   return absl::OkStatus();
 }
 
@@ -193,19 +193,20 @@ absl::Status SelectionServiceRpc::ListSelections(const UnaryCall& call,
   ASSIGN_OR_RETURN(const SceneRef scene, call.scenes().Scene(request.parent(), "parent"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
-  ASSIGN_OR_RETURN(const Page<SelectionRow> rows,
+  ASSIGN_OR_RETURN(const Page<SelectionRecord> records,
                    models_.store().selections().ListSelections(scene, page));
-  for (const SelectionRow& row : rows.rows) *response->add_selections() = ToProto(row);
-  response->set_next_page_token(rows.next_page_token);
+  for (const SelectionRecord& record : records.records)
+    *response->add_selections() = ToProto(record);
+  response->set_next_page_token(records.next_page_token);
   return absl::OkStatus();
 }
 
 absl::Status SelectionServiceRpc::DeleteSelection(const UnaryCall& call,
                                                   const v1::DeleteSelectionRequest& request,
                                                   google::protobuf::Empty* /*response*/) const {
-  ASSIGN_OR_RETURN(const SelectionRow row,
-                   selections_.FindRow(call.scenes(), request.name(), "name"));
-  return selections_.Delete(row);
+  ASSIGN_OR_RETURN(const SelectionRecord record,
+                   selections_.FindRecord(call.scenes(), request.name(), "name"));
+  return selections_.Delete(record);
 }
 
 }  // namespace pepeseg

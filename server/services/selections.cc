@@ -8,8 +8,7 @@
 #include "core/base/errors.h"
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
-#include "core/model_files/selection_file.h"
-#include "core/scene/gaussians.h"
+#include "core/model_files/model_file.h"
 #include "server/api/decomposition.h"
 #include "server/api/error.h"
 #include "server/store/layout.h"
@@ -29,32 +28,33 @@ absl::Status WriteMembers(const std::filesystem::path& path, const GaussianSet& 
 
 // Adds the detail that a request_id was used before to ALREADY_EXISTS, the store's only error of
 // that code here.
-absl::Status WithRequest(const absl::Status& status, const SelectionRow& row) {
+absl::Status WithRequest(const absl::Status& status, const SelectionRecord& record) {
   if (!absl::IsAlreadyExists(status)) return status;
-  return WithResource(status, "REQUEST_ID_USED", SceneName(row.scene));
+  return WithResource(status, "REQUEST_ID_USED", SceneName(record.scene));
 }
 
 }  // namespace
 
-absl::StatusOr<SelectionRow> Selections::FindRow(const NamedScenes& scenes, const std::string& name,
-                                                 const std::string& field) const {
+absl::StatusOr<SelectionRecord> Selections::FindRecord(const NamedScenes& scenes,
+                                                       const std::string& name,
+                                                       const std::string& field) const {
   ASSIGN_OR_RETURN(const SceneChild selection, scenes.Child(name, "selections", field));
-  return FindRow(selection);
+  return FindRecord(selection);
 }
 
-absl::StatusOr<SelectionRow> Selections::FindRow(const SceneChild& selection) const {
-  auto row = store_.selections().GetSelection(selection.scene, selection.number);
-  if (!absl::IsNotFound(row.status())) return row;
-  return WithResource(row.status(), "NO_SUCH_SELECTION",
+absl::StatusOr<SelectionRecord> Selections::FindRecord(const SceneChild& selection) const {
+  auto record = store_.selections().GetSelection(selection.scene, selection.number);
+  if (!absl::IsNotFound(record.status())) return record;
+  return WithResource(record.status(), "NO_SUCH_SELECTION",
                       ChildName(selection.scene, "selections", selection.number));
 }
 
 absl::StatusOr<GaussianSet> Selections::Find(const NamedScenes& scenes, const std::string& name,
                                              const SceneChild& model,
                                              const std::string& field) const {
-  ASSIGN_OR_RETURN(const SelectionRow row, FindRow(scenes, name, field));
-  if (row.scene != model.scene || row.model != model.number) {
-    const std::string its_model = ChildName(row.scene, "models", row.model);
+  ASSIGN_OR_RETURN(const SelectionRecord record, FindRecord(scenes, name, field));
+  if (record.scene != model.scene || record.model != model.number) {
+    const std::string its_model = ChildName(record.scene, "models", record.model);
     return WithResource(absl::FailedPreconditionError(
                             absl::StrCat(field, ": ", name, " is of ", its_model, ", not of ",
                                          ChildName(model.scene, "models", model.number))),
@@ -62,10 +62,10 @@ absl::StatusOr<GaussianSet> Selections::Find(const NamedScenes& scenes, const st
   }
   // The record and the file are checked against each other: a file that was restored from another
   // backup could have the bits of another model.
-  auto set = ReadSelectionFile(data_folder_ / row.file, name);
-  if (set.ok() && static_cast<int64_t>(set->member.size()) != row.model_gaussians) {
+  auto set = ReadSelectionFile(data_folder_ / record.file, name);
+  if (set.ok() && static_cast<int64_t>(set->member.size()) != record.model_gaussians) {
     set = absl::DataLossError(absl::StrCat(name, ": has ", set->member.size(), " bits for ",
-                                           row.model_gaussians, " Gaussians"));
+                                           record.model_gaussians, " Gaussians"));
   }
   if (!set.ok()) return WithResource(set.status(), "CORRUPT_SELECTION", name);
   return set;
@@ -78,7 +78,7 @@ absl::StatusOr<std::optional<GaussianSet>> Selections::FindSubset(const NamedSce
   GaussianSet found;
   switch (subset.of_case()) {
     case v1::Subset::kSelection: {
-      ASSIGN_OR_RETURN(found, Find(scenes, subset.selection(), model.row, field + ".selection"));
+      ASSIGN_OR_RETURN(found, Find(scenes, subset.selection(), model.id, field + ".selection"));
       break;
     }
     case v1::Subset::kSegment: {
@@ -96,31 +96,32 @@ absl::StatusOr<std::optional<GaussianSet>> Selections::FindSubset(const NamedSce
   return found;
 }
 
-absl::StatusOr<std::optional<SelectionRow>> Selections::FindEarlier(const SelectionRow& row) const {
-  auto earlier =
-      store_.selections().FindSelectionOfRequest(row.scene, row.request_id, row.request_digest);
-  if (!earlier.ok()) return WithRequest(earlier.status(), row);
+absl::StatusOr<std::optional<SelectionRecord>> Selections::FindEarlier(
+    const SelectionRecord& record) const {
+  auto earlier = store_.selections().FindSelectionOfRequest(record.scene, record.request_id,
+                                                            record.request_digest);
+  if (!earlier.ok()) return WithRequest(earlier.status(), record);
   return earlier;
 }
 
-absl::StatusOr<SelectionRow> Selections::Record(const ResidentModel& model, const GaussianSet& set,
-                                                SelectionRow row) {
-  row.model = model.row.number;
-  row.model_gaussians = static_cast<int64_t>(set.member.size());
-  row.num_gaussians = set.count();
+absl::StatusOr<SelectionRecord> Selections::Record(const ResidentModel& model,
+                                                   const GaussianSet& set, SelectionRecord record) {
+  record.model = model.id.number;
+  record.model_gaussians = static_cast<int64_t>(set.member.size());
+  record.num_gaussians = set.count();
   const SetBounds bounds = BoundsOf(model->model().gaussians, set);
   for (int axis = 0; axis < 3 && !bounds.empty(); ++axis) {
-    row.min[axis] = bounds.min[axis];
-    row.max[axis] = bounds.max[axis];
+    record.min[axis] = bounds.min[axis];
+    record.max[axis] = bounds.max[axis];
   }
   // The number is taken in a transaction of its own, so that the file has a name that no other call
   // uses. A number whose selection is never recorded is not used again.
-  ASSIGN_OR_RETURN(row.number, store_.selections().TakeSelectionNumber(row.scene));
-  row.file = (SelectionFolder(row.scene) / std::to_string(row.number)).string();
-  const std::filesystem::path path = data_folder_ / row.file;
+  ASSIGN_OR_RETURN(record.number, store_.selections().TakeSelectionNumber(record.scene));
+  record.file = (SelectionFolder(record.scene) / std::to_string(record.number)).string();
+  const std::filesystem::path path = data_folder_ / record.file;
   RETURN_IF_ERROR(WriteMembers(path, set));
-  ASSIGN_OR_RETURN(row.num_bytes, FileSize(path, row.file));
-  auto made = store_.selections().CreateSelection(row);
+  ASSIGN_OR_RETURN(record.num_bytes, FileSize(path, record.file));
+  auto made = store_.selections().CreateSelection(record);
   // A retry that lost against its first request gets that request's record, with another number:
   // then this file has no record either.
   // The file is removed unless the record has been committed. If that is unknown, the file stays
@@ -129,19 +130,19 @@ absl::StatusOr<SelectionRow> Selections::Record(const ResidentModel& model, cons
   const bool full_disk = absl::IsResourceExhausted(made.status()) && IsPrivate(made.status());
   const bool unknown =
       full_disk || absl::IsUnavailable(made.status()) || absl::IsInternal(made.status());
-  if (!unknown && (!made.ok() || made->number != row.number)) {
+  if (!unknown && (!made.ok() || made->number != record.number)) {
     std::error_code ignored;
     std::filesystem::remove(path, ignored);
   }
-  if (!made.ok()) return WithRequest(made.status(), row);
+  if (!made.ok()) return WithRequest(made.status(), record);
   return made;
 }
 
-absl::Status Selections::Delete(const SelectionRow& row) {
-  RETURN_IF_ERROR(store_.selections().DeleteSelection(row.scene, row.number));
+absl::Status Selections::Delete(const SelectionRecord& record) {
+  RETURN_IF_ERROR(store_.selections().DeleteSelection(record.scene, record.number));
   // The selection is gone already: a file that cannot be removed only costs space.
   std::error_code ignored;
-  std::filesystem::remove(data_folder_ / row.file, ignored);
+  std::filesystem::remove(data_folder_ / record.file, ignored);
   return absl::OkStatus();
 }
 

@@ -7,7 +7,6 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/scene/gaussians.h"
 #include "pepeseg/v1/render_service.pb.h"
 #include "pepeseg/v1/selection_service.pb.h"
 #include "server/api/resource_name.h"
@@ -25,11 +24,11 @@ class Selections {
 
   // Returns the record of a selection that a request names. INVALID_ARGUMENT names `field` if it is
   // not such a name; NOT_FOUND.
-  absl::StatusOr<SelectionRow> FindRow(const NamedScenes& scenes, const std::string& name,
-                                       const std::string& field) const;
-  absl::StatusOr<SelectionRow> FindRow(const SceneChild& selection) const;
+  absl::StatusOr<SelectionRecord> FindRecord(const NamedScenes& scenes, const std::string& name,
+                                             const std::string& field) const;
+  absl::StatusOr<SelectionRecord> FindRecord(const SceneChild& selection) const;
 
-  // Returns the Gaussians of a selection of `model`. In addition to the errors of FindRow:
+  // Returns the Gaussians of a selection of `model`. In addition to the errors of FindRecord:
   // FAILED_PRECONDITION: the selection is of another model. DATA_LOSS: the file is damaged.
   absl::StatusOr<GaussianSet> Find(const NamedScenes& scenes, const std::string& name,
                                    const SceneChild& model, const std::string& field) const;
@@ -42,18 +41,18 @@ class Selections {
                                                         const v1::Subset& subset,
                                                         const std::string& field) const;
 
-  // Returns the selection that an earlier request with the request_id of `row` has made in its
+  // Returns the selection that an earlier request with the request_id of `record` has made in its
   // scene. ALREADY_EXISTS: that request was another one.
-  absl::StatusOr<std::optional<SelectionRow>> FindEarlier(const SelectionRow& row) const;
+  absl::StatusOr<std::optional<SelectionRecord>> FindEarlier(const SelectionRecord& record) const;
 
   // Writes the file, then the record, of a set of Gaussians of the model, and returns the record.
-  // Reads scene, base, request_id and request_digest of `row`. A crash in between leaves a file
+  // Reads scene, base, request_id and request_digest of `record`. A crash in between leaves a file
   // that the collector removes.
-  absl::StatusOr<SelectionRow> Record(const ResidentModel& model, const GaussianSet& set,
-                                      SelectionRow row);
+  absl::StatusOr<SelectionRecord> Record(const ResidentModel& model, const GaussianSet& set,
+                                         SelectionRecord record);
 
   // Deletes the record, then the file.
-  absl::Status Delete(const SelectionRow& row);
+  absl::Status Delete(const SelectionRecord& record);
 
  private:
   Store& store_;

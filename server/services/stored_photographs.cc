@@ -1,13 +1,10 @@
 #include "server/services/stored_photographs.h"
 
 #include <cstdint>
-#include <span>
 #include <utility>
 
-#include "core/base/file_io.h"
 #include "core/base/status_macros.h"
-#include "core/dataset/dataset_index.h"
-#include "core/formats/exif.h"
+#include "core/dataset/photo_file.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 
 namespace pepeseg {
@@ -33,18 +30,18 @@ absl::StatusOr<Image> MakeImage(const PhotographProcess& process, const Photogra
 absl::Status StoredPhotographs::List() {
   if (files_) return absl::OkStatus();
   // The record of the model may be older than a change of its dataset's.
-  ASSIGN_OR_RETURN(const ModelRow row, store_.models().GetModel(model_.scene, model_.number));
-  ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
-                   store_.files().ListDatasetFiles(row.scene, row.dataset));
-  project_ = row.scene.project;
+  ASSIGN_OR_RETURN(const ModelRecord record, store_.models().GetModel(model_.scene, model_.number));
+  ASSIGN_OR_RETURN(const std::vector<DatasetFileRecord> files,
+                   store_.files().ListDatasetFiles(record.scene, record.dataset));
+  project_ = record.scene.project;
   files_.emplace();
-  for (const DatasetFileRow& file : files) {
+  for (const DatasetFileRecord& file : files) {
     if (file.kind == v1::FILE_KIND_IMAGE) files_->emplace(PhotoKey(file.path), file);
   }
   return absl::OkStatus();
 }
 
-absl::StatusOr<DatasetFileRow> StoredPhotographs::Find(const ModelView& view) {
+absl::StatusOr<DatasetFileRecord> StoredPhotographs::Find(const ModelView& view) {
   RETURN_IF_ERROR(List());
   const auto found = files_->find(view.name);
   if (found != files_->end()) return found->second;
@@ -57,19 +54,17 @@ int StoredPhotographs::Orientation(const ModelView& view) {
   // The import may have turned the photograph, and does not record what its file says.
   const auto file = Find(view);
   if (!file.ok() || file->size > kMostPhotographBytes) return 1;
-  const auto bytes = ReadFile(PathOf(*file), file->path, kMostPhotographBytes);
-  if (!bytes.ok()) return 1;
-  return ReadExifOrientation(
-      std::span(reinterpret_cast<const uint8_t*>(bytes->data()), bytes->size()));
+  const auto facts = ReadPhotoFacts({FileKind::kImage, file->path, PathOf(*file)});
+  return facts.ok() ? facts->orientation : 1;
 }
 
 absl::StatusOr<Image> StoredPhotographs::Upright(const ModelView& view, int max_side) {
-  ASSIGN_OR_RETURN(const DatasetFileRow file, Find(view));
+  ASSIGN_OR_RETURN(const DatasetFileRecord file, Find(view));
   PhotographTask task;
   task.name = file.path;
   task.sha256 = file.sha256;
-  task.upright = true;
-  task.max_side = max_side;
+  task.form.upright = true;
+  task.form.max_side = max_side;
   task.raw = true;
   return MakeImage(process_, task, PathOf(file), wanted_);
 }

@@ -34,8 +34,8 @@ class StoredPhotographs final : public ViewPhotographs {
   absl::StatusOr<Image> Upright(const ModelView& view, int max_side) override;
 
   // Returns the record of the view's photograph. NOT_FOUND: the dataset has no such photograph.
-  absl::StatusOr<DatasetFileRow> Find(const ModelView& view);
-  std::filesystem::path PathOf(const DatasetFileRow& file) const {
+  absl::StatusOr<DatasetFileRecord> Find(const ModelView& view);
+  std::filesystem::path PathOf(const DatasetFileRecord& file) const {
     return blobs_.Path({project_, file.sha256});
   }
 
@@ -48,7 +48,7 @@ class StoredPhotographs final : public ViewPhotographs {
   const SceneChild& model_;
   absl::FunctionRef<bool()> wanted_;
   std::string project_;
-  std::optional<std::map<std::string, DatasetFileRow>> files_;  // by PhotoKey
+  std::optional<std::map<std::string, DatasetFileRecord>> files_;  // by PhotoKey
 };
 
 }  // namespace pepeseg

@@ -78,7 +78,7 @@ bool WriteGroup::due() const {
 
 bool WriteGroup::Holds(const std::string& sha256, int64_t size) const {
   return std::any_of(files_.begin(), files_.end(), [&](const File& file) {
-    return file.row.sha256 == sha256 && file.row.size == size;
+    return file.record.sha256 == sha256 && file.record.size == size;
   });
 }
 
@@ -93,7 +93,7 @@ void WriteGroup::Add(const UploadName& upload, File file) {
 
 absl::Status WriteGroup::Sync(const std::vector<File>& files) {
   for (const File& file : files) {
-    if (file.writer != nullptr) RETURN_IF_ERROR(OfFile(file.row.path, file.writer->Sync()));
+    if (file.writer != nullptr) RETURN_IF_ERROR(OfFile(file.record.path, file.writer->Sync()));
   }
   return absl::OkStatus();
 }
@@ -109,13 +109,13 @@ absl::Status WriteGroup::Publish(std::vector<File>& files) {
   // First the bytes, then the names: after a crash a name must not lead to bytes that are missing.
   if (!as_a_whole || syncfs(written[0]) != 0) RETURN_IF_ERROR(Sync(files));
   for (const File& file : files) {
-    if (file.writer != nullptr) RETURN_IF_ERROR(OfFile(file.row.path, file.writer->Publish()));
+    if (file.writer != nullptr) RETURN_IF_ERROR(OfFile(file.record.path, file.writer->Publish()));
   }
   if (!as_a_whole || syncfs(written[0]) != 0) RETURN_IF_ERROR(SyncFolders(files));
   // Read now, while the bytes are in the page cache. A header that cannot be read is read again
   // when a training needs it.
   for (File& file : files) {
-    if (file.writer != nullptr) ReadFileHeader(file.writer->blob(), file.row).IgnoreError();
+    if (file.writer != nullptr) ReadFileHeader(file.writer->blob(), file.record).IgnoreError();
   }
   return absl::OkStatus();
 }
@@ -128,15 +128,15 @@ absl::Status WriteGroup::Commit(Store& store, BlobStore& blobs) {
   num_bytes_ = 0;
   since_ = absl::InfiniteFuture();
   RETURN_IF_ERROR(Publish(files));
-  std::vector<DatasetFileRow> rows;
-  rows.reserve(files.size());
-  for (File& file : files) rows.push_back(std::move(file.row));
+  std::vector<DatasetFileRecord> records;
+  records.reserve(files.size());
+  for (File& file : files) records.push_back(std::move(file.record));
   // Last, so that the database never says that a file is stored whose bytes could be lost. A crash
   // before this leaves blobs without a record, which the next CreateUpload or SealUpload finds.
-  const absl::Status marked = store.files().MarkFilesStored(upload_, rows);
+  const absl::Status marked = store.files().MarkFilesStored(upload_, records);
   if (!absl::IsNotFound(marked)) return marked;
   std::vector<std::string> digests;
-  for (const DatasetFileRow& row : rows) digests.push_back(row.sha256);
+  for (const DatasetFileRecord& record : records) digests.push_back(record.sha256);
   // What cannot be removed now is left to the collector.
   RemoveUnnamedBlobs(store, blobs, upload_.scene.project, digests).IgnoreError();
   return marked;
@@ -150,7 +150,7 @@ absl::Status DeleteUpload(Store& store, BlobStore& blobs, const UploadName& uplo
   blobs.RemovePartial(upload);
   std::vector<std::string> digests;
   digests.reserve(files.size());
-  for (const DatasetFileRow& file : files) digests.push_back(file.sha256);
+  for (const DatasetFileRecord& file : files) digests.push_back(file.sha256);
   return RemoveUnnamedBlobs(store, blobs, upload.scene.project, digests);
 }
 

@@ -24,7 +24,7 @@ namespace pepeseg {
 class WriteGroup {
  public:
   struct File {
-    DatasetFileRow row;
+    DatasetFileRecord record;
     std::shared_ptr<BlobWriter> writer;  // finished; null: the blob is stored already
   };
 

@@ -28,8 +28,8 @@ bool IsSha256(const std::string& text) {
          });
 }
 
-absl::StatusOr<DatasetFileRow> CheckFile(const v1::FileDeclaration& file,
-                                         const std::string& field) {
+absl::StatusOr<DatasetFileRecord> CheckFile(const v1::FileDeclaration& file,
+                                            const std::string& field) {
   RETURN_IF_ERROR(CheckUploadPath(file.path(), field + ".path"));
   if (!FileKindFromProto(file.kind()).ok()) {
     return BadField(field + ".kind", absl::StrCat(static_cast<int>(file.kind())),
@@ -44,8 +44,8 @@ absl::StatusOr<DatasetFileRow> CheckFile(const v1::FileDeclaration& file,
     return BadField(field + ".sha256", file.sha256(),
                     absl::StrCat("not 64 lower-case hex digits (of ", file.path(), ")"));
   }
-  return DatasetFileRow{file.path(), static_cast<int>(file.kind()), file.size(), file.sha256(),
-                        false};
+  return DatasetFileRecord{file.path(), static_cast<int>(file.kind()), file.size(), file.sha256(),
+                           false};
 }
 
 }  // namespace
@@ -70,25 +70,26 @@ absl::Status CheckUploadPath(const std::string& path, const std::string& field) 
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::vector<DatasetFileRow>> CheckUploadFiles(
+absl::StatusOr<std::vector<DatasetFileRecord>> CheckUploadFiles(
     const v1::CreateUploadRequest& request) {
   if (request.files().empty() || request.files_size() > kMaxFiles) {
     return BadField("files", absl::StrCat(request.files_size()),
                     absl::StrCat("files; allowed are 1..", kMaxFiles));
   }
-  std::vector<DatasetFileRow> files;
+  std::vector<DatasetFileRecord> files;
   std::set<std::string> paths;
   size_t path_bytes = 0;
   int64_t num_bytes = 0;
   for (const v1::FileDeclaration& file : request.files()) {
     const std::string field = absl::StrCat("files[", files.size(), "]");
-    ASSIGN_OR_RETURN(DatasetFileRow row, CheckFile(file, field));
+    ASSIGN_OR_RETURN(DatasetFileRecord record, CheckFile(file, field));
     // Paths are compared by bytes. The files are stored by digest, so names that differ only in
     // case do not collide on the disk.
-    if (!paths.insert(row.path).second) return BadField(field + ".path", row.path, "listed twice");
-    path_bytes += row.path.size();
-    num_bytes += row.size;
-    files.push_back(std::move(row));
+    if (!paths.insert(record.path).second)
+      return BadField(field + ".path", record.path, "listed twice");
+    path_bytes += record.path.size();
+    num_bytes += record.size;
+    files.push_back(std::move(record));
   }
   if (path_bytes > kMaxPathBytesInAll) {
     return BadField("files", absl::StrCat(path_bytes),

@@ -6,7 +6,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "pepeseg/v1/dataset_service.pb.h"
-#include "server/store/rows.h"
+#include "server/store/records.h"
 
 namespace pepeseg {
 
@@ -17,7 +17,7 @@ absl::Status CheckUploadPath(const std::string& path, const std::string& field);
 
 // Returns the records of the files of a CreateUpload, none of them `stored`. INVALID_ARGUMENT: they
 // exceed the limits in dataset_service.proto.
-absl::StatusOr<std::vector<DatasetFileRow>> CheckUploadFiles(
+absl::StatusOr<std::vector<DatasetFileRecord>> CheckUploadFiles(
     const v1::CreateUploadRequest& request);
 
 }  // namespace pepeseg

@@ -7,8 +7,8 @@
 #include "core/base/status_macros.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
+#include "server/api/records_to_proto.h"
 #include "server/api/resource_name.h"
-#include "server/api/rows_to_proto.h"
 #include "server/rpc/stream_registry.h"
 
 namespace pepeseg {
@@ -44,27 +44,28 @@ absl::StatusOr<JobSnapshot> ReadJob(Store& store, const Supervisor& supervisor,
                                     const std::string& id) {
   // Events before the record: if the record is newer, an event only repeats what it says.
   const auto newest = supervisor.FindNewest(id);
-  const auto row = store.jobs().GetJob(id);
-  if (absl::IsNotFound(row.status())) {
-    return WithResource(row.status(), "NO_SUCH_JOB", JobName(id));
+  const auto record = store.jobs().GetJob(id);
+  if (absl::IsNotFound(record.status())) {
+    return WithResource(record.status(), "NO_SUCH_JOB", JobName(id));
   }
-  RETURN_IF_ERROR(row.status());
+  RETURN_IF_ERROR(record.status());
   RETURN_IF_ERROR(newest.status());
-  JobSnapshot snapshot{ToProto(*row), newest->sequence};
+  JobSnapshot snapshot{ToProto(*record), newest->sequence};
   if (newest->progress.has_value()) *snapshot.job.mutable_progress() = *newest->progress;
   return snapshot;
 }
 
 absl::Status WatchJobStream::Start() {
-  ASSIGN_OR_RETURN(const Caller caller, parts_.runner.authorizer().Authorize(origin_, request_));
+  ASSIGN_OR_RETURN(const AuthorizedCaller caller,
+                   deps_.runner.authorizer().Authorize(origin_, request_));
   RETURN_IF_ERROR(Admit(OwnerOf(caller, origin_)));
   ASSIGN_OR_RETURN(id_, ParseJobName(request_.name(), "name"));
   // Before the snapshot, so that no event is missed in between.
-  watch_ = parts_.supervisor.AddWatch(id_, [weak = weak_from_this()] {
+  watch_ = deps_.supervisor.AddWatch(id_, [weak = weak_from_this()] {
     // Weak, since the stream owns the watch: each would keep the other alive.
     if (const auto stream = weak.lock()) stream->Wake();
   });
-  ASSIGN_OR_RETURN(JobSnapshot snapshot, ReadJob(parts_.store, parts_.supervisor, id_));
+  ASSIGN_OR_RETURN(JobSnapshot snapshot, ReadJob(deps_.store, deps_.supervisor, id_));
   sequence_ = snapshot.sequence;
   if (request_.has_after_sequence()) {
     const int64_t after = request_.after_sequence();
@@ -87,7 +88,7 @@ absl::Status WatchJobStream::Start() {
     // reconnects before the next event asks from there again.
     sequence_ = after;
   }
-  reader_.emplace(parts_.supervisor.ReadEvents(id_, sequence_));
+  reader_.emplace(deps_.supervisor.ReadEvents(id_, sequence_));
   SeeState(snapshot.job.state());
   v1::JobEvent event;
   event.set_sequence(sequence_);
@@ -98,7 +99,7 @@ absl::Status WatchJobStream::Start() {
 }
 
 absl::StatusOr<int64_t> WatchJobStream::FindNewestInLog(int64_t seen) const {
-  EventLogReader reader = parts_.supervisor.ReadEvents(id_, seen);
+  EventLogReader reader = deps_.supervisor.ReadEvents(id_, seen);
   while (true) {
     ASSIGN_OR_RETURN(const std::vector<v1::JobEvent> events, reader.Read());
     if (events.empty()) return seen;
@@ -150,13 +151,13 @@ Stream::Step WatchJobStream::Send(v1::JobEvent event) {
 }
 
 Stream::Step WatchJobStream::SendHeartbeatWhenDue() {
-  const absl::Status obstacle = parts_.supervisor.FindObstacle(id_, queued_);
+  const absl::Status obstacle = deps_.supervisor.FindObstacle(id_, queued_);
   if (obstacle.ok() && absl::Now() - last_send_ < kHeartbeat) {
     return {Next::kIdle, absl::OkStatus()};
   }
   // If a crash has lost the last event, or it cannot be written, the record says that the job
   // ended.
-  auto snapshot = ReadJob(parts_.store, parts_.supervisor, id_);
+  auto snapshot = ReadJob(deps_.store, deps_.supervisor, id_);
   if (!snapshot.ok()) return {Next::kEnd, snapshot.status()};
   v1::JobEvent event;
   event.set_sequence(sequence_);

@@ -31,15 +31,15 @@ absl::StatusOr<JobSnapshot> ReadJob(Store& store, const Supervisor& supervisor,
 // end.
 class WatchJobStream final : public WriteStream<v1::JobEvent> {
  public:
-  // What the stream works on; it must outlive the stream.
-  struct Parts {
+  // All must outlive the stream.
+  struct Dependencies {
     const CallRunner& runner;
     Store& store;
     Supervisor& supervisor;
   };
-  WatchJobStream(const Parts& parts, CallOrigin origin, const v1::WatchJobRequest& request)
-      : WriteStream(&parts.runner.streams(), &parts.runner.pools().io),
-        parts_(parts),
+  WatchJobStream(const Dependencies& deps, CallOrigin origin, const v1::WatchJobRequest& request)
+      : WriteStream(&deps.runner.streams(), &deps.runner.pools().io),
+        deps_(deps),
         origin_(std::move(origin)),
         request_(request) {}
 
@@ -59,7 +59,7 @@ class WatchJobStream final : public WriteStream<v1::JobEvent> {
   Step SendHeartbeatWhenDue();
   void SeeState(v1::JobState state);
 
-  const Parts parts_;
+  const Dependencies deps_;
   const CallOrigin origin_;
   const v1::WatchJobRequest request_;
   std::string id_;

@@ -26,15 +26,15 @@ absl::Status BusyFile(const std::string& path) {
 
 // Commits the complete files. Keeps the part of the file that was being received, unless the upload
 // was deleted.
-absl::Status Close(const WriteFilesStream::Parts& parts, const UploadName& upload, WriteGroup group,
-                   std::shared_ptr<BlobWriter> writer) {
-  absl::Status status = group.Commit(parts.store, parts.blobs);
+absl::Status Close(const WriteFilesStream::Dependencies& deps, const UploadName& upload,
+                   WriteGroup group, std::shared_ptr<BlobWriter> writer) {
+  absl::Status status = group.Commit(deps.store, deps.blobs);
   if (writer == nullptr && !absl::IsNotFound(status)) return status;
   // The writer's destructor syncs the bytes and records their number, so that the next stream
   // resumes after them.
   writer.reset();
-  if (absl::IsNotFound(parts.store.datasets().GetDataset(upload.scene, upload.number).status())) {
-    parts.blobs.RemovePartial(upload);
+  if (absl::IsNotFound(deps.store.datasets().GetDataset(upload.scene, upload.number).status())) {
+    deps.blobs.RemovePartial(upload);
   }
   return status;
 }
@@ -76,25 +76,26 @@ void WriteFilesStream::OnClosed() {
   if (writer_ == nullptr && group_.empty() && begun_.empty()) return;
   // A pool that has stopped drops the task, whose destructors then block on this thread: the server
   // is ending, so nothing else waits for it.
-  parts_.runner.pools().upload.SubmitAlways(
+  deps_.runner.pools().upload.SubmitAlways(
       caller_ ? caller_->project : "",
-      [parts = parts_, upload = upload_, group = std::move(group_), writer = std::move(writer_),
+      [deps = deps_, upload = upload_, group = std::move(group_), writer = std::move(writer_),
        origin = origin_, caller = caller_, named = std::move(named_),
        begun = std::move(begun_)]() mutable {
-        absl::Status status = Close(parts, upload, std::move(group), std::move(writer));
+        absl::Status status = Close(deps, upload, std::move(group), std::move(writer));
         status.Update(absl::CancelledError("the client is gone"));
         if (begun.empty()) return;
-        parts.runner.authorizer().Record(origin, *caller, named, status, begun);
+        deps.runner.authorizer().Record(origin, *caller, named, status, begun);
       });
 }
 
 absl::Duration WriteFilesStream::io_limit() const {
-  return got_message_ ? absl::InfiniteDuration() : parts_.runner.streams().limits().first_message;
+  return got_message_ ? absl::InfiniteDuration() : deps_.runner.streams().limits().first_message;
 }
 
 absl::Status WriteFilesStream::BeginCall() {
-  ASSIGN_OR_RETURN(const Caller caller, parts_.runner.authorizer().Authorize(
-                                            origin_, v1::WriteFilesRequest::default_instance()));
+  ASSIGN_OR_RETURN(
+      const AuthorizedCaller caller,
+      deps_.runner.authorizer().Authorize(origin_, v1::WriteFilesRequest::default_instance()));
   caller_ = {caller, {}};
   return Admit(OwnerOf(caller, origin_));
 }
@@ -103,14 +104,14 @@ absl::Status WriteFilesStream::Authorize(const v1::WriteFilesRequest& part) {
   if (!part.has_header()) return absl::OkStatus();
   // Every header is authorised, so that a key that is revoked ends the upload at the next file, and
   // an upload of another project is refused.
-  ASSIGN_OR_RETURN(caller_, parts_.runner.authorizer().AuthorizeAndResolve(origin_, part));
+  ASSIGN_OR_RETURN(caller_, deps_.runner.authorizer().Authorize(origin_, part));
   // The audit log has the uploads of a stream, not their files.
   if (named_.header().upload() != part.header().upload()) {
     // The files before this one are of the upload before.
-    absl::Status status = group_.Commit(parts_.store, parts_.blobs);
+    absl::Status status = group_.Commit(deps_.store, deps_.blobs);
     RecordEnd(status);
     RETURN_IF_ERROR(status);
-    begun_ = parts_.runner.authorizer().Begin(origin_, *caller_, part);
+    begun_ = deps_.runner.authorizer().Begin(origin_, *caller_, part);
   }
   named_ = part;
   return absl::OkStatus();
@@ -118,13 +119,13 @@ absl::Status WriteFilesStream::Authorize(const v1::WriteFilesRequest& part) {
 
 void WriteFilesStream::RecordEnd(const absl::Status& status) {
   if (begun_.empty()) return;
-  parts_.runner.authorizer().Record(origin_, *caller_, named_, status, std::exchange(begun_, {}));
+  deps_.runner.authorizer().Record(origin_, *caller_, named_, status, std::exchange(begun_, {}));
 }
 
 Stream::Step WriteFilesStream::End(absl::Status status) {
   // Closes here, since OnClosed must not block. Of two errors the first one is the cause.
   // OnClosed finds nothing left to do after this.
-  status.Update(Close(parts_, upload_, std::exchange(group_, {}), std::exchange(writer_, {})));
+  status.Update(Close(deps_, upload_, std::exchange(group_, {}), std::exchange(writer_, {})));
   RecordEnd(status);
   return {Next::kEnd, std::move(status)};
 }
@@ -148,7 +149,7 @@ absl::Status WriteFilesStream::BeginFile(const v1::WriteFilesRequest::Header& he
   if (group_.Holds(file_.sha256, file_.size)) {
     writer_ = nullptr;
   } else {
-    auto writer = parts_.blobs.Begin(upload_, file_.sha256, file_.size);
+    auto writer = deps_.blobs.Begin(upload_, file_.sha256, file_.size);
     if (absl::IsAborted(writer.status())) return BusyFile(file_.path);
     RETURN_IF_ERROR(OfFile(file_.path, writer.status()));
     writer_ = *std::move(writer);
@@ -168,15 +169,14 @@ absl::Status WriteFilesStream::FindFile(const v1::WriteFilesRequest::Header& hea
   const bool same = upload_.scene == upload.scene && upload_.number == upload.number;
   // A group has one upload, since one transaction marks its files.
   if (!same)
-    RETURN_IF_ERROR(
-        group_.Commit(parts_.store, parts_.blobs));  // the files are of the other upload
+    RETURN_IF_ERROR(group_.Commit(deps_.store, deps_.blobs));  // the files are of the other upload
   if (!same || !listed_.contains(path)) {
     RETURN_IF_ERROR(ListFrom(path, header.upload(), upload));
   }
   const auto found = listed_.find(path);
   if (found == listed_.end()) {
     // Returns NOT_FOUND with the names of the upload and the file.
-    return parts_.store.files().GetDatasetFile(upload.scene, upload.number, path).status();
+    return deps_.store.files().GetDatasetFile(upload.scene, upload.number, path).status();
   }
   file_ = found->second;
   return absl::OkStatus();
@@ -186,16 +186,17 @@ absl::Status WriteFilesStream::ListFrom(const std::string& path, const std::stri
                                         const SceneChild& upload) {
   // The number of records read at once: two groups.
   constexpr int64_t kListed = 256;
-  Store& store = parts_.store;
+  Store& store = deps_.store;
   listed_.clear();
-  ASSIGN_OR_RETURN(const DatasetRow row, store.datasets().GetDataset(upload.scene, upload.number));
-  if (row.state == DatasetState::kSealed) {
+  ASSIGN_OR_RETURN(const DatasetRecord record,
+                   store.datasets().GetDataset(upload.scene, upload.number));
+  if (record.state == DatasetState::kSealed) {
     return WithResource(absl::FailedPreconditionError(absl::StrCat(name, " is sealed")), "SEALED",
                         name);
   }
   ASSIGN_OR_RETURN(auto files,
                    store.files().ListDatasetFilesFrom(upload.scene, upload.number, path, kListed));
-  for (DatasetFileRow& file : files) listed_.emplace(file.path, std::move(file));
+  for (DatasetFileRecord& file : files) listed_.emplace(file.path, std::move(file));
   upload_ = {upload.scene, upload.number};
   return absl::OkStatus();
 }
@@ -234,7 +235,7 @@ absl::Status WriteFilesStream::TakeChunk(const std::string& chunk) {
   unchecked_bytes_ += static_cast<int64_t>(chunk.size());
   if (unchecked_bytes_ >= kCheckedBytes) {
     // NOT_FOUND ends the stream: the collector or a client has deleted the upload.
-    RETURN_IF_ERROR(parts_.store.datasets().GetDataset(upload_.scene, upload_.number).status());
+    RETURN_IF_ERROR(deps_.store.datasets().GetDataset(upload_.scene, upload_.number).status());
     unchecked_bytes_ = 0;
   }
   return writer_->Append(chunk);
@@ -247,7 +248,7 @@ absl::Status WriteFilesStream::EndFile() {
   in_file_ = false;
   response_->set_num_files(response_->num_files() + 1);
   response_->set_num_bytes(response_->num_bytes() + sent_bytes_);
-  return group_.due() ? group_.Commit(parts_.store, parts_.blobs) : absl::OkStatus();
+  return group_.due() ? group_.Commit(deps_.store, deps_.blobs) : absl::OkStatus();
 }
 
 }  // namespace pepeseg

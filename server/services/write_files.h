@@ -21,15 +21,15 @@ namespace pepeseg {
 // due, and when the stream ends, however it ends.
 class WriteFilesStream final : public ReadStream<v1::WriteFilesRequest> {
  public:
-  // What the stream works on; it must outlive the stream.
-  struct Parts {
+  // All must outlive the stream.
+  struct Dependencies {
     const CallRunner& runner;
     Store& store;
     BlobStore& blobs;
   };
-  WriteFilesStream(const Parts& parts, CallOrigin origin, v1::WriteFilesResponse* response)
-      : ReadStream(&parts.runner.streams(), &parts.runner.pools().upload),
-        parts_(parts),
+  WriteFilesStream(const Dependencies& deps, CallOrigin origin, v1::WriteFilesResponse* response)
+      : ReadStream(&deps.runner.streams(), &deps.runner.pools().upload),
+        deps_(deps),
         origin_(std::move(origin)),
         response_(response) {}
 
@@ -59,7 +59,7 @@ class WriteFilesStream final : public ReadStream<v1::WriteFilesRequest> {
   absl::Status TakeChunk(const std::string& chunk);
   absl::Status EndFile();
 
-  const Parts parts_;
+  const Dependencies deps_;
   const CallOrigin origin_;
   v1::WriteFilesResponse* const response_;
   std::optional<AuthorizedCaller> caller_;  // none: the call has not begun
@@ -68,15 +68,15 @@ class WriteFilesStream final : public ReadStream<v1::WriteFilesRequest> {
   std::string begun_;            // its upload in the audit log; empty: has its outcome, or none
   // The file that is being received. Its writer is null if the bytes are stored already.
   bool in_file_ = false;
-  DatasetFileRow file_;
+  DatasetFileRecord file_;
   int64_t file_bytes_ = 0;       // bytes of the file that are there, from its start
   int64_t sent_bytes_ = 0;       // bytes of the file that came on this stream
   int64_t unchecked_bytes_ = 0;  // bytes since the upload was last found in the store
   std::shared_ptr<BlobWriter> writer_;
   // The upload to which the newest header belongs.
   UploadName upload_;
-  std::map<std::string, DatasetFileRow> listed_;  // the records of some of its files, by path
-  WriteGroup group_;                              // its complete files that are not committed yet
+  std::map<std::string, DatasetFileRecord> listed_;  // the records of some of its files, by path
+  WriteGroup group_;  // its complete files that are not committed yet
 };
 
 }  // namespace pepeseg

@@ -8,7 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "server/store/rows.h"
+#include "server/store/records.h"
 
 namespace pepeseg {
 
@@ -26,20 +26,20 @@ class DatasetStore {
   // whether a new dataset may be made; it is not asked about one that the request_id made earlier,
   // and may be called more than once. RESOURCE_EXHAUSTED: the project's quota of stored bytes or
   // open uploads.
-  absl::StatusOr<DatasetRow> CreateDataset(const SceneRef& scene, const std::string& request_id,
-                                           const std::vector<DatasetFileRow>& files,
-                                           const std::function<absl::Status()>& admit = {});
-  absl::StatusOr<DatasetRow> GetDataset(const SceneRef& scene, int64_t number);
+  absl::StatusOr<DatasetRecord> CreateDataset(const SceneRef& scene, const std::string& request_id,
+                                              const std::vector<DatasetFileRecord>& files,
+                                              const std::function<absl::Status()>& admit = {});
+  absl::StatusOr<DatasetRecord> GetDataset(const SceneRef& scene, int64_t number);
   // Lists sealed datasets by number.
-  absl::StatusOr<Page<DatasetRow>> ListDatasets(const SceneRef& scene, const PageRequest& page);
+  absl::StatusOr<Page<DatasetRecord>> ListDatasets(const SceneRef& scene, const PageRequest& page);
   // Marks `found` as stored (files whose bytes came by another upload) and seals the dataset.
   // FAILED_PRECONDITION: files are not stored; names the first of them and their number. Sealing a
   // sealed dataset changes nothing.
-  absl::StatusOr<DatasetRow> SealDataset(const SceneRef& scene, int64_t number,
-                                         const std::vector<DatasetFileRow>& found = {});
+  absl::StatusOr<DatasetRecord> SealDataset(const SceneRef& scene, int64_t number,
+                                            const std::vector<DatasetFileRecord>& found = {});
 
   // Returns the open uploads that were created before a time.
-  absl::StatusOr<std::vector<DatasetRow>> ListOpenUploads(absl::Time created_before);
+  absl::StatusOr<std::vector<DatasetRecord>> ListOpenUploads(absl::Time created_before);
   // Deletes an upload with its files. FAILED_PRECONDITION: it is sealed.
   absl::Status DeleteUpload(const SceneRef& scene, int64_t number);
 

@@ -11,8 +11,8 @@ namespace {
 // Sets columns of those files of a dataset that have the same path and digest as in `files`.
 // `columns`: assignments from the values `v`, as "header = v.header". Returns the number of files
 // found.
-int64_t UpdateFiles(soci::session& sql, const std::string& columns, const DatasetRow& dataset,
-                    const std::vector<DatasetFileRow>& files) {
+int64_t UpdateFiles(soci::session& sql, const std::string& columns, const DatasetRecord& dataset,
+                    const std::vector<DatasetFileRecord>& files) {
   // The casts give PostgreSQL the types of the placeholders, which it cannot infer in a SELECT
   // without a table.
   BatchStatement update(
@@ -24,7 +24,7 @@ int64_t UpdateFiles(soci::session& sql, const std::string& columns, const Datase
             " UNION ALL ",
             ") AS v WHERE dataset_files.scene = v.scene AND dataset_files.dataset = v.dataset AND"
             " dataset_files.path = v.path AND dataset_files.sha256 = v.sha256"});
-  for (const DatasetFileRow& file : files) {
+  for (const DatasetFileRecord& file : files) {
     update.Add({dataset.scene.id, dataset.number, file.path, file.sha256,
                 static_cast<int64_t>(file.header), int64_t{file.width}, int64_t{file.height},
                 file.num_points});
@@ -37,8 +37,8 @@ constexpr char kHeaderColumns[] =
 
 }  // namespace
 
-std::vector<DatasetFileRow> SelectFiles(soci::session& sql, const FileQuery& query) {
-  DatasetFileRow row;
+std::vector<DatasetFileRecord> SelectFiles(soci::session& sql, const FileQuery& query) {
+  DatasetFileRecord row;
   int stored = 0;
   int header = 0;
   soci::statement select =
@@ -50,7 +50,7 @@ std::vector<DatasetFileRow> SelectFiles(soci::session& sql, const FileQuery& que
        soci::into(row.num_points), soci::use(query.scene.id), soci::use(query.dataset),
        soci::use(query.key), soci::use(query.limit));
   select.execute();
-  std::vector<DatasetFileRow> rows;
+  std::vector<DatasetFileRecord> rows;
   while (select.fetch()) {
     row.stored = stored != 0;
     row.header = static_cast<HeaderState>(header);
@@ -59,14 +59,14 @@ std::vector<DatasetFileRow> SelectFiles(soci::session& sql, const FileQuery& que
   return rows;
 }
 
-void InsertFiles(soci::session& sql, const DatasetRow& dataset,
-                 const std::vector<DatasetFileRow>& files) {
+void InsertFiles(soci::session& sql, const DatasetRecord& dataset,
+                 const std::vector<DatasetFileRecord>& files) {
   BatchStatement insert(
       sql, {"INSERT INTO dataset_files (scene, dataset, path, kind, size, sha256, stored) VALUES ",
             "(CAST(? AS BIGINT), CAST(? AS BIGINT), CAST(? AS TEXT), CAST(? AS INTEGER),"
             " CAST(? AS BIGINT), CAST(? AS VARCHAR(64)), CAST(? AS INTEGER))",
             ", ", ""});
-  for (const DatasetFileRow& file : files) {
+  for (const DatasetFileRecord& file : files) {
     insert.Add({dataset.scene.id, dataset.number, file.path, int64_t{file.kind}, file.size,
                 file.sha256, int64_t{file.stored ? 1 : 0}});
   }
@@ -74,18 +74,18 @@ void InsertFiles(soci::session& sql, const DatasetRow& dataset,
 }
 
 void InsertBlobs(soci::session& sql, const std::string& project,
-                 const std::vector<DatasetFileRow>& files) {
+                 const std::vector<DatasetFileRecord>& files) {
   // A digest counts once per project, however many files have it.
   BatchStatement insert(sql, {"INSERT INTO blobs (project, sha256, size) VALUES ",
                               "(CAST(? AS VARCHAR(63)), CAST(? AS VARCHAR(64)), CAST(? AS BIGINT))",
                               ", ", " ON CONFLICT (project, sha256) DO NOTHING"});
-  for (const DatasetFileRow& file : files) insert.Add({project, file.sha256, file.size});
+  for (const DatasetFileRecord& file : files) insert.Add({project, file.sha256, file.size});
   insert.Finish();
 }
 
 // The digest is part of the match, so a file with another digest counts as not found.
-absl::Status MarkStored(soci::session& sql, const DatasetRow& dataset,
-                        const std::vector<DatasetFileRow>& files) {
+absl::Status MarkStored(soci::session& sql, const DatasetRecord& dataset,
+                        const std::vector<DatasetFileRecord>& files) {
   const std::string columns = absl::StrCat("stored = 1, ", kHeaderColumns);
   const int64_t num_found = UpdateFiles(sql, columns, dataset, files);
   if (num_found == static_cast<int64_t>(files.size())) return absl::OkStatus();
@@ -94,11 +94,11 @@ absl::Status MarkStored(soci::session& sql, const DatasetRow& dataset,
                                           " files that were written"));
 }
 
-absl::StatusOr<std::vector<DatasetFileRow>> FileStore::ListDatasetFiles(const SceneRef& scene,
-                                                                        int64_t number) {
-  using Files = std::vector<DatasetFileRow>;
+absl::StatusOr<std::vector<DatasetFileRecord>> FileStore::ListDatasetFiles(const SceneRef& scene,
+                                                                           int64_t number) {
+  using Files = std::vector<DatasetFileRecord>;
   return database_.Query<Files>([&](soci::session& sql) -> absl::StatusOr<Files> {
-    ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
+    ASSIGN_OR_RETURN(const DatasetRecord dataset, SelectDataset(sql, scene, number));
     FileQuery query;
     query.scene = dataset.scene;
     query.dataset = number;
@@ -106,17 +106,19 @@ absl::StatusOr<std::vector<DatasetFileRow>> FileStore::ListDatasetFiles(const Sc
   });
 }
 
-absl::StatusOr<DatasetFileRow> FileStore::GetDatasetFile(const SceneRef& scene, int64_t number,
-                                                         const std::string& path) {
-  return database_.Query<DatasetFileRow>([&](soci::session& sql) -> absl::StatusOr<DatasetFileRow> {
-    ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
-    std::vector<DatasetFileRow> rows = SelectFiles(sql, {dataset.scene, number, "path =", path, 1});
-    if (rows.empty()) {
-      return absl::NotFoundError(
-          absl::StrCat(ChildName(scene, "datasets", number), " has no file '", path, "'"));
-    }
-    return rows[0];
-  });
+absl::StatusOr<DatasetFileRecord> FileStore::GetDatasetFile(const SceneRef& scene, int64_t number,
+                                                            const std::string& path) {
+  return database_.Query<DatasetFileRecord>(
+      [&](soci::session& sql) -> absl::StatusOr<DatasetFileRecord> {
+        ASSIGN_OR_RETURN(const DatasetRecord dataset, SelectDataset(sql, scene, number));
+        std::vector<DatasetFileRecord> rows =
+            SelectFiles(sql, {dataset.scene, number, "path =", path, 1});
+        if (rows.empty()) {
+          return absl::NotFoundError(
+              absl::StrCat(ChildName(scene, "datasets", number), " has no file '", path, "'"));
+        }
+        return rows[0];
+      });
 }
 
 absl::StatusOr<bool> FileStore::HasFileOfKind(const SceneRef& scene, int64_t number, int kind) {
@@ -129,18 +131,16 @@ absl::StatusOr<bool> FileStore::HasFileOfKind(const SceneRef& scene, int64_t num
   });
 }
 
-absl::StatusOr<std::vector<DatasetFileRow>> FileStore::ListDatasetFilesFrom(const SceneRef& scene,
-                                                                            int64_t number,
-                                                                            const std::string& path,
-                                                                            int64_t limit) {
-  using Files = std::vector<DatasetFileRow>;
+absl::StatusOr<std::vector<DatasetFileRecord>> FileStore::ListDatasetFilesFrom(
+    const SceneRef& scene, int64_t number, const std::string& path, int64_t limit) {
+  using Files = std::vector<DatasetFileRecord>;
   return database_.Read<Files>([&](soci::session& sql) -> absl::StatusOr<Files> {
     return SelectFiles(sql, {scene, number, "path >=", path, limit});
   });
 }
 
 absl::Status FileStore::MarkFilesStored(const UploadName& upload,
-                                        const std::vector<DatasetFileRow>& files) {
+                                        const std::vector<DatasetFileRecord>& files) {
   // The transaction commits even if the files are refused: the blobs are on the disk and must
   // count. So the refusal is returned separately.
   absl::Status refused;
@@ -187,9 +187,9 @@ absl::Status FileStore::SetDigestsStored(const std::string& project,
 }
 
 absl::Status FileStore::SetFileHeaders(const SceneRef& scene, int64_t number,
-                                       const std::vector<DatasetFileRow>& files) {
+                                       const std::vector<DatasetFileRecord>& files) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
-    DatasetRow dataset;
+    DatasetRecord dataset;
     dataset.scene = scene;
     dataset.number = number;
     UpdateFiles(sql, kHeaderColumns, dataset, files);

@@ -14,9 +14,9 @@ constexpr int64_t kNever = std::numeric_limits<int64_t>::max();
 constexpr int64_t kAll = int64_t{1} << 40;  // limit of a SELECT that returns everything
 
 // Returns the job of an attempt, or ABORTED if the attempt has lost its claim.
-absl::StatusOr<JobRow> SelectAttempt(soci::session& sql, const std::string& id, int64_t fence,
-                                     const JobQueue::Holder& holder) {
-  ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
+absl::StatusOr<JobRecord> SelectAttempt(soci::session& sql, const std::string& id, int64_t fence,
+                                        const JobQueue::Holder& holder) {
+  ASSIGN_OR_RETURN(JobRecord job, SelectJob(sql, id));
   // All three are needed: the fence is that of a later attempt if the job was claimed again, and
   // the owner is another server if the attempt itself was taken over.
   if (job.state == JobState::kRunning && job.fence == fence && job.lease_owner == holder.name) {
@@ -29,7 +29,7 @@ absl::StatusOr<JobRow> SelectAttempt(soci::session& sql, const std::string& id, 
 // Writes the columns of a job that the queue may change. All functions below read the job, change
 // it in memory and write it back, in one serializable transaction: two servers that change the same
 // job collide, and one of them runs again and sees the other's change.
-void UpdateJob(soci::session& sql, const JobRow& job) {
+void UpdateJob(soci::session& sql, const JobRecord& job) {
   const int state = static_cast<int>(job.state);
   const int cancel_requested = job.cancel_requested ? 1 : 0;
   const int64_t lease_end = ToMicros(job.lease_end);
@@ -48,7 +48,7 @@ void UpdateJob(soci::session& sql, const JobRow& job) {
       soci::use(job.model), soci::use(start_time), soci::use(end_time), soci::use(job.number);
 }
 
-void MarkCancelled(JobRow& job) {
+void MarkCancelled(JobRecord& job) {
   job.state = JobState::kCancelled;
   job.error_code = static_cast<int>(absl::StatusCode::kCancelled);
   job.error_message = "cancelled on request";
@@ -56,7 +56,7 @@ void MarkCancelled(JobRow& job) {
 }
 
 // Clears what belongs to the holder of a job.
-void EndClaim(JobRow& job) {
+void EndClaim(JobRecord& job) {
   job.lease_owner.clear();
   job.lease_end = absl::InfinitePast();
   job.launch.clear();
@@ -65,7 +65,7 @@ void EndClaim(JobRow& job) {
 // Starts the next attempt of a job.
 // The fence numbers the attempts of a job: files and events of each attempt carry it, so that a
 // worker of an earlier one that still runs cannot be taken for this one.
-void BeginClaim(JobRow& job, const std::string& device) {
+void BeginClaim(JobRecord& job, const std::string& device) {
   job.state = JobState::kRunning;
   job.stage.clear();
   job.device = device;
@@ -77,7 +77,7 @@ void BeginClaim(JobRow& job, const std::string& device) {
 // Updates the counters by which the supervisor decides that a job has failed too often.
 // Progress resets both counters: a long job may be interrupted any number of times as long as each
 // attempt gets further.
-void CountAttempt(const EndedAttempt& attempt, JobRow& job) {
+void CountAttempt(const EndedAttempt& attempt, JobRecord& job) {
   if (attempt.progress) {
     job.crashes = job.server_ends = 0;
   } else if (attempt.end == AttemptEnd::kCrashed) {
@@ -117,25 +117,25 @@ int64_t SelectClaimable(soci::session& sql, const Quota& defaults) {
   return sql.got_data() ? number : 0;
 }
 
-std::vector<JobRow> SelectRunning(soci::session& sql) {
+std::vector<JobRecord> SelectRunning(soci::session& sql) {
   return SelectJobs(sql, "state = :running ORDER BY number", static_cast<int>(JobState::kRunning),
                     kAll);
 }
 
-std::vector<JobRow> SelectHeld(soci::session& sql, const JobQueue::Holder& holder) {
-  std::vector<JobRow> jobs = SelectRunning(sql);
-  std::erase_if(jobs, [&](const JobRow& job) { return job.lease_owner != holder.name; });
+std::vector<JobRecord> SelectHeld(soci::session& sql, const JobQueue::Holder& holder) {
+  std::vector<JobRecord> jobs = SelectRunning(sql);
+  std::erase_if(jobs, [&](const JobRecord& job) { return job.lease_owner != holder.name; });
   return jobs;
 }
 
 }  // namespace
 
-absl::StatusOr<std::optional<JobRow>> JobQueue::ClaimJob(const std::string& device) {
-  using Claimed = std::optional<JobRow>;
+absl::StatusOr<std::optional<JobRecord>> JobQueue::ClaimJob(const std::string& device) {
+  using Claimed = std::optional<JobRecord>;
   return database_.Query<Claimed>([&](soci::session& sql) -> absl::StatusOr<Claimed> {
     const int64_t number = SelectClaimable(sql, defaults_);
     if (number == 0) return Claimed();
-    ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, absl::StrCat("j", number)));
+    ASSIGN_OR_RETURN(JobRecord job, SelectJob(sql, absl::StrCat("j", number)));
     // A launcher still runs the others: their attempt continues under a new holder.
     // A RUNNING job is claimed only after its lease has expired, when the worker of its old holder
     // has ended by itself (heartbeat.h).
@@ -147,8 +147,8 @@ absl::StatusOr<std::optional<JobRow>> JobQueue::ClaimJob(const std::string& devi
   });
 }
 
-absl::StatusOr<std::vector<JobRow>> JobQueue::RenewLeases() {
-  using Jobs = std::vector<JobRow>;
+absl::StatusOr<std::vector<JobRecord>> JobQueue::RenewLeases() {
+  using Jobs = std::vector<JobRecord>;
   return database_.Query<Jobs>([this](soci::session& sql) -> absl::StatusOr<Jobs> {
     const int64_t lease_end = LeaseEnd(sql, holder_);
     // Renews by owner, without a condition on the time: a lease that has expired but that nobody
@@ -160,21 +160,21 @@ absl::StatusOr<std::vector<JobRow>> JobQueue::RenewLeases() {
   });
 }
 
-absl::StatusOr<std::vector<JobRow>> JobQueue::ListHeldJobs() {
-  using Jobs = std::vector<JobRow>;
+absl::StatusOr<std::vector<JobRecord>> JobQueue::ListHeldJobs() {
+  using Jobs = std::vector<JobRecord>;
   return database_.Query<Jobs>(
       [this](soci::session& sql) -> absl::StatusOr<Jobs> { return SelectHeld(sql, holder_); });
 }
 
-absl::StatusOr<std::vector<JobRow>> JobQueue::ListRunningJobs() {
-  using Jobs = std::vector<JobRow>;
+absl::StatusOr<std::vector<JobRecord>> JobQueue::ListRunningJobs() {
+  using Jobs = std::vector<JobRecord>;
   return database_.Query<Jobs>(
       [](soci::session& sql) -> absl::StatusOr<Jobs> { return SelectRunning(sql); });
 }
 
-absl::StatusOr<JobRow> JobQueue::TakeOverJob(const std::string& id, const std::string& gone) {
-  return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
-    ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
+absl::StatusOr<JobRecord> JobQueue::TakeOverJob(const std::string& id, const std::string& gone) {
+  return database_.Query<JobRecord>([&](soci::session& sql) -> absl::StatusOr<JobRecord> {
+    ASSIGN_OR_RETURN(JobRecord job, SelectJob(sql, id));
     // Two servers may both find that the holder is gone: the second one finds the first one's name
     // here.
     if (job.state != JobState::kRunning || job.lease_owner != gone) {
@@ -190,7 +190,7 @@ absl::StatusOr<JobRow> JobQueue::TakeOverJob(const std::string& id, const std::s
 absl::Status JobQueue::SetJobLaunch(const std::string& id, int64_t fence,
                                     const std::string& launch) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
-    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
+    ASSIGN_OR_RETURN(JobRecord job, SelectAttempt(sql, id, fence, holder_));
     job.launch = launch;
     UpdateJob(sql, job);
     return absl::OkStatus();
@@ -199,7 +199,7 @@ absl::Status JobQueue::SetJobLaunch(const std::string& id, int64_t fence,
 
 absl::StatusOr<int64_t> JobQueue::TakeNextFence(const std::string& id, const std::string& launch) {
   return database_.Query<int64_t>([&](soci::session& sql) -> absl::StatusOr<int64_t> {
-    ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
+    ASSIGN_OR_RETURN(JobRecord job, SelectJob(sql, id));
     // Asked by the worker itself, which does not know the holder. The launcher's name identifies
     // it: a job that was claimed again has another launch.
     if (job.state != JobState::kRunning || job.launch != launch) {
@@ -214,16 +214,16 @@ absl::StatusOr<int64_t> JobQueue::TakeNextFence(const std::string& id, const std
 
 absl::Status JobQueue::SetJobStage(const std::string& id, int64_t fence, const std::string& stage) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
-    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
+    ASSIGN_OR_RETURN(JobRecord job, SelectAttempt(sql, id, fence, holder_));
     job.stage = stage;
     UpdateJob(sql, job);
     return absl::OkStatus();
   });
 }
 
-absl::StatusOr<JobRow> JobQueue::RequestCancel(const std::string& id) {
-  return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
-    ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
+absl::StatusOr<JobRecord> JobQueue::RequestCancel(const std::string& id) {
+  return database_.Query<JobRecord>([&](soci::session& sql) -> absl::StatusOr<JobRecord> {
+    ASSIGN_OR_RETURN(JobRecord job, SelectJob(sql, id));
     if (IsTerminal(job.state)) return job;
     job.cancel_requested = true;
     // A RUNNING job stays so until its holder has stopped the worker and writes the end (EndJob or
@@ -234,10 +234,10 @@ absl::StatusOr<JobRow> JobQueue::RequestCancel(const std::string& id) {
   });
 }
 
-absl::StatusOr<JobRow> JobQueue::RequeueJob(const std::string& id, int64_t fence,
-                                            const EndedAttempt& attempt) {
-  return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
-    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
+absl::StatusOr<JobRecord> JobQueue::RequeueJob(const std::string& id, int64_t fence,
+                                               const EndedAttempt& attempt) {
+  return database_.Query<JobRecord>([&](soci::session& sql) -> absl::StatusOr<JobRecord> {
+    ASSIGN_OR_RETURN(JobRecord job, SelectAttempt(sql, id, fence, holder_));
     EndClaim(job);
     // A request that came while the attempt ended counts: the job must not start again.
     if (job.cancel_requested) {
@@ -256,10 +256,10 @@ absl::StatusOr<JobRow> JobQueue::RequeueJob(const std::string& id, int64_t fence
   });
 }
 
-absl::StatusOr<JobRow> JobQueue::EndJob(const std::string& id, int64_t fence,
-                                        const absl::Status& error) {
-  return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
-    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
+absl::StatusOr<JobRecord> JobQueue::EndJob(const std::string& id, int64_t fence,
+                                           const absl::Status& error) {
+  return database_.Query<JobRecord>([&](soci::session& sql) -> absl::StatusOr<JobRecord> {
+    ASSIGN_OR_RETURN(JobRecord job, SelectAttempt(sql, id, fence, holder_));
     job.state = JobState::kFailed;
     job.error_code = static_cast<int>(error.code());
     job.error_message = std::string(error.message());
@@ -271,11 +271,11 @@ absl::StatusOr<JobRow> JobQueue::EndJob(const std::string& id, int64_t fence,
   });
 }
 
-absl::StatusOr<ModelRow> JobQueue::CommitModel(const std::string& id, int64_t fence,
-                                               const ModelRow& model) {
-  return database_.Query<ModelRow>([&](soci::session& sql) -> absl::StatusOr<ModelRow> {
-    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
-    ModelRow row = model;
+absl::StatusOr<ModelRecord> JobQueue::CommitModel(const std::string& id, int64_t fence,
+                                                  const ModelRecord& model) {
+  return database_.Query<ModelRecord>([&](soci::session& sql) -> absl::StatusOr<ModelRecord> {
+    ASSIGN_OR_RETURN(JobRecord job, SelectAttempt(sql, id, fence, holder_));
+    ModelRecord row = model;
     row.scene = job.scene;
     row.job = job.id;
     row.dataset = job.dataset;

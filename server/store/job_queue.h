@@ -8,7 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "server/store/rows.h"
+#include "server/store/records.h"
 
 namespace pepeseg {
 
@@ -35,16 +35,16 @@ class JobQueue {
   // a holder whose lease has expired keeps its fence, device and launch: only its holder changes.
   // Passes over queued jobs that pause after a crash, and those of a project that runs as many jobs
   // as its quota allows. Returns nullopt if there is nothing to claim.
-  absl::StatusOr<std::optional<JobRow>> ClaimJob(const std::string& device);
+  absl::StatusOr<std::optional<JobRecord>> ClaimJob(const std::string& device);
   // Renews the leases of the jobs that this store holds, and returns these jobs.
-  absl::StatusOr<std::vector<JobRow>> RenewLeases();
+  absl::StatusOr<std::vector<JobRecord>> RenewLeases();
   // Returns the RUNNING jobs of this store; changes nothing.
-  absl::StatusOr<std::vector<JobRow>> ListHeldJobs();
+  absl::StatusOr<std::vector<JobRecord>> ListHeldJobs();
   // Returns the RUNNING jobs of all holders.
-  absl::StatusOr<std::vector<JobRow>> ListRunningJobs();
+  absl::StatusOr<std::vector<JobRecord>> ListRunningJobs();
   // Makes this store the holder of a RUNNING job of `gone`, a holder that is known to have ended.
   // ABORTED: `gone` no longer holds it.
-  absl::StatusOr<JobRow> TakeOverJob(const std::string& id, const std::string& gone);
+  absl::StatusOr<JobRecord> TakeOverJob(const std::string& id, const std::string& gone);
   // Records the launcher's name for the worker of an attempt.
   absl::Status SetJobLaunch(const std::string& id, int64_t fence, const std::string& launch);
   // Takes the next fence of a RUNNING job for a worker that its launcher has started again. Any
@@ -55,16 +55,17 @@ class JobQueue {
   absl::Status SetJobStage(const std::string& id, int64_t fence, const std::string& stage);
   // Cancels a QUEUED job at once, records the request for a RUNNING one, and leaves an ended job
   // unchanged.
-  absl::StatusOr<JobRow> RequestCancel(const std::string& id);
+  absl::StatusOr<JobRecord> RequestCancel(const std::string& id);
   // RUNNING -> QUEUED, or CANCELLED if that was requested. Sets `crashes` and `server_ends` to 0
   // after an attempt with progress; else adds one to the counter that matches the attempt's end.
-  absl::StatusOr<JobRow> RequeueJob(const std::string& id, int64_t fence,
-                                    const EndedAttempt& attempt);
+  absl::StatusOr<JobRecord> RequeueJob(const std::string& id, int64_t fence,
+                                       const EndedAttempt& attempt);
   // RUNNING -> FAILED with the code and message of `error`, or CANCELLED if that is its code.
-  absl::StatusOr<JobRow> EndJob(const std::string& id, int64_t fence, const absl::Status& error);
+  absl::StatusOr<JobRecord> EndJob(const std::string& id, int64_t fence, const absl::Status& error);
   // RUNNING -> SUCCEEDED, and makes the job's model the scene's live one, in one transaction. Reads
   // folder, metrics, sources, num_gaussians and num_bytes of the model.
-  absl::StatusOr<ModelRow> CommitModel(const std::string& id, int64_t fence, const ModelRow& model);
+  absl::StatusOr<ModelRecord> CommitModel(const std::string& id, int64_t fence,
+                                          const ModelRecord& model);
 
  private:
   Database& database_;

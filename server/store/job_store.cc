@@ -31,13 +31,13 @@ std::string FromColumn(const std::string& text) {
 
 // Returns the job that an earlier call with this request_id made; its id is empty if there was
 // none. ALREADY_EXISTS: it has another dataset or other options.
-absl::StatusOr<JobRow> FindEarlier(soci::session& sql, const JobRow& wanted) {
-  if (wanted.request_id.empty()) return JobRow();
+absl::StatusOr<JobRecord> FindEarlier(soci::session& sql, const JobRecord& wanted) {
+  if (wanted.request_id.empty()) return JobRecord();
   int64_t number = 0;
   sql << "SELECT number FROM jobs WHERE scene = :scene AND request_id = :request",
       soci::use(wanted.scene.id), soci::use(wanted.request_id), soci::into(number);
-  if (!sql.got_data()) return JobRow();
-  ASSIGN_OR_RETURN(JobRow earlier, SelectJob(sql, absl::StrCat("j", number)));
+  if (!sql.got_data()) return JobRecord();
+  ASSIGN_OR_RETURN(JobRecord earlier, SelectJob(sql, absl::StrCat("j", number)));
   // The options as the client sent them: effective ones would differ after a default has changed.
   if (earlier.dataset != wanted.dataset || earlier.options != wanted.options) {
     return absl::AlreadyExistsError(absl::StrCat("request_id '", wanted.request_id,
@@ -48,13 +48,13 @@ absl::StatusOr<JobRow> FindEarlier(soci::session& sql, const JobRow& wanted) {
 }
 
 // Returns OK if the dataset is sealed and the scene has no active job.
-absl::Status CheckStartable(soci::session& sql, const JobRow& job) {
-  ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, job.scene, job.dataset));
+absl::Status CheckStartable(soci::session& sql, const JobRecord& job) {
+  ASSIGN_OR_RETURN(const DatasetRecord dataset, SelectDataset(sql, job.scene, job.dataset));
   if (dataset.state != DatasetState::kSealed) {
     return absl::FailedPreconditionError(
         absl::StrCat(ChildName(job.scene, "datasets", job.dataset), " is not sealed"));
   }
-  const JobRow active = SelectActiveJob(sql, job.scene);
+  const JobRecord active = SelectActiveJob(sql, job.scene);
   if (active.id.empty()) return absl::OkStatus();
   // The index active_jobs enforces the same against a job that another server inserts at this
   // moment.
@@ -62,7 +62,7 @@ absl::Status CheckStartable(soci::session& sql, const JobRow& job) {
       absl::StrCat(SceneName(job.scene), " is already being trained by jobs/", active.id));
 }
 
-absl::StatusOr<JobRow> InsertJob(soci::session& sql, const JobRow& job) {
+absl::StatusOr<JobRecord> InsertJob(soci::session& sql, const JobRecord& job) {
   int64_t number = 0;
   // The counter is not MAX(number) + 1: numbers name folders, and must not come back after a
   // deletion.
@@ -97,9 +97,9 @@ absl::StatusOr<std::string> WhereOf(const JobStore::JobFilter& filter) {
 
 }  // namespace
 
-std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_order, int64_t key,
-                               int64_t limit) {
-  JobRow row;
+std::vector<JobRecord> SelectJobs(soci::session& sql, const std::string& where_order, int64_t key,
+                                  int64_t limit) {
+  JobRecord row;
   int state = 0;
   int cancel_requested = 0;
   int64_t lease_end = 0;
@@ -128,7 +128,7 @@ std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_orde
        soci::into(start_time), soci::into(end_time), soci::into(row.traceparent), soci::use(key),
        soci::use(limit));
   select.execute();
-  std::vector<JobRow> rows;
+  std::vector<JobRecord> rows;
   while (select.fetch()) {
     row.id = absl::StrCat("j", row.number);
     row.state = static_cast<JobState>(state);
@@ -145,41 +145,42 @@ std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_orde
   return rows;
 }
 
-absl::StatusOr<JobRow> SelectJob(soci::session& sql, const std::string& id) {
-  std::vector<JobRow> rows = SelectJobs(sql, "number = :number", JobNumber(id), 1);
+absl::StatusOr<JobRecord> SelectJob(soci::session& sql, const std::string& id) {
+  std::vector<JobRecord> rows = SelectJobs(sql, "number = :number", JobNumber(id), 1);
   if (rows.empty()) return absl::NotFoundError(absl::StrCat("jobs/", id, " does not exist"));
   return rows[0];
 }
 
-JobRow SelectActiveJob(soci::session& sql, const SceneRef& scene) {
+JobRecord SelectActiveJob(soci::session& sql, const SceneRef& scene) {
   int64_t number = 0;
   // At most one, by the index active_jobs. 0 is QUEUED, 1 is RUNNING.
   sql << "SELECT number FROM jobs WHERE scene = :scene AND state IN (0, 1)", soci::use(scene.id),
       soci::into(number);
-  if (!sql.got_data()) return JobRow();
+  if (!sql.got_data()) return JobRecord();
   return SelectJobs(sql, "number = :number", number, 1).at(0);
 }
 
-absl::StatusOr<JobRow> JobStore::CreateJob(const JobRow& job) {
-  return database_.Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
+absl::StatusOr<JobRecord> JobStore::CreateJob(const JobRecord& job) {
+  return database_.Query<JobRecord>([&](soci::session& sql) -> absl::StatusOr<JobRecord> {
     RETURN_IF_ERROR(CheckScene(sql, job.scene));
     // First, so that a retry gets its job even if the scene has an active job by now, which is that
     // job.
-    ASSIGN_OR_RETURN(JobRow earlier, FindEarlier(sql, job));
+    ASSIGN_OR_RETURN(JobRecord earlier, FindEarlier(sql, job));
     if (!earlier.id.empty()) return earlier;
     RETURN_IF_ERROR(CheckStartable(sql, job));
-    ASSIGN_OR_RETURN(JobRow made, InsertJob(sql, job));
+    ASSIGN_OR_RETURN(JobRecord made, InsertJob(sql, job));
     // Checked after the insertion, so that the job counts. An error rolls it back.
     RETURN_IF_ERROR(CheckQueueQuota(sql, job.scene.project, defaults_));
     return made;
   });
 }
 
-absl::StatusOr<JobRow> JobStore::GetJob(const std::string& id) {
-  return database_.Query<JobRow>([&](soci::session& sql) { return SelectJob(sql, id); });
+absl::StatusOr<JobRecord> JobStore::GetJob(const std::string& id) {
+  return database_.Query<JobRecord>([&](soci::session& sql) { return SelectJob(sql, id); });
 }
 
-absl::StatusOr<Page<JobRow>> JobStore::ListJobs(const JobFilter& filter, const PageRequest& page) {
+absl::StatusOr<Page<JobRecord>> JobStore::ListJobs(const JobFilter& filter,
+                                                   const PageRequest& page) {
   const std::string list =
       // The token is bound to the filter: a page of another list would skip or repeat jobs.
       absl::StrCat("jobs/", filter.scene ? filter.scene->id : 0, "/",
@@ -187,24 +188,25 @@ absl::StatusOr<Page<JobRow>> JobStore::ListJobs(const JobFilter& filter, const P
   ASSIGN_OR_RETURN(const std::string where, WhereOf(filter));
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
   ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewest));
-  return database_.Query<Page<JobRow>>([&](soci::session& sql) -> absl::StatusOr<Page<JobRow>> {
-    if (filter.scene) RETURN_IF_ERROR(CheckScene(sql, *filter.scene));
-    Page<JobRow> answer;
-    answer.rows =
-        SelectJobs(sql, where + "number < :key ORDER BY number DESC", key, start.limit + 1);
-    if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
-      answer.rows.pop_back();
-      answer.next_page_token = NextToken(list, absl::StrCat(answer.rows.back().number));
-    }
-    return answer;
-  });
+  return database_.Query<Page<JobRecord>>(
+      [&](soci::session& sql) -> absl::StatusOr<Page<JobRecord>> {
+        if (filter.scene) RETURN_IF_ERROR(CheckScene(sql, *filter.scene));
+        Page<JobRecord> answer;
+        answer.records =
+            SelectJobs(sql, where + "number < :key ORDER BY number DESC", key, start.limit + 1);
+        if (static_cast<int64_t>(answer.records.size()) > start.limit) {
+          answer.records.pop_back();
+          answer.next_page_token = NextToken(list, absl::StrCat(answer.records.back().number));
+        }
+        return answer;
+      });
 }
 
-absl::StatusOr<std::optional<JobRow>> JobStore::FindActiveJob(const SceneRef& scene) {
-  using Found = std::optional<JobRow>;
+absl::StatusOr<std::optional<JobRecord>> JobStore::FindActiveJob(const SceneRef& scene) {
+  using Found = std::optional<JobRecord>;
   return database_.Query<Found>([&](soci::session& sql) -> absl::StatusOr<Found> {
     RETURN_IF_ERROR(CheckScene(sql, scene));
-    JobRow active = SelectActiveJob(sql, scene);
+    JobRecord active = SelectActiveJob(sql, scene);
     return active.id.empty() ? Found() : Found(std::move(active));
   });
 }

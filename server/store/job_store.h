@@ -6,7 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/store/rows.h"
+#include "server/store/records.h"
 
 namespace pepeseg {
 
@@ -21,17 +21,17 @@ class JobStore {
   // seconds and traceparent. ABORTED: the scene has an active job; names it. FAILED_PRECONDITION:
   // the dataset is not sealed. RESOURCE_EXHAUSTED: the project's quota of queued jobs or stored
   // bytes.
-  absl::StatusOr<JobRow> CreateJob(const JobRow& job);
-  absl::StatusOr<JobRow> GetJob(const std::string& id);
+  absl::StatusOr<JobRecord> CreateJob(const JobRecord& job);
+  absl::StatusOr<JobRecord> GetJob(const std::string& id);
   struct JobFilter {
     std::optional<SceneRef> scene;  // nullopt: all scenes
     std::optional<JobState> state;  // nullopt: any state
     std::string project = {};       // empty: all projects
   };
   // Lists jobs, newest first.
-  absl::StatusOr<Page<JobRow>> ListJobs(const JobFilter& filter, const PageRequest& page);
+  absl::StatusOr<Page<JobRecord>> ListJobs(const JobFilter& filter, const PageRequest& page);
   // Returns the scene's QUEUED or RUNNING job, or nullopt.
-  absl::StatusOr<std::optional<JobRow>> FindActiveJob(const SceneRef& scene);
+  absl::StatusOr<std::optional<JobRecord>> FindActiveJob(const SceneRef& scene);
   // Returns the number of the next job. No job of this database has had it or a higher one.
   absl::StatusOr<int64_t> NextJobNumber();
   // Returns the project of a job. NOT_FOUND: there is no such job. INVALID_ARGUMENT: no job can

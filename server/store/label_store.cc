@@ -14,9 +14,9 @@ constexpr int64_t kMaxLabelsNamed = 20;  // in an error message
 
 // Returns labels of a scene for which `condition`, followed by the start's key, holds, ordered by
 // id.
-std::vector<LabelRow> SelectLabels(soci::session& sql, const SceneRef& scene,
-                                   const std::string& condition, const PageStart& start) {
-  LabelRow row;
+std::vector<LabelRecord> SelectLabels(soci::session& sql, const SceneRef& scene,
+                                      const std::string& condition, const PageStart& start) {
+  LabelRecord row;
   row.scene = scene;
   int64_t create_time = 0;
   soci::statement select =
@@ -28,7 +28,7 @@ std::vector<LabelRow> SelectLabels(soci::session& sql, const SceneRef& scene,
        soci::into(row.request_id), soci::into(create_time), soci::use(scene.id),
        soci::use(start.key), soci::use(start.limit));
   select.execute();
-  std::vector<LabelRow> rows;
+  std::vector<LabelRecord> rows;
   while (select.fetch()) {
     row.create_time = FromMicros(create_time);
     rows.push_back(row);
@@ -39,7 +39,7 @@ std::vector<LabelRow> SelectLabels(soci::session& sql, const SceneRef& scene,
 absl::Status NoLabelError(soci::session& sql, const SceneRef& scene, const std::string& id) {
   std::vector<std::string> ids;
   // A mistyped label is the usual error, so the message lists those that exist.
-  for (const LabelRow& label : SelectLabels(sql, scene, "id >", {kMaxLabelsNamed, ""})) {
+  for (const LabelRecord& label : SelectLabels(sql, scene, "id >", {kMaxLabelsNamed, ""})) {
     ids.push_back(label.id);
   }
   return absl::NotFoundError(
@@ -48,22 +48,22 @@ absl::Status NoLabelError(soci::session& sql, const SceneRef& scene, const std::
                    absl::StrJoin(ids, ", "), ids.size() == kMaxLabelsNamed ? " and others" : ""));
 }
 
-absl::StatusOr<LabelRow> SelectLabel(soci::session& sql, const SceneRef& scene,
-                                     const std::string& id) {
+absl::StatusOr<LabelRecord> SelectLabel(soci::session& sql, const SceneRef& scene,
+                                        const std::string& id) {
   RETURN_IF_ERROR(CheckScene(sql, scene));
-  const std::vector<LabelRow> rows = SelectLabels(sql, scene, "id =", {1, id});
+  const std::vector<LabelRecord> rows = SelectLabels(sql, scene, "id =", {1, id});
   if (rows.empty()) return NoLabelError(sql, scene, id);
   return rows[0];
 }
 
 // The area is left out: it is in the pixels of the request's frame, which may differ between a
 // request and its retry.
-bool SameLabel(const LabelRow& a, const LabelRow& b) {
+bool SameLabel(const LabelRecord& a, const LabelRecord& b) {
   return a.id == b.id && a.text == b.text && a.view == b.view && a.width == b.width &&
          a.height == b.height && a.counts == b.counts;
 }
 
-absl::StatusOr<LabelRow> InsertLabel(soci::session& sql, const LabelRow& label) {
+absl::StatusOr<LabelRecord> InsertLabel(soci::session& sql, const LabelRecord& label) {
   RETURN_IF_ERROR(CheckScene(sql, label.scene));
   if (!label.request_id.empty()) {
     const auto earlier = SelectLabels(sql, label.scene, "request_id =", {1, label.request_id});
@@ -78,7 +78,7 @@ absl::StatusOr<LabelRow> InsertLabel(soci::session& sql, const LabelRow& label) 
     return absl::AlreadyExistsError(
         absl::StrCat(LabelName(label.scene, label.id), " exists already"));
   }
-  LabelRow row = label;
+  LabelRecord row = label;
   const int64_t now = absl::ToUnixMicros(absl::Now());
   row.create_time = FromMicros(now);
   sql << "INSERT INTO labels (scene, id, text, view, width, height, counts, area, request_id,"
@@ -92,36 +92,38 @@ absl::StatusOr<LabelRow> InsertLabel(soci::session& sql, const LabelRow& label) 
 
 }  // namespace
 
-absl::StatusOr<LabelRow> LabelStore::CreateLabel(const LabelRow& label) {
+absl::StatusOr<LabelRecord> LabelStore::CreateLabel(const LabelRecord& label) {
   if (!IsResourceId(label.id)) {
     return absl::InvalidArgumentError(absl::StrCat("label id '", label.id, "': ", kResourceIdRule));
   }
-  return database_.Query<LabelRow>([&](soci::session& sql) { return InsertLabel(sql, label); });
+  return database_.Query<LabelRecord>([&](soci::session& sql) { return InsertLabel(sql, label); });
 }
 
-absl::StatusOr<LabelRow> LabelStore::GetLabel(const SceneRef& scene, const std::string& id) {
-  return database_.Query<LabelRow>([&](soci::session& sql) { return SelectLabel(sql, scene, id); });
+absl::StatusOr<LabelRecord> LabelStore::GetLabel(const SceneRef& scene, const std::string& id) {
+  return database_.Query<LabelRecord>(
+      [&](soci::session& sql) { return SelectLabel(sql, scene, id); });
 }
 
-absl::StatusOr<Page<LabelRow>> LabelStore::ListLabels(const SceneRef& scene,
-                                                      const PageRequest& page) {
+absl::StatusOr<Page<LabelRecord>> LabelStore::ListLabels(const SceneRef& scene,
+                                                         const PageRequest& page) {
   const std::string list = absl::StrCat("labels/", scene.id);
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
-  return database_.Query<Page<LabelRow>>([&](soci::session& sql) -> absl::StatusOr<Page<LabelRow>> {
-    RETURN_IF_ERROR(CheckScene(sql, scene));
-    Page<LabelRow> answer;
-    answer.rows = SelectLabels(sql, scene, "id >", {start.limit + 1, start.key});
-    if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
-      answer.rows.pop_back();
-      answer.next_page_token = NextToken(list, answer.rows.back().id);
-    }
-    return answer;
-  });
+  return database_.Query<Page<LabelRecord>>(
+      [&](soci::session& sql) -> absl::StatusOr<Page<LabelRecord>> {
+        RETURN_IF_ERROR(CheckScene(sql, scene));
+        Page<LabelRecord> answer;
+        answer.records = SelectLabels(sql, scene, "id >", {start.limit + 1, start.key});
+        if (static_cast<int64_t>(answer.records.size()) > start.limit) {
+          answer.records.pop_back();
+          answer.next_page_token = NextToken(list, answer.records.back().id);
+        }
+        return answer;
+      });
 }
 
 absl::Status LabelStore::DeleteLabel(const SceneRef& scene, const std::string& id) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
-    ASSIGN_OR_RETURN(const LabelRow label, SelectLabel(sql, scene, id));
+    ASSIGN_OR_RETURN(const LabelRecord label, SelectLabel(sql, scene, id));
     sql << "DELETE FROM labels WHERE scene = :scene AND id = :id", soci::use(label.scene.id),
         soci::use(label.id);
     return absl::OkStatus();

@@ -4,7 +4,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/store/rows.h"
+#include "server/store/records.h"
 
 namespace pepeseg {
 
@@ -17,11 +17,11 @@ class LabelStore {
 
   // Creates a label from all fields but create_time; checks the id only. INVALID_ARGUMENT: the id
   // is not IsResourceId. ALREADY_EXISTS: a label of another request has the id.
-  absl::StatusOr<LabelRow> CreateLabel(const LabelRow& label);
+  absl::StatusOr<LabelRecord> CreateLabel(const LabelRecord& label);
   // NOT_FOUND also names up to 20 labels of the scene.
-  absl::StatusOr<LabelRow> GetLabel(const SceneRef& scene, const std::string& id);
+  absl::StatusOr<LabelRecord> GetLabel(const SceneRef& scene, const std::string& id);
   // Lists labels by id.
-  absl::StatusOr<Page<LabelRow>> ListLabels(const SceneRef& scene, const PageRequest& page);
+  absl::StatusOr<Page<LabelRecord>> ListLabels(const SceneRef& scene, const PageRequest& page);
   absl::Status DeleteLabel(const SceneRef& scene, const std::string& id);
 
  private:

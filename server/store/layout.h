@@ -25,7 +25,7 @@
 //                             number of its bytes that are committed
 //   scratch/                  decoded images on their way to a client; unlinked once opened
 //   datasets/SCENE/N.json     manifest of a sealed dataset
-//   selections/SCENE/N        members of a selection (core/model_files/selection_file.h)
+//   selections/SCENE/N        members of a selection (core/model_files/model_file.h)
 //   jobs/JOB/...              job folders (server/worker_protocol/job_folder.h)
 namespace pepeseg {
 

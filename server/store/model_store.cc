@@ -19,10 +19,10 @@ constexpr char kDatasetOfJob[] =
     " 0)";
 
 // Returns models of a scene for which "number `condition` `key`" holds, newest first.
-std::vector<ModelRow> SelectModels(soci::session& sql, const SceneRef& scene,
-                                   const std::string& condition, const PageStart& start,
-                                   int64_t key) {
-  ModelRow row;
+std::vector<ModelRecord> SelectModels(soci::session& sql, const SceneRef& scene,
+                                      const std::string& condition, const PageStart& start,
+                                      int64_t key) {
+  ModelRecord row;
   row.scene = scene;
   int64_t create_time = 0;
   soci::statement select =
@@ -35,7 +35,7 @@ std::vector<ModelRow> SelectModels(soci::session& sql, const SceneRef& scene,
        soci::into(row.num_gaussians), soci::into(row.num_bytes), soci::into(create_time),
        soci::use(scene.id), soci::use(key), soci::use(start.limit));
   select.execute();
-  std::vector<ModelRow> rows;
+  std::vector<ModelRecord> rows;
   while (select.fetch()) {
     row.create_time = FromMicros(create_time);
     rows.push_back(row);
@@ -45,7 +45,7 @@ std::vector<ModelRow> SelectModels(soci::session& sql, const SceneRef& scene,
 
 absl::Status NoModelError(soci::session& sql, const SceneRef& scene) {
   // The message says which job will make a model, since that is what the client wants to know next.
-  const JobRow active = SelectActiveJob(sql, scene);
+  const JobRecord active = SelectActiveJob(sql, scene);
   return absl::FailedPreconditionError(
       absl::StrCat(SceneName(scene), " has no model yet",
                    active.id.empty() ? ": train it first"
@@ -54,8 +54,8 @@ absl::Status NoModelError(soci::session& sql, const SceneRef& scene) {
 
 }  // namespace
 
-absl::StatusOr<ModelRow> SelectModel(soci::session& sql, const SceneRef& scene, int64_t number) {
-  std::vector<ModelRow> rows = SelectModels(sql, scene, "=", {1, ""}, number);
+absl::StatusOr<ModelRecord> SelectModel(soci::session& sql, const SceneRef& scene, int64_t number) {
+  std::vector<ModelRecord> rows = SelectModels(sql, scene, "=", {1, ""}, number);
   if (rows.empty()) {
     RETURN_IF_ERROR(CheckScene(sql, scene));
     return absl::NotFoundError(absl::StrCat(ChildName(scene, "models", number), " does not exist"));
@@ -63,43 +63,44 @@ absl::StatusOr<ModelRow> SelectModel(soci::session& sql, const SceneRef& scene, 
   return rows[0];
 }
 
-absl::StatusOr<ModelRow> ModelStore::GetModel(const SceneRef& scene, int64_t number) {
-  return database_.Read<ModelRow>(
+absl::StatusOr<ModelRecord> ModelStore::GetModel(const SceneRef& scene, int64_t number) {
+  return database_.Read<ModelRecord>(
       [&](soci::session& sql) { return SelectModel(sql, scene, number); });
 }
 
-absl::StatusOr<ModelRow> ModelStore::GetLiveModel(const SceneRef& scene) {
-  return database_.Read<ModelRow>([&](soci::session& sql) -> absl::StatusOr<ModelRow> {
-    std::vector<ModelRow> rows = SelectModels(sql, scene, "<", {1, ""}, kNewestModel);
+absl::StatusOr<ModelRecord> ModelStore::GetLiveModel(const SceneRef& scene) {
+  return database_.Read<ModelRecord>([&](soci::session& sql) -> absl::StatusOr<ModelRecord> {
+    std::vector<ModelRecord> rows = SelectModels(sql, scene, "<", {1, ""}, kNewestModel);
     if (!rows.empty()) return rows[0];  // one SELECT: every query looks up its model here
     RETURN_IF_ERROR(CheckScene(sql, scene));
     return NoModelError(sql, scene);
   });
 }
 
-absl::StatusOr<Page<ModelRow>> ModelStore::ListModels(const SceneRef& scene,
-                                                      const PageRequest& page) {
+absl::StatusOr<Page<ModelRecord>> ModelStore::ListModels(const SceneRef& scene,
+                                                         const PageRequest& page) {
   const std::string list = absl::StrCat("models/", scene.id);
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
   ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewestModel));
-  return database_.Query<Page<ModelRow>>([&](soci::session& sql) -> absl::StatusOr<Page<ModelRow>> {
-    RETURN_IF_ERROR(CheckScene(sql, scene));
-    Page<ModelRow> answer;
-    // One more than the page has: if it is there, the page has a successor, and the token names the
-    // last model shown. So a page costs no COUNT.
-    answer.rows = SelectModels(sql, scene, "<", {start.limit + 1, ""}, key);
-    if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
-      answer.rows.pop_back();
-      answer.next_page_token = NextToken(list, absl::StrCat(answer.rows.back().number));
-    }
-    return answer;
-  });
+  return database_.Query<Page<ModelRecord>>(
+      [&](soci::session& sql) -> absl::StatusOr<Page<ModelRecord>> {
+        RETURN_IF_ERROR(CheckScene(sql, scene));
+        Page<ModelRecord> answer;
+        // One more than the page has: if it is there, the page has a successor, and the token names
+        // the last model shown. So a page costs no COUNT.
+        answer.records = SelectModels(sql, scene, "<", {start.limit + 1, ""}, key);
+        if (static_cast<int64_t>(answer.records.size()) > start.limit) {
+          answer.records.pop_back();
+          answer.next_page_token = NextToken(list, absl::StrCat(answer.records.back().number));
+        }
+        return answer;
+      });
 }
 
 absl::Status ModelStore::DeleteModel(const SceneRef& scene, int64_t number) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
     // In the same transaction as the deletion, so that of two deletions one is NOT_FOUND.
-    ASSIGN_OR_RETURN(const ModelRow model, SelectModel(sql, scene, number));
+    ASSIGN_OR_RETURN(const ModelRecord model, SelectModel(sql, scene, number));
     sql << "DELETE FROM models WHERE scene = :scene AND number = :number",
         soci::use(model.scene.id),
         soci::use(number);  // its selections are deleted by cascade

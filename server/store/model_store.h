@@ -5,7 +5,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/store/rows.h"
+#include "server/store/records.h"
 
 namespace pepeseg {
 
@@ -16,11 +16,11 @@ class ModelStore {
  public:
   explicit ModelStore(Database& database) : database_(database) {}
 
-  absl::StatusOr<ModelRow> GetModel(const SceneRef& scene, int64_t number);
+  absl::StatusOr<ModelRecord> GetModel(const SceneRef& scene, int64_t number);
   // Returns the scene's newest model. FAILED_PRECONDITION: there is none; names the active job.
-  absl::StatusOr<ModelRow> GetLiveModel(const SceneRef& scene);
+  absl::StatusOr<ModelRecord> GetLiveModel(const SceneRef& scene);
   // Lists models, newest first.
-  absl::StatusOr<Page<ModelRow>> ListModels(const SceneRef& scene, const PageRequest& page);
+  absl::StatusOr<Page<ModelRecord>> ListModels(const SceneRef& scene, const PageRequest& page);
   // Deletes a model with its selections.
   absl::Status DeleteModel(const SceneRef& scene, int64_t number);
 

@@ -11,8 +11,8 @@ namespace pepeseg {
 namespace {
 
 // Returns a project; its create_time is InfinitePast if there is no record of it.
-ProjectRow SelectProject(soci::session& sql, const std::string& id) {
-  ProjectRow row;
+ProjectRecord SelectProject(soci::session& sql, const std::string& id) {
+  ProjectRecord row;
   row.id = id;
   int64_t create_time = 0;
   Quota& quota = row.quota;
@@ -43,9 +43,9 @@ absl::Status EnsureProject(soci::session& sql, const std::string& id) {
 }
 
 // Returns up to `limit` keys for which `where`, followed by `key`, holds, ordered by id.
-std::vector<KeyRow> SelectKeys(soci::session& sql, const std::string& where, const std::string& key,
-                               int64_t limit) {
-  KeyRow row;
+std::vector<KeyRecord> SelectKeys(soci::session& sql, const std::string& where,
+                                  const std::string& key, int64_t limit) {
+  KeyRecord row;
   int64_t create_time = 0;
   int64_t expire_time = 0;
   int64_t revoke_time = 0;
@@ -57,7 +57,7 @@ std::vector<KeyRow> SelectKeys(soci::session& sql, const std::string& where, con
        soci::into(row.sha256), soci::into(row.scopes), soci::into(create_time),
        soci::into(expire_time), soci::into(revoke_time), soci::use(key), soci::use(limit));
   select.execute();
-  std::vector<KeyRow> rows;
+  std::vector<KeyRecord> rows;
   while (select.fetch()) {
     row.create_time = FromMicros(create_time);
     row.expire_time = FromMicros(expire_time);
@@ -67,13 +67,13 @@ std::vector<KeyRow> SelectKeys(soci::session& sql, const std::string& where, con
   return rows;
 }
 
-absl::StatusOr<KeyRow> SelectKey(soci::session& sql, const std::string& id) {
-  std::vector<KeyRow> rows = SelectKeys(sql, "id =", id, 1);
+absl::StatusOr<KeyRecord> SelectKey(soci::session& sql, const std::string& id) {
+  std::vector<KeyRecord> rows = SelectKeys(sql, "id =", id, 1);
   if (rows.empty()) return absl::NotFoundError(absl::StrCat("keys/", id, " does not exist"));
   return rows[0];
 }
 
-absl::Status InsertKey(soci::session& sql, const KeyRow& key, int64_t now) {
+absl::Status InsertKey(soci::session& sql, const KeyRecord& key, int64_t now) {
   const int64_t expire_time = ToMicros(key.expire_time);
   sql << "INSERT INTO api_keys (id, project, display_name, sha256, scopes, create_time,"
          " expire_time, revoke_time) VALUES (:id, :project, :name, :sha256, :scopes, :now, :expire,"
@@ -85,13 +85,14 @@ absl::Status InsertKey(soci::session& sql, const KeyRow& key, int64_t now) {
 
 }  // namespace
 
-absl::StatusOr<ProjectRow> QuotaStore::GetProject(const std::string& id) {
-  return database_.Read<ProjectRow>(
-      [&](soci::session& sql) -> absl::StatusOr<ProjectRow> { return SelectProject(sql, id); });
+absl::StatusOr<ProjectRecord> QuotaStore::GetProject(const std::string& id) {
+  return database_.Read<ProjectRecord>(
+      [&](soci::session& sql) -> absl::StatusOr<ProjectRecord> { return SelectProject(sql, id); });
 }
 
-absl::StatusOr<ProjectRow> QuotaStore::SetProjectQuota(const std::string& id, const Quota& quota) {
-  return database_.Query<ProjectRow>([&](soci::session& sql) -> absl::StatusOr<ProjectRow> {
+absl::StatusOr<ProjectRecord> QuotaStore::SetProjectQuota(const std::string& id,
+                                                          const Quota& quota) {
+  return database_.Query<ProjectRecord>([&](soci::session& sql) -> absl::StatusOr<ProjectRecord> {
     RETURN_IF_ERROR(EnsureProject(sql, id));
     sql << "UPDATE projects SET stored_bytes = :stored, open_uploads = :uploads, queued_jobs ="
            " :queued, running_jobs = :running, queries_per_second = :queries, resident_bytes ="
@@ -108,8 +109,8 @@ absl::StatusOr<Quota> QuotaStore::GetUsage(const std::string& project) {
       [&](soci::session& sql) -> absl::StatusOr<Quota> { return SelectUsage(sql, project); });
 }
 
-absl::StatusOr<KeyRow> KeyStore::CreateKey(const KeyRow& key) {
-  return database_.Query<KeyRow>([&](soci::session& sql) -> absl::StatusOr<KeyRow> {
+absl::StatusOr<KeyRecord> KeyStore::CreateKey(const KeyRecord& key) {
+  return database_.Query<KeyRecord>([&](soci::session& sql) -> absl::StatusOr<KeyRecord> {
     // A project exists from its first key or quota on.
     RETURN_IF_ERROR(EnsureProject(sql, key.project));
     const int64_t now = absl::ToUnixMicros(absl::Now());
@@ -118,36 +119,37 @@ absl::StatusOr<KeyRow> KeyStore::CreateKey(const KeyRow& key) {
   });
 }
 
-absl::StatusOr<KeyRow> KeyStore::GetKey(const std::string& id) {
-  return database_.Query<KeyRow>([&](soci::session& sql) { return SelectKey(sql, id); });
+absl::StatusOr<KeyRecord> KeyStore::GetKey(const std::string& id) {
+  return database_.Query<KeyRecord>([&](soci::session& sql) { return SelectKey(sql, id); });
 }
 
-absl::StatusOr<KeyRow> KeyStore::FindKeyByDigest(const std::string& sha256) {
-  return database_.Read<KeyRow>([&](soci::session& sql) -> absl::StatusOr<KeyRow> {
-    std::vector<KeyRow> rows = SelectKeys(sql, "sha256 =", sha256, 1);
+absl::StatusOr<KeyRecord> KeyStore::FindKeyByDigest(const std::string& sha256) {
+  return database_.Read<KeyRecord>([&](soci::session& sql) -> absl::StatusOr<KeyRecord> {
+    std::vector<KeyRecord> rows = SelectKeys(sql, "sha256 =", sha256, 1);
     if (rows.empty()) return absl::NotFoundError("no key has this secret");
     return rows[0];
   });
 }
 
-absl::StatusOr<Page<KeyRow>> KeyStore::ListKeys(const std::string& project,
-                                                const PageRequest& page) {
+absl::StatusOr<Page<KeyRecord>> KeyStore::ListKeys(const std::string& project,
+                                                   const PageRequest& page) {
   const std::string list = absl::StrCat("keys/", project);
   ASSIGN_OR_RETURN(const std::string of_project, OfProject(project));
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
-  return database_.Query<Page<KeyRow>>([&](soci::session& sql) -> absl::StatusOr<Page<KeyRow>> {
-    Page<KeyRow> answer;
-    answer.rows = SelectKeys(sql, of_project + "id >", start.key, start.limit + 1);
-    if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
-      answer.rows.pop_back();
-      answer.next_page_token = NextToken(list, answer.rows.back().id);
-    }
-    return answer;
-  });
+  return database_.Query<Page<KeyRecord>>(
+      [&](soci::session& sql) -> absl::StatusOr<Page<KeyRecord>> {
+        Page<KeyRecord> answer;
+        answer.records = SelectKeys(sql, of_project + "id >", start.key, start.limit + 1);
+        if (static_cast<int64_t>(answer.records.size()) > start.limit) {
+          answer.records.pop_back();
+          answer.next_page_token = NextToken(list, answer.records.back().id);
+        }
+        return answer;
+      });
 }
 
-absl::StatusOr<KeyRow> KeyStore::RevokeKey(const std::string& id) {
-  return database_.Query<KeyRow>([&](soci::session& sql) -> absl::StatusOr<KeyRow> {
+absl::StatusOr<KeyRecord> KeyStore::RevokeKey(const std::string& id) {
+  return database_.Query<KeyRecord>([&](soci::session& sql) -> absl::StatusOr<KeyRecord> {
     const int64_t now = absl::ToUnixMicros(absl::Now());
     // Revoking twice keeps the first time.
     sql << "UPDATE api_keys SET revoke_time = :now WHERE id = :id AND revoke_time = 0",

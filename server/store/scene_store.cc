@@ -17,8 +17,8 @@ struct SceneQuery {
   std::string order = "name";
 };
 
-std::vector<SceneRow> SelectScenes(soci::session& sql, const SceneQuery& query) {
-  SceneRow row;
+std::vector<SceneRecord> SelectScenes(soci::session& sql, const SceneQuery& query) {
+  SceneRecord row;
   int64_t create_time = 0;
   soci::statement select =
       (sql.prepare << "SELECT id, project, name, display_name, request_id, create_time FROM scenes"
@@ -28,7 +28,7 @@ std::vector<SceneRow> SelectScenes(soci::session& sql, const SceneQuery& query) 
        soci::into(row.display_name), soci::into(row.request_id), soci::into(create_time),
        soci::use(query.key), soci::use(query.limit));
   select.execute();
-  std::vector<SceneRow> rows;
+  std::vector<SceneRecord> rows;
   while (select.fetch()) {
     row.create_time = FromMicros(create_time);
     rows.push_back(row);
@@ -46,7 +46,7 @@ int64_t TakeSceneId(soci::session& sql) {
   return next - 1;
 }
 
-absl::StatusOr<SceneRow> InsertScene(soci::session& sql, const SceneRow& scene) {
+absl::StatusOr<SceneRecord> InsertScene(soci::session& sql, const SceneRecord& scene) {
   ASSIGN_OR_RETURN(const std::string of_project, OfProject(scene.scene.project));
   if (!scene.request_id.empty()) {
     // A repeated request is found before the check for an existing scene, which is the one that it
@@ -64,7 +64,7 @@ absl::StatusOr<SceneRow> InsertScene(soci::session& sql, const SceneRow& scene) 
   if (!SelectScenes(sql, {of_project + "name =", scene.scene.name}).empty()) {
     return absl::AlreadyExistsError(absl::StrCat(SceneName(scene.scene), " exists already"));
   }
-  SceneRow row = scene;
+  SceneRecord row = scene;
   row.scene.id = TakeSceneId(sql);
   const int64_t now = absl::ToUnixMicros(absl::Now());
   row.create_time = FromMicros(now);
@@ -83,13 +83,13 @@ absl::Status CheckSceneName(const std::string& name) {
 
 }  // namespace
 
-absl::StatusOr<SceneRow> SceneStore::CreateScene(const SceneRow& scene) {
+absl::StatusOr<SceneRecord> SceneStore::CreateScene(const SceneRecord& scene) {
   RETURN_IF_ERROR(CheckSceneName(scene.scene.name));
   if (!IsRfc1034Label(scene.scene.project)) {
     return absl::InvalidArgumentError(
         absl::StrCat("project '", scene.scene.project, "' is not an RFC 1034 label"));
   }
-  return database_.Query<SceneRow>([&](soci::session& sql) { return InsertScene(sql, scene); });
+  return database_.Query<SceneRecord>([&](soci::session& sql) { return InsertScene(sql, scene); });
 }
 
 absl::StatusOr<SceneRef> SceneStore::FindScene(const std::string& project,
@@ -113,57 +113,51 @@ absl::StatusOr<std::vector<SceneRef>> SceneStore::FindScenes(const std::string& 
   RETURN_IF_ERROR(CheckSceneName(name));
   return database_.Read<Scenes>([&](soci::session& sql) {
     Scenes scenes;
-    for (SceneRow& row : SelectScenes(sql, {"name =", name, kMost, "project"})) {
+    for (SceneRecord& row : SelectScenes(sql, {"name =", name, kMost, "project"})) {
       scenes.push_back(std::move(row.scene));
     }
     return scenes;
   });
 }
 
-absl::StatusOr<SceneRef> SceneStore::FindSceneById(int64_t id) {
-  return database_.Read<SceneRef>([&](soci::session& sql) -> absl::StatusOr<SceneRef> {
-    SceneRef scene{id, "", ""};
-    sql << "SELECT project, name FROM scenes WHERE id = :id", soci::use(id),
-        soci::into(scene.project), soci::into(scene.name);
-    if (!sql.got_data()) return absl::NotFoundError(absl::StrCat("no scene has the id ", id));
-    return scene;
+absl::StatusOr<SceneRecord> SceneStore::GetScene(const SceneRef& scene) {
+  return database_.Read<SceneRecord>([&](soci::session& sql) -> absl::StatusOr<SceneRecord> {
+    // Any name: the id alone decides.
+    const auto found = SelectScenes(sql, {absl::StrCat("id = ", scene.id, " AND name >"), ""});
+    if (!found.empty()) return found[0];
+    return absl::NotFoundError(absl::StrCat(SceneName(scene), " does not exist"));
   });
 }
 
-absl::StatusOr<SceneRow> SceneStore::GetScene(const SceneRef& scene) {
-  return database_.Query<SceneRow>([&](soci::session& sql) -> absl::StatusOr<SceneRow> {
-    RETURN_IF_ERROR(CheckScene(sql, scene));
-    return SelectScenes(sql, {absl::StrCat("id = ", scene.id, " AND name ="), scene.name}).at(0);
-  });
-}
-
-absl::StatusOr<Page<SceneRow>> SceneStore::ListScenes(const PageRequest& page,
-                                                      const std::string& project) {
+absl::StatusOr<Page<SceneRecord>> SceneStore::ListScenes(const PageRequest& page,
+                                                         const std::string& project) {
   const std::string list = absl::StrCat("scenes/", project);
   ASSIGN_OR_RETURN(const std::string of_project, OfProject(project));
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
-  return database_.Query<Page<SceneRow>>([&](soci::session& sql) -> absl::StatusOr<Page<SceneRow>> {
-    Page<SceneRow> answer;
-    // Scenes of several projects may have the same name. Order by name and project then, so that a
-    // page token identifies one scene.
-    const bool of_all = project.empty();
-    const std::string order = of_all ? "name || ' ' || project" : "name";
-    answer.rows = SelectScenes(sql, {of_project + order + " >", start.key, start.limit + 1, order});
-    if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
-      answer.rows.pop_back();
-      const SceneRef& last = answer.rows.back().scene;
-      const std::string key = of_all ? absl::StrCat(last.name, " ", last.project) : last.name;
-      answer.next_page_token = NextToken(list, key);
-    }
-    return answer;
-  });
+  return database_.Query<Page<SceneRecord>>(
+      [&](soci::session& sql) -> absl::StatusOr<Page<SceneRecord>> {
+        Page<SceneRecord> answer;
+        // Scenes of several projects may have the same name. Order by name and project then, so
+        // that a page token identifies one scene.
+        const bool of_all = project.empty();
+        const std::string order = of_all ? "name || ' ' || project" : "name";
+        answer.records =
+            SelectScenes(sql, {of_project + order + " >", start.key, start.limit + 1, order});
+        if (static_cast<int64_t>(answer.records.size()) > start.limit) {
+          answer.records.pop_back();
+          const SceneRef& last = answer.records.back().scene;
+          const std::string key = of_all ? absl::StrCat(last.name, " ", last.project) : last.name;
+          answer.next_page_token = NextToken(list, key);
+        }
+        return answer;
+      });
 }
 
 absl::Status SceneStore::DeleteScene(const SceneRef& scene) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
     RETURN_IF_ERROR(CheckScene(sql, scene));
     // A worker would continue to write into the folder of a job that has no record.
-    const JobRow active = SelectActiveJob(sql, scene);
+    const JobRecord active = SelectActiveJob(sql, scene);
     if (!active.id.empty()) {
       return absl::FailedPreconditionError(
           absl::StrCat(SceneName(scene), " has an active job: cancel jobs/", active.id, " first"));

@@ -6,7 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/store/rows.h"
+#include "server/store/records.h"
 
 namespace pepeseg {
 
@@ -21,17 +21,16 @@ class SceneStore {
   // Creates a scene from project and name of `scene`, display_name and request_id, which is unique
   // within the project. INVALID_ARGUMENT: the name is not IsResourceId, or the project is not an
   // RFC 1034 label. ALREADY_EXISTS: a scene of the project has the name.
-  absl::StatusOr<SceneRow> CreateScene(const SceneRow& scene);
+  absl::StatusOr<SceneRecord> CreateScene(const SceneRecord& scene);
   // NOT_FOUND: the project has no scene with this name, even if others have.
   absl::StatusOr<SceneRef> FindScene(const std::string& project, const std::string& name);
   // Returns up to ten scenes with this name in all projects, ordered by project.
   absl::StatusOr<std::vector<SceneRef>> FindScenes(const std::string& name);
-  // Returns the scene with this SceneRef::id.
-  absl::StatusOr<SceneRef> FindSceneById(int64_t id);
-  absl::StatusOr<SceneRow> GetScene(const SceneRef& scene);
+  // Returns the scene with the id of `scene`.
+  absl::StatusOr<SceneRecord> GetScene(const SceneRef& scene);
   // Lists scenes by name. `project`: empty for all projects.
-  absl::StatusOr<Page<SceneRow>> ListScenes(const PageRequest& page,
-                                            const std::string& project = "");
+  absl::StatusOr<Page<SceneRecord>> ListScenes(const PageRequest& page,
+                                               const std::string& project = "");
   // Deletes a scene with all that belongs to it. FAILED_PRECONDITION: a job of it is active.
   absl::Status DeleteScene(const SceneRef& scene);
 

@@ -14,10 +14,10 @@ namespace {
 constexpr int64_t kNewestSelection = std::numeric_limits<int64_t>::max();
 
 // Returns selections of a scene for which "number `condition` `key`" holds, newest first.
-std::vector<SelectionRow> SelectSelections(soci::session& sql, const SceneRef& scene,
-                                           const std::string& condition, const PageStart& start,
-                                           int64_t key) {
-  SelectionRow row;
+std::vector<SelectionRecord> SelectSelections(soci::session& sql, const SceneRef& scene,
+                                              const std::string& condition, const PageStart& start,
+                                              int64_t key) {
+  SelectionRecord row;
   row.scene = scene;
   int64_t create_time = 0;
   soci::statement select =
@@ -33,7 +33,7 @@ std::vector<SelectionRow> SelectSelections(soci::session& sql, const SceneRef& s
        soci::into(row.num_bytes), soci::into(row.request_id), soci::into(row.request_digest),
        soci::into(create_time), soci::use(scene.id), soci::use(key), soci::use(start.limit));
   select.execute();
-  std::vector<SelectionRow> rows;
+  std::vector<SelectionRecord> rows;
   while (select.fetch()) {
     row.create_time = FromMicros(create_time);
     rows.push_back(row);
@@ -41,10 +41,10 @@ std::vector<SelectionRow> SelectSelections(soci::session& sql, const SceneRef& s
   return rows;
 }
 
-absl::StatusOr<SelectionRow> SelectSelection(soci::session& sql, const SceneRef& scene,
-                                             int64_t number) {
+absl::StatusOr<SelectionRecord> SelectSelection(soci::session& sql, const SceneRef& scene,
+                                                int64_t number) {
   RETURN_IF_ERROR(CheckScene(sql, scene));
-  const std::vector<SelectionRow> rows = SelectSelections(sql, scene, "=", {1, ""}, number);
+  const std::vector<SelectionRecord> rows = SelectSelections(sql, scene, "=", {1, ""}, number);
   if (rows.empty()) {
     return absl::NotFoundError(
         absl::StrCat(ChildName(scene, "selections", number), " does not exist"));
@@ -54,23 +54,25 @@ absl::StatusOr<SelectionRow> SelectSelection(soci::session& sql, const SceneRef&
 
 // Returns the selection that an earlier call with this request_id made, or nullopt. ALREADY_EXISTS:
 // the earlier request had another digest.
-absl::StatusOr<std::optional<SelectionRow>> FindEarlier(soci::session& sql, const SceneRef& scene,
-                                                        const std::string& request_id,
-                                                        const std::string& request_digest) {
+absl::StatusOr<std::optional<SelectionRecord>> FindEarlier(soci::session& sql,
+                                                           const SceneRef& scene,
+                                                           const std::string& request_id,
+                                                           const std::string& request_digest) {
   if (request_id.empty()) return std::nullopt;
   int64_t number = 0;
   sql << "SELECT number FROM selections WHERE scene = :scene AND request_id = :request",
       soci::use(scene.id), soci::use(request_id), soci::into(number);
   if (!sql.got_data()) return std::nullopt;
-  ASSIGN_OR_RETURN(SelectionRow earlier, SelectSelection(sql, scene, number));
+  ASSIGN_OR_RETURN(SelectionRecord earlier, SelectSelection(sql, scene, number));
   if (earlier.request_digest == request_digest) return earlier;
   return absl::AlreadyExistsError(absl::StrCat("request_id '", request_id, "' was used to create ",
                                                ChildName(scene, "selections", number),
                                                " by asking for something else"));
 }
 
-absl::StatusOr<SelectionRow> InsertSelection(soci::session& sql, const SelectionRow& selection,
-                                             const Quota& defaults) {
+absl::StatusOr<SelectionRecord> InsertSelection(soci::session& sql,
+                                                const SelectionRecord& selection,
+                                                const Quota& defaults) {
   // The model or the base may have been deleted while the selection was computed.
   RETURN_IF_ERROR(SelectModel(sql, selection.scene, selection.model).status());
   ASSIGN_OR_RETURN(const auto earlier, FindEarlier(sql, selection.scene, selection.request_id,
@@ -79,7 +81,7 @@ absl::StatusOr<SelectionRow> InsertSelection(soci::session& sql, const Selection
   if (selection.base != 0) {
     RETURN_IF_ERROR(SelectSelection(sql, selection.scene, selection.base).status());
   }
-  SelectionRow row = selection;
+  SelectionRecord row = selection;
   const int64_t now = absl::ToUnixMicros(absl::Now());
   row.create_time = FromMicros(now);
   sql << "INSERT INTO selections (scene, number, model, model_gaussians, num_gaussians, min_x,"
@@ -106,38 +108,39 @@ absl::StatusOr<int64_t> SelectionStore::TakeSelectionNumber(const SceneRef& scen
   });
 }
 
-absl::StatusOr<std::optional<SelectionRow>> SelectionStore::FindSelectionOfRequest(
+absl::StatusOr<std::optional<SelectionRecord>> SelectionStore::FindSelectionOfRequest(
     const SceneRef& scene, const std::string& request_id, const std::string& request_digest) {
-  using Found = std::optional<SelectionRow>;
+  using Found = std::optional<SelectionRecord>;
   return database_.Query<Found>([&](soci::session& sql) -> absl::StatusOr<Found> {
     RETURN_IF_ERROR(CheckScene(sql, scene));
     return FindEarlier(sql, scene, request_id, request_digest);
   });
 }
 
-absl::StatusOr<SelectionRow> SelectionStore::CreateSelection(const SelectionRow& selection) {
-  return database_.Query<SelectionRow>(
+absl::StatusOr<SelectionRecord> SelectionStore::CreateSelection(const SelectionRecord& selection) {
+  return database_.Query<SelectionRecord>(
       [&](soci::session& sql) { return InsertSelection(sql, selection, defaults_); });
 }
 
-absl::StatusOr<SelectionRow> SelectionStore::GetSelection(const SceneRef& scene, int64_t number) {
-  return database_.Query<SelectionRow>(
+absl::StatusOr<SelectionRecord> SelectionStore::GetSelection(const SceneRef& scene,
+                                                             int64_t number) {
+  return database_.Query<SelectionRecord>(
       [&](soci::session& sql) { return SelectSelection(sql, scene, number); });
 }
 
-absl::StatusOr<Page<SelectionRow>> SelectionStore::ListSelections(const SceneRef& scene,
-                                                                  const PageRequest& page) {
+absl::StatusOr<Page<SelectionRecord>> SelectionStore::ListSelections(const SceneRef& scene,
+                                                                     const PageRequest& page) {
   const std::string list = absl::StrCat("selections/", scene.id);
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
   ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewestSelection));
-  return database_.Query<Page<SelectionRow>>(
-      [&](soci::session& sql) -> absl::StatusOr<Page<SelectionRow>> {
+  return database_.Query<Page<SelectionRecord>>(
+      [&](soci::session& sql) -> absl::StatusOr<Page<SelectionRecord>> {
         RETURN_IF_ERROR(CheckScene(sql, scene));
-        Page<SelectionRow> answer;
-        answer.rows = SelectSelections(sql, scene, "<", {start.limit + 1, ""}, key);
-        if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
-          answer.rows.pop_back();
-          answer.next_page_token = NextToken(list, absl::StrCat(answer.rows.back().number));
+        Page<SelectionRecord> answer;
+        answer.records = SelectSelections(sql, scene, "<", {start.limit + 1, ""}, key);
+        if (static_cast<int64_t>(answer.records.size()) > start.limit) {
+          answer.records.pop_back();
+          answer.next_page_token = NextToken(list, absl::StrCat(answer.records.back().number));
         }
         return answer;
       });
@@ -145,7 +148,7 @@ absl::StatusOr<Page<SelectionRow>> SelectionStore::ListSelections(const SceneRef
 
 absl::Status SelectionStore::DeleteSelection(const SceneRef& scene, int64_t number) {
   return database_.Transact([&](soci::session& sql) -> absl::Status {
-    ASSIGN_OR_RETURN(const SelectionRow row, SelectSelection(sql, scene, number));
+    ASSIGN_OR_RETURN(const SelectionRecord row, SelectSelection(sql, scene, number));
     sql << "DELETE FROM selections WHERE scene = :scene AND number = :number",
         soci::use(row.scene.id), soci::use(row.number);
     return absl::OkStatus();

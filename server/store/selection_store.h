@@ -6,7 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/store/rows.h"
+#include "server/store/records.h"
 
 namespace pepeseg {
 
@@ -23,15 +23,16 @@ class SelectionStore {
   // Returns what an earlier CreateSelection with this request_id made, so that a retry need not
   // compute it again; nullopt if there was none or request_id is empty. ALREADY_EXISTS: the earlier
   // one has another digest.
-  absl::StatusOr<std::optional<SelectionRow>> FindSelectionOfRequest(
+  absl::StatusOr<std::optional<SelectionRecord>> FindSelectionOfRequest(
       const SceneRef& scene, const std::string& request_id, const std::string& request_digest);
   // Creates a selection from all fields but create_time. If the returned number differs from the
   // given one, it is that of a selection that the same request_id made meanwhile. NOT_FOUND: the
   // model or the base is gone. RESOURCE_EXHAUSTED: the project's quota of stored bytes.
-  absl::StatusOr<SelectionRow> CreateSelection(const SelectionRow& selection);
-  absl::StatusOr<SelectionRow> GetSelection(const SceneRef& scene, int64_t number);
+  absl::StatusOr<SelectionRecord> CreateSelection(const SelectionRecord& selection);
+  absl::StatusOr<SelectionRecord> GetSelection(const SceneRef& scene, int64_t number);
   // Lists selections, newest first.
-  absl::StatusOr<Page<SelectionRow>> ListSelections(const SceneRef& scene, const PageRequest& page);
+  absl::StatusOr<Page<SelectionRecord>> ListSelections(const SceneRef& scene,
+                                                       const PageRequest& page);
   // Deletes a selection; those made from it stay.
   absl::Status DeleteSelection(const SceneRef& scene, int64_t number);
 

@@ -14,7 +14,7 @@
 #include "server/store/label_store.h"
 #include "server/store/model_store.h"
 #include "server/store/project_store.h"
-#include "server/store/rows.h"
+#include "server/store/records.h"
 #include "server/store/scene_store.h"
 #include "server/store/selection_store.h"
 

@@ -10,7 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "server/store/rows.h"
+#include "server/store/records.h"
 #include "server/store/soci.h"
 
 // SQL that several parts of the store use: reading records, checks inside a transaction, batches,
@@ -25,14 +25,15 @@ absl::StatusOr<std::string> OfProject(const std::string& project);
 // Returns NOT_FOUND "scenes/{scene} does not exist" unless the scene exists.
 absl::Status CheckScene(soci::session& sql, const SceneRef& scene);
 // Return a record, or NOT_FOUND.
-absl::StatusOr<DatasetRow> SelectDataset(soci::session& sql, const SceneRef& scene, int64_t number);
-absl::StatusOr<ModelRow> SelectModel(soci::session& sql, const SceneRef& scene, int64_t number);
-absl::StatusOr<JobRow> SelectJob(soci::session& sql, const std::string& id);
+absl::StatusOr<DatasetRecord> SelectDataset(soci::session& sql, const SceneRef& scene,
+                                            int64_t number);
+absl::StatusOr<ModelRecord> SelectModel(soci::session& sql, const SceneRef& scene, int64_t number);
+absl::StatusOr<JobRecord> SelectJob(soci::session& sql, const std::string& id);
 // Returns up to `limit` jobs. `where_order`: the query after WHERE, with one placeholder for `key`.
-std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_order, int64_t key,
-                               int64_t limit);
+std::vector<JobRecord> SelectJobs(soci::session& sql, const std::string& where_order, int64_t key,
+                                  int64_t limit);
 // Returns the scene's QUEUED or RUNNING job; its id is empty if there is none.
-JobRow SelectActiveJob(soci::session& sql, const SceneRef& scene);
+JobRecord SelectActiveJob(soci::session& sql, const SceneRef& scene);
 
 // Which files of a dataset to select: those for which `condition`, followed by `key`, holds.
 struct FileQuery {
@@ -43,16 +44,16 @@ struct FileQuery {
   int64_t limit = std::numeric_limits<int64_t>::max();
 };
 // Returns files ordered by path.
-std::vector<DatasetFileRow> SelectFiles(soci::session& sql, const FileQuery& query);
-void InsertFiles(soci::session& sql, const DatasetRow& dataset,
-                 const std::vector<DatasetFileRow>& files);
+std::vector<DatasetFileRecord> SelectFiles(soci::session& sql, const FileQuery& query);
+void InsertFiles(soci::session& sql, const DatasetRecord& dataset,
+                 const std::vector<DatasetFileRecord>& files);
 // Records that the files' bytes are on the disk as blobs of the project.
 void InsertBlobs(soci::session& sql, const std::string& project,
-                 const std::vector<DatasetFileRow>& files);
+                 const std::vector<DatasetFileRecord>& files);
 // Marks files of a dataset as stored and sets what their headers say. NOT_FOUND: the dataset lacks
 // one of them.
-absl::Status MarkStored(soci::session& sql, const DatasetRow& dataset,
-                        const std::vector<DatasetFileRow>& files);
+absl::Status MarkStored(soci::session& sql, const DatasetRecord& dataset,
+                        const std::vector<DatasetFileRecord>& files);
 
 // Runs one SQL statement for many records, with one round trip to the database for every 64 of
 // them. For use inside one transaction; throws what SOCI throws.

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "core/train/settings/stage_plan.h"
+#include "core/train/train.h"
 
 namespace pepeseg {
 

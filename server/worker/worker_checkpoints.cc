@@ -11,7 +11,6 @@
 #include "absl/strings/str_format.h"
 #include "core/base/digest.h"
 #include "core/base/errors.h"
-#include "core/base/options.h"
 #include "core/base/status_macros.h"
 
 namespace pepeseg {

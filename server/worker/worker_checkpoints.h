@@ -10,10 +10,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/base/stage.h"
-#include "core/model_files/checkpoint.h"
-#include "core/train/settings/training_settings.h"
-#include "core/train/training_observer.h"
+#include "core/train/train.h"
 #include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {

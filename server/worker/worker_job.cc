@@ -13,10 +13,6 @@
 
 #include "absl/status/status.h"
 #include "core/base/status_macros.h"
-#include "core/dataset/extra_files.h"
-#include "core/train/settings/training_settings.h"
-#include "core/train/train.h"
-#include "core/train/training_observer.h"
 #include "server/api/convert.h"
 #include "server/api/mask_advice.h"
 #include "server/worker/sandbox/worker_limits.h"

@@ -3,13 +3,13 @@
 #include <atomic>
 
 #include "absl/status/statusor.h"
-#include "core/train/training_inputs.h"
+#include "core/train/train.h"
 #include "server/worker_protocol/event_log.h"
 #include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {
 
-// What the handler of SIGTERM may touch.
+// The only data that the handler of SIGTERM touches.
 struct StopSwitch {
   std::atomic<bool> stop = false;    // the handler sets it: the job ends at the next step
   std::atomic<bool> polled = false;  // the job sets it while it looks at `stop` at each step

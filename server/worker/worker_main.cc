@@ -26,9 +26,6 @@
 #include "core/base/child_process.h"
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
-#include "core/onnx/onnx_runtime.h"
-#include "core/train/settings/stage_plan.h"
-#include "core/train/training_facts.h"
 #include "server/api/convert.h"
 #include "server/observe/log.h"
 #include "server/store/store.h"
@@ -194,28 +191,20 @@ absl::Status MakeTemporaryFolder(const std::filesystem::path& folder) {
   return absl::OkStatus();
 }
 
-// Returns whether the job may start COLMAP or the priors command. A job with an invalid spec fails
-// before that.
-bool MayRunPrograms(const JobFolder& folder, const JobSpec& spec) {
-  const absl::StatusOr<TrainingSettings> settings = TrainingSettingsFromProto(spec.options);
-  const absl::StatusOr<TrainingInputs> inputs = TrainingInputsOf(folder, spec);
-  if (!settings.ok() || !inputs.ok()) return false;
-  return RunsPrograms(FactsOf(*inputs, *settings, /*on_device=*/false), settings->priors);
-}
-
 // Returns what the job may use. Names the dataset's files one by one, since their folders also have
 // files of other projects.
 SandboxNeeds NeedsOf(const JobFolder& folder, const JobSpec& spec) {
   SandboxNeeds needs;
   needs.writes = {folder.work()};
   for (const JobSpecFile& file : spec.files) needs.reads.emplace_back(file.path);
-  const WorkerOptions& options = spec.worker;
-  if (!options.lpips_weights.empty()) {
-    needs.reads.push_back(options.lpips_weights);
-    needs.reads.push_back(options.lpips_weights.parent_path() / kOnnxLibrary);
+  const absl::StatusOr<TrainingSettings> settings = TrainingSettingsFromProto(spec.options);
+  const absl::StatusOr<TrainingInputs> inputs = TrainingInputsOf(folder, spec);
+  // A job with an invalid spec fails before it reads these files or starts a program.
+  if (settings.ok() && inputs.ok()) {
+    for (const auto& file : FilesOf(inputs->tools)) needs.reads.push_back(file);
+    needs.runs_programs = MayRunPrograms(*inputs, *settings);
   }
-  if (!options.sam.empty()) needs.reads.push_back(options.sam);
-  needs.runs_programs = MayRunPrograms(folder, spec);
+  const WorkerOptions& options = spec.worker;
   needs.programs = {options.priors_command};
   const auto colmap = FindProgram(options.colmap);
   if (colmap.ok()) needs.programs.push_back(*colmap);

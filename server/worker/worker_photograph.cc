@@ -13,13 +13,8 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/digest.h"
 #include "core/base/status_macros.h"
-#include "core/dataset/view_warp.h"
-#include "core/formats/decode_image.h"
-#include "core/formats/encode_png.h"
-#include "core/formats/exif.h"
-#include "core/formats/heic.h"
-#include "core/formats/heic_header.h"
-#include "core/model_files/model_facts.h"
+#include "core/dataset/photo_file.h"
+#include "core/formats/images.h"
 #include "server/worker/sandbox/worker_limits.h"
 #include "server/worker/sandbox/worker_sandbox.h"
 #include "server/worker_protocol/photograph_task.h"
@@ -66,63 +61,24 @@ absl::Status WritePhotographOutput(absl::string_view bytes) {
   return absl::OkStatus();
 }
 
-// Warps a decoded photograph, whose file has an EXIF orientation, to the view of the task. The task
-// has the view as the metadata of a model with this view alone.
-absl::StatusOr<Image> WarpToView(const PhotographTask& task, Image image, int orientation) {
-  Model model;
-  RETURN_IF_ERROR(ParseModelFacts(task.view, model));
-  if (model.views.size() != 1 || !model.views[0].photograph) {
-    return absl::InternalError(absl::StrCat(task.name, ": the task names no view"));
-  }
-  const ModelView& view = model.views[0];
-  const Lens& lens = view.photograph->lens;
-  // The import records the file's orientation, or has turned the photograph upright (import.h).
-  if (view.photograph->orientation != orientation) {
-    Image upright = Upright(image, orientation);
-    if (upright.width == lens.width && upright.height == lens.height) image = std::move(upright);
-  }
-  if (image.width != lens.width || image.height != lens.height) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        task.name, ": ", image.width, "x", image.height, " pixels, the model's view is ",
-        "of a photograph of ", lens.width, "x", lens.height));
-  }
-  return ViewWarp::Restore(*view.photograph, view.camera).Photo(image);
-}
-
-// Verifies the file's digest, decodes it, and turns or warps the image as the task says. DATA_LOSS:
-// the digest differs.
-absl::StatusOr<Image> DecodeInput(const PhotographTask& task, const std::string& bytes) {
-  if (Sha256Hex(bytes) != task.sha256) {
-    return absl::DataLossError(absl::StrCat(task.name, ": the stored file fails its SHA-256"));
-  }
-  const std::span<const uint8_t> span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
-  Image image;
-  int orientation = 1;
-  if (IsHeic(span)) {  // DecodeHeic turns it upright
-    ASSIGN_OR_RETURN(HeicPhoto photo, DecodeHeic(span, task.name));
-    image = std::move(photo.image);
-  } else {
-    ASSIGN_OR_RETURN(image, DecodePhoto(span, task.name));
-    orientation = ReadExifOrientation(span);
-  }
-  if (!task.view.empty()) return WarpToView(task, std::move(image), orientation);
-  if (task.upright) image = Upright(std::move(image), orientation);
-  return image;
-}
-
 struct PictureAnswer {
   PhotographHeader header;
   std::string bytes;
 };
 
-// Makes the JPEG or the pixels. RESOURCE_EXHAUSTED: memory is not enough. Libraries throw bad_alloc
-// then.
+// Makes the JPEG or the pixels. DATA_LOSS: the file fails its digest. RESOURCE_EXHAUSTED: memory is
+// not enough. Libraries throw bad_alloc then.
 absl::StatusOr<PictureAnswer> MakeAnswer(const PhotographTask& task) {
   try {
     ASSIGN_OR_RETURN(const std::string bytes, ReadPhotographInput(task.name));
-    ASSIGN_OR_RETURN(Image image, DecodeInput(task, bytes));
-    const int max_side = task.max_side > 0 ? std::min(task.max_side, kMaxJpegSide) : kMaxJpegSide;
-    image = ShrunkTo(std::move(image), max_side);
+    if (Sha256Hex(bytes) != task.sha256) {
+      return absl::DataLossError(absl::StrCat(task.name, ": the stored file fails its SHA-256"));
+    }
+    PhotographForm form = task.form;
+    form.max_side = form.max_side > 0 ? std::min(form.max_side, kMaxJpegSide) : kMaxJpegSide;
+    const std::span<const uint8_t> span(reinterpret_cast<const uint8_t*>(bytes.data()),
+                                        bytes.size());
+    ASSIGN_OR_RETURN(const Image image, FormPhotograph(span, task.name, form));
     std::string answer;
     if (task.raw) {
       answer.assign(image.pixels.begin(), image.pixels.end());

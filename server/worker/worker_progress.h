@@ -7,8 +7,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "core/base/progress.h"
-#include "core/train/training_metrics.h"
+#include "core/train/train.h"
 #include "server/worker/job_eta.h"
 #include "server/worker_protocol/event_log.h"
 

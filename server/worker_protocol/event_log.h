@@ -10,8 +10,8 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/base/beneath_folder.h"
 #include "pepeseg/v1/job_service.pb.h"
+#include "server/worker_protocol/beneath_folder.h"
 
 namespace pepeseg {
 

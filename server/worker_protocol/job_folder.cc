@@ -9,11 +9,11 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "core/base/beneath_folder.h"
 #include "core/base/errors.h"
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
-#include "core/model_files/manifest.h"
+#include "core/model_files/model_file.h"
+#include "server/worker_protocol/beneath_folder.h"
 #include "server/worker_protocol/event_log.h"
 
 namespace pepeseg {

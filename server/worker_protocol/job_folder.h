@@ -22,9 +22,10 @@
 //   work/pulse-FENCE         touched by the worker: its heartbeat
 //   work/sfm.log             COLMAP's output, where it estimated poses
 //   work/attempt-FENCE/      the model, once its manifest is there, with embeddings of its
-//                            photographs (core/priors/sam/embedding_file.h); reconstruct/: stage one's
-//                            result; checkpoints/: state of the stages; frames/ of videos, heic/
-//                            and poses/ of stage sfm: each whole once its own manifest is there
+//                            photographs (core/priors/sam/sam_embedding.h); reconstruct/: stage
+//                            one's result; checkpoints/: state of the stages; frames/ of videos,
+//                            heic/ and poses/ of stage sfm: each whole once its own manifest is
+//                            there
 //   work/priors/             files of the priors command, and how it ended
 //                            (core/train/priors_command.h); sam/: SAM's masks and
 //                            embeddings of the photographs that are done

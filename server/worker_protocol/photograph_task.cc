@@ -3,10 +3,11 @@
 #include <array>
 #include <cstring>
 #include <nlohmann/json.hpp>
+#include <utility>
+
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
-
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PhotographTask, name, sha256, upright, view, max_side, raw)
 
 namespace {
 
@@ -28,13 +29,30 @@ static_assert(sizeof(PhotographHeaderBytes) == kPhotographHeaderBytes);
 }  // namespace
 
 std::string FormatPhotographTask(const PhotographTask& task) {
-  return Json(task).dump(-1, ' ', /*ensure_ascii=*/true, Json::error_handler_t::replace);
+  const Json json = {{"name", task.name},
+                     {"sha256", task.sha256},
+                     {"view", task.form.view ? FormatView(*task.form.view) : ""},
+                     {"upright", task.form.upright},
+                     {"max_side", task.form.max_side},
+                     {"raw", task.raw}};
+  return json.dump(-1, ' ', /*ensure_ascii=*/true, Json::error_handler_t::replace);
 }
 
 absl::StatusOr<PhotographTask> ParsePhotographTask(absl::string_view text) {
   const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
   try {
-    return json.get<PhotographTask>();
+    PhotographTask task;
+    task.name = json.at("name");
+    task.sha256 = json.at("sha256");
+    task.raw = json.at("raw");
+    task.form.upright = json.at("upright");
+    task.form.max_side = json.at("max_side");
+    const std::string view = json.at("view");
+    if (!view.empty()) {
+      ASSIGN_OR_RETURN(ModelView parsed, ParseView(view));
+      task.form.view = std::move(parsed);
+    }
+    return task;
   } catch (const Json::exception& error) {
     return absl::InvalidArgumentError(std::string("not a photograph task: ") + error.what());
   }

@@ -1,29 +1,22 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <string>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
+#include "core/model_files/model_file.h"
 
 // The protocol between the server and `pepeseg-worker --photograph=TASK`: the worker reads one
 // image file from its standard input and writes one answer to its standard output, a file.
 namespace pepeseg {
 
-// What to make of an image file: a JPEG, or its pixels.
+// How to answer for an image file: with a JPEG, or with its pixels.
 struct PhotographTask {
   std::string name;    // the client's path of the file, for errors
   std::string sha256;  // digest of the file: 64 lower-case hex digits
-  // Whether to turn the image upright by its EXIF orientation.
-  bool upright = false;
-  // The view to which the image is warped: FormatModelFacts of a model with this view alone. Empty:
-  // the image is not warped. Not together with `upright`: the view says whether it is of the
-  // stored or of the upright pixels.
-  std::string view;
-  // Maximum longer side of the result, pixels; a larger image is shrunk to it. 0: not shrunk.
-  int max_side = 0;
+  PhotographForm form;
   // Whether the answer is the RGB values, [height, width, 3], and not a JPEG: a server must not
   // decode what a process that has read a stranger's file has written.
   bool raw = false;

@@ -18,7 +18,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/num_threads.h"
 #include "core/base/status_macros.h"
-#include "core/formats/decode_image.h"
+#include "core/formats/images.h"
 #include "core/priors/sam/automatic_masks.h"
 #include "core/priors/sam/mask_proposals.h"
 #include "core/priors/sam/sam_segmenter.h"

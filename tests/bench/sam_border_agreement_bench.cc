@@ -17,7 +17,7 @@
 
 #include "absl/strings/numbers.h"
 #include "core/base/status_macros.h"
-#include "core/formats/decode_image.h"
+#include "core/formats/images.h"
 #include "core/priors/sam/sam_borders.h"
 #include "tests/bench/bench_backend.h"
 

@@ -9,7 +9,7 @@
 #include <fstream>
 #include <string>
 
-#include "core/formats/decode_image.h"
+#include "core/formats/images.h"
 #include "core/priors/sam/sam_networks.h"
 #include "kernels/half.h"
 

@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/formats/decode_image.h"
+#include "core/formats/images.h"
 
 namespace pepeseg {
 namespace {

@@ -181,12 +181,12 @@ TEST(ServerProgram, ServesReflectionWithAKeyOnly) {
   std::string secret;
   {
     ASSERT_OK_AND_ASSIGN(NewKey key, MakeKey());
-    key.row.project = "lab";
-    key.row.scopes = ScopeBit(v1::SCOPE_READ);
+    key.record.project = "lab";
+    key.record.scopes = ScopeBit(v1::SCOPE_READ);
     std::filesystem::create_directories(folder / "data");
     ASSERT_OK_AND_ASSIGN(const auto store,
                          Store::Open("sqlite:" + DatabasePath(folder / "data").string()));
-    ASSERT_OK(store->keys().CreateKey(key.row));
+    ASSERT_OK(store->keys().CreateKey(key.record));
     secret = key.secret;
   }
   const Program program(folder, PEPESEG_FAKE_WORKER, {"--reflection", "--require-keys"});

@@ -61,7 +61,7 @@ class SharedDatabaseTest : public ::testing::Test {
   int64_t FenceOf(const std::string& job) {
     const auto store = Store::Open(url_);
     EXPECT_OK(store);
-    return (*store)->jobs().GetJob(job.substr(5)).value_or(JobRow()).fence;
+    return (*store)->jobs().GetJob(job.substr(5)).value_or(JobRecord()).fence;
   }
 
   testing::PostgresqlServer database_;

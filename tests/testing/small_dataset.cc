@@ -5,7 +5,7 @@
 #include <iterator>
 
 #include "core/base/status_macros.h"
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg::testing {

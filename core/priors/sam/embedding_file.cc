@@ -1,5 +1,3 @@
-#include "core/priors/sam/embedding_file.h"
-
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -14,6 +12,7 @@
 #include "core/base/errors.h"
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
+#include "core/priors/sam/sam_embedding.h"
 
 namespace pepeseg {
 namespace {

@@ -4,13 +4,12 @@
 #include <filesystem>
 #include <memory>
 #include <span>
-#include <string>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/onnx/onnx_runtime.h"
 #include "core/priors/sam/onnx_graph.h"
+#include "core/priors/sam/sam_segmenter.h"
 #include "core/scene/capture.h"
 
 // The files of a small SAM with TinyViT's encoder, and its networks in ONNX Runtime.
@@ -19,17 +18,6 @@ namespace pepeseg {
 // Files of a folder that deploy/sam.sh has made.
 inline constexpr char kSamEncoder[] = "encoder.onnx", kSamDecoder[] = "sam.onnx";
 
-// Verifies the three files of a folder that deploy/sam.sh has made (encoder, decoder, ONNX Runtime)
-// against its SHA256SUMS, which has a line "DIGEST  NAME" for each. Returns NOT_FOUND when the
-// folder or its SHA256SUMS does not exist, and FAILED_PRECONDITION, with the file and the remedy,
-// when a file is missing or differs. Reads 90 MB.
-absl::Status CheckSamFiles(const std::filesystem::path& folder);
-
-// Returns the SHA-256 of the encoder as SHA256SUMS has it: embeddings are of one encoder.
-// Returns the errors of CheckSamFiles.
-absl::StatusOr<std::string> SamEncoderDigest(const std::filesystem::path& folder);
-
-inline constexpr int kSamFrame = 1024;  // side of the encoder's square image, pixels
 // Tensors of the decoder's graph: all four masks, [prompts, 4, 256, 256], and their estimated IoUs,
 // [prompts, 4].
 inline constexpr char kSamMasks[] = "/Reshape_9_output_0";

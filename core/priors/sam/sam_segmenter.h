@@ -19,6 +19,18 @@ class CpuSam;
 class DeviceSam;
 struct SamNetworks;
 
+// Verifies the three files of a folder that deploy/sam.sh has made (encoder, decoder, ONNX Runtime)
+// against its SHA256SUMS, which has a line "DIGEST  NAME" for each. Returns NOT_FOUND when the
+// folder or its SHA256SUMS does not exist, and FAILED_PRECONDITION, with the file and the remedy,
+// when a file is missing or differs. Reads 90 MB.
+absl::Status CheckSamFiles(const std::filesystem::path& folder);
+
+// Returns the SHA-256 of the encoder as SHA256SUMS has it: embeddings are of one encoder.
+// Returns the errors of CheckSamFiles.
+absl::StatusOr<std::string> SamEncoderDigest(const std::filesystem::path& folder);
+
+inline constexpr int kSamFrame = 1024;  // side of the encoder's square image, pixels
+
 // Returns the number of photographs to segment at the same time on `num_threads` threads. On the
 // CPU a thread for each takes less processor time than several that share one, but each takes
 // memory. On a GPU one is computed at a time, while other threads decode photographs and write

@@ -8,11 +8,11 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/backend_turn.h"
+#include "core/base/device_lock.h"
 #include "core/base/num_threads.h"
 #include "core/base/status_macros.h"
-#include "core/formats/decode_image.h"
 #include "core/formats/decode_luma.h"
+#include "core/formats/images.h"
 
 namespace pepeseg {
 namespace {
@@ -168,7 +168,8 @@ absl::Status ExtractFeatures(Backend& backend, std::span<const FeaturePhotograph
   FeatureExtractor extractor(backend, options.max_features);
   for (size_t i = 0; i < photographs.size(); ++i) {
     ASSIGN_OR_RETURN(const DecodedPhotograph decoded, queue.Take());
-    ASSIGN_OR_RETURN(SfmFeatures features, InTurn(backend, [&]() -> absl::StatusOr<SfmFeatures> {
+    ASSIGN_OR_RETURN(SfmFeatures features,
+                     WithDeviceLock(backend, [&]() -> absl::StatusOr<SfmFeatures> {
                        return extractor.Extract(decoded);
                      }));
     RETURN_IF_ERROR(take(i, std::move(features)));

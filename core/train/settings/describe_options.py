@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes OptionDescriptions() of training_options.h from the comments on the members of options structs.
+"""Writes OptionDescriptions() of training_settings.h from the comments on the members of options structs.
 
 describe_options.py OUTPUT PREFIX:STRUCT:HEADER...
 
@@ -13,7 +13,7 @@ import re
 import sys
 
 SOURCE = """// Made by core/train/settings/describe_options.py.
-#include "core/train/settings/training_options.h"
+#include "core/train/settings/training_settings.h"
 
 namespace pepeseg {
 

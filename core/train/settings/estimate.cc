@@ -4,6 +4,7 @@
 
 #include "core/features/estimate.h"
 #include "core/priors/sam/sam_segmenter.h"
+#include "core/render/renderer.h"
 #include "core/sfm/estimate_poses.h"
 
 namespace pepeseg {

@@ -2,8 +2,11 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
+#include "absl/status/statusor.h"
+#include "core/dataset/dataset_files.h"
 #include "core/reconstruct/estimate.h"
 #include "core/train/settings/stage_plan.h"
 #include "core/train/settings/training_settings.h"
@@ -22,6 +25,19 @@ struct DatasetSize {
   double video_megapixels = 0;
   int64_t num_given_gaussians = 0;  // Gaussians given instead of stage one's. 0: none
 };
+
+// A file of a dataset and its header. Nothing is known of a header that was not read.
+struct MeasuredFile {
+  DatasetFile file;
+  FileFacts facts;
+};
+
+// Returns the size of a dataset of these files, without ExtraFiles. Photographs whose header was
+// not read count with the mean of the others, and a video as the frames that are taken from it, at
+// a usual size; reads the headers of videos. Files are not matched by name: a view may have several
+// masks or none. INVALID_ARGUMENT: there is no photograph.
+absl::StatusOr<DatasetSize> SizeOf(std::span<const MeasuredFile> files, int64_t num_segment_masks,
+                                   const TrainingSettings& settings);
 
 // Properties of the machine that change the estimate.
 struct EstimateTools {

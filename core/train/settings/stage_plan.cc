@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "core/dataset/held_out.h"
+#include "core/dataset/import.h"
 #include "core/dataset/video_frames.h"
 #include "core/priors/sam/sam_segmenter.h"
 #include "core/reconstruct/pixel_budget.h"

@@ -1,7 +1,6 @@
-#include "core/train/settings/training_options.h"
-
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
+#include "core/train/settings/training_settings.h"
 
 namespace pepeseg {
 

@@ -1,5 +1,3 @@
-#include "core/dataset/frame_trial.h"
-
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -7,7 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "core/formats/decode_image.h"
+#include "core/dataset/pixel_frame.h"
+#include "core/formats/images.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -7,10 +7,10 @@
 
 #include <string>
 
-#include "core/formats/decode_image.h"
 #include "core/formats/exif.h"
 #include "core/formats/heic_header.h"
 #include "core/formats/image_header.h"
+#include "core/formats/images.h"
 #include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 

@@ -1,9 +1,8 @@
-#include "core/dataset/held_out.h"
-
 #include <gtest/gtest.h>
 
 #include <vector>
 
+#include "core/dataset/import.h"
 #include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 

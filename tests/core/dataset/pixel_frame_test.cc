@@ -9,7 +9,7 @@
 #include <random>
 
 #include "core/dataset/import.h"
-#include "core/formats/decode_image.h"
+#include "core/formats/images.h"
 #include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 

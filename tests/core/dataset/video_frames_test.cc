@@ -6,7 +6,7 @@
 #include <map>
 #include <utility>
 
-#include "core/formats/decode_image.h"
+#include "core/formats/images.h"
 #include "core/formats/movie_size.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"

@@ -1,5 +1,3 @@
-#include "core/formats/decode_image.h"
-
 #include <gtest/gtest.h>
 #include <zlib.h>
 
@@ -10,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "core/formats/encode_png.h"
 #include "core/formats/image_header.h"
+#include "core/formats/images.h"
 #include "tests/testing/png_bytes.h"
 #include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"

@@ -11,7 +11,7 @@
 // Needs <cstdio>.
 #include <jpeglib.h>
 
-#include "core/formats/decode_image.h"
+#include "core/formats/images.h"
 #include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 

@@ -8,7 +8,7 @@
 
 #include "core/dataset/depth_files.h"
 #include "core/dataset/mask_files.h"
-#include "core/formats/decode_image.h"
+#include "core/formats/images.h"
 #include "core/formats/plain_copy.h"
 #include "tests/testing/png_bytes.h"
 #include "tests/testing/small_dataset.h"

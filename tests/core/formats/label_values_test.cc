@@ -1,9 +1,9 @@
-#include "core/formats/label_values.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
+
+#include "core/formats/images.h"
 
 namespace pepeseg {
 namespace {

@@ -1,9 +1,8 @@
-#include "core/model_files/selection_file.h"
-
 #include <gtest/gtest.h>
 
 #include "core/base/digest.h"
 #include "core/base/file_io.h"
+#include "core/model_files/model_file.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

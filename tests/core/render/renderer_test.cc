@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <memory>
 
-#include "core/base/backend_turn.h"
+#include "core/base/device_lock.h"
 #include "tests/testing/point_gaussians.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"

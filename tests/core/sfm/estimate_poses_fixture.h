@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "core/sfm/estimate_poses.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"

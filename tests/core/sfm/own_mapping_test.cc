@@ -5,7 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/formats/colmap.h"
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "core/sfm/colmap_program.h"
 #include "tests/core/sfm/compared_scene.h"
 #include "tests/testing/status_testing.h"

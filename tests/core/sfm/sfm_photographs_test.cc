@@ -3,8 +3,7 @@
 #include <fstream>
 
 #include "core/base/file_io.h"
-#include "core/formats/decode_image.h"
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <fstream>
 
-#include "core/formats/encode_png.h"
 #include "core/formats/exif.h"
+#include "core/formats/images.h"
 #include "core/sfm/find_features.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"

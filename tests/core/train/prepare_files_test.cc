@@ -11,8 +11,8 @@
 
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
-#include "core/formats/decode_image.h"
 #include "core/formats/exif.h"
+#include "core/formats/images.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

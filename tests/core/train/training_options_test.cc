@@ -1,5 +1,3 @@
-#include "core/train/settings/training_options.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -10,6 +8,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "core/train/settings/training_settings.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -15,12 +15,12 @@ TEST(ApiKey, StoresOnlyTheDigestOfItsSecret) {
   for (int i = 0; i < 1000; ++i) {
     ASSERT_OK_AND_ASSIGN(const auto key, MakeKey());
     EXPECT_TRUE(LooksLikeSecret(key.secret)) << key.secret;
-    EXPECT_EQ(key.row.sha256, DigestOfSecret(key.secret));
-    EXPECT_EQ(key.row.sha256.size(), 64u);
-    EXPECT_EQ(key.row.id.size(), 16u);
-    EXPECT_EQ(key.secret.find(key.row.id), std::string::npos);
+    EXPECT_EQ(key.record.sha256, DigestOfSecret(key.secret));
+    EXPECT_EQ(key.record.sha256.size(), 64u);
+    EXPECT_EQ(key.record.id.size(), 16u);
+    EXPECT_EQ(key.secret.find(key.record.id), std::string::npos);
     secrets.insert(key.secret);
-    ids.insert(key.row.id);
+    ids.insert(key.record.id);
   }
   EXPECT_EQ(secrets.size(), 1000u);
   EXPECT_EQ(ids.size(), 1000u);
@@ -45,7 +45,7 @@ TEST(ApiKey, ReadsAndWritesScopes) {
 }
 
 TEST(ApiKey, ExpiresAtItsTime) {
-  KeyRow key;
+  KeyRecord key;
   const absl::Time now = absl::Now();
   EXPECT_FALSE(IsExpired(key, now));
   EXPECT_FALSE(IsRevoked(key));

@@ -43,10 +43,10 @@ class AuthorizerTest : public ::testing::Test {
   // Creates a key of the project "lab".
   CallOrigin Key(int scopes, absl::Time expire_time = absl::InfinitePast()) {
     NewKey key = *MakeKey();
-    key.row.project = "lab";
-    key.row.scopes = scopes;
-    key.row.expire_time = expire_time;
-    EXPECT_OK(store_->keys().CreateKey(key.row));
+    key.record.project = "lab";
+    key.record.scopes = scopes;
+    key.record.expire_time = expire_time;
+    EXPECT_OK(store_->keys().CreateKey(key.record));
     key_ = key;
     return With(absl::StrCat("Bearer ", key.secret));
   }
@@ -74,7 +74,7 @@ TEST_F(AuthorizerTest, AllowsAKeyItsProject) {
   const CallOrigin origin = Key(kEverythingOfAProject);
   ASSERT_OK_AND_ASSIGN(const auto caller, authorizer_.Authorize(origin, Get("scenes/mine")));
   EXPECT_EQ(caller.project, "lab");
-  EXPECT_EQ(caller.key, key_.row.id);
+  EXPECT_EQ(caller.key, key_.record.id);
   EXPECT_EQ(caller.scopes, kEverythingOfAProject);
   EXPECT_EQ(caller.visible_project(), "lab");
   const CallOrigin lower = With(absl::StrCat("bearer ", key_.secret));
@@ -97,11 +97,11 @@ TEST_F(AuthorizerTest, GivesTheSameAnswerToEveryInvalidKey) {
   const CallOrigin expired = Key(AllScopes(), absl::Now() - absl::Seconds(1));
   EXPECT_EQ(authorizer_.Authorize(expired, Get("scenes/mine")).status(), unknown.status());
   EXPECT_EQ(LastRefusal()["reason"], "EXPIRED_KEY");
-  EXPECT_EQ(LastRefusal()["key"], key_.row.id);
+  EXPECT_EQ(LastRefusal()["key"], key_.record.id);
 
   const CallOrigin revoked = Key(AllScopes());
   ASSERT_OK(authorizer_.Authorize(revoked, Get("scenes/mine")));
-  ASSERT_OK(store_->keys().RevokeKey(key_.row.id));
+  ASSERT_OK(store_->keys().RevokeKey(key_.record.id));
   EXPECT_EQ(authorizer_.Authorize(revoked, Get("scenes/mine")).status(), unknown.status());
   EXPECT_EQ(LastRefusal()["reason"], "REVOKED_KEY");
   EXPECT_TRUE(LastLine().is_null());  // the audit log has none of them
@@ -207,7 +207,7 @@ TEST_F(AuthorizerTest, RecordsCallsThatChangeSomething) {
   ASSERT_OK(authorizer_.Run(origin, remove, done));
   EXPECT_EQ(LastLine()["method"], "pepeseg.v1.SceneService.DeleteScene");
   EXPECT_EQ(LastLine()["resources"], nlohmann::json({"scenes/mine"}));
-  EXPECT_EQ(LastLine()["key"], key_.row.id);
+  EXPECT_EQ(LastLine()["key"], key_.record.id);
   EXPECT_EQ(LastLine()["project"], "lab");
   EXPECT_EQ(LastLine()["peer"], "test");
   EXPECT_EQ(LastLine()["outcome"], "OK");
@@ -222,7 +222,7 @@ TEST_F(AuthorizerTest, RecordsCallsThatChangeSomething) {
   std::ifstream file(path_);
   const std::string all((std::istreambuf_iterator<char>(file)), {});
   EXPECT_EQ(all.find(key_.secret), std::string::npos);
-  EXPECT_EQ(all.find(key_.row.sha256), std::string::npos);
+  EXPECT_EQ(all.find(key_.record.sha256), std::string::npos);
 }
 
 // A server that is killed during the call leaves this line.

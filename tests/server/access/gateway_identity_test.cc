@@ -137,9 +137,9 @@ TEST_F(GatewayCallTest, IsRefusedUnlessItComesFromTheTrustedGateway) {
 
 TEST_F(GatewayCallTest, IsRefusedWithAKeyOrWhenIncomplete) {
   NewKey key = *MakeKey();
-  key.row.project = "lab";
-  key.row.scopes = AllScopes();
-  ASSERT_OK(store_->keys().CreateKey(key.row));
+  key.record.project = "lab";
+  key.record.scopes = AllScopes();
+  ASSERT_OK(store_->keys().CreateKey(key.record));
   CallOrigin both = From({"gateway"}, ann_);
   both.authorization = {absl::StrCat("Bearer ", key.secret)};
   EXPECT_EQ(ReasonOf(authorizer_.Authorize(both, Get("scenes/mine")).status()), "BAD_VOUCHING");

@@ -10,7 +10,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "core/train/settings/training_options.h"
+#include "core/train/settings/training_settings.h"
 #include "server/api/request_image.h"
 #include "server/store/error_detail.h"
 #include "tests/testing/status_testing.h"
@@ -147,6 +147,8 @@ TEST(TrainingOptions, RefuseAdvancedOptionsByNameAndRange) {
             "options.advanced: features.smooth_until is \"2\", must be in [0, 1]");
   EXPECT_EQ(refused("features.num_drawn_neighbors", "5"),
             "options.features.num_drawn_neighbors is 5, must be in [1, 4]");
+  EXPECT_EQ(refused("features.smooth_until", std::string(2000, '0').c_str()),
+            "options.advanced: features.smooth_until: 2000 bytes exceed the limit of 1024");
   EXPECT_NE(refused("preset", "best").find("unknown option"), std::string::npos);
 }
 

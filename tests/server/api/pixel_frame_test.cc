@@ -5,8 +5,7 @@
 #include <fstream>
 #include <utility>
 
-#include "core/formats/decode_image.h"
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "core/formats/rle.h"
 #include "tests/server/shelf_model.h"
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/dataset/pixel_frame.h"
-#include "core/formats/decode_image.h"
+#include "core/formats/images.h"
 #include "server/api/evaluation_views.h"
 #include "tests/testing/png_bytes.h"
 #include "tests/testing/status_testing.h"

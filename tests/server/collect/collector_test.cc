@@ -55,12 +55,12 @@ struct CollectorTest : ::testing::Test {
   // Creates the job "j1" with a model.
   void MakeModel() {
     Upload("a", 7, true);
-    JobRow job;
+    JobRecord job;
     job.scene = SceneOf(*store, "a");
     job.dataset = 1;
     ASSERT_OK(store->jobs().CreateJob(job));
     ASSERT_TRUE(store->queue().ClaimJob("cpu")->has_value());
-    ModelRow model;
+    ModelRecord model;
     model.folder = "jobs/j1/attempt-1";
     ASSERT_OK(store->queue().CommitModel("j1", 1, model));
   }
@@ -182,7 +182,7 @@ TEST_F(CollectorTest, KeepsModelsAndLogsOfJobs) {
 
 TEST_F(CollectorTest, LeavesRunningJobsAlone) {
   Upload("a", 7, true);
-  JobRow job;
+  JobRecord job;
   job.scene = SceneOf(*store, "a");
   job.dataset = 1;
   ASSERT_OK(store->jobs().CreateJob(job));
@@ -194,7 +194,7 @@ TEST_F(CollectorTest, LeavesRunningJobsAlone) {
 
 TEST_F(CollectorTest, RemovesFilesWithoutARecord) {
   MakeModel();
-  SelectionRow selection;
+  SelectionRecord selection;
   selection.scene = SceneOf(*store, "a");
   ASSERT_OK_AND_ASSIGN(selection.number,
                        store->selections().TakeSelectionNumber(SceneOf(*store, "a")));

@@ -33,7 +33,7 @@ class SupervisorTest : public ::testing::Test {
     SupervisorOptions options = options_;
     options.data_folder = folder_.path();
     options.worker = PEPESEG_FAKE_WORKER;
-    options.file_path = [](const std::string&, const DatasetFileRow& file) {
+    options.file_path = [](const std::string&, const DatasetFileRecord& file) {
       return "/blobs/" + file.sha256;
     };
     options.cancel_grace = absl::Milliseconds(300);
@@ -50,7 +50,7 @@ class SupervisorTest : public ::testing::Test {
     EXPECT_OK(
         store_->datasets().CreateDataset(SceneOf(*store_, scene), "", {{act, 1, 3, "00", true}}));
     EXPECT_OK(store_->datasets().SealDataset(SceneOf(*store_, scene), 1));
-    JobRow job;
+    JobRecord job;
     job.scene = SceneOf(*store_, scene);
     job.dataset = 1;
     const auto submitted = supervisor_->Submit(job);
@@ -58,22 +58,22 @@ class SupervisorTest : public ::testing::Test {
     return submitted.ok() ? submitted->id : "";
   }
 
-  JobRow WaitFor(const std::string& job, const std::function<bool(const JobRow&)>& reached) {
-    absl::StatusOr<JobRow> row;
+  JobRecord WaitFor(const std::string& job, const std::function<bool(const JobRecord&)>& reached) {
+    absl::StatusOr<JobRecord> row;
     EXPECT_TRUE(testing::Eventually([&] {
       row = store_->jobs().GetJob(job);
       return row.ok() && reached(*row);
     })) << "jobs/"
         << job;
-    return row.value_or(JobRow());
+    return row.value_or(JobRecord());
   }
 
-  JobRow WaitForEnd(const std::string& job) {
-    return WaitFor(job, [](const JobRow& row) { return IsTerminal(row.state); });
+  JobRecord WaitForEnd(const std::string& job) {
+    return WaitFor(job, [](const JobRecord& row) { return IsTerminal(row.state); });
   }
 
   void WaitForStage(const std::string& job) {
-    WaitFor(job, [](const JobRow& row) { return row.stage == "reconstruct"; });
+    WaitFor(job, [](const JobRecord& row) { return row.stage == "reconstruct"; });
   }
 
   // Returns the job's events, once the last is written. The supervisor writes the store first and

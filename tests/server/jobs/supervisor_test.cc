@@ -20,7 +20,7 @@ using ::testing::HasSubstr;
 
 TEST_F(SupervisorTest, CommitsTheModelOfAJobThatSucceeds) {
   const std::string job = Submit("succeed");
-  const JobRow end = WaitForEnd(job);
+  const JobRecord end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kSucceeded);
   const auto model = store_->models().GetLiveModel(end.scene);
   ASSERT_OK(model);
@@ -72,7 +72,7 @@ TEST_F(TakenOverWorker, CannotMakeTheServerFollowLinks) {
 }
 
 TEST_F(TakenOverWorker, CannotSubmitAModelWithALink) {
-  const JobRow end = WaitForEnd(Submit("model with a link"));
+  const JobRecord end = WaitForEnd(Submit("model with a link"));
   EXPECT_EQ(end.state, JobState::kFailed);
   EXPECT_THAT(end.error_message, HasSubstr("not taken"));
   EXPECT_FALSE(store_->models().GetLiveModel(end.scene).ok());
@@ -81,7 +81,7 @@ TEST_F(TakenOverWorker, CannotSubmitAModelWithALink) {
 
 TEST_F(TakenOverWorker, CannotWriteControlCharactersOrPathsToClients) {
   for (const char* act : {"curse", "crash with a curse"}) {
-    const JobRow end = WaitForEnd(Submit(act));
+    const JobRecord end = WaitForEnd(Submit(act));
     EXPECT_EQ(end.state, JobState::kFailed);
     EXPECT_LE(end.error_message.size(), 2048u);
     EXPECT_THAT(end.error_message, HasSubstr("?[2J place"));
@@ -103,7 +103,7 @@ TEST_F(SupervisorTest, NotifiesAWatchOfTheEnd) {
 }
 
 TEST_F(SupervisorTest, FailsWithTheWorkersReason) {
-  const JobRow end = WaitForEnd(Submit("fail"));
+  const JobRecord end = WaitForEnd(Submit("fail"));
   EXPECT_EQ(end.state, JobState::kFailed);
   EXPECT_EQ(end.error_code, static_cast<int>(absl::StatusCode::kInvalidArgument));
   EXPECT_EQ(end.error_message, "images/bad.jpg: it is not a photograph");
@@ -117,7 +117,7 @@ TEST_F(SupervisorTest, FailsWithTheWorkersReason) {
 TEST_F(SupervisorTest, FailsACrashedJobAndRunsTheNext) {
   const std::string crash = Submit("crash");
   const std::string next = Submit("succeed");
-  const JobRow end = WaitForEnd(crash);
+  const JobRecord end = WaitForEnd(crash);
   EXPECT_EQ(end.state, JobState::kFailed);
   EXPECT_THAT(end.error_message, HasSubstr("signal 6"));
   EXPECT_THAT(end.error_message, HasSubstr("stage 'reconstruct' at step 3 of 10"));
@@ -127,7 +127,7 @@ TEST_F(SupervisorTest, FailsACrashedJobAndRunsTheNext) {
 
 TEST_F(SupervisorTest, TreatsAnExitWithoutAResultAsACrash) {
   EXPECT_THAT(WaitForEnd(Submit("exit42")).error_message, HasSubstr("exited with code 42"));
-  const JobRow lie = WaitForEnd(Submit("lie"));
+  const JobRecord lie = WaitForEnd(Submit("lie"));
   EXPECT_EQ(lie.state, JobState::kFailed);
   EXPECT_THAT(lie.error_message, HasSubstr("exited with code 0"));
 }
@@ -149,12 +149,12 @@ TEST_F(SupervisorTest, FailsAJobWhoseWorkerIsKilledRepeatedlyAndRunsTheNext) {
   const std::string job = Submit("hang");
   const std::string next = Submit("succeed");
   for (int64_t fence = 1; fence <= 3; ++fence) {
-    WaitFor(job, [&](const JobRow& row) { return row.fence == fence && !row.stage.empty(); });
+    WaitFor(job, [&](const JobRecord& row) { return row.fence == fence && !row.stage.empty(); });
     const pid_t worker = FindWorker((folder_.path() / "jobs" / job).string());
     ASSERT_GT(worker, 0);
     ASSERT_EQ(kill(worker, SIGKILL), 0);
   }
-  const JobRow end = WaitForEnd(job);
+  const JobRecord end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kFailed);
   EXPECT_THAT(end.error_message, HasSubstr("signal 9"));
   EXPECT_EQ(WaitForEnd(next).state, JobState::kSucceeded);
@@ -176,7 +176,7 @@ TEST_F(SupervisorTest, CancelsARunningJobWithinASecond) {
   WaitForStage(job);
   const absl::Time start = absl::Now();
   EXPECT_EQ(supervisor_->Cancel(job)->state, JobState::kRunning);
-  const JobRow end = WaitForEnd(job);
+  const JobRecord end = WaitForEnd(job);
   EXPECT_LT(absl::Now() - start, testing::TimeLimit(absl::Seconds(1)));
   EXPECT_EQ(end.state, JobState::kCancelled);
   EXPECT_EQ(supervisor_->Cancel(job)->state, JobState::kCancelled);
@@ -185,13 +185,12 @@ TEST_F(SupervisorTest, CancelsARunningJobWithinASecond) {
 TEST_F(SupervisorTest, KillsAWorkerThatIgnoresTheCancel) {
   const std::string job = Submit("deaf");
   WaitForStage(job);
-  absl::SleepFor(absl::Milliseconds(50));  // until the worker ignores SIGTERM
   ASSERT_OK(supervisor_->Cancel(job));
   EXPECT_EQ(WaitForEnd(job).state, JobState::kCancelled);
 }
 
 TEST_F(SupervisorTest, RunsAJobAgainWhoseWorkerWasTerminatedByOthers) {
-  const JobRow end = WaitForEnd(Submit("be terminated once"));
+  const JobRecord end = WaitForEnd(Submit("be terminated once"));
   EXPECT_EQ(end.state, JobState::kSucceeded);
   EXPECT_EQ(end.fence, 2);
 }
@@ -204,7 +203,7 @@ TEST_F(SupervisorTest, RequeuesRunningJobsOnStop) {
   EXPECT_EQ(store_->jobs().GetJob(job)->state, JobState::kQueued);
   EXPECT_EQ(store_->jobs().GetJob(waiting)->state, JobState::kQueued);
   Restart();
-  const JobRow end = WaitForEnd(job);
+  const JobRecord end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kSucceeded);
   EXPECT_EQ(end.fence, 2);
   EXPECT_EQ(WaitForEnd(waiting).state, JobState::kSucceeded);
@@ -223,7 +222,7 @@ TEST_F(SupervisorTest, RunsTheJobOfAKilledServerAgain) {
   const std::string job = Submit("succeed");
   ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
   Restart();
-  const JobRow end = WaitForEnd(job);
+  const JobRecord end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kSucceeded);
   EXPECT_EQ(end.fence, 2);
 }
@@ -237,7 +236,7 @@ TEST_F(SupervisorTest, FailsAJobDuringWhichServersKeepEnding) {
   }
   ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
   Restart();  // ends the hundredth attempt
-  const JobRow end = WaitForEnd(job);
+  const JobRecord end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kFailed);
   EXPECT_THAT(end.error_message, HasSubstr("server ended during each of 100"));
 }
@@ -252,7 +251,7 @@ TEST_F(SupervisorTest, DoesNotCountEndsOfTheServerAsCrashes) {
                                          {AttemptEnd::kServerEnded, false, absl::ZeroDuration()}));
   }
   Restart();
-  const JobRow end = WaitForEnd(job);
+  const JobRecord end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kSucceeded) << end.error_message;
   EXPECT_EQ(end.fence, 5);
 }
@@ -262,14 +261,14 @@ TEST_F(SupervisorTest, PausesLongerAfterEachCrashWithoutDelayingOtherJobs) {
   Restart();
   const absl::Time start = absl::Now();
   const std::string crash = Submit("crash");
-  WaitFor(crash, [](const JobRow& row) { return row.crashes == 2; });
-  const JobRow paused = *store_->jobs().GetJob(crash);
+  WaitFor(crash, [](const JobRecord& row) { return row.crashes == 2; });
+  const JobRecord paused = *store_->jobs().GetJob(crash);
   EXPECT_EQ(paused.state, JobState::kQueued);
   EXPECT_EQ(paused.fence, 2);
   EXPECT_GE(paused.not_before - start, absl::Milliseconds(1200));
   const std::string next = Submit("succeed");
   EXPECT_EQ(WaitForEnd(next).state, JobState::kSucceeded);
-  const JobRow end = WaitForEnd(crash);
+  const JobRecord end = WaitForEnd(crash);
   EXPECT_EQ(end.state, JobState::kFailed);
   EXPECT_EQ(end.fence, 3);
   EXPECT_GE(absl::Now() - start, absl::Milliseconds(1200));
@@ -282,7 +281,7 @@ TEST_F(SupervisorTest, PausesLongerAfterEachCrashWithoutDelayingOtherJobs) {
 
 TEST_F(SupervisorTest, RestartsACrashedWorker) {
   const std::string job = Submit("crash once");
-  const JobRow end = WaitForEnd(job);
+  const JobRecord end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kSucceeded);
   EXPECT_EQ(end.fence, 2);
   bool warned = false;
@@ -294,14 +293,14 @@ TEST_F(SupervisorTest, RestartsACrashedWorker) {
 
 // Three crashes after progress; three without would be the limit.
 TEST_F(SupervisorTest, DoesNotCountACrashAfterProgress) {
-  const JobRow end = WaitForEnd(Submit("save and crash three times"));
+  const JobRecord end = WaitForEnd(Submit("save and crash three times"));
   EXPECT_EQ(end.state, JobState::kSucceeded);
   EXPECT_EQ(end.fence, 4);
 }
 
 TEST_F(SupervisorTest, KillsASuspendedWorkerAndRestartsIt) {
   const std::string job = Submit("stop once");
-  const JobRow end = WaitForEnd(job);
+  const JobRecord end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kSucceeded);
   EXPECT_EQ(end.fence, 2);
   EXPECT_THAT(EventsOf(job)[5].warning().message(), HasSubstr("gave no heartbeat"));

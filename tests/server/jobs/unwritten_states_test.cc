@@ -119,7 +119,7 @@ TEST_F(UnwrittenStates, LosesNoModelWithoutDescriptors) {
 
 TEST_F(UnwrittenStates, NamesNoFolderOfTheServerInAFailedStart) {
   std::ofstream(folder_.path() / "jobs") << "in the way";
-  const JobRow job = WaitForEnd(Submit("succeed"));
+  const JobRecord job = WaitForEnd(Submit("succeed"));
   EXPECT_EQ(job.state, JobState::kFailed);
   EXPECT_THAT(job.error_message, HasSubstr("create"));
   EXPECT_THAT(job.error_message, ::testing::Not(HasSubstr(folder_.path().parent_path().string())));

@@ -287,7 +287,7 @@ TEST(MeasureDataset, StopsWhenTheCallerIsGone) {
   const auto store = *Store::Open(testing::NewTestDatabase(folder.path()));
   const auto blobs = *BlobStore::Open(folder / "data");
   ASSERT_OK(store->scenes().CreateScene(NewScene("a")));
-  std::vector<DatasetFileRow> files;
+  std::vector<DatasetFileRecord> files;
   for (int i = 0; i < 3; ++i) {
     const std::string bytes = testing::BlackPng(40 + i, 30, 8);
     files.push_back({absl::StrCat(i, ".png"), v1::FILE_KIND_IMAGE,

@@ -2,8 +2,7 @@
 #include <gmock/gmock.h>
 
 #include "core/dataset/pixel_frame.h"
-#include "core/formats/decode_image.h"
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "tests/server/services/evaluate_fixture.h"
 
 namespace pepeseg {

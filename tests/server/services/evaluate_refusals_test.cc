@@ -1,7 +1,7 @@
 #include <cmath>
 #include <functional>
 
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "tests/server/services/evaluate_fixture.h"
 
 namespace pepeseg {

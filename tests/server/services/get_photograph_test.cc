@@ -8,10 +8,9 @@
 #include "absl/time/clock.h"
 #include "core/base/digest.h"
 #include "core/base/file_io.h"
-#include "core/formats/decode_image.h"
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "server/store/layout.h"
-#include "server/store/rows.h"
+#include "server/store/records.h"
 #include "server/worker_protocol/photograph_task.h"
 #include "tests/server/shelf_model.h"
 

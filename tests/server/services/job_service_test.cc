@@ -2,7 +2,7 @@
 
 #include <thread>
 
-#include "core/train/settings/training_options.h"
+#include "core/train/settings/training_settings.h"
 #include "kernels/host_memory.h"
 #include "server/server_parts.h"
 #include "server/worker_protocol/job_folder.h"
@@ -63,7 +63,7 @@ TEST_F(JobServiceTest, ListsEveryOptionWithTheDefaultsOfAPreset) {
   }
   request.set_preset(static_cast<v1::TrainingPreset>(9));
   EXPECT_ERROR(Call(&JobStub::ListTrainingOptions, request), grpc::INVALID_ARGUMENT,
-               {.message = "options.preset is 9"});
+               {.field = "preset", .message = "is not a preset"});
 }
 
 TEST_F(JobServiceTest, TakesTheSameOptionsInAnyOrderForARepeatedRequest) {

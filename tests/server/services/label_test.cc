@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <functional>
 
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "core/formats/rle.h"
 #include "tests/server/shelf_model.h"
 

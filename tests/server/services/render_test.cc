@@ -4,8 +4,7 @@
 #include <fstream>
 #include <limits>
 
-#include "core/formats/decode_image.h"
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "core/formats/rle.h"
 #include "tests/server/shelf_model.h"
 

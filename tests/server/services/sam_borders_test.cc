@@ -7,10 +7,9 @@
 
 #include "core/base/digest.h"
 #include "core/base/file_io.h"
-#include "core/formats/decode_image.h"
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "core/formats/rle.h"
-#include "core/priors/sam/embedding_file.h"
+#include "core/priors/sam/sam_embedding.h"
 #include "core/priors/sam/sam_networks.h"
 #include "server/store/layout.h"
 #include "tests/server/access/keyed_server.h"

@@ -29,7 +29,7 @@ TEST_F(StoreTest, SealsOnlyCompleteDatasets) {
   EXPECT_EQ(store_->files().MarkFilesStored(upload, {{"images/2.jpg", 1, 20, "cc"}}).code(),
             absl::StatusCode::kNotFound)
       << "of another upload of this name, which was deleted since";
-  DatasetFileRow second{"images/2.jpg", 1, 20, "bb"};
+  DatasetFileRecord second{"images/2.jpg", 1, 20, "bb"};
   second.header = HeaderState::kRead;
   second.width = 640;
   second.height = 480;
@@ -50,7 +50,7 @@ TEST_F(StoreTest, SealsOnlyCompleteDatasets) {
 TEST_F(StoreTest, StoresThousandsOfFiles) {
   constexpr int kFiles = 1000;
   MakeScene("a");
-  std::vector<DatasetFileRow> files;
+  std::vector<DatasetFileRecord> files;
   files.reserve(kFiles);
   for (int i = 0; i < kFiles; ++i) {
     files.push_back({absl::StrCat("images/", 1000 + i, ".jpg"), 1, 10 + i, absl::StrCat("d", i)});
@@ -67,14 +67,14 @@ TEST_F(StoreTest, StoresThousandsOfFiles) {
       std::string(store_->datasets().SealDataset(SceneOf(*store_, "a"), 1).status().message()),
       HasSubstr("900 of 1000 files are not uploaded"));
   ASSERT_OK(store_->datasets().SealDataset(SceneOf(*store_, "a"), 1, files));
-  for (DatasetFileRow& file : files) {
+  for (DatasetFileRecord& file : files) {
     file.header = HeaderState::kRead;
     file.num_points = 2 * file.size;
   }
   ASSERT_OK(store_->files().SetFileHeaders(SceneOf(*store_, "a"), 1, files));
   ASSERT_OK_AND_ASSIGN(listed, store_->files().ListDatasetFiles(SceneOf(*store_, "a"), 1));
   ASSERT_EQ(listed.size(), size_t{kFiles});
-  for (const DatasetFileRow& file : listed) {
+  for (const DatasetFileRecord& file : listed) {
     EXPECT_TRUE(file.stored);
     EXPECT_EQ(file.num_points, 2 * file.size) << file.path;
   }
@@ -84,7 +84,8 @@ TEST_F(StoreTest, StoresThousandsOfFiles) {
 
 TEST_F(StoreTest, CreatesOneDatasetForARepeatedRequest) {
   MakeScene("a");
-  const std::vector<DatasetFileRow> files = {{"x", 1, 10, "aa", false}, {"y", 1, 10, "ab", false}};
+  const std::vector<DatasetFileRecord> files = {{"x", 1, 10, "aa", false},
+                                                {"y", 1, 10, "ab", false}};
   EXPECT_EQ(store_->datasets().CreateDataset(SceneOf(*store_, "a"), "r", files)->number, 1);
   EXPECT_EQ(
       store_->datasets().CreateDataset(SceneOf(*store_, "a"), "r", {files[1], files[0]})->number,
@@ -106,12 +107,12 @@ TEST_F(StoreTest, ListsSealedDatasetsByNumber) {
   for (const int64_t number : {4, 1, 2})
     ASSERT_OK(store_->datasets().SealDataset(SceneOf(*store_, "a"), number));
   const auto page = store_->datasets().ListDatasets(SceneOf(*store_, "a"), {2, ""});
-  ASSERT_EQ(page->rows.size(), 2u);
-  EXPECT_EQ(page->rows[1].number, 2);
+  ASSERT_EQ(page->records.size(), 2u);
+  EXPECT_EQ(page->records[1].number, 2);
   const auto rest =
       store_->datasets().ListDatasets(SceneOf(*store_, "a"), {2, page->next_page_token});
-  ASSERT_EQ(rest->rows.size(), 1u);
-  EXPECT_EQ(rest->rows[0].number, 4);
+  ASSERT_EQ(rest->records.size(), 1u);
+  EXPECT_EQ(rest->records[0].number, 4);
   EXPECT_EQ(rest->next_page_token, "");
 }
 

@@ -35,12 +35,22 @@ class StoreQueueTest : public ::testing::Test {
     EXPECT_OK(
         store.datasets().CreateDataset(SceneOf(store, scene), "", {{"a.jpg", 1, 3, "00", true}}));
     EXPECT_OK(store.datasets().SealDataset(SceneOf(store, scene), 1));
-    JobRow job;
+    JobRecord job;
     job.scene = SceneOf(store, scene);
     job.dataset = 1;
     const auto made = store.jobs().CreateJob(job);
     EXPECT_OK(made);
     return made->id;
+  }
+
+  // Claims a job as soon as there is one, after the end of a lease or of a pause.
+  std::optional<JobRecord> AwaitClaim(Store& store, const std::string& device) {
+    std::optional<JobRecord> claimed;
+    EXPECT_TRUE(testing::Eventually([&] {
+      claimed = store.queue().ClaimJob(device).value_or(std::nullopt);
+      return claimed.has_value();
+    }));
+    return claimed;
   }
 
   const testing::TempFolder folder_;
@@ -52,12 +62,12 @@ TEST_F(StoreQueueTest, DoesNotClaimAJobWhoseLeaseIsRenewed) {
   const auto a = Open("a", absl::Milliseconds(300));
   const auto b = Open("b", absl::Seconds(60));
   const std::string job = Queue(*a);
-  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, a->queue().ClaimJob("cpu"));
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRecord> claimed, a->queue().ClaimJob("cpu"));
   ASSERT_TRUE(claimed.has_value());
   EXPECT_EQ(claimed->fence, 1);
   for (int i = 0; i < 6; ++i) {
     absl::SleepFor(absl::Milliseconds(100));
-    ASSERT_OK_AND_ASSIGN(const std::vector<JobRow> held, a->queue().RenewLeases());
+    ASSERT_OK_AND_ASSIGN(const std::vector<JobRecord> held, a->queue().RenewLeases());
     ASSERT_EQ(held.size(), 1u);
     EXPECT_EQ(held[0].id, job);
     EXPECT_FALSE((*b->queue().ClaimJob("cpu")).has_value());
@@ -69,8 +79,7 @@ TEST_F(StoreQueueTest, RefusesWritesAfterTheLeaseIsLost) {
   const auto b = Open("b", absl::Seconds(60));
   const std::string job = Queue(*a);
   ASSERT_TRUE((*a->queue().ClaimJob("cpu")).has_value());
-  absl::SleepFor(absl::Milliseconds(80));
-  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, b->queue().ClaimJob("cuda 0"));
+  const std::optional<JobRecord> claimed = AwaitClaim(*b, "cuda 0");
   ASSERT_TRUE(claimed.has_value());
   EXPECT_EQ(claimed->id, job);
   EXPECT_EQ(claimed->fence, 2);
@@ -80,9 +89,9 @@ TEST_F(StoreQueueTest, RefusesWritesAfterTheLeaseIsLost) {
   EXPECT_TRUE(absl::IsAborted(a->queue().RequeueJob(job, 1, {}).status()));
   // The fence of the other attempt does not help.
   EXPECT_TRUE(absl::IsAborted(a->queue().CommitModel(job, 2, {}).status()));
-  ASSERT_OK_AND_ASSIGN(const std::vector<JobRow> held, a->queue().RenewLeases());
+  ASSERT_OK_AND_ASSIGN(const std::vector<JobRecord> held, a->queue().RenewLeases());
   EXPECT_TRUE(held.empty());
-  ASSERT_OK_AND_ASSIGN(const JobRow row, b->jobs().GetJob(job));
+  ASSERT_OK_AND_ASSIGN(const JobRecord row, b->jobs().GetJob(job));
   EXPECT_EQ(row.state, JobState::kRunning);
   EXPECT_EQ(row.stage, "");
   EXPECT_EQ(row.lease_owner, "b");
@@ -95,8 +104,7 @@ TEST_F(StoreQueueTest, ChangesOnlyTheHolderOfALaunchedJob) {
   const std::string job = Queue(*a);
   ASSERT_TRUE((*a->queue().ClaimJob("cpu")).has_value());
   ASSERT_OK(a->queue().SetJobLaunch(job, 1, "slurm:17"));
-  absl::SleepFor(absl::Milliseconds(80));
-  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, b->queue().ClaimJob("cpu"));
+  const std::optional<JobRecord> claimed = AwaitClaim(*b, "cpu");
   ASSERT_TRUE(claimed.has_value());
   EXPECT_EQ(claimed->fence, 1);
   EXPECT_EQ(claimed->launch, "slurm:17");
@@ -126,7 +134,7 @@ TEST_F(StoreQueueTest, TakesOverJobsOfTheGivenHolderOnly) {
   EXPECT_TRUE(absl::IsAborted(b->queue().TakeOverJob(job, "c").status()));
   ASSERT_OK(b->queue().TakeOverJob(job, "a"));
   EXPECT_TRUE(absl::IsAborted(a->queue().RequeueJob(job, 1, {}).status()));
-  ASSERT_OK_AND_ASSIGN(const JobRow row, b->queue().RequeueJob(job, 1, {}));
+  ASSERT_OK_AND_ASSIGN(const JobRecord row, b->queue().RequeueJob(job, 1, {}));
   EXPECT_EQ(row.lease_owner, "");
 }
 
@@ -145,10 +153,10 @@ TEST_F(StoreQueueTest, CountsCrashesAndServerEndsSeparatelyUntilThereIsProgress)
   int64_t fence = 0;
   for (const Case& each : cases) {
     ASSERT_TRUE((*a->queue().ClaimJob("cpu")).has_value());
-    ASSERT_OK_AND_ASSIGN(const JobRow row, a->queue().RequeueJob(job, ++fence, each.attempt));
+    ASSERT_OK_AND_ASSIGN(const JobRecord row, a->queue().RequeueJob(job, ++fence, each.attempt));
     EXPECT_EQ(row.crashes, each.crashes) << "fence " << fence;
     EXPECT_EQ(row.server_ends, each.server_ends) << "fence " << fence;
-    ASSERT_OK_AND_ASSIGN(const JobRow read, a->jobs().GetJob(job));
+    ASSERT_OK_AND_ASSIGN(const JobRecord read, a->jobs().GetJob(job));
     EXPECT_EQ(read.crashes, each.crashes);
     EXPECT_EQ(read.server_ends, each.server_ends);
   }
@@ -159,14 +167,14 @@ TEST_F(StoreQueueTest, ClaimsAPausedJobAfterItsPauseAndOthersBefore) {
   const std::string job = Queue(*a), other = Queue(*a);
   ASSERT_EQ((*a->queue().ClaimJob("cpu"))->id, job);
   ASSERT_OK_AND_ASSIGN(
-      const JobRow row,
+      const JobRecord row,
       a->queue().RequeueJob(job, 1, {AttemptEnd::kCrashed, false, absl::Seconds(1)}));
   EXPECT_EQ(row.state, JobState::kQueued);
   EXPECT_EQ((*a->queue().ClaimJob("cpu"))->id, other);
   EXPECT_FALSE((*a->queue().ClaimJob("cpu")).has_value());
-  absl::SleepFor(row.not_before - absl::Now() + absl::Milliseconds(20));
-  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, a->queue().ClaimJob("cpu"));
+  const std::optional<JobRecord> claimed = AwaitClaim(*a, "cpu");
   ASSERT_TRUE(claimed.has_value());
+  EXPECT_GE(absl::Now(), row.not_before);
   EXPECT_EQ(claimed->fence, 2);
   EXPECT_EQ(claimed->not_before, absl::InfinitePast());
 }

@@ -82,7 +82,7 @@ TEST_F(StoreTest, CommitsAModelWithItsJob) {
   EXPECT_STATUS(store_->models().GetLiveModel(SceneOf(*store_, "a")),
                 absl::StatusCode::kFailedPrecondition, "jobs/j1");
   ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
-  ModelRow model;
+  ModelRecord model;
   model.folder = "jobs/j1/attempt-1";
   model.metrics = R"({"psnr": 21.5})";
   model.num_bytes = 12;
@@ -106,11 +106,11 @@ TEST_F(StoreTest, NewestModelIsLiveAndNumbersAreNotReused) {
   }
   EXPECT_EQ(store_->models().GetLiveModel(SceneOf(*store_, "a"))->number, 3);
   const auto page = store_->models().ListModels(SceneOf(*store_, "a"), {2, ""});
-  ASSERT_EQ(page->rows.size(), 2u);
-  EXPECT_EQ(page->rows[0].number, 3);
+  ASSERT_EQ(page->records.size(), 2u);
+  EXPECT_EQ(page->records[0].number, 3);
   EXPECT_EQ(store_->models()
                 .ListModels(SceneOf(*store_, "a"), {2, page->next_page_token})
-                ->rows.at(0)
+                ->records.at(0)
                 .number,
             1);
   ASSERT_OK(store_->models().DeleteModel(SceneOf(*store_, "a"), 3));
@@ -161,11 +161,11 @@ TEST_F(StoreTest, ListsJobsNewestFirstByFilter) {
   }
   ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
   const auto all = store_->jobs().ListJobs({}, {2, ""});
-  ASSERT_EQ(all->rows.size(), 2u);
-  EXPECT_EQ(all->rows[0].id, "j3");
-  EXPECT_EQ(store_->jobs().ListJobs({}, {2, all->next_page_token})->rows.at(0).id, "j1");
-  EXPECT_EQ(store_->jobs().ListJobs({SceneOf(*store_, "b"), {}}, {})->rows.at(0).id, "j2");
-  EXPECT_EQ(store_->jobs().ListJobs({std::nullopt, JobState::kRunning}, {})->rows.size(), 1u);
+  ASSERT_EQ(all->records.size(), 2u);
+  EXPECT_EQ(all->records[0].id, "j3");
+  EXPECT_EQ(store_->jobs().ListJobs({}, {2, all->next_page_token})->records.at(0).id, "j1");
+  EXPECT_EQ(store_->jobs().ListJobs({SceneOf(*store_, "b"), {}}, {})->records.at(0).id, "j2");
+  EXPECT_EQ(store_->jobs().ListJobs({std::nullopt, JobState::kRunning}, {})->records.size(), 1u);
   EXPECT_EQ(store_->jobs().ListJobs({SceneOf(*store_, "none"), {}}, {}).status().code(),
             absl::StatusCode::kNotFound);
 }

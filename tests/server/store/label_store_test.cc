@@ -9,7 +9,7 @@ using absl::StatusCode::kNotFound;
 
 class StoreLabelsTest : public testing::TrainedStoreTest {
  protected:
-  LabelRow Cup(const std::string& id = "cup", const std::string& request_id = "") {
+  LabelRecord Cup(const std::string& id = "cup", const std::string& request_id = "") {
     return {SceneOf(*store_, "a"),
             id,
             "A c\xc3\xbcp",
@@ -24,10 +24,10 @@ class StoreLabelsTest : public testing::TrainedStoreTest {
 };
 
 TEST_F(StoreLabelsTest, KeepsEveryColumnAfterReopening) {
-  ASSERT_OK_AND_ASSIGN(const LabelRow made, store_->labels().CreateLabel(Cup("cup", "r1")));
+  ASSERT_OK_AND_ASSIGN(const LabelRecord made, store_->labels().CreateLabel(Cup("cup", "r1")));
   EXPECT_NEAR(absl::ToDoubleSeconds(absl::Now() - made.create_time), 0, 60);
   Reopen();
-  ASSERT_OK_AND_ASSIGN(const LabelRow found,
+  ASSERT_OK_AND_ASSIGN(const LabelRecord found,
                        store_->labels().GetLabel(SceneOf(*store_, "a"), "cup"));
   EXPECT_EQ(found.scene.name, "a");
   EXPECT_EQ(found.id, "cup");
@@ -45,7 +45,7 @@ TEST_F(StoreLabelsTest, RefusesInvalidIdsAndUnknownScenes) {
   for (const char* id : {"", "-a", "_a", ".", "..", "../x", "a/b"}) {
     EXPECT_STATUS(store_->labels().CreateLabel(Cup(id)), kInvalidArgument, "label id");
   }
-  LabelRow label = Cup();
+  LabelRecord label = Cup();
   label.scene = SceneOf(*store_, "none");
   EXPECT_STATUS(store_->labels().CreateLabel(label), kNotFound, "scenes/none");
 }
@@ -57,10 +57,10 @@ TEST_F(StoreLabelsTest, ReturnsTheSameLabelToARetryAndRefusesAnotherRequest) {
                 "scenes/a/labels/cup");
   EXPECT_STATUS(store_->labels().CreateLabel(Cup()), kAlreadyExists, "scenes/a/labels/cup");
   EXPECT_STATUS(store_->labels().CreateLabel(Cup("mug", "r1")), kAlreadyExists, "'r1'");
-  LabelRow other = Cup("cup", "r1");
+  LabelRecord other = Cup("cup", "r1");
   other.counts = "1";
   EXPECT_STATUS(store_->labels().CreateLabel(other), kAlreadyExists, "'r1'");
-  LabelRow elsewhere = Cup("cup", "r1");
+  LabelRecord elsewhere = Cup("cup", "r1");
   elsewhere.scene = SceneOf(*store_, "b");
   EXPECT_OK(store_->labels().CreateLabel(elsewhere));
 }
@@ -73,14 +73,14 @@ TEST_F(StoreLabelsTest, ListsByIdInPages) {
   do {
     ASSERT_OK_AND_ASSIGN(const auto labels,
                          store_->labels().ListLabels(SceneOf(*store_, "a"), page));
-    for (const LabelRow& label : labels.rows) ids += label.id;
+    for (const LabelRecord& label : labels.records) ids += label.id;
     page.page_token = labels.next_page_token;
     ++num_pages;
   } while (!page.page_token.empty());
   EXPECT_EQ(ids, "abcde");
   EXPECT_EQ(num_pages, 3);
   ASSERT_OK_AND_ASSIGN(const auto none, store_->labels().ListLabels(SceneOf(*store_, "b"), {}));
-  EXPECT_TRUE(none.rows.empty());
+  EXPECT_TRUE(none.records.empty());
   ASSERT_OK_AND_ASSIGN(const auto first,
                        store_->labels().ListLabels(SceneOf(*store_, "a"), {1, ""}));
   EXPECT_STATUS(store_->labels().ListLabels(SceneOf(*store_, "b"), {1, first.next_page_token}),

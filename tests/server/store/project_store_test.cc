@@ -20,8 +20,8 @@ struct StoreKeys : ::testing::Test {
     EXPECT_OK(opened);
     store = *std::move(opened);
   }
-  absl::StatusOr<KeyRow> MakeKey(const std::string& id, const std::string& project) {
-    KeyRow key;
+  absl::StatusOr<KeyRecord> MakeKey(const std::string& id, const std::string& project) {
+    KeyRecord key;
     key.id = id;
     key.project = project;
     key.display_name = "Key's name";
@@ -31,7 +31,7 @@ struct StoreKeys : ::testing::Test {
   }
   void CreateScene(const std::string& id, const std::string& project,
                    const std::string& request_id = "") {
-    ASSERT_OK_AND_ASSIGN(const SceneRow made,
+    ASSERT_OK_AND_ASSIGN(const SceneRecord made,
                          store->scenes().CreateScene(NewScene(id, "", request_id, project)));
     EXPECT_EQ(made.scene.project, project);
   }
@@ -70,13 +70,13 @@ TEST_F(StoreKeys, ListsKeysByProjectInPages) {
     ASSERT_OK(MakeKey(id, *id == 'c' ? "other" : "lab"));
   }
   ASSERT_OK_AND_ASSIGN(const auto first, store->keys().ListKeys("lab", {2, ""}));
-  ASSERT_EQ(first.rows.size(), 2u);
-  EXPECT_EQ(first.rows[0].id, "a");
+  ASSERT_EQ(first.records.size(), 2u);
+  EXPECT_EQ(first.records[0].id, "a");
   const auto second = store->keys().ListKeys("lab", {2, first.next_page_token});
-  ASSERT_EQ(second->rows.size(), 1u);
-  EXPECT_EQ(second->rows[0].id, "d");
-  EXPECT_EQ(store->keys().ListKeys("", {})->rows.size(), 4u);
-  EXPECT_EQ(store->keys().ListKeys("none", {})->rows.size(), 0u);
+  ASSERT_EQ(second->records.size(), 1u);
+  EXPECT_EQ(second->records[0].id, "d");
+  EXPECT_EQ(store->keys().ListKeys("", {})->records.size(), 4u);
+  EXPECT_EQ(store->keys().ListKeys("none", {})->records.size(), 0u);
   EXPECT_FALSE(
       store->keys().ListKeys("", {2, first.next_page_token}).ok());  // token of another list
   EXPECT_FALSE(store->keys().ListKeys("x' OR '1' = '1", {}).ok());
@@ -87,18 +87,18 @@ TEST_F(StoreKeys, FindsTheProjectOfScenesAndJobs) {
   CreateScene("b", "other", "request");  // the request_id is its own
   EXPECT_EQ(store->scenes().FindScene("lab", "a")->project, "lab");
   ASSERT_OK_AND_ASSIGN(const SceneRef b, store->scenes().FindScene("other", "b"));
-  EXPECT_EQ(*store->scenes().FindSceneById(b.id), b);
+  EXPECT_EQ(store->scenes().GetScene({b.id, "", ""})->scene, b);
   EXPECT_TRUE(absl::IsNotFound(store->scenes().FindScene("lab", "b").status()));
-  EXPECT_TRUE(absl::IsNotFound(store->scenes().FindSceneById(b.id + 1).status()));
+  EXPECT_TRUE(absl::IsNotFound(store->scenes().GetScene({b.id + 1, "", ""}).status()));
   EXPECT_TRUE(absl::IsInvalidArgument(store->scenes().FindScene("lab", "../a").status()));
-  ASSERT_EQ(store->scenes().ListScenes({}, "lab")->rows.size(), 1u);
-  EXPECT_EQ(store->scenes().ListScenes({}, "lab")->rows[0].scene.name, "a");
-  EXPECT_EQ(store->scenes().ListScenes({})->rows.size(), 2u);
+  ASSERT_EQ(store->scenes().ListScenes({}, "lab")->records.size(), 1u);
+  EXPECT_EQ(store->scenes().ListScenes({}, "lab")->records[0].scene.name, "a");
+  EXPECT_EQ(store->scenes().ListScenes({})->records.size(), 2u);
   for (const char* scene : {"a", "b"}) {
     ASSERT_OK(
         store->datasets().CreateDataset(SceneOf(*store, scene), "", {{"x.jpg", 1, 3, "00", true}}));
     ASSERT_OK(store->datasets().SealDataset(SceneOf(*store, scene), 1));
-    JobRow job;
+    JobRecord job;
     job.scene = SceneOf(*store, scene);
     job.dataset = 1;
     ASSERT_OK(store->jobs().CreateJob(job));
@@ -111,11 +111,11 @@ TEST_F(StoreKeys, FindsTheProjectOfScenesAndJobs) {
   }
   JobStore::JobFilter filter;
   filter.project = "other";
-  ASSERT_EQ(store->jobs().ListJobs(filter, {})->rows.size(), 1u);
-  EXPECT_EQ(store->jobs().ListJobs(filter, {})->rows[0].id, "j2");
+  ASSERT_EQ(store->jobs().ListJobs(filter, {})->records.size(), 1u);
+  EXPECT_EQ(store->jobs().ListJobs(filter, {})->records[0].id, "j2");
   filter.scene = SceneOf(*store, "a");
-  EXPECT_EQ(store->jobs().ListJobs(filter, {})->rows.size(), 0u);
-  EXPECT_EQ(store->jobs().ListJobs({}, {})->rows.size(), 2u);
+  EXPECT_EQ(store->jobs().ListJobs(filter, {})->records.size(), 0u);
+  EXPECT_EQ(store->jobs().ListJobs({}, {})->records.size(), 2u);
 }
 
 TEST_F(StoreKeys, AllowsTheSameSceneIdInSeveralProjects) {
@@ -148,8 +148,8 @@ TEST_F(StoreKeys, ListsScenesWithTheSameIdInPages) {
   PageRequest page{1, ""};
   do {
     ASSERT_OK_AND_ASSIGN(const auto scenes, store->scenes().ListScenes(page));
-    ASSERT_EQ(scenes.rows.size(), 1u);
-    EXPECT_TRUE(ids.insert(scenes.rows[0].scene.id).second);
+    ASSERT_EQ(scenes.records.size(), 1u);
+    EXPECT_TRUE(ids.insert(scenes.records[0].scene.id).second);
     page.page_token = scenes.next_page_token;
   } while (!page.page_token.empty() && ids.size() < 10);
   EXPECT_EQ(ids.size(), 5u);

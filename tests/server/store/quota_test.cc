@@ -18,7 +18,7 @@
 namespace pepeseg {
 namespace {
 
-using Files = std::vector<DatasetFileRow>;
+using Files = std::vector<DatasetFileRecord>;
 
 struct StoreQuotas : ::testing::Test {
   StoreQuotas() : store(*Store::Open(testing::NewTestDatabase(folder.path()))) {
@@ -39,7 +39,7 @@ struct StoreQuotas : ::testing::Test {
     RETURN_IF_ERROR(dataset.status());
     RETURN_IF_ERROR(
         store->datasets().SealDataset(SceneOf(*store, scene), dataset->number).status());
-    JobRow job;
+    JobRecord job;
     job.scene = SceneOf(*store, scene);
     job.dataset = dataset->number;
     return store->jobs().CreateJob(job).status();
@@ -114,12 +114,12 @@ TEST_F(StoreQuotas, CountsModelsAndSelections) {
   ASSERT_OK(Train("a"));  // of 3 bytes
   const auto job = *store->queue().ClaimJob("cpu");
   ASSERT_TRUE(job.has_value());
-  ModelRow model;
+  ModelRecord model;
   model.folder = "jobs/j1/attempt-1";
   model.num_bytes = 80;
   ASSERT_OK(store->queue().CommitModel(job->id, job->fence, model));
   EXPECT_EQ(store->quotas().GetUsage("lab")->stored_bytes, 83);
-  SelectionRow selection;
+  SelectionRecord selection;
   selection.scene = SceneOf(*store, "a");
   selection.model = 1;
   selection.number = *store->selections().TakeSelectionNumber(SceneOf(*store, "a"));
@@ -130,7 +130,7 @@ TEST_F(StoreQuotas, CountsModelsAndSelections) {
   ASSERT_OK(store->selections().CreateSelection(selection));
   EXPECT_EQ(store->selections().GetSelection(SceneOf(*store, "a"), 1)->num_bytes, 17);
   ExpectQuota(Upload("b", {{"2", 1, 1, "d2", false}}), "stored_bytes", "101", "100");
-  JobRow next;
+  JobRecord next;
   next.scene = SceneOf(*store, "a");
   next.dataset = 1;
   ExpectQuota(store->jobs().CreateJob(next).status(), "stored_bytes", "101", "100");

@@ -8,9 +8,9 @@
 namespace pepeseg {
 
 // Returns the record of a scene to create.
-inline SceneRow NewScene(const std::string& name, const std::string& display_name = "",
-                         const std::string& request_id = "",
-                         const std::string& project = kDefaultProject) {
+inline SceneRecord NewScene(const std::string& name, const std::string& display_name = "",
+                            const std::string& request_id = "",
+                            const std::string& project = kDefaultProject) {
   return {{0, project, name}, display_name, request_id, {}};
 }
 

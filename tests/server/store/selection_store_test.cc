@@ -9,11 +9,11 @@ using absl::StatusCode::kNotFound;
 class StoreSelectionsTest : public testing::TrainedStoreTest {
  protected:
   // Creates a selection with the next number.
-  absl::StatusOr<SelectionRow> Make(int64_t model, const std::string& request_id = "",
-                                    const std::string& digest = "d") {
+  absl::StatusOr<SelectionRecord> Make(int64_t model, const std::string& request_id = "",
+                                       const std::string& digest = "d") {
     const auto number = store_->selections().TakeSelectionNumber(SceneOf(*store_, "a"));
     if (!number.ok()) return number.status();
-    SelectionRow row;
+    SelectionRecord row;
     row.scene = SceneOf(*store_, "a");
     row.number = *number;
     row.model = model;
@@ -34,10 +34,10 @@ class StoreSelectionsTest : public testing::TrainedStoreTest {
 TEST_F(StoreSelectionsTest, KeepsEveryColumnAfterReopening) {
   ASSERT_OK(Make(1));
   base_ = 1;
-  ASSERT_OK_AND_ASSIGN(const SelectionRow made, Make(2, "r", "digest"));
+  ASSERT_OK_AND_ASSIGN(const SelectionRecord made, Make(2, "r", "digest"));
   EXPECT_NEAR(absl::ToDoubleSeconds(absl::Now() - made.create_time), 0, 60);
   Reopen();
-  ASSERT_OK_AND_ASSIGN(const SelectionRow found,
+  ASSERT_OK_AND_ASSIGN(const SelectionRecord found,
                        store_->selections().GetSelection(SceneOf(*store_, "a"), 2));
   EXPECT_EQ(found.scene.name, "a");
   EXPECT_EQ(found.number, 2);
@@ -55,14 +55,14 @@ TEST_F(StoreSelectionsTest, KeepsEveryColumnAfterReopening) {
 
 TEST_F(StoreSelectionsTest, NeverReusesNumbers) {
   ASSERT_OK(Make(1));
-  ASSERT_OK_AND_ASSIGN(const SelectionRow second, Make(1));
+  ASSERT_OK_AND_ASSIGN(const SelectionRecord second, Make(1));
   EXPECT_EQ(second.number, 2);
   ASSERT_OK(store_->selections().DeleteSelection(SceneOf(*store_, "a"), 2));
   EXPECT_STATUS(store_->selections().GetSelection(SceneOf(*store_, "a"), 2), kNotFound,
                 "scenes/a/selections/2");
   EXPECT_STATUS(store_->selections().DeleteSelection(SceneOf(*store_, "a"), 2), kNotFound,
                 "scenes/a/selections/2");
-  ASSERT_OK_AND_ASSIGN(const SelectionRow third, Make(1));
+  ASSERT_OK_AND_ASSIGN(const SelectionRecord third, Make(1));
   EXPECT_EQ(third.number, 3);
   EXPECT_STATUS(store_->selections().TakeSelectionNumber(SceneOf(*store_, "none")), kNotFound,
                 "scenes/none");
@@ -72,12 +72,12 @@ TEST_F(StoreSelectionsTest, ReturnsTheSameSelectionToARetry) {
   ASSERT_OK_AND_ASSIGN(const auto nothing, store_->selections().FindSelectionOfRequest(
                                                SceneOf(*store_, "a"), "r", "d"));
   EXPECT_FALSE(nothing.has_value());
-  ASSERT_OK_AND_ASSIGN(const SelectionRow first, Make(1, "r"));
+  ASSERT_OK_AND_ASSIGN(const SelectionRecord first, Make(1, "r"));
   ASSERT_OK_AND_ASSIGN(const auto found, store_->selections().FindSelectionOfRequest(
                                              SceneOf(*store_, "a"), "r", "d"));
   ASSERT_TRUE(found.has_value());
   EXPECT_EQ(found->number, first.number);
-  ASSERT_OK_AND_ASSIGN(const SelectionRow again, Make(1, "r"));
+  ASSERT_OK_AND_ASSIGN(const SelectionRecord again, Make(1, "r"));
   EXPECT_EQ(again.number, first.number);
   EXPECT_STATUS(Make(1, "r", "other"), kAlreadyExists, "'r'");
   EXPECT_STATUS(store_->selections().FindSelectionOfRequest(SceneOf(*store_, "a"), "r", "other"),
@@ -102,13 +102,13 @@ TEST_F(StoreSelectionsTest, ListsNewestFirstInPages) {
   do {
     ASSERT_OK_AND_ASSIGN(const auto selections,
                          store_->selections().ListSelections(SceneOf(*store_, "a"), page));
-    for (const SelectionRow& row : selections.rows) numbers.push_back(row.number);
+    for (const SelectionRecord& row : selections.records) numbers.push_back(row.number);
     page.page_token = selections.next_page_token;
   } while (!page.page_token.empty());
   EXPECT_EQ(numbers, (std::vector<int64_t>{5, 4, 3, 2, 1}));
   ASSERT_OK_AND_ASSIGN(const auto none,
                        store_->selections().ListSelections(SceneOf(*store_, "b"), {}));
-  EXPECT_TRUE(none.rows.empty());
+  EXPECT_TRUE(none.records.empty());
 }
 
 TEST_F(StoreSelectionsTest, DeletesSelectionsWithTheirModelOrScene) {
@@ -119,7 +119,7 @@ TEST_F(StoreSelectionsTest, DeletesSelectionsWithTheirModelOrScene) {
   ASSERT_OK(store_->models().DeleteModel(SceneOf(*store_, "a"), 1));
   EXPECT_STATUS(store_->selections().GetSelection(SceneOf(*store_, "a"), 1), kNotFound,
                 "selections/1");
-  ASSERT_OK_AND_ASSIGN(const SelectionRow made_of_it,
+  ASSERT_OK_AND_ASSIGN(const SelectionRecord made_of_it,
                        store_->selections().GetSelection(SceneOf(*store_, "a"), 3));
   EXPECT_EQ(made_of_it.base, 1);
   ASSERT_OK(store_->scenes().DeleteScene(SceneOf(*store_, "a")));

@@ -37,8 +37,8 @@ class StoreTest : public ::testing::Test {
     ASSERT_OK(store_->datasets().SealDataset(SceneOf(*store_, id), 1));
   }
 
-  absl::StatusOr<JobRow> Train(const std::string& scene, const std::string& request_id = "") {
-    JobRow job;
+  absl::StatusOr<JobRecord> Train(const std::string& scene, const std::string& request_id = "") {
+    JobRecord job;
     job.scene = SceneOf(*store_, scene);
     job.dataset = 1;
     job.options = std::string("\0opt\xff", 5);

@@ -39,7 +39,7 @@ TEST_F(StoreTest, CreatesOneSceneForARepeatedRequest) {
             absl::StatusCode::kAlreadyExists);
   EXPECT_EQ(store_->scenes().CreateScene(NewScene("a", "x", "r2")).status().code(),
             absl::StatusCode::kAlreadyExists);
-  EXPECT_EQ(store_->scenes().ListScenes({})->rows.size(), 1u);
+  EXPECT_EQ(store_->scenes().ListScenes({})->records.size(), 1u);
 }
 
 TEST_F(StoreTest, ListsEachSceneOnceInPages) {
@@ -49,8 +49,8 @@ TEST_F(StoreTest, ListsEachSceneOnceInPages) {
   page.page_size = 3;
   do {
     ASSERT_OK_AND_ASSIGN(const auto got, store_->scenes().ListScenes(page));
-    EXPECT_LE(got.rows.size(), 3u);
-    for (const SceneRow& row : got.rows) seen.push_back(row.scene.name);
+    EXPECT_LE(got.records.size(), 3u);
+    for (const SceneRecord& row : got.records) seen.push_back(row.scene.name);
     page.page_token = got.next_page_token;
   } while (!page.page_token.empty());
   EXPECT_THAT(seen, ::testing::ElementsAre("s0", "s1", "s2", "s3", "s4", "s5", "s6"));

@@ -28,7 +28,7 @@ class TrainedStoreTest : public ::testing::Test {
                                                {{"images/a.jpg", 1, 3, "00", true}}));
     ASSERT_OK(store_->datasets().SealDataset(SceneOf(*store_, scene), 1));
     for (int i = 0; i < 2; ++i) {
-      JobRow job;
+      JobRecord job;
       job.scene = SceneOf(*store_, scene);
       job.dataset = 1;
       ASSERT_OK_AND_ASSIGN(job, store_->jobs().CreateJob(job));

@@ -5,7 +5,7 @@
 #include <fstream>
 
 #include "absl/time/time.h"
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "core/model_files/model_file.h"
 #include "core/scene/capture.h"
 #include "tests/server/worker/worker_fixture.h"

@@ -6,7 +6,7 @@
 #include "absl/time/time.h"
 #include "core/dataset/dataset_index.h"
 #include "core/model_files/model_file.h"
-#include "core/priors/sam/embedding_file.h"
+#include "core/priors/sam/sam_embedding.h"
 #include "core/priors/sam/sam_networks.h"
 #include "tests/server/worker/worker_sfm_fixture.h"
 #include "tests/testing/colmap_files.h"

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "tests/server/worker/worker_fixture.h"
 #include "tests/testing/eventually.h"
 #include "tests/testing/status_testing.h"

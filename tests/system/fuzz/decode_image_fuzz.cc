@@ -1,6 +1,6 @@
-#include "core/formats/decode_image.h"
 #include "core/formats/decode_luma.h"
 #include "core/formats/image_header.h"
+#include "core/formats/images.h"
 #include "tests/system/fuzz/fuzz_target.h"
 #include "tests/system/fuzz/memory_file.h"
 

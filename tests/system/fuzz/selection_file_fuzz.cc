@@ -1,6 +1,6 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/digest.h"
-#include "core/model_files/selection_file.h"
+#include "core/model_files/model_file.h"
 #include "tests/system/fuzz/fuzz_target.h"
 #include "tests/system/fuzz/memory_file.h"
 

@@ -22,8 +22,8 @@ Model ThreeViews() {
   return model;
 }
 
-LabelRow RedLabel(const SceneRef& scene) {
-  LabelRow label;
+LabelRecord RedLabel(const SceneRef& scene) {
+  LabelRecord label;
   label.scene = scene;
   label.id = "red";
   label.view = "front";

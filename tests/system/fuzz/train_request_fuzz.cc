@@ -1,5 +1,6 @@
 #include "core/features/estimate.h"
 #include "core/reconstruct/estimate.h"
+#include "core/render/renderer.h"
 #include "pepeseg/v1/job_service.pb.h"
 #include "server/api/convert.h"
 #include "server/api/resource_name.h"

@@ -191,12 +191,12 @@ std::string Fleet::Database() const {
 std::string Fleet::MakeKey(const std::string& project, const std::vector<v1::Scope>& scopes) const {
   auto key = pepeseg::MakeKey();
   EXPECT_OK(key);
-  key->row.project = project;
-  for (const v1::Scope scope : scopes) key->row.scopes |= ScopeBit(scope);
+  key->record.project = project;
+  for (const v1::Scope scope : scopes) key->record.scopes |= ScopeBit(scope);
   const auto store = Store::Open(Database());
   EXPECT_OK(store);
   if (store.ok()) {
-    EXPECT_OK((*store)->keys().CreateKey(key->row));
+    EXPECT_OK((*store)->keys().CreateKey(key->record));
   }
   return key->secret;
 }

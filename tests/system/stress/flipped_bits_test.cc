@@ -11,7 +11,6 @@
 #include "core/base/file_io.h"
 #include "core/model_files/checkpoint.h"
 #include "core/model_files/model_file.h"
-#include "core/model_files/selection_file.h"
 #include "server/worker_protocol/event_log.h"
 #include "server/worker_protocol/job_folder.h"
 #include "tests/testing/full_stress.h"

@@ -30,23 +30,23 @@ const PageRequest kAll{1000, ""};
 
 // Makes a scene with a model, a label and a selection.
 void Fill(Store& store, const std::string& name) {
-  ASSERT_OK_AND_ASSIGN(const SceneRow made, store.scenes().CreateScene(NewScene(
-                                                name, "the scene " + name, "make " + name)));
+  ASSERT_OK_AND_ASSIGN(const SceneRecord made, store.scenes().CreateScene(NewScene(
+                                                   name, "the scene " + name, "make " + name)));
   const SceneRef& scene = made.scene;
-  std::vector<DatasetFileRow> files;
+  std::vector<DatasetFileRecord> files;
   for (int i = 0; i < 10; ++i) {
     const std::string path = absl::StrCat("images/", i, ".jpg");
     files.push_back({path, 1, 1000 + i, Sha256Hex(name + path), true});
   }
   ASSERT_OK(store.datasets().CreateDataset(scene, "upload", files));
   ASSERT_OK(store.datasets().SealDataset(scene, 1));
-  JobRow job;
+  JobRecord job;
   job.scene = scene;
   job.dataset = 1;
   job.effective_options = std::string(300, 'o');
   ASSERT_OK_AND_ASSIGN(job, store.jobs().CreateJob(job));
   ASSERT_OK(store.queue().ClaimJob("cpu"));
-  ModelRow model;
+  ModelRecord model;
   model.folder = absl::StrCat("jobs/", job.id, "/attempt-1");
   model.metrics = R"({"psnr": 30.5})";
   model.num_gaussians = 20000;
@@ -54,14 +54,14 @@ void Fill(Store& store, const std::string& name) {
   ASSERT_OK(store.labels().CreateLabel(
       {scene, "cup", "the cup", "a.jpg", 96, 64, "0123456789", 10, "l", {}}));
   ASSERT_OK_AND_ASSIGN(const int64_t number, store.selections().TakeSelectionNumber(scene));
-  SelectionRow selection;
+  SelectionRecord selection;
   selection.scene = scene;
   selection.number = number;
   selection.model = 1;
   selection.model_gaussians = 20000;
   selection.file = absl::StrCat("selections/", scene.id, "/", number);
   ASSERT_OK(store.selections().CreateSelection(selection));
-  KeyRow key;
+  KeyRecord key;
   key.id = Sha256Hex(name).substr(0, 16);
   key.project = "lab";
   key.sha256 = Sha256Hex("key of " + name);
@@ -71,28 +71,28 @@ void Fill(Store& store, const std::string& name) {
 
 absl::Status DescribeScene(Store& store, const SceneRef& scene, std::string& all) {
   ASSIGN_OR_RETURN(const auto datasets, store.datasets().ListDatasets(scene, kAll));
-  for (const DatasetRow& row : datasets.rows) {
+  for (const DatasetRecord& row : datasets.records) {
     absl::StrAppend(&all, row.scene.id, row.number, row.request_id, row.num_files, row.num_bytes,
                     absl::FormatTime(row.seal_time));
     ASSIGN_OR_RETURN(const auto files, store.files().ListDatasetFiles(scene, row.number));
-    for (const DatasetFileRow& file : files) {
+    for (const DatasetFileRecord& file : files) {
       absl::StrAppend(&all, file.path, file.kind, file.size, file.sha256, file.stored);
     }
   }
   ASSIGN_OR_RETURN(const auto models, store.models().ListModels(scene, kAll));
-  for (const ModelRow& row : models.rows) {
+  for (const ModelRecord& row : models.records) {
     absl::StrAppend(&all, row.scene.id, row.number, row.job, row.device, row.folder, row.metrics,
                     row.sources, row.num_gaussians, row.num_bytes,
                     absl::FormatTime(row.create_time));
   }
-  ASSIGN_OR_RETURN(const ModelRow live, store.models().GetLiveModel(scene));
+  ASSIGN_OR_RETURN(const ModelRecord live, store.models().GetLiveModel(scene));
   ASSIGN_OR_RETURN(const auto labels, store.labels().ListLabels(scene, kAll));
-  for (const LabelRow& row : labels.rows) {
+  for (const LabelRecord& row : labels.records) {
     absl::StrAppend(&all, live.number, row.id, row.text, row.view, row.width, row.height,
                     row.counts, row.area, row.request_id, absl::FormatTime(row.create_time));
   }
   ASSIGN_OR_RETURN(const auto selections, store.selections().ListSelections(scene, kAll));
-  for (const SelectionRow& row : selections.rows) {
+  for (const SelectionRecord& row : selections.records) {
     absl::StrAppend(&all, row.number, row.model, row.model_gaussians, row.num_gaussians, row.base,
                     row.file, row.request_id, row.request_digest,
                     absl::FormatTime(row.create_time));
@@ -105,14 +105,14 @@ absl::StatusOr<std::string> DescribeAll(const std::string& url) {
   ASSIGN_OR_RETURN(const auto store, Store::Open(url));
   std::string all;
   ASSIGN_OR_RETURN(const auto scenes, store->scenes().ListScenes(kAll));
-  for (const SceneRow& row : scenes.rows) {
+  for (const SceneRecord& row : scenes.records) {
     absl::StrAppend(&all, row.scene.id, row.scene.name, row.display_name, row.request_id,
                     row.scene.project, absl::FormatTime(row.create_time));
     RETURN_IF_ERROR(store->scenes().GetScene(row.scene).status());
     RETURN_IF_ERROR(DescribeScene(*store, row.scene, all));
   }
   ASSIGN_OR_RETURN(const auto jobs, store->jobs().ListJobs({}, kAll));
-  for (const JobRow& row : jobs.rows) {
+  for (const JobRecord& row : jobs.records) {
     absl::StrAppend(&all, row.id, row.scene.id, row.dataset, static_cast<int>(row.state), row.stage,
                     row.device, row.options, row.effective_options, row.request_id, row.fence,
                     row.launch, row.crashes, row.server_ends, row.error_code, row.error_message,
@@ -120,7 +120,7 @@ absl::StatusOr<std::string> DescribeAll(const std::string& url) {
                     absl::FormatTime(row.end_time));
   }
   ASSIGN_OR_RETURN(const auto keys, store->keys().ListKeys("", kAll));
-  for (const KeyRow& row : keys.rows) {
+  for (const KeyRecord& row : keys.records) {
     absl::StrAppend(&all, row.id, row.project, row.sha256, row.scopes,
                     absl::FormatTime(row.revoke_time), absl::FormatTime(row.expire_time));
     RETURN_IF_ERROR(store->keys().FindKeyByDigest(row.sha256).status());

@@ -71,10 +71,10 @@ class SlurmTest : public ::testing::Test {
     return job.state() != v1::JOB_STATE_QUEUED && job.state() != v1::JOB_STATE_RUNNING;
   }
 
-  JobRow RowOf(const std::string& job) {
+  JobRecord RowOf(const std::string& job) {
     const auto store = Store::Open(url_);
     EXPECT_OK(store);
-    return (*store)->jobs().GetJob(job.substr(5)).value_or(JobRow());
+    return (*store)->jobs().GetJob(job.substr(5)).value_or(JobRecord());
   }
 
   const testing::TempFolder folder_;

@@ -1,5 +1,3 @@
-#include "core/priors/sam/embedding_file.h"
-
 #include <gtest/gtest.h>
 
 #include <cstdint>
@@ -10,6 +8,7 @@
 
 #include "core/base/digest.h"
 #include "core/base/file_io.h"
+#include "core/priors/sam/sam_embedding.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

@@ -10,7 +10,7 @@
 #include <string>
 
 #include "core/dataset/import.h"
-#include "core/priors/sam/embedding_file.h"
+#include "core/priors/sam/sam_embedding.h"
 #include "tests/testing/fake_sam.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"

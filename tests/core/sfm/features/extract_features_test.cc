@@ -4,8 +4,7 @@
 #include <cmath>
 #include <fstream>
 
-#include "core/formats/decode_image.h"
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "tests/kernels/backend_test.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"

@@ -7,7 +7,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/child_process.h"
-#include "core/formats/encode_png.h"
+#include "core/formats/images.h"
 #include "core/sfm/front/sqlite_connection.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"

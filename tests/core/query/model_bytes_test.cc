@@ -1,11 +1,9 @@
-#include "server/residency/memory_budget.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
 
-#include "core/query/segmenter.h"
+#include "core/query/scene_model.h"
 #include "core/render/feature_maps.h"
 #include "tests/testing/status_testing.h"
 

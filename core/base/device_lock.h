@@ -25,9 +25,9 @@ inline absl::Status TakeStatus(Backend& backend) {
 // lock (Backend::exclusive_use), and returns its result. If the backend failed meanwhile, returns
 // the backend's error instead and clears it unless it is fatal, so that the next holder starts
 // without it. The lock is
-// not recursive: `work` must not call InTurn.
+// not recursive: `work` must not call WithDeviceLock.
 template <typename Work>
-auto InTurn(Backend& backend, Work&& work) -> decltype(work()) {
+auto WithDeviceLock(Backend& backend, Work&& work) -> decltype(work()) {
   const std::lock_guard lock(backend.exclusive_use());
   auto answer = std::forward<Work>(work)();
   if (absl::Status status = TakeStatus(backend); !status.ok()) return status;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -52,5 +53,36 @@ Image Upright(Image image, int orientation);
 // Shrinks an image by averaging, so that its longer side has `max_side` pixels. Returns it
 // unchanged if it is not larger, or if `max_side` is 0.
 Image ShrunkTo(Image image, int max_side);
+
+// Encodes an image with 1 (grey), 3 (RGB) or 4 channels (RGBA) as a PNG file in memory.
+// INVALID_ARGUMENT: the image is empty, has another number of channels, or its pixels do not fit
+// its size.
+absl::StatusOr<std::string> EncodePng(const Image& image);
+// A grey image of 16 bits, for depth.
+struct Grey16Image {
+  int width = 0;
+  int height = 0;
+  std::vector<uint16_t> pixels;  // [height, width]
+};
+// Encodes it as a PNG of 16 bits. Errors as for 8 bits.
+absl::StatusOr<std::string> EncodePng(const Grey16Image& image);
+// Encodes an image with 1 or 3 channels as a JPEG file in memory. `quality` is in [1, 100]. Errors
+// as EncodePng.
+absl::StatusOr<std::string> EncodeJpeg(const Image& image, int quality = 90);
+
+// Returns the value above which a pixel is inside, if the labels are those of one mask with soft
+// borders: two values nearly everywhere, and others only between them, as drawing tools, blurs,
+// resizing and JPEG leave them. Returns nothing for labels of several things, for masks with sharp
+// borders, and for labels that are colours.
+std::optional<uint32_t> SoftMaskThreshold(const LabelImage& image);
+
+// Returns whether image.void_label marks void pixels, as along the borders of things in the label
+// images of PASCAL VOC: hardly anywhere more than 7 pixels wide, mostly within 5 pixels of another
+// label that is not 0, and, where labels are grey values, the largest one and not the last of a
+// series.
+bool HasVoidBorders(const LabelImage& image);
+
+// Returns the labels at another size by the nearest pixel.
+LabelImage ResizedLabels(const LabelImage& image, int width, int height);
 
 }  // namespace pepeseg

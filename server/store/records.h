@@ -17,14 +17,14 @@ namespace pepeseg {
 // The project of callers on a server without keys.
 inline constexpr char kDefaultProject[] = "default";
 
-struct ProjectRow {
+struct ProjectRecord {
   std::string id;  // RFC 1034 label
   Quota quota;     // fields that are 0: the server's default
   absl::Time create_time;
 };
 
 // An API key without its secret, which is not stored anywhere.
-struct KeyRow {
+struct KeyRecord {
   std::string id;  // 16 hex digits
   std::string project;
   std::string display_name;
@@ -35,7 +35,7 @@ struct KeyRow {
   absl::Time revoke_time = absl::InfinitePast();  // InfinitePast: not revoked
 };
 
-struct SceneRow {
+struct SceneRecord {
   SceneRef scene;
   std::string display_name;
   std::string request_id;  // of the create call; empty: none
@@ -45,7 +45,7 @@ struct SceneRow {
 enum class DatasetState { kOpen = 0, kSealed = 1 };  // numbers are stored: never renumber
 
 // A set of files. Open: an upload in progress. Sealed: immutable, can be trained on.
-struct DatasetRow {
+struct DatasetRecord {
   SceneRef scene;
   int64_t number = 0;  // from 1, never reused
   DatasetState state = DatasetState::kOpen;
@@ -60,14 +60,13 @@ struct DatasetRow {
 // kind; a training reports the error. Numbers are stored: never renumber.
 enum class HeaderState { kUnread = 0, kRead = 1, kRefused = 2 };
 
-struct DatasetFileRow {
+struct DatasetFileRecord {
   std::string path;  // chosen by the client: metadata, never opened
   int kind = 0;      // pepeseg.v1.FileKind
   int64_t size = 0;
   std::string sha256;   // 64 hex digits, lower case
   bool stored = false;  // the project has the bytes
-  // Facts from the header, valid if it is kRead; see ReadFileHeader in
-  // server/services/file_header.h.
+  // Facts from the header, valid if it is kRead; see FileFacts.
   HeaderState header = HeaderState::kUnread;
   int width = 0, height = 0;  // of a photograph as stored, before EXIF turns it, pixels
   int64_t num_points = 0;     // points or Gaussians in the file; estimated for COLMAP's text format
@@ -93,7 +92,7 @@ inline bool IsTerminal(JobState state) {
   return state != JobState::kQueued && state != JobState::kRunning;
 }
 
-struct JobRow {
+struct JobRecord {
   std::string id;      // "j" and the number
   int64_t number = 0;  // from 1, in order of creation
   SceneRef scene;
@@ -126,12 +125,12 @@ struct JobRow {
 };
 
 // The immutable result of a job; the one with the highest number is the scene's live model.
-struct ModelRow {
+struct ModelRecord {
   SceneRef scene;
   int64_t number = 0;  // from 1, never reused
   std::string job;
   int64_t dataset = 0;  // number of the dataset that it was trained on; 0: not known
-  std::string device;   // JobRow::device of the attempt that made it
+  std::string device;   // JobRecord::device of the attempt that made it
   std::string folder;   // path below the data directory; see core/model_files/model_file.h
   std::string metrics;  // JSON object of numbers: Model::metrics
   std::string sources;  // JSON object of strings: JobResult::sources; empty in old records
@@ -141,7 +140,7 @@ struct ModelRow {
 };
 
 // A name for the object that a mask of a view shows.
-struct LabelRow {
+struct LabelRecord {
   SceneRef scene;
   std::string id;    // IsResourceId
   std::string text;  // UTF-8
@@ -154,7 +153,7 @@ struct LabelRow {
 };
 
 // A subset of a model's Gaussians.
-struct SelectionRow {
+struct SelectionRecord {
   SceneRef scene;
   int64_t number = 0;                  // from 1, never reused
   int64_t model = 0;                   // number of the model
@@ -162,7 +161,7 @@ struct SelectionRow {
   int64_t num_gaussians = 0;           // number of selected Gaussians
   std::array<double, 3> min{}, max{};  // bounds of their means, scene units; 0 if none is selected
   int64_t base = 0;                    // number of the selection that it was made from; 0: none
-  std::string file;       // path below the data directory; see core/model_files/selection_file.h
+  std::string file;       // path below the data directory; see core/model_files/model_file.h
   int64_t num_bytes = 0;  // size of that file
   std::string request_id;
   std::string request_digest;  // of the request that carried the request_id
@@ -174,9 +173,9 @@ struct PageRequest {
   std::string page_token;  // Page::next_page_token of the page before; empty: the first page
 };
 
-template <typename Row>
+template <typename Record>
 struct Page {
-  std::vector<Row> rows;
+  std::vector<Record> records;
   std::string next_page_token;  // empty: this is the last page
 };
 

@@ -1,4 +1,4 @@
-#include "core/base/beneath_folder.h"
+#include "server/worker_protocol/beneath_folder.h"
 
 #include <dirent.h>
 #include <fcntl.h>

@@ -1,4 +1,4 @@
-#include "server/api/rows_to_proto.h"
+#include "server/api/records_to_proto.h"
 
 #include <algorithm>
 #include <map>
@@ -19,9 +19,9 @@ namespace {
 constexpr int kMaxPageSize = 1000;
 constexpr size_t kMaxRequestIdBytes = 128;
 
-std::map<std::string, std::string> SourcesOf(const ModelRow& row) {
+std::map<std::string, std::string> SourcesOf(const ModelRecord& record) {
   std::map<std::string, std::string> sources;
-  const auto json = nlohmann::json::parse(row.sources, nullptr, /*allow_exceptions=*/false);
+  const auto json = nlohmann::json::parse(record.sources, nullptr, /*allow_exceptions=*/false);
   if (!json.is_object()) return sources;
   for (const auto& [what, source] : json.items()) {
     if (source.is_string()) sources[what] = source.get<std::string>();
@@ -41,23 +41,23 @@ void FillSources(const std::map<std::string, std::string>& sources, v1::InputSou
 
 }  // namespace
 
-v1::Model ToProto(const ModelRow& row) {
+v1::Model ToProto(const ModelRecord& record) {
   v1::Model proto;
-  proto.set_name(ChildName(row.scene, "models", row.number));
-  proto.set_job(JobName(row.job));
-  if (row.dataset != 0) proto.set_dataset(ChildName(row.scene, "datasets", row.dataset));
-  proto.set_device(row.device);
-  *proto.mutable_create_time() = ToProto(row.create_time);
-  proto.set_num_gaussians(row.num_gaussians);
-  proto.set_num_bytes(row.num_bytes);
+  proto.set_name(ChildName(record.scene, "models", record.number));
+  proto.set_job(JobName(record.job));
+  if (record.dataset != 0) proto.set_dataset(ChildName(record.scene, "datasets", record.dataset));
+  proto.set_device(record.device);
+  *proto.mutable_create_time() = ToProto(record.create_time);
+  proto.set_num_gaussians(record.num_gaussians);
+  proto.set_num_bytes(record.num_bytes);
   // A model whose metrics are damaged is still listed, without them.
-  const auto metrics = nlohmann::json::parse(row.metrics, nullptr, /*allow_exceptions=*/false);
+  const auto metrics = nlohmann::json::parse(record.metrics, nullptr, /*allow_exceptions=*/false);
   if (metrics.is_object()) {
     for (const auto& [name, value] : metrics.items()) {
       if (value.is_number()) (*proto.mutable_metrics())[name] = value.get<double>();
     }
   }
-  const std::map<std::string, std::string> sources = SourcesOf(row);
+  const std::map<std::string, std::string> sources = SourcesOf(record);
   FillSources(sources, *proto.mutable_sources());
   for (std::string& advice : AdviceOnModel(sources)) proto.add_advice(std::move(advice));
   if (const auto quality = proto.metrics().find("mask_quality"); quality != proto.metrics().end()) {
@@ -68,55 +68,56 @@ v1::Model ToProto(const ModelRow& row) {
   return proto;
 }
 
-v1::Dataset ToProto(const DatasetRow& row) {
+v1::Dataset ToProto(const DatasetRecord& record) {
   v1::Dataset proto;
-  proto.set_name(ChildName(row.scene, "datasets", row.number));
-  *proto.mutable_create_time() = ToProto(row.create_time);
-  *proto.mutable_seal_time() = ToProto(row.seal_time);
-  proto.set_num_files(row.num_files);
-  proto.set_num_bytes(row.num_bytes);
+  proto.set_name(ChildName(record.scene, "datasets", record.number));
+  *proto.mutable_create_time() = ToProto(record.create_time);
+  *proto.mutable_seal_time() = ToProto(record.seal_time);
+  proto.set_num_files(record.num_files);
+  proto.set_num_bytes(record.num_bytes);
   return proto;
 }
 
-v1::Job ToProto(const JobRow& row) {
+v1::Job ToProto(const JobRecord& record) {
   v1::Job proto;
   // A job without an id exists only in the answer to validate_only.
-  if (!row.id.empty()) proto.set_name(JobName(row.id));
-  proto.set_scene(SceneName(row.scene));
-  proto.set_dataset(ChildName(row.scene, "datasets", row.dataset));
-  proto.set_state(ToProto(row.state));
-  proto.set_stage(StageOfName(row.stage));
-  proto.set_device(row.device);
+  if (!record.id.empty()) proto.set_name(JobName(record.id));
+  proto.set_scene(SceneName(record.scene));
+  proto.set_dataset(ChildName(record.scene, "datasets", record.dataset));
+  proto.set_state(ToProto(record.state));
+  proto.set_stage(StageOfName(record.stage));
+  proto.set_device(record.device);
   // Fields of a newer version are kept as unknown fields; bytes that do not parse leave the options
   // empty.
-  proto.mutable_effective_options()->ParseFromString(row.effective_options);
-  if (row.state == JobState::kFailed) {
+  proto.mutable_effective_options()->ParseFromString(record.effective_options);
+  if (record.state == JobState::kFailed) {
     // The text was made for clients when it was stored (ClientStatus), so nothing of it is hidden
     // here.
-    *proto.mutable_error() = FlatError(
-        ToProto(absl::Status(static_cast<absl::StatusCode>(row.error_code), row.error_message)));
+    *proto.mutable_error() = FlatError(ToProto(
+        absl::Status(static_cast<absl::StatusCode>(record.error_code), record.error_message)));
   }
-  if (row.model != 0) proto.set_model(ChildName(row.scene, "models", row.model));
-  *proto.mutable_create_time() = ToProto(row.create_time);
-  if (row.start_time != absl::InfinitePast()) *proto.mutable_start_time() = ToProto(row.start_time);
-  if (row.end_time != absl::InfinitePast()) *proto.mutable_end_time() = ToProto(row.end_time);
+  if (record.model != 0) proto.set_model(ChildName(record.scene, "models", record.model));
+  *proto.mutable_create_time() = ToProto(record.create_time);
+  if (record.start_time != absl::InfinitePast())
+    *proto.mutable_start_time() = ToProto(record.start_time);
+  if (record.end_time != absl::InfinitePast()) *proto.mutable_end_time() = ToProto(record.end_time);
   // The store keeps the request after the job's end; it says nothing then.
-  proto.set_cancel_requested(row.cancel_requested && !IsTerminal(row.state));
+  proto.set_cancel_requested(record.cancel_requested && !IsTerminal(record.state));
   return proto;
 }
 
-v1::Selection ToProto(const SelectionRow& row) {
+v1::Selection ToProto(const SelectionRecord& record) {
   v1::Selection proto;
-  proto.set_name(ChildName(row.scene, "selections", row.number));
-  proto.set_model(ChildName(row.scene, "models", row.model));
-  proto.set_num_gaussians(row.num_gaussians);
+  proto.set_name(ChildName(record.scene, "selections", record.number));
+  proto.set_model(ChildName(record.scene, "models", record.model));
+  proto.set_num_gaussians(record.num_gaussians);
   // An empty selection has no box; the record has zeros.
-  if (row.num_gaussians > 0) {
-    *proto.mutable_box()->mutable_min() = VectorToProto(row.min);
-    *proto.mutable_box()->mutable_max() = VectorToProto(row.max);
+  if (record.num_gaussians > 0) {
+    *proto.mutable_box()->mutable_min() = VectorToProto(record.min);
+    *proto.mutable_box()->mutable_max() = VectorToProto(record.max);
   }
-  if (row.base != 0) proto.set_base(ChildName(row.scene, "selections", row.base));
-  *proto.mutable_create_time() = ToProto(row.create_time);
+  if (record.base != 0) proto.set_base(ChildName(record.scene, "selections", record.base));
+  *proto.mutable_create_time() = ToProto(record.create_time);
   return proto;
 }
 

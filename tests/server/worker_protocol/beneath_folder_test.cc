@@ -1,4 +1,4 @@
-#include "core/base/beneath_folder.h"
+#include "server/worker_protocol/beneath_folder.h"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>

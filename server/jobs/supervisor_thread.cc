@@ -1,5 +1,3 @@
-#include "server/jobs/supervisor_loop.h"
-
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -30,29 +28,27 @@ std::unique_ptr<Launcher> MakeLauncher(const SupervisorOptions& options) {
 
 }  // namespace
 
-Supervisor::Loop::Loop(Store& store, SupervisorOptions options)
+Supervisor::Supervisor(Store& store, SupervisorOptions options)
     : store_(store), options_(std::move(options)), launcher_(MakeLauncher(options_)) {}
 
-Supervisor::Loop::~Loop() { StopThread(absl::Now()); }
-
-JobFolder Supervisor::Loop::FolderOf(const std::string& job) const {
+JobFolder Supervisor::FolderOf(const std::string& job) const {
   return JobFolder(options_.data_folder / "jobs" / job);
 }
 
-absl::Status Supervisor::Loop::Recover() {
-  ASSIGN_OR_RETURN(const std::vector<JobRow> jobs, store_.queue().ListRunningJobs());
-  for (const JobRow& job : jobs) {
+absl::Status Supervisor::Recover() {
+  ASSIGN_OR_RETURN(const std::vector<JobRecord> jobs, store_.queue().ListRunningJobs());
+  for (const JobRecord& job : jobs) {
     // Alone on its database, a server is the holder of all jobs. On a shared one it takes over at
     // once only from a process of this machine that is gone; the leases of others expire.
     if (store_.shared() && !IsKnownGone(job.lease_owner)) continue;
-    ASSIGN_OR_RETURN(JobRow mine, store_.queue().TakeOverJob(job.id, job.lease_owner));
+    ASSIGN_OR_RETURN(JobRecord mine, store_.queue().TakeOverJob(job.id, job.lease_owner));
     RETURN_IF_ERROR(RecoverJob(std::move(mine)));
   }
   return absl::OkStatus();
 }
 
 // Recovers a job that this server has taken over.
-absl::Status Supervisor::Loop::RecoverJob(JobRow job) {
+absl::Status Supervisor::RecoverJob(JobRecord job) {
   if (!job.launch.empty()) {
     auto adopted = RunningJob::Adopt({store_, options_, *launcher_}, job);
     if (adopted.ok()) {
@@ -81,27 +77,19 @@ absl::Status Supervisor::Loop::RecoverJob(JobRow job) {
   return absl::OkStatus();
 }
 
-void Supervisor::Loop::StartThread() {
+void Supervisor::StartThread() {
   // Jobs that an earlier server has queued may be pausing.
   pauses_end_ = absl::Now() + options_.launch.crash_pauses.back();
   thread_ = std::thread([this] { Run(); });
 }
 
-void Supervisor::Loop::Wake() {
+void Supervisor::Wake() {
   const std::lock_guard lock(mutex_);
   woken_ = true;
   wake_.notify_all();
 }
 
-void Supervisor::Loop::RequestCancel(const std::string& job) {
-  {
-    const std::lock_guard lock(mutex_);
-    cancels_.insert(job);
-  }
-  Wake();
-}
-
-void Supervisor::Loop::SetClaiming(bool claim) {
+void Supervisor::SetClaiming(bool claim) {
   {
     const std::lock_guard lock(mutex_);
     claiming_ = claim;
@@ -109,7 +97,7 @@ void Supervisor::Loop::SetClaiming(bool claim) {
   Wake();
 }
 
-void Supervisor::Loop::StopThread(absl::Time deadline) {
+void Supervisor::Stop(absl::Time deadline) {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
@@ -122,7 +110,7 @@ void Supervisor::Loop::StopThread(absl::Time deadline) {
 // The loop's thread. `running_` and the pauses belong to it alone; mutex_ guards what other threads
 // set: cancels_, claiming_, stopping_, woken_. Leases come before ends, so that an end is not
 // written for a job that was lost.
-void Supervisor::Loop::Run() {
+void Supervisor::Run() {
   do {
     FollowJobs();
     KeepLeases();
@@ -133,12 +121,12 @@ void Supervisor::Loop::Run() {
   EndAll();
 }
 
-void Supervisor::Loop::Publish(const RunningJob& running) {
+void Supervisor::Publish(const RunningJob& running) {
   feed_.SetNewest(running.job().id, {running.sequence(), running.progress()});
 }
 
 // Reads the new events of running jobs and publishes them; kills workers that hang.
-void Supervisor::Loop::FollowJobs() {
+void Supervisor::FollowJobs() {
   for (const auto& running : running_) {
     running->KillIfTimedOut();
     if (!running->FollowLog()) continue;
@@ -149,7 +137,7 @@ void Supervisor::Loop::FollowJobs() {
 
 // Stops the workers of cancelled jobs. A request stays until the job's end is written, so that the
 // worker is killed once its grace has passed.
-void Supervisor::Loop::ApplyCancels() {
+void Supervisor::ApplyCancels() {
   std::set<std::string> cancels;
   {
     const std::lock_guard lock(mutex_);
@@ -168,20 +156,20 @@ void Supervisor::Loop::ApplyCancels() {
 }
 
 // Appends the event of a job that was cancelled in the queue, if its log does not have it yet.
-void Supervisor::Loop::ReportCancelled(const std::string& job) {
-  const absl::StatusOr<JobRow> row = store_.jobs().GetJob(job);
-  if (!row.ok() || row->state != JobState::kCancelled) return;
+void Supervisor::ReportCancelled(const std::string& job) {
+  const absl::StatusOr<JobRecord> record = store_.jobs().GetJob(job);
+  if (!record.ok() || record->state != JobState::kCancelled) return;
   const absl::StatusOr<v1::JobState> logged = ReadNewestState(FolderOf(job));
   if (!logged.ok()) spdlog::error("jobs/{}: {}", job, logged.status().ToString());
   // The event is there already if this server has been asked twice.
   if (!logged.ok() || *logged == v1::JOB_STATE_CANCELLED) return;
-  const absl::Status written = AppendState(FolderOf(job), *row);
+  const absl::Status written = AppendState(FolderOf(job), *record);
   if (!written.ok()) spdlog::error("jobs/{}: {}", job, written.ToString());
   feed_.Notify(job);
 }
 
 // Writes the end of each job whose worker has ended. `requeue`: see RunningJob::Finish.
-void Supervisor::Loop::FinishJobs(bool requeue) {
+void Supervisor::FinishJobs(bool requeue) {
   for (auto next = running_.begin(); next != running_.end();) {
     const auto running = next++;
     RetryPause& pause = (*running)->end_pause();
@@ -212,26 +200,27 @@ void Supervisor::Loop::FinishJobs(bool requeue) {
 }
 
 // Whether another job may start: claims are on, and fewer than kMaxRunningJobs run.
-bool Supervisor::Loop::MayStart() const {
+bool Supervisor::MayStart() const {
   const std::lock_guard lock(mutex_);
   return claiming_ && !stopping_ && running_.size() < kMaxRunningJobs;
 }
 
 // Pauses claims after `error` has stopped the start of `job`, or a claim if `job` is empty. Reports
 // the obstacle from the second failure in a row on: most errors are over by then.
-void Supervisor::Loop::PauseClaims(const std::string& job, const absl::Status& error) {
+void Supervisor::PauseClaims(const std::string& job, const absl::Status& error) {
   unsure_ = true;
   claim_pause_.Fail();
   if (claim_pause_.num_failures() > 1) feed_.SetObstacle(job, error);
 }
 
 // Claims queued jobs and starts them while more may start.
-void Supervisor::Loop::Claim() {
+void Supervisor::Claim() {
   if (!claim_pause_.Over()) return;
   // Before the next claim: after an error this server does not know which jobs it holds.
   if (unsure_ && MayStart()) StartHeld();
   while (!unsure_ && MayStart()) {
-    const absl::StatusOr<std::optional<JobRow>> job = store_.queue().ClaimJob(options_.device_name);
+    const absl::StatusOr<std::optional<JobRecord>> job =
+        store_.queue().ClaimJob(options_.device_name);
     if (!job.ok()) {
       spdlog::error("claiming a job: {}", job.status().ToString());
       PauseClaims("", job.status());
@@ -246,8 +235,8 @@ void Supervisor::Loop::Claim() {
 
 // Starts the jobs that this server holds by the database but does not run: the answer to its claim
 // was lost, or the database was unreachable when they were to start.
-void Supervisor::Loop::StartHeld() {
-  const absl::StatusOr<std::vector<JobRow>> held = store_.queue().ListHeldJobs();
+void Supervisor::StartHeld() {
+  const absl::StatusOr<std::vector<JobRecord>> held = store_.queue().ListHeldJobs();
   if (!held.ok()) {
     spdlog::error("asking for the jobs of this server: {}", held.status().ToString());
     PauseClaims("", held.status());
@@ -256,7 +245,7 @@ void Supervisor::Loop::StartHeld() {
   unsure_ = false;
   next_renewal_ = absl::InfinitePast();  // their leases may be old
   feed_.KeepObstaclesOf(*held);
-  for (const JobRow& job : *held) {
+  for (const JobRecord& job : *held) {
     const bool runs = std::any_of(running_.begin(), running_.end(),
                                   [&](const auto& running) { return running->job().id == job.id; });
     if (!runs) StartJob(job);
@@ -264,8 +253,8 @@ void Supervisor::Loop::StartHeld() {
 }
 
 // Starts a claimed job, or follows its worker if a cluster runs it already.
-void Supervisor::Loop::StartJob(const JobRow& job) {
-  const RunningJob::Context context{store_, options_, *launcher_};
+void Supervisor::StartJob(const JobRecord& job) {
+  const RunningJob::Dependencies context{store_, options_, *launcher_};
   absl::StatusOr<std::unique_ptr<RunningJob>> started =
       job.launch.empty() ? RunningJob::Start(context, job) : RunningJob::Adopt(context, job);
   if (started.ok()) {
@@ -286,9 +275,9 @@ void Supervisor::Loop::StartJob(const JobRow& job) {
 }
 
 // Writes the end of a job that cannot be started.
-void Supervisor::Loop::EndUnstarted(const JobRow& job, const absl::Status& error) {
+void Supervisor::EndUnstarted(const JobRecord& job, const absl::Status& error) {
   spdlog::error("jobs/{}: did not start: {}", job.id, error.ToString());
-  const absl::StatusOr<JobRow> ended =
+  const absl::StatusOr<JobRecord> ended =
       store_.queue().EndJob(job.id, job.fence, ClientStatus(error));
   if (!ended.ok()) {
     // It is tried again, unless the end was written and only the answer was lost.
@@ -302,13 +291,13 @@ void Supervisor::Loop::EndUnstarted(const JobRow& job, const absl::Status& error
 
 // Renews the leases of running jobs, on a shared database only. Other servers may claim jobs whose
 // leases are not renewed and cancel jobs that run here, and a cluster may have restarted a worker.
-void Supervisor::Loop::KeepLeases() {
+void Supervisor::KeepLeases() {
   const absl::Time now = absl::Now();
   if (!store_.shared() || running_.empty() || now < next_look_) return;
   next_look_ = now + kLookAtOthers;
   // Leases are renewed four times in their length; in between the jobs are only looked at.
   const bool renew = now >= next_renewal_;
-  const absl::StatusOr<std::vector<JobRow>> held =
+  const absl::StatusOr<std::vector<JobRecord>> held =
       renew ? store_.queue().RenewLeases() : store_.queue().ListHeldJobs();
   if (!held.ok()) {
     // The workers end by themselves when their leases are not renewed in time.
@@ -322,21 +311,21 @@ void Supervisor::Loop::KeepLeases() {
   if (renew) next_renewal_ = now + store_.holder().lease / 4;
   LoseJobs(*held);
   for (const auto& running : running_) {
-    for (const JobRow& row : *held) {
-      if (row.id != running->job().id) continue;
-      if (renew || row.fence != running->job().fence) running->Held(row);
-      if (row.cancel_requested) running->Terminate(options_.cancel_grace);
+    for (const JobRecord& record : *held) {
+      if (record.id != running->job().id) continue;
+      if (renew || record.fence != running->job().fence) running->RenewLease(record);
+      if (record.cancel_requested) running->Terminate(options_.cancel_grace);
     }
   }
 }
 
 // Abandons the jobs that are not among `held`: another server has taken them over.
-void Supervisor::Loop::LoseJobs(const std::vector<JobRow>& held) {
+void Supervisor::LoseJobs(const std::vector<JobRecord>& held) {
   std::erase_if(running_, [&](const std::unique_ptr<RunningJob>& running) {
-    const JobRow& job = running->job();
-    const bool mine = std::any_of(held.begin(), held.end(), [&](const JobRow& row) {
+    const JobRecord& job = running->job();
+    const bool mine = std::any_of(held.begin(), held.end(), [&](const JobRecord& record) {
       // A cluster may have restarted the worker under a new fence; the job is still this server's.
-      return row.id == job.id && (row.fence == job.fence || !job.launch.empty());
+      return record.id == job.id && (record.fence == job.fence || !job.launch.empty());
     });
     if (mine) return false;
     running->Abandon();
@@ -345,7 +334,7 @@ void Supervisor::Loop::LoseJobs(const std::vector<JobRow>& held) {
   });
 }
 
-bool Supervisor::Loop::WaitForWork() {
+bool Supervisor::WaitForWork() {
   std::unique_lock lock(mutex_);
   const auto woken = [this] { return woken_ || stopping_; };
   const bool paused = absl::Now() < pauses_end_ + kLookAtOthers;
@@ -363,7 +352,7 @@ bool Supervisor::Loop::WaitForWork() {
 }
 
 // Stops all workers, and kills those that still run at the deadline.
-void Supervisor::Loop::EndAll() {
+void Supervisor::EndAll() {
   while (!running_.empty()) {
     absl::Time deadline;
     {

@@ -5,16 +5,16 @@
 #include "pepeseg/v1/job_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 #include "pepeseg/v1/selection_service.pb.h"
-#include "server/store/rows.h"
+#include "server/store/records.h"
 
 // Converts records of the store to resources of the contract.
 namespace pepeseg {
 
-v1::Model ToProto(const ModelRow& row);
-v1::Dataset ToProto(const DatasetRow& row);
+v1::Model ToProto(const ModelRecord& record);
+v1::Dataset ToProto(const DatasetRecord& record);
 // Sets everything but the progress, which is not in the store.
-v1::Job ToProto(const JobRow& row);
-v1::Selection ToProto(const SelectionRow& row);
+v1::Job ToProto(const JobRecord& record);
+v1::Selection ToProto(const SelectionRecord& record);
 v1::JobState ToProto(JobState state);
 
 // Returns INVALID_ARGUMENT for a negative page_size; a page_size over 1000 becomes 1000.
