@@ -10,7 +10,7 @@
 #include "absl/strings/str_split.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "clients/benchmark/held_out_request.h"
+#include "clients/benchmark/evaluation_truth.h"
 #include "clients/benchmark/verbs.h"
 #include "clients/cpp/dataset_folder.h"
 #include "clients/cpp/file_bytes.h"

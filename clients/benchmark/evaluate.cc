@@ -26,46 +26,28 @@
 namespace pepeseg::client::cli {
 namespace {
 
-// Parses "440,280;-100,80".
-absl::StatusOr<v1::PointsPrompt> ParsePointList(const std::string& text) {
-  v1::PointsPrompt points;
-  for (const std::string& part : std::vector<std::string>(absl::StrSplit(text, ';'))) {
-    const bool negative = part.starts_with('-');
-    ASSIGN_OR_RETURN(*points.add_points(), ParsePoint(part.substr(negative ? 1 : 0), negative));
+// Sets a prompt from its kind and value. INVALID_ARGUMENT: the kind is not known.
+absl::Status SetWhat(const std::string& kind, const std::string& value, v1::Prompt& prompt) {
+  if (kind == "points" || kind == "mean") {
+    for (const std::string& part : std::vector<std::string>(absl::StrSplit(value, ';'))) {
+      const bool negative = kind == "points" && part.starts_with('-');
+      RETURN_IF_ERROR(AddToPrompt(kind == "mean" ? "mean"
+                                  : negative     ? "negative"
+                                                 : "point",
+                                  part.substr(negative ? 1 : 0), prompt));
+    }
+    return absl::OkStatus();
   }
-  return points;
-}
-
-absl::StatusOr<v1::EntityPrompt::Scribbles> ReadScribbles(const std::string& files) {
-  const std::pair<std::string, std::string> names = absl::StrSplit(files, absl::MaxSplits(',', 1));
-  v1::EntityPrompt::Scribbles scribbles;
-  ASSIGN_OR_RETURN(*scribbles.mutable_positive()->mutable_png(), ReadFile(names.first));
-  if (names.second.empty()) return scribbles;
-  ASSIGN_OR_RETURN(*scribbles.mutable_negative()->mutable_png(), ReadFile(names.second));
-  return scribbles;
-}
-
-// Sets the prompt from its kind and value. INVALID_ARGUMENT: the kind is not known.
-absl::Status SetWhat(const std::string& kind, const std::string& value, v1::EntityPrompt& prompt) {
-  if (kind == "points") {
-    ASSIGN_OR_RETURN(*prompt.mutable_points(), ParsePointList(value));
-  } else if (kind == "mean") {
-    ASSIGN_OR_RETURN(*prompt.mutable_point_mean(), ParsePointList(value));
-  } else if (kind == "box") {
-    ASSIGN_OR_RETURN(*prompt.mutable_box(), ParseBox(value));
-  } else if (kind == "mask") {
-    ASSIGN_OR_RETURN(*prompt.mutable_mask()->mutable_png(), ReadFile(value));
-  } else if (kind == "scribbles") {
-    ASSIGN_OR_RETURN(*prompt.mutable_scribbles(), ReadScribbles(value));
-  } else if (kind == "own-mask") {
-    prompt.mutable_own_mask();
-  } else if (kind == "label") {
-    prompt.set_label_id(value);
-  } else {
-    return absl::InvalidArgumentError(
-        absl::StrCat("\"", kind, "\": one of points, mean, box, mask, scribbles, own-mask, label"));
+  if (kind == "scribbles") {
+    const std::pair<std::string, std::string> files =
+        absl::StrSplit(value, absl::MaxSplits(',', 1));
+    RETURN_IF_ERROR(AddToPrompt("scribbles", files.first, prompt));
+    return files.second.empty() ? absl::OkStatus()
+                                : AddToPrompt("not-scribbles", files.second, prompt);
   }
-  return absl::OkStatus();
+  if (kind == "box" || kind == "mask" || kind == "label") return AddToPrompt(kind, value, prompt);
+  return absl::InvalidArgumentError(
+      absl::StrCat("\"", kind, "\": one of points, mean, box, mask, scribbles, own-mask, label"));
 }
 
 v1::ViewTruth* TruthOfView(const std::string& view, v1::EvaluateModelRequest& request) {
@@ -95,10 +77,7 @@ absl::Status AddReference(const std::string& view, v1::EvaluateModelRequest& req
   }
   ASSIGN_OR_RETURN(const std::vector<std::string> entities, EntitiesOf(request, *truth));
   for (const std::string& entity : entities) {
-    v1::EntityPrompt& prompt = *request.add_prompts();
-    prompt.set_entity(entity);
-    prompt.set_view(view);
-    prompt.mutable_own_mask();
+    (*request.mutable_own_masks())[entity] = view;
   }
   return absl::OkStatus();
 }
@@ -277,7 +256,8 @@ void AddOptionFlags(CLI::App& verb, EvaluateFlags& flags) {
 
 }  // namespace
 
-absl::StatusOr<v1::EntityPrompt> ParseEntityPrompt(const std::string& text) {
+absl::StatusOr<std::string> AddEntityPrompt(const std::string& text,
+                                            v1::EvaluateModelRequest& request) {
   const auto bad = [&](absl::string_view what) {
     return absl::InvalidArgumentError(absl::StrCat("prompt \"", text, "\": ", what));
   };
@@ -286,25 +266,33 @@ absl::StatusOr<v1::EntityPrompt> ParseEntityPrompt(const std::string& text) {
   if (colon == std::string::npos || at == 0) {
     return bad("expected ENTITY@VIEW:KIND:VALUE, such as mug@a.jpg:points:440,280");
   }
-  v1::EntityPrompt prompt;
-  prompt.set_entity(text.substr(0, at));
-  prompt.set_view(text.substr(at + 1, colon - at - 1));
+  const std::string entity = text.substr(0, at), view = text.substr(at + 1, colon - at - 1);
   const std::pair<std::string, std::string> what =
       absl::StrSplit(text.substr(colon + 1), absl::MaxSplits(':', 1));
-  if (prompt.view().empty() != (what.first == "label")) {
+  if (view.empty() != (what.first == "label")) {
     return bad("a label has its own view, all other prompts need one");
   }
+  if (request.prompts().contains(entity) || request.own_masks().contains(entity)) {
+    return bad("the entity has a prompt already");
+  }
+  if (what.first == "own-mask") {
+    (*request.mutable_own_masks())[entity] = view;
+    return view;
+  }
+  v1::Prompt prompt;
+  if (!view.empty()) prompt.mutable_view()->set_view(view);
   const absl::Status status = SetWhat(what.first, what.second, prompt);
-  if (status.ok()) return prompt;
-  return IsLocalFileError(status) ? status : bad(status.message());
+  if (IsLocalFileError(status)) return status;
+  if (!status.ok()) return bad(status.message());
+  (*request.mutable_prompts())[entity] = std::move(prompt);
+  return view;
 }
 
 absl::Status AddEntityPrompts(const EntityPromptFlags& flags, const TruthFlags& truth,
                               v1::EvaluateModelRequest& request) {
   ASSIGN_OR_RETURN(const std::vector<std::string> lines, PromptLines(flags));
   for (const std::string& line : lines) {
-    ASSIGN_OR_RETURN(*request.add_prompts(), ParseEntityPrompt(line));
-    const std::string& view = request.prompts(request.prompts_size() - 1).view();
+    ASSIGN_OR_RETURN(const std::string view, AddEntityPrompt(line, request));
     if (view.empty() || TruthOfView(view, request) != nullptr) continue;
     v1::ViewTruth& reference = *request.add_views();
     reference.set_view(view);

@@ -1,6 +1,7 @@
 #include "clients/benchmark/evaluation_truth.h"
 
 #include <algorithm>
+#include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -61,11 +62,14 @@ PixelSize SizeIn(v1::PixelFrame frame, const v1::View& view) {
   return {view.camera().width(), view.camera().height()};
 }
 
-// Adds the label image and the masks that a view has in a folder.
-absl::Status AddImages(const fs::path& folder, v1::ViewTruth& truth) {
+// Adds the label image and the masks that a view has in a folder. `fitting`: the label image is
+// resampled to the photograph.
+absl::Status AddImages(const fs::path& folder, const v1::View& view, bool fitting,
+                       v1::ViewTruth& truth) {
   const fs::path labels = FileOf(folder, truth.view(), ".png");
   if (IsFile(labels)) {
-    ASSIGN_OR_RETURN(*truth.mutable_labels_png(), ReadFile(labels));
+    ASSIGN_OR_RETURN(*truth.mutable_labels_png(),
+                     fitting ? LabelsPng(labels, PhotographSize(view)) : ReadFile(labels));
   }
   for (const fs::path& file : PngsOf(FileOf(folder, truth.view(), ""))) {
     v1::EntityMask& mask = *truth.add_masks();
@@ -99,13 +103,16 @@ absl::StatusOr<std::vector<std::string>> AddLevel(const TruthFlags& flags, const
     if (outlines != nullptr) {
       RETURN_IF_ERROR(AddOutlinesIn(request.frame(), *outlines, view, truth));
     } else if (level.outlines.empty()) {
-      RETURN_IF_ERROR(AddImages(level.folder, truth));
+      RETURN_IF_ERROR(AddImages(level.folder, view, flags.fitting, truth));
     }
     if (truth.labels_png().empty() && truth.masks().empty()) {
       without.push_back(view.view());
       continue;
     }
-    ASSIGN_OR_RETURN(*truth.mutable_ignore_png(), IgnorePng(flags, view.view()));
+    ASSIGN_OR_RETURN(*truth.mutable_ignore_png(),
+                     flags.fitting && !flags.ignore.empty()
+                         ? LabelsPng(flags.ignore, PhotographSize(view))
+                         : IgnorePng(flags, view.view()));
     *request.add_views() = std::move(truth);
   }
   return without;
@@ -235,6 +242,24 @@ absl::StatusOr<AddedTruth> AddTruth(const TruthFlags& flags, const std::vector<v
   }
   if (added.views_without.size() < views.size()) return added;
   return NothingThere(flags, views, WantedTruth(added));
+}
+
+absl::StatusOr<v1::EvaluateModelRequest> EvaluateRequestOf(const fs::path& dataset,
+                                                           const TruthLevel& level,
+                                                           const std::string& model,
+                                                           const std::vector<v1::View>& views) {
+  v1::EvaluateModelRequest request;
+  request.set_model(model);
+  request.set_frame(v1::PIXEL_FRAME_PHOTOGRAPH);
+  request.mutable_entity_names()->insert(level.entities.begin(), level.entities.end());
+  TruthFlags flags;
+  flags.fitting = true;
+  if (PathExists(dataset / "ignore_mask.png")) flags.ignore = dataset / "ignore_mask.png";
+  std::vector<v1::View> held_out;
+  std::copy_if(views.begin(), views.end(), std::back_inserter(held_out),
+               [](const v1::View& view) { return view.held_out(); });
+  RETURN_IF_ERROR(AddLevel(flags, level, held_out, request).status());
+  return request;
 }
 
 std::string UnknownPhotographs(const std::vector<OutlinedPhotograph>& outlines,

@@ -8,6 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "clients/benchmark/outlines.h"
+#include "clients/benchmark/scene_truth.h"
 #include "pepeseg/v1/evaluation_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 
@@ -21,6 +22,7 @@ struct TruthFlags {
   std::string names;               // a JSON file with names by id; empty: none
   std::vector<std::string> views;  // names; empty: held-out views
   bool trained_views = false;      // reads views that were trained on, too
+  bool fitting = false;            // resamples label images and `ignore` to the photographs
 };
 
 // Returns the views among `views` to score. INVALID_ARGUMENT: a view that the user names is
@@ -42,6 +44,16 @@ struct AddedTruth {
 // several levels.
 absl::StatusOr<AddedTruth> AddTruth(const TruthFlags& flags, const std::vector<v1::View>& views,
                                     v1::EvaluateModelRequest& request);
+
+// Returns a request that scores `model` on the held-out views that have truth of a level of a
+// dataset, with the dataset's ignore_mask.png. Outlines are drawn in the size of the photograph.
+// Label images of another size than the photograph are resampled to it (nearest neighbour).
+// INVALID_ARGUMENT: the shape of an image, also of one that was drawn on, differs from that of its
+// photograph, or an image to be resampled has an id over 255.
+absl::StatusOr<v1::EvaluateModelRequest> EvaluateRequestOf(const std::filesystem::path& dataset,
+                                                           const TruthLevel& level,
+                                                           const std::string& model,
+                                                           const std::vector<v1::View>& views);
 
 // Returns a warning about photographs with outlines that are not among `views`, all views of the
 // model; "" if there are none.

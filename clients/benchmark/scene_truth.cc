@@ -56,6 +56,26 @@ absl::StatusOr<std::vector<TruthLevel>> FindLabels(const fs::path& dataset) {
   return levels;
 }
 
+// Reads a label image of 8 bits, or one of 16 bits whose ids fit into 8. INVALID_ARGUMENT: they do
+// not.
+absl::StatusOr<GreyPicture> ReadLabels(const fs::path& path) {
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path));
+  const auto wide = DecodeGrey16(bytes, path.string());
+  if (!wide.ok()) return ReadGreyPicture(path);
+  GreyPicture labels{wide->width, wide->height, {}};
+  labels.pixels.reserve(wide->pixels.size());
+  for (const uint16_t id : wide->pixels) {
+    if (id > 255) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path.string(), ": the id ", id,
+                       " exceeds 255, the limit of `pepeseg-benchmark curves`; use "
+                       "`pepeseg-benchmark evaluate`"));
+    }
+    labels.pixels.push_back(static_cast<uint8_t>(id));
+  }
+  return labels;
+}
+
 }  // namespace
 
 bool PathExists(const fs::path& path) {
@@ -116,6 +136,16 @@ absl::StatusOr<PixelSize> FittingSize(const fs::path& path, const PixelSize& ima
       absl::StrCat(path.string(), ": ", image.width, "x", image.height,
                    " pixels, which is not the shape of the photograph, ", photograph.width, "x",
                    photograph.height));
+}
+
+absl::StatusOr<std::string> LabelsPng(const fs::path& path, const PixelSize& photograph) {
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path));
+  const auto wide = DecodeGrey16(bytes, path.string());
+  if (wide.ok() && PixelSize{wide->width, wide->height} == photograph) return bytes;
+  ASSIGN_OR_RETURN(const GreyPicture labels, ReadLabels(path));
+  ASSIGN_OR_RETURN(const PixelSize size,
+                   FittingSize(path, {labels.width, labels.height}, photograph));
+  return EncodePng(Resized(labels, size.width, size.height));
 }
 
 }  // namespace pepeseg::client::cli

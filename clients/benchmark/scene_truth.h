@@ -50,4 +50,9 @@ absl::Status AddOutlines(const OutlinedPhotograph& outlines, const PixelSize& si
 absl::StatusOr<PixelSize> FittingSize(const std::filesystem::path& path, const PixelSize& image,
                                       const PixelSize& photograph);
 
+// Returns a label image as a PNG of FittingSize, resampled to the nearest pixel. INVALID_ARGUMENT:
+// see FittingSize, or it is resampled and has an id over 255.
+absl::StatusOr<std::string> LabelsPng(const std::filesystem::path& path,
+                                      const PixelSize& photograph);
+
 }  // namespace pepeseg::client::cli

@@ -79,20 +79,21 @@ absl::Status AddPrompt(const ReferencePrompt& from, RequestViews& views,
                        v1::EvaluateModelRequest& request) {
   RETURN_IF_ERROR(views.Truth(from.view).status());
   const PixelSize size = views.Size(from.view);
-  v1::EntityPrompt& prompt = *request.add_prompts();
-  prompt.set_entity(from.entity);
-  prompt.set_view(from.view);
+  if (from.positive.empty() && from.mask.empty()) {
+    (*request.mutable_own_masks())[from.entity] = from.view;
+    return absl::OkStatus();
+  }
+  v1::Prompt& prompt = (*request.mutable_prompts())[from.entity];
+  prompt.mutable_view()->set_view(from.view);
   if (!from.positive.empty()) {
     ASSIGN_OR_RETURN(const GreyPicture positive, UnionOf(from.positive, size));
     ASSIGN_OR_RETURN(const GreyPicture negative, UnionOf(from.negative, size));
     auto& scribbles = *prompt.mutable_scribbles();
     scribbles.mutable_positive()->set_png(EncodePng(positive));
     if (!from.negative.empty()) scribbles.mutable_negative()->set_png(EncodePng(negative));
-  } else if (!from.mask.empty()) {
+  } else {
     ASSIGN_OR_RETURN(const GreyPicture mask, MaskOf(from.mask, size));
     prompt.mutable_mask()->set_png(EncodePng(mask));
-  } else {
-    prompt.mutable_own_mask();
   }
   return absl::OkStatus();
 }

@@ -6,7 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "clients/benchmark/held_out_request.h"
+#include "clients/benchmark/evaluation_truth.h"
 #include "clients/benchmark/suite_request.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
@@ -73,20 +73,15 @@ const v1::MaskImage* TruthMask(const v1::EvaluateModelRequest& request, const st
   return nullptr;
 }
 
-// Returns the entity's prompt as SegmentViews takes it; nothing if it cannot.
+// Returns the entity's prompt as SegmentViews takes it; nothing if it has none.
 std::optional<v1::Prompt> PromptOf(const v1::EvaluateModelRequest& request,
                                    const ScoredEntity& entity) {
+  const auto given = request.prompts().find(entity.name());
+  if (given != request.prompts().end()) return given->second;
   v1::Prompt prompt;
   prompt.mutable_view()->set_view(entity.reference_view());
-  for (const v1::EntityPrompt& given : request.prompts()) {
-    if (given.entity() != entity.name()) continue;
-    if (given.has_mask()) *prompt.mutable_mask() = given.mask();
-    if (given.has_scribbles()) *prompt.mutable_mask() = given.scribbles().positive();
-    if (given.has_points()) *prompt.mutable_points() = given.points();
-    if (given.has_box()) *prompt.mutable_box() = given.box();
-    const v1::MaskImage* own = TruthMask(request, entity.reference_view(), entity.name());
-    if (given.has_own_mask() && own != nullptr) *prompt.mutable_mask() = *own;
-  }
+  const v1::MaskImage* own = TruthMask(request, entity.reference_view(), entity.name());
+  if (request.own_masks().contains(entity.name()) && own != nullptr) *prompt.mutable_mask() = *own;
   for (const auto& click : entity.clicks()) {
     auto& point = *prompt.mutable_points()->add_points();
     point.set_x(click.x());

@@ -8,7 +8,6 @@
 #include "clients/cli/request_flags.h"
 #include "clients/cli/verbs.h"
 #include "clients/cpp/client.h"
-#include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
 #include "clients/terminal/flags.h"
 #include "clients/terminal/shell.h"
@@ -22,7 +21,6 @@ struct LabelFlags {
   GranularityFlags granularity;
   std::string id;
   std::string text;
-  std::string mask;  // a PNG; empty: the mask is segmented from the points
 };
 
 struct LabelsFlags {
@@ -40,22 +38,23 @@ std::string LabelLine(const v1::Label& label) {
                          label.text());
 }
 
-// Returns the mask in the file, or the one that the points mean in their view.
-absl::StatusOr<v1::MaskImage> FindMask(const Client& client, const LabelFlags& flags) {
-  v1::MaskImage mask;
-  if (!flags.mask.empty()) {
-    ASSIGN_OR_RETURN(*mask.mutable_png(), ReadFile(flags.mask));
-    return mask;
-  }
+// Sets the view and the mask of a label: a mask that is given, or what the prompt means in its
+// view.
+absl::Status SetMask(const Client& client, const LabelFlags& flags, v1::Label& label) {
+  ASSIGN_OR_RETURN(const v1::Prompt prompt, ParsePrompt(flags.prompt));
+  label.set_view(flags.prompt.view);
+  *label.mutable_mask() = prompt.mask();
+  if (prompt.has_mask()) return absl::OkStatus();
   v1::SegmentViewsRequest request;
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
-  ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
+  *request.mutable_prompt() = prompt;
   *request.mutable_granularity() = ToGranularity(flags.granularity);
   request.set_frame(flags.prompt.frame);
   ASSIGN_OR_RETURN(const v1::SegmentViewsResponse answer, client.Segment(request));
   if (answer.masks_size() != 1) return absl::InternalError("the server's answer has no mask");
-  *mask.mutable_rle() = answer.masks(0).rle();
-  return mask;
+  label.set_view(answer.masks(0).view());
+  *label.mutable_mask()->mutable_rle() = answer.masks(0).rle();
+  return absl::OkStatus();
 }
 
 absl::Status RunLabel(const Shell& shell, const LabelFlags& flags) {
@@ -64,9 +63,8 @@ absl::Status RunLabel(const Shell& shell, const LabelFlags& flags) {
   request.set_parent(SceneName(flags.prompt.scene));
   request.set_label_id(flags.id);
   request.mutable_label()->set_text(flags.text);
-  request.mutable_label()->set_view(flags.prompt.view);
   request.set_frame(flags.prompt.frame);
-  ASSIGN_OR_RETURN(*request.mutable_label()->mutable_mask(), FindMask(client, flags));
+  RETURN_IF_ERROR(SetMask(client, flags, *request.mutable_label()));
   ASSIGN_OR_RETURN(const v1::Label label, client.CreateLabel(std::move(request)));
   shell.json ? PrintJson(label) : Print(LabelLine(label));
   return absl::OkStatus();
@@ -113,17 +111,8 @@ void AddLabel(CLI::App& app, Shell& shell) {
   verb->add_option("ID", flags->id, "Id of the label: letters, digits, '_', '.' and '-'")
       ->required();
   AddGranularityFlags(*verb, flags->granularity);
-  // Either --point or --mask is required: the callback checks that.
-  CLI::Option* point = verb->get_option("--point")->required(false);
-  CLI::Option* mask =
-      verb->add_option("--mask", flags->mask,
-                       "Instead of points: a grey PNG of the frame's size, 0 outside the object")
-          ->excludes(point);
   verb->add_option("--text", flags->text, "Text of the label; by default the id");
-  verb->callback([flags, &shell, point, mask] {
-    if (point->empty() && mask->empty()) throw CLI::RequiredError("--point or --mask");
-    shell.verb = [&, flags] { return RunLabel(shell, *flags); };
-  });
+  verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunLabel(shell, *flags); }; });
 }
 
 void AddLabels(CLI::App& app, Shell& shell) {

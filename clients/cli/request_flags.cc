@@ -1,74 +1,79 @@
 #include "clients/cli/request_flags.h"
 
+#include <algorithm>
+
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
 #include "clients/terminal/flags.h"
 
 namespace pepeseg::client::cli {
 namespace {
 
-// Adds --point to a verb, or to a group of its options.
-CLI::Option* AddPoints(CLI::App& verb, PromptFlags& flags) {
-  CLI::Option* point =
-      verb.add_option("-p,--point", flags.positive, "A pixel of the object; may be repeated")
-          ->type_name("X,Y")
-          ->allow_extra_args(false);
-  return point;
+// Adds a flag that adds a part of this kind to the prompt, and may be repeated.
+CLI::Option* AddPart(CLI::App& verb, PromptFlags& flags, const std::string& names,
+                     const std::string& kind, const std::string& form, const std::string& help) {
+  const auto add = [&flags, kind](const std::vector<std::string>& values) {
+    for (const std::string& value : values) flags.parts.emplace_back(kind, value);
+  };
+  return verb.add_option_function<std::vector<std::string>>(names, add, help)
+      ->type_name(form)
+      ->allow_extra_args(false);
 }
 
-// Adds --negative, which needs `point`.
+CLI::Option* AddPoint(CLI::App& verb, PromptFlags& flags) {
+  return AddPart(verb, flags, "-p,--point", "point", "X,Y",
+                 "A pixel of the object; may be repeated");
+}
+
 void AddNegative(CLI::App& verb, PromptFlags& flags, CLI::Option* point) {
-  verb.add_option("-n,--negative", flags.negative,
-                  "A pixel that is not of the object; may be repeated")
-      ->type_name("X,Y")
-      ->allow_extra_args(false)
+  AddPart(verb, flags, "-n,--negative", "negative", "X,Y",
+          "A pixel that is not of the object; may be repeated")
       ->needs(point);
 }
 
-absl::StatusOr<v1::PointsPrompt> ParsePoints(const PromptFlags& flags) {
-  v1::PointsPrompt prompt;
-  for (const std::string& text : flags.positive) {
-    ASSIGN_OR_RETURN(*prompt.add_points(), ParsePoint(text, false));
-  }
-  for (const std::string& text : flags.negative) {
-    ASSIGN_OR_RETURN(*prompt.add_points(), ParsePoint(text, true));
-  }
-  return prompt;
+CLI::Option* AddSceneAndView(CLI::App& verb, PromptFlags& flags) {
+  verb.add_option("SCENE", flags.scene, "Id of the scene")->required();
+  verb.add_option("--model", flags.model, "Number of the model")->capture_default_str();
+  AddFrameFlag(verb, flags.frame);
+  return verb.add_option("--view", flags.view, "Name of the view that the prompt is in");
 }
 
 }  // namespace
 
-void AddPromptFlags(CLI::App& verb, PromptFlags& flags) {
-  verb.add_option("SCENE", flags.scene, "Id of the scene")->required();
-  verb.add_option("--view", flags.view, "Name of the view that the pixels are in")->required();
-  AddNegative(verb, flags, AddPoints(verb, flags)->required());
-  verb.add_option("--model", flags.model, "Number of the model")->capture_default_str();
-  AddFrameFlag(verb, flags.frame);
+void AddPointFlags(CLI::App& verb, PromptFlags& flags) {
+  AddSceneAndView(verb, flags)->required();
+  AddNegative(verb, flags, AddPoint(verb, flags)->required());
 }
 
-void AddAnyPromptFlags(CLI::App& verb, PromptFlags& flags) {
-  verb.add_option("SCENE", flags.scene, "Id of the scene")->required();
-  CLI::Option* view =
-      verb.add_option("--view", flags.view, "Name of the view that the prompt is in");
-  // The group holds the flags of which exactly one kind must be given; --negative only adds to
-  // --point.
+void AddPromptFlags(CLI::App& verb, PromptFlags& flags) {
+  CLI::Option* view = AddSceneAndView(verb, flags);
+  // The group holds the flags of which exactly one kind must be given; the others add to one.
   CLI::Option_group* what = verb.add_option_group("prompt", "The prompt");
-  CLI::Option* point = AddPoints(*what, flags)->needs(view);
-  what->add_option("--box", flags.box, "A box around the object")
-      ->type_name("X,Y,WIDTH,HEIGHT")
-      ->needs(view);
-  what->add_option("--mask", flags.mask, "A grey PNG of the frame's size: 0 outside the object")
-      ->needs(view);
-  what->add_option("--label", flags.label, "A label of the scene: its mask and view")
-      ->excludes(view);
+  CLI::Option* point = AddPoint(*what, flags)->needs(view);
+  CLI::Option* scribble = AddPart(*what, flags, "--scribble", "scribble", "\"X,Y X,Y ...\"",
+                                  "A line over the object; may be repeated")
+                              ->needs(view);
+  AddPart(*what, flags, "--box", "box", "X,Y,WIDTH,HEIGHT", "A box around the object")
+      ->needs(view)
+      ->expected(1);
+  AddPart(*what, flags, "--mask", "mask", "FILE",
+          "A grey PNG of the frame's size: 0 outside the object")
+      ->needs(view)
+      ->expected(1);
+  AddPart(*what, flags, "--label", "label", "ID", "A label of the scene: its mask and view")
+      ->excludes(view)
+      ->expected(1);
   what->require_option(1);
   AddNegative(verb, flags, point);
-  verb.add_option("--model", flags.model, "Number of the model")->capture_default_str();
-  AddFrameFlag(verb, flags.frame);
+  AddPart(verb, flags, "--not-scribble", "not-scribble", "\"X,Y X,Y ...\"",
+          "A line over what is not the object; may be repeated")
+      ->needs(scribble);
+  verb.add_option("--stroke-width", flags.stroke_width, "Width of the lines, pixels; 0: thin")
+      ->check(CLI::Range(0.0, 256.0))
+      ->needs(scribble);
 }
 
 void AddGranularityFlags(CLI::App& verb, GranularityFlags& flags) {
@@ -93,17 +98,17 @@ v1::Granularity ToGranularity(const GranularityFlags& flags) {
 
 absl::StatusOr<v1::Prompt> ParsePrompt(const PromptFlags& flags) {
   v1::Prompt prompt;
-  if (!flags.label.empty()) {
-    prompt.set_label(flags.label);
-    return prompt;
-  }
-  prompt.mutable_view()->set_view(flags.view);
-  if (!flags.box.empty()) {
-    ASSIGN_OR_RETURN(*prompt.mutable_box(), ParseBox(flags.box));
-  } else if (!flags.mask.empty()) {
-    ASSIGN_OR_RETURN(*prompt.mutable_mask()->mutable_png(), ReadFile(flags.mask));
-  } else {
-    ASSIGN_OR_RETURN(*prompt.mutable_points(), ParsePoints(flags));
+  if (!flags.view.empty()) prompt.mutable_view()->set_view(flags.view);
+  // The parser reads the flags of the group last.
+  auto parts = flags.parts;
+  std::stable_partition(parts.begin(), parts.end(), [](const auto& part) {
+    return part.first != "negative" && part.first != "not-scribble";
+  });
+  for (const auto& [kind, text] : parts) RETURN_IF_ERROR(AddToPrompt(kind, text, prompt));
+  if (prompt.has_scribbles()) {
+    for (auto& stroke : *prompt.mutable_scribbles()->mutable_strokes()) {
+      stroke.set_width(flags.stroke_width);
+    }
   }
   return prompt;
 }

@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -19,17 +20,15 @@ struct PromptFlags {
   std::string scene;
   std::string model = "live";
   std::string view;
-  std::vector<std::string> positive;                  // "X,Y" each
-  std::vector<std::string> negative;                  // "X,Y" each
-  std::string box, mask, label;                       // instead of points; see AddAnyPromptFlags
-  v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH;  // of points, box and mask, and of the answer
+  std::vector<std::pair<std::string, std::string>> parts;  // kind and text, see AddToPrompt
+  double stroke_width = 0;                                 // pixels; 0: thin
+  v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH;       // of the prompt and of the answer
 };
 // Adds flags for a prompt of points.
+void AddPointFlags(CLI::App& verb, PromptFlags& flags);
+// Adds flags for a prompt of any kind; the user must give exactly one.
 void AddPromptFlags(CLI::App& verb, PromptFlags& flags);
-// Adds flags for a prompt of points, a box, a mask or a label; the user must give exactly one.
-void AddAnyPromptFlags(CLI::App& verb, PromptFlags& flags);
-// Returns the prompt. INVALID_ARGUMENT: a point or a box is malformed. LocalFileError: the file of
-// the mask cannot be read.
+// Returns the prompt. Errors are those of AddToPrompt.
 absl::StatusOr<v1::Prompt> ParsePrompt(const PromptFlags& flags);
 
 // How large a thing is meant, and how similar its pixels must be.

@@ -165,7 +165,7 @@ absl::Status RunPropose(const Shell& shell, const ProposeFlags& flags) {
 void AddSegment(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<SegmentFlags>();
   CLI::App* verb = app.add_subcommand("segment", "Segment what a click means, in any view");
-  AddAnyPromptFlags(*verb, flags->prompt);
+  AddPromptFlags(*verb, flags->prompt);
   AddGranularityFlags(*verb, flags->granularity);
   AddNamesFlag(*verb, "--views", flags->targets,
                "Views to segment: names, all or held-out; by default the view of the prompt");
@@ -183,7 +183,7 @@ void AddPropose(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<ProposeFlags>();
   CLI::App* verb = app.add_subcommand(
       "propose", "Propose what a click may mean: the scales at which its mask is stable");
-  AddPromptFlags(*verb, flags->prompt);
+  AddPointFlags(*verb, flags->prompt);
   verb->add_option("--max", flags->max_proposals, "Maximum number of proposals")
       ->check(CLI::Range(1, 16));
   verb->add_option("--out", flags->out, "Folder for STEM_1.png, STEM_2.png, ...");

@@ -153,7 +153,7 @@ void AddSelect(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<SelectFlags>();
   CLI::App* verb =
       app.add_subcommand("select", "Select the Gaussians of what a click means, in 3D");
-  AddAnyPromptFlags(*verb, flags->prompt);
+  AddPromptFlags(*verb, flags->prompt);
   AddGranularityFlags(*verb, flags->granularity);
   CLI::Option* add =
       verb->add_option("--add-to", flags->add_to, "Unite with the selection of this number")

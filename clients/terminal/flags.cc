@@ -8,8 +8,40 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "clients/cpp/file_bytes.h"
+#include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {
+namespace {
+
+// Sets x and y of a message from "120,88.5".
+template <class Point>
+absl::Status SetPoint(const std::string& text, Point& point) {
+  const std::vector<std::string> parts = absl::StrSplit(text, ',');
+  double x = 0, y = 0;
+  if (parts.size() != 2 || !absl::SimpleAtod(parts[0], &x) || !absl::SimpleAtod(parts[1], &y)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("point \"", text, "\": expected x,y in pixels, such as 320,240"));
+  }
+  point.set_x(x);
+  point.set_y(y);
+  return absl::OkStatus();
+}
+
+absl::Status SetBox(const std::string& text, v1::BoxPrompt& box) {
+  const std::vector<std::string> parts = absl::StrSplit(text, ',');
+  double numbers[4] = {};
+  bool good = parts.size() == 4;
+  for (size_t i = 0; good && i < 4; ++i) good = absl::SimpleAtod(parts[i], &numbers[i]);
+  if (!good) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "box \"", text, "\": expected x,y,width,height in pixels, such as 100,80,240,160"));
+  }
+  box.set_x(numbers[0]), box.set_y(numbers[1]);
+  box.set_width(numbers[2]), box.set_height(numbers[3]);
+  return absl::OkStatus();
+}
+
+}  // namespace
 
 std::vector<std::string> ReadNames(const std::string& value) {
   const absl::StatusOr<std::string> text = ReadFile(value);
@@ -37,34 +69,31 @@ CLI::Option* AddNamesFlag(CLI::App& verb, const std::string& flag, std::vector<s
       ->type_name("FILE|NAMES");
 }
 
-absl::StatusOr<v1::PointsPrompt::Point> ParsePoint(const std::string& text, bool negative) {
-  const std::vector<std::string> parts = absl::StrSplit(text, ',');
-  v1::PointsPrompt::Point point;
-  double x = 0;
-  double y = 0;
-  if (parts.size() != 2 || !absl::SimpleAtod(parts[0], &x) || !absl::SimpleAtod(parts[1], &y)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("point \"", text, "\": expected x,y in pixels, such as 320,240"));
+absl::Status AddToPrompt(absl::string_view kind, const std::string& text, v1::Prompt& prompt) {
+  if (kind == "point" || kind == "negative") {
+    auto& point = *prompt.mutable_points()->add_points();
+    point.set_negative(kind == "negative");
+    return SetPoint(text, point);
   }
-  point.set_x(x);
-  point.set_y(y);
-  point.set_negative(negative);
-  return point;
-}
-
-absl::StatusOr<v1::BoxPrompt> ParseBox(const std::string& text) {
-  const std::vector<std::string> parts = absl::StrSplit(text, ',');
-  double numbers[4] = {};
-  bool good = parts.size() == 4;
-  for (size_t i = 0; good && i < 4; ++i) good = absl::SimpleAtod(parts[i], &numbers[i]);
-  if (!good) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "box \"", text, "\": expected x,y,width,height in pixels, such as 100,80,240,160"));
+  if (kind == "mean") return SetPoint(text, *prompt.mutable_point_mean()->add_points());
+  if (kind == "box") return SetBox(text, *prompt.mutable_box());
+  if (kind == "scribble" || kind == "not-scribble") {
+    auto& stroke = *prompt.mutable_scribbles()->add_strokes();
+    stroke.set_negative(kind == "not-scribble");
+    for (const absl::string_view vertex : absl::StrSplit(text, ' ', absl::SkipEmpty())) {
+      RETURN_IF_ERROR(SetPoint(std::string(vertex), *stroke.add_path()));
+    }
+    return absl::OkStatus();
   }
-  v1::BoxPrompt box;
-  box.set_x(numbers[0]), box.set_y(numbers[1]);
-  box.set_width(numbers[2]), box.set_height(numbers[3]);
-  return box;
+  if (kind == "label") {
+    prompt.set_label(text);
+    return absl::OkStatus();
+  }
+  v1::MaskImage& mask = kind == "scribbles"       ? *prompt.mutable_scribbles()->mutable_positive()
+                        : kind == "not-scribbles" ? *prompt.mutable_scribbles()->mutable_negative()
+                                                  : *prompt.mutable_mask();
+  ASSIGN_OR_RETURN(*mask.mutable_png(), ReadFile(text));
+  return absl::OkStatus();
 }
 
 CLI::Option* AddFrameFlag(CLI::App& verb, v1::PixelFrame& frame) {

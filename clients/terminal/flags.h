@@ -4,16 +4,24 @@
 #include <string>
 #include <vector>
 
-#include "absl/status/statusor.h"
+#include "absl/status/status.h"
+#include "absl/strings/string_view.h"
 #include "clients/cpp/client.h"
 #include "pepeseg/v1/prompt.pb.h"
 
 // Flags that verbs of several programs share, and what they become.
 namespace pepeseg::client::cli {
 
-// Parses a point "120,88.5" and a box "10,20,100,80". INVALID_ARGUMENT: it is malformed.
-absl::StatusOr<v1::PointsPrompt::Point> ParsePoint(const std::string& text, bool negative);
-absl::StatusOr<v1::BoxPrompt> ParseBox(const std::string& text);
+// Adds a part to a prompt. `kind` says what the text is:
+//   point, negative          X,Y
+//   mean                     X,Y: one of the points of point_mean
+//   box                      X,Y,WIDTH,HEIGHT
+//   scribble, not-scribble   "X,Y X,Y ...": a stroke
+//   scribbles, not-scribbles  a PNG with strokes
+//   mask                     a PNG
+//   label                    the id of a label
+// INVALID_ARGUMENT: the text is malformed. LocalFileError: the file cannot be read.
+absl::Status AddToPrompt(absl::string_view kind, const std::string& text, v1::Prompt& prompt);
 
 // Adds --frame photograph|view: the image whose pixels points, boxes, masks and pictures are in.
 // Sets `frame` to its default, photograph.

@@ -44,28 +44,11 @@ absl::StatusOr<std::vector<EntityQueries>> MakeQueries(
 // Returns the click of DeepestClick, in pixels of the reference view.
 PointPrompt DeepestClickOf(const EvaluationTask& task, const ScoredEntity& entity);
 
-// Maximum number of points, of each sign, that stand for scribbles.
-inline constexpr size_t kScribblePoints = 32;
-
-// Returns the prompt of an entity as Segment takes it. Scribbles become points, sampled evenly from
-// the strokes; of them, and of a mean of points, only those are kept that are on something with a
-// feature. Returns NothingThereError if no positive point is.
-absl::StatusOr<Prompt> PromptOf(const Segmenter& segmenter, const EvaluationTask& task,
-                                const ScoredEntity& entity);
+// Returns the prompt of an entity as Segment takes it.
+Prompt PromptOf(const EvaluationTask& task, const ScoredEntity& entity);
 
 // Returns the mask that the prompt gives: that of the entity in the reference view (DeepestClick,
 // OwnMask), the prompt's own, or the positive strokes. Returns INVALID_ARGUMENT for other prompts.
 absl::StatusOr<BinaryMask> PromptMaskOf(const EvaluationTask& task, const ScoredEntity& entity);
-
-// Returns at most `max_count` pixels of a mask, y * width + x, evenly spread over its pixels in
-// reading order.
-std::vector<int32_t> SampleMask(std::span<const uint8_t> mask, size_t max_count);
-
-// Returns the features of those pixels that can be in a mask, [found, 32]: the length of the
-// blended feature is at least kMinPixelNorm. If `found` is not null, it gets their indices in
-// `pixels`.
-absl::StatusOr<std::vector<float>> SolidFeatures(const Segmenter& segmenter, const ModelView& view,
-                                                 std::span<const int32_t> pixels,
-                                                 std::vector<size_t>* found = nullptr);
 
 }  // namespace pepeseg

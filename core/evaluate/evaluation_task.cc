@@ -39,44 +39,15 @@ absl::Status CheckTruth(const TruthView& truth, bool accept_trained) {
   return CheckHeldOut(truth.view, accept_trained);
 }
 
-// Checks a prompt's positions and images against the size of its view.
-class PromptChecker {
- public:
-  PromptChecker(const TruthView& truth, const std::string& entity)
-      : truth_(truth), view_(truth.view), entity_(entity) {}
-
-  absl::Status operator()(const DeepestClick&) const { return NeedsMask(); }
-  absl::Status operator()(const OwnMask&) const { return NeedsMask(); }
-  absl::Status operator()(const std::vector<PointPrompt>& points) const {
-    return CheckPoints(ImageOf(view_), points);
+// Checks a prompt against its view.
+absl::Status CheckPrompt(const TruthView& truth, const ScoredEntity& entity) {
+  if (const auto* shape = std::get_if<Shape>(&entity.prompt)) {
+    return CheckShape(ImageOf(truth.view), *shape);
   }
-  absl::Status operator()(const PointMean& mean) const {
-    const bool all_positive = std::all_of(mean.points.begin(), mean.points.end(),
-                                          [](const PointPrompt& p) { return p.positive; });
-    if (!all_positive) {
-      return absl::InvalidArgumentError("a mean of points has a negative point");
-    }
-    return CheckPoints(ImageOf(view_), mean.points);
-  }
-  absl::Status operator()(const Scribbles& scribbles) const {
-    RETURN_IF_ERROR(CheckMask(ImageOf(view_), scribbles.positive));
-    if (scribbles.negative.pixels.empty()) return absl::OkStatus();
-    return CheckMask(ImageOf(view_), scribbles.negative);
-  }
-  absl::Status operator()(const BoxPrompt& box) const { return CheckBox(ImageOf(view_), box); }
-  absl::Status operator()(const BinaryMask& mask) const { return CheckMask(ImageOf(view_), mask); }
-
- private:
-  absl::Status NeedsMask() const {
-    const std::vector<uint8_t> mask = truth_.CountedMaskOf(entity_);
-    if (std::find(mask.begin(), mask.end(), uint8_t{1}) != mask.end()) return absl::OkStatus();
-    return absl::InvalidArgumentError("the view has no mask of the entity to take the prompt from");
-  }
-
-  const TruthView& truth_;
-  const ModelView& view_;
-  const std::string& entity_;
-};
+  const std::vector<uint8_t> mask = truth.CountedMaskOf(entity.name);
+  if (std::find(mask.begin(), mask.end(), uint8_t{1}) != mask.end()) return absl::OkStatus();
+  return absl::InvalidArgumentError("the view has no mask of the entity to take the prompt from");
+}
 
 absl::Status SortViews(std::vector<TruthView>& views, bool accept_trained) {
   std::sort(views.begin(), views.end(),
@@ -124,7 +95,7 @@ absl::Status TakePrompt(EvaluationTask& task, EntityPrompt prompt, std::set<std:
   }
   entity->reference = static_cast<size_t>(view - task.views.begin());
   entity->prompt = std::move(prompt.shape);
-  absl::Status status = std::visit(PromptChecker(*view, entity->name), entity->prompt);
+  absl::Status status = CheckPrompt(*view, *entity);
   if (status.ok()) return status;
   return absl::InvalidArgumentError(absl::StrCat(what, status.message()));
 }
@@ -200,18 +171,25 @@ absl::StatusOr<EvaluationTask> MakeTask(EvaluationRequest request, const TaskOpt
 
 std::optional<ReferenceTruth> ReferenceTruthOf(const EvaluationTask& task,
                                                const ScoredEntity& entity) {
+  using Truth = std::optional<ReferenceTruth>;
   const TruthView& view = task.views[entity.reference];
   if (view.IndexOf(entity.name)) return ReferenceTruth{view.MaskOf(entity.name), view.ignore};
-  if (const auto* mask = std::get_if<BinaryMask>(&entity.prompt)) {
-    return ReferenceTruth{mask->pixels, view.ignore};
-  }
-  const auto* scribbles = std::get_if<Scribbles>(&entity.prompt);
-  if (scribbles == nullptr || scribbles->negative.pixels.empty()) return std::nullopt;
-  ReferenceTruth truth = {scribbles->positive.pixels, scribbles->negative.pixels};
-  for (size_t i = 0; i < truth.ignore.size(); ++i) {
-    truth.ignore[i] = truth.mask[i] == 0 && truth.ignore[i] == 0 ? 1 : 0;
-  }
-  return truth;
+  const auto* shape = std::get_if<Shape>(&entity.prompt);
+  if (shape == nullptr) return std::nullopt;
+  return std::visit(
+      Overloaded{[&](const BinaryMask& mask) -> Truth {
+                   return ReferenceTruth{mask.pixels, view.ignore};
+                 },
+                 [](const Scribbles& scribbles) -> Truth {
+                   if (scribbles.negative.pixels.empty()) return std::nullopt;
+                   ReferenceTruth truth = {scribbles.positive.pixels, scribbles.negative.pixels};
+                   for (size_t i = 0; i < truth.ignore.size(); ++i) {
+                     truth.ignore[i] = truth.mask[i] == 0 && truth.ignore[i] == 0 ? 1 : 0;
+                   }
+                   return truth;
+                 },
+                 [](const auto&) -> Truth { return std::nullopt; }},
+      *shape);
 }
 
 }  // namespace pepeseg

@@ -21,17 +21,7 @@ namespace pepeseg {
 struct DeepestClick {};
 // The entity's own mask in the reference view: the mask of its label.
 struct OwnMask {};
-// The mean feature of these points, which are all positive.
-struct PointMean {
-  std::vector<PointPrompt> points;
-};
-// Strokes of any number of pixels, [height, width], non-zero on a stroke.
-struct Scribbles {
-  BinaryMask positive;
-  BinaryMask negative;  // empty: no negative strokes
-};
-using PromptShape = std::variant<DeepestClick, OwnMask, std::vector<PointPrompt>, PointMean,
-                                 Scribbles, BoxPrompt, BinaryMask>;
+using PromptShape = std::variant<DeepestClick, OwnMask, Shape>;
 
 // The prompt of an entity. It makes `view` the entity's reference, which need not show enough
 // pixels of the entity to be scored, nor have its mask.

@@ -12,48 +12,24 @@ namespace {
 
 constexpr int kMostPoints = 16'384;
 
-std::vector<int32_t> PixelsOf(std::span<const PointPrompt> points, int width) {
-  std::vector<int32_t> pixels;
-  for (const PointPrompt& point : points) {
-    if (!point.positive) continue;
-    pixels.push_back(static_cast<int32_t>(point.y) * width + static_cast<int32_t>(point.x));
-  }
-  return pixels;
-}
-
-// Returns the query whose only feature is the mean direction of `features` at its scale.
-Query MeanQuery(const Segmenter& segmenter, std::span<const float> features, double scale,
-                double threshold) {
-  return {GatedMean(features, segmenter.model().field.gate, static_cast<float>(scale)),
-          {1},
-          scale,
-          threshold};
+// Returns whether the features of a prompt's query depend on the threshold.
+bool FitsThreshold(const Shape& shape) {
+  return std::holds_alternative<BoxPrompt>(shape) || std::holds_alternative<BinaryMask>(shape);
 }
 
 absl::StatusOr<EntityQueries> QueriesOfPrompt(const QueryTask& query_task,
                                               const ScoredEntity& entity) {
   const Segmenter& segmenter = query_task.segmenter;
-  ASSIGN_OR_RETURN(const Prompt prompt, PromptOf(segmenter, query_task.task, entity));
-  const auto* points = std::get_if<std::vector<PointPrompt>>(&prompt.what);
-  const bool is_mean = std::holds_alternative<PointMean>(entity.prompt);
-  std::vector<float> of_mean;
-  if (is_mean) {
-    ASSIGN_OR_RETURN(of_mean, SolidFeatures(segmenter, prompt.view,
-                                            PixelsOf(*points, prompt.view.camera.width)));
-  }
-  const auto resolve = [&](const Granularity& granularity) -> absl::StatusOr<Query> {
-    ASSIGN_OR_RETURN(Query query, ResolvePrompt(segmenter, prompt, granularity));
-    if (is_mean) query = MeanQuery(segmenter, of_mean, query.scale, query.threshold);
-    return query;
-  };
+  const Prompt prompt = PromptOf(query_task.task, entity);
   EntityQueries queries;
   for (const double scale : query_task.scales) {
     Granularity granularity = {.scale = scale};
-    // The features of points do not depend on the threshold, those of a box or a mask do.
-    if (points != nullptr) granularity.threshold = Query().threshold;
-    ASSIGN_OR_RETURN(queries.by_scale.emplace_back(), resolve(granularity));
+    // Scored at every threshold: none is to be chosen.
+    if (!FitsThreshold(prompt.what)) granularity.threshold = Query().threshold;
+    ASSIGN_OR_RETURN(queries.by_scale.emplace_back(),
+                     ResolvePrompt(segmenter, prompt, granularity));
   }
-  ASSIGN_OR_RETURN(queries.automatic, resolve({}));
+  ASSIGN_OR_RETURN(queries.automatic, ResolvePrompt(segmenter, prompt, {}));
   return queries;
 }
 
@@ -63,10 +39,11 @@ absl::StatusOr<std::vector<float>> FeaturesToMean(const Segmenter& segmenter,
                                                   const ScoredEntity& entity, int max_points) {
   const ModelView& view = task.views[entity.reference].view;
   std::vector<int32_t> pixels;
-  if (const auto* points = std::get_if<std::vector<PointPrompt>>(&entity.prompt)) {
-    pixels = PixelsOf(*points, view.camera.width);
-  } else if (const auto* mean = std::get_if<PointMean>(&entity.prompt)) {
-    pixels = PixelsOf(mean->points, view.camera.width);
+  const auto* shape = std::get_if<Shape>(&entity.prompt);
+  if (const PointsPrompt* points = shape != nullptr ? PointsOf(*shape) : nullptr) {
+    PointsPrompt positive = *points;
+    std::erase_if(positive, [](const PointPrompt& point) { return !point.positive; });
+    pixels = PixelsOf(positive, view.camera.width);
   } else {
     ASSIGN_OR_RETURN(const BinaryMask mask, PromptMaskOf(task, entity));
     pixels = SampleMask(mask.pixels, static_cast<size_t>(max_points));
@@ -99,7 +76,7 @@ absl::StatusOr<double> AutomaticScale(const Segmenter& segmenter, const Evaluati
   if (std::holds_alternative<DeepestClick>(entity.prompt)) {
     ASSIGN_OR_RETURN(prompt.what, PromptMaskOf(task, entity));
   } else {
-    ASSIGN_OR_RETURN(prompt, PromptOf(segmenter, task, entity));
+    prompt = PromptOf(task, entity);
   }
   ASSIGN_OR_RETURN(const Query query, ResolvePrompt(segmenter, prompt, {.threshold = threshold}));
   return query.scale;

@@ -13,11 +13,15 @@ constexpr double kThresholdDrop = 0.05;  // cosine
 // One step of the usual grid; distances between cells are measured in them.
 constexpr double kScaleStep = 0.1, kThresholdStep = 0.05;
 
+GridCell CellAt(size_t index, size_t num_thresholds) {
+  return {static_cast<int>(index / num_thresholds), static_cast<int>(index % num_thresholds)};
+}
+
 }  // namespace
 
 GridCell BestCell(std::span<const double> ious, size_t num_thresholds) {
-  const auto at = static_cast<size_t>(std::max_element(ious.begin(), ious.end()) - ious.begin());
-  return {at / num_thresholds, at % num_thresholds};
+  const auto best = std::max_element(ious.begin(), ious.end());
+  return CellAt(static_cast<size_t>(best - ious.begin()), num_thresholds);
 }
 
 GridCell ChooseFromReference(std::span<const double> ious, std::span<const double> scales,
@@ -37,7 +41,7 @@ GridCell ChooseFromReference(std::span<const double> ious, std::span<const doubl
   double least = std::numeric_limits<double>::infinity();
   for (size_t i = 0; i < ious.size(); ++i) {
     if (ious[i] < best_iou - kMostLoss) continue;
-    const GridCell cell = {i / thresholds.size(), i % thresholds.size()};
+    const GridCell cell = CellAt(i, thresholds.size());
     const double distance =
         std::hypot((scales[cell.scale] - mean_scale) / kScaleStep,
                    (thresholds[cell.threshold] - mean_threshold) / kThresholdStep);

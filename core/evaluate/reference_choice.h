@@ -3,12 +3,9 @@
 #include <cstddef>
 #include <span>
 
-namespace pepeseg {
+#include "core/query/mask_grid.h"
 
-// A cell of the grid of scales and thresholds.
-struct GridCell {
-  size_t scale = 0, threshold = 0;  // indices
-};
+namespace pepeseg {
 
 // Returns the cell with the best IoU, the first of those that are equal. ious:
 // [num_scales, num_thresholds], not empty.

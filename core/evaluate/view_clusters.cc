@@ -6,6 +6,7 @@
 #include "core/base/device_lock.h"
 #include "core/base/status_macros.h"
 #include "core/evaluate/entity_queries.h"
+#include "core/query/resolve_prompt.h"
 
 namespace pepeseg {
 namespace {

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/query/prompt.h"
 
 namespace pepeseg {
 namespace {
@@ -34,17 +35,18 @@ void Extend(Decomposition::Segment& segment, const Gaussians& gaussians, int64_t
 
 absl::Status CheckDecompositionScales(std::span<const double> scales) {
   if (scales.empty() || scales.size() > kMaxLevels) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(scales.size(), " scales, must be 1 to ", kMaxLevels));
+    return FaultError(
+        {"", absl::StrCat(scales.size()), absl::StrCat("scales; allowed are 1..", kMaxLevels)});
   }
   for (size_t i = 0; i < scales.size(); ++i) {
+    const std::string part = absl::StrCat("[", i, "]");
     if (!(scales[i] >= 0 && scales[i] <= 1)) {  // also catches NaN
-      return absl::InvalidArgumentError(
-          absl::StrCat("scale ", i, " is ", scales[i], ", must be in [0, 1]"));
+      return FaultError({part, absl::StrCat(scales[i]), "not in [0, 1]"});
     }
+    // Levels are built from fine to coarse, each on the one before.
     if (i > 0 && scales[i] <= scales[i - 1]) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "scale ", i, " is ", scales[i], ", must be over the one before, ", scales[i - 1]));
+      return FaultError({part, absl::StrCat(scales[i]),
+                         absl::StrCat("not over the scale before, ", scales[i - 1])});
     }
   }
   return absl::OkStatus();

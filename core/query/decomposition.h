@@ -36,7 +36,7 @@ inline constexpr std::array<double, 3> kDefaultDecompositionScales = {0.01, 0.5,
 inline constexpr int kMaxLevels = 8;
 
 // Returns INVALID_ARGUMENT unless there are 1 to kMaxLevels scales, all in [0, 1] and ascending
-// without repeats.
+// without repeats; it has a PromptFault.
 absl::Status CheckDecompositionScales(std::span<const double> scales);
 // Returns INVALID_ARGUMENT unless 0 <= level < levels.size(). The message has the valid range.
 absl::Status CheckLevel(const Decomposition& decomposition, int level);

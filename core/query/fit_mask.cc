@@ -91,31 +91,6 @@ std::vector<int> MoveCenters(std::span<const float> units, std::vector<float>& c
   return sizes;
 }
 
-// Returns the mean directions of at most `count` clusters of features [n, 32], none of which is 0:
-// [clusters, 32] of length 1, the largest cluster first. Starts from the mean and the farthest
-// features, then runs kNumRounds of Lloyd's algorithm on unit vectors. Clusters with less than
-// `min_share` of the features are dropped.
-std::vector<float> ClusterDirections(std::span<const float> features, int count, double min_share) {
-  std::vector<float> units(features.begin(), features.end());
-  for (size_t i = 0; i < units.size(); i += kFeatureSize) Normalise(&units[i]);
-  std::vector<float> centers = FirstCenters(units, count);
-  std::vector<int> sizes;
-  for (int round = 0; round < kNumRounds; ++round) sizes = MoveCenters(units, centers);
-  std::vector<size_t> order(sizes.size());
-  std::iota(order.begin(), order.end(), size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](size_t a, size_t b) { return sizes[a] > sizes[b]; });
-  const size_t num_features = units.size() / kFeatureSize;
-  const double least = min_share * static_cast<double>(num_features);
-  std::vector<float> kept;
-  for (const size_t c : order) {
-    if (sizes[c] < least || sizes[c] == 0) continue;
-    const auto first = centers.begin() + static_cast<int64_t>(c) * kFeatureSize;
-    kept.insert(kept.end(), first, first + kFeatureSize);
-  }
-  return kept;
-}
-
 // Returns the mask in the small view, sampled at the centres of its pixels.
 std::vector<uint8_t> Shrunk(const BinaryMask& mask, int width, const SmallView& small) {
   const Camera& camera = small.view.camera;
@@ -232,6 +207,29 @@ class MaskFitter {
 };
 
 }  // namespace
+
+// Starts from the mean and the farthest features, then runs kNumRounds of Lloyd's algorithm on unit
+// vectors.
+std::vector<float> ClusterDirections(std::span<const float> features, int count, double min_share) {
+  std::vector<float> units(features.begin(), features.end());
+  for (size_t i = 0; i < units.size(); i += kFeatureSize) Normalise(&units[i]);
+  std::vector<float> centers = FirstCenters(units, count);
+  std::vector<int> sizes;
+  for (int round = 0; round < kNumRounds; ++round) sizes = MoveCenters(units, centers);
+  std::vector<size_t> order(sizes.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](size_t a, size_t b) { return sizes[a] > sizes[b]; });
+  const size_t num_features = units.size() / kFeatureSize;
+  const double least = min_share * static_cast<double>(num_features);
+  std::vector<float> kept;
+  for (const size_t c : order) {
+    if (sizes[c] < least || sizes[c] == 0) continue;
+    const auto first = centers.begin() + static_cast<int64_t>(c) * kFeatureSize;
+    kept.insert(kept.end(), first, first + kFeatureSize);
+  }
+  return kept;
+}
 
 absl::StatusOr<Query> FitMask(const Segmenter& segmenter, const ModelView& view,
                               const BinaryMask& mask, const Granularity& granularity) {

@@ -158,7 +158,7 @@ absl::StatusOr<Shape> Frame::Take(const BoxPrompt& box) const {
   return NotShown("", absl::StrCat("box ", box.x, ",", box.y, " ", box.width, "x", box.height));
 }
 
-absl::StatusOr<Shape> Frame::Take(const BinaryMask& mask) const {
+absl::StatusOr<BinaryMask> Frame::TakeMask(const BinaryMask& mask) const {
   BinaryMask taken;
   for (const int32_t pixel : PixelsOfView()) taken.pixels.push_back(mask.pixels[pixel]);
   if (CheckNotEmpty(taken).ok()) return taken;
@@ -166,6 +166,11 @@ absl::StatusOr<Shape> Frame::Take(const BinaryMask& mask) const {
                      absl::StrCat("no pixel of the mask is in the part of ", image_.name,
                                   " that the model was trained on, or the mask is too small for "
                                   "it")});
+}
+
+absl::StatusOr<Shape> Frame::Take(const PointMean& mean) const {
+  ASSIGN_OR_RETURN(Shape taken, Take(mean.points));
+  return PointMean{std::get<PointsPrompt>(std::move(taken))};
 }
 
 absl::StatusOr<Prompt> Frame::ToView(Prompt prompt) const {

@@ -70,6 +70,9 @@ class Frame {
   // not turned.
   int TurnOf(int64_t width, int64_t height) const;
 
+  // Draws strokes in pixels of image(), at least so wide that each has pixels in the view. Errors
+  // are those of CheckStrokes.
+  absl::StatusOr<Scribbles> Draw(std::span<const Stroke> strokes) const;  // fit_scribbles.cc
   // Returns a prompt in pixels of image() as one in pixels of the view. Errors are those of
   // CheckShape. Also refuses points, boxes and masks of which the view shows nothing; for points
   // and boxes that is a NothingThereError.
@@ -131,7 +134,10 @@ class Frame {
   Eigen::Vector2d PlaceOfPinholePixel(const Eigen::Vector2d& pixel) const;
   absl::StatusOr<Shape> Take(const PointsPrompt& points) const;
   absl::StatusOr<Shape> Take(const BoxPrompt& box) const;
-  absl::StatusOr<Shape> Take(const BinaryMask& mask) const;
+  absl::StatusOr<BinaryMask> TakeMask(const BinaryMask& mask) const;
+  absl::StatusOr<Shape> Take(const BinaryMask& mask) const { return TakeMask(mask); }
+  absl::StatusOr<Shape> Take(const Scribbles& scribbles) const;
+  absl::StatusOr<Shape> Take(const PointMean& mean) const;
   absl::Status NotShown(const std::string& part, const std::string& value) const;
 
   Eigen::Vector2d InPhotograph(double x, double y) const;

@@ -34,7 +34,7 @@ constexpr double kSameAsBest = 0.9999, kSameAsOther = 0.9;
 
 // A cell that may represent a plateau among the candidates.
 struct Rung {
-  MaskGrid::Cell cell;
+  GridCell cell;
   size_t plateau = 0;
   int64_t area = 0;
   double value = 0;  // support of the plateau times the IoU with its most stable cell
@@ -57,7 +57,7 @@ bool Holds(const MaskGrid& masks, const Rung& large, const Rung& small) {
 }
 
 // Returns all cells that may represent one of the plateaus, the smallest mask first.
-std::vector<Rung> FindRungs(const MaskGrid& masks, std::span<const MaskGrid::Plateau> plateaus,
+std::vector<Rung> FindRungs(const MaskGrid& masks, std::span<const Candidate> plateaus,
                             size_t best) {
   const double one_cell = 1.0 / (masks.num_scales() * masks.num_thresholds());
   std::vector<Rung> found;
@@ -65,7 +65,7 @@ std::vector<Rung> FindRungs(const MaskGrid& masks, std::span<const MaskGrid::Pla
     if (p != best && plateaus[p].support < 1.5 * one_cell) continue;
     for (int scale = 0; scale < masks.num_scales(); ++scale) {
       for (int threshold = 0; threshold < masks.num_thresholds(); ++threshold) {
-        const MaskGrid::Cell cell = {scale, threshold};
+        const GridCell cell = {scale, threshold};
         const double iou = masks.Iou(plateaus[p].cell, cell);
         if (iou < (p == best ? kSameAsBest : kSameAsOther)) continue;
         found.push_back({cell, p, masks.Area(cell), plateaus[p].support * iou});
@@ -170,32 +170,32 @@ MaskGrid::MaskGrid(LevelCounts counts, GranularityGrid grid)
   stability_ = Stabilities();
 }
 
-size_t MaskGrid::IndexOf(const Cell& cell) const {
+size_t MaskGrid::IndexOf(const GridCell& cell) const {
   return static_cast<size_t>(cell.scale) * counts_.num_thresholds + cell.threshold;
 }
 
-MaskGrid::Cell MaskGrid::CellAt(size_t index) const {
+GridCell MaskGrid::CellAt(size_t index) const {
   return {static_cast<int>(index) / counts_.num_thresholds,
           static_cast<int>(index) % counts_.num_thresholds};
 }
 
-int64_t MaskGrid::Area(const Cell& cell) const { return Common(cell, cell); }
+int64_t MaskGrid::Area(const GridCell& cell) const { return Common(cell, cell); }
 
-double MaskGrid::Stability(const Cell& cell) const { return stability_[IndexOf(cell)]; }
+double MaskGrid::Stability(const GridCell& cell) const { return stability_[IndexOf(cell)]; }
 
-Candidate MaskGrid::CandidateAt(const Cell& cell, double support) const {
+Candidate MaskGrid::CandidateAt(const GridCell& cell, double support) const {
   return {grid_.scales[cell.scale], double{grid_.thresholds[cell.threshold]}, Stability(cell),
-          support};
+          support, cell};
 }
 
-int64_t MaskGrid::Common(const Cell& a, const Cell& b) const {
+int64_t MaskGrid::Common(const GridCell& a, const GridCell& b) const {
   if (a.scale > b.scale) return Common(b, a);
   const size_t side = counts_.num_thresholds + 1;
   const size_t pair = static_cast<size_t>(a.scale) * counts_.num_scales + b.scale;
   return counts_.pixels[(pair * side + a.threshold + 1) * side + b.threshold + 1];
 }
 
-double MaskGrid::Iou(const Cell& a, const Cell& b) const {
+double MaskGrid::Iou(const GridCell& a, const GridCell& b) const {
   const int64_t common = Common(a, b), either = Area(a) + Area(b) - common;
   return either == 0 ? 0 : static_cast<double>(common) / static_cast<double>(either);
 }
@@ -204,9 +204,9 @@ std::vector<double> MaskGrid::Stabilities() const {
   const int num = counts_.num_thresholds;
   std::vector<double> sum(static_cast<size_t>(counts_.num_scales) * num);
   std::vector<int> count(sum.size());
-  const auto add = [&](const Cell& a, const Cell& b) {
+  const auto add = [&](const GridCell& a, const GridCell& b) {
     const double iou = Iou(a, b);
-    for (const Cell& cell : {a, b}) {
+    for (const GridCell& cell : {a, b}) {
       sum[cell.scale * num + cell.threshold] += iou;
       ++count[cell.scale * num + cell.threshold];
     }
@@ -220,30 +220,30 @@ std::vector<double> MaskGrid::Stabilities() const {
   return sum;
 }
 
-std::vector<MaskGrid::Plateau> MaskGrid::FindPlateaus(int64_t min_area, int max_count) const {
+std::vector<Candidate> MaskGrid::FindPlateaus(int64_t min_area, int max_count) const {
   std::vector<size_t> left;  // cells, the most stable first
   for (size_t k = 0; k < stability_.size(); ++k) {
     if (Area(CellAt(k)) >= min_area) left.push_back(k);
   }
   std::stable_sort(left.begin(), left.end(),
                    [&](size_t a, size_t b) { return stability_[a] > stability_[b]; });
-  std::vector<Plateau> plateaus;
+  std::vector<Candidate> plateaus;
   while (!left.empty()) {
-    const Cell best = CellAt(left.front());
-    const double before = static_cast<double>(left.size()), first = stability_[left.front()];
+    const GridCell best = CellAt(left.front());
+    const auto before = static_cast<double>(left.size());
     std::erase_if(left, [&](size_t k) { return Iou(best, CellAt(k)) > kSameMask; });
     const double support =
         (before - static_cast<double>(left.size())) / static_cast<double>(stability_.size());
-    plateaus.push_back({best, first, support});
+    plateaus.push_back(CandidateAt(best, support));
   }
   std::stable_sort(plateaus.begin(), plateaus.end(),
-                   [](const Plateau& a, const Plateau& b) { return a.support > b.support; });
+                   [](const Candidate& a, const Candidate& b) { return a.support > b.support; });
   if (plateaus.size() > static_cast<size_t>(max_count)) plateaus.resize(max_count);
   return plateaus;
 }
 
-Candidates FindCandidates(const MaskGrid& masks, std::span<const MaskGrid::Plateau> plateaus,
-                          size_t best, int max_count) {
+Candidates FindCandidates(const MaskGrid& masks, std::span<const Candidate> plateaus, size_t best,
+                          int max_count) {
   const std::vector<Rung> rungs = FindRungs(masks, plateaus, best);
   const std::vector<Reach> down = FindReaches(masks, rungs, true);
   const std::vector<Reach> up = FindReaches(masks, rungs, false);

@@ -1,10 +1,12 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "core/query/mask_geometry.h"
 #include "core/query/prompt.h"
 #include "core/query/view_features.h"
 
@@ -32,16 +34,27 @@ inline constexpr int64_t kMaxLookPixels = 262'144;
 struct SmallView {
   ModelView view;
   int factor = 1;
+
+  // Returns the pixel that covers pixel (x, y) of the original view, or the nearest one.
+  PixelIndex PixelAt(int x, int y) const {
+    return {std::min(view.camera.width - 1, x / factor),
+            std::min(view.camera.height - 1, y / factor)};
+  }
 };
 // Returns the view shrunk by the smallest whole factor that leaves at most kMaxLookPixels.
 SmallView SmallViewOf(const ModelView& view);
 
+// Indices of a scale and a threshold of a grid.
+struct GridCell {
+  int scale = 0, threshold = 0;
+};
 // A scale and a threshold at which a prompt shows something stable.
 struct Candidate {
   double scale = 0;      // quantile, [0, 1]
   double threshold = 0;  // cosine, [-1, 1]
   double stability = 0;  // [0, 1], see MaskGrid::Stability
   double support = 0;    // (0, 1], share of all scales and thresholds that show the same mask
+  GridCell cell;         // of the scale and the threshold
 };
 // The things that a prompt may mean, smallest first: a part, the object that has it, a group.
 struct Candidates {
@@ -65,38 +78,30 @@ class MaskGrid {
   // counts: of the scales and thresholds of `grid`.
   MaskGrid(LevelCounts counts, GranularityGrid grid);
 
-  struct Cell {
-    int scale = 0, threshold = 0;  // indices
-  };
   // Returns the number of pixels in the mask of a cell.
-  int64_t Area(const Cell& cell) const;
+  int64_t Area(const GridCell& cell) const;
   // Returns the IoU of the masks of two cells, 0 if both are empty.
-  double Iou(const Cell& a, const Cell& b) const;
+  double Iou(const GridCell& a, const GridCell& b) const;
   // Returns the number of pixels in both masks.
-  int64_t Common(const Cell& a, const Cell& b) const;
+  int64_t Common(const GridCell& a, const GridCell& b) const;
   // Returns the mean IoU of the cell's mask with those of its neighbours on the grid, [0, 1].
-  double Stability(const Cell& cell) const;
+  double Stability(const GridCell& cell) const;
   int num_scales() const { return counts_.num_scales; }
   int num_thresholds() const { return counts_.num_thresholds; }
 
-  struct Plateau {
-    Cell cell;             // the most stable cell that shows this mask
-    double stability = 0;  // stability of `cell`
-    double support = 0;    // share of the grid's cells that show it
-  };
   // IoU over which two cells show the same mask.
   static constexpr double kSameMask = 0.8;
   // Returns at most `max_count` distinct masks of at least `min_area` pixels, most support first.
   // Greedy: takes the most stable cell left and removes all cells that show the same mask.
-  std::vector<Plateau> FindPlateaus(int64_t min_area, int max_count) const;
+  std::vector<Candidate> FindPlateaus(int64_t min_area, int max_count) const;
   // Returns the granularity of a cell, whose mask has this support.
-  Candidate CandidateAt(const Cell& cell, double support) const;
+  Candidate CandidateAt(const GridCell& cell, double support) const;
 
  private:
   std::vector<double> Stabilities() const;
 
-  size_t IndexOf(const Cell& cell) const;
-  Cell CellAt(size_t index) const;
+  size_t IndexOf(const GridCell& cell) const;
+  GridCell CellAt(size_t index) const;
 
   GranularityGrid grid_;
   LevelCounts counts_;             // cumulative: pixels whose levels are at least these
@@ -109,7 +114,7 @@ class MaskGrid {
 // that keeps the list nested. The best one's cell shows the mask of its plateau's most stable cell,
 // the other cells have an IoU of at least 0.9 with theirs. A plateau of a single cell is a
 // candidate only if it is the best.
-Candidates FindCandidates(const MaskGrid& masks, std::span<const MaskGrid::Plateau> plateaus,
-                          size_t best, int max_count);
+Candidates FindCandidates(const MaskGrid& masks, std::span<const Candidate> plateaus, size_t best,
+                          int max_count);
 
 }  // namespace pepeseg

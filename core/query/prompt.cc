@@ -32,6 +32,38 @@ absl::Status CheckFinite(const std::string& part, double value) {
   return BadPart(part, absl::StrCat(value, " is not finite"));
 }
 
+absl::Status CheckInside(const PromptImage& image, double x, double y, const std::string& part) {
+  if (x >= 0 && x < image.width && y >= 0 && y < image.height) return absl::OkStatus();
+  if (!std::isfinite(x) || !std::isfinite(y)) {
+    return BadPart(part, absl::StrCat("(", x, ", ", y, ") is not finite"));
+  }
+  return FaultError({part, absl::StrCat("point ", x, ",", y),
+                     absl::StrCat("is outside ", image.name, " (", image.Size(), ")")});
+}
+
+absl::Status CheckUserPoints(const PromptImage& image, const PointsPrompt& points) {
+  if (!points.empty() && points.size() <= kMaxPromptPoints) return CheckPoints(image, points);
+  return BadPart("points",
+                 absl::StrCat(points.size(), " points, allowed are 1..", kMaxPromptPoints));
+}
+
+absl::Status CheckMean(const PromptImage& image, const PointsPrompt& points) {
+  RETURN_IF_ERROR(CheckUserPoints(image, points));
+  for (size_t i = 0; i < points.size(); ++i) {
+    if (points[i].positive) continue;
+    return FaultError(
+        {absl::StrCat("points[", i, "].negative"), "true", "a mean has positive points only"});
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckScribbles(const PromptImage& image, const Scribbles& scribbles) {
+  if (scribbles.positive.pixels.empty()) return BadPart("", "no positive stroke among them");
+  RETURN_IF_ERROR(CheckMask(image, scribbles.positive));
+  if (scribbles.negative.pixels.empty()) return absl::OkStatus();
+  return CheckMask(image, scribbles.negative);
+}
+
 absl::Status CheckPose(const Pose& pose) {
   const Eigen::Quaterniond& q = pose.rotation;
   const std::string rotation = "cam_from_world.rotation",
@@ -62,7 +94,8 @@ PromptImage ImageOf(const ModelView& view) {
 
 absl::Status FaultError(const PromptFault& fault) {
   std::string message = absl::StrCat(fault.value, " ", fault.limit);
-  if (fault.is_number()) message = absl::StrCat(fault.part, " is ", fault.value, ", ", fault.limit);
+  if (fault.is_number() && !fault.part.empty())
+    message = absl::StrCat(fault.part, " is ", fault.value, ", ", fault.limit);
   if (fault.value.empty()) {
     message = absl::StrCat(fault.part, fault.part.empty() ? "" : ": ", fault.limit);
   }
@@ -103,6 +136,31 @@ absl::Status CheckScale(double scale) { return CheckRange("scale_quantile", scal
 
 absl::Status CheckThreshold(double threshold) { return CheckRange("threshold", threshold, -1, 1); }
 
+absl::Status CheckScaleUnits(double scale_units) {
+  if (std::isfinite(scale_units) && scale_units > 0) return absl::OkStatus();
+  return FaultError({"scale_units", absl::StrCat(scale_units), "not finite and > 0"});
+}
+
+absl::Status CheckNumTargets(int num_targets) {
+  if (num_targets <= kMaxTargets) return absl::OkStatus();
+  return FaultError({"targets.views", absl::StrCat(num_targets),
+                     absl::StrCat("views; allowed are ", kMaxTargets)});
+}
+
+absl::Status CheckNumProposals(int num_proposals) {
+  return CheckRange("max_proposals", num_proposals, 0, kMaxProposals);
+}
+
+absl::Status CheckNumVoting(int num_views) {
+  return CheckRange("num_views", num_views, 0, kMaxVotingViews);
+}
+
+absl::Status CheckMaskBytes(size_t num_bytes) {
+  if (num_bytes <= kMaxMaskBytes) return absl::OkStatus();
+  return FaultError(
+      {"", absl::StrCat(num_bytes), absl::StrCat("bytes; allowed are ", kMaxMaskBytes)});
+}
+
 absl::Status CheckGranularity(const Granularity& granularity) {
   if (granularity.scale) RETURN_IF_ERROR(CheckScale(*granularity.scale));
   if (!granularity.threshold) return absl::OkStatus();
@@ -111,14 +169,7 @@ absl::Status CheckGranularity(const Granularity& granularity) {
 
 absl::Status CheckPoints(const PromptImage& image, std::span<const PointPrompt> points) {
   for (size_t i = 0; i < points.size(); ++i) {
-    const auto [x, y, positive] = points[i];
-    if (x >= 0 && x < image.width && y >= 0 && y < image.height) continue;
-    const std::string part = absl::StrCat("points[", i, "]");
-    if (!std::isfinite(x) || !std::isfinite(y)) {
-      return BadPart(part, absl::StrCat("(", x, ", ", y, ") is not finite"));
-    }
-    return FaultError({part, absl::StrCat("point ", x, ",", y),
-                       absl::StrCat("is outside ", image.name, " (", image.Size(), ")")});
+    RETURN_IF_ERROR(CheckInside(image, points[i].x, points[i].y, absl::StrCat("points[", i, "]")));
   }
   // Negative points only take away from what positive ones select.
   const bool any_positive = std::any_of(points.begin(), points.end(),
@@ -150,17 +201,56 @@ absl::Status CheckMask(const PromptImage& image, const BinaryMask& mask) {
                                   num_pixels, " of ", image.name));
 }
 
+absl::Status CheckStrokes(const PromptImage& image, std::span<const Stroke> strokes) {
+  size_t num_vertices = 0;
+  double num_pixels = 0;
+  for (size_t i = 0; i < strokes.size(); ++i) {
+    const Stroke& stroke = strokes[i];
+    const std::string part = absl::StrCat("strokes[", i, "]");
+    RETURN_IF_ERROR(CheckRange(part + ".width", stroke.width, 0, kMaxStrokeWidth));
+    if (stroke.path.empty()) return BadPart(part + ".path", "has no vertex");
+    num_vertices += stroke.path.size();
+    for (size_t v = 0; v < stroke.path.size(); ++v) {
+      const Eigen::Vector2d& at = stroke.path[v];
+      RETURN_IF_ERROR(CheckInside(image, at.x(), at.y(), absl::StrCat(part, ".path[", v, "]")));
+      const double length = v == 0 ? 0 : (at - stroke.path[v - 1]).norm();
+      num_pixels += (length + 1) * (stroke.width + 1);
+    }
+  }
+  if (num_vertices > kMaxVertices) {
+    return BadPart("strokes", absl::StrCat(num_vertices, " vertices, allowed are ", kMaxVertices));
+  }
+  if (num_pixels <= kMaxStrokePixels) return absl::OkStatus();
+  return BadPart("strokes",
+                 absl::StrCat("cover ", static_cast<int64_t>(num_pixels), " pixels, allowed are ",
+                              static_cast<int64_t>(kMaxStrokePixels)));
+}
+
+const BinaryMask* MaskOf(const Shape& shape) {
+  return std::visit(Overloaded{[](const BinaryMask& mask) { return &mask; },
+                               [](const Scribbles& scribbles) { return &scribbles.positive; },
+                               [](const PointsPrompt&) -> const BinaryMask* { return nullptr; },
+                               [](const PointMean&) -> const BinaryMask* { return nullptr; },
+                               [](const BoxPrompt&) -> const BinaryMask* { return nullptr; }},
+                    shape);
+}
+
+const PointsPrompt* PointsOf(const Shape& shape) {
+  return std::visit(Overloaded{[](const PointsPrompt& points) { return &points; },
+                               [](const PointMean& mean) { return &mean.points; },
+                               [](const BoxPrompt&) -> const PointsPrompt* { return nullptr; },
+                               [](const BinaryMask&) -> const PointsPrompt* { return nullptr; },
+                               [](const Scribbles&) -> const PointsPrompt* { return nullptr; }},
+                    shape);
+}
+
 absl::Status CheckShape(const PromptImage& image, const Shape& shape) {
   return std::visit(
-      Overloaded{[&](const PointsPrompt& points) {
-                   if (!points.empty() && points.size() <= kMaxPromptPoints) {
-                     return CheckPoints(image, points);
-                   }
-                   return BadPart("points", absl::StrCat(points.size(), " points, allowed are 1..",
-                                                         kMaxPromptPoints));
-                 },
+      Overloaded{[&](const PointsPrompt& points) { return CheckUserPoints(image, points); },
                  [&](const BoxPrompt& box) { return CheckBox(image, box); },
-                 [&](const BinaryMask& mask) { return CheckMask(image, mask); }},
+                 [&](const BinaryMask& mask) { return CheckMask(image, mask); },
+                 [&](const Scribbles& scribbles) { return CheckScribbles(image, scribbles); },
+                 [&](const PointMean& mean) { return CheckMean(image, mean.points); }},
       shape);
 }
 

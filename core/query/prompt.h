@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -21,6 +22,14 @@ inline constexpr int64_t kMaxFreePixels = 16'000'000;  // of a free camera, whic
 inline constexpr double kMaxNormError = 1e-3;          // of a quaternion: decimals, floats
 // Each point takes a part of the time of a query.
 inline constexpr size_t kMaxPromptPoints = 64;
+inline constexpr int kMaxTargets = 1000;       // views of a request
+inline constexpr int kMaxProposals = 16;       // each has a mask in the answer
+inline constexpr int kMaxVotingViews = 100;    // of a selection, each rendered and segmented
+inline constexpr int kMaxMaskBytes = 4 << 20;  // of a PNG, before it is decoded
+// Limits of the strokes of one prompt.
+inline constexpr size_t kMaxVertices = 4096;
+inline constexpr double kMaxStrokeWidth = 256;    // pixels
+inline constexpr double kMaxStrokePixels = 16e6;  // length times width of all
 
 struct PointPrompt {
   double x = 0, y = 0;  // pixels of the prompt's image, in [0, width) x [0, height)
@@ -34,9 +43,30 @@ struct BoxPrompt {
   double x = 0, y = 0, width = 0, height = 0;  // pixels of the prompt's image, which it overlaps
 };
 
+// A line drawn by hand: through `path`, pixels of the prompt's image.
+struct Stroke {
+  std::vector<Eigen::Vector2d> path;  // at least one; a single one is a dot
+  bool positive = true;
+  double width = 0;  // pixels; 0: as thin as the view can show
+};
+// Strokes of any number of pixels, each mask of the size of the prompt's image: Frame::Draw.
+struct Scribbles {
+  BinaryMask positive;
+  BinaryMask negative;  // without pixels: no negative strokes
+};
+
+// The mean feature of these points, which are all positive.
+struct PointMean {
+  PointsPrompt points;
+};
+
 // A mask has the size of the prompt's image and at least one pixel. A kind that is added here does
 // not compile until each std::visit answers it.
-using Shape = std::variant<PointsPrompt, BoxPrompt, BinaryMask>;
+using Shape = std::variant<PointsPrompt, BoxPrompt, BinaryMask, Scribbles, PointMean>;
+// Returns the mask, or the positive strokes, of a shape; null: it has points or a box.
+const BinaryMask* MaskOf(const Shape& shape);
+// Returns the points of a shape; null: it has none.
+const PointsPrompt* PointsOf(const Shape& shape);
 // Makes one visitor from a function for each kind.
 template <class... Kinds>
 struct Overloaded : Kinds... {
@@ -99,10 +129,18 @@ absl::Status CheckView(const ModelView& view);
 absl::Status CheckGranularity(const Granularity& granularity);
 absl::Status CheckScale(double scale);
 absl::Status CheckThreshold(double threshold);
+// scale_units: in scene units, > 0.
+absl::Status CheckScaleUnits(double scale_units);
+// The numbers in requests. 0: the default.
+absl::Status CheckNumTargets(int num_targets);
+absl::Status CheckNumProposals(int num_proposals);
+absl::Status CheckNumVoting(int num_views);
+absl::Status CheckMaskBytes(size_t num_bytes);
 // Refuses points outside the image, and points of which none is positive.
 absl::Status CheckPoints(const PromptImage& image, std::span<const PointPrompt> points);
 absl::Status CheckBox(const PromptImage& image, const BoxPrompt& box);
 absl::Status CheckMask(const PromptImage& image, const BinaryMask& mask);
+absl::Status CheckStrokes(const PromptImage& image, std::span<const Stroke> strokes);
 // Checks what a user gives: also refuses more than kMaxPromptPoints.
 absl::Status CheckShape(const PromptImage& image, const Shape& shape);
 // Refuses a mask without a pixel.

@@ -44,17 +44,6 @@ void KeepNested(Proposals& proposals) {
   }
 }
 
-// A box or a mask already says how large the object is.
-absl::Status OnlyPoints() { return FaultError({"", "", "only points have proposals"}); }
-
-absl::StatusOr<PointsPrompt> PointsOf(const Shape& shape) {
-  using Points = absl::StatusOr<PointsPrompt>;
-  return std::visit(Overloaded{[](const PointsPrompt& points) -> Points { return points; },
-                               [](const BoxPrompt&) -> Points { return OnlyPoints(); },
-                               [](const BinaryMask&) -> Points { return OnlyPoints(); }},
-                    shape);
-}
-
 }  // namespace
 
 absl::StatusOr<Proposals> Propose(const Segmenter& segmenter, const ProposeRequest& request) {
@@ -63,19 +52,18 @@ absl::StatusOr<Proposals> Propose(const Segmenter& segmenter, const ProposeReque
         absl::StrCat(request.max_count, " proposals are asked for, must be at least 1"));
   }
   const ModelView& view = request.prompt.view;
-  ASSIGN_OR_RETURN(const PointsPrompt points, PointsOf(request.prompt.what));
-  ASSIGN_OR_RETURN(const ClickedFeatures clicks, FindClickedFeatures(segmenter, view, points));
+  const auto* points = std::get_if<PointsPrompt>(&request.prompt.what);
+  // A box or a mask already says how large the object is.
+  if (points == nullptr) return FaultError({"", "", "only points have proposals"});
+  ASSIGN_OR_RETURN(const ClickedFeatures clicks, FindClickedFeatures(segmenter, view, *points));
   Proposals proposals;
   ASSIGN_OR_RETURN(proposals.candidates,
                    FindGranularities(segmenter, clicks, GridOf({}), request.max_count));
-  Query query = clicks.query;
+  std::vector<Query> queries;
   for (const Candidate& at : proposals.candidates.list) {
-    query.scale = at.scale;
-    query.threshold = at.threshold;
-    ASSIGN_OR_RETURN(std::vector<SegmentResult> results,
-                     segmenter.Segment(query, {&view, 1}, request.options));
-    proposals.masks.push_back(std::move(results[0]));
+    queries.push_back({clicks.query.features, clicks.query.positive, at.scale, at.threshold});
   }
+  ASSIGN_OR_RETURN(proposals.masks, segmenter.Segment(queries, view, request.options));
   KeepNested(proposals);
   const Frame frame(view, request.frame);
   for (SegmentResult& mask : proposals.masks) mask = frame.FromView(std::move(mask));

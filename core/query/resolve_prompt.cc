@@ -14,9 +14,6 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kMinArea = 16;          // pixels of the small view
-constexpr size_t kMostPlateaus = 12;      // compared for a further point, those with most support
-constexpr double kSupportExponent = 0.5;  // of support against plausibility
 // Points that are answered one after the other, which bounds the time; those before the last ones
 // are answered together.
 constexpr size_t kMostCorrections = 8;
@@ -52,7 +49,8 @@ class ClickFollower {
     for (const size_t point : points) AddPoint(point);
     RETURN_IF_ERROR(Compare());
     if (points.size() == clicks_.points.size() || plateaus_.empty()) return absl::OkStatus();
-    ASSIGN_OR_RETURN(answer_, MaskOf(plateaus_[0]));
+    ASSIGN_OR_RETURN(auto first, MasksOf({&plateaus_[0], 1}));
+    answer_ = std::move(first[0].mask.pixels);
     return absl::OkStatus();
   }
 
@@ -60,7 +58,8 @@ class ClickFollower {
   absl::Status Correct(size_t point) {
     AddPoint(point);
     if (!answer_.empty() && NumAnswered(answer_) == static_cast<int64_t>(clicks_made_.size())) {
-      ASSIGN_OR_RETURN(std::vector<uint8_t> same, MaskOf(plateaus_[chosen_]));
+      ASSIGN_OR_RETURN(auto results, MasksOf({&plateaus_[chosen_], 1}));
+      std::vector<uint8_t>& same = results[0].mask.pixels;
       const bool kept = ClickPlausibility(clicks_made_.back(), answer_, same,
                                           small_.view.camera.width) > MaskGrid::kSameMask;
       if (kept) answer_ = std::move(same);
@@ -76,22 +75,18 @@ class ClickFollower {
 
  private:
   PixelIndex PixelOf(const PointPrompt& point) const {
-    const Camera& camera = small_.view.camera;
-    return {std::min(camera.width - 1, static_cast<int>(point.x) / small_.factor),
-            std::min(camera.height - 1, static_cast<int>(point.y) / small_.factor)};
+    return small_.PixelAt(static_cast<int>(point.x), static_cast<int>(point.y));
   }
-  absl::StatusOr<std::vector<uint8_t>> MaskOf(const MaskGrid::Plateau& plateau) const {
-    const Candidate at = masks_->CandidateAt(plateau.cell, plateau.support);
-    const Query query = {query_.features, query_.positive, at.scale, at.threshold};
-    ASSIGN_OR_RETURN(auto results, segmenter_.Segment(query, {&small_.view, 1}));
-    return std::move(results[0].mask.pixels);
+  // Returns the masks of plateaus in the small view.
+  absl::StatusOr<std::vector<SegmentResult>> MasksOf(std::span<const Candidate> plateaus) const {
+    std::vector<Query> queries;
+    for (const Candidate& at : plateaus) {
+      queries.push_back({query_.features, query_.positive, at.scale, at.threshold});
+    }
+    return segmenter_.Segment(queries, small_.view);
   }
   int64_t NumAnswered(std::span<const uint8_t> mask) const {
-    const int width = small_.view.camera.width;
-    return std::count_if(clicks_made_.begin(), clicks_made_.end(), [&](const PixelClick& click) {
-      return (mask[static_cast<size_t>(click.pixel.y) * width + click.pixel.x] != 0) ==
-             click.positive;
-    });
+    return pepeseg::NumAnswered(clicks_made_, mask, small_.view.camera.width);
   }
 
   void AddPoint(size_t point) {
@@ -115,8 +110,10 @@ class ClickFollower {
   absl::Status Choose() {
     std::pair<int64_t, double> best = {-1, 0};
     std::vector<uint8_t> chosen;
-    for (size_t i = 0; i < std::min(plateaus_.size(), kMostPlateaus); ++i) {
-      ASSIGN_OR_RETURN(std::vector<uint8_t> mask, MaskOf(plateaus_[i]));
+    const size_t num = std::min(plateaus_.size(), kMostPlateaus);
+    ASSIGN_OR_RETURN(auto results, MasksOf(std::span(plateaus_).first(num)));
+    for (size_t i = 0; i < num; ++i) {
+      std::vector<uint8_t>& mask = results[i].mask.pixels;
       const double plausibility =
           answer_.empty()
               ? 1
@@ -140,7 +137,7 @@ class ClickFollower {
   std::vector<PixelClick> clicks_made_;  // in the small view
   Query query_;
   std::optional<MaskGrid> masks_;
-  std::vector<MaskGrid::Plateau> plateaus_;
+  std::vector<Candidate> plateaus_;
   size_t chosen_ = 0;            // plateau
   std::vector<uint8_t> answer_;  // its mask; empty if no further point follows or nothing is shown
 };
@@ -161,6 +158,30 @@ absl::StatusOr<Query> ResolvePoints(const Segmenter& segmenter, const ModelView&
   return query;
 }
 
+// Returns the points that are on something with a feature.
+absl::StatusOr<PointsPrompt> PointsOnSomething(const Segmenter& segmenter, const ModelView& view,
+                                               const PointsPrompt& points) {
+  std::vector<size_t> found;
+  RETURN_IF_ERROR(
+      SolidFeatures(segmenter, view, PixelsOf(points, view.camera.width), &found).status());
+  PointsPrompt kept;
+  kept.reserve(found.size());
+  for (const size_t i : found) kept.push_back(points[i]);
+  if (std::any_of(kept.begin(), kept.end(), [](const PointPrompt& p) { return p.positive; })) {
+    return kept;
+  }
+  return NothingThereError("nothing with a feature is rendered under the positive points");
+}
+
+absl::StatusOr<Query> ResolveMean(const Segmenter& segmenter, const ModelView& view,
+                                  const PointMean& mean, const Granularity& granularity) {
+  ASSIGN_OR_RETURN(const PointsPrompt points, PointsOnSomething(segmenter, view, mean.points));
+  ASSIGN_OR_RETURN(const std::vector<float> features,
+                   SolidFeatures(segmenter, view, PixelsOf(points, view.camera.width)));
+  ASSIGN_OR_RETURN(const Query query, ResolvePoints(segmenter, view, points, granularity));
+  return MeanQuery(segmenter, features, query.scale, query.threshold);
+}
+
 }  // namespace
 
 absl::StatusOr<Query> ResolvePrompt(const Segmenter& segmenter, const Prompt& prompt,
@@ -173,7 +194,11 @@ absl::StatusOr<Query> ResolvePrompt(const Segmenter& segmenter, const Prompt& pr
             return ResolvePoints(segmenter, view, points, granularity);
           },
           [&](const BoxPrompt& box) { return FitBox(segmenter, view, box, granularity); },
-          [&](const BinaryMask& mask) { return FitMask(segmenter, view, mask, granularity); }},
+          [&](const BinaryMask& mask) { return FitMask(segmenter, view, mask, granularity); },
+          [&](const Scribbles& scribbles) {
+            return FitScribbles(segmenter, view, scribbles, granularity);
+          },
+          [&](const PointMean& mean) { return ResolveMean(segmenter, view, mean, granularity); }},
       prompt.what);
 }
 
@@ -200,6 +225,13 @@ absl::StatusOr<Candidates> FindGranularities(const Segmenter& segmenter,
   RETURN_IF_ERROR(follower.Start(all.first(all.size() - num_corrections)));
   for (const size_t point : all.last(num_corrections)) RETURN_IF_ERROR(follower.Correct(point));
   return follower.Found(max_count);
+}
+
+int64_t NumAnswered(std::span<const PixelClick> clicks, std::span<const uint8_t> mask, int width) {
+  return std::count_if(clicks.begin(), clicks.end(), [&](const PixelClick& click) {
+    return (mask[static_cast<size_t>(click.pixel.y) * width + click.pixel.x] != 0) ==
+           click.positive;
+  });
 }
 
 double ClickPlausibility(const PixelClick& click, std::span<const uint8_t> before,

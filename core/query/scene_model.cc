@@ -8,24 +8,14 @@
 #include "core/query/resolve_prompt.h"
 
 namespace pepeseg {
-namespace {
-
-// Returns the box of a prompt, or null for other prompts.
-const BoxPrompt* BoxOf(const Shape& shape) {
-  return std::visit(Overloaded{[](const BoxPrompt& box) { return &box; },
-                               [](const PointsPrompt&) -> const BoxPrompt* { return nullptr; },
-                               [](const BinaryMask&) -> const BoxPrompt* { return nullptr; }},
-                    shape);
-}
-
-}  // namespace
 
 absl::StatusOr<SegmentResult> SegmentedViews::Next() {
   RETURN_IF_ERROR(check_());
   const ModelView& target = request_.targets[next_++];
   // A free camera has no name, and is a target only if it is the prompt's.
-  const BoxPrompt* const box =
-      target.name == request_.prompt.view.name ? BoxOf(request_.prompt.what) : nullptr;
+  const BoxPrompt* const box = target.name == request_.prompt.view.name
+                                   ? std::get_if<BoxPrompt>(&request_.prompt.what)
+                                   : nullptr;
   SegmentOptions options = request_.options;
   options.want_similarity |= request_.borders != nullptr || box != nullptr;
   ASSIGN_OR_RETURN(auto results, segmenter_->Segment(query_, {&target, 1}, options));

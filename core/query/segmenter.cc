@@ -98,6 +98,21 @@ absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Query& query
   return state_->WithDevice([&] { return state_->features.Segment(query, targets, options); });
 }
 
+absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(std::span<const Query> queries,
+                                                              const ModelView& target,
+                                                              const SegmentOptions& options) const {
+  RETURN_IF_ERROR(CheckView(target));
+  for (const Query& query : queries) RETURN_IF_ERROR(CheckQuery(query));
+  return state_->WithDevice([&]() -> absl::StatusOr<std::vector<SegmentResult>> {
+    std::vector<SegmentResult> results;
+    for (const Query& query : queries) {
+      ASSIGN_OR_RETURN(auto result, state_->features.Segment(query, {&target, 1}, options));
+      results.push_back(std::move(result.front()));
+    }
+    return results;
+  });
+}
+
 absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(
     const ModelView& view, std::span<const PointPrompt> points) const {
   RETURN_IF_ERROR(CheckView(view));

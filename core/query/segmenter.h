@@ -55,6 +55,10 @@ class Segmenter {
   absl::StatusOr<std::vector<SegmentResult>> Segment(const Query& query,
                                                      std::span<const ModelView> targets,
                                                      const SegmentOptions& options = {}) const;
+  // Returns one result per query in one view, in order, while it holds the device lock once.
+  absl::StatusOr<std::vector<SegmentResult>> Segment(std::span<const Query> queries,
+                                                     const ModelView& target,
+                                                     const SegmentOptions& options = {}) const;
 
   // Returns the features at points of a view as rendered, not gated by a scale: [points, 32].
   // Returns INVALID_ARGUMENT if a point is outside the view or no point is positive, and

@@ -119,22 +119,17 @@ bool Touch(const Gaussians& gaussians, int32_t a, int32_t b) {
                                DeviationAlong(gaussians, b, direction));
 }
 
-// Visits a prompt: whether it points at a pixel.
-struct Pointing {
-  double x, y;    // centre of the pixel
-  int32_t pixel;  // y * width + x
-
-  bool operator()(const PointsPrompt& points) const {
-    for (const PointPrompt& point : points) {
-      if (point.positive && std::hypot(point.x - x, point.y - y) <= kPointRadius) return true;
-    }
-    return false;
+// Returns whether a prompt points at a pixel with this centre. pixel: y * width + x.
+bool PointsAt(const Shape& shape, double x, double y, int32_t pixel) {
+  if (const BinaryMask* mask = MaskOf(shape)) return mask->pixels[pixel] != 0;
+  if (const PointsPrompt* points = PointsOf(shape)) {
+    return std::any_of(points->begin(), points->end(), [&](const PointPrompt& point) {
+      return point.positive && std::hypot(point.x - x, point.y - y) <= kPointRadius;
+    });
   }
-  bool operator()(const BoxPrompt& box) const {
-    return x >= box.x && x < box.x + box.width && y >= box.y && y < box.y + box.height;
-  }
-  bool operator()(const BinaryMask& mask) const { return mask.pixels[pixel] != 0; }
-};
+  const auto& box = std::get<BoxPrompt>(shape);
+  return x >= box.x && x < box.x + box.width && y >= box.y && y < box.y + box.height;
+}
 
 // Returns how much the prompted pixels show of each Gaussian, [num_gaussians]: its largest blending
 // weight in one of them. Pixels outside the mask of the prompt do not count, unless all are
@@ -233,8 +228,8 @@ std::vector<int32_t> PromptedPixels(const Prompt& prompt, size_t max_count) {
   std::vector<int32_t> pixels;
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      const Pointing points_at = {x + 0.5, y + 0.5, y * width + x};
-      if (std::visit(points_at, prompt.what)) pixels.push_back(points_at.pixel);
+      const int32_t pixel = y * width + x;
+      if (PointsAt(prompt.what, x + 0.5, y + 0.5, pixel)) pixels.push_back(pixel);
     }
   }
   if (pixels.size() <= max_count) return pixels;

@@ -26,8 +26,8 @@ struct SelectRequest {
 };
 
 // Returns the pixels of its view that a prompt points at, y * width + x, ascending: those within 2
-// pixels of a positive point, those whose centre is in the box, or those of the mask. If there are
-// more than `max_count` (> 0), that many of them, spread evenly.
+// pixels of a positive point, those whose centre is in the box, or those of the mask or the
+// positive strokes. If there are more than `max_count` (> 0), that many of them, spread evenly.
 std::vector<int32_t> PromptedPixels(const Prompt& prompt, size_t max_count);
 
 // Returns the connected part of each of the `selected` Gaussians (indices into `gaussians`, without

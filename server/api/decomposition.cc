@@ -15,22 +15,9 @@ absl::StatusOr<std::vector<double>> ReadScales(
     return std::vector<double>(kDefaultDecompositionScales.begin(),
                                kDefaultDecompositionScales.end());
   }
-  if (scales.size() > kMaxLevels) {
-    return BadField(field, absl::StrCat(scales.size()),
-                    absl::StrCat("scales; allowed are ", kMaxLevels));
-  }
-  for (int i = 0; i < scales.size(); ++i) {
-    const std::string of_scale = absl::StrCat(field, "[", i, "]");
-    if (!(scales[i] >= 0 && scales[i] <= 1)) {  // true for NaN
-      return BadField(of_scale, absl::StrCat(scales[i]), "not in [0, 1]");
-    }
-    // Levels are built from fine to coarse, each on the one before.
-    if (i > 0 && scales[i] <= scales[i - 1]) {
-      return BadField(of_scale, absl::StrCat(scales[i]),
-                      absl::StrCat("not over the scale before, ", scales[i - 1]));
-    }
-  }
-  return std::vector<double>(scales.begin(), scales.end());
+  std::vector<double> read(scales.begin(), scales.end());
+  RETURN_IF_ERROR(AtField(CheckDecompositionScales(read), field));
+  return read;
 }
 
 absl::Status CheckLevelField(int32_t level, size_t num_levels, const std::string& field) {

@@ -144,7 +144,8 @@ absl::Status AtField(const absl::Status& status, const std::string& field) {
   const std::optional<PromptFault> fault = FaultOf(status);
   if (!fault) return status;
   ErrorDetail detail;
-  detail.field = fault->part.empty() ? field : absl::StrCat(field, ".", fault->part);
+  const bool joins = field.empty() || fault->part.empty() || fault->part[0] == '[';
+  detail.field = absl::StrCat(field, joins ? "" : ".", fault->part);
   if (fault->is_number()) return BadField(detail.field, fault->value, fault->limit);
   detail.reason = IsNothingThere(status) ? "NOTHING_THERE" : "BAD_FIELD";
   detail.value = fault->value;

@@ -19,9 +19,6 @@
 namespace pepeseg {
 namespace {
 
-// Maximum size of a mask in a request, before it is decoded.
-constexpr size_t kMaxPngBytes = size_t{4} << 20;
-
 absl::Status CheckSize(const ImageSize& size, const Frame& frame, const std::string& field) {
   if (size == ImageSize{frame.width(), frame.height()}) return absl::OkStatus();
   if (frame.FitsStored(size.width, size.height)) return absl::OkStatus();
@@ -67,10 +64,7 @@ absl::StatusOr<BinaryMask> MaskFromRle(const v1::CocoRle& rle, const Frame& fram
 
 absl::StatusOr<BinaryMask> MaskFromPng(const std::string& png, const Frame& frame,
                                        const std::string& field) {
-  if (png.size() > kMaxPngBytes) {
-    return BadField(field, absl::StrCat(png.size()),
-                    absl::StrCat("bytes; allowed are ", kMaxPngBytes));
-  }
+  RETURN_IF_ERROR(AtField(CheckMaskBytes(png.size()), field));
   ASSIGN_OR_RETURN(const FloatImage grey, DecodeGreyOf(frame, png, field));
   BinaryMask mask;
   mask.pixels.reserve(grey.values.size());

@@ -1,7 +1,6 @@
 #include "server/api/segment_request.h"
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
 #include <optional>
 #include <set>
@@ -17,12 +16,72 @@
 namespace pepeseg {
 namespace {
 
-// Maximum number of views that a request may list.
-constexpr int kMaxTargets = 1000;
-
 absl::Status CheckEncoding(v1::MaskEncoding encoding) {
   if (v1::MaskEncoding_IsValid(encoding)) return absl::OkStatus();
   return BadField("mask_encoding", absl::StrCat(static_cast<int>(encoding)), "no encoding");
+}
+
+// These convert what a prompt says in pixels of the image, of any values.
+
+PointsPrompt PointsFromProto(const v1::PointsPrompt& proto) {
+  PointsPrompt points;
+  for (const v1::PointsPrompt::Point& point : proto.points()) {
+    points.push_back({point.x(), point.y(), !point.negative()});
+  }
+  return points;
+}
+
+std::vector<Stroke> StrokesFromProto(const v1::ScribblesPrompt& proto) {
+  std::vector<Stroke> strokes;
+  for (const v1::ScribblesPrompt::Stroke& from : proto.strokes()) {
+    Stroke& stroke = strokes.emplace_back(Stroke{{}, !from.negative(), from.width()});
+    for (const auto& vertex : from.path()) stroke.path.emplace_back(vertex.x(), vertex.y());
+  }
+  return strokes;
+}
+
+absl::StatusOr<Scribbles> ReadScribbles(const v1::ScribblesPrompt& proto, const Frame& image,
+                                        const std::string& field) {
+  absl::StatusOr<Scribbles> scribbles = image.Draw(StrokesFromProto(proto));
+  if (!scribbles.ok()) return AtField(scribbles.status(), field);
+  const auto add = [&](const v1::MaskImage& strokes, const char* name,
+                       BinaryMask& to) -> absl::Status {
+    ASSIGN_OR_RETURN(const BinaryMask mask, ReadMask(strokes, image, absl::StrCat(field, name)));
+    to.pixels.resize(mask.pixels.size());
+    for (size_t i = 0; i < to.pixels.size(); ++i) to.pixels[i] |= mask.pixels[i];
+    return absl::OkStatus();
+  };
+  if (proto.has_positive()) {
+    RETURN_IF_ERROR(add(proto.positive(), ".positive", scribbles->positive));
+  }
+  if (proto.has_negative()) {
+    RETURN_IF_ERROR(add(proto.negative(), ".negative", scribbles->negative));
+  }
+  return scribbles;
+}
+
+// Reads what a prompt says in pixels of the image, and puts its field into `field`.
+absl::StatusOr<Shape> ReadShape(const v1::Prompt& prompt, const Frame& image, std::string& field) {
+  switch (prompt.what_case()) {
+    case v1::Prompt::kPoints:
+      field += ".points";
+      return PointsFromProto(prompt.points());
+    case v1::Prompt::kBox:
+      field += ".box";
+      return BoxPrompt{prompt.box().x(), prompt.box().y(), prompt.box().width(),
+                       prompt.box().height()};
+    case v1::Prompt::kMask:
+      field += ".mask";
+      return ReadMask(prompt.mask(), image, field);
+    case v1::Prompt::kScribbles:
+      field += ".scribbles";
+      return ReadScribbles(prompt.scribbles(), image, field);
+    case v1::Prompt::kPointMean:
+      field += ".point_mean";
+      return PointMean{PointsFromProto(prompt.point_mean())};
+    default:
+      return BadField(field, "", "no points, box, mask, scribbles, point_mean or label");
+  }
 }
 
 // Returns the id of a label, which is given by its id or by its whole name.
@@ -103,16 +162,12 @@ absl::StatusOr<ModelView> FreeViewFromProto(const v1::Viewpoint::FreeCamera& pro
   return view;
 }
 
-PointsPrompt PointsFromProto(const v1::PointsPrompt& proto) {
-  PointsPrompt points;
-  for (const v1::PointsPrompt::Point& point : proto.points()) {
-    points.push_back({point.x(), point.y(), !point.negative()});
-  }
-  return points;
-}
-
-BoxPrompt BoxFromProto(const v1::BoxPrompt& proto) {
-  return {proto.x(), proto.y(), proto.width(), proto.height()};
+std::vector<const v1::MaskImage*> ImagesOf(const v1::Prompt& prompt) {
+  std::vector<const v1::MaskImage*> images;
+  if (prompt.has_mask()) images.push_back(&prompt.mask());
+  if (prompt.scribbles().has_positive()) images.push_back(&prompt.scribbles().positive());
+  if (prompt.scribbles().has_negative()) images.push_back(&prompt.scribbles().negative());
+  return images;
 }
 
 absl::StatusOr<Prompt> ToViewAt(const Frame& frame, Prompt prompt, const std::string& field) {
@@ -177,30 +232,27 @@ absl::StatusOr<Prompt> SegmentRequestReader::ReadLabel(const std::string& label,
 }
 
 absl::StatusOr<Prompt> SegmentRequestReader::ReadPrompt(const v1::Prompt& prompt,
-                                                        v1::PixelFrame frame) const {
-  const std::string field = "prompt";
-  RETURN_IF_ERROR(CheckFrame(frame));
+                                                        ImageOfView image_of,
+                                                        const std::string& field) const {
   if (prompt.what_case() == v1::Prompt::kLabel) {
     if (prompt.has_view()) return BadField(field + ".view", "", "a label has its own view");
     return ReadLabel(prompt.label(), field + ".label");
   }
   Prompt read;
   ASSIGN_OR_RETURN(read.view, FindViewpoint(prompt.view(), model_, field + ".view"));
-  const Frame pixels(read.view, FrameKindFromProto(frame));
-  switch (prompt.what_case()) {
-    case v1::Prompt::kPoints:
-      read.what = PointsFromProto(prompt.points());
-      return ToViewAt(pixels, std::move(read), field + ".points");
-    case v1::Prompt::kBox:
-      read.what = BoxFromProto(prompt.box());
-      return ToViewAt(pixels, std::move(read), field + ".box");
-    case v1::Prompt::kMask: {
-      ASSIGN_OR_RETURN(read.what, ReadMask(prompt.mask(), pixels, field + ".mask"));
-      return ToViewAt(pixels, std::move(read), field + ".mask");
-    }
-    default:
-      return BadField(field, "", "no points, box, mask or label");
-  }
+  const Frame image = image_of(read.view);
+  std::string of_shape = field;
+  ASSIGN_OR_RETURN(read.what, ReadShape(prompt, image, of_shape));
+  return ToViewAt(image, std::move(read), of_shape);
+}
+
+absl::StatusOr<Prompt> SegmentRequestReader::ReadPrompt(const v1::Prompt& prompt,
+                                                        v1::PixelFrame frame) const {
+  RETURN_IF_ERROR(CheckFrame(frame));
+  const auto image_of = [&](const ModelView& view) {
+    return Frame(view, FrameKindFromProto(frame));
+  };
+  return ReadPrompt(prompt, image_of, "prompt");
 }
 
 absl::StatusOr<Granularity> SegmentRequestReader::ReadGranularity(
@@ -210,9 +262,7 @@ absl::StatusOr<Granularity> SegmentRequestReader::ReadGranularity(
     read.scale = granularity.scale_quantile();
   } else if (granularity.scale_case() == v1::Granularity::kScaleUnits) {
     const double units = granularity.scale_units();
-    if (!std::isfinite(units) || units <= 0) {
-      return BadField(field + ".scale_units", absl::StrCat(units), "not finite and > 0");
-    }
+    RETURN_IF_ERROR(AtField(CheckScaleUnits(units), field));
     // Inside, a scale is a quantile of the model's own scales; lengths are converted here.
     read.scale = QuantileOfScale(model_.field, units);
   }
@@ -229,10 +279,7 @@ absl::StatusOr<std::vector<ModelView>> SegmentRequestReader::FindTargets(
   if (grouped && !targets.views().empty()) {
     return BadField("targets", absl::StrCat(targets.views_size()), "views next to a group");
   }
-  if (targets.views_size() > kMaxTargets) {
-    return BadField("targets.views", absl::StrCat(targets.views_size()),
-                    absl::StrCat("views; allowed are ", kMaxTargets));
-  }
+  RETURN_IF_ERROR(AtField(CheckNumTargets(targets.views_size()), ""));
   std::vector<ModelView> views;
   switch (targets.group()) {
     case v1::SegmentViewsRequest::Targets::GROUP_UNSPECIFIED:
@@ -282,12 +329,7 @@ absl::StatusOr<ProposeRequest> SegmentRequestReader::Read(
   ProposeRequest read;
   ASSIGN_OR_RETURN(read.prompt, ReadPrompt(request.prompt(), request.frame()));
   const int wanted = request.max_proposals();
-  // Each proposal has a mask in the answer.
-  constexpr int kMostProposals = 16;
-  if (wanted < 0 || wanted > kMostProposals) {
-    return BadField("max_proposals", absl::StrCat(wanted),
-                    absl::StrCat("not in [0, ", kMostProposals, "]"));
-  }
+  RETURN_IF_ERROR(AtField(CheckNumProposals(wanted), ""));
   if (wanted > 0) read.max_count = wanted;
   read.frame = FrameKindFromProto(request.frame());
   read.options = {.refine_borders = RefinesBorders(request)};

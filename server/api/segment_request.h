@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "core/query/scene_model.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
@@ -25,12 +26,11 @@ absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Mo
 absl::StatusOr<Prompt> PromptOfLabel(const LabelRecord& label, const Model& model,
                                      const SceneChild& number);
 
+// Returns the images of a prompt, which are masks of its view.
+std::vector<const v1::MaskImage*> ImagesOf(const v1::Prompt& prompt);
 // Reads a camera that is not one of the model's, see CheckView for its limits.
 absl::StatusOr<ModelView> FreeViewFromProto(const v1::Viewpoint::FreeCamera& proto,
                                             const std::string& field);
-// Converts points and boxes, of any values.
-PointsPrompt PointsFromProto(const v1::PointsPrompt& proto);
-BoxPrompt BoxFromProto(const v1::BoxPrompt& proto);
 // Takes a prompt, which is in pixels of the frame, to its view: Frame::ToView.
 absl::StatusOr<Prompt> ToViewAt(const Frame& frame, Prompt prompt, const std::string& field);
 
@@ -49,18 +49,21 @@ class SegmentRequestReader {
   absl::StatusOr<SegmentRequest> Read(const v1::SegmentViewsRequest& request) const;
   absl::StatusOr<ProposeRequest> Read(const v1::ProposeScalesRequest& request) const;
 
-  // Reads a prompt in the pixels of `frame` as one in the pixels of its view, see Frame::ToView. A
-  // label is read as its mask. NOT_FOUND: no such label. FAILED_PRECONDITION: the model does not
-  // have the view of the label. Blocks on the store.
+  // Reads a prompt in the pixels of the image of its view as one in the pixels of the view, see
+  // Frame::ToView. A label is read as its mask. NOT_FOUND: no such label. FAILED_PRECONDITION: the
+  // model does not have the view of the label. Blocks on the store.
+  using ImageOfView = absl::FunctionRef<Frame(const ModelView&)>;
+  absl::StatusOr<Prompt> ReadPrompt(const v1::Prompt& prompt, ImageOfView image_of,
+                                    const std::string& field) const;
+  // Reads the field `prompt` of a request, in pixels of `frame`.
   absl::StatusOr<Prompt> ReadPrompt(const v1::Prompt& prompt, v1::PixelFrame frame) const;
   absl::StatusOr<Granularity> ReadGranularity(const v1::Granularity& granularity,
                                               const std::string& field) const;
-  // Reads a label, which is given by id or name, as its mask. For errors see ReadPrompt. Blocks on
-  // the store.
-  absl::StatusOr<Prompt> ReadLabel(const std::string& label, const std::string& field) const;
   const Model& model() const { return model_; }
 
  private:
+  // Reads a label, which is given by id or name, as its mask.
+  absl::StatusOr<Prompt> ReadLabel(const std::string& label, const std::string& field) const;
   absl::StatusOr<std::vector<ModelView>> FindTargets(const v1::SegmentViewsRequest& request,
                                                      const ModelView& prompt_view) const;
 

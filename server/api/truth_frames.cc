@@ -11,6 +11,7 @@
 #include "core/dataset/dataset_files.h"
 #include "core/dataset/pixel_frame.h"
 #include "core/formats/images.h"
+#include "server/api/segment_request.h"
 
 namespace pepeseg {
 namespace {
@@ -49,14 +50,9 @@ ImagesByKind ListImages(const v1::EvaluateModelRequest& request) {
     for (const v1::SamViewMasks::SamMask& mask : sam.masks()) of_view.masks.push_back(&mask.mask());
     AddPng(sam.ignore_png(), images[Kind::kIgnore][sam.view()]);
   }
-  for (const v1::EntityPrompt& prompt : request.prompts()) {
-    ImagesOfView& of_view = images[Kind::kPrompt][prompt.view()];
-    if (prompt.has_mask()) of_view.masks.push_back(&prompt.mask());
-    if (!prompt.has_scribbles()) continue;
-    of_view.masks.push_back(&prompt.scribbles().positive());
-    if (prompt.scribbles().has_negative()) {
-      of_view.masks.push_back(&prompt.scribbles().negative());
-    }
+  for (const auto& [entity, prompt] : request.prompts()) {
+    ImagesOfView& of_view = images[Kind::kPrompt][prompt.view().view()];
+    for (const v1::MaskImage* mask : ImagesOf(prompt)) of_view.masks.push_back(mask);
   }
   return images;
 }

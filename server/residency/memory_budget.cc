@@ -1,7 +1,5 @@
 #include "server/residency/memory_budget.h"
 
-#include <algorithm>
-
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 

@@ -15,9 +15,6 @@
 namespace pepeseg {
 namespace {
 
-// Each voting view is rendered and segmented, so their number bounds the time of a call.
-constexpr int kMaxVotingViews = 100;
-
 v1::SetOperation OrDefault(v1::SetOperation operation, v1::SetOperation by_default) {
   return operation == v1::SET_OPERATION_UNSPECIFIED ? by_default : operation;
 }
@@ -43,10 +40,7 @@ absl::Status CheckOperation(v1::SetOperation operation) {
 }
 
 absl::Status CheckCreate(const v1::CreateSelectionRequest& request) {
-  if (request.num_views() < 0 || request.num_views() > kMaxVotingViews) {
-    return BadField("num_views", absl::StrCat(request.num_views()),
-                    absl::StrCat("not in [0, ", kMaxVotingViews, "]"));
-  }
+  RETURN_IF_ERROR(AtField(CheckNumVoting(request.num_views()), ""));
   RETURN_IF_ERROR(CheckOperation(request.operation()));
   if (OrDefault(request.operation(), v1::SET_OPERATION_REPLACE) != v1::SET_OPERATION_REPLACE &&
       request.base().empty()) {

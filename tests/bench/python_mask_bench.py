@@ -59,7 +59,7 @@ def write_request(client, path, view, query):
 
     request = segmentation_service_pb2.SegmentViewsRequest(
         model=client.place.model,
-        prompt=prompts.prompt(view, query["points"], None, None, None, None),
+        prompt=prompts.Prompt(view, points=query["points"]).to_message(),
         granularity=prompts.granularity(query["scale"], None, query["threshold"]),
         mask_encoding=prompt_pb2.MASK_ENCODING_COCO_RLE,
     )

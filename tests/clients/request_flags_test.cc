@@ -44,6 +44,49 @@ TEST(AddNamesFlag, ReadsNamesInATextFile) {
   EXPECT_THAT(NamesOf("--views " + photograph), ElementsAre(photograph));
 }
 
+// Returns the prompt of a command line.
+absl::StatusOr<v1::Prompt> PromptFrom(const std::string& command_line) {
+  CLI::App app;
+  PromptFlags flags;
+  AddPromptFlags(app, flags);
+  app.parse("shelf " + command_line);
+  return ParsePrompt(flags);
+}
+
+TEST(PromptFlags, BecomeAPromptOfOneKind) {
+  auto prompt = PromptFrom("--view a.jpg -p 1,2 -p 3,4 -n 5,6");
+  ASSERT_OK(prompt);
+  EXPECT_EQ(prompt->view().view(), "a.jpg");
+  ASSERT_EQ(prompt->points().points_size(), 3);
+  EXPECT_EQ(prompt->points().points(1).y(), 4);
+  EXPECT_TRUE(prompt->points().points(2).negative());
+  EXPECT_EQ(PromptFrom("--view a.jpg --box 1,2,3,4")->box().height(), 4);
+  EXPECT_EQ(PromptFrom("--label red")->label(), "red");
+  EXPECT_THROW(PromptFrom("--label red --view a.jpg"), CLI::Error);
+  EXPECT_THROW(PromptFrom("--view a.jpg"), CLI::Error);
+  EXPECT_THROW(PromptFrom("--view a.jpg --box 1,2,3,4 --point 1,2"), CLI::Error);
+  EXPECT_THROW(PromptFrom("--point 1,2"), CLI::Error);
+  EXPECT_THROW(PromptFrom("--view a.jpg --box 1,2,3,4 --negative 1,2"), CLI::Error);
+}
+
+TEST(PromptFlags, DrawLines) {
+  const auto prompt = PromptFrom(
+      "--view a.jpg --scribble \"1,2  3,4 5,6.5\" --scribble 7,8 --not-scribble \"9,9 9,8\" "
+      "--stroke-width 3");
+  ASSERT_OK(prompt);
+  ASSERT_EQ(prompt->scribbles().strokes_size(), 3);
+  const v1::ScribblesPrompt::Stroke& first = prompt->scribbles().strokes(0);
+  ASSERT_EQ(first.path_size(), 3);
+  EXPECT_EQ(first.path(2).y(), 6.5);
+  EXPECT_EQ(first.width(), 3);
+  EXPECT_FALSE(first.negative());
+  EXPECT_EQ(prompt->scribbles().strokes(1).path_size(), 1);
+  EXPECT_TRUE(prompt->scribbles().strokes(2).negative());
+  EXPECT_EQ(PromptFrom("--view a.jpg --scribble \"1,2 3\"").status().code(),
+            absl::StatusCode::kInvalidArgument);
+  EXPECT_THROW(PromptFrom("--view a.jpg --not-scribble 1,2 -p 3,4"), CLI::Error);
+}
+
 TEST(ParseSubset, NamesASegmentOrASelection) {
   const auto all = ParseSubset({}, "shelf");
   ASSERT_OK(all);

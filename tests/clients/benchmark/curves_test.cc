@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "clients/benchmark/held_out_request.h"
+#include "clients/benchmark/evaluation_truth.h"
 #include "clients/cpp/mask.h"
 #include "tests/clients/benchmark/label_me_file.h"
 #include "tests/testing/status_testing.h"

@@ -18,6 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::UnorderedElementsAre;
 
 // A folder with truth: a label image of "a.jpg", masks of "b/c.jpg", nothing of "d.jpg".
 struct TruthFolder : ::testing::Test {
@@ -120,11 +121,9 @@ TEST_F(TruthFolder, MakesTheMasksOfAReferenceTheirPrompts) {
   ASSERT_OK(AddTruth(flags, views, request));
   (*request.mutable_entity_names())[7] = "apple";
   ASSERT_OK(AddEntityPrompts({.reference = "a.jpg"}, flags, request));
-  ASSERT_EQ(request.prompts_size(), 2);
-  EXPECT_EQ(request.prompts(0).entity(), "3");
-  EXPECT_EQ(request.prompts(1).entity(), "apple");
-  EXPECT_TRUE(request.prompts(1).has_own_mask());
-  EXPECT_EQ(request.prompts(1).view(), "a.jpg");
+  ASSERT_EQ(request.own_masks_size(), 2);
+  EXPECT_EQ(request.own_masks().at("3"), "a.jpg");
+  EXPECT_EQ(request.own_masks().at("apple"), "a.jpg");
   EXPECT_THAT(std::string(AddEntityPrompts({.reference = "d.jpg"}, flags, request).message()),
               HasSubstr("is not scored or has no masks"));
 }
@@ -132,23 +131,23 @@ TEST_F(TruthFolder, MakesTheMasksOfAReferenceTheirPrompts) {
 // The server finds no entity of void pixels, so they must have no prompt.
 TEST_F(TruthFolder, MakesNoPromptOfVoidPixels) {
   const auto prompted = [&] {
-    request.clear_prompts();
+    request.clear_own_masks();
     EXPECT_OK(AddEntityPrompts({.reference = "a.jpg"}, flags, request));
     std::vector<std::string> names;
-    for (const v1::EntityPrompt& prompt : request.prompts()) names.push_back(prompt.entity());
+    for (const auto& [entity, view] : request.own_masks()) names.push_back(entity);
     return names;
   };
   Write("a.png", EncodePng({4, 1, {0, 3, 7, 255}}));
   ASSERT_OK(AddTruth(flags, views, request));
-  EXPECT_THAT(prompted(), ElementsAre("3", "7"));
+  EXPECT_THAT(prompted(), UnorderedElementsAre("3", "7"));
   request.set_ignore_label(7);
-  EXPECT_THAT(prompted(), ElementsAre("3", "255"));
+  EXPECT_THAT(prompted(), UnorderedElementsAre("3", "255"));
   request.clear_ignore_label();
   (*request.mutable_entity_names())[255] = "mug";
-  EXPECT_THAT(prompted(), ElementsAre("3", "7", "mug"));
+  EXPECT_THAT(prompted(), UnorderedElementsAre("3", "7", "mug"));
   request.clear_entity_names();
   request.mutable_views(0)->set_labels_png(EncodePng({2, 1, {0, 255}}));
-  EXPECT_THAT(prompted(), ElementsAre("255")) << "a binary mask";
+  EXPECT_THAT(prompted(), UnorderedElementsAre("255")) << "a binary mask";
 }
 
 TEST_F(TruthFolder, AddsReferenceViewsWithoutTruth) {
@@ -158,8 +157,8 @@ TEST_F(TruthFolder, AddsReferenceViewsWithoutTruth) {
   const EntityPromptFlags prompts = {.prompts = {"mug@a.jpg:points:1,2"}, .file = file};
   ASSERT_OK(AddEntityPrompts(prompts, flags, request));
   ASSERT_EQ(request.prompts_size(), 3);
-  EXPECT_EQ(request.prompts(1).box().height(), 4);
-  EXPECT_EQ(request.prompts(2).label_id(), "red");
+  EXPECT_EQ(request.prompts().at("cup").box().height(), 4);
+  EXPECT_EQ(request.prompts().at("3").label(), "red");
   ASSERT_EQ(request.views_size(), 3);
   EXPECT_EQ(request.views(2).view(), "d.jpg");
   EXPECT_TRUE(request.views(2).labels_png().empty());
@@ -167,29 +166,34 @@ TEST_F(TruthFolder, AddsReferenceViewsWithoutTruth) {
 
 TEST_F(TruthFolder, ParsesEachKindOfPrompt) {
   const std::string file = Write("strokes.png", "strokes");
-  auto prompt = ParseEntityPrompt("mug@a:b.jpg:points:1,2");
-  EXPECT_FALSE(prompt.ok()) << "a view's name ends at the first colon";
-  prompt = ParseEntityPrompt("mug@a.jpg:points:1,2;-3,4.5");
-  ASSERT_OK(prompt);
-  EXPECT_EQ(prompt->entity(), "mug");
-  EXPECT_EQ(prompt->view(), "a.jpg");
-  ASSERT_EQ(prompt->points().points_size(), 2);
-  EXPECT_FALSE(prompt->points().points(0).negative());
-  EXPECT_TRUE(prompt->points().points(1).negative());
-  EXPECT_EQ(prompt->points().points(1).x(), 3);
-  EXPECT_EQ(ParseEntityPrompt("m@a:mean:1,2;3,4")->point_mean().points_size(), 2);
-  EXPECT_EQ(ParseEntityPrompt("m@a:mask:" + file)->mask().png(), "strokes");
-  EXPECT_EQ(ParseEntityPrompt("m@a:scribbles:" + file)->scribbles().positive().png(), "strokes");
-  EXPECT_FALSE(ParseEntityPrompt("m@a:scribbles:" + file)->scribbles().has_negative());
-  EXPECT_TRUE(ParseEntityPrompt(absl::StrCat("m@a:scribbles:", file, ",", file))
-                  ->scribbles()
-                  .has_negative());
-  EXPECT_TRUE(ParseEntityPrompt("m@a:own-mask")->has_own_mask());
+  const auto parsed = [](const std::string& text) -> absl::StatusOr<v1::Prompt> {
+    v1::EvaluateModelRequest into;
+    const auto view = AddEntityPrompt(text, into);
+    if (!view.ok()) return view.status();
+    return into.prompts().begin()->second;
+  };
+  EXPECT_FALSE(parsed("mug@a:b.jpg:points:1,2").ok()) << "a view's name ends at the first colon";
+  ASSERT_OK(AddEntityPrompt("mug@a.jpg:points:1,2;-3,4.5", request));
+  const v1::Prompt& prompt = request.prompts().at("mug");
+  EXPECT_EQ(prompt.view().view(), "a.jpg");
+  ASSERT_EQ(prompt.points().points_size(), 2);
+  EXPECT_FALSE(prompt.points().points(0).negative());
+  EXPECT_TRUE(prompt.points().points(1).negative());
+  EXPECT_EQ(prompt.points().points(1).x(), 3);
+  EXPECT_THAT(std::string(AddEntityPrompt("mug@a.jpg:box:1,2,3,4", request).status().message()),
+              HasSubstr("has a prompt already"));
+  EXPECT_EQ(parsed("m@a:mean:1,2;3,4")->point_mean().points_size(), 2);
+  EXPECT_EQ(parsed("m@a:mask:" + file)->mask().png(), "strokes");
+  EXPECT_EQ(parsed("m@a:scribbles:" + file)->scribbles().positive().png(), "strokes");
+  EXPECT_FALSE(parsed("m@a:scribbles:" + file)->scribbles().has_negative());
+  EXPECT_TRUE(parsed(absl::StrCat("m@a:scribbles:", file, ",", file))->scribbles().has_negative());
+  ASSERT_OK(AddEntityPrompt("m@a:own-mask", request));
+  EXPECT_EQ(request.own_masks().at("m"), "a");
   for (const char* bad : {"mug", "@a:own-mask", "mug@a", "mug@a:circle:1", "mug@a:points:1",
                           "mug@a:box:1,2,3", "mug@:own-mask", "mug@a:label:red"}) {
-    EXPECT_TRUE(absl::IsInvalidArgument(ParseEntityPrompt(bad).status())) << bad;
+    EXPECT_TRUE(absl::IsInvalidArgument(parsed(bad).status())) << bad;
   }
-  EXPECT_TRUE(absl::IsNotFound(ParseEntityPrompt("m@a:mask:/nowhere.png").status()));
+  EXPECT_TRUE(absl::IsNotFound(parsed("m@a:mask:/nowhere.png").status()));
 }
 
 }  // namespace

@@ -80,8 +80,8 @@ TEST_F(OutlinedTruth, GivesItsEntitiesToAReference) {
   Write("outlined/coco.json", "a.png", 8, 4);
   ASSERT_OK(AddTruth(flags, views, request));
   ASSERT_OK(AddEntityPrompts({.reference = "a.jpg"}, flags, request));
-  ASSERT_EQ(request.prompts_size(), 1);
-  EXPECT_EQ(request.prompts(0).entity(), "cup");
+  ASSERT_EQ(request.own_masks_size(), 1);
+  EXPECT_EQ(request.own_masks().begin()->first, "cup");
 }
 
 TEST_F(OutlinedTruth, MayBeAFileOrInASceneBelowItsLabelImages) {

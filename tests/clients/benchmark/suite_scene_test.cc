@@ -107,7 +107,7 @@ TEST_F(BenchmarkScenes, OfSpinNerfScoreEveryAnnotatedView) {
   EXPECT_TRUE(request->options().accept_trained_views());
   EXPECT_TRUE(request->options().score_reference());
   EXPECT_EQ(request->views_size(), 5);
-  EXPECT_TRUE(request->prompts(0).has_own_mask());
+  EXPECT_EQ(request->own_masks_size(), 1);
 }
 
 TEST_F(BenchmarkScenes, OfNvosHoldOutTheTarget) {
@@ -123,8 +123,9 @@ TEST_F(BenchmarkScenes, OfNvosHoldOutTheTarget) {
   EXPECT_EQ(request->views(0).view(), "IMG_005.png");
   EXPECT_EQ(request->views(1).view(), "IMG_003.png");
   EXPECT_TRUE(request->views(1).masks().empty());
-  EXPECT_TRUE(request->prompts(0).scribbles().has_positive());
-  EXPECT_TRUE(request->prompts(0).scribbles().has_negative());
+  const v1::ScribblesPrompt& scribbles = request->prompts().begin()->second.scribbles();
+  EXPECT_TRUE(scribbles.has_positive());
+  EXPECT_TRUE(scribbles.has_negative());
 }
 
 TEST_F(BenchmarkScenes, OfNvosMayHaveAReferenceMaskAndShareAnLlffScene) {
@@ -141,7 +142,7 @@ TEST_F(BenchmarkScenes, OfNvosMayHaveAReferenceMaskAndShareAnLlffScene) {
   const auto request =
       ScoreRequest(Benchmark::kNvos, *scene, ProtocolOf(Benchmark::kNvos), ViewsOfModel(*scene));
   ASSERT_OK(request);
-  EXPECT_TRUE(request->prompts(0).has_mask());
+  EXPECT_TRUE(request->prompts().begin()->second.has_mask());
 }
 
 TEST_F(BenchmarkScenes, OfLerfMaskHoldOutTheTestViews) {
@@ -154,8 +155,8 @@ TEST_F(BenchmarkScenes, OfLerfMaskHoldOutTheTestViews) {
                                     ProtocolOf(Benchmark::kLerfMaskFine), ViewsOfModel(*scene));
   ASSERT_OK(request);
   EXPECT_FALSE(request->options().accept_trained_views());
-  ASSERT_EQ(request->prompts_size(), 2);
-  EXPECT_EQ(request->prompts(1).entity(), "red box");
+  EXPECT_EQ(request->own_masks_size(), 2);
+  EXPECT_TRUE(request->own_masks().contains("red box"));
   EXPECT_EQ(request->views(0).masks_size(), 2);
 }
 

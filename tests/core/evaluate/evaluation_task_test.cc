@@ -113,7 +113,7 @@ TEST(MakeTask, NamesTheViewOrEntityThatDoesNotFit) {
   expect_refused(with_prompts({{"mug", "a", std::vector<PointPrompt>{{3, 25, true}}}}),
                  "point 3,25 is outside view \"a\"");
   expect_refused(with_prompts({{"mug", "a", PointMean{{{3, 2, true}, {3, 3, false}}}}}),
-                 "a mean of points has a negative point");
+                 "a mean has positive points only");
   expect_refused(with_prompts({{"mug", "a", Scribbles{{Rows(0, 1)}, {{1}}}}}),
                  "the mask has 1 pixels");
   EvaluationRequest without_mask = with_prompts({{"mug", "a", OwnMask{}}});

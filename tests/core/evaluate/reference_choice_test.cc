@@ -22,8 +22,8 @@ TEST(BestCell, IsTheFirstOfTheBest) {
   Values table = Table(0.2);
   At(table, 3, 1) = At(table, 2, 4) = 0.9;
   const GridCell cell = BestCell(table, kThresholds.size());
-  EXPECT_EQ(cell.scale, 2u);
-  EXPECT_EQ(cell.threshold, 4u);
+  EXPECT_EQ(cell.scale, 2);
+  EXPECT_EQ(cell.threshold, 4);
 }
 
 TEST(ChooseFromReference, TakesTheMiddleOfAPlateauOneStepLower) {
@@ -32,8 +32,8 @@ TEST(ChooseFromReference, TakesTheMiddleOfAPlateauOneStepLower) {
     for (size_t t = 2; t <= 6; ++t) At(table, s, t) = 0.9;
   }
   const GridCell cell = ChooseFromReference(table, kScales, kThresholds);
-  EXPECT_EQ(cell.scale, 2u);
-  EXPECT_EQ(cell.threshold, 3u);  // the middle is 4
+  EXPECT_EQ(cell.scale, 2);
+  EXPECT_EQ(cell.threshold, 3);  // the middle is 4
 }
 
 TEST(ChooseFromReference, PrefersAPlateauToASpikeThatIsHardlyBetter) {
@@ -43,8 +43,8 @@ TEST(ChooseFromReference, PrefersAPlateauToASpikeThatIsHardlyBetter) {
   }
   At(table, 4, 6) = 0.905;
   const GridCell cell = ChooseFromReference(table, kScales, kThresholds);
-  EXPECT_EQ(cell.scale, 1u);
-  EXPECT_LE(cell.threshold, 2u);
+  EXPECT_EQ(cell.scale, 1);
+  EXPECT_LE(cell.threshold, 2);
 }
 
 TEST(ChooseFromReference, NeverTakesACellThatIsMuchWorseThanTheBest) {
@@ -57,8 +57,8 @@ TEST(ChooseFromReference, NeverTakesACellThatIsMuchWorseThanTheBest) {
 
 TEST(ChooseFromReference, TakesTheOnlyCellThereIs) {
   const GridCell cell = ChooseFromReference(Values{0.4}, Values{0.5}, Values{0.75});
-  EXPECT_EQ(cell.scale, 0u);
-  EXPECT_EQ(cell.threshold, 0u);
+  EXPECT_EQ(cell.scale, 0);
+  EXPECT_EQ(cell.threshold, 0);
 }
 
 }  // namespace

@@ -165,11 +165,11 @@ TEST(Decompose, RefusesBadScales) {
   const auto expect_refused = [&](const std::vector<double>& scales, const std::string& words) {
     EXPECT_STATUS(DecomposeWithoutViews(model, scales), absl::StatusCode::kInvalidArgument, words);
   };
-  expect_refused({}, "0 scales, must be 1 to 8");
+  expect_refused({}, "0 scales; allowed are 1..8");
   expect_refused(std::vector<double>(9, 0.5), "9 scales");
-  expect_refused({0.5, 1.5}, "scale 1 is 1.5, must be in [0, 1]");
-  expect_refused({NAN}, "scale 0 is nan");
-  expect_refused({0.5, 0.5}, "scale 1 is 0.5, must be over the one before, 0.5");
+  expect_refused({0.5, 1.5}, "[1] is 1.5, not in [0, 1]");
+  expect_refused({NAN}, "[0] is nan");
+  expect_refused({0.5, 0.5}, "[1] is 0.5, not over the scale before, 0.5");
 }
 
 TEST(MembersOf, ReturnsTheGaussiansOfASegment) {

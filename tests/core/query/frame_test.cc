@@ -117,6 +117,55 @@ TEST(Frame, TurnsThePixelsThatAViewShows) {
   EXPECT_EQ(pixels[160], 118);
 }
 
+TEST(Frame, DrawsThePixelsWithinHalfTheWidthOfAStroke) {
+  constexpr int kWidth = 40, kHeight = 30;
+  ModelView view;
+  view.camera = {kWidth, kHeight, 40, 40, 20, 15};
+  using Path = std::vector<Eigen::Vector2d>;
+  for (const Path& path : {Path{{7.2, 5.1}}, Path{{3, 4}, {36, 9}}, Path{{20, 28}, {22, 1}},
+                           Path{{5, 25}, {5, 3}, {38, 3.5}}, Path{{0, 0}, {39.9, 29.9}}}) {
+    for (const double thickness : {2.0, 9.0}) {
+      const Stroke stroke = {path, true, thickness};
+      ASSERT_OK_AND_ASSIGN(const Scribbles drawn, Frame(view).Draw({&stroke, 1}));
+      const BinaryMask& mask = drawn.positive;
+      for (int pixel = 0; pixel < kWidth * kHeight; ++pixel) {
+        const Eigen::Vector2d at(pixel % kWidth + 0.5, pixel / kWidth + 0.5);
+        double distance = (at - path[0]).norm();
+        for (size_t v = 1; v < path.size(); ++v) {
+          const Eigen::Vector2d along = path[v] - path[v - 1];
+          const double share =
+              std::clamp((at - path[v - 1]).dot(along) / along.squaredNorm(), 0.0, 1.0);
+          distance = std::min(distance, (at - path[v - 1] - share * along).norm());
+        }
+        if (std::abs(distance - thickness / 2) < 1e-9) continue;
+        ASSERT_EQ(mask.pixels[pixel] != 0, distance < thickness / 2) << at.transpose();
+      }
+    }
+  }
+}
+
+// The thinnest line of a photograph that is eight times as large as the view.
+TEST(Frame, DrawsStrokesThatTheViewShows) {
+  const ModelView view = WarpedView(Pinhole(), 0.125);
+  const Frame frame(view);
+  const std::vector<Stroke> strokes = {{{{20, 30}, {140, 90}}, true, 0}, {{{20, 100}}, false, 0}};
+  ASSERT_OK_AND_ASSIGN(Scribbles drawn, frame.Draw(strokes));
+  EXPECT_EQ(drawn.positive.pixels.size(), size_t{160} * 120);
+  ASSERT_OK_AND_ASSIGN(const Prompt taken, frame.ToView(Prompt{view, std::move(drawn)}));
+  const auto& shown = std::get<Scribbles>(taken.what);
+  const int width = view.camera.width;
+  ASSERT_EQ(width, 20);
+  for (int x = 3; x < 17; ++x) {  // no gap
+    int num_set = 0;
+    for (int y = 0; y < view.camera.height; ++y) num_set += shown.positive.pixels[y * width + x];
+    EXPECT_GE(num_set, 1) << x;
+    EXPECT_LE(num_set, 4) << x;
+  }
+  EXPECT_EQ(shown.negative.pixels[100 / 8 * width + 20 / 8], 1);
+  EXPECT_STATUS(frame.Draw(std::vector<Stroke>{{{{161, 2}}, true, 1}}),
+                absl::StatusCode::kInvalidArgument, "point 161,2 is outside");
+}
+
 TEST(Frame, TakesABoxToWhatTheViewShowsOfIt) {
   const Frame half(WarpedView(Pinhole(), 0.5));
   const std::optional<BoxPrompt> scaled = half.ToView(BoxPrompt{-10, 20, 50, 40});

@@ -42,7 +42,7 @@ TEST(MaskGrid, FindsPartObjectAndGroup) {
   Scales scales;
   for (int k = 0; k <= 10; ++k) scales.Add(Similarity(0.1 * k), kNothing);
   const MaskGrid grid = scales.Grid();
-  const std::vector<MaskGrid::Plateau> plateaus = grid.FindPlateaus(8, 3);
+  const std::vector<Candidate> plateaus = grid.FindPlateaus(8, 3);
   ASSERT_EQ(plateaus.size(), 3u);
   // Scales 0 to 0.3 show the part, 0.4 to 0.7 the object, the rest the group.
   EXPECT_EQ(grid.Area(plateaus[0].cell), 64);
@@ -50,7 +50,7 @@ TEST(MaskGrid, FindsPartObjectAndGroup) {
   EXPECT_EQ(grid.Area(plateaus[2].cell), 1024);
   EXPECT_NEAR(plateaus[0].support, 4 / 11.0, 1e-9);
   EXPECT_NEAR(plateaus[2].support, 3 / 11.0, 1e-9);
-  for (const MaskGrid::Plateau& plateau : plateaus) EXPECT_EQ(plateau.stability, 1);
+  for (const Candidate& plateau : plateaus) EXPECT_EQ(plateau.stability, 1);
 }
 
 TEST(MaskGrid, GivesLittleSupportToAMaskThatChangesWithEveryStep) {
@@ -64,7 +64,7 @@ TEST(MaskGrid, GivesLittleSupportToAMaskThatChangesWithEveryStep) {
     scales.Add(k < 3 ? Similarity(0) : map, kNothing);
   }
   const MaskGrid grid = scales.Grid();
-  const std::vector<MaskGrid::Plateau> plateaus = grid.FindPlateaus(8, 10);
+  const std::vector<Candidate> plateaus = grid.FindPlateaus(8, 10);
   ASSERT_GT(plateaus.size(), 1u);
   EXPECT_EQ(grid.Area(plateaus[0].cell), 64);
   EXPECT_GE(plateaus[0].support, 0.5);
@@ -134,7 +134,7 @@ Candidates CandidatesOf(const MaskGrid& grid, int64_t min_area, int max_count) {
   return FindCandidates(grid, grid.FindPlateaus(min_area, kAll), 0, max_count);
 }
 
-MaskGrid::Cell CellOf(const Candidate& candidate) {
+GridCell CellOf(const Candidate& candidate) {
   const auto at =
       std::find(kThresholds.begin(), kThresholds.end(), static_cast<float>(candidate.threshold));
   return {static_cast<int>(candidate.scale), static_cast<int>(at - kThresholds.begin())};
@@ -164,7 +164,7 @@ TEST(Candidates, ChoosesCellsWhoseScalesDoNotDecrease) {
   for (int k = 0; k < 3; ++k) scales.Add(Squares({{8, 0.85f}, {16, 0.75f}}), kNothing);
   for (int k = 0; k < 7; ++k) scales.Add(Squares({{8, 0.95f}, {16, 0.65f}}), kNothing);
   const MaskGrid grid = scales.Grid();
-  const std::vector<MaskGrid::Plateau> plateaus = grid.FindPlateaus(8, 5);
+  const std::vector<Candidate> plateaus = grid.FindPlateaus(8, 5);
   ASSERT_EQ(plateaus.size(), 2u);
   const Candidates found = CandidatesOf(grid, 8, 5);
   ASSERT_EQ(Areas(grid, found), (std::vector<int64_t>{64, 256}));
@@ -179,7 +179,7 @@ TEST(Candidates, ContainsTheRequiredPlateau) {
   for (int k = 0; k < 5; ++k) scales.Add(Squares({{16, 0.95f}}), kNothing);
   for (int k = 0; k < 2; ++k) scales.Add(next_to, kNothing);
   const MaskGrid grid = scales.Grid();
-  const std::vector<MaskGrid::Plateau> plateaus = grid.FindPlateaus(8, kAll);
+  const std::vector<Candidate> plateaus = grid.FindPlateaus(8, kAll);
   ASSERT_EQ(plateaus.size(), 2u);
   const Candidates found = FindCandidates(grid, plateaus, 1, 5);
   EXPECT_EQ(Areas(grid, found), (std::vector<int64_t>{400}));
@@ -236,13 +236,13 @@ TEST(Candidates, EachHoldsTheOneBefore) {
     }
     const MaskGrid grid = scales.Grid();
     const Candidates found = CandidatesOf(grid, 16, 16);
-    const std::vector<MaskGrid::Plateau> plateaus = grid.FindPlateaus(16, 1);
+    const std::vector<Candidate> plateaus = grid.FindPlateaus(16, 1);
     ASSERT_EQ(found.list.empty(), plateaus.empty());
     if (plateaus.empty()) continue;
     EXPECT_EQ(found.list[found.best].support, plateaus[0].support);
     EXPECT_GE(grid.Iou(CellOf(found.list[found.best]), plateaus[0].cell), 0.9999);
     for (size_t i = 1; i < found.list.size(); ++i) {
-      const MaskGrid::Cell small = CellOf(found.list[i - 1]), large = CellOf(found.list[i]);
+      const GridCell small = CellOf(found.list[i - 1]), large = CellOf(found.list[i]);
       EXPECT_LE(small.scale, large.scale);
       EXPECT_GE(grid.Area(large), 1.5 * grid.Area(small));
       EXPECT_GE(grid.Common(small, large), 0.95 * grid.Area(small));

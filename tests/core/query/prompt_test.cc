@@ -43,6 +43,39 @@ TEST(CheckShape, NeedsAPositiveFinitePointInTheImage) {
   EXPECT_OK(CheckPoints(kImage, points));  // an evaluation may click more often
 }
 
+TEST(CheckShape, NeedsPositivePointsForAMean) {
+  EXPECT_OK(CheckShape(kImage, PointMean{{{1, 2, true}, {3, 4, true}}}));
+  ExpectFault(CheckShape(kImage, PointMean{{{1, 2, true}, {3, 4, false}}}), "points[1].negative",
+              "a mean has positive points only");
+  ExpectFault(CheckShape(kImage, PointMean{}), "points", "0 points");
+}
+
+TEST(CheckShape, NeedsAPositiveStrokeOfTheImage) {
+  const BinaryMask stroke = {std::vector<uint8_t>(64 * 48, 1)};
+  EXPECT_OK(CheckShape(kImage, Scribbles{stroke, {}}));
+  EXPECT_OK(CheckShape(kImage, Scribbles{stroke, stroke}));
+  ExpectFault(CheckShape(kImage, Scribbles{{}, stroke}), "", "no positive stroke");
+  ExpectFault(CheckShape(kImage, Scribbles{stroke, {{1}}}), "", "the mask has 1 pixels");
+}
+
+TEST(CheckStrokes, BoundsWidthVerticesAndArea) {
+  const auto check = [](const Stroke& stroke) { return CheckStrokes(kImage, {&stroke, 1}); };
+  const Eigen::Vector2d from(1, 2), to(60, 40);
+  EXPECT_OK(check({{from}, false, 0}));
+  EXPECT_OK(check({{from, to}, true, kMaxStrokeWidth}));
+  ExpectFault(check({{from, to}, true, kMaxStrokeWidth + 1}), "strokes[0].width",
+              "not in [0, 256]");
+  ExpectFault(check({{from, to}, true, kNan}), "strokes[0].width", "not in [0, 256]");
+  ExpectFault(check({{}, true, 1}), "strokes[0].path", "has no vertex");
+  ExpectFault(check({{from, {64, 40}}, true, 1}), "strokes[0].path[1]",
+              "point 64,40 is outside view \"a\" (64x48)");
+  ExpectFault(check({std::vector(kMaxVertices + 1, from), true, 1}), "strokes",
+              "4097 vertices, allowed are 4096");
+  std::vector<Eigen::Vector2d> long_path;
+  for (size_t i = 0; i < kMaxVertices; ++i) long_path.push_back(i % 2 == 0 ? from : to);
+  ExpectFault(check({long_path, true, kMaxStrokeWidth}), "strokes", "allowed are 16000000");
+}
+
 TEST(CheckShape, NeedsABoxThatOverlapsTheImage) {
   EXPECT_OK(CheckShape(kImage, BoxPrompt{-5, -5, 6, 6}));
   ExpectFault(CheckShape(kImage, BoxPrompt{-5, -5, 5, 6}), "", "is outside view \"a\"");

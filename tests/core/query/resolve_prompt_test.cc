@@ -7,6 +7,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/evaluate/mask_scores.h"
+#include "core/query/frame.h"
 #include "tests/testing/front_blobs.h"
 #include "tests/testing/status_testing.h"
 
@@ -75,6 +76,38 @@ TEST_F(ResolvePromptTest, ChoosesTheThresholdOfAScaleAndTheScaleOfAThreshold) {
   ASSERT_OK_AND_ASSIGN(const Query query,
                        ResolvePrompt(*segmenter_, {view_, kLeftPoint}, {.threshold = 0.9}));
   EXPECT_EQ(query.threshold, 0.9);
+}
+
+// Returns a line between two positions of a view of kSize x kSize pixels.
+BinaryMask Line(const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
+  ModelView view;
+  view.camera = {kSize, kSize};
+  const Stroke stroke = {{from, to}};
+  return Frame(view).Draw({&stroke, 1})->positive;
+}
+
+TEST_F(ResolvePromptTest, FindsWhatALineIsOn) {
+  const BinaryMask on_left = Line({kLeftX - 2, kY}, {kLeftX + 2, kY});
+  const BinaryMask on_right = Line({kRightX - 2, kY}, {kRightX + 2, kY});
+  ASSERT_OK_AND_ASSIGN(const auto left, Mask(Scribbles{on_left, {}}));
+  EXPECT_EQ(left, *Mask(kLeftPoint));
+  ASSERT_OK_AND_ASSIGN(const auto both, Mask(Scribbles{Line({kLeftX, kY}, {kRightX, kY}), {}}));
+  EXPECT_TRUE(Shows(both, kLeftX) && Shows(both, kRightX));
+  ASSERT_OK_AND_ASSIGN(const auto without, Mask(Scribbles{on_left, on_right}, {1.0, 0.75}));
+  EXPECT_TRUE(Shows(without, kLeftX) && !Shows(without, kRightX));
+  EXPECT_TRUE(IsNothingThere(Mask(Scribbles{Line({1, 1}, {3, 1}), {}}).status()));
+}
+
+TEST_F(ResolvePromptTest, AsksForTheMeanOfPoints) {
+  const PointsPrompt points = {{kLeftX, kY, true}, {kRightX, kY, true}, {1, 1, true}};
+  ASSERT_OK_AND_ASSIGN(const Query query,
+                       ResolvePrompt(*segmenter_, {view_, PointMean{points}}, {0.5, 0.75}));
+  EXPECT_EQ(query.positive, std::vector<uint8_t>{1});
+  ASSERT_OK_AND_ASSIGN(const std::vector<float> features,
+                       SolidFeatures(*segmenter_, view_, PixelsOf(points, kSize)));
+  EXPECT_EQ(features.size(), 2u * kFeatureSize);  // nothing is under the last point
+  EXPECT_EQ(query.features, GatedMean(features, segmenter_->model().field.gate, 0.5f));
+  EXPECT_TRUE(IsNothingThere(Mask(PointMean{{{1, 1, true}}}).status()));
 }
 
 TEST_F(ResolvePromptTest, FindsAMaskAtTheScaleThatFits) {

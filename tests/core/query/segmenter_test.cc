@@ -385,7 +385,7 @@ TEST_F(SegmenterRender, RefusesInvalidViewsScalesAndSubsets) {
   EXPECT_STATUS(segmenter_->RenderIds(view_, std::vector<int32_t>{1}), kInvalid, "1 ids");
   EXPECT_STATUS(segmenter_->WithDecomposition(std::vector<double>{2},
                                               [](const auto&) { return absl::OkStatus(); }),
-                kInvalid, "scale 0 is 2");
+                kInvalid, "[0] is 2, not in [0, 1]");
   ModelView bad = view_;
   bad.camera.width = 0;
   EXPECT_STATUS(segmenter_->RenderDepth(bad), kInvalid, "0 x 48 pixels");

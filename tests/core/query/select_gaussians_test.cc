@@ -298,6 +298,8 @@ TEST(PromptedPixels, AreThoseOfTheMaskThinnedOutEvenly) {
   mask.pixels[7] = mask.pixels[79] = 1;
   prompt.what = mask;
   EXPECT_EQ(PromptedPixels(prompt, 100), (std::vector<int32_t>{7, 79}));
+  prompt.what = Scribbles{mask, {std::vector<uint8_t>(80, 1)}};
+  EXPECT_EQ(PromptedPixels(prompt, 100), (std::vector<int32_t>{7, 79}));
   std::fill(mask.pixels.begin(), mask.pixels.end(), 1);
   prompt.what = mask;
   EXPECT_EQ(PromptedPixels(prompt, 4), (std::vector<int32_t>{10, 30, 50, 70}));

@@ -368,9 +368,8 @@ TEST_F(PixelFrameTest, EvaluatesMasksAndPromptsOfThePhotographs) {
       EXPECT_TRUE(status.ok()) << status.error_message();
       return scores;
     };
-    v1::EntityPrompt& prompt = *request.add_prompts();
-    prompt.set_entity("square");
-    prompt.set_view("right.jpg");
+    v1::Prompt& prompt = (*request.mutable_prompts())["square"];
+    prompt.mutable_view()->set_view("right.jpg");
     prompt.mutable_points()->add_points()->set_x(60);  // between the squares in the view
     prompt.mutable_points()->mutable_points(0)->set_y(64);
     EXPECT_GT(evaluate().scene().reference().iou(), 0.95);

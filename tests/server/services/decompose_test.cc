@@ -76,7 +76,7 @@ TEST_F(DecomposeTest, RefusesScalesThatAreNone) {
   EXPECT_ERROR(Decompose({std::numeric_limits<double>::quiet_NaN()}), grpc::INVALID_ARGUMENT,
                "scales[0]", "not in [0, 1]");
   EXPECT_ERROR(Decompose({0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9}), grpc::INVALID_ARGUMENT,
-               "scales", "'9': scales; allowed are 8");
+               "scales", "'9': scales; allowed are 1..8");
   ASSERT_OK_AND_ASSIGN(auto answer, Decompose({0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8}));
   EXPECT_EQ(answer.levels_size(), 8);
 }

@@ -100,11 +100,11 @@ struct EvaluateTest : ::testing::Test {
     mask.set_entity(entity);
     mask.mutable_mask()->set_png(png);
   }
-  // Adds a prompt for "square.1" in the right view, to be filled.
-  static v1::EntityPrompt& AddPrompt(v1::EvaluateModelRequest& request) {
-    v1::EntityPrompt& prompt = *request.add_prompts();
-    prompt.set_entity("square.1");
-    prompt.set_view(kRightView);
+  // Adds a prompt for an entity in the right view, to be filled.
+  static v1::Prompt& AddPrompt(v1::EvaluateModelRequest& request,
+                               const std::string& entity = "square.1") {
+    v1::Prompt& prompt = (*request.mutable_prompts())[entity];
+    prompt.mutable_view()->set_view(kRightView);
     return prompt;
   }
   grpc::Status Evaluate(const v1::EvaluateModelRequest& request) {

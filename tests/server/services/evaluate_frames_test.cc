@@ -96,9 +96,7 @@ struct EvaluateFramesTest : EvaluateTest {
       truth.set_view(view);
       truth.set_labels_png(StoredPng(*labels, orientation, 3, 0));
     }
-    v1::EntityPrompt& prompt = AddPrompt(request);
-    prompt.set_entity("3");
-    SetPoint(2 * 30, 2 * 32, *prompt.mutable_points());
+    SetPoint(2 * 30, 2 * 32, *AddPrompt(request, "3").mutable_points());
     return request;
   }
   double Iou() const { return answer.scene().automatic().iou(); }
@@ -122,8 +120,7 @@ TEST_F(EvaluateFramesTest, TurnsLabelsOfTheStoredPixelsAndSaysSo) {
 TEST_F(EvaluateFramesTest, TurnsPromptsThatAreMasks) {
   TrainWith(2);
   v1::EvaluateModelRequest request = Labels(1);
-  v1::EntityPrompt& prompt = *request.mutable_prompts(0);
-  prompt.mutable_mask()->set_png(StoredPng(right, 2, 255, 0));
+  AddPrompt(request, "3").mutable_mask()->set_png(StoredPng(right, 2, 255, 0));
   const grpc::Status status = Evaluate(request);
   ASSERT_TRUE(status.ok()) << status.error_message();
   EXPECT_GT(Iou(), 0.95);

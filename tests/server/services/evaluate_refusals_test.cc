@@ -69,16 +69,21 @@ TEST_F(EvaluateTest, RefusesMasksAndNamesThatDoNotFit) {
 }
 
 TEST_F(EvaluateTest, RefusesPromptsThatDoNotFit) {
-  const auto expect_refused = [&](const std::function<void(v1::EntityPrompt&)>& set,
+  const auto expect_refused = [&](const std::function<void(v1::Prompt&)>& set,
                                   const std::string& field, const std::string& words) {
     auto request = MaskRequest();
     set(AddPrompt(request));
-    ExpectRefused(request, "prompts[0]" + field, words);
+    ExpectRefused(request, "prompts[square.1]" + field, words);
   };
-  expect_refused([](auto&) {}, "",
-                 "no points, point_mean, scribbles, box, mask, own_mask or label_id");
-  expect_refused([](auto& p) { p.set_entity("cup"); }, ".entity", "no view has a mask");
-  expect_refused([](auto& p) { p.set_view("middle.jpg"); }, ".view", "not a view of the request");
+  expect_refused([](auto&) {}, "", "no points, box, mask, scribbles, point_mean or label");
+  expect_refused([](auto& p) { p.mutable_view()->set_view("nowhere.jpg"); }, ".view.view",
+                 "not a view of the model");
+  expect_refused(
+      [](auto& p) {
+        p.mutable_view()->set_view("middle.jpg");
+        SetPoint(30, 32, *p.mutable_points());
+      },
+      ".view", "not a view of the request");
   expect_refused([](auto& p) { p.mutable_points(); }, ".points.points", "0 points");
   expect_refused([](auto& p) { SetPoint(96, 1, *p.mutable_points()); }, ".points.points[0]",
                  "is outside photograph");
@@ -89,26 +94,32 @@ TEST_F(EvaluateTest, RefusesPromptsThatDoNotFit) {
         p.mutable_point_mean()->mutable_points(1)->set_negative(true);
       },
       ".point_mean.points[1].negative", "positive points only");
-  expect_refused([](auto& p) { p.mutable_scribbles(); }, ".scribbles.positive",
+  expect_refused([](auto& p) { p.mutable_scribbles(); }, ".scribbles", "no positive stroke");
+  expect_refused([](auto& p) { p.mutable_scribbles()->mutable_positive(); }, ".scribbles.positive",
                  "neither RLE nor PNG");
   expect_refused([](auto& p) { p.mutable_box()->set_width(3); }, ".box", "not finite, or is empty");
   expect_refused([](auto& p) { p.mutable_mask()->set_png(TruthLabels().MaskOf(1)); }, ".mask",
                  "no pixel is in the mask");
-  expect_refused([](auto& p) { p.set_label_id("scenes/shelf/labels/red"); }, ".label_id",
-                 "give the id");
   auto request = MaskRequest();
-  request.mutable_views(1)->clear_masks();
-  AddPrompt(request).mutable_own_mask();
-  ExpectRefused(request, "prompts[0].own_mask", "has no mask of the entity");
+  AddPrompt(request, "cup");
+  ExpectRefused(request, "prompts[cup]", "no view has a mask");
   request = MaskRequest();
-  AddPrompt(request).mutable_own_mask();
+  request.mutable_views(1)->clear_masks();
+  (*request.mutable_own_masks())["square.1"] = kRightView;
+  ExpectRefused(request, "own_masks[square.1]", "has no mask of the entity");
+  (*request.mutable_own_masks())["square.1"] = "middle.jpg";
+  ExpectRefused(request, "own_masks[square.1]", "not a view of the request");
+  (*request.mutable_own_masks())["cup"] = kRightView;
+  ExpectRefused(request, "own_masks[cup]", "no view has a mask");
+  request = MaskRequest();
+  (*request.mutable_own_masks())["square.1"] = kRightView;
   request.mutable_options()->set_protocol(v1::EVALUATION_PROTOCOL_CLICKS);
   ExpectRefused(request, "prompts", "makes its own");
   request.mutable_options()->clear_protocol();
-  AddPrompt(request).mutable_own_mask();
-  ExpectRefused(request, "prompts[1].entity", "has a prompt already");
+  SetPoint(30, 32, *AddPrompt(request).mutable_points());
+  ExpectRefused(request, "own_masks[square.1]", "has a prompt already");
   request = MaskRequest();
-  AddPrompt(request).set_label_id("none");
+  (*request.mutable_prompts())["square.1"].set_label("none");
   EXPECT_EQ(Evaluate(request).error_code(), grpc::NOT_FOUND);
 }
 

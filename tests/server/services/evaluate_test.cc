@@ -129,8 +129,7 @@ TEST_F(EvaluateTest, ScoresMasksThatOverlapAndJoinsThemByCategory) {
     AddMask("pair", both.MaskOf(1), *request.mutable_views(v));
     AddMask("empty", TruthLabels().MaskOf(1), *request.mutable_views(v));
   }
-  v1::EntityPrompt& prompt = AddPrompt(request);
-  prompt.set_entity("pair");
+  v1::Prompt& prompt = AddPrompt(request, "pair");
   SetPoint(30, 32, *prompt.mutable_points());
   SetPoint(66, 32, *prompt.mutable_points());
   const grpc::Status status = Evaluate(request);
@@ -153,13 +152,12 @@ TEST_F(EvaluateTest, FindsAnEntityByEachKindOfPrompt) {
   label.mutable_label()->mutable_mask()->set_png(right.MaskOf(kRed));
   ASSERT_OK(running.Call(&LabelStub::CreateLabel, label).status());
   // The reference view has no truth: a choice on it needs a mask in the prompt.
-  const auto expect_found = [&](const std::function<void(v1::EntityPrompt&)>& set,
-                                bool with_reference) {
+  const auto expect_found = [&](const std::function<void(v1::Prompt&)>& set, bool with_reference) {
     auto request = MaskRequest();
     request.mutable_views(1)->clear_masks();
     request.mutable_views(0)->mutable_masks()->RemoveLast();
     request.mutable_options()->set_refine_borders(false);
-    v1::EntityPrompt& prompt = AddPrompt(request);
+    v1::Prompt& prompt = AddPrompt(request);
     set(prompt);
     SCOPED_TRACE(prompt.ShortDebugString().substr(0, 90));
     const grpc::Status status = Evaluate(request);
@@ -175,6 +173,16 @@ TEST_F(EvaluateTest, FindsAnEntityByEachKindOfPrompt) {
   expect_found([](auto& prompt) { SetPoint(27, 32, *prompt.mutable_points()); }, false);
   expect_found([](auto& prompt) { SetPoint(27, 32, *prompt.mutable_point_mean()); }, false);
   expect_found(
+      [](auto& prompt) {
+        auto& stroke = *prompt.mutable_scribbles()->add_strokes();
+        for (const double x : {22, 32}) {
+          auto& vertex = *stroke.add_path();
+          vertex.set_x(x);
+          vertex.set_y(32);
+        }
+      },
+      false);
+  expect_found(
       [&](auto& prompt) {
         prompt.mutable_scribbles()->mutable_positive()->set_png(right.MaskOf(kRed));
         prompt.mutable_scribbles()->mutable_negative()->set_png(right.MaskOf(kBlue));
@@ -189,11 +197,10 @@ TEST_F(EvaluateTest, FindsAnEntityByEachKindOfPrompt) {
       },
       false);
   expect_found([&](auto& prompt) { prompt.mutable_mask()->set_png(right.MaskOf(kRed)); }, true);
-  expect_found([](auto& prompt) { prompt.set_label_id("red"); }, true);
   expect_found(
       [](auto& prompt) {
         prompt.clear_view();
-        prompt.set_label_id("red");
+        prompt.set_label("red");
       },
       true);
 }
@@ -205,7 +212,7 @@ TEST_F(EvaluateTest, PropagatesLabelsAndMatchesMeanFeatures) {
     SCOPED_TRACE(v1::EvaluationProtocol_Name(protocol));
     auto request = MaskRequest();
     request.mutable_options()->set_protocol(protocol);
-    AddPrompt(request).mutable_own_mask();
+    (*request.mutable_own_masks())["square.1"] = kRightView;
     const grpc::Status status = Evaluate(request);
     ASSERT_TRUE(status.ok()) << status.error_message();
     ASSERT_EQ(answer.entities_size(), 2);

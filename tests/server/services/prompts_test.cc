@@ -43,6 +43,40 @@ TEST_F(PromptsTest, FindsWhatFillsABox) {
   ExpectOnlyTheLeft(*Segment());
 }
 
+TEST_F(PromptsTest, FindsWhatIsScribbledOver) {
+  v1::ScribblesPrompt& scribbles = *request.mutable_prompt()->mutable_scribbles();
+  const auto add = [&](double from, double to) -> v1::ScribblesPrompt::Stroke& {
+    v1::ScribblesPrompt::Stroke& stroke = *scribbles.add_strokes();
+    for (const double x : {from, to}) {
+      stroke.add_path()->set_x(x);
+      stroke.mutable_path()->rbegin()->set_y(32);
+    }
+    return stroke;
+  };
+  add(24, 36).set_width(3);
+  ExpectOnlyTheLeft(*Segment());
+  add(60, 72).set_negative(true);
+  ExpectOnlyTheLeft(*Segment());
+  add(36, 96);
+  EXPECT_ERROR(Segment(), grpc::INVALID_ARGUMENT, "prompt.scribbles.strokes[2].path[1]",
+               "point 96,32 is outside photograph \"middle.jpg\" (96x64)");
+  // Strokes as images: only the positive ones must be there.
+  scribbles.clear_strokes();
+  *scribbles.mutable_negative()->mutable_rle() = MaskAt(66);
+  EXPECT_ERROR(Segment(), grpc::INVALID_ARGUMENT, "prompt.scribbles", "no positive stroke");
+  *scribbles.mutable_positive()->mutable_rle() = MaskAt(30);
+  ExpectOnlyTheLeft(*Segment());
+}
+
+TEST_F(PromptsTest, FindsTheMeanOfPoints) {
+  for (const double x : {28, 32}) {
+    v1::PointsPrompt::Point& point = *request.mutable_prompt()->mutable_point_mean()->add_points();
+    point.set_x(x);
+    point.set_y(32);
+  }
+  ExpectOnlyTheLeft(*Segment());
+}
+
 TEST_F(PromptsTest, FindsAMaskInAnotherView) {
   *request.mutable_prompt()->mutable_mask()->mutable_rle() = MaskAt(30);
   request.mutable_targets()->add_views("right.jpg");
@@ -92,7 +126,8 @@ TEST_F(PromptsTest, ChoosesScaleAndThresholdThatAreAbsent) {
 }
 
 TEST_F(PromptsTest, RefusesBadPromptsWithARemedy) {
-  EXPECT_ERROR(Segment(), grpc::INVALID_ARGUMENT, "prompt", "no points, box, mask or label");
+  EXPECT_ERROR(Segment(), grpc::INVALID_ARGUMENT, "prompt",
+               "no points, box, mask, scribbles, point_mean or label");
   v1::Prompt& prompt = *request.mutable_prompt();
   prompt.mutable_box()->set_x(500);
   prompt.mutable_box()->set_width(5);

@@ -230,6 +230,8 @@ def make_jobs():
 
 MODEL = 'model: "scenes/shelf/models/live" '
 POINT = 'prompt { view { view: "middle.jpg" } points { points { x: 12 y: 16 } } } '
+STROKES = ("scribbles { strokes { path { x: 12 y: 16 } path { x: 20 y: 9 } width: 3 } "
+           "strokes { path { x: 2 y: 3 } negative: true } } ")
 FREE = ("free { camera { width: 32 height: 32 fx: 40 fy: 40 cx: 16 cy: 16 } cam_from_world { "
         "rotation { w: 1 } translation { z: 0.5 } } } ")
 
@@ -252,6 +254,7 @@ def make_requests():
         "points": POINT,
         "box": 'prompt { view { view: "front" } box { x: 2 y: 3 width: 9 height: 9 } } ',
         "label": 'prompt { label: "red" } ',
+        "strokes": 'prompt { view { view: "front" } ' + STROKES + "} ",
         "rle": 'prompt { view { view: "front" } mask { rle { height: 32 width: 32 counts: "00P1" } } } ',
         "png": 'prompt { view { view: "front" } mask { png: "%s" } } ' % png_text,
     }
@@ -270,16 +273,18 @@ def make_requests():
                 "options { scales: 0.1 scales: 0.5 thresholds: 0.5 accept_trained_views: true }")
     masks = ('views { view: "middle.jpg" masks { entity: "mug.1" ' + rle + '} ignore_png: "' + png_text +
              '" } views { view: "front" masks { entity: "mug.1" ' + rle + "} } ")
-    prompt = 'prompts { entity: "mug.1" view: "front" %s } '
+    prompt = 'prompts { key: "mug.1" value { view { view: "front" } %s } } '
     kinds = {
         "points": "points { points { x: 12 y: 16 } points { x: 2 y: 3 negative: true } }",
         "mean": "point_mean { points { x: 12 y: 16 } }",
         "scribbles": "scribbles { positive { " + rle[7:-2] + "} negative { " + rle[7:-2] + "} }",
-        "box": "box { x: 2 y: 3 width: 9 height: 9 }", "mask": rle, "own": "own_mask { }",
-        "label": 'label_id: "red"',
+        "box": "box { x: 2 y: 3 width: 9 height: 9 }", "mask": rle, "strokes": STROKES,
     }
-    for name, kind in kinds.items():
-        put("evaluate_request", name, message("EvaluateModelRequest", MODEL + masks + prompt % kind +
+    prompts = {name: prompt % kind for name, kind in kinds.items()}
+    prompts["label"] = 'prompts { key: "mug.1" value { label: "red" } } '
+    prompts["own"] = 'own_masks { key: "mug.1" value: "front" } '
+    for name, text in prompts.items():
+        put("evaluate_request", name, message("EvaluateModelRequest", MODEL + masks + text +
             "options { protocol: EVALUATION_PROTOCOL_PROMPTABLE accept_trained_views: true }"))
     put("evaluate_request", "sam", message("EvaluateModelRequest", MODEL + 'sam_views { view: "middle.jpg" '
         "masks { " + rle + "predicted_iou: 0.9 stability: 0.95 } masks { " + rle + "} } "

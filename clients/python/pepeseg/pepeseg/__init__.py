@@ -30,7 +30,6 @@ from pepeseg.errors import (
     UnimplementedError,
 )
 from pepeseg.evaluation import (
-    EntityPrompt,
     EntityScores,
     Evaluation,
     GroupScores,
@@ -41,6 +40,7 @@ from pepeseg.evaluation import (
 from pepeseg.labels import Label
 from pepeseg.photographs import Photograph
 from pepeseg.png import Picture
+from pepeseg.prompts import Prompt
 from pepeseg.scenes import Model, Scene
 from pepeseg.segmentation import Proposal, Segmentation, ViewMask
 from pepeseg.subsets import Decomposition, Export, Level, Segment
@@ -59,7 +59,6 @@ __all__ = [
     "DatasetFile",
     "DeadlineExceededError",
     "Decomposition",
-    "EntityPrompt",
     "EntityScores",
     "Evaluation",
     "Export",
@@ -79,6 +78,7 @@ __all__ = [
     "PermissionDeniedError",
     "Photograph",
     "Picture",
+    "Prompt",
     "Proposal",
     "ResourceExhaustedError",
     "SamAgreement",

@@ -12,6 +12,7 @@ from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 from pepeseg.calls import Place, Steps
 from pepeseg.channel import Connection, Login, look_through
 from pepeseg.nearest import with_nearest_names
+from pepeseg.prompts import Prompt
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -112,6 +113,10 @@ def _told_as(method: Any, operation: Callable[..., Any]) -> None:
     signature = inspect.signature(operation)
     parameters = list(signature.parameters.values())
     parameters[0] = parameters[0].replace(name="self", annotation=inspect.Parameter.empty)
+    if parameters[-1].kind is inspect.Parameter.VAR_KEYWORD:
+        # The fields of the prompt, which operations take as keywords.
+        fields = list(inspect.signature(Prompt).parameters.values())[1:]
+        parameters[-1:] = [field.replace(kind=inspect.Parameter.KEYWORD_ONLY) for field in fields]
     answer = signature.return_annotation.removeprefix("Steps[").removesuffix("]")
     method.__signature__ = signature.replace(parameters=parameters, return_annotation=answer)
 

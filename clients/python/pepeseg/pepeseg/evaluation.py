@@ -12,6 +12,7 @@ import numpy.typing as npt
 from pepeseg import png, prompts, rle
 from pepeseg.calls import Place, Steps, Unary
 from pepeseg.errors import refused
+from pepeseg.prompts import Prompt
 from pepeseg.v1 import evaluation_service_pb2 as v1
 
 # The truth of a view: ids [height, width], 0 for none, or a mask [height, width] for each entity.
@@ -27,34 +28,6 @@ _PROTOCOLS = {
     "promptable": v1.EVALUATION_PROTOCOL_PROMPTABLE,
     "clicks": v1.EVALUATION_PROTOCOL_CLICKS,
 }
-
-
-@dataclass(frozen=True, eq=False)
-class EntityPrompt:
-    """What is shown of an entity in its reference view: exactly one of the fields below `view`.
-
-    Attributes:
-        view: name of a view of the truth or, for a reference view without truth, of the model;
-            "" for a label, which has its own.
-        points: [n, 2], x and y in pixels of the frame; `negative`, [n, 2], goes with it.
-        point_mean: [n, 2]: means what is similar to the mean feature of these points.
-        positive_strokes: [height, width], not 0 on a stroke; `negative_strokes` goes with it.
-        box: x, y, width, height in pixels.
-        mask: [height, width], not 0 inside.
-        own_mask: the mask of the entity in the truth.
-        label: id of a label of the scene.
-    """
-
-    view: str = ""
-    points: npt.ArrayLike | None = None
-    negative: npt.ArrayLike | None = None
-    point_mean: npt.ArrayLike | None = None
-    positive_strokes: npt.ArrayLike | None = None
-    negative_strokes: npt.ArrayLike | None = None
-    box: Sequence[float] | None = None
-    mask: npt.ArrayLike | None = None
-    own_mask: bool = False
-    label: str | None = None
 
 
 @dataclass(frozen=True)
@@ -201,38 +174,6 @@ class SamMask:
     stability: float | None = None
 
 
-def _fill_prompt(entity: str, given: EntityPrompt, message: v1.EntityPrompt) -> None:
-    kinds = {
-        "points": given.points,
-        "point_mean": given.point_mean,
-        "positive_strokes": given.positive_strokes,
-        "box": given.box,
-        "mask": given.mask,
-        "own_mask": given.own_mask or None,
-        "label": given.label,
-    }
-    names = [name for name, value in kinds.items() if value is not None]
-    if len(names) != 1:
-        raise refused(f'prompt of "{entity}": exactly one of {", ".join(kinds)}, not {names}')
-    message.entity, message.view = entity, given.view
-    if given.points is not None:
-        message.points.CopyFrom(prompts.points_prompt(given.points, given.negative))
-    elif given.point_mean is not None:
-        message.point_mean.CopyFrom(prompts.points_prompt(given.point_mean, None))
-    elif given.positive_strokes is not None:
-        message.scribbles.positive.rle.CopyFrom(rle.encode(given.positive_strokes))
-        if given.negative_strokes is not None:
-            message.scribbles.negative.rle.CopyFrom(rle.encode(given.negative_strokes))
-    elif given.box is not None:
-        message.box.CopyFrom(prompts.box_prompt(given.box))
-    elif given.mask is not None:
-        message.mask.rle.CopyFrom(rle.encode(given.mask))
-    elif given.own_mask:
-        message.own_mask.SetInParent()
-    elif given.label is not None:
-        message.label_id = given.label
-
-
 def _ignore_png(ignore: Mapping[str, npt.ArrayLike] | npt.ArrayLike | None, view: str) -> bytes:
     mask = ignore.get(view) if isinstance(ignore, Mapping) else ignore
     return b"" if mask is None else png.encode(np.asarray(mask) != 0)
@@ -337,7 +278,8 @@ def evaluate(
     *,
     protocol: str = "prompt",
     names: Mapping[int, str] | None = None,
-    entity_prompts: Mapping[str, EntityPrompt] | None = None,
+    entity_prompts: Mapping[str, Prompt] | None = None,
+    own_masks: Mapping[str, str] | None = None,
     ignore: Mapping[str, npt.ArrayLike] | npt.ArrayLike | None = None,
     ignore_label: int | None = None,
     trained_views: bool = False,
@@ -358,7 +300,8 @@ def evaluate(
         protocol: "prompt" (one click for an entity without a prompt), "label-propagation",
             "label-propagation-pixels", "promptable" or "clicks".
         names: names of the ids; an id without one is named by its digits.
-        entity_prompts: see EntityPrompt; a reference view that the truth lacks is added.
+        entity_prompts: by entity; a reference view that the truth lacks is added.
+        own_masks: reference views of the entities whose prompt is their mask in the truth.
         ignore: [height, width], for all views or by view: pixels that are not 0 are neither clicked
             nor scored.
         ignore_label: the id of void pixels in the truth, which are in no entity and not scored;
@@ -386,13 +329,14 @@ def evaluate(
     if ignore_label is not None:
         request.ignore_label = ignore_label
     given = entity_prompts or {}
-    references = [prompt.view for prompt in given.values() if prompt.view]
-    for view in dict.fromkeys([*truth, *references]):
+    for entity, prompt in given.items():
+        request.prompts[entity].CopyFrom(prompt.to_message())
+    request.own_masks.update(own_masks or {})
+    references = [request.prompts[entity].view.view for entity in given]
+    for view in dict.fromkeys([*truth, *filter(None, references)]):
         message = request.views.add()
         _fill_truth(view, truth.get(view, {}), message)
         message.ignore_png = _ignore_png(ignore, view)
-    for entity, prompt in given.items():
-        _fill_prompt(entity, prompt, request.prompts.add())
     answer = yield Unary(
         "evaluation", "EvaluateModel", request, at.scene, seconds=_EVALUATE_SECONDS
     )

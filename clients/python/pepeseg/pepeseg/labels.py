@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -50,24 +50,21 @@ def label(
     id: str,
     view: str | View,
     *,
-    mask: npt.ArrayLike | None = None,
-    points: npt.ArrayLike | None = None,
-    negative: npt.ArrayLike | None = None,
-    box: Sequence[float] | None = None,
     scale: float | None = None,
     scale_units: float | None = None,
     threshold: float | None = None,
     text: str = "",
     frame: str = "photograph",
+    **what: Any,
 ) -> Steps[Label]:
     """Names what a mask of a view shows.
 
     Args:
         id: 1 to 63 of a-z, A-Z, 0-9, '_', '.' and '-', beginning with a letter or a digit.
         view: name of a view of the newest model.
-        mask: [height, width] of the frame's size, not 0 inside; or, in its place,
-        points, negative, box, scale, scale_units, threshold, frame: as in `Client.segment`, which
-            makes the mask.
+        what: mask=[height, width] of the frame's size, not 0 inside; or any other prompt, of which
+            `Client.segment` makes the mask.
+        scale, scale_units, threshold, frame: as in `Client.segment`.
         text: its text, at most 256 bytes of UTF-8; empty: the id.
 
     Raises:
@@ -77,17 +74,16 @@ def label(
             the cases of `Client.segment`.
     """
     name = view.name if isinstance(view, View) else view
+    mask = what.get("mask")
     if mask is None:
         found = yield from segment(
             at,
             name,
-            points=points,
-            negative=negative,
-            box=box,
             scale=scale,
             scale_units=scale_units,
             threshold=threshold,
             frame=frame,
+            **what,
         )
         mask = found.mask
     image = prompt_pb2.MaskImage(rle=rle.encode(mask))

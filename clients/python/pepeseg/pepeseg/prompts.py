@@ -1,9 +1,10 @@
-"""Prompts (points, a box, a mask or a label), and the size of the thing that is meant."""
+"""Prompts (points, scribbles, a box, a mask, a label), and the size of the thing that is meant."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Union
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -29,16 +30,18 @@ def _to_points(points: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
     return array
 
 
-def points_prompt(points: npt.ArrayLike, negative: npt.ArrayLike | None) -> prompt_pb2.PointsPrompt:
+def _points_prompt(
+    points: npt.ArrayLike, name: str, negative: npt.ArrayLike | None = None
+) -> prompt_pb2.PointsPrompt:
     prompt = prompt_pb2.PointsPrompt()
-    for x, y in _to_points(points, "points"):
+    for x, y in _to_points(points, name):
         prompt.points.add(x=x, y=y)
     for x, y in _to_points([] if negative is None else negative, "negative"):
         prompt.points.add(x=x, y=y, negative=True)
     return prompt
 
 
-def box_prompt(box: Sequence[float]) -> prompt_pb2.BoxPrompt:
+def _box_prompt(box: Sequence[float]) -> prompt_pb2.BoxPrompt:
     values = np.asarray(box, np.float64)
     if values.shape != (4,):
         raise refused(f"box: x, y, width, height is wanted, this is {list(values.shape)}")
@@ -46,39 +49,109 @@ def box_prompt(box: Sequence[float]) -> prompt_pb2.BoxPrompt:
     return prompt_pb2.BoxPrompt(x=x, y=y, width=width, height=height)
 
 
-def prompt(
-    view: Viewpoint | None,
-    points: npt.ArrayLike | None,
-    negative: npt.ArrayLike | None,
-    box: Sequence[float] | None,
-    mask: npt.ArrayLike | None,
-    label: str | None,
-) -> prompt_pb2.Prompt:
-    """Returns the prompt of exactly one of points, box, mask and label; refuses anything else."""
-    given = [
-        name
-        for name, value in (("points", points), ("box", box), ("mask", mask), ("label", label))
-        if value is not None
-    ]
-    if len(given) != 1:
-        found = " and ".join(given) or "none of them"
-        raise refused(f"exactly one of points, box, mask and label is wanted, not {found}")
-    if negative is not None and points is None:
-        raise refused("negative points need points")
-    if (view is None) != (label is not None):
-        raise refused("a label has its own view; points, a box and a mask need one")
-    message = prompt_pb2.Prompt()
-    if view is not None:
-        message.view.CopyFrom(to_viewpoint(view))
-    if points is not None:
-        message.points.CopyFrom(points_prompt(points, negative))
-    elif box is not None:
-        message.box.CopyFrom(box_prompt(box))
-    elif mask is not None:
-        message.mask.rle.CopyFrom(rle.encode(mask))
-    elif label is not None:
-        message.label = label
-    return message
+# Lines: each [n, 2]; or one line.
+Lines = Union[None, Sequence[npt.ArrayLike], npt.NDArray[np.floating[Any]]]
+
+
+def _to_lines(lines: Lines) -> list[Any]:
+    if lines is None or len(lines) == 0:
+        return []
+    return [lines] if np.ndim(lines[0]) == 1 else list(lines)
+
+
+# The fields of a Prompt of which exactly one is given.
+_KINDS = ("points", "scribble", "box", "mask", "label", "point_mean", "strokes")
+
+
+@dataclass(frozen=True, eq=False)
+class Prompt:
+    """What is meant: in a view, exactly one of points, scribble, box, mask, label, point_mean and
+    strokes. Operations take its fields as keywords, too.
+
+    Attributes:
+        view: the prompt's view: its name or a Camera. None with a label, which has its own.
+        points: [n, 2], x and y in pixels of the frame, a pixel's centre at + 0.5; or one point [2].
+        negative: [n, 2], points of what is not meant, next to `points`.
+        scribble: lines over what is meant: each [n, 2], its vertices in pixels; or one line.
+        not_scribble: lines over what is not meant, next to `scribble`.
+        stroke_width: width of these lines, pixels; 0: thin.
+        box: x, y, width, height in pixels, around what is meant.
+        mask: [height, width] of the frame's size, not 0 inside.
+        label: id of a label of the scene. In its own view the answer of `segment` is its mask,
+            unless a scale or a threshold is given.
+        point_mean: [n, 2]: means what is similar to the mean feature of these points.
+        strokes: [height, width] of the frame's size, not 0 on strokes over what is meant.
+        not_strokes: the same for what is not meant, next to `strokes`.
+    """
+
+    view: Viewpoint | None = None
+    points: npt.ArrayLike | None = None
+    negative: npt.ArrayLike | None = None
+    scribble: Lines = None
+    not_scribble: Lines = None
+    stroke_width: float = 0
+    box: Sequence[float] | None = None
+    mask: npt.ArrayLike | None = None
+    label: str | None = None
+    point_mean: npt.ArrayLike | None = None
+    strokes: npt.ArrayLike | None = None
+    not_strokes: npt.ArrayLike | None = None
+
+    def _check(self) -> None:
+        given = [name for name in _KINDS if getattr(self, name) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) or "none of them"
+            raise refused(f"exactly one of {', '.join(_KINDS)} is wanted, not {found}")
+        for name, of in (
+            ("negative", "points"),
+            ("not_scribble", "scribble"),
+            ("not_strokes", "strokes"),
+        ):
+            if getattr(self, name) is not None and getattr(self, of) is None:
+                raise refused(f"{name} needs {of}")
+        if (self.view is None) != (self.label is not None):
+            raise refused("a label has its own view; all other prompts need one")
+
+    def _scribbles(self) -> prompt_pb2.ScribblesPrompt:
+        message = prompt_pb2.ScribblesPrompt()
+        for lines, negative in ((self.scribble, False), (self.not_scribble, True)):
+            for line in _to_lines(lines):
+                stroke = message.strokes.add(negative=negative, width=self.stroke_width)
+                for x, y in _to_points(line, "scribble"):
+                    stroke.path.add(x=x, y=y)
+        for mask, strokes in ((self.strokes, "positive"), (self.not_strokes, "negative")):
+            if mask is not None:
+                getattr(message, strokes).rle.CopyFrom(rle.encode(mask))
+        return message
+
+    def to_message(self) -> prompt_pb2.Prompt:
+        """Returns the prompt as the contract has it; refuses one that has not exactly one kind."""
+        self._check()
+        message = prompt_pb2.Prompt()
+        if self.view is not None:
+            message.view.CopyFrom(to_viewpoint(self.view))
+        if self.points is not None:
+            message.points.CopyFrom(_points_prompt(self.points, "points", self.negative))
+        elif self.point_mean is not None:
+            message.point_mean.CopyFrom(_points_prompt(self.point_mean, "point_mean"))
+        elif self.scribble is not None or self.strokes is not None:
+            message.scribbles.CopyFrom(self._scribbles())
+        elif self.box is not None:
+            message.box.CopyFrom(_box_prompt(self.box))
+        elif self.mask is not None:
+            message.mask.rle.CopyFrom(rle.encode(self.mask))
+        elif self.label is not None:
+            message.label = self.label
+        return message
+
+
+def to_prompt(view: Viewpoint | Prompt | None, what: Mapping[str, Any]) -> Prompt:
+    """Returns the prompt of an operation's first argument and its keywords `what`."""
+    if not isinstance(view, Prompt):
+        return Prompt(view, **what)
+    if what:
+        raise refused(f"{', '.join(what)}: put it into the Prompt")
+    return view
 
 
 def granularity(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -157,13 +156,8 @@ def parse_segmentation(answer: segmentation_service_pb2.SegmentViewsResponse) ->
 
 def segment(
     at: Place,
-    view: Viewpoint | None = None,
+    view: Viewpoint | prompts.Prompt | None = None,
     *,
-    points: npt.ArrayLike | None = None,
-    negative: npt.ArrayLike | None = None,
-    box: Sequence[float] | None = None,
-    mask: npt.ArrayLike | None = None,
-    label: str | None = None,
     scale: float | None = None,
     scale_units: float | None = None,
     threshold: float | None = None,
@@ -172,21 +166,18 @@ def segment(
     refine_borders: bool = True,
     sam_borders: bool = False,
     frame: str = "photograph",
+    **what: Any,
 ) -> Steps[Segmentation]:
     """Returns masks of what a prompt means.
 
-    Exactly one of `points`, `box`, `mask` and `label` is given. A scale or threshold that is not
-    given is chosen: for the first point the granularity that most scales and thresholds show, which
-    each further point corrects; for a box or a mask the one that fits best.
+    A scale or threshold that is not given is chosen: for the first point the granularity that most
+    scales and thresholds show, which each further point corrects; for a scribble in the same way;
+    for a box or a mask the one that fits best.
 
     Args:
-        view: the prompt's view: its name or a Camera. None with a label, which has its own.
-        points: [n, 2], x and y in pixels of the frame, a pixel's centre at + 0.5; or one point [2].
-        negative: [n, 2], points of what is not meant.
-        box: x, y, width, height in pixels, around what is meant.
-        mask: [height, width] of the frame's size, not 0 inside.
-        label: id of a label of the scene. In its own view the answer is its mask, unless a scale
-            or a threshold is given.
+        view: the prompt; or its view, which is None for a label, next to the prompt's fields:
+        what: points, negative, scribble, not_scribble, stroke_width, box, mask, label, ..., see
+            Prompt.
         scale: size of the thing: 0 is a small part, 1 the largest.
         scale_units: the same as a length in scene units.
         threshold: cosine above which a pixel is in the mask, [-1, 1].
@@ -209,9 +200,10 @@ def segment(
         ResourceExhaustedError: the model does not fit into memory, or the response exceeds 4 MiB:
             request fewer views.
     """
+    prompt = prompts.to_prompt(view, what)
     request = segmentation_service_pb2.SegmentViewsRequest(
         model=at.model,
-        prompt=prompts.prompt(view, points, negative, box, mask, label),
+        prompt=prompt.to_message(),
         granularity=prompts.granularity(scale, scale_units, threshold),
         targets=prompts.targets(targets),
         mask_encoding=prompt_pb2.MASK_ENCODING_COCO_RLE,
@@ -225,9 +217,9 @@ def segment(
     else:
         answer = yield Unary("segmentation", "SegmentViews", request, at.scene)
     found = parse_segmentation(answer)
-    if label is None or (scale, scale_units, threshold) != (None, None, None):
+    if prompt.label is None or (scale, scale_units, threshold) != (None, None, None):
         return found
-    return (yield from _with_accepted_mask(at, label, found, request.frame))
+    return (yield from _with_accepted_mask(at, prompt.label, found, request.frame))
 
 
 def _with_accepted_mask(
@@ -282,13 +274,12 @@ def _parse_proposal(
 
 def propose(
     at: Place,
-    view: Viewpoint,
+    view: Viewpoint | prompts.Prompt,
     *,
-    points: npt.ArrayLike,
-    negative: npt.ArrayLike | None = None,
     max_proposals: int = 0,
     refine_borders: bool = True,
     frame: str = "photograph",
+    **what: Any,
 ) -> Steps[list[Proposal]]:
     """Returns what a click may mean, smallest first: a part, the object that has it, a group.
 
@@ -296,7 +287,8 @@ def propose(
     scales do not decrease.
 
     Args:
-        view, points, negative, refine_borders, frame: as in `segment`.
+        view, what: points, and `negative`; see Prompt.
+        refine_borders, frame: as in `segment`.
         max_proposals: maximum number of proposals, 1 to 16; 0: the server's default.
 
     Returns:
@@ -308,7 +300,7 @@ def propose(
     """
     request = segmentation_service_pb2.ProposeScalesRequest(
         model=at.model,
-        prompt=prompts.prompt(view, points, negative, None, None, None),
+        prompt=prompts.to_prompt(view, what).to_message(),
         max_proposals=max_proposals,
         mask_encoding=prompt_pb2.MASK_ENCODING_COCO_RLE,
         frame=prompts.pixel_frame(frame),

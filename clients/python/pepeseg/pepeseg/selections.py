@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
-
-import numpy.typing as npt
 
 from pepeseg import prompts
 from pepeseg.calls import Place, Steps, Unary, all_pages, new_request_id
@@ -35,13 +32,8 @@ def _to_operation(operation: str) -> Any:
 
 def select(
     at: Place,
-    view: Viewpoint | None = None,
+    view: Viewpoint | prompts.Prompt | None = None,
     *,
-    points: npt.ArrayLike | None = None,
-    negative: npt.ArrayLike | None = None,
-    box: Sequence[float] | None = None,
-    mask: npt.ArrayLike | None = None,
-    label: str | None = None,
     segment: Segment | None = None,
     scale: float | None = None,
     scale_units: float | None = None,
@@ -51,12 +43,12 @@ def select(
     base: SelectionInfo | int | str | None = None,
     operation: str = "union",
     frame: str = "photograph",
+    **what: Any,
 ) -> Steps[SelectionInfo]:
     """Selects the Gaussians that a prompt means, by a vote of views, or those of a segment.
 
     Args:
-        view, points, negative, box, mask, label, scale, scale_units, threshold, frame: as in
-            `Client.segment`.
+        view, what, scale, scale_units, threshold, frame: as in `Client.segment`.
         segment: a segment of `Client.decompose`, in place of a prompt.
         num_views: number of views that vote, 1 to 100; 0: the server chooses.
         keep_disconnected: keep Gaussians that are not connected with what the prompt shows.
@@ -79,8 +71,8 @@ def select(
         request_id=new_request_id(),
     )
     if segment is None:
-        request.prompt.CopyFrom(prompts.prompt(view, points, negative, box, mask, label))
-    elif any(value is not None for value in (view, points, negative, box, mask, label)):
+        request.prompt.CopyFrom(prompts.to_prompt(view, what).to_message())
+    elif view is not None or what:
         raise refused("a segment takes the place of a view and a prompt")
     else:
         request.segment.CopyFrom(to_segment_ref(segment))

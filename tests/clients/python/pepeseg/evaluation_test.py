@@ -137,7 +137,7 @@ class TestEvaluate:
         result = client.evaluate(
             {scored: truth[scored]},
             names=NAMES,
-            entity_prompts={"book.2": pepeseg.EntityPrompt(reference, points=points)},
+            entity_prompts={"book.2": pepeseg.Prompt(reference, points=points)},
             ignore={scored: ignore},
             options={"scales": [0.2, 0.5, 0.8], "thresholds": [0.3, 0.6]},
             frame="view",
@@ -164,14 +164,11 @@ class TestEvaluate:
     )
     def test_protocols_of_a_mask(self, client, truth, protocol):
         reference = min(truth)
-        prompts = {
-            name: pepeseg.EntityPrompt(reference, own_mask=True) for name in NAMES.values()
-        }
         result = client.evaluate(
             truth,
             protocol=protocol,
             names=NAMES,
-            entity_prompts=prompts,
+            own_masks={name: reference for name in NAMES.values()},
             options={"refine_borders": False},
             frame="view",
         )
@@ -238,7 +235,7 @@ class TestEvaluate:
             with pytest.raises(pepeseg.InvalidArgumentError, match='option "'):
                 client.evaluate(truth, options=options, frame="view")
         with pytest.raises(pepeseg.InvalidArgumentError, match="exactly one"):
-            client.evaluate(truth, entity_prompts={"48": pepeseg.EntityPrompt()}, frame="view")
+            client.evaluate(truth, entity_prompts={"48": pepeseg.Prompt()}, frame="view")
         with pytest.raises(pepeseg.InvalidArgumentError, match="protocol"):
             client.evaluate(truth, protocol="sam-agreement")
         with pytest.raises(pepeseg.InvalidArgumentError, match="ids"):

@@ -69,6 +69,22 @@ class TestSegment:
         by_box = client.segment(VIEW, box=click.masks[0].box)
         assert by_box.mask.any()
 
+    def test_a_line_over_a_thing_selects_it(self, client):
+        line = [[430, 275], [440, 280], [450, 285]]
+        by_line = client.segment(VIEW, scribble=line)
+        assert by_line.mask[280, 440]
+        prompt = pepeseg.Prompt(VIEW, scribble=[line], not_scribble=[[[280, 280]]], stroke_width=2)
+        less = client.segment(prompt, scale=1, threshold=-1).mask
+        assert less[280, 440] and not less[280, 280]
+        drawn = np.zeros((480, 640))
+        drawn[275:286, 435:446] = 1
+        assert client.segment(VIEW, strokes=drawn).mask[280, 440]
+        assert client.select(VIEW, scribble=line).num_gaussians > 0
+        with pytest.raises(pepeseg.InvalidArgumentError, match="put it into the Prompt"):
+            client.segment(prompt, points=POINT)
+        with pytest.raises(TypeError, match="pionts"):
+            client.segment(VIEW, pionts=POINT)
+
     def test_a_similarity_map_above_the_threshold_is_the_mask(self, client):
         found = client.segment(
             VIEW,
@@ -107,6 +123,8 @@ class TestSegment:
             {"points": POINT, "box": [0, 0, 9, 9]},
             {"points": [1, 2, 3]},
             {"box": [1, 2]},
+            {"scribble": [[1, 2, 3]]},
+            {"points": POINT, "not_scribble": POINT},
             {"mask": np.zeros(4)},
             {"mask": np.ones((4, 4)), "negative": POINT},
             {"label": "cup"},

@@ -24,40 +24,8 @@ class EntityMask(_message.Message):
     mask: _prompt_pb2.MaskImage
     def __init__(self, entity: _Optional[str] = ..., mask: _Optional[_Union[_prompt_pb2.MaskImage, _Mapping]] = ...) -> None: ...
 
-class EntityPrompt(_message.Message):
-    __slots__ = ["box", "entity", "label_id", "mask", "own_mask", "point_mean", "points", "scribbles", "view"]
-    class OwnMask(_message.Message):
-        __slots__ = []
-        def __init__(self) -> None: ...
-    class Scribbles(_message.Message):
-        __slots__ = ["negative", "positive"]
-        NEGATIVE_FIELD_NUMBER: _ClassVar[int]
-        POSITIVE_FIELD_NUMBER: _ClassVar[int]
-        negative: _prompt_pb2.MaskImage
-        positive: _prompt_pb2.MaskImage
-        def __init__(self, positive: _Optional[_Union[_prompt_pb2.MaskImage, _Mapping]] = ..., negative: _Optional[_Union[_prompt_pb2.MaskImage, _Mapping]] = ...) -> None: ...
-    BOX_FIELD_NUMBER: _ClassVar[int]
-    ENTITY_FIELD_NUMBER: _ClassVar[int]
-    LABEL_ID_FIELD_NUMBER: _ClassVar[int]
-    MASK_FIELD_NUMBER: _ClassVar[int]
-    OWN_MASK_FIELD_NUMBER: _ClassVar[int]
-    POINTS_FIELD_NUMBER: _ClassVar[int]
-    POINT_MEAN_FIELD_NUMBER: _ClassVar[int]
-    SCRIBBLES_FIELD_NUMBER: _ClassVar[int]
-    VIEW_FIELD_NUMBER: _ClassVar[int]
-    box: _prompt_pb2.BoxPrompt
-    entity: str
-    label_id: str
-    mask: _prompt_pb2.MaskImage
-    own_mask: EntityPrompt.OwnMask
-    point_mean: _prompt_pb2.PointsPrompt
-    points: _prompt_pb2.PointsPrompt
-    scribbles: EntityPrompt.Scribbles
-    view: str
-    def __init__(self, entity: _Optional[str] = ..., view: _Optional[str] = ..., points: _Optional[_Union[_prompt_pb2.PointsPrompt, _Mapping]] = ..., point_mean: _Optional[_Union[_prompt_pb2.PointsPrompt, _Mapping]] = ..., scribbles: _Optional[_Union[EntityPrompt.Scribbles, _Mapping]] = ..., box: _Optional[_Union[_prompt_pb2.BoxPrompt, _Mapping]] = ..., mask: _Optional[_Union[_prompt_pb2.MaskImage, _Mapping]] = ..., own_mask: _Optional[_Union[EntityPrompt.OwnMask, _Mapping]] = ..., label_id: _Optional[str] = ...) -> None: ...
-
 class EvaluateModelRequest(_message.Message):
-    __slots__ = ["entity_names", "frame", "ignore_label", "model", "options", "prompts", "sam_views", "views"]
+    __slots__ = ["entity_names", "frame", "ignore_label", "model", "options", "own_masks", "prompts", "sam_views", "views"]
     class EntityNamesEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -65,11 +33,26 @@ class EvaluateModelRequest(_message.Message):
         key: int
         value: str
         def __init__(self, key: _Optional[int] = ..., value: _Optional[str] = ...) -> None: ...
+    class OwnMasksEntry(_message.Message):
+        __slots__ = ["key", "value"]
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: str
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[str] = ...) -> None: ...
+    class PromptsEntry(_message.Message):
+        __slots__ = ["key", "value"]
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: _prompt_pb2.Prompt
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ...) -> None: ...
     ENTITY_NAMES_FIELD_NUMBER: _ClassVar[int]
     FRAME_FIELD_NUMBER: _ClassVar[int]
     IGNORE_LABEL_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     OPTIONS_FIELD_NUMBER: _ClassVar[int]
+    OWN_MASKS_FIELD_NUMBER: _ClassVar[int]
     PROMPTS_FIELD_NUMBER: _ClassVar[int]
     SAM_VIEWS_FIELD_NUMBER: _ClassVar[int]
     VIEWS_FIELD_NUMBER: _ClassVar[int]
@@ -78,10 +61,11 @@ class EvaluateModelRequest(_message.Message):
     ignore_label: int
     model: str
     options: EvaluationOptions
-    prompts: _containers.RepeatedCompositeFieldContainer[EntityPrompt]
+    own_masks: _containers.ScalarMap[str, str]
+    prompts: _containers.MessageMap[str, _prompt_pb2.Prompt]
     sam_views: _containers.RepeatedCompositeFieldContainer[SamViewMasks]
     views: _containers.RepeatedCompositeFieldContainer[ViewTruth]
-    def __init__(self, model: _Optional[str] = ..., views: _Optional[_Iterable[_Union[ViewTruth, _Mapping]]] = ..., entity_names: _Optional[_Mapping[int, str]] = ..., prompts: _Optional[_Iterable[_Union[EntityPrompt, _Mapping]]] = ..., sam_views: _Optional[_Iterable[_Union[SamViewMasks, _Mapping]]] = ..., options: _Optional[_Union[EvaluationOptions, _Mapping]] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., ignore_label: _Optional[int] = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., views: _Optional[_Iterable[_Union[ViewTruth, _Mapping]]] = ..., entity_names: _Optional[_Mapping[int, str]] = ..., prompts: _Optional[_Mapping[str, _prompt_pb2.Prompt]] = ..., own_masks: _Optional[_Mapping[str, str]] = ..., sam_views: _Optional[_Iterable[_Union[SamViewMasks, _Mapping]]] = ..., options: _Optional[_Union[EvaluationOptions, _Mapping]] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., ignore_label: _Optional[int] = ...) -> None: ...
 
 class EvaluateModelResponse(_message.Message):
     __slots__ = ["categories", "compute", "entities", "left_out", "model", "notes", "num_void_pixels", "options", "sam_agreement", "scene"]

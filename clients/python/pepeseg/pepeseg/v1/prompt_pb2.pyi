@@ -69,18 +69,48 @@ class PointsPrompt(_message.Message):
     def __init__(self, points: _Optional[_Iterable[_Union[PointsPrompt.Point, _Mapping]]] = ...) -> None: ...
 
 class Prompt(_message.Message):
-    __slots__ = ["box", "label", "mask", "points", "view"]
+    __slots__ = ["box", "label", "mask", "point_mean", "points", "scribbles", "view"]
     BOX_FIELD_NUMBER: _ClassVar[int]
     LABEL_FIELD_NUMBER: _ClassVar[int]
     MASK_FIELD_NUMBER: _ClassVar[int]
     POINTS_FIELD_NUMBER: _ClassVar[int]
+    POINT_MEAN_FIELD_NUMBER: _ClassVar[int]
+    SCRIBBLES_FIELD_NUMBER: _ClassVar[int]
     VIEW_FIELD_NUMBER: _ClassVar[int]
     box: BoxPrompt
     label: str
     mask: MaskImage
+    point_mean: PointsPrompt
     points: PointsPrompt
+    scribbles: ScribblesPrompt
     view: Viewpoint
-    def __init__(self, view: _Optional[_Union[Viewpoint, _Mapping]] = ..., points: _Optional[_Union[PointsPrompt, _Mapping]] = ..., box: _Optional[_Union[BoxPrompt, _Mapping]] = ..., mask: _Optional[_Union[MaskImage, _Mapping]] = ..., label: _Optional[str] = ...) -> None: ...
+    def __init__(self, view: _Optional[_Union[Viewpoint, _Mapping]] = ..., points: _Optional[_Union[PointsPrompt, _Mapping]] = ..., box: _Optional[_Union[BoxPrompt, _Mapping]] = ..., mask: _Optional[_Union[MaskImage, _Mapping]] = ..., label: _Optional[str] = ..., scribbles: _Optional[_Union[ScribblesPrompt, _Mapping]] = ..., point_mean: _Optional[_Union[PointsPrompt, _Mapping]] = ...) -> None: ...
+
+class ScribblesPrompt(_message.Message):
+    __slots__ = ["negative", "positive", "strokes"]
+    class Stroke(_message.Message):
+        __slots__ = ["negative", "path", "width"]
+        class Vertex(_message.Message):
+            __slots__ = ["x", "y"]
+            X_FIELD_NUMBER: _ClassVar[int]
+            Y_FIELD_NUMBER: _ClassVar[int]
+            x: float
+            y: float
+            def __init__(self, x: _Optional[float] = ..., y: _Optional[float] = ...) -> None: ...
+        NEGATIVE_FIELD_NUMBER: _ClassVar[int]
+        PATH_FIELD_NUMBER: _ClassVar[int]
+        WIDTH_FIELD_NUMBER: _ClassVar[int]
+        negative: bool
+        path: _containers.RepeatedCompositeFieldContainer[ScribblesPrompt.Stroke.Vertex]
+        width: float
+        def __init__(self, path: _Optional[_Iterable[_Union[ScribblesPrompt.Stroke.Vertex, _Mapping]]] = ..., negative: bool = ..., width: _Optional[float] = ...) -> None: ...
+    NEGATIVE_FIELD_NUMBER: _ClassVar[int]
+    POSITIVE_FIELD_NUMBER: _ClassVar[int]
+    STROKES_FIELD_NUMBER: _ClassVar[int]
+    negative: MaskImage
+    positive: MaskImage
+    strokes: _containers.RepeatedCompositeFieldContainer[ScribblesPrompt.Stroke]
+    def __init__(self, strokes: _Optional[_Iterable[_Union[ScribblesPrompt.Stroke, _Mapping]]] = ..., positive: _Optional[_Union[MaskImage, _Mapping]] = ..., negative: _Optional[_Union[MaskImage, _Mapping]] = ...) -> None: ...
 
 class Viewpoint(_message.Message):
     __slots__ = ["free", "view"]
