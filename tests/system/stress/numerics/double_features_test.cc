@@ -97,7 +97,7 @@ class SingleFeatures {
     const RowSpan rows = {first.span(), gaussian.span(), weight.span()};
     Buffer<int32_t> column_gaussian, column_first, column_pixel;
     Buffer<float> column_weight;
-    backend_.TransposeRows({.records = rows,
+    backend_.TransposeRows({.rows = rows,
                             .num_gaussians = kNumGaussians,
                             .gaussian = &column_gaussian,
                             .first = &column_first,
