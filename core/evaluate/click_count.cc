@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/evaluate/mask_scores.h"
+#include "core/query/clicked_thing.h"
 #include "core/query/mask_geometry.h"
 #include "core/query/prompt.h"
 #include "core/query/resolve_prompt.h"
@@ -23,21 +24,54 @@ struct ClickTarget {
   const ModelView& view;
   std::span<const uint8_t> truth;   // [height, width] of 0 and 1; 0 where ignored
   std::span<const uint8_t> ignore;  // as TruthView::ignore; ignored pixels are not clicked, either
-  const SegmentOptions& segment;
 };
+
+// What answers clicks, and how.
+struct Answering {
+  const Segmenter& segmenter;
+  ImageSegmenter* images;  // may be null
+  const SegmentOptions& segment;
+  WantedCheck check;
+};
+
+// What clicks in a view mean: a query of the model, or an answer by images.
+struct Meaning {
+  Query query;
+  std::optional<ClickedThing> answer;
+
+  bool empty() const { return query.features.empty() && !answer; }
+  absl::StatusOr<BinaryMask> In(const Answering& by, const ModelView& view) {
+    if (answer) {
+      ASSIGN_OR_RETURN(SegmentResult result, answer->In(view, by.segment, by.check));
+      return std::move(result.mask);
+    }
+    ASSIGN_OR_RETURN(auto results, by.segmenter.Segment(query, {&view, 1}, by.segment));
+    return std::move(results[0].mask);
+  }
+};
+absl::StatusOr<Meaning> MeaningOf(const Answering& by, const ModelView& view,
+                                  const PointsPrompt& points) {
+  if (by.images == nullptr) {
+    ASSIGN_OR_RETURN(Query query, ResolvePrompt(by.segmenter, {view, points}, {}));
+    return Meaning{std::move(query), std::nullopt};
+  }
+  ASSIGN_OR_RETURN(ClickedThing answer,
+                   ClickedThing::Find(by.segmenter, *by.images, view, points, by.check));
+  return Meaning{{}, std::move(answer)};
+}
 
 // A click, and the query of it and all clicks before it.
 struct SimulatedClick {
   PointPrompt click;        // pixels of the view
   bool on_nothing = false;  // see ClickAnswer
   double iou = 0;           // on the clicked view
-  Query query;              // no features: all clicks so far are on nothing
+  Meaning meaning;          // empty: all clicks so far are on nothing
 };
 
 class Clicker {
  public:
-  Clicker(const Segmenter& segmenter, const ClickTarget& target)
-      : segmenter_(segmenter),
+  Clicker(const Answering& by, const ClickTarget& target)
+      : by_(by),
         target_(target),
         answer_(target.truth.size()),
         clicked_(target.truth.size()) {}
@@ -65,44 +99,42 @@ class Clicker {
   // Makes the click. A click on nothing is left out of the prompt, so that the mask stays as it
   // was.
   absl::StatusOr<SimulatedClick> Make(const PointPrompt& click) {
-    SimulatedClick made = {.click = click, .query = {}};
+    SimulatedClick made = {.click = click, .meaning = {}};
     clicked_[static_cast<size_t>(click.y) * target_.view.camera.width +
              static_cast<size_t>(click.x)] = 1;
     points_.push_back(click);
-    auto query = ResolvePrompt(segmenter_, {target_.view, points_}, {});
-    if (IsNothingThere(query.status())) {
+    auto meaning = MeaningOf(by_, target_.view, points_);
+    if (IsNothingThere(meaning.status())) {
       points_.pop_back();
       made.on_nothing = true;
     } else {
-      RETURN_IF_ERROR(query.status());
-      query_ = *std::move(query);
-      ASSIGN_OR_RETURN(auto results,
-                       segmenter_.Segment(query_, {&target_.view, 1}, target_.segment));
-      answer_ = std::move(results[0].mask.pixels);
+      RETURN_IF_ERROR(meaning.status());
+      meaning_ = *std::move(meaning);
+      ASSIGN_OR_RETURN(BinaryMask mask, meaning_.In(by_, target_.view));
+      answer_ = std::move(mask.pixels);
     }
     made.iou = Iou(answer_, target_.truth, target_.ignore);
-    made.query = query_;
+    made.meaning = meaning_;
     return made;
   }
 
  private:
-  const Segmenter& segmenter_;
+  const Answering& by_;
   const ClickTarget& target_;
   std::vector<uint8_t> answer_, clicked_;  // [height, width]
   std::vector<PointPrompt> points_;        // clicks that are part of the prompt
-  Query query_;                            // of points_
+  Meaning meaning_;                        // of points_
 };
 
 // Returns the clicks on a target, in order.
 absl::StatusOr<std::vector<SimulatedClick>> SimulateClicks(
-    const Segmenter& segmenter, const ClickTarget& target, const ClickOptions& options,
-    absl::FunctionRef<absl::Status()> check_cancelled) {
+    const Answering& by, const ClickTarget& target, const ClickOptions& options) {
   std::vector<SimulatedClick> clicks;
-  Clicker clicker(segmenter, target);
+  Clicker clicker(by, target);
   bool reached = false;
   for (int made = 1; made <= options.max_clicks; ++made) {
     if (reached && made > kNumEarlyClicks) break;
-    RETURN_IF_ERROR(check_cancelled());
+    RETURN_IF_ERROR(by.check());
     const std::optional<PointPrompt> click = clicker.Next();
     if (!click) break;
     ASSIGN_OR_RETURN(clicks.emplace_back(), clicker.Make(*click));
@@ -131,14 +163,13 @@ EntityClicks EntityOf(std::span<const SimulatedClick> clicks, const ClickOptions
 }
 
 // Adds the IoU of each click's mask in one view, with the truth there.
-absl::Status AddView(const Segmenter& segmenter, std::span<const SimulatedClick> clicks,
+absl::Status AddView(const Answering& by, std::span<SimulatedClick> clicks,
                      const ClickTarget& target, EntityClicks& score) {
   double iou = 0;  // before the first click on something
   for (size_t i = 0; i < clicks.size(); ++i) {
     if (!clicks[i].on_nothing) {
-      ASSIGN_OR_RETURN(const auto results,
-                       segmenter.Segment(clicks[i].query, {&target.view, 1}, target.segment));
-      iou = Iou(results[0].mask.pixels, target.truth, target.ignore);
+      ASSIGN_OR_RETURN(const BinaryMask mask, clicks[i].meaning.In(by, target.view));
+      iou = Iou(mask.pixels, target.truth, target.ignore);
     }
     score.answers[i].iou += iou;
   }
@@ -183,17 +214,19 @@ absl::Status Validate(const ClickOptions& options) {
 // each feature map serves all entities.
 absl::StatusOr<std::vector<EntityClicks>> CountClicks(
     const Segmenter& segmenter, const EvaluationTask& task, const ClickOptions& options,
-    const SegmentOptions& segment, absl::FunctionRef<absl::Status()> check_cancelled) {
+    const SegmentOptions& segment, ImageSegmenter* images,
+    absl::FunctionRef<absl::Status()> check_cancelled) {
   RETURN_IF_ERROR(Validate(options));
   RETURN_IF_ERROR(CheckPrompts(task));
+  const Answering by = {segmenter, images, segment, [&] { return check_cancelled(); }};
   std::vector<std::vector<SimulatedClick>> clicks(task.entities.size());
   for (size_t v = 0; v < task.views.size(); ++v) {
     const TruthView& truth = task.views[v];
     for (size_t i = 0; i < task.entities.size(); ++i) {
       if (task.entities[i].reference != v) continue;
       const std::vector<uint8_t> mask = truth.CountedMaskOf(task.entities[i].name);
-      const ClickTarget target = {truth.view, mask, truth.ignore, segment};
-      ASSIGN_OR_RETURN(clicks[i], SimulateClicks(segmenter, target, options, check_cancelled));
+      const ClickTarget target = {truth.view, mask, truth.ignore};
+      ASSIGN_OR_RETURN(clicks[i], SimulateClicks(by, target, options));
     }
   }
   std::vector<EntityClicks> scores;
@@ -204,10 +237,10 @@ absl::StatusOr<std::vector<EntityClicks>> CountClicks(
     for (size_t i = 0; i < task.entities.size(); ++i) {
       const ScoredEntity& entity = task.entities[i];
       if (std::find(entity.scored.begin(), entity.scored.end(), v) == entity.scored.end()) continue;
-      RETURN_IF_ERROR(check_cancelled());
+      RETURN_IF_ERROR(by.check());
       const std::vector<uint8_t> mask = truth.MaskOf(entity.name);
       RETURN_IF_ERROR(
-          AddView(segmenter, clicks[i], {truth.view, mask, truth.ignore, segment}, scores[i]));
+          AddView(by, clicks[i], {truth.view, mask, truth.ignore}, scores[i]));
     }
   }
   for (size_t i = 0; i < scores.size(); ++i) TakeMeans(task.entities[i].scored.size(), scores[i]);

@@ -7,6 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/evaluate/evaluation_task.h"
+#include "core/query/image_segmenter.h"
 #include "core/query/segmenter.h"
 
 // Protocol "clicks": counts the clicks (NoC) that an IoU takes, with nothing chosen by hand.
@@ -43,7 +44,8 @@ struct EntityClicks {
 };
 
 // Simulates a person who clicks on each entity in its reference view and gives no scale and no
-// threshold: ResolvePrompt, which also serves the server's Segment, chooses both. The first click
+// threshold: ResolvePrompt, which also serves the server's Segment, chooses both. With `images`,
+// ClickedThing answers instead. The first click
 // is on the deepest pixel of the entity. Each further click is on the deepest pixel of the largest
 // wrong region: positive in missed pixels, negative in pixels outside the entity. As in the
 // authors' code, the largest region is the one that reaches deepest, and no pixel is clicked twice.
@@ -53,9 +55,10 @@ struct EntityClicks {
 // Returns [entities of the task], whose prompts must be DeepestClick. Calls `check_cancelled`
 // before each click and before each entity of a scored view and returns its error. Returns
 // INVALID_ARGUMENT for the reasons of Validate, and for another prompt, with the entity's name.
-// segment: of each mask.
+// segment: of each mask. images: may be null.
 absl::StatusOr<std::vector<EntityClicks>> CountClicks(
     const Segmenter& segmenter, const EvaluationTask& task, const ClickOptions& options,
-    const SegmentOptions& segment, absl::FunctionRef<absl::Status()> check_cancelled);
+    const SegmentOptions& segment, ImageSegmenter* images,
+    absl::FunctionRef<absl::Status()> check_cancelled);
 
 }  // namespace pepeseg

@@ -67,10 +67,11 @@ absl::StatusOr<std::vector<EntityScores>> ScoresOf(const QueryTask& query_task,
 
 absl::StatusOr<std::vector<EntityScores>> ClickScoresOf(
     const Segmenter& segmenter, const EvaluationTask& task, const EvaluationOptions& options,
-    absl::FunctionRef<absl::Status()> check_cancelled) {
-  ASSIGN_OR_RETURN(std::vector<EntityClicks> clicks,
-                   CountClicks(segmenter, task, options.clicks,
-                               {.refine_borders = options.refine_borders}, check_cancelled));
+    ImageSegmenter* images, absl::FunctionRef<absl::Status()> check_cancelled) {
+  ASSIGN_OR_RETURN(
+      std::vector<EntityClicks> clicks,
+      CountClicks(segmenter, task, options.clicks, {.refine_borders = options.refine_borders},
+                  images, check_cancelled));
   std::vector<EntityScores> scores;
   for (size_t i = 0; i < clicks.size(); ++i) {
     scores.push_back(WithoutScores(task, task.entities[i]));
@@ -146,7 +147,8 @@ absl::Status Validate(const EvaluationOptions& options) {
 
 absl::StatusOr<EvaluationResult> Evaluate(const Segmenter& segmenter, EvaluationRequest request,
                                           const EvaluationOptions& options,
-                                          absl::FunctionRef<absl::Status()> check_cancelled) {
+                                          absl::FunctionRef<absl::Status()> check_cancelled,
+                                          ImageSegmenter* images) {
   RETURN_IF_ERROR(Validate(options));
   EvaluationResult result;
   if (options.protocol == Protocol::kSamAgreement) {
@@ -160,7 +162,8 @@ absl::StatusOr<EvaluationResult> Evaluate(const Segmenter& segmenter, Evaluation
   }
   ASSIGN_OR_RETURN(EvaluationTask task, MakeTask(std::move(request), options.task));
   if (options.protocol == Protocol::kClicks) {
-    ASSIGN_OR_RETURN(result.entities, ClickScoresOf(segmenter, task, options, check_cancelled));
+    ASSIGN_OR_RETURN(result.entities,
+                     ClickScoresOf(segmenter, task, options, images, check_cancelled));
   } else {
     const QueryTask query_task = {segmenter, task, options.scales, check_cancelled,
                                   options.refine_borders};

@@ -77,10 +77,12 @@ struct EvaluationResult {
 
 // Runs a protocol on a request. Calls `check_cancelled` between queries of views, at least once for
 // each entity of each view, and returns its error. Returns INVALID_ARGUMENT for the reasons of
-// Validate, MakeTask and the protocol; it names the view or the entity.
+// Validate, MakeTask and the protocol; it names the view or the entity. images: of protocol
+// kClicks, may be null.
 absl::StatusOr<EvaluationResult> Evaluate(const Segmenter& segmenter, EvaluationRequest request,
                                           const EvaluationOptions& options,
-                                          absl::FunctionRef<absl::Status()> check_cancelled);
+                                          absl::FunctionRef<absl::Status()> check_cancelled,
+                                          ImageSegmenter* images = nullptr);
 
 // Returns the error of Lpips::Open for the weights of a network for LPIPS.
 absl::Status CheckLpips(const std::filesystem::path& weights);

@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "core/query/decomposition.h"
 #include "core/query/frame.h"
+#include "core/query/image_segmenter.h"
 #include "core/query/mask_geometry.h"
 #include "core/query/prompt.h"
 #include "core/query/propose.h"
@@ -25,10 +26,6 @@
 // ask for features, use Segmenter.
 
 namespace pepeseg {
-
-// Returns OK while an answer is wanted; else the error that ends the work, such as CANCELLED. Is
-// called before each view.
-using WantedCheck = std::function<absl::Status()>;
 
 // Places the borders of masks by other means than the model, such as the photographs.
 class BorderRule {

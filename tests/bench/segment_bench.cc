@@ -25,6 +25,7 @@
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/decomposition_scores.h"
 #include "tests/bench/granularity.h"
+#include "tests/bench/pack_images.h"
 #include "tests/bench/prompt_scores.h"
 #include "tests/bench/segment_rows.h"
 #include "tests/bench/stage_flags.h"
@@ -35,7 +36,7 @@ namespace pepeseg {
 namespace {
 
 struct BenchOptions : StageOptions {
-  std::string pack, gaussians, field, turn;
+  std::string pack, gaussians, field, turn, sam;
   std::string device = "cpu";
   std::string name = "run";
   int num_threads = 0;
@@ -168,6 +169,12 @@ void PrintTraining(Backend& backend, const Geometry& geometry, uint64_t seed, do
       1e-6 * static_cast<double>(backend.peak_bytes_in_use()));
 }
 
+SamOptions SamOn(const BenchOptions& options) {
+  SamOptions sam = {.num_threads = std::max(1, options.num_threads)};
+  if (options.device == "cuda") sam.cuda_device = 0;
+  return sam;
+}
+
 // Trains stage two, ends the turn, and scores the model.
 absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptions& options,
                      const Geometry& geometry, int run, TrainingTurn& turn) {
@@ -190,6 +197,12 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
     RETURN_IF_ERROR(PrintGranularity(backend, pack.capture, model, options.protocol.scales));
   }
   ASSIGN_OR_RETURN(const auto segmenter, Segmenter::Create(backend, std::move(model)));
+  std::unique_ptr<SamBorders> sam;
+  std::unique_ptr<PackImages> images;
+  if (!options.sam.empty()) {
+    ASSIGN_OR_RETURN(sam, SamBorders::Open(options.sam, SamOn(options)));
+    images = std::make_unique<PackImages>(*sam, pack.capture);
+  }
   if (options.decompose) RETURN_IF_ERROR(PrintDecomposition(*segmenter, pack));
   for (const TruthLevel& level : pack.truth) {
     const double evaluate_start = Now();
@@ -218,6 +231,12 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
       ASSIGN_OR_RETURN(const EvaluationResult clicks,
                        Evaluate(*segmenter, request, by_clicks, GoOn));
       PrintClicks(row, options.click_protocol, clicks, options.entities);
+      if (images != nullptr) {
+        ASSIGN_OR_RETURN(const EvaluationResult by_images,
+                         Evaluate(*segmenter, request, by_clicks, GoOn, images.get()));
+        std::printf("# by SAM and the field:\n");
+        PrintClicks(row, options.click_protocol, by_images, options.entities);
+      }
     }
   }
   return absl::OkStatus();
@@ -297,6 +316,8 @@ int main(int argc, char** argv) {
   app.add_flag("--clicks", options.clicks,
                "also measure clicks until IoU 0.9, and IoU after 1, 2 and 3 clicks; by entity with "
                "--entities");
+  app.add_option("--sam", options.sam,
+                 "folder of SAM's files: --clicks also lets SAM and the field answer together");
   app.add_option("--max-clicks", options.click_protocol.max_clicks);
   app.add_flag("--decompose", options.decompose,
                "how the levels of a decomposition agree with the truth's, too");

@@ -159,11 +159,10 @@ void AppendPrompt(const SegmenterPrompt& prompt, const PromptAnswers& grid,
 
 void AppendPrompt(const MaskPrompt& prompt, const PromptAnswers& grid,
                   const DecoderNetwork& decoder, std::vector<DecoderPoint>& points) {
-  for (const PromptPoint& point : prompt.points) {
-    points.push_back(InFrame(point, point.positive ? 1 : 0, grid, decoder));
-  }
-  points.push_back(InFrame(prompt.first_corner, 2, grid, decoder));
-  points.push_back(InFrame(prompt.last_corner, 3, grid, decoder));
+  AppendPrompt(prompt.points, grid, decoder, points);
+  if (!prompt.box) return;
+  points.back() = InFrame((*prompt.box)[0], 2, grid, decoder);  // in place of the padding
+  points.push_back(InFrame((*prompt.box)[1], 3, grid, decoder));
 }
 
 absl::StatusOr<Proposals> ProposeOnBackend(Backend& backend, DecoderNetwork& decoder,

@@ -66,11 +66,13 @@ class OnnxSegmenter : public PromptedSegmenter {
 
   absl::StatusOr<PromptAnswers> SegmentByMask(const MaskPrompt& prompt) override {
     std::vector<float> points, labels;
-    for (const PromptPoint& point : prompt.points) {
-      AppendPoint(point, point.positive ? 1 : 0, points, labels);
+    AppendPrompt(prompt.points, points, labels);
+    if (prompt.box) {
+      points.resize(points.size() - 2);  // in place of the padding
+      labels.pop_back();
+      AppendPoint((*prompt.box)[0], kFirstCorner, points, labels);
+      AppendPoint((*prompt.box)[1], kLastCorner, points, labels);
     }
-    AppendPoint(prompt.first_corner, kFirstCorner, points, labels);
-    AppendPoint(prompt.last_corner, kLastCorner, points, labels);
     const auto num_points = static_cast<int64_t>(labels.size());
     const std::array<float, 1> has_mask = {1};
     const std::array<OnnxInput, 5> inputs = {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -18,11 +20,11 @@ struct PromptPoint {
 };
 using SegmenterPrompt = std::vector<PromptPoint>;
 
-// A mask with its box and points in it, which the segmenter is to improve.
+// A mask, with points of the thing that is meant, which the segmenter is to improve.
 struct MaskPrompt {
   SegmenterPrompt points;
-  PromptPoint first_corner, last_corner;  // of the box
-  std::vector<float> logits;              // [extent, extent], positive inside the mask
+  std::optional<std::array<PromptPoint, 2>> box;  // its first and its last corner
+  std::vector<float> logits;                      // [extent, extent], positive inside the mask
 };
 
 // A prompted segmenter's answers to a batch of prompts: kMasks masks for each, on a grid of

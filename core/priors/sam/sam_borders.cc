@@ -17,8 +17,6 @@ namespace {
 constexpr int kMostPoints = 3;  // inside the mask, the deepest ones
 // The prompt's logits: this much for each cell of distance from the border, up to the limit.
 constexpr float kLogitOfCell = 4, kMostLogit = 10;
-constexpr double kReach = 0.02;     // from the border, in diagonals of the image
-constexpr double kSameThing = 0.7;  // least IoU of SAM's answer with the mask
 
 // Returns the distance of each pixel's centre from the nearest pixel on the other side of the
 // mask's border, pixels: positive inside.
@@ -41,8 +39,7 @@ MaskPrompt PromptOf(const cv::Mat& mask, const cv::Mat& distance, const PromptAn
     prompt.points.push_back(at(pixel.x + 0.5, pixel.y + 0.5));
   }
   const cv::Rect box = cv::boundingRect(mask);
-  prompt.first_corner = at(box.x, box.y);
-  prompt.last_corner = at(box.br().x, box.br().y);
+  prompt.box = {at(box.x, box.y), at(box.br().x, box.br().y)};
 
   cv::Mat cells;
   cv::resize(distance, cells, cv::Size(grid.width, grid.height), 0, 0, cv::INTER_AREA);
@@ -67,8 +64,8 @@ double IouOf(const cv::Mat& a, const cv::Mat& b) {
 
 // The first of the decoder's four masks is the one for prompts that leave no doubt which thing is
 // meant (Kirillov et al. 2023, "Segment Anything").
-absl::StatusOr<BinaryMask> RefineBorder(PromptedSegmenter& segmenter, const BinaryMask& mask,
-                                        int width, int height) {
+absl::StatusOr<BinaryMask> RefineMask(PromptedSegmenter& segmenter, const BinaryMask& mask,
+                                      int width, int height, const RefineLimits& limits) {
   const cv::Mat before(height, width, CV_8U, const_cast<uint8_t*>(mask.pixels.data()));
   const int area = cv::countNonZero(before);
   if (area == 0 || area == width * height) return mask;  // no border
@@ -80,10 +77,10 @@ absl::StatusOr<BinaryMask> RefineBorder(PromptedSegmenter& segmenter, const Bina
   const std::span<const float> first = answers.Logits(0, 0);
   const cv::Mat cells(grid.height, grid.width, CV_32F, const_cast<float*>(first.data()));
   const cv::Mat seen = PixelsInside(cells, grid.cells_per_pixel, before.size()) / 255;
-  if (IouOf(seen, before) < kSameThing) return mask;
+  if (IouOf(seen, before) < limits.same_thing) return mask;
   BinaryMask refined = mask;
   cv::Mat after(height, width, CV_8U, refined.pixels.data());
-  seen.copyTo(after, cv::abs(distance) <= kReach * std::hypot(width, height));
+  seen.copyTo(after, cv::abs(distance) <= limits.reach * std::hypot(width, height));
   return refined;
 }
 
@@ -101,10 +98,19 @@ absl::StatusOr<SamEmbedding> SamBorders::Embed(const Image& image) const {
 }
 
 absl::StatusOr<BinaryMask> SamBorders::Refine(const SamEmbedding& embedding,
-                                              const BinaryMask& mask) const {
+                                              const BinaryMask& mask,
+                                              const RefineLimits& limits) const {
   const auto segmenter = model_->MakeSegmenter();
   RETURN_IF_ERROR(segmenter->SetEmbedding(embedding));
-  return RefineBorder(*segmenter, mask, embedding.width, embedding.height);
+  return RefineMask(*segmenter, mask, embedding.width, embedding.height, limits);
+}
+
+absl::StatusOr<std::vector<SoftMask>> SamBorders::Click(const SamEmbedding& embedding,
+                                                        std::span<const PromptPoint> clicks,
+                                                        const SoftMask* before) const {
+  const auto segmenter = model_->MakeSegmenter();
+  RETURN_IF_ERROR(segmenter->SetEmbedding(embedding));
+  return SegmentClicks(*segmenter, clicks, before, embedding.width, embedding.height);
 }
 
 }  // namespace pepeseg

@@ -2,10 +2,13 @@
 
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/priors/sam/click_masks.h"
 #include "core/priors/sam/prompted_segmenter.h"
 #include "core/priors/sam/sam_embedding.h"
 #include "core/priors/sam/sam_segmenter.h"
@@ -14,12 +17,20 @@
 
 namespace pepeseg {
 
-// Returns the mask, [height, width] of the segmenter's photograph, with its border as the segmenter
-// sees it. Pixels farther from the border than 2 % of the image's diagonal stay. The mask stays as
-// it is where the segmenter sees another thing: one with an IoU of less than 0.7. Returns the
-// errors of SegmentByMask.
-absl::StatusOr<BinaryMask> RefineBorder(PromptedSegmenter& segmenter, const BinaryMask& mask,
-                                        int width, int height);
+// How far a segmenter may change a mask.
+struct RefineLimits {
+  // Pixels farther from the mask's border stay, diagonals of the image.
+  double reach = 0.02;
+  // The mask stays as it is where the segmenter sees another thing: one with a smaller IoU.
+  double same_thing = 0.7;
+};
+// Of a mask that is only roughly known, such as one from another view.
+inline constexpr RefineLimits kRefineWhole = {2, 0.6};
+
+// Returns the mask, [height, width] of the segmenter's photograph, as the segmenter sees its thing.
+// Returns the errors of SegmentByMask.
+absl::StatusOr<BinaryMask> RefineMask(PromptedSegmenter& segmenter, const BinaryMask& mask,
+                                      int width, int height, const RefineLimits& limits = {});
 
 // Moves the borders of masks to those that SAM's decoder sees in an image, prompted by the mask
 // itself (METHOD.md section 4, "Borders by SAM"). Measured: tests/bench/results/borders.md.
@@ -35,10 +46,16 @@ class SamBorders {
   // GPU. Returns RESOURCE_EXHAUSTED when out of memory.
   absl::StatusOr<SamEmbedding> Embed(const Image& image) const;
 
-  // Returns the mask, which has the size of the embedding, as RefineBorder does. Takes about 0.05 s
+  // Returns the mask, which has the size of the embedding, as RefineMask does. Takes about 0.05 s
   // of a core. Returns the errors of Embed, and INVALID_ARGUMENT for an embedding of another SAM's
   // size.
-  absl::StatusOr<BinaryMask> Refine(const SamEmbedding& embedding, const BinaryMask& mask) const;
+  absl::StatusOr<BinaryMask> Refine(const SamEmbedding& embedding, const BinaryMask& mask,
+                                    const RefineLimits& limits = {}) const;
+  // Returns the masks of clicks, see SegmentClicks, of the size of the embedding. Errors and time
+  // are those of Refine.
+  absl::StatusOr<std::vector<SoftMask>> Click(const SamEmbedding& embedding,
+                                              std::span<const PromptPoint> clicks,
+                                              const SoftMask* before) const;
 
   // As SamModel's functions of these names.
   const std::string& encoder_digest() const { return model_->encoder_digest(); }

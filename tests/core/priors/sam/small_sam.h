@@ -94,7 +94,7 @@ inline MaskPrompt SmallMaskPrompt(const Image& photo, int extent) {
   const auto at = [&](double x, double y) {
     return PromptPoint{static_cast<float>(x * photo.width), static_cast<float>(y * photo.height)};
   };
-  MaskPrompt prompt = {{at(0.4, 0.5), at(0.3, 0.4)}, at(0.2, 0.3), at(0.6, 0.7), {}};
+  MaskPrompt prompt = {{at(0.4, 0.5), at(0.3, 0.4)}, {{at(0.2, 0.3), at(0.6, 0.7)}}, {}};
   for (int i = 0; i < extent * extent; ++i) {
     const int x = i % extent, y = i / extent;
     const bool inside = x >= extent / 5 && x < extent * 3 / 5 && y > extent / 4 && y < extent / 2;

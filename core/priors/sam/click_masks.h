@@ -1,0 +1,22 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/priors/sam/prompted_segmenter.h"
+#include "core/scene/soft_mask.h"
+
+namespace pepeseg {
+
+// Returns the masks that clicks in the segmenter's image may mean; the first click is positive.
+// Without a mask before the last click (null), one click has three answers, smallest first in
+// general: the part, the object and the whole that SAM sees there; several clicks have one. With
+// one, the only answer is that mask, changed as the last click asks (Kirillov et al. 2023, "Segment
+// Anything", on interactive use). The size is that of the segmenter's image. Returns the errors of
+// Segment and SegmentByMask.
+absl::StatusOr<std::vector<SoftMask>> SegmentClicks(PromptedSegmenter& segmenter,
+                                                    std::span<const PromptPoint> clicks,
+                                                    const SoftMask* before, int width, int height);
+
+}  // namespace pepeseg
