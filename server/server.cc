@@ -29,7 +29,7 @@
 #include "server/rpc/reflection.h"
 #include "server/server_metrics.h"
 #include "server/server_parts.h"
-#include "server/services/border_refiner.h"
+#include "server/services/view_images.h"
 #include "server/services/dataset_service.h"
 #include "server/services/evaluation_service.h"
 #include "server/services/job_service.h"
@@ -110,7 +110,7 @@ struct Server::Parts {
   std::unique_ptr<SceneServiceRpc> scenes;
   std::unique_ptr<DatasetServiceRpc> datasets;
   std::unique_ptr<JobServiceRpc> jobs;
-  std::unique_ptr<BorderRefiner> borders;
+  std::unique_ptr<ViewImages> images;
   std::unique_ptr<SegmentationServiceRpc> segmentation;
   std::unique_ptr<LabelServiceRpc> labels;
   std::unique_ptr<Selections> selected;
@@ -234,7 +234,7 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
 }
 
 void Server::Parts::MakeQueryServices(int num_threads) {
-  borders = std::make_unique<BorderRefiner>(BorderRefiner::Dependencies{
+  images = std::make_unique<ViewImages>(ViewImages::Dependencies{
       sam, num_threads, CudaDevice(device.id), *store, *models, *blobs, photographs});
   segmentation = std::make_unique<SegmentationServiceRpc>(*runner, *models, *borders);
   labels = std::make_unique<LabelServiceRpc>(*runner, *models);

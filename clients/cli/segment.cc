@@ -26,7 +26,7 @@ struct SegmentFlags {
   GranularityFlags granularity;
   std::vector<std::string> targets;  // names of views, "all" or "held-out"
   bool refine_borders = true;
-  bool sam_borders = false;
+  bool sam_borders = false, sam_clicks = false;
   std::string out;
 };
 
@@ -54,6 +54,7 @@ absl::StatusOr<v1::SegmentViewsRequest> BuildRequest(const SegmentFlags& flags) 
   request.set_frame(flags.prompt.frame);
   request.set_refine_borders(flags.refine_borders);
   request.set_sam_borders(flags.sam_borders);
+  request.set_sam_clicks(flags.sam_clicks);
   return request;
 }
 
@@ -174,6 +175,8 @@ void AddSegment(CLI::App& app, Shell& shell) {
   verb->add_flag(
       "--sam-borders", flags->sam_borders,
       "Let SAM place the borders of the masks in the photographs; takes 1 to 2 s for a new view");
+  verb->add_flag("--sam-clicks", flags->sam_clicks,
+                 "Let SAM and the model answer points together, in the photographs");
   verb->add_option("--out", flags->out, "Folder for STEM_mask.png and STEM_overlay.png");
   verb->callback(
       [flags, &shell] { shell.verb = [&, flags] { return RunSegment(shell, *flags); }; });

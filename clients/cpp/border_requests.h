@@ -5,7 +5,7 @@
 #include "pepeseg/v1/scene_service.pb.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
 
-// Requests with borders by SAM. SAM takes one to two seconds for a new view, the server takes at
+// Requests that SAM answers. SAM takes one to two seconds for a new view, the server takes at
 // most 100 views per request, and a call has a deadline: many views are requested a few at a time.
 namespace pepeseg::client {
 

@@ -229,7 +229,7 @@ absl::StatusOr<v1::SegmentViewsResponse> Client::Segment(
   const auto ask = [this](const v1::SegmentViewsRequest& piece) {
     return Ask(*segmentation_, &Segmentation::SegmentViews, SceneOf(piece.model()), piece);
   };
-  if (!request.sam_borders()) return ask(request);
+  if (!request.sam_borders() && !request.sam_clicks()) return ask(request);
   std::vector<v1::View> views;
   if (request.targets().group() != v1::SegmentViewsRequest::Targets::GROUP_UNSPECIFIED) {
     ASSIGN_OR_RETURN(views, ListViews(request.model()));

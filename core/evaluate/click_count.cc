@@ -71,10 +71,7 @@ struct SimulatedClick {
 class Clicker {
  public:
   Clicker(const Answering& by, const ClickTarget& target)
-      : by_(by),
-        target_(target),
-        answer_(target.truth.size()),
-        clicked_(target.truth.size()) {}
+      : by_(by), target_(target), answer_(target.truth.size()), clicked_(target.truth.size()) {}
 
   // Returns the next click, or nothing if no wrong pixel is left to click. Before the first click
   // all of the entity is missed.
@@ -127,8 +124,9 @@ class Clicker {
 };
 
 // Returns the clicks on a target, in order.
-absl::StatusOr<std::vector<SimulatedClick>> SimulateClicks(
-    const Answering& by, const ClickTarget& target, const ClickOptions& options) {
+absl::StatusOr<std::vector<SimulatedClick>> SimulateClicks(const Answering& by,
+                                                           const ClickTarget& target,
+                                                           const ClickOptions& options) {
   std::vector<SimulatedClick> clicks;
   Clicker clicker(by, target);
   bool reached = false;
@@ -239,8 +237,7 @@ absl::StatusOr<std::vector<EntityClicks>> CountClicks(
       if (std::find(entity.scored.begin(), entity.scored.end(), v) == entity.scored.end()) continue;
       RETURN_IF_ERROR(by.check());
       const std::vector<uint8_t> mask = truth.MaskOf(entity.name);
-      RETURN_IF_ERROR(
-          AddView(by, clicks[i], {truth.view, mask, truth.ignore}, scores[i]));
+      RETURN_IF_ERROR(AddView(by, clicks[i], {truth.view, mask, truth.ignore}, scores[i]));
     }
   }
   for (size_t i = 0; i < scores.size(); ++i) TakeMeans(task.entities[i].scored.size(), scores[i]);

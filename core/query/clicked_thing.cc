@@ -62,41 +62,40 @@ absl::StatusOr<SoftMask> ChooseFirst(const Segmenter& model, const ModelView& vi
   return std::move(masks[chosen]);
 }
 
-// Returns the mask that all clicks mean in their view.
-absl::StatusOr<SoftMask> Follow(const Segmenter& model, ImageSegmenter& images,
-                                const ModelView& view, std::span<const PointPrompt> clicks,
-                                const WantedCheck& check) {
+// Returns the one mask that all clicks mean in their view.
+absl::StatusOr<ImageMasks> Follow(const Segmenter& model, ImageSegmenter& images,
+                                  const ModelView& view, std::span<const PointPrompt> clicks,
+                                  const WantedCheck& check) {
   size_t num_made = clicks.size() - std::min(clicks.size() - 1, kMostCorrections);
-  ASSIGN_OR_RETURN(std::vector<SoftMask> masks,
-                   images.Click(view, clicks.first(num_made), nullptr, check));
-  std::erase_if(masks, [](const SoftMask& mask) { return IsEmpty(mask.mask); });
-  if (masks.empty()) return NothingThereError("SAM sees no thing at the points");
-  ASSIGN_OR_RETURN(SoftMask answer, ChooseFirst(model, view, clicks[0], std::move(masks)));
+  ASSIGN_OR_RETURN(ImageMasks seen, images.Click(view, clicks.first(num_made), nullptr, check));
+  std::erase_if(seen.masks, [](const SoftMask& mask) { return IsEmpty(mask.mask); });
+  if (seen.masks.empty()) return NothingThereError("SAM sees no thing at the points");
+  ASSIGN_OR_RETURN(SoftMask answer, ChooseFirst(model, view, clicks[0], std::move(seen.masks)));
   while (num_made < clicks.size()) {
     RETURN_IF_ERROR(check());
     ++num_made;
-    ASSIGN_OR_RETURN(masks, images.Click(view, clicks.first(num_made), &answer, check));
-    answer = std::move(masks.front());
+    ASSIGN_OR_RETURN(seen, images.Click(view, clicks.first(num_made), &answer, check));
+    answer = std::move(seen.masks.front());
   }
-  return answer;
+  return ImageMasks{{std::move(answer)}, seen.image};
 }
 
 }  // namespace
 
 absl::StatusOr<ClickedThing> ClickedThing::Find(const Segmenter& model, ImageSegmenter& images,
-                                              const ModelView& view,
-                                              std::span<const PointPrompt> clicks,
-                                              const WantedCheck& check) {
+                                                const ModelView& view,
+                                                std::span<const PointPrompt> clicks,
+                                                const WantedCheck& check) {
   RETURN_IF_ERROR(CheckPoints(ImageOf(view), clicks));
   PointsPrompt order(clicks.begin(), clicks.end());
   const auto first = std::find_if(order.begin(), order.end(),
                                   [](const PointPrompt& click) { return click.positive; });
   std::rotate(order.begin(), first, first + 1);
-  ASSIGN_OR_RETURN(SoftMask answer, Follow(model, images, view, order, check));
-  return ClickedThing(model, images, view, std::move(answer.mask));
+  ASSIGN_OR_RETURN(ImageMasks answer, Follow(model, images, view, order, check));
+  return ClickedThing(model, images, view, std::move(answer.masks[0].mask), answer.image);
 }
 
-// The model's mask of the thing, which tells about pixels that the clicked view does not show.
+// Fits the query that decides pixels which the clicked view does not show.
 absl::Status ClickedThing::Fit() {
   if (query_) return absl::OkStatus();
   auto query = IsEmpty(mask_) ? NothingThereError("") : FitMask(*model_, view_, mask_, {});
@@ -111,7 +110,7 @@ absl::Status ClickedThing::Fit() {
 }
 
 absl::StatusOr<SegmentResult> ClickedThing::FromModel(const ModelView& target,
-                                                     const SegmentOptions& options) {
+                                                      const SegmentOptions& options) {
   RETURN_IF_ERROR(Fit());
   SegmentOptions with_similarity = options;
   with_similarity.want_similarity = true;
@@ -130,12 +129,12 @@ absl::StatusOr<SegmentResult> ClickedThing::FromModel(const ModelView& target,
 }
 
 absl::StatusOr<SegmentResult> ClickedThing::In(const ModelView& target,
-                                              const SegmentOptions& options,
-                                              const WantedCheck& check) {
+                                               const SegmentOptions& options,
+                                               const WantedCheck& check) {
   ASSIGN_OR_RETURN(SegmentResult result, FromModel(target, options));
   if (target.name == view_.name) {
     SetMask(mask_, result);
-    result.border_image = BorderImage::kPhotograph;
+    result.border_image = image_;
   } else {
     if (!depth_) {
       ASSIGN_OR_RETURN(std::vector<float> depth, model_->RenderDepth(view_));

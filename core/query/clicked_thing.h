@@ -29,25 +29,31 @@ class ClickedThing {
   // Returns NothingThereError if the segmenter sees nothing at the clicks. Other errors are those
   // of CheckPoints, of the segmenter and of Segmenter.
   static absl::StatusOr<ClickedThing> Find(const Segmenter& model, ImageSegmenter& images,
-                                          const ModelView& view,
-                                          std::span<const PointPrompt> clicks,
-                                          const WantedCheck& check);
+                                           const ModelView& view,
+                                           std::span<const PointPrompt> clicks,
+                                           const WantedCheck& check);
 
   // Returns the mask in a view. Errors are those of the segmenter and of Segmenter.
   absl::StatusOr<SegmentResult> In(const ModelView& target, const SegmentOptions& options,
                                    const WantedCheck& check);
 
  private:
-  ClickedThing(const Segmenter& model, ImageSegmenter& images, ModelView view, BinaryMask mask)
-      : model_(&model), images_(&images), view_(std::move(view)), mask_(std::move(mask)) {}
+  ClickedThing(const Segmenter& model, ImageSegmenter& images, ModelView view, BinaryMask mask,
+               BorderImage image)
+      : model_(&model),
+        images_(&images),
+        view_(std::move(view)),
+        mask_(std::move(mask)),
+        image_(image) {}
 
   absl::Status Fit();
   absl::StatusOr<SegmentResult> FromModel(const ModelView& target, const SegmentOptions& options);
 
   const Segmenter* model_;
   ImageSegmenter* images_;
-  ModelView view_;   // clicked
-  BinaryMask mask_;  // in view_
+  ModelView view_;     // clicked
+  BinaryMask mask_;    // in view_
+  BorderImage image_;  // in which the clicks were answered
   // Of the other views, from the first of them on.
   std::optional<Query> query_;  // no features: the model shows nothing under the mask
   std::optional<ViewDepth> depth_;

@@ -17,18 +17,22 @@ namespace pepeseg {
 // called before each view.
 using WantedCheck = std::function<absl::Status()>;
 
+// Masks that clicks may mean, at least one.
+struct ImageMasks {
+  std::vector<SoftMask> masks;  // of the size of the view
+  BorderImage image = BorderImage::kPhotograph;
+};
+
 // Segments the images of views, such as their photographs, by other means than the model. May call
 // `check` at any time and return its error.
 class ImageSegmenter {
  public:
   virtual ~ImageSegmenter() = default;
-  // Returns the masks that clicks in a view may mean, at least one, with the size of the view. The
-  // first click is positive. Without a mask `before` the last click (null), one click may have
-  // several answers; else there is one.
-  virtual absl::StatusOr<std::vector<SoftMask>> Click(const ModelView& view,
-                                                      std::span<const PointPrompt> clicks,
-                                                      const SoftMask* before,
-                                                      const WantedCheck& check) = 0;
+  // Returns the masks that clicks in a view may mean. The first click is positive. Without a mask
+  // `before` the last click (null), one click may have several answers; else there is one.
+  virtual absl::StatusOr<ImageMasks> Click(const ModelView& view,
+                                           std::span<const PointPrompt> clicks,
+                                           const SoftMask* before, const WantedCheck& check) = 0;
   // How much of a mask Refine may change.
   enum class Change { kBorder, kWhole };
   // Changes the mask of a view, by SetMask, to that of the thing in the image that it shows best,

@@ -17,11 +17,17 @@ absl::StatusOr<SegmentResult> SegmentedViews::Next() {
                                    ? std::get_if<BoxPrompt>(&request_.prompt.what)
                                    : nullptr;
   SegmentOptions options = request_.options;
-  options.want_similarity |= request_.borders != nullptr || box != nullptr;
-  ASSIGN_OR_RETURN(auto results, segmenter_->Segment(query_, {&target, 1}, options));
-  SegmentResult& result = results.front();
-  if (request_.borders != nullptr) {
-    RETURN_IF_ERROR(request_.borders->Refine(target, check_, result));
+  options.want_similarity |= request_.image_borders || box != nullptr;
+  SegmentResult result;
+  if (clicked_) {
+    ASSIGN_OR_RETURN(result, clicked_->In(target, options, check_));
+  } else {
+    ASSIGN_OR_RETURN(auto results, segmenter_->Segment(query_, {&target, 1}, options));
+    result = std::move(results.front());
+    if (request_.image_borders) {
+      RETURN_IF_ERROR(
+          request_.images->Refine(target, ImageSegmenter::Change::kBorder, check_, result));
+    }
   }
   if (box != nullptr) result.box_agreement = CutToBox(*box, result);
   if (!request_.options.want_similarity) result.similarity.clear();
@@ -38,6 +44,14 @@ absl::StatusOr<std::unique_ptr<SceneModel>> SceneModel::Create(Backend& backend,
 
 absl::StatusOr<SegmentedViews> SceneModel::Segment(SegmentRequest request,
                                                    WantedCheck check) const {
+  if (request.image_clicks) {
+    const PointsPrompt* const points = PointsOf(request.prompt.what);
+    if (points == nullptr) return FaultError({"", "", "only points are clicks"});
+    ASSIGN_OR_RETURN(ClickedThing clicked, ClickedThing::Find(*segmenter_, *request.images,
+                                                              request.prompt.view, *points, check));
+    return SegmentedViews(*segmenter_, std::move(request), {}, std::move(check),
+                          std::move(clicked));
+  }
   ASSIGN_OR_RETURN(Query query, ResolvePrompt(*segmenter_, request.prompt, request.granularity));
   return SegmentedViews(*segmenter_, std::move(request), std::move(query), std::move(check));
 }

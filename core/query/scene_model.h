@@ -9,6 +9,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/query/clicked_thing.h"
 #include "core/query/decomposition.h"
 #include "core/query/frame.h"
 #include "core/query/image_segmenter.h"
@@ -26,16 +27,6 @@
 // ask for features, use Segmenter.
 
 namespace pepeseg {
-
-// Places the borders of masks by other means than the model, such as the photographs.
-class BorderRule {
- public:
-  virtual ~BorderRule() = default;
-  // Changes the mask of a view, by SetMask, and sets border_image. The result has the similarity.
-  // May call `check` at any time and return its error.
-  virtual absl::Status Refine(const ModelView& view, const WantedCheck& check,
-                              SegmentResult& result) = 0;
-};
 
 // Bytes of the host's memory and of the device's memory.
 struct MemoryBytes {
@@ -65,8 +56,11 @@ struct SegmentRequest {
   std::vector<ModelView> targets;            // views to segment, at least one
   FrameKind frame = FrameKind::kPhotograph;  // of the masks
   SegmentOptions options;
-  // Decides the borders of the masks; must outlive the answer. Null: they are as segmented.
-  BorderRule* borders = nullptr;
+  // Segments the images of the views; must outlive the answer. Null: only the model answers.
+  ImageSegmenter* images = nullptr;
+  // Of `images`: places the borders of the masks, or answers clicks with the model (ClickedThing),
+  // for a prompt of points without scale and threshold.
+  bool image_borders = false, image_clicks = false;
 };
 
 // The masks of a prompt in its target views, computed one by one, so that a thread can turn to
@@ -74,16 +68,18 @@ struct SegmentRequest {
 class SegmentedViews {
  public:
   // query: of the prompt.
-  SegmentedViews(const Segmenter& segmenter, SegmentRequest request, Query query, WantedCheck check)
+  SegmentedViews(const Segmenter& segmenter, SegmentRequest request, Query query, WantedCheck check,
+                 std::optional<ClickedThing> clicked = std::nullopt)
       : segmenter_(&segmenter),
         request_(std::move(request)),
         query_(std::move(query)),
-        check_(std::move(check)) {}
+        check_(std::move(check)),
+        clicked_(std::move(clicked)) {}
 
   // Returns whether all targets are segmented.
   bool done() const { return next_ == request_.targets.size(); }
   // Returns the mask of the next target, in pixels of the frame. In the view of a box prompt it is
-  // cut to the box, see CutToBox. Errors are those of `check`, of the border rule and of
+  // cut to the box, see CutToBox. Errors are those of `check`, of the image segmenter and of
   // Segmenter::Segment. Must not be done.
   absl::StatusOr<SegmentResult> Next();
 
@@ -92,6 +88,7 @@ class SegmentedViews {
   SegmentRequest request_;
   Query query_;
   WantedCheck check_;
+  std::optional<ClickedThing> clicked_;  // answers in place of the query
   size_t next_ = 0;
   std::optional<Frame> frame_;  // of the last target: views of one camera mostly follow each other
 };
@@ -108,8 +105,8 @@ class SceneModel {
   // Returns whether the model has a trained feature field; without one, nothing is found in it.
   bool has_features() const { return segmenter_->has_features(); }
 
-  // Chooses the granularity where the request has none, see ResolvePrompt for the errors, and
-  // returns the masks to come.
+  // Chooses the granularity where the request has none, see ResolvePrompt and ClickedThing::Find
+  // for the errors, and returns the masks to come.
   absl::StatusOr<SegmentedViews> Segment(SegmentRequest request, WantedCheck check) const;
   absl::StatusOr<Proposals> Propose(const ProposeRequest& request) const;
   // See SelectGaussians. Errors are also those of ResolvePrompt.

@@ -28,8 +28,8 @@ TransferredMask TransferMask(const ViewDepth& from, std::span<const uint8_t> mas
       const size_t pixel = static_cast<size_t>(y) * target.width + x;
       const double depth = to.depth[pixel];
       if (!(depth > 0)) continue;
-      const Eigen::Vector3d ray((x + 0.5 - target.cx) / target.fx, (y + 0.5 - target.cy) / target.fy,
-                                1);
+      const Eigen::Vector3d ray((x + 0.5 - target.cx) / target.fx,
+                                (y + 0.5 - target.cy) / target.fy, 1);
       const Eigen::Vector3d point = rotation * (depth * ray) + source_from_target.translation;
       if (!(point.z() > 0)) continue;
       const double u = source.fx * point.x() / point.z() + source.cx;

@@ -20,8 +20,8 @@ struct TransferredMask {
   std::vector<uint8_t> known;   // [height, width] 1: the mask's view shows what the pixel shows
   std::vector<uint8_t> inside;  // [height, width] 1: and the mask has it
 };
-// Returns what a mask [height, width] of the view `from` says about each pixel of `to`. A surface is
-// the same in both if the depths agree within 3 %.
+// Returns what a mask [height, width] of the view `from` says about each pixel of `to`. A surface
+// is the same in both if the depths agree within 3 %.
 TransferredMask TransferMask(const ViewDepth& from, std::span<const uint8_t> mask,
                              const ViewDepth& to);
 

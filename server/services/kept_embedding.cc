@@ -1,8 +1,10 @@
 #include "server/services/kept_embedding.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <cstdlib>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -19,6 +21,25 @@ bool IsOfShape(const SamEmbedding& image, const Frame& frame) {
   return std::abs(across - down) <= std::max(frame.width(), frame.height());
 }
 
+// Returns whether SAM's image has the pixels of the view.
+bool HasPixelsOfView(const PhotographSam& in, const Frame& frame) {
+  const Camera& camera = in.view.camera;
+  return !in.is_of_photograph || (frame.is_shrunk() && in.embedding.width == camera.width &&
+                                  in.embedding.height == camera.height);
+}
+
+// Returns the pixel of the embedding's image for each pixel of the view.
+std::vector<size_t> PixelsIn(const SamEmbedding& image, const Frame& frame) {
+  std::vector<size_t> pixels;
+  for (const int32_t pixel : frame.PixelsOfView()) {
+    const int64_t x = pixel % frame.width(), y = pixel / frame.width();
+    pixels.push_back(
+        static_cast<size_t>((2 * y + 1) * image.height / (2 * frame.height()) * image.width +
+                            (2 * x + 1) * image.width / (2 * frame.width())));
+  }
+  return pixels;
+}
+
 }  // namespace
 
 absl::StatusOr<SamEmbedding> ReadKeptEmbedding(const std::filesystem::path& model,
@@ -30,25 +51,45 @@ absl::StatusOr<SamEmbedding> ReadKeptEmbedding(const std::filesystem::path& mode
   return absl::DataLossError(absl::StrCat(file.string(), ": is of a photograph of another shape"));
 }
 
-absl::StatusOr<BinaryMask> RefineInPhotograph(const SamBorders& sam, const SamEmbedding& embedding,
-                                              const ModelView& view, const BinaryMask& mask) {
+absl::StatusOr<BinaryMask> PhotographSam::Refine(const BinaryMask& mask,
+                                                 const RefineLimits& limits) const {
   Frame frame(view);
-  const int width = embedding.width, height = embedding.height;
-  if (frame.is_shrunk() && width == view.camera.width && height == view.camera.height) {
-    return sam.Refine(embedding, mask);
-  }
-  frame.ResizeTo(width, height);
+  if (HasPixelsOfView(*this, frame)) return sam.Refine(embedding, mask, limits);
+  frame.ResizeTo(embedding.width, embedding.height);
   const BinaryMask before = frame.FromView(mask);
-  ASSIGN_OR_RETURN(const BinaryMask after, sam.Refine(embedding, before));
+  ASSIGN_OR_RETURN(const BinaryMask after, sam.Refine(embedding, before, limits));
   BinaryMask refined = mask;
-  const std::vector<int32_t> pixels = frame.PixelsOfView();
+  const std::vector<size_t> pixels = PixelsIn(embedding, frame);
   for (size_t i = 0; i < pixels.size(); ++i) {
-    const int64_t x = pixels[i] % frame.width(), y = pixels[i] / frame.width();
-    const auto pixel = static_cast<size_t>((2 * y + 1) * height / (2 * frame.height()) * width +
-                                           (2 * x + 1) * width / (2 * frame.width()));
+    const size_t pixel = pixels[i];
     if (after.pixels[pixel] != before.pixels[pixel]) refined.pixels[i] = after.pixels[pixel];
   }
   return refined;
+}
+
+absl::StatusOr<std::vector<SoftMask>> PhotographSam::Click(std::span<const PointPrompt> clicks,
+                                                           const SoftMask* before) const {
+  const Frame frame(view);
+  const bool has_pixels_of_view = HasPixelsOfView(*this, frame);
+  std::vector<PromptPoint> points;
+  for (const PointPrompt& click : clicks) {
+    Eigen::Vector2d at(click.x, click.y);
+    if (!has_pixels_of_view) {
+      const Eigen::Vector2d place = frame.FromView(at);
+      at = {place.x() * embedding.width / frame.width(),
+            place.y() * embedding.height / frame.height()};
+    }
+    points.push_back({static_cast<float>(at.x()), static_cast<float>(at.y()), click.positive});
+  }
+  ASSIGN_OR_RETURN(std::vector<SoftMask> masks, sam.Click(embedding, points, before));
+  if (has_pixels_of_view) return masks;
+  const std::vector<size_t> pixels = PixelsIn(embedding, frame);
+  for (SoftMask& mask : masks) {
+    BinaryMask in_view = {std::vector<uint8_t>(pixels.size())};
+    for (size_t i = 0; i < pixels.size(); ++i) in_view.pixels[i] = mask.mask.pixels[pixels[i]];
+    mask.mask = std::move(in_view);
+  }
+  return masks;
 }
 
 }  // namespace pepeseg

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "core/priors/sam/sam_borders.h"
@@ -16,10 +18,21 @@ absl::StatusOr<SamEmbedding> ReadKeptEmbedding(const std::filesystem::path& mode
                                                const ModelView& view,
                                                const EmbeddingOrigin& origin);
 
-// Returns a mask of the view with its border as SAM sees it in the photograph of the embedding.
-// Where the view is warped, so is the mask: pixels that SAM leaves stay exactly as they are.
-// Returns the errors of SamBorders::Refine.
-absl::StatusOr<BinaryMask> RefineInPhotograph(const SamBorders& sam, const SamEmbedding& embedding,
-                                              const ModelView& view, const BinaryMask& mask);
+// SAM in the image of a view, by its embedding. What it refers to must outlive it.
+struct PhotographSam {
+  const SamBorders& sam;
+  const SamEmbedding& embedding;
+  const ModelView& view;
+  // Whether the embedding is of the photograph, from which the view is warped. Then clicks and
+  // masks are warped as well: pixels of a mask that SAM leaves stay exactly as they are.
+  bool is_of_photograph;
+
+  // Returns a mask of the view as SAM sees it, see RefineMask. Returns the errors of
+  // SamBorders::Refine.
+  absl::StatusOr<BinaryMask> Refine(const BinaryMask& mask, const RefineLimits& limits) const;
+  // Returns the masks of clicks in the view, see SegmentClicks. Errors are those of Refine.
+  absl::StatusOr<std::vector<SoftMask>> Click(std::span<const PointPrompt> clicks,
+                                              const SoftMask* before) const;
+};
 
 }  // namespace pepeseg

@@ -14,23 +14,39 @@
 namespace pepeseg {
 namespace {
 
-// Maximum number of views of a request with sam_borders. A view that SAM has not seen takes it one
+// Maximum number of views of a request that SAM answers. A view that SAM has not seen takes it one
 // to two seconds of a core.
-constexpr size_t kMaxBorderTargets = 100;
+constexpr size_t kMaxSamTargets = 100;
 
-absl::Status CheckBorderTargets(size_t num_targets) {
-  if (num_targets <= kMaxBorderTargets) return absl::OkStatus();
+absl::Status CheckSamTargets(size_t num_targets) {
+  if (num_targets <= kMaxSamTargets) return absl::OkStatus();
   return BadField("targets", absl::StrCat(num_targets),
-                  absl::StrCat("views; with sam_borders a request may have ", kMaxBorderTargets,
+                  absl::StrCat("views; where SAM answers, a request may have ", kMaxSamTargets,
                                ": send several requests"));
+}
+
+// SAM answers points alone, and chooses by itself how large the thing is.
+absl::Status CheckSamClicks(const v1::SegmentViewsRequest& request) {
+  const v1::Granularity& granularity = request.granularity();
+  const bool chosen =
+      granularity.has_threshold() || granularity.scale_case() != v1::Granularity::SCALE_NOT_SET;
+  if (request.prompt().has_points() && !chosen) {
+    return absl::OkStatus();
+  }
+  return BadField("sam_clicks", "true", "is for points, without scale and threshold");
 }
 
 }  // namespace
 
+bool AsksSam(const v1::SegmentViewsRequest& request) {
+  return request.sam_borders() || request.sam_clicks();
+}
+
 absl::StatusOr<std::unique_ptr<SegmentAnswer>> SegmentAnswer::Begin(
     const SegmentTools& tools, QueryCall call, const v1::SegmentViewsRequest& request,
     v1::SegmentViewsResponse* response) {
-  if (request.sam_borders()) RETURN_IF_ERROR(tools.borders.CheckAvailable());
+  if (AsksSam(request)) RETURN_IF_ERROR(tools.images.CheckAvailable());
+  if (request.sam_clicks()) RETURN_IF_ERROR(CheckSamClicks(request));
   auto answer = absl::WrapUnique(new SegmentAnswer(request, response));
   Stopwatch stopwatch;
   ASSIGN_OR_RETURN(answer->model_,
@@ -40,10 +56,12 @@ absl::StatusOr<std::unique_ptr<SegmentAnswer>> SegmentAnswer::Begin(
   *response->mutable_timing()->mutable_load() = ToProto(stopwatch.Lap());
   const SegmentRequestReader reader(model->model(), model.id, tools.models.store());
   ASSIGN_OR_RETURN(SegmentRequest asked, reader.Read(request));
-  if (request.sam_borders()) {
-    RETURN_IF_ERROR(CheckBorderTargets(asked.targets.size()));
-    answer->borders_ = tools.borders.RuleFor(model);
-    asked.borders = answer->borders_.get();
+  if (AsksSam(request)) {
+    RETURN_IF_ERROR(CheckSamTargets(asked.targets.size()));
+    answer->images_ = tools.images.SegmenterOf(model);
+    asked.images = answer->images_.get();
+    asked.image_borders = request.sam_borders();
+    asked.image_clicks = request.sam_clicks();
   }
   ASSIGN_OR_RETURN(answer->views_, model->Segment(std::move(asked), std::move(call.check)));
   answer->compute_ = stopwatch.Lap();

@@ -7,16 +7,19 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
-#include "server/services/border_refiner.h"
 #include "server/services/model_loader.h"
+#include "server/services/view_images.h"
 
 namespace pepeseg {
 
 // What answers to SegmentViewsRequests are made with. All must outlive the answers.
 struct SegmentTools {
   ModelLoader& models;
-  BorderRefiner& borders;
+  ViewImages& images;
 };
+
+// Returns whether a request is answered with SAM's help.
+bool AsksSam(const v1::SegmentViewsRequest& request);
 
 // A query on its pool thread, from a unary call or a stream.
 struct QueryCall {
@@ -45,9 +48,9 @@ class SegmentAnswer {
   const v1::SegmentViewsRequest& request_;
   v1::SegmentViewsResponse* const response_;
   ResidentModel model_;
-  std::unique_ptr<BorderRule> borders_;  // refers to the model; null: the model's own borders
-  std::optional<SegmentedViews> views_;  // refers to both
-  size_t num_bytes_ = 0;                 // of the masks so far
+  std::unique_ptr<ImageSegmenter> images_;  // refers to the model; null: SAM is not asked
+  std::optional<SegmentedViews> views_;     // refers to both
+  size_t num_bytes_ = 0;                    // of the masks so far
   absl::Duration compute_;
   absl::Duration encode_;
 };

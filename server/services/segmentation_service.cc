@@ -75,9 +75,10 @@ absl::Status StreamSegmentsCall::BeginAnswer() {
   answer_begin_ = absl::Now();
   // Each request of a stream counts as a query.
   RETURN_IF_ERROR(runner_.quotas().Admit(caller_.project, request_));
-  if (request_.segment().sam_borders()) {
-    return BadField("segment.sam_borders", "true",
-                    "takes too long for a stream of answers; call SegmentViews");
+  if (AsksSam(request_.segment())) {
+    const char* const field =
+        request_.segment().sam_borders() ? "segment.sam_borders" : "segment.sam_clicks";
+    return BadField(field, "true", "takes too long for a stream of answers; call SegmentViews");
   }
   const auto check = [this] {
     return cancelled() || superseded() ? absl::CancelledError("a newer request has come")
@@ -137,8 +138,8 @@ Stream::Step StreamSegmentsCall::Work(bool) {
 }  // namespace
 
 SegmentationServiceRpc::SegmentationServiceRpc(const CallRunner& runner, ModelLoader& models,
-                                               BorderRefiner& borders)
-    : runner_(runner), models_(models), borders_(borders) {}
+                                               ViewImages& images)
+    : runner_(runner), models_(models), images_(images) {}
 
 absl::Status SegmentationServiceRpc::ProposeScales(const UnaryCall& call,
                                                    const v1::ProposeScalesRequest& request,
@@ -192,7 +193,7 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::SegmentViews(
   // Calls that compute run on `query`, those that wait for SAM on `border`, those that compute for
   // long on `evaluation`, and those of other services that only read the store on `io`, so that
   // none of them waits for a slower kind.
-  WorkerPool& pool = request->sam_borders() ? runner_.pools().border : runner_.pools().query;
+  WorkerPool& pool = AsksSam(*request) ? runner_.pools().border : runner_.pools().query;
   return runner_.RunInParts(
       pool, {call, request},
       [this, request, response](const UnaryCall& unary) -> absl::StatusOr<AnswerParts> {
@@ -200,14 +201,14 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::SegmentViews(
         const QueryCall query = {unary.queued, unary.scenes(),
                                  [asked] { return asked.CheckWanted(); }};
         ASSIGN_OR_RETURN(std::shared_ptr<SegmentAnswer> answer,
-                         SegmentAnswer::Begin({models_, borders_}, query, *request, response));
+                         SegmentAnswer::Begin({models_, images_}, query, *request, response));
         return [answer = std::move(answer)] { return answer->SegmentNext(); };
       });
 }
 
 grpc::ServerBidiReactor<v1::StreamSegmentsRequest, v1::StreamSegmentsResponse>*
 SegmentationServiceRpc::StreamSegments(grpc::CallbackServerContext* call) {
-  const auto stream = std::make_shared<StreamSegmentsCall>(runner_, SegmentTools{models_, borders_},
+  const auto stream = std::make_shared<StreamSegmentsCall>(runner_, SegmentTools{models_, images_},
                                                            OriginOf(*call));
   stream->BeginReading();
   return stream.get();  // owns itself until OnDone

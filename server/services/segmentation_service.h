@@ -3,8 +3,8 @@
 #include "absl/status/status.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
 #include "server/rpc/call_runner.h"
-#include "server/services/border_refiner.h"
 #include "server/services/model_loader.h"
+#include "server/services/view_images.h"
 
 namespace pepeseg {
 
@@ -13,7 +13,7 @@ namespace pepeseg {
 class SegmentationServiceRpc final : public v1::SegmentationService::CallbackService {
  public:
   // All must outlive it.
-  SegmentationServiceRpc(const CallRunner& runner, ModelLoader& models, BorderRefiner& borders);
+  SegmentationServiceRpc(const CallRunner& runner, ModelLoader& models, ViewImages& images);
 
   grpc::ServerUnaryReactor* SegmentViews(grpc::CallbackServerContext* call,
                                          const v1::SegmentViewsRequest* request,
@@ -26,7 +26,7 @@ class SegmentationServiceRpc final : public v1::SegmentationService::CallbackSer
  private:
   const CallRunner& runner_;
   ModelLoader& models_;
-  BorderRefiner& borders_;
+  ViewImages& images_;
 };
 
 }  // namespace pepeseg

@@ -23,17 +23,17 @@ class PackImages final : public ImageSegmenter {
     for (const View& view : capture.views) photographs_[view.name] = &view.photo;
   }
 
-  absl::StatusOr<std::vector<SoftMask>> Click(const ModelView& view,
-                                              std::span<const PointPrompt> clicks,
-                                              const SoftMask* before,
-                                              const WantedCheck& check) override {
+  absl::StatusOr<ImageMasks> Click(const ModelView& view, std::span<const PointPrompt> clicks,
+                                   const SoftMask* before, const WantedCheck& check) override {
     RETURN_IF_ERROR(check());
     ASSIGN_OR_RETURN(const SamEmbedding* embedding, EmbeddingOf(view));
     std::vector<PromptPoint> points;
     for (const PointPrompt& click : clicks) {
       points.push_back({static_cast<float>(click.x), static_cast<float>(click.y), click.positive});
     }
-    return sam_.Click(*embedding, points, before);
+    ImageMasks result;
+    ASSIGN_OR_RETURN(result.masks, sam_.Click(*embedding, points, before));
+    return result;
   }
 
   absl::Status Refine(const ModelView& view, Change change, const WantedCheck& check,

@@ -68,7 +68,7 @@ class DecoderNetwork {
   absl::Status Decode(ConstNetworkSpan embedding, std::span<const DecoderPoint> points,
                       int num_points, const DecoderGrid& grid, bool with_logits,
                       DecodedMasks& masks);
-  // The same for one prompt of points, without a padding point, and a mask: logits
+  // The same for one prompt of points and a mask: logits
   // [extent, extent], which take the place of the embedding of "no mask". Returns also
   // INVALID_ARGUMENT for a mask of another size.
   absl::Status DecodeWithMask(ConstNetworkSpan embedding, std::span<const DecoderPoint> points,

@@ -18,7 +18,8 @@ constexpr int64_t kChannels = 256, kPlaces = 4096;  // of an embedding
 
 class OnnxSegmenter : public PromptedSegmenter {
  public:
-  explicit OnnxSegmenter(const SamNetworks& networks) : networks_(networks) {}
+  OnnxSegmenter(const SamNetworks& networks, bool mask_prompts)
+      : networks_(networks), mask_prompts_(mask_prompts) {}
 
   absl::Status SetPhotograph(const Image& photo) override {
     SetSize(photo.width, photo.height);
@@ -33,6 +34,10 @@ class OnnxSegmenter : public PromptedSegmenter {
     const auto num_points = static_cast<int64_t>(prompts[0].size()) + 1;
     std::vector<float> points, labels;
     for (const SegmenterPrompt& prompt : prompts) AppendPrompt(prompt, points, labels);
+    if (mask_prompts_) {
+      if (num_prompts > 1) return absl::UnimplementedError("SAM: answers one prompt at a time");
+      return AnswerOne(points, labels, std::vector<float>(size_t{kExtent} * kExtent), 0);
+    }
     const std::array<OnnxInput, 3> inputs = {
         OnnxInput{"image_embeddings", embedding_.shape, embedding_.values},
         OnnxInput{"point_coords", {num_prompts, num_points, 2}, points},
@@ -73,18 +78,24 @@ class OnnxSegmenter : public PromptedSegmenter {
       AppendPoint((*prompt.box)[0], kFirstCorner, points, labels);
       AppendPoint((*prompt.box)[1], kLastCorner, points, labels);
     }
+    return AnswerOne(points, labels, prompt.logits, 1);
+  }
+
+ private:
+  // Answers one prompt with a mask (has_mask 1) or without one (0), by the network for both.
+  absl::StatusOr<PromptAnswers> AnswerOne(std::span<const float> points,
+                                          std::span<const float> labels,
+                                          std::span<const float> mask, float has_mask) const {
     const auto num_points = static_cast<int64_t>(labels.size());
-    const std::array<float, 1> has_mask = {1};
     const std::array<OnnxInput, 5> inputs = {
         OnnxInput{"image_embeddings", embedding_.shape, embedding_.values},
         OnnxInput{"point_coords", {1, num_points, 2}, points},
         OnnxInput{"point_labels", {1, num_points}, labels},
-        OnnxInput{"mask_input", {1, 1, kExtent, kExtent}, prompt.logits},
-        OnnxInput{"has_mask_input", {1}, has_mask}};
+        OnnxInput{"mask_input", {1, 1, kExtent, kExtent}, mask},
+        OnnxInput{"has_mask_input", {1}, {&has_mask, 1}}};
     return Answers(inputs, 1);
   }
 
- private:
   void SetSize(int width, int height) {
     width_ = width;
     height_ = height;
@@ -121,6 +132,7 @@ class OnnxSegmenter : public PromptedSegmenter {
   }
 
   const SamNetworks& networks_;
+  const bool mask_prompts_;
   int width_ = 0, height_ = 0;  // of the photograph, pixels
   PromptAnswers grid_;          // grid of the photograph, without answers
   OnnxTensor embedding_;        // [1, 256, 64, 64], the photograph's
@@ -154,8 +166,9 @@ OnnxGraphEdit MaskDecoderEdit() {
   return edit;
 }
 
-std::unique_ptr<PromptedSegmenter> MakeOnnxSegmenter(const SamNetworks& networks) {
-  return std::make_unique<OnnxSegmenter>(networks);
+std::unique_ptr<PromptedSegmenter> MakeOnnxSegmenter(const SamNetworks& networks,
+                                                     bool mask_prompts) {
+  return std::make_unique<OnnxSegmenter>(networks, mask_prompts);
 }
 
 }  // namespace pepeseg

@@ -21,8 +21,9 @@ OnnxGraphEdit MaskDecoderEdit();
 
 // Returns a segmenter for the photographs of one thread, by networks with one of the edits, which
 // must outlive it. The encoder runs once per photograph and its embedding is kept; the decoder runs
-// for each batch of prompts. It answers Segment with PointDecoderEdit only, and SegmentByMask with
-// MaskDecoderEdit only.
-std::unique_ptr<PromptedSegmenter> MakeOnnxSegmenter(const SamNetworks& networks);
+// for each batch of prompts. With MaskDecoderEdit (`mask_prompts`), it answers SegmentByMask, and
+// Segment for one prompt; with PointDecoderEdit, only Segment.
+std::unique_ptr<PromptedSegmenter> MakeOnnxSegmenter(const SamNetworks& networks,
+                                                     bool mask_prompts);
 
 }  // namespace pepeseg

@@ -97,8 +97,7 @@ absl::StatusOr<SamEmbedding> SamBorders::Embed(const Image& image) const {
   return segmenter->Embedding();
 }
 
-absl::StatusOr<BinaryMask> SamBorders::Refine(const SamEmbedding& embedding,
-                                              const BinaryMask& mask,
+absl::StatusOr<BinaryMask> SamBorders::Refine(const SamEmbedding& embedding, const BinaryMask& mask,
                                               const RefineLimits& limits) const {
   const auto segmenter = model_->MakeSegmenter();
   RETURN_IF_ERROR(segmenter->SetEmbedding(embedding));

@@ -24,7 +24,7 @@ struct RefineLimits {
   // The mask stays as it is where the segmenter sees another thing: one with a smaller IoU.
   double same_thing = 0.7;
 };
-// Of a mask that is only roughly known, such as one from another view.
+// For a mask that is only roughly known, such as one from another view.
 inline constexpr RefineLimits kRefineWhole = {2, 0.6};
 
 // Returns the mask, [height, width] of the segmenter's photograph, as the segmenter sees its thing.

@@ -66,7 +66,8 @@ absl::Status SamModel::OpenCpu() {
 }
 
 std::unique_ptr<PromptedSegmenter> SamModel::MakeCpuSegmenter() {
-  return cpu_ != nullptr ? cpu_->MakeSegmenter() : MakeOnnxSegmenter(*networks_);
+  return cpu_ != nullptr ? cpu_->MakeSegmenter()
+                         : MakeOnnxSegmenter(*networks_, options_.mask_prompts);
 }
 
 std::string SamModel::processor() const {

@@ -74,8 +74,8 @@ struct SamOptions {
   std::function<void()> before_cpu = nullptr;
   // Computes by ONNX Runtime on the CPU, for comparisons.
   bool onnx_runtime = false;
-  // Segmenters answer prompts by masks, one photograph at a time on all threads; those that compute
-  // by ONNX Runtime then answer no others.
+  // Segmenters answer prompts by masks, too, one photograph at a time on all threads; those that
+  // compute by ONNX Runtime then answer one prompt at a time.
   bool mask_prompts = false;
 };
 

@@ -15,6 +15,12 @@
 namespace pepeseg {
 namespace {
 
+// Returns the mask with its border as SAM sees it in the photograph of the embedding.
+absl::StatusOr<BinaryMask> Refined(const SamBorders& sam, const SamEmbedding& embedding,
+                                   const ModelView& view, const BinaryMask& mask) {
+  return PhotographSam{sam, embedding, view, true}.Refine(mask, {});
+}
+
 // A photograph with a red square on blue, and a fake of SAM, which segments by colour in cells of 8
 // pixels.
 struct KeptEmbeddingTest : ::testing::Test {
@@ -83,11 +89,10 @@ TEST_F(KeptEmbeddingTest, PlacesBordersOfWarpedViews) {
     for (const double margin : {-6.0, 6.0}) {
       const BinaryMask mask = MaskInView(margin);
       EXPECT_LT(Iou(mask, truth), 0.95);
-      ASSERT_OK_AND_ASSIGN(const BinaryMask refined,
-                           RefineInPhotograph(*sam, embedding, view, mask));
+      ASSERT_OK_AND_ASSIGN(const BinaryMask refined, Refined(*sam, embedding, view, mask));
       EXPECT_GT(Iou(refined, truth), 0.985) << width << " " << margin;
     }
-    ASSERT_OK_AND_ASSIGN(const BinaryMask same, RefineInPhotograph(*sam, embedding, view, truth));
+    ASSERT_OK_AND_ASSIGN(const BinaryMask same, Refined(*sam, embedding, view, truth));
     EXPECT_GT(Iou(same, truth), 0.99) << width;
   }
 }
@@ -101,8 +106,25 @@ TEST_F(KeptEmbeddingTest, PlacesBordersOfTurnedViews) {
   view.camera = {.width = 384, .height = 512, .fx = 400, .fy = 400, .cx = 192, .cy = 256};
   const BinaryMask truth = MaskInView(0);
   ASSERT_OK_AND_ASSIGN(const BinaryMask refined,
-                       RefineInPhotograph(*sam, Embedded(512, 384), view, MaskInView(6)));
+                       Refined(*sam, Embedded(512, 384), view, MaskInView(6)));
   EXPECT_GT(Iou(refined, truth), 0.985);
+}
+
+TEST_F(KeptEmbeddingTest, AnswersClicksInWarpedViews) {
+  const BinaryMask truth = MaskInView(0);
+  for (const int width : {512, 400}) {
+    const SamEmbedding embedding = Embedded(width, width * 3 / 4);
+    const PhotographSam in = {*sam, embedding, view, true};
+    const Eigen::Vector2d middle = *Frame(view).ToView(Eigen::Vector2d(224, 192));
+    const std::array<PointPrompt, 1> click = {PointPrompt{middle.x(), middle.y(), true}};
+    ASSERT_OK_AND_ASSIGN(const auto masks, in.Click(click, nullptr));
+    ASSERT_EQ(masks.size(), 3U);
+    double best = 0;
+    for (const SoftMask& mask : masks) best = std::max(best, Iou(mask.mask, truth));
+    EXPECT_GT(best, 0.95) << width;
+    ASSERT_OK_AND_ASSIGN(const auto next, in.Click(click, &masks[0]));
+    EXPECT_EQ(next.size(), 1U);
+  }
 }
 
 // Not resampled: the answer is that of the network itself.
@@ -115,7 +137,7 @@ TEST_F(KeptEmbeddingTest, LeavesMasksOfShrunkViewsInTheirPixels) {
   const SamEmbedding embedding = Embedded(256, 192);
   const BinaryMask mask = MaskInView(6);
   ASSERT_OK_AND_ASSIGN(const BinaryMask want, sam->Refine(embedding, mask));
-  ASSERT_OK_AND_ASSIGN(const BinaryMask got, RefineInPhotograph(*sam, embedding, view, mask));
+  ASSERT_OK_AND_ASSIGN(const BinaryMask got, Refined(*sam, embedding, view, mask));
   EXPECT_EQ(got.pixels, want.pixels);
   EXPECT_NE(got.pixels, mask.pixels);
 }

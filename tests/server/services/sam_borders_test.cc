@@ -94,6 +94,29 @@ TEST_F(SamBordersOfModel, LieWhereTheRenderingShowsThemWithoutAPhotograph) {
   EXPECT_TRUE(answer.masks(0).has_similarity());
 }
 
+TEST_F(SamBordersOfModel, AnswerClicksWithTheModel) {
+  request.clear_granularity();
+  request.set_sam_clicks(true);
+  ASSERT_OK_AND_ASSIGN(const auto answer, Segment());
+  ASSERT_EQ(answer.masks_size(), 1);
+  const auto& mask = answer.masks(0);
+  EXPECT_EQ(mask.border_image(), v1::SegmentViewsResponse::BORDER_IMAGE_PHOTOGRAPH);
+  EXPECT_NEAR(mask.box().x(), 17, 1);  // the square of the photograph
+  EXPECT_NEAR(mask.box().x() + mask.box().width(), 47, 1);
+  request.set_model("scenes/shelf/models/1");
+  ASSERT_OK_AND_ASSIGN(const auto rendered, Segment());
+  EXPECT_EQ(rendered.masks(0).border_image(), v1::SegmentViewsResponse::BORDER_IMAGE_RENDERING);
+}
+
+TEST_F(SamBordersOfModel, AnswerOnlyPointsOfNoGranularity) {
+  request.set_sam_clicks(true);
+  EXPECT_ERROR(Segment(), grpc::INVALID_ARGUMENT, {.field = "sam_clicks"});
+  request.clear_granularity();
+  request.mutable_prompt()->mutable_box()->set_width(20);
+  request.mutable_prompt()->mutable_box()->set_height(20);
+  EXPECT_ERROR(Segment(), grpc::INVALID_ARGUMENT, {.field = "sam_clicks"});
+}
+
 TEST_F(SamBordersOfModel, AreCountedInTheMemoryOfModels) {
   constexpr int64_t kSamBytes = 350'000'000 + int64_t{32} * (2 << 20);
   running.options.admin = "127.0.0.1:0";

@@ -165,6 +165,7 @@ def segment(
     similarity: bool = False,
     refine_borders: bool = True,
     sam_borders: bool = False,
+    sam_clicks: bool = False,
     frame: str = "photograph",
     **what: Any,
 ) -> Steps[Segmentation]:
@@ -188,6 +189,9 @@ def segment(
         sam_borders: let the server's SAM place the borders of the masks, in the photographs where
             the server has them, else in the renderings. For real photographs; takes one to
             two seconds for a new view. Many views are requested a few at a time.
+        sam_clicks: let the server's SAM and the model answer points together: SAM sees them in the
+            photograph of their view, and the other views follow. For points without scale and
+            threshold. Cost: as `sam_borders`.
         frame: the pixels of prompt and masks: "photograph", as it was uploaded, or "view", as it
             was trained on (undistorted, cropped, shrunk). A Camera has its own.
 
@@ -196,7 +200,7 @@ def segment(
             value is out of range.
         NotFoundError: no such scene, model or label.
         FailedPreconditionError: the scene has no model yet, or the server has no SAM for
-            `sam_borders`.
+            `sam_borders` or `sam_clicks`.
         ResourceExhaustedError: the model does not fit into memory, or the response exceeds 4 MiB:
             request fewer views.
     """
@@ -211,8 +215,9 @@ def segment(
         frame=prompts.pixel_frame(frame),
         refine_borders=refine_borders,
         sam_borders=sam_borders,
+        sam_clicks=sam_clicks,
     )
-    if sam_borders:
+    if sam_borders or sam_clicks:
         answer = yield from segment_with_sam(at, request)
     else:
         answer = yield Unary("segmentation", "SegmentViews", request, at.scene)

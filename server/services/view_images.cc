@@ -1,4 +1,4 @@
-#include "server/services/border_refiner.h"
+#include "server/services/view_images.h"
 
 #include <spdlog/spdlog.h>
 
@@ -25,7 +25,7 @@ constexpr int64_t kSamBytes = int64_t{350'000'000};
 
 }  // namespace
 
-absl::Status BorderRefiner::CheckAvailable() const {
+absl::Status ViewImages::CheckAvailable() const {
   if (!deps_.sam.empty()) return absl::OkStatus();
   return WithResource(
       absl::FailedPreconditionError("sam_borders: this server has no SAM, which its operator can "
@@ -35,7 +35,7 @@ absl::Status BorderRefiner::CheckAvailable() const {
 
 // Takes the memory for SAM on the GPU or, where that has no room, on the CPU alone. Evicts models
 // that are not in use if it has to. `options` gets the GPU.
-absl::StatusOr<std::unique_ptr<ReservedMemory>> BorderRefiner::TakeMemory(SamOptions& options) {
+absl::StatusOr<std::unique_ptr<ReservedMemory>> ViewImages::TakeMemory(SamOptions& options) {
   MemoryBytes bytes = {kSamBytes + int64_t{kMostRecent} * kViewBytes, 0};
   if (deps_.cuda_device) {
     bytes.device = SamDeviceBytes(int64_t{kSamFrame} * kSamFrame);
@@ -51,7 +51,7 @@ absl::StatusOr<std::unique_ptr<ReservedMemory>> BorderRefiner::TakeMemory(SamOpt
 }
 
 // Loading takes a second: it is left to the first request. Clients do not learn the server's paths.
-absl::Status BorderRefiner::OpenSam() {
+absl::Status ViewImages::OpenSam() {
   if (sam_ != nullptr) return absl::OkStatus();
   SamOptions sam_options = {.num_threads = deps_.num_threads};
   ASSIGN_OR_RETURN(std::unique_ptr<ReservedMemory> memory, TakeMemory(sam_options));
@@ -71,14 +71,14 @@ absl::Status BorderRefiner::OpenSam() {
 }
 
 // Warns once when the GPU has failed.
-void BorderRefiner::ReportProcessor() {
+void ViewImages::ReportProcessor() {
   if (reported_failure_ || !sam_->cuda_failed()) return;
   reported_failure_ = true;
   spdlog::warn("SAM computes borders of masks on {}", sam_->processor());
 }
 
-absl::StatusOr<Image> BorderRefiner::Photograph(const ResidentModel& model, const ModelView& view,
-                                                absl::FunctionRef<bool()> wanted) const {
+absl::StatusOr<Image> ViewImages::Photograph(const ResidentModel& model, const ModelView& view,
+                                             absl::FunctionRef<bool()> wanted) const {
   if (view.name.empty() || !view.photograph) {
     return absl::NotFoundError("the view has no photograph");
   }
@@ -95,9 +95,8 @@ absl::StatusOr<Image> BorderRefiner::Photograph(const ResidentModel& model, cons
 
 // The dataset of a model does not change. Where it has no such photograph, which then was a frame
 // of a video, or is deleted, the model's folder alone says whose the embedding is.
-absl::StatusOr<SamEmbedding> BorderRefiner::ReadKept(const ResidentModel& model,
-                                                     const ModelView& view,
-                                                     absl::FunctionRef<bool()> wanted) const {
+absl::StatusOr<SamEmbedding> ViewImages::ReadKept(const ResidentModel& model, const ModelView& view,
+                                                  absl::FunctionRef<bool()> wanted) const {
   if (view.name.empty() || !view.photograph) {
     return absl::NotFoundError("the view has no photograph");
   }
@@ -120,7 +119,7 @@ absl::StatusOr<SamEmbedding> BorderRefiner::ReadKept(const ResidentModel& model,
   return embedding;
 }
 
-absl::StatusOr<BorderRefiner::ViewEmbedding> BorderRefiner::Compute(
+absl::StatusOr<ViewImages::ViewEmbedding> ViewImages::Compute(
     const ResidentModel& model, const ModelView& view, absl::FunctionRef<bool()> wanted) const {
   ViewEmbedding found;
   absl::StatusOr<Image> image = Photograph(model, view, wanted);
@@ -139,7 +138,7 @@ absl::StatusOr<BorderRefiner::ViewEmbedding> BorderRefiner::Compute(
   return found;
 }
 
-absl::StatusOr<const BorderRefiner::ViewEmbedding*> BorderRefiner::FindEmbedding(
+absl::StatusOr<const ViewImages::ViewEmbedding*> ViewImages::FindEmbedding(
     const ResidentModel& model, const ModelView& view, absl::FunctionRef<bool()> wanted) {
   std::string key;
   // Not model.name: scenes of two projects may have one name.
@@ -166,40 +165,52 @@ absl::StatusOr<const BorderRefiner::ViewEmbedding*> BorderRefiner::FindEmbedding
   return &recent_.front();
 }
 
-// Refines the masks of one model.
-class BorderRefiner::ModelRule final : public BorderRule {
- public:
-  ModelRule(BorderRefiner& refiner, const ResidentModel& model)
-      : refiner_(refiner), model_(model) {}
-  absl::Status Refine(const ModelView& view, const WantedCheck& check,
-                      SegmentResult& result) override {
-    return refiner_.Refine(model_, view, check, result);
-  }
-
- private:
-  BorderRefiner& refiner_;
-  const ResidentModel& model_;
-};
-
-std::unique_ptr<BorderRule> BorderRefiner::RuleFor(const ResidentModel& model) {
-  return std::make_unique<ModelRule>(*this, model);
-}
-
-absl::Status BorderRefiner::Refine(const ResidentModel& model, const ModelView& view,
-                                   const WantedCheck& check, SegmentResult& result) {
-  const std::lock_guard lock(mutex_);
+absl::StatusOr<const ViewImages::ViewEmbedding*> ViewImages::Prepare(const ResidentModel& model,
+                                                                     const ModelView& view,
+                                                                     const WantedCheck& check) {
   RETURN_IF_ERROR(check());
   RETURN_IF_ERROR(CheckAvailable());
   RETURN_IF_ERROR(OpenSam());
-  ASSIGN_OR_RETURN(const ViewEmbedding* found,
-                   FindEmbedding(model, view, [&] { return check().ok(); }));
-  ASSIGN_OR_RETURN(BinaryMask mask,
-                   found->kept ? RefineInPhotograph(*sam_, found->embedding, view, result.mask)
-                               : sam_->Refine(found->embedding, result.mask));
-  ReportProcessor();
-  SetMask(std::move(mask), result);
-  result.border_image = found->image;
-  return absl::OkStatus();
+  return FindEmbedding(model, view, [&] { return check().ok(); });
+}
+
+// The images of one model.
+class ViewImages::ModelImages final : public ImageSegmenter {
+ public:
+  ModelImages(ViewImages& images, const ResidentModel& model) : images_(images), model_(model) {}
+
+  absl::StatusOr<ImageMasks> Click(const ModelView& view, std::span<const PointPrompt> clicks,
+                                   const SoftMask* before, const WantedCheck& check) override {
+    const std::lock_guard lock(images_.mutex_);
+    ASSIGN_OR_RETURN(const ViewEmbedding* found, images_.Prepare(model_, view, check));
+    const PhotographSam sam = {*images_.sam_, found->embedding, view, found->kept};
+    ImageMasks result = {{}, found->image};
+    ASSIGN_OR_RETURN(result.masks, sam.Click(clicks, before));
+    images_.ReportProcessor();
+    return result;
+  }
+
+  absl::Status Refine(const ModelView& view, Change change, const WantedCheck& check,
+                      SegmentResult& result) override {
+    const std::lock_guard lock(images_.mutex_);
+    ASSIGN_OR_RETURN(const ViewEmbedding* found, images_.Prepare(model_, view, check));
+    const PhotographSam sam = {*images_.sam_, found->embedding, view, found->kept};
+    ASSIGN_OR_RETURN(
+        BinaryMask mask,
+        sam.Refine(result.mask, change == Change::kWhole ? kRefineWhole : RefineLimits()));
+    images_.ReportProcessor();
+    SetMask(std::move(mask), result);
+    result.border_image = found->image;
+    return absl::OkStatus();
+  }
+
+ private:
+  ViewImages& images_;
+  const ResidentModel& model_;
+};
+
+std::unique_ptr<ImageSegmenter> ViewImages::SegmenterOf(const ResidentModel& model) {
+  return std::make_unique<ModelImages>(*this, model);
 }
 
 }  // namespace pepeseg

@@ -18,14 +18,14 @@
 
 namespace pepeseg {
 
-// Refines the borders of masks by SAM (core/priors/sam/sam_borders.h) in the photographs of views.
-// Loads SAM with the first request and keeps it, on the GPU where there is one with room for it:
-// 350 MB of host memory, and on a GPU 700 MiB of its memory. Where the GPU fails or is out of
-// memory, the CPU takes over for good, and the log says so once. Takes what SAM needs of a
-// photograph from the model's folder, if the training has kept it there, or else computes it; keeps
-// that of the most recent views. All is counted in the budget of the models. Thread safe; one mask
-// is refined at a time.
-class BorderRefiner {
+// Segments the photographs of views by SAM (core/priors/sam/sam_borders.h): answers clicks in them,
+// and refines masks. Loads SAM with the first request and keeps it, on the GPU where there is one
+// with room for it: 350 MB of host memory, and on a GPU 700 MiB of its memory. Where the GPU fails
+// or is out of memory, the CPU takes over for good, and the log says so once. Takes what SAM needs
+// of a photograph from the model's folder, if the training has kept it there, or else computes it;
+// keeps that of the most recent views. All is counted in the budget of the models. Thread safe; one
+// mask is computed at a time.
+class ViewImages {
  public:
   // All must outlive it.
   struct Dependencies {
@@ -37,16 +37,16 @@ class BorderRefiner {
     const BlobStore& blobs;
     const PhotographProcess& photographs;
   };
-  explicit BorderRefiner(const Dependencies& deps) : deps_(deps) {}
+  explicit ViewImages(const Dependencies& deps) : deps_(deps) {}
 
   // Returns FAILED_PRECONDITION if the server has no SAM.
   absl::Status CheckAvailable() const;
 
-  // Returns the rule that refines masks of the model, which must outlive it as this must. Errors of
-  // the rule: those of `check`. FAILED_PRECONDITION: SAM's files are damaged. RESOURCE_EXHAUSTED:
+  // Returns what segments the images of the model's views; the model must outlive it as this must.
+  // Its errors: those of `check`. FAILED_PRECONDITION: SAM's files are damaged. RESOURCE_EXHAUSTED:
   // out of memory, or SAM exceeds the budget of the models. UNAVAILABLE: models in use leave it no
   // room for now.
-  std::unique_ptr<BorderRule> RuleFor(const ResidentModel& model);
+  std::unique_ptr<ImageSegmenter> SegmenterOf(const ResidentModel& model);
 
  private:
   // SAM's embedding of a view's image.
@@ -56,10 +56,11 @@ class BorderRefiner {
     bool kept = false;  // by the training: it is of the photograph, and not of the view
     BorderImage image = BorderImage::kNone;
   };
-  class ModelRule;
+  class ModelImages;
 
-  absl::Status Refine(const ResidentModel& model, const ModelView& view, const WantedCheck& check,
-                      SegmentResult& result);
+  // Returns the embedding of a view, with SAM ready to use it. With mutex_ held.
+  absl::StatusOr<const ViewEmbedding*> Prepare(const ResidentModel& model, const ModelView& view,
+                                               const WantedCheck& check);
 
   absl::Status OpenSam();
   absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeMemory(SamOptions& options);

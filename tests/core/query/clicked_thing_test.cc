@@ -1,0 +1,163 @@
+#include "core/query/clicked_thing.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <utility>
+
+#include "core/base/status_macros.h"
+#include "core/query/mask_geometry.h"
+#include "core/query/resolve_prompt.h"
+#include "tests/testing/front_blobs.h"
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kSize = 48;
+constexpr int kLeftX = 17, kRightX = 30, kY = 24;
+const PointPrompt kLeft = {kLeftX + 0.5, kY + 0.5, true};
+
+// Answers with masks of its own, and notes what it is asked.
+class ScriptedImages final : public ImageSegmenter {
+ public:
+  absl::StatusOr<ImageMasks> Click(const ModelView&, std::span<const PointPrompt> clicks,
+                                   const SoftMask* before, const WantedCheck&) override {
+    asked.push_back({clicks.begin(), clicks.end()});
+    befores.push_back(before != nullptr ? before->iou : -1);
+    RETURN_IF_ERROR(error);
+    if (before == nullptr) return ImageMasks{first, BorderImage::kRendering};
+    return ImageMasks{{next}, BorderImage::kRendering};
+  }
+  absl::Status Refine(const ModelView& view, Change change, const WantedCheck&,
+                      SegmentResult& result) override {
+    refined.push_back(view.name);
+    EXPECT_EQ(change, Change::kWhole);
+    result.border_image = BorderImage::kPhotograph;
+    return absl::OkStatus();
+  }
+
+  std::vector<SoftMask> first;
+  SoftMask next;
+  absl::Status error;
+  std::vector<PointsPrompt> asked;
+  std::vector<double> befores;  // estimated IoU of the mask before; -1: none
+  std::vector<std::string> refined;
+};
+
+class ClickedThingTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    Model model = testing::PairOfBlobs(kSize);
+    other_ = model.views[0];
+    other_.name = "other";
+    other_.cam_from_world.translation.x() += 0.05;
+    model.views.push_back(other_);
+    ASSERT_OK_AND_ASSIGN(model_, Segmenter::Create(*backend_, std::move(model)));
+    view_ = model_->model().views[0];
+    ASSERT_OK_AND_ASSIGN(left_, MaskAt(0.0));
+    ASSERT_OK_AND_ASSIGN(both_, MaskAt(1.0));
+  }
+  // Returns the model's mask of a click on the left blob at a scale.
+  absl::StatusOr<BinaryMask> MaskAt(double scale) const {
+    ASSIGN_OR_RETURN(const Query query,
+                     ResolvePrompt(*model_, {view_, PointsPrompt{kLeft}}, {scale, 0.75}));
+    ASSIGN_OR_RETURN(auto results, model_->Segment(query, {&view_, 1}));
+    return std::move(results[0].mask);
+  }
+  absl::StatusOr<ClickedThing> Find(const PointsPrompt& clicks) {
+    return ClickedThing::Find(*model_, images_, view_, clicks, [] { return absl::OkStatus(); });
+  }
+  absl::StatusOr<SegmentResult> In(ClickedThing& thing, const ModelView& view) {
+    return thing.In(view, {}, [] { return absl::OkStatus(); });
+  }
+  static BinaryMask Square(int x0, int x1) {
+    BinaryMask mask;
+    for (int i = 0; i < kSize * kSize; ++i) {
+      const int x = i % kSize, y = i / kSize;
+      mask.pixels.push_back(x >= x0 && x < x1 && y >= 20 && y < 28 ? 1 : 0);
+    }
+    return mask;
+  }
+
+  std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
+  std::unique_ptr<Segmenter> model_;
+  ModelView view_, other_;
+  BinaryMask left_, both_;
+  ScriptedImages images_;
+};
+
+TEST_F(ClickedThingTest, TakesTheMaskThatTheModelConfirms) {
+  const BinaryMask stripe = Square(0, kSize);
+  images_.first = {{stripe, 0.95, {}}, {left_, 0.8, {}}, {Square(2, 6), 0.9, {}}};
+  ASSERT_OK_AND_ASSIGN(ClickedThing thing, Find({kLeft}));
+  ASSERT_OK_AND_ASSIGN(const SegmentResult result, In(thing, view_));
+  EXPECT_EQ(result.mask.pixels, left_.pixels);
+  EXPECT_EQ(result.border_image, BorderImage::kRendering);
+  EXPECT_TRUE(images_.refined.empty());  // the mask is the segmenter's own
+}
+
+TEST_F(ClickedThingTest, TakesTheSurestMaskWhereTheModelShowsNothing) {
+  images_.first = {{Square(1, 4), 0.5, {}}, {Square(1, 6), 0.9, {}}};
+  const PointPrompt corner = {2.5, 24.5, true};
+  EXPECT_TRUE(IsNothingThere(ResolvePrompt(*model_, {view_, PointsPrompt{corner}}, {}).status()));
+  ASSERT_OK_AND_ASSIGN(ClickedThing thing, Find({corner}));
+  ASSERT_OK_AND_ASSIGN(const SegmentResult result, In(thing, view_));
+  EXPECT_EQ(result.mask.pixels, Square(1, 6).pixels);
+}
+
+// The first positive click is answered first; each further one builds on the answer before it.
+TEST_F(ClickedThingTest, FollowsFurtherClicks) {
+  images_.first = {{left_, 0.8, {}}};
+  images_.next = {both_, 0.7, {}};
+  const PointPrompt no = {5.5, 5.5, false}, right = {kRightX + 0.5, kY + 0.5, true};
+  ASSERT_OK_AND_ASSIGN(ClickedThing thing, Find({no, kLeft, right}));
+  ASSERT_OK_AND_ASSIGN(const SegmentResult result, In(thing, view_));
+  EXPECT_EQ(result.mask.pixels, both_.pixels);
+  ASSERT_EQ(images_.asked.size(), 3U);
+  EXPECT_EQ(images_.asked[0].size(), 1U);
+  EXPECT_EQ(images_.asked[0][0].x, kLeft.x);
+  EXPECT_FALSE(images_.asked[1].back().positive);
+  EXPECT_EQ(images_.asked[2].back().x, right.x);
+  EXPECT_EQ(images_.befores, (std::vector<double>{-1, 0.8, 0.7}));
+}
+
+TEST_F(ClickedThingTest, AnswersAllButTheLastEightTogether) {
+  images_.first = {{left_, 0.8, {}}};
+  images_.next = {left_, 0.7, {}};
+  ASSERT_OK(Find(PointsPrompt(12, kLeft)));
+  ASSERT_EQ(images_.asked.size(), 9U);
+  EXPECT_EQ(images_.asked.front().size(), 4U);
+  EXPECT_EQ(images_.asked.back().size(), 12U);
+}
+
+// The segmenter's mask has half of the left blob, which no query of the model has. The other view
+// shows the same half.
+TEST_F(ClickedThingTest, FollowsTheMaskIntoOtherViews) {
+  BinaryMask half = left_;
+  int64_t area = 0;
+  for (int i = 0; i < kSize * kSize; ++i) {
+    if (i / kSize >= kY) half.pixels[i] = 0;
+    area += half.pixels[i];
+  }
+  images_.first = {{half, 0.8, {}}};
+  ASSERT_OK_AND_ASSIGN(ClickedThing thing, Find({{kLeftX + 0.5, kY - 2.5, true}}));
+  ASSERT_OK_AND_ASSIGN(const SegmentResult result, In(thing, other_));
+  EXPECT_EQ(images_.refined, std::vector<std::string>{"other"});
+  EXPECT_NEAR(static_cast<double>(result.area), static_cast<double>(area),
+              0.2 * static_cast<double>(area));
+  int box[4];
+  FindBox(result.mask.pixels, kSize, box);
+  EXPECT_LE(box[1] + box[3], kY + 1);
+}
+
+TEST_F(ClickedThingTest, ReturnsErrors) {
+  EXPECT_STATUS(Find({{-1, 5, true}}).status(), absl::StatusCode::kInvalidArgument, "outside");
+  images_.first = {{BinaryMask{std::vector<uint8_t>(kSize * kSize)}, 0.8, {}}};
+  EXPECT_TRUE(IsNothingThere(Find({kLeft}).status()));
+  images_.error = absl::CancelledError("nobody waits");
+  EXPECT_EQ(Find({kLeft}).status().code(), absl::StatusCode::kCancelled);
+}
+
+}  // namespace
+}  // namespace pepeseg
