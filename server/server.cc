@@ -236,7 +236,7 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
 void Server::Parts::MakeQueryServices(int num_threads) {
   images = std::make_unique<ViewImages>(ViewImages::Dependencies{
       sam, num_threads, CudaDevice(device.id), *store, *models, *blobs, photographs});
-  segmentation = std::make_unique<SegmentationServiceRpc>(*runner, *models, *borders);
+  segmentation = std::make_unique<SegmentationServiceRpc>(*runner, *models, *images);
   labels = std::make_unique<LabelServiceRpc>(*runner, *models);
   selected = std::make_unique<Selections>(*store, models->data_folder());
   selections = std::make_unique<SelectionServiceRpc>(*runner, *models, *selected);
