@@ -140,7 +140,7 @@ absl::Status Run(const AgreementOptions& options) {
         ASSIGN_OR_RETURN(const BinaryMask got,
                          refine.Of([&] { return ours->Refine(embedding, prompt); }));
         ASSIGN_OR_RETURN(const BinaryMask want, onnx_refine.Of([&] {
-          return RefineBorder(*reference, prompt, width, height);
+          return RefineMask(*reference, prompt, width, height);
         }));
         Agreement& agreement = grow ? grown_masks : as_is;
         agreement.ious.push_back(AgreementOf(got, want));

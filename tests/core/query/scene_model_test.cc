@@ -70,10 +70,18 @@ TEST_F(SceneModelTest, AnswersInPixelsOfThePhotograph) {
               0.1 * static_cast<double>(large.area));
 }
 
-// Empties each mask.
-class NoBorders final : public BorderRule {
+// Empties each mask, and answers clicks with a mask of one pixel.
+class EmptyImages final : public ImageSegmenter {
  public:
-  absl::Status Refine(const ModelView&, const WantedCheck&, SegmentResult& result) override {
+  absl::StatusOr<ImageMasks> Click(const ModelView&, std::span<const PointPrompt>, const SoftMask*,
+                                   const WantedCheck&) override {
+    SoftMask one = {{std::vector<uint8_t>(size_t{kSideOfView} * kSideOfView)}, 1, {}};
+    one.mask.pixels[0] = 1;
+    return ImageMasks{{one}, BorderImage::kRendering};
+  }
+  absl::Status Refine(const ModelView&, Change change, const WantedCheck&,
+                      SegmentResult& result) override {
+    EXPECT_EQ(change, Change::kBorder);
     EXPECT_EQ(result.similarity.size(), result.mask.pixels.size());
     SetMask({std::vector<uint8_t>(result.mask.pixels.size())}, result);
     result.border_image = BorderImage::kRendering;
@@ -81,14 +89,28 @@ class NoBorders final : public BorderRule {
   }
 };
 
-TEST_F(SceneModelTest, AsksTheBorderRuleForEachMask) {
-  NoBorders borders;
-  request_.borders = &borders;
+TEST_F(SceneModelTest, AsksTheImageSegmenterForTheBorderOfEachMask) {
+  EmptyImages images;
+  request_.images = &images;
+  request_.image_borders = true;
   ASSERT_OK_AND_ASSIGN(SegmentedViews views, model_->Segment(request_, Wanted));
   ASSERT_OK_AND_ASSIGN(const SegmentResult result, views.Next());
   EXPECT_EQ(result.area, 0);
   EXPECT_EQ(result.border_image, BorderImage::kRendering);
   EXPECT_TRUE(result.similarity.empty());
+}
+
+TEST_F(SceneModelTest, AsksTheImageSegmenterForClicks) {
+  EmptyImages images;
+  request_.images = &images;
+  request_.image_clicks = true;
+  ASSERT_OK_AND_ASSIGN(SegmentedViews views, model_->Segment(request_, Wanted));
+  ASSERT_OK_AND_ASSIGN(const SegmentResult result, views.Next());
+  EXPECT_EQ(result.area, 1);
+  EXPECT_TRUE(result.similarity.empty());
+  request_.prompt.what = BoxPrompt{10, 16, 13, 16};
+  EXPECT_STATUS(model_->Segment(request_, Wanted).status(), absl::StatusCode::kInvalidArgument,
+                "only points");
 }
 
 TEST_F(SceneModelTest, CutsTheMaskToTheBoxInItsViewOnly) {

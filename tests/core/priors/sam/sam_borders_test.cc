@@ -197,7 +197,7 @@ TEST(RealSamBorders, AreTheSameByAKeptEmbedding) {
     ASSERT_OK_AND_ASSIGN(const auto kept, ReadEmbedding(folder / "kept", origin));
     ASSERT_OK_AND_ASSIGN(const BinaryMask refined, borders->Refine(kept, grown));
     kept_seconds += CoreSeconds() - before;
-    ASSERT_OK_AND_ASSIGN(const BinaryMask want, RefineBorder(*reference, grown, width, height));
+    ASSERT_OK_AND_ASSIGN(const BinaryMask want, RefineMask(*reference, grown, width, height));
     EXPECT_GT(Iou(refined, want), 0.99) << k;
     num_moved += want.pixels != grown.pixels ? 1 : 0;
     ++num_masks;
