@@ -110,6 +110,13 @@ TEST_F(ClientTest, SegmentsAnyNumberOfViewsWithBordersBySam) {
   EXPECT_EQ(all->model(), "scenes/shelf/models/1");
   EXPECT_EQ(all->scale_quantile(), 0.5);
 
+  v1::SegmentViewsRequest clicks = request;
+  clicks.set_sam_borders(false);
+  clicks.set_sam_clicks(true);
+  clicks.clear_granularity();
+  ASSERT_OK_AND_ASSIGN(const auto clicked, client.Segment(clicks));
+  EXPECT_EQ(clicked.masks_size(), kNumViews);
+
   request.mutable_targets()->set_group(v1::SegmentViewsRequest::Targets::GROUP_HELD_OUT);
   ASSERT_OK_AND_ASSIGN(const auto held_out, client.Segment(request));
   EXPECT_EQ(held_out.masks_size(), kNumViews / 2);

@@ -60,6 +60,13 @@ def test_many_views_are_requested_a_few_at_a_time(targets, views):
     assert found.box_agreement == (0.9 if "007.jpg" in views else None)
 
 
+def test_clicks_by_sam_are_requested_a_few_views_at_a_time():
+    found, requests = run(targets="all", sam_clicks=True)
+    assert [mask.view for mask in found.masks] == ALL
+    assert len(requests) > 1
+    assert all(request.sam_clicks and not request.sam_borders for request in requests)
+
+
 def test_the_model_that_answered_first_answers_for_all_views():
     found, requests = run(targets="all", sam_borders=True)
     later = {request.model for request in requests[1:]}

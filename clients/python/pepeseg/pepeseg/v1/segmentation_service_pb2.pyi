@@ -63,7 +63,7 @@ class ProposeScalesResponse(_message.Message):
     def __init__(self, proposals: _Optional[_Iterable[_Union[ProposeScalesResponse.Proposal, _Mapping]]] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ..., best: _Optional[int] = ...) -> None: ...
 
 class SegmentViewsRequest(_message.Message):
-    __slots__ = ["frame", "granularity", "mask_encoding", "model", "prompt", "refine_borders", "sam_borders", "targets", "want_similarity"]
+    __slots__ = ["frame", "granularity", "mask_encoding", "model", "prompt", "refine_borders", "sam_borders", "sam_clicks", "targets", "want_similarity"]
     class Targets(_message.Message):
         __slots__ = ["group", "views"]
         class Group(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
@@ -83,6 +83,7 @@ class SegmentViewsRequest(_message.Message):
     PROMPT_FIELD_NUMBER: _ClassVar[int]
     REFINE_BORDERS_FIELD_NUMBER: _ClassVar[int]
     SAM_BORDERS_FIELD_NUMBER: _ClassVar[int]
+    SAM_CLICKS_FIELD_NUMBER: _ClassVar[int]
     TARGETS_FIELD_NUMBER: _ClassVar[int]
     WANT_SIMILARITY_FIELD_NUMBER: _ClassVar[int]
     frame: _prompt_pb2.PixelFrame
@@ -92,9 +93,10 @@ class SegmentViewsRequest(_message.Message):
     prompt: _prompt_pb2.Prompt
     refine_borders: bool
     sam_borders: bool
+    sam_clicks: bool
     targets: SegmentViewsRequest.Targets
     want_similarity: bool
-    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., targets: _Optional[_Union[SegmentViewsRequest.Targets, _Mapping]] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ..., want_similarity: bool = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., refine_borders: bool = ..., sam_borders: bool = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., targets: _Optional[_Union[SegmentViewsRequest.Targets, _Mapping]] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ..., want_similarity: bool = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., refine_borders: bool = ..., sam_borders: bool = ..., sam_clicks: bool = ...) -> None: ...
 
 class SegmentViewsResponse(_message.Message):
     __slots__ = ["box_agreement", "masks", "model", "scale_quantile", "scale_units", "threshold", "timing"]
