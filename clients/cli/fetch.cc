@@ -1,5 +1,6 @@
 // The verbs that fetch files of a model: "render" (pictures of it, or of a part), "photograph" and
-// "export" (a PLY, or the masks of labels).
+// "export" (Gaussians, or the masks of labels).
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -95,6 +96,14 @@ absl::Status RunRender(const Shell& shell, const RenderFlags& flags) {
   return absl::OkStatus();
 }
 
+// A format of Gaussians. The other formats of an export are of the masks of labels.
+struct GaussianFormat {
+  const char* word;  // of --format
+  v1::GaussianFormat format;
+  const char* what;  // it has
+};
+constexpr GaussianFormat kGaussianFormats[] = {{"ply", v1::GAUSSIAN_FORMAT_PLY, "the Gaussians"}};
+
 struct ExportFlags {
   std::string scene;
   std::string file;  // to write; a folder for some formats
@@ -125,11 +134,11 @@ absl::Status RunLabelExport(const Shell& shell, const ExportFlags& flags) {
   return absl::OkStatus();
 }
 
-// Writes what to add to the positions of a PLY to FILE.origin.json, and returns that
+// Writes what to add to the positions of the file to FILE.origin.json, and returns that
 // name. Returns an empty name, and removes the file of an earlier export, if it is zero.
 absl::StatusOr<std::string> WriteOrigin(const v1::ExportGaussiansResponse::Header& header,
-                                        const std::string& ply) {
-  const std::string path = ply + ".origin.json";
+                                        const std::string& file) {
+  const std::string path = file + ".origin.json";
   if (!header.has_origin()) {
     std::error_code ignored;
     std::filesystem::remove(path, ignored);
@@ -141,10 +150,13 @@ absl::StatusOr<std::string> WriteOrigin(const v1::ExportGaussiansResponse::Heade
   return path;
 }
 
-// Writes the PLY and prints its size.
+// Writes the Gaussians, or the masks of the labels, and prints what it wrote.
 absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
   ASSIGN_OR_RETURN(const v1::Subset subset, ParseSubset(flags.subset, flags.scene));
-  if (flags.format != "ply") {
+  const auto* const found = std::ranges::find_if(
+      kGaussianFormats,
+      [&flags](const GaussianFormat& format) { return flags.format == format.word; });
+  if (found == std::ranges::end(kGaussianFormats)) {
     if (subset.of_case() == v1::Subset::OF_NOT_SET) return RunLabelExport(shell, flags);
     return absl::InvalidArgumentError(
         absl::StrCat("--format ", flags.format,
@@ -157,8 +169,8 @@ absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
   v1::ExportGaussiansRequest request;
   request.set_model(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));
   *request.mutable_subset() = subset;
-  request.set_coordinates(flags.origin == "local" ? v1::PLY_COORDINATES_LOCAL
-                                                  : v1::PLY_COORDINATES_WORLD);
+  request.set_coordinates(flags.origin == "local" ? v1::COORDINATES_LOCAL : v1::COORDINATES_WORLD);
+  request.set_format(found->format);
   const Client client(shell.channel);
   ASSIGN_OR_RETURN(const v1::ExportGaussiansResponse::Header header,
                    client.Export(request, flags.file));
@@ -242,16 +254,24 @@ void AddExport(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<ExportFlags>();
   CLI::App* verb =
       app.add_subcommand("export",
-                         "Fetch a model, or a part of it, as a PLY for splat viewers; or the masks "
-                         "of all labels for annotation tools");
+                         "Fetch a model, or a part of it, for splat viewers; or the masks of all "
+                         "labels for annotation tools");
+  std::vector<std::string> formats;
+  std::string contents;
+  for (const GaussianFormat& format : kGaussianFormats) {
+    formats.emplace_back(format.word);
+    absl::StrAppend(&contents, format.word, ": ", format.what, "; ");
+  }
+  formats.insert(formats.end(), {"coco", "yolo", "labelme", "masks"});
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
   verb->add_option("FILE", flags->file, "File to write; a folder for yolo, labelme and masks")
       ->required();
   verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
   verb->add_option("--format", flags->format,
-                   "ply: the Gaussians; coco, yolo, labelme or masks (PNG): the masks of the "
-                   "scene's labels in its views")
-      ->check(CLI::IsMember({"ply", "coco", "yolo", "labelme", "masks"}))
+                   contents +
+                       "coco, yolo, labelme or masks (PNG): the masks of the scene's labels "
+                       "in its views")
+      ->check(CLI::IsMember(formats))
       ->capture_default_str();
   verb->add_option(
           "--origin", flags->origin,

@@ -86,7 +86,7 @@ absl::StatusOr<Header> Receive(grpc::ClientReader<v1::ExportGaussiansResponse>& 
   RETURN_IF_ERROR(FromGrpc(stream.Finish()));
   if (size != header.num_bytes() || sha256.Finish() != header.sha256()) {
     return absl::DataLossError(
-        absl::StrCat("the PLY does not match its announced size and SHA-256: received ", size,
+        absl::StrCat("the file does not match its announced size and SHA-256: received ", size,
                      " of ", header.num_bytes(), " bytes"));
   }
   return header;

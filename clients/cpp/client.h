@@ -107,7 +107,7 @@ class Client {
       const v1::DecomposeModelRequest& request) const;
   absl::StatusOr<v1::EvaluateModelResponse> Evaluate(const v1::EvaluateModelRequest& request) const;
   absl::StatusOr<v1::RenderViewResponse> Render(const v1::RenderViewRequest& request) const;
-  // Writes a model, or a subset of it, to `file` as a PLY. The file appears only once all of its
+  // Writes a model, or a subset of it, to `file`. The file appears only once all of its
   // bytes are there and match their SHA-256; otherwise: DATA_LOSS.
   absl::StatusOr<v1::ExportGaussiansResponse::Header> Export(
       const v1::ExportGaussiansRequest& request, const std::string& file) const;

@@ -80,7 +80,8 @@ class FeatureOptimizer {
   void Export(FeatureField& field);
 
  private:
-  // Returns the kind of a step: steps of one kind run the same ops. In [0, 8).
+  // Returns the kind of a step, in [0, 2^(1 + number of terms)). Steps of one kind run the same
+  // ops.
   int KindOf(const RowChunk::Step& step) const;
   void QueueOps(const RowChunk::Step& step);
   // Sets the size of the batch's buffers. The gradients of unlabelled pixels become 0.
@@ -96,12 +97,12 @@ class FeatureOptimizer {
   Backend& backend_;
   int64_t num_gaussians_;  // N
   const NeighborGraph graph_;
+  const FeatureOptions options_;
   CentroidTerm centroids_;
-  PerceptionTerm perception_;
+  PerceptionTerm perception_{backend_, options_.perception_weight};
   const std::array<LossTerm*, 2> terms_ = {&centroids_, &perception_};
   int step_ = 0;  // updates done
   bool smooths_;  // false after EndSmoothing
-  const FeatureOptions options_;
   FeatureRates rates_;
   Buffer<float> correction_;                    // [num_steps + 1] see FeatureRates
   Buffer<float> features_, moment1_, moment2_;  // [N, 32]

@@ -112,8 +112,8 @@ size_t RowBytesOf(const std::vector<Field>& fields, const Eigen::Vector3d& origi
 // Encodes vertices first to first + count - 1 of the file, where vertex v is Gaussian index_of(v).
 // Goes plane by plane, because planes are contiguous in memory.
 template <typename IndexOf>
-std::string EncodeRows(const Gaussians& gaussians, const Eigen::Vector3d& origin, int64_t first,
-                       int64_t count, IndexOf index_of) {
+std::string EncodeVertices(const Gaussians& gaussians, const Eigen::Vector3d& origin, int64_t first,
+                           int64_t count, IndexOf index_of) {
   const std::vector<Field> fields = FieldsOf(gaussians.sh_degree);
   const size_t stride = RowBytesOf(fields, origin);
   std::string block(static_cast<size_t>(count) * stride, '\0');
@@ -144,7 +144,7 @@ absl::Status Encode(const Gaussians& gaussians, const Eigen::Vector3d& origin,
   for (int64_t first = 0; first < gaussians.count; first += kBlockRows) {
     const int64_t count = std::min(kBlockRows, gaussians.count - first);
     RETURN_IF_ERROR(
-        append(EncodeRows(gaussians, origin, first, count, [](int64_t row) { return row; })));
+        append(EncodeVertices(gaussians, origin, first, count, [](int64_t row) { return row; })));
   }
   return absl::OkStatus();
 }
@@ -185,30 +185,16 @@ std::string EncodeGaussianPly(const Gaussians& gaussians, const Eigen::Vector3d&
 
 GaussianPlyBlocks::GaussianPlyBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices,
                                      const Eigen::Vector3d& origin, PlyCoordinates coordinates)
-    : gaussians_(&gaussians),
-      indices_(std::move(indices)),
+    : GaussianBlocks(gaussians, std::move(indices)),
       added_(coordinates == PlyCoordinates::kWorld ? origin : Eigen::Vector3d(0, 0, 0)) {
   const std::vector<Field> fields = FieldsOf(gaussians.sh_degree);
-  header_ = HeaderOf(fields, num_gaussians(), added_, origin - added_);
-  row_bytes_ = static_cast<int64_t>(RowBytesOf(fields, added_));
-  // Blocks end between vertices.
-  rows_per_block_ = kMaxBlockBytes / row_bytes_;
+  SetLayout(HeaderOf(fields, num_gaussians(), added_, origin - added_),
+            static_cast<int64_t>(RowBytesOf(fields, added_)));
 }
 
-int64_t GaussianPlyBlocks::num_blocks() const {
-  return 1 + (num_gaussians() + rows_per_block_ - 1) / rows_per_block_;
-}
-
-int64_t GaussianPlyBlocks::num_bytes() const {
-  return static_cast<int64_t>(header_.size()) + num_gaussians() * row_bytes_;
-}
-
-std::string GaussianPlyBlocks::Encode(int64_t block) const {
-  if (block == 0) return header_;
-  const int64_t first = (block - 1) * rows_per_block_;
-  const int64_t count = std::min(rows_per_block_, num_gaussians() - first);
-  return EncodeRows(*gaussians_, added_, first, count,
-                    [this](int64_t row) { return static_cast<int64_t>(indices_[row]); });
+std::string GaussianPlyBlocks::EncodeRows(int64_t first, int64_t count) const {
+  return EncodeVertices(gaussians_, added_, first, count,
+                        [this](int64_t row) { return IndexOf(row); });
 }
 
 absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,

@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/formats/gaussian_blocks.h"
 #include "core/scene/gaussians.h"
 
 namespace pepeseg {
@@ -31,31 +32,18 @@ absl::Status WriteGaussianPly(const std::filesystem::path& path, const Gaussians
 std::string EncodeGaussianPly(const Gaussians& gaussians,
                               const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());
 
-// Encodes a subset of the Gaussians as such a file, in blocks of at most 1 MiB, so that a caller
-// can stream it without holding it. A block has the same bytes each time that it is encoded. Thread
-// safe.
-class GaussianPlyBlocks {
+// A subset of Gaussians as such a file.
+class GaussianPlyBlocks final : public GaussianBlocks {
  public:
-  static constexpr int64_t kMaxBlockBytes = int64_t{1} << 20;
-
-  // Encodes the Gaussians at `indices`, in that order. `gaussians` must outlive the object.
+  // See GaussianBlocks.
   GaussianPlyBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices,
                     const Eigen::Vector3d& origin,
                     PlyCoordinates coordinates = PlyCoordinates::kWorld);
 
-  int64_t num_gaussians() const { return static_cast<int64_t>(indices_.size()); }
-  int64_t num_blocks() const;
-  int64_t num_bytes() const;  // sum over all blocks
-  // Returns a block, 0 <= block < num_blocks(). Block 0 is the header.
-  std::string Encode(int64_t block) const;
-
  private:
-  const Gaussians* gaussians_;
-  std::vector<uint32_t> indices_;
+  std::string EncodeRows(int64_t first, int64_t count) const override;
+
   Eigen::Vector3d added_;  // to x y z
-  std::string header_;
-  int64_t row_bytes_ = 0;
-  int64_t rows_per_block_ = 0;
 };
 
 // Reads Gaussians from such a file. The properties may have any order and number type, and other

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/formats/gaussian_ply.h"
 #include "core/model_files/model_file.h"
 #include "server/api/error.h"
 #include "server/worker_protocol/job_folder.h"
@@ -20,13 +21,42 @@ constexpr int64_t kMessageBytes = 2 * kChunkBytes;
 // Blocks that a task digests, so that a large subset does not monopolise a thread of the pool.
 constexpr int64_t kBlocksPerTask = 16;
 
+// Returns whether the call is one of those that compute. Others mostly read the stored file.
+bool Computes(const v1::ExportGaussiansRequest& request) { return request.has_subset(); }
+
+// Returns whether positions are relative to the model's origin.
+bool IsLocal(const v1::ExportGaussiansRequest& request) {
+  return request.coordinates() == v1::COORDINATES_LOCAL;
+}
+
+// Returns the file of these Gaussians in the format of the request. The model must outlive it.
+std::unique_ptr<const GaussianBlocks> BlocksOf(const Model& model, std::vector<uint32_t> indices,
+                                               const v1::ExportGaussiansRequest& request) {
+  return std::make_unique<GaussianPlyBlocks>(
+      model.gaussians, std::move(indices), model.origin,
+      IsLocal(request) ? PlyCoordinates::kLocal : PlyCoordinates::kWorld);
+}
+
 }  // namespace
+
+ExportGaussiansStream::ExportGaussiansStream(const Dependencies& deps,
+                                             grpc::CallbackServerContext* call,
+                                             const v1::ExportGaussiansRequest& request)
+    : WriteStream(&deps.runner.streams(),
+                  Computes(request) ? &deps.runner.pools().query : &deps.runner.pools().io),
+      deps_(deps),
+      call_(call),
+      origin_(OriginOf(*call)),
+      request_(request) {}
 
 absl::Status ExportGaussiansStream::Open() {
   opened_ = true;
   ASSIGN_OR_RETURN(caller_, deps_.runner.authorizer().Authorize(origin_, request_));
   RETURN_IF_ERROR(Admit(OwnerOf(caller_, origin_)));
   RETURN_IF_ERROR(deps_.runner.quotas().Admit(caller_.project, request_));
+  if (!v1::GaussianFormat_IsValid(request_.format())) {
+    return BadField("format", absl::StrCat(static_cast<int>(request_.format())), "no format");
+  }
   // Quotas and memory are taken before anything is sent, so that a refusal is the call's status.
   ASSIGN_OR_RETURN(const bool is_subset, OpenSubset());
   return is_subset ? absl::OkStatus() : OpenModel();
@@ -58,10 +88,8 @@ absl::Status ExportGaussiansStream::EncodeSubset(ResidentModel model, const Gaus
   for (size_t i = 0; i < static_cast<size_t>(of.gaussians.count); ++i) {
     if (subset == nullptr || subset->member[i] != 0) indices.push_back(static_cast<uint32_t>(i));
   }
-  const bool local = request_.coordinates() == v1::PLY_COORDINATES_LOCAL;
-  subset_.emplace(of.gaussians, std::move(indices), of.origin,
-                  local ? PlyCoordinates::kLocal : PlyCoordinates::kWorld);
-  if (local && !of.origin.isZero(0)) {
+  subset_ = BlocksOf(of, std::move(indices), request_);
+  if (IsLocal(request_) && !of.origin.isZero(0)) {
     v1::Vector3& origin = *message_.mutable_header()->mutable_origin();
     origin.set_x(of.origin.x());
     origin.set_y(of.origin.y());
@@ -95,7 +123,7 @@ absl::Status ExportGaussiansStream::OpenModel() {
   RETURN_IF_ERROR(CheckModelFolder(deps_.models.data_folder(), model.folder));
   RETURN_IF_ERROR(TakeMemory(model.scene, 0));
   const std::filesystem::path folder = deps_.models.data_folder() / model.folder;
-  if (request_.coordinates() == v1::PLY_COORDINATES_LOCAL) {
+  if (IsLocal(request_)) {
     // The stored file is in the world. Only where it has doubles is the local one another.
     ASSIGN_OR_RETURN(const GaussianPlyShape shape,
                      ReadGaussianPlyShape(folder / kPlyName, kPlyName));

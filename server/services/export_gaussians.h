@@ -10,7 +10,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "core/base/digest.h"
-#include "core/formats/gaussian_ply.h"
+#include "core/formats/gaussian_blocks.h"
 #include "grpcpp/server_context.h"
 #include "pepeseg/v1/render_service.pb.h"
 #include "server/rpc/call_runner.h"
@@ -22,11 +22,11 @@
 namespace pepeseg {
 
 // An ExportGaussians call. The PLY file of a whole model is sent from the disk in chunks; the
-// stream ends with DATA_LOSS if its digest is not that of the manifest. The PLY of a subset, or of
-// a whole model in other coordinates than the stored ones, is encoded twice, block by block: once
-// for the size and the digest in the header, once to be sent. That holds the indices of the subset
-// and one block in memory, which are reserved in the models' memory budget. A reader that does not
-// take a message for StreamLimits::stuck_export loses the stream.
+// stream ends with DATA_LOSS if its digest is not that of the manifest. Any other file, of a subset
+// or in other coordinates than the stored ones, is encoded twice, block by block: once for the size
+// and the digest in the header, once to be sent. That holds the indices of the subset and one block
+// in memory, which are reserved in the models' memory budget. A reader that does not take a message
+// for StreamLimits::stuck_export loses the stream.
 class ExportGaussiansStream final : public WriteStream<v1::ExportGaussiansResponse> {
  public:
   // All must outlive the stream.
@@ -36,13 +36,7 @@ class ExportGaussiansStream final : public WriteStream<v1::ExportGaussiansRespon
     const Selections& selections;
   };
   ExportGaussiansStream(const Dependencies& deps, grpc::CallbackServerContext* call,
-                        const v1::ExportGaussiansRequest& request)
-      : WriteStream(&deps.runner.streams(),
-                    request.has_subset() ? &deps.runner.pools().query : &deps.runner.pools().io),
-        deps_(deps),
-        call_(call),
-        origin_(OriginOf(*call)),
-        request_(request) {}
+                        const v1::ExportGaussiansRequest& request);
 
  private:
   Step Work(bool io_ok) override;
@@ -68,11 +62,11 @@ class ExportGaussiansStream final : public WriteStream<v1::ExportGaussiansRespon
   v1::ExportGaussiansRequest request_;
   bool opened_ = false;
   std::unique_ptr<ReservedMemory> memory_;
-  std::ifstream file_;                       // the PLY of a whole model
-  std::optional<ResidentModel> model_;       // the subset refers to it
-  std::optional<GaussianPlyBlocks> subset_;  // the PLY of a subset
-  int64_t num_digested_ = 0;                 // number of blocks of the subset that are digested
-  int64_t next_block_ = 0;                   // the block of the subset to send next
+  std::ifstream file_;                            // the PLY of a whole model
+  std::optional<ResidentModel> model_;            // the subset refers to it
+  std::unique_ptr<const GaussianBlocks> subset_;  // the file of a subset
+  int64_t num_digested_ = 0;  // number of blocks of the subset that are digested
+  int64_t next_block_ = 0;    // the block of the subset to send next
   Sha256 digest_;
   std::string sha256_;  // the digest of a whole model in its manifest
   int64_t num_bytes_left_ = 0;

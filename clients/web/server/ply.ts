@@ -1,18 +1,19 @@
-// GET /api/ply?model=M[&selection=S][&complement=1]: ExportGaussians as a file.
+// GET /api/ply?model=M[&selection=S][&complement=1][&format=NUMBER]: ExportGaussians as a file.
 import type { IncomingMessage, ServerResponse } from 'node:http';
 import { create } from '@bufbuild/protobuf';
 import type {
   ExportGaussiansRequest,
   ExportGaussiansResponse_Header,
 } from '../gen/pepeseg/v1/render_service_pb';
-import { ExportGaussiansRequestSchema } from '../gen/pepeseg/v1/render_service_pb';
+import { ExportGaussiansRequestSchema, GaussianFormat } from '../gen/pepeseg/v1/render_service_pb';
 import { abortedWith, need, queryOf, sendError, written } from './answer';
 import type { BackEnd } from './back_end';
 import { routing } from './channel';
 import { passedOn } from './passed_on';
 
 function exportRequest(query: URLSearchParams): ExportGaussiansRequest {
-  const request = create(ExportGaussiansRequestSchema, { model: need(query, 'model') });
+  const format = Number(query.get('format') ?? GaussianFormat.PLY);
+  const request = create(ExportGaussiansRequestSchema, { model: need(query, 'model'), format });
   const selection = query.get('selection');
   if (!selection) return request;
   request.subset = {

@@ -123,10 +123,15 @@ TEST_F(ExportTest, FreesMemoryOfCancelledExports) {
 TEST_F(ExportTest, ExportsTheSameInBothCoordinatesNearZero) {
   ASSERT_OK(Export());
   const std::string stored = ply;
-  request.set_coordinates(v1::PLY_COORDINATES_LOCAL);
+  request.set_coordinates(v1::COORDINATES_LOCAL);
   ASSERT_OK(Export());
   EXPECT_EQ(ply, stored);
   EXPECT_FALSE(header.has_origin());
+}
+
+TEST_F(ExportTest, RefusesAFormatThatItDoesNotHave) {
+  request.set_format(static_cast<v1::GaussianFormat>(99));
+  EXPECT_ERROR(Export(), grpc::INVALID_ARGUMENT, "format", "'99': no format");
 }
 
 }  // namespace

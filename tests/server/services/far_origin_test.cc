@@ -36,8 +36,7 @@ struct FarOriginTest : ServiceTest {
     *request.mutable_viewpoint() = viewpoint;
     return Call(&RenderStub::RenderView, request)->png();
   }
-  std::string Export(bool only_blue,
-                     v1::PlyCoordinates coordinates = v1::PLY_COORDINATES_UNSPECIFIED) {
+  std::string Export(bool only_blue, v1::Coordinates coordinates = v1::COORDINATES_UNSPECIFIED) {
     grpc::ClientContext context;
     v1::ExportGaussiansRequest request;
     request.set_model(kModel);
@@ -96,10 +95,10 @@ TEST_F(FarOriginTest, ExportsFloatsRelativeToTheOrigin) {
       std::ofstream(path, std::ios::binary) << ply;
       return ply;
     };
-    const std::string world = write(Export(only_blue, v1::PLY_COORDINATES_WORLD));
+    const std::string world = write(Export(only_blue, v1::COORDINATES_WORLD));
     EXPECT_FALSE(header.has_origin());
     ASSERT_OK_AND_ASSIGN(const Gaussians want, ReadGaussianPly(path, "export.ply", kOrigin));
-    const std::string local = write(Export(only_blue, v1::PLY_COORDINATES_LOCAL));
+    const std::string local = write(Export(only_blue, v1::COORDINATES_LOCAL));
     EXPECT_EQ(header.origin().x(), kOrigin[0]);
     EXPECT_EQ(header.origin().z(), kOrigin[2]);
     EXPECT_LT(local.size(), world.size());

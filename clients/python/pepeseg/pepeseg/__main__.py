@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 import sys
 
-from pepeseg import __version__, errors, importers, png, training
+from pepeseg import __version__, errors, importers, png, subsets, training
 from pepeseg.client import Client
 from pepeseg.dataset import Dataset, read_folder
 
@@ -175,7 +175,11 @@ def _select(client: Client, arguments: argparse.Namespace) -> None:
 
 def _export(client: Client, arguments: argparse.Namespace) -> None:
     written = client.export(
-        arguments.file, arguments.selection, without=arguments.without, origin=arguments.origin
+        arguments.file,
+        arguments.selection,
+        without=arguments.without,
+        origin=arguments.origin,
+        format=arguments.format,
     )
     print(f"{written.path}: {written.num_gaussians} Gaussians, {written.num_bytes * 1e-6:.1f} MB")
 
@@ -244,16 +248,17 @@ def _add_verbs(parser: argparse.ArgumentParser) -> None:
         _add_prompt(verb)
         if name == "select":
             verb.add_argument("--export", type=Path, metavar="PLY", help="also write it here")
-    verb = add("export", _export, "fetch a model, or a subset of it, as a PLY")
+    verb = add("export", _export, "fetch a model, or a subset of it, for splat viewers")
     verb.add_argument("file", metavar="FILE", type=Path)
     verb.add_argument("--selection", type=int, help="number of a selection: only its Gaussians")
     verb.add_argument("--without", action="store_true", help="all other Gaussians in their place")
     verb.add_argument(
         "--origin",
-        choices=("local", "world"),
+        choices=tuple(subsets.ORIGINS),
         default="local",
         help="map coordinates as floats relative to FILE.origin.json, or as doubles of the world",
     )
+    verb.add_argument("--format", choices=tuple(subsets.FORMATS), default="ply")
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 import dataclasses
-import os
 from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
@@ -18,7 +17,7 @@ from pepeseg import photographs as of_photographs
 from pepeseg import scenes as of_scenes
 from pepeseg import selections as of_selections
 from pepeseg import upload as of_uploads
-from pepeseg.binding import SceneClient, awaited
+from pepeseg.binding import SceneClient, awaited, of_itself
 from pepeseg.calls import (
     Patience,
     Pause,
@@ -137,11 +136,7 @@ class Selection(subsets.SelectionInfo):
         super().__init__(**dataclasses.asdict(info))
         self._client = client
 
-    async def export(
-        self, path: str | os.PathLike[str], *, without: bool = False, origin: str = "local"
-    ) -> subsets.Export:
-        """Writes its Gaussians, or (`without`) all others, as a PLY: see `Client.export`."""
-        return await self._client.export(path, self, without=without, origin=origin)
+    export = of_itself(awaited(subsets.export))
 
     async def combine(self, operation: str, other: Selection) -> Selection:
         """Combines this selection, the base of the new one, with `other`.

@@ -15,6 +15,7 @@ from pepeseg.nearest import with_nearest_names
 from pepeseg.prompts import Prompt
 
 P = ParamSpec("P")
+File = TypeVar("File")
 T = TypeVar("T")
 Self = TypeVar("Self", bound="SceneClient")
 
@@ -145,3 +146,19 @@ def awaited(
 
     _told_as(method, operation)
     return method
+
+
+def of_itself(
+    method: Callable[Concatenate[Any, File, Any, P], T]
+) -> Callable[Concatenate[Any, File, P], T]:
+    """Makes a client's method that writes a file of a subset a method of the client's selections."""
+
+    def bound(self: Any, path: File, *args: P.args, **kwargs: P.kwargs) -> T:
+        return method(self._client, path, self, *args, **kwargs)
+
+    described: Any = functools.update_wrapper(bound, method)
+    described.__doc__ = f"As `Client.{described.__name__}`, of this selection."
+    signature = inspect.signature(method)
+    parameters = list(signature.parameters.values())
+    described.__signature__ = signature.replace(parameters=parameters[:2] + parameters[3:])
+    return bound

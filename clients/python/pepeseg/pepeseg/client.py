@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 import dataclasses
-import os
 import time
 from types import TracebackType
 from typing import Concatenate, ParamSpec, TypeVar
@@ -16,7 +15,7 @@ from pepeseg import photographs as of_photographs
 from pepeseg import scenes as of_scenes
 from pepeseg import selections as of_selections
 from pepeseg import upload as of_uploads
-from pepeseg.binding import SceneClient, blocking
+from pepeseg.binding import SceneClient, blocking, of_itself
 from pepeseg.calls import Blocking, Place, Steps
 from pepeseg.channel import Connection
 from pepeseg.v1 import job_service_pb2
@@ -33,11 +32,7 @@ class Selection(subsets.SelectionInfo):
         super().__init__(**dataclasses.asdict(info))
         self._client = client
 
-    def export(
-        self, path: str | os.PathLike[str], *, without: bool = False, origin: str = "local"
-    ) -> subsets.Export:
-        """Writes its Gaussians, or (`without`) all others, as a PLY: see `Client.export`."""
-        return self._client.export(path, self, without=without, origin=origin)
+    export = of_itself(blocking(subsets.export))
 
     def combine(self, operation: str, other: Selection) -> Selection:
         """Combines this selection, the base of the new one, with `other`.

@@ -1,4 +1,4 @@
-"""Subsets of a model's Gaussians: segments and selections, and their pictures and PLYs."""
+"""Subsets of a model's Gaussians: segments and selections, and their pictures and files."""
 
 from __future__ import annotations
 
@@ -86,14 +86,14 @@ class SelectionInfo:
 
 @dataclass(frozen=True)
 class Export:
-    """A PLY that `export` has written."""
+    """A file that `export` has written."""
 
     path: Path
     num_gaussians: int
     num_bytes: int
     sha256: str
     model: str
-    # What to add to the positions of the PLY to get those of the world.
+    # What to add to the positions of the file to get those of the world.
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
@@ -106,9 +106,11 @@ _CONTENTS = {
     "segments": render_service_pb2.RenderViewRequest.CONTENT_SEGMENTS,
     "features": render_service_pb2.RenderViewRequest.CONTENT_FEATURES,
 }
-_COORDINATES = {
-    "local": render_service_pb2.PLY_COORDINATES_LOCAL,
-    "world": render_service_pb2.PLY_COORDINATES_WORLD,
+# The formats and origins of an export.
+FORMATS = {"ply": render_service_pb2.GAUSSIAN_FORMAT_PLY}
+ORIGINS = {
+    "local": render_service_pb2.COORDINATES_LOCAL,
+    "world": render_service_pb2.COORDINATES_WORLD,
 }
 
 
@@ -243,8 +245,8 @@ def render(
     return (pixels * np.float32(answer.depth_unit)) if content == "depth" else pixels
 
 
-class _PlyFile:
-    """Writes the parts of a PLY to a file, and checks the whole."""
+class _ExportFile:
+    """Writes the parts of an export to a file, and checks the whole."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -264,7 +266,7 @@ class _PlyFile:
         header = self._header
         if (self._num_bytes, self._sha256.hexdigest()) != (header.num_bytes, header.sha256):
             raise damaged(
-                f"the PLY is not what was announced: {self._num_bytes} of {header.num_bytes} bytes"
+                f"the file is not what was announced: {self._num_bytes} of {header.num_bytes} bytes"
             )
         return header
 
@@ -276,8 +278,9 @@ def export(
     *,
     without: bool = False,
     origin: str = "local",
+    format: str = "ply",
 ) -> Steps[Export]:
-    """Fetches the model, or a subset of it, as a PLY for splat viewers.
+    """Fetches the model, or a subset of it, as a file for splat viewers.
 
     The file appears at `path` when it is complete and its checksum is right; missing folders above
     it are made.
@@ -288,27 +291,33 @@ def export(
         origin: positions of a scene with map coordinates. "local": floats relative to an origin,
             which is in PATH.origin.json, in a comment of the PLY and in the result. "world": doubles,
             which many viewers read wrongly or not at all.
+        format: "ply".
 
     Raises:
         NotFoundError: no such selection.
-        InvalidArgumentError: no such segment, or an unknown origin.
+        InvalidArgumentError: no such segment, or an unknown origin or format.
         FailedPreconditionError: the scene has no model yet.
         DataLossError: the bytes fail their checksum.
         OSError: the file cannot be written.
     """
-    if origin not in _COORDINATES:
-        raise refused(f'origin "{origin}": one of {", ".join(_COORDINATES)} is wanted')
+    if origin not in ORIGINS:
+        raise refused(f'origin "{origin}": one of {", ".join(ORIGINS)} is wanted')
+    if format not in FORMATS:
+        raise refused(f'format "{format}": one of {", ".join(FORMATS)} is wanted')
     request = render_service_pb2.ExportGaussiansRequest(
-        model=at.model, subset=to_subset(at, of, without), coordinates=_COORDINATES[origin]
+        model=at.model,
+        subset=to_subset(at, of, without),
+        coordinates=ORIGINS[origin],
+        format=FORMATS[format],
     )
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     beside = target.with_name(target.name + ".part")
     try:
         with open(beside, "wb") as file:
-            ply = _PlyFile(file)
-            yield Receive("rendering", "ExportGaussians", request, at.scene, ply.take)
-            header = ply.finish()
+            parts = _ExportFile(file)
+            yield Receive("rendering", "ExportGaussians", request, at.scene, parts.take)
+            header = parts.finish()
         beside.replace(target)
     finally:
         beside.unlink(missing_ok=True)

@@ -4,6 +4,7 @@ import { createConnectTransport } from '@connectrpc/connect-web';
 import { DatasetService } from '../../gen/pepeseg/v1/dataset_service_pb';
 import { JobService } from '../../gen/pepeseg/v1/job_service_pb';
 import { LabelService } from '../../gen/pepeseg/v1/label_service_pb';
+import type { GaussianFormat } from '../../gen/pepeseg/v1/render_service_pb';
 import { SceneService } from '../../gen/pepeseg/v1/scene_service_pb';
 import { SegmentationService } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { SelectionService } from '../../gen/pepeseg/v1/selection_service_pb';
@@ -72,9 +73,12 @@ export function photoUrl(parent: string, { name, maxSide }: PhotoOptions = {}): 
 export interface PlyOptions {
   selection?: string;
   complement?: boolean;
+  /** Absent: PLY. */
+  format?: GaussianFormat;
 }
 
 export function plyUrl(model: string, options: PlyOptions = {}): string {
   const { selection, complement } = options;
-  return `/api/ply?${query({ model, selection, complement: complement ? '1' : '' })}`;
+  const format = options.format?.toString();
+  return `/api/ply?${query({ model, selection, complement: complement ? '1' : '', format })}`;
 }

@@ -1,6 +1,7 @@
-// Downloads: PLY, masks, COCO JSON.
+// Downloads: Gaussians, masks, COCO JSON.
 import type { JSX } from 'preact';
 import { useEffect, useMemo } from 'preact/hooks';
+import { GaussianFormat } from '../../gen/pepeseg/v1/render_service_pb';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import type { PlyOptions } from '../api/clients';
 import { plyUrl } from '../api/clients';
@@ -16,6 +17,9 @@ import { RunningExport } from './running_export';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
 import { masksOfThings, thingsOf } from './things';
+
+/** The files of Gaussians on offer. */
+const gaussianFiles = [{ word: 'PLY', ending: 'ply', format: GaussianFormat.PLY }];
 
 interface Props {
   sceneId: string;
@@ -73,11 +77,22 @@ export function DownloadTools(props: Props): JSX.Element {
       const sizes = views.map((view) => ({ view: view.view, ...sizeOf(view) }));
       saveCoco(sceneId, sizes, await segmented(steps('Segmenting', 'masks')));
     });
-  const savePly = (name: string, part?: PlyOptions) =>
+  const savePly = (name: string, part: PlyOptions) =>
     running.run(async (steps) => {
       const url = plyUrl(session.model, part);
       saveBlob(await fetchFile(url, steps('Downloading', 'bytes')), name);
     });
+  const gaussianButtons = (title: string, stem: string, part?: PlyOptions) =>
+    gaussianFiles.map(({ word, ending, format }) => (
+      <button
+        key={`${title} ${word}`}
+        type="button"
+        disabled={step !== undefined}
+        onClick={() => void savePly(`${stem}.${ending}`, { ...part, format })}
+      >
+        {`${title} (${word})`}
+      </button>
+    ));
   const nothing = step !== undefined || things.length === 0;
   const what =
     named.length > 0
@@ -92,22 +107,9 @@ export function DownloadTools(props: Props): JSX.Element {
       <h2 id="download-title">Download</h2>
       <ExportProgress running={running} />
       <div class="downloads">
-        <button
-          type="button"
-          disabled={step !== undefined}
-          onClick={() => void savePly(`${sceneId}.ply`)}
-        >
-          Scene (PLY)
-        </button>
-        {selection && (
-          <button
-            type="button"
-            disabled={step !== undefined}
-            onClick={() => void savePly(`${sceneId}-selection.ply`, { selection: selection.name })}
-          >
-            Selection (PLY)
-          </button>
-        )}
+        {gaussianButtons('Scene', sceneId)}
+        {selection &&
+          gaussianButtons('Selection', `${sceneId}-selection`, { selection: selection.name })}
         <button type="button" disabled={nothing} onClick={() => void savePngs()}>
           Masks (PNG)
         </button>

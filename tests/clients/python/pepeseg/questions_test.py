@@ -270,6 +270,8 @@ class TestSelect:
         assert whole.origin == (0, 0, 0)  # not map coordinates: no file with an origin
         with pytest.raises(pepeseg.InvalidArgumentError, match="local, world"):
             client.export(tmp_path / "all.ply", origin="here")
+        with pytest.raises(pepeseg.InvalidArgumentError, match='format "obj": one of ply is wanted'):
+            first.export(tmp_path / "all.obj", format="obj")
         assert sorted(p.name for p in tmp_path.iterdir()) == ["all.ply", "cup.ply", "rest.ply"]
 
         other = client.select(

@@ -9,20 +9,24 @@ from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
 from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
 
+COORDINATES_LOCAL: Coordinates
+COORDINATES_UNSPECIFIED: Coordinates
+COORDINATES_WORLD: Coordinates
 DESCRIPTOR: _descriptor.FileDescriptor
-PLY_COORDINATES_LOCAL: PlyCoordinates
-PLY_COORDINATES_UNSPECIFIED: PlyCoordinates
-PLY_COORDINATES_WORLD: PlyCoordinates
+GAUSSIAN_FORMAT_PLY: GaussianFormat
+GAUSSIAN_FORMAT_UNSPECIFIED: GaussianFormat
 
 class ExportGaussiansRequest(_message.Message):
-    __slots__ = ["coordinates", "model", "subset"]
+    __slots__ = ["coordinates", "format", "model", "subset"]
     COORDINATES_FIELD_NUMBER: _ClassVar[int]
+    FORMAT_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     SUBSET_FIELD_NUMBER: _ClassVar[int]
-    coordinates: PlyCoordinates
+    coordinates: Coordinates
+    format: GaussianFormat
     model: str
     subset: Subset
-    def __init__(self, model: _Optional[str] = ..., subset: _Optional[_Union[Subset, _Mapping]] = ..., coordinates: _Optional[_Union[PlyCoordinates, str]] = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., subset: _Optional[_Union[Subset, _Mapping]] = ..., coordinates: _Optional[_Union[Coordinates, str]] = ..., format: _Optional[_Union[GaussianFormat, str]] = ...) -> None: ...
 
 class ExportGaussiansResponse(_message.Message):
     __slots__ = ["chunk", "header"]
@@ -104,5 +108,8 @@ class Subset(_message.Message):
     selection: str
     def __init__(self, selection: _Optional[str] = ..., segment: _Optional[_Union[_decomposition_pb2.SegmentRef, _Mapping]] = ..., complement: bool = ...) -> None: ...
 
-class PlyCoordinates(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+class GaussianFormat(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class Coordinates(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []

@@ -39,9 +39,8 @@ class RenderServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def ExportGaussians(self, request, context):
-        """Exports the Gaussians of a model, or a subset of them, as a PLY in the layout of 3D Gaussian
-        splatting, which splat viewers open: a header, then chunks. DATA_LOSS, instead of the last chunk:
-        the stored file fails its checksum.
+        """Exports the Gaussians of a model, or a subset of them, as a file: a header, then chunks.
+        DATA_LOSS, instead of the last chunk: the stored file fails its checksum.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
