@@ -89,7 +89,11 @@ TEST(Soak, MemoryDescriptorsAndThreadsStayFlat) {
       },
       SoakLength() + absl::Minutes(5)));
   for (std::thread& client : clients) client.join();
-  const Usage after = MeasureProcess(server.pid());
+  Usage after;
+  EXPECT_TRUE(testing::Eventually([&] {
+    after = MeasureProcess(server.pid());
+    return after.descriptors <= before.descriptors + 4;
+  }));
   std::cout << num_lives << " lives; RSS " << (before.rss_kib >> 10) << " -> "
             << (after.rss_kib >> 10) << " MiB (most " << (most.rss_kib >> 10) << "), threads "
             << before.threads << " -> " << after.threads << ", descriptors " << before.descriptors
@@ -98,7 +102,10 @@ TEST(Soak, MemoryDescriptorsAndThreadsStayFlat) {
   // gRPC keeps up to two executor threads a core, which it starts when all others are busy.
   const auto of_load = 2 * static_cast<int64_t>(std::thread::hardware_concurrency());
   EXPECT_LE(most.threads, before.threads + std::max<int64_t>(4, of_load));
-  EXPECT_LE(most.descriptors, before.descriptors + 40);
+  // A life has its connection, files that it uploads, and the pipes and logs of its worker open; how
+  // many lives are at the same point depends on the machine's load.
+  constexpr int64_t kOfALife = 20;
+  EXPECT_LE(most.descriptors, before.descriptors + kNumClients * kOfALife);
 }
 
 }  // namespace
