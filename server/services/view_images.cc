@@ -28,8 +28,8 @@ constexpr int64_t kSamBytes = int64_t{350'000'000};
 absl::Status ViewImages::CheckAvailable() const {
   if (!deps_.sam.empty()) return absl::OkStatus();
   return WithResource(
-      absl::FailedPreconditionError("sam_borders: this server has no SAM, which its operator can "
-                                    "install (deploy/sam.sh); leave the field out"),
+      absl::FailedPreconditionError("this server has no SAM, which its operator can install "
+                                    "(deploy/sam.sh); leave sam_borders and sam_clicks out"),
       "NO_SAM", "sam");
 }
 

@@ -135,7 +135,7 @@ test('SAM is offered only by a server that has it', async () => {
 
 test('an error about SAM is in words for annotators', async () => {
   const { failureOf } = await import('../../app/api/failure');
-  const message = 'sam_borders: this server has no SAM (deploy/sam.sh); leave the field out';
+  const message = 'this server has no SAM (deploy/sam.sh); leave sam_borders and sam_clicks out';
   const { what, todo } = failureOf(
     errorWith(Code.FailedPrecondition, message, { reason: 'NO_SAM', resource: 'sam' }),
   );
