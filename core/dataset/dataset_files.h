@@ -77,7 +77,7 @@ bool IsFrameOf(absl::string_view video, absl::string_view photograph);
 // Lists the first names: "a.jpg, b.jpg, ...".
 std::string FirstNames(std::span<const std::string> names);
 
-// What the header of a file says.
+// Facts from the header of a file.
 struct FileFacts {
   int width = 0, height = 0;  // of a photograph as it is stored, pixels
   int64_t num_points = 0;     // points or Gaussians; estimated for COLMAP's text format

@@ -26,7 +26,7 @@ struct ClickTarget {
   std::span<const uint8_t> ignore;  // as TruthView::ignore; ignored pixels are not clicked, either
 };
 
-// What answers clicks, and how.
+// The model, the images and the options that answer clicks.
 struct Answering {
   const Segmenter& segmenter;
   ImageSegmenter* images;  // may be null
@@ -34,7 +34,7 @@ struct Answering {
   WantedCheck check;
 };
 
-// What clicks in a view mean: a query of the model, or an answer by images.
+// The thing that clicks in a view stand for: a query of the model, or an answer by images.
 struct Meaning {
   Query query;
   std::optional<ClickedThing> answer;
@@ -60,7 +60,7 @@ absl::StatusOr<Meaning> MeaningOf(const Answering& by, const ModelView& view,
   return Meaning{{}, std::move(answer)};
 }
 
-// A click, and the query of it and all clicks before it.
+// A click, and the meaning of it and all clicks before it.
 struct SimulatedClick {
   PointPrompt click;        // pixels of the view
   bool on_nothing = false;  // see ClickAnswer

@@ -16,10 +16,6 @@ namespace {
 constexpr size_t kMostCorrections = 8;  // that are answered one after the other
 constexpr int kMostProposals = 8;       // of the model, to compare with
 
-bool IsEmpty(const BinaryMask& mask) {
-  return std::ranges::count(mask.pixels, 0) == std::ssize(mask.pixels);
-}
-
 double IouOf(std::span<const uint8_t> a, std::span<const uint8_t> b) {
   int64_t common = 0, either = 0;
   for (size_t i = 0; i < a.size(); ++i) {
@@ -68,7 +64,7 @@ absl::StatusOr<ImageMasks> Follow(const Segmenter& model, ImageSegmenter& images
                                   const WantedCheck& check) {
   size_t num_made = clicks.size() - std::min(clicks.size() - 1, kMostCorrections);
   ASSIGN_OR_RETURN(ImageMasks seen, images.Click(view, clicks.first(num_made), nullptr, check));
-  std::erase_if(seen.masks, [](const SoftMask& mask) { return IsEmpty(mask.mask); });
+  std::erase_if(seen.masks, [](const SoftMask& mask) { return !CheckNotEmpty(mask.mask).ok(); });
   if (seen.masks.empty()) return NothingThereError("SAM sees no thing at the points");
   ASSIGN_OR_RETURN(SoftMask answer, ChooseFirst(model, view, clicks[0], std::move(seen.masks)));
   while (num_made < clicks.size()) {
@@ -95,10 +91,11 @@ absl::StatusOr<ClickedThing> ClickedThing::Find(const Segmenter& model, ImageSeg
   return ClickedThing(model, images, view, std::move(answer.masks[0].mask), answer.image);
 }
 
-// Fits the query that decides pixels which the clicked view does not show.
+// Fits the query that scores the mask, and decides pixels which the clicked view does not show.
 absl::Status ClickedThing::Fit() {
   if (query_) return absl::OkStatus();
-  auto query = IsEmpty(mask_) ? NothingThereError("") : FitMask(*model_, view_, mask_, {});
+  auto query = CheckNotEmpty(mask_).ok() ? FitMask(*model_, view_, mask_, {})
+                                         : NothingThereError("the clicks leave nothing");
   if (query.ok()) {
     query_ = *std::move(query);
   } else if (IsNothingThere(query.status())) {

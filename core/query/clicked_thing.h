@@ -54,9 +54,10 @@ class ClickedThing {
   ModelView view_;     // clicked
   BinaryMask mask_;    // in view_
   BorderImage image_;  // in which the clicks were answered
-  // Of the other views, from the first of them on.
-  std::optional<Query> query_;  // no features: the model shows nothing under the mask
-  std::optional<ViewDepth> depth_;
+  // Of the mask; absent until the first view is asked for. No features: the model shows nothing
+  // there.
+  std::optional<Query> query_;
+  std::optional<ViewDepth> depth_;  // of view_; absent until another view is asked for
 };
 
 }  // namespace pepeseg

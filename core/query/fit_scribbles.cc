@@ -67,8 +67,8 @@ std::vector<float> MostUsual(std::span<const float> features) {
   return {first, first + kFeatureSize};
 }
 
-// What scribbles mean: features of each sign, and pixels of the small view that the mask is to
-// answer.
+// Features of each sign under scribbles, and the scribbled pixels of the small view, which the mask
+// is to answer.
 struct ScribbledFeatures {
   Query query;
   std::vector<PixelClick> pixels;

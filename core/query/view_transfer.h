@@ -15,7 +15,7 @@ struct ViewDepth {
   std::vector<float> depth;
 };
 
-// What a mask says about another view.
+// The pixels of a view that another view shows, and those of them in that view's mask.
 struct TransferredMask {
   std::vector<uint8_t> known;   // [height, width] 1: the mask's view shows what the pixel shows
   std::vector<uint8_t> inside;  // [height, width] 1: and the mask has it

@@ -58,13 +58,12 @@ int StoredPhotographs::Orientation(const ModelView& view) {
   return facts.ok() ? facts->orientation : 1;
 }
 
-absl::StatusOr<Image> StoredPhotographs::Upright(const ModelView& view, int max_side) {
+absl::StatusOr<Image> StoredPhotographs::Formed(const ModelView& view, const PhotographForm& form) {
   ASSIGN_OR_RETURN(const DatasetFileRecord file, Find(view));
   PhotographTask task;
   task.name = file.path;
   task.sha256 = file.sha256;
-  task.form.upright = true;
-  task.form.max_side = max_side;
+  task.form = form;
   task.raw = true;
   return MakeImage(process_, task, PathOf(file), wanted_);
 }

@@ -31,7 +31,12 @@ class StoredPhotographs final : public ViewPhotographs {
       : store_(store), blobs_(blobs), process_(process), model_(model), wanted_(wanted) {}
 
   int Orientation(const ModelView& view) override;
-  absl::StatusOr<Image> Upright(const ModelView& view, int max_side) override;
+  absl::StatusOr<Image> Upright(const ModelView& view, int max_side) override {
+    return Formed(view, {.upright = true, .max_side = max_side});
+  }
+
+  // Returns the view's photograph in a form. Errors are those of Find and MakeImage.
+  absl::StatusOr<Image> Formed(const ModelView& view, const PhotographForm& form);
 
   // Returns the record of the view's photograph. NOT_FOUND: the dataset has no such photograph.
   absl::StatusOr<DatasetFileRecord> Find(const ModelView& view);

@@ -83,14 +83,7 @@ absl::StatusOr<Image> ViewImages::Photograph(const ResidentModel& model, const M
     return absl::NotFoundError("the view has no photograph");
   }
   StoredPhotographs photographs(deps_.store, deps_.blobs, deps_.photographs, model.id, wanted);
-  ASSIGN_OR_RETURN(const DatasetFileRecord file, photographs.Find(view));
-  PhotographTask task;
-  task.name = file.path;
-  task.sha256 = file.sha256;
-  task.form.view = view;
-  task.form.max_side = kSamFrame;
-  task.raw = true;
-  return MakeImage(deps_.photographs, task, photographs.PathOf(file), wanted);
+  return photographs.Formed(view, {.view = view, .max_side = kSamFrame});
 }
 
 // The dataset of a model does not change. Where it has no such photograph, which then was a frame
