@@ -1,6 +1,7 @@
 from pepeseg.v1 import access_pb2 as _access_pb2
 from pepeseg.v1 import decomposition_pb2 as _decomposition_pb2
 from pepeseg.v1 import errors_pb2 as _errors_pb2
+from pepeseg.v1 import find_pb2 as _find_pb2
 from pepeseg.v1 import prompt_pb2 as _prompt_pb2
 from pepeseg.v1 import timing_pb2 as _timing_pb2
 from google.protobuf.internal import containers as _containers

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/query/scene_model.h"
+
+namespace pepeseg {
+
+// Names a segment of a decomposition.
+struct SegmentKey {
+  int level = 0;   // from 0, the finest
+  int32_t id = 0;  // from 1, within the level
+
+  bool operator==(const SegmentKey&) const = default;
+};
+
+// What a view shows of a segment, on the grid of the view.
+struct SeenArea {
+  int32_t pixels = 0;                        // of the grid; 0: the view does not show it
+  int32_t x0 = 0, y0 = 0, x1 = -1, y1 = -1;  // first and last column and scanline
+};
+
+// What a view shows of all segments, on a grid of pixels over the view.
+struct SeenView {
+  size_t view = 0;            // index into Model::views
+  int width = 0, height = 0;  // of the grid, at most those of the view
+  // [levels][height * width] number of the segment that the pixel shows (SceneSegments); -1: none
+  std::vector<std::vector<int32_t>> shown;
+  std::vector<SeenArea> areas;  // [segments]
+};
+
+// The segments of all levels of a decomposition, as views of the model show them. Segments are
+// numbered from 0: those of the finest level first, within a level by id.
+struct SceneSegments {
+  struct Segment {
+    SegmentKey key;
+    int32_t parent = -1;        // number of the segment that holds it; -1: on the last level
+    int64_t num_gaussians = 0;  // at least 1
+    std::array<float, 3> min{}, max{};  // bounding box of the Gaussians' means, scene units
+  };
+  std::vector<Segment> segments;
+  std::vector<int32_t> first;   // [levels] number of the first segment of each level
+  std::vector<SeenView> views;  // in the order of the model
+
+  // Returns the number of a segment, or -1 if there is none with this key.
+  int32_t NumberOf(const SegmentKey& key) const;
+  // Returns the IoU of two segments: of their Gaussians.
+  double OverlapOf(int32_t a, int32_t b) const;
+  // Returns the pixels of all grids that show a segment.
+  int64_t SeenPixels(int32_t segment) const;
+};
+
+// Views that are looked at, and about the number of pixels of each grid.
+inline constexpr int kMostSeenViews = 24;
+inline constexpr double kSeenPixels = 40'000;
+
+// Returns the segments of a decomposition of the model, seen in up to `max_views` views, which are
+// spread evenly over those of the model. Each is rendered once, at the size of its grid. Calls
+// `check` before each view and returns its error. Other errors are those of Segmenter::Rows.
+absl::StatusOr<SceneSegments> SeeSegments(const SceneModel& model,
+                                          const Decomposition& decomposition, int max_views,
+                                          const WantedCheck& check);
+
+}  // namespace pepeseg
