@@ -78,6 +78,30 @@ export function extentOf(mask: Rle): Extent {
   return { area, box: area === 0 ? [0, 0, 0, 0] : [left, top, right - left, bottom - top] };
 }
 
+/**
+ * Returns the IoU of two masks of one size from their run lengths, without their pixels, which take
+ * a tenth of a second for large photographs. 0 for other sizes and empty masks.
+ */
+export function overlapOf(a: Rle, b: Rle): number {
+  if (a.width !== b.width || a.height !== b.height) return 0;
+  const runs = [runsOf(a.counts), runsOf(b.counts)] as const;
+  const at = [0, 0];
+  const left = [runs[0][0] ?? 0, runs[1][0] ?? 0];
+  let both = 0;
+  let either = 0;
+  while ((at[0] as number) < runs[0].length && (at[1] as number) < runs[1].length) {
+    const step = Math.min(left[0] as number, left[1] as number);
+    const inside = [0, 1].filter((i) => (at[i] as number) % 2 === 1).length;
+    if (inside === 2) both += step;
+    if (inside > 0) either += step;
+    for (const i of [0, 1] as const) {
+      left[i] = (left[i] as number) - step;
+      if (left[i] === 0) left[i] = runs[i][(at[i] = (at[i] as number) + 1)] ?? 0;
+    }
+  }
+  return either === 0 ? 0 : both / either;
+}
+
 /** Returns the IoU: pixels in both masks over pixels in either. */
 export function intersectionOverUnion(a: Uint8Array, b: Uint8Array): number {
   let both = 0;

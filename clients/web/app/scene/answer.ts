@@ -3,7 +3,7 @@ import type {
   ProposeScalesResponse,
   SegmentViewsResponse,
 } from '../../gen/pepeseg/v1/segmentation_service_pb';
-import { ProposeScalesResponse_Kind } from '../../gen/pepeseg/v1/segmentation_service_pb';
+import { SegmentViewsResponse_BorderImage } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import type { Rle } from '../mask/rle';
 
 export interface Mask {
@@ -14,6 +14,8 @@ export interface Mask {
   readonly score: number;
   /** x, y, width, height. */
   readonly box: readonly number[];
+  /** The picture in which SAM placed the mask or its border; absent: SAM did not. */
+  readonly samImage?: 'photograph' | 'rendering' | undefined;
 }
 
 export interface Answer {
@@ -26,14 +28,17 @@ export interface Answer {
 }
 
 export interface Proposal {
-  readonly name: string;
   readonly scale: number;
   readonly threshold: number;
-  readonly support: number;
   /** Whether the server uses this proposal if nothing is chosen. */
   readonly best: boolean;
   readonly mask: Mask;
 }
+
+const samImages: Partial<Record<SegmentViewsResponse_BorderImage, Mask['samImage']>> = {
+  [SegmentViewsResponse_BorderImage.PHOTOGRAPH]: 'photograph',
+  [SegmentViewsResponse_BorderImage.RENDERING]: 'rendering',
+};
 
 function maskOf({
   view,
@@ -41,11 +46,13 @@ function maskOf({
   area,
   score,
   box,
+  borderImage,
 }: SegmentViewsResponse['masks'][number]): Mask | undefined {
   if (mask.case !== 'rle') return undefined;
   const { height, width, counts } = mask.value;
   const edges = box ? [box.x, box.y, box.width, box.height] : [0, 0, 0, 0];
-  return { view, rle: { height, width, counts }, area: Number(area), score, box: edges };
+  const rle = { height, width, counts };
+  return { view, rle, area: Number(area), score, box: edges, samImage: samImages[borderImage] };
 }
 
 export function answerOf(response: SegmentViewsResponse): Answer {
@@ -60,27 +67,10 @@ export function answerOf(response: SegmentViewsResponse): Answer {
   };
 }
 
-const kindNames: Record<ProposeScalesResponse_Kind, string> = {
-  [ProposeScalesResponse_Kind.UNSPECIFIED]: '',
-  [ProposeScalesResponse_Kind.PART]: 'Part',
-  [ProposeScalesResponse_Kind.OBJECT]: 'Object',
-  [ProposeScalesResponse_Kind.GROUP]: 'Group',
-};
-
-/**
- * Returns the server's proposals, smallest first, with the server's names. A proposal without a name,
- * or with the name of another one, is named by its position ("2"); the only one is the object.
- */
+/** Returns the server's proposals, in its order. */
 export function proposalsOf({ proposals, best }: ProposeScalesResponse): Proposal[] {
-  const kinds = proposals.map(({ kind }) => kindNames[kind] ?? '');
-  return proposals.flatMap(({ mask, scaleQuantile, threshold, support }, i) => {
+  return proposals.flatMap(({ mask, scaleQuantile, threshold }, i) => {
     const shown = mask && maskOf(mask);
-    if (!shown) return [];
-    const kind = kinds[i] ?? '';
-    const place = String(i + 1);
-    const shared = kinds.filter((other) => other === kind).length > 1;
-    const alone = proposals.length === 1 ? kindNames[ProposeScalesResponse_Kind.OBJECT] : place;
-    const name = kind === '' ? alone : shared ? `${kind} ${place}` : kind;
-    return [{ name, scale: scaleQuantile, threshold, support, best: i === best, mask: shown }];
+    return shown ? [{ scale: scaleQuantile, threshold, best: i === best, mask: shown }] : [];
   });
 }

@@ -5,11 +5,15 @@ import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { MissNote } from '../components/miss_note';
 import { paintMask } from '../mask/paint';
 import type { Mask } from './answer';
-import type { Box, Point, Prompt } from './prompt';
+import type { Brush } from './brush';
+import { continued, strokeWidth } from './brush';
+import type { Spot } from './marks';
+import { Marks, drawingWidth } from './marks';
+import type { Box, Point, Prompt, Stroke } from './prompt';
 import { sizeOf } from './prompt';
 
 export type Source = 'photo' | 'rendering';
-export type Tool = 'include' | 'exclude' | 'box';
+export type Tool = 'include' | 'exclude' | 'box' | 'brush';
 
 interface Props {
   view: View;
@@ -24,21 +28,16 @@ interface Props {
   /** Position of a click that hit nothing in this view. */
   miss: Spot | undefined;
   tool: Tool;
+  brush: Brush;
   /** Number of answers shown, for measurements. */
   numAnswers: number;
   onPoint: (point: Point) => void;
   onBox: (box: Box) => void;
-}
-
-interface Spot {
-  readonly x: number;
-  readonly y: number;
+  onStroke: (stroke: Stroke) => void;
 }
 
 /** A press that moves less than this, in screen pixels, is a click. */
 const clickSlack = 5;
-/** Width of the drawing over a view in its own units, so that marks keep their size. */
-const drawingWidth = 640;
 /** Step of the keyboard's cursor, in units of the drawing. */
 const keyStep = 8;
 
@@ -49,49 +48,13 @@ const arrows: Record<string, readonly [number, number]> = {
   ArrowDown: [0, 1],
 };
 
+const enterClicks = 'Enter segments what is under it, Shift and Enter excludes it.';
+const enterDraws =
+  'Enter begins and ends a stroke over what is meant, Shift and Enter one over what is not.';
+
 function boxOf(a: Spot, b: Spot): Box {
   const [x, y] = [Math.min(a.x, b.x), Math.min(a.y, b.y)];
   return { x, y, width: Math.abs(a.x - b.x), height: Math.abs(a.y - b.y) };
-}
-
-interface MarksProps {
-  prompt: Prompt | undefined;
-  drawn: Box | undefined;
-  cursor: Spot | undefined;
-  /** Units of the drawing for each pixel of the photograph. */
-  unit: number;
-}
-
-function Marks({ prompt, drawn, cursor: at, unit }: MarksProps): JSX.Element {
-  const scaled = ({ x, y }: Spot) => ({ x: x * unit, y: y * unit });
-  const points =
-    prompt?.kind === 'points'
-      ? prompt.points.map((point) => ({ ...scaled(point), negative: point.negative }))
-      : [];
-  const meant = drawn ?? (prompt?.kind === 'box' ? prompt.box : undefined);
-  const box = meant && {
-    ...scaled(meant),
-    width: meant.width * unit,
-    height: meant.height * unit,
-  };
-  const cursor = at && scaled(at);
-  return (
-    <>
-      {points.map(({ x, y, negative }) => (
-        <g key={`${x},${y}`} class={negative ? 'mark negative' : 'mark'}>
-          <circle cx={x} cy={y} r="7" />
-          <path d={negative ? `M${x - 3.5} ${y}h7` : `M${x - 3.5} ${y}h7M${x} ${y - 3.5}v7`} />
-        </g>
-      ))}
-      {box && <rect class="mark-box" {...box} />}
-      {cursor && (
-        <path
-          class="cursor"
-          d={`M${cursor.x - 14} ${cursor.y}h28M${cursor.x} ${cursor.y - 14}v28`}
-        />
-      )}
-    </>
-  );
 }
 
 export function PhotoView(props: Props): JSX.Element {
@@ -105,16 +68,21 @@ export function PhotoView(props: Props): JSX.Element {
     prompt,
     miss,
     tool,
+    brush,
     numAnswers,
     onPoint,
     onBox,
+    onStroke,
   } = props;
   const { width, height } = sizeOf(view);
   const unit = drawingWidth / width;
   const canvas = useRef<HTMLCanvasElement>(null);
   const pressed = useRef<(Spot & { screenX: number; screenY: number }) | undefined>(undefined);
-  const [drawn, setDrawn] = useState<Box>();
+  const [box, setBox] = useState<Box>();
+  const [stroke, setStroke] = useState<Stroke>();
   const [cursor, setCursor] = useState<Spot>();
+  /** Position of the mouse, where the brush shows its width. */
+  const [hover, setHover] = useState<Spot>();
   const [missing, setMissing] = useState('');
   const hasPhoto = missing !== photo;
 
@@ -134,33 +102,56 @@ export function PhotoView(props: Props): JSX.Element {
     const from = pressed.current;
     return !!from && Math.hypot(clientX - from.screenX, clientY - from.screenY) > clickSlack;
   };
+  const isBrush = tool === 'brush';
+  const brushWidth = strokeWidth(brush, width);
+  const newStroke = ({ x, y }: Spot, shift: boolean): Stroke => {
+    return { path: [{ x, y }], negative: shift !== brush.negative, width: brushWidth };
+  };
+  const negativePoint = (shift: boolean) => shift || tool === 'exclude';
+  const drop = () => {
+    pressed.current = undefined;
+    setBox(undefined);
+    setStroke(undefined);
+  };
+  const finish = () => {
+    if (stroke) onStroke(stroke);
+    drop();
+  };
+
   const press = (event: PointerEvent) => {
     if (event.button !== 0) return;
     pressed.current = { ...spotOf(event), screenX: event.clientX, screenY: event.clientY };
+    if (isBrush) setStroke(newStroke(spotOf(event), event.shiftKey));
     // A finger scrolls the page, unless it draws.
-    if (event.pointerType !== 'touch' || tool === 'box') {
+    if (event.pointerType !== 'touch' || tool === 'box' || isBrush) {
       (event.currentTarget as Element).setPointerCapture(event.pointerId);
     }
   };
   const move = (event: PointerEvent) => {
-    if (pressed.current && isDrag(event)) setDrawn(boxOf(pressed.current, spotOf(event)));
+    const spot = spotOf(event);
+    if (isBrush && event.pointerType !== 'touch') setHover(spot);
+    if (!pressed.current) return;
+    if (isBrush) setStroke((begun) => begun && continued(begun, spot, width));
+    else if (isDrag(event)) setBox(boxOf(pressed.current, spot));
   };
   const release = (event: PointerEvent) => {
     const from = pressed.current;
     if (!from) return;
+    if (isBrush) return finish();
     const dragged = isDrag(event);
-    pressed.current = undefined;
-    setDrawn(undefined);
+    drop();
     if (dragged) {
-      const box = boxOf(from, spotOf(event));
-      if (box.width >= 2 && box.height >= 2) onBox(box);
+      const drawn = boxOf(from, spotOf(event));
+      if (drawn.width >= 2 && drawn.height >= 2) onBox(drawn);
     } else {
-      onPoint({ x: from.x, y: from.y, negative: event.shiftKey || tool === 'exclude' });
+      onPoint({ x: from.x, y: from.y, negative: negativePoint(event.shiftKey) });
     }
   };
-  const cancel = () => {
-    pressed.current = undefined;
-    setDrawn(undefined);
+  const enter = (at: Spot, shift: boolean) => {
+    setCursor(at);
+    if (!isBrush) onPoint({ ...at, negative: negativePoint(shift) });
+    else if (stroke) finish();
+    else setStroke(newStroke(at, shift));
   };
   const key = (event: KeyboardEvent) => {
     const at = cursor ?? { x: width / 2, y: height / 2 };
@@ -170,36 +161,43 @@ export function PhotoView(props: Props): JSX.Element {
       const x = Math.min(Math.max(at.x + arrow[0] * step, 0), width - 1);
       const y = Math.min(Math.max(at.y + arrow[1] * step, 0), height - 1);
       setCursor({ x, y });
+      setStroke((begun) => begun && continued(begun, { x, y }, width));
     } else if (event.key === 'Enter') {
-      setCursor(at);
-      onPoint({ ...at, negative: event.shiftKey || tool === 'exclude' });
+      enter(at, event.shiftKey);
+    } else if (event.key === 'Escape' && stroke) {
+      drop();
     } else {
       return;
     }
     event.preventDefault();
     event.stopPropagation();
   };
+  useEffect(drop, [view.view, tool]);
 
   return (
     <div class="stage">
       <div
-        class={`picture ${tool === 'box' ? 'drawing' : ''}`}
+        class={`picture ${tool === 'box' || isBrush ? 'drawing' : ''} ${isBrush ? 'brushing' : ''}`}
         role="application"
         tabIndex={0}
-        aria-label={`View ${view.view}. Arrow keys move a cursor, Enter segments what is under it, Shift and Enter excludes it.`}
+        aria-label={`View ${view.view}. Arrow keys move a cursor, ${isBrush ? enterDraws : enterClicks}`}
         data-view={view.view}
         data-answers={numAnswers}
         data-area={mask?.area ?? 0}
         onPointerDown={press}
         onPointerMove={move}
         onPointerUp={release}
-        onPointerCancel={cancel}
+        onPointerCancel={drop}
+        onPointerLeave={() => setHover(undefined)}
         onKeyDown={key}
         onFocus={(event) =>
           (event.currentTarget as Element).matches(':focus-visible') &&
           setCursor(cursor ?? { x: width / 2, y: height / 2 })
         }
-        onBlur={() => setCursor(undefined)}
+        onBlur={() => {
+          setCursor(undefined);
+          drop();
+        }}
       >
         <img
           src={hasPhoto && source === 'photo' ? photo : rendering}
@@ -215,10 +213,22 @@ export function PhotoView(props: Props): JSX.Element {
           viewBox={`0 0 ${drawingWidth} ${height * unit}`}
           aria-hidden="true"
         >
-          <Marks prompt={prompt} drawn={drawn} cursor={cursor} unit={unit} />
+          <Marks
+            prompt={prompt}
+            box={box}
+            stroke={stroke}
+            cursor={cursor ?? (isBrush ? hover : undefined)}
+            brushWidth={isBrush ? brushWidth : undefined}
+            unit={unit}
+          />
         </svg>
         {miss && <MissNote x={miss.x / width} y={miss.y / height} />}
       </div>
+      {stroke && cursor && (
+        <p class="pane-note" role="status">
+          Arrow keys draw. Enter ends the stroke, Esc drops it.
+        </p>
+      )}
       {hasPhoto && (
         <button
           type="button"

@@ -50,8 +50,20 @@ export interface Box {
   readonly height: number;
 }
 
+/** A line that is drawn by hand; one vertex is a dot. */
+export interface Stroke {
+  readonly path: readonly { readonly x: number; readonly y: number }[];
+  /** Whether it is over what is not meant. */
+  readonly negative: boolean;
+  /** Pixels, at most `maxStrokeWidth`. 0: thin. */
+  readonly width: number;
+}
+
+export const maxStrokeWidth = 256;
+
 export type Prompt =
   | { readonly kind: 'points'; readonly place: Place; readonly points: readonly Point[] }
+  | { readonly kind: 'scribbles'; readonly place: Place; readonly strokes: readonly Stroke[] }
   | { readonly kind: 'box'; readonly place: Place; readonly box: Box }
   | { readonly kind: 'label'; readonly label: string };
 
@@ -71,6 +83,12 @@ export function placeOf(prompt: Prompt | undefined): Place | undefined {
   return prompt && prompt.kind !== 'label' ? prompt.place : undefined;
 }
 
+/** Returns the name of the prompt's view: empty for the picture of the 3D view, and for a label. */
+export function ownViewOf(prompt: Prompt): string {
+  const place = placeOf(prompt);
+  return place && 'view' in place ? place.view : '';
+}
+
 function viewpointOf(place: Place): NonNullable<MessageInitShape<typeof PromptSchema>['view']> {
   if ('view' in place) return { place: { case: 'view', value: place.view } };
   const { rotation, translation, ...camera } = place.camera;
@@ -82,6 +100,10 @@ export function promptOf(prompt: Prompt): MessageInitShape<typeof PromptSchema> 
   if (prompt.kind === 'label') return { what: { case: 'label', value: prompt.label } };
   const view = viewpointOf(prompt.place);
   if (prompt.kind === 'box') return { view, what: { case: 'box', value: { ...prompt.box } } };
+  if (prompt.kind === 'scribbles') {
+    const strokes = prompt.strokes.map(({ path, ...stroke }) => ({ ...stroke, path: [...path] }));
+    return { view, what: { case: 'scribbles', value: { strokes } } };
+  }
   const points = prompt.points.map((point) => ({ ...point }));
   return { view, what: { case: 'points', value: { points } } };
 }

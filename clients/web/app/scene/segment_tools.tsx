@@ -1,37 +1,84 @@
-// The tools of a prompt: include, exclude, box; proposals; scale and threshold.
+// The tools of a prompt: include, exclude, box, brush; its size; scale, threshold and SAM.
 import type { JSX } from 'preact';
+import type { IconName } from '../components/icons';
 import { Icon } from '../components/icons';
-import { countText } from '../format';
 import { useStore } from '../store';
+import type { Brush } from './brush';
+import { maxBrush, minBrush, strokeWidth, withWidth } from './brush';
+import { describeRung } from './ladder';
 import type { Tool } from './photo_view';
 import type { SceneSession } from './session';
 
-const tools: readonly { tool: Tool; name: string; icon: 'plus' | 'minus' | 'box' }[] = [
+const tools: readonly { tool: Tool; name: string; icon: IconName }[] = [
   { tool: 'include', name: 'Include', icon: 'plus' },
   { tool: 'exclude', name: 'Exclude', icon: 'minus' },
   { tool: 'box', name: 'Box', icon: 'box' },
+  { tool: 'brush', name: 'Brush', icon: 'brush' },
 ];
 
 interface ToolsProps {
   tool: Tool;
   onTool: (tool: Tool) => void;
+  brush: Brush;
+  onBrush: (brush: Brush) => void;
+  /** Width of the shown view, pixels. */
+  viewWidth: number;
 }
 
-export function PromptTools({ tool, onTool }: ToolsProps): JSX.Element {
+export function PromptTools({ tool, onTool, ...brushing }: ToolsProps): JSX.Element {
   return (
-    <div class="segmented" role="group" aria-label="What a click does">
-      {tools.map(({ tool: other, name, icon }) => (
+    <>
+      <div class="segmented stacked" role="group" aria-label="What a click does">
+        {tools.map(({ tool: other, name, icon }) => (
+          <button
+            key={other}
+            type="button"
+            aria-pressed={tool === other}
+            onClick={() => onTool(other)}
+          >
+            <Icon name={icon} />
+            {name}
+          </button>
+        ))}
+      </div>
+      {tool === 'brush' && <BrushTools {...brushing} />}
+    </>
+  );
+}
+
+type BrushProps = Pick<ToolsProps, 'brush' | 'onBrush' | 'viewWidth'>;
+
+function BrushTools({ brush, onBrush, viewWidth }: BrushProps): JSX.Element {
+  const { negative, width } = brush;
+  return (
+    <>
+      <div class="segmented" role="group" aria-label="What the brush draws over">
         <button
-          key={other}
           type="button"
-          aria-pressed={tool === other}
-          onClick={() => onTool(other)}
+          aria-pressed={!negative}
+          onClick={() => onBrush({ ...brush, negative: false })}
         >
-          <Icon name={icon} />
-          {name}
+          <Icon name="plus" /> What is meant
         </button>
-      ))}
-    </div>
+        <button
+          type="button"
+          aria-pressed={negative}
+          onClick={() => onBrush({ ...brush, negative: true })}
+        >
+          <Icon name="minus" /> What is not
+        </button>
+      </div>
+      <Slider
+        id="brush-width"
+        name="Width"
+        text={`${Math.round(strokeWidth(brush, viewWidth))} pixels`}
+        min={minBrush}
+        max={maxBrush}
+        step={1}
+        value={width}
+        onInput={(value) => onBrush(withWidth(brush, value))}
+      />
+    </>
   );
 }
 
@@ -64,117 +111,136 @@ export function PromptButtons({ session }: { session: SceneSession }): JSX.Eleme
   );
 }
 
-function Chips({ session }: { session: SceneSession }): JSX.Element | null {
-  const { proposals, granularity } = useStore(session.state);
-  const chosen = granularity.scale !== undefined || granularity.threshold !== undefined;
-  if (proposals.length === 0) return null;
+interface SliderProps {
+  id: string;
+  name: string;
+  /** What the value means. */
+  text: string;
+  ends?: readonly [string, string];
+  min: number;
+  max: number;
+  step: number;
+  value: number;
+  disabled?: boolean;
+  onInput: (value: number) => void;
+  /** Called when the slider is released. */
+  onChange?: () => void;
+}
+
+function Slider({ id, name, text, ends, onInput, ...input }: SliderProps): JSX.Element {
   return (
-    <div class="chips" role="group" aria-label="What the click may mean">
-      {proposals.map((proposal, i) => (
-        <button
-          key={i}
-          type="button"
-          class="chip"
-          aria-pressed={
-            chosen
-              ? granularity.scale === proposal.scale && granularity.threshold === proposal.threshold
-              : proposal.best
-          }
-          title={`${countText(proposal.mask.area)} pixels at scale ${proposal.scale.toFixed(2)}; key ${i + 1}`}
-          onClick={() => session.choose(proposal)}
-        >
-          {proposal.name}
-        </button>
-      ))}
+    <div class="slider">
+      <label for={id}>{name}</label>
+      <output for={id}>{text}</output>
+      <input
+        id={id}
+        type="range"
+        aria-valuetext={text}
+        onInput={(event) => onInput(Number(event.currentTarget.value))}
+        {...input}
+      />
+      {ends && (
+        <span class="ends" aria-hidden="true">
+          <span>{ends[0]}</span>
+          <span>{ends[1]}</span>
+        </span>
+      )}
     </div>
   );
 }
 
-interface SliderProps {
-  id: string;
-  name: string;
-  ends: readonly [string, string];
-  min: number;
-  max: number;
-  value: number;
-  chosen: boolean;
-  disabled: boolean;
-  onInput: (value: number) => void;
-  /** Called when the slider is released. */
-  onChange: () => void;
-}
-
-function Slider({ id, name, ends, chosen, value, onInput, ...input }: SliderProps): JSX.Element {
+/** Goes along the sizes that the prompt may mean. */
+function SizeSlider({ session }: { session: SceneSession }): JSX.Element {
+  const { ladder } = useStore(session.state);
+  const { rungs, at, isCurrent } = ladder;
   return (
-    <div class="slider">
-      <label for={id}>{name}</label>
-      <output for={id}>
-        {input.disabled ? '' : `${value.toFixed(2)}${chosen ? '' : ' (auto)'}`}
-      </output>
-      <input
-        id={id}
-        type="range"
-        step="0.005"
-        value={value}
-        onInput={(event) => onInput(Number(event.currentTarget.value))}
-        {...input}
-      />
-      <span class="ends" aria-hidden="true">
-        <span>{ends[0]}</span>
-        <span>{ends[1]}</span>
-      </span>
-    </div>
+    <Slider
+      id="size"
+      name="Size"
+      text={describeRung(ladder)}
+      ends={['smaller', 'larger']}
+      min={0}
+      max={Math.max(1, rungs.length - 1)}
+      step={1}
+      value={at ?? 0}
+      disabled={!isCurrent || rungs.length < 2}
+      onInput={(index) => session.climb(index)}
+      onChange={() => session.rest()}
+    />
   );
 }
 
 interface GranularityProps {
   session: SceneSession;
-  /** Whether the server can let SAM place borders. */
+  /** Whether the server has SAM. */
   hasSam: boolean;
 }
 
-export function GranularityTools({ session, hasSam }: GranularityProps): JSX.Element {
+/** Scale and threshold, which the size slider sets together. */
+function MoreTools({ session, hasSam }: GranularityProps): JSX.Element {
   const { prompt, granularity, answer, busy } = useStore(session.state);
+  const { scale = answer?.scale ?? 0.5, threshold = answer?.threshold ?? 0.5 } = granularity;
+  const said = (value: number, chosen: number | undefined) =>
+    prompt ? `${value.toFixed(2)}${chosen === undefined ? ' (auto)' : ''}` : '';
   return (
-    <>
-      <Chips session={session} />
+    <details>
+      <summary>More</summary>
       <Slider
         id="scale"
         name="Scale"
+        text={said(scale, granularity.scale)}
         ends={['a small part', 'the largest']}
         min={0}
         max={1}
-        value={granularity.scale ?? answer?.scale ?? 0.5}
-        chosen={granularity.scale !== undefined}
+        step={0.005}
+        value={scale}
         disabled={!prompt}
-        onInput={(scale) => session.drag({ scale })}
+        onInput={(value) => session.drag({ scale: value })}
         onChange={() => session.rest()}
       />
-      <details>
-        <summary>More</summary>
-        <Slider
-          id="threshold"
-          name="Similarity"
-          ends={['more pixels', 'only similar pixels']}
-          min={-1}
-          max={1}
-          value={granularity.threshold ?? answer?.threshold ?? 0.5}
-          chosen={granularity.threshold !== undefined}
-          disabled={!prompt}
-          onInput={(threshold) => session.drag({ threshold })}
-          onChange={() => session.rest()}
-        />
-        {hasSam && (
-          <button
-            type="button"
-            disabled={!answer || busy}
-            title="SAM places the border of this mask in the photograph; takes a second or two"
-            onClick={() => void session.placeBorder()}
-          >
-            Border by SAM
-          </button>
-        )}
-      </details>
+      <Slider
+        id="threshold"
+        name="Similarity"
+        text={said(threshold, granularity.threshold)}
+        ends={['more pixels', 'only similar pixels']}
+        min={-1}
+        max={1}
+        step={0.005}
+        value={threshold}
+        disabled={!prompt}
+        onInput={(value) => session.drag({ threshold: value })}
+        onChange={() => session.rest()}
+      />
+      {hasSam && (
+        <button
+          type="button"
+          disabled={!answer || busy}
+          title="SAM places the border of this mask in the photograph; takes a second or two"
+          onClick={() => void session.placeBorder()}
+        >
+          Border by SAM
+        </button>
+      )}
+    </details>
+  );
+}
+
+export function GranularityTools({ session, hasSam }: GranularityProps): JSX.Element {
+  const { samClicks } = useStore(session.state);
+  return (
+    <>
+      <SizeSlider session={session} />
+      {hasSam && (
+        <label class="check" title="SAM and the model answer clicks together; slower, but sharper">
+          <input
+            type="checkbox"
+            checked={samClicks}
+            onChange={(event) => session.setSamClicks(event.currentTarget.checked)}
+          />
+          Refine by SAM
+        </label>
+      )}
+      <MoreTools session={session} hasSam={hasSam} />
     </>
   );
 }

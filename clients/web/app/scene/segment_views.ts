@@ -22,18 +22,41 @@ export function batchesOf(views: readonly string[], largest = 8): string[][] {
   return batches;
 }
 
+/** Views in a request in which SAM answers: it takes a second or two of a core for each new view. */
+export const samBatch = 2;
+
+/**
+ * Cuts the views that SAM has not answered yet into batches: first the prompt's view, in which SAM sees
+ * the clicks, with the shown one, then the others. undefined: the picture of the 3D view (`own` is empty).
+ */
+export function samBatches(
+  own: string,
+  shown: string,
+  views: readonly string[],
+  answered: ReadonlyMap<string, unknown>,
+): (string[] | undefined)[] {
+  const left = [...new Set([own, shown, ...views])].filter((view) => view && !answered.has(view));
+  const onScreen = left.filter((view) => view === own || view === shown);
+  const rest = batchesOf(left.slice(onScreen.length), samBatch);
+  const named = onScreen.length > 0 ? [onScreen, ...rest] : rest;
+  return own === '' && !answered.has('') ? [undefined, ...named] : named;
+}
+
 export interface ViewsQuery {
   readonly model: string;
   readonly prompt: Prompt;
   readonly granularity: Granularity;
-  readonly views: readonly string[];
+  /** Absent: the prompt's view. */
+  readonly views?: readonly string[] | undefined;
   /** Whether SAM places the borders. */
   readonly samBorders?: boolean;
+  /** Whether SAM and the model answer points together; for points without scale and threshold. */
+  readonly samClicks?: boolean;
 }
 
 /** Segments the named views in one request, which is repeated until the server answers. */
 export async function segmentViews(query: ViewsQuery, signal: AbortSignal): Promise<Answer> {
-  const { model, prompt, granularity, views, samBorders = false } = query;
-  const request = { ...segmentRequest(model, prompt, granularity, views), samBorders };
+  const { model, prompt, granularity, views, samBorders = false, samClicks = false } = query;
+  const request = { ...segmentRequest(model, prompt, granularity, views), samBorders, samClicks };
   return answerOf(await steadily(() => segmentation.segmentViews(request, { signal }), signal));
 }

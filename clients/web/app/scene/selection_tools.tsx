@@ -7,6 +7,7 @@ import { useStore } from '../store';
 import type { SceneSelections, Showing } from './selections';
 import { operations } from './selections';
 import type { SceneSession } from './session';
+import { usedGranularity } from './session_state';
 
 interface Props {
   session: SceneSession;
@@ -32,13 +33,9 @@ export function selectWith(
   selections: SceneSelections,
   how: keyof typeof operations,
 ): void {
-  const { prompt, granularity, answer } = session.state.get();
-  if (!prompt || !answer) return;
-  const used = {
-    scale: granularity.scale ?? answer.scale,
-    threshold: granularity.threshold ?? answer.threshold,
-  };
-  void selections.select(prompt, used, operations[how]);
+  const state = session.state.get();
+  if (!state.prompt || !state.answer) return;
+  void selections.select(state.prompt, usedGranularity(state), operations[how]);
 }
 
 export function SelectionTools({ session, selections }: Props): JSX.Element {

@@ -4,22 +4,24 @@ import type { SegmentViewsResponse } from '../../gen/pepeseg/v1/segmentation_ser
 import { segmentation } from '../api/clients';
 import { failureOf, isCancelled } from '../api/failure';
 import { SegmentSocket } from '../api/segment_socket';
-import { steadily } from '../api/server_link';
 import { Store } from '../store';
 import { acceptedMask } from './accepted_mask';
-import type { Answer, Mask, Proposal } from './answer';
-import { answerOf, proposalsOf } from './answer';
+import type { Answer, Mask } from './answer';
+import { answerOf } from './answer';
+import type { Refusal } from './extend_prompt';
+import { agreesWith, isExtended, isRefusal, withPoint, withStroke } from './extend_prompt';
+import { ladderOf, noLadder } from './ladder';
 import type { Miss } from './miss';
 import { isMiss, missOf } from './miss';
-import type { Box, Granularity, Place, Point, Prompt } from './prompt';
-import { placeOf, promptOf, samePlace, segmentRequest } from './prompt';
-import { batchesOf, segmentViews } from './segment_views';
-import type { Before, SessionState } from './session_state';
-import { nothingAsked } from './session_state';
+import type { Box, Granularity, Place, Point, Prompt, Stroke } from './prompt';
+import { ownViewOf, placeOf, segmentRequest } from './prompt';
+import { proposeSizes } from './propose_sizes';
+import { batchesOf, samBatches, segmentViews } from './segment_views';
+import type { Before, Found, SessionState } from './session_state';
+import { isForSam, isOpen, nothingAsked, nothingFound, usedGranularity } from './session_state';
 
 /** Milliseconds without another request after which all views are requested. */
 const settleMs = 180;
-const maxPoints = 64;
 
 export class SceneSession {
   readonly state = new Store<SessionState>(nothingAsked);
@@ -32,13 +34,16 @@ export class SceneSession {
   private firstSequence = 0n;
   private newestSequence = 0n;
   /** The state before the newest prompt, until that is answered. */
-  private before: Before | undefined;
+  private before: { readonly state: Before; readonly found: Found } | undefined;
   private settling: ReturnType<typeof setTimeout> | undefined;
   private elsewhere = new AbortController();
-  /** Ends the requests for the masks below. */
+  /** Ends the requests for masks that are kept. */
   private keeping = new AbortController();
-  /** Masks that replace the model's: of a named label, or with a border by SAM. */
-  private kept: Answer['masks'] = new Map();
+  private found = nothingFound;
+  /** Whether the size slider is being moved: all of that is one step for undo. */
+  private climbing = false;
+  /** Granularities that were chosen by the size slider. */
+  private readonly snapped = new WeakSet<Granularity>();
   private shownView = '';
 
   /** `views`: names of the model's views, in their order. */
@@ -55,16 +60,11 @@ export class SceneSession {
   }
 
   addPoint(place: Place, point: Point): void {
-    const { prompt } = this.state.get();
-    const goesOn = prompt?.kind === 'points' && samePlace(placeOf(prompt), place);
-    const points = goesOn ? [...prompt.points, point] : [point];
-    if (points.every(({ negative }) => negative)) {
-      this.fail('Nothing is included yet.', 'Click what is meant first, then what is not.');
-    } else if (points.length > maxPoints) {
-      this.fail(`A prompt has at most ${maxPoints} points.`, 'Clear it and start again.');
-    } else {
-      this.pose({ kind: 'points', place, points });
-    }
+    this.extend(withPoint(this.state.get().prompt, place, point));
+  }
+
+  addStroke(place: Place, stroke: Stroke): void {
+    this.extend(withStroke(this.state.get().prompt, place, stroke));
   }
 
   setBox(place: Place, box: Box): void {
@@ -81,21 +81,53 @@ export class SceneSession {
    */
   drag(change: Granularity): void {
     if (!this.state.get().prompt) return;
-    this.state.patch({ granularity: { ...this.fixedGranularity(), ...change } });
+    this.state.patch({ granularity: { ...usedGranularity(this.state.get()), ...change } });
     clearTimeout(this.settling);
     this.elsewhere.abort();
     this.send(false);
   }
 
-  /** The slider was released: all views follow. */
+  /** A slider was released: all views follow. */
   rest(): void {
+    this.climbing = false;
     if (this.state.get().prompt) this.askOtherViews();
   }
 
-  choose({ scale, threshold }: Proposal): void {
-    this.remember();
-    this.state.patch({ granularity: { scale, threshold } });
-    this.send();
+  /**
+   * Shows a rung of the ladder. In the prompt's view its mask is there already; another shown view
+   * follows at once, the rest of them with rest().
+   */
+  climb(index: number): void {
+    const { prompt, answer, ladder } = this.state.get();
+    const rung = ladder.rungs[index];
+    if (!prompt || !answer || !rung || !ladder.isCurrent || index === ladder.at) return;
+    if (!this.climbing) this.remember();
+    this.climbing = true;
+    this.endRequests();
+    this.firstSequence = this.newestSequence + 1n;
+    const { granularity, scale, threshold, mask } = rung;
+    if (!isOpen(granularity)) this.snapped.add(granularity);
+    this.state.patch({
+      granularity,
+      answer: { ...answer, scale, threshold, masks: new Map([...answer.masks, [mask.view, mask]]) },
+      ladder: { ...ladder, at: index },
+      busy: false,
+      looking: false,
+      current: new Set([mask.view]),
+    });
+    const forSam = isForSam(this.state.get());
+    this.found = { ...this.found, kept: new Map(forSam ? [[mask.view, mask]] : []) };
+    if (this.shownView !== mask.view) this.ask([this.shownView]);
+  }
+
+  /** Chooses whether SAM and the model answer clicks together. */
+  setSamClicks(samClicks: boolean): void {
+    const before = this.state.get();
+    this.state.patch({ samClicks });
+    if (!before.answer || isForSam(before) === isForSam(this.state.get())) return;
+    if (samClicks) this.state.patch({ current: new Set() });
+    if (samClicks) this.askOtherViews();
+    else this.send();
   }
 
   /** Lets SAM place the border of the shown mask, at the scale and threshold of the answer. */
@@ -104,7 +136,7 @@ export class SceneSession {
     if (!prompt || !answer || busy) return;
     const place = placeOf(prompt);
     const views = place && 'camera' in place ? undefined : [this.shownView].filter(Boolean);
-    const request = segmentRequest(this.model, prompt, this.fixedGranularity(), views);
+    const request = segmentRequest(this.model, prompt, usedGranularity(this.state.get()), views);
     const { signal } = this.keeping;
     this.state.patch({ busy: true, failure: undefined });
     try {
@@ -140,24 +172,16 @@ export class SceneSession {
   }
 
   end(): void {
-    clearTimeout(this.settling);
-    this.elsewhere.abort();
-    this.keeping.abort();
+    this.endRequests();
     this.socket.close();
   }
 
-  /** The scale and threshold that are set, else those of the answer. */
-  private fixedGranularity(): Granularity {
-    const { granularity, answer } = this.state.get();
-    return {
-      scale: granularity.scale ?? answer?.scale,
-      threshold: granularity.threshold ?? answer?.threshold,
-    };
-  }
-
-  private fail(what: string, todo: string): void {
-    const { code, ...rest } = failureOf(new Error(what));
-    this.state.patch({ failure: { ...rest, code, what, todo } });
+  private extend(extended: Prompt | Refusal): void {
+    if (isRefusal(extended)) {
+      this.state.patch({ failure: { ...failureOf(new Error(extended.what)), ...extended } });
+    } else {
+      this.pose(extended);
+    }
   }
 
   private remember(): void {
@@ -168,14 +192,29 @@ export class SceneSession {
 
   /** Puts masks in place of the model's until the prompt, scale or threshold changes. */
   private keep(masks: Answer['masks']): void {
-    this.kept = new Map([...this.kept, ...masks]);
+    this.found = { ...this.found, kept: new Map([...this.found.kept, ...masks]) };
     this.merge(masks);
   }
 
-  private forgetKept(): void {
+  private endRequests(): void {
+    clearTimeout(this.settling);
+    this.elsewhere.abort();
     this.keeping.abort();
     this.keeping = new AbortController();
-    this.kept = new Map();
+  }
+
+  /** Takes the answer in the prompt's view as one of the sizes. */
+  private takeSize(mask: Mask | undefined): void {
+    const { granularity, answer } = this.state.get();
+    if (!mask || !answer) return;
+    const { scale, threshold } = answer;
+    this.found = { ...this.found, answered: { granularity, scale, threshold, mask } };
+    this.putLadder();
+  }
+
+  private putLadder(): void {
+    const { proposals, answered } = this.found;
+    if (proposals) this.state.patch({ ladder: ladderOf(proposals, answered) });
   }
 
   /** Gets the mask that a person accepted for a label: in its own view it is the answer. */
@@ -194,7 +233,7 @@ export class SceneSession {
     const { answer, current } = this.state.get();
     if (!answer) return;
     this.state.patch({
-      answer: { ...answer, masks: new Map([...answer.masks, ...found, ...this.kept]) },
+      answer: { ...answer, masks: new Map([...answer.masks, ...found, ...this.found.kept]) },
       current: new Set([...current, ...found.keys()]),
     });
   }
@@ -204,14 +243,14 @@ export class SceneSession {
   }
 
   private forgetAnswers(): void {
-    this.forgetKept();
+    this.endRequests();
+    this.found = nothingFound;
+    this.climbing = false;
     this.firstSequence = this.newestSequence + 1n;
-    clearTimeout(this.settling);
-    this.elsewhere.abort();
     this.before = undefined;
     this.state.patch({
       answer: undefined,
-      proposals: [],
+      ladder: noLadder,
       failure: undefined,
       miss: undefined,
       busy: false,
@@ -222,51 +261,69 @@ export class SceneSession {
 
   private pose(prompt: Prompt): void {
     this.remember();
-    const { prompt: asked, granularity, answer, current, proposals } = this.state.get();
+    const { prompt: asked, granularity, answer, current, ladder } = this.state.get();
+    const state = { prompt: asked, granularity, answer, current, ladder };
     // If two prompts in a row get no answer, there is no earlier state to return to.
-    const before =
-      asked && !answer
-        ? this.before
-        : { prompt: asked, granularity, answer, current, proposals };
+    const before = asked && !answer ? this.before : { state, found: this.found };
     this.forgetAnswers();
     this.before = before;
     // For another thing scale and threshold are chosen again.
-    const old = this.state.get().prompt;
-    const same = old?.kind === 'points' && prompt.kind === 'points' && prompt.points.length > 1;
-    this.state.patch({ prompt, granularity: same ? this.state.get().granularity : {} });
+    const same = isExtended(asked, prompt);
+    this.state.patch({
+      prompt,
+      granularity: same ? granularity : {},
+      ladder: same ? { ...ladder, isCurrent: false } : noLadder,
+    });
     this.send();
   }
 
   private send(andOtherViews = true): void {
     const { prompt, granularity } = this.state.get();
     if (!prompt) return;
+    this.endRequests();
+    this.found = { ...this.found, kept: new Map() };
+    this.state.patch({ current: new Set() });
     const place = placeOf(prompt);
-    const own = place && 'view' in place ? place.view : '';
-    const views =
-      place && 'camera' in place ? undefined : [...new Set([own, this.shownView])].filter(Boolean);
-    this.forgetKept();
-    this.state.patch({ busy: true, looking: false, current: new Set() });
-    this.newestSequence = this.socket.ask(segmentRequest(this.model, prompt, granularity, views));
-    const isOpen = granularity.scale === undefined && granularity.threshold === undefined;
-    if (prompt.kind === 'label' && isOpen) void this.keepAccepted(prompt.label);
+    const named = [...new Set([ownViewOf(prompt), this.shownView])].filter(Boolean);
+    this.ask(place && 'camera' in place ? undefined : named);
+    if (prompt.kind === 'label' && isOpen(granularity)) void this.keepAccepted(prompt.label);
     if (andOtherViews) this.askOtherViews();
+  }
+
+  /** Asks the stream for masks of these views; undefined: of the prompt's. */
+  private ask(views: readonly string[] | undefined): void {
+    const { prompt, granularity, current } = this.state.get();
+    if (!prompt) return;
+    const left = views === undefined ? [] : [...current].filter((view) => !views.includes(view));
+    this.state.patch({ busy: true, looking: false, current: new Set(left) });
+    this.newestSequence = this.socket.ask(segmentRequest(this.model, prompt, granularity, views));
   }
 
   private take(sequence: bigint, response: SegmentViewsResponse): void {
     if (sequence < this.firstSequence) return;
     this.before = undefined;
     const answer = answerOf(response);
-    const { answer: before, numAnswers } = this.state.get();
+    const { answer: before, numAnswers, prompt, granularity, current } = this.state.get();
+    const own = prompt && answer.masks.get(ownViewOf(prompt));
+    if (own && prompt && this.snapped.has(granularity) && !agreesWith(own.rle, prompt)) {
+      // The size that was chosen does not fit the newest mark: the server chooses again.
+      this.state.patch({ granularity: {} });
+      return this.send();
+    }
     // Masks of other views follow when the slider stops.
-    const masks = new Map([...(before?.masks ?? []), ...answer.masks, ...this.kept]);
+    const { kept } = this.found;
+    const masks = new Map([...(before?.masks ?? []), ...answer.masks, ...kept]);
     const isNewest = sequence === this.newestSequence;
+    // Until SAM has answered, the model's masks are not the last word.
+    const final = isForSam(this.state.get()) ? [] : answer.masks.keys();
     this.state.patch({
       answer: { ...answer, masks },
       busy: !isNewest,
-      current: new Set(isNewest ? [...answer.masks.keys(), ...this.kept.keys()] : []),
+      current: new Set(isNewest ? [...current, ...final, ...kept.keys()] : []),
       numAnswers: numAnswers + 1,
       failure: undefined,
     });
+    this.takeSize(own);
   }
 
   private refused(sequence: bigint, error: unknown): void {
@@ -283,8 +340,9 @@ export class SceneSession {
     const before = this.before;
     this.past.pop();
     this.forgetAnswers();
-    this.state.patch({ ...before, miss, canUndo: this.past.length > 0 });
-    if (before?.prompt) this.askOtherViews();
+    if (before) this.found = before.found;
+    this.state.patch({ ...before?.state, miss, canUndo: this.past.length > 0 });
+    if (before?.state.prompt) this.askOtherViews();
   }
 
   private askOtherViews(): void {
@@ -294,7 +352,6 @@ export class SceneSession {
     this.settling = setTimeout(() => void this.settle(), settleMs);
   }
 
-  /** Requests the proposals and, at the scale and threshold of the answer, all other views. */
   private async settle(): Promise<void> {
     const { prompt, answer, busy } = this.state.get();
     if (busy) return this.askOtherViews();
@@ -305,11 +362,12 @@ export class SceneSession {
   }
 
   private async propose(prompt: Prompt, signal: AbortSignal): Promise<void> {
-    if (prompt.kind !== 'points' || this.state.get().proposals.length > 0) return;
-    const request = { model: this.model, prompt: promptOf(prompt), maxProposals: 5 };
+    if (this.found.proposals) return;
     try {
-      const answer = await steadily(() => segmentation.proposeScales(request, { signal }), signal);
-      if (!signal.aborted) this.state.patch({ proposals: proposalsOf(answer) });
+      const proposals = await proposeSizes(this.model, prompt, signal);
+      if (signal.aborted) return;
+      this.found = { ...this.found, proposals };
+      this.putLadder();
     } catch (error) {
       this.report(error, signal);
     }
@@ -317,16 +375,23 @@ export class SceneSession {
 
   /** Segments the views whose masks are not current, from the shown one on. */
   private async lookElsewhere(prompt: Prompt, signal: AbortSignal): Promise<void> {
-    const granularity = this.fixedGranularity();
-    const { current } = this.state.get();
+    const state = this.state.get();
+    const samClicks = isForSam(state);
+    const granularity = samClicks ? {} : usedGranularity(state);
+    const own = ownViewOf(prompt);
     const from = Math.max(0, this.views.indexOf(this.shownView));
     const inOrder = [...this.views.slice(from), ...this.views.slice(0, from)];
+    const batches = samClicks
+      ? samBatches(own, this.shownView, inOrder, this.found.kept)
+      : batchesOf(inOrder.filter((view) => !state.current.has(view)));
     try {
-      for (const views of batchesOf(inOrder.filter((view) => !current.has(view)))) {
-        const query = { model: this.model, prompt, granularity, views };
+      for (const views of batches) {
+        const query = { model: this.model, prompt, granularity, views, samClicks };
         const { masks } = await segmentViews(query, signal);
         if (signal.aborted) return;
-        this.merge(masks);
+        if (samClicks) this.keep(masks);
+        else this.merge(masks);
+        if (samClicks) this.takeSize(masks.get(own));
       }
     } catch (error) {
       this.report(error, signal);

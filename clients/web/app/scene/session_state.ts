@@ -1,6 +1,8 @@
 // The state of a session that the screen shows.
 import type { Failure } from '../api/failure';
 import type { Answer, Proposal } from './answer';
+import type { Ladder, Rung } from './ladder';
+import { noLadder } from './ladder';
 import type { Miss } from './miss';
 import type { Granularity, Prompt } from './prompt';
 
@@ -8,7 +10,10 @@ export interface SessionState {
   readonly prompt: Prompt | undefined;
   readonly granularity: Granularity;
   readonly answer: Answer | undefined;
-  readonly proposals: readonly Proposal[];
+  /** The sizes that the prompt may mean, and the shown one. */
+  readonly ladder: Ladder;
+  /** Whether SAM and the model answer clicks together. */
+  readonly samClicks: boolean;
   readonly busy: boolean;
   /** Whether masks of other views are still to come. */
   readonly looking: boolean;
@@ -26,7 +31,8 @@ export const nothingAsked: SessionState = {
   prompt: undefined,
   granularity: {},
   answer: undefined,
-  proposals: [],
+  ladder: noLadder,
+  samClicks: false,
   busy: false,
   looking: false,
   current: new Set(),
@@ -37,7 +43,40 @@ export const nothingAsked: SessionState = {
 };
 
 /** What a prompt that hits nothing gives back. */
-export type Before = Pick<
-  SessionState,
-  'prompt' | 'granularity' | 'answer' | 'current' | 'proposals'
->;
+export type Before = Pick<SessionState, 'prompt' | 'granularity' | 'answer' | 'current' | 'ladder'>;
+
+/** Returns the scale and threshold that are set, else those of the answer. */
+export function usedGranularity({
+  granularity,
+  answer,
+}: Pick<SessionState, 'granularity' | 'answer'>): Granularity {
+  return {
+    scale: granularity.scale ?? answer?.scale,
+    threshold: granularity.threshold ?? answer?.threshold,
+  };
+}
+
+/** What the answer is made of, and what the size slider goes along. */
+export interface Found {
+  /** Masks that replace the model's: of a named label, or by SAM. */
+  readonly kept: Answer['masks'];
+  /** Undefined: the server has not proposed anything for this prompt yet. */
+  readonly proposals: readonly Proposal[] | undefined;
+  /** The answer in the prompt's view, before the size slider moved. */
+  readonly answered: Rung | undefined;
+}
+
+export const nothingFound: Found = { kept: new Map(), proposals: undefined, answered: undefined };
+
+export function isOpen({ scale, threshold }: Granularity): boolean {
+  return scale === undefined && threshold === undefined;
+}
+
+/** Returns whether SAM answers: it takes clicks, and chooses by itself how large the thing is. */
+export function isForSam({
+  prompt,
+  granularity,
+  samClicks,
+}: Pick<SessionState, 'prompt' | 'granularity' | 'samClicks'>): boolean {
+  return samClicks && prompt?.kind === 'points' && isOpen(granularity);
+}

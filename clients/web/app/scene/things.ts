@@ -7,9 +7,10 @@ import type { Mask } from './answer';
 import { labelName } from './labels';
 import type { Granularity, Prompt } from './prompt';
 import type { Watch } from './running_export';
-import { batchesOf, segmentViews } from './segment_views';
+import { batchesOf, samBatch, segmentViews } from './segment_views';
 import { serverHasSam } from './server_sam';
 import type { SessionState } from './session_state';
+import { isForSam, usedGranularity } from './session_state';
 
 export interface Thing {
   /** Id of the label, which is a folder's name. */
@@ -17,12 +18,14 @@ export interface Thing {
   readonly category: string;
   readonly prompt: Prompt;
   readonly granularity: Granularity;
+  /** Whether SAM and the model answer it together. */
+  readonly samClicks?: boolean;
 }
 
 /** Returns the labels as things; without labels, the current segment. */
 export function thingsOf(
   labels: readonly Label[],
-  { prompt, granularity, answer }: Pick<SessionState, 'prompt' | 'granularity' | 'answer'>,
+  state: Pick<SessionState, 'prompt' | 'granularity' | 'answer' | 'samClicks'>,
 ): Thing[] {
   if (labels.length > 0) {
     return labels.map((label) => ({
@@ -32,16 +35,12 @@ export function thingsOf(
       granularity: {},
     }));
   }
+  const { prompt, answer } = state;
   if (!prompt || !answer) return [];
-  const used = {
-    scale: granularity.scale ?? answer.scale,
-    threshold: granularity.threshold ?? answer.threshold,
-  };
-  return [{ id: 'segment', category: 'segment', prompt, granularity: used }];
+  const samClicks = isForSam(state);
+  const granularity = samClicks ? {} : usedGranularity(state);
+  return [{ id: 'segment', category: 'segment', prompt, granularity, samClicks }];
 }
-
-/** Views in a request for SAM's borders, which take a second or two each. */
-const samBatch = 2;
 
 /** Masks of a thing while they are made. */
 interface Making {
@@ -68,9 +67,12 @@ async function addMasks(
   const views = asked.views.filter((view) => view !== accepted?.view);
   if (accepted && views.length < asked.views.length) masks.set(accepted.view, accepted);
   if (views.length === 0) return;
-  const answer = await segmentViews({ ...asked, prompt: thing.prompt, granularity, views }, signal);
+  const { prompt, samClicks = false } = thing;
+  const query = { ...asked, prompt, granularity, views, samClicks };
+  // Where SAM answers clicks, it places the borders, too.
+  const answer = await segmentViews(samClicks ? { ...query, samBorders: false } : query, signal);
   for (const [view, mask] of answer.masks) masks.set(view, mask);
-  making.granularity = { scale: answer.scale, threshold: answer.threshold };
+  if (!samClicks) making.granularity = { scale: answer.scale, threshold: answer.threshold };
 }
 
 /**

@@ -9,6 +9,7 @@ import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
 import { useStore } from '../store';
 import { useNarrow } from '../use_narrow';
+import { firstBrush, withWidth } from './brush';
 import { describeAnswer } from './describe_answer';
 import { DownloadTools } from './download_tools';
 import { Filmstrip, thumbnailSide } from './filmstrip';
@@ -63,6 +64,7 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
   const { session, selections, labels } = useModel(scene, views);
   const [view, setView] = useState(views[0]);
   const [tool, setTool] = useState<Tool>('include');
+  const [brush, setBrush] = useState(firstBrush);
   const [pane, setPane] = useState<'view' | '3d'>('view');
   const [source, setSource] = useState<Source>('photo');
   const [help, setHelp] = useState(false);
@@ -75,7 +77,7 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
   const thumbnailOf = (of: View) =>
     photoUrl(session.model, { name: of.view, maxSide: thumbnailSide });
   const state = useStore(session.state);
-  const { prompt, answer, failure, miss, numAnswers, proposals, busy, looking } = state;
+  const { prompt, answer, failure, miss, numAnswers, busy, looking } = state;
   const { selection, showing } = useStore(selections.state);
   const shown = view?.view ?? '';
   useEffect(() => session.show(shown), [session, shown]);
@@ -85,9 +87,9 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
       views[(views.findIndex((other) => other.view === shown) + by + views.length) % views.length];
     if (next) setView(next);
   };
-  const takeProposal = (i: number) => () => {
-    const proposal = proposals[i];
-    if (proposal) session.choose(proposal);
+  const size = (index: number) => () => {
+    session.climb(index);
+    session.rest();
   };
   useShortcuts({
     '?': () => setHelp(true),
@@ -95,14 +97,14 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
     Escape: () => session.clear(),
     '[': () => step(-1),
     ']': () => step(1),
-    '1': takeProposal(0),
-    '2': takeProposal(1),
-    '3': takeProposal(2),
-    '4': takeProposal(3),
-    '5': takeProposal(4),
+    ...Object.fromEntries([0, 1, 2, 3, 4, 5].map((index) => [String(index + 1), size(index)])),
     i: () => setTool('include'),
     e: () => setTool('exclude'),
     b: () => setTool('box'),
+    p: () => setTool('brush'),
+    x: () => tool === 'brush' && setBrush({ ...brush, negative: !brush.negative }),
+    '+': () => tool === 'brush' && setBrush(withWidth(brush, brush.width + 2)),
+    '-': () => tool === 'brush' && setBrush(withWidth(brush, brush.width - 2)),
     v: () => setSource(source === 'photo' ? 'rendering' : 'photo'),
     l: () => document.getElementById('label-text')?.focus(),
     s: () => selectWith(session, selections, 'select'),
@@ -138,9 +140,11 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
           prompt={here}
           miss={samePlace(miss?.place, place) ? miss : undefined}
           tool={tool}
+          brush={brush}
           numAnswers={numAnswers}
           onPoint={(point) => session.addPoint(place, point)}
           onBox={(box) => session.setBox(place, box)}
+          onStroke={(stroke) => session.addStroke(place, stroke)}
         />
       )}
       {(!narrow || pane === '3d') && (
@@ -181,8 +185,14 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
               <Icon name="help" />
             </button>
           </div>
-          <PromptTools tool={tool} onTool={setTool} />
-          <p class="quiet" role="status" aria-busy={busy || looking}>
+          <PromptTools
+            tool={tool}
+            onTool={setTool}
+            brush={brush}
+            onBrush={setBrush}
+            viewWidth={width}
+          />
+          <p class="quiet said" role="status" aria-busy={busy || looking}>
             {prompt
               ? describeAnswer(state, shown, session.views)
               : 'Click a thing in the view or in 3D.'}

@@ -143,6 +143,24 @@ export async function dragBox(
   await page.mouse.up();
 }
 
+/** Draws a stroke through these positions, in shares of the view's width and height. */
+export async function drawStroke(
+  page: Page,
+  path: readonly (readonly [number, number])[],
+  shift = false,
+): Promise<void> {
+  const edges = await page.locator('.picture').boundingBox();
+  if (!edges) throw new Error('no view on the screen');
+  if (shift) await page.keyboard.down('Shift');
+  for (const [i, [x, y]] of path.entries()) {
+    const at = [edges.x + x * edges.width, edges.y + y * edges.height] as const;
+    await page.mouse.move(...at, { steps: i === 0 ? 1 : 10 });
+    if (i === 0) await page.mouse.down();
+  }
+  await page.mouse.up();
+  if (shift) await page.keyboard.up('Shift');
+}
+
 /** Returns the number of answers drawn since the page was opened. */
 export async function numAnswers(page: Page): Promise<number> {
   return Number(await page.locator('.picture').getAttribute('data-answers'));
@@ -164,8 +182,23 @@ export async function shownInSplats(page: Page, how: string): Promise<void> {
   await page.waitForTimeout(2500);
 }
 
+/** Waits for the sizes that the prompt may mean, and returns their number. */
+export async function numSizes(page: Page): Promise<number> {
+  const said = page.locator('output[for=size]');
+  await expect(said).toHaveText(/best guess|smaller|larger|the only size/, { timeout: 60_000 });
+  const count = /of (\d+)/.exec(await said.innerText())?.[1] ?? '1';
+  if (count !== '1') await expect(page.getByLabel('Size', { exact: true })).toBeEnabled();
+  return Number(count);
+}
+
+/** Moves the size slider to a size, the smallest of which is 0. */
+export async function chooseSize(page: Page, index: number): Promise<void> {
+  await page.getByLabel('Size', { exact: true }).fill(String(index));
+}
+
 /** Measures the answers a second while the scale is dragged back and forth for four seconds. */
 export async function answersPerSecond(page: Page): Promise<number> {
+  await page.getByText('More', { exact: true }).click();
   const edges = await page.getByLabel('Scale').boundingBox();
   if (!edges) throw new Error('no slider');
   const y = edges.y + edges.height / 2;
@@ -179,5 +212,6 @@ export async function answersPerSecond(page: Page): Promise<number> {
   }
   const rate = (1000 * ((await numAnswers(page)) - before)) / (Date.now() - begin);
   await page.mouse.up();
+  await page.getByText('More', { exact: true }).click();
   return rate;
 }

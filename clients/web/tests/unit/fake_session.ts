@@ -1,4 +1,5 @@
 // A session without a network: the stream's answers are given by hand, and calls are functions of a test.
+import type { SegmentViewsRequest } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import type { SceneSession } from '../../app/scene/session';
 
 export const model = 'scenes/shelf/models/1';
@@ -22,20 +23,40 @@ export interface FakeSession {
   readonly session: SceneSession;
   /** Answers the newest request of the stream. */
   readonly answer: (...named: string[]) => void;
+  /** Answers it with these masks. */
+  readonly answerWith: (masks: readonly object[], used?: Used) => void;
+  /** Refuses it. */
+  readonly refuse: (error: unknown) => void;
+  /** The requests of the stream. */
+  readonly asked: readonly SegmentViewsRequest[];
+}
+
+/** Scale and threshold of an answer. */
+interface Used {
+  readonly scaleQuantile: number;
+  readonly threshold: number;
 }
 
 /** The session listens to the page's network: a test sets `window` before. */
 export async function fakeSession(): Promise<FakeSession> {
   const { SceneSession } = await import('../../app/scene/session');
   const session = new SceneSession(model, views);
-  let sequence = 0n;
+  const asked: SegmentViewsRequest[] = [];
   const inside = session as unknown as {
-    socket: { ask: () => bigint; close: () => void };
+    socket: { ask: (request: SegmentViewsRequest) => bigint; close: () => void };
     take: (sequence: bigint, response: object) => void;
+    refused: (sequence: bigint, error: unknown) => void;
   };
-  inside.socket = { ask: () => ++sequence, close: () => undefined };
+  inside.socket = { ask: (request) => BigInt(asked.push(request)), close: () => undefined };
   session.show('a.jpg');
-  return { session, answer: (...named) => inside.take(sequence, answerIn(...named)) };
+  const newest = () => BigInt(asked.length);
+  return {
+    session,
+    asked,
+    answer: (...named) => inside.take(newest(), answerIn(...named)),
+    answerWith: (masks, used) => inside.take(newest(), { ...answerIn(), masks, ...used }),
+    refuse: (error) => inside.refused(newest(), error),
+  };
 }
 
 /** Replaces methods of a client, and returns a function that puts them back. */

@@ -12,6 +12,7 @@ interface Asked {
   targets: { views: string[] };
   granularity: { threshold?: number };
   samBorders: boolean;
+  samClicks: boolean;
 }
 
 const undo: (() => void)[] = [];
@@ -49,7 +50,8 @@ async function exported(
   inViews: readonly string[] = views,
 ) {
   const { masksOfThings, thingsOf } = await import('../../app/scene/things');
-  const things = thingsOf(labels, { prompt: undefined, granularity: {}, answer: undefined });
+  const { nothingAsked } = await import('../../app/scene/session_state');
+  const things = thingsOf(labels, nothingAsked);
   const { signal } = new AbortController();
   return masksOfThings(model, things, inViews, { progress, signal });
 }
@@ -116,11 +118,29 @@ test('without labels the shown segment is exported, at its scale and threshold',
     box: { x: 0, y: 0, width: 1, height: 1 },
   };
   const answer = { masks: new Map(), scale: 0.4, scaleUnits: 1, threshold: 0.7, computeMs: 1 };
-  const state = { prompt: prompt as never, granularity: { scale: 0.9 }, answer };
+  const asked = { prompt: prompt as never, granularity: { scale: 0.9 }, answer };
+  const state = { ...asked, samClicks: true };
+  const thing = { id: 'segment', category: 'segment', prompt, samClicks: false };
   expect(thingsOf([], state)).toEqual([
-    { id: 'segment', category: 'segment', prompt, granularity: { scale: 0.9, threshold: 0.7 } },
+    { ...thing, granularity: { scale: 0.9, threshold: 0.7 } },
   ]);
   expect(thingsOf([], { ...state, answer: undefined })).toEqual([]);
+});
+
+test('a segment that SAM has answered is exported as SAM answers it', async () => {
+  const { masksOfThings, thingsOf } = await import('../../app/scene/things');
+  hasSam = true;
+  const points = [{ x: 0, y: 0, negative: false }];
+  const prompt = { kind: 'points', place: { view: 'a.jpg' }, points } as const;
+  const answer = { masks: new Map(), scale: 0.4, scaleUnits: 1, threshold: 0.7, computeMs: 1 };
+  const things = thingsOf([], { prompt, granularity: {}, answer, samClicks: true });
+  const { signal } = new AbortController();
+  await masksOfThings(model, things, views, { progress: () => undefined, signal });
+  expect(asked.length).toBeGreaterThan(1);
+  for (const { samClicks, samBorders, granularity } of asked) {
+    // The contract: not with a scale or a threshold.
+    expect([samClicks, samBorders, granularity.threshold]).toEqual([true, false, undefined]);
+  }
 });
 
 test('an export reports each mask that it has made', async () => {

@@ -1,24 +1,7 @@
 import { expect, test } from '@playwright/test';
 import { shrunkMask } from '../../app/mask/paint';
-import { decodeRle, intersectionOverUnion, runsOf } from '../../app/mask/rle';
-
-// As pycocotools encodes it: the runs as they are, or as differences to the one before the last, in
-// groups of five bits from the lowest.
-function encode(runs: number[]): string {
-  return runs
-    .map((run, i) => {
-      let value = i > 2 ? run - (runs[i - 2] as number) : run;
-      let text = '';
-      for (;;) {
-        const bits = value & 31;
-        value >>= 5;
-        const ends = (value === 0 && !(bits & 16)) || (value === -1 && !!(bits & 16));
-        text += String.fromCharCode(48 + (ends ? bits : bits | 32));
-        if (ends) return text;
-      }
-    })
-    .join('');
-}
+import { decodeRle, intersectionOverUnion, overlapOf, runsOf } from '../../app/mask/rle';
+import { encode, firstColumns } from './runs';
 
 test('runs can be decoded after encoding, also long and shrinking ones', () => {
   for (const runs of [
@@ -52,6 +35,22 @@ test('excess pixels are ignored, wrong characters are an error', () => {
 test('intersection over union', () => {
   expect(intersectionOverUnion(Uint8Array.of(1, 1, 0), Uint8Array.of(0, 1, 1))).toBeCloseTo(1 / 3);
   expect(intersectionOverUnion(new Uint8Array(3), new Uint8Array(3))).toBe(0);
+});
+
+test('the overlap of run lengths is that of their pixels', () => {
+  const masks = [
+    [0, 600, 400],
+    [7, 5, 300, 411, 277],
+    [1000],
+    [999, 1],
+    [0, 1000],
+    [3, 1, 3, 1, 3, 1, 988],
+  ].map((runs) => ({ width: 100, height: 10, counts: encode(runs) }));
+  for (const a of masks) {
+    for (const b of masks)
+      expect(overlapOf(a, b)).toBe(intersectionOverUnion(decodeRle(a), decodeRle(b)));
+  }
+  expect(overlapOf(firstColumns(5), firstColumns(5, 50))).toBe(0);
 });
 
 test('a drawn mask is not larger than the screen', () => {

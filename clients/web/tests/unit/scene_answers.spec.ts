@@ -2,50 +2,8 @@ import { create } from '@bufbuild/protobuf';
 import { expect, test } from '@playwright/test';
 import { JobEventSchema, JobStage } from '../../gen/pepeseg/v1/job_service_pb';
 import { ViewSchema } from '../../gen/pepeseg/v1/scene_service_pb';
-import {
-  ProposeScalesResponseSchema,
-  ProposeScalesResponse_Kind,
-} from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { cocoJson } from '../../app/mask/coco';
-import { proposalsOf } from '../../app/scene/answer';
 import { segmentRequest, sizeOf } from '../../app/scene/prompt';
-
-function ladder(areas: bigint[], kinds: ProposeScalesResponse_Kind[], best: number) {
-  const proposals = areas.map((area, i) => ({
-    scaleQuantile: 0.1 * i,
-    threshold: 0.7,
-    kind: kinds[i] ?? ProposeScalesResponse_Kind.UNSPECIFIED,
-    mask: {
-      area,
-      mask: { case: 'rle', value: { width: 2, height: 2, counts: '4' } } as const,
-    },
-  }));
-  return proposalsOf(create(ProposeScalesResponseSchema, { proposals, best }));
-}
-
-test('proposals are the server’s, with its names', () => {
-  const { PART, OBJECT, GROUP, UNSPECIFIED } = ProposeScalesResponse_Kind;
-  const shown = ladder([1n, 9n, 50n, 400n], [UNSPECIFIED, PART, OBJECT, GROUP], 2);
-  expect(shown.map(({ name, best, mask: { area } }) => [name, best, area])).toEqual([
-    ['1', false, 1],
-    ['Part', false, 9],
-    ['Object', true, 50],
-    ['Group', false, 400],
-  ]);
-  const scales = shown.map(({ scale }) => scale);
-  expect(scales).toEqual([...scales].sort((a, b) => a - b));
-});
-
-test('two proposals of a kind are named by their position', () => {
-  const { PART, OBJECT } = ProposeScalesResponse_Kind;
-  const names = ladder([1n, 9n, 50n], [PART, PART, OBJECT], 0).map(({ name }) => name);
-  expect(names).toEqual(['Part 1', 'Part 2', 'Object']);
-});
-
-test('the only proposal is the object', () => {
-  const names = ladder([9n], [ProposeScalesResponse_Kind.UNSPECIFIED], 0).map(({ name }) => name);
-  expect(names).toEqual(['Object']);
-});
 
 test('pixels are those of the photograph where its size is known', () => {
   const camera = { width: 320, height: 240 };
