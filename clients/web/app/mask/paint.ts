@@ -4,13 +4,23 @@ import { decodeRle } from './rle';
 
 type Color = readonly [red: number, green: number, blue: number, alpha: number];
 
-const tint: Color = [20, 184, 166, 105];
+/** A mask in a colour. */
+export interface Layer {
+  readonly rle: Rle;
+  readonly color: readonly [red: number, green: number, blue: number];
+}
+
+const tint = [20, 184, 166] as const;
+const tintAlpha = 105;
 const outline: Color = [255, 255, 255, 235];
 
 /** Tints the mask, and outlines pixels with a neighbour outside it; the picture's edge is no border. */
-function fill(words: Uint32Array, pixels: Uint8Array, width: number, height: number): void {
-  const inside = packed(tint);
-  const border = packed(outline);
+function fill(
+  words: Uint32Array,
+  { width, height, pixels }: Pixels,
+  inside: number,
+  border: number,
+): void {
   for (let y = 0, i = 0; y < height; ++y) {
     for (let x = 0; x < width; ++x, ++i) {
       if (!pixels[i]) continue;
@@ -60,18 +70,34 @@ export function paintMask(
   mask: Rle | undefined,
   maxSide = 2048,
 ): void {
-  if (!mask || mask.width === 0) {
+  paintLayers(canvas, mask ? [{ rle: mask, color: tint }] : [], maxSide);
+}
+
+/** Draws masks of one size over each other, the last one on top; none clears the canvas. */
+export function paintLayers(
+  canvas: HTMLCanvasElement,
+  layers: readonly Layer[],
+  maxSide = 2048,
+): void {
+  const drawn = layers.filter(({ rle }) => rle.width > 0);
+  const [first] = drawn;
+  if (!first) {
     canvas.width = 1;
     canvas.height = 1;
     return;
   }
-  const { width, height, pixels } = shrunkMask(mask, maxSide);
+  const { width, height } = shrunkMask(first.rle, maxSide);
   if (canvas.width !== width) canvas.width = width;
   if (canvas.height !== height) canvas.height = height;
   const context = canvas.getContext('2d');
   if (!context) return;
   const image = context.createImageData(width, height);
-  fill(new Uint32Array(image.data.buffer), pixels, width, height);
+  const words = new Uint32Array(image.data.buffer);
+  for (const { rle, color } of drawn) {
+    const mask = shrunkMask(rle, maxSide);
+    if (mask.width !== width || mask.height !== height) continue;
+    fill(words, mask, packed([...color, tintAlpha]), packed(outline));
+  }
   context.putImageData(image, 0, 0);
 }
 

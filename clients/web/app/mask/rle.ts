@@ -54,6 +54,42 @@ function fillColumns(
   }
 }
 
+/** Returns the position, column by column, of the pixel of a mask that has `count` others before it. */
+function positionOf(runs: readonly number[], count: number): number {
+  let left = count;
+  let position = 0;
+  for (const [i, run] of runs.entries()) {
+    if (i % 2 === 1 && left < run) return position + left;
+    if (i % 2 === 1) left -= run;
+    position += run;
+  }
+  return position;
+}
+
+/** Returns the number of the mask's pixels before a position. */
+function countBefore(runs: readonly number[], position: number): number {
+  let at = 0;
+  let count = 0;
+  for (const [i, run] of runs.entries()) {
+    if (i % 2 === 1) count += Math.min(run, Math.max(position - at, 0));
+    at += run;
+  }
+  return count;
+}
+
+/**
+ * Returns a pixel in the middle of a mask: the middle one of the column that has half of the mask on
+ * either side. Stray pixels hardly move it.
+ */
+export function middleOf({ height, counts }: Rle): { readonly x: number; readonly y: number } {
+  const runs = runsOf(counts);
+  const area = countBefore(runs, Infinity);
+  const x = Math.floor(positionOf(runs, Math.floor(area / 2)) / height);
+  const above = countBefore(runs, x * height);
+  const inColumn = countBefore(runs, (x + 1) * height) - above;
+  return { x, y: positionOf(runs, above + Math.floor(inColumn / 2)) - x * height };
+}
+
 export interface Extent {
   /** Number of pixels in the mask. */
   readonly area: number;

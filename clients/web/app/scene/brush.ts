@@ -19,7 +19,7 @@ export function withWidth(brush: Brush, width: number): Brush {
   return { ...brush, width: Math.min(Math.max(width, minBrush), maxBrush) };
 }
 
-/** Returns the width of strokes in a view that is so many pixels wide. */
+/** Returns the width of strokes, pixels, in a view that is `viewWidth` pixels wide. */
 export function strokeWidth({ width }: Brush, viewWidth: number): number {
   return Math.min((width * viewWidth) / drawingWidth, maxStrokeWidth);
 }

@@ -3,9 +3,16 @@ import { useEffect, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { paintMask } from '../mask/paint';
 import type { Mask } from './answer';
+import type { Appearance, Rgb } from './found_things';
+import { sizeOf } from './prompt';
 
 /** Longer side of the mask on a thumbnail, pixels: twice its size on the screen. */
 export const thumbnailSide = 256;
+
+/** A box around a found thing in a view, in its colour. */
+export interface FoundBox extends Appearance {
+  readonly color: Rgb;
+}
 
 interface ThumbProps {
   view: View;
@@ -13,14 +20,16 @@ interface ThumbProps {
   photo: string;
   rendering: string;
   mask: Mask | undefined;
+  found: readonly FoundBox[];
   current: boolean;
   onPick: () => void;
 }
 
-function Thumb({ view, photo, rendering, mask, current, onPick }: ThumbProps): JSX.Element {
+function Thumb({ view, photo, rendering, mask, found, current, onPick }: ThumbProps): JSX.Element {
   const [missing, setMissing] = useState('');
   const canvas = useRef<HTMLCanvasElement>(null);
   const button = useRef<HTMLButtonElement>(null);
+  const { width, height } = sizeOf(view);
   useEffect(() => {
     if (canvas.current) paintMask(canvas.current, mask?.rle, thumbnailSide);
   }, [mask]);
@@ -46,6 +55,18 @@ function Thumb({ view, photo, rendering, mask, current, onPick }: ThumbProps): J
         onError={() => setMissing(photo)}
       />
       <canvas ref={canvas} class="overlay" aria-hidden="true" />
+      {found.length > 0 && (
+        <svg class="overlay" viewBox={`0 0 ${width} ${height}`} aria-hidden="true">
+          {found.map(({ color, x, y, width: wide, height: high }, i) => (
+            <rect
+              key={i}
+              class="found-box"
+              {...{ x, y, width: wide, height: high }}
+              stroke={`rgb(${color.join(' ')})`}
+            />
+          ))}
+        </svg>
+      )}
     </button>
   );
 }
@@ -54,6 +75,8 @@ interface Props {
   views: readonly View[];
   current: string;
   masks: ReadonlyMap<string, Mask> | undefined;
+  /** Boxes around what was found. */
+  found: readonly FoundBox[];
   photoOf: (view: View) => string;
   renderingOf: (view: View) => string;
   onPick: (view: View) => void;
@@ -61,7 +84,7 @@ interface Props {
 
 /** All views of the scene, each with its mask. */
 export function Filmstrip(props: Props): JSX.Element {
-  const { views, current, masks, photoOf, renderingOf, onPick } = props;
+  const { views, current, masks, found, photoOf, renderingOf, onPick } = props;
   return (
     <nav class="filmstrip" aria-label="Views of the scene">
       {views.map((view) => (
@@ -71,6 +94,7 @@ export function Filmstrip(props: Props): JSX.Element {
           photo={photoOf(view)}
           rendering={renderingOf(view)}
           mask={masks?.get(view.view)}
+          found={found.filter((box) => box.view === view.view)}
           current={view.view === current}
           onPick={() => onPick(view)}
         />

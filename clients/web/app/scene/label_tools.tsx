@@ -84,7 +84,7 @@ export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
                 type="button"
                 class="chip"
                 aria-pressed={prompt?.kind === 'label' && prompt.label === label.name}
-                onClick={() => session.askLabel(label.name)}
+                onClick={() => session.pose({ kind: 'label', label: label.name })}
               >
                 {labelName(label)}
               </button>

@@ -15,7 +15,7 @@ export function isMiss(failure: Failure): boolean {
 
 /** Returns the position of a prompt that got no answer. */
 export function missOf(prompt: Prompt): Miss | undefined {
-  if (prompt.kind === 'label') return undefined;
+  if (!('place' in prompt)) return undefined;
   const { place } = prompt;
   if (prompt.kind === 'box') {
     const { x, y, width, height } = prompt.box;

@@ -1,9 +1,11 @@
 // One view of the scene: its picture, the mask over it, and the clicks on it.
 import type { JSX } from 'preact';
-import { useEffect, useRef, useState } from 'preact/hooks';
+import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { MissNote } from '../components/miss_note';
-import { paintMask } from '../mask/paint';
+import type { Layer } from '../mask/paint';
+import { paintLayers, paintMask } from '../mask/paint';
+import { middleOf } from '../mask/rle';
 import type { Mask } from './answer';
 import type { Brush } from './brush';
 import { continued, strokeWidth } from './brush';
@@ -15,6 +17,11 @@ import { sizeOf } from './prompt';
 export type Source = 'photo' | 'rendering';
 export type Tool = 'include' | 'exclude' | 'box' | 'brush';
 
+/** The mask of a found thing, with its number and colour in the list. */
+export interface FoundMask extends Layer {
+  readonly number: number;
+}
+
 interface Props {
   view: View;
   /** URL of the photograph, which may be missing. */
@@ -23,6 +30,8 @@ interface Props {
   source: Source;
   onSource: (source: Source) => void;
   mask: Mask | undefined;
+  /** Masks of what was found, drawn while there is no other. */
+  found: readonly FoundMask[];
   /** The prompt, if it is about this view. */
   prompt: Prompt | undefined;
   /** Position of a click that hit nothing in this view. */
@@ -57,6 +66,23 @@ function boxOf(a: Spot, b: Spot): Box {
   return { x, y, width: Math.abs(a.x - b.x), height: Math.abs(a.y - b.y) };
 }
 
+/** The numbers of found things on their masks. */
+function Numbers({ found, unit }: { found: readonly FoundMask[]; unit: number }): JSX.Element {
+  const placed = useMemo(
+    () => found.map(({ number, rle }) => ({ number, at: middleOf(rle) })),
+    [found],
+  );
+  return (
+    <>
+      {placed.map(({ number, at: { x, y } }) => (
+        <text key={number} class="found-number" x={x * unit} y={y * unit}>
+          {number}
+        </text>
+      ))}
+    </>
+  );
+}
+
 export function PhotoView(props: Props): JSX.Element {
   const {
     view,
@@ -65,6 +91,7 @@ export function PhotoView(props: Props): JSX.Element {
     source,
     onSource,
     mask,
+    found,
     prompt,
     miss,
     tool,
@@ -87,8 +114,10 @@ export function PhotoView(props: Props): JSX.Element {
   const hasPhoto = missing !== photo;
 
   useEffect(() => {
-    if (canvas.current) paintMask(canvas.current, mask?.rle);
-  }, [mask]);
+    if (!canvas.current) return;
+    if (mask) paintMask(canvas.current, mask.rle);
+    else paintLayers(canvas.current, found);
+  }, [mask, found]);
 
   const spotOf = (event: PointerEvent): Spot => {
     const edges = (event.currentTarget as Element).getBoundingClientRect();
@@ -184,6 +213,7 @@ export function PhotoView(props: Props): JSX.Element {
         data-view={view.view}
         data-answers={numAnswers}
         data-area={mask?.area ?? 0}
+        data-found={mask ? 0 : found.length}
         onPointerDown={press}
         onPointerMove={move}
         onPointerUp={release}
@@ -213,6 +243,7 @@ export function PhotoView(props: Props): JSX.Element {
           viewBox={`0 0 ${drawingWidth} ${height * unit}`}
           aria-hidden="true"
         >
+          {!mask && <Numbers found={found} unit={unit} />}
           <Marks
             prompt={prompt}
             box={box}

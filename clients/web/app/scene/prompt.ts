@@ -1,7 +1,11 @@
 // Prompts: a view, or a picture of the 3D view, and what is meant in it.
 import type { MessageInitShape } from '@bufbuild/protobuf';
 import { create } from '@bufbuild/protobuf';
-import type { GranularitySchema, PromptSchema } from '../../gen/pepeseg/v1/prompt_pb';
+import type {
+  GranularitySchema,
+  Prompt as PromptMessage,
+  PromptSchema,
+} from '../../gen/pepeseg/v1/prompt_pb';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import type { SegmentViewsRequest } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { SegmentViewsRequestSchema } from '../../gen/pepeseg/v1/segmentation_service_pb';
@@ -65,7 +69,9 @@ export type Prompt =
   | { readonly kind: 'points'; readonly place: Place; readonly points: readonly Point[] }
   | { readonly kind: 'scribbles'; readonly place: Place; readonly strokes: readonly Stroke[] }
   | { readonly kind: 'box'; readonly place: Place; readonly box: Box }
-  | { readonly kind: 'label'; readonly label: string };
+  | { readonly kind: 'label'; readonly label: string }
+  /** What the server found: its own prompt for it. */
+  | { readonly kind: 'found'; readonly message: PromptMessage };
 
 /** Scale and threshold; the server chooses those that are absent. */
 export interface Granularity {
@@ -80,13 +86,19 @@ export function samePlace(a: Place | undefined, b: Place | undefined): boolean {
 }
 
 export function placeOf(prompt: Prompt | undefined): Place | undefined {
-  return prompt && prompt.kind !== 'label' ? prompt.place : undefined;
+  return prompt && 'place' in prompt ? prompt.place : undefined;
 }
 
-/** Returns the name of the prompt's view: empty for the picture of the 3D view, and for a label. */
+/** Returns the name of the prompt's view: empty for the picture of the 3D view, and without a place. */
 export function ownViewOf(prompt: Prompt): string {
   const place = placeOf(prompt);
   return place && 'view' in place ? place.view : '';
+}
+
+/** Returns whether the prompt is in a picture of the 3D view. */
+export function isIn3d(prompt: Prompt): boolean {
+  const place = placeOf(prompt);
+  return place !== undefined && 'camera' in place;
 }
 
 function viewpointOf(place: Place): NonNullable<MessageInitShape<typeof PromptSchema>['view']> {
@@ -98,6 +110,7 @@ function viewpointOf(place: Place): NonNullable<MessageInitShape<typeof PromptSc
 
 export function promptOf(prompt: Prompt): MessageInitShape<typeof PromptSchema> {
   if (prompt.kind === 'label') return { what: { case: 'label', value: prompt.label } };
+  if (prompt.kind === 'found') return prompt.message;
   const view = viewpointOf(prompt.place);
   if (prompt.kind === 'box') return { view, what: { case: 'box', value: { ...prompt.box } } };
   if (prompt.kind === 'scribbles') {

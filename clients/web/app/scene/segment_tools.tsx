@@ -129,7 +129,7 @@ interface SliderProps {
 
 function Slider({ id, name, text, ends, onInput, ...input }: SliderProps): JSX.Element {
   return (
-    <div class="slider">
+    <div class={`slider ${ends ? '' : 'line'}`}>
       <label for={id}>{name}</label>
       <output for={id}>{text}</output>
       <input

@@ -1,7 +1,6 @@
 // The state of segmenting a scene: the current prompt, the server's answers to it, and what was
 // made from them. It does not depend on the screen.
 import type { SegmentViewsResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
-import { segmentation } from '../api/clients';
 import { failureOf, isCancelled } from '../api/failure';
 import { SegmentSocket } from '../api/segment_socket';
 import { Store } from '../store';
@@ -13,18 +12,24 @@ import { agreesWith, isExtended, isRefusal, withPoint, withStroke } from './exte
 import { ladderOf, noLadder } from './ladder';
 import type { Miss } from './miss';
 import { isMiss, missOf } from './miss';
-import type { Box, Granularity, Place, Point, Prompt, Stroke } from './prompt';
-import { ownViewOf, placeOf, segmentRequest } from './prompt';
-import { proposeSizes } from './propose_sizes';
-import { batchesOf, samBatches, segmentViews } from './segment_views';
+import { OtherViews } from './other_views';
+import type { Granularity, Place, Point, Prompt, Stroke } from './prompt';
+import { isIn3d, ownViewOf, segmentRequest } from './prompt';
+import { segmentViews } from './segment_views';
 import type { Before, Found, SessionState } from './session_state';
-import { isForSam, isOpen, nothingAsked, nothingFound, usedGranularity } from './session_state';
-
-/** Milliseconds without another request after which all views are requested. */
-const settleMs = 180;
+import {
+  beforeOf,
+  isForSam,
+  isOpen,
+  nothingAnswered,
+  nothingAsked,
+  nothingFound,
+  usedGranularity,
+} from './session_state';
 
 export class SceneSession {
   readonly state = new Store<SessionState>(nothingAsked);
+  private readonly others: OtherViews;
   private readonly past: Pick<SessionState, 'prompt' | 'granularity'>[] = [];
   private readonly socket = new SegmentSocket({
     answered: (sequence, answer) => this.take(sequence, answer),
@@ -35,8 +40,6 @@ export class SceneSession {
   private newestSequence = 0n;
   /** The state before the newest prompt, until that is answered. */
   private before: { readonly state: Before; readonly found: Found } | undefined;
-  private settling: ReturnType<typeof setTimeout> | undefined;
-  private elsewhere = new AbortController();
   /** Ends the requests for masks that are kept. */
   private keeping = new AbortController();
   private found = nothingFound;
@@ -50,13 +53,27 @@ export class SceneSession {
   constructor(
     readonly model: string,
     readonly views: readonly string[],
-  ) {}
+  ) {
+    this.others = new OtherViews({
+      model,
+      views,
+      state: this.state,
+      shown: () => this.shownView,
+      soFar: () => this.found,
+      report: (error, signal) => this.report(error, signal),
+      takeMasks: (masks, bySam) => this.takeMasks(masks, bySam),
+      takeProposals: (proposals) => {
+        this.found = { ...this.found, proposals };
+        this.putLadder();
+      },
+    });
+  }
 
   /** The shown view, which is requested together with the prompt's view. */
   show(view: string): void {
     this.shownView = view;
     const { prompt, current } = this.state.get();
-    if (prompt && !current.has(view)) this.askOtherViews();
+    if (prompt && !current.has(view)) this.others.ask();
   }
 
   addPoint(place: Place, point: Point): void {
@@ -67,14 +84,6 @@ export class SceneSession {
     this.extend(withStroke(this.state.get().prompt, place, stroke));
   }
 
-  setBox(place: Place, box: Box): void {
-    this.pose({ kind: 'box', place, box });
-  }
-
-  askLabel(label: string): void {
-    this.pose({ kind: 'label', label });
-  }
-
   /**
    * Called while a slider moves. The other value stays that of the answer, so that only the dragged
    * one changes and the server need not search for the best of both (3 ms instead of 40).
@@ -82,15 +91,13 @@ export class SceneSession {
   drag(change: Granularity): void {
     if (!this.state.get().prompt) return;
     this.state.patch({ granularity: { ...usedGranularity(this.state.get()), ...change } });
-    clearTimeout(this.settling);
-    this.elsewhere.abort();
     this.send(false);
   }
 
   /** A slider was released: all views follow. */
   rest(): void {
     this.climbing = false;
-    if (this.state.get().prompt) this.askOtherViews();
+    if (this.state.get().prompt) this.others.ask();
   }
 
   /**
@@ -103,8 +110,7 @@ export class SceneSession {
     if (!prompt || !answer || !rung || !ladder.isCurrent || index === ladder.at) return;
     if (!this.climbing) this.remember();
     this.climbing = true;
-    this.endRequests();
-    this.firstSequence = this.newestSequence + 1n;
+    this.outdate();
     const { granularity, scale, threshold, mask } = rung;
     if (!isOpen(granularity)) this.snapped.add(granularity);
     this.state.patch({
@@ -115,8 +121,8 @@ export class SceneSession {
       looking: false,
       current: new Set([mask.view]),
     });
-    const forSam = isForSam(this.state.get());
-    this.found = { ...this.found, kept: new Map(forSam ? [[mask.view, mask]] : []) };
+    const kept = isForSam(this.state.get()) ? ([[mask.view, mask]] as const) : [];
+    this.found = { ...this.found, kept: new Map(kept) };
     if (this.shownView !== mask.view) this.ask([this.shownView]);
   }
 
@@ -125,32 +131,28 @@ export class SceneSession {
     const before = this.state.get();
     this.state.patch({ samClicks });
     if (!before.answer || isForSam(before) === isForSam(this.state.get())) return;
-    if (samClicks) this.state.patch({ current: new Set() });
-    if (samClicks) this.askOtherViews();
-    else this.send();
+    if (!samClicks) return this.send();
+    this.state.patch({ current: new Set() });
+    this.others.ask();
   }
 
   /** Lets SAM place the border of the shown mask, at the scale and threshold of the answer. */
   async placeBorder(): Promise<void> {
     const { prompt, answer, busy } = this.state.get();
     if (!prompt || !answer || busy) return;
-    const place = placeOf(prompt);
-    const views = place && 'camera' in place ? undefined : [this.shownView].filter(Boolean);
-    const request = segmentRequest(this.model, prompt, usedGranularity(this.state.get()), views);
+    const granularity = usedGranularity(this.state.get());
+    const views = isIn3d(prompt) ? undefined : [this.shownView].filter(Boolean);
+    const query = { model: this.model, prompt, granularity, views, samBorders: true };
     const { signal } = this.keeping;
     this.state.patch({ busy: true, failure: undefined });
     try {
-      const { masks } = answerOf(
-        await segmentation.segmentViews({ ...request, samBorders: true }, { signal }),
-      );
-      if (signal.aborted) return;
-      this.keep(masks);
-      this.state.patch({ busy: false });
+      const { masks } = await segmentViews(query, signal);
+      if (!signal.aborted) this.keep(masks);
     } catch (error) {
-      // Whatever ended it has set `busy` for itself.
-      if (signal.aborted || isCancelled(error)) return;
-      this.state.patch({ busy: false, failure: failureOf(error) });
+      this.report(error, signal);
     }
+    // Whatever ended it has set `busy` for itself.
+    if (!signal.aborted) this.state.patch({ busy: false });
   }
 
   undo(): void {
@@ -177,11 +179,8 @@ export class SceneSession {
   }
 
   private extend(extended: Prompt | Refusal): void {
-    if (isRefusal(extended)) {
-      this.state.patch({ failure: { ...failureOf(new Error(extended.what)), ...extended } });
-    } else {
-      this.pose(extended);
-    }
+    if (!isRefusal(extended)) return this.pose(extended);
+    this.state.patch({ failure: { ...failureOf(new Error(extended.what)), ...extended } });
   }
 
   private remember(): void {
@@ -196,9 +195,14 @@ export class SceneSession {
     this.merge(masks);
   }
 
+  /** Answers that are still to come belong to what was shown before. */
+  private outdate(): void {
+    this.firstSequence = this.newestSequence + 1n;
+    this.endRequests();
+  }
+
   private endRequests(): void {
-    clearTimeout(this.settling);
-    this.elsewhere.abort();
+    this.others.stop();
     this.keeping.abort();
     this.keeping = new AbortController();
   }
@@ -210,6 +214,13 @@ export class SceneSession {
     const { scale, threshold } = answer;
     this.found = { ...this.found, answered: { granularity, scale, threshold, mask } };
     this.putLadder();
+  }
+
+  private takeMasks(masks: Answer['masks'], bySam: boolean): void {
+    const { prompt } = this.state.get();
+    if (!bySam) return this.merge(masks);
+    this.keep(masks);
+    if (prompt) this.takeSize(masks.get(ownViewOf(prompt)));
   }
 
   private putLadder(): void {
@@ -243,35 +254,27 @@ export class SceneSession {
   }
 
   private forgetAnswers(): void {
-    this.endRequests();
+    this.outdate();
     this.found = nothingFound;
     this.climbing = false;
-    this.firstSequence = this.newestSequence + 1n;
     this.before = undefined;
-    this.state.patch({
-      answer: undefined,
-      ladder: noLadder,
-      failure: undefined,
-      miss: undefined,
-      busy: false,
-      looking: false,
-      current: new Set(),
-    });
+    this.state.patch(nothingAnswered);
   }
 
-  private pose(prompt: Prompt): void {
+  /** Asks for what a prompt means. `chosen`: its scale and threshold, if it begins. */
+  pose(prompt: Prompt, chosen: Granularity = {}): void {
     this.remember();
-    const { prompt: asked, granularity, answer, current, ladder } = this.state.get();
-    const state = { prompt: asked, granularity, answer, current, ladder };
+    const state = this.state.get();
+    const { prompt: asked, granularity, answer, ladder } = state;
     // If two prompts in a row get no answer, there is no earlier state to return to.
-    const before = asked && !answer ? this.before : { state, found: this.found };
+    const earlier = { state: beforeOf(state), found: this.found };
+    const before = asked && !answer ? this.before : earlier;
     this.forgetAnswers();
     this.before = before;
-    // For another thing scale and threshold are chosen again.
     const same = isExtended(asked, prompt);
     this.state.patch({
       prompt,
-      granularity: same ? granularity : {},
+      granularity: same ? granularity : chosen,
       ladder: same ? { ...ladder, isCurrent: false } : noLadder,
     });
     this.send();
@@ -283,11 +286,10 @@ export class SceneSession {
     this.endRequests();
     this.found = { ...this.found, kept: new Map() };
     this.state.patch({ current: new Set() });
-    const place = placeOf(prompt);
     const named = [...new Set([ownViewOf(prompt), this.shownView])].filter(Boolean);
-    this.ask(place && 'camera' in place ? undefined : named);
+    this.ask(isIn3d(prompt) ? undefined : named);
     if (prompt.kind === 'label' && isOpen(granularity)) void this.keepAccepted(prompt.label);
-    if (andOtherViews) this.askOtherViews();
+    if (andOtherViews) this.others.ask();
   }
 
   /** Asks the stream for masks of these views; undefined: of the prompt's. */
@@ -342,60 +344,6 @@ export class SceneSession {
     this.forgetAnswers();
     if (before) this.found = before.found;
     this.state.patch({ ...before?.state, miss, canUndo: this.past.length > 0 });
-    if (before?.state.prompt) this.askOtherViews();
-  }
-
-  private askOtherViews(): void {
-    clearTimeout(this.settling);
-    this.elsewhere.abort();
-    this.state.patch({ looking: true });
-    this.settling = setTimeout(() => void this.settle(), settleMs);
-  }
-
-  private async settle(): Promise<void> {
-    const { prompt, answer, busy } = this.state.get();
-    if (busy) return this.askOtherViews();
-    if (!prompt || !answer) return this.state.patch({ looking: false });
-    this.elsewhere = new AbortController();
-    const { signal } = this.elsewhere;
-    await Promise.all([this.propose(prompt, signal), this.lookElsewhere(prompt, signal)]);
-  }
-
-  private async propose(prompt: Prompt, signal: AbortSignal): Promise<void> {
-    if (this.found.proposals) return;
-    try {
-      const proposals = await proposeSizes(this.model, prompt, signal);
-      if (signal.aborted) return;
-      this.found = { ...this.found, proposals };
-      this.putLadder();
-    } catch (error) {
-      this.report(error, signal);
-    }
-  }
-
-  /** Segments the views whose masks are not current, from the shown one on. */
-  private async lookElsewhere(prompt: Prompt, signal: AbortSignal): Promise<void> {
-    const state = this.state.get();
-    const samClicks = isForSam(state);
-    const granularity = samClicks ? {} : usedGranularity(state);
-    const own = ownViewOf(prompt);
-    const from = Math.max(0, this.views.indexOf(this.shownView));
-    const inOrder = [...this.views.slice(from), ...this.views.slice(0, from)];
-    const batches = samClicks
-      ? samBatches(own, this.shownView, inOrder, this.found.kept)
-      : batchesOf(inOrder.filter((view) => !state.current.has(view)));
-    try {
-      for (const views of batches) {
-        const query = { model: this.model, prompt, granularity, views, samClicks };
-        const { masks } = await segmentViews(query, signal);
-        if (signal.aborted) return;
-        if (samClicks) this.keep(masks);
-        else this.merge(masks);
-        if (samClicks) this.takeSize(masks.get(own));
-      }
-    } catch (error) {
-      this.report(error, signal);
-    }
-    if (!signal.aborted) this.state.patch({ looking: false });
+    if (before?.state.prompt) this.others.ask();
   }
 }

@@ -27,23 +27,31 @@ export interface SessionState {
   readonly canUndo: boolean;
 }
 
-export const nothingAsked: SessionState = {
-  prompt: undefined,
-  granularity: {},
+export const nothingAnswered = {
   answer: undefined,
   ladder: noLadder,
-  samClicks: false,
   busy: false,
   looking: false,
-  current: new Set(),
+  current: new Set<string>(),
   failure: undefined,
   miss: undefined,
+} as const;
+
+export const nothingAsked: SessionState = {
+  ...nothingAnswered,
+  prompt: undefined,
+  granularity: {},
+  samClicks: false,
   numAnswers: 0,
   canUndo: false,
 };
 
 /** What a prompt that hits nothing gives back. */
 export type Before = Pick<SessionState, 'prompt' | 'granularity' | 'answer' | 'current' | 'ladder'>;
+
+export function beforeOf({ prompt, granularity, answer, current, ladder }: SessionState): Before {
+  return { prompt, granularity, answer, current, ladder };
+}
 
 /** Returns the scale and threshold that are set, else those of the answer. */
 export function usedGranularity({

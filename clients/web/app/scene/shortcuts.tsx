@@ -40,6 +40,8 @@ const list: readonly (readonly [string, string])[] = [
   ['[ and ]', 'View before, next view'],
   ['V', 'Photograph or rendering'],
   ['I, E, B, P', 'Include, exclude, box, brush'],
+  ['/', 'Find by a word'],
+  ['A', 'Find all like the segment'],
   ['L', 'Name the segment'],
   ['S', 'Select in 3D'],
   ['T, O, H', 'Selection tinted, only it, without it'],

@@ -116,7 +116,7 @@ export function SplatPane(props: Props): JSX.Element {
   });
   const points = prompt?.kind === 'points' && 'camera' in prompt.place ? prompt.points : [];
   const camera =
-    prompt && prompt.kind !== 'label' && 'camera' in prompt.place ? prompt.place.camera : undefined;
+    prompt && 'place' in prompt && 'camera' in prompt.place ? prompt.place.camera : undefined;
   // A mask belongs to the camera for which it was made. After a move and a click it is not drawn
   // until the new answer comes, and never if that click hits nothing.
   const made = useRef({ mask, camera });

@@ -13,9 +13,12 @@ import { firstBrush, withWidth } from './brush';
 import { describeAnswer } from './describe_answer';
 import { DownloadTools } from './download_tools';
 import { Filmstrip, thumbnailSide } from './filmstrip';
+import { FindTools, findAlike } from './find_tools';
+import { SceneFinder } from './finder';
+import { colorOf } from './found_things';
 import { LabelTools } from './label_tools';
 import { SceneLabels } from './labels';
-import type { Source, Tool } from './photo_view';
+import type { FoundMask, Source, Tool } from './photo_view';
 import { PhotoView } from './photo_view';
 import { placeOf, samePlace, sizeOf } from './prompt';
 import { GranularityTools, PromptTools, PromptButtons } from './segment_tools';
@@ -36,6 +39,7 @@ function useModel(scene: Scene, views: readonly View[]) {
       ),
       selections: new SceneSelections(model),
       labels: new SceneLabels(scene.name),
+      finder: new SceneFinder(model),
     }),
     [model, views],
   );
@@ -47,9 +51,28 @@ function useModel(scene: Scene, views: readonly View[]) {
     return () => {
       controller.abort();
       parts.session.end();
+      parts.finder.clear();
     };
   }, [parts]);
   return parts;
+}
+
+/** Returns what to draw of what was found: nothing while a segment is shown. */
+function useFound(finder: SceneFinder, isShown: boolean) {
+  const { found, masks } = useStore(finder.state);
+  return useMemo(() => {
+    const things = isShown ? (found?.things ?? []) : [];
+    return {
+      masks: things.flatMap((_, i): FoundMask[] => {
+        const mask = masks.get(i);
+        if (!mask || mask.area === 0) return [];
+        return [{ number: i + 1, rle: mask.rle, color: colorOf(i) }];
+      }),
+      boxes: things.flatMap(({ appearances }, i) =>
+        appearances.map((appearance) => ({ ...appearance, color: colorOf(i) })),
+      ),
+    };
+  }, [found, masks, isShown]);
 }
 
 /** Maximum of the shown photograph's longer side, pixels: more than most screens have. */
@@ -61,7 +84,7 @@ interface Props {
 }
 
 export function SceneWorkbench({ scene, views }: Props): JSX.Element {
-  const { session, selections, labels } = useModel(scene, views);
+  const { session, selections, labels, finder } = useModel(scene, views);
   const [view, setView] = useState(views[0]);
   const [tool, setTool] = useState<Tool>('include');
   const [brush, setBrush] = useState(firstBrush);
@@ -80,7 +103,11 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
   const { prompt, answer, failure, miss, numAnswers, busy, looking } = state;
   const { selection, showing } = useStore(selections.state);
   const shown = view?.view ?? '';
-  useEffect(() => session.show(shown), [session, shown]);
+  useEffect(() => {
+    session.show(shown);
+    finder.show(shown);
+  }, [session, finder, shown]);
+  const found = useFound(finder, prompt === undefined);
 
   const step = (by: number) => {
     const next =
@@ -106,6 +133,8 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
     '+': () => tool === 'brush' && setBrush(withWidth(brush, brush.width + 2)),
     '-': () => tool === 'brush' && setBrush(withWidth(brush, brush.width - 2)),
     v: () => setSource(source === 'photo' ? 'rendering' : 'photo'),
+    a: () => hasSam.value === true && findAlike(session, finder),
+    '/': () => document.getElementById('find-text')?.focus(),
     l: () => document.getElementById('label-text')?.focus(),
     s: () => selectWith(session, selections, 'select'),
     t: () => selections.show('tinted'),
@@ -137,13 +166,14 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
           source={source}
           onSource={setSource}
           mask={answer?.masks.get(shown)}
+          found={found.masks}
           prompt={here}
           miss={samePlace(miss?.place, place) ? miss : undefined}
           tool={tool}
           brush={brush}
           numAnswers={numAnswers}
           onPoint={(point) => session.addPoint(place, point)}
-          onBox={(box) => session.setBox(place, box)}
+          onBox={(box) => session.pose({ kind: 'box', place, box })}
           onStroke={(stroke) => session.addStroke(place, stroke)}
         />
       )}
@@ -165,6 +195,7 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
         views={views}
         current={shown}
         masks={answer?.masks}
+        found={found.boxes}
         photoOf={thumbnailOf}
         renderingOf={renderingOf}
         onPick={setView}
@@ -192,7 +223,7 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
             onBrush={setBrush}
             viewWidth={width}
           />
-          <p class="quiet said" role="status" aria-busy={busy || looking}>
+          <p class={`quiet ${prompt ? 'said' : ''}`} role="status" aria-busy={busy || looking}>
             {prompt
               ? describeAnswer(state, shown, session.views)
               : 'Click a thing in the view or in 3D.'}
@@ -200,6 +231,14 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
           <FailureNote failure={failure} close={() => session.closeFailure()} />
           <GranularityTools session={session} hasSam={hasSam.value === true} />
         </section>
+        <FindTools
+          session={session}
+          finder={finder}
+          labels={labels}
+          views={views}
+          hasSam={hasSam.value === true}
+          photoOf={thumbnailOf}
+        />
         <SelectionTools session={session} selections={selections} />
         <LabelTools session={session} labels={labels} shownView={shown} />
         <DownloadTools

@@ -93,7 +93,7 @@ test('in a label’s own view the accepted mask is the answer, until the scale c
   const { session, answer } = await fakeSession();
   const own = () => session.state.get().answer?.masks.get('b.jpg');
   session.show('b.jpg');
-  session.askLabel('scenes/shelf/labels/cup');
+  session.pose({ kind: 'label', label: 'scenes/shelf/labels/cup' });
   answer('b.jpg'); // the model's mask
   await expect.poll(() => own()?.rle).toEqual(firstRow);
   expect(own()).toMatchObject({ area: 2, box: [0, 0, 2, 1] });

@@ -100,7 +100,7 @@ test('a chosen size is the model’s alone', async () => {
 test('SAM is left out of boxes, and of clicks when it is turned off', async () => {
   const { session, answerWith, asked: streamed } = await fakeSession();
   session.setSamClicks(true);
-  session.setBox(place, { x: 0, y: 0, width: 5, height: 5 });
+  session.pose({ kind: 'box', place, box: { x: 0, y: 0, width: 5, height: 5 } });
   answerWith([inView('b.jpg', 20)]);
   await expect.poll(() => session.state.get().looking).toBe(false);
   expect(asked.every(({ samClicks }) => !samClicks)).toBe(true);

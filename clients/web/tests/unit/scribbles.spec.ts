@@ -117,7 +117,7 @@ test('a mask agrees with marks inside it, and with negative ones outside', async
   expect(agreesWith(half, points([5, false], [20, true]))).toBe(false);
   // A pixel next to the border is on either side of it.
   expect(agreesWith(half, points([50.5, false], [49.5, true]))).toBe(true);
-  // Of a stroke most counts.
+  // Most of a stroke counts.
   const slipped = (xs: number[]): Prompt => ({
     kind: 'scribbles',
     place,

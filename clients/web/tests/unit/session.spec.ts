@@ -33,11 +33,11 @@ test('a click on nothing keeps the answer before it, and marks its position', as
     socket: { ask: () => bigint };
     take: (sequence: bigint, response: object) => void;
     refused: (sequence: bigint, error: unknown) => void;
-    askOtherViews: () => void;
+    others: object;
   };
   let sequence = 0n;
   inside.socket = { ask: () => ++sequence, close: () => undefined } as never;
-  inside.askOtherViews = () => undefined;
+  inside.others = { ask: () => undefined, stop: () => undefined };
   const place = { view: 'a.jpg' };
   const rle = { width: 4, height: 3, counts: '0<' };
   const found = {
@@ -69,11 +69,11 @@ test('SAM places the border of the shown mask until the prompt changes', async (
   const inside = session as unknown as {
     socket: object;
     take: (sequence: bigint, response: object) => void;
-    askOtherViews: () => void;
+    others: object;
   };
   let sequence = 0n;
   inside.socket = { ask: () => ++sequence, close: () => undefined };
-  inside.askOtherViews = () => undefined;
+  inside.others = { ask: () => undefined, stop: () => undefined };
   const answer = (area: bigint) => ({
     masks: [
       {
@@ -133,10 +133,10 @@ test('a first click on nothing leaves nothing', async () => {
   const inside = session as unknown as {
     socket: object;
     refused: (sequence: bigint, error: unknown) => void;
-    askOtherViews: () => void;
+    others: object;
   };
   inside.socket = { ask: () => 1n, close: () => undefined };
-  inside.askOtherViews = () => undefined;
+  inside.others = { ask: () => undefined, stop: () => undefined };
   session.addPoint({ view: 'a.jpg' }, { x: 3, y: 2, negative: false });
   inside.refused(1n, refusal('NOTHING_THERE'));
   const { prompt, answer, busy, failure, canUndo, miss } = session.state.get();
