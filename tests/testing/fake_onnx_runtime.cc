@@ -1,9 +1,10 @@
 // A library in place of ONNX Runtime, with the part of its C interface that core/onnx uses. Two of
 // its "models" segment by colour: the encoder returns mean colours, the decoder the cells whose
 // colour is similar to that of the first point. A model with an input "rendering" returns the mean
-// difference of its two inputs. A model file that contains "out of memory" is refused as the real
-// library refuses one that does not fit, and one that contains "no network" as one that it cannot
-// read; one that contains "endless" runs until it is asked to end.
+// difference of its two inputs. One that contains "a detector" finds the red and the blue pixels:
+// two words, a box each. A model file that contains "out of memory" is refused as the real library
+// refuses one that does not fit, and one that contains "no network" as one that it cannot read; one
+// that contains "endless" runs until it is asked to end.
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -22,7 +23,7 @@ struct Failure {
   std::string message;
 };
 struct Session {
-  bool decodes = false, compares = false, endless = false;
+  bool decodes = false, compares = false, endless = false, detects = false;
 };
 struct Value {
   std::vector<int64_t> shape;
@@ -54,8 +55,9 @@ Failure* CreateSession(void*, const void* bytes, size_t size, void*, void** out)
     return new Failure{"Failed to allocate memory for requested buffer of size 1"};
   }
   if (model.find("no network") != model.npos) return new Failure{"Protobuf parsing failed."};
-  *out = new Session{model.find("point_coords") != model.npos,
-                     model.find("rendering") != model.npos, model.find("endless") != model.npos};
+  *out =
+      new Session{model.find("point_coords") != model.npos, model.find("rendering") != model.npos,
+                  model.find("endless") != model.npos, model.find("a detector") != model.npos};
   return nullptr;
 }
 Failure* CreateTensor(void*, void* data, size_t, const int64_t* shape, size_t rank, int,
@@ -134,6 +136,28 @@ Value* Compare(const Value& a, const Value& b) {
   return difference;
 }
 
+// Scores and sides of the core/priors/detect network.
+void Detect(const Value& image, Value& scores, Value& sides) {
+  constexpr int kSide = 512, kGrid = 128, kWords = 2;
+  for (int word = 0; word < kWords; ++word) {
+    int x0 = kSide, y0 = kSide, x1 = 0, y1 = 0;
+    for (int i = 0; i < kSide * kSide; ++i) {
+      const float* pixel = image.data + size_t{3} * i;
+      if (pixel[2 * word] < 150 || pixel[2 - 2 * word] > 100) continue;
+      x0 = std::min(x0, i % kSide);
+      y0 = std::min(y0, i / kSide);
+      x1 = std::max(x1, i % kSide + 1);
+      y1 = std::max(y1, i / kSide + 1);
+    }
+    if (x1 == 0) continue;
+    const int x = (x0 + x1) / 2 * kGrid / kSide, y = (y0 + y1) / 2 * kGrid / kSide;
+    scores.data[(y * kGrid + x) * kWords + word] = word == 0 ? 0.8F : 0.4F;
+    const int stride = kSide / kGrid;
+    const int distances[] = {x * stride - x0, y * stride - y0, x1 - x * stride, y1 - y * stride};
+    std::copy_n(distances, 4, sides.data + (y * kGrid + x) * 4);
+  }
+}
+
 Failure* CreateRunOptions(std::atomic<bool>** out) {
   *out = new std::atomic<bool>(false);
   return nullptr;
@@ -149,6 +173,13 @@ Failure* Run(Session* session, std::atomic<bool>* terminate, const char* const*,
   if (*terminate) return new Failure{"Exiting due to terminate flag being set to true."};
   if (session->compares) {
     outputs[0] = Compare(*inputs[0], *inputs[1]);
+    return nullptr;
+  }
+  if (session->detects) {
+    Value *scores = MakeValue({1, 128, 128, 2}), *sides = MakeValue({1, 128, 128, 4});
+    Detect(*inputs[0], *scores, *sides);
+    outputs[0] = scores;
+    outputs[1] = sides;
     return nullptr;
   }
   if (!session->decodes) {

@@ -10,11 +10,13 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr const char* kNames[] = {"encoder.onnx", "sam.onnx", "libonnxruntime.so.1"};
+constexpr const char* kNames[] = {"encoder.onnx", "sam.onnx", "detector.onnx", "words.txt",
+                                  "libonnxruntime.so.1"};
 
 void WriteDigests(const fs::path& folder) {
   std::ofstream list(folder / "SHA256SUMS");
   for (const char* name : kNames) {
+    if (!fs::exists(folder / name)) continue;
     list << Sha256OfFile(folder / name).value_or("") << "  " << name << "\n";
   }
 }
@@ -46,6 +48,14 @@ void MakeFakeSam(const fs::path& folder) {
   fs::copy_file(PEPESEG_FAKE_ONNX_RUNTIME, folder / "libonnxruntime.so.1");
   std::ofstream(folder / "encoder.onnx", std::ios::binary) << "an encoder";
   std::ofstream(folder / "sam.onnx", std::ios::binary) << FakeDecoder();
+  WriteDigests(folder);
+}
+
+void MakeFakeDetector(const fs::path& folder, const std::string& words) {
+  fs::create_directories(folder);
+  fs::copy_file(PEPESEG_FAKE_ONNX_RUNTIME, folder / "libonnxruntime.so.1");
+  std::ofstream(folder / "detector.onnx", std::ios::binary) << "a detector";
+  std::ofstream(folder / "words.txt") << words;
   WriteDigests(folder);
 }
 

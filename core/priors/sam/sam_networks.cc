@@ -2,24 +2,20 @@
 
 #include <algorithm>
 #include <array>
-#include <map>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <system_error>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
-#include "core/base/digest.h"
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
+#include "core/onnx/installed_files.h"
 #include "core/priors/sam/prompted_segmenter.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr char kSamDigests[] = "SHA256SUMS";
-constexpr int64_t kMaxDigestFile = 4096;  // bytes of SHA256SUMS
 constexpr int64_t kMaxModelBytes = int64_t{1} << 30;
 
 // Returns the encoder's input, [3, kSamFrame, kSamFrame]: the photograph scaled so that its longer
@@ -47,13 +43,6 @@ std::vector<float> EncoderInput(const Image& photo) {
   return planes;
 }
 
-// Returns FAILED_PRECONDITION with the file, the reason and the remedy.
-absl::Status Bad(const std::filesystem::path& file, absl::string_view what) {
-  return absl::FailedPreconditionError(
-      absl::StrCat("SAM: ", file.string(), ": ", what, "; run deploy/sam.sh ",
-                   file.parent_path().string(), " to install it again"));
-}
-
 // Opens a session on a model file, changed by `edit` unless it is null. A file that is not the
 // expected model is FAILED_PRECONDITION.
 absl::StatusOr<std::unique_ptr<OnnxSession>> OpenSession(const OnnxRuntime& runtime,
@@ -79,48 +68,17 @@ absl::Status CheckShape(const OnnxTensor& tensor, const std::vector<int64_t>& sh
       absl::StrCat("SAM: ", model, ": not the expected model: an output has another shape"));
 }
 
-// Returns the digests of the three files by name. A missing SHA256SUMS means that SAM is not
-// installed; everything else that is wrong means that the installation is damaged.
-absl::StatusOr<std::map<std::string, std::string>> ReadSamDigests(
-    const std::filesystem::path& folder) {
-  const std::filesystem::path list = folder / kSamDigests;
-  const absl::StatusOr<std::string> text = ReadFile(list, list.string(), kMaxDigestFile);
-  if (absl::IsNotFound(text.status())) {
-    return absl::NotFoundError(absl::StrCat("SAM: ", list.string(),
-                                            " does not exist; run deploy/sam.sh ", folder.string(),
-                                            " to install SAM there"));
-  }
-  if (!text.ok()) return Bad(list, text.status().message());
-  std::map<std::string, std::string> digests;
-  for (const absl::string_view line : absl::StrSplit(*text, '\n', absl::SkipEmpty())) {
-    const std::pair<std::string, std::string> words =
-        // The format of sha256sum: the digest, two spaces, the name.
-        absl::StrSplit(line, absl::MaxSplits("  ", 1));
-    digests[words.second] = words.first;
-  }
-  for (const char* name : {kSamEncoder, kSamDecoder, kOnnxLibrary}) {
-    if (!digests.contains(name)) return Bad(list, absl::StrCat("has no line for ", name));
-  }
-  return digests;
-}
+constexpr const char* kSamNames[] = {kSamEncoder, kSamDecoder, kOnnxLibrary};
+constexpr InstalledFiles kSamFiles = {"SAM", "deploy/sam.sh", kSamNames};
 
 }  // namespace
 
 absl::Status CheckSamFiles(const std::filesystem::path& folder) {
-  ASSIGN_OR_RETURN(auto digests, ReadSamDigests(folder));
-  for (const char* name : {kSamEncoder, kSamDecoder, kOnnxLibrary}) {
-    const std::filesystem::path file = folder / name;
-    const absl::StatusOr<std::string> digest = Sha256OfFile(file);
-    if (!digest.ok()) return Bad(file, digest.status().message());
-    if (*digest == digests[name]) continue;
-    return Bad(file, absl::StrCat("its SHA-256 is ", *digest, ", not ", digests[name],
-                                  " as in SHA256SUMS"));
-  }
-  return absl::OkStatus();
+  return CheckInstalledFiles(kSamFiles, folder);
 }
 
 absl::StatusOr<std::string> SamEncoderDigest(const std::filesystem::path& folder) {
-  ASSIGN_OR_RETURN(auto digests, ReadSamDigests(folder));
+  ASSIGN_OR_RETURN(auto digests, ReadInstalledDigests(kSamFiles, folder));
   return digests[kSamEncoder];
 }
 
