@@ -4,7 +4,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help packages demo-configuration build sam sam-test demo demo-photos test cuda-test bench curves stress gateway-test lint asan tsan fuzz image \
+.PHONY: help packages demo-configuration build sam detector sam-test demo demo-photos test cuda-test bench curves stress gateway-test lint asan tsan fuzz image \
   image-test deploy-check web web-app web-test
 
 BUILD ?= build
@@ -28,6 +28,7 @@ help:
 	@echo 'make test      install what is needed, build, run every test'
 	@echo 'make sam       install a small SAM, which makes masks of photographs: 90 MB, by npm'
 	@echo '               (SAM=FOLDER for another folder)     make sam-test   the tests that run it'
+	@echo 'make detector  install a small detector of 80 everyday words: 50 MB, by npm'
 	@echo 'make cuda-test on a machine with an NVIDIA GPU: every CUDA test, and the kernels under'
 	@echo '               compute-sanitizer; the summary is tests/bench/results/cuda_tests.md'
 	@echo 'make bench     compile the programs that measure; measure the kernels, and the Python client'
@@ -84,6 +85,10 @@ test: build
 SAM ?=
 sam:
 	@deploy/sam.sh $(SAM)
+
+DETECTOR ?=
+detector:
+	@deploy/detector.sh $(DETECTOR)
 
 sam-test: $(BUILD)/CMakeCache.txt packages
 	deploy/sam.sh $(BUILD)/sam

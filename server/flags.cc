@@ -29,12 +29,12 @@ std::filesystem::path DefaultData() {
   return std::filesystem::path(home) / ".local" / "share" / "pepeseg";
 }
 
-// Returns the folders in which SAM is looked for: where deploy/sam.sh installs it by default, and
-// where container images and packages have it.
-std::vector<std::filesystem::path> DefaultSam() {
-  std::vector<std::filesystem::path> folders = {"/usr/share/pepeseg/sam"};
+// Returns the folders in which `name`, SAM or the detector, is looked for: where its script of
+// deploy/ installs it by default, and where container images and packages have it.
+std::vector<std::filesystem::path> DefaultFolders(const std::string& name) {
+  std::vector<std::filesystem::path> folders = {std::filesystem::path("/usr/share/pepeseg") / name};
   const std::filesystem::path data = DefaultData();
-  if (!data.empty()) folders.insert(folders.begin(), data / "sam");
+  if (!data.empty()) folders.insert(folders.begin(), data / name);
   return folders;
 }
 
@@ -129,7 +129,7 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
          "Program that makes masks and depth maps for datasets that have none (README.md); a name "
          "without '/' is looked up in PATH")
       ->type_name("PROGRAM");
-  server.default_sam = DefaultSam();
+  server.default_sam = DefaultFolders("sam");
   app.add_option_function<std::string>(
          "--sam",
          [&server](const std::string& folder) {
@@ -189,6 +189,28 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
                  "Device of the nodes, as in --device. Default: the server's");
 }
 
+void AddWordFlags(CLI::App& app, ServerOptions& server) {
+  server.default_detector = DefaultFolders("detector");
+  app.add_option_function<std::string>(
+         "--detector",
+         [&server](const std::string& folder) {
+           server.default_detector.clear();
+           server.detector = folder == "off" ? "" : folder;
+         },
+         "Folder of a detector that deploy/detector.sh has installed, which finds things of 80 "
+         "everyday words; off: it is not used. Default: detector in the default data directory, or "
+         "/usr/share/pepeseg/detector, if there is one")
+      ->type_name("FOLDER");
+  app.add_option("--text-command", server.text_command,
+                 "Program that finds what a text names in photographs (OPERATIONS.md); a name "
+                 "without '/' is looked up in PATH")
+      ->type_name("PROGRAM");
+  app.add_option("--text-seconds", server.text_seconds,
+                 "Time limit of the text command for one text")
+      ->check(CLI::Range(1, 3600))
+      ->capture_default_str();
+}
+
 void AddMemoryFlags(CLI::App& app, ServerOptions& server) {
   app.add_option("--threads", server.num_threads, "CPU threads of a job; 0: one per core")
       ->check(CLI::Range(0, 1024))
@@ -226,6 +248,7 @@ void AddFlags(CLI::App& app, Flags& flags) {
   AddStateFlags(app, flags.server);
   AddQuotaFlags(app, flags.server.quota);
   AddWorkerFlags(app, flags.server);
+  AddWordFlags(app, flags.server);
   AddMemoryFlags(app, flags.server);
   app.add_option("--port-file", flags.port_file,
                  "File to which the port is written once the server listens");
@@ -250,8 +273,8 @@ void MakePathsAbsolute(Flags& flags) {
   ServerOptions& server = flags.server;
   for (std::filesystem::path* path :
        {&server.data, &server.worker, &server.workers.lpips_weights, &server.workers.sam,
-        &server.access.tls_certificate, &server.access.tls_key, &server.access.tls_client_ca,
-        &flags.port_file}) {
+        &server.detector, &server.access.tls_certificate, &server.access.tls_key,
+        &server.access.tls_client_ca, &flags.port_file}) {
     if (!path->empty()) *path = std::filesystem::absolute(*path);
   }
   for (std::string& path : server.workers.sandbox_reads) {

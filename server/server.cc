@@ -29,8 +29,8 @@
 #include "server/rpc/reflection.h"
 #include "server/server_metrics.h"
 #include "server/server_parts.h"
-#include "server/services/view_images.h"
 #include "server/services/dataset_service.h"
+#include "server/services/detector_words.h"
 #include "server/services/evaluation_service.h"
 #include "server/services/job_service.h"
 #include "server/services/label_service.h"
@@ -38,6 +38,9 @@
 #include "server/services/scene_service.h"
 #include "server/services/segmentation_service.h"
 #include "server/services/selection_service.h"
+#include "server/services/text_command.h"
+#include "server/services/view_images.h"
+#include "server/services/word_photographs.h"
 #include "server/store/layout.h"
 #include "server/worker_protocol/device.h"
 
@@ -92,7 +95,8 @@ struct Server::Parts {
   int64_t device_memory = 0;  // that a training may take, bytes
   std::unique_ptr<ModelLoader> models;
   ServerMetrics metrics;
-  std::filesystem::path sam;  // folder of SAM's files; empty: none
+  std::filesystem::path sam, detector;  // folders of their files; empty: none
+  TextTask text_task;                   // without a program: there is no text command
   std::unique_ptr<Supervisor> supervisor;
   std::unique_ptr<StreamRegistry> streams;
   WorkerPools pools{WorkerPool(PoolLimits(kNumIoThreads, kMaxQueuedCalls)),
@@ -111,6 +115,9 @@ struct Server::Parts {
   std::unique_ptr<DatasetServiceRpc> datasets;
   std::unique_ptr<JobServiceRpc> jobs;
   std::unique_ptr<ViewImages> images;
+  std::unique_ptr<WordPhotographs> word_photographs;
+  std::unique_ptr<DetectorWords> detector_words;
+  std::unique_ptr<TextCommand> text_command;
   std::unique_ptr<SegmentationServiceRpc> segmentation;
   std::unique_ptr<LabelServiceRpc> labels;
   std::unique_ptr<Selections> selected;
@@ -186,8 +193,10 @@ absl::Status Server::Parts::StartJobs(const ServerOptions& options) {
   ASSIGN_OR_RETURN(sam, FindSam(options));
   job_options.workers.sam = sam;
   ASSIGN_OR_RETURN(const std::filesystem::path command,
-                   FindPriorsCommand(options.workers.priors_command));
+                   FindCommand("priors command", options.workers.priors_command));
   job_options.workers.priors_command = command.string();
+  ASSIGN_OR_RETURN(detector, FindDetector(options));
+  ASSIGN_OR_RETURN(text_task, FindTextCommand(options));
   job_options.file_path = [of = blobs.get()](const std::string& project,
                                              const DatasetFileRecord& file) {
     return of->Path({project, file.sha256});
@@ -236,6 +245,12 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
 void Server::Parts::MakeQueryServices(int num_threads) {
   images = std::make_unique<ViewImages>(ViewImages::Dependencies{
       sam, num_threads, CudaDevice(device.id), *store, *models, *blobs, photographs});
+  word_photographs =
+      std::make_unique<WordPhotographs>(WordPhotographs::Dependencies{*store, *blobs, photographs});
+  detector_words = std::make_unique<DetectorWords>(
+      DetectorWords::Dependencies{detector, num_threads, *models, *word_photographs});
+  text_command = std::make_unique<TextCommand>(TextCommand::Dependencies{
+      text_task, photographs.worker, photographs.scratch, *word_photographs});
   segmentation = std::make_unique<SegmentationServiceRpc>(*runner, *models, *images);
   labels = std::make_unique<LabelServiceRpc>(*runner, *models);
   selected = std::make_unique<Selections>(*store, models->data_folder());

@@ -45,6 +45,14 @@ struct ServerOptions {
   // Folders in which SAM's files are looked for (CheckSamFiles) if `workers.sam` is
   // empty: the first that has any is used if they are good. Those in `workers.sam` must be good.
   std::vector<std::filesystem::path> default_sam;
+  // Folder of the detector of words (CheckDetectorFiles), which must be good. If it is empty, the
+  // first folder of `default_detector` that has one is used if it is good.
+  std::filesystem::path detector;
+  std::vector<std::filesystem::path> default_detector;
+  // Program that finds what a text names in photographs (text_task.h), as FindProgram takes it;
+  // empty: none. Its time limit for one text, seconds.
+  std::string text_command;
+  int64_t text_seconds = 120;
   std::string device = "auto";  // device of jobs and queries, as OpenDevice takes it
   int num_threads = 0;          // CPU threads of a job and of a query; 0: one per core
   // Maximum device memory of a training, bytes. 0: what is free when the server starts. At most

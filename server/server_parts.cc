@@ -15,6 +15,7 @@
 #include "core/base/child_process.h"
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
+#include "core/priors/detect/detector.h"
 #include "core/priors/sam/sam_borders.h"
 #include "kernels/host_memory.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
@@ -46,6 +47,39 @@ std::string DatabaseUrl(const ServerOptions& options) {
   return "sqlite:" + DatabasePath(options.data).string();
 }
 
+// What a script of deploy/ installs in a folder.
+struct Installation {
+  const char* what;
+  const char* script;
+  absl::Status (*check)(const std::filesystem::path& folder);
+  const char* used;     // what the log says where it is
+  const char* missing;  // and where it is not
+};
+
+// Returns the folder: `given`, which must be good, or the first of `defaults` that has one, if it
+// is good; empty: none. Logs it.
+absl::StatusOr<std::filesystem::path> FindInstalled(
+    const Installation& installed, const std::filesystem::path& given,
+    const std::vector<std::filesystem::path>& defaults) {
+  if (!given.empty()) {
+    RETURN_IF_ERROR(installed.check(given));
+    spdlog::info("{}, in {}", installed.used, given.string());
+    return given;
+  }
+  for (const std::filesystem::path& folder : defaults) {
+    const absl::Status status = installed.check(folder);
+    if (absl::IsNotFound(status)) continue;
+    if (status.ok()) {
+      spdlog::info("{}, found in {}", installed.used, folder.string());
+      return folder;
+    }
+    spdlog::warn("{} is not used: {}", installed.what, std::string(status.message()));
+    return std::filesystem::path();
+  }
+  spdlog::info("{} is not installed ({}): {}", installed.what, installed.script, installed.missing);
+  return std::filesystem::path();
+}
+
 }  // namespace
 
 bool IsShared(const ServerOptions& options) { return options.database.starts_with("postgresql:"); }
@@ -66,32 +100,40 @@ void LogDevice(const Device& device, int64_t device_memory) {
   spdlog::info("a training may take {} MiB of its memory", device_memory >> 20);
 }
 
-absl::StatusOr<std::filesystem::path> FindPriorsCommand(const std::string& name) {
+absl::StatusOr<std::filesystem::path> FindCommand(const std::string& what,
+                                                  const std::string& name) {
   if (name.empty()) return std::filesystem::path();
   const absl::StatusOr<std::filesystem::path> found = FindProgram(name);
   if (found.ok()) return std::filesystem::absolute(*found);
   return absl::FailedPreconditionError(
-      absl::StrCat("priors command: ", found.status().message(), ", or cannot be run"));
+      absl::StrCat(what, ": ", found.status().message(), ", or cannot be run"));
 }
 
 absl::StatusOr<std::filesystem::path> FindSam(const ServerOptions& options) {
-  if (!options.workers.sam.empty()) {
-    RETURN_IF_ERROR(CheckSamFiles(options.workers.sam));
-    spdlog::info("masks are made by SAM, in {}", options.workers.sam.string());
-    return options.workers.sam;
-  }
-  for (const std::filesystem::path& folder : options.default_sam) {
-    const absl::Status status = CheckSamFiles(folder);
-    if (absl::IsNotFound(status)) continue;
-    if (status.ok()) {
-      spdlog::info("masks are made by SAM, found in {}", folder.string());
-      return folder;
-    }
-    spdlog::warn("SAM is not used: {}", std::string(status.message()));
-    return std::filesystem::path();
-  }
-  spdlog::info("SAM is not installed (deploy/sam.sh): masks are made by the built-in method");
-  return std::filesystem::path();
+  return FindInstalled({"SAM", "deploy/sam.sh", CheckSamFiles, "masks are made by SAM",
+                        "masks are made by the built-in method"},
+                       options.workers.sam, options.default_sam);
+}
+
+absl::StatusOr<std::filesystem::path> FindDetector(const ServerOptions& options) {
+  return FindInstalled({"the detector of words", "deploy/detector.sh", CheckDetectorFiles,
+                        "everyday words are found by the detector",
+                        "words are found in names and descriptions of labels"},
+                       options.detector, options.default_detector);
+}
+
+absl::StatusOr<TextTask> FindTextCommand(const ServerOptions& options) {
+  TextTask task;
+  ASSIGN_OR_RETURN(const std::filesystem::path program,
+                   FindCommand("text command", options.text_command));
+  task.program = program.string();
+  task.time_limit = absl::Seconds(options.text_seconds);
+  task.sandbox_reads = options.workers.sandbox_reads;
+  task.pass_environment = options.workers.pass_environment;
+  task.memory_limit = WorkerMemory(options);
+  task.num_threads = options.num_threads;
+  task.sandbox = options.workers.sandbox;
+  return task;
 }
 
 int NumCores() { return static_cast<int>(std::max(1u, std::thread::hardware_concurrency())); }

@@ -15,6 +15,7 @@
 #include "server/services/model_loader.h"
 #include "server/store/store.h"
 #include "server/worker_protocol/device.h"
+#include "server/worker_protocol/text_task.h"
 
 // Makes the parts of a server from its options.
 namespace pepeseg {
@@ -54,15 +55,20 @@ int64_t WorkerMemory(const ServerOptions& options);
 int64_t TrainingMemory(const ServerOptions& options, const Backend& backend);
 
 // Returns the supervisor's options, without file_path, check_files and on_event. `workers` is as
-// the flags say: the caller replaces priors_command and sam by what FindPriorsCommand and FindSam
-// return.
+// the flags say: the caller replaces priors_command and sam by what FindCommand and FindSam return.
 SupervisorOptions JobOptions(const ServerOptions& options, const Device& device);
-// Returns the path of the priors command, which FindProgram looks up; empty if `name` is.
-// FAILED_PRECONDITION: there is no such program.
-absl::StatusOr<std::filesystem::path> FindPriorsCommand(const std::string& name);
+// Returns the path of the operator's program `what`, such as "priors command", which FindProgram
+// looks up; empty if `name` is. FAILED_PRECONDITION: there is no such program.
+absl::StatusOr<std::filesystem::path> FindCommand(const std::string& what, const std::string& name);
 // Returns the folder of SAM for workers and logs it; empty: none. FAILED_PRECONDITION, NOT_FOUND:
 // the folder that the options name is not good, see CheckSamFiles.
 absl::StatusOr<std::filesystem::path> FindSam(const ServerOptions& options);
+// Returns the folder of the detector of words and logs it; empty: none. Errors as FindSam, see
+// CheckDetectorFiles.
+absl::StatusOr<std::filesystem::path> FindDetector(const ServerOptions& options);
+// Returns what the text command runs with for all texts; without a program if the options name
+// none. Errors are those of FindCommand.
+absl::StatusOr<TextTask> FindTextCommand(const ServerOptions& options);
 // Returns the number of CPU cores, at least 1.
 int NumCores();
 

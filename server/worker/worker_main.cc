@@ -1,7 +1,8 @@
 // pepeseg-worker: runs one job in its own process, so that a crash, or a file that was made to
 // cause one, ends the job and never the service. The supervisor starts it. Started by hand, without
 // --parent, it runs the job of a folder to its end. Everything else is in the job's spec. With
-// --photograph it decodes one photograph instead (photograph_task.h).
+// --photograph it decodes one photograph instead (photograph_task.h), and with --text it runs the
+// operator's program for a text (text_task.h).
 //
 // Threads: the main thread trains and handles SIGTERM; one thread writes the heartbeat; the backend
 // has threads of its own. The sandbox is entered before any of them starts.
@@ -34,6 +35,7 @@
 #include "server/worker/sandbox/worker_sandbox.h"
 #include "server/worker/worker_job.h"
 #include "server/worker/worker_photograph.h"
+#include "server/worker/worker_text.h"
 #include "server/worker_protocol/heartbeat.h"
 #include "server/worker_protocol/job_isolation.h"
 
@@ -57,12 +59,14 @@ struct Arguments {
   int64_t fence = 0;       // fence of the attempt; 0: the newest in the folder
   pid_t parent = 0;        // process with which the worker is killed; 0: none
   std::string photograph;  // a PhotographTask
+  std::string text;        // a TextTask
   bool sandbox = true;     // whether --photograph enters the sandbox; for a job its spec says
 };
 
 constexpr char kUsage[] =
     "usage: pepeseg-worker --job=FOLDER [--fence=N] [--parent=PID]\n"
-    "       pepeseg-worker --photograph=TASK [--parent=PID] [--sandbox=on|off] < IMAGE > ANSWER";
+    "       pepeseg-worker --photograph=TASK [--parent=PID] [--sandbox=on|off] < IMAGE > ANSWER\n"
+    "       pepeseg-worker --text=TASK";
 
 // Sets `value` to the text after the prefix `name`. Returns false if the word is not that flag.
 bool TakeFlag(const std::string& word, const char* name, std::string* value) {
@@ -76,7 +80,8 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
     const std::string word = argv[i];
     std::string text;
     if (TakeFlag(word, "--job=", &arguments->folder) ||
-        TakeFlag(word, "--photograph=", &arguments->photograph)) {
+        TakeFlag(word, "--photograph=", &arguments->photograph) ||
+        TakeFlag(word, "--text=", &arguments->text)) {
       continue;
     }
     if (TakeFlag(word, "--sandbox=", &text)) {
@@ -88,7 +93,8 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
       return false;
     }
   }
-  return arguments->folder.empty() != arguments->photograph.empty();
+  return !arguments->folder.empty() + !arguments->photograph.empty() + !arguments->text.empty() ==
+         1;
 }
 
 absl::StatusOr<JobSpec> ReadSpec(const JobFolder& folder, const Arguments& arguments) {
@@ -260,6 +266,7 @@ int main(int argc, char** argv) {
   if (!arguments.photograph.empty()) {
     return static_cast<int>(pepeseg::DecodePhotograph(arguments));
   }
+  if (!arguments.text.empty()) return static_cast<int>(pepeseg::RunTextTask(arguments.text));
   if (std::getenv(pepeseg::kSlurmDatabase) != nullptr) {
     spdlog::error("{}", pepeseg::ExecWithoutDatabase(arguments, argv).ToString());
     return static_cast<int>(pepeseg::WorkerExit::kBadSpec);

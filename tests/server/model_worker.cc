@@ -11,7 +11,7 @@
 //   wide.model     eight views, 0.jpg to 7.jpg, of eight sizes from 560x420 to 784x588
 //   many.model     120 views, 0.jpg to 119.jpg, every second one held out
 //   large.model    four times as many Gaussians, of SH degree 3
-// Photographs are decoded by the worker that PEPESEG_WORKER names.
+// Photographs are decoded, and text commands run, by the worker that PEPESEG_WORKER names.
 #include <unistd.h>
 
 #include <algorithm>
@@ -146,6 +146,7 @@ int Run(const std::string& path) {
 
 int main(int argc, char** argv) {
   const std::string flag = argc > 1 ? argv[1] : "";
-  if (flag.starts_with("--photograph=")) return execv(PEPESEG_WORKER, argv);
+  if (flag.starts_with("--photograph=") || flag.starts_with("--text="))
+    return execv(PEPESEG_WORKER, argv);
   return flag.starts_with("--job=") ? pepeseg::Run(flag.substr(6)) : 96;
 }

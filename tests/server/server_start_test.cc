@@ -98,6 +98,27 @@ TEST(ServerStart, UsesSamInADefaultFolderIfItIsIntact) {
   EXPECT_OK(Server::Start(options));
 }
 
+TEST(ServerStart, UsesADetectorIfItIsIntact) {
+  const testing::TempFolder folder;
+  ServerOptions options = OptionsIn(folder);
+  options.default_detector = {folder / "none", folder / "detector"};
+  EXPECT_EQ(FindDetector(options).value_or("?"), "");
+  testing::MakeFakeDetector(folder / "detector");
+  EXPECT_EQ(FindDetector(options).value_or("?"), folder / "detector");
+  std::ofstream(folder / "detector" / "words.txt") << "other words";
+  EXPECT_EQ(FindDetector(options).value_or("?"), "");
+  options.detector = folder / "detector";
+  EXPECT_STATUS(Server::Start(options), absl::StatusCode::kFailedPrecondition,
+                "words.txt: its SHA-256 is ");
+}
+
+TEST(ServerStart, RefusesATextCommandThatIsNotAProgram) {
+  const testing::TempFolder folder;
+  ServerOptions options = OptionsIn(folder);
+  options.text_command = "no-such";
+  EXPECT_STATUS(Server::Start(options), absl::StatusCode::kFailedPrecondition, "text command: ");
+}
+
 TEST(ServerStart, RefusesAPortInUse) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   const testing::TempFolder folder;

@@ -36,22 +36,6 @@ absl::Status NotExpected(const std::string& what) {
                    "; run deploy/detector.sh to install it again"));
 }
 
-absl::StatusOr<std::vector<std::string>> ReadWords(const std::filesystem::path& file) {
-  ASSIGN_OR_RETURN(const std::string text, ReadFile(file, file.string(), kMaxWordsBytes));
-  std::vector<std::string> words;
-  for (const absl::string_view line : absl::StrSplit(text, '\n', absl::SkipEmpty())) {
-    words.push_back(absl::AsciiStrToLower(absl::StripAsciiWhitespace(line)));
-  }
-  const std::set<std::string> once(words.begin(), words.end());
-  if (words.empty() || words.size() > Detector::kMaxWords || once.size() != words.size() ||
-      once.contains("")) {
-    return absl::FailedPreconditionError(absl::StrCat("detector: ", file.string(),
-                                                      ": does not have 1 to ", Detector::kMaxWords,
-                                                      " different words, one a line"));
-  }
-  return words;
-}
-
 // Where a window is in the frame: scaled so that its longer side fills the frame, in the middle.
 struct Letterbox {
   Letterbox(int width, int height)
@@ -127,6 +111,23 @@ std::vector<DetectedBox> BestOf(std::vector<DetectedBox> boxes) {
 
 }  // namespace
 
+absl::StatusOr<std::vector<std::string>> ReadDetectorWords(const std::filesystem::path& folder) {
+  const std::filesystem::path file = folder / kDetectorWords;
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(file, file.string(), kMaxWordsBytes));
+  std::vector<std::string> words;
+  for (const absl::string_view line : absl::StrSplit(text, '\n', absl::SkipEmpty())) {
+    words.push_back(absl::AsciiStrToLower(absl::StripAsciiWhitespace(line)));
+  }
+  const std::set<std::string> once(words.begin(), words.end());
+  if (words.empty() || words.size() > Detector::kMaxWords || once.size() != words.size() ||
+      once.contains("")) {
+    return absl::FailedPreconditionError(absl::StrCat("detector: ", file.string(),
+                                                      ": does not have 1 to ", Detector::kMaxWords,
+                                                      " different words, one a line"));
+  }
+  return words;
+}
+
 absl::Status CheckDetectorFiles(const std::filesystem::path& folder) {
   return CheckInstalledFiles(kDetectorFiles, folder);
 }
@@ -136,7 +137,7 @@ absl::StatusOr<std::unique_ptr<Detector>> Detector::Load(const std::filesystem::
   RETURN_IF_ERROR(CheckDetectorFiles(folder));
   std::unique_ptr<Detector> detector(new Detector());
   detector->options_ = options;
-  ASSIGN_OR_RETURN(detector->words_, ReadWords(folder / kDetectorWords));
+  ASSIGN_OR_RETURN(detector->words_, ReadDetectorWords(folder));
   auto runtime = OnnxRuntime::Load(folder / kOnnxLibrary);
   if (!runtime.ok()) {
     return absl::Status(runtime.status().code(),

@@ -22,6 +22,10 @@ inline constexpr char kDetectorNetwork[] = "detector.onnx", kDetectorWords[] = "
 // differs. Reads 30 MB.
 absl::Status CheckDetectorFiles(const std::filesystem::path& folder);
 
+// Returns the words of the folder, in lower case, each once, without loading the network. Returns
+// the errors of ReadFile, and FAILED_PRECONDITION when they are not such words.
+absl::StatusOr<std::vector<std::string>> ReadDetectorWords(const std::filesystem::path& folder);
+
 // A thing that the detector has found in a photograph.
 struct DetectedBox {
   int word = 0;                          // index into Detector::words()
@@ -51,7 +55,7 @@ class Detector {
   static absl::StatusOr<std::unique_ptr<Detector>> Load(const std::filesystem::path& folder,
                                                         const DetectorOptions& options);
 
-  // Words in lower case, each once.
+  // See ReadDetectorWords.
   const std::vector<std::string>& words() const { return words_; }
 
   // Returns the boxes of an RGB photograph, best score first. Boxes of one word do not overlap by

@@ -68,7 +68,8 @@ def describe_mask(mask: Mask) -> dict[str, Any]:
     return described
 
 
-def _write(path: Path, content: bytes) -> None:
+def write_whole(path: Path, content: bytes) -> None:
+    """Writes a file that gets its name when it is complete."""
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(f".{path.name}.{os.getpid()}")
     try:
@@ -82,7 +83,7 @@ def write_masks(out: Path, stem: str, masks: list[Mask]) -> None:
     """Writes the masks of a photograph. Masks without a pixel are left out."""
     listed = [describe_mask(mask) for mask in masks if mask.pixels.any()]
     text = json.dumps(listed, separators=(",", ":"), allow_nan=False)
-    _write(out / "masks" / f"{stem}.json", text.encode())
+    write_whole(out / "masks" / f"{stem}.json", text.encode())
 
 
 def fit_depth(values: np.ndarray, width: int, height: int) -> np.ndarray:
@@ -105,7 +106,7 @@ def write_depth(out: Path, stem: str, depth: DepthMap, size: tuple[int, int]) ->
     buffer = io.BytesIO()
     np.save(buffer, fit_depth(depth.values, *size), allow_pickle=False)
     folder = "depth" if depth.far_is_large else "disparity"
-    _write(out / folder / f"{stem}.npy", buffer.getvalue())
+    write_whole(out / folder / f"{stem}.npy", buffer.getvalue())
 
 
 def has_masks(out: Path, stem: str) -> bool:
