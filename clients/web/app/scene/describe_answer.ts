@@ -29,6 +29,7 @@ export function describeAnswer(
   const by = samImage ? placedBy[samImage] : '';
   const pixels = area === undefined ? '' : `${countText(area)} pixels here${by}. `;
   const here = area === 0 ? 'Not seen in this view. ' : pixels;
+  if (busy) return `${here}Looking …`;
   const left = views.filter((view) => !current.has(view)).length;
   if (looking && left > 0) {
     const others = `${left} other ${left === 1 ? 'view' : 'views'}`;

@@ -4,6 +4,7 @@ import type { Failure } from '../api/failure';
 import { failureOf, isCancelled } from '../api/failure';
 import { steadily } from '../api/server_link';
 import { Store } from '../store';
+import { acceptedMask } from './accepted_mask';
 import type { Mask } from './answer';
 import type { FoundThings } from './found_things';
 import { foundIn } from './found_things';
@@ -97,7 +98,10 @@ export class SceneFinder {
     for (const [index, { prompt, granularity }] of things.entries()) {
       try {
         const query = { model, prompt, granularity, views: [view] };
-        const mask = (await segmentViews(query, signal)).masks.get(view);
+        const accepted =
+          prompt.kind === 'label' ? await acceptedMask(prompt.label, signal) : undefined;
+        const isAccepted = accepted?.view === view;
+        const mask = isAccepted ? accepted : (await segmentViews(query, signal)).masks.get(view);
         if (signal.aborted) return;
         if (mask) this.state.patch({ masks: new Map([...this.state.get().masks, [index, mask]]) });
       } catch (error) {

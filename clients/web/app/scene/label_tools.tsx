@@ -19,7 +19,7 @@ interface Props {
 }
 
 export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
-  const { prompt, answer } = useStore(session.state);
+  const { prompt, answer, busy } = useStore(session.state);
   const list = useStore(labels.list);
   const [text, setText] = useState('');
   const [failure, setFailure] = useState<Failure>();
@@ -40,7 +40,7 @@ export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
   const name = (event: Event) => {
     event.preventDefault();
     const said = text.trim();
-    if (!mask || said === '' || taken) return;
+    if (!mask || busy || said === '' || taken) return;
     void run(async () => {
       try {
         await nameSegment(session, labels, said, mask);
@@ -66,7 +66,7 @@ export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
           aria-describedby={taken && 'label-taken'}
           onInput={(event) => setText(event.currentTarget.value)}
         />
-        <button type="submit" disabled={!mask || text.trim() === '' || taken !== undefined}>
+        <button type="submit" disabled={!mask || busy || text.trim() === '' || taken !== undefined}>
           Name
         </button>
       </form>

@@ -264,17 +264,18 @@ export class SceneSession {
   /** Asks for what a prompt means. `chosen`: its scale and threshold, if it begins. */
   pose(prompt: Prompt, chosen: Granularity = {}): void {
     this.remember();
-    const state = this.state.get();
-    const { prompt: asked, granularity, answer, ladder } = state;
-    // If two prompts in a row get no answer, there is no earlier state to return to.
-    const earlier = { state: beforeOf(state), found: this.found };
-    const before = asked && !answer ? this.before : earlier;
+    const { prompt: asked, granularity, answer, ladder } = this.state.get();
+    const earlier = { state: beforeOf(this.state.get()), found: this.found };
+    // If two prompts in a row get no answer, the state before both is the earlier one.
+    const before = !asked || (answer && !this.before) ? earlier : this.before;
     this.forgetAnswers();
     this.before = before;
     const same = isExtended(asked, prompt);
     this.state.patch({
       prompt,
       granularity: same ? granularity : chosen,
+      // The mask so far is shown until the next one comes.
+      answer: same ? answer : undefined,
       ladder: same ? { ...ladder, isCurrent: false } : noLadder,
     });
     this.send();

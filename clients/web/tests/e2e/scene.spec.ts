@@ -228,6 +228,31 @@ test('two things are named in a row, and found by their names', async () => {
   }
 });
 
+test('a word finds the things of that name, or says which words are known', async () => {
+  const area = async () => Number(await page.locator('.picture').getAttribute('data-area'));
+  const field = page.getByLabel('Find by a word');
+  await field.fill('book');
+  await field.press('Enter');
+  await expect(page.getByText('1 thing, by the names of labels.')).toBeVisible({ timeout: 60_000 });
+  await expect(page.locator('.picture')).toHaveAttribute('data-found', '1');
+  await pictures('scene-find');
+  await page.locator('.found').getByRole('button', { name: /Bunny book/ }).click();
+  await expect.poll(area, { timeout: 30_000 }).toBe(namedAreas.get('Bunny book'));
+  // Without the segment, all that was found is shown again.
+  await page.getByRole('button', { name: 'Clear' }).click();
+  await expect(page.locator('.picture')).toHaveAttribute('data-found', '1');
+
+  await field.fill('zebra');
+  await field.press('Enter');
+  await expect(page.getByText('No “zebra” here')).toBeVisible({ timeout: 60_000 });
+  await expect(page.getByText(/known words?$/)).toBeVisible();
+  await pictures('scene-find-nothing');
+  await page.getByRole('button', { name: 'Close what was found' }).click();
+  await expect(page.getByText('No “zebra” here')).toBeHidden();
+  // This server has no SAM, by which things that look alike are found.
+  await expect(page.getByText('Find all like this')).toHaveCount(0);
+});
+
 test('Esc in the name field ends the segment', async () => {
   const before = await numAnswers(page);
   await clickView(page, [0.37, 0.6]);

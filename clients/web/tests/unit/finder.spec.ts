@@ -120,13 +120,24 @@ test('a label that is found is segmented as a label', async () => {
   const label = 'scenes/shelf/labels/cup';
   const prompt = { what: { case: 'label', value: label } as const };
   response = { source: Source.LABELS, found: [{ ...thing('Cup', 1), label, prompt }] };
+  const { labels } = await import('../../app/api/clients');
+  const getLabel = async () => ({
+    view: 'b.jpg',
+    mask: { image: { case: 'rle', value: firstColumns(7) } },
+  });
+  undo.push(replace(labels, { getLabel }));
   const finder = await finderOf();
+  finder.show('b.jpg');
   await finder.findWord('cup');
   expect(finder.state.get().found?.things[0]).toMatchObject({
     name: 'Cup',
     prompt: { kind: 'label', label },
     granularity: {},
   });
+  // In its own view it has the accepted mask.
+  expect(finder.state.get().masks.get(0)?.area).toBe(70);
+  finder.show('a.jpg');
+  await expect.poll(() => finder.state.get().masks.get(0)?.area).toBe(100);
 });
 
 test('nothing found: the best score, words that are spelt alike, and the known ones', async () => {

@@ -51,7 +51,9 @@ test('a click on nothing keeps the answer before it, and marks its position', as
   inside.take(sequence, found);
   const before = session.state.get();
   session.addPoint(place, { x: 3, y: 2, negative: false });
-  expect(session.state.get().answer).toBeUndefined();
+  // Until the answer comes, the mask so far is shown.
+  const { answer: shown, busy: waits, current } = session.state.get();
+  expect([shown, waits, current.size]).toEqual([before.answer, true, 0]);
   inside.refused(sequence, refusal('NOTHING_THERE'));
   const after = session.state.get();
   expect(after.miss).toEqual({ place, x: 3, y: 2 });
@@ -121,7 +123,8 @@ test('SAM places the border of the shown mask until the prompt changes', async (
     session.addPoint({ view: 'a.jpg' }, { x: 2, y: 1, negative: false });
     comes(answer(10n));
     await placing;
-    expect([session.state.get().answer, session.state.get().busy]).toEqual([undefined, true]);
+    const { answer: shown, busy: waits } = session.state.get();
+    expect([shown?.masks.get('a.jpg')?.area, waits]).toEqual([11, true]);
   } finally {
     segmentation.segmentViews = before;
   }
