@@ -50,6 +50,17 @@ export function FindTools(props: Props): JSX.Element {
       <div class="row">
         <h2 id="find-title">Find</h2>
         <span class="spacer" />
+        {hasSam && (
+          <button
+            type="button"
+            class="chip"
+            disabled={!answer || segmenting || busy}
+            title="Finds everything that looks like the segment (A)"
+            onClick={() => findAlike(session, finder)}
+          >
+            All like this
+          </button>
+        )}
         <button
           type="button"
           class="bare"
@@ -87,17 +98,6 @@ export function FindTools(props: Props): JSX.Element {
           <Icon name="search" />
         </button>
       </form>
-      {hasSam && (
-        <button
-          type="button"
-          class="start"
-          disabled={!answer || segmenting || busy}
-          title="Finds everything that looks like the segment (A)"
-          onClick={() => findAlike(session, finder)}
-        >
-          Find all like this
-        </button>
-      )}
       <p class={`quiet ${busy || found ? '' : 'gone'}`} role="status" aria-busy={busy}>
         {busy && 'Looking through the scene …'}
         {!busy && found && describeFound(found, word)}

@@ -7,7 +7,7 @@ import { ownViewOf } from './prompt';
 import { proposeSizes } from './propose_sizes';
 import { batchesOf, samBatches, segmentViews } from './segment_views';
 import type { Found, SessionState } from './session_state';
-import { isForSam, usedGranularity } from './session_state';
+import { granularityElsewhere, isForSam } from './session_state';
 
 /** Milliseconds without another request after which all views are requested. */
 const settleMs = 180;
@@ -70,7 +70,7 @@ export class OtherViews {
     const { asker } = this;
     const { model, views, state } = asker;
     const samClicks = isForSam(state.get());
-    const granularity = samClicks ? {} : usedGranularity(state.get());
+    const granularity = granularityElsewhere(state.get());
     const shown = asker.shown();
     const from = Math.max(0, views.indexOf(shown));
     const inOrder = [...views.slice(from), ...views.slice(0, from)];

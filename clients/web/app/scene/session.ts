@@ -19,6 +19,7 @@ import { segmentViews } from './segment_views';
 import type { Before, Found, SessionState } from './session_state';
 import {
   beforeOf,
+  granularityElsewhere,
   isForSam,
   isOpen,
   nothingAnswered,
@@ -140,7 +141,7 @@ export class SceneSession {
   async placeBorder(): Promise<void> {
     const { prompt, answer, busy } = this.state.get();
     if (!prompt || !answer || busy) return;
-    const granularity = usedGranularity(this.state.get());
+    const granularity = granularityElsewhere(this.state.get());
     const views = isIn3d(prompt) ? undefined : [this.shownView].filter(Boolean);
     const query = { model: this.model, prompt, granularity, views, samBorders: true };
     const { signal } = this.keeping;
@@ -314,15 +315,14 @@ export class SceneSession {
       return this.send();
     }
     // Masks of other views follow when the slider stops.
-    const { kept } = this.found;
-    const masks = new Map([...(before?.masks ?? []), ...answer.masks, ...kept]);
+    const masks = new Map([...(before?.masks ?? []), ...answer.masks, ...this.found.kept]);
     const isNewest = sequence === this.newestSequence;
     // Until SAM has answered, the model's masks are not the last word.
     const final = isForSam(this.state.get()) ? [] : answer.masks.keys();
     this.state.patch({
       answer: { ...answer, masks },
       busy: !isNewest,
-      current: new Set(isNewest ? [...current, ...final, ...kept.keys()] : []),
+      current: new Set(isNewest ? [...current, ...final, ...this.found.kept.keys()] : []),
       numAnswers: numAnswers + 1,
       failure: undefined,
     });

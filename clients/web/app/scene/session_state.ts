@@ -64,6 +64,17 @@ export function usedGranularity({
   };
 }
 
+/**
+ * Returns the scale and threshold with which other views are asked for the same thing. The answer to
+ * clicks may be more than its scale and threshold say: if neither was chosen, the server chooses again.
+ */
+export function granularityElsewhere(
+  state: Pick<SessionState, 'prompt' | 'granularity' | 'answer'>,
+): Granularity {
+  const { prompt, granularity } = state;
+  return prompt?.kind === 'points' && isOpen(granularity) ? {} : usedGranularity(state);
+}
+
 /** What the answer is made of, and what the size slider goes along. */
 export interface Found {
   /** Masks that replace the model's: of a named label, or by SAM. */

@@ -10,7 +10,7 @@ import type { Watch } from './running_export';
 import { batchesOf, samBatch, segmentViews } from './segment_views';
 import { serverHasSam } from './server_sam';
 import type { SessionState } from './session_state';
-import { isForSam, usedGranularity } from './session_state';
+import { granularityElsewhere, isForSam } from './session_state';
 
 export interface Thing {
   /** Id of the label, which is a folder's name. */
@@ -38,7 +38,7 @@ export function thingsOf(
   const { prompt, answer } = state;
   if (!prompt || !answer) return [];
   const samClicks = isForSam(state);
-  const granularity = samClicks ? {} : usedGranularity(state);
+  const granularity = granularityElsewhere(state);
   return [{ id: 'segment', category: 'segment', prompt, granularity, samClicks }];
 }
 
@@ -47,7 +47,7 @@ interface Making {
   readonly thing: Thing;
   readonly accepted: Mask | undefined;
   readonly masks: Map<string, Mask>;
-  /** The server chooses for the first views; the others get the same. */
+  /** The server chooses for the first views; the others get the same, except for clicks. */
   granularity: Granularity;
 }
 
@@ -72,7 +72,9 @@ async function addMasks(
   // Where SAM answers clicks, it places the borders, too.
   const answer = await segmentViews(samClicks ? { ...query, samBorders: false } : query, signal);
   for (const [view, mask] of answer.masks) masks.set(view, mask);
-  if (!samClicks) making.granularity = { scale: answer.scale, threshold: answer.threshold };
+  if (prompt.kind !== 'points') {
+    making.granularity = { scale: answer.scale, threshold: answer.threshold };
+  }
 }
 
 /**

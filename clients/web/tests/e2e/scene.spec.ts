@@ -250,7 +250,7 @@ test('a word finds the things of that name, or says which words are known', asyn
   await page.getByRole('button', { name: 'Close what was found' }).click();
   await expect(page.getByText('No “zebra” here')).toBeHidden();
   // This server has no SAM, by which things that look alike are found.
-  await expect(page.getByText('Find all like this')).toHaveCount(0);
+  await expect(page.getByText('All like this')).toHaveCount(0);
 });
 
 test('Esc in the name field ends the segment', async () => {

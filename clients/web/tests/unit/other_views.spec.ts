@@ -69,6 +69,30 @@ test('a view that somebody turns to is looked at next', async () => {
   session.end();
 });
 
+test('other views of clicks get what the server chooses, those of a box its scale', async () => {
+  const { segmentation } = await import('../../app/api/clients');
+  const scales: unknown[] = [];
+  const segmentViews = (request: {
+    targets: { views: string[] };
+    granularity: { scale: { value?: number } };
+  }) => {
+    scales.push(request.granularity.scale.value);
+    return Promise.resolve(answerIn(...request.targets.views));
+  };
+  undo.push(replace(segmentation, { segmentViews, proposeScales: async () => ({ proposals: [] }) }));
+  const { session, answer } = await fakeSession();
+  session.addPoint({ view: 'a.jpg' }, { x: 0.5, y: 0.5, negative: false });
+  answer('a.jpg');
+  await expect.poll(() => session.state.get().looking).toBe(false);
+  expect(scales.splice(0)).toEqual([undefined, undefined]);
+  const box = { x: 0, y: 0, width: 1, height: 1 };
+  session.pose({ kind: 'box', place: { view: 'a.jpg' }, box });
+  answer('a.jpg');
+  await expect.poll(() => session.state.get().looking).toBe(false);
+  expect(scales).toEqual([0.4, 0.4]);
+  session.end();
+});
+
 test('views that cannot be answered end the search with the failure', async () => {
   const { segmentation } = await import('../../app/api/clients');
   const segmentViews = () => Promise.reject(new ConnectError('too large', Code.ResourceExhausted));
