@@ -17,7 +17,7 @@ readonly model_package=@vladmandic/human@3.3.6 runtime_package=onnxruntime-node@
 readonly topology=bfb942eaacc5becf738d536663bc4580a0ae9e560722306e6d4dd7fe4a09de05
 readonly weights=1b635a15009071f506f9f2b3519b31c072c534888989f30d269ffd44734ef7ef
 readonly labels=cdbe430f6415737eb191497734ffbb2627f8cc7144fbcdbf23b0f9cb9fe7150c
-# What they become.
+# Digests of what they become.
 readonly network=444ae157050e424096ffb2a41b67dd7d5d7ea51716a17083bf726fe6f0ef02bc
 readonly words=bd17f1ee35d5f3c862a4894605855abbb9dda4b0621fdb0ac4c2c8c7bb7e730a
 

@@ -22,7 +22,7 @@ import sys
 OPSET = 18  # the first whose Resize can leave axes out
 IR_VERSION = 8
 FLOAT, INT64, FLOAT16 = 1, 7, 10  # TensorProto.DataType
-TO_NCHW, TO_NHWC = (0, 3, 1, 2), (0, 2, 3, 1)
+TO_NCHW, TO_NHWC = (0, 3, 1, 2), (0, 2, 3, 1)  # permutations of axes
 NCHW_AXIS = {0: 0, 1: 2, 2: 3, 3: 1}  # of an axis in NHWC
 
 

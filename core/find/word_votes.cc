@@ -48,7 +48,7 @@ std::vector<double> MaskFits(const Sighting& sighting, const SeenView& view) {
   return fits;
 }
 
-// The sightings of a view, with the IoUs of masks.
+// The sightings of a view, with the IoUs of their masks and the segments.
 struct Sighted {
   const SeenView& view;
   std::span<const Sighting> sightings;

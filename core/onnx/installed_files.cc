@@ -38,7 +38,7 @@ absl::StatusOr<std::map<std::string, std::string>> ReadInstalledDigests(
   std::map<std::string, std::string> digests;
   for (const absl::string_view line : absl::StrSplit(*text, '\n', absl::SkipEmpty())) {
     const std::pair<std::string, std::string> words =
-        // The digest, two spaces, the name.
+        // A line is the digest, two spaces and the name.
         absl::StrSplit(line, absl::MaxSplits("  ", 1));
     digests[words.second] = words.first;
   }

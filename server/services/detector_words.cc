@@ -83,7 +83,7 @@ DetectorWords::DetectorWords(const Dependencies& deps)
                  : ReadDetectorWords(deps.folder).value_or(std::vector<std::string>())),
       recent_(kMostModels) {}
 
-// Clients do not learn the server's paths.
+// The log has the reason: clients do not learn the server's paths.
 absl::Status DetectorWords::OpenDetector() {
   if (detector_ != nullptr) return absl::OkStatus();
   ASSIGN_OR_RETURN(auto memory, deps_.models.TakeServerMemory({kDetectorBytes, 0}));

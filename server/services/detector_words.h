@@ -17,7 +17,7 @@ namespace pepeseg {
 // Knows the everyday words of a detector (core/priors/detect) and finds their things in the
 // photographs of a model's views. Loads the detector with the first text that needs it, and keeps
 // it: its memory counts in the budget of the models. What it has found in a model is kept for the
-// most recently asked models, so that its photographs are looked at once. One model is looked at at
+// most recently asked models, so that each photograph is looked at once. One model is looked at at
 // a time. Thread safe.
 class DetectorWords final : public WordSource {
  public:

@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
 
 constexpr size_t kMostTexts = 256;
 constexpr size_t kLogTail = 1000;  // bytes of the program's output in the log
-// For the worker to start, and to end after the program.
+// Time for the worker to start, and to end after the program.
 constexpr absl::Duration kWorkerTime = absl::Seconds(5);
 
 absl::Status MakeTextFolder(const fs::path& folder) {

@@ -22,7 +22,7 @@ namespace pepeseg {
 // are kept. One program runs at a time. Thread safe.
 class TextCommand final : public WordSource {
  public:
-  // Most bytes that the program may write.
+  // Most bytes that the program may write for one text.
   static constexpr int64_t kMaxOutputBytes = int64_t{1} << 30;
 
   // All must outlive it.

@@ -37,7 +37,7 @@ absl::Status ReadBox(const Json& box, const SearchedPhotograph& photo, Sighting&
   return absl::OkStatus();
 }
 
-// Returns the runs of a mask. `most`: of pixels, so of runs.
+// Returns the runs of a mask. most: pixels of the photograph, and so runs of a mask.
 absl::StatusOr<std::vector<int64_t>> ReadCounts(const Json& counts, int64_t most) {
   if (counts.is_string()) return ParseCocoCounts(counts.get_ref<const std::string&>(), most + 1);
   if (!counts.is_array()) return NotFormat("\"counts\" is neither a list nor a string");

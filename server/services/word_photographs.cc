@@ -18,7 +18,7 @@ absl::StatusOr<Image> WordPhotographs::Of(const ResidentModel& model, const Mode
     auto photo = photographs.Formed(view, {.view = view, .max_side = kMaxSide});
     if (photo.ok()) return photo;
     RETURN_IF_ERROR(check());
-    // Such as a frame of a video, or a photograph that was deleted.
+    // The view is a frame of a video, or its photograph was deleted.
     spdlog::debug("words: view {}: {}", view.name, photo.status().ToString());
   }
   ASSIGN_OR_RETURN(Image rendering, model->segmenter().RenderColor(view));

@@ -17,7 +17,7 @@
 namespace pepeseg {
 namespace {
 
-// Leaves the variables that programs of a job may have, and TMPDIR in the folder of the answers.
+// Leaves the variables that programs of a job may have. TMPDIR is below the folder of the answers.
 absl::Status SetEnvironment(const TextTask& task) {
   const std::vector<std::string> variables = JobEnvironment(task.pass_environment);
   clearenv();

@@ -156,7 +156,8 @@ absl::StatusOr<std::unique_ptr<Detector>> Detector::Load(const std::filesystem::
   return detector;
 }
 
-// The whole photograph first. Tiles overlap, so that a thing that one cuts is whole in another.
+// Returns the whole photograph first. Tiles overlap, so that a thing that one cuts is whole in the
+// next.
 std::vector<Detector::Window> Detector::WindowsOf(const Image& photo) const {
   std::vector<Window> windows = {{0, 0, photo.width, photo.height}};
   const int tiles = options_.tiles;
