@@ -26,14 +26,15 @@ export function describeAnswer(
   const { answer, busy, looking, current } = state;
   if (!answer) return busy ? 'Looking …' : 'Not answered.';
   const { area, samImage } = answer.masks.get(shownView) ?? {};
-  const by = samImage ? placedBy[samImage] : '';
+  const isDone = current.has(shownView) && isForSam(state);
+  const by = samImage ? placedBy[samImage] : isDone ? ', by the model' : '';
   const pixels = area === undefined ? '' : `${countText(area)} pixels here${by}. `;
   const here = area === 0 ? 'Not seen in this view. ' : pixels;
   if (busy) return `${here}Looking …`;
   const left = views.filter((view) => !current.has(view)).length;
   if (looking && left > 0) {
     const others = `${left} other ${left === 1 ? 'view' : 'views'}`;
-    const looks = isForSam(state) ? 'SAM is looking' : 'Looking';
+    const looks = isForSam(state) && state.samClicks === 'on' ? 'SAM is looking' : 'Looking';
     return `${here}${looks} in ${left === views.length ? viewsText(left) : others} …`;
   }
   const seen = [...answer.masks.values()].filter((mask) => mask.view && mask.area > 0).length;

@@ -20,7 +20,7 @@ export interface Asker {
   shown(): string;
   soFar(): Found;
   takeProposals(proposals: readonly Proposal[] | undefined): void;
-  /** `bySam`: SAM and the model have answered together. */
+  /** `bySam`: SAM was asked, too. */
   takeMasks(masks: Answer['masks'], bySam: boolean): void;
   /** Called with what ended a request, and its signal. */
   report(error: unknown, signal: AbortSignal): void;
@@ -69,13 +69,14 @@ export class OtherViews {
   private async look(prompt: Prompt, signal: AbortSignal): Promise<void> {
     const { asker } = this;
     const { model, views, state } = asker;
-    const samClicks = isForSam(state.get());
+    const bySam = isForSam(state.get());
+    const samClicks = bySam ? state.get().samClicks : 'off';
     const granularity = granularityElsewhere(state.get());
     const shown = asker.shown();
     const from = Math.max(0, views.indexOf(shown));
     const inOrder = [...views.slice(from), ...views.slice(0, from)];
     const { current } = state.get();
-    const batches = samClicks
+    const batches = bySam
       ? samBatches(ownViewOf(prompt), shown, inOrder, asker.soFar().kept)
       : batchesOf(inOrder.filter((view) => !current.has(view)));
     try {
@@ -83,7 +84,7 @@ export class OtherViews {
         const query = { model, prompt, granularity, views: batch, samClicks };
         const { masks } = await segmentViews(query, signal);
         if (signal.aborted) return;
-        asker.takeMasks(masks, samClicks);
+        asker.takeMasks(masks, bySam);
       }
     } catch (error) {
       asker.report(error, signal);

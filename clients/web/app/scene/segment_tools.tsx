@@ -7,6 +7,7 @@ import type { Brush } from './brush';
 import { maxBrush, minBrush, strokeWidth, withWidth } from './brush';
 import { describeRung } from './ladder';
 import type { Tool } from './photo_view';
+import type { SamClicks } from './segment_views';
 import type { SceneSession } from './session';
 
 const tools: readonly { tool: Tool; name: string; icon: IconName }[] = [
@@ -231,13 +232,16 @@ export function GranularityTools({ session, hasSam }: GranularityProps): JSX.Ele
     <>
       <SizeSlider session={session} />
       {hasSam && (
-        <label class="check" title="SAM and the model answer clicks together; slower, but sharper">
-          <input
-            type="checkbox"
-            checked={samClicks}
-            onChange={(event) => session.setSamClicks(event.currentTarget.checked)}
-          />
+        <label class="row" title="SAM and the model answer clicks together: slower, but sharper">
           Refine by SAM
+          <select
+            value={samClicks}
+            onChange={(event) => session.setSamClicks(event.currentTarget.value as SamClicks)}
+          >
+            <option value="auto">as suits the model</option>
+            <option value="on">always</option>
+            <option value="off">never</option>
+          </select>
         </label>
       )}
       <MoreTools session={session} hasSam={hasSam} />

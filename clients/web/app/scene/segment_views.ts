@@ -42,6 +42,11 @@ export function samBatches(
   return own === '' && !answered.has('') ? [undefined, ...named] : named;
 }
 
+/** Whether SAM and the model answer clicks together; auto: as the server does for the model. */
+export type SamClicks = 'auto' | 'on' | 'off';
+
+const samField = { auto: undefined, on: true, off: false } as const;
+
 export interface ViewsQuery {
   readonly model: string;
   readonly prompt: Prompt;
@@ -50,13 +55,18 @@ export interface ViewsQuery {
   readonly views?: readonly string[] | undefined;
   /** Whether SAM places the borders. */
   readonly samBorders?: boolean;
-  /** Whether SAM and the model answer points together; for points without scale and threshold. */
-  readonly samClicks?: boolean;
+  /** Absent: off. Others are for points without scale and threshold. */
+  readonly samClicks?: SamClicks;
 }
 
 /** Segments the named views in one request, which is repeated until the server answers. */
 export async function segmentViews(query: ViewsQuery, signal: AbortSignal): Promise<Answer> {
-  const { model, prompt, granularity, views, samBorders = false, samClicks = false } = query;
-  const request = { ...segmentRequest(model, prompt, granularity, views), samBorders, samClicks };
+  const { model, prompt, granularity, views, samBorders = false } = query;
+  const samClicks = samField[query.samClicks ?? 'off'];
+  const request = {
+    ...segmentRequest(model, prompt, granularity, views),
+    samBorders,
+    ...(samClicks !== undefined && { samClicks }),
+  };
   return answerOf(await steadily(() => segmentation.segmentViews(request, { signal }), signal));
 }

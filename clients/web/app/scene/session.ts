@@ -15,6 +15,7 @@ import { isMiss, missOf } from './miss';
 import { OtherViews } from './other_views';
 import type { Granularity, Place, Point, Prompt, Stroke } from './prompt';
 import { isIn3d, ownViewOf, segmentRequest } from './prompt';
+import type { SamClicks } from './segment_views';
 import { segmentViews } from './segment_views';
 import type { Before, Found, SessionState } from './session_state';
 import {
@@ -128,13 +129,11 @@ export class SceneSession {
   }
 
   /** Chooses whether SAM and the model answer clicks together. */
-  setSamClicks(samClicks: boolean): void {
+  setSamClicks(samClicks: SamClicks): void {
     const before = this.state.get();
     this.state.patch({ samClicks });
-    if (!before.answer || isForSam(before) === isForSam(this.state.get())) return;
-    if (!samClicks) return this.send();
-    this.state.patch({ current: new Set() });
-    this.others.ask();
+    const isAsked = isForSam(before) || isForSam(this.state.get());
+    if (before.answer && isAsked && before.samClicks !== samClicks) this.send();
   }
 
   /** Lets SAM place the border of the shown mask, at the scale and threshold of the answer. */

@@ -5,6 +5,7 @@ import type { Ladder, Rung } from './ladder';
 import { noLadder } from './ladder';
 import type { Miss } from './miss';
 import type { Granularity, Prompt } from './prompt';
+import type { SamClicks } from './segment_views';
 
 export interface SessionState {
   readonly prompt: Prompt | undefined;
@@ -12,8 +13,7 @@ export interface SessionState {
   readonly answer: Answer | undefined;
   /** The sizes that the prompt may mean, and the shown one. */
   readonly ladder: Ladder;
-  /** Whether SAM and the model answer clicks together. */
-  readonly samClicks: boolean;
+  readonly samClicks: SamClicks;
   readonly busy: boolean;
   /** Whether masks of other views are still to come. */
   readonly looking: boolean;
@@ -41,7 +41,7 @@ export const nothingAsked: SessionState = {
   ...nothingAnswered,
   prompt: undefined,
   granularity: {},
-  samClicks: false,
+  samClicks: 'off',
   numAnswers: 0,
   canUndo: false,
 };
@@ -91,11 +91,11 @@ export function isOpen({ scale, threshold }: Granularity): boolean {
   return scale === undefined && threshold === undefined;
 }
 
-/** Returns whether SAM answers: it takes clicks, and chooses by itself how large the thing is. */
+/** Returns whether SAM is asked: it takes clicks, and chooses by itself how large the thing is. */
 export function isForSam({
   prompt,
   granularity,
   samClicks,
 }: Pick<SessionState, 'prompt' | 'granularity' | 'samClicks'>): boolean {
-  return samClicks && prompt?.kind === 'points' && isOpen(granularity);
+  return samClicks !== 'off' && prompt?.kind === 'points' && isOpen(granularity);
 }

@@ -7,6 +7,7 @@ import type { Mask } from './answer';
 import { labelName } from './labels';
 import type { Granularity, Prompt } from './prompt';
 import type { Watch } from './running_export';
+import type { SamClicks } from './segment_views';
 import { batchesOf, samBatch, segmentViews } from './segment_views';
 import { serverHasSam } from './server_sam';
 import type { SessionState } from './session_state';
@@ -18,8 +19,8 @@ export interface Thing {
   readonly category: string;
   readonly prompt: Prompt;
   readonly granularity: Granularity;
-  /** Whether SAM and the model answer it together. */
-  readonly samClicks?: boolean;
+  /** Absent: off. */
+  readonly samClicks?: SamClicks;
 }
 
 /** Returns the labels as things; without labels, the current segment. */
@@ -37,7 +38,7 @@ export function thingsOf(
   }
   const { prompt, answer } = state;
   if (!prompt || !answer) return [];
-  const samClicks = isForSam(state);
+  const samClicks = isForSam(state) ? state.samClicks : 'off';
   const granularity = granularityElsewhere(state);
   return [{ id: 'segment', category: 'segment', prompt, granularity, samClicks }];
 }
@@ -67,10 +68,9 @@ async function addMasks(
   const views = asked.views.filter((view) => view !== accepted?.view);
   if (accepted && views.length < asked.views.length) masks.set(accepted.view, accepted);
   if (views.length === 0) return;
-  const { prompt, samClicks = false } = thing;
+  const { prompt, samClicks = 'off' } = thing;
   const query = { ...asked, prompt, granularity, views, samClicks };
-  // Where SAM answers clicks, it places the borders, too.
-  const answer = await segmentViews(samClicks ? { ...query, samBorders: false } : query, signal);
+  const answer = await segmentViews(query, signal);
   for (const [view, mask] of answer.masks) masks.set(view, mask);
   if (prompt.kind !== 'points') {
     making.granularity = { scale: answer.scale, threshold: answer.threshold };

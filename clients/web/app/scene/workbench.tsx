@@ -96,6 +96,9 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
     (signal) => serverHasSam(scene.liveModel, signal),
     [scene.liveModel],
   );
+  useEffect(() => {
+    if (hasSam.value) session.setSamClicks('auto');
+  }, [session, hasSam.value]);
   const renderingOf = (of: View) => pictureUrl(session.model, of.view);
   const thumbnailOf = (of: View) =>
     photoUrl(session.model, { name: of.view, maxSide: thumbnailSide });

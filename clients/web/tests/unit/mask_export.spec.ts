@@ -119,8 +119,8 @@ test('without labels the shown segment is exported, at its scale and threshold',
   };
   const answer = { masks: new Map(), scale: 0.4, scaleUnits: 1, threshold: 0.7, computeMs: 1 };
   const asked = { prompt: prompt as never, granularity: { scale: 0.9 }, answer };
-  const state = { ...asked, samClicks: true };
-  const thing = { id: 'segment', category: 'segment', prompt, samClicks: false };
+  const state = { ...asked, samClicks: 'on' as const };
+  const thing = { id: 'segment', category: 'segment', prompt, samClicks: 'off' };
   expect(thingsOf([], state)).toEqual([
     { ...thing, granularity: { scale: 0.9, threshold: 0.7 } },
   ]);
@@ -133,13 +133,13 @@ test('a segment that SAM has answered is exported as SAM answers it', async () =
   const points = [{ x: 0, y: 0, negative: false }];
   const prompt = { kind: 'points', place: { view: 'a.jpg' }, points } as const;
   const answer = { masks: new Map(), scale: 0.4, scaleUnits: 1, threshold: 0.7, computeMs: 1 };
-  const things = thingsOf([], { prompt, granularity: {}, answer, samClicks: true });
+  const things = thingsOf([], { prompt, granularity: {}, answer, samClicks: 'on' });
   const { signal } = new AbortController();
   await masksOfThings(model, things, views, { progress: () => undefined, signal });
   expect(asked.length).toBeGreaterThan(1);
   for (const { samClicks, samBorders, granularity } of asked) {
     // The contract: not with a scale or a threshold.
-    expect([samClicks, samBorders, granularity.threshold]).toEqual([true, false, undefined]);
+    expect([samClicks, samBorders, granularity.threshold]).toEqual([true, true, undefined]);
   }
 });
 

@@ -6,7 +6,7 @@ import { fakeSession, maskIn, replace, views } from './fake_session';
 import { firstColumns } from './runs';
 
 interface Asked {
-  samClicks: boolean;
+  samClicks?: boolean;
   targets?: { views: string[] };
   granularity: { scale?: { case?: string }; threshold?: number };
 }
@@ -52,7 +52,7 @@ test('SAM answers clicks in all views after the model, the prompt’s view first
   const { session, answerWith } = await fakeSession();
   const area = (view: string) => session.state.get().answer?.masks.get(view)?.area;
   const said = () => describeAnswer(session.state.get(), 'b.jpg', views);
-  session.setSamClicks(true);
+  session.setSamClicks('on');
   session.addPoint(place, click);
   answerWith(['a.jpg', 'b.jpg'].map((view) => inView(view, 20)));
   expect(area('b.jpg')).toBe(200);
@@ -83,7 +83,7 @@ test('SAM answers clicks in all views after the model, the prompt’s view first
 
 test('a chosen size is the model’s alone', async () => {
   const { session, answerWith } = await fakeSession();
-  session.setSamClicks(true);
+  session.setSamClicks('on');
   session.show('b.jpg');
   session.addPoint(place, click);
   answerWith([inView('b.jpg', 20)]);
@@ -99,7 +99,7 @@ test('a chosen size is the model’s alone', async () => {
 
 test('SAM is left out of boxes, and of clicks when it is turned off', async () => {
   const { session, answerWith, asked: streamed } = await fakeSession();
-  session.setSamClicks(true);
+  session.setSamClicks('on');
   session.pose({ kind: 'box', place, box: { x: 0, y: 0, width: 5, height: 5 } });
   answerWith([inView('b.jpg', 20)]);
   await expect.poll(() => session.state.get().looking).toBe(false);
@@ -109,17 +109,42 @@ test('SAM is left out of boxes, and of clicks when it is turned off', async () =
   await expect.poll(() => session.state.get().looking).toBe(false);
   expect(asked.some(({ samClicks }) => samClicks)).toBe(true);
   const before = streamed.length;
-  session.setSamClicks(false);
+  session.setSamClicks('off');
   expect(streamed).toHaveLength(before + 1);
   answerWith([inView('b.jpg', 20)]);
   expect(session.state.get().answer?.masks.get('b.jpg')?.area).toBe(200);
   session.end();
 });
 
+test('as suits the model: the server decides, and the text says who answered', async () => {
+  const { describeAnswer } = await import('../../app/scene/describe_answer');
+  const { session, answerWith } = await fakeSession();
+  const said = () => describeAnswer(session.state.get(), 'b.jpg', views);
+  session.setSamClicks('auto');
+  session.addPoint(place, click);
+  answerWith([inView('b.jpg', 20)]);
+  expect(said()).toBe('200 pixels here. Looking in 5 views …');
+  await expect.poll(() => session.state.get().looking).toBe(false);
+  // The field is as in a request that does not speak of SAM.
+  const { segmentRequest } = await import('../../app/scene/prompt');
+  const unset = segmentRequest('m', { kind: 'label', label: 'cup' }, {}).samClicks;
+  expect(asked.map(({ samClicks }) => samClicks)).toEqual([unset, unset, unset]);
+  expect(said()).toBe('200 pixels here, by the model. Seen in 5 views.');
+  // Without SAM the contract wants it said: absent is the server's choice.
+  asked = [];
+  session.setSamClicks('off');
+  answerWith([inView('b.jpg', 20)]);
+  await expect.poll(() => session.state.get().looking).toBe(false);
+  expect(asked.length).toBeGreaterThan(0);
+  expect(asked.every(({ samClicks }) => samClicks === false)).toBe(true);
+  expect(said()).toBe('200 pixels here. Seen in 5 views.');
+  session.end();
+});
+
 test('without SAM the model’s answer stays, and the failure says so', async () => {
   hasSam = false;
   const { session, answerWith } = await fakeSession();
-  session.setSamClicks(true);
+  session.setSamClicks('on');
   session.addPoint(place, click);
   answerWith([inView('b.jpg', 20)]);
   await expect.poll(() => session.state.get().failure?.reason).toBe('NO_SAM');
@@ -130,7 +155,7 @@ test('without SAM the model’s answer stays, and the failure says so', async ()
 test('a click in 3D is answered in its picture first', async () => {
   const camera = { width: 4, height: 4 } as never;
   const { session, answerWith } = await fakeSession();
-  session.setSamClicks(true);
+  session.setSamClicks('on');
   session.addPoint({ camera }, click);
   answerWith([inView('', 20)]);
   await expect.poll(() => session.state.get().looking).toBe(false);
