@@ -2,6 +2,7 @@
 // click may mean.
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,7 +27,8 @@ struct SegmentFlags {
   GranularityFlags granularity;
   std::vector<std::string> targets;  // names of views, "all" or "held-out"
   bool refine_borders = true;
-  bool sam_borders = false, sam_clicks = false;
+  bool sam_borders = false;
+  std::optional<bool> sam_clicks;  // absent: as the server chooses
   std::string out;
 };
 
@@ -54,7 +56,7 @@ absl::StatusOr<v1::SegmentViewsRequest> BuildRequest(const SegmentFlags& flags) 
   request.set_frame(flags.prompt.frame);
   request.set_refine_borders(flags.refine_borders);
   request.set_sam_borders(flags.sam_borders);
-  request.set_sam_clicks(flags.sam_clicks);
+  if (flags.sam_clicks) request.set_sam_clicks(*flags.sam_clicks);
   return request;
 }
 
@@ -175,8 +177,10 @@ void AddSegment(CLI::App& app, Shell& shell) {
   verb->add_flag(
       "--sam-borders", flags->sam_borders,
       "Let SAM place the borders of the masks in the photographs; takes 1 to 2 s for a new view");
-  verb->add_flag("--sam-clicks", flags->sam_clicks,
-                 "Let SAM and the model answer points together, in the photographs");
+  verb->add_flag(
+      "--sam-clicks,!--no-sam-clicks", flags->sam_clicks,
+      "Let SAM and the model answer points together, in the photographs; by default where "
+      "the model was trained with SAM's masks");
   verb->add_option("--out", flags->out, "Folder for STEM_mask.png and STEM_overlay.png");
   verb->callback(
       [flags, &shell] { shell.verb = [&, flags] { return RunSegment(shell, *flags); }; });

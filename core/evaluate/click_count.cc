@@ -34,38 +34,18 @@ struct Answering {
   WantedCheck check;
 };
 
-// The thing that clicks in a view stand for: a query of the model, or an answer by images.
-struct Meaning {
-  Query query;
-  std::optional<ClickedThing> answer;
-
-  bool empty() const { return query.features.empty() && !answer; }
-  absl::StatusOr<BinaryMask> In(const Answering& by, const ModelView& view) {
-    if (answer) {
-      ASSIGN_OR_RETURN(SegmentResult result, answer->In(view, by.segment, by.check));
-      return std::move(result.mask);
-    }
-    ASSIGN_OR_RETURN(auto results, by.segmenter.Segment(query, {&view, 1}, by.segment));
-    return std::move(results[0].mask);
-  }
-};
-absl::StatusOr<Meaning> MeaningOf(const Answering& by, const ModelView& view,
-                                  const PointsPrompt& points) {
-  if (by.images == nullptr) {
-    ASSIGN_OR_RETURN(Query query, ResolvePrompt(by.segmenter, {view, points}, {}));
-    return Meaning{std::move(query), std::nullopt};
-  }
-  ASSIGN_OR_RETURN(ClickedThing answer,
-                   ClickedThing::Find(by.segmenter, *by.images, view, points, by.check));
-  return Meaning{{}, std::move(answer)};
+// Returns the mask of a thing in a view.
+absl::StatusOr<BinaryMask> MaskIn(const Answering& by, const ModelView& view, ClickedThing& thing) {
+  ASSIGN_OR_RETURN(SegmentResult result, thing.In(view, by.segment, by.check));
+  return std::move(result.mask);
 }
 
 // A click, and the meaning of it and all clicks before it.
 struct SimulatedClick {
-  PointPrompt click;        // pixels of the view
-  bool on_nothing = false;  // see ClickAnswer
-  double iou = 0;           // on the clicked view
-  Meaning meaning;          // empty: all clicks so far are on nothing
+  PointPrompt click;                  // pixels of the view
+  bool on_nothing = false;            // see ClickAnswer
+  double iou = 0;                     // on the clicked view
+  std::optional<ClickedThing> thing;  // absent: all clicks so far are on nothing
 };
 
 class Clicker {
@@ -96,22 +76,23 @@ class Clicker {
   // Makes the click. A click on nothing is left out of the prompt, so that the mask stays as it
   // was.
   absl::StatusOr<SimulatedClick> Make(const PointPrompt& click) {
-    SimulatedClick made = {.click = click, .meaning = {}};
+    SimulatedClick made = {.click = click, .thing = {}};
     clicked_[static_cast<size_t>(click.y) * target_.view.camera.width +
              static_cast<size_t>(click.x)] = 1;
     points_.push_back(click);
-    auto meaning = MeaningOf(by_, target_.view, points_);
-    if (IsNothingThere(meaning.status())) {
+    auto thing =
+        ClickedThing::Find(by_.segmenter, by_.images, target_.view, points_, {}, by_.check);
+    if (IsNothingThere(thing.status())) {
       points_.pop_back();
       made.on_nothing = true;
     } else {
-      RETURN_IF_ERROR(meaning.status());
-      meaning_ = *std::move(meaning);
-      ASSIGN_OR_RETURN(BinaryMask mask, meaning_.In(by_, target_.view));
+      RETURN_IF_ERROR(thing.status());
+      thing_ = *std::move(thing);
+      ASSIGN_OR_RETURN(BinaryMask mask, MaskIn(by_, target_.view, *thing_));
       answer_ = std::move(mask.pixels);
     }
     made.iou = Iou(answer_, target_.truth, target_.ignore);
-    made.meaning = meaning_;
+    made.thing = thing_;
     return made;
   }
 
@@ -120,7 +101,7 @@ class Clicker {
   const ClickTarget& target_;
   std::vector<uint8_t> answer_, clicked_;  // [height, width]
   std::vector<PointPrompt> points_;        // clicks that are part of the prompt
-  Meaning meaning_;                        // of points_
+  std::optional<ClickedThing> thing_;      // of points_
 };
 
 // Returns the clicks on a target, in order.
@@ -166,7 +147,7 @@ absl::Status AddView(const Answering& by, std::span<SimulatedClick> clicks,
   double iou = 0;  // before the first click on something
   for (size_t i = 0; i < clicks.size(); ++i) {
     if (!clicks[i].on_nothing) {
-      ASSIGN_OR_RETURN(const BinaryMask mask, clicks[i].meaning.In(by, target.view));
+      ASSIGN_OR_RETURN(const BinaryMask mask, MaskIn(by, target.view, *clicks[i].thing));
       iou = Iou(mask.pixels, target.truth, target.ignore);
     }
     score.answers[i].iou += iou;

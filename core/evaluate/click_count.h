@@ -44,13 +44,12 @@ struct EntityClicks {
 };
 
 // Simulates a person who clicks on each entity in its reference view and gives no scale and no
-// threshold: ResolvePrompt, which also serves the server's Segment, chooses both. With `images`,
-// ClickedThing answers instead. The first click
-// is on the deepest pixel of the entity. Each further click is on the deepest pixel of the largest
-// wrong region: positive in missed pixels, negative in pixels outside the entity. As in the
-// authors' code, the largest region is the one that reaches deepest, and no pixel is clicked twice.
-// The clicks end at min_iou, but not before kNumEarlyClicks; at max_clicks; or when no wrong pixel
-// is left. The mask after each click is scored in the scored views.
+// threshold. ClickedThing answers, as in the server, with the help of `images` if these are given.
+// The first click is on the deepest pixel of the entity. Each further click is on the deepest pixel
+// of the largest wrong region: positive in missed pixels, negative in pixels outside the entity. As
+// in the authors' code, the largest region is the one that reaches deepest, and no pixel is clicked
+// twice. The clicks end at min_iou, but not before kNumEarlyClicks; at max_clicks; or when no wrong
+// pixel is left. The mask after each click is scored in the scored views.
 //
 // Returns [entities of the task], whose prompts must be DeepestClick. Calls `check_cancelled`
 // before each click and before each entity of a scored view and returns its error. Returns

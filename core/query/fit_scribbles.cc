@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/base/status_macros.h"
+#include "core/query/click_plausibility.h"
 #include "core/query/frame.h"
 #include "core/query/mask_grid.h"
 #include "core/query/prompt.h"

@@ -28,8 +28,8 @@ struct ImageMasks {
 class ImageSegmenter {
  public:
   virtual ~ImageSegmenter() = default;
-  // Returns the masks that clicks in a view may mean. The first click is positive. Without a mask
-  // `before` the last click (null), one click may have several answers; else there is one.
+  // Returns the masks that clicks in a view may mean. The first click is positive. With a mask
+  // `before` the last click (else null), the first answer is that mask, changed as the click asks.
   virtual absl::StatusOr<ImageMasks> Click(const ModelView& view,
                                            std::span<const PointPrompt> clicks,
                                            const SoftMask* before, const WantedCheck& check) = 0;

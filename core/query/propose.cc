@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/query/resolve_prompt.h"
+#include "core/query/click_follower.h"
 
 namespace pepeseg {
 namespace {
@@ -55,13 +55,14 @@ absl::StatusOr<Proposals> Propose(const Segmenter& segmenter, const ProposeReque
   const auto* points = std::get_if<PointsPrompt>(&request.prompt.what);
   // A box or a mask already says how large the object is.
   if (points == nullptr) return FaultError({"", "", "only points have proposals"});
-  ASSIGN_OR_RETURN(const ClickedFeatures clicks, FindClickedFeatures(segmenter, view, *points));
+  ClickFollower follower(segmenter, nullptr, view, {});
+  RETURN_IF_ERROR(follower.Follow(*points, [] { return absl::OkStatus(); }));
+  const Query& clicked = follower.features();
   Proposals proposals;
-  ASSIGN_OR_RETURN(proposals.candidates,
-                   FindGranularities(segmenter, clicks, GridOf({}), request.max_count));
+  proposals.candidates = follower.Found(request.max_count);
   std::vector<Query> queries;
   for (const Candidate& at : proposals.candidates.list) {
-    queries.push_back({clicks.query.features, clicks.query.positive, at.scale, at.threshold});
+    queries.push_back({clicked.features, clicked.positive, at.scale, at.threshold});
   }
   ASSIGN_OR_RETURN(proposals.masks, segmenter.Segment(queries, view, request.options));
   KeepNested(proposals);

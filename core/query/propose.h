@@ -26,7 +26,8 @@ struct Proposals {
 };
 
 // Returns the granularities at which the points show something stable, or none if no mask of 16
-// pixels appears at any scale. Renders no view whose feature map is cached. Returns
+// pixels appears at any scale. The best one is the mask of the model that the answer to the clicks
+// came from (ClickFollower). Renders no view whose feature map is cached. Returns
 // INVALID_ARGUMENT for the reasons of Segmenter::PointFeatures, for prompts of other kinds, and if
 // max_count < 1.
 absl::StatusOr<Proposals> Propose(const Segmenter& segmenter, const ProposeRequest& request);

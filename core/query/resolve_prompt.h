@@ -5,8 +5,6 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/query/mask_geometry.h"
-#include "core/query/mask_grid.h"
 #include "core/query/prompt.h"
 #include "core/query/segmenter.h"
 
@@ -18,13 +16,13 @@ inline constexpr size_t kMostPlateaus = 12;      // those with most support
 inline constexpr double kSupportExponent = 0.5;  // of support against answered clicks
 
 // Returns the query that a prompt stands for. Chooses scale and threshold where `granularity` has
-// none (METHOD.md section 4): for points and a mean of points as FindGranularities does, for
-// scribbles by the mask that answers most of their pixels and has support, for a box and a mask by
-// the best fit in the prompt's view. Scribbles stand for the most usual feature under the
-// positive strokes and up to four under the negative ones. Pixels of scribbles and points of a mean
-// that have no feature are left out. Returns INVALID_ARGUMENT if the prompt or the granularity is
-// out of the limits of Prompt and Granularity, and NothingThereError if no feature is rendered
-// under the prompt.
+// none (METHOD.md section 4): for points and a mean of points as ClickFollower does, for scribbles
+// by the mask that answers most of their pixels and has support, for a box and a mask by the best
+// fit in the prompt's view. Scribbles stand for the most usual feature under the positive strokes
+// and up to four under the negative ones. Pixels of scribbles and points of a mean that have no
+// feature are left out. Returns INVALID_ARGUMENT if the prompt or the granularity is out of the
+// limits of Prompt and Granularity, and NothingThereError if no feature is rendered under the
+// prompt.
 absl::StatusOr<Query> ResolvePrompt(const Segmenter& segmenter, const Prompt& prompt,
                                     const Granularity& granularity);
 
@@ -75,48 +73,5 @@ absl::StatusOr<Query> FitBox(const Segmenter& segmenter, const ModelView& view,
 // of support.
 absl::StatusOr<Query> FitScribbles(const Segmenter& segmenter, const ModelView& view,
                                    const Scribbles& scribbles, const Granularity& granularity);
-
-// Scale and threshold of a prompt of points (METHOD.md section 4, "Points").
-
-// Points of a view, and the features under them. The first positive point is answered first; the
-// others correct the answer, in their order.
-struct ClickedFeatures {
-  ModelView view;
-  std::vector<PointPrompt> points;
-  Query query;  // features and signs of the points; its scale and threshold are not used
-};
-// INVALID_ARGUMENT: Segmenter::PointFeatures.
-absl::StatusOr<ClickedFeatures> FindClickedFeatures(const Segmenter& segmenter,
-                                                    const ModelView& view,
-                                                    std::span<const PointPrompt> points);
-
-// Returns what the points may mean, at most `max_count` candidates. For one point the best is the
-// mask with the most support. A further point that the mask so far does not answer compares the
-// masks of all points so far again: the best is then the one that ClickPlausibility and
-// support favour. Of more than 9 points, all but the last 8 are answered together. Returns none
-// if no mask has 16 pixels of the small view at any scale. Errors are those of
-// Segmenter::CountLevels.
-absl::StatusOr<Candidates> FindGranularities(const Segmenter& segmenter,
-                                             const ClickedFeatures& clicks,
-                                             const GranularityGrid& grid, int max_count);
-
-// A click on a pixel of a view.
-struct PixelClick {
-  PixelIndex pixel;
-  bool positive = true;
-};
-// Returns how many clicks a mask with `width` columns answers.
-int64_t NumAnswered(std::span<const PixelClick> clicks, std::span<const uint8_t> mask, int width);
-// Returns how plausible it is, in [0, 1], that a person who sees the mask `before` and clicks on a
-// pixel wants the mask `after`; masks are [height, width] of 0 and 1. A person clicks into the
-// middle of what is wrong and means to keep the rest. The value is the product of
-// - the depth of the pixel in what changes (added by a positive click, removed by a negative one),
-//   divided by the greatest depth there,
-// - the share of `before` that a positive click keeps, or the share of `after` that was in `before`
-//   for a negative click.
-// If `before` answers the click already, it is the IoU of the two masks. It is 0 if `after` is
-// empty or does not answer the click.
-double ClickPlausibility(const PixelClick& click, std::span<const uint8_t> before,
-                         std::span<const uint8_t> after, int width);
 
 }  // namespace pepeseg

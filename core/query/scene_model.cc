@@ -24,10 +24,10 @@ absl::StatusOr<SegmentResult> SegmentedViews::Next() {
   } else {
     ASSIGN_OR_RETURN(auto results, segmenter_->Segment(query_, {&target, 1}, options));
     result = std::move(results.front());
-    if (request_.image_borders) {
-      RETURN_IF_ERROR(
-          request_.images->Refine(target, ImageSegmenter::Change::kBorder, check_, result));
-    }
+  }
+  if (request_.image_borders && result.border_image == BorderImage::kNone) {
+    RETURN_IF_ERROR(
+        request_.images->Refine(target, ImageSegmenter::Change::kBorder, check_, result));
   }
   if (box != nullptr) result.box_agreement = CutToBox(*box, result);
   if (!request_.options.want_similarity) result.similarity.clear();
@@ -44,11 +44,18 @@ absl::StatusOr<std::unique_ptr<SceneModel>> SceneModel::Create(Backend& backend,
 
 absl::StatusOr<SegmentedViews> SceneModel::Segment(SegmentRequest request,
                                                    WantedCheck check) const {
-  if (request.image_clicks) {
-    const PointsPrompt* const points = PointsOf(request.prompt.what);
-    if (points == nullptr) return FaultError({"", "", "only points are clicks"});
-    ASSIGN_OR_RETURN(ClickedThing clicked, ClickedThing::Find(*segmenter_, *request.images,
-                                                              request.prompt.view, *points, check));
+  const auto* const clicks = std::get_if<PointsPrompt>(&request.prompt.what);
+  if (request.image_clicks && clicks == nullptr) {
+    return FaultError({"", "", "only points are clicks"});
+  }
+  const bool is_chosen = request.granularity.scale && request.granularity.threshold;
+  if (clicks != nullptr && !is_chosen) {
+    RETURN_IF_ERROR(CheckGranularity(request.granularity));
+    ASSIGN_OR_RETURN(
+        ClickedThing clicked,
+        ClickedThing::Find(*segmenter_, request.image_clicks ? request.images : nullptr,
+                           request.prompt.view, *clicks, request.granularity, check));
+    if (request.images_of_clicked_view_only) clicked.LeaveOtherImages();
     return SegmentedViews(*segmenter_, std::move(request), {}, std::move(check),
                           std::move(clicked));
   }

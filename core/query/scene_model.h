@@ -61,6 +61,8 @@ struct SegmentRequest {
   // Of `images`: places the borders of the masks, or answers clicks with the model (ClickedThing),
   // for a prompt of points without scale and threshold.
   bool image_borders = false, image_clicks = false;
+  // Of clicks: `images` does not place the mask in other views than the clicked one.
+  bool images_of_clicked_view_only = false;
 };
 
 // The masks of a prompt in its target views, computed one by one, so that a thread can turn to

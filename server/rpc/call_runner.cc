@@ -128,17 +128,21 @@ absl::Status CallRunner::Authorized(
 
 void CallRunner::Continue(WorkerPool& pool, std::shared_ptr<Rest> rest) const {
   std::optional<absl::Status> status;
-  do {
+  {
     const LogFields fields = FieldsOf(*rest->call.request.context);
     const LogScope scope(fields);
-    status = rest->parts();
-    // Runs the rest here after the pool has stopped, which waits for its tasks.
-  } while (!status &&
-           !pool.SubmitAlways(rest->project, [this, &pool, rest] { Continue(pool, rest); }));
-  if (!status) return;
+    status = rest->parts.next();
+  }
+  if (!status) return Queue(pool, std::move(rest));
   // Before the client has its answer: it may ask for what needs the memory of the model.
-  rest->parts = nullptr;
+  rest->parts.next = nullptr;
   Finish(pool, rest->call, rest->stopwatch, *std::move(status));
+}
+
+// Runs the rest here after the pool has stopped, which waits for its tasks.
+void CallRunner::Queue(WorkerPool& pool, std::shared_ptr<Rest> rest) const {
+  if (pool.SubmitAlways(rest->project, [this, &pool, rest] { Continue(pool, rest); })) return;
+  Continue(pool, rest);
 }
 
 void CallRunner::Finish(WorkerPool& pool, const Pending& call, Stopwatch stopwatch,

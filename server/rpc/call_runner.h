@@ -53,9 +53,13 @@ class Stopwatch {
   absl::Time start_ = absl::Now();
 };
 
-// Computes the next part of an answer, on a pool thread. Returns nullopt if there are more parts,
-// else the status of the call.
-using AnswerParts = std::function<std::optional<absl::Status>()>;
+// The parts of an answer but for the first one.
+struct AnswerParts {
+  // Computes the next part, on a pool thread. Returns nullopt if there are more parts, else the
+  // status of the call.
+  std::function<std::optional<absl::Status>()> next;
+  WorkerPool* pool = nullptr;  // that computes them; null: that of the first part
+};
 
 // Returns the W3C trace context of a call. The interceptor makes one for calls that bring none.
 std::string TraceparentOf(const grpc::CallbackServerContext& context);
@@ -90,7 +94,8 @@ class CallRunner {
   // Answers a call like Run, on the given pool and in parts: `handler`, an
   // absl::StatusOr<AnswerParts>(const UnaryCall&), does the first one. The others take their turn
   // in the pool for the caller's project, so that a long answer does not keep a thread from other
-  // projects. For methods that only read: the audit log does not see how the call ends.
+  // projects; AnswerParts may name another pool for them. For methods that only read: the audit log
+  // does not see how the call ends.
   template <typename Handler>
   grpc::ServerUnaryReactor* RunInParts(WorkerPool& pool, const UnaryRequest& request,
                                        Handler handler) const {
@@ -105,7 +110,9 @@ class CallRunner {
             return parts.status();
           });
       if (!begun.ok()) return Finish(pool, call, rest->stopwatch, begun);
-      Continue(pool, std::move(rest));
+      WorkerPool* const other = rest->parts.pool;
+      if (other == nullptr || other == &pool) return Continue(pool, std::move(rest));
+      Queue(*other, std::move(rest));
     });
   }
 
@@ -146,6 +153,8 @@ class CallRunner {
                           absl::FunctionRef<absl::Status(const AuthorizedCaller&)> handler) const;
   // Computes the next part, and queues the one after it.
   void Continue(WorkerPool& pool, std::shared_ptr<Rest> rest) const;
+  // Has the next part computed when it is the project's turn in the pool.
+  void Queue(WorkerPool& pool, std::shared_ptr<Rest> rest) const;
   // Ends the call and records its time.
   static void Finish(WorkerPool& pool, const Pending& call, Stopwatch stopwatch,
                      absl::Status status);

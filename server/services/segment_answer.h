@@ -18,7 +18,7 @@ struct SegmentTools {
   ViewImages& images;
 };
 
-// Returns whether a request is answered with SAM's help.
+// Returns whether a request asks for SAM's help by name.
 bool AsksSam(const v1::SegmentViewsRequest& request);
 
 // A query on its pool thread, from a unary call or a stream.
@@ -32,25 +32,32 @@ struct QueryCall {
 // others after each view. Holds the model in memory.
 class SegmentAnswer {
  public:
-  // Loads the model, which blocks, and reads the request. Fills `response`; it and `request` must
-  // outlive the answer.
+  // Loads the model, which blocks, and reads the request. SAM helps as the request and the model
+  // say. Fills `response`; it and `request` must outlive the answer.
   static absl::StatusOr<std::unique_ptr<SegmentAnswer>> Begin(
       const SegmentTools& tools, QueryCall call, const v1::SegmentViewsRequest& request,
       v1::SegmentViewsResponse* response);
 
+  // Returns whether SAM helps, which takes longer than other queries.
+  bool asks_sam() const { return images_ != nullptr; }
   // Segments the next view. Returns nullopt if there are more, else how the answer ends.
   std::optional<absl::Status> SegmentNext();
 
  private:
   SegmentAnswer(const v1::SegmentViewsRequest& request, v1::SegmentViewsResponse* response)
       : request_(request), response_(response) {}
+  absl::Status ChooseSam(const SegmentTools& tools);
+  absl::Status BeginViews();
 
   const v1::SegmentViewsRequest& request_;
   v1::SegmentViewsResponse* const response_;
   ResidentModel model_;
   std::unique_ptr<ImageSegmenter> images_;  // refers to the model; null: SAM is not asked
-  std::optional<SegmentedViews> views_;     // refers to both
-  size_t num_bytes_ = 0;                    // of the masks so far
+  bool is_sam_needed_ = false;              // the request asks for it by name
+  SegmentRequest asked_;
+  WantedCheck check_;
+  std::optional<SegmentedViews> views_;  // refers to the model and the images; absent: not begun
+  size_t num_bytes_ = 0;                 // of the masks so far
   absl::Duration compute_;
   absl::Duration encode_;
 };

@@ -84,6 +84,7 @@ absl::Status StreamSegmentsCall::BeginAnswer() {
     return cancelled() || superseded() ? absl::CancelledError("a newer request has come")
                                        : absl::OkStatus();
   };
+  request_.mutable_segment()->set_sam_clicks(false);
   const QueryCall call = {absl::ZeroDuration(), caller_.scenes, check};
   ASSIGN_OR_RETURN(
       answer_, SegmentAnswer::Begin(tools_, call, request_.segment(), message_.mutable_segment()));
@@ -192,7 +193,7 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::SegmentViews(
     v1::SegmentViewsResponse* response) {
   // Calls that compute run on `query`, those that wait for SAM on `border`, those that compute for
   // long on `evaluation`, and those of other services that only read the store on `io`, so that
-  // none of them waits for a slower kind.
+  // none of them waits for a slower kind. Whether SAM helps by default is known when the model is.
   WorkerPool& pool = AsksSam(*request) ? runner_.pools().border : runner_.pools().query;
   return runner_.RunInParts(
       pool, {call, request},
@@ -202,7 +203,8 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::SegmentViews(
                                  [asked] { return asked.CheckWanted(); }};
         ASSIGN_OR_RETURN(std::shared_ptr<SegmentAnswer> answer,
                          SegmentAnswer::Begin({models_, images_}, query, *request, response));
-        return [answer = std::move(answer)] { return answer->SegmentNext(); };
+        WorkerPool* const rest = answer->asks_sam() ? &runner_.pools().border : nullptr;
+        return AnswerParts{[answer = std::move(answer)] { return answer->SegmentNext(); }, rest};
       });
 }
 

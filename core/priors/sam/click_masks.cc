@@ -8,11 +8,10 @@
 
 #include "core/base/status_macros.h"
 #include "core/priors/sam/grid_mask.h"
+#include "core/priors/sam/mask_logits.h"
 
 namespace pepeseg {
 namespace {
-
-constexpr float kMostLogit = 10;  // of a mask that is a prompt
 
 // Returns mask `k` of the only prompt, and its logits as the next prompt's, [extent, extent]: the
 // padding of the network's frame is outside.
@@ -42,14 +41,18 @@ absl::StatusOr<std::vector<SoftMask>> SegmentClicks(PromptedSegmenter& segmenter
   const SegmenterPrompt points(clicks.begin(), clicks.end());
   PromptAnswers answers;
   if (before != nullptr) {
-    const MaskPrompt prompt = {points, std::nullopt, before->logits};
+    MaskPrompt prompt = {points, std::nullopt, before->logits};
+    if (prompt.logits.empty()) {
+      prompt.logits = LogitsOfMask(before->mask, width, height, segmenter.extent());
+    }
     ASSIGN_OR_RETURN(answers, segmenter.SegmentByMask(prompt));
   } else {
     ASSIGN_OR_RETURN(answers, segmenter.Segment({&points, 1}));
   }
   const bool is_open = before == nullptr && clicks.size() == 1;  // which thing is meant
+  const bool is_settled = before == nullptr && !is_open;
   std::vector<SoftMask> masks;
-  for (size_t k = is_open ? 1 : 0; k < (is_open ? PromptAnswers::kMasks : 1); ++k) {
+  for (size_t k = is_open ? 1 : 0; k < (is_settled ? 1 : PromptAnswers::kMasks); ++k) {
     masks.push_back(MaskOf(answers, k, segmenter.extent(), {width, height}));
   }
   return masks;

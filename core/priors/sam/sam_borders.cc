@@ -10,23 +10,12 @@
 
 #include "core/base/status_macros.h"
 #include "core/priors/sam/grid_mask.h"
+#include "core/priors/sam/mask_logits.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr int kMostPoints = 3;  // inside the mask, the deepest ones
-// The prompt's logits: this much for each cell of distance from the border, up to the limit.
-constexpr float kLogitOfCell = 4, kMostLogit = 10;
-
-// Returns the distance of each pixel's centre from the nearest pixel on the other side of the
-// mask's border, pixels: positive inside.
-cv::Mat SignedDistance(const cv::Mat& mask) {
-  cv::Mat inside, outside;
-  cv::distanceTransform(mask, inside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
-  cv::distanceTransform(1 - mask, outside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
-  return inside - outside;
-}
-
 // Returns the prompt for a mask: its deepest points, its box and the mask itself, on a grid of
 // `extent` cells a side.
 MaskPrompt PromptOf(const cv::Mat& mask, const cv::Mat& distance, const PromptAnswers& grid,
@@ -41,17 +30,7 @@ MaskPrompt PromptOf(const cv::Mat& mask, const cv::Mat& distance, const PromptAn
   const cv::Rect box = cv::boundingRect(mask);
   prompt.box = {at(box.x, box.y), at(box.br().x, box.br().y)};
 
-  cv::Mat cells;
-  cv::resize(distance, cells, cv::Size(grid.width, grid.height), 0, 0, cv::INTER_AREA);
-  // Cells to the right of the image and below it are outside the mask.
-  prompt.logits.assign(static_cast<size_t>(extent) * extent, -kMostLogit);
-  const auto logit_of_pixel = static_cast<float>(kLogitOfCell * grid.cells_per_pixel);
-  for (int y = 0; y < grid.height; ++y) {
-    for (int x = 0; x < grid.width; ++x) {
-      prompt.logits[static_cast<size_t>(y) * extent + x] =
-          std::clamp(logit_of_pixel * cells.at<float>(y, x), -kMostLogit, kMostLogit);
-    }
-  }
+  prompt.logits = LogitsOfDistance(distance, grid, extent);
   return prompt;
 }
 

@@ -47,16 +47,26 @@ struct SamBordersOfModel : ShelfModel {
     testing::MakeFakeSam(sam);
     running.options.workers.sam = sam;
     running.Restart();
-    v1::TrainSceneRequest train;
-    train.set_scene("scenes/shelf");
-    train.set_dataset(running.UploadAndSeal("shelf", {{"half.model", "bytes", v1::FILE_KIND_POSES},
-                                                      {"images/middle.jpg", MovedSquare()}}));
-    const v1::Job job = *Call(&JobStub::TrainScene, train);
-    EXPECT_EQ(running.Await(job.name()).state(), v1::JOB_STATE_SUCCEEDED);
+    Train("half.model");
     request = Click<v1::SegmentViewsRequest>(30);
     request.mutable_granularity()->set_scale_quantile(0.5);
     request.mutable_granularity()->set_threshold(0.75);
     request.set_frame(v1::PIXEL_FRAME_VIEW);
+  }
+  // Trains the next model, which has a photograph.
+  void Train(const std::string& what) {
+    v1::TrainSceneRequest train;
+    train.set_scene("scenes/shelf");
+    train.set_dataset(running.UploadAndSeal(
+        "shelf", {{what, "bytes", v1::FILE_KIND_POSES}, {"images/middle.jpg", MovedSquare()}}));
+    const v1::Job job = *Call(&JobStub::TrainScene, train);
+    EXPECT_EQ(running.Await(job.name()).state(), v1::JOB_STATE_SUCCEEDED);
+  }
+  // Clicks into the middle of the photograph's square, which is not the middle of the model's.
+  void ClickInThePhotograph() {
+    request.clear_granularity();
+    request.mutable_prompt()->mutable_points()->mutable_points(0)->set_x(33.5);
+    request.mutable_prompt()->mutable_points()->mutable_points(0)->set_y(32.5);
   }
   Reply<v1::SegmentViewsResponse> Segment() {
     return Call(&SegmentationStub::SegmentViews, request);
@@ -95,7 +105,7 @@ TEST_F(SamBordersOfModel, LieWhereTheRenderingShowsThemWithoutAPhotograph) {
 }
 
 TEST_F(SamBordersOfModel, AnswerClicksWithTheModel) {
-  request.clear_granularity();
+  ClickInThePhotograph();
   request.set_sam_clicks(true);
   ASSERT_OK_AND_ASSIGN(const auto answer, Segment());
   ASSERT_EQ(answer.masks_size(), 1);
@@ -103,9 +113,34 @@ TEST_F(SamBordersOfModel, AnswerClicksWithTheModel) {
   EXPECT_EQ(mask.border_image(), v1::SegmentViewsResponse::BORDER_IMAGE_PHOTOGRAPH);
   EXPECT_NEAR(mask.box().x(), 17, 1);  // the square of the photograph
   EXPECT_NEAR(mask.box().x() + mask.box().width(), 47, 1);
+  // The rendering shows nothing that the model does not have, and the model's masks are exact.
   request.set_model("scenes/shelf/models/1");
   ASSERT_OK_AND_ASSIGN(const auto rendered, Segment());
-  EXPECT_EQ(rendered.masks(0).border_image(), v1::SegmentViewsResponse::BORDER_IMAGE_RENDERING);
+  EXPECT_EQ(rendered.masks(0).border_image(), v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED);
+  EXPECT_NEAR(rendered.masks(0).box().x(), 15, 1);
+}
+
+// By default SAM answers where the model has learnt from its masks.
+TEST_F(SamBordersOfModel, AnswerClicksWithTheModelWhereItsMasksWereSams) {
+  const auto image = [&] {
+    const auto answer = Segment();
+    EXPECT_OK(answer);
+    return answer.ok() ? answer->masks(0).border_image()
+                       : v1::SegmentViewsResponse::BORDER_IMAGE_RENDERING;
+  };
+  ClickInThePhotograph();
+  EXPECT_EQ(image(), v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED);
+  Train("sam.model");  // is live
+  EXPECT_EQ(image(), v1::SegmentViewsResponse::BORDER_IMAGE_PHOTOGRAPH);
+  request.set_sam_clicks(false);
+  EXPECT_EQ(image(), v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED);
+  request.clear_sam_clicks();
+  request.mutable_granularity()->set_scale_quantile(0.5);
+  EXPECT_EQ(image(), v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED);
+  request.clear_granularity();
+  running.options.workers.sam.clear();
+  running.Restart();
+  EXPECT_EQ(image(), v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED);
 }
 
 TEST_F(SamBordersOfModel, AnswerOnlyPointsOfNoGranularity) {

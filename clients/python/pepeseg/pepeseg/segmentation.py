@@ -165,14 +165,14 @@ def segment(
     similarity: bool = False,
     refine_borders: bool = True,
     sam_borders: bool = False,
-    sam_clicks: bool = False,
+    sam_clicks: bool | None = None,
     frame: str = "photograph",
     **what: Any,
 ) -> Steps[Segmentation]:
     """Returns masks of what a prompt means.
 
-    A scale or threshold that is not given is chosen: for the first point the granularity that most
-    scales and thresholds show, which each further point corrects; for a scribble in the same way;
+    A scale or threshold that is not given is chosen: for the first point, that of a stable mask with
+    the point in its middle, which each further point corrects; for a scribble in the same way;
     for a box or a mask the one that fits best.
 
     Args:
@@ -191,7 +191,8 @@ def segment(
             two seconds for a new view. Many views are requested a few at a time.
         sam_clicks: let the server's SAM and the model answer points together: SAM sees them in the
             photograph of their view, and the other views follow. For points without scale and
-            threshold. Cost: as `sam_borders`.
+            threshold. Cost: as `sam_borders`. None: if the model was trained with SAM's masks and
+            the server has SAM.
         frame: the pixels of prompt and masks: "photograph", as it was uploaded, or "view", as it
             was trained on (undistorted, cropped, shrunk). A Camera has its own.
 

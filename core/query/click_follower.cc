@@ -1,0 +1,293 @@
+#include "core/query/click_follower.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "core/base/status_macros.h"
+#include "core/query/resolve_prompt.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr size_t kMostCorrections = 8;  // that are answered one after the other
+
+// Factors of masks of equal plausibility and support.
+constexpr double kFirstOfModel = 0.8;   // against the segmenter's, first click
+constexpr double kLocalOfModel = 1.18;  // against the model's whole masks
+constexpr double kNear = 0.37;          // of changes near the click, against connected ones
+constexpr double kNextOfImage = 1.18;   // the segmenter's changed mask
+constexpr double kOtherOfImage = 0.9;   // its masks of other sizes
+constexpr double kLocalOfImage = 0.85;  // against its whole masks
+constexpr double kLeastConfirmed = 1e-4;
+constexpr double kLeastIou = 0.01;  // of the segmenter's estimates
+
+double IouOf(std::span<const uint8_t> a, std::span<const uint8_t> b) {
+  int64_t common = 0, either = 0;
+  for (size_t i = 0; i < a.size(); ++i) {
+    common += a[i] & b[i];
+    either += a[i] | b[i];
+  }
+  return either == 0 ? 0 : static_cast<double>(common) / static_cast<double>(either);
+}
+
+}  // namespace
+
+// A mask that may become the answer.
+struct ClickFollower::Option {
+  std::vector<uint8_t> small;  // in the small view
+  double weight = 1;           // of its kind and support
+  int plateau = -1;            // of the model
+  int image = -1;              // index of the segmenter's mask
+  ChangeReach reach = ChangeReach::kWhole;
+  double value = 0;
+};
+
+ClickFollower::ClickFollower(const Segmenter& model, ImageSegmenter* images, const ModelView& view,
+                             Granularity granularity)
+    : model_(model),
+      images_(images),
+      view_(view),
+      granularity_(granularity),
+      grid_(GridOf(granularity)),
+      small_(SmallViewOf(view)) {}
+
+absl::Status ClickFollower::Follow(std::span<const PointPrompt> clicks, const WantedCheck& check) {
+  RETURN_IF_ERROR(CheckPoints(ImageOf(view_), clicks));
+  clicks_.assign(clicks.begin(), clicks.end());
+  const auto first = std::find_if(clicks_.begin(), clicks_.end(),
+                                  [](const PointPrompt& click) { return click.positive; });
+  std::rotate(clicks_.begin(), first, first + 1);
+  RETURN_IF_ERROR(ReadFeatures(clicks_));
+  const size_t num_first = clicks_.size() - std::min(clicks_.size() - 1, kMostCorrections);
+  for (size_t i = 0; i < clicks_.size(); ++i) {
+    AddClick(i);
+    if (i + 1 < num_first) continue;
+    RETURN_IF_ERROR(check());
+    if (answer_ && IsAnswered(made_.back())) continue;
+    std::vector<Option> options;
+    RETURN_IF_ERROR(FindOptions(check, options));
+    answer_ ? RankChanges(options) : RankFirst(options);
+    const auto best =
+        std::max_element(options.begin(), options.end(),
+                         [](const Option& a, const Option& b) { return a.value < b.value; });
+    if (best != options.end() && best->value > 0) RETURN_IF_ERROR(Take(*best));
+  }
+  return answer_ ? absl::OkStatus() : TakeDefaults();
+}
+
+absl::Status ClickFollower::ReadFeatures(std::span<const PointPrompt> clicks) {
+  click_is_solid_.assign(clicks.size(), 1);
+  if (images_ == nullptr) {
+    ASSIGN_OR_RETURN(click_features_, model_.PointFeatures(view_, clicks));
+    return absl::OkStatus();
+  }
+  std::vector<size_t> found;
+  ASSIGN_OR_RETURN(const std::vector<float> features,
+                   SolidFeatures(model_, view_, PixelsOf(clicks, view_.camera.width), &found));
+  click_features_.assign(clicks.size() * kFeatureSize, 0);
+  std::fill(click_is_solid_.begin(), click_is_solid_.end(), uint8_t{0});
+  for (size_t k = 0; k < found.size(); ++k) {
+    click_is_solid_[found[k]] = 1;
+    std::copy_n(&features[k * kFeatureSize], kFeatureSize,
+                &click_features_[found[k] * kFeatureSize]);
+  }
+  return absl::OkStatus();
+}
+
+void ClickFollower::AddClick(size_t index) {
+  const PointPrompt& click = clicks_[index];
+  made_.push_back(
+      {small_.PixelAt(static_cast<int>(click.x), static_cast<int>(click.y)), click.positive});
+  if (click_is_solid_[index] == 0) return;
+  const auto from = click_features_.begin() + static_cast<int64_t>(index) * kFeatureSize;
+  query_.features.insert(query_.features.end(), from, from + kFeatureSize);
+  query_.positive.push_back(click.positive ? 1 : 0);
+}
+
+bool ClickFollower::IsIn(const PixelIndex& pixel, std::span<const uint8_t> mask) const {
+  return mask[static_cast<size_t>(pixel.y) * small_.view.camera.width + pixel.x] != 0;
+}
+
+bool ClickFollower::IsAnswered(const PixelClick& click) const {
+  return NumAnswered({&click, 1}, small_answer_, small_.view.camera.width) == 1;
+}
+
+Query ClickFollower::QueryAt(const Candidate& at) const {
+  // A given threshold is not rounded to the grid's float.
+  return {query_.features, query_.positive, at.scale,
+          granularity_.threshold.value_or(at.threshold)};
+}
+
+absl::StatusOr<BinaryMask> ClickFollower::MaskOf(const Query& query) const {
+  ASSIGN_OR_RETURN(auto results, model_.Segment(query, {&view_, 1}));
+  return std::move(results[0].mask);
+}
+
+// Returns a mask of the view in the small view: each pixel is what is in its middle.
+std::vector<uint8_t> ClickFollower::Small(std::span<const uint8_t> mask) const {
+  if (small_.factor == 1) return {mask.begin(), mask.end()};
+  const Camera& camera = small_.view.camera;
+  std::vector<uint8_t> small;
+  small.reserve(static_cast<size_t>(camera.width) * camera.height);
+  const int middle = small_.factor / 2;
+  for (int y = 0; y < camera.height; ++y) {
+    const std::span<const uint8_t> row =
+        mask.subspan(static_cast<size_t>(y * small_.factor + middle) * view_.camera.width);
+    for (int x = 0; x < camera.width; ++x) small.push_back(row[x * small_.factor + middle]);
+  }
+  return small;
+}
+
+absl::Status ClickFollower::FindOptions(const WantedCheck& check, std::vector<Option>& options) {
+  RETURN_IF_ERROR(AddModelOptions(options));
+  if (images_ != nullptr) RETURN_IF_ERROR(AddImageOptions(check, options));
+  if (answer_) AddLocalOptions(options);
+  return absl::OkStatus();
+}
+
+absl::Status ClickFollower::AddModelOptions(std::vector<Option>& options) {
+  plateaus_.clear();
+  chosen_ = 0;
+  if (std::count(query_.positive.begin(), query_.positive.end(), 1) == 0) return absl::OkStatus();
+  ASSIGN_OR_RETURN(LevelCounts counts,
+                   model_.CountLevels(query_, grid_.scales, grid_.thresholds, small_.view));
+  masks_.emplace(std::move(counts), grid_);
+  plateaus_ = masks_->FindPlateaus(kMinArea, std::numeric_limits<int>::max());
+  std::vector<Query> queries;
+  for (size_t i = 0; i < std::min(plateaus_.size(), kMostPlateaus); ++i) {
+    queries.push_back(QueryAt(plateaus_[i]));
+  }
+  if (queries.empty()) return absl::OkStatus();
+  ASSIGN_OR_RETURN(auto results, model_.Segment(queries, small_.view));
+  for (size_t i = 0; i < results.size(); ++i) {
+    options.push_back(
+        {.small = std::move(results[i].mask.pixels),
+         .weight = answer_ ? std::cbrt(plateaus_[i].support) : std::sqrt(plateaus_[i].support),
+         .plateau = static_cast<int>(i)});
+  }
+  return absl::OkStatus();
+}
+
+absl::Status ClickFollower::AddImageOptions(const WantedCheck& check,
+                                            std::vector<Option>& options) {
+  const std::span<const PointPrompt> clicks = std::span(clicks_).first(made_.size());
+  ASSIGN_OR_RETURN(seen_, images_->Click(view_, clicks, answer_ ? &*answer_ : nullptr, check));
+  for (size_t i = 0; i < seen_.masks.size(); ++i) {
+    if (!CheckNotEmpty(seen_.masks[i].mask).ok()) continue;
+    options.push_back({.small = Small(seen_.masks[i].mask.pixels),
+                       .weight = WeightOfSeen(i),
+                       .image = static_cast<int>(i)});
+  }
+  return absl::OkStatus();
+}
+
+double ClickFollower::WeightOfSeen(size_t index) const {
+  if (!answer_) return std::max(kLeastIou, seen_.masks[index].iou);
+  return index == 0 ? kNextOfImage : kOtherOfImage;
+}
+
+void ClickFollower::AddLocalOptions(std::vector<Option>& options) const {
+  const size_t num = options.size();
+  for (size_t i = 0; i < num; ++i) {
+    for (const ChangeReach reach : {ChangeReach::kConnected, ChangeReach::kNear}) {
+      Option local = options[i];
+      local.small = ChangeMask(made_.back(), small_answer_, options[i].small,
+                               small_.view.camera.width, reach);
+      if (local.small.empty() || local.small == options[i].small) continue;
+      local.reach = reach;
+      local.weight *= local.image < 0 ? kLocalOfModel : kLocalOfImage;
+      if (reach == ChangeReach::kNear) local.weight *= kNear;
+      options.push_back(std::move(local));
+    }
+  }
+}
+
+void ClickFollower::RankFirst(std::vector<Option>& options) const {
+  const int width = small_.view.camera.width;
+  const auto num_of_model = static_cast<size_t>(
+      std::count_if(options.begin(), options.end(), [](const Option& o) { return o.image < 0; }));
+  for (Option& option : options) {
+    // Where there are several clicks, masks that answer more of them come first.
+    const auto answered = static_cast<double>(NumAnswered(made_, option.small, width));
+    const auto last = static_cast<double>(made_.size());
+    // A given scale already says how large the thing is.
+    option.value =
+        option.weight * std::pow(0.01, last - answered) *
+        (granularity_.scale ? static_cast<double>(IsIn(made_[0].pixel, option.small))
+                            : FirstClickPlausibility(made_[0].pixel, option.small, width));
+    if (option.image < 0) {
+      option.value *= kFirstOfModel;
+      continue;
+    }
+    double confirmed = num_of_model == 0 ? 1 : kLeastConfirmed;
+    for (size_t i = 0; i < num_of_model; ++i) {
+      const double iou = IouOf(option.small, options[i].small);
+      confirmed = std::max(confirmed, iou * iou * options[i].weight);
+    }
+    option.value *= std::sqrt(confirmed);
+  }
+}
+
+void ClickFollower::RankChanges(std::vector<Option>& options) const {
+  for (Option& option : options) {
+    option.value = option.weight *
+                   ClickPlausibility(made_, small_answer_, option.small, small_.view.camera.width);
+  }
+}
+
+absl::Status ClickFollower::Take(const Option& option) {
+  ClickMeaning taken;
+  SoftMask soft;
+  if (option.plateau >= 0) {
+    chosen_ = static_cast<size_t>(option.plateau);
+    taken.query = QueryAt(plateaus_[chosen_]);
+    if (small_.factor == 1 && option.reach == ChangeReach::kWhole) {
+      taken.mask.pixels = option.small;
+    } else {
+      ASSIGN_OR_RETURN(taken.mask, MaskOf(*taken.query));
+    }
+    if (option.reach != ChangeReach::kWhole) taken.image = meaning_.image;
+  } else {
+    soft = seen_.masks[option.image];
+    taken.mask = soft.mask;
+    taken.image = seen_.image;
+  }
+  if (option.reach != ChangeReach::kWhole) {
+    const PointPrompt& click = clicks_[made_.size() - 1];
+    const PixelClick at = {{static_cast<int>(click.x), static_cast<int>(click.y)}, click.positive};
+    std::vector<uint8_t> changed =
+        ChangeMask(at, meaning_.mask.pixels, taken.mask.pixels, view_.camera.width, option.reach);
+    // The small view has the change, but the pixel itself may not.
+    if (!changed.empty()) {
+      taken.mask.pixels = std::move(changed);
+      taken.query.reset();
+      soft.logits.clear();
+    }
+  }
+  soft.mask = taken.mask;
+  answer_ = std::move(soft);
+  small_answer_ = option.small;
+  meaning_ = std::move(taken);
+  return absl::OkStatus();
+}
+
+// Where no mask has kMinArea pixels at any scale.
+absl::Status ClickFollower::TakeDefaults() {
+  if (query_.features.empty()) return NothingThereError("SAM sees no thing at the points");
+  Query query = {query_.features, query_.positive};
+  query.scale = granularity_.scale.value_or(query.scale);
+  query.threshold = granularity_.threshold.value_or(query.threshold);
+  ASSIGN_OR_RETURN(meaning_.mask, MaskOf(query));
+  meaning_.query = std::move(query);
+  return absl::OkStatus();
+}
+
+Candidates ClickFollower::Found(int max_count) const {
+  if (!masks_) return {};
+  return FindCandidates(*masks_, plateaus_, chosen_, max_count);
+}
+
+}  // namespace pepeseg
