@@ -141,6 +141,12 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
          "none; off: SAM is not used. Default: sam in the default data directory, or "
          "/usr/share/pepeseg/sam, if there is one")
       ->type_name("FOLDER");
+  app.add_option_function<std::string>(
+         "--wordnet",
+         [&server](const std::string& folder) { server.wordnet = folder == "off" ? "" : folder; },
+         "Folder of WordNet's index.noun and data.noun, whose synonyms find labels; off: no "
+         "synonyms. Default: /usr/share/wordnet (Debian's wordnet-base), if it is there")
+      ->type_name("FOLDER");
   app.add_option("--priors-seconds", server.workers.priors_seconds,
                  "Time limit of the priors command for one job")
       ->check(CLI::Range(1, 7 * 24 * 3600))
@@ -273,7 +279,7 @@ void MakePathsAbsolute(Flags& flags) {
   ServerOptions& server = flags.server;
   for (std::filesystem::path* path :
        {&server.data, &server.worker, &server.workers.lpips_weights, &server.workers.sam,
-        &server.detector, &server.access.tls_certificate, &server.access.tls_key,
+        &server.detector, &server.wordnet, &server.access.tls_certificate, &server.access.tls_key,
         &server.access.tls_client_ca, &flags.port_file}) {
     if (!path->empty()) *path = std::filesystem::absolute(*path);
   }

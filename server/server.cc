@@ -34,6 +34,7 @@
 #include "server/services/evaluation_service.h"
 #include "server/services/job_service.h"
 #include "server/services/label_service.h"
+#include "server/services/label_words.h"
 #include "server/services/render_service.h"
 #include "server/services/scene_service.h"
 #include "server/services/segmentation_service.h"
@@ -95,8 +96,9 @@ struct Server::Parts {
   int64_t device_memory = 0;  // that a training may take, bytes
   std::unique_ptr<ModelLoader> models;
   ServerMetrics metrics;
-  std::filesystem::path sam, detector;  // folders of their files; empty: none
-  TextTask text_task;                   // without a program: there is no text command
+  std::filesystem::path sam, detector;     // folders of their files; empty: none
+  TextTask text_task;                      // without a program: there is no text command
+  std::shared_ptr<const WordNet> wordnet;  // null: none
   std::unique_ptr<Supervisor> supervisor;
   std::unique_ptr<StreamRegistry> streams;
   WorkerPools pools{WorkerPool(PoolLimits(kNumIoThreads, kMaxQueuedCalls)),
@@ -118,6 +120,9 @@ struct Server::Parts {
   std::unique_ptr<WordPhotographs> word_photographs;
   std::unique_ptr<DetectorWords> detector_words;
   std::unique_ptr<TextCommand> text_command;
+  std::unique_ptr<LabelWords> label_words;
+  SeenModels seen;
+  std::unique_ptr<FindAnswers> finds;
   std::unique_ptr<SegmentationServiceRpc> segmentation;
   std::unique_ptr<LabelServiceRpc> labels;
   std::unique_ptr<Selections> selected;
@@ -234,6 +239,7 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
   jobs = std::make_unique<JobServiceRpc>(
       *runner, JobServiceRpc::Dependencies{
                    *store, *blobs, *supervisor, {*device.backend, device_memory, tools}});
+  ASSIGN_OR_RETURN(wordnet, FindWordNet(options));
   MakeQueryServices(tools.num_threads);
   if (!options.admin.empty()) {
     ASSIGN_OR_RETURN(admin, AdminListener::Start({options.admin, credentials->Make()}, *operations,
@@ -251,7 +257,12 @@ void Server::Parts::MakeQueryServices(int num_threads) {
       DetectorWords::Dependencies{detector, num_threads, *models, *word_photographs});
   text_command = std::make_unique<TextCommand>(TextCommand::Dependencies{
       text_task, photographs.worker, photographs.scratch, *word_photographs});
-  segmentation = std::make_unique<SegmentationServiceRpc>(*runner, *models, *images);
+  label_words = std::make_unique<LabelWords>(*store, wordnet);
+  // In the order in which they are asked.
+  const std::vector<WordSource*> words = {label_words.get(), detector_words.get(),
+                                          text_command.get()};
+  finds = std::make_unique<FindAnswers>(*models, *images, seen, words);
+  segmentation = std::make_unique<SegmentationServiceRpc>(*runner, *models, *images, *finds);
   labels = std::make_unique<LabelServiceRpc>(*runner, *models);
   selected = std::make_unique<Selections>(*store, models->data_folder());
   selections = std::make_unique<SelectionServiceRpc>(*runner, *models, *selected);

@@ -15,6 +15,9 @@
 
 namespace pepeseg {
 
+// Where Debian's wordnet-base puts its files.
+inline constexpr char kDefaultWordNet[] = "/usr/share/wordnet";
+
 struct ServerOptions {
   std::string listen = "127.0.0.1:0";  // HOST:PORT (port 0: a free one) or unix:PATH
   // Address of AdminService, in the same form; empty: it is not served.
@@ -53,6 +56,8 @@ struct ServerOptions {
   // empty: none. Its time limit for one text, seconds.
   std::string text_command;
   int64_t text_seconds = 120;
+  // Folder of WordNet's files, whose synonyms find labels; empty: none. The default need not exist.
+  std::filesystem::path wordnet = kDefaultWordNet;
   std::string device = "auto";  // device of jobs and queries, as OpenDevice takes it
   int num_threads = 0;          // CPU threads of a job and of a query; 0: one per core
   // Maximum device memory of a training, bytes. 0: what is free when the server starts. At most

@@ -136,6 +136,18 @@ absl::StatusOr<TextTask> FindTextCommand(const ServerOptions& options) {
   return task;
 }
 
+absl::StatusOr<std::shared_ptr<const WordNet>> FindWordNet(const ServerOptions& options) {
+  if (options.wordnet.empty()) return std::shared_ptr<const WordNet>();
+  auto wordnet = WordNet::Open(options.wordnet);
+  if (absl::IsNotFound(wordnet.status()) && options.wordnet == kDefaultWordNet) {
+    spdlog::info("WordNet is not installed (wordnet-base): labels are found without synonyms");
+    return std::shared_ptr<const WordNet>();
+  }
+  RETURN_IF_ERROR(wordnet.status());
+  spdlog::info("labels are found by WordNet's synonyms, too, in {}", options.wordnet.string());
+  return *std::move(wordnet);
+}
+
 int NumCores() { return static_cast<int>(std::max(1u, std::thread::hardware_concurrency())); }
 
 absl::StatusOr<std::optional<LockedFile>> LockDatabase(const ServerOptions& options) {

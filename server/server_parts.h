@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/find/wordnet.h"
 #include "server/data/locked_file.h"
 #include "server/jobs/supervisor.h"
 #include "server/observe/health_monitor.h"
@@ -69,6 +70,9 @@ absl::StatusOr<std::filesystem::path> FindDetector(const ServerOptions& options)
 // Returns what the text command runs with for all texts; without a program if the options name
 // none. Errors are those of FindCommand.
 absl::StatusOr<TextTask> FindTextCommand(const ServerOptions& options);
+// Returns WordNet and logs it; null: none. NOT_FOUND and other errors: the folder that the options
+// name is not good, see WordNet::Open.
+absl::StatusOr<std::shared_ptr<const WordNet>> FindWordNet(const ServerOptions& options);
 // Returns the number of CPU cores, at least 1.
 int NumCores();
 

@@ -25,6 +25,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   AddSelect(app, shell);
   AddSelections(app, shell);
   AddCombine(app, shell);
+  AddFind(app, shell);
   AddDecompose(app, shell);
   AddExport(app, shell);
   AddResidents(app, shell);

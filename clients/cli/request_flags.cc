@@ -48,7 +48,7 @@ void AddPointFlags(CLI::App& verb, PromptFlags& flags) {
   AddNegative(verb, flags, AddPoint(verb, flags)->required());
 }
 
-void AddPromptFlags(CLI::App& verb, PromptFlags& flags) {
+void AddPromptFlags(CLI::App& verb, PromptFlags& flags, bool optional) {
   CLI::Option* view = AddSceneAndView(verb, flags);
   // The group holds the flags of which exactly one kind must be given; the others add to one.
   CLI::Option_group* what = verb.add_option_group("prompt", "The prompt");
@@ -66,7 +66,7 @@ void AddPromptFlags(CLI::App& verb, PromptFlags& flags) {
   AddPart(*what, flags, "--label", "label", "ID", "A label of the scene: its mask and view")
       ->excludes(view)
       ->expected(1);
-  what->require_option(1);
+  what->require_option(optional ? 0 : 1, 1);
   AddNegative(verb, flags, point);
   AddPart(verb, flags, "--not-scribble", "not-scribble", "\"X,Y X,Y ...\"",
           "A line over what is not the object; may be repeated")

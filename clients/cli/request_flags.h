@@ -26,8 +26,9 @@ struct PromptFlags {
 };
 // Adds flags for a prompt of points.
 void AddPointFlags(CLI::App& verb, PromptFlags& flags);
-// Adds flags for a prompt of any kind; the user must give exactly one.
-void AddPromptFlags(CLI::App& verb, PromptFlags& flags);
+// Adds flags for a prompt of any kind; the user must give exactly one, or at most one if
+// `optional`.
+void AddPromptFlags(CLI::App& verb, PromptFlags& flags, bool optional = false);
 // Returns the prompt. Errors are those of AddToPrompt.
 absl::StatusOr<v1::Prompt> ParsePrompt(const PromptFlags& flags);
 

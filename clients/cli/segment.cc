@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cli/find.h"
 #include "clients/cli/labelled_masks.h"
 #include "clients/cli/request_flags.h"
 #include "clients/cli/verbs.h"
@@ -24,6 +25,7 @@ namespace fs = std::filesystem;
 
 struct SegmentFlags {
   PromptFlags prompt;
+  std::string text;  // in place of the prompt; empty: none
   GranularityFlags granularity;
   std::vector<std::string> targets;  // names of views, "all" or "held-out"
   bool refine_borders = true;
@@ -46,10 +48,34 @@ void SetTargets(const std::vector<std::string>& names, v1::SegmentViewsRequest& 
   }
 }
 
-absl::StatusOr<v1::SegmentViewsRequest> BuildRequest(const SegmentFlags& flags) {
+// Returns the prompt for the best thing that --text names. NOT_FOUND: see CheckFound.
+absl::StatusOr<v1::Prompt> PromptOfText(const Client& client, const SegmentFlags& flags) {
+  v1::FindSegmentsRequest request;
+  request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
+  request.set_text(flags.text);
+  request.set_max_results(1);
+  request.set_frame(flags.prompt.frame);
+  ASSIGN_OR_RETURN(const v1::FindSegmentsResponse answer, client.Find(request));
+  RETURN_IF_ERROR(CheckFound(answer));
+  const auto& found = answer.found(0);
+  Note(absl::StrFormat("%s, score %.2f, by %s", found.word(), found.score(),
+                       WordOf(answer.source())));
+  return found.prompt();
+}
+
+absl::StatusOr<v1::SegmentViewsRequest> BuildRequest(const Client& client,
+                                                     const SegmentFlags& flags) {
+  if (flags.text.empty() == flags.prompt.parts.empty()) {
+    return absl::InvalidArgumentError(
+        "give what is meant: either a prompt, such as --view VIEW --point X,Y, or --text TEXT");
+  }
   v1::SegmentViewsRequest request;
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
-  ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
+  if (flags.text.empty()) {
+    ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
+  } else {
+    ASSIGN_OR_RETURN(*request.mutable_prompt(), PromptOfText(client, flags));
+  }
   *request.mutable_granularity() = ToGranularity(flags.granularity);
   SetTargets(flags.targets, request);
   request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
@@ -96,8 +122,8 @@ void WarnOfBox(const v1::SegmentViewsResponse& answer) {
 }
 
 absl::Status RunSegment(const Shell& shell, const SegmentFlags& flags) {
-  ASSIGN_OR_RETURN(const v1::SegmentViewsRequest request, BuildRequest(flags));
   const Client client(shell.channel);
+  ASSIGN_OR_RETURN(const v1::SegmentViewsRequest request, BuildRequest(client, flags));
   ASSIGN_OR_RETURN(v1::SegmentViewsResponse answer, client.Segment(request));
   RETURN_IF_ERROR(TakeAcceptedMask(client, request, answer));
   for (const auto& mask : answer.masks()) {
@@ -168,7 +194,9 @@ absl::Status RunPropose(const Shell& shell, const ProposeFlags& flags) {
 void AddSegment(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<SegmentFlags>();
   CLI::App* verb = app.add_subcommand("segment", "Segment what a click means, in any view");
-  AddPromptFlags(*verb, flags->prompt);
+  AddPromptFlags(*verb, flags->prompt, /*optional=*/true);
+  verb->add_option("--text", flags->text,
+                   "In place of a prompt: the best thing of this name, as `find` finds it");
   AddGranularityFlags(*verb, flags->granularity);
   AddNamesFlag(*verb, "--views", flags->targets,
                "Views to segment: names, all or held-out; by default the view of the prompt");

@@ -250,6 +250,11 @@ absl::StatusOr<v1::ProposeScalesResponse> Client::ProposeScales(
   return Ask(*segmentation_, &Segmentation::ProposeScales, SceneOf(request.model()), request);
 }
 
+absl::StatusOr<v1::FindSegmentsResponse> Client::Find(
+    const v1::FindSegmentsRequest& request) const {
+  return Ask(*segmentation_, &Segmentation::FindSegments, SceneOf(request.model()), request);
+}
+
 absl::StatusOr<v1::DecomposeModelResponse> Client::Decompose(
     const v1::DecomposeModelRequest& request) const {
   return Ask(*segmentation_, &Segmentation::DecomposeModel, SceneOf(request.model()), request);

@@ -103,6 +103,7 @@ class Client {
   absl::StatusOr<v1::SegmentViewsResponse> Segment(const v1::SegmentViewsRequest& request) const;
   absl::StatusOr<v1::ProposeScalesResponse> ProposeScales(
       const v1::ProposeScalesRequest& request) const;
+  absl::StatusOr<v1::FindSegmentsResponse> Find(const v1::FindSegmentsRequest& request) const;
   absl::StatusOr<v1::DecomposeModelResponse> Decompose(
       const v1::DecomposeModelRequest& request) const;
   absl::StatusOr<v1::EvaluateModelResponse> Evaluate(const v1::EvaluateModelRequest& request) const;

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -41,6 +42,12 @@ struct SceneSegments {
     int32_t parent = -1;        // number of the segment that holds it; -1: on the last level
     int64_t num_gaussians = 0;  // at least 1
     std::array<float, 3> min{}, max{};  // bounding box of the Gaussians' means, scene units
+    // Standard deviations of the means along their principal axes, descending, scene units, above
+    // 0. Of the 90 % of the Gaussians that are nearest to the median: floaters do not count.
+    std::array<float, 3> extents{};
+    // Mean base colour (spherical harmonics of degree 0) of the Gaussians by how much of each the
+    // views show, [0, 1]; zeros if they show none.
+    std::array<float, 3> color{};
   };
   std::vector<Segment> segments;
   std::vector<int32_t> first;   // [levels] number of the first segment of each level
@@ -53,6 +60,15 @@ struct SceneSegments {
   // Returns the pixels of all grids that show a segment.
   int64_t SeenPixels(int32_t segment) const;
 };
+
+// Returns what a view of any size, such as a free camera, shows of the segments of a decomposition,
+// whose numbers are those of `all`. SeenView::view stays 0. Errors are those of Segmenter::Rows.
+absl::StatusOr<SeenView> SeeView(const SceneModel& model, const Decomposition& decomposition,
+                                 const SceneSegments& all, const ModelView& view);
+
+// Returns the segment whose pixels in a view have the largest IoU with a mask of its grid, [height
+// * width], or -1 if none has `min_iou` or more.
+int32_t SegmentLike(const SeenView& seen, std::span<const uint8_t> mask, double min_iou);
 
 // Views that are looked at, and about the number of pixels of each grid.
 inline constexpr int kMostSeenViews = 24;

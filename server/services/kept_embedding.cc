@@ -92,4 +92,27 @@ absl::StatusOr<std::vector<SoftMask>> PhotographSam::Click(std::span<const Point
   return masks;
 }
 
+std::vector<int32_t> PhotographSam::CellsOf(int width, int height) const {
+  const Frame frame(view);
+  const bool has_pixels_of_view = HasPixelsOfView(*this, frame);
+  const double longer = std::max(embedding.width, embedding.height);
+  const auto cell = [&](double share, int side) {
+    return std::clamp(static_cast<int32_t>(share * side / longer * kSamCells), 0, kSamCells - 1);
+  };
+  std::vector<int32_t> cells;
+  cells.reserve(static_cast<size_t>(width) * height);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      Eigen::Vector2d at((x + 0.5) / width, (y + 0.5) / height);  // share of the image
+      if (!has_pixels_of_view) {
+        const Eigen::Vector2d place = frame.FromView(
+            Eigen::Vector2d(at.x() * view.camera.width, at.y() * view.camera.height));
+        at = {place.x() / frame.width(), place.y() / frame.height()};
+      }
+      cells.push_back(cell(at.y(), embedding.height) * kSamCells + cell(at.x(), embedding.width));
+    }
+  }
+  return cells;
+}
+
 }  // namespace pepeseg

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <span>
 #include <vector>
@@ -11,6 +12,9 @@
 // Embeddings that a training has kept with its model (core/train/photograph_segmentation.h). They
 // are of upright photographs with the distortion of the lens, at the size of views.
 namespace pepeseg {
+
+// Cells along the longer side of an image in its embedding.
+inline constexpr int kSamCells = 64;
 
 // Reads the embedding of the view's photograph from the model's folder. Returns the errors of
 // ReadEmbedding, and DATA_LOSS if the photograph has another shape.
@@ -33,6 +37,9 @@ struct PhotographSam {
   // Returns the masks of clicks in the view, see SegmentClicks. Errors are those of Refine.
   absl::StatusOr<std::vector<SoftMask>> Click(std::span<const PointPrompt> clicks,
                                               const SoftMask* before) const;
+  // Returns the place of the embedding, [kSamCells, kSamCells], that each pixel of a grid of width
+  // x height pixels over the view is in.
+  std::vector<int32_t> CellsOf(int width, int height) const;
 };
 
 }  // namespace pepeseg

@@ -139,8 +139,8 @@ Stream::Step StreamSegmentsCall::Work(bool) {
 }  // namespace
 
 SegmentationServiceRpc::SegmentationServiceRpc(const CallRunner& runner, ModelLoader& models,
-                                               ViewImages& images)
-    : runner_(runner), models_(models), images_(images) {}
+                                               ViewImages& images, FindAnswers& finds)
+    : runner_(runner), models_(models), images_(images), finds_(finds) {}
 
 absl::Status SegmentationServiceRpc::ProposeScales(const UnaryCall& call,
                                                    const v1::ProposeScalesRequest& request,
@@ -186,6 +186,12 @@ absl::Status SegmentationServiceRpc::DecomposeModel(const UnaryCall& call,
   *timing.mutable_encode() = ToProto(stopwatch.Lap());
   response->set_model(model.name);
   return CheckAnswerSize(response->ByteSizeLong());
+}
+
+absl::Status SegmentationServiceRpc::FindSegments(const UnaryCall& call,
+                                                  const v1::FindSegmentsRequest& request,
+                                                  v1::FindSegmentsResponse* response) const {
+  return finds_.Find(call, request, response);
 }
 
 grpc::ServerUnaryReactor* SegmentationServiceRpc::SegmentViews(

@@ -3,6 +3,7 @@
 #include "absl/status/status.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
 #include "server/rpc/call_runner.h"
+#include "server/services/find_answer.h"
 #include "server/services/model_loader.h"
 #include "server/services/view_images.h"
 
@@ -13,7 +14,8 @@ namespace pepeseg {
 class SegmentationServiceRpc final : public v1::SegmentationService::CallbackService {
  public:
   // All must outlive it.
-  SegmentationServiceRpc(const CallRunner& runner, ModelLoader& models, ViewImages& images);
+  SegmentationServiceRpc(const CallRunner& runner, ModelLoader& models, ViewImages& images,
+                         FindAnswers& finds);
 
   grpc::ServerUnaryReactor* SegmentViews(grpc::CallbackServerContext* call,
                                          const v1::SegmentViewsRequest* request,
@@ -22,11 +24,13 @@ class SegmentationServiceRpc final : public v1::SegmentationService::CallbackSer
       grpc::CallbackServerContext* call) override;
   PEPESEG_UNARY(ProposeScales, v1::ProposeScalesRequest, v1::ProposeScalesResponse)
   PEPESEG_UNARY(DecomposeModel, v1::DecomposeModelRequest, v1::DecomposeModelResponse)
+  PEPESEG_UNARY(FindSegments, v1::FindSegmentsRequest, v1::FindSegmentsResponse)
 
  private:
   const CallRunner& runner_;
   ModelLoader& models_;
   ViewImages& images_;
+  FindAnswers& finds_;
 };
 
 }  // namespace pepeseg

@@ -25,11 +25,11 @@ constexpr int64_t kSamBytes = int64_t{350'000'000};
 
 }  // namespace
 
-absl::Status ViewImages::CheckAvailable() const {
+absl::Status ViewImages::CheckAvailable(absl::string_view remedy) const {
   if (!deps_.sam.empty()) return absl::OkStatus();
   return WithResource(
-      absl::FailedPreconditionError("this server has no SAM, which its operator can install "
-                                    "(deploy/sam.sh); leave sam_borders and sam_clicks out"),
+      absl::FailedPreconditionError(absl::StrCat(
+          "this server has no SAM, which its operator can install (deploy/sam.sh); ", remedy)),
       "NO_SAM", "sam");
 }
 
@@ -201,6 +201,34 @@ class ViewImages::ModelImages final : public ImageSegmenter {
   ViewImages& images_;
   const ResidentModel& model_;
 };
+
+// SAM's encoder in the images of one model.
+class ViewImages::ModelEncoder final : public ImageEncoder {
+ public:
+  ModelEncoder(ViewImages& images, const ResidentModel& model) : images_(images), model_(model) {}
+
+  absl::StatusOr<ImageFeatures> Encode(const ModelView& view, int width, int height,
+                                       const WantedCheck& check) override {
+    const std::lock_guard lock(images_.mutex_);
+    ASSIGN_OR_RETURN(const ViewEmbedding* found, images_.Prepare(model_, view, check));
+    images_.ReportProcessor();
+    const PhotographSam sam = {*images_.sam_, found->embedding, view, found->kept};
+    ImageFeatures features;
+    features.cells = sam.CellsOf(width, height);
+    features.channels =
+        static_cast<int>(found->embedding.values.size() / (size_t{kSamCells} * kSamCells));
+    features.values = found->embedding.values;
+    return features;
+  }
+
+ private:
+  ViewImages& images_;
+  const ResidentModel& model_;
+};
+
+std::unique_ptr<ImageEncoder> ViewImages::EncoderOf(const ResidentModel& model) {
+  return std::make_unique<ModelEncoder>(*this, model);
+}
 
 std::unique_ptr<ImageSegmenter> ViewImages::SegmenterOf(const ResidentModel& model) {
   return std::make_unique<ModelImages>(*this, model);

@@ -10,6 +10,8 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
+#include "core/find/image_encoder.h"
 #include "core/priors/sam/sam_borders.h"
 #include "core/query/scene_model.h"
 #include "server/data/blob_store.h"
@@ -39,14 +41,17 @@ class ViewImages {
   };
   explicit ViewImages(const Dependencies& deps) : deps_(deps) {}
 
-  // Returns FAILED_PRECONDITION if the server has no SAM.
-  absl::Status CheckAvailable() const;
+  // Returns FAILED_PRECONDITION if the server has no SAM. remedy: what the client can do instead.
+  absl::Status CheckAvailable(
+      absl::string_view remedy = "leave sam_borders and sam_clicks out") const;
 
   // Returns what segments the images of the model's views; the model must outlive it as this must.
   // Its errors: those of `check`. FAILED_PRECONDITION: SAM's files are damaged. RESOURCE_EXHAUSTED:
   // out of memory, or SAM exceeds the budget of the models. UNAVAILABLE: models in use leave it no
   // room for now.
   std::unique_ptr<ImageSegmenter> SegmenterOf(const ResidentModel& model);
+  // Returns SAM's encoder for these images, with the same errors.
+  std::unique_ptr<ImageEncoder> EncoderOf(const ResidentModel& model);
 
  private:
   // SAM's embedding of a view's image.
@@ -57,6 +62,7 @@ class ViewImages {
     BorderImage image = BorderImage::kNone;
   };
   class ModelImages;
+  class ModelEncoder;
 
   // Returns the embedding of a view, with SAM ready to use it. With mutex_ held.
   absl::StatusOr<const ViewEmbedding*> Prepare(const ResidentModel& model, const ModelView& view,

@@ -1,5 +1,5 @@
-// Developer program: imports a dataset folder, or makes the crowded development scene, and writes
-// it with its ground truth as a capture pack.
+// Developer program: imports a dataset folder, or makes a development scene, and writes it with its
+// ground truth as a capture pack.
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <string>
@@ -10,6 +10,7 @@
 #include "core/priors/priors.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/truth_files.h"
+#include "tests/testing/bolt_surfaces.h"
 #include "tests/testing/crowded_capture.h"
 
 namespace pepeseg {
@@ -30,9 +31,9 @@ absl::Status Embed(const EmbeddedPriors& what, Capture& capture) {
   return EmbedPriors(what, 0, capture, [](int, int) { return absl::OkStatus(); });
 }
 
-// Returns the levels `part` and `object`.
-absl::Status PackCrowdedScene(const std::string& path, const PackOptions& options) {
-  testing::CrowdedScene scene = testing::MakeCrowdedScene();
+// Writes the levels `part` and `object`.
+absl::Status PackScene(testing::CrowdedScene scene, const std::string& path,
+                       const PackOptions& options) {
   CapturePack pack;
   pack.capture = std::move(scene.capture);
   RETURN_IF_ERROR(Embed(options.embedded, pack.capture));
@@ -81,12 +82,15 @@ absl::Status PackDataset(const std::string& folder, const std::string& path,
 // NOLINTNEXTLINE(bugprone-exception-escape): CLI11 throws only what CLI11_PARSE catches.
 int main(int argc, char** argv) {
   CLI::App app("A dataset folder as a capture pack");
-  std::string folder, pack, crowded_pack;
+  std::string folder, pack, crowded_pack, bolt_pack;
   pepeseg::PackOptions options;
   auto* crowded = app.add_option("--crowded", crowded_pack,
                                  "write the crowded development scene to this pack instead");
-  app.add_option("folder", folder)->excludes(crowded);
-  app.add_option("pack", pack)->excludes(crowded);
+  auto* bolts =
+      app.add_option("--bolts", bolt_pack, "write the scene of 20 equal bolts to this pack instead")
+          ->excludes(crowded);
+  app.add_option("folder", folder)->excludes(crowded)->excludes(bolts);
+  app.add_option("pack", pack)->excludes(crowded)->excludes(bolts);
   app.add_flag("--disparity", options.disparity, "depth/ holds disparity");
   app.add_option("--image-scale", options.import.image_scale);
   app.add_flag("--embedded-masks", options.embedded.masks,
@@ -96,13 +100,18 @@ int main(int argc, char** argv) {
   app.add_flag("--embedded-depth", options.embedded.depth,
                "make embedded depth instead of using that of the dataset");
   CLI11_PARSE(app, argc, argv);
-  if (crowded_pack.empty() && pack.empty()) {
-    std::cerr << "FOLDER PACK or --crowded PACK\n";
-    return 1;
+  absl::Status status;
+  if (!crowded_pack.empty()) {
+    status = pepeseg::PackScene(pepeseg::testing::MakeCrowdedScene(), crowded_pack, options);
+  } else if (!bolt_pack.empty()) {
+    status = pepeseg::PackScene(pepeseg::testing::MakeSceneOf(pepeseg::testing::MakeBoltSurfaces(),
+                                                              {.width = 320, .height = 240}),
+                                bolt_pack, options);
+  } else if (!pack.empty()) {
+    status = pepeseg::PackDataset(folder, pack, options);
+  } else {
+    status = absl::InvalidArgumentError("FOLDER PACK, --crowded PACK or --bolts PACK");
   }
-  const absl::Status status = crowded_pack.empty()
-                                  ? pepeseg::PackDataset(folder, pack, options)
-                                  : pepeseg::PackCrowdedScene(crowded_pack, options);
   if (!status.ok()) std::cerr << status << "\n";
   return status.ok() ? 0 : 1;
 }

@@ -85,6 +85,18 @@ grep -q '^scenes/shelf/labels/mug ' "$work/output" || fail 'labels does not desc
 head -c 24 "$work/mug_mask.png" | tail -c 8 | od -An -tx1 | tr -d ' \n' |
   grep -q '00000280000001e0' || fail 'the mask of a label does not have the size of the photograph'
 expect 3 pepeseg labels shelf plate --out "$work"
+expect 0 pepeseg find shelf mugs --export "$work/found"
+grep -q 'by labels' "$work/output" || fail 'find does not say where the things are from'
+[[ $(head -c 3 "$work/found/found_1.ply") == ply ]] || fail 'find writes no PLY'
+expect 0 pepeseg find shelf mug --format csv
+grep -q '^1,1.00,' "$work/output" || fail 'find prints no comma-separated values'
+expect 3 pepeseg find shelf mugg
+grep -q 'no such thing; did you mean mug?' "$work/errors" || fail 'find suggests no word'
+expect 6 pepeseg find shelf --view frame-000000.jpg --point 280,280
+grep -q 'deploy/sam.sh' "$work/errors" || fail 'find does not say what to install'
+expect 0 pepeseg segment shelf --text mug --out "$work/text"
+[[ -s $work/text/frame-000000_mask.png ]] || fail 'segment --text writes no mask'
+expect 3 pepeseg segment shelf --text zebra
 expect 0 pepeseg labels shelf --delete mug
 expect 3 pepeseg labels shelf --delete mug
 

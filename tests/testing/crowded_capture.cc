@@ -84,7 +84,10 @@ DepthPrior Normalized(std::vector<float> values) {
 }  // namespace
 
 CrowdedScene MakeCrowdedScene(const CrowdedOptions& options) {
-  CrowdedSurfaces world = MakeCrowdedSurfaces();
+  return MakeSceneOf(MakeCrowdedSurfaces(), options);
+}
+
+CrowdedScene MakeSceneOf(CrowdedSurfaces world, const CrowdedOptions& options) {
   const ViewArc arc = {.num_views = options.num_views,
                        .width = options.width,
                        .height = options.height,

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/scene/capture.h"
+#include "tests/testing/crowded_surfaces.h"
 
 namespace pepeseg::testing {
 
@@ -38,5 +39,7 @@ struct CrowdedScene {
 // Makes the ray-traced scene of crowded_surfaces.h, with disparity as a monocular network gives it:
 // a smooth error of a few per cent, and 8 bits. Returns the same bytes on every call.
 CrowdedScene MakeCrowdedScene(const CrowdedOptions& options = {});
+// Makes the scene of other surfaces in the same way.
+CrowdedScene MakeSceneOf(CrowdedSurfaces world, const CrowdedOptions& options);
 
 }  // namespace pepeseg::testing

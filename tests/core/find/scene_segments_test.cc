@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/testing/front_blobs.h"
 #include "tests/testing/status_testing.h"
 
@@ -90,6 +92,41 @@ TEST_F(SceneSegmentsTest, ShrinksLargeViews) {
   EXPECT_EQ(all.views[0].width, 283);
   EXPECT_EQ(all.views[0].height, 141);
   EXPECT_GT(all.SeenPixels(0), 0);
+}
+
+TEST_F(SceneSegmentsTest, MeasuresExtentsWithoutFloatersAndVisibleColours) {
+  Model model = testing::PairOfBlobs(kSideOfFront);
+  // Nine Gaussians along x, and one far away.
+  const Gaussians two = model.gaussians;
+  model.gaussians = two.Select(std::vector<int64_t>(10, 0));
+  model.field.features.assign(10 * 32, 0.1f);
+  for (int i = 0; i < 10; ++i) {
+    model.gaussians.Plane(kMeanPlane)[i] = i < 9 ? 0.05f * static_cast<float>(i) : 50;
+    model.gaussians.Plane(kShPlane)[i] = i < 9 ? 1 : -1;
+  }
+  Decomposition::Level level;
+  level.ids.assign(10, 1);
+  level.segments = {{0, 10, {}, {}}};
+  ASSERT_OK_AND_ASSIGN(const auto line, SceneModel::Create(*backend_, std::move(model)));
+  ASSERT_OK_AND_ASSIGN(const SceneSegments all, SeeSegments(*line, {{level}}, 1, NeverGone));
+  const auto& segment = all.segments[0];
+  EXPECT_NEAR(segment.extents[0], 0.05 * std::sqrt(60.0 / 9), 1e-4);
+  EXPECT_LT(segment.extents[1], 1e-3);
+  EXPECT_GT(segment.extents[2], 0);
+  EXPECT_NEAR(segment.color[0], 0.5 + 0.2821, 1e-3) << "the one far away is not seen";
+}
+
+TEST_F(SceneSegmentsTest, FindsTheSegmentOfAMask) {
+  ASSERT_OK_AND_ASSIGN(const SceneSegments all, SeeSegments(*model_, TwoBlobs(), 1, NeverGone));
+  const SeenView& seen = all.views[0];
+  std::vector<uint8_t> mask(seen.shown[0].size());
+  EXPECT_EQ(SegmentLike(seen, mask, 0), -1);
+  for (size_t i = 0; i < mask.size(); ++i) mask[i] = seen.shown[0][i] == 1 ? 1 : 0;
+  EXPECT_EQ(SegmentLike(seen, mask, 0.5), 1);
+  for (size_t i = 0; i < mask.size(); ++i) mask[i] = seen.shown[1][i] == 2 ? 1 : 0;
+  EXPECT_EQ(SegmentLike(seen, mask, 0.9), 2);
+  mask.assign(mask.size(), 1);
+  EXPECT_EQ(SegmentLike(seen, mask, 0.5), -1);
 }
 
 TEST_F(SceneSegmentsTest, EndsWithTheErrorOfTheCheck) {

@@ -318,7 +318,7 @@ def make_calls(evaluate):
         "GetJob": 'name: "jobs/j1"', "CancelJob": 'name: "jobs/j1"', "WatchJob": 'name: "jobs/j1"',
         "SegmentViews": MODEL + POINT, "ProposeScales": MODEL + POINT, "EvaluateModel": evaluate,
         "StreamSegments": "sequence: 1 segment { " + MODEL + POINT + "}",
-        "DecomposeModel": MODEL, "CreateSelection": MODEL + POINT,
+        "DecomposeModel": MODEL, "FindSegments": MODEL + 'text: "red"', "CreateSelection": MODEL + POINT,
         "CreateLabel": scene + 'label_id: "red" label { text: "red" view: "middle.jpg" mask { rle { '
                        'height: 64 width: 96 counts: "00P6" } } }',
         "CombineSelections": 'first: "scenes/shelf/selections/1" second: '

@@ -37,6 +37,7 @@ from pepeseg.evaluation import (
     SamMask,
     Scores,
 )
+from pepeseg.finding import Appearance, Findings, Found
 from pepeseg.labels import Label
 from pepeseg.photographs import Photograph
 from pepeseg.png import Picture
@@ -51,6 +52,7 @@ __version__ = "0.1.0"
 __all__ = [
     "AbortedError",
     "AlreadyExistsError",
+    "Appearance",
     "Camera",
     "CancelledError",
     "Client",
@@ -64,6 +66,8 @@ __all__ = [
     "Export",
     "FailedPreconditionError",
     "FileKind",
+    "Findings",
+    "Found",
     "GroupScores",
     "InternalError",
     "InvalidArgumentError",

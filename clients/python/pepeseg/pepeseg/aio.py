@@ -10,7 +10,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import grpc
 
-from pepeseg import cameras, errors, evaluation, segmentation, subsets, training
+from pepeseg import cameras, errors, evaluation, finding, segmentation, subsets, training
 from pepeseg import jobs as of_jobs
 from pepeseg import labels as of_labels
 from pepeseg import photographs as of_photographs
@@ -231,6 +231,7 @@ class Client(SceneClient):
 
     segment = awaited(segmentation.segment)
     propose = awaited(segmentation.propose)
+    find = awaited(finding.find)
     evaluate = awaited(evaluation.evaluate)
     sam_agreement = awaited(evaluation.sam_agreement)
     decompose = awaited(subsets.decompose)

@@ -8,7 +8,7 @@ import time
 from types import TracebackType
 from typing import Concatenate, ParamSpec, TypeVar
 
-from pepeseg import cameras, errors, evaluation, segmentation, subsets, training
+from pepeseg import cameras, errors, evaluation, finding, segmentation, subsets, training
 from pepeseg import jobs as of_jobs
 from pepeseg import labels as of_labels
 from pepeseg import photographs as of_photographs
@@ -140,6 +140,7 @@ class Client(SceneClient):
 
     segment = blocking(segmentation.segment)
     propose = blocking(segmentation.propose)
+    find = blocking(finding.find)
     evaluate = blocking(evaluation.evaluate)
     sam_agreement = blocking(evaluation.sam_agreement)
     decompose = blocking(subsets.decompose)

@@ -38,6 +38,7 @@ class Pepesegd:
                     PROGRAMS / "pepesegd",
                     *("--listen", self.address),
                     *("--data", self.folder / "data"),
+                    *("--sam", "off"),
                     *("--port-file", port_file),
                     *self._options,
                 ],

@@ -292,3 +292,33 @@ class TestSelect:
         assert not (tmp_path / "gone.ply").exists()
         with pytest.raises(pepeseg.FailedPreconditionError):
             first.undo()
+
+
+class TestFind:
+    def test_a_label_is_found_by_its_words(self, client):
+        client.label("tissues", VIEW, points=POINT, text="the blue Tissues")
+        found = client.find("tissue")
+        assert found and found.source == "labels" and len(found) == 1
+        thing = found[0]
+        assert (thing.score, thing.word) == (1.0, "the blue Tissues")  # its id
+        assert thing.label == f"scenes/{client.place.scene.split('/')[-1]}/labels/tissues"
+        assert client.segment(thing.prompt).mask.any()
+        client.delete_label("tissues")
+
+    def test_nothing_is_found_when_unsure(self, client):
+        found = client.find("zebra")
+        assert not found and list(found) == [] and found.source == ""
+        assert isinstance(found.known_words, tuple)
+
+    def test_likeness_takes_sam(self, client):
+        with pytest.raises(pepeseg.FailedPreconditionError, match="deploy/sam.sh"):
+            client.find(view=VIEW, points=POINT)
+        segment = client.decompose().levels[0].segments[0]
+        with pytest.raises(pepeseg.FailedPreconditionError, match="deploy/sam.sh"):
+            client.find(like=segment)
+
+    @pytest.mark.parametrize("what", [{}, {"text": "a", "view": VIEW}, {"text": "a", "label": "b"}])
+    def test_one_thing_is_asked_for(self, client, what):
+        with pytest.raises(pepeseg.InvalidArgumentError) as error:
+            client.find(**what)
+        assert error.value.reason == ""
