@@ -2,17 +2,15 @@
 
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <utility>
 
-#include "absl/strings/ascii.h"
-#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/string_view.h"
-#include "absl/strings/strip.h"
 #include "core/base/status_macros.h"
+#include "core/find/word_match.h"
 #include "server/api/error.h"
 
 namespace pepeseg {
@@ -47,29 +45,20 @@ constexpr std::pair<absl::string_view, absl::string_view> kOtherWords[] = {
     {"tv set", "tv"},
     {"wineglass", "wine glass"}};
 
-// Returns the text in lower case without an article.
-std::string WithoutArticle(absl::string_view text) {
-  const std::string lower = absl::AsciiStrToLower(absl::StripAsciiWhitespace(text));
-  absl::string_view word = lower;
-  for (const char* article : {"the ", "a ", "an ", "all "}) {
-    if (absl::ConsumePrefix(&word, article)) break;
+// Returns the words of a text as one (WordsOf), or the word of COCO for it.
+std::string PlainWord(absl::string_view text) {
+  std::string word = absl::StrJoin(WordsOf(text), " ");
+  for (const auto& [other, meant] : kOtherWords) {
+    if (word == other) word = std::string(meant);
   }
-  return std::string(absl::StripLeadingAsciiWhitespace(word));
+  return word;
 }
 
-// Returns the number of a known word: the text, its singular, or a word for the same.
+// Returns the number of the known word that a text is, or that means the same.
 std::optional<int> FindKnownWord(absl::string_view text, const std::vector<std::string>& known) {
-  const std::string word = WithoutArticle(text);
-  const auto cut = [&](absl::string_view end, absl::string_view put) -> std::string {
-    if (!absl::EndsWith(word, end)) return "";
-    return absl::StrCat(absl::string_view(word).substr(0, word.size() - end.size()), put);
-  };
-  for (std::string one : {word, cut("s", ""), cut("es", ""), cut("ves", "fe"), cut("ies", "y")}) {
-    for (const auto& [other, meant] : kOtherWords) {
-      if (one == other) one = std::string(meant);
-    }
-    const auto found = std::find(known.begin(), known.end(), one);
-    if (found != known.end()) return static_cast<int>(found - known.begin());
+  const std::string word = PlainWord(text);
+  for (size_t i = 0; i < known.size(); ++i) {
+    if (PlainWord(known[i]) == word) return static_cast<int>(i);
   }
   return std::nullopt;
 }
