@@ -65,10 +65,6 @@ absl::StatusOr<v1::Prompt> PromptOfText(const Client& client, const SegmentFlags
 
 absl::StatusOr<v1::SegmentViewsRequest> BuildRequest(const Client& client,
                                                      const SegmentFlags& flags) {
-  if (flags.text.empty() == flags.prompt.parts.empty()) {
-    return absl::InvalidArgumentError(
-        "give what is meant: either a prompt, such as --view VIEW --point X,Y, or --text TEXT");
-  }
   v1::SegmentViewsRequest request;
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
   if (flags.text.empty()) {
@@ -210,8 +206,13 @@ void AddSegment(CLI::App& app, Shell& shell) {
       "Let SAM and the model answer points together, in the photographs; by default where "
       "the model was trained with SAM's masks");
   verb->add_option("--out", flags->out, "Folder for STEM_mask.png and STEM_overlay.png");
-  verb->callback(
-      [flags, &shell] { shell.verb = [&, flags] { return RunSegment(shell, *flags); }; });
+  verb->callback([flags, &shell] {
+    if (flags->text.empty() == flags->prompt.parts.empty()) {
+      throw CLI::ValidationError(
+          "segment", "give either a prompt, such as --view VIEW --point X,Y, or --text TEXT");
+    }
+    shell.verb = [&, flags] { return RunSegment(shell, *flags); };
+  });
 }
 
 void AddPropose(CLI::App& app, Shell& shell) {

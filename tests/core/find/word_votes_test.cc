@@ -12,7 +12,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-constexpr int kGrid = 20;
+constexpr int kViewSide = 20;
 enum Number : int32_t { kLeft, kRight, kBoth };  // of a segment; the last holds the others
 enum Word : int { kCup, kBowl, kNumWords };
 
@@ -28,13 +28,13 @@ SceneSegments TwoThings(int num_views) {
   scene.segments = {
       {{0, 1}, kBoth, 5, {}, {}}, {{0, 2}, kBoth, 4, {}, {}}, {{1, 1}, -1, 9, {}, {}}};
   scene.first = {0, 2};
-  SeenView view = {0, kGrid, kGrid, {}, {}};
-  view.shown.assign(2, std::vector<int32_t>(kGrid * kGrid, -1));
+  SeenView view = {0, kViewSide, kViewSide, {}, {}};
+  view.shown.assign(2, std::vector<int32_t>(kViewSide * kViewSide, -1));
   for (const auto& [area, segment] : {std::pair{kLeftArea, kLeft}, {kRightArea, kRight}}) {
     for (int y = area.y0; y < area.y1; ++y) {
       for (int x = area.x0; x < area.x1; ++x) {
-        view.shown[0][y * kGrid + x] = segment;
-        view.shown[1][y * kGrid + x] = kBoth;
+        view.shown[0][y * kViewSide + x] = segment;
+        view.shown[1][y * kViewSide + x] = kBoth;
       }
     }
   }
@@ -50,7 +50,7 @@ SceneSegments TwoThings(int num_views) {
 }
 
 Sighting Box(int word, float score, const Area& area) {
-  const auto share = [](int at) { return static_cast<float>(at) / kGrid; };
+  const auto share = [](int at) { return static_cast<float>(at) / kViewSide; };
   return {word, score, share(area.x0), share(area.y0), share(area.x1), share(area.y1)};
 }
 
@@ -114,15 +114,14 @@ TEST(WordVotes, CompareMasksWithPixels) {
   const SceneSegments scene = TwoThings(2);
   // A mask of twice the grid's size, of the left thing; its box, of both things, does not count.
   Sighting mask = Box(kCup, 0.5, kBothArea);
-  mask.mask_width = mask.mask_height = 2 * kGrid;
-  mask.mask.pixels.resize(size_t{4} * kGrid * kGrid);
+  mask.mask_width = mask.mask_height = 2 * kViewSide;
+  mask.mask.pixels.resize(size_t{4} * kViewSide * kViewSide);
   for (int y = 2 * kLeftArea.y0; y < 2 * kLeftArea.y1; ++y) {
     for (int x = 2 * kLeftArea.x0; x < 2 * kLeftArea.x1; ++x) {
-      mask.mask.pixels[y * 2 * kGrid + x] = 1;
+      mask.mask.pixels[y * 2 * kViewSide + x] = 1;
     }
   }
-  EXPECT_THAT(VoteWords(scene, Sightings(2, {mask}), kNumWords),
-              ElementsAre(Is(kLeft, kCup, 0.5)));
+  EXPECT_THAT(VoteWords(scene, Sightings(2, {mask}), kNumWords), ElementsAre(Is(kLeft, kCup, 0.5)));
 }
 
 TEST(ThingsOfWord, AreTheBestOfSegmentsThatLieInEachOther) {

@@ -173,7 +173,7 @@ TEST_F(FindAlikeTest, RefusesThingsThatAreNotThere) {
   request.mutable_like()->set_label("none");
   EXPECT_ERROR(Find(), grpc::NOT_FOUND, "");
   *request.mutable_like() = ClickAt(1, 1);
-  EXPECT_ERROR(Find(), grpc::INVALID_ARGUMENT, "like.points[0]");
+  EXPECT_ERROR(Find(), grpc::INVALID_ARGUMENT, {.reason = "NOTHING_THERE"});
   request.mutable_like_segment()->set_id(3);
   EXPECT_ERROR(Find(), grpc::INVALID_ARGUMENT, "like_segment.id");
   request.mutable_like_segment()->add_scales(0.3);
