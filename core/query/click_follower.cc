@@ -213,11 +213,11 @@ void ClickFollower::RankFirst(std::vector<Option>& options) const {
     // Where there are several clicks, masks that answer more of them come first.
     const auto answered = static_cast<double>(NumAnswered(made_, option.small, width));
     const auto last = static_cast<double>(made_.size());
-    // A given scale already says how large the thing is.
-    option.value =
-        option.weight * std::pow(0.01, last - answered) *
-        (granularity_.scale ? static_cast<double>(IsIn(made_[0].pixel, option.small))
-                            : FirstClickPlausibility(made_[0].pixel, option.small, width));
+    // A given scale says how large the thing is, and a given threshold how much of it is meant.
+    option.value = option.weight * std::pow(0.01, last - answered) *
+                   (granularity_.scale || granularity_.threshold
+                        ? static_cast<double>(IsIn(made_[0].pixel, option.small))
+                        : FirstClickPlausibility(made_[0].pixel, option.small, width));
     if (option.image < 0) {
       option.value *= kFirstOfModel;
       continue;
@@ -274,15 +274,25 @@ absl::Status ClickFollower::Take(const Option& option) {
   return absl::OkStatus();
 }
 
-// Where no mask has kMinArea pixels at any scale.
-absl::Status ClickFollower::TakeDefaults() {
-  if (query_.features.empty()) return NothingThereError("SAM sees no thing at the points");
+Query ClickFollower::DefaultQuery() const {
   Query query = {query_.features, query_.positive};
   query.scale = granularity_.scale.value_or(query.scale);
   query.threshold = granularity_.threshold.value_or(query.threshold);
+  return query;
+}
+
+// Where no mask has kMinArea pixels at any scale.
+absl::Status ClickFollower::TakeDefaults() {
+  if (query_.features.empty()) return NothingThereError("SAM sees no thing at the points");
+  Query query = DefaultQuery();
   ASSIGN_OR_RETURN(meaning_.mask, MaskOf(query));
   meaning_.query = std::move(query);
   return absl::OkStatus();
+}
+
+Query ClickFollower::whole() const {
+  if (meaning_.query) return *meaning_.query;
+  return plateaus_.empty() ? DefaultQuery() : QueryAt(plateaus_[chosen_]);
 }
 
 Candidates ClickFollower::Found(int max_count) const {

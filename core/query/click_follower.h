@@ -33,7 +33,7 @@ struct ClickMeaning {
 // the time.
 //
 // The answer to the first click is the mask with the largest product of the click's plausibility (1
-// where a scale is given, which says how large the thing is) and
+// where a scale or a threshold is given) and
 // - for a mask of the model, 0.8 times the root of its support,
 // - for a mask of the image segmenter, its estimated IoU times the root of how much the model
 //   confirms it: the largest squared IoU with a mask of the model times the root of that one's
@@ -55,6 +55,9 @@ class ClickFollower {
   absl::Status Follow(std::span<const PointPrompt> clicks, const WantedCheck& check);
 
   const ClickMeaning& meaning() const { return meaning_; }
+  // Returns the query of all clicks whose mask the last answer of the model came from: the
+  // meaning's, unless that changed only a part of a mask.
+  Query whole() const;
   // Returns what the clicks may mean, at most `max_count` masks of the model, the best of which is
   // the last one that the answer came from. None: no mask has kMinArea pixels at any scale.
   Candidates Found(int max_count) const;
@@ -77,6 +80,7 @@ class ClickFollower {
   absl::Status TakeDefaults();
   absl::StatusOr<BinaryMask> MaskOf(const Query& query) const;
   Query QueryAt(const Candidate& at) const;
+  Query DefaultQuery() const;
   std::vector<uint8_t> Small(std::span<const uint8_t> mask) const;
   bool IsAnswered(const PixelClick& click) const;
   bool IsIn(const PixelIndex& pixel, std::span<const uint8_t> mask) const;

@@ -11,8 +11,10 @@
 namespace pepeseg {
 namespace {
 
+// is_exact: where clicks change only a part of a mask, returns what fits the changed mask.
 absl::StatusOr<Query> ResolvePoints(const Segmenter& segmenter, const ModelView& view,
-                                    const PointsPrompt& points, const Granularity& granularity) {
+                                    const PointsPrompt& points, const Granularity& granularity,
+                                    bool is_exact = false) {
   if (granularity.scale && granularity.threshold) {
     Query query = {{}, {}, *granularity.scale, *granularity.threshold};
     ASSIGN_OR_RETURN(query.features, segmenter.PointFeatures(view, points));
@@ -22,7 +24,7 @@ absl::StatusOr<Query> ResolvePoints(const Segmenter& segmenter, const ModelView&
   ClickFollower follower(segmenter, nullptr, view, granularity);
   RETURN_IF_ERROR(follower.Follow(points, [] { return absl::OkStatus(); }));
   const ClickMeaning& meaning = follower.meaning();
-  if (meaning.query) return *meaning.query;
+  if (!is_exact || meaning.query) return follower.whole();
   return FitMask(segmenter, view, meaning.mask, granularity);
 }
 
@@ -68,6 +70,14 @@ absl::StatusOr<Query> ResolvePrompt(const Segmenter& segmenter, const Prompt& pr
           },
           [&](const PointMean& mean) { return ResolveMean(segmenter, view, mean, granularity); }},
       prompt.what);
+}
+
+absl::StatusOr<Query> FitPrompt(const Segmenter& segmenter, const Prompt& prompt,
+                                const Granularity& granularity) {
+  const auto* const points = std::get_if<PointsPrompt>(&prompt.what);
+  if (points == nullptr) return ResolvePrompt(segmenter, prompt, granularity);
+  RETURN_IF_ERROR(CheckGranularity(granularity));
+  return ResolvePoints(segmenter, prompt.view, *points, granularity, /*is_exact=*/true);
 }
 
 }  // namespace pepeseg

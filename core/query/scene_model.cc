@@ -69,8 +69,7 @@ absl::StatusOr<Proposals> SceneModel::Propose(const ProposeRequest& request) con
 
 absl::StatusOr<GaussianSet> SceneModel::Select(const SelectRequest& request,
                                                const WantedCheck& check) const {
-  ASSIGN_OR_RETURN(const Query query,
-                   ResolvePrompt(*segmenter_, request.prompt, request.granularity));
+  ASSIGN_OR_RETURN(const Query query, FitPrompt(*segmenter_, request.prompt, request.granularity));
   return SelectGaussians(*segmenter_, request, query, check);
 }
 

@@ -229,10 +229,10 @@ absl::Status FindAnswers::Find(const UnaryCall& call, const v1::FindSegmentsRequ
                                v1::FindSegmentsResponse* response) {
   RETURN_IF_ERROR(CheckRequest(request));
   const bool by_text = request.what_case() == v1::FindSegmentsRequest::kText;
-  if (!by_text) RETURN_IF_ERROR(images_.CheckAvailable("find by text instead"));
   Stopwatch stopwatch;
   ASSIGN_OR_RETURN(const ResidentModel model,
                    models_.LoadWithFeatures(call.scenes(), request.model(), "model"));
+  if (!by_text) RETURN_IF_ERROR(images_.CheckAvailable("find by text instead"));
   v1::QueryTiming& timing = *response->mutable_timing();
   *timing.mutable_queue() = ToProto(call.queued);
   *timing.mutable_load() = ToProto(stopwatch.Lap());

@@ -6,7 +6,7 @@
 //   bare           no features, as if trained without masks
 //   hang           the job never ends
 //   half.model     the views are of photographs twice as large
-//   sam.model      as half.model, and the masks were SAM's
+//   by_sam.model   as half.model, and the masks were SAM's
 //   lens.model     those photographs were taken by a lens that distorts
 //   turned.model   those photographs lie on their side
 //   wide.model     eight views, 0.jpg to 7.jpg, of eight sizes from 560x420 to 784x588
@@ -127,11 +127,11 @@ int Run(const std::string& path) {
   if (name == "bare") model.field = {};
   if (name == "many.model") model.views = MakeManyViews();
   if (name == "wide.model") model.views = MakeWideViews();
-  if (name == "half.model" || name == "sam.model" || name == "lens.model" ||
+  if (name == "half.model" || name == "by_sam.model" || name == "lens.model" ||
       name == "turned.model") {
     SetPhotographs(name, model);
   }
-  if (name == "sam.model") model.facts["masks"] = "sam";
+  if (name == "by_sam.model") model.facts["masks"] = "sam";
   const std::filesystem::path attempt = folder.attempt(spec->fence);
   std::error_code error;
   std::filesystem::create_directories(attempt, error);

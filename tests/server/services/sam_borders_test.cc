@@ -130,7 +130,7 @@ TEST_F(SamBordersOfModel, AnswerClicksWithTheModelWhereItsMasksWereSams) {
   };
   ClickInThePhotograph();
   EXPECT_EQ(image(), v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED);
-  Train("sam.model");  // is live
+  Train("by_sam.model");  // is live
   EXPECT_EQ(image(), v1::SegmentViewsResponse::BORDER_IMAGE_PHOTOGRAPH);
   request.set_sam_clicks(false);
   EXPECT_EQ(image(), v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED);
