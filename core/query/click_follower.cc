@@ -291,7 +291,6 @@ absl::Status ClickFollower::TakeDefaults() {
 }
 
 Query ClickFollower::whole() const {
-  if (meaning_.query) return *meaning_.query;
   return plateaus_.empty() ? DefaultQuery() : QueryAt(plateaus_[chosen_]);
 }
 

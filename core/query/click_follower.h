@@ -55,8 +55,8 @@ class ClickFollower {
   absl::Status Follow(std::span<const PointPrompt> clicks, const WantedCheck& check);
 
   const ClickMeaning& meaning() const { return meaning_; }
-  // Returns the query of all clicks whose mask the last answer of the model came from: the
-  // meaning's, unless that changed only a part of a mask.
+  // Returns the query of all clicks at the scale and threshold that the last answer of the model
+  // came from.
   Query whole() const;
   // Returns what the clicks may mean, at most `max_count` masks of the model, the best of which is
   // the last one that the answer came from. None: no mask has kMinArea pixels at any scale.

@@ -85,9 +85,8 @@ grep -q '^scenes/shelf/labels/mug ' "$work/output" || fail 'labels does not desc
 head -c 24 "$work/mug_mask.png" | tail -c 8 | od -An -tx1 | tr -d ' \n' |
   grep -q '00000280000001e0' || fail 'the mask of a label does not have the size of the photograph'
 expect 3 pepeseg labels shelf plate --out "$work"
-expect 0 pepeseg find shelf mugs --export "$work/found"
+expect 0 pepeseg find shelf mugs
 grep -q 'by labels' "$work/output" || fail 'find does not say where the things are from'
-[[ $(head -c 3 "$work/found/found_1.ply") == ply ]] || fail 'find writes no PLY'
 expect 0 pepeseg find shelf mug --format csv
 grep -q '^1,1.00,' "$work/output" || fail 'find prints no comma-separated values'
 expect 3 pepeseg find shelf mugg
@@ -114,6 +113,8 @@ expect 0 pepeseg selections shelf 1 --delete
 expect 3 pepeseg selections shelf 1
 expect 0 pepeseg --json selections shelf
 grep -q '"num_gaussians":' "$work/output" || fail 'selections prints no JSON'
+expect 0 pepeseg find shelf cup --export "$work/found"
+[[ $(head -c 3 "$work/found/found_1.ply") == ply ]] || fail 'find writes no PLY'
 
 expect 0 pepeseg render shelf --views frame-000003.jpg --out "$work"
 [[ -s $work/frame-000003.png ]] || fail 'render writes no picture'
