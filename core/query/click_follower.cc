@@ -283,7 +283,9 @@ Query ClickFollower::DefaultQuery() const {
 
 // Where no mask has kMinArea pixels at any scale.
 absl::Status ClickFollower::TakeDefaults() {
-  if (query_.features.empty()) return NothingThereError("SAM sees no thing at the points");
+  if (std::count(query_.positive.begin(), query_.positive.end(), 1) == 0) {
+    return NothingThereError("SAM sees no thing at the points");
+  }
   Query query = DefaultQuery();
   ASSIGN_OR_RETURN(meaning_.mask, MaskOf(query));
   meaning_.query = std::move(query);
