@@ -47,7 +47,7 @@ std::string DatabaseUrl(const ServerOptions& options) {
   return "sqlite:" + DatabasePath(options.data).string();
 }
 
-// What a script of deploy/ installs in a folder, for FindInstalled.
+// Files that a script of deploy/ installs in a folder, for FindInstalled.
 struct Installation {
   const char* what;
   const char* script;

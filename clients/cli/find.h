@@ -7,7 +7,7 @@
 #include "clients/terminal/text_table.h"
 #include "pepeseg/v1/find.pb.h"
 
-// What the verbs "find" and "segment --text" print of an answer to FindSegments.
+// Text that the verbs "find" and "segment --text" print for an answer to FindSegments.
 namespace pepeseg::client::cli {
 
 // Returns "labels", "detector", "text command" or "appearance".

@@ -12,7 +12,7 @@
 
 namespace pepeseg {
 
-// What things are compared with: a segment, or pixels of a view.
+// The thing that others are compared with: a segment, or pixels of a view.
 struct LookedFor {
   int32_t segment = -1;         // its number; -1: none
   std::vector<float> features;  // without a segment: mean features of its pixels, [channels]

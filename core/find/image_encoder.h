@@ -10,7 +10,7 @@
 
 namespace pepeseg {
 
-// What a network sees at each place of a view's image: features on a coarse grid of cells.
+// Features of a network for each place of a view's image, on a coarse grid of cells.
 struct ImageFeatures {
   int channels = 0;
   std::vector<Half> values;    // [cells, channels]

@@ -19,13 +19,13 @@ struct SegmentKey {
   bool operator==(const SegmentKey&) const = default;
 };
 
-// What a view shows of a segment, on the grid of the view.
+// Number and box of the pixels in which a view shows a segment, on the grid of the view.
 struct SeenArea {
   int32_t pixels = 0;                        // of the grid; 0: the view does not show it
   int32_t x0 = 0, y0 = 0, x1 = -1, y1 = -1;  // first and last column and scanline
 };
 
-// What a view shows of all segments, on a grid of pixels over the view.
+// The segment that each pixel of a view shows, on a grid of pixels over the view.
 struct SeenView {
   size_t view = 0;            // index into Model::views
   int width = 0, height = 0;  // of the grid, at most those of the view

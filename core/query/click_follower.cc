@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <string>
 #include <utility>
 
 #include "core/base/status_macros.h"
@@ -31,6 +30,10 @@ double IouOf(std::span<const uint8_t> a, std::span<const uint8_t> b) {
     either += a[i] | b[i];
   }
   return either == 0 ? 0 : static_cast<double>(common) / static_cast<double>(either);
+}
+
+bool HasPositive(const Query& query) {
+  return std::find(query.positive.begin(), query.positive.end(), 1) != query.positive.end();
 }
 
 }  // namespace
@@ -151,7 +154,7 @@ absl::Status ClickFollower::FindOptions(const WantedCheck& check, std::vector<Op
 absl::Status ClickFollower::AddModelOptions(std::vector<Option>& options) {
   plateaus_.clear();
   chosen_ = 0;
-  if (std::count(query_.positive.begin(), query_.positive.end(), 1) == 0) return absl::OkStatus();
+  if (!HasPositive(query_)) return absl::OkStatus();
   ASSIGN_OR_RETURN(LevelCounts counts,
                    model_.CountLevels(query_, grid_.scales, grid_.thresholds, small_.view));
   masks_.emplace(std::move(counts), grid_);
@@ -193,14 +196,13 @@ void ClickFollower::AddLocalOptions(std::vector<Option>& options) const {
   const size_t num = options.size();
   for (size_t i = 0; i < num; ++i) {
     for (const ChangeReach reach : {ChangeReach::kConnected, ChangeReach::kNear}) {
-      Option local = options[i];
-      local.small = ChangeMask(made_.back(), small_answer_, options[i].small,
-                               small_.view.camera.width, reach);
-      if (local.small.empty() || local.small == options[i].small) continue;
-      local.reach = reach;
-      local.weight *= local.image < 0 ? kLocalOfModel : kLocalOfImage;
-      if (reach == ChangeReach::kNear) local.weight *= kNear;
-      options.push_back(std::move(local));
+      const Option& whole = options[i];
+      std::vector<uint8_t> small =
+          ChangeMask(made_.back(), small_answer_, whole.small, small_.view.camera.width, reach);
+      if (small.empty() || small == whole.small) continue;
+      double weight = whole.weight * (whole.image < 0 ? kLocalOfModel : kLocalOfImage);
+      if (reach == ChangeReach::kNear) weight *= kNear;
+      options.push_back({std::move(small), weight, whole.plateau, whole.image, reach});
     }
   }
 }
@@ -283,9 +285,7 @@ Query ClickFollower::DefaultQuery() const {
 
 // Where no mask has kMinArea pixels at any scale.
 absl::Status ClickFollower::TakeDefaults() {
-  if (std::count(query_.positive.begin(), query_.positive.end(), 1) == 0) {
-    return NothingThereError("SAM sees no thing at the points");
-  }
+  if (!HasPositive(query_)) return NothingThereError("SAM sees no thing at the points");
   Query query = DefaultQuery();
   ASSIGN_OR_RETURN(meaning_.mask, MaskOf(query));
   meaning_.query = std::move(query);

@@ -17,7 +17,7 @@
 
 namespace pepeseg {
 
-// What clicks in a view mean together.
+// The thing that clicks in a view mean together.
 struct ClickMeaning {
   // In the view, [height, width].
   BinaryMask mask;

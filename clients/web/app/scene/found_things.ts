@@ -1,4 +1,4 @@
-// What the server found by a word or by its looks, as the screen shows it.
+// The things that the server found by a word or by their looks, as the screen shows them.
 import type { FindSegmentsResponse } from '../../gen/pepeseg/v1/find_pb';
 import { FindSegmentsResponse_Source as Source } from '../../gen/pepeseg/v1/find_pb';
 import { lastId } from '../api/clients';

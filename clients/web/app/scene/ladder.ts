@@ -18,7 +18,7 @@ export interface Rung {
 
 export interface Ladder {
   readonly rungs: readonly Rung[];
-  /** Index of the shown rung; undefined: there is no answer yet. */
+  /** Index of the rung that is shown; undefined while there is no answer. */
   readonly at: number | undefined;
   /** Index of the rung that the server chooses if nothing is chosen; undefined: it is not known. */
   readonly guess: number | undefined;

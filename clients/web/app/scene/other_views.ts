@@ -1,5 +1,5 @@
-// What is asked for when clicks and sliders rest: the sizes that the prompt may mean, and the masks of
-// the views that are not answered yet.
+// Requests that are made when clicks and sliders rest: for the sizes that the prompt may mean, and for
+// the masks of the views that are not answered yet.
 import type { Store } from '../store';
 import type { Answer, Proposal } from './answer';
 import type { Prompt } from './prompt';

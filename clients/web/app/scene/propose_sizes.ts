@@ -1,4 +1,4 @@
-// What the server proposes for a prompt: the masks that it may mean.
+// The masks that a prompt may mean, as the server proposes them.
 import { segmentation } from '../api/clients';
 import { failureOf } from '../api/failure';
 import { steadily } from '../api/server_link';
