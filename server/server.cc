@@ -265,7 +265,7 @@ void Server::Parts::MakeQueryServices(int num_threads) {
   segmentation = std::make_unique<SegmentationServiceRpc>(*runner, *models, *images, *finds);
   labels = std::make_unique<LabelServiceRpc>(*runner, *models);
   selected = std::make_unique<Selections>(*store, models->data_folder());
-  selections = std::make_unique<SelectionServiceRpc>(*runner, *models, *selected);
+  selections = std::make_unique<SelectionServiceRpc>(*runner, *models, *images, *selected);
   renders = std::make_unique<RenderServiceRpc>(*runner, *models, *selected);
   evaluations = std::make_unique<EvaluationServiceRpc>(*runner, *models, *blobs, photographs);
 }

@@ -282,7 +282,7 @@ void AddExport(CLI::App& app, Shell& shell) {
   AddNamesFlag(*verb, "--views", flags->labels.views,
                "Views of the masks: names, all or held-out; by default all");
   verb->add_flag("!--no-sam-borders", flags->labels.sam_borders,
-                 "Leave the borders of the masks to the model where the server has SAM");
+                 "Leave the borders of the masks to the model where SAM would place them");
   AddSubsetFlags(*verb, flags->subset);
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunExport(shell, *flags); }; });
 }

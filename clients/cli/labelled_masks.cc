@@ -24,8 +24,6 @@
 namespace pepeseg::client::cli {
 namespace {
 
-using Response = v1::SegmentViewsResponse;
-
 // Views of a request: its answer stays far below 4 MiB, and its time below the deadline with SAM.
 constexpr size_t kViewsAtOnce = 8;
 
@@ -53,43 +51,23 @@ absl::StatusOr<std::vector<v1::View>> ChosenViews(const Client& client, const La
   return chosen;
 }
 
-// Asks for the masks of labels in views, with borders by SAM for as long as the server has it.
-class LabelSegmenter {
- public:
-  LabelSegmenter(const Client& client, const LabelQuery& query)
-      : client_(client), query_(query), sam_borders_(query.sam_borders) {}
-
-  // Appends the mask of the label in each view to the masks of the view.
-  absl::Status Add(const std::string& label, std::span<LabelledView> views) {
-    v1::SegmentViewsRequest request;
-    request.set_model(query_.model);
-    request.mutable_prompt()->set_label(label);
-    for (const LabelledView& view : views) request.mutable_targets()->add_views(view.view);
-    request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
-    ASSIGN_OR_RETURN(Response answer, Segment(request));
-    RETURN_IF_ERROR(TakeAcceptedMask(client_, request, answer));
-    if (answer.masks_size() != static_cast<int>(views.size())) {
-      return absl::InternalError("the server's answer lacks a mask");
-    }
-    for (size_t i = 0; i < views.size(); ++i) views[i].masks.push_back(answer.masks(i).rle());
-    return absl::OkStatus();
+// Appends the mask of the label in each view to the masks of the view.
+absl::Status AddMasks(const Client& client, const LabelQuery& query, const std::string& label,
+                      std::span<LabelledView> views) {
+  v1::SegmentViewsRequest request;
+  request.set_model(query.model);
+  request.mutable_prompt()->set_label(label);
+  for (const LabelledView& view : views) request.mutable_targets()->add_views(view.view);
+  request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
+  if (!query.sam_borders) request.set_sam_borders(false);
+  ASSIGN_OR_RETURN(v1::SegmentViewsResponse answer, client.Segment(request));
+  RETURN_IF_ERROR(TakeAcceptedMask(client, request, answer));
+  if (answer.masks_size() != static_cast<int>(views.size())) {
+    return absl::InternalError("the server's answer lacks a mask");
   }
-
- private:
-  absl::StatusOr<Response> Segment(v1::SegmentViewsRequest& request) {
-    request.set_sam_borders(sam_borders_);
-    absl::StatusOr<Response> answer = client_.Segment(request);
-    const std::optional<ErrorDetail> detail = DetailOf(answer.status());
-    if (!sam_borders_ || !detail || detail->reason != "NO_SAM") return answer;
-    Note("the server has no SAM: the borders of the masks are the model's (better: make sam)");
-    sam_borders_ = false;
-    return Segment(request);
-  }
-
-  const Client& client_;
-  const LabelQuery& query_;
-  bool sam_borders_;
-};
+  for (size_t i = 0; i < views.size(); ++i) views[i].masks.push_back(answer.masks(i).rle());
+  return absl::OkStatus();
+}
 
 }  // namespace
 
@@ -131,7 +109,7 @@ absl::Status TakeAcceptedMask(const Client& client, const v1::SegmentViewsReques
   const std::string name =
       absl::StrCat(SceneOf(request.model()), "/labels/", IdOf(request.prompt().label()));
   ASSIGN_OR_RETURN(const v1::Label label, client.GetLabel(name, request.frame()));
-  for (Response::ViewMask& found : *answer.mutable_masks()) {
+  for (v1::SegmentViewsResponse::ViewMask& found : *answer.mutable_masks()) {
     if (found.view() != label.view()) continue;
     const v1::CocoRle& rle = label.mask().rle();
     ASSIGN_OR_RETURN(const Mask mask, DecodeRle(rle));
@@ -161,14 +139,14 @@ absl::StatusOr<LabelledMasks> SegmentLabels(const Client& client, const LabelQue
   for (const v1::View& view : views) {
     masks.views.push_back({view.view(), PhotographSize(view), {}});
   }
-  LabelSegmenter segmenter(client, query);
   ProgressLine line;
   const size_t num_masks = masks.views.size() * masks.things.size();
   size_t num_done = 0;
   for (size_t first = 0; first < masks.views.size(); first += kViewsAtOnce) {
     const size_t count = std::min(kViewsAtOnce, masks.views.size() - first);
     for (const LabelledThing& thing : masks.things) {
-      RETURN_IF_ERROR(segmenter.Add(thing.id, std::span(masks.views).subspan(first, count)));
+      RETURN_IF_ERROR(
+          AddMasks(client, query, thing.id, std::span(masks.views).subspan(first, count)));
       num_done += count;
       line.Show(absl::StrFormat("%d of %d masks", num_done, num_masks), num_done == num_masks);
     }

@@ -45,7 +45,7 @@ struct LabelQuery {
   std::string scene;               // id or resource name
   std::string model;               // resource name
   std::vector<std::string> views;  // names, "all" or "held-out"; empty: all
-  bool sam_borders = true;         // let SAM place the borders, if the server has it
+  bool sam_borders = true;         // let SAM place the borders where it suits the model
 };
 
 // Segments every label in every view of the query, in the pixels of the photographs. In the view

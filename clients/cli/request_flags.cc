@@ -32,6 +32,11 @@ void AddNegative(CLI::App& verb, PromptFlags& flags, CLI::Option* point) {
   AddPart(verb, flags, "-n,--negative", "negative", "X,Y",
           "A pixel that is not of the object; may be repeated")
       ->needs(point);
+  AddPart(
+      verb, flags, "--previous-mask", "previous-mask", "FILE",
+      "A grey PNG of the frame's size, which only the last point (--negative comes last) corrects")
+      ->needs(point)
+      ->expected(1);
 }
 
 CLI::Option* AddSceneAndView(CLI::App& verb, PromptFlags& flags) {
@@ -102,7 +107,8 @@ absl::StatusOr<v1::Prompt> ParsePrompt(const PromptFlags& flags) {
   // The parser reads the flags of the group last.
   auto parts = flags.parts;
   std::stable_partition(parts.begin(), parts.end(), [](const auto& part) {
-    return part.first != "negative" && part.first != "not-scribble";
+    return part.first != "negative" && part.first != "not-scribble" &&
+           part.first != "previous-mask";
   });
   for (const auto& [kind, text] : parts) RETURN_IF_ERROR(AddToPrompt(kind, text, prompt));
   if (prompt.has_scribbles()) {
@@ -111,6 +117,12 @@ absl::StatusOr<v1::Prompt> ParsePrompt(const PromptFlags& flags) {
     }
   }
   return prompt;
+}
+
+void AddSamClicksFlag(CLI::App& verb, std::optional<bool>& sam_clicks) {
+  verb.add_flag("--sam-clicks,!--no-sam-clicks", sam_clicks,
+                "Let SAM and the model answer points or a box together, in the photographs; by "
+                "default where the model was trained with SAM's masks");
 }
 
 void AddScalesFlag(CLI::App& verb, std::vector<double>& scales) {

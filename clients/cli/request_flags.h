@@ -1,6 +1,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -40,6 +41,9 @@ struct GranularityFlags {
 };
 void AddGranularityFlags(CLI::App& verb, GranularityFlags& flags);
 v1::Granularity ToGranularity(const GranularityFlags& flags);
+
+// Adds --sam-clicks and --no-sam-clicks, which is absent by default.
+void AddSamClicksFlag(CLI::App& verb, std::optional<bool>& sam_clicks);
 
 // Adds --scales: the scales of a decomposition.
 void AddScalesFlag(CLI::App& verb, std::vector<double>& scales);

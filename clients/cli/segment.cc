@@ -29,8 +29,7 @@ struct SegmentFlags {
   GranularityFlags granularity;
   std::vector<std::string> targets;  // names of views, "all" or "held-out"
   bool refine_borders = true;
-  bool sam_borders = false;
-  std::optional<bool> sam_clicks;  // absent: as the server chooses
+  std::optional<bool> sam_borders, sam_clicks;  // absent: as the server chooses
   std::string out;
 };
 
@@ -77,7 +76,7 @@ absl::StatusOr<v1::SegmentViewsRequest> BuildRequest(const Client& client,
   request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
   request.set_frame(flags.prompt.frame);
   request.set_refine_borders(flags.refine_borders);
-  request.set_sam_borders(flags.sam_borders);
+  if (flags.sam_borders) request.set_sam_borders(*flags.sam_borders);
   if (flags.sam_clicks) request.set_sam_clicks(*flags.sam_clicks);
   return request;
 }
@@ -199,12 +198,10 @@ void AddSegment(CLI::App& app, Shell& shell) {
   verb->add_flag("!--no-refine-borders", flags->refine_borders,
                  "Masks are exactly the pixels above the threshold");
   verb->add_flag(
-      "--sam-borders", flags->sam_borders,
-      "Let SAM place the borders of the masks in the photographs; takes 1 to 2 s for a new view");
-  verb->add_flag(
-      "--sam-clicks,!--no-sam-clicks", flags->sam_clicks,
-      "Let SAM and the model answer points together, in the photographs; by default where "
-      "the model was trained with SAM's masks");
+      "--sam-borders,!--no-sam-borders", flags->sam_borders,
+      "Let SAM place the borders of the masks in the photographs; by default where the model was "
+      "trained with SAM's masks");
+  AddSamClicksFlag(*verb, flags->sam_clicks);
   verb->add_option("--out", flags->out, "Folder for STEM_mask.png and STEM_overlay.png");
   verb->callback([flags, &shell] {
     if (flags->text.empty() == flags->prompt.parts.empty()) {

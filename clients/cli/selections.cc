@@ -25,7 +25,8 @@ struct SelectFlags {
   int add_to = 0, subtract_from = 0, intersect = 0;  // numbers of selections; 0: not given
   int num_views = 0;                                 // that vote; 0: the server chooses
   bool keep_disconnected = false;
-  std::string out;  // folder for a picture; empty: none
+  std::optional<bool> sam_clicks;  // absent: as the server chooses
+  std::string out;                 // folder for a picture; empty: none
 };
 
 struct SelectionsFlags {
@@ -107,6 +108,7 @@ absl::Status RunSelect(const Shell& shell, const SelectFlags& flags) {
   *request.mutable_granularity() = ToGranularity(flags.granularity);
   request.set_num_views(flags.num_views);
   request.set_keep_disconnected(flags.keep_disconnected);
+  if (flags.sam_clicks) request.set_sam_clicks(*flags.sam_clicks);
   request.set_frame(flags.prompt.frame);
   SetBase(flags, request);
   const Client client(shell.channel);
@@ -170,6 +172,7 @@ void AddSelect(CLI::App& app, Shell& shell) {
       ->check(CLI::Range(1, 100));
   verb->add_flag("--keep-disconnected", flags->keep_disconnected,
                  "Keep Gaussians that are not connected to what is clicked");
+  AddSamClicksFlag(*verb, flags->sam_clicks);
   verb->add_option("--out", flags->out, "Folder for STEM_selection.png");
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunSelect(shell, *flags); }; });
 }

@@ -91,7 +91,9 @@ absl::Status AddToPrompt(absl::string_view kind, const std::string& text, v1::Pr
   }
   v1::MaskImage& mask = kind == "scribbles"       ? *prompt.mutable_scribbles()->mutable_positive()
                         : kind == "not-scribbles" ? *prompt.mutable_scribbles()->mutable_negative()
-                                                  : *prompt.mutable_mask();
+                        : kind == "previous-mask"
+                            ? *prompt.mutable_points()->mutable_previous_mask()
+                            : *prompt.mutable_mask();
   ASSIGN_OR_RETURN(*mask.mutable_png(), ReadFile(text));
   return absl::OkStatus();
 }

@@ -19,6 +19,7 @@ namespace pepeseg::client::cli {
 //   scribble, not-scribble   "X,Y X,Y ...": a stroke
 //   scribbles, not-scribbles  a PNG with strokes
 //   mask                     a PNG
+//   previous-mask            a PNG: the answer to all points but the last
 //   label                    the id of a label
 // INVALID_ARGUMENT: the text is malformed. LocalFileError: the file cannot be read.
 absl::Status AddToPrompt(absl::string_view kind, const std::string& text, v1::Prompt& prompt);

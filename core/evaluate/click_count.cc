@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/evaluate/mask_scores.h"
-#include "core/query/clicked_thing.h"
+#include "core/query/prompted_thing.h"
 #include "core/query/mask_geometry.h"
 #include "core/query/prompt.h"
 #include "core/query/resolve_prompt.h"
@@ -35,7 +35,7 @@ struct Answering {
 };
 
 // Returns the mask of a thing in a view.
-absl::StatusOr<BinaryMask> MaskIn(const Answering& by, const ModelView& view, ClickedThing& thing) {
+absl::StatusOr<BinaryMask> MaskIn(const Answering& by, const ModelView& view, PromptedThing& thing) {
   ASSIGN_OR_RETURN(SegmentResult result, thing.In(view, by.segment, by.check));
   return std::move(result.mask);
 }
@@ -45,7 +45,7 @@ struct SimulatedClick {
   PointPrompt click;                  // pixels of the view
   bool on_nothing = false;            // see ClickAnswer
   double iou = 0;                     // on the clicked view
-  std::optional<ClickedThing> thing;  // absent: all clicks so far are on nothing
+  std::optional<PromptedThing> thing;  // absent: all clicks so far are on nothing
 };
 
 class Clicker {
@@ -81,7 +81,7 @@ class Clicker {
              static_cast<size_t>(click.x)] = 1;
     points_.push_back(click);
     auto thing =
-        ClickedThing::Find(by_.segmenter, by_.images, target_.view, points_, {}, by_.check);
+        PromptedThing::Find(by_.segmenter, by_.images, {target_.view, points_}, {}, by_.check);
     if (IsNothingThere(thing.status())) {
       points_.pop_back();
       made.on_nothing = true;
@@ -101,7 +101,7 @@ class Clicker {
   const ClickTarget& target_;
   std::vector<uint8_t> answer_, clicked_;  // [height, width]
   std::vector<PointPrompt> points_;        // clicks that are part of the prompt
-  std::optional<ClickedThing> thing_;      // of points_
+  std::optional<PromptedThing> thing_;      // of points_
 };
 
 // Returns the clicks on a target, in order.

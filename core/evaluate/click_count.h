@@ -44,7 +44,7 @@ struct EntityClicks {
 };
 
 // Simulates a person who clicks on each entity in its reference view and gives no scale and no
-// threshold. ClickedThing answers, as in the server, with the help of `images` if these are given.
+// threshold. PromptedThing answers, as in the server, with the help of `images` if these are given.
 // The first click is on the deepest pixel of the entity. Each further click is on the deepest pixel
 // of the largest wrong region: positive in missed pixels, negative in pixels outside the entity. As
 // in the authors' code, the largest region is the one that reaches deepest, and no pixel is clicked

@@ -57,14 +57,18 @@ ClickFollower::ClickFollower(const Segmenter& model, ImageSegmenter* images, con
       grid_(GridOf(granularity)),
       small_(SmallViewOf(view)) {}
 
-absl::Status ClickFollower::Follow(std::span<const PointPrompt> clicks, const WantedCheck& check) {
-  RETURN_IF_ERROR(CheckPoints(ImageOf(view_), clicks));
+absl::Status ClickFollower::Follow(std::span<const PointPrompt> clicks,
+                                   const std::optional<BinaryMask>& previous,
+                                   const WantedCheck& check) {
+  RETURN_IF_ERROR(CheckPoints(ImageOf(view_), clicks, previous.has_value()));
   clicks_.assign(clicks.begin(), clicks.end());
+  if (previous) TakePrevious(*previous);
   const auto first = std::find_if(clicks_.begin(), clicks_.end(),
                                   [](const PointPrompt& click) { return click.positive; });
   std::rotate(clicks_.begin(), first, first + 1);
-  RETURN_IF_ERROR(ReadFeatures(clicks_));
-  const size_t num_first = clicks_.size() - std::min(clicks_.size() - 1, kMostCorrections);
+  RETURN_IF_ERROR(ReadFeatures(images_ == nullptr && !previous));
+  const size_t num_corrections = previous ? 1 : kMostCorrections;
+  const size_t num_first = clicks_.size() - std::min(clicks_.size() - 1, num_corrections);
   for (size_t i = 0; i < clicks_.size(); ++i) {
     AddClick(i);
     if (i + 1 < num_first) continue;
@@ -72,18 +76,37 @@ absl::Status ClickFollower::Follow(std::span<const PointPrompt> clicks, const Wa
     if (answer_ && IsAnswered(made_.back())) continue;
     std::vector<Option> options;
     RETURN_IF_ERROR(FindOptions(check, options));
-    answer_ ? RankChanges(options) : RankFirst(options);
-    const auto best =
-        std::max_element(options.begin(), options.end(),
-                         [](const Option& a, const Option& b) { return a.value < b.value; });
-    if (best != options.end() && best->value > 0) RETURN_IF_ERROR(Take(*best));
+    const Option best = answer_ ? BestChange(options) : BestFirst(options);
+    if (best.value > 0) RETURN_IF_ERROR(Take(best));
   }
-  return answer_ ? absl::OkStatus() : TakeDefaults();
+  if (!answer_) return TakeDefaults();
+  if (!meaning_.is_of_query && HasPositive(query_)) meaning_.query = whole();
+  return absl::OkStatus();
 }
 
-absl::Status ClickFollower::ReadFeatures(std::span<const PointPrompt> clicks) {
+// Takes a mask as the answer to all clicks but the last, which stays the last: a positive one comes
+// before it.
+void ClickFollower::TakePrevious(const BinaryMask& previous) {
+  if (std::none_of(clicks_.begin(), clicks_.end() - 1,
+                   [](const PointPrompt& click) { return click.positive; })) {
+    const Camera& camera = view_.camera;
+    BinaryMask left = previous;  // far from what is not meant
+    for (const PointPrompt& click : clicks_) {
+      left.pixels[static_cast<size_t>(click.y) * camera.width + static_cast<size_t>(click.x)] = 0;
+    }
+    const DeepPixel deepest = FindDeepest(left.pixels, camera.width, camera.height);
+    clicks_.insert(clicks_.begin(), {deepest.pixel.x + 0.5, deepest.pixel.y + 0.5, true});
+  }
+  meaning_.mask = previous;
+  small_answer_ = Small(previous.pixels);
+  answer_ = SoftMask{previous, 0, {}};
+}
+
+// all_solid: a click on nothing is an error.
+absl::Status ClickFollower::ReadFeatures(bool all_solid) {
+  const std::span<const PointPrompt> clicks = clicks_;
   click_is_solid_.assign(clicks.size(), 1);
-  if (images_ == nullptr) {
+  if (all_solid) {
     ASSIGN_OR_RETURN(click_features_, model_.PointFeatures(view_, clicks));
     return absl::OkStatus();
   }
@@ -146,9 +169,7 @@ std::vector<uint8_t> ClickFollower::Small(std::span<const uint8_t> mask) const {
 
 absl::Status ClickFollower::FindOptions(const WantedCheck& check, std::vector<Option>& options) {
   RETURN_IF_ERROR(AddModelOptions(options));
-  if (images_ != nullptr) RETURN_IF_ERROR(AddImageOptions(check, options));
-  if (answer_) AddLocalOptions(options);
-  return absl::OkStatus();
+  return images_ == nullptr ? absl::OkStatus() : AddImageOptions(check, options);
 }
 
 absl::Status ClickFollower::AddModelOptions(std::vector<Option>& options) {
@@ -192,25 +213,11 @@ double ClickFollower::WeightOfSeen(size_t index) const {
   return index == 0 ? kNextOfImage : kOtherOfImage;
 }
 
-void ClickFollower::AddLocalOptions(std::vector<Option>& options) const {
-  const size_t num = options.size();
-  for (size_t i = 0; i < num; ++i) {
-    for (const ChangeReach reach : {ChangeReach::kConnected, ChangeReach::kNear}) {
-      const Option& whole = options[i];
-      std::vector<uint8_t> small =
-          ChangeMask(made_.back(), small_answer_, whole.small, small_.view.camera.width, reach);
-      if (small.empty() || small == whole.small) continue;
-      double weight = whole.weight * (whole.image < 0 ? kLocalOfModel : kLocalOfImage);
-      if (reach == ChangeReach::kNear) weight *= kNear;
-      options.push_back({std::move(small), weight, whole.plateau, whole.image, reach});
-    }
-  }
-}
-
-void ClickFollower::RankFirst(std::vector<Option>& options) const {
+ClickFollower::Option ClickFollower::BestFirst(std::vector<Option>& options) const {
   const int width = small_.view.camera.width;
   const auto num_of_model = static_cast<size_t>(
       std::count_if(options.begin(), options.end(), [](const Option& o) { return o.image < 0; }));
+  Option* best = nullptr;
   for (Option& option : options) {
     // Where there are several clicks, masks that answer more of them come first.
     const auto answered = static_cast<double>(NumAnswered(made_, option.small, width));
@@ -222,34 +229,61 @@ void ClickFollower::RankFirst(std::vector<Option>& options) const {
                         : FirstClickPlausibility(made_[0].pixel, option.small, width));
     if (option.image < 0) {
       option.value *= kFirstOfModel;
-      continue;
+    } else {
+      double confirmed = num_of_model == 0 ? 1 : kLeastConfirmed;
+      for (size_t i = 0; i < num_of_model; ++i) {
+        const double iou = IouOf(option.small, options[i].small);
+        confirmed = std::max(confirmed, iou * iou * options[i].weight);
+      }
+      option.value *= std::sqrt(confirmed);
     }
-    double confirmed = num_of_model == 0 ? 1 : kLeastConfirmed;
-    for (size_t i = 0; i < num_of_model; ++i) {
-      const double iou = IouOf(option.small, options[i].small);
-      confirmed = std::max(confirmed, iou * iou * options[i].weight);
-    }
-    option.value *= std::sqrt(confirmed);
+    if (best == nullptr || option.value > best->value) best = &option;
   }
+  return best == nullptr ? Option() : std::move(*best);
 }
 
-void ClickFollower::RankChanges(std::vector<Option>& options) const {
-  for (Option& option : options) {
-    option.value = option.weight *
-                   ClickPlausibility(made_, small_answer_, option.small, small_.view.camera.width);
+// A plausibility is at most 1, so that options of a small weight need no look once a better one is
+// found.
+ClickFollower::Option ClickFollower::BestChange(std::span<const Option> wholes) const {
+  struct Change {
+    const Option* whole;
+    ChangeReach reach;
+    double weight;
+  };
+  std::vector<Change> changes;
+  for (const Option& whole : wholes) {
+    const double local = whole.weight * (whole.image < 0 ? kLocalOfModel : kLocalOfImage);
+    changes.push_back({&whole, ChangeReach::kWhole, whole.weight});
+    changes.push_back({&whole, ChangeReach::kConnected, local});
+    changes.push_back({&whole, ChangeReach::kNear, local * kNear});
   }
+  std::stable_sort(changes.begin(), changes.end(),
+                   [](const Change& a, const Change& b) { return a.weight > b.weight; });
+  const int width = small_.view.camera.width;
+  Option best;
+  for (const auto& [whole, reach, weight] : changes) {
+    if (weight <= best.value) break;
+    std::vector<uint8_t> small =
+        ChangeMask(made_.back(), small_answer_, whole->small, width, reach);
+    if (small.empty() || (reach != ChangeReach::kWhole && small == whole->small)) continue;
+    const double value = weight * ClickPlausibility(made_, small_answer_, small, width);
+    if (value <= best.value) continue;
+    best = {std::move(small), weight, whole->plateau, whole->image, reach, value};
+  }
+  return best;
 }
 
 absl::Status ClickFollower::Take(const Option& option) {
-  ClickMeaning taken;
+  PromptMeaning taken;
   SoftMask soft;
   if (option.plateau >= 0) {
     chosen_ = static_cast<size_t>(option.plateau);
     taken.query = QueryAt(plateaus_[chosen_]);
+    taken.is_of_query = true;
     if (small_.factor == 1 && option.reach == ChangeReach::kWhole) {
       taken.mask.pixels = option.small;
     } else {
-      ASSIGN_OR_RETURN(taken.mask, MaskOf(*taken.query));
+      ASSIGN_OR_RETURN(taken.mask, MaskOf(taken.query));
     }
     if (option.reach != ChangeReach::kWhole) taken.image = meaning_.image;
   } else {
@@ -265,7 +299,7 @@ absl::Status ClickFollower::Take(const Option& option) {
     // The small view has the change, but the pixel itself may not.
     if (!changed.empty()) {
       taken.mask.pixels = std::move(changed);
-      taken.query.reset();
+      taken.is_of_query = false;
       soft.logits.clear();
     }
   }
@@ -289,6 +323,7 @@ absl::Status ClickFollower::TakeDefaults() {
   Query query = DefaultQuery();
   ASSIGN_OR_RETURN(meaning_.mask, MaskOf(query));
   meaning_.query = std::move(query);
+  meaning_.is_of_query = true;
   return absl::OkStatus();
 }
 

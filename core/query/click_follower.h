@@ -12,21 +12,11 @@
 #include "core/query/image_segmenter.h"
 #include "core/query/mask_grid.h"
 #include "core/query/prompt.h"
+#include "core/query/prompt_meaning.h"
 #include "core/query/segmenter.h"
 #include "core/scene/mask_set.h"
 
 namespace pepeseg {
-
-// The thing that clicks in a view mean together.
-struct ClickMeaning {
-  // In the view, [height, width].
-  BinaryMask mask;
-  // Gives the mask in the view, and the thing in any other one. Absent: no query of the model gives
-  // the mask, because an image segmenter saw it or because clicks changed only a part of a mask.
-  std::optional<Query> query;
-  // In which the segmenter saw the mask; kNone: the model alone gave it.
-  BorderImage image = BorderImage::kNone;
-};
 
 // Follows clicks in a view, in their order (METHOD.md section 4, "Points"). The first positive
 // click comes first. Of more than 9 clicks, all but the last 8 are answered together, which bounds
@@ -48,13 +38,17 @@ class ClickFollower {
   ClickFollower(const Segmenter& model, ImageSegmenter* images, const ModelView& view,
                 Granularity granularity);
 
-  // Follows all clicks; is called once. Returns the errors of Segmenter::PointFeatures, but for
+  // Follows all clicks or, with the answer to all but the last one, only that one; is
+  // called once. Where then no other click is positive, the pixel of `previous` that is
+  // farthest from its border and from the clicks counts as one.
+  // Returns the errors of Segmenter::PointFeatures, but for
   // clicks on nothing where there is an image segmenter; NothingThereError where that one sees
   // nothing, either; and the errors of both segmenters and of `check`, which is called before each
   // click.
-  absl::Status Follow(std::span<const PointPrompt> clicks, const WantedCheck& check);
+  absl::Status Follow(std::span<const PointPrompt> clicks,
+                      const std::optional<BinaryMask>& previous, const WantedCheck& check);
 
-  const ClickMeaning& meaning() const { return meaning_; }
+  const PromptMeaning& meaning() const { return meaning_; }
   // Returns the query of all clicks at the scale and threshold that the last answer of the model
   // came from.
   Query whole() const;
@@ -67,15 +61,15 @@ class ClickFollower {
  private:
   struct Option;
 
-  absl::Status ReadFeatures(std::span<const PointPrompt> clicks);
+  void TakePrevious(const BinaryMask& previous);
+  absl::Status ReadFeatures(bool all_solid);
   void AddClick(size_t index);
   absl::Status FindOptions(const WantedCheck& check, std::vector<Option>& options);
   absl::Status AddModelOptions(std::vector<Option>& options);
   absl::Status AddImageOptions(const WantedCheck& check, std::vector<Option>& options);
   double WeightOfSeen(size_t index) const;
-  void AddLocalOptions(std::vector<Option>& options) const;
-  void RankFirst(std::vector<Option>& options) const;
-  void RankChanges(std::vector<Option>& options) const;
+  Option BestFirst(std::vector<Option>& options) const;
+  Option BestChange(std::span<const Option> wholes) const;
   absl::Status Take(const Option& option);
   absl::Status TakeDefaults();
   absl::StatusOr<BinaryMask> MaskOf(const Query& query) const;
@@ -104,7 +98,7 @@ class ClickFollower {
   ImageMasks seen_;                 // by the segmenter, at the last click
   std::optional<SoftMask> answer_;  // absent: none yet
   std::vector<uint8_t> small_answer_;
-  ClickMeaning meaning_;
+  PromptMeaning meaning_;
 };
 
 }  // namespace pepeseg

@@ -24,7 +24,8 @@ int64_t SquaredDepth(std::span<const uint8_t> mask, int width, const PixelIndex&
   for (int y = 0; y < height; ++y) {
     const int64_t dy = y - at.y;
     if (dy * dy >= nearest) continue;
-    for (int x = 0; x < width; ++x) {
+    const auto reach = static_cast<int>(std::sqrt(nearest - dy * dy)) + 1;
+    for (int x = std::max(0, at.x - reach); x < std::min(width, at.x + reach + 1); ++x) {
       const int64_t dx = x - at.x;
       if (mask[static_cast<size_t>(y) * width + x] == 0) {
         nearest = std::min(nearest, dx * dx + dy * dy);
@@ -92,15 +93,15 @@ double ClickPlausibility(std::span<const PixelClick> clicks, std::span<const uin
   const std::vector<uint8_t> asked = Asked(click, before, after);
   if (asked[IndexOf(click.pixel, width)] == 0) return 0;
   const std::vector<uint8_t> connected = Connected(asked, click.pixel, width);
-  double area_before = 0, area_after = 0, common = 0, local = 0;
+  int32_t area_before = 0, area_after = 0, common = 0, local = 0;
   for (size_t i = 0; i < after.size(); ++i) {
     area_before += before[i];
     area_after += after[i];
     common += before[i] & after[i];
     local += connected[i];
   }
-  const double changed = area_before + area_after - 2 * common;
-  const double kept = common / std::max(1.0, click.positive ? area_before : area_after);
+  const double changed = area_before + area_after - 2.0 * common;
+  const double kept = 1.0 * common / std::max(1, click.positive ? area_before : area_after);
   const auto num_unanswered =
       static_cast<double>(clicks.size()) - static_cast<double>(NumAnswered(clicks, after, width));
   return RelativeDepth(click.pixel, asked, width) * std::cbrt(kept * local / changed) *
@@ -114,10 +115,14 @@ std::vector<uint8_t> ChangeMask(const PixelClick& click, std::span<const uint8_t
   if (reach == ChangeReach::kWhole) return {after.begin(), after.end()};
   std::vector<uint8_t> changed = Connected(asked, click.pixel, width);
   if (reach == ChangeReach::kNear) {
-    const double radius = kNearReach * std::sqrt(SquaredDepth(asked, width, click.pixel));
-    for (size_t i = 0; i < changed.size(); ++i) {
-      const auto x = static_cast<int>(i % width), y = static_cast<int>(i / width);
-      if (std::hypot(x - click.pixel.x, y - click.pixel.y) > radius) changed[i] = 0;
+    const double squared_reach =
+        kNearReach * kNearReach * static_cast<double>(SquaredDepth(asked, width, click.pixel));
+    size_t i = 0;
+    for (int64_t dy = -click.pixel.y; i < changed.size(); ++dy) {
+      for (int64_t x = 0; x < width; ++x, ++i) {
+        const int64_t dx = x - click.pixel.x;
+        if (static_cast<double>(dx * dx + dy * dy) > squared_reach) changed[i] = 0;
+      }
     }
   }
   for (size_t i = 0; i < changed.size(); ++i) changed[i] ^= before[i];

@@ -27,7 +27,7 @@ constexpr double kTrimmed =
     0.005;  // share of pixels trimmed at each end, so that strays do not widen a mask's box
 
 // Returns the edges of a box in the small view, clipped to the image.
-BoxEdges EdgesIn(const BoxPrompt& box, const SmallView& small) {
+BoxEdges EdgesInSmall(const BoxPrompt& box, const SmallView& small) {
   const Camera& camera = small.view.camera;
   const double f = small.factor;
   return {std::max(0.0, box.x / f), std::max(0.0, box.y / f),
@@ -208,7 +208,7 @@ absl::StatusOr<Query> FitBox(const Segmenter& segmenter, const ModelView& view,
   RETURN_IF_ERROR(CheckBox(ImageOf(view), box));
   const SmallView small = SmallViewOf(view);
   const Camera& camera = small.view.camera;
-  const BoxEdges edges = EdgesIn(box, small);
+  const BoxEdges edges = EdgesInSmall(box, small);
   ASSIGN_OR_RETURN(std::vector<float> features,
                    segmenter.PixelFeatures(small.view, SamplesIn(edges, camera)));
   features = DistinctFeatures(features);

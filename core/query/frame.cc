@@ -174,11 +174,13 @@ absl::StatusOr<Shape> Frame::Take(const PointMean& mean) const {
 }
 
 absl::StatusOr<Prompt> Frame::ToView(Prompt prompt) const {
-  RETURN_IF_ERROR(CheckShape(image_, prompt.what));
+  RETURN_IF_ERROR(CheckShown(image_, prompt));
   // The pixels of a prompt stay exactly as they are.
   if (is_view_) return prompt;
   ASSIGN_OR_RETURN(prompt.what,
                    std::visit([this](const auto& shape) { return Take(shape); }, prompt.what));
+  if (!prompt.previous) return prompt;
+  ASSIGN_OR_RETURN(prompt.previous, TakeMask(*prompt.previous));
   return prompt;
 }
 

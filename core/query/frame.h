@@ -74,7 +74,7 @@ class Frame {
   // are those of CheckStrokes.
   absl::StatusOr<Scribbles> Draw(std::span<const Stroke> strokes) const;  // fit_scribbles.cc
   // Returns a prompt in pixels of image() as one in pixels of the view. Errors are those of
-  // CheckShape. Also refuses points, boxes and masks of which the view shows nothing; for points
+  // CheckShown. Also refuses points, boxes and masks of which the view shows nothing; for points
   // and boxes that is a NothingThereError.
   absl::StatusOr<Prompt> ToView(Prompt prompt) const;
 

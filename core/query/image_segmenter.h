@@ -33,6 +33,9 @@ class ImageSegmenter {
   virtual absl::StatusOr<ImageMasks> Click(const ModelView& view,
                                            std::span<const PointPrompt> clicks,
                                            const SoftMask* before, const WantedCheck& check) = 0;
+  // Returns the masks that a box in a view may mean.
+  virtual absl::StatusOr<ImageMasks> Box(const ModelView& view, const BoxPrompt& box,
+                                         const WantedCheck& check) = 0;
   // How much of a mask Refine may change.
   enum class Change { kBorder, kWhole };
   // Changes the mask of a view, by SetMask, to that of the thing in the image that it shows best,

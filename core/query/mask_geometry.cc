@@ -141,10 +141,13 @@ void SetMask(BinaryMask mask, SegmentResult& result) {
   result.score = result.area > 0 ? sum / static_cast<double>(result.area) : 0;
 }
 
+BoxEdges EdgesIn(const BoxPrompt& box, int width, int height) {
+  return {std::max(0.0, box.x), std::max(0.0, box.y), std::min<double>(width, box.x + box.width),
+          std::min<double>(height, box.y + box.height)};
+}
+
 double CutToBox(const BoxPrompt& box, SegmentResult& result) {
-  const BoxEdges asked = {std::max(0.0, box.x), std::max(0.0, box.y),
-                          std::min<double>(result.width, box.x + box.width),
-                          std::min<double>(result.height, box.y + box.height)};
+  const BoxEdges asked = EdgesIn(box, result.width, result.height);
   const auto [x, y, width, height] = result.box;
   const BoxEdges found = {double(x), double(y), double(x + width), double(y + height)};
   const double agreement = IouOf(asked, found);

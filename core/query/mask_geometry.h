@@ -23,6 +23,8 @@ struct BoxEdges {
 };
 // Returns the IoU of two boxes. 0: they do not overlap.
 double IouOf(const BoxEdges& a, const BoxEdges& b);
+// Returns the part of a box that is in an image.
+BoxEdges EdgesIn(const BoxPrompt& box, int width, int height);
 
 struct PixelIndex {
   int x = 0, y = 0;

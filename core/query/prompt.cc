@@ -41,8 +41,11 @@ absl::Status CheckInside(const PromptImage& image, double x, double y, const std
                      absl::StrCat("is outside ", image.name, " (", image.Size(), ")")});
 }
 
-absl::Status CheckUserPoints(const PromptImage& image, const PointsPrompt& points) {
-  if (!points.empty() && points.size() <= kMaxPromptPoints) return CheckPoints(image, points);
+absl::Status CheckUserPoints(const PromptImage& image, const PointsPrompt& points,
+                             bool has_previous = false) {
+  if (!points.empty() && points.size() <= kMaxPromptPoints) {
+    return CheckPoints(image, points, has_previous);
+  }
   return BadPart("points",
                  absl::StrCat(points.size(), " points, allowed are 1..", kMaxPromptPoints));
 }
@@ -167,13 +170,15 @@ absl::Status CheckGranularity(const Granularity& granularity) {
   return CheckThreshold(*granularity.threshold);
 }
 
-absl::Status CheckPoints(const PromptImage& image, std::span<const PointPrompt> points) {
+absl::Status CheckPoints(const PromptImage& image, std::span<const PointPrompt> points,
+                         bool has_previous) {
   for (size_t i = 0; i < points.size(); ++i) {
     RETURN_IF_ERROR(CheckInside(image, points[i].x, points[i].y, absl::StrCat("points[", i, "]")));
   }
-  // Negative points only take away from what positive ones select.
-  const bool any_positive = std::any_of(points.begin(), points.end(),
-                                        [](const PointPrompt& point) { return point.positive; });
+  // Negative points only take away from what positive ones, or the previous mask, select.
+  const bool any_positive =
+      has_previous || std::any_of(points.begin(), points.end(),
+                                  [](const PointPrompt& point) { return point.positive; });
   return any_positive ? absl::OkStatus() : BadPart("points", "no positive point among them");
 }
 
@@ -252,6 +257,14 @@ absl::Status CheckShape(const PromptImage& image, const Shape& shape) {
                  [&](const Scribbles& scribbles) { return CheckScribbles(image, scribbles); },
                  [&](const PointMean& mean) { return CheckMean(image, mean.points); }},
       shape);
+}
+
+absl::Status CheckShown(const PromptImage& image, const Prompt& prompt) {
+  if (!prompt.previous) return CheckShape(image, prompt.what);
+  const auto* const points = std::get_if<PointsPrompt>(&prompt.what);
+  if (points == nullptr) return BadPart("previous_mask", "is for points");
+  RETURN_IF_ERROR(CheckUserPoints(image, *points, /*has_previous=*/true));
+  return CheckMask(image, *prompt.previous);
 }
 
 absl::Status CheckNotEmpty(const BinaryMask& mask) {

@@ -80,6 +80,9 @@ Overloaded(Kinds...) -> Overloaded<Kinds...>;
 struct Prompt {
   ModelView view;
   Shape what;
+  // Of points: the answer to all but the last, which corrects this mask. Absent: all points are
+  // answered, one after the other.
+  std::optional<BinaryMask> previous = {};
 };
 
 // The size of the thing that is meant, and how similar its pixels are. Absent values are chosen.
@@ -136,13 +139,17 @@ absl::Status CheckNumTargets(int num_targets);
 absl::Status CheckNumProposals(int num_proposals);
 absl::Status CheckNumVoting(int num_views);
 absl::Status CheckMaskBytes(size_t num_bytes);
-// Refuses points outside the image, and points of which none is positive.
-absl::Status CheckPoints(const PromptImage& image, std::span<const PointPrompt> points);
+// Refuses points outside the image, and points of which none is positive. With a mask that the last
+// of them corrects, all may be negative.
+absl::Status CheckPoints(const PromptImage& image, std::span<const PointPrompt> points,
+                         bool has_previous = false);
 absl::Status CheckBox(const PromptImage& image, const BoxPrompt& box);
 absl::Status CheckMask(const PromptImage& image, const BinaryMask& mask);
 absl::Status CheckStrokes(const PromptImage& image, std::span<const Stroke> strokes);
-// Checks what a user gives: also refuses more than kMaxPromptPoints.
+// Check what a user gives: also refuse more than kMaxPromptPoints.
 absl::Status CheckShape(const PromptImage& image, const Shape& shape);
+absl::Status CheckShown(  // also the previous mask
+    const PromptImage& image, const Prompt& prompt);
 // Refuses a mask without a pixel.
 absl::Status CheckNotEmpty(const BinaryMask& mask);
 absl::Status CheckQuery(const Query& query);

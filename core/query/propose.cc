@@ -56,7 +56,8 @@ absl::StatusOr<Proposals> Propose(const Segmenter& segmenter, const ProposeReque
   // A box or a mask already says how large the object is.
   if (points == nullptr) return FaultError({"", "", "only points have proposals"});
   ClickFollower follower(segmenter, nullptr, view, {});
-  RETURN_IF_ERROR(follower.Follow(*points, [] { return absl::OkStatus(); }));
+  RETURN_IF_ERROR(
+      follower.Follow(*points, request.prompt.previous, [] { return absl::OkStatus(); }));
   const Query& clicked = follower.features();
   Proposals proposals;
   proposals.candidates = follower.Found(request.max_count);

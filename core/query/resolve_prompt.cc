@@ -11,10 +11,10 @@
 namespace pepeseg {
 namespace {
 
-// is_exact: where clicks change only a part of a mask, returns what fits the changed mask.
 absl::StatusOr<Query> ResolvePoints(const Segmenter& segmenter, const ModelView& view,
-                                    const PointsPrompt& points, const Granularity& granularity,
-                                    bool is_exact = false) {
+                                    const PointsPrompt& points,
+                                    const std::optional<BinaryMask>& previous,
+                                    const Granularity& granularity) {
   if (granularity.scale && granularity.threshold) {
     Query query = {{}, {}, *granularity.scale, *granularity.threshold};
     ASSIGN_OR_RETURN(query.features, segmenter.PointFeatures(view, points));
@@ -22,10 +22,8 @@ absl::StatusOr<Query> ResolvePoints(const Segmenter& segmenter, const ModelView&
     return query;
   }
   ClickFollower follower(segmenter, nullptr, view, granularity);
-  RETURN_IF_ERROR(follower.Follow(points, [] { return absl::OkStatus(); }));
-  const ClickMeaning& meaning = follower.meaning();
-  if (!is_exact || meaning.query) return follower.whole();
-  return FitMask(segmenter, view, meaning.mask, granularity);
+  RETURN_IF_ERROR(follower.Follow(points, previous, [] { return absl::OkStatus(); }));
+  return follower.whole();
 }
 
 // Returns the points that are on something with a feature.
@@ -48,7 +46,7 @@ absl::StatusOr<Query> ResolveMean(const Segmenter& segmenter, const ModelView& v
   ASSIGN_OR_RETURN(const PointsPrompt points, PointsOnSomething(segmenter, view, mean.points));
   ASSIGN_OR_RETURN(const std::vector<float> features,
                    SolidFeatures(segmenter, view, PixelsOf(points, view.camera.width)));
-  ASSIGN_OR_RETURN(const Query query, ResolvePoints(segmenter, view, points, granularity));
+  ASSIGN_OR_RETURN(const Query query, ResolvePoints(segmenter, view, points, {}, granularity));
   return MeanQuery(segmenter, features, query.scale, query.threshold);
 }
 
@@ -61,7 +59,7 @@ absl::StatusOr<Query> ResolvePrompt(const Segmenter& segmenter, const Prompt& pr
   return std::visit(
       Overloaded{
           [&](const PointsPrompt& points) {
-            return ResolvePoints(segmenter, view, points, granularity);
+            return ResolvePoints(segmenter, view, points, prompt.previous, granularity);
           },
           [&](const BoxPrompt& box) { return FitBox(segmenter, view, box, granularity); },
           [&](const BinaryMask& mask) { return FitMask(segmenter, view, mask, granularity); },
@@ -70,14 +68,6 @@ absl::StatusOr<Query> ResolvePrompt(const Segmenter& segmenter, const Prompt& pr
           },
           [&](const PointMean& mean) { return ResolveMean(segmenter, view, mean, granularity); }},
       prompt.what);
-}
-
-absl::StatusOr<Query> FitPrompt(const Segmenter& segmenter, const Prompt& prompt,
-                                const Granularity& granularity) {
-  const auto* const points = std::get_if<PointsPrompt>(&prompt.what);
-  if (points == nullptr) return ResolvePrompt(segmenter, prompt, granularity);
-  RETURN_IF_ERROR(CheckGranularity(granularity));
-  return ResolvePoints(segmenter, prompt.view, *points, granularity, /*is_exact=*/true);
 }
 
 }  // namespace pepeseg

@@ -26,12 +26,6 @@ inline constexpr double kSupportExponent = 0.5;  // of support against answered 
 absl::StatusOr<Query> ResolvePrompt(const Segmenter& segmenter, const Prompt& prompt,
                                     const Granularity& granularity);
 
-// Returns the query that gives what SegmentViews answers in all views, as well as one can: that of
-// ResolvePrompt, or, where clicks changed only a part of a mask, the one that fits the changed mask
-// best (FitMask). Errors are those of ResolvePrompt.
-absl::StatusOr<Query> FitPrompt(const Segmenter& segmenter, const Prompt& prompt,
-                                const Granularity& granularity);
-
 // Maximum number of pixels, of each sign, that stand for scribbles.
 inline constexpr size_t kScribblePoints = 64;
 

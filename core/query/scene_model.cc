@@ -11,20 +11,14 @@ namespace pepeseg {
 
 absl::StatusOr<SegmentResult> SegmentedViews::Next() {
   RETURN_IF_ERROR(check_());
-  const ModelView& target = request_.targets[next_++];
+  const ModelView& target = request_.targets[next_];
   // A free camera has no name, and is a target only if it is the prompt's.
   const BoxPrompt* const box = target.name == request_.prompt.view.name
                                    ? std::get_if<BoxPrompt>(&request_.prompt.what)
                                    : nullptr;
   SegmentOptions options = request_.options;
   options.want_similarity |= request_.image_borders || box != nullptr;
-  SegmentResult result;
-  if (clicked_) {
-    ASSIGN_OR_RETURN(result, clicked_->In(target, options, check_));
-  } else {
-    ASSIGN_OR_RETURN(auto results, segmenter_->Segment(query_, {&target, 1}, options));
-    result = std::move(results.front());
-  }
+  ASSIGN_OR_RETURN(SegmentResult result, thing_.In(target, options, check_));
   if (request_.image_borders && result.border_image == BorderImage::kNone) {
     RETURN_IF_ERROR(
         request_.images->Refine(target, ImageSegmenter::Change::kBorder, check_, result));
@@ -33,7 +27,13 @@ absl::StatusOr<SegmentResult> SegmentedViews::Next() {
   if (!request_.options.want_similarity) result.similarity.clear();
   Frame frame(target, request_.frame);
   if (!frame_ || !frame_->MapsAs(frame)) frame_ = std::move(frame);
+  ++next_;
   return frame_->FromView(std::move(result));
+}
+
+void SegmentedViews::LeaveImages() {
+  request_.image_borders = false;
+  thing_.LeaveOtherImages();
 }
 
 absl::StatusOr<std::unique_ptr<SceneModel>> SceneModel::Create(Backend& backend, Model model,
@@ -44,23 +44,11 @@ absl::StatusOr<std::unique_ptr<SceneModel>> SceneModel::Create(Backend& backend,
 
 absl::StatusOr<SegmentedViews> SceneModel::Segment(SegmentRequest request,
                                                    WantedCheck check) const {
-  const auto* const clicks = std::get_if<PointsPrompt>(&request.prompt.what);
-  if (request.image_clicks && clicks == nullptr) {
-    return FaultError({"", "", "only points are clicks"});
-  }
-  const bool is_chosen = request.granularity.scale && request.granularity.threshold;
-  if (clicks != nullptr && !is_chosen) {
-    RETURN_IF_ERROR(CheckGranularity(request.granularity));
-    ASSIGN_OR_RETURN(
-        ClickedThing clicked,
-        ClickedThing::Find(*segmenter_, request.image_clicks ? request.images : nullptr,
-                           request.prompt.view, *clicks, request.granularity, check));
-    if (request.images_of_clicked_view_only) clicked.LeaveOtherImages();
-    return SegmentedViews(*segmenter_, std::move(request), {}, std::move(check),
-                          std::move(clicked));
-  }
-  ASSIGN_OR_RETURN(Query query, ResolvePrompt(*segmenter_, request.prompt, request.granularity));
-  return SegmentedViews(*segmenter_, std::move(request), std::move(query), std::move(check));
+  ASSIGN_OR_RETURN(PromptedThing thing,
+                   PromptedThing::Find(*segmenter_, request.image_clicks ? request.images : nullptr,
+                                       request.prompt, request.granularity, check));
+  if (request.images_of_prompted_view_only) thing.LeaveOtherImages();
+  return SegmentedViews(std::move(request), std::move(thing), std::move(check));
 }
 
 absl::StatusOr<Proposals> SceneModel::Propose(const ProposeRequest& request) const {
@@ -69,8 +57,11 @@ absl::StatusOr<Proposals> SceneModel::Propose(const ProposeRequest& request) con
 
 absl::StatusOr<GaussianSet> SceneModel::Select(const SelectRequest& request,
                                                const WantedCheck& check) const {
-  ASSIGN_OR_RETURN(const Query query, FitPrompt(*segmenter_, request.prompt, request.granularity));
-  return SelectGaussians(*segmenter_, request, query, check);
+  ASSIGN_OR_RETURN(
+      PromptedThing thing,
+      PromptedThing::Find(*segmenter_, request.images, request.prompt, request.granularity, check));
+  const auto mask_in = [&](const ModelView& view) { return thing.In(view, {}, check); };
+  return SelectGaussians(*segmenter_, request, mask_in, check);
 }
 
 absl::Status SceneModel::Decompose(

@@ -9,12 +9,12 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/query/clicked_thing.h"
 #include "core/query/decomposition.h"
 #include "core/query/frame.h"
 #include "core/query/image_segmenter.h"
 #include "core/query/mask_geometry.h"
 #include "core/query/prompt.h"
+#include "core/query/prompted_thing.h"
 #include "core/query/propose.h"
 #include "core/query/render_view.h"
 #include "core/query/segmenter.h"
@@ -58,39 +58,35 @@ struct SegmentRequest {
   SegmentOptions options;
   // Segments the images of the views; must outlive the answer. Null: only the model answers.
   ImageSegmenter* images = nullptr;
-  // Of `images`: places the borders of the masks, or answers clicks with the model (ClickedThing),
-  // for a prompt of points without scale and threshold.
+  // Of `images`: places the borders of the masks, or answers with the model (PromptedThing), for a
+  // prompt of points or a box without scale and threshold.
   bool image_borders = false, image_clicks = false;
-  // Of clicks: `images` does not place the mask in other views than the clicked one.
-  bool images_of_clicked_view_only = false;
+  // With image_clicks: `images` does not place the mask in other views than the prompt's.
+  bool images_of_prompted_view_only = false;
 };
 
 // The masks of a prompt in its target views, computed one by one, so that a thread can turn to
 // other work in between. The model must outlive it. For one thread at a time.
 class SegmentedViews {
  public:
-  // query: of the prompt.
-  SegmentedViews(const Segmenter& segmenter, SegmentRequest request, Query query, WantedCheck check,
-                 std::optional<ClickedThing> clicked = std::nullopt)
-      : segmenter_(&segmenter),
-        request_(std::move(request)),
-        query_(std::move(query)),
-        check_(std::move(check)),
-        clicked_(std::move(clicked)) {}
+  // thing: of the prompt.
+  SegmentedViews(SegmentRequest request, PromptedThing thing, WantedCheck check)
+      : request_(std::move(request)), thing_(std::move(thing)), check_(std::move(check)) {}
 
   // Returns whether all targets are segmented.
   bool done() const { return next_ == request_.targets.size(); }
-  // Returns the mask of the next target, in pixels of the frame. In the view of a box prompt it is
+  // From now on the model alone answers: the image segmenter has failed.
+  void LeaveImages();
+  // Returns the mask of the next target, in pixels of the frame. After an error, that of the same
+  // target. In the view of a box prompt it is
   // cut to the box, see CutToBox. Errors are those of `check`, of the image segmenter and of
   // Segmenter::Segment. Must not be done.
   absl::StatusOr<SegmentResult> Next();
 
  private:
-  const Segmenter* segmenter_;
   SegmentRequest request_;
-  Query query_;
+  PromptedThing thing_;
   WantedCheck check_;
-  std::optional<ClickedThing> clicked_;  // answers in place of the query
   size_t next_ = 0;
   std::optional<Frame> frame_;  // of the last target: views of one camera mostly follow each other
 };
@@ -107,11 +103,11 @@ class SceneModel {
   // Returns whether the model has a trained feature field; without one, nothing is found in it.
   bool has_features() const { return segmenter_->has_features(); }
 
-  // Chooses the granularity where the request has none, see ResolvePrompt and ClickedThing::Find
-  // for the errors, and returns the masks to come.
+  // Chooses the granularity where the request has none, see PromptedThing::Find for the
+  // errors, and returns the masks to come.
   absl::StatusOr<SegmentedViews> Segment(SegmentRequest request, WantedCheck check) const;
   absl::StatusOr<Proposals> Propose(const ProposeRequest& request) const;
-  // See SelectGaussians. Errors are also those of ResolvePrompt.
+  // See SelectGaussians. Errors are also those of PromptedThing::Find.
   absl::StatusOr<GaussianSet> Select(const SelectRequest& request, const WantedCheck& check) const;
   // See Segmenter::WithDecomposition.
   absl::Status Decompose(std::span<const double> scales,

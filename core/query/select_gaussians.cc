@@ -214,11 +214,11 @@ void AddUnseen(const Gaussians& gaussians, const GaussianVotes& votes, GaussianS
 }
 
 // Segments a view, adds its votes, and returns its mask.
-absl::StatusOr<SegmentResult> AddVotes(const Segmenter& segmenter, const Query& query,
+absl::StatusOr<SegmentResult> AddVotes(const Segmenter& segmenter, ResultInView mask_in,
                                        const ModelView& view, GaussianVotes& votes) {
-  ASSIGN_OR_RETURN(std::vector<SegmentResult> results, segmenter.Segment(query, {&view, 1}));
-  RETURN_IF_ERROR(votes.Add(segmenter, view, results.front()));
-  return std::move(results.front());
+  ASSIGN_OR_RETURN(SegmentResult result, mask_in(view));
+  RETURN_IF_ERROR(votes.Add(segmenter, view, result));
+  return result;
 }
 
 }  // namespace
@@ -264,7 +264,7 @@ std::vector<int32_t> ConnectedParts(const Gaussians& gaussians, std::span<const 
 }
 
 absl::StatusOr<GaussianSet> SelectGaussians(const Segmenter& segmenter,
-                                            const SelectRequest& request, const Query& query,
+                                            const SelectRequest& request, ResultInView mask_in,
                                             absl::FunctionRef<absl::Status()> before_view) {
   if (request.num_views < 1) {
     return absl::InvalidArgumentError(
@@ -274,7 +274,7 @@ absl::StatusOr<GaussianSet> SelectGaussians(const Segmenter& segmenter,
   GaussianVotes votes(gaussians.count);
   RETURN_IF_ERROR(before_view());
   ASSIGN_OR_RETURN(const SegmentResult prompted,
-                   AddVotes(segmenter, query, request.prompt.view, votes));
+                   AddVotes(segmenter, mask_in, request.prompt.view, votes));
   // An empty mask in the prompted view: there is no centre by which to choose other views.
   if (prompted.box[2] == 0) {
     return GaussianSet{std::vector<uint8_t>(static_cast<size_t>(gaussians.count))};
@@ -284,7 +284,7 @@ absl::StatusOr<GaussianSet> SelectGaussians(const Segmenter& segmenter,
                   static_cast<size_t>(request.num_views - 1));
   for (const ModelView& view : others) {
     RETURN_IF_ERROR(before_view());
-    RETURN_IF_ERROR(AddVotes(segmenter, query, view, votes).status());
+    RETURN_IF_ERROR(AddVotes(segmenter, mask_in, view, votes).status());
   }
   std::vector<int32_t> members;
   for (int32_t i = 0; i < gaussians.count; ++i) {

@@ -165,6 +165,7 @@ absl::StatusOr<ModelView> FreeViewFromProto(const v1::Viewpoint::FreeCamera& pro
 std::vector<const v1::MaskImage*> ImagesOf(const v1::Prompt& prompt) {
   std::vector<const v1::MaskImage*> images;
   if (prompt.has_mask()) images.push_back(&prompt.mask());
+  if (prompt.points().has_previous_mask()) images.push_back(&prompt.points().previous_mask());
   if (prompt.scribbles().has_positive()) images.push_back(&prompt.scribbles().positive());
   if (prompt.scribbles().has_negative()) images.push_back(&prompt.scribbles().negative());
   return images;
@@ -243,6 +244,10 @@ absl::StatusOr<Prompt> SegmentRequestReader::ReadPrompt(const v1::Prompt& prompt
   const Frame image = image_of(read.view);
   std::string of_shape = field;
   ASSIGN_OR_RETURN(read.what, ReadShape(prompt, image, of_shape));
+  if (prompt.points().has_previous_mask()) {
+    ASSIGN_OR_RETURN(read.previous, ReadMask(prompt.points().previous_mask(), image,
+                                             absl::StrCat(of_shape, ".previous_mask")));
+  }
   return ToViewAt(image, std::move(read), of_shape);
 }
 

@@ -1,6 +1,7 @@
 #include "server/services/kept_embedding.h"
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
@@ -40,6 +41,27 @@ std::vector<size_t> PixelsIn(const SamEmbedding& image, const Frame& frame) {
   return pixels;
 }
 
+// Returns the place in SAM's image of a place in the view, both pixels.
+PromptPoint PlaceIn(const PhotographSam& in, const Frame& frame, const Eigen::Vector2d& at) {
+  if (HasPixelsOfView(in, frame)) {
+    return {static_cast<float>(at.x()), static_cast<float>(at.y())};
+  }
+  const Eigen::Vector2d place = frame.FromView(at);
+  return {static_cast<float>(place.x() * in.embedding.width / frame.width()),
+          static_cast<float>(place.y() * in.embedding.height / frame.height())};
+}
+
+// Takes masks of SAM's image to the view.
+void TakeToView(const PhotographSam& in, const Frame& frame, std::vector<SoftMask>& masks) {
+  if (HasPixelsOfView(in, frame)) return;
+  const std::vector<size_t> pixels = PixelsIn(in.embedding, frame);
+  for (SoftMask& mask : masks) {
+    BinaryMask in_view = {std::vector<uint8_t>(pixels.size())};
+    for (size_t i = 0; i < pixels.size(); ++i) in_view.pixels[i] = mask.mask.pixels[pixels[i]];
+    mask.mask = std::move(in_view);
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<SamEmbedding> ReadKeptEmbedding(const std::filesystem::path& model,
@@ -70,25 +92,30 @@ absl::StatusOr<BinaryMask> PhotographSam::Refine(const BinaryMask& mask,
 absl::StatusOr<std::vector<SoftMask>> PhotographSam::Click(std::span<const PointPrompt> clicks,
                                                            const SoftMask* before) const {
   const Frame frame(view);
-  const bool has_pixels_of_view = HasPixelsOfView(*this, frame);
   std::vector<PromptPoint> points;
   for (const PointPrompt& click : clicks) {
-    Eigen::Vector2d at(click.x, click.y);
-    if (!has_pixels_of_view) {
-      const Eigen::Vector2d place = frame.FromView(at);
-      at = {place.x() * embedding.width / frame.width(),
-            place.y() * embedding.height / frame.height()};
-    }
-    points.push_back({static_cast<float>(at.x()), static_cast<float>(at.y()), click.positive});
+    PromptPoint& point = points.emplace_back(PlaceIn(*this, frame, {click.x, click.y}));
+    point.positive = click.positive;
   }
   ASSIGN_OR_RETURN(std::vector<SoftMask> masks, sam.Click(embedding, points, before));
-  if (has_pixels_of_view) return masks;
-  const std::vector<size_t> pixels = PixelsIn(embedding, frame);
-  for (SoftMask& mask : masks) {
-    BinaryMask in_view = {std::vector<uint8_t>(pixels.size())};
-    for (size_t i = 0; i < pixels.size(); ++i) in_view.pixels[i] = mask.mask.pixels[pixels[i]];
-    mask.mask = std::move(in_view);
+  TakeToView(*this, frame, masks);
+  return masks;
+}
+
+absl::StatusOr<std::vector<SoftMask>> PhotographSam::Box(const BoxPrompt& box) const {
+  const Frame frame(view);
+  // SAM sees the smallest box around the corners in its image.
+  std::array<PromptPoint, 2> corners = {PlaceIn(*this, frame, {box.x, box.y}), PromptPoint()};
+  corners[1] = corners[0];
+  for (const double x : {box.x, box.x + box.width}) {
+    for (const double y : {box.y, box.y + box.height}) {
+      const PromptPoint corner = PlaceIn(*this, frame, {x, y});
+      corners[0] = {std::min(corners[0].x, corner.x), std::min(corners[0].y, corner.y)};
+      corners[1] = {std::max(corners[1].x, corner.x), std::max(corners[1].y, corner.y)};
+    }
   }
+  ASSIGN_OR_RETURN(std::vector<SoftMask> masks, sam.Box(embedding, corners));
+  TakeToView(*this, frame, masks);
   return masks;
 }
 

@@ -37,6 +37,8 @@ struct PhotographSam {
   // Returns the masks of clicks in the view, see SegmentClicks. Errors are those of Refine.
   absl::StatusOr<std::vector<SoftMask>> Click(std::span<const PointPrompt> clicks,
                                               const SoftMask* before) const;
+  // Returns the masks of a box in the view, see SegmentBox. Errors are those of Refine.
+  absl::StatusOr<std::vector<SoftMask>> Box(const BoxPrompt& box) const;
   // Returns the place of the embedding, [kSamCells, kSamCells], that each pixel of a grid of width
   // x height pixels over the view is in.
   std::vector<int32_t> CellsOf(int width, int height) const;

@@ -12,6 +12,7 @@
 #include "server/api/request_image.h"
 #include "server/api/segment_request.h"
 #include "server/rpc/call_runner.h"
+#include "server/services/sam_choice.h"
 
 namespace pepeseg {
 namespace {
@@ -27,26 +28,6 @@ absl::Status CheckSamTargets(size_t num_targets) {
                                ": send several requests"));
 }
 
-// SAM answers points alone, and chooses by itself how large the thing is.
-bool AreClicks(const v1::SegmentViewsRequest& request) {
-  const v1::Granularity& granularity = request.granularity();
-  return request.prompt().has_points() && !granularity.has_threshold() &&
-         granularity.scale_case() == v1::Granularity::SCALE_NOT_SET;
-}
-
-absl::Status CheckSamClicks(const v1::SegmentViewsRequest& request) {
-  if (!request.sam_clicks() || AreClicks(request)) return absl::OkStatus();
-  return BadField("sam_clicks", "true", "is for points, without scale and threshold");
-}
-
-// A training with SAM has kept what SAM's decoder needs of each photograph, and a field that has
-// learnt SAM's masks gains by SAM: tests/bench/results/sam_clicks.md.
-bool WasTrainedBySam(const Model& model) {
-  const auto masks = model.facts.find("masks");
-  return masks != model.facts.end() &&
-         (masks->second == "sam" || masks->second == "sam and embedded");
-}
-
 }  // namespace
 
 bool AsksSam(const v1::SegmentViewsRequest& request) {
@@ -57,7 +38,9 @@ absl::StatusOr<std::unique_ptr<SegmentAnswer>> SegmentAnswer::Begin(
     const SegmentTools& tools, QueryCall call, const v1::SegmentViewsRequest& request,
     v1::SegmentViewsResponse* response) {
   if (AsksSam(request)) RETURN_IF_ERROR(tools.images.CheckAvailable());
-  RETURN_IF_ERROR(CheckSamClicks(request));
+  if (request.sam_clicks()) {
+    RETURN_IF_ERROR(CheckForSam(request.prompt(), request.granularity()));
+  }
   auto answer = absl::WrapUnique(new SegmentAnswer(request, response));
   Stopwatch stopwatch;
   ASSIGN_OR_RETURN(answer->model_,
@@ -74,31 +57,34 @@ absl::StatusOr<std::unique_ptr<SegmentAnswer>> SegmentAnswer::Begin(
 }
 
 absl::Status SegmentAnswer::ChooseSam(const SegmentTools& tools) {
-  const bool is_default = !request_.has_sam_clicks() && AreClicks(request_) &&
-                          tools.images.CheckAvailable().ok() && WasTrainedBySam(model_->model());
-  if (!AsksSam(request_) && !is_default) return absl::OkStatus();
+  const bool suits = SuitsSam(model_->model(), tools.images);
   const absl::Status few = CheckSamTargets(asked_.targets.size());
-  if (AsksSam(request_)) RETURN_IF_ERROR(few);
+  asked_.image_clicks = request_.has_sam_clicks()
+                            ? request_.sam_clicks()
+                            : suits && IsForSam(request_.prompt(), request_.granularity());
+  asked_.image_borders = request_.has_sam_borders()
+                             ? request_.sam_borders()
+                             : suits && few.ok() && asked_.options.refine_borders;
+  if (!asked_.image_clicks && !asked_.image_borders) return absl::OkStatus();
+  is_sam_needed_ = AsksSam(request_);
+  if (is_sam_needed_) RETURN_IF_ERROR(few);
   images_ = tools.images.SegmenterOf(model_);
   asked_.images = images_.get();
-  asked_.image_borders = request_.sam_borders();
-  asked_.image_clicks = request_.sam_clicks() || is_default;
-  is_sam_needed_ = AsksSam(request_);
-  asked_.images_of_clicked_view_only = !few.ok();
+  asked_.images_of_prompted_view_only = !few.ok();
   return absl::OkStatus();
 }
 
 // Where nobody asked for SAM, an answer without it is better than none.
+bool SegmentAnswer::LeaveSam(const absl::Status& status) {
+  if (!asks_sam() || is_sam_needed_ || !IsSamsFault(status)) return false;
+  spdlog::warn("SAM does not answer: {}", status.ToString());
+  asked_.image_clicks = asked_.image_borders = false;
+  return true;
+}
+
 absl::Status SegmentAnswer::BeginViews() {
   auto begun = model_->Segment(asked_, check_);
-  const bool is_sams_fault = absl::IsFailedPrecondition(begun.status()) ||
-                             absl::IsResourceExhausted(begun.status()) ||
-                             absl::IsUnavailable(begun.status());
-  if (asks_sam() && !is_sam_needed_ && is_sams_fault) {
-    spdlog::warn("SAM does not answer clicks: {}", begun.status().ToString());
-    asked_.image_clicks = false;
-    begun = model_->Segment(asked_, check_);
-  }
+  if (LeaveSam(begun.status())) begun = model_->Segment(asked_, check_);
   RETURN_IF_ERROR(begun.status());
   views_ = *std::move(begun);
   return absl::OkStatus();
@@ -107,7 +93,12 @@ absl::Status SegmentAnswer::BeginViews() {
 std::optional<absl::Status> SegmentAnswer::SegmentNext() {
   Stopwatch stopwatch;
   if (!views_) RETURN_IF_ERROR(BeginViews());
-  ASSIGN_OR_RETURN(const SegmentResult result, views_->Next());
+  auto next = views_->Next();
+  if (LeaveSam(next.status())) {
+    views_->LeaveImages();
+    next = views_->Next();
+  }
+  ASSIGN_OR_RETURN(const SegmentResult result, std::move(next));
   compute_ += stopwatch.Lap();
   if (result.box_agreement) response_->set_box_agreement(*result.box_agreement);
   response_->set_scale_quantile(result.scale);

@@ -47,6 +47,7 @@ class SegmentAnswer {
   SegmentAnswer(const v1::SegmentViewsRequest& request, v1::SegmentViewsResponse* response)
       : request_(request), response_(response) {}
   absl::Status ChooseSam(const SegmentTools& tools);
+  bool LeaveSam(const absl::Status& status);
   absl::Status BeginViews();
 
   const v1::SegmentViewsRequest& request_;

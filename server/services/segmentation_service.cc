@@ -85,6 +85,7 @@ absl::Status StreamSegmentsCall::BeginAnswer() {
                                        : absl::OkStatus();
   };
   request_.mutable_segment()->set_sam_clicks(false);
+  request_.mutable_segment()->set_sam_borders(false);
   const QueryCall call = {absl::ZeroDuration(), caller_.scenes, check};
   ASSIGN_OR_RETURN(
       answer_, SegmentAnswer::Begin(tools_, call, request_.segment(), message_.mutable_segment()));

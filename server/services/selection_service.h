@@ -6,6 +6,7 @@
 #include "server/rpc/call_runner.h"
 #include "server/services/model_loader.h"
 #include "server/services/selections.h"
+#include "server/services/view_images.h"
 
 namespace pepeseg {
 
@@ -13,9 +14,12 @@ namespace pepeseg {
 class SelectionServiceRpc final : public v1::SelectionService::CallbackService {
  public:
   // All must outlive it.
-  SelectionServiceRpc(const CallRunner& runner, ModelLoader& models, Selections& selections);
+  SelectionServiceRpc(const CallRunner& runner, ModelLoader& models, ViewImages& images,
+                      Selections& selections);
 
-  PEPESEG_UNARY(CreateSelection, v1::CreateSelectionRequest, v1::Selection)
+  grpc::ServerUnaryReactor* CreateSelection(grpc::CallbackServerContext* call,
+                                            const v1::CreateSelectionRequest* request,
+                                            v1::Selection* response) override;
   PEPESEG_UNARY(CombineSelections, v1::CombineSelectionsRequest, v1::Selection)
   PEPESEG_UNARY(UndoSelection, v1::UndoSelectionRequest, v1::Selection)
   PEPESEG_UNARY(GetSelection, v1::GetSelectionRequest, v1::Selection)
@@ -23,14 +27,9 @@ class SelectionServiceRpc final : public v1::SelectionService::CallbackService {
   PEPESEG_UNARY(DeleteSelection, v1::DeleteSelectionRequest, google::protobuf::Empty)
 
  private:
-  // Return the Gaussians that a request selects, by a prompt or as a segment.
-  absl::StatusOr<GaussianSet> SelectPrompted(const UnaryCall& call, const ResidentModel& model,
-                                             const v1::CreateSelectionRequest& request) const;
-  absl::StatusOr<GaussianSet> SelectSource(const UnaryCall& call, const ResidentModel& model,
-                                           const v1::CreateSelectionRequest& request) const;
-
   const CallRunner& runner_;
   ModelLoader& models_;
+  ViewImages& images_;
   Selections& selections_;
 };
 

@@ -174,13 +174,13 @@ class ViewImages::ModelImages final : public ImageSegmenter {
 
   absl::StatusOr<ImageMasks> Click(const ModelView& view, std::span<const PointPrompt> clicks,
                                    const SoftMask* before, const WantedCheck& check) override {
-    const std::lock_guard lock(images_.mutex_);
-    ASSIGN_OR_RETURN(const ViewEmbedding* found, images_.Prepare(model_, view, check));
-    const PhotographSam sam = {*images_.sam_, found->embedding, view, found->kept};
-    ImageMasks result = {{}, found->image};
-    ASSIGN_OR_RETURN(result.masks, sam.Click(clicks, before));
-    images_.ReportProcessor();
-    return result;
+    return MasksIn(view, check,
+                   [&](const PhotographSam& sam) { return sam.Click(clicks, before); });
+  }
+
+  absl::StatusOr<ImageMasks> Box(const ModelView& view, const BoxPrompt& box,
+                                 const WantedCheck& check) override {
+    return MasksIn(view, check, [&](const PhotographSam& sam) { return sam.Box(box); });
   }
 
   absl::Status Refine(const ModelView& view, Change change, const WantedCheck& check,
@@ -198,6 +198,17 @@ class ViewImages::ModelImages final : public ImageSegmenter {
   }
 
  private:
+  using Ask = absl::FunctionRef<absl::StatusOr<std::vector<SoftMask>>(const PhotographSam&)>;
+  // Returns what SAM answers in the image of a view.
+  absl::StatusOr<ImageMasks> MasksIn(const ModelView& view, const WantedCheck& check, Ask ask) {
+    const std::lock_guard lock(images_.mutex_);
+    ASSIGN_OR_RETURN(const ViewEmbedding* found, images_.Prepare(model_, view, check));
+    ImageMasks result = {{}, found->image};
+    ASSIGN_OR_RETURN(result.masks, ask({*images_.sam_, found->embedding, view, found->kept}));
+    images_.ReportProcessor();
+    return result;
+  }
+
   ViewImages& images_;
   const ResidentModel& model_;
 };

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -33,6 +34,18 @@ class PackImages final : public ImageSegmenter {
     }
     ImageMasks result;
     ASSIGN_OR_RETURN(result.masks, sam_.Click(*embedding, points, before));
+    return result;
+  }
+
+  absl::StatusOr<ImageMasks> Box(const ModelView& view, const BoxPrompt& box,
+                                 const WantedCheck& check) override {
+    RETURN_IF_ERROR(check());
+    ASSIGN_OR_RETURN(const SamEmbedding* embedding, EmbeddingOf(view));
+    const std::array<PromptPoint, 2> corners = {
+        PromptPoint{static_cast<float>(box.x), static_cast<float>(box.y)},
+        PromptPoint{static_cast<float>(box.x + box.width), static_cast<float>(box.y + box.height)}};
+    ImageMasks result;
+    ASSIGN_OR_RETURN(result.masks, sam_.Box(*embedding, corners));
     return result;
   }
 

@@ -149,8 +149,12 @@ class EntityScorer {
 
   absl::Status AddSelection(const SelectRequest& select, const Query& query,
                             PromptScores& sum) const {
+    const auto mask_in = [&](const ModelView& view) -> absl::StatusOr<SegmentResult> {
+      ASSIGN_OR_RETURN(auto results, segmenter_.Segment(query, {&view, 1}));
+      return std::move(results.front());
+    };
     ASSIGN_OR_RETURN(const GaussianSet set,
-                     SelectGaussians(segmenter_, select, query, [] { return absl::OkStatus(); }));
+                     SelectGaussians(segmenter_, select, mask_in, [] { return absl::OkStatus(); }));
     const std::vector<int32_t> ids(set.member.begin(), set.member.end());
     const auto num_scored = static_cast<double>(entity_.scored.size());
     for (const size_t v : entity_.scored) {

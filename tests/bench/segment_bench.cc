@@ -21,8 +21,10 @@
 #include "core/model_files/model_file.h"
 #include "core/query/propose.h"
 #include "tests/bench/bench_backend.h"
+#include "tests/bench/box_scores.h"
 #include "tests/bench/capture_faults.h"
 #include "tests/bench/capture_pack.h"
+#include "tests/bench/click_times.h"
 #include "tests/bench/decomposition_scores.h"
 #include "tests/bench/granularity.h"
 #include "tests/bench/pack_images.h"
@@ -48,6 +50,8 @@ struct BenchOptions : StageOptions {
   bool granularity = false;
   bool prompts = false;
   bool clicks = false;
+  bool click_times = false;
+  bool boxes = false;
   bool decompose = false;
   bool rows_only = false;
   EvaluationOptions protocol;
@@ -175,6 +179,21 @@ SamOptions SamOn(const BenchOptions& options) {
   return sam;
 }
 
+// images: may be null.
+absl::Status ScoreClicks(const Segmenter& segmenter, ImageSegmenter* images,
+                         const EvaluationRequest& request, const SegmentRow& row,
+                         const BenchOptions& options) {
+  EvaluationOptions by_clicks = options.protocol;
+  by_clicks.protocol = Protocol::kClicks;
+  by_clicks.clicks = options.click_protocol;
+  ASSIGN_OR_RETURN(const EvaluationResult clicks,
+                   Evaluate(segmenter, request, by_clicks, GoOn, images));
+  PrintClicks(row, options.click_protocol, clicks, options.entities);
+  if (!options.click_times) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const EvaluationTask task, MakeTask(request, options.protocol.task));
+  return PrintClickTimes(segmenter, images, task, clicks);
+}
+
 // Trains stage two, ends the turn, and scores the model.
 absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptions& options,
                      const Geometry& geometry, int run, TrainingTurn& turn) {
@@ -225,18 +244,15 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
       RETURN_IF_ERROR(PrintPrompts(*segmenter, pack, row, options.protocol.task));
     }
     if (options.clicks) {
-      EvaluationOptions by_clicks = options.protocol;
-      by_clicks.protocol = Protocol::kClicks;
-      by_clicks.clicks = options.click_protocol;
-      ASSIGN_OR_RETURN(const EvaluationResult clicks,
-                       Evaluate(*segmenter, request, by_clicks, GoOn));
-      PrintClicks(row, options.click_protocol, clicks, options.entities);
+      RETURN_IF_ERROR(ScoreClicks(*segmenter, nullptr, request, row, options));
       if (images != nullptr) {
-        ASSIGN_OR_RETURN(const EvaluationResult by_images,
-                         Evaluate(*segmenter, request, by_clicks, GoOn, images.get()));
         std::printf("# by SAM and the field:\n");
-        PrintClicks(row, options.click_protocol, by_images, options.entities);
+        RETURN_IF_ERROR(ScoreClicks(*segmenter, images.get(), request, row, options));
       }
+    }
+    if (options.boxes) {
+      ASSIGN_OR_RETURN(const EvaluationTask task, MakeTask(request, options.protocol.task));
+      RETURN_IF_ERROR(PrintBoxes(*segmenter, images.get(), task, options.entities));
     }
   }
   return absl::OkStatus();
@@ -316,8 +332,12 @@ int main(int argc, char** argv) {
   app.add_flag("--clicks", options.clicks,
                "also measure clicks until IoU 0.9, and IoU after 1, 2 and 3 clicks; by entity with "
                "--entities");
-  app.add_option("--sam", options.sam,
-                 "folder of SAM's files: --clicks also lets SAM and the field answer together");
+  app.add_flag("--click-times", options.click_times, "with --clicks: also time their answers");
+  app.add_flag("--boxes", options.boxes,
+               "also score boxes around the entities on the clicked view and on the others");
+  app.add_option(
+      "--sam", options.sam,
+      "folder of SAM's files: --clicks and --boxes also let SAM and the field answer together");
   app.add_option("--max-clicks", options.click_protocol.max_clicks);
   app.add_flag("--decompose", options.decompose,
                "how the levels of a decomposition agree with the truth's, too");

@@ -58,6 +58,13 @@ for stem in frame-000000 frame-000008; do
 done
 head -c 24 "$work/masks/frame-000000_mask.png" | tail -c 8 | od -An -tx1 | tr -d ' \n' |
   grep -q '00000280000001e0' || fail 'the mask does not have the size of the photograph, 640x480'
+# The last point alone corrects a mask that was there before.
+expect 0 pepeseg segment shelf --view frame-000000.jpg --point 280,280 \
+  --previous-mask "$work/masks/frame-000000_mask.png" --out "$work/corrected"
+cmp -s "$work/masks/frame-000000_mask.png" "$work/corrected/frame-000000_mask.png" ||
+  fail 'a point that the mask answers changes it'
+expect 2 pepeseg segment shelf --view frame-000000.jpg --box 1,1,50,50 \
+  --previous-mask "$work/masks/frame-000000_mask.png"
 expect 4 pepeseg segment shelf --view frame-000000.jpg --point 700,60
 grep -q 'point 700,60 is outside photograph "frame-000000.jpg" (640x480)' "$work/errors" ||
   fail 'a refused point is not reported with the size of the photograph'

@@ -1,6 +1,6 @@
 // A library in place of ONNX Runtime, with the part of its C interface that core/onnx uses. Two of
 // its "models" segment by colour: the encoder returns mean colours, the decoder the cells whose
-// colour is similar to that of the first point. A model with an input "rendering" returns the mean
+// colour is similar to that of the first point, or of the middle of a box. A model with an input "rendering" returns the mean
 // difference of its two inputs. One that contains "a detector" finds the red and the blue pixels:
 // two words, a box each. A model file that contains "out of memory" is refused as the real library
 // refuses one that does not fit, and one that contains "no network" as one that it cannot read; one
@@ -96,7 +96,8 @@ Value* Encode(const Value& image) {
   return colours;
 }
 
-void Decode(const Value& colours, const Value& points, Value& logits, Value& ious) {
+void Decode(const Value& colours, const Value& points, const Value& labels, Value& logits,
+            Value& ious) {
   constexpr float kTolerance[kMasks] = {0.3F, 0.2F, 0.4F, 0.8F},
                   kIous[kMasks] = {0.9F, 0.95F, 0.9F, 0.85F};
   const int64_t num_points = points.shape[1];
@@ -105,7 +106,11 @@ void Decode(const Value& colours, const Value& points, Value& logits, Value& iou
     const auto cell = [](float at) {
       return std::clamp(static_cast<int>(at / kFrame * kCells), 0, kCells - 1);
     };
-    const int seed = cell(point[1]) * kCells + cell(point[0]);
+    const bool is_box = labels.data[prompt * num_points] == 2;  // its first corner
+    const auto middle = [&](int axis) {
+      return is_box ? (point[axis] + point[2 + axis]) / 2 : point[axis];
+    };
+    const int seed = cell(middle(1)) * kCells + cell(middle(0));
     std::array<float, kCells * kCells> distances{};
     for (int c = 0; c < 3; ++c) {
       const float* plane = colours.data + c * kCells * kCells;
@@ -189,7 +194,7 @@ Failure* Run(Session* session, std::atomic<bool>* terminate, const char* const*,
   const int64_t num_prompts = inputs[1]->shape[0];
   Value* logits = MakeValue({num_prompts, kMasks, kExtent, kExtent});
   Value* ious = MakeValue({num_prompts, kMasks});
-  Decode(*inputs[0], *inputs[1], *logits, *ious);
+  Decode(*inputs[0], *inputs[1], *inputs[2], *logits, *ious);
   outputs[0] = logits;
   outputs[1] = ious;
   return nullptr;

@@ -33,6 +33,15 @@ SoftMask MaskOf(const PromptAnswers& answers, size_t k, int extent, cv::Size siz
   return result;
 }
 
+std::vector<SoftMask> MasksOf(const PromptAnswers& answers, size_t first, size_t end,
+                              const PromptedSegmenter& segmenter, cv::Size size) {
+  std::vector<SoftMask> masks;
+  for (size_t k = first; k < end; ++k) {
+    masks.push_back(MaskOf(answers, k, segmenter.extent(), size));
+  }
+  return masks;
+}
+
 }  // namespace
 
 absl::StatusOr<std::vector<SoftMask>> SegmentClicks(PromptedSegmenter& segmenter,
@@ -51,11 +60,15 @@ absl::StatusOr<std::vector<SoftMask>> SegmentClicks(PromptedSegmenter& segmenter
   }
   const bool is_open = before == nullptr && clicks.size() == 1;  // which thing is meant
   const bool is_settled = before == nullptr && !is_open;
-  std::vector<SoftMask> masks;
-  for (size_t k = is_open ? 1 : 0; k < (is_settled ? 1 : PromptAnswers::kMasks); ++k) {
-    masks.push_back(MaskOf(answers, k, segmenter.extent(), {width, height}));
-  }
-  return masks;
+  return MasksOf(answers, is_open ? 1 : 0, is_settled ? 1 : PromptAnswers::kMasks, segmenter,
+                 {width, height});
+}
+
+absl::StatusOr<std::vector<SoftMask>> SegmentBox(PromptedSegmenter& segmenter,
+                                                 const std::array<PromptPoint, 2>& box, int width,
+                                                 int height) {
+  ASSIGN_OR_RETURN(const PromptAnswers answers, segmenter.SegmentByMask({{}, box, {}}));
+  return MasksOf(answers, 0, PromptAnswers::kMasks, segmenter, {width, height});
 }
 
 }  // namespace pepeseg

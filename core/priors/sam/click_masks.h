@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -19,5 +20,12 @@ namespace pepeseg {
 absl::StatusOr<std::vector<SoftMask>> SegmentClicks(PromptedSegmenter& segmenter,
                                                     std::span<const PromptPoint> clicks,
                                                     const SoftMask* before, int width, int height);
+
+// Returns the four masks that a box may mean, given by its first and its last corner: the one that
+// SAM takes for prompts that leave no doubt, and three of different size. Size and errors are those
+// of SegmentClicks.
+absl::StatusOr<std::vector<SoftMask>> SegmentBox(PromptedSegmenter& segmenter,
+                                                 const std::array<PromptPoint, 2>& box, int width,
+                                                 int height);
 
 }  // namespace pepeseg

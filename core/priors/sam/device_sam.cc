@@ -68,6 +68,10 @@ class DeviceSegmenter : public PromptedSegmenter {
     AppendPrompt(prompt, grid_, sam_.decoder(), points);
     return Alone<PromptAnswers>([&] {
       return Answers([&](DecodedMasks& masks) {
+        if (prompt.logits.empty()) {
+          return sam_.decoder().Decode(embedding_.span(), points, static_cast<int>(points.size()),
+                                       {grid_.width, grid_.height}, true, masks);
+        }
         return sam_.decoder().DecodeWithMask(embedding_.span(), points, prompt.logits,
                                              {grid_.width, grid_.height}, masks);
       });

@@ -78,7 +78,8 @@ class OnnxSegmenter : public PromptedSegmenter {
       AppendPoint((*prompt.box)[0], kFirstCorner, points, labels);
       AppendPoint((*prompt.box)[1], kLastCorner, points, labels);
     }
-    return AnswerOne(points, labels, prompt.logits, 1);
+    if (!prompt.logits.empty()) return AnswerOne(points, labels, prompt.logits, 1);
+    return AnswerOne(points, labels, std::vector<float>(size_t{kExtent} * kExtent), 0);
   }
 
  private:

@@ -20,11 +20,12 @@ struct PromptPoint {
 };
 using SegmenterPrompt = std::vector<PromptPoint>;
 
-// A mask, with points of the thing that is meant, which the segmenter is to improve.
+// A mask, with points of the thing that is meant, which the segmenter is to improve; or a box.
 struct MaskPrompt {
   SegmenterPrompt points;
   std::optional<std::array<PromptPoint, 2>> box;  // its first and its last corner
-  std::vector<float> logits;                      // [extent, extent], positive inside the mask
+  // [extent, extent], positive inside the mask; empty: no mask.
+  std::vector<float> logits;
 };
 
 // A prompted segmenter's answers to a batch of prompts: kMasks masks for each, on a grid of
@@ -72,7 +73,7 @@ class PromptedSegmenter {
   // Sets the photograph by its embedding, which must stay as it is while prompts refer to it.
   // Returns INVALID_ARGUMENT for one of another size, and the errors of SetPhotograph.
   virtual absl::Status SetEmbedding(const SamEmbedding& embedding);
-  // Answers one prompt by a mask, whose mask 0 is the one to use.
+  // Answers one prompt by a mask, a box or both, whose mask 0 is the one to use.
   virtual absl::StatusOr<PromptAnswers> SegmentByMask(const MaskPrompt& prompt);
 
   // The steps of SegmentPhotograph (automatic_masks.h). Each calls `progress` from time to time and

@@ -91,4 +91,11 @@ absl::StatusOr<std::vector<SoftMask>> SamBorders::Click(const SamEmbedding& embe
   return SegmentClicks(*segmenter, clicks, before, embedding.width, embedding.height);
 }
 
+absl::StatusOr<std::vector<SoftMask>> SamBorders::Box(const SamEmbedding& embedding,
+                                                      const std::array<PromptPoint, 2>& box) const {
+  const auto segmenter = model_->MakeSegmenter();
+  RETURN_IF_ERROR(segmenter->SetEmbedding(embedding));
+  return SegmentBox(*segmenter, box, embedding.width, embedding.height);
+}
+
 }  // namespace pepeseg

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <memory>
 #include <span>
@@ -56,6 +57,9 @@ class SamBorders {
   absl::StatusOr<std::vector<SoftMask>> Click(const SamEmbedding& embedding,
                                               std::span<const PromptPoint> clicks,
                                               const SoftMask* before) const;
+  // Returns the masks of a box, see SegmentBox; the same holds.
+  absl::StatusOr<std::vector<SoftMask>> Box(const SamEmbedding& embedding,
+                                            const std::array<PromptPoint, 2>& box) const;
 
   // As SamModel's functions of these names.
   const std::string& encoder_digest() const { return model_->encoder_digest(); }

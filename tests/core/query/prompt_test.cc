@@ -50,6 +50,19 @@ TEST(CheckShape, NeedsPositivePointsForAMean) {
   ExpectFault(CheckShape(kImage, PointMean{}), "points", "0 points");
 }
 
+TEST(CheckShown, TakesAPreviousMaskForPoints) {
+  const BinaryMask mask = {std::vector<uint8_t>(64 * 48, 1)};
+  const PointsPrompt negative = {{2, 3, false}};
+  EXPECT_OK(CheckShown(kImage, {{}, negative, mask}));
+  ExpectFault(CheckShown(kImage, {{}, negative}), "points", "no positive point");
+  ExpectFault(CheckShown(kImage, {{}, PointsPrompt{}, mask}), "points", "0 points");
+  ExpectFault(CheckShown(kImage, {{}, negative, BinaryMask{{1}}}), "", "the mask has 1 pixels");
+  ExpectFault(CheckShown(kImage, {{}, negative, BinaryMask{std::vector<uint8_t>(64 * 48)}}), "",
+              "no pixel is in the mask");
+  ExpectFault(CheckShown(kImage, {{}, BoxPrompt{1, 1, 5, 5}, mask}), "previous_mask",
+              "is for points");
+}
+
 TEST(CheckShape, NeedsAPositiveStrokeOfTheImage) {
   const BinaryMask stroke = {std::vector<uint8_t>(64 * 48, 1)};
   EXPECT_OK(CheckShape(kImage, Scribbles{stroke, {}}));
@@ -136,6 +149,11 @@ TEST(FramePrompt, IsTakenToTheViewOrRefused) {
   BinaryMask mask = {std::vector<uint8_t>(static_cast<size_t>(frame.width()) * frame.height())};
   mask.pixels[0] = 1;
   ExpectFault(frame.ToView(Prompt{view, mask}).status(), "", "no pixel of the mask");
+  const PointsPrompt middle = {{80, 60, true}};
+  ExpectFault(frame.ToView(Prompt{view, middle, mask}).status(), "", "no pixel of the mask");
+  mask.pixels.assign(mask.pixels.size(), 1);
+  ASSERT_OK_AND_ASSIGN(const Prompt corrected, frame.ToView(Prompt{view, middle, mask}));
+  EXPECT_EQ(std::ssize(corrected.previous->pixels), view.camera.width * view.camera.height);
   // In pixels of the view, all stays as it is.
   const Frame same(view, FrameKind::kView);
   ASSERT_OK_AND_ASSIGN(const Prompt kept,

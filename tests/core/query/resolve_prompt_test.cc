@@ -58,7 +58,7 @@ TEST_F(ResolvePromptTest, KeepsTheGivenGranularityOfPoints) {
 
 TEST_F(ResolvePromptTest, TakesTheBestProposalForPointsWithoutAGranularity) {
   ClickFollower follower(*segmenter_, nullptr, view_, {});
-  ASSERT_OK(follower.Follow(kLeftPoint, [] { return absl::OkStatus(); }));
+  ASSERT_OK(follower.Follow(kLeftPoint, {}, [] { return absl::OkStatus(); }));
   ASSERT_OK_AND_ASSIGN(const Query query, ResolvePrompt(*segmenter_, {view_, kLeftPoint}, {}));
   for (const int max_count : {1, 5}) {
     const Candidates found = follower.Found(max_count);

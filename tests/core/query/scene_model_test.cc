@@ -77,6 +77,9 @@ class EmptyImages final : public ImageSegmenter {
                                    const WantedCheck&) override {
     return absl::UnavailableError("no clicks");
   }
+  absl::StatusOr<ImageMasks> Box(const ModelView&, const BoxPrompt&, const WantedCheck&) override {
+    return absl::UnavailableError("no boxes");
+  }
   absl::Status Refine(const ModelView&, Change change, const WantedCheck&,
                       SegmentResult& result) override {
     EXPECT_EQ(change, Change::kBorder);
@@ -98,15 +101,15 @@ TEST_F(SceneModelTest, AsksTheImageSegmenterForTheBorderOfEachMask) {
   EXPECT_TRUE(result.similarity.empty());
 }
 
-TEST_F(SceneModelTest, AsksTheImageSegmenterForClicks) {
+TEST_F(SceneModelTest, AsksTheImageSegmenterForClicksAndBoxes) {
   EmptyImages images;
   request_.images = &images;
   request_.image_clicks = true;
   EXPECT_STATUS(model_->Segment(request_, Wanted).status(), absl::StatusCode::kUnavailable,
                 "no clicks");
   request_.prompt.what = BoxPrompt{10, 16, 13, 16};
-  EXPECT_STATUS(model_->Segment(request_, Wanted).status(), absl::StatusCode::kInvalidArgument,
-                "only points");
+  EXPECT_STATUS(model_->Segment(request_, Wanted).status(), absl::StatusCode::kUnavailable,
+                "no boxes");
 }
 
 TEST_F(SceneModelTest, CutsTheMaskToTheBoxInItsViewOnly) {

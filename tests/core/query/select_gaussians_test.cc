@@ -71,6 +71,14 @@ TEST(ConnectedParts, JoinGaussiansWithEqualMeans) {
 
 absl::Status Continue() { return absl::OkStatus(); }
 
+// Returns what gives the mask of a query in a view.
+auto MasksOf(const Segmenter& segmenter, const Query& query) {
+  return [&](const ModelView& view) -> absl::StatusOr<SegmentResult> {
+    ASSIGN_OR_RETURN(auto results, segmenter.Segment(query, {&view, 1}));
+    return std::move(results.front());
+  };
+}
+
 // Returns the pixels in which members have more than half of the blending weight, [height, width],
 // 0 or 1.
 std::vector<uint8_t> RenderBack(const Segmenter& segmenter, const ModelView& view,
@@ -116,8 +124,9 @@ TEST_F(SelectTrainedTest, RendersBackToTheMasks) {
   for (int label = 1; label <= testing::kNumObjects; ++label) {
     const SelectRequest click = Click(3, label);
     ASSERT_OK_AND_ASSIGN(const Query query, ResolvePrompt(*segmenter_, click.prompt, {0.5, 0.75}));
-    ASSERT_OK_AND_ASSIGN(const GaussianSet set,
-                         SelectGaussians(*segmenter_, click, query, Continue));
+    ASSERT_OK_AND_ASSIGN(
+        const GaussianSet set,
+        SelectGaussians(*segmenter_, click, MasksOf(*segmenter_, query), Continue));
     double sum = 0;
     for (const ModelView& view : model_.views) {
       ASSERT_OK_AND_ASSIGN(const auto results, segmenter_->Segment(query, {&view, 1}));
@@ -137,12 +146,13 @@ TEST_F(SelectTrainedTest, RendersBackToTheMasks) {
 TEST_F(SelectTrainedTest, DoesNotDependOnTheNumberOfThreads) {
   const SelectRequest click = Click(3, testing::kGreenBall);
   ASSERT_OK_AND_ASSIGN(const Query query, ResolvePrompt(*segmenter_, click.prompt, {0.5, 0.75}));
-  ASSERT_OK_AND_ASSIGN(const GaussianSet set, SelectGaussians(*segmenter_, click, query, Continue));
+  ASSERT_OK_AND_ASSIGN(const GaussianSet set,
+                       SelectGaussians(*segmenter_, click, MasksOf(*segmenter_, query), Continue));
   for (const int num_threads : {1, 5}) {
     const auto backend = MakeCpuBackend(num_threads);
     ASSERT_OK_AND_ASSIGN(const auto segmenter, Segmenter::Create(*backend, model_));
     ASSERT_OK_AND_ASSIGN(const GaussianSet again,
-                         SelectGaussians(*segmenter, click, query, Continue));
+                         SelectGaussians(*segmenter, click, MasksOf(*segmenter, query), Continue));
     EXPECT_EQ(again.member, set.member) << num_threads;
   }
 }
@@ -188,7 +198,7 @@ class SelectCubesTest : public ::testing::Test {
     query.features.resize(32);
     query.positive = {1};
     query.threshold = threshold_;
-    return SelectGaussians(**segmenter, request_, query, [this] {
+    return SelectGaussians(**segmenter, request_, MasksOf(**segmenter, query), [this] {
       ++num_views_;
       return num_views_ > stop_after_ ? absl::CancelledError("gone") : absl::OkStatus();
     });

@@ -127,6 +127,20 @@ TEST_F(KeptEmbeddingTest, AnswersClicksInWarpedViews) {
   }
 }
 
+TEST_F(KeptEmbeddingTest, AnswersBoxesInWarpedViews) {
+  const BinaryMask truth = MaskInView(0);
+  int box[4];
+  FindBox(truth.pixels, view.camera.width, box);
+  const SamEmbedding embedding = Embedded(400, 300);
+  const PhotographSam in = {*sam, embedding, view, true};
+  ASSERT_OK_AND_ASSIGN(const auto masks,
+                       in.Box({double(box[0]), double(box[1]), double(box[2]), double(box[3])}));
+  ASSERT_EQ(masks.size(), 4U);
+  double best = 0;
+  for (const SoftMask& mask : masks) best = std::max(best, Iou(mask.mask, truth));
+  EXPECT_GT(best, 0.95);
+}
+
 // Not resampled: the answer is that of the network itself.
 TEST_F(KeptEmbeddingTest, LeavesMasksOfShrunkViewsInTheirPixels) {
   view.photograph->lens.model = LensModel::kPinhole;

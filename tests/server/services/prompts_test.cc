@@ -43,6 +43,21 @@ TEST_F(PromptsTest, FindsWhatFillsABox) {
   ExpectOnlyTheLeft(*Segment());
 }
 
+TEST_F(PromptsTest, CorrectsAPreviousMask) {
+  *request.mutable_prompt() = Click<v1::SegmentViewsRequest>(66).prompt();
+  v1::PointsPrompt& points = *request.mutable_prompt()->mutable_points();
+  points.mutable_points(0)->set_negative(true);
+  EXPECT_ERROR(Segment(), grpc::INVALID_ARGUMENT, {.field = "prompt.points.points"});
+  // Both squares are one mask, of which the right one is wrong.
+  v1::SegmentViewsRequest both = Click<v1::SegmentViewsRequest>(30);
+  both.mutable_granularity()->set_scale_quantile(1);
+  *points.mutable_previous_mask()->mutable_rle() =
+      Call(&SegmentationStub::SegmentViews, both)->masks(0).rle();
+  ExpectOnlyTheLeft(*Segment());
+  points.mutable_previous_mask()->mutable_rle()->set_width(7);
+  EXPECT_ERROR(Segment(), grpc::INVALID_ARGUMENT, {.field = "prompt.points.previous_mask.rle"});
+}
+
 TEST_F(PromptsTest, FindsWhatIsScribbledOver) {
   v1::ScribblesPrompt& scribbles = *request.mutable_prompt()->mutable_scribbles();
   const auto add = [&](double from, double to) -> v1::ScribblesPrompt::Stroke& {

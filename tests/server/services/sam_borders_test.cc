@@ -129,6 +129,7 @@ TEST_F(SamBordersOfModel, AnswerClicksWithTheModelWhereItsMasksWereSams) {
                        : v1::SegmentViewsResponse::BORDER_IMAGE_RENDERING;
   };
   ClickInThePhotograph();
+  request.set_sam_borders(false);
   EXPECT_EQ(image(), v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED);
   Train("by_sam.model");  // is live
   EXPECT_EQ(image(), v1::SegmentViewsResponse::BORDER_IMAGE_PHOTOGRAPH);
@@ -143,13 +144,70 @@ TEST_F(SamBordersOfModel, AnswerClicksWithTheModelWhereItsMasksWereSams) {
   EXPECT_EQ(image(), v1::SegmentViewsResponse::BORDER_IMAGE_UNSPECIFIED);
 }
 
-TEST_F(SamBordersOfModel, AnswerOnlyPointsOfNoGranularity) {
+// The same holds for borders, of any prompt.
+TEST_F(SamBordersOfModel, AreThereByDefaultWhereTheMasksWereSams) {
+  const auto left_edge = [&] {
+    const auto answer = Segment();
+    EXPECT_OK(answer);
+    return answer.ok() ? answer->masks(0).box().x() : -1;
+  };
+  EXPECT_NEAR(left_edge(), 15, 1);
+  Train("by_sam.model");
+  EXPECT_NEAR(left_edge(), 17, 1);
+  request.set_refine_borders(false);
+  EXPECT_NEAR(left_edge(), 15, 1);
+  request.clear_refine_borders();
+  request.set_sam_borders(false);
+  EXPECT_NEAR(left_edge(), 15, 1);
+  // Where SAM fails, an answer without it is better than none, unless it was asked for.
+  request.clear_sam_borders();
+  running.Restart();
+  testing::ReplaceSamFile(sam, "sam.onnx", "another model");
+  EXPECT_NEAR(left_edge(), 15, 1);
+  request.set_sam_borders(true);
+  EXPECT_ERROR(Segment(), grpc::FAILED_PRECONDITION, {.message = "SAM cannot be loaded"});
+}
+
+TEST_F(SamBordersOfModel, AnswerOnlyPointsAndBoxesOfNoGranularity) {
   request.set_sam_clicks(true);
   EXPECT_ERROR(Segment(), grpc::INVALID_ARGUMENT, {.field = "sam_clicks"});
   request.clear_granularity();
-  request.mutable_prompt()->mutable_box()->set_width(20);
-  request.mutable_prompt()->mutable_box()->set_height(20);
+  v1::BoxPrompt& box = *request.mutable_prompt()->mutable_box();
+  box.set_x(17), box.set_y(17), box.set_width(30), box.set_height(30);
+  ASSERT_OK_AND_ASSIGN(const auto answer, Segment());
+  EXPECT_EQ(answer.masks(0).border_image(), v1::SegmentViewsResponse::BORDER_IMAGE_PHOTOGRAPH);
+  EXPECT_NEAR(answer.masks(0).box().x(), 17, 1);
+  EXPECT_GT(answer.box_agreement(), 0.8);
+  *request.mutable_prompt()->mutable_mask()->mutable_rle() = answer.masks(0).rle();
   EXPECT_ERROR(Segment(), grpc::INVALID_ARGUMENT, {.field = "sam_clicks"});
+}
+
+// The photograph's square has no part of the model's at its left and its lower edge.
+TEST_F(SamBordersOfModel, PlaceSelections) {
+  v1::CreateSelectionRequest select = Click<v1::CreateSelectionRequest>(33.5);
+  select.mutable_prompt()->mutable_points()->mutable_points(0)->set_y(32.5);
+  select.set_frame(v1::PIXEL_FRAME_VIEW);
+  select.set_model("scenes/shelf/models/2");
+  const auto num_gaussians = [&] {
+    const auto made = Call(&SelectionStub::CreateSelection, select);
+    EXPECT_OK(made);
+    return made.ok() ? static_cast<double>(made->num_gaussians()) : 0;
+  };
+  const double by_model = num_gaussians();
+  select.set_sam_clicks(true);
+  const double by_both = num_gaussians();
+  EXPECT_LT(by_both, 0.93 * by_model);
+  EXPECT_GT(by_both, 0.8 * by_model);
+  select.mutable_granularity()->set_scale_quantile(0.5);
+  EXPECT_ERROR(Call(&SelectionStub::CreateSelection, select), grpc::INVALID_ARGUMENT,
+               {.field = "sam_clicks"});
+  select.clear_granularity();
+  running.options.workers.sam.clear();
+  running.Restart();
+  EXPECT_ERROR(Call(&SelectionStub::CreateSelection, select), grpc::FAILED_PRECONDITION,
+               {.reason = "NO_SAM"});
+  select.clear_sam_clicks();
+  EXPECT_EQ(num_gaussians(), by_model);
 }
 
 TEST_F(SamBordersOfModel, AreCountedInTheMemoryOfModels) {

@@ -72,6 +72,9 @@ class Prompt:
         view: the prompt's view: its name or a Camera. None with a label, which has its own.
         points: [n, 2], x and y in pixels of the frame, a pixel's centre at + 0.5; or one point [2].
         negative: [n, 2], points of what is not meant, next to `points`.
+        previous_mask: [height, width] of the frame's size, not 0 inside: the answer to all points
+            but the last, or any other mask, which then only the last point corrects; points of
+            `negative` come last. Next to `points`, which may be empty.
         scribble: lines over what is meant: each [n, 2], its vertices in pixels; or one line.
         not_scribble: lines over what is not meant, next to `scribble`.
         stroke_width: width of these lines, pixels; 0: thin.
@@ -87,6 +90,7 @@ class Prompt:
     view: Viewpoint | None = None
     points: npt.ArrayLike | None = None
     negative: npt.ArrayLike | None = None
+    previous_mask: npt.ArrayLike | None = None
     scribble: Lines = None
     not_scribble: Lines = None
     stroke_width: float = 0
@@ -103,6 +107,7 @@ class Prompt:
             found = " and ".join(given) or "none of them"
             raise refused(f"exactly one of {', '.join(_KINDS)} is wanted, not {found}")
         for name, of in (
+            ("previous_mask", "points"),
             ("negative", "points"),
             ("not_scribble", "scribble"),
             ("not_strokes", "strokes"),
@@ -132,6 +137,8 @@ class Prompt:
             message.view.CopyFrom(to_viewpoint(self.view))
         if self.points is not None:
             message.points.CopyFrom(_points_prompt(self.points, "points", self.negative))
+            if self.previous_mask is not None:
+                message.points.previous_mask.rle.CopyFrom(rle.encode(self.previous_mask))
         elif self.point_mean is not None:
             message.point_mean.CopyFrom(_points_prompt(self.point_mean, "point_mean"))
         elif self.scribble is not None or self.strokes is not None:

@@ -164,7 +164,7 @@ def segment(
     targets: prompts.Targets = None,
     similarity: bool = False,
     refine_borders: bool = True,
-    sam_borders: bool = False,
+    sam_borders: bool | None = None,
     sam_clicks: bool | None = None,
     frame: str = "photograph",
     **what: Any,
@@ -187,12 +187,13 @@ def segment(
         refine_borders: decide the pixels along the borders of the masks by what is rendered there.
             False: a mask is exactly the pixels above the threshold.
         sam_borders: let the server's SAM place the borders of the masks, in the photographs where
-            the server has them, else in the renderings. For real photographs; takes one to
-            two seconds for a new view. Many views are requested a few at a time.
-        sam_clicks: let the server's SAM and the model answer points together: SAM sees them in the
-            photograph of their view, and the other views follow. For points without scale and
-            threshold. Cost: as `sam_borders`. None: if the model was trained with SAM's masks and
-            the server has SAM.
+            the server has them, else in the renderings. For real photographs; takes one to two
+            seconds for a new view that the training has not kept. Many views are requested a few
+            at a time if it is True. None: if the model was trained with SAM's masks and the server
+            has SAM.
+        sam_clicks: let the server's SAM and the model answer points or a box together: SAM sees
+            them in the photograph of their view, and the other views follow. For points or a box
+            without scale and threshold. Cost and None: as `sam_borders`.
         frame: the pixels of prompt and masks: "photograph", as it was uploaded, or "view", as it
             was trained on (undistorted, cropped, shrunk). A Camera has its own.
 

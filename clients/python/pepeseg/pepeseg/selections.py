@@ -42,13 +42,14 @@ def select(
     keep_disconnected: bool = False,
     base: SelectionInfo | int | str | None = None,
     operation: str = "union",
+    sam_clicks: bool | None = None,
     frame: str = "photograph",
     **what: Any,
 ) -> Steps[SelectionInfo]:
     """Selects the Gaussians that a prompt means, by a vote of views, or those of a segment.
 
     Args:
-        view, what, scale, scale_units, threshold, frame: as in `Client.segment`.
+        view, what, scale, scale_units, threshold, sam_clicks, frame: as in `Client.segment`.
         segment: a segment of `Client.decompose`, in place of a prompt.
         num_views: number of views that vote, 1 to 100; 0: the server chooses.
         keep_disconnected: keep Gaussians that are not connected with what the prompt shows.
@@ -67,6 +68,7 @@ def select(
         granularity=prompts.granularity(scale, scale_units, threshold),
         num_views=num_views,
         keep_disconnected=keep_disconnected,
+        sam_clicks=sam_clicks,
         frame=prompts.pixel_frame(frame),
         request_id=new_request_id(),
     )

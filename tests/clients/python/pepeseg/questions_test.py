@@ -62,6 +62,14 @@ class TestSegment:
         less = client.segment(VIEW, points=POINT, negative=[280, 280], scale=1, threshold=-1).mask
         assert less[280, 440] and not less[280, 280]
 
+    def test_a_point_corrects_a_previous_mask(self, client):
+        every = np.ones((480, 640))
+        less = client.segment(VIEW, points=[], negative=[280, 280], previous_mask=every).mask
+        assert less[280, 440] and not less[280, 280]
+        one = client.segment(VIEW, points=POINT)
+        again = client.segment(VIEW, points=POINT + POINT, previous_mask=one.mask, sam_clicks=False)
+        assert iou(again.mask, one.mask) > 0.97
+
     def test_a_mask_and_a_box_select_what_they_show(self, client):
         click = client.segment(VIEW, points=POINT, threshold=0.3, scale=0.3)
         by_mask = client.segment(VIEW, mask=click.mask)
@@ -127,6 +135,7 @@ class TestSegment:
             {"points": POINT, "not_scribble": POINT},
             {"mask": np.zeros(4)},
             {"mask": np.ones((4, 4)), "negative": POINT},
+            {"mask": np.ones((4, 4)), "previous_mask": np.ones((4, 4))},
             {"label": "cup"},
             {"points": POINT, "scale": 0.1, "scale_units": 2},
         ],

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <utility>
@@ -73,6 +74,27 @@ TEST_P(MaskPromptTest, SegmentsByMasksAsTheCpuDoes) {
   ASSERT_EQ(got.logits.size(), want.logits.size());
   const auto [error, largest] = LargestError(got, want);
   EXPECT_LT(error, (sam_->backend().memory().is_host ? 1e-5F : 0.02F) * largest);
+}
+
+// Without a mask, the answer is that to a box alone.
+TEST_P(MaskPromptTest, SegmentsByBoxesAsTheCpuDoes) {
+  const View view = SmallView(200, 150, 1);
+  const auto cpu_sam = MakeSmallSam(MakeCpuBackend(1));
+  const auto cpu = cpu_sam->MakeSegmenter(), other = sam_->MakeSegmenter();
+  ASSERT_OK(cpu->SetPhotograph(view.photo));
+  ASSERT_OK_AND_ASSIGN(const SamEmbedding embedding, cpu->Embedding());
+  ASSERT_OK(cpu->SetEmbedding(embedding));
+  ASSERT_OK(other->SetEmbedding(embedding));
+  const std::array<PromptPoint, 2> box = {PromptPoint{40, 30}, PromptPoint{120, 100}};
+  ASSERT_OK_AND_ASSIGN(const PromptAnswers want, cpu->SegmentByMask({{}, box, {}}));
+  ASSERT_OK_AND_ASSIGN(const PromptAnswers got, other->SegmentByMask({{}, box, {}}));
+  ASSERT_EQ(got.logits.size(), want.logits.size());
+  const auto [error, largest] = LargestError(got, want);
+  EXPECT_LT(error, (sam_->backend().memory().is_host ? 1e-5F : 0.02F) * largest);
+  // It is another one than to a mask that fills the box.
+  MaskPrompt filled = {{}, box, std::vector<float>(size_t(cpu->extent()) * cpu->extent(), -10)};
+  ASSERT_OK_AND_ASSIGN(const PromptAnswers masked, cpu->SegmentByMask(filled));
+  EXPECT_GT(LargestError(masked, want).error, 0.01F * largest);
 }
 
 TEST_P(MaskPromptTest, RefusesAnEmbeddingOfAnotherSize) {

@@ -14,39 +14,39 @@ _sym_db = _symbol_database.Default()
 from pepeseg.v1 import geometry_pb2 as pepeseg_dot_v1_dot_geometry__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x17pepeseg/v1/prompt.proto\x12\npepeseg.v1\x1a\x19pepeseg/v1/geometry.proto\"\xc3\x01\n\tViewpoint\x12\x0e\n\x04view\x18\x01 \x01(\tH\x00\x12\x30\n\x04\x66ree\x18\x02 \x01(\x0b\x32 .pepeseg.v1.Viewpoint.FreeCameraH\x00\x1ak\n\nFreeCamera\x12)\n\x06\x63\x61mera\x18\x01 \x01(\x0b\x32\x19.pepeseg.v1.PinholeCamera\x12\x32\n\x0e\x63\x61m_from_world\x18\x02 \x01(\x0b\x32\x1a.pepeseg.v1.RigidTransformB\x07\n\x05place\"o\n\x0cPointsPrompt\x12.\n\x06points\x18\x01 \x03(\x0b\x32\x1e.pepeseg.v1.PointsPrompt.Point\x1a/\n\x05Point\x12\t\n\x01x\x18\x01 \x01(\x01\x12\t\n\x01y\x18\x02 \x01(\x01\x12\x10\n\x08negative\x18\x03 \x01(\x08\"@\n\tBoxPrompt\x12\t\n\x01x\x18\x01 \x01(\x01\x12\t\n\x01y\x18\x02 \x01(\x01\x12\r\n\x05width\x18\x03 \x01(\x01\x12\x0e\n\x06height\x18\x04 \x01(\x01\"8\n\x07\x43ocoRle\x12\x0e\n\x06height\x18\x01 \x01(\x05\x12\r\n\x05width\x18\x02 \x01(\x05\x12\x0e\n\x06\x63ounts\x18\x03 \x01(\t\"G\n\tMaskImage\x12\"\n\x03rle\x18\x01 \x01(\x0b\x32\x13.pepeseg.v1.CocoRleH\x00\x12\r\n\x03png\x18\x02 \x01(\x0cH\x00\x42\x07\n\x05image\"\x9d\x02\n\x0fScribblesPrompt\x12\x33\n\x07strokes\x18\x01 \x03(\x0b\x32\".pepeseg.v1.ScribblesPrompt.Stroke\x12\'\n\x08positive\x18\x02 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x12\'\n\x08negative\x18\x03 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x1a\x82\x01\n\x06Stroke\x12\x37\n\x04path\x18\x01 \x03(\x0b\x32).pepeseg.v1.ScribblesPrompt.Stroke.Vertex\x12\x10\n\x08negative\x18\x02 \x01(\x08\x12\r\n\x05width\x18\x03 \x01(\x01\x1a\x1e\n\x06Vertex\x12\t\n\x01x\x18\x01 \x01(\x01\x12\t\n\x01y\x18\x02 \x01(\x01\"\xa1\x02\n\x06Prompt\x12#\n\x04view\x18\x01 \x01(\x0b\x32\x15.pepeseg.v1.Viewpoint\x12*\n\x06points\x18\x02 \x01(\x0b\x32\x18.pepeseg.v1.PointsPromptH\x00\x12$\n\x03\x62ox\x18\x03 \x01(\x0b\x32\x15.pepeseg.v1.BoxPromptH\x00\x12%\n\x04mask\x18\x04 \x01(\x0b\x32\x15.pepeseg.v1.MaskImageH\x00\x12\x0f\n\x05label\x18\x05 \x01(\tH\x00\x12\x30\n\tscribbles\x18\x06 \x01(\x0b\x32\x1b.pepeseg.v1.ScribblesPromptH\x00\x12.\n\npoint_mean\x18\x07 \x01(\x0b\x32\x18.pepeseg.v1.PointsPromptH\x00\x42\x06\n\x04what\"m\n\x0bGranularity\x12\x18\n\x0escale_quantile\x18\x01 \x01(\x01H\x00\x12\x15\n\x0bscale_units\x18\x02 \x01(\x01H\x00\x12\x16\n\tthreshold\x18\x03 \x01(\x01H\x01\x88\x01\x01\x42\x07\n\x05scaleB\x0c\n\n_threshold*[\n\nPixelFrame\x12\x1b\n\x17PIXEL_FRAME_UNSPECIFIED\x10\x00\x12\x1a\n\x16PIXEL_FRAME_PHOTOGRAPH\x10\x01\x12\x14\n\x10PIXEL_FRAME_VIEW\x10\x02*`\n\x0cMaskEncoding\x12\x1d\n\x19MASK_ENCODING_UNSPECIFIED\x10\x00\x12\x1a\n\x16MASK_ENCODING_COCO_RLE\x10\x01\x12\x15\n\x11MASK_ENCODING_PNG\x10\x02\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x17pepeseg/v1/prompt.proto\x12\npepeseg.v1\x1a\x19pepeseg/v1/geometry.proto\"\xc3\x01\n\tViewpoint\x12\x0e\n\x04view\x18\x01 \x01(\tH\x00\x12\x30\n\x04\x66ree\x18\x02 \x01(\x0b\x32 .pepeseg.v1.Viewpoint.FreeCameraH\x00\x1ak\n\nFreeCamera\x12)\n\x06\x63\x61mera\x18\x01 \x01(\x0b\x32\x19.pepeseg.v1.PinholeCamera\x12\x32\n\x0e\x63\x61m_from_world\x18\x02 \x01(\x0b\x32\x1a.pepeseg.v1.RigidTransformB\x07\n\x05place\"\x9d\x01\n\x0cPointsPrompt\x12.\n\x06points\x18\x01 \x03(\x0b\x32\x1e.pepeseg.v1.PointsPrompt.Point\x12,\n\rprevious_mask\x18\x02 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x1a/\n\x05Point\x12\t\n\x01x\x18\x01 \x01(\x01\x12\t\n\x01y\x18\x02 \x01(\x01\x12\x10\n\x08negative\x18\x03 \x01(\x08\"@\n\tBoxPrompt\x12\t\n\x01x\x18\x01 \x01(\x01\x12\t\n\x01y\x18\x02 \x01(\x01\x12\r\n\x05width\x18\x03 \x01(\x01\x12\x0e\n\x06height\x18\x04 \x01(\x01\"8\n\x07\x43ocoRle\x12\x0e\n\x06height\x18\x01 \x01(\x05\x12\r\n\x05width\x18\x02 \x01(\x05\x12\x0e\n\x06\x63ounts\x18\x03 \x01(\t\"G\n\tMaskImage\x12\"\n\x03rle\x18\x01 \x01(\x0b\x32\x13.pepeseg.v1.CocoRleH\x00\x12\r\n\x03png\x18\x02 \x01(\x0cH\x00\x42\x07\n\x05image\"\x9d\x02\n\x0fScribblesPrompt\x12\x33\n\x07strokes\x18\x01 \x03(\x0b\x32\".pepeseg.v1.ScribblesPrompt.Stroke\x12\'\n\x08positive\x18\x02 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x12\'\n\x08negative\x18\x03 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x1a\x82\x01\n\x06Stroke\x12\x37\n\x04path\x18\x01 \x03(\x0b\x32).pepeseg.v1.ScribblesPrompt.Stroke.Vertex\x12\x10\n\x08negative\x18\x02 \x01(\x08\x12\r\n\x05width\x18\x03 \x01(\x01\x1a\x1e\n\x06Vertex\x12\t\n\x01x\x18\x01 \x01(\x01\x12\t\n\x01y\x18\x02 \x01(\x01\"\xa1\x02\n\x06Prompt\x12#\n\x04view\x18\x01 \x01(\x0b\x32\x15.pepeseg.v1.Viewpoint\x12*\n\x06points\x18\x02 \x01(\x0b\x32\x18.pepeseg.v1.PointsPromptH\x00\x12$\n\x03\x62ox\x18\x03 \x01(\x0b\x32\x15.pepeseg.v1.BoxPromptH\x00\x12%\n\x04mask\x18\x04 \x01(\x0b\x32\x15.pepeseg.v1.MaskImageH\x00\x12\x0f\n\x05label\x18\x05 \x01(\tH\x00\x12\x30\n\tscribbles\x18\x06 \x01(\x0b\x32\x1b.pepeseg.v1.ScribblesPromptH\x00\x12.\n\npoint_mean\x18\x07 \x01(\x0b\x32\x18.pepeseg.v1.PointsPromptH\x00\x42\x06\n\x04what\"m\n\x0bGranularity\x12\x18\n\x0escale_quantile\x18\x01 \x01(\x01H\x00\x12\x15\n\x0bscale_units\x18\x02 \x01(\x01H\x00\x12\x16\n\tthreshold\x18\x03 \x01(\x01H\x01\x88\x01\x01\x42\x07\n\x05scaleB\x0c\n\n_threshold*[\n\nPixelFrame\x12\x1b\n\x17PIXEL_FRAME_UNSPECIFIED\x10\x00\x12\x1a\n\x16PIXEL_FRAME_PHOTOGRAPH\x10\x01\x12\x14\n\x10PIXEL_FRAME_VIEW\x10\x02*`\n\x0cMaskEncoding\x12\x1d\n\x19MASK_ENCODING_UNSPECIFIED\x10\x00\x12\x1a\n\x16MASK_ENCODING_COCO_RLE\x10\x01\x12\x15\n\x11MASK_ENCODING_PNG\x10\x02\x62\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.prompt_pb2', globals())
 if _descriptor._USE_C_DESCRIPTORS == False:
 
   DESCRIPTOR._options = None
-  _PIXELFRAME._serialized_start=1265
-  _PIXELFRAME._serialized_end=1356
-  _MASKENCODING._serialized_start=1358
-  _MASKENCODING._serialized_end=1454
+  _PIXELFRAME._serialized_start=1312
+  _PIXELFRAME._serialized_end=1403
+  _MASKENCODING._serialized_start=1405
+  _MASKENCODING._serialized_end=1501
   _VIEWPOINT._serialized_start=67
   _VIEWPOINT._serialized_end=262
   _VIEWPOINT_FREECAMERA._serialized_start=146
   _VIEWPOINT_FREECAMERA._serialized_end=253
-  _POINTSPROMPT._serialized_start=264
-  _POINTSPROMPT._serialized_end=375
-  _POINTSPROMPT_POINT._serialized_start=328
-  _POINTSPROMPT_POINT._serialized_end=375
-  _BOXPROMPT._serialized_start=377
-  _BOXPROMPT._serialized_end=441
-  _COCORLE._serialized_start=443
-  _COCORLE._serialized_end=499
-  _MASKIMAGE._serialized_start=501
-  _MASKIMAGE._serialized_end=572
-  _SCRIBBLESPROMPT._serialized_start=575
-  _SCRIBBLESPROMPT._serialized_end=860
-  _SCRIBBLESPROMPT_STROKE._serialized_start=730
-  _SCRIBBLESPROMPT_STROKE._serialized_end=860
-  _SCRIBBLESPROMPT_STROKE_VERTEX._serialized_start=830
-  _SCRIBBLESPROMPT_STROKE_VERTEX._serialized_end=860
-  _PROMPT._serialized_start=863
-  _PROMPT._serialized_end=1152
-  _GRANULARITY._serialized_start=1154
-  _GRANULARITY._serialized_end=1263
+  _POINTSPROMPT._serialized_start=265
+  _POINTSPROMPT._serialized_end=422
+  _POINTSPROMPT_POINT._serialized_start=375
+  _POINTSPROMPT_POINT._serialized_end=422
+  _BOXPROMPT._serialized_start=424
+  _BOXPROMPT._serialized_end=488
+  _COCORLE._serialized_start=490
+  _COCORLE._serialized_end=546
+  _MASKIMAGE._serialized_start=548
+  _MASKIMAGE._serialized_end=619
+  _SCRIBBLESPROMPT._serialized_start=622
+  _SCRIBBLESPROMPT._serialized_end=907
+  _SCRIBBLESPROMPT_STROKE._serialized_start=777
+  _SCRIBBLESPROMPT_STROKE._serialized_end=907
+  _SCRIBBLESPROMPT_STROKE_VERTEX._serialized_start=877
+  _SCRIBBLESPROMPT_STROKE_VERTEX._serialized_end=907
+  _PROMPT._serialized_start=910
+  _PROMPT._serialized_end=1199
+  _GRANULARITY._serialized_start=1201
+  _GRANULARITY._serialized_end=1310
 # @@protoc_insertion_point(module_scope)

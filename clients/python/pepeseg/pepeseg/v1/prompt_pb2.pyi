@@ -54,7 +54,7 @@ class MaskImage(_message.Message):
     def __init__(self, rle: _Optional[_Union[CocoRle, _Mapping]] = ..., png: _Optional[bytes] = ...) -> None: ...
 
 class PointsPrompt(_message.Message):
-    __slots__ = ["points"]
+    __slots__ = ["points", "previous_mask"]
     class Point(_message.Message):
         __slots__ = ["negative", "x", "y"]
         NEGATIVE_FIELD_NUMBER: _ClassVar[int]
@@ -65,8 +65,10 @@ class PointsPrompt(_message.Message):
         y: float
         def __init__(self, x: _Optional[float] = ..., y: _Optional[float] = ..., negative: bool = ...) -> None: ...
     POINTS_FIELD_NUMBER: _ClassVar[int]
+    PREVIOUS_MASK_FIELD_NUMBER: _ClassVar[int]
     points: _containers.RepeatedCompositeFieldContainer[PointsPrompt.Point]
-    def __init__(self, points: _Optional[_Iterable[_Union[PointsPrompt.Point, _Mapping]]] = ...) -> None: ...
+    previous_mask: MaskImage
+    def __init__(self, points: _Optional[_Iterable[_Union[PointsPrompt.Point, _Mapping]]] = ..., previous_mask: _Optional[_Union[MaskImage, _Mapping]] = ...) -> None: ...
 
 class Prompt(_message.Message):
     __slots__ = ["box", "label", "mask", "point_mean", "points", "scribbles", "view"]

@@ -30,7 +30,7 @@ class CombineSelectionsRequest(_message.Message):
     def __init__(self, first: _Optional[str] = ..., second: _Optional[str] = ..., operation: _Optional[_Union[SetOperation, str]] = ..., request_id: _Optional[str] = ...) -> None: ...
 
 class CreateSelectionRequest(_message.Message):
-    __slots__ = ["base", "frame", "granularity", "keep_disconnected", "model", "num_views", "operation", "prompt", "request_id", "segment"]
+    __slots__ = ["base", "frame", "granularity", "keep_disconnected", "model", "num_views", "operation", "prompt", "request_id", "sam_clicks", "segment"]
     BASE_FIELD_NUMBER: _ClassVar[int]
     FRAME_FIELD_NUMBER: _ClassVar[int]
     GRANULARITY_FIELD_NUMBER: _ClassVar[int]
@@ -40,6 +40,7 @@ class CreateSelectionRequest(_message.Message):
     OPERATION_FIELD_NUMBER: _ClassVar[int]
     PROMPT_FIELD_NUMBER: _ClassVar[int]
     REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
+    SAM_CLICKS_FIELD_NUMBER: _ClassVar[int]
     SEGMENT_FIELD_NUMBER: _ClassVar[int]
     base: str
     frame: _prompt_pb2.PixelFrame
@@ -50,8 +51,9 @@ class CreateSelectionRequest(_message.Message):
     operation: SetOperation
     prompt: _prompt_pb2.Prompt
     request_id: str
+    sam_clicks: bool
     segment: _decomposition_pb2.SegmentRef
-    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., segment: _Optional[_Union[_decomposition_pb2.SegmentRef, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., num_views: _Optional[int] = ..., keep_disconnected: bool = ..., base: _Optional[str] = ..., operation: _Optional[_Union[SetOperation, str]] = ..., request_id: _Optional[str] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., segment: _Optional[_Union[_decomposition_pb2.SegmentRef, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., num_views: _Optional[int] = ..., keep_disconnected: bool = ..., base: _Optional[str] = ..., operation: _Optional[_Union[SetOperation, str]] = ..., request_id: _Optional[str] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., sam_clicks: bool = ...) -> None: ...
 
 class DeleteSelectionRequest(_message.Message):
     __slots__ = ["name"]

@@ -1,4 +1,4 @@
-#include "core/query/clicked_thing.h"
+#include "core/query/prompted_thing.h"
 
 #include <gtest/gtest.h>
 
@@ -26,6 +26,12 @@ class ScriptedImages final : public ImageSegmenter {
     if (before == nullptr) return ImageMasks{first, BorderImage::kRendering};
     return ImageMasks{{next}, BorderImage::kRendering};
   }
+  absl::StatusOr<ImageMasks> Box(const ModelView&, const BoxPrompt& box,
+                                 const WantedCheck&) override {
+    boxes.push_back(box);
+    RETURN_IF_ERROR(error);
+    return ImageMasks{first, BorderImage::kRendering};
+  }
   absl::Status Refine(const ModelView& view, Change change, const WantedCheck&,
                       SegmentResult& result) override {
     refined.push_back(view.name);
@@ -38,11 +44,12 @@ class ScriptedImages final : public ImageSegmenter {
   SoftMask next;
   absl::Status error;
   std::vector<PointsPrompt> asked;
+  std::vector<BoxPrompt> boxes;
   std::vector<double> befores;  // estimated IoU of the mask before; -1: none
   std::vector<std::string> refined;
 };
 
-class ClickedThingTest : public ::testing::Test {
+class PromptedThingTest : public ::testing::Test {
  protected:
   static constexpr int kSize = 48;
   static constexpr int kLeftX = 17, kRightX = 30, kY = 24;
@@ -66,11 +73,11 @@ class ClickedThingTest : public ::testing::Test {
     ASSIGN_OR_RETURN(auto results, model_->Segment(query, {&view_, 1}));
     return std::move(results[0].mask);
   }
-  absl::StatusOr<ClickedThing> Find(const PointsPrompt& clicks) {
-    return ClickedThing::Find(*model_, &images_, view_, clicks, {},
-                              [] { return absl::OkStatus(); });
+  absl::StatusOr<PromptedThing> Find(const PointsPrompt& clicks) {
+    return PromptedThing::Find(*model_, &images_, {view_, clicks}, {},
+                               [] { return absl::OkStatus(); });
   }
-  absl::StatusOr<SegmentResult> In(ClickedThing& thing, const ModelView& view) {
+  absl::StatusOr<SegmentResult> In(PromptedThing& thing, const ModelView& view) {
     return thing.In(view, {}, [] { return absl::OkStatus(); });
   }
   static BinaryMask Square(int x0, int x1) {
@@ -89,31 +96,31 @@ class ClickedThingTest : public ::testing::Test {
   ScriptedImages images_;
 };
 
-TEST_F(ClickedThingTest, TakesTheMaskThatTheModelConfirms) {
+TEST_F(PromptedThingTest, TakesTheMaskThatTheModelConfirms) {
   const BinaryMask stripe = Square(0, kSize);
   images_.first = {{stripe, 0.95, {}}, {left_, 0.8, {}}, {Square(2, 6), 0.9, {}}};
-  ASSERT_OK_AND_ASSIGN(ClickedThing thing, Find({kLeft}));
+  ASSERT_OK_AND_ASSIGN(PromptedThing thing, Find({kLeft}));
   ASSERT_OK_AND_ASSIGN(const SegmentResult result, In(thing, view_));
   EXPECT_EQ(result.mask.pixels, left_.pixels);
   EXPECT_EQ(result.border_image, BorderImage::kRendering);
   EXPECT_TRUE(images_.refined.empty());  // the mask is the segmenter's own
 }
 
-TEST_F(ClickedThingTest, TakesTheSurestMaskWhereTheModelShowsNothing) {
+TEST_F(PromptedThingTest, TakesTheSurestMaskWhereTheModelShowsNothing) {
   images_.first = {{Square(1, 4), 0.5, {}}, {Square(1, 6), 0.9, {}}};
   const PointPrompt corner = {3.5, 24.5, true};
   EXPECT_TRUE(IsNothingThere(ResolvePrompt(*model_, {view_, PointsPrompt{corner}}, {}).status()));
-  ASSERT_OK_AND_ASSIGN(ClickedThing thing, Find({corner}));
+  ASSERT_OK_AND_ASSIGN(PromptedThing thing, Find({corner}));
   ASSERT_OK_AND_ASSIGN(const SegmentResult result, In(thing, view_));
   EXPECT_EQ(result.mask.pixels, Square(1, 6).pixels);
 }
 
 // The first positive click is answered first; each further one builds on the answer before it.
-TEST_F(ClickedThingTest, FollowsFurtherClicks) {
+TEST_F(PromptedThingTest, FollowsFurtherClicks) {
   images_.first = {{left_, 0.8, {}}};
   images_.next = {both_, 0.7, {}};
   const PointPrompt no = {5.5, 5.5, false}, right = {kRightX + 0.5, kY + 0.5, true};
-  ASSERT_OK_AND_ASSIGN(ClickedThing thing, Find({no, kLeft, right}));
+  ASSERT_OK_AND_ASSIGN(PromptedThing thing, Find({no, kLeft, right}));
   ASSERT_OK_AND_ASSIGN(const SegmentResult result, In(thing, view_));
   EXPECT_EQ(result.mask.pixels, both_.pixels);
   // The negative click is answered already.
@@ -126,7 +133,7 @@ TEST_F(ClickedThingTest, FollowsFurtherClicks) {
   EXPECT_EQ(images_.befores, (std::vector<double>{-1, 0.8}));
 }
 
-TEST_F(ClickedThingTest, AnswersAllButTheLastEightTogether) {
+TEST_F(PromptedThingTest, AnswersAllButTheLastEightTogether) {
   images_.first = {{left_, 0.8, {}}};
   images_.next = {left_, 0.7, {}};
   PointsPrompt clicks(11, kLeft);
@@ -139,11 +146,11 @@ TEST_F(ClickedThingTest, AnswersAllButTheLastEightTogether) {
 
 // The segmenter's mask has the upper half of the left blob, which no query of the model has. The
 // other view, which shows the same, has about half, too; the model alone has all of it.
-TEST_F(ClickedThingTest, FollowsTheMaskIntoOtherViews) {
+TEST_F(PromptedThingTest, FollowsTheMaskIntoOtherViews) {
   BinaryMask half = left_;
   for (int i = kY * kSize; i < kSize * kSize; ++i) half.pixels[i] = 0;
   images_.first = {{half, 0.8, {}}};
-  ASSERT_OK_AND_ASSIGN(ClickedThing thing, Find({{kLeftX + 0.5, kY - 1.5, true}}));
+  ASSERT_OK_AND_ASSIGN(PromptedThing thing, Find({{kLeftX + 0.5, kY - 1.5, true}}));
   ASSERT_OK_AND_ASSIGN(const SegmentResult result, In(thing, other_));
   EXPECT_EQ(images_.refined, std::vector<std::string>{"other"});
   ASSERT_OK_AND_ASSIGN(const Query query,
@@ -155,7 +162,35 @@ TEST_F(ClickedThingTest, FollowsTheMaskIntoOtherViews) {
   EXPECT_EQ(std::count(lower, result.mask.pixels.end(), 1), 0);
 }
 
-TEST_F(ClickedThingTest, ReturnsErrors) {
+TEST_F(PromptedThingTest, TakesTheMaskThatFillsTheBox) {
+  images_.first = {{Square(0, kSize), 0.95, {}}, {left_, 0.7, {}}, {Square(2, 6), 0.9, {}}};
+  int box[4];
+  FindBox(left_.pixels, kSize, box);
+  const Prompt prompt = {view_,
+                         BoxPrompt{double(box[0]), double(box[1]), double(box[2]), double(box[3])}};
+  const auto go_on = [] { return absl::OkStatus(); };
+  ASSERT_OK_AND_ASSIGN(PromptedThing thing,
+                       PromptedThing::Find(*model_, &images_, prompt, {}, go_on));
+  ASSERT_OK_AND_ASSIGN(const SegmentResult result, In(thing, view_));
+  EXPECT_EQ(result.mask.pixels, left_.pixels);
+  EXPECT_EQ(result.border_image, BorderImage::kRendering);
+  EXPECT_GT(result.score, 0.5);
+  ASSERT_OK_AND_ASSIGN(const SegmentResult there, In(thing, other_));
+  EXPECT_GT(there.area, 0);
+  EXPECT_EQ(images_.refined, std::vector<std::string>{"other"});
+  // The segmenter sees nothing there: the model answers.
+  images_.first = {{Square(0, 0), 0.9, {}}};
+  ASSERT_OK_AND_ASSIGN(PromptedThing by_model,
+                       PromptedThing::Find(*model_, &images_, prompt, {}, go_on));
+  ASSERT_OK_AND_ASSIGN(const SegmentResult of_model, In(by_model, view_));
+  EXPECT_EQ(of_model.border_image, BorderImage::kNone);
+  EXPECT_GT(of_model.area, 0);
+  const Prompt outside = {view_, BoxPrompt{-9, -9, 2, 2}};
+  EXPECT_STATUS(PromptedThing::Find(*model_, &images_, outside, {}, go_on).status(),
+                absl::StatusCode::kInvalidArgument, "outside");
+}
+
+TEST_F(PromptedThingTest, ReturnsErrors) {
   EXPECT_STATUS(Find({{-1, 5, true}}).status(), absl::StatusCode::kInvalidArgument, "outside");
   images_.first = {{BinaryMask{std::vector<uint8_t>(kSize * kSize)}, 0.8, {}}};
   EXPECT_TRUE(IsNothingThere(Find({{3.5, 24.5, true}}).status()));

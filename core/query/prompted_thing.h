@@ -1,0 +1,59 @@
+#pragma once
+
+#include <optional>
+#include <utility>
+
+#include "absl/status/statusor.h"
+#include "core/query/image_segmenter.h"
+#include "core/query/prompt.h"
+#include "core/query/prompt_meaning.h"
+#include "core/query/segmenter.h"
+#include "core/query/view_transfer.h"
+
+namespace pepeseg {
+
+// The thing that a prompt means, in all views. For one thread at a time; model and image segmenter
+// must outlive it.
+//
+// Points without scale and threshold mean the mask of a ClickFollower, a box that of FindInBox
+// where there is an image segmenter, and all other prompts the query of ResolvePrompt. Where the
+// meaning is a query of the model, so is the thing in any other view. Else the pixels of another
+// view that the prompt's view shows are inside if its mask has them; the others are those of the
+// model's query that fits the mask best. An image segmenter then moves this mask to the thing that
+// it sees there.
+class PromptedThing {
+ public:
+  // images: null: the model answers alone. Errors are those of ClickFollower::Follow, FindInBox and
+  // ResolvePrompt.
+  static absl::StatusOr<PromptedThing> Find(const Segmenter& model, ImageSegmenter* images,
+                                            const Prompt& prompt, const Granularity& granularity,
+                                            const WantedCheck& check);
+
+  // Has the segmenter not place the mask in views to come.
+  void LeaveOtherImages() { images_ = nullptr; }
+
+  // Returns the mask in a view. Errors are those of the segmenter and of Segmenter.
+  absl::StatusOr<SegmentResult> In(const ModelView& target, const SegmentOptions& options,
+                                   const WantedCheck& check);
+
+ private:
+  PromptedThing(const Segmenter& model, ImageSegmenter* images, ModelView view,
+                PromptMeaning meaning)
+      : model_(&model), images_(images), view_(std::move(view)), meaning_(std::move(meaning)) {}
+
+  absl::Status Fit();
+  absl::StatusOr<SegmentResult> MaskOf(const Query& query, const ModelView& target,
+                                       const SegmentOptions& options) const;
+  absl::Status Transfer(const ModelView& target, SegmentResult& result);
+
+  const Segmenter* model_;
+  ImageSegmenter* images_;  // may be null
+  ModelView view_;          // of the prompt
+  PromptMeaning meaning_;   // in view_
+  // That fits the mask of the meaning best; absent until it is needed. No features: the model shows
+  // nothing there.
+  std::optional<Query> query_;
+  std::optional<ViewDepth> depth_;  // of view_; absent until another view is asked for
+};
+
+}  // namespace pepeseg
