@@ -27,7 +27,7 @@ namespace {
 // Views of a request: its answer stays far below 4 MiB, and its time below the deadline with SAM.
 constexpr size_t kViewsAtOnce = 8;
 
-std::string IdOf(const std::string& name) { return name.substr(name.rfind('/') + 1); }
+std::string LabelIdOf(const std::string& name) { return name.substr(name.rfind('/') + 1); }
 
 // Returns the views that are asked for, in the order of the model. INVALID_ARGUMENT: one is
 // unknown, or none is held out.
@@ -75,7 +75,7 @@ std::vector<LabelledThing> ThingsOf(const std::vector<v1::Label>& labels) {
   std::vector<LabelledThing> things;
   std::map<std::string, std::set<int64_t>> taken;  // numbers by category
   for (const v1::Label& label : labels) {
-    LabelledThing thing{IdOf(label.name()), label.view(), label.text(), label.text()};
+    LabelledThing thing{LabelIdOf(label.name()), label.view(), label.text(), label.text()};
     if (thing.text.empty()) thing.category = thing.text = thing.id;
     thing.track = static_cast<int64_t>(things.size()) + 1;
     const size_t dot = thing.text.rfind('.');
@@ -107,7 +107,7 @@ absl::Status TakeAcceptedMask(const Client& client, const v1::SegmentViewsReques
     return absl::OkStatus();
   }
   const std::string name =
-      absl::StrCat(SceneOf(request.model()), "/labels/", IdOf(request.prompt().label()));
+      absl::StrCat(SceneOf(request.model()), "/labels/", LabelIdOf(request.prompt().label()));
   ASSIGN_OR_RETURN(const v1::Label label, client.GetLabel(name, request.frame()));
   for (v1::SegmentViewsResponse::ViewMask& found : *answer.mutable_masks()) {
     if (found.view() != label.view()) continue;
